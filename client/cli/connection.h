@@ -1,0 +1,64 @@
+// The channel to palpated, and its errors in words.
+#pragma once
+
+#include <grpcpp/grpcpp.h>
+
+#include <memory>
+#include <string>
+
+#include "common/error/error.h"
+
+namespace palpate::cli {
+
+// As given on the command line; both empty: the default socket.
+struct ServerAddress {
+  std::string socket_path;
+  std::string host_port;
+};
+
+// Threads: main only, but the channel is as thread-safe as any of gRPC.
+class Connection {
+ public:
+  // Connects within 3 s.
+  // Errors: Error saying what to do; kUnavailable when nothing answers there,
+  // kPermissionDenied, kInvalidArgument for an address that is none.
+  explicit Connection(const ServerAddress& address);
+
+  const std::shared_ptr<grpc::Channel>& channel() const { return channel_; }
+  // For people: "unix:/run/palpate/palpated.sock" or "localhost:7400".
+  const std::string& name() const { return name_; }
+  // The daemon runs on this machine, so that its clock is ours. Unknown over
+  // TCP, hence false.
+  bool shares_clock() const { return shares_clock_; }
+
+  // Calls a unary method with a deadline of 5 s, for example
+  //   Call(*v1::RenderService::NewStub(c.channel()),
+  //        &v1::RenderService::Stub::GetSettings, v1::GetSettingsRequest())
+  // Errors: ErrorOf the status.
+  template <typename Stub, typename Request, typename Response>
+  Response Call(Stub& stub,
+                grpc::Status (Stub::*method)(grpc::ClientContext*, const Request&, Response*),
+                const Request& request) const {
+    grpc::ClientContext context;
+    SetDeadline(context);
+    Response response;
+    if (const grpc::Status status = (stub.*method)(&context, request, &response); !status.ok()) {
+      throw ErrorOf(status);
+    }
+    return response;
+  }
+
+  // The Error to end with after a failed status.
+  Error ErrorOf(const grpc::Status& status) const;
+
+ private:
+  static void SetDeadline(grpc::ClientContext& context);
+  void WaitUntilReady() const;
+
+  std::string name_;
+  bool shares_clock_ = false;
+  std::string advice_;
+  std::shared_ptr<grpc::Channel> channel_;
+};
+
+}  // namespace palpate::cli

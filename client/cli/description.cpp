@@ -1,0 +1,181 @@
+#include "client/cli/description.h"
+
+#include <fmt/format.h>
+
+#include <iterator>
+#include <string_view>
+#include <utility>
+
+#include "client/cli/output.h"
+
+namespace palpate::cli {
+namespace {
+
+std::string VerificationName(v1::VerificationLevel level) {
+  switch (level) {
+    case v1::VERIFICATION_LEVEL_NONE:
+      return "none";
+    case v1::VERIFICATION_LEVEL_ENUMERATED:
+      return "enumerated";
+    case v1::VERIFICATION_LEVEL_IDENTIFIED:
+      return "identified";
+    case v1::VERIFICATION_LEVEL_STATE_READ:
+      return "state_read";
+    case v1::VERIFICATION_LEVEL_FORCE_VERIFIED:
+      return "force_verified";
+    case v1::VERIFICATION_LEVEL_SIMULATED:
+      return "simulated";
+    default:
+      return "unspecified";
+  }
+}
+
+Json ToJson(const v1::AffineMap& map) {
+  return {{"linear", map.linear()}, {"translation", cli::ToJson(map.translation())}};
+}
+
+void AppendLine(std::string& text, std::string_view subject, std::string_view content) {
+  fmt::format_to(std::back_inserter(text), "{:<10}{}\n", subject, OneLine(content));
+}
+
+std::string YesOrNo(bool value) { return value ? "yes" : "no"; }
+
+}  // namespace
+
+Json ToJson(const v1::Vector3& vector) { return {vector.x(), vector.y(), vector.z()}; }
+
+Json ToJson(const v1::DeviceDescription& device) {
+  return {{"kind", device.kind()},
+          {"model", device.model()},
+          {"workspace_min_mm", ToJson(device.workspace_min_mm())},
+          {"workspace_max_mm", ToJson(device.workspace_max_mm())},
+          {"max_force_n", device.max_force_n()},
+          {"continuous_force_n", device.continuous_force_n()},
+          {"position_resolution_mm", device.position_resolution_mm()},
+          {"button_count", device.button_count()},
+          {"verification_level", VerificationName(device.verification_level())}};
+}
+
+Json ToJson(const v1::ServoDescription& servo) {
+  return {{"rate_hz", servo.rate_hz()},
+          {"realtime_scheduling", servo.realtime_scheduling()},
+          {"memory_locked", servo.memory_locked()},
+          {"warnings", servo.warnings()},
+          {"ticks", servo.ticks()},
+          {"missed_ticks", servo.missed_ticks()},
+          {"scenes_applied", servo.scenes_applied()}};
+}
+
+Json ToJson(const v1::VolumeDescription& volume) {
+  return {{"source", volume.source()},
+          {"volume_revision", volume.volume_revision()},
+          {"size", {volume.size_x(), volume.size_y(), volume.size_z()}},
+          {"spacing_mm", ToJson(volume.spacing_mm())},
+          {"value_min", volume.value_min()},
+          {"value_max", volume.value_max()},
+          {"unit", volume.unit()},
+          {"original_type", volume.original_type()},
+          {"world_from_index", ToJson(volume.world_from_index())},
+          {"device_from_index", ToJson(volume.device_from_index())},
+          {"device_mm_per_volume_mm", volume.device_mm_per_volume_mm()},
+          {"memory_bytes", volume.memory_bytes()}};
+}
+
+Json ToJson(const v1::RenderSettings& settings, std::uint64_t settings_revision) {
+  Json json = {{"settings_revision", settings_revision}};
+  json["isovalue"] = settings.has_isovalue() ? Json(settings.isovalue()) : Json();
+  json["normalized_isovalue"] =
+      settings.has_normalized_isovalue() ? Json(settings.normalized_isovalue()) : Json();
+  json["stiffness_n_per_mm"] =
+      settings.has_stiffness_n_per_mm() ? Json(settings.stiffness_n_per_mm()) : Json();
+  json["damping_n_s_per_m"] =
+      settings.has_damping_n_s_per_m() ? Json(settings.damping_n_s_per_m()) : Json();
+  json["method"] = settings.has_method() ? Json(MethodName(settings.method())) : Json();
+  return json;
+}
+
+std::string Describe(const v1::DeviceDescription& device) {
+  const v1::Vector3& low = device.workspace_min_mm();
+  const v1::Vector3& high = device.workspace_max_mm();
+  std::string text;
+  AppendLine(text, "device",
+             fmt::format("{} ({}), verification level: {}", device.kind(), device.model(),
+                         VerificationName(device.verification_level())));
+  AppendLine(text, "",
+             fmt::format("workspace x {:g} to {:g}, y {:g} to {:g}, z {:g} to {:g} mm", low.x(),
+                         high.x(), low.y(), high.y(), low.z(), high.z()));
+  AppendLine(text, "",
+             fmt::format("force at most {:g} N, {:g} N continuously; resolution {:g} mm; {} "
+                         "button(s)",
+                         device.max_force_n(), device.continuous_force_n(),
+                         device.position_resolution_mm(), device.button_count()));
+  return text;
+}
+
+std::string Describe(const v1::ServoDescription& servo) {
+  const double due = static_cast<double>(servo.ticks() + servo.missed_ticks());
+  const double missed = static_cast<double>(servo.missed_ticks());
+  std::string text;
+  AppendLine(text, "servo",
+             fmt::format("{:g} Hz; FIFO scheduling: {}; memory locked: {}", servo.rate_hz(),
+                         YesOrNo(servo.realtime_scheduling()), YesOrNo(servo.memory_locked())));
+  AppendLine(text, "",
+             fmt::format("{} ticks, {} missed ({:.3f} %), {} scenes applied", servo.ticks(),
+                         servo.missed_ticks(), due > 0.0 ? 100.0 * missed / due : 0.0,
+                         servo.scenes_applied()));
+  for (const std::string& warning : servo.warnings()) {
+    AppendLine(text, "", "warning: " + warning);
+  }
+  return text;
+}
+
+std::string Describe(const v1::VolumeDescription& volume) {
+  const v1::Vector3& spacing = volume.spacing_mm();
+  const std::string unit = volume.unit().empty() ? "" : " " + volume.unit();
+  const std::string type = volume.original_type().empty() ? "" : ", " + volume.original_type();
+  std::string text;
+  AppendLine(text, "volume",
+             fmt::format("{}, revision {}", volume.source(), volume.volume_revision()));
+  AppendLine(
+      text, "",
+      fmt::format("{} x {} x {} voxels of {:g} x {:g} x {:g} mm{}", volume.size_x(),
+                  volume.size_y(), volume.size_z(), spacing.x(), spacing.y(), spacing.z(), type));
+  AppendLine(text, "",
+             fmt::format("values {:g} to {:g}{}", volume.value_min(), volume.value_max(), unit));
+  AppendLine(text, "",
+             fmt::format("scale {:g} mm of the device per mm of the volume; {:.1f} MiB",
+                         volume.device_mm_per_volume_mm(),
+                         static_cast<double>(volume.memory_bytes()) / (1024.0 * 1024.0)));
+  return text;
+}
+
+std::string Describe(const v1::RenderSettings& settings, std::uint64_t settings_revision) {
+  std::string text;
+  AppendLine(text, "settings", fmt::format("revision {}", settings_revision));
+  const std::string normalized =
+      settings.has_normalized_isovalue()
+          ? fmt::format(" (normalised {:g})", settings.normalized_isovalue())
+          : "";
+  AppendLine(text, "", fmt::format("isovalue {:g}{}", settings.isovalue(), normalized));
+  AppendLine(text, "", fmt::format("stiffness {:g} N/mm", settings.stiffness_n_per_mm()));
+  AppendLine(text, "", fmt::format("damping {:g} N·s/m", settings.damping_n_s_per_m()));
+  AppendLine(text, "", fmt::format("method {}", MethodName(settings.method())));
+  return text;
+}
+
+std::string ToText(const Json& json, int indent) {
+  return json.dump(indent, ' ', false, Json::error_handler_t::replace) + "\n";
+}
+
+std::string MethodName(v1::DecompositionMethod method) {
+  switch (method) {
+    case v1::DECOMPOSITION_METHOD_BCC:
+      return "bcc";
+    case v1::DECOMPOSITION_METHOD_TPBCC:
+      return "tpbcc";
+    default:
+      return "unspecified";
+  }
+}
+
+}  // namespace palpate::cli

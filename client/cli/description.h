@@ -1,0 +1,37 @@
+// Volume, device and settings in words and in JSON. Pure; any thread.
+#pragma once
+
+#include <nlohmann/json.hpp>
+#include <string>
+
+#include "palpate/v1/device.pb.h"
+#include "palpate/v1/geometry.pb.h"
+#include "palpate/v1/render.pb.h"
+#include "palpate/v1/volume.pb.h"
+
+namespace palpate::cli {
+
+// Keys keep the order in which they were set.
+using Json = nlohmann::ordered_json;
+
+// [x, y, z].
+Json ToJson(const v1::Vector3& vector);
+Json ToJson(const v1::DeviceDescription& device);
+Json ToJson(const v1::ServoDescription& servo);
+Json ToJson(const v1::VolumeDescription& volume);
+Json ToJson(const v1::RenderSettings& settings, std::uint64_t settings_revision);
+
+// Lines that end with \n, each behind a column with its subject.
+std::string Describe(const v1::DeviceDescription& device);
+std::string Describe(const v1::ServoDescription& servo);
+std::string Describe(const v1::VolumeDescription& volume);
+std::string Describe(const v1::RenderSettings& settings, std::uint64_t settings_revision);
+
+// `json` with a newline at its end; on one line, or indented by `indent` spaces.
+// Bytes that are not UTF-8 (a path may hold any) are replaced.
+std::string ToText(const Json& json, int indent = -1);
+
+// "bcc", "tpbcc".
+std::string MethodName(v1::DecompositionMethod method);
+
+}  // namespace palpate::cli

@@ -1,0 +1,50 @@
+#include "client/cli/info_command.h"
+
+#include "client/cli/description.h"
+#include "client/cli/output.h"
+#include "palpate/v1/device.grpc.pb.h"
+#include "palpate/v1/render.grpc.pb.h"
+#include "palpate/v1/volume.grpc.pb.h"
+
+namespace palpate::cli {
+namespace {
+
+v1::GetSettingsResponse GetSettings(const Connection& connection) {
+  return connection.Call(*v1::RenderService::NewStub(connection.channel()),
+                         &v1::RenderService::Stub::GetSettings, v1::GetSettingsRequest());
+}
+
+}  // namespace
+
+void PrintInfo(const Connection& connection, bool json) {
+  const v1::GetDeviceResponse device =
+      connection.Call(*v1::DeviceService::NewStub(connection.channel()),
+                      &v1::DeviceService::Stub::GetDevice, v1::GetDeviceRequest());
+  const v1::VolumeDescription volume =
+      connection
+          .Call(*v1::VolumeService::NewStub(connection.channel()),
+                &v1::VolumeService::Stub::GetVolume, v1::GetVolumeRequest())
+          .volume();
+  const v1::GetSettingsResponse settings = GetSettings(connection);
+  if (json) {
+    const Json info = {{"version", device.servo().version()},
+                       {"server", connection.name()},
+                       {"device", ToJson(device.device())},
+                       {"servo", ToJson(device.servo())},
+                       {"volume", ToJson(volume)},
+                       {"settings", ToJson(settings.settings(), settings.settings_revision())}};
+    WriteOutput(ToText(info, 2));
+    return;
+  }
+  WriteOutput("palpated " + OneLine(device.servo().version()) + " at " + connection.name() + "\n" +
+              Describe(device.device()) + Describe(device.servo()) + Describe(volume) +
+              Describe(settings.settings(), settings.settings_revision()));
+}
+
+void PrintSettings(const Connection& connection, bool json) {
+  const v1::GetSettingsResponse response = GetSettings(connection);
+  WriteOutput(json ? ToText(ToJson(response.settings(), response.settings_revision()))
+                   : Describe(response.settings(), response.settings_revision()));
+}
+
+}  // namespace palpate::cli

@@ -1,0 +1,20 @@
+// `palpate load`.
+#pragma once
+
+#include <string>
+
+#include "client/cli/connection.h"
+#include "palpate/v1/volume.pb.h"
+
+namespace palpate::cli {
+
+// Replaces the volume; shows progress on stderr and the new volume on stdout.
+// Ctrl-C and SIGTERM cancel.
+// Errors: as Connection::ErrorOf and WriteOutput; kCancelled.
+void LoadVolume(const Connection& connection, const v1::LoadVolumeRequest& request);
+
+// The daemon has another current folder: a relative path becomes absolute.
+// "builtin:..." stays as it is.
+std::string SourceForDaemon(const std::string& source);
+
+}  // namespace palpate::cli

@@ -1,0 +1,332 @@
+// palpate: the command line client of palpated. Parses and dispatches.
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <cmath>
+#include <csignal>
+#include <cstdio>
+#include <cstdlib>
+#include <exception>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "client/cli/connection.h"
+#include "client/cli/info_command.h"
+#include "client/cli/load_command.h"
+#include "client/cli/output.h"
+#include "client/cli/set_command.h"
+#include "client/cli/watch_command.h"
+#include "common/error/error.h"
+
+namespace palpate::cli {
+namespace {
+
+// What the command line asked for.
+struct Invocation {
+  ServerAddress address;
+  bool json = false;
+  std::function<void(const Connection&)> command;
+};
+
+CLI::Validator Finite() {
+  return CLI::Validator(
+      [](const std::string& text) {
+        double value = 0.0;
+        const bool is_number = CLI::detail::lexical_cast(text, value) && std::isfinite(value);
+        return is_number ? std::string() : "'" + text + "' is not a number";
+      },
+      "");
+}
+
+// A number above 0, up to `greatest`.
+CLI::Validator Positive(double greatest = HUGE_VAL) {
+  return CLI::Validator(
+      [greatest](const std::string& text) {
+        double value = 0.0;
+        const bool is_valid = CLI::detail::lexical_cast(text, value) && std::isfinite(value) &&
+                              value > 0.0 && value <= greatest;
+        return is_valid
+                   ? std::string()
+                   : "'" + text + "' is not a number above 0" +
+                         (std::isfinite(greatest) ? fmt::format(", up to {:g}", greatest) : "");
+      },
+      "");
+}
+
+// Examples, and what holds for every command.
+void SetFooter(CLI::App& command, const std::string& examples) {
+  command.footer(examples +
+                 "\nWhich palpated: --socket PATH or --server HOST:PORT, see palpate --help");
+}
+
+void AddInfo(CLI::App& app, Invocation& invocation) {
+  CLI::App* command =
+      app.add_subcommand("info", "Shows the daemon's version, device, servo, volume and settings");
+  SetFooter(*command, "Example: palpate info --json | jq .servo.missed_ticks");
+  command->add_flag("--json", invocation.json, "One JSON object instead of text");
+  command->callback([&invocation] {
+    invocation.command = [&invocation](const Connection& c) { PrintInfo(c, invocation.json); };
+  });
+}
+
+void AddSettings(CLI::App& app, Invocation& invocation) {
+  CLI::App* command = app.add_subcommand(
+      "settings", "Shows isovalue, stiffness (N/mm), damping (N·s/m), method and their revision");
+  SetFooter(*command, "Example: palpate settings --json");
+  command->add_flag("--json", invocation.json, "One JSON object instead of text");
+  command->callback([&invocation] {
+    invocation.command = [&invocation](const Connection& c) { PrintSettings(c, invocation.json); };
+  });
+}
+
+void AddWatch(CLI::App& app, Invocation& invocation, WatchOptions& options) {
+  CLI::App* command = app.add_subcommand(
+      "watch",
+      "Watches the haptic loop: a live view on a terminal, else a line a second; then a summary.\n"
+      "Positions are in the device frame: mm, x right, y up, z towards the user.\n"
+      "Ctrl-C ends it, with exit code 0.");
+  SetFooter(*command,
+            "Examples: palpate watch --seconds 60 > log.txt\n"
+            "          palpate watch --json --rate-hz 1000 --count 5000 > ticks.jsonl");
+  command
+      ->add_option("--rate-hz", options.rate_hz,
+                   "Samples per second, above 0, up to 1000 [default: 1000, with --json 60]")
+      ->check(Positive(1000.0));
+  command->add_option("--count", options.count, "End after this many samples [default: none]")
+      ->check(Positive());
+  command->add_option("--seconds", options.seconds, "End after this time, s [default: none]")
+      ->check(Positive());
+  command->add_flag("--json", options.json, "One JSON object per sample and line, no summary");
+  command->callback([&invocation, &options] {
+    invocation.command = [&options](const Connection& c) { Watch(c, options); };
+  });
+}
+
+// A subcommand of `set` in words.
+struct SettingTexts {
+  std::string name;
+  std::string description;
+  std::string value_name;
+  std::string value_description;
+};
+
+// Adds it; `store` puts its value into the settings.
+template <typename Value>
+CLI::App* AddSetting(CLI::App& set, Invocation& invocation, SetOptions& options,
+                     const SettingTexts& texts, Value& value, std::function<void()> store) {
+  CLI::App* command = set.add_subcommand(texts.name, texts.description);
+  command->add_option("value", value, texts.value_description)
+      ->required()
+      ->option_text(texts.value_name);
+  command->add_option("--expected-revision", options.expected_revision,
+                      "Change it only on top of this settings revision, else exit with 7");
+  command->add_flag("--json", options.json, "One JSON object instead of text");
+  command->callback([&invocation, &options, store = std::move(store)] {
+    store();
+    invocation.command = [&options](const Connection& c) { ChangeSetting(c, options); };
+  });
+  return command;
+}
+
+// Where CLI11 puts the values of `set`.
+struct SetValues {
+  SetOptions options;
+  double number = 0.0;
+  std::string method;
+  bool normalized = false;
+};
+
+void AddSetIsovalue(CLI::App& set, Invocation& invocation, SetValues& values) {
+  CLI::App* command =
+      AddSetting(set, invocation, values.options,
+                 {"isovalue", "Sets the isovalue that is felt, in data units (HU, intensity)", "X",
+                  "The isovalue; it may be negative"},
+                 values.number, [&values] {
+                   v1::RenderSettings& settings = values.options.settings;
+                   values.options.field = values.normalized ? "normalized_isovalue" : "isovalue";
+                   values.normalized ? settings.set_normalized_isovalue(values.number)
+                                     : settings.set_isovalue(values.number);
+                 });
+  command->get_option("value")->check(Finite());
+  command->add_flag("--normalized", values.normalized,
+                    "X is over the volume's range at load: 0 its minimum, 1 its maximum");
+  SetFooter(*command,
+            "Examples: palpate set isovalue -200\n"
+            "          palpate set isovalue --normalized 0.4");
+}
+
+void AddSet(CLI::App& app, Invocation& invocation, SetValues& values) {
+  CLI::App* set = app.add_subcommand("set", "Changes what is felt, at one tick");
+  set->require_subcommand(1);
+  SetFooter(*set, "Example: palpate set stiffness 0.8");
+  AddSetIsovalue(*set, invocation, values);
+  v1::RenderSettings& settings = values.options.settings;
+  CLI::App* stiffness =
+      AddSetting(*set, invocation, values.options,
+                 {"stiffness", "Sets the force per device motion into the surface, N/mm, 0 to 3",
+                  "N_PER_MM", "Stiffness, N/mm, 0 to 3"},
+                 values.number, [&values, &settings] {
+                   values.options.field = "stiffness_n_per_mm";
+                   settings.set_stiffness_n_per_mm(values.number);
+                 });
+  stiffness->get_option("value")->check(Finite());
+  SetFooter(*stiffness, "Example: palpate set stiffness 0.8");
+  CLI::App* damping =
+      AddSetting(*set, invocation, values.options,
+                 {"damping", "Sets the damping against device velocity in contact, N·s/m, 0 to 5",
+                  "N_S_PER_M", "Damping, N·s/m, 0 to 5"},
+                 values.number, [&values, &settings] {
+                   values.options.field = "damping_n_s_per_m";
+                   settings.set_damping_n_s_per_m(values.number);
+                 });
+  damping->get_option("value")->check(Finite());
+  SetFooter(*damping, "Example: palpate set damping 0.5");
+  CLI::App* method =
+      AddSetting(*set, invocation, values.options,
+                 {"method",
+                  "Sets how a cell is cut into tetrahedra: 'tpbcc' keeps the topology of the\n"
+                  "trilinear isosurface (default), 'bcc' does not",
+                  "bcc|tpbcc", "The method"},
+                 values.method, [&values, &settings] {
+                   values.options.field = "method";
+                   settings.set_method(values.method == "bcc" ? v1::DECOMPOSITION_METHOD_BCC
+                                                              : v1::DECOMPOSITION_METHOD_TPBCC);
+                 });
+  method->get_option("value")->check(CLI::IsMember({"bcc", "tpbcc"}));
+  SetFooter(*method, "Example: palpate set method bcc");
+}
+
+// Where CLI11 puts the values of `load`.
+struct LoadValues {
+  std::string source;
+  double isovalue = 0.0;
+  double normalized_isovalue = 0.0;
+  std::vector<double> spacing_mm;
+  double scale = 0.0;
+};
+
+void AddLoad(CLI::App& app, Invocation& invocation, LoadValues& values) {
+  CLI::App* command = app.add_subcommand(
+      "load",
+      "Replaces the volume. The volume felt so far stays until the new one is complete, and\n"
+      "stays when loading fails. Ctrl-C cancels, with exit code 9.");
+  SetFooter(*command,
+            "Examples: palpate load scan.nrrd --isovalue -200\n"
+            "          palpate load builtin:sphere:64 --normalized-isovalue 0.5");
+  command
+      ->add_option("source", values.source,
+                   "File or DICOM folder on the daemon's machine, or builtin:NAME[:N]")
+      ->required()
+      ->option_text("SOURCE");
+  CLI::Option* isovalue =
+      command->add_option("--isovalue", values.isovalue, "Isovalue to start with, in data units")
+          ->check(Finite());
+  CLI::Option* normalized =
+      command
+          ->add_option("--normalized-isovalue", values.normalized_isovalue,
+                       "Isovalue to start with, 0 to 1 over the new volume's range\n"
+                       "[default: the current one]")
+          ->check(Finite())
+          ->excludes(isovalue);
+  CLI::Option* spacing = command
+                             ->add_option("--spacing-mm", values.spacing_mm,
+                                          "Voxel spacing X,Y,Z in mm, instead of the file's")
+                             ->delimiter(',')
+                             ->expected(3)
+                             ->check(Positive())
+                             ->option_text("X,Y,Z");
+  CLI::Option* scale =
+      command
+          ->add_option("--device-mm-per-volume-mm", values.scale,
+                       "mm of the device per mm of the volume [default: fits the workspace]")
+          ->check(Positive());
+  command->callback([&invocation, &values, isovalue, normalized, spacing, scale] {
+    v1::LoadVolumeRequest request;
+    request.set_source(SourceForDaemon(values.source));
+    if (isovalue->count() > 0) request.set_isovalue(values.isovalue);
+    if (normalized->count() > 0) request.set_normalized_isovalue(values.normalized_isovalue);
+    if (spacing->count() > 0) {
+      request.mutable_spacing_mm()->set_x(values.spacing_mm[0]);
+      request.mutable_spacing_mm()->set_y(values.spacing_mm[1]);
+      request.mutable_spacing_mm()->set_z(values.spacing_mm[2]);
+    }
+    if (scale->count() > 0) request.set_device_mm_per_volume_mm(values.scale);
+    invocation.command = [request](const Connection& c) { LoadVolume(c, request); };
+  });
+}
+
+// CLI11 takes -200 for a number, but -.5 for an option.
+std::vector<std::string> Arguments(int argc, char** argv) {
+  std::vector<std::string> arguments(argv + 1, argv + argc);
+  for (std::string& argument : arguments) {
+    if (argument.size() > 2 && argument.compare(0, 2, "-.") == 0 && argument[2] >= '0' &&
+        argument[2] <= '9') {
+      argument.insert(1, "0");
+    }
+  }
+  return {arguments.rbegin(), arguments.rend()};  // CLI11 takes them last first
+}
+
+int Fail(const std::string& message, int exit_code) {
+  std::fprintf(stderr, "palpate: %s\n", OneLine(message).c_str());
+  return exit_code;
+}
+
+int Main(int argc, char** argv) {
+  Invocation invocation;
+  WatchOptions watch;
+  SetValues set;
+  LoadValues load;
+  CLI::App app("Steers and watches palpated, the daemon that makes a volume's isosurface felt.",
+               "palpate");
+  app.footer(
+      "Exit codes: 0 done, 2 wrong usage, 3 wrong value, 4 not found, 5 no permission,\n"
+      "6 too large, 7 conflict, 8 palpated unavailable, 9 cancelled, 1 anything else.\n"
+      "Example: palpate set isovalue 40.8");
+  app.set_version_flag("--version", std::string("palpate ") + PALPATE_VERSION);
+  app.require_subcommand(1);
+  app.fallthrough();
+  CLI::Option* socket =
+      app.add_option("--socket", invocation.address.socket_path,
+                     "Unix socket of palpated [default: $PALPATE_SOCKET, else in /run/palpate,\n"
+                     "$XDG_RUNTIME_DIR/palpate or /tmp/palpate-UID]")
+          ->option_text("PATH");
+  app.add_option("--server", invocation.address.host_port, "Address of a palpated on the network")
+      ->option_text("HOST:PORT")
+      ->excludes(socket);
+  AddInfo(app, invocation);
+  AddWatch(app, invocation, watch);
+  AddSet(app, invocation, set);
+  AddSettings(app, invocation);
+  AddLoad(app, invocation, load);
+  try {
+    app.parse(Arguments(argc, argv));
+  } catch (const CLI::Success& help) {
+    return app.exit(help);
+  } catch (const CLI::ParseError& error) {
+    return Fail(std::string(error.what()) + "; see --help", kUsageExitCode);
+  }
+  invocation.command(Connection(invocation.address));
+  return 0;
+}
+
+}  // namespace
+}  // namespace palpate::cli
+
+int main(int argc, char** argv) {
+  // A closed output is an error of write(), not the end of the process.
+  std::signal(SIGPIPE, SIG_IGN);
+  // Our one line says it; gRPC's own log would only add to it.
+  setenv("GRPC_VERBOSITY", "NONE", 0);
+  try {
+    return palpate::cli::Main(argc, argv);
+  } catch (const palpate::cli::OutputClosed&) {
+    return 0;
+  } catch (const palpate::Error& error) {
+    return palpate::cli::Fail(error.what(), palpate::ExitCode(error.kind()));
+  } catch (const std::exception& error) {
+    return palpate::cli::Fail(std::string("internal error: ") + error.what(),
+                              palpate::ExitCode(palpate::ErrorKind::kInternal));
+  }
+}

@@ -1,0 +1,53 @@
+#include "client/cli/output.h"
+
+#include <sys/ioctl.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstdlib>
+#include <cstring>
+
+#include "client/cli/interrupt.h"
+#include "common/error/error.h"
+
+namespace palpate::cli {
+
+void WriteOutput(std::string_view text) {
+  while (!text.empty()) {
+    const ssize_t written = write(STDOUT_FILENO, text.data(), text.size());
+    if (written >= 0) {
+      text.remove_prefix(static_cast<std::size_t>(written));
+    } else if (errno == EPIPE || (errno == EINTR && Interrupt::IsRaised())) {
+      throw OutputClosed();
+    } else if (errno != EINTR) {
+      throw Error(ErrorKind::kInternal,
+                  std::string("cannot write the output: ") + std::strerror(errno));
+    }
+  }
+}
+
+bool IsTerminal(int file_descriptor) {
+  const char* term = std::getenv("TERM");
+  return isatty(file_descriptor) == 1 && term != nullptr && *term != '\0' &&
+         std::strcmp(term, "dumb") != 0;
+}
+
+TerminalSize SizeOfTerminal(int file_descriptor) {
+  winsize size{};
+  if (ioctl(file_descriptor, TIOCGWINSZ, &size) != 0 || size.ws_col == 0 || size.ws_row == 0) {
+    return {};
+  }
+  return {size.ws_col, size.ws_row};
+}
+
+std::string OneLine(std::string_view text) {
+  std::string line(text);
+  for (char& c : line) {
+    if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) {
+      c = ' ';
+    }
+  }
+  return line;
+}
+
+}  // namespace palpate::cli

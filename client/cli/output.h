@@ -1,0 +1,39 @@
+// What the program writes.
+//
+// Threads: main only.
+#pragma once
+
+#include <stdexcept>
+#include <string>
+#include <string_view>
+
+namespace palpate::cli {
+
+// The reader of our output has gone away, as after `| head`, or a signal came
+// while it did not read: a quiet end.
+class OutputClosed : public std::runtime_error {
+ public:
+  OutputClosed() : std::runtime_error("the output was closed") {}
+};
+
+// Writes to stdout at once. Needs SIGPIPE to be ignored.
+// Errors: OutputClosed; Error with kInternal when the output cannot be written.
+void WriteOutput(std::string_view text);
+
+// stdout or stderr is a terminal that understands cursor movements.
+bool IsTerminal(int file_descriptor);
+
+struct TerminalSize {
+  int columns = 80;
+  int rows = 24;
+};
+
+// Of the terminal behind stdout or stderr; 80 x 24 when it does not say.
+TerminalSize SizeOfTerminal(int file_descriptor);
+
+// `text` with each control character replaced by a space: names and messages come
+// from files and other machines, and must neither break a line nor steer a
+// terminal.
+std::string OneLine(std::string_view text);
+
+}  // namespace palpate::cli

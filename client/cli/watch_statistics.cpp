@@ -1,0 +1,141 @@
+#include "client/cli/watch_statistics.h"
+
+#include <algorithm>
+#include <utility>
+
+namespace palpate::cli {
+namespace {
+
+constexpr std::int64_t kBinNs = 100;
+constexpr std::size_t kBins = 50'000;  // to 5 ms
+constexpr auto kWindowNs = static_cast<std::int64_t>(WatchStatistics::kWindowSeconds * 1e9);
+
+double PerSecond(std::uint64_t count, std::int64_t span_ns) {
+  return span_ns > 0 ? static_cast<double>(count) * 1e9 / static_cast<double>(span_ns) : 0.0;
+}
+
+double Percent(std::uint64_t part, std::uint64_t rest) {
+  const double whole = static_cast<double>(part) + static_cast<double>(rest);
+  return whole > 0.0 ? 100.0 * static_cast<double>(part) / whole : 0.0;
+}
+
+// Position of the 99th percentile among `count` sorted values.
+std::uint64_t P99Index(std::uint64_t count) { return (count - 1) * 99 / 100; }
+
+UpdateTime Summarise(std::vector<std::int64_t> update_ns) {
+  UpdateTime result;
+  if (update_ns.empty()) {
+    return result;
+  }
+  double sum_ns = 0.0;
+  for (const std::int64_t value : update_ns) {
+    sum_ns += static_cast<double>(value);
+  }
+  result.mean_us = sum_ns * 1e-3 / static_cast<double>(update_ns.size());
+  result.max_us = static_cast<double>(*std::max_element(update_ns.begin(), update_ns.end())) * 1e-3;
+  const auto p99 = update_ns.begin() + static_cast<std::ptrdiff_t>(P99Index(update_ns.size()));
+  std::nth_element(update_ns.begin(), p99, update_ns.end());
+  result.p99_us = static_cast<double>(*p99) * 1e-3;
+  return result;
+}
+
+// Upper edge of the bin that holds the 99th percentile.
+double HistogramP99Us(const std::vector<std::uint64_t>& histogram, std::uint64_t count) {
+  std::uint64_t left = P99Index(count) + 1;
+  std::size_t bin = 0;
+  while (bin + 1 < histogram.size() && histogram[bin] < left) {
+    left -= histogram[bin];
+    ++bin;
+  }
+  return static_cast<double>((static_cast<std::int64_t>(bin) + 1) * kBinNs) * 1e-3;
+}
+
+}  // namespace
+
+WatchStatistics::WatchStatistics(std::int64_t now_ns, bool shares_clock)
+    : start_ns_(now_ns), shares_clock_(shares_clock), histogram_(kBins) {}
+
+void WatchStatistics::Add(const v1::StreamPosesResponse& message, int count, std::int64_t now_ns) {
+  const std::int64_t delay_ns = now_ns - message.sent_time_ns();
+  const bool is_first = counts_.samples == 0;
+  least_delay_ns_ = is_first ? delay_ns : std::min(least_delay_ns_, delay_ns);
+  counts_.dropped_samples = message.dropped_samples();
+  const int samples = std::min(count, message.samples_size());
+  for (int i = 0; i < samples; ++i) {
+    AddSample(message.samples(i));
+  }
+  recent_arrivals_.push_back({now_ns, samples});
+  ForgetOld(now_ns);
+}
+
+void WatchStatistics::AddSample(const v1::PoseSample& sample) {
+  last_ = {sample.tick(), sample.missed_ticks(), sample.time_ns(), sample.update_ns()};
+  if (counts_.samples == 0) {
+    first_ = last_;
+  }
+  ++counts_.samples;
+  counts_.contact_samples += sample.contact() ? 1 : 0;
+  const bool exceeds = sample.density() > sample.isovalue();
+  counts_.exceeding_samples += exceeds && sample.mode() != v1::PROXY_MODE_EJECTING ? 1 : 0;
+  const auto bin = static_cast<std::size_t>(std::max<std::int64_t>(sample.update_ns(), 0) / kBinNs);
+  ++histogram_[std::min(bin, kBins - 1)];
+  update_sum_ns_ += static_cast<double>(sample.update_ns());
+  counts_.update.max_us =
+      std::max(counts_.update.max_us, static_cast<double>(sample.update_ns()) * 1e-3);
+  recent_ticks_.push_back(last_);
+}
+
+void WatchStatistics::ForgetOld(std::int64_t now_ns) {
+  while (!recent_ticks_.empty() && recent_ticks_.front().time_ns < last_.time_ns - kWindowNs) {
+    recent_ticks_.pop_front();
+  }
+  while (!recent_arrivals_.empty() && recent_arrivals_.front().now_ns < now_ns - kWindowNs) {
+    recent_arrivals_.pop_front();
+  }
+}
+
+WatchFigures WatchStatistics::Figures(std::int64_t now_ns) const {
+  WatchFigures figures = counts_;
+  figures.seconds = static_cast<double>(now_ns - start_ns_) * 1e-9;
+  if (figures.samples == 0) {
+    return figures;
+  }
+  const std::int64_t span_ns = last_.time_ns - first_.time_ns;
+  figures.ticks = last_.tick - first_.tick;
+  figures.missed_ticks = last_.missed_ticks - first_.missed_ticks;
+  figures.ticks_per_s = PerSecond(figures.ticks, span_ns);
+  figures.missed_per_s = PerSecond(figures.missed_ticks, span_ns);
+  figures.missed_percent = Percent(figures.missed_ticks, figures.ticks);
+  figures.update.mean_us = update_sum_ns_ * 1e-3 / static_cast<double>(figures.samples);
+  figures.update.p99_us =
+      std::min(HistogramP99Us(histogram_, figures.samples), figures.update.max_us);
+  figures.total_missed_ticks = last_.missed_ticks;
+  figures.total_missed_percent = Percent(last_.missed_ticks, last_.tick);
+
+  const Tick& oldest = recent_ticks_.front();
+  const std::int64_t recent_span_ns = last_.time_ns - oldest.time_ns;
+  figures.recent_ticks_per_s = PerSecond(last_.tick - oldest.tick, recent_span_ns);
+  figures.recent_missed_per_s = PerSecond(last_.missed_ticks - oldest.missed_ticks, recent_span_ns);
+  std::vector<std::int64_t> update_ns;
+  update_ns.reserve(recent_ticks_.size());
+  for (const Tick& tick : recent_ticks_) {
+    update_ns.push_back(tick.update_ns);
+  }
+  figures.recent_update = Summarise(std::move(update_ns));
+
+  // The first message of the window only marks where the counting starts; a
+  // stream that stands still must not show the rate it once had.
+  std::uint64_t arrived = 0;
+  for (std::size_t i = 1; i < recent_arrivals_.size(); ++i) {
+    arrived += static_cast<std::uint64_t>(recent_arrivals_[i].samples);
+  }
+  const Arrival& newest = recent_arrivals_.back();
+  const bool stands_still = now_ns - newest.now_ns > kWindowNs;
+  figures.recent_samples_per_s =
+      stands_still ? 0.0 : PerSecond(arrived, newest.now_ns - recent_arrivals_.front().now_ns);
+  const std::int64_t offset_ns = shares_clock_ ? 0 : least_delay_ns_;
+  figures.age_ms = static_cast<double>(now_ns - last_.time_ns - offset_ns) * 1e-6;
+  return figures;
+}
+
+}  // namespace palpate::cli

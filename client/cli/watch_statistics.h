@@ -1,0 +1,96 @@
+// What a stream of samples says about the loop: rates, update times, checks.
+//
+// Pure: clocks are passed in. `now_ns` is CLOCK_MONOTONIC of this machine;
+// times in samples are that clock of the daemon's machine.
+// Threads: one.
+#pragma once
+
+#include <cstdint>
+#include <deque>
+#include <vector>
+
+#include "palpate/v1/pose.pb.h"
+
+namespace palpate::cli {
+
+struct UpdateTime {
+  double mean_us = 0.0;
+  double p99_us = 0.0;
+  double max_us = 0.0;
+};
+
+// Since watching began, unless stated.
+struct WatchFigures {
+  double seconds = 0.0;
+  std::uint64_t samples = 0;
+  std::uint64_t contact_samples = 0;
+  // Samples whose density exceeds the isovalue, other than while ejecting. None,
+  // if the proxy does what it promises.
+  std::uint64_t exceeding_samples = 0;
+  std::uint64_t dropped_samples = 0;
+  // From the first sample to the last: ticks executed and missed, and per
+  // second of the loop's clock.
+  std::uint64_t ticks = 0;
+  std::uint64_t missed_ticks = 0;
+  double ticks_per_s = 0.0;
+  double missed_per_s = 0.0;
+  double missed_percent = 0.0;
+  UpdateTime update;
+
+  // Over the last kWindowSeconds.
+  double recent_samples_per_s = 0.0;
+  double recent_ticks_per_s = 0.0;
+  double recent_missed_per_s = 0.0;
+  UpdateTime recent_update;
+
+  // Since the daemon started.
+  std::uint64_t total_missed_ticks = 0;
+  double total_missed_percent = 0.0;
+
+  // Of the newest sample. Between machines, whose clocks differ, less the
+  // shortest delay seen of any message.
+  double age_ms = 0.0;
+};
+
+class WatchStatistics {
+ public:
+  static constexpr double kWindowSeconds = 3.0;
+
+  // `shares_clock`: the daemon runs on this machine.
+  WatchStatistics(std::int64_t now_ns, bool shares_clock);
+
+  // Counts the samples of one message that just came, `count` of them at most.
+  void Add(const v1::StreamPosesResponse& message, int count, std::int64_t now_ns);
+
+  WatchFigures Figures(std::int64_t now_ns) const;
+
+ private:
+  struct Tick {
+    std::uint64_t tick = 0;
+    std::uint64_t missed_ticks = 0;
+    std::int64_t time_ns = 0;
+    std::int64_t update_ns = 0;
+  };
+  struct Arrival {
+    std::int64_t now_ns = 0;
+    int samples = 0;
+  };
+
+  void AddSample(const v1::PoseSample& sample);
+  void ForgetOld(std::int64_t now_ns);
+
+  const std::int64_t start_ns_;
+  const bool shares_clock_;
+  std::int64_t least_delay_ns_ = 0;
+  WatchFigures counts_;
+  Tick first_;
+  Tick last_;
+  // Samples and messages of the window, oldest first.
+  std::deque<Tick> recent_ticks_;
+  std::deque<Arrival> recent_arrivals_;
+  // Update times in bins of 100 ns; the last bin holds the longer ones too.
+  std::vector<std::uint64_t> histogram_;
+  double update_sum_ns_ = 0.0;
+};
+
+}  // namespace palpate::cli

@@ -1,0 +1,51 @@
+// The one exception type of start-up and other non-real-time code.
+//
+// what() is one line for the user: what is wrong and what to do about it. The
+// servo thread never throws; it has status enums.
+#pragma once
+
+#include <stdexcept>
+#include <string>
+
+namespace palpate {
+
+enum class ErrorKind {
+  kInternal,
+  kInvalidArgument,
+  kNotFound,
+  kPermissionDenied,
+  kTooLarge,
+  kConflict,
+  kUnavailable,
+  kCancelled,
+};
+
+class Error : public std::runtime_error {
+ public:
+  Error(ErrorKind kind, const std::string& message) : std::runtime_error(message), kind_(kind) {}
+  ErrorKind kind() const { return kind_; }
+
+ private:
+  ErrorKind kind_;
+};
+
+// Exit code of a program that ends with such an error. 2 is left for wrong
+// usage of the command line, 128 + n for signals.
+constexpr int ExitCode(ErrorKind kind) {
+  switch (kind) {
+    case ErrorKind::kInternal: return 1;
+    case ErrorKind::kInvalidArgument: return 3;
+    case ErrorKind::kNotFound: return 4;
+    case ErrorKind::kPermissionDenied: return 5;
+    case ErrorKind::kTooLarge: return 6;
+    case ErrorKind::kConflict: return 7;
+    case ErrorKind::kUnavailable: return 8;
+    case ErrorKind::kCancelled: return 9;
+  }
+  return 1;
+}
+
+// Exit code of a program whose command line was wrong.
+constexpr int kUsageExitCode = 2;
+
+}  // namespace palpate

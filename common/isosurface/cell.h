@@ -1,0 +1,88 @@
+// A cell: the unit cube between 8 lattice vertices, with their densities.
+//
+// Frame: index coordinates local to the cell, each in [0, 1]. Corners are
+// numbered d0..d7 = 000 001 101 100 010 011 111 110 in (x, y, z).
+// Faces are numbered 2 * axis + side: -x +x -y +y -z +z.
+// Threads: pure functions. Real-time: no allocation, no locks.
+// Source: Corenthy et al., section 3.1; the printed coefficients of xz and yz
+// have their corners mixed up, these are right.
+#pragma once
+
+#include <array>
+#include <cstdint>
+
+#include "common/geometry/geometry.h"
+
+namespace palpate {
+
+// Densities at d0..d7, normalised over the volume's range.
+using CellDensities = std::array<double, 8>;
+
+inline constexpr std::array<std::array<int, 3>, 8> kCornerOffset = {
+    {{0, 0, 0}, {0, 0, 1}, {1, 0, 1}, {1, 0, 0}, {0, 1, 0}, {0, 1, 1}, {1, 1, 1}, {1, 1, 0}}};
+
+// Number of the corner at offset (x, y, z): kCornerAt[4 x + 2 y + z].
+inline constexpr std::array<int, 8> kCornerAt = {0, 1, 4, 5, 3, 2, 7, 6};
+
+constexpr int CornerAt(int x, int y, int z) { return kCornerAt[4 * x + 2 * y + z]; }
+
+// Corners p, q, s, t of each face in cyclic order. The order depends on the
+// lattice axes alone, so that the cells on both sides of a face compute its
+// vertex with the same bits: with b < c the other two axes, p = (0,0),
+// q = (1,0), s = (1,1), t = (0,1) in (b, c).
+constexpr std::array<std::array<int, 4>, 6> MakeFaceCorners() {
+  std::array<std::array<int, 4>, 6> corners{};
+  for (int face = 0; face < 6; ++face) {
+    const int axis = face / 2;
+    const int b = axis == 0 ? 1 : 0;
+    const int c = axis == 2 ? 1 : 2;
+    const int steps[4][2] = {{0, 0}, {1, 0}, {1, 1}, {0, 1}};
+    for (int n = 0; n < 4; ++n) {
+      int offset[3] = {0, 0, 0};
+      offset[axis] = face % 2;
+      offset[b] = steps[n][0];
+      offset[c] = steps[n][1];
+      corners[face][n] = CornerAt(offset[0], offset[1], offset[2]);
+    }
+  }
+  return corners;
+}
+inline constexpr std::array<std::array<int, 4>, 6> kFaceCorners = MakeFaceCorners();
+
+// τ passes through the cell: densities above τ are inside the object, the
+// others, equal ones included, are free.
+inline bool IsCrossed(const CellDensities& d, double isovalue) {
+  int above = 0;
+  for (double density : d) above += density > isovalue;
+  return above != 0 && above != 8;
+}
+
+// The trilinear interpolant F = α + βx + γy + δz + εxy + ηxz + νyz + ρxyz.
+struct Trilinear {
+  double alpha, beta, gamma, delta, epsilon, eta, nu, rho;
+
+  explicit Trilinear(const CellDensities& d)
+      : alpha(d[0]),
+        beta(d[3] - d[0]),
+        gamma(d[4] - d[0]),
+        delta(d[1] - d[0]),
+        epsilon((d[7] - d[4]) - (d[3] - d[0])),
+        eta((d[2] - d[1]) - (d[3] - d[0])),
+        nu((d[5] - d[4]) - (d[1] - d[0])),
+        rho(((d[6] - d[5]) - (d[7] - d[4])) - ((d[2] - d[1]) - (d[3] - d[0]))) {}
+
+  double Value(const Vec3& p) const {
+    const double x = p.x(), y = p.y(), z = p.z();
+    return alpha + beta * x + gamma * y + delta * z + epsilon * x * y + eta * x * z + nu * y * z +
+           rho * x * y * z;
+  }
+
+  // With respect to local index coordinates.
+  Vec3 Gradient(const Vec3& p) const {
+    const double x = p.x(), y = p.y(), z = p.z();
+    return {beta + epsilon * y + eta * z + rho * y * z, gamma + epsilon * x + nu * z + rho * x * z,
+            delta + eta * x + nu * y + rho * x * y};
+  }
+};
+
+}  // namespace palpate

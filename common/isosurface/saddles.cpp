@@ -1,0 +1,141 @@
+#include "common/isosurface/saddles.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace palpate {
+namespace {
+
+// Face saddles below `level` join their two low corners; so do cube edges
+// between two corners below it. Returns the corners connected to `start`, a
+// corner below `level`, as a bit mask.
+std::uint8_t LowComponent(const CellDensities& d, const std::array<FaceSaddle, 6>& saddles,
+                          const SaddlePattern& pattern, int below, const SplitDensity& level,
+                          int start) {
+  std::uint8_t low = 0;
+  for (int corner = 0; corner < 8; ++corner) {
+    if (SplitDensity{d[corner], 0.0} < level) low |= static_cast<std::uint8_t>(1u << corner);
+  }
+  std::uint8_t component = static_cast<std::uint8_t>(1u << start);
+  for (bool grown = true; grown;) {
+    grown = false;
+    for (int corner = 0; corner < 8; ++corner) {
+      if (!(component >> corner & 1)) continue;
+      const auto& o = kCornerOffset[corner];
+      const int neighbours[3] = {CornerAt(1 - o[0], o[1], o[2]), CornerAt(o[0], 1 - o[1], o[2]),
+                                 CornerAt(o[0], o[1], 1 - o[2])};
+      for (int n : neighbours) {
+        const auto bit = static_cast<std::uint8_t>(1u << n);
+        if ((low & bit) && !(component & bit)) component |= bit, grown = true;
+      }
+    }
+    for (int n = 0; n < below; ++n) {
+      const auto& corners = kFaceCorners[pattern.face[n]];
+      const bool even = saddles[pattern.face[n]].p_and_s_low;
+      const auto pair =
+          static_cast<std::uint8_t>(1u << corners[even ? 0 : 1] | 1u << corners[even ? 2 : 3]);
+      if ((component & pair) && (component & pair) != pair) component |= pair, grown = true;
+    }
+  }
+  return component;
+}
+
+}  // namespace
+
+FaceSaddle FindFaceSaddle(double p, double q, double s, double t) {
+  FaceSaddle saddle;
+  const double pq = p - q, pt = p - t, sq = s - q, st = s - t;
+  // (p-t)(s-q) > 0 and (p-q)(s-t) > 0, by signs: products could underflow.
+  const bool up = pq > 0 && pt > 0 && sq > 0 && st > 0;
+  const bool down = pq < 0 && pt < 0 && sq < 0 && st < 0;
+  if (!up && !down) return saddle;
+  const double delta = pq + st;  // p + s - q - t, terms of one sign
+  saddle.exists = true;
+  saddle.p_and_s_low = down;
+  saddle.b = pt / delta;
+  saddle.c = pq / delta;
+  // Distance to each corner: s - p = -(p-q)(p-t)/Δ, and so on round the face.
+  const SplitDensity from[4] = {{p, -pq * (pt / delta)},
+                                {q, pq * (sq / delta)},
+                                {s, -sq * (st / delta)},
+                                {t, pt * (st / delta)}};
+  saddle.density = *std::min_element(from, from + 4, [](const auto& l, const auto& r) {
+    return std::abs(l.offset) < std::abs(r.offset);
+  });
+  return saddle;
+}
+
+BodySaddles FindBodySaddles(const CellDensities& d) {
+  Trilinear f(d);
+  // Scaled to order one, so that the products below neither overflow nor
+  // underflow whatever the densities are.
+  const double scale =
+      std::max({std::abs(f.beta), std::abs(f.gamma), std::abs(f.delta), std::abs(f.epsilon),
+                std::abs(f.eta), std::abs(f.nu), std::abs(f.rho)});
+  BodySaddles found;
+  if (!(scale > 0.0)) return found;
+  const Trilinear original = f;
+  for (double* k : {&f.beta, &f.gamma, &f.delta, &f.epsilon, &f.eta, &f.nu, &f.rho}) *k /= scale;
+
+  // Eliminating y and z from ∇F = 0 leaves a quadratic in x.
+  const double big_b = f.beta * f.rho - f.epsilon * f.eta;
+  const double a2 = f.rho * big_b;
+  const double a1 = f.nu * big_b;  // half of the linear coefficient
+  const double a0 = f.nu * f.nu * f.beta + f.gamma * f.delta * f.rho -
+                    f.nu * (f.gamma * f.eta + f.delta * f.epsilon);
+  const double discriminant = a1 * a1 - a2 * a0;
+  if (discriminant < 0.0) return found;
+  const double q = -(a1 + std::copysign(std::sqrt(discriminant), a1));
+  const double roots[2] = {q / a2, a0 / q};
+  for (double x : roots) {
+    const double denominator = f.nu + f.rho * x;
+    Vec3 p(x, -(f.delta + f.eta * x) / denominator, -(f.gamma + f.epsilon * x) / denominator);
+    if (!p.allFinite()) continue;
+    for (int step = 0; step < 2; ++step) {
+      const double xy = f.epsilon + f.rho * p.z();
+      const double xz = f.eta + f.rho * p.y();
+      const double yz = f.nu + f.rho * p.x();
+      Mat3 hessian;
+      hessian << 0, xy, xz, xy, 0, yz, xz, yz, 0;
+      // Inverse of a symmetric matrix with a zero diagonal, by cofactors.
+      const double det = 2.0 * xy * xz * yz;
+      Mat3 adjugate;
+      adjugate << -yz * yz, xz * yz, xy * yz, xz * yz, -xz * xz, xy * xz, xy * yz, xy * xz,
+          -xy * xy;
+      const Vec3 next = p - adjugate * f.Gradient(p) / det;
+      if (!next.allFinite()) break;
+      p = next;
+    }
+    if ((p.array() > 0.0).all() && (p.array() < 1.0).all()) {
+      if (found.count == 1 && found.saddle[0].position == p) continue;  // a double root
+      found.saddle[found.count++] = {p, original.Value(p)};
+    }
+  }
+  return found;
+}
+
+SaddlePattern ClassifySaddles(const CellDensities& d, const std::array<FaceSaddle, 6>& saddles) {
+  SaddlePattern pattern;
+  for (int face = 0; face < 6; ++face) {
+    if (!saddles[face].exists) continue;
+    int n = pattern.count++;
+    // Insertion keeps equal saddles in the order of their faces.
+    while (n > 0 && saddles[face].density < saddles[pattern.face[n - 1]].density) {
+      pattern.face[n] = pattern.face[n - 1];
+      --n;
+    }
+    pattern.face[n] = static_cast<std::uint8_t>(face);
+  }
+  for (int n = 0; n < pattern.count; ++n) {
+    const int face = pattern.face[n];
+    const auto& corners = kFaceCorners[face];
+    const bool even = saddles[face].p_and_s_low;
+    const std::uint8_t component =
+        LowComponent(d, saddles, pattern, n, saddles[face].density, corners[even ? 0 : 1]);
+    // Already one component: the saddle closes a loop, and what is above is cut.
+    pattern.splitting[n] = component >> corners[even ? 2 : 3] & 1;
+  }
+  return pattern;
+}
+
+}  // namespace palpate

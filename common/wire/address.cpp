@@ -1,0 +1,141 @@
+#include "common/wire/address.h"
+
+#include <arpa/inet.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <charconv>
+#include <cstdlib>
+#include <filesystem>
+
+#include "common/error/error.h"
+
+namespace palpate {
+namespace {
+
+constexpr std::string_view kSocketName = "/palpated.sock";
+
+std::string EnvironmentValue(const char* name) {
+  const char* value = std::getenv(name);
+  return value == nullptr ? std::string() : std::string(value);
+}
+
+bool IsAlphanumeric(char c) {
+  return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9');
+}
+
+[[noreturn]] void ThrowInvalid(const std::string& message) {
+  throw Error(ErrorKind::kInvalidArgument, message);
+}
+
+// Anybody may create a folder in /tmp: one that is not ours alone is a trap.
+std::string TemporaryFolder() {
+  const std::string folder = "/tmp/palpate-" + std::to_string(getuid());
+  struct stat info {};
+  if (lstat(folder.c_str(), &info) == 0 &&
+      (!S_ISDIR(info.st_mode) || info.st_uid != getuid() || (info.st_mode & 022) != 0)) {
+    throw Error(ErrorKind::kPermissionDenied,
+                folder +
+                    " is not a folder that only you can write: remove it, or name the socket "
+                    "with --socket or PALPATE_SOCKET");
+  }
+  return folder;
+}
+
+void CheckHost(const std::string& host, bool bracketed, const std::string& text) {
+  if (bracketed) {
+    in6_addr address{};
+    if (inet_pton(AF_INET6, host.c_str(), &address) != 1) {
+      ThrowInvalid("'" + text + "': '" + host + "' is not an IPv6 address");
+    }
+    return;
+  }
+  if (host.find(':') != std::string::npos) {
+    ThrowInvalid("'" + text + "': write an IPv6 address in brackets, as in [::1]:7400");
+  }
+  const bool valid = !host.empty() && host.size() <= 253 && host.front() != '-' &&
+                     std::all_of(host.begin(), host.end(), [](char c) {
+                       return IsAlphanumeric(c) || c == '.' || c == '-' || c == '_';
+                     });
+  if (!valid) {
+    ThrowInvalid("'" + text + "' is not an address: expected HOST:PORT, as in localhost:7400");
+  }
+}
+
+}  // namespace
+
+std::string DefaultSocketPath(const std::string& system_folder) {
+  if (std::string path = EnvironmentValue("PALPATE_SOCKET"); !path.empty()) {
+    return path;
+  }
+  const std::string name(kSocketName);
+  struct stat info {};
+  const bool is_folder = stat(system_folder.c_str(), &info) == 0 && S_ISDIR(info.st_mode);
+  if (is_folder && (access(system_folder.c_str(), W_OK | X_OK) == 0 ||
+                    access((system_folder + name).c_str(), F_OK) == 0)) {
+    return system_folder + name;
+  }
+  if (const std::string folder = EnvironmentValue("XDG_RUNTIME_DIR"); !folder.empty()) {
+    return folder + "/palpate" + name;
+  }
+  return TemporaryFolder() + name;
+}
+
+std::string UnixTarget(const std::string& path) {
+  if (path.empty()) {
+    ThrowInvalid("the path of the socket is empty");
+  }
+  const std::string absolute = std::filesystem::absolute(path).string();
+  if (absolute.size() > kMaxSocketPathLength) {
+    ThrowInvalid("the path of a socket has at most " + std::to_string(kMaxSocketPathLength) +
+                 " bytes, this one has " + std::to_string(absolute.size()) + ": " + absolute);
+  }
+  // A gRPC client decodes its target as a URI and a gRPC server does not; only
+  // these characters mean the same to both.
+  const auto is_plain = [](char c) {
+    return IsAlphanumeric(c) || std::string_view("/-._~+=,:@").find(c) != std::string_view::npos;
+  };
+  if (!std::all_of(absolute.begin(), absolute.end(), is_plain)) {
+    ThrowInvalid("the path of a socket may hold letters, digits and /-._~+=,:@ only: " + absolute);
+  }
+  return "unix:" + absolute;
+}
+
+std::string HostPort::ToString() const {
+  const bool is_ipv6 = host.find(':') != std::string::npos;
+  return (is_ipv6 ? "[" + host + "]" : host) + ":" + std::to_string(port);
+}
+
+HostPort ParseHostPort(std::string_view text) {
+  const std::string quoted(text);
+  const std::size_t colon = text.rfind(':');
+  if (colon == std::string_view::npos) {
+    ThrowInvalid("'" + quoted + "' names no port: expected HOST:PORT, as in localhost:7400");
+  }
+  std::string_view host = text.substr(0, colon);
+  const std::string_view digits = text.substr(colon + 1);
+  const bool bracketed = host.size() >= 2 && host.front() == '[' && host.back() == ']';
+  if (bracketed) {
+    host = host.substr(1, host.size() - 2);
+  }
+  HostPort address;
+  address.host = std::string(host);
+  CheckHost(address.host, bracketed, quoted);
+  const char* end = digits.data() + digits.size();
+  const auto [stop, error] = std::from_chars(digits.data(), end, address.port);
+  if (error != std::errc() || stop != end || address.port == 0) {
+    ThrowInvalid("'" + quoted + "': the port is a number from 1 to 65535");
+  }
+  return address;
+}
+
+std::string TcpTarget(const HostPort& address) {
+  // The scheme keeps a host called "unix" from being read as one.
+  if (address.host.find(':') != std::string::npos) {
+    return "ipv6:%5B" + address.host + "%5D:" + std::to_string(address.port);
+  }
+  return "dns:///" + address.ToString();
+}
+
+}  // namespace palpate

@@ -1,0 +1,76 @@
+#!/usr/bin/env bash
+# Palpate's main job on one machine: builds what is missing, starts palpated with
+# the simulated device, and watches it.
+set -euo pipefail
+root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
+
+usage() {
+  cat <<'TEXT'
+Usage: deploy/demo.sh [--volume FILE] [--isovalue X | --normalized-isovalue X] [--seconds N]
+
+Installs what is missing (Debian 12, as root or a sudo user), builds into build/,
+starts palpated with the simulated device and attaches `palpate watch`. Ctrl-C, or
+the end of N seconds, stops everything.
+
+  --volume FILE            NRRD, MetaImage, NIfTI-1, VDB file, DICOM folder, or
+                           builtin:cylinder|sphere|bumps|gyroid[:N] [builtin:bumps]
+  --isovalue X             isovalue in the volume's data units
+  --normalized-isovalue X  isovalue over the volume's range, 0 to 1 [0.5]
+  --seconds N              stop after N seconds [until Ctrl-C]
+TEXT
+}
+
+daemon_arguments=()
+watch_arguments=()
+while [ $# -gt 0 ]; do
+  case "$1" in
+    -h | --help) usage; exit 0 ;;
+    --volume | --isovalue | --normalized-isovalue | --seconds)
+      [ $# -ge 2 ] || { echo "demo: $1 needs a value (see --help)" >&2; exit 2; }
+      if [ "$1" = --seconds ]; then watch_arguments+=("$1" "$2"); else daemon_arguments+=("$1" "$2"); fi
+      shift 2 ;;
+    *) echo "demo: unknown argument $1 (see --help)" >&2; exit 2 ;;
+  esac
+done
+
+"$root/deploy/install-packages.sh"
+# The volume's path is meant from where the user stands: no cd.
+[ -e "$root/build/build.ninja" ] || (cd "$root" && cmake --preset default >/dev/null)
+if ! ninja -C "$root/build" -n palpated palpate palpate-import 2>/dev/null | grep -q 'no work to do'; then
+  echo "building (some minutes the first time)"
+  ninja -C "$root/build" palpated palpate palpate-import
+fi
+
+work=$(mktemp -d "${TMPDIR:-/tmp}/palpate-demo.XXXXXX")
+socket=$work/palpated.sock
+daemon=
+stop_all() {
+  if [ -n "$daemon" ]; then
+    kill -TERM "$daemon" 2>/dev/null || true
+    wait "$daemon" 2>/dev/null || true
+  fi
+  rm -rf "$work"
+}
+trap stop_all EXIT
+interrupted=
+trap 'interrupted=yes' INT TERM
+
+# A session of its own: Ctrl-C ends the watch first and the daemon in order. It
+# also ends when this script is killed.
+setsid setpriv --pdeathsig TERM "$root/build/bin/palpated" --socket "$socket" \
+  ${daemon_arguments[@]+"${daemon_arguments[@]}"} &
+daemon=$!
+until [ -S "$socket" ] || [ -n "$interrupted" ]; do
+  if ! kill -0 "$daemon" 2>/dev/null; then
+    code=0
+    wait "$daemon" || code=$?
+    daemon=
+    exit "$code"
+  fi
+  sleep 0.05
+done
+[ -z "$interrupted" ] || exit 0
+code=0
+"$root/build/bin/palpate" watch --socket "$socket" ${watch_arguments[@]+"${watch_arguments[@]}"} || code=$?
+[ -z "$interrupted" ] || code=0
+exit "$code"

@@ -1,0 +1,32 @@
+#!/usr/bin/env bash
+# Installs the Debian packages of packages.txt that are missing. Does nothing,
+# and needs no network, when all are there.
+set -euo pipefail
+here=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
+
+mapfile -t packages < <(sed 's/#.*//' "$here/packages.txt" | awk 'NF {print $1}')
+missing=()
+for package in "${packages[@]}"; do
+  status=$(dpkg-query -W -f '${db:Status-Status}' "$package" 2>/dev/null || true)
+  [ "$status" = installed ] || missing+=("$package")
+done
+[ ${#missing[@]} -gt 0 ] || exit 0
+
+as_root=()
+if [ "$(id -u)" -ne 0 ]; then
+  if ! command -v sudo >/dev/null; then
+    echo "install-packages: ${#missing[@]} packages are missing: run as root, or install sudo (${missing[*]})" >&2
+    exit 1
+  fi
+  as_root=(sudo)
+fi
+log=$(mktemp)
+trap 'rm -f "$log"' EXIT
+echo "installing ${#missing[@]} Debian packages: ${missing[*]}"
+if ! { "${as_root[@]}" apt-get update -q &&
+       "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive \
+         apt-get install -y -q --no-install-recommends "${missing[@]}"; } >"$log" 2>&1; then
+  grep -E '^(E|W|Err):' "$log" >&2 || tail -n 5 "$log" >&2
+  echo "install-packages: apt-get failed: is the network there, and is this Debian 12?" >&2
+  exit 1
+fi

@@ -1,0 +1,120 @@
+#include "server/app/config.h"
+
+#include <fmt/format.h>
+
+#include <toml++/toml.h>
+#include <functional>
+#include <map>
+#include <string_view>
+
+#include "common/error/error.h"
+
+namespace palpate {
+namespace {
+
+// A value of the file, with what an error message needs.
+struct Entry {
+  std::string file;
+  std::string key;
+  const toml::node& node;
+
+  [[noreturn]] void Fail(const std::string& what) const {
+    throw Error(ErrorKind::kInvalidArgument,
+                fmt::format("{}:{}: {} {}", file, node.source().begin.line, key, what));
+  }
+  std::string Text() const {
+    if (const auto value = node.value_exact<std::string>()) return *value;
+    Fail("must be a text in quotes");
+  }
+  double Number() const {
+    if (node.is_number()) return *node.value<double>();
+    Fail("must be a number");
+  }
+  int Integer(int low, int high) const {
+    const auto value = node.value_exact<std::int64_t>();
+    if (value && *value >= low && *value <= high) return static_cast<int>(*value);
+    Fail(fmt::format("must be a whole number from {} to {}", low, high));
+  }
+  bool Flag() const {
+    if (const auto value = node.value_exact<bool>()) return *value;
+    Fail("must be true or false");
+  }
+  Vec3 Triple() const {
+    const toml::array* array = node.as_array();
+    if (!array || array->size() != 3) Fail("must be three numbers, [x, y, z]");
+    Vec3 v;
+    for (std::size_t n = 0; n < 3; ++n) {
+      if (!(*array)[n].is_number()) Fail("must be three numbers, [x, y, z]");
+      v[static_cast<Eigen::Index>(n)] = *(*array)[n].value<double>();
+    }
+    return v;
+  }
+};
+
+using Setter = std::function<void(const Entry&, Config&)>;
+
+const std::map<std::string, Setter, std::less<>>& Setters() {
+  static const std::map<std::string, Setter, std::less<>> setters = {
+      {"volume.source", [](const Entry& e, Config& c) { c.volume = e.Text(); }},
+      {"volume.isovalue", [](const Entry& e, Config& c) { c.isovalue = e.Number(); }},
+      {"volume.normalized_isovalue",
+       [](const Entry& e, Config& c) { c.normalized_isovalue = e.Number(); }},
+      {"volume.spacing_mm", [](const Entry& e, Config& c) { c.spacing_mm = e.Triple(); }},
+      {"volume.device_mm_per_volume_mm",
+       [](const Entry& e, Config& c) { c.device_mm_per_volume_mm = e.Number(); }},
+      {"haptics.stiffness_n_per_mm",
+       [](const Entry& e, Config& c) { c.haptics.stiffness_n_per_mm = e.Number(); }},
+      {"haptics.damping_n_s_per_m",
+       [](const Entry& e, Config& c) { c.haptics.damping_n_s_per_m = e.Number(); }},
+      {"haptics.method", [](const Entry& e, Config& c) { c.method = ParseMethod(e.Text()); }},
+      {"device.kind", [](const Entry& e, Config& c) { c.device = e.Text(); }},
+      {"server.socket", [](const Entry& e, Config& c) { c.socket_path = e.Text(); }},
+      {"server.listen", [](const Entry& e, Config& c) { c.listen = ParseHostPort(e.Text()); }},
+      {"realtime.priority",
+       [](const Entry& e, Config& c) { c.realtime.priority = e.Integer(1, 99); }},
+      {"realtime.cpu", [](const Entry& e, Config& c) { c.realtime.cpu = e.Integer(-1, 1023); }},
+      {"realtime.lock_memory",
+       [](const Entry& e, Config& c) { c.realtime.lock_memory = e.Flag(); }},
+  };
+  return setters;
+}
+
+void Apply(const std::string& file, const toml::table& table, const std::string& prefix,
+           Config& config) {
+  for (const auto& [name, node] : table) {
+    const Entry entry{file, prefix + std::string(name.str()), node};
+    if (const toml::table* section = node.as_table()) {
+      Apply(file, *section, entry.key + ".", config);
+      continue;
+    }
+    const auto setter = Setters().find(entry.key);
+    if (setter == Setters().end()) entry.Fail("is no setting of palpated");
+    try {
+      setter->second(entry, config);
+    } catch (const Error& error) {
+      const std::string_view what = error.what();
+      if (what.starts_with(file)) throw;
+      entry.Fail(": " + std::string(what));
+    }
+  }
+}
+
+}  // namespace
+
+DecompositionMethod ParseMethod(const std::string& name) {
+  if (name == "bcc") return DecompositionMethod::kBcc;
+  if (name == "tpbcc") return DecompositionMethod::kTpbcc;
+  throw Error(ErrorKind::kInvalidArgument, "unknown method " + name + ": give bcc or tpbcc");
+}
+
+void ReadConfigFile(const std::filesystem::path& path, Config& config) {
+  try {
+    Apply(path.string(), toml::parse_file(path.string()), "", config);
+  } catch (const toml::parse_error& error) {
+    throw Error(
+        ErrorKind::kInvalidArgument,
+        fmt::format("{}:{}: {}", path.string(), error.source().begin.line, error.description()));
+  }
+}
+
+}  // namespace palpate

@@ -1,0 +1,37 @@
+// What palpated is told at start: a TOML file, and the command line over it.
+//
+// Threads: main. Errors: Error (kInvalidArgument) that names file, line and key.
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+
+#include "common/geometry/geometry.h"
+#include "common/isosurface/decomposition.h"
+#include "common/wire/address.h"
+#include "server/haptics/renderer.h"
+#include "server/realtime/thread_setup.h"
+
+namespace palpate {
+
+struct Config {
+  std::string volume = "builtin:bumps";
+  std::optional<double> isovalue;             // data units
+  std::optional<double> normalized_isovalue;  // 0 to 1; neither: 0.5
+  std::optional<Vec3> spacing_mm;
+  std::optional<double> device_mm_per_volume_mm;
+  HapticSettings haptics;
+  DecompositionMethod method = DecompositionMethod::kTpbcc;
+  std::string device = "simulated";
+  std::string socket_path;  // empty: DefaultSocketPath()
+  std::optional<HostPort> listen;
+  RealtimeOptions realtime;
+};
+
+// Reads the keys of `path` into `config`; what the file does not name stays.
+void ReadConfigFile(const std::filesystem::path& path, Config& config);
+
+DecompositionMethod ParseMethod(const std::string& name);
+
+}  // namespace palpate

@@ -1,0 +1,39 @@
+#include "server/device/path_script.h"
+
+#include <cmath>
+#include <utility>
+
+#include "common/error/error.h"
+
+namespace palpate {
+
+PathScript::PathScript(std::vector<Vec3> p_DWaypoints_mm, double speed_mm_s)
+    : waypoints_mm_(std::move(p_DWaypoints_mm)), speed_mm_s_(speed_mm_s) {
+  bool valid = !waypoints_mm_.empty() && std::isfinite(speed_mm_s) && speed_mm_s > 0.0;
+  for (const Vec3& waypoint : waypoints_mm_) valid = valid && waypoint.allFinite();
+  if (!valid) {
+    throw Error(ErrorKind::kInvalidArgument,
+                "a stylus path needs finite way points, one at least, and a speed above 0 mm/s");
+  }
+  target_mm_ = waypoints_mm_.front();
+}
+
+StylusScript::Target PathScript::Next(const HandState& /*hand*/, const Vec3& /*felt_force_D_n*/,
+                                      double dt_s) noexcept {
+  double left_mm = speed_mm_s_ * dt_s;
+  // At most one round a call: a path of no length would not end otherwise.
+  for (std::size_t i = 0; i < waypoints_mm_.size() && left_mm > 0.0; ++i) {
+    const Vec3 ahead_mm = waypoints_mm_[next_] - target_mm_;
+    const double distance_mm = ahead_mm.norm();
+    if (distance_mm > left_mm) {
+      target_mm_ += ahead_mm * (left_mm / distance_mm);
+      break;
+    }
+    target_mm_ = waypoints_mm_[next_];
+    left_mm -= distance_mm;
+    next_ = (next_ + 1) % waypoints_mm_.size();
+  }
+  return {.p_DTarget_mm = target_mm_, .buttons = 0};
+}
+
+}  // namespace palpate

@@ -1,0 +1,127 @@
+#include "server/device/simulated_device.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <utility>
+
+#include "common/error/error.h"
+
+namespace palpate {
+namespace {
+
+constexpr double kLongestMoveS = 0.02;
+constexpr double kSubstepS = 1e-4;
+constexpr double kMmPerM = 1000.0;
+
+constexpr double kRestTiltRad = 0.6;  // barrel up from the user's direction
+constexpr double kTiltRadPerMmS = 0.003;
+constexpr double kLargestTiltRad = 0.35;
+constexpr double kTiltFilterS = 0.2;
+constexpr double kSwayRad = 0.08;
+constexpr double kSwayHz = 0.15;
+
+// As the motors do: no more than the peak. A norm without overflow, for a force
+// of any size.
+Vec3 Saturated(const Vec3& force_n, double max_force_n) {
+  if (!force_n.allFinite()) return Vec3::Zero();
+  const double size_n = force_n.stableNorm();
+  return size_n > max_force_n ? Vec3(force_n * (max_force_n / size_n)) : force_n;
+}
+
+}  // namespace
+
+DeviceSpec SimulatedDeviceSpec() {
+  DeviceSpec spec;
+  spec.kind = "simulated";
+  spec.model = "Simulated Phantom Omni";
+  spec.workspace_min_mm = Vec3(-80.0, -60.0, -35.0);
+  spec.workspace_max_mm = Vec3(80.0, 60.0, 35.0);
+  spec.max_force_n = 3.3;
+  spec.continuous_force_n = 0.88;
+  spec.position_resolution_mm = 0.055;
+  spec.button_count = 2;
+  spec.verification_level = VerificationLevel::kSimulated;
+  return spec;
+}
+
+SimulatedDevice::SimulatedDevice(std::unique_ptr<StylusScript> script)
+    : spec_(SimulatedDeviceSpec()), script_(std::move(script)) {
+  if (script_ == nullptr) {
+    throw Error(ErrorKind::kInvalidArgument, "a simulated device needs a script for its hand");
+  }
+  hand_.p_DHip_mm = script_->Next(hand_, Vec3::Zero(), 0.0).p_DTarget_mm;
+  StopAtWorkspace();
+  TiltStylus(0.0);
+}
+
+DeviceStatus SimulatedDevice::Read(DeviceState& state) noexcept {
+  if (!started_) return DeviceStatus::kFault;
+  // Counted from the lower stops, as by an encoder, so that no reading lies beyond one.
+  const Vec3 counts = (hand_.p_DHip_mm - spec_.workspace_min_mm) / spec_.position_resolution_mm;
+  state.p_DHip_mm =
+      spec_.workspace_min_mm + Vec3(counts.array().floor()) * spec_.position_resolution_mm;
+  state.R_DS = R_DS_;
+  state.buttons = buttons_;
+  return DeviceStatus::kOk;
+}
+
+void SimulatedDevice::Write(const Vec3& force_D_n, double dt_s) noexcept {
+  if (!started_ || !(dt_s > 0.0)) return;
+  const double move_s = std::min(dt_s, kLongestMoveS);
+  const Vec3 felt_D_n = Saturated(force_D_n, spec_.max_force_n);
+  const StylusScript::Target target = script_->Next(hand_, felt_D_n, move_s);
+  buttons_ = target.buttons;
+  MoveHand(target.p_DTarget_mm, felt_D_n, move_s);
+  TiltStylus(move_s);
+}
+
+// Semi-implicit Euler: keeps a stiff spring from gaining energy.
+void SimulatedDevice::MoveHand(const Vec3& p_DTarget_mm, const Vec3& force_D_n, double dt_s) {
+  const int substeps = static_cast<int>(std::ceil(dt_s / kSubstepS));
+  const double substep_s = dt_s / substeps;
+  for (int i = 0; i < substeps; ++i) {
+    const Vec3 total_n = force_D_n + kHandSpringNPerMm * (p_DTarget_mm - hand_.p_DHip_mm) -
+                         kHandDamperNsPerMm * hand_.v_DHip_mm_s;
+    hand_.v_DHip_mm_s += total_n * (kMmPerM / kHandMassKg * substep_s);
+    hand_.p_DHip_mm += hand_.v_DHip_mm_s * substep_s;
+    StopAtWorkspace();
+  }
+}
+
+// The device's mechanical stops: they take all of the speed against them.
+void SimulatedDevice::StopAtWorkspace() {
+  for (int i = 0; i < 3; ++i) {
+    double& p_mm = hand_.p_DHip_mm[i];
+    double& v_mm_s = hand_.v_DHip_mm_s[i];
+    if (p_mm < spec_.workspace_min_mm[i]) {
+      p_mm = spec_.workspace_min_mm[i];
+      v_mm_s = std::max(v_mm_s, 0.0);
+    } else if (p_mm > spec_.workspace_max_mm[i]) {
+      p_mm = spec_.workspace_max_mm[i];
+      v_mm_s = std::min(v_mm_s, 0.0);
+    }
+  }
+}
+
+// The barrel points to the user and up, trails the tip's motion and sways a little.
+void SimulatedDevice::TiltStylus(double dt_s) {
+  smooth_velocity_mm_s_ +=
+      (hand_.v_DHip_mm_s - smooth_velocity_mm_s_) * (dt_s / (kTiltFilterS + dt_s));
+  sway_phase_rad_ =
+      std::fmod(sway_phase_rad_ + 2.0 * std::numbers::pi * kSwayHz * dt_s, 2.0 * std::numbers::pi);
+  const Eigen::Quaterniond rest(Eigen::AngleAxisd(-kRestTiltRad, Vec3::UnitX()));
+  const Vec3 barrel = rest * Vec3::UnitZ();
+  // Turns the barrel against the velocity.
+  Vec3 tilt_rad = smooth_velocity_mm_s_.cross(barrel) * kTiltRadPerMmS;
+  tilt_rad += Vec3::UnitZ() * (kSwayRad * std::sin(sway_phase_rad_));
+  const double angle_rad = tilt_rad.norm();
+  R_DS_ = rest;
+  if (angle_rad > 0.0) {
+    const double limited_rad = std::min(angle_rad, kLargestTiltRad);
+    R_DS_ = Eigen::Quaterniond(Eigen::AngleAxisd(limited_rad, tilt_rad / angle_rad)) * rest;
+  }
+  R_DS_.normalize();
+}
+
+}  // namespace palpate

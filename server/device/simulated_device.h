@@ -1,0 +1,56 @@
+// A Phantom Omni without hardware: its workspace, forces and resolution, held by
+// a virtual hand that a script leads and that the device's force pushes about.
+//
+// Frame D: mm, origin in the middle of the workspace; forces in N. The stylus's z
+// axis runs from the tip along the barrel.
+// Threads, real-time and ownership: as HapticDevice; Start and Stop not while the
+// servo runs. The same script, forces and times give the same bits.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+
+#include "server/device/haptic_device.h"
+#include "server/device/stylus_script.h"
+
+namespace palpate {
+
+// What the simulated device states of itself, for those who need its workspace
+// before there is one.
+DeviceSpec SimulatedDeviceSpec();
+
+class SimulatedDevice final : public HapticDevice {
+ public:
+  // The hand starts at rest at the script's first target. Throws Error without a
+  // script.
+  explicit SimulatedDevice(std::unique_ptr<StylusScript> script);
+
+  const DeviceSpec& spec() const override { return spec_; }
+  void Start() override { started_ = true; }
+  void Stop() noexcept override { started_ = false; }
+
+  // The hand, quantised to the device's resolution. kFault before Start and after
+  // Stop.
+  DeviceStatus Read(DeviceState& state) noexcept override;
+
+  // Moves the hand on. A force above the peak saturates, one that is not finite
+  // counts as zero. A time above 20 ms moves the hand by 20 ms, so that a stall
+  // does not cost the servo more time still.
+  void Write(const Vec3& force_D_n, double dt_s) noexcept override;
+
+ private:
+  void MoveHand(const Vec3& p_DTarget_mm, const Vec3& force_D_n, double dt_s);
+  void StopAtWorkspace();
+  void TiltStylus(double dt_s);
+
+  DeviceSpec spec_;
+  std::unique_ptr<StylusScript> script_;
+  bool started_ = false;
+  HandState hand_;
+  Vec3 smooth_velocity_mm_s_ = Vec3::Zero();
+  double sway_phase_rad_ = 0.0;
+  Eigen::Quaterniond R_DS_;
+  std::uint32_t buttons_ = 0;
+};
+
+}  // namespace palpate

@@ -1,0 +1,36 @@
+// Projection of a vector on a polyhedral cone of at most four half-spaces.
+//
+// Threads: pure functions. Real-time: no allocation, bounded.
+#pragma once
+
+#include <array>
+#include <cstdint>
+
+#include "common/geometry/geometry.h"
+
+namespace palpate {
+
+// {x : normal[i] · x >= 0 for i < count}; normals of unit length.
+struct Cone {
+  std::array<Vec3, 4> normal;
+  int count = 0;
+
+  // Adds a half-space; a zero normal constrains nothing and is left out.
+  // Returns its number, -1 where left out.
+  int Add(const Vec3& inward) {
+    const double length = inward.norm();
+    if (!(length > 0.0)) return -1;
+    normal[count] = inward / length;
+    return count++;
+  }
+};
+
+struct ConeProjection {
+  Vec3 d = Vec3::Zero();
+  std::uint8_t active = 0;  // bit i: d lies in the plane of half-space i
+};
+
+// The point of the cone that is closest to `w`.
+ConeProjection ProjectOnCone(const Vec3& w, const Cone& cone) noexcept;
+
+}  // namespace palpate

@@ -1,0 +1,181 @@
+#include "server/haptics/place.h"
+
+#include <algorithm>
+#include <limits>
+
+namespace palpate {
+namespace {
+
+// Barycentric coordinates of p in a tetrahedron with these corners.
+std::array<double, 4> Barycentric(const std::array<Vec3, 4>& corner, const Vec3& p) {
+  const Vec3 a = corner[1] - corner[0], b = corner[2] - corner[0], c = corner[3] - corner[0];
+  const Vec3 q = p - corner[0];
+  const double det = a.dot(b.cross(c));
+  const double u = q.dot(b.cross(c)) / det;
+  const double v = q.dot(c.cross(a)) / det;
+  const double w = q.dot(a.cross(b)) / det;
+  return {1.0 - u - v - w, u, v, w};
+}
+
+Carrier FromWeights(const std::uint8_t* vertices, const double* weights, int count) {
+  Carrier carrier;
+  carrier.count = count;
+  for (int n = 0; n < count; ++n) {
+    carrier.vertex[n] = vertices[n];
+    carrier.weight[n] = std::max(0.0, weights[n]);
+  }
+  carrier.Normalize();
+  return carrier;
+}
+
+Carrier LocateOnEdge(const Vec3& local, std::uint8_t faces) {
+  int o[3] = {0, 0, 0};
+  int free_axis = 0;
+  for (int axis = 0; axis < 3; ++axis) {
+    const int on = faces >> (2 * axis) & 3;
+    if (on) o[axis] = on >> 1;
+    if (!on) free_axis = axis;
+  }
+  std::uint8_t vertex[2];
+  double weight[2] = {1.0 - local[free_axis], local[free_axis]};
+  for (int side = 0; side < 2; ++side) {
+    o[free_axis] = side;
+    vertex[side] = static_cast<std::uint8_t>(CornerAt(o[0], o[1], o[2]));
+  }
+  return FromWeights(vertex, weight, 2);
+}
+
+Carrier LocateOnFace(const HapticCell& cell, const Vec3& local, int face) {
+  const int axis = face / 2, b = axis == 0 ? 1 : 0, c = axis == 2 ? 1 : 2;
+  const auto flat = [&](const Vec3& p) { return Eigen::Vector2d(p[b], p[c]); };
+  const int centre = kFirstFaceVertex + face;
+  const Eigen::Vector2d o = flat(cell.parts.position[centre]);
+  const Eigen::Vector2d q = flat(local) - o;
+  double best = -std::numeric_limits<double>::infinity();
+  std::uint8_t vertex[3] = {static_cast<std::uint8_t>(centre), 0, 0};
+  double weight[3] = {1, 0, 0};
+  for (int n = 0; n < 4; ++n) {
+    const int k0 = kFaceCorners[face][n], k1 = kFaceCorners[face][(n + 1) % 4];
+    const Eigen::Vector2d e0 = flat(cell.parts.position[k0]) - o;
+    const Eigen::Vector2d e1 = flat(cell.parts.position[k1]) - o;
+    const double det = e0.x() * e1.y() - e0.y() * e1.x();
+    const double u = (q.x() * e1.y() - q.y() * e1.x()) / det;
+    const double v = (e0.x() * q.y() - e0.y() * q.x()) / det;
+    const double least = std::min({u, v, 1.0 - u - v});
+    if (least <= best) continue;
+    best = least;
+    vertex[1] = static_cast<std::uint8_t>(k0);
+    vertex[2] = static_cast<std::uint8_t>(k1);
+    weight[0] = 1.0 - u - v;
+    weight[1] = u;
+    weight[2] = v;
+  }
+  return FromWeights(vertex, weight, 3);
+}
+
+Carrier LocateInside(const HapticCell& cell, const Vec3& local) {
+  const TetrahedralComplex& complex = *cell.parts.complex;
+  double best = -std::numeric_limits<double>::infinity();
+  std::array<double, 4> weight{};
+  int found = 0;
+  for (int t = 0; t < complex.tetrahedron_count; ++t) {
+    std::array<Vec3, 4> corner;
+    for (int n = 0; n < 4; ++n) corner[n] = cell.parts.position[complex.vertices[t][n]];
+    const std::array<double, 4> candidate = Barycentric(corner, local);
+    const double least = *std::min_element(candidate.begin(), candidate.end());
+    if (least <= best) continue;
+    best = least;
+    weight = candidate;
+    found = t;
+  }
+  return FromWeights(complex.vertices[found].data(), weight.data(), 4);
+}
+
+}  // namespace
+
+void Carrier::Normalize() {
+  int kept = 0;
+  double sum = 0.0;
+  for (int n = 0; n < count; ++n) {
+    if (!(weight[n] > 0.0)) continue;
+    vertex[kept] = vertex[n];
+    weight[kept] = weight[n];
+    sum += weight[n];
+    ++kept;
+  }
+  count = kept;
+  for (int n = 0; n < count; ++n) weight[n] /= sum;
+}
+
+std::uint8_t FacesInNeighbour(std::uint8_t faces, const Vec3i& offset) {
+  for (int axis = 0; axis < 3; ++axis) {
+    if (offset[axis] == 0) continue;
+    const auto both = static_cast<std::uint8_t>(3u << (2 * axis));
+    const auto touching = static_cast<std::uint8_t>((offset[axis] > 0 ? 1u : 2u) << (2 * axis));
+    faces = static_cast<std::uint8_t>((faces & ~both) | touching);
+  }
+  return faces;
+}
+
+Carrier CarrierInNeighbour(const Carrier& carrier, const Vec3i& offset) {
+  Carrier mapped = carrier;
+  for (int n = 0; n < carrier.count; ++n) {
+    const int v = carrier.vertex[n];
+    if (v < kFirstFaceVertex) {
+      const auto& o = kCornerOffset[v];
+      mapped.vertex[n] = static_cast<std::uint8_t>(
+          CornerAt(o[0] - offset.x(), o[1] - offset.y(), o[2] - offset.z()));
+    } else if (v < kFirstInteriorVertex && !offset.isZero()) {
+      mapped.vertex[n] = static_cast<std::uint8_t>(kFirstFaceVertex + ((v - kFirstFaceVertex) ^ 1));
+    }
+  }
+  return mapped;
+}
+
+Carrier Locate(const HapticCell& cell, const Vec3& local, std::uint8_t faces) {
+  int axes = 0, face = 0, corner[3] = {0, 0, 0};
+  for (int axis = 0; axis < 3; ++axis) {
+    const int on = faces >> (2 * axis) & 3;
+    if (!on) continue;
+    ++axes;
+    corner[axis] = on >> 1;
+    face = 2 * axis + (on >> 1);
+  }
+  if (axes == 0) return LocateInside(cell, local);
+  if (axes == 1) return LocateOnFace(cell, local, face);
+  if (axes == 2) return LocateOnEdge(local, faces);
+  Carrier carrier;
+  carrier.count = 1;
+  carrier.vertex[0] = static_cast<std::uint8_t>(CornerAt(corner[0], corner[1], corner[2]));
+  carrier.weight[0] = 1.0;
+  return carrier;
+}
+
+double DensityAt(const HapticCell& cell, const Carrier& carrier) {
+  double density = 0.0;
+  for (int n = 0; n < carrier.count; ++n) {
+    density += carrier.weight[n] * cell.parts.density[carrier.vertex[n]];
+  }
+  return density;
+}
+
+Vec3 LocalPosition(const HapticCell& cell, const Carrier& carrier) {
+  Vec3 p = Vec3::Zero();
+  for (int n = 0; n < carrier.count; ++n) {
+    p += carrier.weight[n] * cell.parts.position[carrier.vertex[n]];
+  }
+  const std::uint8_t faces = FacesOf(carrier);
+  for (int axis = 0; axis < 3; ++axis) {
+    const int on = faces >> (2 * axis) & 3;
+    if (on) p[axis] = on >> 1;
+  }
+  return p;
+}
+
+std::uint8_t FacesOf(const Carrier& carrier) {
+  std::uint8_t faces = 0x3f;
+  for (int n = 0; n < carrier.count; ++n) faces &= kVertexFaces[carrier.vertex[n]];
+  return faces;
+}
+
+}  // namespace palpate

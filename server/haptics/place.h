@@ -1,0 +1,81 @@
+// Where a point is in the decomposed volume, exactly.
+//
+// Tolerances would let a point slip between tetrahedra. So a place is
+// combinatorial: in a crossed cell, the smallest simplex (tetrahedron,
+// triangle, edge or vertex) that holds the point, with positive barycentric
+// weights; in a cell that τ does not cross, the cell and the faces it lies on;
+// or outside the padded lattice, where all is free. A point reaches a face by
+// having its weight or coordinate set to exactly 0 or the face's own, and all
+// cells and tetrahedra that hold the point follow from that.
+//
+// Frame: index coordinates.
+// Threads: pure functions. Real-time: no allocation, bounded.
+#pragma once
+
+#include <array>
+#include <cstdint>
+
+#include "server/haptics/cell_cache.h"
+
+namespace palpate {
+
+// Simplex of a decomposed cell with a point in it: weights are positive and
+// sum to 1.
+struct Carrier {
+  int count = 0;
+  std::array<std::uint8_t, 4> vertex{};
+  std::array<double, 4> weight{};
+
+  std::uint16_t Mask() const {
+    std::uint16_t mask = 0;
+    for (int n = 0; n < count; ++n) mask |= static_cast<std::uint16_t>(1u << vertex[n]);
+    return mask;
+  }
+  // Drops vertices without weight and makes the weights sum to 1.
+  void Normalize();
+};
+
+struct Place {
+  enum class Kind : std::uint8_t { kOutside, kBox, kSimplex };
+
+  Kind kind = Kind::kOutside;
+  Vec3i cell = Vec3i::Zero();  // kBox, kSimplex
+  std::uint8_t faces = 0;      // of the cell, that hold the point: bit 2 * axis + side
+  Vec3 p_I = Vec3::Zero();     // on those faces, exactly
+  Carrier carrier;             // kSimplex
+};
+
+// Faces of the neighbour at `offset` for a point on `faces` of this cell.
+std::uint8_t FacesInNeighbour(std::uint8_t faces, const Vec3i& offset);
+
+// The same simplex with the vertex numbers of the neighbour at `offset`; the
+// simplex lies on the shared face.
+Carrier CarrierInNeighbour(const Carrier& carrier, const Vec3i& offset);
+
+// Calls visit(offset) for this cell and every neighbour that holds a point on
+// `faces`.
+template <class Visitor>
+void VisitNeighbours(std::uint8_t faces, Visitor visit) {
+  const auto low = [&](int axis) { return faces >> (2 * axis) & 1 ? -1 : 0; };
+  const auto high = [&](int axis) { return faces >> (2 * axis + 1) & 1 ? 1 : 0; };
+  for (int x = low(0); x <= high(0); ++x) {
+    for (int y = low(1); y <= high(1); ++y) {
+      for (int z = low(2); z <= high(2); ++z) visit(Vec3i(x, y, z));
+    }
+  }
+}
+
+// Finds the simplex of a decomposed cell that holds the point at `local`
+// (index coordinates from d0), known to lie on `faces`.
+Carrier Locate(const HapticCell& cell, const Vec3& local, std::uint8_t faces);
+
+// Piecewise-linear density at the point.
+double DensityAt(const HapticCell& cell, const Carrier& carrier);
+
+// Local index coordinates of the point, exact on the faces that hold it.
+Vec3 LocalPosition(const HapticCell& cell, const Carrier& carrier);
+
+// Faces that hold the whole simplex.
+std::uint8_t FacesOf(const Carrier& carrier);
+
+}  // namespace palpate

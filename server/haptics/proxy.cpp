@@ -1,0 +1,152 @@
+#include "server/haptics/proxy.h"
+
+#include <algorithm>
+
+#include "server/haptics/eject.h"
+#include "server/haptics/moves.h"
+
+namespace palpate {
+namespace {
+
+// A remaining projection shorter than this share of HIP - SCP_H is rounding.
+constexpr double kRestTolerance = 1e-8;
+// Likewise one shorter than this share of a voxel.
+constexpr double kRestTolerancePerVoxel = 1e-11;
+
+bool IsAtRest(const HapticSurface& surface, const Vec3& d_mm, const Vec3& w_mm) {
+  return d_mm.norm() <=
+         std::max(kRestTolerance * w_mm.norm(), kRestTolerancePerVoxel * surface.voxel_mm);
+}
+
+// Puts the proxy at p_D. False where that is inside the object and there is no
+// free space within eject_limit_mm.
+bool PutAt(const HapticSurface& surface, const Vec3& p_D, double eject_limit_mm, Proxy& proxy,
+           CellCache& cache, ProxyStep& step) noexcept {
+  double density = 0.0;
+  proxy.place = PlaceAt(surface, surface.X_ID.Apply(p_D), cache, density);
+  proxy.on_surface = false;
+  if (density <= surface.isovalue) return true;
+  step.mode = ProxyMode::kEjecting;
+  return Eject(surface, proxy.place, proxy.on_surface, cache, step.moves) &&
+         (PlacePosition(surface, proxy.place, cache) - p_D).norm() <= eject_limit_mm;
+}
+
+// Brings the proxy to the surface of this step. False: it is buried.
+bool Refresh(const HapticSurface& surface, const Vec3& p_DHip_mm, double eject_limit_mm,
+             Proxy& proxy, CellCache& cache, ProxyStep& step) noexcept {
+  if (proxy.placed && proxy.geometry_revision == surface.geometry_revision &&
+      proxy.isovalue == surface.isovalue) {
+    return true;
+  }
+  const bool simplex_holds = proxy.placed && proxy.geometry_revision == surface.geometry_revision &&
+                             proxy.place.kind == Place::Kind::kSimplex;
+  const Vec3 from = proxy.placed ? proxy.p_DH_mm : p_DHip_mm;
+  proxy.placed = true;
+  proxy.geometry_revision = surface.geometry_revision;
+  proxy.isovalue = surface.isovalue;
+  // Only τ changed: the simplex still holds the proxy, to the last bit.
+  if (simplex_holds) {
+    proxy.on_surface = false;
+    if (PlaceDensity(surface, proxy.place, cache) <= surface.isovalue) return true;
+    step.mode = ProxyMode::kEjecting;
+    return Eject(surface, proxy.place, proxy.on_surface, cache, step.moves) &&
+           (PlacePosition(surface, proxy.place, cache) - from).norm() <= eject_limit_mm;
+  }
+  return PutAt(surface, from, eject_limit_mm, proxy, cache, step);
+}
+
+// Nothing is felt until the HIP itself is in free space.
+ProxyStep StepBuried(const HapticSurface& surface, const Vec3& p_DHip_mm, Proxy& proxy,
+                     CellCache& cache) noexcept {
+  ProxyStep step;
+  proxy.geometry_revision = surface.geometry_revision;
+  proxy.isovalue = surface.isovalue;
+  proxy.place = PlaceAt(surface, surface.X_ID.Apply(p_DHip_mm), cache, step.density);
+  proxy.on_surface = false;
+  proxy.p_DH_mm = step.p_DH_mm = p_DHip_mm;
+  proxy.buried = step.density > surface.isovalue;
+  if (proxy.buried) step.mode = ProxyMode::kEjecting;
+  return step;
+}
+
+// Moves until at rest or out of moves.
+void Advance(const HapticSurface& surface, const Vec3& p_DHip_mm, Proxy& proxy, CellCache& cache,
+             ProxyStep& step) noexcept {
+  const Vec3 p_IHip = surface.X_ID.Apply(p_DHip_mm);
+  for (;;) {
+    if (step.moves >= kMaxProxyMoves) {
+      step.capped = true;
+      return;
+    }
+    if (proxy.place.kind == Place::Kind::kOutside) {
+      MoveOutside(surface, p_IHip, proxy.place);
+      ++step.moves;
+      if (proxy.place.kind == Place::Kind::kOutside) return;
+      continue;
+    }
+    const Vec3 w_mm = p_DHip_mm - PlacePosition(surface, proxy.place, cache);
+    const Candidate best = BestDirection(surface, proxy.place, proxy.on_surface, w_mm, cache);
+    if (best.kind == Candidate::Kind::kNone || IsAtRest(surface, best.d_mm, w_mm)) return;
+    ++step.moves;
+    switch (best.kind) {
+      case Candidate::Kind::kOutside:
+        MoveOut(surface, best, p_IHip, proxy.place);
+        proxy.on_surface = false;
+        return;
+      case Candidate::Kind::kBox:
+        MoveInBox(surface, best, proxy.place);
+        proxy.on_surface = false;
+        break;
+      case Candidate::Kind::kTetrahedron:
+        MoveInTetrahedron(surface, best, false, proxy.place, proxy.on_surface, cache);
+        break;
+      case Candidate::Kind::kNone:
+        break;
+    }
+  }
+}
+
+// The facet of H through a proxy that rests on it without load.
+Vec3 FacetNormal(const HapticSurface& surface, const Proxy& proxy, CellCache& cache) noexcept {
+  const HapticCell& cell = cache.Decomposed(surface, proxy.place.cell);
+  const std::uint16_t mask = proxy.place.carrier.Mask();
+  for (int t = 0; t < cell.parts.complex->tetrahedron_count; ++t) {
+    if ((cell.parts.complex->vertex_mask[t] & mask) != mask) continue;
+    const Vec3 gradient = TetrahedronGradients(cell, t).density;
+    if (gradient.norm() > 0.0) return -gradient.normalized();
+  }
+  return Vec3::Zero();
+}
+
+}  // namespace
+
+ProxyStep StepProxy(const HapticSurface& surface, const Vec3& p_DHip_mm, double eject_limit_mm,
+                    Proxy& proxy, CellCache& cache) noexcept {
+  if (proxy.buried) return StepBuried(surface, p_DHip_mm, proxy, cache);
+  ProxyStep step;
+  if (!Refresh(surface, p_DHip_mm, eject_limit_mm, proxy, cache, step)) {
+    proxy.buried = true;
+    return StepBuried(surface, p_DHip_mm, proxy, cache);
+  }
+  Advance(surface, p_DHip_mm, proxy, cache, step);
+  step.p_DH_mm = proxy.p_DH_mm = PlacePosition(surface, proxy.place, cache);
+  step.density = PlaceDensity(surface, proxy.place, cache);
+  if (proxy.on_surface) {
+    const Vec3 push = step.p_DH_mm - p_DHip_mm;
+    step.normal_D = push.norm() > kRestTolerancePerVoxel * surface.voxel_mm
+                        ? push.normalized()
+                        : FacetNormal(surface, proxy, cache);
+    if (step.mode == ProxyMode::kFree) step.mode = ProxyMode::kConstrained;
+  }
+  return step;
+}
+
+double RestResidual(const HapticSurface& surface, const Vec3& p_DHip_mm, const Proxy& proxy,
+                    CellCache& cache) noexcept {
+  if (proxy.place.kind == Place::Kind::kOutside) return 0.0;
+  const Vec3 w_mm = p_DHip_mm - PlacePosition(surface, proxy.place, cache);
+  const Candidate best = BestDirection(surface, proxy.place, proxy.on_surface, w_mm, cache);
+  return w_mm.norm() > 0.0 ? best.d_mm.norm() / w_mm.norm() : 0.0;
+}
+
+}  // namespace palpate

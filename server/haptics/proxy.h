@@ -1,0 +1,71 @@
+// The proxy SCP_H: a point that follows the stylus and never enters the object.
+//
+// Each step moves the proxy towards the HIP through the tetrahedra of the
+// decomposed volume. In every tetrahedron and free cell that holds the proxy,
+// HIP - SCP_H is projected on the cone of directions that stay inside it and,
+// where the proxy rests on H, on the free side of H; the longest projection is
+// followed to a face, to H, or to its end, until no projection is left. Free
+// and constrained mode are this one rule.
+//
+// Holds at every move of every step, whatever the HIP does:
+// - the piecewise-linear density at SCP_H is at most τ (no fall-through), but
+//   while ejecting;
+// - each move starts in the tetrahedron or cell where the last one ended;
+// - a proxy that rests is a local minimum of its distance to the HIP;
+// - the work is bounded; what the bound leaves over is done in the next step.
+// When τ or the data change so that the proxy is inside the object, it is
+// ejecting: moved out down the density gradient, or to the nearest free lattice
+// vertex. Where that is farther than `eject_limit_mm`, it is buried: no surface
+// is felt until the HIP is in free space.
+//
+// Frame: D device (mm) at the interface, cells in index coordinates.
+// Threads: pure; one thread per state. Real-time: no allocation, no locks.
+// Source: Corenthy et al., sections 4.1 and 4.2, with the constraints of each
+// tetrahedron kept apart: taken together as half-spaces they hold the proxy at
+// convex edges where it should slide off.
+#pragma once
+
+#include <cstdint>
+
+#include "server/haptics/haptic_surface.h"
+#include "server/haptics/place.h"
+
+namespace palpate {
+
+enum class ProxyMode : std::uint8_t { kFree, kConstrained, kEjecting };
+
+// Moves per step at most.
+inline constexpr int kMaxProxyMoves = 512;
+
+struct Proxy {
+  bool placed = false;
+  bool on_surface = false;
+  bool buried = false;
+  Place place;
+  Vec3 p_DH_mm = Vec3::Zero();
+  // Of the surface that `place` refers to.
+  std::uint64_t geometry_revision = 0;
+  double isovalue = 0.0;
+};
+
+struct ProxyStep {
+  Vec3 p_DH_mm = Vec3::Zero();   // SCP_H
+  Vec3 normal_D = Vec3::Zero();  // of H at SCP_H towards free space, unit; zero without contact.
+                                 // On an edge or vertex of H: the direction it pushes in.
+  ProxyMode mode = ProxyMode::kFree;
+  double density = 0.0;  // normalised; trilinear in a cell that τ does not cross
+  int moves = 0;
+  bool capped = false;  // the bound on moves bit
+};
+
+// One step towards p_DHip_mm (finite). `cache` holds no state of its own.
+ProxyStep StepProxy(const HapticSurface& surface, const Vec3& p_DHip_mm, double eject_limit_mm,
+                    Proxy& proxy, CellCache& cache) noexcept;
+
+// Whether a proxy at rest is a local minimum: for tests, and for showing that a
+// force above the expected one is due to the surface. Returns the greatest
+// approach to the HIP per length still possible, 0 at a minimum, 1 in free space.
+double RestResidual(const HapticSurface& surface, const Vec3& p_DHip_mm, const Proxy& proxy,
+                    CellCache& cache) noexcept;
+
+}  // namespace palpate

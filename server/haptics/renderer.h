@@ -1,0 +1,44 @@
+// One haptic update: stylus position in, proxies and force out.
+//
+// Frame: D (mm, N). Threads: pure; one thread per state.
+// Real-time: no allocation, no locks; bounded by the bounds of the proxy.
+#pragma once
+
+#include "server/haptics/haptic_surface.h"
+#include "server/haptics/proxy.h"
+#include "server/haptics/visual_proxy.h"
+
+namespace palpate {
+
+struct HapticSettings {
+  double stiffness_n_per_mm = 0.5;  // per mm of device motion into the surface
+  double damping_n_s_per_m = 1.0;   // against motion along the surface's normal, in contact
+};
+
+inline constexpr double kMaxStiffnessNPerMm = 3.0;
+inline constexpr double kMaxDampingNSPerM = 5.0;
+
+// A surface that would need more than this force to be felt is not pulled to
+// when the proxy is brought out of the object.
+inline constexpr double kEjectForceLimitN = 3.3;
+
+struct RendererState {
+  Proxy proxy;
+  CellCache cache;
+  bool has_hip = false;
+  Vec3 p_DHip_mm = Vec3::Zero();          // last accepted
+  Vec3 velocity_mm_per_s = Vec3::Zero();  // of the HIP, low-passed
+};
+
+struct HapticOutput {
+  Vec3 p_DHip_mm = Vec3::Zero();  // the HIP used: the last good one where the input was not finite
+  ProxyStep proxy;
+  VisualProxy visual;
+  Vec3 force_D_n = Vec3::Zero();  // k (SCP_H - HIP) with damping; not limited yet
+  bool input_rejected = false;
+};
+
+HapticOutput StepRenderer(const HapticSurface& surface, const HapticSettings& settings,
+                          const Vec3& p_DHip_mm, double dt_s, RendererState& state) noexcept;
+
+}  // namespace palpate

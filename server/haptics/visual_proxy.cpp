@@ -1,0 +1,221 @@
+#include "server/haptics/visual_proxy.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "server/haptics/moves.h"
+
+namespace palpate {
+namespace {
+
+// A density this close to τ, as a share of the range, is on V.
+constexpr double kOnSurface = 1e-12;
+// Likewise where the line only touches V.
+constexpr double kTangent = 1e-9;
+// Roots are refined to this many voxels.
+constexpr double kRootTolerance = 1e-10;
+constexpr int kMaxRefinements = 80;
+constexpr int kMaxCells = 24;
+
+// Covector of the index frame as a direction in D.
+Vec3 CovectorToDevice(const HapticSurface& surface, const Vec3& gradient_I) {
+  return surface.X_ID.linear.transpose() * gradient_I;
+}
+
+struct Corner {
+  Vec3 local;
+  Vec3 normal_D;  // down the density, unit
+};
+
+// Corners of H's triangle or quadrilateral in a tetrahedron, in cyclic order.
+int SurfacePiece(const HapticSurface& surface, const HapticCell& cell, int tetrahedron,
+                 std::array<Corner, 4>& corners) {
+  const auto& vertices = cell.parts.complex->vertices[tetrahedron];
+  int above[4], below[4], above_count = 0, below_count = 0;
+  for (int v : vertices) {
+    if (cell.parts.density[v] > surface.isovalue) {
+      above[above_count++] = v;
+    } else {
+      below[below_count++] = v;
+    }
+  }
+  const Trilinear f(cell.densities);
+  int count = 0;
+  for (int a = 0; a < above_count; ++a) {
+    for (int n = 0; n < below_count; ++n) {
+      // Every second round backwards keeps the order cyclic.
+      const int b = a % 2 == 0 ? n : below_count - 1 - n;
+      const double high = cell.parts.density[above[a]], low = cell.parts.density[below[b]];
+      const double t = (surface.isovalue - low) / (high - low);
+      Corner& corner = corners[count++];
+      corner.local = cell.parts.position[below[b]] +
+                     t * (cell.parts.position[above[a]] - cell.parts.position[below[b]]);
+      corner.normal_D = -CovectorToDevice(surface, f.Gradient(corner.local)).normalized();
+    }
+  }
+  return count;
+}
+
+// Barycentric weights of p in a triangle; p lies in its plane up to rounding.
+Vec3 TriangleWeights(const Vec3& a, const Vec3& b, const Vec3& c, const Vec3& p) {
+  const Vec3 normal = (b - a).cross(c - a);
+  const double area2 = normal.squaredNorm();
+  const double v = (p - a).cross(c - a).dot(normal) / area2;
+  const double w = (b - a).cross(p - a).dot(normal) / area2;
+  return {1.0 - v - w, v, w};
+}
+
+Vec3 InterpolatedNormal(const std::array<Corner, 4>& corners, int count, const Vec3& local) {
+  Vec3 best_normal = Vec3::Zero();
+  double best = -1e300;
+  for (int n = 1; n + 1 < count; ++n) {
+    const Corner &a = corners[0], &b = corners[n], &c = corners[n + 1];
+    const Vec3 weights = TriangleWeights(a.local, b.local, c.local, local);
+    if (!weights.allFinite() || weights.minCoeff() <= best) continue;
+    best = weights.minCoeff();
+    const Vec3 w = weights.cwiseMax(0.0).cwiseMin(1.0);
+    best_normal = w[0] * a.normal_D + w[1] * b.normal_D + w[2] * c.normal_D;
+  }
+  return best_normal;
+}
+
+// n_E at the proxy; the facet's own normal where the interpolated one vanishes.
+Vec3 LineDirection(const HapticSurface& surface, const Place& place, const HapticCell& cell) {
+  const std::uint16_t mask = place.carrier.Mask();
+  const TetrahedralComplex& complex = *cell.parts.complex;
+  Vec3 facet = Vec3::Zero();
+  for (int t = 0; t < complex.tetrahedron_count; ++t) {
+    if ((complex.vertex_mask[t] & mask) != mask) continue;
+    std::array<Corner, 4> corners;
+    const int count = SurfacePiece(surface, cell, t, corners);
+    if (count < 3) continue;
+    const Vec3 normal = InterpolatedNormal(corners, count, LocalPosition(cell, place.carrier));
+    if (normal.allFinite() && normal.norm() > 1e-6) return normal.normalized();
+    facet = -TetrahedronGradients(cell, t).density;
+  }
+  return facet.norm() > 0.0 ? Vec3(facet.normalized()) : facet;
+}
+
+// F - τ along p + s u within a cell.
+struct LineCubic {
+  double c0, c1, c2, c3;
+
+  LineCubic(const Trilinear& f, const Vec3& p, const Vec3& u, double isovalue)
+      : c0(f.Value(p) - isovalue),
+        c1(f.Gradient(p).dot(u)),
+        c2(f.epsilon * u.x() * u.y() + f.eta * u.x() * u.z() + f.nu * u.y() * u.z() +
+           f.rho * (p.x() * u.y() * u.z() + p.y() * u.x() * u.z() + p.z() * u.x() * u.y())),
+        c3(f.rho * u.x() * u.y() * u.z()) {}
+
+  double operator()(double s) const { return c0 + s * (c1 + s * (c2 + s * c3)); }
+  double Slope(double s) const { return c1 + s * (2.0 * c2 + s * 3.0 * c3); }
+
+  // Stationary points in (0, end), ascending.
+  int Stationary(double end, double out[2]) const {
+    const double a = 3.0 * c3, b = c2;  // a s² + 2 b s + c1
+    const double discriminant = b * b - a * c1;
+    if (discriminant < 0.0) return 0;
+    const double q = -(b + std::copysign(std::sqrt(discriminant), b));
+    const double roots[2] = {q / a, c1 / q};
+    int count = 0;
+    for (double s : roots) {
+      if (s > 0.0 && s < end) out[count++] = s;  // false for NaN and infinities
+    }
+    if (count == 2 && out[0] > out[1]) std::swap(out[0], out[1]);
+    return count;
+  }
+};
+
+// Root in [a, b] with a change of sign: Newton, kept within the bracket.
+double Refine(const LineCubic& f, double a, double b, double tolerance) {
+  const bool rising = f(b) > 0.0;
+  double s = 0.5 * (a + b);
+  for (int n = 0; n < kMaxRefinements && b - a > tolerance; ++n) {
+    const double value = f(s);
+    if (value == 0.0) return s;
+    ((value > 0.0) == rising ? b : a) = s;
+    double next = s - value / f.Slope(s);
+    if (!(next > a && next < b)) next = 0.5 * (a + b);
+    if (std::abs(next - s) < 0.5 * tolerance) return next;
+    s = next;
+  }
+  return s;
+}
+
+// First root in [0, end]; negative where there is none.
+double FirstRoot(const LineCubic& f, double end, double tolerance) {
+  if (std::abs(f(0.0)) <= kOnSurface) return 0.0;
+  double stop[4] = {0.0};
+  int stops = 1 + f.Stationary(end, stop + 1);
+  const int stationary = stops;
+  stop[stops++] = end;
+  for (int n = 1; n < stops; ++n) {
+    const double before = f(stop[n - 1]), after = f(stop[n]);
+    if (before * after < 0.0) return Refine(f, stop[n - 1], stop[n], tolerance);
+    const double near = n < stationary ? kTangent : kOnSurface;
+    if (std::abs(after) <= near) return stop[n];
+  }
+  return -1.0;
+}
+
+struct Root {
+  double s = -1.0;  // mm along the line; negative: none
+  Vec3 p_I = Vec3::Zero();
+  Vec3 gradient_I = Vec3::Zero();
+};
+
+// Follows p_I + s u_I, s in [0, reach_mm], from `cell`.
+Root FollowLine(const HapticSurface& surface, Vec3i cell, Vec3 p_I, const Vec3& u_I,
+                double reach_mm) {
+  Root root;
+  double travelled = 0.0;
+  for (int n = 0; n < kMaxCells && travelled < reach_mm && surface.volume->HasCell(cell); ++n) {
+    double end = reach_mm - travelled;
+    int axis_out = -1;
+    for (int axis = 0; axis < 3; ++axis) {
+      if (u_I[axis] == 0.0) continue;
+      const double border = cell[axis] + (u_I[axis] > 0.0 ? 1.0 : 0.0);
+      const double s = std::max(0.0, (border - p_I[axis]) / u_I[axis]);
+      if (s < end) end = s, axis_out = axis;
+    }
+    const Trilinear f(surface.volume->StoredCell(cell));
+    const Vec3 local = p_I - cell.cast<double>();
+    const LineCubic cubic(f, local, u_I, surface.isovalue);
+    const double s = FirstRoot(cubic, end, kRootTolerance / u_I.norm());
+    if (s >= 0.0) {
+      root.s = travelled + s;
+      root.p_I = p_I + s * u_I;
+      root.gradient_I = f.Gradient(local + s * u_I);
+      return root;
+    }
+    if (axis_out < 0) break;
+    travelled += end;
+    p_I += end * u_I;
+    p_I[axis_out] = cell[axis_out] + (u_I[axis_out] > 0.0 ? 1.0 : 0.0);
+    cell[axis_out] += u_I[axis_out] > 0.0 ? 1 : -1;
+  }
+  return root;
+}
+
+}  // namespace
+
+VisualProxy FindVisualProxy(const HapticSurface& surface, const Place& place,
+                            CellCache& cache) noexcept {
+  VisualProxy visual;
+  const HapticCell& cell = cache.Decomposed(surface, place.cell);
+  const Vec3 n_E = LineDirection(surface, place, cell);
+  if (n_E.isZero()) return visual;
+  const Vec3 u_I = surface.X_ID.linear * n_E;
+  const double reach_mm = kVisualReachVoxels * surface.X_DI.linear.colwise().norm().maxCoeff();
+  const Root out = FollowLine(surface, place.cell, place.p_I, u_I, reach_mm);
+  const Root in = FollowLine(surface, place.cell, place.p_I, -u_I, reach_mm);
+  if (out.s < 0.0 && in.s < 0.0) return visual;
+  const Root& root = in.s < 0.0 || (out.s >= 0.0 && out.s <= in.s) ? out : in;
+  visual.found = true;
+  visual.p_DV_mm = surface.X_DI.Apply(root.p_I);
+  const Vec3 gradient = CovectorToDevice(surface, root.gradient_I);
+  visual.normal_D = gradient.norm() > 0.0 ? Vec3(-gradient.normalized()) : n_E;
+  return visual;
+}
+
+}  // namespace palpate

@@ -1,0 +1,31 @@
+// The visual proxy SCP_V: where viewers draw the contact on the trilinear
+// isosurface V that they show, while the stylus feels H.
+//
+// SCP_V is where the line through SCP_H along n_E meets V next to SCP_H; n_E is
+// interpolated from the normals of V's density at the corners of the piece of H
+// that holds SCP_H. On that line the density is a cubic in every cell; the line
+// is followed both ways across cells.
+//
+// Frame: D (mm). Threads: pure. Real-time: no allocation, bounded.
+// Source: Corenthy et al., section 4.3. Never used for the force.
+#pragma once
+
+#include "server/haptics/haptic_surface.h"
+#include "server/haptics/place.h"
+
+namespace palpate {
+
+// How far from SCP_H the line is followed each way, in longest voxel edges.
+inline constexpr double kVisualReachVoxels = 4.0;
+
+struct VisualProxy {
+  bool found = false;  // false: no root within reach
+  Vec3 p_DV_mm = Vec3::Zero();
+  Vec3 normal_D = Vec3::Zero();  // of V, towards lower density, unit
+};
+
+// `place`: a proxy on H (a simplex).
+VisualProxy FindVisualProxy(const HapticSurface& surface, const Place& place,
+                            CellCache& cache) noexcept;
+
+}  // namespace palpate

@@ -1,0 +1,190 @@
+#include "server/import/data_check.h"
+
+#include <unistd.h>
+#include <zlib.h>
+
+#include <algorithm>
+#include <fstream>
+#include <vector>
+
+#include "server/import/meta_image_header.h"
+#include "server/import/nifti_header.h"
+#include "server/import/nrrd_header.h"
+
+namespace palpate {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::size_t kLongestTextHeader = 1 << 20;
+constexpr std::size_t kChunk = 1 << 18;
+
+// Inflates a part of a file, gzip (also several members in a row) or zlib.
+class Inflater {
+ public:
+  Inflater(std::ifstream* in, std::int64_t begin, std::int64_t length)
+      : in_(in), left_(length), input_(kChunk) {
+    in_->seekg(begin);
+    // 32: gzip or zlib, as the data say.
+    if (inflateInit2(&stream_, 15 + 32) != Z_OK) throw std::bad_alloc();
+  }
+  ~Inflater() { inflateEnd(&stream_); }
+  Inflater(const Inflater&) = delete;
+  Inflater& operator=(const Inflater&) = delete;
+
+  // Fills `out` as far as there are data; refuses damaged ones.
+  std::size_t Read(char* out, std::size_t count) {
+    stream_.next_out = reinterpret_cast<Bytef*>(out);
+    stream_.avail_out = static_cast<uInt>(count);
+    while (stream_.avail_out > 0 && !ended_) {
+      if (stream_.avail_in == 0 && !Refill()) {
+        Refuse("the compressed data end too early; the file is truncated");
+      }
+      const int result = inflate(&stream_, Z_NO_FLUSH);
+      if (result == Z_STREAM_END) {
+        ended_ = !StartNextMember();
+      } else if (result != Z_OK && result != Z_BUF_ERROR) {
+        Refuse("the compressed data are damaged; copy or download the file again");
+      }
+    }
+    return count - stream_.avail_out;
+  }
+
+ private:
+  bool Refill() {
+    const auto wanted = std::min<std::int64_t>(left_, static_cast<std::int64_t>(input_.size()));
+    in_->read(input_.data(), wanted);
+    stream_.next_in = reinterpret_cast<Bytef*>(input_.data());
+    stream_.avail_in = static_cast<uInt>(in_->gcount());
+    left_ -= in_->gcount();
+    in_->clear();
+    return stream_.avail_in > 0;
+  }
+
+  bool StartNextMember() {
+    constexpr Bytef kGzipStart = 0x1f;
+    if (stream_.avail_in == 0 && !Refill()) return false;
+    return *stream_.next_in == kGzipStart && inflateReset(&stream_) == Z_OK;
+  }
+
+  std::ifstream* in_;
+  std::int64_t left_;
+  std::vector<char> input_;
+  z_stream stream_{};
+  bool ended_ = false;
+};
+
+std::ifstream Open(const fs::path& path) {
+  CheckReadable(path);
+  std::ifstream in(path, std::ios::binary);
+  if (!in) Refuse("the file cannot be opened");
+  return in;
+}
+
+std::string ReadHead(const fs::path& path, std::size_t count) {
+  std::ifstream in = Open(path);
+  std::string head(count, '\0');
+  in.read(head.data(), static_cast<std::streamsize>(count));
+  head.resize(static_cast<std::size_t>(in.gcount()));
+  return head;
+}
+
+bool IsDeflated(std::string_view head) { return head.starts_with("\x1f\x8b"); }
+
+ImageHeader ReadNiftiHeader(const fs::path& path) {
+  std::string head = ReadHead(path, kNiftiHeaderBytes);
+  const bool compressed = IsDeflated(head);
+  // nifti_clib decides by the name.
+  if (compressed != (Lower(path.extension().string()) == ".gz")) {
+    Refuse(compressed ? "the data are compressed; name the file .nii.gz"
+                      : "the data are not compressed; name the file .nii");
+  }
+  if (compressed) {
+    std::ifstream in = Open(path);
+    Inflater inflater(&in, 0, static_cast<std::int64_t>(fs::file_size(path)));
+    head.assign(kNiftiHeaderBytes, '\0');
+    head.resize(inflater.Read(head.data(), head.size()));
+  }
+  ImageHeader header = ParseNiftiHeader(head);
+  header.compressed = compressed;
+  return header;
+}
+
+ImageHeader ReadHeader(const fs::path& path, ImageFormat format) {
+  if (fs::file_size(path) == 0) Refuse("the file is empty");
+  if (format == ImageFormat::kNifti) return ReadNiftiHeader(path);
+  const std::string head = ReadHead(path, kLongestTextHeader);
+  return format == ImageFormat::kNrrd ? ParseNrrdHeader(head, head.size() < kLongestTextHeader)
+                                      : ParseMetaImageHeader(head);
+}
+
+[[noreturn]] void RefuseLength(std::int64_t present, std::int64_t needed) {
+  Refuse("there are " + std::to_string(present) + " bytes of voxels where the header needs " +
+         std::to_string(needed) +
+         (present < needed ? "; the file is truncated" : "; the header does not fit the data"));
+}
+
+void CheckCompressed(const fs::path& path, std::int64_t length, const ImageHeader& header,
+                     std::int64_t needed) {
+  std::ifstream in = Open(path);
+  Inflater inflater(&in, header.begin, length);
+  std::vector<char> sink(kChunk);
+  std::int64_t present = 0;
+  for (;;) {
+    const auto count = static_cast<std::int64_t>(inflater.Read(sink.data(), sink.size()));
+    present += count;
+    if (count == 0) break;
+    // The end of the stream carries its checksum; but a bomb is not read to its end.
+    if (present > needed && !header.may_be_longer) RefuseLength(present, needed);
+    if (present > 2 * needed + (1 << 20)) break;
+  }
+  if (present < needed) RefuseLength(present - std::min(present, header.skip_bytes), needed - header.skip_bytes);
+}
+
+void CheckData(const fs::path& path, const ImageHeader& header, std::int64_t voxel_bytes) {
+  const fs::path data = header.data_file.empty() ? path : path.parent_path() / header.data_file;
+  if (!header.data_file.empty() && !fs::exists(data)) {
+    throw Error(ErrorKind::kNotFound, "the data file " + Quoted(header.data_file) +
+                                          " is missing; put it into the header's folder");
+  }
+  CheckReadable(data);
+  const std::int64_t length = static_cast<std::int64_t>(fs::file_size(data)) - header.begin;
+  const bool at_end = header.skip_bytes == ImageHeader::kVoxelsAtEnd;
+  std::int64_t needed = 0;
+  if (__builtin_add_overflow(voxel_bytes, at_end ? 0 : header.skip_bytes, &needed)) {
+    Refuse("the header skips more bytes than a file can have; correct it");
+  }
+  if (!header.compressed) {
+    if (length < needed) RefuseLength(std::max<std::int64_t>(length - (needed - voxel_bytes), 0), voxel_bytes);
+    return;
+  }
+  if (header.compressed_bytes > length) RefuseLength(length, header.compressed_bytes);
+  const bool whole = header.compressed_bytes == ImageHeader::kToFileEnd;
+  CheckCompressed(data, whole ? length : header.compressed_bytes, header, needed);
+}
+
+}  // namespace
+
+void CheckReadable(const fs::path& path) {
+  std::error_code error;
+  const fs::file_status status = fs::status(path, error);
+  if (status.type() == fs::file_type::not_found) {
+    throw Error(ErrorKind::kNotFound, "there is no such file; check its name");
+  }
+  if (error == std::errc::permission_denied || access(path.c_str(), R_OK) != 0) {
+    throw Error(ErrorKind::kPermissionDenied,
+                "the file may not be read; give this user the permission");
+  }
+  if (error) Refuse("the file cannot be read: " + error.message());
+  if (status.type() != fs::file_type::regular) Refuse("this is not a regular file");
+}
+
+ImageHeader ReadCheckedHeader(const fs::path& path, ImageFormat format,
+                              const ImportLimits& limits) {
+  CheckReadable(path);
+  const ImageHeader header = ReadHeader(path, format);
+  CheckData(path, header, CheckedVoxelBytes(header.size, ByteCount(header.type), limits));
+  return header;
+}
+
+}  // namespace palpate

@@ -1,0 +1,69 @@
+#include "server/import/dense_volume.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <limits>
+#include <string>
+#include <utility>
+
+#include <openvdb/openvdb.h>
+#include <openvdb/tools/Dense.h>
+
+#include "common/error/error.h"
+#include "server/volume/volume_file.h"
+
+namespace palpate {
+namespace {
+
+void SetRange(DenseVolume* volume, Reporter* reporter) {
+  float* const begin = volume->voxels.get();
+  float* const end = begin + volume->metadata.size.cast<std::int64_t>().prod();
+  float least = std::numeric_limits<float>::infinity();
+  float greatest = -least;
+  std::int64_t odd = 0;
+  for (const float* voxel = begin; voxel != end; ++voxel) {
+    if (!std::isfinite(*voxel)) {
+      ++odd;
+      continue;
+    }
+    least = std::min(least, *voxel);
+    greatest = std::max(greatest, *voxel);
+  }
+  if (odd == end - begin) {
+    throw Error(ErrorKind::kInvalidArgument,
+                "no voxel is a finite number of float range; there is nothing to feel");
+  }
+  if (odd > 0) {
+    std::replace_if(begin, end, [](float value) { return !std::isfinite(value); }, least);
+    reporter->Warn(std::to_string(odd) +
+                   " voxels are not finite numbers of float range; they got the least value " +
+                   std::to_string(least));
+  }
+  volume->metadata.value_min = least;
+  volume->metadata.value_max = greatest;
+}
+
+}  // namespace
+
+void FinishVolume(DenseVolume volume, const std::optional<Vec3>& spacing_mm,
+                  const std::filesystem::path& output, Reporter* reporter) {
+  reporter->Progress(0.6, "converting");
+  VolumeMetadata& metadata = volume.metadata;
+  if (spacing_mm) metadata.spacing_mm = *spacing_mm;
+  SetRange(&volume, reporter);
+  CheckVolumeMetadata(metadata);
+
+  const openvdb::CoordBBox box({0, 0, 0},
+                               {metadata.size.x() - 1, metadata.size.y() - 1, metadata.size.z() - 1});
+  const auto grid = openvdb::FloatGrid::create(static_cast<float>(metadata.value_min));
+  const openvdb::tools::Dense<float, openvdb::tools::LayoutXYZ> dense(box, volume.voxels.get());
+  openvdb::tools::copyFromDense(dense, *grid, /*tolerance=*/0.0f);
+  volume.voxels.reset();
+
+  reporter->Progress(0.8, "writing");
+  WriteVolumeFile(output, *grid, metadata);
+  reporter->Progress(1.0, "done");
+}
+
+}  // namespace palpate

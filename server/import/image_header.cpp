@@ -1,0 +1,164 @@
+#include "server/import/image_header.h"
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <filesystem>
+#include <limits>
+
+namespace palpate {
+
+int ByteCount(ScalarType type) {
+  switch (type) {
+    case ScalarType::kInt8:
+    case ScalarType::kUint8: return 1;
+    case ScalarType::kInt16:
+    case ScalarType::kUint16: return 2;
+    case ScalarType::kInt32:
+    case ScalarType::kUint32:
+    case ScalarType::kFloat32: return 4;
+    case ScalarType::kFloat64: return 8;
+  }
+  return 8;
+}
+
+const char* Name(ScalarType type) {
+  switch (type) {
+    case ScalarType::kInt8: return "int8";
+    case ScalarType::kUint8: return "uint8";
+    case ScalarType::kInt16: return "int16";
+    case ScalarType::kUint16: return "uint16";
+    case ScalarType::kInt32: return "int32";
+    case ScalarType::kUint32: return "uint32";
+    case ScalarType::kFloat32: return "float32";
+    case ScalarType::kFloat64: return "float64";
+  }
+  return "";
+}
+
+void Refuse(const std::string& message) { throw Error(ErrorKind::kInvalidArgument, message); }
+
+std::array<std::int64_t, 3> VolumeSize(const std::vector<std::int64_t>& axes) {
+  std::string listed;
+  for (const std::int64_t axis : axes) {
+    listed += (listed.empty() ? "" : "x") + std::to_string(axis);
+    if (axis < 1) Refuse("size " + std::to_string(axis) + " of an axis; correct the header");
+  }
+  if (axes.size() < 3) {
+    Refuse("the image has " + std::to_string(axes.size()) + " axes (" + listed +
+           "); a volume needs three");
+  }
+  if (std::any_of(axes.begin() + 3, axes.end(), [](std::int64_t axis) { return axis > 1; })) {
+    Refuse("the image has more than three axes (" + listed + "); extract one volume of it first");
+  }
+  for (int k = 0; k < 3; ++k) {
+    if (axes[k] < 2) {
+      Refuse("the volume is " + listed + " voxels; every axis needs at least two");
+    }
+  }
+  return {axes[0], axes[1], axes[2]};
+}
+
+std::int64_t CheckedVoxelBytes(const std::array<std::int64_t, 3>& size, int bytes_per_voxel,
+                               const ImportLimits& limits) {
+  const std::string listed = std::to_string(size[0]) + "x" + std::to_string(size[1]) + "x" +
+                             std::to_string(size[2]) + " voxels";
+  std::int64_t voxels = 0;
+  const bool overflow = __builtin_mul_overflow(size[0], size[1], &voxels) ||
+                        __builtin_mul_overflow(voxels, size[2], &voxels);
+  constexpr std::int64_t kLongestAxis = std::numeric_limits<std::int32_t>::max() / 2;
+  if (overflow || voxels > limits.max_voxels || *std::max_element(size.begin(), size.end()) > kLongestAxis) {
+    throw Error(ErrorKind::kTooLarge, listed + " are more than the limit of " +
+                                          std::to_string(limits.max_voxels) +
+                                          " voxels; crop or resample the volume");
+  }
+  // At the peak there are the file's voxels beside the floats made of them, or
+  // these floats (4 bytes) beside the tree (4.2 bytes).
+  const int peak = std::max(bytes_per_voxel + 4, 9);
+  std::int64_t memory = 0;
+  if (__builtin_mul_overflow(voxels, peak, &memory) || memory > limits.max_memory_bytes) {
+    throw Error(ErrorKind::kTooLarge,
+                listed + " need about " + std::to_string(voxels / (1 << 20) * peak) +
+                    " MiB of memory, the limit is " +
+                    std::to_string(limits.max_memory_bytes >> 20) +
+                    " MiB; crop or resample the volume, or raise the limit");
+  }
+  return voxels * bytes_per_voxel;
+}
+
+void CheckSpacing(double spacing) {
+  if (!std::isfinite(spacing) || spacing <= 0.0) {
+    Refuse("the voxel spacing " + std::to_string(spacing) +
+           " is not a positive number; correct the header");
+  }
+}
+
+void CheckDataFileName(const std::string& name) {
+  const std::filesystem::path path(name);
+  const bool climbs = std::any_of(path.begin(), path.end(),
+                                  [](const std::filesystem::path& part) { return part == ".."; });
+  if (name.empty() || path.is_absolute() || climbs || name.find('\0') != std::string::npos) {
+    Refuse("the data file " + Quoted(name) +
+           " lies outside of the header's folder; put both into one folder and name it without one");
+  }
+}
+
+std::string_view Trim(std::string_view text) {
+  constexpr std::string_view kBlank = " \t\r\n\v\f";
+  const std::size_t first = text.find_first_not_of(kBlank);
+  if (first == std::string_view::npos) return {};
+  return text.substr(first, text.find_last_not_of(kBlank) - first + 1);
+}
+
+std::string Lower(std::string_view text) {
+  std::string lower(text);
+  for (char& c : lower) {
+    if (c >= 'A' && c <= 'Z') c = static_cast<char>(c - 'A' + 'a');
+  }
+  return lower;
+}
+
+std::vector<std::string_view> Words(std::string_view text) {
+  std::vector<std::string_view> words;
+  for (text = Trim(text); !text.empty(); text = Trim(text)) {
+    const std::string_view word = text.substr(0, text.find_first_of(" \t\r\n\v\f"));
+    words.push_back(word);
+    text.remove_prefix(word.size());
+  }
+  return words;
+}
+
+namespace {
+
+template <typename Number>
+Number Parse(std::string_view word, std::string_view what) {
+  std::string_view digits = word;
+  if (digits.size() > 1 && digits[0] == '+' && digits[1] != '-') digits.remove_prefix(1);
+  Number number{};
+  const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), number);
+  if (error != std::errc() || end != digits.data() + digits.size()) {
+    Refuse("the header's " + std::string(what) + " holds " + Quoted(word) +
+           " where a number belongs; correct the header");
+  }
+  return number;
+}
+
+}  // namespace
+
+std::int64_t ParseInteger(std::string_view word, std::string_view what) {
+  return Parse<std::int64_t>(word, what);
+}
+
+double ParseReal(std::string_view word, std::string_view what) { return Parse<double>(word, what); }
+
+std::string Quoted(std::string_view text) {
+  constexpr std::size_t kLongest = 80;
+  std::string quoted = "'";
+  for (const char c : text.substr(0, kLongest)) {
+    const auto byte = static_cast<unsigned char>(c);
+    quoted += byte < 0x20 || byte >= 0x7f ? '?' : c;
+  }
+  return quoted + (text.size() > kLongest ? "...'" : "'");
+}
+
+}  // namespace palpate

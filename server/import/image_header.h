@@ -1,0 +1,74 @@
+// What the importer must know of a volume file before a library reads it: the
+// size, the scalar type and where the voxels lie. Read by our own parsers, since
+// ITK reports truncated NIfTI and MetaImage files as read, and allocates what a
+// header asks for.
+//
+// Pure values and functions. Any thread. Not for real-time code. Errors:
+// palpate::Error whose what() says "what is wrong; what to do", without the file.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "common/error/error.h"
+
+namespace palpate {
+
+enum class ScalarType { kInt8, kUint8, kInt16, kUint16, kInt32, kUint32, kFloat32, kFloat64 };
+
+int ByteCount(ScalarType type);
+// "int8", ..., "float64".
+const char* Name(ScalarType type);
+
+// The data stream holds `skip_bytes` and then the voxels, x fastest. It starts at
+// `begin` of its file and may be deflated (gzip or zlib) as a whole.
+struct ImageHeader {
+  static constexpr std::int64_t kVoxelsAtEnd = -1;  // as skip_bytes
+  static constexpr std::int64_t kToFileEnd = -1;    // as compressed_bytes
+
+  std::array<std::int64_t, 3> size{};  // voxels along x, y, z, each at least 2
+  ScalarType type = ScalarType::kUint8;
+  std::string data_file;  // a name below the header's folder; empty: the header's own file
+  std::int64_t begin = 0;
+  std::int64_t skip_bytes = 0;
+  bool compressed = false;
+  std::int64_t compressed_bytes = kToFileEnd;
+  bool may_be_longer = false;  // more bytes after the voxels of a deflated stream are in order
+  std::string unit;            // of the values, as the file states it
+};
+
+struct ImportLimits {
+  std::int64_t max_voxels = std::int64_t{1} << 31;
+  std::int64_t max_memory_bytes = std::int64_t{16} << 30;
+};
+
+[[noreturn]] void Refuse(const std::string& message);  // kInvalidArgument
+
+// Takes the axes as a header lists them: three of at least 2 voxels, then only
+// axes of size 1.
+std::array<std::int64_t, 3> VolumeSize(const std::vector<std::int64_t>& axes);
+
+// Bytes of the voxels. Refuses (kTooLarge) what is over the limits, before
+// anything is allocated for it.
+std::int64_t CheckedVoxelBytes(const std::array<std::int64_t, 3>& size, int bytes_per_voxel,
+                               const ImportLimits& limits);
+
+// Refuses a spacing that is not a positive finite number.
+void CheckSpacing(double spacing);
+
+// Refuses a detached data file that is not below the header's own folder.
+void CheckDataFileName(const std::string& name);
+
+// Of the text formats. `what` names the field in the message.
+std::string_view Trim(std::string_view text);
+std::string Lower(std::string_view text);
+std::vector<std::string_view> Words(std::string_view text);
+std::int64_t ParseInteger(std::string_view word, std::string_view what);
+double ParseReal(std::string_view word, std::string_view what);  // NaN and infinity pass
+// Text of the file in a message: shortened, without control characters.
+std::string Quoted(std::string_view text);
+
+}  // namespace palpate

@@ -1,0 +1,169 @@
+// palpate-import: reads a volume file that may be damaged or hostile and writes
+// the .vdb file that the daemon loads. See server/volume/volume_file.h.
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <new>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <CLI/CLI.hpp>
+#include <itkMacro.h>
+#include <itkObject.h>
+
+#include "common/error/error.h"
+#include "server/import/dense_volume.h"
+#include "server/import/readers.h"
+#include "server/import/reporter.h"
+#include "server/import/resource_limits.h"
+
+namespace {
+
+using palpate::ErrorKind;
+using palpate::ExitCode;
+
+struct Options {
+  std::string input;
+  std::string output;
+  std::vector<double> spacing_mm;
+  std::int64_t max_voxels = palpate::ImportLimits{}.max_voxels;
+  std::int64_t max_memory_mib = palpate::ImportLimits{}.max_memory_bytes >> 20;
+  unsigned timeout_s = 300;
+  bool progress = false;
+};
+
+void DefineOptions(CLI::App* app, Options* options) {
+  app->description(
+      "Reads a volume and writes it as OpenVDB for palpated.\n\n"
+      "INPUT is one of: NRRD (.nrrd, .nhdr; raw or gzip), MetaImage (.mha, .mhd), NIfTI-1 (.nii,\n"
+      ".nii.gz), OpenVDB (.vdb with one scalar grid), or a folder with a DICOM series. Voxels are\n"
+      "8, 16 or 32 bit integers, float or double, and become 32 bit floats (integers beyond 2^24\n"
+      "are rounded). Three axes of at least 2 voxels; lengths are in mm, the frame is LPS.");
+  app->footer(
+      "Exit codes: 0 written; 2 wrong usage; 3 not a volume, damaged or not supported; 4 not found;\n"
+      "5 permission denied; 6 over a limit; 8 cannot write; 1 any other failure.\n"
+      "Example: palpate-import head.nii.gz head.vdb --max-memory-mib 4096");
+  app->add_option("INPUT", options->input, "Volume file, or folder of a DICOM series")->required();
+  app->add_option("OUTPUT", options->output, "File to write; replaced if it is there")->required();
+  app->add_option("--spacing-mm", options->spacing_mm,
+                  "Distance of voxels along x,y,z in mm, instead of the file's")
+      ->delimiter(',')
+      ->expected(3)
+      ->type_name("X,Y,Z");
+  app->add_option("--max-voxels", options->max_voxels, "Refuse larger volumes")
+      ->check(CLI::PositiveNumber)
+      ->type_name("N")
+      ->capture_default_str();
+  app->add_option("--max-memory-mib", options->max_memory_mib,
+                  "Refuse what needs more memory, in MiB (9 to 12 bytes per voxel)")
+      ->check(CLI::Range(std::int64_t{1}, std::int64_t{1} << 30))
+      ->type_name("N")
+      ->capture_default_str();
+  app->add_option("--timeout-s", options->timeout_s, "Give up after this many seconds")
+      ->check(CLI::Range(1u, 1000000u))
+      ->type_name("N")
+      ->capture_default_str();
+  app->add_flag("--progress", options->progress,
+                "Lines 'progress FRACTION STAGE' on stdout, FRACTION from 0 to 1");
+}
+
+// "CT/" and "CT" are the same folder.
+std::string SourceName(const std::filesystem::path& input) {
+  std::error_code error;
+  const std::filesystem::path full = std::filesystem::absolute(input, error).lexically_normal();
+  return (full.has_filename() ? full : full.parent_path()).filename().string();
+}
+
+palpate::DenseVolume Read(const std::filesystem::path& input, const palpate::ImportLimits& limits,
+                          palpate::Reporter* reporter) {
+  using palpate::ImageFormat;
+  std::error_code error;
+  if (std::filesystem::is_directory(input, error)) {
+    return palpate::ReadDicomVolume(input, limits, reporter);
+  }
+  palpate::CheckReadable(input);
+  const std::string name = palpate::Lower(input.filename().string());
+  const auto ends = [&name](std::string_view ending) { return name.ends_with(ending); };
+  if (ends(".vdb")) return palpate::ReadVdbVolume(input, limits, reporter);
+  if (ends(".nrrd") || ends(".nhdr")) {
+    return palpate::ReadItkVolume(input, ImageFormat::kNrrd, limits, reporter);
+  }
+  if (ends(".mha") || ends(".mhd")) {
+    return palpate::ReadItkVolume(input, ImageFormat::kMetaImage, limits, reporter);
+  }
+  if (ends(".nii") || ends(".nii.gz")) {
+    return palpate::ReadItkVolume(input, ImageFormat::kNifti, limits, reporter);
+  }
+  if (ends(".dcm")) palpate::Refuse("this is one slice; give the folder of the DICOM series");
+  palpate::Refuse(
+      "the format is not known by its name; use .nrrd, .nhdr, .mha, .mhd, .nii, .nii.gz, .vdb or "
+      "the folder of a DICOM series");
+}
+
+void Import(const Options& options, palpate::Reporter* reporter) {
+  std::optional<palpate::Vec3> spacing_mm;
+  if (!options.spacing_mm.empty()) {
+    spacing_mm = {options.spacing_mm[0], options.spacing_mm[1], options.spacing_mm[2]};
+    for (const double spacing : *spacing_mm) palpate::CheckSpacing(spacing);
+  }
+  palpate::ImportLimits limits;
+  limits.max_voxels = options.max_voxels;
+  limits.max_memory_bytes = options.max_memory_mib << 20;
+  reporter->FailAfter(options.timeout_s);
+  palpate::LimitResources(limits.max_memory_bytes, options.timeout_s);
+  itk::Object::SetGlobalWarningDisplay(false);
+
+  palpate::DenseVolume volume = Read(options.input, limits, reporter);
+  volume.metadata.source = SourceName(options.input);
+  palpate::FinishVolume(std::move(volume), spacing_mm, options.output, reporter);
+}
+
+// The line's end only: ITK puts file, line and object before it.
+std::string Condensed(const itk::ExceptionObject& error) {
+  std::string text = error.GetDescription();
+  const std::size_t end = text.rfind("): ");
+  if (end != std::string::npos && text.find("ITK ERROR") != std::string::npos) {
+    text = text.substr(end + 3);
+  }
+  return "cannot be read (" + text + "); save it again with another program";
+}
+
+int Run(const Options& options) {
+  palpate::Reporter reporter(options.input, options.progress);
+  const auto fail = [&reporter](ErrorKind kind, const std::string& message) {
+    reporter.Fail(message);
+    return ExitCode(kind);
+  };
+  try {
+    Import(options, &reporter);
+    return 0;
+  } catch (const palpate::Error& error) {
+    return fail(error.kind(), error.what());
+  } catch (const std::bad_alloc&) {
+    return fail(ErrorKind::kTooLarge,
+                "there is not enough memory; crop the volume or raise --max-memory-mib");
+  } catch (const itk::MemoryAllocationError&) {
+    return fail(ErrorKind::kTooLarge,
+                "there is not enough memory; crop the volume or raise --max-memory-mib");
+  } catch (const itk::ExceptionObject& error) {
+    return fail(ErrorKind::kInvalidArgument, Condensed(error));
+  } catch (const std::exception& error) {
+    return fail(ErrorKind::kInternal, std::string(error.what()) + "; please report this");
+  }
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CLI::App app;
+  Options options;
+  DefineOptions(&app, &options);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? 0 : palpate::kUsageExitCode;
+  }
+  return Run(options);
+}

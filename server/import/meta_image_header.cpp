@@ -1,0 +1,164 @@
+#include "server/import/meta_image_header.h"
+
+#include <cmath>
+#include <map>
+
+namespace palpate {
+namespace {
+
+using Fields = std::map<std::string, std::string, std::less<>>;
+
+// MetaIO reads lines into buffers of fixed length.
+constexpr std::size_t kLongestLine = 500;
+
+// Fields up to ElementDataFile, always the last; `end` is set behind its line.
+Fields ReadFields(std::string_view head, std::int64_t* end) {
+  Fields fields;
+  std::size_t at = 0;
+  while (!fields.contains("ElementDataFile")) {
+    const std::size_t newline = head.find('\n', at);
+    const bool last = newline == std::string_view::npos;
+    const std::string_view line =
+        Trim(head.substr(at, last ? std::string_view::npos : newline - at));
+    at = last ? head.size() : newline + 1;
+    const std::size_t separator = line.find_first_of("=:");
+    if (line.size() > kLongestLine || line.find('\0') != std::string_view::npos ||
+        (!line.empty() && separator == std::string_view::npos)) {
+      Refuse("this is no MetaImage file: " + Quoted(line) + " is not 'Name = value'");
+    }
+    if (!line.empty()) {
+      const std::string name(Trim(line.substr(0, separator)));
+      if (!fields.emplace(name, Trim(line.substr(separator + 1))).second) {
+        Refuse("the MetaImage header states " + Quoted(name) + " twice; correct it");
+      }
+    }
+    if (last) break;
+  }
+  *end = static_cast<std::int64_t>(at);
+  return fields;
+}
+
+const std::string& Required(const Fields& fields, std::string_view name) {
+  const auto field = fields.find(name);
+  if (field == fields.end()) {
+    Refuse("the MetaImage header has no " + std::string(name) +
+           "; the file is damaged or incomplete");
+  }
+  return field->second;
+}
+
+bool Flag(const Fields& fields, std::string_view name, bool absent) {
+  const auto field = fields.find(name);
+  if (field == fields.end()) return absent;
+  const std::string value = Lower(field->second);
+  return value == "true" || value == "t" || value == "1";
+}
+
+std::int64_t Integer(const Fields& fields, std::string_view name, std::int64_t absent) {
+  const auto field = fields.find(name);
+  return field == fields.end() ? absent : ParseInteger(field->second, name);
+}
+
+ScalarType ParseType(const std::string& type) {
+  // MetaIO's LONG has 32 bits, as on the machines it was made on.
+  static const std::map<std::string, ScalarType, std::less<>> kTypes = {
+      {"MET_CHAR", ScalarType::kInt8},    {"MET_UCHAR", ScalarType::kUint8},
+      {"MET_SHORT", ScalarType::kInt16},  {"MET_USHORT", ScalarType::kUint16},
+      {"MET_INT", ScalarType::kInt32},    {"MET_UINT", ScalarType::kUint32},
+      {"MET_FLOAT", ScalarType::kFloat32}, {"MET_DOUBLE", ScalarType::kFloat64},
+  };
+  const auto found = kTypes.find(type);
+  if (found == kTypes.end()) {
+    Refuse("voxels of type " + Quoted(type) +
+           " are not supported; convert them to 8, 16 or 32 bit integers, float or double");
+  }
+  return found->second;
+}
+
+void CheckNumbers(const Fields& fields, std::string_view name, std::size_t count, bool spacing) {
+  const auto field = fields.find(name);
+  if (field == fields.end()) return;
+  const auto words = Words(field->second);
+  if (words.size() != count) {
+    Refuse("the MetaImage header's " + std::string(name) + " needs " + std::to_string(count) +
+           " numbers; correct it");
+  }
+  for (const std::string_view word : words) {
+    const double value = ParseReal(word, name);
+    if (spacing) CheckSpacing(value);
+    if (!std::isfinite(value)) {
+      Refuse("the MetaImage header's " + std::string(name) + " is not finite; correct it");
+    }
+  }
+}
+
+void CheckGeometry(const Fields& fields, std::size_t dimension) {
+  for (const char* name : {"ElementSpacing", "ElementSize"}) {
+    CheckNumbers(fields, name, dimension, true);
+  }
+  for (const char* name : {"Offset", "Position", "Origin", "CenterOfRotation"}) {
+    CheckNumbers(fields, name, dimension, false);
+  }
+  for (const char* name : {"TransformMatrix", "Orientation", "Rotation"}) {
+    CheckNumbers(fields, name, dimension * dimension, false);
+  }
+}
+
+void ReadDataPlace(const Fields& fields, std::int64_t header_end, ImageHeader* header) {
+  const std::string& name = Required(fields, "ElementDataFile");
+  const std::string lower = Lower(name);
+  const std::int64_t skip = Integer(fields, "HeaderSize", 0);
+  header->compressed = Flag(fields, "CompressedData", false);
+  if (header->compressed) {
+    // Without it MetaIO delivers zeros.
+    header->compressed_bytes = ParseInteger(Required(fields, "CompressedDataSize"), "CompressedDataSize");
+    if (header->compressed_bytes < 1) Refuse("CompressedDataSize is not positive; correct the header");
+  }
+  if (lower == "local") {
+    header->begin = header_end;
+    if (skip != 0) Refuse("HeaderSize is only for a data file of its own; correct the header");
+    return;
+  }
+  if (lower.starts_with("list") || name.find('%') != std::string::npos ||
+      Words(name).size() > 1) {
+    Refuse("the MetaImage header lists several data files; join them into one file first");
+  }
+  CheckDataFileName(name);
+  header->data_file = name;
+  header->skip_bytes = skip;
+  if (skip < (header->compressed ? 0 : -1) || (header->compressed && skip != 0)) {
+    Refuse("HeaderSize " + std::to_string(skip) + " does not fit the data; correct the header");
+  }
+}
+
+}  // namespace
+
+ImageHeader ParseMetaImageHeader(std::string_view head) {
+  std::int64_t header_end = 0;
+  const Fields fields = ReadFields(head, &header_end);
+  const std::int64_t dimension = ParseInteger(Required(fields, "NDims"), "NDims");
+  if (dimension < 1 || dimension > 10) {
+    Refuse("the MetaImage header's NDims is " + std::to_string(dimension) + "; correct it");
+  }
+  std::vector<std::int64_t> axes;
+  for (const std::string_view word : Words(Required(fields, "DimSize"))) {
+    axes.push_back(ParseInteger(word, "DimSize"));
+  }
+  if (static_cast<std::int64_t>(axes.size()) != dimension) {
+    Refuse("the MetaImage header's NDims and DimSize disagree; correct it");
+  }
+  if (Integer(fields, "ElementNumberOfChannels", 1) != 1) {
+    Refuse("every voxel has several values (ElementNumberOfChannels); extract one of them first");
+  }
+  if (!Flag(fields, "BinaryData", true)) {
+    Refuse("MetaImage voxels as text are not supported; save them as BinaryData = True");
+  }
+  ImageHeader header;
+  header.type = ParseType(Required(fields, "ElementType"));
+  header.size = VolumeSize(axes);
+  CheckGeometry(fields, axes.size());
+  ReadDataPlace(fields, header_end, &header);
+  return header;
+}
+
+}  // namespace palpate

@@ -1,0 +1,17 @@
+// NRRD headers (teem's format definition, NRRD0001 to NRRD0005): attached and
+// detached, encodings raw and gzip, one data file.
+//
+// Pure. Any thread. Errors: palpate::Error, see image_header.h.
+#pragma once
+
+#include <string_view>
+
+#include "server/import/image_header.h"
+
+namespace palpate {
+
+// `head`: the first bytes of the file, at least up to the end of the header.
+// `whole`: these are all bytes of the file.
+ImageHeader ParseNrrdHeader(std::string_view head, bool whole);
+
+}  // namespace palpate

@@ -1,0 +1,70 @@
+#include <itkImage.h>
+#include <itkImageFileReader.h>
+#include <itkMetaImageIO.h>
+#include <itkNiftiImageIO.h>
+#include <itkNrrdImageIO.h>
+
+#include "server/import/readers.h"
+
+namespace palpate {
+namespace {
+
+using Image = itk::Image<float, 3>;
+
+itk::ImageIOBase::Pointer MakeImageIo(ImageFormat format) {
+  switch (format) {
+    case ImageFormat::kNrrd: return itk::NrrdImageIO::New().GetPointer();
+    case ImageFormat::kMetaImage: return itk::MetaImageIO::New().GetPointer();
+    case ImageFormat::kNifti: return itk::NiftiImageIO::New().GetPointer();
+  }
+  return nullptr;
+}
+
+// ITK must have understood the header as we did, or the checks were in vain.
+void CheckAgreement(const itk::ImageIOBase& io, const ImageHeader& header) {
+  bool agrees = io.GetNumberOfComponents() == 1 && io.GetNumberOfDimensions() >= 3;
+  for (unsigned k = 0; agrees && k < io.GetNumberOfDimensions(); ++k) {
+    agrees = io.GetDimensions(k) == (k < 3 ? static_cast<std::size_t>(header.size[k]) : 1);
+  }
+  if (!agrees) Refuse("the header is ambiguous; save the volume again with another program");
+}
+
+void CopyGeometry(const Image& image, VolumeMetadata* metadata) {
+  for (unsigned row = 0; row < 3; ++row) {
+    metadata->size[row] = static_cast<int>(image.GetLargestPossibleRegion().GetSize(row));
+    metadata->spacing_mm[row] = image.GetSpacing()[row];
+    metadata->origin_W_mm[row] = image.GetOrigin()[row];
+    for (unsigned col = 0; col < 3; ++col) {
+      metadata->direction(row, col) = image.GetDirection()(row, col);
+    }
+  }
+}
+
+}  // namespace
+
+DenseVolume ReadItkVolume(const std::filesystem::path& path, ImageFormat format,
+                          const ImportLimits& limits, Reporter* reporter) {
+  reporter->Progress(0.0, "checking");
+  const ImageHeader header = ReadCheckedHeader(path, format, limits);
+
+  const auto io = MakeImageIo(format);
+  const auto reader = itk::ImageFileReader<Image>::New();
+  reader->SetImageIO(io);
+  reader->SetFileName(path.string());
+  reader->UpdateOutputInformation();
+  CheckAgreement(*io, header);
+  reporter->Progress(0.2, "reading");
+  reader->Update();
+
+  const Image::Pointer image = reader->GetOutput();
+  DenseVolume volume;
+  CopyGeometry(*image, &volume.metadata);
+  volume.metadata.unit = header.unit;
+  volume.metadata.original_type = Name(header.type);
+  // Taken over, not copied: it may be gigabytes.
+  volume.voxels.reset(image->GetBufferPointer());
+  image->GetPixelContainer()->ContainerManageMemoryOff();
+  return volume;
+}
+
+}  // namespace palpate

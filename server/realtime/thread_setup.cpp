@@ -1,0 +1,117 @@
+#include "server/realtime/thread_setup.h"
+
+#include <pthread.h>
+#include <sched.h>
+#include <sys/mman.h>
+#include <sys/resource.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstddef>
+#include <system_error>
+
+namespace palpate {
+namespace {
+
+constexpr char kThreadName[] = "palpate-rt";
+constexpr std::size_t kStackBytes = 256 * 1024;
+constexpr std::size_t kSmallestPageBytes = 4096;
+
+// strerror is not thread-safe; this is.
+std::string Describe(int error_number) { return std::generic_category().message(error_number); }
+
+// Whether this process may lock more than `limit_bytes`, found by trying: who is
+// exempt (CAP_IPC_LOCK in the initial user namespace) cannot be told from the
+// process's capabilities inside a container. MLOCK_ONFAULT uses no memory.
+bool MayLockMoreThan(rlim_t limit_bytes) {
+  const std::size_t size_bytes = limit_bytes + kSmallestPageBytes;
+  void* probe = mmap(nullptr, size_bytes, PROT_READ | PROT_WRITE,
+                     MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
+  if (probe == MAP_FAILED) return false;
+  const bool locked = mlock2(probe, size_bytes, MLOCK_ONFAULT) == 0;
+  munmap(probe, size_bytes);
+  return locked;
+}
+
+// Touches the stack that the thread will use, so that no tick faults it in.
+[[gnu::noinline]] void PrefaultStack() {
+  char stack[kStackBytes];
+  volatile char* const touched = stack;  // or the writes would be optimised away
+  for (std::size_t i = 0; i < kStackBytes; i += kSmallestPageBytes) touched[i] = 0;
+}
+
+void SetPriority(int priority, RealtimeGrant& grant) {
+  sched_param parameters{};
+  parameters.sched_priority = priority;
+  // Reset on fork: a child of this thread must not start with its priority.
+  if (sched_setscheduler(0, SCHED_FIFO | SCHED_RESET_ON_FORK, &parameters) == 0) {
+    grant.fifo = true;
+    return;
+  }
+  const int error_number = errno;
+  const std::string advice =
+      error_number == EINVAL
+          ? "give a priority from 1 to 99"
+          : "run as a user with LimitRTPRIO (ulimit -r) of at least " + std::to_string(priority) +
+                ", and check kernel.sched_rt_runtime_us and the container's limits";
+  grant.warnings.push_back("no real-time scheduling (SCHED_FIFO " + std::to_string(priority) +
+                           " refused: " + Describe(error_number) + "): " + advice +
+                           "; going on with ordinary scheduling, ticks will be late at times");
+}
+
+void SetCpu(int cpu, RealtimeGrant& grant) {
+  int error_number = EINVAL;
+  if (cpu < CPU_SETSIZE) {
+    cpu_set_t cpus;
+    CPU_ZERO(&cpus);
+    CPU_SET(cpu, &cpus);
+    error_number = pthread_setaffinity_np(pthread_self(), sizeof cpus, &cpus);
+  }
+  if (error_number == 0) return;
+  grant.warnings.push_back("the real-time thread is not bound to CPU " + std::to_string(cpu) +
+                           " (" + Describe(error_number) +
+                           "): choose one that this process may use (taskset -p, AllowedCPUs); "
+                           "going on on any CPU");
+}
+
+}  // namespace
+
+bool LockProcessMemory(std::vector<std::string>& warnings) noexcept {
+  rlimit limit{};
+  getrlimit(RLIMIT_MEMLOCK, &limit);
+  std::string reason;
+  if (limit.rlim_cur != RLIM_INFINITY && !MayLockMoreThan(limit.rlim_cur)) {
+    reason = "only " + std::to_string(limit.rlim_cur / 1024) +
+             " KiB may be locked, and later allocations would fail at that limit";
+  } else if (mlockall(MCL_CURRENT | MCL_FUTURE) != 0) {
+    reason = "mlockall refused: " + Describe(errno);
+  } else {
+    return true;
+  }
+  warnings.push_back("memory is not locked (" + reason +
+                     "): set LimitMEMLOCK=infinity (ulimit -l unlimited) or grant CAP_IPC_LOCK; "
+                     "going on, ticks will be late when memory has to be paged in");
+  return false;
+}
+
+void SetupRealtimeThread(const RealtimeOptions& options, RealtimeGrant& grant) noexcept {
+  if (pthread_setname_np(pthread_self(), kThreadName) != 0) {
+    grant.warnings.push_back(std::string("the real-time thread could not be named ") + kThreadName +
+                             "; going on, it shows under the name of the process");
+  }
+  if (options.cpu >= 0) SetCpu(options.cpu, grant);
+  if (options.lock_memory && !grant.memory_locked) {
+    grant.memory_locked = LockProcessMemory(grant.warnings);
+  }
+  PrefaultStack();
+  // Last, so that the preparations do not run at real-time priority.
+  SetPriority(options.priority, grant);
+}
+
+long ThreadPageFaults() noexcept {
+  rusage usage{};
+  getrusage(RUSAGE_THREAD, &usage);
+  return usage.ru_minflt + usage.ru_majflt;
+}
+
+}  // namespace palpate

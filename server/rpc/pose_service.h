@@ -1,0 +1,26 @@
+// PoseService: streams of ticks to any number of subscribers.
+//
+// Each stream is a reactor with one write outstanding. The pump thread adds
+// samples and may start a write; gRPC's threads finish writes and bring
+// acknowledgements. Nothing here blocks.
+// Ownership: the pump holds streams by weak_ptr; a stream holds itself until
+// gRPC is done with it.
+#pragma once
+
+#include "palpate/v1/pose.grpc.pb.h"
+#include "server/session/pump.h"
+
+namespace palpate {
+
+class PoseService final : public v1::PoseService::CallbackService {
+ public:
+  explicit PoseService(Pump& pump) : pump_(pump) {}
+
+  grpc::ServerBidiReactor<v1::StreamPosesRequest, v1::StreamPosesResponse>* StreamPoses(
+      grpc::CallbackServerContext* context) override;
+
+ private:
+  Pump& pump_;
+};
+
+}  // namespace palpate

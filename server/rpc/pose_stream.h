@@ -1,0 +1,49 @@
+// What one subscriber of poses gets, apart from the transport: decimation,
+// batches, newest-wins, and the window of unacknowledged messages.
+//
+// Threads: one at a time (the caller locks). Not real-time: it may allocate.
+#pragma once
+
+#include <cstdint>
+#include <deque>
+#include <optional>
+
+#include "palpate/v1/pose.pb.h"
+#include "server/servo/tick_sample.h"
+
+namespace palpate {
+
+// Throws Error (kInvalidArgument) for values out of range.
+struct PoseStreamOptions {
+  std::uint64_t ticks_per_sample = 1;
+  std::size_t batch = 1;
+  std::optional<std::uint64_t> max_unacknowledged;
+};
+PoseStreamOptions ParsePoseStreamOptions(const v1::StreamPosesStart& start);
+
+class PoseStream {
+ public:
+  explicit PoseStream(const PoseStreamOptions& options) : options_(options) {}
+
+  // Takes the samples that are due; when the batch is full and not yet taken
+  // away, the oldest is dropped and counted.
+  void Add(const TickSample& sample);
+  void Acknowledge(std::uint64_t message_number);
+
+  // A full batch waits, and the window is open.
+  bool HasMessage() const;
+  // Empties the batch into a message.
+  v1::StreamPosesResponse TakeMessage(std::int64_t now_ns);
+
+ private:
+  PoseStreamOptions options_;
+  std::deque<TickSample> waiting_;
+  std::optional<std::uint64_t> next_tick_;  // in ticks and missed ticks: loop time
+  std::uint64_t dropped_ = 0;
+  std::uint64_t sent_ = 0;
+  std::uint64_t acknowledged_ = 0;
+};
+
+v1::PoseSample ToProto(const TickSample& sample);
+
+}  // namespace palpate

@@ -1,0 +1,27 @@
+// RenderService: translates between the wire and the session.
+#pragma once
+
+#include "palpate/v1/render.grpc.pb.h"
+#include "server/session/session.h"
+
+namespace palpate {
+
+class RenderService final : public v1::RenderService::Service {
+ public:
+  explicit RenderService(Session& session) : session_(session) {}
+
+  grpc::Status GetSettings(grpc::ServerContext* context, const v1::GetSettingsRequest* request,
+                           v1::GetSettingsResponse* response) override;
+  grpc::Status UpdateSettings(grpc::ServerContext* context,
+                              const v1::UpdateSettingsRequest* request,
+                              v1::UpdateSettingsResponse* response) override;
+
+ private:
+  Session& session_;
+};
+
+// Throws Error (kInvalidArgument) for a mask that is empty or names unknown
+// fields, and for named fields without a value.
+SettingsUpdate FromProto(const v1::UpdateSettingsRequest& request);
+
+}  // namespace palpate

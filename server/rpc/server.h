@@ -1,0 +1,52 @@
+// The gRPC server: services, health, reflection, and where it listens.
+//
+// Threads: construct, Start and Stop on the main thread.
+// Errors: Error with what is wrong and what to do.
+#pragma once
+
+#include <grpcpp/grpcpp.h>
+
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "common/wire/address.h"
+#include "server/rpc/device_service.h"
+#include "server/rpc/pose_service.h"
+#include "server/rpc/render_service.h"
+#include "server/rpc/volume_service.h"
+
+namespace palpate {
+
+struct ServerOptions {
+  std::string socket_path;
+  std::optional<HostPort> listen;  // loopback only: there is no TLS yet
+};
+
+class RpcServer {
+ public:
+  // Borrows all but the options.
+  RpcServer(ServerOptions options, Session& session, Pump& pump, const DeviceSpec& device,
+            const ServoLoop& servo, const SceneInbox& inbox);
+  ~RpcServer() { Stop(); }
+
+  // Claims the socket's path, so that a second daemon finds out before it loads
+  // a volume. kConflict when another palpated has it.
+  void Reserve();
+  // After Reserve, with a volume in the session. kConflict when something else
+  // has the port.
+  void Start();
+  // Ends streams and calls; the socket and its lock file are removed.
+  void Stop() noexcept;
+
+ private:
+  ServerOptions options_;
+  PoseService poses_;
+  RenderService render_;
+  VolumeService volume_;
+  DeviceService device_;
+  std::unique_ptr<grpc::Server> server_;
+  int lock_fd_ = -1;
+};
+
+}  // namespace palpate

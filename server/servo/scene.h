@@ -1,0 +1,35 @@
+// All that the servo thread is told: the volume, where it lies, the isovalue and
+// the settings, as one immutable value behind one pointer.
+//
+// One value rather than two (a scene and a box of settings): no tick can mix a
+// new volume with an old isovalue, or a new isovalue with an old stiffness, and
+// one revision names all of it.
+//
+// Ownership: the session publishes scenes through a SnapshotHandoff, which frees
+// them when the servo has moved on. The servo never touches the shared_ptr.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+
+#include "server/haptics/haptic_surface.h"
+#include "server/haptics/renderer.h"
+#include "server/realtime/snapshot_handoff.h"
+#include "server/realtime/spsc_ring.h"
+#include "server/servo/tick_sample.h"
+
+namespace palpate {
+
+struct Scene {
+  std::shared_ptr<const VolumeSnapshot> volume;
+  HapticSurface surface;  // borrows *volume
+  double isovalue = 0.0;  // data units
+  HapticSettings settings;
+  std::uint64_t settings_revision = 0;
+};
+
+// The servo thread's two doors.
+using SceneInbox = SnapshotHandoff<Scene>;
+using TickOutbox = SpscRing<TickSample, 4096>;  // four seconds
+
+}  // namespace palpate

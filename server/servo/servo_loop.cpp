@@ -1,0 +1,48 @@
+#include "server/servo/servo_loop.h"
+
+#include <chrono>
+
+#include "server/realtime/tick_timer.h"
+#include "server/servo/servo_tick.h"
+
+namespace palpate {
+
+ServoLoop::ServoLoop(HapticDevice& device, SceneInbox& inbox, TickOutbox& outbox,
+                     const RealtimeOptions& options)
+    : device_(device), inbox_(inbox), outbox_(outbox), options_(options) {}
+
+void ServoLoop::Start() {
+  device_.Start();
+  stop_.store(false);
+  inbox_.ReaderRestarts();
+  std::atomic<bool> ready{false};
+  thread_ = std::thread([&] { Run(ready); });
+  ready.wait(false);
+}
+
+void ServoLoop::Stop() noexcept {
+  if (!thread_.joinable()) return;
+  stop_.store(true);
+  thread_.join();
+  inbox_.ReaderStopped();
+  device_.Stop();
+}
+
+void ServoLoop::Run(std::atomic<bool>& ready) noexcept {
+  SetupRealtimeThread(options_, grant_);
+  const auto tick = std::make_unique<ServoTick>(device_);
+  TickTimer timer(std::chrono::milliseconds(1));
+  // `ready` lives in Start, which returns after this.
+  ready.store(true);
+  ready.notify_one();
+  while (!stop_.load(std::memory_order_relaxed)) {
+    const TickTime time = timer.WaitForNext();
+    const TickSample sample = tick->Run(*inbox_.Acquire(), time);
+    outbox_.TryPush(sample);
+    ticks_.store(sample.tick + 1, std::memory_order_relaxed);
+    missed_ticks_.store(sample.missed_ticks, std::memory_order_relaxed);
+  }
+  device_.Write(Vec3::Zero(), kTickPeriodS);
+}
+
+}  // namespace palpate

@@ -1,0 +1,52 @@
+// The servo thread: 1 kHz ticks between an inbox and an outbox.
+//
+// Threads: construct, Start and Stop on the main thread; grant() after Start;
+// the counters anywhere. Real-time: the thread itself neither locks, allocates,
+// logs nor waits but for its timer. Ownership: borrows device, inbox and outbox,
+// which must outlive it; Stop joins.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <memory>
+#include <thread>
+
+#include "server/device/haptic_device.h"
+#include "server/realtime/thread_setup.h"
+#include "server/servo/scene.h"
+
+namespace palpate {
+
+class ServoLoop {
+ public:
+  static constexpr double kRateHz = 1000.0;
+
+  ServoLoop(HapticDevice& device, SceneInbox& inbox, TickOutbox& outbox,
+            const RealtimeOptions& options);
+  ~ServoLoop() { Stop(); }
+
+  // A scene must have been published. Returns when the thread runs and knows
+  // what it was granted. Throws Error if the device does not start.
+  void Start();
+  // Zero force, then the device is stopped. Safe to call twice.
+  void Stop() noexcept;
+
+  const RealtimeGrant& grant() const { return grant_; }
+  std::uint64_t ticks() const { return ticks_.load(std::memory_order_relaxed); }
+  std::uint64_t missed_ticks() const { return missed_ticks_.load(std::memory_order_relaxed); }
+
+ private:
+  void Run(std::atomic<bool>& ready) noexcept;
+
+  HapticDevice& device_;
+  SceneInbox& inbox_;
+  TickOutbox& outbox_;
+  RealtimeOptions options_;
+  RealtimeGrant grant_;
+  std::atomic<bool> stop_{false};
+  std::atomic<std::uint64_t> ticks_{0};
+  std::atomic<std::uint64_t> missed_ticks_{0};
+  std::thread thread_;
+};
+
+}  // namespace palpate

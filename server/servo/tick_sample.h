@@ -1,0 +1,41 @@
+// What one tick of the servo thread did. Trivially copyable: it goes through
+// the ring to the pump thread.
+//
+// Frame: D (mm, N). Times: ns of CLOCK_MONOTONIC. Densities and isovalues: data
+// units. Fields as in palpate.v1.PoseSample, which explains them.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <type_traits>
+
+namespace palpate {
+
+enum class TickMode : std::uint8_t { kFree, kConstrained, kEjecting, kFault };
+
+struct TickSample {
+  std::uint64_t tick = 0;
+  std::int64_t time_ns = 0;
+  std::array<double, 3> hip_mm{};
+  std::array<double, 3> scp_h_mm{};
+  std::array<double, 3> scp_h_normal{};
+  std::array<double, 3> scp_v_mm{};
+  std::array<double, 3> scp_v_normal{};
+  std::array<double, 4> stylus_orientation{1.0, 0.0, 0.0, 0.0};  // w, x, y, z
+  std::array<double, 3> force_n{};
+  double density = 0.0;
+  double isovalue = 0.0;
+  std::uint64_t settings_revision = 0;
+  std::uint64_t volume_revision = 0;
+  std::int64_t update_ns = 0;
+  std::uint64_t missed_ticks = 0;
+  std::uint64_t capped_ticks = 0;
+  std::uint32_t buttons = 0;
+  std::uint32_t iterations = 0;
+  TickMode mode = TickMode::kFree;
+  bool contact = false;
+  bool has_scp_v = false;
+};
+static_assert(std::is_trivially_copyable_v<TickSample>);
+
+}  // namespace palpate

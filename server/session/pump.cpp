@@ -1,0 +1,91 @@
+#include "server/session/pump.h"
+
+#include <pthread.h>
+
+#include <algorithm>
+#include <utility>
+
+#include "server/realtime/tick_timer.h"
+
+namespace palpate {
+namespace {
+
+constexpr std::int64_t kPeriodNs = 1'000'000;
+// After the start of the servo's tick: its work takes a few microseconds.
+constexpr std::int64_t kDelayNs = 100'000;
+constexpr std::size_t kRememberedRevisions = 1024;
+
+void SleepUntil(std::int64_t time_ns) {
+  const timespec time{time_ns / 1'000'000'000, time_ns % 1'000'000'000};
+  clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &time, nullptr);
+}
+
+}  // namespace
+
+void Pump::Start() {
+  stop_.store(false);
+  thread_ = std::thread([this] { Run(); });
+}
+
+void Pump::Stop() noexcept {
+  stop_.store(true);
+  if (thread_.joinable()) thread_.join();
+}
+
+void Pump::Subscribe(std::weak_ptr<SampleSink> sink) {
+  const std::lock_guard lock(sinks_mutex_);
+  sinks_.push_back(std::move(sink));
+}
+
+std::optional<AppliedTick> Pump::WaitForRevision(std::uint64_t settings_revision,
+                                                 std::chrono::milliseconds timeout) {
+  std::unique_lock lock(revisions_mutex_);
+  const auto seen = [&] {
+    return !first_uses_.empty() && first_uses_.back().settings_revision >= settings_revision;
+  };
+  if (!revision_seen_.wait_for(lock, timeout, seen)) return std::nullopt;
+  const auto first = std::lower_bound(
+      first_uses_.begin(), first_uses_.end(), settings_revision,
+      [](const FirstUse& use, std::uint64_t revision) { return use.settings_revision < revision; });
+  return first->applied;
+}
+
+void Pump::Run() {
+  pthread_setname_np(pthread_self(), "palpate-pump");
+  std::int64_t next_ns = MonotonicNowNs();
+  while (!stop_.load(std::memory_order_relaxed)) {
+    SleepUntil(next_ns);
+    next_ns = std::max(next_ns, MonotonicNowNs() - kPeriodNs) + kPeriodNs;
+    TickSample sample;
+    while (outbox_.TryPop(sample)) {
+      Deliver(sample);
+      // Keep in step with the servo.
+      next_ns = std::max(sample.time_ns + kPeriodNs + kDelayNs, MonotonicNowNs());
+    }
+  }
+}
+
+void Pump::Deliver(const TickSample& sample) {
+  NoteRevision(sample);
+  const std::lock_guard lock(sinks_mutex_);
+  std::erase_if(sinks_, [&](const std::weak_ptr<SampleSink>& weak) {
+    const std::shared_ptr<SampleSink> sink = weak.lock();
+    if (sink) sink->OnSample(sample);
+    return !sink;
+  });
+}
+
+void Pump::NoteRevision(const TickSample& sample) {
+  // Only this thread writes, so that it may look without the lock.
+  if (!first_uses_.empty() && first_uses_.back().settings_revision == sample.settings_revision) {
+    return;
+  }
+  {
+    const std::lock_guard lock(revisions_mutex_);
+    first_uses_.push_back({sample.settings_revision, {sample.tick, sample.time_ns}});
+    if (first_uses_.size() > kRememberedRevisions) first_uses_.pop_front();
+  }
+  revision_seen_.notify_all();
+}
+
+}  // namespace palpate

@@ -1,0 +1,77 @@
+// Carries the servo's samples to those who want them.
+//
+// The pump thread drains the outbox about once a millisecond, shortly after the
+// servo's tick, so that the servo never has to wake anybody. It hands every
+// sample to every sink, in order, and keeps the first tick of each settings
+// revision for those who wait for their change to be felt.
+//
+// Threads: Subscribe, Unsubscribe and WaitForRevision on any ordinary thread;
+// sinks are called on the pump thread and must not block.
+// Ownership: borrows the outbox; sinks are held by weak_ptr.
+#pragma once
+
+#include <atomic>
+#include <chrono>
+#include <condition_variable>
+#include <cstdint>
+#include <deque>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <thread>
+#include <vector>
+
+#include "server/servo/scene.h"
+
+namespace palpate {
+
+class SampleSink {
+ public:
+  virtual ~SampleSink() = default;
+  virtual void OnSample(const TickSample& sample) = 0;
+};
+
+// The tick at which a revision of the settings was first used.
+struct AppliedTick {
+  std::uint64_t tick = 0;
+  std::int64_t time_ns = 0;
+};
+
+class Pump {
+ public:
+  explicit Pump(TickOutbox& outbox) : outbox_(outbox) {}
+  ~Pump() { Stop(); }
+
+  void Start();
+  void Stop() noexcept;
+
+  void Subscribe(std::weak_ptr<SampleSink> sink);
+
+  // First tick with this revision or a newer one; none when it does not come in
+  // time.
+  std::optional<AppliedTick> WaitForRevision(std::uint64_t settings_revision,
+                                             std::chrono::milliseconds timeout);
+
+ private:
+  struct FirstUse {
+    std::uint64_t settings_revision;
+    AppliedTick applied;
+  };
+
+  void Run();
+  void Deliver(const TickSample& sample);
+  void NoteRevision(const TickSample& sample);
+
+  TickOutbox& outbox_;
+  std::atomic<bool> stop_{false};
+  std::thread thread_;
+
+  std::mutex sinks_mutex_;
+  std::vector<std::weak_ptr<SampleSink>> sinks_;
+
+  std::mutex revisions_mutex_;
+  std::condition_variable revision_seen_;
+  std::deque<FirstUse> first_uses_;  // ascending
+};
+
+}  // namespace palpate

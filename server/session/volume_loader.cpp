@@ -1,0 +1,30 @@
+#include "server/session/volume_loader.h"
+
+#include "common/error/error.h"
+#include "server/volume/builtin.h"
+#include "server/volume/import_process.h"
+
+namespace palpate {
+
+VolumeFile VolumeLoader::Load(const std::string& source, const std::optional<Vec3>& spacing_mm,
+                              const LoadProgress& progress, const LoadCancelled& cancelled,
+                              std::vector<std::string>& warnings) const {
+  if (IsBuiltin(source)) {
+    progress("making", 0.0);
+    BuiltinVolume volume = MakeBuiltin(source, spacing_mm.value_or(Vec3::Ones()));
+    return {volume.grid, volume.metadata};
+  }
+  if (!std::filesystem::path(source).is_absolute()) {
+    throw Error(ErrorKind::kInvalidArgument,
+                source + ": the path must be absolute, or a builtin volume such as builtin:bumps");
+  }
+  ImportRequest request;
+  request.source = source;
+  request.spacing_mm = spacing_mm;
+  request.max_voxels = max_voxels;
+  request.max_memory_bytes = max_memory_bytes;
+  request.import_program = import_program;
+  return ImportVolume(request, progress, cancelled, &warnings);
+}
+
+}  // namespace palpate

@@ -1,0 +1,32 @@
+// Gets a volume from its source: a builtin name, or a path that palpate-import
+// reads in a process of its own.
+//
+// Threads: any ordinary thread; blocks until done. Errors: Error.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include "server/volume/volume_file.h"
+
+namespace palpate {
+
+using LoadProgress = std::function<void(std::string_view stage, double fraction)>;
+using LoadCancelled = std::function<bool()>;
+
+struct VolumeLoader {
+  std::filesystem::path import_program;
+  std::int64_t max_voxels = std::int64_t{1} << 31;
+  std::int64_t max_memory_bytes = std::int64_t{16} << 30;
+
+  // `warnings`: one line each, for the log.
+  VolumeFile Load(const std::string& source, const std::optional<Vec3>& spacing_mm,
+                  const LoadProgress& progress, const LoadCancelled& cancelled,
+                  std::vector<std::string>& warnings) const;
+};
+
+}  // namespace palpate

@@ -1,0 +1,30 @@
+// Volumes made on the spot: "builtin:cylinder", "builtin:sphere[:N]",
+// "builtin:bumps[:N]", "builtin:gyroid[:N]".
+//
+// Cylinder: 100×100×30, density 1 on the axis (along z) falling linearly to 0
+// at radius 50 voxels. The others: N³ voxels (128 unless given), density
+// clamp(½ − s/8, 0, 1) with s a signed distance-like field in voxels, so that
+// the surface s = 0 is at density ½ and steep as 1/8 per voxel.
+//
+// Threads: non-real-time, any.
+#pragma once
+
+#include <openvdb/openvdb.h>
+
+#include <string_view>
+
+#include "server/volume/volume_metadata.h"
+
+namespace palpate {
+
+struct BuiltinVolume {
+  openvdb::FloatGrid::Ptr grid;
+  VolumeMetadata metadata;
+};
+
+bool IsBuiltin(std::string_view source);
+
+// Throws Error (kInvalidArgument) for an unknown name or a bad N.
+BuiltinVolume MakeBuiltin(std::string_view source, const Vec3& spacing_mm = Vec3::Ones());
+
+}  // namespace palpate

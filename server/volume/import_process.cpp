@@ -1,0 +1,326 @@
+#include "server/volume/import_process.h"
+
+#include <fcntl.h>
+#include <poll.h>
+#include <signal.h>
+#include <spawn.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <charconv>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <utility>
+
+#include "common/error/error.h"
+
+extern char** environ;
+
+namespace palpate {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+constexpr std::size_t kLongestLine = 8192;
+constexpr std::size_t kMostLines = 64;
+constexpr auto kPollInterval = std::chrono::milliseconds(50);
+// The importer ends itself at its timeout; this much later it is killed.
+constexpr auto kTimeoutGrace = std::chrono::seconds(2);
+constexpr std::string_view kMessagePrefix = "palpate-import: ";
+constexpr std::string_view kWarningPrefix = "warning: ";
+// Reading the finished .vdb is the rest.
+constexpr double kImporterShare = 0.9;
+
+class Descriptor {
+ public:
+  Descriptor() = default;
+  explicit Descriptor(int fd) : fd_(fd) {}
+  Descriptor(Descriptor&& other) noexcept : fd_(std::exchange(other.fd_, -1)) {}
+  Descriptor& operator=(Descriptor&& other) noexcept {
+    std::swap(fd_, other.fd_);
+    return *this;
+  }
+  ~Descriptor() { Close(); }
+  int get() const { return fd_; }
+  void Close() {
+    if (fd_ >= 0) close(std::exchange(fd_, -1));
+  }
+
+ private:
+  int fd_ = -1;
+};
+
+struct Pipe {
+  Descriptor read;
+  Descriptor write;
+};
+
+[[noreturn]] void FailInternal(const std::string& what, int error) {
+  throw Error(ErrorKind::kInternal, what + ": " + std::strerror(error));
+}
+
+Pipe MakePipe() {
+  std::array<int, 2> ends{};
+  if (pipe2(ends.data(), O_CLOEXEC) != 0) FailInternal("cannot make a pipe", errno);
+  Pipe pipe{Descriptor(ends[0]), Descriptor(ends[1])};
+  // Only our end: the importer may block, we may not.
+  fcntl(pipe.read.get(), F_SETFL, O_NONBLOCK);
+  return pipe;
+}
+
+// A folder that only this user can enter, removed with all it holds.
+class PrivateFolder {
+ public:
+  PrivateFolder() {
+    const char* parent = std::getenv("TMPDIR");
+    std::string name = std::string(parent && *parent ? parent : "/tmp") + "/palpate-import-XXXXXX";
+    if (!mkdtemp(name.data())) FailInternal("cannot make a folder " + name, errno);
+    path_ = name;
+  }
+  ~PrivateFolder() {
+    std::error_code ignored;
+    std::filesystem::remove_all(path_, ignored);
+  }
+  PrivateFolder(const PrivateFolder&) = delete;
+  PrivateFolder& operator=(const PrivateFolder&) = delete;
+  const std::filesystem::path& path() const { return path_; }
+
+ private:
+  std::filesystem::path path_;
+};
+
+std::string Decimal(double value) {
+  std::array<char, 32> text{};
+  return {text.data(), std::to_chars(text.data(), text.data() + text.size(), value).ptr};
+}
+
+std::vector<std::string> Arguments(const ImportRequest& request,
+                                   const std::filesystem::path& output) {
+  std::vector<std::string> arguments = {
+      request.import_program.string(),
+      "--progress",
+      "--max-voxels=" + std::to_string(request.max_voxels),
+      "--max-memory-mib=" + std::to_string(std::max<std::int64_t>(request.max_memory_bytes >> 20, 1)),
+      "--timeout-s=" + std::to_string(std::max<std::int64_t>(request.timeout.count(), 1)),
+  };
+  if (request.spacing_mm) {
+    const Vec3& s = *request.spacing_mm;
+    arguments.push_back("--spacing-mm=" + Decimal(s.x()) + "," + Decimal(s.y()) + "," +
+                        Decimal(s.z()));
+  }
+  // A path may start with a dash.
+  arguments.insert(arguments.end(), {"--", request.source.string(), output.string()});
+  return arguments;
+}
+
+class SpawnSettings {
+ public:
+  SpawnSettings(int out, int err) {
+    posix_spawn_file_actions_init(&actions_);
+    posix_spawn_file_actions_addopen(&actions_, 0, "/dev/null", O_RDONLY, 0);
+    posix_spawn_file_actions_adddup2(&actions_, out, 1);
+    posix_spawn_file_actions_adddup2(&actions_, err, 2);
+    posix_spawnattr_init(&attributes_);
+    // Not our signal mask, and not the terminal's Ctrl-C: we end it ourselves.
+    sigset_t none;
+    sigset_t all;
+    sigemptyset(&none);
+    sigfillset(&all);
+    posix_spawnattr_setsigmask(&attributes_, &none);
+    posix_spawnattr_setsigdefault(&attributes_, &all);
+    posix_spawnattr_setpgroup(&attributes_, 0);
+    posix_spawnattr_setflags(&attributes_, POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF |
+                                               POSIX_SPAWN_SETPGROUP);
+  }
+  ~SpawnSettings() {
+    posix_spawn_file_actions_destroy(&actions_);
+    posix_spawnattr_destroy(&attributes_);
+  }
+  SpawnSettings(const SpawnSettings&) = delete;
+  SpawnSettings& operator=(const SpawnSettings&) = delete;
+  const posix_spawn_file_actions_t* actions() const { return &actions_; }
+  const posix_spawnattr_t* attributes() const { return &attributes_; }
+
+ private:
+  posix_spawn_file_actions_t actions_;
+  posix_spawnattr_t attributes_;
+};
+
+// The running importer; killed and reaped if still there at the end.
+class Process {
+ public:
+  Process(std::vector<std::string> arguments, int out, int err) {
+    std::vector<char*> argv;
+    for (std::string& argument : arguments) argv.push_back(argument.data());
+    argv.push_back(nullptr);
+    const SpawnSettings settings(out, err);
+    const int error = posix_spawn(&pid_, argv[0], settings.actions(), settings.attributes(),
+                                  argv.data(), environ);
+    if (error != 0) {
+      pid_ = -1;
+      FailInternal("cannot start " + arguments[0] + " (is Palpate installed completely?)", error);
+    }
+  }
+  ~Process() {
+    if (pid_ < 0) return;
+    kill(pid_, SIGKILL);
+    while (waitpid(pid_, nullptr, 0) < 0 && errno == EINTR) {
+    }
+  }
+  Process(const Process&) = delete;
+  Process& operator=(const Process&) = delete;
+
+  // Status as of waitpid once it has ended.
+  std::optional<int> Poll() {
+    int status = 0;
+    if (waitpid(pid_, &status, WNOHANG) != pid_) return std::nullopt;
+    pid_ = -1;
+    return status;
+  }
+
+ private:
+  pid_t pid_ = -1;
+};
+
+// Cuts what arrives on a pipe into lines, of bounded length.
+class Lines {
+ public:
+  // False once the pipe has ended.
+  bool ReadFrom(const Descriptor& pipe, const std::function<void(std::string_view)>& on_line) {
+    std::array<char, 4096> buffer;
+    const ssize_t count = read(pipe.get(), buffer.data(), buffer.size());
+    if (count < 0) return errno == EAGAIN || errno == EINTR;
+    for (ssize_t i = 0; i < count; ++i) {
+      if (buffer[i] != '\n') {
+        if (line_.size() < kLongestLine) line_ += buffer[i];
+        continue;
+      }
+      on_line(line_);
+      line_.clear();
+    }
+    if (count == 0 && !line_.empty()) on_line(line_);
+    return count > 0;
+  }
+
+ private:
+  std::string line_;
+};
+
+// "progress FRACTION STAGE".
+void ReportProgress(std::string_view line,
+                    const std::function<void(std::string_view, double)>& progress) {
+  constexpr std::string_view kWord = "progress ";
+  if (!progress || !line.starts_with(kWord)) return;
+  line.remove_prefix(kWord.size());
+  double fraction = 0.0;
+  const auto [end, error] = std::from_chars(line.data(), line.data() + line.size(), fraction);
+  if (error != std::errc() || !(fraction >= 0.0 && fraction <= 1.0)) return;
+  line.remove_prefix(static_cast<std::size_t>(end - line.data()));
+  if (line.starts_with(' ')) line.remove_prefix(1);
+  progress(line, fraction * kImporterShare);
+}
+
+struct Outcome {
+  int status = 0;                     // as of waitpid
+  std::vector<std::string> messages;  // without the prefix
+  std::vector<std::string> warnings;
+};
+
+void AddMessage(std::string_view line, Outcome* outcome) {
+  if (!line.starts_with(kMessagePrefix)) return;
+  line.remove_prefix(kMessagePrefix.size());
+  auto& list = line.starts_with(kWarningPrefix) ? outcome->warnings : outcome->messages;
+  if (line.starts_with(kWarningPrefix)) line.remove_prefix(kWarningPrefix.size());
+  if (list.size() < kMostLines) list.emplace_back(line);
+}
+
+Outcome RunImporter(const ImportRequest& request, const std::filesystem::path& output,
+                    const std::function<void(std::string_view, double)>& progress,
+                    const std::function<bool()>& cancelled) {
+  Pipe out = MakePipe();
+  Pipe err = MakePipe();
+  Process process(Arguments(request, output), out.write.get(), err.write.get());
+  out.write.Close();
+  err.write.Close();
+
+  const auto deadline = Clock::now() + request.timeout + kTimeoutGrace;
+  Outcome outcome;
+  Lines out_lines;
+  Lines err_lines;
+  const auto on_progress = [&](std::string_view line) { ReportProgress(line, progress); };
+  const auto on_message = [&](std::string_view line) { AddMessage(line, &outcome); };
+  for (;;) {
+    // A closed descriptor is -1, which poll ignores.
+    std::array<pollfd, 2> fds = {{{out.read.get(), POLLIN, 0}, {err.read.get(), POLLIN, 0}}};
+    poll(fds.data(), fds.size(), static_cast<int>(kPollInterval.count()));
+    if (fds[0].revents && !out_lines.ReadFrom(out.read, on_progress)) out.read.Close();
+    if (fds[1].revents && !err_lines.ReadFrom(err.read, on_message)) err.read.Close();
+    if (cancelled && cancelled()) {
+      throw Error(ErrorKind::kCancelled, request.source.string() + ": the import was cancelled");
+    }
+    if (Clock::now() > deadline) {
+      throw Error(ErrorKind::kTooLarge, request.source.string() + ": the import took longer than " +
+                                            std::to_string(request.timeout.count()) +
+                                            " s; crop the volume or raise the limit");
+    }
+    if (out.read.get() >= 0 || err.read.get() >= 0) continue;
+    if (const auto status = process.Poll()) {
+      outcome.status = *status;
+      return outcome;
+    }
+  }
+}
+
+ErrorKind KindOf(int exit_code) {
+  for (const ErrorKind kind :
+       {ErrorKind::kInvalidArgument, ErrorKind::kNotFound, ErrorKind::kPermissionDenied,
+        ErrorKind::kTooLarge, ErrorKind::kConflict, ErrorKind::kUnavailable,
+        ErrorKind::kCancelled}) {
+    if (ExitCode(kind) == exit_code) return kind;
+  }
+  return ErrorKind::kInternal;
+}
+
+void ThrowUnlessSuccess(const ImportRequest& request, const Outcome& outcome) {
+  const std::string source = request.source.string();
+  if (WIFSIGNALED(outcome.status)) {
+    const int signal = WTERMSIG(outcome.status);
+    if (signal == SIGKILL || signal == SIGXCPU || signal == SIGXFSZ) {
+      throw Error(ErrorKind::kTooLarge,
+                  source + ": the import ran out of memory, time or disk; crop the volume");
+    }
+    throw Error(ErrorKind::kInternal, source + ": the importer crashed (" + strsignal(signal) +
+                                          "); the file is probably damaged");
+  }
+  const int code = WEXITSTATUS(outcome.status);
+  if (code == 0) return;
+  throw Error(KindOf(code), outcome.messages.empty()
+                                ? source + ": the importer failed with exit code " +
+                                      std::to_string(code) + " and said nothing"
+                                : outcome.messages.back());
+}
+
+}  // namespace
+
+VolumeFile ImportVolume(const ImportRequest& request,
+                        const std::function<void(std::string_view, double)>& progress,
+                        const std::function<bool()>& cancelled,
+                        std::vector<std::string>* warnings) {
+  const PrivateFolder folder;
+  const std::filesystem::path output = folder.path() / "volume.vdb";
+  const Outcome outcome = RunImporter(request, output, progress, cancelled);
+  ThrowUnlessSuccess(request, outcome);
+  if (warnings) {
+    warnings->insert(warnings->end(), outcome.warnings.begin(), outcome.warnings.end());
+  }
+  if (progress) progress("loading", kImporterShare);
+  VolumeFile file = ReadVolumeFile(output);
+  if (progress) progress("loading", 1.0);
+  return file;
+}
+
+}  // namespace palpate

@@ -1,0 +1,41 @@
+// Reads a volume of any supported format by running palpate-import, so that a
+// damaged or hostile file can harm only a process of its own.
+//
+// Any ordinary thread (blocks for the whole import); never the servo's. Uses
+// posix_spawn, since a fork would make the servo's pages copy-on-write.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "server/volume/volume_file.h"
+
+namespace palpate {
+
+struct ImportRequest {
+  std::filesystem::path source;           // a file, or the folder of a DICOM series
+  std::optional<Vec3> spacing_mm;         // instead of the file's
+  std::int64_t max_voxels = std::int64_t{1} << 31;
+  std::int64_t max_memory_bytes = std::int64_t{16} << 30;
+  std::chrono::seconds timeout{300};
+  std::filesystem::path import_program;   // palpate-import
+};
+
+// `progress` is told what is done and which fraction of the import is over, on
+// the calling thread; `cancelled` is asked several times a second; either may be
+// empty. Warnings of the importer are appended to `warnings` when given.
+//
+// Throws Error with the importer's one line; kCancelled when cancelled() returned
+// true; kTooLarge when a limit was hit. No process and no temporary file is left.
+VolumeFile ImportVolume(const ImportRequest& request,
+                        const std::function<void(std::string_view stage, double fraction)>& progress,
+                        const std::function<bool()>& cancelled,
+                        std::vector<std::string>* warnings = nullptr);
+
+}  // namespace palpate

@@ -1,0 +1,54 @@
+#include "server/volume/snapshot.h"
+
+#include <utility>
+
+namespace palpate {
+
+VolumeSnapshot::VolumeSnapshot(VolumeMetadata metadata, std::vector<const float*> bricks,
+                               std::shared_ptr<const void> owner, std::uint64_t revision,
+                               std::uint64_t memory_bytes)
+    : metadata_(std::move(metadata)),
+      inverse_range_(1.0 / (metadata_.value_max - metadata_.value_min)),
+      brick_count_y_(BrickCount(metadata_.size.y())),
+      brick_count_z_(BrickCount(metadata_.size.z())),
+      bricks_(std::move(bricks)),
+      owner_(std::move(owner)),
+      revision_(revision),
+      memory_bytes_(memory_bytes) {}
+
+double VolumeSnapshot::StoredVertex(const Vec3i& vertex) const noexcept {
+  if ((vertex.array() < 0).any() || (vertex.array() >= metadata_.size.array()).any()) return 0.0;
+  const int i = vertex.x(), j = vertex.y(), k = vertex.z();
+  return Normalize(Brick(i, j, k)[(i & 7) << 6 | (j & 7) << 3 | (k & 7)]);
+}
+
+CellDensities VolumeSnapshot::StoredCell(const Vec3i& cell) const noexcept {
+  const int i = cell.x(), j = cell.y(), k = cell.z();
+  const Vec3i last = metadata_.size - Vec3i::Ones();
+  CellDensities d;
+  const bool in_one_brick = (i & 7) != 7 && (j & 7) != 7 && (k & 7) != 7;
+  if (in_one_brick && i >= 0 && j >= 0 && k >= 0 && i < last.x() && j < last.y() && k < last.z()) {
+    const float* voxel = Brick(i, j, k) + ((i & 7) << 6 | (j & 7) << 3 | (k & 7));
+    for (int v = 0; v < 8; ++v) {
+      const auto& o = kCornerOffset[v];
+      d[v] = Normalize(voxel[o[0] << 6 | o[1] << 3 | o[2]]);
+    }
+    return d;
+  }
+  for (int v = 0; v < 8; ++v) {
+    const auto& o = kCornerOffset[v];
+    d[v] = StoredVertex(Vec3i(i + o[0], j + o[1], k + o[2]));
+  }
+  return d;
+}
+
+CellDensities VolumeSnapshot::ResolvedCell(const Vec3i& cell) const noexcept {
+  CellDensities d = StoredCell(cell);
+  for (int v = 0; v < 8; ++v) {
+    const auto& o = kCornerOffset[v];
+    d[v] = ResolvedDensity(d[v], cell.x() + o[0], cell.y() + o[1], cell.z() + o[2]);
+  }
+  return d;
+}
+
+}  // namespace palpate

@@ -1,0 +1,29 @@
+// What is known of a volume besides its voxels. Plain values, no OpenVDB.
+//
+// Frames: I voxel index (voxel (0,0,0) is the first of the file), W world (mm,
+// LPS as in DICOM). Values are in the data's own units.
+#pragma once
+
+#include <string>
+
+#include "common/geometry/geometry.h"
+
+namespace palpate {
+
+struct VolumeMetadata {
+  Vec3i size = Vec3i::Zero();           // voxels along x, y, z, each at least 2
+  Vec3 spacing_mm = Vec3::Ones();       // positive
+  Vec3 origin_W_mm = Vec3::Zero();      // centre of voxel (0,0,0)
+  Mat3 direction = Mat3::Identity();    // columns: unit vectors of the index axes in W
+  double value_min = 0.0;               // range over the whole volume, value_min < value_max
+  double value_max = 1.0;
+  std::string unit;                     // "HU", ...; empty: not stated
+  std::string original_type;            // "uint8", "int16", "float64", ...
+  std::string source;                   // file name, folder name or builtin name
+
+  AffineMap WorldFromIndex() const {
+    return {direction * spacing_mm.asDiagonal(), origin_W_mm};
+  }
+};
+
+}  // namespace palpate

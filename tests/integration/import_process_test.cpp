@@ -1,0 +1,170 @@
+// ImportVolume: the daemon's side, with palpate-import and with programs that
+// misbehave in its place.
+#include "server/volume/import_process.h"
+
+#include <fcntl.h>
+#include <sys/wait.h>
+
+#include <cerrno>
+#include <cstdlib>
+#include <fstream>
+
+#include "common/error/error.h"
+#include "tests/integration/import_support.h"
+
+namespace palpate {
+namespace {
+
+namespace fs = std::filesystem;
+using std::chrono::seconds;
+using Clock = std::chrono::steady_clock;
+
+class ImportProcessTest : public ImportTest {
+ protected:
+  void SetUp() override {
+    ImportTest::SetUp();
+    fs::create_directory(folder_ / "tmp");
+    setenv("TMPDIR", (folder_ / "tmp").c_str(), 1);
+    request_.import_program = PALPATE_IMPORT;
+    request_.source = Write("a.nrrd",
+                            "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 7 5 4\n"
+                            "spacings: 1 1 1\nencoding: raw\n\n" +
+                                PatternBytes<char>());
+  }
+
+  // Neither files nor processes are left, whatever happened.
+  void TearDown() override {
+    EXPECT_TRUE(fs::is_empty(folder_ / "tmp"));
+    EXPECT_TRUE(waitpid(-1, nullptr, WNOHANG) < 0 && errno == ECHILD);
+    unsetenv("TMPDIR");
+    ImportTest::TearDown();
+  }
+
+  void UseScript(const std::string& script) {
+    const fs::path path = folder_ / "importer.sh";
+    std::ofstream(path) << "#!/bin/sh\n" << script << "\n";
+    fs::permissions(path, fs::perms::owner_all);
+    request_.import_program = path;
+  }
+
+  Error Failure(const std::function<bool()>& cancelled = nullptr) {
+    try {
+      ImportVolume(request_, nullptr, cancelled);
+    } catch (const Error& error) {
+      EXPECT_EQ(std::string(error.what()).find('\n'), std::string::npos) << error.what();
+      return error;
+    }
+    ADD_FAILURE() << "imported";
+    return Error(ErrorKind::kInternal, "");
+  }
+
+  ImportRequest request_;
+};
+
+TEST_F(ImportProcessTest, ReturnsTheVolumeAndReportsProgress) {
+  double last = -1.0;
+  std::vector<std::string> stages;
+  const VolumeFile file = ImportVolume(
+      request_,
+      [&](std::string_view stage, double fraction) {
+        EXPECT_GE(fraction, last);
+        last = fraction;
+        stages.emplace_back(stage);
+      },
+      [] { return false; });
+  ExpectPattern(file);
+  EXPECT_EQ(last, 1.0);
+  EXPECT_EQ(stages.front(), "checking");
+  EXPECT_EQ(stages.back(), "loading");
+}
+
+TEST_F(ImportProcessTest, SpacingAndPathsWithDashesAndBlanks) {
+  request_.spacing_mm = Vec3(0.1, 2.5, 1e-3);
+  fs::rename(request_.source, folder_ / "- a'b.nrrd");
+  request_.source = folder_ / "- a'b.nrrd";
+  EXPECT_EQ(ImportVolume(request_, nullptr, nullptr).metadata.spacing_mm, *request_.spacing_mm);
+}
+
+TEST_F(ImportProcessTest, PassesTheImportersErrorOn) {
+  request_.source = folder_ / "none.nrrd";
+  const Error missing = Failure();
+  EXPECT_EQ(missing.kind(), ErrorKind::kNotFound);
+  EXPECT_EQ(std::string(missing.what()).rfind(request_.source.string() + ": ", 0), 0u)
+      << missing.what();
+  request_.source = Write("b.nrrd", "text");
+  EXPECT_EQ(Failure().kind(), ErrorKind::kInvalidArgument);
+  request_.source = folder_ / "a.nrrd";
+  request_.max_voxels = 100;
+  EXPECT_EQ(Failure().kind(), ErrorKind::kTooLarge);
+}
+
+TEST_F(ImportProcessTest, MissingProgram) {
+  request_.import_program = folder_ / "none";
+  EXPECT_EQ(Failure().kind(), ErrorKind::kInternal);
+}
+
+TEST_F(ImportProcessTest, CancelKillsTheImporter) {
+  UseScript("trap '' TERM INT\nexec sleep 60");
+  const auto start = Clock::now();
+  int asked = 0;
+  EXPECT_EQ(Failure([&] { return ++asked > 3; }).kind(), ErrorKind::kCancelled);
+  EXPECT_LT(Clock::now() - start, seconds(10));
+}
+
+TEST_F(ImportProcessTest, TimeoutKillsTheImporter) {
+  UseScript("exec sleep 60");
+  request_.timeout = seconds(0);
+  const auto start = Clock::now();
+  EXPECT_EQ(Failure().kind(), ErrorKind::kTooLarge);
+  EXPECT_LT(Clock::now() - start, seconds(20));
+}
+
+TEST_F(ImportProcessTest, ClosedPipesDoNotEndTheTimeout) {
+  UseScript("exec sleep 60 >&- 2>&-");
+  request_.timeout = seconds(0);
+  EXPECT_EQ(Failure().kind(), ErrorKind::kTooLarge);
+}
+
+TEST_F(ImportProcessTest, SignalsBecomeClearErrors) {
+  UseScript("kill -KILL $$");
+  EXPECT_EQ(Failure().kind(), ErrorKind::kTooLarge);
+  UseScript("kill -SEGV $$");
+  EXPECT_EQ(Failure().kind(), ErrorKind::kInternal);
+}
+
+TEST_F(ImportProcessTest, SilentFailureAndStrangeCodes) {
+  UseScript("exit 3");
+  EXPECT_EQ(Failure().kind(), ErrorKind::kInvalidArgument);
+  UseScript("exit 77");
+  EXPECT_EQ(Failure().kind(), ErrorKind::kInternal);
+  UseScript("echo 'palpate-import: warning: x: odd' >&2\necho 'palpate-import: x: bad' >&2\nexit 5");
+  const Error error = Failure();
+  EXPECT_EQ(error.kind(), ErrorKind::kPermissionDenied);
+  EXPECT_STREQ(error.what(), "x: bad");
+}
+
+TEST_F(ImportProcessTest, SuccessWithoutAFileIsAnError) {
+  UseScript("exit 0");
+  EXPECT_EQ(Failure().kind(), ErrorKind::kNotFound);
+}
+
+TEST_F(ImportProcessTest, FloodsAreBounded) {
+  UseScript(
+      "head -c 30000000 /dev/zero | tr '\\0' 'x' >&2\nyes 'progress 9e99 x' | head -n 200000\n"
+      "yes 'palpate-import: x: bad' | head -n 200000 >&2\nexit 3");
+  EXPECT_EQ(Failure().kind(), ErrorKind::kInvalidArgument);
+}
+
+TEST_F(ImportProcessTest, StdinIsEmptyAndNoDescriptorLeaks) {
+  UseScript("cat; ls /proc/self/fd | wc -l | sed 's/^/palpate-import: /' >&2; exit 3");
+  // ls has 0, 1, 2 and the folder it lists, and what this test got from its parent.
+  int expected = 4;
+  for (int fd = 3; fd < 1024; ++fd) {
+    const int flags = fcntl(fd, F_GETFD);
+    expected += flags >= 0 && !(flags & FD_CLOEXEC);
+  }
+  EXPECT_EQ(Failure().what(), std::to_string(expected));
+}
+
+}  // namespace
+}  // namespace palpate

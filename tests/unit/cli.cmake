@@ -1,0 +1,12 @@
+# Imported targets are known only where they were found.
+find_package(fmt REQUIRED)
+find_package(nlohmann_json REQUIRED)
+
+palpate_unit_test(cli_test cli_test.cpp palpate::cli)
+
+# Runs the program itself against a server in the test.
+palpate_unit_test(cli_fake_daemon_test cli_fake_daemon_test.cpp palpate::wire
+  nlohmann_json::nlohmann_json)
+target_compile_definitions(cli_fake_daemon_test PRIVATE
+  PALPATE_EXECUTABLE="$<TARGET_FILE:palpate>")
+add_dependencies(cli_fake_daemon_test palpate)

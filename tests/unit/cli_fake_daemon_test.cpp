@@ -1,0 +1,447 @@
+// The program `palpate` itself against a palpated with canned answers: output,
+// exit codes, signals.
+#include <gtest/gtest.h>
+#include <sys/socket.h>
+#include <sys/un.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <sstream>
+
+#include "tests/unit/cli_fake_daemon.h"
+#include "tests/unit/cli_process.h"
+
+namespace palpate::test {
+namespace {
+
+using Json = nlohmann::json;
+
+std::vector<std::string> Lines(const std::string& text) {
+  std::vector<std::string> lines;
+  std::istringstream stream(text);
+  for (std::string line; std::getline(stream, line);) {
+    lines.push_back(line);
+  }
+  return lines;
+}
+
+// One line that begins as all our errors do.
+void ExpectOneError(const ProcessResult& result, int exit_code, const std::string& part) {
+  EXPECT_EQ(result.exit_code, exit_code) << result.error;
+  EXPECT_EQ(result.error.rfind("palpate: ", 0), 0u) << result.error;
+  EXPECT_EQ(std::count(result.error.begin(), result.error.end(), '\n'), 1) << result.error;
+  EXPECT_NE(result.error.find(part), std::string::npos) << result.error;
+}
+
+class CliTest : public testing::Test {
+ protected:
+  CliTest() {
+    char name[] = "/tmp/palpate-cli-XXXXXX";
+    folder_ = mkdtemp(name);
+    socket_ = folder_ + "/palpated.sock";
+    setenv("PALPATE_SOCKET", socket_.c_str(), 1);
+    setenv("TERM", "xterm", 1);
+  }
+  ~CliTest() override {
+    daemon_.reset();
+    std::filesystem::remove_all(folder_);
+  }
+
+  void StartDaemon(bool complete = true) {
+    daemon_ = std::make_unique<FakeDaemon>(socket_, complete);
+  }
+
+  static std::vector<std::string> Command(std::vector<std::string> arguments) {
+    arguments.insert(arguments.begin(), PALPATE_EXECUTABLE);
+    return arguments;
+  }
+  static ProcessResult Run(const std::vector<std::string>& arguments) {
+    return Process(Command(arguments)).Wait();
+  }
+
+  std::string folder_;
+  std::string socket_;
+  std::unique_ptr<FakeDaemon> daemon_;
+};
+
+TEST_F(CliTest, HelpNeedsNoDaemon) {
+  for (const std::vector<std::string>& command :
+       std::vector<std::vector<std::string>>{{},
+                                             {"info"},
+                                             {"watch"},
+                                             {"set"},
+                                             {"set", "isovalue"},
+                                             {"set", "stiffness"},
+                                             {"set", "damping"},
+                                             {"set", "method"},
+                                             {"settings"},
+                                             {"load"}}) {
+    std::vector<std::string> arguments = command;
+    arguments.push_back("--help");
+    const ProcessResult result = Run(arguments);
+    EXPECT_EQ(result.exit_code, 0);
+    EXPECT_NE(result.output.find("Example"), std::string::npos) << result.output;
+  }
+  EXPECT_EQ(Run({"--version"}).output.rfind("palpate ", 0), 0u);
+}
+
+TEST_F(CliTest, WrongUsageIsOneLineAndExitCode2) {
+  for (const std::vector<std::string>& arguments : std::vector<std::vector<std::string>>{
+           {},
+           {"touch"},
+           {"set"},
+           {"set", "isovalue"},
+           {"set", "isovalue", "forty"},
+           {"set", "isovalue", "nan"},
+           {"set", "isovalue", "-inf"},
+           {"set", "isovalue", "1", "2"},
+           {"set", "method", "cubes"},
+           {"watch", "--rate-hz", "0"},
+           {"watch", "--rate-hz", "1001"},
+           {"watch", "--count", "0"},
+           {"watch", "--count", "-1"},
+           {"watch", "--seconds", "-1"},
+           {"load"},
+           {"load", "a", "--spacing-mm", "1,2"},
+           {"load", "a", "--spacing-mm", "1,2,-3"},
+           {"load", "a", "--isovalue", "1", "--normalized-isovalue", "1"},
+           {"info", "--socket", "a", "--server", "b:1"},
+           {"info", "extra"}}) {
+    ExpectOneError(Run(arguments), 2, "--help");
+  }
+}
+
+TEST_F(CliTest, InfoNamesEverything) {
+  StartDaemon();
+  const ProcessResult result = Run({"info"});
+  EXPECT_EQ(result.exit_code, 0) << result.error;
+  for (const char* part :
+       {"palpated 9.8.7 at unix:", "Simulated stylus", "verification level: simulated", "1000 Hz",
+        "990 ticks, 10 missed (1.000 %)", "warning: no SCHED_FIFO", "64 x 65 x 66 voxels",
+        "0.5 x 0.5 x 1.25 mm", "values 0 to 255", "isovalue 40.8 (normalised 0.16)", "method tpbcc",
+        "scale 1.5 mm"}) {
+    EXPECT_NE(result.output.find(part), std::string::npos) << part << "\n" << result.output;
+  }
+}
+
+TEST_F(CliTest, InfoJson) {
+  StartDaemon();
+  const Json json = Json::parse(Run({"info", "--json"}).output);
+  EXPECT_EQ(json["version"], "9.8.7");
+  EXPECT_EQ(json["device"]["verification_level"], "simulated");
+  EXPECT_EQ(json["servo"]["missed_ticks"], 10);
+  EXPECT_EQ(json["servo"]["warnings"][0], "no SCHED_FIFO: raise rtprio");
+  EXPECT_EQ(json["volume"]["size"], Json({64, 65, 66}));
+  EXPECT_EQ(json["volume"]["spacing_mm"], Json({0.5, 0.5, 1.25}));
+  EXPECT_EQ(json["settings"]["settings_revision"], 6);
+}
+
+TEST_F(CliTest, SettingsInTextAndJson) {
+  StartDaemon();
+  EXPECT_NE(Run({"settings"}).output.find("stiffness 0.5 N/mm"), std::string::npos);
+  const Json json = Json::parse(Run({"settings", "--json"}).output);
+  EXPECT_EQ(json["isovalue"], 40.8);
+  EXPECT_EQ(json["method"], "tpbcc");
+}
+
+TEST_F(CliTest, SetTellsTheTick) {
+  StartDaemon();
+  EXPECT_EQ(Run({"set", "isovalue", "41.5"}).output,
+            "isovalue 41.5 applied at tick 123456, settings revision 7, 1.2 ms after receipt\n");
+  EXPECT_EQ(daemon_->render.last_update.update_mask().paths(0), "isovalue");
+  EXPECT_FALSE(daemon_->render.last_update.has_expected_revision());
+}
+
+TEST_F(CliTest, SetTakesNegativeIsovalues) {
+  StartDaemon();
+  for (const auto& [text, value] : std::vector<std::pair<std::string, double>>{
+           {"-200", -200.0}, {"-1e3", -1000.0}, {"-.5", -0.5}, {"-0.25", -0.25}}) {
+    EXPECT_EQ(Run({"set", "isovalue", text}).exit_code, 0) << text;
+    EXPECT_EQ(daemon_->render.last_update.settings().isovalue(), value);
+  }
+  EXPECT_EQ(Run({"set", "isovalue", "--json", "-7", "--socket", socket_}).exit_code, 0);
+  EXPECT_EQ(daemon_->render.last_update.settings().isovalue(), -7.0);
+}
+
+TEST_F(CliTest, SetSendsOnlyTheFieldItNames) {
+  StartDaemon();
+  const auto sent = [this](const std::vector<std::string>& arguments) {
+    EXPECT_EQ(Run(arguments).exit_code, 0);
+    EXPECT_EQ(daemon_->render.last_update.update_mask().paths_size(), 1);
+    return daemon_->render.last_update.update_mask().paths(0) + " " +
+           daemon_->render.last_update.settings().ShortDebugString();
+  };
+  EXPECT_EQ(sent({"set", "isovalue", "--normalized", "0.5"}),
+            "normalized_isovalue normalized_isovalue: 0.5");
+  EXPECT_EQ(sent({"set", "isovalue", "0.5", "--normalized"}),
+            "normalized_isovalue normalized_isovalue: 0.5");
+  EXPECT_EQ(sent({"set", "stiffness", "0.75"}), "stiffness_n_per_mm stiffness_n_per_mm: 0.75");
+  EXPECT_EQ(sent({"set", "damping", "0"}), "damping_n_s_per_m damping_n_s_per_m: 0");
+  EXPECT_EQ(sent({"set", "method", "bcc"}), "method method: DECOMPOSITION_METHOD_BCC");
+}
+
+TEST_F(CliTest, SetJson) {
+  StartDaemon();
+  const Json json = Json::parse(Run({"set", "stiffness", "0.75", "--json"}).output);
+  EXPECT_EQ(json["stiffness_n_per_mm"], 0.75);
+  EXPECT_EQ(json["applied_tick"], 123456);
+  EXPECT_EQ(json["settings_revision"], 7);
+  EXPECT_EQ(json["receipt_to_applied_ns"], 1200000);
+}
+
+TEST_F(CliTest, RevisionConflictIsExitCode7) {
+  StartDaemon();
+  ExpectOneError(Run({"set", "isovalue", "40", "--expected-revision", "5"}), 7, "at revision 6");
+  EXPECT_EQ(Run({"set", "isovalue", "40", "--expected-revision", "6"}).exit_code, 0);
+}
+
+TEST_F(CliTest, RefusedValueIsExitCode3OnOneLine) {
+  StartDaemon();
+  ExpectOneError(Run({"set", "stiffness", "99"}), 3, "0 to 3 N/mm, not more");
+}
+
+TEST_F(CliTest, SocketAndServerMayFollowTheCommand) {
+  StartDaemon();
+  unsetenv("PALPATE_SOCKET");
+  const std::string server = "127.0.0.1:" + std::to_string(daemon_->port);
+  EXPECT_EQ(Run({"--socket", socket_, "settings"}).exit_code, 0);
+  EXPECT_EQ(Run({"set", "isovalue", "1", "--socket", socket_}).exit_code, 0);
+  EXPECT_EQ(Run({"settings", "--server", server}).exit_code, 0);
+  EXPECT_EQ(Run({"watch", "--count", "3", "--json", "--server", server}).exit_code, 0);
+}
+
+TEST_F(CliTest, NoDaemonSaysHowToStartIt) {
+  ExpectOneError(Run({"info"}), 8,
+                 "no palpated at unix:" + socket_ +
+                     ": start it with 'palpated' or name its socket with --socket");
+  ExpectOneError(Run({"watch", "--server", "127.0.0.1:1"}), 8, "no palpated at 127.0.0.1:1");
+  ExpectOneError(Run({"info", "--server", "nonsense"}), 3, "names no port");
+  ExpectOneError(Run({"info", "--socket", folder_ + "/" + std::string(200, 'x')}), 3,
+                 "at most 107");
+}
+
+// A socket that somebody bound and, unless `accepts`, left.
+void BindSocket(const std::string& path, int& file, bool accepts) {
+  file = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
+  sockaddr_un address{};
+  address.sun_family = AF_UNIX;
+  path.copy(address.sun_path, sizeof(address.sun_path) - 1);
+  ASSERT_EQ(bind(file, reinterpret_cast<const sockaddr*>(&address), sizeof(address)), 0);
+  if (accepts) {
+    ASSERT_EQ(listen(file, 5), 0);
+  }
+}
+
+TEST_F(CliTest, WrongSocketsAreTold) {
+  std::ofstream(folder_ + "/file").put('x');
+  ExpectOneError(Run({"info", "--socket", folder_ + "/file"}), 8, "is not a socket");
+  int stale = -1;
+  BindSocket(folder_ + "/stale.sock", stale, false);
+  ExpectOneError(Run({"info", "--socket", folder_ + "/stale.sock"}), 8, "no palpated at");
+  int silent = -1;
+  BindSocket(folder_ + "/silent.sock", silent, true);
+  ExpectOneError(Run({"info", "--socket", folder_ + "/silent.sock"}), 8, "within 3 s");
+  close(stale);
+  close(silent);
+}
+
+TEST_F(CliTest, SocketOfSomebodyElseIsNoPermission) {
+  if (getuid() == 0) {
+    GTEST_SKIP() << "root may use every socket";
+  }
+  StartDaemon();
+  std::filesystem::permissions(socket_, std::filesystem::perms::none);
+  ExpectOneError(Run({"info"}), 5, "no permission");
+}
+
+TEST_F(CliTest, AnotherServiceIsTold) {
+  StartDaemon(false);
+  ExpectOneError(Run({"settings"}), 8, "is not palpated");
+  ExpectOneError(Run({"watch", "--json"}), 8, "is not palpated");
+}
+
+TEST_F(CliTest, WatchJsonGivesOneObjectPerSample) {
+  StartDaemon();
+  const ProcessResult result = Run({"watch", "--json", "--rate-hz", "500", "--count", "23"});
+  EXPECT_EQ(result.exit_code, 0) << result.error;
+  EXPECT_EQ(result.error, "");
+  EXPECT_EQ(daemon_->pose.last_start.rate_hz(), 500.0);
+  EXPECT_EQ(daemon_->pose.last_start.batch(), 5u);
+  EXPECT_EQ(daemon_->pose.last_start.max_unacknowledged(), 4u);
+  const std::vector<std::string> lines = Lines(result.output);
+  ASSERT_EQ(lines.size(), 23u);
+  const Json sample = Json::parse(lines[1]);
+  EXPECT_EQ(sample["tick"], 2);
+  EXPECT_EQ(sample["hip_mm"], Json({0.1, 1.0 / 3.0, 2.0}));
+  EXPECT_EQ(sample["mode"], "free");
+  EXPECT_TRUE(sample["scp_v_mm"].is_null());
+  for (const char* key :
+       {"time_ns", "scp_h_mm", "scp_h_normal", "scp_v_normal", "force_n", "contact", "density",
+        "isovalue", "settings_revision", "volume_revision", "update_ns", "missed_ticks",
+        "iterations", "buttons", "stylus_orientation"}) {
+    EXPECT_TRUE(sample.contains(key)) << key;
+  }
+}
+
+TEST_F(CliTest, WatchJsonDefaultsTo60Hz) {
+  StartDaemon();
+  EXPECT_EQ(Run({"watch", "--json", "--count", "2"}).exit_code, 0);
+  EXPECT_EQ(daemon_->pose.last_start.rate_hz(), 60.0);
+  EXPECT_EQ(daemon_->pose.last_start.batch(), 1u);
+}
+
+TEST_F(CliTest, WatchInALogGivesALineASecondAndASummary) {
+  StartDaemon();
+  const ProcessResult result = Run({"watch", "--seconds", "2.3"});
+  EXPECT_EQ(result.exit_code, 0) << result.error;
+  EXPECT_EQ(daemon_->pose.last_start.rate_hz(), 1000.0);
+  EXPECT_EQ(daemon_->pose.last_start.batch(), 32u);
+  EXPECT_GE(daemon_->pose.acknowledged.load(), 3u);
+  const std::vector<std::string> lines = Lines(result.output);
+  ASSERT_EQ(lines.size(), 2u + 8u) << result.output;
+  EXPECT_NE(lines[0].find("samples/s"), std::string::npos);
+  EXPECT_NE(lines[1].find("isovalue 40.8 (normalised 0.1600)"), std::string::npos) << lines[1];
+  EXPECT_EQ(result.output.find('\x1b'), std::string::npos);
+  EXPECT_NE(result.output.find("contact         50.0 %"), std::string::npos) << result.output;
+  EXPECT_NE(result.output.find("above isovalue  0 samples"), std::string::npos);
+}
+
+TEST_F(CliTest, WatchCountsInTextToo) {
+  StartDaemon();
+  const ProcessResult result = Run({"watch", "--count", "40"});
+  EXPECT_EQ(result.exit_code, 0) << result.error;
+  EXPECT_NE(result.output.find("samples         40,"), std::string::npos) << result.output;
+}
+
+TEST_F(CliTest, WatchOnATerminalIsLiveAndGivesTheCursorBack) {
+  StartDaemon();
+  Process process(Command({"watch", "--seconds", "1"}), true);
+  const ProcessResult result = process.Wait();
+  EXPECT_EQ(result.exit_code, 0) << result.error;
+  EXPECT_NE(result.output.find("\x1b[?25l"), std::string::npos);
+  EXPECT_NE(result.output.find("\x1b[11A\x1b[J"), std::string::npos) << result.output;
+  EXPECT_NE(result.output.find("] of 3.3 N"), std::string::npos);
+  EXPECT_NE(result.output.find("reconnects"), std::string::npos);
+  EXPECT_GT(result.output.rfind("\x1b[?25h") + 1, result.output.rfind("\x1b[?25l"));
+}
+
+TEST_F(CliTest, WatchOnADumbTerminalIsALog) {
+  StartDaemon();
+  setenv("TERM", "dumb", 1);
+  EXPECT_EQ(Process(Command({"watch", "--count", "64"}), true).Wait().output.find('\x1b'),
+            std::string::npos);
+}
+
+TEST_F(CliTest, SignalsEndTheWatchWithItsSummary) {
+  StartDaemon();
+  for (const int signal_number : {SIGINT, SIGTERM}) {
+    Process process(Command({"watch"}));
+    ASSERT_TRUE(process.WaitFor("samples/s"));
+    process.Signal(signal_number);
+    const ProcessResult result = process.Wait();
+    EXPECT_EQ(result.exit_code, 0);
+    EXPECT_EQ(result.error, "");
+    EXPECT_NE(result.output.find("reconnects"), std::string::npos) << result.output;
+  }
+}
+
+TEST_F(CliTest, SignalEndsJsonOnAWholeLine) {
+  StartDaemon();
+  Process process(Command({"watch", "--json", "--rate-hz", "1000"}));
+  ASSERT_TRUE(process.WaitFor("\"tick\":100,"));
+  process.Signal(SIGINT);
+  const ProcessResult result = process.Wait();
+  EXPECT_EQ(result.exit_code, 0);
+  EXPECT_TRUE(Json::accept(Lines(result.output).back()));
+}
+
+TEST_F(CliTest, SignalEndsAWatchThatNobodyReads) {
+  StartDaemon();
+  Process process(Command({"watch", "--json", "--rate-hz", "1000"}));
+  // The pipe is full after about 150 samples.
+  std::this_thread::sleep_for(std::chrono::seconds(1));
+  process.Signal(SIGINT);
+  EXPECT_EQ(process.Wait().exit_code, 0);
+}
+
+TEST_F(CliTest, ClosedOutputEndsQuietly) {
+  StartDaemon();
+  Process process(Command({"watch", "--json", "--rate-hz", "1000"}));
+  ASSERT_TRUE(process.WaitFor("\"tick\":10,"));
+  process.CloseOutput();
+  const ProcessResult result = process.Wait();
+  EXPECT_EQ(result.exit_code, 0);
+  EXPECT_EQ(result.error, "");
+}
+
+TEST_F(CliTest, DaemonGoingAwayEndsTheWatchWithExitCode8) {
+  StartDaemon();
+  for (const std::vector<std::string>& arguments :
+       std::vector<std::vector<std::string>>{{"watch"}, {"watch", "--json"}}) {
+    Process process(Command(arguments));
+    ASSERT_TRUE(process.WaitFor(arguments.size() == 1 ? "samples/s" : "\"tick\""));
+    daemon_->Die();
+    const ProcessResult result = process.Wait();
+    ExpectOneError(result, 8, "went away");
+    daemon_.reset();
+    StartDaemon();
+  }
+}
+
+TEST_F(CliTest, LoadShowsProgressThenTheVolume) {
+  StartDaemon();
+  const ProcessResult result = Run({"load", "a.nrrd", "--isovalue", "-200", "--spacing-mm",
+                                    "1,2,3.5", "--device-mm-per-volume-mm", "0.25"});
+  EXPECT_EQ(result.exit_code, 0) << result.error;
+  EXPECT_EQ(Lines(result.error).size(), 5u) << result.error;  // 0, 25, 50, 75, 100 %
+  EXPECT_NE(result.error.find("100 % reading"), std::string::npos) << result.error;
+  EXPECT_NE(result.output.find("64 x 65 x 66 voxels"), std::string::npos);
+  EXPECT_NE(result.output.find("applied at tick 777, settings revision 8"), std::string::npos);
+  const v1::LoadVolumeRequest& request = daemon_->volume.last_load;
+  EXPECT_EQ(request.source(), (std::filesystem::current_path() / "a.nrrd").string());
+  EXPECT_EQ(request.isovalue(), -200.0);
+  EXPECT_EQ(request.spacing_mm().z(), 3.5);
+  EXPECT_EQ(request.device_mm_per_volume_mm(), 0.25);
+}
+
+TEST_F(CliTest, LoadSendsNothingThatWasNotAsked) {
+  StartDaemon();
+  EXPECT_EQ(Run({"load", "builtin:sphere:64"}).exit_code, 0);
+  EXPECT_EQ(daemon_->volume.last_load.ShortDebugString(), "source: \"builtin:sphere:64\"");
+  EXPECT_EQ(Run({"load", "builtin:x", "--normalized-isovalue", "0"}).exit_code, 0);
+  EXPECT_TRUE(daemon_->volume.last_load.has_normalized_isovalue());
+}
+
+TEST_F(CliTest, LoadOfAnAbsentFileIsExitCode4) {
+  StartDaemon();
+  ExpectOneError(Run({"load", "/absent.nrrd"}), 4, "no file /absent.nrrd");
+}
+
+TEST_F(CliTest, SignalCancelsTheLoad) {
+  StartDaemon();
+  Process process(Command({"load", "/slow.nrrd"}));
+  ASSERT_TRUE(process.WaitFor("100 %"));
+  process.Signal(SIGINT);
+  const ProcessResult result = process.Wait();
+  EXPECT_EQ(result.exit_code, 9);
+  EXPECT_EQ(Lines(result.error).back(),
+            "palpate: loading was cancelled; the volume before it stays");
+  for (int i = 0; i < 100 && !daemon_->volume.load_was_cancelled; ++i) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  }
+  EXPECT_TRUE(daemon_->volume.load_was_cancelled);
+}
+
+TEST_F(CliTest, DaemonGoingAwayEndsTheLoadWithExitCode8) {
+  StartDaemon();
+  Process process(Command({"load", "/slow.nrrd"}));
+  ASSERT_TRUE(process.WaitFor("100 %"));
+  daemon_->Die();
+  EXPECT_EQ(process.Wait().exit_code, 8);
+}
+
+}  // namespace
+}  // namespace palpate::test

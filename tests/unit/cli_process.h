@@ -1,0 +1,157 @@
+// Runs a program and collects what it writes, for tests of the command line
+// client. Threads: one. A program that hangs is killed after 20 s.
+#pragma once
+
+#include <fcntl.h>
+#include <poll.h>
+#include <signal.h>
+#include <spawn.h>
+#include <stdlib.h>
+#include <sys/ioctl.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <chrono>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+extern char** environ;
+
+namespace palpate::test {
+
+struct ProcessResult {
+  int exit_code = -1;  // minus the signal, when one ended it
+  std::string output;
+  std::string error;
+};
+
+class Process {
+ public:
+  // `on_terminal`: stdout is a terminal of 80 x 24.
+  explicit Process(const std::vector<std::string>& arguments, bool on_terminal = false) {
+    int child_output = -1;
+    if (on_terminal) {
+      output_ = posix_openpt(O_RDWR | O_NOCTTY | O_CLOEXEC);
+      grantpt(output_);
+      unlockpt(output_);
+      child_output = open(ptsname(output_), O_RDWR | O_NOCTTY | O_CLOEXEC);
+      const winsize size{24, 80, 0, 0};
+      ioctl(child_output, TIOCSWINSZ, &size);
+    } else {
+      OpenPipe(output_, child_output);
+    }
+    int child_error = -1;
+    OpenPipe(error_, child_error);
+    // The child copies these over its own; gRPC's threads allow no fork() here.
+    posix_spawn_file_actions_t actions;
+    posix_spawn_file_actions_init(&actions);
+    posix_spawn_file_actions_adddup2(&actions, child_output, STDOUT_FILENO);
+    posix_spawn_file_actions_adddup2(&actions, child_error, STDERR_FILENO);
+    std::vector<char*> argv;
+    for (const std::string& argument : arguments) {
+      argv.push_back(const_cast<char*>(argument.c_str()));
+    }
+    argv.push_back(nullptr);
+    const int failure = posix_spawn(&pid_, argv[0], &actions, nullptr, argv.data(), environ);
+    posix_spawn_file_actions_destroy(&actions);
+    close(child_output);
+    close(child_error);
+    if (failure != 0) {
+      throw std::runtime_error("cannot start " + arguments[0]);
+    }
+  }
+
+  ~Process() {
+    if (pid_ > 0) {
+      kill(pid_, SIGKILL);
+      waitpid(pid_, nullptr, 0);
+    }
+    CloseOutput();
+    close(error_);
+  }
+  Process(const Process&) = delete;
+  Process& operator=(const Process&) = delete;
+
+  void Signal(int number) const { kill(pid_, number); }
+
+  // As a reader like `head` does.
+  void CloseOutput() {
+    if (output_ >= 0) {
+      close(output_);
+      output_ = -1;
+    }
+  }
+
+  // Collects until stdout or stderr holds `text`; false when it never does.
+  bool WaitFor(const std::string& text) {
+    while (result_.output.find(text) == std::string::npos &&
+           result_.error.find(text) == std::string::npos) {
+      if (!Collect()) {
+        return false;
+      }
+    }
+    return true;
+  }
+
+  // Collects to the end.
+  ProcessResult Wait() {
+    while (Collect()) {
+    }
+    if (std::chrono::steady_clock::now() >= deadline_) {
+      kill(pid_, SIGKILL);
+    }
+    int status = 0;
+    waitpid(pid_, &status, 0);
+    pid_ = -1;
+    result_.exit_code = WIFEXITED(status) ? WEXITSTATUS(status) : -WTERMSIG(status);
+    return result_;
+  }
+
+ private:
+  static void OpenPipe(int& read_end, int& write_end) {
+    int ends[2] = {-1, -1};
+    if (pipe2(ends, O_CLOEXEC) != 0) {
+      throw std::runtime_error("cannot open a pipe");
+    }
+    read_end = ends[0];
+    write_end = ends[1];
+  }
+
+  // False when both have ended, or time is up.
+  bool Collect() {
+    if (std::chrono::steady_clock::now() >= deadline_) {
+      return false;
+    }
+    pollfd files[2] = {{output_ended_ ? -1 : output_, POLLIN, 0},
+                       {error_ended_ ? -1 : error_, POLLIN, 0}};
+    poll(files, 2, 100);
+    Take(files[0], result_.output, output_ended_);
+    Take(files[1], result_.error, error_ended_);
+    return !error_ended_ || (output_ >= 0 && !output_ended_);
+  }
+
+  static void Take(const pollfd& file, std::string& text, bool& ended) {
+    if (file.fd < 0 || file.revents == 0) {
+      return;
+    }
+    char buffer[65536];
+    const ssize_t count = read(file.fd, buffer, sizeof(buffer));
+    if (count > 0) {
+      text.append(buffer, static_cast<std::size_t>(count));
+    } else {
+      ended = true;  // a terminal ends with EIO
+    }
+  }
+
+  pid_t pid_ = -1;
+  int output_ = -1;
+  int error_ = -1;
+  bool output_ended_ = false;
+  bool error_ended_ = false;
+  ProcessResult result_;
+  const std::chrono::steady_clock::time_point deadline_ =
+      std::chrono::steady_clock::now() + std::chrono::seconds(20);
+};
+
+}  // namespace palpate::test

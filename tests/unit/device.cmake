@@ -1,0 +1,1 @@
+palpate_unit_test(simulated_device_test simulated_device_test.cpp palpate::device)

@@ -1,0 +1,1 @@
+palpate_unit_test(import_headers_test import_headers_test.cpp palpate::import_headers)

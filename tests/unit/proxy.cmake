@@ -1,0 +1,1 @@
+palpate_unit_test(proxy_test proxy_test.cpp palpate::haptics)

@@ -1,0 +1,422 @@
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <atomic>
+#include <bit>
+#include <cmath>
+#include <cstdint>
+#include <cstdio>
+#include <cstdlib>
+#include <functional>
+#include <limits>
+#include <memory>
+#include <new>
+#include <utility>
+#include <vector>
+
+#include "common/error/error.h"
+#include "server/device/explore_script.h"
+#include "server/device/path_script.h"
+#include "server/device/simulated_device.h"
+
+namespace {
+std::atomic<std::uint64_t> allocations{0};
+}
+
+// Counts every allocation of this program; new[] and the nothrow forms come here
+// too. Not inlined, or gcc takes malloc and delete for a mismatched pair.
+[[gnu::noinline]] void* operator new(std::size_t size) {
+  ++allocations;
+  if (void* memory = std::malloc(size > 0 ? size : 1)) return memory;
+  throw std::bad_alloc();
+}
+[[gnu::noinline]] void operator delete(void* memory) noexcept { std::free(memory); }
+[[gnu::noinline]] void operator delete(void* memory, std::size_t) noexcept { std::free(memory); }
+
+namespace palpate {
+namespace {
+
+constexpr double kTickS = 0.001;
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+
+using Surface = std::function<Vec3(const Vec3&)>;  // position in mm to force in N
+
+// A solid ball: the proxy is on its surface, right outside the stylus.
+Surface Sphere(const Vec3& centre_mm, double radius_mm, double stiffness_n_per_mm) {
+  return [=](const Vec3& p_mm) -> Vec3 {
+    const Vec3 out_mm = p_mm - centre_mm;
+    const double depth_mm = radius_mm - out_mm.norm();
+    if (depth_mm <= 0.0) return Vec3::Zero();
+    return out_mm.normalized() * (stiffness_n_per_mm * depth_mm);
+  };
+}
+
+// A solid half-space below a plane.
+Surface Plane(const Vec3& point_mm, const Vec3& normal, double stiffness_n_per_mm) {
+  return [=, unit = Vec3(normal.normalized())](const Vec3& p_mm) -> Vec3 {
+    const double depth_mm = unit.dot(point_mm - p_mm);
+    return depth_mm <= 0.0 ? Vec3::Zero() : Vec3(unit * (stiffness_n_per_mm * depth_mm));
+  };
+}
+
+std::unique_ptr<SimulatedDevice> Exploring(std::uint64_t seed) {
+  const DeviceSpec spec = SimulatedDeviceSpec();
+  auto device = std::make_unique<SimulatedDevice>(
+      std::make_unique<ExploreScript>(spec.workspace_min_mm, spec.workspace_max_mm, seed));
+  device->Start();
+  return device;
+}
+
+std::unique_ptr<SimulatedDevice> Following(std::vector<Vec3> waypoints_mm, double speed_mm_s) {
+  auto device = std::make_unique<SimulatedDevice>(
+      std::make_unique<PathScript>(std::move(waypoints_mm), speed_mm_s));
+  device->Start();
+  return device;
+}
+
+DeviceState ReadOk(SimulatedDevice& device) {
+  DeviceState state;
+  EXPECT_EQ(device.Read(state), DeviceStatus::kOk);
+  return state;
+}
+
+struct Tick {
+  DeviceState state;
+  Vec3 force_n;
+};
+
+// The loop of the servo: a force from the newest reading, and, as a worst case,
+// a tick late.
+std::vector<Tick> Loop(SimulatedDevice& device, const Surface& surface, int ticks,
+                       bool tick_late = false) {
+  std::vector<Tick> log;
+  log.reserve(static_cast<std::size_t>(ticks));
+  Vec3 last_n = Vec3::Zero();
+  for (int i = 0; i < ticks; ++i) {
+    const DeviceState state = ReadOk(device);
+    const Vec3 force_n = surface(state.p_DHip_mm);
+    log.push_back({state, tick_late ? last_n : force_n});
+    device.Write(log.back().force_n, kTickS);
+    last_n = force_n;
+  }
+  return log;
+}
+
+double Quantile(std::vector<double> values, double share) {
+  if (values.empty()) return 0.0;
+  std::sort(values.begin(), values.end());
+  return values[static_cast<std::size_t>(share * static_cast<double>(values.size() - 1))];
+}
+
+// What a run felt like, after its first two seconds.
+struct Feel {
+  double contact_share = 0.0;
+  double contacts_per_s = 0.0;     // from no force to force
+  double median_speed_mm_s = 0.0;  // these in contact, over 50 ms
+  double slow_speed_mm_s = 0.0;    // 10 % are slower
+  double fast_speed_mm_s = 0.0;    // 10 % are faster
+  double median_force_n = 0.0;
+  double median_buzz_n = 0.0;  // deviation of the force from its mean over 50 ms
+};
+
+Feel Felt(const std::vector<Tick>& log) {
+  constexpr std::size_t kFrom = 2000;
+  constexpr std::size_t kWindow = 50;
+  Feel feel;
+  std::vector<double> speeds, forces, buzz;
+  for (std::size_t i = kFrom; i < log.size(); ++i) {
+    const bool touches = log[i].force_n.norm() > 0.0;
+    if (touches) forces.push_back(log[i].force_n.norm());
+    feel.contacts_per_s += touches && log[i - 1].force_n.norm() == 0.0;
+    if (i < kFrom + kWindow || (i - kFrom) % kWindow != 0) continue;
+    double mean_n = 0.0, square_n2 = 0.0;
+    bool all = true;
+    for (std::size_t j = i - kWindow; j < i; ++j) {
+      const double force_n = log[j].force_n.norm();
+      all = all && force_n > 0.0;
+      mean_n += force_n / kWindow;
+      square_n2 += force_n * force_n / kWindow;
+    }
+    if (!all) continue;
+    const Vec3 moved_mm = log[i].state.p_DHip_mm - log[i - kWindow].state.p_DHip_mm;
+    speeds.push_back(moved_mm.norm() / (kWindow * kTickS));
+    buzz.push_back(std::sqrt(std::max(0.0, square_n2 - mean_n * mean_n)));
+  }
+  const double ticks = static_cast<double>(log.size() - kFrom);
+  feel.contact_share = static_cast<double>(forces.size()) / ticks;
+  feel.contacts_per_s /= ticks * kTickS;
+  feel.median_speed_mm_s = Quantile(speeds, 0.5);
+  feel.slow_speed_mm_s = Quantile(speeds, 0.1);
+  feel.fast_speed_mm_s = Quantile(speeds, 0.9);
+  feel.median_force_n = Quantile(forces, 0.5);
+  feel.median_buzz_n = Quantile(buzz, 0.5);
+  return feel;
+}
+
+void ExpectExploresWell(const Feel& feel) {
+  EXPECT_GE(feel.contact_share, 0.6);
+  EXPECT_LE(feel.contacts_per_s, 5.0);
+  EXPECT_GE(feel.slow_speed_mm_s, 30.0);
+  EXPECT_LE(feel.fast_speed_mm_s, 150.0);
+  EXPECT_GE(feel.median_force_n, 0.3);
+  EXPECT_LE(feel.median_force_n, 1.2);
+  EXPECT_LE(feel.median_buzz_n, 0.1);
+  std::printf("contact %.0f %%, %.2f contacts/s, speed %.0f/%.0f/%.0f mm/s, %.2f N, buzz %.3f N\n",
+              100.0 * feel.contact_share, feel.contacts_per_s, feel.slow_speed_mm_s,
+              feel.median_speed_mm_s, feel.fast_speed_mm_s, feel.median_force_n,
+              feel.median_buzz_n);
+}
+
+bool SameBits(const Vec3& a, const Vec3& b) {
+  for (int i = 0; i < 3; ++i) {
+    if (std::bit_cast<std::uint64_t>(a[i]) != std::bit_cast<std::uint64_t>(b[i])) return false;
+  }
+  return true;
+}
+
+TEST(SimulatedDevice, StatesWhatItIs) {
+  const auto device = Following({Vec3::Zero()}, 10.0);
+  const DeviceSpec& spec = device->spec();
+  EXPECT_EQ(spec.kind, "simulated");
+  EXPECT_EQ(Vec3(spec.workspace_max_mm - spec.workspace_min_mm), Vec3(160.0, 120.0, 70.0));
+  EXPECT_EQ(spec.max_force_n, 3.3);
+  EXPECT_EQ(spec.continuous_force_n, 0.88);
+  EXPECT_EQ(spec.button_count, 2);
+  EXPECT_EQ(spec.verification_level, VerificationLevel::kSimulated);
+  EXPECT_THROW(SimulatedDevice(nullptr), Error);
+}
+
+TEST(SimulatedDevice, AnswersBetweenStartAndStopOnly) {
+  SimulatedDevice device(std::make_unique<PathScript>(std::vector<Vec3>{Vec3::Zero()}, 10.0));
+  DeviceState state;
+  EXPECT_EQ(device.Read(state), DeviceStatus::kFault);
+  device.Start();
+  EXPECT_EQ(device.Read(state), DeviceStatus::kOk);
+  device.Stop();
+  device.Stop();
+  device.Write(Vec3(1.0, 0.0, 0.0), kTickS);
+  EXPECT_EQ(device.Read(state), DeviceStatus::kFault);
+}
+
+TEST(SimulatedDevice, ReadsInStepsOfItsResolution) {
+  const auto device = Following({Vec3(-30.0, 10.0, 0.0), Vec3(40.0, -20.0, 13.0)}, 37.0);
+  const DeviceSpec& spec = device->spec();
+  for (const Tick& tick : Loop(*device, Plane(Vec3::Zero(), Vec3::UnitZ(), 0.0), 3000)) {
+    for (int i = 0; i < 3; ++i) {
+      const double counts = (tick.state.p_DHip_mm[i] - spec.workspace_min_mm[i]) / 0.055;
+      ASSERT_NEAR(counts, std::round(counts), 1e-6);
+    }
+  }
+}
+
+TEST(SimulatedDevice, TheHandFollowsItsPathAndComesRound) {
+  const Vec3 a_mm(-20.0, 0.0, 0.0), b_mm(20.0, 0.0, 0.0);
+  const auto device = Following({a_mm, b_mm}, 40.0);
+  EXPECT_LT((ReadOk(*device).p_DHip_mm - a_mm).norm(), 0.1);
+  const Surface nothing = [](const Vec3&) -> Vec3 { return Vec3::Zero(); };
+  Loop(*device, nothing, 500);
+  // Half way, behind the target by damper * speed / spring = 1.6 mm.
+  EXPECT_NEAR(ReadOk(*device).p_DHip_mm.x(), -1.6, 0.2);
+  Loop(*device, nothing, 500);
+  EXPECT_LT((ReadOk(*device).p_DHip_mm - b_mm).norm(), 2.0);
+  Loop(*device, nothing, 1000);
+  EXPECT_LT((ReadOk(*device).p_DHip_mm - a_mm).norm(), 2.0);
+}
+
+TEST(SimulatedDevice, AForceMovesTheHandAndItComesBack) {
+  const auto device = Following({Vec3::Zero()}, 10.0);
+  const Vec3 force_n(0.3, -0.6, 0.0);
+  Loop(
+      *device, [&](const Vec3&) { return force_n; }, 1000);
+  EXPECT_LT((ReadOk(*device).p_DHip_mm - force_n / kHandSpringNPerMm).norm(), 0.1);
+  Loop(
+      *device, [](const Vec3&) -> Vec3 { return Vec3::Zero(); }, 1000);
+  EXPECT_LT(ReadOk(*device).p_DHip_mm.norm(), 0.1);
+}
+
+TEST(SimulatedDevice, RestsOnStiffSurfaces) {
+  for (const double stiffness_n_per_mm : {0.5, 1.0, 3.0}) {
+    for (const bool tick_late : {false, true}) {
+      // The target is 4 mm under the surface: 1.2 N at most.
+      const auto device =
+          Following({Vec3(0.0, 0.0, 2.0), Vec3(0.0, 0.0, -4.0), Vec3(0.0, 0.0, -4.0),
+                     Vec3(20.0, 0.0, -4.0), Vec3(-20.0, 0.0, -4.0)},
+                    20.0);
+      const Surface plane = Plane(Vec3::Zero(), Vec3::UnitZ(), stiffness_n_per_mm);
+      std::vector<double> forces_n;
+      Loop(*device, plane, 800, tick_late);
+      for (const Tick& tick : Loop(*device, plane, 1000, tick_late)) {
+        forces_n.push_back(tick.force_n.norm());
+      }
+      const double expected_n = 4.0 / (1.0 / kHandSpringNPerMm + 1.0 / stiffness_n_per_mm);
+      EXPECT_NEAR(Quantile(forces_n, 0.5), expected_n, 0.15);
+      // No more than a few steps of the resolution.
+      EXPECT_LE(Quantile(forces_n, 0.99) - Quantile(forces_n, 0.01),
+                4.0 * 0.055 * stiffness_n_per_mm)
+          << stiffness_n_per_mm << " N/mm, late: " << tick_late;
+    }
+  }
+}
+
+TEST(SimulatedDevice, StaysInItsWorkspaceAndFiniteWhateverIsWritten) {
+  const auto device = Exploring(3);
+  const DeviceSpec& spec = device->spec();
+  const std::vector<double> values = {0.0, 1.0, -3.3, 1e6, -1e300, kInfinity, -kInfinity, kNan};
+  const std::vector<double> times_s = {kTickS, 0.0, -1.0, 1e-9, 0.0075, 10.0, kInfinity, kNan};
+  for (std::size_t i = 0; i < 20'000; ++i) {
+    const auto value = [&](std::size_t shift) { return values[(i / shift) % values.size()]; };
+    const double dt_s = i % 3 == 0 ? times_s[(i / 3) % times_s.size()] : kTickS;
+    device->Write(Vec3(value(1), value(7), value(50)), dt_s);
+    const DeviceState state = ReadOk(*device);
+    ASSERT_TRUE(state.p_DHip_mm.allFinite());
+    ASSERT_TRUE((state.p_DHip_mm.array() >= spec.workspace_min_mm.array()).all());
+    ASSERT_TRUE((state.p_DHip_mm.array() <= spec.workspace_max_mm.array()).all());
+    ASSERT_NEAR(state.R_DS.norm(), 1.0, 1e-9);
+  }
+}
+
+TEST(SimulatedDevice, ReachesItsStopsAndLeavesThem) {
+  const auto device = Following({Vec3::Zero()}, 10.0);
+  // The peak force holds against 11 mm of the hand's spring, no more.
+  Loop(
+      *device, [](const Vec3&) { return Vec3(1e9, 0.0, 0.0); }, 1000);
+  EXPECT_NEAR(ReadOk(*device).p_DHip_mm.x(), 3.3 / kHandSpringNPerMm, 0.1);
+
+  const auto outside = Following({Vec3(200.0, 0.0, 0.0), Vec3::Zero()}, 200.0);
+  EXPECT_NEAR(ReadOk(*outside).p_DHip_mm.x(), 80.0, 0.06);
+  Loop(
+      *outside, [](const Vec3&) -> Vec3 { return Vec3::Zero(); }, 1000);
+  EXPECT_LT(ReadOk(*outside).p_DHip_mm.x(), 10.0);
+}
+
+TEST(SimulatedDevice, AForceThatIsNotANumberCountsAsNone) {
+  const auto one = Exploring(5);
+  const auto other = Exploring(5);
+  for (int i = 0; i < 2000; ++i) {
+    one->Write(Vec3(kNan, 1.0, 1.0), kTickS);
+    other->Write(Vec3::Zero(), kTickS);
+    ASSERT_TRUE(SameBits(ReadOk(*one).p_DHip_mm, ReadOk(*other).p_DHip_mm));
+  }
+}
+
+TEST(SimulatedDevice, SameInputSameBits) {
+  const Surface sphere = Sphere(Vec3::Zero(), 25.0, 0.5);
+  const auto one = Exploring(11);
+  const auto again = Exploring(11);
+  const auto other_seed = Exploring(12);
+  const std::vector<Tick> a = Loop(*one, sphere, 8000);
+  const std::vector<Tick> b = Loop(*again, sphere, 8000);
+  const std::vector<Tick> c = Loop(*other_seed, sphere, 8000);
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    ASSERT_TRUE(SameBits(a[i].state.p_DHip_mm, b[i].state.p_DHip_mm)) << i;
+    ASSERT_TRUE(SameBits(a[i].state.R_DS.vec(), b[i].state.R_DS.vec())) << i;
+  }
+  EXPECT_FALSE(SameBits(a.back().state.p_DHip_mm, c.back().state.p_DHip_mm));
+}
+
+TEST(SimulatedDevice, TheStylusTurnsSlowlyAndSmoothly) {
+  const auto device = Exploring(2);
+  const std::vector<Tick> log = Loop(*device, Sphere(Vec3::Zero(), 25.0, 0.5), 10'000);
+  double largest_rad = 0.0;
+  for (std::size_t i = 1; i < log.size(); ++i) {
+    const Eigen::Quaterniond& before = log[i - 1].state.R_DS;
+    const Eigen::Quaterniond& now = log[i].state.R_DS;
+    ASSERT_NEAR(now.norm(), 1.0, 1e-9);
+    ASSERT_GT(now.dot(before), 0.0);
+    ASSERT_LT(now.angularDistance(before), 0.01);  // 10 rad/s
+    largest_rad = std::max(largest_rad, now.angularDistance(log[0].state.R_DS));
+    // The barrel stays towards the user and above the tip.
+    const Vec3 barrel = now * Vec3::UnitZ();
+    ASSERT_GT(barrel.z(), 0.0);
+    ASSERT_GT(barrel.y(), 0.0);
+  }
+  EXPECT_GT(largest_rad, 0.05);
+}
+
+TEST(SimulatedDevice, ReadAndWriteDoNotAllocate) {
+  const auto exploring = Exploring(1);
+  const auto following = Following({Vec3::Zero(), Vec3(10.0, 0.0, 0.0)}, 50.0);
+  DeviceState state;
+  std::uint64_t during = allocations;
+  for (int i = 0; i < 20'000; ++i) {  // long enough to seek, slide and retreat
+    for (SimulatedDevice* device : {exploring.get(), following.get()}) {
+      device->Read(state);
+      const double depth_mm = 25.0 - state.p_DHip_mm.norm();
+      const Vec3 force_n = depth_mm > 0.0 ? Vec3(state.p_DHip_mm.normalized() * (0.5 * depth_mm))
+                                          : Vec3(Vec3::Zero());
+      device->Write(force_n, kTickS);
+    }
+  }
+  during = allocations - during;
+  EXPECT_EQ(during, 0u);
+  // The counter counts.
+  const std::uint64_t before = allocations;
+  const auto something = std::make_unique<std::vector<int>>(100);
+  EXPECT_GT(allocations, before);
+}
+
+TEST(PathScript, RefusesWhatIsNoPath) {
+  EXPECT_THROW(PathScript({}, 10.0), Error);
+  EXPECT_THROW(PathScript({Vec3::Zero()}, 0.0), Error);
+  EXPECT_THROW(PathScript({Vec3::Zero()}, kNan), Error);
+  EXPECT_THROW(PathScript({Vec3(0.0, kInfinity, 0.0)}, 10.0), Error);
+}
+
+TEST(PathScript, KeepsItsSpeedRoundCorners) {
+  PathScript path({Vec3::Zero(), Vec3(3.0, 0.0, 0.0), Vec3(3.0, 4.0, 0.0)}, 12.0);
+  const HandState hand;
+  // The round is 3 + 4 + 5 mm: one second.
+  EXPECT_LT((path.Next(hand, Vec3::Zero(), 0.5).p_DTarget_mm - Vec3(3.0, 3.0, 0.0)).norm(), 1e-9);
+  EXPECT_LT((path.Next(hand, Vec3::Zero(), 0.5).p_DTarget_mm - Vec3::Zero()).norm(), 1e-9);
+  EXPECT_LT((path.Next(hand, Vec3::Zero(), 0.25).p_DTarget_mm - Vec3(3.0, 0.0, 0.0)).norm(), 1e-9);
+}
+
+TEST(Explore, FindsASphereAndSlidesOverIt) {
+  for (std::uint64_t seed = 1; seed <= 8; ++seed) {
+    SCOPED_TRACE(seed);
+    const auto device = Exploring(seed);
+    ExpectExploresWell(Felt(Loop(*device, Sphere(Vec3::Zero(), 25.0, 0.5), 20'000)));
+  }
+}
+
+// A plane can be missed for a while by seeks along it: what counts is how the
+// script feels it once it has found it.
+TEST(Explore, FindsAPlaneAndSlidesOverIt) {
+  const Surface plane = Plane(Vec3(0.0, 0.0, -5.0), Vec3(0.2, 0.1, 1.0), 0.5);
+  for (std::uint64_t seed = 1; seed <= 8; ++seed) {
+    SCOPED_TRACE(seed);
+    const auto device = Exploring(seed);
+    int search_ms = 0;
+    while (search_ms < 20'000 && Loop(*device, plane, 1).back().force_n.norm() == 0.0) ++search_ms;
+    EXPECT_LT(search_ms, 20'000);
+    ExpectExploresWell(Felt(Loop(*device, plane, 20'000)));
+  }
+}
+
+TEST(Explore, DoesNotBuzzOnAStifferSurfaceThatAnswersATickLate) {
+  const auto device = Exploring(4);
+  ExpectExploresWell(Felt(Loop(*device, Sphere(Vec3(5.0, -8.0, 2.0), 25.0, 1.0), 20'000, true)));
+}
+
+TEST(Explore, LooksEverywhereWhenThereIsNothing) {
+  const auto device = Exploring(9);
+  const std::vector<Tick> log = Loop(
+      *device, [](const Vec3&) -> Vec3 { return Vec3::Zero(); }, 60'000);
+  Eigen::AlignedBox3d seen;
+  for (const Tick& tick : log) seen.extend(tick.state.p_DHip_mm);
+  const Vec3 share = seen.sizes().cwiseQuotient(Vec3(160.0, 120.0, 70.0));
+  EXPECT_GT(share.minCoeff(), 0.5);
+}
+
+TEST(Explore, SeeksAgainWhenTheSurfaceGoesAway) {
+  const auto device = Exploring(6);
+  const Surface sphere = Sphere(Vec3::Zero(), 25.0, 0.5);
+  Loop(*device, sphere, 5000);
+  Loop(
+      *device, [](const Vec3&) -> Vec3 { return Vec3::Zero(); }, 3000);
+  ExpectExploresWell(Felt(Loop(*device, sphere, 20'000)));
+}
+
+}  // namespace
+}  // namespace palpate

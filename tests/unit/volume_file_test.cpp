@@ -1,0 +1,253 @@
+#include "server/volume/volume_file.h"
+
+#include <unistd.h>
+
+#include <cmath>
+#include <cstdlib>
+#include <fstream>
+#include <functional>
+#include <limits>
+
+#include <gtest/gtest.h>
+#include <openvdb/io/File.h>
+#include <openvdb/tools/Dense.h>
+
+#include "common/error/error.h"
+
+namespace palpate {
+namespace {
+
+namespace fs = std::filesystem;
+
+class VolumeFileTest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    std::string name = (fs::temp_directory_path() / "volume-file-XXXXXX").string();
+    ASSERT_NE(mkdtemp(name.data()), nullptr);
+    folder_ = name;
+  }
+  void TearDown() override { fs::remove_all(folder_); }
+
+  fs::path folder_;
+};
+
+float Value(int x, int y, int z) { return static_cast<float>((3 * x + 5 * y + 7 * z) % 101); }
+
+VolumeMetadata MakeMetadata() {
+  VolumeMetadata metadata;
+  metadata.size = {20, 11, 9};
+  metadata.spacing_mm = {0.5, 0.75, 1.25};
+  metadata.origin_W_mm = {-10.0, 20.0, 30.5};
+  metadata.direction << 0, -1, 0, 1, 0, 0, 0, 0, 1;
+  metadata.value_min = 0.0;
+  metadata.value_max = 100.0;
+  metadata.unit = "HU";
+  metadata.original_type = "int16";
+  metadata.source = "head scan.nrrd";
+  return metadata;
+}
+
+openvdb::FloatGrid::Ptr MakeGrid(const Vec3i& size, float background) {
+  auto grid = openvdb::FloatGrid::create(background);
+  openvdb::tools::Dense<float, openvdb::tools::LayoutXYZ> dense(
+      openvdb::CoordBBox({0, 0, 0}, {size.x() - 1, size.y() - 1, size.z() - 1}));
+  for (int z = 0; z < size.z(); ++z) {
+    for (int y = 0; y < size.y(); ++y) {
+      for (int x = 0; x < size.x(); ++x) {
+        dense.setValue(openvdb::Coord(x, y, z), Value(x, y, z));
+      }
+    }
+  }
+  openvdb::tools::copyFromDense(dense, *grid, 0.0f);
+  return grid;
+}
+
+ErrorKind KindOfRead(const fs::path& path, std::string* message = nullptr) {
+  try {
+    ReadVolumeFile(path);
+  } catch (const Error& error) {
+    const std::string what = error.what();
+    EXPECT_EQ(what.find('\n'), std::string::npos) << what;
+    if (message) *message = what;
+    return error.kind();
+  }
+  ADD_FAILURE() << "read without an error";
+  return ErrorKind::kInternal;
+}
+
+TEST_F(VolumeFileTest, ReturnsWhatWasWritten) {
+  const VolumeMetadata written = MakeMetadata();
+  WriteVolumeFile(folder_ / "a.vdb", *MakeGrid(written.size, 0.0f), written);
+  const VolumeFile file = ReadVolumeFile(folder_ / "a.vdb");
+  EXPECT_EQ(file.metadata.size, written.size);
+  EXPECT_EQ(file.metadata.spacing_mm, written.spacing_mm);
+  EXPECT_EQ(file.metadata.origin_W_mm, written.origin_W_mm);
+  EXPECT_EQ(file.metadata.direction, written.direction);
+  EXPECT_EQ(file.metadata.value_min, written.value_min);
+  EXPECT_EQ(file.metadata.value_max, written.value_max);
+  EXPECT_EQ(file.metadata.unit, written.unit);
+  EXPECT_EQ(file.metadata.original_type, written.original_type);
+  EXPECT_EQ(file.metadata.source, written.source);
+  EXPECT_EQ(file.grid->getName(), "density");
+  EXPECT_EQ(file.grid->background(), 0.0f);
+  auto accessor = file.grid->getConstAccessor();
+  for (int z = 0; z < written.size.z(); ++z) {
+    for (int y = 0; y < written.size.y(); ++y) {
+      for (int x = 0; x < written.size.x(); ++x) {
+        ASSERT_EQ(accessor.getValue({x, y, z}), Value(x, y, z)) << x << ' ' << y << ' ' << z;
+      }
+    }
+  }
+}
+
+TEST_F(VolumeFileTest, TransformMapsVoxelsToWorld) {
+  const VolumeMetadata metadata = MakeMetadata();
+  WriteVolumeFile(folder_ / "a.vdb", *MakeGrid(metadata.size, 0.0f), metadata);
+  const VolumeFile file = ReadVolumeFile(folder_ / "a.vdb");
+  for (const Vec3& p_I : {Vec3(0, 0, 0), Vec3(3, 4, 5), Vec3(19, 10, 8)}) {
+    const Vec3 expected = metadata.WorldFromIndex().Apply(p_I);
+    const openvdb::Vec3d p_W = file.grid->indexToWorld(openvdb::Vec3d(p_I.x(), p_I.y(), p_I.z()));
+    for (int k = 0; k < 3; ++k) EXPECT_NEAR(p_W[k], expected[k], 1e-12);
+  }
+}
+
+TEST_F(VolumeFileTest, ObliqueAndTinySpacingsSurvive) {
+  VolumeMetadata metadata = MakeMetadata();
+  metadata.direction =
+      Eigen::AngleAxisd(0.7, Vec3(1, 2, 3).normalized()).toRotationMatrix();
+  metadata.spacing_mm = {kLeastSpacingMm, kLeastSpacingMm, 2 * kLeastSpacingMm};
+  WriteVolumeFile(folder_ / "a.vdb", *MakeGrid(metadata.size, 0.0f), metadata);
+  EXPECT_EQ(ReadVolumeFile(folder_ / "a.vdb").metadata.direction, metadata.direction);
+}
+
+TEST_F(VolumeFileTest, LeavesNoPartialFileAndReplacesTheOldOne) {
+  VolumeMetadata metadata = MakeMetadata();
+  const auto grid = MakeGrid(metadata.size, 0.0f);
+  WriteVolumeFile(folder_ / "a.vdb", *grid, metadata);
+  metadata.unit = "changed";
+  WriteVolumeFile(folder_ / "a.vdb", *grid, metadata);
+  EXPECT_EQ(ReadVolumeFile(folder_ / "a.vdb").metadata.unit, "changed");
+  EXPECT_EQ(std::distance(fs::directory_iterator(folder_), fs::directory_iterator()), 1);
+}
+
+TEST_F(VolumeFileTest, RefusesToWriteWhatIsNoVolume) {
+  const auto grid = MakeGrid({20, 11, 9}, 0.0f);
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  const std::vector<std::function<void(VolumeMetadata*)>> attacks = {
+      [](VolumeMetadata* m) { m->size.x() = 1; },
+      [](VolumeMetadata* m) { m->size.y() = -5; },
+      [](VolumeMetadata* m) { m->size.x() = 19; },  // voxels outside
+      [](VolumeMetadata* m) { m->spacing_mm.x() = 0.0; },
+      [nan](VolumeMetadata* m) { m->spacing_mm.z() = nan; },
+      [nan](VolumeMetadata* m) { m->origin_W_mm.z() = nan; },
+      [nan](VolumeMetadata* m) { m->direction(1, 1) = nan; },
+      [](VolumeMetadata* m) { m->direction(0, 1) = 0.3; },  // sheared
+      [](VolumeMetadata* m) { m->direction.setZero(); },
+      [](VolumeMetadata* m) { m->value_max = m->value_min; },
+      [](VolumeMetadata* m) { m->value_min = -1.0; },  // not the background
+      [](VolumeMetadata* m) { m->source.assign(5000, 'x'); },
+  };
+  for (std::size_t k = 0; k < attacks.size(); ++k) {
+    VolumeMetadata metadata = MakeMetadata();
+    attacks[k](&metadata);
+    EXPECT_THROW(WriteVolumeFile(folder_ / "a.vdb", *grid, metadata), Error) << k;
+    EXPECT_TRUE(fs::is_empty(folder_)) << k;
+  }
+}
+
+TEST_F(VolumeFileTest, UnwritableFolderIsReported) {
+  const VolumeMetadata metadata = MakeMetadata();
+  try {
+    WriteVolumeFile(folder_ / "none" / "a.vdb", *MakeGrid(metadata.size, 0.0f), metadata);
+    FAIL();
+  } catch (const Error& error) {
+    EXPECT_EQ(error.kind(), ErrorKind::kUnavailable);
+  }
+}
+
+TEST_F(VolumeFileTest, MissingEmptyAndForeignFilesAreRefused) {
+  EXPECT_EQ(KindOfRead(folder_ / "none.vdb"), ErrorKind::kNotFound);
+  std::ofstream(folder_ / "empty.vdb").close();
+  EXPECT_EQ(KindOfRead(folder_ / "empty.vdb"), ErrorKind::kInvalidArgument);
+  std::ofstream(folder_ / "text.vdb") << "This is not a volume.\n";
+  EXPECT_EQ(KindOfRead(folder_ / "text.vdb"), ErrorKind::kInvalidArgument);
+}
+
+TEST_F(VolumeFileTest, EveryTruncationIsRefused) {
+  const VolumeMetadata metadata = MakeMetadata();
+  WriteVolumeFile(folder_ / "a.vdb", *MakeGrid(metadata.size, 0.0f), metadata);
+  const auto size = fs::file_size(folder_ / "a.vdb");
+  for (std::uintmax_t length = 0; length < size; length += 1 + size / 97) {
+    fs::copy_file(folder_ / "a.vdb", folder_ / "cut.vdb", fs::copy_options::overwrite_existing);
+    fs::resize_file(folder_ / "cut.vdb", length);
+    EXPECT_EQ(KindOfRead(folder_ / "cut.vdb"), ErrorKind::kInvalidArgument) << length;
+  }
+  fs::copy_file(folder_ / "a.vdb", folder_ / "cut.vdb", fs::copy_options::overwrite_existing);
+  fs::resize_file(folder_ / "cut.vdb", size - 1);
+  EXPECT_EQ(KindOfRead(folder_ / "cut.vdb"), ErrorKind::kInvalidArgument);
+}
+
+// Writes a grid that is right but for one change.
+fs::path WriteTampered(const fs::path& folder,
+                       const std::function<void(openvdb::FloatGrid*)>& change) {
+  const VolumeMetadata metadata = MakeMetadata();
+  WriteVolumeFile(folder / "good.vdb", *MakeGrid(metadata.size, 0.0f), metadata);
+  const VolumeFile file = ReadVolumeFile(folder / "good.vdb");
+  change(file.grid.get());
+  openvdb::io::File out((folder / "bad.vdb").string());
+  out.write({file.grid});
+  out.close();
+  return folder / "bad.vdb";
+}
+
+TEST_F(VolumeFileTest, UntamperedFileOfTheTestIsRead) {
+  EXPECT_NO_THROW(ReadVolumeFile(WriteTampered(folder_, [](openvdb::FloatGrid*) {})));
+}
+
+TEST_F(VolumeFileTest, EveryMissingEntryIsRefused) {
+  for (const char* name :
+       {"palpate_format", "palpate_size", "palpate_spacing_mm", "palpate_origin_mm",
+        "palpate_direction", "palpate_value_min", "palpate_value_max", "palpate_unit",
+        "palpate_original_type", "palpate_source"}) {
+    const fs::path path =
+        WriteTampered(folder_, [name](openvdb::FloatGrid* grid) { grid->removeMeta(name); });
+    EXPECT_EQ(KindOfRead(path), ErrorKind::kInvalidArgument) << name;
+  }
+}
+
+TEST_F(VolumeFileTest, TamperedEntriesAreRefused) {
+  const double inf = std::numeric_limits<double>::infinity();
+  const std::vector<std::function<void(openvdb::FloatGrid*)>> attacks = {
+      [](auto* g) { g->removeMeta("palpate_format");
+                    g->insertMeta("palpate_format", openvdb::Int32Metadata(2)); },
+      [](auto* g) { g->removeMeta("palpate_format");
+                    g->insertMeta("palpate_format", openvdb::StringMetadata("1")); },
+      [](auto* g) { g->insertMeta("palpate_size", openvdb::Vec3IMetadata({20, 11, 1})); },
+      [](auto* g) { g->insertMeta("palpate_size", openvdb::Vec3IMetadata({-20, 11, 9})); },
+      [](auto* g) { g->insertMeta("palpate_size", openvdb::Vec3IMetadata({5, 5, 5})); },
+      [inf](auto* g) { g->insertMeta("palpate_spacing_mm", openvdb::Vec3DMetadata({inf, 1, 1})); },
+      [inf](auto* g) { g->insertMeta("palpate_origin_mm", openvdb::Vec3DMetadata({0, inf, 1})); },
+      [](auto* g) { g->insertMeta("palpate_value_max", openvdb::DoubleMetadata(-1.0)); },
+      [](auto* g) { g->setName("other"); },
+      [](auto* g) { g->setTransform(openvdb::math::Transform::createLinearTransform(2.0)); },
+      [](auto* g) { g->tree().setValue(openvdb::Coord(-1, 0, 0), 5.0f); },
+      [](auto* g) { g->tree().root().setBackground(3.0f, false); },
+  };
+  for (std::size_t k = 0; k < attacks.size(); ++k) {
+    EXPECT_EQ(KindOfRead(WriteTampered(folder_, attacks[k])), ErrorKind::kInvalidArgument) << k;
+  }
+}
+
+TEST_F(VolumeFileTest, GridOfAnotherTypeIsRefused) {
+  openvdb::initialize();
+  const auto grid = openvdb::DoubleGrid::create(0.0);
+  grid->setName("density");
+  grid->tree().setValue(openvdb::Coord(1, 1, 1), 1.0);
+  openvdb::io::File out((folder_ / "a.vdb").string());
+  out.write({grid});
+  out.close();
+  EXPECT_EQ(KindOfRead(folder_ / "a.vdb"), ErrorKind::kInvalidArgument);
+}
+
+}  // namespace
+}  // namespace palpate

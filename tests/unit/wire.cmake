@@ -1,0 +1,1 @@
+palpate_unit_test(wire_test wire_test.cpp palpate::wire)
