@@ -138,7 +138,8 @@ void CheckCompressed(const fs::path& path, std::int64_t length, const ImageHeade
     if (present > needed && !header.may_be_longer) RefuseLength(present, needed);
     if (present > 2 * needed + (1 << 20)) break;
   }
-  if (present < needed) RefuseLength(present - std::min(present, header.skip_bytes), needed - header.skip_bytes);
+  if (present < needed)
+    RefuseLength(present - std::min(present, header.skip_bytes), needed - header.skip_bytes);
 }
 
 void CheckData(const fs::path& path, const ImageHeader& header, std::int64_t voxel_bytes) {
@@ -155,7 +156,8 @@ void CheckData(const fs::path& path, const ImageHeader& header, std::int64_t vox
     Refuse("the header skips more bytes than a file can have; correct it");
   }
   if (!header.compressed) {
-    if (length < needed) RefuseLength(std::max<std::int64_t>(length - (needed - voxel_bytes), 0), voxel_bytes);
+    if (length < needed)
+      RefuseLength(std::max<std::int64_t>(length - (needed - voxel_bytes), 0), voxel_bytes);
     return;
   }
   if (header.compressed_bytes > length) RefuseLength(length, header.compressed_bytes);

@@ -35,7 +35,8 @@ void SetRange(DenseVolume* volume, Reporter* reporter) {
                 "no voxel is a finite number of float range; there is nothing to feel");
   }
   if (odd > 0) {
-    std::replace_if(begin, end, [](float value) { return !std::isfinite(value); }, least);
+    std::replace_if(
+        begin, end, [](float value) { return !std::isfinite(value); }, least);
     reporter->Warn(std::to_string(odd) +
                    " voxels are not finite numbers of float range; they got the least value " +
                    std::to_string(least));
@@ -54,8 +55,8 @@ void FinishVolume(DenseVolume volume, const std::optional<Vec3>& spacing_mm,
   SetRange(&volume, reporter);
   CheckVolumeMetadata(metadata);
 
-  const openvdb::CoordBBox box({0, 0, 0},
-                               {metadata.size.x() - 1, metadata.size.y() - 1, metadata.size.z() - 1});
+  const openvdb::CoordBBox box(
+      {0, 0, 0}, {metadata.size.x() - 1, metadata.size.y() - 1, metadata.size.z() - 1});
   const auto grid = openvdb::FloatGrid::create(static_cast<float>(metadata.value_min));
   const openvdb::tools::Dense<float, openvdb::tools::LayoutXYZ> dense(box, volume.voxels.get());
   openvdb::tools::copyFromDense(dense, *grid, /*tolerance=*/0.0f);

@@ -140,7 +140,8 @@ class Walker {
       if (element.tag == kTransferSyntax) {
         if (element.length > kLongestText) RefuseCut();
         syntax = Read(element.length);
-        while (!syntax.empty() && (syntax.back() == '\0' || syntax.back() == ' ')) syntax.pop_back();
+        while (!syntax.empty() && (syntax.back() == '\0' || syntax.back() == ' '))
+          syntax.pop_back();
       } else {
         SkipValue(element, Encoding{}, 0);
       }

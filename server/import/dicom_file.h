@@ -11,8 +11,8 @@
 namespace palpate {
 
 struct DicomFile {
-  bool is_dicom = false;     // has the preamble
-  bool has_pixels = false;   // is an image
+  bool is_dicom = false;    // has the preamble
+  bool has_pixels = false;  // is an image
 };
 
 // `length`: bytes of the stream. Refuses what is cut off or contradicts itself.

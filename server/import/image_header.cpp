@@ -11,27 +11,39 @@ namespace palpate {
 int ByteCount(ScalarType type) {
   switch (type) {
     case ScalarType::kInt8:
-    case ScalarType::kUint8: return 1;
+    case ScalarType::kUint8:
+      return 1;
     case ScalarType::kInt16:
-    case ScalarType::kUint16: return 2;
+    case ScalarType::kUint16:
+      return 2;
     case ScalarType::kInt32:
     case ScalarType::kUint32:
-    case ScalarType::kFloat32: return 4;
-    case ScalarType::kFloat64: return 8;
+    case ScalarType::kFloat32:
+      return 4;
+    case ScalarType::kFloat64:
+      return 8;
   }
   return 8;
 }
 
 const char* Name(ScalarType type) {
   switch (type) {
-    case ScalarType::kInt8: return "int8";
-    case ScalarType::kUint8: return "uint8";
-    case ScalarType::kInt16: return "int16";
-    case ScalarType::kUint16: return "uint16";
-    case ScalarType::kInt32: return "int32";
-    case ScalarType::kUint32: return "uint32";
-    case ScalarType::kFloat32: return "float32";
-    case ScalarType::kFloat64: return "float64";
+    case ScalarType::kInt8:
+      return "int8";
+    case ScalarType::kUint8:
+      return "uint8";
+    case ScalarType::kInt16:
+      return "int16";
+    case ScalarType::kUint16:
+      return "uint16";
+    case ScalarType::kInt32:
+      return "int32";
+    case ScalarType::kUint32:
+      return "uint32";
+    case ScalarType::kFloat32:
+      return "float32";
+    case ScalarType::kFloat64:
+      return "float64";
   }
   return "";
 }
@@ -67,7 +79,8 @@ std::int64_t CheckedVoxelBytes(const std::array<std::int64_t, 3>& size, int byte
   const bool overflow = __builtin_mul_overflow(size[0], size[1], &voxels) ||
                         __builtin_mul_overflow(voxels, size[2], &voxels);
   constexpr std::int64_t kLongestAxis = std::numeric_limits<std::int32_t>::max() / 2;
-  if (overflow || voxels > limits.max_voxels || *std::max_element(size.begin(), size.end()) > kLongestAxis) {
+  if (overflow || voxels > limits.max_voxels ||
+      *std::max_element(size.begin(), size.end()) > kLongestAxis) {
     throw Error(ErrorKind::kTooLarge, listed + " are more than the limit of " +
                                           std::to_string(limits.max_voxels) +
                                           " voxels; crop or resample the volume");
@@ -77,11 +90,11 @@ std::int64_t CheckedVoxelBytes(const std::array<std::int64_t, 3>& size, int byte
   const int peak = std::max(bytes_per_voxel + 4, 9);
   std::int64_t memory = 0;
   if (__builtin_mul_overflow(voxels, peak, &memory) || memory > limits.max_memory_bytes) {
-    throw Error(ErrorKind::kTooLarge,
-                listed + " need about " + std::to_string(voxels / (1 << 20) * peak) +
-                    " MiB of memory, the limit is " +
-                    std::to_string(limits.max_memory_bytes >> 20) +
-                    " MiB; crop or resample the volume, or raise the limit");
+    throw Error(ErrorKind::kTooLarge, listed + " need about " +
+                                          std::to_string(voxels / (1 << 20) * peak) +
+                                          " MiB of memory, the limit is " +
+                                          std::to_string(limits.max_memory_bytes >> 20) +
+                                          " MiB; crop or resample the volume, or raise the limit");
   }
   return voxels * bytes_per_voxel;
 }
@@ -98,8 +111,9 @@ void CheckDataFileName(const std::string& name) {
   const bool climbs = std::any_of(path.begin(), path.end(),
                                   [](const std::filesystem::path& part) { return part == ".."; });
   if (name.empty() || path.is_absolute() || climbs || name.find('\0') != std::string::npos) {
-    Refuse("the data file " + Quoted(name) +
-           " lies outside of the header's folder; put both into one folder and name it without one");
+    Refuse(
+        "the data file " + Quoted(name) +
+        " lies outside of the header's folder; put both into one folder and name it without one");
   }
 }
 

@@ -9,9 +9,9 @@
 #include <string>
 #include <vector>
 
-#include <CLI/CLI.hpp>
 #include <itkMacro.h>
 #include <itkObject.h>
+#include <CLI/CLI.hpp>
 
 #include "common/error/error.h"
 #include "server/import/dense_volume.h"
@@ -42,7 +42,8 @@ void DefineOptions(CLI::App* app, Options* options) {
       "8, 16 or 32 bit integers, float or double, and become 32 bit floats (integers beyond 2^24\n"
       "are rounded). Three axes of at least 2 voxels; lengths are in mm, the frame is LPS.");
   app->footer(
-      "Exit codes: 0 written; 2 wrong usage; 3 not a volume, damaged or not supported; 4 not found;\n"
+      "Exit codes: 0 written; 2 wrong usage; 3 not a volume, damaged or not supported; 4 not "
+      "found;\n"
       "5 permission denied; 6 over a limit; 8 cannot write; 1 any other failure.\n"
       "Example: palpate-import head.nii.gz head.vdb --max-memory-mib 4096");
   app->add_option("INPUT", options->input, "Volume file, or folder of a DICOM series")->required();
@@ -111,6 +112,7 @@ void Import(const Options& options, palpate::Reporter* reporter) {
   palpate::ImportLimits limits;
   limits.max_voxels = options.max_voxels;
   limits.max_memory_bytes = options.max_memory_mib << 20;
+  reporter->FailOnCrash();
   reporter->FailAfter(options.timeout_s);
   palpate::LimitResources(limits.max_memory_bytes, options.timeout_s);
   itk::Object::SetGlobalWarningDisplay(false);

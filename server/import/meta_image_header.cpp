@@ -62,9 +62,9 @@ std::int64_t Integer(const Fields& fields, std::string_view name, std::int64_t a
 ScalarType ParseType(const std::string& type) {
   // MetaIO's LONG has 32 bits, as on the machines it was made on.
   static const std::map<std::string, ScalarType, std::less<>> kTypes = {
-      {"MET_CHAR", ScalarType::kInt8},    {"MET_UCHAR", ScalarType::kUint8},
-      {"MET_SHORT", ScalarType::kInt16},  {"MET_USHORT", ScalarType::kUint16},
-      {"MET_INT", ScalarType::kInt32},    {"MET_UINT", ScalarType::kUint32},
+      {"MET_CHAR", ScalarType::kInt8},     {"MET_UCHAR", ScalarType::kUint8},
+      {"MET_SHORT", ScalarType::kInt16},   {"MET_USHORT", ScalarType::kUint16},
+      {"MET_INT", ScalarType::kInt32},     {"MET_UINT", ScalarType::kUint32},
       {"MET_FLOAT", ScalarType::kFloat32}, {"MET_DOUBLE", ScalarType::kFloat64},
   };
   const auto found = kTypes.find(type);
@@ -111,16 +111,17 @@ void ReadDataPlace(const Fields& fields, std::int64_t header_end, ImageHeader* h
   header->compressed = Flag(fields, "CompressedData", false);
   if (header->compressed) {
     // Without it MetaIO delivers zeros.
-    header->compressed_bytes = ParseInteger(Required(fields, "CompressedDataSize"), "CompressedDataSize");
-    if (header->compressed_bytes < 1) Refuse("CompressedDataSize is not positive; correct the header");
+    header->compressed_bytes =
+        ParseInteger(Required(fields, "CompressedDataSize"), "CompressedDataSize");
+    if (header->compressed_bytes < 1)
+      Refuse("CompressedDataSize is not positive; correct the header");
   }
   if (lower == "local") {
     header->begin = header_end;
     if (skip != 0) Refuse("HeaderSize is only for a data file of its own; correct the header");
     return;
   }
-  if (lower.starts_with("list") || name.find('%') != std::string::npos ||
-      Words(name).size() > 1) {
+  if (lower.starts_with("list") || name.find('%') != std::string::npos || Words(name).size() > 1) {
     Refuse("the MetaImage header lists several data files; join them into one file first");
   }
   CheckDataFileName(name);

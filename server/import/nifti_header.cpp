@@ -55,14 +55,22 @@ bool IsSwapped(std::string_view head) {
 
 ScalarType ParseType(std::int16_t datatype) {
   switch (datatype) {
-    case 2: return ScalarType::kUint8;
-    case 4: return ScalarType::kInt16;
-    case 8: return ScalarType::kInt32;
-    case 16: return ScalarType::kFloat32;
-    case 64: return ScalarType::kFloat64;
-    case 256: return ScalarType::kInt8;
-    case 512: return ScalarType::kUint16;
-    case 768: return ScalarType::kUint32;
+    case 2:
+      return ScalarType::kUint8;
+    case 4:
+      return ScalarType::kInt16;
+    case 8:
+      return ScalarType::kInt32;
+    case 16:
+      return ScalarType::kFloat32;
+    case 64:
+      return ScalarType::kFloat64;
+    case 256:
+      return ScalarType::kInt8;
+    case 512:
+      return ScalarType::kUint16;
+    case 768:
+      return ScalarType::kUint32;
     case 32:
     case 128:
     case 1792:

@@ -291,8 +291,8 @@ DenseVolume ReadDicomVolume(const fs::path& folder, const ImportLimits& limits,
   reporter->Progress(0.0, "scanning");
   std::vector<Slice> slices = ScanFolder(folder, reporter);
   const double pitch_mm = SortSlices(&slices, reporter);
-  const auto size = VolumeSize({slices.front().size[0], slices.front().size[1],
-                                static_cast<std::int64_t>(slices.size())});
+  const auto size = VolumeSize(
+      {slices.front().size[0], slices.front().size[1], static_cast<std::int64_t>(slices.size())});
   CheckedVoxelBytes(size, sizeof(float), limits);
 
   DenseVolume volume;

@@ -13,9 +13,12 @@ using Image = itk::Image<float, 3>;
 
 itk::ImageIOBase::Pointer MakeImageIo(ImageFormat format) {
   switch (format) {
-    case ImageFormat::kNrrd: return itk::NrrdImageIO::New().GetPointer();
-    case ImageFormat::kMetaImage: return itk::MetaImageIO::New().GetPointer();
-    case ImageFormat::kNifti: return itk::NiftiImageIO::New().GetPointer();
+    case ImageFormat::kNrrd:
+      return itk::NrrdImageIO::New().GetPointer();
+    case ImageFormat::kMetaImage:
+      return itk::MetaImageIO::New().GetPointer();
+    case ImageFormat::kNifti:
+      return itk::NiftiImageIO::New().GetPointer();
   }
   return nullptr;
 }

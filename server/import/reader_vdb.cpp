@@ -48,8 +48,9 @@ openvdb::CoordBBox VolumeBox(const Grid& grid, VolumeMetadata* metadata) {
   if (size) {
     const openvdb::Vec3i s = size->value();
     const openvdb::CoordBBox box({0, 0, 0}, openvdb::Coord(s.x(), s.y(), s.z()).offsetBy(-1));
-    for (const auto& [name, text] : {std::pair("palpate_unit", &metadata->unit),
-                                     std::pair("palpate_original_type", &metadata->original_type)}) {
+    for (const auto& [name, text] :
+         {std::pair("palpate_unit", &metadata->unit),
+          std::pair("palpate_original_type", &metadata->original_type)}) {
       const auto entry = grid.template getMetadata<openvdb::StringMetadata>(name);
       if (entry) *text = entry->value();
     }

@@ -13,14 +13,20 @@
 namespace palpate {
 namespace {
 
-// For the signal handler, which may neither allocate nor format.
+// For the signal handlers, which may neither allocate nor format.
 std::string timeout_line;
-int timeout_fd = -1;
+std::string crash_line;
+int signal_fd = -1;
 
 extern "C" void ExitOnTimeout(int) {
   [[maybe_unused]] const ssize_t written =
-      write(timeout_fd, timeout_line.data(), timeout_line.size());
+      write(signal_fd, timeout_line.data(), timeout_line.size());
   _exit(ExitCode(ErrorKind::kTooLarge));
+}
+
+extern "C" void ExitOnCrash(int) {
+  [[maybe_unused]] const ssize_t written = write(signal_fd, crash_line.data(), crash_line.size());
+  _exit(ExitCode(ErrorKind::kInternal));
 }
 
 // One line, whatever a library or a file name puts into it.
@@ -82,12 +88,26 @@ void Reporter::Fail(std::string_view message) {
 void Reporter::FailAfter(unsigned seconds) {
   timeout_line = OneLine("palpate-import: " + input_ + ": the import took longer than " +
                          std::to_string(seconds) + " s; crop the volume or raise the limit");
-  timeout_fd = message_fd_;
+  signal_fd = message_fd_;
   struct sigaction action = {};
   action.sa_handler = ExitOnTimeout;
   sigaction(SIGALRM, &action, nullptr);
   sigaction(SIGXCPU, &action, nullptr);
   alarm(seconds);
+}
+
+void Reporter::FailOnCrash() {
+  crash_line = OneLine("palpate-import: " + input_ +
+                       ": the reader crashed on this file; it is probably damaged, copy or export "
+                       "it again");
+  signal_fd = message_fd_;
+#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
+  struct sigaction action = {};
+  action.sa_handler = ExitOnCrash;
+  for (const int signal : {SIGABRT, SIGBUS, SIGFPE, SIGILL, SIGSEGV}) {
+    sigaction(signal, &action, nullptr);
+  }
+#endif
 }
 
 }  // namespace palpate

@@ -25,6 +25,9 @@ class Reporter {
   // After `seconds` of wall clock, or when the limit of processor time is hit:
   // Fail() and exit with that of kTooLarge.
   void FailAfter(unsigned seconds);
+  // From here on a crash is a Fail() and exit with that of kInternal: GDCM ends in
+  // an assertion on some damaged files.
+  void FailOnCrash();
 
  private:
   std::string input_;

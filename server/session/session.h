@@ -32,12 +32,12 @@ struct RenderSettings {
 
 // Fields to change; isovalue in one of its two forms.
 struct SettingsUpdate {
-  std::optional<double> isovalue;
-  std::optional<double> normalized_isovalue;
-  std::optional<double> stiffness_n_per_mm;
-  std::optional<double> damping_n_s_per_m;
-  std::optional<DecompositionMethod> method;
-  std::optional<std::uint64_t> expected_revision;
+  std::optional<double> isovalue{};
+  std::optional<double> normalized_isovalue{};
+  std::optional<double> stiffness_n_per_mm{};
+  std::optional<double> damping_n_s_per_m{};
+  std::optional<DecompositionMethod> method{};
+  std::optional<std::uint64_t> expected_revision{};
 };
 
 struct SettingsState {
@@ -59,10 +59,10 @@ struct VolumeState {
 
 struct LoadRequest {
   std::string source;
-  std::optional<double> isovalue;
-  std::optional<double> normalized_isovalue;
-  std::optional<Vec3> spacing_mm;
-  std::optional<double> device_mm_per_volume_mm;
+  std::optional<double> isovalue{};
+  std::optional<double> normalized_isovalue{};
+  std::optional<Vec3> spacing_mm{};
+  std::optional<double> device_mm_per_volume_mm{};
 };
 
 class Session {

@@ -104,7 +104,8 @@ std::vector<std::string> Arguments(const ImportRequest& request,
       request.import_program.string(),
       "--progress",
       "--max-voxels=" + std::to_string(request.max_voxels),
-      "--max-memory-mib=" + std::to_string(std::max<std::int64_t>(request.max_memory_bytes >> 20, 1)),
+      "--max-memory-mib=" +
+          std::to_string(std::max<std::int64_t>(request.max_memory_bytes >> 20, 1)),
       "--timeout-s=" + std::to_string(std::max<std::int64_t>(request.timeout.count(), 1)),
   };
   if (request.spacing_mm) {
@@ -133,8 +134,8 @@ class SpawnSettings {
     posix_spawnattr_setsigmask(&attributes_, &none);
     posix_spawnattr_setsigdefault(&attributes_, &all);
     posix_spawnattr_setpgroup(&attributes_, 0);
-    posix_spawnattr_setflags(&attributes_, POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF |
-                                               POSIX_SPAWN_SETPGROUP);
+    posix_spawnattr_setflags(
+        &attributes_, POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF | POSIX_SPAWN_SETPGROUP);
   }
   ~SpawnSettings() {
     posix_spawn_file_actions_destroy(&actions_);

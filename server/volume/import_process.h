@@ -19,12 +19,12 @@
 namespace palpate {
 
 struct ImportRequest {
-  std::filesystem::path source;           // a file, or the folder of a DICOM series
-  std::optional<Vec3> spacing_mm;         // instead of the file's
+  std::filesystem::path source;    // a file, or the folder of a DICOM series
+  std::optional<Vec3> spacing_mm;  // instead of the file's
   std::int64_t max_voxels = std::int64_t{1} << 31;
   std::int64_t max_memory_bytes = std::int64_t{16} << 30;
   std::chrono::seconds timeout{300};
-  std::filesystem::path import_program;   // palpate-import
+  std::filesystem::path import_program;  // palpate-import
 };
 
 // `progress` is told what is done and which fraction of the import is over, on
@@ -33,9 +33,9 @@ struct ImportRequest {
 //
 // Throws Error with the importer's one line; kCancelled when cancelled() returned
 // true; kTooLarge when a limit was hit. No process and no temporary file is left.
-VolumeFile ImportVolume(const ImportRequest& request,
-                        const std::function<void(std::string_view stage, double fraction)>& progress,
-                        const std::function<bool()>& cancelled,
-                        std::vector<std::string>* warnings = nullptr);
+VolumeFile ImportVolume(
+    const ImportRequest& request,
+    const std::function<void(std::string_view stage, double fraction)>& progress,
+    const std::function<bool()>& cancelled, std::vector<std::string>* warnings = nullptr);
 
 }  // namespace palpate

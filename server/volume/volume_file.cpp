@@ -92,8 +92,8 @@ VolumeMetadata ExtractMetadata(const openvdb::MetaMap& map) {
 // value.
 void CheckTree(const openvdb::FloatGrid& grid, const VolumeMetadata& metadata) {
   const openvdb::CoordBBox box(
-      {0, 0, 0}, openvdb::Coord(metadata.size.x(), metadata.size.y(), metadata.size.z())
-                     .offsetBy(-1));
+      {0, 0, 0},
+      openvdb::Coord(metadata.size.x(), metadata.size.y(), metadata.size.z()).offsetBy(-1));
   const openvdb::CoordBBox active = grid.evalActiveVoxelBoundingBox();
   if (!active.empty() && !box.isInside(active)) {
     Refuse("there are voxels outside of the stated size; import the volume again");

@@ -1,7 +1,4 @@
 find_package(ZLIB REQUIRED)
-set(PALPATE_DATA_DIR ${CMAKE_SOURCE_DIR}/../shared/data
-    CACHE PATH "Real volumes for tests; tests that need them are skipped where there are none")
-
 palpate_integration_test(import_test import_test.cpp
   palpate::volume ZLIB::ZLIB)
 palpate_integration_test(import_data_test import_data_test.cpp

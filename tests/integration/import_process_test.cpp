@@ -137,7 +137,8 @@ TEST_F(ImportProcessTest, SilentFailureAndStrangeCodes) {
   EXPECT_EQ(Failure().kind(), ErrorKind::kInvalidArgument);
   UseScript("exit 77");
   EXPECT_EQ(Failure().kind(), ErrorKind::kInternal);
-  UseScript("echo 'palpate-import: warning: x: odd' >&2\necho 'palpate-import: x: bad' >&2\nexit 5");
+  UseScript(
+      "echo 'palpate-import: warning: x: odd' >&2\necho 'palpate-import: x: bad' >&2\nexit 5");
   const Error error = Failure();
   EXPECT_EQ(error.kind(), ErrorKind::kPermissionDenied);
   EXPECT_STREQ(error.what(), "x: bad");

@@ -27,8 +27,7 @@ class ImportTest : public ::testing::Test {
   void TearDown() override;
 
   std::filesystem::path Write(const std::string& name, const std::string& bytes) const;
-  ImportRun Import(const std::filesystem::path& input,
-                   std::vector<std::string> options = {}) const;
+  ImportRun Import(const std::filesystem::path& input, std::vector<std::string> options = {}) const;
   // Imports and reads the result; fails the test when it does not succeed.
   VolumeFile Imported(const std::filesystem::path& input,
                       const std::vector<std::string>& options = {}) const;

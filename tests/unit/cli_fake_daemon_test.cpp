@@ -12,7 +12,7 @@
 #include <sstream>
 
 #include "tests/unit/cli_fake_daemon.h"
-#include "tests/unit/cli_process.h"
+#include "tests/support/process.h"
 
 namespace palpate::test {
 namespace {

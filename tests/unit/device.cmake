@@ -1,1 +1,1 @@
-palpate_unit_test(simulated_device_test simulated_device_test.cpp palpate::device)
+palpate_unit_test(simulated_device_test simulated_device_test.cpp SANITIZED palpate::device)

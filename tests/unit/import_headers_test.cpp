@@ -57,9 +57,9 @@ TEST(NrrdHeader, AttachedRaw) {
 }
 
 TEST(NrrdHeader, CarriageReturnsAndUnit) {
-  const ImageHeader header =
-      Nrrd("NRRD0005\r\ntype: uchar\r\ndimension: 3\r\nsizes: 2 3 4\r\nencoding: gz\r\n"
-           "sample units: \"HU\"\r\n\r\nxx");
+  const ImageHeader header = Nrrd(
+      "NRRD0005\r\ntype: uchar\r\ndimension: 3\r\nsizes: 2 3 4\r\nencoding: gz\r\n"
+      "sample units: \"HU\"\r\n\r\nxx");
   EXPECT_EQ(header.size, (Size{2, 3, 4}));
   EXPECT_EQ(header.unit, "HU");
   EXPECT_TRUE(header.compressed);
@@ -81,8 +81,9 @@ TEST(NrrdHeader, TrailingAxesOfOneAreFine) {
 }
 
 TEST(NrrdHeader, SpaceDirections) {
-  const std::string good = Replaced(
-      kNrrd, "spacings: 1 1 1.5", "space directions: (1,0,0) (0, 1, 0) (0,0,2)\nspace origin: (0,0,0)");
+  const std::string good =
+      Replaced(kNrrd, "spacings: 1 1 1.5",
+               "space directions: (1,0,0) (0, 1, 0) (0,0,2)\nspace origin: (0,0,0)");
   EXPECT_NO_THROW(Nrrd(good));
   for (const char* bad : {"(0,0,0)", "(nan,0,0)", "(1,0", "1,0,0", "(a,0,0)", "(1e400,0,0)"}) {
     EXPECT_NE(Refusal([&] { Nrrd(Replaced(good, "(1,0,0)", bad)); }), "") << bad;

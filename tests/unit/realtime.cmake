@@ -1,1 +1,1 @@
-palpate_unit_test(realtime_test realtime_test.cpp palpate::realtime)
+palpate_unit_test(realtime_test realtime_test.cpp SANITIZED palpate::realtime)

@@ -113,8 +113,7 @@ TEST_F(VolumeFileTest, TransformMapsVoxelsToWorld) {
 
 TEST_F(VolumeFileTest, ObliqueAndTinySpacingsSurvive) {
   VolumeMetadata metadata = MakeMetadata();
-  metadata.direction =
-      Eigen::AngleAxisd(0.7, Vec3(1, 2, 3).normalized()).toRotationMatrix();
+  metadata.direction = Eigen::AngleAxisd(0.7, Vec3(1, 2, 3).normalized()).toRotationMatrix();
   metadata.spacing_mm = {kLeastSpacingMm, kLeastSpacingMm, 2 * kLeastSpacingMm};
   WriteVolumeFile(folder_ / "a.vdb", *MakeGrid(metadata.size, 0.0f), metadata);
   EXPECT_EQ(ReadVolumeFile(folder_ / "a.vdb").metadata.direction, metadata.direction);
@@ -218,15 +217,29 @@ TEST_F(VolumeFileTest, EveryMissingEntryIsRefused) {
 TEST_F(VolumeFileTest, TamperedEntriesAreRefused) {
   const double inf = std::numeric_limits<double>::infinity();
   const std::vector<std::function<void(openvdb::FloatGrid*)>> attacks = {
-      [](auto* g) { g->removeMeta("palpate_format");
-                    g->insertMeta("palpate_format", openvdb::Int32Metadata(2)); },
-      [](auto* g) { g->removeMeta("palpate_format");
-                    g->insertMeta("palpate_format", openvdb::StringMetadata("1")); },
-      [](auto* g) { g->insertMeta("palpate_size", openvdb::Vec3IMetadata({20, 11, 1})); },
-      [](auto* g) { g->insertMeta("palpate_size", openvdb::Vec3IMetadata({-20, 11, 9})); },
-      [](auto* g) { g->insertMeta("palpate_size", openvdb::Vec3IMetadata({5, 5, 5})); },
-      [inf](auto* g) { g->insertMeta("palpate_spacing_mm", openvdb::Vec3DMetadata({inf, 1, 1})); },
-      [inf](auto* g) { g->insertMeta("palpate_origin_mm", openvdb::Vec3DMetadata({0, inf, 1})); },
+      [](auto* g) {
+        g->removeMeta("palpate_format");
+        g->insertMeta("palpate_format", openvdb::Int32Metadata(2));
+      },
+      [](auto* g) {
+        g->removeMeta("palpate_format");
+        g->insertMeta("palpate_format", openvdb::StringMetadata("1"));
+      },
+      [](auto* g) {
+        g->insertMeta("palpate_size", openvdb::Vec3IMetadata({20, 11, 1}));
+      },
+      [](auto* g) {
+        g->insertMeta("palpate_size", openvdb::Vec3IMetadata({-20, 11, 9}));
+      },
+      [](auto* g) {
+        g->insertMeta("palpate_size", openvdb::Vec3IMetadata({5, 5, 5}));
+      },
+      [inf](auto* g) {
+        g->insertMeta("palpate_spacing_mm", openvdb::Vec3DMetadata({inf, 1, 1}));
+      },
+      [inf](auto* g) {
+        g->insertMeta("palpate_origin_mm", openvdb::Vec3DMetadata({0, inf, 1}));
+      },
       [](auto* g) { g->insertMeta("palpate_value_max", openvdb::DoubleMetadata(-1.0)); },
       [](auto* g) { g->setName("other"); },
       [](auto* g) { g->setTransform(openvdb::math::Transform::createLinearTransform(2.0)); },

@@ -1,5 +1,5 @@
-// Runs a program and collects what it writes, for tests of the command line
-// client. Threads: one. A program that hangs is killed after 20 s.
+// Runs a program and collects what it writes. Threads: one. A program that runs
+// longer than its patience is killed.
 #pragma once
 
 #include <fcntl.h>
@@ -29,7 +29,9 @@ struct ProcessResult {
 class Process {
  public:
   // `on_terminal`: stdout is a terminal of 80 x 24.
-  explicit Process(const std::vector<std::string>& arguments, bool on_terminal = false) {
+  explicit Process(const std::vector<std::string>& arguments, bool on_terminal = false,
+                   std::chrono::seconds patience = std::chrono::seconds(20))
+      : deadline_(std::chrono::steady_clock::now() + patience) {
     int child_output = -1;
     if (on_terminal) {
       output_ = posix_openpt(O_RDWR | O_NOCTTY | O_CLOEXEC);
@@ -74,6 +76,7 @@ class Process {
   Process& operator=(const Process&) = delete;
 
   void Signal(int number) const { kill(pid_, number); }
+  pid_t pid() const { return pid_; }
 
   // As a reader like `head` does.
   void CloseOutput() {
@@ -150,8 +153,7 @@ class Process {
   bool output_ended_ = false;
   bool error_ended_ = false;
   ProcessResult result_;
-  const std::chrono::steady_clock::time_point deadline_ =
-      std::chrono::steady_clock::now() + std::chrono::seconds(20);
+  const std::chrono::steady_clock::time_point deadline_;
 };
 
 }  // namespace palpate::test

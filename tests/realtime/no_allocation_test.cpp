@@ -1,0 +1,107 @@
+// A tick never allocates or frees, in free space, in contact, while the surface
+// moves, and when the volume is replaced.
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <cmath>
+#include <cstdlib>
+#include <memory>
+
+#include "server/device/explore_script.h"
+#include "server/device/simulated_device.h"
+#include "server/servo/servo_tick.h"
+#include "server/volume/builtin.h"
+#include "server/volume/snapshot_builder.h"
+
+namespace {
+thread_local bool counting = false;
+std::atomic<long> calls{0};
+}  // namespace
+
+// glibc's own, under the names that everything in this program calls.
+extern "C" {
+void* __libc_malloc(std::size_t);
+void* __libc_calloc(std::size_t, std::size_t);
+void* __libc_realloc(void*, std::size_t);
+void* __libc_memalign(std::size_t, std::size_t);
+void __libc_free(void*);
+
+void* malloc(std::size_t size) {
+  if (counting) ++calls;
+  return __libc_malloc(size);
+}
+void* calloc(std::size_t count, std::size_t size) {
+  if (counting) ++calls;
+  return __libc_calloc(count, size);
+}
+void* realloc(void* p, std::size_t size) {
+  if (counting) ++calls;
+  return __libc_realloc(p, size);
+}
+void* aligned_alloc(std::size_t alignment, std::size_t size) {
+  if (counting) ++calls;
+  return __libc_memalign(alignment, size);
+}
+void free(void* p) {
+  if (counting && p) ++calls;
+  __libc_free(p);
+}
+}
+
+namespace palpate {
+namespace {
+
+std::unique_ptr<Scene> MakeScene(const char* source, double isovalue, std::uint64_t revision) {
+  const BuiltinVolume builtin = MakeBuiltin(source);
+  auto scene = std::make_unique<Scene>();
+  scene->volume = MakeSnapshot(builtin.grid, builtin.metadata, revision);
+  scene->isovalue = isovalue;
+  scene->settings_revision = revision;
+  const double scale = 100.0 / builtin.metadata.size.maxCoeff();
+  const Vec3 middle = 0.5 * scale * builtin.metadata.size.cast<double>();
+  scene->surface = MakeHapticSurface(*scene->volume, {Mat3::Identity() * scale, -middle}, isovalue,
+                                     DecompositionMethod::kTpbcc, revision);
+  return scene;
+}
+
+TEST(NoAllocation, TheCountSeesAnAllocation) {
+  counting = true;
+  const auto control = std::make_unique<int>(1);
+  counting = false;
+  EXPECT_GE(calls.load(), 1);
+  calls = 0;
+}
+
+TEST(NoAllocation, ATickNeitherAllocatesNorFrees) {
+  const DeviceSpec spec = SimulatedDeviceSpec();
+  SimulatedDevice device(
+      std::make_unique<ExploreScript>(spec.workspace_min_mm, spec.workspace_max_mm, 1));
+  device.Start();
+  ServoTick tick(device);
+  const auto outbox = std::make_unique<TickOutbox>();
+  const auto bumps = MakeScene("builtin:bumps:64", 0.5, 1);
+  const auto bumps_swollen = MakeScene("builtin:bumps:64", 0.3, 2);
+  const auto gyroid = MakeScene("builtin:gyroid:64", 0.5, 3);
+  TickTime time;
+  long contacts = 0, ejecting = 0;
+  calls = 0;
+  counting = true;
+  for (int n = 0; n < 40000; ++n) {
+    const Scene& scene = n / 5000 % 4 == 3  ? *gyroid
+                         : n / 500 % 2 == 1 ? *bumps_swollen
+                                            : *bumps;
+    time.started_ns += 1'000'000;
+    const TickSample sample = tick.Run(scene, time);
+    outbox->TryPush(sample);
+    contacts += sample.contact;
+    ejecting += sample.mode == TickMode::kEjecting;
+  }
+  counting = false;
+  EXPECT_EQ(calls.load(), 0);
+  // The run must have been through all of it.
+  EXPECT_GT(contacts, 5000);
+  EXPECT_GT(ejecting, 0);
+}
+
+}  // namespace
+}  // namespace palpate

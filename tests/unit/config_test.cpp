@@ -1,0 +1,88 @@
+// The configuration file.
+#include "server/app/config.h"
+
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+#include <fstream>
+
+#include "common/error/error.h"
+
+namespace palpate {
+namespace {
+
+class ConfigTest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    char name[] = "/tmp/palpate-config-XXXXXX";
+    ASSERT_NE(mkdtemp(name), nullptr);
+    folder_ = name;
+  }
+  void TearDown() override { std::filesystem::remove_all(folder_); }
+
+  Config Read(const std::string& text) const {
+    std::ofstream(folder_ / "palpated.toml") << text;
+    Config config;
+    ReadConfigFile(folder_ / "palpated.toml", config);
+    return config;
+  }
+  std::string Refusal(const std::string& text) const {
+    try {
+      Read(text);
+    } catch (const Error& error) {
+      EXPECT_EQ(error.kind(), ErrorKind::kInvalidArgument);
+      return error.what();
+    }
+    return "accepted";
+  }
+
+  std::filesystem::path folder_;
+};
+
+TEST_F(ConfigTest, ReadsEveryKey) {
+  const Config config = Read(R"(
+[volume]
+source = "/data/head.nrrd"
+isovalue = 300
+spacing_mm = [1, 1.0, 2.5]
+device_mm_per_volume_mm = 0.5
+[haptics]
+stiffness_n_per_mm = 0.8
+damping_n_s_per_m = 2
+method = "bcc"
+[device]
+kind = "simulated"
+[server]
+socket = "/tmp/s.sock"
+listen = "127.0.0.1:7400"
+[realtime]
+priority = 70
+cpu = 1
+lock_memory = false
+)");
+  EXPECT_EQ(config.volume, "/data/head.nrrd");
+  EXPECT_EQ(config.isovalue, 300.0);
+  EXPECT_EQ(*config.spacing_mm, Vec3(1.0, 1.0, 2.5));
+  EXPECT_EQ(config.device_mm_per_volume_mm, 0.5);
+  EXPECT_EQ(config.haptics.stiffness_n_per_mm, 0.8);
+  EXPECT_EQ(config.method, DecompositionMethod::kBcc);
+  EXPECT_EQ(config.listen->port, 7400);
+  EXPECT_EQ(config.realtime.priority, 70);
+  EXPECT_FALSE(config.realtime.lock_memory);
+}
+
+TEST_F(ConfigTest, NamesTheLineOfAnError) {
+  EXPECT_NE(Refusal("[haptics]\n\nstiffness = 1\n").find("palpated.toml:3: haptics.stiffness"),
+            std::string::npos);
+  EXPECT_NE(Refusal("[realtime]\npriority = 200\n").find(":2: realtime.priority must be"),
+            std::string::npos);
+  EXPECT_NE(Refusal("[volume]\nspacing_mm = [1, 2]\n").find(":2: volume.spacing_mm"),
+            std::string::npos);
+  EXPECT_NE(Refusal("[haptics]\nmethod = \"tptd\"\n").find(":2: haptics.method"),
+            std::string::npos);
+  EXPECT_NE(Refusal("[server\n").find("palpated.toml:1:"), std::string::npos);
+  EXPECT_NE(Refusal("[server]\nlisten = \"7400\"\n").find(":2: server.listen"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace palpate

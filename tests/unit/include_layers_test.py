@@ -1,0 +1,101 @@
+"""The layers of the tree, read off the #include lines: Debian keeps every header
+in /usr/include, so that the compiler lets anything pass."""
+
+import pathlib
+import re
+import sys
+import unittest
+
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+
+COMMON = ["common/error", "common/geometry", "common/isosurface"]
+
+# Folder: folders it may include, besides itself.
+LAYERS = {
+    "common/error": [],
+    "common/geometry": [],
+    "common/isosurface": ["common/geometry"],
+    "common/wire": ["common/error", "common/geometry"],
+    "server/realtime": ["common/error"],
+    "server/volume": COMMON,
+    "server/import": ["common/error", "common/geometry", "server/volume"],
+    "server/haptics": ["common/geometry", "common/isosurface", "server/volume"],
+    "server/device": ["common/error", "common/geometry"],
+    "server/servo": COMMON + ["server/realtime", "server/volume", "server/haptics", "server/device"],
+    "server/session": COMMON + ["server/realtime", "server/volume", "server/haptics",
+                                "server/device", "server/servo"],
+    "server/rpc": COMMON + ["common/wire", "server/realtime", "server/haptics", "server/device",
+                            "server/servo", "server/session"],
+    "server/app": COMMON + ["common/wire", "server/realtime", "server/haptics", "server/device",
+                            "server/servo", "server/session", "server/rpc"],
+    "client/cli": ["common/error", "common/geometry", "common/wire"],
+}
+
+# Library: its includes, and the folders that may use it.
+LIBRARIES = {
+    "gRPC and protobuf": (r"grpc|google/protobuf|palpate/v1/",
+                          ["common/wire", "server/rpc", "server/app", "client/cli"]),
+    "OpenVDB": (r"openvdb/", ["server/volume", "server/import"]),
+    "ITK": (r"itk|gdcm", ["server/import"]),
+    "spdlog": (r"spdlog/", ["server/session", "server/rpc", "server/app"]),
+    "TBB": (r"tbb/", ["server/volume"]),
+}
+
+# The headers of volume that are free of OpenVDB; real-time code sees no others.
+PLAIN_VOLUME_HEADERS = {"server/volume/snapshot.h", "server/volume/volume_metadata.h"}
+NO_OPENVDB = ["server/haptics", "server/servo", "server/device", "server/rpc"]
+
+
+def violations(folder, includes):
+    """Reasons against these includes of a file in `folder`."""
+    found = []
+    for include in includes:
+        parent = str(pathlib.PurePosixPath(include).parent)
+        if re.match(r"(common|server|client)/", include):
+            if parent != folder and parent not in LAYERS[folder]:
+                found.append(f"{include}: {folder} may not use {parent}")
+            if folder in NO_OPENVDB and parent == "server/volume" \
+                    and include not in PLAIN_VOLUME_HEADERS:
+                found.append(f"{include}: brings OpenVDB into {folder}")
+        for library, (pattern, folders) in LIBRARIES.items():
+            if re.match(pattern, include) and folder not in folders:
+                found.append(f"{include}: {folder} may not use {library}")
+    return found
+
+
+def includes_of(path):
+    return re.findall(r'^\s*#\s*include\s*[<"]([^>"]+)[>"]', path.read_text(), re.MULTILINE)
+
+
+class IncludeLayers(unittest.TestCase):
+    def sources(self):
+        for top in ("common", "server", "client"):
+            for path in sorted((ROOT / top).rglob("*")):
+                if path.suffix in (".h", ".cpp"):
+                    yield str(path.parent.relative_to(ROOT)), path
+
+    def test_every_file_keeps_its_layer(self):
+        count = 0
+        for folder, path in self.sources():
+            count += 1
+            self.assertIn(folder, LAYERS, f"{folder} has no layer: add it to LAYERS")
+            self.assertEqual(violations(folder, includes_of(path)), [], str(path))
+        self.assertGreater(count, 50)
+
+    def test_headers_guard_themselves(self):
+        for _, path in self.sources():
+            if path.suffix == ".h":
+                self.assertIn("#pragma once", path.read_text(), str(path))
+
+    def test_violations_are_seen(self):
+        self.assertTrue(violations("client/cli", ["server/servo/scene.h"]))
+        self.assertTrue(violations("server/haptics", ["server/volume/snapshot_builder.h"]))
+        self.assertTrue(violations("server/servo", ["spdlog/spdlog.h"]))
+        self.assertTrue(violations("server/session", ["grpcpp/grpcpp.h"]))
+        self.assertTrue(violations("server/volume", ["itkImage.h"]))
+        self.assertTrue(violations("common/isosurface", ["server/volume/snapshot.h"]))
+        self.assertFalse(violations("server/haptics", ["server/volume/snapshot.h", "vector"]))
+
+
+if __name__ == "__main__":
+    sys.exit(unittest.main(verbosity=1))

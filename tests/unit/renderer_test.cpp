@@ -1,0 +1,94 @@
+// One haptic update: force, damping, bad input.
+#include "server/haptics/renderer.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+#include <memory>
+
+#include "tests/support/array_volume.h"
+
+namespace palpate {
+namespace {
+
+constexpr double kDtS = 1e-3;
+
+class RendererTest : public ::testing::Test {
+ protected:
+  // Solid below z = 4.3 voxels of 0.5 mm: 2.15 mm.
+  void SetUp() override {
+    volume_ = testing::MakeVolume(Vec3i(9, 9, 9), [](int, int, int k) { return (8.0 - k) / 8.0; });
+    surface_ = MakeHapticSurface(*volume_, {Mat3::Identity() * 0.5, Vec3::Zero()},
+                                 volume_->Normalize((8.0 - 4.3) / 8.0),
+                                 DecompositionMethod::kTpbcc, 1);
+    state_ = std::make_unique<RendererState>();
+  }
+  HapticOutput Step(const Vec3& hip) {
+    return StepRenderer(surface_, settings_, hip, kDtS, *state_);
+  }
+
+  std::shared_ptr<const VolumeSnapshot> volume_;
+  HapticSurface surface_;
+  HapticSettings settings_{.stiffness_n_per_mm = 0.8, .damping_n_s_per_m = 0.0};
+  std::unique_ptr<RendererState> state_;
+};
+
+TEST_F(RendererTest, NoForceInFreeSpace) {
+  const HapticOutput output = Step(Vec3(2, 2, 3));
+  EXPECT_TRUE(output.force_D_n.isZero());
+  EXPECT_FALSE(output.visual.found);
+}
+
+TEST_F(RendererTest, ForceIsStiffnessTimesPenetration) {
+  Step(Vec3(2, 2, 3));
+  const HapticOutput output = Step(Vec3(2, 2, 1.15));
+  EXPECT_NEAR((output.force_D_n - Vec3(0, 0, 0.8)).norm(), 0.0, 1e-6);
+  EXPECT_TRUE(output.visual.found);
+}
+
+TEST_F(RendererTest, DampingOpposesApproachAndNeverPullsIn) {
+  settings_.damping_n_s_per_m = 5.0;
+  Step(Vec3(2, 2, 3));
+  for (int n = 0; n < 10; ++n) Step(Vec3(2, 2, 2.1 - 0.02 * n));
+  const HapticOutput in = Step(Vec3(2, 2, 1.9));
+  EXPECT_GT(in.force_D_n.z(), 0.8 * 0.25);
+  for (int n = 0; n < 40; ++n) {
+    const HapticOutput out = Step(Vec3(2, 2, 1.9 + 0.006 * n));
+    EXPECT_GE(out.force_D_n.z(), 0.0);
+  }
+}
+
+TEST_F(RendererTest, InputThatIsNoPositionIsRejected) {
+  Step(Vec3(2, 2, 3));
+  const HapticOutput before = Step(Vec3(2, 2, 1.15));
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  const double inf = std::numeric_limits<double>::infinity();
+  for (const Vec3& bad : {Vec3(nan, 2, 1), Vec3(2, inf, 1), Vec3(2, 2, -1e300)}) {
+    const HapticOutput output = Step(bad);
+    EXPECT_TRUE(output.input_rejected);
+    EXPECT_EQ(output.p_DHip_mm, Vec3(2, 2, 1.15));
+    EXPECT_EQ(output.proxy.p_DH_mm, before.proxy.p_DH_mm);
+    EXPECT_TRUE(output.force_D_n.allFinite());
+  }
+}
+
+TEST_F(RendererTest, NothingIsFeltBeforeTheFirstPosition) {
+  const HapticOutput output = Step(Vec3::Constant(std::numeric_limits<double>::quiet_NaN()));
+  EXPECT_TRUE(output.input_rejected);
+  EXPECT_TRUE(output.force_D_n.isZero());
+}
+
+TEST_F(RendererTest, TheSameInputGivesTheSameBits) {
+  RendererState other;
+  for (int n = 0; n < 500; ++n) {
+    const Vec3 hip(2 + std::sin(n * 0.1), 2 + std::cos(n * 0.13), 2.0 + 0.5 * std::sin(n * 0.05));
+    const HapticOutput a = Step(hip);
+    const HapticOutput b = StepRenderer(surface_, settings_, hip, kDtS, other);
+    ASSERT_EQ(a.force_D_n, b.force_D_n);
+    ASSERT_EQ(a.visual.p_DV_mm, b.visual.p_DV_mm);
+  }
+}
+
+}  // namespace
+}  // namespace palpate

@@ -1,0 +1,170 @@
+// The session with a running servo loop and pump, without gRPC.
+#include "server/session/session.h"
+
+#include <gtest/gtest.h>
+
+#include <memory>
+#include <thread>
+
+#include "common/error/error.h"
+#include "server/device/path_script.h"
+#include "server/device/simulated_device.h"
+#include "server/servo/servo_loop.h"
+
+namespace palpate {
+namespace {
+
+const LoadProgress kQuiet = [](std::string_view, double) {};
+const LoadCancelled kNever = [] { return false; };
+
+class SessionTest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    // Through the sphere in the middle of the workspace and back.
+    device_ = std::make_unique<SimulatedDevice>(std::make_unique<PathScript>(
+        std::vector<Vec3>{Vec3(-70, 2, 1), Vec3(70, 1, 2)}, 100.0));
+    outbox_ = std::make_unique<TickOutbox>();
+    pump_ = std::make_unique<Pump>(*outbox_);
+    session_ = std::make_unique<Session>(device_->spec(), inbox_, *pump_, VolumeLoader{});
+    session_->Load({.source = "builtin:sphere:32"}, kQuiet, kNever);
+    RealtimeOptions options;
+    options.lock_memory = false;
+    servo_ = std::make_unique<ServoLoop>(*device_, inbox_, *outbox_, options);
+    pump_->Start();
+    servo_->Start();
+  }
+  void TearDown() override {
+    servo_->Stop();
+    pump_->Stop();
+  }
+
+  SceneInbox inbox_;
+  std::unique_ptr<SimulatedDevice> device_;
+  std::unique_ptr<TickOutbox> outbox_;
+  std::unique_ptr<Pump> pump_;
+  std::unique_ptr<Session> session_;
+  std::unique_ptr<ServoLoop> servo_;
+};
+
+ErrorKind Refusal(const std::function<void()>& call) {
+  try {
+    call();
+  } catch (const Error& error) {
+    return error.kind();
+  }
+  return ErrorKind::kInternal;
+}
+
+TEST_F(SessionTest, AnUpdateIsAppliedAtATick) {
+  const SettingsApplied a = session_->Update({.isovalue = 0.4});
+  const SettingsApplied b = session_->Update({.normalized_isovalue = 0.6});
+  EXPECT_EQ(a.state.settings.isovalue, 0.4);
+  EXPECT_NEAR(b.state.settings.normalized_isovalue, 0.6, 1e-12);
+  EXPECT_EQ(b.state.settings_revision, a.state.settings_revision + 1);
+  EXPECT_GT(b.applied.tick, a.applied.tick);
+}
+
+TEST_F(SessionTest, BadUpdatesChangeNothing) {
+  const SettingsState before = session_->settings();
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  for (const SettingsUpdate& bad :
+       {SettingsUpdate{.isovalue = 1.5}, SettingsUpdate{.isovalue = nan},
+        SettingsUpdate{.normalized_isovalue = -0.1},
+        SettingsUpdate{.isovalue = 0.5, .normalized_isovalue = 0.5},
+        SettingsUpdate{.isovalue = 0.5, .stiffness_n_per_mm = 100.0},
+        SettingsUpdate{.stiffness_n_per_mm = -1.0}, SettingsUpdate{.damping_n_s_per_m = nan}}) {
+    EXPECT_EQ(Refusal([&] { session_->Update(bad); }), ErrorKind::kInvalidArgument);
+  }
+  EXPECT_EQ(Refusal([&] { session_->Update({.isovalue = 0.5, .expected_revision = 99}); }),
+            ErrorKind::kConflict);
+  EXPECT_EQ(session_->settings().settings_revision, before.settings_revision);
+  EXPECT_EQ(session_->settings().settings.isovalue, before.settings.isovalue);
+}
+
+TEST_F(SessionTest, AFailedLoadKeepsTheVolume) {
+  const VolumeState before = session_->volume();
+  AppliedTick applied;
+  for (const LoadRequest& bad :
+       {LoadRequest{.source = "builtin:cube"}, LoadRequest{.source = "relative.nrrd"},
+        LoadRequest{.source = "builtin:bumps:16", .isovalue = 7.0},
+        LoadRequest{.source = "builtin:bumps:16", .device_mm_per_volume_mm = -1.0}}) {
+    EXPECT_EQ(Refusal([&] { session_->LoadAndWait(bad, kQuiet, kNever, applied); }),
+              ErrorKind::kInvalidArgument)
+        << bad.source;
+  }
+  EXPECT_EQ(session_->volume().volume, before.volume);
+  EXPECT_EQ(session_->volume().settings_revision, before.settings_revision);
+}
+
+TEST_F(SessionTest, ALoadKeepsTheNormalisedIsovalueAndIsSeenAtOneTick) {
+  session_->Update({.normalized_isovalue = 0.3});
+  AppliedTick applied;
+  const VolumeState state =
+      session_->LoadAndWait({.source = "builtin:gyroid:32"}, kQuiet, kNever, applied);
+  EXPECT_EQ(state.volume->revision(), 2u);
+  EXPECT_NEAR(session_->settings().settings.normalized_isovalue, 0.3, 1e-12);
+  EXPECT_GT(applied.tick, 0u);
+}
+
+// Collects samples on the pump thread and checks that none mixes revisions.
+class Checker : public SampleSink {
+ public:
+  void OnSample(const TickSample& sample) override {
+    ++samples_;
+    contacts_ += sample.contact;
+    // The test sets the isovalue to 0.3 + revision mod 5 / 10.
+    const double expected = 0.3 + static_cast<double>(sample.settings_revision % 5) / 10.0;
+    if (sample.settings_revision > 1) mixed_ += sample.isovalue != expected;
+    above_ += sample.density > sample.isovalue && sample.mode != TickMode::kEjecting;
+    went_back_ += sample.settings_revision < last_revision_;
+    last_revision_ = sample.settings_revision;
+  }
+  int samples_ = 0, contacts_ = 0, mixed_ = 0, above_ = 0, went_back_ = 0;
+  std::uint64_t last_revision_ = 0;
+};
+
+TEST_F(SessionTest, NoTickMixesRevisionsUnderAStreamOfUpdates) {
+  const auto checker = std::make_shared<Checker>();
+  pump_->Subscribe(checker);
+  for (int n = 0; n < 1000; ++n) {
+    const std::uint64_t next = session_->settings().settings_revision + 1;
+    session_->Update({.isovalue = 0.3 + static_cast<double>(next % 5) / 10.0});
+  }
+  servo_->Stop();
+  pump_->Stop();
+  EXPECT_GT(checker->samples_, 1000);
+  EXPECT_GT(checker->contacts_, 50);
+  EXPECT_EQ(checker->mixed_, 0);
+  EXPECT_EQ(checker->above_, 0);
+  EXPECT_EQ(checker->went_back_, 0);
+}
+
+TEST_F(SessionTest, AnUpdateWithoutAServoIsRefused) {
+  servo_->Stop();
+  EXPECT_EQ(Refusal([&] { session_->Update({.isovalue = 0.5}); }), ErrorKind::kUnavailable);
+}
+
+TEST(Registration, FitsTheVolumeIntoTheWorkspace) {
+  VolumeMetadata metadata;
+  metadata.size = Vec3i(301, 324, 56);
+  metadata.spacing_mm = Vec3(1, 1, 1.4);
+  metadata.origin_W_mm = Vec3(-10, 500, 3);
+  // Mirrored and turned.
+  metadata.direction << 0, 1, 0, -1, 0, 0, 0, 0, -1;
+  const DeviceSpec device = SimulatedDeviceSpec();
+  const Registration fit = FitToWorkspace(metadata, device, std::nullopt);
+  const AffineMap X_DI = fit.X_DW * metadata.WorldFromIndex();
+  const Vec3 middle = X_DI.Apply(Vec3(150, 161.5, 27.5));
+  EXPECT_NEAR(middle.norm(), 0.0, 1e-9);
+  Vec3 extent = Vec3::Zero();
+  for (int c = 0; c < 8; ++c) {
+    extent = extent.cwiseMax(
+        X_DI.Apply(Vec3(c & 1 ? 300 : 0, c & 2 ? 323 : 0, c & 4 ? 55 : 0)).cwiseAbs());
+  }
+  EXPECT_NEAR((extent.array() / Eigen::Array3d(80, 60, 35)).maxCoeff(), kWorkspaceFill, 1e-9);
+  EXPECT_EQ(FitToWorkspace(metadata, device, 0.25).device_mm_per_volume_mm, 0.25);
+  EXPECT_THROW(FitToWorkspace(metadata, device, 0.0), Error);
+}
+
+}  // namespace
+}  // namespace palpate
