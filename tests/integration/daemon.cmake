@@ -1,0 +1,9 @@
+find_package(nlohmann_json REQUIRED)
+foreach(test daemon_stream_test daemon_control_test daemon_lifecycle_test)
+  palpate_integration_test(${test} ${test}.cpp palpate::wire palpate::proto nlohmann_json::nlohmann_json)
+  add_dependencies(${test} palpated palpate palpate-import)
+  target_compile_definitions(${test} PRIVATE
+    PALPATED="$<TARGET_FILE:palpated>"
+    PALPATE="$<TARGET_FILE:palpate>"
+    PALPATE_DATA_DIR="${PALPATE_DATA_DIR}")
+endforeach()

@@ -1,0 +1,172 @@
+// Starting and ending palpated, and what it says when it cannot.
+#include <arpa/inet.h>
+#include <gtest/gtest.h>
+#include <netinet/in.h>
+#include <sys/socket.h>
+
+#include <algorithm>
+#include <fstream>
+
+#include "tests/support/daemon.h"
+
+namespace palpate::test {
+namespace {
+
+const std::vector<std::string> kSmall = {"--volume", "builtin:sphere:16"};
+
+std::vector<std::string> Small(std::vector<std::string> more) {
+  more.insert(more.begin(), kSmall.begin(), kSmall.end());
+  return more;
+}
+
+ProcessResult RunDaemon(std::vector<std::string> arguments) {
+  arguments.insert(arguments.begin(), PALPATED);
+  return Process(arguments).Wait();
+}
+
+// Its last line is the daemon's one-line complaint.
+std::string Complaint(const ProcessResult& result) {
+  const std::size_t at = result.error.find("palpated: ");
+  const std::string line = at == std::string::npos ? "" : result.error.substr(at);
+  EXPECT_EQ(std::count(line.begin(), line.end(), '\n'), 1) << result.error;
+  return line;
+}
+
+TEST(Lifecycle, EndsInOrderOnATerminationSignal) {
+  for (int signal : {SIGTERM, SIGINT, SIGHUP}) {
+    Daemon daemon(PALPATED, kSmall);
+    PoseCollector collector(daemon);
+    std::this_thread::sleep_for(std::chrono::milliseconds(200));
+    const ProcessResult result = daemon.End(signal);
+    EXPECT_EQ(result.exit_code, 0) << result.error;
+    EXPECT_NE(result.error.find("ended after"), std::string::npos) << result.error;
+    EXPECT_FALSE(std::filesystem::exists(daemon.socket()));
+    EXPECT_FALSE(std::filesystem::exists(daemon.socket().string() + ".lock"));
+  }
+}
+
+TEST(Lifecycle, StartsOverTheSocketOfOneThatWasKilled) {
+  TemporaryFolder folder;
+  const std::string socket = folder.path() / "s.sock";
+  const std::vector<std::string> command = {PALPATED, "--volume", "builtin:sphere:16", "--socket",
+                                            socket};
+  {
+    Process first(command);
+    ASSERT_TRUE(first.WaitFor("ready on"));
+    first.Signal(SIGKILL);
+    EXPECT_EQ(first.Wait().exit_code, -SIGKILL);
+  }
+  ASSERT_TRUE(std::filesystem::exists(socket));
+  Process second(command);
+  EXPECT_TRUE(second.WaitFor("ready on"));
+  second.Signal(SIGTERM);
+  EXPECT_EQ(second.Wait().exit_code, 0);
+}
+
+TEST(Lifecycle, ASecondDaemonOnTheSocketIsRefused) {
+  Daemon daemon(PALPATED, kSmall);
+  const ProcessResult second = RunDaemon(Small({"--socket", daemon.socket()}));
+  EXPECT_EQ(second.exit_code, 7);
+  EXPECT_NE(Complaint(second).find("another palpated listens on"), std::string::npos);
+  // The first one is none the worse.
+  grpc::ClientContext context;
+  v1::GetDeviceResponse response;
+  EXPECT_TRUE(daemon.device->GetDevice(&context, {}, &response).ok());
+}
+
+TEST(Lifecycle, APortInUseIsNamed) {
+  const int taken = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
+  sockaddr_in address{};
+  address.sin_family = AF_INET;
+  address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+  socklen_t length = sizeof(address);
+  ASSERT_EQ(bind(taken, reinterpret_cast<sockaddr*>(&address), length), 0);
+  ASSERT_EQ(listen(taken, 1), 0);
+  ASSERT_EQ(getsockname(taken, reinterpret_cast<sockaddr*>(&address), &length), 0);
+  const std::string listen_on = "127.0.0.1:" + std::to_string(ntohs(address.sin_port));
+
+  TemporaryFolder folder;
+  const std::string socket = folder.path() / "s.sock";
+  const ProcessResult result = RunDaemon(Small({"--socket", socket, "--listen", listen_on}));
+  EXPECT_EQ(result.exit_code, 7);
+  EXPECT_NE(Complaint(result).find(listen_on + ": the port is in use"), std::string::npos)
+      << result.error;
+  close(taken);
+  // Free now: the same command works, over TCP too.
+  Daemon daemon(PALPATED, Small({"--listen", listen_on}));
+  const ProcessResult info = Process({PALPATE, "info", "--server", listen_on}).Wait();
+  EXPECT_EQ(info.exit_code, 0) << info.error;
+}
+
+TEST(Lifecycle, ListensOnLoopbackOnly) {
+  const ProcessResult result = RunDaemon(Small({"--listen", "0.0.0.0:7400"}));
+  EXPECT_EQ(result.exit_code, 3);
+  EXPECT_NE(Complaint(result).find("only loopback"), std::string::npos);
+}
+
+TEST(Lifecycle, WithoutRealTimeRightsItSaysSoAndGoesOn) {
+  if (geteuid() != 0) GTEST_SKIP() << "needs root, to give the rights up";
+  // Without capabilities and with the limits of an ordinary user.
+  Daemon daemon(PALPATED, kSmall,
+                {"/usr/bin/setpriv", "--bounding-set=-all", "--inh-caps=-all", "/usr/bin/prlimit",
+                 "--rtprio=0", "--memlock=65536"});
+  std::this_thread::sleep_for(std::chrono::milliseconds(300));
+  grpc::ClientContext context;
+  v1::GetDeviceResponse response;
+  ASSERT_TRUE(daemon.device->GetDevice(&context, {}, &response).ok());
+  EXPECT_FALSE(response.servo().realtime_scheduling());
+  EXPECT_FALSE(response.servo().memory_locked());
+  EXPECT_GE(response.servo().warnings_size(), 2);
+  EXPECT_GT(response.servo().ticks(), 50u);
+  const ProcessResult result = daemon.End();
+  EXPECT_EQ(result.exit_code, 0);
+  EXPECT_NE(result.error.find("no real-time scheduling"), std::string::npos) << result.error;
+}
+
+TEST(Lifecycle, BadStartsGiveOneLineAndACode) {
+  TemporaryFolder folder;
+  const std::string socket = folder.path() / "s.sock";
+  const std::string config = folder.path() / "bad.toml";
+  std::ofstream(config) << "[haptics]\nstiffness_n_per_mm = \"soft\"\n";
+  struct Case {
+    std::vector<std::string> arguments;
+    int exit_code;
+    std::string text;
+  };
+  for (const Case& c : std::vector<Case>{
+           {{"--volume", folder.path() / "absent.nrrd"}, 4, "absent.nrrd"},
+           {{"--volume", "builtin:cube"}, 3, "no such builtin volume"},
+           {{"--volume", "builtin:sphere:16", "--isovalue", "5"}, 3, "isovalue 5 is not within"},
+           {{"--volume", "builtin:sphere:16", "--normalized-isovalue", "-1"}, 3, "not within"},
+           {{"--stiffness-n-per-mm", "50"}, 3, "stiffness 50"},
+           {{"--device", "omni-usb"}, 3, "unknown device omni-usb"},
+           {{"--method", "tptd"}, 3, "unknown method tptd"},
+           {{"--listen", "somewhere"}, 3, "somewhere"},
+           {{"--config", config}, 3, "bad.toml:2: haptics.stiffness_n_per_mm must be a number"}}) {
+    std::vector<std::string> arguments = c.arguments;
+    arguments.insert(arguments.end(), {"--socket", socket});
+    const ProcessResult result = RunDaemon(arguments);
+    EXPECT_EQ(result.exit_code, c.exit_code) << result.error;
+    EXPECT_NE(Complaint(result).find(c.text), std::string::npos) << result.error;
+  }
+  EXPECT_EQ(RunDaemon({"--no-such-flag"}).exit_code, 2);
+  EXPECT_EQ(RunDaemon({"--help"}).exit_code, 0);
+  EXPECT_EQ(RunDaemon({"--socket", "/proc/none/s.sock"}).exit_code, 5);
+}
+
+TEST(Lifecycle, ReadsItsConfiguration) {
+  TemporaryFolder folder;
+  const std::string config = folder.path() / "palpated.toml";
+  std::ofstream(config) << "[volume]\nsource = \"builtin:gyroid:16\"\nnormalized_isovalue = 0.25\n"
+                           "[haptics]\nstiffness_n_per_mm = 0.7\n";
+  Daemon daemon(PALPATED, {"--config", config, "--damping-n-s-per-m", "2"});
+  grpc::ClientContext context;
+  v1::GetSettingsResponse response;
+  ASSERT_TRUE(daemon.render->GetSettings(&context, {}, &response).ok());
+  EXPECT_NEAR(response.settings().normalized_isovalue(), 0.25, 1e-9);
+  EXPECT_EQ(response.settings().stiffness_n_per_mm(), 0.7);
+  EXPECT_EQ(response.settings().damping_n_s_per_m(), 2.0);
+}
+
+}  // namespace
+}  // namespace palpate::test

@@ -1,0 +1,219 @@
+// The main job: a real daemon renders a real volume, and a client sees it.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <nlohmann/json.hpp>
+#include <numeric>
+#include <thread>
+
+#include "tests/support/daemon.h"
+
+namespace palpate::test {
+namespace {
+
+using std::chrono::milliseconds;
+
+std::filesystem::path DataFolder() {
+  const char* folder = std::getenv("PALPATE_DATA_DIR");
+  return folder ? folder : PALPATE_DATA_DIR;
+}
+
+double Distance(const v1::Vector3& a, const v1::Vector3& b) {
+  return std::hypot(a.x() - b.x(), a.y() - b.y(), a.z() - b.z());
+}
+
+struct Summary {
+  std::size_t contacts = 0, visual = 0, above = 0, jumps = 0, ejecting = 0;
+  double mean_update_us = 0.0, p99_update_us = 0.0;
+  double executed_share = 0.0;  // ticks / (ticks + missed)
+};
+
+Summary Summarize(const std::vector<v1::PoseSample>& samples) {
+  Summary summary;
+  std::vector<double> update_us;
+  for (std::size_t n = 0; n < samples.size(); ++n) {
+    const v1::PoseSample& s = samples[n];
+    summary.contacts += s.contact();
+    summary.visual += s.has_scp_v_mm();
+    summary.ejecting += s.mode() == v1::PROXY_MODE_EJECTING;
+    summary.above += s.density() > s.isovalue();
+    update_us.push_back(static_cast<double>(s.update_ns()) * 1e-3);
+    if (n > 0 && s.tick() == samples[n - 1].tick() + 1) {
+      summary.jumps += Distance(s.force_n(), samples[n - 1].force_n()) > 0.2 + 1e-9;
+    }
+  }
+  std::sort(update_us.begin(), update_us.end());
+  const auto count = static_cast<double>(update_us.size());
+  summary.mean_update_us = std::accumulate(update_us.begin(), update_us.end(), 0.0) / count;
+  summary.p99_update_us = update_us[update_us.size() * 99 / 100];
+  const auto ticks = static_cast<double>(samples.back().tick() - samples.front().tick());
+  const auto missed =
+      static_cast<double>(samples.back().missed_ticks() - samples.front().missed_ticks());
+  summary.executed_share = ticks / (ticks + missed);
+  return summary;
+}
+
+void Print(const char* name, const Summary& s, std::size_t samples) {
+  std::printf(
+      "%s: %zu samples, %zu in contact, %zu with SCP_V, update mean %.2f us p99 %.2f us, "
+      "%.2f %% of ticks executed, density above isovalue %zu, force jumps %zu\n",
+      name, samples, s.contacts, s.visual, s.mean_update_us, s.p99_update_us,
+      100.0 * s.executed_share, s.above, s.jumps);
+}
+
+class Volumes : public ::testing::TestWithParam<std::pair<const char*, double>> {};
+
+TEST_P(Volumes, AreRenderedAtOneKilohertz) {
+  const auto [name, isovalue] = GetParam();
+  const bool builtin = std::string(name).starts_with("builtin:");
+  const std::string source = builtin ? name : (DataFolder() / name).string();
+  if (!builtin && !std::filesystem::exists(source)) GTEST_SKIP() << source << " is not there";
+  Daemon daemon(PALPATED, {"--volume", source, "--normalized-isovalue", std::to_string(isovalue)});
+  PoseCollector collector(daemon);
+  std::this_thread::sleep_for(milliseconds(10000));
+  const auto& samples = collector.Stop();
+  ASSERT_GT(samples.size(), 5000u);
+  const Summary summary = Summarize(samples);
+  Print(name, summary, samples.size());
+
+  // Ticks and missed ticks count milliseconds.
+  const auto loop_ms = static_cast<double>(samples.back().tick() + samples.back().missed_ticks() -
+                                           samples.front().tick() - samples.front().missed_ticks());
+  const double wall_ms =
+      static_cast<double>(samples.back().time_ns() - samples.front().time_ns()) * 1e-6;
+  EXPECT_NEAR(loop_ms, wall_ms, 0.001 * wall_ms + 1.0);
+  v1::GetDeviceResponse device;
+  grpc::ClientContext context;
+  ASSERT_TRUE(daemon.device->GetDevice(&context, {}, &device).ok());
+  if (device.servo().realtime_scheduling()) {
+    EXPECT_GE(summary.executed_share, 0.99);
+  }
+  EXPECT_LT(summary.mean_update_us, 20.0);
+  EXPECT_EQ(summary.above, 0u);
+  EXPECT_EQ(summary.ejecting, 0u);
+  EXPECT_EQ(summary.jumps, 0u);
+  EXPECT_GT(summary.contacts, samples.size() / 50);
+  EXPECT_GE(summary.visual, summary.contacts * 95 / 100);
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Real, Volumes,
+    ::testing::Values(std::pair{"builtin:bumps", 0.5},
+                      std::pair{"paper/lobster_301x324x56_uint8.nhdr", 0.16},
+                      std::pair{"paper/daisy_192x180x168_uint8.nhdr", 0.24},
+                      std::pair{"paper/orange_256x256x64_uint8.nhdr", 0.22},
+                      std::pair{"paper/SUBST_head_ct_cranium_256x256x108_int16.nrrd", 0.33},
+                      std::pair{"medical/dicom_mr_brain_20", 0.22}));
+
+TEST(Isovalue, IsAppliedAtTheTickThatTheAnswerNames) {
+  Daemon daemon(PALPATED, {"--volume", "builtin:bumps:64"});
+  PoseCollector collector(daemon);
+  std::this_thread::sleep_for(milliseconds(3000));
+  struct Change {
+    double isovalue;
+    v1::UpdateSettingsResponse response;
+  };
+  std::vector<Change> changes;
+  std::vector<double> latency_ms;
+  for (int n = 0; n < 300; ++n) {
+    const double isovalue = 0.5 + 0.1 * std::sin(n * 0.7);
+    v1::UpdateSettingsRequest request;
+    request.mutable_settings()->set_isovalue(isovalue);
+    request.mutable_update_mask()->add_paths("isovalue");
+    grpc::ClientContext context;
+    Change change{isovalue, {}};
+    ASSERT_TRUE(daemon.render->UpdateSettings(&context, request, &change.response).ok());
+    latency_ms.push_back(static_cast<double>(change.response.receipt_to_applied_ns()) * 1e-6);
+    changes.push_back(change);
+    std::this_thread::sleep_for(milliseconds(7));
+  }
+  std::this_thread::sleep_for(milliseconds(100));
+  const auto& samples = collector.Stop();
+
+  std::size_t at = 0, checked = 0;
+  for (const v1::PoseSample& sample : samples) {
+    while (at < changes.size() && sample.tick() >= changes[at].response.applied_tick()) ++at;
+    if (at == 0) continue;
+    const Change& change = changes[at - 1];
+    ASSERT_EQ(sample.settings_revision(), change.response.settings_revision());
+    ASSERT_EQ(sample.isovalue(), change.isovalue);
+    ++checked;
+  }
+  std::sort(latency_ms.begin(), latency_ms.end());
+  const double p99_ms = latency_ms[latency_ms.size() * 99 / 100];
+  const Summary summary = Summarize(samples);
+  Print("isovalue changes", summary, samples.size());
+  std::printf("300 changes, %zu samples checked; receipt to tick: median %.2f ms, p99 %.2f ms\n",
+              checked, latency_ms[latency_ms.size() / 2], p99_ms);
+  EXPECT_GT(checked, 1500u);
+  EXPECT_LE(p99_ms, 5.0);
+  EXPECT_EQ(summary.jumps, 0u);
+  EXPECT_EQ(summary.above, 0u);
+  EXPECT_GT(summary.contacts, 100u);
+}
+
+TEST(PoseStream, ASlowClientSeesFreshSamplesAndLosesOldOnes) {
+  Daemon daemon(PALPATED, {"--volume", "builtin:sphere:32"});
+  grpc::ClientContext context;
+  auto stream = daemon.poses->StreamPoses(&context);
+  v1::StreamPosesRequest request;
+  request.mutable_start()->set_rate_hz(1000);
+  request.mutable_start()->set_max_unacknowledged(2);
+  stream->Write(request);
+  v1::StreamPosesResponse message;
+  for (int n = 0; n < 2; ++n) ASSERT_TRUE(stream->Read(&message));
+  std::this_thread::sleep_for(milliseconds(1000));
+  request.mutable_acknowledgement()->set_message_number(message.message_number());
+  stream->Write(request);
+  ASSERT_TRUE(stream->Read(&message));
+  EXPECT_GT(message.dropped_samples(), 800u);
+  const std::int64_t age_ns = message.sent_time_ns() - message.samples(0).time_ns();
+  EXPECT_LT(age_ns, 50'000'000);
+  context.TryCancel();
+}
+
+TEST(PoseStream, ABadStartIsRefused) {
+  Daemon daemon(PALPATED, {"--volume", "builtin:sphere:32"});
+  const auto refusal = [&](const v1::StreamPosesRequest& request) {
+    grpc::ClientContext context;
+    auto stream = daemon.poses->StreamPoses(&context);
+    stream->Write(request);
+    v1::StreamPosesResponse message;
+    while (stream->Read(&message)) {
+    }
+    return stream->Finish().error_code();
+  };
+  v1::StreamPosesRequest request;
+  EXPECT_EQ(refusal(request), grpc::StatusCode::INVALID_ARGUMENT);
+  request.mutable_acknowledgement()->set_message_number(1);
+  EXPECT_EQ(refusal(request), grpc::StatusCode::INVALID_ARGUMENT);
+  request.mutable_start()->set_rate_hz(5000);
+  EXPECT_EQ(refusal(request), grpc::StatusCode::INVALID_ARGUMENT);
+}
+
+TEST(Client, WatchPrintsSamplesAsJson) {
+  Daemon daemon(PALPATED, {"--volume", "builtin:sphere:64"});
+  Process watch({PALPATE, "watch", "--json", "--rate-hz", "1000", "--count", "3000", "--socket",
+                 daemon.socket()});
+  const ProcessResult result = watch.Wait();
+  EXPECT_EQ(result.exit_code, 0) << result.error;
+  std::istringstream lines(result.output);
+  int count = 0, contacts = 0;
+  for (std::string line; std::getline(lines, line); ++count) {
+    const nlohmann::json sample = nlohmann::json::parse(line);
+    for (const char* key :
+         {"tick", "time_ns", "hip_mm", "scp_h_mm", "scp_v_mm", "force_n", "contact", "density",
+          "isovalue", "settings_revision", "volume_revision", "update_ns", "missed_ticks"}) {
+      ASSERT_TRUE(sample.contains(key)) << key;
+    }
+    ASSERT_LE(sample["density"].get<double>(), sample["isovalue"].get<double>());
+    contacts += sample["contact"].get<bool>();
+  }
+  EXPECT_EQ(count, 3000);
+  EXPECT_GT(contacts, 0);
+}
+
+}  // namespace
+}  // namespace palpate::test

@@ -1,0 +1,132 @@
+// A real palpated in a folder of its own, for tests over real sockets.
+#pragma once
+
+#include <grpcpp/grpcpp.h>
+#include <stdlib.h>
+
+#include <csignal>
+#include <filesystem>
+#include <memory>
+#include <stdexcept>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "palpate/v1/device.grpc.pb.h"
+#include "palpate/v1/pose.grpc.pb.h"
+#include "palpate/v1/render.grpc.pb.h"
+#include "palpate/v1/volume.grpc.pb.h"
+#include "tests/support/process.h"
+
+namespace palpate::test {
+
+class TemporaryFolder {
+ public:
+  TemporaryFolder() {
+    char name[] = "/tmp/palpate-test-XXXXXX";
+    if (!mkdtemp(name)) throw std::runtime_error("cannot make a temporary folder");
+    path_ = name;
+  }
+  ~TemporaryFolder() {
+    std::error_code ignored;
+    std::filesystem::remove_all(path_, ignored);
+  }
+  TemporaryFolder(const TemporaryFolder&) = delete;
+  TemporaryFolder& operator=(const TemporaryFolder&) = delete;
+  const std::filesystem::path& path() const { return path_; }
+
+ private:
+  std::filesystem::path path_;
+};
+
+class Daemon {
+ public:
+  static constexpr std::chrono::seconds kPatience{120};
+
+  // Starts `program` with `arguments` and --socket, and waits until it is ready.
+  Daemon(const std::string& program, std::vector<std::string> arguments,
+         const std::vector<std::string>& wrapper = {})
+      : socket_(folder_.path() / "palpated.sock") {
+    std::vector<std::string> command = wrapper;
+    command.push_back(program);
+    command.insert(command.end(), arguments.begin(), arguments.end());
+    command.insert(command.end(), {"--socket", socket_.string()});
+    process_ = std::make_unique<Process>(command, false, kPatience);
+    if (!process_->WaitFor("ready on")) {
+      throw std::runtime_error("palpated did not start: " + process_->Wait().error);
+    }
+    channel_ = grpc::CreateChannel("unix:" + socket_.string(), grpc::InsecureChannelCredentials());
+    poses = v1::PoseService::NewStub(channel_);
+    render = v1::RenderService::NewStub(channel_);
+    volume = v1::VolumeService::NewStub(channel_);
+    device = v1::DeviceService::NewStub(channel_);
+  }
+
+  // Ends it with a signal and returns what it said.
+  ProcessResult End(int signal = SIGTERM) {
+    process_->Signal(signal);
+    return process_->Wait();
+  }
+
+  const std::filesystem::path& socket() const { return socket_; }
+  const std::shared_ptr<grpc::Channel>& channel() const { return channel_; }
+  Process& process() { return *process_; }
+
+  std::unique_ptr<v1::PoseService::Stub> poses;
+  std::unique_ptr<v1::RenderService::Stub> render;
+  std::unique_ptr<v1::VolumeService::Stub> volume;
+  std::unique_ptr<v1::DeviceService::Stub> device;
+
+ private:
+  TemporaryFolder folder_;
+  std::filesystem::path socket_;
+  std::unique_ptr<Process> process_;
+  std::shared_ptr<grpc::Channel> channel_;
+};
+
+// Reads a stream of poses at full rate on a thread of its own, acknowledging.
+class PoseCollector {
+ public:
+  explicit PoseCollector(Daemon& daemon) {
+    stream_ = daemon.poses->StreamPoses(&context_);
+    v1::StreamPosesRequest start;
+    start.mutable_start()->set_rate_hz(1000);
+    start.mutable_start()->set_batch(16);
+    start.mutable_start()->set_max_unacknowledged(8);
+    stream_->Write(start);
+    thread_ = std::thread([this] { Read(); });
+  }
+  ~PoseCollector() { Stop(); }
+
+  // All samples so far, in order; ends the stream.
+  const std::vector<v1::PoseSample>& Stop() {
+    if (thread_.joinable()) {
+      context_.TryCancel();
+      thread_.join();
+      stream_->Finish();
+    }
+    return samples_;
+  }
+  std::uint64_t dropped() const { return dropped_; }
+
+ private:
+  void Read() {
+    v1::StreamPosesResponse message;
+    while (stream_->Read(&message)) {
+      samples_.insert(samples_.end(), message.samples().begin(), message.samples().end());
+      dropped_ = message.dropped_samples();
+      v1::StreamPosesRequest acknowledge;
+      acknowledge.mutable_acknowledgement()->set_message_number(message.message_number());
+      stream_->Write(acknowledge);
+    }
+  }
+
+  grpc::ClientContext context_;
+  std::unique_ptr<grpc::ClientReaderWriter<v1::StreamPosesRequest, v1::StreamPosesResponse>>
+      stream_;
+  std::vector<v1::PoseSample> samples_;
+  std::uint64_t dropped_ = 0;
+  std::thread thread_;
+};
+
+}  // namespace palpate::test
