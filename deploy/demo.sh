@@ -53,7 +53,12 @@ stop_all() {
 }
 trap stop_all EXIT
 interrupted=
-trap 'interrupted=yes' INT TERM
+watcher=
+on_signal() {
+  interrupted=yes
+  [ -z "$watcher" ] || kill -INT "$watcher" 2>/dev/null || true
+}
+trap on_signal INT TERM HUP
 
 # A session of its own: Ctrl-C ends the watch first and the daemon in order. It
 # also ends when this script is killed.
@@ -71,6 +76,12 @@ until [ -S "$socket" ] || [ -n "$interrupted" ]; do
 done
 [ -z "$interrupted" ] || exit 0
 code=0
-"$root/build/bin/palpate" watch --socket "$socket" ${watch_arguments[@]+"${watch_arguments[@]}"} || code=$?
-[ -z "$interrupted" ] || code=0
+"$root/build/bin/palpate" watch --socket "$socket" ${watch_arguments[@]+"${watch_arguments[@]}"} &
+watcher=$!
+wait "$watcher" || code=$?
+if [ -n "$interrupted" ]; then
+  # The trap cut the wait short.
+  wait "$watcher" 2>/dev/null || true
+  code=0
+fi
 exit "$code"

@@ -123,9 +123,7 @@ std::string Summary(const WatchFigures& f) {
       "ticks           {} ({:.1f}/s) + {} missed ({:.1f}/s) = {:.1f}/s\n"
       "missed          {:.3f} %\n"
       "update          mean {:.1f} µs, p99 {:.1f} µs, max {:.1f} µs\n"
-      "above isovalue  {} samples\n"
-      // This version never reconnects: the daemon going away ends it.
-      "reconnects      0\n",
+      "above isovalue  {} samples\n",
       f.seconds, f.samples, f.dropped_samples,
       100.0 * static_cast<double>(f.contact_samples) / samples, f.ticks, f.ticks_per_s,
       f.missed_ticks, f.missed_per_s, f.ticks_per_s + f.missed_per_s, f.missed_percent,

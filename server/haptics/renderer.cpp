@@ -53,7 +53,7 @@ HapticOutput StepRenderer(const HapticSurface& surface, const HapticSettings& se
   output.proxy = StepProxy(surface, state.p_DHip_mm, eject_limit_mm, state.proxy, state.cache);
   if (state.proxy.on_surface) {
     output.force_D_n = ContactForce(settings, output.proxy, state);
-    output.visual = FindVisualProxy(surface, state.proxy.place, state.cache);
+    output.visual = FindVisualProxy(surface, state.proxy.place, output.proxy.normal_D, state.cache);
   }
   return output;
 }

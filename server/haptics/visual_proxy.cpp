@@ -197,24 +197,68 @@ Root FollowLine(const HapticSurface& surface, Vec3i cell, Vec3 p_I, const Vec3& 
   return root;
 }
 
-}  // namespace
-
-VisualProxy FindVisualProxy(const HapticSurface& surface, const Place& place,
-                            CellCache& cache) noexcept {
-  VisualProxy visual;
-  const HapticCell& cell = cache.Decomposed(surface, place.cell);
-  const Vec3 n_E = LineDirection(surface, place, cell);
-  if (n_E.isZero()) return visual;
-  const Vec3 u_I = surface.X_ID.linear * n_E;
+// Both ways along the line; the nearer root.
+Root NearestRoot(const HapticSurface& surface, const Place& place, const Vec3& direction_D) {
+  const Vec3 u_I = surface.X_ID.linear * direction_D;
   const double reach_mm = kVisualReachVoxels * surface.X_DI.linear.colwise().norm().maxCoeff();
   const Root out = FollowLine(surface, place.cell, place.p_I, u_I, reach_mm);
   const Root in = FollowLine(surface, place.cell, place.p_I, -u_I, reach_mm);
-  if (out.s < 0.0 && in.s < 0.0) return visual;
-  const Root& root = in.s < 0.0 || (out.s >= 0.0 && out.s <= in.s) ? out : in;
+  return in.s < 0.0 || (out.s >= 0.0 && out.s <= in.s) ? out : in;
+}
+
+// Directions to try after n_E: in a crease of H the normal of one facet can point
+// across a slit of V, and miss it. The normals of V's density in the cells that
+// hold SCP_H, their mean first, and the contact normal are left.
+struct Directions {
+  std::array<Vec3, 10> D;
+  int count = 0;
+
+  void Add(const Vec3& direction) {
+    if (direction.allFinite() && direction.norm() > 0.0) D[count++] = direction.normalized();
+  }
+};
+
+Directions FallbackDirections(const HapticSurface& surface, const Place& place,
+                              const Vec3& contact_normal_D) {
+  std::array<Vec3, 8> normals;
+  int cells = 0;
+  Vec3 sum = Vec3::Zero();
+  VisitNeighbours(place.faces, [&](const Vec3i& offset) {
+    const Vec3i cell = place.cell + offset;
+    if (!surface.volume->HasCell(cell)) return;
+    const Trilinear f(surface.volume->StoredCell(cell));
+    const Vec3 normal = -CovectorToDevice(surface, f.Gradient(place.p_I - cell.cast<double>()));
+    if (!(normal.norm() > 0.0)) return;
+    normals[cells] = normal.normalized();
+    sum += normals[cells++];
+  });
+  Directions directions;
+  directions.Add(sum);
+  for (int n = 0; n < cells; ++n) directions.Add(normals[n]);
+  directions.Add(contact_normal_D);
+  return directions;
+}
+
+}  // namespace
+
+VisualProxy FindVisualProxy(const HapticSurface& surface, const Place& place,
+                            const Vec3& contact_normal_D, CellCache& cache) noexcept {
+  VisualProxy visual;
+  const HapticCell& cell = cache.Decomposed(surface, place.cell);
+  const Vec3 n_E = LineDirection(surface, place, cell);
+  Root root;
+  if (!n_E.isZero()) root = NearestRoot(surface, place, n_E);
+  if (root.s < 0.0) {
+    const Directions others = FallbackDirections(surface, place, contact_normal_D);
+    for (int n = 0; n < others.count && root.s < 0.0; ++n) {
+      root = NearestRoot(surface, place, others.D[n]);
+    }
+  }
+  if (root.s < 0.0) return visual;
   visual.found = true;
   visual.p_DV_mm = surface.X_DI.Apply(root.p_I);
   const Vec3 gradient = CovectorToDevice(surface, root.gradient_I);
-  visual.normal_D = gradient.norm() > 0.0 ? Vec3(-gradient.normalized()) : n_E;
+  visual.normal_D = gradient.norm() > 0.0 ? Vec3(-gradient.normalized()) : contact_normal_D;
   return visual;
 }
 

@@ -4,7 +4,8 @@
 // SCP_V is where the line through SCP_H along n_E meets V next to SCP_H; n_E is
 // interpolated from the normals of V's density at the corners of the piece of H
 // that holds SCP_H. On that line the density is a cubic in every cell; the line
-// is followed both ways across cells.
+// is followed both ways across cells. In a crease, where the line along n_E can
+// miss V, the normals of V's density at SCP_H and the contact normal are tried.
 //
 // Frame: D (mm). Threads: pure. Real-time: no allocation, bounded.
 // Source: Corenthy et al., section 4.3. Never used for the force.
@@ -24,8 +25,8 @@ struct VisualProxy {
   Vec3 normal_D = Vec3::Zero();  // of V, towards lower density, unit
 };
 
-// `place`: a proxy on H (a simplex).
+// `place`: a proxy on H (a simplex); `contact_normal_D`: ProxyStep::normal_D.
 VisualProxy FindVisualProxy(const HapticSurface& surface, const Place& place,
-                            CellCache& cache) noexcept;
+                            const Vec3& contact_normal_D, CellCache& cache) noexcept;
 
 }  // namespace palpate

@@ -27,8 +27,25 @@ double Distance(const v1::Vector3& a, const v1::Vector3& b) {
 struct Summary {
   std::size_t contacts = 0, visual = 0, above = 0, jumps = 0, ejecting = 0;
   double mean_update_us = 0.0, p99_update_us = 0.0;
-  double executed_share = 0.0;  // ticks / (ticks + missed)
+  double executed_share = 0.0;
 };
+
+// Ticks / (ticks + missed) of the median second: the machine may stop for some
+// milliseconds in any one of them.
+double MedianExecutedShare(const std::vector<v1::PoseSample>& samples) {
+  std::vector<double> shares;
+  const v1::PoseSample* first = &samples.front();
+  for (const v1::PoseSample& s : samples) {
+    if (s.time_ns() - first->time_ns() < 1'000'000'000) continue;
+    const auto ticks = static_cast<double>(s.tick() - first->tick());
+    shares.push_back(ticks /
+                     (ticks + static_cast<double>(s.missed_ticks() - first->missed_ticks())));
+    first = &s;
+  }
+  if (shares.empty()) return 0.0;
+  std::sort(shares.begin(), shares.end());
+  return shares[shares.size() / 2];
+}
 
 Summary Summarize(const std::vector<v1::PoseSample>& samples) {
   Summary summary;
@@ -48,10 +65,7 @@ Summary Summarize(const std::vector<v1::PoseSample>& samples) {
   const auto count = static_cast<double>(update_us.size());
   summary.mean_update_us = std::accumulate(update_us.begin(), update_us.end(), 0.0) / count;
   summary.p99_update_us = update_us[update_us.size() * 99 / 100];
-  const auto ticks = static_cast<double>(samples.back().tick() - samples.front().tick());
-  const auto missed =
-      static_cast<double>(samples.back().missed_ticks() - samples.front().missed_ticks());
-  summary.executed_share = ticks / (ticks + missed);
+  summary.executed_share = MedianExecutedShare(samples);
   return summary;
 }
 
@@ -94,8 +108,8 @@ TEST_P(Volumes, AreRenderedAtOneKilohertz) {
   EXPECT_EQ(summary.above, 0u);
   EXPECT_EQ(summary.ejecting, 0u);
   EXPECT_EQ(summary.jumps, 0u);
-  EXPECT_GT(summary.contacts, samples.size() / 50);
-  EXPECT_GE(summary.visual, summary.contacts * 95 / 100);
+  EXPECT_GT(summary.contacts, samples.size() * 4 / 10);
+  EXPECT_GE(summary.visual, summary.contacts * 99 / 100);
 }
 
 INSTANTIATE_TEST_SUITE_P(

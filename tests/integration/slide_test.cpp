@@ -9,7 +9,6 @@
 #include <cstdio>
 #include <filesystem>
 #include <memory>
-#include <optional>
 #include <ostream>
 #include <string>
 #include <string_view>
@@ -45,8 +44,8 @@ std::string SourceOf(const Slide& slide) {
 
 // Publishes the volume to the inbox as the daemon does.
 void Load(const Slide& slide, const DeviceSpec& device, SceneInbox& inbox) {
-  TickOutbox outbox;
-  Pump pump(outbox);
+  const auto outbox = std::make_unique<TickOutbox>();
+  Pump pump(*outbox);
   Session session(device, inbox, pump, VolumeLoader{.import_program = PALPATE_IMPORT});
   LoadRequest request;
   request.source = SourceOf(slide);
@@ -174,18 +173,18 @@ TEST_P(SlideTest, IsFeltAndNeverFallenThrough) {
 
 INSTANTIATE_TEST_SUITE_P(
     Volumes, SlideTest,
-    ::testing::Values(
-        Slide{"sphere", "builtin:sphere", 0.53, 60.0}, Slide{"bumps", "builtin:bumps", 0.53, 60.0},
-        Slide{"gyroid", "builtin:gyroid", 0.53, 60.0},
-        Slide{"cylinder", "builtin:cylinder", 0.53, 60.0},
-        Slide{"lobster_16", "paper/lobster_301x324x56_uint8.nhdr", 0.16},
-        Slide{"daisy_02", "paper/daisy_192x180x168_uint8.nhdr", 0.02},
-        Slide{"daisy_24", "paper/daisy_192x180x168_uint8.nhdr", 0.24},
-        Slide{"orange_22", "paper/orange_256x256x64_uint8.nhdr", 0.22},
-        Slide{"head_17", "paper/SUBST_head_ct_cranium_256x256x108_int16.nrrd", 0.17},
-        Slide{"head_33", "paper/SUBST_head_ct_cranium_256x256x108_int16.nrrd", 0.33},
-        Slide{"mr_brain_22", "medical/dicom_mr_brain_20", 0.22},
-        Slide{"lidc2_25", "medical/LIDC2.mha", 0.25}),
+    ::testing::Values(Slide{"sphere", "builtin:sphere", 0.53, 60.0},
+                      Slide{"bumps", "builtin:bumps", 0.53, 60.0},
+                      Slide{"gyroid", "builtin:gyroid", 0.53, 60.0},
+                      Slide{"cylinder", "builtin:cylinder", 0.53, 60.0},
+                      Slide{"lobster_16", "paper/lobster_301x324x56_uint8.nhdr", 0.16},
+                      Slide{"daisy_02", "paper/daisy_192x180x168_uint8.nhdr", 0.02},
+                      Slide{"daisy_24", "paper/daisy_192x180x168_uint8.nhdr", 0.24},
+                      Slide{"orange_22", "paper/orange_256x256x64_uint8.nhdr", 0.22},
+                      Slide{"head_17", "paper/SUBST_head_ct_cranium_256x256x108_int16.nrrd", 0.17},
+                      Slide{"head_33", "paper/SUBST_head_ct_cranium_256x256x108_int16.nrrd", 0.33},
+                      Slide{"mr_brain_22", "medical/dicom_mr_brain_20", 0.22},
+                      Slide{"lidc2_25", "medical/LIDC2.mha", 0.25}),
     [](const auto& slide) { return std::string(slide.param.name); });
 
 }  // namespace

@@ -324,7 +324,6 @@ TEST_F(CliTest, WatchOnATerminalIsLiveAndGivesTheCursorBack) {
   EXPECT_NE(result.output.find("\x1b[?25l"), std::string::npos);
   EXPECT_NE(result.output.find("\x1b[11A\x1b[J"), std::string::npos) << result.output;
   EXPECT_NE(result.output.find("] of 3.3 N"), std::string::npos);
-  EXPECT_NE(result.output.find("reconnects"), std::string::npos);
   EXPECT_GT(result.output.rfind("\x1b[?25h") + 1, result.output.rfind("\x1b[?25l"));
 }
 
@@ -344,7 +343,6 @@ TEST_F(CliTest, SignalsEndTheWatchWithItsSummary) {
     const ProcessResult result = process.Wait();
     EXPECT_EQ(result.exit_code, 0);
     EXPECT_EQ(result.error, "");
-    EXPECT_NE(result.output.find("reconnects"), std::string::npos) << result.output;
   }
 }
 

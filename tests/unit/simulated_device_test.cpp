@@ -60,6 +60,18 @@ Surface Plane(const Vec3& point_mm, const Vec3& normal, double stiffness_n_per_m
   };
 }
 
+// A solid box: the proxy is on the nearest of its sides.
+Surface Box(const Vec3& centre_mm, const Vec3& half_mm, double stiffness_n_per_mm) {
+  return [=](const Vec3& p_mm) -> Vec3 {
+    const Vec3 out_mm = p_mm - centre_mm;
+    Eigen::Index axis = 0;
+    const double depth_mm = (half_mm - out_mm.cwiseAbs()).minCoeff(&axis);
+    if (depth_mm <= 0.0) return Vec3::Zero();
+    const double side = out_mm[axis] < 0.0 ? -1.0 : 1.0;
+    return Vec3::Unit(axis) * (side * stiffness_n_per_mm * depth_mm);
+  };
+}
+
 std::unique_ptr<SimulatedDevice> Exploring(std::uint64_t seed) {
   const DeviceSpec spec = SimulatedDeviceSpec();
   auto device = std::make_unique<SimulatedDevice>(
@@ -391,6 +403,40 @@ TEST(Explore, FindsAPlaneAndSlidesOverIt) {
     while (search_ms < 20'000 && Loop(*device, plane, 1).back().force_n.norm() == 0.0) ++search_ms;
     EXPECT_LT(search_ms, 20'000);
     ExpectExploresWell(Felt(Loop(*device, plane, 20'000)));
+  }
+}
+
+// In these it slips off all the time, and comes back.
+TEST(Explore, KeepsToThingsWithSharpEdges) {
+  for (std::uint64_t seed = 1; seed <= 8; ++seed) {
+    SCOPED_TRACE(seed);
+    const auto device = Exploring(seed);
+    const Surface box = Box(Vec3(6.0, -9.0, 4.0), Vec3(20.0, 10.0, 6.0), 0.5);
+    const Feel feel = Felt(Loop(*device, box, 20'000));
+    EXPECT_GE(feel.contact_share, 0.6);
+    EXPECT_GE(feel.median_speed_mm_s, 30.0);
+    EXPECT_LE(feel.fast_speed_mm_s, 150.0);
+    EXPECT_LE(feel.median_buzz_n, 0.1);
+  }
+}
+
+TEST(Explore, KeepsToSmallThings) {
+  for (std::uint64_t seed = 1; seed <= 8; ++seed) {
+    SCOPED_TRACE(seed);
+    const auto device = Exploring(seed);
+    const Feel feel = Felt(Loop(*device, Sphere(Vec3(3.0, 2.0, -4.0), 5.0, 0.5), 20'000));
+    EXPECT_GE(feel.contact_share, 0.6);
+    EXPECT_LE(feel.median_buzz_n, 0.1);
+  }
+}
+
+TEST(Explore, FindsWhatIsInTheMiddleAtOnce) {
+  for (std::uint64_t seed = 1; seed <= 20; ++seed) {
+    const auto device = Exploring(seed);
+    const Surface sphere = Sphere(Vec3::Zero(), 10.0, 0.5);
+    int search_ms = 0;
+    while (search_ms < 1000 && Loop(*device, sphere, 1).back().force_n.norm() == 0.0) ++search_ms;
+    EXPECT_LT(search_ms, 1000) << seed;
   }
 }
 

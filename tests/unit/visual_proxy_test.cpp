@@ -40,10 +40,11 @@ Tally Press(const VolumeSnapshot& volume, double isovalue, const AffineMap& X_DI
   for (int n = 0; n < 10000; ++n) {
     direction =
         (direction + 0.02 * Vec3(normal(random), normal(random), normal(random))).normalized();
-    StepProxy(surface, X_DI.Apply(centre + 8.0 * direction), 1e9, proxy, cache);
+    const ProxyStep step =
+        StepProxy(surface, X_DI.Apply(centre + 8.0 * direction), 1e9, proxy, cache);
     if (!proxy.on_surface) continue;
     ++tally.contacts;
-    const VisualProxy visual = FindVisualProxy(surface, proxy.place, cache);
+    const VisualProxy visual = FindVisualProxy(surface, proxy.place, step.normal_D, cache);
     if (!visual.found) continue;
     ++tally.found;
     const Vec3 p_I = surface.X_ID.Apply(visual.p_DV_mm);
@@ -65,8 +66,8 @@ TEST(VisualProxy, LiesOnTheTrilinearSurfaceOfASphere) {
   });
   Mat3 uneven;
   uneven << 0.4, 0.1, 0.0, 0.0, -0.5, 0.0, 0.05, 0.0, 0.9;
-  for (const AffineMap& X_DI : {AffineMap{Mat3::Identity() * 0.3, Vec3::Zero()},
-                                AffineMap{uneven, Vec3(1.0, 2.0, 3.0)}}) {
+  for (const AffineMap& X_DI :
+       {AffineMap{Mat3::Identity() * 0.3, Vec3::Zero()}, AffineMap{uneven, Vec3(1.0, 2.0, 3.0)}}) {
     const Tally tally = Press(*volume, volume->Normalize(0.5), X_DI);
     std::printf("contacts %d, SCP_V found %d, worst %.2e voxel\n", tally.contacts, tally.found,
                 tally.worst_voxels);
