@@ -301,7 +301,7 @@ TEST_F(CliTest, WatchInALogGivesALineASecondAndASummary) {
   EXPECT_EQ(daemon_->pose.last_start.batch(), 32u);
   EXPECT_GE(daemon_->pose.acknowledged.load(), 3u);
   const std::vector<std::string> lines = Lines(result.output);
-  ASSERT_EQ(lines.size(), 2u + 8u) << result.output;
+  ASSERT_EQ(lines.size(), 2u + 7u) << result.output;
   EXPECT_NE(lines[0].find("samples/s"), std::string::npos);
   EXPECT_NE(lines[1].find("isovalue 40.8 (normalised 0.1600)"), std::string::npos) << lines[1];
   EXPECT_EQ(result.output.find('\x1b'), std::string::npos);
