@@ -40,8 +40,11 @@ run_preset() {
   echo "== $preset: test"
   local directory=build
   [ "$preset" = default ] || directory=build-$preset
-  ctest --test-dir "$directory" --output-on-failure --output-junit "$results/$preset.xml" "$@" |
-    grep -vE '^ *[0-9]+/[0-9]+ Test .* Passed|^ +Start +[0-9]+:' || true
+  # A failed test is counted below; no test at all is an error of its own.
+  ctest --test-dir "$directory" --no-tests=error --output-on-failure \
+    --output-junit "$results/$preset.xml" "$@" >"$results/$preset.log" || true
+  grep -vE '^ *[0-9]+/[0-9]+ Test .* Passed|^ +Start +[0-9]+:' "$results/$preset.log" || true
+  [ -s "$results/$preset.xml" ] || { echo "run.sh: no test was run in $directory" >&2; exit 1; }
 }
 
 run_preset default all -j1

@@ -2,6 +2,7 @@
 #include "server/session/session.h"
 
 #include <gtest/gtest.h>
+#include <tbb/global_control.h>
 
 #include <memory>
 #include <thread>
@@ -21,8 +22,8 @@ class SessionTest : public ::testing::Test {
  protected:
   void SetUp() override {
     // Through the sphere in the middle of the workspace and back.
-    device_ = std::make_unique<SimulatedDevice>(std::make_unique<PathScript>(
-        std::vector<Vec3>{Vec3(-70, 2, 1), Vec3(70, 1, 2)}, 100.0));
+    device_ = std::make_unique<SimulatedDevice>(
+        std::make_unique<PathScript>(std::vector<Vec3>{Vec3(-70, 2, 1), Vec3(70, 1, 2)}, 100.0));
     outbox_ = std::make_unique<TickOutbox>();
     pump_ = std::make_unique<Pump>(*outbox_);
     session_ = std::make_unique<Session>(device_->spec(), inbox_, *pump_, VolumeLoader{});
@@ -38,6 +39,8 @@ class SessionTest : public ::testing::Test {
     pump_->Stop();
   }
 
+  // TBB's own threads are not built for ThreadSanitizer, which would report them.
+  tbb::global_control serial_{tbb::global_control::max_allowed_parallelism, 1};
   SceneInbox inbox_;
   std::unique_ptr<SimulatedDevice> device_;
   std::unique_ptr<TickOutbox> outbox_;
