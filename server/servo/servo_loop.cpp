@@ -15,9 +15,9 @@ void ServoLoop::Start() {
   device_.Start();
   stop_.store(false);
   inbox_.ReaderRestarts();
-  std::atomic<bool> ready{false};
-  thread_ = std::thread([&] { Run(ready); });
-  ready.wait(false);
+  running_.store(false);
+  thread_ = std::thread([this] { Run(); });
+  running_.wait(false);
 }
 
 void ServoLoop::Stop() noexcept {
@@ -28,13 +28,12 @@ void ServoLoop::Stop() noexcept {
   device_.Stop();
 }
 
-void ServoLoop::Run(std::atomic<bool>& ready) noexcept {
+void ServoLoop::Run() noexcept {
   SetupRealtimeThread(options_, grant_);
   const auto tick = std::make_unique<ServoTick>(device_);
   TickTimer timer(std::chrono::milliseconds(1));
-  // `ready` lives in Start, which returns after this.
-  ready.store(true);
-  ready.notify_one();
+  running_.store(true);
+  running_.notify_one();
   while (!stop_.load(std::memory_order_relaxed)) {
     const TickTime time = timer.WaitForNext();
     const TickSample sample = tick->Run(*inbox_.Acquire(), time);

@@ -36,13 +36,14 @@ class ServoLoop {
   std::uint64_t missed_ticks() const { return missed_ticks_.load(std::memory_order_relaxed); }
 
  private:
-  void Run(std::atomic<bool>& ready) noexcept;
+  void Run() noexcept;
 
   HapticDevice& device_;
   SceneInbox& inbox_;
   TickOutbox& outbox_;
   RealtimeOptions options_;
   RealtimeGrant grant_;
+  std::atomic<bool> running_{false};  // the thread knows its rights
   std::atomic<bool> stop_{false};
   std::atomic<std::uint64_t> ticks_{0};
   std::atomic<std::uint64_t> missed_ticks_{0};
