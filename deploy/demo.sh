@@ -20,6 +20,15 @@ the end of N seconds, stops everything.
 TEXT
 }
 
+# From the start, so that Ctrl-C means a clean end at any moment.
+interrupted=
+watcher=
+on_signal() {
+  interrupted=yes
+  [ -z "$watcher" ] || kill -INT "$watcher" 2>/dev/null || true
+}
+trap on_signal INT TERM HUP
+
 daemon_arguments=()
 watch_arguments=()
 while [ $# -gt 0 ]; do
@@ -34,11 +43,12 @@ while [ $# -gt 0 ]; do
 done
 
 "$root/deploy/install-packages.sh"
+[ -z "$interrupted" ] || exit 0
 # The volume's path is meant from where the user stands: no cd.
 [ -e "$root/build/build.ninja" ] || (cd "$root" && cmake --preset default >/dev/null)
 if ! ninja -C "$root/build" -n palpated palpate palpate-import 2>/dev/null | grep -q 'no work to do'; then
   echo "building (some minutes the first time)"
-  ninja -C "$root/build" palpated palpate palpate-import
+  ninja -C "$root/build" palpated palpate palpate-import || { [ -n "$interrupted" ] && exit 0; exit 1; }
 fi
 
 work=$(mktemp -d "${TMPDIR:-/tmp}/palpate-demo.XXXXXX")
@@ -52,16 +62,8 @@ stop_all() {
   rm -rf "$work"
 }
 trap stop_all EXIT
-interrupted=
-watcher=
-on_signal() {
-  interrupted=yes
-  [ -z "$watcher" ] || kill -INT "$watcher" 2>/dev/null || true
-}
-trap on_signal INT TERM HUP
-
-# A session of its own: Ctrl-C ends the watch first and the daemon in order. It
-# also ends when this script is killed.
+# Sessions of their own: Ctrl-C reaches this script alone, which ends the watch
+# first and then the daemon. Both also end when this script is killed.
 setsid setpriv --pdeathsig TERM "$root/build/bin/palpated" --socket "$socket" \
   ${daemon_arguments[@]+"${daemon_arguments[@]}"} &
 daemon=$!
@@ -70,13 +72,14 @@ until [ -S "$socket" ] || [ -n "$interrupted" ]; do
     code=0
     wait "$daemon" || code=$?
     daemon=
+    [ -z "$interrupted" ] || code=0
     exit "$code"
   fi
-  sleep 0.05
+  sleep 0.05 || true
 done
 [ -z "$interrupted" ] || exit 0
 code=0
-"$root/build/bin/palpate" watch --socket "$socket" ${watch_arguments[@]+"${watch_arguments[@]}"} &
+setsid setpriv --pdeathsig TERM "$root/build/bin/palpate" watch --socket "$socket" ${watch_arguments[@]+"${watch_arguments[@]}"} &
 watcher=$!
 wait "$watcher" || code=$?
 if [ -n "$interrupted" ]; then

@@ -26,15 +26,24 @@ double NearestOnShell(const HapticSurface& surface, const Place& from, int radiu
   return best;
 }
 
+// A vertex of a farther shell can be nearer where voxels are uneven: the search
+// ends when a whole shell is farther than the best.
 bool JumpToNearestVertex(const HapticSurface& surface, Place& place, CellCache& cache) noexcept {
+  double best_mm = std::numeric_limits<double>::infinity();
+  Vec3i best = Vec3i::Zero();
+  // Lattice planes are this far apart, along each axis, and the place is up to a
+  // cell away from the middle of the shells.
+  const double plane_mm = 1.0 / surface.X_ID.linear.rowwise().norm().maxCoeff();
   for (int radius = 0; radius <= kMaxSearchRadius; ++radius) {
+    if ((radius - 1) * plane_mm > best_mm) break;
     Vec3i vertex = Vec3i::Zero();
-    if (!std::isfinite(NearestOnShell(surface, place, radius, vertex))) continue;
-    double density = 0.0;
-    place = PlaceAt(surface, vertex.cast<double>(), cache, density);
-    return true;
+    const double distance_mm = NearestOnShell(surface, place, radius, vertex);
+    if (distance_mm < best_mm) best_mm = distance_mm, best = vertex;
   }
-  return false;
+  if (!std::isfinite(best_mm)) return false;
+  double density = 0.0;
+  place = PlaceAt(surface, best.cast<double>(), cache, density);
+  return true;
 }
 
 }  // namespace

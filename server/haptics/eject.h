@@ -9,7 +9,7 @@
 namespace palpate {
 
 inline constexpr int kMaxEjectMoves = 128;
-inline constexpr int kMaxSearchRadius = 12;  // voxels
+inline constexpr int kMaxSearchRadius = 8;  // voxels
 
 // Moves `place`, whose density is above τ, to free space: down the
 // piecewise-linear density, and from a pit that stays above τ to the nearest

@@ -6,7 +6,7 @@
 namespace palpate {
 namespace {
 
-constexpr int kCorrectionTries = 4;
+constexpr int kCorrectionTries = 12;
 // A direction within this share of a face's plane runs along the face.
 constexpr double kAlongFaceTolerance = 1e-12;
 
@@ -54,20 +54,26 @@ TetrahedronCone MakeTetrahedronCone(const HapticCell& cell, int tetrahedron, std
 }
 
 // Takes weight from the densest vertex to the least dense one until the density
-// is at most τ; the simplex stays the same. False where it cannot.
+// is at most τ; the simplex stays the same or loses the vertex. False where it
+// cannot.
 bool LowerToIsovalue(const HapticCell& cell, double isovalue, Carrier& carrier) {
-  int lo = 0, hi = 0;
   const auto density = [&](int n) { return cell.parts.density[carrier.vertex[n]]; };
-  for (int n = 1; n < carrier.count; ++n) {
-    if (density(n) < density(lo)) lo = n;
-    if (density(n) > density(hi)) hi = n;
-  }
   double excess = DensityAt(cell, carrier) - isovalue;
-  for (int n = 0; n < kCorrectionTries && excess > 0.0; ++n) {
-    const double shift = std::ldexp(excess, n) / (density(hi) - density(lo));
-    if (!(shift < carrier.weight[hi])) return false;
+  for (int tries = 0; tries < kCorrectionTries && excess > 0.0; ++tries) {
+    int lo = 0, hi = 0;
+    for (int n = 1; n < carrier.count; ++n) {
+      if (density(n) < density(lo)) lo = n;
+      if (density(n) > density(hi)) hi = n;
+    }
+    if (!(density(hi) > density(lo))) return false;
+    const double wanted = std::ldexp(excess, tries) / (density(hi) - density(lo));
+    // At least the last bit: a smaller shift would change nothing.
+    const double less =
+        std::min(carrier.weight[hi] - wanted, std::nextafter(carrier.weight[hi], 0.0));
+    const double shift = carrier.weight[hi] - std::max(less, 0.0);
     carrier.weight[hi] -= shift;
     carrier.weight[lo] += shift;
+    carrier.Normalize();
     excess = DensityAt(cell, carrier) - isovalue;
   }
   return !(excess > 0.0);
@@ -181,7 +187,7 @@ Candidate SteepestDescent(const HapticSurface& surface, const Place& place,
   return best;
 }
 
-void MoveInTetrahedron(const HapticSurface& surface, const Candidate& candidate, bool descending,
+bool MoveInTetrahedron(const HapticSurface& surface, const Candidate& candidate, bool descending,
                        Place& place, bool& on_surface, CellCache& cache) noexcept {
   const HapticCell& cell = cache.Decomposed(surface, candidate.cell);
   const auto& vertices = cell.parts.complex->vertices[candidate.tetrahedron];
@@ -224,11 +230,14 @@ void MoveInTetrahedron(const HapticSurface& surface, const Candidate& candidate,
   if ((on || !descending) && !LowerToIsovalue(cell, surface.isovalue, moved)) {
     // Rounding put a face before H although H comes first: stay, and take H
     // into account next time.
+    const bool new_constraint = !on_surface;
+    SetSimplex(cell, candidate.carrier, place);
     on_surface = true;
-    return;
+    return new_constraint;
   }
   SetSimplex(cell, moved, place);
   on_surface = on;
+  return true;
 }
 
 void MoveInBox(const HapticSurface& surface, const Candidate& candidate, Place& place) noexcept {

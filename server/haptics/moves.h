@@ -45,8 +45,8 @@ Candidate SteepestDescent(const HapticSurface& surface, const Place& place,
 
 // Follows a kTetrahedron candidate to a face, to the end of d, or to H:
 // `descending` false: from below, where the density rises to τ; true: from
-// above, where it falls to τ. Sets on_surface.
-void MoveInTetrahedron(const HapticSurface& surface, const Candidate& candidate, bool descending,
+// above, where it falls to τ. Sets on_surface. False where rounding allows no move.
+bool MoveInTetrahedron(const HapticSurface& surface, const Candidate& candidate, bool descending,
                        Place& place, bool& on_surface, CellCache& cache) noexcept;
 
 // Follows a kBox candidate to a face of the cell or the end of d.

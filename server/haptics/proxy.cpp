@@ -65,7 +65,10 @@ ProxyStep StepBuried(const HapticSurface& surface, const Vec3& p_DHip_mm, Proxy&
   proxy.on_surface = false;
   proxy.p_DH_mm = step.p_DH_mm = p_DHip_mm;
   proxy.buried = step.density > surface.isovalue;
-  if (proxy.buried) step.mode = ProxyMode::kEjecting;
+  proxy.buried_steps = proxy.buried ? proxy.buried_steps + 1 : 0;
+  if (proxy.buried) {
+    step.mode = proxy.buried_steps > kMaxEjectSteps ? ProxyMode::kFault : ProxyMode::kEjecting;
+  }
   return step;
 }
 
@@ -98,7 +101,10 @@ void Advance(const HapticSurface& surface, const Vec3& p_DHip_mm, Proxy& proxy, 
         proxy.on_surface = false;
         break;
       case Candidate::Kind::kTetrahedron:
-        MoveInTetrahedron(surface, best, false, proxy.place, proxy.on_surface, cache);
+        if (!MoveInTetrahedron(surface, best, false, proxy.place, proxy.on_surface, cache)) {
+          step.capped = true;
+          return;
+        }
         break;
       case Candidate::Kind::kNone:
         break;

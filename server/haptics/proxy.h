@@ -10,7 +10,8 @@
 // Holds at every move of every step, whatever the HIP does:
 // - the piecewise-linear density at SCP_H is at most τ (no fall-through), but
 //   while ejecting;
-// - each move starts in the tetrahedron or cell where the last one ended;
+// - each move starts in the tetrahedron or cell where the last one ended, but for
+//   the jump to a free lattice vertex while ejecting;
 // - a proxy that rests is a local minimum of its distance to the HIP;
 // - the work is bounded; what the bound leaves over is done in the next step.
 // When τ or the data change so that the proxy is inside the object, it is
@@ -32,7 +33,10 @@
 
 namespace palpate {
 
-enum class ProxyMode : std::uint8_t { kFree, kConstrained, kEjecting };
+// kFault: buried for longer than kMaxEjectSteps; ends as kEjecting does.
+enum class ProxyMode : std::uint8_t { kFree, kConstrained, kEjecting, kFault };
+
+inline constexpr int kMaxEjectSteps = 50;
 
 // Moves per step at most.
 inline constexpr int kMaxProxyMoves = 512;
@@ -41,6 +45,7 @@ struct Proxy {
   bool placed = false;
   bool on_surface = false;
   bool buried = false;
+  int buried_steps = 0;
   Place place;
   Vec3 p_DH_mm = Vec3::Zero();
   // Of the surface that `place` refers to.
@@ -55,7 +60,7 @@ struct ProxyStep {
   ProxyMode mode = ProxyMode::kFree;
   double density = 0.0;  // normalised; trilinear in a cell that τ does not cross
   int moves = 0;
-  bool capped = false;  // the bound on moves bit
+  bool capped = false;  // the bound on moves bit, or rounding allowed no further move
 };
 
 // One step towards p_DHip_mm (finite). `cache` holds no state of its own.

@@ -7,6 +7,9 @@
 // is followed both ways across cells. In a crease, where the line along n_E can
 // miss V, the normals of V's density at SCP_H and the contact normal are tried.
 //
+// V is that of the densities as stored, H that of the resolved ones (ties.h):
+// where τ is the least value of the volume, V is not there although H is.
+//
 // Frame: D (mm). Threads: pure. Real-time: no allocation, bounded.
 // Source: Corenthy et al., section 4.3. Never used for the force.
 #pragma once

@@ -51,6 +51,9 @@ grpc::Status DeviceService::GetDevice(grpc::ServerContext*, const v1::GetDeviceR
   servo->set_missed_ticks(servo_.missed_ticks());
   servo->set_scenes_applied(inbox_.announced());
   servo->set_version(PALPATE_VERSION);
+  servo->set_faulty_ticks(servo_.faulty_ticks());
+  servo->set_page_faults(servo_.page_faults());
+  servo->set_lost_samples(servo_.lost_samples());
   return grpc::Status::OK;
 }
 

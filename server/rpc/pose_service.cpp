@@ -93,8 +93,9 @@ class PoseReactor final
       }
       return grpc::Status::OK;
     }
-    if (!stream_ || !request.has_acknowledgement()) {
-      return {grpc::StatusCode::INVALID_ARGUMENT, "the first request must be `start`"};
+    if (!stream_) return EndStatus();
+    if (!request.has_acknowledgement()) {
+      return {grpc::StatusCode::INVALID_ARGUMENT, "a request after `start` must acknowledge"};
     }
     stream_->Acknowledge(request.acknowledgement().message_number());
     return grpc::Status::OK;

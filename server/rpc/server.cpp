@@ -1,9 +1,12 @@
 #include "server/rpc/server.h"
 
+#include <arpa/inet.h>
 #include <fcntl.h>
 #include <grpcpp/ext/proto_server_reflection_plugin.h>
 #include <grpcpp/health_check_service_interface.h>
+#include <netinet/in.h>
 #include <sys/file.h>
+#include <sys/socket.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -20,8 +23,50 @@ namespace {
 constexpr int kMaxMessageBytes = 4 << 20;
 constexpr std::chrono::seconds kShutdownPatience{1};
 
+// Only literal addresses: a name may resolve to anything.
 bool IsLoopback(const HostPort& address) {
-  return address.host == "localhost" || address.host == "::1" || address.host.starts_with("127.");
+  in_addr v4{};
+  in6_addr v6{};
+  if (inet_pton(AF_INET, address.host.c_str(), &v4) == 1) return ntohl(v4.s_addr) >> 24 == 127;
+  return inet_pton(AF_INET6, address.host.c_str(), &v6) == 1 && IN6_IS_ADDR_LOOPBACK(&v6);
+}
+
+// Finds out before a volume is loaded what gRPC would only say at the end.
+void CheckPortIsFree(const HostPort& address) {
+  const bool is_v6 = address.host.find(':') != std::string::npos;
+  sockaddr_in v4{};
+  sockaddr_in6 v6{};
+  v4.sin_family = AF_INET;
+  v4.sin_port = v6.sin6_port = htons(address.port);
+  v6.sin6_family = AF_INET6;
+  if (is_v6) {
+    inet_pton(AF_INET6, address.host.c_str(), &v6.sin6_addr);
+  } else {
+    inet_pton(AF_INET, address.host.c_str(), &v4.sin_addr);
+  }
+  const int fd = socket(is_v6 ? AF_INET6 : AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
+  const int on = 1;
+  setsockopt(fd, SOL_SOCKET, SO_REUSEADDR, &on, sizeof(on));
+  const int bound = is_v6 ? bind(fd, reinterpret_cast<const sockaddr*>(&v6), sizeof(v6))
+                          : bind(fd, reinterpret_cast<const sockaddr*>(&v4), sizeof(v4));
+  const int error = errno;
+  if (fd >= 0) close(fd);
+  if (fd < 0 || bound != 0) {
+    throw Error(ErrorKind::kConflict, "cannot listen on " + address.ToString() + ": " +
+                                          std::strerror(error) +
+                                          "; name another address with --listen");
+  }
+}
+
+// A socket that a killed daemon left behind; nothing else is removed.
+void RemoveStaleSocket(const std::string& path) {
+  struct stat status {};
+  if (lstat(path.c_str(), &status) != 0) return;
+  if (!S_ISSOCK(status.st_mode)) {
+    throw Error(ErrorKind::kInvalidArgument,
+                path + " is there and is no socket: name another path with --socket");
+  }
+  unlink(path.c_str());
 }
 
 void MakeSocketFolder(const std::filesystem::path& folder) {
@@ -47,16 +92,21 @@ RpcServer::RpcServer(ServerOptions options, Session& session, Pump& pump, const 
       device_(device, servo, inbox) {}
 
 // gRPC lets two servers listen on one path, each believing itself alone: a lock
-// file decides.
+// file decides. It stays when the daemon ends; removing it would let one daemon
+// lock the old file and another a new one.
 void RpcServer::Reserve() {
-  if (options_.listen && !IsLoopback(*options_.listen)) {
-    throw Error(ErrorKind::kInvalidArgument,
-                "will not listen on " + options_.listen->ToString() +
-                    ": without TLS only loopback addresses are allowed (127.0.0.1, ::1)");
+  UnixTarget(options_.socket_path);
+  if (options_.listen) {
+    if (options_.listen->host == "localhost") options_.listen->host = "127.0.0.1";
+    if (!IsLoopback(*options_.listen)) {
+      throw Error(ErrorKind::kInvalidArgument,
+                  "will not listen on " + options_.listen->ToString() +
+                      ": without TLS only loopback addresses are allowed (127.0.0.1, ::1)");
+    }
   }
   MakeSocketFolder(std::filesystem::path(options_.socket_path).parent_path());
   const std::string lock_path = options_.socket_path + ".lock";
-  lock_fd_ = open(lock_path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0600);
+  lock_fd_ = open(lock_path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0600);
   if (lock_fd_ < 0) {
     throw Error(ErrorKind::kPermissionDenied, "cannot write " + lock_path + ": " +
                                                   std::strerror(errno) +
@@ -68,8 +118,8 @@ void RpcServer::Reserve() {
     throw Error(ErrorKind::kConflict, "another palpated listens on " + options_.socket_path +
                                           ": stop it, or name another socket with --socket");
   }
-  // Left behind by a daemon that was killed.
-  unlink(options_.socket_path.c_str());
+  RemoveStaleSocket(options_.socket_path);
+  if (options_.listen) CheckPortIsFree(*options_.listen);
 }
 
 void RpcServer::Start() {
@@ -93,7 +143,7 @@ void RpcServer::Start() {
     const bool tcp = options_.listen && port == 0;
     throw Error(ErrorKind::kConflict,
                 "cannot listen on " + (tcp ? options_.listen->ToString() : options_.socket_path) +
-                    (tcp ? ": the port is in use or not ours; name another with --listen"
+                    (tcp ? ": the port is in use; name another with --listen"
                          : ": check the folder's permissions, or name another with --socket"));
   }
   chmod(options_.socket_path.c_str(), 0660);
@@ -104,13 +154,10 @@ void RpcServer::Stop() noexcept {
     server_->Shutdown(std::chrono::system_clock::now() + kShutdownPatience);
     server_->Wait();
     server_.reset();
-  }
-  if (lock_fd_ >= 0) {
     unlink(options_.socket_path.c_str());
-    unlink((options_.socket_path + ".lock").c_str());
-    close(lock_fd_);
-    lock_fd_ = -1;
   }
+  if (lock_fd_ >= 0) close(lock_fd_);
+  lock_fd_ = -1;
 }
 
 }  // namespace palpate

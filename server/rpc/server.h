@@ -30,13 +30,13 @@ class RpcServer {
             const ServoLoop& servo, const SceneInbox& inbox);
   ~RpcServer() { Stop(); }
 
-  // Claims the socket's path, so that a second daemon finds out before it loads
-  // a volume. kConflict when another palpated has it.
+  // Claims the socket's path and tries the port, so that a second daemon finds out
+  // before it loads a volume. kConflict when another has them, kInvalidArgument
+  // for an address that is not loopback.
   void Reserve();
-  // After Reserve, with a volume in the session. kConflict when something else
-  // has the port.
+  // After Reserve, with a volume in the session. kConflict when it cannot listen.
   void Start();
-  // Ends streams and calls; the socket and its lock file are removed.
+  // Ends streams and calls; the socket is removed.
   void Stop() noexcept;
 
  private:

@@ -32,6 +32,8 @@ void ServoLoop::Run() noexcept {
   SetupRealtimeThread(options_, grant_);
   const auto tick = std::make_unique<ServoTick>(device_);
   TickTimer timer(std::chrono::milliseconds(1));
+  constexpr std::uint64_t kTicksPerSecond = 1000;
+  const std::int64_t faults_at_start = ThreadPageFaults();
   running_.store(true);
   running_.notify_one();
   while (!stop_.load(std::memory_order_relaxed)) {
@@ -40,6 +42,10 @@ void ServoLoop::Run() noexcept {
     outbox_.TryPush(sample);
     ticks_.store(sample.tick + 1, std::memory_order_relaxed);
     missed_ticks_.store(sample.missed_ticks, std::memory_order_relaxed);
+    faulty_ticks_.store(sample.faulty_ticks, std::memory_order_relaxed);
+    if (sample.tick % kTicksPerSecond == 0) {
+      page_faults_.store(ThreadPageFaults() - faults_at_start, std::memory_order_relaxed);
+    }
   }
   device_.Write(Vec3::Zero(), kTickPeriodS);
 }

@@ -34,6 +34,12 @@ class ServoLoop {
   const RealtimeGrant& grant() const { return grant_; }
   std::uint64_t ticks() const { return ticks_.load(std::memory_order_relaxed); }
   std::uint64_t missed_ticks() const { return missed_ticks_.load(std::memory_order_relaxed); }
+  // Ticks with zero force because of the device, a bad position or a bad force.
+  std::uint64_t faulty_ticks() const { return faulty_ticks_.load(std::memory_order_relaxed); }
+  // Samples that did not fit into the outbox.
+  std::uint64_t lost_samples() const { return outbox_.overflows(); }
+  // Page faults of the servo thread since its first tick; counted once a second.
+  std::int64_t page_faults() const { return page_faults_.load(std::memory_order_relaxed); }
 
  private:
   void Run() noexcept;
@@ -47,6 +53,8 @@ class ServoLoop {
   std::atomic<bool> stop_{false};
   std::atomic<std::uint64_t> ticks_{0};
   std::atomic<std::uint64_t> missed_ticks_{0};
+  std::atomic<std::uint64_t> faulty_ticks_{0};
+  std::atomic<std::int64_t> page_faults_{0};
   std::thread thread_;
 };
 

@@ -13,6 +13,8 @@ TickMode ToTickMode(ProxyMode mode) {
       return TickMode::kConstrained;
     case ProxyMode::kEjecting:
       return TickMode::kEjecting;
+    case ProxyMode::kFault:
+      return TickMode::kFault;
   }
   return TickMode::kFault;
 }
@@ -44,16 +46,23 @@ TickSample ServoTick::Run(const Scene& scene, const TickTime& time) noexcept {
   sample.settings_revision = scene.settings_revision;
   sample.volume_revision = scene.volume->revision();
 
+  // Missed ticks lengthen the time over which the stylus has moved.
+  const double elapsed_s = kTickPeriodS * (1.0 + static_cast<double>(time.missed - missed_ticks_));
+  missed_ticks_ = time.missed;
+
   const DeviceStatus status = device_.Read(stylus_);
   const std::int64_t before_ns = MonotonicNowNs();
   const HapticOutput output =
-      StepRenderer(scene.surface, scene.settings, stylus_.p_DHip_mm, kTickPeriodS, renderer_);
+      StepRenderer(scene.surface, scene.settings, stylus_.p_DHip_mm, elapsed_s, renderer_);
   Describe(scene, output, sample);
+  const std::uint64_t faults_before = safety_.faults();
   Vec3 force_D_n = safety_.Limit(output.force_D_n, kTickPeriodS);
-  if (status != DeviceStatus::kOk) {
-    force_D_n = safety_.CutOff();
+  if (status != DeviceStatus::kOk || output.input_rejected) force_D_n = safety_.CutOff();
+  if (status != DeviceStatus::kOk || output.input_rejected || safety_.faults() != faults_before) {
     sample.mode = TickMode::kFault;
+    ++faulty_ticks_;
   }
+  sample.faulty_ticks = faulty_ticks_;
   sample.update_ns = MonotonicNowNs() - before_ns;
   device_.Write(force_D_n, kTickPeriodS);
 

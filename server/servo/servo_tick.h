@@ -28,7 +28,9 @@ class ServoTick {
   RendererState renderer_;
   DeviceState stylus_;
   std::uint64_t ticks_ = 0;
+  std::uint64_t missed_ticks_ = 0;
   std::uint64_t capped_ticks_ = 0;
+  std::uint64_t faulty_ticks_ = 0;
 };
 
 }  // namespace palpate

@@ -30,6 +30,7 @@ struct TickSample {
   std::int64_t update_ns = 0;
   std::uint64_t missed_ticks = 0;
   std::uint64_t capped_ticks = 0;
+  std::uint64_t faulty_ticks = 0;
   std::uint32_t buttons = 0;
   std::uint32_t iterations = 0;
   TickMode mode = TickMode::kFree;

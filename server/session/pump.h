@@ -5,7 +5,7 @@
 // sample to every sink, in order, and keeps the first tick of each settings
 // revision for those who wait for their change to be felt.
 //
-// Threads: Subscribe, Unsubscribe and WaitForRevision on any ordinary thread;
+// Threads: Subscribe and WaitForRevision on any ordinary thread;
 // sinks are called on the pump thread and must not block.
 // Ownership: borrows the outbox; sinks are held by weak_ptr.
 #pragma once

@@ -3,6 +3,13 @@
 #include "common/error/error.h"
 
 namespace palpate {
+namespace {
+
+// Voxels of other sizes cannot be felt; their arithmetic would overflow one day.
+constexpr double kLeastVoxelMm = 1e-6;
+constexpr double kGreatestVoxelMm = 1e6;
+
+}  // namespace
 
 Registration FitToWorkspace(const VolumeMetadata& volume, const DeviceSpec& device,
                             std::optional<double> device_mm_per_volume_mm) {
@@ -19,9 +26,10 @@ Registration FitToWorkspace(const VolumeMetadata& volume, const DeviceSpec& devi
   Registration registration;
   const double scale = device_mm_per_volume_mm.value_or(
       kWorkspaceFill * (workspace.array() / (high - low).array()).minCoeff());
-  if (!(scale > 0.0) || !std::isfinite(scale)) {
+  const Vec3 voxel_mm = scale * volume.spacing_mm;
+  if (!(voxel_mm.minCoeff() >= kLeastVoxelMm && voxel_mm.maxCoeff() <= kGreatestVoxelMm)) {
     throw Error(ErrorKind::kInvalidArgument,
-                "the scale must be a positive number of device mm per volume mm");
+                "the scale must make a voxel 1e-6 to 1e6 mm long in the device's workspace");
   }
   registration.device_mm_per_volume_mm = scale;
   registration.X_DW.linear = Mat3::Identity() * scale;

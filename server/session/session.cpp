@@ -45,7 +45,7 @@ double ChosenIsovalue(const VolumeSnapshot& volume, const std::optional<double>&
   const VolumeMetadata& metadata = volume.metadata();
   if (isovalue) {
     CheckRange("isovalue", *isovalue, metadata.value_min, metadata.value_max,
-               (" " + metadata.unit).c_str());
+               metadata.unit.empty() ? "" : (" " + metadata.unit).c_str());
     return *isovalue;
   }
   const double share = normalized.value_or(current);
@@ -144,10 +144,12 @@ VolumeState Session::Load(const LoadRequest& request, const LoadProgress& progre
   metadata.source = request.source;
   const Registration registration =
       FitToWorkspace(metadata, device_, request.device_mm_per_volume_mm);
-  progress("publishing", 0.95);
+  progress("publishing", 1.0);
+  // Only loads change the volume's revision, and there is one at a time.
+  const auto volume = MakeSnapshot(file.grid, metadata, volume_revision_ + 1);
+  if (cancelled()) throw Error(ErrorKind::kCancelled, "loading was cancelled");
 
   const std::lock_guard lock(mutex_);
-  const auto volume = MakeSnapshot(file.grid, metadata, volume_revision_ + 1);
   const double isovalue = ChosenIsovalue(*volume, request.isovalue, request.normalized_isovalue,
                                          settings_.normalized_isovalue);
   volume_ = volume;
@@ -165,6 +167,7 @@ VolumeState Session::LoadAndWait(const LoadRequest& request, const LoadProgress&
                                  const LoadCancelled& cancelled, AppliedTick& applied) {
   const VolumeState state = Load(request, progress, cancelled);
   applied = WaitForServo(state.settings_revision);
+  inbox_.Collect();  // the volume felt so far
   return state;
 }
 

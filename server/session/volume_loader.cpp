@@ -1,18 +1,32 @@
 #include "server/session/volume_loader.h"
 
+#include <algorithm>
+
 #include "common/error/error.h"
 #include "server/volume/builtin.h"
 #include "server/volume/import_process.h"
 
 namespace palpate {
+namespace {
+
+// The dense copy and the grid, both of float.
+constexpr std::int64_t kBytesPerBuiltinVoxel = 9;
+
+}  // namespace
 
 VolumeFile VolumeLoader::Load(const std::string& source, const std::optional<Vec3>& spacing_mm,
                               const LoadProgress& progress, const LoadCancelled& cancelled,
                               std::vector<std::string>& warnings) const {
   if (IsBuiltin(source)) {
     progress("making", 0.0);
-    BuiltinVolume volume = MakeBuiltin(source, spacing_mm.value_or(Vec3::Ones()));
+    const std::int64_t max_builtin_voxels =
+        std::min<std::int64_t>(max_voxels, max_memory_bytes / kBytesPerBuiltinVoxel);
+    BuiltinVolume volume =
+        MakeBuiltin(source, spacing_mm.value_or(Vec3::Ones()), max_builtin_voxels, cancelled);
     return {volume.grid, volume.metadata};
+  }
+  if (source.find('\0') != std::string::npos) {
+    throw Error(ErrorKind::kInvalidArgument, "the path holds a NUL character");
   }
   if (!std::filesystem::path(source).is_absolute()) {
     throw Error(ErrorKind::kInvalidArgument,

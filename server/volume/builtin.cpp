@@ -13,6 +13,7 @@
 
 #include "common/error/error.h"
 #include "server/volume/snapshot_builder.h"
+#include "server/volume/volume_file.h"
 
 namespace palpate {
 namespace {
@@ -70,9 +71,14 @@ std::string_view SplitEdge(std::string_view text, std::string_view source, int& 
   return text.substr(0, colon);
 }
 
-openvdb::FloatGrid::Ptr Sample(const Vec3i& size, const Field& field) {
+openvdb::FloatGrid::Ptr Sample(const Vec3i& size, const Field& field,
+                               const std::function<bool()>& cancelled) {
+  const auto stop_if_cancelled = [&] {
+    if (cancelled && cancelled()) throw Error(ErrorKind::kCancelled, "loading was cancelled");
+  };
   std::vector<float> voxels(static_cast<std::size_t>(size.x()) * size.y() * size.z());
   tbb::parallel_for(0, size.x(), [&](int i) {
+    stop_if_cancelled();
     float* voxel = voxels.data() + static_cast<std::size_t>(i) * size.y() * size.z();
     for (int j = 0; j < size.y(); ++j) {
       for (int k = 0; k < size.z(); ++k) *voxel++ = static_cast<float>(field(Vec3(i, j, k)));
@@ -81,6 +87,7 @@ openvdb::FloatGrid::Ptr Sample(const Vec3i& size, const Field& field) {
   const openvdb::CoordBBox box(openvdb::Coord(0),
                                openvdb::Coord(size.x() - 1, size.y() - 1, size.z() - 1));
   const openvdb::tools::Dense<const float, openvdb::tools::LayoutZYX> dense(box, voxels.data());
+  stop_if_cancelled();
   auto grid = openvdb::FloatGrid::create(0.0f);
   openvdb::tools::copyFromDense(dense, *grid, 0.0f);
   return grid;
@@ -90,7 +97,8 @@ openvdb::FloatGrid::Ptr Sample(const Vec3i& size, const Field& field) {
 
 bool IsBuiltin(std::string_view source) { return source.starts_with(kPrefix); }
 
-BuiltinVolume MakeBuiltin(std::string_view source, const Vec3& spacing_mm) {
+BuiltinVolume MakeBuiltin(std::string_view source, const Vec3& spacing_mm, std::int64_t max_voxels,
+                          const std::function<bool()>& cancelled) {
   int edge = kDefaultEdge;
   const std::string_view text = source.substr(std::min(source.size(), kPrefix.size()));
   const std::string_view name = SplitEdge(text, source, edge);
@@ -111,12 +119,19 @@ BuiltinVolume MakeBuiltin(std::string_view source, const Vec3& spacing_mm) {
                     ": no such builtin volume; there are builtin:cylinder, builtin:sphere[:N], "
                     "builtin:bumps[:N] and builtin:gyroid[:N]");
   }
+  if (size.cast<std::int64_t>().prod() > max_voxels) {
+    throw Error(ErrorKind::kTooLarge, std::string(source) + ": more than " +
+                                          std::to_string(max_voxels) + " voxels; give a smaller N");
+  }
   BuiltinVolume volume;
-  volume.grid = Sample(size, field);
   volume.metadata.size = size;
   volume.metadata.spacing_mm = spacing_mm;
   volume.metadata.original_type = "float32";
   volume.metadata.source = std::string(source);
+  volume.metadata.value_min = 0.0;  // until they are known
+  volume.metadata.value_max = 1.0;
+  CheckVolumeMetadata(volume.metadata);
+  volume.grid = Sample(size, field, cancelled);
   SetValueRange(*volume.grid, volume.metadata);
   return volume;
 }

@@ -11,6 +11,8 @@
 
 #include <openvdb/openvdb.h>
 
+#include <cstdint>
+#include <functional>
 #include <string_view>
 
 #include "server/volume/volume_metadata.h"
@@ -24,7 +26,10 @@ struct BuiltinVolume {
 
 bool IsBuiltin(std::string_view source);
 
-// Throws Error (kInvalidArgument) for an unknown name or a bad N.
-BuiltinVolume MakeBuiltin(std::string_view source, const Vec3& spacing_mm = Vec3::Ones());
+// `cancelled` is asked now and then; empty: never. Throws Error: kInvalidArgument
+// for an unknown name, a bad N or spacing; kTooLarge above max_voxels; kCancelled.
+BuiltinVolume MakeBuiltin(std::string_view source, const Vec3& spacing_mm = Vec3::Ones(),
+                          std::int64_t max_voxels = std::int64_t{1} << 31,
+                          const std::function<bool()>& cancelled = {});
 
 }  // namespace palpate

@@ -72,12 +72,35 @@ Pipe MakePipe() {
   return pipe;
 }
 
+constexpr std::string_view kFolderPrefix = "palpate-import-";
+
+std::filesystem::path TemporaryParent() {
+  const char* parent = std::getenv("TMPDIR");
+  return parent && *parent ? parent : "/tmp";
+}
+
+// Removes the folders of daemons that were killed while they loaded: the name
+// holds the process, and only our own can be removed.
+void RemoveAbandonedFolders() {
+  std::error_code error;
+  for (const auto& entry : std::filesystem::directory_iterator(TemporaryParent(), error)) {
+    const std::string name = entry.path().filename();
+    if (!name.starts_with(kFolderPrefix)) continue;
+    pid_t process = 0;
+    std::from_chars(name.data() + kFolderPrefix.size(), name.data() + name.size(), process);
+    if (process <= 0 || kill(process, 0) == 0 || errno != ESRCH) continue;
+    std::error_code ignored;
+    std::filesystem::remove_all(entry.path(), ignored);
+  }
+}
+
 // A folder that only this user can enter, removed with all it holds.
 class PrivateFolder {
  public:
   PrivateFolder() {
-    const char* parent = std::getenv("TMPDIR");
-    std::string name = std::string(parent && *parent ? parent : "/tmp") + "/palpate-import-XXXXXX";
+    RemoveAbandonedFolders();
+    std::string name =
+        TemporaryParent() / (std::string(kFolderPrefix) + std::to_string(getpid()) + "-XXXXXX");
     if (!mkdtemp(name.data())) FailInternal("cannot make a folder " + name, errno);
     path_ = name;
   }

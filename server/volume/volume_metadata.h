@@ -11,19 +11,17 @@
 namespace palpate {
 
 struct VolumeMetadata {
-  Vec3i size = Vec3i::Zero();           // voxels along x, y, z, each at least 2
-  Vec3 spacing_mm = Vec3::Ones();       // positive
-  Vec3 origin_W_mm = Vec3::Zero();      // centre of voxel (0,0,0)
-  Mat3 direction = Mat3::Identity();    // columns: unit vectors of the index axes in W
-  double value_min = 0.0;               // range over the whole volume, value_min < value_max
+  Vec3i size = Vec3i::Zero();         // voxels along x, y, z, each at least 2
+  Vec3 spacing_mm = Vec3::Ones();     // positive
+  Vec3 origin_W_mm = Vec3::Zero();    // centre of voxel (0,0,0)
+  Mat3 direction = Mat3::Identity();  // columns: unit vectors of the index axes in W
+  double value_min = 0.0;             // range over the whole volume, value_min < value_max
   double value_max = 1.0;
-  std::string unit;                     // "HU", ...; empty: not stated
-  std::string original_type;            // "uint8", "int16", "float64", ...
-  std::string source;                   // file name, folder name or builtin name
+  std::string unit;           // "HU", ...; empty: not stated
+  std::string original_type;  // "uint8", "int16", "float64", ...
+  std::string source;         // file name, folder name or builtin name
 
-  AffineMap WorldFromIndex() const {
-    return {direction * spacing_mm.asDiagonal(), origin_W_mm};
-  }
+  AffineMap WorldFromIndex() const { return {direction * spacing_mm.asDiagonal(), origin_W_mm}; }
 };
 
 }  // namespace palpate

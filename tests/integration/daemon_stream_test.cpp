@@ -9,16 +9,14 @@
 #include <thread>
 
 #include "tests/support/daemon.h"
+#include "tests/support/data_folder.h"
 
 namespace palpate::test {
 namespace {
 
 using std::chrono::milliseconds;
 
-std::filesystem::path DataFolder() {
-  const char* folder = std::getenv("PALPATE_DATA_DIR");
-  return folder ? folder : PALPATE_DATA_DIR;
-}
+using palpate::testing::DataFolder;
 
 double Distance(const v1::Vector3& a, const v1::Vector3& b) {
   return std::hypot(a.x() - b.x(), a.y() - b.y(), a.z() - b.z());
@@ -30,21 +28,10 @@ struct Summary {
   double executed_share = 0.0;
 };
 
-// Ticks / (ticks + missed) of the median second: the machine may stop for some
-// milliseconds in any one of them.
-double MedianExecutedShare(const std::vector<v1::PoseSample>& samples) {
-  std::vector<double> shares;
-  const v1::PoseSample* first = &samples.front();
-  for (const v1::PoseSample& s : samples) {
-    if (s.time_ns() - first->time_ns() < 1'000'000'000) continue;
-    const auto ticks = static_cast<double>(s.tick() - first->tick());
-    shares.push_back(ticks /
-                     (ticks + static_cast<double>(s.missed_ticks() - first->missed_ticks())));
-    first = &s;
-  }
-  if (shares.empty()) return 0.0;
-  std::sort(shares.begin(), shares.end());
-  return shares[shares.size() / 2];
+// Ticks / (ticks + missed) from one sample to another.
+double ExecutedShare(const v1::PoseSample& first, const v1::PoseSample& last) {
+  const auto ticks = static_cast<double>(last.tick() - first.tick());
+  return ticks / (ticks + static_cast<double>(last.missed_ticks() - first.missed_ticks()));
 }
 
 Summary Summarize(const std::vector<v1::PoseSample>& samples) {
@@ -65,7 +52,7 @@ Summary Summarize(const std::vector<v1::PoseSample>& samples) {
   const auto count = static_cast<double>(update_us.size());
   summary.mean_update_us = std::accumulate(update_us.begin(), update_us.end(), 0.0) / count;
   summary.p99_update_us = update_us[update_us.size() * 99 / 100];
-  summary.executed_share = MedianExecutedShare(samples);
+  summary.executed_share = ExecutedShare(samples.front(), samples.back());
   return summary;
 }
 
@@ -102,7 +89,13 @@ TEST_P(Volumes, AreRenderedAtOneKilohertz) {
   grpc::ClientContext context;
   ASSERT_TRUE(daemon.device->GetDevice(&context, {}, &device).ok());
   if (device.servo().realtime_scheduling()) {
-    EXPECT_GE(summary.executed_share, 0.99);
+    // The machine may stop for many milliseconds now and then: hardly ever in both
+    // halves.
+    const v1::PoseSample& middle = samples[samples.size() / 2];
+    EXPECT_GE(summary.executed_share, 0.98);
+    EXPECT_GE(
+        std::max(ExecutedShare(samples.front(), middle), ExecutedShare(middle, samples.back())),
+        0.99);
   }
   EXPECT_LT(summary.mean_update_us, 20.0);
   EXPECT_EQ(summary.above, 0u);

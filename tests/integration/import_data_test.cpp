@@ -5,16 +5,14 @@
 
 #include "common/error/error.h"
 #include "tests/integration/import_support.h"
+#include "tests/support/data_folder.h"
 
 namespace palpate {
 namespace {
 
 namespace fs = std::filesystem;
 
-fs::path DataFolder() {
-  const char* folder = std::getenv("PALPATE_DATA_DIR");
-  return folder && *folder ? folder : PALPATE_DATA_DIR;
-}
+using testing::DataFolder;
 
 struct RealVolume {
   const char* file;

@@ -18,6 +18,7 @@
 #include "server/device/simulated_device.h"
 #include "server/servo/servo_tick.h"
 #include "server/session/session.h"
+#include "tests/support/data_folder.h"
 
 namespace palpate {
 namespace {
@@ -38,7 +39,7 @@ void PrintTo(const Slide& slide, std::ostream* out) { *out << slide.name; }
 
 std::string SourceOf(const Slide& slide) {
   if (slide.IsBuiltin()) return slide.source;
-  const std::filesystem::path path = std::filesystem::path(PALPATE_DATA_DIR) / slide.source;
+  const std::filesystem::path path = testing::DataFolder() / slide.source;
   return std::filesystem::weakly_canonical(path).string();
 }
 

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <atomic>
+#include <cerrno>
 #include <cmath>
 #include <cstdlib>
 #include <memory>
@@ -39,6 +40,15 @@ void* realloc(void* p, std::size_t size) {
   return __libc_realloc(p, size);
 }
 void* aligned_alloc(std::size_t alignment, std::size_t size) {
+  if (counting) ++calls;
+  return __libc_memalign(alignment, size);
+}
+int posix_memalign(void** p, std::size_t alignment, std::size_t size) {
+  if (counting) ++calls;
+  *p = __libc_memalign(alignment, size);
+  return *p ? 0 : ENOMEM;
+}
+void* memalign(std::size_t alignment, std::size_t size) {
   if (counting) ++calls;
   return __libc_memalign(alignment, size);
 }
@@ -87,9 +97,7 @@ TEST(NoAllocation, ATickNeitherAllocatesNorFrees) {
   calls = 0;
   counting = true;
   for (int n = 0; n < 40000; ++n) {
-    const Scene& scene = n / 5000 % 4 == 3  ? *gyroid
-                         : n / 500 % 2 == 1 ? *bumps_swollen
-                                            : *bumps;
+    const Scene& scene = n / 5000 % 4 == 3 ? *gyroid : n / 500 % 2 == 1 ? *bumps_swollen : *bumps;
     time.started_ns += 1'000'000;
     const TickSample sample = tick.Run(scene, time);
     outbox->TryPush(sample);

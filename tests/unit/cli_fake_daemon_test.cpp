@@ -11,8 +11,8 @@
 #include <nlohmann/json.hpp>
 #include <sstream>
 
-#include "tests/unit/cli_fake_daemon.h"
 #include "tests/support/process.h"
+#include "tests/unit/cli_fake_daemon.h"
 
 namespace palpate::test {
 namespace {

@@ -165,6 +165,40 @@ TEST(Proxy, IsBuriedWhereTheSurfaceIsFarAndComesFreeInFreeSpace) {
   EXPECT_NEAR(step.p_DH_mm.z(), 4.3, 1e-6);
 }
 
+TEST(Proxy, BuriedForLongIsAFaultThatEndsInFreeSpace) {
+  const auto volume = PlaneVolume();
+  const HapticSurface surface = MakeHapticSurface(*volume, Scaled(1.0), PlaneIsovalue(*volume),
+                                                  DecompositionMethod::kTpbcc, 1);
+  Proxy proxy;
+  CellCache cache;
+  for (int n = 0; n < 60; ++n) {
+    const ProxyStep step = StepProxy(surface, Vec3(4, 4, 1), 2.0, proxy, cache);
+    ASSERT_EQ(step.mode, n < kMaxEjectSteps ? ProxyMode::kEjecting : ProxyMode::kFault) << n;
+    ASSERT_TRUE(step.normal_D.isZero());
+  }
+  EXPECT_EQ(StepProxy(surface, Vec3(4, 4, 7), 2.0, proxy, cache).mode, ProxyMode::kFree);
+}
+
+TEST(Proxy, IsEjectedToTheVertexNearestInMillimetres) {
+  // A pit of free voxels on each side of a solid; voxels 10 mm wide, 0.1 mm thin:
+  // the pit five voxels up is nearer than the one beside.
+  const auto volume = MakeVolume(Vec3i(13, 13, 13), [](int i, int j, int k) {
+    const bool pit = (i == 8 && j == 6 && k == 6) || (i == 6 && j == 6 && k == 11);
+    return pit ? 0.0 : (i == 6 && j == 6 && k == 6) ? 0.8 : 1.0;
+  });
+  AffineMap X_DI;
+  X_DI.linear = Vec3(10.0, 10.0, 0.1).asDiagonal();
+  const HapticSurface surface =
+      MakeHapticSurface(*volume, X_DI, 0.5, DecompositionMethod::kTpbcc, 1);
+  Proxy proxy;
+  CellCache cache;
+  const Vec3 hip = X_DI.Apply(Vec3(6, 6, 6));
+  const ProxyStep step = StepProxy(surface, hip, kFarMm, proxy, cache);
+  EXPECT_EQ(step.mode, ProxyMode::kEjecting);
+  EXPECT_LE(step.density, surface.isovalue);
+  EXPECT_LT((step.p_DH_mm - hip).norm(), 1.0);
+}
+
 struct Torture {
   long moves = 0, steps = 0, fall_throughs = 0, unrested = 0, capped = 0, contacts = 0,
        misplaced = 0;
@@ -186,7 +220,11 @@ void TortureGrid(std::mt19937_64& random, int levels, int steps, Torture& result
   const double mm = std::pow(10.0, 3.0 * uniform(random) - 2.0);
   const AffineMap X_DI{shear * mm, Vec3(3.0, -7.0, 11.0)};
   double isovalue = uniform(random);
-  if (levels > 0 && uniform(random) < 0.3) isovalue = volume->Normalize(std::floor(levels / 2.0));
+  // Equal to a value that is there, the least and the greatest included.
+  if (uniform(random) < 0.4) {
+    isovalue = volume->StoredCell(Vec3i(1, 1, 1))[static_cast<std::size_t>(uniform(random) * 8)];
+  }
+  if (uniform(random) < 0.1) isovalue = uniform(random) < 0.5 ? 0.0 : 1.0;
   const HapticSurface surface =
       MakeHapticSurface(*volume, X_DI, isovalue, DecompositionMethod::kTpbcc, 1);
   static CellCache cache;

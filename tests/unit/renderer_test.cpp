@@ -19,9 +19,9 @@ class RendererTest : public ::testing::Test {
   // Solid below z = 4.3 voxels of 0.5 mm: 2.15 mm.
   void SetUp() override {
     volume_ = testing::MakeVolume(Vec3i(9, 9, 9), [](int, int, int k) { return (8.0 - k) / 8.0; });
-    surface_ = MakeHapticSurface(*volume_, {Mat3::Identity() * 0.5, Vec3::Zero()},
-                                 volume_->Normalize((8.0 - 4.3) / 8.0),
-                                 DecompositionMethod::kTpbcc, 1);
+    surface_ =
+        MakeHapticSurface(*volume_, {Mat3::Identity() * 0.5, Vec3::Zero()},
+                          volume_->Normalize((8.0 - 4.3) / 8.0), DecompositionMethod::kTpbcc, 1);
     state_ = std::make_unique<RendererState>();
   }
   HapticOutput Step(const Vec3& hip) {

@@ -90,13 +90,35 @@ TEST_F(SessionTest, AFailedLoadKeepsTheVolume) {
   for (const LoadRequest& bad :
        {LoadRequest{.source = "builtin:cube"}, LoadRequest{.source = "relative.nrrd"},
         LoadRequest{.source = "builtin:bumps:16", .isovalue = 7.0},
-        LoadRequest{.source = "builtin:bumps:16", .device_mm_per_volume_mm = -1.0}}) {
+        LoadRequest{.source = "builtin:bumps:16", .device_mm_per_volume_mm = -1.0},
+        LoadRequest{.source = "builtin:bumps:16", .device_mm_per_volume_mm = 1e-300},
+        LoadRequest{.source = "builtin:bumps:16", .device_mm_per_volume_mm = 1e300},
+        LoadRequest{.source = "builtin:bumps:16", .spacing_mm = Vec3(0, 1, 1)}}) {
     EXPECT_EQ(Refusal([&] { session_->LoadAndWait(bad, kQuiet, kNever, applied); }),
               ErrorKind::kInvalidArgument)
         << bad.source;
   }
   EXPECT_EQ(session_->volume().volume, before.volume);
   EXPECT_EQ(session_->volume().settings_revision, before.settings_revision);
+}
+
+TEST_F(SessionTest, ACancelledLoadKeepsTheVolume) {
+  const VolumeState before = session_->volume();
+  AppliedTick applied;
+  int asked = 0;
+  EXPECT_EQ(Refusal([&] {
+              session_->LoadAndWait(
+                  {.source = "builtin:bumps:32"}, kQuiet, [&] { return ++asked > 33; }, applied);
+            }),
+            ErrorKind::kCancelled);
+  EXPECT_EQ(session_->volume().volume, before.volume);
+}
+
+TEST_F(SessionTest, TheVolumeFeltBeforeIsFreedByALoad) {
+  const std::weak_ptr<const VolumeSnapshot> before = session_->volume().volume;
+  AppliedTick applied;
+  session_->LoadAndWait({.source = "builtin:gyroid:32"}, kQuiet, kNever, applied);
+  EXPECT_TRUE(before.expired());
 }
 
 TEST_F(SessionTest, ALoadKeepsTheNormalisedIsovalueAndIsSeenAtOneTick) {

@@ -75,11 +75,37 @@ TEST(Builtin, GyroidAndSphereFollowTheirFormulas) {
 }
 
 TEST(Builtin, RefusesUnknownNamesAndSizes) {
-  for (const char* source : {"builtin:", "builtin:cube", "builtin:sphere:", "builtin:sphere:7",
-                             "builtin:sphere:1e9", "builtin:sphere:-3", "builtin:cylinder:64",
-                             "builtin:bumps:12x"}) {
+  for (const char* source :
+       {"builtin:", "builtin:cube", "builtin:sphere:", "builtin:sphere:7", "builtin:sphere:1e9",
+        "builtin:sphere:-3", "builtin:cylinder:64", "builtin:bumps:12x"}) {
     EXPECT_THROW(MakeBuiltin(source), Error) << source;
   }
+}
+
+ErrorKind Refusal(const std::function<void()>& call) {
+  try {
+    call();
+  } catch (const Error& error) {
+    return error.kind();
+  }
+  return ErrorKind::kInternal;
+}
+
+TEST(Builtin, RefusesSpacingsOfNoVolume) {
+  for (const Vec3& spacing : {Vec3(0, 1, 1), Vec3(-1, 1, 1), Vec3(1e300, 1, 1), Vec3(1, 1e-300, 1),
+                              Vec3(1, 1, std::nan(""))}) {
+    EXPECT_EQ(Refusal([&] { MakeBuiltin("builtin:sphere:8", spacing); }),
+              ErrorKind::kInvalidArgument)
+        << spacing.transpose();
+  }
+}
+
+TEST(Builtin, KeepsToItsLimitsAndCanBeCancelled) {
+  EXPECT_EQ(Refusal([] { MakeBuiltin("builtin:sphere:100", Vec3::Ones(), 999'999); }),
+            ErrorKind::kTooLarge);
+  EXPECT_EQ(
+      Refusal([] { MakeBuiltin("builtin:gyroid:64", Vec3::Ones(), 1 << 20, [] { return true; }); }),
+      ErrorKind::kCancelled);
 }
 
 }  // namespace
