@@ -2,6 +2,28 @@
 # Palpate's main job on one machine: builds what is missing, starts palpated with
 # the simulated device, and watches it.
 set -euo pipefail
+# From the start, so that Ctrl-C means a clean end at any moment.
+interrupted=
+watcher=
+daemon=
+work=
+on_signal() {
+  interrupted=yes
+  [ -z "$watcher" ] || kill -INT "$watcher" 2>/dev/null || true
+}
+stop_all() {
+  local code=$?
+  if [ -n "$daemon" ]; then
+    kill -TERM "$daemon" 2>/dev/null || true
+    wait "$daemon" 2>/dev/null || true
+  fi
+  [ -z "$work" ] || rm -rf "$work"
+  [ -z "$interrupted" ] || code=0
+  exit "$code"
+}
+trap on_signal INT TERM HUP
+trap stop_all EXIT
+
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 
 usage() {
@@ -19,15 +41,6 @@ the end of N seconds, stops everything.
   --seconds N              stop after N seconds [until Ctrl-C]
 TEXT
 }
-
-# From the start, so that Ctrl-C means a clean end at any moment.
-interrupted=
-watcher=
-on_signal() {
-  interrupted=yes
-  [ -z "$watcher" ] || kill -INT "$watcher" 2>/dev/null || true
-}
-trap on_signal INT TERM HUP
 
 daemon_arguments=()
 watch_arguments=()
@@ -48,20 +61,11 @@ done
 [ -e "$root/build/build.ninja" ] || (cd "$root" && cmake --preset default >/dev/null)
 if ! ninja -C "$root/build" -n palpated palpate palpate-import 2>/dev/null | grep -q 'no work to do'; then
   echo "building (some minutes the first time)"
-  ninja -C "$root/build" palpated palpate palpate-import || { [ -n "$interrupted" ] && exit 0; exit 1; }
+  ninja -C "$root/build" palpated palpate palpate-import
 fi
 
 work=$(mktemp -d "${TMPDIR:-/tmp}/palpate-demo.XXXXXX")
 socket=$work/palpated.sock
-daemon=
-stop_all() {
-  if [ -n "$daemon" ]; then
-    kill -TERM "$daemon" 2>/dev/null || true
-    wait "$daemon" 2>/dev/null || true
-  fi
-  rm -rf "$work"
-}
-trap stop_all EXIT
 # Sessions of their own: Ctrl-C reaches this script alone, which ends the watch
 # first and then the daemon. Both also end when this script is killed.
 setsid setpriv --pdeathsig TERM "$root/build/bin/palpated" --socket "$socket" \
@@ -72,7 +76,6 @@ until [ -S "$socket" ] || [ -n "$interrupted" ]; do
     code=0
     wait "$daemon" || code=$?
     daemon=
-    [ -z "$interrupted" ] || code=0
     exit "$code"
   fi
   sleep 0.05 || true
@@ -85,6 +88,5 @@ wait "$watcher" || code=$?
 if [ -n "$interrupted" ]; then
   # The trap cut the wait short.
   wait "$watcher" 2>/dev/null || true
-  code=0
 fi
 exit "$code"
