@@ -7,6 +7,8 @@
 #include <utility>
 
 #include "client/cli/output.h"
+#include "common/error/error.h"
+#include "common/wire/convert.h"
 
 namespace palpate::cli {
 namespace {
@@ -168,13 +170,10 @@ std::string ToText(const Json& json, int indent) {
 }
 
 std::string MethodName(v1::DecompositionMethod method) {
-  switch (method) {
-    case v1::DECOMPOSITION_METHOD_BCC:
-      return "bcc";
-    case v1::DECOMPOSITION_METHOD_TPBCC:
-      return "tpbcc";
-    default:
-      return "unspecified";
+  try {
+    return std::string(palpate::MethodName(FromProto(method)));
+  } catch (const Error&) {
+    return "unknown";  // of a newer daemon
   }
 }
 

@@ -31,7 +31,7 @@ std::string Describe(const v1::RenderSettings& settings, std::uint64_t settings_
 // Bytes that are not UTF-8 (a path may hold any) are replaced.
 std::string ToText(const Json& json, int indent = -1);
 
-// "bcc", "tpbcc".
+// As `set method` takes it; "unknown" for one of another version.
 std::string MethodName(v1::DecompositionMethod method);
 
 }  // namespace palpate::cli

@@ -18,6 +18,8 @@
 #include "client/cli/set_command.h"
 #include "client/cli/watch_command.h"
 #include "common/error/error.h"
+#include "common/isosurface/decomposition.h"
+#include "common/wire/convert.h"
 
 namespace palpate::cli {
 namespace {
@@ -186,14 +188,14 @@ void AddSet(CLI::App& app, Invocation& invocation, SetValues& values) {
       AddSetting(*set, invocation, values.options,
                  {"method",
                   "Sets how a cell is cut into tetrahedra: 'tpbcc' keeps the topology of the\n"
-                  "trilinear isosurface (default), 'bcc' does not",
-                  "bcc|tpbcc", "The method"},
+                  "trilinear isosurface (default), 'bcc' does not; 'tptd' and\n"
+                  "'tpbcc-published' are for comparison on the simulated device",
+                  "bcc|tptd|tpbcc-published|tpbcc", "The method"},
                  values.method, [&values, &settings] {
                    values.options.field = "method";
-                   settings.set_method(values.method == "bcc" ? v1::DECOMPOSITION_METHOD_BCC
-                                                              : v1::DECOMPOSITION_METHOD_TPBCC);
+                   settings.set_method(ToProto(*MethodNamed(values.method)));
                  });
-  method->get_option("value")->check(CLI::IsMember({"bcc", "tpbcc"}));
+  method->get_option("value")->check(CLI::IsMember(std::vector<std::string>(kMethodNames.begin(), kMethodNames.end())));
   SetFooter(*method, "Example: palpate set method bcc");
 }
 

@@ -102,9 +102,9 @@ void Apply(const std::string& file, const toml::table& table, const std::string&
 }  // namespace
 
 DecompositionMethod ParseMethod(const std::string& name) {
-  if (name == "bcc") return DecompositionMethod::kBcc;
-  if (name == "tpbcc") return DecompositionMethod::kTpbcc;
-  throw Error(ErrorKind::kInvalidArgument, "unknown method " + name + ": give bcc or tpbcc");
+  if (const auto method = MethodNamed(name)) return *method;
+  throw Error(ErrorKind::kInvalidArgument,
+              "unknown method " + name + ": give tpbcc, bcc, tptd or tpbcc-published");
 }
 
 void ReadConfigFile(const std::filesystem::path& path, Config& config) {

@@ -41,7 +41,8 @@ void AddOptions(CLI::App& app, Options& options) {
                  "force per mm into the surface, 0 to 3 N/mm [0.5]");
   app.add_option("--damping-n-s-per-m", options.damping,
                  "damping along the surface's normal, 0 to 5 N s/m [1]");
-  app.add_option("--method", options.method, "decomposition of the cells: tpbcc or bcc [tpbcc]");
+  app.add_option("--method", options.method, "decomposition of the cells: tpbcc, bcc, and on the simulated device tptd and "
+                 "tpbcc-published [tpbcc]");
   app.add_option("--device", options.device, "haptic device: simulated [simulated]");
   app.add_option("--socket", options.socket,
                  "Unix socket to listen on [$PALPATE_SOCKET, /run/palpate/palpated.sock, or the "

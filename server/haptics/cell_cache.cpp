@@ -34,7 +34,8 @@ const HapticCell& CellCache::Decomposed(const HapticSurface& surface, const Vec3
   HapticCell& entry = Densities(surface, cell);
   if (entry.decomposed) return entry;
   entry.parts = Decompose(entry.densities, surface.method);
-  for (int v = 0; v < entry.parts.complex->vertex_count; ++v) {
+  for (int v = 0; v < kMaxVertices; ++v) {
+    if (!(entry.parts.complex.used_vertices >> v & 1)) continue;
     entry.vertex_mm[v] = surface.X_DI.linear * entry.parts.position[v];
   }
   entry.decomposed = true;

@@ -45,7 +45,7 @@ struct TetrahedronCone {
 TetrahedronCone MakeTetrahedronCone(const HapticCell& cell, int tetrahedron, std::uint16_t mask,
                                     const TetrahedronGradients& gradients, bool on_surface) {
   TetrahedronCone result;
-  const auto& vertices = cell.parts.complex->vertices[tetrahedron];
+  const auto& vertices = cell.parts.complex.vertices[tetrahedron];
   for (int n = 0; n < 4; ++n) {
     if (!(mask >> vertices[n] & 1)) result.cone.Add(gradients.weight[n]);
   }
@@ -90,7 +90,7 @@ void SetSimplex(const HapticCell& cell, const Carrier& carrier, Place& place) {
 }  // namespace
 
 TetrahedronGradients::TetrahedronGradients(const HapticCell& cell, int tetrahedron) {
-  const auto& v = cell.parts.complex->vertices[tetrahedron];
+  const auto& v = cell.parts.complex.vertices[tetrahedron];
   const Vec3& o = cell.vertex_mm[v[0]];
   const Vec3 a = cell.vertex_mm[v[1]] - o;
   const Vec3 b = cell.vertex_mm[v[2]] - o;
@@ -138,7 +138,7 @@ Candidate BestDirection(const HapticSurface& surface, const Place& place, bool o
     candidate.kind = Candidate::Kind::kTetrahedron;
     candidate.carrier = CarrierIn(cell, place, offset, candidate.faces);
     const std::uint16_t mask = candidate.carrier.Mask();
-    const TetrahedralComplex& complex = *cell.parts.complex;
+    const TetrahedralComplex& complex = cell.parts.complex;
     for (int t = 0; t < complex.tetrahedron_count && !best.full; ++t) {
       if ((complex.vertex_mask[t] & mask) != mask) continue;
       const TetrahedronGradients gradients(cell, t);
@@ -168,7 +168,7 @@ Candidate SteepestDescent(const HapticSurface& surface, const Place& place,
     candidate.kind = Candidate::Kind::kTetrahedron;
     candidate.carrier = CarrierIn(cell, place, offset, candidate.faces);
     const std::uint16_t mask = candidate.carrier.Mask();
-    const TetrahedralComplex& complex = *cell.parts.complex;
+    const TetrahedralComplex& complex = cell.parts.complex;
     for (int t = 0; t < complex.tetrahedron_count; ++t) {
       if ((complex.vertex_mask[t] & mask) != mask) continue;
       const TetrahedronGradients gradients(cell, t);
@@ -190,7 +190,7 @@ Candidate SteepestDescent(const HapticSurface& surface, const Place& place,
 bool MoveInTetrahedron(const HapticSurface& surface, const Candidate& candidate, bool descending,
                        Place& place, bool& on_surface, CellCache& cache) noexcept {
   const HapticCell& cell = cache.Decomposed(surface, candidate.cell);
-  const auto& vertices = cell.parts.complex->vertices[candidate.tetrahedron];
+  const auto& vertices = cell.parts.complex.vertices[candidate.tetrahedron];
   const TetrahedronGradients gradients(cell, candidate.tetrahedron);
   std::array<double, 4> weight{}, rate{};
   const double along_face = kAlongFaceTolerance * candidate.d_mm.norm();

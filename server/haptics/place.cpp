@@ -74,7 +74,7 @@ Carrier LocateOnFace(const HapticCell& cell, const Vec3& local, int face) {
 }
 
 Carrier LocateInside(const HapticCell& cell, const Vec3& local) {
-  const TetrahedralComplex& complex = *cell.parts.complex;
+  const TetrahedralComplex& complex = cell.parts.complex;
   double best = -std::numeric_limits<double>::infinity();
   std::array<double, 4> weight{};
   int found = 0;

@@ -116,8 +116,8 @@ void Advance(const HapticSurface& surface, const Vec3& p_DHip_mm, Proxy& proxy, 
 Vec3 FacetNormal(const HapticSurface& surface, const Proxy& proxy, CellCache& cache) noexcept {
   const HapticCell& cell = cache.Decomposed(surface, proxy.place.cell);
   const std::uint16_t mask = proxy.place.carrier.Mask();
-  for (int t = 0; t < cell.parts.complex->tetrahedron_count; ++t) {
-    if ((cell.parts.complex->vertex_mask[t] & mask) != mask) continue;
+  for (int t = 0; t < cell.parts.complex.tetrahedron_count; ++t) {
+    if ((cell.parts.complex.vertex_mask[t] & mask) != mask) continue;
     const Vec3 gradient = TetrahedronGradients(cell, t).density;
     if (gradient.norm() > 0.0) return -gradient.normalized();
   }

@@ -30,7 +30,7 @@ struct Corner {
 // Corners of H's triangle or quadrilateral in a tetrahedron, in cyclic order.
 int SurfacePiece(const HapticSurface& surface, const HapticCell& cell, int tetrahedron,
                  std::array<Corner, 4>& corners) {
-  const auto& vertices = cell.parts.complex->vertices[tetrahedron];
+  const auto& vertices = cell.parts.complex.vertices[tetrahedron];
   int above[4], below[4], above_count = 0, below_count = 0;
   for (int v : vertices) {
     if (cell.parts.density[v] > surface.isovalue) {
@@ -82,7 +82,7 @@ Vec3 InterpolatedNormal(const std::array<Corner, 4>& corners, int count, const V
 // n_E at the proxy; the facet's own normal where the interpolated one vanishes.
 Vec3 LineDirection(const HapticSurface& surface, const Place& place, const HapticCell& cell) {
   const std::uint16_t mask = place.carrier.Mask();
-  const TetrahedralComplex& complex = *cell.parts.complex;
+  const TetrahedralComplex& complex = cell.parts.complex;
   Vec3 facet = Vec3::Zero();
   for (int t = 0; t < complex.tetrahedron_count; ++t) {
     if ((complex.vertex_mask[t] & mask) != mask) continue;

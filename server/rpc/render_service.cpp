@@ -1,6 +1,7 @@
 #include "server/rpc/render_service.h"
 
 #include "common/error/error.h"
+#include "common/wire/convert.h"
 #include "common/wire/status.h"
 #include "server/realtime/tick_timer.h"
 
@@ -13,20 +14,8 @@ v1::RenderSettings ToProto(const RenderSettings& settings) {
   out.set_normalized_isovalue(settings.normalized_isovalue);
   out.set_stiffness_n_per_mm(settings.haptics.stiffness_n_per_mm);
   out.set_damping_n_s_per_m(settings.haptics.damping_n_s_per_m);
-  out.set_method(settings.method == DecompositionMethod::kBcc ? v1::DECOMPOSITION_METHOD_BCC
-                                                              : v1::DECOMPOSITION_METHOD_TPBCC);
+  out.set_method(palpate::ToProto(settings.method));
   return out;
-}
-
-DecompositionMethod FromProto(v1::DecompositionMethod method) {
-  switch (method) {
-    case v1::DECOMPOSITION_METHOD_BCC:
-      return DecompositionMethod::kBcc;
-    case v1::DECOMPOSITION_METHOD_TPBCC:
-      return DecompositionMethod::kTpbcc;
-    default:
-      throw Error(ErrorKind::kInvalidArgument, "method must be BCC or TPBCC");
-  }
 }
 
 template <class T>
@@ -52,7 +41,7 @@ SettingsUpdate FromProto(const v1::UpdateSettingsRequest& request) {
     } else if (path == "damping_n_s_per_m") {
       update.damping_n_s_per_m = Required(in.has_damping_n_s_per_m(), in.damping_n_s_per_m(), path);
     } else if (path == "method") {
-      update.method = FromProto(Required(in.has_method(), in.method(), path));
+      update.method = palpate::FromProto(Required(in.has_method(), in.method(), path));
     } else {
       throw Error(ErrorKind::kInvalidArgument, "update_mask names an unknown field: " + path);
     }

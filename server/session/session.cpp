@@ -58,6 +58,15 @@ void CheckHaptics(const HapticSettings& haptics) {
   CheckRange("damping", haptics.damping_n_s_per_m, 0.0, kMaxDampingNSPerM, " N·s/m");
 }
 
+// Only some methods promise that the proxy never falls through; a hand is not to
+// find out about the others.
+void CheckMethod(DecompositionMethod method, const DeviceSpec& device) {
+  if (IsSafe(method) || device.verification_level == VerificationLevel::kSimulated) return;
+  throw Error(ErrorKind::kInvalidArgument,
+              std::string(MethodName(method)) +
+                  " is for comparison on the simulated device: with real hardware use tpbcc or bcc");
+}
+
 RenderSettings Changed(const VolumeSnapshot& volume, RenderSettings settings,
                        const SettingsUpdate& update) {
   if (update.isovalue || update.normalized_isovalue) {
@@ -86,6 +95,7 @@ VolumeState Session::volume() const {
 
 void Session::SetInitial(const RenderSettings& settings) {
   CheckHaptics(settings.haptics);
+  CheckMethod(settings.method, device_);
   const std::lock_guard lock(mutex_);
   settings_.haptics = settings.haptics;
   settings_.method = settings.method;
@@ -120,6 +130,7 @@ SettingsApplied Session::Update(const SettingsUpdate& update) {
                               settings_revision_, *update.expected_revision));
     }
     const RenderSettings changed = Changed(*volume_, settings_, update);
+    CheckMethod(changed.method, device_);
     // Another decomposition is another surface to the proxy.
     if (changed.method != settings_.method) ++geometry_revision_;
     settings_ = changed;

@@ -142,7 +142,7 @@ TEST(Lifecycle, BadStartsGiveOneLineAndACode) {
            {{"--volume", "builtin:sphere:16", "--normalized-isovalue", "-1"}, 3, "not within"},
            {{"--stiffness-n-per-mm", "50"}, 3, "stiffness 50"},
            {{"--device", "omni-usb"}, 3, "unknown device omni-usb"},
-           {{"--method", "tptd"}, 3, "unknown method tptd"},
+           {{"--method", "mc33"}, 3, "unknown method mc33"},
            {{"--listen", "somewhere"}, 3, "somewhere"},
            {{"--config", config}, 3, "bad.toml:2: haptics.stiffness_n_per_mm must be a number"}}) {
     std::vector<std::string> arguments = c.arguments;

@@ -31,7 +31,7 @@ struct CellTopology {
 };
 
 inline CellTopology TopologyOf(const Decomposition& cell, double isovalue) {
-  const TetrahedralComplex& complex = *cell.complex;
+  const TetrahedralComplex& complex = cell.complex;
   DisjointSets vertices(kMaxVertices), edges(kMaxVertices * kMaxVertices);
   std::set<int> crossed_edges;
   std::set<std::array<int, 3>> crossed_triangles;
@@ -65,7 +65,8 @@ inline CellTopology TopologyOf(const Decomposition& cell, double isovalue) {
   }
   CellTopology topology;
   std::set<int> roots_above, roots_below, roots_surface;
-  for (int v = 0; v < complex.vertex_count; ++v) {
+  for (int v = 0; v < kMaxVertices; ++v) {
+    if (!(complex.used_vertices >> v & 1)) continue;
     (above(v) ? roots_above : roots_below).insert(vertices.Find(v));
   }
   for (int edge : crossed_edges) roots_surface.insert(edges.Find(edge));

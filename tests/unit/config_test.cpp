@@ -78,7 +78,7 @@ TEST_F(ConfigTest, NamesTheLineOfAnError) {
             std::string::npos);
   EXPECT_NE(Refusal("[volume]\nspacing_mm = [1, 2]\n").find(":2: volume.spacing_mm"),
             std::string::npos);
-  EXPECT_NE(Refusal("[haptics]\nmethod = \"tptd\"\n").find(":2: haptics.method"),
+  EXPECT_NE(Refusal("[haptics]\nmethod = \"mc33\"\n").find(":2: haptics.method"),
             std::string::npos);
   EXPECT_NE(Refusal("[server\n").find("palpated.toml:1:"), std::string::npos);
   EXPECT_NE(Refusal("[server]\nlisten = \"7400\"\n").find(":2: server.listen"), std::string::npos);

@@ -131,6 +131,23 @@ TEST_F(SessionTest, ALoadKeepsTheNormalisedIsovalueAndIsSeenAtOneTick) {
   EXPECT_GT(applied.tick, 0u);
 }
 
+TEST_F(SessionTest, MethodsForComparisonAreRefusedOnHardware) {
+  EXPECT_EQ(session_->Update({.method = DecompositionMethod::kTptd}).state.settings.method,
+            DecompositionMethod::kTptd);
+  DeviceSpec hardware = device_->spec();
+  hardware.verification_level = VerificationLevel::kForceVerified;
+  SceneInbox inbox;
+  Session session(hardware, inbox, *pump_, VolumeLoader{});
+  session.Load({.source = "builtin:sphere:16"}, kQuiet, kNever);
+  for (DecompositionMethod method :
+       {DecompositionMethod::kTptd, DecompositionMethod::kTpbccPublished}) {
+    EXPECT_EQ(Refusal([&] { session.Update({.method = method}); }), ErrorKind::kInvalidArgument);
+    EXPECT_EQ(Refusal([&] { session.SetInitial({.method = method}); }),
+              ErrorKind::kInvalidArgument);
+  }
+  EXPECT_EQ(session.settings().settings.method, DecompositionMethod::kTpbcc);
+}
+
 // Collects samples on the pump thread and checks that none mixes revisions.
 class Checker : public SampleSink {
  public:

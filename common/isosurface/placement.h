@@ -1,0 +1,64 @@
+// Where the vertices of decompositions go: parts shared by the methods.
+//
+// Frame: index coordinates local to the cell.
+// Threads: pure functions. Real-time: no allocation, no locks.
+#pragma once
+
+#include "common/isosurface/decomposition.h"
+#include "common/isosurface/saddles.h"
+
+namespace palpate {
+
+// What the methods look at.
+struct CellSaddles {
+  std::array<FaceSaddle, 6> face;
+  int count = 0;
+
+  explicit CellSaddles(const CellDensities& d);
+};
+
+inline double MeanOfFace(const CellDensities& d, int face) {
+  const auto& k = kFaceCorners[face];
+  return ((d[k[0]] + d[k[1]]) + (d[k[2]] + d[k[3]])) * 0.25;
+}
+
+// F at the centre of the cell.
+inline double MeanOfCell(const CellDensities& d) {
+  return (((d[0] + d[3]) + (d[2] + d[1])) + ((d[4] + d[7]) + (d[6] + d[5]))) * 0.125;
+}
+
+// A point of a face at (b, c) along its two axes, in their order.
+Vec3 OnFace(int face, double b, double c);
+
+void PlaceCorners(const CellDensities& d, Decomposition& out);
+void PlaceFaceCentre(const CellDensities& d, int face, Decomposition& out);
+// Face vertex at the saddle itself.
+void PlaceAtSaddle(int face, const FaceSaddle& saddle, Decomposition& out);
+
+// Each method; `out` holds the corners already.
+void DecomposeBcc(const CellDensities& d, Decomposition& out);
+void DecomposeTptd(const CellDensities& d, Decomposition& out);
+void DecomposeTpbccPublished(const CellDensities& d, Decomposition& out);
+void DecomposeTpbcc(const CellDensities& d, Decomposition& out);
+
+// Rule 3 of DecomposeTpbcc, for two interior vertices: which corner the first
+// serves, and their densities. `corner` is negative where the three lowest faces
+// share no corner, which exact arithmetic excludes.
+struct InteriorPair {
+  int corner = -1;
+  double at_corner = 0.0, opposite = 0.0;
+  BodySaddles body;
+};
+InteriorPair FindInteriorPair(const CellDensities& d, const CellSaddles& saddles,
+                              const SaddlePattern& pattern);
+
+// Between the last joining and the first splitting saddle: the densities that an
+// only interior vertex may have without changing the topology.
+struct Interval {
+  double low, high;
+  bool Contains(double x) const { return low < x && x < high; }
+};
+Interval InteriorInterval(const CellDensities& d, const CellSaddles& saddles,
+                          const SaddlePattern& pattern);
+
+}  // namespace palpate

@@ -1,0 +1,65 @@
+// Sohn's decomposition: corners and saddles only (Corenthy et al., section 3.3).
+//
+// Faces with a saddle are split around it, the others along the diagonal from
+// their (0,0) to their (1,1). All boundary triangles are joined to an apex: the
+// diagonal's corner without saddles, the body saddle where there is one, else the
+// face saddle in the middle of the sorted ones. Six face saddles: as kTpbccPublished,
+// whose figures in Table 4 are the same, but the second half of the cell takes the
+// faces across from the first one's instead of trusting their ranks, so that it
+// fills the cell. The "diamond" may still overlap itself.
+#include "common/isosurface/six_saddles.h"
+
+namespace palpate {
+namespace {
+
+// Calls visit(a, b, c) for the boundary triangles of a face.
+template <class Visitor>
+void VisitFaceTriangles(int face, bool has_saddle, Visitor visit) {
+  const auto& k = kFaceCorners[face];
+  if (has_saddle) {
+    for (int n = 0; n < 4; ++n) visit(kFirstFaceVertex + face, k[n], k[(n + 1) % 4]);
+  } else {
+    visit(k[0], k[1], k[2]);
+    visit(k[0], k[2], k[3]);
+  }
+}
+
+// Joins the apex to every boundary triangle that does not lie on a face with it.
+void JoinToApex(int apex, const CellSaddles& saddles, Decomposition& out) {
+  for (int face = 0; face < 6; ++face) {
+    if (kVertexFaces[apex] >> face & 1) continue;
+    VisitFaceTriangles(face, saddles.face[face].exists,
+                       [&](int a, int b, int c) { out.complex.Add(apex, a, b, c); });
+  }
+}
+
+void PlaceInterior(int v, const Vec3& position, double density, Decomposition& out) {
+  out.position[v] = position;
+  out.density[v] = density;
+}
+
+}  // namespace
+
+void DecomposeTptd(const CellDensities& d, Decomposition& out) {
+  const CellSaddles saddles(d);
+  out.face_saddle_count = saddles.count;
+  for (int face = 0; face < 6; ++face) {
+    if (saddles.face[face].exists) PlaceAtSaddle(face, saddles.face[face], out);
+  }
+  if (saddles.count == 6) {
+    DecomposeSixSaddles(d, saddles, FacePartner::kParallel, out);
+    return;
+  }
+  const BodySaddles body = saddles.count > 0 ? FindBodySaddles(d) : BodySaddles{};
+  out.body_saddle_count = body.count;
+  int apex = 0;
+  if (body.count > 0) {
+    apex = kFirstInteriorVertex;
+    PlaceInterior(apex, body.saddle[0].position, body.saddle[0].density, out);
+  } else if (saddles.count > 0) {
+    apex = kFirstFaceVertex + ClassifySaddles(d, saddles.face).face[(saddles.count - 1) / 2];
+  }
+  JoinToApex(apex, saddles, out);
+}
+
+}  // namespace palpate
