@@ -15,7 +15,7 @@ LAYERS = {
     "common/error": [],
     "common/geometry": [],
     "common/isosurface": ["common/geometry"],
-    "common/wire": ["common/error", "common/geometry"],
+    "common/wire": COMMON,
     "server/realtime": ["common/error"],
     "server/volume": COMMON,
     "server/import": ["common/error", "common/geometry", "server/volume"],
@@ -28,17 +28,18 @@ LAYERS = {
                             "server/servo", "server/session"],
     "server/app": COMMON + ["common/wire", "server/realtime", "server/haptics", "server/device",
                             "server/servo", "server/session", "server/rpc"],
-    "client/cli": ["common/error", "common/geometry", "common/wire"],
+    "server/lab": COMMON + ["server/volume", "server/session", "server/haptics"],
+    "client/cli": COMMON + ["common/wire"],
 }
 
 # Library: its includes, and the folders that may use it.
 LIBRARIES = {
     "gRPC and protobuf": (r"grpc|google/protobuf|palpate/v1/",
                           ["common/wire", "server/rpc", "server/app", "client/cli"]),
-    "OpenVDB": (r"openvdb/", ["server/volume", "server/import"]),
+    "OpenVDB": (r"openvdb/", ["server/volume", "server/import", "server/lab"]),
     "ITK": (r"itk|gdcm", ["server/import"]),
     "spdlog": (r"spdlog/", ["server/session", "server/rpc", "server/app"]),
-    "TBB": (r"tbb/", ["server/volume"]),
+    "TBB": (r"tbb/", ["server/volume", "server/lab"]),
 }
 
 # The headers of volume that are free of OpenVDB; real-time code sees no others.

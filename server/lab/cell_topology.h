@@ -1,0 +1,24 @@
+// Topology of H in one decomposed cell.
+//
+// Threads: pure function. Some microseconds.
+#pragma once
+
+#include "common/isosurface/decomposition.h"
+
+namespace palpate::lab {
+
+struct CellTopology {
+  int above = 0;    // components of {density > τ}
+  int below = 0;    // components of {density <= τ}
+  int surface = 0;  // components of H
+  int euler = 0;    // Euler characteristic of H
+
+  bool operator==(const CellTopology&) const = default;
+};
+
+// Of the complex alone, whatever its vertices' positions: in one that overlaps
+// itself or has gaps (kTpbccPublished) the Euler characteristic tells that
+// triangles do not match.
+CellTopology CountCellTopology(const Decomposition& cell, double isovalue);
+
+}  // namespace palpate::lab

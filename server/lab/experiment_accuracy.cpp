@@ -1,0 +1,90 @@
+// Tables 1 and 4: R_D of the four methods.
+#include "server/lab/accuracy.h"
+#include "server/lab/experiment_parts.h"
+#include "server/lab/published_table.h"
+#include "server/lab/wilcoxon.h"
+
+namespace palpate::lab {
+namespace {
+
+constexpr int kMethods = static_cast<int>(kMethodNames.size());
+
+struct Measured {
+  std::vector<PublishedRow> rows;
+  std::array<std::vector<double>, kMethods> difference;  // per method and row
+};
+
+Measured Measure(const ExperimentOptions& options) {
+  Measured measured{ReadPublishedTable(options.table), {}};
+  for (const PublishedRow& row : measured.rows) {
+    for (int m = 0; m < kMethods; ++m) {
+      const auto method = static_cast<DecompositionMethod>(m);
+      measured.difference[m].push_back(
+          DifferenceOf(DensitiesFor(row, method), row.isovalue, method, options.columns));
+    }
+  }
+  return measured;
+}
+
+double Mean(const std::vector<double>& values) {
+  double sum = 0.0;
+  for (double value : values) sum += value;
+  return values.empty() ? 0.0 : sum / static_cast<double>(values.size());
+}
+
+}  // namespace
+
+void PrintTable4(const ExperimentOptions& options, std::ostream& out) {
+  const Measured measured = Measure(options);
+  Print(out,
+        "Table 4: R_D in %% of the cell, %d x %d columns; published, then ours.\n"
+        "* differs by more than 0.15 and 2 %%, tptd by more than 0.3\n\n"
+        "case     tau   |   bcc           |  tptd           |  tpbcc-published |  tpbcc\n",
+        options.columns, options.columns);
+  std::array<int, 3> met{}, given{};
+  for (std::size_t r = 0; r < measured.rows.size(); ++r) {
+    const PublishedRow& row = measured.rows[r];
+    Print(out, "%-8s %.2f  |", row.name.c_str(), row.isovalue);
+    for (int m = 0; m < 3; ++m) {
+      const double ours = measured.difference[m][r];
+      if (!row.difference[m]) {
+        Print(out, "     -  %6.2f   |", ours);
+        continue;
+      }
+      const bool meets =
+          MeetsPublished(static_cast<DecompositionMethod>(m), *row.difference[m], ours);
+      ++given[m];
+      met[m] += meets;
+      Print(out, " %6.2f %6.2f %c |", *row.difference[m], ours, meets ? ' ' : '*');
+    }
+    Print(out, "   %6.2f\n", measured.difference[3][r]);
+  }
+  Print(out, "\nmet: bcc %d of %d, tptd %d of %d, tpbcc-published %d of %d\n", met[0], given[0],
+        met[1], given[1], met[2], given[2]);
+}
+
+void PrintTable1(const ExperimentOptions& options, std::ostream& out) {
+  const Measured measured = Measure(options);
+  Print(out, "Table 1: mean R_D in %% of the cell over %zu cells\n\n%-16s %8s %18s\n",
+        measured.rows.size(), "method", "ours", "published (rows)");
+  for (int m = 0; m < kMethods; ++m) {
+    Print(out, "%-16s %8.3f", kMethodNames[m].data(), Mean(measured.difference[m]));
+    std::vector<double> published;
+    for (const PublishedRow& row : measured.rows) {
+      if (m < 3 && row.difference[m]) published.push_back(*row.difference[m]);
+    }
+    if (m < 3) Print(out, " %9.3f (%zu)", Mean(published), published.size());
+    out << "\n";
+  }
+  Print(out, "\nWilcoxon's signed-rank test, two-sided: W+ where the first has the larger R_D\n");
+  for (int a = 0; a < kMethods; ++a) {
+    for (int b = a + 1; b < kMethods; ++b) {
+      const SignedRankResult test = SignedRankTest(measured.difference[a], measured.difference[b]);
+      Print(out, "%-16s %-16s pairs %2d  W+ %6.1f  W- %6.1f  p %.4f%s\n", kMethodNames[a].data(),
+            kMethodNames[b].data(), test.pairs, test.w_plus, test.w_minus, test.p_value,
+            test.exact ? " (exact)" : "");
+    }
+  }
+}
+
+}  // namespace palpate::lab

@@ -1,0 +1,22 @@
+// The single experiments behind experiments.h.
+#pragma once
+
+#include <ostream>
+
+#include "server/lab/experiments.h"
+
+namespace palpate::lab {
+
+void PrintTable1(const ExperimentOptions& options, std::ostream& out);
+void PrintTable4(const ExperimentOptions& options, std::ostream& out);
+void PrintTopology(const ExperimentOptions& options, std::ostream& out);
+void PrintFigure9(const ExperimentOptions& options, std::ostream& out);
+void PrintFigure11(const ExperimentOptions& options, std::ostream& out);
+
+// Throws Error where the text cannot be written.
+void WriteFigure(const std::filesystem::path& file, const std::string& svg, std::ostream& out);
+
+// printf into a stream, for tables.
+[[gnu::format(printf, 2, 3)]] void Print(std::ostream& out, const char* format, ...);
+
+}  // namespace palpate::lab

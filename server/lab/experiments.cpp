@@ -1,0 +1,61 @@
+#include "server/lab/experiments.h"
+
+#include <cstdarg>
+#include <cstdio>
+#include <fstream>
+
+#include "common/error/error.h"
+#include "server/lab/experiment_parts.h"
+
+namespace palpate::lab {
+namespace {
+
+struct Experiment {
+  const char* name;
+  void (*run)(const ExperimentOptions&, std::ostream&);
+};
+
+constexpr Experiment kExperiments[] = {{"table1", PrintTable1},
+                                       {"table4", PrintTable4},
+                                       {"figure9", PrintFigure9},
+                                       {"topology", PrintTopology},
+                                       {"figure11", PrintFigure11}};
+
+}  // namespace
+
+void Print(std::ostream& out, const char* format, ...) {
+  char text[512];
+  std::va_list arguments;
+  va_start(arguments, format);
+  std::vsnprintf(text, sizeof text, format, arguments);
+  va_end(arguments);
+  out << text;
+}
+
+void WriteFigure(const std::filesystem::path& file, const std::string& svg, std::ostream& out) {
+  std::ofstream stream(file);
+  stream << svg;
+  stream.close();
+  if (!stream) throw Error(ErrorKind::kNotFound, "cannot write " + file.string());
+  out << "figure " << file.string() << "\n";
+}
+
+std::vector<std::string> ExperimentNames() {
+  std::vector<std::string> names;
+  for (const Experiment& experiment : kExperiments) names.emplace_back(experiment.name);
+  return names;
+}
+
+void RunExperiment(const ExperimentOptions& options, std::ostream& out) {
+  if (options.columns < 1 || options.cells < 1 || options.laps < 1) {
+    throw Error(ErrorKind::kInvalidArgument, "columns, cells and laps must be at least 1");
+  }
+  for (const Experiment& experiment : kExperiments) {
+    if (options.name != experiment.name) continue;
+    experiment.run(options, out);
+    return;
+  }
+  throw Error(ErrorKind::kInvalidArgument, "no experiment is called '" + options.name + "'");
+}
+
+}  // namespace palpate::lab

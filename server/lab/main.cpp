@@ -1,0 +1,130 @@
+// palpate-lab: offline tools around the haptic isosurface.
+#include <CLI/CLI.hpp>
+
+#include <cstdio>
+#include <filesystem>
+#include <iostream>
+#include <string>
+#include <vector>
+
+#include "common/error/error.h"
+#include "server/lab/cells_command.h"
+#include "server/lab/experiments.h"
+#include "server/lab/load_volume.h"
+#include "server/lab/mesh_command.h"
+
+namespace palpate::lab {
+namespace {
+
+struct Options {
+  std::string method = "tpbcc";
+  std::string volume;
+  MeshOptions mesh;
+  ExperimentOptions experiment;
+};
+
+// Beside the folder of the programs, in the build tree as when installed.
+std::filesystem::path DefaultTable() {
+  return std::filesystem::read_symlink("/proc/self/exe").parent_path().parent_path() /
+         "share/palpate/table4.csv";
+}
+
+const std::vector<std::string> kMethods(kMethodNames.begin(), kMethodNames.end());
+
+CLI::App* AddCells(CLI::App& app, Options& options) {
+  CLI::App* cells = app.add_subcommand(
+      "cells",
+      "Decomposes single cells: reads lines of 8 densities d0..d7 from standard input and writes\n"
+      "one JSON object per line. Columns are separated by commas or blanks, further ones are\n"
+      "ignored, lines that start with # skipped. Ties are resolved over the cell's own range");
+  cells->add_option("--method", options.method, "decomposition")
+      ->check(CLI::IsMember(kMethods))
+      ->capture_default_str();
+  cells->add_option("--volume", options.volume,
+                    "a volume file or builtin name: the lines are then indices i,j,k of its "
+                    "cells, from -1 (the padding) on, and the densities are normalised over its "
+                    "range, as the renderer has them");
+  cells->footer("Example: echo '0 1 0 1 1 0 1 0' | palpate-lab cells");
+  return cells;
+}
+
+CLI::App* AddMesh(CLI::App& app, Options& options) {
+  CLI::App* mesh = app.add_subcommand(
+      "mesh",
+      "Extracts the whole haptic isosurface H of a volume as a triangle mesh, closed at the\n"
+      "volume's border, and prints its counts");
+  mesh->add_option("--volume", options.mesh.volume, "volume file, DICOM folder or builtin name")
+      ->required();
+  CLI::Option* isovalue =
+      mesh->add_option("--isovalue", options.mesh.isovalue, "isovalue in data units");
+  mesh->add_option("--normalized-isovalue", options.mesh.normalized_isovalue,
+                   "isovalue over the volume's range, 0 to 1")
+      ->excludes(isovalue);
+  mesh->add_option("--method", options.mesh.method, "decomposition")
+      ->check(CLI::IsMember(kMethods))
+      ->capture_default_str();
+  mesh->add_option("--out", options.mesh.output,
+                   "file to write, .ply or .obj, in world mm (LPS); without it only counts");
+  mesh->footer("Example: palpate-lab mesh --volume head.nrrd --isovalue 300 --out bone.ply");
+  return mesh;
+}
+
+CLI::App* AddExperiment(CLI::App& app, Options& options) {
+  CLI::App* experiment = app.add_subcommand(
+      "experiment", "Repeats an experiment of the paper and prints its figures beside ours");
+  experiment->add_option("name", options.experiment.name, "which one")
+      ->required()
+      ->check(CLI::IsMember(ExperimentNames()));
+  experiment->add_option("--table", options.experiment.table,
+                         "the paper's Table 4 as CSV [the one that comes with the program]");
+  experiment->add_option("--cells", options.experiment.cells, "random cells of `topology`")
+      ->capture_default_str();
+  experiment
+      ->add_option("--columns", options.experiment.columns,
+                   "columns per axis that R_D is integrated over")
+      ->capture_default_str();
+  experiment->add_option("--out", options.experiment.output_folder, "folder for the figures (SVG)")
+      ->capture_default_str();
+  experiment->footer("Example: palpate-lab experiment table4");
+  return experiment;
+}
+
+void RunCells(const Options& options) {
+  std::ios::sync_with_stdio(false);
+  const auto volume =
+      options.volume.empty() ? nullptr : LoadVolume(options.volume, ImportProgramBesideThis());
+  DecomposeCells(std::cin, std::cout, *MethodNamed(options.method), volume.get());
+}
+
+int Run(int argc, char** argv) {
+  CLI::App app("palpate-lab: cells, meshes and experiments around the haptic isosurface");
+  app.require_subcommand(1);
+  app.set_version_flag("--version", "palpate-lab " PALPATE_VERSION);
+  Options options;
+  const CLI::App* cells = AddCells(app, options);
+  const CLI::App* mesh = AddMesh(app, options);
+  const CLI::App* experiment = AddExperiment(app, options);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? 0 : kUsageExitCode;
+  }
+  try {
+    if (cells->parsed()) RunCells(options);
+    if (mesh->parsed()) return RunMesh(options.mesh);
+    if (options.experiment.table.empty()) options.experiment.table = DefaultTable();
+    if (experiment->parsed()) RunExperiment(options.experiment, std::cout);
+    return 0;
+  } catch (const Error& error) {
+    std::fprintf(stderr, "palpate-lab: %s\n", error.what());
+    return ExitCode(error.kind());
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "palpate-lab: %s\n", error.what());
+    return ExitCode(ErrorKind::kInternal);
+  }
+}
+
+}  // namespace
+}  // namespace palpate::lab
+
+int main(int argc, char** argv) { return palpate::lab::Run(argc, argv); }

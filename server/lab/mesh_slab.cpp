@@ -1,0 +1,214 @@
+#include "server/lab/mesh_slab.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "common/error/error.h"
+#include "server/lab/orientation.h"
+
+namespace palpate::lab {
+namespace {
+
+constexpr std::uint32_t kNone = ~0u;
+
+// Edges that several cells share lie on a cube edge or in a face. Each belongs to
+// the lattice vertex at the low corner of that cube edge or face:
+//   0-2    cube edge along an axis
+//   3-14   corner n of the face across an axis to the face's vertex
+//   15-17  diagonal of a face (kTptd)
+constexpr int kSlots = 18;
+
+struct EdgeSlot {
+  std::int8_t slot = -1;  // negative: the edge is the cell's own
+  std::array<std::int8_t, 3> offset{};
+  bool across_x = false;  // lies in a plane of constant x
+};
+
+using EdgeSlotTable = std::array<std::array<EdgeSlot, kMaxVertices>, kMaxVertices>;
+
+constexpr EdgeSlotTable MakeEdgeSlots() {
+  EdgeSlotTable table{};
+  for (auto& row : table) row.fill(EdgeSlot{});  // gcc 12 forgets the -1 in nested arrays
+  const auto set = [&](int u, int v, const EdgeSlot& slot) { table[u][v] = table[v][u] = slot; };
+  for (int face = 0; face < 6; ++face) {
+    const int axis = face / 2;
+    const auto& corners = kFaceCorners[face];
+    EdgeSlot entry;
+    entry.offset[axis] = static_cast<std::int8_t>(face % 2);
+    entry.across_x = axis == 0;
+    for (int n = 0; n < 4; ++n) {
+      entry.slot = static_cast<std::int8_t>(3 + 4 * axis + n);
+      set(kFirstFaceVertex + face, corners[n], entry);
+    }
+    entry.slot = static_cast<std::int8_t>(15 + axis);
+    set(corners[0], corners[2], entry);
+  }
+  for (const auto& [u, v] : kCubeEdges) {  // u is the low end
+    EdgeSlot entry;
+    for (int axis = 0; axis < 3; ++axis) {
+      entry.offset[axis] = static_cast<std::int8_t>(kCornerOffset[u][axis]);
+      if (kCornerOffset[u][axis] == kCornerOffset[v][axis]) continue;
+      entry.slot = static_cast<std::int8_t>(axis);
+      entry.across_x = axis != 0;
+    }
+    set(u, v, entry);
+  }
+  return table;
+}
+constexpr EdgeSlotTable kEdgeSlots = MakeEdgeSlots();
+
+const TetrahedronSigns kSingleSigns = SignsOf(kSingleComplex);
+
+class SlabBuilder {
+ public:
+  explicit SlabBuilder(const SlabRequest& request)
+      : request_(request),
+        first_(request.range.first),
+        end_(request.range.end),
+        vertices_y_(end_.y() - first_.y() + 1),
+        vertices_z_(end_.z() - first_.z() + 1) {
+    for (auto& plane : above_) plane.resize(static_cast<std::size_t>(vertices_y_) * vertices_z_);
+    for (auto& slots : slots_) slots.assign(above_[0].size() * kSlots, kNone);
+  }
+
+  MeshSlab Build() {
+    FillAbove(first_.x(), above_[0]);
+    for (int i = first_.x(); i < end_.x(); ++i) {
+      FillAbove(i + 1, above_[1]);
+      for (int j = first_.y(); j < end_.y(); ++j) {
+        for (int k = first_.z(); k < end_.z(); ++k) {
+          if (IsCellCrossed(j, k)) AddCell(Vec3i(i, j, k));
+        }
+      }
+      std::swap(above_[0], above_[1]);
+      std::swap(slots_[0], slots_[1]);
+      std::fill(slots_[1].begin(), slots_[1].end(), kNone);
+    }
+    std::sort(slab_.lower.begin(), slab_.lower.end(),
+              [](const PlaneVertex& l, const PlaneVertex& r) { return l.key < r.key; });
+    return std::move(slab_);
+  }
+
+ private:
+  std::size_t PlaneIndex(int j, int k) const {
+    return static_cast<std::size_t>(j - first_.y()) * vertices_z_ + (k - first_.z());
+  }
+
+  void FillAbove(int i, std::vector<std::uint8_t>& plane) const {
+    for (int j = first_.y(); j <= end_.y(); ++j) {
+      for (int k = first_.z(); k <= end_.z(); ++k) {
+        plane[PlaneIndex(j, k)] =
+            request_.volume.ResolvedVertex(Vec3i(i, j, k)) > request_.isovalue;
+      }
+    }
+  }
+
+  // One look per lattice vertex instead of eight.
+  bool IsCellCrossed(int j, int k) const {
+    const std::size_t n = PlaneIndex(j, k), m = n + vertices_z_;
+    const auto& [l, u] = above_;
+    const int count = l[n] + l[n + 1] + l[m] + l[m + 1] + u[n] + u[n + 1] + u[m] + u[m + 1];
+    return count != 0 && count != 8;
+  }
+
+  void AddCell(const Vec3i& cell) {
+    cell_ = cell;
+    decomposition_ = Decompose(request_.volume.ResolvedCell(cell), request_.method);
+    const TetrahedralComplex& complex = decomposition_.complex;
+    const bool is_single = complex.vertices == kSingleComplex.vertices;
+    const TetrahedronSigns signs = is_single ? kSingleSigns : SignsOf(complex);
+    local_.fill(kNone);
+    unsigned above = 0;
+    for (int v = 0; v < kMaxVertices; ++v) {
+      if (!(complex.used_vertices >> v & 1)) continue;
+      above |= static_cast<unsigned>(decomposition_.density[v] > request_.isovalue) << v;
+    }
+    for (int t = 0; t < complex.tetrahedron_count; ++t) {
+      const unsigned inside = above & complex.vertex_mask[t];
+      if (inside == 0 || inside == complex.vertex_mask[t]) continue;
+      AddTetrahedron(complex.vertices[t], signs[t], above);
+    }
+  }
+
+  void AddTetrahedron(const std::array<std::uint8_t, 4>& vertices, int sign, unsigned above) {
+    std::array<int, 4> place{};  // of the vertices inside, then of those outside
+    int inside = 0, outside = 4;
+    for (int n = 0; n < 4; ++n) (above >> vertices[n] & 1 ? place[inside++] : place[--outside]) = n;
+    const bool lone_outside = inside == 3;
+    if (lone_outside) std::reverse(place.begin(), place.end());
+    const bool outwards = (sign * PermutationSign(place) > 0) != lone_outside;
+    std::array<int, 4> v;
+    for (int n = 0; n < 4; ++n) v[n] = vertices[place[n]];
+    if (inside != 2) {
+      const std::uint32_t p = Vertex(v[0], v[1]), q = Vertex(v[0], v[2]), r = Vertex(v[0], v[3]);
+      AddTriangle(p, q, r, outwards);
+      return;
+    }
+    const std::uint32_t p = Vertex(v[0], v[2]), q = Vertex(v[0], v[3]);
+    const std::uint32_t r = Vertex(v[1], v[3]), s = Vertex(v[1], v[2]);
+    AddTriangle(p, q, r, outwards);
+    AddTriangle(p, r, s, outwards);
+  }
+
+  void AddTriangle(std::uint32_t p, std::uint32_t q, std::uint32_t r, bool outwards) {
+    if (!outwards) std::swap(q, r);
+    slab_.triangles.push_back({p, q, r});
+  }
+
+  // The mesh's vertex on the edge between two vertices of the current complex.
+  std::uint32_t Vertex(int u, int v) {
+    std::uint32_t& local = local_[u < v ? u * kMaxVertices + v : v * kMaxVertices + u];
+    if (local != kNone) return local;
+    const EdgeSlot& entry = kEdgeSlots[u][v];
+    if (entry.slot < 0) return local = NewVertex(u, v);
+    const std::uint64_t key =
+        PlaneIndex(cell_.y() + entry.offset[1], cell_.z() + entry.offset[2]) * kSlots +
+        static_cast<std::uint64_t>(entry.slot);
+    std::uint32_t& shared = slots_[entry.offset[0]][key];
+    if (shared == kNone) shared = NewSharedVertex(u, v, entry, key);
+    return local = shared;
+  }
+
+  std::uint32_t NewSharedVertex(int u, int v, const EdgeSlot& entry, std::uint64_t key) {
+    const int x = cell_.x() + entry.offset[0];
+    if (request_.has_slab_above && x == end_.x()) {
+      slab_.upper.push_back(key);
+      return static_cast<std::uint32_t>(slab_.upper.size() - 1) | kInUpperPlane;
+    }
+    const std::uint32_t index = NewVertex(u, v);
+    if (entry.across_x && x == first_.x()) slab_.lower.push_back({key, index});
+    return index;
+  }
+
+  // Interpolated from the free end, whichever cell asks.
+  std::uint32_t NewVertex(int u, int v) {
+    if (decomposition_.density[u] > decomposition_.density[v]) std::swap(u, v);
+    const double low = decomposition_.density[u], high = decomposition_.density[v];
+    const double share = (request_.isovalue - low) / (high - low);
+    const Vec3 origin = cell_.cast<double>();
+    const Vec3 from = origin + decomposition_.position[u];
+    const Vec3 to = origin + decomposition_.position[v];
+    if (slab_.vertices.size() >= kInUpperPlane) {
+      throw Error(ErrorKind::kTooLarge, "the surface has more than 2^31 vertices");
+    }
+    slab_.vertices.push_back(from + share * (to - from));
+    return static_cast<std::uint32_t>(slab_.vertices.size() - 1);
+  }
+
+  const SlabRequest& request_;
+  const Vec3i first_, end_;
+  const int vertices_y_, vertices_z_;
+  // Of the lattice planes below and above the current layer of cells.
+  std::array<std::vector<std::uint8_t>, 2> above_;   // lattice vertices above τ
+  std::array<std::vector<std::uint32_t>, 2> slots_;  // mesh vertices of shared edges
+  Vec3i cell_ = Vec3i::Zero();
+  Decomposition decomposition_;
+  std::array<std::uint32_t, kMaxVertices * kMaxVertices> local_;
+  MeshSlab slab_;
+};
+
+}  // namespace
+
+MeshSlab MakeSlab(const SlabRequest& request) { return SlabBuilder(request).Build(); }
+
+}  // namespace palpate::lab

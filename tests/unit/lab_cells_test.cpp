@@ -1,0 +1,111 @@
+// palpate-lab cells: input, output, speed.
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <cstdio>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <sstream>
+
+#include "common/error/error.h"
+#include "server/lab/cells_command.h"
+#include "tests/support/array_volume.h"
+
+namespace palpate::lab {
+namespace {
+
+using Json = nlohmann::json;
+
+std::vector<Json> Decomposed(const std::string& input, DecompositionMethod method,
+                             const VolumeSnapshot* volume = nullptr) {
+  std::istringstream in(input);
+  std::ostringstream out;
+  DecomposeCells(in, out, method, volume);
+  std::vector<Json> cells;
+  std::istringstream lines(out.str());
+  for (std::string line; std::getline(lines, line);) cells.push_back(Json::parse(line));
+  return cells;
+}
+
+std::string Refusal(const std::string& input) {
+  try {
+    Decomposed(input, DecompositionMethod::kTpbcc);
+  } catch (const Error& error) {
+    EXPECT_EQ(error.kind(), ErrorKind::kInvalidArgument);
+    return error.what();
+  }
+  return "accepted";
+}
+
+TEST(LabCells, ReadsCommasBlanksAndFurtherColumns) {
+  const auto cells = Decomposed(
+      "# a comment\n"
+      "0.41,0.87,0.14,0.12,0.24,0.15,0.10,0.08,0.18,more\n"
+      "\n"
+      "0 1 0 1 1 0 1 0\r\n"
+      "  +1e-3\t2, 3 4 5 6 7 -8e2\n",
+      DecompositionMethod::kTpbcc);
+  ASSERT_EQ(cells.size(), 3u);
+  EXPECT_EQ(cells[1]["sigma_f"], 6);
+  EXPECT_EQ(cells[1]["tetrahedra"][0].size(), 4u);
+  EXPECT_EQ(cells[0]["vertices"].size(), 15u);
+  EXPECT_EQ(cells[0]["vertices"][0].size(), 4u);
+  // Corner d1 is at (0, 0, 1) and keeps its density but for the tie step.
+  EXPECT_EQ(cells[0]["vertices"][1][2], 1.0);
+  EXPECT_NEAR(cells[0]["vertices"][1][3].get<double>(), 0.87, 1e-8);
+  EXPECT_LT(cells[0]["vertices"][1][3].get<double>(), 0.87);
+}
+
+TEST(LabCells, NamesTheLineOfAnError) {
+  EXPECT_EQ(Refusal("0 1 2 3 4 5 6 7\n\n1 2 3\n"), "line 3: 8 densities d0..d7 are needed");
+  EXPECT_NE(Refusal("0 1 2 3 4 5 6 x7\n").find("line 1: 'x7' is no number"), std::string::npos);
+  EXPECT_NE(Refusal("0 1 2 3 4 5 6 nan\n").find("line 1: every density must be finite"),
+            std::string::npos);
+  EXPECT_NE(Refusal("0 1 2 3 4 5 6 1e999\n").find("line 1"), std::string::npos);
+}
+
+TEST(LabCells, TakesAnyFiniteDensities) {
+  for (const char* line : {"0 0 0 0 0 0 0 0", "1e308 -1e308 1e308 -1e308 0 0 0 1",
+                           "1e-320 2e-320 3e-320 0 1e-320 5e-324 0 0", "-7 -7 -7 -7 -7 -7 -7 -6"}) {
+    const auto cells = Decomposed(std::string(line) + "\n", DecompositionMethod::kTpbcc);
+    ASSERT_EQ(cells.size(), 1u);
+    for (const Json& vertex : cells[0]["vertices"]) {
+      for (const Json& number : vertex) ASSERT_TRUE(number.is_number()) << line;
+    }
+  }
+}
+
+TEST(LabCells, OfAVolumeAreTheRenderersOwn) {
+  const auto volume = testing::MakeVolume(
+      Vec3i(4, 4, 4), [](int i, int j, int k) { return (i * 7 + j * 3 + k) % 4; });
+  const auto cells = Decomposed("1,2,0\n-1 -1 -1\n", DecompositionMethod::kTpbcc, volume.get());
+  ASSERT_EQ(cells.size(), 2u);
+  const Decomposition expected =
+      Decompose(volume->ResolvedCell(Vec3i(1, 2, 0)), DecompositionMethod::kTpbcc);
+  for (int v = 0; v < 15; ++v) {
+    EXPECT_EQ(cells[0]["vertices"][v][3].get<double>(), expected.density[v]);
+    EXPECT_EQ(cells[0]["vertices"][v][1].get<double>(), expected.position[v].y());
+  }
+  std::istringstream in("9 9 9\n");
+  std::ostringstream out;
+  EXPECT_THROW(DecomposeCells(in, out, DecompositionMethod::kTpbcc, volume.get()), Error);
+}
+
+TEST(LabCells, AreWrittenAtMoreThanTwentyThousandASecond) {
+  std::ifstream file(std::string(PALPATE_CELLS_DIR) + "/labelled.csv");
+  std::ostringstream out;
+  const auto start = std::chrono::steady_clock::now();
+  DecomposeCells(file, out, DecompositionMethod::kTpbcc, nullptr);
+  const std::chrono::duration<double> seconds = std::chrono::steady_clock::now() - start;
+  const std::string text = out.str();
+  const auto cells = std::count(text.begin(), text.end(), '\n');
+  std::printf("%ld cells, %.0f cells/s\n", static_cast<long>(cells),
+              static_cast<double>(cells) / seconds.count());
+  EXPECT_EQ(cells, 25000);
+#ifdef NDEBUG
+  EXPECT_GT(static_cast<double>(cells) / seconds.count(), 20000.0);
+#endif
+}
+
+}  // namespace
+}  // namespace palpate::lab

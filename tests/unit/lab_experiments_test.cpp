@@ -1,0 +1,310 @@
+// The lab's experiments: their instruments against known values, and the bounds
+// that our decomposition must keep.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <random>
+#include <sstream>
+
+#include "common/error/error.h"
+#include "server/lab/accuracy.h"
+#include "server/lab/cell_topology.h"
+#include "server/lab/drift.h"
+#include "server/lab/experiments.h"
+#include "server/lab/published_table.h"
+#include "server/lab/wilcoxon.h"
+#include "tests/support/cell_topology.h"
+
+namespace palpate::lab {
+namespace {
+
+constexpr DecompositionMethod kAllMethods[] = {
+    DecompositionMethod::kBcc, DecompositionMethod::kTptd, DecompositionMethod::kTpbccPublished,
+    DecompositionMethod::kTpbcc};
+
+CellDensities CellOf(double (*value)(const Vec3&)) {
+  CellDensities d;
+  for (int v = 0; v < 8; ++v) {
+    d[v] = value(Vec3(kCornerOffset[v][0], kCornerOffset[v][1], kCornerOffset[v][2]));
+  }
+  return d;
+}
+
+TEST(Wilcoxon, ExactForFewPairs) {
+  const std::vector<double> zero(10, 0.0);
+  std::vector<double> first(10);
+  for (int n = 0; n < 10; ++n) first[n] = n + 1;
+  const SignedRankResult all = SignedRankTest(first, zero);
+  EXPECT_TRUE(all.exact);
+  EXPECT_EQ(all.pairs, 10);
+  EXPECT_EQ(all.w_plus, 55.0);
+  EXPECT_EQ(all.w_minus, 0.0);
+  EXPECT_DOUBLE_EQ(all.p_value, 2.0 / 1024.0);
+  // Table of critical values: n = 10, W = 8 is the last with p <= 0.05.
+  for (double& x : first) x = std::abs(x);
+  first[7] = -first[7];
+  EXPECT_NEAR(SignedRankTest(first, zero).p_value, 2.0 * 25.0 / 1024.0, 1e-15);
+}
+
+TEST(Wilcoxon, NormalApproximationWithTies) {
+  // A textbook sample: one pair without difference, two differences of 5.
+  const std::vector<double> first = {125, 115, 130, 140, 140, 115, 140, 125, 140, 135};
+  const std::vector<double> second = {110, 122, 125, 120, 140, 124, 123, 137, 135, 145};
+  const SignedRankResult result = SignedRankTest(first, second);
+  EXPECT_FALSE(result.exact);
+  EXPECT_EQ(result.pairs, 9);
+  EXPECT_EQ(result.w_plus, 27.0);
+  EXPECT_EQ(result.w_minus, 18.0);
+  EXPECT_NEAR(result.p_value, 0.5936, 5e-5);
+}
+
+TEST(Wilcoxon, EqualSamplesDoNotDiffer) {
+  const std::vector<double> sample = {1.0, 2.0, 3.0};
+  EXPECT_EQ(SignedRankTest(sample, sample).pairs, 0);
+  EXPECT_EQ(SignedRankTest(sample, sample).p_value, 1.0);
+}
+
+TEST(Accuracy, PlanesAreExact) {
+  const CellDensities d =
+      CellOf([](const Vec3& p) { return 0.1 + 0.2 * p.x() + 0.3 * p.y() + 0.4 * p.z(); });
+  for (DecompositionMethod method : kAllMethods) {
+    const Accuracy accuracy = MeasureAccuracy(d, 0.47, Decompose(d, method), 50);
+    EXPECT_NEAR(accuracy.difference, 0.0, 1e-9);
+    EXPECT_NEAR(accuracy.overlap, 0.0, 1e-9);
+    EXPECT_NEAR(accuracy.gap, 0.0, 1e-9);
+  }
+}
+
+// F = x z. TPTD splits along diagonals that lie in x = z, where PL = min(x, z).
+// τ = ¼: PL is above where x and z are above ¼, 9/16; F where x z is above ¼,
+// 1 - ¼ (1 + ln 4).
+TEST(Accuracy, EqualsAnAnalyticVolume) {
+  const CellDensities d = CellOf([](const Vec3& p) { return p.x() * p.z(); });
+  const double expected = 100.0 * (9.0 / 16.0 - (1.0 - 0.25 * (1.0 + std::log(4.0))));
+  EXPECT_NEAR(DifferenceOf(d, 0.25, DecompositionMethod::kTptd, 1000), expected, 2e-3);
+}
+
+TEST(Accuracy, ColumnsConverge) {
+  for (const PublishedRow& row :
+       ReadPublishedTable(std::filesystem::path(PALPATE_CELLS_DIR) / "table4.csv")) {
+    const double coarse =
+        DifferenceOf(row.resolved, row.isovalue, DecompositionMethod::kTpbcc, 100);
+    const double fine = DifferenceOf(row.resolved, row.isovalue, DecompositionMethod::kTpbcc, 400);
+    EXPECT_NEAR(coarse, fine, 0.1) << row.name;
+  }
+}
+
+TEST(Accuracy, SeesOverlapsAndGaps) {
+  // Case 13.1: six face saddles that do not pair up.
+  const CellDensities d = {0.95, 0.05, 0.81, 0.02, 0.11, 0.91, 0.06, 0.88};
+  const Accuracy published =
+      MeasureAccuracy(d, 0.34, Decompose(d, DecompositionMethod::kTpbccPublished), 100);
+  EXPECT_GT(published.overlap, 1.0);
+  EXPECT_GT(published.gap, 1.0);
+  const Accuracy ours = MeasureAccuracy(d, 0.34, Decompose(d, DecompositionMethod::kTpbcc), 100);
+  EXPECT_NEAR(ours.overlap, 0.0, 1e-9);
+  EXPECT_NEAR(ours.gap, 0.0, 1e-9);
+}
+
+TEST(Table4, PublishedFiguresAreMet) {
+  const auto rows = ReadPublishedTable(std::filesystem::path(PALPATE_CELLS_DIR) / "table4.csv");
+  ASSERT_EQ(rows.size(), 29u);
+  int tptd_met = 0;
+  double sum = 0.0;
+  for (const PublishedRow& row : rows) {
+    for (int m = 0; m < 3; ++m) {
+      if (!row.difference[m]) continue;
+      const DecompositionMethod method = kAllMethods[m];
+      const double ours = DifferenceOf(row.d, row.isovalue, method, 200);
+      const bool met = MeetsPublished(method, *row.difference[m], ours);
+      if (!met) {
+        std::printf("%-7s %s: published %.2f, ours %.2f\n", row.name.c_str(),
+                    kMethodNames[m].data(), *row.difference[m], ours);
+      }
+      if (method == DecompositionMethod::kTptd) {
+        tptd_met += met;
+      } else {
+        EXPECT_TRUE(met) << row.name << " " << kMethodNames[m];
+      }
+    }
+    sum += DifferenceOf(row.resolved, row.isovalue, DecompositionMethod::kTpbcc, 200);
+  }
+  std::printf("tptd met in %d rows; tpbcc mean %.3f\n", tptd_met, sum / 29.0);
+  EXPECT_GE(tptd_met, 22);
+  EXPECT_LE(sum / 29.0, 6.8);
+}
+
+// Corners uniform in [0, 1]; alternating: halved, and ½ added on the odd corners.
+// τ uniform in [0.2, 0.8] and within the cell's range.
+double MeanDifference(bool alternating, DecompositionMethod method) {
+  constexpr int kCells = 20000, kColumns = 20;
+  std::mt19937_64 random(1);
+  std::uniform_real_distribution<double> uniform;
+  double sum = 0.0;
+  for (int n = 0; n < kCells;) {
+    CellDensities d;
+    for (int v = 0; v < 8; ++v) {
+      const auto& o = kCornerOffset[v];
+      d[v] = uniform(random);
+      if (alternating) d[v] = 0.5 * (d[v] + (o[0] + o[1] + o[2]) % 2);
+    }
+    const double isovalue = 0.2 + 0.6 * uniform(random);
+    if (!IsCrossed(d, isovalue)) continue;
+    sum += DifferenceOf(d, isovalue, method, kColumns);
+    ++n;
+  }
+  return sum / kCells;
+}
+
+TEST(MeanDifference, OfTpbccKeepsItsBounds) {
+  const double uniform = MeanDifference(false, DecompositionMethod::kTpbcc);
+  const double alternating = MeanDifference(true, DecompositionMethod::kTpbcc);
+  std::printf("mean R_D: uniform tpbcc %.3f bcc %.3f published %.3f\n", uniform,
+              MeanDifference(false, DecompositionMethod::kBcc),
+              MeanDifference(false, DecompositionMethod::kTpbccPublished));
+  std::printf("mean R_D: alternating tpbcc %.3f bcc %.3f published %.3f\n", alternating,
+              MeanDifference(true, DecompositionMethod::kBcc),
+              MeanDifference(true, DecompositionMethod::kTpbccPublished));
+  EXPECT_LE(uniform, 3.0);
+  EXPECT_LE(alternating, 5.55);
+}
+
+TEST(Decomposition, OfTpbccHasNoNeedles) {
+  std::mt19937_64 random(5);
+  std::uniform_real_distribution<double> uniform;
+  double smallest = 1.0;
+  for (int n = 0; n < 30000; ++n) {
+    CellDensities d;
+    for (int v = 0; v < 8; ++v) {
+      const auto& o = kCornerOffset[v];
+      d[v] = uniform(random) + n % 2 * ((o[0] + o[1] + o[2]) % 2);
+    }
+    const Decomposition cell = Decompose(d, DecompositionMethod::kTpbcc);
+    for (int t = 0; t < cell.complex.tetrahedron_count; ++t) {
+      const auto& v = cell.complex.vertices[t];
+      Mat3 edges;
+      for (int k = 0; k < 3; ++k) edges.col(k) = cell.position[v[k + 1]] - cell.position[v[0]];
+      const Mat3 inverse = edges.inverse();  // rows: gradients, 1 / altitude long
+      smallest = std::min(smallest, 1.0 / inverse.rowwise().norm().maxCoeff());
+      smallest = std::min(smallest, 1.0 / inverse.colwise().sum().norm());
+    }
+  }
+  std::printf("smallest altitude %.4f\n", smallest);
+  EXPECT_GE(smallest, 0.05);
+}
+
+// For six face saddles: kTptd takes parallel faces, and is then right and fills the
+// cell; kTpbccPublished trusts ranks, and overlaps where they mislead.
+TEST(SixFaceSaddles, FaultsOfThePublishedRules) {
+  std::mt19937_64 random(6);
+  std::uniform_real_distribution<double> uniform;
+  int cells = 0, overlaps = 0;
+  while (cells < 300) {
+    CellDensities d;
+    for (double& x : d) x = uniform(random);
+    const Decomposition tptd = Decompose(d, DecompositionMethod::kTptd);
+    if (tptd.face_saddle_count != 6 || tptd.body_saddle_count != 2) continue;
+    ++cells;
+    const Accuracy filled = MeasureAccuracy(d, 0.5, tptd, 12);
+    EXPECT_NEAR(filled.overlap + filled.gap, 0.0, 1e-9);
+    const Decomposition ours = Decompose(d, DecompositionMethod::kTpbcc);
+    for (double isovalue = 0.05; isovalue < 1.0; isovalue += 0.05) {
+      EXPECT_EQ(CountCellTopology(tptd, isovalue), CountCellTopology(ours, isovalue));
+    }
+    const Accuracy published =
+        MeasureAccuracy(d, 0.5, Decompose(d, DecompositionMethod::kTpbccPublished), 12);
+    overlaps += published.overlap > 1e-9;
+  }
+  std::printf("published rules overlap in %d of %d cells\n", overlaps, cells);
+  EXPECT_GT(overlaps, cells * 4 / 10);
+  EXPECT_LT(overlaps, cells * 7 / 10);
+}
+
+TEST(CellTopology, AgreesWithTheOtherCount) {
+  std::mt19937_64 random(7);
+  std::uniform_real_distribution<double> uniform;
+  for (int n = 0; n < 3000; ++n) {
+    CellDensities d;
+    for (double& x : d) x = uniform(random);
+    const double isovalue = uniform(random);
+    for (DecompositionMethod method : kAllMethods) {
+      const Decomposition cell = Decompose(d, method);
+      const CellTopology ours = CountCellTopology(cell, isovalue);
+      const palpate::testing::CellTopology other = palpate::testing::TopologyOf(cell, isovalue);
+      EXPECT_EQ(ours.above, other.above);
+      EXPECT_EQ(ours.below, other.below);
+      EXPECT_EQ(ours.surface, other.surface);
+      EXPECT_EQ(ours.euler, other.euler);
+    }
+  }
+}
+
+TEST(Drift, GbidDriftsAndOursDoesNot) {
+  const auto curves = MeasureDrift(5);
+  ASSERT_EQ(curves.size(), 4u);
+  const auto& ours = curves[0].laps;
+  const auto& own_density = curves[1].laps;
+  const auto& gbid = curves[2].laps;
+  const auto& corrected = curves[3].laps;
+  for (std::size_t lap = 0; lap < ours.size(); ++lap) {
+    EXPECT_NEAR(own_density[lap].worst, 0.0, 1e-6);
+    EXPECT_LT(ours[lap].worst, 2e-3);  // H is not V, by a tenth of a voxel at most
+    EXPECT_NEAR(ours[lap].isovalue, ours[0].isovalue, 1e-5);
+    EXPECT_LT(corrected[lap].worst, 2e-3);
+    if (lap > 0) {
+      EXPECT_LT(gbid[lap].isovalue, gbid[lap - 1].isovalue - 1e-3);
+    }
+  }
+}
+
+class LabExperiment : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    folder_ = std::filesystem::path(::testing::TempDir()) / "palpate_lab_experiment";
+    std::filesystem::create_directories(folder_);
+    options_.table = std::filesystem::path(PALPATE_CELLS_DIR) / "table4.csv";
+    options_.cells = 2000;
+    options_.columns = 20;
+    options_.laps = 2;
+    options_.output_folder = folder_;
+  }
+  void TearDown() override { std::filesystem::remove_all(folder_); }
+
+  std::string Run(const std::string& name) {
+    options_.name = name;
+    std::ostringstream out;
+    RunExperiment(options_, out);
+    return out.str();
+  }
+
+  std::filesystem::path folder_;
+  ExperimentOptions options_;
+};
+
+TEST_F(LabExperiment, EachPrintsItsTable) {
+  for (const std::string& name : ExperimentNames()) EXPECT_GT(Run(name).size(), 50u) << name;
+  EXPECT_GT(std::filesystem::file_size(folder_ / "figure9.svg"), 1000u);
+  EXPECT_GT(std::filesystem::file_size(folder_ / "figure11.svg"), 10000u);
+  EXPECT_EQ(Run("topology"), Run("topology"));
+}
+
+TEST_F(LabExperiment, ErrorsAreClear) {
+  EXPECT_THROW(Run("table5"), Error);
+  options_.table = folder_ / "missing.csv";
+  EXPECT_THROW(Run("table4"), Error);
+  std::ofstream(folder_ / "bad.csv") << "1,0.5,0.1,0.2,x\n";
+  options_.table = folder_ / "bad.csv";
+  try {
+    Run("table4");
+    FAIL();
+  } catch (const Error& error) {
+    EXPECT_NE(std::string(error.what()).find("line 1"), std::string::npos) << error.what();
+  }
+}
+
+}  // namespace
+}  // namespace palpate::lab

@@ -1,0 +1,338 @@
+// Meshes of H, and the Euler characteristic of V that they are judged by.
+#include <gtest/gtest.h>
+#include <tbb/global_control.h>
+#include <unistd.h>
+
+#include <array>
+#include <cmath>
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <memory>
+#include <numbers>
+#include <random>
+#include <string>
+#include <vector>
+
+#include "common/error/error.h"
+#include "server/lab/mesh.h"
+#include "server/lab/mesh_command.h"
+#include "server/lab/mesh_files.h"
+#include "server/lab/mesh_statistics.h"
+#include "server/lab/trilinear_topology.h"
+#include "tests/support/array_volume.h"
+
+namespace palpate::lab {
+namespace {
+
+using testing::MakeVolume;
+
+constexpr auto kTpbcc = DecompositionMethod::kTpbcc;
+constexpr std::array kAllMethods = {DecompositionMethod::kBcc, DecompositionMethod::kTptd,
+                                    DecompositionMethod::kTpbccPublished, kTpbcc};
+
+std::shared_ptr<const VolumeSnapshot> MakeSphere(int edge) {
+  const double c = 0.5 * (edge - 1);
+  return MakeVolume(Vec3i::Constant(edge),
+                    [=](int i, int j, int k) { return -std::hypot(i - c, j - c, k - c); });
+}
+
+std::shared_ptr<const VolumeSnapshot> MakeTorus(int edge) {
+  const double c = 0.5 * (edge - 1);
+  return MakeVolume(Vec3i::Constant(edge), [=](int i, int j, int k) {
+    return -std::hypot(std::hypot(i - c, j - c) - 0.3 * edge, k - c);
+  });
+}
+
+std::shared_ptr<const VolumeSnapshot> MakeGyroid(int edge) {
+  const double w = 4.0 * std::numbers::pi / edge;
+  return MakeVolume(Vec3i::Constant(edge), [=](int i, int j, int k) {
+    return std::sin(w * i) * std::cos(w * j) + std::sin(w * j) * std::cos(w * k) +
+           std::sin(w * k) * std::cos(w * i);
+  });
+}
+
+// levels: 0 for continuous values.
+std::shared_ptr<const VolumeSnapshot> MakeRandom(int edge, int levels, unsigned seed) {
+  std::mt19937 random(seed);
+  std::uniform_real_distribution<double> uniform(0.0, 1.0);
+  std::uniform_int_distribution<int> level(0, std::max(levels - 1, 0));
+  return MakeVolume(Vec3i::Constant(edge), [&](int, int, int) {
+    return levels == 0 ? uniform(random) : static_cast<double>(level(random));
+  });
+}
+
+SurfaceMesh Extract(const VolumeSnapshot& volume, double isovalue,
+                    DecompositionMethod method = kTpbcc) {
+  return ExtractSurface(volume, isovalue, method, PaddedCells(volume));
+}
+
+void ExpectClosed(const MeshStatistics& s) {
+  EXPECT_EQ(s.boundary_edges, 0);
+  EXPECT_EQ(s.non_manifold_edges, 0);
+  EXPECT_EQ(s.non_manifold_vertices, 0);
+  EXPECT_EQ(s.misoriented_edges, 0);
+}
+
+// Six times the volume enclosed; positive where normals point outwards.
+double EnclosedVolume(const SurfaceMesh& mesh) {
+  double sum = 0.0;
+  for (const auto& t : mesh.triangles) {
+    sum += mesh.vertices[t[0]].dot(mesh.vertices[t[1]].cross(mesh.vertices[t[2]]));
+  }
+  return sum / 6.0;
+}
+
+TEST(LabMesh, SphereIsOneForEveryMethod) {
+  const auto sphere = MakeSphere(20);
+  const double isovalue = sphere->Normalize(-7.0);
+  for (DecompositionMethod method : kAllMethods) {
+    SCOPED_TRACE(MethodName(method));
+    const SurfaceMesh mesh = Extract(*sphere, isovalue, method);
+    const MeshStatistics s = MeasureMesh(mesh);
+    ExpectClosed(s);
+    EXPECT_EQ(s.components, 1);
+    EXPECT_EQ(s.euler, 2);
+    EXPECT_EQ(s.genus(), 0);
+    EXPECT_NEAR(EnclosedVolume(mesh), 4.0 / 3.0 * std::numbers::pi * 343.0, 15.0);
+  }
+  EXPECT_EQ(CountTrilinearTopology(*sphere, isovalue, PaddedCells(*sphere)).surface(), 2);
+}
+
+TEST(LabMesh, TorusHasOneHole) {
+  const auto torus = MakeTorus(31);
+  const double isovalue = torus->Normalize(-4.2);
+  const MeshStatistics s = MeasureMesh(Extract(*torus, isovalue));
+  ExpectClosed(s);
+  EXPECT_EQ(s.components, 1);
+  EXPECT_EQ(s.euler, 0);
+  EXPECT_EQ(s.genus(), 1);
+  EXPECT_EQ(CountTrilinearTopology(*torus, isovalue, PaddedCells(*torus)).surface(), 0);
+}
+
+TEST(LabMesh, GyroidIsClosedByTheBorder) {
+  const auto gyroid = MakeGyroid(33);
+  for (double isovalue : {0.3, 0.5, 0.7}) {
+    const MeshStatistics s = MeasureMesh(Extract(*gyroid, isovalue));
+    ExpectClosed(s);
+    EXPECT_EQ(s.euler, CountTrilinearTopology(*gyroid, isovalue, PaddedCells(*gyroid)).surface());
+  }
+}
+
+TEST(LabMesh, WithoutPaddingOpensAtTheBorderOnly) {
+  const auto gyroid = MakeGyroid(20);
+  const CellRange inner{Vec3i::Zero(), gyroid->size() - Vec3i::Ones()};
+  for (DecompositionMethod method : kAllMethods) {
+    const MeshStatistics s = MeasureMesh(ExtractSurface(*gyroid, 0.5, method, inner));
+    EXPECT_GT(s.boundary_edges, 0);
+    EXPECT_GT(s.boundary_loops, 0);
+    EXPECT_EQ(s.boundary_edges_off_border, 0);
+    EXPECT_EQ(s.non_manifold_edges, 0);
+    EXPECT_EQ(s.misoriented_edges, 0);
+  }
+  EXPECT_THROW(CountTrilinearTopology(*gyroid, 0.5, inner), Error);
+}
+
+struct Tally {
+  int grids = 0;
+  int wrong = 0;
+  int open = 0;
+  int misoriented = 0;
+};
+
+Tally TallyRandomGrids(DecompositionMethod method, int levels, int grids) {
+  Tally tally;
+  std::mt19937 random(99);
+  std::uniform_real_distribution<double> isovalues(0.1, 0.9);
+  for (int n = 0; n < grids; ++n) {
+    const auto volume = MakeRandom(6, levels, static_cast<unsigned>(n + 1000 * levels));
+    // Of tied grids every other isovalue is one of their values.
+    double isovalue = isovalues(random);
+    if (levels > 1 && n % 2 == 0) isovalue = static_cast<double>(n % levels) / (levels - 1);
+    const MeshStatistics s = MeasureMesh(Extract(*volume, isovalue, method));
+    const MorseCount morse = CountTrilinearTopology(*volume, isovalue, PaddedCells(*volume));
+    ++tally.grids;
+    tally.wrong += s.euler != morse.surface();
+    tally.open += s.boundary_edges != 0 || s.non_manifold_edges != 0;
+    tally.misoriented += s.misoriented_edges != 0;
+  }
+  return tally;
+}
+
+TEST(LabMesh, RandomGridsHaveTheTopologyOfTheTrilinearSurface) {
+  for (int levels : {0, 2, 3, 5, 16, 256}) {
+    const Tally tally = TallyRandomGrids(kTpbcc, levels, 500);
+    std::printf("tpbcc, %3d levels: %d wrong of %d\n", levels, tally.wrong, tally.grids);
+    EXPECT_EQ(tally.wrong, 0);
+    EXPECT_EQ(tally.open, 0);
+    EXPECT_EQ(tally.misoriented, 0);
+  }
+}
+
+TEST(LabMesh, OtherMethodsAreClosedButMayDiffer) {
+  for (DecompositionMethod method : {DecompositionMethod::kBcc, DecompositionMethod::kTptd}) {
+    const Tally tally = TallyRandomGrids(method, 0, 300);
+    const auto name = MethodName(method);
+    std::printf("%.*s: %d wrong of %d\n", static_cast<int>(name.size()), name.data(), tally.wrong,
+                tally.grids);
+    EXPECT_EQ(tally.open, 0);
+    EXPECT_EQ(tally.misoriented, 0);
+    if (method == DecompositionMethod::kBcc) {
+      EXPECT_GT(tally.wrong, 0);
+    }
+  }
+}
+
+TEST(LabMesh, SolidAroundTheBorderCountsAsWell) {
+  // A hollow: the border is inside, the isosurface closed.
+  std::mt19937 random(5);
+  std::uniform_real_distribution<double> uniform(0.0, 1.0);
+  for (int n = 0; n < 200; ++n) {
+    const auto volume = MakeVolume(Vec3i::Constant(7), [&](int i, int j, int k) {
+      const bool border = i % 6 == 0 || j % 6 == 0 || k % 6 == 0;
+      return border ? 1.0 : uniform(random);
+    });
+    const CellRange range{Vec3i::Zero(), Vec3i::Constant(6)};
+    const MeshStatistics s = MeasureMesh(ExtractSurface(*volume, 0.5, kTpbcc, range));
+    ExpectClosed(s);
+    EXPECT_EQ(s.euler, CountTrilinearTopology(*volume, 0.5, range).surface());
+  }
+}
+
+TEST(LabMesh, SameForAnyNumberOfThreads) {
+  const auto gyroid = MakeGyroid(30);
+  SurfaceMesh alone;
+  {
+    const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, 1);
+    alone = Extract(*gyroid, 0.5);
+  }
+  const SurfaceMesh together = Extract(*gyroid, 0.5);
+  EXPECT_EQ(alone.vertices, together.vertices);
+  EXPECT_EQ(alone.triangles, together.triangles);
+}
+
+TEST(LabMesh, ProgressRisesToOne) {
+  double last = 0.0;
+  const auto sphere = MakeSphere(20);
+  ExtractSurface(*sphere, 0.5, kTpbcc, PaddedCells(*sphere), [&](double fraction) {
+    EXPECT_GT(fraction, last);
+    last = fraction;
+  });
+  EXPECT_EQ(last, 1.0);
+}
+
+SurfaceMesh MakeMesh(std::size_t vertices, std::vector<std::array<std::uint32_t, 3>> triangles) {
+  return {std::vector<Vec3>(vertices, Vec3::Constant(0.5)),
+          std::move(triangles),
+          {Vec3i::Zero(), Vec3i::Ones()}};
+}
+
+TEST(LabMeshStatistics, SeesWhatIsWrong) {
+  // A tetrahedron's surface.
+  const std::vector<std::array<std::uint32_t, 3>> closed = {
+      {0, 2, 1}, {0, 1, 3}, {1, 2, 3}, {0, 3, 2}};
+  MeshStatistics s = MeasureMesh(MakeMesh(4, closed));
+  ExpectClosed(s);
+  EXPECT_EQ(s.edges, 6);
+  EXPECT_EQ(s.euler, 2);
+
+  auto triangles = closed;
+  triangles.pop_back();
+  s = MeasureMesh(MakeMesh(4, triangles));
+  EXPECT_EQ(s.boundary_edges, 3);
+  EXPECT_EQ(s.boundary_edges_off_border, 3);
+  EXPECT_EQ(s.boundary_loops, 1);
+  EXPECT_EQ(s.euler, 1);
+  EXPECT_EQ(s.genus(), 0);
+
+  triangles = closed;
+  std::swap(triangles[0][0], triangles[0][1]);
+  EXPECT_EQ(MeasureMesh(MakeMesh(4, triangles)).misoriented_edges, 3);
+
+  triangles = closed;  // a fin on the edge 0-1
+  triangles.push_back({0, 1, 4});
+  s = MeasureMesh(MakeMesh(5, triangles));
+  EXPECT_EQ(s.non_manifold_edges, 1);
+  EXPECT_EQ(s.boundary_edges, 2);
+
+  triangles = closed;  // a second one that touches the first in vertex 0
+  triangles.insert(triangles.end(), {{0, 5, 4}, {0, 4, 6}, {4, 5, 6}, {0, 6, 5}});
+  s = MeasureMesh(MakeMesh(7, triangles));
+  EXPECT_EQ(s.non_manifold_edges, 0);
+  EXPECT_EQ(s.non_manifold_vertices, 1);
+  EXPECT_EQ(s.components, 1);
+}
+
+class LabMeshFiles : public ::testing::Test {
+ protected:
+  void SetUp() override { std::filesystem::create_directories(folder_); }
+  void TearDown() override { std::filesystem::remove_all(folder_); }
+
+  std::string Read(const std::filesystem::path& path) const {
+    std::ifstream in(path, std::ios::binary);
+    return {std::istreambuf_iterator<char>(in), {}};
+  }
+
+  const std::filesystem::path folder_ =
+      std::filesystem::temp_directory_path() / ("lab_mesh_test-" + std::to_string(getpid()));
+};
+
+TEST_F(LabMeshFiles, ObjIsInWorldMm) {
+  SurfaceMesh mesh;
+  mesh.vertices = {{0, 0, 0}, {1, 0, 0}, {0, 1.5, 0}};
+  mesh.triangles = {{0, 1, 2}};
+  AffineMap X_WI{Vec3(2, 2, 3).asDiagonal(), Vec3(10, 0, -5)};
+  WriteMesh(mesh, X_WI, folder_ / "a.obj");
+  EXPECT_EQ(Read(folder_ / "a.obj"),
+            "# palpate-lab: world mm, LPS\nv 10 0 -5\nv 12 0 -5\nv 10 3 -5\nf 1 2 3\n");
+  X_WI.linear(2, 2) = -3;  // a mirror turns the triangles over
+  WriteMesh(mesh, X_WI, folder_ / "a.OBJ");
+  EXPECT_NE(Read(folder_ / "a.OBJ").find("f 1 3 2"), std::string::npos);
+}
+
+TEST_F(LabMeshFiles, PlyIsBinary) {
+  SurfaceMesh mesh;
+  mesh.vertices = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}};
+  mesh.triangles = {{0, 1, 2}};
+  WriteMesh(mesh, AffineMap{}, folder_ / "a.ply");
+  const std::string text = Read(folder_ / "a.ply");
+  const std::string end = "end_header\n";
+  EXPECT_TRUE(text.starts_with("ply\nformat binary_little_endian 1.0\n"));
+  EXPECT_NE(text.find("element vertex 3\n"), std::string::npos);
+  EXPECT_NE(text.find("element face 1\n"), std::string::npos);
+  EXPECT_EQ(text.size(), text.find(end) + end.size() + 3 * 24 + 13);
+}
+
+TEST_F(LabMeshFiles, ErrorsAreClearAndLeaveNothing) {
+  EXPECT_THROW(WriteMesh({}, AffineMap{}, folder_ / "a.stl"), Error);
+  EXPECT_THROW(WriteMesh({}, AffineMap{}, folder_ / "missing" / "a.ply"), Error);
+  std::filesystem::create_directories(folder_ / "taken.ply" / "x");
+  EXPECT_THROW(WriteMesh({}, AffineMap{}, folder_ / "taken.ply"), Error);
+  EXPECT_FALSE(std::filesystem::exists(folder_ / "taken.ply.partial"));
+}
+
+TEST_F(LabMeshFiles, TheCommandCountsAndWrites) {
+  MeshOptions options;
+  options.volume = "builtin:sphere:32";
+  options.normalized_isovalue = 0.5;
+  options.output = folder_ / "sphere.ply";
+  ::testing::internal::CaptureStdout();
+  EXPECT_EQ(RunMesh(options), 0);
+  const std::string out = ::testing::internal::GetCapturedStdout();
+  EXPECT_NE(out.find("Euler characteristic         2\n"), std::string::npos) << out;
+  EXPECT_NE(out.find("boundary edges               0\n"), std::string::npos) << out;
+  EXPECT_TRUE(std::filesystem::exists(options.output));
+
+  options.isovalue = 0.5;  // both
+  EXPECT_THROW(RunMesh(options), Error);
+  options.normalized_isovalue.reset();
+  options.isovalue = 2.0;
+  EXPECT_THROW(RunMesh(options), Error);
+  options.isovalue = 0.5;
+  options.method = "marching";
+  EXPECT_THROW(RunMesh(options), Error);
+}
+
+}  // namespace
+}  // namespace palpate::lab
