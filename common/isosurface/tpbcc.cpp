@@ -10,7 +10,8 @@
 // accuracy: within [0.3, 0.7] of their face or cell, which keeps needles out.
 //
 // Placement, with the mean R_D in % over 6000 uniform cells, 6000 alternating ones
-// (tests/unit/lab_experiments_test.cpp) and table4.csv; each row adds to the last:
+// (tests/unit/lab_experiments_test.cpp draws them likewise, 20 000 of each) and the
+// rows of table4.csv; each row adds to the last:
 //   face and body saddles, clamped; centre; ½ ± 0.15       3.04  5.45  6.69
 //   rule 1: off the centre to where edges bend least       2.96  5.40  6.55
 //   rule 2: three quarters of the way to the body saddle   2.94  5.40  6.61

@@ -5,8 +5,10 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
+#include <cstdlib>
 #include <string>
 #include <string_view>
+#include <type_traits>
 
 #include "common/error/error.h"
 #include "common/isosurface/placement.h"
@@ -21,14 +23,34 @@ constexpr std::size_t kFlushBytes = 1 << 20;
   throw Error(ErrorKind::kInvalidArgument, fmt::format("line {}: {}", line_number, what));
 }
 
-// The next column of `rest`; empty at the end.
+constexpr std::string_view kBlanks = " \t\r";
+
+std::string_view SkipBlanks(std::string_view text) {
+  return text.substr(std::min(text.find_first_not_of(kBlanks), text.size()));
+}
+
+// The next column of `rest`; empty at the end and between two commas.
 std::string_view NextColumn(std::string_view& rest) {
-  constexpr std::string_view kSeparators = ", \t\r;";
-  const std::size_t start = std::min(rest.find_first_not_of(kSeparators), rest.size());
-  const std::size_t end = std::min(rest.find_first_of(kSeparators, start), rest.size());
-  const std::string_view column = rest.substr(start, end - start);
-  rest = rest.substr(end);
+  rest = SkipBlanks(rest);
+  const std::size_t end = std::min(rest.find_first_of(", \t\r"), rest.size());
+  const std::string_view column = rest.substr(0, end);
+  rest = SkipBlanks(rest.substr(end));
+  if (!rest.empty() && rest.front() == ',') rest.remove_prefix(1);
   return column;
+}
+
+// As std::from_chars, but that a number too small for a double is 0.
+template <class Number>
+bool Parse(std::string_view column, Number& number) {
+  const char* end = column.data() + column.size();
+  const auto [stop, status] = std::from_chars(column.data(), end, number);
+  if constexpr (std::is_same_v<Number, double>) {
+    if (status == std::errc::result_out_of_range) {
+      number = std::strtod(std::string(column).c_str(), nullptr);
+      return stop == end;
+    }
+  }
+  return status == std::errc() && stop == end;
 }
 
 template <class Number, std::size_t kCount>
@@ -39,9 +61,7 @@ std::array<Number, kCount> ParseColumns(std::string_view rest, std::uint64_t lin
     std::string_view column = NextColumn(rest);
     if (column.empty()) Refuse(line_number, fmt::format("{} are needed", expected));
     if (column.front() == '+') column.remove_prefix(1);
-    const char* end = column.data() + column.size();
-    const auto [stop, status] = std::from_chars(column.data(), end, number);
-    if (status != std::errc() || stop != end) {
+    if (!Parse(column, number)) {
       Refuse(line_number, fmt::format("'{}' is no number; {} are needed", column, expected));
     }
     if (!std::isfinite(static_cast<double>(number))) {
@@ -61,7 +81,9 @@ struct Units {
 // huge values of both signs must not overflow.
 CellDensities ResolveAlone(const CellDensities& raw, Units& units) {
   const auto [lo, hi] = std::minmax_element(raw.begin(), raw.end());
-  const double half_range = *hi / 2 - *lo / 2;
+  double half_range = *hi / 2 - *lo / 2;
+  // A constant cell: its own size stands in, so that the step stays small to it.
+  if (!(half_range > 0.0)) half_range = std::abs(*hi) / 2;
   units = {*lo, half_range > 0.0 ? half_range : 0.5};
   CellDensities d;
   for (int v = 0; v < 8; ++v) {
@@ -71,12 +93,28 @@ CellDensities ResolveAlone(const CellDensities& raw, Units& units) {
   return d;
 }
 
-double InUnits(double density, const Units& units, bool normalised) {
-  return normalised ? density : units.offset + units.scale * density + units.scale * density;
+double InUnits(double density, const Units& units) {
+  return units.offset + units.scale * density + units.scale * density;
 }
 
-void AppendJson(const Decomposition& cell, int sigma_c, const Units& units, bool normalised,
-                std::string& out) {
+// Densities of the vertices in the input's units. Corners are lowered from the
+// input itself: normalising and back could raise them by a bit.
+std::array<double, kMaxVertices> DensitiesInUnits(const Decomposition& cell,
+                                                  const CellDensities& raw, const Units& units) {
+  std::array<double, kMaxVertices> densities{};
+  for (int v = 0; v < kMaxVertices; ++v) {
+    if (!(cell.complex.used_vertices >> v & 1)) continue;
+    densities[v] = InUnits(cell.density[v], units);
+  }
+  for (int v = 0; v < 8; ++v) {
+    const auto& o = kCornerOffset[v];
+    densities[v] = raw[v] - 2.0 * (units.scale * (kTieStep * TieHash(o[0], o[1], o[2])));
+  }
+  return densities;
+}
+
+void AppendJson(const Decomposition& cell, const std::array<double, kMaxVertices>& density,
+                int sigma_c, std::string& out) {
   std::array<int, kMaxVertices> number{};
   auto to = std::back_inserter(out);
   fmt::format_to(to, "{{\"sigma_f\":{},\"sigma_c\":{},\"vertices\":[", cell.face_saddle_count,
@@ -85,8 +123,7 @@ void AppendJson(const Decomposition& cell, int sigma_c, const Units& units, bool
   for (int v = 0; v < kMaxVertices; ++v) {
     if (!(cell.complex.used_vertices >> v & 1)) continue;
     const Vec3& p = cell.position[v];
-    fmt::format_to(to, "{}[{},{},{},{}]", used ? "," : "", p.x(), p.y(), p.z(),
-                   InUnits(cell.density[v], units, normalised));
+    fmt::format_to(to, "{}[{},{},{},{}]", used ? "," : "", p.x(), p.y(), p.z(), density[v]);
     number[v] = used++;
   }
   out += "],\"tetrahedra\":[";
@@ -111,6 +148,19 @@ CellDensities ReadCell(const VolumeSnapshot& volume, std::string_view line,
   return volume.ResolvedCell(cell);
 }
 
+void AppendCell(std::string_view line, std::uint64_t line_number, DecompositionMethod method,
+                const VolumeSnapshot* volume, std::string& out) {
+  Units units;
+  CellDensities raw{};
+  if (!volume) raw = ParseColumns<double, 8>(line, line_number, "8 densities d0..d7");
+  const CellDensities d = volume ? ReadCell(*volume, line, line_number) : ResolveAlone(raw, units);
+  Decomposition cell = Decompose(d, method);
+  // Of the cell, whatever the method looks at.
+  cell.face_saddle_count = CellSaddles(d).count;
+  const int sigma_c = FindBodySaddles(d).count;
+  AppendJson(cell, volume ? cell.density : DensitiesInUnits(cell, raw, units), sigma_c, out);
+}
+
 }  // namespace
 
 void DecomposeCells(std::istream& in, std::ostream& out, DecompositionMethod method,
@@ -119,28 +169,23 @@ void DecomposeCells(std::istream& in, std::ostream& out, DecompositionMethod met
   std::uint64_t line_number = 0;
   const auto flush = [&] {
     out.write(text.data(), static_cast<std::streamsize>(text.size()));
+    out.flush();
     text.clear();
   };
   try {
     for (std::string line; std::getline(in, line);) {
       ++line_number;
-      if (line.find_first_not_of(" \t\r") == std::string::npos || line[0] == '#') continue;
-      Units units;
-      const CellDensities d =
-          volume ? ReadCell(*volume, line, line_number)
-                 : ResolveAlone(ParseColumns<double, 8>(line, line_number, "8 densities d0..d7"),
-                                units);
-      Decomposition cell = Decompose(d, method);
-      cell.face_saddle_count = CellSaddles(d).count;
-      AppendJson(cell, FindBodySaddles(d).count, units, volume != nullptr, text);
-      if (text.size() > kFlushBytes) flush();
+      const std::string_view content = SkipBlanks(line);
+      if (content.empty() || content.front() == '#') continue;
+      AppendCell(content, line_number, method, volume, text);
+      // Somebody may be waiting for this answer before the next line.
+      if (text.size() > kFlushBytes || in.rdbuf()->in_avail() <= 0) flush();
     }
   } catch (const Error&) {
     flush();  // what came before stands
     throw;
   }
   flush();
-  out.flush();
   if (!out) throw Error(ErrorKind::kUnavailable, "cannot write the output");
 }
 

@@ -78,10 +78,12 @@ CLI::App* AddExperiment(CLI::App& app, Options& options) {
   experiment->add_option("--table", options.experiment.table,
                          "the paper's Table 4 as CSV [the one that comes with the program]");
   experiment->add_option("--cells", options.experiment.cells, "random cells of `topology`")
+      ->check(CLI::Range(1, 100'000'000))
       ->capture_default_str();
   experiment
       ->add_option("--columns", options.experiment.columns,
                    "columns per axis that R_D is integrated over")
+      ->check(CLI::Range(1, 10'000))
       ->capture_default_str();
   experiment->add_option("--out", options.experiment.output_folder, "folder for the figures (SVG)")
       ->capture_default_str();
@@ -111,9 +113,12 @@ int Run(int argc, char** argv) {
   }
   try {
     if (cells->parsed()) RunCells(options);
-    if (mesh->parsed()) return RunMesh(options.mesh);
+    if (mesh->parsed()) RunMesh(options.mesh);
     if (options.experiment.table.empty()) options.experiment.table = DefaultTable();
     if (experiment->parsed()) RunExperiment(options.experiment, std::cout);
+    if (std::fflush(stdout) != 0 || !std::cout.flush()) {
+      throw Error(ErrorKind::kUnavailable, "cannot write the output");
+    }
     return 0;
   } catch (const Error& error) {
     std::fprintf(stderr, "palpate-lab: %s\n", error.what());

@@ -71,6 +71,10 @@ void Print(const MeshStatistics& s, double seconds) {
 int RunMesh(const MeshOptions& options) {
   const DecompositionMethod method = ParseMethod(options.method);
   if (!options.output.empty()) CheckMeshFileName(options.output);
+  const std::filesystem::path folder = options.output.parent_path();
+  if (!folder.empty() && !std::filesystem::is_directory(folder)) {
+    throw Error(ErrorKind::kNotFound, folder.string() + ": there is no such folder to write to");
+  }
   MeshStatistics statistics;
   double seconds = 0.0;
   {

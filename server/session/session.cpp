@@ -64,7 +64,8 @@ void CheckMethod(DecompositionMethod method, const DeviceSpec& device) {
   if (IsSafe(method) || device.verification_level == VerificationLevel::kSimulated) return;
   throw Error(ErrorKind::kInvalidArgument,
               std::string(MethodName(method)) +
-                  " is for comparison on the simulated device: with real hardware use tpbcc or bcc");
+                  " is for comparison on the simulated device: with real hardware use tpbcc or "
+                  "bcc");
 }
 
 RenderSettings Changed(const VolumeSnapshot& volume, RenderSettings settings,

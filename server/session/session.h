@@ -26,7 +26,7 @@ namespace palpate {
 struct RenderSettings {
   double isovalue = 0.0;             // data units
   double normalized_isovalue = 0.5;  // the same
-  HapticSettings haptics;
+  HapticSettings haptics{};
   DecompositionMethod method = DecompositionMethod::kTpbcc;
 };
 

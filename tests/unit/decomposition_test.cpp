@@ -182,6 +182,31 @@ INSTANTIATE_TEST_SUITE_P(Of, Decompositions,
                                            DecompositionMethod::kTpbcc),
                          [](const auto& test) { return std::string(MethodName(test.param)); });
 
+TEST(FaceVertices, AgreeBitForBitFromBothSides) {
+  std::mt19937_64 random(15);
+  for (Kind kind : kKinds) {
+    for (int n = 0; n < 3000; ++n) {
+      const int axis = n % 3;
+      const CellDensities low = MakeCell(kind, random);
+      CellDensities high = MakeCell(kind, random);
+      for (int k = 0; k < 4; ++k) {
+        high[kFaceCorners[2 * axis][k]] = low[kFaceCorners[2 * axis + 1][k]];
+      }
+      for (int m = 0; m < 4; ++m) {
+        const auto method = static_cast<DecompositionMethod>(m);
+        const Decomposition a = Decompose(low, method), b = Decompose(high, method);
+        const int va = kFirstFaceVertex + 2 * axis + 1, vb = kFirstFaceVertex + 2 * axis;
+        ASSERT_EQ(a.complex.used_vertices >> va & 1, b.complex.used_vertices >> vb & 1);
+        if (!(a.complex.used_vertices >> va & 1)) continue;
+        Vec3 shifted = b.position[vb];
+        shifted[axis] += 1.0;
+        ASSERT_EQ(a.position[va], shifted);
+        ASSERT_EQ(a.density[va], b.density[vb]);
+      }
+    }
+  }
+}
+
 // The published diamond: six face saddles, no body saddle. What happens with body
 // saddles is counted by the lab's tests.
 TEST(PublishedDecomposition, OverlapsAsMeasured) {

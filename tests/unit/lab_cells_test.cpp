@@ -1,4 +1,5 @@
 // palpate-lab cells: input, output, speed.
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <chrono>
@@ -62,6 +63,22 @@ TEST(LabCells, NamesTheLineOfAnError) {
   EXPECT_NE(Refusal("0 1 2 3 4 5 6 nan\n").find("line 1: every density must be finite"),
             std::string::npos);
   EXPECT_NE(Refusal("0 1 2 3 4 5 6 1e999\n").find("line 1"), std::string::npos);
+  // An empty column must not let the later ones slide in.
+  EXPECT_NE(Refusal("0,0.1,,0.3,0.4,0.5,0.6,0.7,0.42\n").find("line 1"), std::string::npos);
+}
+
+TEST(LabCells, CornersAreNeverRaised) {
+  // One unit in the last place apart: a corner raised by rounding would turn a
+  // value equal to the isovalue into tissue.
+  std::string line;
+  for (int k = 0; k < 8; ++k) line += fmt::format("{} ", 1.0 + k * 0x1p-52);
+  const auto cells =
+      Decomposed(line + "\n1e-9 1e-9 1e-9 1e-9 1e-9 1e-9 1e-9 1e-9\n", DecompositionMethod::kTpbcc);
+  ASSERT_EQ(cells.size(), 2u);
+  for (int k = 0; k < 8; ++k) {
+    EXPECT_EQ(cells[0]["vertices"][k][3].get<double>(), 1.0 + k * 0x1p-52);
+    EXPECT_NEAR(cells[1]["vertices"][k][3].get<double>(), 1e-9, 1e-16);
+  }
 }
 
 TEST(LabCells, TakesAnyFiniteDensities) {
