@@ -45,32 +45,45 @@ Carrier LocateOnEdge(const Vec3& local, std::uint8_t faces) {
   return FromWeights(vertex, weight, 2);
 }
 
+// The triangles into which a face is split: around its vertex, or (kTptd, without
+// a saddle) along a diagonal.
+int FaceTriangles(const HapticCell& cell, int face,
+                  std::array<std::array<std::uint8_t, 3>, 4>& triangles) {
+  std::array<std::uint8_t, 4> k;
+  for (int n = 0; n < 4; ++n) k[n] = static_cast<std::uint8_t>(kFaceCorners[face][n]);
+  const auto centre = static_cast<std::uint8_t>(kFirstFaceVertex + face);
+  if (cell.parts.complex.used_vertices >> centre & 1) {
+    for (int n = 0; n < 4; ++n) triangles[n] = {centre, k[n], k[(n + 1) % 4]};
+    return 4;
+  }
+  triangles[0] = {k[0], k[1], k[2]};
+  triangles[1] = {k[0], k[2], k[3]};
+  return 2;
+}
+
 Carrier LocateOnFace(const HapticCell& cell, const Vec3& local, int face) {
   const int axis = face / 2, b = axis == 0 ? 1 : 0, c = axis == 2 ? 1 : 2;
   const auto flat = [&](const Vec3& p) { return Eigen::Vector2d(p[b], p[c]); };
-  const int centre = kFirstFaceVertex + face;
-  const Eigen::Vector2d o = flat(cell.parts.position[centre]);
-  const Eigen::Vector2d q = flat(local) - o;
+  std::array<std::array<std::uint8_t, 3>, 4> triangles{};
+  const int count = FaceTriangles(cell, face, triangles);
   double best = -std::numeric_limits<double>::infinity();
-  std::uint8_t vertex[3] = {static_cast<std::uint8_t>(centre), 0, 0};
-  double weight[3] = {1, 0, 0};
-  for (int n = 0; n < 4; ++n) {
-    const int k0 = kFaceCorners[face][n], k1 = kFaceCorners[face][(n + 1) % 4];
-    const Eigen::Vector2d e0 = flat(cell.parts.position[k0]) - o;
-    const Eigen::Vector2d e1 = flat(cell.parts.position[k1]) - o;
+  int found = 0;
+  std::array<double, 3> weight{};
+  for (int n = 0; n < count; ++n) {
+    const Eigen::Vector2d o = flat(cell.parts.position[triangles[n][0]]);
+    const Eigen::Vector2d e0 = flat(cell.parts.position[triangles[n][1]]) - o;
+    const Eigen::Vector2d e1 = flat(cell.parts.position[triangles[n][2]]) - o;
+    const Eigen::Vector2d q = flat(local) - o;
     const double det = e0.x() * e1.y() - e0.y() * e1.x();
     const double u = (q.x() * e1.y() - q.y() * e1.x()) / det;
     const double v = (e0.x() * q.y() - e0.y() * q.x()) / det;
     const double least = std::min({u, v, 1.0 - u - v});
     if (least <= best) continue;
     best = least;
-    vertex[1] = static_cast<std::uint8_t>(k0);
-    vertex[2] = static_cast<std::uint8_t>(k1);
-    weight[0] = 1.0 - u - v;
-    weight[1] = u;
-    weight[2] = v;
+    found = n;
+    weight = {1.0 - u - v, u, v};
   }
-  return FromWeights(vertex, weight, 3);
+  return FromWeights(triangles[found].data(), weight.data(), 3);
 }
 
 Carrier LocateInside(const HapticCell& cell, const Vec3& local) {

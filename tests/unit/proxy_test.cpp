@@ -199,6 +199,32 @@ TEST(Proxy, IsEjectedToTheVertexNearestInMillimetres) {
   EXPECT_LT((step.p_DH_mm - hip).norm(), 1.0);
 }
 
+// The methods for comparison: no promise, but they are felt all the same.
+TEST(Proxy, FollowsASphereWithEveryMethod) {
+  const Vec3 centre = Vec3::Constant(15.5);
+  const auto volume = MakeVolume(Vec3i::Constant(32), [&](int i, int j, int k) {
+    return std::clamp(0.5 - ((Vec3(i, j, k) - centre).norm() - 11.0) / 8.0, 0.0, 1.0);
+  });
+  for (int m = 0; m < 4; ++m) {
+    const HapticSurface surface = MakeHapticSurface(*volume, Scaled(1.0), volume->Normalize(0.5),
+                                                    static_cast<DecompositionMethod>(m), 1);
+    Proxy proxy;
+    CellCache cache;
+    StepProxy(surface, centre + Vec3(14, 0, 0), kFarMm, proxy, cache);
+    int contacts = 0;
+    for (int n = 0; n < 5000; ++n) {
+      const double angle = 0.002 * n;
+      const Vec3 around(std::cos(angle), std::sin(angle), 0.3 * std::sin(7 * angle));
+      const ProxyStep step =
+          StepProxy(surface, centre + 10.0 * around.normalized(), kFarMm, proxy, cache);
+      ASSERT_LE(step.density, surface.isovalue) << kMethodNames[m];
+      ASSERT_NEAR((step.p_DH_mm - centre).norm(), 11.0, 0.06) << kMethodNames[m];
+      contacts += step.mode == ProxyMode::kConstrained;
+    }
+    EXPECT_EQ(contacts, 5000) << kMethodNames[m];
+  }
+}
+
 struct Torture {
   long moves = 0, steps = 0, fall_throughs = 0, unrested = 0, capped = 0, contacts = 0,
        misplaced = 0;
