@@ -11,6 +11,7 @@
 #include <string_view>
 
 #include "common/error/error.h"
+#include "server/volume/whole_file.h"
 
 namespace palpate::lab {
 namespace {
@@ -116,19 +117,9 @@ void CheckMeshFileName(const std::filesystem::path& path) {
 
 void WriteMesh(const SurfaceMesh& mesh, const AffineMap& X_WI, const std::filesystem::path& path) {
   CheckMeshFileName(path);
-  const std::filesystem::path partial = path.string() + ".partial";
-  try {
+  WriteWhole(path, [&](const std::filesystem::path& partial) {
     WriteTo(partial, Ending(path), mesh, X_WI);
-    std::filesystem::rename(partial, path);
-  } catch (const std::ios_base::failure&) {
-    std::remove(partial.c_str());
-    throw Error(ErrorKind::kUnavailable, "cannot write " + path.string() +
-                                             "; is there space, and may this user write there?");
-  } catch (const std::filesystem::filesystem_error& error) {
-    std::remove(partial.c_str());
-    throw Error(ErrorKind::kUnavailable,
-                "cannot write " + path.string() + ": " + error.code().message());
-  }
+  });
 }
 
 }  // namespace palpate::lab

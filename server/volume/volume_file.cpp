@@ -11,6 +11,7 @@
 #include <openvdb/io/Stream.h>
 
 #include "common/error/error.h"
+#include "server/volume/whole_file.h"
 
 namespace palpate {
 namespace {
@@ -179,19 +180,7 @@ void WriteVolumeFile(const std::filesystem::path& path, const openvdb::FloatGrid
   named->setTransform(GridTransform(metadata));
   InsertMetadata(metadata, named.get());
 
-  const std::filesystem::path partial = path.string() + ".partial";
-  try {
-    WriteGrid(partial, named);
-    std::filesystem::rename(partial, path);
-  } catch (const std::ios_base::failure&) {
-    std::remove(partial.c_str());
-    throw Error(ErrorKind::kUnavailable, "cannot write " + path.string() +
-                                             "; is there space, and may this user write there?");
-  } catch (const std::filesystem::filesystem_error& error) {
-    std::remove(partial.c_str());
-    throw Error(ErrorKind::kUnavailable,
-                "cannot write " + path.string() + ": " + error.code().message());
-  }
+  WriteWhole(path, [&](const std::filesystem::path& partial) { WriteGrid(partial, named); });
 }
 
 VolumeFile ReadVolumeFile(const std::filesystem::path& path) {

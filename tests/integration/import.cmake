@@ -12,4 +12,5 @@ foreach(test import_test import_data_test)
 endforeach()
 target_sources(import_test PRIVATE
   ${CMAKE_CURRENT_LIST_DIR}/import_dicom_test.cpp
-  ${CMAKE_CURRENT_LIST_DIR}/import_process_test.cpp)
+  ${CMAKE_CURRENT_LIST_DIR}/import_process_test.cpp
+  ${CMAKE_CURRENT_LIST_DIR}/import_vdb_test.cpp)

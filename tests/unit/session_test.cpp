@@ -11,9 +11,12 @@
 #include "server/device/path_script.h"
 #include "server/device/simulated_device.h"
 #include "server/servo/servo_loop.h"
+#include "tests/support/refusal.h"
 
 namespace palpate {
 namespace {
+
+using testing::Refusal;
 
 const LoadProgress kQuiet = [](std::string_view, double) {};
 const LoadCancelled kNever = [] { return false; };
@@ -48,15 +51,6 @@ class SessionTest : public ::testing::Test {
   std::unique_ptr<Session> session_;
   std::unique_ptr<ServoLoop> servo_;
 };
-
-ErrorKind Refusal(const std::function<void()>& call) {
-  try {
-    call();
-  } catch (const Error& error) {
-    return error.kind();
-  }
-  return ErrorKind::kInternal;
-}
 
 TEST_F(SessionTest, AnUpdateIsAppliedAtATick) {
   const SettingsApplied a = session_->Update({.isovalue = 0.4});

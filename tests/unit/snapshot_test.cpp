@@ -10,9 +10,12 @@
 #include "common/error/error.h"
 #include "server/volume/builtin.h"
 #include "server/volume/snapshot_builder.h"
+#include "tests/support/refusal.h"
 
 namespace palpate {
 namespace {
+
+using testing::Refusal;
 
 TEST(Snapshot, ReadsWhatTheGridHolds) {
   const BuiltinVolume bumps = MakeBuiltin("builtin:bumps:40");
@@ -80,15 +83,6 @@ TEST(Builtin, RefusesUnknownNamesAndSizes) {
         "builtin:sphere:-3", "builtin:cylinder:64", "builtin:bumps:12x"}) {
     EXPECT_THROW(MakeBuiltin(source), Error) << source;
   }
-}
-
-ErrorKind Refusal(const std::function<void()>& call) {
-  try {
-    call();
-  } catch (const Error& error) {
-    return error.kind();
-  }
-  return ErrorKind::kInternal;
 }
 
 TEST(Builtin, RefusesSpacingsOfNoVolume) {
