@@ -13,7 +13,7 @@ namespace palpate {
 
 struct HapticCell {
   Vec3i cell = Vec3i::Zero();
-  CellDensities densities{};  // ties resolved
+  CellDensities densities{};  // felt, ties resolved
   double min_density = 0.0;
   double max_density = 0.0;
   Decomposition parts;                       // valid once `decomposed`
@@ -39,6 +39,7 @@ class CellCache {
   static constexpr std::uint64_t kEmpty = ~std::uint64_t{0};
 
   std::uint64_t geometry_revision_ = kEmpty;
+  FreeSide free_side_ = FreeSide::kBelow;
   std::array<std::uint64_t, kSlots> filled_{};  // generation_ when the slot was filled
   std::uint64_t generation_ = 0;
   std::array<HapticCell, kSlots> cells_;

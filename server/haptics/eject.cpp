@@ -17,7 +17,7 @@ double NearestOnShell(const HapticSurface& surface, const Place& from, int radiu
       const bool side = std::abs(x) == radius || std::abs(y) == radius;
       for (int z = -radius; z <= radius; z += side || radius == 0 ? 1 : 2 * radius) {
         const Vec3i vertex = from.cell + Vec3i(x, y, z);
-        if (surface.volume->ResolvedVertex(vertex) > surface.isovalue) continue;
+        if (surface.ResolvedVertex(vertex) > surface.isovalue) continue;
         const Vec3 away = surface.X_DI.linear * (vertex.cast<double>() - from.p_I);
         if (away.norm() < best) best = away.norm(), nearest = vertex;
       }
@@ -51,6 +51,8 @@ bool JumpToNearestVertex(const HapticSurface& surface, Place& place, CellCache& 
 bool Eject(const HapticSurface& surface, Place& place, bool& on_surface, CellCache& cache,
            int& moves) noexcept {
   on_surface = false;
+  // Beyond the lattice there is no way to follow.
+  if (place.kind == Place::Kind::kOutside) return surface.IsFreeOutside();
   for (int n = 0; n < kMaxEjectMoves; ++n) {
     if (PlaceDensity(surface, place, cache) <= surface.isovalue) return true;
     const Candidate down = SteepestDescent(surface, place, cache);

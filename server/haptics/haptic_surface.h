@@ -1,7 +1,12 @@
-// What the stylus feels: a volume, an isovalue, and where the volume lies.
+// What the stylus feels: a volume, an isovalue, the side it is felt from, and
+// where the volume lies.
 //
-// Frames: I voxel index, D device (mm). Densities are normalised over the
-// volume's range. Distances, projections and normals are taken in D, whatever
+// Densities are normalised over the volume's range. To feel H from the side above
+// τ, densities and isovalue change their sign ("felt" ones): what is above the
+// felt isovalue is material on either side, and H is the same. The padding keeps
+// its density, and what lies beyond it belongs to the side below τ.
+//
+// Frames: I voxel index, D device (mm). Distances, projections and normals are taken in D, whatever
 // spacing, shear or mirror the volume's transform has.
 // Threads: plain values. Ownership: borrows the snapshot.
 #pragma once
@@ -10,29 +15,60 @@
 
 #include "common/geometry/geometry.h"
 #include "common/isosurface/decomposition.h"
+#include "server/haptics/settings.h"
 #include "server/volume/snapshot.h"
 
 namespace palpate {
 
 struct HapticSurface {
   const VolumeSnapshot* volume = nullptr;
-  double isovalue = 0.5;  // τ, normalised
+  double isovalue = 0.5;  // τ, normalised and felt
+  FreeSide free_side = FreeSide::kBelow;
   DecompositionMethod method = DecompositionMethod::kTpbcc;
   AffineMap X_DI;
   AffineMap X_ID;
-  // Changes whenever anything but the isovalue does.
+  // Changes whenever anything but the isovalue and the side does.
   std::uint64_t geometry_revision = 0;
 
   // Shortest edge of a voxel in D: the scale that tolerances refer to.
   double voxel_mm = 1.0;
+
+  double sign() const { return free_side == FreeSide::kBelow ? 1.0 : -1.0; }
+  // Felt densities of a cell: what H is made of, and what V is.
+  CellDensities ResolvedCell(const Vec3i& cell) const noexcept {
+    return Felt(volume->ResolvedCell(cell));
+  }
+  CellDensities StoredCell(const Vec3i& cell) const noexcept {
+    return Felt(volume->StoredCell(cell));
+  }
+  double ResolvedVertex(const Vec3i& vertex) const noexcept {
+    return sign() * volume->ResolvedVertex(vertex);
+  }
+  CellDensities Felt(CellDensities densities) const noexcept {
+    if (free_side == FreeSide::kBelow) return densities;
+    for (double& density : densities) density = -density;
+    return densities;
+  }
+  // Felt density beyond the padded lattice.
+  double DensityOutside() const { return IsFreeOutside() ? 0.0 : 1.0; }
+  bool IsFreeOutside() const { return free_side == FreeSide::kBelow; }
+  // The other side of the same H.
+  HapticSurface Flipped() const {
+    HapticSurface other = *this;
+    other.free_side = IsFreeOutside() ? FreeSide::kAbove : FreeSide::kBelow;
+    other.isovalue = -isovalue;
+    return other;
+  }
 };
 
 inline HapticSurface MakeHapticSurface(const VolumeSnapshot& volume, const AffineMap& X_DI,
                                        double isovalue, DecompositionMethod method,
-                                       std::uint64_t geometry_revision) {
+                                       std::uint64_t geometry_revision,
+                                       FreeSide free_side = FreeSide::kBelow) {
   HapticSurface surface;
   surface.volume = &volume;
-  surface.isovalue = isovalue;
+  surface.free_side = free_side;
+  surface.isovalue = surface.sign() * isovalue;
   surface.method = method;
   surface.X_DI = X_DI;
   surface.X_ID = X_DI.Inverse();

@@ -115,6 +115,7 @@ Candidate BestDirection(const HapticSurface& surface, const Place& place, bool o
     candidate.cell = place.cell + offset;
     candidate.faces = FacesInNeighbour(place.faces, offset);
     if (!surface.volume->HasCell(candidate.cell)) {
+      if (!surface.IsFreeOutside()) return;
       // Free, and convex where it counts: a way out is taken whole.
       if (ProjectOnCone(w_mm, BoxCone(surface, candidate.faces)).active == 0) {
         candidate.kind = Candidate::Kind::kOutside;
@@ -325,7 +326,7 @@ Place PlaceAt(const HapticSurface& surface, const Vec3& p_I, CellCache& cache,
               double& density) noexcept {
   Place place;
   place.p_I = p_I;
-  density = 0.0;
+  density = surface.DensityOutside();
   const Vec3 lo = Vec3::Constant(-1.0), hi = surface.volume->size().cast<double>();
   if (!((p_I.array() > lo.array()).all() && (p_I.array() < hi.array()).all())) return place;
   for (int axis = 0; axis < 3; ++axis) {
@@ -344,7 +345,7 @@ Place PlaceAt(const HapticSurface& surface, const Vec3& p_I, CellCache& cache,
 }
 
 double PlaceDensity(const HapticSurface& surface, const Place& place, CellCache& cache) noexcept {
-  if (place.kind == Place::Kind::kOutside) return 0.0;
+  if (place.kind == Place::Kind::kOutside) return surface.DensityOutside();
   if (place.kind == Place::Kind::kSimplex) {
     return DensityAt(cache.Decomposed(surface, place.cell), place.carrier);
   }

@@ -31,20 +31,29 @@ bool PutAt(const HapticSurface& surface, const Vec3& p_D, double eject_limit_mm,
          (PlacePosition(surface, proxy.place, cache) - p_D).norm() <= eject_limit_mm;
 }
 
+void SetSurface(const HapticSurface& surface, Proxy& proxy) {
+  proxy.placed = true;
+  proxy.geometry_revision = surface.geometry_revision;
+  proxy.free_side = surface.free_side;
+  proxy.isovalue = surface.isovalue;
+}
+
+// As samples have it.
+double ReportedDensity(const HapticSurface& surface, const Place& place, double felt) {
+  return place.kind == Place::Kind::kOutside ? 0.0 : surface.sign() * felt;
+}
+
 // Brings the proxy to the surface of this step. False: it is buried.
 bool Refresh(const HapticSurface& surface, const Vec3& p_DHip_mm, double eject_limit_mm,
              Proxy& proxy, CellCache& cache, ProxyStep& step) noexcept {
-  if (proxy.placed && proxy.geometry_revision == surface.geometry_revision &&
-      proxy.isovalue == surface.isovalue) {
-    return true;
-  }
-  const bool simplex_holds = proxy.placed && proxy.geometry_revision == surface.geometry_revision &&
-                             proxy.place.kind == Place::Kind::kSimplex;
+  const bool same_geometry = proxy.placed && proxy.geometry_revision == surface.geometry_revision;
+  const bool same_side = proxy.free_side == surface.free_side;
+  if (same_geometry && same_side && proxy.isovalue == surface.isovalue) return true;
+  // Where τ does not cross a cell on one side, it does not on the other.
+  const bool simplex_holds = same_geometry && proxy.place.kind == Place::Kind::kSimplex;
   const Vec3 from = proxy.placed ? proxy.p_DH_mm : p_DHip_mm;
-  proxy.placed = true;
-  proxy.geometry_revision = surface.geometry_revision;
-  proxy.isovalue = surface.isovalue;
-  // Only τ changed: the simplex still holds the proxy, to the last bit.
+  SetSurface(surface, proxy);
+  // Only τ or the side changed: the simplex still holds the proxy, to the last bit.
   if (simplex_holds) {
     proxy.on_surface = false;
     if (PlaceDensity(surface, proxy.place, cache) <= surface.isovalue) return true;
@@ -59,12 +68,13 @@ bool Refresh(const HapticSurface& surface, const Vec3& p_DHip_mm, double eject_l
 ProxyStep StepBuried(const HapticSurface& surface, const Vec3& p_DHip_mm, Proxy& proxy,
                      CellCache& cache) noexcept {
   ProxyStep step;
-  proxy.geometry_revision = surface.geometry_revision;
-  proxy.isovalue = surface.isovalue;
-  proxy.place = PlaceAt(surface, surface.X_ID.Apply(p_DHip_mm), cache, step.density);
+  SetSurface(surface, proxy);
+  double density = 0.0;
+  proxy.place = PlaceAt(surface, surface.X_ID.Apply(p_DHip_mm), cache, density);
   proxy.on_surface = false;
   proxy.p_DH_mm = step.p_DH_mm = p_DHip_mm;
-  proxy.buried = step.density > surface.isovalue;
+  step.density = ReportedDensity(surface, proxy.place, density);
+  proxy.buried = density > surface.isovalue;
   proxy.buried_steps = proxy.buried ? proxy.buried_steps + 1 : 0;
   if (proxy.buried) {
     step.mode = proxy.buried_steps > kMaxEjectSteps ? ProxyMode::kFault : ProxyMode::kEjecting;
@@ -136,7 +146,8 @@ ProxyStep StepProxy(const HapticSurface& surface, const Vec3& p_DHip_mm, double 
   }
   Advance(surface, p_DHip_mm, proxy, cache, step);
   step.p_DH_mm = proxy.p_DH_mm = PlacePosition(surface, proxy.place, cache);
-  step.density = PlaceDensity(surface, proxy.place, cache);
+  step.density =
+      ReportedDensity(surface, proxy.place, PlaceDensity(surface, proxy.place, cache));
   if (proxy.on_surface) {
     const Vec3 push = step.p_DH_mm - p_DHip_mm;
     step.normal_D = push.norm() > kRestTolerancePerVoxel * surface.voxel_mm

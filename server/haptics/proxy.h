@@ -50,6 +50,7 @@ struct Proxy {
   Vec3 p_DH_mm = Vec3::Zero();
   // Of the surface that `place` refers to.
   std::uint64_t geometry_revision = 0;
+  FreeSide free_side = FreeSide::kBelow;
   double isovalue = 0.0;
 };
 
@@ -58,8 +59,9 @@ struct ProxyStep {
   Vec3 normal_D = Vec3::Zero();  // of H at SCP_H towards free space, unit; zero without contact.
                                  // On an edge or vertex of H: the direction it pushes in.
   ProxyMode mode = ProxyMode::kFree;
-  double density = 0.0;  // normalised; trilinear in a cell that τ does not cross
+  double density = 0.0;  // normalised, not felt; trilinear in a cell that τ does not cross
   int moves = 0;
+  int tetrahedra = 0;  // tangent cones looked at
   bool capped = false;  // the bound on moves bit, or rounding allowed no further move
 };
 

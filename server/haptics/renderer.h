@@ -6,17 +6,10 @@
 
 #include "server/haptics/haptic_surface.h"
 #include "server/haptics/proxy.h"
+#include "server/haptics/settings.h"
 #include "server/haptics/visual_proxy.h"
 
 namespace palpate {
-
-struct HapticSettings {
-  double stiffness_n_per_mm = 0.5;  // per mm of device motion into the surface
-  double damping_n_s_per_m = 1.0;   // against motion along the surface's normal, in contact
-};
-
-inline constexpr double kMaxStiffnessNPerMm = 3.0;
-inline constexpr double kMaxDampingNSPerM = 5.0;
 
 // A surface that would need more than this force to be felt is not pulled to
 // when the proxy is brought out of the object.
@@ -34,7 +27,8 @@ struct HapticOutput {
   Vec3 p_DHip_mm = Vec3::Zero();  // the HIP used: the last good one where the input was not finite
   ProxyStep proxy;
   VisualProxy visual;
-  Vec3 force_D_n = Vec3::Zero();  // k (SCP_H - HIP) with damping; not limited yet
+  Vec3 spring_D_n = Vec3::Zero();  // k (SCP_H - HIP)
+  Vec3 force_D_n = Vec3::Zero();   // with damping and effects; not limited yet
   bool input_rejected = false;
 };
 

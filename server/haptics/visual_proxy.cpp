@@ -178,7 +178,7 @@ Root FollowLine(const HapticSurface& surface, Vec3i cell, Vec3 p_I, const Vec3& 
       const double s = std::max(0.0, (border - p_I[axis]) / u_I[axis]);
       if (s < end) end = s, axis_out = axis;
     }
-    const Trilinear f(surface.volume->StoredCell(cell));
+    const Trilinear f(surface.StoredCell(cell));
     const Vec3 local = p_I - cell.cast<double>();
     const LineCubic cubic(f, local, u_I, surface.isovalue);
     const double s = FirstRoot(cubic, end, kRootTolerance / u_I.norm());
@@ -226,7 +226,7 @@ Directions FallbackDirections(const HapticSurface& surface, const Place& place,
   VisitNeighbours(place.faces, [&](const Vec3i& offset) {
     const Vec3i cell = place.cell + offset;
     if (!surface.volume->HasCell(cell)) return;
-    const Trilinear f(surface.volume->StoredCell(cell));
+    const Trilinear f(surface.StoredCell(cell));
     const Vec3 normal = -CovectorToDevice(surface, f.Gradient(place.p_I - cell.cast<double>()));
     if (!(normal.norm() > 0.0)) return;
     normals[cells] = normal.normalized();

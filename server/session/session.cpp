@@ -54,8 +54,10 @@ double ChosenIsovalue(const VolumeSnapshot& volume, const std::optional<double>&
 }
 
 void CheckHaptics(const HapticSettings& haptics) {
-  CheckRange("stiffness", haptics.stiffness_n_per_mm, 0.0, kMaxStiffnessNPerMm, " N/mm");
-  CheckRange("damping", haptics.damping_n_s_per_m, 0.0, kMaxDampingNSPerM, " N·s/m");
+  for (const NumberSetting& setting : kNumberSettings) {
+    CheckRange(std::string(setting.key).c_str(), haptics.*setting.member, setting.low,
+               setting.high, std::string(setting.unit).c_str());
+  }
 }
 
 // Only some methods promise that the proxy never falls through; a hand is not to
@@ -109,7 +111,8 @@ std::uint64_t Session::PublishLocked() {
   scene->settings = settings_.haptics;
   scene->settings_revision = ++settings_revision_;
   scene->surface = MakeHapticSurface(*volume_, X_DI_, DensityOf(*volume_, settings_.isovalue),
-                                     settings_.method, geometry_revision_);
+                                     settings_.method, geometry_revision_,
+                                     settings_.haptics.free_side);
   inbox_.Publish(std::move(scene));
   return settings_revision_;
 }
