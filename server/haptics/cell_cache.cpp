@@ -19,7 +19,31 @@ Decomposition DecomposeFelt(const HapticSurface& surface, const CellDensities& f
   return parts;
 }
 
+double InverseLength(const Vec3& v) {
+  const double length = v.norm();
+  return length > 0.0 ? 1.0 / length : 0.0;
+}
+
 }  // namespace
+
+void HapticCell::FillGradients(int tetrahedron) noexcept {
+  known_gradients |= std::uint32_t{1} << tetrahedron;
+  TetrahedronGradients& g = gradients[tetrahedron];
+  const auto& v = parts.complex.vertices[tetrahedron];
+  const Vec3& o = vertex_mm[v[0]];
+  const Vec3 a = vertex_mm[v[1]] - o, b = vertex_mm[v[2]] - o, c = vertex_mm[v[3]] - o;
+  const Vec3 bc = b.cross(c);
+  const double inverse_det = 1.0 / a.dot(bc);
+  g.weight[1] = bc * inverse_det;
+  g.weight[2] = c.cross(a) * inverse_det;
+  g.weight[3] = a.cross(b) * inverse_det;
+  g.weight[0] = -(g.weight[1] + g.weight[2] + g.weight[3]);
+  const auto& d = parts.density;
+  g.density = (d[v[1]] - d[v[0]]) * g.weight[1] + (d[v[2]] - d[v[0]]) * g.weight[2] +
+              (d[v[3]] - d[v[0]]) * g.weight[3];
+  for (int n = 0; n < 4; ++n) g.weight_inverse[n] = InverseLength(g.weight[n]);
+  g.density_inverse = InverseLength(g.density);
+}
 
 HapticCell& CellCache::Densities(const HapticSurface& surface, const Vec3i& cell) noexcept {
   if (surface.geometry_revision != geometry_revision_ || surface.free_side != free_side_) {
@@ -32,7 +56,9 @@ HapticCell& CellCache::Densities(const HapticSurface& surface, const Vec3i& cell
   if (filled_[slot] == generation_ && entry.cell == cell) return entry;
   filled_[slot] = generation_;
   entry.cell = cell;
-  entry.densities = surface.ResolvedCell(cell);
+  const CellDensities stored = surface.volume->StoredCell(cell);
+  entry.stored = surface.Felt(stored);
+  entry.densities = surface.Felt(VolumeSnapshot::WithTiesResolved(stored, cell));
   const auto [lo, hi] = std::minmax_element(entry.densities.begin(), entry.densities.end());
   entry.min_density = *lo;
   entry.max_density = *hi;
@@ -40,10 +66,13 @@ HapticCell& CellCache::Densities(const HapticSurface& surface, const Vec3i& cell
   return entry;
 }
 
-const HapticCell& CellCache::Decomposed(const HapticSurface& surface, const Vec3i& cell) noexcept {
+HapticCell& CellCache::Decomposed(const HapticSurface& surface, const Vec3i& cell) noexcept {
   HapticCell& entry = Densities(surface, cell);
   if (entry.decomposed) return entry;
   entry.parts = DecomposeFelt(surface, entry.densities);
+  entry.known_gradients = 0;
+  entry.piece.tetrahedron = -1;
+  entry.origin_mm = surface.X_DI.Apply(cell.cast<double>());
   for (int v = 0; v < kMaxVertices; ++v) {
     if (!(entry.parts.complex.used_vertices >> v & 1)) continue;
     entry.vertex_mm[v] = surface.X_DI.linear * entry.parts.position[v];

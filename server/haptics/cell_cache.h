@@ -1,4 +1,5 @@
-// Cells that the proxy visited lately, with their decompositions.
+// Cells that the proxy visited lately, with their decompositions and the
+// gradients of their tetrahedra.
 //
 // A cache only: what it returns depends on the surface and the cell alone.
 // Threads: one (the servo's). Real-time: no allocation, no locks; fixed size.
@@ -11,19 +12,59 @@
 
 namespace palpate {
 
+// Linear functions on a tetrahedron: what the paper's A⁻¹ holds (Eqs. 8-10).
+struct TetrahedronGradients {
+  std::array<Vec3, 4> weight;  // of the barycentric coordinates, 1/mm, in D axes
+  Vec3 density;                // of the felt density
+  // 1 / length of each; 0 where there is no gradient to speak of.
+  std::array<double, 4> weight_inverse;
+  double density_inverse;
+
+  // Unit vectors: into the tetrahedron from the face opposite to vertex n, and
+  // down the density.
+  Vec3 Inward(int n) const { return weight[n] * weight_inverse[n]; }
+  Vec3 Down() const { return -density * density_inverse; }
+};
+
+// H's triangle or quadrilateral in a tetrahedron.
+struct SurfacePiece {
+  struct Corner {
+    Vec3 local;     // index coordinates from d0
+    Vec3 normal_D;  // down V's density, unit
+  };
+
+  int tetrahedron = -1;
+  double isovalue = 0.0;
+  int count = 0;
+  std::array<Corner, 4> corners;  // in cyclic order
+};
+
 struct HapticCell {
   Vec3i cell = Vec3i::Zero();
-  CellDensities densities{};  // felt, ties resolved
+  CellDensities stored{};     // felt: V's
+  CellDensities densities{};  // felt, ties resolved: H's
   double min_density = 0.0;
   double max_density = 0.0;
   Decomposition parts;                       // valid once `decomposed`
   std::array<Vec3, kMaxVertices> vertex_mm;  // likewise; D axes, relative to d0
+  Vec3 origin_mm = Vec3::Zero();             // likewise; of d0 in D
   bool decomposed = false;
+  std::uint32_t known_gradients = 0;  // bit t: gradients[t] is filled
+  std::array<TetrahedronGradients, kMaxTetrahedra> gradients;
+  SurfacePiece piece;  // the last one asked for
 
   bool IsCrossed(double isovalue) const {
     return min_density <= isovalue && isovalue < max_density;
   }
   bool IsFree(double isovalue) const { return max_density <= isovalue; }
+
+  const TetrahedronGradients& Gradients(int tetrahedron) noexcept {
+    if (!(known_gradients >> tetrahedron & 1)) FillGradients(tetrahedron);
+    return gradients[tetrahedron];
+  }
+
+ private:
+  void FillGradients(int tetrahedron) noexcept;
 };
 
 class CellCache {
@@ -32,7 +73,7 @@ class CellCache {
   // shares its slot: copy what has to last.
   HapticCell& Densities(const HapticSurface& surface, const Vec3i& cell) noexcept;
   // With the decomposition.
-  const HapticCell& Decomposed(const HapticSurface& surface, const Vec3i& cell) noexcept;
+  HapticCell& Decomposed(const HapticSurface& surface, const Vec3i& cell) noexcept;
 
  private:
   static constexpr std::size_t kSlots = 128;

@@ -7,10 +7,13 @@ namespace {
 // rounding must not hide the one face of the cone that holds the projection.
 constexpr double kInsideTolerance = 1e-12;
 
-bool IsInside(const Vec3& d, const Cone& cone, std::uint8_t active) {
-  const double tolerance = -kInsideTolerance * d.norm();
+bool IsInside(const Vec3& d, double length2, const Cone& cone, std::uint8_t active) {
   for (int i = 0; i < cone.count; ++i) {
-    if (!(active >> i & 1) && cone.normal[i].dot(d) < tolerance) return false;
+    if (active >> i & 1) continue;
+    const double inside = cone.normal[i].dot(d);
+    if (inside < 0.0 && inside * inside > kInsideTolerance * kInsideTolerance * length2) {
+      return false;
+    }
   }
   return true;
 }
@@ -31,7 +34,9 @@ ConeProjection ProjectOnCone(const Vec3& w, const Cone& cone) noexcept {
   const auto consider = [&](const Vec3& d, unsigned active) {
     const double length2 = d.squaredNorm();
     const auto mask = static_cast<std::uint8_t>(active);
-    if (length2 > best_length2 && IsInside(d, cone, mask)) best = {d, mask}, best_length2 = length2;
+    if (length2 > best_length2 && IsInside(d, length2, cone, mask)) {
+      best = {d, mask}, best_length2 = length2;
+    }
   };
   for (int i = 0; i < cone.count; ++i) {
     if (violated >> i & 1) consider(w - cone.normal[i].dot(w) * cone.normal[i], 1u << i);

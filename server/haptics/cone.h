@@ -15,12 +15,11 @@ struct Cone {
   std::array<Vec3, 4> normal;
   int count = 0;
 
-  // Adds a half-space; a zero normal constrains nothing and is left out.
-  // Returns its number, -1 where left out.
+  // Adds a half-space by its unit normal; a zero normal constrains nothing and is
+  // left out. Returns its number, -1 where left out.
   int Add(const Vec3& inward) {
-    const double length = inward.norm();
-    if (!(length > 0.0)) return -1;
-    normal[count] = inward / length;
+    if (inward.isZero(0.0)) return -1;
+    normal[count] = inward;
     return count++;
   }
 };

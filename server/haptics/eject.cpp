@@ -9,16 +9,16 @@ namespace {
 
 // Nearest free vertex on the shell of a given Chebyshev radius; its distance is
 // infinite where there is none.
-double NearestOnShell(const HapticSurface& surface, const Place& from, int radius,
+double NearestOnShell(const HapticSurface& surface, const Vec3i& cell, const Vec3& from_I, int radius,
                       Vec3i& nearest) noexcept {
   double best = std::numeric_limits<double>::infinity();
   for (int x = -radius; x <= radius; ++x) {
     for (int y = -radius; y <= radius; ++y) {
       const bool side = std::abs(x) == radius || std::abs(y) == radius;
       for (int z = -radius; z <= radius; z += side || radius == 0 ? 1 : 2 * radius) {
-        const Vec3i vertex = from.cell + Vec3i(x, y, z);
+        const Vec3i vertex = cell + Vec3i(x, y, z);
         if (surface.ResolvedVertex(vertex) > surface.isovalue) continue;
-        const Vec3 away = surface.X_DI.linear * (vertex.cast<double>() - from.p_I);
+        const Vec3 away = surface.X_DI.linear * (vertex.cast<double>() - from_I);
         if (away.norm() < best) best = away.norm(), nearest = vertex;
       }
     }
@@ -34,10 +34,11 @@ bool JumpToNearestVertex(const HapticSurface& surface, Place& place, CellCache& 
   // Lattice planes are this far apart, along each axis, and the place is up to a
   // cell away from the middle of the shells.
   const double plane_mm = 1.0 / surface.X_ID.linear.rowwise().norm().maxCoeff();
+  const Vec3 from_I = PlaceIndexPosition(surface, place, cache);
   for (int radius = 0; radius <= kMaxSearchRadius; ++radius) {
     if ((radius - 1) * plane_mm > best_mm) break;
     Vec3i vertex = Vec3i::Zero();
-    const double distance_mm = NearestOnShell(surface, place, radius, vertex);
+    const double distance_mm = NearestOnShell(surface, place.cell, from_I, radius, vertex);
     if (distance_mm < best_mm) best_mm = distance_mm, best = vertex;
   }
   if (!std::isfinite(best_mm)) return false;

@@ -11,6 +11,7 @@
 // Threads: plain values. Ownership: borrows the snapshot.
 #pragma once
 
+#include <array>
 #include <cstdint>
 
 #include "common/geometry/geometry.h"
@@ -30,20 +31,18 @@ struct HapticSurface {
   // Changes whenever anything but the isovalue and the side does.
   std::uint64_t geometry_revision = 0;
 
+  // Unit normals, in D, of the lattice planes of each axis, upwards.
+  std::array<Vec3, 3> lattice_normal{Vec3::UnitX(), Vec3::UnitY(), Vec3::UnitZ()};
   // Shortest edge of a voxel in D: the scale that tolerances refer to.
   double voxel_mm = 1.0;
+  double longest_voxel_mm = 1.0;
 
   double sign() const { return free_side == FreeSide::kBelow ? 1.0 : -1.0; }
-  // Felt densities of a cell: what H is made of, and what V is.
-  CellDensities ResolvedCell(const Vec3i& cell) const noexcept {
-    return Felt(volume->ResolvedCell(cell));
-  }
-  CellDensities StoredCell(const Vec3i& cell) const noexcept {
-    return Felt(volume->StoredCell(cell));
-  }
+  // Felt density of a lattice vertex, ties resolved.
   double ResolvedVertex(const Vec3i& vertex) const noexcept {
     return sign() * volume->ResolvedVertex(vertex);
   }
+  // Densities as felt, and back.
   CellDensities Felt(CellDensities densities) const noexcept {
     if (free_side == FreeSide::kBelow) return densities;
     for (double& density : densities) density = -density;
@@ -73,7 +72,11 @@ inline HapticSurface MakeHapticSurface(const VolumeSnapshot& volume, const Affin
   surface.X_DI = X_DI;
   surface.X_ID = X_DI.Inverse();
   surface.geometry_revision = geometry_revision;
+  for (int axis = 0; axis < 3; ++axis) {
+    surface.lattice_normal[axis] = surface.X_ID.linear.row(axis).normalized();
+  }
   surface.voxel_mm = X_DI.linear.colwise().norm().minCoeff();
+  surface.longest_voxel_mm = X_DI.linear.colwise().norm().maxCoeff();
   return surface;
 }
 

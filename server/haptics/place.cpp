@@ -117,7 +117,8 @@ void Carrier::Normalize() {
     ++kept;
   }
   count = kept;
-  for (int n = 0; n < count; ++n) weight[n] /= sum;
+  const double inverse = 1.0 / sum;
+  for (int n = 0; n < count; ++n) weight[n] *= inverse;
 }
 
 std::uint8_t FacesInNeighbour(std::uint8_t faces, const Vec3i& offset) {
@@ -189,6 +190,65 @@ std::uint8_t FacesOf(const Carrier& carrier) {
   std::uint8_t faces = 0x3f;
   for (int n = 0; n < carrier.count; ++n) faces &= kVertexFaces[carrier.vertex[n]];
   return faces;
+}
+
+void SetSimplex(const HapticCell& cell, const Carrier& carrier, int tetrahedron, Place& place) {
+  place.kind = Place::Kind::kSimplex;
+  place.cell = cell.cell;
+  place.carrier = carrier;
+  place.faces = FacesOf(carrier);
+  place.tetrahedron = carrier.count == 4 ? tetrahedron : -1;
+}
+
+Place PlaceAt(const HapticSurface& surface, const Vec3& p_I, CellCache& cache,
+              double& density) noexcept {
+  Place place;
+  place.p_I = p_I;
+  density = surface.DensityOutside();
+  const Vec3 lo = Vec3::Constant(-1.0), hi = surface.volume->size().cast<double>();
+  if (!((p_I.array() > lo.array()).all() && (p_I.array() < hi.array()).all())) return place;
+  for (int axis = 0; axis < 3; ++axis) {
+    place.cell[axis] = static_cast<int>(std::floor(p_I[axis]));
+    if (p_I[axis] == place.cell[axis]) place.faces |= static_cast<std::uint8_t>(1u << (2 * axis));
+  }
+  place.kind = Place::Kind::kBox;
+  if (cache.Densities(surface, place.cell).IsFree(surface.isovalue)) {
+    density = PlaceDensity(surface, place, cache);
+    return place;
+  }
+  const HapticCell& cell = cache.Decomposed(surface, place.cell);
+  SetSimplex(cell, Locate(cell, p_I - place.cell.cast<double>(), place.faces), -1, place);
+  density = DensityAt(cell, place.carrier);
+  return place;
+}
+
+double PlaceDensity(const HapticSurface& surface, const Place& place, CellCache& cache) noexcept {
+  if (place.kind == Place::Kind::kOutside) return surface.DensityOutside();
+  if (place.kind == Place::Kind::kSimplex) {
+    return DensityAt(cache.Decomposed(surface, place.cell), place.carrier);
+  }
+  const HapticCell& cell = cache.Densities(surface, place.cell);
+  // Rounding of the interpolation must not lift it above its corners.
+  return std::min(Trilinear(cell.densities).Value(place.p_I - place.cell.cast<double>()),
+                  cell.max_density);
+}
+
+Vec3 PlacePosition(const HapticSurface& surface, const Place& place, CellCache& cache) noexcept {
+  if (place.kind != Place::Kind::kSimplex) return surface.X_DI.Apply(place.p_I);
+  // From the cell's own vertices: more digits than by way of the index.
+  const HapticCell& cell = cache.Decomposed(surface, place.cell);
+  Vec3 p = Vec3::Zero();
+  for (int n = 0; n < place.carrier.count; ++n) {
+    p += place.carrier.weight[n] * cell.vertex_mm[place.carrier.vertex[n]];
+  }
+  return cell.origin_mm + p;
+}
+
+Vec3 PlaceIndexPosition(const HapticSurface& surface, const Place& place,
+                        CellCache& cache) noexcept {
+  if (place.kind != Place::Kind::kSimplex) return place.p_I;
+  return place.cell.cast<double>() +
+         LocalPosition(cache.Decomposed(surface, place.cell), place.carrier);
 }
 
 }  // namespace palpate

@@ -41,8 +41,9 @@ struct Place {
   Kind kind = Kind::kOutside;
   Vec3i cell = Vec3i::Zero();  // kBox, kSimplex
   std::uint8_t faces = 0;      // of the cell, that hold the point: bit 2 * axis + side
-  Vec3 p_I = Vec3::Zero();     // on those faces, exactly
+  Vec3 p_I = Vec3::Zero();     // kOutside, kBox: on those faces, exactly
   Carrier carrier;             // kSimplex
+  int tetrahedron = -1;        // kSimplex: the one whose inside holds the point, if any
 };
 
 // Faces of the neighbour at `offset` for a point on `faces` of this cell.
@@ -77,5 +78,21 @@ Vec3 LocalPosition(const HapticCell& cell, const Carrier& carrier);
 
 // Faces that hold the whole simplex.
 std::uint8_t FacesOf(const Carrier& carrier);
+
+// The place of a point of a tetrahedron of a decomposed cell; `carrier` has its
+// vertices, or fewer of them.
+void SetSimplex(const HapticCell& cell, const Carrier& carrier, int tetrahedron, Place& place);
+
+// The place of an index position. Sets `density` (felt); above τ, the place is a
+// simplex all the same.
+Place PlaceAt(const HapticSurface& surface, const Vec3& p_I, CellCache& cache,
+              double& density) noexcept;
+
+// Felt density and position of a place; of a simplex, in index coordinates, on its
+// cell's faces exactly.
+double PlaceDensity(const HapticSurface& surface, const Place& place, CellCache& cache) noexcept;
+Vec3 PlacePosition(const HapticSurface& surface, const Place& place, CellCache& cache) noexcept;
+Vec3 PlaceIndexPosition(const HapticSurface& surface, const Place& place,
+                        CellCache& cache) noexcept;
 
 }  // namespace palpate

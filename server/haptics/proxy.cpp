@@ -98,7 +98,8 @@ void Advance(const HapticSurface& surface, const Vec3& p_DHip_mm, Proxy& proxy, 
       continue;
     }
     const Vec3 w_mm = p_DHip_mm - PlacePosition(surface, proxy.place, cache);
-    const Candidate best = BestDirection(surface, proxy.place, proxy.on_surface, w_mm, cache);
+    const Candidate best =
+        BestDirection(surface, proxy.place, proxy.on_surface, w_mm, cache, step.tetrahedra);
     if (best.kind == Candidate::Kind::kNone || IsAtRest(surface, best.d_mm, w_mm)) return;
     ++step.moves;
     switch (best.kind) {
@@ -107,15 +108,16 @@ void Advance(const HapticSurface& surface, const Vec3& p_DHip_mm, Proxy& proxy, 
         proxy.on_surface = false;
         return;
       case Candidate::Kind::kBox:
-        MoveInBox(surface, best, proxy.place);
+        MoveInBox(surface, best, proxy.place, cache);
         proxy.on_surface = false;
         break;
-      case Candidate::Kind::kTetrahedron:
-        if (!MoveInTetrahedron(surface, best, false, proxy.place, proxy.on_surface, cache)) {
-          step.capped = true;
-          return;
-        }
+      case Candidate::Kind::kTetrahedron: {
+        const MoveEnd end =
+            MoveInTetrahedron(surface, best, false, proxy.place, proxy.on_surface, cache);
+        step.capped = end == MoveEnd::kNone;
+        if (end != MoveEnd::kMore) return;
         break;
+      }
       case Candidate::Kind::kNone:
         break;
     }
@@ -124,12 +126,12 @@ void Advance(const HapticSurface& surface, const Vec3& p_DHip_mm, Proxy& proxy, 
 
 // The facet of H through a proxy that rests on it without load.
 Vec3 FacetNormal(const HapticSurface& surface, const Proxy& proxy, CellCache& cache) noexcept {
-  const HapticCell& cell = cache.Decomposed(surface, proxy.place.cell);
+  HapticCell& cell = cache.Decomposed(surface, proxy.place.cell);
   const std::uint16_t mask = proxy.place.carrier.Mask();
   for (int t = 0; t < cell.parts.complex.tetrahedron_count; ++t) {
     if ((cell.parts.complex.vertex_mask[t] & mask) != mask) continue;
-    const Vec3 gradient = TetrahedronGradients(cell, t).density;
-    if (gradient.norm() > 0.0) return -gradient.normalized();
+    const Vec3 down = cell.Gradients(t).Down();
+    if (!down.isZero(0.0)) return down;
   }
   return Vec3::Zero();
 }
@@ -162,7 +164,9 @@ double RestResidual(const HapticSurface& surface, const Vec3& p_DHip_mm, const P
                     CellCache& cache) noexcept {
   if (proxy.place.kind == Place::Kind::kOutside) return 0.0;
   const Vec3 w_mm = p_DHip_mm - PlacePosition(surface, proxy.place, cache);
-  const Candidate best = BestDirection(surface, proxy.place, proxy.on_surface, w_mm, cache);
+  int tetrahedra = 0;
+  const Candidate best =
+      BestDirection(surface, proxy.place, proxy.on_surface, w_mm, cache, tetrahedra);
   return w_mm.norm() > 0.0 ? best.d_mm.norm() / w_mm.norm() : 0.0;
 }
 

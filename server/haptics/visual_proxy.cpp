@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "server/haptics/moves.h"
 
@@ -14,6 +15,8 @@ constexpr double kOnSurface = 1e-12;
 constexpr double kTangent = 1e-9;
 // Roots are refined to this many voxels.
 constexpr double kRootTolerance = 1e-10;
+// Unit normals whose mean is shorter than this cancel out.
+constexpr double kNoDirection = 1e-6;
 constexpr int kMaxRefinements = 80;
 constexpr int kMaxCells = 24;
 
@@ -22,14 +25,11 @@ Vec3 CovectorToDevice(const HapticSurface& surface, const Vec3& gradient_I) {
   return surface.X_ID.linear.transpose() * gradient_I;
 }
 
-struct Corner {
-  Vec3 local;
-  Vec3 normal_D;  // down the density, unit
-};
-
-// Corners of H's triangle or quadrilateral in a tetrahedron, in cyclic order.
-int SurfacePiece(const HapticSurface& surface, const HapticCell& cell, int tetrahedron,
-                 std::array<Corner, 4>& corners) {
+void FillSurfacePiece(const HapticSurface& surface, const HapticCell& cell, int tetrahedron,
+                      SurfacePiece& piece) {
+  piece.tetrahedron = tetrahedron;
+  piece.isovalue = surface.isovalue;
+  piece.count = 0;
   const auto& vertices = cell.parts.complex.vertices[tetrahedron];
   int above[4], below[4], above_count = 0, below_count = 0;
   for (int v : vertices) {
@@ -40,20 +40,25 @@ int SurfacePiece(const HapticSurface& surface, const HapticCell& cell, int tetra
     }
   }
   const Trilinear f(cell.densities);
-  int count = 0;
   for (int a = 0; a < above_count; ++a) {
     for (int n = 0; n < below_count; ++n) {
       // Every second round backwards keeps the order cyclic.
       const int b = a % 2 == 0 ? n : below_count - 1 - n;
       const double high = cell.parts.density[above[a]], low = cell.parts.density[below[b]];
       const double t = (surface.isovalue - low) / (high - low);
-      Corner& corner = corners[count++];
+      SurfacePiece::Corner& corner = piece.corners[piece.count++];
       corner.local = cell.parts.position[below[b]] +
                      t * (cell.parts.position[above[a]] - cell.parts.position[below[b]]);
       corner.normal_D = -CovectorToDevice(surface, f.Gradient(corner.local)).normalized();
     }
   }
-  return count;
+}
+
+const SurfacePiece& PieceIn(const HapticSurface& surface, HapticCell& cell, int tetrahedron) {
+  if (cell.piece.tetrahedron != tetrahedron || cell.piece.isovalue != surface.isovalue) {
+    FillSurfacePiece(surface, cell, tetrahedron, cell.piece);
+  }
+  return cell.piece;
 }
 
 // Barycentric weights of p in a triangle; p lies in its plane up to rounding.
@@ -65,11 +70,11 @@ Vec3 TriangleWeights(const Vec3& a, const Vec3& b, const Vec3& c, const Vec3& p)
   return {1.0 - v - w, v, w};
 }
 
-Vec3 InterpolatedNormal(const std::array<Corner, 4>& corners, int count, const Vec3& local) {
+Vec3 InterpolatedNormal(const SurfacePiece& piece, const Vec3& local) {
   Vec3 best_normal = Vec3::Zero();
-  double best = -1e300;
-  for (int n = 1; n + 1 < count; ++n) {
-    const Corner &a = corners[0], &b = corners[n], &c = corners[n + 1];
+  double best = -std::numeric_limits<double>::infinity();
+  for (int n = 1; n + 1 < piece.count; ++n) {
+    const auto &a = piece.corners[0], &b = piece.corners[n], &c = piece.corners[n + 1];
     const Vec3 weights = TriangleWeights(a.local, b.local, c.local, local);
     if (!weights.allFinite() || weights.minCoeff() <= best) continue;
     best = weights.minCoeff();
@@ -80,18 +85,18 @@ Vec3 InterpolatedNormal(const std::array<Corner, 4>& corners, int count, const V
 }
 
 // n_E at the proxy; the facet's own normal where the interpolated one vanishes.
-Vec3 LineDirection(const HapticSurface& surface, const Place& place, const HapticCell& cell) {
+Vec3 LineDirection(const HapticSurface& surface, const Place& place, const Vec3& local,
+                   HapticCell& cell) {
   const std::uint16_t mask = place.carrier.Mask();
   const TetrahedralComplex& complex = cell.parts.complex;
   Vec3 facet = Vec3::Zero();
   for (int t = 0; t < complex.tetrahedron_count; ++t) {
     if ((complex.vertex_mask[t] & mask) != mask) continue;
-    std::array<Corner, 4> corners;
-    const int count = SurfacePiece(surface, cell, t, corners);
-    if (count < 3) continue;
-    const Vec3 normal = InterpolatedNormal(corners, count, LocalPosition(cell, place.carrier));
-    if (normal.allFinite() && normal.norm() > 1e-6) return normal.normalized();
-    facet = -TetrahedronGradients(cell, t).density;
+    const SurfacePiece& piece = PieceIn(surface, cell, t);
+    if (piece.count < 3) continue;
+    const Vec3 normal = InterpolatedNormal(piece, local);
+    if (normal.allFinite() && normal.norm() > kNoDirection) return normal.normalized();
+    facet = cell.Gradients(t).Down();
   }
   return facet.norm() > 0.0 ? Vec3(facet.normalized()) : facet;
 }
@@ -166,7 +171,7 @@ struct Root {
 
 // Follows p_I + s u_I, s in [0, reach_mm], from `cell`.
 Root FollowLine(const HapticSurface& surface, Vec3i cell, Vec3 p_I, const Vec3& u_I,
-                double reach_mm) {
+                double reach_mm, CellCache& cache) {
   Root root;
   double travelled = 0.0;
   for (int n = 0; n < kMaxCells && travelled < reach_mm && surface.volume->HasCell(cell); ++n) {
@@ -178,7 +183,7 @@ Root FollowLine(const HapticSurface& surface, Vec3i cell, Vec3 p_I, const Vec3& 
       const double s = std::max(0.0, (border - p_I[axis]) / u_I[axis]);
       if (s < end) end = s, axis_out = axis;
     }
-    const Trilinear f(surface.StoredCell(cell));
+    const Trilinear f(cache.Densities(surface, cell).stored);
     const Vec3 local = p_I - cell.cast<double>();
     const LineCubic cubic(f, local, u_I, surface.isovalue);
     const double s = FirstRoot(cubic, end, kRootTolerance / u_I.norm());
@@ -197,13 +202,23 @@ Root FollowLine(const HapticSurface& surface, Vec3i cell, Vec3 p_I, const Vec3& 
   return root;
 }
 
-// Both ways along the line; the nearer root.
-Root NearestRoot(const HapticSurface& surface, const Place& place, const Vec3& direction_D) {
-  const Vec3 u_I = surface.X_ID.linear * direction_D;
-  const double reach_mm = kVisualReachVoxels * surface.X_DI.linear.colwise().norm().maxCoeff();
-  const Root out = FollowLine(surface, place.cell, place.p_I, u_I, reach_mm);
-  const Root in = FollowLine(surface, place.cell, place.p_I, -u_I, reach_mm);
-  return in.s < 0.0 || (out.s >= 0.0 && out.s <= in.s) ? out : in;
+struct Start {
+  Vec3i cell;
+  Vec3 p_I;
+  double excess;  // F - τ there
+};
+
+// Both ways along the line, first the way that F's value points to; the nearer
+// root.
+Root NearestRoot(const HapticSurface& surface, const Start& start, const Vec3& direction_D,
+                 CellCache& cache) {
+  Vec3 u_I = surface.X_ID.linear * direction_D;
+  if (start.excess < 0.0) u_I = -u_I;
+  const double reach_mm = kVisualReachVoxels * surface.longest_voxel_mm;
+  const Root first = FollowLine(surface, start.cell, start.p_I, u_I, reach_mm, cache);
+  const double left_mm = first.s < 0.0 ? reach_mm : first.s;
+  const Root second = FollowLine(surface, start.cell, start.p_I, -u_I, left_mm, cache);
+  return second.s < 0.0 ? first : second;
 }
 
 // Directions to try after n_E: in a crease of H the normal of one facet can point
@@ -218,16 +233,16 @@ struct Directions {
   }
 };
 
-Directions FallbackDirections(const HapticSurface& surface, const Place& place,
-                              const Vec3& contact_normal_D) {
+Directions FallbackDirections(const HapticSurface& surface, const Place& place, const Vec3& p_I,
+                              const Vec3& contact_normal_D, CellCache& cache) {
   std::array<Vec3, 8> normals;
   int cells = 0;
   Vec3 sum = Vec3::Zero();
   VisitNeighbours(place.faces, [&](const Vec3i& offset) {
     const Vec3i cell = place.cell + offset;
     if (!surface.volume->HasCell(cell)) return;
-    const Trilinear f(surface.StoredCell(cell));
-    const Vec3 normal = -CovectorToDevice(surface, f.Gradient(place.p_I - cell.cast<double>()));
+    const Trilinear f(cache.Densities(surface, cell).stored);
+    const Vec3 normal = -CovectorToDevice(surface, f.Gradient(p_I - cell.cast<double>()));
     if (!(normal.norm() > 0.0)) return;
     normals[cells] = normal.normalized();
     sum += normals[cells++];
@@ -244,14 +259,18 @@ Directions FallbackDirections(const HapticSurface& surface, const Place& place,
 VisualProxy FindVisualProxy(const HapticSurface& surface, const Place& place,
                             const Vec3& contact_normal_D, CellCache& cache) noexcept {
   VisualProxy visual;
-  const HapticCell& cell = cache.Decomposed(surface, place.cell);
-  const Vec3 n_E = LineDirection(surface, place, cell);
+  HapticCell& cell = cache.Decomposed(surface, place.cell);
+  const Vec3 local = LocalPosition(cell, place.carrier);
+  const Start start{place.cell, place.cell.cast<double>() + local,
+                    Trilinear(cell.stored).Value(local) - surface.isovalue};
+  const Vec3 n_E = LineDirection(surface, place, local, cell);
   Root root;
-  if (!n_E.isZero()) root = NearestRoot(surface, place, n_E);
+  if (!n_E.isZero()) root = NearestRoot(surface, start, n_E, cache);
   if (root.s < 0.0) {
-    const Directions others = FallbackDirections(surface, place, contact_normal_D);
+    const Directions others =
+        FallbackDirections(surface, place, start.p_I, contact_normal_D, cache);
     for (int n = 0; n < others.count && root.s < 0.0; ++n) {
-      root = NearestRoot(surface, place, others.D[n]);
+      root = NearestRoot(surface, start, others.D[n], cache);
     }
   }
   if (root.s < 0.0) return visual;

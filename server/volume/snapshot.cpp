@@ -42,11 +42,12 @@ CellDensities VolumeSnapshot::StoredCell(const Vec3i& cell) const noexcept {
   return d;
 }
 
-CellDensities VolumeSnapshot::ResolvedCell(const Vec3i& cell) const noexcept {
-  CellDensities d = StoredCell(cell);
+CellDensities VolumeSnapshot::WithTiesResolved(const CellDensities& stored,
+                                              const Vec3i& cell) noexcept {
+  CellDensities d;
   for (int v = 0; v < 8; ++v) {
     const auto& o = kCornerOffset[v];
-    d[v] = ResolvedDensity(d[v], cell.x() + o[0], cell.y() + o[1], cell.z() + o[2]);
+    d[v] = ResolvedDensity(stored[v], cell.x() + o[0], cell.y() + o[1], cell.z() + o[2]);
   }
   return d;
 }

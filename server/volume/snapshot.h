@@ -44,10 +44,13 @@ class VolumeSnapshot {
     return metadata_.value_min + density * (metadata_.value_max - metadata_.value_min);
   }
 
-  // Densities of cell (i, j, k), ties resolved: what H is made of.
-  CellDensities ResolvedCell(const Vec3i& cell) const noexcept;
-  // The same as stored: what V is made of.
+  // Densities of cell (i, j, k) as stored: what V is made of.
   CellDensities StoredCell(const Vec3i& cell) const noexcept;
+  // The same with ties resolved: what H is made of.
+  CellDensities ResolvedCell(const Vec3i& cell) const noexcept {
+    return WithTiesResolved(StoredCell(cell), cell);
+  }
+  static CellDensities WithTiesResolved(const CellDensities& stored, const Vec3i& cell) noexcept;
   // Density of a lattice vertex, ties resolved; the background outside.
   double ResolvedVertex(const Vec3i& vertex) const noexcept {
     return ResolvedDensity(StoredVertex(vertex), vertex.x(), vertex.y(), vertex.z());

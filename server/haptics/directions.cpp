@@ -1,0 +1,194 @@
+#include "server/haptics/directions.h"
+
+namespace palpate {
+namespace {
+
+// A slope this much steeper is steeper: rounding must not choose.
+constexpr double kSteeper = 1.0 + 1e-12;
+
+// Inward normals, in D, of the faces of a cell that hold the point.
+Cone BoxCone(const HapticSurface& surface, std::uint8_t faces) {
+  Cone cone;
+  for (int axis = 0; axis < 3; ++axis) {
+    const Vec3& normal = surface.lattice_normal[axis];
+    if (faces >> (2 * axis) & 1) cone.Add(normal);
+    if (faces >> (2 * axis + 1) & 1) cone.Add(-normal);
+  }
+  return cone;
+}
+
+// The place as a simplex of the cell at `offset`.
+Carrier CarrierIn(const HapticCell& cell, const Place& place, const Vec3i& offset,
+                  std::uint8_t faces) {
+  if (place.kind == Place::Kind::kSimplex) return CarrierInNeighbour(place.carrier, offset);
+  return Locate(cell, place.p_I - cell.cell.cast<double>(), faces);
+}
+
+struct TetrahedronCone {
+  Cone cone;
+  int surface_number = -1;  // of the half-space under H
+};
+
+TetrahedronCone MakeTetrahedronCone(const HapticCell& cell, int tetrahedron, std::uint16_t mask,
+                                    const TetrahedronGradients& gradients, bool on_surface) {
+  TetrahedronCone result;
+  const auto& vertices = cell.parts.complex.vertices[tetrahedron];
+  for (int n = 0; n < 4; ++n) {
+    if (!(mask >> vertices[n] & 1)) result.cone.Add(gradients.Inward(n));
+  }
+  if (on_surface) result.surface_number = result.cone.Add(gradients.Down());
+  return result;
+}
+
+// From the inside of a tetrahedron only H is in the way.
+Candidate DirectionInside(const HapticSurface& surface, const Place& place, bool on_surface,
+                          const Vec3& w_mm, CellCache& cache) noexcept {
+  HapticCell& cell = cache.Decomposed(surface, place.cell);
+  Candidate candidate;
+  candidate.kind = Candidate::Kind::kTetrahedron;
+  candidate.cell = place.cell;
+  candidate.carrier = place.carrier;
+  candidate.tetrahedron = place.tetrahedron;
+  candidate.d_mm = w_mm;
+  candidate.full = true;
+  if (!on_surface) return candidate;
+  const Vec3 down = cell.Gradients(place.tetrahedron).Down();
+  const double into = down.dot(w_mm);
+  if (into >= 0.0) return candidate;
+  candidate.d_mm = w_mm - into * down;
+  candidate.full = false;
+  candidate.along_surface = true;
+  return candidate;
+}
+
+// Looks at the cells that hold a place, one by one, for the longest projection.
+class DirectionSearch {
+ public:
+  DirectionSearch(const HapticSurface& surface, const Place& place, bool on_surface,
+                  const Vec3& w_mm, CellCache& cache, int& tetrahedra)
+      : surface_(surface),
+        place_(place),
+        on_surface_(on_surface),
+        w_mm_(w_mm),
+        cache_(cache),
+        tetrahedra_(tetrahedra) {}
+
+  void Visit(const Vec3i& offset) noexcept {
+    if (best_.full) return;
+    const Vec3i cell = place_.cell + offset;
+    const std::uint8_t faces = FacesInNeighbour(place_.faces, offset);
+    if (!surface_.volume->HasCell(cell)) return VisitOutside(cell, faces);
+    const HapticCell& densities = cache_.Densities(surface_, cell);
+    if (densities.IsFree(surface_.isovalue)) return VisitFreeCell(cell, faces);
+    if (densities.IsCrossed(surface_.isovalue)) VisitCrossedCell(cell, offset, faces);
+  }
+
+  const Candidate& best() const { return best_; }
+
+ private:
+  // Free, and convex where it counts: a way out is taken whole.
+  void VisitOutside(const Vec3i& cell, std::uint8_t faces) noexcept {
+    if (!surface_.IsFreeOutside()) return;
+    if (ProjectOnCone(w_mm_, BoxCone(surface_, faces)).active != 0) return;
+    best_.d_mm = w_mm_;
+    Take(Candidate::Kind::kOutside, cell, faces, true);
+  }
+
+  void VisitFreeCell(const Vec3i& cell, std::uint8_t faces) noexcept {
+    const ConeProjection projection = ProjectOnCone(w_mm_, BoxCone(surface_, faces));
+    if (!IsLonger(projection.d)) return;
+    Take(Candidate::Kind::kBox, cell, faces, projection.active == 0);
+  }
+
+  void VisitCrossedCell(const Vec3i& index, const Vec3i& offset, std::uint8_t faces) noexcept {
+    HapticCell& cell = cache_.Decomposed(surface_, index);
+    const Carrier carrier = CarrierIn(cell, place_, offset, faces);
+    const std::uint16_t mask = carrier.Mask();
+    const TetrahedralComplex& complex = cell.parts.complex;
+    bool found = false;
+    for (int t = 0; t < complex.tetrahedron_count && !best_.full; ++t) {
+      if ((complex.vertex_mask[t] & mask) != mask) continue;
+      ++tetrahedra_;
+      const TetrahedronCone tangent =
+          MakeTetrahedronCone(cell, t, mask, cell.Gradients(t), on_surface_);
+      const ConeProjection projection = ProjectOnCone(w_mm_, tangent.cone);
+      if (!IsLonger(projection.d)) continue;
+      Take(Candidate::Kind::kTetrahedron, index, faces, projection.active == 0);
+      best_.tetrahedron = t;
+      best_.along_surface =
+          tangent.surface_number >= 0 && (projection.active >> tangent.surface_number & 1);
+      found = true;
+    }
+    if (found) best_.carrier = carrier;
+  }
+
+  // Keeps `d` where it is longer than the best.
+  bool IsLonger(const Vec3& d) noexcept {
+    if (!(d.squaredNorm() > best_.d_mm.squaredNorm())) return false;
+    best_.d_mm = d;
+    return true;
+  }
+
+  void Take(Candidate::Kind kind, const Vec3i& cell, std::uint8_t faces, bool full) noexcept {
+    best_.kind = kind;
+    best_.cell = cell;
+    best_.faces = faces;
+    best_.full = full;
+    best_.along_surface = false;
+  }
+
+  const HapticSurface& surface_;
+  const Place& place_;
+  const bool on_surface_;
+  const Vec3& w_mm_;
+  CellCache& cache_;
+  int& tetrahedra_;
+  Candidate best_;
+};
+
+}  // namespace
+
+Candidate BestDirection(const HapticSurface& surface, const Place& place, bool on_surface,
+                        const Vec3& w_mm, CellCache& cache, int& tetrahedra) noexcept {
+  if (place.kind == Place::Kind::kSimplex && place.tetrahedron >= 0) {
+    ++tetrahedra;
+    return DirectionInside(surface, place, on_surface, w_mm, cache);
+  }
+  DirectionSearch search(surface, place, on_surface, w_mm, cache, tetrahedra);
+  VisitNeighbours(place.faces, [&](const Vec3i& offset) { search.Visit(offset); });
+  return search.best();
+}
+
+Candidate SteepestDescent(const HapticSurface& surface, const Place& place,
+                          CellCache& cache) noexcept {
+  Candidate best;
+  double best_slope = 0.0;
+  VisitNeighbours(place.faces, [&](const Vec3i& offset) {
+    Candidate candidate;
+    candidate.cell = place.cell + offset;
+    if (!surface.volume->HasCell(candidate.cell)) return;
+    candidate.faces = FacesInNeighbour(place.faces, offset);
+    HapticCell& cell = cache.Decomposed(surface, candidate.cell);
+    candidate.kind = Candidate::Kind::kTetrahedron;
+    candidate.carrier = CarrierIn(cell, place, offset, candidate.faces);
+    const std::uint16_t mask = candidate.carrier.Mask();
+    const TetrahedralComplex& complex = cell.parts.complex;
+    for (int t = 0; t < complex.tetrahedron_count; ++t) {
+      if ((complex.vertex_mask[t] & mask) != mask) continue;
+      const TetrahedronGradients& gradients = cell.Gradients(t);
+      const TetrahedronCone tangent = MakeTetrahedronCone(cell, t, mask, gradients, false);
+      const Vec3 d = ProjectOnCone(-gradients.density, tangent.cone).d;
+      // d is orthogonal to what the cone cuts off: the slope along it is |d|.
+      const double slope = d.norm();
+      if (!(slope > best_slope * kSteeper)) continue;
+      best_slope = slope;
+      best = candidate;
+      best.tetrahedron = t;
+      // Long enough to fall by the whole range of densities.
+      best.d_mm = d / (slope * slope);
+    }
+  });
+  return best;
+}
+
+}  // namespace palpate
