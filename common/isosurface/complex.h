@@ -23,6 +23,7 @@ struct TetrahedralComplex {
   std::array<std::array<std::uint8_t, 4>, kMaxTetrahedra> vertices{};
   std::array<std::uint16_t, kMaxTetrahedra> vertex_mask{};  // bit n: vertex n
   std::uint16_t used_vertices = 0;                          // likewise, of all
+  std::array<std::uint32_t, kMaxVertices> tetrahedra_at{};  // bit t: tetrahedron t has the vertex
 
   constexpr void Add(int a, int b, int c, int d) {
     const int n = tetrahedron_count++;
@@ -30,6 +31,7 @@ struct TetrahedralComplex {
     for (int v = 0; v < 4; ++v) {
       vertices[n][v] = static_cast<std::uint8_t>(corner[v]);
       vertex_mask[n] |= static_cast<std::uint16_t>(1u << corner[v]);
+      tetrahedra_at[corner[v]] |= std::uint32_t{1} << n;
     }
     used_vertices |= vertex_mask[n];
   }

@@ -19,11 +19,6 @@ Decomposition DecomposeFelt(const HapticSurface& surface, const CellDensities& f
   return parts;
 }
 
-double InverseLength(const Vec3& v) {
-  const double length = v.norm();
-  return length > 0.0 ? 1.0 / length : 0.0;
-}
-
 }  // namespace
 
 void HapticCell::FillGradients(int tetrahedron) noexcept {
@@ -41,8 +36,6 @@ void HapticCell::FillGradients(int tetrahedron) noexcept {
   const auto& d = parts.density;
   g.density = (d[v[1]] - d[v[0]]) * g.weight[1] + (d[v[2]] - d[v[0]]) * g.weight[2] +
               (d[v[3]] - d[v[0]]) * g.weight[3];
-  for (int n = 0; n < 4; ++n) g.weight_inverse[n] = InverseLength(g.weight[n]);
-  g.density_inverse = InverseLength(g.density);
 }
 
 HapticCell& CellCache::Densities(const HapticSurface& surface, const Vec3i& cell) noexcept {

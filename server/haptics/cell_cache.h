@@ -16,14 +16,6 @@ namespace palpate {
 struct TetrahedronGradients {
   std::array<Vec3, 4> weight;  // of the barycentric coordinates, 1/mm, in D axes
   Vec3 density;                // of the felt density
-  // 1 / length of each; 0 where there is no gradient to speak of.
-  std::array<double, 4> weight_inverse;
-  double density_inverse;
-
-  // Unit vectors: into the tetrahedron from the face opposite to vertex n, and
-  // down the density.
-  Vec3 Inward(int n) const { return weight[n] * weight_inverse[n]; }
-  Vec3 Down() const { return -density * density_inverse; }
 };
 
 // H's triangle or quadrilateral in a tetrahedron.

@@ -11,9 +11,9 @@ bool IsInside(const Vec3& d, double length2, const Cone& cone, std::uint8_t acti
   for (int i = 0; i < cone.count; ++i) {
     if (active >> i & 1) continue;
     const double inside = cone.normal[i].dot(d);
-    if (inside < 0.0 && inside * inside > kInsideTolerance * kInsideTolerance * length2) {
-      return false;
-    }
+    if (inside >= 0.0) continue;
+    const double tolerance2 = kInsideTolerance * kInsideTolerance * length2;
+    if (inside * inside > tolerance2 * cone.normal[i].squaredNorm()) return false;
   }
   return true;
 }
@@ -39,7 +39,9 @@ ConeProjection ProjectOnCone(const Vec3& w, const Cone& cone) noexcept {
     }
   };
   for (int i = 0; i < cone.count; ++i) {
-    if (violated >> i & 1) consider(w - cone.normal[i].dot(w) * cone.normal[i], 1u << i);
+    if (!(violated >> i & 1)) continue;
+    const Vec3& normal = cone.normal[i];
+    consider(w - (normal.dot(w) / normal.squaredNorm()) * normal, 1u << i);
   }
   for (int i = 0; i < cone.count; ++i) {
     for (int j = i + 1; j < cone.count; ++j) {

@@ -10,13 +10,13 @@
 
 namespace palpate {
 
-// {x : normal[i] · x >= 0 for i < count}; normals of unit length.
+// {x : normal[i] · x >= 0 for i < count}; normals of any length.
 struct Cone {
   std::array<Vec3, 4> normal;
   int count = 0;
 
-  // Adds a half-space by its unit normal; a zero normal constrains nothing and is
-  // left out. Returns its number, -1 where left out.
+  // Adds a half-space; a zero normal constrains nothing and is left out. Returns
+  // its number, -1 where left out.
   int Add(const Vec3& inward) {
     if (inward.isZero(0.0)) return -1;
     normal[count] = inward;

@@ -1,5 +1,7 @@
 #include "server/haptics/directions.h"
 
+#include <bit>
+
 namespace palpate {
 namespace {
 
@@ -10,7 +12,7 @@ constexpr double kSteeper = 1.0 + 1e-12;
 Cone BoxCone(const HapticSurface& surface, std::uint8_t faces) {
   Cone cone;
   for (int axis = 0; axis < 3; ++axis) {
-    const Vec3& normal = surface.lattice_normal[axis];
+    const Vec3 normal = surface.X_ID.linear.row(axis);
     if (faces >> (2 * axis) & 1) cone.Add(normal);
     if (faces >> (2 * axis + 1) & 1) cone.Add(-normal);
   }
@@ -34,9 +36,9 @@ TetrahedronCone MakeTetrahedronCone(const HapticCell& cell, int tetrahedron, std
   TetrahedronCone result;
   const auto& vertices = cell.parts.complex.vertices[tetrahedron];
   for (int n = 0; n < 4; ++n) {
-    if (!(mask >> vertices[n] & 1)) result.cone.Add(gradients.Inward(n));
+    if (!(mask >> vertices[n] & 1)) result.cone.Add(gradients.weight[n]);
   }
-  if (on_surface) result.surface_number = result.cone.Add(gradients.Down());
+  if (on_surface) result.surface_number = result.cone.Add(-gradients.density);
   return result;
 }
 
@@ -52,10 +54,10 @@ Candidate DirectionInside(const HapticSurface& surface, const Place& place, bool
   candidate.d_mm = w_mm;
   candidate.full = true;
   if (!on_surface) return candidate;
-  const Vec3 down = cell.Gradients(place.tetrahedron).Down();
-  const double into = down.dot(w_mm);
-  if (into >= 0.0) return candidate;
-  candidate.d_mm = w_mm - into * down;
+  const Vec3& gradient = cell.Gradients(place.tetrahedron).density;
+  const double into = gradient.dot(w_mm);
+  if (into <= 0.0) return candidate;
+  candidate.d_mm = w_mm - (into / gradient.squaredNorm()) * gradient;
   candidate.full = false;
   candidate.along_surface = true;
   return candidate;
@@ -104,10 +106,10 @@ class DirectionSearch {
     HapticCell& cell = cache_.Decomposed(surface_, index);
     const Carrier carrier = CarrierIn(cell, place_, offset, faces);
     const std::uint16_t mask = carrier.Mask();
-    const TetrahedralComplex& complex = cell.parts.complex;
     bool found = false;
-    for (int t = 0; t < complex.tetrahedron_count && !best_.full; ++t) {
-      if ((complex.vertex_mask[t] & mask) != mask) continue;
+    for (std::uint32_t left = TetrahedraAt(cell.parts.complex, carrier); left && !best_.full;
+         left &= left - 1) {
+      const int t = std::countr_zero(left);
       ++tetrahedra_;
       const TetrahedronCone tangent =
           MakeTetrahedronCone(cell, t, mask, cell.Gradients(t), on_surface_);
@@ -172,9 +174,9 @@ Candidate SteepestDescent(const HapticSurface& surface, const Place& place,
     candidate.kind = Candidate::Kind::kTetrahedron;
     candidate.carrier = CarrierIn(cell, place, offset, candidate.faces);
     const std::uint16_t mask = candidate.carrier.Mask();
-    const TetrahedralComplex& complex = cell.parts.complex;
-    for (int t = 0; t < complex.tetrahedron_count; ++t) {
-      if ((complex.vertex_mask[t] & mask) != mask) continue;
+    for (std::uint32_t left = TetrahedraAt(cell.parts.complex, candidate.carrier); left;
+         left &= left - 1) {
+      const int t = std::countr_zero(left);
       const TetrahedronGradients& gradients = cell.Gradients(t);
       const TetrahedronCone tangent = MakeTetrahedronCone(cell, t, mask, gradients, false);
       const Vec3 d = ProjectOnCone(-gradients.density, tangent.cone).d;

@@ -9,8 +9,8 @@ namespace {
 
 // Nearest free vertex on the shell of a given Chebyshev radius; its distance is
 // infinite where there is none.
-double NearestOnShell(const HapticSurface& surface, const Vec3i& cell, const Vec3& from_I, int radius,
-                      Vec3i& nearest) noexcept {
+double NearestOnShell(const HapticSurface& surface, const Vec3i& cell, const Vec3& from_I,
+                      int radius, Vec3i& nearest) noexcept {
   double best = std::numeric_limits<double>::infinity();
   for (int x = -radius; x <= radius; ++x) {
     for (int y = -radius; y <= radius; ++y) {

@@ -11,7 +11,6 @@
 // Threads: plain values. Ownership: borrows the snapshot.
 #pragma once
 
-#include <array>
 #include <cstdint>
 
 #include "common/geometry/geometry.h"
@@ -31,8 +30,6 @@ struct HapticSurface {
   // Changes whenever anything but the isovalue and the side does.
   std::uint64_t geometry_revision = 0;
 
-  // Unit normals, in D, of the lattice planes of each axis, upwards.
-  std::array<Vec3, 3> lattice_normal{Vec3::UnitX(), Vec3::UnitY(), Vec3::UnitZ()};
   // Shortest edge of a voxel in D: the scale that tolerances refer to.
   double voxel_mm = 1.0;
   double longest_voxel_mm = 1.0;
@@ -72,9 +69,6 @@ inline HapticSurface MakeHapticSurface(const VolumeSnapshot& volume, const Affin
   surface.X_DI = X_DI;
   surface.X_ID = X_DI.Inverse();
   surface.geometry_revision = geometry_revision;
-  for (int axis = 0; axis < 3; ++axis) {
-    surface.lattice_normal[axis] = surface.X_ID.linear.row(axis).normalized();
-  }
   surface.voxel_mm = X_DI.linear.colwise().norm().minCoeff();
   surface.longest_voxel_mm = X_DI.linear.colwise().norm().maxCoeff();
   return surface;

@@ -52,9 +52,11 @@ MoveEnd MoveInTetrahedron(const HapticSurface& surface, const Candidate& candida
   }
   if (candidate.carrier.count < 4) {
     // Along a face the rate is 0 but for rounding, which must not leave the face.
-    const double along_face = kAlongFaceTolerance * candidate.d_mm.norm();
+    const double along2 = kAlongFaceTolerance * kAlongFaceTolerance * candidate.d_mm.squaredNorm();
     for (int n = 0; n < 4; ++n) {
-      if (weight[n] == 0.0 && rate[n] * gradients.weight_inverse[n] < along_face) rate[n] = 0.0;
+      const bool along =
+          rate[n] < 0.0 || rate[n] * rate[n] < along2 * gradients.weight[n].squaredNorm();
+      if (weight[n] == 0.0 && along) rate[n] = 0.0;
     }
   }
   double end = 1.0;

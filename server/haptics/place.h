@@ -76,6 +76,13 @@ double DensityAt(const HapticCell& cell, const Carrier& carrier);
 // Local index coordinates of the point, exact on the faces that hold it.
 Vec3 LocalPosition(const HapticCell& cell, const Carrier& carrier);
 
+// The tetrahedra that have the whole simplex: bit t, tetrahedron t.
+inline std::uint32_t TetrahedraAt(const TetrahedralComplex& complex, const Carrier& carrier) {
+  std::uint32_t tetrahedra = ~std::uint32_t{0};
+  for (int n = 0; n < carrier.count; ++n) tetrahedra &= complex.tetrahedra_at[carrier.vertex[n]];
+  return tetrahedra;
+}
+
 // Faces that hold the whole simplex.
 std::uint8_t FacesOf(const Carrier& carrier);
 

@@ -1,6 +1,7 @@
 #include "server/haptics/proxy.h"
 
 #include <algorithm>
+#include <bit>
 
 #include "server/haptics/eject.h"
 #include "server/haptics/moves.h"
@@ -127,11 +128,10 @@ void Advance(const HapticSurface& surface, const Vec3& p_DHip_mm, Proxy& proxy, 
 // The facet of H through a proxy that rests on it without load.
 Vec3 FacetNormal(const HapticSurface& surface, const Proxy& proxy, CellCache& cache) noexcept {
   HapticCell& cell = cache.Decomposed(surface, proxy.place.cell);
-  const std::uint16_t mask = proxy.place.carrier.Mask();
-  for (int t = 0; t < cell.parts.complex.tetrahedron_count; ++t) {
-    if ((cell.parts.complex.vertex_mask[t] & mask) != mask) continue;
-    const Vec3 down = cell.Gradients(t).Down();
-    if (!down.isZero(0.0)) return down;
+  for (std::uint32_t left = TetrahedraAt(cell.parts.complex, proxy.place.carrier); left;
+       left &= left - 1) {
+    const Vec3& gradient = cell.Gradients(std::countr_zero(left)).density;
+    if (!gradient.isZero(0.0)) return -gradient.normalized();
   }
   return Vec3::Zero();
 }
@@ -148,8 +148,7 @@ ProxyStep StepProxy(const HapticSurface& surface, const Vec3& p_DHip_mm, double 
   }
   Advance(surface, p_DHip_mm, proxy, cache, step);
   step.p_DH_mm = proxy.p_DH_mm = PlacePosition(surface, proxy.place, cache);
-  step.density =
-      ReportedDensity(surface, proxy.place, PlaceDensity(surface, proxy.place, cache));
+  step.density = ReportedDensity(surface, proxy.place, PlaceDensity(surface, proxy.place, cache));
   if (proxy.on_surface) {
     const Vec3 push = step.p_DH_mm - p_DHip_mm;
     step.normal_D = push.norm() > kRestTolerancePerVoxel * surface.voxel_mm

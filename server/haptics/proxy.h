@@ -61,7 +61,7 @@ struct ProxyStep {
   ProxyMode mode = ProxyMode::kFree;
   double density = 0.0;  // normalised, not felt; trilinear in a cell that τ does not cross
   int moves = 0;
-  int tetrahedra = 0;  // tangent cones looked at
+  int tetrahedra = 0;   // tangent cones looked at
   bool capped = false;  // the bound on moves bit, or rounding allowed no further move
 };
 

@@ -52,8 +52,7 @@ HapticOutput StepRenderer(const HapticSurface& surface, const HapticSettings& se
                                     : kMaxHipMm;
   output.proxy = StepProxy(surface, state.p_DHip_mm, eject_limit_mm, state.proxy, state.cache);
   if (state.proxy.on_surface) {
-    output.spring_D_n =
-        settings.stiffness_n_per_mm * (output.proxy.p_DH_mm - state.p_DHip_mm);
+    output.spring_D_n = settings.stiffness_n_per_mm * (output.proxy.p_DH_mm - state.p_DHip_mm);
     output.force_D_n = ContactForce(settings, output.proxy, state);
     output.visual = FindVisualProxy(surface, state.proxy.place, output.proxy.normal_D, state.cache);
   }

@@ -1,6 +1,7 @@
 #include "server/haptics/visual_proxy.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <limits>
 
@@ -18,6 +19,7 @@ constexpr double kRootTolerance = 1e-10;
 // Unit normals whose mean is shorter than this cancel out.
 constexpr double kNoDirection = 1e-6;
 constexpr int kMaxRefinements = 80;
+constexpr int kMaxQuickSteps = 6;
 constexpr int kMaxCells = 24;
 
 // Covector of the index frame as a direction in D.
@@ -80,6 +82,7 @@ Vec3 InterpolatedNormal(const SurfacePiece& piece, const Vec3& local) {
     best = weights.minCoeff();
     const Vec3 w = weights.cwiseMax(0.0).cwiseMin(1.0);
     best_normal = w[0] * a.normal_D + w[1] * b.normal_D + w[2] * c.normal_D;
+    if (best >= 0.0) break;
   }
   return best_normal;
 }
@@ -87,16 +90,15 @@ Vec3 InterpolatedNormal(const SurfacePiece& piece, const Vec3& local) {
 // n_E at the proxy; the facet's own normal where the interpolated one vanishes.
 Vec3 LineDirection(const HapticSurface& surface, const Place& place, const Vec3& local,
                    HapticCell& cell) {
-  const std::uint16_t mask = place.carrier.Mask();
-  const TetrahedralComplex& complex = cell.parts.complex;
   Vec3 facet = Vec3::Zero();
-  for (int t = 0; t < complex.tetrahedron_count; ++t) {
-    if ((complex.vertex_mask[t] & mask) != mask) continue;
+  for (std::uint32_t left = TetrahedraAt(cell.parts.complex, place.carrier); left;
+       left &= left - 1) {
+    const int t = std::countr_zero(left);
     const SurfacePiece& piece = PieceIn(surface, cell, t);
     if (piece.count < 3) continue;
     const Vec3 normal = InterpolatedNormal(piece, local);
     if (normal.allFinite() && normal.norm() > kNoDirection) return normal.normalized();
-    facet = cell.Gradients(t).Down();
+    facet = -cell.Gradients(t).density;
   }
   return facet.norm() > 0.0 ? Vec3(facet.normalized()) : facet;
 }
@@ -204,15 +206,43 @@ Root FollowLine(const HapticSurface& surface, Vec3i cell, Vec3 p_I, const Vec3& 
 
 struct Start {
   Vec3i cell;
-  Vec3 p_I;
+  Vec3 p_I, local;
+  Trilinear f;
   double excess;  // F - τ there
 };
+
+// The usual case: the nearest root is in SCP_H's own cell, and F is monotone as far
+// as it on both sides, so that no other is nearer. Negative s: none found so.
+Root NearbyRoot(const HapticSurface& surface, const Start& start, const Vec3& u_I) {
+  const LineCubic cubic(start.f, start.local, u_I, surface.isovalue);
+  const double tolerance = kRootTolerance / u_I.norm();
+  Root root;
+  double s = 0.0;
+  for (int n = 0; n < kMaxQuickSteps; ++n) {
+    const double step = cubic(s) / cubic.Slope(s);
+    s -= step;
+    if (!(std::abs(step) > tolerance)) break;
+    if (n + 1 == kMaxQuickSteps) return root;
+  }
+  const double reach = std::abs(s);
+  const bool monotone =
+      std::abs(cubic.c1) > reach * (2.0 * std::abs(cubic.c2) + reach * 3.0 * std::abs(cubic.c3));
+  const Vec3 local = start.local + s * u_I;
+  // False for NaN.
+  if (!monotone || !((local.array() >= 0.0).all() && (local.array() <= 1.0).all())) return root;
+  root.s = reach;
+  root.p_I = start.p_I + s * u_I;
+  root.gradient_I = start.f.Gradient(local);
+  return root;
+}
 
 // Both ways along the line, first the way that F's value points to; the nearer
 // root.
 Root NearestRoot(const HapticSurface& surface, const Start& start, const Vec3& direction_D,
                  CellCache& cache) {
   Vec3 u_I = surface.X_ID.linear * direction_D;
+  const Root nearby = NearbyRoot(surface, start, u_I);
+  if (nearby.s >= 0.0) return nearby;
   if (start.excess < 0.0) u_I = -u_I;
   const double reach_mm = kVisualReachVoxels * surface.longest_voxel_mm;
   const Root first = FollowLine(surface, start.cell, start.p_I, u_I, reach_mm, cache);
@@ -261,8 +291,9 @@ VisualProxy FindVisualProxy(const HapticSurface& surface, const Place& place,
   VisualProxy visual;
   HapticCell& cell = cache.Decomposed(surface, place.cell);
   const Vec3 local = LocalPosition(cell, place.carrier);
-  const Start start{place.cell, place.cell.cast<double>() + local,
-                    Trilinear(cell.stored).Value(local) - surface.isovalue};
+  const Trilinear f(cell.stored);
+  const Start start{place.cell, place.cell.cast<double>() + local, local, f,
+                    f.Value(local) - surface.isovalue};
   const Vec3 n_E = LineDirection(surface, place, local, cell);
   Root root;
   if (!n_E.isZero()) root = NearestRoot(surface, start, n_E, cache);

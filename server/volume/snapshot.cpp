@@ -43,7 +43,7 @@ CellDensities VolumeSnapshot::StoredCell(const Vec3i& cell) const noexcept {
 }
 
 CellDensities VolumeSnapshot::WithTiesResolved(const CellDensities& stored,
-                                              const Vec3i& cell) noexcept {
+                                               const Vec3i& cell) noexcept {
   CellDensities d;
   for (int v = 0; v < 8; ++v) {
     const auto& o = kCornerOffset[v];
