@@ -1,7 +1,13 @@
 #include "server/haptics/renderer.h"
 
 #include <algorithm>
+#include <cmath>
 #include <numbers>
+#include <optional>
+
+#include "server/haptics/effects.h"
+#include "server/haptics/force_shading.h"
+#include "server/haptics/friction.h"
 
 namespace palpate {
 namespace {
@@ -23,17 +29,116 @@ void TrackHip(const Vec3& p_DHip_mm, double dt_s, RendererState& state) {
   state.has_hip = true;
 }
 
-// Spring to the proxy; the damper acts along the normal and never pulls inwards.
-Vec3 ContactForce(const HapticSettings& settings, const ProxyStep& step,
-                  const RendererState& state) {
-  const Vec3 push_mm = step.p_DH_mm - state.p_DHip_mm;
-  const double spring_n = settings.stiffness_n_per_mm * push_mm.norm();
-  const double mm_per_m = 1000.0;
-  const double damper_n =
-      -settings.damping_n_s_per_m / mm_per_m * state.velocity_mm_per_s.dot(step.normal_D);
-  // At most as much as the spring, so that the force stays continuous at contact.
-  return step.normal_D * (spring_n + std::clamp(damper_n, -spring_n, spring_n));
-}
+// One haptic update on its way.
+class Update {
+ public:
+  Update(const HapticSurface& surface, const HapticSettings& settings, double dt_s,
+         RendererState& state, HapticOutput& output)
+      : surface_(surface), settings_(settings), dt_s_(dt_s), state_(state), output_(output) {}
+
+  void Run() noexcept {
+    const bool moved = !IsSameSurface();
+    StepOnBothSides();
+    output_.force_D_n = LimitedForce(moved) + MagnetAndPop();
+    if (!state_.proxy.on_surface) return;
+    output_.visual =
+        FindVisualProxy(felt(), state_.proxy.place, output_.proxy.normal_D, state_.cache);
+  }
+
+ private:
+  bool IsSameSurface() const {
+    return state_.proxy.geometry_revision == surface_.geometry_revision &&
+           std::abs(state_.proxy.isovalue) == std::abs(surface_.isovalue);
+  }
+
+  // The side that the settings name, or after a pop the other one.
+  void ChooseSide() noexcept {
+    flipped_.reset();
+    if (state_.popped) flipped_ = surface_.Flipped();
+  }
+  const HapticSurface& felt() const { return flipped_ ? *flipped_ : surface_; }
+
+  void Step() noexcept {
+    const double eject_limit_mm = settings_.stiffness_n_per_mm > 0.0
+                                      ? kEjectForceLimitN / settings_.stiffness_n_per_mm
+                                      : kMaxHipMm;
+    output_.proxy = StepWithFriction(felt(), settings_, state_.p_DHip_mm, eject_limit_mm,
+                                     state_.proxy, state_.sticking, state_.cache);
+    output_.spring_D_n =
+        state_.proxy.on_surface
+            ? Vec3(settings_.stiffness_n_per_mm * (output_.proxy.p_DH_mm - state_.p_DHip_mm))
+            : Vec3::Zero();
+  }
+
+  void StepOnBothSides() noexcept {
+    const bool penetrable = settings_.pop_force_n > 0.0;
+    state_.popped = state_.popped && penetrable;
+    ChooseSide();
+    Step();
+    // Without a surface to hold it, the proxy is free on the side that the HIP is on.
+    const bool pops = penetrable && output_.spring_D_n.norm() > settings_.pop_force_n;
+    if (pops || (penetrable && state_.proxy.buried)) ChangeSide();
+    output_.popped = pops;
+    output_.free_side = felt().free_side;
+  }
+
+  void ChangeSide() noexcept {
+    const Vec3 before_D_n = output_.spring_D_n + state_.pop_fade * state_.pop_force_D_n;
+    const ProxyStep first = output_.proxy;
+    state_.popped = !state_.popped;
+    state_.proxy.buried = false;
+    ChooseSide();
+    Step();
+    output_.proxy.moves += first.moves;
+    output_.proxy.tetrahedra += first.tetrahedra;
+    state_.pop_force_D_n = before_D_n - output_.spring_D_n;
+    state_.pop_fade = 1.0;
+  }
+
+  Vec3 Normal() noexcept {
+    if (!settings_.force_shading) return output_.proxy.normal_D;
+    const Vec3 p_IH = PlaceIndexPosition(felt(), state_.proxy.place, state_.cache);
+    return ShadedNormal(felt(), p_IH, output_.proxy.normal_D);
+  }
+
+  // What acts against the hand, without what brings energy in by design.
+  Vec3 LimitedForce(bool surface_moved) noexcept {
+    Vec3 force = ViscousForce(settings_, state_.velocity_mm_per_s);
+    double depth_mm = 0.0;
+    if (state_.proxy.on_surface) {
+      force += ContactForce(settings_, output_.proxy, Normal(), output_.spring_D_n,
+                            state_.velocity_mm_per_s);
+      depth_mm = (output_.proxy.p_DH_mm - state_.p_DHip_mm).norm();
+    }
+    const double spring_mj = 0.5 * settings_.stiffness_n_per_mm * depth_mm * depth_mm;
+    const bool given =
+        surface_moved || output_.popped || output_.proxy.mode == ProxyMode::kEjecting;
+    const double budget_mj = given ? std::max(0.0, spring_mj - state_.spring_mj) : 0.0;
+    state_.spring_mj = spring_mj;
+    if (!settings_.passivity_control) {
+      if (state_.passivity.started) state_.passivity = PassivityState();
+      return force;
+    }
+    return LimitToPassive(force, settings_.stiffness_n_per_mm, depth_mm, state_.p_DHip_mm,
+                          budget_mj, dt_s_, state_.passivity);
+  }
+
+  Vec3 MagnetAndPop() noexcept {
+    Vec3 force = state_.pop_fade * state_.pop_force_D_n;
+    state_.pop_fade = std::max(0.0, state_.pop_fade - dt_s_ / kPopFadeS);
+    if (!state_.proxy.on_surface && !state_.proxy.buried) {
+      force += MagneticForce(felt(), settings_, state_.p_DHip_mm, state_.cache);
+    }
+    return force;
+  }
+
+  const HapticSurface& surface_;
+  const HapticSettings& settings_;
+  const double dt_s_;
+  RendererState& state_;
+  HapticOutput& output_;
+  std::optional<HapticSurface> flipped_;
+};
 
 }  // namespace
 
@@ -47,15 +152,7 @@ HapticOutput StepRenderer(const HapticSurface& surface, const HapticSettings& se
     if (!state.has_hip) return output;
   }
   output.p_DHip_mm = state.p_DHip_mm;
-  const double eject_limit_mm = settings.stiffness_n_per_mm > 0.0
-                                    ? kEjectForceLimitN / settings.stiffness_n_per_mm
-                                    : kMaxHipMm;
-  output.proxy = StepProxy(surface, state.p_DHip_mm, eject_limit_mm, state.proxy, state.cache);
-  if (state.proxy.on_surface) {
-    output.spring_D_n = settings.stiffness_n_per_mm * (output.proxy.p_DH_mm - state.p_DHip_mm);
-    output.force_D_n = ContactForce(settings, output.proxy, state);
-    output.visual = FindVisualProxy(surface, state.proxy.place, output.proxy.normal_D, state.cache);
-  }
+  Update(surface, settings, dt_s, state, output).Run();
   return output;
 }
 

@@ -1,10 +1,19 @@
 // One haptic update: stylus position in, proxies and force out.
 //
+//   HIP -> proxy (with friction) -> spring -> shading -> damper and viscosity
+//       -> passivity control -> magnet, fading force of a pop -> force
+//
+// Penetrability: where the spring exceeds pop_force_n the proxy changes to the
+// other side of H, and moves on towards the HIP until it meets H again, now from
+// within. Every passage through H costs that force, inwards as outwards, as through
+// a membrane. The force of the moment fades out over kPopFadeS.
+//
 // Frame: D (mm, N). Threads: pure; one thread per state.
 // Real-time: no allocation, no locks; bounded by the bounds of the proxy.
 #pragma once
 
 #include "server/haptics/haptic_surface.h"
+#include "server/haptics/passivity.h"
 #include "server/haptics/proxy.h"
 #include "server/haptics/settings.h"
 #include "server/haptics/visual_proxy.h"
@@ -15,20 +24,30 @@ namespace palpate {
 // when the proxy is brought out of the object.
 inline constexpr double kEjectForceLimitN = 3.3;
 
+inline constexpr double kPopFadeS = 0.03;
+
 struct RendererState {
   Proxy proxy;
   CellCache cache;
   bool has_hip = false;
   Vec3 p_DHip_mm = Vec3::Zero();          // last accepted
   Vec3 velocity_mm_per_s = Vec3::Zero();  // of the HIP, low-passed
+  bool sticking = false;                  // friction holds the proxy
+  bool popped = false;                    // on the other side than the settings'
+  double spring_mj = 0.0;                 // that the spring held in the last step
+  Vec3 pop_force_D_n = Vec3::Zero();      // at the last pop
+  double pop_fade = 0.0;                  // share of it that is left
+  PassivityState passivity;
 };
 
 struct HapticOutput {
   Vec3 p_DHip_mm = Vec3::Zero();  // the HIP used: the last good one where the input was not finite
   ProxyStep proxy;
   VisualProxy visual;
-  Vec3 spring_D_n = Vec3::Zero();  // k (SCP_H - HIP)
-  Vec3 force_D_n = Vec3::Zero();   // with damping and effects; not limited yet
+  Vec3 spring_D_n = Vec3::Zero();         // k (SCP_H - HIP)
+  Vec3 force_D_n = Vec3::Zero();          // with damping and effects; not limited yet
+  FreeSide free_side = FreeSide::kBelow;  // of the proxy
+  bool popped = false;                    // in this step
   bool input_rejected = false;
 };
 

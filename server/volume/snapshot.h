@@ -51,7 +51,9 @@ class VolumeSnapshot {
     return WithTiesResolved(StoredCell(cell), cell);
   }
   static CellDensities WithTiesResolved(const CellDensities& stored, const Vec3i& cell) noexcept;
-  // Density of a lattice vertex, ties resolved; the background outside.
+  // Density of a lattice vertex, as stored and with ties resolved; the background
+  // outside.
+  double StoredVertex(const Vec3i& vertex) const noexcept;
   double ResolvedVertex(const Vec3i& vertex) const noexcept {
     return ResolvedDensity(StoredVertex(vertex), vertex.x(), vertex.y(), vertex.z());
   }
@@ -62,7 +64,6 @@ class VolumeSnapshot {
   }
 
  private:
-  double StoredVertex(const Vec3i& vertex) const noexcept;
   const float* Brick(int i, int j, int k) const noexcept {
     return bricks_[(static_cast<std::size_t>(i >> 3) * brick_count_y_ + (j >> 3)) * brick_count_z_ +
                    (k >> 3)];

@@ -251,8 +251,9 @@ void TortureGrid(std::mt19937_64& random, int levels, int steps, Torture& result
     isovalue = volume->StoredCell(Vec3i(1, 1, 1))[static_cast<std::size_t>(uniform(random) * 8)];
   }
   if (uniform(random) < 0.1) isovalue = uniform(random) < 0.5 ? 0.0 : 1.0;
+  const FreeSide side = uniform(random) < 0.7 ? FreeSide::kBelow : FreeSide::kAbove;
   const HapticSurface surface =
-      MakeHapticSurface(*volume, X_DI, isovalue, DecompositionMethod::kTpbcc, 1);
+      MakeHapticSurface(*volume, X_DI, isovalue, DecompositionMethod::kTpbcc, 1, side);
   static CellCache cache;
   cache = CellCache();
   Proxy proxy;
@@ -275,14 +276,20 @@ void TortureGrid(std::mt19937_64& random, int levels, int steps, Torture& result
     result.moves += step.moves;
     result.capped += step.capped;
     result.contacts += step.mode == ProxyMode::kConstrained;
-    result.fall_throughs += step.density > isovalue;
+    // From above τ, the stylus is out of reach of the surface where it starts.
+    if (proxy.buried) continue;
+    const bool outside = proxy.place.kind == Place::Kind::kOutside;
+    result.fall_throughs += !outside && surface.sign() * step.density > surface.isovalue;
     // Judged anew from the position alone.
     double density = 0.0;
     PlaceAt(surface, surface.X_ID.Apply(step.p_DH_mm), cache, density);
-    result.misplaced += density > isovalue + 1e-9;
-    if (!step.capped)
-      result.unrested += RestResidual(surface, hip, proxy, cache) > 1e-6 &&
-                         (hip - step.p_DH_mm).norm() > 1e-9 * mm;
+    result.misplaced += density > surface.isovalue + 1e-9;
+    if (step.capped) continue;
+    // The approach that is left, as a share of the way and in voxels: beyond the
+    // tolerances of the proxy by a margin.
+    const double residual = RestResidual(surface, hip, proxy, cache);
+    const double left_voxels = residual * (hip - step.p_DH_mm).norm() / surface.voxel_mm;
+    result.unrested += residual > 1e-6 && left_voxels > 1e-10;
   }
 }
 

@@ -1,0 +1,125 @@
+#include "server/haptics/nearest_point.h"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+
+namespace palpate {
+namespace {
+
+// The point of a segment that is nearest to the origin.
+Vec3 NearestOnSegment(const Vec3& a, const Vec3& b) {
+  const Vec3 along = b - a;
+  const double length2 = along.squaredNorm();
+  if (!(length2 > 0.0)) return a;
+  return a + std::clamp(-a.dot(along) / length2, 0.0, 1.0) * along;
+}
+
+// Likewise of a convex flat polygon with `count` corners in cyclic order.
+Vec3 NearestOnPolygon(const std::array<Vec3, 4>& corner, int count) {
+  Vec3 best = corner[0];
+  for (int n = 0; n < count; ++n) {
+    const Vec3 candidate = NearestOnSegment(corner[n], corner[(n + 1) % count]);
+    if (candidate.squaredNorm() < best.squaredNorm()) best = candidate;
+  }
+  const Vec3 normal = (corner[1] - corner[0]).cross(corner[2] - corner[0]);
+  const double length2 = normal.squaredNorm();
+  if (!(length2 > 0.0)) return best;
+  const Vec3 foot = normal * (normal.dot(corner[0]) / length2);
+  for (int n = 0; n < count; ++n) {
+    const Vec3& a = corner[n];
+    if (normal.dot((corner[(n + 1) % count] - a).cross(foot - a)) < 0.0) return best;
+  }
+  return foot;
+}
+
+// Keeps the nearest point to the origin `p_D` over the cells that it is shown.
+class NearestSearch {
+ public:
+  NearestSearch(const HapticSurface& surface, const Vec3& p_D, double reach_mm, CellCache& cache)
+      : surface_(surface), p_D_(p_D), best_mm_(reach_mm), cache_(cache) {}
+
+  double best_mm() const { return best_mm_; }
+  std::optional<Vec3> point() const { return point_; }
+
+  void Visit(const Vec3i& index) noexcept {
+    if (!surface_.volume->HasCell(index) || !MayBeCrossed(index)) return;
+    HapticCell& cell = cache_.Decomposed(surface_, index);
+    for (int t = 0; t < cell.parts.complex.tetrahedron_count; ++t) VisitTetrahedron(cell, t);
+  }
+
+ private:
+  // From the stored densities, which the resolved ones are a hair below: most cells
+  // are far from τ, and are left out before they cost more.
+  bool MayBeCrossed(const Vec3i& index) const noexcept {
+    const CellDensities d = surface_.Felt(surface_.volume->StoredCell(index));
+    const auto [low, high] = std::minmax_element(d.begin(), d.end());
+    return *low - kTieStep <= surface_.isovalue && surface_.isovalue < *high + kTieStep;
+  }
+
+  void VisitTetrahedron(const HapticCell& cell, int tetrahedron) noexcept {
+    std::array<int, 4> above{}, below{};
+    int above_count = 0, below_count = 0;
+    for (int v : cell.parts.complex.vertices[tetrahedron]) {
+      if (cell.parts.density[v] > surface_.isovalue) {
+        above[above_count++] = v;
+      } else {
+        below[below_count++] = v;
+      }
+    }
+    std::array<Vec3, 4> corner;
+    int count = 0;
+    for (int a = 0; a < above_count; ++a) {
+      for (int n = 0; n < below_count; ++n) {
+        // Every second round backwards keeps the order cyclic.
+        const int low = below[a % 2 == 0 ? n : below_count - 1 - n], high = above[a];
+        const double t = (surface_.isovalue - cell.parts.density[low]) /
+                         (cell.parts.density[high] - cell.parts.density[low]);
+        corner[count++] = cell.origin_mm - p_D_ + cell.vertex_mm[low] +
+                          t * (cell.vertex_mm[high] - cell.vertex_mm[low]);
+      }
+    }
+    if (count < 3) return;
+    const Vec3 nearest = NearestOnPolygon(corner, count);
+    if (!(nearest.norm() < best_mm_)) return;
+    best_mm_ = nearest.norm();
+    point_ = p_D_ + nearest;
+  }
+
+  const HapticSurface& surface_;
+  const Vec3 p_D_;
+  double best_mm_;
+  CellCache& cache_;
+  std::optional<Vec3> point_;
+};
+
+void VisitShell(const Vec3i& middle, int radius, NearestSearch& search) noexcept {
+  for (int x = -radius; x <= radius; ++x) {
+    for (int y = -radius; y <= radius; ++y) {
+      const bool side = std::max(std::abs(x), std::abs(y)) == radius;
+      for (int z = -radius; z <= radius; z += side || radius == 0 ? 1 : 2 * radius) {
+        search.Visit(middle + Vec3i(x, y, z));
+      }
+    }
+  }
+}
+
+}  // namespace
+
+std::optional<Vec3> NearestPointOnSurface(const HapticSurface& surface, const Vec3& p_D,
+                                          double reach_mm, CellCache& cache) noexcept {
+  const Vec3 p_I = surface.X_ID.Apply(p_D);
+  if (!(p_I.cwiseAbs().maxCoeff() < 1e9)) return std::nullopt;
+  const Vec3i middle = p_I.array().floor().cast<int>();
+  // Lattice planes are this far apart at least.
+  const double plane_mm = 1.0 / surface.X_ID.linear.rowwise().norm().maxCoeff();
+  NearestSearch search(surface, p_D, std::min(reach_mm, kMaxNearestVoxels * plane_mm), cache);
+  for (int radius = 0; radius <= kMaxNearestVoxels + 1; ++radius) {
+    // All cells of the shell are this far from the middle cell.
+    if ((radius - 1) * plane_mm > search.best_mm()) break;
+    VisitShell(middle, radius, search);
+  }
+  return search.point();
+}
+
+}  // namespace palpate
