@@ -16,13 +16,14 @@ std::filesystem::path ImportProgramBesideThis() {
 
 std::shared_ptr<const VolumeSnapshot> LoadVolume(const std::string& source,
                                                  const std::filesystem::path& import_program,
-                                                 const StageProgress& progress) {
+                                                 const StageProgress& progress,
+                                                 const std::optional<Vec3>& spacing_mm) {
   const std::string absolute =
       IsBuiltin(source) ? source : std::filesystem::absolute(source).string();
   const VolumeLoader loader{.import_program = import_program};
   std::vector<std::string> warnings;
   const VolumeFile file = loader.Load(
-      absolute, std::nullopt,
+      absolute, spacing_mm,
       [&](std::string_view stage, double fraction) {
         if (progress) progress(stage, fraction);
       },

@@ -20,10 +20,11 @@ using StageProgress = std::function<void(std::string_view stage, double fraction
 std::filesystem::path ImportProgramBesideThis();
 
 // `source`: a path, relative ones too, or a builtin name. Warnings go to standard
-// error. `progress` may be empty.
+// error. `progress` may be empty. `spacing_mm`: instead of the volume's own.
 std::shared_ptr<const VolumeSnapshot> LoadVolume(const std::string& source,
                                                  const std::filesystem::path& import_program,
-                                                 const StageProgress& progress = {});
+                                                 const StageProgress& progress = {},
+                                                 const std::optional<Vec3>& spacing_mm = {});
 
 // The normalised form of exactly one of an isovalue in data units and a normalised
 // one; kInvalidArgument where it lies outside of the volume's range.
