@@ -2,7 +2,6 @@
 #pragma once
 
 #include <grpcpp/grpcpp.h>
-#include <stdlib.h>
 
 #include <csignal>
 #include <filesystem>
@@ -17,27 +16,9 @@
 #include "palpate/v1/render.grpc.pb.h"
 #include "palpate/v1/volume.grpc.pb.h"
 #include "tests/support/process.h"
+#include "tests/support/temporary_folder.h"
 
 namespace palpate::test {
-
-class TemporaryFolder {
- public:
-  TemporaryFolder() {
-    char name[] = "/tmp/palpate-test-XXXXXX";
-    if (!mkdtemp(name)) throw std::runtime_error("cannot make a temporary folder");
-    path_ = name;
-  }
-  ~TemporaryFolder() {
-    std::error_code ignored;
-    std::filesystem::remove_all(path_, ignored);
-  }
-  TemporaryFolder(const TemporaryFolder&) = delete;
-  TemporaryFolder& operator=(const TemporaryFolder&) = delete;
-  const std::filesystem::path& path() const { return path_; }
-
- private:
-  std::filesystem::path path_;
-};
 
 class Daemon {
  public:
