@@ -1,0 +1,79 @@
+// The decomposed volume evaluated afresh, to judge a proxy by: knows nothing of
+// the proxy's places, caches and moves.
+//
+// Which tetrahedra hold a point is told from its position alone. That is rounded,
+// so that a point within kHoldTolerance of a face counts as held by the
+// tetrahedra of both sides; the density is continuous there.
+//
+// Densities are normalised, not felt: on the side FreeSide::kAbove free is what is
+// not below τ. Beyond the padded lattice the density is 0.
+// Frame: I, voxel index.
+// Threads: one per object. Errors: none.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <unordered_map>
+#include <vector>
+
+#include "common/isosurface/decomposition.h"
+#include "server/haptics/haptic_surface.h"
+
+namespace palpate::lab {
+
+// Of barycentric weights, and of index coordinates next to the faces of a cell.
+inline constexpr double kHoldTolerance = 1e-9;
+
+struct FreshCell {
+  Decomposition parts;
+  bool crossed = false;  // by τ
+  bool free = false;     // as a whole
+};
+
+// A tetrahedron that holds a point, with the point's barycentric weights.
+struct Holder {
+  Vec3i cell = Vec3i::Zero();
+  int tetrahedron = 0;
+  std::array<double, 4> weight{};
+  double density = 0.0;
+};
+
+struct Holders {
+  std::vector<Holder> tetrahedra;
+  bool outside = false;  // beyond the padded lattice, or on its border
+
+  // Of the tetrahedron that the point is deepest in; 0 outside, NaN in a gap.
+  double Density() const;
+};
+
+class FreshCells {
+ public:
+  // Borrows the surface's volume.
+  explicit FreshCells(const HapticSurface& surface);
+
+  // Valid until Trim().
+  const FreshCell& At(const Vec3i& cell);
+  // Forgets cells where there are very many.
+  void Trim();
+
+  Holders HoldersOf(const Vec3& p_I);
+
+  const HapticSurface& surface() const { return surface_; }
+  bool HasCell(const Vec3i& cell) const { return surface_.volume->HasCell(cell); }
+  // Not felt.
+  double isovalue() const { return surface_.sign() * surface_.isovalue; }
+  // How far a density is inside the object; positive there.
+  double Inside(double density) const { return surface_.sign() * density - surface_.isovalue; }
+  bool IsFree(double density) const { return Inside(density) <= 0.0; }
+  // A number for each cell of the padded lattice.
+  std::uint64_t KeyOf(const Vec3i& cell) const;
+
+ private:
+  HapticSurface surface_;
+  std::unordered_map<std::uint64_t, FreshCell> cells_;
+};
+
+// Corners of a tetrahedron of a cell, in I.
+std::array<Vec3, 4> CornersOf(const Vec3i& cell, const FreshCell& fresh, int tetrahedron);
+
+}  // namespace palpate::lab

@@ -1,0 +1,51 @@
+#include "server/lab/triangle_distance.h"
+
+#include <algorithm>
+
+namespace palpate::lab {
+namespace {
+
+double SquaredDistanceToSegment(const Vec3& p, const Vec3& a, const Vec3& b) {
+  const Vec3 along = b - a;
+  const double length = along.squaredNorm();
+  const double share = length > 0.0 ? std::clamp((p - a).dot(along) / length, 0.0, 1.0) : 0.0;
+  return (p - a - share * along).squaredNorm();
+}
+
+bool IsInside(const Vec3& p, const std::array<Vec3, 4>& corner) {
+  for (int n = 0; n < 4; ++n) {
+    const Vec3 &a = corner[(n + 1) % 4], &b = corner[(n + 2) % 4], &c = corner[(n + 3) % 4];
+    const Vec3 normal = (b - a).cross(c - a);
+    if (!((p - a).dot(normal) * (corner[n] - a).dot(normal) > 0.0)) return false;
+  }
+  return true;
+}
+
+}  // namespace
+
+double SquaredDistanceToTriangle(const Vec3& p, const Vec3& a, const Vec3& b, const Vec3& c) {
+  // Of a sliver the foot is ill determined, but its edges are then as near.
+  double nearest = std::min({SquaredDistanceToSegment(p, a, b), SquaredDistanceToSegment(p, b, c),
+                             SquaredDistanceToSegment(p, c, a)});
+  const Vec3 u = b - a, v = c - a, w = p - a;
+  const double uu = u.dot(u), uv = u.dot(v), vv = v.dot(v), uw = u.dot(w), vw = v.dot(w);
+  const double determinant = uu * vv - uv * uv;
+  if (!(determinant > 0.0)) return nearest;
+  const double s = (vv * uw - uv * vw) / determinant, t = (uu * vw - uv * uw) / determinant;
+  if (s >= 0.0 && t >= 0.0 && s + t <= 1.0) {
+    nearest = std::min(nearest, (w - s * u - t * v).squaredNorm());
+  }
+  return nearest;
+}
+
+double SquaredDistanceToTetrahedron(const Vec3& p, const std::array<Vec3, 4>& corner) {
+  if (IsInside(p, corner)) return 0.0;
+  double nearest = SquaredDistanceToTriangle(p, corner[0], corner[1], corner[2]);
+  for (int n = 0; n < 3; ++n) {
+    nearest =
+        std::min(nearest, SquaredDistanceToTriangle(p, corner[n], corner[(n + 1) % 3], corner[3]));
+  }
+  return nearest;
+}
+
+}  // namespace palpate::lab
