@@ -1,0 +1,127 @@
+#include "server/lab/trajectory_file.h"
+
+#include <fmt/format.h>
+
+#include <array>
+#include <charconv>
+#include <cstdint>
+#include <fstream>
+#include <string>
+#include <string_view>
+
+#include "common/error/error.h"
+#include "server/volume/whole_file.h"
+
+namespace palpate::lab {
+namespace {
+
+constexpr std::array<std::array<std::string_view, 3>, 2> kHeaders = {
+    {{"x_mm", "y_mm", "z_mm"}, {"hip_x", "hip_y", "hip_z"}}};
+
+[[noreturn]] void Refuse(const std::filesystem::path& file, std::uint64_t line_number,
+                         const std::string& what) {
+  throw Error(ErrorKind::kInvalidArgument,
+              fmt::format("{}: line {}: {}", file.string(), line_number, what));
+}
+
+std::string_view Trim(std::string_view text) {
+  constexpr std::string_view kBlanks = " \t\r";
+  const std::size_t first = text.find_first_not_of(kBlanks);
+  if (first == std::string_view::npos) return {};
+  return text.substr(first, text.find_last_not_of(kBlanks) - first + 1);
+}
+
+std::vector<std::string_view> Split(std::string_view line) {
+  std::vector<std::string_view> fields;
+  for (;;) {
+    const std::size_t comma = line.find(',');
+    fields.push_back(Trim(line.substr(0, comma)));
+    if (comma == std::string_view::npos) return fields;
+    line.remove_prefix(comma + 1);
+  }
+}
+
+// Columns of x, y and z.
+std::array<std::size_t, 3> FindColumns(const std::filesystem::path& file, std::string_view line) {
+  const std::vector<std::string_view> names = Split(line);
+  for (const auto& header : kHeaders) {
+    std::array<std::size_t, 3> columns{};
+    int found = 0;
+    for (std::size_t n = 0; n < names.size(); ++n) {
+      for (int axis = 0; axis < 3; ++axis) {
+        if (names[n] == header[axis]) columns[axis] = n, ++found;
+      }
+    }
+    if (found == 3) return columns;
+  }
+  Refuse(file, 1, "a header with the columns x_mm,y_mm,z_mm is needed");
+}
+
+double ParseNumber(const std::filesystem::path& file, std::uint64_t line_number,
+                   std::string_view field) {
+  const std::string_view digits =
+      field.starts_with('+') && field.size() > 1 ? field.substr(1) : field;
+  double number = 0.0;
+  const auto [stop, status] = std::from_chars(digits.data(), digits.data() + digits.size(), number);
+  if (status != std::errc() || stop != digits.data() + digits.size()) {
+    Refuse(file, line_number, fmt::format("'{}' is no number", field));
+  }
+  return number;
+}
+
+}  // namespace
+
+std::vector<Vec3> ReadTrajectory(const std::filesystem::path& file) {
+  std::ifstream in(file);
+  if (!in || !std::filesystem::is_regular_file(file)) {
+    throw Error(ErrorKind::kNotFound, file.string() + ": no such file, or it cannot be read");
+  }
+  std::string line;
+  std::getline(in, line);
+  const std::array<std::size_t, 3> columns = FindColumns(file, line);
+  std::vector<Vec3> hips_mm;
+  for (std::uint64_t line_number = 2; std::getline(in, line); ++line_number) {
+    if (Trim(line).empty()) continue;
+    const std::vector<std::string_view> fields = Split(line);
+    Vec3 hip_mm;
+    for (int axis = 0; axis < 3; ++axis) {
+      if (columns[axis] >= fields.size()) Refuse(file, line_number, "a column is missing");
+      hip_mm[axis] = ParseNumber(file, line_number, fields[columns[axis]]);
+    }
+    hips_mm.push_back(hip_mm);
+  }
+  if (in.bad()) throw Error(ErrorKind::kUnavailable, file.string() + ": cannot be read to its end");
+  if (hips_mm.empty()) Refuse(file, 2, "a position is needed; there is none");
+  return hips_mm;
+}
+
+void WriteTrajectory(const std::filesystem::path& file, const std::vector<Vec3>& hips_mm) {
+  std::string text = "x_mm,y_mm,z_mm\n";
+  for (const Vec3& hip : hips_mm) {
+    fmt::format_to(std::back_inserter(text), "{},{},{}\n", hip.x(), hip.y(), hip.z());
+  }
+  WriteText(file, text);
+}
+
+void CheckOutputFile(const std::filesystem::path& file) {
+  const std::filesystem::path folder = file.parent_path();
+  if (!folder.empty() && !std::filesystem::is_directory(folder)) {
+    throw Error(ErrorKind::kNotFound, folder.string() + ": there is no such folder to write to");
+  }
+  if (std::filesystem::exists(file) && !std::filesystem::is_regular_file(file)) {
+    throw Error(ErrorKind::kInvalidArgument,
+                file.string() + ": is no file; give one that can be replaced");
+  }
+}
+
+void WriteText(const std::filesystem::path& file, const std::string& text) {
+  WriteWhole(file, [&](const std::filesystem::path& partial) {
+    std::ofstream out;
+    out.exceptions(std::ios::failbit | std::ios::badbit);
+    out.open(partial, std::ios::binary);
+    out.write(text.data(), static_cast<std::streamsize>(text.size()));
+    out.close();
+  });
+}
+
+}  // namespace palpate::lab
