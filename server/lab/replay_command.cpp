@@ -1,0 +1,89 @@
+#include "server/lab/replay_command.h"
+
+#include <fmt/format.h>
+
+#include <ostream>
+
+#include "common/error/error.h"
+#include "server/lab/mesh.h"
+#include "server/lab/setting_arguments.h"
+#include "server/lab/trajectory.h"
+#include "server/lab/trajectory_file.h"
+#include "server/lab/triangle_grid.h"
+#include "server/volume/volume_file.h"
+
+namespace palpate::lab {
+namespace {
+
+std::optional<Vec3> ParseSpacing(const std::vector<double>& numbers) {
+  if (numbers.empty()) return std::nullopt;
+  for (double number : numbers) {
+    if (number >= kLeastSpacingMm && number <= kGreatestSpacingMm) continue;
+    throw Error(ErrorKind::kInvalidArgument,
+                fmt::format("spacing {}: give it in mm, from {} to {}", number, kLeastSpacingMm,
+                            kGreatestSpacingMm));
+  }
+  if (numbers.size() == 1) return Vec3::Constant(numbers[0]);
+  if (numbers.size() == 3) return Vec3(numbers[0], numbers[1], numbers[2]);
+  throw Error(ErrorKind::kInvalidArgument, "give the spacing as one number or three, in mm");
+}
+
+HapticSettings ParseSettings(const ReplayOptions& options) {
+  HapticSettings settings;
+  for (const std::string& argument : options.settings) ApplySetting(argument, settings);
+  if (options.stiffness_n_per_mm) {
+    ApplySetting(fmt::format("stiffness_n_per_mm={}", *options.stiffness_n_per_mm), settings);
+  }
+  return settings;
+}
+
+}  // namespace
+
+LoadedSurface LoadSurface(const SurfaceOptions& options) {
+  const std::optional<Vec3> spacing_mm = ParseSpacing(options.spacing_mm);
+  LoadedSurface loaded;
+  loaded.volume = LoadVolume(options.volume, options.import_program, {}, spacing_mm);
+  const std::optional<double> isovalue = options.isovalue;
+  loaded.isovalue = options.normalized ? ChooseIsovalue(*loaded.volume, std::nullopt, isovalue)
+                                       : ChooseIsovalue(*loaded.volume, isovalue, std::nullopt);
+  return loaded;
+}
+
+JudgedReplay ReplayAndJudge(const LoadedSurface& loaded, DecompositionMethod method,
+                            const HapticSettings& settings, const std::vector<Vec3>& hips_mm,
+                            int passes) {
+  const VolumeSnapshot& volume = *loaded.volume;
+  const AffineMap X_DI = volume.metadata().WorldFromIndex();
+  const HapticSurface surface =
+      MakeHapticSurface(volume, X_DI, loaded.isovalue, method, 1, settings.free_side);
+  JudgedReplay judged;
+  judged.ticks = Replay(surface, settings, hips_mm, passes);
+  const TriangleGrid triangles(ExtractSurface(volume, loaded.isovalue, method, PaddedCells(volume)),
+                               X_DI);
+  judged.summary = Summarise(judged.ticks, JudgeReplay(surface, settings, triangles, judged.ticks));
+  return judged;
+}
+
+void RunReplay(const ReplayOptions& options, std::ostream& out) {
+  const HapticSettings settings = ParseSettings(options);
+  CheckOutputFile(options.output);
+  const std::vector<Vec3> hips_mm = ReadTrajectory(options.trajectory);
+  const JudgedReplay judged =
+      ReplayAndJudge(LoadSurface(options.surface), *MethodNamed(options.method), settings, hips_mm,
+                     options.passes);
+  WriteText(options.output, ToCsv(judged.ticks, judged.summary.verdict.density));
+  out << ToJson(judged.summary) << "\n";
+}
+
+void RunTrajectory(const TrajectoryOptions& options) {
+  CheckOutputFile(options.output);
+  const LoadedSurface loaded = LoadSurface(options.surface);
+  const TrajectoryRequest request{.kind = *TrajectoryNamed(options.kind),
+                                  .isovalue = loaded.isovalue,
+                                  .speed_cm_per_s = options.speed_cm_per_s,
+                                  .ticks = options.ticks,
+                                  .seed = options.seed};
+  WriteTrajectory(options.output, MakeTrajectory(*loaded.volume, request));
+}
+
+}  // namespace palpate::lab

@@ -1,0 +1,60 @@
+#include "server/lab/setting_arguments.h"
+
+#include <fmt/format.h>
+
+#include <charconv>
+#include <string_view>
+
+#include "common/error/error.h"
+
+namespace palpate::lab {
+namespace {
+
+[[noreturn]] void Refuse(const std::string& what) {
+  throw Error(ErrorKind::kInvalidArgument, what);
+}
+
+std::string KnownKeys() {
+  std::string keys;
+  for (const NumberSetting& setting : kNumberSettings) keys += fmt::format("{}, ", setting.key);
+  for (const FlagSetting& setting : kFlagSettings) keys += fmt::format("{}, ", setting.key);
+  return keys + "free_side";
+}
+
+void SetNumber(const NumberSetting& setting, std::string_view value, HapticSettings& settings) {
+  double number = 0.0;
+  const auto [stop, status] = std::from_chars(value.data(), value.data() + value.size(), number);
+  const bool is_number = status == std::errc() && stop == value.data() + value.size();
+  if (!is_number || !(number >= setting.low && number <= setting.high)) {
+    Refuse(fmt::format("{}={}: give a number from {} to {}{}", setting.key, value, setting.low,
+                       setting.high, setting.unit));
+  }
+  settings.*setting.member = number;
+}
+
+void SetFlag(const FlagSetting& setting, std::string_view value, HapticSettings& settings) {
+  if (value != "true" && value != "false") {
+    Refuse(fmt::format("{}={}: give true or false", setting.key, value));
+  }
+  settings.*setting.member = value == "true";
+}
+
+}  // namespace
+
+void ApplySetting(const std::string& argument, HapticSettings& settings) {
+  const std::size_t equals = argument.find('=');
+  if (equals == std::string::npos) Refuse(argument + ": give a setting as key=value");
+  const std::string key = argument.substr(0, equals), value = argument.substr(equals + 1);
+  for (const NumberSetting& setting : kNumberSettings) {
+    if (key == setting.key) return SetNumber(setting, value, settings);
+  }
+  for (const FlagSetting& setting : kFlagSettings) {
+    if (key == setting.key) return SetFlag(setting, value, settings);
+  }
+  if (key != "free_side") Refuse(key + ": no such setting; there are " + KnownKeys());
+  const auto side = FreeSideNamed(value);
+  if (!side) Refuse(fmt::format("free_side={}: give below or above", value));
+  settings.free_side = *side;
+}
+
+}  // namespace palpate::lab

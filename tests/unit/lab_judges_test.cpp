@@ -1,0 +1,230 @@
+// What judges replays: distances, densities, ways and rest, held against cases that
+// can be told by hand, and against brute force. Every judge must also be able to
+// condemn.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <random>
+
+#include "server/lab/free_path.h"
+#include "server/lab/mesh.h"
+#include "server/lab/replay_judge.h"
+#include "server/lab/rest_judge.h"
+#include "server/lab/trajectory.h"
+#include "server/lab/triangle_distance.h"
+#include "tests/support/array_volume.h"
+
+namespace palpate::lab {
+namespace {
+
+constexpr auto kTpbcc = DecompositionMethod::kTpbcc;
+
+HapticSurface SurfaceOf(const VolumeSnapshot& volume, double isovalue,
+                        FreeSide side = FreeSide::kBelow) {
+  return MakeHapticSurface(volume, volume.metadata().WorldFromIndex(), isovalue, kTpbcc, 1, side);
+}
+
+// A wall of material at x = 4, one voxel thick, in a box of 9 voxels; `hole`: with
+// a way through in its middle.
+std::shared_ptr<const VolumeSnapshot> MakeWall(bool hole = false) {
+  return testing::MakeVolume(Vec3i::Constant(9), [=](int i, int j, int k) {
+    return i == 4 && !(hole && j == 4 && k == 4) ? 1.0 : 0.0;
+  });
+}
+
+TEST(LabTriangleDistance, IsThatToFacesEdgesAndCorners) {
+  const Vec3 a(0, 0, 0), b(2, 0, 0), c(0, 2, 0);
+  EXPECT_DOUBLE_EQ(SquaredDistanceToTriangle(Vec3(0.5, 0.5, 3), a, b, c), 9.0);
+  EXPECT_DOUBLE_EQ(SquaredDistanceToTriangle(Vec3(1, -2, 0), a, b, c), 4.0);
+  EXPECT_DOUBLE_EQ(SquaredDistanceToTriangle(Vec3(2, 2, 0), a, b, c), 2.0);
+  EXPECT_DOUBLE_EQ(SquaredDistanceToTriangle(Vec3(-3, -4, 0), a, b, c), 25.0);
+  // Degenerate ones are segments and points.
+  EXPECT_DOUBLE_EQ(SquaredDistanceToTriangle(Vec3(1, 1, 0), a, b, b), 1.0);
+  EXPECT_DOUBLE_EQ(SquaredDistanceToTriangle(Vec3(1, 1, 0), a, a, a), 2.0);
+}
+
+TEST(LabTriangleDistance, IsZeroInsideATetrahedron) {
+  const std::array<Vec3, 4> corner = {Vec3(0, 0, 0), Vec3(1, 0, 0), Vec3(0, 1, 0), Vec3(0, 0, 1)};
+  EXPECT_EQ(SquaredDistanceToTetrahedron(Vec3(0.2, 0.2, 0.2), corner), 0.0);
+  EXPECT_DOUBLE_EQ(SquaredDistanceToTetrahedron(Vec3(1, 1, 1), corner), 4.0 / 3.0);
+  EXPECT_DOUBLE_EQ(SquaredDistanceToTetrahedron(Vec3(0.2, 0.2, -0.5), corner), 0.25);
+}
+
+TEST(LabTriangleGrid, IsTheNearestOfAllTriangles) {
+  std::mt19937_64 random(5);
+  std::uniform_real_distribution<double> uniform(-6.0, 18.0), value(0.0, 1.0);
+  const auto volume =
+      testing::MakeVolume(Vec3i(12, 11, 9), [&](int, int, int) { return value(random); });
+  const SurfaceMesh mesh = ExtractSurface(*volume, 0.7, kTpbcc, PaddedCells(*volume));
+  ASSERT_GT(mesh.triangles.size(), 1000u);
+  AffineMap X_DI;
+  X_DI.linear << 0.3, 0.1, 0.0, 0.0, 2.0, 0.4, 0.2, 0.0, 0.9;
+  X_DI.translation = Vec3(7, -3, 11);
+  const TriangleGrid grid(mesh, X_DI);
+  for (int n = 0; n < 300; ++n) {
+    const Vec3 p_mm = X_DI.Apply(Vec3(uniform(random), uniform(random), uniform(random)));
+    double nearest = 1e300;
+    for (const auto& t : mesh.triangles) {
+      nearest = std::min(nearest, SquaredDistanceToTriangle(p_mm, X_DI.Apply(mesh.vertices[t[0]]),
+                                                            X_DI.Apply(mesh.vertices[t[1]]),
+                                                            X_DI.Apply(mesh.vertices[t[2]])));
+    }
+    EXPECT_EQ(grid.Distance(p_mm, 1e6), std::sqrt(nearest));
+    EXPECT_DOUBLE_EQ(grid.Distance(p_mm, 0.3), std::min(0.3, std::sqrt(nearest)));
+  }
+}
+
+TEST(LabFreshCells, DensityIsThatOfThePiecewiseLinearField) {
+  const auto volume =
+      testing::MakeVolume(Vec3i(5, 6, 7), [](int i, int j, int k) { return i + 2 * j + 3 * k; });
+  FreshCells cells(SurfaceOf(*volume, 0.5));
+  const auto density = [&](const Vec3& p_I) { return cells.HoldersOf(p_I).Density(); };
+  for (const Vec3& p :
+       {Vec3(1.25, 2.5, 3.125), Vec3(2, 3, 1), Vec3(0.5, 4, 5.9), Vec3(3.5, 1, 2)}) {
+    EXPECT_NEAR(volume->Denormalize(density(p)), p.dot(Vec3(1, 2, 3)), 1e-6) << p.transpose();
+  }
+  EXPECT_EQ(density(Vec3(-1.5, 2, 2)), 0.0);
+  EXPECT_EQ(density(Vec3(1e9, 2, 2)), 0.0);
+  // A lattice vertex is held by the tetrahedra of eight cells.
+  EXPECT_GE(cells.HoldersOf(Vec3(2, 3, 1)).tetrahedra.size(), 48u);
+}
+
+TEST(LabFreePath, EndsAtAWallAndGoesThroughAHole) {
+  const Vec3 before(3, 4, 4), behind(5, 4, 4);
+  for (bool hole : {false, true}) {
+    const auto volume = MakeWall(hole);
+    FreshCells cells(SurfaceOf(*volume, 0.5));
+    EXPECT_EQ(FindFreePath(cells, before, Vec3(2.2, 4.3, 3.9), Vec3(2, 4, 4)), FreePath::kFound);
+    EXPECT_EQ(FindFreePath(cells, before, behind, behind),
+              hole ? FreePath::kFound : FreePath::kNone);
+  }
+}
+
+TEST(LabFreePath, GoesRoundAWallOnlyWhereTheBallLets) {
+  const auto volume = MakeWall();
+  FreshCells cells(SurfaceOf(*volume, 0.5));
+  const Vec3 before(3, 4, 4), behind(5, 4, 4), far_away(30, 4, 4);
+  EXPECT_EQ(FindFreePath(cells, before, behind, far_away), FreePath::kFound);
+  EXPECT_EQ(FindFreePath(cells, before, far_away, far_away), FreePath::kFound);
+  EXPECT_EQ(FindFreePath(cells, before, behind, far_away, 3), FreePath::kUnchecked);
+}
+
+TEST(LabFreePath, OnTheOtherSideIsThroughTheMaterial) {
+  const auto volume = MakeWall();
+  FreshCells cells(SurfaceOf(*volume, 0.5, FreeSide::kAbove));
+  EXPECT_EQ(FindFreePath(cells, Vec3(4, 2, 2), Vec3(4, 6, 6), Vec3(4, 6, 6)), FreePath::kFound);
+  EXPECT_EQ(FindFreePath(cells, Vec3(4, 2, 2), Vec3(5.5, 6, 6), Vec3(5.5, 6, 6)), FreePath::kNone);
+  EXPECT_EQ(FindFreePath(cells, Vec3(4, 2, 2), Vec3(30, 6, 6), Vec3(30, 6, 6)), FreePath::kNone);
+}
+
+// Ticks of a real proxy that has met the wall, to be tampered with.
+class LabJudge : public ::testing::Test {
+ protected:
+  Verdict Judged() const {
+    const TriangleGrid triangles(ExtractSurface(*volume_, 0.5, kTpbcc, PaddedCells(*volume_)),
+                                 AffineMap{});
+    return JudgeReplay(surface_, settings_, triangles, ticks_);
+  }
+
+  std::shared_ptr<const VolumeSnapshot> volume_ = MakeWall();
+  HapticSurface surface_ = SurfaceOf(*volume_, 0.5);
+  HapticSettings settings_;
+  std::vector<ReplayTick> ticks_ =
+      Replay(surface_, settings_, {Vec3(3, 4, 4), Vec3(3.2, 4, 4), Vec3(3.8, 4, 4)}, 2);
+};
+
+TEST_F(LabJudge, FindsNothingWrongWithTheProxy) {
+  const Verdict v = Judged();
+  EXPECT_EQ(v.contact_ticks, 1);
+  EXPECT_EQ(v.fall_throughs, 0);
+  EXPECT_EQ(v.sticks, 0);
+  EXPECT_EQ(v.excess_force_ticks, 0);
+  EXPECT_EQ(v.unchecked_ticks, 0);
+  EXPECT_EQ(v.scp_v_ticks, 1);
+  EXPECT_EQ(v.scp_v_off_ticks, 0);
+  EXPECT_NEAR(v.density[2], 0.5, 1e-12);
+}
+
+TEST_F(LabJudge, CondemnsAProxyInTheWall) {
+  ticks_[2].output.proxy.p_DH_mm.x() += 1e-8;
+  EXPECT_EQ(Judged().fall_throughs, 1);
+  ticks_[2].output.proxy.mode = ProxyMode::kEjecting;
+  EXPECT_EQ(Judged().fall_throughs, 0);
+  EXPECT_EQ(Judged().ejecting_ticks, 1);
+}
+
+TEST_F(LabJudge, CondemnsAProxyThroughTheWall) {
+  ticks_[2].p_DHip_mm = ticks_[2].output.p_DHip_mm = ticks_[2].output.proxy.p_DH_mm = Vec3(5, 4, 4);
+  ticks_[2].output.spring_D_n = Vec3::Zero();
+  EXPECT_EQ(Judged().fall_throughs, 1);
+  EXPECT_EQ(Judged().sticks, 0);
+  settings_.pop_force_n = 1.0;
+  EXPECT_EQ(Judged().fall_throughs, std::nullopt);
+}
+
+TEST_F(LabJudge, CondemnsAProxyThatSticks) {
+  HapticOutput& output = ticks_[2].output;
+  output.p_DHip_mm.y() += 1e-3 * (output.p_DHip_mm - output.proxy.p_DH_mm).norm();
+  EXPECT_EQ(Judged().sticks, 0);  // by less than the tolerance
+  output.p_DHip_mm.y() += 0.1;
+  EXPECT_EQ(Judged().sticks, 1);
+  output.proxy.capped = true;
+  EXPECT_EQ(Judged().sticks, 0);
+  EXPECT_EQ(Judged().iteration_cap_hits, 1);
+  output.proxy.capped = false;
+  settings_.dynamic_friction = 0.1;
+  EXPECT_EQ(Judged().sticks, std::nullopt);
+  // Free, and not at the HIP.
+  settings_.dynamic_friction = 0.0;
+  ticks_[1].output.proxy.p_DH_mm.x() = 3.1;
+  EXPECT_EQ(Judged().sticks, 2);
+}
+
+TEST_F(LabJudge, CondemnsForceThatTheSurfaceDoesNotExplain) {
+  // 0.3 mm deep: 0.15 N are right, and up to 0.35 N pass.
+  ticks_[2].output.spring_D_n = Vec3(-0.349, 0, 0);
+  EXPECT_EQ(Judged().excess_force_ticks, 0);
+  ticks_[2].output.spring_D_n = Vec3(-0.351, 0, 0);
+  EXPECT_EQ(Judged().excess_force_ticks, 1);
+  EXPECT_EQ(Judged().excess_off_minimum_ticks, 0);
+  ticks_[2].output.p_DHip_mm.y() += 0.1;
+  EXPECT_EQ(Judged().excess_off_minimum_ticks, 1);
+}
+
+TEST_F(LabJudge, CondemnsAVisualProxyOffV) {
+  ticks_[2].output.visual.p_DV_mm.x() += 1e-5;
+  EXPECT_EQ(Judged().scp_v_off_ticks, 1);
+}
+
+// Byte volumes of few levels, with ties everywhere, felt from both sides.
+TEST(LabAttack, FindsNoFaultOnEitherSide) {
+  for (const FreeSide side : {FreeSide::kBelow, FreeSide::kAbove}) {
+    for (int levels : {2, 3, 256}) {
+      std::mt19937_64 random(static_cast<std::uint64_t>(levels));
+      const auto volume = testing::MakeVolume(Vec3i::Constant(12), [&](int, int, int) {
+        return static_cast<double>(random() % static_cast<std::uint64_t>(levels));
+      });
+      const double isovalue = 0.49;
+      const HapticSurface surface = SurfaceOf(*volume, isovalue, side);
+      const auto hips_mm =
+          MakeTrajectory(*volume, {.kind = TrajectoryKind::kRandom, .ticks = 2'500});
+      const TriangleGrid triangles(ExtractSurface(*volume, isovalue, kTpbcc, PaddedCells(*volume)),
+                                   surface.X_DI);
+      const Verdict v =
+          JudgeReplay(surface, HapticSettings{}, triangles, Replay(surface, {}, hips_mm, 1));
+      std::printf(
+          "side %d, %3d levels: contact %d, rejected %d, ejecting %d, unchecked %d, "
+          "capped %d, excess %d\n",
+          static_cast<int>(side), levels, v.contact_ticks, v.rejected_ticks, v.ejecting_ticks,
+          v.unchecked_ticks, v.iteration_cap_hits, v.excess_force_ticks);
+      EXPECT_EQ(v.fall_throughs, 0);
+      EXPECT_EQ(v.sticks, 0);
+      EXPECT_EQ(v.unchecked_ticks, 0);
+      EXPECT_GT(v.contact_ticks, 500);
+      EXPECT_GT(v.rejected_ticks, 0);
+    }
+  }
+}
+
+}  // namespace
+}  // namespace palpate::lab

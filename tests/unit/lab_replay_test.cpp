@@ -1,0 +1,211 @@
+// Trajectories, settings and reports of replays.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <functional>
+#include <limits>
+#include <sstream>
+
+#include "common/error/error.h"
+#include "server/lab/gbid.h"
+#include "server/lab/mesh.h"
+#include "server/lab/replay_command.h"
+#include "server/lab/setting_arguments.h"
+#include "server/lab/trajectory.h"
+#include "server/lab/trajectory_file.h"
+#include "server/lab/triangle_grid.h"
+#include "tests/support/temporary_folder.h"
+
+namespace palpate::lab {
+namespace {
+
+std::string Complaint(const std::function<void()>& call) {
+  try {
+    call();
+  } catch (const Error& error) {
+    return error.what();
+  }
+  return "accepted";
+}
+
+class LabTrajectoryFile : public ::testing::Test {
+ protected:
+  std::string Refusal(const std::string& text) {
+    std::ofstream(file_) << text;
+    return Complaint([&] { ReadTrajectory(file_); });
+  }
+
+  test::TemporaryFolder folder_;
+  std::filesystem::path file_ = folder_.path() / "t.csv";
+};
+
+TEST_F(LabTrajectoryFile, KeepsEveryBit) {
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  const std::vector<Vec3> hips = {Vec3(0.1, -1.0 / 3.0, 1e-300), Vec3(nan, 1, 2),
+                                  Vec3(1e308, -std::numeric_limits<double>::infinity(), -0.0)};
+  WriteTrajectory(file_, hips);
+  const std::vector<Vec3> read = ReadTrajectory(file_);
+  ASSERT_EQ(read.size(), hips.size());
+  EXPECT_EQ(read[0], hips[0]);
+  EXPECT_TRUE(std::isnan(read[1].x()));
+  EXPECT_EQ(read[2], hips[2]);
+}
+
+TEST_F(LabTrajectoryFile, TakesColumnsByName) {
+  std::ofstream(file_) << "tick, hip_y,hip_x ,hip_z,more\r\n0,2,1,+3,x\r\n\r\n1,5,4,6\n";
+  const std::vector<Vec3> read = ReadTrajectory(file_);
+  ASSERT_EQ(read.size(), 2u);
+  EXPECT_EQ(read[0], Vec3(1, 2, 3));
+  EXPECT_EQ(read[1], Vec3(4, 5, 6));
+}
+
+TEST_F(LabTrajectoryFile, NamesTheLineOfAnError) {
+  const auto contains = [&](const std::string& text, const char* what) {
+    const std::string refusal = Refusal(text);
+    EXPECT_NE(refusal.find(what), std::string::npos) << refusal;
+    EXPECT_EQ(refusal.find('\n'), std::string::npos);
+  };
+  contains("", "line 1: a header");
+  contains("1,2,3\n", "line 1: a header");
+  contains("x_mm,y_mm\n1,2\n", "line 1: a header");
+  contains("x_mm,y_mm,z_mm\n", "a position is needed");
+  contains("x_mm,y_mm,z_mm\n1,2,3\n\n1,2\n", "line 4: a column is missing");
+  contains("x_mm,y_mm,z_mm\n1,2,3mm\n", "line 2: '3mm' is no number");
+  contains("x_mm,y_mm,z_mm\n1,,3\n", "line 2: '' is no number");
+  EXPECT_NE(Complaint([&] { ReadTrajectory(folder_.path() / "none.csv"); }).find("no such file"),
+            std::string::npos);
+  EXPECT_NE(Complaint([&] { ReadTrajectory(folder_.path()); }).find("no such file"),
+            std::string::npos);
+}
+
+TEST_F(LabTrajectoryFile, OutputIsLookedAtBeforeTheWork) {
+  EXPECT_NE(Complaint([&] { CheckOutputFile("/no/such/folder/o.csv"); }).find("no such folder"),
+            std::string::npos);
+  EXPECT_NE(Complaint([&] { CheckOutputFile(folder_.path()); }).find("is no file"),
+            std::string::npos);
+  EXPECT_NE(Complaint([&] { CheckOutputFile("/dev/null"); }).find("is no file"), std::string::npos);
+  EXPECT_EQ(Complaint([&] { CheckOutputFile(file_); }), "accepted");
+}
+
+TEST(LabSettings, AreThoseOfTheRenderer) {
+  HapticSettings settings;
+  ApplySetting("damping_n_s_per_m=1.5", settings);
+  ApplySetting("force_shading=true", settings);
+  ApplySetting("free_side=above", settings);
+  EXPECT_EQ(settings.damping_n_s_per_m, 1.5);
+  EXPECT_TRUE(settings.force_shading);
+  EXPECT_EQ(settings.free_side, FreeSide::kAbove);
+}
+
+TEST(LabSettings, RefusesWhatTheyCannotBe) {
+  for (const char* argument :
+       {"damping_n_s_per_m", "damping_n_s_per_m=", "damping_n_s_per_m=1x", "damping_n_s_per_m=nan",
+        "damping_n_s_per_m=-1", "damping_n_s_per_m=5.1", "damping=1", "=1", "force_shading=1",
+        "free_side=left", "free_side="}) {
+    HapticSettings settings;
+    const std::string complaint = Complaint([&] { ApplySetting(argument, settings); });
+    EXPECT_NE(complaint, "accepted") << argument;
+    EXPECT_EQ(complaint.find('\n'), std::string::npos);
+  }
+  HapticSettings settings;
+  EXPECT_NE(Complaint([&] { ApplySetting("damping=1", settings); }).find("damping_n_s_per_m"),
+            std::string::npos);
+}
+
+LoadedSurface Bumps() {
+  return LoadSurface(
+      {.volume = "builtin:bumps:64", .isovalue = 0.5, .normalized = true, .spacing_mm = {0.5}});
+}
+
+TEST(LabTrajectory, SlidesLieInTheSurfaceAtTheirSpeed) {
+  const LoadedSurface bumps = Bumps();
+  const auto hips_mm = MakeTrajectory(*bumps.volume, {.isovalue = bumps.isovalue, .ticks = 3000});
+  const AffineMap X_WI = bumps.volume->metadata().WorldFromIndex(), X_IW = X_WI.Inverse();
+  const auto density = [&](const Vec3& p_mm) {
+    return SampleField(*bumps.volume, X_IW.Apply(p_mm)).value;
+  };
+  const TriangleGrid triangles(
+      ExtractSurface(*bumps.volume, bumps.isovalue, DecompositionMethod::kTpbcc,
+                     PaddedCells(*bumps.volume)),
+      X_WI);
+  EXPECT_LT(density(hips_mm[0]), bumps.isovalue);
+  double way_mm = 0.0, shallowest_mm = 10.0, deepest_mm = 0.0;
+  for (std::size_t n = 1000; n < hips_mm.size(); ++n) {
+    const double depth_mm = triangles.Distance(hips_mm[n], 10.0);
+    EXPECT_GT(density(hips_mm[n]), bumps.isovalue);
+    shallowest_mm = std::min(shallowest_mm, depth_mm);
+    deepest_mm = std::max(deepest_mm, depth_mm);
+    way_mm += (hips_mm[n] - hips_mm[n - 1]).norm();
+  }
+  EXPECT_NEAR(shallowest_mm, 0.8, 0.05);
+  EXPECT_NEAR(deepest_mm, 1.2, 0.05);
+  // 10 cm/s for 2 s, but longer or shorter below a curved surface.
+  EXPECT_GT(way_mm, 120.0);
+  EXPECT_LT(way_mm, 280.0);
+  EXPECT_EQ(hips_mm, MakeTrajectory(*bumps.volume, {.isovalue = bumps.isovalue, .ticks = 3000}));
+}
+
+TEST(LabTrajectory, RefusesASurfaceThatIsNotThere) {
+  const LoadedSurface bumps = Bumps();
+  EXPECT_NE(Complaint([&] { MakeTrajectory(*bumps.volume, {.isovalue = 0.0}); }).find("no place"),
+            std::string::npos);
+  EXPECT_NE(Complaint([&] { MakeTrajectory(*bumps.volume, {.ticks = 0}); }), "accepted");
+}
+
+// All but the last column.
+std::string WithoutTimes(const std::string& csv) {
+  std::istringstream in(csv);
+  std::string out;
+  for (std::string line; std::getline(in, line);) out += line.substr(0, line.rfind(',')) + "\n";
+  return out;
+}
+
+TEST(LabReplay, IsTheSameToTheByte) {
+  const LoadedSurface bumps = Bumps();
+  auto hips_mm = MakeTrajectory(*bumps.volume, {.isovalue = bumps.isovalue, .ticks = 2000});
+  const auto csv = [&](int passes) {
+    const JudgedReplay judged =
+        ReplayAndJudge(bumps, DecompositionMethod::kTpbcc, HapticSettings{}, hips_mm, passes);
+    return WithoutTimes(ToCsv(judged.ticks, judged.summary.verdict.density));
+  };
+  const std::string once = csv(1);
+  EXPECT_EQ(std::count(once.begin(), once.end(), '\n'), 2001);
+  EXPECT_EQ(once, csv(1));
+  EXPECT_EQ(once, csv(3));
+  hips_mm[1500].x() += 1e-9;
+  EXPECT_NE(once, csv(1));
+}
+
+TEST(LabReplay, CountsWhatIsNoPosition) {
+  const LoadedSurface bumps = Bumps();
+  const Vec3 nan = Vec3::Constant(std::numeric_limits<double>::quiet_NaN());
+  const JudgedReplay judged = ReplayAndJudge(bumps, DecompositionMethod::kTpbcc, HapticSettings{},
+                                             {nan, Vec3(1, 1, 1), -nan, Vec3(1, 1, 2)}, 1);
+  EXPECT_EQ(judged.summary.verdict.rejected_ticks, 2);
+  EXPECT_EQ(judged.summary.verdict.fall_throughs, 0);
+  const std::string csv = ToCsv(judged.ticks, judged.summary.verdict.density);
+  EXPECT_NE(csv.find("\n0,nan,nan,nan,nan,nan,nan,nan,nan,nan,0,0,0,0,0,nan,0,0,"),
+            std::string::npos)
+      << csv;
+  EXPECT_NE(csv.find("\n2,nan,nan,nan,1,1,1,"), std::string::npos) << csv;
+}
+
+TEST(LabReplay, SpacingIsOneNumberOrThree) {
+  const auto load = [](std::vector<double> spacing_mm) {
+    return LoadSurface({.volume = "builtin:sphere:16",
+                        .isovalue = 0.5,
+                        .normalized = true,
+                        .spacing_mm = std::move(spacing_mm)});
+  };
+  EXPECT_EQ(load({1, 2, 3}).volume->metadata().spacing_mm, Vec3(1, 2, 3));
+  EXPECT_EQ(load({0.25}).volume->metadata().spacing_mm, Vec3::Constant(0.25));
+  for (const auto& bad : std::vector<std::vector<double>>{{1, 2}, {0}, {-1}, {NAN}, {1e9}}) {
+    EXPECT_NE(Complaint([&] { load(bad); }), "accepted");
+  }
+}
+
+}  // namespace
+}  // namespace palpate::lab
