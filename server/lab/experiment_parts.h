@@ -8,6 +8,7 @@
 namespace palpate::lab {
 
 void PrintTable1(const ExperimentOptions& options, std::ostream& out);
+void PrintTable3(const ExperimentOptions& options, std::ostream& out);
 void PrintTable4(const ExperimentOptions& options, std::ostream& out);
 void PrintTopology(const ExperimentOptions& options, std::ostream& out);
 void PrintFigure9(const ExperimentOptions& options, std::ostream& out);

@@ -15,11 +15,9 @@ struct Experiment {
   void (*run)(const ExperimentOptions&, std::ostream&);
 };
 
-constexpr Experiment kExperiments[] = {{"table1", PrintTable1},
-                                       {"table4", PrintTable4},
-                                       {"figure9", PrintFigure9},
-                                       {"topology", PrintTopology},
-                                       {"figure11", PrintFigure11}};
+constexpr Experiment kExperiments[] = {{"table1", PrintTable1},     {"table3", PrintTable3},
+                                       {"table4", PrintTable4},     {"figure9", PrintFigure9},
+                                       {"topology", PrintTopology}, {"figure11", PrintFigure11}};
 
 }  // namespace
 

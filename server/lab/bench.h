@@ -1,0 +1,42 @@
+// palpate-lab bench: the fixed slides, judged and timed.
+//
+// 60 000 ticks each, 1.0 ± 0.2 mm below the surface at 0.5 N/mm, over volumes that
+// are made on the spot, so that the figures of two machines or versions compare.
+// Threads: the calling one; H is extracted on all cores. Errors: Error.
+#pragma once
+
+#include <array>
+#include <iosfwd>
+
+#include "server/lab/replay_command.h"
+
+namespace palpate::lab {
+
+struct FixedSlide {
+  const char* name;
+  const char* volume;  // builtin; isovalue ½
+  double spacing_mm;
+  double speed_cm_per_s;
+};
+
+inline constexpr std::array<FixedSlide, 8> kFixedSlides = {{
+    {"bumps_coarse_10", "builtin:bumps:128", 2.0, 10.0},
+    {"bumps_coarse_50", "builtin:bumps:128", 2.0, 50.0},
+    {"bumps_fine_10", "builtin:bumps:128", 1.0 / 3.0, 10.0},
+    {"bumps_fine_50", "builtin:bumps:128", 1.0 / 3.0, 50.0},
+    {"gyroid_coarse_10", "builtin:gyroid:128", 2.0, 10.0},
+    {"gyroid_coarse_50", "builtin:gyroid:128", 2.0, 50.0},
+    {"gyroid_fine_10", "builtin:gyroid:128", 1.0 / 3.0, 10.0},
+    {"gyroid_fine_50", "builtin:gyroid:128", 1.0 / 3.0, 50.0},
+}};
+
+ReplaySummary RunFixedSlide(const FixedSlide& slide, int passes);
+
+struct BenchOptions {
+  bool json = false;  // one object on one line, with an object per slide; else a table
+  int passes = 1;
+};
+
+void RunBench(const BenchOptions& options, std::ostream& out);
+
+}  // namespace palpate::lab
