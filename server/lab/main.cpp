@@ -8,10 +8,13 @@
 #include <vector>
 
 #include "common/error/error.h"
+#include "server/lab/bench.h"
 #include "server/lab/cells_command.h"
 #include "server/lab/experiments.h"
 #include "server/lab/load_volume.h"
 #include "server/lab/mesh_command.h"
+#include "server/lab/replay_command.h"
+#include "server/lab/trajectory.h"
 
 namespace palpate::lab {
 namespace {
@@ -21,6 +24,9 @@ struct Options {
   std::string volume;
   MeshOptions mesh;
   ExperimentOptions experiment;
+  ReplayOptions replay;
+  TrajectoryOptions trajectory;
+  BenchOptions bench;
 };
 
 // Beside the folder of the programs, in the build tree as when installed.
@@ -30,6 +36,7 @@ std::filesystem::path DefaultTable() {
 }
 
 const std::vector<std::string> kMethods(kMethodNames.begin(), kMethodNames.end());
+const std::vector<std::string> kTrajectories(kTrajectoryNames.begin(), kTrajectoryNames.end());
 
 CLI::App* AddCells(CLI::App& app, Options& options) {
   CLI::App* cells = app.add_subcommand(
@@ -87,8 +94,86 @@ CLI::App* AddExperiment(CLI::App& app, Options& options) {
       ->capture_default_str();
   experiment->add_option("--out", options.experiment.output_folder, "folder for the figures (SVG)")
       ->capture_default_str();
+  experiment
+      ->add_option("--data", options.experiment.data_folder,
+                   "folder of the volumes of `table3`: paper/daisy_192x180x168_uint8.nhdr, ...")
+      ->capture_default_str();
   experiment->footer("Example: palpate-lab experiment table4");
   return experiment;
+}
+
+void AddSurface(CLI::App& command, SurfaceOptions& options) {
+  command.add_option("--volume", options.volume, "volume file, DICOM folder or builtin name")
+      ->required();
+  command.add_option("--isovalue", options.isovalue, "isovalue in data units")->required();
+  command.add_flag("--normalized", options.normalized,
+                   "the isovalue is over the volume's range, 0 to 1");
+  command
+      .add_option("--spacing-mm", options.spacing_mm,
+                  "voxel spacing instead of the volume's own: one number, or one per axis")
+      ->expected(1, 3);
+}
+
+CLI::App* AddReplay(CLI::App& app, ReplayOptions& options) {
+  CLI::App* replay = app.add_subcommand(
+      "replay",
+      "Leads the renderer along a trajectory of the HIP, one position a millisecond in the\n"
+      "volume's world frame (mm), writes what is felt at every tick, and ends with a line of\n"
+      "JSON: what must not happen, counted, and times. Without the column update_ns the output\n"
+      "is the same on every run. Where friction or pops are set, what they defeat is not\n"
+      "judged: sticks, or sticks and fall_throughs, are null");
+  AddSurface(*replay, options.surface);
+  replay
+      ->add_option("--trajectory", options.trajectory,
+                   "CSV with the header x_mm,y_mm,z_mm, or the output of a replay")
+      ->required();
+  replay->add_option("--out", options.output, "CSV to write, a row per tick; mm, N")->required();
+  replay->add_option("--method", options.method, "decomposition")
+      ->check(CLI::IsMember(kMethods))
+      ->capture_default_str();
+  replay->add_option("--stiffness", options.stiffness_n_per_mm, "N/mm [0.5]");
+  replay
+      ->add_option("--passes", options.passes,
+                   "identical passes, of which the least time of each tick counts")
+      ->check(CLI::Range(1, 1000))
+      ->capture_default_str();
+  replay->add_option("--set", options.settings, "settings of the renderer, as key=value");
+  replay->footer(
+      "Example: palpate-lab replay --volume builtin:bumps --isovalue 0.5 --normalized \\\n"
+      "           --trajectory slide.csv --out felt.csv --set damping_n_s_per_m=1");
+  return replay;
+}
+
+CLI::App* AddTrajectory(CLI::App& app, TrajectoryOptions& options) {
+  CLI::App* trajectory = app.add_subcommand(
+      "trajectory", "Writes a trajectory over the surface of a volume, for replay");
+  AddSurface(*trajectory, options.surface);
+  trajectory
+      ->add_option("--kind", options.kind,
+                   "slide: 1 mm below the surface; freehand: now "
+                   "below, now above; random: an attack")
+      ->check(CLI::IsMember(kTrajectories))
+      ->capture_default_str();
+  trajectory->add_option("--speed-cm-per-s", options.speed_cm_per_s, "of slides")
+      ->check(CLI::Range(0.0, 1000.0))
+      ->capture_default_str();
+  trajectory->add_option("--ticks", options.ticks, "positions, one a millisecond")
+      ->check(CLI::Range(1, 100'000'000))
+      ->capture_default_str();
+  trajectory->add_option("--seed", options.seed, "another one gives another trajectory")
+      ->capture_default_str();
+  trajectory->add_option("--out", options.output, "CSV to write")->required();
+  return trajectory;
+}
+
+CLI::App* AddBench(CLI::App& app, BenchOptions& options) {
+  CLI::App* bench =
+      app.add_subcommand("bench", "Replays the fixed slides: counts and times, as a table");
+  bench->add_flag("--json", options.json, "one line of JSON instead");
+  bench->add_option("--passes", options.passes, "as of replay")
+      ->check(CLI::Range(1, 1000))
+      ->capture_default_str();
+  return bench;
 }
 
 void RunCells(const Options& options) {
@@ -99,13 +184,16 @@ void RunCells(const Options& options) {
 }
 
 int Run(int argc, char** argv) {
-  CLI::App app("palpate-lab: cells, meshes and experiments around the haptic isosurface");
+  CLI::App app("palpate-lab: cells, meshes, replays and experiments around the haptic isosurface");
   app.require_subcommand(1);
   app.set_version_flag("--version", "palpate-lab " PALPATE_VERSION);
   Options options;
   const CLI::App* cells = AddCells(app, options);
   const CLI::App* mesh = AddMesh(app, options);
   const CLI::App* experiment = AddExperiment(app, options);
+  const CLI::App* replay = AddReplay(app, options.replay);
+  const CLI::App* trajectory = AddTrajectory(app, options.trajectory);
+  const CLI::App* bench = AddBench(app, options.bench);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
@@ -114,6 +202,9 @@ int Run(int argc, char** argv) {
   try {
     if (cells->parsed()) RunCells(options);
     if (mesh->parsed()) RunMesh(options.mesh);
+    if (replay->parsed()) RunReplay(options.replay, std::cout);
+    if (trajectory->parsed()) RunTrajectory(options.trajectory);
+    if (bench->parsed()) RunBench(options.bench, std::cout);
     if (options.experiment.table.empty()) options.experiment.table = DefaultTable();
     if (experiment->parsed()) RunExperiment(options.experiment, std::cout);
     if (std::fflush(stdout) != 0 || !std::cout.flush()) {

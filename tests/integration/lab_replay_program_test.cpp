@@ -1,0 +1,219 @@
+// palpate-lab trajectory and replay as users run them, on a real volume: what is
+// written, that it holds against the program's own cells, and what is refused.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <sstream>
+
+#include "common/error/error.h"
+#include "server/lab/load_volume.h"
+#include "tests/support/data_folder.h"
+#include "tests/support/process.h"
+#include "tests/support/temporary_folder.h"
+
+namespace palpate::lab {
+namespace {
+
+using Json = nlohmann::json;
+using test::Process;
+using test::ProcessResult;
+
+constexpr std::chrono::seconds kPatience{60};
+constexpr int kTicks = 1500;
+
+ProcessResult Lab(const std::vector<std::string>& arguments) {
+  std::vector<std::string> command = {PALPATE_LAB};
+  command.insert(command.end(), arguments.begin(), arguments.end());
+  return Process(command, false, kPatience).Wait();
+}
+
+std::string ReadFile(const std::filesystem::path& path) {
+  std::ifstream in(path);
+  std::ostringstream text;
+  text << in.rdbuf();
+  return text.str();
+}
+
+// Rows as numbers, without the header.
+std::vector<std::vector<double>> ReadRows(const std::filesystem::path& path) {
+  std::ifstream in(path);
+  std::vector<std::vector<double>> rows;
+  std::string line;
+  std::getline(in, line);
+  while (std::getline(in, line)) {
+    rows.emplace_back();
+    std::istringstream fields(line);
+    for (std::string field; std::getline(fields, field, ',');) {
+      rows.back().push_back(std::strtod(field.c_str(), nullptr));
+    }
+  }
+  return rows;
+}
+
+std::string WithoutTimes(const std::string& csv) {
+  std::istringstream in(csv);
+  std::string out;
+  for (std::string line; std::getline(in, line);) out += line.substr(0, line.rfind(',')) + "\n";
+  return out;
+}
+
+class LabReplayProgram : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    volume_ = std::filesystem::weakly_canonical(palpate::testing::DataFolder() /
+                                                "paper/lobster_301x324x56_uint8.nhdr");
+    if (!std::filesystem::exists(volume_)) {
+      GTEST_SKIP() << volume_ << " is missing: see PALPATE_DATA_DIR";
+    }
+    trajectory_ = folder_.path() / "t.csv";
+    out_ = folder_.path() / "o.csv";
+  }
+
+  void WriteTrajectory() {
+    const ProcessResult made =
+        Lab({"trajectory", "--volume", volume_, "--isovalue", "41", "--speed-cm-per-s", "20",
+             "--ticks", std::to_string(kTicks), "--out", trajectory_});
+    ASSERT_EQ(made.exit_code, 0) << made.error;
+  }
+
+  ProcessResult Replay(const std::filesystem::path& trajectory, const std::filesystem::path& out,
+                       const std::vector<std::string>& more = {}) {
+    std::vector<std::string> arguments = {"replay",       "--volume", volume_, "--isovalue", "41",
+                                          "--trajectory", trajectory, "--out", out};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return Lab(arguments);
+  }
+
+  test::TemporaryFolder folder_;
+  std::filesystem::path volume_, trajectory_, out_;
+};
+
+TEST_F(LabReplayProgram, WritesATableAndALineOfJson) {
+  WriteTrajectory();
+  const ProcessResult replay = Replay(trajectory_, out_, {"--passes", "2"});
+  ASSERT_EQ(replay.exit_code, 0) << replay.error;
+  const Json json = Json::parse(replay.output);
+  EXPECT_EQ(json["ticks"], kTicks);
+  EXPECT_GT(json["contact_ticks"], kTicks / 2);
+  for (const char* key : {"fall_throughs", "sticks", "iteration_cap_hits", "rejected_ticks",
+                          "unchecked_ticks", "ejecting_ticks", "excess_off_minimum_ticks"}) {
+    EXPECT_EQ(json[key], 0) << key;
+  }
+  for (const char* key : {"excess_force_ticks", "mean_ns", "p50_ns", "p99_ns", "max_ns"}) {
+    EXPECT_TRUE(json[key].is_number()) << key;
+  }
+  const std::string csv = ReadFile(out_);
+  EXPECT_TRUE(csv.starts_with(
+      "tick,hip_x,hip_y,hip_z,scp_h_x,scp_h_y,scp_h_z,scp_v_x,scp_v_y,scp_v_z,scp_v_valid,contact,"
+      "force_x,force_y,force_z,density,tetrahedra,iterations,update_ns\n0,"));
+  EXPECT_EQ(std::count(csv.begin(), csv.end(), '\n'), kTicks + 1);
+  EXPECT_EQ(csv.find('\0'), std::string::npos);
+}
+
+TEST_F(LabReplayProgram, TakesItsOutputAndGivesTheSameBytes) {
+  WriteTrajectory();
+  ASSERT_EQ(Replay(trajectory_, out_).exit_code, 0);
+  const std::filesystem::path again = folder_.path() / "again.csv";
+  ASSERT_EQ(Replay(out_, again).exit_code, 0);
+  EXPECT_EQ(WithoutTimes(ReadFile(out_)), WithoutTimes(ReadFile(again)));
+  const ProcessResult rubbed = Replay(out_, again, {"--set", "dynamic_friction=0.3"});
+  ASSERT_EQ(rubbed.exit_code, 0) << rubbed.error;
+  EXPECT_TRUE(Json::parse(rubbed.output)["sticks"].is_null());
+}
+
+// Density at a point of a decomposed cell as `cells` writes it: in the tetrahedron
+// that the point is deepest in.
+double DensityIn(const Json& cell, const Vec3& local) {
+  double deepest = -1e300, density = 0.0;
+  for (const Json& tetrahedron : cell["tetrahedra"]) {
+    Eigen::Matrix4d corners;
+    Eigen::RowVector4d densities;
+    for (int n = 0; n < 4; ++n) {
+      const Json& vertex = cell["vertices"][tetrahedron[n].get<std::size_t>()];
+      for (int axis = 0; axis < 3; ++axis) corners(axis, n) = vertex[axis];
+      corners(3, n) = 1.0;
+      densities[n] = vertex[3];
+    }
+    const Eigen::Vector4d weights = corners.inverse() * local.homogeneous();
+    if (weights.minCoeff() <= deepest) continue;
+    deepest = weights.minCoeff();
+    density = densities * weights;
+  }
+  EXPECT_GT(deepest, -1e-9);
+  return density;
+}
+
+TEST_F(LabReplayProgram, DensityIsThatOfTheProgramsOwnCells) {
+  WriteTrajectory();
+  ASSERT_EQ(Replay(trajectory_, out_).exit_code, 0);
+  const auto volume =
+      LoadVolume(volume_, std::filesystem::path(PALPATE_LAB).parent_path() / "palpate-import");
+  const AffineMap X_IW = volume->metadata().WorldFromIndex().Inverse();
+  // A cell a tick, in order.
+  std::ofstream input(folder_.path() / "cells.csv");
+  std::vector<Vec3> locals;
+  const auto rows = ReadRows(out_);
+  ASSERT_EQ(rows.size(), static_cast<std::size_t>(kTicks));
+  for (const auto& row : rows) {
+    const Vec3 p_I = X_IW.Apply(Vec3(row[4], row[5], row[6]));
+    const Vec3 cell = p_I.array().floor();
+    locals.push_back(p_I - cell);
+    input << cell.x() << "," << cell.y() << "," << cell.z() << "\n";
+  }
+  input.close();
+  const std::string command = std::string(PALPATE_LAB) + " cells --volume " + volume_.string() +
+                              " < " + (folder_.path() / "cells.csv").string() + " > " +
+                              (folder_.path() / "cells.json").string();
+  ASSERT_EQ(Process({"/bin/sh", "-c", command}, false, kPatience).Wait().exit_code, 0);
+  std::ifstream cells(folder_.path() / "cells.json");
+  int on_surface = 0;
+  for (std::size_t n = 0; n < rows.size(); ++n) {
+    std::string line;
+    ASSERT_TRUE(std::getline(cells, line));
+    const double density = volume->Denormalize(DensityIn(Json::parse(line), locals[n]));
+    ASSERT_NEAR(rows[n][15], density, 1e-9 * 255.0) << "tick " << n;
+    ASSERT_LE(density, 41.0 + 1e-9 * 255.0) << "tick " << n;
+    on_surface += rows[n][11] == 1.0 && std::abs(density - 41.0) < 1e-6;
+  }
+  EXPECT_GT(on_surface, kTicks / 2);
+}
+
+TEST_F(LabReplayProgram, RefusesInOneLineAndWritesNothing) {
+  std::ofstream(trajectory_) << "x_mm,y_mm,z_mm\n1,2,3\n";
+  std::ofstream(folder_.path() / "bad.csv") << "1,2,3\n";
+  struct Case {
+    std::filesystem::path trajectory, out;
+    std::vector<std::string> more;
+    int exit_code;
+  };
+  const int invalid = ExitCode(ErrorKind::kInvalidArgument);
+  const int missing = ExitCode(ErrorKind::kNotFound);
+  for (const Case& c :
+       std::vector<Case>{{folder_.path() / "none.csv", out_, {}, missing},
+                         {folder_.path() / "bad.csv", out_, {}, invalid},
+                         {trajectory_, folder_.path() / "no/o.csv", {}, missing},
+                         {trajectory_, "/dev/full", {}, invalid},
+                         {trajectory_, out_, {"--set", "colour=red"}, invalid},
+                         {trajectory_, out_, {"--set", "viscosity_n_s_per_m=99"}, invalid},
+                         {trajectory_, out_, {"--stiffness", "-1"}, invalid},
+                         {trajectory_, out_, {"--spacing-mm", "1", "2"}, invalid},
+                         {trajectory_, out_, {"--normalized"}, invalid},
+                         {trajectory_, out_, {"--method", "marching"}, kUsageExitCode},
+                         {trajectory_, out_, {"--passes", "0"}, kUsageExitCode}}) {
+    const ProcessResult refused = Replay(c.trajectory, c.out, c.more);
+    EXPECT_EQ(refused.exit_code, c.exit_code) << refused.error;
+    EXPECT_TRUE(refused.output.empty()) << refused.output;
+    if (c.exit_code != kUsageExitCode) {
+      EXPECT_EQ(std::count(refused.error.begin(), refused.error.end(), '\n'), 1) << refused.error;
+    }
+  }
+  EXPECT_FALSE(std::filesystem::exists(out_));
+  EXPECT_FALSE(std::filesystem::exists(out_.string() + ".partial"));
+}
+
+}  // namespace
+}  // namespace palpate::lab
