@@ -13,8 +13,8 @@
 namespace palpate::lab {
 
 // A proxy sticks where it could come nearer to the HIP by more than this share of
-// its distance, or of a voxel: what turns a force by more than about 0.1 °.
-inline constexpr double kStickTolerance = 1e-6;
+// its distance, or of a voxel: what turns a force by more than about 0.003 °.
+inline constexpr double kStickTolerance = 1e-9;
 inline constexpr double kStickTolerancePerVoxel = 1e-9;
 
 // How much nearer to the HIP the free space next to the proxy comes, mm.

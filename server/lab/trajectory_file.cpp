@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <array>
 #include <charconv>
 #include <cstdint>
@@ -46,13 +47,11 @@ std::array<std::size_t, 3> FindColumns(const std::filesystem::path& file, std::s
   const std::vector<std::string_view> names = Split(line);
   for (const auto& header : kHeaders) {
     std::array<std::size_t, 3> columns{};
-    int found = 0;
-    for (std::size_t n = 0; n < names.size(); ++n) {
-      for (int axis = 0; axis < 3; ++axis) {
-        if (names[n] == header[axis]) columns[axis] = n, ++found;
-      }
+    for (int axis = 0; axis < 3; ++axis) {
+      columns[axis] = static_cast<std::size_t>(std::find(names.begin(), names.end(), header[axis]) -
+                                               names.begin());
     }
-    if (found == 3) return columns;
+    if (*std::max_element(columns.begin(), columns.end()) < names.size()) return columns;
   }
   Refuse(file, 1, "a header with the columns x_mm,y_mm,z_mm is needed");
 }

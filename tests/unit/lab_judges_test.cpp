@@ -164,8 +164,10 @@ TEST_F(LabJudge, CondemnsAProxyThroughTheWall) {
 
 TEST_F(LabJudge, CondemnsAProxyThatSticks) {
   HapticOutput& output = ticks_[2].output;
-  output.p_DHip_mm.y() += 1e-3 * (output.p_DHip_mm - output.proxy.p_DH_mm).norm();
+  output.p_DHip_mm.y() += 1e-5 * (output.p_DHip_mm - output.proxy.p_DH_mm).norm();
   EXPECT_EQ(Judged().sticks, 0);  // by less than the tolerance
+  output.p_DHip_mm.y() += 1e-4 * (output.p_DHip_mm - output.proxy.p_DH_mm).norm();
+  EXPECT_EQ(Judged().sticks, 1);
   output.p_DHip_mm.y() += 0.1;
   EXPECT_EQ(Judged().sticks, 1);
   output.proxy.capped = true;

@@ -71,6 +71,7 @@ TEST_F(LabTrajectoryFile, NamesTheLineOfAnError) {
   contains("", "line 1: a header");
   contains("1,2,3\n", "line 1: a header");
   contains("x_mm,y_mm\n1,2\n", "line 1: a header");
+  contains("x_mm,x_mm,y_mm\n1,2,3\n", "line 1: a header");
   contains("x_mm,y_mm,z_mm\n", "a position is needed");
   contains("x_mm,y_mm,z_mm\n1,2,3\n\n1,2\n", "line 4: a column is missing");
   contains("x_mm,y_mm,z_mm\n1,2,3mm\n", "line 2: '3mm' is no number");
