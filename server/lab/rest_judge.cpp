@@ -88,8 +88,9 @@ double ApproachLeft(FreshCells& cells, const Vec3& p_DH_mm, const Vec3& p_DHip_m
 }
 
 bool IsLocalMinimum(FreshCells& cells, const Vec3& p_DH_mm, const Vec3& p_DHip_mm) {
-  const double tolerance_mm = std::max(kStickTolerance * (p_DH_mm - p_DHip_mm).norm(),
-                                       kStickTolerancePerVoxel * cells.surface().voxel_mm);
+  const double tolerance_mm = std::max({kStickTolerance * (p_DH_mm - p_DHip_mm).norm(),
+                                        kStickTolerancePerVoxel * cells.surface().voxel_mm,
+                                        kStickTolerancePerPosition * p_DHip_mm.norm()});
   return ApproachLeft(cells, p_DH_mm, p_DHip_mm) <= tolerance_mm;
 }
 

@@ -13,9 +13,11 @@
 namespace palpate::lab {
 
 // A proxy sticks where it could come nearer to the HIP by more than this share of
-// its distance, or of a voxel: what turns a force by more than about 0.003 °.
+// its distance, which would turn the force by about 0.003 °, or of a voxel, or of
+// the positions themselves, which are rounded.
 inline constexpr double kStickTolerance = 1e-9;
 inline constexpr double kStickTolerancePerVoxel = 1e-9;
+inline constexpr double kStickTolerancePerPosition = 1e-14;
 
 // How much nearer to the HIP the free space next to the proxy comes, mm.
 double ApproachLeft(FreshCells& cells, const Vec3& p_DH_mm, const Vec3& p_DHip_mm);

@@ -182,6 +182,16 @@ TEST_F(LabJudge, CondemnsAProxyThatSticks) {
   EXPECT_EQ(Judged().sticks, 2);
 }
 
+TEST(LabRest, PositionsAreRoundedWhereTheyAreFarAway) {
+  const auto volume = MakeWall();
+  AffineMap X_DI;
+  X_DI.linear *= 1e-3;
+  FreshCells cells(MakeHapticSurface(*volume, X_DI, 0.5, kTpbcc, 1));
+  const Vec3 hip_mm(3e4, 1, 1);
+  EXPECT_TRUE(IsLocalMinimum(cells, Vec3(std::nextafter(3e4, 0.0), 1, 1), hip_mm));
+  EXPECT_FALSE(IsLocalMinimum(cells, Vec3(3e4 - 1e-8, 1, 1), hip_mm));
+}
+
 TEST_F(LabJudge, CondemnsForceThatTheSurfaceDoesNotExplain) {
   // 0.3 mm deep: 0.15 N are right, and up to 0.35 N pass.
   ticks_[2].output.spring_D_n = Vec3(-0.349, 0, 0);
