@@ -8,43 +8,84 @@
 namespace palpate {
 namespace {
 
-v1::RenderSettings ToProto(const RenderSettings& settings) {
-  v1::RenderSettings out;
-  out.set_isovalue(settings.isovalue);
-  out.set_normalized_isovalue(settings.normalized_isovalue);
-  out.set_stiffness_n_per_mm(settings.haptics.stiffness_n_per_mm);
-  out.set_damping_n_s_per_m(settings.haptics.damping_n_s_per_m);
-  out.set_method(palpate::ToProto(settings.method));
-  return out;
+v1::FreeSide ToProto(FreeSide side) {
+  return side == FreeSide::kAbove ? v1::FREE_SIDE_ABOVE : v1::FREE_SIDE_BELOW;
 }
 
-template <class T>
-T Required(bool present, const T& value, const std::string& path) {
-  if (present) return value;
-  throw Error(ErrorKind::kInvalidArgument, "update_mask names " + path + ", which has no value");
+FreeSide FromProto(v1::FreeSide side) {
+  switch (side) {
+    case v1::FREE_SIDE_BELOW:
+      return FreeSide::kBelow;
+    case v1::FREE_SIDE_ABOVE:
+      return FreeSide::kAbove;
+    default:
+      throw Error(ErrorKind::kInvalidArgument,
+                  "unknown free_side: give FREE_SIDE_BELOW or FREE_SIDE_ABOVE");
+  }
+}
+
+// The fields of haptic settings bear the names that the tables in settings.h
+// have. Null: there is none of that name.
+const google::protobuf::FieldDescriptor* Field(std::string_view name) {
+  return v1::RenderSettings::descriptor()->FindFieldByName(std::string(name));
+}
+
+// Takes the value of a field that the tables name. False: they do not.
+bool TakeListed(const v1::RenderSettings& in, std::string_view name, SettingsUpdate& update) {
+  const auto& fields = *in.GetReflection();
+  for (const NumberSetting& setting : kNumberSettings) {
+    if (setting.key != name) continue;
+    update.numbers.emplace_back(setting.member, fields.GetDouble(in, Field(name)));
+    return true;
+  }
+  for (const FlagSetting& setting : kFlagSettings) {
+    if (setting.key != name) continue;
+    update.flags.emplace_back(setting.member, fields.GetBool(in, Field(name)));
+    return true;
+  }
+  return false;
+}
+
+void Take(const v1::RenderSettings& in, const std::string& name, SettingsUpdate& update) {
+  const auto* field = Field(name);
+  if (field && !in.GetReflection()->HasField(in, field)) {
+    throw Error(ErrorKind::kInvalidArgument, "update_mask names " + name + ", which has no value");
+  }
+  if (name == "isovalue") {
+    update.isovalue = in.isovalue();
+  } else if (name == "normalized_isovalue") {
+    update.normalized_isovalue = in.normalized_isovalue();
+  } else if (name == "free_side") {
+    update.free_side = FromProto(in.free_side());
+  } else if (name == "method") {
+    update.method = palpate::FromProto(in.method());
+  } else if (!TakeListed(in, name, update)) {
+    throw Error(ErrorKind::kInvalidArgument, "update_mask names an unknown field: " + name);
+  }
 }
 
 }  // namespace
 
+v1::RenderSettings ToProto(const RenderSettings& settings) {
+  v1::RenderSettings out;
+  const auto& fields = *out.GetReflection();
+  for (const NumberSetting& setting : kNumberSettings) {
+    fields.SetDouble(&out, Field(setting.key), settings.haptics.*setting.member);
+  }
+  for (const FlagSetting& setting : kFlagSettings) {
+    fields.SetBool(&out, Field(setting.key), settings.haptics.*setting.member);
+  }
+  out.set_isovalue(settings.isovalue);
+  out.set_normalized_isovalue(settings.normalized_isovalue);
+  out.set_free_side(ToProto(settings.haptics.free_side));
+  out.set_method(palpate::ToProto(settings.method));
+  return out;
+}
+
 SettingsUpdate FromProto(const v1::UpdateSettingsRequest& request) {
-  const v1::RenderSettings& in = request.settings();
   SettingsUpdate update;
-  for (const std::string& path : request.update_mask().paths()) {
-    if (path == "isovalue") {
-      update.isovalue = Required(in.has_isovalue(), in.isovalue(), path);
-    } else if (path == "normalized_isovalue") {
-      update.normalized_isovalue =
-          Required(in.has_normalized_isovalue(), in.normalized_isovalue(), path);
-    } else if (path == "stiffness_n_per_mm") {
-      update.stiffness_n_per_mm =
-          Required(in.has_stiffness_n_per_mm(), in.stiffness_n_per_mm(), path);
-    } else if (path == "damping_n_s_per_m") {
-      update.damping_n_s_per_m = Required(in.has_damping_n_s_per_m(), in.damping_n_s_per_m(), path);
-    } else if (path == "method") {
-      update.method = palpate::FromProto(Required(in.has_method(), in.method(), path));
-    } else {
-      throw Error(ErrorKind::kInvalidArgument, "update_mask names an unknown field: " + path);
-    }
+  for (const std::string& name : request.update_mask().paths()) {
+    Take(request.settings(), name, update);
   }
   if (request.update_mask().paths().empty()) {
     throw Error(ErrorKind::kInvalidArgument, "update_mask is empty: name the fields to change");

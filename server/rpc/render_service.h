@@ -20,8 +20,11 @@ class RenderService final : public v1::RenderService::Service {
   Session& session_;
 };
 
+// All fields set.
+v1::RenderSettings ToProto(const RenderSettings& settings);
+
 // Throws Error (kInvalidArgument) for a mask that is empty or names unknown
-// fields, and for named fields without a value.
+// fields, and for named fields without a value. Ranges are the session's.
 SettingsUpdate FromProto(const v1::UpdateSettingsRequest& request);
 
 }  // namespace palpate

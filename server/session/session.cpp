@@ -15,13 +15,12 @@ namespace {
 // A tick takes 1 ms; a servo that needs this long does not run.
 constexpr std::chrono::milliseconds kServoPatience{2000};
 
-std::string Number(double x) { return fmt::format("{:g}", x); }
-
-void CheckRange(const char* name, double value, double low, double high, const char* unit) {
+// `unit` with a leading blank, or empty. NaN is in no range.
+void CheckRange(std::string_view name, double value, double low, double high,
+                std::string_view unit) {
   if (value >= low && value <= high) return;
-  throw Error(ErrorKind::kInvalidArgument, std::string(name) + " " + Number(value) +
-                                               " is not within " + Number(low) + " to " +
-                                               Number(high) + unit);
+  throw Error(ErrorKind::kInvalidArgument,
+              fmt::format("{} {} is not within {:g} to {:g}{}", name, value, low, high, unit));
 }
 
 // The normalised density that stands for an isovalue in data units: the largest
@@ -45,7 +44,7 @@ double ChosenIsovalue(const VolumeSnapshot& volume, const std::optional<double>&
   const VolumeMetadata& metadata = volume.metadata();
   if (isovalue) {
     CheckRange("isovalue", *isovalue, metadata.value_min, metadata.value_max,
-               metadata.unit.empty() ? "" : (" " + metadata.unit).c_str());
+               metadata.unit.empty() ? "" : " " + metadata.unit);
     return *isovalue;
   }
   const double share = normalized.value_or(current);
@@ -55,8 +54,7 @@ double ChosenIsovalue(const VolumeSnapshot& volume, const std::optional<double>&
 
 void CheckHaptics(const HapticSettings& haptics) {
   for (const NumberSetting& setting : kNumberSettings) {
-    CheckRange(std::string(setting.key).c_str(), haptics.*setting.member, setting.low,
-               setting.high, std::string(setting.unit).c_str());
+    CheckRange(setting.key, haptics.*setting.member, setting.low, setting.high, setting.unit);
   }
 }
 
@@ -77,8 +75,9 @@ RenderSettings Changed(const VolumeSnapshot& volume, RenderSettings settings,
     settings.normalized_isovalue = volume.Normalize(settings.isovalue);
   }
   HapticSettings& haptics = settings.haptics;
-  haptics.stiffness_n_per_mm = update.stiffness_n_per_mm.value_or(haptics.stiffness_n_per_mm);
-  haptics.damping_n_s_per_m = update.damping_n_s_per_m.value_or(haptics.damping_n_s_per_m);
+  for (const auto& [member, value] : update.numbers) haptics.*member = value;
+  for (const auto& [member, value] : update.flags) haptics.*member = value;
+  haptics.free_side = update.free_side.value_or(haptics.free_side);
   CheckHaptics(haptics);
   if (update.method) settings.method = *update.method;
   return settings;
@@ -110,9 +109,9 @@ std::uint64_t Session::PublishLocked() {
   scene->isovalue = settings_.isovalue;
   scene->settings = settings_.haptics;
   scene->settings_revision = ++settings_revision_;
-  scene->surface = MakeHapticSurface(*volume_, X_DI_, DensityOf(*volume_, settings_.isovalue),
-                                     settings_.method, geometry_revision_,
-                                     settings_.haptics.free_side);
+  scene->surface =
+      MakeHapticSurface(*volume_, X_DI_, DensityOf(*volume_, settings_.isovalue), settings_.method,
+                        geometry_revision_, settings_.haptics.free_side);
   inbox_.Publish(std::move(scene));
   return settings_revision_;
 }

@@ -14,6 +14,8 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
+#include <vector>
 
 #include "server/device/haptic_device.h"
 #include "server/servo/scene.h"
@@ -30,12 +32,14 @@ struct RenderSettings {
   DecompositionMethod method = DecompositionMethod::kTpbcc;
 };
 
-// Fields to change; isovalue in one of its two forms.
+// What to change; isovalue in one of its two forms.
 struct SettingsUpdate {
   std::optional<double> isovalue{};
   std::optional<double> normalized_isovalue{};
-  std::optional<double> stiffness_n_per_mm{};
-  std::optional<double> damping_n_s_per_m{};
+  // Members of RenderSettings::haptics and their new values.
+  std::vector<std::pair<double HapticSettings::*, double>> numbers{};
+  std::vector<std::pair<bool HapticSettings::*, bool>> flags{};
+  std::optional<FreeSide> free_side{};
   std::optional<DecompositionMethod> method{};
   std::optional<std::uint64_t> expected_revision{};
 };

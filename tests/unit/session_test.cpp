@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
 
+#include <cmath>
 #include <memory>
 #include <thread>
 
@@ -68,14 +69,68 @@ TEST_F(SessionTest, BadUpdatesChangeNothing) {
        {SettingsUpdate{.isovalue = 1.5}, SettingsUpdate{.isovalue = nan},
         SettingsUpdate{.normalized_isovalue = -0.1},
         SettingsUpdate{.isovalue = 0.5, .normalized_isovalue = 0.5},
-        SettingsUpdate{.isovalue = 0.5, .stiffness_n_per_mm = 100.0},
-        SettingsUpdate{.stiffness_n_per_mm = -1.0}, SettingsUpdate{.damping_n_s_per_m = nan}}) {
+        SettingsUpdate{.isovalue = 0.6, .numbers = {{&HapticSettings::pop_force_n, 100.0}}},
+        SettingsUpdate{.numbers = {{&HapticSettings::damping_n_s_per_m, 1.0},
+                                   {&HapticSettings::magnet_range_mm, nan}},
+        .flags = {{&HapticSettings::force_shading, true}},
+        .free_side = FreeSide::kAbove}}) {
     EXPECT_EQ(Refusal([&] { session_->Update(bad); }), ErrorKind::kInvalidArgument);
   }
   EXPECT_EQ(Refusal([&] { session_->Update({.isovalue = 0.5, .expected_revision = 99}); }),
             ErrorKind::kConflict);
   EXPECT_EQ(session_->settings().settings_revision, before.settings_revision);
   EXPECT_EQ(session_->settings().settings.isovalue, before.settings.isovalue);
+  EXPECT_EQ(session_->settings().settings.haptics.damping_n_s_per_m, 0.0);
+  EXPECT_FALSE(session_->settings().settings.haptics.force_shading);
+  EXPECT_EQ(session_->settings().settings.haptics.free_side, FreeSide::kBelow);
+}
+
+TEST_F(SessionTest, EveryNumberHasARangeThatNamesItsKeyAndUnit) {
+  for (const NumberSetting& setting : kNumberSettings) {
+    SCOPED_TRACE(setting.key);
+    for (const double good : {setting.low, setting.high}) {
+      const SettingsApplied applied = session_->Update({.numbers = {{setting.member, good}}});
+      EXPECT_EQ(applied.state.settings.haptics.*setting.member, good);
+    }
+    for (const double bad : {std::nextafter(setting.high, HUGE_VAL), -HUGE_VAL, HUGE_VAL,
+                             std::nextafter(setting.low, -HUGE_VAL), std::nan("")}) {
+      try {
+        session_->Update({.numbers = {{setting.member, bad}}});
+        ADD_FAILURE() << bad << " was accepted";
+      } catch (const Error& error) {
+        const std::string_view text = error.what();
+        EXPECT_TRUE(text.starts_with(setting.key)) << text;
+        EXPECT_TRUE(text.ends_with(setting.unit)) << text;
+      }
+    }
+    EXPECT_EQ(session_->settings().settings.haptics.*setting.member, setting.high);
+  }
+}
+
+TEST_F(SessionTest, AStaticFrictionBelowTheDynamicOneIsAllowed) {
+  const SettingsApplied applied =
+      session_->Update({.numbers = {{&HapticSettings::static_friction, 0.1},
+                                    {&HapticSettings::dynamic_friction, 0.5}}});
+  EXPECT_EQ(applied.state.settings.haptics.static_friction, 0.1);
+  EXPECT_EQ(applied.state.settings.haptics.dynamic_friction, 0.5);
+}
+
+TEST_F(SessionTest, FlagsAndTheFreeSideComeAndGo) {
+  for (const bool on : {true, false}) {
+    SettingsUpdate update{.free_side = on ? FreeSide::kAbove : FreeSide::kBelow};
+    for (const FlagSetting& setting : kFlagSettings) update.flags.emplace_back(setting.member, on);
+    const HapticSettings haptics = session_->Update(update).state.settings.haptics;
+    for (const FlagSetting& setting : kFlagSettings) {
+      EXPECT_EQ(haptics.*setting.member, on) << setting.key;
+    }
+    EXPECT_EQ(haptics.free_side, *update.free_side);
+  }
+}
+
+TEST_F(SessionTest, BadSettingsToStartWithAreRefused) {
+  EXPECT_EQ(Refusal([&] { session_->SetInitial({.haptics = {.magnet_force_n = 1.6}}); }),
+            ErrorKind::kInvalidArgument);
+  EXPECT_EQ(session_->settings().settings.haptics.magnet_force_n, 0.0);
 }
 
 TEST_F(SessionTest, AFailedLoadKeepsTheVolume) {

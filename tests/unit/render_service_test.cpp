@@ -1,0 +1,107 @@
+// Settings on the wire: every field goes to the session and comes back.
+#include "server/rpc/render_service.h"
+
+#include <gtest/gtest.h>
+
+#include "common/error/error.h"
+#include "tests/support/refusal.h"
+
+namespace palpate {
+namespace {
+
+using testing::Refusal;
+
+// No two values alike, none a default.
+RenderSettings UnlikeAnyDefault() {
+  RenderSettings settings;
+  double value = 0.0;
+  for (const NumberSetting& setting : kNumberSettings) {
+    settings.haptics.*setting.member = value += 0.11;
+  }
+  for (const FlagSetting& setting : kFlagSettings) settings.haptics.*setting.member = true;
+  settings.haptics.free_side = FreeSide::kAbove;
+  settings.method = DecompositionMethod::kTptd;
+  settings.isovalue = -200.0;
+  settings.normalized_isovalue = 0.25;
+  return settings;
+}
+
+v1::UpdateSettingsRequest RequestOf(const RenderSettings& settings, const std::string& path) {
+  v1::UpdateSettingsRequest request;
+  *request.mutable_settings() = ToProto(settings);
+  request.mutable_update_mask()->add_paths(path);
+  return request;
+}
+
+TEST(RenderService, EveryFieldIsAnswered) {
+  const v1::RenderSettings answer = ToProto(UnlikeAnyDefault());
+  const auto* fields = v1::RenderSettings::descriptor();
+  ASSERT_GE(fields->field_count(), 14);
+  for (int n = 0; n < fields->field_count(); ++n) {
+    EXPECT_TRUE(answer.GetReflection()->HasField(answer, fields->field(n)))
+        << fields->field(n)->name();
+  }
+  EXPECT_EQ(answer.stiffness_n_per_mm(), UnlikeAnyDefault().haptics.stiffness_n_per_mm);
+  EXPECT_EQ(answer.magnet_range_mm(), UnlikeAnyDefault().haptics.magnet_range_mm);
+  EXPECT_TRUE(answer.passivity_control());
+  EXPECT_EQ(answer.free_side(), v1::FREE_SIDE_ABOVE);
+  EXPECT_EQ(answer.method(), v1::DECOMPOSITION_METHOD_TPTD);
+}
+
+TEST(RenderService, EachMaskTakesItsFieldAlone) {
+  const RenderSettings settings = UnlikeAnyDefault();
+  const auto* fields = v1::RenderSettings::descriptor();
+  for (int n = 0; n < fields->field_count(); ++n) {
+    const std::string& name = fields->field(n)->name();
+    SCOPED_TRACE(name);
+    const SettingsUpdate update = FromProto(RequestOf(settings, name));
+    const std::size_t taken = update.isovalue.has_value() + update.normalized_isovalue.has_value() +
+                              update.numbers.size() + update.flags.size() +
+                              update.free_side.has_value() + update.method.has_value();
+    EXPECT_EQ(taken, 1u);
+  }
+  for (const NumberSetting& setting : kNumberSettings) {
+    const SettingsUpdate update = FromProto(RequestOf(settings, std::string(setting.key)));
+    EXPECT_EQ(update.numbers.at(0), std::pair(setting.member, settings.haptics.*setting.member));
+  }
+  for (const FlagSetting& setting : kFlagSettings) {
+    const SettingsUpdate update = FromProto(RequestOf(settings, std::string(setting.key)));
+    EXPECT_EQ(update.flags.at(0), std::pair(setting.member, true));
+  }
+  EXPECT_EQ(FromProto(RequestOf(settings, "free_side")).free_side, FreeSide::kAbove);
+  EXPECT_EQ(FromProto(RequestOf(settings, "method")).method, DecompositionMethod::kTptd);
+  EXPECT_EQ(FromProto(RequestOf(settings, "isovalue")).isovalue, -200.0);
+  EXPECT_EQ(FromProto(RequestOf(settings, "normalized_isovalue")).normalized_isovalue, 0.25);
+}
+
+TEST(RenderService, ANameWithoutAValueIsRefused) {
+  const auto* fields = v1::RenderSettings::descriptor();
+  for (int n = 0; n < fields->field_count(); ++n) {
+    v1::UpdateSettingsRequest request;
+    request.mutable_update_mask()->add_paths(fields->field(n)->name());
+    EXPECT_EQ(Refusal([&] { FromProto(request); }), ErrorKind::kInvalidArgument)
+        << fields->field(n)->name();
+  }
+}
+
+TEST(RenderService, UnknownNamesAndValuesAreRefused) {
+  for (const char* path : {"", "friction", "settings.method", "Method"}) {
+    EXPECT_EQ(Refusal([&] { FromProto(RequestOf({}, path)); }), ErrorKind::kInvalidArgument)
+        << path;
+  }
+  for (const int side : {0, 3, -1}) {
+    v1::UpdateSettingsRequest request = RequestOf({}, "free_side");
+    request.mutable_settings()->set_free_side(static_cast<v1::FreeSide>(side));
+    EXPECT_EQ(Refusal([&] { FromProto(request); }), ErrorKind::kInvalidArgument) << side;
+  }
+}
+
+TEST(RenderService, OneUnknownNameSpoilsTheRequest) {
+  v1::UpdateSettingsRequest request = RequestOf({}, "pop_force_n");
+  EXPECT_FALSE(Refusal([&] { FromProto(request); }).has_value());
+  request.mutable_update_mask()->add_paths("colour");
+  EXPECT_EQ(Refusal([&] { FromProto(request); }), ErrorKind::kInvalidArgument);
+}
+
+}  // namespace
+}  // namespace palpate
