@@ -52,9 +52,34 @@ struct Entry {
 };
 
 using Setter = std::function<void(const Entry&, Config&)>;
+using SettersByKey = std::map<std::string, Setter, std::less<>>;
 
-const std::map<std::string, Setter, std::less<>>& Setters() {
-  static const std::map<std::string, Setter, std::less<>> setters = {
+FreeSide ParseFreeSide(const Entry& entry) {
+  if (const auto side = FreeSideNamed(entry.Text())) return *side;
+  entry.Fail("must be \"below\" or \"above\"");
+}
+
+SettersByKey HapticsSetters() {
+  SettersByKey setters = {
+      {"haptics.free_side",
+       [](const Entry& e, Config& c) { c.haptics.free_side = ParseFreeSide(e); }},
+      {"haptics.method", [](const Entry& e, Config& c) { c.method = ParseMethod(e.Text()); }},
+  };
+  for (const NumberSetting& setting : kNumberSettings) {
+    setters["haptics." + std::string(setting.key)] = [&setting](const Entry& e, Config& c) {
+      c.haptics.*setting.member = e.Number();
+    };
+  }
+  for (const FlagSetting& setting : kFlagSettings) {
+    setters["haptics." + std::string(setting.key)] = [&setting](const Entry& e, Config& c) {
+      c.haptics.*setting.member = e.Flag();
+    };
+  }
+  return setters;
+}
+
+SettersByKey AllSetters() {
+  SettersByKey setters = {
       {"volume.source", [](const Entry& e, Config& c) { c.volume = e.Text(); }},
       {"volume.isovalue", [](const Entry& e, Config& c) { c.isovalue = e.Number(); }},
       {"volume.normalized_isovalue",
@@ -62,11 +87,6 @@ const std::map<std::string, Setter, std::less<>>& Setters() {
       {"volume.spacing_mm", [](const Entry& e, Config& c) { c.spacing_mm = e.Triple(); }},
       {"volume.device_mm_per_volume_mm",
        [](const Entry& e, Config& c) { c.device_mm_per_volume_mm = e.Number(); }},
-      {"haptics.stiffness_n_per_mm",
-       [](const Entry& e, Config& c) { c.haptics.stiffness_n_per_mm = e.Number(); }},
-      {"haptics.damping_n_s_per_m",
-       [](const Entry& e, Config& c) { c.haptics.damping_n_s_per_m = e.Number(); }},
-      {"haptics.method", [](const Entry& e, Config& c) { c.method = ParseMethod(e.Text()); }},
       {"device.kind", [](const Entry& e, Config& c) { c.device = e.Text(); }},
       {"server.socket", [](const Entry& e, Config& c) { c.socket_path = e.Text(); }},
       {"server.listen", [](const Entry& e, Config& c) { c.listen = ParseHostPort(e.Text()); }},
@@ -76,6 +96,12 @@ const std::map<std::string, Setter, std::less<>>& Setters() {
       {"realtime.lock_memory",
        [](const Entry& e, Config& c) { c.realtime.lock_memory = e.Flag(); }},
   };
+  setters.merge(HapticsSetters());
+  return setters;
+}
+
+const SettersByKey& Setters() {
+  static const SettersByKey setters = AllSetters();
   return setters;
 }
 

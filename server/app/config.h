@@ -10,7 +10,7 @@
 #include "common/geometry/geometry.h"
 #include "common/isosurface/decomposition.h"
 #include "common/wire/address.h"
-#include "server/haptics/renderer.h"
+#include "server/haptics/settings.h"
 #include "server/realtime/thread_setup.h"
 
 namespace palpate {

@@ -40,8 +40,9 @@ void AddOptions(CLI::App& app, Options& options) {
   app.add_option("--stiffness-n-per-mm", options.stiffness,
                  "force per mm into the surface, 0 to 3 N/mm [0.5]");
   app.add_option("--damping-n-s-per-m", options.damping,
-                 "damping along the surface's normal, 0 to 5 N s/m [1]");
-  app.add_option("--method", options.method, "decomposition of the cells: tpbcc, bcc, and on the simulated device tptd and "
+                 "damping along the surface's normal, 0 to 5 N s/m [0]");
+  app.add_option("--method", options.method,
+                 "decomposition of the cells: tpbcc, bcc, and on the simulated device tptd and "
                  "tpbcc-published [tpbcc]");
   app.add_option("--device", options.device, "haptic device: simulated [simulated]");
   app.add_option("--socket", options.socket,

@@ -140,7 +140,7 @@ TEST(Lifecycle, BadStartsGiveOneLineAndACode) {
            {{"--volume", "builtin:cube"}, 3, "no such builtin volume"},
            {{"--volume", "builtin:sphere:16", "--isovalue", "5"}, 3, "isovalue 5 is not within"},
            {{"--volume", "builtin:sphere:16", "--normalized-isovalue", "-1"}, 3, "not within"},
-           {{"--stiffness-n-per-mm", "50"}, 3, "stiffness 50"},
+           {{"--stiffness-n-per-mm", "50"}, 3, "stiffness_n_per_mm 50"},
            {{"--device", "omni-usb"}, 3, "unknown device omni-usb"},
            {{"--method", "mc33"}, 3, "unknown method mc33"},
            {{"--listen", "somewhere"}, 3, "somewhere"},
@@ -166,7 +166,8 @@ TEST(Lifecycle, ReadsItsConfiguration) {
   TemporaryFolder folder;
   const std::string config = folder.path() / "palpated.toml";
   std::ofstream(config) << "[volume]\nsource = \"builtin:gyroid:16\"\nnormalized_isovalue = 0.25\n"
-                           "[haptics]\nstiffness_n_per_mm = 0.7\n";
+                           "[haptics]\nstiffness_n_per_mm = 0.7\ndynamic_friction = 0.3\n"
+                           "force_shading = true\nfree_side = \"above\"\n";
   Daemon daemon(PALPATED, {"--config", config, "--damping-n-s-per-m", "2"});
   grpc::ClientContext context;
   v1::GetSettingsResponse response;
@@ -174,6 +175,10 @@ TEST(Lifecycle, ReadsItsConfiguration) {
   EXPECT_NEAR(response.settings().normalized_isovalue(), 0.25, 1e-9);
   EXPECT_EQ(response.settings().stiffness_n_per_mm(), 0.7);
   EXPECT_EQ(response.settings().damping_n_s_per_m(), 2.0);
+  EXPECT_EQ(response.settings().dynamic_friction(), 0.3);
+  EXPECT_TRUE(response.settings().force_shading());
+  EXPECT_FALSE(response.settings().passivity_control());
+  EXPECT_EQ(response.settings().free_side(), v1::FREE_SIDE_ABOVE);
 }
 
 }  // namespace

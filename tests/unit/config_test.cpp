@@ -1,10 +1,12 @@
 // The configuration file.
 #include "server/app/config.h"
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <cstdlib>
 #include <fstream>
+#include <sstream>
 
 #include "common/error/error.h"
 
@@ -49,6 +51,15 @@ device_mm_per_volume_mm = 0.5
 [haptics]
 stiffness_n_per_mm = 0.8
 damping_n_s_per_m = 2
+static_friction = 0.4
+dynamic_friction = 0.3
+viscosity_n_s_per_m = 1.5
+pop_force_n = 2.5
+magnet_force_n = 0.5
+magnet_range_mm = 3
+force_shading = true
+passivity_control = true
+free_side = "above"
 method = "bcc"
 [device]
 kind = "simulated"
@@ -65,10 +76,43 @@ lock_memory = false
   EXPECT_EQ(*config.spacing_mm, Vec3(1.0, 1.0, 2.5));
   EXPECT_EQ(config.device_mm_per_volume_mm, 0.5);
   EXPECT_EQ(config.haptics.stiffness_n_per_mm, 0.8);
+  EXPECT_EQ(config.haptics.damping_n_s_per_m, 2.0);
+  EXPECT_EQ(config.haptics.static_friction, 0.4);
+  EXPECT_EQ(config.haptics.dynamic_friction, 0.3);
+  EXPECT_EQ(config.haptics.viscosity_n_s_per_m, 1.5);
+  EXPECT_EQ(config.haptics.pop_force_n, 2.5);
+  EXPECT_EQ(config.haptics.magnet_force_n, 0.5);
+  EXPECT_EQ(config.haptics.magnet_range_mm, 3.0);
+  EXPECT_TRUE(config.haptics.force_shading);
+  EXPECT_TRUE(config.haptics.passivity_control);
+  EXPECT_EQ(config.haptics.free_side, FreeSide::kAbove);
   EXPECT_EQ(config.method, DecompositionMethod::kBcc);
   EXPECT_EQ(config.listen->port, 7400);
   EXPECT_EQ(config.realtime.priority, 70);
   EXPECT_FALSE(config.realtime.lock_memory);
+}
+
+// The file that users start from: every key of [haptics], with its default.
+TEST_F(ConfigTest, TheShippedFileHasEverySettingAtItsDefault) {
+  std::ostringstream text;
+  text << std::ifstream(PALPATED_TOML).rdbuf();
+  Config config = Read(text.str());
+  const HapticSettings defaults;
+  for (const NumberSetting& setting : kNumberSettings) {
+    EXPECT_EQ(config.haptics.*setting.member, defaults.*setting.member) << setting.key;
+    EXPECT_NE(text.str().find("\n" + std::string(setting.key) + " = "), std::string::npos)
+        << setting.key;
+    const std::string range =
+        fmt::format("{:g} to {:g}{}", setting.low, setting.high, setting.unit);
+    EXPECT_NE(text.str().find(range), std::string::npos) << setting.key << " " << range;
+  }
+  for (const FlagSetting& setting : kFlagSettings) {
+    EXPECT_EQ(config.haptics.*setting.member, defaults.*setting.member) << setting.key;
+    EXPECT_NE(text.str().find("\n" + std::string(setting.key) + " = "), std::string::npos)
+        << setting.key;
+  }
+  EXPECT_NE(text.str().find("\nfree_side = \"below\""), std::string::npos);
+  EXPECT_EQ(config.haptics.free_side, defaults.free_side);
 }
 
 TEST_F(ConfigTest, NamesTheLineOfAnError) {
@@ -80,6 +124,15 @@ TEST_F(ConfigTest, NamesTheLineOfAnError) {
             std::string::npos);
   EXPECT_NE(Refusal("[haptics]\nmethod = \"mc33\"\n").find(":2: haptics.method"),
             std::string::npos);
+  EXPECT_NE(
+      Refusal("[haptics]\nforce_shading = 1\n").find(":2: haptics.force_shading must be true"),
+      std::string::npos);
+  EXPECT_NE(
+      Refusal("[haptics]\npop_force_n = true\n").find(":2: haptics.pop_force_n must be a num"),
+      std::string::npos);
+  EXPECT_NE(
+      Refusal("[haptics]\nfree_side = \"left\"\n").find(":2: haptics.free_side must be \"bel"),
+      std::string::npos);
   EXPECT_NE(Refusal("[server\n").find("palpated.toml:1:"), std::string::npos);
   EXPECT_NE(Refusal("[server]\nlisten = \"7400\"\n").find(":2: server.listen"), std::string::npos);
 }
