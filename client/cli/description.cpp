@@ -7,8 +7,7 @@
 #include <utility>
 
 #include "client/cli/output.h"
-#include "common/error/error.h"
-#include "common/wire/convert.h"
+#include "client/cli/setting.h"
 
 namespace palpate::cli {
 namespace {
@@ -88,11 +87,9 @@ Json ToJson(const v1::RenderSettings& settings, std::uint64_t settings_revision)
   json["isovalue"] = settings.has_isovalue() ? Json(settings.isovalue()) : Json();
   json["normalized_isovalue"] =
       settings.has_normalized_isovalue() ? Json(settings.normalized_isovalue()) : Json();
-  json["stiffness_n_per_mm"] =
-      settings.has_stiffness_n_per_mm() ? Json(settings.stiffness_n_per_mm()) : Json();
-  json["damping_n_s_per_m"] =
-      settings.has_damping_n_s_per_m() ? Json(settings.damping_n_s_per_m()) : Json();
-  json["method"] = settings.has_method() ? Json(MethodName(settings.method())) : Json();
+  for (const Setting& setting : kSettings) {
+    json[std::string(setting.key)] = SettingJson(setting, settings);
+  }
   return json;
 }
 
@@ -159,22 +156,21 @@ std::string Describe(const v1::RenderSettings& settings, std::uint64_t settings_
           ? fmt::format(" (normalised {:g})", settings.normalized_isovalue())
           : "";
   AppendLine(text, "", fmt::format("isovalue {:g}{}", settings.isovalue(), normalized));
-  AppendLine(text, "", fmt::format("stiffness {:g} N/mm", settings.stiffness_n_per_mm()));
-  AppendLine(text, "", fmt::format("damping {:g} N·s/m", settings.damping_n_s_per_m()));
-  AppendLine(text, "", fmt::format("method {}", MethodName(settings.method())));
+  std::string off;
+  for (const Setting& setting : kSettings) {
+    if (SettingJson(setting, settings).is_null()) continue;  // of an older daemon
+    if (IsOff(setting, settings)) {
+      off += (off.empty() ? "off: " : ", ") + std::string(setting.name);
+    } else {
+      AppendLine(text, "", DescribeSetting(setting, settings));
+    }
+  }
+  if (!off.empty()) AppendLine(text, "", off);
   return text;
 }
 
 std::string ToText(const Json& json, int indent) {
   return json.dump(indent, ' ', false, Json::error_handler_t::replace) + "\n";
-}
-
-std::string MethodName(v1::DecompositionMethod method) {
-  try {
-    return std::string(palpate::MethodName(FromProto(method)));
-  } catch (const Error&) {
-    return "unknown";  // of a newer daemon
-  }
 }
 
 }  // namespace palpate::cli

@@ -21,7 +21,8 @@ Json ToJson(const v1::ServoDescription& servo);
 Json ToJson(const v1::VolumeDescription& volume);
 Json ToJson(const v1::RenderSettings& settings, std::uint64_t settings_revision);
 
-// Lines that end with \n, each behind a column with its subject.
+// Lines that end with \n, each behind a column with its subject. Of the settings
+// those that are off share a line.
 std::string Describe(const v1::DeviceDescription& device);
 std::string Describe(const v1::ServoDescription& servo);
 std::string Describe(const v1::VolumeDescription& volume);
@@ -30,8 +31,5 @@ std::string Describe(const v1::RenderSettings& settings, std::uint64_t settings_
 // `json` with a newline at its end; on one line, or indented by `indent` spaces.
 // Bytes that are not UTF-8 (a path may hold any) are replaced.
 std::string ToText(const Json& json, int indent = -1);
-
-// As `set method` takes it; "unknown" for one of another version.
-std::string MethodName(v1::DecompositionMethod method);
 
 }  // namespace palpate::cli

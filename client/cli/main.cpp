@@ -16,10 +16,9 @@
 #include "client/cli/load_command.h"
 #include "client/cli/output.h"
 #include "client/cli/set_command.h"
+#include "client/cli/setting.h"
 #include "client/cli/watch_command.h"
 #include "common/error/error.h"
-#include "common/isosurface/decomposition.h"
-#include "common/wire/convert.h"
 
 namespace palpate::cli {
 namespace {
@@ -74,7 +73,7 @@ void AddInfo(CLI::App& app, Invocation& invocation) {
 
 void AddSettings(CLI::App& app, Invocation& invocation) {
   CLI::App* command = app.add_subcommand(
-      "settings", "Shows isovalue, stiffness (N/mm), damping (N·s/m), method and their revision");
+      "settings", "Shows all that `set` changes, with units, and the revision of the settings");
   SetFooter(*command, "Example: palpate settings --json");
   command->add_flag("--json", invocation.json, "One JSON object instead of text");
   command->callback([&invocation] {
@@ -105,98 +104,58 @@ void AddWatch(CLI::App& app, Invocation& invocation, WatchOptions& options) {
   });
 }
 
-// A subcommand of `set` in words.
-struct SettingTexts {
-  std::string name;
-  std::string description;
-  std::string value_name;
-  std::string value_description;
-};
-
-// Adds it; `store` puts its value into the settings.
-template <typename Value>
-CLI::App* AddSetting(CLI::App& set, Invocation& invocation, SetOptions& options,
-                     const SettingTexts& texts, Value& value, std::function<void()> store) {
-  CLI::App* command = set.add_subcommand(texts.name, texts.description);
-  command->add_option("value", value, texts.value_description)
-      ->required()
-      ->option_text(texts.value_name);
-  command->add_option("--expected-revision", options.expected_revision,
-                      "Change it only on top of this settings revision, else exit with 7");
-  command->add_flag("--json", options.json, "One JSON object instead of text");
-  command->callback([&invocation, &options, store = std::move(store)] {
-    store();
-    invocation.command = [&options](const Connection& c) { ChangeSetting(c, options); };
-  });
-  return command;
-}
-
 // Where CLI11 puts the values of `set`.
 struct SetValues {
   SetOptions options;
-  double number = 0.0;
-  std::string method;
+  std::string key;
+  std::string value;
   bool normalized = false;
 };
 
-void AddSetIsovalue(CLI::App& set, Invocation& invocation, SetValues& values) {
-  CLI::App* command =
-      AddSetting(set, invocation, values.options,
-                 {"isovalue", "Sets the isovalue that is felt, in data units (HU, intensity)", "X",
-                  "The isovalue; it may be negative"},
-                 values.number, [&values] {
-                   v1::RenderSettings& settings = values.options.settings;
-                   values.options.field = values.normalized ? "normalized_isovalue" : "isovalue";
-                   values.normalized ? settings.set_normalized_isovalue(values.number)
-                                     : settings.set_isovalue(values.number);
-                 });
-  command->get_option("value")->check(Finite());
-  command->add_flag("--normalized", values.normalized,
-                    "X is over the volume's range at load: 0 its minimum, 1 its maximum");
-  SetFooter(*command,
-            "Examples: palpate set isovalue -200\n"
-            "          palpate set isovalue --normalized 0.4");
+std::string ListOfSettings() {
+  std::string text = "KEY, with or without its unit (stiffness, stiffness_n_per_mm):\n";
+  const auto append = [&text](const Setting& setting) {
+    text += fmt::format("  {:<20}{}; {}\n", setting.name, setting.values, setting.about);
+  };
+  append(kIsovalue);
+  append(kNormalizedIsovalue);
+  for (const Setting& setting : kSettings) append(setting);
+  return text;
+}
+
+void TakeSetting(SetValues& values) {
+  const Setting* setting = FindSetting(values.key);
+  if (!setting) throw CLI::ValidationError("there is no setting '" + values.key + "'");
+  if (values.normalized) {
+    if (setting != &kIsovalue) throw CLI::ValidationError("--normalized is for the isovalue");
+    setting = &kNormalizedIsovalue;
+  }
+  if (!StoreSetting(*setting, values.value, values.options.settings)) {
+    throw CLI::ValidationError(
+        fmt::format("{} cannot be '{}': give {}", setting->name, values.value, setting->values));
+  }
+  values.options.field = setting->key;
 }
 
 void AddSet(CLI::App& app, Invocation& invocation, SetValues& values) {
-  CLI::App* set = app.add_subcommand("set", "Changes what is felt, at one tick");
-  set->require_subcommand(1);
-  SetFooter(*set, "Example: palpate set stiffness 0.8");
-  AddSetIsovalue(*set, invocation, values);
-  v1::RenderSettings& settings = values.options.settings;
-  CLI::App* stiffness =
-      AddSetting(*set, invocation, values.options,
-                 {"stiffness", "Sets the force per device motion into the surface, N/mm, 0 to 3",
-                  "N_PER_MM", "Stiffness, N/mm, 0 to 3"},
-                 values.number, [&values, &settings] {
-                   values.options.field = "stiffness_n_per_mm";
-                   settings.set_stiffness_n_per_mm(values.number);
-                 });
-  stiffness->get_option("value")->check(Finite());
-  SetFooter(*stiffness, "Example: palpate set stiffness 0.8");
-  CLI::App* damping =
-      AddSetting(*set, invocation, values.options,
-                 {"damping", "Sets the damping against device velocity in contact, N·s/m, 0 to 5",
-                  "N_S_PER_M", "Damping, N·s/m, 0 to 5"},
-                 values.number, [&values, &settings] {
-                   values.options.field = "damping_n_s_per_m";
-                   settings.set_damping_n_s_per_m(values.number);
-                 });
-  damping->get_option("value")->check(Finite());
-  SetFooter(*damping, "Example: palpate set damping 0.5");
-  CLI::App* method =
-      AddSetting(*set, invocation, values.options,
-                 {"method",
-                  "Sets how a cell is cut into tetrahedra: 'tpbcc' keeps the topology of the\n"
-                  "trilinear isosurface (default), 'bcc' does not; 'tptd' and\n"
-                  "'tpbcc-published' are for comparison on the simulated device",
-                  "bcc|tptd|tpbcc-published|tpbcc", "The method"},
-                 values.method, [&values, &settings] {
-                   values.options.field = "method";
-                   settings.set_method(ToProto(*MethodNamed(values.method)));
-                 });
-  method->get_option("value")->check(CLI::IsMember(std::vector<std::string>(kMethodNames.begin(), kMethodNames.end())));
-  SetFooter(*method, "Example: palpate set method bcc");
+  CLI::App* command = app.add_subcommand("set", "Changes what is felt, at one tick");
+  SetFooter(*command, ListOfSettings() +
+                          "Examples: palpate set isovalue -200\n"
+                          "          palpate set isovalue --normalized 0.4\n"
+                          "          palpate set stiffness 0.8");
+  command->add_option("key", values.key, "What to change, see below")
+      ->required()
+      ->option_text("KEY");
+  command->add_option("value", values.value, "Its new value")->required()->option_text("VALUE");
+  command->add_flag("--normalized", values.normalized,
+                    "The isovalue is given over the volume's range at load, 0 to 1");
+  command->add_option("--expected-revision", values.options.expected_revision,
+                      "Change it only on top of this settings revision, else exit with 7");
+  command->add_flag("--json", values.options.json, "One JSON object instead of text");
+  command->callback([&invocation, &values] {
+    TakeSetting(values);
+    invocation.command = [&values](const Connection& c) { ChangeSetting(c, values.options); };
+  });
 }
 
 // Where CLI11 puts the values of `load`.

@@ -4,26 +4,19 @@
 
 #include "client/cli/description.h"
 #include "client/cli/output.h"
+#include "client/cli/setting.h"
 #include "palpate/v1/render.grpc.pb.h"
 
 namespace palpate::cli {
 namespace {
 
 std::string DescribeValue(const std::string& field, const v1::RenderSettings& settings) {
-  if (field == "isovalue") {
-    return fmt::format("isovalue {:.9g}", settings.isovalue());
-  }
   if (field == "normalized_isovalue") {
     return fmt::format("isovalue {:.9g} (normalised {:.9g})", settings.isovalue(),
                        settings.normalized_isovalue());
   }
-  if (field == "stiffness_n_per_mm") {
-    return fmt::format("stiffness {:.9g} N/mm", settings.stiffness_n_per_mm());
-  }
-  if (field == "damping_n_s_per_m") {
-    return fmt::format("damping {:.9g} N·s/m", settings.damping_n_s_per_m());
-  }
-  return "method " + MethodName(settings.method());
+  const Setting* setting = FindSetting(field);
+  return setting ? DescribeSetting(*setting, settings) : field;
 }
 
 }  // namespace

@@ -3,6 +3,7 @@ find_package(fmt REQUIRED)
 find_package(nlohmann_json REQUIRED)
 
 palpate_unit_test(cli_test cli_test.cpp palpate::cli)
+palpate_unit_test(cli_setting_test cli_setting_test.cpp palpate::cli palpate::haptics fmt::fmt)
 
 # Runs the program itself against a server in the test.
 palpate_unit_test(cli_fake_daemon_test cli_fake_daemon_test.cpp palpate::wire

@@ -68,17 +68,8 @@ class CliTest : public testing::Test {
 };
 
 TEST_F(CliTest, HelpNeedsNoDaemon) {
-  for (const std::vector<std::string>& command :
-       std::vector<std::vector<std::string>>{{},
-                                             {"info"},
-                                             {"watch"},
-                                             {"set"},
-                                             {"set", "isovalue"},
-                                             {"set", "stiffness"},
-                                             {"set", "damping"},
-                                             {"set", "method"},
-                                             {"settings"},
-                                             {"load"}}) {
+  for (const std::vector<std::string>& command : std::vector<std::vector<std::string>>{
+           {}, {"info"}, {"watch"}, {"set"}, {"set", "stiffness"}, {"settings"}, {"load"}}) {
     std::vector<std::string> arguments = command;
     arguments.push_back("--help");
     const ProcessResult result = Run(arguments);
@@ -99,6 +90,11 @@ TEST_F(CliTest, WrongUsageIsOneLineAndExitCode2) {
            {"set", "isovalue", "-inf"},
            {"set", "isovalue", "1", "2"},
            {"set", "method", "cubes"},
+           {"set", "friction", "1"},
+           {"set", "stiffness", "much"},
+           {"set", "stiffness", "1", "--normalized"},
+           {"set", "force_shading", "2"},
+           {"set", "free_side", "left"},
            {"watch", "--rate-hz", "0"},
            {"watch", "--rate-hz", "1001"},
            {"watch", "--count", "0"},
@@ -111,6 +107,30 @@ TEST_F(CliTest, WrongUsageIsOneLineAndExitCode2) {
            {"info", "--socket", "a", "--server", "b:1"},
            {"info", "extra"}}) {
     ExpectOneError(Run(arguments), 2, "--help");
+  }
+}
+
+TEST_F(CliTest, WrongValuesAreToldWithTheRightOnes) {
+  ExpectOneError(Run({"set", "stiffness_n_per_mm", "much"}), 2,
+                 "stiffness cannot be 'much': give 0 to 3 N/mm");
+  ExpectOneError(Run({"set", "free_side", "left"}), 2, "give below or above");
+  ExpectOneError(Run({"set", "friction", "1"}), 2, "there is no setting 'friction'");
+}
+
+TEST_F(CliTest, HelpOfSetNamesEverySettingWithItsUnit) {
+  const std::string help = Run({"set", "--help"}).output;
+  for (const char* part : {"isovalue ",        "--normalized",
+                           "stiffness ",       "0 to 3 N/mm",
+                           "damping ",         "0 to 5 N·s/m",
+                           "static_friction ", "dynamic_friction ",
+                           "viscosity ",       "pop_force ",
+                           "0 to 3.3 N",       "magnet_force ",
+                           "0 to 1.5 N",       "magnet_range ",
+                           "0 to 10 mm",       "force_shading ",
+                           "on or off",        "passivity_control ",
+                           "free_side ",       "below or above",
+                           "method ",          "tpbcc"}) {
+    EXPECT_NE(help.find(part), std::string::npos) << part << "\n" << help;
   }
 }
 
@@ -141,7 +161,9 @@ TEST_F(CliTest, InfoJson) {
 
 TEST_F(CliTest, SettingsInTextAndJson) {
   StartDaemon();
-  EXPECT_NE(Run({"settings"}).output.find("stiffness 0.5 N/mm"), std::string::npos);
+  const std::string text = Run({"settings"}).output;
+  EXPECT_NE(text.find("stiffness 0.5 N/mm"), std::string::npos);
+  EXPECT_NE(text.find("off: damping\n"), std::string::npos) << text;
   const Json json = Json::parse(Run({"settings", "--json"}).output);
   EXPECT_EQ(json["isovalue"], 40.8);
   EXPECT_EQ(json["method"], "tpbcc");
@@ -180,6 +202,11 @@ TEST_F(CliTest, SetSendsOnlyTheFieldItNames) {
             "normalized_isovalue normalized_isovalue: 0.5");
   EXPECT_EQ(sent({"set", "stiffness", "0.75"}), "stiffness_n_per_mm stiffness_n_per_mm: 0.75");
   EXPECT_EQ(sent({"set", "damping", "0"}), "damping_n_s_per_m damping_n_s_per_m: 0");
+  EXPECT_EQ(sent({"set", "damping_n_s_per_m", "-.5"}), "damping_n_s_per_m damping_n_s_per_m: -0.5");
+  EXPECT_EQ(sent({"set", "normalized_isovalue", "0.5"}),
+            "normalized_isovalue normalized_isovalue: 0.5");
+  EXPECT_EQ(sent({"set", "--json", "force_shading", "off"}), "force_shading force_shading: false");
+  EXPECT_EQ(sent({"set", "free_side", "above"}), "free_side free_side: FREE_SIDE_ABOVE");
   EXPECT_EQ(sent({"set", "method", "bcc"}), "method method: DECOMPOSITION_METHOD_BCC");
 }
 
@@ -195,7 +222,7 @@ TEST_F(CliTest, SetJson) {
 TEST_F(CliTest, RevisionConflictIsExitCode7) {
   StartDaemon();
   ExpectOneError(Run({"set", "isovalue", "40", "--expected-revision", "5"}), 7, "at revision 6");
-  EXPECT_EQ(Run({"set", "isovalue", "40", "--expected-revision", "6"}).exit_code, 0);
+  EXPECT_EQ(Run({"set", "--expected-revision", "6", "isovalue", "40"}).exit_code, 0);
 }
 
 TEST_F(CliTest, RefusedValueIsExitCode3OnOneLine) {
