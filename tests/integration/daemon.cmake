@@ -1,6 +1,7 @@
 find_package(nlohmann_json REQUIRED)
-foreach(test daemon_stream_test daemon_control_test daemon_lifecycle_test)
-  palpate_integration_test(${test} ${test}.cpp palpate::wire palpate::proto nlohmann_json::nlohmann_json)
+foreach(test daemon_stream_test daemon_control_test daemon_lifecycle_test daemon_settings_test)
+  palpate_integration_test(${test} ${test}.cpp palpate::wire palpate::proto
+    nlohmann_json::nlohmann_json)
   add_dependencies(${test} palpated palpate palpate-import)
   target_compile_definitions(${test} PRIVATE
     PALPATED="$<TARGET_FILE:palpated>"

