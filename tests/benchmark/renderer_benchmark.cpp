@@ -1,0 +1,165 @@
+// Cost of one haptic update: in free space, sliding, in cells with six face
+// saddles, with a cold cache, when τ changes, and where it is worst. See README.md.
+#include <benchmark/benchmark.h>
+
+#include <algorithm>
+#include <cstdint>
+#include <memory>
+#include <random>
+#include <vector>
+
+#include "server/haptics/renderer.h"
+#include "server/lab/trajectory.h"
+#include "server/volume/builtin.h"
+#include "server/volume/snapshot_builder.h"
+#include "tests/support/array_volume.h"
+
+namespace palpate {
+namespace {
+
+constexpr double kDtS = 1e-3;
+constexpr int kTicks = 20'000;
+
+struct Scene {
+  std::shared_ptr<const VolumeSnapshot> volume;
+  HapticSurface surface;
+};
+
+Scene MakeScene(std::shared_ptr<const VolumeSnapshot> volume, double isovalue) {
+  Scene scene{std::move(volume), {}};
+  scene.surface = MakeHapticSurface(*scene.volume, scene.volume->metadata().WorldFromIndex(),
+                                    isovalue, DecompositionMethod::kTpbcc, 1);
+  return scene;
+}
+
+Scene Builtin(const char* name, double spacing_mm) {
+  const BuiltinVolume builtin = MakeBuiltin(name, Vec3::Constant(spacing_mm));
+  const auto volume = MakeSnapshot(builtin.grid, builtin.metadata, 1);
+  return MakeScene(volume, volume->Normalize(0.5));
+}
+
+// Values high and low in turn, as on a chess board: most cells have six saddles.
+Scene ChessBoard() {
+  std::mt19937_64 random(13);
+  std::uniform_real_distribution<double> uniform;
+  return MakeScene(testing::MakeVolume(Vec3i::Constant(24),
+                                       [&](int i, int j, int k) {
+                                         return 0.5 * ((i + j + k) % 2) + 0.5 * uniform(random);
+                                       }),
+                   0.5);
+}
+
+// Steps through `hips` again and again; moves and tetrahedra per step are counted.
+void Run(benchmark::State& state, const Scene& scene, const std::vector<Vec3>& hips,
+         const HapticSettings& settings = {}) {
+  auto renderer = std::make_unique<RendererState>();
+  std::size_t n = 0;
+  double moves = 0.0, contacts = 0.0;
+  for (auto _ : state) {
+    const HapticOutput output =
+        StepRenderer(scene.surface, settings, hips[n++ % hips.size()], kDtS, *renderer);
+    benchmark::DoNotOptimize(output.force_D_n.data());
+    moves += output.proxy.moves;
+    contacts += output.proxy.mode == ProxyMode::kConstrained;
+  }
+  state.counters["moves"] = benchmark::Counter(moves, benchmark::Counter::kAvgIterations);
+  state.counters["contact"] = benchmark::Counter(contacts, benchmark::Counter::kAvgIterations);
+}
+
+std::vector<Vec3> SlideOver(const Scene& scene, double speed_cm_per_s) {
+  return lab::MakeTrajectory(*scene.volume, {.kind = lab::TrajectoryKind::kSlide,
+                                             .isovalue = scene.surface.isovalue,
+                                             .speed_cm_per_s = speed_cm_per_s,
+                                             .ticks = kTicks});
+}
+
+void Sliding(benchmark::State& state, const char* name, double spacing_mm, double speed_cm_per_s,
+             const HapticSettings& settings = {}) {
+  const Scene scene = Builtin(name, spacing_mm);
+  Run(state, scene, SlideOver(scene, speed_cm_per_s), settings);
+}
+BENCHMARK_CAPTURE(Sliding, bumps_coarse_10, "builtin:bumps:128", 2.0, 10.0);
+BENCHMARK_CAPTURE(Sliding, bumps_coarse_50, "builtin:bumps:128", 2.0, 50.0);
+BENCHMARK_CAPTURE(Sliding, bumps_fine_10, "builtin:bumps:128", 1.0 / 3.0, 10.0);
+BENCHMARK_CAPTURE(Sliding, bumps_fine_50, "builtin:bumps:128", 1.0 / 3.0, 50.0);
+BENCHMARK_CAPTURE(Sliding, gyroid_coarse_10, "builtin:gyroid:128", 2.0, 10.0);
+BENCHMARK_CAPTURE(Sliding, gyroid_coarse_50, "builtin:gyroid:128", 2.0, 50.0);
+BENCHMARK_CAPTURE(Sliding, gyroid_fine_10, "builtin:gyroid:128", 1.0 / 3.0, 10.0);
+BENCHMARK_CAPTURE(Sliding, gyroid_fine_50, "builtin:gyroid:128", 1.0 / 3.0, 50.0);
+
+// What each effect adds.
+BENCHMARK_CAPTURE(Sliding, with_friction, "builtin:bumps:128", 1.0 / 3.0, 10.0,
+                  HapticSettings{.static_friction = 0.4, .dynamic_friction = 0.2});
+BENCHMARK_CAPTURE(Sliding, with_shading, "builtin:bumps:128", 1.0 / 3.0, 10.0,
+                  HapticSettings{.force_shading = true});
+BENCHMARK_CAPTURE(Sliding, with_passivity_control, "builtin:bumps:128", 1.0 / 3.0, 10.0,
+                  HapticSettings{.passivity_control = true});
+
+// 10 cm/s in the air, where cells are crossed but no surface is met.
+void FreeSpace(benchmark::State& state, const HapticSettings& settings) {
+  const Scene scene = Builtin("builtin:sphere:128", 1.0 / 3.0);
+  std::vector<Vec3> hips;
+  for (int n = 0; n < kTicks; ++n) {
+    // Around the sphere of 50 voxels, 2 above it.
+    const double angle = 0.1 * n / (52.0 / 3.0);
+    const Vec3 p_I = Vec3::Constant(63.5) + 52.0 * Vec3(std::cos(angle), std::sin(angle), 0.0);
+    hips.push_back(scene.surface.X_DI.Apply(p_I));
+  }
+  Run(state, scene, hips, settings);
+}
+BENCHMARK_CAPTURE(FreeSpace, plain, HapticSettings{});
+BENCHMARK_CAPTURE(FreeSpace, with_magnet,
+                  HapticSettings{.magnet_force_n = 0.5, .magnet_range_mm = 1.5});
+
+void SixSaddles(benchmark::State& state) {
+  const Scene scene = ChessBoard();
+  Run(state, scene, SlideOver(scene, 10.0));
+}
+BENCHMARK(SixSaddles);
+
+// Every step finds an empty cache: the data have a new revision.
+void ColdCache(benchmark::State& state) {
+  Scene scene = Builtin("builtin:bumps:128", 1.0 / 3.0);
+  const std::vector<Vec3> hips = SlideOver(scene, 10.0);
+  auto renderer = std::make_unique<RendererState>();
+  std::size_t n = 0;
+  for (auto _ : state) {
+    ++scene.surface.geometry_revision;
+    const HapticOutput output =
+        StepRenderer(scene.surface, {}, hips[n++ % hips.size()], kDtS, *renderer);
+    benchmark::DoNotOptimize(output.force_D_n.data());
+  }
+}
+BENCHMARK(ColdCache);
+
+// τ moves the surface by a voxel to and fro, each step.
+void IsovalueChange(benchmark::State& state) {
+  Scene scene = Builtin("builtin:bumps:128", 1.0 / 3.0);
+  const std::vector<Vec3> hips = SlideOver(scene, 10.0);
+  const double isovalue = scene.surface.isovalue;
+  auto renderer = std::make_unique<RendererState>();
+  std::size_t n = 0;
+  for (auto _ : state) {
+    scene.surface.isovalue = isovalue + (n % 2 ? 1.0 : -1.0) / 16.0;
+    const HapticOutput output =
+        StepRenderer(scene.surface, {}, hips[n++ % hips.size()], kDtS, *renderer);
+    benchmark::DoNotOptimize(output.force_D_n.data());
+  }
+}
+BENCHMARK(IsovalueChange);
+
+// The stylus jumps to and fro across a chess board: up to the cap on moves.
+void WorstCase(benchmark::State& state) {
+  const Scene scene = ChessBoard();
+  std::mt19937_64 random(14);
+  std::uniform_real_distribution<double> uniform(-4.0, 28.0);
+  std::vector<Vec3> hips(1000);
+  for (Vec3& hip : hips) hip = Vec3(uniform(random), uniform(random), uniform(random));
+  Run(state, scene, hips);
+}
+BENCHMARK(WorstCase);
+
+}  // namespace
+}  // namespace palpate
+
+BENCHMARK_MAIN();
