@@ -6,29 +6,31 @@
 namespace palpate {
 namespace {
 
-// Position resolution of the device; its flicker is no motion.
-constexpr double kSensorStepMm = 0.055;
-// Full damping is that of a spring which acts this much early: twice the delay
-// of a loop with one tick of delay and half a tick of hold.
-constexpr double kLeadS = 3e-3;
-// A light hand (30 g) behind a tick of delay bears no more.
-constexpr double kMaxDampingNSPerMm = 4e-3;
+using State = PassivityState;
+
+// Position resolution of the device.
+constexpr double kCountMm = 0.055;
 // The device's greatest force.
 constexpr double kMaxForceN = 3.3;
-constexpr double kSoftMj = 0.4;
-constexpr double kSafeStiffness = 0.5;
-// In which a debt is forgiven while the stylus stays within a count.
-constexpr double kCalmS = 1.0;
-// In which a lost stiffness comes back.
+// The full damper is that of a spring which acts this much early: twice the delay
+// of a tick in the device and half a tick of hold.
+constexpr double kLeadS = 3e-3;
+// More would itself vibrate under a light hand: it acts late, too.
+constexpr double kMaxDampingNSPerMm = 2.5e-3;
+// Time in which the stiffness comes back out of contact.
 constexpr double kRecoveryS = 0.3;
-// Rounding of a slope must not end the window.
-constexpr double kWindowSlack = 1.0 + 1e-6;
-
-using State = PassivityState;
+// A stylus that kept within a count for so long rests; time in which it is
+// forgiven then, before a sensor that flickers at every tick empties the tank.
+constexpr double kRestS = 0.01;
+constexpr double kForgivingS = 0.05;
+// Against rounding where a value meets its limit exactly.
+constexpr double kSlack = 1.0 + 1e-6;
 
 int Before(const State& state, int ticks) {
   return (state.newest - ticks + State::kPositionsKept) % State::kPositionsKept;
 }
+
+bool WithinACount(const Vec3& d_mm) { return d_mm.cwiseAbs().maxCoeff() <= kCountMm * kSlack; }
 
 void Remember(const Vec3& p_DHip_mm, double dt_s, State& state) {
   const double now_s = state.started ? state.time_s[state.newest] + dt_s : 0.0;
@@ -36,39 +38,33 @@ void Remember(const Vec3& p_DHip_mm, double dt_s, State& state) {
   state.p_DHip_mm[state.newest] = p_DHip_mm;
   state.time_s[state.newest] = now_s;
   state.positions = std::min(state.positions + 1, State::kPositionsKept);
+  const bool rests = state.started && WithinACount(p_DHip_mm - state.rest_mm);
+  state.rested_s = rests ? state.rested_s + dt_s : 0.0;
+  if (!rests) state.rest_mm = p_DHip_mm;
+  state.started = true;
 }
 
-// Whether the positions in between lie within a count of the line from `oldest`
-// ticks before to the newest.
-bool IsStraight(const State& state, int oldest, const Vec3& slope_mm_per_s) {
-  const Vec3& p_mm = state.p_DHip_mm[state.newest];
-  const double now_s = state.time_s[state.newest];
-  for (int n = 1; n < oldest; ++n) {
+// Whether the last `ticks` positions lie along a line of this slope.
+bool IsStraight(const State& state, int ticks, const Vec3& slope_mm_per_s) {
+  for (int n = 1; n < ticks; ++n) {
     const int at = Before(state, n);
-    const Vec3 line_mm = p_mm - slope_mm_per_s * (now_s - state.time_s[at]);
-    const Vec3 off_mm = line_mm - state.p_DHip_mm[at];
-    if (!(off_mm.cwiseAbs().maxCoeff() <= kSensorStepMm * kWindowSlack)) return false;
+    const double ago_s = state.time_s[state.newest] - state.time_s[at];
+    const Vec3 moved_mm = state.p_DHip_mm[state.newest] - state.p_DHip_mm[at];
+    if (!WithinACount(moved_mm - slope_mm_per_s * ago_s)) return false;
   }
   return true;
 }
 
-struct Motion {
+Vec3 Velocity(const State& state) {
   Vec3 velocity_mm_per_s = Vec3::Zero();
-  bool is_calm = false;  // within a count for as long as positions are kept
-};
-
-Motion Observed(const State& state) {
-  Motion motion;
   for (int n = 1; n < state.positions; ++n) {
     const int at = Before(state, n);
     const Vec3 moved_mm = state.p_DHip_mm[state.newest] - state.p_DHip_mm[at];
     const Vec3 slope = moved_mm / (state.time_s[state.newest] - state.time_s[at]);
     if (!IsStraight(state, n, slope)) break;
-    motion.velocity_mm_per_s = slope;
-    motion.is_calm = n + 1 == State::kPositionsKept &&
-                     moved_mm.cwiseAbs().maxCoeff() <= kSensorStepMm * kWindowSlack;
+    velocity_mm_per_s = slope;
   }
-  return motion;
+  return velocity_mm_per_s;
 }
 
 // Energy that the hand surely gave while it moved by `moved_mm`.
@@ -82,72 +78,83 @@ double Stored(double stiffness_n_per_mm, double depth_mm) {
   return force_n > 0.0 ? force_n * (depth_mm - force_n / (2.0 * stiffness_n_per_mm)) : 0.0;
 }
 
-// The share of the stiffness with which no more than `energy_mj` is stored.
+// Share of the stiffness with which no more than `energy_mj` is stored.
 double Bearable(double stiffness_n_per_mm, double depth_mm, double energy_mj) {
   if (Stored(stiffness_n_per_mm, depth_mm) <= energy_mj) return 1.0;
   if (!(energy_mj > 0.0)) return 0.0;
+  // Above half the work of the greatest force, the cut-off takes part.
   const double cut_off_mj = kMaxForceN * depth_mm - energy_mj;
   const double stiffness = energy_mj <= cut_off_mj ? 2.0 * energy_mj / (depth_mm * depth_mm)
                                                    : kMaxForceN * kMaxForceN / (2.0 * cut_off_mj);
   return std::min(1.0, stiffness / stiffness_n_per_mm);
 }
 
-void Observe(const Vec3& p_DHip_mm, double budget_mj, double dt_s, State& state) {
-  if (state.started) {
-    state.tank_mj += LeastAbsorbed(state, p_DHip_mm - state.p_DHip_mm[state.newest]) + budget_mj;
+// The stiffness that the tank allows, and the damping that fills it.
+void Control(double stiffness_n_per_mm, double depth_mm, double dt_s, State& state) {
+  const double spring_mj = Stored(state.scale * stiffness_n_per_mm, depth_mm);
+  double forgiven_mj = kForgivenMjPerS * dt_s;
+  if (depth_mm > 0.0) {
+    // Not to the full, so that the damping stays.
+    const double missing_mj = std::max(0.0, spring_mj - kFullDampingMj - state.tank_mj);
+    const bool is_safe = state.scale * stiffness_n_per_mm <= kSafeNPerMm * kSlack;
+    if (is_safe && state.rested_s > kRestS) forgiven_mj += missing_mj * dt_s / kForgivingS;
+    forgiven_mj = std::min(forgiven_mj, missing_mj);
   }
-  Remember(p_DHip_mm, dt_s, state);
-  state.started = true;
-}
+  state.tank_mj += forgiven_mj;
+  state.tank_mj = std::min(state.tank_mj, Stored(stiffness_n_per_mm, depth_mm));
 
-// The force is scaled as its spring is, and cut off at the limit.
-double Scaled(double force_n, double scale) { return std::min(force_n * scale, kMaxForceN); }
-
-Vec3 Limited(const Vec3& force_D_n, double stiffness_n_per_mm, double depth_mm,
-             const Vec3& p_DHip_mm, double budget_mj, double dt_s, State& state) {
-  Observe(p_DHip_mm, budget_mj, dt_s, state);
-  const Motion motion = Observed(state);
-  const double stored_mj = Stored(stiffness_n_per_mm, depth_mm);
-  const bool calm =
-      motion.is_calm && state.scale * stiffness_n_per_mm <= kSafeStiffness * kWindowSlack;
-  if (calm && depth_mm > 0.0) {
-    const double wanted = Stored(state.scale * stiffness_n_per_mm, depth_mm) - kFullDampingMj;
-    state.tank_mj += std::max(0.0, wanted - state.tank_mj) * std::min(1.0, dt_s / kCalmS);
-  }
-  state.tank_mj = std::min(state.tank_mj + kForgivenMjPerS * dt_s, stored_mj);
-  const double lacking_mj = Stored(state.scale * stiffness_n_per_mm, depth_mm) - state.tank_mj;
+  const double lacking_mj = spring_mj - state.tank_mj;
   state.damping = std::clamp(lacking_mj / kFullDampingMj, 0.0, 1.0);
-  const double fade_s = depth_mm > 0.0 ? 1e30 : kRecoveryS;
-  state.distrust =
-      std::max(state.distrust * (1.0 - std::min(1.0, dt_s / fade_s)),
-               std::clamp((lacking_mj - kFullDampingMj) / (kSoftMj - kFullDampingMj), 0.0, 1.0));
-  const double safe = std::min(1.0, kSafeStiffness / stiffness_n_per_mm);
+  if (!(depth_mm > 0.0)) state.distrust *= 1.0 - std::min(1.0, dt_s / kRecoveryS);
+  const double soft = (lacking_mj - kFullDampingMj) / (kSoftMj - kFullDampingMj);
+  state.distrust = std::max(state.distrust, std::clamp(soft, 0.0, 1.0));
+  const double safe = std::min(1.0, kSafeNPerMm / stiffness_n_per_mm);
   state.scale = std::min(1.0 - state.distrust * (1.0 - safe),
                          Bearable(stiffness_n_per_mm, depth_mm, state.tank_mj + kCreditMj));
+}
+
+Vec3 Shortened(const Vec3& v, double length) {
+  const double norm = v.norm();
+  return norm > length ? Vec3(v * (length / norm)) : v;
+}
+
+Vec3 Limited(const Vec3& force_D_n, double stiffness_n_per_mm, double depth_mm,
+             const State& state) {
   const double force_n = force_D_n.norm();
-  if (!(force_n > 0.0)) return force_D_n;
+  if (!(force_n > 0.0)) return Vec3::Zero();
   const Vec3 direction = force_D_n / force_n;
-  if (!(stored_mj > 0.0)) return direction * Scaled(force_n, 1.0);
+  if (!(stiffness_n_per_mm * depth_mm > 0.0)) return direction * std::min(force_n, kMaxForceN);
   const double full = std::min(stiffness_n_per_mm * kLeadS, kMaxDampingNSPerMm);
-  const double damper_n = -state.damping * full * motion.velocity_mm_per_s.dot(direction);
-  return direction * std::clamp(Scaled(force_n, state.scale) + damper_n, 0.0, kMaxForceN);
+  const Vec3 drag_n = -state.damping * full * Velocity(state);
+  // What is scaled is the spring, which is then cut off.
+  const double spring_n = std::min(state.scale * force_n, kMaxForceN);
+  const double along_n = std::clamp(spring_n + drag_n.dot(direction), 0.0, kMaxForceN);
+  // Across no more than along, so that the force stays continuous at contact.
+  const Vec3 across = drag_n - drag_n.dot(direction) * direction;
+  return Shortened(along_n * direction + Shortened(across, along_n), kMaxForceN);
 }
 
 }  // namespace
 
 Vec3 LimitToPassive(const Vec3& force_D_n, double stiffness_n_per_mm, double depth_mm,
                     const Vec3& p_DHip_mm, double budget_mj, double dt_s, State& state) noexcept {
-  const bool usable = force_D_n.allFinite() && p_DHip_mm.allFinite() && dt_s > 0.0 &&
-                      std::isfinite(stiffness_n_per_mm + depth_mm + budget_mj + dt_s);
   Vec3 limited_D_n = Vec3::Zero();
-  if (usable) {
-    limited_D_n =
-        Limited(force_D_n, stiffness_n_per_mm, depth_mm, p_DHip_mm, budget_mj, dt_s, state);
+  if (force_D_n.allFinite() && p_DHip_mm.allFinite() && dt_s > 0.0 &&
+      std::isfinite(stiffness_n_per_mm + depth_mm + budget_mj + dt_s)) {
+    if (state.started) {
+      const Vec3 moved_mm = p_DHip_mm - state.p_DHip_mm[state.newest];
+      state.tank_mj += LeastAbsorbed(state, moved_mm) + budget_mj;
+    }
+    Remember(p_DHip_mm, dt_s, state);
+    Control(stiffness_n_per_mm, depth_mm, dt_s, state);
+    limited_D_n = Limited(force_D_n, stiffness_n_per_mm, depth_mm, state);
+  } else {
+    state = {};
   }
   // Finite numbers may overflow.
-  if (!usable || !limited_D_n.allFinite() || !std::isfinite(state.tank_mj)) {
+  if (!limited_D_n.allFinite() || !std::isfinite(state.tank_mj + state.scale)) {
     state = {};
-    return Vec3::Zero();
+    limited_D_n.setZero();
   }
   for (int n = State::kForcesCounted - 1; n > 0; --n) {
     state.written_D_n.col(n) = state.written_D_n.col(n - 1);

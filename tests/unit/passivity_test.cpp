@@ -1,0 +1,387 @@
+// Passivity control on a plane: hands that a plain spring shakes, hands that it
+// does not, and input of any kind.
+#include "server/haptics/passivity.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <limits>
+#include <numbers>
+#include <random>
+#include <string>
+
+#include "tests/support/hand_loop.h"
+
+namespace palpate {
+namespace {
+
+using testing::Hand;
+using testing::HandLoop;
+using testing::kLoopTickS;
+using testing::kSensorCountMm;
+using testing::Loop;
+using testing::LoopResult;
+
+constexpr double kMmPerM = 1000.0;
+
+struct Wall {
+  double stiffness_n_per_mm = 1.0;
+  bool is_controlled = true;
+  double damping_n_s_per_m = 0.0;
+  double viscosity_n_s_per_m = 0.0;
+  bool tells_written = true;  // what a slew limit left of the force is told
+};
+
+// Solid below z = 0.
+double Depth(const Vec3& p_mm) { return std::max(0.0, -p_mm.z()); }
+
+// How much the control changes of the force, in contact, after the first second.
+struct Change {
+  long ticks = 0;
+  long changed = 0;  // by more than 1 % and more than the step of a sensor count
+  double share = 0.0;
+};
+
+class PlaneRenderer {
+ public:
+  explicit PlaneRenderer(const Wall& wall) : wall_(wall) {}
+
+  Vec3 Render(const Vec3& p_DHip_mm, double dt_s, const Vec3& written_n) {
+    const Vec3 plain_n = PlainForce(p_DHip_mm, dt_s);
+    if (!wall_.is_controlled) return plain_n;
+    if (wall_.tells_written) state_.written_D_n.col(0) = written_n;
+    const Vec3 force_n = LimitToPassive(plain_n, wall_.stiffness_n_per_mm, Depth(p_DHip_mm),
+                                        p_DHip_mm, 0.0, dt_s, state_);
+    time_s_ += dt_s;
+    if (time_s_ > 1.0 && plain_n.norm() > 0.0) Note(plain_n, force_n);
+    return force_n;
+  }
+  const Change& change() const { return change_; }
+
+ private:
+  // As the renderer computes it: a low-passed velocity, a damper within the spring.
+  Vec3 PlainForce(const Vec3& p_DHip_mm, double dt_s) {
+    const double share = std::min(1.0, 2.0 * std::numbers::pi * 40.0 * dt_s);
+    if (has_last_) v_mm_per_s_ += share * ((p_DHip_mm - last_mm_) / dt_s - v_mm_per_s_);
+    last_mm_ = p_DHip_mm;
+    has_last_ = true;
+    const double spring_n = wall_.stiffness_n_per_mm * Depth(p_DHip_mm);
+    if (!(spring_n > 0.0)) return Vec3::Zero();
+    const double damper_n = -wall_.damping_n_s_per_m / kMmPerM * v_mm_per_s_.z();
+    return Vec3(0, 0, spring_n + std::clamp(damper_n, -spring_n, spring_n)) -
+           wall_.viscosity_n_s_per_m / kMmPerM * v_mm_per_s_;
+  }
+
+  void Note(const Vec3& plain_n, const Vec3& force_n) {
+    const double wanted_n = std::min(plain_n.norm(), testing::kDeviceForceN);
+    const double off_n = (force_n - plain_n * (wanted_n / plain_n.norm())).norm();
+    const double step_n = wall_.stiffness_n_per_mm * kSensorCountMm;
+    ++change_.ticks;
+    change_.changed += off_n > std::max(0.01 * wanted_n, step_n);
+    change_.share += off_n / wanted_n;
+  }
+
+  Wall wall_;
+  PassivityState state_;
+  Change change_;
+  Vec3 last_mm_ = Vec3::Zero();
+  Vec3 v_mm_per_s_ = Vec3::Zero();
+  bool has_last_ = false;
+  double time_s_ = 0.0;
+};
+
+LoopResult Touch(const Hand& hand, const Wall& wall, const Loop& loop, Change* change = nullptr) {
+  PlaneRenderer renderer(wall);
+  const LoopResult result =
+      HandLoop(hand, loop)
+          .Run([&](const Vec3& p, double dt_s,
+                   const Vec3& written) { return renderer.Render(p, dt_s, written); },
+               Depth);
+  if (change) {
+    change->ticks += renderer.change().ticks;
+    change->changed += renderer.change().changed;
+    change->share += renderer.change().share;
+  }
+  return result;
+}
+
+std::string Words(const Hand& hand, const Wall& wall, const Loop& loop) {
+  return std::to_string(hand.mass_kg) + " kg, " + std::to_string(hand.damping_n_s_per_m) +
+         " N s/m, push " + std::to_string(hand.push_n) + " N, tremor " +
+         std::to_string(hand.tremor_n) + " N, " + std::to_string(hand.speed_mm_per_s) +
+         " mm/s, missed " + std::to_string(loop.missed_ticks) + " from " +
+         std::to_string(hand.start_mm.z()) + " mm, " + std::to_string(wall.stiffness_n_per_mm) +
+         " N/mm, late " + std::to_string(loop.is_late);
+}
+
+// What a sampled spring needs of a hand not to shake it: half of it times the tick.
+double NeededDamping(double stiffness_n_per_mm) {
+  return stiffness_n_per_mm * kMmPerM * kLoopTickS / 2.0;
+}
+
+enum class Approach { kFall, kRest, kThrow, kTremor };
+
+Hand LightHand(double mass_kg, double share, double push_n, double stiffness, Approach approach) {
+  Hand hand{
+      .mass_kg = mass_kg, .damping_n_s_per_m = share * NeededDamping(stiffness), .push_n = push_n};
+  if (approach == Approach::kRest) hand.start_mm = Vec3(0, 0, 0.01);
+  if (approach == Approach::kThrow) hand.speed_mm_per_s = 250.0 * push_n;
+  if (approach == Approach::kTremor) {
+    hand.tremor_n = 0.3 * push_n;
+    hand.tremor_hz = 8.0 + 2.0 * push_n;
+  }
+  return hand;
+}
+
+template <typename Visit>
+void ForEachLightHand(Visit visit) {
+  for (bool is_late : {false, true}) {
+    for (double stiffness : {0.5, 1.0, 2.0, 3.0}) {
+      for (double mass_kg : {0.03, 0.08, 0.2}) {
+        for (double share : {0.05, 0.3, 0.9}) {
+          for (double push_n : {0.3, 1.0, 2.0}) {
+            for (Approach approach :
+                 {Approach::kFall, Approach::kRest, Approach::kThrow, Approach::kTremor}) {
+              visit(LightHand(mass_kg, share, push_n, stiffness, approach), stiffness, is_late);
+            }
+          }
+        }
+      }
+    }
+  }
+}
+
+struct Worst {
+  double given_mj = -1e9;
+  double swing_n = 0.0;
+  double stiffness_n_per_mm = 1e9;  // force over depth, at rest
+
+  void Add(const Hand& hand, const LoopResult& result) {
+    given_mj = std::max(given_mj, result.given_mj);
+    if (hand.tremor_n > 0.0) return;
+    swing_n = std::max(swing_n, result.force_swing_n);
+    stiffness_n_per_mm = std::min(stiffness_n_per_mm, result.force_n / result.depth_mm);
+  }
+  void Print(const char* what) const {
+    std::printf("[ figures  ] %s: given %.3f mJ, swing %.3f N, stiffness %.2f N/mm\n", what,
+                given_mj, swing_n, stiffness_n_per_mm);
+  }
+};
+
+// The control of the tests below: without passivity control the hand is shaken.
+TEST(Passivity, WithoutItAHandOfLittleDampingGainsEnergy) {
+  double least_mj = 1e9, least_swing_n = 1e9;
+  ForEachLightHand([&](const Hand& hand, double stiffness, bool is_late) {
+    if (stiffness != 2.0) return;
+    const Wall wall{.stiffness_n_per_mm = stiffness, .is_controlled = false};
+    const LoopResult result = Touch(hand, wall, {.is_late = is_late});
+    least_mj = std::min(least_mj, result.given_mj);
+    least_swing_n = std::min(least_swing_n, result.force_swing_n);
+  });
+  std::printf("[ figures  ] without control, at 2 N/mm: given %.1f mJ or more, swing %.2f N\n",
+              least_mj, least_swing_n);
+  EXPECT_GT(least_mj, 1.5);
+  EXPECT_GT(least_swing_n, 0.5);
+}
+
+TEST(Passivity, NoHandGainsEnergyOrIsShakenAndTheWallHolds) {
+  Worst worst;
+  ForEachLightHand([&](const Hand& hand, double stiffness, bool is_late) {
+    const Wall wall{.stiffness_n_per_mm = stiffness};
+    const Loop loop{.is_late = is_late};
+    const LoopResult result = Touch(hand, wall, loop);
+    worst.Add(hand, result);
+    EXPECT_LE(result.given_mj, 1.0) << Words(hand, wall, loop);
+    if (hand.tremor_n > 0.0) return;
+    // An amplitude of 0.1 N.
+    EXPECT_LE(result.force_swing_n, 0.2) << Words(hand, wall, loop);
+    EXPECT_NEAR(result.force_n, hand.push_n, 0.05) << Words(hand, wall, loop);
+    EXPECT_GT(result.force_n / result.depth_mm, 0.9 * kSafeNPerMm) << Words(hand, wall, loop);
+  });
+  worst.Print("with control");
+}
+
+// PALPATE_TORTURE=N multiplies the number of hands.
+TEST(Passivity, NeitherDoRandomHands) {
+  const char* factor = std::getenv("PALPATE_TORTURE");
+  const int hands = 300 * (factor ? std::max(1, std::atoi(factor)) : 1);
+  std::mt19937_64 random(3);
+  const auto between = [&](double low, double high) {
+    return std::uniform_real_distribution<double>(low, high)(random);
+  };
+  Worst worst;
+  int shaken = 0;
+  for (int n = 0; n < hands; ++n) {
+    const Wall wall{.stiffness_n_per_mm = between(0.3, 3.0)};
+    const Loop loop{.seconds = 10.0,
+                    .is_late = random() % 2 == 0,
+                    .missed_ticks = random() % 4 == 0 ? static_cast<int>(between(20, 200)) : 0};
+    Hand hand = LightHand(between(0.03, 0.2), between(0.05, 0.9), between(0.3, 2.0),
+                          wall.stiffness_n_per_mm, static_cast<Approach>(random() % 4));
+    hand.start_mm.z() += between(0.0, kSensorCountMm);
+    const LoopResult result = Touch(hand, wall, loop);
+    worst.Add(hand, result);
+    EXPECT_LE(result.given_mj, 1.0) << Words(hand, wall, loop);
+    if (hand.tremor_n > 0.0) continue;
+    shaken += result.force_swing_n > 0.2;
+    EXPECT_NEAR(result.force_n, hand.push_n, 0.05) << Words(hand, wall, loop);
+  }
+  // Not one in a thousand, at 2 N/mm and more, keeps a swing of a few counts.
+  EXPECT_LE(shaken, hands / 1000);
+  worst.Print("random hands");
+}
+
+TEST(Passivity, TheDamperIsCoveredToo) {
+  Worst worst;
+  ForEachLightHand([&](const Hand& hand, double stiffness, bool is_late) {
+    const Wall wall{
+        .stiffness_n_per_mm = stiffness, .damping_n_s_per_m = 5.0, .viscosity_n_s_per_m = 2.0};
+    const Loop loop{.is_late = is_late};
+    const LoopResult result = Touch(hand, wall, loop);
+    worst.Add(hand, result);
+    EXPECT_LE(result.given_mj, 1.0) << Words(hand, wall, loop);
+  });
+  worst.Print("damping 5 N s/m, viscosity 2 N s/m");
+}
+
+// A slew limit makes the force act later still.
+TEST(Passivity, ASlewLimitIsBorneIfTheWrittenForceIsTold) {
+  Worst rise, both, untold;
+  ForEachLightHand([&](const Hand& hand, double stiffness, bool is_late) {
+    if (!is_late) return;
+    Loop loop{.is_late = is_late, .slew_n = 0.2, .falls_at_once = true};
+    Wall wall{.stiffness_n_per_mm = stiffness};
+    const LoopResult result = Touch(hand, wall, loop);
+    rise.Add(hand, result);
+    EXPECT_LE(result.given_mj, 1.0) << Words(hand, wall, loop);
+    loop.falls_at_once = false;
+    const LoopResult slow = Touch(hand, wall, loop);
+    both.Add(hand, slow);
+    EXPECT_LE(slow.given_mj, 1.0) << Words(hand, wall, loop);
+    wall.tells_written = false;
+    untold.Add(hand, Touch(hand, wall, loop));
+  });
+  rise.Print("slew limit, rise only");
+  both.Print("slew limit");
+  untold.Print("slew limit, not told");
+  EXPECT_GT(untold.given_mj, 10.0);
+}
+
+TEST(Passivity, ADampedHandFeelsTheSpringAsItIs) {
+  for (double stiffness : {0.3, 0.5, 1.0, 2.0}) {
+    Change change;
+    for (bool is_late : {false, true}) {
+      for (double mass_kg : {0.03, 0.1, 0.2}) {
+        for (double times : {4.0, 8.0}) {
+          for (double push_n : {0.3, 1.0, 2.0}) {
+            Hand hand = LightHand(mass_kg, times, push_n, stiffness, Approach::kRest);
+            Touch(hand, {.stiffness_n_per_mm = stiffness}, {.is_late = is_late}, &change);
+          }
+        }
+      }
+    }
+    std::printf("[ figures  ] damped hand, %.1f N/mm: %.2f %% of ticks changed, mean %.2f %%\n",
+                stiffness, 100.0 * change.changed / change.ticks,
+                100.0 * change.share / change.ticks);
+    if (stiffness > kSafeNPerMm) continue;
+    EXPECT_LT(change.changed, 0.01 * change.ticks) << stiffness;
+    EXPECT_LT(change.share, 0.01 * change.ticks) << stiffness;
+  }
+}
+
+// Above kSafeNPerMm flicker and vibration look the same: the wall softens, but not
+// below that.
+TEST(Passivity, ASensorThatFlickersDoesNotMakeTheWallCreep) {
+  for (double stiffness : {0.3, 0.5, 1.0, 2.0, 3.0}) {
+    const double settled_mm = 1.0 / std::min(stiffness, kSafeNPerMm);
+    for (int flicker_ticks : {2, 3, 4, 7, 50}) {
+      const Hand hand{.damping_n_s_per_m = 6.0, .push_n = 1.0, .start_mm = Vec3(0, 0, 0.01)};
+      const LoopResult result = Touch(hand, {.stiffness_n_per_mm = stiffness},
+                                      {.seconds = 20.0, .flicker_ticks = flicker_ticks});
+      EXPECT_LT(result.depth_mm, settled_mm + kSensorCountMm) << stiffness << " " << flicker_ticks;
+      EXPECT_NEAR(result.force_n, 1.0, 0.02) << stiffness << " " << flicker_ticks;
+    }
+  }
+}
+
+// The HIP rests while the surface rises by 2 mm, then is pushed back by it.
+double ScaleAfterSurfaceRose(bool is_budgeted) {
+  PassivityState state;
+  const double stiffness = 1.0;
+  double least = 1.0;
+  const auto tick = [&](double surface_mm, double hip_mm, double budget_mj) {
+    const double depth_mm = std::max(0.0, surface_mm - hip_mm);
+    LimitToPassive(Vec3(0, 0, stiffness * depth_mm), stiffness, depth_mm, Vec3(0, 0, hip_mm),
+                   budget_mj, kLoopTickS, state);
+    least = std::min(least, state.scale);
+  };
+  double stored_mj = 0.0;
+  for (int n = 0; n < 200; ++n) {
+    const double depth_mm = 0.01 * n;
+    const double now_mj = 0.5 * stiffness * depth_mm * depth_mm;
+    tick(depth_mm, 0.0, is_budgeted ? now_mj - stored_mj : 0.0);
+    stored_mj = now_mj;
+  }
+  for (int n = 0; n < 200; ++n) tick(2.0, 0.01 * n, 0.0);
+  return least;
+}
+
+TEST(Passivity, ASurfaceThatMovesIsSeenUnlessItIsBudgeted) {
+  EXPECT_LT(ScaleAfterSurfaceRose(false), 0.6);
+  EXPECT_GT(ScaleAfterSurfaceRose(true), 0.99);
+}
+
+TEST(Passivity, WhatWasDissipatedIsNotGivenBack) {
+  PassivityState state;
+  // Dragged through free space against 1 N, then 1 mm into a wall that drags too.
+  for (int n = 0; n < 100; ++n) {
+    LimitToPassive(Vec3(-1, 0, 0), 1.0, 0.0, Vec3(0.1 * n, 0, 0), 0.0, kLoopTickS, state);
+  }
+  EXPECT_LE(state.tank_mj, 0.0);
+  for (int n = 0; n < 100; ++n) {
+    LimitToPassive(Vec3(-1, 0, 1), 1.0, 1.0, Vec3(10 + 0.1 * n, 0, -1), 0.0, kLoopTickS, state);
+  }
+  EXPECT_GT(state.tank_mj, 0.0);
+  EXPECT_LE(state.tank_mj, 0.5 * 1.0 * 1.0 * 1.0);
+}
+
+TEST(Passivity, StiffnessComesBackOutOfContact) {
+  PassivityState state;
+  state.distrust = 1.0;
+  for (int n = 0; n < 2000; ++n) {
+    LimitToPassive(Vec3::Zero(), 2.0, 0.0, Vec3(0, 0, 5), 0.0, kLoopTickS, state);
+  }
+  EXPECT_GT(state.scale, 0.99);
+}
+
+TEST(Passivity, AnyFiniteInputGivesAFiniteForceWithinTheLimit) {
+  std::mt19937_64 random(5);
+  const double inf = std::numeric_limits<double>::infinity();
+  const auto number = [&] {
+    const double sign = random() % 2 ? 1.0 : -1.0;
+    const double powers[] = {0.0, 1e-320, 1e-30, 1e-3, 0.1, 1.0, 30.0, 1e5, 1e160, 1.7e308};
+    return sign * powers[random() % 10] * std::uniform_real_distribution<double>(0, 1)(random);
+  };
+  PassivityState state;
+  for (int n = 0; n < 400'000; ++n) {
+    const bool is_wild = n / 100 % 2 == 0;
+    const Vec3 force(number(), number(), is_wild ? number() : 1.0);
+    const Vec3 hip(is_wild ? number() : 0.1, 1.0, 2.0 + std::sin(n * 0.1));
+    const Vec3 out = LimitToPassive(force, number(), number(), hip, is_wild ? number() : 0.0,
+                                    is_wild ? number() : kLoopTickS, state);
+    ASSERT_TRUE(out.allFinite());
+    ASSERT_LE(out.norm(), testing::kDeviceForceN * 1.0001);
+  }
+  EXPECT_TRUE(LimitToPassive(Vec3(0, 0, inf), 1, 1, Vec3::Zero(), 0, 1e-3, state).isZero());
+  EXPECT_TRUE(LimitToPassive(Vec3(0, 0, 1), 1, 1, Vec3(0, -inf, 0), 0, 1e-3, state).isZero());
+  EXPECT_TRUE(LimitToPassive(Vec3(0, 0, 1), 1, 1, Vec3::Zero(), 0, 0.0, state).isZero());
+  // And it is not stuck.
+  state = {};
+  EXPECT_EQ(LimitToPassive(Vec3(0, 0, 0.1), 1, 0.1, Vec3::Zero(), 0, 1e-3, state), Vec3(0, 0, 0.1));
+}
+
+}  // namespace
+}  // namespace palpate
