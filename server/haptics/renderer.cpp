@@ -39,7 +39,9 @@ class Update {
   void Run() noexcept {
     const bool moved = !IsSameSurface();
     StepOnBothSides();
-    output_.force_D_n = LimitedForce(moved) + MagnetAndPop();
+    const Vec3 limited_D_n = LimitedForce(moved);
+    state_.by_design_D_n = MagnetAndPop();
+    output_.force_D_n = limited_D_n + state_.by_design_D_n;
     if (!state_.proxy.on_surface) return;
     output_.visual =
         FindVisualProxy(felt(), state_.proxy.place, output_.proxy.normal_D, state_.cache);
@@ -154,6 +156,11 @@ HapticOutput StepRenderer(const HapticSurface& surface, const HapticSettings& se
   output.p_DHip_mm = state.p_DHip_mm;
   Update(surface, settings, dt_s, state, output).Run();
   return output;
+}
+
+void TellWrittenForce(const Vec3& written_D_n, RendererState& state) noexcept {
+  if (!state.passivity.started) return;
+  state.passivity.written_D_n.col(0) = written_D_n - state.by_design_D_n;
 }
 
 }  // namespace palpate

@@ -38,6 +38,7 @@ struct RendererState {
   Vec3 pop_force_D_n = Vec3::Zero();      // at the last pop
   double pop_fade = 0.0;                  // share of it that is left
   PassivityState passivity;
+  Vec3 by_design_D_n = Vec3::Zero();  // of the last force: magnet and pop
 };
 
 struct HapticOutput {
@@ -53,5 +54,9 @@ struct HapticOutput {
 
 HapticOutput StepRenderer(const HapticSurface& surface, const HapticSettings& settings,
                           const Vec3& p_DHip_mm, double dt_s, RendererState& state) noexcept;
+
+// After each step, where the force is limited further before it is written: the
+// passivity control accounts for what the hand gets.
+void TellWrittenForce(const Vec3& written_D_n, RendererState& state) noexcept;
 
 }  // namespace palpate

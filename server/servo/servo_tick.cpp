@@ -62,6 +62,7 @@ TickSample ServoTick::Run(const Scene& scene, const TickTime& time) noexcept {
     sample.mode = TickMode::kFault;
     ++faulty_ticks_;
   }
+  TellWrittenForce(force_D_n, renderer_);
   sample.faulty_ticks = faulty_ticks_;
   sample.update_ns = MonotonicNowNs() - before_ns;
   device_.Write(force_D_n, kTickPeriodS);

@@ -4,4 +4,4 @@ palpate_unit_test(moving_surface_test moving_surface_test.cpp SANITIZED palpate:
 palpate_unit_test(renderer_test renderer_test.cpp SANITIZED palpate::haptics)
 palpate_unit_test(safety_test safety_test.cpp SANITIZED palpate::servo)
 palpate_unit_test(passivity_test passivity_test.cpp SANITIZED palpate::haptics)
-palpate_unit_test(passivity_surface_test passivity_surface_test.cpp palpate::haptics)
+palpate_unit_test(passivity_surface_test passivity_surface_test.cpp palpate::servo)

@@ -7,7 +7,8 @@
 #include <memory>
 
 #include "server/haptics/passivity.h"
-#include "server/haptics/proxy.h"
+#include "server/haptics/renderer.h"
+#include "server/servo/safety.h"
 #include "server/volume/builtin.h"
 #include "server/volume/snapshot_builder.h"
 #include "tests/support/hand_loop.h"
@@ -86,6 +87,96 @@ TEST(PassivitySurface, OnASphereNoHandGainsEnergyOrIsShaken) {
   EXPECT_GT(plain_mj, 2.0);
   EXPECT_LE(worst_mj, 1.0);
   EXPECT_LE(worst_n, 0.2);
+}
+
+// The whole chain as the servo runs it: renderer, force limit, slew limit.
+struct Chain {
+  Chain(const char* source, double mm_per_voxel) {
+    const BuiltinVolume builtin = MakeBuiltin(source);
+    volume = MakeSnapshot(builtin.grid, builtin.metadata, 1);
+    const Vec3 middle = 0.5 * mm_per_voxel * (builtin.metadata.size.cast<double>() - Vec3::Ones());
+    surface = MakeHapticSurface(*volume, {Mat3::Identity() * mm_per_voxel, -middle}, 0.5,
+                                DecompositionMethod::kTpbcc, 1);
+  }
+  Vec3 Tick(const Vec3& p_DHip_mm, double dt_s) {
+    const HapticOutput output = StepRenderer(surface, settings, p_DHip_mm, dt_s, *state);
+    const Vec3 written_n = safety.Limit(output.force_D_n, kLoopTickS);
+    TellWrittenForce(written_n, *state);
+    spring_n = output.spring_D_n.norm();
+    pops += output.popped;
+    return written_n;
+  }
+
+  std::shared_ptr<const VolumeSnapshot> volume;
+  HapticSurface surface;
+  HapticSettings settings;
+  std::unique_ptr<RendererState> state = std::make_unique<RendererState>();
+  Safety safety{SafetyLimits{}};
+  double spring_n = 0.0;
+  int pops = 0;
+};
+
+LoopResult TouchThroughChain(const Hand& hand, const HapticSettings& settings) {
+  Chain chain("builtin:sphere:64", 0.5);
+  chain.settings = settings;
+  return HandLoop(hand, {.seconds = 5.0})
+      .Run([&](const Vec3& p, double dt_s, const Vec3&) { return chain.Tick(p, dt_s); },
+           [&](const Vec3& p) { return p.norm(); });
+}
+
+TEST(PassivitySurface, TheWholeChainGivesNoEnergy) {
+  for (const double push_n : {0.5, 1.0, 2.0}) {
+    for (const double share : {0.05, 0.9}) {
+      const Hand hand{.mass_kg = 0.1,
+                      .damping_n_s_per_m = share,  // K T / 2 is 1 N s/m
+                      .push_n = push_n,
+                      .start_mm = Vec3(6.0, 7.0, 14.0),
+                      .aim_mm = Vec3::Zero()};
+      HapticSettings settings{.stiffness_n_per_mm = 2.0};
+      const double plain_mj = TouchThroughChain(hand, settings).given_mj;
+      settings.passivity_control = true;
+      const LoopResult result = TouchThroughChain(hand, settings);
+      std::printf(
+          "[ figures  ] chain, %.1f N, share %.2f: given %.3f mJ, swing %.3f N; "
+          "without %.1f mJ\n",
+          push_n, share, result.given_mj, result.force_swing_n, plain_mj);
+      EXPECT_GT(plain_mj, 2.0);
+      EXPECT_LE(result.given_mj, 1.0);
+      EXPECT_LE(0.5 * result.force_swing_n, 0.1);  // its amplitude
+      EXPECT_NEAR(result.force_n, push_n, 0.05);
+    }
+  }
+}
+
+// A wall that swells and sinks works on the hand; that is not the spring's debt.
+TEST(PassivitySurface, AMovingSurfaceAndAMagnetAreNotTakenForDebts) {
+  Chain chain("builtin:sphere:64", 0.5);
+  chain.settings = {.stiffness_n_per_mm = 0.5,
+                    .magnet_force_n = 0.5,
+                    .magnet_range_mm = 2.0,
+                    .passivity_control = true};
+  const Hand hand{.mass_kg = 0.1,
+                  .damping_n_s_per_m = 4.0,
+                  .push_n = 0.6,
+                  .start_mm = Vec3(6.0, 7.0, 14.0),
+                  .aim_mm = Vec3::Zero()};
+  long tick = 0;
+  double least_scale = 1.0;
+  const LoopResult result =
+      HandLoop(hand, {.seconds = 8.0})
+          .Run(
+              [&](const Vec3& p, double dt_s, const Vec3&) {
+                chain.surface.isovalue = 0.5 + 0.06 * std::sin(2e-3 * static_cast<double>(++tick));
+                const Vec3 force_n = chain.Tick(p, dt_s);
+                least_scale = std::min(least_scale, chain.state->passivity.scale);
+                return force_n;
+              },
+              [](const Vec3& p) { return p.norm(); });
+  std::printf(
+      "[ figures  ] moving surface: the hand got %.2f mJ at most, stiffness at least %.2f\n",
+      result.given_mj, least_scale);
+  EXPECT_GT(result.given_mj, 0.05);  // the surface did move it
+  EXPECT_GT(least_scale, 0.9);
 }
 
 // The HIP is led along a circle 1 mm below the mean sphere, at 10 cm/s.
