@@ -25,6 +25,7 @@ Json ToJson(const v1::PoseSample& sample) {
   json["contact"] = sample.contact();
   json["density"] = sample.density();
   json["isovalue"] = sample.isovalue();
+  json["free_side"] = sample.free_side() == v1::FREE_SIDE_ABOVE ? "above" : "below";
   json["settings_revision"] = sample.settings_revision();
   json["volume_revision"] = sample.volume_revision();
   json["update_ns"] = sample.update_ns();

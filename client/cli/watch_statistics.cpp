@@ -68,6 +68,15 @@ void WatchStatistics::Add(const v1::StreamPosesResponse& message, int count, std
   ForgetOld(now_ns);
 }
 
+// The proxy is where it must never be.
+bool IsInside(const v1::PoseSample& sample) {
+  if (sample.mode() == v1::PROXY_MODE_EJECTING || sample.mode() == v1::PROXY_MODE_FAULT) {
+    return false;
+  }
+  return sample.free_side() == v1::FREE_SIDE_ABOVE ? sample.density() < sample.isovalue()
+                                                   : sample.density() > sample.isovalue();
+}
+
 void WatchStatistics::AddSample(const v1::PoseSample& sample) {
   last_ = {sample.tick(), sample.missed_ticks(), sample.time_ns(), sample.update_ns()};
   if (counts_.samples == 0) {
@@ -75,8 +84,7 @@ void WatchStatistics::AddSample(const v1::PoseSample& sample) {
   }
   ++counts_.samples;
   counts_.contact_samples += sample.contact() ? 1 : 0;
-  const bool exceeds = sample.density() > sample.isovalue();
-  counts_.exceeding_samples += exceeds && sample.mode() != v1::PROXY_MODE_EJECTING ? 1 : 0;
+  counts_.inside_samples += IsInside(sample) ? 1 : 0;
   const auto bin = static_cast<std::size_t>(std::max<std::int64_t>(sample.update_ns(), 0) / kBinNs);
   ++histogram_[std::min(bin, kBins - 1)];
   update_sum_ns_ += static_cast<double>(sample.update_ns());

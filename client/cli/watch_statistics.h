@@ -26,7 +26,7 @@ struct WatchFigures {
   std::uint64_t contact_samples = 0;
   // Samples whose density exceeds the isovalue, other than while ejecting. None,
   // if the proxy does what it promises.
-  std::uint64_t exceeding_samples = 0;
+  std::uint64_t inside_samples = 0;
   std::uint64_t dropped_samples = 0;
   // From the first sample to the last: ticks executed and missed, and per
   // second of the loop's clock.

@@ -123,11 +123,11 @@ std::string Summary(const WatchFigures& f) {
       "ticks           {} ({:.1f}/s) + {} missed ({:.1f}/s) = {:.1f}/s\n"
       "missed          {:.3f} %\n"
       "update          mean {:.1f} µs, p99 {:.1f} µs, max {:.1f} µs\n"
-      "above isovalue  {} samples\n",
+      "inside surface  {} samples\n",
       f.seconds, f.samples, f.dropped_samples,
       100.0 * static_cast<double>(f.contact_samples) / samples, f.ticks, f.ticks_per_s,
       f.missed_ticks, f.missed_per_s, f.ticks_per_s + f.missed_per_s, f.missed_percent,
-      f.update.mean_us, f.update.p99_us, f.update.max_us, f.exceeding_samples);
+      f.update.mean_us, f.update.p99_us, f.update.max_us, f.inside_samples);
 }
 
 }  // namespace palpate::cli

@@ -67,7 +67,12 @@ SettersByKey HapticsSetters() {
   };
   for (const NumberSetting& setting : kNumberSettings) {
     setters["haptics." + std::string(setting.key)] = [&setting](const Entry& e, Config& c) {
-      c.haptics.*setting.member = e.Number();
+      const double value = e.Number();
+      // False for NaN.
+      if (!(value >= setting.low && value <= setting.high)) {
+        e.Fail(fmt::format("must be from {} to {}{}", setting.low, setting.high, setting.unit));
+      }
+      c.haptics.*setting.member = value;
     };
   }
   for (const FlagSetting& setting : kFlagSettings) {

@@ -14,7 +14,7 @@ void PrintTable(const FixedSlide& slide, const ReplaySummary& s, std::ostream& o
   const Verdict& v = s.verdict;
   out << fmt::format(
       "{:<17} {:>5.1f} {:>7} {:>6} {:>6} {:>6} {:>7.2f} {:>7.2f} {:>7.2f} {:>8.1f} {:>8.3f}\n",
-      slide.name, 100.0 * s.contact_share(), *v.fall_throughs, *v.sticks, v.excess_force_ticks,
+      slide.name, 100.0 * s.contact_share(), v.fall_throughs, *v.sticks, v.excess_force_ticks,
       v.iteration_cap_hits, s.mean_ns * 1e-3, static_cast<double>(s.p50_ns) * 1e-3,
       static_cast<double>(s.p99_ns) * 1e-3, static_cast<double>(s.max_ns) * 1e-3,
       100.0 * s.scp_v_share());
@@ -34,7 +34,7 @@ ReplaySummary Total(const std::vector<ReplaySummary>& summaries) {
     sum.ejecting_ticks += v.ejecting_ticks;
     sum.rejected_ticks += v.rejected_ticks;
     sum.iteration_cap_hits += v.iteration_cap_hits;
-    *sum.fall_throughs += *v.fall_throughs;
+    sum.fall_throughs += v.fall_throughs;
     *sum.sticks += *v.sticks;
     sum.excess_force_ticks += v.excess_force_ticks;
     sum.excess_off_minimum_ticks += v.excess_off_minimum_ticks;

@@ -120,8 +120,8 @@ CLI::App* AddReplay(CLI::App& app, ReplayOptions& options) {
       "Leads the renderer along a trajectory of the HIP, one position a millisecond in the\n"
       "volume's world frame (mm), writes what is felt at every tick, and ends with a line of\n"
       "JSON: what must not happen, counted, and times. Without the column update_ns the output\n"
-      "is the same on every run. Where friction or pops are set, what they defeat is not\n"
-      "judged: sticks, or sticks and fall_throughs, are null");
+      "is the same on every run. Where friction is set, which holds the proxy on purpose,\n"
+      "sticks are not judged: null");
   AddSurface(*replay, options.surface);
   replay
       ->add_option("--trajectory", options.trajectory,

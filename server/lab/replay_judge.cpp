@@ -18,16 +18,20 @@ bool IsEjecting(const ProxyStep& step) {
 class Judge {
  public:
   Judge(const HapticSurface& surface, const HapticSettings& settings, const TriangleGrid& triangles)
-      : surface_(surface), settings_(settings), triangles_(triangles), cells_(surface) {
-    const bool pops = settings.pop_force_n > 0.0;
-    if (pops) verdict_.fall_throughs = std::nullopt;
-    if (pops || settings.static_friction > 0.0 || settings.dynamic_friction > 0.0) {
+      : surface_(surface),
+        settings_(settings),
+        triangles_(triangles),
+        own_side_(surface),
+        other_side_(surface.Flipped()),
+        side_(surface.free_side) {
+    if (settings.static_friction > 0.0 || settings.dynamic_friction > 0.0) {
       verdict_.sticks = std::nullopt;
     }
   }
 
   void Take(const ReplayTick& tick) {
-    cells_.Trim();
+    own_side_.Trim();
+    other_side_.Trim();
     const HapticOutput& output = tick.output;
     verdict_.rejected_ticks += output.input_rejected;
     if (!tick.placed) {
@@ -35,7 +39,11 @@ class Judge {
       return;
     }
     const Vec3& p_DH_mm = output.proxy.p_DH_mm;
-    const double density = cells_.HoldersOf(surface_.X_ID.Apply(p_DH_mm)).Density();
+    if (output.free_side != side_) {
+      side_ = output.free_side;
+      last_mm_ = std::nullopt;
+    }
+    const double density = cells().HoldersOf(surface_.X_ID.Apply(p_DH_mm)).Density();
     verdict_.density.push_back(surface_.volume->Denormalize(density));
     verdict_.contact_ticks += IsInContact(output);
     verdict_.iteration_cap_hits += output.proxy.capped;
@@ -45,7 +53,7 @@ class Judge {
       last_mm_ = std::nullopt;
       return;
     }
-    if (verdict_.fall_throughs && HasFallenThrough(output, density)) ++*verdict_.fall_throughs;
+    verdict_.fall_throughs += HasFallenThrough(output, density);
     last_mm_ = p_DH_mm;
     JudgeRest(output);
   }
@@ -53,11 +61,14 @@ class Judge {
   Verdict Finish() { return std::move(verdict_); }
 
  private:
+  // Of the side that the proxy is on.
+  FreshCells& cells() { return side_ == surface_.free_side ? own_side_ : other_side_; }
+
   bool HasFallenThrough(const HapticOutput& output, double density) {
     // Also NaN, in a gap of the decomposition.
-    if (!(cells_.Inside(density) <= kDensityTolerance)) return true;
+    if (!(cells().Inside(density) <= kDensityTolerance)) return true;
     if (!last_mm_) return false;
-    const FreePath path = FindFreePath(cells_, *last_mm_, output.proxy.p_DH_mm, output.p_DHip_mm);
+    const FreePath path = FindFreePath(cells(), *last_mm_, output.proxy.p_DH_mm, output.p_DHip_mm);
     verdict_.unchecked_ticks += path == FreePath::kUnchecked;
     return path == FreePath::kNone;
   }
@@ -67,7 +78,8 @@ class Judge {
     verdict_.excess_force_ticks += excess;
     if (!verdict_.sticks) return;
     const bool rests = !output.proxy.capped;
-    const bool at_minimum = rests && IsLocalMinimum(cells_, output.proxy.p_DH_mm, output.p_DHip_mm);
+    const bool at_minimum =
+        rests && IsLocalMinimum(cells(), output.proxy.p_DH_mm, output.p_DHip_mm);
     *verdict_.sticks += rests && !at_minimum;
     verdict_.excess_off_minimum_ticks += excess && !at_minimum;
   }
@@ -96,7 +108,8 @@ class Judge {
   const HapticSurface& surface_;
   const HapticSettings& settings_;
   const TriangleGrid& triangles_;
-  FreshCells cells_;
+  FreshCells own_side_, other_side_;
+  FreeSide side_;
   std::optional<Vec3> last_mm_;  // where the way of this tick began
   Verdict verdict_;
 };

@@ -6,7 +6,8 @@
 // - stick: a resting proxy that is no local minimum (rest_judge.h). Friction holds
 //   proxies on purpose: sticks are not judged then;
 // - excess force: a spring force above 2 k d + 0.05 N, d the distance of the HIP to H.
-// Ejecting ticks are apart, and nothing is judged with pops, which lead through H.
+// Ejecting ticks are apart. After a pop the other side of τ is the object's, and the
+// way is judged from there on.
 //
 // Threads: the calling one. Errors: none.
 #pragma once
@@ -31,8 +32,8 @@ struct Verdict {
   int ejecting_ticks = 0;
   int rejected_ticks = 0;
   int iteration_cap_hits = 0;
-  std::optional<int> fall_throughs = 0;  // empty: not judged
-  std::optional<int> sticks = 0;
+  int fall_throughs = 0;
+  std::optional<int> sticks = 0;  // empty: not judged
   int excess_force_ticks = 0;
   // Of those, where sticks are judged, the ones whose proxy is at rest in no local minimum.
   int excess_off_minimum_ticks = 0;

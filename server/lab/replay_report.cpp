@@ -65,7 +65,7 @@ std::string ToJson(const ReplaySummary& s) {
       "\"p99_ns\":{},\"max_ns\":{},\"ejecting_ticks\":{},\"rejected_ticks\":{},"
       "\"unchecked_ticks\":{},\"excess_off_minimum_ticks\":{},\"scp_v_share\":{:.6f},"
       "\"scp_v_off_ticks\":{}}}",
-      s.ticks, v.contact_ticks, OrNull(v.fall_throughs), OrNull(v.sticks), v.excess_force_ticks,
+      s.ticks, v.contact_ticks, v.fall_throughs, OrNull(v.sticks), v.excess_force_ticks,
       v.iteration_cap_hits, s.mean_ns, s.p50_ns, s.p99_ns, s.max_ns, v.ejecting_ticks,
       v.rejected_ticks, v.unchecked_ticks, v.excess_off_minimum_ticks, s.scp_v_share(),
       v.scp_v_off_ticks);

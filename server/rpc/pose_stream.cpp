@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "common/error/error.h"
+#include "server/rpc/render_service.h"
 
 namespace palpate {
 namespace {
@@ -124,6 +125,7 @@ v1::PoseSample ToProto(const TickSample& sample) {
   out.set_missed_ticks(sample.missed_ticks);
   out.set_iterations(sample.iterations);
   out.set_capped_ticks(sample.capped_ticks);
+  out.set_free_side(ToProto(sample.free_side));
   return out;
 }
 

@@ -8,10 +8,6 @@
 namespace palpate {
 namespace {
 
-v1::FreeSide ToProto(FreeSide side) {
-  return side == FreeSide::kAbove ? v1::FREE_SIDE_ABOVE : v1::FREE_SIDE_BELOW;
-}
-
 FreeSide FromProto(v1::FreeSide side) {
   switch (side) {
     case v1::FREE_SIDE_BELOW:
@@ -65,6 +61,10 @@ void Take(const v1::RenderSettings& in, const std::string& name, SettingsUpdate&
 }
 
 }  // namespace
+
+v1::FreeSide ToProto(FreeSide side) {
+  return side == FreeSide::kAbove ? v1::FREE_SIDE_ABOVE : v1::FREE_SIDE_BELOW;
+}
 
 v1::RenderSettings ToProto(const RenderSettings& settings) {
   v1::RenderSettings out;

@@ -20,6 +20,7 @@ class RenderService final : public v1::RenderService::Service {
   Session& session_;
 };
 
+v1::FreeSide ToProto(FreeSide side);
 // All fields set.
 v1::RenderSettings ToProto(const RenderSettings& settings);
 

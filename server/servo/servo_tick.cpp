@@ -24,6 +24,7 @@ void Describe(const Scene& scene, const HapticOutput& output, TickSample& sample
   sample.scp_h_mm = ToArray(output.proxy.p_DH_mm);
   sample.scp_h_normal = ToArray(output.proxy.normal_D);
   sample.mode = ToTickMode(output.proxy.mode);
+  sample.free_side = output.free_side;
   sample.contact = !output.proxy.normal_D.isZero();
   sample.has_scp_v = output.visual.found;
   sample.scp_v_mm = ToArray(output.visual.p_DV_mm);

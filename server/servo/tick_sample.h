@@ -9,6 +9,8 @@
 #include <cstdint>
 #include <type_traits>
 
+#include "server/haptics/settings.h"
+
 namespace palpate {
 
 enum class TickMode : std::uint8_t { kFree, kConstrained, kEjecting, kFault };
@@ -34,6 +36,7 @@ struct TickSample {
   std::uint32_t buttons = 0;
   std::uint32_t iterations = 0;
   TickMode mode = TickMode::kFree;
+  FreeSide free_side = FreeSide::kBelow;
   bool contact = false;
   bool has_scp_v = false;
 };

@@ -25,7 +25,7 @@ void Print(const char* name, const ReplaySummary& s) {
   std::printf(
       "%-17s contact %5.1f %%, through %d, sticks %d, excess %d, capped %d, unchecked %d, update "
       "%.2f us (median %.2f, p99 %.2f), SCP_V %.3f %% (%d off)\n",
-      name, 100.0 * s.contact_share(), *v.fall_throughs, *v.sticks, v.excess_force_ticks,
+      name, 100.0 * s.contact_share(), v.fall_throughs, *v.sticks, v.excess_force_ticks,
       v.iteration_cap_hits, v.unchecked_ticks, s.mean_ns * 1e-3,
       static_cast<double>(s.p50_ns) * 1e-3, static_cast<double>(s.p99_ns) * 1e-3,
       100.0 * s.scp_v_share(), v.scp_v_off_ticks);

@@ -333,7 +333,7 @@ TEST_F(CliTest, WatchInALogGivesALineASecondAndASummary) {
   EXPECT_NE(lines[1].find("isovalue 40.8 (normalised 0.1600)"), std::string::npos) << lines[1];
   EXPECT_EQ(result.output.find('\x1b'), std::string::npos);
   EXPECT_NE(result.output.find("contact         50.0 %"), std::string::npos) << result.output;
-  EXPECT_NE(result.output.find("above isovalue  0 samples"), std::string::npos);
+  EXPECT_NE(result.output.find("inside surface  0 samples"), std::string::npos);
 }
 
 TEST_F(CliTest, WatchCountsInTextToo) {

@@ -146,11 +146,11 @@ TEST(WatchStatisticsTest, DensityMayExceedTheIsovalueOnlyWhileEjecting) {
   message.mutable_samples(0)->set_density(std::nextafter(2.0, 3.0));
   message.mutable_samples(0)->set_mode(v1::PROXY_MODE_EJECTING);
   statistics.Add(message, 1, 0);
-  EXPECT_EQ(statistics.Figures(0).exceeding_samples, 0u);
+  EXPECT_EQ(statistics.Figures(0).inside_samples, 0u);
   message.mutable_samples(0)->set_mode(v1::PROXY_MODE_CONSTRAINED);
   message.mutable_samples(0)->set_contact(true);
   statistics.Add(message, 1, 0);
-  EXPECT_EQ(statistics.Figures(0).exceeding_samples, 1u);
+  EXPECT_EQ(statistics.Figures(0).inside_samples, 1u);
   EXPECT_EQ(statistics.Figures(0).contact_samples, 1u);
 }
 

@@ -158,8 +158,9 @@ TEST_F(LabJudge, CondemnsAProxyThroughTheWall) {
   ticks_[2].output.spring_D_n = Vec3::Zero();
   EXPECT_EQ(Judged().fall_throughs, 1);
   EXPECT_EQ(Judged().sticks, 0);
-  settings_.pop_force_n = 1.0;
-  EXPECT_EQ(Judged().fall_throughs, std::nullopt);
+  // As if it had popped out: the side is another one, and on it there it is inside.
+  ticks_[2].output.free_side = FreeSide::kAbove;
+  EXPECT_EQ(Judged().fall_throughs, 1);
 }
 
 TEST_F(LabJudge, CondemnsAProxyThatSticks) {
@@ -206,6 +207,31 @@ TEST_F(LabJudge, CondemnsForceThatTheSurfaceDoesNotExplain) {
 TEST_F(LabJudge, CondemnsAVisualProxyOffV) {
   ticks_[2].output.visual.p_DV_mm.x() += 1e-5;
   EXPECT_EQ(Judged().scp_v_off_ticks, 1);
+}
+
+// With pops the proxy is on either side, and never in the other.
+TEST(LabAttack, FindsNoFaultWithPops) {
+  std::mt19937_64 random(5);
+  const auto volume = testing::MakeVolume(
+      Vec3i::Constant(12), [&](int, int, int) { return static_cast<double>(random() % 256); });
+  const HapticSurface surface = SurfaceOf(*volume, 0.49);
+  const HapticSettings settings{.pop_force_n = 0.4};
+  const auto hips_mm = MakeTrajectory(*volume, {.kind = TrajectoryKind::kRandom, .ticks = 8'000});
+  const std::vector<ReplayTick> ticks = Replay(surface, settings, hips_mm, 1);
+  const TriangleGrid triangles(ExtractSurface(*volume, 0.49, kTpbcc, PaddedCells(*volume)),
+                               surface.X_DI);
+  const Verdict v = JudgeReplay(surface, settings, triangles, ticks);
+  int pops = 0, above = 0;
+  for (const ReplayTick& tick : ticks) {
+    pops += tick.output.popped;
+    above += tick.output.free_side == FreeSide::kAbove;
+  }
+  std::printf("%d pops, %d ticks above tau, %d in contact, %d ejecting\n", pops, above,
+              v.contact_ticks, v.ejecting_ticks);
+  EXPECT_GT(pops, 100);
+  EXPECT_GT(above, 200);
+  EXPECT_EQ(v.fall_throughs, 0);
+  EXPECT_EQ(v.sticks, 0);
 }
 
 // Byte volumes of few levels, with ties everywhere, felt from both sides.
