@@ -33,22 +33,49 @@ Vec3 NearestOnPolygon(const std::array<Vec3, 4>& corner, int count) {
   return foot;
 }
 
+// Half the longest diagonal of a cell.
+double BallOfCell(const Mat3& X) {
+  double longest = 0.0;
+  for (const double y : {-0.5, 0.5}) {
+    for (const double z : {-0.5, 0.5}) longest = std::max(longest, (X * Vec3(0.5, y, z)).norm());
+  }
+  return longest;
+}
+
 // Keeps the nearest point to the origin `p_D` over the cells that it is shown.
 class NearestSearch {
  public:
   NearestSearch(const HapticSurface& surface, const Vec3& p_D, double reach_mm, CellCache& cache)
-      : surface_(surface), p_D_(p_D), best_mm_(reach_mm), cache_(cache) {}
+      : surface_(surface),
+        p_D_(p_D),
+        p_I_(surface.X_ID.Apply(p_D)),
+        plane_mm_(surface.X_ID.linear.rowwise().norm().cwiseInverse()),
+        ball_mm_(BallOfCell(surface.X_DI.linear)),
+        best_mm_(reach_mm),
+        cache_(cache) {}
 
   double best_mm() const { return best_mm_; }
   std::optional<Vec3> point() const { return point_; }
 
   void Visit(const Vec3i& index) noexcept {
-    if (!surface_.volume->HasCell(index) || !MayBeCrossed(index)) return;
+    if (!surface_.volume->HasCell(index) || DistanceBound(index) > best_mm_) return;
+    if (!MayBeCrossed(index)) return;
     HapticCell& cell = cache_.Decomposed(surface_, index);
     for (int t = 0; t < cell.parts.complex.tetrahedron_count; ++t) VisitTetrahedron(cell, t);
   }
 
  private:
+  // The cell is no nearer than the farthest of the slabs that it lies in, nor than
+  // the ball around it.
+  double DistanceBound(const Vec3i& index) const noexcept {
+    const Vec3 low = index.cast<double>() - p_I_;
+    const Vec3 gap = low.cwiseMax(-low - Vec3::Ones()).cwiseMax(0.0);
+    const double slab_mm = gap.cwiseProduct(plane_mm_).maxCoeff();
+    if (slab_mm > best_mm_) return slab_mm;
+    const Vec3 middle_mm = surface_.X_DI.linear * (low + Vec3::Constant(0.5));
+    return std::max(slab_mm, middle_mm.norm() - ball_mm_);
+  }
+
   // From the stored densities, which the resolved ones are a hair below: most cells
   // are far from τ, and are left out before they cost more.
   bool MayBeCrossed(const Vec3i& index) const noexcept {
@@ -79,15 +106,29 @@ class NearestSearch {
                           t * (cell.vertex_mm[high] - cell.vertex_mm[low]);
       }
     }
-    if (count < 3) return;
+    if (count < 3 || !MayBeNearer(corner, count)) return;
     const Vec3 nearest = NearestOnPolygon(corner, count);
     if (!(nearest.norm() < best_mm_)) return;
     best_mm_ = nearest.norm();
     point_ = p_D_ + nearest;
   }
 
+  // By the ball through the corners around their mean.
+  bool MayBeNearer(const std::array<Vec3, 4>& corner, int count) const noexcept {
+    Vec3 middle = Vec3::Zero();
+    for (int n = 0; n < count; ++n) middle += corner[n];
+    middle /= count;
+    double radius2 = 0.0;
+    for (int n = 0; n < count; ++n) {
+      radius2 = std::max(radius2, (corner[n] - middle).squaredNorm());
+    }
+    return middle.norm() - std::sqrt(radius2) < best_mm_;
+  }
+
   const HapticSurface& surface_;
-  const Vec3 p_D_;
+  const Vec3 p_D_, p_I_;
+  const Vec3 plane_mm_;  // between lattice planes, for each axis
+  const double ball_mm_;
   double best_mm_;
   CellCache& cache_;
   std::optional<Vec3> point_;
@@ -111,7 +152,6 @@ std::optional<Vec3> NearestPointOnSurface(const HapticSurface& surface, const Ve
   const Vec3 p_I = surface.X_ID.Apply(p_D);
   if (!(p_I.cwiseAbs().maxCoeff() < 1e9)) return std::nullopt;
   const Vec3i middle = p_I.array().floor().cast<int>();
-  // Lattice planes are this far apart at least.
   const double plane_mm = 1.0 / surface.X_ID.linear.rowwise().norm().maxCoeff();
   NearestSearch search(surface, p_D, std::min(reach_mm, kMaxNearestVoxels * plane_mm), cache);
   for (int radius = 0; radius <= kMaxNearestVoxels + 1; ++radius) {

@@ -2,7 +2,7 @@
 // saddles, with a cold cache, when τ changes, and where it is worst. See README.md.
 #include <benchmark/benchmark.h>
 
-#include <algorithm>
+#include <cmath>
 #include <cstdint>
 #include <memory>
 #include <random>
@@ -95,31 +95,25 @@ BENCHMARK_CAPTURE(Sliding, with_shading, "builtin:bumps:128", 1.0 / 3.0, 10.0,
 BENCHMARK_CAPTURE(Sliding, with_passivity_control, "builtin:bumps:128", 1.0 / 3.0, 10.0,
                   HapticSettings{.passivity_control = true});
 
-// 10 cm/s in the air, where cells are crossed but no surface is met.
-void FreeSpace(benchmark::State& state, const HapticSettings& settings) {
+// 10 cm/s in the air, `height` voxels above a sphere of 0.35 edges.
+void FreeSpace(benchmark::State& state, double height, const HapticSettings& settings) {
   const Scene scene = Builtin("builtin:sphere:128", 1.0 / 3.0);
+  const double radius = 0.35 * 128.0 + height;
   std::vector<Vec3> hips;
   for (int n = 0; n < kTicks; ++n) {
-    // Around the sphere of 50 voxels, 2 above it.
-    const double angle = 0.1 * n / (52.0 / 3.0);
-    const Vec3 p_I = Vec3::Constant(63.5) + 52.0 * Vec3(std::cos(angle), std::sin(angle), 0.0);
+    const double angle = 0.3 / radius * n;
+    const Vec3 p_I = Vec3::Constant(63.5) + radius * Vec3(std::cos(angle), std::sin(angle), 0.0);
     hips.push_back(scene.surface.X_DI.Apply(p_I));
   }
   Run(state, scene, hips, settings);
 }
-BENCHMARK_CAPTURE(FreeSpace, plain, HapticSettings{});
-BENCHMARK_CAPTURE(FreeSpace, with_magnet,
-                  HapticSettings{.magnet_force_n = 0.5, .magnet_range_mm = 1.5});
-
-void SixSaddles(benchmark::State& state) {
-  const Scene scene = ChessBoard();
-  Run(state, scene, SlideOver(scene, 10.0));
-}
-BENCHMARK(SixSaddles);
+constexpr HapticSettings kMagnet{.magnet_force_n = 0.5, .magnet_range_mm = 1.5};
+BENCHMARK_CAPTURE(FreeSpace, plain, 2.0, HapticSettings{});
+BENCHMARK_CAPTURE(FreeSpace, magnet_near, 2.0, kMagnet);
+BENCHMARK_CAPTURE(FreeSpace, magnet_out_of_reach, 7.0, kMagnet);
 
 // Every step finds an empty cache: the data have a new revision.
-void ColdCache(benchmark::State& state) {
-  Scene scene = Builtin("builtin:bumps:128", 1.0 / 3.0);
+void RunCold(benchmark::State& state, Scene scene) {
   const std::vector<Vec3> hips = SlideOver(scene, 10.0);
   auto renderer = std::make_unique<RendererState>();
   std::size_t n = 0;
@@ -130,7 +124,16 @@ void ColdCache(benchmark::State& state) {
     benchmark::DoNotOptimize(output.force_D_n.data());
   }
 }
+void ColdCache(benchmark::State& state) { RunCold(state, Builtin("builtin:bumps:128", 1.0 / 3.0)); }
 BENCHMARK(ColdCache);
+void ColdCacheSixSaddles(benchmark::State& state) { RunCold(state, ChessBoard()); }
+BENCHMARK(ColdCacheSixSaddles);
+
+void SixSaddles(benchmark::State& state) {
+  const Scene scene = ChessBoard();
+  Run(state, scene, SlideOver(scene, 50.0));
+}
+BENCHMARK(SixSaddles);
 
 // τ moves the surface by a voxel to and fro, each step.
 void IsovalueChange(benchmark::State& state) {
@@ -148,14 +151,16 @@ void IsovalueChange(benchmark::State& state) {
 }
 BENCHMARK(IsovalueChange);
 
-// The stylus jumps to and fro across a chess board: up to the cap on moves.
+// The stylus jumps to and fro below a great sphere, and the proxy follows over a
+// third of its great circle.
 void WorstCase(benchmark::State& state) {
-  const Scene scene = ChessBoard();
-  std::mt19937_64 random(14);
-  std::uniform_real_distribution<double> uniform(-4.0, 28.0);
-  std::vector<Vec3> hips(1000);
-  for (Vec3& hip : hips) hip = Vec3(uniform(random), uniform(random), uniform(random));
-  Run(state, scene, hips);
+  const Scene scene = Builtin("builtin:sphere:256", 1.0 / 3.0);
+  const double radius = 0.35 * 256.0 - 3.0;
+  const auto hip = [&](double angle) {
+    const Vec3 p_I = Vec3::Constant(127.5) + radius * Vec3(std::cos(angle), std::sin(angle), 0.1);
+    return scene.surface.X_DI.Apply(p_I);
+  };
+  Run(state, scene, {hip(0.0), hip(1.0)});
 }
 BENCHMARK(WorstCase);
 
