@@ -7,6 +7,8 @@ namespace {
 
 // A slope this much steeper is steeper: rounding must not choose.
 constexpr double kSteeper = 1.0 + 1e-12;
+// A slope that is left of a gradient in a pit, as a share of it, is rounding.
+constexpr double kNoSlope = 1e-9;
 
 // Inward normals, in D, of the faces of a cell that hold the point.
 Cone BoxCone(const HapticSurface& surface, std::uint8_t faces) {
@@ -183,6 +185,7 @@ Candidate SteepestDescent(const HapticSurface& surface, const Place& place,
       // d is orthogonal to what the cone cuts off: the slope along it is |d|.
       const double slope = d.norm();
       if (!(slope > best_slope * kSteeper)) continue;
+      if (!(slope > kNoSlope * gradients.density.norm())) continue;
       best_slope = slope;
       best = candidate;
       best.tetrahedron = t;

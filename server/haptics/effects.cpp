@@ -13,12 +13,12 @@ constexpr double kMmPerM = 1000.0;
 
 Vec3 ContactForce(const HapticSettings& settings, const ProxyStep& step, const Vec3& normal_D,
                   const Vec3& spring_D_n, const Vec3& velocity_mm_per_s) noexcept {
-  const double spring_n = spring_D_n.dot(step.normal_D);
+  const double spring_n = std::max(0.0, spring_D_n.dot(step.normal_D));
   const double damper_n = -settings.damping_n_s_per_m / kMmPerM * velocity_mm_per_s.dot(normal_D);
   // At most as much as the spring, so that the force stays continuous at contact.
   const Vec3 force = (spring_n + std::clamp(damper_n, -spring_n, spring_n)) * normal_D;
   if (!(settings.static_friction > 0.0 || settings.dynamic_friction > 0.0)) return force;
-  const Vec3 lean = spring_D_n - spring_n * step.normal_D;
+  const Vec3 lean = spring_D_n - spring_D_n.dot(step.normal_D) * step.normal_D;
   return force + Eigen::Quaterniond::FromTwoVectors(step.normal_D, normal_D) * lean;
 }
 
@@ -29,13 +29,14 @@ Vec3 ViscousForce(const HapticSettings& settings, const Vec3& velocity_mm_per_s)
 Vec3 MagneticForce(const HapticSurface& surface, const HapticSettings& settings, const Vec3& p_D,
                    CellCache& cache) noexcept {
   if (!(settings.magnet_force_n > 0.0 && settings.magnet_range_mm > 0.0)) return Vec3::Zero();
-  const auto nearest = NearestPointOnSurface(surface, p_D, settings.magnet_range_mm, cache);
+  const double range_mm = std::min(settings.magnet_range_mm, MaxNearestMm(surface));
+  const auto nearest = NearestPointOnSurface(surface, p_D, range_mm, cache);
   if (!nearest) return Vec3::Zero();
   const Vec3 way_mm = *nearest - p_D;
-  const double share = way_mm.norm() / settings.magnet_range_mm;
+  const double share = way_mm.norm() / range_mm;
   if (!(share > 0.0)) return Vec3::Zero();
   // 4 share (1 - share) along the unit way.
-  return way_mm * (settings.magnet_force_n * 4.0 * (1.0 - share) / settings.magnet_range_mm);
+  return way_mm * (settings.magnet_force_n * 4.0 * (1.0 - share) / range_mm);
 }
 
 }  // namespace palpate

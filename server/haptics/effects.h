@@ -18,8 +18,8 @@ Vec3 ContactForce(const HapticSettings& settings, const ProxyStep& step, const V
 Vec3 ViscousForce(const HapticSettings& settings, const Vec3& velocity_mm_per_s) noexcept;
 
 // Pull of a point in free space towards H: zero on it and at the magnet's range,
-// greatest half way. Where the nearest point jumps from one wall to another, so does
-// its direction.
+// greatest half way. The range is MaxNearestMm() at most. Where the nearest point jumps from one
+// wall to another, so does its direction.
 Vec3 MagneticForce(const HapticSurface& surface, const HapticSettings& settings, const Vec3& p_D,
                    CellCache& cache) noexcept;
 

@@ -1,5 +1,6 @@
 #include "server/haptics/eject.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstdlib>
 #include <limits>
@@ -28,7 +29,8 @@ double NearestOnShell(const HapticSurface& surface, const Vec3i& cell, const Vec
 
 // A vertex of a farther shell can be nearer where voxels are uneven: the search
 // ends when a whole shell is farther than the best.
-bool JumpToNearestVertex(const HapticSurface& surface, Place& place, CellCache& cache) noexcept {
+bool JumpToNearestVertex(const HapticSurface& surface, double limit_mm, Place& place,
+                         CellCache& cache) noexcept {
   double best_mm = std::numeric_limits<double>::infinity();
   Vec3i best = Vec3i::Zero();
   // Lattice planes are this far apart, along each axis, and the place is up to a
@@ -36,7 +38,7 @@ bool JumpToNearestVertex(const HapticSurface& surface, Place& place, CellCache& 
   const double plane_mm = 1.0 / surface.X_ID.linear.rowwise().norm().maxCoeff();
   const Vec3 from_I = PlaceIndexPosition(surface, place, cache);
   for (int radius = 0; radius <= kMaxSearchRadius; ++radius) {
-    if ((radius - 1) * plane_mm > best_mm) break;
+    if ((radius - 1) * plane_mm > std::min(best_mm, limit_mm)) break;
     Vec3i vertex = Vec3i::Zero();
     const double distance_mm = NearestOnShell(surface, place.cell, from_I, radius, vertex);
     if (distance_mm < best_mm) best_mm = distance_mm, best = vertex;
@@ -49,20 +51,22 @@ bool JumpToNearestVertex(const HapticSurface& surface, Place& place, CellCache& 
 
 }  // namespace
 
-bool Eject(const HapticSurface& surface, Place& place, bool& on_surface, CellCache& cache,
-           int& moves) noexcept {
+bool Eject(const HapticSurface& surface, double limit_mm, Place& place, bool& on_surface,
+           CellCache& cache, int& moves) noexcept {
   on_surface = false;
   // Beyond the lattice there is no way to follow.
   if (place.kind == Place::Kind::kOutside) return surface.IsFreeOutside();
   for (int n = 0; n < kMaxEjectMoves; ++n) {
-    if (PlaceDensity(surface, place, cache) <= surface.isovalue) return true;
     const Candidate down = SteepestDescent(surface, place, cache);
     if (down.kind == Candidate::Kind::kNone) break;
     MoveInTetrahedron(surface, down, true, place, on_surface, cache);
     ++moves;
-    if (on_surface) return true;
+    // Where rounding allowed no move, it is not down yet.
+    if (on_surface) break;
   }
-  return JumpToNearestVertex(surface, place, cache);
+  if (PlaceDensity(surface, place, cache) <= surface.isovalue) return true;
+  on_surface = false;
+  return JumpToNearestVertex(surface, limit_mm, place, cache);
 }
 
 }  // namespace palpate

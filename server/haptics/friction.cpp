@@ -5,47 +5,97 @@
 namespace palpate {
 namespace {
 
+// A slide this short, as a share of the depth, is none.
+constexpr double kNoSlide = 1e-9;
+
 void AddWork(const ProxyStep& other, ProxyStep& step) {
   step.moves += other.moves;
   step.tetrahedra += other.tetrahedra;
   step.capped = step.capped || other.capped;
+  if (other.mode == ProxyMode::kEjecting) step.mode = other.mode;
+}
+
+// How the HIP pulls at the proxy.
+struct Load {
+  double along_mm = 0.0;   // held by H
+  double across_mm = 0.0;  // not held
+  Vec3 normal_D = Vec3::Zero();
+};
+
+Load LoadOn(const HapticSurface& surface, const Vec3& p_DHip_mm, const Proxy& proxy,
+            CellCache& cache) noexcept {
+  const Vec3 free_mm = FreePart(surface, p_DHip_mm, proxy, cache);
+  const Vec3 held_mm = p_DHip_mm - proxy.p_DH_mm - free_mm;
+  Load load{held_mm.norm(), free_mm.norm(), Vec3::Zero()};
+  if (load.along_mm > 0.0) load.normal_D = -held_mm / load.along_mm;
+  return load;
+}
+
+// On H, carried with it where it has moved.
+ProxyStep Stay(const HapticSurface& surface, const Vec3& p_DHip_mm, const Vec3& normal_D,
+               double eject_limit_mm, Proxy& proxy, CellCache& cache) noexcept {
+  const bool was_on_surface = proxy.on_surface;
+  const Vec3 stay_mm = proxy.p_DH_mm;
+  ProxyStep step = StepProxy(surface, stay_mm, eject_limit_mm, proxy, cache);
+  if (was_on_surface && !proxy.on_surface && !proxy.buried) {
+    const double height_mm = std::max(0.0, normal_D.dot(stay_mm - p_DHip_mm));
+    DropToSurface(surface, stay_mm - height_mm * normal_D, proxy, cache, step);
+    step.p_DH_mm = proxy.p_DH_mm;
+    step.density = surface.sign() * PlaceDensity(surface, proxy.place, cache);
+  }
+  return step;
+}
+
+// From `proxy`, which does not stick, as far as friction lets it.
+ProxyStep Slide(const HapticSurface& surface, double kinetic, const Vec3& p_DHip_mm,
+                double eject_limit_mm, Proxy& proxy, bool& sticking, CellCache& cache) noexcept {
+  const Proxy start = proxy;
+  const ProxyStep rest = StepProxy(surface, p_DHip_mm, eject_limit_mm, proxy, cache);
+  sticking = false;
+  if (!proxy.on_surface) return rest;
+  const Vec3 back_mm = start.p_DH_mm - rest.p_DH_mm;
+  const double way_mm = back_mm.norm();
+  const double depth_mm = (rest.p_DH_mm - p_DHip_mm).norm();
+  sticking = way_mm <= kNoSlide * depth_mm;
+  const double lag_mm = std::min(kinetic * depth_mm, way_mm);
+  if (sticking || !(lag_mm > 0.0)) return rest;
+  proxy = start;
+  const Vec3 target_mm = p_DHip_mm + back_mm * (lag_mm / way_mm);
+  ProxyStep step = StepProxy(surface, target_mm, eject_limit_mm, proxy, cache);
+  AddWork(rest, step);
+  if (proxy.on_surface) step.normal_D = LoadOn(surface, p_DHip_mm, proxy, cache).normal_D;
+  return step;
 }
 
 }  // namespace
 
 ProxyStep StepWithFriction(const HapticSurface& surface, const HapticSettings& settings,
                            const Vec3& p_DHip_mm, double eject_limit_mm, Proxy& proxy,
-                           bool& sticking, CellCache& cache) noexcept {
+                           FrictionState& state, CellCache& cache) noexcept {
   const double kinetic = settings.dynamic_friction;
   const double hold = std::max(settings.static_friction, kinetic);
   if (!(hold > 0.0) || !proxy.placed || proxy.buried) {
-    sticking = false;
+    state = {};
     return StepProxy(surface, p_DHip_mm, eject_limit_mm, proxy, cache);
   }
-  // Carried with the surface where that has changed, but not on.
-  const Vec3 stay_mm = proxy.p_DH_mm;
-  const ProxyStep kept = StepProxy(surface, stay_mm, eject_limit_mm, proxy, cache);
-  const Proxy start = proxy;
-  ProxyStep step = StepProxy(surface, p_DHip_mm, eject_limit_mm, proxy, cache);
-  AddWork(kept, step);
-  if (kept.mode == ProxyMode::kEjecting) step.mode = kept.mode;
-  if (!start.on_surface || !proxy.on_surface || proxy.buried) {
-    sticking = proxy.on_surface;  // what it touches, it touches at rest
+  ProxyStep kept = Stay(surface, p_DHip_mm, state.normal_D, eject_limit_mm, proxy, cache);
+  if (!proxy.on_surface) {
+    ProxyStep step = StepProxy(surface, p_DHip_mm, eject_limit_mm, proxy, cache);
+    AddWork(kept, step);
+    state = {proxy.on_surface, step.normal_D};  // what it touches, it touches at rest
     return step;
   }
-  const Vec3 back_mm = start.p_DH_mm - step.p_DH_mm;
-  const double way_mm = back_mm.norm();
-  const double depth_mm = (step.p_DH_mm - p_DHip_mm).norm();
-  sticking = way_mm <= (sticking ? hold : kinetic) * depth_mm;
-  if (!(way_mm > 0.0)) return step;
-  const Vec3 target_mm =
-      sticking ? start.p_DH_mm : Vec3(p_DHip_mm + back_mm * (kinetic * depth_mm / way_mm));
-  proxy = start;
-  ProxyStep held = StepProxy(surface, target_mm, eject_limit_mm, proxy, cache);
-  AddWork(step, held);
-  held.mode = step.mode;
-  held.normal_D = step.normal_D;
-  return held;
+  const Load load = LoadOn(surface, p_DHip_mm, proxy, cache);
+  if (load.along_mm > 0.0 && load.across_mm <= (state.sticking ? hold : kinetic) * load.along_mm) {
+    state = {true, load.normal_D};
+    kept.normal_D = load.normal_D;
+    if (kept.mode == ProxyMode::kFree) kept.mode = ProxyMode::kConstrained;
+    return kept;
+  }
+  ProxyStep step = Slide(surface, kinetic, p_DHip_mm, eject_limit_mm, proxy, state.sticking, cache);
+  AddWork(kept, step);
+  state.normal_D = step.normal_D;
+  return step;
 }
 
 }  // namespace palpate

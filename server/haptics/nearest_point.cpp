@@ -153,7 +153,7 @@ std::optional<Vec3> NearestPointOnSurface(const HapticSurface& surface, const Ve
   if (!(p_I.cwiseAbs().maxCoeff() < 1e9)) return std::nullopt;
   const Vec3i middle = p_I.array().floor().cast<int>();
   const double plane_mm = 1.0 / surface.X_ID.linear.rowwise().norm().maxCoeff();
-  NearestSearch search(surface, p_D, std::min(reach_mm, kMaxNearestVoxels * plane_mm), cache);
+  NearestSearch search(surface, p_D, std::min(reach_mm, MaxNearestMm(surface)), cache);
   for (int radius = 0; radius <= kMaxNearestVoxels + 1; ++radius) {
     // All cells of the shell are this far from the middle cell.
     if ((radius - 1) * plane_mm > search.best_mm()) break;

@@ -1,7 +1,7 @@
 // The point of H that is nearest to a point in free space.
 //
 // Frame: D (mm). Threads: pure. Real-time: no allocation; bounded by the cells
-// within reach, (2 kMaxNearestVoxels + 1)³.
+// within reach, (2 kMaxNearestVoxels + 3)³.
 #pragma once
 
 #include <optional>
@@ -10,10 +10,14 @@
 
 namespace palpate {
 
-// How far is looked at most, in shortest voxel edges.
-inline constexpr int kMaxNearestVoxels = 5;
+// How far is looked at most, in distances between the closest lattice planes.
+inline constexpr int kMaxNearestVoxels = 4;
 
-// Nothing where H is farther than `reach_mm` or kMaxNearestVoxels.
+inline double MaxNearestMm(const HapticSurface& surface) {
+  return kMaxNearestVoxels / surface.X_ID.linear.rowwise().norm().maxCoeff();
+}
+
+// Nothing where H is farther than `reach_mm` or MaxNearestMm().
 std::optional<Vec3> NearestPointOnSurface(const HapticSurface& surface, const Vec3& p_D,
                                           double reach_mm, CellCache& cache) noexcept;
 

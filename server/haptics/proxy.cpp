@@ -28,7 +28,7 @@ bool PutAt(const HapticSurface& surface, const Vec3& p_D, double eject_limit_mm,
   proxy.on_surface = false;
   if (density <= surface.isovalue) return true;
   step.mode = ProxyMode::kEjecting;
-  return Eject(surface, proxy.place, proxy.on_surface, cache, step.moves) &&
+  return Eject(surface, eject_limit_mm, proxy.place, proxy.on_surface, cache, step.moves) &&
          (PlacePosition(surface, proxy.place, cache) - p_D).norm() <= eject_limit_mm;
 }
 
@@ -59,7 +59,7 @@ bool Refresh(const HapticSurface& surface, const Vec3& p_DHip_mm, double eject_l
     proxy.on_surface = false;
     if (PlaceDensity(surface, proxy.place, cache) <= surface.isovalue) return true;
     step.mode = ProxyMode::kEjecting;
-    return Eject(surface, proxy.place, proxy.on_surface, cache, step.moves) &&
+    return Eject(surface, eject_limit_mm, proxy.place, proxy.on_surface, cache, step.moves) &&
            (PlacePosition(surface, proxy.place, cache) - from).norm() <= eject_limit_mm;
   }
   return PutAt(surface, from, eject_limit_mm, proxy, cache, step);
@@ -83,11 +83,11 @@ ProxyStep StepBuried(const HapticSurface& surface, const Vec3& p_DHip_mm, Proxy&
   return step;
 }
 
-// Moves until at rest or out of moves.
-void Advance(const HapticSurface& surface, const Vec3& p_DHip_mm, Proxy& proxy, CellCache& cache,
-             ProxyStep& step) noexcept {
+// Moves until at rest or out of moves; or, where it `stops_on_surface`, on H.
+void Advance(const HapticSurface& surface, const Vec3& p_DHip_mm, bool stops_on_surface,
+             Proxy& proxy, CellCache& cache, ProxyStep& step) noexcept {
   const Vec3 p_IHip = surface.X_ID.Apply(p_DHip_mm);
-  for (;;) {
+  while (!(stops_on_surface && proxy.on_surface)) {
     if (step.moves >= kMaxProxyMoves) {
       step.capped = true;
       return;
@@ -146,7 +146,7 @@ ProxyStep StepProxy(const HapticSurface& surface, const Vec3& p_DHip_mm, double 
     proxy.buried = true;
     return StepBuried(surface, p_DHip_mm, proxy, cache);
   }
-  Advance(surface, p_DHip_mm, proxy, cache, step);
+  Advance(surface, p_DHip_mm, false, proxy, cache, step);
   step.p_DH_mm = proxy.p_DH_mm = PlacePosition(surface, proxy.place, cache);
   step.density = ReportedDensity(surface, proxy.place, PlaceDensity(surface, proxy.place, cache));
   if (proxy.on_surface) {
@@ -159,14 +159,25 @@ ProxyStep StepProxy(const HapticSurface& surface, const Vec3& p_DHip_mm, double 
   return step;
 }
 
-double RestResidual(const HapticSurface& surface, const Vec3& p_DHip_mm, const Proxy& proxy,
-                    CellCache& cache) noexcept {
-  if (proxy.place.kind == Place::Kind::kOutside) return 0.0;
+void DropToSurface(const HapticSurface& surface, const Vec3& p_DHip_mm, Proxy& proxy,
+                   CellCache& cache, ProxyStep& step) noexcept {
+  Advance(surface, p_DHip_mm, true, proxy, cache, step);
+  proxy.p_DH_mm = PlacePosition(surface, proxy.place, cache);
+}
+
+Vec3 FreePart(const HapticSurface& surface, const Vec3& p_DHip_mm, const Proxy& proxy,
+              CellCache& cache) noexcept {
+  if (proxy.place.kind == Place::Kind::kOutside) return Vec3::Zero();
   const Vec3 w_mm = p_DHip_mm - PlacePosition(surface, proxy.place, cache);
   int tetrahedra = 0;
-  const Candidate best =
-      BestDirection(surface, proxy.place, proxy.on_surface, w_mm, cache, tetrahedra);
-  return w_mm.norm() > 0.0 ? best.d_mm.norm() / w_mm.norm() : 0.0;
+  return BestDirection(surface, proxy.place, proxy.on_surface, w_mm, cache, tetrahedra).d_mm;
+}
+
+double RestResidual(const HapticSurface& surface, const Vec3& p_DHip_mm, const Proxy& proxy,
+                    CellCache& cache) noexcept {
+  const double way_mm = (p_DHip_mm - PlacePosition(surface, proxy.place, cache)).norm();
+  if (!(way_mm > 0.0)) return 0.0;
+  return FreePart(surface, p_DHip_mm, proxy, cache).norm() / way_mm;
 }
 
 }  // namespace palpate

@@ -69,6 +69,16 @@ struct ProxyStep {
 ProxyStep StepProxy(const HapticSurface& surface, const Vec3& p_DHip_mm, double eject_limit_mm,
                     Proxy& proxy, CellCache& cache) noexcept;
 
+// From free space straight towards the HIP, to where the way there meets H: no
+// sliding. Adds its work to `step`. The proxy refers to `surface` already.
+void DropToSurface(const HapticSurface& surface, const Vec3& p_DHip_mm, Proxy& proxy,
+                   CellCache& cache, ProxyStep& step) noexcept;
+
+// The part of HIP - SCP_H that nothing stands in the way of: 0 at rest, all of it in
+// free space. What is left of HIP - SCP_H is held by H, and normal to it.
+Vec3 FreePart(const HapticSurface& surface, const Vec3& p_DHip_mm, const Proxy& proxy,
+              CellCache& cache) noexcept;
+
 // Whether a proxy at rest is a local minimum: for tests, and for showing that a
 // force above the expected one is due to the surface. Returns the greatest
 // approach to the HIP per length still possible, 0 at a minimum, 1 in free space.

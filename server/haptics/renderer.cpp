@@ -19,7 +19,10 @@ constexpr double kVelocityCutoffHz = 40.0;
 
 bool IsPosition(const Vec3& p) { return p.allFinite() && p.cwiseAbs().maxCoeff() < kMaxHipMm; }
 
-void TrackHip(const Vec3& p_DHip_mm, double dt_s, RendererState& state) {
+void TrackHip(const Vec3& p_DHip_mm, double since_s, RendererState& state) {
+  // Where positions were rejected, the way since the last good one took longer.
+  const double dt_s = since_s + state.rejected_s;
+  state.rejected_s = 0.0;
   if (state.has_hip && dt_s > 0.0) {
     const Vec3 velocity = (p_DHip_mm - state.p_DHip_mm) / dt_s;
     const double share = std::min(1.0, 2.0 * std::numbers::pi * kVelocityCutoffHz * dt_s);
@@ -37,20 +40,52 @@ class Update {
       : surface_(surface), settings_(settings), dt_s_(dt_s), state_(state), output_(output) {}
 
   void Run() noexcept {
-    const bool moved = !IsSameSurface();
-    StepOnBothSides();
-    const Vec3 limited_D_n = LimitedForce(moved);
-    state_.by_design_D_n = MagnetAndPop();
-    output_.force_D_n = limited_D_n + state_.by_design_D_n;
+    const bool penetrable = settings_.pop_force_n > 0.0;
+    if (!penetrable || IsOnOwnSideOfNewVolume()) state_.popped = false;
+    ChooseSide();
+    const double budget_mj = EnergyOfTheMove();
+    StepOnBothSides(penetrable);
+    state_.limited_D_n = LimitedForce(budget_mj);
+    const Vec3 pop_D_n = FadingPop();
+    state_.felt_D_n = state_.limited_D_n + pop_D_n;
+    state_.by_design_D_n = pop_D_n + Magnet();
+    output_.force_D_n = state_.limited_D_n + state_.by_design_D_n;
     if (!state_.proxy.on_surface) return;
     output_.visual =
         FindVisualProxy(felt(), state_.proxy.place, output_.proxy.normal_D, state_.cache);
   }
 
  private:
-  bool IsSameSurface() const {
-    return state_.proxy.geometry_revision == surface_.geometry_revision &&
-           std::abs(state_.proxy.isovalue) == std::abs(surface_.isovalue);
+  // A new volume is met from the side that the HIP is on.
+  bool IsOnOwnSideOfNewVolume() noexcept {
+    if (!state_.popped || state_.proxy.geometry_revision == surface_.geometry_revision) {
+      return false;
+    }
+    double density = 0.0;
+    PlaceAt(surface_, surface_.X_ID.Apply(state_.p_DHip_mm), state_.cache, density);
+    return density <= surface_.isovalue;
+  }
+
+  // What the spring gains because the surface has moved: its energy with the HIP where
+  // it was, on the surface of now less on that of then.
+  double EnergyOfTheMove() noexcept {
+    const Proxy& proxy = state_.proxy;
+    const bool same = proxy.geometry_revision == felt().geometry_revision &&
+                      proxy.free_side == felt().free_side && proxy.isovalue == felt().isovalue;
+    if (same || !settings_.passivity_control || !proxy.placed) return 0.0;
+    Proxy probe = proxy;
+    StepProxy(felt(), state_.p_DLastHip_mm, EjectLimit(), probe, state_.cache);
+    const double depth_mm = probe.on_surface ? (probe.p_DH_mm - state_.p_DLastHip_mm).norm() : 0.0;
+    return std::max(0.0, SpringEnergy(depth_mm) - state_.spring_mj);
+  }
+
+  double SpringEnergy(double depth_mm) const {
+    return 0.5 * settings_.stiffness_n_per_mm * depth_mm * depth_mm;
+  }
+
+  double EjectLimit() const {
+    return settings_.stiffness_n_per_mm > 0.0 ? kEjectForceLimitN / settings_.stiffness_n_per_mm
+                                              : kMaxHipMm;
   }
 
   // The side that the settings name, or after a pop the other one.
@@ -61,40 +96,28 @@ class Update {
   const HapticSurface& felt() const { return flipped_ ? *flipped_ : surface_; }
 
   void Step() noexcept {
-    const double eject_limit_mm = settings_.stiffness_n_per_mm > 0.0
-                                      ? kEjectForceLimitN / settings_.stiffness_n_per_mm
-                                      : kMaxHipMm;
-    output_.proxy = StepWithFriction(felt(), settings_, state_.p_DHip_mm, eject_limit_mm,
-                                     state_.proxy, state_.sticking, state_.cache);
+    output_.proxy = StepWithFriction(felt(), settings_, state_.p_DHip_mm, EjectLimit(),
+                                     state_.proxy, state_.friction, state_.cache);
     output_.spring_D_n =
         state_.proxy.on_surface
             ? Vec3(settings_.stiffness_n_per_mm * (output_.proxy.p_DH_mm - state_.p_DHip_mm))
             : Vec3::Zero();
   }
 
-  void StepOnBothSides() noexcept {
-    const bool penetrable = settings_.pop_force_n > 0.0;
-    state_.popped = state_.popped && penetrable;
-    ChooseSide();
+  void StepOnBothSides(bool penetrable) noexcept {
     Step();
+    output_.popped = penetrable && output_.spring_D_n.norm() > settings_.pop_force_n;
     // Without a surface to hold it, the proxy is free on the side that the HIP is on.
-    const bool pops = penetrable && output_.spring_D_n.norm() > settings_.pop_force_n;
-    if (pops || (penetrable && state_.proxy.buried)) ChangeSide();
-    output_.popped = pops;
+    if (output_.popped || (penetrable && state_.proxy.buried)) {
+      const ProxyStep first = output_.proxy;
+      state_.popped = !state_.popped;
+      state_.proxy.buried = false;
+      ChooseSide();
+      Step();
+      output_.proxy.moves += first.moves;
+      output_.proxy.tetrahedra += first.tetrahedra;
+    }
     output_.free_side = felt().free_side;
-  }
-
-  void ChangeSide() noexcept {
-    const Vec3 before_D_n = output_.spring_D_n + state_.pop_fade * state_.pop_force_D_n;
-    const ProxyStep first = output_.proxy;
-    state_.popped = !state_.popped;
-    state_.proxy.buried = false;
-    ChooseSide();
-    Step();
-    output_.proxy.moves += first.moves;
-    output_.proxy.tetrahedra += first.tetrahedra;
-    state_.pop_force_D_n = before_D_n - output_.spring_D_n;
-    state_.pop_fade = 1.0;
   }
 
   Vec3 Normal() noexcept {
@@ -104,7 +127,7 @@ class Update {
   }
 
   // What acts against the hand, without what brings energy in by design.
-  Vec3 LimitedForce(bool surface_moved) noexcept {
+  Vec3 LimitedForce(double budget_mj) noexcept {
     Vec3 force = ViscousForce(settings_, state_.velocity_mm_per_s);
     double depth_mm = 0.0;
     if (state_.proxy.on_surface) {
@@ -112,11 +135,7 @@ class Update {
                             state_.velocity_mm_per_s);
       depth_mm = (output_.proxy.p_DH_mm - state_.p_DHip_mm).norm();
     }
-    const double spring_mj = 0.5 * settings_.stiffness_n_per_mm * depth_mm * depth_mm;
-    const bool given =
-        surface_moved || output_.popped || output_.proxy.mode == ProxyMode::kEjecting;
-    const double budget_mj = given ? std::max(0.0, spring_mj - state_.spring_mj) : 0.0;
-    state_.spring_mj = spring_mj;
+    state_.spring_mj = SpringEnergy(depth_mm);
     if (!settings_.passivity_control) {
       if (state_.passivity.started) state_.passivity = PassivityState();
       return force;
@@ -125,13 +144,20 @@ class Update {
                           budget_mj, dt_s_, state_.passivity);
   }
 
-  Vec3 MagnetAndPop() noexcept {
-    Vec3 force = state_.pop_fade * state_.pop_force_D_n;
-    state_.pop_fade = std::max(0.0, state_.pop_fade - dt_s_ / kPopFadeS);
-    if (!state_.proxy.on_surface && !state_.proxy.buried) {
-      force += MagneticForce(felt(), settings_, state_.p_DHip_mm, state_.cache);
+  // In the tick of the pop the force is what it was; it fades from there.
+  Vec3 FadingPop() noexcept {
+    if (output_.popped) {
+      state_.pop_force_D_n = state_.felt_D_n - state_.limited_D_n;
+      state_.pop_fade = 1.0;
     }
+    const Vec3 force = state_.pop_fade * state_.pop_force_D_n;
+    state_.pop_fade = std::max(0.0, state_.pop_fade - dt_s_ / kPopFadeS);
     return force;
+  }
+
+  Vec3 Magnet() noexcept {
+    if (state_.proxy.on_surface || state_.proxy.buried) return Vec3::Zero();
+    return MagneticForce(felt(), settings_, state_.p_DHip_mm, state_.cache);
   }
 
   const HapticSurface& surface_;
@@ -151,16 +177,22 @@ HapticOutput StepRenderer(const HapticSurface& surface, const HapticSettings& se
     TrackHip(p_DHip_mm, dt_s, state);
   } else {
     output.input_rejected = true;
+    state.rejected_s += dt_s;
     if (!state.has_hip) return output;
   }
   output.p_DHip_mm = state.p_DHip_mm;
   Update(surface, settings, dt_s, state, output).Run();
+  state.p_DLastHip_mm = state.p_DHip_mm;
   return output;
 }
 
 void TellWrittenForce(const Vec3& written_D_n, RendererState& state) noexcept {
   if (!state.passivity.started) return;
-  state.passivity.written_D_n.col(0) = written_D_n - state.by_design_D_n;
+  // What a limit took off is taken off both parts, each by its share.
+  const double limited_n = state.limited_D_n.norm(), designed_n = state.by_design_D_n.norm();
+  const double share = designed_n > 0.0 ? limited_n / (limited_n + designed_n) : 1.0;
+  const Vec3 lost_D_n = state.limited_D_n + state.by_design_D_n - written_D_n;
+  state.passivity.written_D_n.col(0) = state.limited_D_n - share * lost_D_n;
 }
 
 }  // namespace palpate

@@ -12,6 +12,7 @@
 // Real-time: no allocation, no locks; bounded by the bounds of the proxy.
 #pragma once
 
+#include "server/haptics/friction.h"
 #include "server/haptics/haptic_surface.h"
 #include "server/haptics/passivity.h"
 #include "server/haptics/proxy.h"
@@ -31,14 +32,18 @@ struct RendererState {
   CellCache cache;
   bool has_hip = false;
   Vec3 p_DHip_mm = Vec3::Zero();          // last accepted
+  Vec3 p_DLastHip_mm = Vec3::Zero();      // of the last step
   Vec3 velocity_mm_per_s = Vec3::Zero();  // of the HIP, low-passed
-  bool sticking = false;                  // friction holds the proxy
-  bool popped = false;                    // on the other side than the settings'
-  double spring_mj = 0.0;                 // that the spring held in the last step
-  Vec3 pop_force_D_n = Vec3::Zero();      // at the last pop
-  double pop_fade = 0.0;                  // share of it that is left
+  FrictionState friction;
+  bool popped = false;                // on the other side than the settings'
+  double rejected_s = 0.0;            // since the last accepted HIP
+  double spring_mj = 0.0;             // that the spring held in the last step
+  Vec3 felt_D_n = Vec3::Zero();       // last force without the magnet
+  Vec3 pop_force_D_n = Vec3::Zero();  // what the last pop took away
+  double pop_fade = 0.0;              // share of it that is left
   PassivityState passivity;
-  Vec3 by_design_D_n = Vec3::Zero();  // of the last force: magnet and pop
+  Vec3 limited_D_n = Vec3::Zero();    // of the last force: what the control let pass
+  Vec3 by_design_D_n = Vec3::Zero();  // the rest of it: magnet and pop
 };
 
 struct HapticOutput {

@@ -156,10 +156,64 @@ TEST_F(Effects, FrictionNeverExceedsItsConeOnACurvedSurface) {
     ASSERT_LE(output.proxy.density, isovalue_);
     const double along = output.force_D_n.dot(output.proxy.normal_D);
     const double across = (output.force_D_n - along * output.proxy.normal_D).norm();
+    ASSERT_GT(along, 0.0);
     greatest = std::max(greatest, across / along);
     ASSERT_LT(across / along, bound);
   }
   EXPECT_GT(greatest, 0.25);
+}
+
+// Thin things, where the way around is short: friction holds, and adds no force.
+TEST_F(Effects, FrictionOnASmallBallAddsNothingToTheSpring) {
+  Use(testing::MakeVolume(Vec3i::Constant(13),
+                          [](int i, int j, int k) {
+                            return 0.5 - ((Vec3(i, j, k) - Vec3::Constant(6)).norm() - 3.0) / 8.0;
+                          }),
+      0.5);
+  settings_ = {.stiffness_n_per_mm = 1.0, .static_friction = 2.0, .dynamic_friction = 1.0};
+  Step(Vec3(6, 6, 12));
+  std::mt19937_64 random(6);
+  std::normal_distribution<double> normal;
+  Vec3 hip(6, 6, 9);
+  long contacts = 0;
+  for (int n = 0; n < 20'000; ++n) {
+    hip += 0.1 * Vec3(normal(random), normal(random), normal(random));
+    hip = Vec3::Constant(6) +
+          (hip - Vec3::Constant(6)) * std::min(1.0, 4.0 / (hip - Vec3::Constant(6)).norm());
+    const HapticOutput output = Step(hip);
+    if (output.proxy.normal_D.isZero(0.0)) continue;
+    ++contacts;
+    ASSERT_NEAR((output.force_D_n - output.spring_D_n).norm(), 0.0, 1e-9);
+    ASSERT_GE(output.spring_D_n.dot(output.proxy.normal_D), -1e-9);
+  }
+  EXPECT_GT(contacts, 5000);
+}
+
+TEST_F(Effects, FrictionHoldsOnASurfaceThatMoves) {
+  UsePlane();
+  settings_.static_friction = settings_.dynamic_friction = 0.5;
+  Step(Vec3(4, 8, 6));
+  Step(Vec3(4, 8, 2.3));
+  Step(Vec3(4.8, 8, 2.3));
+  const double x = state_->proxy.p_DH_mm.x();
+  EXPECT_NEAR(x, 4.0, 1e-6);
+  const double isovalue = isovalue_;
+  for (int n = 0; n < 500; ++n) {
+    // Sinks and rises by 0.4 mm.
+    isovalue_ = isovalue + 0.05 * std::sin(n * 0.02);
+    const HapticOutput output = Step(Vec3(4.8, 8, 2.3));
+    ASSERT_NEAR(output.force_D_n.x(), -0.8, 1e-3) << n;
+    ASSERT_NEAR(output.proxy.p_DH_mm.z(), 4.3 - 8.0 * (isovalue_ - isovalue), 1e-3) << n;
+  }
+}
+
+TEST_F(Effects, ViscosityKnowsHowLongNoPositionCame) {
+  UsePlane();
+  settings_.viscosity_n_s_per_m = 2.0;
+  Step(Vec3(4, 8, 7));
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  for (int n = 0; n < 499; ++n) Step(Vec3(nan, 8, 7));
+  EXPECT_LT(Step(Vec3(14, 8, 7)).force_D_n.norm(), 2.0 * 0.02 * 1.01);  // 10 mm in 0.5 s
 }
 
 TEST_F(Effects, ViscosityDragsInFreeSpace) {
@@ -197,6 +251,45 @@ TEST_F(Effects, PopsThroughAPlateAboveTheSetForceOnly) {
   }
   EXPECT_EQ(pops, 2);
   EXPECT_EQ(state_->proxy.on_surface, false);
+}
+
+TEST_F(Effects, APopIsSmoothWithEverythingOn) {
+  UsePlate();
+  settings_ = {.stiffness_n_per_mm = 2.0,
+               .damping_n_s_per_m = 5.0,
+               .pop_force_n = 1.5,
+               .passivity_control = true};
+  Step(Vec3(4.2, 4.1, 11));
+  int pops = 0;
+  Vec3 last_n = Vec3::Zero();
+  for (int n = 0; n < 900; ++n) {
+    const HapticOutput output = Step(Vec3(4.2, 4.1, 11.0 - 0.01 * n));  // 10 mm/s
+    TellWrittenForce(output.force_D_n, *state_);
+    pops += output.popped;
+    ASSERT_LT((output.force_D_n - last_n).norm(), 0.2) << n;
+    last_n = output.force_D_n;
+  }
+  EXPECT_EQ(pops, 2);
+}
+
+TEST_F(Effects, ANewVolumeIsMetFromTheSideOfTheStylus) {
+  UsePlate();
+  settings_.pop_force_n = 0.5;
+  Step(Vec3(4.2, 4.1, 11));
+  for (int n = 0; n < 100; ++n) Step(Vec3(4.2, 4.1, 7.0));
+  EXPECT_TRUE(state_->popped);
+  // The plate is a mm farther down now, and the stylus above it.
+  const auto lower = testing::MakeVolume(
+      Vec3i(9, 9, 14), [](int, int, int k) { return k >= 1 && k <= 4 ? 1.0 : 0.0; });
+  const HapticSurface surface =
+      MakeHapticSurface(*lower, AffineMap{}, lower->Normalize(0.5), DecompositionMethod::kTpbcc, 2);
+  HapticOutput output;
+  for (int n = 0; n < 40; ++n) {
+    output = StepRenderer(surface, settings_, Vec3(4.2, 4.1, 7.0), kDtS, *state_);
+  }
+  EXPECT_EQ(output.free_side, FreeSide::kBelow);
+  EXPECT_EQ(output.proxy.mode, ProxyMode::kFree);
+  EXPECT_NEAR(output.force_D_n.norm(), 0.0, 1e-9);
 }
 
 TEST_F(Effects, TurningPopsOffBringsTheProxyBack) {
@@ -278,6 +371,28 @@ TEST_F(Effects, TheMagnetPullsWithinItsRangeAndNotOnTheSurface) {
   EXPECT_NEAR((pull(1.5) - Vec3(0, 0, -0.6)).norm(), 0.0, 1e-5);
   EXPECT_LT(pull(0.001).norm(), 0.002);
   EXPECT_NEAR((pull(-0.5) - Vec3(0, 0, 0.5)).norm(), 0.0, 1e-5);
+}
+
+TEST_F(Effects, TheMagnetIsContinuousWhateverTheVoxels) {
+  UsePlane();
+  settings_.magnet_force_n = 1.5;
+  for (const double mm : {0.05, 0.25, 1.0}) {
+    const HapticSurface surface = MakeHapticSurface(*volume_, {Mat3::Identity() * mm, Vec3::Zero()},
+                                                    isovalue_, DecompositionMethod::kTpbcc, 1);
+    RendererState state;
+    Vec3 last = Vec3::Zero();
+    double greatest = 0.0;
+    for (int n = 0; n < 4000; ++n) {
+      const Vec3 hip = mm * Vec3(8.1, 8.2, 12.3 - 8.0 * n / 4000.0);
+      const Vec3 force = StepRenderer(surface, settings_, hip, kDtS, state).force_D_n;
+      greatest = std::max(greatest, force.norm());
+      // The steepest slope is 4 forces a range, which is 4 voxels or 2 mm.
+      const double slope = 4.0 * 1.5 / std::min(2.0, 4.0 * mm);
+      ASSERT_LT((force - last).norm(), 1.1 * slope * mm * 8.0 / 4000.0) << mm << " " << n;
+      last = force;
+    }
+    EXPECT_NEAR(greatest, 1.5, 0.01) << mm;
+  }
 }
 
 TEST_F(Effects, AShadedNormalIsExactOnAPlaneAndNeverLeansFar) {

@@ -179,6 +179,36 @@ TEST(PassivitySurface, AMovingSurfaceAndAMagnetAreNotTakenForDebts) {
   EXPECT_GT(least_scale, 0.9);
 }
 
+// The surface trembles by next to nothing, or the data have a new revision, in every
+// tick: that must not switch the control off.
+TEST(PassivitySurface, NoTrembleOfTheSurfaceFeedsAHand) {
+  for (const int tremble : {0, 1, 2}) {
+    Chain chain("builtin:sphere:64", 0.5);
+    chain.settings = {.stiffness_n_per_mm = 2.0, .passivity_control = true};
+    const Hand hand{.mass_kg = 0.1,
+                    .damping_n_s_per_m = 0.1,
+                    .push_n = 1.0,
+                    .start_mm = Vec3(6.0, 7.0, 14.0),
+                    .aim_mm = Vec3::Zero()};
+    long tick = 0;
+    const auto render = [&](const Vec3& p, double dt_s, const Vec3&) {
+      ++tick;
+      if (tremble == 0) chain.surface.isovalue = 0.5 + (tick % 2 ? 1e-9 : -1e-9);
+      if (tremble == 1) {
+        chain.surface.isovalue = 0.5 + 1e-5 * std::sin(0.01 * static_cast<double>(tick));
+      }
+      if (tremble == 2) ++chain.surface.geometry_revision;
+      return chain.Tick(p, dt_s);
+    };
+    const LoopResult result =
+        HandLoop(hand, {.seconds = 5.0}).Run(render, [](const Vec3& p) { return p.norm(); });
+    std::printf("[ figures  ] trembling surface %d: given %.3f mJ, swing %.3f N\n", tremble,
+                result.given_mj, result.force_swing_n);
+    EXPECT_LE(result.given_mj, 1.0);
+    EXPECT_LE(0.5 * result.force_swing_n, 0.1);
+  }
+}
+
 // The HIP is led along a circle 1 mm below the mean sphere, at 10 cm/s.
 struct SlideResult {
   long ticks = 0;

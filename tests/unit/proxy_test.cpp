@@ -314,5 +314,79 @@ TEST(ProxyTorture, NeverFallsThroughAndAlwaysRests) {
   }
 }
 
+// τ and the side change under the proxy, again and again: it is moved out, or buried,
+// and never left inside.
+struct Ejections {
+  long steps = 0, ejecting = 0, buried = 0, inside = 0;
+};
+
+void ChangeGrid(std::mt19937_64& random, int levels, int steps, Ejections& result) {
+  std::uniform_real_distribution<double> uniform;
+  const auto volume = MakeVolume(Vec3i::Constant(5), [&](int, int, int) {
+    return levels == 0 ? uniform(random) : std::floor(uniform(random) * levels);
+  });
+  if (!(volume->metadata().value_max > volume->metadata().value_min)) return;
+  static CellCache cache;
+  cache = CellCache();
+  Proxy proxy;
+  Vec3 hip = Vec3::Constant(2.0);
+  double isovalue = 0.5;
+  FreeSide side = FreeSide::kBelow;
+  for (int n = 0; n < steps; ++n) {
+    if (uniform(random) < 0.2) isovalue = uniform(random);
+    if (uniform(random) < 0.05) {
+      isovalue = volume->StoredCell(Vec3i(1, 2, 1))[static_cast<std::size_t>(uniform(random) * 8)];
+    }
+    if (uniform(random) < 0.1) {
+      side = side == FreeSide::kBelow ? FreeSide::kAbove : FreeSide::kBelow;
+    }
+    const Vec3 r(uniform(random), uniform(random), uniform(random));
+    hip = uniform(random) < 0.05 ? Vec3(6.0 * r - Vec3::Ones())
+                                 : Vec3(hip + 0.4 * (r - Vec3::Constant(0.5)));
+    hip = hip.cwiseMax(-1.0).cwiseMin(5.0);
+    const HapticSurface surface =
+        MakeHapticSurface(*volume, Scaled(1.0), isovalue, DecompositionMethod::kTpbcc, 1, side);
+    const ProxyStep step = StepProxy(surface, hip, 4.0, proxy, cache);
+    ++result.steps;
+    result.ejecting += step.mode == ProxyMode::kEjecting;
+    result.buried += proxy.buried;
+    if (proxy.buried) continue;
+    double density = 0.0;
+    PlaceAt(surface, surface.X_ID.Apply(step.p_DH_mm), cache, density);
+    result.inside += density > surface.isovalue + 1e-9;
+    result.inside += PlaceDensity(surface, proxy.place, cache) > surface.isovalue;
+  }
+}
+
+TEST(ProxyTorture, ChangesOfIsovalueAndSideNeverLeaveItInside) {
+  const char* factor = std::getenv("PALPATE_TORTURE");
+  const int grids = 100 * (factor ? std::atoi(factor) : 1);
+  std::mt19937_64 random(7);
+  for (int levels : {2, 3, 4, 16, 0}) {
+    Ejections result;
+    for (int n = 0; n < grids; ++n) ChangeGrid(random, levels, 1000, result);
+    std::printf("levels %2d: %ld steps, %ld ejecting, %ld buried, %ld inside\n", levels,
+                result.steps, result.ejecting, result.buried, result.inside);
+    EXPECT_GT(result.ejecting, result.steps / 100);
+    EXPECT_EQ(result.inside, 0);
+  }
+}
+
+TEST(Proxy, WhereNothingIsFreeItIsBuried) {
+  const auto volume = PlaneVolume();
+  Proxy proxy;
+  CellCache cache;
+  const auto step_above = [&](double isovalue) {
+    const HapticSurface surface = MakeHapticSurface(
+        *volume, Scaled(1.0), isovalue, DecompositionMethod::kTpbcc, 1, FreeSide::kAbove);
+    return StepProxy(surface, Vec3(4.2, 4.1, 1.0), 2.0, proxy, cache);
+  };
+  EXPECT_EQ(step_above(0.5).mode, ProxyMode::kFree);
+  const ProxyStep step = step_above(1.0);
+  EXPECT_EQ(step.mode, ProxyMode::kEjecting);
+  EXPECT_TRUE(step.normal_D.isZero());
+  EXPECT_TRUE(proxy.buried);
+}
+
 }  // namespace
 }  // namespace palpate
