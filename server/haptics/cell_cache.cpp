@@ -21,6 +21,28 @@ Decomposition DecomposeFelt(const HapticSurface& surface, const CellDensities& f
 
 }  // namespace
 
+int HapticCell::CutEdges(int tetrahedron, double isovalue,
+                         std::array<CutEdge, 4>& cuts) const noexcept {
+  std::array<int, 4> above{}, below{};
+  int above_count = 0, below_count = 0, count = 0;
+  for (int v : parts.complex.vertices[tetrahedron]) {
+    if (parts.density[v] > isovalue) {
+      above[above_count++] = v;
+    } else {
+      below[below_count++] = v;
+    }
+  }
+  for (int a = 0; a < above_count; ++a) {
+    for (int n = 0; n < below_count; ++n) {
+      // Every second round backwards keeps the order cyclic.
+      const int low = below[a % 2 == 0 ? n : below_count - 1 - n], high = above[a];
+      cuts[count++] = {
+          low, high, (isovalue - parts.density[low]) / (parts.density[high] - parts.density[low])};
+    }
+  }
+  return count;
+}
+
 void HapticCell::FillGradients(int tetrahedron) noexcept {
   known_gradients |= std::uint32_t{1} << tetrahedron;
   TetrahedronGradients& g = gradients[tetrahedron];

@@ -31,6 +31,16 @@ struct SurfacePiece {
   std::array<Corner, 4> corners;  // in cyclic order
 };
 
+// A cut of τ through the edge from vertex `low` to `high`, at `share` of the way.
+struct CutEdge {
+  int low = 0, high = 0;
+  double share = 0.0;
+
+  Vec3 Between(const std::array<Vec3, kMaxVertices>& p) const {
+    return p[low] + share * (p[high] - p[low]);
+  }
+};
+
 struct HapticCell {
   Vec3i cell = Vec3i::Zero();
   CellDensities stored{};     // felt: V's
@@ -49,6 +59,10 @@ struct HapticCell {
     return min_density <= isovalue && isovalue < max_density;
   }
   bool IsFree(double isovalue) const { return max_density <= isovalue; }
+
+  // Where τ cuts the edges of a tetrahedron: the corners of H's piece there, in
+  // cyclic order.
+  int CutEdges(int tetrahedron, double isovalue, std::array<CutEdge, 4>& cuts) const noexcept;
 
   const TetrahedronGradients& Gradients(int tetrahedron) noexcept {
     if (!(known_gradients >> tetrahedron & 1)) FillGradients(tetrahedron);

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace palpate {
 namespace {
@@ -36,6 +37,44 @@ bool LowerToIsovalue(const HapticCell& cell, double isovalue, Carrier& carrier) 
   return !(excess > 0.0);
 }
 
+// Barycentric weights of a point in a tetrahedron, and how they change along a move.
+struct Course {
+  std::array<double, 4> weight{}, rate{};
+};
+
+Course CourseOf(const Candidate& candidate, const std::array<std::uint8_t, 4>& vertices,
+                const TetrahedronGradients& gradients) {
+  Course course;
+  for (int n = 0; n < 4; ++n) {
+    for (int c = 0; c < candidate.carrier.count; ++c) {
+      if (candidate.carrier.vertex[c] == vertices[n]) {
+        course.weight[n] = candidate.carrier.weight[c];
+      }
+    }
+    course.rate[n] = gradients.weight[n].dot(candidate.d_mm);
+  }
+  if (candidate.carrier.count == 4) return course;
+  // Along a face the rate is 0 but for rounding, which must not leave the face.
+  const double along2 = kAlongFaceTolerance * kAlongFaceTolerance * candidate.d_mm.squaredNorm();
+  for (int n = 0; n < 4; ++n) {
+    const double rate = course.rate[n];
+    const bool along = rate < 0.0 || rate * rate < along2 * gradients.weight[n].squaredNorm();
+    if (course.weight[n] == 0.0 && along) course.rate[n] = 0.0;
+  }
+  return course;
+}
+
+// Share of the move after which it meets H; infinite where it does not.
+double WayToSurface(const HapticSurface& surface, const HapticCell& cell,
+                    const Candidate& candidate, const TetrahedronGradients& gradients,
+                    bool descending) {
+  constexpr double kNever = std::numeric_limits<double>::infinity();
+  if (candidate.along_surface) return kNever;
+  const double slope = gradients.density.dot(candidate.d_mm);
+  if (descending ? !(slope < 0.0) : !(slope > 0.0)) return kNever;
+  return std::max(0.0, (surface.isovalue - DensityAt(cell, candidate.carrier)) / slope);
+}
+
 }  // namespace
 
 MoveEnd MoveInTetrahedron(const HapticSurface& surface, const Candidate& candidate, bool descending,
@@ -43,48 +82,23 @@ MoveEnd MoveInTetrahedron(const HapticSurface& surface, const Candidate& candida
   HapticCell& cell = cache.Decomposed(surface, candidate.cell);
   const auto& vertices = cell.parts.complex.vertices[candidate.tetrahedron];
   const TetrahedronGradients& gradients = cell.Gradients(candidate.tetrahedron);
-  std::array<double, 4> weight{}, rate{};
-  for (int n = 0; n < 4; ++n) {
-    for (int c = 0; c < candidate.carrier.count; ++c) {
-      if (candidate.carrier.vertex[c] == vertices[n]) weight[n] = candidate.carrier.weight[c];
-    }
-    rate[n] = gradients.weight[n].dot(candidate.d_mm);
-  }
-  if (candidate.carrier.count < 4) {
-    // Along a face the rate is 0 but for rounding, which must not leave the face.
-    const double along2 = kAlongFaceTolerance * kAlongFaceTolerance * candidate.d_mm.squaredNorm();
-    for (int n = 0; n < 4; ++n) {
-      const bool along =
-          rate[n] < 0.0 || rate[n] * rate[n] < along2 * gradients.weight[n].squaredNorm();
-      if (weight[n] == 0.0 && along) rate[n] = 0.0;
-    }
-  }
+  const Course course = CourseOf(candidate, vertices, gradients);
   double end = 1.0;
   int hit = -1;
   for (int n = 0; n < 4; ++n) {
-    if (rate[n] < 0.0 && weight[n] + end * rate[n] < 0.0) {
-      end = -weight[n] / rate[n];
+    if (course.rate[n] < 0.0 && course.weight[n] + end * course.rate[n] < 0.0) {
+      end = -course.weight[n] / course.rate[n];
       hit = n;
     }
   }
-  bool reached = false;
-  if (!candidate.along_surface) {
-    const double slope = gradients.density.dot(candidate.d_mm);
-    if (descending ? slope < 0.0 : slope > 0.0) {
-      const double to_isovalue = surface.isovalue - DensityAt(cell, candidate.carrier);
-      const double t = std::max(0.0, to_isovalue / slope);
-      if (t < end) {
-        end = t;
-        hit = -1;
-        reached = true;
-      }
-    }
-  }
+  const double to_surface = WayToSurface(surface, cell, candidate, gradients, descending);
+  const bool reached = to_surface < end;
+  if (reached) end = to_surface, hit = -1;
   Carrier moved;
   moved.count = 4;
   for (int n = 0; n < 4; ++n) {
     moved.vertex[n] = vertices[n];
-    moved.weight[n] = n == hit ? 0.0 : weight[n] + end * rate[n];
+    moved.weight[n] = n == hit ? 0.0 : course.weight[n] + end * course.rate[n];
   }
   moved.Normalize();
   const bool on = reached || candidate.along_surface;

@@ -85,26 +85,11 @@ class NearestSearch {
   }
 
   void VisitTetrahedron(const HapticCell& cell, int tetrahedron) noexcept {
-    std::array<int, 4> above{}, below{};
-    int above_count = 0, below_count = 0;
-    for (int v : cell.parts.complex.vertices[tetrahedron]) {
-      if (cell.parts.density[v] > surface_.isovalue) {
-        above[above_count++] = v;
-      } else {
-        below[below_count++] = v;
-      }
-    }
+    std::array<CutEdge, 4> cuts;
+    const int count = cell.CutEdges(tetrahedron, surface_.isovalue, cuts);
     std::array<Vec3, 4> corner;
-    int count = 0;
-    for (int a = 0; a < above_count; ++a) {
-      for (int n = 0; n < below_count; ++n) {
-        // Every second round backwards keeps the order cyclic.
-        const int low = below[a % 2 == 0 ? n : below_count - 1 - n], high = above[a];
-        const double t = (surface_.isovalue - cell.parts.density[low]) /
-                         (cell.parts.density[high] - cell.parts.density[low]);
-        corner[count++] = cell.origin_mm - p_D_ + cell.vertex_mm[low] +
-                          t * (cell.vertex_mm[high] - cell.vertex_mm[low]);
-      }
+    for (int n = 0; n < count; ++n) {
+      corner[n] = cell.origin_mm - p_D_ + cuts[n].Between(cell.vertex_mm);
     }
     if (count < 3 || !MayBeNearer(corner, count)) return;
     const Vec3 nearest = NearestOnPolygon(corner, count);

@@ -31,28 +31,13 @@ void FillSurfacePiece(const HapticSurface& surface, const HapticCell& cell, int 
                       SurfacePiece& piece) {
   piece.tetrahedron = tetrahedron;
   piece.isovalue = surface.isovalue;
-  piece.count = 0;
-  const auto& vertices = cell.parts.complex.vertices[tetrahedron];
-  int above[4], below[4], above_count = 0, below_count = 0;
-  for (int v : vertices) {
-    if (cell.parts.density[v] > surface.isovalue) {
-      above[above_count++] = v;
-    } else {
-      below[below_count++] = v;
-    }
-  }
+  std::array<CutEdge, 4> cuts;
+  piece.count = cell.CutEdges(tetrahedron, surface.isovalue, cuts);
   const Trilinear f(cell.densities);
-  for (int a = 0; a < above_count; ++a) {
-    for (int n = 0; n < below_count; ++n) {
-      // Every second round backwards keeps the order cyclic.
-      const int b = a % 2 == 0 ? n : below_count - 1 - n;
-      const double high = cell.parts.density[above[a]], low = cell.parts.density[below[b]];
-      const double t = (surface.isovalue - low) / (high - low);
-      SurfacePiece::Corner& corner = piece.corners[piece.count++];
-      corner.local = cell.parts.position[below[b]] +
-                     t * (cell.parts.position[above[a]] - cell.parts.position[below[b]]);
-      corner.normal_D = -CovectorToDevice(surface, f.Gradient(corner.local)).normalized();
-    }
+  for (int n = 0; n < piece.count; ++n) {
+    SurfacePiece::Corner& corner = piece.corners[n];
+    corner.local = cuts[n].Between(cell.parts.position);
+    corner.normal_D = -CovectorToDevice(surface, f.Gradient(corner.local)).normalized();
   }
 }
 

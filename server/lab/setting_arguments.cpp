@@ -33,10 +33,11 @@ void SetNumber(const NumberSetting& setting, std::string_view value, HapticSetti
 }
 
 void SetFlag(const FlagSetting& setting, std::string_view value, HapticSettings& settings) {
-  if (value != "true" && value != "false") {
-    Refuse(fmt::format("{}={}: give true or false", setting.key, value));
+  const bool on = value == "on" || value == "true";
+  if (!on && value != "off" && value != "false") {
+    Refuse(fmt::format("{}={}: give on or off", setting.key, value));
   }
-  settings.*setting.member = value == "true";
+  settings.*setting.member = on;
 }
 
 }  // namespace
