@@ -16,7 +16,7 @@
 namespace palpate {
 namespace {
 
-constexpr std::int32_t kFormat = 1;
+constexpr std::int32_t kFormat = 2;
 constexpr char kGridName[] = "density";
 constexpr std::size_t kLongestText = 4096;
 constexpr double kFrameTolerance = 1e-3;
@@ -51,6 +51,7 @@ void InsertMetadata(const VolumeMetadata& metadata, openvdb::MetaMap* map) {
   map->insertMeta("palpate_direction", openvdb::Mat4DMetadata(direction));
   map->insertMeta("palpate_value_min", openvdb::DoubleMetadata(metadata.value_min));
   map->insertMeta("palpate_value_max", openvdb::DoubleMetadata(metadata.value_max));
+  map->insertMeta("palpate_frames", openvdb::Int32Metadata(metadata.frames));
   map->insertMeta("palpate_unit", openvdb::StringMetadata(metadata.unit));
   map->insertMeta("palpate_original_type", openvdb::StringMetadata(metadata.original_type));
   map->insertMeta("palpate_source", openvdb::StringMetadata(metadata.source));
@@ -83,6 +84,7 @@ VolumeMetadata ExtractMetadata(const openvdb::MetaMap& map) {
   }
   metadata.value_min = Entry<double>(map, "palpate_value_min");
   metadata.value_max = Entry<double>(map, "palpate_value_max");
+  metadata.frames = Entry<std::int32_t>(map, "palpate_frames");
   metadata.unit = Entry<std::string>(map, "palpate_unit");
   metadata.original_type = Entry<std::string>(map, "palpate_original_type");
   metadata.source = Entry<std::string>(map, "palpate_source");
@@ -164,6 +166,7 @@ void CheckVolumeMetadata(const VolumeMetadata& metadata) {
       !(metadata.value_min < metadata.value_max)) {
     Refuse("all voxels have the same value (constant volume); there is nothing to feel");
   }
+  if (metadata.frames < 1) Refuse("the number of frames is not positive; correct the file");
   for (const std::string* text : {&metadata.unit, &metadata.original_type, &metadata.source}) {
     if (text->size() > kLongestText) Refuse("a text of the metadata is too long");
   }

@@ -17,6 +17,7 @@ struct VolumeMetadata {
   Mat3 direction = Mat3::Identity();  // columns: unit vectors of the index axes in W
   double value_min = 0.0;             // range over the whole volume, value_min < value_max
   double value_max = 1.0;
+  int frames = 1;             // of the source, one of which this volume is
   std::string unit;           // "HU", ...; empty: not stated
   std::string original_type;  // "uint8", "int16", "float64", ...
   std::string source;         // file name, folder name or builtin name

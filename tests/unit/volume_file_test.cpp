@@ -41,6 +41,7 @@ VolumeMetadata MakeMetadata() {
   metadata.direction << 0, -1, 0, 1, 0, 0, 0, 0, 1;
   metadata.value_min = 0.0;
   metadata.value_max = 100.0;
+  metadata.frames = 20;
   metadata.unit = "HU";
   metadata.original_type = "int16";
   metadata.source = "head scan.nrrd";
@@ -85,6 +86,7 @@ TEST_F(VolumeFileTest, ReturnsWhatWasWritten) {
   EXPECT_EQ(file.metadata.direction, written.direction);
   EXPECT_EQ(file.metadata.value_min, written.value_min);
   EXPECT_EQ(file.metadata.value_max, written.value_max);
+  EXPECT_EQ(file.metadata.frames, written.frames);
   EXPECT_EQ(file.metadata.unit, written.unit);
   EXPECT_EQ(file.metadata.original_type, written.original_type);
   EXPECT_EQ(file.metadata.source, written.source);
@@ -206,8 +208,8 @@ TEST_F(VolumeFileTest, UntamperedFileOfTheTestIsRead) {
 TEST_F(VolumeFileTest, EveryMissingEntryIsRefused) {
   for (const char* name :
        {"palpate_format", "palpate_size", "palpate_spacing_mm", "palpate_origin_mm",
-        "palpate_direction", "palpate_value_min", "palpate_value_max", "palpate_unit",
-        "palpate_original_type", "palpate_source"}) {
+        "palpate_direction", "palpate_value_min", "palpate_value_max", "palpate_frames",
+        "palpate_unit", "palpate_original_type", "palpate_source"}) {
     const fs::path path =
         WriteTampered(folder_, [name](openvdb::FloatGrid* grid) { grid->removeMeta(name); });
     EXPECT_EQ(KindOfRead(path), ErrorKind::kInvalidArgument) << name;
@@ -219,12 +221,13 @@ TEST_F(VolumeFileTest, TamperedEntriesAreRefused) {
   const std::vector<std::function<void(openvdb::FloatGrid*)>> attacks = {
       [](auto* g) {
         g->removeMeta("palpate_format");
-        g->insertMeta("palpate_format", openvdb::Int32Metadata(2));
+        g->insertMeta("palpate_format", openvdb::Int32Metadata(1));
       },
       [](auto* g) {
         g->removeMeta("palpate_format");
-        g->insertMeta("palpate_format", openvdb::StringMetadata("1"));
+        g->insertMeta("palpate_format", openvdb::StringMetadata("2"));
       },
+      [](auto* g) { g->insertMeta("palpate_frames", openvdb::Int32Metadata(0)); },
       [](auto* g) {
         g->insertMeta("palpate_size", openvdb::Vec3IMetadata({20, 11, 1}));
       },
