@@ -1,12 +1,12 @@
 #include "server/import/data_check.h"
 
 #include <unistd.h>
-#include <zlib.h>
 
 #include <algorithm>
 #include <fstream>
 #include <vector>
 
+#include "server/import/inflater.h"
 #include "server/import/meta_image_header.h"
 #include "server/import/nifti_header.h"
 #include "server/import/nrrd_header.h"
@@ -18,61 +18,7 @@ namespace fs = std::filesystem;
 
 constexpr std::size_t kLongestTextHeader = 1 << 20;
 constexpr std::size_t kChunk = 1 << 18;
-
-// Inflates a part of a file, gzip (also several members in a row) or zlib.
-class Inflater {
- public:
-  Inflater(std::ifstream* in, std::int64_t begin, std::int64_t length)
-      : in_(in), left_(length), input_(kChunk) {
-    in_->seekg(begin);
-    // 32: gzip or zlib, as the data say.
-    if (inflateInit2(&stream_, 15 + 32) != Z_OK) throw std::bad_alloc();
-  }
-  ~Inflater() { inflateEnd(&stream_); }
-  Inflater(const Inflater&) = delete;
-  Inflater& operator=(const Inflater&) = delete;
-
-  // Fills `out` as far as there are data; refuses damaged ones.
-  std::size_t Read(char* out, std::size_t count) {
-    stream_.next_out = reinterpret_cast<Bytef*>(out);
-    stream_.avail_out = static_cast<uInt>(count);
-    while (stream_.avail_out > 0 && !ended_) {
-      if (stream_.avail_in == 0 && !Refill()) {
-        Refuse("the compressed data end too early; the file is truncated");
-      }
-      const int result = inflate(&stream_, Z_NO_FLUSH);
-      if (result == Z_STREAM_END) {
-        ended_ = !StartNextMember();
-      } else if (result != Z_OK && result != Z_BUF_ERROR) {
-        Refuse("the compressed data are damaged; copy or download the file again");
-      }
-    }
-    return count - stream_.avail_out;
-  }
-
- private:
-  bool Refill() {
-    const auto wanted = std::min<std::int64_t>(left_, static_cast<std::int64_t>(input_.size()));
-    in_->read(input_.data(), wanted);
-    stream_.next_in = reinterpret_cast<Bytef*>(input_.data());
-    stream_.avail_in = static_cast<uInt>(in_->gcount());
-    left_ -= in_->gcount();
-    in_->clear();
-    return stream_.avail_in > 0;
-  }
-
-  bool StartNextMember() {
-    constexpr Bytef kGzipStart = 0x1f;
-    if (stream_.avail_in == 0 && !Refill()) return false;
-    return *stream_.next_in == kGzipStart && inflateReset(&stream_) == Z_OK;
-  }
-
-  std::ifstream* in_;
-  std::int64_t left_;
-  std::vector<char> input_;
-  z_stream stream_{};
-  bool ended_ = false;
-};
+constexpr std::int64_t kLongestData = std::int64_t{1} << 60;
 
 std::ifstream Open(const fs::path& path) {
   CheckReadable(path);
@@ -92,17 +38,12 @@ std::string ReadHead(const fs::path& path, std::size_t count) {
 bool IsDeflated(std::string_view head) { return head.starts_with("\x1f\x8b"); }
 
 ImageHeader ReadNiftiHeader(const fs::path& path) {
-  std::string head = ReadHead(path, kNiftiHeaderBytes);
+  std::string head = ReadHead(path, kLongestNiftiHeader);
   const bool compressed = IsDeflated(head);
-  // nifti_clib decides by the name.
-  if (compressed != (Lower(path.extension().string()) == ".gz")) {
-    Refuse(compressed ? "the data are compressed; name the file .nii.gz"
-                      : "the data are not compressed; name the file .nii");
-  }
   if (compressed) {
     std::ifstream in = Open(path);
     Inflater inflater(&in, 0, static_cast<std::int64_t>(fs::file_size(path)));
-    head.assign(kNiftiHeaderBytes, '\0');
+    head.assign(kLongestNiftiHeader, '\0');
     head.resize(inflater.Read(head.data(), head.size()));
   }
   ImageHeader header = ParseNiftiHeader(head);
@@ -142,7 +83,8 @@ void CheckCompressed(const fs::path& path, std::int64_t length, const ImageHeade
     RefuseLength(present - std::min(present, header.skip_bytes), needed - header.skip_bytes);
 }
 
-void CheckData(const fs::path& path, const ImageHeader& header, std::int64_t voxel_bytes) {
+// All frames must be there, not only the one that is read.
+void CheckData(const fs::path& path, const ImageHeader& header, std::int64_t frame_bytes) {
   const fs::path data = header.data_file.empty() ? path : path.parent_path() / header.data_file;
   if (!header.data_file.empty() && !fs::exists(data)) {
     throw Error(ErrorKind::kNotFound, "the data file " + Quoted(header.data_file) +
@@ -151,9 +93,12 @@ void CheckData(const fs::path& path, const ImageHeader& header, std::int64_t vox
   CheckReadable(data);
   const std::int64_t length = static_cast<std::int64_t>(fs::file_size(data)) - header.begin;
   const bool at_end = header.skip_bytes == ImageHeader::kVoxelsAtEnd;
+  std::int64_t voxel_bytes = 0;
   std::int64_t needed = 0;
-  if (__builtin_add_overflow(voxel_bytes, at_end ? 0 : header.skip_bytes, &needed)) {
-    Refuse("the header skips more bytes than a file can have; correct it");
+  if (__builtin_mul_overflow(frame_bytes, header.frames, &voxel_bytes) ||
+      __builtin_add_overflow(voxel_bytes, at_end ? 0 : header.skip_bytes, &needed) ||
+      needed > kLongestData) {
+    Refuse("the header needs more bytes than a file can have; correct it");
   }
   if (!header.compressed) {
     if (length < needed)

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <filesystem>
 #include <limits>
+#include <utility>
 
 namespace palpate {
 
@@ -26,29 +27,52 @@ int ByteCount(ScalarType type) {
   return 8;
 }
 
+namespace {
+
+constexpr std::pair<ScalarType, const char*> kTypeNames[] = {
+    {ScalarType::kInt8, "int8"},       {ScalarType::kUint8, "uint8"},
+    {ScalarType::kInt16, "int16"},     {ScalarType::kUint16, "uint16"},
+    {ScalarType::kInt32, "int32"},     {ScalarType::kUint32, "uint32"},
+    {ScalarType::kFloat32, "float32"}, {ScalarType::kFloat64, "float64"},
+};
+
+}  // namespace
+
 const char* Name(ScalarType type) {
-  switch (type) {
-    case ScalarType::kInt8:
-      return "int8";
-    case ScalarType::kUint8:
-      return "uint8";
-    case ScalarType::kInt16:
-      return "int16";
-    case ScalarType::kUint16:
-      return "uint16";
-    case ScalarType::kInt32:
-      return "int32";
-    case ScalarType::kUint32:
-      return "uint32";
-    case ScalarType::kFloat32:
-      return "float32";
-    case ScalarType::kFloat64:
-      return "float64";
+  for (const auto& [known, name] : kTypeNames) {
+    if (known == type) return name;
   }
   return "";
 }
 
+ScalarType ParseScalarType(std::string_view name) {
+  std::string names;
+  for (const auto& [type, known] : kTypeNames) {
+    if (name == known) return type;
+    names += std::string(names.empty() ? "" : ", ") + known;
+  }
+  Refuse("there is no voxel type " + Quoted(name) + "; use one of " + names);
+}
+
 void Refuse(const std::string& message) { throw Error(ErrorKind::kInvalidArgument, message); }
+
+std::int64_t TakeFrames(std::vector<std::int64_t>* axes) {
+  if (axes->size() < 4 || (*axes)[3] < 1) return 1;
+  if (std::any_of(axes->begin() + 4, axes->end(), [](std::int64_t axis) { return axis != 1; })) {
+    return 1;
+  }
+  if ((*axes)[3] > std::numeric_limits<std::int32_t>::max()) {
+    Refuse("there are " + std::to_string((*axes)[3]) + " frames; correct the header");
+  }
+  return std::exchange((*axes)[3], 1);
+}
+
+void CheckFrame(std::int64_t frame, std::int64_t frames) {
+  if (frame >= 0 && frame < frames) return;
+  Refuse("there is no frame " + std::to_string(frame) + "; " +
+         (frames > 1 ? "choose one from 0 to " + std::to_string(frames - 1)
+                     : "the file holds one volume, frame 0"));
+}
 
 std::array<std::int64_t, 3> VolumeSize(const std::vector<std::int64_t>& axes) {
   std::string listed;

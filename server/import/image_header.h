@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "common/error/error.h"
+#include "common/geometry/geometry.h"
 
 namespace palpate {
 
@@ -22,16 +23,30 @@ enum class ScalarType { kInt8, kUint8, kInt16, kUint16, kInt32, kUint32, kFloat3
 int ByteCount(ScalarType type);
 // "int8", ..., "float64".
 const char* Name(ScalarType type);
+ScalarType ParseScalarType(std::string_view name);  // of Name()
 
-// The data stream holds `skip_bytes` and then the voxels, x fastest. It starts at
-// `begin` of its file and may be deflated (gzip or zlib) as a whole.
+// Where the voxels of a file lie: index to W (mm, LPS).
+struct ImageGeometry {
+  Vec3 spacing_mm = Vec3::Ones();
+  Vec3 origin_W_mm = Vec3::Zero();
+  Mat3 direction = Mat3::Identity();  // columns: unit vectors, unless the file is sheared
+};
+
+// The data stream holds `skip_bytes` and then the voxels, x fastest, one frame
+// after the other. It starts at `begin` of its file and may be deflated (gzip or
+// zlib) as a whole. What is felt is intercept + slope * voxel.
 struct ImageHeader {
   static constexpr std::int64_t kVoxelsAtEnd = -1;  // as skip_bytes
   static constexpr std::int64_t kToFileEnd = -1;    // as compressed_bytes
 
   std::array<std::int64_t, 3> size{};  // voxels along x, y, z, each at least 2
+  std::int64_t frames = 1;
   ScalarType type = ScalarType::kUint8;
-  std::string data_file;  // a name below the header's folder; empty: the header's own file
+  bool big_endian = false;
+  double slope = 1.0;
+  double intercept = 0.0;
+  ImageGeometry geometry;  // not of MetaImage and TIFF
+  std::string data_file;   // a name below the header's folder; empty: the header's own file
   std::int64_t begin = 0;
   std::int64_t skip_bytes = 0;
   bool compressed = false;
@@ -46,6 +61,13 @@ struct ImportLimits {
 };
 
 [[noreturn]] void Refuse(const std::string& message);  // kInvalidArgument
+
+// Takes the axes as a header lists them. When there are frames along the fourth
+// and nothing beyond, sets that axis to 1 and returns their number, otherwise 1.
+std::int64_t TakeFrames(std::vector<std::int64_t>* axes);
+
+// Refuses a frame that the file does not have.
+void CheckFrame(std::int64_t frame, std::int64_t frames);
 
 // Takes the axes as a header lists them: three of at least 2 voxels, then only
 // axes of size 1.

@@ -18,6 +18,7 @@
 #include "server/import/readers.h"
 #include "server/import/reporter.h"
 #include "server/import/resource_limits.h"
+#include "server/import/tiff_series.h"
 
 namespace {
 
@@ -28,31 +29,16 @@ struct Options {
   std::string input;
   std::string output;
   std::vector<double> spacing_mm;
+  std::optional<std::int64_t> frame;
+  std::vector<std::int64_t> raw_size;
+  palpate::RawVoxels raw;
   std::int64_t max_voxels = palpate::ImportLimits{}.max_voxels;
   std::int64_t max_memory_mib = palpate::ImportLimits{}.max_memory_bytes >> 20;
   unsigned timeout_s = 300;
   bool progress = false;
 };
 
-void DefineOptions(CLI::App* app, Options* options) {
-  app->description(
-      "Reads a volume and writes it as OpenVDB for palpated.\n\n"
-      "INPUT is one of: NRRD (.nrrd, .nhdr; raw or gzip), MetaImage (.mha, .mhd), NIfTI-1 (.nii,\n"
-      ".nii.gz), OpenVDB (.vdb with one scalar grid), or a folder with a DICOM series. Voxels are\n"
-      "8, 16 or 32 bit integers, float or double, and become 32 bit floats (integers beyond 2^24\n"
-      "are rounded). Three axes of at least 2 voxels; lengths are in mm, the frame is LPS.");
-  app->footer(
-      "Exit codes: 0 written; 2 wrong usage; 3 not a volume, damaged or not supported; 4 not "
-      "found;\n"
-      "5 permission denied; 6 over a limit; 8 cannot write; 1 any other failure.\n"
-      "Example: palpate-import head.nii.gz head.vdb --max-memory-mib 4096");
-  app->add_option("INPUT", options->input, "Volume file, or folder of a DICOM series")->required();
-  app->add_option("OUTPUT", options->output, "File to write; replaced if it is there")->required();
-  app->add_option("--spacing-mm", options->spacing_mm,
-                  "Distance of voxels along x,y,z in mm, instead of the file's")
-      ->delimiter(',')
-      ->expected(3)
-      ->type_name("X,Y,Z");
+void DefineLimits(CLI::App* app, Options* options) {
   app->add_option("--max-voxels", options->max_voxels, "Refuse larger volumes")
       ->check(CLI::PositiveNumber)
       ->type_name("N")
@@ -66,6 +52,54 @@ void DefineOptions(CLI::App* app, Options* options) {
       ->check(CLI::Range(1u, 1000000u))
       ->type_name("N")
       ->capture_default_str();
+}
+
+void DefineRawOptions(CLI::App* app, Options* options) {
+  CLI::Option* const size =
+      app->add_option("--raw-size", options->raw_size, "INPUT is raw voxels: so many, x fastest")
+          ->delimiter(',')
+          ->expected(3)
+          ->type_name("X,Y,Z");
+  CLI::Option* const type =
+      app->add_option("--raw-type", options->raw.type,
+                      "int8, uint8, int16, uint16, int32, uint32, float32 or float64")
+          ->type_name("TYPE");
+  size->needs(type);
+  type->needs(size);
+  app->add_flag("--raw-big-endian", options->raw.big_endian, "Raw voxels are big endian")
+      ->needs(size);
+  app->add_option("--raw-offset", options->raw.offset_bytes, "Bytes before the first raw voxel")
+      ->needs(size)
+      ->type_name("BYTES");
+}
+
+void DefineOptions(CLI::App* app, Options* options) {
+  app->description(
+      "Reads a volume and writes it as OpenVDB for palpated.\n\n"
+      "INPUT is one of: NRRD (.nrrd, .nhdr; raw or gzip), MetaImage (.mha, .mhd), NIfTI-1 and -2\n"
+      "(.nii, .nii.gz), OpenVDB (.vdb with one scalar grid), a TIFF stack (.tif, .tiff: a file of\n"
+      "several pages, the first file of a numbered series, or its folder; with --spacing-mm), a\n"
+      "folder with a DICOM series, or raw voxels (--raw-size, --raw-type). Voxels are 8, 16 or 32\n"
+      "bit integers, float or double, and become 32 bit floats (integers beyond 2^24 are "
+      "rounded).\n"
+      "Three axes of at least 2 voxels, and time in NRRD and NIfTI; lengths are in mm, the frame\n"
+      "is LPS.");
+  app->footer(
+      "Exit codes: 0 written; 2 wrong usage; 3 not a volume, damaged or not supported; 4 not "
+      "found;\n"
+      "5 permission denied; 6 over a limit; 8 cannot write; 1 any other failure.\n"
+      "Example: palpate-import head.nii.gz head.vdb --max-memory-mib 4096");
+  app->add_option("INPUT", options->input, "Volume file, or folder of a series")->required();
+  app->add_option("OUTPUT", options->output, "File to write; replaced if it is there")->required();
+  app->add_option("--spacing-mm", options->spacing_mm,
+                  "Distance of voxels along x,y,z in mm, instead of the file's")
+      ->delimiter(',')
+      ->expected(3)
+      ->type_name("X,Y,Z");
+  app->add_option("--frame", options->frame, "Which frame of a 4-D file, from 0 (default: 0)")
+      ->type_name("N");
+  DefineRawOptions(app, options);
+  DefineLimits(app, options);
   app->add_flag("--progress", options->progress,
                 "Lines 'progress FRACTION STAGE' on stdout, FRACTION from 0 to 1");
 }
@@ -77,30 +111,67 @@ std::string SourceName(const std::filesystem::path& input) {
   return (full.has_filename() ? full : full.parent_path()).filename().string();
 }
 
-palpate::DenseVolume Read(const std::filesystem::path& input, const palpate::ImportLimits& limits,
-                          palpate::Reporter* reporter) {
-  using palpate::ImageFormat;
-  std::error_code error;
-  if (std::filesystem::is_directory(input, error)) {
-    return palpate::ReadDicomVolume(input, limits, reporter);
+palpate::DenseVolume ReadTiff(const Options& options, const palpate::ImportLimits& limits,
+                              palpate::Reporter* reporter) {
+  if (options.spacing_mm.empty()) {
+    palpate::Refuse("TIFF states no distance of slices; give the spacing: --spacing-mm X,Y,Z");
   }
+  return palpate::ReadTiffVolume(options.input, limits, reporter);
+}
+
+palpate::DenseVolume ReadRaw(const Options& options, const palpate::ImportLimits& limits,
+                             palpate::Reporter* reporter) {
+  palpate::RawVoxels raw = options.raw;
+  std::copy_n(options.raw_size.begin(), raw.size.size(), raw.size.begin());
+  if (options.spacing_mm.empty()) {
+    reporter->Warn("no spacing is stated; 1 mm is taken, state another one with --spacing-mm");
+  }
+  return palpate::ReadRawVolume(options.input, raw, limits, reporter);
+}
+
+// Of the formats that hold one volume only.
+palpate::DenseVolume ReadSingleFile(const Options& options, const palpate::ImportLimits& limits,
+                                    palpate::Reporter* reporter) {
+  const std::filesystem::path input = options.input;
+  const std::string extension = palpate::Lower(input.extension().string());
   palpate::CheckReadable(input);
+  if (palpate::IsTiffName(input)) return ReadTiff(options, limits, reporter);
+  if (extension == ".vdb") return palpate::ReadVdbVolume(input, limits, reporter);
+  if (extension == ".mha" || extension == ".mhd") {
+    return palpate::ReadMetaImageVolume(input, limits, reporter);
+  }
+  if (extension == ".dcm") {
+    palpate::Refuse("this is one slice; give the folder of the DICOM series");
+  }
+  palpate::Refuse(
+      "the format is not known by its name; use .nrrd, .nhdr, .mha, .mhd, .nii, .nii.gz, .vdb, "
+      ".tif, .tiff, the folder of a series, or --raw-size and --raw-type");
+}
+
+// Of the formats that may hold frames.
+std::optional<palpate::ImageFormat> SeriesFormat(const std::filesystem::path& input) {
   const std::string name = palpate::Lower(input.filename().string());
   const auto ends = [&name](std::string_view ending) { return name.ends_with(ending); };
-  if (ends(".vdb")) return palpate::ReadVdbVolume(input, limits, reporter);
-  if (ends(".nrrd") || ends(".nhdr")) {
-    return palpate::ReadItkVolume(input, ImageFormat::kNrrd, limits, reporter);
+  if (ends(".nrrd") || ends(".nhdr")) return palpate::ImageFormat::kNrrd;
+  if (ends(".nii") || ends(".nii.gz")) return palpate::ImageFormat::kNifti;
+  return std::nullopt;
+}
+
+palpate::DenseVolume Read(const Options& options, const palpate::ImportLimits& limits,
+                          palpate::Reporter* reporter) {
+  const std::filesystem::path input = options.input;
+  const bool raw = !options.raw_size.empty();
+  std::error_code error;
+  const bool folder = std::filesystem::is_directory(input, error);
+  const auto format = SeriesFormat(input);
+  if (!raw && !folder && format) {
+    return palpate::ReadPlainVolume(input, *format, options.frame, limits, reporter);
   }
-  if (ends(".mha") || ends(".mhd")) {
-    return palpate::ReadItkVolume(input, ImageFormat::kMetaImage, limits, reporter);
-  }
-  if (ends(".nii") || ends(".nii.gz")) {
-    return palpate::ReadItkVolume(input, ImageFormat::kNifti, limits, reporter);
-  }
-  if (ends(".dcm")) palpate::Refuse("this is one slice; give the folder of the DICOM series");
-  palpate::Refuse(
-      "the format is not known by its name; use .nrrd, .nhdr, .mha, .mhd, .nii, .nii.gz, .vdb or "
-      "the folder of a DICOM series");
+  palpate::CheckFrame(options.frame.value_or(0), 1);
+  if (raw) return ReadRaw(options, limits, reporter);
+  if (!folder) return ReadSingleFile(options, limits, reporter);
+  return palpate::IsTiffFolder(input) ? ReadTiff(options, limits, reporter)
+                                      : palpate::ReadDicomVolume(input, limits, reporter);
 }
 
 void Import(const Options& options, palpate::Reporter* reporter) {
@@ -117,7 +188,7 @@ void Import(const Options& options, palpate::Reporter* reporter) {
   palpate::LimitResources(limits.max_memory_bytes, options.timeout_s);
   itk::Object::SetGlobalWarningDisplay(false);
 
-  palpate::DenseVolume volume = Read(options.input, limits, reporter);
+  palpate::DenseVolume volume = Read(options, limits, reporter);
   volume.metadata.source = SourceName(options.input);
   palpate::FinishVolume(std::move(volume), spacing_mm, options.output, reporter);
 }

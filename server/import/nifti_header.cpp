@@ -2,58 +2,16 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
+
+#include "server/import/nifti_fields.h"
 
 namespace palpate {
 namespace {
 
-// Byte offsets in the header, from nifti1.h.
-constexpr std::size_t kDim = 40;
-constexpr std::size_t kDatatype = 70;
-constexpr std::size_t kBitpix = 72;
-constexpr std::size_t kPixdim = 76;
-constexpr std::size_t kVoxOffset = 108;
-constexpr std::size_t kSclSlope = 112;
-constexpr std::size_t kSclInter = 116;
-constexpr std::size_t kQformCode = 252;
-constexpr std::size_t kSformCode = 254;
-constexpr std::size_t kQuaternB = 256;  // b, c, d, x, y, z offsets
-constexpr std::size_t kSrowX = 280;     // 3 x 4 numbers
-constexpr std::size_t kMagic = 344;
+// Cosine between two axes of an sform that counts as sheared.
+constexpr double kSheared = 1e-3;
 
-constexpr std::int32_t kNifti2HeaderBytes = 540;
-
-class Reader {
- public:
-  Reader(std::string_view head, bool swap) : head_(head), swap_(swap) {}
-
-  template <typename Number>
-  Number Get(std::size_t offset) const {
-    char bytes[sizeof(Number)];
-    std::memcpy(bytes, head_.data() + offset, sizeof(Number));
-    if (swap_) std::reverse(bytes, bytes + sizeof(Number));
-    Number number;
-    std::memcpy(&number, bytes, sizeof(Number));
-    return number;
-  }
-
- private:
-  std::string_view head_;
-  bool swap_;
-};
-
-bool IsSwapped(std::string_view head) {
-  for (const bool swap : {false, true}) {
-    const auto length = Reader(head, swap).Get<std::int32_t>(0);
-    if (length == static_cast<std::int32_t>(kNiftiHeaderBytes)) return swap;
-    if (length == kNifti2HeaderBytes) {
-      Refuse("this is a NIfTI-2 file, which is not supported; convert it to NIfTI-1");
-    }
-  }
-  Refuse("this is no NIfTI-1 file: its first number is not 348");
-}
-
-ScalarType ParseType(std::int16_t datatype) {
+ScalarType ParseType(int datatype) {
   switch (datatype) {
     case 2:
       return ScalarType::kUint8;
@@ -81,57 +39,114 @@ ScalarType ParseType(std::int16_t datatype) {
          " are not supported; convert them to 8, 16 or 32 bit integers, float or double");
 }
 
-std::array<std::int64_t, 3> ParseSize(const Reader& reader) {
-  const auto dimension = reader.Get<std::int16_t>(kDim);
-  if (dimension < 1 || dimension > 7) {
-    Refuse("the NIfTI header has " + std::to_string(dimension) + " axes; correct it");
+void ReadExtent(const NiftiFields& fields, ImageHeader* header) {
+  if (fields.dim[0] < 1 || fields.dim[0] > 7) {
+    Refuse("the NIfTI header has " + std::to_string(fields.dim[0]) + " axes; correct it");
   }
-  std::vector<std::int64_t> axes;
-  for (int k = 1; k <= dimension; ++k) axes.push_back(reader.Get<std::int16_t>(kDim + 2 * k));
-  return VolumeSize(axes);
+  std::vector<std::int64_t> axes(fields.dim.begin() + 1, fields.dim.begin() + 1 + fields.dim[0]);
+  header->frames = TakeFrames(&axes);
+  header->size = VolumeSize(axes);
 }
 
-void CheckFinite(const Reader& reader, std::size_t offset, int count, const char* what) {
-  for (int k = 0; k < count; ++k) {
-    if (!std::isfinite(reader.Get<float>(offset + 4 * k))) {
-      Refuse(std::string("the NIfTI header's ") + what + " is not finite; correct it");
-    }
+template <typename Numbers>
+void CheckFinite(const Numbers& numbers, const char* what) {
+  if (!std::all_of(numbers.begin(), numbers.end(), [](double x) { return std::isfinite(x); })) {
+    Refuse(std::string("the NIfTI header's ") + what + " is not finite; correct it");
   }
 }
 
-void CheckGeometry(const Reader& reader) {
-  for (int k = 1; k <= 3; ++k) CheckSpacing(reader.Get<float>(kPixdim + 4 * k));
-  if (reader.Get<std::int16_t>(kQformCode) > 0) CheckFinite(reader, kQuaternB, 6, "qform");
-  if (reader.Get<std::int16_t>(kSformCode) > 0) CheckFinite(reader, kSrowX, 12, "sform");
-  CheckFinite(reader, kSclSlope, 1, "scl_slope");
-  CheckFinite(reader, kSclInter, 1, "scl_inter");
+double MillimetresPerUnit(const NiftiFields& fields) {
+  constexpr int kSpace = 7;
+  switch (fields.xyzt_units & kSpace) {
+    case 1:
+      return 1e3;
+    case 3:
+      return 1e-3;
+  }
+  return 1.0;  // mm, or not stated
+}
+
+const Mat3 kLpsFromRas = Vec3(-1.0, -1.0, 1.0).asDiagonal();
+
+ImageGeometry FromQform(const NiftiFields& fields) {
+  const auto& q = fields.quaternion;
+  Vec3 bcd(q[0], q[1], q[2]);
+  // Rounded ones may be a little too long.
+  if (bcd.norm() > 1.0) bcd.normalize();
+  const double a = std::sqrt(std::max(1.0 - bcd.squaredNorm(), 0.0));
+  Mat3 rotation = Eigen::Quaterniond(a, bcd.x(), bcd.y(), bcd.z()).toRotationMatrix();
+  if (fields.pixdim[0] < 0.0) rotation.col(2) *= -1.0;
+  ImageGeometry geometry;
+  geometry.spacing_mm = {fields.pixdim[1], fields.pixdim[2], fields.pixdim[3]};
+  geometry.direction = kLpsFromRas * rotation;
+  geometry.origin_W_mm = kLpsFromRas * Vec3(q[3], q[4], q[5]);
+  return geometry;
+}
+
+ImageGeometry FromSform(const NiftiFields& fields) {
+  const auto& s = fields.srow;
+  ImageGeometry geometry;
+  for (int col = 0; col < 3; ++col) {
+    const Vec3 step(s[col], s[4 + col], s[8 + col]);
+    geometry.spacing_mm[col] = step.norm();
+    CheckSpacing(geometry.spacing_mm[col]);
+    geometry.direction.col(col) = kLpsFromRas * step / step.norm();
+  }
+  geometry.origin_W_mm = kLpsFromRas * Vec3(s[3], s[7], s[11]);
+  return geometry;
+}
+
+bool IsSheared(const ImageGeometry& geometry) {
+  const Mat3 gram = geometry.direction.transpose() * geometry.direction;
+  return !gram.isApprox(Mat3::Identity(), kSheared);
+}
+
+ImageGeometry ParseGeometry(const NiftiFields& fields) {
+  constexpr int kScanner = 1;
+  for (int k = 1; k <= 3; ++k) CheckSpacing(fields.pixdim[k]);
+  const bool has_qform = fields.qform_code > 0;
+  const bool has_sform = fields.sform_code > 0;
+  ImageGeometry geometry;
+  geometry.spacing_mm = {fields.pixdim[1], fields.pixdim[2], fields.pixdim[3]};
+  if (has_qform) {
+    CheckFinite(fields.quaternion, "qform");
+    geometry = FromQform(fields);
+  }
+  if (has_sform) CheckFinite(fields.srow, "sform");
+  if (has_sform && (!has_qform || fields.sform_code == kScanner)) {
+    const ImageGeometry sform = FromSform(fields);
+    if (!has_qform || !IsSheared(sform)) geometry = sform;
+  }
+  geometry.spacing_mm *= MillimetresPerUnit(fields);
+  geometry.origin_W_mm *= MillimetresPerUnit(fields);
+  return geometry;
+}
+
+void ReadScale(const NiftiFields& fields, ImageHeader* header) {
+  CheckFinite(std::array{fields.scl_slope}, "scl_slope");
+  CheckFinite(std::array{fields.scl_inter}, "scl_inter");
+  // A slope of zero says that there is no scale, and no intercept either.
+  if (fields.scl_slope == 0.0) return;
+  header->slope = fields.scl_slope;
+  header->intercept = fields.scl_inter;
 }
 
 }  // namespace
 
 ImageHeader ParseNiftiHeader(std::string_view head) {
-  if (head.size() < kNiftiHeaderBytes) {
-    Refuse("the file is shorter than a NIfTI-1 header; it is damaged or incomplete");
-  }
-  const Reader reader(head, IsSwapped(head));
-  const std::string_view magic = head.substr(kMagic, 4);
-  if (magic == std::string_view("ni1\0", 4)) {
-    Refuse("the voxels are in a second file (.hdr and .img); convert them to one .nii file");
-  }
-  if (magic != std::string_view("n+1\0", 4)) {
-    Refuse("this is no NIfTI-1 file: it lacks the letters n+1");
-  }
-
+  const NiftiFields fields = ReadNiftiFields(head);
   ImageHeader header;
-  header.type = ParseType(reader.Get<std::int16_t>(kDatatype));
-  if (reader.Get<std::int16_t>(kBitpix) != 8 * ByteCount(header.type)) {
+  header.big_endian = fields.big_endian;
+  header.type = ParseType(fields.datatype);
+  if (fields.bitpix != 8 * ByteCount(header.type)) {
     Refuse("the NIfTI header's datatype and bitpix disagree; correct it");
   }
-  header.size = ParseSize(reader);
-  CheckGeometry(reader);
-  const auto offset = reader.Get<float>(kVoxOffset);
-  // 352: the header and the four bytes that announce extensions.
-  if (!(offset >= 352.0f) || offset > 1e9f || offset != std::floor(offset)) {
+  ReadExtent(fields, &header);
+  header.geometry = ParseGeometry(fields);
+  ReadScale(fields, &header);
+  const double offset = fields.vox_offset;
+  if (!(offset >= static_cast<double>(fields.least_vox_offset)) || offset > 1e9 ||
+      offset != std::floor(offset)) {
     Refuse("the NIfTI header's vox_offset is not a place behind the header; correct it");
   }
   header.skip_bytes = static_cast<std::int64_t>(offset);

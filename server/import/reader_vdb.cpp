@@ -54,6 +54,8 @@ openvdb::CoordBBox VolumeBox(const Grid& grid, VolumeMetadata* metadata) {
       const auto entry = grid.template getMetadata<openvdb::StringMetadata>(name);
       if (entry) *text = entry->value();
     }
+    const auto frames = grid.template getMetadata<openvdb::Int32Metadata>("palpate_frames");
+    if (frames) metadata->frames = frames->value();
     if (box.isInside(active)) return box;
   }
   if (active.empty()) Refuse("the grid has no active voxels; there is nothing to feel");

@@ -5,17 +5,34 @@
 #pragma once
 
 #include <filesystem>
+#include <optional>
 
 #include "server/import/data_check.h"
 #include "server/import/dense_volume.h"
 #include "server/import/image_header.h"
 #include "server/import/reporter.h"
+#include "server/volume/raw_voxels.h"
 
 namespace palpate {
 
-// NRRD, MetaImage and NIfTI-1 through ITK, which delivers LPS for all of them.
-DenseVolume ReadItkVolume(const std::filesystem::path& path, ImageFormat format,
+// NRRD and NIfTI, one frame of it; 0 unless stated, with a warning when there are
+// more. By our own means: ITK reads neither NIfTI-2 nor NRRD series in space, and
+// lets units and a slope of 0 go wrong.
+DenseVolume ReadPlainVolume(const std::filesystem::path& path, ImageFormat format,
+                            const std::optional<std::int64_t>& frame, const ImportLimits& limits,
+                            Reporter* reporter);
+
+// Nothing but voxels; spacing 1 mm.
+DenseVolume ReadRawVolume(const std::filesystem::path& path, const RawVoxels& raw,
                           const ImportLimits& limits, Reporter* reporter);
+
+// A TIFF stack, see tiff_stack.h; spacing 1 mm, since TIFF states none along z.
+DenseVolume ReadTiffVolume(const std::filesystem::path& input, const ImportLimits& limits,
+                           Reporter* reporter);
+
+// MetaImage through ITK, which delivers LPS.
+DenseVolume ReadMetaImageVolume(const std::filesystem::path& path, const ImportLimits& limits,
+                                Reporter* reporter);
 
 // The largest series of a folder: slices sorted by position, which must be
 // parallel and about evenly spaced. CT is in HU.

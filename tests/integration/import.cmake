@@ -1,6 +1,7 @@
+find_package(TIFF REQUIRED)
 find_package(ZLIB REQUIRED)
 palpate_integration_test(import_test import_test.cpp
-  palpate::volume ZLIB::ZLIB)
+  palpate::volume TIFF::TIFF ZLIB::ZLIB)
 palpate_integration_test(import_data_test import_data_test.cpp
   palpate::volume)
 foreach(test import_test import_data_test)
@@ -12,5 +13,6 @@ foreach(test import_test import_data_test)
 endforeach()
 target_sources(import_test PRIVATE
   ${CMAKE_CURRENT_LIST_DIR}/import_dicom_test.cpp
+  ${CMAKE_CURRENT_LIST_DIR}/import_formats_test.cpp
   ${CMAKE_CURRENT_LIST_DIR}/import_process_test.cpp
   ${CMAKE_CURRENT_LIST_DIR}/import_vdb_test.cpp)

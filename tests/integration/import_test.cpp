@@ -365,9 +365,9 @@ TEST_F(ImportTest, WhatIsNoVolumeIsRefused) {
   std::string nothing;
   for (int k = 0; k < 140; ++k) nothing += BytesOf(std::numeric_limits<float>::quiet_NaN());
   ExpectRefused(Write("nan.nrrd", NrrdHeader("float", false, "raw") + nothing), kInvalid, "finite");
-  Nifti series(2, 1, false);
-  series.Put<std::int16_t>(40, 4).Put<std::int16_t>(48, 2);
-  ExpectRefused(Write("4d.nii", series.bytes() + voxels + voxels), kInvalid, "three axes");
+  Nifti five(2, 1, false);
+  five.Put<std::int16_t>(40, 5).Put<std::int16_t>(48, 2).Put<std::int16_t>(50, 2);
+  ExpectRefused(Write("5d.nii", five.bytes() + voxels + voxels), kInvalid, "three axes");
   Nifti rgb(128, 3, false);
   ExpectRefused(Write("rgb.nii", rgb.bytes() + voxels + voxels + voxels), kInvalid, "several");
   ExpectRefused(

@@ -1,5 +1,4 @@
 #include <cstring>
-#include <functional>
 #include <limits>
 #include <random>
 #include <string>
@@ -9,29 +8,15 @@
 
 #include "server/import/image_header.h"
 #include "server/import/meta_image_header.h"
-#include "server/import/nifti_header.h"
 #include "server/import/nrrd_header.h"
+#include "tests/unit/import_refusal.h"
 
 namespace palpate {
 namespace {
 
 using Size = std::array<std::int64_t, 3>;
 
-// Every refusal is one line that also says what to do.
-template <typename Parse>
-std::string Refusal(const Parse& parse) {
-  try {
-    parse();
-  } catch (const Error& error) {
-    const std::string what = error.what();
-    EXPECT_TRUE(error.kind() == ErrorKind::kInvalidArgument ||
-                error.kind() == ErrorKind::kTooLarge);
-    EXPECT_EQ(what.find('\n'), std::string::npos) << what;
-    EXPECT_FALSE(what.empty());
-    return what;
-  }
-  return {};
-}
+using testing::Refusal;
 
 std::string Replaced(std::string text, const std::string& from, const std::string& to) {
   const std::size_t at = text.find(from);
@@ -138,7 +123,75 @@ TEST(NrrdHeader, AttacksAreRefused) {
   }
 }
 
-TEST(NrrdHeader, VectorsAndSeriesAreRefused) {
+const char kSeries[] =
+    "NRRD0005\ntype: float\ndimension: 4\nspace: left-anterior-superior\nsizes: 20 11 9 7\n"
+    "space directions: (0,2,0) (1,0,0) (0,0,3) none\nkinds: domain domain domain time\n"
+    "space origin: (10,20,30)\nendian: big\nencoding: raw\n\n";
+
+TEST(NrrdHeader, TimeSeries) {
+  const ImageHeader header = Nrrd(kSeries);
+  EXPECT_EQ(header.size, (Size{20, 11, 9}));
+  EXPECT_EQ(header.frames, 7);
+  EXPECT_TRUE(header.big_endian);
+  const std::string list = Replaced(kSeries, "domain time", "domain list");
+  EXPECT_EQ(Nrrd(list).frames, 7);
+  const std::string timed =
+      Replaced(Replaced(Replaced(kSeries, "superior", "superior-time"),
+                        "(0,2,0) (1,0,0) (0,0,3) none", "(0,2,0,0) (1,0,0,0) (0,0,3,0) (0,0,0,5)"),
+               "(10,20,30)", "(10,20,30,4)");
+  EXPECT_EQ(Nrrd(timed).geometry.origin_W_mm, header.geometry.origin_W_mm);
+}
+
+TEST(NrrdHeader, HostileSeriesAreRefused) {
+  const std::pair<const char*, const char*> attacks[] = {
+      {"9 7", "9 -7"},
+      {"9 7", "9 0"},
+      {"9 7", "9 2147483648"},
+      {"9 7", "9 9223372036854775807"},
+      {"9 7", "9 9223372036854775808"},
+      {"domain time", "domain domain"},
+      {"domain time", "domain"},
+      {"kinds: domain", "kinds: vector"},
+      {"kinds: domain domain domain time\n", ""},
+      {"dimension: 4", "dimension: 5"},
+      {"(0,2,0)", "(0,2,0,1)"},
+      {"(0,2,0)", "(0,2)"},
+      {"(0,2,0)", "none"},
+      {"(10,20,30)", "(10,20)"},
+  };
+  for (const auto& [from, to] : attacks) {
+    EXPECT_NE(Refusal([&] { Nrrd(Replaced(kSeries, from, to)); }), "") << from << " -> " << to;
+  }
+  const std::string five =
+      Replaced(Replaced(kSeries, "9 7", "9 7 2"), "dimension: 4", "dimension: 5");
+  EXPECT_NE(Refusal([&] { Nrrd(five); }).find("more than three"), std::string::npos);
+}
+
+TEST(NrrdHeader, GeometryInLps) {
+  const ImageGeometry las = Nrrd(kSeries).geometry;
+  EXPECT_EQ(las.spacing_mm, Vec3(2, 1, 3));
+  // Left and superior are as in LPS; anterior is turned.
+  EXPECT_EQ(las.origin_W_mm, Vec3(10, -20, 30));
+  Mat3 direction;
+  direction << 0, 1, 0, -1, 0, 0, 0, 0, 1;
+  EXPECT_EQ(las.direction, direction);
+  EXPECT_EQ(Nrrd(Replaced(kSeries, "left-ant", "right-ant")).geometry.origin_W_mm,
+            Vec3(-10, -20, 30));
+  EXPECT_EQ(Nrrd(Replaced(kSeries, "left-anterior-superior", "LPST")).geometry.origin_W_mm,
+            Vec3(10, 20, 30));
+}
+
+TEST(NrrdHeader, GeometryWithoutSpace) {
+  EXPECT_EQ(Nrrd(kNrrd).geometry.spacing_mm, Vec3(1, 1, 1.5));
+  EXPECT_EQ(Nrrd(kNrrd).geometry.origin_W_mm, Vec3::Zero());
+  const std::string placed = Replaced(kNrrd, "key:=value", "axis mins: 1 2 3\ncenters: cell node");
+  EXPECT_EQ(Nrrd(placed).geometry.origin_W_mm, Vec3(1.5, 2, 3.75));
+  const std::string ranged = Replaced(placed, "spacings: 1 1 1.5", "axis maxs: 21 22 21");
+  EXPECT_EQ(Nrrd(ranged).geometry.spacing_mm, Vec3(1, 2, 2));
+  EXPECT_EQ(Nrrd(ranged).geometry.origin_W_mm, Vec3(1.5, 2, 4));
+}
+
+TEST(NrrdHeader, VectorsAndUnnamedSeriesAreRefused) {
   const std::string four = Replaced(kNrrd, "dimension: 3", "dimension: 4");
   EXPECT_NE(Refusal([&] { Nrrd(Replaced(four, "20 11 9", "20 11 9 7")); }).find("more than three"),
             std::string::npos);
@@ -150,10 +203,11 @@ TEST(NrrdHeader, VectorsAndSeriesAreRefused) {
 }
 
 TEST(NrrdHeader, EveryPrefixIsHandled) {
-  const std::string text = kNrrd;
-  for (std::size_t length = 0; length < text.size(); ++length) {
-    Refusal([&] { Nrrd(text.substr(0, length)); });
-    Refusal([&] { ParseNrrdHeader(text.substr(0, length), false); });
+  for (const std::string text : {kNrrd, kSeries}) {
+    for (std::size_t length = 0; length < text.size(); ++length) {
+      Refusal([&] { Nrrd(text.substr(0, length)); });
+      Refusal([&] { ParseNrrdHeader(text.substr(0, length), false); });
+    }
   }
 }
 
@@ -231,84 +285,6 @@ TEST(MetaImageHeader, EveryPrefixIsHandled) {
   }
 }
 
-// ---------------------------------------------------------------- NIfTI
-
-class NiftiBytes {
- public:
-  explicit NiftiBytes(bool swap = false) : bytes_(kNiftiHeaderBytes, '\0'), swap_(swap) {
-    Put<std::int32_t>(0, 348);
-    const std::int16_t dim[8] = {3, 20, 11, 9, 1, 1, 1, 1};
-    for (int k = 0; k < 8; ++k) Put<std::int16_t>(40 + 2 * k, dim[k]);
-    Put<std::int16_t>(70, 4);
-    Put<std::int16_t>(72, 16);
-    for (int k = 0; k < 8; ++k) Put<float>(76 + 4 * k, 1.0f);
-    Put<float>(108, 352.0f);
-    std::memcpy(bytes_.data() + 344, "n+1", 4);
-  }
-
-  template <typename Number>
-  NiftiBytes& Put(std::size_t offset, Number number) {
-    char bytes[sizeof(Number)];
-    std::memcpy(bytes, &number, sizeof(Number));
-    if (swap_) std::reverse(bytes, bytes + sizeof(Number));
-    std::memcpy(bytes_.data() + offset, bytes, sizeof(Number));
-    return *this;
-  }
-  std::string& bytes() { return bytes_; }
-
- private:
-  std::string bytes_;
-  bool swap_;
-};
-
-TEST(NiftiHeader, BothEndians) {
-  for (const bool swap : {false, true}) {
-    const ImageHeader header = ParseNiftiHeader(NiftiBytes(swap).bytes());
-    EXPECT_EQ(header.size, (Size{20, 11, 9}));
-    EXPECT_EQ(header.type, ScalarType::kInt16);
-    EXPECT_EQ(header.skip_bytes, 352);
-  }
-}
-
-TEST(NiftiHeader, AttacksAreRefused) {
-  const float nan = std::numeric_limits<float>::quiet_NaN();
-  const std::vector<std::function<void(NiftiBytes*)>> attacks = {
-      [](auto* b) { b->template Put<std::int32_t>(0, 347); },
-      [](auto* b) { b->template Put<std::int32_t>(0, 540); },
-      [](auto* b) { b->bytes()[344] = 'x'; },
-      [](auto* b) { b->bytes()[345] = 'i'; },
-      [](auto* b) { b->template Put<std::int16_t>(40, 0); },
-      [](auto* b) { b->template Put<std::int16_t>(40, 8); },
-      [](auto* b) { b->template Put<std::int16_t>(40, 2); },
-      [](auto* b) { b->template Put<std::int16_t>(42, -20); },
-      [](auto* b) { b->template Put<std::int16_t>(46, 1); },
-      [](auto* b) { b->template Put<std::int16_t>(40, 4).template Put<std::int16_t>(48, 2); },
-      [](auto* b) { b->template Put<std::int16_t>(70, 128).template Put<std::int16_t>(72, 24); },
-      [](auto* b) { b->template Put<std::int16_t>(70, 32).template Put<std::int16_t>(72, 64); },
-      [](auto* b) { b->template Put<std::int16_t>(70, 1024).template Put<std::int16_t>(72, 64); },
-      [](auto* b) { b->template Put<std::int16_t>(70, 999); },
-      [](auto* b) { b->template Put<std::int16_t>(72, 8); },
-      [](auto* b) { b->template Put<float>(80, 0.0f); },
-      [](auto* b) { b->template Put<float>(84, -1.0f); },
-      [nan](auto* b) { b->template Put<float>(88, nan); },
-      [](auto* b) { b->template Put<float>(108, 0.0f); },
-      [](auto* b) { b->template Put<float>(108, 352.5f); },
-      [](auto* b) { b->template Put<float>(108, 1e30f); },
-      [nan](auto* b) { b->template Put<float>(108, nan); },
-      [nan](auto* b) { b->template Put<float>(112, nan); },
-      [nan](auto* b) { b->template Put<std::int16_t>(252, 1).template Put<float>(256, nan); },
-      [nan](auto* b) { b->template Put<std::int16_t>(254, 1).template Put<float>(284, nan); },
-  };
-  for (std::size_t k = 0; k < attacks.size(); ++k) {
-    for (const bool swap : {false, true}) {
-      NiftiBytes bytes(swap);
-      attacks[k](&bytes);
-      EXPECT_NE(Refusal([&] { ParseNiftiHeader(bytes.bytes()); }), "") << k;
-    }
-  }
-  EXPECT_NE(Refusal([] { ParseNiftiHeader(NiftiBytes().bytes().substr(0, 347)); }), "");
-}
-
 // ---------------------------------------------------------------- all
 
 TEST(ImageHeader, LimitsRefuseBeforeAllocation) {
@@ -331,17 +307,16 @@ TEST(ImageHeader, LimitsRefuseBeforeAllocation) {
 // Whatever the bytes, parsing ends in a header or an Error.
 TEST(ImageHeader, FlippedBytesNeverEscapeAsAnythingElse) {
   std::mt19937 random(1);
-  const std::string nifti = NiftiBytes().bytes();
   for (int run = 0; run < 20000; ++run) {
-    std::string texts[3] = {kNrrd, kMeta, nifti};
+    std::string texts[] = {kNrrd, kSeries, kMeta};
     for (std::string& text : texts) {
       for (unsigned flips = 1 + random() % 4; flips > 0; --flips) {
         text[random() % text.size()] = static_cast<char>(random());
       }
     }
     Refusal([&] { ParseNrrdHeader(texts[0], random() % 2 == 0); });
-    Refusal([&] { ParseMetaImageHeader(texts[1]); });
-    Refusal([&] { ParseNiftiHeader(texts[2]); });
+    Refusal([&] { ParseNrrdHeader(texts[1], random() % 2 == 0); });
+    Refusal([&] { ParseMetaImageHeader(texts[2]); });
   }
 }
 

@@ -38,6 +38,7 @@ LIBRARIES = {
                           ["common/wire", "server/rpc", "server/app", "client/cli"]),
     "OpenVDB": (r"openvdb/", ["server/volume", "server/import", "server/lab"]),
     "ITK": (r"itk|gdcm", ["server/import"]),
+    "libtiff": (r"tiff", ["server/import"]),
     "spdlog": (r"spdlog/", ["server/session", "server/rpc", "server/app"]),
     "TBB": (r"tbb/", ["server/volume", "server/lab"]),
 }

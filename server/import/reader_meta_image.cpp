@@ -1,8 +1,6 @@
 #include <itkImage.h>
 #include <itkImageFileReader.h>
 #include <itkMetaImageIO.h>
-#include <itkNiftiImageIO.h>
-#include <itkNrrdImageIO.h>
 
 #include "server/import/readers.h"
 
@@ -10,18 +8,6 @@ namespace palpate {
 namespace {
 
 using Image = itk::Image<float, 3>;
-
-itk::ImageIOBase::Pointer MakeImageIo(ImageFormat format) {
-  switch (format) {
-    case ImageFormat::kNrrd:
-      return itk::NrrdImageIO::New().GetPointer();
-    case ImageFormat::kMetaImage:
-      return itk::MetaImageIO::New().GetPointer();
-    case ImageFormat::kNifti:
-      return itk::NiftiImageIO::New().GetPointer();
-  }
-  return nullptr;
-}
 
 // ITK must have understood the header as we did, or the checks were in vain.
 void CheckAgreement(const itk::ImageIOBase& io, const ImageHeader& header) {
@@ -45,12 +31,12 @@ void CopyGeometry(const Image& image, VolumeMetadata* metadata) {
 
 }  // namespace
 
-DenseVolume ReadItkVolume(const std::filesystem::path& path, ImageFormat format,
-                          const ImportLimits& limits, Reporter* reporter) {
+DenseVolume ReadMetaImageVolume(const std::filesystem::path& path, const ImportLimits& limits,
+                                Reporter* reporter) {
   reporter->Progress(0.0, "checking");
-  const ImageHeader header = ReadCheckedHeader(path, format, limits);
+  const ImageHeader header = ReadCheckedHeader(path, ImageFormat::kMetaImage, limits);
 
-  const auto io = MakeImageIo(format);
+  const auto io = itk::MetaImageIO::New();
   const auto reader = itk::ImageFileReader<Image>::New();
   reader->SetImageIO(io);
   reader->SetFileName(path.string());

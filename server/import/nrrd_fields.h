@@ -1,0 +1,23 @@
+// The fields of an NRRD header as text.
+//
+// Pure. Any thread. Errors: palpate::Error, see image_header.h.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <string>
+#include <string_view>
+
+namespace palpate {
+
+// By name: lower case, without the blanks, which are optional in some of them.
+using NrrdFields = std::map<std::string, std::string, std::less<>>;
+
+// `whole`: `head` is all of the file. `end` is set behind the header's last line.
+NrrdFields ReadNrrdFields(std::string_view head, bool whole, std::int64_t* end);
+
+const std::string& RequiredField(const NrrdFields& fields, std::string_view name);
+std::optional<std::string> FindField(const NrrdFields& fields, std::string_view name);
+
+}  // namespace palpate

@@ -1,0 +1,63 @@
+// Formats whose voxels we read ourselves.
+#include "server/import/raw_header.h"
+#include "server/import/readers.h"
+#include "server/import/tiff_stack.h"
+#include "server/import/voxel_reader.h"
+
+namespace palpate {
+namespace {
+
+constexpr double kCheckedShare = 0.2;  // of the import's progress
+constexpr double kReadShare = 0.6;
+
+VolumeMetadata MetadataOf(const ImageHeader& header) {
+  VolumeMetadata metadata;
+  for (int k = 0; k < 3; ++k) metadata.size[k] = static_cast<int>(header.size[k]);
+  metadata.spacing_mm = header.geometry.spacing_mm;
+  metadata.origin_W_mm = header.geometry.origin_W_mm;
+  metadata.direction = header.geometry.direction;
+  metadata.frames = static_cast<int>(header.frames);
+  metadata.unit = header.unit;
+  metadata.original_type = Name(header.type);
+  return metadata;
+}
+
+DenseVolume ReadFrame(const std::filesystem::path& path, const ImageHeader& header,
+                      std::int64_t frame, Reporter* reporter) {
+  reporter->Progress(kCheckedShare, "reading");
+  return {ReadVoxels(path, header, frame), MetadataOf(header)};
+}
+
+}  // namespace
+
+DenseVolume ReadPlainVolume(const std::filesystem::path& path, ImageFormat format,
+                            const std::optional<std::int64_t>& frame, const ImportLimits& limits,
+                            Reporter* reporter) {
+  reporter->Progress(0.0, "checking");
+  const ImageHeader header = ReadCheckedHeader(path, format, limits);
+  CheckFrame(frame.value_or(0), header.frames);
+  if (!frame && header.frames > 1) {
+    reporter->Warn("there are " + std::to_string(header.frames) +
+                   " frames; the first is read, choose another one with --frame");
+  }
+  return ReadFrame(path, header, frame.value_or(0), reporter);
+}
+
+DenseVolume ReadRawVolume(const std::filesystem::path& path, const RawVoxels& raw,
+                          const ImportLimits& limits, Reporter* reporter) {
+  reporter->Progress(0.0, "checking");
+  return ReadFrame(path, CheckedRawHeader(path, raw, limits), 0, reporter);
+}
+
+DenseVolume ReadTiffVolume(const std::filesystem::path& input, const ImportLimits& limits,
+                           Reporter* reporter) {
+  reporter->Progress(0.0, "checking");
+  const TiffStack stack = OpenTiffStack(input, limits);
+  const auto progress = [reporter](double fraction) {
+    reporter->Progress(kCheckedShare + (kReadShare - kCheckedShare) * fraction, "reading");
+  };
+  progress(0.0);
+  return {ReadTiffVoxels(stack, progress), MetadataOf(stack.header)};
+}
+
+}  // namespace palpate

@@ -1,0 +1,128 @@
+#include "server/import/tiff_stack.h"
+
+#include <string>
+
+#include "server/import/tiff_page.h"
+#include "server/import/tiff_series.h"
+
+namespace palpate {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::string Shape(const TiffPage& page) {
+  return std::to_string(page.width) + "x" + std::to_string(page.height) + " " + Name(page.type);
+}
+
+// Every slice must be like the first, and all of them within the limits, before
+// the next one is looked at.
+class StackChecker {
+ public:
+  StackChecker(TiffStack* stack, const ImportLimits& limits) : stack_(stack), limits_(limits) {}
+
+  void Add(TIFF* tiff, const std::string& slice) {
+    const TiffPage page = CheckTiffPage(tiff);
+    if (slices_ == 0) first_ = page;
+    if (page != first_) {
+      Refuse(slice + " is " + Shape(page) + " where the first is " + Shape(first_) +
+             "; all slices must have one size and type");
+    }
+    ++slices_;
+    stack_->header.type = page.type;
+    stack_->header.size = {page.width, page.height, slices_};
+    CheckedVoxelBytes(stack_->header.size, ByteCount(page.type), limits_);
+  }
+
+  void Finish() const {
+    if (slices_ < 2) {
+      Refuse(
+          "there is only one slice; give a file of several pages, or the folder or first file "
+          "of a numbered series");
+    }
+    VolumeSize({first_.width, first_.height, slices_});
+  }
+
+ private:
+  TiffStack* stack_;
+  const ImportLimits& limits_;
+  TiffPage first_;
+  std::int64_t slices_ = 0;
+};
+
+void AddPages(TIFF* tiff, StackChecker* checker, TiffStack* stack) {
+  for (std::uint32_t page = 0;; ++page) {
+    if (!IsAuxiliaryPage(tiff)) {
+      checker->Add(tiff, "page " + std::to_string(page + 1));
+      stack->pages.push_back(page);
+    }
+    if (TIFFLastDirectory(tiff) != 0) return;
+    // A damaged page must not end the volume unnoticed.
+    if (TIFFReadDirectory(tiff) == 0) {
+      Refuse("page " + std::to_string(page + 2) +
+             " cannot be read; the file is damaged or truncated");
+    }
+  }
+}
+
+bool HasSeveralPages(TIFF* tiff) { return TIFFLastDirectory(tiff) == 0; }
+
+void AddFiles(StackChecker* checker, const TiffStack& stack) {
+  for (const fs::path& path : stack.files) {
+    const std::string name = "the slice " + Quoted(path.filename().string());
+    try {
+      const TiffFile file = OpenTiff(path);
+      if (HasSeveralPages(file.get())) {
+        Refuse("it has several pages; give the file alone, or save one file per slice");
+      }
+      checker->Add(file.get(), "it");
+    } catch (const Error& error) {
+      throw Error(error.kind(), name + ": " + error.what());
+    }
+  }
+}
+
+}  // namespace
+
+TiffStack OpenTiffStack(const fs::path& input, const ImportLimits& limits) {
+  TiffStack stack;
+  StackChecker checker(&stack, limits);
+  const bool folder = fs::is_directory(input);
+  stack.files = folder ? TiffFolderSlices(input) : std::vector<fs::path>{input};
+  const TiffFile first = OpenTiff(stack.files.front());
+  if (stack.files.size() == 1 && HasSeveralPages(first.get())) {
+    AddPages(first.get(), &checker, &stack);
+  } else {
+    if (!folder) stack.files = TiffSeriesSlices(input);
+    AddFiles(&checker, stack);
+  }
+  checker.Finish();
+  return stack;
+}
+
+std::unique_ptr<float[]> ReadTiffVoxels(const TiffStack& stack,
+                                        const std::function<void(double)>& progress) {
+  const auto& size = stack.header.size;
+  const TiffPage page{size[0], size[1], stack.header.type};
+  const std::int64_t slice_voxels = size[0] * size[1];
+  auto out =
+      std::make_unique_for_overwrite<float[]>(static_cast<std::size_t>(slice_voxels * size[2]));
+  TiffFile file;
+  for (std::int64_t z = 0; z < size[2]; ++z) {
+    if (stack.pages.empty() || z == 0) {
+      file = OpenTiff(stack.files[stack.pages.empty() ? static_cast<std::size_t>(z) : 0]);
+    }
+    bool there = true;
+    if (!stack.pages.empty()) {
+      const std::uint32_t wanted = stack.pages[static_cast<std::size_t>(z)];
+      while (there && TIFFCurrentDirectory(file.get()) < wanted) {
+        there = TIFFReadDirectory(file.get()) != 0;
+      }
+    }
+    if (!there || CheckTiffPage(file.get()) != page) Refuse("the file changed while it was read");
+    ReadTiffPage(file.get(), page, out.get() + z * slice_voxels);
+    progress(static_cast<double>(z + 1) / static_cast<double>(size[2]));
+  }
+  return out;
+}
+
+}  // namespace palpate

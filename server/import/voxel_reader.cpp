@@ -1,0 +1,123 @@
+#include "server/import/voxel_reader.h"
+
+#include <algorithm>
+#include <bit>
+#include <cstring>
+#include <fstream>
+#include <optional>
+#include <vector>
+
+#include "server/import/inflater.h"
+
+namespace palpate {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::size_t kChunk = 1 << 18;  // a multiple of every voxel's bytes
+
+template <typename Number>
+void Decode(const char* bytes, std::size_t count, const ImageHeader& header, float* out) {
+  const bool swap = header.big_endian != (std::endian::native == std::endian::big);
+  const bool scaled = header.slope != 1.0 || header.intercept != 0.0;
+  for (std::size_t k = 0; k < count; ++k) {
+    char one[sizeof(Number)];
+    std::memcpy(one, bytes + k * sizeof(Number), sizeof(Number));
+    if (swap) std::reverse(one, one + sizeof(Number));
+    Number number;
+    std::memcpy(&number, one, sizeof(Number));
+    out[k] = scaled ? static_cast<float>(header.intercept + header.slope * number)
+                    : static_cast<float>(number);
+  }
+}
+
+// The bytes of the voxels' stream, inflated where they are deflated.
+class ByteStream {
+ public:
+  ByteStream(const fs::path& path, std::int64_t begin, const ImageHeader& header)
+      : in_(path, std::ios::binary) {
+    if (!in_) Refuse("the file cannot be opened");
+    if (!header.compressed) {
+      in_.seekg(begin);
+      return;
+    }
+    const bool whole = header.compressed_bytes == ImageHeader::kToFileEnd;
+    const auto rest = static_cast<std::int64_t>(fs::file_size(path)) - begin;
+    inflater_.emplace(&in_, begin, whole ? rest : header.compressed_bytes);
+  }
+
+  void Read(char* out, std::size_t count) {
+    std::size_t got = 0;
+    if (inflater_) {
+      got = inflater_->Read(out, count);
+    } else {
+      in_.read(out, static_cast<std::streamsize>(count));
+      got = static_cast<std::size_t>(in_.gcount());
+    }
+    if (got != count) Refuse("the voxels end too early; the file is truncated");
+  }
+
+  void Skip(std::int64_t count) {
+    if (!inflater_) {
+      in_.seekg(count, std::ios::cur);
+      return;
+    }
+    std::vector<char> sink(kChunk);
+    for (; count > 0; count -= static_cast<std::int64_t>(kChunk)) {
+      Read(sink.data(), static_cast<std::size_t>(std::min<std::int64_t>(count, kChunk)));
+    }
+  }
+
+ private:
+  std::ifstream in_;
+  std::optional<Inflater> inflater_;
+};
+
+}  // namespace
+
+void DecodeVoxels(const char* bytes, std::size_t count, const ImageHeader& header, float* out) {
+  switch (header.type) {
+    case ScalarType::kInt8:
+      return Decode<std::int8_t>(bytes, count, header, out);
+    case ScalarType::kUint8:
+      return Decode<std::uint8_t>(bytes, count, header, out);
+    case ScalarType::kInt16:
+      return Decode<std::int16_t>(bytes, count, header, out);
+    case ScalarType::kUint16:
+      return Decode<std::uint16_t>(bytes, count, header, out);
+    case ScalarType::kInt32:
+      return Decode<std::int32_t>(bytes, count, header, out);
+    case ScalarType::kUint32:
+      return Decode<std::uint32_t>(bytes, count, header, out);
+    case ScalarType::kFloat32:
+      return Decode<float>(bytes, count, header, out);
+    case ScalarType::kFloat64:
+      return Decode<double>(bytes, count, header, out);
+  }
+}
+
+std::unique_ptr<float[]> ReadVoxels(const fs::path& path, const ImageHeader& header,
+                                    std::int64_t frame) {
+  const std::int64_t voxels = header.size[0] * header.size[1] * header.size[2];
+  const std::int64_t frame_bytes = voxels * ByteCount(header.type);
+  const fs::path data = header.data_file.empty() ? path : path.parent_path() / header.data_file;
+  const bool at_end = header.skip_bytes == ImageHeader::kVoxelsAtEnd;
+  const std::int64_t begin =
+      at_end ? static_cast<std::int64_t>(fs::file_size(data)) - header.frames * frame_bytes
+             : header.begin;
+  ByteStream stream(data, begin, header);
+  stream.Skip((at_end ? 0 : header.skip_bytes) + frame * frame_bytes);
+
+  auto out = std::make_unique_for_overwrite<float[]>(static_cast<std::size_t>(voxels));
+  std::vector<char> chunk(kChunk);
+  const std::size_t bytes_per_voxel = static_cast<std::size_t>(ByteCount(header.type));
+  const std::int64_t chunk_voxels = static_cast<std::int64_t>(kChunk / bytes_per_voxel);
+  for (std::int64_t done = 0; done < voxels; done += chunk_voxels) {
+    const auto count = static_cast<std::size_t>(std::min(chunk_voxels, voxels - done));
+    stream.Read(chunk.data(), count * bytes_per_voxel);
+    DecodeVoxels(chunk.data(), count, header, out.get() + done);
+  }
+  return out;
+}
+
+}  // namespace palpate

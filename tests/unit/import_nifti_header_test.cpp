@@ -1,0 +1,268 @@
+// NIfTI-1 and NIfTI-2 headers: what is read, and attacks.
+#include "server/import/nifti_header.h"
+
+#include <algorithm>
+#include <cstring>
+#include <functional>
+#include <limits>
+#include <random>
+#include <string>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "tests/unit/import_refusal.h"
+
+namespace palpate {
+namespace {
+
+using Size = std::array<std::int64_t, 3>;
+
+using testing::Refusal;
+
+// A header of either version that is changed by the names of its fields.
+class NiftiBytes {
+ public:
+  NiftiBytes(int version, bool swap)
+      : version_(version),
+        swap_(swap),
+        bytes_(version == 1 ? kNifti1HeaderBytes : kNifti2HeaderBytes, '\0') {
+    Put<std::int32_t>(0, static_cast<std::int32_t>(bytes_.size()));
+    const int dim[8] = {3, 20, 11, 9, 1, 1, 1, 1};
+    for (int k = 0; k < 8; ++k) Dim(k, dim[k]);
+    Type(4, 16);
+    for (int k = 0; k < 8; ++k) Pixdim(k, 1.0);
+    Offset(version == 1 ? 352 : 544);
+    Magic("n+");
+  }
+
+  NiftiBytes& Dim(int k, std::int64_t value) {
+    return version_ == 1 ? Put<std::int16_t>(40 + 2 * k, value)
+                         : Put<std::int64_t>(16 + 8 * k, value);
+  }
+  NiftiBytes& Type(int datatype, int bitpix) {
+    Put<std::int16_t>(version_ == 1 ? 70 : 12, datatype);
+    return Put<std::int16_t>(version_ == 1 ? 72 : 14, bitpix);
+  }
+  NiftiBytes& Pixdim(int k, double value) { return Real(76, 104, k, value); }
+  NiftiBytes& Offset(double value) {
+    return version_ == 1 ? Put<float>(108, value) : Put<std::int64_t>(168, value);
+  }
+  NiftiBytes& Slope(double value) { return Real(112, 176, 0, value); }
+  NiftiBytes& Inter(double value) { return Real(116, 184, 0, value); }
+  NiftiBytes& Units(int value) {
+    return version_ == 1 ? Put<std::uint8_t>(123, value) : Put<std::int32_t>(500, value);
+  }
+  NiftiBytes& Qform(int code) { return Code(252, 344, code); }
+  NiftiBytes& Sform(int code) { return Code(254, 348, code); }
+  NiftiBytes& Quaternion(int k, double value) { return Real(256, 352, k, value); }
+  NiftiBytes& Srow(int k, double value) { return Real(280, 400, k, value); }
+  NiftiBytes& Magic(const std::string& letters) {
+    const std::string magic = letters + std::to_string(version_);
+    bytes_.replace(version_ == 1 ? 344 : 4, 3, magic);
+    if (version_ == 2) bytes_.replace(8, 4, "\r\n\032\n");
+    return *this;
+  }
+  std::string& bytes() { return bytes_; }
+  ImageHeader Parse() const { return ParseNiftiHeader(bytes_); }
+
+ private:
+  template <typename Number, typename Value>
+  NiftiBytes& Put(std::size_t offset, Value value) {
+    const auto number = static_cast<Number>(value);
+    char bytes[sizeof(Number)];
+    std::memcpy(bytes, &number, sizeof(Number));
+    if (swap_) std::reverse(bytes, bytes + sizeof(Number));
+    std::memcpy(bytes_.data() + offset, bytes, sizeof(Number));
+    return *this;
+  }
+  NiftiBytes& Real(std::size_t first1, std::size_t first2, int k, double value) {
+    return version_ == 1 ? Put<float>(first1 + 4 * k, value) : Put<double>(first2 + 8 * k, value);
+  }
+  NiftiBytes& Code(std::size_t offset1, std::size_t offset2, int code) {
+    return version_ == 1 ? Put<std::int16_t>(offset1, code) : Put<std::int32_t>(offset2, code);
+  }
+
+  int version_;
+  bool swap_;
+  std::string bytes_;
+};
+
+class NiftiHeader : public ::testing::TestWithParam<std::pair<int, bool>> {
+ protected:
+  NiftiBytes Bytes() const { return {GetParam().first, GetParam().second}; }
+};
+
+INSTANTIATE_TEST_SUITE_P(All, NiftiHeader,
+                         ::testing::Values(std::pair(1, false), std::pair(1, true),
+                                           std::pair(2, false), std::pair(2, true)),
+                         [](const auto& name) {
+                           return std::to_string(name.param.first) +
+                                  (name.param.second ? "Big" : "Little");
+                         });
+
+TEST_P(NiftiHeader, IsRead) {
+  const ImageHeader header = Bytes().Parse();
+  EXPECT_EQ(header.size, (Size{20, 11, 9}));
+  EXPECT_EQ(header.frames, 1);
+  EXPECT_EQ(header.type, ScalarType::kInt16);
+  EXPECT_EQ(header.big_endian, GetParam().second);
+  EXPECT_EQ(header.skip_bytes, GetParam().first == 1 ? 352 : 544);
+}
+
+TEST_P(NiftiHeader, Frames) {
+  EXPECT_EQ(Bytes().Dim(0, 4).Dim(4, 7).Parse().frames, 7);
+  EXPECT_EQ(Bytes().Dim(0, 7).Dim(4, 7).Parse().frames, 7);
+  EXPECT_NE(Refusal([&] { Bytes().Dim(0, 5).Dim(5, 3).Parse(); }), "");
+  EXPECT_NE(Refusal([&] { Bytes().Dim(0, 5).Dim(4, 7).Dim(5, 3).Parse(); }), "");
+  EXPECT_NE(Refusal([&] { Bytes().Dim(0, 4).Dim(4, 0).Parse(); }), "");
+  EXPECT_NE(Refusal([&] { Bytes().Dim(0, 4).Dim(4, -7).Parse(); }), "");
+}
+
+TEST_P(NiftiHeader, Scale) {
+  EXPECT_EQ(Bytes().Slope(2.5).Inter(-3).Parse().slope, 2.5);
+  EXPECT_EQ(Bytes().Slope(2.5).Inter(-3).Parse().intercept, -3.0);
+  // No scale: the intercept does not count.
+  EXPECT_EQ(Bytes().Slope(0).Inter(-3).Parse().slope, 1.0);
+  EXPECT_EQ(Bytes().Slope(0).Inter(-3).Parse().intercept, 0.0);
+}
+
+// A turn by 90 degrees about z, in RAS.
+NiftiBytes& PutQform(NiftiBytes& bytes) {
+  bytes.Qform(1).Quaternion(2, std::sqrt(0.5)).Pixdim(1, 0.5).Pixdim(2, 0.75).Pixdim(3, 2);
+  return bytes.Quaternion(3, 5).Quaternion(4, 6).Quaternion(5, 7);
+}
+
+TEST_P(NiftiHeader, Qform) {
+  NiftiBytes bytes = Bytes();
+  const ImageGeometry geometry = PutQform(bytes).Parse().geometry;
+  Mat3 direction;  // the columns were (0,1,0), (-1,0,0), (0,0,1) in RAS
+  direction << 0, 1, 0, -1, 0, 0, 0, 0, 1;
+  EXPECT_TRUE(geometry.direction.isApprox(direction, 1e-6)) << geometry.direction;
+  EXPECT_TRUE(geometry.spacing_mm.isApprox(Vec3(0.5, 0.75, 2)));
+  EXPECT_TRUE(geometry.origin_W_mm.isApprox(Vec3(-5, -6, 7)));
+  direction.col(2) *= -1;
+  EXPECT_TRUE(bytes.Pixdim(0, -1).Parse().geometry.direction.isApprox(direction, 1e-6));
+}
+
+NiftiBytes& PutSform(NiftiBytes& bytes, int code) {
+  const double rows[12] = {0, 0, 3, 10, 0.5, 0, 0, 20, 0, 0.25, 0, 30};
+  for (int k = 0; k < 12; ++k) bytes.Srow(k, rows[k]);
+  return bytes.Sform(code);
+}
+
+TEST_P(NiftiHeader, Sform) {
+  NiftiBytes bytes = Bytes();
+  const ImageGeometry geometry = PutSform(bytes, 2).Parse().geometry;
+  Mat3 direction;
+  direction << 0, 0, -1, -1, 0, 0, 0, 1, 0;
+  EXPECT_TRUE(geometry.direction.isApprox(direction)) << geometry.direction;
+  EXPECT_TRUE(geometry.spacing_mm.isApprox(Vec3(0.5, 0.25, 3)));
+  EXPECT_TRUE(geometry.origin_W_mm.isApprox(Vec3(-10, -20, 30)));
+}
+
+TEST_P(NiftiHeader, WhichOfBothForms) {
+  const auto origin = [this](int sform_code, double shear) {
+    NiftiBytes bytes = Bytes();
+    PutSform(PutQform(bytes), sform_code).Srow(0, shear);
+    return bytes.Parse().geometry.origin_W_mm;
+  };
+  const Vec3 qform(-5, -6, 7);
+  const Vec3 sform(-10, -20, 30);
+  EXPECT_TRUE(origin(1, 0).isApprox(sform));
+  EXPECT_TRUE(origin(2, 0).isApprox(qform));
+  EXPECT_TRUE(origin(1, 1).isApprox(qform));
+}
+
+TEST_P(NiftiHeader, Units) {
+  const std::pair<int, double> units[] = {{0, 1},    {1, 1e3},   {2, 1},
+                                          {3, 1e-3}, {2 + 8, 1}, {3 + 16, 1e-3}};
+  for (const auto& [code, mm] : units) {
+    NiftiBytes bytes = Bytes();
+    const ImageGeometry geometry = PutSform(bytes, 1).Units(code).Parse().geometry;
+    EXPECT_TRUE(geometry.spacing_mm.isApprox(mm * Vec3(0.5, 0.25, 3))) << code;
+    EXPECT_TRUE(geometry.origin_W_mm.isApprox(mm * Vec3(-10, -20, 30))) << code;
+  }
+}
+
+TEST_P(NiftiHeader, AttacksAreRefused) {
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  const std::vector<std::function<void(NiftiBytes*)>> attacks = {
+      [](auto* b) { b->bytes()[0] ^= 1, b->bytes()[3] ^= 1; },
+      [](auto* b) { b->Magic("nx"); },
+      [](auto* b) { b->Magic("ni"); },
+      [](auto* b) { b->Dim(0, 0); },
+      [](auto* b) { b->Dim(0, 8); },
+      [](auto* b) { b->Dim(0, -1); },
+      [](auto* b) { b->Dim(0, 2); },
+      [](auto* b) { b->Dim(1, -20); },
+      [](auto* b) { b->Dim(2, 0); },
+      [](auto* b) { b->Dim(3, 1); },
+      [](auto* b) { b->Type(128, 24); },
+      [](auto* b) { b->Type(32, 64); },
+      [](auto* b) { b->Type(1024, 64); },
+      [](auto* b) { b->Type(999, 16); },
+      [](auto* b) { b->Type(4, 8); },
+      [](auto* b) { b->Pixdim(1, 0.0); },
+      [](auto* b) { b->Pixdim(2, -1.0); },
+      [nan](auto* b) { b->Pixdim(3, nan); },
+      [](auto* b) { b->Offset(0); },
+      [](auto* b) { b->Offset(-352); },
+      [](auto* b) { b->Offset(348); },
+      [](auto* b) { b->Offset(1e18); },
+      [nan](auto* b) { b->Slope(nan); },
+      [nan](auto* b) { b->Inter(nan); },
+      [nan](auto* b) { b->Qform(1).Quaternion(0, nan); },
+      [nan](auto* b) { b->Sform(1).Srow(1, nan); },
+      [](auto* b) { b->Sform(1); },  // all zero
+  };
+  for (std::size_t k = 0; k < attacks.size(); ++k) {
+    NiftiBytes bytes = Bytes();
+    attacks[k](&bytes);
+    EXPECT_NE(Refusal([&] { bytes.Parse(); }), "") << k;
+  }
+}
+
+// What a version-1 header cannot say: sizes that overflow.
+TEST(Nifti2Header, HugeSizesAreOverTheLimit) {
+  const std::int64_t huge = std::numeric_limits<std::int64_t>::max();
+  for (const bool swap : {false, true}) {
+    NiftiBytes bytes(2, swap);
+    bytes.Dim(1, huge).Dim(2, huge).Dim(3, 3);
+    const ImageHeader header = bytes.Parse();
+    EXPECT_EQ(header.size, (Size{huge, huge, 3}));
+    EXPECT_NE(Refusal([&] { CheckedVoxelBytes(header.size, 2, {}); }), "");
+    EXPECT_NE(Refusal([&] { NiftiBytes(2, swap).Dim(0, 4).Dim(4, huge).Parse(); }), "");
+  }
+  EXPECT_NE(Refusal([] { NiftiBytes(1, false).Offset(352.5).Parse(); }), "");
+  std::string damaged = NiftiBytes(2, false).bytes();
+  damaged[8] = '\n';  // as after a transfer in text mode
+  EXPECT_NE(Refusal([&] { ParseNiftiHeader(damaged); }), "");
+}
+
+TEST_P(NiftiHeader, EveryPrefixIsRefused) {
+  const std::string whole = Bytes().bytes();
+  for (std::size_t length = 0; length < whole.size(); ++length) {
+    EXPECT_NE(Refusal([&] { ParseNiftiHeader(whole.substr(0, length)); }), "") << length;
+  }
+}
+
+// Whatever the bytes, parsing ends in a header or an Error.
+TEST_P(NiftiHeader, FlippedBytesNeverEscapeAsAnythingElse) {
+  std::mt19937 random(1);
+  for (int run = 0; run < 5000; ++run) {
+    NiftiBytes bytes = Bytes();
+    bytes.Sform(run % 3).Qform(run % 2).Srow(0, 1).Srow(5, 1).Srow(10, 1);
+    for (unsigned flips = 1 + random() % 4; flips > 0; --flips) {
+      bytes.bytes()[random() % bytes.bytes().size()] = static_cast<char>(random());
+    }
+    Refusal([&] {
+      const ImageHeader header = bytes.Parse();
+      EXPECT_GE(*std::min_element(header.size.begin(), header.size.end()), 2);
+      EXPECT_GE(header.frames, 1);
+    });
+  }
+}
+
+}  // namespace
+}  // namespace palpate

@@ -1,0 +1,278 @@
+// TIFF stacks: layouts, series of files, and attacks.
+#include "server/import/tiff_stack.h"
+
+#include <fstream>
+#include <iterator>
+#include <random>
+
+#include <gtest/gtest.h>
+
+#include "server/import/tiff_series.h"
+#include "tests/support/temporary_folder.h"
+#include "tests/support/tiff_writer.h"
+#include "tests/unit/import_refusal.h"
+
+namespace palpate {
+namespace {
+
+namespace fs = std::filesystem;
+
+using testing::Refusal;
+using testing::TiffLayout;
+using testing::WriteTiff;
+
+int Value(int x, int y, int z) { return (11 * x + 23 * y + 37 * z) % 121; }
+
+class TiffStackTest : public ::testing::Test {
+ protected:
+  template <typename Number = std::uint16_t>
+  fs::path Stack(const std::string& name, const TiffLayout& layout = {}) const {
+    WriteTiff<Number>(folder_.path() / name, layout, Value);
+    return folder_.path() / name;
+  }
+
+  // One page, slice z of the pattern.
+  fs::path Slice(const std::string& name, int z, TiffLayout layout = {}) const {
+    layout.pages = 1;
+    fs::create_directories((folder_.path() / name).parent_path());
+    WriteTiff<std::uint16_t>(folder_.path() / name, layout,
+                             [z](int x, int y, int) { return Value(x, y, z); });
+    return folder_.path() / name;
+  }
+
+  std::string RefusalOf(const fs::path& input) const {
+    return Refusal([&] { Read(input); });
+  }
+
+  static std::unique_ptr<float[]> Read(const fs::path& input) {
+    ImportLimits limits;
+    limits.max_voxels = 1 << 20;
+    return ReadTiffVoxels(OpenTiffStack(input, limits), [](double) {});
+  }
+
+  test::TemporaryFolder folder_;
+};
+
+void ExpectPattern(const fs::path& input, ScalarType type = ScalarType::kUint16,
+                   const TiffLayout& layout = {}, int slices = 4) {
+  const TiffStack stack = OpenTiffStack(input, {});
+  EXPECT_EQ(stack.header.type, type);
+  const std::array<std::int64_t, 3> size = {layout.width, layout.height, slices};
+  ASSERT_EQ(stack.header.size, size);
+  double last = 0.0;
+  const auto voxels = ReadTiffVoxels(stack, [&](double fraction) { last = fraction; });
+  EXPECT_EQ(last, 1.0);
+  std::size_t at = 0;
+  for (int z = 0; z < slices; ++z) {
+    for (int y = 0; y < static_cast<int>(layout.height); ++y) {
+      for (int x = 0; x < static_cast<int>(layout.width); ++x) {
+        ASSERT_EQ(voxels[at++], Value(x, y, z)) << x << " " << y << " " << z;
+      }
+    }
+  }
+}
+
+// ---------------------------------------------------------------- what is read
+
+TEST_F(TiffStackTest, EveryTypeAndByteOrder) {
+  for (const char* mode : {"wl", "wb", "wl8", "wb8"}) {
+    SCOPED_TRACE(mode);
+    TiffLayout layout{.mode = mode};
+    ExpectPattern(Stack("u16.tif", layout), ScalarType::kUint16);
+    layout.format = SAMPLEFORMAT_INT;
+    ExpectPattern(Stack<std::int16_t>("i16.tif", layout), ScalarType::kInt16);
+    layout.bits = 8;
+    ExpectPattern(Stack<std::int8_t>("i8.tif", layout), ScalarType::kInt8);
+    layout.format = SAMPLEFORMAT_UINT;
+    ExpectPattern(Stack<std::uint8_t>("u8.tiff", layout), ScalarType::kUint8);
+    layout.format = SAMPLEFORMAT_IEEEFP;
+    layout.bits = 32;
+    ExpectPattern(Stack<float>("f32.tif", layout), ScalarType::kFloat32);
+  }
+}
+
+TEST_F(TiffStackTest, StripsTilesAndCompressions) {
+  for (const std::uint16_t compression :
+       {COMPRESSION_NONE, COMPRESSION_LZW, COMPRESSION_ADOBE_DEFLATE, COMPRESSION_PACKBITS}) {
+    for (const std::uint32_t tile : {0u, 16u}) {
+      for (const std::uint32_t rows : {1u, 4u, 1000u}) {
+        SCOPED_TRACE(std::to_string(compression) + " " + std::to_string(tile) + " " +
+                     std::to_string(rows));
+        const TiffLayout layout{.width = 37,
+                                .height = 21,
+                                .compression = compression,
+                                .rows_per_strip = rows,
+                                .tile = tile};
+        ExpectPattern(Stack("a.tif", layout), ScalarType::kUint16, layout);
+      }
+    }
+  }
+}
+
+TEST_F(TiffStackTest, ReducedImagesAreLeftOut) {
+  const TiffLayout layout{.pages = 5, .subfile_type = FILETYPE_REDUCEDIMAGE};
+  ExpectPattern(Stack("a.tif", layout));
+}
+
+TEST_F(TiffStackTest, NumberedFiles) {
+  // By number, not by letter; the last number counts.
+  for (int z = 0; z < 4; ++z) Slice("s/ct2_" + std::to_string(z + 8) + "_raw.tif", z);
+  std::ofstream(folder_.path() / "s" / ".hidden") << "x";
+  std::ofstream(folder_.path() / "s" / "notes.txt") << "x";
+  EXPECT_TRUE(IsTiffFolder(folder_.path() / "s"));
+  ExpectPattern(folder_.path() / "s");
+  ExpectPattern(folder_.path() / "s" / "ct2_8_raw.tif");
+  Slice("s/other_1.tif", 0);
+  ExpectPattern(folder_.path() / "s" / "ct2_8_raw.tif");
+  EXPECT_NE(RefusalOf(folder_.path() / "s").find("different series"), std::string::npos);
+}
+
+TEST_F(TiffStackTest, AFolderWithOneStack) {
+  fs::create_directory(folder_.path() / "s");
+  Stack("s/a.tif");
+  ExpectPattern(folder_.path() / "s");
+}
+
+TEST_F(TiffStackTest, OtherFoldersAreNotTiff) {
+  fs::create_directory(folder_.path() / "s");
+  EXPECT_FALSE(IsTiffFolder(folder_.path() / "s"));
+  Slice("s/preview.tif", 0);
+  std::ofstream(folder_.path() / "s" / "IM0001") << "x";
+  EXPECT_FALSE(IsTiffFolder(folder_.path() / "s"));
+}
+
+// ---------------------------------------------------------------- what is refused
+
+TEST_F(TiffStackTest, GapsAndDoubleNumbers) {
+  Slice("s/a001.tif", 0);
+  Slice("s/a002.tif", 1);
+  Slice("s/a005.tif", 2);
+  for (const char* input : {"s", "s/a001.tif"}) {
+    const std::string what = RefusalOf(folder_.path() / input);
+    EXPECT_NE(what.find("2 slices are missing between 'a002.tif' and 'a005.tif'"),
+              std::string::npos)
+        << what;
+  }
+  Slice("d/a1.tif", 0);
+  Slice("d/a01.tif", 1);
+  EXPECT_NE(RefusalOf(folder_.path() / "d").find("same number"), std::string::npos);
+  Slice("e/a1.tif", 0);
+  Slice("e/a2.tif", 1);
+  EXPECT_NE(RefusalOf(folder_.path() / "e" / "a2.tif").find("give 'a1.tif'"), std::string::npos);
+  Slice("f/first.tif", 0);
+  Slice("f/second.tif", 1);
+  EXPECT_NE(RefusalOf(folder_.path() / "f").find("number"), std::string::npos);
+  EXPECT_NE(RefusalOf(folder_.path() / "f" / "first.tif").find("one slice"), std::string::npos);
+}
+
+TEST_F(TiffStackTest, MixedSlices) {
+  Slice("s/a1.tif", 0);
+  Slice("s/a2.tif", 1, {.width = 8});
+  EXPECT_NE(
+      RefusalOf(folder_.path() / "s").find("'a2.tif': it is 8x5 uint16 where the first is 7x5"),
+      std::string::npos)
+      << RefusalOf(folder_.path() / "s");
+  Slice("s/a2.tif", 1, {.format = SAMPLEFORMAT_INT});
+  EXPECT_NE(RefusalOf(folder_.path() / "s").find("one size and type"), std::string::npos);
+  fs::remove(folder_.path() / "s" / "a2.tif");
+  Stack("s/a2.tif");
+  EXPECT_NE(RefusalOf(folder_.path() / "s").find("several pages"), std::string::npos);
+}
+
+TEST_F(TiffStackTest, ColourAndOddTypes) {
+  const auto refused = [this](const TiffLayout& layout, const std::string& text) {
+    const std::string what = RefusalOf(Stack<std::uint32_t>("a.tif", layout));
+    EXPECT_NE(what.find(text), std::string::npos) << what;
+  };
+  refused({.bits = 8, .samples = 3, .photometric = PHOTOMETRIC_RGB}, "colour");
+  refused({.bits = 16, .samples = 2}, "colour");
+  refused({.bits = 1}, "1 bits");
+  refused({.bits = 4}, "4 bits");
+  refused({.bits = 16, .format = SAMPLEFORMAT_IEEEFP}, "16 bits");
+  refused({.bits = 16, .format = SAMPLEFORMAT_COMPLEXINT}, "16 bits");
+  refused({.description = "ImageJ=1.53t\nimages=4\nchannels=2\nslices=2\n"}, "channels");
+  refused({.description = "ImageJ=1.53t\nimages=4\nframes=12\n"}, "times");
+  refused({.description = "<OME><Pixels SizeX=\"7\" SizeC=\"2\" SizeZ=\"2\"/></OME>"}, "channels");
+  refused({.pages = 1}, "one slice");
+  refused({.width = 1}, "two");
+  ExpectPattern(Stack("b.tif", {.description = "ImageJ=1.53t\nimages=4\nchannels=1\nslices=4\n"}));
+}
+
+TEST_F(TiffStackTest, LimitsHoldForTheWholeStack) {
+  const fs::path path = Stack("a.tif");
+  ImportLimits limits;
+  limits.max_voxels = 7 * 5 * 4;
+  EXPECT_NO_THROW(OpenTiffStack(path, limits));
+  limits.max_voxels -= 1;
+  EXPECT_NE(Refusal([&] { OpenTiffStack(path, limits); }).find("limit"), std::string::npos);
+}
+
+std::string Contents(const fs::path& path) {
+  std::ifstream in(path, std::ios::binary);
+  return {std::istreambuf_iterator<char>(in), {}};
+}
+
+TEST_F(TiffStackTest, EveryTruncationIsRefused) {
+  for (const std::uint16_t compression : {COMPRESSION_NONE, COMPRESSION_LZW}) {
+    const std::string whole = Contents(Stack("a.tif", {.compression = compression}));
+    const fs::path cut = folder_.path() / "cut.tif";
+    for (std::size_t length = 0; length < whole.size(); ++length) {
+      std::ofstream(cut, std::ios::binary) << whole.substr(0, length);
+      EXPECT_NE(RefusalOf(cut), "") << length << " of " << whole.size();
+    }
+  }
+}
+
+std::uint32_t Little(const std::string& bytes, std::size_t at, int count) {
+  std::uint32_t value = 0;
+  for (int k = 0; k < count; ++k) {
+    value |= std::uint32_t{static_cast<unsigned char>(bytes.at(at + k))} << (8 * k);
+  }
+  return value;
+}
+
+// Where the last page's offset of a next page stands.
+std::size_t LastLink(const std::string& bytes) {
+  for (std::size_t link = 4;;) {
+    const std::uint32_t page = Little(bytes, link, 4);
+    if (page == 0) return link;
+    link = page + 2 + 12 * Little(bytes, page, 2);
+  }
+}
+
+TEST_F(TiffStackTest, DamagedLinksBetweenPagesAreRefused) {
+  const std::string whole = Contents(Stack("a.tif"));
+  const std::size_t link = LastLink(whole);
+  const std::string to_first = whole.substr(4, 4);
+  for (const std::string& next : {to_first, std::string("\xff\xff\xff\x7f"), std::string(4, 1)}) {
+    std::string bytes = whole;
+    bytes.replace(link, 4, next);
+    std::ofstream(folder_.path() / "b.tif", std::ios::binary) << bytes;
+    const std::string what = RefusalOf(folder_.path() / "b.tif");
+    EXPECT_NE(what.find("page 5"), std::string::npos) << what;
+  }
+}
+
+TEST_F(TiffStackTest, FlippedBytesNeverEscapeAsAnythingElse) {
+  std::mt19937 random(1);
+  const fs::path path = folder_.path() / "f.tif";
+  int accepted = 0;
+  for (const TiffLayout& layout :
+       {TiffLayout{}, TiffLayout{.compression = COMPRESSION_LZW}, TiffLayout{.mode = "wb8"},
+        TiffLayout{.compression = COMPRESSION_ADOBE_DEFLATE, .tile = 16}}) {
+    const std::string whole = Contents(Stack("a.tif", layout));
+    for (int run = 0; run < 500; ++run) {
+      std::string bytes = whole;
+      for (unsigned flips = 1 + random() % 4; flips > 0; --flips) {
+        bytes[random() % bytes.size()] = static_cast<char>(random());
+      }
+      std::ofstream(path, std::ios::binary) << bytes;
+      accepted += RefusalOf(path).empty();
+    }
+  }
+  EXPECT_GT(accepted, 50);
+  EXPECT_LT(accepted, 1950);
+}
+
+}  // namespace
+}  // namespace palpate

@@ -1,0 +1,208 @@
+// Frames of files as floats: every type and order of bytes, deflated or not, and
+// raw voxels.
+#include <zlib.h>
+
+#include <cstring>
+#include <fstream>
+#include <limits>
+#include <random>
+#include <string>
+
+#include <gtest/gtest.h>
+
+#include "server/import/data_check.h"
+#include "server/import/raw_header.h"
+#include "server/import/voxel_reader.h"
+#include "tests/support/temporary_folder.h"
+#include "tests/unit/import_refusal.h"
+
+namespace palpate {
+namespace {
+
+namespace fs = std::filesystem;
+
+using testing::Refusal;
+
+constexpr int kVoxels = 7 * 5 * 4;
+
+int Value(int voxel, int frame) { return (voxel * 7 + frame * 11) % 120; }
+
+template <typename Number>
+std::string Frames(int frames, bool big_endian) {
+  std::string bytes;
+  for (int k = 0; k < frames * kVoxels; ++k) {
+    const auto number = static_cast<Number>(Value(k % kVoxels, k / kVoxels));
+    char one[sizeof(Number)];
+    std::memcpy(one, &number, sizeof(Number));
+    if (big_endian) std::reverse(one, one + sizeof(Number));
+    bytes.append(one, sizeof(Number));
+  }
+  return bytes;
+}
+
+std::string FramesOf(ScalarType type, int frames, bool big_endian) {
+  switch (type) {
+    case ScalarType::kInt8:
+      return Frames<std::int8_t>(frames, big_endian);
+    case ScalarType::kUint8:
+      return Frames<std::uint8_t>(frames, big_endian);
+    case ScalarType::kInt16:
+      return Frames<std::int16_t>(frames, big_endian);
+    case ScalarType::kUint16:
+      return Frames<std::uint16_t>(frames, big_endian);
+    case ScalarType::kInt32:
+      return Frames<std::int32_t>(frames, big_endian);
+    case ScalarType::kUint32:
+      return Frames<std::uint32_t>(frames, big_endian);
+    case ScalarType::kFloat32:
+      return Frames<float>(frames, big_endian);
+    case ScalarType::kFloat64:
+      return Frames<double>(frames, big_endian);
+  }
+  return {};
+}
+
+std::string Deflated(const std::string& bytes) {
+  uLongf size = compressBound(bytes.size());
+  std::string out(size, '\0');
+  EXPECT_EQ(compress(reinterpret_cast<Bytef*>(out.data()), &size,
+                     reinterpret_cast<const Bytef*>(bytes.data()), bytes.size()),
+            Z_OK);
+  out.resize(size);
+  return out;
+}
+
+class Voxels : public ::testing::Test {
+ protected:
+  fs::path Write(const std::string& name, const std::string& bytes) const {
+    std::ofstream(folder_.path() / name, std::ios::binary) << bytes;
+    return folder_.path() / name;
+  }
+  test::TemporaryFolder folder_;
+};
+
+void ExpectFrame(const fs::path& path, const ImageHeader& header, int frame) {
+  const auto voxels = ReadVoxels(path, header, frame);
+  for (int k = 0; k < kVoxels; ++k) ASSERT_EQ(voxels[k], Value(k, frame)) << k;
+}
+
+TEST_F(Voxels, EveryTypeOrderAndFrame) {
+  for (const char* name :
+       {"int8", "uint8", "int16", "uint16", "int32", "uint32", "float32", "float64"}) {
+    for (const bool big : {false, true}) {
+      SCOPED_TRACE(std::string(name) + (big ? " big" : ""));
+      ImageHeader header;
+      header.type = ParseScalarType(name);
+      EXPECT_STREQ(Name(header.type), name);
+      header.size = {7, 5, 4};
+      header.frames = 3;
+      header.big_endian = big;
+      const std::string data = FramesOf(header.type, 3, big);
+      for (int frame = 0; frame < 3; ++frame) {
+        header.compressed = false;
+        header.skip_bytes = 9;
+        ExpectFrame(Write("a", "before it" + data), header, frame);
+        header.skip_bytes = ImageHeader::kVoxelsAtEnd;
+        ExpectFrame(Write("b", "whatever is before it" + data), header, frame);
+        header.compressed = true;
+        header.skip_bytes = 9;
+        ExpectFrame(Write("c", Deflated("before it" + data)), header, frame);
+      }
+    }
+  }
+}
+
+TEST_F(Voxels, AreScaled) {
+  ImageHeader header;
+  header.type = ScalarType::kUint8;
+  header.size = {7, 5, 4};
+  header.slope = 0.5;
+  header.intercept = -8.0;
+  const fs::path path = Write("a", Frames<std::uint8_t>(1, false));
+  EXPECT_EQ(ReadVoxels(path, header, 0)[9], 0.5f * static_cast<float>(Value(9, 0)) - 8.0f);
+}
+
+// The check and the reading are two: the file may have changed between them.
+TEST_F(Voxels, AFileThatShrankIsRefused) {
+  ImageHeader header;
+  header.type = ScalarType::kInt16;
+  header.size = {7, 5, 4};
+  const fs::path path = Write("a", Frames<std::int16_t>(1, false).substr(1));
+  EXPECT_NE(Refusal([&] { ReadVoxels(path, header, 0); }).find("truncated"), std::string::npos);
+}
+
+TEST_F(Voxels, RawNeedsTheExactSize) {
+  const std::string data = Frames<std::uint16_t>(1, false);
+  RawVoxels raw{.size = {7, 5, 4}, .type = "uint16"};
+  ExpectFrame(Write("a", data), CheckedRawHeader(Write("a", data), raw, {}), 0);
+  raw.offset_bytes = 10;
+  const fs::path skipped = Write("b", "0123456789" + data);
+  ExpectFrame(skipped, CheckedRawHeader(skipped, raw, {}), 0);
+  for (const std::string& bytes : {data, data + "012345678", data + "0123456789a"}) {
+    const std::string what = Refusal([&] { CheckedRawHeader(Write("c", bytes), raw, {}); });
+    EXPECT_NE(what.find(std::to_string(bytes.size())), std::string::npos) << what;
+    EXPECT_NE(what.find(std::to_string(data.size())), std::string::npos) << what;
+  }
+}
+
+TEST_F(Voxels, HostileRawSizesAreRefused) {
+  const fs::path path = Write("a", Frames<std::uint8_t>(1, false));
+  const auto refused = [&](const RawVoxels& raw) {
+    return Refusal([&] { CheckedRawHeader(path, raw, {}); }) != "";
+  };
+  const std::int64_t huge = std::numeric_limits<std::int64_t>::max();
+  EXPECT_FALSE(refused({.size = {7, 5, 4}, .type = "uint8"}));
+  EXPECT_TRUE(refused({.size = {7, 5, 4}, .type = "uint16"}));
+  EXPECT_TRUE(refused({.size = {7, 5, 4}, .type = "char"}));
+  EXPECT_TRUE(refused({.size = {7, 5, 4}, .type = ""}));
+  EXPECT_TRUE(refused({.size = {7, -5, -4}, .type = "uint8"}));
+  EXPECT_TRUE(refused({.size = {140, 1, 1}, .type = "uint8"}));
+  EXPECT_TRUE(refused({.size = {0, 5, 4}, .type = "uint8"}));
+  EXPECT_TRUE(refused({.size = {huge, huge, huge}, .type = "float64"}));
+  EXPECT_TRUE(refused({.size = {7, 5, 4}, .type = "uint8", .offset_bytes = -1}));
+  EXPECT_TRUE(refused({.size = {7, 5, 4}, .type = "uint8", .offset_bytes = huge}));
+}
+
+// A NIfTI-2 file of two frames with flipped bytes: a volume or an Error, and what
+// is accepted can be read.
+TEST_F(Voxels, FlippedBytesOfAFile) {
+  std::string whole(544, '\0');
+  const auto put = [&whole](std::size_t at, auto number) {
+    std::memcpy(whole.data() + at, &number, sizeof number);
+  };
+  put(0, std::int32_t{540});
+  whole.replace(4, 8, std::string("n+2\0\r\n\032\n", 8));
+  put(12, std::int16_t{4});
+  put(14, std::int16_t{16});
+  const std::int64_t dim[8] = {4, 7, 5, 4, 2, 1, 1, 1};
+  for (int k = 0; k < 8; ++k) put(16 + 8 * k, dim[k]);
+  for (int k = 0; k < 8; ++k) put(104 + 8 * k, 1.0);
+  put(168, std::int64_t{544});
+  whole += Frames<std::int16_t>(2, false);
+  const auto read = [this](const std::string& bytes) {
+    const fs::path path = Write("a.nii", bytes);
+    ImportLimits limits;
+    limits.max_voxels = 1 << 20;
+    const ImageHeader header = ReadCheckedHeader(path, ImageFormat::kNifti, limits);
+    ReadVoxels(path, header, header.frames - 1);
+  };
+  EXPECT_EQ(Refusal([&] { read(whole); }), "");
+  for (std::size_t length = 0; length < whole.size(); length += length < 560 ? 1 : 97) {
+    EXPECT_NE(Refusal([&] { read(whole.substr(0, length)); }), "") << length;
+  }
+  std::mt19937 random(3);
+  int accepted = 0;
+  for (int run = 0; run < 2000; ++run) {
+    std::string bytes = whole;
+    for (unsigned flips = 1 + random() % 3; flips > 0; --flips) {
+      bytes[random() % 560] = static_cast<char>(random());
+    }
+    accepted += Refusal([&] { read(bytes); }).empty();
+  }
+  // Most bytes of a header do not matter.
+  EXPECT_GT(accepted, 200);
+  EXPECT_LT(accepted, 1900);
+}
+
+}  // namespace
+}  // namespace palpate
