@@ -121,6 +121,14 @@ std::string Decimal(double value) {
   return {text.data(), std::to_chars(text.data(), text.data() + text.size(), value).ptr};
 }
 
+void AddRawArguments(const RawVoxels& raw, std::vector<std::string>* arguments) {
+  arguments->push_back("--raw-size=" + std::to_string(raw.size[0]) + "," +
+                       std::to_string(raw.size[1]) + "," + std::to_string(raw.size[2]));
+  arguments->push_back("--raw-type=" + raw.type);
+  arguments->push_back("--raw-offset=" + std::to_string(raw.offset_bytes));
+  if (raw.big_endian) arguments->push_back("--raw-big-endian");
+}
+
 std::vector<std::string> Arguments(const ImportRequest& request,
                                    const std::filesystem::path& output) {
   std::vector<std::string> arguments = {
@@ -136,6 +144,8 @@ std::vector<std::string> Arguments(const ImportRequest& request,
     arguments.push_back("--spacing-mm=" + Decimal(s.x()) + "," + Decimal(s.y()) + "," +
                         Decimal(s.z()));
   }
+  if (request.frame) arguments.push_back("--frame=" + std::to_string(*request.frame));
+  if (request.raw) AddRawArguments(*request.raw, &arguments);
   // A path may start with a dash.
   arguments.insert(arguments.end(), {"--", request.source.string(), output.string()});
   return arguments;

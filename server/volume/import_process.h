@@ -14,13 +14,16 @@
 #include <string_view>
 #include <vector>
 
+#include "server/volume/raw_voxels.h"
 #include "server/volume/volume_file.h"
 
 namespace palpate {
 
 struct ImportRequest {
-  std::filesystem::path source;    // a file, or the folder of a DICOM series
-  std::optional<Vec3> spacing_mm;  // instead of the file's
+  std::filesystem::path source;       // a file, or the folder of a series
+  std::optional<Vec3> spacing_mm;     // instead of the file's; required for TIFF
+  std::optional<std::int64_t> frame;  // of a 4-D file; the first unless stated
+  std::optional<RawVoxels> raw;       // the file holds nothing but these
   std::int64_t max_voxels = std::int64_t{1} << 31;
   std::int64_t max_memory_bytes = std::int64_t{16} << 30;
   std::chrono::seconds timeout{300};

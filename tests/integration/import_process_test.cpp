@@ -85,6 +85,23 @@ TEST_F(ImportProcessTest, SpacingAndPathsWithDashesAndBlanks) {
   EXPECT_EQ(ImportVolume(request_, nullptr, nullptr).metadata.spacing_mm, *request_.spacing_mm);
 }
 
+TEST_F(ImportProcessTest, RawVoxelsAndFrames) {
+  request_.source = Write("a.dat", "head" + PatternBytes<std::int16_t>(true));
+  request_.raw =
+      RawVoxels{.size = {7, 5, 4}, .type = "int16", .big_endian = true, .offset_bytes = 4};
+  request_.spacing_mm = Vec3(1, 2, 3);
+  ExpectPattern(ImportVolume(request_, nullptr, nullptr));
+  request_.raw->size = {7, -5, 4};
+  EXPECT_EQ(Failure().kind(), ErrorKind::kInvalidArgument);
+  request_.raw->size = {7, 5, 4};
+  request_.frame = 1;
+  EXPECT_EQ(Failure().kind(), ErrorKind::kInvalidArgument);
+  request_.frame = -1;
+  EXPECT_EQ(Failure().kind(), ErrorKind::kInvalidArgument);
+  request_.frame = 0;
+  ExpectPattern(ImportVolume(request_, nullptr, nullptr));
+}
+
 TEST_F(ImportProcessTest, PassesTheImportersErrorOn) {
   request_.source = folder_ / "none.nrrd";
   const Error missing = Failure();
