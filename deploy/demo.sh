@@ -34,7 +34,7 @@ Installs what is missing (Debian 12, as root or a sudo user), builds into build/
 starts palpated with the simulated device and attaches `palpate watch`. Ctrl-C, or
 the end of N seconds, stops everything.
 
-  --volume FILE            NRRD, MetaImage, NIfTI-1, VDB file, DICOM folder, or
+  --volume FILE            NRRD, MetaImage, NIfTI, VDB file, DICOM folder, or
                            builtin:cylinder|sphere|bumps|gyroid[:N] [builtin:bumps]
   --isovalue X             isovalue in the volume's data units
   --normalized-isovalue X  isovalue over the volume's range, 0 to 1 [0.5]
