@@ -1,0 +1,73 @@
+// Numbers and texts as bytes, little endian, doubles by their bits.
+//
+// Threads: one per object. Not for real-time code (allocates).
+// Errors: ByteReader throws DamagedBytes where the bytes end too early; it never
+// allocates more than they hold.
+#pragma once
+
+#include <bit>
+#include <cstdint>
+#include <cstring>
+#include <stdexcept>
+#include <string>
+#include <string_view>
+#include <type_traits>
+#include <utility>
+
+namespace palpate {
+
+static_assert(std::endian::native == std::endian::little, "recordings are little endian");
+
+// What the bytes are not.
+class DamagedBytes : public std::runtime_error {
+ public:
+  using std::runtime_error::runtime_error;
+};
+
+class ByteWriter {
+ public:
+  template <class T>
+  requires std::is_arithmetic_v<T>
+  void Put(T value) { bytes_.append(reinterpret_cast<const char*>(&value), sizeof value); }
+  void PutBytes(std::string_view bytes) { bytes_ += bytes; }
+  void PutText(std::string_view text) {
+    Put(static_cast<std::uint32_t>(text.size()));
+    PutBytes(text);
+  }
+  const std::string& bytes() const { return bytes_; }
+  std::string Take() && { return std::move(bytes_); }
+
+ private:
+  std::string bytes_;
+};
+
+class ByteReader {
+ public:
+  // Borrows the bytes.
+  explicit ByteReader(std::string_view bytes) : rest_(bytes) {}
+
+  template <class T>
+  requires std::is_arithmetic_v<T> T Get() {
+    T value;
+    std::memcpy(&value, GetBytes(sizeof value).data(), sizeof value);
+    return value;
+  }
+  std::string_view GetBytes(std::size_t count) {
+    if (count > rest_.size()) throw DamagedBytes("too short");
+    const std::string_view bytes = rest_.substr(0, count);
+    rest_.remove_prefix(count);
+    return bytes;
+  }
+  std::string GetText() {
+    const auto size = Get<std::uint32_t>();
+    return std::string(GetBytes(size));
+  }
+  void ExpectEnd() const {
+    if (!rest_.empty()) throw DamagedBytes("too long");
+  }
+
+ private:
+  std::string_view rest_;
+};
+
+}  // namespace palpate

@@ -1,0 +1,183 @@
+#include "server/recording/chunk_codec.h"
+
+#include <optional>
+#include <utility>
+
+#include "common/error/error.h"
+#include "server/recording/bytes.h"
+#include "server/recording/sample_codec.h"
+#include "server/recording/settings_text.h"
+
+namespace palpate {
+namespace {
+
+// X_DI column by column, the translation last.
+void PutMap(const AffineMap& map, ByteWriter& writer) {
+  for (const double number : map.linear.reshaped()) writer.Put(number);
+  for (const double number : map.translation) writer.Put(number);
+}
+
+AffineMap GetMap(ByteReader& reader) {
+  AffineMap map;
+  for (double& number : map.linear.reshaped()) number = reader.Get<double>();
+  for (double& number : map.translation) number = reader.Get<double>();
+  return map;
+}
+
+Payload Encode(const RecordedSamples& samples) {
+  if (samples.empty() || samples.size() > kSamplesPerChunk) {
+    throw Error(ErrorKind::kInvalidArgument, "a chunk of a recording holds 1 to 1000 samples");
+  }
+  return {ChunkType::kSamples, EncodeSamples(samples)};
+}
+
+Payload Encode(const RecordedScene& scene) {
+  ByteWriter writer;
+  writer.Put(scene.tick);
+  writer.Put(scene.settings_revision);
+  writer.Put(scene.volume_revision);
+  writer.Put(scene.geometry_revision);
+  writer.Put(scene.isovalue);
+  writer.Put(scene.normalized_isovalue);
+  writer.PutText(SettingsText(scene.settings));
+  writer.PutText(MethodName(scene.method));
+  PutMap(scene.X_DI, writer);
+  writer.Put(scene.volume_hash.high);
+  writer.Put(scene.volume_hash.low);
+  writer.PutText(scene.volume_source);
+  writer.Put(scene.tick_period_s);
+  writer.Put(scene.max_force_n);
+  return {ChunkType::kScene, std::move(writer).Take()};
+}
+
+RecordedScene DecodeScene(ByteReader& reader) {
+  RecordedScene scene;
+  scene.tick = reader.Get<std::uint64_t>();
+  scene.settings_revision = reader.Get<std::uint64_t>();
+  scene.volume_revision = reader.Get<std::uint64_t>();
+  scene.geometry_revision = reader.Get<std::uint64_t>();
+  scene.isovalue = reader.Get<double>();
+  scene.normalized_isovalue = reader.Get<double>();
+  scene.settings = SettingsFromText(reader.GetText(), scene.unknown_settings);
+  const std::optional<DecompositionMethod> method = MethodNamed(reader.GetText());
+  if (!method) throw DamagedBytes("of a method that this program does not know");
+  scene.method = *method;
+  scene.X_DI = GetMap(reader);
+  scene.volume_hash.high = reader.Get<std::uint64_t>();
+  scene.volume_hash.low = reader.Get<std::uint64_t>();
+  scene.volume_source = reader.GetText();
+  scene.tick_period_s = reader.Get<double>();
+  scene.max_force_n = reader.Get<double>();
+  return scene;
+}
+
+Payload Encode(const RecordedEdit& edit) {
+  ByteWriter writer;
+  writer.Put(edit.tick);
+  writer.Put(edit.volume_revision);
+  writer.PutText(edit.bytes);
+  return {ChunkType::kEdit, std::move(writer).Take()};
+}
+
+RecordedEdit DecodeEdit(ByteReader& reader) {
+  RecordedEdit edit;
+  edit.tick = reader.Get<std::uint64_t>();
+  edit.volume_revision = reader.Get<std::uint64_t>();
+  edit.bytes = reader.GetText();
+  return edit;
+}
+
+Payload Encode(const RecordedMarker& marker) {
+  ByteWriter writer;
+  writer.Put(marker.tick);
+  writer.Put(marker.time_ns);
+  writer.PutText(marker.text);
+  return {ChunkType::kMarker, std::move(writer).Take()};
+}
+
+RecordedMarker DecodeMarker(ByteReader& reader) {
+  RecordedMarker marker;
+  marker.tick = reader.Get<std::uint64_t>();
+  marker.time_ns = reader.Get<std::int64_t>();
+  marker.text = reader.GetText();
+  return marker;
+}
+
+Payload Encode(const RecordedGap& gap) {
+  ByteWriter writer;
+  writer.Put(gap.first_tick);
+  writer.Put(gap.last_tick);
+  return {ChunkType::kGap, std::move(writer).Take()};
+}
+
+RecordedGap DecodeGap(ByteReader& reader) {
+  RecordedGap gap;
+  gap.first_tick = reader.Get<std::uint64_t>();
+  gap.last_tick = reader.Get<std::uint64_t>();
+  if (gap.last_tick < gap.first_tick) throw DamagedBytes("damaged: a gap ends before it begins");
+  return gap;
+}
+
+Payload Encode(const RecordedKeyframe& keyframe) {
+  ByteWriter writer;
+  writer.Put(keyframe.tick);
+  writer.PutText(keyframe.bytes);
+  return {ChunkType::kKeyframe, std::move(writer).Take()};
+}
+
+RecordedKeyframe DecodeKeyframe(ByteReader& reader) {
+  RecordedKeyframe keyframe;
+  keyframe.tick = reader.Get<std::uint64_t>();
+  keyframe.bytes = reader.GetText();
+  return keyframe;
+}
+
+Payload Encode(const RecordedEnd& end) {
+  ByteWriter writer;
+  writer.Put(end.ticks);
+  writer.Put(end.lost_ticks);
+  return {ChunkType::kEnd, std::move(writer).Take()};
+}
+
+RecordedEnd DecodeEnd(ByteReader& reader) {
+  RecordedEnd end;
+  end.ticks = reader.Get<std::uint64_t>();
+  end.lost_ticks = reader.Get<std::uint64_t>();
+  return end;
+}
+
+RecordedChunk Decode(ChunkType type, ByteReader& reader) {
+  switch (type) {
+    case ChunkType::kSamples:
+      break;  // below
+    case ChunkType::kScene:
+      return DecodeScene(reader);
+    case ChunkType::kEdit:
+      return DecodeEdit(reader);
+    case ChunkType::kMarker:
+      return DecodeMarker(reader);
+    case ChunkType::kGap:
+      return DecodeGap(reader);
+    case ChunkType::kKeyframe:
+      return DecodeKeyframe(reader);
+    case ChunkType::kEnd:
+      return DecodeEnd(reader);
+  }
+  throw DamagedBytes("of a kind that this program does not know");
+}
+
+}  // namespace
+
+Payload EncodeChunk(const RecordedChunk& chunk) {
+  return std::visit([](const auto& held) { return Encode(held); }, chunk);
+}
+
+RecordedChunk DecodeChunk(const Payload& payload) {
+  if (payload.type == ChunkType::kSamples) return DecodeSamples(payload.bytes);
+  ByteReader reader(payload.bytes);
+  RecordedChunk chunk = Decode(payload.type, reader);
+  reader.ExpectEnd();
+  return chunk;
+}
+
+}  // namespace palpate

@@ -1,0 +1,30 @@
+// Where the bytes of a recording go.
+//
+// Threads: one at a time. Not for real-time code (waits for the disk).
+#pragma once
+
+#include <filesystem>
+#include <memory>
+#include <string_view>
+
+namespace palpate {
+
+class RecordingOutput {
+ public:
+  virtual ~RecordingOutput() = default;
+  // All of the bytes are kept when this returns, also if the machine stops then.
+  // Throws Error, and keeps none of them then.
+  virtual void Append(std::string_view bytes) = 0;
+};
+
+// A new file. It takes its name with the first Append, so that at any time `path`
+// is as it was or begins with whole bytes of that Append, even when the program
+// is killed.
+//
+// Throws Error: kConflict where `path` is there, unless `overwrite`; kUnavailable
+// where nothing can be written. Append: kConflict where `path` has come to be in
+// between; kUnavailable for a full disk.
+std::unique_ptr<RecordingOutput> CreateRecordingFile(const std::filesystem::path& path,
+                                                     bool overwrite);
+
+}  // namespace palpate

@@ -1,0 +1,56 @@
+// The fields of a TickSample, in one list for the file and for tables.
+//
+// Threads: pure.
+#pragma once
+
+#include "server/servo/tick_sample.h"
+
+namespace palpate {
+
+// Calls visit(name, field) for every field, units in the names as everywhere.
+// Sample: TickSample or const TickSample.
+template <class Sample, class Visit>
+constexpr void VisitFields(Sample& sample, Visit&& visit) {
+  const auto vector = [&](auto& v, std::string_view x, std::string_view y, std::string_view z) {
+    visit(x, v[0]);
+    visit(y, v[1]);
+    visit(z, v[2]);
+  };
+  visit("tick", sample.tick);
+  visit("time_ns", sample.time_ns);
+  visit("mode", sample.mode);
+  visit("contact", sample.contact);
+  visit("free_side", sample.free_side);
+  vector(sample.hip_mm, "hip_x_mm", "hip_y_mm", "hip_z_mm");
+  vector(sample.scp_h_mm, "scp_h_x_mm", "scp_h_y_mm", "scp_h_z_mm");
+  vector(sample.scp_h_normal, "scp_h_normal_x", "scp_h_normal_y", "scp_h_normal_z");
+  visit("has_scp_v", sample.has_scp_v);
+  vector(sample.scp_v_mm, "scp_v_x_mm", "scp_v_y_mm", "scp_v_z_mm");
+  vector(sample.scp_v_normal, "scp_v_normal_x", "scp_v_normal_y", "scp_v_normal_z");
+  vector(sample.force_n, "force_x_n", "force_y_n", "force_z_n");
+  visit("stylus_w", sample.stylus_orientation[0]);
+  visit("stylus_x", sample.stylus_orientation[1]);
+  visit("stylus_y", sample.stylus_orientation[2]);
+  visit("stylus_z", sample.stylus_orientation[3]);
+  visit("buttons", sample.buttons);
+  visit("density", sample.density);
+  visit("isovalue", sample.isovalue);
+  visit("settings_revision", sample.settings_revision);
+  visit("volume_revision", sample.volume_revision);
+  visit("update_ns", sample.update_ns);
+  visit("iterations", sample.iterations);
+  visit("missed_ticks", sample.missed_ticks);
+  visit("capped_ticks", sample.capped_ticks);
+  visit("faulty_ticks", sample.faulty_ticks);
+}
+
+// All of a sample is in the list, but for what aligns its end.
+static_assert([] {
+  TickSample sample;
+  std::size_t bytes = 0;
+  VisitFields(sample, [&](std::string_view, auto& field) { bytes += sizeof field; });
+  constexpr std::size_t kAlign = alignof(TickSample);
+  return (bytes + kAlign - 1) / kAlign * kAlign == sizeof(TickSample);
+}());
+
+}  // namespace palpate
