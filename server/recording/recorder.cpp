@@ -84,7 +84,6 @@ void Recorder::Run() {
       if (last) stopped_.store(true, std::memory_order_relaxed);
       Drain();
       if (last) break;
-      Publish(std::nullopt);
     }
     WriteRest();
     Publish(std::nullopt);
@@ -97,8 +96,10 @@ void Recorder::Run() {
 }
 
 void Recorder::Drain() {
+  // At most a ring of them: where the disk is the slower one, the ring is never
+  // empty, and Stop is to be heard all the same.
   TickSample sample;
-  while (ring_.TryPop(sample)) Take(sample);
+  for (std::size_t n = 0; n < kQueueTicks && ring_.TryPop(sample); ++n) Take(sample);
   if (!samples_.empty() && MonotonicNowNs() - samples_since_ns_ > kMaxAgeNs) WriteSamples();
 }
 
@@ -144,6 +145,7 @@ std::vector<RecordedMarker> Recorder::TakeMarkers(std::uint64_t tick) {
 void Recorder::WriteSamples() {
   writer_.AppendSamples(samples_);
   samples_.clear();
+  Publish(std::nullopt);
 }
 
 void Recorder::WriteRest() {

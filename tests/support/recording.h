@@ -1,0 +1,64 @@
+// Samples and outputs for tests of recordings.
+#pragma once
+
+#include <cstdint>
+#include <cstring>
+#include <memory>
+#include <random>
+#include <sstream>
+#include <string>
+#include <string_view>
+#include <type_traits>
+#include <utility>
+
+#include "server/recording/recording_output.h"
+#include "server/recording/recording_reader.h"
+#include "server/recording/sample_fields.h"
+
+namespace palpate::testing {
+
+// All fields random bits, NaNs among them, but for the tick.
+inline TickSample RandomSample(std::uint64_t tick) {
+  std::mt19937_64 random(tick + 1);
+  TickSample sample;
+  VisitFields(sample, [&](std::string_view, auto& field) {
+    using Field = std::decay_t<decltype(field)>;
+    const std::uint64_t bits = random();
+    if constexpr (std::is_same_v<Field, TickMode>) {
+      field = static_cast<TickMode>(bits % 4);
+    } else if constexpr (std::is_same_v<Field, bool> || std::is_same_v<Field, FreeSide>) {
+      field = static_cast<Field>(bits % 2);
+    } else {
+      std::memcpy(&field, &bits, sizeof field);
+    }
+  });
+  sample.tick = tick;
+  return sample;
+}
+
+// Bit for bit.
+inline bool SameSample(const TickSample& a, const TickSample& b) {
+  const auto bits = [](const TickSample& sample) {
+    std::string bytes;
+    VisitFields(sample, [&](std::string_view, const auto& field) {
+      bytes.append(reinterpret_cast<const char*>(&field), sizeof field);
+    });
+    return bytes;
+  };
+  return bits(a) == bits(b);
+}
+
+class MemoryOutput : public RecordingOutput {
+ public:
+  explicit MemoryOutput(std::shared_ptr<std::string> bytes) : bytes_(std::move(bytes)) {}
+  void Append(std::string_view bytes) override { bytes_->append(bytes); }
+
+ private:
+  std::shared_ptr<std::string> bytes_;
+};
+
+inline RecordingReader ReadBytes(const std::string& bytes) {
+  return RecordingReader(std::make_unique<std::istringstream>(bytes), "test");
+}
+
+}  // namespace palpate::testing

@@ -1,0 +1,335 @@
+// The recorder between a pump and a disk that may be slow or full.
+#include "server/recording/recorder.h"
+
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <chrono>
+#include <condition_variable>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <thread>
+#include <utility>
+#include <variant>
+#include <vector>
+
+#include "server/recording/recording_reader.h"
+#include "tests/support/recording.h"
+#include "tests/support/refusal.h"
+
+namespace palpate {
+namespace {
+
+using testing::MemoryOutput;
+using testing::RandomSample;
+using testing::ReadBytes;
+using testing::Refusal;
+using testing::SameSample;
+
+// A disk that stops: Append waits while it is held, once the header is written.
+class SlowOutput final : public MemoryOutput {
+ public:
+  using MemoryOutput::MemoryOutput;
+
+  void Append(std::string_view bytes) override {
+    std::unique_lock lock(mutex_);
+    waiting_ = held_;
+    changed_.notify_all();
+    changed_.wait(lock, [&] { return !held_; });
+    waiting_ = false;
+    MemoryOutput::Append(bytes);
+  }
+  void Hold() {
+    const std::lock_guard lock(mutex_);
+    held_ = true;
+  }
+  void AwaitAppend() {
+    std::unique_lock lock(mutex_);
+    changed_.wait(lock, [&] { return waiting_; });
+  }
+  void Release() {
+    const std::lock_guard lock(mutex_);
+    held_ = false;
+    changed_.notify_all();
+  }
+
+ private:
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  bool held_ = false;
+  bool waiting_ = false;
+};
+
+// A disk that is full after some bytes.
+class FullOutput final : public MemoryOutput {
+ public:
+  using MemoryOutput::MemoryOutput;
+  void Append(std::string_view bytes) override {
+    if (written_ + bytes.size() > 30'000) throw Error(ErrorKind::kUnavailable, "disk full");
+    written_ += bytes.size();
+    MemoryOutput::Append(bytes);
+  }
+
+ private:
+  std::size_t written_ = 0;
+};
+
+TickSample SampleOf(std::uint64_t tick, std::uint64_t settings_revision = 1) {
+  TickSample sample = RandomSample(tick);
+  sample.settings_revision = settings_revision;
+  return sample;
+}
+
+struct Recorded {
+  std::vector<TickSample> samples{};
+  std::vector<RecordedScene> scenes{};
+  std::vector<RecordedMarker> markers{};
+  std::vector<RecordedGap> gaps{};
+  bool complete = false;
+};
+
+Recorded Read(const std::string& bytes) {
+  RecordingReader reader = ReadBytes(bytes);
+  Recorded recorded;
+  while (const std::optional<RecordedChunk> chunk = reader.Next()) {
+    if (const auto* samples = std::get_if<RecordedSamples>(&*chunk)) {
+      recorded.samples.insert(recorded.samples.end(), samples->begin(), samples->end());
+    }
+    if (const auto* scene = std::get_if<RecordedScene>(&*chunk)) recorded.scenes.push_back(*scene);
+    if (const auto* m = std::get_if<RecordedMarker>(&*chunk)) recorded.markers.push_back(*m);
+    if (const auto* gap = std::get_if<RecordedGap>(&*chunk)) recorded.gaps.push_back(*gap);
+  }
+  recorded.complete = reader.complete();
+  return recorded;
+}
+
+class RecorderTest : public ::testing::Test {
+ protected:
+  void Feed(Recorder& recorder, std::uint64_t first, std::uint64_t end,
+            std::uint64_t settings_revision = 1) {
+    for (std::uint64_t tick = first; tick < end; ++tick) {
+      recorder.OnSample(SampleOf(tick, settings_revision));
+    }
+  }
+  static void AwaitTicks(const Recorder& recorder, std::uint64_t ticks) {
+    while (recorder.report().counts.ticks < ticks) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    }
+  }
+
+  std::shared_ptr<std::string> bytes_ = std::make_shared<std::string>();
+};
+
+TEST_F(RecorderTest, RecordsEveryTickFromWhereverItStarts) {
+  Recorder recorder(std::make_unique<MemoryOutput>(bytes_), "test");
+  Feed(recorder, 5'000'000, 5'003'500);
+  const RecorderReport report = recorder.Stop();
+  EXPECT_EQ(report.counts.ticks, 3500u);
+  EXPECT_EQ(report.counts.lost_ticks, 0u);
+  EXPECT_EQ(report.counts.bytes, bytes_->size());
+  EXPECT_FALSE(report.error);
+  Feed(recorder, 5'003'500, 5'003'600);  // late ones are no part of it
+  EXPECT_EQ(recorder.Stop().counts.ticks, 3500u);
+  const Recorded recorded = Read(*bytes_);
+  ASSERT_EQ(recorded.samples.size(), 3500u);
+  for (std::size_t n = 0; n < 3500; ++n) {
+    ASSERT_TRUE(SameSample(recorded.samples[n], SampleOf(5'000'000 + n)));
+  }
+  EXPECT_TRUE(recorded.complete);
+  EXPECT_TRUE(recorded.gaps.empty());
+}
+
+TEST_F(RecorderTest, ScenesAndMarkersAreHeldToTheirTick) {
+  Recorder recorder(std::make_unique<MemoryOutput>(bytes_), "test");
+  recorder.NoteScene({.settings_revision = 1, .isovalue = 0.1});
+  Feed(recorder, 100, 150, 1);
+  recorder.Mark("a");
+  recorder.NoteScene({.settings_revision = 2, .isovalue = 0.2});  // no tick uses it
+  recorder.NoteScene({.settings_revision = 3, .isovalue = 0.3});
+  Feed(recorder, 150, 160, 1);
+  Feed(recorder, 160, 170, 3);
+  recorder.Mark("b");
+  recorder.Stop();
+  EXPECT_EQ(Refusal([&] { recorder.Mark("late"); }), ErrorKind::kUnavailable);
+
+  const Recorded recorded = Read(*bytes_);
+  EXPECT_EQ(recorded.samples.size(), 70u);
+  ASSERT_EQ(recorded.scenes.size(), 2u);
+  EXPECT_EQ(recorded.scenes[0].tick, 100u);
+  EXPECT_EQ(recorded.scenes[0].isovalue, 0.1);
+  EXPECT_EQ(recorded.scenes[1].tick, 160u);
+  EXPECT_EQ(recorded.scenes[1].isovalue, 0.3);
+  ASSERT_EQ(recorded.markers.size(), 2u);
+  EXPECT_EQ(recorded.markers[0].tick, 150u);
+  EXPECT_EQ(recorded.markers[0].text, "a");
+  EXPECT_EQ(recorded.markers[1].tick, 170u);
+  EXPECT_TRUE(recorded.complete);
+}
+
+TEST_F(RecorderTest, TicksThatNeverCameAreAGap) {
+  Recorder recorder(std::make_unique<MemoryOutput>(bytes_), "test");
+  Feed(recorder, 0, 10);
+  recorder.NoteScene({.settings_revision = 2});
+  Feed(recorder, 15, 20, 2);
+  EXPECT_EQ(recorder.Stop().counts.lost_ticks, 5u);
+  const Recorded recorded = Read(*bytes_);
+  ASSERT_EQ(recorded.gaps.size(), 1u);
+  EXPECT_EQ(recorded.gaps[0].first_tick, 10u);
+  EXPECT_EQ(recorded.gaps[0].last_tick, 14u);
+  ASSERT_EQ(recorded.scenes.size(), 1u);
+  EXPECT_EQ(recorded.scenes[0].tick, 15u);
+  EXPECT_TRUE(recorded.complete);
+}
+
+// The writer thread waits with kHeld ticks in its hands, the ring takes
+// kQueueTicks more, and the rest is lost: no tick twice, none unaccounted for.
+TEST_F(RecorderTest, ASlowDiskLosesTicksAndSaysSo) {
+  constexpr std::uint64_t kHeld = kSamplesPerChunk, kRing = Recorder::kQueueTicks;
+  auto output = std::make_unique<SlowOutput>(bytes_);
+  SlowOutput& disk = *output;
+  Recorder recorder(std::move(output), "test");
+  disk.Hold();
+  Feed(recorder, 0, kHeld);
+  disk.AwaitAppend();
+  const auto before = std::chrono::steady_clock::now();
+  Feed(recorder, kHeld, kHeld + kRing + 1234);
+  recorder.Mark("while it stood still");
+  EXPECT_EQ(recorder.report().counts.ticks, 0u);
+  EXPECT_LT(std::chrono::steady_clock::now() - before, std::chrono::seconds(10));
+  disk.Release();
+  AwaitTicks(recorder, kHeld + kRing / kSamplesPerChunk * kSamplesPerChunk);
+  Feed(recorder, kHeld + kRing + 1234, kHeld + kRing + 1300);
+  const RecorderReport report = recorder.Stop();
+
+  EXPECT_EQ(report.counts.ticks, kHeld + kRing + 66);
+  EXPECT_EQ(report.counts.lost_ticks, 1234u);
+  const Recorded recorded = Read(*bytes_);
+  EXPECT_EQ(recorded.samples.size(), report.counts.ticks);
+  ASSERT_EQ(recorded.gaps.size(), 1u);
+  EXPECT_EQ(recorded.gaps[0].first_tick, kHeld + kRing);
+  EXPECT_EQ(recorded.gaps[0].last_tick, kHeld + kRing + 1233);
+  ASSERT_EQ(recorded.markers.size(), 1u);
+  EXPECT_EQ(recorded.markers[0].tick, kHeld + kRing + 1234);
+  EXPECT_TRUE(recorded.complete);
+}
+
+TEST_F(RecorderTest, TicksLostAtTheEndAreDeclaredToo) {
+  constexpr std::uint64_t kKept = kSamplesPerChunk + Recorder::kQueueTicks;
+  auto output = std::make_unique<SlowOutput>(bytes_);
+  SlowOutput& disk = *output;
+  Recorder recorder(std::move(output), "test");
+  disk.Hold();
+  Feed(recorder, 0, kSamplesPerChunk);
+  disk.AwaitAppend();
+  Feed(recorder, kSamplesPerChunk, kKept + 10);
+  disk.Release();
+  EXPECT_EQ(recorder.Stop().counts.lost_ticks, 10u);
+  const Recorded recorded = Read(*bytes_);
+  EXPECT_EQ(recorded.samples.size(), kKept);
+  ASSERT_EQ(recorded.gaps.size(), 1u);
+  EXPECT_EQ(recorded.gaps[0].last_tick, kKept + 9);
+  EXPECT_TRUE(recorded.complete);
+}
+
+// The pump delivers all the while, faster than the disk takes.
+TEST_F(RecorderTest, StopIsHeardThoughTheRingIsNeverEmpty) {
+  Recorder recorder(std::make_unique<MemoryOutput>(bytes_), "test");
+  std::atomic<bool> done{false};
+  std::thread pump([&] {
+    TickSample sample = SampleOf(0);
+    for (; !done.load(); ++sample.tick) recorder.OnSample(sample);
+  });
+  AwaitTicks(recorder, 5000);
+  const RecorderReport report = recorder.Stop();
+  done.store(true);
+  pump.join();
+  EXPECT_FALSE(report.error);
+  EXPECT_GT(report.counts.lost_ticks, 0u);
+  const Recorded recorded = Read(*bytes_);
+  EXPECT_EQ(recorded.samples.size(), report.counts.ticks);
+  EXPECT_TRUE(recorded.complete);
+}
+
+TEST_F(RecorderTest, WhatWaitsIsBounded) {
+  auto output = std::make_unique<SlowOutput>(bytes_);
+  SlowOutput& disk = *output;
+  Recorder recorder(std::move(output), "test");
+  disk.Hold();
+  Feed(recorder, 0, kSamplesPerChunk);
+  disk.AwaitAppend();
+  for (std::size_t n = 0; n < Recorder::kMaxWaiting; ++n) recorder.Mark("m");
+  EXPECT_EQ(Refusal([&] { recorder.Mark("m"); }), ErrorKind::kUnavailable);
+  EXPECT_EQ(Refusal([&] { recorder.Mark(std::string(Recorder::kMaxMarkerBytes + 1, 'x')); }),
+            ErrorKind::kInvalidArgument);
+  // The oldest scene makes room.
+  for (std::size_t n = 0; n <= Recorder::kMaxWaiting; ++n) {
+    recorder.NoteScene({.settings_revision = n + 2});
+  }
+  Feed(recorder, kSamplesPerChunk, kSamplesPerChunk + 1, 2);
+  Feed(recorder, kSamplesPerChunk + 1, kSamplesPerChunk + 2, 3);
+  disk.Release();
+  recorder.Stop();
+  const Recorded recorded = Read(*bytes_);
+  EXPECT_EQ(recorded.markers.size(), Recorder::kMaxWaiting);
+  ASSERT_EQ(recorded.scenes.size(), 1u);
+  EXPECT_EQ(recorded.scenes[0].settings_revision, 3u);
+}
+
+TEST_F(RecorderTest, AFullDiskEndsTheRecordingAndKeepsWhatWasWritten) {
+  Recorder recorder(std::make_unique<FullOutput>(bytes_), "test");
+  for (std::uint64_t tick = 0; !recorder.report().error; ++tick) {
+    recorder.OnSample(SampleOf(tick));
+    if (tick % kSamplesPerChunk == 0) std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  }
+  EXPECT_EQ(Refusal([&] { recorder.Mark("m"); }), ErrorKind::kUnavailable);
+  const RecorderReport report = recorder.Stop();
+  ASSERT_TRUE(report.error);
+  EXPECT_EQ(std::string(report.error->what()), "disk full");
+  const Recorded recorded = Read(*bytes_);
+  EXPECT_EQ(recorded.samples.size(), report.counts.ticks);
+  EXPECT_FALSE(recorded.complete);
+}
+
+TEST_F(RecorderTest, ARestartedLoopEndsTheRecording) {
+  Recorder recorder(std::make_unique<MemoryOutput>(bytes_), "test");
+  Feed(recorder, 50, 60);
+  Feed(recorder, 0, 10);
+  const RecorderReport report = recorder.Stop();
+  ASSERT_TRUE(report.error);
+  EXPECT_EQ(report.error->kind(), ErrorKind::kInvalidArgument);
+  EXPECT_EQ(Read(*bytes_).samples.size(), 10u);
+}
+
+// For ThreadSanitizer: all that may happen at once.
+TEST_F(RecorderTest, ManyThreadsAtOnce) {
+  constexpr std::uint64_t kTicks = 4000;
+  Recorder recorder(std::make_unique<MemoryOutput>(bytes_), "test");
+  std::thread pump([&] {
+    for (std::uint64_t tick = 0; tick < kTicks; ++tick) {
+      recorder.NoteScene({.settings_revision = tick + 1});
+      recorder.OnSample(SampleOf(tick, tick + 1));
+      if (tick % 100 == 0) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    }
+  });
+  std::thread client([&] {
+    for (int n = 0; n < 100; ++n) {
+      recorder.Mark("m");
+      recorder.report();
+      std::this_thread::sleep_for(std::chrono::microseconds(100));
+    }
+  });
+  pump.join();
+  client.join();
+  std::thread other([&] { recorder.Stop(); });
+  recorder.Stop();
+  other.join();
+  const Recorded recorded = Read(*bytes_);
+  EXPECT_EQ(recorded.samples.size(), kTicks);
+  EXPECT_EQ(recorded.scenes.size(), kTicks);
+  EXPECT_EQ(recorded.markers.size(), 100u);
+  EXPECT_TRUE(recorded.complete);
+}
+
+}  // namespace
+}  // namespace palpate

@@ -1,0 +1,12 @@
+palpate_unit_test(recording_format_test recording_format_test.cpp SANITIZED palpate::recording)
+palpate_unit_test(recorder_test recorder_test.cpp SANITIZED palpate::recording)
+palpate_unit_test(recording_csv_test recording_csv_test.cpp SANITIZED palpate::recording)
+
+add_executable(recording_child recording_child.cpp)
+target_link_libraries(recording_child PRIVATE palpate::recording)
+set_target_properties(recording_child PROPERTIES
+  RUNTIME_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/tests)
+palpate_unit_test(recording_file_test recording_file_test.cpp SANITIZED palpate::recording)
+add_dependencies(recording_file_test recording_child)
+target_compile_definitions(recording_file_test PRIVATE
+  RECORDING_CHILD="$<TARGET_FILE:recording_child>")

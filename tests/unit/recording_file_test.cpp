@@ -1,0 +1,225 @@
+// Recordings on a disk: names, full disks, kill -9, and what a minute costs.
+#include <gtest/gtest.h>
+#include <signal.h>
+#include <sys/resource.h>
+
+#include <chrono>
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <memory>
+#include <string>
+#include <thread>
+#include <utility>
+#include <variant>
+#include <vector>
+
+#include "server/device/explore_script.h"
+#include "server/device/simulated_device.h"
+#include "server/recording/recording_reader.h"
+#include "server/recording/recording_writer.h"
+#include "server/servo/servo_tick.h"
+#include "tests/support/array_volume.h"
+#include "tests/support/process.h"
+#include "tests/support/recording.h"
+#include "tests/support/refusal.h"
+#include "tests/support/temporary_folder.h"
+
+namespace palpate {
+namespace {
+
+using test::Process;
+using test::TemporaryFolder;
+using testing::RandomSample;
+using testing::Refusal;
+using testing::SameSample;
+
+void Write(const std::filesystem::path& path, bool overwrite, std::size_t ticks) {
+  RecordingWriter writer(CreateRecordingFile(path, overwrite), "test");
+  for (std::size_t tick = 0; tick < ticks; ++tick) {
+    writer.AppendSamples(std::vector{RandomSample(tick)});
+  }
+  writer.AppendEnd();
+}
+
+struct FileContents {
+  std::uint64_t ticks = 0;
+  bool complete = false;
+  std::string program{};
+};
+
+FileContents Read(const std::filesystem::path& path) {
+  RecordingReader reader(path);
+  while (const std::optional<RecordedChunk> chunk = reader.Next()) {
+    const auto* samples = std::get_if<RecordedSamples>(&*chunk);
+    if (!samples) continue;
+    for (const TickSample& sample : *samples) {
+      EXPECT_TRUE(SameSample(sample, RandomSample(sample.tick)));
+    }
+  }
+  return {reader.ticks(), reader.complete(), reader.header().program};
+}
+
+std::size_t FilesIn(const std::filesystem::path& folder) {
+  std::size_t count = 0;
+  for ([[maybe_unused]] const auto& entry : std::filesystem::directory_iterator(folder)) ++count;
+  return count;
+}
+
+TEST(RecordingFile, IsNotOverwrittenUnlessAsked) {
+  const TemporaryFolder folder;
+  const auto path = folder.path() / "a.palpate";
+  Write(path, false, 3);
+  EXPECT_EQ(Refusal([&] { Write(path, false, 4); }), ErrorKind::kConflict);
+  EXPECT_EQ(Read(path).ticks, 3u);
+  Write(path, true, 5);
+  EXPECT_EQ(Read(path).ticks, 5u);
+  EXPECT_TRUE(Read(path).complete);
+  EXPECT_EQ(FilesIn(folder.path()), 1u);
+}
+
+// Between the question and the first bytes somebody else took the name.
+TEST(RecordingFile, LosesARaceForItsName) {
+  const TemporaryFolder folder;
+  const auto path = folder.path() / "a.palpate";
+  const std::unique_ptr<RecordingOutput> output = CreateRecordingFile(path, false);
+  std::ofstream(path) << "other";
+  EXPECT_EQ(Refusal([&] { output->Append("header"); }), ErrorKind::kConflict);
+  EXPECT_EQ(std::filesystem::file_size(path), 5u);
+}
+
+TEST(RecordingFile, ThatCannotBeMadeIsRefused) {
+  EXPECT_EQ(Refusal([] { CreateRecordingFile("/nowhere/a.palpate", false); }),
+            ErrorKind::kUnavailable);
+}
+
+// Files may grow to a limit here, as on a disk that fills up.
+TEST(RecordingFile, AFullDiskLeavesWholeChunks) {
+  const TemporaryFolder folder;
+  const auto path = folder.path() / "a.palpate";
+  signal(SIGXFSZ, SIG_IGN);
+  rlimit limit{};
+  ASSERT_EQ(getrlimit(RLIMIT_FSIZE, &limit), 0);
+  const rlimit unlimited = limit;
+  RecordingWriter writer(CreateRecordingFile(path, false), "test");
+  const auto append = [&](std::uint64_t tick) {
+    writer.AppendSamples(std::vector{RandomSample(tick)});
+  };
+  append(0);
+  limit.rlim_cur = writer.counts().bytes + 100;  // part of a chunk
+  ASSERT_EQ(setrlimit(RLIMIT_FSIZE, &limit), 0);
+  const std::optional<ErrorKind> refusal = Refusal([&] { append(1); });
+  ASSERT_EQ(setrlimit(RLIMIT_FSIZE, &unlimited), 0);
+  EXPECT_EQ(refusal, ErrorKind::kUnavailable);
+  EXPECT_EQ(std::filesystem::file_size(path), writer.counts().bytes);
+  EXPECT_EQ(Read(path).ticks, 1u);
+  append(1);  // there is space again
+  writer.AppendEnd();
+  EXPECT_EQ(Read(path).ticks, 2u);
+  EXPECT_TRUE(Read(path).complete);
+}
+
+// The last number after "ticks " on a whole line.
+std::uint64_t LastTicks(const std::string& output) {
+  const std::size_t line = output.rfind("ticks ", output.rfind('\n'));
+  return line == std::string::npos ? 0 : std::stoull(output.substr(line + 6));
+}
+
+TEST(RecordingFile, OfAKilledProgramIsReadableToItsLastChunk) {
+  for (int round = 0; round < 5; ++round) {
+    const TemporaryFolder folder;
+    const auto path = folder.path() / "a.palpate";
+    Process child({RECORDING_CHILD, path.string()});
+    ASSERT_TRUE(child.WaitFor("under way"));
+    std::this_thread::sleep_for(std::chrono::milliseconds(7 * round));
+    child.Signal(SIGKILL);
+    const std::uint64_t told = LastTicks(child.Wait().output);
+    const FileContents contents = Read(path);
+    EXPECT_GE(told, 1000u);
+    EXPECT_GE(contents.ticks, told);
+    EXPECT_FALSE(contents.complete);
+    EXPECT_EQ(FilesIn(folder.path()), 1u);
+  }
+}
+
+TEST(RecordingFile, KilledWhileOverwritingIsTheOldOneOrTheNew) {
+  int old_ones = 0, new_ones = 0;
+  for (int round = 0; round < 40; ++round) {
+    const TemporaryFolder folder;
+    const auto path = folder.path() / "a.palpate";
+    Write(path, false, 3);
+    Process child({RECORDING_CHILD, path.string(), "overwrite"});
+    std::this_thread::sleep_for(std::chrono::microseconds(250 * round));
+    child.Signal(SIGKILL);
+    child.Wait();
+    const FileContents contents = Read(path);
+    const bool is_old = contents.program == "test";
+    EXPECT_EQ(contents.complete, is_old);
+    EXPECT_TRUE(!is_old || contents.ticks == 3);
+    ++(is_old ? old_ones : new_ones);
+  }
+  std::printf("%d old, %d new\n", old_ones, new_ones);
+  EXPECT_GT(old_ones, 0);
+}
+
+// A gyroid, as it is felt by the simulated device.
+std::vector<TickSample> FeelForAMinute() {
+  const auto volume = testing::MakeVolume({64, 64, 64}, [](int i, int j, int k) {
+    constexpr double kTurn = 2.0 * M_PI / 32.0;
+    return std::sin(kTurn * i) * std::cos(kTurn * j) + std::sin(kTurn * j) * std::cos(kTurn * k) +
+           std::sin(kTurn * k) * std::cos(kTurn * i);
+  });
+  Scene scene;
+  scene.volume = volume;
+  AffineMap X_DI;
+  X_DI.translation = Vec3(-32, -32, -32);
+  scene.surface = MakeHapticSurface(*volume, X_DI, 0.5, DecompositionMethod::kTpbcc, 1);
+  SimulatedDevice device(std::make_unique<ExploreScript>(Vec3(-80, -60, -35), Vec3(80, 60, 35), 1));
+  device.Start();
+  ServoTick servo(device);
+  std::vector<TickSample> samples;
+  for (std::int64_t tick = 0; tick < 60'000; ++tick) {
+    const std::int64_t time_ns = tick * 1'000'000;
+    // Started up to 16 us late.
+    const std::int64_t late_ns = (tick * 7919) % 16384;
+    samples.push_back(
+        servo.Run(scene, {.scheduled_ns = time_ns, .started_ns = time_ns + late_ns, .missed = 0}));
+  }
+  return samples;
+}
+
+TEST(RecordingFile, AMinuteIsCompact) {
+  const std::vector<TickSample> samples = FeelForAMinute();
+  std::size_t contacts = 0;
+  for (const TickSample& sample : samples) contacts += sample.contact;
+  EXPECT_GT(contacts, 30'000u);
+
+  const TemporaryFolder folder;
+  const auto path = folder.path() / "a.palpate";
+  const auto now = [] { return std::chrono::steady_clock::now(); };
+  const auto us_per_tick = [&](auto from, auto to) {
+    return std::chrono::duration<double, std::micro>(to - from).count() / 60'000;
+  };
+  const auto start = now();
+  RecordingWriter writer(CreateRecordingFile(path, false), "test");
+  writer.AppendSamples(samples);
+  writer.AppendEnd();
+  const auto written = now();
+  RecordingReader reader(path);
+  std::size_t same = 0;
+  while (const std::optional<RecordedChunk> chunk = reader.Next()) {
+    const auto* read = std::get_if<RecordedSamples>(&*chunk);
+    if (!read) continue;
+    for (const TickSample& sample : *read) same += SameSample(sample, samples.at(sample.tick));
+  }
+  const auto end = now();
+  EXPECT_EQ(same, samples.size());
+  EXPECT_TRUE(reader.complete());
+  const double bytes = static_cast<double>(std::filesystem::file_size(path)) / 60'000;
+  std::printf("%.1f bytes, %.2f us to write, %.2f us to read and compare per tick\n", bytes,
+              us_per_tick(start, written), us_per_tick(written, end));
+  EXPECT_LT(bytes, 130.0);  // of 268 in memory
+}
+
+}  // namespace
+}  // namespace palpate

@@ -1,0 +1,304 @@
+// Recordings as bytes: all comes back bit for bit, and damage is seen.
+#include <gtest/gtest.h>
+
+#include <array>
+#include <cmath>
+#include <limits>
+#include <memory>
+#include <random>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "server/recording/bytes.h"
+#include "server/recording/chunk_codec.h"
+#include "server/recording/chunk_frame.h"
+#include "server/recording/recording_reader.h"
+#include "server/recording/recording_writer.h"
+#include "server/recording/settings_text.h"
+#include "tests/support/recording.h"
+#include "tests/support/refusal.h"
+
+namespace palpate {
+namespace {
+
+using testing::MemoryOutput;
+using testing::RandomSample;
+using testing::ReadBytes;
+using testing::Refusal;
+using testing::SameSample;
+
+HapticSettings RandomSettings(std::uint64_t seed) {
+  std::mt19937_64 random(seed);
+  std::uniform_real_distribution<double> uniform(0.0, 3.0);
+  HapticSettings settings;
+  for (const NumberSetting& number : kNumberSettings) settings.*number.member = uniform(random);
+  for (const FlagSetting& flag : kFlagSettings) settings.*flag.member = random() % 2 == 1;
+  settings.free_side = static_cast<FreeSide>(random() % 2);
+  return settings;
+}
+
+RecordedScene SceneAt(std::uint64_t tick) {
+  RecordedScene scene{.tick = tick,
+                      .settings_revision = tick + 1,
+                      .volume_revision = 3,
+                      .geometry_revision = 4,
+                      .isovalue = 1e-300,
+                      .normalized_isovalue = 1.0 / 3.0,
+                      .settings = RandomSettings(tick),
+                      .method = DecompositionMethod::kBcc,
+                      .volume_hash = {5, 6},
+                      .volume_source = "head \xc3\xa4.nrrd",
+                      .tick_period_s = 1e-3,
+                      .max_force_n = 3.3};
+  scene.X_DI.linear << 1.0, 0.1, -2.0, 1e-9, 0.7, 3.0, 1.0 / 7.0, 0.0, 5.0;
+  scene.X_DI.translation = Vec3(-0.0, 1e-320, 7.0);
+  return scene;
+}
+
+std::vector<TickSample> RandomSamples(std::uint64_t first, std::size_t count) {
+  std::vector<TickSample> samples;
+  for (std::size_t n = 0; n < count; ++n) samples.push_back(RandomSample(first + n));
+  return samples;
+}
+
+// A few ticks of everything: 7 to 10, a gap, 13 to 15.
+std::string SmallRecording() {
+  const auto bytes = std::make_shared<std::string>();
+  RecordingWriter writer(std::make_unique<MemoryOutput>(bytes), "test 1.0");
+  writer.Append(SceneAt(7));
+  writer.Append(RecordedMarker{.tick = 7, .time_ns = -5, .text = "trial \"1\", left"});
+  writer.AppendSamples(RandomSamples(7, 4));
+  writer.Append(RecordedEdit{.tick = 13, .volume_revision = 4, .bytes = std::string(3, '\0')});
+  writer.Append(RecordedKeyframe{.tick = 13, .bytes = "state"});
+  writer.AppendSamples(RandomSamples(13, 3));
+  writer.AppendEnd();
+  EXPECT_EQ(writer.counts().bytes, bytes->size());
+  return *bytes;
+}
+
+std::vector<RecordedChunk> ReadAll(RecordingReader& reader) {
+  std::vector<RecordedChunk> chunks;
+  while (std::optional<RecordedChunk> chunk = reader.Next()) chunks.push_back(std::move(*chunk));
+  return chunks;
+}
+
+// The samples among chunks are those recorded: RandomSample of their ticks.
+std::uint64_t CountTrueSamples(const std::vector<RecordedChunk>& chunks) {
+  std::uint64_t count = 0;
+  for (const RecordedChunk& chunk : chunks) {
+    const auto* samples = std::get_if<RecordedSamples>(&chunk);
+    if (!samples) continue;
+    for (const TickSample& sample : *samples) {
+      EXPECT_TRUE(SameSample(sample, RandomSample(sample.tick)));
+      ++count;
+    }
+  }
+  return count;
+}
+
+void ExpectSameScene(const RecordedScene& a, const RecordedScene& b) {
+  EXPECT_EQ(EncodeChunk(a).bytes, EncodeChunk(b).bytes);
+  for (const NumberSetting& number : kNumberSettings) {
+    EXPECT_EQ(a.settings.*number.member, b.settings.*number.member) << number.key;
+  }
+  for (const FlagSetting& flag : kFlagSettings) {
+    EXPECT_EQ(a.settings.*flag.member, b.settings.*flag.member) << flag.key;
+  }
+  EXPECT_EQ(a.settings.free_side, b.settings.free_side);
+  EXPECT_EQ(a.X_DI.linear, b.X_DI.linear);
+  EXPECT_EQ(a.X_DI.translation, b.X_DI.translation);
+  EXPECT_TRUE(std::signbit(b.X_DI.translation.x()));
+  EXPECT_EQ(a.volume_hash, b.volume_hash);
+  EXPECT_EQ(a.volume_source, b.volume_source);
+  EXPECT_EQ(a.method, b.method);
+  EXPECT_EQ(a.tick_period_s, b.tick_period_s);
+  EXPECT_EQ(a.max_force_n, b.max_force_n);
+  EXPECT_EQ(a.normalized_isovalue, b.normalized_isovalue);
+  EXPECT_TRUE(b.unknown_settings.empty());
+}
+
+TEST(RecordingFormat, EverythingComesBack) {
+  RecordingReader reader = ReadBytes(SmallRecording());
+  EXPECT_EQ(reader.header().program, "test 1.0");
+  EXPECT_GT(reader.header().created_unix_ns, 1'600'000'000'000'000'000);
+  const std::vector<RecordedChunk> chunks = ReadAll(reader);
+  ASSERT_EQ(chunks.size(), 8u);
+  ExpectSameScene(SceneAt(7), std::get<RecordedScene>(chunks[0]));
+  const auto& marker = std::get<RecordedMarker>(chunks[1]);
+  EXPECT_EQ(marker.tick, 7u);
+  EXPECT_EQ(marker.time_ns, -5);
+  EXPECT_EQ(marker.text, "trial \"1\", left");
+  const auto& gap = std::get<RecordedGap>(chunks[3]);
+  EXPECT_EQ(gap.first_tick, 11u);
+  EXPECT_EQ(gap.last_tick, 12u);
+  const auto& edit = std::get<RecordedEdit>(chunks[4]);
+  EXPECT_EQ(edit.tick, 13u);
+  EXPECT_EQ(edit.volume_revision, 4u);
+  EXPECT_EQ(edit.bytes, std::string(3, '\0'));
+  EXPECT_EQ(std::get<RecordedKeyframe>(chunks[5]).bytes, "state");
+  EXPECT_EQ(CountTrueSamples(chunks), 7u);
+  EXPECT_EQ(reader.ticks(), 7u);
+  EXPECT_EQ(reader.lost_ticks(), 2u);
+  EXPECT_TRUE(reader.complete());
+  EXPECT_EQ(reader.stopped_because(), "");
+}
+
+TEST(RecordingFormat, ManyChunksOfSamplesComeBack) {
+  const auto bytes = std::make_shared<std::string>();
+  RecordingWriter writer(std::make_unique<MemoryOutput>(bytes), "test");
+  writer.AppendSamples(RandomSamples(0, 2500));
+  writer.AppendEnd();
+  RecordingReader reader = ReadBytes(*bytes);
+  const std::vector<RecordedChunk> chunks = ReadAll(reader);
+  EXPECT_EQ(chunks.size(), 4u);
+  EXPECT_EQ(CountTrueSamples(chunks), 2500u);
+  EXPECT_TRUE(reader.complete());
+}
+
+TEST(RecordingFormat, ACutRecordingReadsUpToTheLastWholeChunk) {
+  const std::string whole = SmallRecording();
+  std::uint64_t refused = 0, last = 0;
+  for (std::size_t size = 0; size < whole.size(); ++size) {
+    const std::string cut = whole.substr(0, size);
+    try {
+      RecordingReader reader = ReadBytes(cut);
+      const std::uint64_t count = CountTrueSamples(ReadAll(reader));
+      EXPECT_EQ(count, reader.ticks());
+      EXPECT_FALSE(reader.complete());
+      EXPECT_NE(reader.stopped_because(), "");
+      EXPECT_GE(reader.ticks(), last);
+      last = reader.ticks();
+    } catch (const Error& error) {
+      EXPECT_EQ(error.kind(), ErrorKind::kInvalidArgument);
+      ++refused;
+    }
+  }
+  EXPECT_EQ(refused, FrameHeader({.program = "test 1.0"}).size());
+  EXPECT_EQ(last, 7u);
+}
+
+TEST(RecordingFormat, EveryChangedByteIsSeen) {
+  const std::string whole = SmallRecording();
+  for (std::size_t at = 0; at < whole.size(); ++at) {
+    for (const int change : {0x01, 0x80, 0xff}) {
+      std::string damaged = whole;
+      damaged[at] = static_cast<char>(damaged[at] ^ change);
+      try {
+        RecordingReader reader = ReadBytes(damaged);
+        const std::uint64_t count = CountTrueSamples(ReadAll(reader));
+        EXPECT_EQ(count, reader.ticks());
+        EXPECT_FALSE(reader.complete()) << "byte " << at;
+      } catch (const Error& error) {
+        EXPECT_EQ(error.kind(), ErrorKind::kInvalidArgument);
+      }
+    }
+  }
+}
+
+TEST(RecordingFormat, BytesAfterTheEndAreSeen) {
+  RecordingReader reader = ReadBytes(SmallRecording() + "x");
+  ReadAll(reader);
+  EXPECT_FALSE(reader.complete());
+  EXPECT_NE(reader.stopped_because().find("more follows"), std::string::npos);
+}
+
+// The framing of a chunk is in order here, and what it holds is not.
+TEST(RecordingFormat, DamagedContentsAreRefusedNotRead) {
+  std::mt19937_64 random(1);
+  const std::array<Payload, 4> good = {EncodeChunk(SceneAt(1)), EncodeChunk(RandomSamples(1, 3)),
+                                       EncodeChunk(RecordedMarker{.text = "text"}),
+                                       EncodeChunk(RecordedGap{1, 2})};
+  int refused = 0;
+  for (int n = 0; n < 20000; ++n) {
+    Payload payload = good[random() % good.size()];
+    if (random() % 4 == 0) payload.bytes.resize(random() % (payload.bytes.size() + 8));
+    for (std::uint64_t changes = random() % 4; changes > 0 && !payload.bytes.empty(); --changes) {
+      payload.bytes[random() % payload.bytes.size()] = static_cast<char>(random());
+    }
+    try {
+      DecodeChunk(payload);
+    } catch (const DamagedBytes&) {
+      ++refused;
+    }
+  }
+  EXPECT_GT(refused, 5000);
+  EXPECT_THROW(DecodeChunk({static_cast<ChunkType>(99), ""}), DamagedBytes);
+}
+
+TEST(RecordingFormat, LengthsAreLimitedBeforeMemoryIsTaken) {
+  const std::string header = FrameHeader({.program = "test"});
+  const std::string chunk = FrameChunk(EncodeChunk(RecordedGap{1, 2}), 0);
+  for (const std::size_t at : {20u, 24u}) {  // raw_bytes, stored_bytes
+    std::string damaged = chunk;
+    damaged.replace(at, 4, "\xff\xff\xff\xff");
+    RecordingReader reader = ReadBytes(header + damaged);
+    EXPECT_FALSE(reader.Next());
+    EXPECT_NE(reader.stopped_because().find("limits"), std::string::npos);
+  }
+  EXPECT_EQ(Refusal([] {
+              FrameChunk({ChunkType::kEdit, std::string(kMaxPayloadBytes + 1, 'x')}, 0);
+            }),
+            ErrorKind::kTooLarge);
+}
+
+TEST(RecordingFormat, OtherFilesAreRefusedInOneLine) {
+  for (const std::string& bytes : {std::string(), std::string("NRRD0005\n"),
+                                   std::string(1000, '\0'), std::string("\x89PLPREC\n")}) {
+    EXPECT_EQ(Refusal([&] { ReadBytes(bytes); }), ErrorKind::kInvalidArgument);
+  }
+  std::string newer = FrameHeader({.program = "test"});
+  newer[8] = 2;
+  try {
+    ReadBytes(newer);
+    FAIL();
+  } catch (const Error& error) {
+    EXPECT_NE(std::string(error.what()).find("version 2"), std::string::npos);
+  }
+  EXPECT_EQ(Refusal([] { RecordingReader("/nowhere/recording"); }), ErrorKind::kNotFound);
+}
+
+TEST(RecordingFormat, TicksDoNotGoBack) {
+  RecordingWriter writer(std::make_unique<MemoryOutput>(std::make_shared<std::string>()), "test");
+  writer.AppendSamples(RandomSamples(10, 2));
+  EXPECT_EQ(Refusal([&] { writer.AppendSamples(RandomSamples(11, 1)); }),
+            ErrorKind::kInvalidArgument);
+}
+
+TEST(SettingsText, ComesBackBitForBit) {
+  for (std::uint64_t seed = 0; seed < 1000; ++seed) {
+    const HapticSettings settings = RandomSettings(seed);
+    std::vector<std::string> unknown;
+    const HapticSettings read = SettingsFromText(SettingsText(settings), unknown);
+    EXPECT_EQ(SettingsText(read), SettingsText(settings));
+    for (const NumberSetting& number : kNumberSettings) {
+      ASSERT_EQ(read.*number.member, settings.*number.member);
+    }
+    EXPECT_TRUE(unknown.empty());
+  }
+}
+
+// A member that is in none of the lists of settings.h would be lost.
+TEST(SettingsText, HoldsEverySetting) {
+  constexpr std::size_t kBytes =
+      kNumberSettings.size() * sizeof(double) + kFlagSettings.size() + sizeof(FreeSide);
+  EXPECT_EQ(sizeof(HapticSettings), (kBytes + 7) / 8 * 8);
+}
+
+TEST(SettingsText, OfOtherVersionsIsRead) {
+  std::vector<std::string> unknown;
+  const HapticSettings read =
+      SettingsFromText("stiffness_n_per_mm=1.25\ntexture_mm=0.1\nforce_shading=on\n", unknown);
+  EXPECT_EQ(read.stiffness_n_per_mm, 1.25);
+  EXPECT_TRUE(read.force_shading);
+  EXPECT_EQ(read.magnet_range_mm, HapticSettings{}.magnet_range_mm);
+  EXPECT_EQ(unknown, std::vector<std::string>{"texture_mm"});
+  for (const char* bad :
+       {"stiffness_n_per_mm=1.25", "stiffness_n_per_mm\n", "stiffness_n_per_mm=1x\n",
+        "stiffness_n_per_mm=\n", "force_shading=1\n", "free_side=left\n", "\n"}) {
+    EXPECT_THROW(SettingsFromText(bad, unknown), DamagedBytes) << bad;
+  }
+}
+
+}  // namespace
+}  // namespace palpate
