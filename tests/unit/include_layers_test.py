@@ -24,6 +24,8 @@ LAYERS = {
     "server/servo": COMMON + ["server/realtime", "server/volume", "server/haptics", "server/device"],
     "server/session": COMMON + ["server/realtime", "server/volume", "server/haptics",
                                 "server/device", "server/servo"],
+    "server/recording": COMMON + ["server/realtime", "server/volume", "server/haptics",
+                                  "server/servo", "server/session"],
     "server/rpc": COMMON + ["common/wire", "server/realtime", "server/haptics", "server/device",
                             "server/servo", "server/session"],
     "server/app": COMMON + ["common/wire", "server/realtime", "server/haptics", "server/device",
@@ -41,11 +43,12 @@ LIBRARIES = {
     "libtiff": (r"tiff", ["server/import"]),
     "spdlog": (r"spdlog/", ["server/session", "server/rpc", "server/app"]),
     "TBB": (r"tbb/", ["server/volume", "server/lab"]),
+    "zstd and xxHash": (r"zstd|xxhash", ["server/recording"]),
 }
 
 # The headers of volume that are free of OpenVDB; real-time code sees no others.
 PLAIN_VOLUME_HEADERS = {"server/volume/snapshot.h", "server/volume/volume_metadata.h"}
-NO_OPENVDB = ["server/haptics", "server/servo", "server/device", "server/rpc"]
+NO_OPENVDB = ["server/haptics", "server/servo", "server/device", "server/rpc", "server/recording"]
 
 
 def violations(folder, includes):
@@ -95,6 +98,9 @@ class IncludeLayers(unittest.TestCase):
         self.assertTrue(violations("server/servo", ["spdlog/spdlog.h"]))
         self.assertTrue(violations("server/session", ["grpcpp/grpcpp.h"]))
         self.assertTrue(violations("server/volume", ["itkImage.h"]))
+        self.assertTrue(violations("server/servo", ["server/recording/recorder.h"]))
+        self.assertTrue(violations("server/session", ["zstd.h"]))
+        self.assertTrue(violations("server/recording", ["server/volume/snapshot_builder.h"]))
         self.assertTrue(violations("common/isosurface", ["server/volume/snapshot.h"]))
         self.assertFalse(violations("server/haptics", ["server/volume/snapshot.h", "vector"]))
 

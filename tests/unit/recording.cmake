@@ -1,6 +1,7 @@
 palpate_unit_test(recording_format_test recording_format_test.cpp SANITIZED palpate::recording)
 palpate_unit_test(recorder_test recorder_test.cpp SANITIZED palpate::recording)
 palpate_unit_test(recording_csv_test recording_csv_test.cpp SANITIZED palpate::recording)
+palpate_unit_test(recording_replay_test recording_replay_test.cpp SANITIZED palpate::recording)
 
 add_executable(recording_child recording_child.cpp)
 target_link_libraries(recording_child PRIVATE palpate::recording)

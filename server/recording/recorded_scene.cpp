@@ -1,0 +1,47 @@
+#include "server/recording/recorded_scene.h"
+
+#include <utility>
+
+#include "common/error/error.h"
+
+namespace palpate {
+
+RecordedScene ToRecorded(const Scene& scene, const VolumeHash& hash, double tick_period_s,
+                         double max_force_n) {
+  return {.settings_revision = scene.settings_revision,
+          .volume_revision = scene.volume->revision(),
+          .geometry_revision = scene.surface.geometry_revision,
+          .isovalue = scene.isovalue,
+          .normalized_isovalue = scene.surface.sign() * scene.surface.isovalue,
+          .settings = scene.settings,
+          .method = scene.surface.method,
+          .X_DI = scene.surface.X_DI,
+          .volume_hash = hash,
+          .volume_source = scene.volume->metadata().source,
+          .tick_period_s = tick_period_s,
+          .max_force_n = max_force_n};
+}
+
+Scene ToScene(const RecordedScene& recorded, std::shared_ptr<const VolumeSnapshot> volume,
+              const VolumeHash& hash) {
+  if (hash != recorded.volume_hash) {
+    throw Error(ErrorKind::kConflict,
+                "another volume was recorded: load " + recorded.volume_source + " as it was then");
+  }
+  if (!recorded.unknown_settings.empty()) {
+    throw Error(ErrorKind::kConflict, "recorded with the setting " +
+                                          recorded.unknown_settings.front() +
+                                          ", which this program does not know: use a newer one");
+  }
+  Scene scene;
+  scene.surface =
+      MakeHapticSurface(*volume, recorded.X_DI, recorded.normalized_isovalue, recorded.method,
+                        recorded.geometry_revision, recorded.settings.free_side);
+  scene.volume = std::move(volume);
+  scene.isovalue = recorded.isovalue;
+  scene.settings = recorded.settings;
+  scene.settings_revision = recorded.settings_revision;
+  return scene;
+}
+
+}  // namespace palpate
