@@ -2,9 +2,11 @@
 //
 // Samples are stored by fields: numbers of one field, each as its difference to
 // the one before, byte by byte of equal weight, so that what changes little
-// becomes long runs of zeros for the packer. Settings are lines "key=value", with
-// the names of settings.h and numbers in the shortest form that reads back to
-// the same bits, so that a new setting leaves old recordings readable.
+// becomes long runs of zeros for the packer: 103 bytes per tick of a hand that
+// explores, where plain structs pack to 132 and XOR with the one before to 111.
+// Settings are lines "key=value", with the names of settings.h and numbers in the
+// shortest form that reads back to the same bits, so that a new setting leaves old
+// recordings readable.
 //
 // Threads: pure. Not for real-time code.
 #pragma once

@@ -9,7 +9,8 @@
 // Real-time: OnSample is wait-free and does not allocate. Nothing else is for
 // real-time code.
 // Ownership: owns the output and the writer thread. The pump may hold it by
-// weak_ptr for as long as it likes.
+// weak_ptr for as long as it likes; Stop before the last owner lets go, which may
+// be the pump, since the destructor waits for the disk.
 // Errors: what the writer thread meets ends the recording there, keeps what was
 // written, and is in the report.
 #pragma once
@@ -60,10 +61,11 @@ class Recorder final : public SampleSink {
   // kUnavailable where too many wait or the recording has ended.
   void Mark(const std::string& text);
 
-  // What is on the disk so far; ticks that wait are in neither count.
+  // What is written so far; ticks that wait are in neither count.
   RecorderReport report() const;
 
-  // Writes what was delivered, and the end. Again: the same report.
+  // Writes what was delivered, and the end; waits for the disk. Again: the same
+  // report.
   RecorderReport Stop();
 
  private:

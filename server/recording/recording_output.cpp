@@ -5,6 +5,7 @@
 #include <unistd.h>
 
 #include <cerrno>
+#include <chrono>
 #include <string>
 #include <system_error>
 #include <utility>
@@ -13,6 +14,8 @@
 
 namespace palpate {
 namespace {
+
+constexpr std::chrono::seconds kSyncPeriod{1};
 
 class RecordingFile final : public RecordingOutput {
  public:
@@ -41,9 +44,17 @@ class RecordingFile final : public RecordingOutput {
         TakeBackAndFail();
       }
     }
-    if (fdatasync(file_) != 0) TakeBackAndFail();
+    const auto now = std::chrono::steady_clock::now();
+    if (!named_ || now - synced_ > kSyncPeriod) {
+      if (fdatasync(file_) != 0) TakeBackAndFail();
+      synced_ = now;
+    }
     size_ += static_cast<off_t>(bytes.size());
     if (!named_) TakeName();
+  }
+
+  void Sync() override {
+    if (fdatasync(file_) != 0) Fail();
   }
 
  private:
@@ -105,6 +116,7 @@ class RecordingFile final : public RecordingOutput {
   const bool overwrite_;
   int file_ = -1;
   off_t size_ = 0;
+  std::chrono::steady_clock::time_point synced_{};
   bool named_ = false;
 };
 

@@ -12,14 +12,17 @@ namespace palpate {
 class RecordingOutput {
  public:
   virtual ~RecordingOutput() = default;
-  // All of the bytes are kept when this returns, also if the machine stops then.
-  // Throws Error, and keeps none of them then.
+  // All of the bytes are kept when this returns, also if the program is killed
+  // then. Throws Error, and keeps none of them then.
   virtual void Append(std::string_view bytes) = 0;
+  // Also if the power goes.
+  virtual void Sync() = 0;
 };
 
 // A new file. It takes its name with the first Append, so that at any time `path`
 // is as it was or begins with whole bytes of that Append, even when the program
-// is killed.
+// is killed. A power cut costs about the last second: to sync every chunk would
+// be too slow for settings that are dragged about.
 //
 // Throws Error: kConflict where `path` is there, unless `overwrite`; kUnavailable
 // where nothing can be written. Append: kConflict where `path` has come to be in

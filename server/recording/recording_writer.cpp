@@ -56,6 +56,7 @@ void RecordingWriter::SkipTo(std::uint64_t tick) {
 
 void RecordingWriter::AppendEnd() {
   Write(RecordedEnd{.ticks = counts_.ticks, .lost_ticks = counts_.lost_ticks});
+  output_->Sync();
 }
 
 void RecordingWriter::AppendEvent(std::uint64_t tick, const RecordedChunk& event) {

@@ -1,4 +1,5 @@
-// Writes a recording, chunk by chunk; each is on the disk when its call returns.
+// Writes a recording, chunk by chunk; each is kept when its call returns, even if
+// the program is killed.
 //
 // Calls come in the order of ticks. Ticks between them that were not appended
 // are declared as a gap by the next call.

@@ -52,6 +52,7 @@ class MemoryOutput : public RecordingOutput {
  public:
   explicit MemoryOutput(std::shared_ptr<std::string> bytes) : bytes_(std::move(bytes)) {}
   void Append(std::string_view bytes) override { bytes_->append(bytes); }
+  void Sync() override {}
 
  private:
   std::shared_ptr<std::string> bytes_;

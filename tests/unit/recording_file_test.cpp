@@ -144,7 +144,8 @@ TEST(RecordingFile, OfAKilledProgramIsReadableToItsLastChunk) {
 
 TEST(RecordingFile, KilledWhileOverwritingIsTheOldOneOrTheNew) {
   int old_ones = 0, new_ones = 0;
-  for (int round = 0; round < 40; ++round) {
+  // Later in each round, until some are killed after the new one has its name.
+  for (int round = 0; new_ones < 8 && round < 400; ++round) {
     const TemporaryFolder folder;
     const auto path = folder.path() / "a.palpate";
     Write(path, false, 3);
@@ -158,8 +159,8 @@ TEST(RecordingFile, KilledWhileOverwritingIsTheOldOneOrTheNew) {
     EXPECT_TRUE(!is_old || contents.ticks == 3);
     ++(is_old ? old_ones : new_ones);
   }
-  std::printf("%d old, %d new\n", old_ones, new_ones);
   EXPECT_GT(old_ones, 0);
+  EXPECT_EQ(new_ones, 8);
 }
 
 // A gyroid, as it is felt by the simulated device.
