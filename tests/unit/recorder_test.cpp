@@ -61,6 +61,16 @@ class SlowOutput final : public MemoryOutput {
   bool waiting_ = false;
 };
 
+// A disk that takes its time over each chunk.
+class LazyOutput final : public MemoryOutput {
+ public:
+  using MemoryOutput::MemoryOutput;
+  void Append(std::string_view bytes) override {
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    MemoryOutput::Append(bytes);
+  }
+};
+
 // A disk that is full after some bytes.
 class FullOutput final : public MemoryOutput {
  public:
@@ -234,7 +244,7 @@ TEST_F(RecorderTest, TicksLostAtTheEndAreDeclaredToo) {
 
 // The pump delivers all the while, faster than the disk takes.
 TEST_F(RecorderTest, StopIsHeardThoughTheRingIsNeverEmpty) {
-  Recorder recorder(std::make_unique<MemoryOutput>(bytes_), "test");
+  Recorder recorder(std::make_unique<LazyOutput>(bytes_), "test");
   std::atomic<bool> done{false};
   std::thread pump([&] {
     TickSample sample = SampleOf(0);

@@ -196,6 +196,22 @@ TEST(RecordingFormat, EveryChangedByteIsSeen) {
   }
 }
 
+TEST(RecordingFormat, ChunksThatAreMissingOrTwiceAreSeen) {
+  const std::string header = FrameHeader({.program = "test"});
+  const Payload marker = EncodeChunk(RecordedMarker{.text = "m"});
+  const Payload end = EncodeChunk(RecordedEnd{});
+  const auto is_complete = [&](std::uint64_t second, std::uint64_t last) {
+    RecordingReader reader = ReadBytes(header + FrameChunk(marker, 0) + FrameChunk(marker, second) +
+                                       FrameChunk(end, last));
+    ReadAll(reader);
+    return reader.complete();
+  };
+  EXPECT_TRUE(is_complete(1, 2));
+  EXPECT_FALSE(is_complete(0, 1));
+  EXPECT_FALSE(is_complete(2, 3));
+  EXPECT_FALSE(is_complete(1, 3));
+}
+
 TEST(RecordingFormat, BytesAfterTheEndAreSeen) {
   RecordingReader reader = ReadBytes(SmallRecording() + "x");
   ReadAll(reader);
@@ -274,6 +290,10 @@ TEST(SettingsText, ComesBackBitForBit) {
     for (const NumberSetting& number : kNumberSettings) {
       ASSERT_EQ(read.*number.member, settings.*number.member);
     }
+    for (const FlagSetting& flag : kFlagSettings) {
+      ASSERT_EQ(read.*flag.member, settings.*flag.member);
+    }
+    ASSERT_EQ(read.free_side, settings.free_side);
     EXPECT_TRUE(unknown.empty());
   }
 }
