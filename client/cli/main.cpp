@@ -2,17 +2,16 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
-#include <cmath>
 #include <csignal>
 #include <cstdio>
 #include <cstdlib>
 #include <exception>
-#include <functional>
 #include <string>
 #include <vector>
 
 #include "client/cli/connection.h"
 #include "client/cli/info_command.h"
+#include "client/cli/invocation.h"
 #include "client/cli/load_command.h"
 #include "client/cli/output.h"
 #include "client/cli/set_command.h"
@@ -22,44 +21,6 @@
 
 namespace palpate::cli {
 namespace {
-
-// What the command line asked for.
-struct Invocation {
-  ServerAddress address;
-  bool json = false;
-  std::function<void(const Connection&)> command;
-};
-
-CLI::Validator Finite() {
-  return CLI::Validator(
-      [](const std::string& text) {
-        double value = 0.0;
-        const bool is_number = CLI::detail::lexical_cast(text, value) && std::isfinite(value);
-        return is_number ? std::string() : "'" + text + "' is not a number";
-      },
-      "");
-}
-
-// A number above 0, up to `greatest`.
-CLI::Validator Positive(double greatest = HUGE_VAL) {
-  return CLI::Validator(
-      [greatest](const std::string& text) {
-        double value = 0.0;
-        const bool is_valid = CLI::detail::lexical_cast(text, value) && std::isfinite(value) &&
-                              value > 0.0 && value <= greatest;
-        return is_valid
-                   ? std::string()
-                   : "'" + text + "' is not a number above 0" +
-                         (std::isfinite(greatest) ? fmt::format(", up to {:g}", greatest) : "");
-      },
-      "");
-}
-
-// Examples, and what holds for every command.
-void SetFooter(CLI::App& command, const std::string& examples) {
-  command.footer(examples +
-                 "\nWhich palpated: --socket PATH or --server HOST:PORT, see palpate --help");
-}
 
 void AddInfo(CLI::App& app, Invocation& invocation) {
   CLI::App* command =

@@ -45,6 +45,8 @@ std::string ModeName(v1::ProxyMode mode) {
       return "ejecting";
     case v1::PROXY_MODE_FAULT:
       return "fault";
+    case v1::PROXY_MODE_SUSPENDED:
+      return "suspended";
     default:
       return "unspecified";
   }

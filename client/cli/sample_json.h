@@ -13,7 +13,7 @@ namespace palpate::cli {
 // full precision.
 Json ToJson(const v1::PoseSample& sample);
 
-// "free", "constrained", "ejecting", "fault".
+// "free", "constrained", "ejecting", "fault", "suspended".
 std::string ModeName(v1::ProxyMode mode);
 
 }  // namespace palpate::cli

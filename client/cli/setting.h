@@ -28,7 +28,7 @@ inline constexpr Setting kNormalizedIsovalue = {
     "normalized_isovalue", "normalized_isovalue", "0 to 1", "",
     "the same over the volume's range at load; also: isovalue --normalized"};
 
-inline constexpr std::array<Setting, 12> kSettings = {{
+inline constexpr std::array<Setting, 16> kSettings = {{
     {"stiffness_n_per_mm", "stiffness", "0 to 3 N/mm", " N/mm",
      "force per device motion into the surface"},
     {"damping_n_s_per_m", "damping", "0 to 5 N·s/m", " N·s/m",
@@ -49,6 +49,13 @@ inline constexpr std::array<Setting, 12> kSettings = {{
      "the surface gives off no more energy than it took in"},
     {"free_side", "free_side", "below or above", "",
      "side of the isovalue on which the stylus is free"},
+    {"carve_tool", "carve_tool", "on or off", "",
+     "the stylus carves around the proxy while its button 0 is held"},
+    {"carve_radius_mm", "carve_radius", "0.1 to 20 mm", " mm", "of the sphere that it carves"},
+    {"carve_rate_per_s", "carve_rate", "-20 to 20 1/s", " 1/s",
+     "share of the range of values taken away per second; negative: added"},
+    {"clutch_tool", "clutch_tool", "on or off", "",
+     "the stylus moves the volume, forces off, while its button 1 is held"},
     {"method", "method", "tpbcc, bcc, tptd or tpbcc-published", "",
      "how cells are cut; tpbcc keeps topology"},
 }};

@@ -70,7 +70,7 @@ void WatchStatistics::Add(const v1::StreamPosesResponse& message, int count, std
 
 // The proxy is where it must never be.
 bool IsInside(const v1::PoseSample& sample) {
-  if (sample.mode() == v1::PROXY_MODE_EJECTING || sample.mode() == v1::PROXY_MODE_FAULT) {
+  if (sample.mode() != v1::PROXY_MODE_FREE && sample.mode() != v1::PROXY_MODE_CONSTRAINED) {
     return false;
   }
   return sample.free_side() == v1::FREE_SIDE_ABOVE ? sample.density() < sample.isovalue()

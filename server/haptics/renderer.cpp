@@ -186,6 +186,24 @@ HapticOutput StepRenderer(const HapticSurface& surface, const HapticSettings& se
   return output;
 }
 
+HapticOutput SuspendRenderer(const Vec3& p_DHip_mm, double dt_s, RendererState& state) noexcept {
+  HapticOutput output;
+  output.input_rejected = !IsPosition(p_DHip_mm);
+  if (output.input_rejected) {
+    state.rejected_s += dt_s;
+  } else {
+    TrackHip(p_DHip_mm, dt_s, state);
+  }
+  output.p_DHip_mm = output.proxy.p_DH_mm = state.p_DLastHip_mm = state.p_DHip_mm;
+  state.proxy = Proxy();
+  state.friction = FrictionState();
+  state.passivity = PassivityState();
+  state.popped = false;
+  state.pop_fade = state.spring_mj = 0.0;
+  state.felt_D_n = state.limited_D_n = state.by_design_D_n = Vec3::Zero();
+  return output;
+}
+
 void TellWrittenForce(const Vec3& written_D_n, RendererState& state) noexcept {
   if (!state.passivity.started) return;
   // What a limit took off is taken off both parts, each by its share.

@@ -60,6 +60,10 @@ struct HapticOutput {
 HapticOutput StepRenderer(const HapticSurface& surface, const HapticSettings& settings,
                           const Vec3& p_DHip_mm, double dt_s, RendererState& state) noexcept;
 
+// A step in which nothing is felt: the proxy is where the HIP is. The next
+// StepRenderer begins anew there.
+HapticOutput SuspendRenderer(const Vec3& p_DHip_mm, double dt_s, RendererState& state) noexcept;
+
 // After each step, where the force is limited further before it is written: the
 // passivity control accounts for what the hand gets.
 void TellWrittenForce(const Vec3& written_D_n, RendererState& state) noexcept;

@@ -1,6 +1,7 @@
-// How a surface feels: what users set while they touch.
+// How a surface feels and what the stylus does to it: what users set while they
+// touch.
 //
-// Every effect is off by default; stiffness alone is felt then.
+// Every effect and tool is off by default; stiffness alone is felt then.
 // Units: in the names; forces and lengths are those of the device.
 // Threads: plain values.
 #pragma once
@@ -31,12 +32,24 @@ struct HapticSettings {
   // Pull towards H from a distance below magnet_range_mm; greatest half way.
   double magnet_force_n = 0.0;
   double magnet_range_mm = 2.0;
+  // Of the carve tool; the rate is a share of the range of values per second, and
+  // a negative one adds.
+  double carve_radius_mm = 2.0;
+  double carve_rate_per_s = 2.0;
   // Force along a normal that varies smoothly over H.
   bool force_shading = false;
   // Keeps the rendered surface from giving off more energy than it took in.
   bool passivity_control = false;
+  // Tools, which work while a button of the stylus is held: kCarveButton takes the
+  // volume away around the proxy, kClutchButton moves it with the stylus.
+  bool carve_tool = false;
+  bool clutch_tool = false;
   FreeSide free_side = FreeSide::kBelow;
 };
+
+// Bits of DeviceState::buttons.
+inline constexpr std::uint32_t kCarveButton = 1u << 0;
+inline constexpr std::uint32_t kClutchButton = 1u << 1;
 
 // Settings by the names that configuration files, clients and command lines use.
 struct NumberSetting {
@@ -45,7 +58,7 @@ struct NumberSetting {
   double low, high;
   std::string_view unit;  // with a leading blank; empty: a ratio
 };
-inline constexpr std::array<NumberSetting, 8> kNumberSettings = {{
+inline constexpr std::array<NumberSetting, 10> kNumberSettings = {{
     {"stiffness_n_per_mm", &HapticSettings::stiffness_n_per_mm, 0.0, 3.0, " N/mm"},
     {"damping_n_s_per_m", &HapticSettings::damping_n_s_per_m, 0.0, 5.0, " N·s/m"},
     {"static_friction", &HapticSettings::static_friction, 0.0, 2.0, ""},
@@ -54,15 +67,19 @@ inline constexpr std::array<NumberSetting, 8> kNumberSettings = {{
     {"pop_force_n", &HapticSettings::pop_force_n, 0.0, 3.3, " N"},
     {"magnet_force_n", &HapticSettings::magnet_force_n, 0.0, 1.5, " N"},
     {"magnet_range_mm", &HapticSettings::magnet_range_mm, 0.0, 10.0, " mm"},
+    {"carve_radius_mm", &HapticSettings::carve_radius_mm, 0.1, 20.0, " mm"},
+    {"carve_rate_per_s", &HapticSettings::carve_rate_per_s, -20.0, 20.0, " 1/s"},
 }};
 
 struct FlagSetting {
   std::string_view key;
   bool HapticSettings::*member;
 };
-inline constexpr std::array<FlagSetting, 2> kFlagSettings = {{
+inline constexpr std::array<FlagSetting, 4> kFlagSettings = {{
     {"force_shading", &HapticSettings::force_shading},
     {"passivity_control", &HapticSettings::passivity_control},
+    {"carve_tool", &HapticSettings::carve_tool},
+    {"clutch_tool", &HapticSettings::clutch_tool},
 }};
 
 inline constexpr std::array<std::string_view, 2> kFreeSideNames = {"below", "above"};

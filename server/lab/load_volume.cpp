@@ -23,7 +23,7 @@ std::shared_ptr<const VolumeSnapshot> LoadVolume(const std::string& source,
   const VolumeLoader loader{.import_program = import_program};
   std::vector<std::string> warnings;
   const VolumeFile file = loader.Load(
-      absolute, spacing_mm,
+      {.source = absolute, .spacing_mm = spacing_mm},
       [&](std::string_view stage, double fraction) {
         if (progress) progress(stage, fraction);
       },

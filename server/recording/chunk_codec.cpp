@@ -34,6 +34,7 @@ Payload Encode(const RecordedSamples& samples) {
 Payload Encode(const RecordedScene& scene) {
   ByteWriter writer;
   writer.Put(scene.tick);
+  writer.Put(scene.scene_revision);
   writer.Put(scene.settings_revision);
   writer.Put(scene.volume_revision);
   writer.Put(scene.geometry_revision);
@@ -47,12 +48,14 @@ Payload Encode(const RecordedScene& scene) {
   writer.PutText(scene.volume_source);
   writer.Put(scene.tick_period_s);
   writer.Put(scene.max_force_n);
+  writer.Put(scene.forces_off);
   return {ChunkType::kScene, std::move(writer).Take()};
 }
 
 RecordedScene DecodeScene(ByteReader& reader) {
   RecordedScene scene;
   scene.tick = reader.Get<std::uint64_t>();
+  scene.scene_revision = reader.Get<std::uint64_t>();
   scene.settings_revision = reader.Get<std::uint64_t>();
   scene.volume_revision = reader.Get<std::uint64_t>();
   scene.geometry_revision = reader.Get<std::uint64_t>();
@@ -68,6 +71,7 @@ RecordedScene DecodeScene(ByteReader& reader) {
   scene.volume_source = reader.GetText();
   scene.tick_period_s = reader.Get<double>();
   scene.max_force_n = reader.Get<double>();
+  scene.forces_off = reader.Get<bool>();
   return scene;
 }
 

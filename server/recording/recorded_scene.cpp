@@ -8,7 +8,8 @@ namespace palpate {
 
 RecordedScene ToRecorded(const Scene& scene, const VolumeHash& hash, double tick_period_s,
                          double max_force_n) {
-  return {.settings_revision = scene.settings_revision,
+  return {.scene_revision = scene.scene_revision,
+          .settings_revision = scene.settings_revision,
           .volume_revision = scene.volume->revision(),
           .geometry_revision = scene.surface.geometry_revision,
           .isovalue = scene.isovalue,
@@ -19,7 +20,8 @@ RecordedScene ToRecorded(const Scene& scene, const VolumeHash& hash, double tick
           .volume_hash = hash,
           .volume_source = scene.volume->metadata().source,
           .tick_period_s = tick_period_s,
-          .max_force_n = max_force_n};
+          .max_force_n = max_force_n,
+          .forces_off = scene.forces_off};
 }
 
 Scene ToScene(const RecordedScene& recorded, std::shared_ptr<const VolumeSnapshot> volume,
@@ -41,6 +43,8 @@ Scene ToScene(const RecordedScene& recorded, std::shared_ptr<const VolumeSnapsho
   scene.isovalue = recorded.isovalue;
   scene.settings = recorded.settings;
   scene.settings_revision = recorded.settings_revision;
+  scene.scene_revision = recorded.scene_revision;
+  scene.forces_off = recorded.forces_off;
   return scene;
 }
 

@@ -105,8 +105,8 @@ void Recorder::Drain() {
 
 void Recorder::Take(const TickSample& sample) {
   std::optional<RecordedScene> scene;
-  if (sample.settings_revision != settings_revision_) scene = TakeScene(sample);
-  settings_revision_ = sample.settings_revision;
+  if (sample.scene_revision != scene_revision_) scene = TakeScene(sample);
+  scene_revision_ = sample.scene_revision;
   const std::vector<RecordedMarker> markers = TakeMarkers(sample.tick);
   if (scene || !markers.empty()) WriteSamples();
   if (scene) writer_.Append(*scene);
@@ -120,10 +120,10 @@ void Recorder::Take(const TickSample& sample) {
 // Scenes before the sample's were never used.
 std::optional<RecordedScene> Recorder::TakeScene(const TickSample& sample) {
   const std::lock_guard lock(mutex_);
-  while (!scenes_.empty() && scenes_.front().settings_revision <= sample.settings_revision) {
+  while (!scenes_.empty() && scenes_.front().scene_revision <= sample.scene_revision) {
     RecordedScene scene = std::move(scenes_.front());
     scenes_.pop_front();
-    if (scene.settings_revision == sample.settings_revision) {
+    if (scene.scene_revision == sample.scene_revision) {
       scene.tick = sample.tick;
       return scene;
     }

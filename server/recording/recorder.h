@@ -53,7 +53,7 @@ class Recorder final : public SampleSink {
 
   // Before the pump delivers samples of this scene: the one in use before
   // subscribing, every other before it is published. It is written with the first
-  // tick of its settings_revision; `scene.tick` is ignored. A scene that no tick
+  // tick of its scene_revision; `scene.tick` is ignored. A scene that no tick
   // used is left out.
   void NoteScene(const RecordedScene& scene);
 
@@ -92,7 +92,7 @@ class Recorder final : public SampleSink {
   RecordingWriter writer_;
   std::vector<TickSample> samples_;
   std::int64_t samples_since_ns_ = 0;
-  std::optional<std::uint64_t> settings_revision_;
+  std::optional<std::uint64_t> scene_revision_;
 
   mutable std::mutex mutex_;  // guards what follows
   std::condition_variable stop_;

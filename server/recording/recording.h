@@ -34,6 +34,7 @@ inline constexpr std::size_t kSamplesPerChunk = 1000;
 // All but the voxels that the servo computes with, from `tick` on.
 struct RecordedScene {
   std::uint64_t tick = 0;  // the first recorded one that used it
+  std::uint64_t scene_revision = 0;
   std::uint64_t settings_revision = 0;
   std::uint64_t volume_revision = 0;
   std::uint64_t geometry_revision = 0;  // of HapticSurface
@@ -49,6 +50,7 @@ struct RecordedScene {
   std::string volume_source{};
   double tick_period_s = 0.0;
   double max_force_n = 0.0;  // the limit of the safety stage
+  bool forces_off = false;
 };
 
 // A change of the volume, in the bytes of those who made it.

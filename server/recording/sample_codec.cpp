@@ -36,7 +36,7 @@ template <class Field>
 void FromWord(std::uint64_t word, Field& field) {
   if constexpr (std::is_enum_v<Field> || std::is_same_v<Field, bool>) {
     constexpr std::uint64_t kCount = [] {
-      if constexpr (std::is_same_v<Field, TickMode>) return std::uint64_t{4};
+      if constexpr (std::is_same_v<Field, TickMode>) return std::uint64_t{5};
       return std::uint64_t{2};
     }();
     if (word >= kCount) throw DamagedBytes("damaged: a field is out of its range");

@@ -21,6 +21,7 @@ constexpr void VisitFields(Sample& sample, Visit&& visit) {
   visit("mode", sample.mode);
   visit("contact", sample.contact);
   visit("free_side", sample.free_side);
+  visit("input_rejected", sample.input_rejected);
   vector(sample.hip_mm, "hip_x_mm", "hip_y_mm", "hip_z_mm");
   vector(sample.scp_h_mm, "scp_h_x_mm", "scp_h_y_mm", "scp_h_z_mm");
   vector(sample.scp_h_normal, "scp_h_normal_x", "scp_h_normal_y", "scp_h_normal_z");
@@ -35,6 +36,7 @@ constexpr void VisitFields(Sample& sample, Visit&& visit) {
   visit("buttons", sample.buttons);
   visit("density", sample.density);
   visit("isovalue", sample.isovalue);
+  visit("scene_revision", sample.scene_revision);
   visit("settings_revision", sample.settings_revision);
   visit("volume_revision", sample.volume_revision);
   visit("update_ns", sample.update_ns);

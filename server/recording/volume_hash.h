@@ -1,9 +1,10 @@
 // A name for the contents of a volume, so that a replay can tell whether it has
 // the volume that was recorded.
 //
-// Of size, spacing, value range and normalised densities in lattice order: what
-// is felt depends on nothing else of a volume, wherever it was loaded from.
-// Threads: any. Not for real-time code: reads every voxel.
+// Of size, spacing, value range and voxels: what is felt depends on nothing else
+// of a volume, wherever it was loaded from. The voxels come in by their content
+// hash, so that this costs nothing.
+// Threads: any. Not for real-time code.
 #pragma once
 
 #include <cstdint>

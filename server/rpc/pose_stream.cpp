@@ -33,6 +33,8 @@ v1::ProxyMode ToProto(TickMode mode) {
       return v1::PROXY_MODE_EJECTING;
     case TickMode::kFault:
       return v1::PROXY_MODE_FAULT;
+    case TickMode::kSuspended:
+      return v1::PROXY_MODE_SUSPENDED;
   }
   return v1::PROXY_MODE_UNSPECIFIED;
 }

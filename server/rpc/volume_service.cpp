@@ -25,7 +25,9 @@ v1::VolumeDescription ToProto(const VolumeState& state) {
   *out.mutable_world_from_index() = palpate::ToProto(metadata.WorldFromIndex());
   *out.mutable_device_from_index() = palpate::ToProto(state.X_DI);
   out.set_device_mm_per_volume_mm(state.registration.device_mm_per_volume_mm);
-  out.set_memory_bytes(state.volume->memory_bytes());
+  out.set_memory_bytes(state.volume->bricks().MemoryBytes());
+  out.set_loaded_revision(state.volume->loaded_revision());
+  out.set_frames(static_cast<std::uint32_t>(metadata.frames));
   return out;
 }
 

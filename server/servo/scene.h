@@ -26,6 +26,8 @@ struct Scene {
   double isovalue = 0.0;  // data units
   HapticSettings settings;
   std::uint64_t settings_revision = 0;
+  std::uint64_t scene_revision = 0;  // of all of this
+  bool forces_off = false;           // nothing is felt; the proxy starts anew afterwards
 };
 
 // The servo thread's two doors.

@@ -26,6 +26,7 @@ void Describe(const Scene& scene, const HapticOutput& output, TickSample& sample
   sample.mode = ToTickMode(output.proxy.mode);
   sample.free_side = output.free_side;
   sample.contact = !output.proxy.normal_D.isZero();
+  sample.input_rejected = output.input_rejected;
   sample.has_scp_v = output.visual.found;
   sample.scp_v_mm = ToArray(output.visual.p_DV_mm);
   sample.scp_v_normal = ToArray(output.visual.normal_D);
@@ -45,6 +46,7 @@ TickSample ServoTick::Run(const Scene& scene, const TickTime& time) noexcept {
   sample.missed_ticks = time.missed;
   sample.isovalue = scene.isovalue;
   sample.settings_revision = scene.settings_revision;
+  sample.scene_revision = scene.scene_revision;
   sample.volume_revision = scene.volume->revision();
 
   // Missed ticks lengthen the time over which the stylus has moved.
@@ -53,12 +55,21 @@ TickSample ServoTick::Run(const Scene& scene, const TickTime& time) noexcept {
 
   const DeviceStatus status = device_.Read(stylus_);
   const std::int64_t before_ns = MonotonicNowNs();
-  const HapticOutput output =
-      StepRenderer(scene.surface, scene.settings, stylus_.p_DHip_mm, elapsed_s, renderer_);
+  const bool suspended =
+      scene.forces_off || (scene.settings.clutch_tool && (stylus_.buttons & kClutchButton) != 0);
+  const HapticOutput output = suspended ? SuspendRenderer(stylus_.p_DHip_mm, elapsed_s, renderer_)
+                                        : StepRenderer(scene.surface, scene.settings,
+                                                       stylus_.p_DHip_mm, elapsed_s, renderer_);
   Describe(scene, output, sample);
+  if (suspended) {
+    sample.mode = TickMode::kSuspended;
+    sample.free_side = scene.settings.free_side;
+  }
   const std::uint64_t faults_before = safety_.faults();
   Vec3 force_D_n = safety_.Limit(output.force_D_n, kTickPeriodS);
-  if (status != DeviceStatus::kOk || output.input_rejected) force_D_n = safety_.CutOff();
+  if (status != DeviceStatus::kOk || output.input_rejected || suspended) {
+    force_D_n = safety_.CutOff();
+  }
   if (status != DeviceStatus::kOk || output.input_rejected || safety_.faults() != faults_before) {
     sample.mode = TickMode::kFault;
     ++faulty_ticks_;

@@ -13,7 +13,7 @@
 
 namespace palpate {
 
-enum class TickMode : std::uint8_t { kFree, kConstrained, kEjecting, kFault };
+enum class TickMode : std::uint8_t { kFree, kConstrained, kEjecting, kFault, kSuspended };
 
 struct TickSample {
   std::uint64_t tick = 0;
@@ -27,6 +27,7 @@ struct TickSample {
   std::array<double, 3> force_n{};
   double density = 0.0;
   double isovalue = 0.0;
+  std::uint64_t scene_revision = 0;  // rises with whatever is published to the servo
   std::uint64_t settings_revision = 0;
   std::uint64_t volume_revision = 0;
   std::int64_t update_ns = 0;
@@ -39,6 +40,7 @@ struct TickSample {
   FreeSide free_side = FreeSide::kBelow;
   bool contact = false;
   bool has_scp_v = false;
+  bool input_rejected = false;  // no position; hip_mm is the last good one
 };
 static_assert(std::is_trivially_copyable_v<TickSample>);
 

@@ -37,16 +37,16 @@ void Pump::Subscribe(std::weak_ptr<SampleSink> sink) {
   sinks_.push_back(std::move(sink));
 }
 
-std::optional<AppliedTick> Pump::WaitForRevision(std::uint64_t settings_revision,
-                                                 std::chrono::milliseconds timeout) {
+std::optional<AppliedTick> Pump::WaitForScene(std::uint64_t scene_revision,
+                                              std::chrono::milliseconds timeout) {
   std::unique_lock lock(revisions_mutex_);
   const auto seen = [&] {
-    return !first_uses_.empty() && first_uses_.back().settings_revision >= settings_revision;
+    return !first_uses_.empty() && first_uses_.back().scene_revision >= scene_revision;
   };
   if (!revision_seen_.wait_for(lock, timeout, seen)) return std::nullopt;
   const auto first = std::lower_bound(
-      first_uses_.begin(), first_uses_.end(), settings_revision,
-      [](const FirstUse& use, std::uint64_t revision) { return use.settings_revision < revision; });
+      first_uses_.begin(), first_uses_.end(), scene_revision,
+      [](const FirstUse& use, std::uint64_t revision) { return use.scene_revision < revision; });
   return first->applied;
 }
 
@@ -77,12 +77,12 @@ void Pump::Deliver(const TickSample& sample) {
 
 void Pump::NoteRevision(const TickSample& sample) {
   // Only this thread writes, so that it may look without the lock.
-  if (!first_uses_.empty() && first_uses_.back().settings_revision == sample.settings_revision) {
+  if (!first_uses_.empty() && first_uses_.back().scene_revision == sample.scene_revision) {
     return;
   }
   {
     const std::lock_guard lock(revisions_mutex_);
-    first_uses_.push_back({sample.settings_revision, {sample.tick, sample.time_ns}});
+    first_uses_.push_back({sample.scene_revision, {sample.tick, sample.time_ns}});
     if (first_uses_.size() > kRememberedRevisions) first_uses_.pop_front();
   }
   revision_seen_.notify_all();

@@ -2,10 +2,10 @@
 //
 // The pump thread drains the outbox about once a millisecond, shortly after the
 // servo's tick, so that the servo never has to wake anybody. It hands every
-// sample to every sink, in order, and keeps the first tick of each settings
+// sample to every sink, in order, and keeps the first tick of each scene
 // revision for those who wait for their change to be felt.
 //
-// Threads: Subscribe and WaitForRevision on any ordinary thread;
+// Threads: Subscribe and WaitForScene on any ordinary thread;
 // sinks are called on the pump thread and must not block.
 // Ownership: borrows the outbox; sinks are held by weak_ptr.
 #pragma once
@@ -31,7 +31,7 @@ class SampleSink {
   virtual void OnSample(const TickSample& sample) = 0;
 };
 
-// The tick at which a revision of the settings was first used.
+// The tick at which a scene was first used.
 struct AppliedTick {
   std::uint64_t tick = 0;
   std::int64_t time_ns = 0;
@@ -49,12 +49,12 @@ class Pump {
 
   // First tick with this revision or a newer one; none when it does not come in
   // time.
-  std::optional<AppliedTick> WaitForRevision(std::uint64_t settings_revision,
-                                             std::chrono::milliseconds timeout);
+  std::optional<AppliedTick> WaitForScene(std::uint64_t scene_revision,
+                                          std::chrono::milliseconds timeout);
 
  private:
   struct FirstUse {
-    std::uint64_t settings_revision;
+    std::uint64_t scene_revision;
     AppliedTick applied;
   };
 

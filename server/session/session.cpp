@@ -68,6 +68,13 @@ void CheckMethod(DecompositionMethod method, const DeviceSpec& device) {
                   "bcc");
 }
 
+void CheckRevision(const std::optional<std::uint64_t>& expected, std::uint64_t current) {
+  if (!expected || *expected == current) return;
+  throw Error(
+      ErrorKind::kConflict,
+      fmt::format("the settings are at revision {}, not {}: read them again", current, *expected));
+}
+
 RenderSettings Changed(const VolumeSnapshot& volume, RenderSettings settings,
                        const SettingsUpdate& update) {
   if (update.isovalue || update.normalized_isovalue) {
@@ -92,7 +99,11 @@ SettingsState Session::settings() const {
 
 VolumeState Session::volume() const {
   const std::lock_guard lock(mutex_);
-  return {volume_, registration_, X_DI_, settings_revision_};
+  return VolumeLocked();
+}
+
+VolumeState Session::VolumeLocked() const {
+  return {volume_, registration_, X_DI_, settings_revision_, scene_revision_};
 }
 
 void Session::SetInitial(const RenderSettings& settings) {
@@ -103,86 +114,131 @@ void Session::SetInitial(const RenderSettings& settings) {
   settings_.method = settings.method;
 }
 
-std::uint64_t Session::PublishLocked() {
+void Session::PublishLocked(std::span<const BrickChange> changes) {
   auto scene = std::make_unique<Scene>();
   scene->volume = volume_;
   scene->isovalue = settings_.isovalue;
   scene->settings = settings_.haptics;
-  scene->settings_revision = ++settings_revision_;
+  scene->settings_revision = settings_revision_;
+  scene->scene_revision = ++scene_revision_;
+  scene->forces_off = forces_off_;
   scene->surface =
       MakeHapticSurface(*volume_, X_DI_, DensityOf(*volume_, settings_.isovalue), settings_.method,
                         geometry_revision_, settings_.haptics.free_side);
+  for (SceneListener* listener : listeners_) listener->OnScene(*scene, changes);
   inbox_.Publish(std::move(scene));
-  return settings_revision_;
 }
 
-AppliedTick Session::WaitForServo(std::uint64_t settings_revision) {
-  const std::optional<AppliedTick> applied =
-      pump_.WaitForRevision(settings_revision, kServoPatience);
+AppliedTick Session::WaitForServo(std::uint64_t scene_revision) {
+  const std::optional<AppliedTick> applied = pump_.WaitForScene(scene_revision, kServoPatience);
   if (!applied) throw Error(ErrorKind::kUnavailable, "the servo loop does not run");
   return *applied;
 }
 
 SettingsApplied Session::Update(const SettingsUpdate& update) {
   SettingsApplied result;
+  std::uint64_t scene_revision = 0;
   {
     const std::lock_guard lock(mutex_);
-    if (update.expected_revision && *update.expected_revision != settings_revision_) {
-      throw Error(ErrorKind::kConflict,
-                  fmt::format("the settings are at revision {}, not {}: read them again",
-                              settings_revision_, *update.expected_revision));
-    }
+    CheckRevision(update.expected_revision, settings_revision_);
     const RenderSettings changed = Changed(*volume_, settings_, update);
     CheckMethod(changed.method, device_);
     // Another decomposition is another surface to the proxy.
     if (changed.method != settings_.method) ++geometry_revision_;
     settings_ = changed;
+    ++settings_revision_;
     PublishLocked();
     result.state = {settings_, settings_revision_};
+    scene_revision = scene_revision_;
   }
-  result.applied = WaitForServo(result.state.settings_revision);
+  result.applied = WaitForServo(scene_revision);
   return result;
+}
+
+std::unique_lock<std::mutex> Session::BeginLoad() {
+  std::unique_lock loading(load_mutex_, std::try_to_lock);
+  if (!loading) {
+    throw Error(ErrorKind::kConflict, "another volume is being loaded: try again when it is done");
+  }
+  return loading;
 }
 
 VolumeState Session::Load(const LoadRequest& request, const LoadProgress& progress,
                           const LoadCancelled& cancelled) {
-  const std::unique_lock loading(load_mutex_, std::try_to_lock);
-  if (!loading) {
-    throw Error(ErrorKind::kConflict, "another volume is being loaded: try again when it is done");
-  }
+  const std::unique_lock loading = BeginLoad();
   std::vector<std::string> warnings;
-  const VolumeFile file =
-      loader_.Load(request.source, request.spacing_mm, progress, cancelled, warnings);
+  const VolumeFile file = loader_.Load(request, progress, cancelled, warnings);
   for (const std::string& warning : warnings) spdlog::warn("{}", warning);
   VolumeMetadata metadata = file.metadata;
   metadata.source = request.source;
+  progress("publishing", 1.0);
+  const BrickDirectory bricks = TakeBricks(*file.grid, metadata.size);
+  if (cancelled()) throw Error(ErrorKind::kCancelled, "loading was cancelled");
+  return PublishVolume(request, metadata, bricks);
+}
+
+VolumeState Session::PublishVolume(const LoadRequest& request, const VolumeMetadata& metadata,
+                                   const BrickDirectory& bricks) {
   const Registration registration =
       FitToWorkspace(metadata, device_, request.device_mm_per_volume_mm);
-  progress("publishing", 1.0);
-  // Only loads change the volume's revision, and there is one at a time.
-  const auto volume = MakeSnapshot(file.grid, metadata, volume_revision_ + 1);
-  if (cancelled()) throw Error(ErrorKind::kCancelled, "loading was cancelled");
-
+  const std::unique_lock voxels = LockVoxels();
   const std::lock_guard lock(mutex_);
+  const std::uint64_t revision = volume_revision_ + 1;
+  auto volume = std::make_shared<const VolumeSnapshot>(metadata, bricks.AllChangedAt(revision),
+                                                       revision, revision);
   const double isovalue = ChosenIsovalue(*volume, request.isovalue, request.normalized_isovalue,
                                          settings_.normalized_isovalue);
-  volume_ = volume;
-  ++volume_revision_;
+  volume_ = std::move(volume);
+  volume_revision_ = revision;
   ++geometry_revision_;
   registration_ = registration;
   X_DI_ = registration.X_DW * metadata.WorldFromIndex();
   settings_.isovalue = isovalue;
   settings_.normalized_isovalue = volume_->Normalize(isovalue);
+  ++settings_revision_;
   PublishLocked();
-  return {volume_, registration_, X_DI_, settings_revision_};
+  return VolumeLocked();
 }
 
 VolumeState Session::LoadAndWait(const LoadRequest& request, const LoadProgress& progress,
                                  const LoadCancelled& cancelled, AppliedTick& applied) {
   const VolumeState state = Load(request, progress, cancelled);
-  applied = WaitForServo(state.settings_revision);
+  applied = WaitForServo(state.scene_revision);
   inbox_.Collect();  // the volume felt so far
   return state;
+}
+
+VolumeState Session::PublishBricks(std::span<const BrickChange> changes) {
+  // Only holders of the voxels' lock change the volume: it can be read without the
+  // other one.
+  const std::uint64_t revision = volume_revision_ + 1;
+  auto changed = std::make_shared<const VolumeSnapshot>(volume_->metadata(),
+                                                        volume_->bricks().With(changes, revision),
+                                                        revision, volume_->loaded_revision());
+  const std::lock_guard lock(mutex_);
+  volume_ = std::move(changed);
+  volume_revision_ = revision;
+  ++geometry_revision_;
+  PublishLocked(changes);
+  return VolumeLocked();
+}
+
+VolumeState Session::Move(const std::function<Registration(const VolumeState&)>& change,
+                          const std::optional<std::uint64_t>& expected_revision) {
+  const std::lock_guard lock(mutex_);
+  CheckRevision(expected_revision, settings_revision_);
+  registration_ = change(VolumeLocked());
+  X_DI_ = registration_.X_DW * volume_->metadata().WorldFromIndex();
+  ++geometry_revision_;
+  ++settings_revision_;
+  PublishLocked();
+  return VolumeLocked();
+}
+
+void Session::SetForcesOff(bool off) {
+  const std::lock_guard lock(mutex_);
+  forces_off_ = off;
+  PublishLocked();
 }
 
 }  // namespace palpate

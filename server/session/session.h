@@ -2,6 +2,10 @@
 // Validates every change, publishes it to the servo as one scene, and says at
 // which tick it was first used.
 //
+// Revisions: of the scene, with all that is published; of the settings, with
+// settings, registration and volumes that are loaded; of the volume, with volumes
+// that are loaded and whatever changes voxels.
+//
 // Isovalues: in data units, or normalised over the range of the volume at load.
 // Threads: any ordinary thread; never the servo's. Changes are serialised.
 // Errors: Error; nothing changes then, and what was felt stays.
@@ -12,6 +16,7 @@
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -49,6 +54,16 @@ struct SettingsState {
   std::uint64_t settings_revision = 0;
 };
 
+// Told of every scene before the servo can see it, in order.
+class SceneListener {
+ public:
+  virtual ~SceneListener() = default;
+  // Of a scene with the volume of the one before it but for these bricks; none for
+  // another volume (its revision is its loaded_revision then). On the thread that
+  // publishes; must not block, nor call the session.
+  virtual void OnScene(const Scene& scene, std::span<const BrickChange> changes) = 0;
+};
+
 struct SettingsApplied {
   SettingsState state;
   AppliedTick applied;
@@ -59,14 +74,7 @@ struct VolumeState {
   Registration registration;
   AffineMap X_DI;
   std::uint64_t settings_revision = 0;
-};
-
-struct LoadRequest {
-  std::string source;
-  std::optional<double> isovalue{};
-  std::optional<double> normalized_isovalue{};
-  std::optional<Vec3> spacing_mm{};
-  std::optional<double> device_mm_per_volume_mm{};
+  std::uint64_t scene_revision = 0;  // for WaitForServo
 };
 
 class Session {
@@ -74,6 +82,9 @@ class Session {
   // Borrows all but the loader's options.
   Session(const DeviceSpec& device, SceneInbox& inbox, Pump& pump, VolumeLoader loader)
       : device_(device), inbox_(inbox), pump_(pump), loader_(std::move(loader)) {}
+
+  // Before the first Load; for the session's life.
+  void AddListener(SceneListener& listener) { listeners_.push_back(&listener); }
 
   // Once a Load has succeeded.
   SettingsState settings() const;
@@ -96,24 +107,57 @@ class Session {
   VolumeState LoadAndWait(const LoadRequest& request, const LoadProgress& progress,
                           const LoadCancelled& cancelled, AppliedTick& applied);
 
+  // For those who load by other ways: held for as long as it takes. kConflict while
+  // another load runs.
+  std::unique_lock<std::mutex> BeginLoad();
+  // Publishes another volume.
+  VolumeState PublishVolume(const LoadRequest& request, const VolumeMetadata& metadata,
+                            const BrickDirectory& bricks);
+
+  // Held by those who change voxels, from when they read volume() until they have
+  // published what they made of it. Do not wait for anything while holding it.
+  std::unique_lock<std::mutex> LockVoxels() { return std::unique_lock(voxels_mutex_); }
+  // Under LockVoxels: replaces bricks of volume().
+  VolumeState PublishBricks(std::span<const BrickChange> changes);
+
+  // Where the volume lies. `change` makes the new one of the present one, under the
+  // session's lock. kInvalidArgument; kConflict for another settings revision than
+  // expected.
+  VolumeState Move(const std::function<Registration(const VolumeState&)>& change,
+                   const std::optional<std::uint64_t>& expected_revision = {});
+
+  // Nothing is felt while on.
+  void SetForcesOff(bool off);
+
+  // The tick at which the servo first used a scene. kUnavailable.
+  AppliedTick WaitForServo(std::uint64_t scene_revision);
+
+  const DeviceSpec& device() const { return device_; }
+  const VolumeLoader& loader() const { return loader_; }
+
  private:
-  std::uint64_t PublishLocked();
-  AppliedTick WaitForServo(std::uint64_t settings_revision);
+  void PublishLocked(std::span<const BrickChange> changes = {});
+  VolumeState VolumeLocked() const;
 
   const DeviceSpec& device_;
   SceneInbox& inbox_;
   Pump& pump_;
   VolumeLoader loader_;
-  std::mutex load_mutex_;
+  std::vector<SceneListener*> listeners_;
 
+  // In the order in which they are taken.
+  std::mutex load_mutex_;
+  std::mutex voxels_mutex_;
   mutable std::mutex mutex_;  // guards what follows
   std::shared_ptr<const VolumeSnapshot> volume_;
   Registration registration_;
   AffineMap X_DI_;
   RenderSettings settings_;
+  bool forces_off_ = false;
   std::uint64_t settings_revision_ = 0;
   std::uint64_t volume_revision_ = 0;
   std::uint64_t geometry_revision_ = 0;
+  std::uint64_t scene_revision_ = 0;
 };
 
 }  // namespace palpate

@@ -14,15 +14,16 @@ constexpr std::int64_t kBytesPerBuiltinVoxel = 9;
 
 }  // namespace
 
-VolumeFile VolumeLoader::Load(const std::string& source, const std::optional<Vec3>& spacing_mm,
-                              const LoadProgress& progress, const LoadCancelled& cancelled,
+VolumeFile VolumeLoader::Load(const LoadRequest& load, const LoadProgress& progress,
+                              const LoadCancelled& cancelled,
                               std::vector<std::string>& warnings) const {
+  const std::string& source = load.source;
   if (IsBuiltin(source)) {
     progress("making", 0.0);
     const std::int64_t max_builtin_voxels =
         std::min<std::int64_t>(max_voxels, max_memory_bytes / kBytesPerBuiltinVoxel);
     BuiltinVolume volume =
-        MakeBuiltin(source, spacing_mm.value_or(Vec3::Ones()), max_builtin_voxels, cancelled);
+        MakeBuiltin(source, load.spacing_mm.value_or(Vec3::Ones()), max_builtin_voxels, cancelled);
     return {volume.grid, volume.metadata};
   }
   if (source.find('\0') != std::string::npos) {
@@ -34,7 +35,9 @@ VolumeFile VolumeLoader::Load(const std::string& source, const std::optional<Vec
   }
   ImportRequest request;
   request.source = source;
-  request.spacing_mm = spacing_mm;
+  request.spacing_mm = load.spacing_mm;
+  request.raw = load.raw;
+  request.frame = load.frame;
   request.max_voxels = max_voxels;
   request.max_memory_bytes = max_memory_bytes;
   request.import_program = import_program;

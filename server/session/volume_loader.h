@@ -11,9 +11,20 @@
 #include <string>
 #include <string_view>
 
+#include "server/volume/raw_voxels.h"
 #include "server/volume/volume_file.h"
 
 namespace palpate {
+
+struct LoadRequest {
+  std::string source;
+  std::optional<double> isovalue{};  // data units
+  std::optional<double> normalized_isovalue{};
+  std::optional<Vec3> spacing_mm{};
+  std::optional<double> device_mm_per_volume_mm{};
+  std::optional<RawVoxels> raw{};       // the file holds nothing but these
+  std::optional<std::int64_t> frame{};  // of a file with several
+};
 
 using LoadProgress = std::function<void(std::string_view stage, double fraction)>;
 using LoadCancelled = std::function<bool()>;
@@ -24,9 +35,8 @@ struct VolumeLoader {
   std::int64_t max_memory_bytes = std::int64_t{16} << 30;
 
   // `warnings`: one line each, for the log.
-  VolumeFile Load(const std::string& source, const std::optional<Vec3>& spacing_mm,
-                  const LoadProgress& progress, const LoadCancelled& cancelled,
-                  std::vector<std::string>& warnings) const;
+  VolumeFile Load(const LoadRequest& request, const LoadProgress& progress,
+                  const LoadCancelled& cancelled, std::vector<std::string>& warnings) const;
 };
 
 }  // namespace palpate

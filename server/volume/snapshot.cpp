@@ -4,22 +4,18 @@
 
 namespace palpate {
 
-VolumeSnapshot::VolumeSnapshot(VolumeMetadata metadata, std::vector<const float*> bricks,
-                               std::shared_ptr<const void> owner, std::uint64_t revision,
-                               std::uint64_t memory_bytes)
+VolumeSnapshot::VolumeSnapshot(VolumeMetadata metadata, BrickDirectory bricks,
+                               std::uint64_t revision, std::uint64_t loaded_revision)
     : metadata_(std::move(metadata)),
       inverse_range_(1.0 / (metadata_.value_max - metadata_.value_min)),
-      brick_count_y_(BrickCount(metadata_.size.y())),
-      brick_count_z_(BrickCount(metadata_.size.z())),
       bricks_(std::move(bricks)),
-      owner_(std::move(owner)),
       revision_(revision),
-      memory_bytes_(memory_bytes) {}
+      loaded_revision_(loaded_revision) {}
 
 double VolumeSnapshot::StoredVertex(const Vec3i& vertex) const noexcept {
   if ((vertex.array() < 0).any() || (vertex.array() >= metadata_.size.array()).any()) return 0.0;
   const int i = vertex.x(), j = vertex.y(), k = vertex.z();
-  return Normalize(Brick(i, j, k)[(i & 7) << 6 | (j & 7) << 3 | (k & 7)]);
+  return Normalize(bricks_.Find(i, j, k)[VoxelInBrick(i, j, k)]);
 }
 
 CellDensities VolumeSnapshot::StoredCell(const Vec3i& cell) const noexcept {
@@ -28,7 +24,7 @@ CellDensities VolumeSnapshot::StoredCell(const Vec3i& cell) const noexcept {
   CellDensities d;
   const bool in_one_brick = (i & 7) != 7 && (j & 7) != 7 && (k & 7) != 7;
   if (in_one_brick && i >= 0 && j >= 0 && k >= 0 && i < last.x() && j < last.y() && k < last.z()) {
-    const float* voxel = Brick(i, j, k) + ((i & 7) << 6 | (j & 7) << 3 | (k & 7));
+    const float* voxel = bricks_.Find(i, j, k) + VoxelInBrick(i, j, k);
     for (int v = 0; v < 8; ++v) {
       const auto& o = kCornerOffset[v];
       d[v] = Normalize(voxel[o[0] << 6 | o[1] << 3 | o[2]]);

@@ -1,41 +1,35 @@
 // An immutable state of the volume, as the servo thread and viewers read it.
 //
-// Lattice vertices have index coordinates (i, j, k) in [0, size). A directory
-// of leaf buffers, one pointer per 8³ block of OpenVDB's tree, serves the
-// densities; the tree itself is never read here. One virtual layer of the
-// background density (the range's minimum) surrounds the lattice, so that H is
-// closed: cells -1 .. size-1 along each axis exist, beyond them all is free.
-// Densities are normalised over the range of the metadata.
+// Lattice vertices have index coordinates (i, j, k) in [0, size). One virtual
+// layer of the background density (the range's minimum) surrounds the lattice, so
+// that H is closed: cells -1 .. size-1 along each axis exist, beyond them all is
+// free. Densities are normalised over the range of the metadata.
 //
-// Threads: any, at once. Real-time: every const method is wait-free and does
-// not allocate. Ownership: shared; the leaf buffers live as long as the
-// snapshot does.
+// Threads: any, at once. Real-time: what reads vertices and cells is wait-free and
+// does not allocate. Ownership: shared; the bricks live as long as the snapshot
+// does.
 #pragma once
 
 #include <cstdint>
-#include <memory>
-#include <vector>
 
 #include "common/isosurface/cell.h"
 #include "common/isosurface/ties.h"
+#include "server/volume/brick_directory.h"
 #include "server/volume/volume_metadata.h"
 
 namespace palpate {
 
 class VolumeSnapshot {
  public:
-  static constexpr int kBrickEdge = 8;
-  static constexpr int kBrickVoxels = kBrickEdge * kBrickEdge * kBrickEdge;
-
-  // Brick (a, b, c) is bricks[(a * nb + b) * nc + c]; within it, voxel (i, j, k)
-  // is at 64 i + 8 j + k. `owner` keeps the buffers alive.
-  VolumeSnapshot(VolumeMetadata metadata, std::vector<const float*> bricks,
-                 std::shared_ptr<const void> owner, std::uint64_t revision,
-                 std::uint64_t memory_bytes);
+  // loaded_revision: at which this volume was loaded; the snapshots between then
+  // and `revision` were its edits and frames.
+  VolumeSnapshot(VolumeMetadata metadata, BrickDirectory bricks, std::uint64_t revision,
+                 std::uint64_t loaded_revision);
 
   const VolumeMetadata& metadata() const { return metadata_; }
   std::uint64_t revision() const { return revision_; }
-  std::uint64_t memory_bytes() const { return memory_bytes_; }
+  std::uint64_t loaded_revision() const { return loaded_revision_; }
+  const BrickDirectory& bricks() const { return bricks_; }
   const Vec3i& size() const { return metadata_.size; }
 
   // Data units to density and back.
@@ -64,24 +58,11 @@ class VolumeSnapshot {
   }
 
  private:
-  const float* Brick(int i, int j, int k) const noexcept {
-    return bricks_[(static_cast<std::size_t>(i >> 3) * brick_count_y_ + (j >> 3)) * brick_count_z_ +
-                   (k >> 3)];
-  }
-
   VolumeMetadata metadata_;
   double inverse_range_;
-  int brick_count_y_;
-  int brick_count_z_;
-  std::vector<const float*> bricks_;
-  std::shared_ptr<const void> owner_;
+  BrickDirectory bricks_;
   std::uint64_t revision_;
-  std::uint64_t memory_bytes_;
+  std::uint64_t loaded_revision_;
 };
-
-// Bricks along an axis of `size` voxels.
-constexpr int BrickCount(int size) {
-  return (size + VolumeSnapshot::kBrickEdge - 1) / VolumeSnapshot::kBrickEdge;
-}
 
 }  // namespace palpate

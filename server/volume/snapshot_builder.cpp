@@ -1,30 +1,42 @@
 #include "server/volume/snapshot_builder.h"
 
+#include <algorithm>
 #include <map>
 #include <utility>
-#include <vector>
 
 #include "common/error/error.h"
 
 namespace palpate {
 namespace {
 
-using Brick = std::array<float, VolumeSnapshot::kBrickVoxels>;
+using Leaf = openvdb::FloatTree::LeafNodeType;
+static_assert(Leaf::SIZE == kBrickVoxels, "a brick is a leaf");
 
-// What a snapshot points into: the grid's leaves, and one brick per value of
-// the constant tiles.
-struct BrickOwner {
-  openvdb::FloatGrid::ConstPtr grid;
-  std::map<float, std::unique_ptr<Brick>> constant_bricks;
+openvdb::Coord CornerOf(const Vec3i& brick) {
+  return {brick.x() * kBrickEdge, brick.y() * kBrickEdge, brick.z() * kBrickEdge};
+}
 
-  const float* ConstantBrick(float value) {
-    std::unique_ptr<Brick>& brick = constant_bricks[value];
+BrickPtr CopyOf(const Leaf& leaf) {
+  auto brick = std::make_shared<Brick>();
+  std::copy_n(leaf.buffer().data(), kBrickVoxels, brick->begin());
+  return brick;
+}
+
+// Bricks of constant tiles: one per value.
+class ConstantBricks {
+ public:
+  BrickPtr Of(float value) {
+    BrickPtr& brick = bricks_[value];
     if (!brick) {
-      brick = std::make_unique<Brick>();
-      brick->fill(value);
+      auto made = std::make_shared<Brick>();
+      made->fill(value);
+      brick = std::move(made);
     }
-    return brick->data();
+    return brick;
   }
+
+ private:
+  std::map<float, BrickPtr> bricks_;
 };
 
 }  // namespace
@@ -32,28 +44,46 @@ struct BrickOwner {
 std::shared_ptr<const VolumeSnapshot> MakeSnapshot(openvdb::FloatGrid::ConstPtr grid,
                                                    const VolumeMetadata& metadata,
                                                    std::uint64_t revision) {
-  auto owner = std::make_shared<BrickOwner>();
-  owner->grid = grid;
-  const Vec3i count(BrickCount(metadata.size.x()), BrickCount(metadata.size.y()),
-                    BrickCount(metadata.size.z()));
-  std::vector<const float*> bricks;
-  bricks.reserve(static_cast<std::size_t>(count.x()) * count.y() * count.z());
-  openvdb::FloatGrid::ConstAccessor accessor = grid->getConstAccessor();
-  constexpr int kEdge = VolumeSnapshot::kBrickEdge;
-  for (int a = 0; a < count.x(); ++a) {
-    for (int b = 0; b < count.y(); ++b) {
-      for (int c = 0; c < count.z(); ++c) {
-        const openvdb::Coord corner(a * kEdge, b * kEdge, c * kEdge);
-        const auto* leaf = accessor.probeConstLeaf(corner);
-        bricks.push_back(leaf ? leaf->buffer().data()
-                              : owner->ConstantBrick(accessor.getValue(corner)));
-      }
+  const openvdb::FloatGrid::ConstAccessor accessor = grid->getConstAccessor();
+  ConstantBricks constants;
+  const BrickDirectory bricks(metadata.size, [&](const Vec3i& brick) {
+    const openvdb::Coord corner = CornerOf(brick);
+    const Leaf* leaf = accessor.probeConstLeaf(corner);
+    return leaf ? CopyOf(*leaf) : constants.Of(accessor.getValue(corner));
+  });
+  return std::make_shared<VolumeSnapshot>(metadata, bricks.AllChangedAt(revision), revision,
+                                          revision);
+}
+
+BrickDirectory TakeBricks(openvdb::FloatGrid& grid, const Vec3i& size_voxels) {
+  openvdb::FloatTree& tree = grid.tree();
+  ConstantBricks constants;
+  return {
+      size_voxels, [&](const Vec3i& brick) {
+        const openvdb::Coord corner = CornerOf(brick);
+        const std::unique_ptr<Leaf> leaf(tree.stealNode<Leaf>(corner, tree.background(), false));
+        return leaf ? CopyOf(*leaf) : constants.Of(tree.getValue(corner));
+      }};
+}
+
+openvdb::FloatGrid::Ptr MakeGrid(const VolumeSnapshot& volume) {
+  const auto background = static_cast<float>(volume.metadata().value_min);
+  const openvdb::FloatGrid::Ptr grid = openvdb::FloatGrid::create(background);
+  const BrickDirectory& bricks = volume.bricks();
+  for (std::uint64_t number = 0, end = bricks.brick_count().cast<std::int64_t>().prod();
+       number < end; ++number) {
+    const Vec3i brick = bricks.BrickOf(number);
+    const Brick& values = *bricks.At(brick);
+    if (std::all_of(values.begin(), values.end(), [&](float v) { return v == background; })) {
+      continue;
     }
+    auto leaf = std::make_unique<Leaf>(CornerOf(brick), background, false);
+    for (openvdb::Index n = 0; n < kBrickVoxels; ++n) {
+      if (values[n] != background) leaf->setValueOn(n, values[n]);
+    }
+    grid->tree().addLeaf(leaf.release());
   }
-  const std::uint64_t bytes = grid->memUsage() + bricks.size() * sizeof(const float*) +
-                              owner->constant_bricks.size() * sizeof(Brick);
-  return std::make_shared<VolumeSnapshot>(metadata, std::move(bricks), std::move(owner), revision,
-                                          bytes);
+  return grid;
 }
 
 void SetValueRange(const openvdb::FloatGrid& grid, VolumeMetadata& metadata) {

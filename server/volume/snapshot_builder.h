@@ -1,4 +1,6 @@
-// Makes snapshots of an OpenVDB grid.
+// Snapshots of OpenVDB grids, and grids of snapshots.
+//
+// Non-real-time, any thread.
 #pragma once
 
 #include <openvdb/openvdb.h>
@@ -10,11 +12,19 @@
 
 namespace palpate {
 
-// The snapshot shares the leaf buffers of `grid`, which must not change any
-// more, and keeps the grid alive. Non-real-time, any thread.
+// A freshly loaded volume with the voxels of `grid`, which holds nothing but the
+// background outside of the lattice.
 std::shared_ptr<const VolumeSnapshot> MakeSnapshot(openvdb::FloatGrid::ConstPtr grid,
                                                    const VolumeMetadata& metadata,
                                                    std::uint64_t revision);
+// The bricks alone, taking the leaves out of the grid one by one, so that there is
+// never a second copy of the volume. The grid is of no use afterwards.
+BrickDirectory TakeBricks(openvdb::FloatGrid& grid, const Vec3i& size_voxels);
+
+// A grid of the snapshot's voxels: the background is the least value of the
+// range, and what differs from it is active. The transform is left to those who
+// write it (volume_file.h).
+openvdb::FloatGrid::Ptr MakeGrid(const VolumeSnapshot& volume);
 
 // Least and greatest voxel of the lattice, 0 .. size-1. Throws Error where they
 // are equal: such a volume has no isosurface.

@@ -16,31 +16,27 @@ inline std::shared_ptr<const VolumeSnapshot> MakeVolume(
     std::uint64_t revision = 1) {
   VolumeMetadata metadata;
   metadata.size = size;
-  const Vec3i count(BrickCount(size.x()), BrickCount(size.y()), BrickCount(size.z()));
-  const std::size_t bricks = static_cast<std::size_t>(count.prod());
-  auto voxels = std::make_shared<std::vector<float>>(bricks * VolumeSnapshot::kBrickVoxels);
   double min = 1e300, max = -1e300;
-  for (int i = 0; i < size.x(); ++i) {
-    for (int j = 0; j < size.y(); ++j) {
-      for (int k = 0; k < size.z(); ++k) {
-        const std::size_t brick =
-            (static_cast<std::size_t>(i >> 3) * count.y() + (j >> 3)) * count.z() + (k >> 3);
-        const auto v = static_cast<float>(value(i, j, k));
-        (*voxels)[brick * VolumeSnapshot::kBrickVoxels + ((i & 7) << 6 | (j & 7) << 3 | (k & 7))] =
-            v;
-        min = std::min<double>(min, v);
-        max = std::max<double>(max, v);
-      }
+  const auto is_inside = [&](const Vec3i& p) { return (p.array() < size.array()).all(); };
+  const auto for_each = [](const Vec3i& brick, const auto& visit) {
+    for (int n = 0; n < kBrickVoxels; ++n) {
+      visit(brick * kBrickEdge + Vec3i(n >> 6, n >> 3 & 7, n & 7), n);
     }
-  }
+  };
+  const BrickDirectory bricks(size, [&](const Vec3i& brick) {
+    auto values = std::make_shared<Brick>();
+    for_each(brick, [&](const Vec3i& p, int n) {
+      if (!is_inside(p)) return;
+      (*values)[n] = static_cast<float>(value(p.x(), p.y(), p.z()));
+      min = std::min<double>(min, (*values)[n]);
+      max = std::max<double>(max, (*values)[n]);
+    });
+    return values;
+  });
   metadata.value_min = min;
   metadata.value_max = max;
-  std::vector<const float*> directory(bricks);
-  for (std::size_t n = 0; n < bricks; ++n) {
-    directory[n] = voxels->data() + n * VolumeSnapshot::kBrickVoxels;
-  }
-  return std::make_shared<VolumeSnapshot>(metadata, std::move(directory), voxels, revision,
-                                          voxels->size() * sizeof(float));
+  return std::make_shared<VolumeSnapshot>(metadata, bricks.AllChangedAt(revision), revision,
+                                          revision);
 }
 
 }  // namespace palpate::testing

@@ -85,9 +85,9 @@ class FullOutput final : public MemoryOutput {
   std::size_t written_ = 0;
 };
 
-TickSample SampleOf(std::uint64_t tick, std::uint64_t settings_revision = 1) {
+TickSample SampleOf(std::uint64_t tick, std::uint64_t scene_revision = 1) {
   TickSample sample = RandomSample(tick);
-  sample.settings_revision = settings_revision;
+  sample.scene_revision = scene_revision;
   return sample;
 }
 
@@ -117,9 +117,9 @@ Recorded Read(const std::string& bytes) {
 class RecorderTest : public ::testing::Test {
  protected:
   void Feed(Recorder& recorder, std::uint64_t first, std::uint64_t end,
-            std::uint64_t settings_revision = 1) {
+            std::uint64_t scene_revision = 1) {
     for (std::uint64_t tick = first; tick < end; ++tick) {
-      recorder.OnSample(SampleOf(tick, settings_revision));
+      recorder.OnSample(SampleOf(tick, scene_revision));
     }
   }
   static void AwaitTicks(const Recorder& recorder, std::uint64_t ticks) {
@@ -152,11 +152,11 @@ TEST_F(RecorderTest, RecordsEveryTickFromWhereverItStarts) {
 
 TEST_F(RecorderTest, ScenesAndMarkersAreHeldToTheirTick) {
   Recorder recorder(std::make_unique<MemoryOutput>(bytes_), "test");
-  recorder.NoteScene({.settings_revision = 1, .isovalue = 0.1});
+  recorder.NoteScene({.scene_revision = 1, .isovalue = 0.1});
   Feed(recorder, 100, 150, 1);
   recorder.Mark("a");
-  recorder.NoteScene({.settings_revision = 2, .isovalue = 0.2});  // no tick uses it
-  recorder.NoteScene({.settings_revision = 3, .isovalue = 0.3});
+  recorder.NoteScene({.scene_revision = 2, .isovalue = 0.2});  // no tick uses it
+  recorder.NoteScene({.scene_revision = 3, .isovalue = 0.3});
   Feed(recorder, 150, 160, 1);
   Feed(recorder, 160, 170, 3);
   recorder.Mark("b");
@@ -180,7 +180,7 @@ TEST_F(RecorderTest, ScenesAndMarkersAreHeldToTheirTick) {
 TEST_F(RecorderTest, TicksThatNeverCameAreAGap) {
   Recorder recorder(std::make_unique<MemoryOutput>(bytes_), "test");
   Feed(recorder, 0, 10);
-  recorder.NoteScene({.settings_revision = 2});
+  recorder.NoteScene({.scene_revision = 2});
   Feed(recorder, 15, 20, 2);
   EXPECT_EQ(recorder.Stop().counts.lost_ticks, 5u);
   const Recorded recorded = Read(*bytes_);
@@ -278,7 +278,7 @@ TEST_F(RecorderTest, WhatWaitsIsBounded) {
             ErrorKind::kInvalidArgument);
   // The oldest scene makes room.
   for (std::size_t n = 0; n <= Recorder::kMaxWaiting; ++n) {
-    recorder.NoteScene({.settings_revision = n + 2});
+    recorder.NoteScene({.scene_revision = n + 2});
   }
   Feed(recorder, kSamplesPerChunk, kSamplesPerChunk + 1, 2);
   Feed(recorder, kSamplesPerChunk + 1, kSamplesPerChunk + 2, 3);
@@ -287,7 +287,7 @@ TEST_F(RecorderTest, WhatWaitsIsBounded) {
   const Recorded recorded = Read(*bytes_);
   EXPECT_EQ(recorded.markers.size(), Recorder::kMaxWaiting);
   ASSERT_EQ(recorded.scenes.size(), 1u);
-  EXPECT_EQ(recorded.scenes[0].settings_revision, 3u);
+  EXPECT_EQ(recorded.scenes[0].scene_revision, 3u);
 }
 
 TEST_F(RecorderTest, AFullDiskEndsTheRecordingAndKeepsWhatWasWritten) {
@@ -321,7 +321,7 @@ TEST_F(RecorderTest, ManyThreadsAtOnce) {
   Recorder recorder(std::make_unique<MemoryOutput>(bytes_), "test");
   std::thread pump([&] {
     for (std::uint64_t tick = 0; tick < kTicks; ++tick) {
-      recorder.NoteScene({.settings_revision = tick + 1});
+      recorder.NoteScene({.scene_revision = tick + 1});
       recorder.OnSample(SampleOf(tick, tick + 1));
       if (tick % 100 == 0) std::this_thread::sleep_for(std::chrono::milliseconds(1));
     }

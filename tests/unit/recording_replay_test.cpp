@@ -35,6 +35,7 @@ Scene SceneNumber(const std::shared_ptr<const VolumeSnapshot>& volume, std::uint
   Scene scene;
   scene.volume = volume;
   scene.settings_revision = n + 1;
+  scene.scene_revision = n + 1;
   scene.settings.stiffness_n_per_mm = 0.3 + 0.1 * static_cast<double>(n);
   scene.settings.damping_n_s_per_m = 0.7;
   scene.settings.static_friction = 0.4;

@@ -1,0 +1,141 @@
+#include "server/volume/brick_directory.h"
+
+#include <xxhash.h>
+
+#include <algorithm>
+#include <cassert>
+#include <map>
+#include <utility>
+
+namespace palpate {
+namespace {
+
+Vec3i CountOf(const Vec3i& size, int edge) { return ((size.array() + (edge - 1)) / edge).matrix(); }
+
+}  // namespace
+
+ContentHash HashOfBrick(const Brick& brick, std::uint64_t number) {
+  const XXH128_hash_t hash = XXH3_128bits_withSeed(brick.data(), sizeof(Brick), number);
+  return {hash.high64, hash.low64};
+}
+
+BrickDirectory::BrickDirectory(const Vec3i& size_voxels,
+                               const std::function<BrickPtr(const Vec3i& brick)>& values)
+    : brick_count_(CountOf(size_voxels, kBrickEdge)), node_count_(CountOf(brick_count_, 8)) {
+  std::vector<std::shared_ptr<Node>> nodes(static_cast<std::size_t>(node_count_.x()) *
+                                           node_count_.y() * node_count_.z());
+  for (auto& node : nodes) {
+    node = std::make_shared<Node>();
+    node->newest = 1;
+    node->revisions.fill(1);
+  }
+  Vec3i brick;
+  for (brick.x() = 0; brick.x() < brick_count_.x(); ++brick.x()) {
+    for (brick.y() = 0; brick.y() < brick_count_.y(); ++brick.y()) {
+      for (brick.z() = 0; brick.z() < brick_count_.z(); ++brick.z()) {
+        BrickPtr made = values(brick);
+        assert(made != nullptr);
+        const ContentHash hash = HashOfBrick(*made, NumberOf(brick));
+        hash_.high += hash.high;
+        hash_.low += hash.low;
+        nodes[NodeOf(brick)]->bricks[PlaceInNode(brick)] = std::move(made);
+      }
+    }
+  }
+  nodes_.assign(nodes.begin(), nodes.end());
+}
+
+BrickDirectory BrickDirectory::With(std::span<const BrickChange> changes,
+                                    std::uint64_t revision) const {
+  BrickDirectory changed = *this;
+  std::map<std::size_t, std::shared_ptr<Node>> copies;
+  for (const BrickChange& change : changes) {
+    const std::size_t place = PlaceInNode(change.brick);
+    std::shared_ptr<Node>& copy = copies[NodeOf(change.brick)];
+    if (!copy) copy = std::make_shared<Node>(*nodes_[NodeOf(change.brick)]);
+    const std::uint64_t number = NumberOf(change.brick);
+    const ContentHash before = HashOfBrick(*copy->bricks[place], number);
+    const ContentHash after = HashOfBrick(*change.values, number);
+    changed.hash_.high += after.high - before.high;
+    changed.hash_.low += after.low - before.low;
+    copy->bricks[place] = change.values;
+    copy->revisions[place] = copy->newest = revision;
+  }
+  for (auto& [node, copy] : copies) changed.nodes_[node] = std::move(copy);
+  return changed;
+}
+
+BrickDirectory BrickDirectory::AllChangedAt(std::uint64_t revision) const {
+  BrickDirectory changed = *this;
+  for (auto& node : changed.nodes_) {
+    auto copy = std::make_shared<Node>(*node);
+    copy->newest = revision;
+    copy->revisions.fill(revision);
+    node = std::move(copy);
+  }
+  return changed;
+}
+
+std::vector<BrickChange> BrickDirectory::ChangesTo(const BrickDirectory& other) const {
+  assert(other.brick_count_ == brick_count_);
+  std::vector<BrickChange> changes;
+  for (std::uint64_t number = 0, end = brick_count_.cast<std::int64_t>().prod(); number < end;
+       ++number) {
+    const Vec3i brick = BrickOf(number);
+    const BrickPtr& from = At(brick);
+    const BrickPtr& to = other.At(brick);
+    if (from != to && *from != *to) changes.push_back({brick, to});
+  }
+  return changes;
+}
+
+Vec3i BrickDirectory::BrickOf(std::uint64_t number) const {
+  const auto y = static_cast<std::uint64_t>(brick_count_.y());
+  const auto z = static_cast<std::uint64_t>(brick_count_.z());
+  return {static_cast<int>(number / (y * z)), static_cast<int>(number / z % y),
+          static_cast<int>(number % z)};
+}
+
+const BrickPtr& BrickDirectory::At(const Vec3i& brick) const {
+  return nodes_[NodeOf(brick)]->bricks[PlaceInNode(brick)];
+}
+
+std::uint64_t BrickDirectory::RevisionOf(const Vec3i& brick) const {
+  return nodes_[NodeOf(brick)]->revisions[PlaceInNode(brick)];
+}
+
+std::vector<std::uint64_t> BrickDirectory::ChangedSince(std::uint64_t revision) const {
+  std::vector<std::uint64_t> numbers;
+  std::size_t n = 0;
+  Vec3i node;
+  for (node.x() = 0; node.x() < node_count_.x(); ++node.x()) {
+    for (node.y() = 0; node.y() < node_count_.y(); ++node.y()) {
+      for (node.z() = 0; node.z() < node_count_.z(); ++node.z(), ++n) {
+        if (nodes_[n]->newest <= revision) continue;
+        for (int place = 0; place < kBrickVoxels; ++place) {
+          if (!nodes_[n]->bricks[place] || nodes_[n]->revisions[place] <= revision) continue;
+          numbers.push_back(NumberOf(node * 8 + Vec3i(place >> 6, place >> 3 & 7, place & 7)));
+        }
+      }
+    }
+  }
+  std::sort(numbers.begin(), numbers.end());
+  return numbers;
+}
+
+std::uint64_t BrickDirectory::MemoryBytes() const {
+  std::vector<const Brick*> bricks;
+  for (const auto& node : nodes_) {
+    for (const BrickPtr& brick : node->bricks) {
+      if (brick && (bricks.empty() || bricks.back() != brick.get())) bricks.push_back(brick.get());
+    }
+  }
+  std::sort(bricks.begin(), bricks.end());
+  const auto end = std::unique(bricks.begin(), bricks.end());
+  // The counts of the shared_ptr and of the heap come to about 32 bytes.
+  constexpr std::uint64_t kBytesPerBrick = sizeof(Brick) + 32;
+  return static_cast<std::uint64_t>(end - bricks.begin()) * kBytesPerBrick +
+         nodes_.size() * sizeof(Node);
+}
+
+}  // namespace palpate
