@@ -68,7 +68,13 @@ HapticCell& CellCache::Densities(const HapticSurface& surface, const Vec3i& cell
   }
   const std::size_t slot = SlotOf(cell);
   HapticCell& entry = cells_[slot];
-  if (filled_[slot] == generation_ && entry.cell == cell) return entry;
+  const std::uint64_t revision = surface.volume->revision();
+  const bool is_filled = filled_[slot] == generation_ && entry.cell == cell;
+  // An edit elsewhere costs a look at the bricks' revisions, not the decomposition.
+  const bool is_right = is_filled && (volume_revision_[slot] == revision ||
+                                      surface.volume->CellRevision(cell) <= volume_revision_[slot]);
+  volume_revision_[slot] = revision;
+  if (is_right) return entry;
   filled_[slot] = generation_;
   entry.cell = cell;
   const CellDensities stored = surface.volume->StoredCell(cell);

@@ -27,7 +27,8 @@ struct HapticSurface {
   DecompositionMethod method = DecompositionMethod::kTpbcc;
   AffineMap X_DI;
   AffineMap X_ID;
-  // Changes whenever anything but the isovalue and the side does.
+  // Changes whenever anything but the isovalue, the side and voxels does. Which
+  // voxels changed, the volume's revisions tell.
   std::uint64_t geometry_revision = 0;
 
   // Shortest edge of a voxel in D: the scale that tolerances refer to.

@@ -35,6 +35,7 @@ bool PutAt(const HapticSurface& surface, const Vec3& p_D, double eject_limit_mm,
 void SetSurface(const HapticSurface& surface, Proxy& proxy) {
   proxy.placed = true;
   proxy.geometry_revision = surface.geometry_revision;
+  proxy.volume_revision = surface.volume->revision();
   proxy.free_side = surface.free_side;
   proxy.isovalue = surface.isovalue;
 }
@@ -44,12 +45,23 @@ double ReportedDensity(const HapticSurface& surface, const Place& place, double 
   return place.kind == Place::Kind::kOutside ? 0.0 : surface.sign() * felt;
 }
 
+// The place means the same point with the same density: its cell is as it was.
+bool Holds(const HapticSurface& surface, const Proxy& proxy) noexcept {
+  if (!proxy.placed || proxy.geometry_revision != surface.geometry_revision) return false;
+  return proxy.volume_revision == surface.volume->revision() ||
+         proxy.place.kind == Place::Kind::kOutside ||
+         surface.volume->CellRevision(proxy.place.cell) <= proxy.volume_revision;
+}
+
 // Brings the proxy to the surface of this step. False: it is buried.
 bool Refresh(const HapticSurface& surface, const Vec3& p_DHip_mm, double eject_limit_mm,
              Proxy& proxy, CellCache& cache, ProxyStep& step) noexcept {
-  const bool same_geometry = proxy.placed && proxy.geometry_revision == surface.geometry_revision;
+  const bool same_geometry = Holds(surface, proxy);
   const bool same_side = proxy.free_side == surface.free_side;
-  if (same_geometry && same_side && proxy.isovalue == surface.isovalue) return true;
+  if (same_geometry && same_side && proxy.isovalue == surface.isovalue) {
+    proxy.volume_revision = surface.volume->revision();
+    return true;
+  }
   // Where τ does not cross a cell on one side, it does not on the other.
   const bool simplex_holds = same_geometry && proxy.place.kind == Place::Kind::kSimplex;
   const Vec3 from = proxy.placed ? proxy.p_DH_mm : p_DHip_mm;

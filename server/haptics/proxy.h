@@ -50,6 +50,7 @@ struct Proxy {
   Vec3 p_DH_mm = Vec3::Zero();
   // Of the surface that `place` refers to.
   std::uint64_t geometry_revision = 0;
+  std::uint64_t volume_revision = 0;
   FreeSide free_side = FreeSide::kBelow;
   double isovalue = 0.0;
 };

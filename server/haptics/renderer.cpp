@@ -71,6 +71,7 @@ class Update {
   double EnergyOfTheMove() noexcept {
     const Proxy& proxy = state_.proxy;
     const bool same = proxy.geometry_revision == felt().geometry_revision &&
+                      proxy.volume_revision == felt().volume->revision() &&
                       proxy.free_side == felt().free_side && proxy.isovalue == felt().isovalue;
     if (same || !settings_.passivity_control || !proxy.placed) return 0.0;
     Proxy probe = proxy;

@@ -218,7 +218,6 @@ VolumeState Session::PublishBricks(std::span<const BrickChange> changes) {
   const std::lock_guard lock(mutex_);
   volume_ = std::move(changed);
   volume_revision_ = revision;
-  ++geometry_revision_;
   PublishLocked(changes);
   return VolumeLocked();
 }

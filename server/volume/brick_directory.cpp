@@ -100,10 +100,6 @@ const BrickPtr& BrickDirectory::At(const Vec3i& brick) const {
   return nodes_[NodeOf(brick)]->bricks[PlaceInNode(brick)];
 }
 
-std::uint64_t BrickDirectory::RevisionOf(const Vec3i& brick) const {
-  return nodes_[NodeOf(brick)]->revisions[PlaceInNode(brick)];
-}
-
 std::vector<std::uint64_t> BrickDirectory::ChangedSince(std::uint64_t revision) const {
   std::vector<std::uint64_t> numbers;
   std::size_t n = 0;

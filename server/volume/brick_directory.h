@@ -13,8 +13,8 @@
 // Frame: I, voxel indices; brick (a, b, c) holds voxels 8a .. 8a + 7 along x and so
 // on, voxel (i, j, k) of a brick at 64 i + 8 j + k. Voxels beyond the lattice are
 // the background. Values in data units.
-// Threads: any, at once. Real-time: Find is wait-free and does not allocate; the
-// rest is not for real-time code. Ownership: shared.
+// Threads: any, at once. Real-time: Find and RevisionOf are wait-free and do not
+// allocate; the rest is not for real-time code. Ownership: shared.
 #pragma once
 
 #include <array>
@@ -90,7 +90,9 @@ class BrickDirectory {
     return nodes_[node]->bricks[VoxelInBrick(i >> 3, j >> 3, k >> 3)]->data();
   }
   const BrickPtr& At(const Vec3i& brick) const;
-  std::uint64_t RevisionOf(const Vec3i& brick) const;
+  std::uint64_t RevisionOf(const Vec3i& brick) const noexcept {
+    return nodes_[NodeOf(brick)]->revisions[PlaceInNode(brick)];
+  }
 
   // Numbers of the bricks that changed after `revision`, ascending.
   std::vector<std::uint64_t> ChangedSince(std::uint64_t revision) const;

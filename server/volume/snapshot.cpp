@@ -1,5 +1,6 @@
 #include "server/volume/snapshot.h"
 
+#include <algorithm>
 #include <utility>
 
 namespace palpate {
@@ -36,6 +37,21 @@ CellDensities VolumeSnapshot::StoredCell(const Vec3i& cell) const noexcept {
     d[v] = StoredVertex(Vec3i(i + o[0], j + o[1], k + o[2]));
   }
   return d;
+}
+
+std::uint64_t VolumeSnapshot::CellRevision(const Vec3i& cell) const noexcept {
+  const Vec3i last = metadata_.size - Vec3i::Ones();
+  const Vec3i low = cell.cwiseMax(0), high = (cell + Vec3i::Ones()).cwiseMin(last);
+  if ((low.array() > high.array()).any()) return 0;
+  std::uint64_t newest = 0;
+  for (int a = low.x() >> 3; a <= high.x() >> 3; ++a) {
+    for (int b = low.y() >> 3; b <= high.y() >> 3; ++b) {
+      for (int c = low.z() >> 3; c <= high.z() >> 3; ++c) {
+        newest = std::max(newest, bricks_.RevisionOf({a, b, c}));
+      }
+    }
+  }
+  return newest;
 }
 
 CellDensities VolumeSnapshot::WithTiesResolved(const CellDensities& stored,

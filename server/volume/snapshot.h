@@ -52,6 +52,10 @@ class VolumeSnapshot {
     return ResolvedDensity(StoredVertex(vertex), vertex.x(), vertex.y(), vertex.z());
   }
 
+  // Volume revision at which the densities of a cell may have changed last: when a
+  // brick did that has one of its corners. Never less.
+  std::uint64_t CellRevision(const Vec3i& cell) const noexcept;
+
   // The cell is within the padded lattice; all other cells are free space.
   bool HasCell(const Vec3i& cell) const noexcept {
     return (cell.array() >= -1).all() && (cell.array() < metadata_.size.array()).all();

@@ -6,3 +6,5 @@ palpate_unit_test(config_test config_test.cpp palpate::app fmt::fmt)
 target_compile_definitions(config_test PRIVATE
   PALPATED_TOML="${CMAKE_SOURCE_DIR}/deploy/config/palpated.toml")
 palpate_unit_test(snapshot_test snapshot_test.cpp palpate::volume)
+palpate_unit_test(edited_volume_test edited_volume_test.cpp SANITIZED palpate::haptics)
+palpate_unit_test(torn_volume_test torn_volume_test.cpp SANITIZED palpate::session)
