@@ -16,6 +16,12 @@ namespace {
 constexpr double kDtS = 1e-3;
 constexpr int kEdge = 32;
 constexpr double kIsovalue = 0.5;
+// The sanitizers slow the others down, and see nothing new in more of them.
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+constexpr std::uint64_t kSeeds = 2;
+#else
+constexpr std::uint64_t kSeeds = 20;
+#endif
 const Vec3 kCentre = Vec3::Constant((kEdge - 1) / 2.0);
 
 std::shared_ptr<const VolumeSnapshot> Ball() {
@@ -73,7 +79,7 @@ HapticSurface SurfaceOf(const VolumeSnapshot& volume) {
 TEST(EditedVolume, TheCacheChangesNothingAndNoEditLeavesTheProxyInside) {
   const HapticSettings settings{.stiffness_n_per_mm = 0.5};
   long contacts = 0, ejecting = 0;
-  for (std::uint64_t seed = 1; seed <= 20; ++seed) {
+  for (std::uint64_t seed = 1; seed <= kSeeds; ++seed) {
     Editor editor(seed);
     auto volume = Ball();
     auto lasting = std::make_unique<RendererState>(), fresh = std::make_unique<RendererState>();
@@ -107,8 +113,8 @@ TEST(EditedVolume, TheCacheChangesNothingAndNoEditLeavesTheProxyInside) {
       ejecting += a.proxy.mode == ProxyMode::kEjecting;
     }
   }
-  EXPECT_GT(contacts, 5000);
-  EXPECT_GT(ejecting, 100);
+  EXPECT_GT(contacts, 250 * static_cast<long>(kSeeds));
+  EXPECT_GT(ejecting, 5 * static_cast<long>(kSeeds));
 }
 
 TEST(EditedVolume, AnEditElsewhereIsNotFelt) {
