@@ -51,6 +51,22 @@ struct Entry {
   }
 };
 
+using Paths = std::vector<std::filesystem::path>;
+
+// Folders that are there.
+Paths ParseFolders(const Entry& entry) {
+  const toml::array* array = entry.node.as_array();
+  if (!array) entry.Fail("must be a list of paths, [\"/data\"]");
+  Paths folders;
+  for (const toml::node& element : *array) {
+    const auto text = element.value_exact<std::string>();
+    if (!text) entry.Fail("must be a list of paths, [\"/data\"]");
+    folders.emplace_back(*text);
+  }
+  PathPolicy({.load_folders = folders});  // throws
+  return folders;
+}
+
 using Setter = std::function<void(const Entry&, Config&)>;
 using SettersByKey = std::map<std::string, Setter, std::less<>>;
 
@@ -92,6 +108,8 @@ SettersByKey AllSetters() {
       {"volume.spacing_mm", [](const Entry& e, Config& c) { c.spacing_mm = e.Triple(); }},
       {"volume.device_mm_per_volume_mm",
        [](const Entry& e, Config& c) { c.device_mm_per_volume_mm = e.Number(); }},
+      {"volume.load_folders", [](const Entry& e, Config& c) { c.load_folders = ParseFolders(e); }},
+      {"volume.save_folders", [](const Entry& e, Config& c) { c.save_folders = ParseFolders(e); }},
       {"device.kind", [](const Entry& e, Config& c) { c.device = e.Text(); }},
       {"server.socket", [](const Entry& e, Config& c) { c.socket_path = e.Text(); }},
       {"server.listen", [](const Entry& e, Config& c) { c.listen = ParseHostPort(e.Text()); }},

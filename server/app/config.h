@@ -6,12 +6,14 @@
 #include <filesystem>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "common/geometry/geometry.h"
 #include "common/isosurface/decomposition.h"
 #include "common/wire/address.h"
 #include "server/haptics/settings.h"
 #include "server/realtime/thread_setup.h"
+#include "server/session/path_policy.h"
 
 namespace palpate {
 
@@ -21,6 +23,8 @@ struct Config {
   std::optional<double> normalized_isovalue;  // 0 to 1; neither: 0.5
   std::optional<Vec3> spacing_mm;
   std::optional<double> device_mm_per_volume_mm;
+  std::vector<std::filesystem::path> load_folders = PathPolicyOptions{}.load_folders;
+  std::optional<std::vector<std::filesystem::path>> save_folders;  // none: the current one
   HapticSettings haptics;
   DecompositionMethod method = DecompositionMethod::kTpbcc;
   std::string device = "simulated";

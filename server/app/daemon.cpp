@@ -48,6 +48,12 @@ std::string Source(const std::string& volume) {
   return volume.starts_with("builtin:") ? volume : std::filesystem::absolute(volume).string();
 }
 
+PathPolicy MakePathPolicy(const Config& config) {
+  PathPolicyOptions options{.load_folders = config.load_folders};
+  options.save_folders = config.save_folders ? *config.save_folders : std::vector{CurrentFolder()};
+  return PathPolicy(options);
+}
+
 void LoadFirstVolume(const Config& config, Session& session) {
   LoadRequest request;
   request.source = Source(config.volume);
@@ -91,7 +97,8 @@ void RunDaemon(const Config& config) {
   Session session(device->spec(), inbox, pump, VolumeLoader{.import_program = ImportProgram()});
   ServoLoop servo(*device, inbox, *outbox, config.realtime);
   const std::string socket = config.socket_path.empty() ? DefaultSocketPath() : config.socket_path;
-  RpcServer server({socket, config.listen}, session, pump, device->spec(), servo, inbox);
+  RpcServer server({socket, config.listen, MakePathPolicy(config)}, session, pump, device->spec(),
+                   servo, inbox);
 
   server.Reserve();
   session.SetInitial({.haptics = config.haptics, .method = config.method});

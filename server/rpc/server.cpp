@@ -88,7 +88,7 @@ RpcServer::RpcServer(ServerOptions options, Session& session, Pump& pump, const 
     : options_(std::move(options)),
       poses_(pump),
       render_(session),
-      volume_(session),
+      volume_(session, options_.paths),
       device_(device, servo, inbox) {}
 
 // gRPC lets two servers listen on one path, each believing itself alone: a lock

@@ -15,12 +15,14 @@
 #include "server/rpc/pose_service.h"
 #include "server/rpc/render_service.h"
 #include "server/rpc/volume_service.h"
+#include "server/session/path_policy.h"
 
 namespace palpate {
 
 struct ServerOptions {
   std::string socket_path;
   std::optional<HostPort> listen;  // loopback only: there is no TLS yet
+  PathPolicy paths;                // that clients may name
 };
 
 class RpcServer {

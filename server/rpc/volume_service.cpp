@@ -62,9 +62,10 @@ grpc::Status VolumeService::LoadVolume(grpc::ServerContext* context,
   };
   const auto cancelled = [&] { return context->IsCancelled(); };
   try {
+    LoadRequest load = FromProto(*request);
+    load.source = paths_.CheckLoad(request->source());
     AppliedTick applied;
-    const VolumeState state =
-        session_.LoadAndWait(FromProto(*request), progress, cancelled, applied);
+    const VolumeState state = session_.LoadAndWait(load, progress, cancelled, applied);
     v1::LoadVolumeResponse event;
     *event.mutable_result()->mutable_volume() = ToProto(state);
     event.mutable_result()->set_applied_tick(applied.tick);

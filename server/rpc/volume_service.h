@@ -2,13 +2,15 @@
 #pragma once
 
 #include "palpate/v1/volume.grpc.pb.h"
+#include "server/session/path_policy.h"
 #include "server/session/session.h"
 
 namespace palpate {
 
 class VolumeService final : public v1::VolumeService::Service {
  public:
-  explicit VolumeService(Session& session) : session_(session) {}
+  // Borrows all.
+  VolumeService(Session& session, const PathPolicy& paths) : session_(session), paths_(paths) {}
 
   grpc::Status GetVolume(grpc::ServerContext* context, const v1::GetVolumeRequest* request,
                          v1::GetVolumeResponse* response) override;
@@ -17,6 +19,7 @@ class VolumeService final : public v1::VolumeService::Service {
 
  private:
   Session& session_;
+  const PathPolicy& paths_;
 };
 
 }  // namespace palpate

@@ -48,6 +48,8 @@ source = "/data/head.nrrd"
 isovalue = 300
 spacing_mm = [1, 1.0, 2.5]
 device_mm_per_volume_mm = 0.5
+load_folders = ["/tmp", "/"]
+save_folders = []
 [haptics]
 stiffness_n_per_mm = 0.8
 damping_n_s_per_m = 2
@@ -75,6 +77,8 @@ lock_memory = false
   EXPECT_EQ(config.isovalue, 300.0);
   EXPECT_EQ(*config.spacing_mm, Vec3(1.0, 1.0, 2.5));
   EXPECT_EQ(config.device_mm_per_volume_mm, 0.5);
+  EXPECT_EQ(config.load_folders, (std::vector<std::filesystem::path>{"/tmp", "/"}));
+  EXPECT_TRUE(config.save_folders && config.save_folders->empty());
   EXPECT_EQ(config.haptics.stiffness_n_per_mm, 0.8);
   EXPECT_EQ(config.haptics.damping_n_s_per_m, 2.0);
   EXPECT_EQ(config.haptics.static_friction, 0.4);
@@ -113,6 +117,18 @@ TEST_F(ConfigTest, TheShippedFileHasEverySettingAtItsDefault) {
   }
   EXPECT_NE(text.str().find("\nfree_side = \"below\""), std::string::npos);
   EXPECT_EQ(config.haptics.free_side, defaults.free_side);
+}
+
+TEST_F(ConfigTest, FoldersMustBeThere) {
+  for (const char* bad : {"\"/tmp\"", "1", "[1]", "[\"/tmp\", true]", "[\"tmp\"]", "[\"\"]",
+                          "[\"/tmp\", \"/no/such/folder\"]", "[\"/etc/passwd\"]"}) {
+    for (const std::string& key : {std::string("load_folders"), std::string("save_folders")}) {
+      EXPECT_NE(
+          Refusal("[volume]\n" + key + " = " + bad + "\n").find("palpated.toml:2: volume." + key),
+          std::string::npos)
+          << bad;
+    }
+  }
 }
 
 TEST_F(ConfigTest, NamesTheLineOfAnError) {

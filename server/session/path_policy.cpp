@@ -1,0 +1,110 @@
+#include "server/session/path_policy.h"
+
+#include <algorithm>
+#include <string_view>
+#include <system_error>
+
+#include "common/error/error.h"
+#include "server/volume/builtin.h"
+
+namespace palpate {
+namespace {
+
+namespace fs = std::filesystem;
+
+[[noreturn]] void Refuse(const std::string& message) {
+  throw Error(ErrorKind::kInvalidArgument, message);
+}
+
+fs::path ParsePath(const std::string& path) {
+  if (path.find('\0') != std::string::npos) Refuse("the path holds a NUL character");
+  if (path.empty()) Refuse("the path is empty: give an absolute one");
+  if (!fs::path(path).is_absolute()) Refuse(path + ": the path must be absolute");
+  return path;
+}
+
+// Links and ".." followed as far as there is something; what is to come stays.
+fs::path Resolve(const fs::path& path) {
+  std::error_code error;
+  fs::path resolved = fs::weakly_canonical(path, error);
+  if (error == std::errc::permission_denied) {
+    throw Error(ErrorKind::kPermissionDenied, path.string() + ": the daemon may not enter there");
+  }
+  if (error) Refuse(path.string() + ": " + error.message() + "; name another path");
+  return resolved;
+}
+
+std::vector<fs::path> ResolveFolders(const std::vector<fs::path>& folders) {
+  std::vector<fs::path> resolved;
+  for (const fs::path& folder : folders) {
+    std::error_code error;
+    resolved.push_back(fs::canonical(ParsePath(folder.string()), error));
+    if (error || !fs::is_directory(resolved.back(), error)) {
+      Refuse(folder.string() + " is no folder: make it, or name another");
+    }
+  }
+  return resolved;
+}
+
+// By components, so that /data does not hold /database.
+bool IsWithin(const fs::path& folder, const fs::path& path) {
+  return std::mismatch(folder.begin(), folder.end(), path.begin(), path.end()).first ==
+         folder.end();
+}
+
+void CheckWithin(const std::vector<fs::path>& folders, const fs::path& resolved,
+                 const std::string& path, std::string_view verb, const char* key) {
+  for (const fs::path& folder : folders) {
+    if (IsWithin(folder, resolved)) return;
+  }
+  std::string list;
+  for (const fs::path& folder : folders) {
+    list += (list.empty() ? " other than below " : ", ") + folder.string();
+  }
+  throw Error(ErrorKind::kPermissionDenied, path + ": the daemon does not " + std::string(verb) +
+                                                " files" + list + " (" + key +
+                                                " of its configuration)");
+}
+
+}  // namespace
+
+fs::path CurrentFolder() {
+  std::error_code error;
+  fs::path folder = fs::current_path(error);
+  if (error) Refuse("the current folder is gone: start palpated in another one");
+  return folder;
+}
+
+PathPolicy::PathPolicy(const PathPolicyOptions& options)
+    : load_folders_(ResolveFolders(options.load_folders)),
+      save_folders_(ResolveFolders(options.save_folders)) {}
+
+fs::path PathPolicy::CheckLoad(const std::string& path) const {
+  if (IsBuiltin(path)) return path;
+  if (!path.empty() && path.find('\0') == std::string::npos && !fs::path(path).is_absolute()) {
+    Refuse(path + ": the path must be absolute, or a builtin volume such as builtin:bumps");
+  }
+  const fs::path resolved = Resolve(ParsePath(path));
+  CheckWithin(load_folders_, resolved, path, "load", kLoadKey);
+  return resolved;
+}
+
+fs::path PathPolicy::CheckSave(const std::string& path) const {
+  const fs::path resolved = Resolve(ParsePath(path));
+  // First, so that nothing is told of what is elsewhere.
+  CheckWithin(save_folders_, resolved, path, "save", kSaveKey);
+  std::error_code error;
+  if (path.ends_with('/') || !resolved.has_filename())
+    Refuse(path + ": the name of a file is missing");
+  if (!fs::is_directory(resolved.parent_path(), error)) {
+    throw Error(ErrorKind::kNotFound, path + ": there is no such folder; make it first");
+  }
+  // A link that leads nowhere is still a link here.
+  const fs::file_status status = fs::symlink_status(resolved, error);
+  if (fs::exists(status) && !fs::is_regular_file(status)) {
+    Refuse(path + ": this is no regular file; name another");
+  }
+  return resolved;
+}
+
+}  // namespace palpate

@@ -1,0 +1,53 @@
+// Which files clients may have the daemon read and write.
+//
+// A client names files on the daemon's machine; the daemon may see more of that
+// machine than the client should. Paths are judged by where they lead: symbolic
+// links and ".." are followed first. Someone who changes links on this machine
+// between the judgement and the use is not guarded against.
+//
+// Threads: any, at once; asks the file system. Ownership: holds its folders.
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+namespace palpate {
+
+struct PathPolicyOptions {
+  // Absolute paths of folders. Empty: nothing may be loaded, or saved.
+  std::vector<std::filesystem::path> load_folders{"/"};
+  std::vector<std::filesystem::path> save_folders{};
+};
+
+// The folder that the process was started in: the default to save to.
+std::filesystem::path CurrentFolder();
+
+class PathPolicy {
+ public:
+  // The configuration's names of the lists, for messages.
+  static constexpr char kLoadKey[] = "volume.load_folders";
+  static constexpr char kSaveKey[] = "volume.save_folders";
+
+  // From everywhere, to nowhere.
+  PathPolicy() : PathPolicy(PathPolicyOptions{}) {}
+  // Throws Error (kInvalidArgument) for a path that is not absolute or no folder.
+  explicit PathPolicy(const PathPolicyOptions& options);
+
+  // Where a file or folder to load lies, links followed; "builtin:..." stays as it
+  // is. Whether it is there is left to those who open it.
+  // Throws Error: kInvalidArgument (not absolute, NUL), kPermissionDenied.
+  std::filesystem::path CheckLoad(const std::string& path) const;
+
+  // Where a file to write lies, links followed. Its folder is there; it itself is a
+  // regular file or not there.
+  // Throws Error: kInvalidArgument (not absolute, NUL, no name, no regular file),
+  // kNotFound (no such folder), kPermissionDenied.
+  std::filesystem::path CheckSave(const std::string& path) const;
+
+ private:
+  std::vector<std::filesystem::path> load_folders_;
+  std::vector<std::filesystem::path> save_folders_;
+};
+
+}  // namespace palpate

@@ -1,0 +1,183 @@
+// Which files clients may name.
+#include "server/session/path_policy.h"
+
+#include <gtest/gtest.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <fstream>
+
+#include "common/error/error.h"
+#include "tests/support/temporary_folder.h"
+
+namespace palpate {
+namespace {
+
+namespace fs = std::filesystem;
+
+// The line of an Error of this kind.
+std::string Refusal(ErrorKind kind, const std::function<void()>& call) {
+  try {
+    call();
+  } catch (const Error& error) {
+    EXPECT_EQ(error.kind(), kind) << error.what();
+    EXPECT_EQ(std::string(error.what()).find('\n'), std::string::npos);
+    return error.what();
+  }
+  ADD_FAILURE() << "accepted";
+  return "";
+}
+
+class PathPolicyTest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    for (const char* name : {"load", "load/deep", "loads", "save", "outside"}) {
+      fs::create_directory(root_ / name);
+    }
+    for (const char* name : {"load/a.nrrd", "outside/secret.nrrd", "save/old.vdb"}) {
+      std::ofstream(root_ / name) << "x";
+    }
+    policy_ = PathPolicy({.load_folders = {root_ / "load"}, .save_folders = {root_ / "save"}});
+  }
+  std::string In(const std::string& name) const { return root_ / name; }
+  std::string LoadRefusal(const std::string& path, ErrorKind kind = ErrorKind::kPermissionDenied) {
+    SCOPED_TRACE(path);
+    return Refusal(kind, [&] { policy_.CheckLoad(path); });
+  }
+  std::string SaveRefusal(const std::string& path, ErrorKind kind = ErrorKind::kPermissionDenied) {
+    SCOPED_TRACE(path);
+    return Refusal(kind, [&] { policy_.CheckSave(path); });
+  }
+
+  test::TemporaryFolder folder_;
+  fs::path root_ = fs::canonical(folder_.path());
+  PathPolicy policy_;
+};
+
+TEST_F(PathPolicyTest, LoadsFromItsFoldersAndWhatIsBelow) {
+  EXPECT_EQ(policy_.CheckLoad(In("load/a.nrrd")), In("load/a.nrrd"));
+  EXPECT_EQ(policy_.CheckLoad(In("load/deep")), In("load/deep"));
+  EXPECT_EQ(policy_.CheckLoad(In("load")), In("load"));
+  EXPECT_EQ(policy_.CheckLoad(In("load//deep/../a.nrrd")), In("load/a.nrrd"));
+  EXPECT_EQ(policy_.CheckLoad(In("outside/../load/./a.nrrd")), In("load/a.nrrd"));
+  // Who opens it says that it is not there.
+  EXPECT_EQ(policy_.CheckLoad(In("load/absent.nrrd")), In("load/absent.nrrd"));
+  EXPECT_EQ(policy_.CheckLoad("builtin:bumps:32"), "builtin:bumps:32");
+}
+
+TEST_F(PathPolicyTest, RefusesToLoadFromElsewhere) {
+  for (const char* path : {"outside/secret.nrrd", "outside/absent", "load/../outside/secret.nrrd",
+                           "loads", "loads/a.nrrd", "", "save/old.vdb", "load/absent/../../x"}) {
+    LoadRefusal(In(path));
+  }
+  LoadRefusal("/");
+  LoadRefusal("/etc/passwd");
+  LoadRefusal("/proc/self/root" + In("outside/secret.nrrd"));
+}
+
+TEST_F(PathPolicyTest, NamesTheFoldersAndTheKeyButNotWhatIsThere) {
+  const std::string present = LoadRefusal(In("outside/secret.nrrd"));
+  EXPECT_NE(present.find("below " + In("load") + " (volume.load_folders"), std::string::npos)
+      << present;
+  EXPECT_EQ(LoadRefusal(In("outside/zecret.nrrd")).size(), present.size());
+  EXPECT_NE(SaveRefusal(In("load/a.nrrd")).find(In("save") + " (volume.save_folders"),
+            std::string::npos);
+  EXPECT_EQ(SaveRefusal(In("outside/none/x")), SaveRefusal(In("outside/none/x")));
+}
+
+TEST_F(PathPolicyTest, RefusesPathsThatAreNone) {
+  for (const std::string& path :
+       {std::string(), std::string("a.nrrd"), std::string("./a.nrrd"), std::string("../a.nrrd"),
+        In("load/a.nrrd") + '\0' + ".vdb", std::string("/") + std::string(5000, 'a')}) {
+    LoadRefusal(path, ErrorKind::kInvalidArgument);
+    SaveRefusal(path, ErrorKind::kInvalidArgument);
+  }
+  // Only a source to load can be built in; here it is a relative path.
+  SaveRefusal("builtin:bumps", ErrorKind::kInvalidArgument);
+}
+
+TEST_F(PathPolicyTest, FollowsLinksBeforeItJudges) {
+  fs::create_symlink(root_ / "outside", root_ / "load/way_out");
+  fs::create_symlink(root_ / "outside/secret.nrrd", root_ / "load/link.nrrd");
+  fs::create_symlink("../outside", root_ / "load/relative_way_out");
+  fs::create_symlink(root_ / "load", root_ / "outside/way_in");
+  LoadRefusal(In("load/way_out/secret.nrrd"));
+  LoadRefusal(In("load/way_out/absent.nrrd"));
+  LoadRefusal(In("load/link.nrrd"));
+  LoadRefusal(In("load/relative_way_out/secret.nrrd"));
+  // ".." of a link is the parent of where it leads.
+  LoadRefusal(In("load/way_out/../load/../outside/secret.nrrd"));
+  EXPECT_EQ(policy_.CheckLoad(In("outside/way_in/a.nrrd")), In("load/a.nrrd"));
+  EXPECT_EQ(policy_.CheckLoad(In("load/way_out/../load/a.nrrd")), In("load/a.nrrd"));
+}
+
+TEST_F(PathPolicyTest, RefusesLinksInACircle) {
+  fs::create_symlink(root_ / "load/b", root_ / "load/a");
+  fs::create_symlink(root_ / "load/a", root_ / "load/b");
+  LoadRefusal(In("load/a"), ErrorKind::kInvalidArgument);
+  SaveRefusal(In("load/a/x"), ErrorKind::kInvalidArgument);
+}
+
+TEST_F(PathPolicyTest, SavesNewAndOldFiles) {
+  EXPECT_EQ(policy_.CheckSave(In("save/new.vdb")), In("save/new.vdb"));
+  EXPECT_EQ(policy_.CheckSave(In("save/old.vdb")), In("save/old.vdb"));
+  EXPECT_EQ(policy_.CheckSave(In("load/../save/new.vdb")), In("save/new.vdb"));
+  fs::create_symlink(root_ / "save/old.vdb", root_ / "save/link.vdb");
+  EXPECT_EQ(policy_.CheckSave(In("save/link.vdb")), In("save/old.vdb"));
+}
+
+TEST_F(PathPolicyTest, RefusesToSaveElsewhere) {
+  fs::create_symlink(root_ / "outside", root_ / "save/way_out");
+  fs::create_symlink(root_ / "outside/secret.nrrd", root_ / "save/link.vdb");
+  for (const char* path :
+       {"outside/x.vdb", "load/a.nrrd", "save/../outside/x.vdb", "save/way_out/x.vdb",
+        "save/link.vdb", "save/none/../../outside/x.vdb", "saves/x.vdb"}) {
+    SaveRefusal(In(path));
+  }
+}
+
+TEST_F(PathPolicyTest, SavesToNothingButRegularFiles) {
+  fs::create_directory(root_ / "save/folder");
+  ASSERT_EQ(mkfifo(In("save/pipe").c_str(), 0600), 0);
+  fs::create_symlink(root_ / "save/folder", root_ / "save/to_folder");
+  fs::create_symlink(root_ / "outside/to_come.vdb", root_ / "save/dangling.vdb");
+  for (const char* path : {"save", "save/", "save/.", "save/..", "save/folder", "save/folder/",
+                           "save/new.vdb/", "save/pipe", "save/to_folder", "save/dangling.vdb"}) {
+    const std::string text = In(path);
+    SCOPED_TRACE(text);
+    EXPECT_THROW(policy_.CheckSave(text), Error);
+  }
+  SaveRefusal(In("save/pipe"), ErrorKind::kInvalidArgument);
+  SaveRefusal(In("save/folder"), ErrorKind::kInvalidArgument);
+  SaveRefusal(In("save/dangling.vdb"), ErrorKind::kInvalidArgument);
+  SaveRefusal(In("save/none/x.vdb"), ErrorKind::kNotFound);
+  SaveRefusal(In("save/old.vdb/x.vdb"), ErrorKind::kNotFound);
+}
+
+TEST_F(PathPolicyTest, FoldersAreCheckedAtStart) {
+  for (const fs::path& bad : {fs::path("relative"), fs::path(""), root_ / "absent",
+                              root_ / "load/a.nrrd", fs::path(std::string("/tmp\0x", 6))}) {
+    Refusal(ErrorKind::kInvalidArgument, [&] { PathPolicy({.load_folders = {bad}}); });
+    Refusal(ErrorKind::kInvalidArgument, [&] { PathPolicy({.save_folders = {bad}}); });
+  }
+}
+
+TEST_F(PathPolicyTest, AFolderMayBeALinkAndEndWithASlash) {
+  fs::create_symlink(root_ / "load", root_ / "entrance");
+  const PathPolicy policy({.load_folders = {root_ / "entrance/"}, .save_folders = {"/"}});
+  EXPECT_EQ(policy.CheckLoad(In("load/a.nrrd")), In("load/a.nrrd"));
+  EXPECT_EQ(policy.CheckLoad(In("entrance/a.nrrd")), In("load/a.nrrd"));
+  EXPECT_EQ(policy.CheckSave(In("outside/x.vdb")), In("outside/x.vdb"));
+}
+
+TEST_F(PathPolicyTest, ByDefaultLoadsFromEverywhereAndSavesNowhere) {
+  const PathPolicy policy;
+  EXPECT_EQ(policy.CheckLoad(In("outside/secret.nrrd")), In("outside/secret.nrrd"));
+  EXPECT_NE(Refusal(ErrorKind::kPermissionDenied, [&] { policy.CheckSave(In("save/x.vdb")); })
+                .find("volume.save_folders"),
+            std::string::npos);
+  EXPECT_EQ(CurrentFolder(), fs::current_path());
+}
+
+}  // namespace
+}  // namespace palpate
