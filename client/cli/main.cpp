@@ -12,7 +12,7 @@
 #include "client/cli/connection.h"
 #include "client/cli/info_command.h"
 #include "client/cli/invocation.h"
-#include "client/cli/load_command.h"
+#include "client/cli/load_options.h"
 #include "client/cli/output.h"
 #include "client/cli/set_command.h"
 #include "client/cli/setting.h"
@@ -116,65 +116,6 @@ void AddSet(CLI::App& app, Invocation& invocation, SetValues& values) {
   command->callback([&invocation, &values] {
     TakeSetting(values);
     invocation.command = [&values](const Connection& c) { ChangeSetting(c, values.options); };
-  });
-}
-
-// Where CLI11 puts the values of `load`.
-struct LoadValues {
-  std::string source;
-  double isovalue = 0.0;
-  double normalized_isovalue = 0.0;
-  std::vector<double> spacing_mm;
-  double scale = 0.0;
-};
-
-void AddLoad(CLI::App& app, Invocation& invocation, LoadValues& values) {
-  CLI::App* command = app.add_subcommand(
-      "load",
-      "Replaces the volume. The volume felt so far stays until the new one is complete, and\n"
-      "stays when loading fails. Ctrl-C cancels, with exit code 9.");
-  SetFooter(*command,
-            "Examples: palpate load scan.nrrd --isovalue -200\n"
-            "          palpate load builtin:sphere:64 --normalized-isovalue 0.5");
-  command
-      ->add_option("source", values.source,
-                   "File or DICOM folder on the daemon's machine, or builtin:NAME[:N]")
-      ->required()
-      ->option_text("SOURCE");
-  CLI::Option* isovalue =
-      command->add_option("--isovalue", values.isovalue, "Isovalue to start with, in data units")
-          ->check(Finite());
-  CLI::Option* normalized =
-      command
-          ->add_option("--normalized-isovalue", values.normalized_isovalue,
-                       "Isovalue to start with, 0 to 1 over the new volume's range\n"
-                       "[default: the current one]")
-          ->check(Finite())
-          ->excludes(isovalue);
-  CLI::Option* spacing = command
-                             ->add_option("--spacing-mm", values.spacing_mm,
-                                          "Voxel spacing X,Y,Z in mm, instead of the file's")
-                             ->delimiter(',')
-                             ->expected(3)
-                             ->check(Positive())
-                             ->option_text("X,Y,Z");
-  CLI::Option* scale =
-      command
-          ->add_option("--device-mm-per-volume-mm", values.scale,
-                       "mm of the device per mm of the volume [default: fits the workspace]")
-          ->check(Positive());
-  command->callback([&invocation, &values, isovalue, normalized, spacing, scale] {
-    v1::LoadVolumeRequest request;
-    request.set_source(SourceForDaemon(values.source));
-    if (isovalue->count() > 0) request.set_isovalue(values.isovalue);
-    if (normalized->count() > 0) request.set_normalized_isovalue(values.normalized_isovalue);
-    if (spacing->count() > 0) {
-      request.mutable_spacing_mm()->set_x(values.spacing_mm[0]);
-      request.mutable_spacing_mm()->set_y(values.spacing_mm[1]);
-      request.mutable_spacing_mm()->set_z(values.spacing_mm[2]);
-    }
-    if (scale->count() > 0) request.set_device_mm_per_volume_mm(values.scale);
-    invocation.command = [request](const Connection& c) { LoadVolume(c, request); };
   });
 }
 

@@ -19,6 +19,10 @@ VolumeFile VolumeLoader::Load(const LoadRequest& load, const LoadProgress& progr
                               std::vector<std::string>& warnings) const {
   const std::string& source = load.source;
   if (IsBuiltin(source)) {
+    if (load.raw || load.frame.value_or(0) != 0) {
+      throw Error(ErrorKind::kInvalidArgument,
+                  source + ": a builtin volume has no raw voxels and one frame; leave them out");
+    }
     progress("making", 0.0);
     const std::int64_t max_builtin_voxels =
         std::min<std::int64_t>(max_voxels, max_memory_bytes / kBytesPerBuiltinVoxel);

@@ -1,5 +1,6 @@
 find_package(nlohmann_json REQUIRED)
-foreach(test daemon_stream_test daemon_control_test daemon_lifecycle_test daemon_settings_test)
+foreach(test daemon_stream_test daemon_control_test daemon_lifecycle_test daemon_settings_test
+        daemon_load_test)
   palpate_integration_test(${test} ${test}.cpp palpate::wire palpate::proto
     nlohmann_json::nlohmann_json)
   add_dependencies(${test} palpated palpate palpate-import)

@@ -104,6 +104,19 @@ TEST_F(CliTest, WrongUsageIsOneLineAndExitCode2) {
            {"load", "a", "--spacing-mm", "1,2"},
            {"load", "a", "--spacing-mm", "1,2,-3"},
            {"load", "a", "--isovalue", "1", "--normalized-isovalue", "1"},
+           {"load", "a", "--raw-size", "4,4,4"},
+           {"load", "a", "--raw-type", "uint8"},
+           {"load", "a", "--raw-size", "4,4", "--raw-type", "uint8"},
+           {"load", "a", "--raw-size", "4,4,0", "--raw-type", "uint8"},
+           {"load", "a", "--raw-size", "4,4,-4", "--raw-type", "uint8"},
+           {"load", "a", "--raw-size", "4,4,4.5", "--raw-type", "uint8"},
+           {"load", "a", "--raw-size", "4,4,4294967296", "--raw-type", "uint8"},
+           {"load", "a", "--raw-size", "4,4,4", "--raw-type", "uint9"},
+           {"load", "a", "--raw-big-endian"},
+           {"load", "a", "--raw-offset-bytes", "4"},
+           {"load", "a", "--raw-size", "4,4,4", "--raw-type", "int8", "--raw-offset-bytes", "-1"},
+           {"load", "a", "--frame", "-1"},
+           {"load", "a", "--frame", "first"},
            {"info", "--socket", "a", "--server", "b:1"},
            {"info", "extra"}}) {
     ExpectOneError(Run(arguments), 2, "--help");
@@ -438,6 +451,23 @@ TEST_F(CliTest, LoadSendsNothingThatWasNotAsked) {
   EXPECT_EQ(daemon_->volume.last_load.ShortDebugString(), "source: \"builtin:sphere:64\"");
   EXPECT_EQ(Run({"load", "builtin:x", "--normalized-isovalue", "0"}).exit_code, 0);
   EXPECT_TRUE(daemon_->volume.last_load.has_normalized_isovalue());
+}
+
+TEST_F(CliTest, LoadSaysWhatRawVoxelsAre) {
+  StartDaemon();
+  ASSERT_EQ(Run({"load", "/a.raw", "--raw-size", "7,8,9", "--raw-type", "uint16",
+                 "--raw-big-endian", "--raw-offset-bytes", "12", "--frame", "3"})
+                .exit_code,
+            0);
+  EXPECT_EQ(daemon_->volume.last_load.ShortDebugString(),
+            "source: \"/a.raw\" raw { size_x: 7 size_y: 8 size_z: 9 type: VOXEL_TYPE_UINT16 "
+            "big_endian: true offset_bytes: 12 } frame: 3");
+  ASSERT_EQ(Run({"load", "/a.raw", "--raw-size", "7,8,9", "--raw-type", "float64", "--frame", "0"})
+                .exit_code,
+            0);
+  EXPECT_EQ(daemon_->volume.last_load.ShortDebugString(),
+            "source: \"/a.raw\" raw { size_x: 7 size_y: 8 size_z: 9 type: VOXEL_TYPE_FLOAT64 } "
+            "frame: 0");
 }
 
 TEST_F(CliTest, LoadOfAnAbsentFileIsExitCode4) {

@@ -1,0 +1,87 @@
+#include "server/rpc/volume_messages.h"
+
+#include <cstdint>
+#include <limits>
+#include <string>
+
+#include "common/error/error.h"
+#include "common/wire/convert.h"
+
+namespace palpate {
+namespace {
+
+// As palpate-import names them.
+std::string TypeName(v1::VoxelType type) {
+  switch (type) {
+    case v1::VOXEL_TYPE_INT8:
+      return "int8";
+    case v1::VOXEL_TYPE_UINT8:
+      return "uint8";
+    case v1::VOXEL_TYPE_INT16:
+      return "int16";
+    case v1::VOXEL_TYPE_UINT16:
+      return "uint16";
+    case v1::VOXEL_TYPE_INT32:
+      return "int32";
+    case v1::VOXEL_TYPE_UINT32:
+      return "uint32";
+    case v1::VOXEL_TYPE_FLOAT32:
+      return "float32";
+    case v1::VOXEL_TYPE_FLOAT64:
+      return "float64";
+    default:
+      throw Error(ErrorKind::kInvalidArgument,
+                  "raw.type is missing or unknown: say which type the voxels have");
+  }
+}
+
+RawVoxels RawFromProto(const v1::RawVoxels& raw) {
+  constexpr std::uint64_t kMostOffset = std::numeric_limits<std::int64_t>::max();
+  if (raw.offset_bytes() > kMostOffset) {
+    throw Error(ErrorKind::kInvalidArgument, "raw.offset_bytes is beyond any file");
+  }
+  return {.size = {raw.size_x(), raw.size_y(), raw.size_z()},
+          .type = TypeName(raw.type()),
+          .big_endian = raw.big_endian(),
+          .offset_bytes = static_cast<std::int64_t>(raw.offset_bytes())};
+}
+
+}  // namespace
+
+v1::VolumeDescription ToProto(const VolumeState& state) {
+  const VolumeMetadata& metadata = state.volume->metadata();
+  v1::VolumeDescription out;
+  out.set_source(metadata.source);
+  out.set_volume_revision(state.volume->revision());
+  out.set_size_x(static_cast<std::uint32_t>(metadata.size.x()));
+  out.set_size_y(static_cast<std::uint32_t>(metadata.size.y()));
+  out.set_size_z(static_cast<std::uint32_t>(metadata.size.z()));
+  *out.mutable_spacing_mm() = palpate::ToProto(metadata.spacing_mm);
+  out.set_value_min(metadata.value_min);
+  out.set_value_max(metadata.value_max);
+  out.set_unit(metadata.unit);
+  out.set_original_type(metadata.original_type);
+  *out.mutable_world_from_index() = palpate::ToProto(metadata.WorldFromIndex());
+  *out.mutable_device_from_index() = palpate::ToProto(state.X_DI);
+  out.set_device_mm_per_volume_mm(state.registration.device_mm_per_volume_mm);
+  out.set_memory_bytes(state.volume->bricks().MemoryBytes());
+  out.set_loaded_revision(state.volume->loaded_revision());
+  out.set_frames(static_cast<std::uint32_t>(metadata.frames));
+  return out;
+}
+
+LoadRequest FromProto(const v1::LoadVolumeRequest& request) {
+  LoadRequest load;
+  load.source = request.source();
+  if (request.has_isovalue()) load.isovalue = request.isovalue();
+  if (request.has_normalized_isovalue()) load.normalized_isovalue = request.normalized_isovalue();
+  if (request.has_spacing_mm()) load.spacing_mm = palpate::FromProto(request.spacing_mm());
+  if (request.has_device_mm_per_volume_mm()) {
+    load.device_mm_per_volume_mm = request.device_mm_per_volume_mm();
+  }
+  if (request.has_raw()) load.raw = RawFromProto(request.raw());
+  if (request.has_frame()) load.frame = request.frame();
+  return load;
+}
+
+}  // namespace palpate
