@@ -46,6 +46,7 @@ void AddRawOptions(CLI::App& command, LoadValues& values) {
   command
       .add_option("--raw-offset-bytes", values.raw_offset_bytes,
                   "Bytes before the first of them [default: 0]")
+      ->check(CLI::NonNegativeNumber)
       ->needs(size)
       ->option_text("N");
 }
