@@ -1,0 +1,245 @@
+#include "server/volume/edit_region.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+#include <type_traits>
+
+#include "common/error/error.h"
+
+namespace palpate {
+namespace {
+
+// Lengths beyond this are cut, so that squares stay finite: no volume is as large.
+constexpr double kFarthest = 1e30;
+
+// A voxel that lies on the boundary of the region may seem to lie beyond it.
+constexpr double kSlackVoxels = 1e-6;
+
+[[noreturn]] void Refuse(const std::string& message) {
+  throw Error(ErrorKind::kInvalidArgument, message);
+}
+
+[[noreturn]] void RefuseSize(double voxels) {
+  throw Error(ErrorKind::kTooLarge,
+              fmt::format("the edit spans {:.0f} voxels, at most {} are possible: do it in parts",
+                          voxels, kMostEditedVoxels));
+}
+
+// A sphere, or the end of a capsule.
+void CheckPoint(const Vec3& point) {
+  if (!point.allFinite()) Refuse("the shape's position is not finite");
+  if (point.cwiseAbs().maxCoeff() > kFarthest) {
+    Refuse("the shape is outside of the volume: give a position near it");
+  }
+}
+
+void CheckRadius(double radius) {
+  if (!(radius > 0.0) || !std::isfinite(radius)) {
+    Refuse(fmt::format("the radius {} is not a finite length above 0", radius));
+  }
+}
+
+void CheckShape(const SphereShape& sphere) {
+  CheckPoint(sphere.center);
+  CheckRadius(sphere.radius);
+}
+
+void CheckShape(const BoxShape& box) {
+  if (!box.min.allFinite() || !box.max.allFinite()) Refuse("the box is not finite");
+  if ((box.min.array() > box.max.array()).any()) {
+    Refuse("the box's min is above its max: exchange them");
+  }
+}
+
+void CheckShape(const CapsuleShape& capsule) {
+  CheckPoint(capsule.from);
+  CheckPoint(capsule.to);
+  CheckRadius(capsule.radius);
+}
+
+// In float, as voxels are. NaN is in no range.
+void CheckValue(const VolumeMetadata& metadata, double value) {
+  const auto stored = static_cast<float>(value);
+  if (stored >= static_cast<float>(metadata.value_min) &&
+      stored <= static_cast<float>(metadata.value_max)) {
+    return;
+  }
+  Refuse(fmt::format("value {} is not within {:g} to {:g}{}", value, metadata.value_min,
+                     metadata.value_max, metadata.unit.empty() ? "" : " " + metadata.unit));
+}
+
+void CheckBlock(const VolumeMetadata& metadata, const VolumeEdit& edit, const DenseBlock& block) {
+  if (edit.frame != EditFrame::kIndex) Refuse("a block is given in voxels, not in mm");
+  if (edit.operation == EditOperation::kSmooth) Refuse("a block has values: it cannot smooth");
+  if (edit.falloff != 0.0) Refuse("a block has no falloff");
+  const auto size = metadata.size.cast<std::int64_t>().eval();
+  if ((block.min.array() < 0).any() || (block.size.array() < 1).any() ||
+      (block.min.array() >= size.array()).any() ||
+      (block.size.array() > (size - block.min).array()).any()) {
+    Refuse(fmt::format("the block is not within the volume of {} x {} x {} voxels", size.x(),
+                       size.y(), size.z()));
+  }
+  const double voxels = block.size.cast<double>().prod();
+  if (voxels > static_cast<double>(kMostEditedVoxels)) RefuseSize(voxels);
+  if (block.values.size() != static_cast<std::size_t>(block.size.prod())) {
+    Refuse(fmt::format("the block of {} voxels has {} values", block.size.prod(),
+                       block.values.size()));
+  }
+  for (const float value : block.values) {
+    if (!std::isfinite(value)) Refuse("a value of the block is not finite");
+  }
+  if (edit.operation == EditOperation::kAdd || edit.operation == EditOperation::kSubtract) return;
+  const auto [least, greatest] = std::minmax_element(block.values.begin(), block.values.end());
+  CheckValue(metadata, *least);
+  CheckValue(metadata, *greatest);
+}
+
+// Least and greatest coordinate of a shape along `row`, and half the width that a
+// distance of 1 adds to it: the row's length, as shapes grow alike in all
+// directions.
+struct Span {
+  double low;
+  double high;
+  double radius;
+};
+
+Span SpanOf(const SphereShape& sphere, const Vec3& row) {
+  const double center = row.dot(sphere.center);
+  return {center, center, std::min(sphere.radius, kFarthest)};
+}
+
+Vec3 Cut(const Vec3& p) { return p.cwiseMax(-kFarthest).cwiseMin(kFarthest); }
+
+Span SpanOf(const BoxShape& box, const Vec3& row) {
+  const Vec3 a = row.cwiseProduct(Cut(box.min)), b = row.cwiseProduct(Cut(box.max));
+  return {a.cwiseMin(b).sum(), a.cwiseMax(b).sum(), 0.0};
+}
+
+Span SpanOf(const CapsuleShape& capsule, const Vec3& row) {
+  const double a = row.dot(capsule.from), b = row.dot(capsule.to);
+  return {std::min(a, b), std::max(a, b), std::min(capsule.radius, kFarthest)};
+}
+
+AffineMap FrameFromIndex(const VolumeSnapshot& volume, EditFrame frame) {
+  return frame == EditFrame::kWorld ? volume.metadata().WorldFromIndex() : AffineMap();
+}
+
+template <class Shape>
+std::optional<VoxelBox> VoxelsOf(const VolumeSnapshot& volume, const VolumeEdit& edit,
+                                 const Shape& shape) {
+  const AffineMap X_IF = FrameFromIndex(volume, edit.frame).Inverse();
+  VoxelBox box;
+  bool empty = false;
+  double voxels = 1.0;
+  for (int axis = 0; axis < 3; ++axis) {
+    const Vec3 row = X_IF.linear.row(axis);
+    const Span span = SpanOf(shape, row);
+    const double reach = row.norm() * (span.radius + std::min(edit.falloff, kFarthest));
+    const double low = span.low - reach + X_IF.translation[axis];
+    const double high = span.high + reach + X_IF.translation[axis];
+    const double last = volume.size()[axis] - 1;
+    if (!(high >= -0.5 && low <= last + 0.5)) Refuse("the edit's region is outside of the volume");
+    const double first_voxel = std::max(0.0, std::ceil(low - kSlackVoxels));
+    const double last_voxel = std::min(last, std::floor(high + kSlackVoxels));
+    if (first_voxel > last_voxel) {
+      empty = true;
+      continue;
+    }
+    box.min[axis] = static_cast<int>(first_voxel);
+    box.max[axis] = static_cast<int>(last_voxel);
+    voxels *= last_voxel - first_voxel + 1.0;
+  }
+  if (empty) return std::nullopt;
+  if (voxels > static_cast<double>(kMostEditedVoxels)) RefuseSize(voxels);
+  return box;
+}
+
+}  // namespace
+
+void CheckEdit(const VolumeSnapshot& volume, const VolumeEdit& edit) {
+  if (!std::isfinite(edit.value)) Refuse("the value is not finite");
+  if (!(edit.strength > 0.0 && edit.strength <= 1.0)) {
+    Refuse(fmt::format("strength {} is not above 0 and at most 1", edit.strength));
+  }
+  if (!(edit.falloff >= 0.0) || !std::isfinite(edit.falloff)) {
+    Refuse(fmt::format("the falloff {} is not a finite length of at least 0", edit.falloff));
+  }
+  if (const auto* block = std::get_if<DenseBlock>(&edit.shape)) {
+    CheckBlock(volume.metadata(), edit, *block);
+    return;
+  }
+  std::visit(
+      [](const auto& shape) {
+        if constexpr (!std::is_same_v<std::decay_t<decltype(shape)>, DenseBlock>) {
+          CheckShape(shape);
+        }
+      },
+      edit.shape);
+  if (edit.operation == EditOperation::kSet || edit.operation == EditOperation::kPaint) {
+    CheckValue(volume.metadata(), edit.value);
+  }
+}
+
+std::optional<VoxelBox> EditedVoxels(const VolumeSnapshot& volume, const VolumeEdit& edit) {
+  return std::visit(
+      [&](const auto& shape) -> std::optional<VoxelBox> {
+        if constexpr (std::is_same_v<std::decay_t<decltype(shape)>, DenseBlock>) {
+          return VoxelBox{shape.min.template cast<int>(),
+                          (shape.min + shape.size).template cast<int>() - Vec3i::Ones()};
+        } else {
+          return VoxelsOf(volume, edit, shape);
+        }
+      },
+      edit.shape);
+}
+
+EditWeights::EditWeights(const VolumeSnapshot& volume, const VolumeEdit& edit)
+    : edit_(edit), X_FI_(FrameFromIndex(volume, edit.frame)) {
+  constexpr double kHalf = 0.5 * (kBrickEdge - 1);
+  double farthest = 0.0;
+  for (int corner = 0; corner < 4; ++corner) {
+    const Vec3 half(corner & 1 ? kHalf : -kHalf, corner & 2 ? kHalf : -kHalf, kHalf);
+    farthest = std::max(farthest, (X_FI_.linear * half).norm());
+  }
+  // More than it is: where rounding could decide, the voxels are asked one by one.
+  brick_radius_ = farthest * (1.0 + 1e-6);
+  if (const auto* capsule = std::get_if<CapsuleShape>(&edit.shape)) {
+    const Vec3 way = capsule->to - capsule->from;
+    length_ = way.norm();
+    if (length_ > 0.0) axis_ = way / length_;
+  }
+}
+
+double EditWeights::Distance(const Vec3& position) const {
+  if (const auto* sphere = std::get_if<SphereShape>(&edit_.shape)) {
+    return (position - sphere->center).norm() - std::min(sphere->radius, kFarthest);
+  }
+  if (const auto* box = std::get_if<BoxShape>(&edit_.shape)) {
+    const Vec3 beyond = (box->min - position).cwiseMax(position - box->max);
+    const double nearest = beyond.maxCoeff();
+    return nearest <= 0.0 ? nearest : beyond.cwiseMax(0.0).cwiseMin(kFarthest).norm();
+  }
+  const auto& capsule = std::get<CapsuleShape>(edit_.shape);
+  const Vec3 away = position - capsule.from;
+  const double along = std::clamp(away.dot(axis_), 0.0, length_);
+  return (away - along * axis_).norm() - std::min(capsule.radius, kFarthest);
+}
+
+double EditWeights::OfDistance(double distance) const {
+  if (distance <= 0.0) return 1.0;
+  if (distance >= edit_.falloff) return 0.0;
+  const double share = 1.0 - distance / edit_.falloff;
+  return share * share * (3.0 - 2.0 * share);
+}
+
+EditWeights::Reach EditWeights::Of(const Vec3i& brick) const {
+  const Vec3 middle = (brick * kBrickEdge).cast<double>() + Vec3::Constant(0.5 * (kBrickEdge - 1));
+  const double distance = Distance(PositionOf(middle));
+  if (distance + brick_radius_ <= 0.0) return Reach::kAll;
+  return distance - brick_radius_ > edit_.falloff ? Reach::kNone : Reach::kSome;
+}
+
+}  // namespace palpate
