@@ -1,0 +1,202 @@
+// The bricks of a volume: changes, revisions, hash, memory, and grids made of them.
+#include "server/volume/brick_directory.h"
+
+#include <gtest/gtest.h>
+
+#include <map>
+#include <random>
+#include <set>
+
+#include "server/volume/snapshot_builder.h"
+#include "tests/support/array_volume.h"
+
+namespace palpate {
+namespace {
+
+// Neither a multiple of a brick nor of a node along any axis but one.
+const Vec3i kSize(130, 64, 21);
+
+BrickPtr RandomBrick(std::mt19937& random) {
+  auto brick = std::make_shared<Brick>();
+  for (float& value : *brick) value = std::uniform_real_distribution<float>(0, 1)(random);
+  return brick;
+}
+
+BrickDirectory RandomDirectory(std::mt19937& random, const Vec3i& size = kSize) {
+  return {size, [&](const Vec3i&) { return RandomBrick(random); }};
+}
+
+BrickDirectory Copied(const BrickDirectory& bricks, const Vec3i& size = kSize) {
+  return {size, [&](const Vec3i& brick) { return std::make_shared<Brick>(*bricks.At(brick)); }};
+}
+
+std::uint64_t CountOf(const BrickDirectory& bricks) {
+  return static_cast<std::uint64_t>(bricks.brick_count().cast<std::int64_t>().prod());
+}
+
+std::vector<BrickChange> RandomChanges(const BrickDirectory& bricks, std::mt19937& random,
+                                       int count) {
+  std::set<std::uint64_t> numbers;
+  while (count-- > 0) numbers.insert(random() % CountOf(bricks));
+  std::vector<BrickChange> changes;
+  for (const std::uint64_t number : numbers) {
+    changes.push_back({bricks.BrickOf(number), RandomBrick(random)});
+  }
+  return changes;
+}
+
+TEST(BrickDirectoryTest, NumbersAndCoordinatesAreOneToOne) {
+  std::mt19937 random(1);
+  const BrickDirectory bricks = RandomDirectory(random);
+  EXPECT_EQ(bricks.brick_count(), Vec3i(17, 8, 3));
+  for (std::uint64_t n = 0; n < CountOf(bricks); ++n) {
+    EXPECT_EQ(bricks.NumberOf(bricks.BrickOf(n)), n);
+    EXPECT_EQ(bricks.RevisionOf(bricks.BrickOf(n)), 1u);
+  }
+}
+
+TEST(BrickDirectoryTest, FindsEveryVoxel) {
+  std::mt19937 random(2);
+  const BrickDirectory bricks = RandomDirectory(random);
+  for (int i = 0; i < kSize.x(); ++i) {
+    for (int j = 0; j < kSize.y(); ++j) {
+      for (int k = 0; k < kSize.z(); ++k) {
+        ASSERT_EQ(bricks.Find(i, j, k), bricks.At(Vec3i(i / 8, j / 8, k / 8))->data());
+      }
+    }
+  }
+}
+
+// Against a plain map of bricks and revisions.
+TEST(BrickDirectoryTest, RandomChangesAreSeenAndOldCopiesStay) {
+  std::mt19937 random(3);
+  BrickDirectory bricks = RandomDirectory(random);
+  std::map<std::uint64_t, std::pair<BrickPtr, std::uint64_t>> model;
+  for (std::uint64_t n = 0; n < CountOf(bricks); ++n) model[n] = {bricks.At(bricks.BrickOf(n)), 1};
+  for (std::uint64_t revision = 2; revision < 40; ++revision) {
+    const BrickDirectory before = bricks;
+    const BrickDirectory before_copy = Copied(before);
+    const auto changes = RandomChanges(bricks, random, static_cast<int>(1 + random() % 60));
+    bricks = before.With(changes, revision);
+    for (const BrickChange& change : changes) {
+      model[bricks.NumberOf(change.brick)] = {change.values, revision};
+    }
+    for (const auto& [number, expected] : model) {
+      ASSERT_EQ(bricks.At(bricks.BrickOf(number)), expected.first);
+      ASSERT_EQ(bricks.RevisionOf(bricks.BrickOf(number)), expected.second);
+    }
+    for (const std::uint64_t since : {std::uint64_t{0}, revision / 2, revision - 1, revision}) {
+      std::vector<std::uint64_t> expected;
+      for (const auto& [number, brick] : model) {
+        if (brick.second > since) expected.push_back(number);
+      }
+      ASSERT_EQ(bricks.ChangedSince(since), expected);
+    }
+    ASSERT_TRUE(before.ChangesTo(before_copy).empty());
+    ASSERT_EQ(before.content_hash(), before_copy.content_hash());
+  }
+}
+
+TEST(BrickDirectoryTest, TheHashFollowsChangesAsIfMadeAnew) {
+  std::mt19937 random(4);
+  BrickDirectory bricks = RandomDirectory(random);
+  const ContentHash first = bricks.content_hash();
+  std::vector<BrickDirectory> states{bricks};
+  for (std::uint64_t revision = 2; revision < 30; ++revision) {
+    bricks = bricks.With(RandomChanges(bricks, random, 5), revision);
+    ASSERT_EQ(bricks.content_hash(), Copied(bricks).content_hash());
+    ASSERT_NE(bricks.content_hash(), states.back().content_hash());
+    states.push_back(bricks);
+  }
+  // And back, by differences.
+  bricks = bricks.With(bricks.ChangesTo(states.front()), 31);
+  EXPECT_EQ(bricks.content_hash(), first);
+  EXPECT_TRUE(bricks.ChangesTo(states.front()).empty());
+}
+
+TEST(BrickDirectoryTest, TheHashSeesOneBitAndTheOrderOfBricks) {
+  std::mt19937 random(5);
+  const BrickDirectory bricks = RandomDirectory(random, Vec3i(16, 8, 8));
+  auto other = std::make_shared<Brick>(*bricks.At(Vec3i(1, 0, 0)));
+  (*other)[511] = std::nextafter((*other)[511], 2.0f);
+  const BrickDirectory one_bit = bricks.With(std::vector<BrickChange>{{Vec3i(1, 0, 0), other}}, 2);
+  EXPECT_NE(one_bit.content_hash(), bricks.content_hash());
+  const BrickDirectory swapped =
+      bricks.With(std::vector<BrickChange>{{Vec3i(0, 0, 0), bricks.At(Vec3i(1, 0, 0))},
+                                           {Vec3i(1, 0, 0), bricks.At(Vec3i(0, 0, 0))}},
+                  2);
+  EXPECT_NE(swapped.content_hash(), bricks.content_hash());
+}
+
+TEST(BrickDirectoryTest, DifferencesAreOfValuesNotOfObjects) {
+  std::mt19937 random(6);
+  const BrickDirectory bricks = RandomDirectory(random);
+  EXPECT_TRUE(bricks.ChangesTo(Copied(bricks)).empty());
+  const auto changes = RandomChanges(bricks, random, 9);
+  const BrickDirectory changed = bricks.With(changes, 2);
+  const auto found = bricks.ChangesTo(changed);
+  ASSERT_EQ(found.size(), changes.size());
+  for (std::size_t n = 0; n < found.size(); ++n) {
+    EXPECT_EQ(found[n].brick, changes[n].brick);
+    EXPECT_EQ(found[n].values, changes[n].values);
+  }
+}
+
+TEST(BrickDirectoryTest, AllChangedAtLeavesBricksAndHash) {
+  std::mt19937 random(7);
+  const BrickDirectory bricks = RandomDirectory(random);
+  const BrickDirectory later = bricks.AllChangedAt(9);
+  EXPECT_EQ(later.content_hash(), bricks.content_hash());
+  EXPECT_EQ(later.ChangedSince(8).size(), CountOf(bricks));
+  EXPECT_TRUE(later.ChangedSince(9).empty());
+  EXPECT_TRUE(bricks.ChangedSince(1).empty());
+}
+
+TEST(BrickDirectoryTest, NoChangesAreNoChange) {
+  std::mt19937 random(8);
+  const BrickDirectory bricks = RandomDirectory(random);
+  const BrickDirectory same = bricks.With({}, 5);
+  EXPECT_EQ(same.content_hash(), bricks.content_hash());
+  EXPECT_TRUE(same.ChangedSince(1).empty());
+}
+
+TEST(BrickDirectoryTest, MemoryIsThatOfTheVoxels) {
+  std::mt19937 random(9);
+  const Vec3i size(128, 128, 64);
+  const BrickDirectory dense = RandomDirectory(random, size);
+  const double voxel_bytes = 4.0 * size.cast<double>().prod();
+  EXPECT_LE(static_cast<double>(dense.MemoryBytes()), 1.05 * voxel_bytes);
+  EXPECT_GE(static_cast<double>(dense.MemoryBytes()), voxel_bytes);
+  const auto shared = std::make_shared<Brick>();
+  const BrickDirectory constant(size, [&](const Vec3i&) { return shared; });
+  EXPECT_LE(static_cast<double>(constant.MemoryBytes()), 0.05 * voxel_bytes);
+}
+
+TEST(BrickDirectoryTest, AGridAndBackIsTheSame) {
+  for (const int seed : {10, 11, 12}) {
+    std::mt19937 random(static_cast<unsigned>(seed));
+    // A third of the bricks is constant, at the background or above.
+    std::map<int, int> kinds;
+    const auto volume = testing::MakeVolume(Vec3i(37, 24, 19), [&](int i, int j, int k) {
+      const auto [kind, is_new] = kinds.try_emplace((i / 8 * 8 + j / 8) * 8 + k / 8, 0);
+      if (is_new) kind->second = static_cast<int>(random() % 4);
+      if (kind->second == 0) return 0.0;
+      if (kind->second == 1) return 0.25;
+      return static_cast<double>(random() % 1000) / 1000.0;
+    });
+    const openvdb::FloatGrid::Ptr grid = MakeGrid(*volume);
+    const BrickDirectory back = TakeBricks(*grid, volume->size());
+    for (int i = 0; i < 37; ++i) {
+      for (int j = 0; j < 24; ++j) {
+        for (int k = 0; k < 19; ++k) {
+          const std::size_t n = VoxelInBrick(i, j, k);
+          ASSERT_EQ(back.Find(i, j, k)[n], volume->bricks().Find(i, j, k)[n]);
+        }
+      }
+    }
+    EXPECT_EQ(back.content_hash(), volume->bricks().content_hash());
+  }
+}
+
+}  // namespace
+}  // namespace palpate

@@ -1,0 +1,385 @@
+// Edits against an oracle that visits every voxel and knows nothing of bricks.
+#include "server/volume/edit.h"
+
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <cmath>
+#include <random>
+
+#include "tests/support/array_volume.h"
+
+namespace palpate {
+namespace {
+
+using VolumePtr = std::shared_ptr<const VolumeSnapshot>;
+
+VolumePtr Placed(const VolumePtr& volume, const Vec3& spacing_mm, const Vec3& origin_W_mm,
+                 const Mat3& direction) {
+  VolumeMetadata metadata = volume->metadata();
+  metadata.spacing_mm = spacing_mm;
+  metadata.origin_W_mm = origin_W_mm;
+  metadata.direction = direction;
+  return std::make_shared<VolumeSnapshot>(metadata, volume->bricks(), 1, 1);
+}
+
+VolumePtr RandomVolume(const Vec3i& size, unsigned seed) {
+  std::mt19937 random(seed);
+  return testing::MakeVolume(size, [&](int i, int j, int k) {
+    if (i == 0 && j == 0) return k == 0 ? -1000.0 : k == 1 ? 2000.0 : 0.0;
+    return std::uniform_real_distribution<double>(-1000, 2000)(random);
+  });
+}
+
+float At(const VolumeSnapshot& volume, int i, int j, int k) {
+  return volume.bricks().Find(i, j, k)[VoxelInBrick(i, j, k)];
+}
+
+VolumePtr After(const VolumePtr& volume, const EditResult& result) {
+  return std::make_shared<VolumeSnapshot>(
+      volume->metadata(), volume->bricks().With(result.changes, volume->revision() + 1),
+      volume->revision() + 1, 1);
+}
+
+double DistanceTo(const VolumeEdit& edit, const Vec3& p) {
+  if (const auto* sphere = std::get_if<SphereShape>(&edit.shape)) {
+    return std::max(0.0, (p - sphere->center).norm() - sphere->radius);
+  }
+  if (const auto* box = std::get_if<BoxShape>(&edit.shape)) {
+    double square = 0.0;
+    for (int a = 0; a < 3; ++a) {
+      const double nearest = std::min(std::max(p[a], box->min[a]), box->max[a]);
+      square += (p[a] - nearest) * (p[a] - nearest);
+    }
+    return std::sqrt(square);
+  }
+  const auto& capsule = std::get<CapsuleShape>(edit.shape);
+  const Vec3 way = capsule.to - capsule.from;
+  const double square = way.squaredNorm();
+  const double share =
+      square > 0.0 ? std::min(1.0, std::max(0.0, (p - capsule.from).dot(way) / square)) : 0.0;
+  return std::max(0.0, (p - (capsule.from + share * way)).norm() - capsule.radius);
+}
+
+double Mean(const VolumeSnapshot& volume, int i, int j, int k) {
+  double sum = 0.0;
+  int count = 0;
+  for (int di = -1; di <= 1; ++di) {
+    for (int dj = -1; dj <= 1; ++dj) {
+      for (int dk = -1; dk <= 1; ++dk) {
+        const Vec3i q(i + di, j + dj, k + dk);
+        if ((q.array() < 0).any() || (q.array() >= volume.size().array()).any()) continue;
+        sum += At(volume, q.x(), q.y(), q.z());
+        ++count;
+      }
+    }
+  }
+  return sum / count;
+}
+
+double Expected(const VolumeSnapshot& volume, const VolumeEdit& edit, double w, int i, int j,
+                int k) {
+  const double v = At(volume, i, j, k);
+  const double toward =
+      edit.operation == EditOperation::kSmooth ? Mean(volume, i, j, k) : edit.value;
+  double result = 0.0;
+  switch (edit.operation) {
+    case EditOperation::kAdd:
+      result = v + w * toward;
+      break;
+    case EditOperation::kSubtract:
+      result = v - w * toward;
+      break;
+    case EditOperation::kSet:
+      result = v + w * (toward - v);
+      break;
+    case EditOperation::kSmooth:
+    case EditOperation::kPaint:
+      result = v + w * edit.strength * (toward - v);
+      break;
+  }
+  return std::min(2000.0, std::max(-1000.0, result));
+}
+
+// Values, locality, changed box and count, and that no brick is changed in vain.
+void CheckAgainstOracle(const VolumePtr& volume, const VolumeEdit& edit) {
+  const EditResult result = ApplyEdit(*volume, edit);
+  const VolumePtr after = After(volume, result);
+  const AffineMap X_FI =
+      edit.frame == EditFrame::kWorld ? volume->metadata().WorldFromIndex() : AffineMap();
+  Vec3i low = volume->size(), high = -Vec3i::Ones();
+  std::uint64_t count = 0;
+  for (int i = 0; i < volume->size().x(); ++i) {
+    for (int j = 0; j < volume->size().y(); ++j) {
+      for (int k = 0; k < volume->size().z(); ++k) {
+        const double distance = DistanceTo(edit, X_FI.Apply(Vec3(i, j, k)));
+        const double t = edit.falloff > 0.0 ? 1.0 - distance / edit.falloff : -1.0;
+        const double w = distance == 0.0 ? 1.0 : t <= 0.0 ? 0.0 : t * t * (3.0 - 2.0 * t);
+        const float was = At(*volume, i, j, k), is = At(*after, i, j, k);
+        if (distance > edit.falloff + 1e-9) {
+          ASSERT_EQ(was, is) << i << ' ' << j << ' ' << k;
+        } else if (distance == 0.0 || edit.falloff > 1e-3) {
+          ASSERT_NEAR(is, Expected(*volume, edit, w, i, j, k), 2e-3) << i << ' ' << j << ' ' << k;
+        }
+        if (was == is) continue;
+        ++count;
+        low = low.cwiseMin(Vec3i(i, j, k));
+        high = high.cwiseMax(Vec3i(i, j, k));
+      }
+    }
+  }
+  ASSERT_EQ(result.changed_voxels, count);
+  ASSERT_EQ(result.changed.has_value(), count > 0);
+  if (count > 0) {
+    EXPECT_EQ(result.changed->min, low);
+    EXPECT_EQ(result.changed->max, high);
+  }
+  for (const BrickChange& change : result.changes) {
+    EXPECT_NE(*change.values, *volume->bricks().At(change.brick));
+  }
+}
+
+// Voxels of the last bricks that lie beyond the lattice.
+void CheckPaddingStays(const VolumePtr& volume, const EditResult& result) {
+  for (const BrickChange& change : result.changes) {
+    for (int n = 0; n < kBrickVoxels; ++n) {
+      const Vec3i p = change.brick * kBrickEdge + Vec3i(n >> 6, n >> 3 & 7, n & 7);
+      if ((p.array() < volume->size().array()).all()) continue;
+      ASSERT_EQ((*change.values)[n], (*volume->bricks().At(change.brick))[n]);
+    }
+  }
+}
+
+constexpr EditOperation kOperations[] = {EditOperation::kAdd, EditOperation::kSubtract,
+                                         EditOperation::kSet, EditOperation::kSmooth,
+                                         EditOperation::kPaint};
+
+class RandomEdits {
+ public:
+  RandomEdits(const VolumePtr& volume, unsigned seed) : volume_(volume), random_(seed) {}
+
+  VolumeEdit Next(EditOperation operation) {
+    VolumeEdit edit;
+    edit.operation = operation;
+    edit.frame = random_() % 2 ? EditFrame::kWorld : EditFrame::kIndex;
+    scale_ = edit.frame == EditFrame::kWorld ? volume_->metadata().spacing_mm.mean() : 1.0;
+    edit.value = Uniform(-900, 1900);
+    if (operation == EditOperation::kAdd) edit.value = Uniform(-3000, 3000);
+    edit.strength = random_() % 3 ? Uniform(0.01, 1.0) : 1.0;
+    edit.falloff = random_() % 3 ? scale_ * Uniform(0.1, 8.0) : 0.0;
+    const Vec3 a = Position(edit.frame), b = Position(edit.frame);
+    const double radius = scale_ * Uniform(0.4, 9.0);
+    switch (random_() % 3) {
+      case 0:
+        edit.shape = SphereShape{a, radius};
+        break;
+      case 1:
+        edit.shape = BoxShape{a.cwiseMin(b), a.cwiseMax(b)};
+        break;
+      default:
+        edit.shape = CapsuleShape{a, random_() % 8 ? b : a, radius};
+        break;
+    }
+    return edit;
+  }
+
+ private:
+  double Uniform(double low, double high) {
+    return std::uniform_real_distribution<double>(low, high)(random_);
+  }
+  Vec3 Position(EditFrame frame) {
+    const Vec3i& size = volume_->size();
+    const Vec3 p_I(Uniform(0, size.x() - 1), Uniform(0, size.y() - 1), Uniform(0, size.z() - 1));
+    return frame == EditFrame::kWorld ? volume_->metadata().WorldFromIndex().Apply(p_I) : p_I;
+  }
+
+  const VolumePtr volume_;
+  std::mt19937 random_;
+  double scale_ = 1.0;
+};
+
+TEST(EditTest, EveryOperationAgreesWithTheOracle) {
+  const Mat3 turned = (Eigen::AngleAxisd(0.7, Vec3(1, 2, 3).normalized())).toRotationMatrix();
+  Mat3 mirrored = Mat3::Zero();
+  mirrored(0, 1) = -1, mirrored(1, 0) = 1, mirrored(2, 2) = -1;
+  const VolumePtr plain = RandomVolume(Vec3i(34, 29, 21), 1);
+  const VolumePtr volumes[] = {plain,
+                               Placed(plain, Vec3(0.5, 0.75, 2.5), Vec3(-100, 30, 1e3), turned),
+                               Placed(plain, Vec3(0.001, 0.002, 0.001), Vec3(0, 5, -7), mirrored)};
+  unsigned seed = 0;
+  for (const VolumePtr& volume : volumes) {
+    for (const EditOperation operation : kOperations) {
+      RandomEdits edits(volume, ++seed);
+      for (int n = 0; n < 40; ++n) {
+        SCOPED_TRACE(::testing::Message() << "seed " << seed << ", edit " << n);
+        const VolumeEdit edit = edits.Next(operation);
+        CheckAgainstOracle(volume, edit);
+        CheckPaddingStays(volume, ApplyEdit(*volume, edit));
+        if (HasFatalFailure()) return;
+      }
+    }
+  }
+}
+
+TEST(EditTest, BlocksAgreeWithTheOracle) {
+  const VolumePtr volume = RandomVolume(Vec3i(34, 29, 21), 2);
+  std::mt19937 random(3);
+  for (int n = 0; n < 60; ++n) {
+    DenseBlock block;
+    for (int a = 0; a < 3; ++a) {
+      block.min[a] = static_cast<std::int64_t>(random() % volume->size()[a]);
+      block.size[a] = 1 + static_cast<std::int64_t>(random() % (volume->size()[a] - block.min[a]));
+    }
+    std::uniform_real_distribution<float> value(-1000, 2000);
+    for (std::int64_t v = 0; v < block.size.prod(); ++v) block.values.push_back(value(random));
+    VolumeEdit edit{.shape = block, .operation = kOperations[random() % 3], .strength = 0.5};
+    const EditResult result = ApplyEdit(*volume, edit);
+    CheckPaddingStays(volume, result);
+    const VolumePtr after = After(volume, result);
+    for (int i = 0; i < volume->size().x(); ++i) {
+      for (int j = 0; j < volume->size().y(); ++j) {
+        for (int k = 0; k < volume->size().z(); ++k) {
+          const auto place = (Vec3i(i, j, k).cast<std::int64_t>() - block.min).eval();
+          float expected = At(*volume, i, j, k);
+          if ((place.array() >= 0).all() && (place.array() < block.size.array()).all()) {
+            edit.value = block.values[static_cast<std::size_t>(
+                place.x() + block.size.x() * (place.y() + block.size.y() * place.z()))];
+            expected = static_cast<float>(Expected(*volume, edit, 1.0, i, j, k));
+            if (edit.operation == EditOperation::kSet) expected = static_cast<float>(edit.value);
+          }
+          ASSERT_EQ(At(*after, i, j, k), expected);
+        }
+      }
+    }
+  }
+}
+
+TEST(EditTest, SetIsExactWithinAndUntouchedOutside) {
+  const VolumePtr volume = RandomVolume(Vec3i(24, 24, 24), 4);
+  const VolumeEdit edit{.shape = SphereShape{Vec3(12, 12, 12), 5.0}, .value = 0.1, .strength = 0.2};
+  const VolumePtr after = After(volume, ApplyEdit(*volume, edit));
+  for (int i = 0; i < 24; ++i) {
+    for (int j = 0; j < 24; ++j) {
+      for (int k = 0; k < 24; ++k) {
+        // In whole numbers: the boundary belongs to the sphere.
+        const int square = (Vec3i(i, j, k) - Vec3i(12, 12, 12)).squaredNorm();
+        ASSERT_EQ(At(*after, i, j, k), square <= 25 ? 0.1f : At(*volume, i, j, k));
+      }
+    }
+  }
+}
+
+TEST(EditTest, ABoxHoldsItsCorners) {
+  const VolumePtr volume = RandomVolume(Vec3i(24, 24, 24), 5);
+  const VolumeEdit edit{.shape = BoxShape{Vec3(7, 8, 9), Vec3(15, 16, 9)}, .value = 7.0};
+  const EditResult result = ApplyEdit(*volume, edit);
+  EXPECT_EQ(result.changed_voxels, 81u);
+  EXPECT_EQ(result.changed->min, Vec3i(7, 8, 9));
+  EXPECT_EQ(result.changed->max, Vec3i(15, 16, 9));
+  EXPECT_EQ(result.changes.size(), 4u);
+}
+
+TEST(EditTest, TheFalloffIsASmoothstep) {
+  const VolumePtr volume = Placed(
+      testing::MakeVolume(Vec3i(40, 9, 9), [](int i, int, int) { return i == 39 ? 1.0 : 0.0; }),
+      Vec3(0.5, 1, 1), Vec3(10, 0, 0), Mat3::Identity());
+  const VolumeEdit edit{.shape = BoxShape{Vec3(10, -99, -99), Vec3(12, 99, 99)},
+                        .frame = EditFrame::kWorld,
+                        .operation = EditOperation::kPaint,
+                        .value = 1.0,
+                        .falloff = 4.0};
+  const VolumePtr after = After(volume, ApplyEdit(*volume, edit));
+  // x mm beyond the box at voxel 4 + 2x.
+  EXPECT_EQ(At(*after, 4, 4, 4), 1.0f);
+  EXPECT_FLOAT_EQ(At(*after, 6, 4, 4), 0.84375f);
+  EXPECT_FLOAT_EQ(At(*after, 8, 4, 4), 0.5f);
+  EXPECT_FLOAT_EQ(At(*after, 10, 4, 4), 0.15625f);
+  EXPECT_EQ(At(*after, 12, 4, 4), 0.0f);
+}
+
+TEST(EditTest, ResultsAreHeldWithinTheRange) {
+  const VolumePtr volume = RandomVolume(Vec3i(20, 20, 20), 6);
+  for (const double value : {5000.0, -5000.0, 1e308, -1e308}) {
+    for (const EditOperation operation : {EditOperation::kAdd, EditOperation::kSubtract}) {
+      const VolumePtr after =
+          After(volume, ApplyEdit(*volume, {.shape = SphereShape{Vec3(10, 10, 10), 5.0},
+                                            .operation = operation,
+                                            .value = value,
+                                            .falloff = 3.0}));
+      const bool up = (value > 0) == (operation == EditOperation::kAdd);
+      EXPECT_EQ(At(*after, 10, 10, 10), up ? 2000.0f : -1000.0f);
+    }
+  }
+}
+
+TEST(EditTest, SmoothingReadsTheStateBefore) {
+  // An impulse on a corner where eight bricks meet: every neighbour gets the same.
+  const VolumePtr volume = testing::MakeVolume(Vec3i(24, 24, 24), [](int i, int j, int k) {
+    return i == 8 && j == 8 && k == 8 ? 27.0 : 0.0;
+  });
+  const EditResult result = ApplyEdit(*volume, {.shape = BoxShape{Vec3(0, 0, 0), Vec3(23, 23, 23)},
+                                                .operation = EditOperation::kSmooth});
+  EXPECT_EQ(result.changed_voxels, 27u);
+  EXPECT_EQ(result.changes.size(), 8u);
+  const VolumePtr after = After(volume, result);
+  for (int i = 7; i <= 9; ++i) {
+    for (int j = 7; j <= 9; ++j) {
+      for (int k = 7; k <= 9; ++k) EXPECT_EQ(At(*after, i, j, k), 1.0f);
+    }
+  }
+}
+
+TEST(EditTest, SmoothingLeavesOutWhatLiesBeyondTheLattice) {
+  const VolumePtr volume = testing::MakeVolume(
+      Vec3i(9, 9, 9), [](int i, int j, int k) { return i + j + k == 0 ? 8.0 : 0.0; });
+  const VolumePtr after =
+      After(volume, ApplyEdit(*volume, {.shape = SphereShape{Vec3(0, 0, 0), 0.5},
+                                        .operation = EditOperation::kSmooth}));
+  EXPECT_EQ(At(*after, 0, 0, 0), 1.0f);  // of eight voxels
+}
+
+TEST(EditTest, SmoothingAConstantChangesNothing) {
+  const VolumePtr volume = testing::MakeVolume(
+      Vec3i(20, 20, 20), [](int i, int, int) { return i < 2 ? 0.0 : 0.1234567; });
+  const EditResult result = ApplyEdit(*volume, {.shape = BoxShape{Vec3(4, 0, 0), Vec3(19, 19, 19)},
+                                                .operation = EditOperation::kSmooth});
+  EXPECT_EQ(result.changed_voxels, 0u);
+  EXPECT_TRUE(result.changes.empty());
+}
+
+TEST(EditTest, WhatChangesNothingMakesNoBricks) {
+  const VolumePtr volume =
+      testing::MakeVolume(Vec3i(20, 20, 20), [](int i, int, int) { return i < 10 ? 0.0 : 1.0; });
+  for (const VolumeEdit& edit :
+       {VolumeEdit{.shape = BoxShape{Vec3(10, 0, 0), Vec3(19, 19, 19)}, .value = 1.0},
+        VolumeEdit{.shape = BoxShape{Vec3(0, 0, 0), Vec3(9, 19, 19)}, .value = -0.0},
+        VolumeEdit{.shape = SphereShape{Vec3(5, 5, 5), 3.0}, .operation = EditOperation::kAdd},
+        VolumeEdit{.shape = SphereShape{Vec3(4.5, 4.5, 4.5), 0.1}, .value = 1.0}}) {
+    const EditResult result = ApplyEdit(*volume, edit);
+    EXPECT_TRUE(result.changes.empty());
+    EXPECT_FALSE(result.changed.has_value());
+    EXPECT_EQ(result.changed_voxels, 0u);
+  }
+}
+
+TEST(EditTest, ComparedBricksAreCountedAsTheEditWas) {
+  const VolumePtr volume = RandomVolume(Vec3i(34, 29, 21), 7);
+  RandomEdits edits(volume, 8);
+  for (const EditOperation operation : kOperations) {
+    const EditResult result = ApplyEdit(*volume, edits.Next(operation));
+    const VolumePtr after = After(volume, result);
+    std::vector<BrickChange> back;
+    for (const BrickChange& change : result.changes) {
+      back.push_back({change.brick, volume->bricks().At(change.brick)});
+    }
+    const EditResult undo = CompareBricks(*after, back);
+    EXPECT_EQ(undo.changed_voxels, result.changed_voxels);
+    EXPECT_EQ(undo.changed->min, result.changed->min);
+    EXPECT_EQ(undo.changed->max, result.changed->max);
+    EXPECT_EQ(undo.changes.size(), result.changes.size());
+    EXPECT_TRUE(CompareBricks(*volume, back).changes.empty());
+  }
+}
+
+}  // namespace
+}  // namespace palpate

@@ -1,0 +1,3 @@
+palpate_unit_test(brick_directory_test brick_directory_test.cpp SANITIZED palpate::volume)
+palpate_unit_test(edit_test edit_test.cpp SANITIZED palpate::volume)
+palpate_unit_test(edit_refusal_test edit_refusal_test.cpp SANITIZED palpate::volume)
