@@ -1,3 +1,4 @@
 palpate_unit_test(brick_directory_test brick_directory_test.cpp SANITIZED palpate::volume)
 palpate_unit_test(edit_test edit_test.cpp SANITIZED palpate::volume)
 palpate_unit_test(edit_refusal_test edit_refusal_test.cpp SANITIZED palpate::volume)
+palpate_unit_test(volume_editor_test volume_editor_test.cpp SANITIZED palpate::session)

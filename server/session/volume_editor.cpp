@@ -1,0 +1,157 @@
+#include "server/session/volume_editor.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <utility>
+#include <vector>
+
+#include "common/error/error.h"
+
+namespace palpate {
+
+VolumeEditor::VolumeEditor(Session& session, std::uint64_t max_history_bytes)
+    : session_(session), max_history_bytes_(max_history_bytes) {
+  session_.AddListener(*this);
+}
+
+EditOutcome VolumeEditor::Apply(const Change& change, const Revision& expected,
+                                std::uint64_t stroke) {
+  const auto lock = session_.LockVoxels();
+  const auto volume = Begin(expected);
+  const EditResult result = change(*volume);
+  Publish(result);
+  Record(volume, result, stroke);
+  return Outcome(result);
+}
+
+EditOutcome VolumeEditor::Undo(const Revision& expected) {
+  return Move(undo_, redo_, "there is no edit left to take back", expected);
+}
+
+EditOutcome VolumeEditor::Redo(const Revision& expected) {
+  return Move(redo_, undo_, "there is no edit to do again", expected);
+}
+
+EditOutcome VolumeEditor::Revert(const Revision& expected) {
+  const auto lock = session_.LockVoxels();
+  const auto volume = Begin(expected);
+  EditResult result;
+  if (base_) result = CompareBricks(*volume, volume->bricks().ChangesTo(base_->bricks()));
+  Publish(result);
+  Record(volume, result, 0);
+  return Outcome(result);
+}
+
+EditOutcome VolumeEditor::Move(Steps& from, Steps& to, const char* empty,
+                               const Revision& expected) {
+  const auto lock = session_.LockVoxels();
+  const auto volume = Begin(expected);
+  if (from.empty()) throw Error(ErrorKind::kConflict, empty);
+  std::vector<BrickChange> changes;
+  for (const auto& [number, values] : from.back().bricks) {
+    changes.push_back({volume->bricks().BrickOf(number), values});
+  }
+  // In the order in which an edit would have them.
+  std::sort(changes.begin(), changes.end(), [&](const BrickChange& a, const BrickChange& b) {
+    return volume->bricks().NumberOf(a.brick) < volume->bricks().NumberOf(b.brick);
+  });
+  const EditResult result = CompareBricks(*volume, changes);
+  Publish(result);
+  Step back{.bricks = {}, .stroke = from.back().stroke};
+  Drop(from, /*oldest=*/false);
+  Add(*volume, result, back);
+  to.push_back(std::move(back));
+  return Outcome(result);
+}
+
+std::shared_ptr<const VolumeSnapshot> VolumeEditor::Begin(const Revision& expected) {
+  auto volume = session_.volume().volume;
+  if (!volume) throw Error(ErrorKind::kUnavailable, "there is no volume yet");
+  if (expected && *expected != volume->revision()) {
+    throw Error(ErrorKind::kConflict,
+                fmt::format("the volume is at revision {}, not {}: look at it again",
+                            volume->revision(), *expected));
+  }
+  return volume;
+}
+
+void VolumeEditor::Publish(const EditResult& result) {
+  if (result.changes.empty()) return;
+  struct Mark {
+    explicit Mark(bool& mark) : on(mark) { on = true; }
+    ~Mark() { on = false; }
+    bool& on;
+  };
+  const Mark mark(publishing_);
+  session_.PublishBricks(result.changes);
+}
+
+EditOutcome VolumeEditor::Outcome(const EditResult& result) const {
+  const VolumeState state = session_.volume();
+  return {.volume_revision = state.volume->revision(),
+          .scene_revision = state.scene_revision,
+          .changed = result.changed,
+          .changed_voxels = result.changed_voxels,
+          .undo_steps = undo_.size(),
+          .redo_steps = redo_.size()};
+}
+
+void VolumeEditor::Record(const std::shared_ptr<const VolumeSnapshot>& before,
+                          const EditResult& result, std::uint64_t stroke) {
+  if (result.changes.empty()) return;
+  if (!base_) base_ = before;
+  while (!redo_.empty()) Drop(redo_, /*oldest=*/true);
+  if (stroke == 0 || undo_.empty() || undo_.back().stroke != stroke) {
+    undo_.push_back({.bricks = {}, .stroke = stroke});
+  }
+  Add(*before, result, undo_.back());
+  while (history_bytes_ > max_history_bytes_) Drop(undo_, /*oldest=*/true);
+}
+
+// What the step has of a brick already is older, and stays.
+void VolumeEditor::Add(const VolumeSnapshot& before, const EditResult& result, Step& step) {
+  history_bytes_ -= BytesOf(step);
+  for (const BrickChange& change : result.changes) {
+    step.bricks.try_emplace(before.bricks().NumberOf(change.brick),
+                            before.bricks().At(change.brick));
+  }
+  history_bytes_ += BytesOf(step);
+}
+
+void VolumeEditor::Drop(Steps& steps, bool oldest) {
+  history_bytes_ -= BytesOf(oldest ? steps.front() : steps.back());
+  if (oldest) {
+    steps.pop_front();
+  } else {
+    steps.pop_back();
+  }
+}
+
+std::uint64_t VolumeEditor::BytesOf(const Step& step) {
+  // The entry in the map, and the counts of the shared_ptr and of the heap.
+  constexpr std::uint64_t kBytesPerBrick = sizeof(Brick) + 32 + 48;
+  return step.bricks.size() * kBytesPerBrick;
+}
+
+std::uint64_t VolumeEditor::HistoryBytes() {
+  const auto lock = session_.LockVoxels();
+  return history_bytes_;
+}
+
+// Other voxels are published by who holds their lock. A scene with the voxels of
+// the one before may come from anyone.
+void VolumeEditor::OnScene(const Scene& scene, std::span<const BrickChange> changes) {
+  const bool loaded = scene.volume->loaded_revision() != loaded_revision_;
+  loaded_revision_ = scene.volume->loaded_revision();
+  if (loaded || (!changes.empty() && !publishing_)) Forget();
+}
+
+void VolumeEditor::Forget() {
+  base_.reset();
+  undo_.clear();
+  redo_.clear();
+  history_bytes_ = 0;
+}
+
+}  // namespace palpate

@@ -1,0 +1,105 @@
+// Changes the voxels of the session's volume, and takes changes back.
+//
+// A step of the history holds the bricks that a change replaced, and nothing else:
+// bricks are shared, so that a step costs what it touched. Undoing a step makes the
+// step that does it again. Whoever changes voxels for people goes through here;
+// when others do (a volume that is loaded, a frame of a series), the history ends,
+// and Revert leads back to what they made.
+//
+// Threads: any ordinary thread; changes are serialised by the session's voxels'
+// lock. Ownership: borrows the session, which tells it of every scene: construct it
+// before the first Load, and end whoever publishes before it. Errors: Error; nothing
+// changes then, except for kUnavailable where the servo does not answer.
+#pragma once
+
+#include <cstdint>
+#include <deque>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <unordered_map>
+
+#include "server/session/session.h"
+#include "server/volume/edit.h"
+
+namespace palpate {
+
+struct EditOutcome {
+  std::uint64_t volume_revision = 0;  // the one before where no voxel changed
+  std::uint64_t scene_revision = 0;   // for Session::WaitForServo
+  std::optional<VoxelBox> changed{};  // around the voxels that changed
+  std::uint64_t changed_voxels = 0;
+  std::size_t undo_steps = 0;
+  std::size_t redo_steps = 0;
+};
+
+class VolumeEditor final : public SceneListener {
+ public:
+  using Revision = std::optional<std::uint64_t>;
+  // The changes to make to the volume as it is.
+  using Change = std::function<EditResult(const VolumeSnapshot& volume)>;
+
+  static constexpr std::uint64_t kHistoryBytes = std::uint64_t{256} << 20;
+
+  explicit VolumeEditor(Session& session, std::uint64_t max_history_bytes = kHistoryBytes);
+
+  // Each publishes without waiting for the servo. `expected`: the volume revision
+  // to change; kConflict for another one. Successive changes of the same stroke
+  // other than 0 become one step.
+  EditOutcome Edit(const VolumeEdit& edit, const Revision& expected = {},
+                   std::uint64_t stroke = 0) {
+    return Apply([&](const VolumeSnapshot& volume) { return ApplyEdit(volume, edit); }, expected,
+                 stroke);
+  }
+  EditOutcome Apply(const Change& change, const Revision& expected = {}, std::uint64_t stroke = 0);
+  // kConflict where there is nothing to take back, or to do again.
+  EditOutcome Undo(const Revision& expected = {});
+  EditOutcome Redo(const Revision& expected = {});
+  // To the voxels as loaded; can be undone.
+  EditOutcome Revert(const Revision& expected = {});
+
+  // The tick at which an outcome is felt. kUnavailable.
+  AppliedTick Wait(const EditOutcome& outcome) {
+    return session_.WaitForServo(outcome.scene_revision);
+  }
+
+  // Of the history.
+  std::uint64_t HistoryBytes();
+
+  void OnScene(const Scene& scene, std::span<const BrickChange> changes) override;
+
+ private:
+  struct Step {
+    // What to put back, by number of the brick.
+    std::unordered_map<std::uint64_t, BrickPtr> bricks;
+    std::uint64_t stroke = 0;
+  };
+  using Steps = std::deque<Step>;
+
+  static std::uint64_t BytesOf(const Step& step);
+
+  std::shared_ptr<const VolumeSnapshot> Begin(const Revision& expected);
+  void Publish(const EditResult& result);
+  EditOutcome Outcome(const EditResult& result) const;
+  EditOutcome Move(Steps& from, Steps& to, const char* empty, const Revision& expected);
+  void Record(const std::shared_ptr<const VolumeSnapshot>& before, const EditResult& result,
+              std::uint64_t stroke);
+  void Add(const VolumeSnapshot& before, const EditResult& result, Step& step);
+  void Drop(Steps& steps, bool oldest);
+  void Forget();
+
+  Session& session_;
+  const std::uint64_t max_history_bytes_;
+
+  // Under the session's voxels' lock.
+  std::shared_ptr<const VolumeSnapshot> base_;  // before the first step
+  Steps undo_;                                  // oldest first
+  Steps redo_;
+  std::uint64_t history_bytes_ = 0;
+  bool publishing_ = false;
+
+  // Of the scene before. Only OnScene has it, and the session calls that in turn.
+  std::uint64_t loaded_revision_ = 0;
+};
+
+}  // namespace palpate
