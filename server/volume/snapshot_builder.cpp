@@ -78,8 +78,13 @@ openvdb::FloatGrid::Ptr MakeGrid(const VolumeSnapshot& volume) {
       continue;
     }
     auto leaf = std::make_unique<Leaf>(CornerOf(brick), background, false);
-    for (openvdb::Index n = 0; n < kBrickVoxels; ++n) {
-      if (values[n] != background) leaf->setValueOn(n, values[n]);
+    // The grid has nothing beyond the lattice, whatever bricks hold there.
+    const Vec3i last = volume.size() - Vec3i::Ones() - brick * kBrickEdge;
+    for (int n = 0; n < kBrickVoxels; ++n) {
+      const bool inside = n >> 6 <= last.x() && (n >> 3 & 7) <= last.y() && (n & 7) <= last.z();
+      if (inside && values[n] != background) {
+        leaf->setValueOn(static_cast<openvdb::Index>(n), values[n]);
+      }
     }
     grid->tree().addLeaf(leaf.release());
   }

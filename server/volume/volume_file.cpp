@@ -5,13 +5,13 @@
 #include <cstdio>
 #include <fstream>
 #include <limits>
+#include <ostream>
 #include <string>
 #include <system_error>
 
 #include <openvdb/io/Stream.h>
 
 #include "common/error/error.h"
-#include "server/volume/whole_file.h"
 
 namespace palpate {
 namespace {
@@ -106,14 +106,42 @@ void CheckTree(const openvdb::FloatGrid& grid, const VolumeMetadata& metadata) {
   }
 }
 
-void WriteGrid(const std::filesystem::path& path, const openvdb::FloatGrid::Ptr& grid) {
-  std::ofstream out(path, std::ios::binary | std::ios::trunc);
+// A file that tells how much is written, every MiB.
+class ToldFile : public std::filebuf {
+ public:
+  explicit ToldFile(const std::function<void(std::uint64_t)>& written) : written_(written) {}
+
+ protected:
+  std::streamsize xsputn(const char* data, std::streamsize size) override {
+    bytes_ += static_cast<std::uint64_t>(size);
+    if (written_ && bytes_ >> 20 != told_ >> 20) {
+      told_ = bytes_;
+      written_(bytes_);
+    }
+    return std::filebuf::xsputn(data, size);
+  }
+
+ private:
+  const std::function<void(std::uint64_t)>& written_;
+  std::uint64_t bytes_ = 0;
+  std::uint64_t told_ = 0;
+};
+
+void WriteGrid(const std::filesystem::path& path, const openvdb::FloatGrid::Ptr& grid,
+               const WriteOptions& options) {
+  ToldFile file(options.written);
+  std::ostream out(&file);
   // OpenVDB does not look whether its writes succeeded.
   out.exceptions(std::ios::badbit | std::ios::failbit);
+  const auto check = [](const void* done) {
+    if (!done) throw std::ios_base::failure("write");
+  };
+  check(file.open(path, std::ios::out | std::ios::binary | std::ios::trunc));
   openvdb::io::Stream stream(out);
   stream.setCompression(openvdb::io::COMPRESS_BLOSC | openvdb::io::COMPRESS_ACTIVE_MASK);
   stream.write(openvdb::GridCPtrVec{grid});
-  out.close();
+  check(file.close());
+  if (options.sync) Sync(path);
 }
 
 openvdb::FloatGrid::Ptr ReadGrid(const std::filesystem::path& path) {
@@ -173,7 +201,7 @@ void CheckVolumeMetadata(const VolumeMetadata& metadata) {
 }
 
 void WriteVolumeFile(const std::filesystem::path& path, const openvdb::FloatGrid& grid,
-                     const VolumeMetadata& metadata) {
+                     const VolumeMetadata& metadata, const WriteOptions& options) {
   openvdb::initialize();
   CheckVolumeMetadata(metadata);
   CheckTree(grid, metadata);
@@ -183,7 +211,10 @@ void WriteVolumeFile(const std::filesystem::path& path, const openvdb::FloatGrid
   named->setTransform(GridTransform(metadata));
   InsertMetadata(metadata, named.get());
 
-  WriteWhole(path, [&](const std::filesystem::path& partial) { WriteGrid(partial, named); });
+  const auto write = [&](const std::filesystem::path& partial) {
+    WriteGrid(partial, named, options);
+  };
+  WriteWhole(path, write, options.if_there);
 }
 
 VolumeFile ReadVolumeFile(const std::filesystem::path& path) {

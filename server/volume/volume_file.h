@@ -6,11 +6,14 @@
 // Any thread; not for real-time code (reads and writes files, allocates).
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
+#include <functional>
 
 #include <openvdb/openvdb.h>
 
 #include "server/volume/volume_metadata.h"
+#include "server/volume/whole_file.h"
 
 namespace palpate {
 
@@ -28,12 +31,19 @@ constexpr double kGreatestSpacingMm = 1e6;
 // or range are not those of a volume.
 void CheckVolumeMetadata(const VolumeMetadata& metadata);
 
+struct WriteOptions {
+  IfThere if_there = IfThere::kReplace;
+  bool sync = false;  // returns when the file is on the disk
+  // Told now and then how many bytes there are so far; gives up by throwing.
+  std::function<void(std::uint64_t bytes)> written{};
+};
+
 // Writes beside `path` and renames, so that `path` is either whole or as it was.
 // Of `grid` only the tree is written; name, transform and metadata are replaced.
 // Throws Error: kInvalidArgument (metadata, or a tree that does not fit them),
-// kUnavailable (cannot write, disk full).
+// kUnavailable (cannot write, disk full), kConflict (see WriteWhole).
 void WriteVolumeFile(const std::filesystem::path& path, const openvdb::FloatGrid& grid,
-                     const VolumeMetadata& metadata);
+                     const VolumeMetadata& metadata, const WriteOptions& options = {});
 
 // Reads all voxels at once: nothing is loaded later from the disk.
 // Throws Error: kNotFound, or kInvalidArgument for a file that WriteVolumeFile

@@ -8,10 +8,18 @@
 
 namespace palpate {
 
+enum class IfThere { kReplace, kRefuse };
+
 // Has `write` fill a file beside `path`, which then takes its place. `write` throws
-// std::ios_base::failure where it cannot. Throws Error(kUnavailable): nothing is
-// left behind and `path` is as it was.
+// std::ios_base::failure where it cannot, or any Error. Throws that Error,
+// kUnavailable, or kConflict where the file is there and not to be replaced:
+// nothing is left behind and `path` is as it was. One writer of a path at a time.
 void WriteWhole(const std::filesystem::path& path,
-                const std::function<void(const std::filesystem::path& partial)>& write);
+                const std::function<void(const std::filesystem::path& partial)>& write,
+                IfThere if_there = IfThere::kReplace);
+
+// Returns when the file is on the disk, so that it outlives a loss of power. Throws
+// std::ios_base::failure.
+void Sync(const std::filesystem::path& file);
 
 }  // namespace palpate

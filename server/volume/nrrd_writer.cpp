@@ -1,0 +1,116 @@
+#include "server/volume/nrrd_writer.h"
+
+#include <fmt/format.h>
+#include <zlib.h>
+
+#include <algorithm>
+#include <bit>
+#include <fstream>
+#include <ios>
+#include <string>
+#include <vector>
+
+namespace palpate {
+namespace {
+
+static_assert(std::endian::native == std::endian::little, "the header says so");
+
+// In the fewest digits that read back as the same numbers.
+std::string Text(const Vec3& v) { return fmt::format("({},{},{})", v.x(), v.y(), v.z()); }
+
+// A field ends with its line, and a quoted text with its quote.
+std::string Quotable(std::string text) {
+  std::erase_if(text, [](unsigned char c) { return c < 0x20 || c == 0x7f || c == '"'; });
+  return text;
+}
+
+std::string Header(const VolumeMetadata& metadata) {
+  const AffineMap X_WI = metadata.WorldFromIndex();
+  std::string header = fmt::format(
+      "NRRD0005\n"
+      "type: float\n"
+      "dimension: 3\n"
+      "space: left-posterior-superior\n"
+      "sizes: {} {} {}\n"
+      "space directions: {} {} {}\n"
+      "kinds: domain domain domain\n"
+      "endian: little\n"
+      "encoding: gzip\n"
+      "space units: \"mm\" \"mm\" \"mm\"\n"
+      "space origin: {}\n",
+      metadata.size.x(), metadata.size.y(), metadata.size.z(), Text(X_WI.linear.col(0)),
+      Text(X_WI.linear.col(1)), Text(X_WI.linear.col(2)), Text(X_WI.translation));
+  const std::string unit = Quotable(metadata.unit);
+  if (!unit.empty()) header += "sample units: \"" + unit + "\"\n";
+  return header + "\n";
+}
+
+// What is appended to a file, compressed.
+class GzipTail {
+ public:
+  explicit GzipTail(const std::filesystem::path& path)
+      // The fastest level: float voxels hardly get smaller at the others.
+      : file_(gzopen(path.c_str(), "ab1")) {
+    Check(file_ != nullptr);
+    gzbuffer(file_, 1 << 20);
+  }
+  ~GzipTail() {
+    if (file_) gzclose(file_);
+  }
+  GzipTail(const GzipTail&) = delete;
+  GzipTail& operator=(const GzipTail&) = delete;
+
+  void Write(const std::vector<float>& values) {
+    const std::size_t items = gzfwrite(values.data(), sizeof(float), values.size(), file_);
+    Check(items == values.size());
+  }
+  void Close() {
+    const gzFile file = file_;
+    file_ = nullptr;
+    Check(gzclose(file) == Z_OK);
+  }
+
+ private:
+  static void Check(bool done) {
+    if (!done) throw std::ios_base::failure("gzip");
+  }
+  gzFile file_;
+};
+
+// Slice z, x fastest.
+void FillSlice(const VolumeSnapshot& volume, int z, std::vector<float>& slice) {
+  const Vec3i& size = volume.size();
+  const auto row = static_cast<std::size_t>(size.x());
+  for (int x = 0; x < size.x(); x += kBrickEdge) {
+    const int end = std::min(x + kBrickEdge, size.x());
+    for (int y = 0; y < size.y(); ++y) {
+      const float* brick = volume.bricks().Find(x, y, z);
+      for (int i = x; i < end; ++i) {
+        slice[static_cast<std::size_t>(y) * row + static_cast<std::size_t>(i)] =
+            brick[VoxelInBrick(i, y, z)];
+      }
+    }
+  }
+}
+
+}  // namespace
+
+void WriteNrrd(const std::filesystem::path& path, const VolumeSnapshot& volume,
+               const std::function<void(double fraction)>& progress) {
+  std::ofstream header;
+  header.exceptions(std::ios::badbit | std::ios::failbit);
+  header.open(path, std::ios::binary | std::ios::trunc);
+  header << Header(volume.metadata());
+  header.close();
+  GzipTail tail(path);
+  const Vec3i& size = volume.size();
+  std::vector<float> slice(static_cast<std::size_t>(size.x()) * static_cast<std::size_t>(size.y()));
+  for (int z = 0; z < size.z(); ++z) {
+    progress(static_cast<double>(z) / size.z());
+    FillSlice(volume, z, slice);
+    tail.Write(slice);
+  }
+  tail.Close();
+}
+
+}  // namespace palpate

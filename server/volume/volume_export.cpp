@@ -1,0 +1,85 @@
+#include "server/volume/volume_export.h"
+
+#include <algorithm>
+#include <cctype>
+#include <string>
+
+#include "common/error/error.h"
+#include "server/volume/nrrd_writer.h"
+#include "server/volume/snapshot_builder.h"
+#include "server/volume/volume_file.h"
+#include "server/volume/whole_file.h"
+
+namespace palpate {
+namespace {
+
+enum class Format { kVdb, kNrrd };
+
+[[noreturn]] void Refuse(const std::string& message) {
+  throw Error(ErrorKind::kInvalidArgument, message);
+}
+
+Format FormatOf(const std::filesystem::path& path) {
+  std::string suffix = path.extension().string();
+  std::transform(suffix.begin(), suffix.end(), suffix.begin(),
+                 [](unsigned char c) { return std::tolower(c); });
+  if (suffix == ".vdb") return Format::kVdb;
+  if (suffix == ".nrrd") return Format::kNrrd;
+  Refuse(path.string() + ": the name must end with .vdb or .nrrd, which says the format");
+}
+
+Format CheckedFormat(const ExportRequest& request) {
+  const std::filesystem::path& path = request.path;
+  if (path.native().find('\0') != std::string::npos) Refuse("the path holds a NUL character");
+  if (!path.is_absolute()) Refuse(path.string() + ": the path must be absolute");
+  const Format format = FormatOf(path);
+  std::error_code error;
+  if (std::filesystem::is_directory(path, error)) Refuse(path.string() + " is a folder");
+  if (!std::filesystem::is_directory(path.parent_path(), error)) {
+    Refuse("there is no folder " + path.parent_path().string() + ": make it first");
+  }
+  // Before the work, and again at its end.
+  if (!request.overwrite && std::filesystem::exists(path, error)) {
+    throw Error(ErrorKind::kConflict,
+                path.string() + " is there: allow to overwrite it, or name another one");
+  }
+  return format;
+}
+
+}  // namespace
+
+std::uint64_t ExportVolume(const VolumeSnapshot& volume, const ExportRequest& request,
+                           const ExportProgress& progress, const ExportCancelled& cancelled) {
+  const Format format = CheckedFormat(request);
+  const auto tell = [&](double fraction) {
+    if (cancelled()) {
+      throw Error(ErrorKind::kCancelled, "saving was cancelled; there is no new file");
+    }
+    progress("writing", fraction);
+  };
+  tell(0.0);
+  const IfThere if_there = request.overwrite ? IfThere::kReplace : IfThere::kRefuse;
+  if (format == Format::kVdb) {
+    const double voxel_bytes = sizeof(float) * volume.size().cast<double>().prod();
+    // How well it compresses is not known before.
+    const auto written = [&](std::uint64_t bytes) {
+      tell(std::min(1.0, static_cast<double>(bytes) / voxel_bytes));
+    };
+    WriteVolumeFile(request.path, *MakeGrid(volume), volume.metadata(),
+                    {.if_there = if_there, .sync = true, .written = written});
+  } else {
+    const auto write = [&](const std::filesystem::path& partial) {
+      WriteNrrd(partial, volume, tell);
+      Sync(partial);
+      // Whoever cancelled before the last moment finds no file.
+      tell(1.0);
+    };
+    WriteWhole(request.path, write, if_there);
+  }
+  progress("done", 1.0);
+  std::error_code error;
+  const std::uintmax_t bytes = std::filesystem::file_size(request.path, error);
+  return error ? 0 : bytes;
+}
+
+}  // namespace palpate

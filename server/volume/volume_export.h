@@ -1,0 +1,33 @@
+// Saves a volume, with its edits, to a file that LoadVolume reads again.
+//
+// Any thread; not for real-time code: reads the snapshot for as long as it takes.
+// Errors: Error.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <string_view>
+
+#include "server/volume/snapshot.h"
+
+namespace palpate {
+
+struct ExportRequest {
+  // Absolute; ends with .vdb (as palpate-import writes it) or .nrrd (float, gzip).
+  std::filesystem::path path;
+  bool overwrite = false;
+};
+
+using ExportProgress = std::function<void(std::string_view stage, double fraction)>;
+using ExportCancelled = std::function<bool()>;
+
+// Returns the size of the file, bytes. The file is whole or as it was before, even
+// when the process is killed; "PATH.partial" may be left then, and is taken by the
+// next export. One export to a path at a time.
+// kInvalidArgument (an unknown format, no file's path), kConflict (the file is there
+// and not to be overwritten), kUnavailable (cannot write, disk full), kCancelled.
+std::uint64_t ExportVolume(const VolumeSnapshot& volume, const ExportRequest& request,
+                           const ExportProgress& progress, const ExportCancelled& cancelled);
+
+}  // namespace palpate

@@ -1,0 +1,232 @@
+// Saved volumes load again as they were, whatever happens while they are written.
+#include "server/volume/volume_export.h"
+
+#include <gtest/gtest.h>
+#include <signal.h>
+#include <sys/resource.h>
+
+#include <algorithm>
+#include <bit>
+#include <chrono>
+#include <fstream>
+#include <random>
+#include <thread>
+
+#include "server/volume/edit.h"
+#include "server/volume/import_process.h"
+#include "server/volume/snapshot_builder.h"
+#include "tests/support/patterned_volume.h"
+#include "tests/support/process.h"
+#include "tests/support/refusal.h"
+#include "tests/support/temporary_folder.h"
+
+namespace palpate {
+namespace {
+
+using testing::ObliqueVolume;
+using testing::Refusal;
+
+const ExportProgress kQuiet = [](std::string_view, double) {};
+const ExportCancelled kNever = [] { return false; };
+constexpr const char* kNames[] = {"a.vdb", "a.nrrd"};
+
+class VolumeExportTest : public ::testing::Test {
+ protected:
+  std::filesystem::path Path(const std::string& name) const { return folder_.path() / name; }
+
+  static void Save(const VolumeSnapshot& volume, const std::filesystem::path& path,
+                   bool overwrite = false) {
+    ExportVolume(volume, {path, overwrite}, kQuiet, kNever);
+  }
+  static std::shared_ptr<const VolumeSnapshot> Loaded(const std::filesystem::path& path) {
+    ImportRequest request;
+    request.source = path;
+    request.import_program = PALPATE_IMPORT;
+    const VolumeFile file = ImportVolume(request, {}, {});
+    return std::make_shared<VolumeSnapshot>(file.metadata,
+                                            TakeBricks(*file.grid, file.metadata.size), 1, 1);
+  }
+  std::size_t FileCount() const {
+    return static_cast<std::size_t>(
+        std::distance(std::filesystem::directory_iterator(folder_.path()), {}));
+  }
+
+  test::TemporaryFolder folder_;
+};
+
+void ExpectSame(const VolumeSnapshot& a, const VolumeSnapshot& b) {
+  const VolumeMetadata &m = a.metadata(), &n = b.metadata();
+  ASSERT_EQ(m.size, n.size);
+  std::uint64_t different = 0;
+  for (int i = 0; i < m.size.x(); ++i) {
+    for (int j = 0; j < m.size.y(); ++j) {
+      for (int k = 0; k < m.size.z(); ++k) {
+        const std::size_t v = VoxelInBrick(i, j, k);
+        different += std::bit_cast<std::uint32_t>(a.bricks().Find(i, j, k)[v]) !=
+                     std::bit_cast<std::uint32_t>(b.bricks().Find(i, j, k)[v]);
+      }
+    }
+  }
+  EXPECT_EQ(different, 0u);
+  EXPECT_TRUE(m.spacing_mm.isApprox(n.spacing_mm, 1e-14));
+  EXPECT_TRUE(m.origin_W_mm.isApprox(n.origin_W_mm, 1e-14));
+  EXPECT_TRUE(m.direction.isApprox(n.direction, 1e-14));
+  EXPECT_EQ(m.unit, n.unit);
+}
+
+TEST_F(VolumeExportTest, LoadsAgainBitForBit) {
+  unsigned seed = 0;
+  for (const char* name : kNames) {
+    for (const Vec3i& size : {Vec3i(2, 2, 2), Vec3i(33, 40, 17), Vec3i(8, 64, 9)}) {
+      const auto volume = ObliqueVolume(size, ++seed);
+      Save(*volume, Path(name), true);
+      const auto loaded = Loaded(Path(name));
+      ExpectSame(*volume, *loaded);
+      EXPECT_EQ(loaded->metadata().value_min, volume->metadata().value_min);
+      EXPECT_EQ(FileCount(), 1u);
+    }
+    std::filesystem::remove(Path(name));
+  }
+}
+
+TEST_F(VolumeExportTest, WithEdits) {
+  auto volume = ObliqueVolume(Vec3i(40, 40, 40), 9);
+  const EditResult edit = ApplyEdit(*volume, {.shape = SphereShape{Vec3(20, 20, 20), 9.0},
+                                              .operation = EditOperation::kSmooth,
+                                              .falloff = 4.0});
+  ASSERT_GT(edit.changed_voxels, 1000u);
+  volume = std::make_shared<VolumeSnapshot>(volume->metadata(),
+                                            volume->bricks().With(edit.changes, 2), 2, 1);
+  for (const char* name : kNames) {
+    Save(*volume, Path(name));
+    ExpectSame(*volume, *Loaded(Path(name)));
+  }
+}
+
+TEST_F(VolumeExportTest, SavesReportTheirSizeAndProgress) {
+  const auto volume = ObliqueVolume(Vec3i(120, 120, 120), 3);
+  for (const char* name : kNames) {
+    std::vector<double> fractions;
+    const std::uint64_t bytes = ExportVolume(
+        *volume, {Path(name)}, [&](std::string_view, double f) { fractions.push_back(f); }, kNever);
+    EXPECT_EQ(bytes, std::filesystem::file_size(Path(name)));
+    EXPECT_GE(fractions.size(), 4u);
+    EXPECT_TRUE(std::is_sorted(fractions.begin(), fractions.end()));
+    EXPECT_EQ(fractions.front(), 0.0);
+    EXPECT_EQ(fractions.back(), 1.0);
+  }
+}
+
+TEST_F(VolumeExportTest, TextsOfTheFileDoNotBreakTheHeader) {
+  const auto plain = ObliqueVolume(Vec3i(9, 9, 9), 4);
+  VolumeMetadata metadata = plain->metadata();
+  metadata.unit = "a\"b\n\ndata file: /etc/passwd";
+  const VolumeSnapshot volume(metadata, plain->bricks(), 1, 1);
+  Save(volume, Path("a.nrrd"));
+  EXPECT_EQ(Loaded(Path("a.nrrd"))->metadata().unit, "abdata file: /etc/passwd");
+}
+
+TEST_F(VolumeExportTest, BadPathsAreRefused) {
+  const auto volume = ObliqueVolume(Vec3i(9, 9, 9), 4);
+  std::filesystem::create_directory(Path("folder.vdb"));
+  for (const std::filesystem::path& bad :
+       {Path("a"), Path("a.nii"), Path("a.vdb.gz"), Path(".vdb"), Path("none/a.vdb"),
+        Path("folder.vdb"), std::filesystem::path("a.vdb"), std::filesystem::path(""),
+        Path(std::string("a\0b.vdb", 7))}) {
+    EXPECT_EQ(Refusal([&] { Save(*volume, bad, true); }), ErrorKind::kInvalidArgument) << bad;
+  }
+  EXPECT_EQ(FileCount(), 1u);
+  Save(*volume, Path("A.VDB"));
+  Save(*volume, Path("A.Nrrd"));
+}
+
+TEST_F(VolumeExportTest, AFileThatIsThereIsKeptUnlessItMayBeOverwritten) {
+  const auto a = ObliqueVolume(Vec3i(9, 9, 9), 4), b = ObliqueVolume(Vec3i(9, 9, 9), 5);
+  for (const char* name : kNames) {
+    Save(*a, Path(name));
+    EXPECT_EQ(Refusal([&] { Save(*b, Path(name)); }), ErrorKind::kConflict);
+    ExpectSame(*a, *Loaded(Path(name)));
+    Save(*b, Path(name), true);
+    ExpectSame(*b, *Loaded(Path(name)));
+  }
+  // One that comes while the other is written.
+  const auto path = Path("late.nrrd");
+  const ExportProgress meddle = [&](std::string_view, double fraction) {
+    if (fraction == 0.0) std::ofstream(path) << "theirs";
+  };
+  EXPECT_EQ(Refusal([&] { ExportVolume(*a, {path}, meddle, kNever); }), ErrorKind::kConflict);
+  EXPECT_EQ(std::filesystem::file_size(path), 6u);
+  EXPECT_EQ(FileCount(), 3u);
+}
+
+TEST_F(VolumeExportTest, CancelledAtAnyTimeLeavesTheOldFileAndNothingElse) {
+  const auto a = ObliqueVolume(Vec3i(9, 9, 9), 4);
+  const auto b = ObliqueVolume(Vec3i(128, 128, 64), 5);
+  for (const char* name : kNames) {
+    Save(*a, Path(name), true);
+    int questions = 0;
+    ExportVolume(*b, {Path(name), true}, kQuiet, [&] { return ++questions < 0; });
+    ASSERT_GE(questions, 3) << name;
+    Save(*a, Path(name), true);
+    for (int at = 1; at <= questions; at += 1 + questions / 5) {
+      int asked = 0;
+      EXPECT_EQ(Refusal([&] {
+                  ExportVolume(*b, {Path(name), true}, kQuiet, [&] { return ++asked == at; });
+                }),
+                ErrorKind::kCancelled);
+      ExpectSame(*a, *Loaded(Path(name)));
+      EXPECT_EQ(FileCount(), 1u);
+    }
+    std::filesystem::remove(Path(name));
+  }
+}
+
+// Files may grow to a limit here, as on a disk that fills up.
+TEST_F(VolumeExportTest, AFullDiskIsUnavailableAndLeavesTheOldFile) {
+  const auto a = ObliqueVolume(Vec3i(9, 9, 9), 4), b = ObliqueVolume(Vec3i(64, 64, 64), 5);
+  signal(SIGXFSZ, SIG_IGN);
+  rlimit limit{};
+  ASSERT_EQ(getrlimit(RLIMIT_FSIZE, &limit), 0);
+  const rlimit unlimited = limit;
+  for (const char* name : kNames) {
+    Save(*a, Path(name));
+    for (const rlim_t bytes : {0, 100, 5000, 300000}) {
+      limit.rlim_cur = bytes;
+      ASSERT_EQ(setrlimit(RLIMIT_FSIZE, &limit), 0);
+      const auto refusal = Refusal([&] { Save(*b, Path(name), true); });
+      ASSERT_EQ(setrlimit(RLIMIT_FSIZE, &unlimited), 0);
+      EXPECT_EQ(refusal, ErrorKind::kUnavailable) << name << bytes;
+      ExpectSame(*a, *Loaded(Path(name)));
+    }
+  }
+  EXPECT_EQ(FileCount(), 2u);
+}
+
+TEST_F(VolumeExportTest, KilledAtAnyMomentTheFileIsOneOfTheTwo) {
+  const auto a = ObliqueVolume(Vec3i(48, 40, 33), 0), b = ObliqueVolume(Vec3i(48, 40, 33), 1);
+  std::mt19937 random(7);
+  for (const char* name : kNames) {
+    int of_a = 0, of_b = 0, cut_off = 0;
+    for (int round = 0; round < 30; ++round) {
+      test::Process child({VOLUME_EXPORT_CHILD, Path(name).string()});
+      ASSERT_TRUE(child.WaitFor("saved"));
+      std::this_thread::sleep_for(std::chrono::microseconds(random() % 60000));
+      child.Signal(SIGKILL);
+      EXPECT_EQ(child.Wait().exit_code, -SIGKILL);
+      cut_off += std::filesystem::exists(Path(std::string(name) + ".partial"));
+      const auto loaded = Loaded(Path(name));
+      const bool is_a = loaded->metadata().direction.isApprox(a->metadata().direction, 1e-6);
+      ExpectSame(is_a ? *a : *b, *loaded);
+      ++(is_a ? of_a : of_b);
+    }
+    EXPECT_GT(of_a, 0);
+    EXPECT_GT(of_b, 0);
+    EXPECT_GT(cut_off, 0) << "none was killed while it wrote";
+    // What a killed one left is in nobody's way.
+    Save(*a, Path(name), true);
+    EXPECT_FALSE(std::filesystem::exists(Path(std::string(name) + ".partial")));
+  }
+}
+
+}  // namespace
+}  // namespace palpate
