@@ -88,7 +88,8 @@ RpcServer::RpcServer(ServerOptions options, Session& session, Pump& pump, const 
     : options_(std::move(options)),
       poses_(pump),
       render_(session),
-      volume_(session, options_.paths),
+      volume_streams_(session),
+      volume_(session, options_.paths, volume_streams_),
       device_(device, servo, inbox) {}
 
 // gRPC lets two servers listen on one path, each believing itself alone: a lock
@@ -150,6 +151,7 @@ void RpcServer::Start() {
 }
 
 void RpcServer::Stop() noexcept {
+  volume_streams_.Stop();
   if (server_) {
     server_->Shutdown(std::chrono::system_clock::now() + kShutdownPatience);
     server_->Wait();

@@ -16,6 +16,7 @@
 #include "server/rpc/render_service.h"
 #include "server/rpc/volume_service.h"
 #include "server/session/path_policy.h"
+#include "server/streaming/volume_streams.h"
 
 namespace palpate {
 
@@ -27,7 +28,7 @@ struct ServerOptions {
 
 class RpcServer {
  public:
-  // Borrows all but the options.
+  // Borrows all but the options. Before the session's first load.
   RpcServer(ServerOptions options, Session& session, Pump& pump, const DeviceSpec& device,
             const ServoLoop& servo, const SceneInbox& inbox);
   ~RpcServer() { Stop(); }
@@ -45,6 +46,7 @@ class RpcServer {
   ServerOptions options_;
   PoseService poses_;
   RenderService render_;
+  VolumeStreams volume_streams_;
   VolumeService volume_;
   DeviceService device_;
   std::unique_ptr<grpc::Server> server_;

@@ -1,7 +1,5 @@
 #include "server/volume/brick_directory.h"
 
-#include <xxhash.h>
-
 #include <algorithm>
 #include <cassert>
 #include <map>
@@ -13,11 +11,6 @@ namespace {
 Vec3i CountOf(const Vec3i& size, int edge) { return ((size.array() + (edge - 1)) / edge).matrix(); }
 
 }  // namespace
-
-ContentHash HashOfBrick(const Brick& brick, std::uint64_t number) {
-  const XXH128_hash_t hash = XXH3_128bits_withSeed(brick.data(), sizeof(Brick), number);
-  return {hash.high64, hash.low64};
-}
 
 BrickDirectory::BrickDirectory(const Vec3i& size_voxels,
                                const std::function<BrickPtr(const Vec3i& brick)>& values)
@@ -35,9 +28,7 @@ BrickDirectory::BrickDirectory(const Vec3i& size_voxels,
       for (brick.z() = 0; brick.z() < brick_count_.z(); ++brick.z()) {
         BrickPtr made = values(brick);
         assert(made != nullptr);
-        const ContentHash hash = HashOfBrick(*made, NumberOf(brick));
-        hash_.high += hash.high;
-        hash_.low += hash.low;
+        hash_ += HashOfBrick(*made, NumberOf(brick));
         nodes[NodeOf(brick)]->bricks[PlaceInNode(brick)] = std::move(made);
       }
     }
@@ -54,10 +45,8 @@ BrickDirectory BrickDirectory::With(std::span<const BrickChange> changes,
     std::shared_ptr<Node>& copy = copies[NodeOf(change.brick)];
     if (!copy) copy = std::make_shared<Node>(*nodes_[NodeOf(change.brick)]);
     const std::uint64_t number = NumberOf(change.brick);
-    const ContentHash before = HashOfBrick(*copy->bricks[place], number);
-    const ContentHash after = HashOfBrick(*change.values, number);
-    changed.hash_.high += after.high - before.high;
-    changed.hash_.low += after.low - before.low;
+    changed.hash_ -= HashOfBrick(*copy->bricks[place], number);
+    changed.hash_ += HashOfBrick(*change.values, number);
     copy->bricks[place] = change.values;
     copy->revisions[place] = copy->newest = revision;
   }
@@ -87,13 +76,6 @@ std::vector<BrickChange> BrickDirectory::ChangesTo(const BrickDirectory& other) 
     if (from != to && *from != *to) changes.push_back({brick, to});
   }
   return changes;
-}
-
-Vec3i BrickDirectory::BrickOf(std::uint64_t number) const {
-  const auto y = static_cast<std::uint64_t>(brick_count_.y());
-  const auto z = static_cast<std::uint64_t>(brick_count_.z());
-  return {static_cast<int>(number / (y * z)), static_cast<int>(number / z % y),
-          static_cast<int>(number % z)};
 }
 
 const BrickPtr& BrickDirectory::At(const Vec3i& brick) const {

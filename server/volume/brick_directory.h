@@ -25,37 +25,15 @@
 #include <span>
 #include <vector>
 
+#include "common/bricks/brick.h"
 #include "common/geometry/geometry.h"
 
 namespace palpate {
-
-inline constexpr int kBrickEdge = 8;
-inline constexpr int kBrickVoxels = kBrickEdge * kBrickEdge * kBrickEdge;
-
-using Brick = std::array<float, kBrickVoxels>;
-using BrickPtr = std::shared_ptr<const Brick>;
-
-// Bricks along an axis of `size` voxels.
-constexpr int BrickCount(int size) { return (size + kBrickEdge - 1) / kBrickEdge; }
-
-constexpr std::size_t VoxelInBrick(int i, int j, int k) {
-  return static_cast<std::size_t>((i & 7) << 6 | (j & 7) << 3 | (k & 7));
-}
 
 struct BrickChange {
   Vec3i brick;  // its coordinates
   BrickPtr values;
 };
-
-// A name for the voxels of a directory: both halves of the XXH3-128 of every
-// brick, seeded with its number, summed over the bricks modulo 2^64. It follows a
-// change in the time that the changed bricks take. No proof against forgery.
-struct ContentHash {
-  std::uint64_t high = 0;
-  std::uint64_t low = 0;
-  friend bool operator==(const ContentHash&, const ContentHash&) = default;
-};
-ContentHash HashOfBrick(const Brick& brick, std::uint64_t number);
 
 class BrickDirectory {
  public:
@@ -75,12 +53,8 @@ class BrickDirectory {
   std::vector<BrickChange> ChangesTo(const BrickDirectory& other) const;
 
   const Vec3i& brick_count() const { return brick_count_; }
-  std::uint64_t NumberOf(const Vec3i& brick) const {
-    return (static_cast<std::uint64_t>(brick.x()) * brick_count_.y() + brick.y()) *
-               brick_count_.z() +
-           brick.z();
-  }
-  Vec3i BrickOf(std::uint64_t number) const;
+  std::uint64_t NumberOf(const Vec3i& brick) const { return BrickNumber(brick, brick_count_); }
+  Vec3i BrickOf(std::uint64_t number) const { return BrickWithNumber(number, brick_count_); }
 
   // Values of the brick that holds voxel (i, j, k), which is within the lattice.
   const float* Find(int i, int j, int k) const noexcept {

@@ -8,10 +8,11 @@ import unittest
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 
-COMMON = ["common/error", "common/geometry", "common/isosurface"]
+COMMON = ["common/bricks", "common/error", "common/geometry", "common/isosurface"]
 
 # Folder: folders it may include, besides itself.
 LAYERS = {
+    "common/bricks": ["common/error", "common/geometry"],
     "common/error": [],
     "common/geometry": [],
     "common/isosurface": ["common/geometry"],
@@ -26,29 +27,33 @@ LAYERS = {
                                 "server/device", "server/servo"],
     "server/recording": COMMON + ["server/realtime", "server/volume", "server/haptics",
                                   "server/servo", "server/session"],
+    "server/streaming": COMMON + ["server/volume", "server/servo", "server/session"],
     "server/rpc": COMMON + ["common/wire", "server/realtime", "server/haptics", "server/device",
-                            "server/servo", "server/session"],
+                            "server/servo", "server/session", "server/streaming"],
     "server/app": COMMON + ["common/wire", "server/realtime", "server/haptics", "server/device",
                             "server/servo", "server/session", "server/rpc"],
     "server/lab": COMMON + ["server/volume", "server/session", "server/haptics"],
-    "client/cli": COMMON + ["common/wire"],
+    "client/sdk": COMMON + ["common/wire"],
+    "client/cli": COMMON + ["common/wire", "client/sdk"],
 }
 
 # Library: its includes, and the folders that may use it.
 LIBRARIES = {
     "gRPC and protobuf": (r"grpc|google/protobuf|palpate/v1/",
-                          ["common/wire", "server/rpc", "server/app", "client/cli"]),
+                          ["common/wire", "server/rpc", "server/app", "client/cli", "client/sdk"]),
     "OpenVDB": (r"openvdb/", ["server/volume", "server/import", "server/lab"]),
     "ITK": (r"itk|gdcm", ["server/import"]),
     "libtiff": (r"tiff", ["server/import"]),
     "spdlog": (r"spdlog/", ["server/session", "server/rpc", "server/app"]),
     "TBB": (r"tbb/", ["server/volume", "server/lab"]),
-    "zstd and xxHash": (r"zstd|xxhash", ["server/recording"]),
+    "zstd and xxHash": (r"zstd|xxhash", ["common/bricks", "server/recording"]),
 }
 
 # The headers of volume that are free of OpenVDB; real-time code sees no others.
-PLAIN_VOLUME_HEADERS = {"server/volume/snapshot.h", "server/volume/volume_metadata.h"}
-NO_OPENVDB = ["server/haptics", "server/servo", "server/device", "server/rpc", "server/recording"]
+PLAIN_VOLUME_HEADERS = {"server/volume/brick_directory.h", "server/volume/snapshot.h",
+                        "server/volume/volume_metadata.h"}
+NO_OPENVDB = ["server/haptics", "server/servo", "server/device", "server/rpc", "server/recording",
+              "server/streaming"]
 
 
 def violations(folder, includes):

@@ -1,0 +1,97 @@
+#include "client/sdk/volume_reader.h"
+
+#include <algorithm>
+#include <thread>
+#include <utility>
+
+#include "client/sdk/volume_call.h"
+#include "common/wire/status.h"
+#include "common/wire/volume_message.h"
+
+namespace palpate {
+namespace {
+
+// A copy that is damaged this often in a row is not mended by fetching it anew.
+constexpr int kMostDamaged = 3;
+
+bool IsWorthTrying(grpc::StatusCode code) {
+  switch (code) {
+    case grpc::StatusCode::INVALID_ARGUMENT:
+    case grpc::StatusCode::NOT_FOUND:
+    case grpc::StatusCode::PERMISSION_DENIED:
+    case grpc::StatusCode::UNAUTHENTICATED:
+    case grpc::StatusCode::UNIMPLEMENTED:
+      return false;
+    default:
+      return true;
+  }
+}
+
+}  // namespace
+
+VolumeReader::VolumeReader(std::shared_ptr<grpc::Channel> channel, VolumeMirror& mirror,
+                           const VolumeReaderOptions& options)
+    : channel_(std::move(channel)), mirror_(mirror), options_(options) {}
+
+VolumeReader::~VolumeReader() = default;
+
+VolumeReader::Event VolumeReader::Next(std::chrono::milliseconds timeout) {
+  const auto deadline = Clock::now() + timeout;
+  if (!call_) {
+    if (try_again_ > deadline) {
+      std::this_thread::sleep_until(deadline);
+      return Event::kTimeout;
+    }
+    std::this_thread::sleep_until(try_again_);
+    call_ = std::make_unique<VolumeCall>(channel_, options_.max_unacknowledged, mirror_.resume());
+  }
+  const auto left = std::chrono::ceil<std::chrono::milliseconds>(deadline - Clock::now());
+  v1::StreamVolumeResponse response;
+  switch (call_->Next(std::max(left, std::chrono::milliseconds(0)), response)) {
+    case VolumeCall::Event::kTimeout:
+      return Event::kTimeout;
+    case VolumeCall::Event::kEnded:
+      return End(call_->status());
+    case VolumeCall::Event::kMessage:
+      break;
+  }
+  losses_in_a_row_ = 0;
+  bytes_received_ += response.ByteSizeLong();
+  ++messages_received_;
+  try {
+    const VolumeMessage message = FromProto(std::move(response));
+    mirror_.Apply(message.event);
+    if (!std::holds_alternative<VolumeComplete>(message.event)) return Event::kApplied;
+    damaged_in_a_row_ = 0;
+    return Event::kComplete;
+  } catch (const Error& error) {
+    if (error.kind() == ErrorKind::kTooLarge || ++damaged_in_a_row_ >= kMostDamaged) throw;
+    mirror_.Reset();
+    return Lose(error);
+  }
+}
+
+VolumeReader::Event VolumeReader::End(const grpc::Status& status) {
+  const Error error = status.ok() ? Error(ErrorKind::kUnavailable, "palpated ended the stream")
+                                  : FromStatus(status);
+  if (!IsWorthTrying(status.error_code())) {
+    // Only a resumed stream can be wrong: without the revision it is not.
+    const bool resumed =
+        status.error_code() == grpc::StatusCode::INVALID_ARGUMENT && mirror_.resume().has_value();
+    if (!resumed) throw error;
+    mirror_.Reset();
+  }
+  return Lose(error);
+}
+
+VolumeReader::Event VolumeReader::Lose(const Error& error) {
+  call_.reset();
+  last_loss_ = error;
+  ++losses_;
+  const int doublings = std::min(losses_in_a_row_++, 16);
+  try_again_ =
+      Clock::now() + std::min(options_.first_pause * (1 << doublings), options_.longest_pause);
+  return Event::kLost;
+}
+
+}  // namespace palpate

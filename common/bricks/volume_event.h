@@ -1,0 +1,74 @@
+// What a stream of a volume tells, free of gRPC: volume_stream.proto says what
+// each means and in which order they come; common/wire converts.
+//
+// Threads: plain values.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "common/bricks/brick.h"
+#include "common/geometry/geometry.h"
+
+namespace palpate {
+
+struct VolumeRevision {
+  std::uint64_t daemon_id = 0;
+  std::uint64_t volume_revision = 0;
+  friend bool operator==(const VolumeRevision&, const VolumeRevision&) = default;
+};
+
+struct VolumeLattice {
+  std::string source;
+  Vec3i size = Vec3i::Zero();  // voxels
+  Vec3 spacing_mm = Vec3::Ones();
+  AffineMap X_WI;
+  double value_min = 0.0;  // data units; the background, as a float
+  double value_max = 0.0;
+  std::string unit;
+  std::uint64_t loaded_revision = 0;
+
+  Vec3i BrickCounts() const {
+    return {BrickCount(size.x()), BrickCount(size.y()), BrickCount(size.z())};
+  }
+  std::uint64_t Bricks() const { return BrickCounts().cast<std::uint64_t>().prod(); }
+  float Background() const { return static_cast<float>(value_min); }
+};
+
+// Blocks of the overview have this many voxels along each axis.
+inline constexpr int kOverviewEdge = 4;
+constexpr int OverviewCount(int size) { return (size + kOverviewEdge - 1) / kOverviewEdge; }
+
+struct VolumeOverview {
+  Vec3i size = Vec3i::Zero();  // blocks
+  std::uint64_t first_block = 0;
+  std::string zstd_values;
+};
+
+struct VolumeBricks {
+  std::vector<std::uint64_t> numbers;
+  std::string zstd_values;
+  std::uint64_t bricks_left = 0;
+};
+
+struct VolumeComplete {
+  VolumeRevision revision;
+  ContentHash content_hash;
+};
+
+struct VolumePlacement {
+  AffineMap X_DI;
+  std::uint64_t settings_revision = 0;
+};
+
+using VolumeEvent =
+    std::variant<VolumeLattice, VolumePlacement, VolumeOverview, VolumeBricks, VolumeComplete>;
+
+struct VolumeMessage {
+  std::uint64_t number = 0;  // 1, 2, 3, ... of a stream
+  VolumeEvent event;
+};
+
+}  // namespace palpate

@@ -1,0 +1,144 @@
+#include "common/wire/volume_message.h"
+
+#include <limits>
+#include <utility>
+
+#include "common/error/error.h"
+#include "common/wire/convert.h"
+
+namespace palpate {
+namespace {
+
+int Size(std::uint32_t size) {
+  if (size > static_cast<std::uint32_t>(std::numeric_limits<int>::max())) {
+    throw Error(ErrorKind::kInvalidArgument,
+                "a volume with " + std::to_string(size) + " voxels along an axis is too large");
+  }
+  return static_cast<int>(size);
+}
+
+template <typename Message>
+Vec3i SizeOf(const Message& message) {
+  return {Size(message.size_x()), Size(message.size_y()), Size(message.size_z())};
+}
+
+template <typename Message>
+void SetSize(Message& message, const Vec3i& size) {
+  message.set_size_x(static_cast<std::uint32_t>(size.x()));
+  message.set_size_y(static_cast<std::uint32_t>(size.y()));
+  message.set_size_z(static_cast<std::uint32_t>(size.z()));
+}
+
+void Put(VolumeLattice&& lattice, v1::StreamVolumeResponse& out) {
+  v1::VolumeLattice& message = *out.mutable_lattice();
+  message.set_source(std::move(lattice.source));
+  SetSize(message, lattice.size);
+  *message.mutable_spacing_mm() = ToProto(lattice.spacing_mm);
+  *message.mutable_world_from_index() = ToProto(lattice.X_WI);
+  message.set_value_min(lattice.value_min);
+  message.set_value_max(lattice.value_max);
+  message.set_unit(std::move(lattice.unit));
+  message.set_loaded_revision(lattice.loaded_revision);
+}
+
+void Put(VolumePlacement&& placement, v1::StreamVolumeResponse& out) {
+  v1::VolumePlacement& message = *out.mutable_placement();
+  *message.mutable_device_from_index() = ToProto(placement.X_DI);
+  message.set_settings_revision(placement.settings_revision);
+}
+
+void Put(VolumeOverview&& overview, v1::StreamVolumeResponse& out) {
+  v1::VolumeOverview& message = *out.mutable_overview();
+  SetSize(message, overview.size);
+  message.set_first_block(overview.first_block);
+  message.set_zstd_values(std::move(overview.zstd_values));
+}
+
+void Put(VolumeBricks&& bricks, v1::StreamVolumeResponse& out) {
+  v1::VolumeBricks& message = *out.mutable_bricks();
+  message.mutable_brick_numbers()->Add(bricks.numbers.begin(), bricks.numbers.end());
+  message.set_zstd_values(std::move(bricks.zstd_values));
+  message.set_bricks_left(bricks.bricks_left);
+}
+
+void Put(VolumeComplete&& complete, v1::StreamVolumeResponse& out) {
+  v1::VolumeComplete& message = *out.mutable_complete();
+  *message.mutable_revision() = ToProto(complete.revision);
+  message.set_content_hash_high(complete.content_hash.high);
+  message.set_content_hash_low(complete.content_hash.low);
+}
+
+VolumeLattice Take(v1::VolumeLattice&& message) {
+  return {.source = std::move(*message.mutable_source()),
+          .size = SizeOf(message),
+          .spacing_mm = FromProto(message.spacing_mm()),
+          .X_WI = FromProto(message.world_from_index()),
+          .value_min = message.value_min(),
+          .value_max = message.value_max(),
+          .unit = std::move(*message.mutable_unit()),
+          .loaded_revision = message.loaded_revision()};
+}
+
+VolumePlacement Take(v1::VolumePlacement&& message) {
+  return {FromProto(message.device_from_index()), message.settings_revision()};
+}
+
+VolumeOverview Take(v1::VolumeOverview&& message) {
+  return {SizeOf(message), message.first_block(), std::move(*message.mutable_zstd_values())};
+}
+
+VolumeBricks Take(v1::VolumeBricks&& message) {
+  return {{message.brick_numbers().begin(), message.brick_numbers().end()},
+          std::move(*message.mutable_zstd_values()),
+          message.bricks_left()};
+}
+
+VolumeComplete Take(v1::VolumeComplete&& message) {
+  return {FromProto(message.revision()), {message.content_hash_high(), message.content_hash_low()}};
+}
+
+VolumeEvent TakeEvent(v1::StreamVolumeResponse& message) {
+  switch (message.event_case()) {
+    case v1::StreamVolumeResponse::kLattice:
+      return Take(std::move(*message.mutable_lattice()));
+    case v1::StreamVolumeResponse::kPlacement:
+      return Take(std::move(*message.mutable_placement()));
+    case v1::StreamVolumeResponse::kOverview:
+      return Take(std::move(*message.mutable_overview()));
+    case v1::StreamVolumeResponse::kBricks:
+      return Take(std::move(*message.mutable_bricks()));
+    case v1::StreamVolumeResponse::kComplete:
+      return Take(std::move(*message.mutable_complete()));
+    case v1::StreamVolumeResponse::EVENT_NOT_SET:
+      break;
+  }
+  throw Error(ErrorKind::kInvalidArgument,
+              "palpated sent an event of a volume that this version does not know: compare "
+              "'palpated --version' with this program's");
+}
+
+}  // namespace
+
+v1::StreamVolumeResponse ToProto(VolumeMessage message) {
+  v1::StreamVolumeResponse out;
+  out.set_message_number(message.number);
+  std::visit([&](auto& event) { Put(std::move(event), out); }, message.event);
+  return out;
+}
+
+VolumeMessage FromProto(v1::StreamVolumeResponse message) {
+  return {message.message_number(), TakeEvent(message)};
+}
+
+v1::VolumeRevision ToProto(const VolumeRevision& revision) {
+  v1::VolumeRevision message;
+  message.set_daemon_id(revision.daemon_id);
+  message.set_volume_revision(revision.volume_revision);
+  return message;
+}
+
+VolumeRevision FromProto(const v1::VolumeRevision& revision) {
+  return {revision.daemon_id(), revision.volume_revision()};
+}
+
+}  // namespace palpate

@@ -1,0 +1,197 @@
+#include "server/streaming/volume_streams.h"
+
+#include <pthread.h>
+#include <sys/resource.h>
+#include <sys/types.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <optional>
+#include <random>
+#include <set>
+#include <utility>
+
+#include "common/error/error.h"
+
+namespace palpate {
+namespace {
+
+constexpr int kNice = 10;
+// How often held volumes are looked at while nothing else happens.
+constexpr std::chrono::milliseconds kLetGoPeriod{250};
+
+std::uint64_t RandomId() {
+  std::random_device random;
+  std::uint64_t id = 0;
+  while (id == 0) id = std::uint64_t{random()} << 32 | random();
+  return id;
+}
+
+}  // namespace
+
+class VolumeStreams::Stream {
+ public:
+  Stream(VolumeFeed made, std::weak_ptr<VolumeSink> to)
+      : feed(std::move(made)), sink(std::move(to)) {}
+
+  VolumeFeed feed;  // of the thread of the streams
+  const std::weak_ptr<VolumeSink> sink;
+  // Guarded by the streams' mutex.
+  std::uint64_t acknowledged = 0;
+  bool writing = false;
+  bool ended = false;
+  std::uint64_t held_revision = 0;  // of the feed, for old_volumes_held; 0: none
+};
+
+VolumeStreams::VolumeStreams(Session& session) : daemon_id_(RandomId()) {
+  session.AddListener(*this);
+}
+
+std::shared_ptr<VolumeStreams::Stream> VolumeStreams::Subscribe(const VolumeFeedOptions& options,
+                                                                std::weak_ptr<VolumeSink> sink) {
+  const std::lock_guard lock(mutex_);
+  if (stopped_) throw Error(ErrorKind::kUnavailable, "palpated is ending");
+  if (!now_.volume) throw Error(ErrorKind::kUnavailable, "no volume is loaded yet: try again");
+  auto stream = std::make_shared<Stream>(
+      VolumeFeed(options, daemon_id_, now_, VolumeFeed::Clock::now()), std::move(sink));
+  if (!thread_.joinable()) thread_ = std::thread([this] { Run(); });
+  streams_.push_back(stream);
+  Wake();
+  return stream;
+}
+
+void VolumeStreams::Acknowledge(Stream& stream, std::uint64_t message_number) {
+  const std::lock_guard lock(mutex_);
+  stream.acknowledged = std::max(stream.acknowledged, message_number);
+  Wake();
+}
+
+void VolumeStreams::WriteDone(Stream& stream) {
+  const std::lock_guard lock(mutex_);
+  stream.writing = false;
+  Wake();
+}
+
+void VolumeStreams::Unsubscribe(Stream& stream) {
+  const std::lock_guard lock(mutex_);
+  stream.ended = true;
+  Wake();
+}
+
+void VolumeStreams::OnScene(const Scene& scene, std::span<const BrickChange>) {
+  // Freed after the lock, if this is the last that holds it.
+  VolumeNow now{scene.volume, scene.surface.X_DI, scene.settings_revision};
+  const std::lock_guard lock(mutex_);
+  std::swap(now_, now);
+  if (!streams_.empty()) Wake();
+}
+
+void VolumeStreams::Wake() {
+  woken_ = true;
+  wake_.notify_one();
+}
+
+void VolumeStreams::Stop() noexcept {
+  std::vector<std::shared_ptr<Stream>> streams;
+  {
+    const std::lock_guard lock(mutex_);
+    stopped_ = true;
+    streams = streams_;
+    Wake();
+  }
+  for (const auto& stream : streams) {
+    if (const auto sink = stream->sink.lock()) sink->End();
+  }
+  if (thread_.joinable()) thread_.join();
+  const std::lock_guard lock(mutex_);
+  streams_.clear();
+}
+
+// What one subscriber's turn needs to know, read under the lock.
+struct VolumeStreams::Turn {
+  std::shared_ptr<Stream> stream;
+  std::uint64_t acknowledged = 0;
+  bool writing = false;
+};
+
+// Destroyed without the lock: it may be the last to hold a volume.
+struct VolumeStreams::Round {
+  VolumeNow now;
+  std::vector<Turn> turns;
+  std::vector<std::shared_ptr<Stream>> ended;
+};
+
+void VolumeStreams::Run() {
+  pthread_setname_np(pthread_self(), "palpate-volume");
+  // Of this thread alone; where it is refused, the thread runs as the others do.
+  setpriority(PRIO_PROCESS, static_cast<id_t>(gettid()), kNice);
+  bool worked = true;
+  while (const std::optional<Round> round = NextRound(worked)) {
+    worked = false;
+    for (const Turn& turn : round->turns) worked |= Take(turn, round->now);
+  }
+}
+
+std::optional<VolumeStreams::Round> VolumeStreams::NextRound(bool at_once) {
+  std::unique_lock lock(mutex_);
+  const auto is_woken = [this] { return woken_; };
+  const bool holds_any = std::any_of(streams_.begin(), streams_.end(),
+                                     [](const auto& s) { return s->held_revision != 0; });
+  if (!at_once && holds_any) {
+    wake_.wait_for(lock, kLetGoPeriod, is_woken);
+  } else if (!at_once) {
+    wake_.wait(lock, is_woken);
+  }
+  woken_ = false;
+  if (stopped_) return std::nullopt;
+  Round round{now_, {}, {}};
+  for (const auto& stream : streams_) {
+    if (stream->ended) {
+      round.ended.push_back(stream);
+    } else {
+      round.turns.push_back({stream, stream->acknowledged, stream->writing});
+    }
+  }
+  std::erase_if(streams_, [](const auto& stream) { return stream->ended; });
+  return round;
+}
+
+bool VolumeStreams::Take(const Turn& turn, const VolumeNow& now) {
+  Stream& stream = *turn.stream;
+  const auto time = VolumeFeed::Clock::now();
+  stream.feed.Acknowledge(turn.acknowledged, time);
+  const bool works = !turn.writing && stream.feed.HasWork(now);
+  std::optional<VolumeMessage> message;
+  if (works) {
+    message = stream.feed.Step(now, time);
+  } else {
+    stream.feed.LetGo(now, time);
+  }
+  {
+    const std::lock_guard lock(mutex_);
+    stream.held_revision = stream.feed.held() ? stream.feed.held()->revision() : 0;
+    // Before the write, as WriteDone may come at once.
+    stream.writing |= message.has_value();
+  }
+  if (!message) return works;
+  const std::shared_ptr<VolumeSink> sink = stream.sink.lock();
+  if (!sink || !sink->Write(*std::move(message))) Unsubscribe(stream);
+  return true;
+}
+
+std::size_t VolumeStreams::old_volumes_held() const {
+  const std::lock_guard lock(mutex_);
+  std::set<std::uint64_t> revisions;
+  for (const auto& stream : streams_) {
+    if (stream->held_revision != 0) revisions.insert(stream->held_revision);
+  }
+  if (now_.volume) revisions.erase(now_.volume->revision());
+  return revisions.size();
+}
+
+std::size_t VolumeStreams::streams() const {
+  const std::lock_guard lock(mutex_);
+  return streams_.size();
+}
+
+}  // namespace palpate
