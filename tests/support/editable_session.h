@@ -1,0 +1,112 @@
+// A session without a servo, whose volume tests edit at random.
+#pragma once
+
+#include <tbb/global_control.h>
+
+#include <algorithm>
+#include <bit>
+#include <cstdint>
+#include <memory>
+#include <random>
+#include <vector>
+
+#include "server/device/simulated_device.h"
+#include "server/session/session.h"
+
+namespace palpate::testing {
+
+class EditableSession {
+ public:
+  EditableSession() { inbox_.ReaderStopped(); }
+
+  Session& session() { return session_; }
+  std::shared_ptr<const VolumeSnapshot> volume() const { return session_.volume().volume; }
+
+  void Load(const std::string& source) {
+    session_.Load(
+        {.source = source}, [](std::string_view, double) {}, [] { return false; });
+  }
+
+  // A volume of any size; value(i, j, k) for each voxel, 0 beyond the lattice.
+  template <typename Value>
+  void LoadMade(const Vec3i& size, const Value& value) {
+    VolumeMetadata metadata;
+    metadata.size = size;
+    metadata.source = "made";
+    const BrickDirectory bricks(size, [&](const Vec3i& brick) {
+      auto made = std::make_shared<Brick>();
+      for (int n = 0; n < kBrickVoxels; ++n) {
+        const Vec3i p = brick * kBrickEdge + Vec3i(n >> 6, n >> 3 & 7, n & 7);
+        if ((p.array() < size.array()).all()) (*made)[n] = value(p.x(), p.y(), p.z());
+      }
+      return made;
+    });
+    session_.PublishVolume({}, metadata, bricks);
+  }
+
+  // A box of values, of up to `edge` voxels along each axis; every fourth one is
+  // background. Returns the snapshot that came of it.
+  std::shared_ptr<const VolumeSnapshot> RandomEdit(std::mt19937& random, int edge = 16) {
+    const std::unique_lock voxels = session_.LockVoxels();
+    const auto now = volume();
+    const Vec3i& size = now->size();
+    Vec3i from, end;
+    for (int axis = 0; axis < 3; ++axis) {
+      from[axis] = static_cast<int>(random() % size[axis]);
+      end[axis] = std::min<int>(size[axis], from[axis] + 1 + static_cast<int>(random() % edge));
+    }
+    const bool clears = random() % 4 == 0;
+    const auto value = [&] { return clears ? 0.0f : static_cast<float>(random() % 1000) * 1e-3f; };
+    return session_.PublishBricks(Painted(now->bricks(), from, end, value)).volume;
+  }
+
+  template <typename Value>
+  static std::vector<BrickChange> Painted(const BrickDirectory& bricks, const Vec3i& from,
+                                          const Vec3i& end, const Value& value) {
+    std::vector<BrickChange> changes;
+    Vec3i b;
+    for (b.x() = from.x() / 8; b.x() * 8 < end.x(); ++b.x()) {
+      for (b.y() = from.y() / 8; b.y() * 8 < end.y(); ++b.y()) {
+        for (b.z() = from.z() / 8; b.z() * 8 < end.z(); ++b.z()) {
+          auto made = std::make_shared<Brick>(*bricks.At(b));
+          for (int n = 0; n < kBrickVoxels; ++n) {
+            const Vec3i p = b * 8 + Vec3i(n >> 6, n >> 3 & 7, n & 7);
+            const bool inside =
+                (p.array() >= from.array()).all() && (p.array() < end.array()).all();
+            if (inside) (*made)[n] = value();
+          }
+          changes.push_back({b, made});
+        }
+      }
+    }
+    return changes;
+  }
+
+ private:
+  // TBB's own threads are not built for ThreadSanitizer, which would report them.
+  tbb::global_control serial_{tbb::global_control::max_allowed_parallelism, 1};
+  DeviceSpec device_ = SimulatedDeviceSpec();
+  SceneInbox inbox_;
+  TickOutbox outbox_;
+  Pump pump_{outbox_};
+  Session session_{device_, inbox_, pump_, VolumeLoader{}};
+};
+
+// Voxels of the lattice whose bits differ.
+template <typename Mirror>
+std::uint64_t DifferentVoxels(const Mirror& mirror, const VolumeSnapshot& volume) {
+  std::uint64_t different = 0;
+  const Vec3i size = volume.size();
+  for (int i = 0; i < size.x(); ++i) {
+    for (int j = 0; j < size.y(); ++j) {
+      for (int k = 0; k < size.z(); ++k) {
+        const float theirs = volume.bricks().Find(i, j, k)[VoxelInBrick(i, j, k)];
+        different += std::bit_cast<std::uint32_t>(mirror.Value(i, j, k)) !=
+                     std::bit_cast<std::uint32_t>(theirs);
+      }
+    }
+  }
+  return different;
+}
+
+}  // namespace palpate::testing

@@ -1,0 +1,442 @@
+// What one subscriber of the volume gets, and that the copy it makes of it is the
+// volume.
+#include "server/streaming/volume_feed.h"
+
+#include <gtest/gtest.h>
+
+#include <map>
+
+#include "client/sdk/volume_mirror.h"
+#include "common/error/error.h"
+#include "server/streaming/overview.h"
+#include "tests/support/editable_session.h"
+#include "tests/support/refusal.h"
+
+namespace palpate {
+namespace {
+
+using testing::DifferentVoxels;
+using testing::EditableSession;
+using testing::Refusal;
+
+constexpr std::uint64_t kDaemon = 77;
+const Vec3i kSize(40, 33, 50);
+
+struct Counts {
+  int lattices = 0, placements = 0, overviews = 0, completes = 0;
+  std::uint64_t bricks = 0;
+};
+
+class VolumeFeedTest : public ::testing::Test {
+ protected:
+  void SetUp() override { LoadBall(); }
+
+  // A ball in the background.
+  void LoadBall(const Vec3i& size = kSize) {
+    data_.LoadMade(size, [](int i, int j, int k) {
+      const float r = (Vec3(i, j, k) - Vec3(16, 16, 16)).norm();
+      return r < 14.0f ? 1.0f - r / 14.0f : 0.0f;
+    });
+    Keep();
+  }
+  void Edit(int edge = 16) {
+    data_.RandomEdit(random_, edge);
+    Keep();
+  }
+  void Move(double x_mm) {
+    data_.session().Move([&](const VolumeState& state) {
+      Registration moved = state.registration;
+      moved.X_DW.translation.x() = x_mm;
+      return moved;
+    });
+  }
+  VolumeNow Now() const {
+    const VolumeState state = data_.session().volume();
+    return {state.volume, state.X_DI, state.settings_revision};
+  }
+  void Keep() { kept_[data_.volume()->revision()] = data_.volume(); }
+  VolumeFeed MakeFeed(std::optional<VolumeRevision> resume = {}, std::uint64_t window = 64) {
+    return VolumeFeed({window, resume}, kDaemon, Now(), time_);
+  }
+
+  // The next message, applied and acknowledged.
+  bool Pass(VolumeFeed& feed, bool acknowledge = true) {
+    while (feed.HasWork(Now())) {
+      const std::optional<VolumeMessage> message = feed.Step(Now(), time_);
+      if (!message) continue;
+      EXPECT_EQ(message->number, ++number_);
+      Take(message->event);
+      if (acknowledge) feed.Acknowledge(message->number, time_);
+      return true;
+    }
+    return false;
+  }
+  void PassAll(VolumeFeed& feed) {
+    while (Pass(feed)) {
+    }
+  }
+  void Take(const VolumeEvent& event) {
+    mirror_.Apply(event);
+    counts_.lattices += std::holds_alternative<VolumeLattice>(event);
+    counts_.placements += std::holds_alternative<VolumePlacement>(event);
+    counts_.overviews += std::holds_alternative<VolumeOverview>(event);
+    if (const auto* bricks = std::get_if<VolumeBricks>(&event)) {
+      counts_.bricks += bricks->numbers.size();
+      EXPECT_LE(bricks->numbers.size(), VolumeFeed::kBricksPerMessage);
+    }
+    if (const auto* complete = std::get_if<VolumeComplete>(&event)) {
+      ++counts_.completes;
+      EXPECT_EQ(complete->revision.daemon_id, kDaemon);
+      const auto& volume = kept_.at(complete->revision.volume_revision);
+      EXPECT_EQ(DifferentVoxels(mirror_, *volume), 0u);
+    }
+  }
+  void ExpectNewest() {
+    ASSERT_TRUE(mirror_.is_complete());
+    EXPECT_EQ(mirror_.resume()->volume_revision, data_.volume()->revision());
+    EXPECT_EQ(DifferentVoxels(mirror_, *data_.volume()), 0u);
+    EXPECT_EQ(mirror_.placement()->X_DI.translation, Now().X_DI.translation);
+  }
+
+  mutable EditableSession data_;
+  std::mt19937 random_{1};
+  std::map<std::uint64_t, std::shared_ptr<const VolumeSnapshot>> kept_;
+  VolumeMirror mirror_;
+  Counts counts_;
+  std::uint64_t number_ = 0;
+  VolumeFeed::Clock::time_point time_{};
+};
+
+TEST_F(VolumeFeedTest, WindowsAndRevisionsOutOfRangeAreRefused) {
+  const std::uint64_t newest = data_.volume()->revision();
+  const auto make = [&](std::uint64_t window, std::optional<VolumeRevision> resume) {
+    const VolumeFeedOptions options{window, resume};
+    return Refusal([&] { VolumeFeed(options, kDaemon, Now(), time_); });
+  };
+  for (const std::uint64_t good : {0, 1, 4, 64}) EXPECT_FALSE(make(good, {}));
+  for (const std::uint64_t bad : {std::uint64_t{65}, ~std::uint64_t{0}}) {
+    EXPECT_EQ(make(bad, {}), ErrorKind::kInvalidArgument);
+  }
+  EXPECT_FALSE(make(4, VolumeRevision{kDaemon, newest}));
+  EXPECT_FALSE(make(4, VolumeRevision{kDaemon, 0}));
+  EXPECT_FALSE(make(4, VolumeRevision{kDaemon + 1, newest + 1}));
+  EXPECT_EQ(make(4, VolumeRevision{kDaemon, newest + 1}), ErrorKind::kInvalidArgument);
+  EXPECT_EQ(make(4, VolumeRevision{kDaemon, ~std::uint64_t{0}}), ErrorKind::kInvalidArgument);
+}
+
+TEST_F(VolumeFeedTest, AFreshCopyComesInOrderWithoutTheBackground) {
+  VolumeFeed feed = MakeFeed();
+  std::vector<std::size_t> kinds;
+  std::vector<std::uint64_t> numbers;
+  std::uint64_t left = ~std::uint64_t{0};
+  while (feed.HasWork(Now())) {
+    const auto message = feed.Step(Now(), time_);
+    if (!message) continue;
+    Take(message->event);
+    kinds.push_back(message->event.index());
+    if (const auto* bricks = std::get_if<VolumeBricks>(&message->event)) {
+      numbers.insert(numbers.end(), bricks->numbers.begin(), bricks->numbers.end());
+      EXPECT_LT(bricks->bricks_left, left);
+      left = bricks->bricks_left;
+    }
+  }
+  // As VolumeEvent lists them: lattice, placement, overview, bricks, complete.
+  EXPECT_TRUE(std::is_sorted(kinds.begin(), kinds.end()));
+  EXPECT_EQ(counts_.lattices, 1);
+  EXPECT_EQ(counts_.placements, 1);
+  EXPECT_EQ(counts_.overviews, 1);
+  EXPECT_EQ(counts_.completes, 1);
+  EXPECT_EQ(left, 0u);
+  EXPECT_TRUE(std::is_sorted(numbers.begin(), numbers.end()));
+  std::uint64_t with_values = 0;
+  const BrickDirectory& bricks = data_.volume()->bricks();
+  for (std::uint64_t n = 0; n < mirror_.lattice()->Bricks(); ++n) {
+    with_values += *bricks.At(bricks.BrickOf(n)) != Brick{};
+  }
+  EXPECT_EQ(numbers.size(), with_values);
+  EXPECT_LT(with_values, mirror_.lattice()->Bricks());
+  ExpectNewest();
+}
+
+TEST_F(VolumeFeedTest, TheLatticeAndOverviewAreThoseOfTheVolume) {
+  VolumeFeed feed = MakeFeed();
+  PassAll(feed);
+  const VolumeMetadata& metadata = data_.volume()->metadata();
+  EXPECT_EQ(mirror_.lattice()->size, metadata.size);
+  EXPECT_EQ(mirror_.lattice()->source, "made");
+  EXPECT_EQ(mirror_.lattice()->value_max, metadata.value_max);
+  EXPECT_EQ(mirror_.lattice()->loaded_revision, data_.volume()->loaded_revision());
+  EXPECT_EQ(mirror_.lattice()->X_WI.linear, metadata.WorldFromIndex().linear);
+  ASSERT_EQ(mirror_.overview_size(), Vec3i(10, 9, 13));
+  std::size_t n = 0;
+  for (int i = 0; i < 10; ++i) {
+    for (int j = 0; j < 9; ++j) {
+      for (int k = 0; k < 13; ++k, ++n) {
+        double sum = 0.0;
+        int count = 0;
+        for (int v = 0; v < 64; ++v) {
+          const Vec3i p(4 * i + v / 16, 4 * j + v / 4 % 4, 4 * k + v % 4);
+          if ((p.array() >= kSize.array()).any()) continue;
+          sum += mirror_.Value(p.x(), p.y(), p.z());
+          ++count;
+        }
+        ASSERT_EQ(mirror_.overview()[n], static_cast<float>(sum / count));
+      }
+    }
+  }
+}
+
+TEST_F(VolumeFeedTest, AnOverviewOfManyBlocksComesInPieces) {
+  data_.LoadMade(Vec3i(2, 3, 4 * 140000), [](int, int, int k) { return (k / 4 % 7) / 7.0f; });
+  Keep();
+  VolumeFeed feed = MakeFeed();
+  PassAll(feed);
+  EXPECT_EQ(counts_.overviews, 3);
+  ASSERT_EQ(mirror_.overview().size(), 140000u);
+  for (std::size_t k = 0; k < 140000; ++k) ASSERT_EQ(mirror_.overview()[k], (k % 7) / 7.0f);
+}
+
+TEST_F(VolumeFeedTest, NothingIsSentBeyondTheWindow) {
+  data_.LoadMade(Vec3i(64, 64, 64), [](int, int, int) { return 0.5f; });
+  Keep();
+  for (const std::uint64_t window : {1, 3}) {
+    VolumeFeed feed = MakeFeed({}, window);
+    number_ = 0;
+    for (std::uint64_t n = 0; n < window; ++n) EXPECT_TRUE(Pass(feed, false));
+    EXPECT_FALSE(feed.HasWork(Now()));
+    feed.Acknowledge(0, time_);
+    EXPECT_FALSE(feed.HasWork(Now()));
+    feed.Acknowledge(1, time_);
+    EXPECT_TRUE(Pass(feed, false));
+    EXPECT_FALSE(feed.HasWork(Now()));
+    // Of what was not sent yet: as if all that was sent.
+    feed.Acknowledge(1000, time_);
+    for (std::uint64_t n = 0; n < window; ++n) EXPECT_TRUE(Pass(feed, false));
+    EXPECT_FALSE(feed.HasWork(Now()));
+    feed.Acknowledge(1, time_);
+    EXPECT_FALSE(feed.HasWork(Now()));
+  }
+}
+
+TEST_F(VolumeFeedTest, EveryCompleteIsTheVolumeWhileItIsEdited) {
+  VolumeFeed feed = MakeFeed();
+  for (int n = 0; n < 3000; ++n) {
+    if (random_() % 3 == 0) Edit(1 + static_cast<int>(random_() % 24));
+    if (random_() % 2 == 0) Pass(feed);
+  }
+  PassAll(feed);
+  ExpectNewest();
+  EXPECT_EQ(counts_.lattices, 1);
+  EXPECT_GT(counts_.completes, 100);
+}
+
+TEST_F(VolumeFeedTest, ReloadsAndMovesAndResumesAtAnyTime) {
+  auto feed = std::make_unique<VolumeFeed>(MakeFeed());
+  int resumes = 0;
+  for (int n = 0; n < 3000; ++n) {
+    const auto chance = random_() % 100;
+    if (chance < 30) Edit();
+    if (chance == 30) LoadBall(Vec3i(2 + random_() % 30, 2 + random_() % 30, 2 + random_() % 30));
+    if (chance == 31) Move(static_cast<double>(random_() % 1000));
+    if (chance == 32) {
+      feed = std::make_unique<VolumeFeed>(MakeFeed(mirror_.resume(), 1 + random_() % 64));
+      number_ = 0;
+      ++resumes;
+    }
+    if (chance == 33) time_ += VolumeFeed::kStall * 2;
+    feed->LetGo(Now(), time_);
+    if (chance >= 34) Pass(*feed);
+  }
+  PassAll(*feed);
+  ExpectNewest();
+  EXPECT_GT(counts_.lattices, 10);
+  EXPECT_GT(resumes, 10);
+  EXPECT_GT(counts_.completes, 100);
+}
+
+TEST_F(VolumeFeedTest, SkipsWhatLiesBetween) {
+  VolumeFeed feed = MakeFeed();
+  PassAll(feed);
+  counts_ = {};
+  for (int n = 0; n < 500; ++n) Edit(8);
+  PassAll(feed);
+  ExpectNewest();
+  EXPECT_EQ(counts_.completes, 1);
+  EXPECT_LE(counts_.bricks, mirror_.lattice()->Bricks());
+}
+
+TEST_F(VolumeFeedTest, ARevisionWithoutChangesIsOnlyAComplete) {
+  VolumeFeed feed = MakeFeed();
+  PassAll(feed);
+  counts_ = {};
+  data_.session().PublishBricks({});
+  Keep();
+  PassAll(feed);
+  ExpectNewest();
+  EXPECT_EQ(counts_.bricks, 0u);
+  EXPECT_EQ(counts_.completes, 1);
+}
+
+TEST_F(VolumeFeedTest, WhoReadsNothingHoldsAnOldVolumeForTwoSeconds) {
+  VolumeFeed feed = MakeFeed({}, 2);
+  Pass(feed, false);
+  Pass(feed, false);
+  const std::weak_ptr<const VolumeSnapshot> first = data_.volume();
+  kept_.clear();
+  // The newest is not "old": it costs nothing to hold it.
+  time_ += VolumeFeed::kStall * 10;
+  feed.LetGo(Now(), time_);
+  EXPECT_NE(feed.held(), nullptr);
+  data_.RandomEdit(random_);
+  EXPECT_FALSE(first.expired());
+  feed.LetGo(Now(), time_);
+  EXPECT_TRUE(first.expired());
+  EXPECT_EQ(feed.held(), nullptr);
+  for (int n = 0; n < 100; ++n) {
+    data_.RandomEdit(random_);
+    feed.LetGo(Now(), time_);
+    EXPECT_EQ(feed.held(), nullptr);
+  }
+  // And then catches up, from the start as it had nothing whole.
+  Keep();
+  feed.Acknowledge(2, time_);
+  PassAll(feed);
+  ExpectNewest();
+  EXPECT_EQ(counts_.lattices, 2);
+}
+
+TEST_F(VolumeFeedTest, WhoReadsSlowlyGetsWhatItBegan) {
+  VolumeFeed feed = MakeFeed({}, 1);
+  const std::uint64_t begun = data_.volume()->revision();
+  while (counts_.completes == 0) {
+    ASSERT_TRUE(Pass(feed, false));
+    Edit();
+    time_ += std::chrono::milliseconds(1900);
+    feed.LetGo(Now(), time_);
+    feed.Acknowledge(number_, time_);
+  }
+  EXPECT_EQ(mirror_.resume()->volume_revision, begun);
+  EXPECT_EQ(counts_.lattices, 1);
+}
+
+TEST_F(VolumeFeedTest, AnotherVolumeLetsGoOfTheOldOneAtOnce) {
+  VolumeFeed feed = MakeFeed();
+  Pass(feed);
+  Pass(feed);
+  const std::weak_ptr<const VolumeSnapshot> first = data_.volume();
+  kept_.clear();
+  LoadBall(Vec3i(9, 9, 9));
+  feed.LetGo(Now(), time_);
+  EXPECT_TRUE(first.expired());
+  PassAll(feed);
+  ExpectNewest();
+  EXPECT_EQ(mirror_.lattice()->size, Vec3i(9, 9, 9));
+}
+
+TEST_F(VolumeFeedTest, ATransferGivenUpLeavesNothingBehind) {
+  // All bricks have values; half of the copy comes, and then all is cleared.
+  data_.LoadMade(Vec3i(64, 64, 64), [](int, int, int) { return 0.5f; });
+  Keep();
+  VolumeFeed feed = MakeFeed();
+  while (counts_.bricks < 256) Pass(feed);
+  data_.session().PublishBricks(EditableSession::Painted(data_.volume()->bricks(), Vec3i::Zero(),
+                                                         Vec3i(64, 64, 64), [] { return 0.0f; }));
+  Keep();
+  time_ += VolumeFeed::kStall * 2;
+  feed.LetGo(Now(), time_);
+  PassAll(feed);
+  ExpectNewest();
+}
+
+TEST_F(VolumeFeedTest, AResumedCopyGetsOnlyWhatChanged) {
+  {
+    VolumeFeed feed = MakeFeed();
+    PassAll(feed);
+  }
+  counts_ = {};
+  number_ = 0;
+  data_.session().PublishBricks(EditableSession::Painted(data_.volume()->bricks(), Vec3i(8, 8, 8),
+                                                         Vec3i(16, 16, 24), [] { return 0.25f; }));
+  Keep();
+  VolumeFeed feed = MakeFeed(mirror_.resume());
+  PassAll(feed);
+  ExpectNewest();
+  EXPECT_EQ(counts_.lattices, 0);
+  EXPECT_EQ(counts_.placements, 1);
+  EXPECT_EQ(counts_.bricks, 2u);
+  EXPECT_EQ(counts_.completes, 1);
+}
+
+TEST_F(VolumeFeedTest, AResumedCopyThatIsTheNewestIsToldSo) {
+  {
+    VolumeFeed feed = MakeFeed();
+    PassAll(feed);
+  }
+  counts_ = {};
+  number_ = 0;
+  VolumeFeed feed = MakeFeed(mirror_.resume());
+  PassAll(feed);
+  ExpectNewest();
+  EXPECT_EQ(counts_.bricks, 0u);
+  EXPECT_EQ(counts_.completes, 1);
+}
+
+TEST_F(VolumeFeedTest, ACopyOfAnotherVolumeOrDaemonIsReplaced) {
+  {
+    VolumeFeed feed = MakeFeed();
+    PassAll(feed);
+  }
+  LoadBall();
+  for (const VolumeRevision& resume :
+       {*mirror_.resume(), VolumeRevision{kDaemon + 1, data_.volume()->revision()},
+        VolumeRevision{kDaemon, 0}}) {
+    counts_ = {};
+    number_ = 0;
+    VolumeFeed feed = MakeFeed(resume);
+    PassAll(feed);
+    ExpectNewest();
+    EXPECT_EQ(counts_.lattices, 1);
+  }
+}
+
+TEST_F(VolumeFeedTest, AMoveIsAPlacementAlone) {
+  VolumeFeed feed = MakeFeed();
+  PassAll(feed);
+  counts_ = {};
+  Move(12.5);
+  PassAll(feed);
+  EXPECT_EQ(counts_.placements, 1);
+  EXPECT_EQ(counts_.bricks, 0u);
+  EXPECT_EQ(counts_.completes, 0);
+  EXPECT_EQ(mirror_.placement()->settings_revision, Now().settings_revision);
+  ExpectNewest();
+  // Settings that move nothing.
+  data_.session().SetForcesOff(true);
+  EXPECT_FALSE(feed.HasWork(Now()));
+}
+
+TEST_F(VolumeFeedTest, BricksComeWhileTheVolumeIsMovedAllTheTime) {
+  VolumeFeed feed = MakeFeed();
+  double x_mm = 0.0;
+  int messages = 0;
+  while (counts_.completes == 0 && messages < 1000) {
+    Move(x_mm += 0.1);
+    messages += Pass(feed);
+  }
+  EXPECT_EQ(counts_.completes, 1);
+  EXPECT_GT(counts_.placements, 2);
+  PassAll(feed);
+  ExpectNewest();
+}
+
+TEST_F(VolumeFeedTest, NegativeZeroIsNoBackground) {
+  data_.LoadMade(Vec3i(16, 16, 16), [](int i, int, int) { return i < 8 ? -0.0f : 0.0f; });
+  Keep();
+  VolumeFeed feed = MakeFeed();
+  PassAll(feed);
+  ExpectNewest();
+  EXPECT_EQ(counts_.bricks, 4u);
+}
+
+}  // namespace
+}  // namespace palpate
