@@ -69,7 +69,11 @@ struct PassivityState {
   // further stores what it wrote in the first column.
   Forces written_D_n = Forces::Zero();
   // The last positions of the HIP and their times: a ring.
-  std::array<Vec3, kPositionsKept> p_DHip_mm;
+  std::array<Vec3, kPositionsKept> p_DHip_mm = [] {
+    std::array<Vec3, kPositionsKept> none;
+    none.fill(Vec3::Zero());
+    return none;
+  }();
   std::array<double, kPositionsKept> time_s{};
   int positions = 0;
   int newest = 0;

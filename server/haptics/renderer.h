@@ -27,9 +27,10 @@ inline constexpr double kEjectForceLimitN = 3.3;
 
 inline constexpr double kPopFadeS = 0.03;
 
-struct RendererState {
+// What the next step depends on besides its input; server/servo/servo_keyframe.h
+// lists it member by member.
+struct RendererMemory {
   Proxy proxy;
-  CellCache cache;
   bool has_hip = false;
   Vec3 p_DHip_mm = Vec3::Zero();          // last accepted
   Vec3 p_DLastHip_mm = Vec3::Zero();      // of the last step
@@ -44,6 +45,10 @@ struct RendererState {
   PassivityState passivity;
   Vec3 limited_D_n = Vec3::Zero();    // of the last force: what the control let pass
   Vec3 by_design_D_n = Vec3::Zero();  // the rest of it: magnet and pop
+};
+
+struct RendererState : RendererMemory {
+  CellCache cache;
 };
 
 struct HapticOutput {

@@ -5,6 +5,7 @@
 
 #include "common/error/error.h"
 #include "server/recording/bytes.h"
+#include "server/recording/edit_codec.h"
 #include "server/recording/sample_codec.h"
 #include "server/recording/settings_text.h"
 
@@ -16,6 +17,9 @@ void PutMap(const AffineMap& map, ByteWriter& writer) {
   for (const double number : map.linear.reshaped()) writer.Put(number);
   for (const double number : map.translation) writer.Put(number);
 }
+
+// Any other byte would be no bool.
+bool GetFlag(ByteReader& reader) { return reader.Get<std::uint8_t>() != 0; }
 
 AffineMap GetMap(ByteReader& reader) {
   AffineMap map;
@@ -37,6 +41,7 @@ Payload Encode(const RecordedScene& scene) {
   writer.Put(scene.scene_revision);
   writer.Put(scene.settings_revision);
   writer.Put(scene.volume_revision);
+  writer.Put(scene.loaded_revision);
   writer.Put(scene.geometry_revision);
   writer.Put(scene.isovalue);
   writer.Put(scene.normalized_isovalue);
@@ -46,6 +51,8 @@ Payload Encode(const RecordedScene& scene) {
   writer.Put(scene.volume_hash.high);
   writer.Put(scene.volume_hash.low);
   writer.PutText(scene.volume_source);
+  for (const double mm : scene.spacing_mm) writer.Put(mm);
+  writer.Put(scene.voxels_missing);
   writer.Put(scene.tick_period_s);
   writer.Put(scene.max_force_n);
   writer.Put(scene.forces_off);
@@ -58,6 +65,7 @@ RecordedScene DecodeScene(ByteReader& reader) {
   scene.scene_revision = reader.Get<std::uint64_t>();
   scene.settings_revision = reader.Get<std::uint64_t>();
   scene.volume_revision = reader.Get<std::uint64_t>();
+  scene.loaded_revision = reader.Get<std::uint64_t>();
   scene.geometry_revision = reader.Get<std::uint64_t>();
   scene.isovalue = reader.Get<double>();
   scene.normalized_isovalue = reader.Get<double>();
@@ -69,27 +77,15 @@ RecordedScene DecodeScene(ByteReader& reader) {
   scene.volume_hash.high = reader.Get<std::uint64_t>();
   scene.volume_hash.low = reader.Get<std::uint64_t>();
   scene.volume_source = reader.GetText();
+  for (double& mm : scene.spacing_mm) mm = reader.Get<double>();
+  scene.voxels_missing = GetFlag(reader);
   scene.tick_period_s = reader.Get<double>();
   scene.max_force_n = reader.Get<double>();
-  scene.forces_off = reader.Get<bool>();
+  scene.forces_off = GetFlag(reader);
   return scene;
 }
 
-Payload Encode(const RecordedEdit& edit) {
-  ByteWriter writer;
-  writer.Put(edit.tick);
-  writer.Put(edit.volume_revision);
-  writer.PutText(edit.bytes);
-  return {ChunkType::kEdit, std::move(writer).Take()};
-}
-
-RecordedEdit DecodeEdit(ByteReader& reader) {
-  RecordedEdit edit;
-  edit.tick = reader.Get<std::uint64_t>();
-  edit.volume_revision = reader.Get<std::uint64_t>();
-  edit.bytes = reader.GetText();
-  return edit;
-}
+Payload Encode(const RecordedEdit& edit) { return {ChunkType::kEdit, EncodeEdit(edit)}; }
 
 Payload Encode(const RecordedMarker& marker) {
   ByteWriter writer;
@@ -153,11 +149,10 @@ RecordedEnd DecodeEnd(ByteReader& reader) {
 RecordedChunk Decode(ChunkType type, ByteReader& reader) {
   switch (type) {
     case ChunkType::kSamples:
-      break;  // below
+    case ChunkType::kEdit:
+      break;  // have codecs of their own
     case ChunkType::kScene:
       return DecodeScene(reader);
-    case ChunkType::kEdit:
-      return DecodeEdit(reader);
     case ChunkType::kMarker:
       return DecodeMarker(reader);
     case ChunkType::kGap:
@@ -178,6 +173,7 @@ Payload EncodeChunk(const RecordedChunk& chunk) {
 
 RecordedChunk DecodeChunk(const Payload& payload) {
   if (payload.type == ChunkType::kSamples) return DecodeSamples(payload.bytes);
+  if (payload.type == ChunkType::kEdit) return DecodeEdit(payload.bytes);
   ByteReader reader(payload.bytes);
   RecordedChunk chunk = Decode(payload.type, reader);
   reader.ExpectEnd();

@@ -13,7 +13,8 @@
 namespace palpate {
 namespace {
 
-constexpr std::array<std::string_view, 4> kModeNames = {"free", "constrained", "ejecting", "fault"};
+constexpr std::array<std::string_view, 5> kModeNames = {"free", "constrained", "ejecting", "fault",
+                                                        "suspended"};
 
 template <class Field>
 void AppendField(const Field& field, std::string& row) {

@@ -11,6 +11,7 @@ RecordedScene ToRecorded(const Scene& scene, const VolumeHash& hash, double tick
   return {.scene_revision = scene.scene_revision,
           .settings_revision = scene.settings_revision,
           .volume_revision = scene.volume->revision(),
+          .loaded_revision = scene.volume->loaded_revision(),
           .geometry_revision = scene.surface.geometry_revision,
           .isovalue = scene.isovalue,
           .normalized_isovalue = scene.surface.sign() * scene.surface.isovalue,
@@ -19,6 +20,7 @@ RecordedScene ToRecorded(const Scene& scene, const VolumeHash& hash, double tick
           .X_DI = scene.surface.X_DI,
           .volume_hash = hash,
           .volume_source = scene.volume->metadata().source,
+          .spacing_mm = scene.volume->metadata().spacing_mm,
           .tick_period_s = tick_period_s,
           .max_force_n = max_force_n,
           .forces_off = scene.forces_off};
@@ -34,6 +36,10 @@ Scene ToScene(const RecordedScene& recorded, std::shared_ptr<const VolumeSnapsho
     throw Error(ErrorKind::kConflict, "recorded with the setting " +
                                           recorded.unknown_settings.front() +
                                           ", which this program does not know: use a newer one");
+  }
+  const AffineMap X_ID = recorded.X_DI.Inverse();
+  if (!X_ID.linear.allFinite() || !X_ID.translation.allFinite()) {
+    throw Error(ErrorKind::kInvalidArgument, "the recording's place of the volume is no place");
   }
   Scene scene;
   scene.surface =

@@ -15,6 +15,8 @@ namespace {
 constexpr std::chrono::milliseconds kPollPeriod{20};
 // Samples are written at the latest so long after they came.
 constexpr std::int64_t kMaxAgeNs = 2'000'000'000;
+// The next keyframe falls into a chunk's last samples, so that it parts none in two.
+constexpr std::uint64_t kKeyframePeriodTicks = kSamplesPerChunk - kKeyframeTicks;
 
 }  // namespace
 
@@ -33,17 +35,38 @@ void Recorder::OnSample(const TickSample& sample) {
   delivered_end_.store(sample.tick + 1, std::memory_order_release);
 }
 
-void Recorder::NoteScene(const RecordedScene& scene) {
-  const std::lock_guard lock(mutex_);
-  scenes_.push_back(scene);
-  // So many wait only for a disk that has stopped. Samples without their scene
-  // show by their revision.
-  if (scenes_.size() > kMaxWaiting) scenes_.pop_front();
+void Recorder::OnKeyframe(const ServoKeyframe& keyframe) {
+  if (!stopped_.load(std::memory_order_relaxed)) keyframes_.TryPush(keyframe);
 }
 
-void Recorder::Mark(const std::string& text) {
-  if (text.size() > kMaxMarkerBytes) {
-    throw Error(ErrorKind::kInvalidArgument, "a marker has at most 4096 bytes of text");
+void Recorder::NoteScene(const RecordedScene& scene, std::shared_ptr<const VolumeSnapshot> volume,
+                         std::uint64_t changed_bytes) {
+  const std::lock_guard lock(mutex_);
+  scenes_.push_back({scene, std::move(volume), changed_bytes});
+  waiting_bytes_ += changed_bytes;
+  // So many wait only for a disk that has stopped. Samples without their scene
+  // show by their revision.
+  if (scenes_.size() > kMaxWaiting) {
+    waiting_bytes_ -= scenes_.front().changed_bytes;
+    scenes_.pop_front();
+    if (let_go_ > 0) --let_go_;
+  }
+  LetOldVolumesGo();
+}
+
+// All but the newest, which is in use anyway.
+void Recorder::LetOldVolumesGo() {
+  while (waiting_bytes_ > kMaxWaitingVoxelBytes && let_go_ + 1 < scenes_.size()) {
+    WaitingScene& oldest = scenes_[let_go_++];
+    waiting_bytes_ -= oldest.changed_bytes;
+    oldest.changed_bytes = 0;
+    oldest.volume.reset();
+  }
+}
+
+std::int64_t Recorder::Mark(const std::string& text) {
+  if (text.empty() || text.size() > kMaxMarkerBytes) {
+    throw Error(ErrorKind::kInvalidArgument, "a marker has 1 to 4096 bytes of text");
   }
   const std::lock_guard lock(mutex_);
   if (report_.error) throw *report_.error;
@@ -51,8 +74,10 @@ void Recorder::Mark(const std::string& text) {
   if (markers_.size() == kMaxWaiting) {
     throw Error(ErrorKind::kUnavailable, "too many markers wait for the disk: try again later");
   }
-  markers_.push_back({delivered_end_.load(std::memory_order_acquire),
-                      {.time_ns = MonotonicNowNs(), .text = text}});
+  const std::int64_t now_ns = MonotonicNowNs();
+  markers_.push_back(
+      {delivered_end_.load(std::memory_order_acquire), {.time_ns = now_ns, .text = text}});
+  return now_ns;
 }
 
 RecorderReport Recorder::report() const {
@@ -104,12 +129,16 @@ void Recorder::Drain() {
 }
 
 void Recorder::Take(const TickSample& sample) {
-  std::optional<RecordedScene> scene;
+  std::optional<WaitingScene> scene;
   if (sample.scene_revision != scene_revision_) scene = TakeScene(sample);
   scene_revision_ = sample.scene_revision;
+  if (sample.tick != next_tick_) keyframe_due_ = sample.tick;
+  next_tick_ = sample.tick + 1;
+  const std::optional<RecordedKeyframe> keyframe = TakeKeyframe(sample);
   const std::vector<RecordedMarker> markers = TakeMarkers(sample.tick);
-  if (scene || !markers.empty()) WriteSamples();
-  if (scene) writer_.Append(*scene);
+  if (scene || keyframe || !markers.empty()) WriteSamples();
+  if (scene) WriteScene(*scene);
+  if (keyframe) writer_.Append(*keyframe);
   for (const RecordedMarker& marker : markers) writer_.Append(marker);
 
   if (samples_.empty()) samples_since_ns_ = MonotonicNowNs();
@@ -118,17 +147,40 @@ void Recorder::Take(const TickSample& sample) {
 }
 
 // Scenes before the sample's were never used.
-std::optional<RecordedScene> Recorder::TakeScene(const TickSample& sample) {
+std::optional<Recorder::WaitingScene> Recorder::TakeScene(const TickSample& sample) {
+  // Freed after the lock is: a volume takes its time.
+  std::vector<WaitingScene> unused;
   const std::lock_guard lock(mutex_);
-  while (!scenes_.empty() && scenes_.front().scene_revision <= sample.scene_revision) {
-    RecordedScene scene = std::move(scenes_.front());
+  while (!scenes_.empty() && scenes_.front().scene.scene_revision <= sample.scene_revision) {
+    WaitingScene waiting = std::move(scenes_.front());
     scenes_.pop_front();
-    if (scene.scene_revision == sample.scene_revision) {
-      scene.tick = sample.tick;
-      return scene;
+    if (let_go_ > 0) --let_go_;
+    waiting_bytes_ -= waiting.changed_bytes;
+    if (waiting.scene.scene_revision == sample.scene_revision) {
+      waiting.scene.tick = sample.tick;
+      return waiting;
     }
+    unused.push_back(std::move(waiting));
   }
   return std::nullopt;
+}
+
+void Recorder::WriteScene(WaitingScene& waiting) {
+  for (const RecordedEdit& edit : voxels_.EditsBefore(waiting.scene, waiting.volume.get())) {
+    writer_.Append(edit);
+  }
+  writer_.Append(waiting.scene);
+}
+
+std::optional<RecordedKeyframe> Recorder::TakeKeyframe(const TickSample& sample) {
+  while (!keyframe_ || keyframe_->tick < sample.tick) {
+    ServoKeyframe next;
+    if (!keyframes_.TryPop(next)) return std::nullopt;
+    keyframe_ = next;
+  }
+  if (keyframe_->tick != sample.tick || sample.tick < keyframe_due_) return std::nullopt;
+  keyframe_due_ = sample.tick + kKeyframePeriodTicks;
+  return RecordedKeyframe{.tick = sample.tick, .bytes = std::string(keyframe_->view())};
 }
 
 std::vector<RecordedMarker> Recorder::TakeMarkers(std::uint64_t tick) {

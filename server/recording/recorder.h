@@ -3,10 +3,13 @@
 //   pump -> OnSample -> ring, 8 s -> writer thread -> RecordingWriter -> disk
 //
 // Where the disk is slower than the ticks, the ring fills, samples are dropped,
-// and the recording declares the gap. One object is one recording.
+// and the recording declares the gap. Scenes wait with their volumes, of which the
+// writer takes the changed bricks; where those that wait come to more than
+// kMaxWaitingVoxelBytes, the oldest are let go and their scenes declare that voxels
+// are missing. One object is one recording.
 //
-// Threads: OnSample on one thread (the pump's); the rest on any.
-// Real-time: OnSample is wait-free and does not allocate. Nothing else is for
+// Threads: OnSample and OnKeyframe on one thread (the pump's); the rest on any.
+// Real-time: those two are wait-free and do not allocate. Nothing else is for
 // real-time code.
 // Ownership: owns the output and the writer thread. The pump may hold it by
 // weak_ptr for as long as it likes; Stop before the last owner lets go, which may
@@ -29,6 +32,7 @@
 #include "common/error/error.h"
 #include "server/realtime/spsc_ring.h"
 #include "server/recording/recording_writer.h"
+#include "server/recording/voxel_log.h"
 #include "server/session/pump.h"
 
 namespace palpate {
@@ -44,22 +48,28 @@ class Recorder final : public SampleSink {
   static constexpr std::size_t kMaxMarkerBytes = 4096;
   // Scenes and markers that wait for their tick.
   static constexpr std::size_t kMaxWaiting = 4096;
+  static constexpr std::uint64_t kMaxWaitingVoxelBytes = std::uint64_t{256} << 20;
 
   // Writes the header and starts the writer thread. Throws the output's Error.
   Recorder(std::unique_ptr<RecordingOutput> output, const std::string& program);
   ~Recorder() override;
 
   void OnSample(const TickSample& sample) override;
+  void OnKeyframe(const ServoKeyframe& keyframe) override;
 
   // Before the pump delivers samples of this scene: the one in use before
   // subscribing, every other before it is published. It is written with the first
   // tick of its scene_revision; `scene.tick` is ignored. A scene that no tick
   // used is left out.
-  void NoteScene(const RecordedScene& scene);
+  // `volume`: the scene's, of whose voxels what the recording lacks is written, too;
+  // null: none is. `changed_bytes`: by how much it differs from the one before.
+  void NoteScene(const RecordedScene& scene, std::shared_ptr<const VolumeSnapshot> volume = {},
+                 std::uint64_t changed_bytes = 0);
 
-  // Marks the next tick. Throws Error: kInvalidArgument above kMaxMarkerBytes;
-  // kUnavailable where too many wait or the recording has ended.
-  void Mark(const std::string& text);
+  // Marks the next tick; returns the marker's time. Throws Error: kInvalidArgument
+  // for none or more than kMaxMarkerBytes; kUnavailable where too many wait or the
+  // recording has ended.
+  std::int64_t Mark(const std::string& text);
 
   // What is written so far; ticks that wait are in neither count.
   RecorderReport report() const;
@@ -69,6 +79,11 @@ class Recorder final : public SampleSink {
   RecorderReport Stop();
 
  private:
+  struct WaitingScene {
+    RecordedScene scene;
+    std::shared_ptr<const VolumeSnapshot> volume;
+    std::uint64_t changed_bytes;
+  };
   struct WaitingMarker {
     std::uint64_t from_tick;
     RecordedMarker marker;
@@ -78,12 +93,16 @@ class Recorder final : public SampleSink {
   void Drain();
   void Take(const TickSample& sample);
   std::vector<RecordedMarker> TakeMarkers(std::uint64_t tick);
-  std::optional<RecordedScene> TakeScene(const TickSample& sample);
+  std::optional<WaitingScene> TakeScene(const TickSample& sample);
+  std::optional<RecordedKeyframe> TakeKeyframe(const TickSample& sample);
+  void WriteScene(WaitingScene& waiting);
+  void LetOldVolumesGo();
   void WriteSamples();
   void WriteRest();
   void Publish(const std::optional<Error>& error);
 
   SpscRing<TickSample, kQueueTicks> ring_;
+  SpscRing<ServoKeyframe, kQueueTicks / kKeyframeTicks> keyframes_;
   // One past the last tick delivered, kept or dropped.
   std::atomic<std::uint64_t> delivered_end_{0};
   std::atomic<bool> stopped_{false};
@@ -93,11 +112,17 @@ class Recorder final : public SampleSink {
   std::vector<TickSample> samples_;
   std::int64_t samples_since_ns_ = 0;
   std::optional<std::uint64_t> scene_revision_;
+  VoxelLog voxels_;
+  std::optional<ServoKeyframe> keyframe_;  // the next one
+  std::uint64_t keyframe_due_ = 0;         // from this tick on
+  std::uint64_t next_tick_ = 0;            // unless some are lost
 
   mutable std::mutex mutex_;  // guards what follows
   std::condition_variable stop_;
   bool stopping_ = false;
-  std::deque<RecordedScene> scenes_;
+  std::deque<WaitingScene> scenes_;
+  std::size_t let_go_ = 0;  // of the scenes, from the front: their volumes
+  std::uint64_t waiting_bytes_ = 0;
   std::deque<WaitingMarker> markers_;
   RecorderReport report_;
 

@@ -19,6 +19,7 @@
 #include "server/haptics/settings.h"
 #include "server/recording/volume_hash.h"
 #include "server/servo/tick_sample.h"
+#include "server/volume/brick_directory.h"
 
 namespace palpate {
 
@@ -31,12 +32,15 @@ struct RecordingHeader {
 using RecordedSamples = std::vector<TickSample>;
 inline constexpr std::size_t kSamplesPerChunk = 1000;
 
-// All but the voxels that the servo computes with, from `tick` on.
+// All but the voxels that the servo computes with, from `tick` on. The voxels are
+// those of the volume that was loaded last, with all edits since; volume_hash tells
+// whether a replay has them.
 struct RecordedScene {
   std::uint64_t tick = 0;  // the first recorded one that used it
   std::uint64_t scene_revision = 0;
   std::uint64_t settings_revision = 0;
   std::uint64_t volume_revision = 0;
+  std::uint64_t loaded_revision = 0;    // the volume revision at which it was loaded
   std::uint64_t geometry_revision = 0;  // of HapticSurface
   double isovalue = 0.0;                // data units
   double normalized_isovalue = 0.0;
@@ -48,17 +52,30 @@ struct RecordedScene {
   AffineMap X_DI{};
   VolumeHash volume_hash{};
   std::string volume_source{};
+  Vec3 spacing_mm = Vec3::Ones();
+  // Voxels have changed since the scene before, more than a recording takes: replays
+  // go on where they meet a volume again that they know.
+  bool voxels_missing = false;
   double tick_period_s = 0.0;
   double max_force_n = 0.0;  // the limit of the safety stage
   bool forces_off = false;
 };
 
-// A change of the volume, in the bytes of those who made it.
+struct RecordedBrick {
+  std::uint64_t number = 0;  // BrickDirectory::NumberOf
+  BrickPtr values{};
+};
+
+// Changed voxels: what makes the volume of the scene that follows from that of the
+// last one with edits, or from the one that was loaded. A large change is parted
+// into several of these.
 struct RecordedEdit {
   std::uint64_t tick = 0;
-  std::uint64_t volume_revision = 0;  // that it led to
-  std::string bytes{};
+  std::uint64_t base_revision = 0;      // volume revision to change
+  std::uint64_t volume_revision = 0;    // that all parts together lead to
+  std::vector<RecordedBrick> bricks{};  // at most kBricksPerEdit, by number
 };
+inline constexpr std::size_t kBricksPerEdit = 4096;
 
 struct RecordedMarker {
   std::uint64_t tick = 0;    // the first one after it was set
@@ -72,8 +89,9 @@ struct RecordedGap {
   std::uint64_t last_tick = 0;
 };
 
-// State of the renderer before `tick`, in the renderer's own bytes: where a
-// replay may start. Nothing writes it yet.
+// State of the servo before `tick`, in the bytes of servo_keyframe.h: where a replay
+// may start. There is one within 64 ticks of the start and of every gap, and one about
+// every second.
 struct RecordedKeyframe {
   std::uint64_t tick = 0;
   std::string bytes{};

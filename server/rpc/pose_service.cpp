@@ -34,7 +34,7 @@ class PoseReactor final
   void OnReadDone(bool ok) override {
     const bool started = HandleRead(ok);
     // Not under the lock: the pump locks its sinks first and this stream then.
-    if (started) pump_->Subscribe(weak_from_this());
+    if (started) pump_->Subscribe(weak_from_this(), Pump::Feed::kShown);
   }
 
   void OnWriteDone(bool ok) override {

@@ -36,6 +36,10 @@ class Safety {
     return last_;
   }
 
+  // What the next force is slewed from, and starts from again.
+  const Vec3& last_D_n() const { return last_; }
+  void Resume(const Vec3& last_D_n) noexcept { last_ = last_D_n; }
+
   // Forces that were not finite.
   std::uint64_t faults() const { return faults_; }
 

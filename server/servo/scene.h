@@ -16,6 +16,7 @@
 #include "server/haptics/renderer.h"
 #include "server/realtime/snapshot_handoff.h"
 #include "server/realtime/spsc_ring.h"
+#include "server/servo/servo_keyframe.h"
 #include "server/servo/tick_sample.h"
 
 namespace palpate {
@@ -32,6 +33,10 @@ struct Scene {
 
 // The servo thread's two doors.
 using SceneInbox = SnapshotHandoff<Scene>;
-using TickOutbox = SpscRing<TickSample, 4096>;  // four seconds
+class TickOutbox : public SpscRing<TickSample, 4096> {  // four seconds
+ public:
+  // One every kKeyframeTicks; pushed before the sample of its tick.
+  SpscRing<ServoKeyframe, 64> keyframes;
+};
 
 }  // namespace palpate

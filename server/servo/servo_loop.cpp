@@ -38,6 +38,7 @@ void ServoLoop::Run() noexcept {
   running_.notify_one();
   while (!stop_.load(std::memory_order_relaxed)) {
     const TickTime time = timer.WaitForNext();
+    if (tick->next_tick() % kKeyframeTicks == 0) outbox_.keyframes.TryPush(tick->Keyframe());
     const TickSample sample = tick->Run(*inbox_.Acquire(), time);
     outbox_.TryPush(sample);
     ticks_.store(sample.tick + 1, std::memory_order_relaxed);

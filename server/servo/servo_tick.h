@@ -5,14 +5,11 @@
 #pragma once
 
 #include "server/device/haptic_device.h"
-#include "server/haptics/renderer.h"
 #include "server/realtime/tick_timer.h"
-#include "server/servo/safety.h"
 #include "server/servo/scene.h"
+#include "server/servo/tick_computation.h"
 
 namespace palpate {
-
-inline constexpr double kTickPeriodS = 1e-3;
 
 class ServoTick {
  public:
@@ -22,15 +19,14 @@ class ServoTick {
   // `scene` stays valid until the return.
   TickSample Run(const Scene& scene, const TickTime& time) noexcept;
 
+  // Before the next tick.
+  std::uint64_t next_tick() const { return computation_.next_tick(); }
+  ServoKeyframe Keyframe() const noexcept { return computation_.Keyframe(); }
+
  private:
   HapticDevice& device_;
-  Safety safety_;
-  RendererState renderer_;
+  TickComputation computation_;
   DeviceState stylus_;
-  std::uint64_t ticks_ = 0;
-  std::uint64_t missed_ticks_ = 0;
-  std::uint64_t capped_ticks_ = 0;
-  std::uint64_t faulty_ticks_ = 0;
 };
 
 }  // namespace palpate

@@ -32,9 +32,14 @@ void Pump::Stop() noexcept {
   if (thread_.joinable()) thread_.join();
 }
 
-void Pump::Subscribe(std::weak_ptr<SampleSink> sink) {
+void Pump::Subscribe(std::weak_ptr<SampleSink> sink, Feed feed) {
   const std::lock_guard lock(sinks_mutex_);
-  sinks_.push_back(std::move(sink));
+  sinks_.push_back({std::move(sink), feed});
+}
+
+void Pump::Replace(std::shared_ptr<SampleReplacement> replacement) {
+  const std::lock_guard lock(sinks_mutex_);
+  replacement_.swap(replacement);
 }
 
 std::optional<AppliedTick> Pump::WaitForScene(std::uint64_t scene_revision,
@@ -65,12 +70,30 @@ void Pump::Run() {
   }
 }
 
+// A keyframe after this tick waits for its own.
+void Pump::DeliverKeyframes(std::uint64_t up_to_tick) {
+  for (;;) {
+    if (!keyframe_) {
+      ServoKeyframe next;
+      if (!outbox_.keyframes.TryPop(next)) return;
+      keyframe_ = next;
+    }
+    if (keyframe_->tick > up_to_tick) return;
+    for (const Subscriber& subscriber : sinks_) {
+      if (const auto sink = subscriber.sink.lock()) sink->OnKeyframe(*keyframe_);
+    }
+    keyframe_.reset();
+  }
+}
+
 void Pump::Deliver(const TickSample& sample) {
   NoteRevision(sample);
   const std::lock_guard lock(sinks_mutex_);
-  std::erase_if(sinks_, [&](const std::weak_ptr<SampleSink>& weak) {
-    const std::shared_ptr<SampleSink> sink = weak.lock();
-    if (sink) sink->OnSample(sample);
+  DeliverKeyframes(sample.tick);
+  const TickSample shown = replacement_ ? replacement_->Shown(sample) : sample;
+  std::erase_if(sinks_, [&](const Subscriber& subscriber) {
+    const std::shared_ptr<SampleSink> sink = subscriber.sink.lock();
+    if (sink) sink->OnSample(subscriber.feed == Feed::kShown ? shown : sample);
     return !sink;
   });
 }

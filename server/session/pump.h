@@ -29,6 +29,16 @@ class SampleSink {
  public:
   virtual ~SampleSink() = default;
   virtual void OnSample(const TickSample& sample) = 0;
+  // Before the sample of its tick.
+  virtual void OnKeyframe(const ServoKeyframe&) {}
+};
+
+// What viewers are shown instead of the live ticks.
+class SampleReplacement {
+ public:
+  virtual ~SampleReplacement() = default;
+  // On the pump thread, once per live sample; must not block.
+  virtual TickSample Shown(const TickSample& live) = 0;
 };
 
 // The tick at which a scene was first used.
@@ -45,7 +55,13 @@ class Pump {
   void Start();
   void Stop() noexcept;
 
-  void Subscribe(std::weak_ptr<SampleSink> sink);
+  enum class Feed : std::uint8_t { kLive, kShown };
+  // kShown: for those who only show the ticks, and get a replacement while there is
+  // one. Keyframes are always live.
+  void Subscribe(std::weak_ptr<SampleSink> sink, Feed feed = Feed::kLive);
+
+  // Null: none. When it returns, the one before is not called any more.
+  void Replace(std::shared_ptr<SampleReplacement> replacement);
 
   // First tick with this revision or a newer one; none when it does not come in
   // time.
@@ -58,7 +74,13 @@ class Pump {
     AppliedTick applied;
   };
 
+  struct Subscriber {
+    std::weak_ptr<SampleSink> sink;
+    Feed feed;
+  };
+
   void Run();
+  void DeliverKeyframes(std::uint64_t up_to_tick);
   void Deliver(const TickSample& sample);
   void NoteRevision(const TickSample& sample);
 
@@ -67,7 +89,9 @@ class Pump {
   std::thread thread_;
 
   std::mutex sinks_mutex_;
-  std::vector<std::weak_ptr<SampleSink>> sinks_;
+  std::vector<Subscriber> sinks_;
+  std::shared_ptr<SampleReplacement> replacement_;
+  std::optional<ServoKeyframe> keyframe_;  // the pump thread's: next to deliver
 
   std::mutex revisions_mutex_;
   std::condition_variable revision_seen_;

@@ -99,6 +99,7 @@ TEST(NoAllocation, ATickNeitherAllocatesNorFrees) {
   for (int n = 0; n < 40000; ++n) {
     const Scene& scene = n / 5000 % 4 == 3 ? *gyroid : n / 500 % 2 == 1 ? *bumps_swollen : *bumps;
     time.started_ns += 1'000'000;
+    if (n % kKeyframeTicks == 0) outbox->keyframes.TryPush(tick.Keyframe());
     const TickSample sample = tick.Run(scene, time);
     outbox->TryPush(sample);
     contacts += sample.contact;

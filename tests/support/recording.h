@@ -25,7 +25,7 @@ inline TickSample RandomSample(std::uint64_t tick) {
     using Field = std::decay_t<decltype(field)>;
     const std::uint64_t bits = random();
     if constexpr (std::is_same_v<Field, TickMode>) {
-      field = static_cast<TickMode>(bits % 4);
+      field = static_cast<TickMode>(bits % 5);
     } else if constexpr (std::is_same_v<Field, bool> || std::is_same_v<Field, FreeSide>) {
       field = static_cast<Field>(bits % 2);
     } else {

@@ -11,3 +11,4 @@ palpate_unit_test(recording_file_test recording_file_test.cpp SANITIZED palpate:
 add_dependencies(recording_file_test recording_child)
 target_compile_definitions(recording_file_test PRIVATE
   RECORDING_CHILD="$<TARGET_FILE:recording_child>")
+palpate_unit_test(servo_keyframe_test servo_keyframe_test.cpp SANITIZED palpate::recording)

@@ -1,0 +1,128 @@
+#include "server/recording/replayer.h"
+
+#include <array>
+#include <cstdio>
+#include <cstring>
+#include <memory>
+#include <string_view>
+#include <type_traits>
+#include <utility>
+#include <variant>
+
+#include "server/recording/recorded_scene.h"
+#include "server/recording/sample_fields.h"
+
+namespace palpate {
+namespace {
+
+constexpr std::size_t kMaxFields = 64;
+
+template <class Field>
+std::string Text(const Field& field) {
+  if constexpr (std::is_enum_v<Field>) {
+    return std::to_string(static_cast<int>(field));
+  } else if constexpr (std::is_floating_point_v<Field>) {
+    char digits[32];
+    std::snprintf(digits, sizeof digits, "%.17g", field);
+    return digits;
+  } else {
+    return std::to_string(field);
+  }
+}
+
+}  // namespace
+
+void Replayer::Take(const RecordedChunk& chunk) {
+  if (const auto* samples = std::get_if<RecordedSamples>(&chunk)) Take(*samples);
+  if (const auto* edit = std::get_if<RecordedEdit>(&chunk)) follower_.Take(*edit);
+  if (const auto* scene = std::get_if<RecordedScene>(&chunk)) Begin(*scene);
+  if (const auto* keyframe = std::get_if<RecordedKeyframe>(&chunk)) Resume(*keyframe);
+  if (std::holds_alternative<RecordedMarker>(chunk)) ++counts_.markers;
+  if (const auto* gap = std::get_if<RecordedGap>(&chunk)) {
+    ++counts_.gaps;
+    counts_.lost_ticks += gap->last_tick - gap->first_tick + 1;
+    in_step_ = false;
+  }
+}
+
+void Replayer::Begin(const RecordedScene& recorded) {
+  ++counts_.scenes;
+  scene_revision_ = recorded.scene_revision;
+  if (!computation_ || recorded.max_force_n != max_force_n_) {
+    computation_.emplace(recorded.max_force_n);
+    max_force_n_ = recorded.max_force_n;
+    in_step_ = false;
+  }
+  std::shared_ptr<const VolumeSnapshot> volume = follower_.Follow(recorded);
+  counts_.edits = follower_.applied_edits();
+  scene_.volume.reset();
+  if (!volume) {
+    volume_error_ = follower_.error();
+    return;
+  }
+  try {
+    if (recorded.tick_period_s != kTickPeriodS) {
+      throw Error(ErrorKind::kConflict, "recorded at another rate than this program ticks at");
+    }
+    scene_ = ToScene(recorded, std::move(volume), recorded.volume_hash);
+  } catch (const Error& error) {
+    volume_error_ = error;
+  }
+}
+
+void Replayer::Resume(const RecordedKeyframe& keyframe) {
+  if (!computation_) return;  // nothing can be computed before there is a scene
+  if (in_step_) {
+    ++counts_.keyframes;
+    if (computation_->Keyframe().view() == keyframe.bytes) return;
+    ++counts_.differing_keyframes;
+  }
+  in_step_ = computation_->Resume(keyframe.bytes) && computation_->next_tick() == keyframe.tick;
+  if (!in_step_) {
+    throw Error(ErrorKind::kConflict,
+                "recorded by another version of Palpate, whose state this one cannot take over: "
+                "use that one");
+  }
+}
+
+void Replayer::Take(const RecordedSamples& samples) {
+  for (const TickSample& sample : samples) Take(sample);
+}
+
+void Replayer::Take(const TickSample& sample) {
+  ++counts_.ticks;
+  const bool has_scene = sample.scene_revision == scene_revision_;
+  if (has_scene && scene_.volume && in_step_) {
+    ++counts_.compared;
+    counts_.contacts += sample.contact;
+    TickSample computed = computation_->Run(scene_, computation_->InputOf(sample));
+    computed.time_ns = sample.time_ns;
+    computed.update_ns = sample.update_ns;
+    Compare(sample, computed);
+    return;
+  }
+  in_step_ = false;
+  ++(!has_scene       ? counts_.without_scene
+     : !scene_.volume ? counts_.without_volume
+                      : counts_.without_start);
+}
+
+void Replayer::Compare(const TickSample& recorded, const TickSample& computed) {
+  std::array<const void*, kMaxFields> fields{};
+  std::size_t n = 0;
+  VisitFields(computed, [&](std::string_view, const auto& field) { fields.at(n++) = &field; });
+  n = 0;
+  bool same = true;
+  VisitFields(recorded, [&](std::string_view name, const auto& field) {
+    const void* other = fields[n++];
+    if (std::memcmp(other, &field, sizeof field) == 0) return;
+    same = false;
+    if (difference_) return;
+    auto computed_field = field;
+    std::memcpy(&computed_field, other, sizeof field);
+    difference_ = {recorded.tick, std::string(name), Text(field), Text(computed_field)};
+  });
+  counts_.differing += !same;
+}
+
+}  // namespace palpate

@@ -1,0 +1,94 @@
+#include "server/recording/volume_follower.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <utility>
+
+namespace palpate {
+namespace {
+
+std::shared_ptr<const VolumeSnapshot> AtRevision(std::shared_ptr<const VolumeSnapshot> volume,
+                                                 const RecordedScene& scene) {
+  if (volume->revision() == scene.volume_revision &&
+      volume->loaded_revision() == scene.loaded_revision) {
+    return volume;
+  }
+  return std::make_shared<const VolumeSnapshot>(volume->metadata(), volume->bricks(),
+                                                scene.volume_revision, scene.loaded_revision);
+}
+
+void CheckBrick(const RecordedBrick& brick, std::uint64_t brick_count) {
+  const bool good = brick.number < brick_count &&
+                    std::all_of(brick.values->begin(), brick.values->end(),
+                                [](float value) { return std::isfinite(value); });
+  if (!good) {
+    throw Error(ErrorKind::kInvalidArgument,
+                "an edit of the recording does not fit the volume: load the one that was recorded");
+  }
+}
+
+}  // namespace
+
+std::shared_ptr<const VolumeSnapshot> WithEdits(const VolumeSnapshot& volume,
+                                                const std::vector<RecordedEdit>& edits) {
+  const BrickDirectory& bricks = volume.bricks();
+  const auto count = static_cast<std::uint64_t>(bricks.brick_count().cast<std::int64_t>().prod());
+  std::map<std::uint64_t, BrickPtr> changed;  // a damaged recording may name one twice
+  for (const RecordedEdit& edit : edits) {
+    for (const RecordedBrick& brick : edit.bricks) {
+      CheckBrick(brick, count);
+      changed[brick.number] = brick.values;
+    }
+  }
+  std::vector<BrickChange> changes;
+  for (const auto& [number, values] : changed) changes.push_back({bricks.BrickOf(number), values});
+  const std::uint64_t revision = edits.front().volume_revision;
+  return std::make_shared<const VolumeSnapshot>(volume.metadata(), bricks.With(changes, revision),
+                                                revision, volume.loaded_revision());
+}
+
+std::shared_ptr<const VolumeSnapshot> VolumeFollower::Follow(const RecordedScene& scene) {
+  const std::vector<RecordedEdit> edits = std::exchange(edits_, {});
+  error_.reset();
+  try {
+    return TryFollow(scene, edits);
+  } catch (const Error& error) {
+    error_ = error;
+    return nullptr;
+  }
+}
+
+std::shared_ptr<const VolumeSnapshot> VolumeFollower::TryFollow(
+    const RecordedScene& scene, const std::vector<RecordedEdit>& edits) {
+  if (loaded_revision_ != scene.loaded_revision) {
+    // Not again where it fails: a series of scenes would load it each time.
+    loaded_revision_ = base_revision_ = scene.loaded_revision;
+    volume_.reset();
+    volume_ = load_(scene);
+  }
+  if (!volume_) {
+    throw Error(ErrorKind::kNotFound, "the volume " + scene.volume_source + " was not loaded");
+  }
+  if (HashVolume(*volume_) == scene.volume_hash) {
+    if (!edits.empty()) base_revision_ = edits.front().volume_revision;
+  } else {
+    if (scene.voxels_missing) {
+      throw Error(ErrorKind::kConflict, "a change of voxels was too large for the recording");
+    }
+    const std::shared_ptr<const VolumeSnapshot> changed =
+        !edits.empty() && edits.front().base_revision == base_revision_
+            ? WithEdits(*volume_, edits)
+            : nullptr;
+    if (!changed || HashVolume(*changed) != scene.volume_hash) {
+      throw Error(ErrorKind::kConflict, "another volume was recorded: load " +
+                                            scene.volume_source + " as it was then");
+    }
+    volume_ = changed;
+    base_revision_ = scene.volume_revision;
+    ++applied_edits_;
+  }
+  return volume_ = AtRevision(std::move(volume_), scene);
+}
+
+}  // namespace palpate

@@ -1,0 +1,164 @@
+#include "server/servo/servo_keyframe.h"
+
+#include <cstring>
+#include <type_traits>
+
+namespace palpate {
+namespace {
+
+// Of the bytes. To be raised whenever they mean something else.
+constexpr std::uint8_t kLayout = 1;
+
+constexpr int kMaxCell = 1 << 30;
+
+// Visits every number. The structured bindings name all members: one that is added
+// does not compile until it is visited, too.
+template <class Vector, class Visit>
+void VisitVector(Vector& vector, Visit& visit) {
+  for (auto& number : vector.reshaped()) visit(number);
+}
+
+template <class CarrierT, class Visit>
+void VisitCarrier(CarrierT& carrier, Visit& visit) {
+  auto& [count, vertex, weight] = carrier;
+  visit(count);
+  for (auto& v : vertex) visit(v);
+  for (auto& w : weight) visit(w);
+}
+
+template <class PlaceT, class Visit>
+void VisitPlace(PlaceT& place, Visit& visit) {
+  auto& [kind, cell, faces, p_I, carrier, tetrahedron] = place;
+  visit(kind);
+  VisitVector(cell, visit);
+  visit(faces);
+  VisitVector(p_I, visit);
+  VisitCarrier(carrier, visit);
+  visit(tetrahedron);
+}
+
+template <class ProxyT, class Visit>
+void VisitProxy(ProxyT& proxy, Visit& visit) {
+  auto& [placed, on_surface, buried, buried_steps, place, p_DH_mm, geometry_revision, free_side,
+         isovalue] = proxy;
+  visit(placed);
+  visit(on_surface);
+  visit(buried);
+  visit(buried_steps);
+  VisitPlace(place, visit);
+  VisitVector(p_DH_mm, visit);
+  visit(geometry_revision);
+  visit(free_side);
+  visit(isovalue);
+}
+
+template <class Passivity, class Visit>
+void VisitPassivity(Passivity& passivity, Visit& visit) {
+  auto& [started, tank_mj, damping, distrust, scale, written_D_n, p_DHip_mm, time_s, positions,
+         newest, rest_mm, rested_s] = passivity;
+  visit(started);
+  for (auto* number : {&tank_mj, &damping, &distrust, &scale}) visit(*number);
+  VisitVector(written_D_n, visit);
+  for (auto& p : p_DHip_mm) VisitVector(p, visit);
+  for (auto& time : time_s) visit(time);
+  visit(positions);
+  visit(newest);
+  VisitVector(rest_mm, visit);
+  visit(rested_s);
+}
+
+template <class Renderer, class Visit>
+void VisitRenderer(Renderer& renderer, Visit& visit) {
+  auto& [proxy, has_hip, p_DHip_mm, p_DLastHip_mm, velocity_mm_per_s, friction, popped, rejected_s,
+         spring_mj, felt_D_n, pop_force_D_n, pop_fade, passivity, limited_D_n, by_design_D_n] =
+      renderer;
+  VisitProxy(proxy, visit);
+  visit(has_hip);
+  for (auto* v : {&p_DHip_mm, &p_DLastHip_mm, &velocity_mm_per_s}) VisitVector(*v, visit);
+  auto& [sticking, normal_D] = friction;
+  visit(sticking);
+  VisitVector(normal_D, visit);
+  visit(popped);
+  for (auto* number : {&rejected_s, &spring_mj, &pop_fade}) visit(*number);
+  VisitPassivity(passivity, visit);
+  for (auto* v : {&felt_D_n, &pop_force_D_n, &limited_D_n, &by_design_D_n}) VisitVector(*v, visit);
+}
+
+template <class Memory, class Visit>
+void VisitMemory(Memory& memory, Visit visit) {
+  auto& [renderer, last_force_D_n, tick, missed_ticks, capped_ticks, faulty_ticks] = memory;
+  VisitRenderer(renderer, visit);
+  VisitVector(last_force_D_n, visit);
+  for (auto* count : {&tick, &missed_ticks, &capped_ticks, &faulty_ticks}) visit(*count);
+}
+
+// The least value of T's that is none, for those that are read as if by name.
+template <class T>
+constexpr unsigned kEnd = 2;  // bool, FreeSide
+template <>
+constexpr unsigned kEnd<Place::Kind> = 3;
+
+// False for bytes that are no value.
+template <class T>
+bool FromBytes(const char* bytes, T& value) {
+  if constexpr (std::is_same_v<T, bool> || std::is_enum_v<T>) {
+    static_assert(sizeof(T) == 1);
+    const auto byte = static_cast<unsigned char>(*bytes);
+    value = static_cast<T>(byte);
+    return byte < kEnd<T>;
+  } else {
+    std::memcpy(&value, bytes, sizeof value);
+    return true;
+  }
+}
+
+// What indexes arrays and lattices stays within them.
+bool IsInRange(const ServoMemory& memory) {
+  const Place& place = memory.renderer.proxy.place;
+  const Carrier& carrier = place.carrier;
+  if (carrier.count < 0 || carrier.count > 4) return false;
+  if (place.kind == Place::Kind::kSimplex && carrier.count == 0) return false;
+  for (const std::uint8_t vertex : carrier.vertex) {
+    if (vertex >= kMaxVertices) return false;
+  }
+  if (place.tetrahedron < -1 || place.tetrahedron >= kMaxTetrahedra) return false;
+  if ((place.cell.array() < -kMaxCell).any() || (place.cell.array() > kMaxCell).any()) return false;
+  if (place.faces >= 1u << 6) return false;
+  const PassivityState& passivity = memory.renderer.passivity;
+  return memory.renderer.proxy.buried_steps >= 0 && passivity.positions >= 0 &&
+         passivity.positions <= PassivityState::kPositionsKept && passivity.newest >= 0 &&
+         passivity.newest < PassivityState::kPositionsKept;
+}
+
+}  // namespace
+
+ServoKeyframe Save(const ServoMemory& memory) noexcept {
+  ServoKeyframe keyframe;
+  keyframe.tick = memory.tick;
+  std::size_t at = 0;
+  const auto put = [&](const auto& number) {
+    if (at + sizeof number <= keyframe.bytes.size()) {
+      std::memcpy(&keyframe.bytes[at], &number, sizeof number);
+    }
+    at += sizeof number;
+  };
+  put(kLayout);
+  VisitMemory(memory, put);
+  return keyframe;
+}
+
+bool Load(std::string_view bytes, ServoMemory& memory) noexcept {
+  if (bytes.size() != ServoKeyframe::kBytes ||
+      static_cast<std::uint8_t>(bytes.front()) != kLayout) {
+    return false;
+  }
+  std::size_t at = 1;
+  bool good = true;
+  VisitMemory(memory, [&](auto& number) {
+    good = good && at + sizeof number <= bytes.size() && FromBytes(&bytes[at], number);
+    at += sizeof number;
+  });
+  return good && at == bytes.size() && IsInRange(memory);
+}
+
+}  // namespace palpate

@@ -1,0 +1,117 @@
+#include "server/servo/tick_computation.h"
+
+#include <limits>
+
+namespace palpate {
+namespace {
+
+std::array<double, 3> ToArray(const Vec3& v) { return {v.x(), v.y(), v.z()}; }
+
+TickMode ToTickMode(ProxyMode mode) {
+  switch (mode) {
+    case ProxyMode::kFree:
+      return TickMode::kFree;
+    case ProxyMode::kConstrained:
+      return TickMode::kConstrained;
+    case ProxyMode::kEjecting:
+      return TickMode::kEjecting;
+    case ProxyMode::kFault:
+      return TickMode::kFault;
+  }
+  return TickMode::kFault;
+}
+
+void Describe(const Scene& scene, const HapticOutput& output, TickSample& sample) {
+  sample.hip_mm = ToArray(output.p_DHip_mm);
+  sample.scp_h_mm = ToArray(output.proxy.p_DH_mm);
+  sample.scp_h_normal = ToArray(output.proxy.normal_D);
+  sample.mode = ToTickMode(output.proxy.mode);
+  sample.free_side = output.free_side;
+  sample.contact = !output.proxy.normal_D.isZero();
+  sample.input_rejected = output.input_rejected;
+  sample.has_scp_v = output.visual.found;
+  sample.scp_v_mm = ToArray(output.visual.p_DV_mm);
+  sample.scp_v_normal = ToArray(output.visual.normal_D);
+  sample.density = scene.volume->Denormalize(output.proxy.density);
+  sample.iterations = static_cast<std::uint32_t>(output.proxy.moves);
+}
+
+}  // namespace
+
+TickComputation::TickComputation(double max_force_n)
+    : safety_(SafetyLimits{.max_force_n = max_force_n}) {}
+
+TickSample TickComputation::Run(const Scene& scene, const TickInput& input) noexcept {
+  TickSample sample;
+  sample.tick = ticks_++;
+  sample.missed_ticks = input.missed_ticks;
+  sample.isovalue = scene.isovalue;
+  sample.settings_revision = scene.settings_revision;
+  sample.scene_revision = scene.scene_revision;
+  sample.volume_revision = scene.volume->revision();
+
+  // Missed ticks lengthen the time over which the stylus has moved.
+  const double elapsed_s =
+      kTickPeriodS * (1.0 + static_cast<double>(input.missed_ticks - missed_ticks_));
+  missed_ticks_ = input.missed_ticks;
+
+  const DeviceState& stylus = input.stylus;
+  const bool suspended =
+      scene.forces_off || (scene.settings.clutch_tool && (stylus.buttons & kClutchButton) != 0);
+  const HapticOutput output = suspended ? SuspendRenderer(stylus.p_DHip_mm, elapsed_s, renderer_)
+                                        : StepRenderer(scene.surface, scene.settings,
+                                                       stylus.p_DHip_mm, elapsed_s, renderer_);
+  Describe(scene, output, sample);
+  if (suspended) {
+    sample.mode = TickMode::kSuspended;
+    sample.free_side = scene.settings.free_side;
+  }
+  const std::uint64_t faults_before = safety_.faults();
+  Vec3 force_D_n = safety_.Limit(output.force_D_n, kTickPeriodS);
+  if (!input.device_ok || output.input_rejected || suspended) force_D_n = safety_.CutOff();
+  if (!input.device_ok || output.input_rejected || safety_.faults() != faults_before) {
+    sample.mode = TickMode::kFault;
+    ++faulty_ticks_;
+  }
+  TellWrittenForce(force_D_n, renderer_);
+  capped_ticks_ += output.proxy.capped;
+  sample.faulty_ticks = faulty_ticks_;
+  sample.capped_ticks = capped_ticks_;
+  sample.force_n = ToArray(force_D_n);
+  sample.buttons = stylus.buttons;
+  const Eigen::Quaterniond& q = stylus.R_DS;
+  sample.stylus_orientation = {q.w(), q.x(), q.y(), q.z()};
+  return sample;
+}
+
+TickInput TickComputation::InputOf(const TickSample& sample) const noexcept {
+  TickInput input;
+  const auto& q = sample.stylus_orientation;
+  input.stylus.p_DHip_mm = Vec3(sample.hip_mm.data());
+  if (sample.input_rejected) {
+    input.stylus.p_DHip_mm.setConstant(std::numeric_limits<double>::quiet_NaN());
+  }
+  input.stylus.R_DS = Eigen::Quaterniond(q[0], q[1], q[2], q[3]);
+  input.stylus.buttons = sample.buttons;
+  input.device_ok = sample.input_rejected || sample.faulty_ticks == faulty_ticks_;
+  input.missed_ticks = sample.missed_ticks;
+  return input;
+}
+
+ServoKeyframe TickComputation::Keyframe() const noexcept {
+  return Save({renderer_, safety_.last_D_n(), ticks_, missed_ticks_, capped_ticks_, faulty_ticks_});
+}
+
+bool TickComputation::Resume(std::string_view keyframe) noexcept {
+  ServoMemory memory;
+  if (!Load(keyframe, memory)) return false;
+  static_cast<RendererMemory&>(renderer_) = memory.renderer;
+  safety_.Resume(memory.last_force_D_n);
+  ticks_ = memory.tick;
+  missed_ticks_ = memory.missed_ticks;
+  capped_ticks_ = memory.capped_ticks;
+  faulty_ticks_ = memory.faulty_ticks;
+  return true;
+}
+
+}  // namespace palpate

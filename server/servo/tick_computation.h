@@ -1,0 +1,54 @@
+// What one tick computes, apart from the device and the clock: the servo thread and
+// those who compute recorded ticks again share it.
+//
+// Frame: D (mm, N). Threads: one. Real-time: no lock, no allocation, no system call.
+#pragma once
+
+#include <cstdint>
+#include <string_view>
+
+#include "server/device/haptic_device.h"
+#include "server/haptics/renderer.h"
+#include "server/servo/safety.h"
+#include "server/servo/scene.h"
+#include "server/servo/servo_keyframe.h"
+
+namespace palpate {
+
+inline constexpr double kTickPeriodS = 1e-3;
+
+struct TickInput {
+  DeviceState stylus{};
+  bool device_ok = true;           // false: forces are off
+  std::uint64_t missed_ticks = 0;  // so far
+};
+
+class TickComputation {
+ public:
+  explicit TickComputation(double max_force_n);
+
+  // All of the sample but its times. `scene` stays valid until the return.
+  TickSample Run(const Scene& scene, const TickInput& input) noexcept;
+
+  // The input that gave a sample, where this computation is at its tick: what a
+  // sample does not tell of it (why a device failed, how a position was no
+  // position) makes no difference.
+  TickInput InputOf(const TickSample& sample) const noexcept;
+
+  // Before the next tick.
+  std::uint64_t next_tick() const { return ticks_; }
+  ServoKeyframe Keyframe() const noexcept;
+  // Goes on from there. False, and nothing has changed, for bytes that are no
+  // keyframe of this version.
+  bool Resume(std::string_view keyframe) noexcept;
+
+ private:
+  Safety safety_;
+  RendererState renderer_;
+  std::uint64_t ticks_ = 0;
+  std::uint64_t missed_ticks_ = 0;
+  std::uint64_t capped_ticks_ = 0;
+  std::uint64_t faulty_ticks_ = 0;
+};
+
+}  // namespace palpate
