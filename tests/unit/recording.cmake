@@ -12,3 +12,4 @@ add_dependencies(recording_file_test recording_child)
 target_compile_definitions(recording_file_test PRIVATE
   RECORDING_CHILD="$<TARGET_FILE:recording_child>")
 palpate_unit_test(servo_keyframe_test servo_keyframe_test.cpp SANITIZED palpate::recording)
+palpate_unit_test(recording_edit_test recording_edit_test.cpp SANITIZED palpate::recording)

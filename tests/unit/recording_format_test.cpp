@@ -42,6 +42,7 @@ RecordedScene SceneAt(std::uint64_t tick) {
   RecordedScene scene{.tick = tick,
                       .settings_revision = tick + 1,
                       .volume_revision = 3,
+                      .loaded_revision = 2,
                       .geometry_revision = 4,
                       .isovalue = 1e-300,
                       .normalized_isovalue = 1.0 / 3.0,
@@ -49,6 +50,8 @@ RecordedScene SceneAt(std::uint64_t tick) {
                       .method = DecompositionMethod::kBcc,
                       .volume_hash = {5, 6},
                       .volume_source = "head \xc3\xa4.nrrd",
+                      .spacing_mm = Vec3(0.1, 2.0, 1e-3),
+                      .voxels_missing = true,
                       .tick_period_s = 1e-3,
                       .max_force_n = 3.3};
   scene.X_DI.linear << 1.0, 0.1, -2.0, 1e-9, 0.7, 3.0, 1.0 / 7.0, 0.0, 5.0;
@@ -62,6 +65,12 @@ std::vector<TickSample> RandomSamples(std::uint64_t first, std::size_t count) {
   return samples;
 }
 
+BrickPtr Filled(float value) {
+  auto brick = std::make_shared<Brick>();
+  brick->fill(value);
+  return brick;
+}
+
 // A few ticks of everything: 7 to 10, a gap, 13 to 15.
 std::string SmallRecording() {
   const auto bytes = std::make_shared<std::string>();
@@ -69,7 +78,10 @@ std::string SmallRecording() {
   writer.Append(SceneAt(7));
   writer.Append(RecordedMarker{.tick = 7, .time_ns = -5, .text = "trial \"1\", left"});
   writer.AppendSamples(RandomSamples(7, 4));
-  writer.Append(RecordedEdit{.tick = 13, .volume_revision = 4, .bytes = std::string(3, '\0')});
+  writer.Append(RecordedEdit{.tick = 13,
+                             .base_revision = 3,
+                             .volume_revision = 4,
+                             .bricks = {{2, Filled(0.5f)}, {9, Filled(-0.0f)}}});
   writer.Append(RecordedKeyframe{.tick = 13, .bytes = "state"});
   writer.AppendSamples(RandomSamples(13, 3));
   writer.AppendEnd();
@@ -111,6 +123,9 @@ void ExpectSameScene(const RecordedScene& a, const RecordedScene& b) {
   EXPECT_TRUE(std::signbit(b.X_DI.translation.x()));
   EXPECT_EQ(a.volume_hash, b.volume_hash);
   EXPECT_EQ(a.volume_source, b.volume_source);
+  EXPECT_EQ(a.loaded_revision, b.loaded_revision);
+  EXPECT_EQ(a.spacing_mm, b.spacing_mm);
+  EXPECT_EQ(a.voxels_missing, b.voxels_missing);
   EXPECT_EQ(a.method, b.method);
   EXPECT_EQ(a.tick_period_s, b.tick_period_s);
   EXPECT_EQ(a.max_force_n, b.max_force_n);
@@ -134,8 +149,13 @@ TEST(RecordingFormat, EverythingComesBack) {
   EXPECT_EQ(gap.last_tick, 12u);
   const auto& edit = std::get<RecordedEdit>(chunks[4]);
   EXPECT_EQ(edit.tick, 13u);
+  EXPECT_EQ(edit.base_revision, 3u);
   EXPECT_EQ(edit.volume_revision, 4u);
-  EXPECT_EQ(edit.bytes, std::string(3, '\0'));
+  ASSERT_EQ(edit.bricks.size(), 2u);
+  EXPECT_EQ(edit.bricks[0].number, 2u);
+  EXPECT_EQ(*edit.bricks[0].values, *Filled(0.5f));
+  EXPECT_EQ(edit.bricks[1].number, 9u);
+  EXPECT_TRUE(std::signbit(edit.bricks[1].values->back()));
   EXPECT_EQ(std::get<RecordedKeyframe>(chunks[5]).bytes, "state");
   EXPECT_EQ(CountTrueSamples(chunks), 7u);
   EXPECT_EQ(reader.ticks(), 7u);

@@ -1,152 +1,260 @@
-// A recording holds enough: the ticks that it names, run again, give the same bits.
+// A recording holds enough: its ticks, computed again, give the same bits.
 #include <gtest/gtest.h>
 
-#include <cmath>
 #include <memory>
+#include <random>
 #include <string>
+#include <utility>
 #include <variant>
 #include <vector>
 
-#include "server/device/explore_script.h"
-#include "server/device/simulated_device.h"
-#include "server/recording/recorded_scene.h"
-#include "server/recording/recorder.h"
-#include "server/recording/recording_reader.h"
-#include "server/servo/servo_tick.h"
-#include "tests/support/array_volume.h"
-#include "tests/support/recording.h"
+#include "server/recording/replayer.h"
 #include "tests/support/refusal.h"
+#include "tests/support/scene_rig.h"
 
 namespace palpate {
 namespace {
 
-constexpr std::uint64_t kTicks = 8000;
+using testing::Carve;
+using testing::Gyroid;
+using testing::MemoryOutput;
+using testing::SceneRig;
 
-std::shared_ptr<const VolumeSnapshot> Gyroid() {
-  return testing::MakeVolume({48, 48, 48}, [](int i, int j, int k) {
-    constexpr double kTurn = 2.0 * M_PI / 24.0;
-    return std::sin(kTurn * i) * std::cos(kTurn * j) + std::sin(kTurn * j) * std::cos(kTurn * k) +
-           std::sin(kTurn * k) * std::cos(kTurn * i);
-  });
-}
+class RecordingReplay : public ::testing::Test {
+ protected:
+  std::unique_ptr<RecordingOutput> Output() { return std::make_unique<MemoryOutput>(bytes_); }
 
-// Scene n of the recording: other settings, isovalue, side and place.
-Scene SceneNumber(const std::shared_ptr<const VolumeSnapshot>& volume, std::uint64_t n) {
-  Scene scene;
-  scene.volume = volume;
-  scene.settings_revision = n + 1;
-  scene.scene_revision = n + 1;
-  scene.settings.stiffness_n_per_mm = 0.3 + 0.1 * static_cast<double>(n);
-  scene.settings.damping_n_s_per_m = 0.7;
-  scene.settings.static_friction = 0.4;
-  scene.settings.dynamic_friction = 0.3;
-  scene.settings.force_shading = n % 2 == 1;
-  scene.settings.passivity_control = n >= 2;
-  scene.settings.free_side = n == 3 ? FreeSide::kAbove : FreeSide::kBelow;
-  AffineMap X_DI;
-  X_DI.linear *= 1.7;
-  X_DI.translation = Vec3(-40.0, -40.0 + 0.1 * static_cast<double>(n / 2), -40.0);
-  const double tau = 0.47 + 0.02 * static_cast<double>(n);
-  scene.isovalue = volume->Denormalize(tau);
-  scene.surface = MakeHapticSurface(*volume, X_DI, tau, DecompositionMethod::kTpbcc, 1 + n / 2,
-                                    scene.settings.free_side);
-  return scene;
-}
-
-std::string Record(const std::shared_ptr<const VolumeSnapshot>& volume) {
-  const auto bytes = std::make_shared<std::string>();
-  Recorder recorder(std::make_unique<testing::MemoryOutput>(bytes), "test");
-  SimulatedDevice device(std::make_unique<ExploreScript>(Vec3(-80, -60, -35), Vec3(80, 60, 35), 1));
-  device.Start();
-  ServoTick servo(device);
-  const VolumeHash hash = HashVolume(*volume);
-  Scene scene;
-  for (std::uint64_t tick = 0; tick < kTicks; ++tick) {
-    if (tick % 2000 == 0) {
-      scene = SceneNumber(volume, tick / 2000);
-      recorder.NoteScene(ToRecorded(scene, hash, kTickPeriodS, device.spec().max_force_n));
+  // Every load gives `volume`, whatever it is.
+  Replayer Replay(std::shared_ptr<const VolumeSnapshot> volume) {
+    Replayer replayer([volume](const RecordedScene&) { return volume; });
+    RecordingReader reader = testing::ReadBytes(*bytes_);
+    while (const std::optional<RecordedChunk> chunk = reader.Next()) replayer.Take(*chunk);
+    EXPECT_TRUE(reader.complete()) << reader.stopped_because();
+    return replayer;
+  }
+  static void ExpectNoDifference(const Replayer& replayer) {
+    EXPECT_EQ(replayer.counts().differing, 0u);
+    EXPECT_EQ(replayer.counts().differing_keyframes, 0u);
+    if (const auto& first = replayer.first_difference()) {
+      ADD_FAILURE() << "tick " << first->tick << " " << first->field << ": " << first->recorded
+                    << ", computed " << first->computed;
     }
-    // The device fails for a while.
-    if (tick == 5000) device.Stop();
-    if (tick == 5010) device.Start();
-    recorder.OnSample(servo.Run(scene, {.missed = tick / 900}));
-  }
-  EXPECT_EQ(recorder.Stop().counts.ticks, kTicks);
-  return *bytes;
-}
-
-// What ServoTick does, from recorded numbers alone.
-class Replay {
- public:
-  explicit Replay(std::shared_ptr<const VolumeSnapshot> volume)
-      : volume_(std::move(volume)), hash_(HashVolume(*volume_)) {}
-
-  void Begin(const RecordedScene& recorded) {
-    scene_ = ToScene(recorded, volume_, hash_);
-    period_s_ = recorded.tick_period_s;
-    if (!safety_) safety_.emplace(SafetyLimits{.max_force_n = recorded.max_force_n});
   }
 
-  // The same force came out.
-  bool Run(const TickSample& sample) {
-    const double elapsed_s =
-        period_s_ * (1.0 + static_cast<double>(sample.missed_ticks - last_.missed_ticks));
-    const HapticOutput output =
-        StepRenderer(scene_.surface, scene_.settings, ToVec3(sample.hip_mm), elapsed_s, state_);
-    Vec3 force_n = safety_->Limit(output.force_D_n, period_s_);
-    if (sample.faulty_ticks != last_.faulty_ticks) force_n = safety_->CutOff();
-    TellWrittenForce(force_n, state_);
-    last_ = sample;
-    return force_n == ToVec3(sample.force_n) && output.proxy.p_DH_mm == ToVec3(sample.scp_h_mm) &&
-           output.visual.p_DV_mm == ToVec3(sample.scp_v_mm);
-  }
-
- private:
-  static Vec3 ToVec3(const std::array<double, 3>& v) { return {v[0], v[1], v[2]}; }
-
-  std::shared_ptr<const VolumeSnapshot> volume_;
-  VolumeHash hash_;
-  Scene scene_;
-  double period_s_ = 0.0;
-  std::optional<Safety> safety_;
-  RendererState state_;
-  TickSample last_;
+  std::shared_ptr<std::string> bytes_ = std::make_shared<std::string>();
+  std::mt19937_64 random_{1};
 };
 
-TEST(RecordingReplay, GivesTheSameForcesBitForBit) {
+TEST_F(RecordingReplay, GivesTheSameBitsThroughSettingsEditsAndFaults) {
   const auto volume = Gyroid();
-  RecordingReader reader = testing::ReadBytes(Record(volume));
-  Replay replay(volume);
-  std::uint64_t same = 0, contacts = 0, scenes = 0;
-  while (const std::optional<RecordedChunk> chunk = reader.Next()) {
-    if (const auto* scene = std::get_if<RecordedScene>(&*chunk)) {
-      replay.Begin(*scene);
-      ++scenes;
+  SceneRig rig(volume);
+  rig.Record(Output());
+  for (int n = 0; n < 8; ++n) {
+    HapticSettings settings = rig.settings();
+    settings.stiffness_n_per_mm = 0.3 + 0.1 * n;
+    settings.force_shading = n % 2 == 1;
+    settings.passivity_control = n >= 4;
+    settings.pop_force_n = n == 6 ? 2.5 : 0.0;
+    settings.magnet_force_n = n == 3 ? 0.5 : 0.0;
+    settings.free_side = n == 5 ? FreeSide::kAbove : FreeSide::kBelow;
+    rig.Set(0.45 + 0.01 * n, settings);
+    rig.Run(500);
+    rig.Miss(n);
+    rig.Run(100);
+    for (int edits = 0; edits < 5; ++edits) {
+      rig.Edit(Carve(*rig.volume(), random_));
+      if (edits % 2 == 0) rig.Run(30);  // no tick alone uses the others
     }
-    const auto* samples = std::get_if<RecordedSamples>(&*chunk);
-    if (!samples) continue;
-    for (const TickSample& sample : *samples) {
-      same += replay.Run(sample);
-      contacts += sample.contact;
+    rig.Run(300);
+    if (n == 2) {
+      rig.device().Stop();
+      rig.Run(50);
+      rig.device().Start();
     }
+    rig.SetForcesOff(n % 3 == 2);
   }
-  EXPECT_TRUE(reader.complete());
-  EXPECT_EQ(scenes, 4u);
-  EXPECT_EQ(same, kTicks);
-  EXPECT_GT(contacts, kTicks / 4);
+  rig.recorder().Mark("end");
+  rig.Run(10);
+  const RecorderReport report = rig.Stop();
+  const Replayer replayer = Replay(volume);
+  ExpectNoDifference(replayer);
+  const ReplayCounts& counts = replayer.counts();
+  EXPECT_EQ(counts.ticks, report.counts.ticks);
+  EXPECT_EQ(counts.compared, counts.ticks);
+  EXPECT_EQ(counts.edits, 8u * 3u);
+  EXPECT_EQ(counts.markers, 1u);
+  EXPECT_GE(counts.keyframes, counts.ticks / 1000 - 1);
+  EXPECT_GT(counts.contacts, counts.ticks / 8);
 }
 
-TEST(RecordingReplay, IsRefusedOnAnotherVolumeOrUnknownSettings) {
+// Edits of before are part of it, and it need not begin with the first tick.
+TEST_F(RecordingReplay, BeginsAnywhere) {
   const auto volume = Gyroid();
+  SceneRig rig(volume);
+  rig.Run(1000);
+  for (int n = 0; n < 20; ++n) rig.Edit(Carve(*rig.volume(), random_));
+  rig.Run(1000 + 5);
+  rig.Record(Output());
+  rig.Run(2000);
+  rig.Stop();
+  const Replayer replayer = Replay(volume);
+  ExpectNoDifference(replayer);
+  EXPECT_EQ(replayer.counts().edits, 1u);
+  EXPECT_EQ(replayer.counts().without_start, 2048u - 2005u);
+  EXPECT_EQ(replayer.counts().compared, 2000u - (2048u - 2005u));
+  EXPECT_GT(replayer.counts().contacts, 200u);
+}
+
+TEST_F(RecordingReplay, GoesOnAfterEachGapThoughEditsFellIntoIt) {
+  const auto volume = Gyroid();
+  SceneRig rig(volume);
+  rig.Record(Output());
+  constexpr int kGaps = 5;
+  for (int n = 0; n < kGaps; ++n) {
+    rig.Run(700);
+    rig.Edit(Carve(*rig.volume(), random_));
+    rig.Run(10);
+    rig.Edit(Carve(*rig.volume(), random_));
+    rig.Run(333, true);
+    rig.Edit(Carve(*rig.volume(), random_));
+    rig.Run(100, true);
+  }
+  rig.Run(500);
+  rig.Stop();
+  const Replayer replayer = Replay(volume);
+  ExpectNoDifference(replayer);
+  const ReplayCounts& counts = replayer.counts();
+  EXPECT_EQ(counts.gaps, static_cast<std::uint64_t>(kGaps));
+  EXPECT_EQ(counts.lost_ticks, kGaps * 433u);
+  EXPECT_LE(counts.without_start, kGaps * (kKeyframeTicks - 1));
+  EXPECT_EQ(counts.compared + counts.without_start, counts.ticks);
+}
+
+TEST_F(RecordingReplay, FollowsAnotherVolumeThatIsLoaded) {
+  const auto first = Gyroid(), second = Gyroid(40, 3);
+  SceneRig rig(first);
+  rig.Record(Output());
+  rig.Run(500);
+  rig.Edit(Carve(*rig.volume(), random_));
+  rig.Run(500);
+  ASSERT_EQ(rig.next_revision(), 3u);
+  rig.Load(second);
+  rig.Edit(Carve(*rig.volume(), random_));
+  rig.Run(1000);
+  rig.Stop();
+  int loads = 0;
+  Replayer replayer([&](const RecordedScene& scene) {
+    ++loads;
+    return scene.loaded_revision == 1 ? first : second;
+  });
+  RecordingReader reader = testing::ReadBytes(*bytes_);
+  while (const std::optional<RecordedChunk> chunk = reader.Next()) replayer.Take(*chunk);
+  ExpectNoDifference(replayer);
+  EXPECT_EQ(loads, 2);
+  EXPECT_EQ(replayer.counts().compared, 2000u);
+  EXPECT_EQ(replayer.counts().edits, 2u);
+}
+
+TEST_F(RecordingReplay, SaysWhereVoxelsAreMissingAndGoesOnWhereItCan) {
+  const auto volume = Gyroid(264);  // 33³ bricks are more than a recording takes
+  SceneRig rig(volume);
+  rig.Record(Output());
+  rig.Run(500);
+  const std::vector<BrickChange> one = Carve(*rig.volume(), random_);
+  rig.Edit(one);
+  rig.Run(500);
+  const auto before = rig.volume();
+  std::vector<BrickChange> all, back;
+  for (std::uint64_t n = 0; n < 33 * 33 * 33; ++n) {
+    const Vec3i brick = before->bricks().BrickOf(n);
+    auto values = std::make_shared<Brick>(*before->bricks().At(brick));
+    for (float& value : *values) value *= 0.9f;
+    all.push_back({brick, values});
+    back.push_back({brick, before->bricks().At(brick)});
+  }
+  rig.Edit(all);
+  rig.Run(300);
+  rig.Edit(one);  // on top of what the recording does not have
+  rig.Run(300);
+  rig.Edit(back);
+  rig.Run(1500);
+  rig.Stop();
+  EXPECT_LT(bytes_->size(), 2u << 20);
+  const Replayer replayer = Replay(volume);
+  ExpectNoDifference(replayer);
+  const ReplayCounts& counts = replayer.counts();
+  EXPECT_EQ(counts.without_volume, 600u);
+  EXPECT_GE(counts.compared, 1000u + 500u);
+  EXPECT_EQ(counts.compared + counts.without_volume + counts.without_start, counts.ticks);
+  ASSERT_TRUE(replayer.volume_error());
+  EXPECT_NE(std::string(replayer.volume_error()->what()).find("too large"), std::string::npos);
+}
+
+TEST_F(RecordingReplay, AnotherVolumeGivesNoTicks) {
+  SceneRig rig(Gyroid());
+  rig.Record(Output());
+  rig.Run(1000);
+  rig.Edit(Carve(*rig.volume(), random_));
+  rig.Run(1000);
+  rig.Stop();
+  const Replayer other = Replay(Gyroid(40));
+  EXPECT_EQ(other.counts().compared, 0u);
+  EXPECT_EQ(other.counts().without_volume, 2000u);
+  ASSERT_TRUE(other.volume_error());
+  EXPECT_EQ(other.volume_error()->kind(), ErrorKind::kConflict);
+  EXPECT_EQ(Replay(nullptr).volume_error()->kind(), ErrorKind::kNotFound);
+}
+
+// One number of one sample, one voxel of one edit.
+TEST_F(RecordingReplay, SeesWhatWasChanged) {
+  const auto volume = Gyroid();
+  SceneRig rig(volume);
+  rig.Record(Output());
+  rig.Run(3000);
+  rig.Stop();
+  Replayer replayer([&](const RecordedScene&) { return volume; });
+  RecordingReader reader = testing::ReadBytes(*bytes_);
+  while (std::optional<RecordedChunk> chunk = reader.Next()) {
+    if (auto* samples = std::get_if<RecordedSamples>(&*chunk)) {
+      for (TickSample& sample : *samples) {
+        if (sample.tick == 1234) sample.force_n[1] = std::nextafter(sample.force_n[1], 100.0);
+      }
+    }
+    replayer.Take(*chunk);
+  }
+  EXPECT_EQ(replayer.counts().differing, 1u);
+  ASSERT_TRUE(replayer.first_difference());
+  EXPECT_EQ(replayer.first_difference()->tick, 1234u);
+  EXPECT_EQ(replayer.first_difference()->field, "force_y_n");
+}
+
+TEST_F(RecordingReplay, ScenesThatCannotBeAreRefused) {
+  const auto volume = Gyroid();
+  SceneRig rig(volume);
+  rig.Record(Output());
+  rig.Run(100);
+  rig.Stop();
+  RecordingReader reader = testing::ReadBytes(*bytes_);
+  const RecordedScene good = std::get<RecordedScene>(*reader.Next());
   const VolumeHash hash = HashVolume(*volume);
-  RecordedScene scene = ToRecorded(SceneNumber(volume, 0), hash, kTickPeriodS, 3.3);
-  EXPECT_EQ(testing::Refusal([&] { ToScene(scene, volume, hash); }), std::nullopt);
+  EXPECT_EQ(testing::Refusal([&] { ToScene(good, volume, hash); }), std::nullopt);
   EXPECT_EQ(testing::Refusal([&] {
-              ToScene(scene, volume, {hash.high, hash.low + 1});
+              ToScene(good, volume, {hash.high, hash.low + 1});
             }),
             ErrorKind::kConflict);
-  scene.unknown_settings = {"texture_mm"};
-  EXPECT_EQ(testing::Refusal([&] { ToScene(scene, volume, hash); }), ErrorKind::kConflict);
+  RecordedScene bad = good;
+  bad.unknown_settings = {"texture_mm"};
+  EXPECT_EQ(testing::Refusal([&] { ToScene(bad, volume, hash); }), ErrorKind::kConflict);
+  bad = good;
+  bad.X_DI.linear.setZero();
+  EXPECT_EQ(testing::Refusal([&] { ToScene(bad, volume, hash); }), ErrorKind::kInvalidArgument);
+  bad = good;
+  bad.tick_period_s = 2e-3;
+  Replayer replayer([&](const RecordedScene&) { return volume; });
+  replayer.Take(bad);
+  EXPECT_TRUE(replayer.volume_error());
+  EXPECT_EQ(testing::Refusal([&] { replayer.Take(RecordedKeyframe{.tick = 0, .bytes = "old"}); }),
+            ErrorKind::kConflict);
 }
 
 }  // namespace

@@ -1,0 +1,143 @@
+// A servo, a recorder and volumes that are edited, tick by tick on one thread: what
+// daemon and session do, without their threads.
+#pragma once
+
+#include <cmath>
+#include <memory>
+#include <random>
+#include <span>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "server/device/explore_script.h"
+#include "server/device/simulated_device.h"
+#include "server/recording/recorded_scene.h"
+#include "server/recording/recorder.h"
+#include "server/servo/servo_tick.h"
+#include "tests/support/array_volume.h"
+#include "tests/support/recording.h"
+
+namespace palpate::testing {
+
+// Surfaces everywhere.
+inline std::shared_ptr<const VolumeSnapshot> Gyroid(int size = 48, std::uint64_t revision = 1) {
+  return MakeVolume(
+      {size, size, size},
+      [](int i, int j, int k) {
+        constexpr double kTurn = 2.0 * M_PI / 24.0;
+        return std::sin(kTurn * i) * std::cos(kTurn * j) +
+               std::sin(kTurn * j) * std::cos(kTurn * k) +
+               std::sin(kTurn * k) * std::cos(kTurn * i);
+      },
+      revision);
+}
+
+// Bricks of `volume` around a middle one, carved by a random amount.
+inline std::vector<BrickChange> Carve(const VolumeSnapshot& volume, std::mt19937_64& random) {
+  std::vector<BrickChange> changes;
+  const Vec3i count = volume.bricks().brick_count();
+  const Vec3i first(static_cast<int>(random() % (count.x() - 1)),
+                    static_cast<int>(random() % (count.y() - 1)),
+                    static_cast<int>(random() % (count.z() - 1)));
+  for (int n = 0; n < 8; ++n) {
+    const Vec3i brick = first + Vec3i(n >> 2, n >> 1 & 1, n & 1);
+    auto values = std::make_shared<Brick>(*volume.bricks().At(brick));
+    for (float& value : *values) value -= static_cast<float>(random() % 1000) * 1e-4f;
+    changes.push_back({brick, values});
+  }
+  return changes;
+}
+
+class SceneRig {
+ public:
+  explicit SceneRig(std::shared_ptr<const VolumeSnapshot> volume)
+      : device_(std::make_unique<ExploreScript>(Vec3(-80, -60, -35), Vec3(80, 60, 35), 1)),
+        tick_(device_) {
+    device_.Start();
+    scene_.settings.damping_n_s_per_m = 0.7;
+    scene_.settings.static_friction = 0.4;
+    scene_.settings.dynamic_friction = 0.3;
+    volume_ = std::move(volume);
+    tau_ = 0.47;
+    Publish(0);
+  }
+
+  // Records from here on.
+  void Record(std::unique_ptr<RecordingOutput> output) {
+    recorder_ = std::make_unique<Recorder>(std::move(output), "test");
+    Note(0);
+  }
+  RecorderReport Stop() { return recorder_->Stop(); }
+  Recorder& recorder() { return *recorder_; }
+
+  // Ticks; those of a lost one are computed, but not delivered.
+  void Run(int ticks, bool lost = false) {
+    for (int n = 0; n < ticks; ++n) {
+      const ServoKeyframe keyframe = tick_.Keyframe();
+      const bool due = keyframe.tick % kKeyframeTicks == 0;
+      const TickSample sample = tick_.Run(scene_, {.missed = missed_});
+      if (!recorder_ || lost) continue;
+      if (due) recorder_->OnKeyframe(keyframe);
+      recorder_->OnSample(sample);
+    }
+  }
+
+  void Edit(const std::vector<BrickChange>& changes) {
+    const std::uint64_t revision = ++revision_;
+    volume_ = std::make_shared<const VolumeSnapshot>(volume_->metadata(),
+                                                     volume_->bricks().With(changes, revision),
+                                                     revision, volume_->loaded_revision());
+    Publish(changes.size() * sizeof(Brick));
+  }
+  // Another volume, whose revision is to be revision().
+  void Load(std::shared_ptr<const VolumeSnapshot> volume) {
+    volume_ = std::move(volume);
+    ++revision_;
+    Publish(0);
+  }
+  std::uint64_t next_revision() const { return revision_ + 1; }
+  void Set(double tau, const HapticSettings& settings) {
+    tau_ = tau;
+    scene_.settings = settings;
+    Publish(0);
+  }
+  void SetForcesOff(bool off) {
+    scene_.forces_off = off;
+    Publish(0);
+  }
+  void Miss(std::uint64_t ticks) { missed_ += ticks; }
+
+  const HapticSettings& settings() const { return scene_.settings; }
+  const std::shared_ptr<const VolumeSnapshot>& volume() const { return volume_; }
+  SimulatedDevice& device() { return device_; }
+
+ private:
+  void Publish(std::uint64_t changed_bytes) {
+    ++scene_.scene_revision;
+    scene_.volume = volume_;
+    scene_.isovalue = volume_->Denormalize(tau_);
+    AffineMap X_DI;
+    X_DI.linear *= 1.7;
+    X_DI.translation = Vec3(-40.0, -40.0, -40.0);
+    scene_.surface = MakeHapticSurface(*volume_, X_DI, tau_, DecompositionMethod::kTpbcc,
+                                       revision_, scene_.settings.free_side);
+    if (recorder_) Note(changed_bytes);
+  }
+  void Note(std::uint64_t changed_bytes) {
+    recorder_->NoteScene(
+        ToRecorded(scene_, HashVolume(*volume_), kTickPeriodS, device_.spec().max_force_n),
+        volume_, changed_bytes);
+  }
+
+  SimulatedDevice device_;
+  ServoTick tick_;
+  std::shared_ptr<const VolumeSnapshot> volume_;
+  std::uint64_t revision_ = 1;
+  double tau_ = 0.5;
+  Scene scene_;
+  std::uint64_t missed_ = 0;
+  std::unique_ptr<Recorder> recorder_;
+};
+
+}  // namespace palpate::testing

@@ -1,0 +1,197 @@
+// Changed voxels in recordings: their bytes, what is written when, and what a replay
+// makes of them.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+#include <memory>
+#include <random>
+#include <string>
+#include <vector>
+
+#include "server/recording/bytes.h"
+#include "server/recording/edit_codec.h"
+#include "server/recording/volume_follower.h"
+#include "server/recording/voxel_log.h"
+#include "tests/support/refusal.h"
+#include "tests/support/scene_rig.h"
+
+namespace palpate {
+namespace {
+
+using testing::Carve;
+using testing::Gyroid;
+using testing::Refusal;
+
+BrickPtr Filled(float value) {
+  auto brick = std::make_shared<Brick>();
+  brick->fill(value);
+  return brick;
+}
+
+std::shared_ptr<const VolumeSnapshot> Edited(const VolumeSnapshot& volume,
+                                             const std::vector<BrickChange>& changes) {
+  const std::uint64_t revision = volume.revision() + 1;
+  return std::make_shared<const VolumeSnapshot>(volume.metadata(),
+                                                volume.bricks().With(changes, revision), revision,
+                                                volume.loaded_revision());
+}
+
+RecordedScene SceneOf(const VolumeSnapshot& volume) {
+  RecordedScene scene;
+  scene.volume_revision = volume.revision();
+  scene.loaded_revision = volume.loaded_revision();
+  scene.volume_hash = HashVolume(volume);
+  return scene;
+}
+
+TEST(EditCodec, ComesBackBitForBit) {
+  std::mt19937 random(1);
+  auto noise = std::make_shared<Brick>();
+  for (float& value : *noise) {
+    const std::uint32_t bits = random();
+    std::memcpy(&value, &bits, sizeof value);
+  }
+  const RecordedEdit edit{.tick = 1,
+                          .base_revision = 2,
+                          .volume_revision = 3,
+                          .bricks = {{0, Filled(-0.0f)}, {7, noise}, {~0ull, Filled(1e-40f)}}};
+  const RecordedEdit back = DecodeEdit(EncodeEdit(edit));
+  EXPECT_EQ(back.tick, 1u);
+  EXPECT_EQ(back.base_revision, 2u);
+  EXPECT_EQ(back.volume_revision, 3u);
+  ASSERT_EQ(back.bricks.size(), 3u);
+  for (std::size_t n = 0; n < 3; ++n) {
+    EXPECT_EQ(back.bricks[n].number, edit.bricks[n].number);
+    EXPECT_EQ(std::memcmp(back.bricks[n].values.get(), edit.bricks[n].values.get(), sizeof(Brick)),
+              0);
+  }
+}
+
+TEST(EditCodec, RefusesWhatIsNoEdit) {
+  EXPECT_EQ(Refusal([] { EncodeEdit({}); }), ErrorKind::kInvalidArgument);
+  RecordedEdit large;
+  large.bricks.resize(kBricksPerEdit + 1, {0, Filled(0.0f)});
+  EXPECT_EQ(Refusal([&] { EncodeEdit(large); }), ErrorKind::kInvalidArgument);
+  const std::string good = EncodeEdit({.bricks = {{1, Filled(1.0f)}, {2, Filled(2.0f)}}});
+  EXPECT_THROW(DecodeEdit(""), DamagedBytes);
+  EXPECT_THROW(DecodeEdit(good.substr(0, good.size() - 1)), DamagedBytes);
+  EXPECT_THROW(DecodeEdit(good + '\0'), DamagedBytes);
+  EXPECT_THROW(DecodeEdit(EncodeEdit({.bricks = {{2, Filled(1.0f)}, {2, Filled(2.0f)}}})),
+               DamagedBytes);
+  for (const char count : {'\0', '\1', '\3', '\xff'}) {
+    std::string bad = good;
+    bad[24] = count;
+    EXPECT_THROW(DecodeEdit(bad), DamagedBytes);
+  }
+}
+
+TEST(VoxelLog, WritesWhatTheRecordingLacks) {
+  std::mt19937_64 random(1);
+  const auto loaded = Gyroid();
+  const auto once = Edited(*loaded, Carve(*loaded, random));
+  const auto twice = Edited(*once, Carve(*once, random));
+  VoxelLog log;
+  RecordedScene scene = SceneOf(*twice);
+  const std::vector<RecordedEdit> edits = log.EditsBefore(scene, twice.get());
+  ASSERT_EQ(edits.size(), 1u);
+  EXPECT_EQ(edits[0].base_revision, 1u);
+  EXPECT_EQ(edits[0].volume_revision, 3u);
+  EXPECT_FALSE(scene.voxels_missing);
+  EXPECT_EQ(HashVolume(*WithEdits(*loaded, edits)), HashVolume(*twice));
+  // Nothing new.
+  EXPECT_TRUE(log.EditsBefore(scene, twice.get()).empty());
+  EXPECT_FALSE(scene.voxels_missing);
+  // Its volume was let go: the next one brings both.
+  const auto third = Edited(*twice, Carve(*twice, random));
+  const auto fourth = Edited(*third, Carve(*third, random));
+  scene = SceneOf(*third);
+  EXPECT_TRUE(log.EditsBefore(scene, nullptr).empty());
+  EXPECT_TRUE(scene.voxels_missing);
+  scene = SceneOf(*fourth);
+  const std::vector<RecordedEdit> both = log.EditsBefore(scene, fourth.get());
+  ASSERT_EQ(both.size(), 1u);
+  EXPECT_EQ(both[0].base_revision, 3u);
+  EXPECT_EQ(HashVolume(*WithEdits(*twice, both)), HashVolume(*fourth));
+  // Another volume as it was loaded.
+  scene = SceneOf(*Gyroid(40, 6));
+  EXPECT_TRUE(log.EditsBefore(scene, nullptr).empty());
+  EXPECT_FALSE(scene.voxels_missing);
+}
+
+TEST(VoxelLog, PartsALargeChange) {
+  const auto loaded = Gyroid(136);  // 17³ bricks
+  std::vector<BrickChange> all;
+  for (std::uint64_t n = 0; n < 17 * 17 * 17; ++n) {
+    all.push_back({loaded->bricks().BrickOf(n), Filled(static_cast<float>(n))});
+  }
+  const auto changed = Edited(*loaded, all);
+  VoxelLog log;
+  RecordedScene scene = SceneOf(*changed);
+  const std::vector<RecordedEdit> edits = log.EditsBefore(scene, changed.get());
+  ASSERT_EQ(edits.size(), 2u);
+  EXPECT_EQ(edits[0].bricks.size(), kBricksPerEdit);
+  EXPECT_EQ(edits[1].bricks.size(), 17u * 17 * 17 - kBricksPerEdit);
+  EXPECT_EQ(HashVolume(*WithEdits(*loaded, edits)), HashVolume(*changed));
+}
+
+TEST(VolumeFollower, RefusesEditsThatDoNotFit) {
+  const auto volume = Gyroid();
+  const auto edit = [](std::uint64_t number, float value) {
+    return std::vector<RecordedEdit>{{.volume_revision = 2, .bricks = {{number, Filled(value)}}}};
+  };
+  EXPECT_EQ(Refusal([&] { WithEdits(*volume, edit(215, 0.0f)); }), std::nullopt);
+  for (const auto& bad : {edit(216, 0.0f), edit(~0ull, 0.0f), edit(0, std::nanf("")),
+                          edit(0, std::numeric_limits<float>::infinity())}) {
+    EXPECT_EQ(Refusal([&] { WithEdits(*volume, bad); }), ErrorKind::kInvalidArgument);
+  }
+}
+
+// Carried into the follower by another base than it has, or with other voxels.
+TEST(VolumeFollower, TrustsHashesOnly) {
+  std::mt19937_64 random(1);
+  const auto loaded = Gyroid();
+  const auto edited = Edited(*loaded, Carve(*loaded, random));
+  VoxelLog log;
+  RecordedScene scene = SceneOf(*edited);
+  const RecordedEdit good = log.EditsBefore(scene, edited.get()).front();
+  int loads = 0;
+  VolumeFollower follower([&](const RecordedScene&) {
+    ++loads;
+    return loaded;
+  });
+  RecordedEdit bad = good;
+  bad.base_revision = 17;
+  follower.Take(bad);
+  EXPECT_EQ(follower.Follow(scene), nullptr);
+  ASSERT_TRUE(follower.error());
+  bad = good;
+  bad.bricks.pop_back();
+  follower.Take(bad);
+  EXPECT_EQ(follower.Follow(scene), nullptr);
+  EXPECT_EQ(follower.Follow(scene), nullptr);  // without any
+  follower.Take(good);
+  const auto volume = follower.Follow(scene);
+  ASSERT_NE(volume, nullptr);
+  EXPECT_FALSE(follower.error());
+  EXPECT_EQ(volume->revision(), 2u);
+  EXPECT_EQ(HashVolume(*volume), HashVolume(*edited));
+  EXPECT_EQ(follower.applied_edits(), 1u);
+  EXPECT_EQ(loads, 1);
+}
+
+TEST(VolumeFollower, AFailedLoadIsNotTriedAgain) {
+  int loads = 0;
+  VolumeFollower follower([&](const RecordedScene&) -> std::shared_ptr<const VolumeSnapshot> {
+    ++loads;
+    throw Error(ErrorKind::kNotFound, "gone");
+  });
+  const RecordedScene scene = SceneOf(*Gyroid());
+  EXPECT_EQ(follower.Follow(scene), nullptr);
+  EXPECT_EQ(follower.Follow(scene), nullptr);
+  EXPECT_EQ(follower.error()->kind(), ErrorKind::kNotFound);
+  EXPECT_EQ(loads, 1);
+}
+
+}  // namespace
+}  // namespace palpate
