@@ -8,6 +8,7 @@
 #include "common/error/error.h"
 #include "server/device/explore_script.h"
 #include "server/device/simulated_device.h"
+#include "server/recording/recording_control.h"
 #include "server/rpc/server.h"
 #include "server/servo/servo_loop.h"
 #include "server/session/session.h"
@@ -97,8 +98,13 @@ void RunDaemon(const Config& config) {
   Session session(device->spec(), inbox, pump, VolumeLoader{.import_program = ImportProgram()});
   ServoLoop servo(*device, inbox, *outbox, config.realtime);
   const std::string socket = config.socket_path.empty() ? DefaultSocketPath() : config.socket_path;
-  RpcServer server({socket, config.listen, MakePathPolicy(config)}, session, pump, device->spec(),
-                   servo, inbox);
+  const PathPolicy paths = MakePathPolicy(config);
+  RecordingControl recording(session, pump,
+                             {[&](const std::string& path) { return paths.CheckSave(path); },
+                              [&](const std::string& path) { return paths.CheckLoad(path); }},
+                             "palpated " PALPATE_VERSION);
+  RpcServer server({socket, config.listen, paths}, session, pump, device->spec(), servo, inbox,
+                   recording);
 
   server.Reserve();
   session.SetInitial({.haptics = config.haptics, .method = config.method});
@@ -117,6 +123,7 @@ void RunDaemon(const Config& config) {
   servo.Stop();
   server.Stop();
   pump.Stop();
+  recording.End();
   spdlog::info("ended after {} ticks, {} missed", servo.ticks(), servo.missed_ticks());
 }
 

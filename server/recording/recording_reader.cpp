@@ -14,6 +14,12 @@ namespace palpate {
 namespace {
 
 std::unique_ptr<std::istream> Open(const std::filesystem::path& file) {
+  // Opening a pipe would wait for a writer.
+  std::error_code unknown;
+  const std::filesystem::file_status status = std::filesystem::status(file, unknown);
+  if (std::filesystem::exists(status) && !std::filesystem::is_regular_file(status)) {
+    throw Error(ErrorKind::kInvalidArgument, file.string() + " is no file");
+  }
   auto stream = std::make_unique<std::ifstream>(file, std::ios::binary);
   if (!*stream) {
     throw Error(ErrorKind::kNotFound, "cannot open the recording " + file.string());

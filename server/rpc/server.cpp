@@ -84,13 +84,15 @@ void MakeSocketFolder(const std::filesystem::path& folder) {
 }  // namespace
 
 RpcServer::RpcServer(ServerOptions options, Session& session, Pump& pump, const DeviceSpec& device,
-                     const ServoLoop& servo, const SceneInbox& inbox)
+                     const ServoLoop& servo, const SceneInbox& inbox,
+                     RecordingControl& recording)
     : options_(std::move(options)),
       poses_(pump),
       render_(session),
       volume_streams_(session),
       volume_(session, options_.paths, volume_streams_),
-      device_(device, servo, inbox) {}
+      device_(device, servo, inbox),
+      recording_(recording) {}
 
 // gRPC lets two servers listen on one path, each believing itself alone: a lock
 // file decides. It stays when the daemon ends; removing it would let one daemon
@@ -139,6 +141,7 @@ void RpcServer::Start() {
   builder.RegisterService(&render_);
   builder.RegisterService(&volume_);
   builder.RegisterService(&device_);
+  builder.RegisterService(&recording_);
   server_ = builder.BuildAndStart();
   if (!server_ || (options_.listen && port == 0)) {
     const bool tcp = options_.listen && port == 0;

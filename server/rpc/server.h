@@ -13,6 +13,7 @@
 #include "common/wire/address.h"
 #include "server/rpc/device_service.h"
 #include "server/rpc/pose_service.h"
+#include "server/rpc/recording_service.h"
 #include "server/rpc/render_service.h"
 #include "server/rpc/volume_service.h"
 #include "server/session/path_policy.h"
@@ -30,7 +31,7 @@ class RpcServer {
  public:
   // Borrows all but the options. Before the session's first load.
   RpcServer(ServerOptions options, Session& session, Pump& pump, const DeviceSpec& device,
-            const ServoLoop& servo, const SceneInbox& inbox);
+            const ServoLoop& servo, const SceneInbox& inbox, RecordingControl& recording);
   ~RpcServer() { Stop(); }
 
   // Claims the socket's path and tries the port, so that a second daemon finds out
@@ -49,6 +50,7 @@ class RpcServer {
   VolumeStreams volume_streams_;
   VolumeService volume_;
   DeviceService device_;
+  RecordingService recording_;
   std::unique_ptr<grpc::Server> server_;
   int lock_fd_ = -1;
 };

@@ -1,0 +1,130 @@
+#include "server/recording/recording_control.h"
+
+#include <utility>
+
+#include "common/error/error.h"
+#include "server/recording/recorded_scene.h"
+#include "server/servo/tick_computation.h"
+
+namespace palpate {
+namespace {
+
+// Of the change to the scene's volume: all of it where another one was loaded.
+std::uint64_t ChangedBytes(const VolumeSnapshot& volume, std::span<const BrickChange> changes,
+                           bool is_new) {
+  if (!is_new) return changes.size() * sizeof(Brick);
+  const auto bricks = volume.bricks().brick_count().cast<std::uint64_t>();
+  return bricks.prod() * sizeof(Brick);
+}
+
+// Until its end.
+struct Running {
+  std::atomic<bool>& flag;
+  ~Running() { flag.store(false); }
+};
+
+}  // namespace
+
+RecordingControl::RecordingControl(Session& session, Pump& pump, RecordingPaths paths,
+                                   std::string program)
+    : session_(session), pump_(pump), paths_(std::move(paths)), program_(std::move(program)) {
+  session_.AddListener(*this);
+}
+
+void RecordingControl::OnScene(const Scene& scene, std::span<const BrickChange> changes) {
+  RecordedScene recorded = ToRecorded(scene, HashVolume(*scene.volume), kTickPeriodS,
+                                      session_.device().max_force_n);
+  // Freed after the lock is: a volume takes its time.
+  std::shared_ptr<const VolumeSnapshot> before = scene.volume;
+  const std::lock_guard lock(mutex_);
+  const bool is_new = scene_ && scene_->loaded_revision != recorded.loaded_revision;
+  if (recorder_) {
+    recorder_->NoteScene(recorded, scene.volume, ChangedBytes(*scene.volume, changes, is_new));
+  }
+  scene_ = std::move(recorded);
+  volume_.swap(before);
+}
+
+RecordingStatus RecordingControl::Start(const std::string& path, bool overwrite) {
+  const std::lock_guard command(commands_);
+  CheckIdle();
+  const std::filesystem::path file = paths_.save(path);
+  const auto recorder =
+      std::make_shared<Recorder>(CreateRecordingFile(file, overwrite), program_);
+  {
+    const std::lock_guard lock(mutex_);
+    if (scene_) recorder->NoteScene(*scene_, volume_);
+    recorder_ = recorder;
+    last_ = {.path = file.string()};
+  }
+  pump_.Subscribe(recorder);
+  return status();
+}
+
+RecordingStatus RecordingControl::Stop() {
+  const std::lock_guard command(commands_);
+  const std::shared_ptr<Recorder> recorder = this->recorder();
+  if (!recorder) throw Error(ErrorKind::kConflict, "nothing is recorded: start a recording first");
+  const RecorderReport report = recorder->Stop();
+  const std::lock_guard lock(mutex_);
+  recorder_.reset();
+  last_.counts = report.counts;
+  last_.error = report.error;
+  return last_;
+}
+
+RecordingStatus RecordingControl::status() const {
+  const std::lock_guard lock(mutex_);
+  if (!recorder_) return last_;
+  const RecorderReport report = recorder_->report();
+  return {.running = !report.error,
+          .path = last_.path,
+          .counts = report.counts,
+          .error = report.error};
+}
+
+std::int64_t RecordingControl::Mark(const std::string& text) {
+  const std::shared_ptr<Recorder> recorder = this->recorder();
+  if (!recorder) throw Error(ErrorKind::kConflict, "nothing is recorded: start a recording first");
+  if (const auto error = recorder->report().error) {
+    throw Error(ErrorKind::kConflict,
+                std::string("the recording has ended early: ") + error->what());
+  }
+  return recorder->Mark(text);
+}
+
+void RecordingControl::Replay(const std::string& path, double speed,
+                              const ViewerReplayProgress& progress,
+                              const std::function<bool()>& cancelled) {
+  {
+    const std::lock_guard command(commands_);
+    CheckIdle();
+    replaying_.store(true);
+  }
+  const Running running{replaying_};
+  RecordingReader reader(paths_.load(path));
+  ReplayToViewers(session_, pump_, reader, speed, progress, cancelled);
+}
+
+void RecordingControl::End() noexcept {
+  const std::lock_guard command(commands_);
+  if (const std::shared_ptr<Recorder> recorder = this->recorder()) recorder->Stop();
+}
+
+// One that ended by an error is out of the way.
+void RecordingControl::CheckIdle() const {
+  if (replaying_.load()) {
+    throw Error(ErrorKind::kConflict, "a recording is being replayed: wait for its end");
+  }
+  const RecordingStatus now = status();
+  if (now.running) {
+    throw Error(ErrorKind::kConflict, "a recording to " + now.path + " runs: stop it first");
+  }
+}
+
+std::shared_ptr<Recorder> RecordingControl::recorder() const {
+  const std::lock_guard lock(mutex_);
+  return recorder_;
+}
+
+}  // namespace palpate

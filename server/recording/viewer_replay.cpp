@@ -1,0 +1,243 @@
+#include "server/recording/viewer_replay.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <deque>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <thread>
+#include <utility>
+#include <variant>
+#include <vector>
+
+#include "common/error/error.h"
+#include "server/recording/shown_samples.h"
+#include "server/recording/volume_follower.h"
+
+namespace palpate {
+namespace {
+
+constexpr std::chrono::milliseconds kPollPeriod{2};
+constexpr std::chrono::milliseconds kReportPeriod{100};
+// Of the recording, that is read ahead.
+constexpr double kAheadMs = 500.0;
+constexpr std::size_t kMaxBricksAhead = (std::size_t{128} << 20) / sizeof(Brick);
+// Times without ticks are not sat out for longer.
+constexpr std::uint64_t kLongestPauseMs = 1000;
+
+// What happens between two samples.
+struct Event {
+  double position_ms = 0.0;
+  std::vector<RecordedEdit> edits{};
+  std::optional<RecordedScene> scene{};
+  std::string marker{};
+  std::uint64_t lost_ticks = 0;
+};
+
+Registration RegistrationOf(const RecordedScene& scene, const VolumeMetadata& volume) {
+  Registration registration;
+  registration.X_DW = scene.X_DI * volume.WorldFromIndex().Inverse();
+  registration.device_mm_per_volume_mm =
+      std::cbrt(std::abs(registration.X_DW.linear.determinant()));
+  const double scale = registration.device_mm_per_volume_mm;
+  if (!(std::isfinite(scale) && scale > 0.0 && registration.X_DW.translation.allFinite())) {
+    throw Error(ErrorKind::kInvalidArgument, "the recording's place of the volume is no place");
+  }
+  return registration;
+}
+
+class ViewerReplay {
+ public:
+  ViewerReplay(Session& session, Pump& pump, RecordingReader& reader, double speed,
+               const ViewerReplayProgress& progress)
+      : session_(session),
+        pump_(pump),
+        reader_(reader),
+        ahead_ms_(kAheadMs * std::max(1.0, speed)),
+        progress_(progress),
+        loading_(session.BeginLoad()),
+        before_(session.volume()),
+        follower_([this](const RecordedScene& scene) { return StartVolume(scene); }),
+        shown_(std::make_shared<ShownSamples>(speed)) {}
+
+  void Run(const std::function<bool()>& cancelled) {
+    CheckStart();
+    try {
+      session_.SetForcesOff(true);
+      pump_.Replace(shown_);
+      Play(cancelled);
+    } catch (...) {
+      Restore();
+      throw;
+    }
+    Restore();
+  }
+
+ private:
+  // Nothing has changed where this throws.
+  void CheckStart() {
+    while (!IsSceneWaiting() && ReadOne()) {
+    }
+    if (!IsSceneWaiting()) {
+      throw Error(ErrorKind::kInvalidArgument,
+                  "the recording holds no scene: it was cut before its first second");
+    }
+    Event& first = events_.back();
+    for (RecordedEdit& edit : first.edits) follower_.Take(std::move(edit));
+    first.edits.clear();
+    start_ = follower_.Follow(*first.scene);
+    if (!start_) throw *follower_.error();
+  }
+
+  bool IsSceneWaiting() const { return !events_.empty() && events_.back().scene; }
+
+  // The volume that is there now is the only one that there can be.
+  std::shared_ptr<const VolumeSnapshot> StartVolume(const RecordedScene& scene) {
+    if (std::exchange(started_, true)) {
+      throw Error(ErrorKind::kConflict, "the recording goes on with " + scene.volume_source);
+    }
+    return before_.volume;
+  }
+
+  void Play(const std::function<bool()>& cancelled) {
+    auto report_at = std::chrono::steady_clock::now();
+    for (bool more = true; more || shown_->waiting() > 0 || !events_.empty();) {
+      if (cancelled()) throw Error(ErrorKind::kCancelled, "the replay was cancelled");
+      while (more && IsRoomAhead()) more = ReadOne();
+      if (!more && shown_->waiting() == 0) position_is_end_ = true;
+      ApplyDue();
+      if (std::chrono::steady_clock::now() >= report_at) {
+        Report("");
+        report_at += kReportPeriod;
+      }
+      std::this_thread::sleep_for(kPollPeriod);
+    }
+    Report("");
+  }
+
+  bool IsRoomAhead() const {
+    std::size_t bricks = 0;
+    for (const Event& event : events_) {
+      for (const RecordedEdit& edit : event.edits) bricks += edit.bricks.size();
+    }
+    return bricks < kMaxBricksAhead && read_ms_ - shown_->position_ms() < ahead_ms_;
+  }
+
+  // False at the end.
+  bool ReadOne() {
+    std::optional<RecordedChunk> chunk = reader_.Next();
+    if (!chunk) return false;
+    if (auto* samples = std::get_if<RecordedSamples>(&*chunk)) {
+      for (const TickSample& sample : *samples) Place(sample);
+    } else if (auto* edit = std::get_if<RecordedEdit>(&*chunk)) {
+      edits_.push_back(std::move(*edit));
+    } else if (auto* scene = std::get_if<RecordedScene>(&*chunk)) {
+      events_.push_back({.position_ms = read_ms_, .edits = std::exchange(edits_, {})});
+      events_.back().scene = std::move(*scene);
+    } else if (auto* marker = std::get_if<RecordedMarker>(&*chunk)) {
+      events_.push_back({.position_ms = read_ms_, .marker = std::move(marker->text)});
+    } else if (auto* gap = std::get_if<RecordedGap>(&*chunk)) {
+      const std::uint64_t ticks = gap->last_tick - gap->first_tick + 1;
+      read_ms_ += static_cast<double>(std::min(ticks, kLongestPauseMs));
+      events_.push_back({.position_ms = read_ms_, .lost_ticks = ticks});
+    }
+    return true;
+  }
+
+  void Place(const TickSample& sample) {
+    const std::uint64_t missed = missed_ticks_ ? sample.missed_ticks - *missed_ticks_ : 0;
+    missed_ticks_ = sample.missed_ticks;
+    read_ms_ += static_cast<double>(1 + std::min(missed, kLongestPauseMs));
+    shown_->Add(sample, read_ms_);
+  }
+
+  void ApplyDue() {
+    // The first scene's volume is known to be there.
+    if (start_) Show(*std::exchange(start_, nullptr));
+    while (!events_.empty() &&
+           (position_is_end_ || events_.front().position_ms <= shown_->position_ms())) {
+      Event event = std::move(events_.front());
+      events_.pop_front();
+      lost_ticks_ += event.lost_ticks;
+      if (!event.marker.empty()) Report(event.marker);
+      if (event.scene) Begin(event);
+    }
+  }
+
+  void Begin(Event& event) {
+    for (RecordedEdit& edit : event.edits) follower_.Take(std::move(edit));
+    if (const auto volume = follower_.Follow(*event.scene)) {
+      Show(*volume);
+      Put(*event.scene);
+    }
+  }
+
+  void Show(const VolumeSnapshot& volume) {
+    const std::unique_lock voxels = session_.LockVoxels();
+    const std::vector<BrickChange> changes =
+        session_.volume().volume->bricks().ChangesTo(volume.bricks());
+    if (!changes.empty()) session_.PublishBricks(changes);
+  }
+
+  void Put(const RecordedScene& scene) {
+    const VolumeState live = session_.volume();
+    if (live.X_DI.linear == scene.X_DI.linear && live.X_DI.translation == scene.X_DI.translation) {
+      return;
+    }
+    const Registration registration = RegistrationOf(scene, live.volume->metadata());
+    // What was put there before may differ from it by the rounding on the way.
+    if (placed_ && placed_->linear == registration.X_DW.linear &&
+        placed_->translation == registration.X_DW.translation) {
+      return;
+    }
+    placed_ = registration.X_DW;
+    session_.Move([&](const VolumeState&) { return registration; });
+  }
+
+  void Restore() {
+    Show(*before_.volume);
+    if (placed_) session_.Move([&](const VolumeState&) { return before_.registration; });
+    pump_.Replace(nullptr);
+    session_.SetForcesOff(false);
+  }
+
+  void Report(const std::string& marker) {
+    progress_({.ticks = shown_->passed(), .lost_ticks = lost_ticks_, .marker = marker});
+  }
+
+  Session& session_;
+  Pump& pump_;
+  RecordingReader& reader_;
+  const double ahead_ms_;
+  const ViewerReplayProgress& progress_;
+  const std::unique_lock<std::mutex> loading_;
+  const VolumeState before_;
+  VolumeFollower follower_;
+  std::shared_ptr<ShownSamples> shown_;
+
+  // Of what was read.
+  double read_ms_ = 0.0;
+  std::optional<std::uint64_t> missed_ticks_;
+  std::vector<RecordedEdit> edits_;  // of the scene to come
+  std::deque<Event> events_;
+
+  bool started_ = false;
+  std::shared_ptr<const VolumeSnapshot> start_;
+  bool position_is_end_ = false;
+  std::optional<AffineMap> placed_;
+  std::uint64_t lost_ticks_ = 0;
+};
+
+}  // namespace
+
+void ReplayToViewers(Session& session, Pump& pump, RecordingReader& reader, double speed,
+                     const ViewerReplayProgress& progress, const std::function<bool()>& cancelled) {
+  if (!(speed > 0.0 && speed <= kMaxReplaySpeed)) {
+    throw Error(ErrorKind::kInvalidArgument, "the speed must be above 0 and at most 100");
+  }
+  ViewerReplay(session, pump, reader, speed, progress).Run(cancelled);
+}
+
+}  // namespace palpate

@@ -1,0 +1,30 @@
+// RecordingService: translates between the wire and the recordings of the session.
+#pragma once
+
+#include "palpate/v1/recording.grpc.pb.h"
+#include "server/recording/recording_control.h"
+
+namespace palpate {
+
+class RecordingService final : public v1::RecordingService::Service {
+ public:
+  // Borrows it.
+  explicit RecordingService(RecordingControl& control) : control_(control) {}
+
+  grpc::Status StartRecording(grpc::ServerContext* context,
+                              const v1::StartRecordingRequest* request,
+                              v1::StartRecordingResponse* response) override;
+  grpc::Status StopRecording(grpc::ServerContext* context, const v1::StopRecordingRequest* request,
+                             v1::StopRecordingResponse* response) override;
+  grpc::Status GetRecording(grpc::ServerContext* context, const v1::GetRecordingRequest* request,
+                            v1::GetRecordingResponse* response) override;
+  grpc::Status Mark(grpc::ServerContext* context, const v1::MarkRequest* request,
+                    v1::MarkResponse* response) override;
+  grpc::Status Replay(grpc::ServerContext* context, const v1::ReplayRequest* request,
+                      grpc::ServerWriter<v1::ReplayResponse>* writer) override;
+
+ private:
+  RecordingControl& control_;
+};
+
+}  // namespace palpate
