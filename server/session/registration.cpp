@@ -1,41 +1,97 @@
 #include "server/session/registration.h"
 
+#include <cmath>
+
 #include "common/error/error.h"
 
 namespace palpate {
 namespace {
 
-// Voxels of other sizes cannot be felt; their arithmetic would overflow one day.
-constexpr double kLeastVoxelMm = 1e-6;
-constexpr double kGreatestVoxelMm = 1e6;
+// What rounding to float leaves of a unit quaternion, and a little more.
+constexpr double kUnitTolerance = 1e-3;
+constexpr double kUnitRounding = 1e-15;
+
+[[noreturn]] void Refuse(const char* what) { throw Error(ErrorKind::kInvalidArgument, what); }
+
+Eigen::Quaterniond CheckedRotation(const Eigen::Quaterniond& rotation) {
+  const double norm = rotation.norm();
+  // False for NaN.
+  if (!(std::abs(norm - 1.0) <= kUnitTolerance)) {
+    Refuse("a rotation must be a unit quaternion w, x, y, z");
+  }
+  Eigen::Quaterniond unit = rotation;
+  // A turn that is one already keeps its bits.
+  if (std::abs(norm - 1.0) > kUnitRounding) unit.coeffs() /= norm;
+  // q and -q are the same turn: one of them, so that equal turns read the same.
+  if (unit.w() < 0.0) unit.coeffs() = -unit.coeffs();
+  return unit;
+}
+
+double ChosenScale(const RegistrationUpdate& update, const VolumeMetadata& volume,
+                   const Registration& current) {
+  if (update.device_mm_per_volume_mm && update.device_mm_per_voxel) {
+    Refuse("give the scale per mm of the volume or per voxel, not both");
+  }
+  if (update.device_mm_per_voxel) {
+    return *update.device_mm_per_voxel / volume.spacing_mm.minCoeff();
+  }
+  return update.device_mm_per_volume_mm.value_or(current.device_mm_per_volume_mm);
+}
 
 }  // namespace
 
-Registration FitToWorkspace(const VolumeMetadata& volume, const DeviceSpec& device,
-                            std::optional<double> device_mm_per_volume_mm) {
-  const AffineMap X_WI = volume.WorldFromIndex();
+Vec3 VolumeCenterMm(const VolumeMetadata& volume) {
   const Vec3 last = (volume.size - Vec3i::Ones()).cast<double>();
-  Vec3 low = X_WI.translation, high = low;
-  for (int corner = 1; corner < 8; ++corner) {
-    const Vec3 p_I(corner & 1 ? last.x() : 0, corner & 2 ? last.y() : 0, corner & 4 ? last.z() : 0);
-    const Vec3 p_W = X_WI.Apply(p_I);
-    low = low.cwiseMin(p_W);
-    high = high.cwiseMax(p_W);
-  }
-  const Vec3 workspace = device.workspace_max_mm - device.workspace_min_mm;
-  Registration registration;
-  const double scale = device_mm_per_volume_mm.value_or(
-      kWorkspaceFill * (workspace.array() / (high - low).array()).minCoeff());
+  return volume.WorldFromIndex().Apply(0.5 * last);
+}
+
+double DeviceMmPerVoxel(const Registration& registration, const VolumeMetadata& volume) {
+  return registration.device_mm_per_volume_mm * volume.spacing_mm.minCoeff();
+}
+
+Registration MakeRegistration(const VolumeMetadata& volume, const Vec3& p_DCenter_mm,
+                              const Eigen::Quaterniond& R_DW, double device_mm_per_volume_mm) {
+  const double scale = device_mm_per_volume_mm;
   const Vec3 voxel_mm = scale * volume.spacing_mm;
   if (!(voxel_mm.minCoeff() >= kLeastVoxelMm && voxel_mm.maxCoeff() <= kGreatestVoxelMm)) {
-    throw Error(ErrorKind::kInvalidArgument,
-                "the scale must make a voxel 1e-6 to 1e6 mm long in the device's workspace");
+    Refuse("the scale must make a voxel 1e-6 to 1e6 mm long in the device's workspace");
   }
+  if (!p_DCenter_mm.allFinite() || p_DCenter_mm.cwiseAbs().maxCoeff() > kFarthestCenterMm) {
+    Refuse("the volume's centre must be within 1e6 mm of the device's origin");
+  }
+  Registration registration;
   registration.device_mm_per_volume_mm = scale;
-  registration.X_DW.linear = Mat3::Identity() * scale;
-  registration.X_DW.translation =
-      0.5 * (device.workspace_min_mm + device.workspace_max_mm) - scale * 0.5 * (low + high);
+  registration.p_DCenter_mm = p_DCenter_mm;
+  registration.R_DW = CheckedRotation(R_DW);
+  registration.X_DW.linear = scale * registration.R_DW.toRotationMatrix();
+  registration.X_DW.translation = p_DCenter_mm - registration.X_DW.linear * VolumeCenterMm(volume);
   return registration;
+}
+
+Registration FitToWorkspace(const VolumeMetadata& volume, const DeviceSpec& device,
+                            std::optional<double> device_mm_per_volume_mm) {
+  // Half the edges of the box around the lattice, along W's axes.
+  const Vec3 half_mm = 0.5 * (volume.WorldFromIndex().linear.cwiseAbs() *
+                              (volume.size - Vec3i::Ones()).cast<double>());
+  const Vec3 workspace = device.workspace_max_mm - device.workspace_min_mm;
+  const double scale = device_mm_per_volume_mm.value_or(
+      kWorkspaceFill * (workspace.array() / (2.0 * half_mm).array()).minCoeff());
+  return MakeRegistration(volume, 0.5 * (device.workspace_min_mm + device.workspace_max_mm),
+                          Eigen::Quaterniond::Identity(), scale);
+}
+
+Registration Apply(const RegistrationUpdate& update, const VolumeMetadata& volume,
+                   const DeviceSpec& device, const Registration& current) {
+  const Registration from = update.reset ? FitToWorkspace(volume, device, std::nullopt) : current;
+  const Registration placed =
+      MakeRegistration(volume, update.p_DCenter_mm.value_or(from.p_DCenter_mm),
+                       update.R_DW.value_or(from.R_DW), ChosenScale(update, volume, from));
+  Vec3 p_DCenter_mm = placed.p_DCenter_mm;
+  Eigen::Quaterniond R_DW = placed.R_DW;
+  if (update.translate_D_mm) p_DCenter_mm += *update.translate_D_mm;
+  if (update.rotate_D) R_DW = CheckedRotation(*update.rotate_D) * R_DW;
+  const double scale_by = update.scale_by.value_or(1.0);
+  return MakeRegistration(volume, p_DCenter_mm, R_DW, scale_by * placed.device_mm_per_volume_mm);
 }
 
 }  // namespace palpate

@@ -177,10 +177,18 @@ VolumeState Session::Load(const LoadRequest& request, const LoadProgress& progre
   return PublishVolume(request, metadata, bricks);
 }
 
+Registration Session::PlaceLoaded(const LoadRequest& request,
+                                  const VolumeMetadata& metadata) const {
+  const std::optional<double>& scale = request.device_mm_per_volume_mm;
+  std::optional<Registration> stored;
+  if (registration_store_) stored = registration_store_->Find(metadata);
+  if (!stored) return FitToWorkspace(metadata, device_, scale);
+  return Apply({.device_mm_per_volume_mm = scale}, metadata, device_, *stored);
+}
+
 VolumeState Session::PublishVolume(const LoadRequest& request, const VolumeMetadata& metadata,
                                    const BrickDirectory& bricks) {
-  const Registration registration =
-      FitToWorkspace(metadata, device_, request.device_mm_per_volume_mm);
+  const Registration registration = PlaceLoaded(request, metadata);
   const std::unique_lock voxels = LockVoxels();
   const std::lock_guard lock(mutex_);
   const std::uint64_t revision = volume_revision_ + 1;
@@ -196,6 +204,9 @@ VolumeState Session::PublishVolume(const LoadRequest& request, const VolumeMetad
   settings_.isovalue = isovalue;
   settings_.normalized_isovalue = volume_->Normalize(isovalue);
   ++settings_revision_;
+  if (registration_store_ && request.device_mm_per_volume_mm) {
+    registration_store_->Keep(metadata, registration_);
+  }
   PublishLocked();
   return VolumeLocked();
 }
@@ -228,6 +239,7 @@ VolumeState Session::Move(const std::function<Registration(const VolumeState&)>&
   CheckRevision(expected_revision, settings_revision_);
   registration_ = change(VolumeLocked());
   X_DI_ = registration_.X_DW * volume_->metadata().WorldFromIndex();
+  if (registration_store_) registration_store_->Keep(volume_->metadata(), registration_);
   ++geometry_revision_;
   ++settings_revision_;
   PublishLocked();

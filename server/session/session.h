@@ -26,6 +26,7 @@
 #include "server/servo/scene.h"
 #include "server/session/pump.h"
 #include "server/session/registration.h"
+#include "server/session/registration_store.h"
 #include "server/session/volume_loader.h"
 
 namespace palpate {
@@ -86,6 +87,9 @@ class Session {
   // Before the first Load; for the session's life.
   void AddListener(SceneListener& listener) { listeners_.push_back(&listener); }
 
+  // Where volumes lay before and will lie again; before the first Load, borrowed.
+  void SetRegistrationStore(RegistrationStore& store) { registration_store_ = &store; }
+
   // Once a Load has succeeded.
   SettingsState settings() const;
   VolumeState volume() const;
@@ -110,7 +114,8 @@ class Session {
   // For those who load by other ways: held for as long as it takes. kConflict while
   // another load runs.
   std::unique_lock<std::mutex> BeginLoad();
-  // Publishes another volume.
+  // Publishes another volume: where it lay when it was felt last, or fitted, with
+  // the request's scale if that names one.
   VolumeState PublishVolume(const LoadRequest& request, const VolumeMetadata& metadata,
                             const BrickDirectory& bricks);
 
@@ -136,6 +141,7 @@ class Session {
   const VolumeLoader& loader() const { return loader_; }
 
  private:
+  Registration PlaceLoaded(const LoadRequest& request, const VolumeMetadata& metadata) const;
   void PublishLocked(std::span<const BrickChange> changes = {});
   VolumeState VolumeLocked() const;
 
@@ -144,6 +150,7 @@ class Session {
   Pump& pump_;
   VolumeLoader loader_;
   std::vector<SceneListener*> listeners_;
+  RegistrationStore* registration_store_ = nullptr;
 
   // In the order in which they are taken.
   std::mutex load_mutex_;

@@ -1,0 +1,144 @@
+#include "server/session/registration_store.h"
+
+#include <pthread.h>
+#include <spdlog/spdlog.h>
+
+#include <algorithm>
+#include <utility>
+
+#include "common/error/error.h"
+
+namespace palpate {
+namespace {
+
+// One name for a file, however the path to it was written.
+std::string Key(const VolumeMetadata& volume) {
+  const std::string& source = volume.source;
+  return source.starts_with('/') ? std::filesystem::path(source).lexically_normal().string()
+                                 : source;
+}
+
+bool IsOf(const StoredRegistration& entry, const VolumeMetadata& volume) {
+  return entry.size == volume.size && entry.spacing_mm == volume.spacing_mm;
+}
+
+// As the newest, in place of an older one of the same source.
+void Put(const StoredRegistration& entry, std::vector<StoredRegistration>& entries) {
+  std::erase_if(entries, [&](const auto& other) { return other.source == entry.source; });
+  entries.push_back(entry);
+  if (entries.size() > RegistrationStore::kMostEntries) entries.erase(entries.begin());
+}
+
+}  // namespace
+
+RegistrationStore::RegistrationStore(std::filesystem::path folder,
+                                     std::chrono::milliseconds save_delay)
+    : path_(folder.empty() ? std::filesystem::path() : folder / "registrations.toml"),
+      save_delay_(save_delay) {
+  if (path_.empty()) return;
+  for (const StoredRegistration& entry : Read().entries) Put(entry, entries_);
+  thread_ = std::thread([this] { Run(); });
+}
+
+RegistrationStore::~RegistrationStore() {
+  {
+    const std::lock_guard lock(mutex_);
+    stop_ = true;
+  }
+  changed_.notify_all();
+  if (thread_.joinable()) thread_.join();
+  Save();
+}
+
+std::optional<Registration> RegistrationStore::Find(const VolumeMetadata& volume) const {
+  const std::string key = Key(volume);
+  const std::lock_guard lock(mutex_);
+  const auto entry = std::find_if(entries_.begin(), entries_.end(),
+                                  [&](const auto& other) { return other.source == key; });
+  if (entry == entries_.end() || !IsOf(*entry, volume)) return std::nullopt;
+  try {
+    return MakeRegistration(volume, entry->p_DCenter_mm, entry->R_DW,
+                            entry->device_mm_per_volume_mm);
+  } catch (const Error& error) {
+    spdlog::warn("where {} lay is not used: {}", key, error.what());
+    return std::nullopt;
+  }
+}
+
+void RegistrationStore::Keep(const VolumeMetadata& volume, const Registration& registration) {
+  const StoredRegistration entry{Key(volume),       volume.size,
+                                 volume.spacing_mm, registration.p_DCenter_mm,
+                                 registration.R_DW, registration.device_mm_per_volume_mm};
+  {
+    const std::lock_guard lock(mutex_);
+    Put(entry, entries_);
+    if (path_.empty()) return;
+    unsaved_.insert(entry.source);
+    dirty_ = true;
+  }
+  changed_.notify_one();
+}
+
+void RegistrationStore::Save() {
+  const std::lock_guard writing(file_mutex_);
+  std::set<std::string> sources;
+  std::vector<StoredRegistration> changed;
+  {
+    const std::lock_guard lock(mutex_);
+    sources.swap(unsaved_);
+    std::copy_if(entries_.begin(), entries_.end(), std::back_inserter(changed),
+                 [&](const auto& entry) { return sources.contains(entry.source); });
+  }
+  if (changed.empty()) return;
+  try {
+    WriteMerged(changed);
+    last_failure_.clear();
+  } catch (const Error& error) {
+    // Said once, not at every move.
+    if (error.what() != last_failure_) {
+      spdlog::warn("where volumes lie is not kept: {}", error.what());
+    }
+    last_failure_ = error.what();
+    const std::lock_guard lock(mutex_);
+    unsaved_.merge(sources);  // with the next change
+  }
+}
+
+// On top of what the file holds now: another daemon of the same user may write to
+// it too.
+void RegistrationStore::WriteMerged(const std::vector<StoredRegistration>& changed) {
+  std::vector<StoredRegistration> entries;
+  for (const StoredRegistration& entry : Read().entries) Put(entry, entries);
+  for (const StoredRegistration& entry : changed) Put(entry, entries);
+  WriteRegistrations(path_, entries);
+}
+
+RegistrationFile RegistrationStore::Read() const {
+  RegistrationFile file = ReadRegistrations(path_);
+  if (!file.damage.empty()) {
+    std::error_code error;
+    const std::filesystem::path aside = path_.string() + ".damaged";
+    std::filesystem::rename(path_, aside, error);
+    spdlog::warn("{} is damaged: {}; {}", path_.string(), file.damage,
+                 error ? "it cannot be set aside: " + error.message()
+                       : "it was set aside as " + aside.string());
+  }
+  return file;
+}
+
+void RegistrationStore::Run() {
+  pthread_setname_np(pthread_self(), "palpate-state");
+  std::unique_lock lock(mutex_);
+  while (!stop_) {
+    changed_.wait(lock, [&] { return stop_ || dirty_; });
+    // What changes from now on is written with it.
+    changed_.wait_for(lock, save_delay_, [&] { return stop_; });
+    if (stop_) return;  // the destructor writes
+    dirty_ = false;
+    lock.unlock();
+    Save();
+    lock.lock();
+  }
+}
+
+}  // namespace palpate

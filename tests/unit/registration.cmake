@@ -1,0 +1,2 @@
+palpate_unit_test(registration_test registration_test.cpp SANITIZED palpate::session)
+palpate_unit_test(registration_store_test registration_store_test.cpp SANITIZED palpate::session)

@@ -1,0 +1,287 @@
+// Registrations that outlive a volume and a daemon; damaged and hostile files.
+#include "server/session/registration_store.h"
+
+#include <gtest/gtest.h>
+
+#include <fstream>
+#include <sstream>
+#include <thread>
+
+#include "server/device/simulated_device.h"
+#include "tests/support/temporary_folder.h"
+
+namespace palpate {
+namespace {
+
+using namespace std::chrono_literals;
+
+VolumeMetadata Volume(const std::string& source) {
+  VolumeMetadata metadata;
+  metadata.size = Vec3i(31, 42, 6);
+  metadata.spacing_mm = Vec3(0.1 / 3.0, 1.0, 2.5);
+  metadata.origin_W_mm = Vec3(-210, 500, 3);
+  metadata.source = source;
+  return metadata;
+}
+
+Registration At(const VolumeMetadata& volume, double x_mm) {
+  return MakeRegistration(volume, Vec3(x_mm, 1.0 / 3.0, -1e-7),
+                          Eigen::Quaterniond(Eigen::AngleAxisd(0.7, Vec3(1, 2, 3).normalized())),
+                          2.0 / 3.0);
+}
+
+void ExpectSame(const std::optional<Registration>& found, const Registration& kept) {
+  ASSERT_TRUE(found.has_value());
+  EXPECT_EQ(found->p_DCenter_mm, kept.p_DCenter_mm);
+  EXPECT_EQ(found->R_DW.coeffs(), kept.R_DW.coeffs());
+  EXPECT_EQ(found->device_mm_per_volume_mm, kept.device_mm_per_volume_mm);
+  EXPECT_EQ(found->X_DW.translation, kept.X_DW.translation);
+}
+
+class RegistrationStoreTest : public ::testing::Test {
+ protected:
+  std::string Text() const {
+    std::ostringstream text;
+    text << std::ifstream(path_).rdbuf();
+    return text.str();
+  }
+  void Write(const std::string& text) const {
+    std::filesystem::create_directories(state_);
+    std::ofstream(path_, std::ios::binary) << text;
+  }
+  std::size_t Entries() const { return ReadRegistrations(path_).entries.size(); }
+
+  test::TemporaryFolder folder_;
+  const std::filesystem::path state_ = folder_.path() / "not" / "yet" / "there";
+  const std::filesystem::path path_ = state_ / "registrations.toml";
+  const std::filesystem::path damaged_ = state_ / "registrations.toml.damaged";
+};
+
+TEST_F(RegistrationStoreTest, IsThereAgainToTheLastBit) {
+  const VolumeMetadata head = Volume("/data/head.nrrd"), bumps = Volume("builtin:bumps");
+  {
+    RegistrationStore store(state_);
+    EXPECT_FALSE(store.Find(head).has_value());
+    store.Keep(head, At(head, 1.0));
+    store.Keep(bumps, At(bumps, 2.0));
+    store.Keep(head, At(head, 0.1));
+    ExpectSame(store.Find(head), At(head, 0.1));
+    EXPECT_FALSE(std::filesystem::exists(path_)) << "written at once";
+  }
+  RegistrationStore store(state_);
+  ExpectSame(store.Find(head), At(head, 0.1));
+  ExpectSame(store.Find(bumps), At(bumps, 2.0));
+  EXPECT_EQ(Entries(), 2u);
+  EXPECT_FALSE(std::filesystem::exists(path_.string() + ".partial"));
+}
+
+TEST_F(RegistrationStoreTest, NothingIsWrittenWithoutAFolderOrAChange) {
+  const VolumeMetadata volume = Volume("builtin:bumps");
+  {
+    RegistrationStore store("");
+    store.Keep(volume, At(volume, 1.0));
+    ExpectSame(store.Find(volume), At(volume, 1.0));
+    store.Save();
+    RegistrationStore unchanged(state_);
+  }
+  EXPECT_FALSE(std::filesystem::exists(state_));
+}
+
+TEST_F(RegistrationStoreTest, AnotherSizeOrSpacingIsAnotherVolume) {
+  RegistrationStore store("");
+  const VolumeMetadata volume = Volume("/data/head.nrrd");
+  store.Keep(volume, At(volume, 1.0));
+  VolumeMetadata other = volume;
+  other.size.z() = 7;
+  EXPECT_FALSE(store.Find(other).has_value());
+  other = volume;
+  other.spacing_mm.x() = std::nextafter(other.spacing_mm.x(), 1.0);
+  EXPECT_FALSE(store.Find(other).has_value());
+  other = volume;
+  other.source = "/data/../data/./head.nrrd";
+  EXPECT_TRUE(store.Find(other).has_value());
+}
+
+TEST_F(RegistrationStoreTest, IsWrittenAMomentAfterTheFirstChange) {
+  RegistrationStore store(state_, 20ms);
+  const VolumeMetadata volume = Volume("builtin:bumps");
+  for (int n = 0; n < 100; ++n) store.Keep(volume, At(volume, n));
+  for (int n = 0; n < 500 && Entries() == 0; ++n) std::this_thread::sleep_for(20ms);
+  EXPECT_EQ(Entries(), 1u);
+  RegistrationStore other(state_);
+  ExpectSame(other.Find(volume), At(volume, 99.0));
+}
+
+TEST_F(RegistrationStoreTest, TheOldestIsForgotten) {
+  const std::size_t most = RegistrationStore::kMostEntries;
+  RegistrationStore store(state_);
+  for (std::size_t n = 0; n < most; ++n) {
+    const VolumeMetadata volume = Volume("/data/" + std::to_string(n));
+    store.Keep(volume, At(volume, 1.0));
+  }
+  store.Keep(Volume("/data/0"), At(Volume("/data/0"), 2.0));  // the newest now
+  store.Keep(Volume("/data/new"), At(Volume("/data/new"), 3.0));
+  store.Save();
+  EXPECT_TRUE(store.Find(Volume("/data/0")).has_value());
+  EXPECT_FALSE(store.Find(Volume("/data/1")).has_value());
+  EXPECT_TRUE(store.Find(Volume("/data/2")).has_value());
+  EXPECT_EQ(Entries(), most);
+}
+
+TEST_F(RegistrationStoreTest, AnotherDaemonsEntriesStay) {
+  RegistrationStore a(state_), b(state_);
+  const VolumeMetadata first = Volume("builtin:bumps"), second = Volume("builtin:gyroid");
+  a.Keep(first, At(first, 1.0));
+  a.Save();
+  b.Keep(second, At(second, 2.0));
+  b.Save();
+  RegistrationStore c(state_);
+  EXPECT_TRUE(c.Find(first).has_value());
+  EXPECT_TRUE(c.Find(second).has_value());
+}
+
+TEST_F(RegistrationStoreTest, NamesOfAnyKindAreKeptOrLeftOut) {
+  const std::vector<std::string> names = {
+      "/data/größe 1 \"x\".nrrd", "/data/'''\\\n\t#]", "upload:head.nii.gz", "/data/\x7f\x01", "",
+      std::string(100'000, 'a')};
+  const std::string not_utf8 = "/data/\xff\xfe.nrrd", split = "/data/\xc3";
+  {
+    RegistrationStore store(state_);
+    for (const std::string& name : names) store.Keep(Volume(name), At(Volume(name), 1.0));
+    for (const std::string& name : {not_utf8, split}) {
+      store.Keep(Volume(name), At(Volume(name), 1.0));
+      EXPECT_TRUE(store.Find(Volume(name)).has_value());
+    }
+  }
+  RegistrationStore store(state_);
+  EXPECT_FALSE(std::filesystem::exists(damaged_)) << Text();
+  EXPECT_EQ(Entries(), names.size());
+  for (const std::string& name : names) {
+    EXPECT_TRUE(store.Find(Volume(name)).has_value()) << name.substr(0, 30);
+  }
+  EXPECT_FALSE(store.Find(Volume(not_utf8)).has_value());
+}
+
+TEST_F(RegistrationStoreTest, ADamagedFileIsSetAsideAndStopsNothing) {
+  const VolumeMetadata volume = Volume("builtin:bumps");
+  const std::string good =
+      "[[registration]]\nsource = 'builtin:bumps'\nsize = [31, 42, 6]\n"
+      "spacing_mm = [0.03333333333333333, 1, 2.5]\ncenter_mm = [1, 2, 3]\n"
+      "rotation_wxyz = [1, 0, 0, 0]\ndevice_mm_per_volume_mm = 1\n";
+  const auto without = [&](const std::string& part, const std::string& instead) {
+    std::string text = good;
+    return text.replace(text.find(part), part.size(), instead);
+  };
+  Write(good);
+  {
+    RegistrationStore store(state_);
+    ASSERT_TRUE(store.Find(volume).has_value());
+    EXPECT_EQ(store.Find(volume)->p_DCenter_mm, Vec3(1, 2, 3));
+    EXPECT_FALSE(std::filesystem::exists(damaged_));
+  }
+  std::string deep = "x = ";
+  for (int n = 0; n < 100'000; ++n) deep += "[";
+  for (const std::string& text :
+       {std::string("no toml"), std::string("\0\0\0\0", 4), good.substr(0, good.size() / 2),
+        std::string("[registration]\n"), std::string("registration = 3\n"),
+        std::string("registration = [1, 2]\n"), std::string("other = 1\n"), deep,
+        std::string((16 << 20) + 1, '#'), std::string("x = '\xff'\n"),
+        without("size = [31, 42, 6]", "size = [31, 42]"), without("[1, 2, 3]", "['1', 2, 3]"),
+        without("'builtin:bumps'", "7"), without("= 1\n", "= true\n"),
+        without("rotation_wxyz = [1, 0, 0, 0]\n", "")}) {
+    std::filesystem::remove(damaged_);
+    Write(text);
+    RegistrationStore store(state_);
+    EXPECT_TRUE(std::filesystem::exists(damaged_)) << text.substr(0, 60);
+    EXPECT_FALSE(std::filesystem::exists(path_));
+    EXPECT_FALSE(store.Find(volume).has_value());
+    store.Keep(volume, At(volume, 5.0));
+    store.Save();
+    EXPECT_EQ(Entries(), 1u);
+  }
+}
+
+TEST_F(RegistrationStoreTest, GoodEntriesBesideABadOneAreKept) {
+  {
+    RegistrationStore store(state_);
+    store.Keep(Volume("a"), At(Volume("a"), 1.0));
+    store.Keep(Volume("b"), At(Volume("b"), 2.0));
+  }
+  Write(Text() + "\n[[registration]]\nsource = 'c'\n");
+  RegistrationStore store(state_);
+  EXPECT_TRUE(std::filesystem::exists(damaged_));
+  EXPECT_TRUE(store.Find(Volume("a")).has_value());
+  EXPECT_TRUE(store.Find(Volume("b")).has_value());
+}
+
+TEST_F(RegistrationStoreTest, EntriesThatAreNoRegistrationAreNotUsed) {
+  for (const char* bad :
+       {"center_mm = [nan, 0, 0]\nrotation_wxyz = [1, 0, 0, 0]\ndevice_mm_per_volume_mm = 1\n",
+        "center_mm = [0, 0, 1e9]\nrotation_wxyz = [1, 0, 0, 0]\ndevice_mm_per_volume_mm = 1\n",
+        "center_mm = [0, 0, 0]\nrotation_wxyz = [0, 0, 0, 0]\ndevice_mm_per_volume_mm = 1\n",
+        "center_mm = [0, 0, 0]\nrotation_wxyz = [1, 0, 0, 0]\ndevice_mm_per_volume_mm = inf\n",
+        "center_mm = [0, 0, 0]\nrotation_wxyz = [1, 0, 0, 0]\ndevice_mm_per_volume_mm = 0\n",
+        "center_mm = [0, 0, 0]\nrotation_wxyz = [1, 0, 0, 0]\ndevice_mm_per_volume_mm = -1\n"}) {
+    Write(
+        "[[registration]]\nsource = 'a'\nsize = [31, 42, 6]\n"
+        "spacing_mm = [0.03333333333333333, 1, 2.5]\n" +
+        std::string(bad));
+    RegistrationStore store(state_);
+    EXPECT_FALSE(store.Find(Volume("a")).has_value()) << bad;
+  }
+  Write(
+      "[[registration]]\nsource = 'a'\nsize = [1e30, nan, -1]\nspacing_mm = [nan, inf, 0]\n"
+      "center_mm = [0, 0, 0]\nrotation_wxyz = [1, 0, 0, 0]\ndevice_mm_per_volume_mm = 1\n");
+  RegistrationStore store(state_);
+  EXPECT_FALSE(store.Find(Volume("a")).has_value());
+}
+
+TEST_F(RegistrationStoreTest, AFolderThatCannotBeWrittenStopsNothing) {
+  std::ofstream(folder_.path() / "file") << "no folder";
+  const VolumeMetadata volume = Volume("builtin:bumps");
+  RegistrationStore store(folder_.path() / "file" / "state", 1ms);
+  store.Keep(volume, At(volume, 1.0));
+  store.Save();
+  ExpectSame(store.Find(volume), At(volume, 1.0));
+  // What is in the way of the file is set aside, a folder too.
+  std::filesystem::create_directories(path_);
+  RegistrationStore beside(state_);
+  beside.Keep(volume, At(volume, 1.0));
+  beside.Save();
+  EXPECT_EQ(Entries(), 1u);
+  EXPECT_TRUE(std::filesystem::is_directory(damaged_));
+}
+
+TEST_F(RegistrationStoreTest, AFailedSaveIsMadeUpFor) {
+  std::ofstream(folder_.path() / "not") << "in the way";
+  const VolumeMetadata volume = Volume("builtin:bumps"), other = Volume("builtin:gyroid");
+  RegistrationStore store(state_, 1h);
+  store.Keep(volume, At(volume, 1.0));
+  store.Save();
+  std::filesystem::remove(folder_.path() / "not");
+  store.Keep(other, At(other, 1.0));
+  store.Save();
+  EXPECT_EQ(Entries(), 2u);
+}
+
+TEST_F(RegistrationStoreTest, ManyThreadsMayKeepAndFind) {
+  RegistrationStore store(state_, 1ms);
+  std::vector<std::thread> threads;
+  for (int t = 0; t < 4; ++t) {
+    threads.emplace_back([&store, t] {
+      const VolumeMetadata volume = Volume("/data/" + std::to_string(t));
+      for (int n = 0; n < 200; ++n) {
+        store.Keep(volume, At(volume, n));
+        const auto found = store.Find(volume);
+        EXPECT_TRUE(found && found->p_DCenter_mm.x() == n);
+        if (n % 50 == 0) store.Save();
+      }
+    });
+  }
+  for (std::thread& thread : threads) thread.join();
+  store.Save();
+  EXPECT_EQ(Entries(), 4u);
+}
+
+}  // namespace
+}  // namespace palpate
