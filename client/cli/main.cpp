@@ -14,6 +14,7 @@
 #include "client/cli/invocation.h"
 #include "client/cli/load_options.h"
 #include "client/cli/output.h"
+#include "client/cli/place_options.h"
 #include "client/cli/set_command.h"
 #include "client/cli/setting.h"
 #include "client/cli/watch_command.h"
@@ -141,6 +142,7 @@ int Main(int argc, char** argv) {
   WatchOptions watch;
   SetValues set;
   LoadValues load;
+  PlaceValues place;
   CLI::App app("Steers and watches palpated, the daemon that makes a volume's isosurface felt.",
                "palpate");
   app.footer(
@@ -163,6 +165,7 @@ int Main(int argc, char** argv) {
   AddSet(app, invocation, set);
   AddSettings(app, invocation);
   AddLoad(app, invocation, load);
+  AddPlace(app, invocation, place);
   try {
     app.parse(Arguments(argc, argv));
   } catch (const CLI::Success& help) {

@@ -113,6 +113,7 @@ SettersByKey AllSetters() {
       {"device.kind", [](const Entry& e, Config& c) { c.device = e.Text(); }},
       {"server.socket", [](const Entry& e, Config& c) { c.socket_path = e.Text(); }},
       {"server.listen", [](const Entry& e, Config& c) { c.listen = ParseHostPort(e.Text()); }},
+      {"state.folder", [](const Entry& e, Config& c) { c.state_folder = e.Text(); }},
       {"realtime.priority",
        [](const Entry& e, Config& c) { c.realtime.priority = e.Integer(1, 99); }},
       {"realtime.cpu", [](const Entry& e, Config& c) { c.realtime.cpu = e.Integer(-1, 1023); }},

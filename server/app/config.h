@@ -31,6 +31,9 @@ struct Config {
   std::string socket_path;  // empty: DefaultSocketPath()
   std::optional<HostPort> listen;
   RealtimeOptions realtime;
+  // Where the daemon keeps what outlives it; empty: nowhere. Absent:
+  // DefaultStateFolder().
+  std::optional<std::string> state_folder;
 };
 
 // Reads the keys of `path` into `config`; what the file does not name stays.

@@ -6,6 +6,7 @@
 #include <memory>
 
 #include "common/error/error.h"
+#include "server/app/state_folder.h"
 #include "server/device/explore_script.h"
 #include "server/device/simulated_device.h"
 #include "server/recording/recording_control.h"
@@ -96,6 +97,8 @@ void RunDaemon(const Config& config) {
   const auto outbox = std::make_unique<TickOutbox>();
   Pump pump(*outbox);
   Session session(device->spec(), inbox, pump, VolumeLoader{.import_program = ImportProgram()});
+  RegistrationStore registrations(config.state_folder.value_or(DefaultStateFolder()));
+  session.SetRegistrationStore(registrations);
   ServoLoop servo(*device, inbox, *outbox, config.realtime);
   const std::string socket = config.socket_path.empty() ? DefaultSocketPath() : config.socket_path;
   const PathPolicy paths = MakePathPolicy(config);

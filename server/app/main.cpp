@@ -14,7 +14,7 @@ namespace {
 
 struct Options {
   std::string config_file;
-  std::optional<std::string> volume, device, socket, listen, method;
+  std::optional<std::string> volume, device, socket, listen, method, state_folder;
   std::optional<double> isovalue, normalized_isovalue, stiffness, damping, scale;
   std::vector<double> spacing_mm;
 };
@@ -49,6 +49,9 @@ void AddOptions(CLI::App& app, Options& options) {
                  "Unix socket to listen on [$PALPATE_SOCKET, /run/palpate/palpated.sock, or the "
                  "user's own]");
   app.add_option("--listen", options.listen, "also listen on this loopback ADDR:PORT");
+  app.add_option("--state-folder", options.state_folder,
+                 "where volumes' places are kept; empty: nowhere [$STATE_DIRECTORY, "
+                 "$XDG_STATE_HOME/palpate or ~/.local/state/palpate]");
   app.set_version_flag("--version", "palpated " PALPATE_VERSION);
 }
 
@@ -71,6 +74,7 @@ Config MakeConfig(const Options& options) {
   Override(options.socket, config.socket_path);
   Override(options.stiffness, config.haptics.stiffness_n_per_mm);
   Override(options.damping, config.haptics.damping_n_s_per_m);
+  if (options.state_folder) config.state_folder = options.state_folder;
   if (options.scale) config.device_mm_per_volume_mm = options.scale;
   if (options.listen) config.listen = ParseHostPort(*options.listen);
   if (options.method) config.method = ParseMethod(*options.method);

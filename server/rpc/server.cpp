@@ -89,6 +89,7 @@ RpcServer::RpcServer(ServerOptions options, Session& session, Pump& pump, const 
     : options_(std::move(options)),
       poses_(pump),
       render_(session),
+      registration_(session),
       volume_streams_(session),
       volume_(session, options_.paths, volume_streams_),
       device_(device, servo, inbox),
@@ -139,6 +140,7 @@ void RpcServer::Start() {
   }
   builder.RegisterService(&poses_);
   builder.RegisterService(&render_);
+  builder.RegisterService(&registration_);
   builder.RegisterService(&volume_);
   builder.RegisterService(&device_);
   builder.RegisterService(&recording_);

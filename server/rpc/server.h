@@ -14,6 +14,7 @@
 #include "server/rpc/device_service.h"
 #include "server/rpc/pose_service.h"
 #include "server/rpc/recording_service.h"
+#include "server/rpc/registration_service.h"
 #include "server/rpc/render_service.h"
 #include "server/rpc/volume_service.h"
 #include "server/session/path_policy.h"
@@ -48,6 +49,7 @@ class RpcServer {
   PoseService poses_;
   RenderService render_;
   VolumeStreams volume_streams_;
+  RegistrationService registration_;
   VolumeService volume_;
   DeviceService device_;
   RecordingService recording_;

@@ -66,6 +66,7 @@ v1::VolumeDescription ToProto(const VolumeState& state) {
   out.set_device_mm_per_volume_mm(state.registration.device_mm_per_volume_mm);
   out.set_memory_bytes(state.volume->bricks().MemoryBytes());
   out.set_loaded_revision(state.volume->loaded_revision());
+  *out.mutable_device_from_world_rotation() = palpate::ToProto(state.registration.R_DW);
   out.set_frames(static_cast<std::uint32_t>(metadata.frames));
   return out;
 }

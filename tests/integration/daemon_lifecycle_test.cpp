@@ -19,8 +19,9 @@ std::vector<std::string> Small(std::vector<std::string> more) {
   return more;
 }
 
+// Not the state of whoever runs the tests.
 ProcessResult RunDaemon(std::vector<std::string> arguments) {
-  arguments.insert(arguments.begin(), PALPATED);
+  arguments.insert(arguments.begin(), {PALPATED, "--state-folder", ""});
   return Process(arguments).Wait();
 }
 
@@ -47,8 +48,8 @@ TEST(Lifecycle, EndsInOrderOnATerminationSignal) {
 TEST(Lifecycle, StartsOverTheSocketOfOneThatWasKilled) {
   TemporaryFolder folder;
   const std::string socket = folder.path() / "s.sock";
-  const std::vector<std::string> command = {PALPATED, "--volume", "builtin:sphere:16", "--socket",
-                                            socket};
+  const std::vector<std::string> command = {
+      PALPATED, "--volume", "builtin:sphere:16", "--socket", socket, "--state-folder", ""};
   {
     Process first(command);
     ASSERT_TRUE(first.WaitFor("ready on"));

@@ -3,6 +3,7 @@
 
 #include <grpcpp/grpcpp.h>
 
+#include <algorithm>
 #include <csignal>
 #include <filesystem>
 #include <memory>
@@ -13,6 +14,7 @@
 
 #include "palpate/v1/device.grpc.pb.h"
 #include "palpate/v1/pose.grpc.pb.h"
+#include "palpate/v1/registration.grpc.pb.h"
 #include "palpate/v1/render.grpc.pb.h"
 #include "palpate/v1/volume.grpc.pb.h"
 #include "tests/support/process.h"
@@ -24,7 +26,8 @@ class Daemon {
  public:
   static constexpr std::chrono::seconds kPatience{120};
 
-  // Starts `program` with `arguments` and --socket, and waits until it is ready.
+  // Starts `program` with `arguments`, --socket and a state folder of its own, and
+  // waits until it is ready.
   Daemon(const std::string& program, std::vector<std::string> arguments,
          const std::vector<std::string>& wrapper = {})
       : socket_(folder_.path() / "palpated.sock") {
@@ -32,6 +35,9 @@ class Daemon {
     command.push_back(program);
     command.insert(command.end(), arguments.begin(), arguments.end());
     command.insert(command.end(), {"--socket", socket_.string()});
+    if (std::find(arguments.begin(), arguments.end(), "--state-folder") == arguments.end()) {
+      command.insert(command.end(), {"--state-folder", folder_.path() / "state"});
+    }
     process_ = std::make_unique<Process>(command, false, kPatience);
     if (!process_->WaitFor("ready on")) {
       throw std::runtime_error("palpated did not start: " + process_->Wait().error);
@@ -41,6 +47,7 @@ class Daemon {
     render = v1::RenderService::NewStub(channel_);
     volume = v1::VolumeService::NewStub(channel_);
     device = v1::DeviceService::NewStub(channel_);
+    registration = v1::RegistrationService::NewStub(channel_);
   }
 
   // Ends it with a signal and returns what it said.
@@ -57,6 +64,7 @@ class Daemon {
   std::unique_ptr<v1::RenderService::Stub> render;
   std::unique_ptr<v1::VolumeService::Stub> volume;
   std::unique_ptr<v1::DeviceService::Stub> device;
+  std::unique_ptr<v1::RegistrationService::Stub> registration;
 
  private:
   TemporaryFolder folder_;

@@ -72,6 +72,8 @@ listen = "127.0.0.1:7400"
 priority = 70
 cpu = 1
 lock_memory = false
+[state]
+folder = "/var/lib/palpate"
 )");
   EXPECT_EQ(config.volume, "/data/head.nrrd");
   EXPECT_EQ(config.isovalue, 300.0);
@@ -94,6 +96,7 @@ lock_memory = false
   EXPECT_EQ(config.listen->port, 7400);
   EXPECT_EQ(config.realtime.priority, 70);
   EXPECT_FALSE(config.realtime.lock_memory);
+  EXPECT_EQ(config.state_folder, "/var/lib/palpate");
 }
 
 // The file that users start from: every key of [haptics], with its default.

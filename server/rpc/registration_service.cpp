@@ -1,0 +1,68 @@
+#include "server/rpc/registration_service.h"
+
+#include "common/wire/convert.h"
+#include "common/wire/status.h"
+
+namespace palpate {
+namespace {
+
+v1::Registration ToProto(const VolumeState& state) {
+  const Registration& registration = state.registration;
+  v1::Registration out;
+  *out.mutable_center_mm() = palpate::ToProto(registration.p_DCenter_mm);
+  *out.mutable_rotation() = palpate::ToProto(registration.R_DW);
+  out.set_device_mm_per_volume_mm(registration.device_mm_per_volume_mm);
+  out.set_device_mm_per_voxel(DeviceMmPerVoxel(registration, state.volume->metadata()));
+  return out;
+}
+
+RegistrationUpdate FromProto(const v1::UpdateRegistrationRequest& request) {
+  RegistrationUpdate update;
+  update.reset = request.reset();
+  if (request.has_center_mm()) update.p_DCenter_mm = palpate::FromProto(request.center_mm());
+  if (request.has_rotation()) update.R_DW = palpate::FromProto(request.rotation());
+  if (request.has_device_mm_per_volume_mm()) {
+    update.device_mm_per_volume_mm = request.device_mm_per_volume_mm();
+  }
+  if (request.has_device_mm_per_voxel()) update.device_mm_per_voxel = request.device_mm_per_voxel();
+  if (request.has_translate_mm()) {
+    update.translate_D_mm = palpate::FromProto(request.translate_mm());
+  }
+  if (request.has_rotate()) update.rotate_D = palpate::FromProto(request.rotate());
+  if (request.has_scale_by()) update.scale_by = request.scale_by();
+  return update;
+}
+
+}  // namespace
+
+grpc::Status RegistrationService::GetRegistration(grpc::ServerContext*,
+                                                  const v1::GetRegistrationRequest*,
+                                                  v1::GetRegistrationResponse* response) {
+  const VolumeState state = session_.volume();
+  *response->mutable_registration() = ToProto(state);
+  response->set_settings_revision(state.settings_revision);
+  return grpc::Status::OK;
+}
+
+grpc::Status RegistrationService::UpdateRegistration(grpc::ServerContext*,
+                                                     const v1::UpdateRegistrationRequest* request,
+                                                     v1::UpdateRegistrationResponse* response) {
+  try {
+    const RegistrationUpdate update = FromProto(*request);
+    const auto change = [&](const VolumeState& state) {
+      return Apply(update, state.volume->metadata(), session_.device(), state.registration);
+    };
+    std::optional<std::uint64_t> expected;
+    if (request->has_expected_revision()) expected = request->expected_revision();
+    const VolumeState state = session_.Move(change, expected);
+    const AppliedTick applied = session_.WaitForServo(state.scene_revision);
+    *response->mutable_registration() = ToProto(state);
+    response->set_settings_revision(state.settings_revision);
+    response->set_applied_tick(applied.tick);
+    return grpc::Status::OK;
+  } catch (const std::exception& error) {
+    return ToStatus(error);
+  }
+}
+
+}  // namespace palpate
