@@ -1,0 +1,165 @@
+#include "server/session/tool_strokes.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+namespace palpate {
+namespace {
+
+// Scenes published faster than the servo takes them up, or while it stands still.
+constexpr std::size_t kMostScenes = 4096;
+// A device's orientation is a turn up to this.
+constexpr double kUnitTolerance = 1e-3;
+
+Vec3 ToVector(const std::array<double, 3>& v) { return {v[0], v[1], v[2]}; }
+
+std::optional<Eigen::Quaterniond> Orientation(const TickSample& sample) {
+  const auto& [w, x, y, z] = sample.stylus_orientation;
+  const Eigen::Quaterniond q(w, x, y, z);
+  // False for NaN.
+  if (!(std::abs(q.norm() - 1.0) <= kUnitTolerance)) return std::nullopt;
+  return q.normalized();
+}
+
+// What brings a pose with `from` to `to`.
+RigidMotion Between(const Vec3& p_from, const Eigen::Quaterniond& R_from, const Vec3& p_to,
+                    const Eigen::Quaterniond& R_to) {
+  RigidMotion motion;
+  motion.R = (R_to * R_from.conjugate()).normalized();
+  motion.t_mm = p_to - motion.R * p_from;
+  return motion;
+}
+
+bool IsSame(const AffineMap& a, const AffineMap& b) {
+  return a.linear == b.linear && a.translation == b.translation;
+}
+
+}  // namespace
+
+void ToolStrokes::OnScene(const Scene& scene) {
+  const VolumeMetadata& metadata = scene.volume->metadata();
+  const HapticSettings& settings = scene.settings;
+  Tools tools;
+  tools.scene_revision = scene.scene_revision;
+  tools.loaded_revision = scene.volume->loaded_revision();
+  tools.clutch = settings.clutch_tool;
+  tools.carve = settings.carve_tool;
+  tools.X_WD = metadata.WorldFromIndex() * scene.surface.X_ID;
+  tools.radius_mm = settings.carve_radius_mm * tools.X_WD.linear.col(0).norm();
+  tools.value_per_s = settings.carve_rate_per_s * (metadata.value_max - metadata.value_min);
+  if (!tools_.empty()) {
+    const Tools& last = tools_.back();
+    const bool same =
+        tools.loaded_revision == last.loaded_revision && IsSame(tools.X_WD, last.X_WD);
+    tools.placement = last.placement + !same;
+  }
+  tools_.push_back(tools);
+  if (tools_.size() > kMostScenes) tools_.pop_front();
+}
+
+const ToolStrokes::Tools* ToolStrokes::ToolsOf(const TickSample& sample) {
+  while (tools_.size() > 1 && tools_[1].scene_revision <= sample.scene_revision) {
+    tools_.pop_front();
+  }
+  const bool known = !tools_.empty() && tools_.front().scene_revision == sample.scene_revision;
+  return known ? &tools_.front() : nullptr;
+}
+
+bool ToolStrokes::OnSample(const TickSample& sample) {
+  const Tools* tools = ToolsOf(sample);
+  // Where samples were lost, buttons may have been released and pressed again.
+  const bool lost = sample.tick != std::exchange(next_tick_, sample.tick + 1);
+  if (lost || !tools) {
+    FollowClutch(false, sample);
+    FollowCarve(false, Tools(), sample);
+  }
+  if (tools && sample.mode != TickMode::kFault) {
+    const bool suspended = sample.mode == TickMode::kSuspended;
+    FollowClutch(suspended && tools->clutch && (sample.buttons & kClutchButton) != 0, sample);
+    FollowCarve(!suspended && tools->carve && (sample.buttons & kCarveButton) != 0, *tools, sample);
+  }
+  return clutch_.due || !carve_.due.empty();
+}
+
+void ToolStrokes::FollowClutch(bool held, const TickSample& sample) {
+  if (!held) {
+    if (std::exchange(clutch_.held, false)) EndMotion();
+    return;
+  }
+  const std::optional<Eigen::Quaterniond> R_DS = Orientation(sample);
+  if (!R_DS) return;
+  const Pose pose{ToVector(sample.hip_mm), *R_DS};
+  if (!std::exchange(clutch_.held, true)) {
+    clutch_.from = pose;
+    clutch_.since_ns = sample.time_ns;
+  }
+  clutch_.to = pose;
+  if (sample.time_ns - clutch_.since_ns >= kToolStepNs) {
+    EndMotion();
+    clutch_.since_ns = sample.time_ns;
+  }
+}
+
+void ToolStrokes::EndMotion() {
+  const Pose& from = clutch_.from;
+  const Pose& to = clutch_.to;
+  if (from.p_D_mm == to.p_D_mm && from.R_DS.coeffs() == to.R_DS.coeffs()) return;
+  clutch_.pending = Between(from.p_D_mm, from.R_DS, to.p_D_mm, to.R_DS) * clutch_.pending;
+  clutch_.from = to;
+  clutch_.due = true;
+}
+
+std::optional<RigidMotion> ToolStrokes::TakeMotion() {
+  if (!std::exchange(clutch_.due, false)) return std::nullopt;
+  return std::exchange(clutch_.pending, RigidMotion());
+}
+
+void ToolStrokes::FollowCarve(bool held, const Tools& tools, const TickSample& sample) {
+  if (!held) {
+    if (std::exchange(carve_.held, false)) EndCarveStep();
+    return;
+  }
+  const Vec3 p_W_mm = tools.X_WD.Apply(ToVector(sample.scp_h_mm));
+  const bool began = !std::exchange(carve_.held, true);
+  if (!began && carve_.placement != tools.placement) EndCarveStep();
+  if (began || carve_.step.loaded_revision != tools.loaded_revision) ++strokes_;
+  if (began || carve_.placement != tools.placement) {
+    BeginCarveStep(tools, p_W_mm, sample.time_ns);
+  }
+  // What is away from the stylus's free side is what it feels as material.
+  const double away = sample.free_side == FreeSide::kBelow ? -1.0 : 1.0;
+  // After a fault no more than a step is made up for.
+  const std::int64_t since_ns = std::min(sample.time_ns - carve_.until_ns, kToolStepNs);
+  carve_.step.value += away * tools.value_per_s * (1e-9 * static_cast<double>(since_ns));
+  carve_.step.radius_mm = tools.radius_mm;
+  carve_.step.p_WTo_mm = p_W_mm;
+  carve_.until_ns = sample.time_ns;
+  if (sample.time_ns - carve_.since_ns >= kToolStepNs) {
+    EndCarveStep();
+    BeginCarveStep(tools, p_W_mm, sample.time_ns);
+  }
+}
+
+void ToolStrokes::BeginCarveStep(const Tools& tools, const Vec3& p_W_mm, std::int64_t time_ns) {
+  carve_.step = {.stroke = strokes_,
+                 .loaded_revision = tools.loaded_revision,
+                 .p_WFrom_mm = p_W_mm,
+                 .p_WTo_mm = p_W_mm};
+  carve_.placement = tools.placement;
+  carve_.since_ns = carve_.until_ns = time_ns;
+}
+
+void ToolStrokes::EndCarveStep() {
+  if (carve_.step.value == 0.0) return;
+  carve_.due.push_back(carve_.step);
+  if (carve_.due.size() > kMostCarveSteps) carve_.due.pop_front();
+}
+
+std::vector<CarveStep> ToolStrokes::TakeCarving() {
+  std::vector<CarveStep> steps(carve_.due.begin(), carve_.due.end());
+  carve_.due.clear();
+  return steps;
+}
+
+}  // namespace palpate

@@ -1,0 +1,110 @@
+#include "server/session/tools.h"
+
+#include <pthread.h>
+#include <spdlog/spdlog.h>
+
+#include <exception>
+#include <utility>
+
+namespace palpate {
+namespace {
+
+// Whether the box around the step reaches a voxel: the stylus may well carve in thin
+// air.
+bool Touches(const CarveStep& step, const VolumeMetadata& volume) {
+  const AffineMap X_IW = volume.WorldFromIndex().Inverse();
+  const Vec3 from_I = X_IW.Apply(step.p_WFrom_mm), to_I = X_IW.Apply(step.p_WTo_mm);
+  const Vec3 reach = step.radius_mm * X_IW.linear.rowwise().norm();
+  const Vec3 low = from_I.cwiseMin(to_I) - reach, high = from_I.cwiseMax(to_I) + reach;
+  const Vec3 last = (volume.size - Vec3i::Ones()).cast<double>();
+  return (high.array() >= 0.0).all() && (low.array() <= last.array()).all();
+}
+
+}  // namespace
+
+StylusTools::StylusTools(Session& session, Carver carver)
+    : session_(session), carver_(std::move(carver)) {}
+
+void StylusTools::Start() {
+  thread_ = std::thread([this] { Run(); });
+}
+
+void StylusTools::Stop() noexcept {
+  {
+    const std::lock_guard lock(mutex_);
+    stop_ = true;
+  }
+  due_.notify_one();
+  if (thread_.joinable()) thread_.join();
+}
+
+void StylusTools::OnScene(const Scene& scene, std::span<const BrickChange>) {
+  const std::lock_guard lock(mutex_);
+  strokes_.OnScene(scene);
+}
+
+void StylusTools::OnSample(const TickSample& sample) {
+  {
+    const std::lock_guard lock(mutex_);
+    if (!strokes_.OnSample(sample)) return;
+    is_due_ = true;
+  }
+  due_.notify_one();
+}
+
+void StylusTools::Run() {
+  pthread_setname_np(pthread_self(), "palpate-tools");
+  bool stop = false;
+  while (!stop) {
+    {
+      std::unique_lock lock(mutex_);
+      due_.wait(lock, [this] { return stop_ || is_due_; });
+      stop = stop_;
+    }
+    Work();
+  }
+}
+
+void StylusTools::Work() noexcept {
+  std::optional<RigidMotion> motion;
+  std::vector<CarveStep> steps;
+  {
+    const std::lock_guard lock(mutex_);
+    is_due_ = false;
+    motion = strokes_.TakeMotion();
+    steps = strokes_.TakeCarving();
+  }
+  if (motion) Move(*motion);
+  for (const CarveStep& step : steps) Carve(step);
+}
+
+void StylusTools::Move(const RigidMotion& motion) {
+  try {
+    session_.Move([&](const VolumeState& state) {
+      const Registration& from = state.registration;
+      return MakeRegistration(state.volume->metadata(), motion.Apply(from.p_DCenter_mm),
+                              motion.R * from.R_DW, from.device_mm_per_volume_mm);
+    });
+    move_failed_ = false;
+  } catch (const std::exception& error) {
+    if (!std::exchange(move_failed_, true)) {
+      spdlog::warn("the clutch does not move the volume: {}", error.what());
+    }
+  }
+}
+
+void StylusTools::Carve(const CarveStep& step) {
+  if (step.stroke == failed_stroke_) return;
+  const VolumeState state = session_.volume();
+  // Another volume was loaded meanwhile: the stroke was not meant for it.
+  if (state.volume->loaded_revision() != step.loaded_revision) return;
+  if (!Touches(step, state.volume->metadata())) return;
+  try {
+    carver_(step);
+  } catch (const std::exception& error) {
+    failed_stroke_ = step.stroke;
+    spdlog::warn("the stylus does not carve: {}", error.what());
+  }
+}
+
+}  // namespace palpate
