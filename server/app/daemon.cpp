@@ -13,6 +13,7 @@
 #include "server/rpc/server.h"
 #include "server/servo/servo_loop.h"
 #include "server/session/session.h"
+#include "server/session/tools.h"
 
 namespace palpate {
 namespace {
@@ -99,6 +100,9 @@ void RunDaemon(const Config& config) {
   Session session(device->spec(), inbox, pump, VolumeLoader{.import_program = ImportProgram()});
   RegistrationStore registrations(config.state_folder.value_or(DefaultStateFolder()));
   session.SetRegistrationStore(registrations);
+  VolumeEditor editor(session);
+  const auto tools = std::make_shared<StylusTools>(session, editor);
+  pump.Subscribe(tools);
   ServoLoop servo(*device, inbox, *outbox, config.realtime);
   const std::string socket = config.socket_path.empty() ? DefaultSocketPath() : config.socket_path;
   const PathPolicy paths = MakePathPolicy(config);
@@ -112,6 +116,7 @@ void RunDaemon(const Config& config) {
   server.Reserve();
   session.SetInitial({.haptics = config.haptics, .method = config.method});
   LoadFirstVolume(config, session);
+  tools->Start();
   pump.Start();
   servo.Start();
   ReportGrant(servo.grant());
@@ -126,6 +131,7 @@ void RunDaemon(const Config& config) {
   servo.Stop();
   server.Stop();
   pump.Stop();
+  tools->Stop();
   recording.End();
   spdlog::info("ended after {} ticks, {} missed", servo.ticks(), servo.missed_ticks());
 }

@@ -3,6 +3,7 @@
 #include <pthread.h>
 #include <spdlog/spdlog.h>
 
+#include <cmath>
 #include <exception>
 #include <utility>
 
@@ -20,10 +21,19 @@ bool Touches(const CarveStep& step, const VolumeMetadata& volume) {
   return (high.array() >= 0.0).all() && (low.array() <= last.array()).all();
 }
 
-}  // namespace
+// All of the value along the way of SCP_H, less and less beside it.
+VolumeEdit ToEdit(const CarveStep& step) {
+  const double half_mm = 0.5 * step.radius_mm;
+  VolumeEdit edit;
+  edit.shape = CapsuleShape{step.p_WFrom_mm, step.p_WTo_mm, half_mm};
+  edit.falloff = half_mm;
+  edit.frame = EditFrame::kWorld;
+  edit.operation = step.value < 0.0 ? EditOperation::kSubtract : EditOperation::kAdd;
+  edit.value = std::abs(step.value);
+  return edit;
+}
 
-StylusTools::StylusTools(Session& session, Carver carver)
-    : session_(session), carver_(std::move(carver)) {}
+}  // namespace
 
 void StylusTools::Start() {
   thread_ = std::thread([this] { Run(); });
@@ -100,7 +110,7 @@ void StylusTools::Carve(const CarveStep& step) {
   if (state.volume->loaded_revision() != step.loaded_revision) return;
   if (!Touches(step, state.volume->metadata())) return;
   try {
-    carver_(step);
+    editor_.Edit(ToEdit(step), {}, step.stroke);
   } catch (const std::exception& error) {
     failed_stroke_ = step.stroke;
     spdlog::warn("the stylus does not carve: {}", error.what());

@@ -7,27 +7,26 @@
 //
 // Threads: OnScene under the session's lock, OnSample on the pump thread, neither of
 // which ever waits for a change; changes are made on the thread that Start starts.
+// Undoing takes back what was carved from a press to the release.
 // Errors: a change that is refused is said in the log, once a stroke.
 #pragma once
 
 #include <condition_variable>
-#include <functional>
 #include <mutex>
 #include <thread>
 
 #include "server/session/session.h"
 #include "server/session/tool_strokes.h"
+#include "server/session/volume_editor.h"
 
 namespace palpate {
 
 class StylusTools final : public SampleSink, public SceneListener {
  public:
-  // Changes the voxels of one step, within the volume. May throw.
-  using Carver = std::function<void(const CarveStep& step)>;
-
-  // Borrows the session, to which it is to be added as a listener before the first
-  // load.
-  StylusTools(Session& session, Carver carver);
+  // Borrows both. The session tells it of every scene: before the first Load.
+  StylusTools(Session& session, VolumeEditor& editor) : session_(session), editor_(editor) {
+    session_.AddListener(*this);
+  }
   ~StylusTools() override { Stop(); }
 
   void Start();
@@ -46,7 +45,7 @@ class StylusTools final : public SampleSink, public SceneListener {
   void Carve(const CarveStep& step);
 
   Session& session_;
-  Carver carver_;
+  VolumeEditor& editor_;
   std::uint64_t failed_stroke_ = 0;
   bool move_failed_ = false;
 

@@ -1,2 +1,3 @@
 palpate_unit_test(registration_test registration_test.cpp SANITIZED palpate::session)
 palpate_unit_test(registration_store_test registration_store_test.cpp SANITIZED palpate::session)
+palpate_unit_test(stylus_tools_test stylus_tools_test.cpp SANITIZED palpate::session)
