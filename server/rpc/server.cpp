@@ -89,8 +89,8 @@ RpcServer::RpcServer(ServerOptions options, Session& session, Pump& pump, const 
     : options_(std::move(options)),
       poses_(pump),
       render_(session),
-      registration_(session),
       volume_streams_(session),
+      registration_(session),
       volume_(session, options_.paths, volume_streams_),
       device_(device, servo, inbox),
       recording_(recording) {}

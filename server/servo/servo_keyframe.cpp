@@ -39,8 +39,8 @@ void VisitPlace(PlaceT& place, Visit& visit) {
 
 template <class ProxyT, class Visit>
 void VisitProxy(ProxyT& proxy, Visit& visit) {
-  auto& [placed, on_surface, buried, buried_steps, place, p_DH_mm, geometry_revision, free_side,
-         isovalue] = proxy;
+  auto& [placed, on_surface, buried, buried_steps, place, p_DH_mm, geometry_revision,
+         volume_revision, free_side, isovalue] = proxy;
   visit(placed);
   visit(on_surface);
   visit(buried);
@@ -48,6 +48,7 @@ void VisitProxy(ProxyT& proxy, Visit& visit) {
   VisitPlace(place, visit);
   VisitVector(p_DH_mm, visit);
   visit(geometry_revision);
+  visit(volume_revision);
   visit(free_side);
   visit(isovalue);
 }

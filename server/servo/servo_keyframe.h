@@ -33,7 +33,7 @@ struct ServoMemory {
 
 // Trivially copyable: it goes through a ring to the pump thread.
 struct ServoKeyframe {
-  static constexpr std::size_t kBytes = 895;
+  static constexpr std::size_t kBytes = 903;
 
   std::uint64_t tick = 0;  // it is the state before this tick
   std::array<char, kBytes> bytes{};
