@@ -14,6 +14,7 @@
 #include "server/servo/servo_loop.h"
 #include "server/session/session.h"
 #include "server/session/tools.h"
+#include "server/session/volume_editor.h"
 
 namespace palpate {
 namespace {
@@ -110,8 +111,8 @@ void RunDaemon(const Config& config) {
                              {[&](const std::string& path) { return paths.CheckSave(path); },
                               [&](const std::string& path) { return paths.CheckLoad(path); }},
                              "palpated " PALPATE_VERSION);
-  RpcServer server({socket, config.listen, paths}, session, pump, device->spec(), servo, inbox,
-                   recording);
+  RpcServer server({socket, config.listen, paths},
+                   {session, editor, recording, pump, device->spec(), servo, inbox});
 
   server.Reserve();
   session.SetInitial({.haptics = config.haptics, .method = config.method});

@@ -83,17 +83,15 @@ void MakeSocketFolder(const std::filesystem::path& folder) {
 
 }  // namespace
 
-RpcServer::RpcServer(ServerOptions options, Session& session, Pump& pump, const DeviceSpec& device,
-                     const ServoLoop& servo, const SceneInbox& inbox,
-                     RecordingControl& recording)
+RpcServer::RpcServer(ServerOptions options, const ServedParts& parts)
     : options_(std::move(options)),
-      poses_(pump),
-      render_(session),
-      volume_streams_(session),
-      registration_(session),
-      volume_(session, options_.paths, volume_streams_),
-      device_(device, servo, inbox),
-      recording_(recording) {}
+      poses_(parts.pump),
+      render_(parts.session),
+      volume_streams_(parts.session),
+      registration_(parts.session),
+      volume_(parts.session, parts.editor, options_.paths, volume_streams_),
+      device_(parts.device, parts.servo, parts.inbox),
+      recording_(parts.recording) {}
 
 // gRPC lets two servers listen on one path, each believing itself alone: a lock
 // file decides. It stays when the daemon ends; removing it would let one daemon

@@ -28,11 +28,21 @@ struct ServerOptions {
   PathPolicy paths;                // that clients may name
 };
 
+// What the services work on: all of it is borrowed.
+struct ServedParts {
+  Session& session;
+  VolumeEditor& editor;
+  RecordingControl& recording;
+  Pump& pump;
+  const DeviceSpec& device;
+  const ServoLoop& servo;
+  const SceneInbox& inbox;
+};
+
 class RpcServer {
  public:
-  // Borrows all but the options. Before the session's first load.
-  RpcServer(ServerOptions options, Session& session, Pump& pump, const DeviceSpec& device,
-            const ServoLoop& servo, const SceneInbox& inbox, RecordingControl& recording);
+  // Before the session's first load.
+  RpcServer(ServerOptions options, const ServedParts& parts);
   ~RpcServer() { Stop(); }
 
   // Claims the socket's path and tries the port, so that a second daemon finds out

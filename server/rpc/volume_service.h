@@ -2,9 +2,11 @@
 #pragma once
 
 #include "palpate/v1/volume.grpc.pb.h"
+#include "server/rpc/volume_save.h"
 #include "server/rpc/volume_stream_service.h"
 #include "server/session/path_policy.h"
 #include "server/session/session.h"
+#include "server/session/volume_editor.h"
 
 namespace palpate {
 
@@ -12,13 +14,28 @@ class VolumeService final
     : public v1::VolumeService::WithCallbackMethod_StreamVolume<v1::VolumeService::Service> {
  public:
   // Borrows all.
-  VolumeService(Session& session, const PathPolicy& paths, VolumeStreams& streams)
-      : session_(session), paths_(paths), streams_(streams) {}
+  VolumeService(Session& session, VolumeEditor& editor, const PathPolicy& paths,
+                VolumeStreams& streams)
+      : session_(session),
+        editor_(editor),
+        saver_(session, [&paths](const std::string& path) { return paths.CheckSave(path); }),
+        paths_(paths),
+        streams_(streams) {}
 
   grpc::Status GetVolume(grpc::ServerContext* context, const v1::GetVolumeRequest* request,
                          v1::GetVolumeResponse* response) override;
   grpc::Status LoadVolume(grpc::ServerContext* context, const v1::LoadVolumeRequest* request,
                           grpc::ServerWriter<v1::LoadVolumeResponse>* writer) override;
+  grpc::Status EditVolume(grpc::ServerContext* context, const v1::EditVolumeRequest* request,
+                          v1::EditVolumeResponse* response) override;
+  grpc::Status UndoEdit(grpc::ServerContext* context, const v1::UndoEditRequest* request,
+                        v1::EditVolumeResponse* response) override;
+  grpc::Status RedoEdit(grpc::ServerContext* context, const v1::RedoEditRequest* request,
+                        v1::EditVolumeResponse* response) override;
+  grpc::Status RevertVolume(grpc::ServerContext* context, const v1::RevertVolumeRequest* request,
+                            v1::EditVolumeResponse* response) override;
+  grpc::Status SaveVolume(grpc::ServerContext* context, const v1::SaveVolumeRequest* request,
+                          grpc::ServerWriter<v1::SaveVolumeResponse>* writer) override;
 
   VolumeStreamReactor* StreamVolume(grpc::CallbackServerContext*) override {
     return StreamVolumeTo(streams_);
@@ -26,6 +43,8 @@ class VolumeService final
 
  private:
   Session& session_;
+  VolumeEditor& editor_;
+  VolumeSaver saver_;
   const PathPolicy& paths_;
   VolumeStreams& streams_;
 };

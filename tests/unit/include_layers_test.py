@@ -28,9 +28,9 @@ LAYERS = {
     "server/recording": COMMON + ["server/realtime", "server/volume", "server/haptics",
                                   "server/servo", "server/session"],
     "server/streaming": COMMON + ["server/volume", "server/servo", "server/session"],
-    "server/rpc": COMMON + ["common/wire", "server/realtime", "server/haptics", "server/device",
-                            "server/servo", "server/session", "server/recording",
-                            "server/streaming"],
+    "server/rpc": COMMON + ["common/wire", "server/realtime", "server/volume", "server/haptics",
+                            "server/device", "server/servo", "server/session",
+                            "server/recording", "server/streaming"],
     "server/app": COMMON + ["common/wire", "server/realtime", "server/haptics", "server/device",
                             "server/servo", "server/session", "server/recording", "server/rpc"],
     "server/lab": COMMON + ["server/volume", "server/session", "server/haptics",
@@ -53,7 +53,8 @@ LIBRARIES = {
 
 # The headers of volume that are free of OpenVDB; real-time code sees no others.
 PLAIN_VOLUME_HEADERS = {"server/volume/brick_directory.h", "server/volume/snapshot.h",
-                        "server/volume/volume_metadata.h"}
+                        "server/volume/volume_metadata.h", "server/volume/edit.h",
+                        "server/volume/volume_export.h"}
 NO_OPENVDB = ["server/haptics", "server/servo", "server/device", "server/rpc", "server/recording",
               "server/streaming"]
 

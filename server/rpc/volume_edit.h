@@ -1,0 +1,19 @@
+// Edits between the wire and the volume's editor.
+//
+// Pure; any thread.
+#pragma once
+
+#include "palpate/v1/edit.pb.h"
+#include "server/session/volume_editor.h"
+#include "server/volume/edit.h"
+
+namespace palpate {
+
+// Throws Error (kInvalidArgument; kTooLarge for a block of too many bytes) for a
+// request that says no edit: no shape, no operation, a position that is missing.
+// Numbers are the editor's to check.
+VolumeEdit FromProto(const v1::EditVolumeRequest& request);
+
+v1::EditVolumeResponse ToProto(const EditOutcome& outcome, const AppliedTick& applied);
+
+}  // namespace palpate

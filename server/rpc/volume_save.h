@@ -1,0 +1,39 @@
+// SaveVolume: the volume as it is now, to a file.
+//
+// Threads: any; one save at a time, others are refused.
+#pragma once
+
+#include <filesystem>
+#include <functional>
+#include <mutex>
+#include <string>
+
+#include "palpate/v1/volume.grpc.pb.h"
+#include "server/session/session.h"
+
+namespace palpate {
+
+// The path to write to for one that a client names. Throws Error where it may not
+// be written to (kPermissionDenied).
+using SavePathCheck = std::function<std::filesystem::path(const std::string& path)>;
+
+class VolumeSaver {
+ public:
+  VolumeSaver(Session& session, SavePathCheck check)
+      : session_(session), check_(std::move(check)) {}
+
+  // As of VolumeService.
+  grpc::Status Save(grpc::ServerContext* context, const v1::SaveVolumeRequest& request,
+                    grpc::ServerWriter<v1::SaveVolumeResponse>* writer);
+
+ private:
+  v1::SaveVolumeResult SaveChecked(grpc::ServerContext* context,
+                                   const v1::SaveVolumeRequest& request,
+                                   grpc::ServerWriter<v1::SaveVolumeResponse>* writer);
+
+  Session& session_;
+  const SavePathCheck check_;
+  std::mutex saving_;
+};
+
+}  // namespace palpate
