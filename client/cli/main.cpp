@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "client/cli/connection.h"
+#include "client/cli/edit_options.h"
 #include "client/cli/info_command.h"
 #include "client/cli/invocation.h"
 #include "client/cli/load_options.h"
@@ -166,6 +167,9 @@ int Main(int argc, char** argv) {
   AddSettings(app, invocation);
   AddLoad(app, invocation, load);
   AddPlace(app, invocation, place);
+  AddEdit(app, invocation);
+  AddHistory(app, invocation);
+  AddSave(app, invocation);
   try {
     app.parse(Arguments(argc, argv));
   } catch (const CLI::Success& help) {

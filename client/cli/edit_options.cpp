@@ -1,0 +1,332 @@
+#include "client/cli/edit_options.h"
+
+#include <filesystem>
+#include <functional>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "client/cli/edit_command.h"
+
+namespace palpate::cli {
+namespace {
+
+using Numbers = std::vector<double>;
+
+v1::Vector3 ToVector(const Numbers& numbers) {
+  v1::Vector3 vector;
+  vector.set_x(numbers[0]);
+  vector.set_y(numbers[1]);
+  vector.set_z(numbers[2]);
+  return vector;
+}
+
+// Positions and lengths of a shape, each as --NAME-mm or as --NAME-voxels: the unit
+// says the frame, and all must agree.
+class FrameOptions {
+ public:
+  using Store = std::function<void(v1::EditVolumeRequest&, const Numbers&)>;
+
+  explicit FrameOptions(CLI::App& command) : command_(command) {}
+
+  void AddPosition(const std::string& name, const std::string& about, Store store) {
+    Add(name, about, 3, true, std::move(store));
+  }
+  void AddLength(const std::string& name, const std::string& about, bool required, Store store) {
+    Add(name, about, 1, required, std::move(store));
+  }
+
+  void Fill(v1::EditVolumeRequest& request) const {
+    bool in_mm = false, in_voxels = false;
+    for (const auto& option : options_) {
+      in_mm |= option->mm->count() > 0;
+      in_voxels |= option->voxels->count() > 0;
+      if (option->required && option->mm->count() + option->voxels->count() == 0) {
+        throw CLI::ValidationError("--" + option->name + "-mm or --" + option->name +
+                                   "-voxels is required");
+      }
+    }
+    if (in_mm && in_voxels) {
+      throw CLI::ValidationError("give all positions and lengths in mm, or all in voxels");
+    }
+    request.set_frame(in_mm ? v1::EDIT_FRAME_WORLD : v1::EDIT_FRAME_INDEX);
+    for (const auto& option : options_) {
+      if (!option->values.empty()) option->store(request, option->values);
+    }
+  }
+
+ private:
+  struct Option {
+    std::string name;
+    bool required;
+    Store store;
+    Numbers values;
+    CLI::Option* mm;
+    CLI::Option* voxels;
+  };
+
+  void Add(const std::string& name, const std::string& about, int count, bool required,
+           Store store) {
+    auto option =
+        std::make_unique<Option>(Option{name, required, std::move(store), {}, nullptr, nullptr});
+    const auto add = [&](const char* unit, const std::string& text) {
+      return command_.add_option("--" + name + unit, option->values, text)
+          ->delimiter(',')
+          ->expected(count)
+          ->check(Finite())
+          ->option_text(count == 3 ? "X,Y,Z" : "LENGTH");
+    };
+    option->mm = add("-mm", about + ", in mm (LPS as in DICOM)");
+    option->voxels = add("-voxels", "The same in voxels")->excludes(option->mm);
+    options_.push_back(std::move(option));
+  }
+
+  CLI::App& command_;
+  std::vector<std::unique_ptr<Option>> options_;
+};
+
+// What the command line says of an edit; lives as long as its command.
+struct EditValues {
+  explicit EditValues(CLI::App& command) : frame(command) {}
+
+  v1::EditVolumeRequest request;
+  FrameOptions frame;
+  std::string operation;
+  std::optional<double> value;
+  std::optional<double> strength;
+  std::optional<std::uint64_t> expected_revision;
+  bool json = false;
+};
+using EditValuesPtr = std::shared_ptr<EditValues>;
+
+const std::map<std::string, v1::EditOperation> kOperations = {
+    {"add", v1::EDIT_OPERATION_ADD},     {"subtract", v1::EDIT_OPERATION_SUBTRACT},
+    {"set", v1::EDIT_OPERATION_SET},     {"smooth", v1::EDIT_OPERATION_SMOOTH},
+    {"paint", v1::EDIT_OPERATION_PAINT},
+};
+
+void AddCommon(CLI::App& command, std::optional<std::uint64_t>& expected_revision, bool& json) {
+  command.add_option("--expected-revision", expected_revision,
+                     "Change it only on top of this volume revision, else exit with 7");
+  command.add_flag("--json", json, "One JSON object instead of text");
+}
+
+// Options that all shapes share. `is_block`: has its own values.
+void AddOperation(CLI::App& command, EditValues& values, bool is_block) {
+  std::vector<std::string> names = {"add", "subtract", "set", "paint"};
+  if (!is_block) names.push_back("smooth");
+  command
+      .add_option("--operation", values.operation,
+                  "add, subtract, set, paint (part of the way to the value)" +
+                      std::string(is_block ? "" : ",\nsmooth (towards the voxels around)"))
+      ->required()
+      ->check(CLI::IsMember(names))
+      ->option_text("OPERATION");
+  if (!is_block) {
+    command.add_option("--value", values.value, "In data units; all but smooth need it")
+        ->check(Finite());
+  }
+  command
+      .add_option("--strength", values.strength,
+                  "For paint" + std::string(is_block ? "" : " and smooth") +
+                      ": share of the way, above 0, up to 1 [default: 1]")
+      ->check(Positive(1.0));
+  AddCommon(command, values.expected_revision, values.json);
+}
+
+v1::EditVolumeRequest RequestOf(const EditValues& values) {
+  v1::EditVolumeRequest request = values.request;
+  request.set_operation(kOperations.at(values.operation));
+  const bool needs_value = !request.has_block() && values.operation != "smooth";
+  if (needs_value != values.value.has_value()) {
+    throw CLI::ValidationError(needs_value ? "--value is required for " + values.operation
+                                           : "--value is not for smooth");
+  }
+  if (values.value) request.set_value(*values.value);
+  if (values.strength) request.set_strength(*values.strength);
+  if (values.expected_revision) request.set_expected_revision(*values.expected_revision);
+  return request;
+}
+
+void AddShape(CLI::App& edit, Invocation& invocation, const std::string& name,
+              const std::string& about, const std::string& example,
+              const std::function<void(FrameOptions&)>& add) {
+  CLI::App* command = edit.add_subcommand(name, about);
+  SetFooter(*command, example);
+  const auto values = std::make_shared<EditValues>(*command);
+  add(values->frame);
+  values->frame.AddLength(
+      "falloff", "Distance over which the effect fades outside of the shape [default: 0]", false,
+      [](v1::EditVolumeRequest& r, const Numbers& n) { r.set_falloff(n[0]); });
+  AddOperation(*command, *values, /*is_block=*/false);
+  command->callback([&invocation, values] {
+    values->frame.Fill(values->request);
+    invocation.command = [request = RequestOf(*values), json = values->json](const Connection& c) {
+      EditVolume(c, request, json);
+    };
+  });
+}
+
+void AddSphere(CLI::App& edit, Invocation& invocation) {
+  AddShape(edit, invocation, "sphere", "Changes the voxels of a sphere",
+           "Examples: palpate edit sphere --center-mm 12,-3,40 --radius-mm 5 --operation set "
+           "--value 0\n"
+           "          palpate edit sphere --center-voxels 64,64,64 --radius-voxels 8 \\\n"
+           "              --falloff-voxels 4 --operation smooth --strength 0.5",
+           [](FrameOptions& frame) {
+             frame.AddPosition("center", "Centre", [](auto& r, const Numbers& n) {
+               *r.mutable_sphere()->mutable_center() = ToVector(n);
+             });
+             frame.AddLength("radius", "Radius", true, [](auto& r, const Numbers& n) {
+               r.mutable_sphere()->set_radius(n[0]);
+             });
+           });
+}
+
+void AddBox(CLI::App& edit, Invocation& invocation) {
+  AddShape(edit, invocation, "box", "Changes the voxels of a box, its corners included",
+           "Example: palpate edit box --min-voxels 0,0,0 --max-voxels 31,63,63 --operation add "
+           "--value 20",
+           [](FrameOptions& frame) {
+             frame.AddPosition("min", "Least corner", [](auto& r, const Numbers& n) {
+               *r.mutable_box()->mutable_min() = ToVector(n);
+             });
+             frame.AddPosition("max", "Greatest corner", [](auto& r, const Numbers& n) {
+               *r.mutable_box()->mutable_max() = ToVector(n);
+             });
+           });
+}
+
+void AddCapsule(CLI::App& edit, Invocation& invocation) {
+  AddShape(edit, invocation, "capsule", "Changes the voxels that a sphere sweeps: a stroke",
+           "Example: palpate edit capsule --from-mm 0,0,0 --to-mm 10,0,0 --radius-mm 2 \\\n"
+           "             --operation subtract --value 300",
+           [](FrameOptions& frame) {
+             frame.AddPosition("from", "Where the sphere starts", [](auto& r, const Numbers& n) {
+               *r.mutable_capsule()->mutable_from() = ToVector(n);
+             });
+             frame.AddPosition("to", "Where it ends", [](auto& r, const Numbers& n) {
+               *r.mutable_capsule()->mutable_to() = ToVector(n);
+             });
+             frame.AddLength("radius", "Radius", true, [](auto& r, const Numbers& n) {
+               r.mutable_capsule()->set_radius(n[0]);
+             });
+           });
+}
+
+// Where CLI11 puts the values of `edit block`.
+struct BlockValues {
+  explicit BlockValues(CLI::App& command) : edit(command) {}
+  EditValues edit;
+  std::string file;
+  std::vector<std::uint32_t> min, size;
+};
+
+void AddBlock(CLI::App& edit, Invocation& invocation) {
+  CLI::App* command = edit.add_subcommand(
+      "block", "Changes a block of voxels, each by a value of its own, at most 3 MiB of them");
+  SetFooter(*command,
+            "Example: palpate edit block values.f32 --min-voxels 10,10,10 --size-voxels 32,32,32 "
+            "\\\n             --operation set");
+  const auto values = std::make_shared<BlockValues>(*command);
+  command
+      ->add_option("file", values->file,
+                   "Raw float32 values, little-endian, x fastest; -: from stdin")
+      ->required()
+      ->option_text("FILE");
+  const auto add = [&](const char* name, std::vector<std::uint32_t>& target, const char* about) {
+    command->add_option(name, target, about)
+        ->delimiter(',')
+        ->expected(3)
+        ->required()
+        ->option_text("X,Y,Z");
+  };
+  add("--min-voxels", values->min, "First voxel of the block");
+  add("--size-voxels", values->size, "Voxels along x, y, z");
+  AddOperation(*command, values->edit, /*is_block=*/true);
+  command->callback([&invocation, values] {
+    v1::DenseBlock& block = *values->edit.request.mutable_block();
+    block.set_min_x(values->min[0]);
+    block.set_min_y(values->min[1]);
+    block.set_min_z(values->min[2]);
+    block.set_size_x(values->size[0]);
+    block.set_size_y(values->size[1]);
+    block.set_size_z(values->size[2]);
+    values->edit.request.set_frame(v1::EDIT_FRAME_INDEX);
+    invocation.command = [values, request = RequestOf(values->edit)](const Connection& c) mutable {
+      request.mutable_block()->set_values(ReadBlockValues(values->file));
+      EditVolume(c, request, values->edit.json);
+    };
+  });
+}
+
+}  // namespace
+
+void AddEdit(CLI::App& app, Invocation& invocation) {
+  CLI::App* command = app.add_subcommand(
+      "edit",
+      "Changes voxels, at one tick: within a shape, fading out over a falloff around it, or\n"
+      "in a block. What is felt is the new surface from then on; see also undo and revert.");
+  SetFooter(*command, "Example: palpate edit sphere --help");
+  command->require_subcommand(1);
+  command->fallthrough();
+  AddSphere(*command, invocation);
+  AddBox(*command, invocation);
+  AddCapsule(*command, invocation);
+  AddBlock(*command, invocation);
+}
+
+void AddHistory(CLI::App& app, Invocation& invocation) {
+  const auto add = [&](const char* name, const char* about, HistoryCommand what) {
+    struct Values {
+      std::optional<std::uint64_t> expected_revision;
+      bool json = false;
+    };
+    CLI::App* command = app.add_subcommand(name, about);
+    SetFooter(*command, std::string("Example: palpate ") + name);
+    const auto values = std::make_shared<Values>();
+    AddCommon(*command, values->expected_revision, values->json);
+    command->callback([&invocation, values, what] {
+      invocation.command = [values, what](const Connection& c) {
+        MoveInHistory(c, what, values->expected_revision, values->json);
+      };
+    });
+  };
+  add("undo", "Takes back the last edit", HistoryCommand::kUndo);
+  add("redo", "Does again the edit that was taken back last", HistoryCommand::kRedo);
+  add("revert", "Takes back all edits since the volume was loaded; undo takes that back",
+      HistoryCommand::kRevert);
+}
+
+void AddSave(CLI::App& app, Invocation& invocation) {
+  struct Values {
+    std::string path;
+    bool overwrite = false;
+    bool json = false;
+  };
+  CLI::App* command = app.add_subcommand(
+      "save",
+      "Writes the volume with its edits on the daemon's machine; the file is whole or as it was\n"
+      "before. Ctrl-C cancels, with exit code 9.");
+  SetFooter(*command, "Example: palpate save carved.nrrd --overwrite");
+  const auto values = std::make_shared<Values>();
+  command->add_option("path", values->path, "File to write; ends with .vdb or .nrrd (float, gzip)")
+      ->required()
+      ->option_text("PATH");
+  command->add_flag("--overwrite", values->overwrite, "Replace a file that is there");
+  command->add_flag("--json", values->json, "One JSON object instead of text");
+  command->callback([&invocation, values] {
+    v1::SaveVolumeRequest request;
+    // The daemon has another current folder.
+    request.set_path(std::filesystem::absolute(values->path).string());
+    request.set_overwrite(values->overwrite);
+    invocation.command = [request, json = values->json](const Connection& c) {
+      SaveVolume(c, request, json);
+    };
+  });
+}
+
+}  // namespace palpate::cli
