@@ -93,12 +93,13 @@ std::string ReadBlockValues(const std::string& file) {
   const std::unique_ptr<std::FILE, decltype(close)> in(
       file == "-" ? stdin : std::fopen(file.c_str(), "rb"), close);
   if (!in) throw Error(ErrorKind::kNotFound, file + ": there is no such file that can be read");
+  const std::string name = file == "-" ? "stdin" : file;
   std::string bytes(kMostBlockBytes + 1, '\0');
   bytes.resize(std::fread(bytes.data(), 1, bytes.size(), in.get()));
-  if (std::ferror(in.get())) throw Error(ErrorKind::kInvalidArgument, file + ": cannot be read");
+  if (std::ferror(in.get())) throw Error(ErrorKind::kInvalidArgument, name + ": cannot be read");
   if (bytes.size() > kMostBlockBytes) {
     throw Error(ErrorKind::kTooLarge,
-                file + ": a block has at most 3 MiB of values: send it in parts");
+                name + ": a block has at most 3 MiB of values: send it in parts");
   }
   return bytes;
 }

@@ -79,7 +79,7 @@ class FrameOptions {
           ->check(Finite())
           ->option_text(count == 3 ? "X,Y,Z" : "LENGTH");
     };
-    option->mm = add("-mm", about + ", in mm (LPS as in DICOM)");
+    option->mm = add("-mm", about + (count == 3 ? ", in mm (LPS as in DICOM)" : ", in mm"));
     option->voxels = add("-voxels", "The same in voxels")->excludes(option->mm);
     options_.push_back(std::move(option));
   }
@@ -158,9 +158,9 @@ void AddShape(CLI::App& edit, Invocation& invocation, const std::string& name,
   SetFooter(*command, example);
   const auto values = std::make_shared<EditValues>(*command);
   add(values->frame);
-  values->frame.AddLength(
-      "falloff", "Distance over which the effect fades outside of the shape [default: 0]", false,
-      [](v1::EditVolumeRequest& r, const Numbers& n) { r.set_falloff(n[0]); });
+  values->frame.AddLength("falloff",
+                          "Over which the effect fades outside of the shape [default: 0]", false,
+                          [](v1::EditVolumeRequest& r, const Numbers& n) { r.set_falloff(n[0]); });
   AddOperation(*command, *values, /*is_block=*/false);
   command->callback([&invocation, values] {
     values->frame.Fill(values->request);

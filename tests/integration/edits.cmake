@@ -7,3 +7,11 @@ add_dependencies(volume_export_test volume_export_child palpate-import)
 target_compile_definitions(volume_export_test PRIVATE
   PALPATE_IMPORT="$<TARGET_FILE:palpate-import>"
   VOLUME_EXPORT_CHILD="$<TARGET_FILE:volume_export_child>")
+
+find_package(nlohmann_json REQUIRED)
+palpate_integration_test(daemon_edit_test daemon_edit_test.cpp palpate::wire palpate::proto
+  nlohmann_json::nlohmann_json)
+add_dependencies(daemon_edit_test palpated palpate palpate-import)
+target_compile_definitions(daemon_edit_test PRIVATE
+  PALPATED="$<TARGET_FILE:palpated>"
+  PALPATE="$<TARGET_FILE:palpate>")
