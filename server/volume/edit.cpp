@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <limits>
 #include <memory>
 
@@ -10,13 +11,25 @@
 namespace palpate {
 namespace {
 
-// Sets `changed` and the count.
+// What changed, brick by brick. Places along an axis of a brick are the bits of a
+// mask.
 class ChangeCounter {
  public:
-  void Add(const Vec3i& voxel) {
-    low_ = low_.cwiseMin(voxel);
-    high_ = high_.cwiseMax(voxel);
-    ++voxels_;
+  struct Masks {
+    unsigned i = 0, j = 0, k = 0;
+    std::uint64_t voxels = 0;
+  };
+
+  void Add(const Vec3i& brick, const Masks& masks) {
+    if (masks.voxels == 0) return;
+    const auto first = [](unsigned mask) { return std::countr_zero(mask); };
+    const auto last = [](unsigned mask) { return std::bit_width(mask) - 1; };
+    const Vec3i corner = brick * kBrickEdge;
+    low_ = low_.cwiseMin(corner + Vec3i(first(masks.i), first(masks.j), first(masks.k)));
+    high_ = high_.cwiseMax(corner + Vec3i(static_cast<int>(last(masks.i)),
+                                          static_cast<int>(last(masks.j)),
+                                          static_cast<int>(last(masks.k))));
+    voxels_ += masks.voxels;
   }
   void Into(EditResult& result) const {
     result.changed_voxels = voxels_;
@@ -28,6 +41,31 @@ class ChangeCounter {
   Vec3i high_ = Vec3i::Constant(-1);
   std::uint64_t voxels_ = 0;
 };
+
+// Has `value(n)` for the voxels of `part`, n their places in the brick, put into
+// `brick`, and says which of them are others than before.
+template <class Value>
+ChangeCounter::Masks Replace(Brick& brick, const VoxelBox& part, const Value& value) {
+  ChangeCounter::Masks masks;
+  for (int i = part.min.x(); i <= part.max.x(); ++i) {
+    for (int j = part.min.y(); j <= part.max.y(); ++j) {
+      unsigned row = 0;
+      for (int k = part.min.z(); k <= part.max.z(); ++k) {
+        const std::size_t n = VoxelInBrick(i, j, k);
+        const float was = brick[n];
+        const float is = value(n);
+        row |= static_cast<unsigned>(is != was) << k;
+        brick[n] = is != was ? is : was;
+      }
+      if (row == 0) continue;
+      masks.i |= 1u << i;
+      masks.j |= 1u << j;
+      masks.k |= row;
+      masks.voxels += static_cast<unsigned>(std::popcount(row));
+    }
+  }
+  return masks;
+}
 
 // Means of the 27 voxels around each voxel of a brick. Sums along one axis after
 // the other; within doubles, so that equal values have exactly their own mean.
@@ -108,93 +146,87 @@ class Editor {
       : volume_(volume),
         edit_(edit),
         least_(static_cast<float>(volume.metadata().value_min)),
-        greatest_(static_cast<float>(volume.metadata().value_max)) {}
+        greatest_(static_cast<float>(volume.metadata().value_max)) {
+    targets_.fill(edit.value);
+  }
 
   EditResult Run(const VoxelBox& box) {
     EditResult result;
+    ChangeCounter counter;
     const VoxelBox bricks{box.min / kBrickEdge, box.max / kBrickEdge};
     ForEach(bricks, [&](int a, int b, int c) {
       const Vec3i brick(a, b, c);
+      if (!weights_of_.Of(brick, weights_)) return;
       const VoxelBox part = PartOf(brick, box);
-      const Brick& before = *volume_.bricks().At(brick);
-      after_ = before;
-      const std::uint64_t count = std::holds_alternative<DenseBlock>(edit_.shape)
-                                      ? ByBlock(brick, part)
-                                      : ByShape(brick, part);
-      if (count > 0) result.changes.push_back({brick, std::make_shared<const Brick>(after_)});
+      FillTargets(brick, part);
+      after_ = *volume_.bricks().At(brick);
+      const ChangeCounter::Masks masks = Operate(part);
+      counter.Add(brick, masks);
+      if (masks.voxels > 0) {
+        result.changes.push_back({brick, std::make_shared<const Brick>(after_)});
+      }
     });
-    counter_.Into(result);
+    counter.Into(result);
     return result;
   }
 
  private:
-  std::uint64_t ByBlock(const Vec3i& brick, const VoxelBox& part) {
-    const auto& block = std::get<DenseBlock>(edit_.shape);
-    const Vec3i corner = brick * kBrickEdge;
-    const Vec3i from_block = corner - block.min.cast<int>();
-    std::uint64_t count = 0;
-    ForEach(part, [&](int i, int j, int k) {
-      const Vec3i place = from_block + Vec3i(i, j, k);
-      const auto n = static_cast<std::size_t>(
-          (place.z() * block.size.y() + place.y()) * block.size.x() + place.x());
-      count += Store(corner, i, j, k, 1.0, block.values[n]);
-    });
-    return count;
+  // What the voxels of a brick are led to, where that is not the edit's value.
+  void FillTargets(const Vec3i& brick, const VoxelBox& part) {
+    if (const auto* block = std::get_if<DenseBlock>(&edit_.shape)) {
+      const Vec3i from_block = brick * kBrickEdge - block->min.cast<int>();
+      ForEach(part, [&](int i, int j, int k) {
+        const auto place = (from_block + Vec3i(i, j, k)).cast<std::int64_t>().eval();
+        const auto n = static_cast<std::size_t>(
+            (place.z() * block->size.y() + place.y()) * block->size.x() + place.x());
+        targets_[VoxelInBrick(i, j, k)] = block->values[n];
+      });
+    } else if (edit_.operation == EditOperation::kSmooth) {
+      const BrickMeans means(volume_, brick);
+      ForEach(part,
+              [&](int i, int j, int k) { targets_[VoxelInBrick(i, j, k)] = means.At(i, j, k); });
+    }
   }
 
-  std::uint64_t ByShape(const Vec3i& brick, const VoxelBox& part) {
-    const EditWeights::Reach reach = weights_.Of(brick);
-    if (reach == EditWeights::Reach::kNone) return 0;
-    const Vec3i corner = brick * kBrickEdge;
-    std::optional<BrickMeans> means;
-    if (edit_.operation == EditOperation::kSmooth) means.emplace(volume_, brick);
-    std::uint64_t count = 0;
-    ForEach(part, [&](int i, int j, int k) {
-      const double weight = reach == EditWeights::Reach::kAll
-                                ? 1.0
-                                : weights_.At((corner + Vec3i(i, j, k)).cast<double>());
-      if (weight == 0.0) return;
-      count += Store(corner, i, j, k, weight, means ? means->At(i, j, k) : edit_.value);
-    });
-    return count;
-  }
-
-  // One voxel of after_. True where its value changed.
-  bool Store(const Vec3i& corner, int i, int j, int k, double weight, double value) {
-    float& voxel = after_[VoxelInBrick(i, j, k)];
-    const double result = std::clamp(Result(voxel, weight, value), least_, greatest_);
-    // A zero without sign: files do not keep it.
-    const float stored = static_cast<float>(result) + 0.0f;
-    if (stored == voxel) return false;
-    voxel = stored;
-    counter_.Add(corner + Vec3i(i, j, k));
-    return true;
-  }
-
-  double Result(double voxel, double weight, double value) const {
+  ChangeCounter::Masks Operate(const VoxelBox& part) {
+    // A choice of the operation outside of the loop over voxels.
+    const auto with = [&](const auto& result) {
+      return Replace(after_, part, [&](std::size_t n) {
+        const double weight = weights_[n];
+        if (weight == 0.0) return after_[n];
+        const double value = result(static_cast<double>(after_[n]), weight, targets_[n]);
+        // A zero without sign: files do not keep it.
+        return static_cast<float>(std::clamp(value, least_, greatest_)) + 0.0f;
+      });
+    };
+    // So that nothing of the old value is left by rounding.
+    const auto toward = [](double voxel, double share, double target) {
+      return share == 1.0 ? target : voxel + share * (target - voxel);
+    };
     switch (edit_.operation) {
       case EditOperation::kAdd:
-        return voxel + weight * value;
+        return with([](double voxel, double w, double target) { return voxel + w * target; });
       case EditOperation::kSubtract:
-        return voxel - weight * value;
+        return with([](double voxel, double w, double target) { return voxel - w * target; });
       case EditOperation::kSet:
-        break;
+        return with(toward);
       case EditOperation::kSmooth:
       case EditOperation::kPaint:
-        weight *= edit_.strength;
         break;
     }
-    // So that nothing of the old value is left by rounding.
-    return weight == 1.0 ? value : voxel + weight * (value - voxel);
+    return with([&](double voxel, double w, double target) {
+      return toward(voxel, w * edit_.strength, target);
+    });
   }
 
   const VolumeSnapshot& volume_;
   const VolumeEdit& edit_;
-  const EditWeights weights_{volume_, edit_};
+  const EditWeights weights_of_{volume_, edit_};
   const double least_;
   const double greatest_;
+  BrickNumbers weights_;
+  BrickNumbers targets_;
   Brick after_;
-  ChangeCounter counter_;
 };
 
 }  // namespace
@@ -210,15 +242,13 @@ EditResult CompareBricks(const VolumeSnapshot& volume, const std::vector<BrickCh
   ChangeCounter counter;
   const VoxelBox whole{Vec3i::Zero(), Vec3i::Constant(kBrickEdge - 1)};
   for (const BrickChange& change : changes) {
-    const Brick& before = *volume.bricks().At(change.brick);
-    if (&before == change.values.get() || before == *change.values) continue;
+    const BrickPtr& before = volume.bricks().At(change.brick);
+    if (before == change.values) continue;
+    Brick brick = *before;
+    const auto masks = Replace(brick, whole, [&](std::size_t n) { return (*change.values)[n]; });
+    if (masks.voxels == 0) continue;
+    counter.Add(change.brick, masks);
     result.changes.push_back(change);
-    ForEach(whole, [&](int i, int j, int k) {
-      const std::size_t n = VoxelInBrick(i, j, k);
-      if (before[n] != (*change.values)[n]) {
-        counter.Add(change.brick * kBrickEdge + Vec3i(i, j, k));
-      }
-    });
   }
   counter.Into(result);
   return result;

@@ -15,6 +15,9 @@ namespace {
 // Lengths beyond this are cut, so that squares stay finite: no volume is as large.
 constexpr double kFarthest = 1e30;
 
+// From a brick's first voxel to its middle, along an axis.
+constexpr double kHalfBrick = 0.5 * (kBrickEdge - 1);
+
 // A voxel that lies on the boundary of the region may seem to lie beyond it.
 constexpr double kSlackVoxels = 1e-6;
 
@@ -123,6 +126,34 @@ Span SpanOf(const CapsuleShape& capsule, const Vec3& row) {
   return {std::min(a, b), std::max(a, b), std::min(capsule.radius, kFarthest)};
 }
 
+// The distance of a position from a shape as a function: negative within it, and
+// never growing by more than the position moves.
+auto DistanceTo(const SphereShape& sphere) {
+  return [center = sphere.center, radius = std::min(sphere.radius, kFarthest)](const Vec3& p) {
+    return (p - center).norm() - radius;
+  };
+}
+
+auto DistanceTo(const BoxShape& box) {
+  return [min = Cut(box.min), max = Cut(box.max)](const Vec3& p) {
+    const Vec3 beyond = (min - p).cwiseMax(p - max);
+    const double nearest = beyond.maxCoeff();
+    return nearest <= 0.0 ? nearest : beyond.cwiseMax(0.0).norm();
+  };
+}
+
+auto DistanceTo(const CapsuleShape& capsule) {
+  const Vec3 way = capsule.to - capsule.from;
+  const double length = way.norm();
+  const Vec3 axis = length > 0.0 ? Vec3(way / length) : Vec3::Zero();
+  const double radius = std::min(capsule.radius, kFarthest);
+  return [from = capsule.from, length, axis, radius](const Vec3& p) {
+    const Vec3 away = p - from;
+    const double along = std::clamp(away.dot(axis), 0.0, length);
+    return (away - along * axis).norm() - radius;
+  };
+}
+
 AffineMap FrameFromIndex(const VolumeSnapshot& volume, EditFrame frame) {
   return frame == EditFrame::kWorld ? volume.metadata().WorldFromIndex() : AffineMap();
 }
@@ -198,34 +229,14 @@ std::optional<VoxelBox> EditedVoxels(const VolumeSnapshot& volume, const VolumeE
 
 EditWeights::EditWeights(const VolumeSnapshot& volume, const VolumeEdit& edit)
     : edit_(edit), X_FI_(FrameFromIndex(volume, edit.frame)) {
-  constexpr double kHalf = 0.5 * (kBrickEdge - 1);
   double farthest = 0.0;
   for (int corner = 0; corner < 4; ++corner) {
-    const Vec3 half(corner & 1 ? kHalf : -kHalf, corner & 2 ? kHalf : -kHalf, kHalf);
+    const Vec3 half(corner & 1 ? kHalfBrick : -kHalfBrick, corner & 2 ? kHalfBrick : -kHalfBrick,
+                    kHalfBrick);
     farthest = std::max(farthest, (X_FI_.linear * half).norm());
   }
   // More than it is: where rounding could decide, the voxels are asked one by one.
   brick_radius_ = farthest * (1.0 + 1e-6);
-  if (const auto* capsule = std::get_if<CapsuleShape>(&edit.shape)) {
-    const Vec3 way = capsule->to - capsule->from;
-    length_ = way.norm();
-    if (length_ > 0.0) axis_ = way / length_;
-  }
-}
-
-double EditWeights::Distance(const Vec3& position) const {
-  if (const auto* sphere = std::get_if<SphereShape>(&edit_.shape)) {
-    return (position - sphere->center).norm() - std::min(sphere->radius, kFarthest);
-  }
-  if (const auto* box = std::get_if<BoxShape>(&edit_.shape)) {
-    const Vec3 beyond = (box->min - position).cwiseMax(position - box->max);
-    const double nearest = beyond.maxCoeff();
-    return nearest <= 0.0 ? nearest : beyond.cwiseMax(0.0).cwiseMin(kFarthest).norm();
-  }
-  const auto& capsule = std::get<CapsuleShape>(edit_.shape);
-  const Vec3 away = position - capsule.from;
-  const double along = std::clamp(away.dot(axis_), 0.0, length_);
-  return (away - along * axis_).norm() - std::min(capsule.radius, kFarthest);
 }
 
 double EditWeights::OfDistance(double distance) const {
@@ -235,11 +246,40 @@ double EditWeights::OfDistance(double distance) const {
   return share * share * (3.0 - 2.0 * share);
 }
 
-EditWeights::Reach EditWeights::Of(const Vec3i& brick) const {
-  const Vec3 middle = (brick * kBrickEdge).cast<double>() + Vec3::Constant(0.5 * (kBrickEdge - 1));
-  const double distance = Distance(PositionOf(middle));
-  if (distance + brick_radius_ <= 0.0) return Reach::kAll;
-  return distance - brick_radius_ > edit_.falloff ? Reach::kNone : Reach::kSome;
+template <class Distance>
+bool EditWeights::Fill(const Vec3i& brick, const Distance& distance, BrickNumbers& weights) const {
+  const Vec3 corner = X_FI_.Apply((brick * kBrickEdge).cast<double>());
+  const Vec3 middle = corner + X_FI_.linear * Vec3::Constant(kHalfBrick);
+  // No voxel is farther from the middle, nor is its distance from the shape more
+  // different.
+  const double from_middle = distance(middle);
+  if (from_middle - brick_radius_ > edit_.falloff) return false;
+  if (from_middle + brick_radius_ <= 0.0) {
+    weights.fill(1.0);
+    return true;
+  }
+  for (int i = 0; i < kBrickEdge; ++i) {
+    for (int j = 0; j < kBrickEdge; ++j) {
+      const Vec3 row = corner + X_FI_.linear * Vec3(i, j, 0);
+      for (int k = 0; k < kBrickEdge; ++k) {
+        weights[VoxelInBrick(i, j, k)] = OfDistance(distance(row + k * X_FI_.linear.col(2)));
+      }
+    }
+  }
+  return true;
+}
+
+bool EditWeights::Of(const Vec3i& brick, BrickNumbers& weights) const {
+  return std::visit(
+      [&](const auto& shape) {
+        if constexpr (std::is_same_v<std::decay_t<decltype(shape)>, DenseBlock>) {
+          weights.fill(1.0);
+          return true;
+        } else {
+          return Fill(brick, DistanceTo(shape), weights);
+        }
+      },
+      edit_.shape);
 }
 
 }  // namespace palpate

@@ -5,6 +5,9 @@
 // Threads: pure; any. Errors: Error.
 #pragma once
 
+#include <array>
+#include <optional>
+
 #include "server/volume/edit.h"
 
 namespace palpate {
@@ -18,30 +21,25 @@ void CheckEdit(const VolumeSnapshot& volume, const VolumeEdit& edit);
 // lattice, or a block that sticks out; kTooLarge.
 std::optional<VoxelBox> EditedVoxels(const VolumeSnapshot& volume, const VolumeEdit& edit);
 
+// One number for every voxel of a brick.
+using BrickNumbers = std::array<double, kBrickVoxels>;
+
 // Weights of a shape other than a block. Borrows the edit.
 class EditWeights {
  public:
   EditWeights(const VolumeSnapshot& volume, const VolumeEdit& edit);
 
-  // In [0, 1]. `voxel`: in I.
-  double At(const Vec3& voxel) const { return OfDistance(Distance(PositionOf(voxel))); }
-
-  enum class Reach { kNone, kSome, kAll };
-  // Of the brick's voxels: all have weight 0, or all have weight 1, or neither is
-  // sure.
-  Reach Of(const Vec3i& brick) const;
+  // Of the voxels of a brick, each in [0, 1]. False: all are 0, and none is set.
+  bool Of(const Vec3i& brick, BrickNumbers& weights) const;
 
  private:
-  Vec3 PositionOf(const Vec3& voxel) const { return X_FI_.linear * voxel + X_FI_.translation; }
-  // From the shape, negative within it; grows by at most the distance moved.
-  double Distance(const Vec3& position) const;
+  template <class Distance>
+  bool Fill(const Vec3i& brick, const Distance& distance, BrickNumbers& weights) const;
   double OfDistance(double distance) const;
 
   const VolumeEdit& edit_;
   AffineMap X_FI_;  // index to the edit's frame
   double brick_radius_;
-  Vec3 axis_ = Vec3::Zero();  // of a capsule: unit vector, and its length
-  double length_ = 0.0;
 };
 
 }  // namespace palpate
