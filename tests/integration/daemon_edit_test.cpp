@@ -408,6 +408,35 @@ TEST_F(EditTest, BadSavesHaveTheirStatusAndLeaveNothing) {
   EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder.path()), {}), 0);
 }
 
+TEST_F(EditTest, ASaveIsOfOneRevisionWhileEditsGoOnAndCanBeCancelled) {
+  const TemporaryFolder folder;
+  ASSERT_EQ(Run({"load", "builtin:gyroid:200"}).exit_code, 0);
+  v1::SaveVolumeRequest request;
+  request.set_path((folder.path() / "a.nrrd").string());
+  grpc::ClientContext context;
+  const auto reader = daemon_->volume->SaveVolume(&context, request);
+  v1::SaveVolumeResponse event;
+  ASSERT_TRUE(reader->Read(&event));
+  // The first tells that it is under way: no other one is begun, edits are made.
+  EXPECT_EQ(Save((folder.path() / "b.vdb").string()).status.error_code(), StatusCode::ABORTED);
+  ASSERT_TRUE(Edit(Box(70, 72, 0.5)).ok());
+  EXPECT_EQ(last_.volume_revision(), 3u);
+  context.TryCancel();
+  while (reader->Read(&event)) {
+  }
+  EXPECT_EQ(reader->Finish().error_code(), StatusCode::CANCELLED);
+  // The daemon may still be about to end it.
+  const auto empty = [&] { return std::filesystem::is_empty(folder.path()); };
+  for (int n = 0; n < 1000 && !empty(); ++n) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  }
+  EXPECT_TRUE(empty());
+  ASSERT_TRUE(Undo().ok());
+  const SaveRun again = Save(request.path());
+  ASSERT_TRUE(again.status.ok()) << again.status.error_message();
+  EXPECT_EQ(again.result->volume_revision(), 4u);
+}
+
 TEST_F(EditTest, TheClientEditsTakesBackAndSaves) {
   const auto json = [](const ProcessResult& result) {
     EXPECT_EQ(result.exit_code, 0) << result.error;
