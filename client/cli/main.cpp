@@ -11,6 +11,7 @@
 
 #include "client/cli/connection.h"
 #include "client/cli/edit_options.h"
+#include "client/cli/download_options.h"
 #include "client/cli/info_command.h"
 #include "client/cli/invocation.h"
 #include "client/cli/load_options.h"
@@ -144,6 +145,7 @@ int Main(int argc, char** argv) {
   SetValues set;
   LoadValues load;
   PlaceValues place;
+  DownloadOptions download;
   CLI::App app("Steers and watches palpated, the daemon that makes a volume's isosurface felt.",
                "palpate");
   app.footer(
@@ -170,6 +172,7 @@ int Main(int argc, char** argv) {
   AddEdit(app, invocation);
   AddHistory(app, invocation);
   AddSave(app, invocation);
+  AddDownload(app, invocation, download);
   try {
     app.parse(Arguments(argc, argv));
   } catch (const CLI::Success& help) {

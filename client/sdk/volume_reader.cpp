@@ -27,6 +27,15 @@ bool IsWorthTrying(grpc::StatusCode code) {
   }
 }
 
+Error ErrorOf(const grpc::Status& status) {
+  if (status.ok()) return {ErrorKind::kUnavailable, "palpated ended the stream"};
+  if (status.error_code() == grpc::StatusCode::UNIMPLEMENTED) {
+    return {ErrorKind::kUnavailable,
+            "this palpated does not stream its volume: it is of an older version"};
+  }
+  return FromStatus(status);
+}
+
 }  // namespace
 
 VolumeReader::VolumeReader(std::shared_ptr<grpc::Channel> channel, VolumeMirror& mirror,
@@ -72,8 +81,7 @@ VolumeReader::Event VolumeReader::Next(std::chrono::milliseconds timeout) {
 }
 
 VolumeReader::Event VolumeReader::End(const grpc::Status& status) {
-  const Error error = status.ok() ? Error(ErrorKind::kUnavailable, "palpated ended the stream")
-                                  : FromStatus(status);
+  const Error error = ErrorOf(status);
   if (!IsWorthTrying(status.error_code())) {
     // Only a resumed stream can be wrong: without the revision it is not.
     const bool resumed =

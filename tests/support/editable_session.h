@@ -20,6 +20,10 @@ class EditableSession {
   EditableSession() { inbox_.ReaderStopped(); }
 
   Session& session() { return session_; }
+  SceneInbox& inbox() { return inbox_; }
+  TickOutbox& outbox() { return *outbox_; }
+  Pump& pump() { return pump_; }
+  const DeviceSpec& device() const { return device_; }
   std::shared_ptr<const VolumeSnapshot> volume() const { return session_.volume().volume; }
 
   void Load(const std::string& source) {
@@ -87,8 +91,8 @@ class EditableSession {
   tbb::global_control serial_{tbb::global_control::max_allowed_parallelism, 1};
   DeviceSpec device_ = SimulatedDeviceSpec();
   SceneInbox inbox_;
-  TickOutbox outbox_;
-  Pump pump_{outbox_};
+  std::unique_ptr<TickOutbox> outbox_ = std::make_unique<TickOutbox>();
+  Pump pump_{*outbox_};
   Session session_{device_, inbox_, pump_, VolumeLoader{}};
 };
 

@@ -1,0 +1,12 @@
+// The options of `palpate download`.
+#pragma once
+
+#include "client/cli/download_command.h"
+#include "client/cli/invocation.h"
+
+namespace palpate::cli {
+
+// `options` is to outlive the parse and the command.
+void AddDownload(CLI::App& app, Invocation& invocation, DownloadOptions& options);
+
+}  // namespace palpate::cli
