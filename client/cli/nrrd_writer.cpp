@@ -66,7 +66,7 @@ class FileBeside {
 };
 
 std::string VectorText(const Vec3& v) {
-  return fmt::format("({:.17g},{:.17g},{:.17g})", v.x(), v.y(), v.z());
+  return fmt::format("({},{},{})", v.x(), v.y(), v.z());
 }
 
 std::string Header(const VolumeLattice& lattice) {

@@ -34,7 +34,7 @@ class VolumeStreams::Stream {
   Stream(VolumeFeed made, std::weak_ptr<VolumeSink> to)
       : feed(std::move(made)), sink(std::move(to)) {}
 
-  VolumeFeed feed;  // of the thread of the streams
+  std::optional<VolumeFeed> feed;  // of the thread of the streams; none at the end
   const std::weak_ptr<VolumeSink> sink;
   // Guarded by the streams' mutex.
   std::uint64_t acknowledged = 0;
@@ -129,6 +129,8 @@ void VolumeStreams::Run() {
   while (const std::optional<Round> round = NextRound(worked)) {
     worked = false;
     for (const Turn& turn : round->turns) worked |= Take(turn, round->now);
+    // Whoever keeps the stream does not keep its volume.
+    for (const auto& stream : round->ended) stream->feed.reset();
   }
 }
 
@@ -159,17 +161,17 @@ std::optional<VolumeStreams::Round> VolumeStreams::NextRound(bool at_once) {
 bool VolumeStreams::Take(const Turn& turn, const VolumeNow& now) {
   Stream& stream = *turn.stream;
   const auto time = VolumeFeed::Clock::now();
-  stream.feed.Acknowledge(turn.acknowledged, time);
-  const bool works = !turn.writing && stream.feed.HasWork(now);
+  stream.feed->Acknowledge(turn.acknowledged, time);
+  const bool works = !turn.writing && stream.feed->HasWork(now);
   std::optional<VolumeMessage> message;
   if (works) {
-    message = stream.feed.Step(now, time);
+    message = stream.feed->Step(now, time);
   } else {
-    stream.feed.LetGo(now, time);
+    stream.feed->LetGo(now, time);
   }
   {
     const std::lock_guard lock(mutex_);
-    stream.held_revision = stream.feed.held() ? stream.feed.held()->revision() : 0;
+    stream.held_revision = stream.feed->held() ? stream.feed->held()->revision() : 0;
     // Before the write, as WriteDone may come at once.
     stream.writing |= message.has_value();
   }

@@ -1,0 +1,243 @@
+// The viewer's copy: messages that make no sense, damage, limits, what changed.
+#include "client/sdk/volume_mirror.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <random>
+
+#include "common/bricks/float_codec.h"
+#include "common/error/error.h"
+#include "tests/support/refusal.h"
+
+namespace palpate {
+namespace {
+
+using testing::Refusal;
+
+// 2 x 1 x 3 bricks.
+VolumeLattice Lattice() {
+  VolumeLattice lattice;
+  lattice.source = "test";
+  lattice.size = Vec3i(10, 8, 17);
+  lattice.value_min = -5.0;
+  lattice.value_max = 10.0;
+  lattice.loaded_revision = 3;
+  return lattice;
+}
+
+VolumeBricks Bricks(std::vector<std::uint64_t> numbers, float value = 1.0f) {
+  const std::vector<float> values(numbers.size() * kBrickVoxels, value);
+  return {std::move(numbers), CompressFloats(values), 0};
+}
+
+VolumeOverview Overview(std::uint64_t first, std::size_t count) {
+  return {Vec3i(3, 2, 5), first, CompressFloats(std::vector<float>(count, 0.5f))};
+}
+
+// Of bricks that are constant.
+VolumeComplete Complete(const std::vector<float>& values, std::uint64_t revision = 4) {
+  VolumeComplete complete{{9, revision}, {}};
+  for (std::size_t n = 0; n < values.size(); ++n) {
+    Brick brick;
+    brick.fill(values[n]);
+    complete.content_hash += HashOfBrick(brick, n);
+  }
+  return complete;
+}
+
+VolumeMirror Begun() {
+  VolumeMirror mirror;
+  mirror.Apply(Lattice());
+  return mirror;
+}
+
+// Refused, and the copy is void afterwards.
+void ExpectRefused(VolumeMirror mirror, const VolumeEvent& event,
+                   ErrorKind kind = ErrorKind::kInvalidArgument) {
+  EXPECT_EQ(Refusal([&] { mirror.Apply(event); }), kind);
+  EXPECT_FALSE(mirror.lattice());
+  EXPECT_FALSE(mirror.resume());
+  EXPECT_FALSE(mirror.is_complete());
+  EXPECT_TRUE(mirror.TakeChanges().all);
+}
+
+TEST(VolumeMirror, BecomesTheVolumeThatItIsToldOf) {
+  VolumeMirror mirror = Begun();
+  EXPECT_FALSE(mirror.is_complete());
+  EXPECT_EQ(mirror.Value(9, 7, 16), -5.0f);
+  mirror.Apply(Bricks({1, 5}, 2.0f));
+  mirror.Apply(Complete({-5, 2, -5, -5, -5, 2}));
+  EXPECT_TRUE(mirror.is_complete());
+  EXPECT_EQ(*mirror.resume(), (VolumeRevision{9, 4}));
+  EXPECT_EQ(mirror.Value(0, 0, 8), 2.0f);
+  EXPECT_EQ(mirror.Value(7, 7, 7), -5.0f);
+  EXPECT_EQ(mirror.Value(8, 0, 16), 2.0f);
+  // On the way to the next revision the last one is what can be resumed from.
+  mirror.Apply(Bricks({0}, 7.0f));
+  EXPECT_FALSE(mirror.is_complete());
+  EXPECT_EQ(*mirror.resume(), (VolumeRevision{9, 4}));
+  mirror.Apply(Complete({7, 2, -5, -5, -5, 2}, 6));
+  EXPECT_EQ(*mirror.resume(), (VolumeRevision{9, 6}));
+}
+
+TEST(VolumeMirror, SaysWhatChanged) {
+  VolumeMirror mirror = Begun();
+  EXPECT_TRUE(mirror.TakeChanges().all);
+  EXPECT_TRUE(mirror.TakeChanges().numbers.empty());
+  mirror.Apply(Bricks({3, 4}));
+  mirror.Apply(Bricks({0, 4}));
+  const VolumeChanges changes = mirror.TakeChanges();
+  EXPECT_FALSE(changes.all);
+  EXPECT_EQ(changes.numbers, (std::vector<std::uint64_t>{0, 3, 4}));
+  mirror.Apply(Bricks({3}));
+  mirror.Apply(Lattice());
+  mirror.Apply(Bricks({2}));
+  EXPECT_TRUE(mirror.TakeChanges().all);
+}
+
+TEST(VolumeMirror, BricksThatWereHandedOutStay) {
+  VolumeMirror mirror = Begun();
+  const BrickPtr before = mirror.At(2);
+  mirror.Apply(Bricks({2}, 3.0f));
+  EXPECT_EQ((*before)[0], -5.0f);
+  EXPECT_EQ((*mirror.At(2))[0], 3.0f);
+}
+
+TEST(VolumeMirror, AnotherVolumeVoidsTheCopy) {
+  VolumeMirror mirror = Begun();
+  mirror.Apply(VolumePlacement{});
+  mirror.Apply(Overview(0, 30));
+  mirror.Apply(Complete({-5, -5, -5, -5, -5, -5}));
+  EXPECT_EQ(mirror.overview().size(), 30u);
+  mirror.Apply(Lattice());
+  EXPECT_FALSE(mirror.resume());
+  EXPECT_FALSE(mirror.placement());
+  EXPECT_TRUE(mirror.overview().empty());
+}
+
+TEST(VolumeMirror, TheOverviewIsThereWhenItIsWhole) {
+  VolumeMirror mirror = Begun();
+  mirror.Apply(Overview(0, 12));
+  EXPECT_TRUE(mirror.overview().empty());
+  mirror.Apply(Overview(12, 18));
+  ASSERT_EQ(mirror.overview().size(), 30u);
+  EXPECT_EQ(mirror.overview()[29], 0.5f);
+}
+
+TEST(VolumeMirror, RefusesWhatMakesNoSense) {
+  for (const VolumeEvent& early : std::initializer_list<VolumeEvent>{
+           Bricks({0}), Overview(0, 30), Complete({}), Complete({-5, -5, -5, -5, -5, -5})}) {
+    ExpectRefused(VolumeMirror(), early);
+  }
+  ExpectRefused(Begun(), Bricks({}));
+  ExpectRefused(Begun(), Bricks({6}));
+  ExpectRefused(Begun(), Bricks({~std::uint64_t{0}}));
+  ExpectRefused(Begun(), Bricks({1, 0}));
+  ExpectRefused(Begun(), Bricks({1, 1}));
+  std::vector<std::uint64_t> many(4097);
+  for (std::size_t n = 0; n < many.size(); ++n) many[n] = n;
+  ExpectRefused(Begun(), VolumeBricks{many, "", 0});
+  VolumeBricks left = Bricks({1});
+  left.bricks_left = 7;
+  ExpectRefused(Begun(), left);
+  // Values of another number of bricks.
+  VolumeBricks mixed = Bricks({1, 2});
+  mixed.numbers = {1};
+  ExpectRefused(Begun(), mixed);
+  mixed.numbers = {1, 2, 3};
+  ExpectRefused(Begun(), mixed);
+  ExpectRefused(Begun(), Overview(1, 29));
+  ExpectRefused(Begun(), Overview(0, 31));
+  VolumeOverview small = Overview(0, 30);
+  small.size = Vec3i(3, 2, 4);
+  ExpectRefused(Begun(), small);
+  small = Overview(0, 30);
+  small.zstd_values = "no zstd";
+  ExpectRefused(Begun(), small);
+}
+
+TEST(VolumeMirror, RefusesLatticesThatCannotBe) {
+  const auto with_size = [](int x, int y, int z) {
+    VolumeLattice lattice = Lattice();
+    lattice.size = Vec3i(x, y, z);
+    return lattice;
+  };
+  for (const VolumeLattice& bad : {with_size(0, 1, 1), with_size(1, -1, 1), with_size(1, 1, 0)}) {
+    ExpectRefused(Begun(), bad);
+  }
+  constexpr int kMost = std::numeric_limits<int>::max();
+  for (const VolumeLattice& large : {with_size(kMost, kMost, kMost), with_size(2048, 1024, 1025)}) {
+    ExpectRefused(Begun(), large, ErrorKind::kTooLarge);
+  }
+  VolumeMirror limited(10 * 8 * 17 - 1);
+  EXPECT_EQ(Refusal([&] { limited.Apply(Lattice()); }), ErrorKind::kTooLarge);
+  VolumeLattice endless = Lattice();
+  endless.value_min = std::nan("");
+  ExpectRefused(Begun(), endless);
+}
+
+TEST(VolumeMirror, ACopyThatIsNotEqualIsNotComplete) {
+  VolumeMirror mirror = Begun();
+  mirror.Apply(Bricks({1}, 2.0f));
+  ExpectRefused(mirror, Complete({-5, 2, -5, -5, -5, 2}), ErrorKind::kInternal);
+  ExpectRefused(mirror, Complete({-5, std::nextafter(2.0f, 3.0f), -5, -5, -5, -5}),
+                ErrorKind::kInternal);
+  // The same bricks in other places.
+  ExpectRefused(mirror, Complete({2, -5, -5, -5, -5, -5}), ErrorKind::kInternal);
+  mirror.Apply(Complete({-5, 2, -5, -5, -5, -5}));
+}
+
+TEST(VolumeMirror, EveryFlippedBitIsFound) {
+  std::mt19937 random(1);
+  std::vector<float> values(2 * kBrickVoxels);
+  for (float& value : values) value = static_cast<float>(random() % 100);
+  const VolumeBricks good{{0, 4}, CompressFloats(values), 0};
+  VolumeMirror right = Begun();
+  right.Apply(good);
+  VolumeComplete complete{{9, 4}, {}};
+  for (std::uint64_t n = 0; n < 6; ++n) complete.content_hash += HashOfBrick(*right.At(n), n);
+  right.Apply(complete);
+  int found = 0, harmless = 0;
+  for (std::size_t byte = 0; byte < good.zstd_values.size(); ++byte) {
+    VolumeBricks bad = good;
+    bad.zstd_values[byte] = static_cast<char>(bad.zstd_values[byte] ^ (1 << (random() % 8)));
+    VolumeMirror mirror = Begun();
+    const bool refused = Refusal([&] {
+                           mirror.Apply(bad);
+                           mirror.Apply(complete);
+                         }).has_value();
+    found += refused;
+    // A bit that zstd does not read: the copy is equal all the same.
+    harmless += !refused && *mirror.At(0) == *right.At(0) && *mirror.At(4) == *right.At(4);
+  }
+  EXPECT_EQ(found + harmless, static_cast<int>(good.zstd_values.size()));
+  EXPECT_GT(found, 9 * harmless);
+}
+
+TEST(FloatCodec, RoundTripsAnyBits) {
+  const float nan = std::numeric_limits<float>::quiet_NaN();
+  const float infinity = std::numeric_limits<float>::infinity();
+  for (const std::vector<float>& values :
+       {std::vector<float>{}, {0.0f}, {-0.0f, nan, -infinity, 1e-42f}, std::vector<float>(99999)}) {
+    const std::string bytes = CompressFloats(values);
+    ASSERT_EQ(CountFloats(bytes, values.size()), values.size());
+    std::vector<float> back(values.size(), 7.0f);
+    DecompressFloats(bytes, back);
+    EXPECT_EQ(std::memcmp(back.data(), values.data(), values.size() * sizeof(float)), 0);
+    if (values.empty()) continue;
+    EXPECT_EQ(Refusal([&] { CountFloats(bytes, values.size() - 1); }), ErrorKind::kInvalidArgument);
+    back.resize(values.size() - 1);
+    EXPECT_EQ(Refusal([&] { DecompressFloats(bytes, back); }), ErrorKind::kInvalidArgument);
+    back.resize(values.size() + 1);
+    EXPECT_EQ(Refusal([&] { DecompressFloats(bytes, back); }), ErrorKind::kInvalidArgument);
+    EXPECT_EQ(Refusal([&] { DecompressFloats(bytes.substr(0, bytes.size() / 2), back); }),
+              ErrorKind::kInvalidArgument);
+  }
+  EXPECT_EQ(Refusal([&] { CountFloats("", 8); }), ErrorKind::kInvalidArgument);
+}
+
+}  // namespace
+}  // namespace palpate
