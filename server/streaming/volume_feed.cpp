@@ -65,7 +65,7 @@ void VolumeFeed::Acknowledge(std::uint64_t message_number, Clock::time_point tim
 }
 
 bool VolumeFeed::IsBehind(const VolumeNow& now) const {
-  return transfer_ || !told_complete_ || revision_ != now.volume->revision();
+  return transfer_ || complete_ || !told_complete_ || revision_ != now.volume->revision();
 }
 
 // The map is from voxels: it means nothing to those who have another volume.
@@ -86,8 +86,25 @@ std::optional<VolumeMessage> VolumeFeed::Step(const VolumeNow& now, Clock::time_
 
 void VolumeFeed::LetGo(const VolumeNow& now, Clock::time_point time) {
   if (!transfer_ || transfer_->volume->revision() == now.volume->revision()) return;
-  const bool is_void = transfer_->volume->loaded_revision() != now.volume->loaded_revision();
-  if (is_void || time - progress_ > kStall) transfer_.reset();
+  if (transfer_->volume->loaded_revision() != now.volume->loaded_revision()) {
+    transfer_.reset();
+  } else if (time - progress_ > kStall) {
+    KeepPartial();
+    transfer_.reset();
+  }
+}
+
+void VolumeFeed::KeepPartial() {
+  const Transfer& transfer = *transfer_;
+  if (transfer.phase != Phase::kBricks || transfer.next == 0) return;
+  // Below an earlier end some bricks are of this revision and some of that one:
+  // what was said of them still holds.
+  const std::uint64_t end = transfer.numbers[transfer.next - 1] + 1;
+  if (end >= partial_.end) partial_ = {end, transfer.volume->revision()};
+}
+
+bool VolumeFeed::HasGot(const BrickDirectory& bricks, std::uint64_t number) const {
+  return number < partial_.end && bricks.RevisionOf(bricks.BrickOf(number)) <= partial_.revision;
 }
 
 std::optional<VolumeEvent> VolumeFeed::NextEvent(const VolumeNow& now) {
@@ -102,7 +119,8 @@ std::optional<VolumeEvent> VolumeFeed::NextEvent(const VolumeNow& now) {
   if (transfer_ && transfer_->volume->loaded_revision() != now.volume->loaded_revision()) {
     transfer_.reset();
   }
-  if (!transfer_) Begin(now);
+  if (!transfer_ && !complete_) Begin(now);
+  if (complete_) return TakeComplete();
   switch (transfer_->phase) {
     case Phase::kLattice:
       return TakeLattice();
@@ -112,30 +130,35 @@ std::optional<VolumeEvent> VolumeFeed::NextEvent(const VolumeNow& now) {
     case Phase::kOverview:
       return TakeOverview();
     case Phase::kBricks:
-      return TakeBricks();
-    case Phase::kComplete:
       break;
   }
-  return TakeComplete();
+  return TakeBricks();
 }
 
-// Without a complete copy of this volume all of it is sent: bricks of a transfer
-// that was given up may lie where there is background now.
 void VolumeFeed::Begin(const VolumeNow& now) {
   transfer_.emplace();
   transfer_->volume = now.volume;
-  if (!revision_ || *revision_ < now.volume->loaded_revision()) {
+  if (loaded_revision_ != now.volume->loaded_revision()) {
     transfer_->phase = Phase::kLattice;
     return;
   }
-  transfer_->numbers = now.volume->bricks().ChangedSince(*revision_);
-  transfer_->phase = transfer_->numbers.empty() ? Phase::kComplete : Phase::kBricks;
+  if (!revision_) {
+    transfer_->phase = Phase::kSelect;
+    return;
+  }
+  const BrickDirectory& bricks = now.volume->bricks();
+  transfer_->numbers = bricks.ChangedSince(*revision_);
+  std::erase_if(transfer_->numbers, [&](std::uint64_t n) { return HasGot(bricks, n); });
+  transfer_->phase = Phase::kBricks;
+  if (transfer_->numbers.empty()) HasSentBricks();
 }
 
 VolumeEvent VolumeFeed::TakeLattice() {
   const VolumeSnapshot& volume = *transfer_->volume;
   const VolumeMetadata& metadata = volume.metadata();
   revision_.reset();
+  partial_ = {};
+  overview_sent_ = 0;
   X_DI_.reset();
   loaded_revision_ = volume.loaded_revision();
   transfer_->phase = Phase::kSelect;
@@ -153,33 +176,38 @@ void VolumeFeed::Select() {
   const VolumeSnapshot& volume = *transfer_->volume;
   Brick background;
   background.fill(static_cast<float>(volume.metadata().value_min));
+  const BrickDirectory& bricks = volume.bricks();
   const std::uint64_t end = BricksOf(volume);
   const std::uint64_t stop = std::min(transfer_->next + kBricksPerSelection, end);
   for (; transfer_->next < stop; ++transfer_->next) {
-    const Vec3i brick = volume.bricks().BrickOf(transfer_->next);
-    if (!IsBackground(*volume.bricks().At(brick), background)) {
-      transfer_->numbers.push_back(transfer_->next);
-    }
+    const std::uint64_t number = transfer_->next;
+    const bool has_it = number < partial_.end
+                            ? HasGot(bricks, number)
+                            : IsBackground(*bricks.At(bricks.BrickOf(number)), background);
+    if (!has_it) transfer_->numbers.push_back(number);
   }
   if (transfer_->next < end) return;
   transfer_->next = 0;
+  const std::uint64_t blocks = OverviewSize(volume.size()).cast<std::uint64_t>().prod();
   transfer_->phase = Phase::kOverview;
+  if (overview_sent_ == blocks) LeaveOverview();
 }
 
 VolumeEvent VolumeFeed::TakeOverview() {
   const VolumeSnapshot& volume = *transfer_->volume;
-  VolumeOverview overview{OverviewSize(volume.size()), transfer_->next, {}};
+  VolumeOverview overview{OverviewSize(volume.size()), overview_sent_, {}};
   const std::uint64_t end = overview.size.cast<std::uint64_t>().prod();
-  const std::uint64_t stop = std::min(transfer_->next + kBlocksPerMessage, end);
-  std::vector<float> means(stop - transfer_->next);
-  FillOverview(volume, transfer_->next, means);
+  std::vector<float> means(std::min(kBlocksPerMessage, end - overview_sent_));
+  FillOverview(volume, overview_sent_, means);
   overview.zstd_values = CompressFloats(means);
-  transfer_->next = stop;
-  if (stop == end) {
-    transfer_->next = 0;
-    transfer_->phase = transfer_->numbers.empty() ? Phase::kComplete : Phase::kBricks;
-  }
+  overview_sent_ += means.size();
+  if (overview_sent_ == end) LeaveOverview();
   return overview;
+}
+
+void VolumeFeed::LeaveOverview() {
+  transfer_->phase = Phase::kBricks;
+  if (transfer_->numbers.empty()) HasSentBricks();
 }
 
 VolumeEvent VolumeFeed::TakeBricks() {
@@ -197,16 +225,22 @@ VolumeEvent VolumeFeed::TakeBricks() {
   event.zstd_values = CompressFloats(values);
   transfer_->next += count;
   event.bricks_left = numbers.size() - transfer_->next;
-  if (event.bricks_left == 0) transfer_->phase = Phase::kComplete;
+  if (event.bricks_left == 0) HasSentBricks();
   return event;
 }
 
-VolumeEvent VolumeFeed::TakeComplete() {
+void VolumeFeed::HasSentBricks() {
   const VolumeSnapshot& volume = *transfer_->volume;
-  const VolumeComplete complete{{daemon_id_, volume.revision()}, volume.bricks().content_hash()};
-  revision_ = volume.revision();
-  told_complete_ = true;
+  complete_ = VolumeComplete{{daemon_id_, volume.revision()}, volume.bricks().content_hash()};
   transfer_.reset();
+}
+
+VolumeEvent VolumeFeed::TakeComplete() {
+  const VolumeComplete complete = *complete_;
+  complete_.reset();
+  revision_ = complete.revision.volume_revision;
+  partial_ = {};
+  told_complete_ = true;
   return complete;
 }
 

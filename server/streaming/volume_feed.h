@@ -4,8 +4,8 @@
 // revision that its copy has. What it lacks are the bricks that changed since,
 // which the newest volume knows. While one revision is on its way its volume is
 // held; a subscriber that stops reading loses that hold when there is a newer one,
-// and later gets what it lacks of the one that is newest then. So it costs a
-// number, whatever happens to the volume.
+// and later gets what it lacks of the one that is newest then, without what it had
+// got of the first. So it costs a few numbers, whatever happens to the volume.
 //
 // Order of the events of one revision: lattice (of another volume than before),
 // placement (where it is not known), overview and the bricks that are not all
@@ -66,41 +66,55 @@ class VolumeFeed {
   // transport is busy: lets go of a volume that is no longer the newest.
   void LetGo(const VolumeNow& now, Clock::time_point time);
 
-  // A volume of an older revision that is held for this subscriber.
+  // The volume that is on its way to this subscriber.
   const VolumeSnapshot* held() const { return transfer_ ? transfer_->volume.get() : nullptr; }
 
  private:
-  enum class Phase { kLattice, kSelect, kOverview, kBricks, kComplete };
+  enum class Phase { kLattice, kSelect, kOverview, kBricks };
 
   // One revision on its way.
   struct Transfer {
     std::shared_ptr<const VolumeSnapshot> volume;
     Phase phase = Phase::kBricks;
-    std::uint64_t next = 0;                // brick to look at, block of the overview, or of numbers
+    std::uint64_t next = 0;                // brick to look at, then place in numbers
     std::vector<std::uint64_t> numbers{};  // of the bricks to send
+  };
+
+  // What came of revisions that were let go of.
+  struct Partial {
+    std::uint64_t end = 0;       // of bricks below this number
+    std::uint64_t revision = 0;  // the subscriber has this revision, or a newer one
   };
 
   bool IsOpen() const { return sent_ - acknowledged_ < window_; }
   bool IsBehind(const VolumeNow& now) const;
   bool IsMisplaced(const VolumeNow& now) const;
   void Begin(const VolumeNow& now);
+  void KeepPartial();
+  bool HasGot(const BrickDirectory& bricks, std::uint64_t number) const;
   std::optional<VolumeEvent> NextEvent(const VolumeNow& now);
   VolumeEvent TakeLattice();
   void Select();
   VolumeEvent TakeOverview();
+  void LeaveOverview();
   VolumeEvent TakeBricks();
   VolumeEvent TakeComplete();
+  void HasSentBricks();
 
   std::uint64_t daemon_id_;
   std::uint64_t window_;
-  // Of the last `complete`; none where the copy is void.
+  // Of the last `complete`; none where there was background before.
   std::optional<std::uint64_t> revision_;
+  Partial partial_;  // besides
   // Of the volume whose lattice the subscriber has.
   std::optional<std::uint64_t> loaded_revision_;
-  std::optional<AffineMap> X_DI_;  // that it was told
-  bool placed_last_ = false;       // by the last step
-  bool told_complete_ = false;     // on this stream
+  std::uint64_t overview_sent_ = 0;  // blocks of it
+  std::optional<AffineMap> X_DI_;    // that it was told
+  bool placed_last_ = false;         // by the last step
+  bool told_complete_ = false;       // on this stream
   std::optional<Transfer> transfer_;
+  // Its bricks have been sent: to be said next.
+  std::optional<VolumeComplete> complete_;
 
   std::uint64_t sent_ = 0;
   std::uint64_t acknowledged_ = 0;

@@ -297,12 +297,44 @@ TEST_F(VolumeFeedTest, WhoReadsNothingHoldsAnOldVolumeForTwoSeconds) {
     feed.LetGo(Now(), time_);
     EXPECT_EQ(feed.held(), nullptr);
   }
-  // And then catches up, from the start as it had nothing whole.
+  // And then catches up.
   Keep();
   feed.Acknowledge(2, time_);
   PassAll(feed);
   ExpectNewest();
-  EXPECT_EQ(counts_.lattices, 2);
+  EXPECT_EQ(counts_.lattices, 1);
+}
+
+// A message every three seconds: each belongs to a revision of its own, as somebody
+// edits all the time.
+TEST_F(VolumeFeedTest, WhoReadsVerySlowlyGetsThereAllTheSame) {
+  data_.LoadMade(Vec3i(128, 64, 64), [](int, int, int) { return 0.5f; });
+  Keep();
+  VolumeFeed feed = MakeFeed({}, 1);
+  int copies = 0;
+  for (int round = 0; round < 2; ++round) {
+    const int before = counts_.completes;
+    for (int n = 0; n < 200 && counts_.completes == before; ++n) {
+      ASSERT_TRUE(Pass(feed, false));
+      Edit(8);
+      time_ += std::chrono::seconds(3);
+      feed.LetGo(Now(), time_);
+      EXPECT_EQ(feed.held(), nullptr);
+      feed.Acknowledge(number_, time_);
+    }
+    copies += counts_.completes - before;
+    // Now all of it is another, on top of a copy that is whole.
+    data_.session().PublishBricks(EditableSession::Painted(
+        data_.volume()->bricks(), Vec3i::Zero(), Vec3i(128, 64, 64), [] { return 0.25f; }));
+    Keep();
+  }
+  EXPECT_EQ(copies, 2);
+  EXPECT_EQ(counts_.lattices, 1);
+  EXPECT_EQ(counts_.overviews, 1);
+  // 1024 bricks twice, and what was edited meanwhile.
+  EXPECT_LT(counts_.bricks, 3 * 1024u);
+  PassAll(feed);
+  ExpectNewest();
 }
 
 TEST_F(VolumeFeedTest, WhoReadsSlowlyGetsWhatItBegan) {
