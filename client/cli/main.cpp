@@ -17,6 +17,7 @@
 #include "client/cli/load_options.h"
 #include "client/cli/output.h"
 #include "client/cli/place_options.h"
+#include "client/cli/record_options.h"
 #include "client/cli/set_command.h"
 #include "client/cli/setting.h"
 #include "client/cli/watch_command.h"
@@ -146,6 +147,7 @@ int Main(int argc, char** argv) {
   LoadValues load;
   PlaceValues place;
   DownloadOptions download;
+  RecordValues record;
   CLI::App app("Steers and watches palpated, the daemon that makes a volume's isosurface felt.",
                "palpate");
   app.footer(
@@ -173,6 +175,9 @@ int Main(int argc, char** argv) {
   AddHistory(app, invocation);
   AddSave(app, invocation);
   AddDownload(app, invocation, download);
+  AddRecord(app, invocation, record);
+  AddMark(app, invocation, record);
+  AddReplay(app, invocation, record);
   try {
     app.parse(Arguments(argc, argv));
   } catch (const CLI::Success& help) {

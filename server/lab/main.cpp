@@ -13,6 +13,7 @@
 #include "server/lab/experiments.h"
 #include "server/lab/load_volume.h"
 #include "server/lab/mesh_command.h"
+#include "server/lab/recording_command.h"
 #include "server/lab/replay_command.h"
 #include "server/lab/trajectory.h"
 
@@ -27,6 +28,8 @@ struct Options {
   ReplayOptions replay;
   TrajectoryOptions trajectory;
   BenchOptions bench;
+  RecordingReplayOptions recording;
+  ExportOptions table;
 };
 
 // Beside the folder of the programs, in the build tree as when installed.
@@ -114,6 +117,40 @@ void AddSurface(CLI::App& command, SurfaceOptions& options) {
       ->expected(1, 3);
 }
 
+// What leads along a trajectory and what follows a recording have nothing in common
+// but the volume.
+void AddRecordingReplay(CLI::App& replay, RecordingReplayOptions& options) {
+  CLI::Option* recording =
+      replay.add_option("--recording", options.recording,
+                        "instead of a trajectory: computes the ticks of a recording of palpated "
+                        "again, as recorded, and compares them bit for bit. --volume is then "
+                        "where the recorded volume is to be found now [where it was]");
+  std::vector<CLI::Option*> needed;
+  for (const char* name : {"--isovalue", "--trajectory", "--out"}) {
+    needed.push_back(replay.get_option(name)->required(false));
+  }
+  needed.push_back(replay.get_option("--volume")->required(false));
+  for (const char* name : {"--isovalue", "--trajectory", "--out", "--normalized", "--spacing-mm",
+                           "--method", "--stiffness", "--passes", "--set"}) {
+    recording->excludes(replay.get_option(name));
+  }
+  replay.callback([recording, needed] {
+    if (recording->count() > 0) return;
+    for (const CLI::Option* option : needed) {
+      if (option->count() == 0) throw CLI::RequiredError(option->get_name());
+    }
+  });
+}
+
+CLI::App* AddExport(CLI::App& app, ExportOptions& options) {
+  CLI::App* command = app.add_subcommand(
+      "export", "Writes a recording of palpated as a table: CSV, a row per tick; mm, N");
+  command->add_option("recording", options.recording, "file to read")->required();
+  command->add_option("--out", options.output, "file to write [standard output]");
+  command->footer("Example: palpate-lab export trial-7.palrec --out trial-7.csv");
+  return command;
+}
+
 CLI::App* AddReplay(CLI::App& app, ReplayOptions& options) {
   CLI::App* replay = app.add_subcommand(
       "replay",
@@ -140,7 +177,8 @@ CLI::App* AddReplay(CLI::App& app, ReplayOptions& options) {
   replay->add_option("--set", options.settings, "settings of the renderer, as key=value");
   replay->footer(
       "Example: palpate-lab replay --volume builtin:bumps --isovalue 0.5 --normalized \\\n"
-      "           --trajectory slide.csv --out felt.csv --set damping_n_s_per_m=1");
+      "           --trajectory slide.csv --out felt.csv --set damping_n_s_per_m=1\n"
+      "         palpate-lab replay --recording trial-7.palrec");
   return replay;
 }
 
@@ -183,6 +221,12 @@ void RunCells(const Options& options) {
   DecomposeCells(std::cin, std::cout, *MethodNamed(options.method), volume.get());
 }
 
+void RunReplays(Options& options) {
+  if (options.recording.recording.empty()) return RunReplay(options.replay, std::cout);
+  options.recording.volume = options.replay.surface.volume;
+  ReplayRecording(options.recording, std::cout);
+}
+
 int Run(int argc, char** argv) {
   CLI::App app("palpate-lab: cells, meshes, replays and experiments around the haptic isosurface");
   app.require_subcommand(1);
@@ -192,6 +236,8 @@ int Run(int argc, char** argv) {
   const CLI::App* mesh = AddMesh(app, options);
   const CLI::App* experiment = AddExperiment(app, options);
   const CLI::App* replay = AddReplay(app, options.replay);
+  AddRecordingReplay(*app.get_subcommand("replay"), options.recording);
+  const CLI::App* table = AddExport(app, options.table);
   const CLI::App* trajectory = AddTrajectory(app, options.trajectory);
   const CLI::App* bench = AddBench(app, options.bench);
   try {
@@ -202,7 +248,8 @@ int Run(int argc, char** argv) {
   try {
     if (cells->parsed()) RunCells(options);
     if (mesh->parsed()) RunMesh(options.mesh);
-    if (replay->parsed()) RunReplay(options.replay, std::cout);
+    if (replay->parsed()) RunReplays(options);
+    if (table->parsed()) ExportRecording(options.table, std::cout);
     if (trajectory->parsed()) RunTrajectory(options.trajectory);
     if (bench->parsed()) RunBench(options.bench, std::cout);
     if (options.experiment.table.empty()) options.experiment.table = DefaultTable();

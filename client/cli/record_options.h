@@ -1,0 +1,24 @@
+// The options of `palpate record`, `palpate mark` and `palpate replay`.
+//
+// Threads: main only.
+#pragma once
+
+#include <string>
+
+#include "client/cli/invocation.h"
+#include "client/cli/record_command.h"
+
+namespace palpate::cli {
+
+// Where CLI11 puts their values.
+struct RecordValues {
+  RecordOptions record;
+  std::string marker;
+  ReplayOptions replay;
+};
+
+void AddRecord(CLI::App& app, Invocation& invocation, RecordValues& values);
+void AddMark(CLI::App& app, Invocation& invocation, RecordValues& values);
+void AddReplay(CLI::App& app, Invocation& invocation, RecordValues& values);
+
+}  // namespace palpate::cli
