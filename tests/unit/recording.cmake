@@ -13,3 +13,5 @@ target_compile_definitions(recording_file_test PRIVATE
   RECORDING_CHILD="$<TARGET_FILE:recording_child>")
 palpate_unit_test(servo_keyframe_test servo_keyframe_test.cpp SANITIZED palpate::recording)
 palpate_unit_test(recording_edit_test recording_edit_test.cpp SANITIZED palpate::recording)
+palpate_unit_test(shown_samples_test shown_samples_test.cpp SANITIZED palpate::recording)
+palpate_unit_test(recording_control_test recording_control_test.cpp SANITIZED palpate::recording)

@@ -1,0 +1,368 @@
+// Recordings and replays of a running session: servo, pump and session as in the
+// daemon, without gRPC.
+#include "server/recording/recording_control.h"
+
+#include <gtest/gtest.h>
+#include <tbb/global_control.h>
+
+#include <atomic>
+#include <chrono>
+#include <fstream>
+#include <memory>
+#include <mutex>
+#include <random>
+#include <set>
+#include <string>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include "server/device/explore_script.h"
+#include "server/device/simulated_device.h"
+#include "server/recording/replayer.h"
+#include "server/servo/servo_loop.h"
+#include "tests/support/refusal.h"
+#include "tests/support/scene_rig.h"
+#include "tests/support/temporary_folder.h"
+
+namespace palpate {
+namespace {
+
+using testing::Carve;
+using testing::Refusal;
+
+const LoadProgress kQuiet = [](std::string_view, double) {};
+const LoadCancelled kNever = [] { return false; };
+const ViewerReplayProgress kUnwatched = [](const ViewerReplayState&) {};
+
+// All that a viewer, or a tool, gets.
+class Collector final : public SampleSink {
+ public:
+  void OnSample(const TickSample& sample) override {
+    const std::lock_guard lock(mutex_);
+    samples_.push_back(sample);
+  }
+  std::vector<TickSample> Take() {
+    const std::lock_guard lock(mutex_);
+    return std::exchange(samples_, {});
+  }
+
+ private:
+  std::mutex mutex_;
+  std::vector<TickSample> samples_;
+};
+
+void Sleep(int ms) { std::this_thread::sleep_for(std::chrono::milliseconds(ms)); }
+
+class RecordingControlTest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    const DeviceSpec spec = SimulatedDeviceSpec();
+    device_ = std::make_unique<SimulatedDevice>(
+        std::make_unique<ExploreScript>(spec.workspace_min_mm, spec.workspace_max_mm, 1));
+    outbox_ = std::make_unique<TickOutbox>();
+    pump_ = std::make_unique<Pump>(*outbox_);
+    session_ = std::make_unique<Session>(device_->spec(), inbox_, *pump_, VolumeLoader{});
+    const auto check = [](const std::string& path) {
+      if (path.find("forbidden") != std::string::npos) {
+        throw Error(ErrorKind::kPermissionDenied, "not there");
+      }
+      return std::filesystem::path(path);
+    };
+    control_ = std::make_unique<RecordingControl>(*session_, *pump_, RecordingPaths{check, check},
+                                                  "test");
+    session_->Load({.source = "builtin:gyroid:32"}, kQuiet, kNever);
+    RealtimeOptions options;
+    options.lock_memory = false;
+    servo_ = std::make_unique<ServoLoop>(*device_, inbox_, *outbox_, options);
+    pump_->Start();
+    servo_->Start();
+    Sleep(20);
+  }
+  void TearDown() override {
+    servo_->Stop();
+    pump_->Stop();
+  }
+
+  std::string File(const std::string& name) const { return (folder_.path() / name).string(); }
+  void AwaitTicks(std::uint64_t ticks) {
+    for (const std::uint64_t end = servo_->ticks() + ticks; servo_->ticks() < end;) Sleep(1);
+  }
+  void Edit(std::mt19937_64& random) {
+    const std::unique_lock voxels = session_->LockVoxels();
+    session_->PublishBricks(Carve(*session_->volume().volume, random));
+  }
+  VolumeHash LiveHash() const { return HashVolume(*session_->volume().volume); }
+
+  // A second with edits; the volume is as before afterwards. Returns its samples.
+  std::vector<TickSample> RecordEdits(const std::string& name, bool restore = true) {
+    const auto before = session_->volume().volume;
+    control_->Start(File(name), false);
+    std::mt19937_64 random(1);
+    AwaitTicks(300);
+    for (int n = 0; n < 10; ++n) {
+      Edit(random);
+      AwaitTicks(30);
+      control_->Mark("edit " + std::to_string(n));
+    }
+    recorded_hash_ = LiveHash();
+    AwaitTicks(300);
+    EXPECT_FALSE(control_->Stop().error);
+    if (restore) {
+      const std::unique_lock voxels = session_->LockVoxels();
+      session_->PublishBricks(session_->volume().volume->bricks().ChangesTo(before->bricks()));
+    }
+    RecordingReader reader(File(name));
+    std::vector<TickSample> samples;
+    while (const std::optional<RecordedChunk> chunk = reader.Next()) {
+      if (const auto* some = std::get_if<RecordedSamples>(&*chunk)) {
+        samples.insert(samples.end(), some->begin(), some->end());
+      }
+    }
+    EXPECT_TRUE(reader.complete());
+    return samples;
+  }
+
+  ReplayCounts ComputeAgain(const std::string& name,
+                            const std::shared_ptr<const VolumeSnapshot>& volume) {
+    Replayer replayer([&](const RecordedScene&) { return volume; });
+    RecordingReader reader(File(name));
+    while (const std::optional<RecordedChunk> chunk = reader.Next()) replayer.Take(*chunk);
+    EXPECT_TRUE(reader.complete()) << reader.stopped_because();
+    return replayer.counts();
+  }
+
+  tbb::global_control serial_{tbb::global_control::max_allowed_parallelism, 1};
+  test::TemporaryFolder folder_;
+  SceneInbox inbox_;
+  std::unique_ptr<SimulatedDevice> device_;
+  std::unique_ptr<TickOutbox> outbox_;
+  std::unique_ptr<Pump> pump_;
+  std::unique_ptr<Session> session_;
+  std::unique_ptr<RecordingControl> control_;
+  std::unique_ptr<ServoLoop> servo_;
+  VolumeHash recorded_hash_;
+};
+
+TEST_F(RecordingControlTest, RecordsARunningSessionBitForBit) {
+  const auto loaded = session_->volume().volume;
+  std::mt19937_64 random(1);
+  for (int n = 0; n < 3; ++n) Edit(random);  // before it begins
+  const RecordingStatus started = control_->Start(File("a"), false);
+  EXPECT_TRUE(started.running);
+  EXPECT_EQ(started.path, File("a"));
+  for (int n = 0; n < 20; ++n) {
+    AwaitTicks(50);
+    session_->Update({.normalized_isovalue = 0.4 + 0.01 * n,
+                      .flags = {{&HapticSettings::passivity_control, n % 3 == 0}}});
+    for (int edits = 0; edits < 4; ++edits) Edit(random);  // some for no tick
+    if (n == 10) control_->Mark("half");
+    session_->SetForcesOff(n == 12);
+  }
+  EXPECT_GT(control_->status().counts.bytes, 0u);
+  const RecordingStatus stopped = control_->Stop();
+  EXPECT_FALSE(stopped.running);
+  EXPECT_FALSE(stopped.error);
+  EXPECT_GT(stopped.counts.ticks, 900u);
+  EXPECT_EQ(stopped.counts.lost_ticks, 0u);
+  EXPECT_EQ(stopped.counts.bytes, std::filesystem::file_size(File("a")));
+  const ReplayCounts counts = ComputeAgain("a", loaded);
+  EXPECT_EQ(counts.ticks, stopped.counts.ticks);
+  EXPECT_EQ(counts.differing, 0u);
+  EXPECT_EQ(counts.differing_keyframes, 0u);
+  EXPECT_EQ(counts.without_volume, 0u);
+  // The scene may be newer than the tick at which it began.
+  EXPECT_LE(counts.without_start + counts.without_scene, kKeyframeTicks + 2);
+  EXPECT_GE(counts.edits, 20u);
+  EXPECT_EQ(counts.markers, 1u);
+}
+
+TEST_F(RecordingControlTest, OneAtATimeAndOnlyWhereAllowed) {
+  EXPECT_FALSE(control_->status().running);
+  EXPECT_EQ(Refusal([&] { control_->Stop(); }), ErrorKind::kConflict);
+  EXPECT_EQ(Refusal([&] { control_->Mark("m"); }), ErrorKind::kConflict);
+  EXPECT_EQ(Refusal([&] { control_->Start(File("forbidden"), false); }),
+            ErrorKind::kPermissionDenied);
+  EXPECT_EQ(Refusal([&] { control_->Start(File("no/folder"), false); }), ErrorKind::kUnavailable);
+  EXPECT_FALSE(control_->status().running);
+  control_->Start(File("a"), false);
+  EXPECT_EQ(Refusal([&] { control_->Start(File("b"), false); }), ErrorKind::kConflict);
+  EXPECT_FALSE(std::filesystem::exists(File("b")));
+  EXPECT_EQ(Refusal([&] { control_->Replay(File("a"), 1.0, kUnwatched, kNever); }),
+            ErrorKind::kConflict);
+  EXPECT_EQ(Refusal([&] { control_->Mark(""); }), ErrorKind::kInvalidArgument);
+  EXPECT_EQ(Refusal([&] { control_->Mark(std::string(4097, 'x')); }), ErrorKind::kInvalidArgument);
+  EXPECT_GT(control_->Mark(std::string(4096, 'x')), 0);
+  control_->Stop();
+  EXPECT_EQ(Refusal([&] { control_->Stop(); }), ErrorKind::kConflict);
+  EXPECT_EQ(Refusal([&] { control_->Start(File("a"), false); }), ErrorKind::kConflict);
+  control_->Start(File("a"), true);
+  AwaitTicks(100);
+  control_->End();
+  control_->End();
+  EXPECT_EQ(ComputeAgain("a", session_->volume().volume).differing, 0u);
+}
+
+TEST_F(RecordingControlTest, BadReplaysAreRefusedAndChangeNothing) {
+  RecordEdits("a", false);  // and keeps the edits
+  const VolumeState before = session_->volume();
+  const auto refusal = [&](const std::string& name, double speed = 1.0) {
+    return Refusal([&] { control_->Replay(File(name), speed, kUnwatched, kNever); });
+  };
+  EXPECT_EQ(refusal("absent"), ErrorKind::kNotFound);
+  EXPECT_EQ(refusal("forbidden"), ErrorKind::kPermissionDenied);
+  EXPECT_EQ(refusal("."), ErrorKind::kInvalidArgument);
+  for (const double bad : {-1.0, 0.0, 100.1, std::nan("")}) {
+    EXPECT_EQ(refusal("a", bad), ErrorKind::kInvalidArgument);
+  }
+  std::ofstream(File("text")) << "no recording";
+  EXPECT_EQ(refusal("text"), ErrorKind::kInvalidArgument);
+  {
+    RecordingWriter writer(CreateRecordingFile(File("empty"), false), "test");
+    writer.AppendEnd();
+  }
+  EXPECT_EQ(refusal("empty"), ErrorKind::kInvalidArgument);
+  {
+    const auto loading = session_->BeginLoad();
+    EXPECT_EQ(refusal("a"), ErrorKind::kConflict);
+  }
+  // Voxels have changed since: neither the one that was loaded nor that of the start.
+  EXPECT_EQ(refusal("a"), ErrorKind::kConflict);
+  EXPECT_EQ(session_->volume().volume, before.volume);
+  EXPECT_EQ(session_->volume().scene_revision, before.scene_revision);
+  AppliedTick applied;
+  session_->LoadAndWait({.source = "builtin:gyroid:40"}, kQuiet, kNever, applied);
+  EXPECT_EQ(refusal("a"), ErrorKind::kConflict);
+  session_->LoadAndWait({.source = "builtin:gyroid:32"}, kQuiet, kNever, applied);
+  EXPECT_EQ(refusal("a", 50.0), std::nullopt);
+}
+
+TEST_F(RecordingControlTest, ViewersSeeEveryRecordedTickInPlaceOfTheLiveOnes) {
+  const std::vector<TickSample> recorded = RecordEdits("a");
+  const VolumeState before = session_->volume();
+  const auto viewer = std::make_shared<Collector>(), tool = std::make_shared<Collector>();
+  pump_->Subscribe(viewer, Pump::Feed::kShown);
+  pump_->Subscribe(tool);
+  std::vector<std::string> markers;
+  std::uint64_t ticks = 0;
+  std::set<std::uint64_t> hashes;
+  control_->Replay(
+      File("a"), 1.0,
+      [&](const ViewerReplayState& state) {
+        ticks = state.ticks;
+        hashes.insert(LiveHash().low);
+        if (!state.marker.empty()) markers.push_back(state.marker);
+        EXPECT_EQ(Refusal([&] { control_->Start(File("b"), false); }), ErrorKind::kConflict);
+      },
+      kNever);
+  EXPECT_EQ(ticks, recorded.size());
+  EXPECT_EQ(markers.size(), 10u);
+  EXPECT_GE(hashes.size(), 10u);
+  EXPECT_TRUE(hashes.contains(recorded_hash_.low));
+  EXPECT_EQ(LiveHash(), HashVolume(*before.volume));
+  AwaitTicks(50);
+
+  const std::vector<TickSample> shown = viewer->Take(), live = tool->Take();
+  ASSERT_EQ(shown.size(), live.size());
+  std::size_t next = 0, suspended = 0;
+  for (std::size_t n = 0; n < shown.size(); ++n) {
+    // Under the live tick and revisions; each recorded one comes, in order.
+    ASSERT_EQ(shown[n].tick, live[n].tick);
+    ASSERT_EQ(shown[n].volume_revision, live[n].volume_revision);
+    ASSERT_EQ(shown[n].scene_revision, live[n].scene_revision);
+    suspended += live[n].mode == TickMode::kSuspended;
+    if (live[n].mode == TickMode::kSuspended && next < recorded.size() &&
+        shown[n].hip_mm == recorded[next].hip_mm && shown[n].force_n == recorded[next].force_n &&
+        shown[n].isovalue == recorded[next].isovalue && shown[n].mode == recorded[next].mode) {
+      ++next;
+    }
+  }
+  // One is passed over only where the pump has to catch up with missed ticks.
+  EXPECT_GE(next * 10, recorded.size() * 9);
+  EXPECT_GE(suspended, recorded.size());
+  // Live again.
+  EXPECT_NE(shown.back().mode, TickMode::kSuspended);
+  EXPECT_EQ(shown.back().hip_mm, live.back().hip_mm);
+}
+
+TEST_F(RecordingControlTest, ACancelledReplayBringsBackWhatWas) {
+  RecordEdits("a");
+  const VolumeHash before = LiveHash();
+  const AffineMap place = session_->volume().X_DI;
+  std::atomic<int> asked{0};
+  bool changed = false;
+  EXPECT_EQ(Refusal([&] {
+              control_->Replay(
+                  File("a"), 0.5, [&](const ViewerReplayState&) { changed |= LiveHash() != before; },
+                  [&] { return ++asked > 500; });
+            }),
+            ErrorKind::kCancelled);
+  EXPECT_TRUE(changed);
+  EXPECT_EQ(LiveHash(), before);
+  EXPECT_EQ(session_->volume().X_DI.linear, place.linear);
+  const auto tool = std::make_shared<Collector>();
+  pump_->Subscribe(tool, Pump::Feed::kShown);
+  AwaitTicks(20);
+  EXPECT_NE(tool->Take().back().mode, TickMode::kSuspended);
+  control_->Start(File("b"), false);  // the way is free
+  control_->Stop();
+}
+
+// Where the volume lay is shown, too, and put back.
+TEST_F(RecordingControlTest, TheVolumeLiesWhereItDid) {
+  const VolumeState before = session_->volume();
+  control_->Start(File("a"), false);
+  AwaitTicks(50);
+  session_->Move([](const VolumeState& state) {
+    Registration moved = state.registration;
+    moved.X_DW.translation += Vec3(3.0, 0.0, 0.0);
+    return moved;
+  });
+  AwaitTicks(400);
+  control_->Stop();
+  session_->Move([&](const VolumeState&) { return before.registration; });
+  double farthest_mm = 0.0;
+  control_->Replay(
+      File("a"), 1.0,
+      [&](const ViewerReplayState&) {
+        const Vec3 way = session_->volume().X_DI.translation - before.X_DI.translation;
+        farthest_mm = std::max(farthest_mm, way.norm());
+      },
+      kNever);
+  EXPECT_NEAR(farthest_mm, 3.0, 1e-9);
+  EXPECT_EQ(session_->volume().X_DI.translation, before.X_DI.translation);
+  EXPECT_EQ(session_->volume().X_DI.linear, before.X_DI.linear);
+}
+
+// A volume loaded while recording: computed again with both; viewers keep the first.
+TEST_F(RecordingControlTest, ALoadWhileRecording) {
+  control_->Start(File("a"), false);
+  AwaitTicks(300);
+  AppliedTick applied;
+  const auto first = session_->volume().volume;
+  const auto second =
+      session_->LoadAndWait({.source = "builtin:bumps:32"}, kQuiet, kNever, applied).volume;
+  AwaitTicks(300);
+  control_->Stop();
+  Replayer replayer(
+      [&](const RecordedScene& s) { return s.volume_source == "builtin:bumps:32" ? second : first; });
+  RecordingReader reader(File("a"));
+  while (const std::optional<RecordedChunk> chunk = reader.Next()) replayer.Take(*chunk);
+  EXPECT_EQ(replayer.counts().differing, 0u);
+  EXPECT_EQ(replayer.counts().without_volume, 0u);
+  EXPECT_GT(replayer.counts().compared, 500u);
+  session_->LoadAndWait({.source = "builtin:gyroid:32"}, kQuiet, kNever, applied);
+  const VolumeHash before = LiveHash();
+  std::uint64_t ticks = 0;
+  control_->Replay(
+      File("a"), 10.0,
+      [&](const ViewerReplayState& state) {
+        ticks = state.ticks;
+        EXPECT_EQ(LiveHash(), before);
+      },
+      kNever);
+  EXPECT_EQ(ticks, replayer.counts().ticks);
+}
+
+}  // namespace
+}  // namespace palpate
