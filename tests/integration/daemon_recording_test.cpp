@@ -263,21 +263,21 @@ TEST_F(RecordingTest, TheClientRecordsUntilItIsInterrupted) {
   EXPECT_EQ(interrupted.exit_code, 0) << interrupted.error;
   EXPECT_FALSE(Get().running());
 
-  Process replay({PALPATE, "replay", File("a.palrec"), "--speed", "0.01", "--socket",
-                  daemon_->socket()},
-                 false, kPatience);
-  while (Start(File("c.palrec")).ok()) {
-    Stop();
-    std::filesystem::remove(File("c.palrec"));
-    Sleep(20);
-  }
+  ASSERT_TRUE(Start(File("c.palrec")).ok());
+  Mark("begun");
+  AwaitTicks(1000);
+  Stop();
+  const std::vector<std::string> slowly = {PALPATE,   "replay", File("c.palrec"),
+                                           "--speed", "0.1",    "--socket",
+                                           daemon_->socket()};
+  Process replay(slowly, false, kPatience);
+  ASSERT_TRUE(replay.WaitFor("begun"));
+  EXPECT_EQ(Start(File("d.palrec")).error_code(), grpc::StatusCode::ABORTED);
   replay.Signal(SIGINT);
   EXPECT_EQ(replay.Wait().exit_code, ExitCode(ErrorKind::kCancelled));
   // The daemon ends though one runs.
-  Process other({PALPATE, "replay", File("a.palrec"), "--speed", "0.01", "--socket",
-                 daemon_->socket()},
-                false, kPatience);
-  Sleep(300);
+  Process other(slowly, false, kPatience);
+  ASSERT_TRUE(other.WaitFor("begun"));
   const ProcessResult daemon = daemon_->End();
   EXPECT_EQ(daemon.exit_code, 0) << daemon.error;
   EXPECT_NE(other.Wait().exit_code, 0);
