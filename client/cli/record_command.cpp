@@ -156,8 +156,8 @@ void ShowRecording(const Connection& connection, bool json) {
 void MarkRecording(const Connection& connection, const std::string& text) {
   v1::MarkRequest request;
   request.set_text(text);
-  const v1::MarkResponse response = connection.Call(
-      *v1::RecordingService::NewStub(connection.channel()), &Stub::Mark, request);
+  const v1::MarkResponse response =
+      connection.Call(*v1::RecordingService::NewStub(connection.channel()), &Stub::Mark, request);
   WriteOutput(fmt::format("marked at {} ns\n", response.time_ns()));
 }
 

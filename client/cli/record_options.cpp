@@ -24,8 +24,8 @@ void AddRecord(CLI::App& app, Invocation& invocation, RecordValues& values) {
   record->require_subcommand(1);
   RecordOptions& options = values.record;
 
-  CLI::App* run = AddFileCommand(*record, "run", "Records until Ctrl-C, then shows a summary",
-                                 options);
+  CLI::App* run =
+      AddFileCommand(*record, "run", "Records until Ctrl-C, then shows a summary", options);
   SetFooter(*run, "Example: palpate record run trial-7.palrec --seconds 60");
   run->add_option("--seconds", options.seconds, "End after this time, s [default: none]")
       ->check(Positive());

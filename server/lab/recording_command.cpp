@@ -17,8 +17,8 @@ namespace palpate::lab {
 namespace {
 
 RecordedVolumeLoader LoaderOf(const RecordingReplayOptions& options) {
-  return [first = options.volume, import_program = options.import_program](
-             const RecordedScene& scene) mutable {
+  return [first = options.volume,
+          import_program = options.import_program](const RecordedScene& scene) mutable {
     const std::string given = std::exchange(first, {});
     return LoadVolume(given.empty() ? scene.volume_source : given, import_program, {},
                       scene.spacing_mm);
@@ -56,10 +56,10 @@ void ReplayRecording(const RecordingReplayOptions& options, std::ostream& out) {
   out << Report(counts);
   WarnIfCut(reader);
   if (const auto& first = replayer.first_difference()) {
-    throw Error(ErrorKind::kInternal,
-                fmt::format("{} ticks differ; the first is tick {}, whose {} was {} and is {}",
-                            counts.differing, first->tick, first->field, first->recorded,
-                            first->computed));
+    throw Error(
+        ErrorKind::kInternal,
+        fmt::format("{} ticks differ; the first is tick {}, whose {} was {} and is {}",
+                    counts.differing, first->tick, first->field, first->recorded, first->computed));
   }
   if (counts.differing_keyframes > 0) {
     throw Error(ErrorKind::kInternal, "the state of the servo differs, though no tick does");

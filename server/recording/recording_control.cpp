@@ -32,8 +32,8 @@ RecordingControl::RecordingControl(Session& session, Pump& pump, RecordingPaths 
 }
 
 void RecordingControl::OnScene(const Scene& scene, std::span<const BrickChange> changes) {
-  RecordedScene recorded = ToRecorded(scene, HashVolume(*scene.volume), kTickPeriodS,
-                                      session_.device().max_force_n);
+  RecordedScene recorded =
+      ToRecorded(scene, HashVolume(*scene.volume), kTickPeriodS, session_.device().max_force_n);
   // Freed after the lock is: a volume takes its time.
   std::shared_ptr<const VolumeSnapshot> before = scene.volume;
   const std::lock_guard lock(mutex_);
@@ -49,8 +49,7 @@ RecordingStatus RecordingControl::Start(const std::string& path, bool overwrite)
   const std::lock_guard command(commands_);
   CheckIdle();
   const std::filesystem::path file = paths_.save(path);
-  const auto recorder =
-      std::make_shared<Recorder>(CreateRecordingFile(file, overwrite), program_);
+  const auto recorder = std::make_shared<Recorder>(CreateRecordingFile(file, overwrite), program_);
   {
     const std::lock_guard lock(mutex_);
     if (scene_) recorder->NoteScene(*scene_, volume_);
@@ -77,10 +76,8 @@ RecordingStatus RecordingControl::status() const {
   const std::lock_guard lock(mutex_);
   if (!recorder_) return last_;
   const RecorderReport report = recorder_->report();
-  return {.running = !report.error,
-          .path = last_.path,
-          .counts = report.counts,
-          .error = report.error};
+  return {
+      .running = !report.error, .path = last_.path, .counts = report.counts, .error = report.error};
 }
 
 std::int64_t RecordingControl::Mark(const std::string& text) {

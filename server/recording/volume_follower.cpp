@@ -19,9 +19,9 @@ std::shared_ptr<const VolumeSnapshot> AtRevision(std::shared_ptr<const VolumeSna
 }
 
 void CheckBrick(const RecordedBrick& brick, std::uint64_t brick_count) {
-  const bool good = brick.number < brick_count &&
-                    std::all_of(brick.values->begin(), brick.values->end(),
-                                [](float value) { return std::isfinite(value); });
+  const bool good =
+      brick.number < brick_count && std::all_of(brick.values->begin(), brick.values->end(),
+                                                [](float value) { return std::isfinite(value); });
   if (!good) {
     throw Error(ErrorKind::kInvalidArgument,
                 "an edit of the recording does not fit the volume: load the one that was recorded");
@@ -77,12 +77,11 @@ std::shared_ptr<const VolumeSnapshot> VolumeFollower::TryFollow(
       throw Error(ErrorKind::kConflict, "a change of voxels was too large for the recording");
     }
     const std::shared_ptr<const VolumeSnapshot> changed =
-        !edits.empty() && edits.front().base_revision == base_revision_
-            ? WithEdits(*volume_, edits)
-            : nullptr;
+        !edits.empty() && edits.front().base_revision == base_revision_ ? WithEdits(*volume_, edits)
+                                                                        : nullptr;
     if (!changed || HashVolume(*changed) != scene.volume_hash) {
-      throw Error(ErrorKind::kConflict, "another volume was recorded: load " +
-                                            scene.volume_source + " as it was then");
+      throw Error(ErrorKind::kConflict,
+                  "another volume was recorded: load " + scene.volume_source + " as it was then");
     }
     volume_ = changed;
     base_revision_ = scene.volume_revision;

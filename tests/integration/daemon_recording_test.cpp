@@ -267,9 +267,8 @@ TEST_F(RecordingTest, TheClientRecordsUntilItIsInterrupted) {
   Mark("begun");
   AwaitTicks(1000);
   Stop();
-  const std::vector<std::string> slowly = {PALPATE,   "replay", File("c.palrec"),
-                                           "--speed", "0.1",    "--socket",
-                                           daemon_->socket()};
+  const std::vector<std::string> slowly = {PALPATE, "replay",   File("c.palrec"), "--speed",
+                                           "0.1",   "--socket", daemon_->socket()};
   Process replay(slowly, false, kPatience);
   ASSERT_TRUE(replay.WaitFor("begun"));
   EXPECT_EQ(Start(File("d.palrec")).error_code(), grpc::StatusCode::ABORTED);

@@ -120,14 +120,14 @@ class SceneRig {
     AffineMap X_DI;
     X_DI.linear *= 1.7;
     X_DI.translation = Vec3(-40.0, -40.0, -40.0);
-    scene_.surface = MakeHapticSurface(*volume_, X_DI, tau_, DecompositionMethod::kTpbcc,
-                                       revision_, scene_.settings.free_side);
+    scene_.surface = MakeHapticSurface(*volume_, X_DI, tau_, DecompositionMethod::kTpbcc, revision_,
+                                       scene_.settings.free_side);
     if (recorder_) Note(changed_bytes);
   }
   void Note(std::uint64_t changed_bytes) {
     recorder_->NoteScene(
-        ToRecorded(scene_, HashVolume(*volume_), kTickPeriodS, device_.spec().max_force_n),
-        volume_, changed_bytes);
+        ToRecorded(scene_, HashVolume(*volume_), kTickPeriodS, device_.spec().max_force_n), volume_,
+        changed_bytes);
   }
 
   SimulatedDevice device_;

@@ -10,6 +10,7 @@
 #include "client/cli/description.h"
 #include "client/cli/load_command.h"
 #include "client/cli/output.h"
+#include "client/cli/record_command.h"
 #include "client/cli/sample_json.h"
 #include "client/cli/set_command.h"
 #include "client/cli/watch_command.h"
@@ -67,6 +68,17 @@ v1::PoseSample ContactSample() {
   sample.set_iterations(4);
   sample.set_buttons(5);
   return sample;
+}
+
+TEST(RecordCommandTest, DescribesARecording) {
+  v1::RecordingState state;
+  state.set_path("/data/a\n.palrec");
+  EXPECT_EQ(DescribeRecording(state), "0 ticks (0.0 s), 0 lost, 0.0 MB, to /data/a .palrec");
+  state.set_ticks(60000);
+  state.set_lost_ticks(7);
+  state.set_size_bytes(6'180'000);
+  EXPECT_EQ(DescribeRecording(state),
+            "60000 ticks (60.0 s), 7 lost, 6.2 MB, 103 bytes per tick, to /data/a .palrec");
 }
 
 TEST(WatchStatisticsTest, NothingSeenGivesNoFigures) {

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <condition_variable>
@@ -15,6 +16,8 @@
 #include <vector>
 
 #include "server/recording/recording_reader.h"
+#include "server/recording/volume_follower.h"
+#include "tests/support/array_volume.h"
 #include "tests/support/recording.h"
 #include "tests/support/refusal.h"
 
@@ -274,6 +277,7 @@ TEST_F(RecorderTest, WhatWaitsIsBounded) {
   disk.AwaitAppend();
   for (std::size_t n = 0; n < Recorder::kMaxWaiting; ++n) recorder.Mark("m");
   EXPECT_EQ(Refusal([&] { recorder.Mark("m"); }), ErrorKind::kUnavailable);
+  EXPECT_EQ(Refusal([&] { recorder.Mark(""); }), ErrorKind::kInvalidArgument);
   EXPECT_EQ(Refusal([&] { recorder.Mark(std::string(Recorder::kMaxMarkerBytes + 1, 'x')); }),
             ErrorKind::kInvalidArgument);
   // The oldest scene makes room.
@@ -313,6 +317,100 @@ TEST_F(RecorderTest, ARestartedLoopEndsTheRecording) {
   ASSERT_TRUE(report.error);
   EXPECT_EQ(report.error->kind(), ErrorKind::kInvalidArgument);
   EXPECT_EQ(Read(*bytes_).samples.size(), 10u);
+}
+
+// Where it begins, after each gap, and about one a second.
+TEST_F(RecorderTest, KeyframesAreKeptWhereTheyAreNeeded) {
+  Recorder recorder(std::make_unique<MemoryOutput>(bytes_), "test");
+  const auto feed = [&](std::uint64_t first, std::uint64_t end) {
+    for (std::uint64_t tick = first; tick < end; ++tick) {
+      if (tick % kKeyframeTicks == 0) {
+        ServoKeyframe keyframe{.tick = tick};
+        keyframe.bytes.front() = static_cast<char>(tick / kKeyframeTicks);
+        recorder.OnKeyframe(keyframe);
+      }
+      recorder.OnSample(SampleOf(tick));
+    }
+  };
+  feed(100, 4000);
+  feed(4100, 4300);
+  feed(4301, 4310);  // ends before the next one
+  recorder.Stop();
+  RecordingReader reader = ReadBytes(*bytes_);
+  std::vector<std::uint64_t> ticks;
+  std::size_t chunks = 0;
+  while (const std::optional<RecordedChunk> chunk = reader.Next()) {
+    chunks += std::holds_alternative<RecordedSamples>(*chunk);
+    const auto* keyframe = std::get_if<RecordedKeyframe>(&*chunk);
+    if (!keyframe) continue;
+    ticks.push_back(keyframe->tick);
+    EXPECT_EQ(keyframe->bytes.size(), ServoKeyframe::kBytes);
+    EXPECT_EQ(keyframe->bytes.front(), static_cast<char>(keyframe->tick / kKeyframeTicks));
+  }
+  EXPECT_TRUE(reader.complete());
+  EXPECT_EQ(ticks, (std::vector<std::uint64_t>{128, 1088, 2048, 3008, 3968, 4160}));
+  EXPECT_EQ(chunks, 1u + 4u + 1u + 2u + 1u);  // not one more than they part
+}
+
+// A disk that stands still, and edits all the while: what waits is let go, and all of
+// it is in the next scene that is written.
+TEST_F(RecorderTest, VoxelsThatWaitAreBounded) {
+  auto output = std::make_unique<SlowOutput>(bytes_);
+  SlowOutput& disk = *output;
+  Recorder recorder(std::move(output), "test");
+  disk.Hold();
+  Feed(recorder, 0, kSamplesPerChunk);
+  disk.AwaitAppend();
+  const auto loaded = testing::MakeVolume({16, 16, 16}, [](int i, int, int) { return i; });
+  std::vector<std::weak_ptr<const VolumeSnapshot>> volumes;
+  auto volume = loaded;
+  constexpr std::uint64_t kEdits = 20;
+  constexpr std::uint64_t kBytesEach = Recorder::kMaxWaitingVoxelBytes / 5;
+  for (std::uint64_t n = 2; n < 2 + kEdits; ++n) {
+    auto values = std::make_shared<Brick>();
+    values->fill(static_cast<float>(n));
+    const std::vector<BrickChange> change = {{Vec3i(0, n % 2, n / 2 % 2), values}};
+    volume = std::make_shared<const VolumeSnapshot>(
+        volume->metadata(), volume->bricks().With(change, n), n, loaded->revision());
+    volumes.push_back(volume);
+    recorder.NoteScene({.scene_revision = n,
+                        .volume_revision = n,
+                        .loaded_revision = 1,
+                        .volume_hash = HashVolume(*volume)},
+                       volume, kBytesEach);
+    Feed(recorder, kSamplesPerChunk + n, kSamplesPerChunk + n + 1, n);
+  }
+  const VolumeHash last = HashVolume(*volume);
+  volume.reset();
+  const auto held = std::count_if(volumes.begin(), volumes.end(),
+                                  [](const auto& weak) { return !weak.expired(); });
+  EXPECT_LE(held, 5);
+  EXPECT_GE(held, 4);
+  disk.Release();
+  EXPECT_FALSE(recorder.Stop().error);
+
+  RecordingReader reader = ReadBytes(*bytes_);
+  std::vector<RecordedEdit> edits;
+  std::uint64_t missing = 0, scenes = 0;
+  RecordedScene scene;
+  auto replayed = loaded;
+  while (const std::optional<RecordedChunk> chunk = reader.Next()) {
+    if (const auto* edit = std::get_if<RecordedEdit>(&*chunk)) edits.push_back(*edit);
+    if (!std::holds_alternative<RecordedScene>(*chunk)) continue;
+    scene = std::get<RecordedScene>(*chunk);
+    ++scenes;
+    missing += scene.voxels_missing;
+    EXPECT_EQ(scene.voxels_missing, edits.empty());
+    if (!edits.empty()) {
+      replayed = WithEdits(*replayed, edits);
+      EXPECT_EQ(HashVolume(*replayed), scene.volume_hash);
+    }
+    edits.clear();
+  }
+  EXPECT_EQ(scenes, kEdits);
+  EXPECT_GE(missing, kEdits - 5);
+  EXPECT_LT(missing, kEdits);
+  EXPECT_EQ(HashVolume(*replayed), last);
 }
 
 // For ThreadSanitizer: all that may happen at once.

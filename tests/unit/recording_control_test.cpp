@@ -69,8 +69,8 @@ class RecordingControlTest : public ::testing::Test {
       }
       return std::filesystem::path(path);
     };
-    control_ = std::make_unique<RecordingControl>(*session_, *pump_, RecordingPaths{check, check},
-                                                  "test");
+    control_ =
+        std::make_unique<RecordingControl>(*session_, *pump_, RecordingPaths{check, check}, "test");
     session_->Load({.source = "builtin:gyroid:32"}, kQuiet, kNever);
     RealtimeOptions options;
     options.lock_memory = false;
@@ -293,7 +293,8 @@ TEST_F(RecordingControlTest, ACancelledReplayBringsBackWhatWas) {
   bool changed = false;
   EXPECT_EQ(Refusal([&] {
               control_->Replay(
-                  File("a"), 0.5, [&](const ViewerReplayState&) { changed |= LiveHash() != before; },
+                  File("a"), 0.5,
+                  [&](const ViewerReplayState&) { changed |= LiveHash() != before; },
                   [&] { return ++asked > 500; });
             }),
             ErrorKind::kCancelled);
@@ -344,8 +345,9 @@ TEST_F(RecordingControlTest, ALoadWhileRecording) {
       session_->LoadAndWait({.source = "builtin:bumps:32"}, kQuiet, kNever, applied).volume;
   AwaitTicks(300);
   control_->Stop();
-  Replayer replayer(
-      [&](const RecordedScene& s) { return s.volume_source == "builtin:bumps:32" ? second : first; });
+  Replayer replayer([&](const RecordedScene& s) {
+    return s.volume_source == "builtin:bumps:32" ? second : first;
+  });
   RecordingReader reader(File("a"));
   while (const std::optional<RecordedChunk> chunk = reader.Next()) replayer.Take(*chunk);
   EXPECT_EQ(replayer.counts().differing, 0u);

@@ -56,8 +56,8 @@ TEST(ShownSamples, KeepTheirPace) {
     double speed;
     std::uint64_t live, passed;
   };
-  for (const Case& c : {Case{0.25, 400, 100}, Case{1.0, 400, 400}, Case{2.5, 400, 1000},
-                        Case{100.0, 10, 1000}}) {
+  for (const Case& c :
+       {Case{0.25, 400, 100}, Case{1.0, 400, 400}, Case{2.5, 400, 1000}, Case{100.0, 10, 1000}}) {
     ShownSamples shown(c.speed);
     Fill(shown, 2000);
     for (std::uint64_t n = 0; n <= c.live; ++n) shown.Shown(Live(n));
