@@ -67,6 +67,10 @@ Paths ParseFolders(const Entry& entry) {
   return folders;
 }
 
+std::uint64_t Mebibytes(const Entry& entry) {
+  return static_cast<std::uint64_t>(entry.Integer(1, 1 << 30)) << 20;
+}
+
 using Setter = std::function<void(const Entry&, Config&)>;
 using SettersByKey = std::map<std::string, Setter, std::less<>>;
 
@@ -110,6 +114,8 @@ SettersByKey AllSetters() {
        [](const Entry& e, Config& c) { c.device_mm_per_volume_mm = e.Number(); }},
       {"volume.load_folders", [](const Entry& e, Config& c) { c.load_folders = ParseFolders(e); }},
       {"volume.save_folders", [](const Entry& e, Config& c) { c.save_folders = ParseFolders(e); }},
+      {"volume.memory_budget_mib",
+       [](const Entry& e, Config& c) { c.memory_budget_bytes = Mebibytes(e); }},
       {"device.kind", [](const Entry& e, Config& c) { c.device = e.Text(); }},
       {"server.socket", [](const Entry& e, Config& c) { c.socket_path = e.Text(); }},
       {"server.listen", [](const Entry& e, Config& c) { c.listen = ParseHostPort(e.Text()); }},

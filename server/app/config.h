@@ -3,6 +3,7 @@
 // Threads: main. Errors: Error (kInvalidArgument) that names file, line and key.
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <optional>
 #include <string>
@@ -13,6 +14,7 @@
 #include "common/wire/address.h"
 #include "server/haptics/settings.h"
 #include "server/realtime/thread_setup.h"
+#include "server/session/memory_budget.h"
 #include "server/session/path_policy.h"
 
 namespace palpate {
@@ -25,6 +27,7 @@ struct Config {
   std::optional<double> device_mm_per_volume_mm;
   std::vector<std::filesystem::path> load_folders = PathPolicyOptions{}.load_folders;
   std::optional<std::vector<std::filesystem::path>> save_folders;  // none: the current one
+  std::uint64_t memory_budget_bytes = DefaultMemoryBudget();
   HapticSettings haptics;
   DecompositionMethod method = DecompositionMethod::kTpbcc;
   std::string device = "simulated";

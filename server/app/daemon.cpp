@@ -98,7 +98,9 @@ void RunDaemon(const Config& config) {
   SceneInbox inbox;
   const auto outbox = std::make_unique<TickOutbox>();
   Pump pump(*outbox);
-  Session session(device->spec(), inbox, pump, VolumeLoader{.import_program = ImportProgram()});
+  Session session(device->spec(), inbox, pump,
+                  VolumeLoader{.import_program = ImportProgram(),
+                               .budget = MemoryBudget::Make(config.memory_budget_bytes)});
   RegistrationStore registrations(config.state_folder.value_or(DefaultStateFolder()));
   session.SetRegistrationStore(registrations);
   VolumeEditor editor(session);

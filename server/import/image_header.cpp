@@ -120,6 +120,7 @@ std::int64_t CheckedVoxelBytes(const std::array<std::int64_t, 3>& size, int byte
                                           std::to_string(limits.max_memory_bytes >> 20) +
                                           " MiB; crop or resample the volume, or raise the limit");
   }
+  if (limits.on_size) limits.on_size(size);
   return voxels * bytes_per_voxel;
 }
 

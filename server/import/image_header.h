@@ -9,6 +9,7 @@
 
 #include <array>
 #include <cstdint>
+#include <functional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -56,6 +57,9 @@ struct ImageHeader {
 };
 
 struct ImportLimits {
+  // Told of a size within the limits, before anything is allocated for it; of a
+  // stack of slices again and again while it is counted. May be empty.
+  std::function<void(const std::array<std::int64_t, 3>& size)> on_size{};
   std::int64_t max_voxels = std::int64_t{1} << 31;
   std::int64_t max_memory_bytes = std::int64_t{16} << 30;
 };

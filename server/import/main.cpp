@@ -100,8 +100,10 @@ void DefineOptions(CLI::App* app, Options* options) {
       ->type_name("N");
   DefineRawOptions(app, options);
   DefineLimits(app, options);
-  app->add_flag("--progress", options->progress,
-                "Lines 'progress FRACTION STAGE' on stdout, FRACTION from 0 to 1");
+  app->add_flag(
+      "--progress", options->progress,
+      "Lines 'progress FRACTION STAGE' on stdout, FRACTION from 0 to 1, and 'size X Y Z'\n"
+      "as soon as the size is known");
 }
 
 // "CT/" and "CT" are the same folder.
@@ -183,6 +185,7 @@ void Import(const Options& options, palpate::Reporter* reporter) {
   palpate::ImportLimits limits;
   limits.max_voxels = options.max_voxels;
   limits.max_memory_bytes = options.max_memory_mib << 20;
+  limits.on_size = [reporter](const auto& size) { reporter->Size(size); };
   reporter->FailOnCrash();
   reporter->FailAfter(options.timeout_s);
   palpate::LimitResources(limits.max_memory_bytes, options.timeout_s);

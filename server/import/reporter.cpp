@@ -76,6 +76,12 @@ void Reporter::Progress(double fraction, std::string_view stage) {
   }
 }
 
+void Reporter::Size(const std::array<std::int64_t, 3>& size) {
+  if (progress_fd_ < 0) return;
+  WriteAll(progress_fd_, "size " + std::to_string(size[0]) + " " + std::to_string(size[1]) + " " +
+                             std::to_string(size[2]) + "\n");
+}
+
 void Reporter::Warn(std::string_view message) {
   WriteAll(message_fd_,
            OneLine("palpate-import: warning: " + input_ + ": " + std::string(message)));

@@ -5,6 +5,8 @@
 // One thread. Not for real-time code.
 #pragma once
 
+#include <array>
+#include <cstdint>
 #include <string>
 #include <string_view>
 
@@ -18,6 +20,8 @@ class Reporter {
 
   // "progress FRACTION STAGE"; fraction of the whole import.
   void Progress(double fraction, std::string_view stage);
+  // "size X Y Z": so many voxels will be read; the last one counts.
+  void Size(const std::array<std::int64_t, 3>& size);
   // "palpate-import: warning: FILE: MESSAGE".
   void Warn(std::string_view message);
   // "palpate-import: FILE: MESSAGE".

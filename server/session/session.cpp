@@ -167,14 +167,20 @@ VolumeState Session::Load(const LoadRequest& request, const LoadProgress& progre
                           const LoadCancelled& cancelled) {
   const std::unique_lock loading = BeginLoad();
   std::vector<std::string> warnings;
-  const VolumeFile file = loader_.Load(request, progress, cancelled, warnings);
+  MemoryClaim claim;
+  const auto size_known = [&](const Vec3i&, std::uint64_t bytes) {
+    claim = {};
+    claim = loader_.budget->Claim("the new volume", bytes);
+  };
+  const VolumeFile file = loader_.Load(request, progress, cancelled, warnings, size_known);
   for (const std::string& warning : warnings) spdlog::warn("{}", warning);
   VolumeMetadata metadata = file.metadata;
   metadata.source = request.source;
   progress("publishing", 1.0);
   const BrickDirectory bricks = TakeBricks(*file.grid, metadata.size);
   if (cancelled()) throw Error(ErrorKind::kCancelled, "loading was cancelled");
-  return PublishVolume(request, metadata, bricks);
+  claim.Resize(bricks.MemoryBytes());
+  return PublishVolume(request, metadata, bricks, std::move(claim));
 }
 
 Registration Session::PlaceLoaded(const LoadRequest& request,
@@ -187,7 +193,7 @@ Registration Session::PlaceLoaded(const LoadRequest& request,
 }
 
 VolumeState Session::PublishVolume(const LoadRequest& request, const VolumeMetadata& metadata,
-                                   const BrickDirectory& bricks) {
+                                   const BrickDirectory& bricks, MemoryClaim claim) {
   const Registration registration = PlaceLoaded(request, metadata);
   const std::unique_lock voxels = LockVoxels();
   const std::lock_guard lock(mutex_);
@@ -197,6 +203,8 @@ VolumeState Session::PublishVolume(const LoadRequest& request, const VolumeMetad
   const double isovalue = ChosenIsovalue(*volume, request.isovalue, request.normalized_isovalue,
                                          settings_.normalized_isovalue);
   volume_ = std::move(volume);
+  claim.Rename("the volume");
+  claim_ = std::move(claim);
   volume_revision_ = revision;
   ++geometry_revision_;
   registration_ = registration;

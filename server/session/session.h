@@ -24,6 +24,7 @@
 
 #include "server/device/haptic_device.h"
 #include "server/servo/scene.h"
+#include "server/session/memory_budget.h"
 #include "server/session/pump.h"
 #include "server/session/registration.h"
 #include "server/session/registration_store.h"
@@ -115,9 +116,9 @@ class Session {
   // another load runs.
   std::unique_lock<std::mutex> BeginLoad();
   // Publishes another volume: where it lay when it was felt last, or fitted, with
-  // the request's scale if that names one.
+  // the request's scale if that names one. `claim`: of the memory that it takes.
   VolumeState PublishVolume(const LoadRequest& request, const VolumeMetadata& metadata,
-                            const BrickDirectory& bricks);
+                            const BrickDirectory& bricks, MemoryClaim claim = {});
 
   // Held by those who change voxels, from when they read volume() until they have
   // published what they made of it. Do not wait for anything while holding it.
@@ -157,6 +158,7 @@ class Session {
   std::mutex voxels_mutex_;
   mutable std::mutex mutex_;  // guards what follows
   std::shared_ptr<const VolumeSnapshot> volume_;
+  MemoryClaim claim_;  // of volume_ as it was loaded
   Registration registration_;
   AffineMap X_DI_;
   RenderSettings settings_;

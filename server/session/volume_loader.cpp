@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "common/error/error.h"
+#include "server/volume/brick_directory.h"
 #include "server/volume/builtin.h"
 #include "server/volume/import_process.h"
 
@@ -15,13 +16,18 @@ constexpr std::int64_t kBytesPerBuiltinVoxel = 9;
 }  // namespace
 
 VolumeFile VolumeLoader::Load(const LoadRequest& load, const LoadProgress& progress,
-                              const LoadCancelled& cancelled,
-                              std::vector<std::string>& warnings) const {
+                              const LoadCancelled& cancelled, std::vector<std::string>& warnings,
+                              const LoadSizeKnown& size_known) const {
   const std::string& source = load.source;
   if (IsBuiltin(source)) {
     if (load.raw || load.frame.value_or(0) != 0) {
       throw Error(ErrorKind::kInvalidArgument,
                   source + ": a builtin volume has no raw voxels and one frame; leave them out");
+    }
+    const Vec3i size = BuiltinSize(source);
+    if (size_known) {
+      size_known(size, kBytesPerBuiltinVoxel *
+                           static_cast<std::uint64_t>(size.cast<std::int64_t>().prod()));
     }
     progress("making", 0.0);
     const std::int64_t max_builtin_voxels =
@@ -45,6 +51,11 @@ VolumeFile VolumeLoader::Load(const LoadRequest& load, const LoadProgress& progr
   request.max_voxels = max_voxels;
   request.max_memory_bytes = max_memory_bytes;
   request.import_program = import_program;
+  if (size_known) {
+    request.on_size = [&](const Vec3i& size) {
+      size_known(size, BrickDirectory::MemoryBytes(size));
+    };
+  }
   return ImportVolume(request, progress, cancelled, &warnings);
 }
 

@@ -7,10 +7,13 @@
 #include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <memory>
 #include <optional>
 #include <string>
 #include <string_view>
+#include <vector>
 
+#include "server/session/memory_budget.h"
 #include "server/volume/raw_voxels.h"
 #include "server/volume/volume_file.h"
 
@@ -29,14 +32,21 @@ struct LoadRequest {
 using LoadProgress = std::function<void(std::string_view stage, double fraction)>;
 using LoadCancelled = std::function<bool()>;
 
+// Of the volume that is loaded, before any of it is: its voxels, and the memory that
+// loading takes in this process. What it throws ends the load.
+using LoadSizeKnown = std::function<void(const Vec3i& size, std::uint64_t bytes)>;
+
 struct VolumeLoader {
   std::filesystem::path import_program;
   std::int64_t max_voxels = std::int64_t{1} << 31;
-  std::int64_t max_memory_bytes = std::int64_t{16} << 30;
+  std::int64_t max_memory_bytes = std::int64_t{16} << 30;  // of the importer
+  std::shared_ptr<MemoryBudget> budget = MemoryBudget::Make();
 
-  // `warnings`: one line each, for the log.
+  // `warnings`: one line each, for the log. Claims nothing of the budget: that is
+  // `size_known`'s.
   VolumeFile Load(const LoadRequest& request, const LoadProgress& progress,
-                  const LoadCancelled& cancelled, std::vector<std::string>& warnings) const;
+                  const LoadCancelled& cancelled, std::vector<std::string>& warnings,
+                  const LoadSizeKnown& size_known = {}) const;
 };
 
 }  // namespace palpate

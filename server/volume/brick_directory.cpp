@@ -10,6 +10,9 @@ namespace {
 
 Vec3i CountOf(const Vec3i& size, int edge) { return ((size.array() + (edge - 1)) / edge).matrix(); }
 
+// The counts of the shared_ptr and of the heap come to about 32 bytes.
+constexpr std::uint64_t kBytesPerBrick = sizeof(Brick) + 32;
+
 }  // namespace
 
 BrickDirectory::BrickDirectory(const Vec3i& size_voxels,
@@ -65,16 +68,33 @@ BrickDirectory BrickDirectory::AllChangedAt(std::uint64_t revision) const {
   return changed;
 }
 
+void BrickDirectory::ForEachBrickOfNodes(
+    const std::function<bool(std::size_t node)>& wanted,
+    const std::function<void(std::size_t node, int place, const Vec3i& brick)>& visit) const {
+  std::size_t n = 0;
+  Vec3i node;
+  for (node.x() = 0; node.x() < node_count_.x(); ++node.x()) {
+    for (node.y() = 0; node.y() < node_count_.y(); ++node.y()) {
+      for (node.z() = 0; node.z() < node_count_.z(); ++node.z(), ++n) {
+        if (!wanted(n)) continue;
+        for (int place = 0; place < kBrickVoxels; ++place) {
+          if (!nodes_[n]->bricks[place]) continue;
+          visit(n, place, node * 8 + Vec3i(place >> 6, place >> 3 & 7, place & 7));
+        }
+      }
+    }
+  }
+}
+
 std::vector<BrickChange> BrickDirectory::ChangesTo(const BrickDirectory& other) const {
   assert(other.brick_count_ == brick_count_);
   std::vector<BrickChange> changes;
-  for (std::uint64_t number = 0, end = brick_count_.cast<std::int64_t>().prod(); number < end;
-       ++number) {
-    const Vec3i brick = BrickOf(number);
-    const BrickPtr& from = At(brick);
-    const BrickPtr& to = other.At(brick);
-    if (from != to && *from != *to) changes.push_back({brick, to});
-  }
+  ForEachBrickOfNodes([&](std::size_t node) { return nodes_[node] != other.nodes_[node]; },
+                      [&](std::size_t node, int place, const Vec3i& brick) {
+                        const BrickPtr& from = nodes_[node]->bricks[place];
+                        const BrickPtr& to = other.nodes_[node]->bricks[place];
+                        if (from != to && *from != *to) changes.push_back({brick, to});
+                      });
   return changes;
 }
 
@@ -84,19 +104,12 @@ const BrickPtr& BrickDirectory::At(const Vec3i& brick) const {
 
 std::vector<std::uint64_t> BrickDirectory::ChangedSince(std::uint64_t revision) const {
   std::vector<std::uint64_t> numbers;
-  std::size_t n = 0;
-  Vec3i node;
-  for (node.x() = 0; node.x() < node_count_.x(); ++node.x()) {
-    for (node.y() = 0; node.y() < node_count_.y(); ++node.y()) {
-      for (node.z() = 0; node.z() < node_count_.z(); ++node.z(), ++n) {
-        if (nodes_[n]->newest <= revision) continue;
-        for (int place = 0; place < kBrickVoxels; ++place) {
-          if (!nodes_[n]->bricks[place] || nodes_[n]->revisions[place] <= revision) continue;
-          numbers.push_back(NumberOf(node * 8 + Vec3i(place >> 6, place >> 3 & 7, place & 7)));
-        }
-      }
-    }
-  }
+  ForEachBrickOfNodes([&](std::size_t node) { return nodes_[node]->newest > revision; },
+                      [&](std::size_t node, int place, const Vec3i& brick) {
+                        if (nodes_[node]->revisions[place] > revision) {
+                          numbers.push_back(NumberOf(brick));
+                        }
+                      });
   std::sort(numbers.begin(), numbers.end());
   return numbers;
 }
@@ -110,10 +123,14 @@ std::uint64_t BrickDirectory::MemoryBytes() const {
   }
   std::sort(bricks.begin(), bricks.end());
   const auto end = std::unique(bricks.begin(), bricks.end());
-  // The counts of the shared_ptr and of the heap come to about 32 bytes.
-  constexpr std::uint64_t kBytesPerBrick = sizeof(Brick) + 32;
   return static_cast<std::uint64_t>(end - bricks.begin()) * kBytesPerBrick +
          nodes_.size() * sizeof(Node);
+}
+
+std::uint64_t BrickDirectory::MemoryBytes(const Vec3i& size_voxels) {
+  const Vec3i bricks = CountOf(size_voxels, kBrickEdge);
+  return static_cast<std::uint64_t>(bricks.cast<std::int64_t>().prod()) * kBytesPerBrick +
+         static_cast<std::uint64_t>(CountOf(bricks, 8).cast<std::int64_t>().prod()) * sizeof(Node);
 }
 
 }  // namespace palpate

@@ -49,7 +49,7 @@ class BrickDirectory {
   BrickDirectory AllChangedAt(std::uint64_t revision) const;
 
   // What makes `this` to `other`, which has as many voxels: bricks that are
-  // another object with other values.
+  // another object with other values. Nodes that both share cost nothing.
   std::vector<BrickChange> ChangesTo(const BrickDirectory& other) const;
 
   const Vec3i& brick_count() const { return brick_count_; }
@@ -75,6 +75,8 @@ class BrickDirectory {
   // Of the bricks, shared ones counted once, and of the directory. Reads all of
   // it.
   std::uint64_t MemoryBytes() const;
+  // The same of a directory that shares no brick.
+  static std::uint64_t MemoryBytes(const Vec3i& size_voxels);
 
  private:
   // 8³ bricks, in the order of voxels in a brick.
@@ -92,6 +94,11 @@ class BrickDirectory {
   static std::size_t PlaceInNode(const Vec3i& brick) {
     return VoxelInBrick(brick.x(), brick.y(), brick.z());
   }
+
+  // All bricks of the nodes that are wanted, node by node.
+  void ForEachBrickOfNodes(
+      const std::function<bool(std::size_t node)>& wanted,
+      const std::function<void(std::size_t node, int place, const Vec3i& brick)>& visit) const;
 
   Vec3i brick_count_;
   Vec3i node_count_;

@@ -93,32 +93,35 @@ openvdb::FloatGrid::Ptr Sample(const Vec3i& size, const Field& field,
   return grid;
 }
 
+struct Recipe {
+  Vec3i size;
+  Field field;
+};
+
+Recipe RecipeOf(std::string_view source) {
+  int edge = kDefaultEdge;
+  const std::string_view text = source.substr(std::min(source.size(), kPrefix.size()));
+  const std::string_view name = SplitEdge(text, source, edge);
+  const Vec3i cube = Vec3i::Constant(edge);
+  if (text == "cylinder") return {Vec3i(100, 100, 30), CylinderField};
+  if (name == "sphere") return {cube, SphereField(edge)};
+  if (name == "bumps") return {cube, BumpsField(edge)};
+  if (name == "gyroid") return {cube, GyroidField(edge)};
+  throw Error(ErrorKind::kInvalidArgument,
+              std::string(source) +
+                  ": no such builtin volume; there are builtin:cylinder, builtin:sphere[:N], "
+                  "builtin:bumps[:N] and builtin:gyroid[:N]");
+}
+
 }  // namespace
 
 bool IsBuiltin(std::string_view source) { return source.starts_with(kPrefix); }
 
+Vec3i BuiltinSize(std::string_view source) { return RecipeOf(source).size; }
+
 BuiltinVolume MakeBuiltin(std::string_view source, const Vec3& spacing_mm, std::int64_t max_voxels,
                           const std::function<bool()>& cancelled) {
-  int edge = kDefaultEdge;
-  const std::string_view text = source.substr(std::min(source.size(), kPrefix.size()));
-  const std::string_view name = SplitEdge(text, source, edge);
-  Vec3i size = Vec3i::Constant(edge);
-  Field field;
-  if (text == "cylinder") {
-    size = Vec3i(100, 100, 30);
-    field = CylinderField;
-  } else if (name == "sphere") {
-    field = SphereField(edge);
-  } else if (name == "bumps") {
-    field = BumpsField(edge);
-  } else if (name == "gyroid") {
-    field = GyroidField(edge);
-  } else {
-    throw Error(ErrorKind::kInvalidArgument,
-                std::string(source) +
-                    ": no such builtin volume; there are builtin:cylinder, builtin:sphere[:N], "
-                    "builtin:bumps[:N] and builtin:gyroid[:N]");
-  }
+  const auto [size, field] = RecipeOf(source);
   if (size.cast<std::int64_t>().prod() > max_voxels) {
     throw Error(ErrorKind::kTooLarge, std::string(source) + ": more than " +
                                           std::to_string(max_voxels) + " voxels; give a smaller N");

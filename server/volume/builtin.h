@@ -26,6 +26,9 @@ struct BuiltinVolume {
 
 bool IsBuiltin(std::string_view source);
 
+// Voxels that it has. Throws Error (kInvalidArgument) for an unknown name or a bad N.
+Vec3i BuiltinSize(std::string_view source);
+
 // `cancelled` is asked now and then; empty: never. Throws Error: kInvalidArgument
 // for an unknown name, a bad N or spacing; kTooLarge above max_voxels; kCancelled.
 BuiltinVolume MakeBuiltin(std::string_view source, const Vec3& spacing_mm = Vec3::Ones(),

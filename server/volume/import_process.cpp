@@ -258,6 +258,21 @@ void ReportProgress(std::string_view line,
   progress(line, fraction * kImporterShare);
 }
 
+// "size X Y Z".
+void ReportSize(std::string_view line, const std::function<void(const Vec3i&)>& on_size) {
+  constexpr std::string_view kWord = "size";
+  if (!on_size || !line.starts_with(kWord)) return;
+  line.remove_prefix(kWord.size());
+  Vec3i size;
+  for (int& voxels : size) {
+    if (!line.starts_with(' ')) return;
+    const auto [end, error] = std::from_chars(line.data() + 1, line.data() + line.size(), voxels);
+    if (error != std::errc() || voxels < 1) return;
+    line.remove_prefix(static_cast<std::size_t>(end - line.data()));
+  }
+  if (line.empty()) on_size(size);
+}
+
 struct Outcome {
   int status = 0;                     // as of waitpid
   std::vector<std::string> messages;  // without the prefix
@@ -285,7 +300,10 @@ Outcome RunImporter(const ImportRequest& request, const std::filesystem::path& o
   Outcome outcome;
   Lines out_lines;
   Lines err_lines;
-  const auto on_progress = [&](std::string_view line) { ReportProgress(line, progress); };
+  const auto on_progress = [&](std::string_view line) {
+    ReportProgress(line, progress);
+    ReportSize(line, request.on_size);
+  };
   const auto on_message = [&](std::string_view line) { AddMessage(line, &outcome); };
   for (;;) {
     // A closed descriptor is -1, which poll ignores.

@@ -26,6 +26,9 @@ struct ImportRequest {
   std::optional<RawVoxels> raw;       // the file holds nothing but these
   std::int64_t max_voxels = std::int64_t{1} << 31;
   std::int64_t max_memory_bytes = std::int64_t{16} << 30;
+  // Told of the size in advance, before voxels are read; more than once for stacks
+  // of slices, and whatever it throws ends the import.
+  std::function<void(const Vec3i& size)> on_size{};
   std::chrono::seconds timeout{300};
   std::filesystem::path import_program;  // palpate-import
 };

@@ -50,6 +50,7 @@ spacing_mm = [1, 1.0, 2.5]
 device_mm_per_volume_mm = 0.5
 load_folders = ["/tmp", "/"]
 save_folders = []
+memory_budget_mib = 300
 [haptics]
 stiffness_n_per_mm = 0.8
 damping_n_s_per_m = 2
@@ -81,6 +82,7 @@ folder = "/var/lib/palpate"
   EXPECT_EQ(config.device_mm_per_volume_mm, 0.5);
   EXPECT_EQ(config.load_folders, (std::vector<std::filesystem::path>{"/tmp", "/"}));
   EXPECT_TRUE(config.save_folders && config.save_folders->empty());
+  EXPECT_EQ(config.memory_budget_bytes, std::uint64_t{300} << 20);
   EXPECT_EQ(config.haptics.stiffness_n_per_mm, 0.8);
   EXPECT_EQ(config.haptics.damping_n_s_per_m, 2.0);
   EXPECT_EQ(config.haptics.static_friction, 0.4);
@@ -131,6 +133,16 @@ TEST_F(ConfigTest, FoldersMustBeThere) {
           std::string::npos)
           << bad;
     }
+  }
+}
+
+TEST_F(ConfigTest, SizesAreWholeNumbersAboveZero) {
+  EXPECT_GT(Read("").memory_budget_bytes, 0u);
+  for (const char* bad : {"0", "-1", "1.5", "\"1\"", "true", "1073741825", "[1]"}) {
+    EXPECT_NE(Refusal("[volume]\nmemory_budget_mib = " + std::string(bad) + "\n")
+                  .find("palpated.toml:2: volume.memory_budget_mib"),
+              std::string::npos)
+        << bad;
   }
 }
 
