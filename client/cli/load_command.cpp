@@ -4,12 +4,18 @@
 
 #include <filesystem>
 
+#include "client/cli/cancellable_call.h"
 #include "client/cli/description.h"
 #include "client/cli/output.h"
 #include "client/cli/progress_call.h"
 #include "palpate/v1/volume.grpc.pb.h"
 
 namespace palpate::cli {
+
+Error ErrorOfLoad(const Connection& connection, const grpc::Status& status) {
+  if (!Interrupt::IsRaised()) return connection.ErrorOf(status);
+  return {ErrorKind::kCancelled, "loading was cancelled; the volume before it stays"};
+}
 
 void LoadVolume(const Connection& connection, const v1::LoadVolumeRequest& request) {
   const auto stub = v1::VolumeService::NewStub(connection.channel());

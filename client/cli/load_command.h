@@ -13,6 +13,9 @@ namespace palpate::cli {
 // Errors: as Connection::ErrorOf and WriteOutput; kCancelled.
 void LoadVolume(const Connection& connection, const v1::LoadVolumeRequest& request);
 
+// The Error to end with after a failed load of any kind; while an Interrupt exists.
+Error ErrorOfLoad(const Connection& connection, const grpc::Status& status);
+
 // The daemon has another current folder: a relative path becomes absolute.
 // "builtin:..." stays as it is.
 std::string SourceForDaemon(const std::string& source);

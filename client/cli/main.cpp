@@ -18,8 +18,10 @@
 #include "client/cli/output.h"
 #include "client/cli/place_options.h"
 #include "client/cli/record_options.h"
+#include "client/cli/series_options.h"
 #include "client/cli/set_command.h"
 #include "client/cli/setting.h"
+#include "client/cli/upload_options.h"
 #include "client/cli/watch_command.h"
 #include "common/error/error.h"
 
@@ -148,6 +150,8 @@ int Main(int argc, char** argv) {
   PlaceValues place;
   DownloadOptions download;
   RecordValues record;
+  LoadValues upload;
+  SeriesValues series;
   CLI::App app("Steers and watches palpated, the daemon that makes a volume's isosurface felt.",
                "palpate");
   app.footer(
@@ -178,6 +182,8 @@ int Main(int argc, char** argv) {
   AddRecord(app, invocation, record);
   AddMark(app, invocation, record);
   AddReplay(app, invocation, record);
+  AddUpload(app, invocation, upload);
+  AddSeries(app, invocation, series);
   try {
     app.parse(Arguments(argc, argv));
   } catch (const CLI::Success& help) {

@@ -53,7 +53,14 @@ struct Entry {
 
 using Paths = std::vector<std::filesystem::path>;
 
-// Folders that are there.
+// A folder that is there.
+std::filesystem::path ParseFolder(const Entry& entry) {
+  const std::filesystem::path folder = entry.Text();
+  PathPolicy({.load_folders = {folder}});  // throws
+  return folder;
+}
+
+// The same of several.
 Paths ParseFolders(const Entry& entry) {
   const toml::array* array = entry.node.as_array();
   if (!array) entry.Fail("must be a list of paths, [\"/data\"]");
@@ -114,6 +121,10 @@ SettersByKey AllSetters() {
        [](const Entry& e, Config& c) { c.device_mm_per_volume_mm = e.Number(); }},
       {"volume.load_folders", [](const Entry& e, Config& c) { c.load_folders = ParseFolders(e); }},
       {"volume.save_folders", [](const Entry& e, Config& c) { c.save_folders = ParseFolders(e); }},
+      {"volume.upload_folder",
+       [](const Entry& e, Config& c) { c.uploads.folder = ParseFolder(e); }},
+      {"volume.max_upload_mib",
+       [](const Entry& e, Config& c) { c.uploads.max_bytes = Mebibytes(e); }},
       {"volume.memory_budget_mib",
        [](const Entry& e, Config& c) { c.memory_budget_bytes = Mebibytes(e); }},
       {"device.kind", [](const Entry& e, Config& c) { c.device = e.Text(); }},

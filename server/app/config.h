@@ -16,6 +16,7 @@
 #include "server/realtime/thread_setup.h"
 #include "server/session/memory_budget.h"
 #include "server/session/path_policy.h"
+#include "server/session/upload.h"
 
 namespace palpate {
 
@@ -28,6 +29,7 @@ struct Config {
   std::vector<std::filesystem::path> load_folders = PathPolicyOptions{}.load_folders;
   std::optional<std::vector<std::filesystem::path>> save_folders;  // none: the current one
   std::uint64_t memory_budget_bytes = DefaultMemoryBudget();
+  UploadOptions uploads;
   HapticSettings haptics;
   DecompositionMethod method = DecompositionMethod::kTpbcc;
   std::string device = "simulated";

@@ -113,10 +113,12 @@ void RunDaemon(const Config& config) {
                              {[&](const std::string& path) { return paths.CheckSave(path); },
                               [&](const std::string& path) { return paths.CheckLoad(path); }},
                              "palpated " PALPATE_VERSION);
-  RpcServer server({socket, config.listen, paths},
-                   {session, editor, recording, pump, device->spec(), servo, inbox});
+  SeriesPlayer series(session);
+  RpcServer server({socket, config.listen, paths, config.uploads},
+                   {session, editor, series, recording, pump, device->spec(), servo, inbox});
 
   server.Reserve();
+  RemoveAbandonedUploads(config.uploads);
   session.SetInitial({.haptics = config.haptics, .method = config.method});
   LoadFirstVolume(config, session);
   tools->Start();

@@ -89,7 +89,8 @@ RpcServer::RpcServer(ServerOptions options, const ServedParts& parts)
       render_(parts.session),
       volume_streams_(parts.session),
       registration_(parts.session),
-      volume_(parts.session, parts.editor, options_.paths, volume_streams_),
+      volume_(parts.session, parts.editor, options_.paths, options_.uploads, volume_streams_),
+      series_(parts.session, parts.series, options_.paths),
       device_(parts.device, parts.servo, parts.inbox),
       recording_(parts.recording) {}
 
@@ -140,6 +141,7 @@ void RpcServer::Start() {
   builder.RegisterService(&render_);
   builder.RegisterService(&registration_);
   builder.RegisterService(&volume_);
+  builder.RegisterService(&series_);
   builder.RegisterService(&device_);
   builder.RegisterService(&recording_);
   server_ = builder.BuildAndStart();

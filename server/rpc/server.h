@@ -16,6 +16,7 @@
 #include "server/rpc/recording_service.h"
 #include "server/rpc/registration_service.h"
 #include "server/rpc/render_service.h"
+#include "server/rpc/series_service.h"
 #include "server/rpc/volume_service.h"
 #include "server/session/path_policy.h"
 #include "server/streaming/volume_streams.h"
@@ -26,12 +27,14 @@ struct ServerOptions {
   std::string socket_path;
   std::optional<HostPort> listen;  // loopback only: there is no TLS yet
   PathPolicy paths;                // that clients may name
+  UploadOptions uploads;
 };
 
 // What the services work on: all of it is borrowed.
 struct ServedParts {
   Session& session;
   VolumeEditor& editor;
+  SeriesPlayer& series;
   RecordingControl& recording;
   Pump& pump;
   const DeviceSpec& device;
@@ -61,6 +64,7 @@ class RpcServer {
   VolumeStreams volume_streams_;
   RegistrationService registration_;
   VolumeService volume_;
+  SeriesService series_;
   DeviceService device_;
   RecordingService recording_;
   std::unique_ptr<grpc::Server> server_;

@@ -6,6 +6,7 @@
 #include "server/rpc/volume_stream_service.h"
 #include "server/session/path_policy.h"
 #include "server/session/session.h"
+#include "server/session/upload.h"
 #include "server/session/volume_editor.h"
 
 namespace palpate {
@@ -15,11 +16,12 @@ class VolumeService final
  public:
   // Borrows all.
   VolumeService(Session& session, VolumeEditor& editor, const PathPolicy& paths,
-                VolumeStreams& streams)
+                const UploadOptions& uploads, VolumeStreams& streams)
       : session_(session),
         editor_(editor),
         saver_(session, [&paths](const std::string& path) { return paths.CheckSave(path); }),
         paths_(paths),
+        uploads_(uploads),
         streams_(streams) {}
 
   grpc::Status GetVolume(grpc::ServerContext* context, const v1::GetVolumeRequest* request,
@@ -41,11 +43,19 @@ class VolumeService final
     return StreamVolumeTo(streams_);
   }
 
+  grpc::Status UploadVolume(grpc::ServerContext* context,
+                            grpc::ServerReader<v1::UploadVolumeRequest>* reader,
+                            v1::UploadVolumeResponse* response) override;
+
  private:
+  VolumeState LoadUpload(const Upload& upload, LoadRequest request, const LoadCancelled& cancelled,
+                         AppliedTick& applied);
+
   Session& session_;
   VolumeEditor& editor_;
   VolumeSaver saver_;
   const PathPolicy& paths_;
+  const UploadOptions& uploads_;
   VolumeStreams& streams_;
 };
 

@@ -167,15 +167,12 @@ VolumeState Session::Load(const LoadRequest& request, const LoadProgress& progre
                           const LoadCancelled& cancelled) {
   const std::unique_lock loading = BeginLoad();
   std::vector<std::string> warnings;
-  MemoryClaim claim;
-  const auto size_known = [&](const Vec3i&, std::uint64_t bytes) {
-    claim = {};
-    claim = loader_.budget->Claim("the new volume", bytes);
-  };
+  MemoryClaim claim = loader_.budget->Claim("the new volume", 0);
+  const auto size_known = [&](const Vec3i&, std::uint64_t bytes) { claim.Resize(bytes); };
   const VolumeFile file = loader_.Load(request, progress, cancelled, warnings, size_known);
   for (const std::string& warning : warnings) spdlog::warn("{}", warning);
   VolumeMetadata metadata = file.metadata;
-  metadata.source = request.source;
+  metadata.source = request.title.empty() ? request.source : request.title;
   progress("publishing", 1.0);
   const BrickDirectory bricks = TakeBricks(*file.grid, metadata.size);
   if (cancelled()) throw Error(ErrorKind::kCancelled, "loading was cancelled");

@@ -12,11 +12,11 @@
 #include <cerrno>
 #include <charconv>
 #include <cstdio>
-#include <cstdlib>
 #include <cstring>
 #include <utility>
 
 #include "common/error/error.h"
+#include "server/volume/private_folder.h"
 
 extern char** environ;
 
@@ -73,48 +73,6 @@ Pipe MakePipe() {
 }
 
 constexpr std::string_view kFolderPrefix = "palpate-import-";
-
-std::filesystem::path TemporaryParent() {
-  const char* parent = std::getenv("TMPDIR");
-  return parent && *parent ? parent : "/tmp";
-}
-
-// Removes the folders of daemons that were killed while they loaded: the name
-// holds the process, and only our own can be removed.
-void RemoveAbandonedFolders() {
-  std::error_code error;
-  for (const auto& entry : std::filesystem::directory_iterator(TemporaryParent(), error)) {
-    const std::string name = entry.path().filename();
-    if (!name.starts_with(kFolderPrefix)) continue;
-    pid_t process = 0;
-    std::from_chars(name.data() + kFolderPrefix.size(), name.data() + name.size(), process);
-    if (process <= 0 || kill(process, 0) == 0 || errno != ESRCH) continue;
-    std::error_code ignored;
-    std::filesystem::remove_all(entry.path(), ignored);
-  }
-}
-
-// A folder that only this user can enter, removed with all it holds.
-class PrivateFolder {
- public:
-  PrivateFolder() {
-    RemoveAbandonedFolders();
-    std::string name =
-        TemporaryParent() / (std::string(kFolderPrefix) + std::to_string(getpid()) + "-XXXXXX");
-    if (!mkdtemp(name.data())) FailInternal("cannot make a folder " + name, errno);
-    path_ = name;
-  }
-  ~PrivateFolder() {
-    std::error_code ignored;
-    std::filesystem::remove_all(path_, ignored);
-  }
-  PrivateFolder(const PrivateFolder&) = delete;
-  PrivateFolder& operator=(const PrivateFolder&) = delete;
-  const std::filesystem::path& path() const { return path_; }
-
- private:
-  std::filesystem::path path_;
-};
 
 std::string Decimal(double value) {
   std::array<char, 32> text{};
@@ -362,7 +320,8 @@ VolumeFile ImportVolume(const ImportRequest& request,
                         const std::function<void(std::string_view, double)>& progress,
                         const std::function<bool()>& cancelled,
                         std::vector<std::string>* warnings) {
-  const PrivateFolder folder;
+  RemoveAbandonedFolders(TemporaryFolder(), kFolderPrefix);
+  const PrivateFolder folder(TemporaryFolder(), kFolderPrefix);
   const std::filesystem::path output = folder.path() / "volume.vdb";
   const Outcome outcome = RunImporter(request, output, progress, cancelled);
   ThrowUnlessSuccess(request, outcome);

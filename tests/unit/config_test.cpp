@@ -51,6 +51,8 @@ device_mm_per_volume_mm = 0.5
 load_folders = ["/tmp", "/"]
 save_folders = []
 memory_budget_mib = 300
+max_upload_mib = 200
+upload_folder = "/tmp"
 [haptics]
 stiffness_n_per_mm = 0.8
 damping_n_s_per_m = 2
@@ -83,6 +85,8 @@ folder = "/var/lib/palpate"
   EXPECT_EQ(config.load_folders, (std::vector<std::filesystem::path>{"/tmp", "/"}));
   EXPECT_TRUE(config.save_folders && config.save_folders->empty());
   EXPECT_EQ(config.memory_budget_bytes, std::uint64_t{300} << 20);
+  EXPECT_EQ(config.uploads.max_bytes, std::uint64_t{200} << 20);
+  EXPECT_EQ(config.uploads.folder, "/tmp");
   EXPECT_EQ(config.haptics.stiffness_n_per_mm, 0.8);
   EXPECT_EQ(config.haptics.damping_n_s_per_m, 2.0);
   EXPECT_EQ(config.haptics.static_friction, 0.4);
@@ -136,9 +140,22 @@ TEST_F(ConfigTest, FoldersMustBeThere) {
   }
 }
 
+TEST_F(ConfigTest, TheUploadFolderMustBeThere) {
+  for (const char* bad : {"\"\"", "\"tmp\"", "\"/no/such\"", "1", "[\"/tmp\"]"}) {
+    EXPECT_NE(Refusal("[volume]\nupload_folder = " + std::string(bad) + "\n")
+                  .find("palpated.toml:2: volume.upload_folder"),
+              std::string::npos)
+        << bad;
+  }
+}
+
 TEST_F(ConfigTest, SizesAreWholeNumbersAboveZero) {
   EXPECT_GT(Read("").memory_budget_bytes, 0u);
   for (const char* bad : {"0", "-1", "1.5", "\"1\"", "true", "1073741825", "[1]"}) {
+    EXPECT_NE(Refusal("[volume]\nmax_upload_mib = " + std::string(bad) + "\n")
+                  .find("palpated.toml:2: volume.max_upload_mib"),
+              std::string::npos)
+        << bad;
     EXPECT_NE(Refusal("[volume]\nmemory_budget_mib = " + std::string(bad) + "\n")
                   .find("palpated.toml:2: volume.memory_budget_mib"),
               std::string::npos)

@@ -1,0 +1,30 @@
+// SeriesService: translates between the wire and the player of series.
+#pragma once
+
+#include "palpate/v1/series.grpc.pb.h"
+#include "server/session/path_policy.h"
+#include "server/session/series_player.h"
+#include "server/session/session.h"
+
+namespace palpate {
+
+class SeriesService final : public v1::SeriesService::Service {
+ public:
+  // Borrows all.
+  SeriesService(Session& session, SeriesPlayer& player, const PathPolicy& paths)
+      : session_(session), player_(player), paths_(paths) {}
+
+  grpc::Status LoadSeries(grpc::ServerContext* context, const v1::LoadSeriesRequest* request,
+                          grpc::ServerWriter<v1::LoadSeriesResponse>* writer) override;
+  grpc::Status GetSeries(grpc::ServerContext* context, const v1::GetSeriesRequest* request,
+                         v1::GetSeriesResponse* response) override;
+  grpc::Status ControlSeries(grpc::ServerContext* context, const v1::ControlSeriesRequest* request,
+                             v1::ControlSeriesResponse* response) override;
+
+ private:
+  Session& session_;
+  SeriesPlayer& player_;
+  const PathPolicy& paths_;
+};
+
+}  // namespace palpate

@@ -1,0 +1,143 @@
+#include "server/session/series.h"
+
+#include <algorithm>
+#include <memory>
+#include <optional>
+#include <utility>
+
+#include "common/error/error.h"
+#include "server/volume/brick_pool.h"
+#include "server/volume/snapshot_builder.h"
+
+namespace palpate {
+namespace {
+
+std::string Text(const Vec3i& size) {
+  return std::to_string(size.x()) + "x" + std::to_string(size.y()) + "x" + std::to_string(size.z());
+}
+
+// Reads frame after frame.
+class Reader {
+ public:
+  Reader(const VolumeLoader& loader, std::span<const std::filesystem::path> files,
+         const LoadRequest& request, const LoadProgress& progress, const LoadCancelled& cancelled,
+         std::vector<std::string>& warnings)
+      : loader_(loader),
+        files_(files),
+        request_(request),
+        progress_(progress),
+        cancelled_(cancelled),
+        warnings_(warnings) {}
+
+  LoadedSeries Read() {
+    count_ = files_.size();
+    claim_ = loader_.budget->Claim("the series", 0);
+    ReadFrame(0);
+    if (files_.size() == 1) {
+      count_ = static_cast<std::size_t>(metadata_.frames);
+      if (count_ < 2) {
+        Refuse(files_[0].string() + ": there is one frame in it; a series needs two or more");
+      }
+      claim_.Resize(Needed(metadata_.size));
+    }
+    while (frames_.size() < count_) ReadFrame(frames_.size());
+    return Finish();
+  }
+
+ private:
+  [[noreturn]] static void Refuse(const std::string& message) {
+    throw Error(ErrorKind::kInvalidArgument, message);
+  }
+
+  // All frames, and one more on its way.
+  std::uint64_t Needed(const Vec3i& size) const {
+    return (count_ + 1) * BrickDirectory::MemoryBytes(size);
+  }
+
+  void ReadFrame(std::size_t frame) {
+    LoadRequest request{.source = files_[files_.size() == 1 ? 0 : frame],
+                        .spacing_mm = request_.spacing_mm,
+                        .raw = request_.raw};
+    request.frame = files_.size() == 1 ? static_cast<std::int64_t>(frame) : 0;
+    const auto progress = [&](std::string_view stage, double fraction) {
+      progress_("frame " + std::to_string(frame + 1) + ": " + std::string(stage),
+                (static_cast<double>(frame) + fraction) / static_cast<double>(count_));
+    };
+    std::vector<std::string> warnings;
+    VolumeFile file = loader_.Load(request, progress, cancelled_, warnings,
+                                   [&](const Vec3i& size, std::uint64_t) { CheckSize(size); });
+    // They are much the same for every frame.
+    if (frame == 0) warnings_.insert(warnings_.end(), warnings.begin(), warnings.end());
+    Take(std::move(file), request.source);
+  }
+
+  void CheckSize(const Vec3i& size) {
+    if (frames_.empty()) claim_.Resize(Needed(size));
+  }
+
+  void Take(VolumeFile file, const std::string& source) {
+    if (files_.size() > 1 && file.metadata.frames != 1) {
+      Refuse(source + ": there are several frames in it; name that file alone, or files of one " +
+             "frame each");
+    }
+    if (frames_.empty()) {
+      metadata_ = file.metadata;
+    } else if (file.metadata.size != metadata_.size) {
+      Refuse(source + ": " + Text(file.metadata.size) + " voxels where the first frame has " +
+             Text(metadata_.size) + "; all frames must have one size");
+    }
+    metadata_.value_min = std::min(metadata_.value_min, file.metadata.value_min);
+    metadata_.value_max = std::max(metadata_.value_max, file.metadata.value_max);
+    const BrickDirectory bricks = TakeBricks(*file.grid, metadata_.size);
+    // What is beyond the lattice is settled when the range of all frames is known.
+    frames_.push_back(
+        pool_->Share(bricks, metadata_.size, static_cast<float>(file.metadata.value_min)));
+    if (cancelled_()) throw Error(ErrorKind::kCancelled, "loading was cancelled");
+  }
+
+  LoadedSeries Finish() {
+    pool_.emplace();
+    const auto background = static_cast<float>(metadata_.value_min);
+    for (BrickDirectory& frame : frames_) frame = pool_->Share(frame, metadata_.size, background);
+    metadata_.frames = static_cast<int>(frames_.size());
+    claim_.Resize(MemoryBytes(frames_, metadata_.size));
+    return {metadata_, std::move(frames_), std::move(claim_)};
+  }
+
+  const VolumeLoader& loader_;
+  const std::span<const std::filesystem::path> files_;
+  const LoadRequest& request_;
+  const LoadProgress& progress_;
+  const LoadCancelled& cancelled_;
+  std::vector<std::string>& warnings_;
+
+  std::size_t count_ = 0;
+  VolumeMetadata metadata_;
+  std::vector<BrickDirectory> frames_;
+  std::optional<BrickPool> pool_{std::in_place};
+  MemoryClaim claim_;
+};
+
+}  // namespace
+
+LoadedSeries LoadSeries(const VolumeLoader& loader, std::span<const std::filesystem::path> files,
+                        const LoadRequest& request, const LoadProgress& progress,
+                        const LoadCancelled& cancelled, std::vector<std::string>& warnings) {
+  return Reader(loader, files, request, progress, cancelled, warnings).Read();
+}
+
+BrickDirectory Blend(const BrickDirectory& from, const BrickDirectory& to, double share) {
+  std::vector<BrickChange> changes = from.ChangesTo(to);
+  for (BrickChange& change : changes) {
+    const Brick& start = *from.At(change.brick);
+    const Brick& end = *change.values;
+    auto blended = std::make_shared<Brick>();
+    for (int n = 0; n < kBrickVoxels; ++n) {
+      (*blended)[n] = static_cast<float>((1.0 - share) * start[n] + share * end[n]);
+    }
+    change.values = std::move(blended);
+  }
+  return from.With(changes, 1);
+}
+
+}  // namespace palpate

@@ -1,0 +1,36 @@
+// The frames of a time series: loaded, and blended.
+//
+// Frame: I, one lattice for all. Values in data units, one range for all.
+// Threads: LoadSeries on any ordinary thread, blocks until done; Blend is pure.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "server/session/volume_loader.h"
+#include "server/volume/brick_directory.h"
+
+namespace palpate {
+
+struct LoadedSeries {
+  VolumeMetadata metadata;             // of the first frame, but for the range and the frames
+  std::vector<BrickDirectory> frames;  // what is equal in several is shared
+  MemoryClaim claim;
+};
+
+// One file with several frames, or files of one frame each. Of `request` spacing_mm and
+// raw are used. The memory of all frames is claimed before the first is read, or
+// right after it where only the file tells how many they are.
+// Throws Error: as VolumeLoader::Load; kInvalidArgument for fewer than two frames,
+// several in one of several files, other sizes; kTooLarge.
+LoadedSeries LoadSeries(const VolumeLoader& loader, std::span<const std::filesystem::path> files,
+                        const LoadRequest& request, const LoadProgress& progress,
+                        const LoadCancelled& cancelled, std::vector<std::string>& warnings);
+
+// (1 - share) of `from` and `share` of `to`; bricks that both have stay shared.
+BrickDirectory Blend(const BrickDirectory& from, const BrickDirectory& to, double share);
+
+}  // namespace palpate

@@ -1,0 +1,252 @@
+#include "server/session/series_player.h"
+
+#include <fmt/format.h>
+#include <spdlog/spdlog.h>
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+#include <vector>
+
+#include "common/error/error.h"
+#include "server/volume/brick_pool.h"
+
+namespace palpate {
+namespace {
+
+constexpr std::chrono::nanoseconds kInterval{1'000'000'000 / SeriesPlayer::kMostPerSecond};
+// After which a paused player finds out that another volume was loaded.
+constexpr std::chrono::milliseconds kIdleInterval{100};
+
+[[noreturn]] void FailWithoutSeries() {
+  throw Error(ErrorKind::kConflict, "no series is loaded: load one first");
+}
+
+[[noreturn]] void Refuse(const std::string& message) {
+  throw Error(ErrorKind::kInvalidArgument, message);
+}
+
+// NaN is in no range.
+void CheckControl(const SeriesControl& control, std::size_t frames) {
+  const auto last = static_cast<double>(frames - 1);
+  if (control.position_frames &&
+      !(*control.position_frames >= 0.0 && *control.position_frames <= last)) {
+    Refuse(fmt::format("position_frames {} is not within 0 to {}", *control.position_frames, last));
+  }
+  if (control.rate_hz && !(std::abs(*control.rate_hz) > 0.0 &&
+                           std::abs(*control.rate_hz) <= SeriesPlayer::kGreatestRateHz)) {
+    Refuse(fmt::format("rate_hz {} is not within -1000 to 1000 without 0", *control.rate_hz));
+  }
+}
+
+}  // namespace
+
+// Written by the player's thread alone, but for the atomic.
+struct SeriesPlayer::Series {
+  std::vector<BrickDirectory> loaded;  // as they were loaded
+  std::vector<BrickDirectory> frames;  // with what was edited
+  Vec3i size;
+  std::uint64_t loaded_revision = 0;
+  std::uint64_t loaded_bytes = 0;
+  MemoryClaim edits;
+  std::vector<std::uint64_t> edited_bytes;  // of each frame
+  std::atomic<std::uint64_t> memory_bytes = 0;
+  double shown = 0.0;
+  std::uint64_t shown_revision = 0;  // a later one is an edit
+};
+
+SeriesPlayer::SeriesPlayer(Session& session) : session_(session), thread_([this] { Run(); }) {}
+
+SeriesPlayer::~SeriesPlayer() {
+  {
+    const std::lock_guard lock(mutex_);
+    stop_ = true;
+  }
+  wake_.notify_all();
+  thread_.join();
+}
+
+VolumeState SeriesPlayer::Load(std::span<const std::filesystem::path> files,
+                               const LoadRequest& request, const LoadProgress& progress,
+                               const LoadCancelled& cancelled) {
+  const std::unique_lock loading = session_.BeginLoad();
+  std::vector<std::string> warnings;
+  LoadedSeries loaded =
+      LoadSeries(session_.loader(), files, request, progress, cancelled, warnings);
+  for (const std::string& warning : warnings) spdlog::warn("{}", warning);
+  loaded.metadata.source = request.title.empty() ? files.front().string() : request.title;
+  progress("publishing", 1.0);
+
+  auto series = std::make_shared<Series>();
+  series->size = loaded.metadata.size;
+  series->loaded_bytes = series->memory_bytes = loaded.claim.bytes();
+  series->edits = session_.loader().budget->Claim("edits of the series", 0);
+  series->edited_bytes.resize(loaded.frames.size());
+  series->frames = loaded.frames;
+  series->loaded = std::move(loaded.frames);
+  const VolumeState state = session_.PublishVolume(request, loaded.metadata, series->frames.front(),
+                                                   std::move(loaded.claim));
+  series->loaded_revision = series->shown_revision = state.volume->revision();
+
+  const std::lock_guard lock(mutex_);
+  series_ = std::move(series);
+  position_ = 0.0;
+  playing_ = loop_ = interpolate_ = false;
+  rate_hz_ = SeriesState{}.rate_hz;
+  return state;
+}
+
+SeriesState SeriesPlayer::state() const {
+  const VolumeState volume = session_.volume();
+  const std::lock_guard lock(mutex_);
+  return StateLocked(volume);
+}
+
+SeriesState SeriesPlayer::StateLocked(const VolumeState& volume) const {
+  if (!series_ || series_->loaded_revision != volume.volume->loaded_revision()) {
+    FailWithoutSeries();
+  }
+  return {.frames = static_cast<std::uint32_t>(series_->loaded.size()),
+          .position_frames = ShownPosition(),
+          .playing = playing_,
+          .rate_hz = rate_hz_,
+          .loop = loop_,
+          .interpolate = interpolate_,
+          .memory_bytes = series_->memory_bytes,
+          .volume_revision = volume.volume->revision()};
+}
+
+SeriesState SeriesPlayer::Control(const SeriesControl& control) {
+  const VolumeState volume = session_.volume();
+  SeriesState state;
+  {
+    const std::lock_guard lock(mutex_);
+    StateLocked(volume);  // there is a series
+    CheckControl(control, series_->loaded.size());
+    const Clock::time_point now = Clock::now();
+    Advance(now);
+    const bool starts = control.playing.value_or(false) && !playing_;
+    rate_hz_ = control.rate_hz.value_or(rate_hz_);
+    loop_ = control.loop.value_or(loop_);
+    interpolate_ = control.interpolate.value_or(interpolate_);
+    playing_ = control.playing.value_or(playing_);
+    position_ = control.position_frames.value_or(position_);
+    const auto last = static_cast<double>(series_->loaded.size() - 1);
+    if (!loop_) position_ = std::min(position_, last);
+    if (starts && !control.position_frames && !loop_) {
+      if (rate_hz_ > 0.0 && position_ == last) position_ = 0.0;
+      if (rate_hz_ < 0.0 && position_ == 0.0) position_ = last;
+    }
+    advanced_at_ = now;
+    changed_ = true;
+    state = StateLocked(volume);
+  }
+  wake_.notify_all();
+  return state;
+}
+
+void SeriesPlayer::Advance(Clock::time_point now) {
+  const double elapsed_s = std::chrono::duration<double>(now - advanced_at_).count();
+  advanced_at_ = now;
+  if (!series_ || !playing_) return;
+  const auto frames = static_cast<double>(series_->loaded.size());
+  position_ += rate_hz_ * elapsed_s;
+  if (loop_) {
+    position_ = std::fmod(position_, frames);
+    if (position_ < 0.0) position_ += frames;
+    // A tiny negative number and the count of frames make the latter.
+    if (position_ >= frames) position_ = 0.0;
+    return;
+  }
+  playing_ = rate_hz_ > 0.0 ? position_ < frames - 1.0 : position_ > 0.0;
+  position_ = std::clamp(position_, 0.0, frames - 1.0);
+}
+
+double SeriesPlayer::ShownPosition() const {
+  const double position = std::min(position_, static_cast<double>(series_->loaded.size() - 1));
+  return interpolate_ ? position : std::floor(position);
+}
+
+std::shared_ptr<SeriesPlayer::Series> SeriesPlayer::WaitForWork(
+    std::unique_lock<std::mutex>& lock) {
+  const auto ready = [this] { return stop_ || changed_; };
+  if (playing_) {
+    wake_.wait_for(lock, kInterval, ready);
+  } else {
+    wake_.wait_for(lock, kIdleInterval, ready);
+  }
+  changed_ = false;
+  return stop_ ? nullptr : series_;
+}
+
+void SeriesPlayer::Run() {
+  std::unique_lock lock(mutex_);
+  while (!stop_) {
+    const std::shared_ptr<Series> series = WaitForWork(lock);
+    if (!series) continue;
+    Advance(Clock::now());
+    const double position = ShownPosition();
+    lock.unlock();
+    const Clock::time_point started = Clock::now();
+    bool goes_on = false;
+    try {
+      goes_on = Show(*series, position);
+    } catch (const std::exception& error) {
+      spdlog::error("the series ends: {}", error.what());
+    }
+    lock.lock();
+    if (!goes_on && series_ == series) series_.reset();
+    // However often it is controlled.
+    wake_.wait_until(lock, started + kInterval, [this] { return stop_; });
+  }
+}
+
+// Held by those who call it: the lock of the voxels. False when the series has ended.
+bool SeriesPlayer::KeepEdits(Series& series, const VolumeState& volume) {
+  if (volume.volume->loaded_revision() != series.loaded_revision) return false;
+  const bool is_edited = volume.volume->revision() != series.shown_revision;
+  const bool is_frame = series.shown == std::floor(series.shown);
+  series.shown_revision = volume.volume->revision();
+  if (!is_edited || !is_frame) return true;
+  const auto frame = static_cast<std::size_t>(series.shown);
+  const BrickDirectory& edited = volume.volume->bricks();
+  const std::uint64_t brick_bytes = sizeof(Brick) + 32;
+  const std::uint64_t bytes = series.loaded[frame].ChangesTo(edited).size() * brick_bytes;
+  try {
+    series.edits.Resize(series.edits.bytes() - series.edited_bytes[frame] + bytes);
+  } catch (const Error& error) {
+    spdlog::warn("edits of frame {} are not kept: {}", frame, error.what());
+    return true;
+  }
+  series.edited_bytes[frame] = bytes;
+  series.frames[frame] = edited;
+  series.memory_bytes = series.loaded_bytes + series.edits.bytes();
+  return true;
+}
+
+bool SeriesPlayer::Show(Series& series, double position) {
+  if (session_.volume().volume->loaded_revision() != series.loaded_revision) return false;
+  if (position == series.shown) return true;
+  const auto frame = static_cast<std::size_t>(position);
+  const double share = position - static_cast<double>(frame);
+  std::optional<BrickDirectory> blended;
+  if (share > 0.0) {
+    {
+      // Before the frame is blended, and not while: others wait to edit.
+      const std::unique_lock voxels = session_.LockVoxels();
+      if (!KeepEdits(series, session_.volume())) return false;
+    }
+    blended = Blend(series.frames[frame], series.frames[frame + 1], share);
+  }
+  const std::unique_lock voxels = session_.LockVoxels();
+  const VolumeState now = session_.volume();
+  if (!KeepEdits(series, now)) return false;
+  const BrickDirectory& wanted = blended ? *blended : series.frames[frame];
+  series.shown = position;
+  const std::vector<BrickChange> changes = now.volume->bricks().ChangesTo(wanted);
+  if (changes.empty()) return true;
+  series.shown_revision = session_.PublishBricks(changes).volume->revision();
+  return true;
+}
+
+}  // namespace palpate
