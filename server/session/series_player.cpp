@@ -135,7 +135,8 @@ SeriesState SeriesPlayer::Control(const SeriesControl& control) {
     if (!loop_) position_ = std::min(position_, last);
     if (starts && !control.position_frames && !loop_) {
       if (rate_hz_ > 0.0 && position_ == last) position_ = 0.0;
-      if (rate_hz_ < 0.0 && position_ == 0.0) position_ = last;
+      // The last frame lasts as long as the others.
+      if (rate_hz_ < 0.0 && position_ == 0.0) position_ = std::nextafter(last + 1.0, 0.0);
     }
     advanced_at_ = now;
     changed_ = true;
@@ -159,7 +160,7 @@ void SeriesPlayer::Advance(Clock::time_point now) {
     return;
   }
   playing_ = rate_hz_ > 0.0 ? position_ < frames - 1.0 : position_ > 0.0;
-  position_ = std::clamp(position_, 0.0, frames - 1.0);
+  if (!playing_) position_ = std::clamp(position_, 0.0, frames - 1.0);
 }
 
 double SeriesPlayer::ShownPosition() const {

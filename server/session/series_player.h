@@ -94,7 +94,7 @@ class SeriesPlayer {
   bool stop_ = false;
   bool changed_ = false;
   std::shared_ptr<Series> series_;  // null: none
-  double position_ = 0.0;           // 0 to frames - 1, in a loop below frames
+  double position_ = 0.0;           // 0 to below frames: the last one lasts, too
   bool playing_ = false;
   double rate_hz_ = 10.0;
   bool loop_ = false;

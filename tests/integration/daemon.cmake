@@ -1,6 +1,6 @@
 find_package(nlohmann_json REQUIRED)
 foreach(test daemon_stream_test daemon_control_test daemon_lifecycle_test daemon_settings_test
-        daemon_load_test)
+        daemon_load_test daemon_upload_test daemon_series_test daemon_memory_test)
   palpate_integration_test(${test} ${test}.cpp palpate::wire palpate::proto
     nlohmann_json::nlohmann_json)
   add_dependencies(${test} palpated palpate palpate-import)
@@ -9,3 +9,6 @@ foreach(test daemon_stream_test daemon_control_test daemon_lifecycle_test daemon
     PALPATE="$<TARGET_FILE:palpate>"
     PALPATE_DATA_DIR="${PALPATE_DATA_DIR}")
 endforeach()
+find_package(ZLIB REQUIRED)
+target_link_libraries(daemon_upload_test PRIVATE palpate::geometry ZLIB::ZLIB)
+target_link_libraries(daemon_series_test PRIVATE palpate::geometry)
