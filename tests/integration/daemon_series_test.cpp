@@ -122,8 +122,8 @@ TEST_F(SeriesTest, OtherFormatsAndOneFileWithAllFrames) {
   if (!fs::exists(Data("nibabel_functional.nii"))) GTEST_SKIP() << "no data";
   ASSERT_TRUE(Load({Data("nibabel_functional.nii")}).ok());
   EXPECT_EQ(result_.series().frames(), 20u);
-  EXPECT_EQ(result_.volume().value_min(), 629.0);
-  EXPECT_EQ(result_.volume().value_max(), 5572.0);
+  EXPECT_NEAR(result_.volume().value_min(), 629.0, 1.0);
+  EXPECT_NEAR(result_.volume().value_max(), 5572.0, 1.0);
   ASSERT_TRUE(Load({Data("isabel_*t30.nrrd"), Data("isabel_*t3[12].nrrd"),
                     Data("isabel_125x125x25_float64_t33.nrrd")})
                   .error_code() == grpc::StatusCode::INVALID_ARGUMENT);
@@ -146,6 +146,7 @@ TEST_F(SeriesTest, BadSeriesAndControlsAreRefused) {
   };
   const std::string a = write("a1.nrrd", Vec3i(9, 8, 7));
   const std::string b = write("b1.nrrd", Vec3i(9, 8, 6));
+  ASSERT_EQ(Run({"load", "builtin:bumps:16"}).exit_code, 0);
   const std::string before = Volume().SerializeAsString();
   const auto code = [&](const std::vector<std::string>& sources) {
     return Load(sources).error_code();
