@@ -128,6 +128,8 @@ SettersByKey AllSetters() {
       {"volume.memory_budget_mib",
        [](const Entry& e, Config& c) { c.memory_budget_bytes = Mebibytes(e); }},
       {"device.kind", [](const Entry& e, Config& c) { c.device = e.Text(); }},
+      {"device.pressed_buttons",
+       [](const Entry& e, Config& c) { c.pressed_buttons = e.Integer(0, 3); }},
       {"server.socket", [](const Entry& e, Config& c) { c.socket_path = e.Text(); }},
       {"server.listen", [](const Entry& e, Config& c) { c.listen = ParseHostPort(e.Text()); }},
       {"state.folder", [](const Entry& e, Config& c) { c.state_folder = e.Text(); }},

@@ -33,6 +33,7 @@ struct Config {
   HapticSettings haptics;
   DecompositionMethod method = DecompositionMethod::kTpbcc;
   std::string device = "simulated";
+  int pressed_buttons = 0;  // of the simulated device, see PressScript
   std::string socket_path;  // empty: DefaultSocketPath()
   std::optional<HostPort> listen;
   RealtimeOptions realtime;

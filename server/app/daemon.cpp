@@ -8,6 +8,7 @@
 #include "common/error/error.h"
 #include "server/app/state_folder.h"
 #include "server/device/explore_script.h"
+#include "server/device/press_script.h"
 #include "server/device/simulated_device.h"
 #include "server/recording/recording_control.h"
 #include "server/rpc/server.h"
@@ -33,15 +34,17 @@ bool EndRequested() {
          sigismember(&pending, SIGHUP);
 }
 
-std::unique_ptr<HapticDevice> MakeDevice(const std::string& kind) {
-  if (kind != "simulated") {
+std::unique_ptr<HapticDevice> MakeDevice(const Config& config) {
+  if (config.device != "simulated") {
     throw Error(ErrorKind::kInvalidArgument,
-                "unknown device " + kind + ": this version has `simulated` only");
+                "unknown device " + config.device + ": this version has `simulated` only");
   }
   constexpr std::uint64_t kSeed = 1;
   const DeviceSpec spec = SimulatedDeviceSpec();
-  return std::make_unique<SimulatedDevice>(
-      std::make_unique<ExploreScript>(spec.workspace_min_mm, spec.workspace_max_mm, kSeed));
+  auto explore =
+      std::make_unique<ExploreScript>(spec.workspace_min_mm, spec.workspace_max_mm, kSeed);
+  return std::make_unique<SimulatedDevice>(std::make_unique<PressScript>(
+      std::move(explore), static_cast<std::uint32_t>(config.pressed_buttons)));
 }
 
 std::filesystem::path ImportProgram() {
@@ -94,7 +97,7 @@ void BlockEndingSignals() {
 }
 
 void RunDaemon(const Config& config) {
-  const std::unique_ptr<HapticDevice> device = MakeDevice(config.device);
+  const std::unique_ptr<HapticDevice> device = MakeDevice(config);
   SceneInbox inbox;
   const auto outbox = std::make_unique<TickOutbox>();
   Pump pump(*outbox);

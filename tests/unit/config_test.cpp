@@ -68,6 +68,7 @@ free_side = "above"
 method = "bcc"
 [device]
 kind = "simulated"
+pressed_buttons = 3
 [server]
 socket = "/tmp/s.sock"
 listen = "127.0.0.1:7400"
@@ -100,6 +101,7 @@ folder = "/var/lib/palpate"
   EXPECT_EQ(config.haptics.free_side, FreeSide::kAbove);
   EXPECT_EQ(config.method, DecompositionMethod::kBcc);
   EXPECT_EQ(config.listen->port, 7400);
+  EXPECT_EQ(config.pressed_buttons, 3);
   EXPECT_EQ(config.realtime.priority, 70);
   EXPECT_FALSE(config.realtime.lock_memory);
   EXPECT_EQ(config.state_folder, "/var/lib/palpate");
@@ -181,6 +183,10 @@ TEST_F(ConfigTest, NamesTheLineOfAnError) {
   EXPECT_NE(
       Refusal("[haptics]\nfree_side = \"left\"\n").find(":2: haptics.free_side must be \"bel"),
       std::string::npos);
+  EXPECT_NE(Refusal("[device]\npressed_buttons = 4\n").find(":2: device.pressed_buttons must"),
+            std::string::npos);
+  EXPECT_NE(Refusal("[state]\nfolder = 3\n").find(":2: state.folder must be a text"),
+            std::string::npos);
   EXPECT_NE(Refusal("[server\n").find("palpated.toml:1:"), std::string::npos);
   EXPECT_NE(Refusal("[server]\nlisten = \"7400\"\n").find(":2: server.listen"), std::string::npos);
 }

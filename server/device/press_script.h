@@ -1,0 +1,30 @@
+// Presses buttons of the stylus now and then, over what another script does: so that
+// the tools of the stylus can be seen at work without hardware.
+//
+// Threads and real-time: as StylusScript; the constructor is not real-time.
+#pragma once
+
+#include <memory>
+
+#include "server/device/stylus_script.h"
+
+namespace palpate {
+
+// Of every kPressPeriodS, the buttons are held for the last kPressedS.
+inline constexpr double kPressPeriodS = 3.0;
+inline constexpr double kPressedS = 1.0;
+
+class PressScript final : public StylusScript {
+ public:
+  // Bit n of `buttons`: button n. Throws Error without a script.
+  PressScript(std::unique_ptr<StylusScript> script, std::uint32_t buttons);
+
+  Target Next(const HandState& hand, const Vec3& felt_force_D_n, double dt_s) noexcept override;
+
+ private:
+  std::unique_ptr<StylusScript> script_;
+  std::uint32_t buttons_;
+  double time_s_ = 0.0;  // within the period
+};
+
+}  // namespace palpate
