@@ -3,6 +3,8 @@
 // run.
 #pragma once
 
+#include <tbb/global_control.h>
+
 #include <functional>
 #include <memory>
 #include <string>
@@ -63,6 +65,8 @@ class StylusRig {
   }
 
   int lag_ticks = 0;
+  // TBB's own threads are not built for ThreadSanitizer, which would report them.
+  tbb::global_control serial{tbb::global_control::max_allowed_parallelism, 1};
   SceneInbox inbox;
   SimulatedDevice device;
 

@@ -3,11 +3,15 @@
 
 #include <gtest/gtest.h>
 
+#include <tbb/global_control.h>
+
 #include <fstream>
 #include <sstream>
 #include <thread>
 
+#include "common/error/error.h"
 #include "server/device/simulated_device.h"
+#include "server/session/session.h"
 #include "tests/support/temporary_folder.h"
 
 namespace palpate {
@@ -262,6 +266,50 @@ TEST_F(RegistrationStoreTest, AFailedSaveIsMadeUpFor) {
   store.Keep(other, At(other, 1.0));
   store.Save();
   EXPECT_EQ(Entries(), 2u);
+}
+
+TEST_F(RegistrationStoreTest, ASessionUsesIt) {
+  const tbb::global_control serial(tbb::global_control::max_allowed_parallelism, 1);
+  const DeviceSpec device = SimulatedDeviceSpec();
+  const auto load = [](Session& session, const LoadRequest& request) {
+    return session
+        .Load(
+            request, [](std::string_view, double) {}, [] { return false; })
+        .registration;
+  };
+  const auto outbox = std::make_unique<TickOutbox>();
+  Pump pump(*outbox);
+  const Vec3 center_mm(7, 8, 9);
+  for (const bool restarted : {false, true}) {
+    SceneInbox inbox;
+    RegistrationStore store(state_);
+    Session session(device, inbox, pump, VolumeLoader{});
+    session.SetRegistrationStore(store);
+    const Registration first = load(session, {.source = "builtin:bumps:16"});
+    EXPECT_EQ(first.p_DCenter_mm, restarted ? center_mm : Vec3::Zero());
+    session.Move([&](const VolumeState& state) {
+      return Apply({.p_DCenter_mm = center_mm}, state.volume->metadata(), device,
+                   state.registration);
+    });
+    // A move that is refused is not kept.
+    EXPECT_THROW(session.Move([&](const VolumeState& state) {
+      return Apply({.scale_by = 0.0}, state.volume->metadata(), device, state.registration);
+    }),
+                 Error);
+    EXPECT_EQ(load(session, {.source = "builtin:gyroid:16"}).p_DCenter_mm, Vec3::Zero());
+    const Registration again = load(session, {.source = "builtin:bumps:16"});
+    EXPECT_EQ(again.p_DCenter_mm, center_mm);
+    EXPECT_EQ(again.device_mm_per_volume_mm, first.device_mm_per_volume_mm);
+    // The scale that is asked for wins; the rest stays.
+    const LoadRequest scaled{.source = "builtin:bumps:16", .device_mm_per_volume_mm = 0.5};
+    EXPECT_EQ(load(session, scaled).device_mm_per_volume_mm, 0.5);
+    EXPECT_EQ(load(session, {.source = "builtin:bumps:16"}).p_DCenter_mm, center_mm);
+    EXPECT_EQ(load(session, {.source = "builtin:bumps:16"}).device_mm_per_volume_mm, 0.5);
+    // A scale that makes no volume changes nothing.
+    const LoadRequest bad{.source = "builtin:bumps:16", .device_mm_per_volume_mm = -1.0};
+    EXPECT_THROW(load(session, bad), Error);
+    EXPECT_EQ(session.volume().registration.device_mm_per_volume_mm, 0.5);
+  }
 }
 
 TEST_F(RegistrationStoreTest, ManyThreadsMayKeepAndFind) {
