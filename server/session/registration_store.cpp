@@ -1,7 +1,10 @@
 #include "server/session/registration_store.h"
 
+#include <fcntl.h>
 #include <pthread.h>
 #include <spdlog/spdlog.h>
+#include <sys/file.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <utility>
@@ -21,6 +24,26 @@ std::string Key(const VolumeMetadata& volume) {
 bool IsOf(const StoredRegistration& entry, const VolumeMetadata& volume) {
   return entry.size == volume.size && entry.spacing_mm == volume.spacing_mm;
 }
+
+// Keeps other daemons of the same user from writing the file meanwhile. Without
+// rights to make it there is nothing to write either.
+class FileLock {
+ public:
+  explicit FileLock(const std::filesystem::path& path) {
+    std::error_code ignored;
+    std::filesystem::create_directories(path.parent_path(), ignored);
+    fd_ = open((path.string() + ".lock").c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0600);
+    if (fd_ >= 0) flock(fd_, LOCK_EX);
+  }
+  ~FileLock() {
+    if (fd_ >= 0) close(fd_);
+  }
+  FileLock(const FileLock&) = delete;
+  FileLock& operator=(const FileLock&) = delete;
+
+ private:
+  int fd_ = -1;
+};
 
 // As the newest, in place of an older one of the same source.
 void Put(const StoredRegistration& entry, std::vector<StoredRegistration>& entries) {
@@ -107,6 +130,7 @@ void RegistrationStore::Save() {
 // On top of what the file holds now: another daemon of the same user may write to
 // it too.
 void RegistrationStore::WriteMerged(const std::vector<StoredRegistration>& changed) {
+  const FileLock lock(path_);
   std::vector<StoredRegistration> entries;
   for (const StoredRegistration& entry : Read().entries) Put(entry, entries);
   for (const StoredRegistration& entry : changed) Put(entry, entries);

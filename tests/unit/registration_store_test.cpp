@@ -144,6 +144,23 @@ TEST_F(RegistrationStoreTest, AnotherDaemonsEntriesStay) {
   EXPECT_TRUE(c.Find(second).has_value());
 }
 
+TEST_F(RegistrationStoreTest, ManyDaemonsWriteAtOnce) {
+  std::vector<std::thread> daemons;
+  for (int d = 0; d < 4; ++d) {
+    daemons.emplace_back([this, d] {
+      RegistrationStore store(state_, 1h);
+      for (int n = 0; n < 25; ++n) {
+        const VolumeMetadata volume = Volume(std::to_string(d) + " " + std::to_string(n));
+        store.Keep(volume, At(volume, n));
+        store.Save();
+      }
+    });
+  }
+  for (std::thread& daemon : daemons) daemon.join();
+  EXPECT_EQ(Entries(), 100u);
+  EXPECT_FALSE(std::filesystem::exists(damaged_));
+}
+
 TEST_F(RegistrationStoreTest, NamesOfAnyKindAreKeptOrLeftOut) {
   const std::vector<std::string> names = {
       "/data/größe 1 \"x\".nrrd", "/data/'''\\\n\t#]", "upload:head.nii.gz", "/data/\x7f\x01", "",
