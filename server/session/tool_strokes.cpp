@@ -31,6 +31,29 @@ RigidMotion Between(const Vec3& p_from, const Eigen::Quaterniond& R_from, const 
   return motion;
 }
 
+double DistanceToLine(const Vec3& p, const Vec3& from, const Vec3& to) {
+  const Vec3 way = to - from;
+  const double length2 = way.squaredNorm();
+  const double at = length2 > 0.0 ? std::clamp((p - from).dot(way) / length2, 0.0, 1.0) : 0.0;
+  return (from + at * way - p).norm();
+}
+
+// Makes `step` a part of the one before it, where that changes the way by little.
+bool Joined(const CarveStep& step, CarveStep& before) {
+  constexpr double kStraightness = 0.125;  // of the radius
+  if (step.stroke != before.stroke || step.p_WFrom_mm != before.p_WTo_mm ||
+      step.radius_mm != before.radius_mm ||
+      step.duration_ns + before.duration_ns > ToolStrokes::kLongestCarveStepNs ||
+      DistanceToLine(before.p_WTo_mm, before.p_WFrom_mm, step.p_WTo_mm) >
+          kStraightness * step.radius_mm) {
+    return false;
+  }
+  before.p_WTo_mm = step.p_WTo_mm;
+  before.value += step.value;
+  before.duration_ns += step.duration_ns;
+  return true;
+}
+
 bool IsSame(const AffineMap& a, const AffineMap& b) {
   return a.linear == b.linear && a.translation == b.translation;
 }
@@ -151,7 +174,9 @@ void ToolStrokes::BeginCarveStep(const Tools& tools, const Vec3& p_W_mm, std::in
 }
 
 void ToolStrokes::EndCarveStep() {
+  carve_.step.duration_ns = carve_.until_ns - carve_.since_ns;
   if (carve_.step.value == 0.0) return;
+  if (!carve_.due.empty() && Joined(carve_.step, carve_.due.back())) return;
   carve_.due.push_back(carve_.step);
   if (carve_.due.size() > kMostCarveSteps) carve_.due.pop_front();
 }

@@ -46,12 +46,16 @@ struct CarveStep {
   Vec3 p_WTo_mm = Vec3::Zero();
   double radius_mm = 0.0;  // in W; farther away nothing changes
   double value = 0.0;      // data units to add on the way; below 0: to take away
+  std::int64_t duration_ns = 0;
 };
 
 class ToolStrokes {
  public:
-  // Steps of carving that wait to be taken at most: the oldest are left out.
-  static constexpr std::size_t kMostCarveSteps = 16;
+  // Steps of carving that wait to be taken become one, as long as their way is about
+  // straight, up to this time: a big brush in a big volume may take longer than a step
+  // lasts. Of more than that the oldest are left out, so that carving is never late.
+  static constexpr std::int64_t kLongestCarveStepNs = 100'000'000;
+  static constexpr std::size_t kMostCarveSteps = 4;
 
   // Of every scene, before its first sample.
   void OnScene(const Scene& scene);

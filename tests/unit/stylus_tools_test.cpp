@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <thread>
@@ -86,6 +87,47 @@ TEST(Carve, LowersTheSurfaceUnderTheProxySmoothly) {
   const auto volume = rig.session.volume().volume;
   rig.Run(0.5);
   EXPECT_LE(rig.session.volume().volume->revision(), volume->revision() + 1);
+}
+
+// What Safety would let through is not what is wanted: at a moderate rate the steps
+// stay far below it.
+TEST(Carve, AtAModerateRateTheForceHasNoSteps) {
+  HapticSettings settings = kCarving;
+  settings.carve_rate_per_s = 0.5;
+  StylusRig rig("builtin:sphere:32", settings, Resting(kCarveButton, 2.5));
+  const std::vector<TickSample> before = rig.Run(1.0);
+  const std::vector<TickSample> carved = rig.Run(1.5);
+  const double depth_mm = before.back().scp_h_mm[2] - carved.back().scp_h_mm[2];
+  std::printf("[ figures  ] carved %.2f mm deep in 1.5 s, force by at most %.4f N per tick\n",
+              depth_mm, GreatestJump(carved));
+  EXPECT_GT(depth_mm, 1.0);
+  EXPECT_LT(GreatestJump(carved), 0.1);
+  // The proxy goes down and never up.
+  double lowest_mm = 1e9;
+  for (const TickSample& s : carved) {
+    if (!s.contact) continue;
+    EXPECT_LE(s.scp_h_mm[2], lowest_mm + 0.06);  // a count of the sensor
+    lowest_mm = std::min(lowest_mm, s.scp_h_mm[2]);
+  }
+}
+
+// The greatest brush in a big volume.
+TEST(Carve, TheGreatestBrushWorksInABigVolume) {
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+  GTEST_SKIP() << "about speed";
+#endif
+  HapticSettings settings = kCarving;
+  settings.carve_radius_mm = 20.0;
+  StylusRig rig("builtin:sphere:256", settings, Resting(kCarveButton, 1.2));
+  rig.Run(1.0);
+  const auto start = std::chrono::steady_clock::now();
+  EXPECT_EQ(TicksInside(rig.Run(0.25)), 0);
+  const double took_s =
+      std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  const std::uint64_t steps = rig.session.volume().volume->revision() - 1;
+  std::printf("[ figures  ] brush of 20 mm in 256 voxels cubed: %.1f ms per step\n",
+              1e3 * took_s / static_cast<double>(steps));
+  EXPECT_GT(steps, 8u);
 }
 
 TEST(Carve, APressIsOneStepToUndo) {

@@ -1,0 +1,305 @@
+// Ticks in which nothing is felt, and the first ones after them: bad readings, missed
+// ticks, resumes inside the material, passivity control.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstdio>
+#include <limits>
+#include <memory>
+
+#include "server/haptics/renderer.h"
+#include "server/servo/servo_tick.h"
+#include "server/volume/builtin.h"
+#include "server/volume/snapshot_builder.h"
+#include "tests/support/hand_loop.h"
+
+namespace palpate {
+namespace {
+
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+constexpr double kSlewN = 0.2 + 1e-9;
+
+// Says what the test wants it to say.
+class FakeDevice final : public HapticDevice {
+ public:
+  const DeviceSpec& spec() const override { return spec_; }
+  void Start() override {}
+  void Stop() noexcept override {}
+  DeviceStatus Read(DeviceState& state) noexcept override {
+    if (status != DeviceStatus::kFault) state = reading;
+    return status;
+  }
+  void Write(const Vec3& force_D_n, double) noexcept override { written_D_n = force_D_n; }
+
+  DeviceState reading;
+  DeviceStatus status = DeviceStatus::kOk;
+  Vec3 written_D_n = Vec3::Constant(kNan);
+
+ private:
+  static DeviceSpec OfForce(double max_force_n) {
+    DeviceSpec spec;
+    spec.max_force_n = max_force_n;
+    return spec;
+  }
+  DeviceSpec spec_ = OfForce(3.3);
+};
+
+// A sphere of radius 12 mm about the origin.
+class SuspendedTest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    const BuiltinVolume builtin = MakeBuiltin("builtin:sphere:64");
+    scene_.volume = MakeSnapshot(builtin.grid, builtin.metadata, 1);
+    const Vec3 middle = 0.25 * (builtin.metadata.size.cast<double>() - Vec3::Ones());
+    scene_.surface = MakeHapticSurface(*scene_.volume, {Mat3::Identity() * 0.5, -middle}, 0.5,
+                                       DecompositionMethod::kTpbcc, 1);
+    scene_.isovalue = 0.5;
+    scene_.settings.clutch_tool = true;
+    device_.reading.p_DHip_mm = Vec3(0, 0, 20);
+  }
+
+  TickSample Tick(std::uint64_t missed_more = 0) {
+    missed_ += missed_more;
+    const std::int64_t now_ns = 1'000'000 * ++ticks_;
+    const TickSample sample = tick_.Run(scene_, {now_ns, now_ns, missed_});
+    EXPECT_EQ(device_.written_D_n, Vec3(sample.force_n.data()));
+    return sample;
+  }
+  TickSample TickAt(const Vec3& p_mm) {
+    device_.reading.p_DHip_mm = p_mm;
+    return Tick();
+  }
+  void Clutch(bool held) { device_.reading.buttons = held ? kClutchButton : 0; }
+  static Vec3 ForceOf(const TickSample& sample) { return Vec3(sample.force_n.data()); }
+
+  FakeDevice device_;
+  Scene scene_;
+  ServoTick tick_{device_};
+  std::int64_t ticks_ = 0;
+  std::uint64_t missed_ = 0;
+};
+
+TEST_F(SuspendedTest, TheForceIsZeroInTheVeryTickOfThePress) {
+  for (int n = 0; n < 100; ++n) TickAt(Vec3(0, 0, 10));
+  EXPECT_GT(ForceOf(Tick()).norm(), 0.5);
+  Clutch(true);
+  const TickSample sample = Tick();
+  EXPECT_EQ(sample.mode, TickMode::kSuspended);
+  EXPECT_EQ(ForceOf(sample), Vec3::Zero());
+  EXPECT_EQ(sample.scp_h_mm, sample.hip_mm);
+  EXPECT_FALSE(sample.contact);
+  EXPECT_FALSE(sample.has_scp_v);
+  EXPECT_FALSE(sample.input_rejected);
+  EXPECT_EQ(sample.faulty_ticks, 0u);
+}
+
+TEST_F(SuspendedTest, AResumeInContactRampsTheForceIn) {
+  for (int n = 0; n < 100; ++n) TickAt(Vec3(0, 0, 10));
+  const Vec3 before_n = ForceOf(Tick());
+  Clutch(true);
+  for (int n = 0; n < 100; ++n) Tick();
+  Clutch(false);
+  Vec3 last_n = Vec3::Zero();
+  for (int n = 0; n < 100; ++n) {
+    const Vec3 force_n = ForceOf(Tick());
+    EXPECT_LE((force_n - last_n).norm(), kSlewN);
+    last_n = force_n;
+  }
+  EXPECT_LT((last_n - before_n).norm(), 1e-9);
+}
+
+TEST_F(SuspendedTest, TheFirstTickEverMayBeSuspended) {
+  for (const bool by_scene : {false, true}) {
+    ServoTick fresh(device_);
+    Clutch(!by_scene);
+    scene_.forces_off = by_scene;
+    const TickSample sample = fresh.Run(scene_, {1, 1, 0});
+    EXPECT_EQ(sample.mode, TickMode::kSuspended);
+    EXPECT_EQ(sample.hip_mm[2], 20.0);
+    EXPECT_EQ(ForceOf(sample), Vec3::Zero());
+    Clutch(false);
+    scene_.forces_off = false;
+    scene_.settings.viscosity_n_s_per_m = 5.0;
+    EXPECT_EQ(ForceOf(fresh.Run(scene_, {2, 2, 0})), Vec3::Zero());  // at rest
+  }
+}
+
+TEST_F(SuspendedTest, TheFirstTickEverMayBeSuspendedWithoutAPosition) {
+  Clutch(true);
+  device_.reading.p_DHip_mm = Vec3(kNan, 0, 0);
+  for (int n = 0; n < 3; ++n) {
+    const TickSample sample = Tick();
+    EXPECT_EQ(sample.mode, TickMode::kFault);
+    EXPECT_TRUE(sample.input_rejected);
+    EXPECT_EQ(sample.hip_mm, (std::array<double, 3>{}));
+    EXPECT_EQ(ForceOf(sample), Vec3::Zero());
+  }
+  EXPECT_EQ(Tick().faulty_ticks, 4u);
+  // What comes first is no motion.
+  scene_.settings.viscosity_n_s_per_m = 5.0;
+  Clutch(false);
+  EXPECT_EQ(ForceOf(TickAt(Vec3(0, 0, 20))), Vec3::Zero());
+}
+
+TEST_F(SuspendedTest, BadPositionsAreFaultsAndTheLastGoodOneStays) {
+  TickAt(Vec3(1, 2, 20));
+  Clutch(true);
+  TickAt(Vec3(3, 2, 20));
+  for (const double bad : {kNan, HUGE_VAL, -HUGE_VAL, 1e7}) {
+    for (int axis = 0; axis < 3; ++axis) {
+      Vec3 p_mm(9, 9, 9);
+      p_mm[axis] = bad;
+      const TickSample sample = TickAt(p_mm);
+      EXPECT_EQ(sample.mode, TickMode::kFault);
+      EXPECT_TRUE(sample.input_rejected);
+      EXPECT_EQ(sample.hip_mm, (std::array<double, 3>{3, 2, 20}));
+      EXPECT_EQ(sample.scp_h_mm, sample.hip_mm);
+      EXPECT_EQ(ForceOf(sample), Vec3::Zero());
+    }
+  }
+  EXPECT_EQ(TickAt(Vec3(3, 2, 20)).mode, TickMode::kSuspended);
+}
+
+TEST_F(SuspendedTest, ADeviceThatFailsIsAFaultToo) {
+  Clutch(true);
+  Tick();
+  for (const DeviceStatus status : {DeviceStatus::kStale, DeviceStatus::kFault}) {
+    device_.status = status;
+    const TickSample sample = Tick();
+    EXPECT_EQ(sample.mode, TickMode::kFault);
+    EXPECT_EQ(ForceOf(sample), Vec3::Zero());
+  }
+  device_.status = DeviceStatus::kOk;
+  EXPECT_EQ(Tick().mode, TickMode::kSuspended);
+}
+
+// Half a second at a steady speed, with gaps in the readings and missed ticks while
+// nothing is felt: drag afterwards is that of this speed.
+TEST_F(SuspendedTest, TheVelocityGoesOnWhileNothingIsFelt) {
+  scene_.settings.viscosity_n_s_per_m = 2.0;
+  const double speed_mm_per_s = 100.0;
+  const Vec3 drag_n(-2e-3 * speed_mm_per_s, 0, 0);
+  double x_mm = -30.0;
+  const auto tick = [&](std::uint64_t missed, bool bad) {
+    x_mm += speed_mm_per_s * 1e-3 * static_cast<double>(1 + missed);
+    device_.reading.p_DHip_mm = bad ? Vec3::Constant(kNan) : Vec3(x_mm, 0, 20);
+    return ForceOf(Tick(missed));
+  };
+  for (int n = 0; n < 100; ++n) tick(0, false);
+  EXPECT_LT((tick(0, false) - drag_n).norm(), 1e-6);
+  Clutch(true);
+  for (int n = 0; n < 100; ++n) {
+    const bool bad = n % 10 > 2;
+    EXPECT_EQ(tick(n % 7 == 0 ? 3 : 0, bad), Vec3::Zero());
+  }
+  tick(0, false);
+  Clutch(false);
+  for (int n = 0; n < 20; ++n) {
+    const Vec3 force_n = tick(0, false);
+    EXPECT_LE(force_n.norm(), drag_n.norm() + 1e-6) << n;
+  }
+  EXPECT_LT((tick(0, false) - drag_n).norm(), 1e-6);
+}
+
+// The stylus was carried through the volume: the way is not pushed back along, and
+// neither friction nor a pop of before is left.
+TEST_F(SuspendedTest, NothingOfBeforeIsFeltAfterwards) {
+  scene_.settings.static_friction = scene_.settings.dynamic_friction = 1.0;
+  for (int n = 0; n < 50; ++n) TickAt(Vec3(0, 0, 14 - 0.1 * n));
+  for (int n = 0; n < 50; ++n) TickAt(Vec3(0.05 * n, 0, 9));
+  Clutch(true);
+  for (int n = 0; n < 50; ++n) TickAt(Vec3(0, 0, 9 - 0.5 * n));
+  EXPECT_EQ(Tick().hip_mm[2], -15.5);
+  Clutch(false);
+  const TickSample sample = Tick();
+  EXPECT_EQ(sample.mode, TickMode::kFree);
+  EXPECT_EQ(ForceOf(sample), Vec3::Zero());
+  EXPECT_EQ(sample.scp_h_mm, sample.hip_mm);
+}
+
+TEST_F(SuspendedTest, APopOfBeforeIsForgotten) {
+  scene_.settings.pop_force_n = 1.0;
+  for (int n = 0; n < 100; ++n) TickAt(Vec3(0, 0, 14 - 0.1 * n));
+  EXPECT_EQ(Tick().free_side, FreeSide::kAbove);  // popped
+  Clutch(true);
+  EXPECT_EQ(Tick().free_side, FreeSide::kBelow);
+  for (int n = 0; n < 10; ++n) TickAt(Vec3(0, 0, 20));
+  Clutch(false);
+  const TickSample sample = Tick();
+  EXPECT_EQ(sample.free_side, FreeSide::kBelow);
+  EXPECT_EQ(ForceOf(sample), Vec3::Zero());
+}
+
+TEST_F(SuspendedTest, AResumeAtAnyDepthKeepsTheSlewAndTheLimit) {
+  for (const bool passivity : {false, true}) {
+    for (const double stiffness : {0.0, 0.5, 3.0}) {
+      for (double z_mm = 11.9; z_mm > -12.0; z_mm -= 1.7) {
+        scene_.settings.passivity_control = passivity;
+        scene_.settings.stiffness_n_per_mm = stiffness;
+        Clutch(true);
+        TickAt(Vec3(0.3, 0.2, z_mm));
+        Clutch(false);
+        Vec3 last_n = Vec3::Zero();
+        for (int n = 0; n < 200; ++n) {
+          const TickSample sample = Tick();
+          EXPECT_LE((ForceOf(sample) - last_n).norm(), kSlewN);
+          EXPECT_LE(ForceOf(sample).norm(), 3.3 + 1e-9);
+          last_n = ForceOf(sample);
+          if (sample.mode == TickMode::kConstrained) {
+            EXPECT_LE(sample.density, 0.5 + 1e-9);
+          }
+        }
+      }
+    }
+  }
+}
+
+// Energy that a hand gets which was let go deep in the material.
+double GivenAfterResume(double stiffness_n_per_mm, double depth_mm, bool passivity) {
+  const BuiltinVolume builtin = MakeBuiltin("builtin:sphere:64");
+  const auto volume = MakeSnapshot(builtin.grid, builtin.metadata, 1);
+  const Vec3 middle = 0.25 * (builtin.metadata.size.cast<double>() - Vec3::Ones());
+  const HapticSurface surface = MakeHapticSurface(*volume, {Mat3::Identity() * 0.5, -middle}, 0.5,
+                                                  DecompositionMethod::kTpbcc, 1);
+  const HapticSettings settings{.stiffness_n_per_mm = stiffness_n_per_mm,
+                                .passivity_control = passivity};
+  auto state = std::make_unique<RendererState>();
+  Safety safety{SafetyLimits{}};
+  double time_s = 0.0;
+  const auto render = [&](const Vec3& p, double dt_s, const Vec3&) {
+    time_s += dt_s;
+    const bool suspended = time_s < 0.1;
+    const HapticOutput output = suspended ? SuspendRenderer(p, dt_s, *state)
+                                          : StepRenderer(surface, settings, p, dt_s, *state);
+    const Vec3 written_n =
+        suspended ? safety.CutOff() : safety.Limit(output.force_D_n, testing::kLoopTickS);
+    TellWrittenForce(written_n, *state);
+    return written_n;
+  };
+  const testing::Hand hand{.mass_kg = 0.1,
+                           .damping_n_s_per_m = 0.1,
+                           .push_n = 1e-6,
+                           .start_mm = Vec3(0.2, 0.1, 12.5 - depth_mm),
+                           .aim_mm = Vec3::Zero()};
+  return testing::HandLoop(hand, {.seconds = 3.0})
+      .Run(render, [](const Vec3& p) { return p.norm(); })
+      .given_mj;
+}
+
+TEST(SuspendedEnergy, WithPassivityControlAResumeGivesAHandNoMoreThanTheCredit) {
+  double worst_mj = 0.0, plain_mj = 0.0;
+  for (const double stiffness : {0.5, 2.0, 3.0}) {
+    for (const double depth_mm : {0.5, 2.0, 5.0}) {
+      const double given_mj = GivenAfterResume(stiffness, depth_mm, true);
+      worst_mj = std::max(worst_mj, given_mj);
+      EXPECT_LE(given_mj, 1.0) << stiffness << " N/mm, " << depth_mm << " mm";
+      plain_mj = std::max(plain_mj, GivenAfterResume(stiffness, depth_mm, false));
+    }
+  }
+  std::printf("[ figures  ] resumed inside: given %.3f mJ at most, without control %.1f mJ\n",
+              worst_mj, plain_mj);
+  EXPECT_GT(plain_mj, 2.0);
+}
+
+}  // namespace
+}  // namespace palpate
