@@ -9,9 +9,11 @@ target_compile_definitions(volume_export_test PRIVATE
   VOLUME_EXPORT_CHILD="$<TARGET_FILE:volume_export_child>")
 
 find_package(nlohmann_json REQUIRED)
-palpate_integration_test(daemon_edit_test daemon_edit_test.cpp palpate::wire palpate::proto
-  nlohmann_json::nlohmann_json)
-add_dependencies(daemon_edit_test palpated palpate palpate-import)
-target_compile_definitions(daemon_edit_test PRIVATE
-  PALPATED="$<TARGET_FILE:palpated>"
-  PALPATE="$<TARGET_FILE:palpate>")
+foreach(test daemon_edit_test daemon_edit_client_test)
+  palpate_integration_test(${test} ${test}.cpp palpate::wire palpate::proto
+    nlohmann_json::nlohmann_json)
+  add_dependencies(${test} palpated palpate palpate-import)
+  target_compile_definitions(${test} PRIVATE
+    PALPATED="$<TARGET_FILE:palpated>"
+    PALPATE="$<TARGET_FILE:palpate>")
+endforeach()
