@@ -15,6 +15,7 @@
 #include "common/error/error.h"
 #include "server/recording/shown_samples.h"
 #include "server/recording/volume_follower.h"
+#include "server/recording/voxel_log.h"
 
 namespace palpate {
 namespace {
@@ -26,6 +27,10 @@ constexpr double kAheadMs = 500.0;
 constexpr std::size_t kMaxBricksAhead = (std::size_t{128} << 20) / sizeof(Brick);
 // Times without ticks are not sat out for longer.
 constexpr std::uint64_t kLongestPauseMs = 1000;
+
+// A recording begins with its scene, or a few ticks later.
+constexpr double kLatestSceneMs = 10'000.0;
+constexpr std::size_t kMaxEditParts = VoxelLog::kMaxBricksPerScene / kBricksPerEdit;
 
 // What happens between two samples.
 struct Event {
@@ -78,11 +83,11 @@ class ViewerReplay {
  private:
   // Nothing has changed where this throws.
   void CheckStart() {
-    while (!IsSceneWaiting() && ReadOne()) {
+    while (!IsSceneWaiting() && read_ms_ < kLatestSceneMs && ReadOne()) {
     }
     if (!IsSceneWaiting()) {
       throw Error(ErrorKind::kInvalidArgument,
-                  "the recording holds no scene: it was cut before its first second");
+                  "the recording does not begin with a scene: it was cut, or is damaged");
     }
     Event& first = events_.back();
     for (RecordedEdit& edit : first.edits) follower_.Take(std::move(edit));
@@ -132,6 +137,9 @@ class ViewerReplay {
     if (auto* samples = std::get_if<RecordedSamples>(&*chunk)) {
       for (const TickSample& sample : *samples) Place(sample);
     } else if (auto* edit = std::get_if<RecordedEdit>(&*chunk)) {
+      if (edits_.size() == kMaxEditParts) {
+        throw Error(ErrorKind::kInvalidArgument, "the recording is damaged: an edit is too large");
+      }
       edits_.push_back(std::move(*edit));
     } else if (auto* scene = std::get_if<RecordedScene>(&*chunk)) {
       events_.push_back({.position_ms = read_ms_, .edits = std::exchange(edits_, {})});

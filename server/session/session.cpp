@@ -158,7 +158,9 @@ SettingsApplied Session::Update(const SettingsUpdate& update) {
 std::unique_lock<std::mutex> Session::BeginLoad() {
   std::unique_lock loading(load_mutex_, std::try_to_lock);
   if (!loading) {
-    throw Error(ErrorKind::kConflict, "another volume is being loaded: try again when it is done");
+    throw Error(
+        ErrorKind::kConflict,
+        "another volume is being loaded, or a recording replayed: try again when it is done");
   }
   return loading;
 }

@@ -223,6 +223,13 @@ TEST_F(RecordingControlTest, BadReplaysAreRefusedAndChangeNothing) {
   }
   EXPECT_EQ(refusal("empty"), ErrorKind::kInvalidArgument);
   {
+    RecordingWriter writer(CreateRecordingFile(File("huge"), false), "test");
+    const RecordedEdit edit{.bricks = {{0, std::make_shared<Brick>()}}};
+    for (int n = 0; n < 100; ++n) writer.Append(edit);
+    writer.AppendEnd();
+  }
+  EXPECT_EQ(refusal("huge"), ErrorKind::kInvalidArgument);
+  {
     const auto loading = session_->BeginLoad();
     EXPECT_EQ(refusal("a"), ErrorKind::kConflict);
   }
@@ -257,29 +264,35 @@ TEST_F(RecordingControlTest, ViewersSeeEveryRecordedTickInPlaceOfTheLiveOnes) {
       kNever);
   EXPECT_EQ(ticks, recorded.size());
   EXPECT_EQ(markers.size(), 10u);
-  EXPECT_GE(hashes.size(), 10u);
+  EXPECT_GE(hashes.size(), 3u);
   EXPECT_TRUE(hashes.contains(recorded_hash_.low));
   EXPECT_EQ(LiveHash(), HashVolume(*before.volume));
   AwaitTicks(50);
 
   const std::vector<TickSample> shown = viewer->Take(), live = tool->Take();
   ASSERT_EQ(shown.size(), live.size());
-  std::size_t next = 0, suspended = 0;
+  const auto is_same = [](const TickSample& a, const TickSample& b) {
+    return a.hip_mm == b.hip_mm && a.force_n == b.force_n && a.isovalue == b.isovalue &&
+           a.update_ns == b.update_ns;
+  };
+  std::size_t next = 0, suspended = 0, in_order = 0;
   for (std::size_t n = 0; n < shown.size(); ++n) {
-    // Under the live tick and revisions; each recorded one comes, in order.
+    // Under the live tick and revisions.
     ASSERT_EQ(shown[n].tick, live[n].tick);
     ASSERT_EQ(shown[n].volume_revision, live[n].volume_revision);
     ASSERT_EQ(shown[n].scene_revision, live[n].scene_revision);
-    suspended += live[n].mode == TickMode::kSuspended;
-    if (live[n].mode == TickMode::kSuspended && next < recorded.size() &&
-        shown[n].hip_mm == recorded[next].hip_mm && shown[n].force_n == recorded[next].force_n &&
-        shown[n].isovalue == recorded[next].isovalue && shown[n].mode == recorded[next].mode) {
-      ++next;
-    }
+    if (live[n].mode != TickMode::kSuspended) continue;
+    ++suspended;
+    // The same again, or a later one: live ticks that were missed pass some over.
+    std::size_t at = next;
+    while (at < recorded.size() && !is_same(shown[n], recorded[at])) ++at;
+    if (at == recorded.size()) continue;
+    next = at;
+    ++in_order;
   }
-  // One is passed over only where the pump has to catch up with missed ticks.
-  EXPECT_GE(next * 10, recorded.size() * 9);
-  EXPECT_GE(suspended, recorded.size());
+  EXPECT_GE(next + 1, recorded.size());
+  // All but those of the moments when it begins and ends.
+  EXPECT_GE(in_order * 10, suspended * 9);
   // Live again.
   EXPECT_NE(shown.back().mode, TickMode::kSuspended);
   EXPECT_EQ(shown.back().hip_mm, live.back().hip_mm);
