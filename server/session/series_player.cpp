@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "common/error/error.h"
+#include "server/session/freed_memory.h"
 #include "server/volume/brick_pool.h"
 
 namespace palpate {
@@ -87,6 +88,7 @@ VolumeState SeriesPlayer::Load(std::span<const std::filesystem::path> files,
   const VolumeState state = session_.PublishVolume(request, loaded.metadata, series->frames.front(),
                                                    std::move(loaded.claim));
   series->loaded_revision = series->shown_revision = state.volume->revision();
+  ReturnFreedMemory();
 
   const std::lock_guard lock(mutex_);
   series_ = std::move(series);

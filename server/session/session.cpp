@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "common/error/error.h"
+#include "server/session/freed_memory.h"
 #include "server/volume/snapshot_builder.h"
 
 namespace palpate {
@@ -223,6 +224,7 @@ VolumeState Session::LoadAndWait(const LoadRequest& request, const LoadProgress&
   const VolumeState state = Load(request, progress, cancelled);
   applied = WaitForServo(state.scene_revision);
   inbox_.Collect();  // the volume felt so far
+  ReturnFreedMemory();
   return state;
 }
 

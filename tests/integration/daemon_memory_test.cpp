@@ -75,7 +75,7 @@ class MemoryTest : public ::testing::Test {
 };
 
 TEST_F(MemoryTest, ADenseVolumeCostsLittleMoreThanItsVoxels) {
-  const int edge = std::getenv("PALPATE_TORTURE") ? 512 : 192;
+  const int edge = std::getenv("PALPATE_TORTURE") ? 512 : 256;
   StartDaemon("");
   const pid_t process = daemon_->process().pid();
   const std::int64_t before_kib = StatusKib(process, "VmRSS");
