@@ -102,6 +102,31 @@ TEST_F(ImportProcessTest, RawVoxelsAndFrames) {
   ExpectPattern(ImportVolume(request_, nullptr, nullptr));
 }
 
+TEST_F(ImportProcessTest, TellsTheSizeInAdvanceAndEndsWhereThatThrows) {
+  std::vector<Vec3i> sizes;
+  request_.on_size = [&](const Vec3i& size) { sizes.push_back(size); };
+  ImportVolume(request_, nullptr, nullptr);
+  EXPECT_EQ(sizes, std::vector{Vec3i(7, 5, 4)});
+  request_.on_size = [](const Vec3i&) { throw Error(ErrorKind::kTooLarge, "no room"); };
+  EXPECT_EQ(Failure().what(), std::string("no room"));
+  // It is not waited for.
+  UseScript("echo 'size 7 5 4'\nexec sleep 60");
+  const auto start = Clock::now();
+  EXPECT_EQ(Failure().kind(), ErrorKind::kTooLarge);
+  EXPECT_LT(Clock::now() - start, seconds(20));
+}
+
+TEST_F(ImportProcessTest, SizesThatAreNoneAreIgnored) {
+  std::vector<Vec3i> sizes;
+  request_.on_size = [&](const Vec3i& size) { sizes.push_back(size); };
+  UseScript(
+      "for s in 'size' 'size ' 'size 1 2' 'size 1 2 3 4' 'size 1 2 3 ' 'size 0 2 3' 'size -1 2 3' "
+      "'size 1 2 99999999999' 'size a b c' 'size  1 2 3' 'sizes 1 2 3' 'size 3 4 5'; do\n"
+      "echo \"$s\"; done; exit 3");
+  EXPECT_EQ(Failure().kind(), ErrorKind::kInvalidArgument);
+  EXPECT_EQ(sizes, std::vector{Vec3i(3, 4, 5)});
+}
+
 TEST_F(ImportProcessTest, PassesTheImportersErrorOn) {
   request_.source = folder_ / "none.nrrd";
   const Error missing = Failure();

@@ -68,8 +68,21 @@ class CliTest : public testing::Test {
 };
 
 TEST_F(CliTest, HelpNeedsNoDaemon) {
-  for (const std::vector<std::string>& command : std::vector<std::vector<std::string>>{
-           {}, {"info"}, {"watch"}, {"set"}, {"set", "stiffness"}, {"settings"}, {"load"}}) {
+  for (const std::vector<std::string>& command :
+       std::vector<std::vector<std::string>>{{},
+                                             {"info"},
+                                             {"watch"},
+                                             {"set"},
+                                             {"set", "stiffness"},
+                                             {"settings"},
+                                             {"load"},
+                                             {"upload"},
+                                             {"series"},
+                                             {"series", "load"},
+                                             {"series", "play"},
+                                             {"series", "seek"},
+                                             {"series", "loop"},
+                                             {"series", "info"}}) {
     std::vector<std::string> arguments = command;
     arguments.push_back("--help");
     const ProcessResult result = Run(arguments);
