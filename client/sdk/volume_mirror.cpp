@@ -37,9 +37,17 @@ Vec3i OverviewSize(const Vec3i& size) {
 }  // namespace
 
 void VolumeMirror::Reset() {
-  const std::uint64_t max_voxels = max_voxels_;
-  *this = VolumeMirror(max_voxels);
-  changes_.all = true;
+  lattice_.reset();
+  placement_.reset();
+  bricks_.clear();
+  hash_ = {};
+  resume_.reset();
+  is_complete_ = false;
+  bricks_left_ = 0;
+  overview_size_ = Vec3i::Zero();
+  overview_.clear();
+  overview_known_ = 0;
+  changes_ = {.all = true};
 }
 
 void VolumeMirror::Apply(const VolumeEvent& event) {
