@@ -65,9 +65,7 @@ class FileBeside {
   bool moved_ = false;
 };
 
-std::string VectorText(const Vec3& v) {
-  return fmt::format("({},{},{})", v.x(), v.y(), v.z());
-}
+std::string VectorText(const Vec3& v) { return fmt::format("({},{},{})", v.x(), v.y(), v.z()); }
 
 std::string Header(const VolumeLattice& lattice) {
   const Mat3& linear = lattice.X_WI.linear;

@@ -220,20 +220,20 @@ TEST_F(VolumeFeedTest, NothingIsSentBeyondTheWindow) {
 
 TEST_F(VolumeFeedTest, EveryCompleteIsTheVolumeWhileItIsEdited) {
   VolumeFeed feed = MakeFeed();
-  for (int n = 0; n < 3000; ++n) {
+  for (int n = 0; n < 1000; ++n) {
     if (random_() % 3 == 0) Edit(1 + static_cast<int>(random_() % 24));
     if (random_() % 2 == 0) Pass(feed);
   }
   PassAll(feed);
   ExpectNewest();
   EXPECT_EQ(counts_.lattices, 1);
-  EXPECT_GT(counts_.completes, 100);
+  EXPECT_GT(counts_.completes, 30);
 }
 
 TEST_F(VolumeFeedTest, ReloadsAndMovesAndResumesAtAnyTime) {
   auto feed = std::make_unique<VolumeFeed>(MakeFeed());
   int resumes = 0;
-  for (int n = 0; n < 3000; ++n) {
+  for (int n = 0; n < 1000; ++n) {
     const auto chance = random_() % 100;
     if (chance < 30) Edit();
     if (chance == 30) LoadBall(Vec3i(2 + random_() % 30, 2 + random_() % 30, 2 + random_() % 30));
@@ -249,9 +249,9 @@ TEST_F(VolumeFeedTest, ReloadsAndMovesAndResumesAtAnyTime) {
   }
   PassAll(*feed);
   ExpectNewest();
-  EXPECT_GT(counts_.lattices, 10);
-  EXPECT_GT(resumes, 10);
-  EXPECT_GT(counts_.completes, 100);
+  EXPECT_GT(counts_.lattices, 4);
+  EXPECT_GT(resumes, 4);
+  EXPECT_GT(counts_.completes, 30);
 }
 
 TEST_F(VolumeFeedTest, SkipsWhatLiesBetween) {
