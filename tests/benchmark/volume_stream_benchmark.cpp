@@ -11,9 +11,7 @@
 
 #include "client/sdk/volume_mirror.h"
 #include "client/sdk/volume_reader.h"
-#include "server/device/path_script.h"
-#include "server/rpc/server.h"
-#include "tests/support/editable_session.h"
+#include "tests/support/served_session.h"
 #include "tests/support/temporary_folder.h"
 
 namespace palpate {
@@ -32,10 +30,9 @@ struct Bench {
 
   test::TemporaryFolder folder;
   std::string socket = folder.path() / "s";
-  EditableSession data;
-  SimulatedDevice device{std::make_unique<PathScript>(std::vector<Vec3>{Vec3::Zero()}, 1.0)};
-  ServoLoop servo{device, data.inbox(), data.outbox(), {}};
-  RpcServer server{{socket, {}}, data.session(), data.pump(), data.device(), servo, data.inbox()};
+  testing::ServedSession served{socket};
+  EditableSession& data = served.data();
+  RpcServer& server = served.server();
   std::shared_ptr<grpc::Channel> channel;
 };
 

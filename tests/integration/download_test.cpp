@@ -6,11 +6,9 @@
 #include <string>
 
 #include "common/error/error.h"
-#include "server/device/path_script.h"
-#include "server/rpc/server.h"
 #include "server/volume/snapshot_builder.h"
-#include "tests/support/editable_session.h"
 #include "tests/support/process.h"
+#include "tests/support/served_session.h"
 #include "tests/support/temporary_folder.h"
 
 namespace palpate {
@@ -42,16 +40,10 @@ class DownloadTest : public ::testing::Test {
   }
 
   test::TemporaryFolder folder_, files_;
-  EditableSession data_;
+  testing::ServedSession served_{folder_.path() / "s"};
+  EditableSession& data_ = served_.data();
+  RpcServer& server_ = served_.server();
   std::mt19937 random_{3};
-  SimulatedDevice device_{std::make_unique<PathScript>(std::vector<Vec3>{Vec3::Zero()}, 1.0)};
-  ServoLoop servo_{device_, data_.inbox(), data_.outbox(), {}};
-  RpcServer server_{{folder_.path() / "s", {}},
-                    data_.session(),
-                    data_.pump(),
-                    data_.device(),
-                    servo_,
-                    data_.inbox()};
 };
 
 TEST_F(DownloadTest, TheFileIsTheVolumeWithItsEdits) {

@@ -13,10 +13,8 @@
 #include "client/sdk/volume_reader.h"
 #include "common/wire/volume_message.h"
 #include "palpate/v1/volume.grpc.pb.h"
-#include "server/device/path_script.h"
-#include "server/rpc/server.h"
-#include "tests/support/editable_session.h"
 #include "tests/support/process.h"
+#include "tests/support/served_session.h"
 #include "tests/support/temporary_folder.h"
 
 namespace palpate {
@@ -67,12 +65,10 @@ class VolumeStreamTest : public ::testing::Test {
   }
 
   test::TemporaryFolder folder_;
-  mutable EditableSession data_;
+  mutable testing::ServedSession served_{socket()};
+  EditableSession& data_ = served_.data();
+  RpcServer& server_ = served_.server();
   std::mt19937 random_{3};
-  SimulatedDevice device_{std::make_unique<PathScript>(std::vector<Vec3>{Vec3::Zero()}, 1.0)};
-  ServoLoop servo_{device_, data_.inbox(), data_.outbox(), {}};
-  RpcServer server_{{socket(), {}}, data_.session(), data_.pump(),
-                    data_.device(), servo_,          data_.inbox()};
 };
 
 TEST_F(VolumeStreamTest, ACopyIsEqualAfterTenThousandEditsAndManyReconnects) {

@@ -1,0 +1,40 @@
+// An EditableSession behind a real server on a Unix socket, in this process.
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "server/device/path_script.h"
+#include "server/device/simulated_device.h"
+#include "server/rpc/server.h"
+#include "tests/support/editable_session.h"
+
+namespace palpate::testing {
+
+// The servo does not run until somebody starts it. Load before server().Start().
+class ServedSession {
+ public:
+  explicit ServedSession(const std::string& socket)
+      : server_({.socket_path = socket, .listen = {}, .paths = {}, .uploads = {}},
+                {data_.session(), editor_, series_, recording_, data_.pump(), data_.device(),
+                 servo_, data_.inbox()}) {}
+
+  EditableSession& data() { return data_; }
+  RpcServer& server() { return server_; }
+
+ private:
+  EditableSession data_;
+  VolumeEditor editor_{data_.session()};
+  SeriesPlayer series_{data_.session()};
+  RecordingControl recording_{
+      data_.session(),
+      data_.pump(),
+      {[](const std::string& path) { return path; }, [](const std::string& path) { return path; }},
+      "test"};
+  SimulatedDevice device_{std::make_unique<PathScript>(std::vector<Vec3>{Vec3::Zero()}, 1.0)};
+  ServoLoop servo_{device_, data_.inbox(), data_.outbox(), {}};
+  RpcServer server_;
+};
+
+}  // namespace palpate::testing
