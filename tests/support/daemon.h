@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <csignal>
 #include <filesystem>
+#include <fstream>
 #include <memory>
 #include <stdexcept>
 #include <string>
@@ -37,6 +38,12 @@ class Daemon {
     command.insert(command.end(), {"--socket", socket_.string()});
     if (std::find(arguments.begin(), arguments.end(), "--state-folder") == arguments.end()) {
       command.insert(command.end(), {"--state-folder", folder_.path() / "state"});
+    }
+    if (std::find(arguments.begin(), arguments.end(), "--config") == arguments.end()) {
+      // Tests save beside each other's folders, and nowhere else.
+      std::ofstream(folder_.path() / "palpated.toml")
+          << "[volume]\nsave_folders = [\"" << folder_.path().parent_path().string() << "\"]\n";
+      command.insert(command.end(), {"--config", folder_.path() / "palpated.toml"});
     }
     process_ = std::make_unique<Process>(command, false, kPatience);
     if (!process_->WaitFor("ready on")) {
