@@ -10,8 +10,8 @@
 #include <vector>
 
 #include "client/cli/connection.h"
-#include "client/cli/edit_options.h"
 #include "client/cli/download_options.h"
+#include "client/cli/edit_options.h"
 #include "client/cli/info_command.h"
 #include "client/cli/invocation.h"
 #include "client/cli/load_options.h"

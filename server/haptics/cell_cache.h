@@ -87,7 +87,7 @@ class CellCache {
 
   std::uint64_t geometry_revision_ = kEmpty;
   FreeSide free_side_ = FreeSide::kBelow;
-  std::array<std::uint64_t, kSlots> filled_{};  // generation_ when the slot was filled
+  std::array<std::uint64_t, kSlots> filled_{};           // generation_ when the slot was filled
   std::array<std::uint64_t, kSlots> volume_revision_{};  // at which it was right
   std::uint64_t generation_ = 0;
   std::array<HapticCell, kSlots> cells_;

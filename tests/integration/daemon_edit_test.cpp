@@ -395,10 +395,11 @@ TEST_F(EditTest, BadSavesHaveTheirStatusAndLeaveNothing) {
   const std::string good = (folder.path() / "a.vdb").string();
   for (const std::string& bad :
        {std::string(), std::string("a.vdb"), (folder.path() / "a.png").string(),
-        (folder.path() / "none" / "a.vdb").string(), folder.path().string(),
-        good + '\0' + ".vdb"}) {
+        folder.path().string(), good + '\0' + ".vdb"}) {
     EXPECT_EQ(Save(bad, true).status.error_code(), StatusCode::INVALID_ARGUMENT) << bad;
   }
+  EXPECT_EQ(Save(folder.path() / "none" / "a.vdb").status.error_code(), StatusCode::NOT_FOUND);
+  EXPECT_EQ(Save("/var/a.vdb").status.error_code(), StatusCode::PERMISSION_DENIED);
   // A disk that is full: the partial file leads to one.
   std::filesystem::create_symlink("/dev/full", good + ".partial");
   EXPECT_EQ(Save(good).status.error_code(), StatusCode::UNAVAILABLE);

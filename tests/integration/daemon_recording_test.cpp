@@ -184,7 +184,8 @@ TEST_F(RecordingTest, BadCallsAreRefused) {
   EXPECT_EQ(Start("").error_code(), StatusCode::INVALID_ARGUMENT);
   EXPECT_EQ(Start("relative.palrec").error_code(), StatusCode::INVALID_ARGUMENT);
   EXPECT_EQ(Start(std::string("/tmp/a\0b", 8)).error_code(), StatusCode::INVALID_ARGUMENT);
-  EXPECT_EQ(Start(File("no/folder")).error_code(), StatusCode::UNAVAILABLE);
+  EXPECT_EQ(Start(File("no/folder")).error_code(), StatusCode::NOT_FOUND);
+  EXPECT_EQ(Start("/var/a.palrec").error_code(), StatusCode::PERMISSION_DENIED);
   EXPECT_EQ(Mark("m"), StatusCode::ABORTED);
   EXPECT_EQ(Run({"record", "stop"}).exit_code, ExitCode(ErrorKind::kConflict));
   ASSERT_TRUE(Start(File("a")).ok());
