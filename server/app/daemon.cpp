@@ -138,6 +138,7 @@ void RunDaemon(const Config& config) {
   spdlog::info("ending on signal {}", signal);
   servo.Stop();
   server.Stop();
+  series.Stop();
   pump.Stop();
   tools->Stop();
   recording.End();

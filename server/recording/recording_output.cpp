@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "common/error/error.h"
+#include "server/volume/whole_file.h"
 
 namespace palpate {
 namespace {
@@ -23,6 +24,7 @@ class RecordingFile final : public RecordingOutput {
       : path_(std::move(path)), partial_(path_.string() + ".partial"), overwrite_(overwrite) {
     std::error_code ignored;
     if (!overwrite_ && std::filesystem::exists(path_, ignored)) RefuseToOverwrite();
+    RefuseLink(partial_);
     file_ = open(partial_.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
     if (file_ < 0) Fail();
   }

@@ -50,8 +50,27 @@ Registration RegistrationOf(const RecordedScene& scene, const VolumeMetadata& vo
   if (!(std::isfinite(scale) && scale > 0.0 && registration.X_DW.translation.allFinite())) {
     throw Error(ErrorKind::kInvalidArgument, "the recording's place of the volume is no place");
   }
+  registration.p_DCenter_mm = registration.X_DW.Apply(VolumeCenterMm(volume));
+  registration.R_DW = Eigen::Quaterniond(Mat3(registration.X_DW.linear / scale)).normalized();
   return registration;
 }
+
+// Frames of a series wait while one exists.
+class VoxelHold {
+ public:
+  explicit VoxelHold(Session& session) : session_(session) { Set(true); }
+  ~VoxelHold() { Set(false); }
+  VoxelHold(const VoxelHold&) = delete;
+  VoxelHold& operator=(const VoxelHold&) = delete;
+
+ private:
+  void Set(bool held) {
+    const std::unique_lock voxels = session_.LockVoxels();
+    session_.HoldVoxels(held);
+  }
+
+  Session& session_;
+};
 
 class ViewerReplay {
  public:
@@ -63,6 +82,7 @@ class ViewerReplay {
         ahead_ms_(kAheadMs * std::max(1.0, speed)),
         progress_(progress),
         loading_(session.BeginLoad()),
+        hold_(session),
         before_(session.volume()),
         follower_([this](const RecordedScene& scene) { return StartVolume(scene); }),
         shown_(std::make_shared<ShownSamples>(speed)) {}
@@ -201,13 +221,23 @@ class ViewerReplay {
       return;
     }
     placed_ = registration.X_DW;
-    session_.Move([&](const VolumeState&) { return registration; });
+    session_.Move([&](const VolumeState&) { return registration; }, {}, /*keep=*/false);
   }
 
+  // What was felt comes back even where the voxels cannot.
   void Restore() {
-    Show(*before_.volume);
-    if (placed_) session_.Move([&](const VolumeState&) { return before_.registration; });
     pump_.Replace(nullptr);
+    try {
+      Show(*before_.volume);
+      const AffineMap live = session_.volume().registration.X_DW;
+      const AffineMap& wanted = before_.registration.X_DW;
+      if (live.linear != wanted.linear || live.translation != wanted.translation) {
+        session_.Move([&](const VolumeState&) { return before_.registration; });
+      }
+    } catch (...) {
+      session_.SetForcesOff(false);
+      throw;
+    }
     session_.SetForcesOff(false);
   }
 
@@ -221,6 +251,7 @@ class ViewerReplay {
   const double ahead_ms_;
   const ViewerReplayProgress& progress_;
   const std::unique_lock<std::mutex> loading_;
+  const VoxelHold hold_;
   const VolumeState before_;
   VolumeFollower follower_;
   std::shared_ptr<ShownSamples> shown_;

@@ -70,22 +70,22 @@ std::shared_ptr<const VolumeSnapshot> VolumeFollower::TryFollow(
   if (!volume_) {
     throw Error(ErrorKind::kNotFound, "the volume " + scene.volume_source + " was not loaded");
   }
-  if (HashVolume(*volume_) == scene.volume_hash) {
-    if (!edits.empty()) base_revision_ = edits.front().volume_revision;
-  } else {
-    if (scene.voxels_missing) {
-      throw Error(ErrorKind::kConflict, "a change of voxels was too large for the recording");
-    }
-    const std::shared_ptr<const VolumeSnapshot> changed =
-        !edits.empty() && edits.front().base_revision == base_revision_ ? WithEdits(*volume_, edits)
-                                                                        : nullptr;
-    if (!changed || HashVolume(*changed) != scene.volume_hash) {
-      throw Error(ErrorKind::kConflict,
-                  "another volume was recorded: load " + scene.volume_source + " as it was then");
-    }
+  // Also where the voxels are the same afterwards, as after an edit and its undo:
+  // their bricks have changed.
+  const bool fits =
+      !scene.voxels_missing && !edits.empty() && edits.front().base_revision == base_revision_;
+  const std::shared_ptr<const VolumeSnapshot> changed = fits ? WithEdits(*volume_, edits) : nullptr;
+  if (changed && HashVolume(*changed) == scene.volume_hash) {
     volume_ = changed;
     base_revision_ = scene.volume_revision;
     ++applied_edits_;
+  } else if (HashVolume(*volume_) == scene.volume_hash) {
+    if (!edits.empty()) base_revision_ = edits.front().volume_revision;
+  } else if (scene.voxels_missing) {
+    throw Error(ErrorKind::kConflict, "a change of voxels was too large for the recording");
+  } else {
+    throw Error(ErrorKind::kConflict,
+                "another volume was recorded: load " + scene.volume_source + " as it was then");
   }
   return volume_ = AtRevision(std::move(volume_), scene);
 }

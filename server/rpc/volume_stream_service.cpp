@@ -41,7 +41,7 @@ class VolumeReactor final : public VolumeStreamReactor,
     }
     try {
       Take(request_);
-    } catch (const Error& error) {
+    } catch (const std::exception& error) {
       FinishOnce(ToStatus(error));
       return;
     }

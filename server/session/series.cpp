@@ -64,15 +64,26 @@ class Reader {
                 (static_cast<double>(frame) + fraction) / static_cast<double>(count_));
     };
     std::vector<std::string> warnings;
-    VolumeFile file = loader_.Load(request, progress, cancelled_, warnings,
-                                   [&](const Vec3i& size, std::uint64_t) { CheckSize(size); });
+    VolumeFile file =
+        loader_.Load(request, progress, cancelled_, warnings,
+                     [&](const Vec3i& size, std::uint64_t) { CheckSize(request.source, size); });
     // They are much the same for every frame.
     if (frame == 0) warnings_.insert(warnings_.end(), warnings.begin(), warnings.end());
     Take(std::move(file), request.source);
   }
 
-  void CheckSize(const Vec3i& size) {
-    if (frames_.empty()) claim_.Resize(Needed(size));
+  // Before the voxels are read: what the first frame needs was claimed for all.
+  void CheckSize(const std::string& source, const Vec3i& size) {
+    if (frames_.empty()) {
+      claim_.Resize(Needed(size));
+    } else if (size != metadata_.size) {
+      RefuseSize(source, size);
+    }
+  }
+
+  [[noreturn]] void RefuseSize(const std::string& source, const Vec3i& size) const {
+    Refuse(source + ": " + Text(size) + " voxels where the first frame has " +
+           Text(metadata_.size) + "; all frames must have one size");
   }
 
   void Take(VolumeFile file, const std::string& source) {
@@ -83,8 +94,7 @@ class Reader {
     if (frames_.empty()) {
       metadata_ = file.metadata;
     } else if (file.metadata.size != metadata_.size) {
-      Refuse(source + ": " + Text(file.metadata.size) + " voxels where the first frame has " +
-             Text(metadata_.size) + "; all frames must have one size");
+      RefuseSize(source, file.metadata.size);
     }
     metadata_.value_min = std::min(metadata_.value_min, file.metadata.value_min);
     metadata_.value_max = std::max(metadata_.value_max, file.metadata.value_max);

@@ -9,7 +9,6 @@
 #include <vector>
 
 #include "common/error/error.h"
-#include "server/session/freed_memory.h"
 #include "server/volume/brick_pool.h"
 
 namespace palpate {
@@ -58,13 +57,13 @@ struct SeriesPlayer::Series {
 
 SeriesPlayer::SeriesPlayer(Session& session) : session_(session), thread_([this] { Run(); }) {}
 
-SeriesPlayer::~SeriesPlayer() {
+void SeriesPlayer::Stop() noexcept {
   {
     const std::lock_guard lock(mutex_);
     stop_ = true;
   }
   wake_.notify_all();
-  thread_.join();
+  if (thread_.joinable()) thread_.join();
 }
 
 VolumeState SeriesPlayer::Load(std::span<const std::filesystem::path> files,
@@ -88,7 +87,6 @@ VolumeState SeriesPlayer::Load(std::span<const std::filesystem::path> files,
   const VolumeState state = session_.PublishVolume(request, loaded.metadata, series->frames.front(),
                                                    std::move(loaded.claim));
   series->loaded_revision = series->shown_revision = state.volume->revision();
-  ReturnFreedMemory();
 
   const std::lock_guard lock(mutex_);
   series_ = std::move(series);
@@ -237,11 +235,13 @@ bool SeriesPlayer::Show(Series& series, double position) {
     {
       // Before the frame is blended, and not while: others wait to edit.
       const std::unique_lock voxels = session_.LockVoxels();
+      if (session_.voxels_held()) return true;
       if (!KeepEdits(series, session_.volume())) return false;
     }
     blended = Blend(series.frames[frame], series.frames[frame + 1], share);
   }
   const std::unique_lock voxels = session_.LockVoxels();
+  if (session_.voxels_held()) return true;
   const VolumeState now = session_.volume();
   if (!KeepEdits(series, now)) return false;
   const BrickDirectory& wanted = blended ? *blended : series.frames[frame];

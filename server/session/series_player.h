@@ -57,7 +57,10 @@ class SeriesPlayer {
   static constexpr double kGreatestRateHz = 1000.0;
 
   explicit SeriesPlayer(Session& session);
-  ~SeriesPlayer();
+  ~SeriesPlayer() { Stop(); }
+
+  // Shows no frame any more: before the session's listeners end.
+  void Stop() noexcept;
   SeriesPlayer(const SeriesPlayer&) = delete;
   SeriesPlayer& operator=(const SeriesPlayer&) = delete;
 

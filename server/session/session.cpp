@@ -219,12 +219,17 @@ VolumeState Session::PublishVolume(const LoadRequest& request, const VolumeMetad
   return VolumeLocked();
 }
 
+AppliedTick Session::WaitForNewVolume(std::uint64_t scene_revision) {
+  const AppliedTick applied = WaitForServo(scene_revision);
+  inbox_.Collect();  // the volume felt so far
+  ReturnFreedMemory();
+  return applied;
+}
+
 VolumeState Session::LoadAndWait(const LoadRequest& request, const LoadProgress& progress,
                                  const LoadCancelled& cancelled, AppliedTick& applied) {
   const VolumeState state = Load(request, progress, cancelled);
-  applied = WaitForServo(state.scene_revision);
-  inbox_.Collect();  // the volume felt so far
-  ReturnFreedMemory();
+  applied = WaitForNewVolume(state.scene_revision);
   return state;
 }
 
@@ -243,12 +248,12 @@ VolumeState Session::PublishBricks(std::span<const BrickChange> changes) {
 }
 
 VolumeState Session::Move(const std::function<Registration(const VolumeState&)>& change,
-                          const std::optional<std::uint64_t>& expected_revision) {
+                          const std::optional<std::uint64_t>& expected_revision, bool keep) {
   const std::lock_guard lock(mutex_);
   CheckRevision(expected_revision, settings_revision_);
   registration_ = change(VolumeLocked());
   X_DI_ = registration_.X_DW * volume_->metadata().WorldFromIndex();
-  if (registration_store_) registration_store_->Keep(volume_->metadata(), registration_);
+  if (registration_store_ && keep) registration_store_->Keep(volume_->metadata(), registration_);
   ++geometry_revision_;
   ++settings_revision_;
   PublishLocked();

@@ -126,17 +126,24 @@ class Session {
   // Under LockVoxels: replaces bricks of volume().
   VolumeState PublishBricks(std::span<const BrickChange> changes);
 
+  // Under LockVoxels: while held, the frames of a series wait. For a replay, whose
+  // voxels are not those of any frame.
+  void HoldVoxels(bool held) { voxels_held_ = held; }
+  bool voxels_held() const { return voxels_held_; }
+
   // Where the volume lies. `change` makes the new one of the present one, under the
   // session's lock. kInvalidArgument; kConflict for another settings revision than
-  // expected.
+  // expected. `keep`: for when the volume is loaded again.
   VolumeState Move(const std::function<Registration(const VolumeState&)>& change,
-                   const std::optional<std::uint64_t>& expected_revision = {});
+                   const std::optional<std::uint64_t>& expected_revision = {}, bool keep = true);
 
   // Nothing is felt while on.
   void SetForcesOff(bool off);
 
   // The tick at which the servo first used a scene. kUnavailable.
   AppliedTick WaitForServo(std::uint64_t scene_revision);
+  // The same after another volume was published; frees the one before.
+  AppliedTick WaitForNewVolume(std::uint64_t scene_revision);
 
   const DeviceSpec& device() const { return device_; }
   const VolumeLoader& loader() const { return loader_; }
@@ -155,7 +162,8 @@ class Session {
 
   // In the order in which they are taken.
   std::mutex load_mutex_;
-  std::mutex voxels_mutex_;
+  std::mutex voxels_mutex_;  // guards the next one, and changes of voxels
+  bool voxels_held_ = false;
   mutable std::mutex mutex_;  // guards what follows
   std::shared_ptr<const VolumeSnapshot> volume_;
   MemoryClaim claim_;  // of volume_ as it was loaded

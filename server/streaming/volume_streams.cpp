@@ -128,7 +128,15 @@ void VolumeStreams::Run() {
   bool worked = true;
   while (const std::optional<Round> round = NextRound(worked)) {
     worked = false;
-    for (const Turn& turn : round->turns) worked |= Take(turn, round->now);
+    for (const Turn& turn : round->turns) {
+      try {
+        worked |= Take(turn, round->now);
+      } catch (const std::exception&) {
+        // Out of memory: this stream ends, the others go on.
+        if (const auto sink = turn.stream->sink.lock()) sink->End();
+        Unsubscribe(*turn.stream);
+      }
+    }
     // Whoever keeps the stream does not keep its volume.
     for (const auto& stream : round->ended) stream->feed.reset();
   }

@@ -34,10 +34,22 @@ void TakeItsPlace(const std::filesystem::path& partial, const std::filesystem::p
 
 }  // namespace
 
+void RefuseLink(const std::filesystem::path& partial) {
+  std::error_code ignored;
+  if (!std::filesystem::is_symlink(partial, ignored) ||
+      std::filesystem::is_character_file(partial, ignored)) {
+    return;
+  }
+  throw Error(
+      ErrorKind::kPermissionDenied,
+      partial.string() + " is a link to another file, which would be overwritten: remove it");
+}
+
 void WriteWhole(const std::filesystem::path& path,
                 const std::function<void(const std::filesystem::path& partial)>& write,
                 IfThere if_there) {
   const std::filesystem::path partial = path.string() + ".partial";
+  RefuseLink(partial);
   try {
     write(partial);
     TakeItsPlace(partial, path, if_there);

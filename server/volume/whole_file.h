@@ -18,6 +18,10 @@ void WriteWhole(const std::filesystem::path& path,
                 const std::function<void(const std::filesystem::path& partial)>& write,
                 IfThere if_there = IfThere::kReplace);
 
+// Throws Error (kPermissionDenied) where `partial` is a link: writing to it would
+// overwrite the file that it leads to. Devices are not harmed by it.
+void RefuseLink(const std::filesystem::path& partial);
+
 // Returns when the file is on the disk, so that it outlives a loss of power. Throws
 // std::ios_base::failure.
 void Sync(const std::filesystem::path& file);
