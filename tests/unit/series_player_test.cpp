@@ -402,6 +402,40 @@ TEST_F(SeriesPlayerTest, EditsBeyondTheBudgetAreLostAndTheSeriesGoesOn) {
   EXPECT_TRUE(Shows(0));
 }
 
+TEST_F(SeriesPlayerTest, VoxelsThatAreHeldAreNoEditsOfAFrame) {
+  Load();
+  const auto hold = [&](bool held) {
+    const std::unique_lock voxels = session_->LockVoxels();
+    session_->HoldVoxels(held);
+  };
+  hold(true);
+  const BrickDirectory before = session_->volume().volume->bricks();
+  Paint(Vec3i(3, 3, 3), 5.0f);
+  player_->Control({.playing = true, .rate_hz = 100.0, .loop = true});
+  std::this_thread::sleep_for(milliseconds(200));
+  EXPECT_EQ(At(Vec3i(3, 3, 3)), 5.0f);  // no frame was shown
+  player_->Control({.playing = false, .position_frames = 0.0});
+  {
+    const std::unique_lock voxels = session_->LockVoxels();
+    const auto changes = session_->volume().volume->bricks().ChangesTo(before);
+    session_->PublishBricks(changes);
+    session_->HoldVoxels(false);
+  }
+  for (const int frame : {1, 0, 4, 0}) {
+    player_->Control({.position_frames = frame});
+    EXPECT_TRUE(Shows(frame)) << frame;
+  }
+}
+
+TEST_F(SeriesPlayerTest, NothingIsShownAfterTheStop) {
+  Load();
+  player_->Control({.playing = true, .rate_hz = 100.0, .loop = true});
+  player_->Stop();
+  const std::uint64_t revision = Revision();
+  std::this_thread::sleep_for(milliseconds(100));
+  EXPECT_EQ(Revision(), revision);
+}
+
 TEST_F(SeriesPlayerTest, AnotherVolumeEndsIt) {
   Load();
   player_->Control({.playing = true, .rate_hz = 50.0, .loop = true, .interpolate = true});
