@@ -1,0 +1,45 @@
+// The frames of the FireWire Phantom Omni, as two independent open drivers have
+// them: 44 bytes from the device, 16 bytes to it, 1000 times a second.
+//
+// The USB devices' servo frames are not public. Nothing says that they have this
+// layout: a transport must not use this codec for USB unless the operator names
+// it. Verification level of this layout: none; we have not seen a device.
+//
+// Numbers are little-endian. The force in newtons that a count of a motor gives is
+// not public either: motors are in counts here.
+// Threads: pure functions. Real-time: no allocation.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <span>
+
+namespace palpate {
+
+inline constexpr std::size_t kOmniStateBytes = 44;
+inline constexpr std::size_t kOmniForceBytes = 16;
+inline constexpr int kOmniMotorRange = 0x7ff;  // counts either way
+
+struct OmniState {
+  std::array<std::int16_t, 3> encoders{};
+  // Angles of the gimbal by its potentiometers.
+  std::array<double, 3> gimbal_rad{};
+  std::array<bool, 2> buttons{};
+  bool docked = false;
+  std::uint32_t counter = 0;  // rises with every frame
+};
+
+// None for a frame of another length, or with a gimbal voltage of 0.
+std::optional<OmniState> DecodeOmniState(std::span<const std::uint8_t> bytes);
+
+struct OmniForce {
+  std::array<int, 3> motors{};  // counts, held within kOmniMotorRange
+  bool force_enabled = false;
+  std::uint8_t dock_light = 0;  // 0 to 3
+};
+
+std::array<std::uint8_t, kOmniForceBytes> EncodeOmniForce(const OmniForce& force);
+
+}  // namespace palpate

@@ -1,0 +1,61 @@
+#include "server/device/omni/kinematics.h"
+
+#include <cmath>
+
+namespace palpate {
+namespace {
+
+// Of the crossing of the base's and the shoulder's axes from D's origin.
+constexpr double kRiseMm = 23.35;
+constexpr double kBackMm = 168.35;
+
+}  // namespace
+
+OmniJoints OmniJointsFromCounts(const std::array<std::int16_t, 3>& counts) {
+  return {.base_rad = counts[0] * kOmniRadPerCount,
+          .shoulder_rad = -counts[1] * kOmniRadPerCount,
+          .elbow_rad = counts[2] * kOmniRadPerCount};
+}
+
+Vec3 OmniPosition(const OmniJoints& joints) {
+  const double reach_mm =
+      kOmniLinkMm * (std::cos(joints.shoulder_rad) + std::sin(joints.elbow_rad));
+  const double height_mm =
+      kOmniLinkMm * (std::sin(joints.shoulder_rad) - std::cos(joints.elbow_rad));
+  return {-std::sin(joints.base_rad) * reach_mm, height_mm + kRiseMm,
+          std::cos(joints.base_rad) * reach_mm - kBackMm};
+}
+
+Mat3 OmniJacobian(const OmniJoints& joints) {
+  const double s1 = std::sin(joints.base_rad), c1 = std::cos(joints.base_rad);
+  const double s2 = std::sin(joints.shoulder_rad), c2 = std::cos(joints.shoulder_rad);
+  const double s3 = std::sin(joints.elbow_rad), c3 = std::cos(joints.elbow_rad);
+  const double reach = c2 + s3;
+  Mat3 jacobian;
+  jacobian << -c1 * reach, s1 * s2, -s1 * c3,  //
+      0.0, c2, s3,                             //
+      -s1 * reach, -c1 * s2, c1 * c3;
+  return kOmniLinkMm * jacobian;
+}
+
+Vec3 OmniTorques_n_mm(const OmniJoints& joints, const Vec3& force_D_n) {
+  return OmniJacobian(joints).transpose() * force_D_n;
+}
+
+bool OmniJointsAt(const Vec3& p_D_mm, OmniJoints& joints) {
+  const double x = p_D_mm.x(), z = p_D_mm.z() + kBackMm;
+  // In the plane of the arm, in links: (reach, height) = (cos s + sin e, sin s - cos e).
+  // With e = o + 90°, that is the sum of unit vectors at s and o: half of it bisects
+  // them.
+  const double reach = std::hypot(x, z) / kOmniLinkMm;
+  const double height = (p_D_mm.y() - kRiseMm) / kOmniLinkMm;
+  const double length = std::hypot(reach, height);
+  if (!(reach > 0.0) || !(length <= 2.0)) return false;
+  const double middle_rad = std::atan2(height, reach), half_rad = std::acos(0.5 * length);
+  joints.base_rad = std::atan2(-x, z);
+  joints.shoulder_rad = middle_rad + half_rad;
+  joints.elbow_rad = middle_rad - half_rad + 0.5 * std::numbers::pi;
+  return true;
+}
+
+}  // namespace palpate

@@ -1,0 +1,48 @@
+// Kinematics of the Phantom Omni / Geomagic Touch arm.
+//
+// Joints: base turns about y; shoulder and elbow are the angles of the two links,
+// the elbow's against the vertical and not against the first link (absolute).
+// Frames: D (mm, x right, y up, z towards the user); the stylus's gimbal is the
+// tip. Angles in rad, torques in N mm.
+// Threads: pure functions. Real-time: no allocation, bounded.
+// Source: link lengths and offsets as two independent open drivers have them; not
+// seen on hardware by us.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <numbers>
+
+#include "common/geometry/geometry.h"
+
+namespace palpate {
+
+inline constexpr double kOmniLinkMm = 133.35;  // of either link
+inline constexpr double kOmniCountsPerTurn = 15000.0;
+inline constexpr double kOmniRadPerCount = 2.0 * std::numbers::pi / kOmniCountsPerTurn;
+
+struct OmniJoints {
+  double base_rad = 0.0;
+  double shoulder_rad = 0.0;
+  double elbow_rad = 0.0;
+};
+
+// Encoder counts since the stylus left the dock, where all three are 0. The
+// second encoder counts down.
+OmniJoints OmniJointsFromCounts(const std::array<std::int16_t, 3>& counts);
+
+// Position of the gimbal in D.
+Vec3 OmniPosition(const OmniJoints& joints);
+
+// Its derivative, mm per rad; columns: base, shoulder, elbow.
+Mat3 OmniJacobian(const OmniJoints& joints);
+
+// Torques that put a force on the hand.
+Vec3 OmniTorques_n_mm(const OmniJoints& joints, const Vec3& force_D_n);
+
+// The joints that reach a position; of the two ways, the one with the elbow up,
+// which is the arm's only one. False, and nothing is set, where the links are too
+// short, or the position is on the base's axis.
+bool OmniJointsAt(const Vec3& p_D_mm, OmniJoints& joints);
+
+}  // namespace palpate

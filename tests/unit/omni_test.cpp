@@ -1,0 +1,149 @@
+// Kinematics and frames of the Phantom Omni, without a device.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <random>
+#include <vector>
+
+#include "server/device/omni/firewire_frames.h"
+#include "server/device/omni/kinematics.h"
+
+namespace palpate {
+namespace {
+
+OmniJoints RandomJoints(std::mt19937& random) {
+  const auto any = [&](double low, double high) {
+    return std::uniform_real_distribution<double>(low, high)(random);
+  };
+  // The elbow's link is below the first one: elbow - 90° < shoulder.
+  OmniJoints joints{any(-1.0, 1.0), any(0.0, 1.7), 0.0};
+  joints.elbow_rad = any(std::max(-0.5, joints.shoulder_rad - 1.0), joints.shoulder_rad + 1.5);
+  return joints;
+}
+
+TEST(OmniKinematics, HomeIsWhereTheFormulasSay) {
+  const Vec3 home = OmniPosition({});
+  EXPECT_NEAR(home.x(), 0.0, 1e-12);
+  EXPECT_NEAR(home.y(), -kOmniLinkMm + 23.35, 1e-12);
+  EXPECT_NEAR(home.z(), kOmniLinkMm - 168.35, 1e-12);
+  // Both links level: the longest reach.
+  const Vec3 out = OmniPosition({0.0, 0.0, 0.5 * std::numbers::pi});
+  EXPECT_NEAR(out.z(), 2.0 * kOmniLinkMm - 168.35, 1e-9);
+  // The base turned to the left takes the tip to the left.
+  EXPECT_LT(OmniPosition({0.3, 0.5, 0.5}).x(), 0.0);
+}
+
+TEST(OmniKinematics, TheJacobianIsTheDerivative) {
+  std::mt19937 random(1);
+  constexpr double kStepRad = 1e-6;
+  for (int n = 0; n < 1000; ++n) {
+    const OmniJoints q = RandomJoints(random);
+    const Mat3 jacobian = OmniJacobian(q);
+    for (int joint = 0; joint < 3; ++joint) {
+      OmniJoints a = q, b = q;
+      double OmniJoints::*members[] = {&OmniJoints::base_rad, &OmniJoints::shoulder_rad,
+                                       &OmniJoints::elbow_rad};
+      a.*members[joint] -= kStepRad;
+      b.*members[joint] += kStepRad;
+      const Vec3 slope = (OmniPosition(b) - OmniPosition(a)) / (2.0 * kStepRad);
+      ASSERT_LT((jacobian.col(joint) - slope).norm(), 1e-6);
+    }
+    // Virtual work: what the motors do is what the hand gets.
+    const Vec3 force(0.3, -1.2, 0.7), motion(1e-3, -2e-3, 5e-4);
+    ASSERT_NEAR(OmniTorques_n_mm(q, force).dot(motion), force.dot(jacobian * motion), 1e-12);
+  }
+}
+
+TEST(OmniKinematics, TheInverseLeadsBack) {
+  std::mt19937 random(2);
+  for (int n = 0; n < 10000; ++n) {
+    const OmniJoints q = RandomJoints(random);
+    const Vec3 p = OmniPosition(q);
+    OmniJoints back;
+    ASSERT_TRUE(OmniJointsAt(p, back));
+    ASSERT_LT((OmniPosition(back) - p).norm(), 1e-9);
+  }
+  OmniJoints unused;
+  EXPECT_FALSE(OmniJointsAt(Vec3(0, 0, 400), unused));
+  EXPECT_FALSE(OmniJointsAt(Vec3(0, 23.35, -168.35), unused));
+  EXPECT_FALSE(OmniJointsAt(Vec3(0, std::nan(""), 0), unused));
+}
+
+TEST(OmniKinematics, TheCornersOfTheWorkspaceAreWithinReach) {
+  for (int corner = 0; corner < 8; ++corner) {
+    const Vec3 p(corner & 1 ? 80.0 : -80.0, corner & 2 ? 60.0 : -60.0, corner & 4 ? 35.0 : -35.0);
+    OmniJoints q;
+    ASSERT_TRUE(OmniJointsAt(p, q)) << p.transpose();
+    EXPECT_LT((OmniPosition(q) - p).norm(), 1e-9);
+    // No singularity: every force needs finite torques, and every motion is seen.
+    EXPECT_GT(std::abs(OmniJacobian(q).determinant()), 1e5);
+  }
+}
+
+TEST(OmniKinematics, ACountIsTheDatasheetsResolution) {
+  EXPECT_NEAR(kOmniRadPerCount * kOmniLinkMm, 0.055, 0.001);
+  const OmniJoints q = OmniJointsFromCounts({15000 / 4, -15000 / 8, 0});
+  EXPECT_DOUBLE_EQ(q.base_rad, std::numbers::pi / 2);
+  EXPECT_DOUBLE_EQ(q.shoulder_rad, std::numbers::pi / 4);
+}
+
+std::vector<std::uint8_t> StateFrame() {
+  std::vector<std::uint8_t> bytes(kOmniStateBytes, 0);
+  const auto put = [&](std::size_t at, unsigned word) {
+    bytes[at] = static_cast<std::uint8_t>(word);
+    bytes[at + 1] = static_cast<std::uint8_t>(word >> 8);
+  };
+  put(4, 0xfffe);  // -2
+  put(6, 300);
+  put(8, 0x8000);  // -32768
+  for (std::size_t n = 0; n < 3; ++n) {
+    put(10 + 2 * n, 100);
+    put(22 + 2 * n, 100);
+  }
+  bytes[19] = 0b101;  // button 1 pressed, not docked
+  put(32, 0x5678);
+  put(34, 0x1234);
+  return bytes;
+}
+
+TEST(OmniFrames, AStateIsDecoded) {
+  const auto state = DecodeOmniState(StateFrame());
+  ASSERT_TRUE(state);
+  EXPECT_EQ(state->encoders, (std::array<std::int16_t, 3>{-2, 300, -32768}));
+  for (const double angle : state->gimbal_rad) EXPECT_NEAR(angle, 0.0, 1e-12);
+  EXPECT_EQ(state->buttons, (std::array<bool, 2>{false, true}));
+  EXPECT_FALSE(state->docked);
+  EXPECT_EQ(state->counter, 0x12345678u);
+}
+
+TEST(OmniFrames, WhatIsNoStateIsRefused) {
+  auto bytes = StateFrame();
+  bytes.pop_back();
+  EXPECT_FALSE(DecodeOmniState(bytes));
+  bytes.resize(kOmniStateBytes + 1);
+  EXPECT_FALSE(DecodeOmniState(bytes));
+  EXPECT_FALSE(DecodeOmniState({}));
+  EXPECT_FALSE(DecodeOmniState(std::vector<std::uint8_t>(kOmniStateBytes, 0)));
+}
+
+TEST(OmniFrames, RandomBytesGiveAnglesWithinTheGimbalsRange) {
+  std::mt19937 random(3);
+  std::vector<std::uint8_t> bytes(kOmniStateBytes);
+  for (int n = 0; n < 100000; ++n) {
+    for (auto& byte : bytes) byte = static_cast<std::uint8_t>(random());
+    const auto state = DecodeOmniState(bytes);
+    if (!state) continue;
+    for (const double angle : state->gimbal_rad) ASSERT_LE(std::abs(angle), 2.75);
+  }
+}
+
+TEST(OmniFrames, AForceIsEncoded) {
+  const auto zero = EncodeOmniForce({});
+  EXPECT_EQ(zero, (std::array<std::uint8_t, 16>{0xff, 7, 0xff, 7, 0xff, 7, 0xc0, 0x53}));
+  const auto bytes =
+      EncodeOmniForce({.motors = {1, -2047, 1'000'000}, .force_enabled = true, .dock_light = 2});
+  EXPECT_EQ(bytes, (std::array<std::uint8_t, 16>{0x00, 8, 0, 0, 0xfe, 0x0f, 0xca, 0x53}));
+}
+
+}  // namespace
+}  // namespace palpate
