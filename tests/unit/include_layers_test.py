@@ -22,6 +22,7 @@ LAYERS = {
     "server/import": ["common/error", "common/geometry", "server/volume"],
     "server/haptics": ["common/geometry", "common/isosurface", "server/volume"],
     "server/device": ["common/error", "common/geometry"],
+    "server/device/omni": ["common/geometry"],
     "server/servo": COMMON + ["server/realtime", "server/volume", "server/haptics", "server/device"],
     "server/session": COMMON + ["server/realtime", "server/volume", "server/haptics",
                                 "server/device", "server/servo"],
@@ -54,7 +55,7 @@ LIBRARIES = {
 # The headers of volume that are free of OpenVDB; real-time code sees no others.
 PLAIN_VOLUME_HEADERS = {"server/volume/brick_directory.h", "server/volume/snapshot.h",
                         "server/volume/volume_metadata.h", "server/volume/edit.h",
-                        "server/volume/volume_export.h"}
+                        "server/volume/volume_export.h", "server/volume/whole_file.h"}
 NO_OPENVDB = ["server/haptics", "server/servo", "server/device", "server/rpc", "server/recording",
               "server/streaming"]
 
