@@ -1,5 +1,6 @@
 // A tick never allocates or frees, in free space, in contact, while the surface
-// moves, and when the volume is replaced.
+// moves, when voxels are edited, while it is suspended, and when the volume is
+// replaced.
 #include <gtest/gtest.h>
 
 #include <atomic>
@@ -7,6 +8,7 @@
 #include <cmath>
 #include <cstdlib>
 #include <memory>
+#include <vector>
 
 #include "server/device/explore_script.h"
 #include "server/device/simulated_device.h"
@@ -74,6 +76,21 @@ std::unique_ptr<Scene> MakeScene(const char* source, double isovalue, std::uint6
   return scene;
 }
 
+// Every second brick without material, as after an edit.
+std::unique_ptr<Scene> MakeEdited(const Scene& scene, std::uint64_t revision) {
+  auto edited = std::make_unique<Scene>(scene);
+  const BrickDirectory& bricks = scene.volume->bricks();
+  const auto count = static_cast<std::uint64_t>(bricks.brick_count().prod());
+  std::vector<BrickChange> changes;
+  for (std::uint64_t n = 0; n < count; n += 2) {
+    changes.push_back({bricks.BrickOf(n), std::make_shared<Brick>()});
+  }
+  edited->volume = std::make_shared<VolumeSnapshot>(scene.volume->metadata(),
+                                                    bricks.With(changes, revision), revision, 1);
+  edited->surface.volume = edited->volume.get();
+  return edited;
+}
+
 TEST(NoAllocation, TheCountSeesAnAllocation) {
   counting = true;
   const auto control = std::make_unique<int>(1);
@@ -92,17 +109,25 @@ TEST(NoAllocation, ATickNeitherAllocatesNorFrees) {
   const auto bumps = MakeScene("builtin:bumps:64", 0.5, 1);
   const auto bumps_swollen = MakeScene("builtin:bumps:64", 0.3, 2);
   const auto gyroid = MakeScene("builtin:gyroid:64", 0.5, 3);
+  const auto edited = MakeEdited(*bumps, 2);
+  auto suspended = std::make_unique<Scene>(*bumps);
+  suspended->forces_off = true;
   TickTime time;
-  long contacts = 0, ejecting = 0;
+  long contacts = 0, ejecting = 0, edits = 0;
   calls = 0;
   counting = true;
   for (int n = 0; n < 40000; ++n) {
-    const Scene& scene = n / 5000 % 4 == 3 ? *gyroid : n / 500 % 2 == 1 ? *bumps_swollen : *bumps;
+    const Scene& scene = n / 5000 % 4 == 3   ? *gyroid
+                         : n / 5000 % 4 == 2 ? (n % 10 < 5 ? *edited : *bumps)
+                         : n % 5000 > 4900   ? *suspended
+                         : n / 500 % 2 == 1  ? *bumps_swollen
+                                             : *bumps;
     time.started_ns += 1'000'000;
     if (n % kKeyframeTicks == 0) outbox->keyframes.TryPush(tick.Keyframe());
     const TickSample sample = tick.Run(scene, time);
     outbox->TryPush(sample);
     contacts += sample.contact;
+    edits += sample.contact && &scene == edited.get();
     ejecting += sample.mode == TickMode::kEjecting;
   }
   counting = false;
@@ -110,6 +135,7 @@ TEST(NoAllocation, ATickNeitherAllocatesNorFrees) {
   // The run must have been through all of it.
   EXPECT_GT(contacts, 5000);
   EXPECT_GT(ejecting, 0);
+  EXPECT_GT(edits, 100);
 }
 
 }  // namespace

@@ -2,23 +2,15 @@
 #include "server/session/series_player.h"
 
 #include <gtest/gtest.h>
-#include <tbb/global_control.h>
 
 #include <cmath>
-#include <functional>
 #include <limits>
-#include <mutex>
-#include <set>
 #include <thread>
 
 #include "common/error/error.h"
-#include "server/device/path_script.h"
-#include "server/device/simulated_device.h"
-#include "server/servo/servo_loop.h"
 #include "server/volume/brick_pool.h"
-#include "tests/support/fake_importer.h"
 #include "tests/support/refusal.h"
-#include "tests/support/temporary_folder.h"
+#include "tests/support/series_rig.h"
 
 namespace palpate {
 namespace {
@@ -26,119 +18,7 @@ namespace {
 namespace fs = std::filesystem;
 using std::chrono::milliseconds;
 using std::chrono::steady_clock;
-using testing::Refusal;
-
-const LoadProgress kQuiet = [](std::string_view, double) {};
-const LoadCancelled kNever = [] { return false; };
-// Bricks that are cut off at every side.
-const Vec3i kSize(20, 17, 9);
-constexpr int kFrames = 5;
-
-// A ball that grows, in a slab that stays; the least and greatest value come in
-// different frames.
-float ValueAt(int frame, int i, int j, int k) {
-  if (i >= 16) return 3.0f;
-  if (frame == 2 && i == 1 && j == 1 && k == 1) return -7.5f;
-  if (frame == 3 && i == 1 && j == 1 && k == 1) return 60.0f;
-  const double r = Vec3(i - 8, j - 8, k - 4).norm();
-  return static_cast<float>(std::max(0.0, 10.0 + frame - r));
-}
-
-class SeriesPlayerTest : public ::testing::Test {
- protected:
-  void SetUp() override {
-    for (int frame = 0; frame < kFrames; ++frame) {
-      const auto value = [&](int i, int j, int k) { return ValueAt(frame, i, j, k); };
-      files_.push_back(folder_.path() / ("t" + std::to_string(frame) + ".vdb"));
-      testing::WriteFakeVolume(files_.back(), kSize, value);
-      testing::WriteFakeVolume(folder_.path() / ("all.vdb." + std::to_string(frame)), kSize, value,
-                               kFrames);
-    }
-    device_ = std::make_unique<SimulatedDevice>(
-        std::make_unique<PathScript>(std::vector<Vec3>{Vec3(-70, 2, 1), Vec3(70, 1, 2)}, 100.0));
-    outbox_ = std::make_unique<TickOutbox>();
-    pump_ = std::make_unique<Pump>(*outbox_);
-    budget_ = MemoryBudget::Make(std::uint64_t{64} << 20);
-    session_ = std::make_unique<Session>(
-        device_->spec(), inbox_, *pump_,
-        VolumeLoader{.import_program = testing::WriteFakeImporter(folder_.path()),
-                     .budget = budget_});
-    if (listener_) session_->AddListener(*listener_);
-    session_->Load({.source = "builtin:sphere:16"}, kQuiet, kNever);
-    RealtimeOptions options;
-    options.lock_memory = false;
-    servo_ = std::make_unique<ServoLoop>(*device_, inbox_, *outbox_, options);
-    pump_->Start();
-    servo_->Start();
-    player_ = std::make_unique<SeriesPlayer>(*session_);
-  }
-  void TearDown() override {
-    player_.reset();
-    servo_->Stop();
-    pump_->Stop();
-  }
-
-  VolumeState Load(const LoadRequest& request = {}) {
-    return player_->Load(files_, request, kQuiet, kNever);
-  }
-  ContentHash Hash() const { return session_->volume().volume->bricks().content_hash(); }
-  std::uint64_t Revision() const { return session_->volume().volume->revision(); }
-
-  // Of voxels by a formula, with the least value of the whole series beyond them.
-  static BrickDirectory Directory(const std::function<float(int, int, int)>& value) {
-    return {kSize, [&](const Vec3i& brick) {
-              auto values = std::make_shared<Brick>();
-              for (int n = 0; n < kBrickVoxels; ++n) {
-                const Vec3i v = brick * 8 + Vec3i(n >> 6, n >> 3 & 7, n & 7);
-                (*values)[n] =
-                    (v.array() < kSize.array()).all() ? value(v.x(), v.y(), v.z()) : -7.5f;
-              }
-              return values;
-            }};
-  }
-  static ContentHash FrameHash(int frame) {
-    return Directory([&](int i, int j, int k) { return ValueAt(frame, i, j, k); }).content_hash();
-  }
-  // Within two seconds.
-  static bool Soon(const std::function<bool()>& condition) {
-    const auto end = steady_clock::now() + std::chrono::seconds(2);
-    while (!condition()) {
-      if (steady_clock::now() > end) return false;
-      std::this_thread::sleep_for(milliseconds(2));
-    }
-    return true;
-  }
-  bool Shows(int frame) {
-    return Soon([&] { return Hash() == FrameHash(frame); });
-  }
-  // As an editor does.
-  VolumeState Paint(const Vec3i& voxel, float value) {
-    const std::unique_lock voxels = session_->LockVoxels();
-    const VolumeState state = session_->volume();
-    const Vec3i brick = voxel / 8;
-    auto values = std::make_shared<Brick>(*state.volume->bricks().At(brick));
-    (*values)[VoxelInBrick(voxel.x(), voxel.y(), voxel.z())] = value;
-    const std::vector<BrickChange> changes{{brick, std::move(values)}};
-    return session_->PublishBricks(changes);
-  }
-  float At(const Vec3i& v) const {
-    const VolumeState state = session_->volume();
-    return state.volume->bricks().Find(v.x(), v.y(), v.z())[VoxelInBrick(v.x(), v.y(), v.z())];
-  }
-
-  tbb::global_control serial_{tbb::global_control::max_allowed_parallelism, 1};
-  SceneListener* listener_ = nullptr;
-  test::TemporaryFolder folder_;
-  std::vector<fs::path> files_;
-  SceneInbox inbox_;
-  std::unique_ptr<SimulatedDevice> device_;
-  std::unique_ptr<TickOutbox> outbox_;
-  std::unique_ptr<Pump> pump_;
-  std::shared_ptr<MemoryBudget> budget_;
-  std::unique_ptr<Session> session_;
-  std::unique_ptr<ServoLoop> servo_;
-  std::unique_ptr<SeriesPlayer> player_;
-};
+using namespace testing;
 
 TEST_F(SeriesPlayerTest, LoadsAllFramesAndPausesAtTheFirst) {
   std::vector<double> fractions;
@@ -222,130 +102,6 @@ TEST_F(SeriesPlayerTest, HalfWayIsTheMean) {
   EXPECT_EQ(player_->state().position_frames, 3.0);
   player_->Control({.position_frames = 4.0, .interpolate = true});
   EXPECT_TRUE(Shows(4));
-}
-
-// Notes the voxels of every scene.
-class SceneRecorder : public SceneListener {
- public:
-  void OnScene(const Scene& scene, std::span<const BrickChange>) override {
-    const std::lock_guard lock(mutex_);
-    hashes_.push_back(scene.volume->bricks().content_hash());
-  }
-  std::vector<ContentHash> Take() {
-    const std::lock_guard lock(mutex_);
-    return std::move(hashes_);
-  }
-
- private:
-  std::mutex mutex_;
-  std::vector<ContentHash> hashes_;
-};
-
-class PlayingTest : public SeriesPlayerTest {
- protected:
-  PlayingTest() { listener_ = &scenes_; }
-  // Frames since the last call, in the order in which they were published. A busy
-  // machine may leave some out.
-  std::vector<int> Shown() {
-    std::vector<ContentHash> all;
-    for (int frame = 0; frame < kFrames; ++frame) all.push_back(FrameHash(frame));
-    std::vector<int> shown;
-    for (const ContentHash& hash : scenes_.Take()) {
-      shown.push_back(static_cast<int>(std::find(all.begin(), all.end(), hash) - all.begin()));
-    }
-    return shown;
-  }
-  bool Stops() {
-    return Soon([&] { return !player_->state().playing; });
-  }
-  SceneRecorder scenes_;
-};
-
-TEST_F(PlayingTest, PlaysToTheEndAndStops) {
-  Load();
-  player_->Control({.playing = true, .rate_hz = 10.0});
-  EXPECT_TRUE(Stops());
-  EXPECT_TRUE(Shows(4));
-  EXPECT_EQ(player_->state().position_frames, 4.0);
-  std::vector<int> shown = Shown();
-  EXPECT_EQ(shown.front(), kFrames);  // the volume before the series
-  EXPECT_EQ(shown[1], 0);
-  EXPECT_EQ(shown.back(), 4);
-  EXPECT_GE(shown.size(), 4u);
-  EXPECT_EQ(std::adjacent_find(shown.begin() + 1, shown.end(), std::greater_equal<>()),
-            shown.end());
-  // Again from the beginning.
-  player_->Control({.playing = true});
-  EXPECT_TRUE(Stops());
-  EXPECT_TRUE(Shows(4));
-  shown = Shown();
-  EXPECT_LT(shown.front(), 2);
-  EXPECT_EQ(shown.back(), 4);
-}
-
-TEST_F(PlayingTest, PlaysBackwards) {
-  Load();
-  Shown();
-  player_->Control({.playing = true, .rate_hz = -10.0});
-  EXPECT_TRUE(Stops());
-  EXPECT_TRUE(Shows(0));
-  EXPECT_EQ(player_->state().position_frames, 0.0);
-  const std::vector<int> shown = Shown();
-  EXPECT_GT(shown.front(), 2);
-  EXPECT_EQ(shown.back(), 0);
-  EXPECT_GE(shown.size(), 3u);
-  EXPECT_EQ(std::adjacent_find(shown.begin(), shown.end(), std::less_equal<>()), shown.end());
-}
-
-TEST_F(PlayingTest, LoopsInBothDirections) {
-  Load();
-  for (const int direction : {1, -1}) {
-    player_->Control({.playing = true, .rate_hz = 10.0 * direction, .loop = true});
-    Shown();
-    std::this_thread::sleep_for(milliseconds(1500));
-    const std::vector<int> shown = Shown();
-    ASSERT_GE(shown.size(), 6u);
-    int ordinary = 0;
-    for (std::size_t n = 2; n < shown.size(); ++n) {
-      ordinary += shown[n] == (shown[n - 1] + direction + kFrames) % kFrames;
-    }
-    EXPECT_GE(2 * ordinary, static_cast<int>(shown.size()) - 2);
-    EXPECT_EQ(std::set<int>(shown.begin(), shown.end()).size(), 5u);
-  }
-  EXPECT_TRUE(player_->state().playing);
-}
-
-TEST_F(PlayingTest, APauseHoldsTheFrame) {
-  Load();
-  player_->Control({.playing = true, .rate_hz = 20.0, .loop = true});
-  std::this_thread::sleep_for(milliseconds(120));
-  player_->Control({.playing = false});
-  std::this_thread::sleep_for(milliseconds(50));
-  const std::uint64_t revision = Revision();
-  const double position = player_->state().position_frames;
-  EXPECT_EQ(Hash(), FrameHash(static_cast<int>(position)));
-  std::this_thread::sleep_for(milliseconds(200));
-  EXPECT_EQ(Revision(), revision);
-  EXPECT_EQ(player_->state().position_frames, position);
-}
-
-TEST_F(PlayingTest, AtMostSixtyVolumesPerSecondHoweverFast) {
-  Load();
-  std::uint64_t before = Revision();
-  player_->Control({.playing = true, .rate_hz = 1000.0, .loop = true, .interpolate = true});
-  std::this_thread::sleep_for(milliseconds(1000));
-  player_->Control({.playing = false});
-  const std::uint64_t played = Revision() - before;
-  EXPECT_LE(played, 62u);
-  EXPECT_GE(played, 10u);
-  // Nor by seeking.
-  before = Revision();
-  const auto end = steady_clock::now() + milliseconds(500);
-  for (int n = 0; steady_clock::now() < end; ++n) {
-    player_->Control({.position_frames = n % kFrames});
-    std::this_thread::sleep_for(milliseconds(1));
-  }
-  EXPECT_LE(Revision() - before, 33u);
 }
 
 TEST_F(SeriesPlayerTest, EditsStayInTheirFrame) {

@@ -1,5 +1,6 @@
 palpate_unit_test(series_files_test series_files_test.cpp SANITIZED palpate::session)
 palpate_unit_test(series_player_test series_player_test.cpp SANITIZED palpate::session)
+palpate_unit_test(series_playing_test series_playing_test.cpp SANITIZED palpate::session)
 palpate_unit_test(session_test session_test.cpp SANITIZED palpate::session)
 palpate_unit_test(memory_budget_test memory_budget_test.cpp SANITIZED palpate::session)
 palpate_unit_test(path_policy_test path_policy_test.cpp SANITIZED palpate::session)
