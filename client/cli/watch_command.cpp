@@ -196,11 +196,11 @@ void Pump(const Connection& connection, const WatchOptions& options, Sink& sink)
     if (options.seconds && seconds >= *options.seconds) {
       return;
     }
-    const PoseStream::Event event = stream.Next(kPoll, message);
-    if (event == PoseStream::Event::kEnded) {
+    const CallEvent event = stream.Next(kPoll, message);
+    if (event == CallEvent::kEnded) {
       throw ErrorOfEnd(connection, stream.status());
     }
-    if (event == PoseStream::Event::kMessage) {
+    if (event == CallEvent::kMessage) {
       const auto samples = static_cast<std::uint64_t>(message.samples_size());
       const std::uint64_t count = std::min(samples, left);
       left -= count;

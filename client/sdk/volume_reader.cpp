@@ -57,11 +57,11 @@ VolumeReader::Event VolumeReader::Next(std::chrono::milliseconds timeout) {
   const auto left = std::chrono::ceil<std::chrono::milliseconds>(deadline - Clock::now());
   v1::StreamVolumeResponse response;
   switch (call_->Next(std::max(left, std::chrono::milliseconds(0)), response)) {
-    case VolumeCall::Event::kTimeout:
+    case CallEvent::kTimeout:
       return Event::kTimeout;
-    case VolumeCall::Event::kEnded:
+    case CallEvent::kEnded:
       return End(call_->status());
-    case VolumeCall::Event::kMessage:
+    case CallEvent::kMessage:
       break;
   }
   losses_in_a_row_ = 0;
