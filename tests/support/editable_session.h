@@ -1,8 +1,6 @@
 // A session without a servo, whose volume tests edit at random.
 #pragma once
 
-#include <tbb/global_control.h>
-
 #include <algorithm>
 #include <bit>
 #include <cstdint>
@@ -87,8 +85,6 @@ class EditableSession {
   }
 
  private:
-  // TBB's own threads are not built for ThreadSanitizer, which would report them.
-  tbb::global_control serial_{tbb::global_control::max_allowed_parallelism, 1};
   DeviceSpec device_ = SimulatedDeviceSpec();
   SceneInbox inbox_;
   std::unique_ptr<TickOutbox> outbox_ = std::make_unique<TickOutbox>();

@@ -2,7 +2,6 @@
 #pragma once
 
 #include <gtest/gtest.h>
-#include <tbb/global_control.h>
 
 #include <algorithm>
 #include <chrono>
@@ -120,7 +119,6 @@ class SeriesPlayerTest : public ::testing::Test {
     return state.volume->bricks().Find(v.x(), v.y(), v.z())[VoxelInBrick(v.x(), v.y(), v.z())];
   }
 
-  tbb::global_control serial_{tbb::global_control::max_allowed_parallelism, 1};
   SceneListener* listener_ = nullptr;
   test::TemporaryFolder folder_;
   std::vector<std::filesystem::path> files_;

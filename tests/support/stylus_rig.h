@@ -3,8 +3,6 @@
 // run.
 #pragma once
 
-#include <tbb/global_control.h>
-
 #include <functional>
 #include <memory>
 #include <string>
@@ -65,8 +63,6 @@ class StylusRig {
   }
 
   int lag_ticks = 0;
-  // TBB's own threads are not built for ThreadSanitizer, which would report them.
-  tbb::global_control serial{tbb::global_control::max_allowed_parallelism, 1};
   SceneInbox inbox;
   SimulatedDevice device;
 

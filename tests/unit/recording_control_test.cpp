@@ -3,7 +3,6 @@
 #include "server/recording/recording_control.h"
 
 #include <gtest/gtest.h>
-#include <tbb/global_control.h>
 
 #include <atomic>
 #include <chrono>
@@ -132,7 +131,6 @@ class RecordingControlTest : public ::testing::Test {
     return replayer.counts();
   }
 
-  tbb::global_control serial_{tbb::global_control::max_allowed_parallelism, 1};
   test::TemporaryFolder folder_;
   SceneInbox inbox_;
   std::unique_ptr<SimulatedDevice> device_;

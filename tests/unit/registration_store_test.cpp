@@ -3,8 +3,6 @@
 
 #include <gtest/gtest.h>
 
-#include <tbb/global_control.h>
-
 #include <fstream>
 #include <sstream>
 #include <thread>
@@ -286,7 +284,6 @@ TEST_F(RegistrationStoreTest, AFailedSaveIsMadeUpFor) {
 }
 
 TEST_F(RegistrationStoreTest, ASessionUsesIt) {
-  const tbb::global_control serial(tbb::global_control::max_allowed_parallelism, 1);
   const DeviceSpec device = SimulatedDeviceSpec();
   const auto load = [](Session& session, const LoadRequest& request) {
     return session

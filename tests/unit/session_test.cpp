@@ -2,7 +2,6 @@
 #include "server/session/session.h"
 
 #include <gtest/gtest.h>
-#include <tbb/global_control.h>
 
 #include <cmath>
 #include <memory>
@@ -43,8 +42,6 @@ class SessionTest : public ::testing::Test {
     pump_->Stop();
   }
 
-  // TBB's own threads are not built for ThreadSanitizer, which would report them.
-  tbb::global_control serial_{tbb::global_control::max_allowed_parallelism, 1};
   SceneInbox inbox_;
   std::unique_ptr<SimulatedDevice> device_;
   std::unique_ptr<TickOutbox> outbox_;

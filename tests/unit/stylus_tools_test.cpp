@@ -437,7 +437,6 @@ TEST(Tools, TheServoGoesOnWhileTheToolsWork) {
     target.buttons = phase < 0.25 ? kCarveButton : phase < 0.4 ? kClutchButton : 0u;
     return target;
   };
-  const tbb::global_control serial(tbb::global_control::max_allowed_parallelism, 1);
   SimulatedDevice device(std::make_unique<testing::HandScript>(hand));
   SceneInbox inbox;
   const auto outbox = std::make_unique<TickOutbox>();

@@ -4,7 +4,6 @@
 // first voxel, too small to be felt. A tick that met a brick of another revision
 // than its directory says, or freed memory, shows here or under a sanitizer.
 #include <gtest/gtest.h>
-#include <tbb/global_control.h>
 
 #include <atomic>
 #include <bit>
@@ -72,7 +71,6 @@ int TornBricks(const VolumeSnapshot& volume) {
 }
 
 TEST(TornVolume, NoTickSeesOne) {
-  const tbb::global_control serial(tbb::global_control::max_allowed_parallelism, 1);
   SceneInbox inbox;
   const auto outbox = std::make_unique<TickOutbox>();
   Pump pump(*outbox);

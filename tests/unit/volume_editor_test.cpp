@@ -2,7 +2,6 @@
 #include "server/session/volume_editor.h"
 
 #include <gtest/gtest.h>
-#include <tbb/global_control.h>
 
 #include <atomic>
 #include <memory>
@@ -75,8 +74,6 @@ class VolumeEditorTest : public ::testing::Test {
   }
 
   std::mt19937 random_{17};
-  // TBB's own threads are not built for ThreadSanitizer, which would report them.
-  tbb::global_control serial_{tbb::global_control::max_allowed_parallelism, 1};
   std::unique_ptr<SceneInbox> inbox_;
   std::unique_ptr<SimulatedDevice> device_;
   std::unique_ptr<TickOutbox> outbox_;
