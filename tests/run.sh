@@ -9,8 +9,9 @@ usage() {
   cat <<'TEXT'
 Usage: tests/run.sh [--quick] [--long]
 
-  --quick  the optimised build only, without the sanitizer builds
-  --long   the long forms of torture and slide tests (an hour)
+  --quick  the optimised build only, without the sanitizer builds and the fuzzer
+  --long   the long forms of torture and slide tests (an hour), and ten million
+           inputs for each fuzz target (another)
 TEXT
 }
 
@@ -18,7 +19,10 @@ quick=
 for argument in "$@"; do
   case "$argument" in
     --quick) quick=yes ;;
-    --long) export PALPATE_TORTURE=${PALPATE_TORTURE:-100} ;;
+    --long)
+      export PALPATE_TORTURE=${PALPATE_TORTURE:-100}
+      export PALPATE_FUZZ_RUNS=${PALPATE_FUZZ_RUNS:-10000000}
+      ;;
     -h | --help) usage; exit 0 ;;
     *) echo "run.sh: unknown argument $argument (see --help)" >&2; exit 2 ;;
   esac
@@ -53,6 +57,8 @@ if [ -z "$quick" ]; then
   # the threads around it are.
   run_preset asan sanitized_tests -L sanitized -j2
   run_preset tsan sanitized_tests -L sanitized -j2
+  run_preset fuzz all -j2
+  sed -n 's/^\(.*_fuzz: [0-9]* inputs in [0-9]* s\)$/  \1/p' build-fuzz/Testing/Temporary/LastTest.log
 fi
 
 # The counts, over all runs.

@@ -69,19 +69,55 @@ TEST(OmniKinematics, TheInverseLeadsBack) {
   EXPECT_FALSE(OmniJointsAt(Vec3(0, std::nan(""), 0), unused));
 }
 
+TEST(OmniKinematics, TheStylusFollowsTheSecondLink) {
+  std::mt19937 random(4);
+  for (int n = 0; n < 1000; ++n) {
+    const OmniJoints q = RandomJoints(random);
+    // The elbow turns the second link alone: the tip moves across it, in the arm's plane.
+    const Vec3 across = OmniJacobian(q).col(2).normalized();
+    const Eigen::Quaterniond level = OmniOrientation(q, {0, 0, 0});
+    ASSERT_LT((level * Vec3::UnitZ() - across).norm(), 1e-9);
+    const Vec3 arms_normal(std::cos(q.base_rad), 0.0, std::sin(q.base_rad));
+    ASSERT_LT((level * Vec3::UnitX() - arms_normal).norm(), 1e-9);
+    // Yaw goes round the link, pitch about what is across both, roll about the barrel.
+    ASSERT_LT((OmniOrientation(q, {0.7, 0, 0}) * Vec3::UnitY() - level * Vec3::UnitY()).norm(),
+              1e-9);
+    ASSERT_NEAR((OmniOrientation(q, {0.7, 0.4, 0}) * Vec3::UnitX()).dot(level * Vec3::UnitY()), 0.0,
+                1e-9);
+    ASSERT_LT((OmniOrientation(q, {0.7, 0.4, 1.1}) * Vec3::UnitZ() -
+               OmniOrientation(q, {0.7, 0.4, 0}) * Vec3::UnitZ())
+                  .norm(),
+              1e-9);
+    ASSERT_NEAR(OmniOrientation(q, {0.7, 0.4, 1.1}).norm(), 1.0, 1e-12);
+  }
+}
+
 TEST(OmniKinematics, TheCornersOfTheWorkspaceAreWithinReach) {
   for (int corner = 0; corner < 8; ++corner) {
     const Vec3 p(corner & 1 ? 80.0 : -80.0, corner & 2 ? 60.0 : -60.0, corner & 4 ? 35.0 : -35.0);
     OmniJoints q;
     ASSERT_TRUE(OmniJointsAt(p, q)) << p.transpose();
     EXPECT_LT((OmniPosition(q) - p).norm(), 1e-9);
+    // Far from where the arm's own stops could be: a fourth of a turn or so either way.
+    EXPECT_LT(std::abs(q.base_rad), 0.6);
+    EXPECT_GT(q.shoulder_rad, 0.0);
+    EXPECT_LT(q.shoulder_rad, 1.5);
+    EXPECT_LT(std::abs(q.elbow_rad), 1.4);
     // No singularity: every force needs finite torques, and every motion is seen.
     EXPECT_GT(std::abs(OmniJacobian(q).determinant()), 1e5);
   }
 }
 
+// A count of the shoulder or the elbow moves the tip by 0.0559 mm anywhere, the data
+// sheet's figure; one of the base by 0.0705 mm at the origin, and more further out.
 TEST(OmniKinematics, ACountIsTheDatasheetsResolution) {
   EXPECT_NEAR(kOmniRadPerCount * kOmniLinkMm, 0.055, 0.001);
+  OmniJoints origin;
+  ASSERT_TRUE(OmniJointsAt(Vec3::Zero(), origin));
+  const Mat3 mm_per_count = OmniJacobian(origin) * kOmniRadPerCount;
+  EXPECT_NEAR(mm_per_count.col(0).norm(), 0.0705, 1e-4);
+  EXPECT_NEAR(mm_per_count.col(1).norm(), 0.0559, 1e-4);
+  EXPECT_NEAR(mm_per_count.col(2).norm(), 0.0559, 1e-4);
   const OmniJoints q = OmniJointsFromCounts({15000 / 4, -15000 / 8, 0});
   EXPECT_DOUBLE_EQ(q.base_rad, std::numbers::pi / 2);
   EXPECT_DOUBLE_EQ(q.shoulder_rad, std::numbers::pi / 4);

@@ -26,6 +26,14 @@ Vec3 OmniPosition(const OmniJoints& joints) {
           std::cos(joints.base_rad) * reach_mm - kBackMm};
 }
 
+Eigen::Quaterniond OmniOrientation(const OmniJoints& joints,
+                                   const std::array<double, 3>& gimbal_rad) {
+  using Turn = Eigen::AngleAxisd;
+  const Turn base(-joints.base_rad, Vec3::UnitY()), link(-joints.elbow_rad, Vec3::UnitX());
+  const Turn yaw(gimbal_rad[0], Vec3::UnitY()), pitch(gimbal_rad[1], Vec3::UnitX());
+  return (base * link * yaw * pitch * Turn(gimbal_rad[2], Vec3::UnitZ())).normalized();
+}
+
 Mat3 OmniJacobian(const OmniJoints& joints) {
   const double s1 = std::sin(joints.base_rad), c1 = std::cos(joints.base_rad);
   const double s2 = std::sin(joints.shoulder_rad), c2 = std::cos(joints.shoulder_rad);

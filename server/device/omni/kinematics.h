@@ -31,10 +31,19 @@ struct OmniJoints {
 // second encoder counts down.
 OmniJoints OmniJointsFromCounts(const std::array<std::int16_t, 3>& counts);
 
-// Position of the gimbal in D.
+// Position of the gimbal in D, whose origin is about the middle of what the stylus
+// reaches: 168 mm in front of the base's axis, 23 mm below the shoulder.
 Vec3 OmniPosition(const OmniJoints& joints);
 
-// Its derivative, mm per rad; columns: base, shoulder, elbow.
+// Orientation of the stylus in D; its z axis runs from the tip along the barrel. The
+// gimbal's angles turn, in this order: about the second link, about the axis across
+// link and barrel, about the barrel; all at 0: the barrel is square to the link, in the
+// arm's plane. With all six angles at 0 it is D's own orientation.
+// The angles' order, signs and zeros are our guess: no source has them.
+Eigen::Quaterniond OmniOrientation(const OmniJoints& joints,
+                                   const std::array<double, 3>& gimbal_rad);
+
+// The position's derivative, mm per rad; columns: base, shoulder, elbow.
 Mat3 OmniJacobian(const OmniJoints& joints);
 
 // Torques that put a force on the hand.

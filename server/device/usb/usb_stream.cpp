@@ -1,0 +1,219 @@
+#include "server/device/usb/usb_stream.h"
+
+#include <sys/time.h>
+
+#include <algorithm>
+#include <new>
+#include <string>
+#include <utility>
+
+namespace palpate {
+namespace {
+
+using std::chrono::microseconds;
+using std::chrono::milliseconds;
+using std::chrono::steady_clock;
+
+// For the kernel to give back what was cancelled; it takes well under one.
+constexpr milliseconds kBringBackTime{100};
+
+// A device that sends more than was asked for fails the transfer; whole packets fit.
+std::size_t WholePackets(std::size_t bytes, int packet_bytes) {
+  const std::size_t packet = static_cast<std::size_t>(std::max(packet_bytes, 1));
+  return (bytes + packet - 1) / packet * packet;
+}
+
+}  // namespace
+
+UsbStream::UsbStream(libusb_context* context, libusb_device_handle* handle, const UsbEndpoint& in,
+                     const UsbEndpoint& out, std::size_t in_bytes, UsbLink::Receiver receive,
+                     std::span<const std::uint8_t> safe_frame)
+    : context_(context),
+      handle_(handle),
+      in_{.endpoint = in},
+      out_{.endpoint = out},
+      receive_(std::move(receive)),
+      safe_frame_(safe_frame.begin(), safe_frame.end()) {
+  const std::size_t bytes = WholePackets(in_bytes, in.packet_bytes);
+  for (Transfer& transfer : in_transfers_) Prepare(transfer, in, bytes, OnIn, 0);
+  Prepare(out_transfer_, out, kMaxOutBytes, OnOut, static_cast<unsigned>(kOutTimeout.count()));
+}
+
+void UsbStream::Prepare(Transfer& transfer, const UsbEndpoint& endpoint, std::size_t bytes,
+                        libusb_transfer_cb_fn done, unsigned timeout_ms) {
+  transfer.transfer.reset(libusb_alloc_transfer(0));
+  if (!transfer.transfer) throw std::bad_alloc();
+  transfer.buffer.resize(bytes);
+  transfer.stream = this;
+  libusb_fill_bulk_transfer(transfer.transfer.get(), handle_, endpoint.address,
+                            transfer.buffer.data(), static_cast<int>(bytes), done, &transfer,
+                            timeout_ms);
+  transfer.transfer->type = endpoint.type;
+}
+
+void UsbStream::Start() { SubmitIdle(); }
+
+void UsbStream::Wait(microseconds longest) {
+  // What failed is tried again a Wait later: a failing bus must not make this spin.
+  const bool has_idle = HasIdle();
+  if (!failure_) HandleEvents(longest);
+  if (in_.stalled) Mend(in_);
+  if (out_.stalled) Mend(out_);
+  if (has_idle) SubmitIdle();
+  if (failure_) throw UsbError(*failure_);
+}
+
+bool UsbStream::TrySend(std::span<const std::uint8_t> bytes) {
+  if (ending_ || failure_ || out_.stalled || out_transfer_.under_way) return false;
+  if (bytes.size() > out_transfer_.buffer.size()) {
+    Fail(UsbFault::kBroken, "a frame of more than 512 bytes was to be sent");
+    return false;
+  }
+  std::copy(bytes.begin(), bytes.end(), out_transfer_.buffer.begin());
+  out_transfer_.transfer->length = static_cast<int>(bytes.size());
+  Submit(out_transfer_, out_);
+  return out_transfer_.under_way;
+}
+
+bool UsbStream::End() noexcept {
+  SendSafeFrame();
+  ending_ = true;
+  const bool in_is_back = BringBack(in_transfers_);
+  return BringBack({&out_transfer_, 1}) && in_is_back;
+}
+
+void UsbStream::OnIn(libusb_transfer* transfer) {
+  Transfer& in = *static_cast<Transfer*>(transfer->user_data);
+  UsbStream& stream = *in.stream;
+  in.under_way = false;
+  if (!stream.Judge(transfer->status, stream.in_) || stream.ending_) return;
+  if (transfer->actual_length > 0) {
+    stream.receive_({transfer->buffer, static_cast<std::size_t>(transfer->actual_length)});
+  }
+  // A stalled endpoint is mended first, in Wait: nothing may be under way then.
+  if (!stream.failure_ && !stream.in_.stalled) stream.Submit(in, stream.in_);
+}
+
+void UsbStream::OnOut(libusb_transfer* transfer) {
+  Transfer& out = *static_cast<Transfer*>(transfer->user_data);
+  out.under_way = false;
+  out.stream->Judge(transfer->status, out.stream->out_);
+}
+
+bool UsbStream::Judge(libusb_transfer_status status, Direction& direction) {
+  switch (status) {
+    case LIBUSB_TRANSFER_COMPLETED:
+      direction.stalls = 0;
+      direction.failing_since.reset();
+      return true;
+    case LIBUSB_TRANSFER_CANCELLED:
+      return false;
+    case LIBUSB_TRANSFER_NO_DEVICE:
+      Fail(UsbFault::kAbsent, "unplugged");
+      return false;
+    case LIBUSB_TRANSFER_STALL:
+      ++transfer_errors_;
+      direction.stalled = true;
+      return false;
+    case LIBUSB_TRANSFER_TIMED_OUT:
+      ++transfer_errors_;
+      Fail(UsbFault::kTimeout, "no force taken for " + std::to_string(kOutTimeout.count()) + " ms");
+      return false;
+    default:
+      CountError(direction);
+      return false;
+  }
+}
+
+void UsbStream::CountError(Direction& direction) {
+  ++transfer_errors_;
+  const steady_clock::time_point now = steady_clock::now();
+  if (!direction.failing_since) direction.failing_since = now;
+  if (now - *direction.failing_since > kErrorTime) {
+    Fail(UsbFault::kBroken, "transfers fail: check the cable and the port");
+  }
+}
+
+void UsbStream::Submit(Transfer& transfer, Direction& direction) {
+  const int error = libusb_submit_transfer(transfer.transfer.get());
+  transfer.under_way = error == LIBUSB_SUCCESS;
+  if (error == LIBUSB_SUCCESS) return;
+  if (error == LIBUSB_ERROR_NO_DEVICE) {
+    Fail(UsbFault::kAbsent, "unplugged");
+  } else if (error == LIBUSB_ERROR_PIPE) {
+    ++transfer_errors_;
+    direction.stalled = true;
+  } else {
+    failure_ = ErrorOf(error, "starting a transfer");
+  }
+}
+
+void UsbStream::Mend(Direction& direction) {
+  if (failure_) return;
+  if (++direction.stalls >= kMaxStalls) {
+    Fail(UsbFault::kStall, "endpoint stalled " + std::to_string(kMaxStalls) + " times");
+    return;
+  }
+  if (&direction == &in_) SendSafeFrame();
+  if (&direction == &in_ && !BringBack(in_transfers_)) {
+    Fail(UsbFault::kBroken, "transfers do not end");
+    return;
+  }
+  direction.stalled = false;
+  const int error = libusb_clear_halt(handle_, direction.endpoint.address);
+  if (error != LIBUSB_SUCCESS) {
+    failure_ = ErrorOf(error, "clearing a stalled endpoint");
+    return;
+  }
+  SubmitIdle();
+}
+
+// Attempted whatever has failed: it goes out while other transfers are brought back.
+void UsbStream::SendSafeFrame() noexcept {
+  if (safe_frame_.empty() || out_.stalled || out_transfer_.under_way) return;
+  std::copy(safe_frame_.begin(), safe_frame_.end(), out_transfer_.buffer.begin());
+  out_transfer_.transfer->length = static_cast<int>(safe_frame_.size());
+  out_transfer_.under_way = libusb_submit_transfer(out_transfer_.transfer.get()) == LIBUSB_SUCCESS;
+}
+
+bool UsbStream::HasIdle() const {
+  return std::any_of(in_transfers_.begin(), in_transfers_.end(),
+                     [](const Transfer& transfer) { return !transfer.under_way; });
+}
+
+void UsbStream::SubmitIdle() {
+  for (Transfer& transfer : in_transfers_) {
+    if (!failure_ && !in_.stalled && !transfer.under_way) Submit(transfer, in_);
+  }
+}
+
+void UsbStream::HandleEvents(microseconds longest) {
+  timeval time{};
+  time.tv_sec = static_cast<time_t>(longest.count() / 1'000'000);
+  time.tv_usec = static_cast<suseconds_t>(longest.count() % 1'000'000);
+  const int error = libusb_handle_events_timeout_completed(context_, &time, nullptr);
+  if (error != LIBUSB_SUCCESS && error != LIBUSB_ERROR_INTERRUPTED && !failure_) {
+    failure_ = ErrorOf(error, "waiting for transfers");
+  }
+}
+
+bool UsbStream::BringBack(std::span<Transfer> transfers) noexcept {
+  const auto is_back = [&] {
+    return std::none_of(transfers.begin(), transfers.end(),
+                        [](const Transfer& transfer) { return transfer.under_way; });
+  };
+  const bool was_ending = std::exchange(ending_, true);  // nothing is submitted anew
+  for (Transfer& transfer : transfers) {
+    if (transfer.under_way) libusb_cancel_transfer(transfer.transfer.get());
+  }
+  const steady_clock::time_point deadline = steady_clock::now() + kBringBackTime;
+  while (!is_back() && steady_clock::now() < deadline) HandleEvents(milliseconds(5));
+  ending_ = was_ending;
+  return is_back();
+}
+
+void UsbStream::Fail(UsbFault fault, const std::string& message) {
+  if (!failure_) failure_.emplace(fault, message);
+}
+
+}  // namespace palpate

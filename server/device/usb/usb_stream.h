@@ -1,0 +1,101 @@
+// The asynchronous transfers of a UsbLink: several IN always under way, one OUT at most.
+//
+// An endpoint that stalls is cleared, and the transfers go on; at the third stall in a
+// row without a good transfer in that direction the stream ends.
+//
+// Threads: as UsbLink. Ownership: borrows the context and the handle. Transfers that
+// were not brought back by End stay the kernel's until the handle is closed: close it
+// before this dies.
+// Errors: UsbError, out of Wait only.
+#pragma once
+
+#include <libusb.h>
+
+#include <array>
+#include <chrono>
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "server/device/usb/libusb_handles.h"
+#include "server/device/usb/usb_link.h"
+
+namespace palpate {
+
+struct UsbEndpoint {
+  std::uint8_t address = 0;
+  std::uint8_t type = LIBUSB_TRANSFER_TYPE_BULK;  // or interrupt
+  int packet_bytes = 64;
+};
+
+class UsbStream {
+ public:
+  // So many that a frame per ms finds one waiting, though this thread be late by three.
+  static constexpr std::size_t kInTransfers = 4;
+  static constexpr std::size_t kMaxOutBytes = 512;
+  static constexpr int kMaxStalls = 3;
+  // Other failures for so long, without a good transfer in that direction, end it too.
+  static constexpr std::chrono::milliseconds kErrorTime{50};
+  // A device that takes no force for so long keeps an old one: the stream ends.
+  static constexpr std::chrono::milliseconds kOutTimeout{100};
+
+  UsbStream(libusb_context* context, libusb_device_handle* handle, const UsbEndpoint& in,
+            const UsbEndpoint& out, std::size_t in_bytes, UsbLink::Receiver receive,
+            std::span<const std::uint8_t> safe_frame);
+  UsbStream(const UsbStream&) = delete;
+  UsbStream& operator=(const UsbStream&) = delete;
+
+  void Start();
+  // As in UsbLink.
+  void Wait(std::chrono::microseconds longest);
+  bool TrySend(std::span<const std::uint8_t> bytes);
+  // Cancels, and waits for all to come back, for a bounded time. False: not all did.
+  bool End() noexcept;
+  std::uint64_t transfer_errors() const { return transfer_errors_; }
+
+ private:
+  struct Transfer {
+    LibusbPtr<libusb_transfer> transfer{};
+    std::vector<std::uint8_t> buffer{};
+    UsbStream* stream = nullptr;
+    bool under_way = false;
+  };
+  struct Direction {
+    UsbEndpoint endpoint{};
+    bool stalled = false;
+    int stalls = 0;  // in a row
+    std::optional<std::chrono::steady_clock::time_point> failing_since{};
+  };
+
+  static void LIBUSB_CALL OnIn(libusb_transfer* transfer);
+  static void LIBUSB_CALL OnOut(libusb_transfer* transfer);
+  void Prepare(Transfer& transfer, const UsbEndpoint& endpoint, std::size_t bytes,
+               libusb_transfer_cb_fn done, unsigned timeout_ms);
+  void Submit(Transfer& transfer, Direction& direction);
+  // Takes note of how a transfer ended; whether it was a good one.
+  bool Judge(libusb_transfer_status status, Direction& direction);
+  void CountError(Direction& direction);
+  void Mend(Direction& direction);
+  void SendSafeFrame() noexcept;
+  bool HasIdle() const;
+  void SubmitIdle();
+  void HandleEvents(std::chrono::microseconds longest);
+  bool BringBack(std::span<Transfer> transfers) noexcept;
+  void Fail(UsbFault fault, const std::string& message);
+
+  libusb_context* context_;
+  libusb_device_handle* handle_;
+  Direction in_;
+  Direction out_;
+  UsbLink::Receiver receive_;
+  std::vector<std::uint8_t> safe_frame_;
+  std::array<Transfer, kInTransfers> in_transfers_;
+  Transfer out_transfer_;
+  bool ending_ = false;
+  std::optional<UsbError> failure_;
+  std::uint64_t transfer_errors_ = 0;
+};
+
+}  // namespace palpate

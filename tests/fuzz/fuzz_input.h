@@ -1,0 +1,57 @@
+// What a fuzz target makes of its bytes, and how it says that something is wrong.
+#pragma once
+
+#include <algorithm>
+#include <bit>
+#include <cstdint>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <span>
+
+#include "common/geometry/geometry.h"
+
+// Ends the program, which is what the fuzzer looks for.
+#define FUZZ_CHECK(condition)                                                        \
+  do {                                                                               \
+    if (!(condition)) {                                                              \
+      std::fprintf(stderr, "%s:%d: not true: %s\n", __FILE__, __LINE__, #condition); \
+      std::abort();                                                                  \
+    }                                                                                \
+  } while (false)
+
+namespace palpate::fuzz {
+
+// Reads from the front; behind the end everything is 0.
+class Input {
+ public:
+  explicit Input(std::span<const std::uint8_t> bytes) : bytes_(bytes) {}
+
+  bool empty() const { return bytes_.empty(); }
+
+  template <typename T>
+  T Take() {
+    T value{};
+    const auto bytes = TakeBytes(sizeof(T));
+    if (!bytes.empty()) std::memcpy(&value, bytes.data(), bytes.size());
+    return value;
+  }
+
+  std::span<const std::uint8_t> TakeBytes(std::size_t size) {
+    const auto bytes = bytes_.first(std::min(size, bytes_.size()));
+    bytes_ = bytes_.subspan(bytes.size());
+    return bytes;
+  }
+
+  // Any bits at all: also infinities and what is no number.
+  Vec3 TakeVec3() {
+    Vec3 v;
+    for (int axis = 0; axis < 3; ++axis) v[axis] = Take<double>();
+    return v;
+  }
+
+ private:
+  std::span<const std::uint8_t> bytes_;
+};
+
+}  // namespace palpate::fuzz

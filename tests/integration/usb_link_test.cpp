@@ -1,0 +1,203 @@
+// UsbLink against emulated devices in this process: which device it takes, and how it
+// takes and leaves it.
+#include "server/device/usb/usb_link.h"
+
+#include <gtest/gtest.h>
+
+#include <linux/capability.h>
+#include <sys/syscall.h>
+#include <unistd.h>
+
+#include <array>
+#include <optional>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "tests/support/plain_stylus.h"
+#include "tests/support/usb_testbed.h"
+
+namespace palpate::test {
+namespace {
+
+using std::chrono::milliseconds;
+using Kind = UsbEvent::Kind;
+
+const UsbMatch kMatch = PlainProtocol().match();
+
+struct Refusal {
+  std::optional<UsbFault> fault{};
+  std::string message{};
+  bool Says(const std::string& text) const { return message.find(text) != std::string::npos; }
+};
+
+Refusal RefusalOf(const UsbMatch& match) {
+  try {
+    const UsbLink link(match);
+  } catch (const UsbError& error) {
+    return {.fault = error.fault(), .message = error.what()};
+  }
+  return {};
+}
+
+// File modes hold for root too, on this thread from here on.
+void BeBoundByModes() {
+  __user_cap_header_struct header{.version = _LINUX_CAPABILITY_VERSION_3, .pid = 0};
+  std::array<__user_cap_data_struct, 2> rights{};
+  syscall(SYS_capget, &header, rights.data());
+  const std::uint32_t kept = ~(1u << CAP_DAC_OVERRIDE | 1u << CAP_DAC_READ_SEARCH);
+  rights[0].effective &= kept;
+  rights[0].permitted &= kept;
+  syscall(SYS_capset, &header, rights.data());
+}
+
+TEST(UsbLink, FindsWhatIsPluggedIn) {
+  PlainStylus one;
+  PlainStylus two;
+  UsbTestbed bus;
+  EXPECT_TRUE(FindUsbDevices(kMatch.ids).empty());
+  EXPECT_EQ(RefusalOf(kMatch).fault, UsbFault::kAbsent);
+  bus.Plug("1-2", two);
+  bus.Plug("1-1", one);
+  const std::vector<UsbFound> found = FindUsbDevices(kMatch.ids);
+  ASSERT_EQ(found.size(), 2u);
+  EXPECT_EQ(found[0].port, "1-1");
+  EXPECT_EQ(found[1].port, "1-2");
+  EXPECT_EQ(found[0].ids, kMatch.ids[0]);
+  EXPECT_TRUE(found[0].may_open);
+  EXPECT_TRUE(FindUsbDevices({{.vendor = 0x1209, .product = 0x0002}}).empty());
+  EXPECT_EQ(one.CountOf(Kind::kOpen) + two.CountOf(Kind::kOpen), 0u);
+}
+
+TEST(UsbLink, TakesTheOneThatIsMeant) {
+  PlainStylus one;
+  PlainStylus two;
+  UsbTestbed bus;
+  bus.Plug("1-1", one);
+  bus.Plug("1-2", two);
+  const Refusal several = RefusalOf(kMatch);
+  EXPECT_EQ(several.fault, UsbFault::kAmbiguous);
+  EXPECT_TRUE(several.Says("1-1") && several.Says("1-2")) << several.message;
+
+  UsbMatch named = kMatch;
+  named.port = "1-2";
+  EXPECT_EQ(UsbLink(named).found().port, "1-2");
+  EXPECT_EQ(one.CountOf(Kind::kOpen), 0u);
+  EXPECT_EQ(two.CountOf(Kind::kOpen), 1u);
+  named.port = "1-3";
+  const Refusal absent = RefusalOf(named);
+  EXPECT_EQ(absent.fault, UsbFault::kAbsent);
+  EXPECT_TRUE(absent.Says("1-3")) << absent.message;
+}
+
+TEST(UsbLink, SaysWhatToDoWithoutPermission) {
+  PlainStylus stylus;
+  UsbTestbed bus;
+  bus.Plug("1-1", stylus, false);
+  std::thread([] {
+    BeBoundByModes();
+    const std::vector<UsbFound> found = FindUsbDevices(kMatch.ids);
+    ASSERT_EQ(found.size(), 1u);
+    EXPECT_FALSE(found[0].may_open);
+    const Refusal refusal = RefusalOf(kMatch);
+    EXPECT_EQ(refusal.fault, UsbFault::kPermission);
+    EXPECT_TRUE(refusal.Says("1-1") && refusal.Says("deploy/udev/70-palpate.rules"))
+        << refusal.message;
+  }).join();
+}
+
+TEST(UsbLink, TakesTheKernelsDriverOffAndGivesItBack) {
+  PlainStylus stylus;
+  UsbTestbed bus;
+  bus.Plug("1-1", stylus);
+  {
+    const UsbLink link(kMatch);
+    EXPECT_EQ(stylus.CountOf(Kind::kDetachDriver), 1u);
+    EXPECT_EQ(stylus.CountOf(Kind::kClaim), 2u);
+  }
+  EXPECT_EQ(stylus.CountOf(Kind::kRelease), 2u);
+  EXPECT_EQ(stylus.CountOf(Kind::kAttachDriver), 1u);
+
+  stylus.SetFaults({.busy = true});
+  EXPECT_EQ(RefusalOf(kMatch).fault, UsbFault::kBusy);
+  EXPECT_EQ(stylus.CountOf(Kind::kDetachDriver), stylus.CountOf(Kind::kAttachDriver));
+}
+
+TEST(UsbLink, WantsDataEndpointsOfTheClass) {
+  PlainStylus stylus;
+  UsbTestbed bus;
+  bus.Plug("1-1", stylus);
+  for (const std::uint8_t data_class : {std::uint8_t{2}, std::uint8_t{3}}) {
+    UsbMatch match = kMatch;
+    match.data_class = data_class;  // one endpoint only, or no such interface
+    EXPECT_EQ(RefusalOf(match).fault, UsbFault::kUnsuitable);
+  }
+}
+
+TEST(UsbLink, WhatIsKnownToBeNoneIsNotOpened) {
+  PlainStylus stylus;
+  UsbTestbed bus;
+  bus.Plug("1-1", stylus);
+  UsbMatch match = kMatch;
+  match.problem_of = [](const UsbMatch::Ids&) { return std::string("it speaks in tongues"); };
+  const Refusal refusal = RefusalOf(match);
+  EXPECT_EQ(refusal.fault, UsbFault::kUnsuitable);
+  EXPECT_EQ(refusal.message, "found on USB port 1-1, but it speaks in tongues");
+  EXPECT_EQ(stylus.CountOf(Kind::kClaim), 0u);
+}
+
+TEST(UsbLink, SendsAndReceives) {
+  PlainStylus stylus;
+  UsbTestbed bus;
+  bus.Plug("1-1", stylus);
+  UsbLink link(kMatch);
+  std::array<std::uint8_t, 64> bytes{};
+  const auto receive = [&] { return link.Receive(bytes, milliseconds(50)); };
+  const auto fault_of = [](const auto& call) {
+    try {
+      call();
+    } catch (const UsbError& error) {
+      return std::optional(error.fault());
+    }
+    return std::optional<UsbFault>();
+  };
+  EXPECT_EQ(fault_of(receive), UsbFault::kTimeout);
+  EXPECT_EQ(link.Control(kPlainRequest, kPlainStart, 0, 0, {}, milliseconds(200)), 0u);
+  EXPECT_EQ(receive(), 4u);
+  EXPECT_EQ(bytes[0], 0x5a);
+  link.Send(std::array<std::uint8_t, 4>{0xa5, 1, 100, 0}, milliseconds(200));
+  ASSERT_EQ(stylus.Forces().size(), 1u);
+  EXPECT_EQ(stylus.Forces()[0].x_n, 1.0);
+
+  const auto refused = [&] { link.Control(kPlainRequest, 77, 0, 0, {}, milliseconds(200)); };
+  EXPECT_EQ(fault_of(refused), UsbFault::kStall);
+  stylus.Stall(kPlainIn, false);
+  EXPECT_EQ(fault_of(receive), UsbFault::kStall);
+  EXPECT_EQ(receive(), 4u);  // it was cleared
+  bus.Unplug("1-1");
+  EXPECT_EQ(fault_of(receive), UsbFault::kAbsent);
+}
+
+TEST(UsbLink, SendsAndReceivesAgainAfterAStream) {
+  PlainStylus stylus;
+  UsbTestbed bus;
+  bus.Plug("1-1", stylus);
+  UsbLink link(kMatch);
+  link.Control(kPlainRequest, kPlainStart, 0, 0, {}, milliseconds(200));
+  for (int round = 0; round < 3; ++round) {
+    std::size_t received = 0;
+    link.StartStream(
+        10, [&](std::span<const std::uint8_t> bytes) { received += bytes.size(); }, {});
+    EXPECT_TRUE(link.TrySend(std::array<std::uint8_t, 4>{0xa5, 0, 0, 0}));
+    EXPECT_FALSE(link.TrySend(std::array<std::uint8_t, 4>{0xa5, 0, 0, 0}));  // under way
+    for (int i = 0; i < 1000 && received < 40; ++i) link.Wait(milliseconds(10));
+    EXPECT_GE(received, 40u);
+    link.EndStream();
+    std::array<std::uint8_t, 64> bytes{};
+    EXPECT_EQ(link.Receive(bytes, milliseconds(200)), 4u);
+  }
+  EXPECT_EQ(link.transfer_errors(), 0u);
+}
+
+}  // namespace
+}  // namespace palpate::test

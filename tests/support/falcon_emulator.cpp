@@ -1,0 +1,179 @@
+#include "tests/support/falcon_emulator.h"
+
+#include <algorithm>
+
+namespace palpate::test {
+namespace {
+
+constexpr std::size_t kFrameBytes = 16, kPacketBytes = 64, kStatusBytes = 2;
+constexpr std::uint8_t kNibbleBase = 0x41;
+
+// FTDI's vendor requests.
+constexpr std::uint8_t kReset = 0, kModemControl = 1, kSetBaudRate = 3, kSetLatency = 9;
+constexpr std::uint16_t kPurgeFromDevice = 1, kPurgeToDevice = 2;
+constexpr std::uint16_t kDtrHigh = 0x101;
+constexpr std::uint16_t k9600Baud = 0x4138, k140000Baud = 0x15, kStreamBaud = 2;
+
+const Bytes kGreeting = {0x0a, 0x43, 0x0d}, kGreetingAnswer = {0x0a, 0x44, 0x2c, 0x0d};
+constexpr std::uint8_t kSecondGreeting = 0x41;
+
+UsbSpec FalconSpec() {
+  return {.vendor = 0x0403,
+          .product = 0xcb48,
+          .interfaces = {
+              {.subclass = 0xff,
+               .protocol = 0xff,
+               .endpoints = {{.address = FalconEmulator::kIn}, {.address = FalconEmulator::kOut}},
+               .kernel_driver = "ftdi_sio"}}};
+}
+
+}  // namespace
+
+FalconEmulator::FalconEmulator(bool has_firmware)
+    : EmulatedUsbDevice(FalconSpec()), has_firmware_from_the_start_(has_firmware) {}
+
+void FalconEmulator::SetEncoders(const std::array<std::int16_t, 3>& encoders) {
+  const std::scoped_lock lock(mutex());
+  encoders_ = encoders;
+}
+
+void FalconEmulator::SetButtons(std::uint8_t buttons) {
+  const std::scoped_lock lock(mutex());
+  buttons_ = buttons & 0x0f;
+}
+
+void FalconEmulator::SetHomed(bool homed) {
+  const std::scoped_lock lock(mutex());
+  homed_ = homed;
+}
+
+void FalconEmulator::SetEchoErrors(bool errors) {
+  const std::scoped_lock lock(mutex());
+  echo_errors_ = errors;
+}
+
+bool FalconEmulator::has_firmware() const {
+  const std::scoped_lock lock(mutex());
+  return stage_ == Stage::kRunning;
+}
+
+Bytes FalconEmulator::firmware() const {
+  const std::scoped_lock lock(mutex());
+  return firmware_;
+}
+
+std::vector<FalconForce> FalconEmulator::Forces() const {
+  const std::scoped_lock lock(mutex());
+  return forces_;
+}
+
+std::uint64_t FalconEmulator::answers() const {
+  const std::scoped_lock lock(mutex());
+  return answers_;
+}
+
+void FalconEmulator::OnPlugged() {
+  stage_ = has_firmware_from_the_start_ ? Stage::kRunning : Stage::kDumb;
+  to_device_.clear();
+  from_device_.clear();
+  firmware_.clear();
+  latency_ms_ = 16;
+  baud_divisor_ = 0;
+}
+
+std::optional<std::size_t> FalconEmulator::OnControl(const UsbSetup& setup,
+                                                     std::span<std::uint8_t> data) {
+  if (setup.request_type != 0x40) return std::nullopt;
+  if (setup.request == kReset && setup.value != kPurgeToDevice) from_device_.clear();
+  if (setup.request == kReset && setup.value != kPurgeFromDevice) to_device_.clear();
+  if (setup.request == kSetLatency) latency_ms_ = std::max(1, static_cast<int>(setup.value));
+  if (setup.request == kModemControl && setup.value == kDtrHigh && stage_ != Stage::kRunning) {
+    stage_ = Stage::kDumb;
+    firmware_.clear();
+  }
+  if (setup.request == kSetBaudRate) {
+    baud_divisor_ = setup.value;
+    to_device_.clear();
+    if (baud_divisor_ == kStreamBaud && !firmware_.empty()) stage_ = Stage::kRunning;
+  }
+  return data.size();
+}
+
+void FalconEmulator::OnOut(std::uint8_t endpoint, std::span<const std::uint8_t> bytes) {
+  if (endpoint != kOut) return;
+  if (stage_ == Stage::kLoading) return Load(bytes);
+  to_device_.insert(to_device_.end(), bytes.begin(), bytes.end());
+  if (stage_ == Stage::kDumb && baud_divisor_ == k9600Baud && to_device_ == kGreeting) {
+    from_device_ = kGreetingAnswer;
+    stage_ = Stage::kGreeted;
+    to_device_.clear();
+  } else if (stage_ == Stage::kGreeted && baud_divisor_ == k140000Baud &&
+             to_device_ == Bytes{kSecondGreeting}) {
+    from_device_ = {kSecondGreeting};
+    stage_ = Stage::kLoading;
+    to_device_.clear();
+  } else if (stage_ == Stage::kRunning && baud_divisor_ == kStreamBaud) {
+    while (to_device_.size() >= kFrameBytes) {
+      TakeFrame(std::span(to_device_).first(kFrameBytes));
+      to_device_.erase(to_device_.begin(), to_device_.begin() + kFrameBytes);
+    }
+  } else {
+    to_device_.clear();  // not understood
+  }
+}
+
+void FalconEmulator::Load(std::span<const std::uint8_t> bytes) {
+  firmware_.insert(firmware_.end(), bytes.begin(), bytes.end());
+  const std::size_t at = from_device_.size();
+  from_device_.insert(from_device_.end(), bytes.begin(), bytes.end());
+  if (echo_errors_ && !bytes.empty()) from_device_[at] ^= 0xff;
+}
+
+void FalconEmulator::TakeFrame(std::span<const std::uint8_t> frame) {
+  if (frame.front() != '<' || frame.back() != '>') return;
+  FalconForce force{.time_ns = NowNs()};
+  for (std::size_t motor = 0; motor < 3; ++motor) {
+    unsigned word = 0;
+    for (std::size_t n = 0; n < 4; ++n) {
+      word |= ((frame[1 + 4 * motor + n] - kNibbleBase) & 0x0fu) << (4 * n);
+    }
+    force.motors[motor] = static_cast<std::int16_t>(word);
+  }
+  force.lights = static_cast<std::uint8_t>(frame[13] - kNibbleBase);
+  forces_.push_back(force);
+  const Bytes answer = Answer();
+  from_device_.insert(from_device_.end(), answer.begin(), answer.end());
+  ++answers_;
+}
+
+Bytes FalconEmulator::Answer() const {
+  Bytes frame = {'<'};
+  for (const std::int16_t encoder : encoders_) {
+    for (unsigned n = 0; n < 4; ++n) {
+      const unsigned nibble = static_cast<std::uint16_t>(encoder) >> (4 * n) & 0x0fu;
+      frame.push_back(static_cast<std::uint8_t>(kNibbleBase + nibble));
+    }
+  }
+  const unsigned status = buttons_ | (homed_ ? 7u << 4 : 0u);
+  frame.push_back(static_cast<std::uint8_t>(kNibbleBase + status));
+  frame.push_back(kNibbleBase);
+  frame.push_back('>');
+  return frame;
+}
+
+void FalconEmulator::OnMillisecond() {
+  ++quiet_ms_;
+  if (from_device_.empty() && (quiet_ms_ < latency_ms_ || !IsInEmpty(kIn))) return;
+  quiet_ms_ = 0;
+  do {
+    const std::size_t count = std::min(from_device_.size(), kPacketBytes - kStatusBytes);
+    Bytes packet = {0x01, 0x60};
+    packet.insert(packet.end(), from_device_.begin(),
+                  from_device_.begin() + static_cast<std::ptrdiff_t>(count));
+    from_device_.erase(from_device_.begin(),
+                       from_device_.begin() + static_cast<std::ptrdiff_t>(count));
+    QueueIn(kIn, std::move(packet));
+  } while (!from_device_.empty());
+}
+
+}  // namespace palpate::test

@@ -1,0 +1,71 @@
+// An emulated Novint Falcon (USB 0403:cb48) for the tests: an FT232 serial chip with
+// the arm's controller behind it.
+//
+// Facts: libnifalcon's FalconCommLibUSB and FalconFirmwareNovintSDK. The chip's IN
+// packets begin with two bytes of modem status; it sends them alone when its latency
+// time is up. Without firmware the controller knows two greetings (0A 43 0D at 9600
+// baud, 41 at 140 000 baud) and echoes the firmware it is sent; with it, it answers each
+// 16-byte frame with one of its own. What we assume: DTR's rise begins the greetings
+// again; it runs its firmware as soon as the chip is set to the stream's baud rate, and
+// forgets it when unplugged.
+//
+// Threads: as EmulatedUsbDevice.
+#pragma once
+
+#include "tests/support/usb_emulator.h"
+
+namespace palpate::test {
+
+// A force frame as the device got it.
+struct FalconForce {
+  std::int64_t time_ns = 0;
+  std::array<std::int16_t, 3> motors{};
+  std::uint8_t lights = 0;  // LEDs, and the homing bit 0
+  bool IsZero() const { return motors == std::array<std::int16_t, 3>{}; }
+};
+
+class FalconEmulator final : public EmulatedUsbDevice {
+ public:
+  static constexpr std::uint8_t kIn = 0x81, kOut = 0x02;
+
+  // has_firmware: from the start, as when another program has loaded it.
+  explicit FalconEmulator(bool has_firmware);
+
+  void SetEncoders(const std::array<std::int16_t, 3>& encoders);
+  void SetButtons(std::uint8_t buttons);  // bits 0 to 3
+  void SetHomed(bool homed);              // all three legs
+  // Wrong bytes in the echo of the firmware.
+  void SetEchoErrors(bool errors);
+
+  bool has_firmware() const;
+  Bytes firmware() const;  // as it was loaded
+  std::vector<FalconForce> Forces() const;
+  std::uint64_t answers() const;
+
+ private:
+  enum class Stage : std::uint8_t { kDumb, kGreeted, kLoading, kRunning };
+
+  void OnPlugged() override;
+  std::optional<std::size_t> OnControl(const UsbSetup& setup,
+                                       std::span<std::uint8_t> data) override;
+  void OnOut(std::uint8_t endpoint, std::span<const std::uint8_t> bytes) override;
+  void OnMillisecond() override;
+
+  void TakeFrame(std::span<const std::uint8_t> frame);
+  void Load(std::span<const std::uint8_t> bytes);
+  Bytes Answer() const;
+
+  const bool has_firmware_from_the_start_;
+  std::array<std::int16_t, 3> encoders_{};
+  std::uint8_t buttons_ = 0;
+  bool homed_ = true, echo_errors_ = false;
+
+  Stage stage_ = Stage::kDumb;
+  Bytes to_device_, from_device_, firmware_;
+  int latency_ms_ = 16, quiet_ms_ = 0;
+  std::uint16_t baud_divisor_ = 0;
+  std::vector<FalconForce> forces_;
+  std::uint64_t answers_ = 0;
+};
+
+}  // namespace palpate::test

@@ -1,0 +1,138 @@
+// The plainest force-feedback device on USB, for tests of what all of them share: an
+// emulated one, which counts its readings and remembers its forces, and its protocol.
+//
+// Its frames: a reading is 5a, a number, x in 0.01 mm as int16; a force is a5, whether
+// the motors are on, x in 0.01 N as int16. Requests 1 and 2 start and end the readings.
+#pragma once
+
+#include <array>
+#include <atomic>
+#include <chrono>
+#include <cmath>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "server/device/usb/usb_protocol.h"
+#include "tests/support/usb_emulator.h"
+
+namespace palpate::test {
+
+constexpr std::uint8_t kPlainIn = 0x81;
+constexpr std::uint8_t kPlainOut = 0x02;
+constexpr std::uint8_t kPlainRequest = 0x40;  // out, of the vendor's own, to the device
+constexpr std::uint8_t kPlainStart = 1;
+constexpr std::uint8_t kPlainEnd = 2;
+
+struct PlainForce {
+  std::int64_t time_ns = 0;
+  bool motors_on = false;
+  double x_n = 0.0;
+};
+
+class PlainStylus final : public EmulatedUsbDevice {
+ public:
+  // answers: sends a reading per force, not one every millisecond.
+  explicit PlainStylus(bool answers = false) : EmulatedUsbDevice(Spec()), answers_(answers) {}
+
+  // Readings stop; transfers go on.
+  void SetMute(bool mute) { mute_ = mute; }
+  // Readings are longer than any transfer, which fails.
+  void SetBabble(bool babble) { babble_ = babble; }
+  std::vector<PlainForce> Forces() const {
+    const std::scoped_lock lock(mutex());
+    return forces_;
+  }
+
+ private:
+  static UsbSpec Spec() {
+    return {.vendor = 0x1209,
+            .product = 0x0001,
+            .interfaces = {{.device_class = 2,
+                            .endpoints = {{.address = 0x83, .type = 3}},
+                            .kernel_driver = "cdc_acm"},
+                           {.device_class = 10,
+                            .endpoints = {{.address = kPlainIn}, {.address = kPlainOut}}}}};
+  }
+
+  void OnPlugged() override { streams_ = false; }
+  std::optional<std::size_t> OnControl(const UsbSetup& setup, std::span<std::uint8_t>) override {
+    if (setup.request != kPlainStart && setup.request != kPlainEnd) return std::nullopt;
+    streams_ = setup.request == kPlainStart;
+    return 0;
+  }
+  void OnOut(std::uint8_t, std::span<const std::uint8_t> bytes) override {
+    if (bytes.size() != 4 || bytes[0] != 0xa5) return;
+    const auto x = static_cast<std::int16_t>(bytes[2] | bytes[3] << 8);
+    forces_.push_back({.time_ns = NowNs(), .motors_on = bytes[1] != 0, .x_n = x / 100.0});
+    if (answers_) Answer();
+  }
+  void OnMillisecond() override {
+    if (!answers_) Answer();
+  }
+  void Answer() {
+    if (!streams_ || mute_) return;
+    if (babble_) return QueueIn(kPlainIn, Bytes(1000));
+    ++number_;
+    QueueIn(kPlainIn,
+            {0x5a, number_, static_cast<std::uint8_t>(x_), static_cast<std::uint8_t>(x_ >> 8)});
+    x_ = static_cast<std::int16_t>((x_ + 1) % 1000);
+  }
+
+  const bool answers_;
+  std::atomic<bool> mute_ = false;
+  std::atomic<bool> babble_ = false;
+  bool streams_ = false;
+  std::uint8_t number_ = 0;
+  std::int16_t x_ = 0;
+  std::vector<PlainForce> forces_;
+};
+
+class PlainProtocol final : public UsbProtocol {
+ public:
+  explicit PlainProtocol(bool answers = false) : answers_(answers) {
+    spec_.kind = "plain";
+    match_.ids = {{.vendor = 0x1209, .product = 0x0001}};
+    match_.data_class = 10;
+  }
+
+  const DeviceSpec& spec() const override { return spec_; }
+  const UsbMatch& match() const override { return match_; }
+
+  std::string SetUp(UsbLink& link, const std::atomic<bool>&) override {
+    link.Control(kPlainRequest, kPlainStart, 0, 0, {}, std::chrono::milliseconds(200));
+    return "serial 7";
+  }
+  UsbReceived Receive(std::span<const std::uint8_t> bytes, DeviceState& state) noexcept override {
+    if (bytes.size() != 4 || bytes[0] != 0x5a) return {.corrupt_frames = 1};
+    state.p_DHip_mm.x() = static_cast<std::int16_t>(bytes[2] | bytes[3] << 8) / 100.0;
+    return {.has_reading = true, .readings = 1};
+  }
+  std::size_t Encode(const Vec3& force_D_n, bool forces_on,
+                     std::span<std::uint8_t, kMaxFrameBytes> out) noexcept override {
+    const auto x = static_cast<std::int16_t>(forces_on ? std::lround(force_D_n.x() * 100.0) : 0);
+    out[0] = 0xa5;
+    out[1] = forces_on ? 1 : 0;
+    out[2] = static_cast<std::uint8_t>(x);
+    out[3] = static_cast<std::uint8_t>(x >> 8);
+    return 4;
+  }
+  bool is_request_response() const override { return answers_; }
+  const char* calibration_hint() const noexcept override { return "no hint"; }
+  void TearDown(UsbLink& link) noexcept override {
+    try {
+      link.Control(kPlainRequest, kPlainEnd, 0, 0, {}, std::chrono::milliseconds(50));
+    } catch (const UsbError&) {
+      // It is gone.
+    }
+  }
+
+ private:
+  const bool answers_;
+  DeviceSpec spec_;
+  UsbMatch match_;
+};
+
+}  // namespace palpate::test

@@ -1,0 +1,86 @@
+// An emulated Touch (USB 2988:0302, CDC-ACM) for the tests.
+//
+// From one published trace: the framing A5 5A command length payload, the firmware
+// query 0F 20 and its answer 0E 20, the serial query 0C 01 and its answer 09 61, the
+// set-up frame 04 3C, and the servo's start 07 07. Everything else is an assumption,
+// because the servo stream over USB is not public: here it is what the configuration
+// names `framed-firewire`, the FireWire device's frames (server/device/omni) in that
+// framing, under command bytes that the test chooses. Endpoints and their addresses are
+// invented. This emulator says nothing about real devices.
+//
+// Threads: as EmulatedUsbDevice. Frame D: mm.
+#pragma once
+
+#include <functional>
+
+#include "common/geometry/geometry.h"
+#include "server/device/omni/firewire_frames.h"
+#include "tests/support/usb_emulator.h"
+
+namespace palpate::test {
+
+// A force frame as the device got it.
+struct TouchForce {
+  std::int64_t time_ns = 0;
+  std::array<int, 3> motors{};  // counts; 0: no force
+  bool enabled = false;
+  bool IsZero() const { return motors == std::array<int, 3>{}; }
+};
+
+class TouchEmulator final : public EmulatedUsbDevice {
+ public:
+  static constexpr std::uint8_t kNotify = 0x81, kDataIn = 0x82, kDataOut = 0x03;
+
+  explicit TouchEmulator(std::uint8_t state_command = 0x21, std::uint8_t force_command = 0x22);
+
+  // Where the gimbal is, by the seconds from now. Places out of the arm's reach leave it
+  // where it was; it begins with all encoders at 0, at (0, -110, -35).
+  using Path = std::function<Vec3(double)>;
+  void SetPath(Path path);
+  void SetDocked(bool docked);
+  void SetButtons(bool first, bool second);
+  // Leaves out every nth state frame's number, as if lost on the way; 0: none.
+  void SetLossEvery(unsigned n);
+  // A wrong first byte in every nth state frame; 0: none.
+  void SetBadFrameEvery(unsigned n);
+  // Answers no query.
+  void SetMute(bool mute);
+
+  bool is_streaming() const;  // the host has started its servo
+  std::uint64_t states_sent() const;
+  // Those that were whole, oldest first.
+  std::vector<TouchForce> Forces() const;
+  // Commands of all other whole frames, oldest first.
+  Bytes Commands() const;
+  // Bytes that were no frame.
+  std::size_t garbage_bytes() const;
+
+ private:
+  void OnPlugged() override;
+  std::optional<std::size_t> OnControl(const UsbSetup& setup,
+                                       std::span<std::uint8_t> data) override;
+  void OnOut(std::uint8_t endpoint, std::span<const std::uint8_t> bytes) override;
+  void OnMillisecond() override;
+
+  void TakeFrame(std::uint8_t command, std::span<const std::uint8_t> payload);
+  void Send(std::uint8_t command, std::span<const std::uint8_t> payload, bool bad = false);
+  Bytes StateFrame();
+
+  const std::uint8_t state_command_, force_command_;
+  Path path_;
+  std::int64_t path_begin_ns_ = 0;
+  bool docked_ = false, mute_ = false;
+  std::array<bool, 2> buttons_{};
+  unsigned loss_every_ = 0, bad_every_ = 0;
+
+  Bytes received_;  // not yet a whole frame
+  bool streaming_ = false;
+  std::uint32_t counter_ = 0;
+  std::array<std::int16_t, 3> encoders_{};
+  std::uint64_t states_sent_ = 0;
+  std::vector<TouchForce> forces_;
+  Bytes commands_;
+  std::size_t garbage_bytes_ = 0;
+};
+
+}  // namespace palpate::test

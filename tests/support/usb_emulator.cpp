@@ -1,0 +1,105 @@
+#include "tests/support/usb_emulator.h"
+
+#include <algorithm>
+#include <chrono>
+
+namespace palpate::test {
+namespace {
+
+constexpr std::size_t kInQueueTransfers = 8;
+
+void PutWord(unsigned word, Bytes& bytes) {
+  bytes.push_back(static_cast<std::uint8_t>(word));
+  bytes.push_back(static_cast<std::uint8_t>(word >> 8));
+}
+
+void PutInterface(const UsbInterfaceSpec& part, std::size_t number, Bytes& bytes) {
+  bytes.insert(bytes.end(), {9, 4, static_cast<std::uint8_t>(number), 0,
+                             static_cast<std::uint8_t>(part.endpoints.size()), part.device_class,
+                             part.subclass, part.protocol, 0});
+  for (const UsbEndpointSpec& endpoint : part.endpoints) {
+    bytes.insert(bytes.end(), {7, 5, endpoint.address, endpoint.type});
+    PutWord(endpoint.packet_bytes, bytes);
+    bytes.push_back(endpoint.interval);
+  }
+}
+
+}  // namespace
+
+std::int64_t NowNs() {
+  return std::chrono::duration_cast<std::chrono::nanoseconds>(
+             std::chrono::steady_clock::now().time_since_epoch())
+      .count();
+}
+
+Bytes MakeUsbDescriptors(const UsbSpec& spec) {
+  Bytes device = {18, 1, 0x00, 0x02, spec.device_class, 0, 0, 64};
+  PutWord(spec.vendor, device);
+  PutWord(spec.product, device);
+  device.insert(device.end(), {0x00, 0x01, 0, 0, 0, 1});
+  Bytes parts;
+  for (std::size_t n = 0; n < spec.interfaces.size(); ++n) {
+    PutInterface(spec.interfaces[n], n, parts);
+  }
+  Bytes configuration = {9, 2};
+  PutWord(static_cast<unsigned>(9 + parts.size()), configuration);
+  configuration.insert(configuration.end(),
+                       {static_cast<std::uint8_t>(spec.interfaces.size()), 1, 0, 0xc0, 50});
+  device.insert(device.end(), configuration.begin(), configuration.end());
+  device.insert(device.end(), parts.begin(), parts.end());
+  return device;
+}
+
+EmulatedUsbDevice::EmulatedUsbDevice(UsbSpec spec) : spec_(std::move(spec)) {}
+
+void EmulatedUsbDevice::SetFaults(const UsbFaults& faults) {
+  const std::scoped_lock lock(mutex_);
+  faults_ = faults;
+}
+
+void EmulatedUsbDevice::Stall(std::uint8_t endpoint, bool for_ever) {
+  const std::scoped_lock lock(mutex_);
+  stalls_[endpoint] = for_ever;
+}
+
+void EmulatedUsbDevice::EndStalls() {
+  const std::scoped_lock lock(mutex_);
+  stalls_.clear();
+}
+
+std::vector<UsbEvent> EmulatedUsbDevice::Events() const {
+  const std::scoped_lock lock(mutex_);
+  return events_;
+}
+
+std::size_t EmulatedUsbDevice::CountOf(UsbEvent::Kind kind) const {
+  const std::scoped_lock lock(mutex_);
+  return static_cast<std::size_t>(std::count_if(
+      events_.begin(), events_.end(), [&](const UsbEvent& event) { return event.kind == kind; }));
+}
+
+std::uint64_t EmulatedUsbDevice::InTransfers() const {
+  const std::scoped_lock lock(mutex_);
+  return in_transfers_;
+}
+
+void EmulatedUsbDevice::QueueIn(std::uint8_t endpoint, Bytes bytes) {
+  std::deque<Bytes>& queue = in_[endpoint];
+  queue.push_back(std::move(bytes));
+  if (queue.size() > kInQueueTransfers) queue.pop_front();
+}
+
+bool EmulatedUsbDevice::IsInEmpty(std::uint8_t endpoint) const {
+  const auto queue = in_.find(endpoint);
+  return queue == in_.end() || queue->second.empty();
+}
+
+void EmulatedUsbDevice::Log(UsbEvent::Kind kind, std::uint8_t number,
+                            std::span<const std::uint8_t> bytes) {
+  events_.push_back({.kind = kind,
+                     .time_ns = NowNs(),
+                     .number = number,
+                     .bytes = Bytes(bytes.begin(), bytes.end())});
+}
+
+}  // namespace palpate::test

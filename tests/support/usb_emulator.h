@@ -1,0 +1,145 @@
+// An emulated USB device: what it is (descriptors), what it does (control requests,
+// data from and to the host), what is wrong with it (faults), and a log of what the host
+// did to it. UsbTestbed plugs it in.
+//
+// It proves behaviour, not timing, and nothing about hardware: it is as true as our
+// knowledge of a device is.
+//
+// Threads: tests on any thread; the model's own functions (On...) on the testbed's
+// threads, one at a time, with mutex() held.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <deque>
+#include <map>
+#include <mutex>
+#include <optional>
+#include <set>
+#include <span>
+#include <string>
+#include <vector>
+
+namespace palpate::test {
+
+using Bytes = std::vector<std::uint8_t>;
+
+// CLOCK_MONOTONIC, as in PoseSample.time_ns.
+std::int64_t NowNs();
+
+struct UsbEndpointSpec {
+  std::uint8_t address = 0;  // bit 7: towards the host
+  std::uint8_t type = 2;     // 2: bulk, 3: interrupt
+  std::uint16_t packet_bytes = 64;
+  std::uint8_t interval = 0;
+};
+
+struct UsbInterfaceSpec {
+  std::uint8_t device_class = 0xff;
+  std::uint8_t subclass = 0;
+  std::uint8_t protocol = 0;
+  std::vector<UsbEndpointSpec> endpoints{};
+  std::string kernel_driver{};  // bound when plugged in; "": none
+};
+
+struct UsbSpec {
+  std::uint16_t vendor = 0;
+  std::uint16_t product = 0;
+  std::uint8_t device_class = 0;
+  std::vector<UsbInterfaceSpec> interfaces{};
+};
+
+// The device's descriptor and that of its one configuration, as in sysfs.
+Bytes MakeUsbDescriptors(const UsbSpec& spec);
+
+// A control transfer's first eight bytes.
+struct UsbSetup {
+  std::uint8_t request_type = 0;
+  std::uint8_t request = 0;
+  std::uint16_t value = 0;
+  std::uint16_t index = 0;
+  std::uint16_t length = 0;
+};
+
+struct UsbFaults {
+  bool silent = false;                     // nothing comes from the device
+  bool deaf = false;                       // it takes nothing: OUT transfers never end
+  bool busy = false;                       // another program has claimed the interfaces
+  bool control_stall = false;              // every control request is refused
+  std::optional<std::size_t> cut_in_to{};  // IN transfers end after that many bytes
+  bool corrupt_in = false;                 // the first byte of each is wrong
+};
+
+// What the host did, in order.
+struct UsbEvent {
+  enum class Kind : std::uint8_t {
+    kOpen,
+    kClose,
+    kClaim,    // number: interface
+    kRelease,  // number: interface
+    kDetachDriver,
+    kAttachDriver,
+    kControl,  // set-up bytes, then those to the device
+    kOut,      // number: endpoint
+    kLateOut,  // the same, tried after it was pulled out
+    kClearHalt,
+    kReset,
+  };
+  Kind kind = Kind::kOpen;
+  std::int64_t time_ns = 0;
+  std::uint8_t number = 0;
+  Bytes bytes{};
+};
+
+class EmulatedUsbDevice {
+ public:
+  explicit EmulatedUsbDevice(UsbSpec spec);
+  virtual ~EmulatedUsbDevice() = default;
+  EmulatedUsbDevice(const EmulatedUsbDevice&) = delete;
+  EmulatedUsbDevice& operator=(const EmulatedUsbDevice&) = delete;
+
+  const UsbSpec& spec() const { return spec_; }
+
+  void SetFaults(const UsbFaults& faults);
+  // Refuses transfers of an endpoint, until the host clears it, or for ever.
+  void Stall(std::uint8_t endpoint, bool for_ever);
+  void EndStalls();
+
+  std::vector<UsbEvent> Events() const;
+  std::size_t CountOf(UsbEvent::Kind kind) const;
+  // IN transfers that brought something.
+  std::uint64_t InTransfers() const;
+
+ protected:
+  std::mutex& mutex() const { return mutex_; }
+
+  virtual void OnPlugged() {}
+  // Bytes of the answer, or those taken; none: refused (a stall).
+  virtual std::optional<std::size_t> OnControl(const UsbSetup& setup,
+                                               std::span<std::uint8_t> data) = 0;
+  virtual void OnOut(std::uint8_t endpoint, std::span<const std::uint8_t> bytes) = 0;
+  // Every millisecond while plugged in.
+  virtual void OnMillisecond() = 0;
+
+  // One IN transfer's bytes. The device's memory is small: without a host that reads,
+  // the oldest are lost.
+  void QueueIn(std::uint8_t endpoint, Bytes bytes);
+  bool IsInEmpty(std::uint8_t endpoint) const;
+
+ private:
+  friend class UsbPort;
+
+  void Log(UsbEvent::Kind kind, std::uint8_t number = 0, std::span<const std::uint8_t> bytes = {});
+  bool IsStalled(std::uint8_t endpoint) const { return stalls_.contains(endpoint); }
+
+  const UsbSpec spec_;
+  mutable std::mutex mutex_;
+  UsbFaults faults_;
+  std::map<std::uint8_t, bool> stalls_;  // endpoint; for ever
+  std::map<std::uint8_t, std::deque<Bytes>> in_;
+  std::vector<UsbEvent> events_;
+  std::uint64_t in_transfers_ = 0;
+};
+
+}  // namespace palpate::test

@@ -1,0 +1,225 @@
+// Frames of the Novint Falcon, and how they are found in a stream, without a device.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <random>
+#include <string>
+#include <vector>
+
+#include "server/device/falcon/frames.h"
+
+namespace palpate {
+namespace {
+
+using Bytes = std::vector<std::uint8_t>;
+
+Bytes Joined(const std::vector<FalconReport>& reports) {
+  Bytes bytes;
+  for (const auto& report : reports) {
+    const FalconFrame frame = EncodeFalconReport(report);
+    bytes.insert(bytes.end(), frame.begin(), frame.end());
+  }
+  return bytes;
+}
+
+std::vector<FalconReport> SomeReports(int count) {
+  std::mt19937 random(1);
+  std::vector<FalconReport> reports;
+  for (int n = 0; n < count; ++n) {
+    const auto draw = [&] { return static_cast<std::int16_t>(random()); };
+    reports.push_back({.encoders = {draw(), draw(), draw()},
+                       .buttons = static_cast<std::uint8_t>(random() % 16),
+                       .homed = static_cast<std::uint8_t>(random() % 8)});
+  }
+  return reports;
+}
+
+std::vector<FalconReport> Found(FalconFrameFinder& finder, const Bytes& bytes) {
+  std::vector<FalconReport> reports;
+  for (const std::uint8_t byte : bytes) {
+    if (!finder.Push(byte)) continue;
+    const auto report = DecodeFalconReport(finder.frame());
+    EXPECT_TRUE(report);
+    if (report) reports.push_back(*report);
+  }
+  return reports;
+}
+
+// As the FTDI chip sends a stream: packets of at most 62 bytes behind its status.
+Bytes AsTransfer(const Bytes& bytes) {
+  Bytes transfer;
+  std::size_t at = 0;
+  do {
+    // Its status may look like the end of a frame.
+    transfer.insert(transfer.end(), {0x01, '<'});
+    const std::size_t take = std::min(kFtdiPacketBytes - kFtdiStatusBytes, bytes.size() - at);
+    transfer.insert(transfer.end(), bytes.begin() + static_cast<std::ptrdiff_t>(at),
+                    bytes.begin() + static_cast<std::ptrdiff_t>(at + take));
+    at += take;
+  } while (at < bytes.size());
+  return transfer;
+}
+
+TEST(FalconFrames, ACommandIsWhatTheFirmwareWants) {
+  const FalconFrame frame =
+      EncodeFalconCommand({.motors = {0x1234, -1, 0}, .lights = kFalconRedLight, .homing = true});
+  const std::string text(frame.begin(), frame.end());
+  // 0x1234 lowest nibble first: 4 3 2 1; 0x41 + 8 + 1 is J.
+  EXPECT_EQ(text, "<EDCBPPPPAAAAJA>");
+}
+
+TEST(FalconFrames, EveryNumberComesBack) {
+  for (int n = -32768; n <= 32767; ++n) {
+    const auto a = static_cast<std::int16_t>(n), b = static_cast<std::int16_t>(~n),
+               c = static_cast<std::int16_t>(n * 7);
+    const FalconCommand command{
+        .motors = {a, b, c}, .lights = static_cast<std::uint8_t>(n & 0xe), .homing = n % 2 == 0};
+    ASSERT_EQ(DecodeFalconCommand(EncodeFalconCommand(command)), command);
+    const FalconReport report{.encoders = {c, a, b},
+                              .buttons = static_cast<std::uint8_t>(n & 0xf),
+                              .homed = static_cast<std::uint8_t>(n >> 4 & 7)};
+    ASSERT_EQ(DecodeFalconReport(EncodeFalconReport(report)), report);
+  }
+}
+
+TEST(FalconFrames, FlagsBeyondTheirBitsAreCutOff) {
+  const auto report = DecodeFalconReport(EncodeFalconReport({.buttons = 0xff, .homed = 0xff}));
+  ASSERT_TRUE(report);
+  EXPECT_EQ(report->buttons, 0xf);
+  EXPECT_TRUE(report->is_homed());
+  const auto command = DecodeFalconCommand(EncodeFalconCommand({.lights = 0xff}));
+  ASSERT_TRUE(command);
+  EXPECT_EQ(command->lights, 0xe);
+  EXPECT_FALSE(command->homing);
+}
+
+TEST(FalconFrames, OnlyAllThreeEncodersAreHome) {
+  for (std::uint8_t homed = 0; homed < 8; ++homed) {
+    const auto report = DecodeFalconReport(EncodeFalconReport({.homed = homed}));
+    ASSERT_TRUE(report);
+    EXPECT_EQ(report->is_homed(), homed == 7);
+  }
+}
+
+TEST(FalconFrames, WhatIsNoFrameIsRefused) {
+  const FalconFrame good = EncodeFalconReport({.encoders = {1, 2, 3}});
+  EXPECT_FALSE(DecodeFalconReport({}));
+  EXPECT_FALSE(DecodeFalconReport(std::span(good).first(15)));
+  Bytes longer(good.begin(), good.end());
+  longer.push_back('>');
+  EXPECT_FALSE(DecodeFalconReport(longer));
+  // Each byte with each value: what is taken, is one of those that the encoder makes,
+  // but for the byte that means nothing.
+  for (std::size_t at = 0; at < good.size(); ++at) {
+    for (int value = 0; value < 256; ++value) {
+      FalconFrame frame = good;
+      frame[at] = static_cast<std::uint8_t>(value);
+      const auto report = DecodeFalconReport(frame);
+      if (!report) continue;
+      FalconFrame again = EncodeFalconReport(*report);
+      if (at == 14) again[at] = frame[at];
+      ASSERT_EQ(again, frame) << at << " " << value;
+    }
+  }
+}
+
+TEST(FalconFrames, FramesAreFoundHoweverTheyAreCut) {
+  const auto reports = SomeReports(50);
+  const Bytes bytes = Joined(reports);
+  FalconFrameFinder finder;
+  EXPECT_EQ(Found(finder, bytes), reports);
+  EXPECT_EQ(finder.corrupt_frames(), 0u);
+}
+
+TEST(FalconFrames, GarbageBetweenFramesIsCountedAndSkipped) {
+  const auto reports = SomeReports(3);
+  Bytes bytes = {0x00, 'A', '>', 0xff};
+  const auto add = [&](const FalconReport& report) {
+    const Bytes frame = Joined({report});
+    bytes.insert(bytes.end(), frame.begin(), frame.end());
+  };
+  add(reports[0]);
+  bytes.insert(bytes.end(), {'x', 'y'});
+  add(reports[1]);
+  add(reports[2]);
+  FalconFrameFinder finder;
+  EXPECT_EQ(Found(finder, bytes), reports);
+  EXPECT_EQ(finder.corrupt_frames(), 2u);
+}
+
+// The frame after a broken one is whole, whichever byte was lost, doubled or changed.
+TEST(FalconFrames, OneBrokenByteCostsOneFrame) {
+  const auto reports = SomeReports(3);
+  const Bytes good = Joined(reports);
+  for (std::size_t at = 16; at < 32; ++at) {
+    for (int kind = 0; kind < 3; ++kind) {
+      if (kind == 1 && at == 16) continue;  // between frames: as above
+      Bytes bytes = good;
+      const auto place = bytes.begin() + static_cast<std::ptrdiff_t>(at);
+      if (kind == 0) bytes.erase(place);
+      if (kind == 1) bytes.insert(place, 'A');
+      if (kind == 2) *place = 0x00;
+      FalconFrameFinder finder;
+      const auto found = Found(finder, bytes);
+      ASSERT_GE(found.size(), 2u);
+      EXPECT_EQ(found.front(), reports[0]);
+      EXPECT_EQ(found.back(), reports[2]);
+      // The byte without a meaning may be changed.
+      EXPECT_EQ(finder.corrupt_frames(), found.size() == 3 ? 0u : 1u) << at << " " << kind;
+      EXPECT_TRUE(found.size() == 2 || (at == 30 && kind == 2)) << at << " " << kind;
+    }
+  }
+}
+
+TEST(FalconFrames, RandomBytesNeverCostAFrameBehindThem) {
+  std::mt19937 random(2);
+  const auto reports = SomeReports(1);
+  for (int n = 0; n < 100'000; ++n) {
+    Bytes bytes(random() % 40);
+    // Mostly of the alphabet of frames.
+    for (auto& byte : bytes) {
+      byte = static_cast<std::uint8_t>(n % 2 == 0 ? random() : "<>ABOP"[random() % 6]);
+    }
+    FalconFrameFinder finder;
+    Found(finder, bytes);
+    const auto found = Found(finder, Joined(reports));
+    ASSERT_EQ(found, reports);
+  }
+}
+
+TEST(FalconFrames, TheChipsStatusIsNoPartOfTheStream) {
+  const auto reports = SomeReports(20);
+  const Bytes bytes = Joined(reports);
+  Bytes stream;
+  ForEachFtdiByte(AsTransfer(bytes), [&](std::uint8_t byte) { stream.push_back(byte); });
+  EXPECT_EQ(stream, bytes);
+  // Nothing but status: an empty packet, and halves of it.
+  const Bytes status(kFtdiPacketBytes, '<');
+  for (std::size_t size = 0; size <= kFtdiStatusBytes; ++size) {
+    ForEachFtdiByte(std::span(status).first(size), [](std::uint8_t) { FAIL(); });
+  }
+}
+
+TEST(FalconFrames, FramesSplitOverTransfersAreFound) {
+  const auto reports = SomeReports(200);
+  const Bytes bytes = Joined(reports);
+  std::mt19937 random(3);
+  for (int n = 0; n < 200; ++n) {
+    FalconFrameFinder finder;
+    std::vector<FalconReport> found;
+    for (std::size_t at = 0; at < bytes.size();) {
+      const std::size_t size = std::min<std::size_t>(1 + random() % 300, bytes.size() - at);
+      const auto begin = bytes.begin() + static_cast<std::ptrdiff_t>(at);
+      const Bytes transfer = AsTransfer(Bytes(begin, begin + static_cast<std::ptrdiff_t>(size)));
+      ForEachFtdiByte(transfer, [&](std::uint8_t byte) {
+        if (finder.Push(byte)) found.push_back(*DecodeFalconReport(finder.frame()));
+      });
+      at += size;
+    }
+    ASSERT_EQ(found, reports);
+    ASSERT_EQ(finder.corrupt_frames(), 0u);
+  }
+}
+
+}  // namespace
+}  // namespace palpate

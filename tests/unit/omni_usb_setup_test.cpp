@@ -1,0 +1,275 @@
+// Setting up a Touch on USB, without USB: the serial line, who it is, the servo's start,
+// and the farewell.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <atomic>
+#include <random>
+#include <vector>
+
+#include "server/device/omni/cdc_line.h"
+#include "server/device/omni/omni_usb_identity.h"
+#include "server/device/omni/omni_usb_protocol.h"
+#include "tests/support/omni_frames.h"
+#include "tests/support/scripted_usb_link.h"
+
+namespace palpate {
+namespace {
+
+using Bytes = std::vector<std::uint8_t>;
+using test::Framed;
+
+constexpr std::uint8_t kState = 0x21, kForce = 0x22;
+
+OmniUsbOptions Named() {
+  OmniUsbOptions options;
+  options.frames = OmniUsbFrames::kFramedFirewire;
+  options.init_payload.emplace();
+  options.state_command = kState;
+  options.force_command = kForce;
+  return options;
+}
+
+UsbReceived Receive(OmniUsbProtocol& protocol, const test::OmniReading& reading,
+                    DeviceState& state) {
+  return protocol.Receive(Framed(kState, test::OmniStatePayload(reading)), state);
+}
+
+// Answers as the published trace's device.
+struct FakeTouch {
+  FakeTouch() {
+    usb.found = {.ids = {0x2988, 0x0302}, .port = "1-2", .may_open = true};
+    usb.control = [this](const test::ScriptedUsb::Request& request, std::span<std::uint8_t> data) {
+      return Control(request, data);
+    };
+    usb.send = [this](const Bytes& frame) { Take(frame); };
+    test::SetScriptedUsb(usb);
+  }
+
+  std::size_t Control(const test::ScriptedUsb::Request& request, std::span<std::uint8_t> data) {
+    if (request.request_type == 0x80) {
+      if (!shows_descriptors) throw UsbError(UsbFault::kStall, "stalled");
+      std::copy(descriptors.begin(), descriptors.end(), data.begin());
+      return descriptors.size();
+    }
+    if (request.request == 0x23) deaf = deaf && !break_mends;
+    if (refuses_line) throw UsbError(UsbFault::kStall, "stalled");
+    return data.size();
+  }
+
+  void Take(const Bytes& frame) {
+    if (deaf) return;
+    Bytes reply;
+    if (frame[2] == 0x0f && --ignored_queries < 0) {
+      reply = Bytes(32, 0);
+      std::copy_n("Touch v5.18", 11, reply.begin() + 2);
+      reply = Framed(0x0e, reply);
+    } else if (frame[2] == 0x0c) {
+      reply = Bytes(97, 0xff);
+      std::copy_n("00123\0\n\x1b[31mB", 13, reply.begin());
+      reply = Framed(0x09, reply);
+    }
+    // In two parts, after bytes of before.
+    usb.in.push_back({1, 2, 0xa5});
+    usb.in.emplace_back(reply.begin(), reply.begin() + reply.size() / 2);
+    usb.in.emplace_back(reply.begin() + reply.size() / 2, reply.end());
+  }
+
+  std::vector<std::uint8_t> Commands() const {
+    std::vector<std::uint8_t> commands;
+    for (const Bytes& frame : usb.sent) commands.push_back(frame.at(2));
+    return commands;
+  }
+
+  std::size_t Breaks() const {
+    return static_cast<std::size_t>(
+        std::count_if(usb.requests.begin(), usb.requests.end(),
+                      [](const auto& request) { return request.request == 0x23; }));
+  }
+
+  test::ScriptedUsb usb;
+  Bytes descriptors = {9, 2,    67, 0,    2, 1,    0, 0xc0, 50,  //
+                       9, 4,    3,  0,    1, 2,    2, 1,    0,   // control: interface 3
+                       5, 0x24, 0,  0x10, 1,                     //
+                       9, 4,    4,  0,    2, 0x0a, 0, 0,    0};  // data
+  bool shows_descriptors = true;
+  bool refuses_line = false;
+  bool deaf = false;
+  bool break_mends = false;
+  int ignored_queries = 0;
+};
+
+UsbError FailureOf(OmniUsbProtocol& protocol, bool stopping = false) {
+  UsbLink link(protocol.match());
+  const std::atomic<bool> stop = stopping;
+  try {
+    protocol.SetUp(link, stop);
+  } catch (const UsbError& error) {
+    return error;
+  }
+  ADD_FAILURE() << "no failure";
+  return UsbError(UsbFault::kBroken, "");
+}
+
+TEST(OmniUsbSetUp, ItSaysWhoItIsAndStreams) {
+  FakeTouch touch;
+  OmniUsbOptions options = Named();
+  (*options.init_payload)[3] = 17;
+  OmniUsbProtocol protocol(options);
+  UsbLink link(protocol.match());
+  const std::atomic<bool> stop = false;
+  EXPECT_EQ(protocol.SetUp(link, stop), "serial 00123 [31mB, firmware Touch v5.18");
+  EXPECT_EQ(touch.Commands(), (Bytes{0x0f, 0x0c, 0x04, 0x07}));
+  EXPECT_EQ(touch.usb.sent[2].size(), 64u);
+  EXPECT_EQ(touch.usb.sent[2][7], 17);
+  EXPECT_EQ(touch.usb.sent[3], (Bytes{0xa5, 0x5a, 7, 7, 1, 0, 0, 0x80, 0, 0, 0}));
+  // The line, on the control interface.
+  ASSERT_EQ(touch.usb.requests.size(), 3u);
+  EXPECT_EQ(touch.usb.requests[1].request, 0x20);
+  EXPECT_EQ(touch.usb.requests[1].request_type, 0x21);
+  EXPECT_EQ(touch.usb.requests[1].index, 3);
+  EXPECT_EQ(touch.usb.requests[1].data, (Bytes{0x00, 0xc2, 0x01, 0x00, 0, 0, 8}));
+  EXPECT_EQ(touch.usb.requests[2].request, 0x22);
+  EXPECT_EQ(touch.usb.requests[2].value, 3);
+
+  touch.usb.sent.clear();
+  protocol.TearDown(link);
+  EXPECT_EQ(touch.Commands(), (Bytes{kForce, 0x07}));
+  EXPECT_EQ(touch.usb.sent[0], Framed(kForce, EncodeOmniForce({})));
+  EXPECT_EQ(touch.usb.sent[1][4], 0);
+}
+
+TEST(OmniUsbSetUp, WithoutNamedFramesItEndsWithWhoItIsAndWhatToDo) {
+  FakeTouch touch;
+  OmniUsbProtocol protocol({});
+  const UsbError error = FailureOf(protocol);
+  EXPECT_EQ(error.fault(), UsbFault::kUnsuitable);
+  EXPECT_STREQ(error.what(),
+               "on USB port 1-2 is serial 00123 [31mB, firmware Touch v5.18; its servo frames "
+               "over USB are not public: see deploy/guides/devices.md to capture them and set "
+               "`frames`");
+  // Nothing but the questions.
+  EXPECT_EQ(touch.Commands(), (Bytes{0x0f, 0x0c}));
+  UsbLink link(protocol.match());
+  protocol.TearDown(link);
+  EXPECT_EQ(touch.usb.sent.size(), 2u);
+}
+
+TEST(OmniUsbSetUp, AHidTouchIsKnownAndRefused) {
+  OmniUsbProtocol protocol(Named());
+  EXPECT_NE(protocol.match().problem_of({0x2988, 0x0304}).find("HID"), std::string::npos);
+  EXPECT_TRUE(OmniUsbProblem({0x2988, 0x0302}).empty());
+  EXPECT_EQ(OmniUsbIds().size(), 3u);
+}
+
+TEST(OmniUsbSetUp, AQueryIsAskedTwice) {
+  FakeTouch touch;
+  touch.ignored_queries = 1;
+  OmniUsbProtocol protocol(Named());
+  UsbLink link(protocol.match());
+  EXPECT_FALSE(protocol.SetUp(link, false).empty());
+  EXPECT_EQ(touch.Commands(), (Bytes{0x0f, 0x0f, 0x0c, 0x04, 0x07}));
+  EXPECT_EQ(touch.Breaks(), 0u);
+}
+
+TEST(OmniUsbSetUp, ADeafDeviceGetsABreakOnce) {
+  FakeTouch touch;
+  touch.deaf = true;
+  touch.break_mends = true;
+  OmniUsbProtocol protocol(Named());
+  UsbLink link(protocol.match());
+  EXPECT_FALSE(protocol.SetUp(link, false).empty());
+  EXPECT_EQ(touch.Breaks(), 1u);
+
+  touch.deaf = true;
+  touch.break_mends = false;
+  touch.usb.requests.clear();
+  const UsbError error = FailureOf(protocol);
+  EXPECT_EQ(error.fault(), UsbFault::kTimeout);
+  EXPECT_NE(std::string(error.what()).find("unplug"), std::string::npos);
+  EXPECT_EQ(touch.Breaks(), 1u);
+}
+
+TEST(OmniUsbSetUp, StopIsHeeded) {
+  FakeTouch touch;
+  touch.deaf = true;
+  OmniUsbProtocol protocol(Named());
+  EXPECT_EQ(FailureOf(protocol, true).fault(), UsbFault::kTimeout);
+  EXPECT_TRUE(touch.usb.sent.empty());
+  EXPECT_EQ(touch.Breaks(), 0u);
+}
+
+TEST(OmniUsbSetUp, ALineThatCannotBeSetIsNoLine) {
+  FakeTouch touch;
+  touch.refuses_line = true;
+  touch.shows_descriptors = false;
+  OmniUsbProtocol protocol(Named());
+  UsbLink link(protocol.match());
+  EXPECT_FALSE(protocol.SetUp(link, false).empty());
+  EXPECT_EQ(touch.usb.requests[1].index, 0);
+}
+
+TEST(OmniUsbSetUp, ANewConnectionForgetsTheLast) {
+  FakeTouch touch;
+  OmniUsbProtocol protocol(Named());
+  DeviceState state;
+  Receive(protocol, {.docked = true, .counter = 5}, state);
+  protocol.Receive(Bytes{0xa5, 0x5a, kState}, state);
+  UsbLink link(protocol.match());
+  protocol.SetUp(link, false);
+  const UsbReceived received = Receive(protocol, {.counter = 100}, state);
+  EXPECT_EQ(received.readings, 1u);
+  EXPECT_EQ(received.lost_readings, 0u);
+  EXPECT_EQ(received.corrupt_frames, 0u);
+  EXPECT_FALSE(state.calibrated);
+}
+
+TEST(OmniUsbSetUp, AFarewellToADeviceThatIsGoneIsQuiet) {
+  FakeTouch touch;
+  OmniUsbProtocol protocol(Named());
+  UsbLink link(protocol.match());
+  protocol.SetUp(link, false);
+  touch.usb.send = [](const Bytes&) { throw UsbError(UsbFault::kAbsent, "gone"); };
+  touch.usb.sent.clear();
+  protocol.TearDown(link);
+  EXPECT_EQ(touch.Commands(), (Bytes{kForce, 0x07}));  // both are tried
+}
+
+// Who did not say who it is gets no frame of a Touch.
+TEST(OmniUsbSetUp, ThereIsNoFarewellWithoutAStart) {
+  FakeTouch touch;
+  touch.deaf = true;
+  OmniUsbProtocol protocol(Named());
+  FailureOf(protocol);
+  touch.usb.sent.clear();
+  UsbLink link(protocol.match());
+  protocol.TearDown(link);
+  EXPECT_TRUE(touch.usb.sent.empty());
+}
+
+TEST(CdcLine, TheControlInterfaceIsFoundInAnyBytes) {
+  const FakeTouch touch;
+  EXPECT_EQ(CdcInterface(touch.descriptors, 2, 9), 3);
+  EXPECT_EQ(CdcInterface(touch.descriptors, 0x0a, 9), 4);
+  EXPECT_EQ(CdcInterface(touch.descriptors, 0x03, 9), 9);
+  EXPECT_EQ(CdcInterface({}, 2, 9), 9);
+  EXPECT_EQ(CdcInterface(Bytes(100, 0), 2, 9), 9);
+  for (std::size_t cut = 0; cut < touch.descriptors.size(); ++cut) {
+    CdcInterface(std::span(touch.descriptors).first(cut), 0x0a, 9);
+  }
+  std::mt19937 random(6);
+  for (int n = 0; n < 100000; ++n) {
+    Bytes bytes(random() % 60);
+    for (auto& byte : bytes) byte = static_cast<std::uint8_t>(random() % 12);
+    CdcInterface(bytes, 2, 0);
+  }
+}
+
+TEST(OmniUsbIdentity, OnlyPrintableBytesAreShown) {
+  EXPECT_EQ(PrintableText(Bytes{0, 'a', 0, 0, 'b', ' ', 'c', 0x7f, 0xff}), "a b c");
+  EXPECT_EQ(PrintableText(Bytes{0, 0x1b, 0x9b}), "unknown");
+  EXPECT_EQ(PrintableText({}), "unknown");
+}
+
+}  // namespace
+}  // namespace palpate
