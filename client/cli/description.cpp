@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <iterator>
-#include <string_view>
 #include <utility>
 
 #include "client/cli/output.h"
@@ -12,50 +11,19 @@
 namespace palpate::cli {
 namespace {
 
-std::string VerificationName(v1::VerificationLevel level) {
-  switch (level) {
-    case v1::VERIFICATION_LEVEL_NONE:
-      return "none";
-    case v1::VERIFICATION_LEVEL_ENUMERATED:
-      return "enumerated";
-    case v1::VERIFICATION_LEVEL_IDENTIFIED:
-      return "identified";
-    case v1::VERIFICATION_LEVEL_STATE_READ:
-      return "state_read";
-    case v1::VERIFICATION_LEVEL_FORCE_VERIFIED:
-      return "force_verified";
-    case v1::VERIFICATION_LEVEL_SIMULATED:
-      return "simulated";
-    default:
-      return "unspecified";
-  }
-}
-
 Json ToJson(const v1::AffineMap& map) {
   return {{"linear", map.linear()}, {"translation", cli::ToJson(map.translation())}};
-}
-
-void AppendLine(std::string& text, std::string_view subject, std::string_view content) {
-  fmt::format_to(std::back_inserter(text), "{:<10}{}\n", subject, OneLine(content));
 }
 
 std::string YesOrNo(bool value) { return value ? "yes" : "no"; }
 
 }  // namespace
 
-Json ToJson(const v1::Vector3& vector) { return {vector.x(), vector.y(), vector.z()}; }
-
-Json ToJson(const v1::DeviceDescription& device) {
-  return {{"kind", device.kind()},
-          {"model", device.model()},
-          {"workspace_min_mm", ToJson(device.workspace_min_mm())},
-          {"workspace_max_mm", ToJson(device.workspace_max_mm())},
-          {"max_force_n", device.max_force_n()},
-          {"continuous_force_n", device.continuous_force_n()},
-          {"position_resolution_mm", device.position_resolution_mm()},
-          {"button_count", device.button_count()},
-          {"verification_level", VerificationName(device.verification_level())}};
+void AppendLine(std::string& text, std::string_view subject, std::string_view content) {
+  fmt::format_to(std::back_inserter(text), "{:<10}{}\n", subject, OneLine(content));
 }
+
+Json ToJson(const v1::Vector3& vector) { return {vector.x(), vector.y(), vector.z()}; }
 
 Json ToJson(const v1::ServoDescription& servo) {
   return {{"rate_hz", servo.rate_hz()},
@@ -91,24 +59,6 @@ Json ToJson(const v1::RenderSettings& settings, std::uint64_t settings_revision)
     json[std::string(setting.key)] = SettingJson(setting, settings);
   }
   return json;
-}
-
-std::string Describe(const v1::DeviceDescription& device) {
-  const v1::Vector3& low = device.workspace_min_mm();
-  const v1::Vector3& high = device.workspace_max_mm();
-  std::string text;
-  AppendLine(text, "device",
-             fmt::format("{} ({}), verification level: {}", device.kind(), device.model(),
-                         VerificationName(device.verification_level())));
-  AppendLine(text, "",
-             fmt::format("workspace x {:g} to {:g}, y {:g} to {:g}, z {:g} to {:g} mm", low.x(),
-                         high.x(), low.y(), high.y(), low.z(), high.z()));
-  AppendLine(text, "",
-             fmt::format("force at most {:g} N, {:g} N continuously; resolution {:g} mm; {} "
-                         "button(s)",
-                         device.max_force_n(), device.continuous_force_n(),
-                         device.position_resolution_mm(), device.button_count()));
-  return text;
 }
 
 std::string Describe(const v1::ServoDescription& servo) {

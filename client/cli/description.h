@@ -1,8 +1,9 @@
-// Volume, device and settings in words and in JSON. Pure; any thread.
+// Volume, servo and settings in words and in JSON. Pure; any thread.
 #pragma once
 
 #include <nlohmann/json.hpp>
 #include <string>
+#include <string_view>
 
 #include "palpate/v1/device.pb.h"
 #include "palpate/v1/geometry.pb.h"
@@ -16,14 +17,15 @@ using Json = nlohmann::ordered_json;
 
 // [x, y, z].
 Json ToJson(const v1::Vector3& vector);
-Json ToJson(const v1::DeviceDescription& device);
 Json ToJson(const v1::ServoDescription& servo);
 Json ToJson(const v1::VolumeDescription& volume);
 Json ToJson(const v1::RenderSettings& settings, std::uint64_t settings_revision);
 
+// Appends a line, its content behind a column with its subject.
+void AppendLine(std::string& text, std::string_view subject, std::string_view content);
+
 // Lines that end with \n, each behind a column with its subject. Of the settings
 // those that are off share a line.
-std::string Describe(const v1::DeviceDescription& device);
 std::string Describe(const v1::ServoDescription& servo);
 std::string Describe(const v1::VolumeDescription& volume);
 std::string Describe(const v1::RenderSettings& settings, std::uint64_t settings_revision);

@@ -1,6 +1,7 @@
 #include "client/cli/info_command.h"
 
 #include "client/cli/description.h"
+#include "client/cli/device_description.h"
 #include "client/cli/output.h"
 #include "palpate/v1/device.grpc.pb.h"
 #include "palpate/v1/render.grpc.pb.h"
@@ -30,6 +31,8 @@ void PrintInfo(const Connection& connection, bool json) {
     const Json info = {{"version", device.servo().version()},
                        {"server", connection.name()},
                        {"device", ToJson(device.device())},
+                       {"health", ToJson(device.health())},
+                       {"forces", ToJson(device.forces())},
                        {"servo", ToJson(device.servo())},
                        {"volume", ToJson(volume)},
                        {"settings", ToJson(settings.settings(), settings.settings_revision())}};
@@ -37,7 +40,8 @@ void PrintInfo(const Connection& connection, bool json) {
     return;
   }
   WriteOutput("palpated " + OneLine(device.servo().version()) + " at " + connection.name() + "\n" +
-              Describe(device.device()) + Describe(device.servo()) + Describe(volume) +
+              Describe(device.device()) + Describe(device.health()) + Describe(device.forces()) +
+              Describe(device.servo()) + Describe(volume) +
               Describe(settings.settings(), settings.settings_revision()));
 }
 

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "client/cli/connection.h"
+#include "client/cli/device_options.h"
 #include "client/cli/download_options.h"
 #include "client/cli/edit_options.h"
 #include "client/cli/info_command.h"
@@ -148,6 +149,7 @@ int Main(int argc, char** argv) {
   SetValues set;
   LoadValues load;
   PlaceValues place;
+  DeviceValues device;
   DownloadOptions download;
   RecordValues record;
   LoadValues upload;
@@ -156,7 +158,9 @@ int Main(int argc, char** argv) {
                "palpate");
   app.footer(
       "Exit codes: 0 done, 2 wrong usage, 3 wrong value, 4 not found, 5 no permission,\n"
-      "6 too large, 7 conflict, 8 palpated unavailable, 9 cancelled, 1 anything else.\n"
+      "6 too large, 7 conflict, 8 palpated unavailable, 9 cancelled, 10 something is missing,\n"
+      "1 anything else.\n"
+      "Emergency stop: palpate device stop\n"
       "Example: palpate set isovalue 40.8");
   app.set_version_flag("--version", std::string("palpate ") + PALPATE_VERSION);
   app.require_subcommand(1);
@@ -184,6 +188,7 @@ int Main(int argc, char** argv) {
   AddReplay(app, invocation, record);
   AddUpload(app, invocation, upload);
   AddSeries(app, invocation, series);
+  AddDevice(app, invocation, device);
   try {
     app.parse(Arguments(argc, argv));
   } catch (const CLI::Success& help) {

@@ -1,5 +1,7 @@
 #include "client/cli/sample_json.h"
 
+#include "client/cli/device_description.h"
+
 namespace palpate::cli {
 
 Json ToJson(const v1::PoseSample& sample) {
@@ -21,6 +23,7 @@ Json ToJson(const v1::PoseSample& sample) {
   }
   json["buttons"] = sample.buttons();
   json["force_n"] = vector(sample.has_force_n(), sample.force_n());
+  json["forces"] = sample.has_forces() ? ToJson(sample.forces()) : Json();
   json["mode"] = ModeName(sample.mode());
   json["contact"] = sample.contact();
   json["density"] = sample.density();

@@ -171,19 +171,6 @@ class TextSink : public Sink {
   std::size_t shown_lines_ = 0;
 };
 
-// We did not ask for the end, so even an orderly one is the daemon going away.
-Error ErrorOfEnd(const Connection& connection, const grpc::Status& status) {
-  switch (status.error_code()) {
-    case grpc::StatusCode::OK:
-    case grpc::StatusCode::CANCELLED:
-    case grpc::StatusCode::UNAVAILABLE:
-      return {ErrorKind::kUnavailable,
-              "palpated at " + connection.name() + " went away: start it again, then watch again"};
-    default:
-      return connection.ErrorOf(status);
-  }
-}
-
 // Runs until an end that was asked for; throws on any other.
 void Pump(const Connection& connection, const WatchOptions& options, Sink& sink) {
   const double rate_hz = options.rate_hz.value_or(options.json ? 60.0 : 1000.0);

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "client/cli/device_description.h"
 #include "client/cli/sample_json.h"
 
 namespace palpate::cli {
@@ -38,6 +39,11 @@ std::string Isovalue(const WatchStatus& status) {
              ? fmt::format("{:.6g} (normalised {:.4f})", status.sample->isovalue(),
                            *status.normalized_isovalue)
              : fmt::format("{:.6g}", status.sample->isovalue());
+}
+
+// A daemon of another version may not tell.
+bool LacksForces(const v1::PoseSample& sample) {
+  return sample.has_forces() && sample.forces().state() != v1::FORCE_STATE_ON;
 }
 
 std::string Age(const WatchStatus& status) {
@@ -85,6 +91,7 @@ std::vector<std::string> LiveView(const WatchStatus& status, int columns, int ro
     lines.push_back("SCP_V     " + Aligned(s.has_scp_v_mm(), s.scp_v_mm()));
     lines.push_back(
         fmt::format("force     {:>7.3f} N {}", force_n, ForceBar(force_n, status.max_force_n)));
+    if (LacksForces(s)) lines.push_back("forces    " + InWords(s.forces()));
     lines.push_back(fmt::format("density   {:.6g}   isovalue {}", s.density(), Isovalue(status)));
     lines.push_back(fmt::format("revision  settings {}   volume {}", s.settings_revision(),
                                 s.volume_revision()));
@@ -105,12 +112,13 @@ std::string LogLine(const WatchStatus& status) {
   return fmt::format(
       "{:.1f} s: {:.1f} samples/s, {:.1f} ticks/s, missed {:.1f}/s, {} in all ({:.3f} %), update "
       "mean {:.1f} µs p99 {:.1f} µs, {}, {}, HIP {} SCP_H {} SCP_V {} mm, force {:.3f} N, "
-      "density {:.6g}, isovalue {}, settings {}, volume {}, age {}, dropped {}",
+      "{}density {:.6g}, isovalue {}, settings {}, volume {}, age {}, dropped {}",
       f.seconds, f.recent_samples_per_s, f.recent_ticks_per_s, f.recent_missed_per_s,
       f.total_missed_ticks, f.total_missed_percent, f.recent_update.mean_us, f.recent_update.p99_us,
       ModeName(s.mode()), s.contact() ? "in contact" : "no contact",
       Compact(s.has_hip_mm(), s.hip_mm()), Compact(s.has_scp_h_mm(), s.scp_h_mm()),
-      Compact(s.has_scp_v_mm(), s.scp_v_mm()), Length(s.force_n()), s.density(), Isovalue(status),
+      Compact(s.has_scp_v_mm(), s.scp_v_mm()), Length(s.force_n()),
+      LacksForces(s) ? "forces " + NameOf(s.forces()) + ", " : "", s.density(), Isovalue(status),
       s.settings_revision(), s.volume_revision(), Age(status), f.dropped_samples);
 }
 

@@ -18,6 +18,7 @@ enum class ErrorKind {
   kConflict,
   kUnavailable,
   kCancelled,
+  kFailedPrecondition,  // what it takes is missing; it may be there later
 };
 
 class Error : public std::runtime_error {
@@ -41,6 +42,7 @@ constexpr int ExitCode(ErrorKind kind) {
     case ErrorKind::kConflict: return 7;
     case ErrorKind::kUnavailable: return 8;
     case ErrorKind::kCancelled: return 9;
+    case ErrorKind::kFailedPrecondition: return 10;
   }
   return 1;
 }

@@ -21,6 +21,8 @@ grpc::StatusCode CodeOf(ErrorKind kind) {
       return grpc::StatusCode::UNAVAILABLE;
     case ErrorKind::kCancelled:
       return grpc::StatusCode::CANCELLED;
+    case ErrorKind::kFailedPrecondition:
+      return grpc::StatusCode::FAILED_PRECONDITION;
   }
   return grpc::StatusCode::INTERNAL;
 }
@@ -39,8 +41,9 @@ ErrorKind KindOf(grpc::StatusCode code) {
       return ErrorKind::kTooLarge;
     case grpc::StatusCode::ABORTED:
     case grpc::StatusCode::ALREADY_EXISTS:
-    case grpc::StatusCode::FAILED_PRECONDITION:
       return ErrorKind::kConflict;
+    case grpc::StatusCode::FAILED_PRECONDITION:
+      return ErrorKind::kFailedPrecondition;
     case grpc::StatusCode::UNAVAILABLE:
     case grpc::StatusCode::DEADLINE_EXCEEDED:
     case grpc::StatusCode::UNIMPLEMENTED:

@@ -4,6 +4,7 @@
 //   kNotFound         NOT_FOUND             kUnavailable  UNAVAILABLE
 //   kPermissionDenied PERMISSION_DENIED     kCancelled    CANCELLED
 //   kTooLarge         RESOURCE_EXHAUSTED    kInternal     INTERNAL
+//   kFailedPrecondition  FAILED_PRECONDITION
 //
 // Any thread.
 #pragma once
@@ -22,9 +23,9 @@ grpc::Status ToStatus(const std::exception& exception);
 
 // The Error that a failed status stands for; the message is the status's own.
 // Codes without a kind of their own go to the nearest: OUT_OF_RANGE to
-// kInvalidArgument, ALREADY_EXISTS and FAILED_PRECONDITION to kConflict,
-// UNAUTHENTICATED to kPermissionDenied, DEADLINE_EXCEEDED and UNIMPLEMENTED to
-// kUnavailable, the rest to kInternal.
+// kInvalidArgument, ALREADY_EXISTS to kConflict, UNAUTHENTICATED to
+// kPermissionDenied, DEADLINE_EXCEEDED and UNIMPLEMENTED to kUnavailable, the rest
+// to kInternal.
 Error FromStatus(const grpc::Status& status);
 
 }  // namespace palpate

@@ -110,6 +110,61 @@ SettersByKey HapticsSetters() {
   return setters;
 }
 
+bool ParseFrames(const Entry& entry) {
+  const std::string frames = entry.Text();
+  if (frames != "none" && frames != "framed-firewire") {
+    entry.Fail("must be \"none\" or \"framed-firewire\"");
+  }
+  return frames == "framed-firewire";
+}
+
+std::array<double, 3> ParseMotors(const Entry& entry) {
+  const Vec3 counts = entry.Triple();
+  return {counts.x(), counts.y(), counts.z()};
+}
+
+std::vector<std::uint8_t> ParseBytes(const Entry& entry) {
+  const toml::array* array = entry.node.as_array();
+  std::vector<std::uint8_t> bytes;
+  for (std::size_t n = 0; array && n < array->size(); ++n) {
+    const auto value = (*array)[n].value_exact<std::int64_t>();
+    if (!value || *value < 0 || *value > 255) array = nullptr;
+    if (array) bytes.push_back(static_cast<std::uint8_t>(*value));
+  }
+  if (!array) entry.Fail("must be a list of bytes, [0x01, 0xff]");
+  return bytes;
+}
+
+std::uint8_t Byte(const Entry& entry) { return static_cast<std::uint8_t>(entry.Integer(0, 255)); }
+
+SettersByKey DeviceSetters() {
+  return {
+      {"device.kind", [](const Entry& e, Config& c) { c.device.kind = e.Text(); }},
+      {"device.pressed_buttons",
+       [](const Entry& e, Config& c) { c.device.pressed_buttons = e.Integer(0, 3); }},
+      {"device.stop_buttons",
+       [](const Entry& e, Config& c) {
+         c.device.stop_buttons = static_cast<std::uint32_t>(e.Integer(0, 15));
+       }},
+      {"device.replay_file", [](const Entry& e, Config& c) { c.device.replay_file = e.Text(); }},
+      {"device.usb_port", [](const Entry& e, Config& c) { c.device.usb_port = e.Text(); }},
+      {"device.frames",
+       [](const Entry& e, Config& c) { c.device.framed_firewire = ParseFrames(e); }},
+      {"device.state_command", [](const Entry& e, Config& c) { c.device.state_command = Byte(e); }},
+      {"device.force_command", [](const Entry& e, Config& c) { c.device.force_command = Byte(e); }},
+      {"device.init_payload",
+       [](const Entry& e, Config& c) { c.device.init_payload = ParseBytes(e); }},
+      {"device.motor_counts_per_n_mm",
+       [](const Entry& e, Config& c) { c.device.motor_counts_per_n_mm = ParseMotors(e); }},
+      {"device.falcon_firmware",
+       [](const Entry& e, Config& c) { c.device.falcon_firmware = e.Text(); }},
+      {"device.openhaptics_library",
+       [](const Entry& e, Config& c) { c.device.openhaptics_library = e.Text(); }},
+      {"device.openhaptics_name",
+       [](const Entry& e, Config& c) { c.device.openhaptics_name = e.Text(); }},
+  };
+}
+
 SettersByKey AllSetters() {
   SettersByKey setters = {
       {"volume.source", [](const Entry& e, Config& c) { c.volume = e.Text(); }},
@@ -127,9 +182,6 @@ SettersByKey AllSetters() {
        [](const Entry& e, Config& c) { c.uploads.max_bytes = Mebibytes(e); }},
       {"volume.memory_budget_mib",
        [](const Entry& e, Config& c) { c.memory_budget_bytes = Mebibytes(e); }},
-      {"device.kind", [](const Entry& e, Config& c) { c.device = e.Text(); }},
-      {"device.pressed_buttons",
-       [](const Entry& e, Config& c) { c.pressed_buttons = e.Integer(0, 3); }},
       {"server.socket", [](const Entry& e, Config& c) { c.socket_path = e.Text(); }},
       {"server.listen", [](const Entry& e, Config& c) { c.listen = ParseHostPort(e.Text()); }},
       {"state.folder", [](const Entry& e, Config& c) { c.state_folder = e.Text(); }},
@@ -140,6 +192,7 @@ SettersByKey AllSetters() {
        [](const Entry& e, Config& c) { c.realtime.lock_memory = e.Flag(); }},
   };
   setters.merge(HapticsSetters());
+  setters.merge(DeviceSetters());
   return setters;
 }
 

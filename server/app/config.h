@@ -12,6 +12,7 @@
 #include "common/geometry/geometry.h"
 #include "common/isosurface/decomposition.h"
 #include "common/wire/address.h"
+#include "server/app/device_config.h"
 #include "server/haptics/settings.h"
 #include "server/realtime/thread_setup.h"
 #include "server/session/memory_budget.h"
@@ -32,8 +33,7 @@ struct Config {
   UploadOptions uploads;
   HapticSettings haptics;
   DecompositionMethod method = DecompositionMethod::kTpbcc;
-  std::string device = "simulated";
-  int pressed_buttons = 0;  // of the simulated device, see PressScript
+  DeviceConfig device;
   std::string socket_path;  // empty: DefaultSocketPath()
   std::optional<HostPort> listen;
   RealtimeOptions realtime;

@@ -6,13 +6,14 @@
 #include <memory>
 
 #include "common/error/error.h"
+#include "server/app/device_monitor.h"
+#include "server/app/devices.h"
 #include "server/app/state_folder.h"
-#include "server/device/explore_script.h"
-#include "server/device/press_script.h"
-#include "server/device/simulated_device.h"
+#include "server/recording/black_box.h"
 #include "server/recording/recording_control.h"
 #include "server/rpc/server.h"
 #include "server/servo/servo_loop.h"
+#include "server/session/force_watch.h"
 #include "server/session/session.h"
 #include "server/session/tools.h"
 #include "server/session/volume_editor.h"
@@ -23,7 +24,7 @@ namespace {
 sigset_t EndingSignals() {
   sigset_t signals;
   sigemptyset(&signals);
-  for (int signal : {SIGINT, SIGTERM, SIGHUP}) sigaddset(&signals, signal);
+  for (int signal : {SIGINT, SIGTERM, SIGHUP, SIGQUIT}) sigaddset(&signals, signal);
   return signals;
 }
 
@@ -31,20 +32,7 @@ bool EndRequested() {
   sigset_t pending;
   sigpending(&pending);
   return sigismember(&pending, SIGINT) || sigismember(&pending, SIGTERM) ||
-         sigismember(&pending, SIGHUP);
-}
-
-std::unique_ptr<HapticDevice> MakeDevice(const Config& config) {
-  if (config.device != "simulated") {
-    throw Error(ErrorKind::kInvalidArgument,
-                "unknown device " + config.device + ": this version has `simulated` only");
-  }
-  constexpr std::uint64_t kSeed = 1;
-  const DeviceSpec spec = SimulatedDeviceSpec();
-  auto explore =
-      std::make_unique<ExploreScript>(spec.workspace_min_mm, spec.workspace_max_mm, kSeed);
-  return std::make_unique<SimulatedDevice>(std::make_unique<PressScript>(
-      std::move(explore), static_cast<std::uint32_t>(config.pressed_buttons)));
+         sigismember(&pending, SIGHUP) || sigismember(&pending, SIGQUIT);
 }
 
 std::filesystem::path ImportProgram() {
@@ -81,6 +69,17 @@ void LoadFirstVolume(const Config& config, Session& session) {
                settings.normalized_isovalue);
 }
 
+void LogBlackBox(const std::string& text, bool is_error) {
+  spdlog::log(is_error ? spdlog::level::err : spdlog::level::info, "{}", text);
+}
+
+// What there is to say of hardware before it moves.
+void ReportDevice(const DeviceSpec& spec) {
+  if (!IsHardware(spec)) return;
+  spdlog::warn("device {}: verification level {}; forces are off until `palpate device enable {}`",
+               spec.kind, NameOf(spec.verification_level), spec.kind);
+}
+
 void ReportGrant(const RealtimeGrant& grant) {
   for (const std::string& warning : grant.warnings) spdlog::warn("{}", warning);
   spdlog::info("servo loop at 1000 Hz, {} scheduling, memory {}",
@@ -94,40 +93,57 @@ void BlockEndingSignals() {
   const sigset_t signals = EndingSignals();
   pthread_sigmask(SIG_BLOCK, &signals, nullptr);
   std::signal(SIGPIPE, SIG_IGN);
+  // Stopped, it would leave the last force on the motors.
+  for (int signal : {SIGTSTP, SIGTTIN, SIGTTOU}) std::signal(signal, SIG_IGN);
 }
 
 void RunDaemon(const Config& config) {
-  const std::unique_ptr<HapticDevice> device = MakeDevice(config);
+  // Its thread gives way to the servo.
+  const std::unique_ptr<HapticDevice> device =
+      MakeDevice(config.device, config.realtime.priority - 1);
+  const std::filesystem::path state_folder = config.state_folder.value_or(DefaultStateFolder());
   SceneInbox inbox;
   const auto outbox = std::make_unique<TickOutbox>();
   Pump pump(*outbox);
   Session session(device->spec(), inbox, pump,
                   VolumeLoader{.import_program = ImportProgram(),
                                .budget = MemoryBudget::Make(config.memory_budget_bytes)});
-  RegistrationStore registrations(config.state_folder.value_or(DefaultStateFolder()));
+  RegistrationStore registrations(state_folder);
   session.SetRegistrationStore(registrations);
   VolumeEditor editor(session);
   const auto tools = std::make_shared<StylusTools>(session, editor);
   pump.Subscribe(tools);
-  ServoLoop servo(*device, inbox, *outbox, config.realtime);
+  const auto monitor = std::make_shared<DeviceMonitor>(*device);
+  pump.Subscribe(monitor);
+  const auto black_box = std::make_shared<BlackBox>(
+      state_folder.empty() ? state_folder : state_folder / "faults", LogBlackBox);
+  pump.Subscribe(black_box);
+  const SafetyLimits limits = LimitsFor(device->spec(), StopButtons(config.device, device->spec()));
+  const auto forces = std::make_shared<ForceWatch>();
+  pump.Subscribe(forces);
+  ServoLoop servo(*device, inbox, *outbox, config.realtime, limits);
   const std::string socket = config.socket_path.empty() ? DefaultSocketPath() : config.socket_path;
   const PathPolicy paths = MakePathPolicy(config);
   RecordingControl recording(session, pump,
                              {[&](const std::string& path) { return paths.CheckSave(path); },
                               [&](const std::string& path) { return paths.CheckLoad(path); }},
-                             "palpated " PALPATE_VERSION);
+                             "palpated " PALPATE_VERSION, limits);
   SeriesPlayer series(session);
   RpcServer server({socket, config.listen, paths, config.uploads},
-                   {session, editor, series, recording, pump, device->spec(), servo, inbox});
+                   {session, editor, series, recording, pump, *device, servo, inbox, *forces,
+                    [&config] { return ListDevices(config.device); }});
 
   server.Reserve();
   RemoveAbandonedUploads(config.uploads);
   session.SetInitial({.haptics = config.haptics, .method = config.method});
   LoadFirstVolume(config, session);
   tools->Start();
+  monitor->Start();
+  black_box->Start();
   pump.Start();
   servo.Start();
   ReportGrant(servo.grant());
+  ReportDevice(device->spec());
   server.Start();
   spdlog::info("ready on {}{}", socket,
                config.listen ? " and " + config.listen->ToString() : std::string());
@@ -135,12 +151,15 @@ void RunDaemon(const Config& config) {
   const sigset_t signals = EndingSignals();
   int signal = 0;
   sigwait(&signals, &signal);
-  spdlog::info("ending on signal {}", signal);
+  // Before all else: a log that nobody reads may block.
   servo.Stop();
+  spdlog::info("ending on signal {}", signal);
   server.Stop();
   series.Stop();
   pump.Stop();
   tools->Stop();
+  monitor->Stop();
+  black_box->Stop();
   recording.End();
   spdlog::info("ended after {} ticks, {} missed", servo.ticks(), servo.missed_ticks());
 }

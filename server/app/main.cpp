@@ -44,7 +44,9 @@ void AddOptions(CLI::App& app, Options& options) {
   app.add_option("--method", options.method,
                  "decomposition of the cells: tpbcc, bcc, and on the simulated device tptd and "
                  "tpbcc-published [tpbcc]");
-  app.add_option("--device", options.device, "haptic device: simulated [simulated]");
+  app.add_option("--device", options.device,
+                 "haptic device: simulated, replay, omni-usb, falcon, openhaptics; see "
+                 "`palpate device list` [simulated]");
   app.add_option("--socket", options.socket,
                  "Unix socket to listen on [$PALPATE_SOCKET, /run/palpate/palpated.sock, or the "
                  "user's own]");
@@ -70,7 +72,7 @@ Config MakeConfig(const Options& options) {
     config.normalized_isovalue = options.normalized_isovalue;
   }
   Override(options.volume, config.volume);
-  Override(options.device, config.device);
+  Override(options.device, config.device.kind);
   Override(options.socket, config.socket_path);
   Override(options.stiffness, config.haptics.stiffness_n_per_mm);
   Override(options.damping, config.haptics.damping_n_s_per_m);

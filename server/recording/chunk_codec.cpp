@@ -28,6 +28,33 @@ AffineMap GetMap(ByteReader& reader) {
   return map;
 }
 
+// Structured bindings: a limit that is added does not compile until it is kept.
+void PutSafety(const SafetyLimits& limits, ByteWriter& writer) {
+  const auto& [max_force_n, max_slew, ramp_in_s, continuous_force_n, thermal_time_s, max_speed,
+               max_missed_ticks, faults_stay, starts_on, stop_buttons] = limits;
+  for (const double number : {max_force_n, max_slew, ramp_in_s, continuous_force_n,
+                              thermal_time_s, max_speed, max_missed_ticks}) {
+    writer.Put(number);
+  }
+  writer.Put(faults_stay);
+  writer.Put(starts_on);
+  writer.Put(stop_buttons);
+}
+
+SafetyLimits GetSafety(ByteReader& reader) {
+  SafetyLimits limits;
+  auto& [max_force_n, max_slew, ramp_in_s, continuous_force_n, thermal_time_s, max_speed,
+         max_missed_ticks, faults_stay, starts_on, stop_buttons] = limits;
+  for (double* number : {&max_force_n, &max_slew, &ramp_in_s, &continuous_force_n, &thermal_time_s,
+                         &max_speed, &max_missed_ticks}) {
+    *number = reader.Get<double>();
+  }
+  faults_stay = GetFlag(reader);
+  starts_on = GetFlag(reader);
+  stop_buttons = reader.Get<std::uint32_t>();
+  return limits;
+}
+
 Payload Encode(const RecordedSamples& samples) {
   if (samples.empty() || samples.size() > kSamplesPerChunk) {
     throw Error(ErrorKind::kInvalidArgument, "a chunk of a recording holds 1 to 1000 samples");
@@ -54,7 +81,7 @@ Payload Encode(const RecordedScene& scene) {
   for (const double mm : scene.spacing_mm) writer.Put(mm);
   writer.Put(scene.voxels_missing);
   writer.Put(scene.tick_period_s);
-  writer.Put(scene.max_force_n);
+  PutSafety(scene.safety, writer);
   writer.Put(scene.forces_off);
   return {ChunkType::kScene, std::move(writer).Take()};
 }
@@ -80,7 +107,7 @@ RecordedScene DecodeScene(ByteReader& reader) {
   for (double& mm : scene.spacing_mm) mm = reader.Get<double>();
   scene.voxels_missing = GetFlag(reader);
   scene.tick_period_s = reader.Get<double>();
-  scene.max_force_n = reader.Get<double>();
+  scene.safety = GetSafety(reader);
   scene.forces_off = GetFlag(reader);
   return scene;
 }

@@ -9,6 +9,7 @@
 
 #include "common/error/error.h"
 #include "server/recording/sample_fields.h"
+#include "server/safety/names.h"
 
 namespace palpate {
 namespace {
@@ -22,6 +23,8 @@ void AppendField(const Field& field, std::string& row) {
     row += kModeNames[static_cast<std::size_t>(field)];
   } else if constexpr (std::is_same_v<Field, FreeSide>) {
     row += FreeSideName(field);
+  } else if constexpr (std::is_enum_v<Field>) {
+    row += NameOf(field);
   } else if constexpr (std::is_same_v<Field, bool>) {
     row += field ? '1' : '0';
   } else {
@@ -103,6 +106,12 @@ void ExportCsv(RecordingReader& reader, std::ostream& stream) {
       table.Add(*marker);
     }
   }
+  table.End();
+}
+
+void ExportCsv(std::span<const TickSample> ticks, std::ostream& stream) {
+  Table table(stream);
+  for (const TickSample& sample : ticks) table.Add(sample);
   table.End();
 }
 

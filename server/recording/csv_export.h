@@ -4,6 +4,7 @@
 #pragma once
 
 #include <ostream>
+#include <span>
 
 #include "server/recording/recording_reader.h"
 
@@ -16,5 +17,7 @@ namespace palpate {
 //
 // Throws Error(kUnavailable) where the stream takes no more.
 void ExportCsv(RecordingReader& reader, std::ostream& stream);
+// The same of ticks that were not recorded.
+void ExportCsv(std::span<const TickSample> ticks, std::ostream& stream);
 
 }  // namespace palpate

@@ -7,7 +7,7 @@
 namespace palpate {
 
 RecordedScene ToRecorded(const Scene& scene, const VolumeHash& hash, double tick_period_s,
-                         double max_force_n) {
+                         const SafetyLimits& safety) {
   return {.scene_revision = scene.scene_revision,
           .settings_revision = scene.settings_revision,
           .volume_revision = scene.volume->revision(),
@@ -22,7 +22,7 @@ RecordedScene ToRecorded(const Scene& scene, const VolumeHash& hash, double tick
           .volume_source = scene.volume->metadata().source,
           .spacing_mm = scene.volume->metadata().spacing_mm,
           .tick_period_s = tick_period_s,
-          .max_force_n = max_force_n,
+          .safety = safety,
           .forces_off = scene.forces_off};
 }
 

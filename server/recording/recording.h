@@ -57,7 +57,7 @@ struct RecordedScene {
   // go on where they meet a volume again that they know.
   bool voxels_missing = false;
   double tick_period_s = 0.0;
-  double max_force_n = 0.0;  // the limit of the safety stage
+  SafetyLimits safety{};
   bool forces_off = false;
 };
 

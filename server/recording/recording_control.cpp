@@ -26,14 +26,18 @@ struct Running {
 }  // namespace
 
 RecordingControl::RecordingControl(Session& session, Pump& pump, RecordingPaths paths,
-                                   std::string program)
-    : session_(session), pump_(pump), paths_(std::move(paths)), program_(std::move(program)) {
+                                   std::string program, const SafetyLimits& safety)
+    : session_(session),
+      pump_(pump),
+      paths_(std::move(paths)),
+      program_(std::move(program)),
+      safety_(safety) {
   session_.AddListener(*this);
 }
 
 void RecordingControl::OnScene(const Scene& scene, std::span<const BrickChange> changes) {
   RecordedScene recorded =
-      ToRecorded(scene, HashVolume(*scene.volume), kTickPeriodS, session_.device().max_force_n);
+      ToRecorded(scene, HashVolume(*scene.volume), kTickPeriodS, safety_);
   // Freed after the lock is: a volume takes its time.
   std::shared_ptr<const VolumeSnapshot> before = scene.volume;
   const std::lock_guard lock(mutex_);

@@ -35,8 +35,10 @@ struct RecordingPaths {
 
 class RecordingControl final : public SceneListener {
  public:
-  // Listens to the session: before its first Load. `program`: name and version.
-  RecordingControl(Session& session, Pump& pump, RecordingPaths paths, std::string program);
+  // Listens to the session: before its first Load. `program`: name and version;
+  // `safety`: the servo's.
+  RecordingControl(Session& session, Pump& pump, RecordingPaths paths, std::string program,
+                   const SafetyLimits& safety);
   ~RecordingControl() override { End(); }
 
   void OnScene(const Scene& scene, std::span<const BrickChange> changes) override;
@@ -65,6 +67,7 @@ class RecordingControl final : public SceneListener {
   Pump& pump_;
   const RecordingPaths paths_;
   const std::string program_;
+  const SafetyLimits safety_;
 
   // Start, Stop and the beginning of replays, one after the other.
   std::mutex commands_;

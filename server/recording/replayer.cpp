@@ -48,9 +48,9 @@ void Replayer::Take(const RecordedChunk& chunk) {
 void Replayer::Begin(const RecordedScene& recorded) {
   ++counts_.scenes;
   scene_revision_ = recorded.scene_revision;
-  if (!computation_ || recorded.max_force_n != max_force_n_) {
-    computation_.emplace(recorded.max_force_n);
-    max_force_n_ = recorded.max_force_n;
+  if (!computation_ || !(recorded.safety == safety_)) {
+    computation_.emplace(recorded.safety);
+    safety_ = recorded.safety;
     in_step_ = false;
   }
   std::shared_ptr<const VolumeSnapshot> volume = follower_.Follow(recorded);

@@ -66,7 +66,7 @@ class Replayer {
 
   VolumeFollower follower_;
   std::optional<TickComputation> computation_;
-  double max_force_n_ = 0.0;
+  SafetyLimits safety_{};
   std::optional<std::uint64_t> scene_revision_;  // of the last scene
   Scene scene_;                                  // volume null: not known
   bool in_step_ = false;                         // computation_ is at the next tick

@@ -44,6 +44,13 @@ constexpr void VisitFields(Sample& sample, Visit&& visit) {
   visit("missed_ticks", sample.missed_ticks);
   visit("capped_ticks", sample.capped_ticks);
   visit("faulty_ticks", sample.faulty_ticks);
+  visit("force_state", sample.force_state);
+  visit("force_reason", sample.force_reason);
+  visit("force_command", sample.force_command);
+  visit("force_limit_n", sample.force_limit_n);
+  visit("device_status", sample.device_status);
+  visit("docked", sample.docked);
+  visit("calibrated", sample.calibrated);
 }
 
 // All of a sample is in the list, but for what aligns its end.

@@ -1,25 +1,56 @@
-// DeviceService: what the device is and how the servo loop runs.
+// DeviceService: what the device is, how the servo loop runs, and the operator's hand
+// on the forces.
+//
+// No command to the forces takes a lock of the session, logs (a log that nobody reads
+// blocks), or waits longer than a second: the emergency stop gets through whatever
+// else goes on.
 #pragma once
 
+#include <functional>
+#include <vector>
+
 #include "palpate/v1/device.grpc.pb.h"
-#include "server/realtime/thread_setup.h"
+#include "server/device/listed_device.h"
 #include "server/servo/servo_loop.h"
+#include "server/session/force_watch.h"
 
 namespace palpate {
 
+// On any thread.
+using DeviceList = std::function<std::vector<ListedDevice>()>;
+
 class DeviceService final : public v1::DeviceService::Service {
  public:
-  // Borrows all.
-  DeviceService(const DeviceSpec& spec, const ServoLoop& servo, const SceneInbox& inbox)
-      : spec_(spec), servo_(servo), inbox_(inbox) {}
+  // Borrows all but the list. `forces` gets the servo's samples.
+  DeviceService(HapticDevice& device, ServoLoop& servo, const SceneInbox& inbox,
+                const ForceWatch& forces, DeviceList list)
+      : device_(device), servo_(servo), inbox_(inbox), forces_(forces), list_(std::move(list)) {}
 
   grpc::Status GetDevice(grpc::ServerContext* context, const v1::GetDeviceRequest* request,
                          v1::GetDeviceResponse* response) override;
+  grpc::Status ListDevices(grpc::ServerContext* context, const v1::ListDevicesRequest* request,
+                           v1::ListDevicesResponse* response) override;
+  grpc::Status EnableForces(grpc::ServerContext* context, const v1::EnableForcesRequest* request,
+                            v1::EnableForcesResponse* response) override;
+  grpc::Status DisableForces(grpc::ServerContext* context, const v1::DisableForcesRequest* request,
+                             v1::DisableForcesResponse* response) override;
+  grpc::Status StopForces(grpc::ServerContext* context, const v1::StopForcesRequest* request,
+                          v1::StopForcesResponse* response) override;
+  grpc::Status CalibrateDevice(grpc::ServerContext* context,
+                               const v1::CalibrateDeviceRequest* request,
+                               v1::CalibrateDeviceResponse* response) override;
 
  private:
-  const DeviceSpec& spec_;
-  const ServoLoop& servo_;
+  void CheckName(const std::string& name) const;
+  ForceTick Command(ForceCommand command);
+  void CheckForcesAreOff() const;
+  void CheckEnabled(const ForceTick& forces) const;
+
+  HapticDevice& device_;
+  ServoLoop& servo_;
   const SceneInbox& inbox_;
+  const ForceWatch& forces_;
+  DeviceList list_;
 };
 
 }  // namespace palpate

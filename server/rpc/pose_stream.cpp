@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "common/error/error.h"
+#include "server/rpc/device_messages.h"
 #include "server/rpc/render_service.h"
 
 namespace palpate {
@@ -128,6 +129,8 @@ v1::PoseSample ToProto(const TickSample& sample) {
   out.set_iterations(sample.iterations);
   out.set_capped_ticks(sample.capped_ticks);
   out.set_free_side(ToProto(sample.free_side));
+  *out.mutable_forces() =
+      palpate::ToProto(sample.force_state, sample.force_reason, sample.force_limit_n);
   return out;
 }
 

@@ -91,7 +91,7 @@ RpcServer::RpcServer(ServerOptions options, const ServedParts& parts)
       registration_(parts.session),
       volume_(parts.session, parts.editor, options_.paths, options_.uploads, volume_streams_),
       series_(parts.session, parts.series, options_.paths),
-      device_(parts.device, parts.servo, parts.inbox),
+      device_(parts.device, parts.servo, parts.inbox, parts.forces, parts.list_devices),
       recording_(parts.recording) {}
 
 // gRPC lets two servers listen on one path, each believing itself alone: a lock

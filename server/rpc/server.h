@@ -30,16 +30,18 @@ struct ServerOptions {
   UploadOptions uploads;
 };
 
-// What the services work on: all of it is borrowed.
+// What the services work on: all but the list is borrowed.
 struct ServedParts {
   Session& session;
   VolumeEditor& editor;
   SeriesPlayer& series;
   RecordingControl& recording;
   Pump& pump;
-  const DeviceSpec& device;
-  const ServoLoop& servo;
+  HapticDevice& device;
+  ServoLoop& servo;
   const SceneInbox& inbox;
+  const ForceWatch& forces;
+  DeviceList list_devices;  // what the machine has
 };
 
 class RpcServer {

@@ -7,7 +7,7 @@ namespace palpate {
 namespace {
 
 // Of the bytes. To be raised whenever they mean something else.
-constexpr std::uint8_t kLayout = 1;
+constexpr std::uint8_t kLayout = 2;
 
 constexpr int kMaxCell = 1 << 30;
 
@@ -85,11 +85,22 @@ void VisitRenderer(Renderer& renderer, Visit& visit) {
   for (auto* v : {&felt_D_n, &pop_force_D_n, &limited_D_n, &by_design_D_n}) VisitVector(*v, visit);
 }
 
+template <class SafetyT, class Visit>
+void VisitSafety(SafetyT& safety, Visit& visit) {
+  auto& [state, reason, last_D_n, ramp_s, heat_n2, has_hip, p_DHip_mm, hip_age_s, velocity_mm_per_s,
+         missed_ticks] = safety;
+  visit(state);
+  visit(reason);
+  visit(has_hip);
+  for (auto* v : {&last_D_n, &p_DHip_mm, &velocity_mm_per_s}) VisitVector(*v, visit);
+  for (auto* number : {&ramp_s, &heat_n2, &hip_age_s, &missed_ticks}) visit(*number);
+}
+
 template <class Memory, class Visit>
 void VisitMemory(Memory& memory, Visit visit) {
-  auto& [renderer, last_force_D_n, tick, missed_ticks, capped_ticks, faulty_ticks] = memory;
+  auto& [renderer, safety, tick, missed_ticks, capped_ticks, faulty_ticks] = memory;
   VisitRenderer(renderer, visit);
-  VisitVector(last_force_D_n, visit);
+  VisitSafety(safety, visit);
   for (auto* count : {&tick, &missed_ticks, &capped_ticks, &faulty_ticks}) visit(*count);
 }
 
@@ -98,6 +109,10 @@ template <class T>
 constexpr unsigned kEnd = 2;  // bool, FreeSide
 template <>
 constexpr unsigned kEnd<Place::Kind> = 3;
+template <>
+constexpr unsigned kEnd<ForceState> = 6;
+template <>
+constexpr unsigned kEnd<ForceReason> = 12;
 
 // False for bytes that are no value.
 template <class T>

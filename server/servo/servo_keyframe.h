@@ -17,6 +17,7 @@
 
 #include "common/geometry/geometry.h"
 #include "server/haptics/renderer.h"
+#include "server/safety/safety.h"
 
 namespace palpate {
 
@@ -24,16 +25,16 @@ inline constexpr std::uint64_t kKeyframeTicks = 64;
 
 struct ServoMemory {
   RendererMemory renderer;
-  Vec3 last_force_D_n = Vec3::Zero();  // of the safety stage
-  std::uint64_t tick = 0;              // the next one
-  std::uint64_t missed_ticks = 0;      // counters as of the last sample
+  SafetyMemory safety;
+  std::uint64_t tick = 0;          // the next one
+  std::uint64_t missed_ticks = 0;  // counters as of the last sample
   std::uint64_t capped_ticks = 0;
   std::uint64_t faulty_ticks = 0;
 };
 
 // Trivially copyable: it goes through a ring to the pump thread.
 struct ServoKeyframe {
-  static constexpr std::size_t kBytes = 903;
+  static constexpr std::size_t kBytes = 986;
 
   std::uint64_t tick = 0;  // it is the state before this tick
   std::array<char, kBytes> bytes{};

@@ -8,8 +8,8 @@
 namespace palpate {
 
 ServoLoop::ServoLoop(HapticDevice& device, SceneInbox& inbox, TickOutbox& outbox,
-                     const RealtimeOptions& options)
-    : device_(device), inbox_(inbox), outbox_(outbox), options_(options) {}
+                     const RealtimeOptions& options, const SafetyLimits& limits)
+    : device_(device), inbox_(inbox), outbox_(outbox), options_(options), limits_(limits) {}
 
 void ServoLoop::Start() {
   device_.Start();
@@ -30,7 +30,7 @@ void ServoLoop::Stop() noexcept {
 
 void ServoLoop::Run() noexcept {
   SetupRealtimeThread(options_, grant_);
-  const auto tick = std::make_unique<ServoTick>(device_);
+  const auto tick = std::make_unique<ServoTick>(device_, limits_, &forces_);
   TickTimer timer(std::chrono::milliseconds(1));
   constexpr std::uint64_t kTicksPerSecond = 1000;
   const std::int64_t faults_at_start = ThreadPageFaults();
@@ -41,13 +41,14 @@ void ServoLoop::Run() noexcept {
     if (tick->next_tick() % kKeyframeTicks == 0) outbox_.keyframes.TryPush(tick->Keyframe());
     const TickSample sample = tick->Run(*inbox_.Acquire(), time);
     outbox_.TryPush(sample);
-    ticks_.store(sample.tick + 1, std::memory_order_relaxed);
+    ticks_.store(sample.tick + 1);
     missed_ticks_.store(sample.missed_ticks, std::memory_order_relaxed);
     faulty_ticks_.store(sample.faulty_ticks, std::memory_order_relaxed);
     if (sample.tick % kTicksPerSecond == 0) {
       page_faults_.store(ThreadPageFaults() - faults_at_start, std::memory_order_relaxed);
     }
   }
+  device_.SetMotors(false);
   device_.Write(Vec3::Zero(), kTickPeriodS);
 }
 

@@ -13,6 +13,7 @@
 
 #include "server/device/haptic_device.h"
 #include "server/realtime/thread_setup.h"
+#include "server/servo/force_switch.h"
 #include "server/servo/scene.h"
 
 namespace palpate {
@@ -22,7 +23,7 @@ class ServoLoop {
   static constexpr double kRateHz = 1000.0;
 
   ServoLoop(HapticDevice& device, SceneInbox& inbox, TickOutbox& outbox,
-            const RealtimeOptions& options);
+            const RealtimeOptions& options, const SafetyLimits& limits);
   ~ServoLoop() { Stop(); }
 
   // A scene must have been published. Returns when the thread runs and knows
@@ -31,8 +32,11 @@ class ServoLoop {
   // Zero force, then the device is stopped. Safe to call twice.
   void Stop() noexcept;
 
+  // What the operator says; any thread.
+  ForceSwitch& forces() { return forces_; }
+
   const RealtimeGrant& grant() const { return grant_; }
-  std::uint64_t ticks() const { return ticks_.load(std::memory_order_relaxed); }
+  std::uint64_t ticks() const { return ticks_.load(); }
   std::uint64_t missed_ticks() const { return missed_ticks_.load(std::memory_order_relaxed); }
   // Ticks with zero force because of the device, a bad position or a bad force.
   std::uint64_t faulty_ticks() const { return faulty_ticks_.load(std::memory_order_relaxed); }
@@ -48,6 +52,8 @@ class ServoLoop {
   SceneInbox& inbox_;
   TickOutbox& outbox_;
   RealtimeOptions options_;
+  SafetyLimits limits_;
+  ForceSwitch forces_;
   RealtimeGrant grant_;
   std::atomic<bool> running_{false};  // the thread knows its rights
   std::atomic<bool> stop_{false};

@@ -6,6 +6,7 @@
 
 #include "server/device/haptic_device.h"
 #include "server/realtime/tick_timer.h"
+#include "server/servo/force_switch.h"
 #include "server/servo/scene.h"
 #include "server/servo/tick_computation.h"
 
@@ -13,8 +14,10 @@ namespace palpate {
 
 class ServoTick {
  public:
-  // Borrows the device.
-  explicit ServoTick(HapticDevice& device);
+  // Borrows both. forces: what the operator says, where there is one.
+  ServoTick(HapticDevice& device, const SafetyLimits& limits, ForceSwitch* forces = nullptr)
+      : device_(device), forces_(forces), computation_(limits) {}
+  explicit ServoTick(HapticDevice& device) : ServoTick(device, LimitsFor(device.spec(), 0)) {}
 
   // `scene` stays valid until the return.
   TickSample Run(const Scene& scene, const TickTime& time) noexcept;
@@ -25,6 +28,7 @@ class ServoTick {
 
  private:
   HapticDevice& device_;
+  ForceSwitch* forces_;
   TickComputation computation_;
   DeviceState stylus_;
 };

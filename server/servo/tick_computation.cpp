@@ -38,9 +38,6 @@ void Describe(const Scene& scene, const HapticOutput& output, TickSample& sample
 
 }  // namespace
 
-TickComputation::TickComputation(double max_force_n)
-    : safety_(SafetyLimits{.max_force_n = max_force_n}) {}
-
 TickSample TickComputation::Run(const Scene& scene, const TickInput& input) noexcept {
   TickSample sample;
   sample.tick = ticks_++;
@@ -51,13 +48,13 @@ TickSample TickComputation::Run(const Scene& scene, const TickInput& input) noex
   sample.volume_revision = scene.volume->revision();
 
   // Missed ticks lengthen the time over which the stylus has moved.
-  const double elapsed_s =
-      kTickPeriodS * (1.0 + static_cast<double>(input.missed_ticks - missed_ticks_));
+  const std::uint64_t missed = input.missed_ticks - missed_ticks_;
+  const double elapsed_s = kTickPeriodS * (1.0 + static_cast<double>(missed));
   missed_ticks_ = input.missed_ticks;
 
   const DeviceState& stylus = input.stylus;
-  const bool suspended =
-      scene.forces_off || (scene.settings.clutch_tool && (stylus.buttons & kClutchButton) != 0);
+  const bool suspended = scene.forces_off || stylus.docked || !stylus.calibrated ||
+                         (scene.settings.clutch_tool && (stylus.buttons & kClutchButton) != 0);
   const HapticOutput output = suspended ? SuspendRenderer(stylus.p_DHip_mm, elapsed_s, renderer_)
                                         : StepRenderer(scene.surface, scene.settings,
                                                        stylus.p_DHip_mm, elapsed_s, renderer_);
@@ -66,10 +63,18 @@ TickSample TickComputation::Run(const Scene& scene, const TickInput& input) noex
     sample.mode = TickMode::kSuspended;
     sample.free_side = scene.settings.free_side;
   }
-  const std::uint64_t faults_before = safety_.faults();
-  Vec3 force_D_n = safety_.Limit(output.force_D_n, kTickPeriodS);
-  if (!input.device_ok || output.input_rejected || suspended) force_D_n = safety_.CutOff();
-  if (!input.device_ok || output.input_rejected || safety_.faults() != faults_before) {
+  const Vec3 force_D_n = safety_.Step({.force_D_n = output.force_D_n,
+                                       .p_DHip_mm = output.p_DHip_mm,
+                                       .device = input.device,
+                                       .docked = stylus.docked,
+                                       .calibrated = stylus.calibrated,
+                                       .position_rejected = output.input_rejected,
+                                       .suspended = suspended,
+                                       .buttons = stylus.buttons,
+                                       .command = input.command,
+                                       .missed_ticks = missed},
+                                      kTickPeriodS);
+  if (safety_.faulty()) {
     sample.mode = TickMode::kFault;
     ++faulty_ticks_;
   }
@@ -78,6 +83,13 @@ TickSample TickComputation::Run(const Scene& scene, const TickInput& input) noex
   sample.faulty_ticks = faulty_ticks_;
   sample.capped_ticks = capped_ticks_;
   sample.force_n = ToArray(force_D_n);
+  sample.force_limit_n = safety_.limit_n();
+  sample.force_state = safety_.state();
+  sample.force_reason = safety_.reason();
+  sample.force_command = input.command;
+  sample.device_status = input.device;
+  sample.docked = stylus.docked;
+  sample.calibrated = stylus.calibrated;
   sample.buttons = stylus.buttons;
   const Eigen::Quaterniond& q = stylus.R_DS;
   sample.stylus_orientation = {q.w(), q.x(), q.y(), q.z()};
@@ -93,20 +105,23 @@ TickInput TickComputation::InputOf(const TickSample& sample) const noexcept {
   }
   input.stylus.R_DS = Eigen::Quaterniond(q[0], q[1], q[2], q[3]);
   input.stylus.buttons = sample.buttons;
-  input.device_ok = sample.input_rejected || sample.faulty_ticks == faulty_ticks_;
+  input.stylus.docked = sample.docked;
+  input.stylus.calibrated = sample.calibrated;
+  input.device = sample.device_status;
+  input.command = sample.force_command;
   input.missed_ticks = sample.missed_ticks;
   return input;
 }
 
 ServoKeyframe TickComputation::Keyframe() const noexcept {
-  return Save({renderer_, safety_.last_D_n(), ticks_, missed_ticks_, capped_ticks_, faulty_ticks_});
+  return Save({renderer_, safety_.memory(), ticks_, missed_ticks_, capped_ticks_, faulty_ticks_});
 }
 
 bool TickComputation::Resume(std::string_view keyframe) noexcept {
   ServoMemory memory;
   if (!Load(keyframe, memory)) return false;
   static_cast<RendererMemory&>(renderer_) = memory.renderer;
-  safety_.Resume(memory.last_force_D_n);
+  safety_.Resume(memory.safety);
   ticks_ = memory.tick;
   missed_ticks_ = memory.missed_ticks;
   capped_ticks_ = memory.capped_ticks;

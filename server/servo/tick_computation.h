@@ -9,7 +9,7 @@
 
 #include "server/device/haptic_device.h"
 #include "server/haptics/renderer.h"
-#include "server/servo/safety.h"
+#include "server/safety/safety.h"
 #include "server/servo/scene.h"
 #include "server/servo/servo_keyframe.h"
 
@@ -19,20 +19,21 @@ inline constexpr double kTickPeriodS = 1e-3;
 
 struct TickInput {
   DeviceState stylus{};
-  bool device_ok = true;           // false: forces are off
+  DeviceStatus device = DeviceStatus::kOk;
+  ForceCommand command = ForceCommand::kNone;
   std::uint64_t missed_ticks = 0;  // so far
 };
 
 class TickComputation {
  public:
-  explicit TickComputation(double max_force_n);
+  explicit TickComputation(const SafetyLimits& limits) : safety_(limits) {}
 
   // All of the sample but its times. `scene` stays valid until the return.
   TickSample Run(const Scene& scene, const TickInput& input) noexcept;
 
   // The input that gave a sample, where this computation is at its tick: what a
-  // sample does not tell of it (why a device failed, how a position was no
-  // position) makes no difference.
+  // sample does not tell of it (how a position was no position) makes no
+  // difference.
   TickInput InputOf(const TickSample& sample) const noexcept;
 
   // Before the next tick.

@@ -10,6 +10,7 @@
 #include <type_traits>
 
 #include "server/haptics/settings.h"
+#include "server/safety/safety.h"
 
 namespace palpate {
 
@@ -27,6 +28,7 @@ struct TickSample {
   std::array<double, 3> force_n{};
   double density = 0.0;
   double isovalue = 0.0;
+  double force_limit_n = 0.0;        // what the motors' warmth leaves
   std::uint64_t scene_revision = 0;  // rises with whatever is published to the servo
   std::uint64_t settings_revision = 0;
   std::uint64_t volume_revision = 0;
@@ -41,6 +43,13 @@ struct TickSample {
   bool contact = false;
   bool has_scp_v = false;
   bool input_rejected = false;  // no position; hip_mm is the last good one
+  ForceState force_state = ForceState::kOff;
+  ForceReason force_reason = ForceReason::kOperator;
+  // What the safety stage was told.
+  ForceCommand force_command = ForceCommand::kNone;
+  DeviceStatus device_status = DeviceStatus::kOk;
+  bool docked = false;
+  bool calibrated = true;
 };
 static_assert(std::is_trivially_copyable_v<TickSample>);
 

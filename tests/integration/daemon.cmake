@@ -1,7 +1,7 @@
 find_package(nlohmann_json REQUIRED)
 foreach(test daemon_stream_test daemon_control_test daemon_lifecycle_test daemon_settings_test
         daemon_load_test daemon_upload_test daemon_series_test daemon_memory_test
-        daemon_registration_test)
+        daemon_registration_test daemon_device_test)
   palpate_integration_test(${test} ${test}.cpp palpate::wire palpate::proto
     nlohmann_json::nlohmann_json)
   add_dependencies(${test} palpated palpate palpate-import)

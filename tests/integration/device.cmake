@@ -15,3 +15,10 @@ palpate_integration_test(usb_emulator_test usb_emulator_test.cpp usb_emulator)
 add_dependencies(usb_emulator_test usb_client_child)
 target_compile_definitions(usb_emulator_test PRIVATE
   USB_CLIENT_CHILD="$<TARGET_FILE:usb_client_child>")
+
+foreach(test device_usb_test device_faults_test device_falcon_test)
+  palpate_integration_test(${test} ${test}.cpp usb_emulator palpate::proto)
+  add_dependencies(${test} palpated)
+  target_compile_definitions(${test} PRIVATE PALPATED="$<TARGET_FILE:palpated>")
+endforeach()
+target_link_libraries(device_falcon_test PRIVATE palpate::falcon_codec)

@@ -26,6 +26,14 @@ inline TickSample RandomSample(std::uint64_t tick) {
     const std::uint64_t bits = random();
     if constexpr (std::is_same_v<Field, TickMode>) {
       field = static_cast<TickMode>(bits % 5);
+    } else if constexpr (std::is_same_v<Field, ForceState>) {
+      field = static_cast<ForceState>(bits % 6);
+    } else if constexpr (std::is_same_v<Field, ForceReason>) {
+      field = static_cast<ForceReason>(bits % 12);
+    } else if constexpr (std::is_same_v<Field, ForceCommand>) {
+      field = static_cast<ForceCommand>(bits % 4);
+    } else if constexpr (std::is_same_v<Field, DeviceStatus>) {
+      field = static_cast<DeviceStatus>(bits % 3);
     } else if constexpr (std::is_same_v<Field, bool> || std::is_same_v<Field, FreeSide>) {
       field = static_cast<Field>(bits % 2);
     } else {

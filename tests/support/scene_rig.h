@@ -126,7 +126,7 @@ class SceneRig {
   }
   void Note(std::uint64_t changed_bytes) {
     recorder_->NoteScene(
-        ToRecorded(scene_, HashVolume(*volume_), kTickPeriodS, device_.spec().max_force_n), volume_,
+        ToRecorded(scene_, HashVolume(*volume_), kTickPeriodS, LimitsFor(device_.spec(), 0)), volume_,
         changed_bytes);
   }
 

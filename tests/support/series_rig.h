@@ -60,7 +60,7 @@ class SeriesPlayerTest : public ::testing::Test {
     session_->Load({.source = "builtin:sphere:16"}, kQuiet, kNever);
     RealtimeOptions options;
     options.lock_memory = false;
-    servo_ = std::make_unique<ServoLoop>(*device_, inbox_, *outbox_, options);
+    servo_ = std::make_unique<ServoLoop>(*device_, inbox_, *outbox_, options, SafetyLimits{});
     pump_->Start();
     servo_->Start();
     player_ = std::make_unique<SeriesPlayer>(*session_);

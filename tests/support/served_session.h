@@ -17,8 +17,10 @@ class ServedSession {
  public:
   explicit ServedSession(const std::string& socket)
       : server_({.socket_path = socket, .listen = {}, .paths = {}, .uploads = {}},
-                {data_.session(), editor_, series_, recording_, data_.pump(), data_.device(),
-                 servo_, data_.inbox()}) {}
+                {data_.session(), editor_, series_, recording_, data_.pump(), device_, servo_,
+                 data_.inbox(), *forces_, [] { return std::vector<ListedDevice>(); }}) {
+    data_.pump().Subscribe(forces_);
+  }
 
   EditableSession& data() { return data_; }
   RpcServer& server() { return server_; }
@@ -31,9 +33,11 @@ class ServedSession {
       data_.session(),
       data_.pump(),
       {[](const std::string& path) { return path; }, [](const std::string& path) { return path; }},
-      "test"};
+      "test",
+      SafetyLimits{}};
   SimulatedDevice device_{std::make_unique<PathScript>(std::vector<Vec3>{Vec3::Zero()}, 1.0)};
-  ServoLoop servo_{device_, data_.inbox(), data_.outbox(), {}};
+  ServoLoop servo_{device_, data_.inbox(), data_.outbox(), {}, SafetyLimits{}};
+  std::shared_ptr<ForceWatch> forces_ = std::make_shared<ForceWatch>();
   RpcServer server_;
 };
 

@@ -33,21 +33,93 @@ inline std::int64_t MonotonicNs() {
 }
 
 class FakeDeviceService final : public v1::DeviceService::Service {
+ public:
+  FakeDeviceService() {
+    health.set_connection(v1::DEVICE_CONNECTION_STREAMING);
+    health.set_calibrated(true);
+    forces.set_state(v1::FORCE_STATE_ON);
+    forces.set_reason(v1::FORCE_REASON_NONE);
+    forces.set_limit_n(3.3);
+  }
+
+  v1::VerificationLevel level = v1::VERIFICATION_LEVEL_SIMULATED;
+  v1::DeviceHealth health;
+  v1::ForceStatus forces;
+  v1::ListDevicesResponse list;
+  std::string enabled_name = "none";
+  // By how much they rise from one GetDevice to the next.
+  std::uint64_t ticks_per_call = 0;
+  std::uint64_t readings_per_call = 0;
+  std::uint64_t lost_per_call = 0;
+  std::uint64_t corrupt_per_call = 0;
+
+ private:
   grpc::Status GetDevice(grpc::ServerContext*, const v1::GetDeviceRequest*,
                          v1::GetDeviceResponse* response) override {
     v1::DeviceDescription& device = *response->mutable_device();
     device.set_kind("simulated");
     device.set_model("Simulated stylus");
     device.set_max_force_n(3.3);
-    device.set_verification_level(v1::VERIFICATION_LEVEL_SIMULATED);
+    device.set_verification_level(level);
     v1::ServoDescription& servo = *response->mutable_servo();
     servo.set_version("9.8.7");
     servo.set_rate_hz(1000.0);
     servo.add_warnings("no SCHED_FIFO: raise rtprio");
-    servo.set_ticks(990);
+    servo.set_ticks(990 + calls_ * ticks_per_call);
     servo.set_missed_ticks(10);
+    *response->mutable_health() = health;
+    response->mutable_health()->set_readings(calls_ * readings_per_call);
+    response->mutable_health()->set_lost_readings(calls_ * lost_per_call);
+    response->mutable_health()->set_corrupt_frames(calls_ * corrupt_per_call);
+    *response->mutable_forces() = forces;
+    ++calls_;
     return grpc::Status::OK;
   }
+
+  grpc::Status ListDevices(grpc::ServerContext*, const v1::ListDevicesRequest*,
+                           v1::ListDevicesResponse* response) override {
+    *response = list;
+    return grpc::Status::OK;
+  }
+
+  // "broken" keeps forces off.
+  grpc::Status EnableForces(grpc::ServerContext*, const v1::EnableForcesRequest* request,
+                            v1::EnableForcesResponse* response) override {
+    enabled_name = request->device();
+    if (request->device() == "other") {
+      return {grpc::StatusCode::INVALID_ARGUMENT, "the daemon's device is `simulated`"};
+    }
+    if (request->device() == "broken") {
+      return {grpc::StatusCode::FAILED_PRECONDITION, "forces stay off:\nplug it in"};
+    }
+    *response->mutable_forces() = forces;
+    response->set_applied_tick(11);
+    return grpc::Status::OK;
+  }
+
+  grpc::Status DisableForces(grpc::ServerContext*, const v1::DisableForcesRequest*,
+                             v1::DisableForcesResponse* response) override {
+    response->mutable_forces()->set_state(v1::FORCE_STATE_OFF);
+    response->mutable_forces()->set_reason(v1::FORCE_REASON_OPERATOR);
+    response->set_applied_tick(12);
+    return grpc::Status::OK;
+  }
+
+  grpc::Status StopForces(grpc::ServerContext*, const v1::StopForcesRequest*,
+                          v1::StopForcesResponse* response) override {
+    response->mutable_forces()->set_state(v1::FORCE_STATE_STOPPED);
+    response->mutable_forces()->set_reason(v1::FORCE_REASON_STOP_CALL);
+    response->set_applied_tick(13);
+    return grpc::Status::OK;
+  }
+
+  grpc::Status CalibrateDevice(grpc::ServerContext*, const v1::CalibrateDeviceRequest*,
+                               v1::CalibrateDeviceResponse* response) override {
+    *response->mutable_health() = health;
+    return grpc::Status::OK;
+  }
+
+  std::uint64_t calls_ = 0;
 };
 
 class FakeRenderService final : public v1::RenderService::Service {

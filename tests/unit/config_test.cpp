@@ -69,6 +69,17 @@ method = "bcc"
 [device]
 kind = "simulated"
 pressed_buttons = 3
+stop_buttons = 2
+replay_file = "/data/path.palpate"
+usb_port = "1-2"
+frames = "framed-firewire"
+state_command = 0x21
+force_command = 34
+init_payload = [0x01, 0xff]
+motor_counts_per_n_mm = [1, -2.5, 3]
+falcon_firmware = "/opt/falcon.bin"
+openhaptics_library = "/opt/libHD.so"
+openhaptics_name = "Left"
 [server]
 socket = "/tmp/s.sock"
 listen = "127.0.0.1:7400"
@@ -101,7 +112,18 @@ folder = "/var/lib/palpate"
   EXPECT_EQ(config.haptics.free_side, FreeSide::kAbove);
   EXPECT_EQ(config.method, DecompositionMethod::kBcc);
   EXPECT_EQ(config.listen->port, 7400);
-  EXPECT_EQ(config.pressed_buttons, 3);
+  EXPECT_EQ(config.device.pressed_buttons, 3);
+  EXPECT_EQ(config.device.stop_buttons, 2u);
+  EXPECT_EQ(config.device.replay_file, "/data/path.palpate");
+  EXPECT_EQ(config.device.usb_port, "1-2");
+  EXPECT_TRUE(config.device.framed_firewire);
+  EXPECT_EQ(config.device.state_command, 0x21);
+  EXPECT_EQ(config.device.force_command, 34);
+  EXPECT_EQ(config.device.init_payload, (std::vector<std::uint8_t>{1, 255}));
+  EXPECT_EQ(config.device.motor_counts_per_n_mm, (std::array<double, 3>{1.0, -2.5, 3.0}));
+  EXPECT_EQ(config.device.falcon_firmware, "/opt/falcon.bin");
+  EXPECT_EQ(config.device.openhaptics_library, "/opt/libHD.so");
+  EXPECT_EQ(config.device.openhaptics_name, "Left");
   EXPECT_EQ(config.realtime.priority, 70);
   EXPECT_FALSE(config.realtime.lock_memory);
   EXPECT_EQ(config.state_folder, "/var/lib/palpate");
@@ -183,6 +205,13 @@ TEST_F(ConfigTest, NamesTheLineOfAnError) {
   EXPECT_NE(
       Refusal("[haptics]\nfree_side = \"left\"\n").find(":2: haptics.free_side must be \"bel"),
       std::string::npos);
+  EXPECT_NE(Refusal("[device]\nframes = \"usb\"\n").find("\"framed-firewire\""),
+            std::string::npos);
+  for (const char* bytes : {"[256]", "[1, -1]", "[1.0]", "3"}) {
+    EXPECT_NE(Refusal(std::string("[device]\ninit_payload = ") + bytes + "\n").find("of bytes"),
+              std::string::npos);
+  }
+  EXPECT_NE(Refusal("[device]\nstate_command = 256\n").find("0 to 255"), std::string::npos);
   EXPECT_NE(Refusal("[device]\npressed_buttons = 4\n").find(":2: device.pressed_buttons must"),
             std::string::npos);
   EXPECT_NE(Refusal("[state]\nfolder = 3\n").find(":2: state.folder must be a text"),

@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "server/haptics/renderer.h"
-#include "server/servo/safety.h"
+#include "server/safety/safety.h"
 #include "tests/support/array_volume.h"
 
 namespace palpate {
@@ -47,7 +47,7 @@ struct Stylus {
     const HapticSurface surface =
         MakeHapticSurface(volume, AffineMap{}, isovalue, DecompositionMethod::kTpbcc, revision);
     const HapticOutput output = StepRenderer(surface, settings, hip, kDtS, *state);
-    const Vec3 written_n = safety.Limit(output.force_D_n, kDtS);
+    const Vec3 written_n = safety.Step({.force_D_n = output.force_D_n}, kDtS);
     greatest_step_n = std::max(greatest_step_n, (written_n - force_n).norm());
     force_n = written_n;
     return output;

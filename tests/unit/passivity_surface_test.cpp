@@ -8,7 +8,7 @@
 
 #include "server/haptics/passivity.h"
 #include "server/haptics/renderer.h"
-#include "server/servo/safety.h"
+#include "server/safety/safety.h"
 #include "server/volume/builtin.h"
 #include "server/volume/snapshot_builder.h"
 #include "tests/support/hand_loop.h"
@@ -100,7 +100,7 @@ struct Chain {
   }
   Vec3 Tick(const Vec3& p_DHip_mm, double dt_s) {
     const HapticOutput output = StepRenderer(surface, settings, p_DHip_mm, dt_s, *state);
-    const Vec3 written_n = safety.Limit(output.force_D_n, kLoopTickS);
+    const Vec3 written_n = safety.Step({.force_D_n = output.force_D_n}, kLoopTickS);
     TellWrittenForce(written_n, *state);
     spring_n = output.spring_D_n.norm();
     pops += output.popped;

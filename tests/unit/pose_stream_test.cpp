@@ -3,7 +3,12 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <string>
+
 #include "common/error/error.h"
+#include "common/wire/force_words.h"
+#include "server/safety/names.h"
 
 namespace palpate {
 namespace {
@@ -105,6 +110,26 @@ TEST(PoseSample, LeavesOutWhatIsAbsent) {
   EXPECT_EQ(message.scp_v_mm().z(), 3.0);
   EXPECT_TRUE(message.has_scp_h_normal());
   EXPECT_EQ(message.mode(), v1::PROXY_MODE_CONSTRAINED);
+}
+
+std::string WireName(std::string_view name) {
+  std::string wire(name);
+  std::replace(wire.begin(), wire.end(), '-', '_');
+  return wire;
+}
+
+TEST(PoseSample, EveryStateAndReasonOfForcesHasItsOwnOnTheWire) {
+  TickSample sample;
+  sample.force_limit_n = 1.25;
+  for (int n = 0; n <= static_cast<int>(ForceState::kStopped); ++n) {
+    sample.force_state = static_cast<ForceState>(n);
+    EXPECT_EQ(NameOf(ToProto(sample).forces().state()), WireName(NameOf(sample.force_state)));
+  }
+  for (int n = 0; n <= static_cast<int>(ForceReason::kStopButton); ++n) {
+    sample.force_reason = static_cast<ForceReason>(n);
+    EXPECT_EQ(NameOf(ToProto(sample).forces().reason()), WireName(NameOf(sample.force_reason)));
+  }
+  EXPECT_EQ(ToProto(sample).forces().limit_n(), 1.25);
 }
 
 }  // namespace

@@ -15,3 +15,5 @@ palpate_unit_test(servo_keyframe_test servo_keyframe_test.cpp SANITIZED palpate:
 palpate_unit_test(recording_edit_test recording_edit_test.cpp SANITIZED palpate::recording)
 palpate_unit_test(shown_samples_test shown_samples_test.cpp SANITIZED palpate::recording)
 palpate_unit_test(recording_control_test recording_control_test.cpp SANITIZED palpate::recording)
+palpate_unit_test(black_box_test black_box_test.cpp SANITIZED palpate::recording)
+palpate_unit_test(recorded_path_test recorded_path_test.cpp SANITIZED palpate::recording)

@@ -69,11 +69,12 @@ class RecordingControlTest : public ::testing::Test {
       return std::filesystem::path(path);
     };
     control_ =
-        std::make_unique<RecordingControl>(*session_, *pump_, RecordingPaths{check, check}, "test");
+        std::make_unique<RecordingControl>(*session_, *pump_, RecordingPaths{check, check}, "test",
+                                               SafetyLimits{});
     session_->Load({.source = "builtin:gyroid:32"}, kQuiet, kNever);
     RealtimeOptions options;
     options.lock_memory = false;
-    servo_ = std::make_unique<ServoLoop>(*device_, inbox_, *outbox_, options);
+    servo_ = std::make_unique<ServoLoop>(*device_, inbox_, *outbox_, options, SafetyLimits{});
     pump_->Start();
     servo_->Start();
     Sleep(20);

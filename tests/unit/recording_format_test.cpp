@@ -53,7 +53,16 @@ RecordedScene SceneAt(std::uint64_t tick) {
                       .spacing_mm = Vec3(0.1, 2.0, 1e-3),
                       .voxels_missing = true,
                       .tick_period_s = 1e-3,
-                      .max_force_n = 3.3};
+                      .safety = {.max_force_n = 3.2,
+                                 .max_slew_n_per_s = 100.0,
+                                 .ramp_in_s = 0.1,
+                                 .continuous_force_n = 0.3,
+                                 .thermal_time_s = 0.7,
+                                 .max_speed_mm_per_s = 1e3,
+                                 .max_missed_ticks = 7.0,
+                                 .faults_stay = true,
+                                 .starts_on = false,
+                                 .stop_buttons = 5}};
   scene.X_DI.linear << 1.0, 0.1, -2.0, 1e-9, 0.7, 3.0, 1.0 / 7.0, 0.0, 5.0;
   scene.X_DI.translation = Vec3(-0.0, 1e-320, 7.0);
   return scene;
@@ -128,7 +137,7 @@ void ExpectSameScene(const RecordedScene& a, const RecordedScene& b) {
   EXPECT_EQ(a.voxels_missing, b.voxels_missing);
   EXPECT_EQ(a.method, b.method);
   EXPECT_EQ(a.tick_period_s, b.tick_period_s);
-  EXPECT_EQ(a.max_force_n, b.max_force_n);
+  EXPECT_TRUE(a.safety == b.safety);
   EXPECT_EQ(a.normalized_isovalue, b.normalized_isovalue);
   EXPECT_TRUE(b.unknown_settings.empty());
 }
@@ -284,12 +293,12 @@ TEST(RecordingFormat, OtherFilesAreRefusedInOneLine) {
     EXPECT_EQ(Refusal([&] { ReadBytes(bytes); }), ErrorKind::kInvalidArgument);
   }
   std::string newer = FrameHeader({.program = "test"});
-  newer[8] = 2;
+  newer[8] = 3;
   try {
     ReadBytes(newer);
     FAIL();
   } catch (const Error& error) {
-    EXPECT_NE(std::string(error.what()).find("version 2"), std::string::npos);
+    EXPECT_NE(std::string(error.what()).find("version 3"), std::string::npos);
   }
   EXPECT_EQ(Refusal([] { RecordingReader("/nowhere/recording"); }), ErrorKind::kNotFound);
 }

@@ -1,49 +1,495 @@
-// Whatever is computed, the force on the hand is finite, bounded and gradual.
-#include "server/servo/safety.h"
+// Whatever is computed and whatever the device says, the force on the hand is finite,
+// bounded, gradual, and there only when it may be.
+#include "server/safety/safety.h"
 
 #include <gtest/gtest.h>
 
+#include <bit>
 #include <cmath>
+#include <functional>
 #include <limits>
 #include <random>
+#include <vector>
 
 namespace palpate {
 namespace {
 
 constexpr double kDtS = 1e-3;
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+const Vec3 kPush_n(0.3, -1.2, 2.0);
+
+DeviceSpec Hardware() {
+  DeviceSpec spec;
+  spec.kind = "fake";
+  spec.max_force_n = 3.3;
+  spec.continuous_force_n = 0.88;
+  spec.verification_level = VerificationLevel::kNone;
+  return spec;
+}
+
+// A stage, and what it is told unless a test says otherwise.
+struct Rig {
+  explicit Rig(const SafetyLimits& of_rig) : limits(of_rig), safety(of_rig) {}
+
+  Vec3 Tick(int count = 1) {
+    Vec3 force_n = Vec3::Zero();
+    for (int n = 0; n < count; ++n) {
+      force_n = safety.Step(input, kDtS);
+      input.command = ForceCommand::kNone;
+      input.missed_ticks = 0;
+    }
+    return force_n;
+  }
+  Vec3 Tell(ForceCommand command) {
+    input.command = command;
+    return Tick();
+  }
+  // As strong as it gets.
+  Vec3 Settle() { return Tick(600); }
+
+  SafetyLimits limits;
+  Safety safety;
+  SafetyInput input{.force_D_n = kPush_n};
+};
+
+Rig Simulated() { return Rig(SafetyLimits{}); }
+Rig On() {
+  Rig rig(LimitsFor(Hardware(), 3));
+  rig.Tell(ForceCommand::kEnable);
+  rig.Settle();
+  return rig;
+}
+
+#define EXPECT_STATE(rig, the_state, the_reason)          \
+  EXPECT_EQ((rig).safety.state(), ForceState::the_state); \
+  EXPECT_EQ((rig).safety.reason(), ForceReason::the_reason)
+
+TEST(Safety, LimitsOfADevice) {
+  const SafetyLimits hardware = LimitsFor(Hardware(), 2);
+  EXPECT_EQ(hardware.max_force_n, 3.3);
+  EXPECT_EQ(hardware.continuous_force_n, 0.88);
+  EXPECT_FALSE(hardware.starts_on);
+  EXPECT_TRUE(hardware.faults_stay);
+  EXPECT_GT(hardware.max_speed_mm_per_s, 0.0);
+  EXPECT_EQ(hardware.stop_buttons, 2u);
+  DeviceSpec simulated = Hardware();
+  simulated.verification_level = VerificationLevel::kSimulated;
+  EXPECT_EQ(LimitsFor(simulated, 0), SafetyLimits{});
+}
 
 TEST(Safety, LimitsRandomForces) {
   std::mt19937_64 random(8);
   std::uniform_real_distribution<double> uniform(-1.0, 1.0);
-  const SafetyLimits limits;
-  Safety safety(limits);
+  Rig rig = Simulated();
   Vec3 last = Vec3::Zero();
   for (int n = 0; n < 1'000'000; ++n) {
     const double scale = std::pow(10.0, 300.0 * std::abs(uniform(random)) * (n % 3 == 0) - 1.0);
-    const Vec3 wanted = scale * Vec3(uniform(random), uniform(random), uniform(random));
-    const Vec3 force = safety.Limit(wanted, kDtS);
+    rig.input.force_D_n = scale * Vec3(uniform(random), uniform(random), uniform(random));
+    const Vec3 force = rig.Tick();
     ASSERT_TRUE(force.allFinite());
-    ASSERT_LE(force.norm(), limits.max_force_n * (1 + 1e-12));
-    ASSERT_LE((force - last).norm(), limits.max_slew_n_per_s * kDtS * (1 + 1e-9));
+    ASSERT_LE(force.norm(), rig.limits.max_force_n * (1 + 1e-12));
+    ASSERT_LE((force - last).norm(), rig.limits.max_slew_n_per_s * kDtS * (1 + 1e-9));
     last = force;
   }
-  EXPECT_EQ(safety.faults(), 0u);
-}
-
-TEST(Safety, AForceThatIsNotFiniteCutsOffAtOnce) {
-  Safety safety(SafetyLimits{});
-  for (int n = 0; n < 10; ++n) safety.Limit(Vec3(1, 0, 0), kDtS);
-  EXPECT_TRUE(safety.Limit(Vec3(std::numeric_limits<double>::quiet_NaN(), 0, 0), kDtS).isZero());
-  EXPECT_EQ(safety.faults(), 1u);
-  // And back gradually.
-  EXPECT_NEAR(safety.Limit(Vec3(1, 0, 0), kDtS).norm(), 0.2, 1e-12);
+  EXPECT_STATE(rig, kOn, kNone);
 }
 
 TEST(Safety, ReachesAForceWithinTheLimits) {
-  Safety safety(SafetyLimits{});
-  Vec3 force = Vec3::Zero();
-  for (int n = 0; n < 20; ++n) force = safety.Limit(Vec3(0.3, -1.2, 2.0), kDtS);
-  EXPECT_NEAR((force - Vec3(0.3, -1.2, 2.0)).norm(), 0.0, 1e-12);
+  Rig rig = Simulated();
+  EXPECT_NEAR(rig.Tick().norm(), 0.2, 1e-12);
+  EXPECT_NEAR((rig.Tick(20) - kPush_n).norm(), 0.0, 1e-12);
+}
+
+TEST(Safety, HardwareIsOffUntilItIsEnabledAndThenRampsIn) {
+  Rig rig(LimitsFor(Hardware(), 0));
+  EXPECT_TRUE(rig.Tick(1000).isZero());
+  EXPECT_STATE(rig, kOff, kOperator);
+  double last_n = rig.Tell(ForceCommand::kEnable).norm();
+  EXPECT_STATE(rig, kRampIn, kNone);
+  for (int n = 1; n < 500; ++n) {
+    const double force_n = rig.Tick().norm();
+    EXPECT_LE(force_n, 3.3 * (n + 1) / 500 + 1e-9);
+    EXPECT_GE(force_n, last_n);
+    last_n = force_n;
+  }
+  rig.Tick(2);
+  EXPECT_STATE(rig, kOn, kNone);
+  EXPECT_NEAR((rig.Tick() - kPush_n).norm(), 0.0, 1e-9);
+}
+
+// --- Every cause, from a force that is on.
+
+struct Cause {
+  ForceState state;
+  ForceReason reason;
+  int ticks;  // to zero force
+  std::function<void(SafetyInput&)> make;
+};
+
+const int kRampOut = RampOutTicks(SafetyLimits{}, kDtS);
+
+std::vector<Cause> Causes() {
+  using S = ForceState;
+  using R = ForceReason;
+  return {
+      {S::kFault, R::kDevice, 0, [](SafetyInput& in) { in.device = DeviceStatus::kFault; }},
+      {S::kFault, R::kPosition, 0, [](SafetyInput& in) { in.position_rejected = true; }},
+      {S::kFault, R::kForce, 0, [](SafetyInput& in) { in.force_D_n.x() = kNan; }},
+      {S::kFault, R::kForce, 0, [](SafetyInput& in) { in.force_D_n.z() = -kInfinity; }},
+      {S::kFault, R::kSpeed, 0, [](SafetyInput& in) { in.p_DHip_mm.y() += 20.0; }},
+      {S::kFault, R::kSpeed, 0, [](SafetyInput& in) { in.p_DHip_mm.y() = 1e308; }},
+      {S::kHeld, R::kDocked, 0, [](SafetyInput& in) { in.docked = true; }},
+      {S::kHeld, R::kUncalibrated, 0, [](SafetyInput& in) { in.calibrated = false; }},
+      {S::kHeld, R::kStale, kRampOut, [](SafetyInput& in) { in.device = DeviceStatus::kStale; }},
+      {S::kHeld, R::kDeadlines, kRampOut, [](SafetyInput& in) { in.missed_ticks = 30; }},
+      {S::kOff, R::kOperator, kRampOut,
+       [](SafetyInput& in) { in.command = ForceCommand::kDisable; }},
+      {S::kStopped, R::kStopCall, 0, [](SafetyInput& in) { in.command = ForceCommand::kStop; }},
+      {S::kStopped, R::kStopButton, 0, [](SafetyInput& in) { in.buttons = 3; }},
+  };
+}
+
+TEST(Safety, EveryCauseReachesZeroInItsTicks) {
+  for (const Cause& cause : Causes()) {
+    SCOPED_TRACE(static_cast<int>(cause.reason));
+    Rig rig = On();
+    rig.input.force_D_n *= 100.0;
+    EXPECT_GT(rig.Tick(20).norm(), 3.0);
+    cause.make(rig.input);
+    Vec3 force_n = rig.Tick();
+    EXPECT_EQ(rig.safety.state(), cause.state);
+    EXPECT_EQ(rig.safety.reason(), cause.reason);
+    EXPECT_EQ(rig.safety.faulty(), cause.state == ForceState::kFault);
+    if (cause.ticks > 0) {
+      EXPECT_FALSE(force_n.isZero());
+      force_n = rig.Tick(cause.ticks);
+    }
+    EXPECT_EQ(force_n, Vec3::Zero());
+  }
+}
+
+// Forces come back by themselves, with a ramp, where the state says so.
+TEST(Safety, WhatIsHeldComesBackWithARamp) {
+  for (const Cause& cause : Causes()) {
+    if (cause.state != ForceState::kHeld) continue;
+    SCOPED_TRACE(static_cast<int>(cause.reason));
+    Rig rig = On();
+    const SafetyInput usual = rig.input;
+    cause.make(rig.input);
+    rig.Tick(100);
+    EXPECT_EQ(rig.safety.state(), ForceState::kHeld);
+    rig.input = usual;
+    for (int n = 0; n < 2000 && rig.safety.state() == ForceState::kHeld; ++n) rig.Tick();
+    EXPECT_STATE(rig, kRampIn, kNone);
+    EXPECT_LT(rig.Tick().norm(), 0.1);
+    EXPECT_NEAR((rig.Settle() - kPush_n).norm(), 0.0, 1e-9);
+    EXPECT_STATE(rig, kOn, kNone);
+  }
+}
+
+// On hardware nothing but the operator ends a fault or a stop, and no enabling
+// overrules a cause that is still there.
+TEST(Safety, FaultsAndStopsStayUntilForcesAreEnabled) {
+  for (const Cause& cause : Causes()) {
+    if (cause.state == ForceState::kHeld) continue;
+    SCOPED_TRACE(static_cast<int>(cause.reason));
+    Rig rig = On();
+    cause.make(rig.input);
+    rig.Tick();
+    if (cause.state == ForceState::kFault) {
+      const SafetyInput still = rig.input;
+      rig.input.command = ForceCommand::kEnable;
+      if (cause.reason != ForceReason::kSpeed) {  // its hand is at rest again
+        EXPECT_TRUE(rig.Tick().isZero());
+        EXPECT_EQ(rig.safety.state(), ForceState::kFault);
+      }
+      rig.input = still;
+    }
+    rig.input.device = DeviceStatus::kOk;
+    rig.input.position_rejected = false;
+    rig.input.buttons = 0;
+    rig.input.force_D_n = kPush_n;
+    rig.input.p_DHip_mm = Vec3::Zero();
+    EXPECT_TRUE(rig.Tick(1000).isZero() || cause.state == ForceState::kOff);
+    EXPECT_TRUE(rig.Tick().isZero());
+    EXPECT_EQ(rig.safety.state(), cause.state);
+    rig.Tell(ForceCommand::kEnable);
+    EXPECT_STATE(rig, kRampIn, kNone);
+    EXPECT_NEAR((rig.Settle() - kPush_n).norm(), 0.0, 1e-9);
+  }
+}
+
+TEST(Safety, EnablingWhatIsOnChangesNothing) {
+  Rig rig = On();
+  const Vec3 force_n = rig.Tick();
+  EXPECT_EQ(rig.Tell(ForceCommand::kEnable), force_n);
+  EXPECT_STATE(rig, kOn, kNone);
+}
+
+TEST(Safety, DisablingLeadsFromEveryStateToOff) {
+  for (const Cause& cause : Causes()) {
+    Rig rig = On();
+    cause.make(rig.input);
+    rig.Tick();
+    rig.input.buttons = 0;
+    rig.Tell(ForceCommand::kDisable);
+    EXPECT_STATE(rig, kOff, kOperator);
+  }
+  Rig rig(LimitsFor(Hardware(), 0));
+  rig.Tell(ForceCommand::kEnable);
+  rig.Tell(ForceCommand::kDisable);
+  EXPECT_STATE(rig, kOff, kOperator);
+}
+
+TEST(Safety, TheStopWorksInEveryStateAndOutlastsFaults) {
+  for (const Cause& cause : Causes()) {
+    Rig rig = On();
+    cause.make(rig.input);
+    rig.Tick();
+    rig.input.buttons = 0;
+    EXPECT_TRUE(rig.Tell(ForceCommand::kStop).isZero());
+    EXPECT_STATE(rig, kStopped, kStopCall);
+    rig.input.device = DeviceStatus::kFault;
+    rig.Tick();
+    EXPECT_STATE(rig, kStopped, kStopCall);
+  }
+}
+
+TEST(Safety, HeldStopButtonsWinOverTheEnabling) {
+  Rig rig = On();
+  rig.input.buttons = 1;  // one of the two
+  rig.Tick();
+  EXPECT_STATE(rig, kOn, kNone);
+  rig.input.buttons = 7;
+  rig.Tell(ForceCommand::kEnable);
+  EXPECT_STATE(rig, kStopped, kStopButton);
+}
+
+TEST(Safety, WithoutForcesThereAreNoFaultsOfForces) {
+  for (const Cause& cause : Causes()) {
+    if (cause.state != ForceState::kFault) continue;
+    Rig rig(LimitsFor(Hardware(), 0));
+    rig.Tick();
+    cause.make(rig.input);
+    EXPECT_TRUE(rig.Tick().isZero());
+    EXPECT_STATE(rig, kOff, kOperator);
+    // The tick had one all the same; a quick hand is none then.
+    EXPECT_EQ(rig.safety.faulty(), cause.reason != ForceReason::kSpeed);
+  }
+}
+
+TEST(Safety, AFaultWhileRampingOutIsZeroAtOnce) {
+  Rig rig = On();
+  EXPECT_FALSE(rig.Tell(ForceCommand::kDisable).isZero());
+  rig.input.device = DeviceStatus::kFault;
+  EXPECT_TRUE(rig.Tick().isZero());
+}
+
+TEST(Safety, ASimulatedDeviceComesBackFromFaultsByItself) {
+  for (const Cause& cause : Causes()) {
+    if (cause.state != ForceState::kFault || cause.reason == ForceReason::kSpeed) continue;
+    Rig rig = Simulated();
+    rig.Settle();
+    cause.make(rig.input);
+    EXPECT_TRUE(rig.Tick().isZero());
+    EXPECT_EQ(rig.safety.state(), ForceState::kFault);
+    rig.input = {.force_D_n = kPush_n};
+    EXPECT_NEAR(rig.Tick().norm(), 0.2, 1e-12);
+    EXPECT_STATE(rig, kOn, kNone);
+  }
+  Rig rig = Simulated();
+  rig.Tell(ForceCommand::kStop);
+  EXPECT_TRUE(rig.Tick(100).isZero());
+  rig.Tell(ForceCommand::kEnable);
+  EXPECT_STATE(rig, kOn, kNone);
+}
+
+TEST(Safety, SuspendedTicksHaveNoForceAndAreNoFault) {
+  Rig rig = On();
+  rig.input.suspended = true;
+  EXPECT_TRUE(rig.Tick().isZero());
+  EXPECT_STATE(rig, kOn, kNone);
+  EXPECT_FALSE(rig.safety.faulty());
+}
+
+// --- Warmth
+
+TEST(Safety, ALongPushGoesDownToTheContinuousForce) {
+  Rig rig = On();
+  rig.input.force_D_n = Vec3(0, 0, 10);
+  EXPECT_NEAR(rig.Tick(20).norm(), 3.3, 0.05);
+  double heat_n2 = 0.0;
+  for (int n = 0; n < 120'000; ++n) {
+    heat_n2 += (rig.Tick().squaredNorm() - heat_n2) * (1 - std::exp(-kDtS / 10.0));
+    ASSERT_LE(heat_n2, 0.88 * 0.88 * 1.001);
+  }
+  EXPECT_NEAR(rig.Tick().norm(), 0.88, 0.01);
+  EXPECT_NEAR(rig.safety.limit_n(), 0.88, 0.01);
+  EXPECT_STATE(rig, kOn, kNone);
+  // At rest it cools, and all of the force is there again.
+  rig.input.force_D_n.setZero();
+  rig.Tick(20'000);
+  EXPECT_EQ(rig.safety.limit_n(), 3.3);
+}
+
+TEST(Safety, TheContinuousForceIsNeverShortened) {
+  Rig rig = On();
+  rig.input.force_D_n = Vec3(0.88, 0, 0);
+  EXPECT_NEAR(rig.Tick(200'000).norm(), 0.88, 1e-9);
+}
+
+// --- Speed
+
+TEST(Safety, AHandsMotionIsNoFault) {
+  Rig rig = On();
+  for (int n = 0; n < 10'000; ++n) {
+    // 60 mm to and fro at 4 Hz: 1.5 m/s, read with the resolution of the device, and
+    // now and then a reading late.
+    const double p_mm = 60.0 * std::sin(2 * M_PI * 4.0 * n * kDtS);
+    if (n % 7 != 0) rig.input.p_DHip_mm.x() = 0.055 * std::round(p_mm / 0.055);
+    rig.Tick();
+    ASSERT_EQ(rig.safety.state(), ForceState::kOn) << n;
+  }
+}
+
+TEST(Safety, ReadingsAfterAPauseAreNoJump) {
+  Rig rig = On();
+  rig.input.device = DeviceStatus::kStale;
+  rig.Tick(50);
+  rig.input.device = DeviceStatus::kOk;
+  rig.input.p_DHip_mm.x() += 40.0;  // 0.8 m/s over the 50 ms
+  rig.Tick();
+  EXPECT_STATE(rig, kRampIn, kNone);
+}
+
+TEST(Safety, ARunawayIsCutOff) {
+  Rig rig = On();
+  int ticks = 0;
+  // 3 m/s from rest at 300 m/s²: a motor that pulls a hundred grams with 30 N.
+  for (double v = 0.0; rig.safety.state() == ForceState::kOn && ticks < 100; ++ticks) {
+    v = std::min(v + 300.0, 3000.0);
+    rig.input.p_DHip_mm.x() += v * kDtS;
+    rig.Tick();
+  }
+  EXPECT_STATE(rig, kFault, kSpeed);
+  EXPECT_LE(ticks, 15);
+}
+
+TEST(Safety, CalibratingIsNoMotion) {
+  Rig rig = On();
+  rig.input.calibrated = false;
+  rig.Tick();
+  rig.input.p_DHip_mm.x() += 100.0;
+  rig.input.calibrated = true;
+  rig.Tick();
+  EXPECT_STATE(rig, kRampIn, kNone);
+}
+
+// --- Deadlines
+
+TEST(Safety, OneMissedTickOfTwentyIsNoCause) {
+  Rig rig = On();
+  for (int n = 0; n < 20'000; ++n) {
+    rig.input.missed_ticks = n % 20 == 0;
+    rig.Tick();
+  }
+  EXPECT_STATE(rig, kOn, kNone);
+  rig.input.missed_ticks = 15;  // a stop of the machine
+  rig.Tick();
+  EXPECT_STATE(rig, kOn, kNone);
+  for (int n = 0; n < 100; ++n) {
+    rig.input.missed_ticks = 1;
+    rig.Tick();
+  }
+  EXPECT_STATE(rig, kHeld, kDeadlines);
+}
+
+// --- All at once
+
+double RandomNumber(std::mt19937_64& random) {
+  switch (random() % 8) {
+    case 0:
+      return kNan;
+    case 1:
+      return kInfinity;
+    case 2:
+      return -kInfinity;
+    case 3:
+      return std::bit_cast<double>(random());
+    case 4:
+      return 1e308;
+    default:
+      return std::uniform_real_distribution<double>(-10.0, 10.0)(random);
+  }
+}
+
+TEST(Safety, AMillionRandomTicksKeepEveryLimit) {
+  std::mt19937_64 random(20);
+  for (const SafetyLimits& limits : {LimitsFor(Hardware(), 3), SafetyLimits{}}) {
+    Safety safety(limits);
+    Vec3 last_n = Vec3::Zero(), steady_n = kPush_n, p_mm = Vec3::Zero();
+    int felt = 0, faults = 0;
+    for (int n = 0; n < 1'000'000; ++n) {
+      const auto one_of = [&](unsigned count) { return random() % count == 0; };
+      SafetyInput input{.force_D_n = steady_n, .p_DHip_mm = p_mm};
+      if (one_of(5000)) {
+        for (double& f : input.force_D_n) f = RandomNumber(random);
+      }
+      if (one_of(50)) steady_n = 5.0 * Vec3::Random();
+      p_mm += 0.3 * Vec3::Random();
+      if (one_of(9000)) p_mm = 100.0 * Vec3::Random();
+      if (one_of(9000)) {
+        for (double& p : input.p_DHip_mm) p = RandomNumber(random);
+        input.position_rejected = !input.p_DHip_mm.allFinite();
+      }
+      if (one_of(9000)) input.device = DeviceStatus::kStale;
+      if (one_of(9000)) input.device = DeviceStatus::kFault;
+      input.docked = one_of(9000);
+      input.calibrated = !one_of(9000);
+      input.suspended = one_of(9000);
+      if (one_of(9000)) input.buttons = static_cast<std::uint32_t>(random());
+      if (one_of(300)) input.command = ForceCommand::kEnable;
+      if (one_of(5000)) input.command = ForceCommand::kDisable;
+      if (one_of(5000)) input.command = ForceCommand::kStop;
+      if (one_of(400)) input.missed_ticks = random() % 30;
+      if (one_of(100'000)) input.missed_ticks = random();
+
+      const Vec3 force_n = safety.Step(input, kDtS);
+      ASSERT_TRUE(force_n.allFinite());
+      ASSERT_LE(force_n.norm(), 3.3 * (1 + 1e-12));
+      const bool gradual = (force_n - last_n).norm() <= 0.2 * (1 + 1e-9);
+      const ForceState state = safety.state();
+      const bool cut = safety.faulty() || state == ForceState::kStopped || input.suspended ||
+                       input.docked || !input.calibrated;
+      ASSERT_TRUE(cut ? force_n.isZero() : gradual) << n;
+      ASSERT_TRUE(std::isfinite(safety.limit_n()));
+      last_n = force_n;
+      felt += !force_n.isZero();
+      faults += state == ForceState::kFault;
+    }
+    EXPECT_GT(felt, 300'000);
+    EXPECT_GT(faults, 200);
+  }
+}
+
+TEST(Safety, GoesOnFromItsMemory) {
+  std::mt19937_64 random(3);
+  const SafetyLimits limits = LimitsFor(Hardware(), 0);
+  Safety one(limits), other(limits);
+  for (int n = 0; n < 20'000; ++n) {
+    SafetyInput input{.force_D_n = Vec3::Random() * 5.0, .p_DHip_mm = Vec3::Random()};
+    if (n % 1000 == 0) input.command = ForceCommand::kEnable;
+    if (random() % 3000 == 0) input.device = DeviceStatus::kFault;
+    input.missed_ticks = random() % 100 == 0;
+    const Vec3 force_n = one.Step(input, kDtS);
+    ASSERT_EQ(other.Step(input, kDtS), force_n);
+    if (n % 777 == 0) {
+      Safety fresh(limits);
+      fresh.Resume(one.memory());
+      other = fresh;
+    }
+  }
 }
 
 }  // namespace

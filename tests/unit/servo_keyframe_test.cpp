@@ -72,7 +72,7 @@ TEST(ServoKeyframe, GoesOnBitForBit) {
     if (n % static_cast<int>(kKeyframeTicks) == 0) {
       const ServoKeyframe keyframe = tick.Keyframe();
       EXPECT_EQ(keyframe.tick, static_cast<std::uint64_t>(n));
-      again = std::make_unique<TickComputation>(spec.max_force_n);
+      again = std::make_unique<TickComputation>(LimitsFor(spec, 0));
       ASSERT_TRUE(again->Resume(keyframe.view()));
       EXPECT_TRUE(again->Keyframe().view() == keyframe.view());
     }
@@ -107,7 +107,7 @@ TEST(ServoKeyframe, DamagedOnesDoNoHarm) {
     for (const int value : {0x02, 0x7f, 0xff}) {
       std::string bad = good;
       bad[at] = static_cast<char>(value);
-      auto computation = std::make_unique<TickComputation>(3.3);
+      auto computation = std::make_unique<TickComputation>(SafetyLimits{});
       if (!computation->Resume(bad)) {
         ++refused;
         EXPECT_EQ(computation->next_tick(), 0u);

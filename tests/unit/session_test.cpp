@@ -33,7 +33,7 @@ class SessionTest : public ::testing::Test {
     session_->Load({.source = "builtin:sphere:32"}, kQuiet, kNever);
     RealtimeOptions options;
     options.lock_memory = false;
-    servo_ = std::make_unique<ServoLoop>(*device_, inbox_, *outbox_, options);
+    servo_ = std::make_unique<ServoLoop>(*device_, inbox_, *outbox_, options, SafetyLimits{});
     pump_->Start();
     servo_->Start();
   }

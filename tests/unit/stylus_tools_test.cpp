@@ -451,7 +451,7 @@ TEST(Tools, TheServoGoesOnWhileTheToolsWork) {
   const Registration before = session.volume().registration;
   RealtimeOptions options;
   options.lock_memory = false;
-  ServoLoop servo(device, inbox, *outbox, options);
+  ServoLoop servo(device, inbox, *outbox, options, SafetyLimits{});
   tools->Start();
   pump.Start();
   servo.Start();

@@ -39,6 +39,7 @@ class FakeDevice final : public HapticDevice {
   static DeviceSpec OfForce(double max_force_n) {
     DeviceSpec spec;
     spec.max_force_n = max_force_n;
+    spec.verification_level = VerificationLevel::kSimulated;
     return spec;
   }
   DeviceSpec spec_ = OfForce(3.3);
@@ -163,12 +164,16 @@ TEST_F(SuspendedTest, BadPositionsAreFaultsAndTheLastGoodOneStays) {
 TEST_F(SuspendedTest, ADeviceThatFailsIsAFaultToo) {
   Clutch(true);
   Tick();
-  for (const DeviceStatus status : {DeviceStatus::kStale, DeviceStatus::kFault}) {
-    device_.status = status;
-    const TickSample sample = Tick();
-    EXPECT_EQ(sample.mode, TickMode::kFault);
-    EXPECT_EQ(ForceOf(sample), Vec3::Zero());
-  }
+  device_.status = DeviceStatus::kFault;
+  TickSample sample = Tick();
+  EXPECT_EQ(sample.mode, TickMode::kFault);
+  EXPECT_EQ(ForceOf(sample), Vec3::Zero());
+  // A late reading is none: forces are held, and come back by themselves.
+  device_.status = DeviceStatus::kStale;
+  sample = Tick();
+  EXPECT_EQ(sample.mode, TickMode::kSuspended);
+  EXPECT_EQ(sample.force_state, ForceState::kHeld);
+  EXPECT_EQ(ForceOf(sample), Vec3::Zero());
   device_.status = DeviceStatus::kOk;
   EXPECT_EQ(Tick().mode, TickMode::kSuspended);
 }
@@ -272,7 +277,7 @@ double GivenAfterResume(double stiffness_n_per_mm, double depth_mm, bool passivi
     const HapticOutput output = suspended ? SuspendRenderer(p, dt_s, *state)
                                           : StepRenderer(surface, settings, p, dt_s, *state);
     const Vec3 written_n =
-        suspended ? safety.CutOff() : safety.Limit(output.force_D_n, testing::kLoopTickS);
+        safety.Step({.force_D_n = output.force_D_n, .suspended = suspended}, testing::kLoopTickS);
     TellWrittenForce(written_n, *state);
     return written_n;
   };

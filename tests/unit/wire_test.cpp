@@ -157,7 +157,8 @@ TEST(StatusTest, EveryKindSurvivesTheWire) {
                {ErrorKind::kTooLarge, grpc::StatusCode::RESOURCE_EXHAUSTED},
                {ErrorKind::kConflict, grpc::StatusCode::ABORTED},
                {ErrorKind::kUnavailable, grpc::StatusCode::UNAVAILABLE},
-               {ErrorKind::kCancelled, grpc::StatusCode::CANCELLED}};
+               {ErrorKind::kCancelled, grpc::StatusCode::CANCELLED},
+               {ErrorKind::kFailedPrecondition, grpc::StatusCode::FAILED_PRECONDITION}};
   for (const auto& [kind, code] : kinds) {
     const grpc::Status status = ToStatus(Error(kind, "what to do"));
     EXPECT_EQ(status.error_code(), code);

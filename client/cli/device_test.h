@@ -1,0 +1,69 @@
+// `palpate device test`: what the ticks and the device's counts of a few seconds say
+// about it.
+//
+// Frame D (mm). Pure; one thread.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "client/cli/description.h"
+#include "palpate/v1/device.pb.h"
+#include "palpate/v1/pose.pb.h"
+
+namespace palpate::cli {
+
+struct DeviceTestFigures {
+  bool is_simulated = false;
+  double seconds = 0.0;  // of the haptic loop's time
+  std::uint64_t ticks = 0;
+  double ticks_per_s = 0.0;
+  std::uint64_t missed_ticks = 0;
+  std::uint64_t readings = 0;
+  double readings_per_s = 0.0;
+  std::uint64_t lost_readings = 0;
+  double lost_percent = 0.0;
+  std::uint64_t corrupt_frames = 0;
+  double corrupt_percent = 0.0;
+  std::uint64_t transfer_errors = 0;
+  // Of the samples that came, those with late readings, and with a fault.
+  std::uint64_t samples = 0;
+  std::uint64_t stale_ticks = 0;
+  std::uint64_t fault_ticks = 0;
+  std::array<double, 3> range_mm{};     // along each axis
+  std::array<double, 3> noise_mm{};     // standard deviation along each axis
+  bool rested = false;                  // the stylus, so that the noise is one
+  std::uint32_t buttons = 0;            // bit n: button n was seen pressed
+  v1::ForceStatus forces{};             // at the end
+  std::vector<std::string> failures{};  // empty: the device has passed
+};
+
+class DeviceTest {
+ public:
+  explicit DeviceTest(v1::GetDeviceResponse before) : before_(std::move(before)) {}
+
+  void Add(const v1::PoseSample& sample);
+  DeviceTestFigures Figures(const v1::GetDeviceResponse& after) const;
+
+ private:
+  // Of the positions less the first one, so that no digits are lost.
+  struct Axis {
+    double first_mm = 0.0;
+    double low_mm = 0.0;
+    double high_mm = 0.0;
+    double sum_mm = 0.0;
+    double sum_mm2 = 0.0;
+  };
+
+  v1::GetDeviceResponse before_;
+  DeviceTestFigures counts_;
+  std::array<Axis, 3> axes_{};
+};
+
+// Lines that end with \n.
+std::string Describe(const DeviceTestFigures& figures);
+Json ToJson(const DeviceTestFigures& figures);
+
+}  // namespace palpate::cli

@@ -1,0 +1,102 @@
+#include "server/app/device_monitor.h"
+
+#include <spdlog/spdlog.h>
+
+#include <chrono>
+#include <utility>
+
+#include "server/safety/names.h"
+
+namespace palpate {
+namespace {
+
+constexpr std::chrono::milliseconds kPeriod(20);
+constexpr std::uint64_t kPeriodsPerSecond = 50;
+// A device that flutters must not fill the log.
+constexpr int kChangesPerSecond = 10;
+constexpr std::int64_t kSecondNs = 1'000'000'000;
+
+void Say(const DeviceEvent& event) {
+  switch (event.level) {
+    case DeviceEvent::Level::kInfo:
+      return spdlog::info("{}", event.text);
+    case DeviceEvent::Level::kWarning:
+      return spdlog::warn("{}", event.text);
+    case DeviceEvent::Level::kError:
+      return spdlog::error("{}", event.text);
+  }
+}
+
+}  // namespace
+
+void DeviceMonitor::Start() {
+  thread_ = std::thread([this] { Run(); });
+}
+
+void DeviceMonitor::Stop() noexcept {
+  if (!thread_.joinable()) return;
+  {
+    const std::lock_guard lock(mutex_);
+    stop_ = true;
+  }
+  wake_.notify_one();
+  thread_.join();
+}
+
+void DeviceMonitor::OnSample(const TickSample& sample) {
+  if (sample.force_state == state_ && sample.force_reason == reason_) return;
+  state_ = sample.force_state;
+  reason_ = sample.force_reason;
+  const std::lock_guard lock(mutex_);
+  if (sample.time_ns - second_ns_ > kSecondNs) {
+    second_ns_ = sample.time_ns;
+    changes_of_second_ = 0;
+  }
+  if (++changes_of_second_ <= kChangesPerSecond) {
+    changes_.push_back({state_, reason_, sample.tick});
+  } else {
+    ++unsaid_changes_;
+  }
+}
+
+void DeviceMonitor::Run() {
+  std::unique_lock lock(mutex_);
+  while (!stop_) {
+    wake_.wait_for(lock, kPeriod, [this] { return stop_; });
+    lock.unlock();
+    Say();
+    lock.lock();
+  }
+  lock.unlock();
+  Say();
+}
+
+void DeviceMonitor::Say() {
+  while (const std::optional<DeviceEvent> event = device_.NextEvent()) palpate::Say(*event);
+  std::vector<Change> changes;
+  std::uint64_t unsaid = 0;
+  {
+    const std::lock_guard lock(mutex_);
+    changes.swap(changes_);
+    // Those of a second together.
+    if (++periods_ % kPeriodsPerSecond == 0 || stop_) unsaid = std::exchange(unsaid_changes_, 0);
+  }
+  for (const Change& change : changes) Say(change);
+  if (unsaid > 0) spdlog::warn("forces: {} more changes", unsaid);
+}
+
+void DeviceMonitor::Say(const Change& change) const {
+  const bool is_bad = change.state == ForceState::kFault || change.state == ForceState::kStopped;
+  const bool stays = change.state == ForceState::kStopped ||
+                     (change.state == ForceState::kFault && IsHardware(device_.spec()));
+  spdlog::log(
+      is_bad ? spdlog::level::warn : spdlog::level::info, "forces: {}{} at tick {}{}",
+      NameOf(change.state),
+      change.reason == ForceReason::kNone ? std::string()
+                                          : fmt::format(" ({})", NameOf(change.reason)),
+      change.tick,
+      stays ? fmt::format("; they stay off until `palpate device enable {}`", device_.spec().kind)
+            : std::string());
+}
+
+}  // namespace palpate

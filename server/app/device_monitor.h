@@ -1,0 +1,57 @@
+// Says in the log what the device and the safety stage do.
+//
+// Threads: OnSample on the pump thread, which it never holds up; the log is written on
+// a thread of its own.
+#pragma once
+
+#include <condition_variable>
+#include <mutex>
+#include <thread>
+#include <vector>
+
+#include "server/device/haptic_device.h"
+#include "server/session/pump.h"
+
+namespace palpate {
+
+class DeviceMonitor final : public SampleSink {
+ public:
+  // Borrows the device.
+  explicit DeviceMonitor(HapticDevice& device) : device_(device) {}
+  ~DeviceMonitor() override { Stop(); }
+
+  void Start();
+  // Says what is due.
+  void Stop() noexcept;
+
+  void OnSample(const TickSample& sample) override;
+
+ private:
+  struct Change {
+    ForceState state;
+    ForceReason reason;
+    std::uint64_t tick;
+    bool operator==(const Change&) const = default;
+  };
+
+  void Run();
+  void Say();
+  void Say(const Change& change) const;
+
+  HapticDevice& device_;
+  // The pump thread's; the state of a servo that has not ticked.
+  ForceState state_ = ForceState::kOff;
+  ForceReason reason_ = ForceReason::kOperator;
+  std::int64_t second_ns_ = 0;
+  int changes_of_second_ = 0;
+
+  std::mutex mutex_;  // guards what follows, briefly
+  std::condition_variable wake_;
+  std::vector<Change> changes_;
+  std::uint64_t unsaid_changes_ = 0;
+  std::uint64_t periods_ = 0;
+  bool stop_ = false;
+  std::thread thread_;
+};
+
+}  // namespace palpate

@@ -1,0 +1,164 @@
+#include "server/app/devices.h"
+
+#include <algorithm>
+
+#include "common/error/error.h"
+#include "server/device/explore_script.h"
+#include "server/device/falcon/falcon_protocol.h"
+#include "server/device/omni/omni_usb_protocol.h"
+#include "server/device/openhaptics/openhaptics_device.h"
+#include "server/device/press_script.h"
+#include "server/device/replay_device.h"
+#include "server/device/simulated_device.h"
+#include "server/device/usb/usb_device.h"
+#include "server/recording/recorded_path.h"
+
+namespace palpate {
+namespace {
+
+constexpr std::string_view kKinds = "simulated, replay, omni-usb, falcon or openhaptics";
+
+std::unique_ptr<HapticDevice> MakeSimulated(const DeviceConfig& config) {
+  constexpr std::uint64_t kSeed = 1;
+  const DeviceSpec spec = SimulatedDeviceSpec();
+  auto explore =
+      std::make_unique<ExploreScript>(spec.workspace_min_mm, spec.workspace_max_mm, kSeed);
+  return std::make_unique<SimulatedDevice>(std::make_unique<PressScript>(
+      std::move(explore), static_cast<std::uint32_t>(config.pressed_buttons)));
+}
+
+std::unique_ptr<HapticDevice> MakeReplay(const DeviceConfig& config) {
+  if (config.replay_file.empty()) {
+    throw Error(ErrorKind::kInvalidArgument,
+                "the device `replay` needs a recording: set [device] replay_file");
+  }
+  return std::make_unique<ReplayDevice>(ReadStylusPath(config.replay_file));
+}
+
+std::unique_ptr<UsbProtocol> MakeOmniUsb(const DeviceConfig& config) {
+  OmniUsbOptions options;
+  options.port = config.usb_port;
+  options.frames = config.framed_firewire ? OmniUsbFrames::kFramedFirewire : OmniUsbFrames::kNone;
+  options.state_command = config.state_command;
+  options.force_command = config.force_command;
+  if (!config.init_payload.empty()) {
+    auto& payload = options.init_payload.emplace();
+    if (config.init_payload.size() != payload.size()) {
+      throw Error(ErrorKind::kInvalidArgument,
+                  "[device] init_payload must have " + std::to_string(payload.size()) + " bytes");
+    }
+    std::copy(config.init_payload.begin(), config.init_payload.end(), payload.begin());
+  }
+  options.motor_counts_per_n_mm = config.motor_counts_per_n_mm;
+  return std::make_unique<OmniUsbProtocol>(options);
+}
+
+std::unique_ptr<UsbProtocol> MakeFalcon(const DeviceConfig& config) {
+  return std::make_unique<FalconProtocol>(
+      FalconOptions{.port = config.usb_port, .firmware_file = config.falcon_firmware});
+}
+
+OpenHapticsOptions OpenHapticsOptionsOf(const DeviceConfig& config) {
+  OpenHapticsOptions options;
+  if (!config.openhaptics_library.empty()) options.library = config.openhaptics_library;
+  options.device_name = config.openhaptics_name;
+  return options;
+}
+
+ListedDevice Listed(const DeviceSpec& spec) {
+  return {.kind = spec.kind,
+          .model = spec.model,
+          .usable = true,
+          .verification_level = spec.verification_level};
+}
+
+ListedDevice ListedReplay(const DeviceConfig& config) {
+  ListedDevice listed = Listed(ReplayDeviceSpec());
+  if (config.replay_file.empty()) {
+    listed.problem = "set [device] replay_file to a recording";
+  } else if (!std::filesystem::exists(config.replay_file)) {
+    listed.problem = config.replay_file + " is not there";
+  }
+  listed.usable = listed.problem.empty();
+  return listed;
+}
+
+ListedDevice ListedOpenHaptics(const DeviceConfig& config) {
+  ListedDevice listed = Listed(OpenHapticsDevice(OpenHapticsOptionsOf(config)).spec());
+  try {
+    const HdLibrary library(OpenHapticsOptionsOf(config).library);
+  } catch (const Error& error) {
+    listed.problem = error.what();
+    listed.usable = false;
+  }
+  return listed;
+}
+
+// One for each that is plugged in, or one that says that none is.
+template <class Problem>
+void AppendUsb(const DeviceSpec& spec, const std::vector<UsbMatch::Ids>& ids,
+               const Problem& problem_of, std::vector<ListedDevice>& devices) {
+  std::vector<UsbFound> found;
+  std::string none = "not found: plug it in and switch it on";
+  try {
+    found = FindUsbDevices(ids);
+  } catch (const UsbError& error) {
+    none = error.what();
+  }
+  ListedDevice listed = Listed(spec);
+  if (found.empty()) {
+    listed.usable = false;
+    listed.problem = none;
+    devices.push_back(listed);
+  }
+  for (const UsbFound& device : found) {
+    listed.port = device.port;
+    listed.problem = problem_of(device.ids);
+    if (!device.may_open) listed.problem = kUsbPermissionHint;
+    listed.usable = listed.problem.empty();
+    devices.push_back(listed);
+  }
+}
+
+}  // namespace
+
+std::unique_ptr<HapticDevice> MakeDevice(const DeviceConfig& config, int realtime_priority) {
+  if (config.kind == "simulated") return MakeSimulated(config);
+  if (config.kind == "replay") return MakeReplay(config);
+  if (config.kind == "omni-usb") {
+    return std::make_unique<UsbDevice>(MakeOmniUsb(config), realtime_priority);
+  }
+  if (config.kind == "falcon") {
+    return std::make_unique<UsbDevice>(MakeFalcon(config), realtime_priority);
+  }
+  if (config.kind == "openhaptics") {
+    return std::make_unique<OpenHapticsDevice>(OpenHapticsOptionsOf(config));
+  }
+  throw Error(ErrorKind::kInvalidArgument,
+              "unknown device " + config.kind + ": give " + std::string(kKinds));
+}
+
+std::vector<ListedDevice> ListDevices(const DeviceConfig& config) {
+  std::vector<ListedDevice> devices = {Listed(SimulatedDeviceSpec()), ListedReplay(config)};
+  AppendUsb(OmniUsbSpec(), OmniUsbIds(), OmniUsbProblem, devices);
+  const FalconProtocol falcon(FalconOptions{});
+  const auto none = [](const UsbMatch::Ids&) { return std::string(); };
+  AppendUsb(falcon.spec(), falcon.match().ids, none, devices);
+  devices.push_back(ListedOpenHaptics(config));
+  return devices;
+}
+
+std::uint32_t StopButtons(const DeviceConfig& config, const DeviceSpec& spec) {
+  if (config.stop_buttons) {
+    if (*config.stop_buttons >> spec.button_count != 0) {
+      throw Error(ErrorKind::kInvalidArgument, "[device] stop_buttons names a button that " +
+                                                   spec.kind + " has not: it has " +
+                                                   std::to_string(spec.button_count));
+    }
+    return *config.stop_buttons;
+  }
+  constexpr std::uint32_t kBoth = 3;
+  return IsHardware(spec) && spec.button_count >= 2 ? kBoth : 0;
+}
+
+}  // namespace palpate

@@ -1,0 +1,17 @@
+// The device's values -> messages of palpate.v1. Any thread.
+#pragma once
+
+#include "palpate/v1/device.pb.h"
+#include "server/device/haptic_device.h"
+#include "server/device/listed_device.h"
+#include "server/safety/safety.h"
+
+namespace palpate {
+
+v1::DeviceDescription ToProto(const DeviceSpec& spec);
+v1::DeviceHealth ToProto(const DeviceHealth& health);
+// Without in_use.
+v1::ListedDevice ToProto(const ListedDevice& device);
+v1::ForceStatus ToProto(ForceState state, ForceReason reason, double limit_n);
+
+}  // namespace palpate

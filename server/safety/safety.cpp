@@ -1,0 +1,178 @@
+#include "server/safety/safety.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace palpate {
+namespace {
+
+// Hardware's figures. The time in which the Omni's motors warm is not public. With 10 s
+// a push of 3.3 N from cold is shortened after 0.4 s, which errs on the cool side.
+constexpr double kRampInS = 0.5;
+constexpr double kThermalTimeS = 10.0;
+// Twice of what a hand does within a desk's workspace.
+constexpr double kMaxSpeedMmPerS = 2000.0;
+constexpr double kSpeedTimeS = 4e-3;
+// Missed ticks: one of twenty may be; 20 more in a row or almost ramp forces out, until
+// nearly none are left of them.
+constexpr double kMaxMissedTicks = 20.0;
+constexpr double kMissedPerTick = 0.05;
+constexpr double kFewMissedTicks = 1.0;
+
+// Shortened to `length` where it is longer. Scaled first: the norm of a huge
+// vector would overflow.
+Vec3 Clamp(const Vec3& v, double length) {
+  const double scale = v.cwiseAbs().maxCoeff();
+  if (!(scale > 0.0)) return Vec3::Zero();
+  const Vec3 unit = v / scale;
+  const double norm = unit.norm();
+  return norm * scale > length ? Vec3(unit * (length / norm)) : v;
+}
+
+}  // namespace
+
+SafetyLimits LimitsFor(const DeviceSpec& spec, std::uint32_t stop_buttons) {
+  SafetyLimits limits{.max_force_n = spec.max_force_n, .stop_buttons = stop_buttons};
+  if (!IsHardware(spec)) return limits;
+  limits.ramp_in_s = kRampInS;
+  limits.continuous_force_n = spec.continuous_force_n;
+  limits.thermal_time_s = kThermalTimeS;
+  limits.max_speed_mm_per_s = kMaxSpeedMmPerS;
+  limits.max_missed_ticks = kMaxMissedTicks;
+  limits.faults_stay = true;
+  limits.starts_on = false;
+  return limits;
+}
+
+int RampOutTicks(const SafetyLimits& limits, double dt_s) {
+  // A little less than a tick more: the last step may be a rounding error long.
+  return static_cast<int>(std::ceil(limits.max_force_n / (limits.max_slew_n_per_s * dt_s) + 1e-6));
+}
+
+Safety::Safety(const SafetyLimits& limits) : limits_(limits) {
+  if (limits.starts_on) Enter(ForceState::kRampIn, ForceReason::kNone);
+}
+
+Vec3 Safety::Step(const SafetyInput& input, double dt_s) noexcept {
+  const double elapsed_s = dt_s * (1.0 + static_cast<double>(input.missed_ticks));
+  Follow(input, elapsed_s);
+  const ForceReason fault = FaultOf(input);
+  Obey(input);
+  Change(fault, HoldOf(input));
+  faulty_ = fault != ForceReason::kNone || memory_.state == ForceState::kFault;
+
+  const bool cut = faulty_ || memory_.state == ForceState::kStopped || input.suspended ||
+                   input.docked || !input.calibrated;
+  if (cut) {
+    memory_.last_D_n.setZero();
+  } else {
+    memory_.last_D_n +=
+        Clamp(Wanted(input, dt_s) - memory_.last_D_n, limits_.max_slew_n_per_s * dt_s);
+  }
+  if (limits_.thermal_time_s > 0.0) {
+    memory_.heat_n2 += (memory_.last_D_n.squaredNorm() - memory_.heat_n2) *
+                       (1.0 - std::exp(-elapsed_s / limits_.thermal_time_s));
+  }
+  return memory_.last_D_n;
+}
+
+double Safety::limit_n() const noexcept {
+  const double full_n = limits_.max_force_n;
+  const double continuous_n = limits_.continuous_force_n;
+  if (!(continuous_n > 0.0) || continuous_n >= full_n) return full_n;
+  // Where the heat is that of the continuous force, so is the limit: it cannot rise
+  // above. Half of it is free, so that short strokes have all of the force.
+  const double heat = memory_.heat_n2 / (continuous_n * continuous_n);
+  return full_n - (full_n - continuous_n) * std::clamp(2.0 * heat - 1.0, 0.0, 1.0);
+}
+
+// Speed and missed ticks so far.
+void Safety::Follow(const SafetyInput& input, double elapsed_s) noexcept {
+  memory_.missed_ticks =
+      std::clamp(memory_.missed_ticks + static_cast<double>(input.missed_ticks) - kMissedPerTick,
+                 0.0, 2.0 * kMaxMissedTicks);
+  memory_.hip_age_s += elapsed_s;
+  if (input.device == DeviceStatus::kFault) memory_.has_hip = false;
+  if (input.device != DeviceStatus::kOk || input.position_rejected) return;
+  // After an absurd reading: its tick has been a fault.
+  if (!memory_.velocity_mm_per_s.allFinite()) memory_.velocity_mm_per_s.setZero();
+  // Where it was before it was calibrated is nowhere.
+  const bool known = memory_.has_hip && input.calibrated;
+  const Vec3 velocity_mm_per_s =
+      known ? Vec3((input.p_DHip_mm - memory_.p_DHip_mm) / memory_.hip_age_s) : Vec3::Zero();
+  const double share = memory_.hip_age_s / (memory_.hip_age_s + kSpeedTimeS);
+  memory_.velocity_mm_per_s += share * (velocity_mm_per_s - memory_.velocity_mm_per_s);
+  if (!known) memory_.velocity_mm_per_s.setZero();
+  memory_.p_DHip_mm = input.p_DHip_mm;
+  memory_.has_hip = input.calibrated;
+  memory_.hip_age_s = 0.0;
+}
+
+ForceReason Safety::FaultOf(const SafetyInput& input) const noexcept {
+  if (input.device == DeviceStatus::kFault) return ForceReason::kDevice;
+  if (input.position_rejected) return ForceReason::kPosition;
+  if (!input.force_D_n.allFinite()) return ForceReason::kForce;
+  // Written so that what is no number is too fast.
+  // A quick hand is no fault while there are no forces.
+  const double limit = limits_.max_speed_mm_per_s;
+  const bool has_forces =
+      memory_.state != ForceState::kOff && memory_.state != ForceState::kStopped;
+  if (has_forces && limit > 0.0 && !(memory_.velocity_mm_per_s.norm() <= limit))
+    return ForceReason::kSpeed;
+  return ForceReason::kNone;
+}
+
+ForceReason Safety::HoldOf(const SafetyInput& input) const noexcept {
+  if (input.docked) return ForceReason::kDocked;
+  if (!input.calibrated) return ForceReason::kUncalibrated;
+  if (input.device == DeviceStatus::kStale) return ForceReason::kStale;
+  const bool is_held = memory_.reason == ForceReason::kDeadlines;
+  const double most = is_held ? kFewMissedTicks : limits_.max_missed_ticks;
+  if (limits_.max_missed_ticks > 0.0 && memory_.missed_ticks > most) return ForceReason::kDeadlines;
+  return ForceReason::kNone;
+}
+
+void Safety::Obey(const SafetyInput& input) noexcept {
+  if (input.command == ForceCommand::kDisable) Enter(ForceState::kOff, ForceReason::kOperator);
+  if (input.command == ForceCommand::kEnable &&
+      (memory_.state == ForceState::kOff || memory_.state == ForceState::kFault ||
+       memory_.state == ForceState::kStopped)) {
+    Enter(ForceState::kRampIn, ForceReason::kNone);
+  }
+  if (input.command == ForceCommand::kStop) Enter(ForceState::kStopped, ForceReason::kStopCall);
+  const bool buttons =
+      limits_.stop_buttons != 0 && (input.buttons & limits_.stop_buttons) == limits_.stop_buttons;
+  if (buttons) Enter(ForceState::kStopped, ForceReason::kStopButton);
+}
+
+void Safety::Enter(ForceState state, ForceReason reason) noexcept {
+  if (state == ForceState::kRampIn) memory_.ramp_s = 0.0;
+  memory_.state = state;
+  memory_.reason = reason;
+}
+
+// Where the device's and the hand's condition leads.
+void Safety::Change(ForceReason fault, ForceReason hold) noexcept {
+  if (memory_.state == ForceState::kOff || memory_.state == ForceState::kStopped) return;
+  if (fault != ForceReason::kNone) return Enter(ForceState::kFault, fault);
+  if (memory_.state == ForceState::kFault) {
+    if (limits_.faults_stay) return;
+    Enter(ForceState::kRampIn, ForceReason::kNone);
+  }
+  if (hold != ForceReason::kNone) return Enter(ForceState::kHeld, hold);
+  if (memory_.state == ForceState::kHeld) Enter(ForceState::kRampIn, ForceReason::kNone);
+  if (memory_.state == ForceState::kRampIn && memory_.ramp_s >= limits_.ramp_in_s) {
+    Enter(ForceState::kOn, ForceReason::kNone);
+  }
+}
+
+// What the force is to become.
+Vec3 Safety::Wanted(const SafetyInput& input, double dt_s) noexcept {
+  if (memory_.state == ForceState::kOn) return Clamp(input.force_D_n, limit_n());
+  if (memory_.state != ForceState::kRampIn) return Vec3::Zero();
+  memory_.ramp_s += dt_s;
+  const double share = std::min(memory_.ramp_s / limits_.ramp_in_s, 1.0);
+  return Clamp(input.force_D_n, share * limit_n());
+}
+
+}  // namespace palpate

@@ -1,0 +1,155 @@
+// The last stage before the device: whatever was computed, the force on the hand is
+// finite, within what the device bears, gradual, and there only when it may be.
+//
+// What a force goes through, in this order:
+//
+//   computed force
+//     -> finite?          no: zero at once, a fault
+//     -> norm clamp       to the device's greatest force
+//     -> thermal limit    from the greatest force towards the continuous one
+//     -> slew limit       and the ramp-in after forces were enabled
+//     -> speed            faster than a hand: zero at once, a fault
+//     -> docked, uncalibrated: off
+//     -> stale readings, missed deadlines: ramped to zero
+//   (-> zero frames before the device is let go: the device's Stop)
+//
+// Its states:
+//
+//            enable                     ramp ended
+//     kOff ----------> kRampIn ----------------------------> kOn
+//      ^ disable        | ^ nothing is missing any more       |
+//      | (from any)     v |                                   |
+//      |               kHeld <--------------------------------+  docked, uncalibrated,
+//      |                |  \                                  |  stale, deadlines
+//      |                v   \                                 |
+//      +------------- kFault <--------------------------------+  device, position, force,
+//      |                | enable, and the fault has passed    |  speed
+//      |                | (a simulated device: by itself)     |
+//      |                +-----------> kRampIn                 |
+//      |                                                      |
+//      +------------ kStopped <-------------------------------+  stop: from any state
+//                       | enable -> kRampIn
+//
+// The thermal limit stands before the slew limit, so that a limit which falls is gradual
+// on the hand, too.
+//
+// kOff, kHeld: the force falls to zero by the slew limit, in RampOutTicks at most; a
+// docked or uncalibrated stylus has zero force in the same tick. kFault, kStopped:
+// zero in the same tick. From kOff nothing but enable and stop leads on: where there
+// is no force there is no fault of forces.
+//
+// Frame: D (mm, N). Threads: one. Real-time: no allocation, no locks; every function
+// is bounded. Same inputs, same bits out.
+#pragma once
+
+#include <cstdint>
+
+#include "common/geometry/geometry.h"
+#include "server/device/haptic_device.h"
+
+namespace palpate {
+
+enum class ForceState : std::uint8_t { kOff, kRampIn, kOn, kHeld, kFault, kStopped };
+
+enum class ForceReason : std::uint8_t {
+  kNone,
+  kOperator,
+  kDocked,
+  kUncalibrated,
+  kStale,
+  kDeadlines,
+  kDevice,
+  kPosition,
+  kForce,
+  kSpeed,
+  kStopCall,
+  kStopButton,
+};
+
+// What the operator says.
+enum class ForceCommand : std::uint8_t { kNone, kEnable, kDisable, kStop };
+
+struct SafetyLimits {
+  double max_force_n = 3.3;
+  // 0.2 N per ms: a stroke at 10 cm/s and 0.5 N/mm needs 0.05.
+  double max_slew_n_per_s = 200.0;
+  // What follows protects motors and hands: off (0, false) for a simulated device.
+  double ramp_in_s = 0.0;
+  double continuous_force_n = 0.0;  // 0: no thermal limit
+  double thermal_time_s = 0.0;      // in which motors warm and cool
+  double max_speed_mm_per_s = 0.0;  // 0: none
+  double max_missed_ticks = 0.0;    // beyond one of twenty; 0: any number
+  bool faults_stay = false;         // until forces are enabled again
+  bool starts_on = true;            // without being enabled
+  std::uint32_t stop_buttons = 0;   // held together: stop; 0: none
+
+  bool operator==(const SafetyLimits&) const = default;
+};
+
+// Those of a device: with motors, all of them.
+// stop_buttons: as in SafetyLimits.
+SafetyLimits LimitsFor(const DeviceSpec& spec, std::uint32_t stop_buttons);
+
+// Ticks in which any force falls to zero by the slew limit.
+int RampOutTicks(const SafetyLimits& limits, double dt_s);
+
+// What one tick brings.
+struct SafetyInput {
+  Vec3 force_D_n = Vec3::Zero();
+  Vec3 p_DHip_mm = Vec3::Zero();
+  DeviceStatus device = DeviceStatus::kOk;
+  bool docked = false;
+  bool calibrated = true;
+  bool position_rejected = false;
+  bool suspended = false;  // nothing is to be felt now: zero at once, and no fault
+  std::uint32_t buttons = 0;
+  ForceCommand command = ForceCommand::kNone;
+  std::uint64_t missed_ticks = 0;  // since the last one
+};
+
+// All that the next tick depends on.
+struct SafetyMemory {
+  ForceState state = ForceState::kOff;
+  ForceReason reason = ForceReason::kOperator;
+  Vec3 last_D_n = Vec3::Zero();
+  double ramp_s = 0.0;   // since the ramp-in began
+  double heat_n2 = 0.0;  // low-passed square of the force
+  bool has_hip = false;
+  Vec3 p_DHip_mm = Vec3::Zero();
+  double hip_age_s = 0.0;
+  Vec3 velocity_mm_per_s = Vec3::Zero();  // low-passed
+  double missed_ticks = 0.0;              // beyond one of twenty
+};
+
+class Safety {
+ public:
+  explicit Safety(const SafetyLimits& limits);
+
+  // Force to write. dt_s: period of the loop.
+  Vec3 Step(const SafetyInput& input, double dt_s) noexcept;
+
+  ForceState state() const { return memory_.state; }
+  ForceReason reason() const { return memory_.reason; }
+  // The last tick had a fault, or one stays.
+  bool faulty() const { return faulty_; }
+  // What the motors' warmth leaves of the greatest force.
+  double limit_n() const noexcept;
+
+  const SafetyMemory& memory() const { return memory_; }
+  void Resume(const SafetyMemory& memory) noexcept { memory_ = memory; }
+
+ private:
+  void Follow(const SafetyInput& input, double elapsed_s) noexcept;
+  ForceReason FaultOf(const SafetyInput& input) const noexcept;
+  ForceReason HoldOf(const SafetyInput& input) const noexcept;
+  void Obey(const SafetyInput& input) noexcept;
+  void Enter(ForceState state, ForceReason reason) noexcept;
+  void Change(ForceReason fault, ForceReason hold) noexcept;
+  Vec3 Wanted(const SafetyInput& input, double dt_s) noexcept;
+
+  SafetyLimits limits_;
+  SafetyMemory memory_;
+  bool faulty_ = false;
+};
+
+}  // namespace palpate

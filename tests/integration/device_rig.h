@@ -1,0 +1,155 @@
+// A real palpated with emulated USB devices, and the questions that tests ask of both.
+//
+// Declare emulated devices before the rig: its bus must go first.
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <fstream>
+#include <functional>
+#include <string>
+#include <thread>
+
+#include "tests/support/daemon.h"
+#include "tests/support/temporary_folder.h"
+#include "tests/support/touch_emulator.h"
+#include "tests/support/usb_testbed.h"
+
+namespace palpate::test {
+
+// `[device]` lines for the emulated Touch. The gains are as good as any: no real ones
+// are public.
+inline const std::string kTouchConfig =
+    "kind = \"omni-usb\"\nframes = \"framed-firewire\"\n"
+    "state_command = 0x21\nforce_command = 0x22\n"
+    "init_payload = [0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, "
+    "0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, "
+    "0]\n"
+    "motor_counts_per_n_mm = [4.0, 4.0, 4.0]\n";
+
+inline bool Contains(const std::string& text, const std::string& part) {
+  return text.find(part) != std::string::npos;
+}
+
+// Waits for seconds; a busy machine is slow.
+inline bool Eventually(const std::function<bool()>& condition) {
+  for (int n = 0; n < 1500; ++n) {
+    if (condition()) return true;
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  }
+  return false;
+}
+
+// From the place of rest to below the sphere within a second, then up into it and back
+// once a second, for ever. The sphere's radius is 22 mm: 5 mm of depth.
+inline Vec3 PressFromBelow(double time_s) {
+  const Vec3 rest_mm(0.0, -110.0, -35.0), below_mm(0.0, -36.0, 0.0);
+  if (time_s < 1.0) return rest_mm + time_s * (below_mm - rest_mm);
+  const double depth_mm = 9.5 * (1.0 - std::cos(2.0 * M_PI * (time_s - 1.0)));
+  return below_mm + Vec3(0.0, depth_mm, 0.0);
+}
+
+class DeviceRig {
+ public:
+  static constexpr auto kStreaming = v1::DEVICE_CONNECTION_STREAMING;
+  static constexpr auto kAbsent = v1::DEVICE_CONNECTION_ABSENT;
+
+  DeviceRig() = default;
+  ~DeviceRig() {
+    if (daemon_) End();
+  }
+  DeviceRig(const DeviceRig&) = delete;
+  DeviceRig& operator=(const DeviceRig&) = delete;
+
+  UsbTestbed& bus() { return bus_; }
+  Daemon& daemon() { return *daemon_; }
+
+  // device: lines of the configuration's `[device]`.
+  void Start(const std::string& device, bool bound_by_modes = false) {
+    const std::filesystem::path file = folder_.path() / "device.toml";
+    std::ofstream(file) << "[device]\n" << device;
+    daemon_ = std::make_unique<Daemon>(
+        PALPATED,
+        std::vector<std::string>{"--volume", "builtin:sphere:32", "--config", file.string()},
+        bus_.wrapper(bound_by_modes));
+  }
+
+  v1::GetDeviceResponse Get() {
+    grpc::ClientContext context;
+    v1::GetDeviceResponse response;
+    const grpc::Status status = daemon_->device->GetDevice(&context, {}, &response);
+    if (!status.ok()) throw std::runtime_error(status.error_message());
+    return response;
+  }
+  v1::DeviceHealth Health() { return Get().health(); }
+  v1::ForceStatus Forces() { return Get().forces(); }
+
+  grpc::Status Enable(const std::string& name) {
+    grpc::ClientContext context;
+    v1::EnableForcesRequest request;
+    request.set_device(name);
+    v1::EnableForcesResponse response;
+    return daemon_->device->EnableForces(&context, request, &response);
+  }
+  grpc::Status Disable() {
+    grpc::ClientContext context;
+    v1::DisableForcesResponse response;
+    return daemon_->device->DisableForces(&context, {}, &response);
+  }
+  grpc::Status StopForces() {
+    grpc::ClientContext context;
+    v1::StopForcesResponse response;
+    return daemon_->device->StopForces(&context, {}, &response);
+  }
+
+  bool WaitForConnection(v1::DeviceConnection connection) {
+    return Eventually([&] { return Health().connection() == connection; });
+  }
+  bool WaitForForces(v1::ForceState state) {
+    return Eventually([&] { return Forces().state() == state; });
+  }
+  bool WaitForLog(const std::string& text) { return daemon_->process().WaitFor(text); }
+  // Ends the daemon in order; returns its log.
+  std::string End() {
+    const ProcessResult result = daemon_->End();
+    daemon_.reset();
+    EXPECT_EQ(result.exit_code, 0) << result.error;
+    return result.error;
+  }
+
+ private:
+  TemporaryFolder folder_;
+  UsbTestbed bus_;
+  std::unique_ptr<Daemon> daemon_;
+};
+
+// A Touch whose stylus has left its holder and presses into the sphere.
+inline void Undock(TouchEmulator& touch) {
+  touch.SetDocked(false);
+  touch.SetPath(PressFromBelow);
+}
+
+// A docked Touch on port 1-2, and a daemon that reads it.
+inline bool StartDocked(DeviceRig& rig, TouchEmulator& touch) {
+  touch.SetDocked(true);
+  rig.bus().Plug("1-2", touch);
+  rig.Start(kTouchConfig);
+  return rig.WaitForConnection(DeviceRig::kStreaming) &&
+         Eventually([&] { return rig.Health().calibrated(); });
+}
+
+inline std::size_t CountForces(const TouchEmulator& touch) {
+  std::size_t count = 0;
+  for (const TouchForce& force : touch.Forces()) {
+    if (!force.IsZero()) ++count;
+  }
+  return count;
+}
+
+inline bool WaitForForce(const TouchEmulator& touch) {
+  const std::size_t before = CountForces(touch);
+  return Eventually([&] { return CountForces(touch) > before + 20; });
+}
+
+}  // namespace palpate::test

@@ -1,0 +1,203 @@
+// A real daemon with an emulated Touch on USB: finding, setting up, streaming, letting
+// go. The emulated servo frames are an assumption (tests/support/touch_emulator.h).
+#include <gtest/gtest.h>
+
+#include "tests/integration/device_rig.h"
+
+namespace palpate::test {
+namespace {
+
+using Kind = UsbEvent::Kind;
+
+TEST(UsbDevice, IsFoundClaimedAndIdentified) {
+  TouchEmulator touch;
+  DeviceRig rig;
+  ASSERT_TRUE(StartDocked(rig, touch));
+  EXPECT_TRUE(rig.WaitForLog("omni-usb on USB port 1-2: connected, serial EMULATED0001, firmware"));
+  const v1::GetDeviceResponse device = rig.Get();
+  EXPECT_EQ(device.device().kind(), "omni-usb");
+  EXPECT_EQ(device.device().verification_level(), v1::VERIFICATION_LEVEL_NONE);
+  EXPECT_TRUE(Contains(device.health().identity(), "EMULATED0001"));
+  EXPECT_EQ(device.health().problem(), "");
+  EXPECT_EQ(device.health().connections(), 1u);
+  EXPECT_TRUE(device.health().docked());
+  EXPECT_EQ(touch.CountOf(Kind::kDetachDriver), 1u);
+  EXPECT_EQ(touch.CountOf(Kind::kClaim), 2u);
+  EXPECT_TRUE(touch.is_streaming());
+  EXPECT_TRUE(rig.WaitForLog("forces are off until `palpate device enable omni-usb`"));
+}
+
+TEST(UsbDevice, ExchangesStatesAndForcesNearOneKilohertz) {
+  TouchEmulator touch;
+  DeviceRig rig;
+  ASSERT_TRUE(StartDocked(rig, touch));
+  Undock(touch);
+  const v1::DeviceHealth before = rig.Health();
+  const std::uint64_t sent_before = touch.states_sent();
+  PoseCollector collector(rig.daemon());
+  std::this_thread::sleep_for(std::chrono::seconds(10));
+  const v1::DeviceHealth after = rig.Health();
+  const auto sent = static_cast<double>(touch.states_sent() - sent_before);
+  const auto readings = static_cast<double>(after.readings() - before.readings());
+  const auto lost = static_cast<double>(after.lost_readings() - before.lost_readings());
+  const auto forces = static_cast<double>(after.forces_written() - before.forces_written());
+  RecordProperty("sent", static_cast<int>(sent));
+  RecordProperty("readings", static_cast<int>(readings));
+  RecordProperty("forces", static_cast<int>(forces));
+  EXPECT_GT(sent, 9000.0);
+  EXPECT_GT(readings, 0.9 * sent);
+  EXPECT_NEAR(readings + lost, sent, 50.0);  // none is lost unseen
+  EXPECT_GT(forces, 0.8 * sent);
+  EXPECT_LT(forces, 1.2 * sent);
+  EXPECT_EQ(after.connections(), 1u);
+  EXPECT_EQ(after.corrupt_frames(), before.corrupt_frames());
+  // The servo saw the stylus go where it went.
+  double lowest_mm = 0.0, highest_mm = -200.0;
+  for (const v1::PoseSample& sample : collector.Stop()) {
+    lowest_mm = std::min(lowest_mm, sample.hip_mm().y());
+    highest_mm = std::max(highest_mm, sample.hip_mm().y());
+  }
+  EXPECT_NEAR(lowest_mm, -110.0, 12.0);
+  EXPECT_NEAR(highest_mm, -17.0, 1.0);
+}
+
+TEST(UsbDevice, ForcesAreOffUntilEnabledByName) {
+  TouchEmulator touch;
+  DeviceRig rig;
+  ASSERT_TRUE(StartDocked(rig, touch));
+  Undock(touch);
+  std::this_thread::sleep_for(std::chrono::seconds(3));
+  for (const std::string name : {"", "simulated", "falcon", "Omni-USB"}) {
+    EXPECT_EQ(rig.Enable(name).error_code(), grpc::StatusCode::INVALID_ARGUMENT) << name;
+  }
+  std::this_thread::sleep_for(std::chrono::milliseconds(500));
+  const std::vector<TouchForce> forces = touch.Forces();
+  EXPECT_GT(forces.size(), 1000u);
+  for (const TouchForce& force : forces) ASSERT_TRUE(force.IsZero());
+  EXPECT_EQ(rig.Forces().state(), v1::FORCE_STATE_OFF);
+  EXPECT_EQ(rig.Forces().reason(), v1::FORCE_REASON_OPERATOR);
+
+  const grpc::Status enabled = rig.Enable("omni-usb");
+  ASSERT_TRUE(enabled.ok()) << enabled.error_message();
+  EXPECT_TRUE(rig.WaitForForces(v1::FORCE_STATE_ON));
+  EXPECT_TRUE(WaitForForce(touch));
+  EXPECT_TRUE(rig.WaitForLog("forces: on"));
+
+  ASSERT_TRUE(rig.Disable().ok());
+  EXPECT_TRUE(rig.WaitForForces(v1::FORCE_STATE_OFF));
+  std::this_thread::sleep_for(std::chrono::milliseconds(200));  // ramped out
+  const std::size_t before = CountForces(touch);
+  std::this_thread::sleep_for(std::chrono::seconds(2));
+  EXPECT_EQ(CountForces(touch), before);
+}
+
+TEST(UsbDevice, IsLetGoOfInOrder) {
+  TouchEmulator touch;
+  DeviceRig rig;
+  ASSERT_TRUE(StartDocked(rig, touch));
+  Undock(touch);
+  ASSERT_TRUE(rig.Enable("omni-usb").ok());
+  ASSERT_TRUE(WaitForForce(touch));
+  EXPECT_TRUE(Contains(rig.End(), "ended after"));
+  // Zero force, the servo off, then the interfaces and the kernel's driver.
+  ASSERT_TRUE(Eventually([&] { return touch.CountOf(Kind::kClose) > 0; }));
+  EXPECT_FALSE(touch.is_streaming());
+  EXPECT_TRUE(touch.Forces().back().IsZero());
+  EXPECT_FALSE(touch.Forces().back().enabled);
+  const std::vector<UsbEvent> events = touch.Events();
+  std::vector<Kind> last;
+  for (auto event = events.rbegin(); event->kind != Kind::kOut; ++event) {
+    last.insert(last.begin(), event->kind);
+  }
+  EXPECT_EQ(touch.Commands().back(), 0x07);
+  EXPECT_EQ(std::count(last.begin(), last.end(), Kind::kRelease), 2);
+  EXPECT_EQ(std::count(last.begin(), last.end(), Kind::kAttachDriver), 1);
+  EXPECT_EQ(last.back(), Kind::kClose);
+}
+
+TEST(UsbDevice, MayBePluggedInLater) {
+  TouchEmulator touch;
+  DeviceRig rig;
+  rig.Start(kTouchConfig);
+  EXPECT_TRUE(rig.WaitForLog("omni-usb: not found"));
+  EXPECT_EQ(rig.Health().connection(), DeviceRig::kAbsent);
+  EXPECT_TRUE(Contains(rig.Health().problem(), "plug it in")) << rig.Health().problem();
+  // There is nothing that forces could be enabled for.
+  EXPECT_EQ(rig.Enable("omni-usb").error_code(), grpc::StatusCode::FAILED_PRECONDITION);
+  rig.bus().Plug("1-2", touch);
+  EXPECT_TRUE(rig.WaitForConnection(DeviceRig::kStreaming));
+  // Its encoders count from the holder, where it was not seen.
+  EXPECT_FALSE(rig.Health().calibrated());
+  EXPECT_TRUE(Contains(rig.Health().problem(), "holder")) << rig.Health().problem();
+  touch.SetDocked(true);
+  EXPECT_TRUE(Eventually([&] { return rig.Health().calibrated(); }));
+  EXPECT_EQ(rig.Health().problem(), "");
+}
+
+TEST(UsbDevice, OfTwoOneMustBeNamed) {
+  TouchEmulator first, second;
+  DeviceRig rig;
+  rig.bus().Plug("1-2", first);
+  rig.bus().Plug("1-3", second);
+  rig.Start(kTouchConfig);
+  EXPECT_TRUE(rig.WaitForLog("several are plugged in, on USB ports 1-2, 1-3"));
+  std::this_thread::sleep_for(std::chrono::seconds(1));
+  EXPECT_EQ(rig.Health().connection(), DeviceRig::kAbsent);
+  EXPECT_TRUE(Contains(rig.Health().problem(), "set [device] usb_port")) << rig.Health().problem();
+  EXPECT_TRUE(first.Events().empty());
+  EXPECT_TRUE(second.Events().empty());
+}
+
+TEST(UsbDevice, IsChosenByItsPort) {
+  TouchEmulator first, second;
+  DeviceRig rig;
+  rig.bus().Plug("1-2", first);
+  rig.bus().Plug("1-3", second);
+  rig.Start(kTouchConfig + "usb_port = \"1-3\"\n");
+  EXPECT_TRUE(rig.WaitForConnection(DeviceRig::kStreaming));
+  EXPECT_TRUE(rig.WaitForLog("omni-usb on USB port 1-3: connected"));
+  EXPECT_TRUE(first.Events().empty());
+  EXPECT_TRUE(second.is_streaming());
+}
+
+TEST(UsbDevice, WithoutPermissionItSaysWhatToDo) {
+  TouchEmulator touch;
+  DeviceRig rig;
+  rig.bus().Plug("1-2", touch, false);
+  rig.Start(kTouchConfig, true);
+  EXPECT_TRUE(rig.WaitForLog("omni-usb: found on USB port 1-2: "));
+  const v1::DeviceHealth health = rig.Health();
+  EXPECT_EQ(health.connection(), DeviceRig::kAbsent);
+  EXPECT_TRUE(Contains(health.problem(), "udev")) << health.problem();
+  EXPECT_TRUE(touch.Events().empty());
+}
+
+TEST(UsbDevice, HeldByAnotherProgramItSaysSo) {
+  TouchEmulator touch;
+  touch.SetFaults({.busy = true});
+  DeviceRig rig;
+  rig.bus().Plug("1-2", touch);
+  rig.Start(kTouchConfig);
+  EXPECT_TRUE(rig.WaitForLog("another program uses the device"));
+  EXPECT_EQ(rig.Health().connection(), DeviceRig::kAbsent);
+  touch.SetFaults({});
+  EXPECT_TRUE(rig.WaitForConnection(DeviceRig::kStreaming));
+}
+
+TEST(UsbDevice, WithoutNamedFramesItIsOnlyIdentified) {
+  TouchEmulator touch;
+  DeviceRig rig;
+  rig.bus().Plug("1-2", touch);
+  rig.Start("kind = \"omni-usb\"\n");
+  EXPECT_TRUE(rig.WaitForLog("its servo frames over USB are not public"));
+  EXPECT_NE(rig.Health().connection(), DeviceRig::kStreaming);
+  EXPECT_TRUE(Contains(rig.Health().problem(), "EMULATED0001")) << rig.Health().problem();
+  // Asked who it is, and nothing else.
+  for (const std::uint8_t command : touch.Commands()) {
+    EXPECT_TRUE(command == 0x0f || command == 0x0c) << int{command};
+  }
+  EXPECT_TRUE(touch.Forces().empty());
+}
+
+}  // namespace
+}  // namespace palpate::test

@@ -1,0 +1,387 @@
+// `palpate device`: wording, tables, the judge of the device's test, and the program
+// against a palpated with canned answers.
+#include <gtest/gtest.h>
+#include <stdlib.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <set>
+
+#include "client/cli/device_description.h"
+#include "client/cli/device_test.h"
+#include "client/cli/watch_view.h"
+#include "common/wire/force_words.h"
+#include "tests/support/process.h"
+#include "tests/support/temporary_folder.h"
+#include "tests/unit/cli_fake_daemon.h"
+
+namespace palpate::cli {
+namespace {
+
+bool Has(const std::string& text, const std::string& part) {
+  return text.find(part) != std::string::npos;
+}
+
+// Of an enum of the wire, but UNSPECIFIED.
+template <typename Enum>
+std::vector<Enum> AllOf(const google::protobuf::EnumDescriptor* descriptor) {
+  std::vector<Enum> values;
+  for (int n = 1; n < descriptor->value_count(); ++n) {
+    values.push_back(static_cast<Enum>(descriptor->value(n)->number()));
+  }
+  return values;
+}
+
+TEST(DeviceWords, EveryReasonHasWordsOfItsOwnOnOneLine) {
+  std::set<std::string> words;
+  for (const auto reason : AllOf<v1::ForceReason>(v1::ForceReason_descriptor())) {
+    const std::string text = palpate::InWords(reason);
+    EXPECT_EQ(text.empty(), reason == v1::FORCE_REASON_NONE) << v1::ForceReason_Name(reason);
+    EXPECT_FALSE(Has(text, "\n"));
+    EXPECT_TRUE(words.insert(text).second) << text;
+    EXPECT_TRUE(words.insert(palpate::NameOf(reason)).second);
+  }
+  for (const auto state : AllOf<v1::ForceState>(v1::ForceState_descriptor())) {
+    EXPECT_TRUE(words.insert("state " + palpate::NameOf(state)).second);
+  }
+  EXPECT_EQ(palpate::NameOf(v1::FORCE_STATE_RAMP_IN), "ramp_in");
+  EXPECT_EQ(palpate::NameOf(v1::FORCE_REASON_STOP_CALL), "stop_call");
+  // Of a newer daemon.
+  EXPECT_EQ(palpate::NameOf(static_cast<v1::ForceState>(99)), "unknown");
+  EXPECT_EQ(palpate::InWords(static_cast<v1::ForceReason>(99)), "");
+}
+
+TEST(DeviceWords, EveryLevelIsExplained) {
+  for (const auto level : AllOf<v1::VerificationLevel>(v1::VerificationLevel_descriptor())) {
+    EXPECT_TRUE(Has(InWords(level), ": ")) << InWords(level);
+    EXPECT_NE(NameOf(level), "unspecified");
+  }
+  EXPECT_EQ(InWords(v1::VERIFICATION_LEVEL_NONE), "none: nothing of it was seen on hardware");
+}
+
+v1::ForceStatus Forces(v1::ForceState state, v1::ForceReason reason) {
+  v1::ForceStatus forces;
+  forces.set_state(state);
+  forces.set_reason(reason);
+  forces.set_limit_n(3.3);
+  return forces;
+}
+
+TEST(DeviceWords, ForcesAreToldWithWhatToDo) {
+  EXPECT_EQ(Describe(Forces(v1::FORCE_STATE_ON, v1::FORCE_REASON_NONE)),
+            "forces    on\n          at most 3.3 N now\n");
+  const v1::ForceStatus docked = Forces(v1::FORCE_STATE_HELD, v1::FORCE_REASON_DOCKED);
+  EXPECT_EQ(InWords(docked), "held: the stylus rests in its holder: take it out");
+  EXPECT_EQ(NameOf(docked), "held (docked)");
+  EXPECT_EQ(NameOf(Forces(v1::FORCE_STATE_RAMP_IN, v1::FORCE_REASON_NONE)), "ramp in");
+}
+
+TEST(DeviceWords, HealthLeavesOutWhatSaysNothing) {
+  v1::DeviceHealth health;
+  health.set_connection(v1::DEVICE_CONNECTION_STREAMING);
+  health.set_calibrated(true);
+  EXPECT_EQ(Describe(health), "health    streaming, calibrated\n");
+  health.set_docked(true);
+  health.set_identity("serial 7");
+  health.set_readings(12);
+  health.set_lost_readings(3);
+  health.set_problem("evil\n\x1b[2Jdevice");
+  const std::string text = Describe(health);
+  for (const char* part : {"streaming, calibrated, docked; serial 7", "12 readings, 3 lost",
+                           "problem: evil  [2Jdevice\n"}) {
+    EXPECT_TRUE(Has(text, part)) << part << "\n" << text;
+  }
+}
+
+TEST(DeviceList, IsATableWithWhatToDo) {
+  v1::ListDevicesResponse list;
+  EXPECT_EQ(Describe(list), "no devices\n");
+  v1::ListedDevice& simulated = *list.add_devices();
+  simulated.set_kind("simulated");
+  simulated.set_model("Simulated Phantom Omni");
+  simulated.set_usable(true);
+  simulated.set_in_use(true);
+  simulated.set_verification_level(v1::VERIFICATION_LEVEL_SIMULATED);
+  v1::ListedDevice& falcon = *list.add_devices();
+  falcon.set_kind("falcon");
+  falcon.set_model("Falcon");
+  falcon.set_port("1-2");
+  falcon.set_problem("no permission:\njoin the group");
+  falcon.set_verification_level(v1::VERIFICATION_LEVEL_NONE);
+  EXPECT_EQ(Describe(list),
+            "device     port  verified   state       model\n"
+            "simulated  -     simulated  in use      Simulated Phantom Omni\n"
+            "falcon     1-2   none       not usable  Falcon\n"
+            "  no permission: join the group\n");
+}
+
+TEST(WatchView, ShowsForcesThatAreNotOn) {
+  WatchStatus status;
+  status.sample.emplace();
+  const auto live = [&] {
+    std::string text;
+    for (const std::string& line : LiveView(status, 100, 40)) text += line + "\n";
+    return text;
+  };
+  // An older daemon does not tell.
+  EXPECT_FALSE(Has(LogLine(status), "forces"));
+  EXPECT_FALSE(Has(live(), "forces"));
+  *status.sample->mutable_forces() = Forces(v1::FORCE_STATE_ON, v1::FORCE_REASON_NONE);
+  EXPECT_FALSE(Has(LogLine(status), "forces"));
+  EXPECT_FALSE(Has(live(), "forces"));
+  *status.sample->mutable_forces() = Forces(v1::FORCE_STATE_STOPPED, v1::FORCE_REASON_STOP_CALL);
+  EXPECT_TRUE(Has(LogLine(status), "N, forces stopped (stop call), density")) << LogLine(status);
+  EXPECT_TRUE(Has(live(), "forces    stopped: emergency stop")) << live();
+}
+
+// A device of which `seconds` were read, all well.
+class JudgeTest : public ::testing::Test {
+ protected:
+  JudgeTest() {
+    for (v1::GetDeviceResponse* response : {&before_, &after_}) {
+      response->mutable_device()->set_verification_level(v1::VERIFICATION_LEVEL_NONE);
+      response->mutable_health()->set_connection(v1::DEVICE_CONNECTION_STREAMING);
+      response->mutable_servo()->set_rate_hz(1000.0);
+    }
+    before_.mutable_servo()->set_ticks(500);
+    after_.mutable_servo()->set_ticks(500 + 1990);
+    after_.mutable_servo()->set_missed_ticks(10);
+    before_.mutable_health()->set_readings(100);
+    after_.mutable_health()->set_readings(100 + 1980);
+    for (int n = 0; n < 100; ++n) {
+      samples_.emplace_back();
+      test::Set(samples_.back().mutable_hip_mm(), 1e6 + (n % 2) * 0.2, -3.0, 5.0 + n * 1e-3);
+    }
+  }
+
+  DeviceTestFigures Figures() {
+    DeviceTest test(before_);
+    for (const v1::PoseSample& sample : samples_) test.Add(sample);
+    return test.Figures(after_);
+  }
+  // The one failure.
+  std::string Failure() {
+    const DeviceTestFigures figures = Figures();
+    EXPECT_EQ(figures.failures.size(), 1u);
+    EXPECT_TRUE(Has(Describe(figures), "verdict   failed\n"));
+    EXPECT_EQ(ToJson(figures)["passed"], false);
+    return figures.failures.empty() ? "" : figures.failures.front();
+  }
+
+  v1::GetDeviceResponse before_;
+  v1::GetDeviceResponse after_;
+  std::vector<v1::PoseSample> samples_;
+};
+
+TEST_F(JudgeTest, AGoodDevicePasses) {
+  samples_[3].set_buttons(1);
+  samples_[7].set_buttons(4);
+  samples_[8].mutable_forces()->set_reason(v1::FORCE_REASON_STALE);
+  const DeviceTestFigures figures = Figures();
+  EXPECT_TRUE(figures.failures.empty()) << figures.failures.front();
+  EXPECT_DOUBLE_EQ(figures.seconds, 2.0);
+  EXPECT_DOUBLE_EQ(figures.ticks_per_s, 995.0);
+  EXPECT_DOUBLE_EQ(figures.readings_per_s, 990.0);
+  EXPECT_EQ(figures.stale_ticks, 1u);
+  EXPECT_TRUE(figures.rested);
+  EXPECT_NEAR(figures.range_mm[0], 0.2, 1e-9);
+  EXPECT_NEAR(figures.noise_mm[0], 0.1, 1e-9);
+  EXPECT_EQ(figures.noise_mm[1], 0.0);
+  EXPECT_NEAR(figures.noise_mm[2], 1e-3 * std::sqrt((100.0 * 100.0 - 1.0) / 12.0), 1e-9);
+  const std::string text = Describe(figures);
+  for (const char* part : {"readings  990.0 per s; 0 lost", "ticks     995.0 per s in 2.0 s",
+                           "noise at rest 0.1000", "buttons   0, 2\n", "verdict   passed\n"}) {
+    EXPECT_TRUE(Has(text, part)) << part << "\n" << text;
+  }
+  EXPECT_EQ(ToJson(figures)["buttons"], Json({0, 2}));
+}
+
+TEST_F(JudgeTest, AMovedStylusHasNoNoise) {
+  samples_[50].mutable_hip_mm()->set_y(9.0);
+  const DeviceTestFigures figures = Figures();
+  EXPECT_FALSE(figures.rested);
+  EXPECT_EQ(figures.range_mm[1], 12.0);
+  EXPECT_TRUE(ToJson(figures)["noise_at_rest_mm"].is_null());
+  EXPECT_TRUE(Has(Describe(figures), "not at rest"));
+  EXPECT_TRUE(figures.failures.empty());
+}
+
+TEST_F(JudgeTest, ADeviceThatIsNotThereFailsWithItsProblem) {
+  after_.mutable_health()->set_connection(v1::DEVICE_CONNECTION_ABSENT);
+  after_.mutable_health()->set_problem("plug it in");
+  EXPECT_EQ(Failure(), "the device is not streaming: plug it in");
+  after_.mutable_health()->clear_problem();
+  EXPECT_TRUE(Has(Failure(), "palpate device list"));
+  std::swap(before_, after_);
+  EXPECT_TRUE(Has(Failure(), "not streaming"));
+}
+
+TEST_F(JudgeTest, FewReadingsFail) {
+  after_.mutable_health()->set_readings(100 + 1799);
+  EXPECT_TRUE(Has(Failure(), "900 readings per s")) << Failure();
+  after_.mutable_health()->set_readings(100 + 1800);
+  EXPECT_TRUE(Figures().failures.empty());
+  // A daemon that was started again meanwhile.
+  after_.mutable_health()->set_readings(5);
+  EXPECT_TRUE(Has(Failure(), "0 readings per s"));
+}
+
+TEST_F(JudgeTest, FewTicksFail) {
+  after_.mutable_servo()->set_ticks(500 + 1700);
+  after_.mutable_servo()->set_missed_ticks(300);
+  EXPECT_TRUE(Has(Failure(), "850 ticks per s")) << Failure();
+}
+
+TEST_F(JudgeTest, LossesAndCorruptFramesFailAboveOnePercent) {
+  after_.mutable_health()->set_lost_readings(20);
+  after_.mutable_health()->set_corrupt_frames(20);
+  EXPECT_TRUE(Figures().failures.empty());
+  after_.mutable_health()->set_lost_readings(21);
+  EXPECT_TRUE(Has(Failure(), "1.0 % of the readings are lost")) << Failure();
+  after_.mutable_health()->set_lost_readings(0);
+  after_.mutable_health()->set_corrupt_frames(21);
+  EXPECT_TRUE(Has(Failure(), "frames are corrupt")) << Failure();
+}
+
+TEST_F(JudgeTest, ASimulatedDeviceHasNoBus) {
+  after_.mutable_device()->set_verification_level(v1::VERIFICATION_LEVEL_SIMULATED);
+  after_.mutable_health()->set_readings(0);
+  after_.mutable_servo()->set_missed_ticks(1000);
+  EXPECT_TRUE(Figures().failures.empty());
+  EXPECT_TRUE(Has(Describe(Figures()), "readings  simulated"));
+}
+
+TEST_F(JudgeTest, NothingThatCameFails) {
+  samples_.clear();
+  EXPECT_TRUE(Has(Failure(), "no ticks came"));
+  EXPECT_FALSE(Figures().rested);
+}
+
+TEST_F(JudgeTest, NoNumberIsNoRest) {
+  samples_[9].mutable_hip_mm()->set_x(std::numeric_limits<double>::quiet_NaN());
+  samples_[9].mutable_hip_mm()->set_y(std::numeric_limits<double>::infinity());
+  const DeviceTestFigures figures = Figures();
+  EXPECT_FALSE(figures.rested);
+  EXPECT_TRUE(Has(Describe(figures), "not at rest"));
+  EXPECT_TRUE(Json::accept(ToText(ToJson(figures))));
+}
+
+class CliDeviceTest : public ::testing::Test {
+ protected:
+  CliDeviceTest() : daemon_((folder_.path() / "palpated.sock").string()) {
+    setenv("PALPATE_SOCKET", (folder_.path() / "palpated.sock").c_str(), 1);
+  }
+
+  static test::ProcessResult Run(std::vector<std::string> arguments) {
+    arguments.insert(arguments.begin(), {PALPATE_EXECUTABLE, "device"});
+    return test::Process(arguments).Wait();
+  }
+  static void ExpectOneError(const test::ProcessResult& result, int exit_code,
+                             const std::string& part) {
+    EXPECT_EQ(result.exit_code, exit_code) << result.error;
+    EXPECT_EQ(result.error.rfind("palpate: ", 0), 0u) << result.error;
+    EXPECT_EQ(std::count(result.error.begin(), result.error.end(), '\n'), 1) << result.error;
+    EXPECT_TRUE(Has(result.error, part)) << result.error;
+  }
+
+  test::TemporaryFolder folder_;
+  test::FakeDaemon daemon_;
+};
+
+TEST_F(CliDeviceTest, HelpAndWrongUsage) {
+  for (const std::vector<std::string>& command : std::vector<std::vector<std::string>>{
+           {}, {"list"}, {"info"}, {"calibrate"}, {"enable"}, {"disable"}, {"stop"}, {"test"}}) {
+    std::vector<std::string> arguments = command;
+    arguments.push_back("--help");
+    const test::ProcessResult help = Run(arguments);
+    EXPECT_EQ(help.exit_code, 0);
+    EXPECT_TRUE(Has(help.output, "Example")) << help.output;
+  }
+  EXPECT_TRUE(Has(test::Process({PALPATE_EXECUTABLE, "--help"}).Wait().output,
+                  "Emergency stop: palpate device stop"));
+  for (const std::vector<std::string>& arguments :
+       std::vector<std::vector<std::string>>{{},
+                                             {"start"},
+                                             {"stop", "now"},
+                                             {"enable", "a", "b"},
+                                             {"list", "x"},
+                                             {"test", "--seconds", "0"},
+                                             {"test", "--seconds", "-1"},
+                                             {"test", "--seconds", "nan"}}) {
+    ExpectOneError(Run(arguments), 2, "--help");
+  }
+}
+
+TEST_F(CliDeviceTest, EnableDisableStop) {
+  test::ProcessResult result = Run({"enable"});
+  EXPECT_EQ(result.exit_code, 0) << result.error;
+  EXPECT_EQ(result.output, "forces    on\n          at most 3.3 N now\n          since tick 11\n");
+  EXPECT_EQ(daemon_.device.enabled_name, "");
+  const Json json = Json::parse(Run({"enable", "simulated", "--json"}).output);
+  EXPECT_EQ(daemon_.device.enabled_name, "simulated");
+  EXPECT_EQ(json["state"], "on");
+  EXPECT_EQ(json["applied_tick"], 11);
+  result = Run({"stop"});
+  EXPECT_TRUE(Has(result.output, "stopped: emergency stop")) << result.output;
+  EXPECT_TRUE(Has(result.output, "since tick 13")) << result.output;
+  EXPECT_EQ(Json::parse(Run({"stop", "--json"}).output)["reason"], "stop_call");
+  EXPECT_EQ(Json::parse(Run({"disable", "--json"}).output)["state"], "off");
+}
+
+TEST_F(CliDeviceTest, RefusalsAreOneLine) {
+  ExpectOneError(Run({"enable", "other"}), 3, "the daemon's device is `simulated`");
+  ExpectOneError(Run({"enable", "broken"}), 10, "forces stay off: plug it in");
+}
+
+TEST_F(CliDeviceTest, ListAndInfo) {
+  EXPECT_EQ(Run({"list"}).output, "no devices\n");
+  EXPECT_EQ(Json::parse(Run({"list", "--json"}).output)["devices"], Json::array());
+  v1::ListedDevice& listed = *daemon_.device.list.add_devices();
+  listed.set_kind("falcon");
+  listed.set_problem("plug it in");
+  EXPECT_TRUE(Has(Run({"list"}).output, "  plug it in\n"));
+  const Json list = Json::parse(Run({"list", "--json"}).output);
+  EXPECT_EQ(list["devices"][0]["kind"], "falcon");
+  EXPECT_EQ(list["devices"][0]["usable"], false);
+  daemon_.device.level = v1::VERIFICATION_LEVEL_NONE;
+  const std::string info = Run({"info"}).output;
+  for (const char* part : {"none: nothing of it was seen on hardware", "streaming, calibrated",
+                           "forces    on", "force at most 3.3 N"}) {
+    EXPECT_TRUE(Has(info, part)) << info;
+  }
+  const Json json = Json::parse(Run({"info", "--json"}).output);
+  EXPECT_EQ(json["device"]["verification_level"], "none");
+  EXPECT_EQ(json["health"]["connection"], "streaming");
+  EXPECT_EQ(json["forces"]["limit_n"], 3.3);
+  EXPECT_EQ(Run({"calibrate"}).output, "health    streaming, calibrated\n");
+}
+
+TEST_F(CliDeviceTest, TestPassesAndFails) {
+  daemon_.device.level = v1::VERIFICATION_LEVEL_NONE;
+  daemon_.device.ticks_per_call = 1000;
+  daemon_.device.readings_per_call = 995;
+  test::ProcessResult result = Run({"test", "--seconds", "0.2"});
+  EXPECT_EQ(result.exit_code, 0) << result.error;
+  EXPECT_TRUE(Has(result.output, "readings  995.0 per s")) << result.output;
+  EXPECT_TRUE(Has(result.output, "verdict   passed")) << result.output;
+  daemon_.device.lost_per_call = 100;
+  result = Run({"test", "--seconds", "0.2", "--json"});
+  ExpectOneError(result, 1, "the device failed its test: 9.1 % of the readings are lost");
+  const Json json = Json::parse(result.output);
+  EXPECT_EQ(json["passed"], false);
+  EXPECT_EQ(json["device"]["kind"], "simulated");
+  EXPECT_GT(json["samples"], 0);
+}
+
+TEST_F(CliDeviceTest, TestEndsWithTheDaemon) {
+  test::Process process({PALPATE_EXECUTABLE, "device", "test", "--seconds", "30"});
+  std::this_thread::sleep_for(std::chrono::milliseconds(500));
+  daemon_.Die();
+  const test::ProcessResult result = process.Wait();
+  EXPECT_EQ(result.exit_code, 8) << result.error;
+  EXPECT_EQ(result.output, "");
+}
+
+}  // namespace
+}  // namespace palpate::cli

@@ -1,0 +1,327 @@
+// DeviceService in front of a servo that runs, with devices nobody has verified.
+#include "server/rpc/device_service.h"
+
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <thread>
+
+#include "common/error/error.h"
+#include "tests/support/editable_session.h"
+
+namespace palpate {
+namespace {
+
+using grpc::StatusCode;
+
+// Told by the test what to read and how it is.
+class FakeDevice : public HapticDevice {
+ public:
+  explicit FakeDevice(VerificationLevel level) {
+    spec_ = SimulatedDeviceSpec();
+    spec_.kind = "fake-usb";
+    spec_.max_stiffness_n_per_mm = 0.7;
+    spec_.verification_level = level;
+  }
+
+  const DeviceSpec& spec() const override { return spec_; }
+  void Start() override {}
+  void Stop() noexcept override {}
+  DeviceStatus Read(DeviceState& state) noexcept override {
+    state.docked = docked;
+    state.buttons = buttons;
+    return status;
+  }
+  void Write(const Vec3& force_D_n, double) noexcept override {
+    if (!force_D_n.isZero()) ++pushes;
+  }
+  DeviceHealth health() const override {
+    const std::lock_guard lock(mutex_);
+    return health_;
+  }
+  void Calibrate() override {
+    const std::lock_guard lock(mutex_);
+    health_.calibrated = true;
+  }
+  void SetHealth(const DeviceHealth& health) {
+    const std::lock_guard lock(mutex_);
+    health_ = health;
+  }
+
+  std::atomic<DeviceStatus> status{DeviceStatus::kOk};
+  std::atomic<bool> docked{false};
+  std::atomic<std::uint32_t> buttons{0};
+  std::atomic<int> pushes{0};
+
+ private:
+  DeviceSpec spec_;
+  mutable std::mutex mutex_;
+  DeviceHealth health_{.connection = DeviceConnection::kStreaming, .calibrated = true};
+};
+
+constexpr std::uint32_t kBothButtons = 3;
+
+class Rig {
+ public:
+  explicit Rig(VerificationLevel level = VerificationLevel::kNone, bool ticks = true)
+      : device(level) {
+    data_.Load("builtin:sphere:16");
+    data_.pump().Subscribe(forces_);
+    data_.pump().Start();
+    if (ticks) servo_.Start();
+  }
+  ~Rig() {
+    servo_.Stop();
+    data_.pump().Stop();
+  }
+
+  grpc::Status Enable(const std::string& name) {
+    v1::EnableForcesRequest request;
+    request.set_device(name);
+    v1::EnableForcesResponse response;
+    return Keep(service.EnableForces(nullptr, &request, &response), response);
+  }
+  grpc::Status Disable() {
+    v1::DisableForcesResponse response;
+    return Keep(service.DisableForces(nullptr, nullptr, &response), response);
+  }
+  grpc::Status Stop() {
+    v1::StopForcesResponse response;
+    return Keep(service.StopForces(nullptr, nullptr, &response), response);
+  }
+  v1::GetDeviceResponse Get() {
+    v1::GetDeviceResponse response;
+    EXPECT_TRUE(service.GetDevice(nullptr, nullptr, &response).ok());
+    return response;
+  }
+  // The state that comes within 10 s; the machine may be slow.
+  bool Becomes(v1::ForceState state) {
+    for (int n = 0; n < 10000 && Get().forces().state() != state; ++n) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    }
+    return Get().forces().state() == state;
+  }
+
+  ServoLoop& servo() { return servo_; }
+
+  FakeDevice device;
+  std::vector<ListedDevice> list;
+  v1::ForceStatus answer;
+  std::uint64_t applied_tick = 0;
+
+ private:
+  template <typename Response>
+  grpc::Status Keep(const grpc::Status& status, const Response& response) {
+    answer = response.forces();
+    applied_tick = response.applied_tick();
+    return status;
+  }
+
+  testing::EditableSession data_;
+  std::shared_ptr<ForceWatch> forces_ = std::make_shared<ForceWatch>();
+  ServoLoop servo_{
+      device, data_.inbox(), data_.outbox(), {}, LimitsFor(device.spec(), kBothButtons)};
+
+ public:
+  DeviceService service{device, servo_, data_.inbox(), *forces_, [this] { return list; }};
+};
+
+bool Has(const grpc::Status& status, const std::string& part) {
+  return status.error_message().find(part) != std::string::npos;
+}
+
+TEST(DeviceService, UnverifiedForcesAreOffAndWantTheName) {
+  Rig rig;
+  ASSERT_TRUE(rig.Becomes(v1::FORCE_STATE_OFF));
+  EXPECT_EQ(rig.Get().forces().reason(), v1::FORCE_REASON_OPERATOR);
+  const grpc::Status nameless = rig.Enable("");
+  EXPECT_EQ(nameless.error_code(), StatusCode::INVALID_ARGUMENT);
+  EXPECT_TRUE(Has(nameless, "palpate device enable fake-usb")) << nameless.error_message();
+  EXPECT_TRUE(Has(nameless, "never verified on hardware")) << nameless.error_message();
+  for (const char* name : {"falcon", "fake-usb ", "FAKE-USB", "simulated"}) {
+    const grpc::Status other = rig.Enable(name);
+    EXPECT_EQ(other.error_code(), StatusCode::INVALID_ARGUMENT) << name;
+    EXPECT_TRUE(Has(other, "`fake-usb`")) << other.error_message();
+    EXPECT_EQ(other.error_message().find('\n'), std::string::npos);
+  }
+  EXPECT_EQ(rig.Get().forces().state(), v1::FORCE_STATE_OFF);
+  const grpc::Status enabled = rig.Enable("fake-usb");
+  ASSERT_TRUE(enabled.ok()) << enabled.error_message();
+  EXPECT_TRUE(rig.answer.state() == v1::FORCE_STATE_RAMP_IN ||
+              rig.answer.state() == v1::FORCE_STATE_ON);
+  EXPECT_GT(rig.applied_tick, 0u);
+  EXPECT_TRUE(rig.Becomes(v1::FORCE_STATE_ON));
+}
+
+TEST(DeviceService, EveryLevelBelowVerifiedWantsTheName) {
+  for (const VerificationLevel level :
+       {VerificationLevel::kNone, VerificationLevel::kEnumerated, VerificationLevel::kIdentified,
+        VerificationLevel::kStateRead}) {
+    EXPECT_EQ(Rig(level).Enable("").error_code(), StatusCode::INVALID_ARGUMENT);
+  }
+  for (const VerificationLevel level :
+       {VerificationLevel::kForceVerified, VerificationLevel::kSimulated}) {
+    EXPECT_TRUE(Rig(level).Enable("").ok());
+    EXPECT_TRUE(Rig(level).Enable("fake-usb").ok());
+    EXPECT_EQ(Rig(level).Enable("falcon").error_code(), StatusCode::INVALID_ARGUMENT);
+  }
+}
+
+TEST(DeviceService, StopHoldsUntilEnabled) {
+  Rig rig;
+  ASSERT_TRUE(rig.Enable("fake-usb").ok());
+  ASSERT_TRUE(rig.Stop().ok());
+  EXPECT_EQ(rig.answer.state(), v1::FORCE_STATE_STOPPED);
+  EXPECT_EQ(rig.answer.reason(), v1::FORCE_REASON_STOP_CALL);
+  const std::uint64_t stopped_tick = rig.applied_tick;
+  // Again: the same stop, still since then.
+  ASSERT_TRUE(rig.Stop().ok());
+  EXPECT_EQ(rig.applied_tick, stopped_tick);
+  EXPECT_EQ(rig.Get().forces().state(), v1::FORCE_STATE_STOPPED);
+  // A refused name leaves it.
+  EXPECT_FALSE(rig.Enable("").ok());
+  EXPECT_EQ(rig.Get().forces().state(), v1::FORCE_STATE_STOPPED);
+  EXPECT_TRUE(rig.Enable("fake-usb").ok());
+  EXPECT_GT(rig.applied_tick, stopped_tick);
+  ASSERT_TRUE(rig.Disable().ok());
+  EXPECT_EQ(rig.answer.state(), v1::FORCE_STATE_OFF);
+  EXPECT_EQ(rig.answer.reason(), v1::FORCE_REASON_OPERATOR);
+}
+
+TEST(DeviceService, ADeviceThatIsGoneSaysWhatIsWrong) {
+  Rig rig;
+  rig.device.status = DeviceStatus::kFault;
+  grpc::Status status = rig.Enable("fake-usb");
+  EXPECT_EQ(status.error_code(), StatusCode::FAILED_PRECONDITION);
+  EXPECT_TRUE(Has(status, "check its cable")) << status.error_message();
+  rig.device.SetHealth({.problem = "no fake on any port: plug it in"});
+  status = rig.Enable("fake-usb");
+  EXPECT_EQ(status.error_code(), StatusCode::FAILED_PRECONDITION);
+  EXPECT_TRUE(Has(status, "a fault")) << status.error_message();
+  EXPECT_TRUE(Has(status, "no fake on any port: plug it in")) << status.error_message();
+  EXPECT_EQ(rig.Get().health().problem(), "no fake on any port: plug it in");
+  EXPECT_EQ(rig.Get().health().connection(), v1::DEVICE_CONNECTION_ABSENT);
+  rig.device.status = DeviceStatus::kOk;
+  EXPECT_TRUE(rig.Enable("fake-usb").ok());
+}
+
+TEST(DeviceService, HeldStopButtonsWinOverEnable) {
+  Rig rig;
+  rig.device.buttons = kBothButtons;
+  const grpc::Status status = rig.Enable("fake-usb");
+  EXPECT_EQ(status.error_code(), StatusCode::FAILED_PRECONDITION);
+  EXPECT_TRUE(Has(status, "buttons: let them go")) << status.error_message();
+  rig.device.buttons = 0;
+  EXPECT_TRUE(rig.Enable("fake-usb").ok());
+}
+
+TEST(DeviceService, ADockedStylusIsHeldAndThatIsNoError) {
+  Rig rig;
+  rig.device.docked = true;
+  ASSERT_TRUE(rig.Enable("fake-usb").ok());
+  EXPECT_EQ(rig.answer.state(), v1::FORCE_STATE_HELD);
+  EXPECT_EQ(rig.answer.reason(), v1::FORCE_REASON_DOCKED);
+  rig.device.docked = false;
+  EXPECT_TRUE(rig.Becomes(v1::FORCE_STATE_ON));
+}
+
+TEST(DeviceService, AStopOfAServoThatStandsStaysSet) {
+  Rig rig(VerificationLevel::kNone, false);
+  EXPECT_FALSE(rig.Get().has_forces());
+  const grpc::Status stop = rig.Stop();
+  EXPECT_EQ(stop.error_code(), StatusCode::UNAVAILABLE);
+  EXPECT_TRUE(Has(stop, "holds from its next tick on")) << stop.error_message();
+  // What comes after the stop does not undo it.
+  EXPECT_EQ(rig.Enable("fake-usb").error_code(), StatusCode::UNAVAILABLE);
+  rig.servo().Start();
+  EXPECT_TRUE(rig.Becomes(v1::FORCE_STATE_STOPPED));
+  EXPECT_EQ(rig.device.pushes, 0);
+}
+
+TEST(DeviceService, GetDeviceTellsAll) {
+  Rig rig;
+  rig.device.SetHealth({.connection = DeviceConnection::kConnecting,
+                        .docked = true,
+                        .calibrated = true,
+                        .identity = "serial 7",
+                        .problem = "p",
+                        .readings = 1,
+                        .forces_written = 2,
+                        .lost_readings = 3,
+                        .corrupt_frames = 4,
+                        .transfer_errors = 5,
+                        .connections = 6,
+                        .watchdog_zeros = 7});
+  ASSERT_TRUE(rig.Becomes(v1::FORCE_STATE_OFF));
+  const v1::GetDeviceResponse response = rig.Get();
+  EXPECT_EQ(response.device().max_stiffness_n_per_mm(), 0.7);
+  EXPECT_EQ(response.device().verification_level(), v1::VERIFICATION_LEVEL_NONE);
+  const v1::DeviceHealth& health = response.health();
+  const auto* fields = v1::DeviceHealth::descriptor();
+  for (int n = 0; n < fields->field_count(); ++n) {
+    EXPECT_TRUE(health.GetReflection()->HasField(health, fields->field(n)))
+        << fields->field(n)->name();
+  }
+  EXPECT_EQ(health.readings(), 1u);
+  EXPECT_EQ(health.watchdog_zeros(), 7u);
+  EXPECT_GT(response.forces().limit_n(), 0.0);
+}
+
+TEST(DeviceService, TheListMarksTheOneInUse) {
+  Rig rig;
+  const auto in_use = [&] {
+    v1::ListDevicesResponse response;
+    EXPECT_TRUE(rig.service.ListDevices(nullptr, nullptr, &response).ok());
+    std::string marks;
+    for (const v1::ListedDevice& device : response.devices()) marks += device.in_use() ? '1' : '0';
+    return marks;
+  };
+  const ListedDevice other{.kind = "falcon", .usable = true};
+  const ListedDevice broken{.kind = "fake-usb", .port = "1-1", .problem = "no permission"};
+  const ListedDevice works{.kind = "fake-usb", .port = "1-2", .usable = true};
+  rig.list = {};
+  EXPECT_EQ(in_use(), "");
+  rig.list = {other};
+  EXPECT_EQ(in_use(), "0");
+  rig.list = {other, broken};
+  EXPECT_EQ(in_use(), "01");
+  rig.list = {other, broken, works, works};
+  EXPECT_EQ(in_use(), "0010");
+  rig.list = {broken, broken};
+  EXPECT_EQ(in_use(), "00");
+}
+
+TEST(DeviceService, AFailedSearchIsTold) {
+  testing::EditableSession data;
+  FakeDevice device(VerificationLevel::kNone);
+  ServoLoop servo(device, data.inbox(), data.outbox(), {}, {});
+  const ForceWatch forces;
+  DeviceService service(device, servo, data.inbox(), forces, []() -> std::vector<ListedDevice> {
+    throw Error(ErrorKind::kPermissionDenied, "no USB here: mount it");
+  });
+  v1::ListDevicesResponse response;
+  const grpc::Status status = service.ListDevices(nullptr, nullptr, &response);
+  EXPECT_EQ(status.error_code(), StatusCode::PERMISSION_DENIED);
+  EXPECT_EQ(status.error_message(), "no USB here: mount it");
+}
+
+TEST(DeviceService, CalibratesOnlyWhatIsThere) {
+  Rig rig;
+  v1::CalibrateDeviceResponse response;
+  rig.device.SetHealth({.problem = "plug it in"});
+  grpc::Status status = rig.service.CalibrateDevice(nullptr, nullptr, &response);
+  EXPECT_EQ(status.error_code(), StatusCode::FAILED_PRECONDITION);
+  EXPECT_TRUE(Has(status, "plug it in")) << status.error_message();
+  rig.device.SetHealth({.connection = DeviceConnection::kConnecting});
+  status = rig.service.CalibrateDevice(nullptr, nullptr, &response);
+  EXPECT_EQ(status.error_code(), StatusCode::FAILED_PRECONDITION);
+  rig.device.SetHealth({.connection = DeviceConnection::kStreaming});
+  ASSERT_TRUE(rig.service.CalibrateDevice(nullptr, nullptr, &response).ok());
+  EXPECT_TRUE(response.health().calibrated());
+}
+
+}  // namespace
+}  // namespace palpate
