@@ -84,7 +84,7 @@ TEST(CsvExport, MarkersStandOnTheirTick) {
   writer.AppendEnd();
   const std::vector<std::string> lines = Split(Table(bytes), '\n');
   ASSERT_EQ(lines.size(), 4u);
-  EXPECT_TRUE(lines[1].ends_with(",0,0,0,"));
+  EXPECT_TRUE(lines[1].ends_with(",off,operator,none,0,ok,0,1,"));
   EXPECT_TRUE(lines[2].ends_with(",\"trial \"\"7\"\"; left\""));
   EXPECT_TRUE(lines[3].ends_with(",\"end, of it\""));
 }
