@@ -131,6 +131,10 @@ TEST(Lifecycle, BadStartsGiveOneLineAndACode) {
   const std::string socket = folder.path() / "s.sock";
   const std::string config = folder.path() / "bad.toml";
   std::ofstream(config) << "[haptics]\nstiffness_n_per_mm = \"soft\"\n";
+  const std::string guessed = folder.path() / "guessed.toml";
+  std::ofstream(guessed) << "[device]\nkind = \"omni-usb\"\nframes = \"framed-firewire\"\n";
+  const std::string buttons = folder.path() / "buttons.toml";
+  std::ofstream(buttons) << "[device]\nstop_buttons = 12\n";
   struct Case {
     std::vector<std::string> arguments;
     int exit_code;
@@ -142,7 +146,11 @@ TEST(Lifecycle, BadStartsGiveOneLineAndACode) {
            {{"--volume", "builtin:sphere:16", "--isovalue", "5"}, 3, "isovalue 5 is not within"},
            {{"--volume", "builtin:sphere:16", "--normalized-isovalue", "-1"}, 3, "not within"},
            {{"--stiffness-n-per-mm", "50"}, 3, "stiffness_n_per_mm 50"},
-           {{"--device", "omni-usb"}, 3, "unknown device omni-usb"},
+           {{"--device", "phantom"}, 3, "unknown device phantom: give simulated, replay, omni-usb"},
+           {{"--device", "replay"}, 3, "set [device] replay_file"},
+           {{"--device", "openhaptics"}, 4, "install the vendor's OpenHaptics"},
+           {{"--config", guessed}, 3, "needs `state_command` and `force_command`"},
+           {{"--config", buttons}, 3, "stop_buttons names a button that simulated has not"},
            {{"--method", "mc33"}, 3, "unknown method mc33"},
            {{"--listen", "somewhere"}, 3, "somewhere"},
            {{"--config", config}, 3, "bad.toml:2: haptics.stiffness_n_per_mm must be a number"}}) {
