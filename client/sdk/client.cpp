@@ -1,0 +1,202 @@
+#include "client/sdk/client.h"
+
+#include <functional>
+#include <utility>
+
+#include "client/sdk/link.h"
+#include "client/sdk/messages.h"
+#include "client/sdk/monitor.h"
+#include "client/sdk/pose_follower.h"
+#include "client/sdk/settings_follower.h"
+#include "client/sdk/volume_follower.h"
+#include "palpate/v1/device.grpc.pb.h"
+#include "palpate/v1/recording.grpc.pb.h"
+#include "palpate/v1/render.grpc.pb.h"
+#include "palpate/v1/series.grpc.pb.h"
+#include "palpate/v1/volume.grpc.pb.h"
+
+namespace palpate::client {
+namespace {
+
+// The threads that call back take an Error for a loss: a callback's own is none.
+template <typename... Arguments>
+std::function<void(Arguments...)> EndingIfItThrows(std::function<void(Arguments...)> callback) {
+  if (!callback) return callback;
+  return
+      [callback = std::move(callback)](Arguments... arguments) noexcept { callback(arguments...); };
+}
+
+}  // namespace
+
+class Client::Parts {
+ public:
+  explicit Parts(ClientOptions options)
+      : link(options.address),
+        settings(link, monitor, EndingIfItThrows(std::move(options.callbacks.on_settings))),
+        poses(link, monitor, options.poses, Events(options.callbacks)) {
+    if (options.follow_volume) {
+      volume.emplace(link, monitor, EndingIfItThrows(std::move(options.callbacks.on_volume)));
+    }
+  }
+  ~Parts() {
+    monitor.Stop();
+    link.CancelCalls();
+  }
+
+  // Last, when all is there that the threads touch.
+  void Begin() {
+    settings.Begin();
+    if (volume) volume->Begin();
+    poses.Begin();
+  }
+
+  Link link;
+  Monitor monitor;
+  std::unique_ptr<v1::RenderService::Stub> render = v1::RenderService::NewStub(link.channel());
+  std::unique_ptr<v1::VolumeService::Stub> volumes = v1::VolumeService::NewStub(link.channel());
+  std::unique_ptr<v1::DeviceService::Stub> device = v1::DeviceService::NewStub(link.channel());
+  std::unique_ptr<v1::SeriesService::Stub> series = v1::SeriesService::NewStub(link.channel());
+  std::unique_ptr<v1::RecordingService::Stub> recording =
+      v1::RecordingService::NewStub(link.channel());
+  // Their destructors join, the last one first.
+  SettingsFollower settings;
+  std::optional<VolumeFollower> volume;
+  PoseFollower poses;
+
+ private:
+  PoseFollower::Events Events(Callbacks& callbacks) {
+    return {.connection = EndingIfItThrows(std::move(callbacks.on_connection)),
+            .poses = EndingIfItThrows(std::move(callbacks.on_poses)),
+            .first_settings =
+                [this](const v1::GetSettingsResponse& response) {
+                  settings.Replace(FromProto(response.settings(), response.settings_revision()));
+                },
+            .settings_changed = [this] { settings.Ask(); }};
+  }
+};
+
+Client::Client(ClientOptions options) : parts_(std::make_unique<Parts>(std::move(options))) {
+  parts_->Begin();
+}
+
+Client::~Client() = default;
+
+Connection Client::connection() const { return parts_->monitor.connection(); }
+
+bool Client::WaitUntilConnected(std::chrono::milliseconds timeout) const {
+  return parts_->monitor.WaitUntilConnected(timeout) != 0;
+}
+
+const std::string& Client::name() const { return parts_->link.name(); }
+bool Client::shares_clock() const { return parts_->link.shares_clock(); }
+
+std::optional<Pose> Client::NewestPose() const { return parts_->poses.Newest(); }
+std::uint64_t Client::dropped_poses() const { return parts_->poses.dropped(); }
+void Client::SetPoseRate(const PoseRate& rate) { parts_->poses.SetRate(rate); }
+
+std::optional<Settings> Client::NewestSettings() const { return parts_->settings.Newest(); }
+
+Settings Client::GetSettings() {
+  const std::uint64_t epoch = parts_->monitor.epoch();
+  const v1::GetSettingsResponse response = parts_->link.Call(
+      &v1::RenderService::Stub::GetSettings, *parts_->render, v1::GetSettingsRequest());
+  const Settings settings = FromProto(response.settings(), response.settings_revision());
+  parts_->settings.Take(settings, epoch);
+  return settings;
+}
+
+SettingsResult Client::Set(const SettingsUpdate& update) {
+  const std::uint64_t epoch = parts_->monitor.epoch();
+  const v1::UpdateSettingsResponse response =
+      parts_->link.Call(&v1::RenderService::Stub::UpdateSettings, *parts_->render, ToProto(update));
+  const Settings settings = FromProto(response.settings(), response.settings_revision());
+  parts_->settings.Take(settings, epoch);
+  return {settings, response.applied_tick()};
+}
+
+EditResult Client::Apply(const Edit& edit) {
+  return FromProto(
+      parts_->link.Call(&v1::VolumeService::Stub::EditVolume, *parts_->volumes, ToProto(edit)));
+}
+EditResult Client::Undo() {
+  return FromProto(parts_->link.Call(&v1::VolumeService::Stub::UndoEdit, *parts_->volumes,
+                                     v1::UndoEditRequest()));
+}
+EditResult Client::Redo() {
+  return FromProto(parts_->link.Call(&v1::VolumeService::Stub::RedoEdit, *parts_->volumes,
+                                     v1::RedoEditRequest()));
+}
+EditResult Client::Revert() {
+  return FromProto(parts_->link.Call(&v1::VolumeService::Stub::RevertVolume, *parts_->volumes,
+                                     v1::RevertVolumeRequest()));
+}
+
+std::optional<VolumeUpdate> Client::TakeVolumeUpdate() {
+  return parts_->volume ? parts_->volume->Take() : std::nullopt;
+}
+VolumeStatus Client::volume_status() const {
+  return parts_->volume ? parts_->volume->status() : VolumeStatus();
+}
+
+DeviceInfo Client::GetDevice() {
+  return FromProto(parts_->link.Call(&v1::DeviceService::Stub::GetDevice, *parts_->device,
+                                     v1::GetDeviceRequest()));
+}
+ForceResult Client::EnableForces(const std::string& device) {
+  v1::EnableForcesRequest request;
+  request.set_device(device);
+  const auto response =
+      parts_->link.Call(&v1::DeviceService::Stub::EnableForces, *parts_->device, request);
+  return {FromProto(response.forces()), response.applied_tick()};
+}
+ForceResult Client::DisableForces() {
+  const auto response = parts_->link.Call(&v1::DeviceService::Stub::DisableForces, *parts_->device,
+                                          v1::DisableForcesRequest());
+  return {FromProto(response.forces()), response.applied_tick()};
+}
+ForceResult Client::StopForces() {
+  const auto response = parts_->link.Call(&v1::DeviceService::Stub::StopForces, *parts_->device,
+                                          v1::StopForcesRequest());
+  return {FromProto(response.forces()), response.applied_tick()};
+}
+
+SeriesState Client::GetSeries() {
+  return FromProto(
+      parts_->link
+          .Call(&v1::SeriesService::Stub::GetSeries, *parts_->series, v1::GetSeriesRequest())
+          .series());
+}
+SeriesState Client::ControlSeries(const SeriesControl& control) {
+  return FromProto(
+      parts_->link.Call(&v1::SeriesService::Stub::ControlSeries, *parts_->series, ToProto(control))
+          .series());
+}
+
+RecordingState Client::StartRecording(const std::string& path, bool overwrite) {
+  v1::StartRecordingRequest request;
+  request.set_path(path);
+  request.set_overwrite(overwrite);
+  return FromProto(
+      parts_->link.Call(&v1::RecordingService::Stub::StartRecording, *parts_->recording, request)
+          .recording());
+}
+RecordingState Client::StopRecording() {
+  return FromProto(parts_->link
+                       .Call(&v1::RecordingService::Stub::StopRecording, *parts_->recording,
+                             v1::StopRecordingRequest())
+                       .recording());
+}
+RecordingState Client::GetRecording() {
+  return FromProto(parts_->link
+                       .Call(&v1::RecordingService::Stub::GetRecording, *parts_->recording,
+                             v1::GetRecordingRequest())
+                       .recording());
+}
+std::int64_t Client::Mark(const std::string& text) {
+  v1::MarkRequest request;
+  request.set_text(text);
+  return parts_->link.Call(&v1::RecordingService::Stub::Mark, *parts_->recording, request)
+      .time_ns();
+}
+
+}  // namespace palpate::client

@@ -1,0 +1,71 @@
+// Changes of the volume's voxels, as edit.proto explains them: the weight of a voxel
+// is 1 within the shape and falls smoothly to 0 over `falloff` outside of it.
+//
+// Frames: W world (mm, LPS as in DICOM) or I voxel indices, as the edit says. Values
+// in data units.
+// Threads: plain values.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <variant>
+#include <vector>
+
+#include "common/geometry/geometry.h"
+
+namespace palpate::client {
+
+enum class EditFrame { kWorld, kIndex };
+enum class EditOperation { kAdd, kSubtract, kSet, kSmooth, kPaint };
+
+struct Sphere {
+  Vec3 center = Vec3::Zero();
+  double radius = 0.0;
+};
+// Along the frame's axes, corners included.
+struct Box {
+  Vec3 min = Vec3::Zero();
+  Vec3 max = Vec3::Zero();
+};
+// What a sphere sweeps on its way from one point to the other: a stroke.
+struct Capsule {
+  Vec3 from = Vec3::Zero();
+  Vec3 to = Vec3::Zero();
+  double radius = 0.0;
+};
+// Voxels min .. min + size - 1, all within the volume; always of frame I and without
+// falloff.
+struct Block {
+  Vec3i min = Vec3i::Zero();
+  Vec3i size = Vec3i::Zero();
+  std::vector<float> values{};  // x fastest; at most 3 MiB
+};
+
+struct Edit {
+  std::variant<Sphere, Box, Capsule, Block> shape{};
+  EditFrame frame = EditFrame::kWorld;
+  EditOperation operation = EditOperation::kAdd;
+  double value = 0.0;     // a block has its own
+  double strength = 1.0;  // in (0, 1], for smooth and paint
+  double falloff = 0.0;   // in the frame's unit
+  // Refuse with ErrorKind::kConflict unless the volume is at this revision.
+  std::optional<std::uint64_t> expected_revision{};
+};
+
+// Voxels min .. max, both included.
+struct IndexBox {
+  Vec3i min = Vec3i::Zero();
+  Vec3i max = Vec3i::Zero();
+};
+
+struct EditResult {
+  std::uint64_t volume_revision = 0;
+  std::uint64_t applied_tick = 0;   // first tick that used it
+  std::optional<IndexBox> changed;  // none where no voxel changed
+  std::uint64_t changed_voxels = 0;
+  // How often Undo and Redo would work now.
+  std::uint32_t undo_steps = 0;
+  std::uint32_t redo_steps = 0;
+};
+
+}  // namespace palpate::client

@@ -1,0 +1,24 @@
+// Connects, prints the newest pose, and sets the isovalue: example [SOCKET [ISOVALUE]]
+#include <cstdio>
+#include <cstdlib>
+#include <thread>
+
+#include "client/sdk/client.h"
+
+int main(int argc, char** argv) try {
+  using namespace std::chrono_literals;
+  palpate::client::Client client({.address = {.socket_path = argc > 1 ? argv[1] : ""}});
+  if (!client.WaitUntilConnected(3s)) throw std::runtime_error(client.connection().why);
+  while (!client.NewestPose()) std::this_thread::sleep_for(10ms);
+  const palpate::client::Pose pose = *client.NewestPose();
+  std::printf("tick %llu: tip at %.1f %.1f %.1f mm, %.2f N\n",
+              static_cast<unsigned long long>(pose.tick), pose.hip_mm.x(), pose.hip_mm.y(),
+              pose.hip_mm.z(), pose.force_n.norm());
+  const double isovalue = argc > 2 ? std::atof(argv[2]) : pose.isovalue;
+  const auto set = client.Set({.isovalue = isovalue});
+  std::printf("isovalue %g from tick %llu on\n", set.settings.isovalue,
+              static_cast<unsigned long long>(set.applied_tick));
+} catch (const std::exception& error) {
+  std::fprintf(stderr, "%s\n", error.what());
+  return 1;
+}

@@ -1,0 +1,79 @@
+// The channels to one palpated, and unary calls on them that one can end from outside.
+//
+// Threads: any.
+#pragma once
+
+#include <grpcpp/grpcpp.h>
+
+#include <chrono>
+#include <memory>
+#include <mutex>
+#include <set>
+#include <string>
+
+#include "client/sdk/connection.h"
+#include "common/error/error.h"
+
+namespace palpate::client {
+
+inline constexpr std::chrono::seconds kCallTimeout{5};
+
+class Link {
+ public:
+  // Connects nothing yet. Errors: as Client's.
+  explicit Link(const Address& address);
+
+  const std::string& name() const { return name_; }
+  bool shares_clock() const { return !socket_path_.empty(); }
+  // For calls and poses; and one for voxels.
+  const std::shared_ptr<grpc::Channel>& channel() const { return channel_; }
+  const std::shared_ptr<grpc::Channel>& volume_channel() const { return volume_channel_; }
+  // The next attempts wait for no pause of gRPC's own.
+  void ForgetPauses();
+
+  // Calls a unary method. Errors: ErrorOf its status.
+  template <typename Stub, typename Request, typename Response>
+  Response Call(grpc::Status (Stub::*method)(grpc::ClientContext*, const Request&, Response*),
+                Stub& stub, const Request& request,
+                std::chrono::milliseconds timeout = kCallTimeout) {
+    grpc::ClientContext context;
+    context.set_deadline(std::chrono::system_clock::now() + timeout);
+    const Registered registered(*this, context);
+    Response response;
+    if (const grpc::Status status = (stub.*method)(&context, request, &response); !status.ok()) {
+      throw ErrorOf(status);
+    }
+    return response;
+  }
+
+  // The Error that a failed call, or an ended stream, stands for.
+  Error ErrorOf(const grpc::Status& status) const;
+
+  // Ends the calls that run, and all later ones at once.
+  void CancelCalls();
+
+ private:
+  class Registered {
+   public:
+    // Errors: kCancelled after CancelCalls.
+    Registered(Link& link, grpc::ClientContext& context);
+    ~Registered();
+    Registered(const Registered&) = delete;
+    Registered& operator=(const Registered&) = delete;
+
+   private:
+    Link& link_;
+    grpc::ClientContext& context_;
+  };
+
+  std::string name_;
+  std::string socket_path_;  // empty over TCP
+  std::shared_ptr<grpc::Channel> channel_;
+  std::shared_ptr<grpc::Channel> volume_channel_;
+
+  std::mutex mutex_;
+  std::set<grpc::ClientContext*> running_;
+  bool cancelled_ = false;
+};
+
+}  // namespace palpate::client

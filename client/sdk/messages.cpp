@@ -1,0 +1,247 @@
+#include "client/sdk/messages.h"
+
+#include <bit>
+
+#include "common/error/error.h"
+#include "common/wire/convert.h"
+
+namespace palpate::client {
+namespace {
+
+// Enumerations here have the contract's numbers, 0 for what is unknown.
+template <typename Enum>
+Enum EnumOf(int value, Enum last) {
+  return value < 0 || value > static_cast<int>(last) ? Enum{} : static_cast<Enum>(value);
+}
+static_assert(static_cast<int>(ForceState::kStopped) == v1::FORCE_STATE_STOPPED);
+static_assert(static_cast<int>(ForceReason::kStopButton) == v1::FORCE_REASON_STOP_BUTTON);
+static_assert(static_cast<int>(ForceReason::kDevice) == v1::FORCE_REASON_DEVICE);
+static_assert(static_cast<int>(ProxyMode::kSuspended) == v1::PROXY_MODE_SUSPENDED);
+static_assert(static_cast<int>(VerificationLevel::kSimulated) == v1::VERIFICATION_LEVEL_SIMULATED);
+
+FreeSide SideOf(v1::FreeSide side) {
+  return side == v1::FREE_SIDE_ABOVE ? FreeSide::kAbove : FreeSide::kBelow;
+}
+
+DecompositionMethod MethodOf(v1::DecompositionMethod method) {
+  try {
+    return palpate::FromProto(method);
+  } catch (const Error&) {
+    return DecompositionMethod::kTpbcc;
+  }
+}
+
+std::uint32_t Index(int value) {
+  if (value < 0) throw Error(ErrorKind::kInvalidArgument, "a block outside of the volume");
+  return static_cast<std::uint32_t>(value);
+}
+
+void Set(v1::EditVolumeRequest& request, const Sphere& sphere) {
+  *request.mutable_sphere()->mutable_center() = palpate::ToProto(sphere.center);
+  request.mutable_sphere()->set_radius(sphere.radius);
+}
+void Set(v1::EditVolumeRequest& request, const Box& box) {
+  *request.mutable_box()->mutable_min() = palpate::ToProto(box.min);
+  *request.mutable_box()->mutable_max() = palpate::ToProto(box.max);
+}
+void Set(v1::EditVolumeRequest& request, const Capsule& capsule) {
+  *request.mutable_capsule()->mutable_from() = palpate::ToProto(capsule.from);
+  *request.mutable_capsule()->mutable_to() = palpate::ToProto(capsule.to);
+  request.mutable_capsule()->set_radius(capsule.radius);
+}
+void Set(v1::EditVolumeRequest& request, const Block& block) {
+  v1::DenseBlock& dense = *request.mutable_block();
+  dense.set_min_x(Index(block.min.x()));
+  dense.set_min_y(Index(block.min.y()));
+  dense.set_min_z(Index(block.min.z()));
+  dense.set_size_x(Index(block.size.x()));
+  dense.set_size_y(Index(block.size.y()));
+  dense.set_size_z(Index(block.size.z()));
+  static_assert(std::endian::native == std::endian::little, "as on the wire");
+  dense.mutable_values()->assign(reinterpret_cast<const char*>(block.values.data()),
+                                 block.values.size() * sizeof(float));
+}
+
+v1::EditOperation ToProto(EditOperation operation) {
+  switch (operation) {
+    case EditOperation::kAdd:
+      return v1::EDIT_OPERATION_ADD;
+    case EditOperation::kSubtract:
+      return v1::EDIT_OPERATION_SUBTRACT;
+    case EditOperation::kSet:
+      return v1::EDIT_OPERATION_SET;
+    case EditOperation::kSmooth:
+      return v1::EDIT_OPERATION_SMOOTH;
+    case EditOperation::kPaint:
+      return v1::EDIT_OPERATION_PAINT;
+  }
+  return v1::EDIT_OPERATION_UNSPECIFIED;
+}
+
+}  // namespace
+
+ForceStatus FromProto(const v1::ForceStatus& forces) {
+  return {EnumOf(forces.state(), ForceState::kStopped),
+          EnumOf(forces.reason(), ForceReason::kStopButton), forces.limit_n()};
+}
+
+Pose FromProto(const v1::PoseSample& sample) {
+  Pose pose;
+  pose.tick = sample.tick();
+  pose.time_ns = sample.time_ns();
+  pose.hip_mm = palpate::FromProto(sample.hip_mm());
+  pose.scp_h_mm = palpate::FromProto(sample.scp_h_mm());
+  if (sample.has_scp_h_normal()) pose.scp_h_normal = palpate::FromProto(sample.scp_h_normal());
+  if (sample.has_scp_v_mm()) pose.scp_v_mm = palpate::FromProto(sample.scp_v_mm());
+  if (sample.has_scp_v_normal()) pose.scp_v_normal = palpate::FromProto(sample.scp_v_normal());
+  pose.stylus_orientation = UnalignedQuaternion(palpate::FromProto(sample.stylus_orientation()));
+  pose.buttons = sample.buttons();
+  pose.force_n = palpate::FromProto(sample.force_n());
+  pose.mode = EnumOf(sample.mode(), ProxyMode::kSuspended);
+  pose.contact = sample.contact();
+  pose.density = sample.density();
+  pose.isovalue = sample.isovalue();
+  pose.settings_revision = sample.settings_revision();
+  pose.volume_revision = sample.volume_revision();
+  pose.update_ns = sample.update_ns();
+  pose.missed_ticks = sample.missed_ticks();
+  pose.iterations = sample.iterations();
+  pose.capped_ticks = sample.capped_ticks();
+  pose.free_side = SideOf(sample.free_side());
+  pose.forces = FromProto(sample.forces());
+  return pose;
+}
+
+Settings FromProto(const v1::RenderSettings& settings, std::uint64_t revision) {
+  Settings result;
+  result.isovalue = settings.isovalue();
+  result.normalized_isovalue = settings.normalized_isovalue();
+  result.stiffness_n_per_mm = settings.stiffness_n_per_mm();
+  result.damping_n_s_per_m = settings.damping_n_s_per_m();
+  result.method = MethodOf(settings.method());
+  result.static_friction = settings.static_friction();
+  result.dynamic_friction = settings.dynamic_friction();
+  result.viscosity_n_s_per_m = settings.viscosity_n_s_per_m();
+  result.pop_force_n = settings.pop_force_n();
+  result.magnet_force_n = settings.magnet_force_n();
+  result.magnet_range_mm = settings.magnet_range_mm();
+  result.force_shading = settings.force_shading();
+  result.passivity_control = settings.passivity_control();
+  result.free_side = SideOf(settings.free_side());
+  result.carve_tool = settings.carve_tool();
+  result.carve_radius_mm = settings.carve_radius_mm();
+  result.carve_rate_per_s = settings.carve_rate_per_s();
+  result.clutch_tool = settings.clutch_tool();
+  result.revision = revision;
+  return result;
+}
+
+v1::UpdateSettingsRequest ToProto(const SettingsUpdate& update) {
+  v1::UpdateSettingsRequest request;
+  v1::RenderSettings& settings = *request.mutable_settings();
+  const auto take = [&](const char* key, const auto& value, auto set) {
+    if (!value) return;
+    request.mutable_update_mask()->add_paths(key);
+    (settings.*set)(*value);
+  };
+  using S = v1::RenderSettings;
+  take("isovalue", update.isovalue, &S::set_isovalue);
+  take("normalized_isovalue", update.normalized_isovalue, &S::set_normalized_isovalue);
+  take("stiffness_n_per_mm", update.stiffness_n_per_mm, &S::set_stiffness_n_per_mm);
+  take("damping_n_s_per_m", update.damping_n_s_per_m, &S::set_damping_n_s_per_m);
+  take("static_friction", update.static_friction, &S::set_static_friction);
+  take("dynamic_friction", update.dynamic_friction, &S::set_dynamic_friction);
+  take("viscosity_n_s_per_m", update.viscosity_n_s_per_m, &S::set_viscosity_n_s_per_m);
+  take("pop_force_n", update.pop_force_n, &S::set_pop_force_n);
+  take("magnet_force_n", update.magnet_force_n, &S::set_magnet_force_n);
+  take("magnet_range_mm", update.magnet_range_mm, &S::set_magnet_range_mm);
+  take("force_shading", update.force_shading, &S::set_force_shading);
+  take("passivity_control", update.passivity_control, &S::set_passivity_control);
+  take("carve_tool", update.carve_tool, &S::set_carve_tool);
+  take("carve_radius_mm", update.carve_radius_mm, &S::set_carve_radius_mm);
+  take("carve_rate_per_s", update.carve_rate_per_s, &S::set_carve_rate_per_s);
+  take("clutch_tool", update.clutch_tool, &S::set_clutch_tool);
+  if (update.method) {
+    request.mutable_update_mask()->add_paths("method");
+    settings.set_method(palpate::ToProto(*update.method));
+  }
+  if (update.free_side) {
+    request.mutable_update_mask()->add_paths("free_side");
+    settings.set_free_side(*update.free_side == FreeSide::kAbove ? v1::FREE_SIDE_ABOVE
+                                                                 : v1::FREE_SIDE_BELOW);
+  }
+  if (update.expected_revision) request.set_expected_revision(*update.expected_revision);
+  return request;
+}
+
+v1::EditVolumeRequest ToProto(const Edit& edit) {
+  v1::EditVolumeRequest request;
+  std::visit([&](const auto& shape) { Set(request, shape); }, edit.shape);
+  const bool is_index = edit.frame == EditFrame::kIndex || request.has_block();
+  request.set_frame(is_index ? v1::EDIT_FRAME_INDEX : v1::EDIT_FRAME_WORLD);
+  request.set_operation(ToProto(edit.operation));
+  request.set_value(edit.value);
+  request.set_strength(edit.strength);
+  request.set_falloff(edit.falloff);
+  if (edit.expected_revision) request.set_expected_revision(*edit.expected_revision);
+  return request;
+}
+
+EditResult FromProto(const v1::EditVolumeResponse& response) {
+  EditResult result;
+  result.volume_revision = response.volume_revision();
+  result.applied_tick = response.applied_tick();
+  if (response.has_changed()) {
+    const v1::IndexBox& box = response.changed();
+    result.changed = IndexBox{Vec3i(box.min_x(), box.min_y(), box.min_z()),
+                              Vec3i(box.max_x(), box.max_y(), box.max_z())};
+  }
+  result.changed_voxels = response.changed_voxels();
+  result.undo_steps = response.undo_steps();
+  result.redo_steps = response.redo_steps();
+  return result;
+}
+
+DeviceInfo FromProto(const v1::GetDeviceResponse& response) {
+  const v1::DeviceDescription& device = response.device();
+  DeviceInfo info;
+  info.kind = device.kind();
+  info.model = device.model();
+  info.workspace_min_mm = palpate::FromProto(device.workspace_min_mm());
+  info.workspace_max_mm = palpate::FromProto(device.workspace_max_mm());
+  info.max_force_n = device.max_force_n();
+  info.max_stiffness_n_per_mm = device.max_stiffness_n_per_mm();
+  info.button_count = device.button_count();
+  info.verification_level = EnumOf(device.verification_level(), VerificationLevel::kSimulated);
+  info.streaming = response.health().connection() == v1::DEVICE_CONNECTION_STREAMING;
+  info.docked = response.health().docked();
+  info.calibrated = response.health().calibrated();
+  info.problem = response.health().problem();
+  info.forces = FromProto(response.forces());
+  info.daemon_version = response.servo().version();
+  info.loop_rate_hz = response.servo().rate_hz();
+  info.warnings.assign(response.servo().warnings().begin(), response.servo().warnings().end());
+  return info;
+}
+
+SeriesState FromProto(const v1::SeriesState& state) {
+  return {state.frames(), state.position_frames(), state.playing(),        state.rate_hz(),
+          state.loop(),   state.interpolate(),     state.volume_revision()};
+}
+
+v1::ControlSeriesRequest ToProto(const SeriesControl& control) {
+  v1::ControlSeriesRequest request;
+  if (control.playing) request.set_playing(*control.playing);
+  if (control.position_frames) request.set_position_frames(*control.position_frames);
+  if (control.rate_hz) request.set_rate_hz(*control.rate_hz);
+  if (control.loop) request.set_loop(*control.loop);
+  if (control.interpolate) request.set_interpolate(*control.interpolate);
+  return request;
+}
+
+RecordingState FromProto(const v1::RecordingState& state) {
+  return {state.running(),    state.path(),       state.ticks(),
+          state.lost_ticks(), state.size_bytes(), state.error()};
+}
+
+}  // namespace palpate::client

@@ -1,0 +1,158 @@
+#include "client/sdk/pose_follower.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "client/sdk/messages.h"
+
+namespace palpate::client {
+namespace {
+
+using std::chrono::milliseconds;
+using Clock = std::chrono::steady_clock;
+
+// Messages on their way: enough that a pause of the machine loses nothing, and few
+// enough that a slow callback sees what is fresh.
+constexpr std::uint32_t kMaxUnacknowledged = 4;
+constexpr milliseconds kPoll{50};       // for the end and for another rate
+constexpr milliseconds kSilence{2000};  // after which palpated is asked whether it lives
+constexpr milliseconds kProbeTimeout{3000};
+constexpr double kBatchS = 0.010;
+constexpr double kLongestBatchS = 0.050;
+
+v1::StreamPosesRequest Start(const PoseRate& rate) {
+  v1::StreamPosesRequest request;
+  request.mutable_start()->set_rate_hz(rate.rate_hz);
+  request.mutable_start()->set_batch(static_cast<std::uint32_t>(BatchOf(rate)));
+  request.mutable_start()->set_max_unacknowledged(kMaxUnacknowledged);
+  return request;
+}
+
+}  // namespace
+
+int BatchOf(const PoseRate& rate) {
+  if (!(rate.rate_hz >= 20.0 && rate.rate_hz <= 1000.0)) {
+    throw Error(ErrorKind::kInvalidArgument, "the rate of poses is 20 to 1000 Hz");
+  }
+  const int most = std::min(256, static_cast<int>(rate.rate_hz * kLongestBatchS + 1e-9));
+  if (rate.batch < 0 || rate.batch > most) {
+    throw Error(ErrorKind::kInvalidArgument,
+                "a batch of poses is 50 ms of them at most, at this rate " + std::to_string(most));
+  }
+  if (rate.batch > 0) return rate.batch;
+  return std::max(1, static_cast<int>(rate.rate_hz * kBatchS + 1e-9));
+}
+
+PoseFollower::PoseFollower(Link& link, Monitor& monitor, const PoseRate& rate, Events events)
+    : link_(link),
+      monitor_(monitor),
+      events_(std::move(events)),
+      poses_(v1::PoseService::NewStub(link.channel())),
+      render_(v1::RenderService::NewStub(link.channel())),
+      rate_(rate) {
+  BatchOf(rate);
+}
+
+void PoseFollower::Begin() {
+  thread_ = std::thread([this] { Run(); });
+}
+
+void PoseFollower::End() {
+  if (thread_.joinable()) thread_.join();
+}
+
+std::optional<Pose> PoseFollower::Newest() const {
+  const std::lock_guard lock(mutex_);
+  return newest_;
+}
+
+void PoseFollower::SetRate(const PoseRate& rate) {
+  BatchOf(rate);
+  const std::lock_guard lock(mutex_);
+  rate_ = rate;
+  ++rate_number_;
+}
+
+void PoseFollower::Run() {
+  while (!monitor_.stopping()) {
+    try {
+      Follow();
+    } catch (const Error& error) {
+      if (monitor_.stopping()) return;
+      Report({ConnectionState::kLost, error.what()});
+      monitor_.Pause(backoff_.Next());
+    }
+  }
+}
+
+void PoseFollower::Follow() {
+  link_.ForgetPauses();
+  events_.first_settings(AskForSettings());
+  Report({ConnectionState::kConnected, {}});
+  settings_revision_.reset();
+  while (!monitor_.stopping()) {
+    std::unique_lock lock(mutex_);
+    const PoseRate rate = rate_;
+    const int rate_number = rate_number_;
+    lock.unlock();
+    Call call(Start(rate), [this](auto* context, auto* queue) {
+      return poses_->PrepareAsyncStreamPoses(context, queue);
+    });
+    dropped_before_ = dropped_;
+    Read(call, rate_number);
+  }
+}
+
+v1::GetSettingsResponse PoseFollower::AskForSettings() {
+  return link_.Call(&v1::RenderService::Stub::GetSettings, *render_, v1::GetSettingsRequest(),
+                    kProbeTimeout);
+}
+
+void PoseFollower::Read(Call& call, int rate_number) {
+  v1::StreamPosesResponse message;
+  auto heard = Clock::now();
+  while (!monitor_.stopping() && rate_number == rate_number_) {
+    switch (call.Next(kPoll, message)) {
+      case CallEvent::kMessage:
+        backoff_.Reset();
+        Take(message);
+        heard = Clock::now();
+        break;
+      case CallEvent::kTimeout:
+        if (Clock::now() - heard < kSilence) break;
+        // A loop that stands still sends nothing either; a daemon that is gone does
+        // not answer.
+        AskForSettings();
+        heard = Clock::now();
+        break;
+      case CallEvent::kEnded:
+        throw call.status().ok() ? Error(ErrorKind::kUnavailable, "palpated ended the stream")
+                                 : link_.ErrorOf(call.status());
+    }
+  }
+}
+
+void PoseFollower::Take(const v1::StreamPosesResponse& message) {
+  if (message.samples().empty()) return;
+  PoseBatch batch;
+  batch.received = Clock::now();
+  batch.poses.reserve(static_cast<std::size_t>(message.samples_size()));
+  for (const v1::PoseSample& sample : message.samples()) batch.poses.push_back(FromProto(sample));
+  batch.dropped = dropped_ = dropped_before_ + message.dropped_samples();
+  batch.sent_time_ns = message.sent_time_ns();
+  {
+    const std::lock_guard lock(mutex_);
+    newest_ = batch.poses.back();
+  }
+  // Also for the first pose: settings may have changed since they were asked for.
+  const std::uint64_t revision = batch.poses.back().settings_revision;
+  if (std::exchange(settings_revision_, revision) != revision) events_.settings_changed();
+  if (events_.poses) events_.poses(batch);
+}
+
+void PoseFollower::Report(const Connection& connection) {
+  if (monitor_.Set(connection) && events_.connection) events_.connection(connection);
+}
+
+}  // namespace palpate::client

@@ -1,0 +1,80 @@
+// The pose thread: connects, follows the poses, notices losses, and connects again.
+//
+// Threads: one of its own; all methods from any. Ownership: borrows all that it is
+// given. Begin() once; End() before what it borrowed goes.
+#pragma once
+
+#include <atomic>
+#include <functional>
+#include <mutex>
+#include <optional>
+#include <thread>
+
+#include "client/sdk/acknowledged_call.h"
+#include "client/sdk/backoff.h"
+#include "client/sdk/link.h"
+#include "client/sdk/monitor.h"
+#include "client/sdk/pose.h"
+#include "palpate/v1/pose.grpc.pb.h"
+#include "palpate/v1/render.grpc.pb.h"
+
+namespace palpate::client {
+
+// The batch to ask for. Errors: kInvalidArgument, as PoseRate says.
+int BatchOf(const PoseRate& rate);
+
+class PoseFollower {
+ public:
+  struct Events {
+    std::function<void(const Connection&)> connection{};
+    std::function<void(const PoseBatch&)> poses{};
+    // Before `connection` says connected: what the daemon's settings are now.
+    std::function<void(const v1::GetSettingsResponse&)> first_settings{};
+    // A pose was computed with other settings than the one before.
+    std::function<void()> settings_changed{};
+  };
+
+  // Errors: as BatchOf.
+  PoseFollower(Link& link, Monitor& monitor, const PoseRate& rate, Events events);
+  ~PoseFollower() { End(); }
+
+  void Begin();
+  // After Monitor::Stop and Link::CancelCalls: joins.
+  void End();
+
+  std::optional<Pose> Newest() const;
+  std::uint64_t dropped() const { return dropped_; }
+  void SetRate(const PoseRate& rate);
+
+ private:
+  using Call = AcknowledgedCall<v1::StreamPosesRequest, v1::StreamPosesResponse>;
+
+  void Run();
+  // Until it is lost, which it throws, or stopped.
+  void Follow();
+  v1::GetSettingsResponse AskForSettings();
+  void Read(Call& call, int rate_number);
+  void Take(const v1::StreamPosesResponse& message);
+  void Report(const Connection& connection);
+
+  Link& link_;
+  Monitor& monitor_;
+  const Events events_;
+  std::unique_ptr<v1::PoseService::Stub> poses_;
+  std::unique_ptr<v1::RenderService::Stub> render_;
+  Backoff backoff_;
+
+  // Of the pose thread.
+  std::optional<std::uint64_t> settings_revision_;
+  std::uint64_t dropped_before_ = 0;  // by streams that ended
+
+  mutable std::mutex mutex_;
+  std::optional<Pose> newest_;
+  PoseRate rate_;
+  std::atomic<int> rate_number_{0};  // rises with every SetRate
+  std::atomic<std::uint64_t> dropped_{0};
+
+  std::thread thread_;
+};
+
+}  // namespace palpate::client
