@@ -52,12 +52,6 @@ class Client::Parts {
 
   Link link;
   Monitor monitor;
-  std::unique_ptr<v1::RenderService::Stub> render = v1::RenderService::NewStub(link.channel());
-  std::unique_ptr<v1::VolumeService::Stub> volumes = v1::VolumeService::NewStub(link.channel());
-  std::unique_ptr<v1::DeviceService::Stub> device = v1::DeviceService::NewStub(link.channel());
-  std::unique_ptr<v1::SeriesService::Stub> series = v1::SeriesService::NewStub(link.channel());
-  std::unique_ptr<v1::RecordingService::Stub> recording =
-      v1::RecordingService::NewStub(link.channel());
   // Their destructors join, the last one first.
   SettingsFollower settings;
   std::optional<VolumeFollower> volume;
@@ -98,8 +92,8 @@ std::optional<Settings> Client::NewestSettings() const { return parts_->settings
 
 Settings Client::GetSettings() {
   const std::uint64_t epoch = parts_->monitor.epoch();
-  const v1::GetSettingsResponse response = parts_->link.Call(
-      &v1::RenderService::Stub::GetSettings, *parts_->render, v1::GetSettingsRequest());
+  const v1::GetSettingsResponse response = parts_->link.Call<v1::RenderService>(
+      &v1::RenderService::Stub::GetSettings, v1::GetSettingsRequest());
   const Settings settings = FromProto(response.settings(), response.settings_revision());
   parts_->settings.Take(settings, epoch);
   return settings;
@@ -107,8 +101,8 @@ Settings Client::GetSettings() {
 
 SettingsResult Client::Set(const SettingsUpdate& update) {
   const std::uint64_t epoch = parts_->monitor.epoch();
-  const v1::UpdateSettingsResponse response =
-      parts_->link.Call(&v1::RenderService::Stub::UpdateSettings, *parts_->render, ToProto(update));
+  const v1::UpdateSettingsResponse response = parts_->link.Call<v1::RenderService>(
+      &v1::RenderService::Stub::UpdateSettings, ToProto(update));
   const Settings settings = FromProto(response.settings(), response.settings_revision());
   parts_->settings.Take(settings, epoch);
   return {settings, response.applied_tick()};
@@ -116,19 +110,19 @@ SettingsResult Client::Set(const SettingsUpdate& update) {
 
 EditResult Client::Apply(const Edit& edit) {
   return FromProto(
-      parts_->link.Call(&v1::VolumeService::Stub::EditVolume, *parts_->volumes, ToProto(edit)));
+      parts_->link.Call<v1::VolumeService>(&v1::VolumeService::Stub::EditVolume, ToProto(edit)));
 }
 EditResult Client::Undo() {
-  return FromProto(parts_->link.Call(&v1::VolumeService::Stub::UndoEdit, *parts_->volumes,
-                                     v1::UndoEditRequest()));
+  return FromProto(parts_->link.Call<v1::VolumeService>(&v1::VolumeService::Stub::UndoEdit,
+                                                        v1::UndoEditRequest()));
 }
 EditResult Client::Redo() {
-  return FromProto(parts_->link.Call(&v1::VolumeService::Stub::RedoEdit, *parts_->volumes,
-                                     v1::RedoEditRequest()));
+  return FromProto(parts_->link.Call<v1::VolumeService>(&v1::VolumeService::Stub::RedoEdit,
+                                                        v1::RedoEditRequest()));
 }
 EditResult Client::Revert() {
-  return FromProto(parts_->link.Call(&v1::VolumeService::Stub::RevertVolume, *parts_->volumes,
-                                     v1::RevertVolumeRequest()));
+  return FromProto(parts_->link.Call<v1::VolumeService>(&v1::VolumeService::Stub::RevertVolume,
+                                                        v1::RevertVolumeRequest()));
 }
 
 std::optional<VolumeUpdate> Client::TakeVolumeUpdate() {
@@ -139,36 +133,37 @@ VolumeStatus Client::volume_status() const {
 }
 
 DeviceInfo Client::GetDevice() {
-  return FromProto(parts_->link.Call(&v1::DeviceService::Stub::GetDevice, *parts_->device,
-                                     v1::GetDeviceRequest()));
+  return FromProto(parts_->link.Call<v1::DeviceService>(&v1::DeviceService::Stub::GetDevice,
+                                                        v1::GetDeviceRequest()));
 }
 ForceResult Client::EnableForces(const std::string& device) {
   v1::EnableForcesRequest request;
   request.set_device(device);
   const auto response =
-      parts_->link.Call(&v1::DeviceService::Stub::EnableForces, *parts_->device, request);
+      parts_->link.Call<v1::DeviceService>(&v1::DeviceService::Stub::EnableForces, request);
   return {FromProto(response.forces()), response.applied_tick()};
 }
 ForceResult Client::DisableForces() {
-  const auto response = parts_->link.Call(&v1::DeviceService::Stub::DisableForces, *parts_->device,
-                                          v1::DisableForcesRequest());
+  const auto response = parts_->link.Call<v1::DeviceService>(
+      &v1::DeviceService::Stub::DisableForces, v1::DisableForcesRequest());
   return {FromProto(response.forces()), response.applied_tick()};
 }
 ForceResult Client::StopForces() {
-  const auto response = parts_->link.Call(&v1::DeviceService::Stub::StopForces, *parts_->device,
-                                          v1::StopForcesRequest());
+  const auto response = parts_->link.Call<v1::DeviceService>(&v1::DeviceService::Stub::StopForces,
+                                                             v1::StopForcesRequest());
   return {FromProto(response.forces()), response.applied_tick()};
 }
 
 SeriesState Client::GetSeries() {
   return FromProto(
       parts_->link
-          .Call(&v1::SeriesService::Stub::GetSeries, *parts_->series, v1::GetSeriesRequest())
+          .Call<v1::SeriesService>(&v1::SeriesService::Stub::GetSeries, v1::GetSeriesRequest())
           .series());
 }
 SeriesState Client::ControlSeries(const SeriesControl& control) {
   return FromProto(
-      parts_->link.Call(&v1::SeriesService::Stub::ControlSeries, *parts_->series, ToProto(control))
+      parts_->link
+          .Call<v1::SeriesService>(&v1::SeriesService::Stub::ControlSeries, ToProto(control))
           .series());
 }
 
@@ -177,25 +172,25 @@ RecordingState Client::StartRecording(const std::string& path, bool overwrite) {
   request.set_path(path);
   request.set_overwrite(overwrite);
   return FromProto(
-      parts_->link.Call(&v1::RecordingService::Stub::StartRecording, *parts_->recording, request)
+      parts_->link.Call<v1::RecordingService>(&v1::RecordingService::Stub::StartRecording, request)
           .recording());
 }
 RecordingState Client::StopRecording() {
   return FromProto(parts_->link
-                       .Call(&v1::RecordingService::Stub::StopRecording, *parts_->recording,
-                             v1::StopRecordingRequest())
+                       .Call<v1::RecordingService>(&v1::RecordingService::Stub::StopRecording,
+                                                   v1::StopRecordingRequest())
                        .recording());
 }
 RecordingState Client::GetRecording() {
   return FromProto(parts_->link
-                       .Call(&v1::RecordingService::Stub::GetRecording, *parts_->recording,
-                             v1::GetRecordingRequest())
+                       .Call<v1::RecordingService>(&v1::RecordingService::Stub::GetRecording,
+                                                   v1::GetRecordingRequest())
                        .recording());
 }
 std::int64_t Client::Mark(const std::string& text) {
   v1::MarkRequest request;
   request.set_text(text);
-  return parts_->link.Call(&v1::RecordingService::Stub::Mark, *parts_->recording, request)
+  return parts_->link.Call<v1::RecordingService>(&v1::RecordingService::Stub::Mark, request)
       .time_ns();
 }
 

@@ -10,8 +10,8 @@ namespace palpate::client {
 // At most one of the two; both empty: the default socket, that of DefaultSocketPath
 // in common/wire/address.h ($PALPATE_SOCKET, /run/palpate, the user's own folder).
 struct Address {
-  std::string socket_path;  // a Unix socket on this machine
-  std::string host_port;    // "localhost:7400", "[::1]:7400"
+  std::string socket_path{};  // a Unix socket on this machine
+  std::string host_port{};    // "localhost:7400", "[::1]:7400"
 };
 
 enum class ConnectionState {

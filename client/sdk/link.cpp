@@ -18,6 +18,7 @@ std::shared_ptr<grpc::Channel> MakeChannel(const std::string& target) {
   arguments.SetInt(GRPC_ARG_ENABLE_HTTP_PROXY, 0);
   // A connection of its own, and not one that channels to the same target share.
   arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
+  // Of the volume's, where only that one breaks: the pose thread knows of nothing then.
   arguments.SetInt(GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, Backoff::kFirst.count());
   arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, Backoff::kLongest.count());
   return grpc::CreateCustomChannel(target, grpc::InsecureChannelCredentials(), arguments);
@@ -47,22 +48,33 @@ Link::Link(const Address& address) {
   if (!address.socket_path.empty() && !address.host_port.empty()) {
     throw Error(ErrorKind::kInvalidArgument, "name a socket, or a host and port, not both");
   }
-  std::string target;
   if (address.host_port.empty()) {
     socket_path_ = address.socket_path.empty() ? DefaultSocketPath() : address.socket_path;
-    target = name_ = UnixTarget(socket_path_);
+    target_ = name_ = UnixTarget(socket_path_);
   } else {
     const HostPort host_port = ParseHostPort(address.host_port);
-    target = TcpTarget(host_port);
+    target_ = TcpTarget(host_port);
     name_ = host_port.ToString();
   }
-  channel_ = MakeChannel(target);
-  volume_channel_ = MakeChannel(target);
+  Renew();
 }
 
-void Link::ForgetPauses() {
-  grpc::experimental::ChannelResetConnectionBackoff(channel_.get());
-  grpc::experimental::ChannelResetConnectionBackoff(volume_channel_.get());
+std::shared_ptr<grpc::Channel> Link::channel() const {
+  const std::lock_guard lock(mutex_);
+  return channel_;
+}
+
+std::shared_ptr<grpc::Channel> Link::volume_channel() const {
+  const std::lock_guard lock(mutex_);
+  return volume_channel_;
+}
+
+void Link::Renew() {
+  auto channel = MakeChannel(target_);
+  auto volume_channel = MakeChannel(target_);
+  const std::lock_guard lock(mutex_);
+  channel_.swap(channel);
+  volume_channel_.swap(volume_channel);
 }
 
 Error Link::ErrorOf(const grpc::Status& status) const {
@@ -74,7 +86,7 @@ Error Link::ErrorOf(const grpc::Status& status) const {
               name_ + " is not palpated, or one of another version than this library"};
     case grpc::StatusCode::UNAVAILABLE:
       // The daemon's own line, where there is a daemon.
-      if (channel_->GetState(false) == GRPC_CHANNEL_READY) return FromStatus(status);
+      if (channel()->GetState(false) == GRPC_CHANNEL_READY) return FromStatus(status);
       return WhyUnreached(socket_path_, name_);
     default:
       return FromStatus(status);

@@ -26,21 +26,26 @@ class Link {
   const std::string& name() const { return name_; }
   bool shares_clock() const { return !socket_path_.empty(); }
   // For calls and poses; and one for voxels.
-  const std::shared_ptr<grpc::Channel>& channel() const { return channel_; }
-  const std::shared_ptr<grpc::Channel>& volume_channel() const { return volume_channel_; }
-  // The next attempts wait for no pause of gRPC's own.
-  void ForgetPauses();
+  std::shared_ptr<grpc::Channel> channel() const;
+  std::shared_ptr<grpc::Channel> volume_channel() const;
+  // Both anew, for an attempt to connect. One that has failed refuses all calls until
+  // a pause of gRPC's own is over and it has connected in the background, so that a
+  // daemon that is back would be found an attempt or two too late.
+  void Renew();
 
-  // Calls a unary method. Errors: ErrorOf its status.
-  template <typename Stub, typename Request, typename Response>
-  Response Call(grpc::Status (Stub::*method)(grpc::ClientContext*, const Request&, Response*),
-                Stub& stub, const Request& request,
-                std::chrono::milliseconds timeout = kCallTimeout) {
+  // Calls a unary method of a service, for example
+  //   Call<v1::RenderService>(&v1::RenderService::Stub::GetSettings, request)
+  // Errors: ErrorOf its status.
+  template <typename Service, typename Request, typename Response>
+  Response Call(grpc::Status (Service::Stub::*method)(grpc::ClientContext*, const Request&,
+                                                      Response*),
+                const Request& request, std::chrono::milliseconds timeout = kCallTimeout) {
+    const std::unique_ptr<typename Service::Stub> stub = Service::NewStub(channel());
     grpc::ClientContext context;
     context.set_deadline(std::chrono::system_clock::now() + timeout);
     const Registered registered(*this, context);
     Response response;
-    if (const grpc::Status status = (stub.*method)(&context, request, &response); !status.ok()) {
+    if (const grpc::Status status = ((*stub).*method)(&context, request, &response); !status.ok()) {
       throw ErrorOf(status);
     }
     return response;
@@ -68,10 +73,11 @@ class Link {
 
   std::string name_;
   std::string socket_path_;  // empty over TCP
+  std::string target_;
+
+  mutable std::mutex mutex_;
   std::shared_ptr<grpc::Channel> channel_;
   std::shared_ptr<grpc::Channel> volume_channel_;
-
-  std::mutex mutex_;
   std::set<grpc::ClientContext*> running_;
   bool cancelled_ = false;
 };

@@ -45,12 +45,7 @@ int BatchOf(const PoseRate& rate) {
 }
 
 PoseFollower::PoseFollower(Link& link, Monitor& monitor, const PoseRate& rate, Events events)
-    : link_(link),
-      monitor_(monitor),
-      events_(std::move(events)),
-      poses_(v1::PoseService::NewStub(link.channel())),
-      render_(v1::RenderService::NewStub(link.channel())),
-      rate_(rate) {
+    : link_(link), monitor_(monitor), events_(std::move(events)), rate_(rate) {
   BatchOf(rate);
 }
 
@@ -87,7 +82,8 @@ void PoseFollower::Run() {
 }
 
 void PoseFollower::Follow() {
-  link_.ForgetPauses();
+  link_.Renew();
+  const std::unique_ptr<v1::PoseService::Stub> stub = v1::PoseService::NewStub(link_.channel());
   events_.first_settings(AskForSettings());
   Report({ConnectionState::kConnected, {}});
   settings_revision_.reset();
@@ -96,8 +92,8 @@ void PoseFollower::Follow() {
     const PoseRate rate = rate_;
     const int rate_number = rate_number_;
     lock.unlock();
-    Call call(Start(rate), [this](auto* context, auto* queue) {
-      return poses_->PrepareAsyncStreamPoses(context, queue);
+    Call call(Start(rate), [&stub](auto* context, auto* queue) {
+      return stub->PrepareAsyncStreamPoses(context, queue);
     });
     dropped_before_ = dropped_;
     Read(call, rate_number);
@@ -105,8 +101,8 @@ void PoseFollower::Follow() {
 }
 
 v1::GetSettingsResponse PoseFollower::AskForSettings() {
-  return link_.Call(&v1::RenderService::Stub::GetSettings, *render_, v1::GetSettingsRequest(),
-                    kProbeTimeout);
+  return link_.Call<v1::RenderService>(&v1::RenderService::Stub::GetSettings,
+                                       v1::GetSettingsRequest(), kProbeTimeout);
 }
 
 void PoseFollower::Read(Call& call, int rate_number) {

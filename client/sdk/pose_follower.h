@@ -60,8 +60,6 @@ class PoseFollower {
   Link& link_;
   Monitor& monitor_;
   const Events events_;
-  std::unique_ptr<v1::PoseService::Stub> poses_;
-  std::unique_ptr<v1::RenderService::Stub> render_;
   Backoff backoff_;
 
   // Of the pose thread.

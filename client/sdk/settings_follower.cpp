@@ -13,10 +13,7 @@ constexpr std::chrono::milliseconds kPauseAfterFailure{100};
 
 SettingsFollower::SettingsFollower(Link& link, Monitor& monitor,
                                    std::function<void(const Settings&)> on_settings)
-    : link_(link),
-      monitor_(monitor),
-      on_settings_(std::move(on_settings)),
-      render_(v1::RenderService::NewStub(link.channel())) {}
+    : link_(link), monitor_(monitor), on_settings_(std::move(on_settings)) {}
 
 void SettingsFollower::Begin() {
   thread_ = std::thread([this] { Run(); });
@@ -87,8 +84,8 @@ void SettingsFollower::Run() {
 void SettingsFollower::Fetch() {
   const std::uint64_t epoch = monitor_.epoch();
   try {
-    const v1::GetSettingsResponse response =
-        link_.Call(&v1::RenderService::Stub::GetSettings, *render_, v1::GetSettingsRequest());
+    const v1::GetSettingsResponse response = link_.Call<v1::RenderService>(
+        &v1::RenderService::Stub::GetSettings, v1::GetSettingsRequest());
     Take(FromProto(response.settings(), response.settings_revision()), epoch);
   } catch (const Error&) {
     // Whoever is not reached is lost soon, and asked after he is found again.

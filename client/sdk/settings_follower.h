@@ -43,7 +43,6 @@ class SettingsFollower {
   Link& link_;
   Monitor& monitor_;
   const std::function<void(const Settings&)> on_settings_;
-  std::unique_ptr<v1::RenderService::Stub> render_;
 
   mutable std::mutex mutex_;
   std::condition_variable wake_;
