@@ -36,8 +36,9 @@ namespace palpate::client {
 struct Callbacks {
   // The pose thread: every change of the connection, also of the reason of a loss.
   std::function<void(const Connection&)> on_connection{};
-  // The pose thread: every message. While it runs, no newer pose is taken: a slow one
-  // loses the oldest samples and sees fresh ones.
+  // The pose thread: poses as they come. While it runs, no newer one is taken, also not
+  // by NewestPose. A slow one gets at once all that piled up behind it; beyond 16
+  // messages the oldest are lost, and the last is fresh always.
   std::function<void(const PoseBatch&)> on_poses{};
   // The settings thread: settings that are new, whoever changed them; once after
   // every connection. Changes that follow each other closely come as one.

@@ -76,13 +76,13 @@ struct Pose {
   ForceStatus forces;
 };
 
-// What came in one message.
+// What came in one message; after a slow callback, in all that piled up behind it.
 struct PoseBatch {
   std::vector<Pose> poses;  // oldest first, at least one
   // Samples that were lost so far because this client was slow, over all
   // connections.
   std::uint64_t dropped = 0;
-  std::int64_t sent_time_ns = 0;
+  std::int64_t sent_time_ns = 0;  // of the newest message
   std::chrono::steady_clock::time_point received;
 };
 

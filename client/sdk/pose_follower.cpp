@@ -12,9 +12,13 @@ namespace {
 using std::chrono::milliseconds;
 using Clock = std::chrono::steady_clock;
 
-// Messages on their way: enough that a pause of the machine loses nothing, and few
-// enough that a slow callback sees what is fresh.
-constexpr std::uint32_t kMaxUnacknowledged = 4;
+// Messages on their way: enough that a pause of the machine loses nothing. After a slow
+// callback all of them are taken as one batch, so that it sees what is fresh.
+constexpr std::uint32_t kMaxUnacknowledged = 16;
+// Those, the one that waits at the daemon, and one that comes meanwhile.
+constexpr int kMostMerged = kMaxUnacknowledged + 2;
+constexpr milliseconds kSlow{5};        // a callback that others may have piled up behind
+constexpr milliseconds kPileWait{1};    // for the next of the pile, which is on its way
 constexpr milliseconds kPoll{50};       // for the end and for another rate
 constexpr milliseconds kSilence{2000};  // after which palpated is asked whether it lives
 constexpr milliseconds kProbeTimeout{3000};
@@ -112,7 +116,7 @@ void PoseFollower::Read(Call& call, int rate_number) {
     switch (call.Next(kPoll, message)) {
       case CallEvent::kMessage:
         backoff_.Reset();
-        Take(message);
+        TakeAll(call, message);
         heard = Clock::now();
         break;
       case CallEvent::kTimeout:
@@ -129,14 +133,15 @@ void PoseFollower::Read(Call& call, int rate_number) {
   }
 }
 
-void PoseFollower::Take(const v1::StreamPosesResponse& message) {
-  if (message.samples().empty()) return;
+void PoseFollower::TakeAll(Call& call, v1::StreamPosesResponse& message) {
   PoseBatch batch;
-  batch.received = Clock::now();
-  batch.poses.reserve(static_cast<std::size_t>(message.samples_size()));
-  for (const v1::PoseSample& sample : message.samples()) batch.poses.push_back(FromProto(sample));
-  batch.dropped = dropped_ = dropped_before_ + message.dropped_samples();
-  batch.sent_time_ns = message.sent_time_ns();
+  Add(message, batch);
+  for (int n = 1; is_slow_ && n < kMostMerged; ++n) {
+    if (call.Next(kPileWait, message) != CallEvent::kMessage) break;
+    Add(message, batch);
+  }
+  if (batch.poses.empty()) return;
+  dropped_ = batch.dropped;
   {
     const std::lock_guard lock(mutex_);
     newest_ = batch.poses.back();
@@ -144,7 +149,16 @@ void PoseFollower::Take(const v1::StreamPosesResponse& message) {
   // Also for the first pose: settings may have changed since they were asked for.
   const std::uint64_t revision = batch.poses.back().settings_revision;
   if (std::exchange(settings_revision_, revision) != revision) events_.settings_changed();
-  if (events_.poses) events_.poses(batch);
+  if (!events_.poses) return;
+  events_.poses(batch);
+  is_slow_ = Clock::now() - batch.received > kSlow;
+}
+
+void PoseFollower::Add(const v1::StreamPosesResponse& message, PoseBatch& batch) const {
+  for (const v1::PoseSample& sample : message.samples()) batch.poses.push_back(FromProto(sample));
+  batch.dropped = dropped_before_ + message.dropped_samples();
+  batch.sent_time_ns = message.sent_time_ns();
+  batch.received = Clock::now();
 }
 
 void PoseFollower::Report(const Connection& connection) {

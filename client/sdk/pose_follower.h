@@ -54,7 +54,9 @@ class PoseFollower {
   void Follow();
   v1::GetSettingsResponse AskForSettings();
   void Read(Call& call, int rate_number);
-  void Take(const v1::StreamPosesResponse& message);
+  // The message, and those that piled up behind it.
+  void TakeAll(Call& call, v1::StreamPosesResponse& message);
+  void Add(const v1::StreamPosesResponse& message, PoseBatch& batch) const;
   void Report(const Connection& connection);
 
   Link& link_;
@@ -65,6 +67,7 @@ class PoseFollower {
   // Of the pose thread.
   std::optional<std::uint64_t> settings_revision_;
   std::uint64_t dropped_before_ = 0;  // by streams that ended
+  bool is_slow_ = false;              // the last callback was
 
   mutable std::mutex mutex_;
   std::optional<Pose> newest_;

@@ -47,6 +47,7 @@ LAYERS = {
     "server/lab": COMMON + ["server/volume", "server/session", "server/haptics",
                             "server/recording"],
     "client/sdk": COMMON + ["common/wire"],
+    "client/sdk/example": ["client/sdk"],
     "client/cli": COMMON + ["common/wire", "client/sdk"],
 }
 
@@ -67,6 +68,9 @@ LIBRARIES = {
 PLAIN_VOLUME_HEADERS = {"server/volume/brick_directory.h", "server/volume/snapshot.h",
                         "server/volume/volume_metadata.h", "server/volume/edit.h",
                         "server/volume/volume_export.h", "server/volume/whole_file.h"}
+# What a program outside of the tree includes.
+PUBLIC_HEADER = "client/sdk/client.h"
+
 NO_OPENVDB = ["server/haptics", "server/servo", "server/device", "server/rpc", "server/recording",
               "server/streaming"]
 
@@ -86,6 +90,20 @@ def violations(folder, includes):
             if re.match(pattern, include) and folder not in folders:
                 found.append(f"{include}: {folder} may not use {library}")
     return found
+
+
+def closure(header):
+    """The header and all of the tree that it brings along, and their other includes."""
+    own, others, waiting = set(), set(), [header]
+    while waiting:
+        header = waiting.pop()
+        own.add(header)
+        for include in includes_of(ROOT / header):
+            if not (ROOT / include).is_file():
+                others.add(include)
+            elif include not in own:
+                waiting.append(include)
+    return own, others
 
 
 def includes_of(path):
@@ -111,6 +129,19 @@ class IncludeLayers(unittest.TestCase):
         for _, path in self.sources():
             if path.suffix == ".h":
                 self.assertIn("#pragma once", path.read_text(), str(path))
+
+    def test_the_public_header_is_free_of_grpc_and_is_installed_whole(self):
+        own, others = closure(PUBLIC_HEADER)
+        self.assertGreater(len(own), 8)
+        for include in own | others:
+            self.assertNotRegex(include, LIBRARIES["gRPC and protobuf"][0])
+        for header in own:
+            self.assertNotRegex((ROOT / header).read_text(), r"\b(grpc|protobuf|v1)::", header)
+        installed = (ROOT / "client/sdk/install.cmake").read_text()
+        listed = re.findall(r"[\w./{}$]+\.h\b", installed)
+        paths = {path.replace("${PROJECT_SOURCE_DIR}/", "") if "/" in path
+                 else "client/sdk/" + path for path in listed}
+        self.assertEqual(paths, own)
 
     def test_violations_are_seen(self):
         self.assertTrue(violations("client/cli", ["server/servo/scene.h"]))

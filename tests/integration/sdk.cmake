@@ -1,0 +1,12 @@
+foreach(test sdk_connection_test sdk_pose_test sdk_settings_test sdk_volume_test)
+  palpate_integration_test(${test} ${test}.cpp palpate::client)
+  add_dependencies(${test} palpated)
+  target_compile_definitions(${test} PRIVATE PALPATED="$<TARGET_FILE:palpated>")
+endforeach()
+
+find_package(Python3 REQUIRED COMPONENTS Interpreter)
+add_test(NAME integration.sdk_install
+  COMMAND Python3::Interpreter ${CMAKE_CURRENT_LIST_DIR}/sdk_install_test.py
+    ${PROJECT_BINARY_DIR} ${PROJECT_SOURCE_DIR} $<TARGET_FILE:palpated> ${CMAKE_COMMAND}
+    ${CMAKE_CXX_COMPILER})
+set_tests_properties(integration.sdk_install PROPERTIES LABELS integration TIMEOUT 600)

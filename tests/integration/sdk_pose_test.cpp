@@ -1,0 +1,181 @@
+// Poses by the client library: newest, in batches, and with a slow reader.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <atomic>
+#include <mutex>
+
+#include "client/sdk/client.h"
+#include "tests/support/patience.h"
+#include "tests/support/restarted_daemon.h"
+
+namespace palpate::client {
+namespace {
+
+using namespace std::chrono_literals;
+using test::Eventually;
+using test::RestartedDaemon;
+using Clock = std::chrono::steady_clock;
+
+double AgeMs(const Pose& pose) {
+  const std::chrono::nanoseconds now = Clock::now().time_since_epoch();
+  return static_cast<double>(now.count() - pose.time_ns) * 1e-6;
+}
+
+class SdkPoses : public ::testing::Test {
+ protected:
+  void SetUp() override { daemon_.Start(); }
+
+  ClientOptions Options(double rate_hz) const {
+    return {.address = {.socket_path = daemon_.socket()}, .poses = {.rate_hz = rate_hz}};
+  }
+
+  RestartedDaemon daemon_;
+};
+
+TEST_F(SdkPoses, TheNewestAdvances) {
+  Client client(Options(60));
+  ASSERT_TRUE(client.WaitUntilConnected(60s));
+  ASSERT_TRUE(Eventually([&] { return client.NewestPose().has_value(); }));
+  EXPECT_TRUE(client.shares_clock());
+  std::uint64_t last = 0;
+  int advances = 0;
+  std::vector<double> ages_ms;
+  for (int n = 0; n < 1000; ++n) {
+    const Pose pose = *client.NewestPose();
+    ASSERT_GE(pose.tick, last);
+    advances += pose.tick > last;
+    last = pose.tick;
+    ages_ms.push_back(AgeMs(pose));
+    std::this_thread::sleep_for(2ms);
+  }
+  EXPECT_GT(advances, 60);  // of 120
+  std::sort(ages_ms.begin(), ages_ms.end());
+  EXPECT_LT(ages_ms[ages_ms.size() / 2], 40.0);
+  EXPECT_NEAR(client.NewestPose()->stylus_orientation.norm(), 1.0, 1e-6);
+  EXPECT_EQ(client.NewestPose()->forces.state, ForceState::kOn);
+}
+
+struct Heard {
+  std::mutex mutex;
+  std::vector<Pose> poses;
+  std::vector<std::size_t> batches;
+  std::uint64_t dropped = 0;
+
+  std::function<void(const PoseBatch&)> Callback() {
+    return [this](const PoseBatch& batch) {
+      const std::lock_guard lock(mutex);
+      poses.insert(poses.end(), batch.poses.begin(), batch.poses.end());
+      batches.push_back(batch.poses.size());
+      dropped = batch.dropped;
+    };
+  }
+  std::size_t Count() {
+    const std::lock_guard lock(mutex);
+    return poses.size();
+  }
+};
+
+// Gaps in loop time, beside the ticks that the loop itself missed.
+std::size_t Gaps(const std::vector<Pose>& poses, std::uint64_t step) {
+  std::size_t gaps = 0;
+  for (std::size_t n = 1; n < poses.size(); ++n) {
+    const std::uint64_t passed =
+        poses[n].tick + poses[n].missed_ticks - poses[n - 1].tick - poses[n - 1].missed_ticks;
+    const std::uint64_t missed = poses[n].missed_ticks - poses[n - 1].missed_ticks;
+    gaps += passed > step + missed;
+  }
+  return gaps;
+}
+
+TEST_F(SdkPoses, AFastCallbackLosesNothing) {
+  struct Case {
+    double rate_hz;
+    std::uint64_t step;
+    std::size_t batch;
+  };
+  for (const auto& [rate_hz, step, batch] : {Case{60, 17, 1}, Case{1000, 1, 10}}) {
+    Heard heard;
+    ClientOptions options = Options(rate_hz);
+    options.callbacks.on_poses = heard.Callback();
+    auto client = std::make_unique<Client>(options);
+    ASSERT_TRUE(client->WaitUntilConnected(60s));
+    std::this_thread::sleep_for(5s);
+    client.reset();
+    std::printf("%.0f Hz: %zu poses, %llu dropped, %zu gaps\n", rate_hz, heard.poses.size(),
+                static_cast<unsigned long long>(heard.dropped), Gaps(heard.poses, step));
+    EXPECT_GT(heard.poses.size(), rate_hz * 5 * 0.7);
+    EXPECT_TRUE(std::all_of(heard.batches.begin(), heard.batches.end(),
+                            [batch = batch](std::size_t size) { return size == batch; }));
+    EXPECT_TRUE(std::is_sorted(heard.poses.begin(), heard.poses.end(),
+                               [](const Pose& a, const Pose& b) { return a.tick < b.tick; }));
+    // None as a rule; the machine that runs this stops for longer than the window now
+    // and then.
+    EXPECT_LE(static_cast<double>(heard.dropped), 0.02 * static_cast<double>(heard.poses.size()));
+    EXPECT_LE(Gaps(heard.poses, step), heard.dropped);
+  }
+}
+
+// Ages of the newest pose at each call, for callbacks that take this long.
+struct Slow {
+  std::vector<double> ages_ms;
+  std::uint64_t seen = 0;
+  std::uint64_t dropped = 0;
+
+  double Median(std::size_t begin, std::size_t end) const {
+    std::vector<double> part(ages_ms.begin() + begin, ages_ms.begin() + end);
+    std::nth_element(part.begin(), part.begin() + part.size() / 2, part.end());
+    return part[part.size() / 2];
+  }
+};
+
+TEST_F(SdkPoses, ASlowCallbackSeesFreshPoses) {
+  for (const auto takes : {100ms, 500ms}) {
+    Slow slow;
+    ClientOptions options = Options(1000);
+    options.callbacks.on_poses = [&](const PoseBatch& batch) {
+      slow.ages_ms.push_back(AgeMs(batch.poses.back()));
+      slow.seen += batch.poses.size();
+      slow.dropped = batch.dropped;
+      std::this_thread::sleep_for(takes);
+    };
+    auto client = std::make_unique<Client>(options);
+    ASSERT_TRUE(client->WaitUntilConnected(60s));
+    std::this_thread::sleep_for(8s);
+    client.reset();
+    const std::size_t count = slow.ages_ms.size();
+    ASSERT_GT(count, 9u);
+    const double middle_ms = slow.Median(count / 3, 2 * count / 3);
+    const double end_ms = slow.Median(2 * count / 3, count);
+    std::printf("%d ms each: age %.0f ms in the middle, %.0f ms at the end, %llu seen, %llu lost\n",
+                static_cast<int>(takes.count()), middle_ms, end_ms,
+                static_cast<unsigned long long>(slow.seen),
+                static_cast<unsigned long long>(slow.dropped));
+    // Well below the time of a single callback, and no older with time.
+    EXPECT_LT(middle_ms, 80.0);
+    EXPECT_LT(end_ms, 80.0);
+    if (takes == 500ms) {
+      EXPECT_GT(slow.dropped, 2000u);
+    }
+  }
+}
+
+TEST_F(SdkPoses, TheRateChangesWhileItRuns) {
+  Heard heard;
+  ClientOptions options = Options(20);
+  options.callbacks.on_poses = heard.Callback();
+  Client client(options);
+  ASSERT_TRUE(client.WaitUntilConnected(60s));
+  std::this_thread::sleep_for(1s);
+  const std::size_t slow = heard.Count();
+  client.SetPoseRate({.rate_hz = 1000});
+  std::this_thread::sleep_for(1s);
+  const std::size_t fast = heard.Count() - slow;
+  EXPECT_LT(slow, 40u);
+  EXPECT_GT(fast, 500u);
+  EXPECT_THROW(client.SetPoseRate({.rate_hz = 5}), Error);
+  EXPECT_EQ(client.connection().state, ConnectionState::kConnected);
+}
+
+}  // namespace
+}  // namespace palpate::client

@@ -1,0 +1,50 @@
+// A palpated that can be killed and started again on the same socket.
+#pragma once
+
+#include <csignal>
+#include <filesystem>
+#include <memory>
+#include <stdexcept>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "tests/support/process.h"
+#include "tests/support/temporary_folder.h"
+
+namespace palpate::test {
+
+class RestartedDaemon {
+ public:
+  explicit RestartedDaemon(std::vector<std::string> arguments = {"--volume", "builtin:bumps:48"})
+      : arguments_(std::move(arguments)) {}
+
+  // Waits until it is ready.
+  void Start() {
+    std::vector<std::string> command = {PALPATED};
+    command.insert(command.end(), arguments_.begin(), arguments_.end());
+    command.insert(command.end(), {"--socket", socket(), "--state-folder", folder_.path() / "s"});
+    process_ = std::make_unique<Process>(command, false, std::chrono::seconds(120));
+    if (!process_->WaitFor("ready on")) {
+      throw std::runtime_error("palpated did not start: " + process_->Wait().error);
+    }
+  }
+  void Kill() {
+    process_->Signal(SIGKILL);
+    process_->Wait();
+    process_.reset();
+  }
+  // As a machine that hangs: what is connected stays so, and nothing answers.
+  void Hang() { process_->Signal(SIGSTOP); }
+  void Continue() { process_->Signal(SIGCONT); }
+
+  std::string socket() const { return folder_.path() / "palpated.sock"; }
+  const std::filesystem::path& folder() const { return folder_.path(); }
+
+ private:
+  TemporaryFolder folder_;
+  std::vector<std::string> arguments_;
+  std::unique_ptr<Process> process_;
+};
+
+}  // namespace palpate::test
