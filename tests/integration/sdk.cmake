@@ -3,6 +3,8 @@ foreach(test sdk_connection_test sdk_pose_test sdk_settings_test sdk_volume_test
   add_dependencies(${test} palpated)
   target_compile_definitions(${test} PRIVATE PALPATED="$<TARGET_FILE:palpated>")
 endforeach()
+# A stream without the library, to compare with.
+target_link_libraries(sdk_pose_test PRIVATE palpate::proto)
 
 find_package(Python3 REQUIRED COMPONENTS Interpreter)
 add_test(NAME integration.sdk_install
