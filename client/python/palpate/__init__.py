@@ -1,0 +1,32 @@
+"""Client of palpated: feel an isosurface, steer it and record it from Python.
+
+    with palpate.connect() as conn:
+        conn.settings.isovalue = 300.0
+        for poses in conn.poses(rate_hz=1000, batch=50):
+            print(poses.force_n[-1])
+
+Units are in the names, shapes in the docstrings. Volumes are arrays indexed [x, y, z].
+"""
+
+from palpate._connection import Connection, connect
+from palpate._device import Device, DeviceInfo, Forces, ListedDevice
+from palpate._edits import EditResult, Edits
+from palpate._enums import (DecompositionMethod, DeviceConnection, ForceReason, ForceState,
+                            FreeSide, ProxyMode, VerificationLevel)
+from palpate._errors import (Cancelled, Conflict, Error, FailedPrecondition, Internal,
+                             InvalidArgument, NotFound, PermissionDenied, TooLarge, Unavailable)
+from palpate._poses import Poses, PoseStream
+from palpate._recording import Recording, RecordingState
+from palpate._series import Series, SeriesState
+from palpate._settings import Applied, Settings
+from palpate._volume import VolumeAccess, VolumeInfo
+from palpate._volume_copy import Volume
+
+__all__ = [
+    "Applied", "Cancelled", "Conflict", "Connection", "DecompositionMethod", "Device",
+    "DeviceConnection", "DeviceInfo", "EditResult", "Edits", "Error", "FailedPrecondition",
+    "ForceReason", "ForceState", "Forces", "FreeSide", "Internal", "InvalidArgument",
+    "ListedDevice", "NotFound", "PermissionDenied", "PoseStream", "Poses", "ProxyMode",
+    "Recording", "RecordingState", "Series", "SeriesState", "Settings", "TooLarge", "Unavailable",
+    "VerificationLevel", "Volume", "VolumeAccess", "VolumeInfo", "connect",
+]

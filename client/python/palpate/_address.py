@@ -1,0 +1,93 @@
+"""Where palpated is reached. The rules are those of common/wire/address.h."""
+
+import os
+import re
+import stat
+
+from palpate._errors import InvalidArgument, PermissionDenied, Unavailable
+
+_SYSTEM_FOLDER = "/run/palpate"
+_SOCKET_NAME = "palpated.sock"
+# sockaddr_un holds 108 bytes with its NUL.
+_MAX_SOCKET_PATH_BYTES = 107
+
+
+def default_socket_path() -> str:
+    """$PALPATE_SOCKET, the system's socket, or the user's own."""
+    if path := os.environ.get("PALPATE_SOCKET"):
+        return path
+    system = os.path.join(_SYSTEM_FOLDER, _SOCKET_NAME)
+    if os.path.isdir(_SYSTEM_FOLDER) and (
+            os.access(_SYSTEM_FOLDER, os.W_OK | os.X_OK) or os.path.exists(system)):
+        return system
+    if runtime := os.environ.get("XDG_RUNTIME_DIR"):
+        return os.path.join(runtime, "palpate", _SOCKET_NAME)
+    return os.path.join(_temporary_folder(), _SOCKET_NAME)
+
+
+def _temporary_folder() -> str:
+    # Anybody may create a folder in /tmp: one that is not ours alone is a trap.
+    folder = f"/tmp/palpate-{os.getuid()}"
+    try:
+        info = os.lstat(folder)
+    except FileNotFoundError:
+        return folder
+    if not stat.S_ISDIR(info.st_mode) or info.st_uid != os.getuid() or info.st_mode & 0o022:
+        raise PermissionDenied(f"{folder} is not a folder that only you can write: remove it, or "
+                               "name the socket")
+    return folder
+
+
+def target_of(address: str | None) -> tuple[str, str]:
+    """Target of a gRPC channel, and a name for people.
+
+    A text with a slash is the path of a Unix socket, any other one is host:port.
+    """
+    if address is None:
+        address = default_socket_path()
+    elif "/" not in address:
+        return _tcp_target(address)
+    return _unix_target(address)
+
+
+def _unix_target(path: str) -> tuple[str, str]:
+    absolute = os.path.abspath(path.removeprefix("unix:"))
+    if len(os.fsencode(absolute)) > _MAX_SOCKET_PATH_BYTES:
+        raise InvalidArgument(f"the path of a socket has at most {_MAX_SOCKET_PATH_BYTES} bytes: "
+                              f"{absolute}")
+    # gRPC decodes the path as a URI: only these characters mean themselves.
+    if not re.fullmatch(r"[A-Za-z0-9/\-._~+=,:@]+", absolute):
+        raise InvalidArgument("the path of a socket may hold letters, digits and /-._~+=,:@ only: "
+                              f"{absolute}")
+    name = "unix:" + absolute
+    _check_socket(absolute, name)
+    return name, name
+
+
+def _check_socket(path: str, name: str) -> None:
+    # gRPC reports every failure to connect alike; the file tells them apart.
+    try:
+        info = os.stat(path)
+    except PermissionError:
+        raise PermissionDenied(f"no permission to use {name}") from None
+    except OSError:
+        raise Unavailable(f"no palpated at {name}: start it with 'palpated' or name its "
+                          "socket") from None
+    if not stat.S_ISSOCK(info.st_mode):
+        raise Unavailable(f"{name} is not a socket: name palpated's socket")
+    if not os.access(path, os.W_OK):
+        raise PermissionDenied(f"no permission to use {name}: ask for membership of the group that "
+                               "owns the socket")
+
+
+def _tcp_target(address: str) -> tuple[str, str]:
+    match = re.fullmatch(r"(\[[0-9A-Fa-f:.]+\]|[A-Za-z0-9._][A-Za-z0-9._-]{0,252}):([0-9]{1,5})",
+                         address)
+    if match is None or not 0 < int(match[2]) < 65536:
+        raise InvalidArgument(f"'{address}' is not an address: expected the path of a socket with "
+                              "a slash in it, or HOST:PORT, as in localhost:7400")
+    host, port = match.groups()
+    if host.startswith("["):
+        return f"ipv6:%5B{host[1:-1]}%5D:{port}", address
+    # The scheme keeps a host called "unix" from being read as one.
+    return f"dns:///{address}", address

@@ -1,0 +1,116 @@
+"""A connection to palpated."""
+
+import types
+
+from palpate._device import Device
+from palpate._edits import Edits
+from palpate._errors import InvalidArgument
+from palpate._link import Link
+from palpate._poses import PoseStream
+from palpate._recording import Recording
+from palpate._series import Series
+from palpate._settings import Settings
+from palpate._volume import VolumeAccess
+from palpate.v1 import device_pb2, device_pb2_grpc
+
+
+class Connection:
+    """A connection to palpated; connect() makes one. A `with` block closes it.
+
+    When the daemon goes away, calls and streams raise Unavailable; once it is there
+    again, calls and new streams of the same connection work. Any thread.
+    """
+
+    def __init__(self, address: str | None) -> None:
+        self._link = Link(address)
+        try:
+            self._link.check(self._link.stub(device_pb2_grpc.DeviceServiceStub).GetDevice,
+                             device_pb2.GetDeviceRequest())
+        except BaseException:
+            self._link.close()
+            raise
+        self._settings = Settings(self._link)
+        self._edit = Edits(self._link)
+        self._volume = VolumeAccess(self._link)
+        self._device = Device(self._link)
+        self._series = Series(self._link)
+        self._recording = Recording(self._link)
+
+    @property
+    def address(self) -> str:
+        """Where palpated was found, for people."""
+        return self._link.name
+
+    @property
+    def settings(self) -> Settings:
+        """What is felt: isovalue, stiffness, effects."""
+        return self._settings
+
+    @settings.setter
+    def settings(self, value: object) -> None:
+        raise AttributeError("set one of the settings, as in conn.settings.isovalue = 300")
+
+    @property
+    def edit(self) -> Edits:
+        """Changes of the volume's voxels."""
+        return self._edit
+
+    @property
+    def volume(self) -> VolumeAccess:
+        """The volume under the stylus: load, upload, download, save."""
+        return self._volume
+
+    @property
+    def device(self) -> Device:
+        """The device and its forces."""
+        return self._device
+
+    @property
+    def series(self) -> Series:
+        """Time series."""
+        return self._series
+
+    @property
+    def recording(self) -> Recording:
+        """Recordings on the daemon's machine."""
+        return self._recording
+
+    def poses(self, rate_hz: float = 60.0, batch: int = 1, *, waiting: int = 1) -> PoseStream:
+        """Streams what the servo computes, as an endless iterator of Poses.
+
+        rate_hz: samples per second of loop time, above 0 to 1000; one tick in
+        round(1000 / rate_hz) is sampled. batch: samples per Poses, 1 to 256; above 200 Hz
+        choose 8 or more. waiting: batches that wait for a loop that is slower than the
+        stream. Newest wins: with 1 such a loop gets the newest batch each time; what was
+        left out is counted in Poses.dropped_samples. Choose a larger one to get every
+        sample in spite of pauses.
+        Errors, in the iteration: InvalidArgument, Unavailable when the daemon goes away.
+        """
+        if waiting < 1:
+            raise InvalidArgument("at least one batch waits")
+        return PoseStream(self._link, rate_hz, batch, waiting)
+
+    def close(self) -> None:
+        """Closes it; streams of it raise Unavailable."""
+        self._link.close()
+
+    def __enter__(self) -> "Connection":
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
+                 trace: types.TracebackType | None) -> None:
+        self.close()
+
+    def __repr__(self) -> str:
+        return f"<palpate connection to {self.address}>"
+
+
+def connect(address: str | None = None) -> Connection:
+    """Connects to palpated.
+
+    address: path of its Unix socket, with a slash in it, or "HOST:PORT"; None:
+    $PALPATE_SOCKET, /run/palpate/palpated.sock, or the user's own, as the daemon and the
+    other clients choose it.
+    Errors: Unavailable (no palpated there), PermissionDenied (the socket), InvalidArgument.
+    """
+    return Connection(address)

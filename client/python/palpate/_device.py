@@ -1,0 +1,136 @@
+"""The force-feedback device and the loop that drives it."""
+
+import dataclasses
+import typing
+
+import numpy as np
+import numpy.typing as npt
+
+from palpate._enums import DeviceConnection, ForceReason, ForceState, VerificationLevel
+from palpate._geometry import array_of_vector
+from palpate._link import Link
+from palpate.v1 import device_pb2, device_pb2_grpc
+
+
+@dataclasses.dataclass(frozen=True)
+class Forces:
+    """What the safety stage does with forces, and why."""
+
+    state: ForceState
+    reason: ForceReason
+    limit_n: float
+    """what the motors' warmth leaves of the greatest force, N"""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class DeviceInfo:
+    """The device, and the servo loop; counts are since the daemon's start."""
+
+    kind: str
+    """configuration name, such as "simulated" """
+    model: str
+    """name for people"""
+    workspace_min_mm: npt.NDArray[np.float64]
+    """(3,) corner of the workspace box in the device frame, mm"""
+    workspace_max_mm: npt.NDArray[np.float64]
+    """(3,) the other corner, mm"""
+    max_force_n: float
+    continuous_force_n: float
+    max_stiffness_n_per_mm: float
+    """that it renders steadily, N/mm"""
+    position_resolution_mm: float
+    button_count: int
+    verification_level: VerificationLevel
+    connection: DeviceConnection
+    docked: bool
+    calibrated: bool
+    problem: str
+    """what is wrong and what to do; empty: nothing"""
+    forces: Forces
+    rate_hz: float
+    """of the servo loop, Hz"""
+    realtime_scheduling: bool
+    memory_locked: bool
+    warnings: tuple[str, ...]
+    """what the servo could not have and what to do about it"""
+    ticks: int
+    missed_ticks: int
+    version: str
+    """of the daemon"""
+
+
+@dataclasses.dataclass(frozen=True)
+class ListedDevice:
+    """A device that the daemon could be configured to use."""
+
+    kind: str
+    model: str
+    port: str
+    """where it was found; empty for what needs no finding"""
+    usable: bool
+    problem: str
+    """what is missing and what to do; empty when usable"""
+    verification_level: VerificationLevel
+    in_use: bool
+
+
+def _forces_of(status: device_pb2.ForceStatus) -> Forces:
+    return Forces(ForceState(status.state), ForceReason(status.reason), status.limit_n)
+
+
+class Device:
+    """The device and its forces; Connection.device.
+
+    Errors: InvalidArgument, FailedPrecondition (what keeps forces off is still there),
+    Unavailable.
+    """
+
+    def __init__(self, link: Link) -> None:
+        self._link = link
+        self._stub = link.stub(device_pb2_grpc.DeviceServiceStub)
+
+    def info(self) -> DeviceInfo:
+        """The device, its state and the servo's."""
+        answer = self._link.call(self._stub.GetDevice, device_pb2.GetDeviceRequest())
+        device, servo, health = answer.device, answer.servo, answer.health
+        return DeviceInfo(
+            kind=device.kind, model=device.model,
+            workspace_min_mm=array_of_vector(device.workspace_min_mm),
+            workspace_max_mm=array_of_vector(device.workspace_max_mm),
+            max_force_n=device.max_force_n, continuous_force_n=device.continuous_force_n,
+            max_stiffness_n_per_mm=device.max_stiffness_n_per_mm,
+            position_resolution_mm=device.position_resolution_mm,
+            button_count=device.button_count,
+            verification_level=VerificationLevel(device.verification_level),
+            connection=DeviceConnection(health.connection), docked=health.docked,
+            calibrated=health.calibrated, problem=health.problem, forces=_forces_of(answer.forces),
+            rate_hz=servo.rate_hz, realtime_scheduling=servo.realtime_scheduling,
+            memory_locked=servo.memory_locked, warnings=tuple(servo.warnings), ticks=servo.ticks,
+            missed_ticks=servo.missed_ticks, version=servo.version)
+
+    def list(self) -> "list[ListedDevice]":
+        """What the daemon's machine has. Opens no device."""
+        answer = self._link.call(self._stub.ListDevices, device_pb2.ListDevicesRequest())
+        return [ListedDevice(device.kind, device.model, device.port, device.usable, device.problem,
+                             VerificationLevel(device.verification_level), device.in_use)
+                for device in answer.devices]
+
+    def enable(self, kind: str = "") -> Forces:
+        """Lets forces ramp in; also leaves an emergency stop and a fault that has passed.
+
+        kind: configuration name of the device, such as "falcon"; may be empty only where
+        its forces are verified or simulated.
+        """
+        return self._force_call(self._stub.EnableForces,
+                                device_pb2.EnableForcesRequest(device=kind))
+
+    def disable(self) -> Forces:
+        """Ramps forces out, until they are enabled again."""
+        return self._force_call(self._stub.DisableForces, device_pb2.DisableForcesRequest())
+
+    def stop(self) -> Forces:
+        """Emergency stop: zero force within a tick, until forces are enabled again."""
+        return self._force_call(self._stub.StopForces, device_pb2.StopForcesRequest())
+
+    def _force_call(self, method: typing.Any, request: typing.Any) -> Forces:
+        return _forces_of(self._link.call(method, request).forces)

@@ -1,0 +1,144 @@
+"""Changes of the volume's voxels."""
+
+import dataclasses
+import typing
+
+import numpy as np
+import numpy.typing as npt
+
+from palpate._errors import InvalidArgument, TooLarge
+from palpate._geometry import Triple, vector_of
+from palpate._link import Link
+from palpate.v1 import edit_pb2, volume_pb2_grpc
+
+Operation = typing.Literal["add", "subtract", "set", "smooth", "paint"]
+Frame = typing.Literal["world", "index"]
+
+_OPERATIONS = {"add": edit_pb2.EDIT_OPERATION_ADD, "subtract": edit_pb2.EDIT_OPERATION_SUBTRACT,
+               "set": edit_pb2.EDIT_OPERATION_SET, "smooth": edit_pb2.EDIT_OPERATION_SMOOTH,
+               "paint": edit_pb2.EDIT_OPERATION_PAINT}
+_FRAMES = {"world": edit_pb2.EDIT_FRAME_WORLD, "index": edit_pb2.EDIT_FRAME_INDEX}
+_MOST_BLOCK_VOXELS = 3 * 1024 * 1024 // 4
+
+
+@dataclasses.dataclass(frozen=True)
+class EditResult:
+    """What an edit did."""
+
+    volume_revision: int
+    """at which the volume is now; the same as before where no voxel changed"""
+    applied_tick: int
+    """first tick that used it"""
+    changed_voxels: int
+    changed: tuple[slice, slice, slice] | None
+    """box around the voxels that changed, as an index into Volume.values; None: none did"""
+    undo_steps: int
+    """how often undo() would work now"""
+    redo_steps: int
+
+
+class Edits:
+    """Edits of the volume under the stylus, each at one tick; Connection.edit.
+
+    The weight w of a voxel is 1 within the shape and falls smoothly to 0 over `falloff`
+    outside of it. With the voxel's value v the operations are "add" (v + w·value),
+    "subtract" (v - w·value), "set" (value, faded by w), "smooth" (towards the mean of the
+    27 voxels around, by w·strength) and "paint" (v + w·strength·(value - v)). Values are in
+    data units, and results stay within the range fixed at load.
+
+    frame "world": positions and lengths in mm, LPS as in DICOM; "index": in voxels,
+    voxel (0, 0, 0) being the first.
+
+    expected_revision: refuse with Conflict unless the volume is at this one.
+    Errors: InvalidArgument, TooLarge (more than 16 777 216 voxels), Conflict, Unavailable.
+    """
+
+    def __init__(self, link: Link) -> None:
+        self._link = link
+        self._stub = link.stub(volume_pb2_grpc.VolumeServiceStub)
+
+    def sphere(self, center: Triple, radius: float, operation: Operation, value: float = 0.0, *,
+               frame: Frame = "world", falloff: float = 0.0, strength: float | None = None,
+               expected_revision: int | None = None) -> EditResult:
+        """Edits within `radius` of `center` (x, y, z), both in the frame's unit."""
+        shape = edit_pb2.SphereShape(center=vector_of("center", center), radius=radius)
+        return self._edit(edit_pb2.EditVolumeRequest(sphere=shape), operation, value, frame,
+                          falloff, strength, expected_revision)
+
+    def box(self, corner_min: Triple, corner_max: Triple, operation: Operation,
+            value: float = 0.0, *, frame: Frame = "world", falloff: float = 0.0,
+            strength: float | None = None, expected_revision: int | None = None) -> EditResult:
+        """Edits a box along the frame's axes, both corners (x, y, z) included."""
+        shape = edit_pb2.BoxShape(min=vector_of("corner_min", corner_min),
+                                  max=vector_of("corner_max", corner_max))
+        return self._edit(edit_pb2.EditVolumeRequest(box=shape), operation, value, frame, falloff,
+                          strength, expected_revision)
+
+    def capsule(self, start: Triple, end: Triple, radius: float, operation: Operation,
+                value: float = 0.0, *, frame: Frame = "world", falloff: float = 0.0,
+                strength: float | None = None, expected_revision: int | None = None) -> EditResult:
+        """Edits what a sphere of `radius` sweeps from `start` to `end` (x, y, z): a stroke."""
+        shape = edit_pb2.CapsuleShape(**{"from": vector_of("start", start)},
+                                      to=vector_of("end", end), radius=radius)
+        return self._edit(edit_pb2.EditVolumeRequest(capsule=shape), operation, value, frame,
+                          falloff, strength, expected_revision)
+
+    def block(self, first: tuple[int, int, int], values: npt.ArrayLike,
+              operation: Operation = "set", *, strength: float | None = None,
+              expected_revision: int | None = None) -> EditResult:
+        """Edits the voxels from index `first` (i, j, k) on by `values`, each by its own.
+
+        values: (nx, ny, nz), indexed [x, y, z] as Volume.values, data units; taken as
+        float32; at most 786 432 of them (3 MiB). Not for "smooth".
+        """
+        array = np.asarray(values, dtype="<f4")
+        if array.ndim != 3:
+            raise InvalidArgument(f"a block has three dimensions, not {array.ndim}")
+        if array.size > _MOST_BLOCK_VOXELS:
+            raise TooLarge(f"a block has at most {_MOST_BLOCK_VOXELS} voxels, this one has "
+                           f"{array.size}: send it in parts")
+        if min(first) < 0:
+            raise InvalidArgument("a block begins at a voxel, from (0, 0, 0) on")
+        shape = edit_pb2.DenseBlock(
+            min_x=first[0], min_y=first[1], min_z=first[2], size_x=array.shape[0],
+            size_y=array.shape[1], size_z=array.shape[2], values=array.tobytes(order="F"))
+        return self._edit(edit_pb2.EditVolumeRequest(block=shape), operation, 0.0, "index", 0.0,
+                          strength, expected_revision)
+
+    def undo(self, expected_revision: int | None = None) -> EditResult:
+        """Takes back the last edit, of whichever client. Conflict where there is none."""
+        return self._result(self._stub.UndoEdit,
+                            edit_pb2.UndoEditRequest(expected_revision=expected_revision))
+
+    def redo(self, expected_revision: int | None = None) -> EditResult:
+        """Does again what was taken back last. Conflict where there is nothing."""
+        return self._result(self._stub.RedoEdit,
+                            edit_pb2.RedoEditRequest(expected_revision=expected_revision))
+
+    def revert(self, expected_revision: int | None = None) -> EditResult:
+        """Takes back all edits since the volume was loaded, as one edit."""
+        return self._result(self._stub.RevertVolume,
+                            edit_pb2.RevertVolumeRequest(expected_revision=expected_revision))
+
+    def _edit(self, request: edit_pb2.EditVolumeRequest, operation: Operation, value: float,
+              frame: Frame, falloff: float, strength: float | None,
+              expected_revision: int | None) -> EditResult:
+        if operation not in _OPERATIONS:
+            raise InvalidArgument(f"operation is one of {', '.join(_OPERATIONS)}, not "
+                                  f"{operation!r}")
+        if frame not in _FRAMES:
+            raise InvalidArgument(f"frame is one of {', '.join(_FRAMES)}, not {frame!r}")
+        request.MergeFrom(edit_pb2.EditVolumeRequest(
+            operation=_OPERATIONS[operation], value=float(value), frame=_FRAMES[frame],
+            falloff=float(falloff), strength=strength, expected_revision=expected_revision))
+        return self._result(self._stub.EditVolume, request)
+
+    def _result(self, method: typing.Any, request: typing.Any) -> EditResult:
+        answer: edit_pb2.EditVolumeResponse = self._link.call(method, request)
+        changed = None
+        if answer.HasField("changed"):
+            box = answer.changed
+            changed = (slice(box.min_x, box.max_x + 1), slice(box.min_y, box.max_y + 1),
+                       slice(box.min_z, box.max_z + 1))
+        return EditResult(answer.volume_revision, answer.applied_tick, answer.changed_voxels,
+                          changed, answer.undo_steps, answer.redo_steps)

@@ -1,0 +1,76 @@
+"""The enumerations of palpate.v1, by the same numbers; 0 is never sent."""
+
+import enum
+
+
+class ProxyMode(enum.IntEnum):
+    """State of the proxy (SCP_H) in a tick."""
+
+    FREE = 1
+    CONSTRAINED = 2
+    EJECTING = 3
+    FAULT = 4
+    SUSPENDED = 5
+
+
+class FreeSide(enum.IntEnum):
+    """Side of the isosurface on which the stylus is free."""
+
+    BELOW = 1
+    ABOVE = 2
+
+
+class DecompositionMethod(enum.IntEnum):
+    """How the cells of the volume are cut into tetrahedra."""
+
+    BCC = 1
+    TPBCC = 2
+    TPTD = 3
+    TPBCC_PUBLISHED = 4
+
+
+class ForceState(enum.IntEnum):
+    """What the safety stage does with forces."""
+
+    OFF = 1
+    RAMP_IN = 2
+    ON = 3
+    HELD = 4
+    FAULT = 5
+    STOPPED = 6
+
+
+class ForceReason(enum.IntEnum):
+    """Why it does so; device.proto explains each."""
+
+    NONE = 1
+    OPERATOR = 2
+    DOCKED = 3
+    UNCALIBRATED = 4
+    STALE = 5
+    DEADLINES = 6
+    DEVICE = 7
+    POSITION = 8
+    FORCE = 9
+    SPEED = 10
+    STOP_CALL = 11
+    STOP_BUTTON = 12
+
+
+class DeviceConnection(enum.IntEnum):
+    """Whether the device is there."""
+
+    ABSENT = 1
+    CONNECTING = 2
+    STREAMING = 3
+
+
+class VerificationLevel(enum.IntEnum):
+    """What of a device's behaviour has been seen on hardware."""
+
+    NONE = 1
+    ENUMERATED = 2
+    IDENTIFIED = 3
+    STATE_READ = 4
+    FORCE_VERIFIED = 5
+    SIMULATED = 6

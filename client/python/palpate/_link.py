@@ -1,0 +1,120 @@
+"""One channel to palpated, with its errors and its acknowledged streams."""
+
+import collections.abc
+import queue
+import typing
+
+import grpc
+
+from palpate._address import target_of
+from palpate._errors import Error, Unavailable, error_of
+
+_CONNECT_TIMEOUT_S = 3.0
+_CALL_TIMEOUT_S = 30.0
+
+# A daemon that was started anew is found within a second.
+_OPTIONS = [
+    ("grpc.initial_reconnect_backoff_ms", 100),
+    ("grpc.max_reconnect_backoff_ms", 1000),
+    # A proxy for web pages has no business between a stylus and its viewer.
+    ("grpc.enable_http_proxy", 0),
+]
+
+
+class Link:
+    """A channel. Any thread may call; close() ends what runs on it."""
+
+    def __init__(self, address: str | None) -> None:
+        target, self.name = target_of(address)
+        self._channel = grpc.insecure_channel(target, options=_OPTIONS)
+        self._is_open = True
+
+    def stub(self, kind: typing.Any) -> typing.Any:
+        """A stub of generated code; its calls go through this class."""
+        return kind(self._channel)
+
+    def close(self) -> None:
+        self._is_open = False
+        self._channel.close()
+
+    def check(self, method: typing.Any, request: typing.Any) -> None:
+        """The first call: does palpated answer at all?"""
+        try:
+            method(request, timeout=_CONNECT_TIMEOUT_S)
+        except grpc.RpcError as failed:
+            raise self._connect_error(failed) from None
+
+    def _connect_error(self, failed: grpc.RpcError) -> Error:
+        if failed.code() == grpc.StatusCode.UNAVAILABLE:
+            return Unavailable(f"no palpated at {self.name}: start it, or name its address")
+        if failed.code() == grpc.StatusCode.DEADLINE_EXCEEDED:
+            return Unavailable(f"no answer from {self.name} within {_CONNECT_TIMEOUT_S:g} s, so it "
+                               "is not palpated")
+        return error_of(self.name, failed)
+
+    def call(self, method: typing.Any, request: typing.Any,
+             timeout_s: float | None = _CALL_TIMEOUT_S) -> typing.Any:
+        """The answer to one request, or to a stream of them. Errors: palpate.Error."""
+        self.check_open()
+        try:
+            return method(request, timeout=timeout_s)
+        except grpc.RpcError as failed:
+            raise error_of(self.name, failed) from None
+
+    def events(self, method: typing.Any,
+               request: typing.Any) -> collections.abc.Iterator[typing.Any]:
+        """What the daemon streams as an answer to one request; a break ends the call."""
+        self.check_open()
+        call = method(request)
+        try:
+            yield from call
+        except grpc.RpcError as failed:
+            raise error_of(self.name, failed) from None
+        finally:
+            call.cancel()
+
+    def check_open(self) -> None:
+        if not self._is_open:
+            raise Unavailable(f"the connection to {self.name} was closed")
+
+    def error_of_end(self, failed: grpc.RpcError | None) -> Error:
+        """Of a stream that ended while it was wanted.
+
+        Even an orderly end is the daemon, or this connection, going away.
+        """
+        gone = (None, grpc.StatusCode.OK, grpc.StatusCode.CANCELLED, grpc.StatusCode.UNAVAILABLE)
+        code = None if failed is None else failed.code()
+        if failed is not None and code not in gone:
+            return error_of(self.name, failed)
+        if not self._is_open:
+            return Unavailable(f"the connection to {self.name} was closed")
+        return Unavailable(f"palpated at {self.name} went away")
+
+
+class AcknowledgedCall:
+    """A stream of messages, each acknowledged when it is taken.
+
+    The daemon sends no more than a few unacknowledged ones, so that what arrives is
+    fresh. Iterate on one thread; close() on any.
+    """
+
+    def __init__(self, method: typing.Any, start: typing.Any) -> None:
+        self._request = type(start)
+        self._requests: queue.SimpleQueue[typing.Any] = queue.SimpleQueue()
+        self._requests.put(start)
+        # gRPC reads the requests on a thread of its own, which ends at the None.
+        self._call = method(iter(self._requests.get, None))
+
+    def __iter__(self) -> collections.abc.Iterator[typing.Any]:
+        try:
+            for message in self._call:
+                acknowledgement = self._request()
+                acknowledgement.acknowledgement.message_number = message.message_number
+                self._requests.put(acknowledgement)
+                yield message
+        finally:
+            self.close()
+
+    def close(self) -> None:
+        self._call.cancel()
+        self._requests.put(None)

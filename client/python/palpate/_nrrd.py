@@ -1,0 +1,43 @@
+"""An array as the bytes of an NRRD file, which is what the daemon takes uploads in."""
+
+import numpy as np
+import numpy.typing as npt
+
+from palpate._errors import InvalidArgument
+
+# What palpate-import reads.
+_TYPES = {"i1": "int8", "u1": "uint8", "i2": "int16", "u2": "uint16", "i4": "int32",
+          "u4": "uint32", "f4": "float", "f8": "double"}
+
+
+def nrrd_bytes(values: npt.ArrayLike, world_from_index: npt.NDArray[np.float64],
+               unit: str) -> bytes:
+    """values: (nx, ny, nz), indexed [x, y, z]; world_from_index: (4, 4), mm, LPS."""
+    array = np.asarray(values)
+    if array.ndim != 3 or array.size == 0:
+        raise InvalidArgument("a volume has three dimensions, and voxels along each, not the shape "
+                              f"{array.shape}")
+    if array.dtype == np.bool_:
+        array = array.astype(np.uint8)
+    kind = array.dtype.str[1:]
+    if kind not in _TYPES:
+        raise InvalidArgument(f"voxels are integers of at most 32 bits, or floats of 32 or 64, not "
+                              f"{array.dtype}: convert them with astype")
+    if '"' in unit or not unit.isprintable():
+        raise InvalidArgument("the unit is a short word, such as HU")
+    return _header(array.shape, _TYPES[kind], world_from_index, unit) + \
+        array.astype("<" + kind, copy=False).tobytes(order="F")
+
+
+def _header(shape: tuple[int, ...], type_name: str, world_from_index: npt.NDArray[np.float64],
+            unit: str) -> bytes:
+    def text(vector: npt.NDArray[np.float64]) -> str:
+        return "(" + ",".join(repr(float(component)) for component in vector) + ")"
+
+    lines = ["NRRD0004", f"type: {type_name}", "dimension: 3", "space: left-posterior-superior",
+             f"sizes: {shape[0]} {shape[1]} {shape[2]}",
+             "space directions: " + " ".join(text(world_from_index[:3, n]) for n in range(3)),
+             f"space origin: {text(world_from_index[:3, 3])}", "endian: little", "encoding: raw"]
+    if unit:
+        lines.append(f'sample units: "{unit}"')
+    return ("\n".join(lines) + "\n\n").encode()

@@ -1,0 +1,245 @@
+"""The stream of ticks as batches of NumPy arrays."""
+
+import atexit
+import collections
+import collections.abc
+import dataclasses
+import threading
+import types
+import typing
+import weakref
+
+import grpc
+import numpy as np
+import numpy.typing as npt
+
+from palpate._link import AcknowledgedCall, Link
+from palpate.v1 import pose_pb2, pose_pb2_grpc
+
+_MAX_UNACKNOWLEDGED = 4
+_ABSENT = (np.nan, np.nan, np.nan)
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Poses:
+    """n samples of the servo's ticks, oldest first; len() is n.
+
+    Positions, normals and forces are in the device frame: x right, y up, z towards the
+    user. What a tick did not have is NaN.
+    """
+
+    tick: npt.NDArray[np.uint64]
+    """(n,) ticks executed before this one since the daemon started"""
+    time_ns: npt.NDArray[np.int64]
+    """(n,) CLOCK_MONOTONIC of the daemon's machine at the start of the tick, ns"""
+    hip_mm: npt.NDArray[np.float64]
+    """(n, 3) haptic interface point: the stylus tip, mm"""
+    scp_h_mm: npt.NDArray[np.float64]
+    """(n, 3) proxy on the free side of, or on, the haptic isosurface H, mm"""
+    scp_h_normal: npt.NDArray[np.float64]
+    """(n, 3) unit normal of H there, towards free space; NaN without contact"""
+    scp_v_mm: npt.NDArray[np.float64]
+    """(n, 3) visual proxy on the trilinear isosurface V, mm; NaN where there is none"""
+    scp_v_normal: npt.NDArray[np.float64]
+    """(n, 3) unit normal of V there; NaN with scp_v_mm"""
+    stylus_orientation: npt.NDArray[np.float64]
+    """(n, 4) unit quaternion w, x, y, z: stylus axes to the device frame"""
+    buttons: npt.NDArray[np.uint32]
+    """(n,) bit b: button b is pressed"""
+    force_n: npt.NDArray[np.float64]
+    """(n, 3) force on the hand, after every limit, N"""
+    mode: npt.NDArray[np.uint8]
+    """(n,) of ProxyMode"""
+    contact: npt.NDArray[np.bool_]
+    """(n,) SCP_H rests on H"""
+    density: npt.NDArray[np.float64]
+    """(n,) piecewise-linear density at SCP_H, data units"""
+    isovalue: npt.NDArray[np.float64]
+    """(n,) isovalue used in the tick, data units"""
+    settings_revision: npt.NDArray[np.uint64]
+    """(n,) revision of the settings used in the tick"""
+    volume_revision: npt.NDArray[np.uint64]
+    """(n,) revision of the volume used in the tick"""
+    update_ns: npt.NDArray[np.int64]
+    """(n,) duration of the haptic update, ns"""
+    missed_ticks: npt.NDArray[np.uint64]
+    """(n,) ticks skipped since the daemon's start because their time had passed"""
+    iterations: npt.NDArray[np.uint32]
+    """(n,) proxy moves made in the tick"""
+    capped_ticks: npt.NDArray[np.uint64]
+    """(n,) ticks so far in which the cap on proxy moves bit"""
+    free_side: npt.NDArray[np.uint8]
+    """(n,) of FreeSide: where the proxy is; after a pop the other one than the settings'"""
+    force_state: npt.NDArray[np.uint8]
+    """(n,) of ForceState"""
+    force_reason: npt.NDArray[np.uint8]
+    """(n,) of ForceReason"""
+    force_limit_n: npt.NDArray[np.float64]
+    """(n,) what the motors' warmth leaves of the greatest force, N"""
+    sent_time_ns: int
+    """time_ns of the daemon when it sent the newest sample, ns"""
+    dropped_samples: int
+    """samples that this stream has lost so far because it was not read fast enough"""
+
+    def __len__(self) -> int:
+        return len(self.tick)
+
+    @staticmethod
+    def concatenate(batches: collections.abc.Sequence["Poses"]) -> "Poses":
+        """One batch of all samples of at least one batch, in the order given."""
+        joined: dict[str, typing.Any] = {}
+        for field in dataclasses.fields(Poses):
+            parts = [getattr(batch, field.name) for batch in batches]
+            joined[field.name] = parts[-1] if isinstance(parts[0], int) else np.concatenate(parts)
+        return Poses(**joined)
+
+
+def _triples(samples: collections.abc.Sequence[pose_pb2.PoseSample],
+             name: str) -> npt.NDArray[np.float64]:
+    rows = []
+    for sample in samples:
+        vector = getattr(sample, name)
+        rows.append((vector.x, vector.y, vector.z) if sample.HasField(name) else _ABSENT)
+    return np.array(rows, dtype=np.float64).reshape(-1, 3)
+
+
+def poses_of(message: pose_pb2.StreamPosesResponse, dropped_samples: int) -> Poses:
+    """The samples of a message; dropped_samples is of the daemon and this client."""
+    samples = message.samples
+
+    def column(name: str, kind: type[typing.Any]) -> npt.NDArray[typing.Any]:
+        return np.array([getattr(sample, name) for sample in samples], dtype=kind)
+
+    turns = [sample.stylus_orientation for sample in samples]
+    return Poses(
+        tick=column("tick", np.uint64), time_ns=column("time_ns", np.int64),
+        hip_mm=_triples(samples, "hip_mm"), scp_h_mm=_triples(samples, "scp_h_mm"),
+        scp_h_normal=_triples(samples, "scp_h_normal"), scp_v_mm=_triples(samples, "scp_v_mm"),
+        scp_v_normal=_triples(samples, "scp_v_normal"),
+        stylus_orientation=np.array([(q.w, q.x, q.y, q.z) for q in turns]).reshape(-1, 4),
+        buttons=column("buttons", np.uint32), force_n=_triples(samples, "force_n"),
+        mode=column("mode", np.uint8), contact=column("contact", np.bool_),
+        density=column("density", np.float64), isovalue=column("isovalue", np.float64),
+        settings_revision=column("settings_revision", np.uint64),
+        volume_revision=column("volume_revision", np.uint64),
+        update_ns=column("update_ns", np.int64), missed_ticks=column("missed_ticks", np.uint64),
+        iterations=column("iterations", np.uint32),
+        capped_ticks=column("capped_ticks", np.uint64), free_side=column("free_side", np.uint8),
+        force_state=np.array([sample.forces.state for sample in samples], dtype=np.uint8),
+        force_reason=np.array([sample.forces.reason for sample in samples], dtype=np.uint8),
+        force_limit_n=np.array([sample.forces.limit_n for sample in samples], dtype=np.float64),
+        sent_time_ns=message.sent_time_ns, dropped_samples=dropped_samples)
+
+
+class _Inbox:
+    """Messages between the thread that receives and the one that iterates; the oldest
+    make way."""
+
+    def __init__(self, size: int) -> None:
+        self._messages: collections.deque[pose_pb2.StreamPosesResponse] = collections.deque()
+        self._size = size
+        self._changed = threading.Condition()
+        self._dropped = 0
+        self._end: grpc.RpcError | None = None
+        self._has_ended = False
+
+    def put(self, message: pose_pb2.StreamPosesResponse) -> None:
+        with self._changed:
+            if len(self._messages) == self._size:
+                self._dropped += len(self._messages.popleft().samples)
+            self._messages.append(message)
+            self._changed.notify()
+
+    def end(self, failed: grpc.RpcError | None) -> None:
+        with self._changed:
+            self._end = failed
+            self._has_ended = True
+            self._changed.notify()
+
+    def take(self) -> tuple[pose_pb2.StreamPosesResponse | None, int, grpc.RpcError | None]:
+        """The oldest message and what was dropped here so far; or none, and why it ended."""
+        with self._changed:
+            while not self._messages and not self._has_ended:
+                self._changed.wait()
+            message = self._messages.popleft() if self._messages else None
+            return message, self._dropped, self._end
+
+
+def _receive(call: AcknowledgedCall, inbox: _Inbox) -> None:
+    failed = None
+    try:
+        for message in call:
+            inbox.put(message)
+    except grpc.RpcError as error:
+        failed = error
+    finally:
+        inbox.end(failed)
+
+
+_open_streams: "weakref.WeakSet[PoseStream]" = weakref.WeakSet()
+
+
+@atexit.register
+def _close_all() -> None:
+    # A thread that the end of the interpreter stops in gRPC keeps its locks.
+    for stream in list(_open_streams):
+        stream.close()
+
+
+class PoseStream:
+    """Iterates over batches of poses until it is closed; Connection.poses makes one.
+
+    It ends with a `with` block, with close(), with an exception within next() such as
+    the KeyboardInterrupt of Ctrl-C, and when nobody holds it any more. Iterate on one
+    thread; close() on any.
+    """
+
+    def __init__(self, link: Link, rate_hz: float, batch: int, waiting: int) -> None:
+        link.check_open()
+        self._link = link
+        self._inbox = _Inbox(waiting)
+        self._is_open = True
+        start = pose_pb2.StreamPosesStart(rate_hz=rate_hz, batch=batch,
+                                          max_unacknowledged=_MAX_UNACKNOWLEDGED)
+        stub = link.stub(pose_pb2_grpc.PoseServiceStub)
+        self._call = AcknowledgedCall(stub.StreamPoses, pose_pb2.StreamPosesRequest(start=start))
+        # Not a method: the thread would keep alive a stream that nobody holds.
+        self._thread = threading.Thread(target=_receive, args=(self._call, self._inbox),
+                                        name="palpate poses", daemon=True)
+        self._thread.start()
+        _open_streams.add(self)
+
+    def __iter__(self) -> "PoseStream":
+        return self
+
+    def __next__(self) -> Poses:
+        """The next batch; waits for one. Errors: Unavailable when the daemon goes away."""
+        try:
+            message, dropped, failed = self._inbox.take()
+        except BaseException:
+            self.close()
+            raise
+        if message is not None:
+            return poses_of(message, message.dropped_samples + dropped)
+        if not self._is_open:
+            raise StopIteration
+        raise self._link.error_of_end(failed)
+
+    def close(self) -> None:
+        """Ends the stream and its thread; an iteration over it ends too."""
+        self._is_open = False
+        self._call.close()
+        if threading.current_thread() is not self._thread:
+            self._thread.join()
+
+    def __enter__(self) -> "PoseStream":
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
+                 trace: types.TracebackType | None) -> None:
+        self.close()
+
+    def __del__(self) -> None:
+        # Without waiting: this may be any thread. A stream that was refused has no call.
+        if hasattr(self, "_call"):
+            self._call.close()

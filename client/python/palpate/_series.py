@@ -1,0 +1,94 @@
+"""Volumes of one lattice that follow each other under the stylus."""
+
+import collections.abc
+import dataclasses
+import os
+
+from palpate._geometry import Triple
+from palpate._link import Link
+from palpate._volume import Progress, load_options, result_of
+from palpate.v1 import series_pb2, series_pb2_grpc
+
+
+@dataclasses.dataclass(frozen=True)
+class SeriesState:
+    """A series and where it is."""
+
+    frames: int
+    position_frames: float
+    """0 the first; between two frames where the series is interpolated"""
+    playing: bool
+    rate_hz: float
+    """frames per second, negative backwards"""
+    loop: bool
+    interpolate: bool
+    memory_bytes: int
+    volume_revision: int
+    """of the frame under the stylus"""
+
+
+def _state_of(series: series_pb2.SeriesState) -> SeriesState:
+    return SeriesState(series.frames, series.position_frames, series.playing, series.rate_hz,
+                       series.loop, series.interpolate, series.memory_bytes,
+                       series.volume_revision)
+
+
+class Series:
+    """The time series of the daemon; Connection.series.
+
+    Errors: Conflict where none is loaded, InvalidArgument, Unavailable.
+    """
+
+    def __init__(self, link: Link) -> None:
+        self._link = link
+        self._stub = link.stub(series_pb2_grpc.SeriesServiceStub)
+
+    def load(self, sources: str | os.PathLike[str] | collections.abc.Iterable[
+            str | os.PathLike[str]], *, isovalue: float | None = None,
+             normalized_isovalue: float | None = None, spacing_mm: Triple | None = None,
+             device_mm_per_volume_mm: float | None = None,
+             progress: Progress | None = None) -> SeriesState:
+        """Loads all frames, puts the first under the stylus and pauses there.
+
+        sources: absolute paths on the daemon's machine, in the order of time: files of
+        one frame each, or one file with several; a pattern with * and ? comes in the order
+        of the numbers in the names. The rest as in VolumeAccess.load. Errors: as there.
+        """
+        if isinstance(sources, (str, os.PathLike)):
+            sources = [sources]
+        request = series_pb2.LoadSeriesRequest(
+            sources=[os.fspath(source) for source in sources],
+            options=load_options(isovalue, normalized_isovalue, device_mm_per_volume_mm,
+                                 spacing_mm))
+        events = self._link.events(self._stub.LoadSeries, request)
+        return _state_of(result_of(events, progress).series)
+
+    def state(self) -> SeriesState:
+        """The series and where it is."""
+        answer = self._link.call(self._stub.GetSeries, series_pb2.GetSeriesRequest())
+        return _state_of(answer.series)
+
+    def play(self, rate_hz: float | None = None) -> SeriesState:
+        """Plays on, at `rate_hz` frames per second: -1000 to 1000, not 0; None: as before."""
+        return self._control(series_pb2.ControlSeriesRequest(playing=True, rate_hz=rate_hz))
+
+    def pause(self) -> SeriesState:
+        """Stays at the frame that it is at."""
+        return self._control(series_pb2.ControlSeriesRequest(playing=False))
+
+    def seek(self, position_frames: float) -> SeriesState:
+        """Goes to a frame, 0 to frames - 1; a fraction where the series is interpolated."""
+        return self._control(series_pb2.ControlSeriesRequest(position_frames=position_frames))
+
+    def configure(self, *, loop: bool | None = None,
+                  interpolate: bool | None = None) -> SeriesState:
+        """loop: begin again at the end; interpolate: blend neighbouring frames in time."""
+        request = series_pb2.ControlSeriesRequest()
+        if loop is not None:
+            request.loop = loop
+        if interpolate is not None:
+            request.interpolate = interpolate
+        return self._control(request)
+
+    def _control(self, request: series_pb2.ControlSeriesRequest) -> SeriesState:
+        return _state_of(self._link.call(self._stub.ControlSeries, request).series)

@@ -1,0 +1,153 @@
+"""What is felt, as attributes that the daemon holds."""
+
+import collections.abc
+import dataclasses
+import enum
+import typing
+
+import numpy as np
+from google.protobuf import field_mask_pb2
+
+from palpate._enums import DecompositionMethod, FreeSide
+from palpate._errors import InvalidArgument
+from palpate._link import Link
+from palpate.v1 import render_pb2, render_pb2_grpc
+
+T = typing.TypeVar("T")
+E = typing.TypeVar("E", bound=enum.IntEnum)
+
+
+@dataclasses.dataclass(frozen=True)
+class Applied:
+    """When a change of the settings was first felt."""
+
+    settings_revision: int
+    """revision that has the change; Poses.settings_revision names it"""
+    applied_tick: int
+    """first tick that used it; Poses.tick counts the same"""
+
+
+class _Setting(typing.Generic[T]):
+    """An attribute of Settings: each access asks the daemon, or tells it."""
+
+    def __init__(self, parse: collections.abc.Callable[[str, typing.Any], T], doc: str) -> None:
+        self.parse = parse
+        self.__doc__ = doc
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self._name = name
+
+    @typing.overload
+    def __get__(self, settings: None, owner: type) -> "_Setting[T]": ...
+
+    @typing.overload
+    def __get__(self, settings: "Settings", owner: type) -> T: ...
+
+    def __get__(self, settings: "Settings | None", owner: type) -> "T | _Setting[T]":
+        if settings is None:
+            return self
+        return typing.cast(T, settings.all()[self._name])
+
+    def __set__(self, settings: "Settings", value: T) -> None:
+        change: dict[str, typing.Any] = {self._name: value}
+        settings.update(**change)
+
+
+def _number(name: str, value: typing.Any) -> float:
+    try:
+        if not isinstance(value, (str, bytes)):
+            return float(value)
+    except (TypeError, ValueError):
+        pass
+    raise InvalidArgument(f"{name} is a number, not {value!r}")
+
+
+def _switch(name: str, value: typing.Any) -> bool:
+    # Not bool(): that of "off" is True.
+    if not isinstance(value, (bool, np.bool_)):
+        raise InvalidArgument(f"{name} is True or False, not {value!r}")
+    return bool(value)
+
+
+def _choice(kind: type[E]) -> collections.abc.Callable[[str, typing.Any], E]:
+    def parse(name: str, value: typing.Any) -> E:
+        try:
+            return kind[value.upper()] if isinstance(value, str) else kind(value)
+        except (KeyError, ValueError):
+            names = ", ".join(member.name for member in kind)
+            raise InvalidArgument(f"{name} is one of {names}, not {value!r}") from None
+    return parse
+
+
+class Settings:
+    """The daemon's settings, the same for all clients.
+
+    Reading an attribute asks the daemon; setting one changes what is felt and returns
+    when a tick has used it. Forces and lengths are those of the device. An attribute
+    that is none of these is an AttributeError.
+    Errors: InvalidArgument (out of range), Unavailable.
+    """
+
+    __slots__ = ("_link", "_stub")
+
+    isovalue = _Setting(_number, "Which surface is felt, data units (HU, intensity).")
+    normalized_isovalue = _Setting(
+        _number, "The same over the range fixed at load: 0 its minimum, 1 its maximum.")
+    stiffness_n_per_mm = _Setting(_number, "Force per motion into the surface, N/mm, 0 to 3.")
+    damping_n_s_per_m = _Setting(
+        _number, "Against motion along the surface's normal in contact, N·s/m, 0 to 5.")
+    method = _Setting(_choice(DecompositionMethod), "How cells are cut into tetrahedra.")
+    static_friction = _Setting(_number, "Tangential per normal force at rest, 0 to 2.")
+    dynamic_friction = _Setting(_number, "The same while sliding, 0 to 2.")
+    viscosity_n_s_per_m = _Setting(_number, "Drag on all motion of the stylus, N·s/m, 0 to 5.")
+    pop_force_n = _Setting(
+        _number, "Spring force at which the stylus pops through, N, 0 to 3.3; 0: never.")
+    magnet_force_n = _Setting(
+        _number, "Greatest pull of the surface on a stylus near it, N, 0 to 1.5; 0: none.")
+    magnet_range_mm = _Setting(_number, "Distance up to which it pulls, mm, 0 to 10.")
+    force_shading = _Setting(_switch, "Force along a normal that varies smoothly.")
+    passivity_control = _Setting(_switch, "The surface gives off no more energy than it took in.")
+    free_side = _Setting(_choice(FreeSide), "Side of the isovalue on which the stylus is free.")
+    carve_tool = _Setting(_switch, "The stylus carves while its button 0 is held.")
+    carve_radius_mm = _Setting(_number, "Of the sphere that it carves, mm, 0.1 to 20.")
+    carve_rate_per_s = _Setting(
+        _number, "Share of the range of values taken away per second, -20 to 20; negative: added.")
+    clutch_tool = _Setting(
+        _switch, "The stylus moves the volume while its button 1 is held, forces off.")
+
+    def __init__(self, link: Link) -> None:
+        self._link = link
+        self._stub = link.stub(render_pb2_grpc.RenderServiceStub)
+
+    def all(self) -> dict[str, typing.Any]:
+        """All settings of one moment, by name, in the units of the attributes."""
+        answer = self._link.call(self._stub.GetSettings, render_pb2.GetSettingsRequest())
+        return {name: setting.parse(name, getattr(answer.settings, name))
+                for name, setting in _SETTINGS.items()}
+
+    def update(self, *, expected_revision: int | None = None, **changes: typing.Any) -> Applied:
+        """Changes several settings, by name and in their units, all at one tick.
+
+        expected_revision: refuse with Conflict unless the settings are at this one.
+        Errors: AttributeError (no such setting), InvalidArgument (out of range; nothing
+        changes then), Unavailable.
+        """
+        request = render_pb2.UpdateSettingsRequest(
+            update_mask=field_mask_pb2.FieldMask(paths=list(changes)),
+            expected_revision=expected_revision)
+        for name, value in changes.items():
+            if name not in _SETTINGS:
+                raise AttributeError(f"there is no setting {name!r}", name=name, obj=self)
+            setattr(request.settings, name, _SETTINGS[name].parse(name, value))
+        answer = self._link.call(self._stub.UpdateSettings, request)
+        return Applied(answer.settings_revision, answer.applied_tick)
+
+    def __dir__(self) -> list[str]:
+        return [*_SETTINGS, "all", "update"]
+
+    def __repr__(self) -> str:
+        return f"<palpate settings: {', '.join(_SETTINGS)}>"
+
+
+_SETTINGS: dict[str, _Setting[typing.Any]] = {
+    name: held for name, held in vars(Settings).items() if isinstance(held, _Setting)}

@@ -1,0 +1,181 @@
+"""The volume under the stylus: what it is, loading, sending and fetching it."""
+
+import collections.abc
+import dataclasses
+import os
+import typing
+import zlib
+
+import numpy as np
+import numpy.typing as npt
+
+from palpate._errors import Internal, InvalidArgument
+from palpate._geometry import Triple, array_of_vector, matrix_of_map, three, vector_of
+from palpate._link import Link
+from palpate._nrrd import nrrd_bytes
+from palpate._volume_copy import Volume, fetch_volume
+from palpate.v1 import volume_pb2, volume_pb2_grpc
+
+Progress = collections.abc.Callable[[str, float], object]
+
+_CHUNK_BYTES = 1 << 20
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class VolumeInfo:
+    """The volume under the stylus, without its voxels."""
+
+    source: str
+    """path, builtin name or "upload:NAME" that it was loaded from"""
+    volume_revision: int
+    """rises with each change of the voxels; Poses.volume_revision names it"""
+    loaded_revision: int
+    """at which this volume was loaded; later ones are its edits and frames"""
+    shape: tuple[int, int, int]
+    """voxels along x, y, z"""
+    spacing_mm: npt.NDArray[np.float64]
+    """(3,) along x, y, z, mm"""
+    value_min: float
+    """least value at load, data units"""
+    value_max: float
+    """greatest value at load, data units"""
+    unit: str
+    """of the values, as the file states it, such as "HU"; may be empty"""
+    original_type: str
+    """scalar type of the file, such as "uint8" """
+    world_from_index: npt.NDArray[np.float64]
+    """(4, 4) voxel index (x, y, z, 1) to world: mm, LPS as in DICOM"""
+    device_from_index: npt.NDArray[np.float64]
+    """(4, 4) voxel index (x, y, z, 1) to the device frame: mm"""
+    device_mm_per_volume_mm: float
+    """millimetres of device motion per millimetre of the volume"""
+    memory_bytes: int
+    frames: int
+    """of the source file, one of which this volume is"""
+
+
+def info_of(volume: volume_pb2.VolumeDescription) -> VolumeInfo:
+    return VolumeInfo(
+        source=volume.source, volume_revision=volume.volume_revision,
+        loaded_revision=volume.loaded_revision,
+        shape=(volume.size_x, volume.size_y, volume.size_z),
+        spacing_mm=array_of_vector(volume.spacing_mm), value_min=volume.value_min,
+        value_max=volume.value_max, unit=volume.unit, original_type=volume.original_type,
+        world_from_index=matrix_of_map(volume.world_from_index),
+        device_from_index=matrix_of_map(volume.device_from_index),
+        device_mm_per_volume_mm=volume.device_mm_per_volume_mm,
+        memory_bytes=volume.memory_bytes, frames=volume.frames)
+
+
+def load_options(isovalue: float | None = None, normalized_isovalue: float | None = None,
+                 device_mm_per_volume_mm: float | None = None, spacing_mm: Triple | None = None,
+                 frame: int | None = None) -> volume_pb2.LoadVolumeRequest:
+    if isovalue is not None and normalized_isovalue is not None:
+        raise InvalidArgument("name the isovalue or the normalised one, not both")
+    return volume_pb2.LoadVolumeRequest(
+        isovalue=isovalue, normalized_isovalue=normalized_isovalue,
+        device_mm_per_volume_mm=device_mm_per_volume_mm, frame=frame,
+        spacing_mm=None if spacing_mm is None else vector_of("spacing_mm", spacing_mm))
+
+
+def result_of(events: collections.abc.Iterator[typing.Any],
+              progress: Progress | None) -> typing.Any:
+    """The result at the end of a stream of progress."""
+    for event in events:
+        if event.HasField("result"):
+            return event.result
+        if progress is not None:
+            progress(event.progress.stage, event.progress.fraction)
+    raise Internal("the daemon ended without a result")
+
+
+class VolumeAccess:
+    """The volume under the stylus, the same for all clients; Connection.volume.
+
+    Arrays are indexed [x, y, z]: the element [i, j, k] is the voxel (i, j, k) of
+    world_from_index, of edits and of the file, in which x is the fastest axis. NumPy's
+    usual order makes z the fastest in memory; an array indexed [z, y, x], as SimpleITK
+    and pydicom give it, is turned by its .T.
+    """
+
+    def __init__(self, link: Link) -> None:
+        self._link = link
+        self._stub = link.stub(volume_pb2_grpc.VolumeServiceStub)
+
+    def info(self) -> VolumeInfo:
+        """What the volume is, and where it lies."""
+        answer = self._link.call(self._stub.GetVolume, volume_pb2.GetVolumeRequest())
+        return info_of(answer.volume)
+
+    def load(self, source: str | os.PathLike[str], *, isovalue: float | None = None,
+             normalized_isovalue: float | None = None, spacing_mm: Triple | None = None,
+             device_mm_per_volume_mm: float | None = None, frame: int | None = None,
+             progress: Progress | None = None) -> VolumeInfo:
+        """Replaces the volume by a file of the daemon's machine; returns when it is felt.
+
+        source: absolute path of a file or DICOM folder there, or "builtin:NAME[:N]".
+        isovalue: to start with, data units; or normalized_isovalue, 0 to 1 over the new
+        range; neither: the normalised one is kept. spacing_mm: (x, y, z) instead of the
+        file's. device_mm_per_volume_mm: scale instead of the fitted one. frame: of a file
+        with several, from 0. progress: called with what is done and the share done, 0 to 1.
+        Errors: InvalidArgument (no volume), NotFound, PermissionDenied (a folder that the
+        daemon does not load from), TooLarge, Conflict (another load runs).
+        """
+        request = load_options(isovalue, normalized_isovalue, device_mm_per_volume_mm, spacing_mm,
+                               frame)
+        request.source = os.fspath(source)
+        events = self._link.events(self._stub.LoadVolume, request)
+        return info_of(result_of(events, progress).volume)
+
+    def upload(self, values: npt.ArrayLike, spacing_mm: Triple = (1.0, 1.0, 1.0), *,
+               world_from_index: npt.ArrayLike | None = None, unit: str = "",
+               name: str = "array", isovalue: float | None = None,
+               normalized_isovalue: float | None = None,
+               device_mm_per_volume_mm: float | None = None) -> VolumeInfo:
+        """Replaces the volume by an array; returns when it is felt.
+
+        values: (nx, ny, nz), indexed [x, y, z], of at most 32-bit integers or floats, data
+        units. spacing_mm: along x, y, z. world_from_index: (4, 4), voxel index to world, mm,
+        LPS, with axes at right angles; it has the spacing in it, and spacing_mm is not
+        used then. unit: of the values, such as "HU". The rest as in load().
+        Errors: as load().
+        """
+        if world_from_index is None:
+            matrix = np.diag([*three("spacing_mm", spacing_mm), 1.0])
+        else:
+            matrix = np.asarray(world_from_index, dtype=np.float64)
+        if matrix.shape != (4, 4):
+            raise InvalidArgument("world_from_index is a 4 by 4 matrix")
+        data = nrrd_bytes(values, matrix, unit)
+        start = volume_pb2.UploadVolumeStart(
+            name=f"{name}.nrrd", size_bytes=len(data), crc32=zlib.crc32(data),
+            options=load_options(isovalue, normalized_isovalue, device_mm_per_volume_mm))
+        answer = self._link.call(self._stub.UploadVolume, _upload(start, data), timeout_s=None)
+        return info_of(answer.volume)
+
+    def download(self) -> Volume:
+        """A copy of the volume as it is now, with its edits; voxels as the daemon has them,
+        float32.
+
+        Errors: Internal (damaged on its way), Unavailable.
+        """
+        return fetch_volume(self._link, self._stub)
+
+    def save(self, path: str | os.PathLike[str], *, overwrite: bool = False,
+             progress: Progress | None = None) -> int:
+        """Writes the volume as it is now on the daemon's machine; returns its revision.
+
+        path: absolute, there; ends in .nrrd or .vdb. progress: as in load().
+        Errors: InvalidArgument, PermissionDenied (a folder that the daemon does not save
+        to), NotFound (no such folder), Conflict (the file is there), Unavailable (disk full).
+        """
+        request = volume_pb2.SaveVolumeRequest(path=os.fspath(path), overwrite=overwrite)
+        events = self._link.events(self._stub.SaveVolume, request)
+        return int(result_of(events, progress).volume_revision)
+
+
+def _upload(start: volume_pb2.UploadVolumeStart,
+            data: bytes) -> collections.abc.Iterator[volume_pb2.UploadVolumeRequest]:
+    yield volume_pb2.UploadVolumeRequest(start=start)
+    for first in range(0, len(data), _CHUNK_BYTES):
+        yield volume_pb2.UploadVolumeRequest(data=data[first:first + _CHUNK_BYTES])

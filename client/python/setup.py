@@ -1,0 +1,43 @@
+"""Builds the package, and with it the messages and stubs of palpate.v1.
+
+protoc names the modules that it writes after the proto package: palpate/v1/
+pose_pb2.py begins with `from palpate.v1 import device_pb2`. So they go where these
+imports look, into the package `palpate` itself: nothing is rewritten, and no second
+top-level package called palpate hides this one.
+"""
+
+import pathlib
+import shutil
+import subprocess
+
+from setuptools import setup
+from setuptools.command.build_py import build_py
+
+PROTO = pathlib.Path(__file__).resolve().parents[2] / "proto"
+
+
+def program(name: str, package: str) -> str:
+    """Path of a program that the build needs; says which Debian package has it."""
+    path = shutil.which(name)
+    if path is None:
+        raise SystemExit(f"palpate: {name} is missing: apt-get install {package}")
+    return path
+
+
+class BuildWithStubs(build_py):
+    """Copies the package, then has protoc write palpate/v1 beside it."""
+
+    def run(self) -> None:
+        super().run()
+        protos = sorted(PROTO.glob("palpate/v1/*.proto"))
+        if not protos:
+            raise SystemExit(f"palpate: no messages in {PROTO}: build in a checkout of the project")
+        plugin = program("grpc_python_plugin", "protobuf-compiler-grpc")
+        out = pathlib.Path(self.build_lib).resolve()
+        subprocess.run(
+            [program("protoc", "protobuf-compiler"), f"--proto_path={PROTO}",
+             f"--python_out={out}", f"--pyi_out={out}", f"--grpc_python_out={out}",
+             f"--plugin=protoc-gen-grpc_python={plugin}", *map(str, protos)], check=True)
+
+
+setup(cmdclass={"build_py": BuildWithStubs})

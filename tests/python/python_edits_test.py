@@ -1,0 +1,129 @@
+"""Edits change the voxels that they say, exactly, and no others."""
+
+import unittest
+
+import numpy as np
+
+import palpate
+from support import DaemonTest, pattern
+
+SHAPE = (30, 22, 41)
+SPACING_MM = np.array([0.5, 2.0, 1.0])
+
+
+class EditsTest(DaemonTest):
+    def setUp(self):
+        self.values = pattern(SHAPE)
+        self.conn.volume.upload(self.values, SPACING_MM)
+        self.edit = self.conn.edit
+
+    def check(self, result, expected):
+        volume = self.conn.volume.download()
+        np.testing.assert_array_equal(volume.values, expected)
+        self.assertEqual(volume.volume_revision, result.volume_revision)
+        changed = np.argwhere(expected != self.values)
+        self.assertEqual(result.changed_voxels, len(changed))
+        box = tuple(slice(low, high + 1)
+                    for low, high in zip(changed.min(axis=0), changed.max(axis=0)))
+        self.assertEqual(result.changed, box)
+
+    def distance(self, center, unit):
+        places = np.moveaxis(np.indices(SHAPE), 0, -1)
+        return np.linalg.norm((places - center) * unit, axis=-1)
+
+    def test_sphere_in_voxels(self):
+        center = (7, 11, 30)
+        result = self.edit.sphere(center, 4.3, "set", 5000.0, frame="index")
+        self.check(result, np.where(self.distance(center, 1) <= 4.3, 5000.0, self.values))
+
+    def test_sphere_in_mm(self):
+        center_mm = np.array([7.1, 20.3, 25.2])
+        result = self.edit.sphere(center_mm, 5.15, "set", 5000.0)
+        inside = self.distance(center_mm / SPACING_MM, SPACING_MM) <= 5.15
+        self.check(result, np.where(inside, 5000.0, self.values))
+
+    def test_box(self):
+        result = self.edit.box((3, 4, 5), (10, 4, 8), "set", 1234.0, frame="index")
+        expected = self.values.copy()
+        expected[3:11, 4:5, 5:9] = 1234.0
+        self.check(result, expected)
+
+    def test_box_in_mm_subtracts(self):
+        result = self.edit.box((2.6, 5.0, 4.5), (6.4, 9.0, 8.5), "subtract", 128.0)
+        expected = self.values.copy()
+        expected[6:13, 3:5, 5:9] -= 128.0
+        self.check(result, expected)
+
+    def test_capsule(self):
+        start, end = np.array([5.0, 5.0, 5.0]), np.array([5.0, 5.0, 25.0])
+        result = self.edit.capsule(start, end, 2.5, "add", 64.0, frame="index")
+        along = np.clip(np.arange(SHAPE[2]), 5, 25)
+        i, j, k = np.indices(SHAPE)
+        inside = np.sqrt((i - 5.0)**2 + (j - 5.0)**2 + (k - along[k])**2) <= 2.5
+        self.check(result, np.where(inside, self.values + 64.0, self.values))
+
+    def test_block(self):
+        block = pattern((4, 3, 9)) + 7
+        result = self.edit.block((20, 10, 30), block)
+        expected = self.values.copy()
+        expected[20:24, 10:13, 30:39] = block
+        self.check(result, expected)
+        # What changed is an index into the array.
+        np.testing.assert_array_equal(self.conn.volume.download().values[result.changed], block)
+
+    def test_undo_redo_and_revert(self):
+        first = self.edit.box((0, 0, 0), (5, 5, 5), "set", 99.0, frame="index")
+        edited = self.conn.volume.download().values
+        second = self.edit.block((8, 8, 8), np.full((2, 2, 2), 3.0))
+        self.assertEqual((second.undo_steps, second.redo_steps), (first.undo_steps + 1, 0))
+        self.edit.undo()
+        np.testing.assert_array_equal(self.conn.volume.download().values, edited)
+        self.edit.undo()
+        np.testing.assert_array_equal(self.conn.volume.download().values, self.values)
+        with self.assertRaises(palpate.Conflict):
+            self.edit.undo()
+        self.edit.redo()
+        np.testing.assert_array_equal(self.conn.volume.download().values, edited)
+        self.edit.revert()
+        np.testing.assert_array_equal(self.conn.volume.download().values, self.values)
+
+    def test_smooth_paint_and_falloff_change_something(self):
+        # Smoothing last: the pattern is linear, and equals its mean.
+        for call in (lambda: self.edit.sphere((9, 9, 9), 3, "paint", 7.0, frame="index"),
+                     lambda: self.edit.sphere((9, 9, 9), 3, "add", 7.0, frame="index", falloff=2),
+                     lambda: self.edit.sphere((9, 9, 9), 3, "smooth", frame="index",
+                                              strength=0.5)):
+            self.assertGreater(call().changed_voxels, 100)
+
+    def test_nothing_changed(self):
+        before = self.conn.volume.info().volume_revision
+        result = self.edit.block((3, 3, 3), self.values[3:5, 3:5, 3:5])
+        self.assertEqual((result.changed_voxels, result.changed, result.volume_revision),
+                         (0, None, before))
+
+    def test_what_is_refused(self):
+        block = np.zeros((2, 2, 2))
+        refused = [lambda: self.edit.sphere((1, 1), 3, "set"),
+                   lambda: self.edit.sphere((1, 1, 1), -3, "set"),
+                   lambda: self.edit.sphere((1, 1, np.nan), 3, "set"),
+                   lambda: self.edit.sphere((1, 1, 1), 3, "erase"),
+                   lambda: self.edit.sphere((1, 1, 1), 3, "set", frame="lps"),
+                   lambda: self.edit.sphere((1, 1, 1), 3, "set", 1e9),
+                   lambda: self.edit.sphere((900, 1, 1), 3, "set", 1.0),
+                   lambda: self.edit.block((29, 1, 1), block),
+                   lambda: self.edit.block((-1, 1, 1), block),
+                   lambda: self.edit.block((1, 1, 1), block[0]),
+                   lambda: self.edit.block((1, 1, 1), np.zeros((0, 1, 1)))]
+        for n, call in enumerate(refused):
+            with self.assertRaises(palpate.InvalidArgument, msg=str(n)) as caught:
+                call()
+            self.assertNotIn("\n", str(caught.exception))
+        with self.assertRaises(palpate.TooLarge):
+            self.edit.block((0, 0, 0), np.zeros((100, 100, 100)))
+        with self.assertRaises(palpate.Conflict):
+            self.edit.block((0, 0, 0), block, expected_revision=1 << 40)
+        np.testing.assert_array_equal(self.conn.volume.download().values, self.values)
+
+
+if __name__ == "__main__":
+    unittest.main()

@@ -1,0 +1,244 @@
+"""Poses: rates, shapes, freshness, and how a stream ends."""
+
+import gc
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+import unittest
+
+import numpy as np
+
+import palpate
+from support import DaemonTest, wait_until
+
+
+class Arrays(DaemonTest):
+    def test_shapes_kinds_and_units(self):
+        with self.conn.poses(rate_hz=500, batch=20) as stream:
+            poses = next(stream)
+        n = len(poses)
+        self.assertEqual(n, 20)
+        for name in ("hip_mm", "scp_h_mm", "scp_h_normal", "scp_v_mm", "scp_v_normal", "force_n"):
+            self.assertEqual(getattr(poses, name).shape, (n, 3), name)
+            self.assertEqual(getattr(poses, name).dtype, np.float64, name)
+        self.assertEqual(poses.stylus_orientation.shape, (n, 4))
+        np.testing.assert_allclose(np.linalg.norm(poses.stylus_orientation, axis=1), 1)
+        for name in ("tick", "time_ns", "buttons", "mode", "contact", "density", "isovalue",
+                     "settings_revision", "volume_revision", "update_ns", "missed_ticks",
+                     "iterations", "capped_ticks", "free_side", "force_state", "force_reason",
+                     "force_limit_n"):
+            self.assertEqual(getattr(poses, name).shape, (n,), name)
+        self.assertTrue((poses.isovalue == self.conn.settings.isovalue).all())
+        self.assertTrue((np.diff(poses.time_ns) > 0).all())
+
+    def test_what_is_absent_is_nan_and_what_is_there_is_not(self):
+        seen = []
+        with self.conn.poses(rate_hz=200, batch=50, waiting=100) as stream:
+            for poses in stream:
+                seen.append(poses)
+                both = palpate.Poses.concatenate(seen)
+                if len(seen) >= 4 and both.contact.any() and not both.contact.all() \
+                        or len(seen) == 120:
+                    break
+        self.assertTrue(both.contact.any() and not both.contact.all())
+        np.testing.assert_array_equal(np.isnan(both.scp_h_normal).any(axis=1), ~both.contact)
+        np.testing.assert_allclose(np.linalg.norm(both.scp_h_normal[both.contact], axis=1), 1)
+        self.assertTrue(np.isfinite(both.hip_mm).all() and np.isfinite(both.force_n).all())
+        self.assertEqual(len(both), sum(map(len, seen)))
+
+    def test_the_force_is_the_spring_between_hip_and_proxy(self):
+        stiffness = self.conn.settings.stiffness_n_per_mm
+        samples = []
+        with self.conn.poses(rate_hz=200, batch=50, waiting=100) as stream:
+            for poses in stream:
+                samples.append(poses)
+                felt = palpate.Poses.concatenate(samples)
+                if (felt.contact & (felt.mode == palpate.ProxyMode.CONSTRAINED)).sum() > 100:
+                    break
+        spring = stiffness * (felt.scp_h_mm - felt.hip_mm)
+        size = np.linalg.norm(spring, axis=1)
+        # Below the limits of size and of change per tick, that is.
+        plain = felt.contact & (size < 1.0)
+        self.assertGreater(plain.sum(), 10)
+        error = np.linalg.norm(felt.force_n - spring, axis=1)[plain]
+        self.assertLess(np.median(error), 0.02)
+
+    def test_rate_and_order_at_1000_hz(self):
+        before = time.monotonic()
+        batches = []
+        with self.conn.poses(rate_hz=1000, batch=20, waiting=200) as stream:
+            for poses in stream:
+                batches.append(poses)
+                if len(batches) == 150:
+                    break
+        seconds = time.monotonic() - before
+        poses = palpate.Poses.concatenate(batches)
+        self.assertEqual(len(poses), 3000)
+        # All of them: the ticks have no gap but those that the stream says it lost.
+        gaps = int((np.diff(poses.tick.astype(np.int64)) - 1).sum())
+        self.assertEqual(gaps, poses.dropped_samples - batches[0].dropped_samples)
+        loop_seconds = (int(poses.time_ns[-1]) - int(poses.time_ns[0])) / 1e9
+        missed = int(poses.missed_ticks[-1] - poses.missed_ticks[0])
+        self.assertAlmostEqual(loop_seconds, (2999 + gaps + missed) / 1000, delta=0.05)
+        self.assertGreater(seconds, 2.5)
+
+    def test_the_usual_rate_is_60(self):
+        poses = []
+        with self.conn.poses() as stream:
+            for one in stream:
+                self.assertEqual(len(one), 1)
+                poses.append(one)
+                if len(poses) == 60:
+                    break
+        step = np.median(np.diff([int(one.tick[0]) for one in poses]))
+        self.assertEqual(step, 17)
+
+    def test_a_slow_loop_sees_fresh_samples(self):
+        ages_ms, dropped = [], []
+        with self.conn.poses(rate_hz=1000, batch=10) as stream:
+            for poses in stream:
+                ages_ms.append((time.monotonic_ns() - int(poses.time_ns[-1])) / 1e6)
+                dropped.append(poses.dropped_samples)
+                time.sleep(0.2)
+                if len(ages_ms) == 20:
+                    break
+        # One that takes what is waiting in a row would be 200 ms late and more.
+        self.assertLess(np.median(ages_ms[3:]), 60)
+        self.assertGreater(dropped[-1], 2000)
+        self.assertTrue((np.diff(dropped) >= 0).all())
+
+    def test_bad_options_are_one_line(self):
+        for arguments in ({"rate_hz": 2000}, {"rate_hz": -1}, {"batch": 1000}, {"waiting": 0}):
+            with self.assertRaises(palpate.InvalidArgument, msg=str(arguments)) as caught:
+                next(self.conn.poses(**arguments))
+            self.assertNotIn("\n", str(caught.exception))
+            self.assertGreater(len(str(caught.exception)), 10)
+
+
+class Ends(DaemonTest):
+    def settled_threads(self):
+        """Threads of this process, native ones too, once those that end have ended."""
+        gc.collect()
+        counts = []
+
+        def same():
+            counts.append(len(os.listdir("/proc/self/task")))
+            return len(counts) > 25 and len(set(counts[-25:])) == 1
+
+        wait_until(same, 10)
+        return counts[-1]
+
+    def test_no_thread_is_left(self):
+        def use(kind):
+            stream = self.conn.poses(rate_hz=200, batch=4)
+            for _ in stream:
+                break
+            if kind == 0:
+                stream.close()
+            elif kind == 1:
+                with stream:
+                    pass
+            # Else nobody holds it any more.
+
+        for kind in range(6):
+            use(kind % 3)
+        python_before, all_before = threading.active_count(), self.settled_threads()
+        for kind in range(60):
+            use(kind % 3)
+        self.assertTrue(wait_until(lambda: threading.active_count() <= python_before))
+        self.assertLessEqual(self.settled_threads(), all_before + 4)
+
+    def test_connections_leave_no_thread(self):
+        python_before = threading.active_count()
+        for _ in range(10):
+            with self.daemon.connect() as conn:
+                next(conn.poses(100))
+                conn.volume.download()
+        self.assertTrue(wait_until(lambda: threading.active_count() <= python_before))
+
+    def test_a_closed_stream_stops(self):
+        stream = self.conn.poses(100)
+        next(stream)
+        stream.close()
+        stream.close()
+        with self.assertRaises(StopIteration):
+            for _ in range(3):
+                next(stream)
+
+    def test_close_ends_an_iteration_on_another_thread(self):
+        stream = self.conn.poses(0.5)
+        ended = threading.Event()
+
+        def iterate():
+            for _ in stream:
+                pass
+            ended.set()
+
+        thread = threading.Thread(target=iterate)
+        thread.start()
+        time.sleep(0.3)
+        stream.close()
+        self.assertTrue(ended.wait(20))
+        thread.join()
+
+    def test_closing_the_connection_ends_its_streams(self):
+        conn = self.daemon.connect()
+        stream = conn.poses(100)
+        next(stream)
+        conn.close()
+        with self.assertRaisesRegex(palpate.Unavailable, "closed"):
+            for _ in stream:
+                pass
+        with self.assertRaisesRegex(palpate.Unavailable, "closed"):
+            conn.settings.isovalue
+        with self.assertRaisesRegex(palpate.Unavailable, "closed"):
+            conn.poses()
+
+    def interrupted(self, script):
+        """Runs it, sends SIGINT once it said "begun", and returns code, output, error."""
+        child = subprocess.Popen([sys.executable, "-c", script, self.daemon.socket],
+                                 stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        self.assertEqual(child.stdout.readline(), "begun\n")
+        time.sleep(0.3)
+        child.send_signal(signal.SIGINT)
+        out, err = child.communicate(timeout=60)
+        return child.returncode, out, err
+
+    def test_ctrl_c_ends_an_iterator(self):
+        # The second one waits 100 s for its next pose.
+        for rate_hz in (100, 0.01):
+            script = ("import palpate, sys, threading\n"
+                      "conn = palpate.connect(sys.argv[1])\n"
+                      f"stream = conn.poses({rate_hz})\n"
+                      "print('begun', flush=True)\n"
+                      "try:\n"
+                      "    for poses in stream: pass\n"
+                      "except KeyboardInterrupt:\n"
+                      "    print(threading.active_count())\n")
+            code, out, err = self.interrupted(script)
+            self.assertEqual((code, out), (0, "1\n"), err)
+
+    def test_ctrl_c_that_nobody_catches_ends_the_program(self):
+        script = ("import palpate, sys\n"
+                  "with palpate.connect(sys.argv[1]) as conn:\n"
+                  "    print('begun', flush=True)\n"
+                  "    for poses in conn.poses(): pass\n")
+        code, _, err = self.interrupted(script)
+        self.assertEqual(code, -signal.SIGINT, err)
+        self.assertTrue(err.endswith("KeyboardInterrupt\n"), err)
+
+    def test_a_program_may_end_with_an_open_stream(self):
+        script = ("import palpate, sys\n"
+                  "conn = palpate.connect(sys.argv[1])\n"
+                  "stream = conn.poses(1000)\n"
+                  "next(stream)\n")
+        run = subprocess.run([sys.executable, "-c", script, self.daemon.socket], timeout=60,
+                             capture_output=True, text=True)
+        self.assertEqual((run.returncode, run.stderr), (0, ""))
+
+
+if __name__ == "__main__":
+    unittest.main()

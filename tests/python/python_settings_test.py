@@ -1,0 +1,94 @@
+"""Settings as attributes, and what the server says against them."""
+
+import unittest
+
+import numpy as np
+
+import palpate
+from palpate.v1 import device_pb2, pose_pb2, render_pb2
+from support import DaemonTest
+
+
+class SettingsTest(DaemonTest):
+    def test_every_setting_goes_there_and_comes_back(self):
+        values = {"isovalue": 0.25, "stiffness_n_per_mm": 0.75, "damping_n_s_per_m": 1.5,
+                  "method": palpate.DecompositionMethod.BCC, "static_friction": 0.5,
+                  "dynamic_friction": 0.25, "viscosity_n_s_per_m": 0.5, "pop_force_n": 2.5,
+                  "magnet_force_n": 0.5, "magnet_range_mm": 4.0, "force_shading": True,
+                  "passivity_control": True, "free_side": palpate.FreeSide.ABOVE,
+                  "carve_tool": True, "carve_radius_mm": 3.0, "carve_rate_per_s": -1.0,
+                  "clutch_tool": True, "normalized_isovalue": 0.5}
+        names = [field.name for field in render_pb2.RenderSettings.DESCRIPTOR.fields]
+        self.assertEqual(sorted(values), sorted(names))
+        self.assertEqual(sorted(self.conn.settings.all()), sorted(names))
+        before = self.conn.settings.all()
+        with self.daemon.connect() as other:
+            for name, value in values.items():
+                setattr(self.conn.settings, name, value)
+                self.assertEqual(getattr(other.settings, name), value, name)
+        before.pop("normalized_isovalue")
+        self.conn.settings.update(**before)
+        self.assertEqual({name: self.conn.settings.all()[name] for name in before}, before)
+
+    def test_several_at_one_tick(self):
+        with self.conn.poses(1000, 10, waiting=1000) as stream:
+            next(stream)
+            applied = self.conn.settings.update(isovalue=0.3, stiffness_n_per_mm=1.0)
+            for poses in stream:
+                if poses.tick[-1] >= applied.applied_tick:
+                    break
+        at = np.flatnonzero(poses.tick >= applied.applied_tick)[0]
+        self.assertEqual(poses.isovalue[at], 0.3)
+        self.assertGreaterEqual(poses.settings_revision[at], applied.settings_revision)
+        self.conn.settings.update(isovalue=0.5, stiffness_n_per_mm=0.5)
+
+    def test_names_and_numpy_numbers_will_do(self):
+        self.conn.settings.free_side = "above"
+        self.assertIs(self.conn.settings.free_side, palpate.FreeSide.ABOVE)
+        self.conn.settings.free_side = palpate.FreeSide.BELOW
+        self.conn.settings.isovalue = np.float32(0.5)
+        self.conn.settings.force_shading = np.bool_(False)
+
+    def test_an_unknown_setting_is_an_attribute_error(self):
+        with self.assertRaises(AttributeError):
+            self.conn.settings.isovalu = 0.3
+        with self.assertRaises(AttributeError):
+            self.conn.settings.isovalu
+        with self.assertRaises(AttributeError):
+            self.conn.settings.update(isovalu=0.3)
+        with self.assertRaises(AttributeError):
+            self.conn.settings = 0.3
+
+    def test_what_is_refused_changes_nothing(self):
+        before = self.conn.settings.all()
+        refused = ({"stiffness_n_per_mm": 99.0}, {"isovalue": 1e9}, {"isovalue": float("nan")},
+                   {"isovalue": 0.4, "stiffness_n_per_mm": 99.0}, {"isovalue": "high"},
+                   {"isovalue": None}, {"carve_tool": "off"}, {"carve_tool": 1},
+                   {"free_side": "left"}, {"method": 0}, {})
+        for changes in refused:
+            with self.assertRaises(palpate.InvalidArgument, msg=str(changes)) as caught:
+                self.conn.settings.update(**changes)
+            self.assertNotIn("\n", str(caught.exception))
+            self.assertGreater(len(str(caught.exception)), 10)
+        self.assertEqual(self.conn.settings.all(), before)
+        with self.assertRaises(ValueError):
+            self.conn.settings.isovalue = -5.0
+        with self.assertRaises(palpate.Conflict):
+            self.conn.settings.update(isovalue=0.4, expected_revision=1 << 40)
+
+    def test_the_enumerations_are_the_contracts(self):
+        pairs = ((palpate.ProxyMode, pose_pb2.ProxyMode, "PROXY_MODE_"),
+                 (palpate.FreeSide, render_pb2.FreeSide, "FREE_SIDE_"),
+                 (palpate.DecompositionMethod, render_pb2.DecompositionMethod,
+                  "DECOMPOSITION_METHOD_"),
+                 (palpate.ForceState, device_pb2.ForceState, "FORCE_STATE_"),
+                 (palpate.ForceReason, device_pb2.ForceReason, "FORCE_REASON_"),
+                 (palpate.DeviceConnection, device_pb2.DeviceConnection, "DEVICE_CONNECTION_"),
+                 (palpate.VerificationLevel, device_pb2.VerificationLevel, "VERIFICATION_LEVEL_"))
+        for ours, theirs, prefix in pairs:
+            self.assertEqual({prefix + member.name: member.value for member in ours},
+                             {name: number for name, number in theirs.items() if number}, prefix)
+
+
+if __name__ == "__main__":
+    unittest.main()

@@ -1,0 +1,168 @@
+"""Volumes as arrays: down, up, and from files; which axis is which."""
+
+import gzip
+import os
+import pathlib
+import re
+import unittest
+
+import numpy as np
+
+import palpate
+from support import DaemonTest, nrrd, pattern
+
+# At right angles, with a spacing of its own along each.
+TURN = np.array([[0.8, -0.6, 0.0], [0.6, 0.8, 0.0], [0.0, 0.0, 1.0]])
+SPACING_MM = np.array([0.5, 0.75, 1.25])
+ORIGIN_MM = np.array([-10.5, 20.25, 1000.0 / 3])
+
+
+def world_from_index():
+    matrix = np.eye(4)
+    matrix[:3, :3] = TURN * SPACING_MM
+    matrix[:3, 3] = ORIGIN_MM
+    return matrix
+
+
+class Download(DaemonTest):
+    def test_a_file_comes_back_voxel_by_voxel(self):
+        values = pattern((21, 9, 34))
+        path = self.daemon.folder / "pattern.nrrd"
+        path.write_bytes(nrrd(values, (TURN * SPACING_MM).T.tolist(), ORIGIN_MM.tolist()))
+        info = self.conn.volume.load(path)
+        self.assertEqual(info.shape, (21, 9, 34))
+        volume = self.conn.volume.download()
+        self.assertEqual(volume.values.dtype, np.float32)
+        np.testing.assert_array_equal(volume.values, values)
+        self.assertEqual(volume.values[20, 3, 7], 10000 * 20 + 100 * 3 + 7)
+        np.testing.assert_allclose(volume.spacing_mm, SPACING_MM, rtol=1e-6)
+        np.testing.assert_allclose(volume.world_from_index, world_from_index(), rtol=1e-6)
+        np.testing.assert_array_equal(volume.device_from_index, info.device_from_index)
+        self.assertEqual((volume.value_min, volume.value_max), (values.min(), values.max()))
+        self.assertEqual((volume.source, volume.volume_revision),
+                         (str(path), info.volume_revision))
+
+    def test_constant_and_single_bricks(self):
+        for values in (np.full((8, 8, 8), 3.0), np.full((40, 3, 9), -2.0), np.zeros((2, 2, 2))):
+            values[0, 0, 0] += 1
+            self.conn.volume.upload(values)
+            np.testing.assert_array_equal(self.conn.volume.download().values, values)
+
+    def test_real_volumes(self):
+        folder = pathlib.Path(os.environ["PALPATE_DATA_DIR"]) / "classic"
+        headers = [path for name in ("nucleon*", "neghip*", "tooth*", "hydrogen_64*", "walnut*")
+                   for path in sorted(folder.glob(name)) if path.suffix in (".nhdr", ".nrrd")]
+        if not headers:
+            self.skipTest("no real volumes")
+        for path in headers:
+            with self.subTest(path.name):
+                self.conn.volume.load(path)
+                volume = self.conn.volume.download()
+                np.testing.assert_array_equal(volume.values, read_nrrd(path))
+
+
+def read_nrrd(path):
+    """Voxels of a NRRD file, by this test's own reading: raw or gzip, little-endian."""
+    header, _, data = path.read_bytes().partition(b"\n\n")
+    text = header.decode()
+
+    def field(name):
+        found = re.search(rf"^{name}: *(.*)$", text, re.MULTILINE | re.IGNORECASE)
+        return found and found[1].strip()
+
+    if name := field("data ?file"):
+        data = (path.parent / name).read_bytes()
+    if field("encoding") in ("gzip", "gz"):
+        data = gzip.decompress(data)
+    kinds = {"uint8": "u1", "uchar": "u1", "unsigned char": "u1", "uint16": "<u2",
+             "ushort": "<u2", "unsigned short": "<u2", "short": "<i2", "int16": "<i2",
+             "float": "<f4", "uint8_t": "u1", "uint16_t": "<u2"}
+    sizes = tuple(map(int, field("sizes").split()))
+    return np.frombuffer(data, kinds[field("type")]).reshape(sizes, order="F").astype(np.float32)
+
+
+class Upload(DaemonTest):
+    def test_an_array_goes_there_and_comes_back(self):
+        values = pattern((19, 26, 11), np.int32)
+        info = self.conn.volume.upload(values, (0.5, 2.0, 3.0), unit="HU", name="mine",
+                                       isovalue=90500.0)
+        self.assertEqual((info.shape, info.unit, info.source, info.original_type),
+                         ((19, 26, 11), "HU", "upload:mine.nrrd", "int32"))
+        np.testing.assert_array_equal(info.spacing_mm, (0.5, 2.0, 3.0))
+        np.testing.assert_array_equal(info.world_from_index, np.diag([0.5, 2.0, 3.0, 1.0]))
+        volume = self.conn.volume.download()
+        np.testing.assert_array_equal(volume.values, values)
+        self.assertEqual(volume.unit, "HU")
+        self.assertEqual(self.conn.settings.isovalue, 90500.0)
+        poses = next(self.conn.poses(100))
+        self.assertEqual(poses.volume_revision[0], info.volume_revision)
+
+    def test_an_oblique_frame(self):
+        values = pattern((9, 10, 11))
+        info = self.conn.volume.upload(values, world_from_index=world_from_index())
+        np.testing.assert_allclose(info.world_from_index, world_from_index(), rtol=1e-6)
+        np.testing.assert_allclose(info.spacing_mm, SPACING_MM, rtol=1e-6)
+        copy = self.conn.volume.download()
+        again = self.conn.volume.upload(copy.values, world_from_index=copy.world_from_index)
+        np.testing.assert_allclose(again.world_from_index, info.world_from_index, rtol=1e-12)
+
+    def test_every_type_and_layout(self):
+        values = pattern((5, 6, 7)) % 97
+        for kind in ("i1", "u1", "i2", "u2", "i4", "u4", "f4", "f8", ">i2", ">f4"):
+            self.conn.volume.upload(values.astype(kind))
+            np.testing.assert_array_equal(self.conn.volume.download().values, values, kind)
+        for held in (np.asfortranarray(values), np.repeat(values, 2, axis=1)[:, ::2],
+                     values.T.copy().T, values[::-1][::-1]):
+            self.conn.volume.upload(held)
+            np.testing.assert_array_equal(self.conn.volume.download().values, values)
+        mask = values > 50
+        self.conn.volume.upload(mask)
+        np.testing.assert_array_equal(self.conn.volume.download().values, mask)
+
+    def test_more_than_one_chunk(self):
+        values = np.random.default_rng(7).standard_normal((100, 90, 80)).astype(np.float32)
+        self.conn.volume.upload(values)
+        np.testing.assert_array_equal(self.conn.volume.download().values, values)
+
+    def test_what_is_refused_leaves_the_volume(self):
+        before = self.conn.volume.info().volume_revision
+        good = pattern((8, 8, 8))
+        refused = [lambda: self.conn.volume.upload(good.astype(np.int64)),
+                   lambda: self.conn.volume.upload(good.astype(complex)),
+                   lambda: self.conn.volume.upload(good[0]),
+                   lambda: self.conn.volume.upload(np.zeros((0, 4, 4))),
+                   lambda: self.conn.volume.upload(good, (1, 2)),
+                   lambda: self.conn.volume.upload(good, (1, 2, 0)),
+                   lambda: self.conn.volume.upload(good, world_from_index=np.eye(3)),
+                   lambda: self.conn.volume.upload(np.full((8, 8, 8), np.nan)),
+                   lambda: self.conn.volume.upload(good, unit='a "b"'),
+                   lambda: self.conn.volume.upload(good, isovalue=1.0, normalized_isovalue=0.5),
+                   lambda: self.conn.volume.load("relative.nrrd"),
+                   lambda: self.conn.volume.load("builtin:nothing")]
+        for call in refused:
+            with self.assertRaises(palpate.InvalidArgument) as caught:
+                call()
+            self.assertNotIn("\n", str(caught.exception))
+        with self.assertRaises(palpate.NotFound):
+            self.conn.volume.load("/nowhere/at/all.nrrd")
+        self.assertEqual(self.conn.volume.info().volume_revision, before)
+
+    def test_load_tells_its_progress_and_save_writes(self):
+        stages = []
+        self.conn.volume.load("builtin:bumps:64", normalized_isovalue=0.25,
+                              progress=lambda stage, share: stages.append((stage, share)))
+        for stage, share in stages:
+            self.assertIsInstance(stage, str)
+            self.assertTrue(0 <= share <= 1)
+        self.assertAlmostEqual(self.conn.settings.normalized_isovalue, 0.25)
+        path = self.daemon.folder / "saved.nrrd"
+        revision = self.conn.volume.save(path)
+        self.assertEqual(revision, self.conn.volume.info().volume_revision)
+        np.testing.assert_array_equal(self.conn.volume.download().values, read_nrrd(path))
+        with self.assertRaises(palpate.Conflict):
+            self.conn.volume.save(path)
+        self.conn.volume.save(path, overwrite=True)
+
+
+if __name__ == "__main__":
+    unittest.main()
