@@ -216,11 +216,11 @@ class PoseStream:
         """The next batch; waits for one. Errors: Unavailable when the daemon goes away."""
         try:
             message, dropped, failed = self._inbox.take()
+            if message is not None:
+                return poses_of(message, message.dropped_samples + dropped)
         except BaseException:
             self.close()
             raise
-        if message is not None:
-            return poses_of(message, message.dropped_samples + dropped)
         if not self._is_open:
             raise StopIteration
         raise self._link.error_of_end(failed)
