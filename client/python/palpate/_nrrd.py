@@ -1,4 +1,4 @@
-"""An array as the bytes of an NRRD file, which is what the daemon takes uploads in."""
+"""An array as an NRRD file, which is what the daemon takes uploads in."""
 
 import numpy as np
 import numpy.typing as npt
@@ -10,9 +10,12 @@ _TYPES = {"i1": "int8", "u1": "uint8", "i2": "int16", "u2": "uint16", "i4": "int
           "u4": "uint32", "f4": "float", "f8": "double"}
 
 
-def nrrd_bytes(values: npt.ArrayLike, world_from_index: npt.NDArray[np.float64],
-               unit: str) -> bytes:
-    """values: (nx, ny, nz), indexed [x, y, z]; world_from_index: (4, 4), mm, LPS."""
+def nrrd_of(values: npt.ArrayLike, world_from_index: npt.NDArray[np.float64],
+            unit: str) -> tuple[bytes, memoryview]:
+    """Header and voxels of the file; the voxels are copied only where they have to be.
+
+    values: (nx, ny, nz), indexed [x, y, z]; world_from_index: (4, 4), mm, LPS.
+    """
     array = np.asarray(values)
     if array.ndim != 3 or array.size == 0:
         raise InvalidArgument("a volume has three dimensions, and voxels along each, not the shape "
@@ -25,8 +28,9 @@ def nrrd_bytes(values: npt.ArrayLike, world_from_index: npt.NDArray[np.float64],
                               f"{array.dtype}: convert them with astype")
     if '"' in unit or not unit.isprintable():
         raise InvalidArgument("the unit is a short word, such as HU")
-    return _header(array.shape, _TYPES[kind], world_from_index, unit) + \
-        array.astype("<" + kind, copy=False).tobytes(order="F")
+    # x fastest: the transposed array in NumPy's usual order.
+    voxels = np.ascontiguousarray(array.T, dtype="<" + kind)
+    return _header(array.shape, _TYPES[kind], world_from_index, unit), voxels.data.cast("B")
 
 
 def _header(shape: tuple[int, ...], type_name: str, world_from_index: npt.NDArray[np.float64],

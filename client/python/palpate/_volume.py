@@ -12,7 +12,7 @@ import numpy.typing as npt
 from palpate._errors import Internal, InvalidArgument
 from palpate._geometry import Triple, array_of_vector, matrix_of_map, three, vector_of
 from palpate._link import Link
-from palpate._nrrd import nrrd_bytes
+from palpate._nrrd import nrrd_of
 from palpate._volume_copy import Volume, fetch_volume
 from palpate.v1 import volume_pb2, volume_pb2_grpc
 
@@ -146,11 +146,13 @@ class VolumeAccess:
             matrix = np.asarray(world_from_index, dtype=np.float64)
         if matrix.shape != (4, 4):
             raise InvalidArgument("world_from_index is a 4 by 4 matrix")
-        data = nrrd_bytes(values, matrix, unit)
+        header, voxels = nrrd_of(values, matrix, unit)
         start = volume_pb2.UploadVolumeStart(
-            name=f"{name}.nrrd", size_bytes=len(data), crc32=zlib.crc32(data),
+            name=f"{name}.nrrd", size_bytes=len(header) + len(voxels),
+            crc32=zlib.crc32(voxels, zlib.crc32(header)),
             options=load_options(isovalue, normalized_isovalue, device_mm_per_volume_mm))
-        answer = self._link.call(self._stub.UploadVolume, _upload(start, data), timeout_s=None)
+        answer = self._link.call(self._stub.UploadVolume, _upload(start, header, voxels),
+                                 timeout_s=None)
         return info_of(answer.volume)
 
     def download(self) -> Volume:
@@ -174,8 +176,9 @@ class VolumeAccess:
         return int(result_of(events, progress).volume_revision)
 
 
-def _upload(start: volume_pb2.UploadVolumeStart,
-            data: bytes) -> collections.abc.Iterator[volume_pb2.UploadVolumeRequest]:
+def _upload(start: volume_pb2.UploadVolumeStart, header: bytes,
+            voxels: memoryview) -> collections.abc.Iterator[volume_pb2.UploadVolumeRequest]:
     yield volume_pb2.UploadVolumeRequest(start=start)
-    for first in range(0, len(data), _CHUNK_BYTES):
-        yield volume_pb2.UploadVolumeRequest(data=data[first:first + _CHUNK_BYTES])
+    yield volume_pb2.UploadVolumeRequest(data=header)
+    for first in range(0, len(voxels), _CHUNK_BYTES):
+        yield volume_pb2.UploadVolumeRequest(data=bytes(voxels[first:first + _CHUNK_BYTES]))
