@@ -197,12 +197,12 @@ class Ends(DaemonTest):
         with self.assertRaisesRegex(palpate.Unavailable, "closed"):
             conn.poses()
 
-    def interrupted(self, script):
-        """Runs it, sends SIGINT once it said "begun", and returns code, output, error."""
+    def interrupted(self, script, seconds=0.3):
+        """Runs it, sends SIGINT after it said "begun", and returns code, output, error."""
         child = subprocess.Popen([sys.executable, "-c", script, self.daemon.socket],
                                  stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
         self.assertEqual(child.stdout.readline(), "begun\n")
-        time.sleep(0.3)
+        time.sleep(seconds)
         child.send_signal(signal.SIGINT)
         out, err = child.communicate(timeout=60)
         return child.returncode, out, err
@@ -232,6 +232,16 @@ class Ends(DaemonTest):
         code, _, err = self.interrupted(script)
         self.assertEqual(code, -signal.SIGINT, err)
         self.assertTrue(err.endswith("KeyboardInterrupt\n"), err)
+
+    def test_ctrl_c_at_any_moment_ends_the_program(self):
+        # Streams that begin and end all the time: it comes within gRPC as well.
+        script = ("import palpate, sys\n"
+                  "conn = palpate.connect(sys.argv[1])\n"
+                  "print('begun', flush=True)\n"
+                  "while True: next(conn.poses(200))\n")
+        for n in range(12):
+            code, _, err = self.interrupted(script, 0.05 + 0.0137 * n)
+            self.assertEqual(code, -signal.SIGINT, err)
 
     def test_a_program_may_end_with_an_open_stream(self):
         script = ("import palpate, sys\n"

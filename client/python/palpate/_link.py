@@ -95,17 +95,20 @@ class AcknowledgedCall:
     """A stream of messages, each acknowledged when it is taken.
 
     The daemon sends no more than a few unacknowledged ones, so that what arrives is
-    fresh. Iterate on one thread; close() on any.
+    fresh. The call begins with the iteration, of which there is one; finish() and cancel()
+    on any thread.
     """
 
     def __init__(self, method: typing.Any, start: typing.Any) -> None:
+        self._method = method
         self._request = type(start)
         self._requests: queue.SimpleQueue[typing.Any] = queue.SimpleQueue()
         self._requests.put(start)
-        # gRPC reads the requests on a thread of its own, which ends at the None.
-        self._call = method(iter(self._requests.get, None))
+        self._call: typing.Any = None
 
-    def __iter__(self) -> collections.abc.Iterator[typing.Any]:
+    def __iter__(self) -> collections.abc.Generator[typing.Any, None, None]:
+        # gRPC reads the requests on a thread of its own, which ends at the None.
+        self._call = self._method(iter(self._requests.get, None))
         try:
             for message in self._call:
                 acknowledgement = self._request()
@@ -113,8 +116,17 @@ class AcknowledgedCall:
                 self._requests.put(acknowledgement)
                 yield message
         finally:
-            self.close()
+            self.cancel()
 
-    def close(self) -> None:
-        self._call.cancel()
+    def finish(self) -> None:
+        """Tells the daemon that no more is wanted, and waits for nothing.
+
+        A single step that no signal divides, fit for __del__: a KeyboardInterrupt within
+        gRPC's cancel() would leave its locks held.
+        """
         self._requests.put(None)
+
+    def cancel(self) -> None:
+        self._requests.put(None)
+        if self._call is not None:
+            self._call.cancel()

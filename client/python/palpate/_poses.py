@@ -4,10 +4,10 @@ import atexit
 import collections
 import collections.abc
 import dataclasses
+import queue
 import threading
 import types
 import typing
-import weakref
 
 import grpc
 import numpy as np
@@ -17,6 +17,7 @@ from palpate._link import AcknowledgedCall, Link
 from palpate.v1 import pose_pb2, pose_pb2_grpc
 
 _MAX_UNACKNOWLEDGED = 4
+_FINISH_TIMEOUT_S = 1.0
 _ABSENT = (np.nan, np.nan, np.nan)
 
 
@@ -131,59 +132,88 @@ def poses_of(message: pose_pb2.StreamPosesResponse, dropped_samples: int) -> Pos
         sent_time_ns=message.sent_time_ns, dropped_samples=dropped_samples)
 
 
-class _Inbox:
-    """Messages between the thread that receives and the one that iterates; the oldest
-    make way."""
+class _Receiver:
+    """A thread that takes the messages of a call; the oldest make way.
 
-    def __init__(self, size: int) -> None:
-        self._messages: collections.deque[pose_pb2.StreamPosesResponse] = collections.deque()
-        self._size = size
-        self._changed = threading.Condition()
-        self._dropped = 0
-        self._end: grpc.RpcError | None = None
+    All of gRPC is left to it: Ctrl-C interrupts the main thread between any two steps, and
+    within gRPC it would leave locks held. For the same reason what the two threads share
+    has no lock of Python's.
+    """
+
+    def __init__(self, call: AcknowledgedCall, waiting: int) -> None:
+        self._call = call
+        self._messages: collections.deque[pose_pb2.StreamPosesResponse] = collections.deque(
+            maxlen=waiting)
+        self._failed: grpc.RpcError | None = None
         self._has_ended = False
+        # Holds something when there may be a message, or the end.
+        self._news: queue.SimpleQueue[None] = queue.SimpleQueue()
+        self._thread = threading.Thread(target=self._receive, name="palpate poses", daemon=True)
+        _receivers.add(self)
+        self._thread.start()
 
-    def put(self, message: pose_pb2.StreamPosesResponse) -> None:
-        with self._changed:
-            if len(self._messages) == self._size:
-                self._dropped += len(self._messages.popleft().samples)
-            self._messages.append(message)
-            self._changed.notify()
-
-    def end(self, failed: grpc.RpcError | None) -> None:
-        with self._changed:
-            self._end = failed
+    def _receive(self) -> None:
+        try:
+            for message in self._call:
+                self._messages.append(message)
+                self._wake()
+        except grpc.RpcError as failed:
+            self._failed = failed
+        except ValueError:
+            # The connection was closed before the call began.
+            pass
+        finally:
             self._has_ended = True
-            self._changed.notify()
+            self._wake()
+            _receivers.discard(self)
 
-    def take(self) -> tuple[pose_pb2.StreamPosesResponse | None, int, grpc.RpcError | None]:
-        """The oldest message and what was dropped here so far; or none, and why it ended."""
-        with self._changed:
-            while not self._messages and not self._has_ended:
-                self._changed.wait()
-            message = self._messages.popleft() if self._messages else None
-            return message, self._dropped, self._end
+    def _wake(self) -> None:
+        if self._news.empty():
+            self._news.put(None)
+
+    def take(self) -> pose_pb2.StreamPosesResponse | None:
+        """Waits for the oldest message that is held; None at the end."""
+        while True:
+            # Before the look for messages: none comes after it.
+            has_ended = self._has_ended
+            if self._messages:
+                return self._messages.popleft()
+            if has_ended:
+                return None
+            self._news.get()
+
+    @property
+    def failed(self) -> grpc.RpcError | None:
+        """Why it ended; None where the daemon just ended it."""
+        return self._failed
+
+    def finish(self) -> None:
+        """Ends the call; the thread follows. Waits for nothing."""
+        self._call.finish()
+
+    def close(self) -> None:
+        """Ends both, also when the daemon does not answer."""
+        self._call.finish()
+        self._join(_FINISH_TIMEOUT_S)
+        if self._thread.is_alive():
+            threading.Thread(target=self._call.cancel, daemon=True).start()
+            self._join(None)
+
+    def _join(self, timeout_s: float | None) -> None:
+        if self._thread.ident is not None and threading.current_thread() is not self._thread:
+            self._thread.join(timeout_s)
 
 
-def _receive(call: AcknowledgedCall, inbox: _Inbox) -> None:
-    failed = None
-    try:
-        for message in call:
-            inbox.put(message)
-    except grpc.RpcError as error:
-        failed = error
-    finally:
-        inbox.end(failed)
-
-
-_open_streams: "weakref.WeakSet[PoseStream]" = weakref.WeakSet()
+# Those that run, also when the stream that began them is gone.
+_receivers: set[_Receiver] = set()
 
 
 @atexit.register
-def _close_all() -> None:
-    # A thread that the end of the interpreter stops in gRPC keeps its locks.
-    for stream in list(_open_streams):
-        stream.close()
+def _end_all() -> None:
+    # A thread that the end of the interpreter stops within gRPC keeps its locks, and
+    # the end waits for them: Ctrl-C can leave one behind anywhere.
+    for receiver in list(_receivers):
+        receiver.close()
 
 
 class PoseStream:
@@ -197,40 +227,41 @@ class PoseStream:
     def __init__(self, link: Link, rate_hz: float, batch: int, waiting: int) -> None:
         link.check_open()
         self._link = link
-        self._inbox = _Inbox(waiting)
         self._is_open = True
+        self._taken = 0
+        self._left_out = 0
         start = pose_pb2.StreamPosesStart(rate_hz=rate_hz, batch=batch,
                                           max_unacknowledged=_MAX_UNACKNOWLEDGED)
         stub = link.stub(pose_pb2_grpc.PoseServiceStub)
-        self._call = AcknowledgedCall(stub.StreamPoses, pose_pb2.StreamPosesRequest(start=start))
-        # Not a method: the thread would keep alive a stream that nobody holds.
-        self._thread = threading.Thread(target=_receive, args=(self._call, self._inbox),
-                                        name="palpate poses", daemon=True)
-        self._thread.start()
-        _open_streams.add(self)
+        call = AcknowledgedCall(stub.StreamPoses, pose_pb2.StreamPosesRequest(start=start))
+        # An object of its own: its thread would keep alive a stream that nobody holds.
+        self._receiver = _Receiver(call, waiting)
 
     def __iter__(self) -> "PoseStream":
         return self
 
     def __next__(self) -> Poses:
         """The next batch; waits for one. Errors: Unavailable when the daemon goes away."""
+        if not self._is_open:
+            raise StopIteration
         try:
-            message, dropped, failed = self._inbox.take()
+            message = self._receiver.take()
             if message is not None:
-                return poses_of(message, message.dropped_samples + dropped)
+                # All messages of a stream hold as many samples.
+                self._left_out += (message.message_number - self._taken - 1) * len(message.samples)
+                self._taken = message.message_number
+                return poses_of(message, message.dropped_samples + self._left_out)
         except BaseException:
             self.close()
             raise
         if not self._is_open:
             raise StopIteration
-        raise self._link.error_of_end(failed)
+        raise self._link.error_of_end(self._receiver.failed)
 
     def close(self) -> None:
         """Ends the stream and its thread; an iteration over it ends too."""
         self._is_open = False
-        self._call.close()
-        if threading.current_thread() is not self._thread:
-            self._thread.join()
+        self._receiver.close()
 
     def __enter__(self) -> "PoseStream":
         return self
@@ -240,6 +271,6 @@ class PoseStream:
         self.close()
 
     def __del__(self) -> None:
-        # Without waiting: this may be any thread. A stream that was refused has no call.
-        if hasattr(self, "_call"):
-            self._call.close()
+        # Without waiting: this may be any thread. One that was refused has no receiver.
+        if hasattr(self, "_receiver"):
+            self._receiver.finish()

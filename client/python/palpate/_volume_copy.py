@@ -143,8 +143,8 @@ def fetch_volume(link: Link, stub: typing.Any) -> Volume:
     call = AcknowledgedCall(stub.StreamVolume, volume_stream_pb2.StreamVolumeRequest(start=start))
     fetch = _Fetch()
     try:
-        with contextlib.closing(call):
-            for message in call:
+        with contextlib.closing(iter(call)) as messages:
+            for message in messages:
                 if (volume := fetch.take(message)) is not None:
                     return volume
     except grpc.RpcError as failed:
