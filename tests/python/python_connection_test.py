@@ -99,10 +99,13 @@ class Losing(unittest.TestCase):
             return False
 
     def test_a_daemon_that_stands_still(self):
-        with Daemon() as daemon:
+        with Daemon() as daemon, daemon.connect() as conn:
+            stream = conn.poses(100)
+            next(stream)
             daemon.process.send_signal(signal.SIGSTOP)
             try:
                 begun = time.monotonic()
+                stream.close()
                 with self.assertRaisesRegex(palpate.Unavailable, "within 3 s"):
                     daemon.connect()
                 self.assertLess(time.monotonic() - begun, 30)

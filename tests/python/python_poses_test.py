@@ -204,7 +204,13 @@ class Ends(DaemonTest):
         self.assertEqual(child.stdout.readline(), "begun\n")
         time.sleep(seconds)
         child.send_signal(signal.SIGINT)
-        out, err = child.communicate(timeout=60)
+        try:
+            out, err = child.communicate(timeout=20)
+        except subprocess.TimeoutExpired:
+            # Python itself loses the one in a thousand that falls into a __del__.
+            child.send_signal(signal.SIGINT)
+            out, err = child.communicate(timeout=20)
+            self.assertIn("Exception ignored in: <function PoseStream.__del__", err)
         return child.returncode, out, err
 
     def test_ctrl_c_ends_an_iterator(self):
