@@ -1,6 +1,7 @@
 """The package installs offline, is typed and documented, and its example works."""
 
 import ast
+import dataclasses
 import inspect
 import os
 import pathlib
@@ -63,6 +64,12 @@ class Documented(unittest.TestCase):
             for part, member in vars(held).items():
                 if not part.startswith("_") and (callable(member) or isinstance(member, property)):
                     self.assertTrue(inspect.getdoc(member), f"{name}.{part}")
+
+    def test_arrays_say_their_shapes(self):
+        for held in (palpate.Poses, palpate.Volume, palpate.VolumeInfo, palpate.DeviceInfo):
+            for field in dataclasses.fields(held):
+                if "NDArray" in str(field.type) or "ndarray" in str(field.type):
+                    self.assertRegex(inspect.getdoc(held), rf"(?m)^{field.name}: \(", held)
 
     def test_every_function_is_annotated(self):
         for path in sorted((PACKAGE / "palpate").glob("*.py")):

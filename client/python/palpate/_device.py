@@ -14,30 +14,38 @@ from palpate.v1 import device_pb2, device_pb2_grpc
 
 @dataclasses.dataclass(frozen=True)
 class Forces:
-    """What the safety stage does with forces, and why."""
+    """What the safety stage does with forces, and why.
+
+    limit_n: what the motors' warmth leaves of the greatest force, N
+    """
 
     state: ForceState
     reason: ForceReason
     limit_n: float
-    """what the motors' warmth leaves of the greatest force, N"""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class DeviceInfo:
-    """The device, and the servo loop; counts are since the daemon's start."""
+    """The device, and the servo loop; counts are since the daemon's start.
+
+    kind: configuration name, such as "simulated"
+    model: name for people
+    workspace_min_mm: (3,) corner of the workspace box in the device frame, mm
+    workspace_max_mm: (3,) the other corner, mm
+    max_stiffness_n_per_mm: that it renders steadily, N/mm
+    problem: what is wrong and what to do; empty: nothing
+    rate_hz: of the servo loop, Hz
+    warnings: what the servo could not have and what to do about it
+    version: of the daemon
+    """
 
     kind: str
-    """configuration name, such as "simulated" """
     model: str
-    """name for people"""
     workspace_min_mm: npt.NDArray[np.float64]
-    """(3,) corner of the workspace box in the device frame, mm"""
     workspace_max_mm: npt.NDArray[np.float64]
-    """(3,) the other corner, mm"""
     max_force_n: float
     continuous_force_n: float
     max_stiffness_n_per_mm: float
-    """that it renders steadily, N/mm"""
     position_resolution_mm: float
     button_count: int
     verification_level: VerificationLevel
@@ -45,31 +53,29 @@ class DeviceInfo:
     docked: bool
     calibrated: bool
     problem: str
-    """what is wrong and what to do; empty: nothing"""
     forces: Forces
     rate_hz: float
-    """of the servo loop, Hz"""
     realtime_scheduling: bool
     memory_locked: bool
     warnings: tuple[str, ...]
-    """what the servo could not have and what to do about it"""
     ticks: int
     missed_ticks: int
     version: str
-    """of the daemon"""
 
 
 @dataclasses.dataclass(frozen=True)
 class ListedDevice:
-    """A device that the daemon could be configured to use."""
+    """A device that the daemon could be configured to use.
+
+    port: where it was found; empty for what needs no finding
+    problem: what is missing and what to do; empty when usable
+    """
 
     kind: str
     model: str
     port: str
-    """where it was found; empty for what needs no finding"""
     usable: bool
     problem: str
-    """what is missing and what to do; empty when usable"""
     verification_level: VerificationLevel
     in_use: bool
 

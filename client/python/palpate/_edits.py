@@ -23,17 +23,20 @@ _MOST_BLOCK_VOXELS = 3 * 1024 * 1024 // 4
 
 @dataclasses.dataclass(frozen=True)
 class EditResult:
-    """What an edit did."""
+    """What an edit did.
+
+    volume_revision: at which the volume is now; the same as before where no voxel changed
+    applied_tick: first tick that used it
+    changed: box around the voxels that changed, as an index into Volume.values; None: none
+        did
+    undo_steps: how often undo() would work now
+    """
 
     volume_revision: int
-    """at which the volume is now; the same as before where no voxel changed"""
     applied_tick: int
-    """first tick that used it"""
     changed_voxels: int
     changed: tuple[slice, slice, slice] | None
-    """box around the voxels that changed, as an index into Volume.values; None: none did"""
     undo_steps: int
-    """how often undo() would work now"""
     redo_steps: int
 
 

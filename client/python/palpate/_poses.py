@@ -27,60 +27,63 @@ class Poses:
 
     Positions, normals and forces are in the device frame: x right, y up, z towards the
     user. What a tick did not have is NaN.
+
+    tick: (n,) ticks executed before this one since the daemon started
+    time_ns: (n,) CLOCK_MONOTONIC of the daemon's machine at the start of the tick, ns
+    hip_mm: (n, 3) haptic interface point: the stylus tip, mm
+    scp_h_mm: (n, 3) proxy on the free side of, or on, the haptic isosurface H, mm
+    scp_h_normal: (n, 3) unit normal of H there, towards free space; NaN without contact
+    scp_v_mm: (n, 3) visual proxy on the trilinear isosurface V, mm; NaN where there is none
+    scp_v_normal: (n, 3) unit normal of V there; NaN with scp_v_mm
+    stylus_orientation: (n, 4) unit quaternion w, x, y, z: stylus axes to the device frame
+    buttons: (n,) bit b: button b is pressed
+    force_n: (n, 3) force on the hand, after every limit, N
+    mode: (n,) of ProxyMode
+    contact: (n,) SCP_H rests on H
+    density: (n,) piecewise-linear density at SCP_H, data units
+    isovalue: (n,) isovalue used in the tick, data units
+    settings_revision: (n,) revision of the settings used in the tick
+    volume_revision: (n,) revision of the volume used in the tick
+    update_ns: (n,) duration of the haptic update, ns
+    missed_ticks: (n,) ticks skipped since the daemon's start because their time had passed
+    iterations: (n,) proxy moves made in the tick
+    capped_ticks: (n,) ticks so far in which the cap on proxy moves bit
+    free_side: (n,) of FreeSide: where the proxy is; after a pop the other one than the
+        settings'
+    force_state: (n,) of ForceState
+    force_reason: (n,) of ForceReason
+    force_limit_n: (n,) what the motors' warmth leaves of the greatest force, N
+    sent_time_ns: time_ns of the daemon when it sent the newest sample, ns
+    dropped_samples: samples that this stream has lost so far because it was not read fast
+        enough
     """
 
     tick: npt.NDArray[np.uint64]
-    """(n,) ticks executed before this one since the daemon started"""
     time_ns: npt.NDArray[np.int64]
-    """(n,) CLOCK_MONOTONIC of the daemon's machine at the start of the tick, ns"""
     hip_mm: npt.NDArray[np.float64]
-    """(n, 3) haptic interface point: the stylus tip, mm"""
     scp_h_mm: npt.NDArray[np.float64]
-    """(n, 3) proxy on the free side of, or on, the haptic isosurface H, mm"""
     scp_h_normal: npt.NDArray[np.float64]
-    """(n, 3) unit normal of H there, towards free space; NaN without contact"""
     scp_v_mm: npt.NDArray[np.float64]
-    """(n, 3) visual proxy on the trilinear isosurface V, mm; NaN where there is none"""
     scp_v_normal: npt.NDArray[np.float64]
-    """(n, 3) unit normal of V there; NaN with scp_v_mm"""
     stylus_orientation: npt.NDArray[np.float64]
-    """(n, 4) unit quaternion w, x, y, z: stylus axes to the device frame"""
     buttons: npt.NDArray[np.uint32]
-    """(n,) bit b: button b is pressed"""
     force_n: npt.NDArray[np.float64]
-    """(n, 3) force on the hand, after every limit, N"""
     mode: npt.NDArray[np.uint8]
-    """(n,) of ProxyMode"""
     contact: npt.NDArray[np.bool_]
-    """(n,) SCP_H rests on H"""
     density: npt.NDArray[np.float64]
-    """(n,) piecewise-linear density at SCP_H, data units"""
     isovalue: npt.NDArray[np.float64]
-    """(n,) isovalue used in the tick, data units"""
     settings_revision: npt.NDArray[np.uint64]
-    """(n,) revision of the settings used in the tick"""
     volume_revision: npt.NDArray[np.uint64]
-    """(n,) revision of the volume used in the tick"""
     update_ns: npt.NDArray[np.int64]
-    """(n,) duration of the haptic update, ns"""
     missed_ticks: npt.NDArray[np.uint64]
-    """(n,) ticks skipped since the daemon's start because their time had passed"""
     iterations: npt.NDArray[np.uint32]
-    """(n,) proxy moves made in the tick"""
     capped_ticks: npt.NDArray[np.uint64]
-    """(n,) ticks so far in which the cap on proxy moves bit"""
     free_side: npt.NDArray[np.uint8]
-    """(n,) of FreeSide: where the proxy is; after a pop the other one than the settings'"""
     force_state: npt.NDArray[np.uint8]
-    """(n,) of ForceState"""
     force_reason: npt.NDArray[np.uint8]
-    """(n,) of ForceReason"""
     force_limit_n: npt.NDArray[np.float64]
-    """(n,) what the motors' warmth leaves of the greatest force, N"""
     sent_time_ns: int
-    """time_ns of the daemon when it sent the newest sample, ns"""
     dropped_samples: int
-    """samples that this stream has lost so far because it was not read fast enough"""
 
     def __len__(self) -> int:
         return len(self.tick)

@@ -9,16 +9,18 @@ from palpate.v1 import recording_pb2, recording_pb2_grpc
 
 @dataclasses.dataclass(frozen=True)
 class RecordingState:
-    """What is being recorded, or was last."""
+    """What is being recorded, or was last.
+
+    lost_ticks: ticks that the disk was too slow for
+    error: why it ended early; empty: it did not
+    """
 
     running: bool
     path: str
     ticks: int
     lost_ticks: int
-    """ticks that the disk was too slow for"""
     size_bytes: int
     error: str
-    """why it ended early; empty: it did not"""
 
 
 def _state_of(recording: recording_pb2.RecordingState) -> RecordingState:

@@ -12,19 +12,21 @@ from palpate.v1 import series_pb2, series_pb2_grpc
 
 @dataclasses.dataclass(frozen=True)
 class SeriesState:
-    """A series and where it is."""
+    """A series and where it is.
+
+    position_frames: 0 the first; between two frames where the series is interpolated
+    rate_hz: frames per second, negative backwards
+    volume_revision: of the frame under the stylus
+    """
 
     frames: int
     position_frames: float
-    """0 the first; between two frames where the series is interpolated"""
     playing: bool
     rate_hz: float
-    """frames per second, negative backwards"""
     loop: bool
     interpolate: bool
     memory_bytes: int
     volume_revision: int
-    """of the frame under the stylus"""
 
 
 def _state_of(series: series_pb2.SeriesState) -> SeriesState:

@@ -19,12 +19,14 @@ E = typing.TypeVar("E", bound=enum.IntEnum)
 
 @dataclasses.dataclass(frozen=True)
 class Applied:
-    """When a change of the settings was first felt."""
+    """When a change of the settings was first felt.
+
+    settings_revision: revision that has the change; Poses.settings_revision names it
+    applied_tick: first tick that used it; Poses.tick counts the same
+    """
 
     settings_revision: int
-    """revision that has the change; Poses.settings_revision names it"""
     applied_tick: int
-    """first tick that used it; Poses.tick counts the same"""
 
 
 class _Setting(typing.Generic[T]):

@@ -23,35 +23,37 @@ _CHUNK_BYTES = 1 << 20
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class VolumeInfo:
-    """The volume under the stylus, without its voxels."""
+    """The volume under the stylus, without its voxels.
+
+    source: path, builtin name or "upload:NAME" that it was loaded from
+    volume_revision: rises with each change of the voxels; Poses.volume_revision names it
+    loaded_revision: at which this volume was loaded; later ones are its edits and frames
+    shape: voxels along x, y, z
+    spacing_mm: (3,) along x, y, z, mm
+    value_min: least value at load, data units
+    value_max: greatest value at load, data units
+    unit: of the values, as the file states it, such as "HU"; may be empty
+    original_type: scalar type of the file, such as "uint8"
+    world_from_index: (4, 4) voxel index (x, y, z, 1) to world: mm, LPS as in DICOM
+    device_from_index: (4, 4) voxel index (x, y, z, 1) to the device frame: mm
+    device_mm_per_volume_mm: millimetres of device motion per millimetre of the volume
+    frames: of the source file, one of which this volume is
+    """
 
     source: str
-    """path, builtin name or "upload:NAME" that it was loaded from"""
     volume_revision: int
-    """rises with each change of the voxels; Poses.volume_revision names it"""
     loaded_revision: int
-    """at which this volume was loaded; later ones are its edits and frames"""
     shape: tuple[int, int, int]
-    """voxels along x, y, z"""
     spacing_mm: npt.NDArray[np.float64]
-    """(3,) along x, y, z, mm"""
     value_min: float
-    """least value at load, data units"""
     value_max: float
-    """greatest value at load, data units"""
     unit: str
-    """of the values, as the file states it, such as "HU"; may be empty"""
     original_type: str
-    """scalar type of the file, such as "uint8" """
     world_from_index: npt.NDArray[np.float64]
-    """(4, 4) voxel index (x, y, z, 1) to world: mm, LPS as in DICOM"""
     device_from_index: npt.NDArray[np.float64]
-    """(4, 4) voxel index (x, y, z, 1) to the device frame: mm"""
     device_mm_per_volume_mm: float
-    """millimetres of device motion per millimetre of the volume"""
     memory_bytes: int
     frames: int
-    """of the source file, one of which this volume is"""
 
 
 def info_of(volume: volume_pb2.VolumeDescription) -> VolumeInfo:

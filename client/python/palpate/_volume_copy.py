@@ -25,26 +25,28 @@ _HALF = 1 << 64
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Volume:
-    """A volume with its voxels."""
+    """A volume with its voxels.
+
+    values: (nx, ny, nz), indexed [x, y, z], data units
+    spacing_mm: (3,) along x, y, z, mm
+    world_from_index: (4, 4) voxel index (x, y, z, 1) to world: mm, LPS as in DICOM
+    device_from_index: (4, 4) voxel index (x, y, z, 1) to the device frame: mm
+    value_min: least value at load, data units
+    value_max: greatest value at load, data units
+    unit: of the values, as the file states it; may be empty
+    source: path, builtin name or "upload:NAME" that it was loaded from
+    volume_revision: of which this is a copy
+    """
 
     values: npt.NDArray[np.float32]
-    """(nx, ny, nz), indexed [x, y, z], data units"""
     spacing_mm: npt.NDArray[np.float64]
-    """(3,) along x, y, z, mm"""
     world_from_index: npt.NDArray[np.float64]
-    """(4, 4) voxel index (x, y, z, 1) to world: mm, LPS as in DICOM"""
     device_from_index: npt.NDArray[np.float64]
-    """(4, 4) voxel index (x, y, z, 1) to the device frame: mm"""
     value_min: float
-    """least value at load, data units"""
     value_max: float
-    """greatest value at load, data units"""
     unit: str
-    """of the values, as the file states it; may be empty"""
     source: str
-    """path, builtin name or "upload:NAME" that it was loaded from"""
     volume_revision: int
-    """of which this is a copy"""
 
 
 class _Copy:
