@@ -162,7 +162,7 @@ TEST(UsbFaults, CorruptFramesAreDropped) {
   TouchEmulator touch;
   DeviceRig rig;
   ASSERT_TRUE(StartWithForces(rig, touch));
-  touch.SetFaults({.corrupt_in = true});
+  touch.SetFaults({.corrupt_in = 0});
   EXPECT_TRUE(rig.WaitForLog("corrupt frame"));
   EXPECT_TRUE(rig.WaitForLog("omni-usb: no reading for 100 ms; connecting again"));
   ExpectLoopInFault(rig);

@@ -63,12 +63,12 @@ struct UsbSetup {
 };
 
 struct UsbFaults {
-  bool silent = false;                     // nothing comes from the device
-  bool deaf = false;                       // it takes nothing: OUT transfers never end
-  bool busy = false;                       // another program has claimed the interfaces
-  bool control_stall = false;              // every control request is refused
-  std::optional<std::size_t> cut_in_to{};  // IN transfers end after that many bytes
-  bool corrupt_in = false;                 // the first byte of each is wrong
+  bool silent = false;                      // nothing comes from the device
+  bool deaf = false;                        // it takes nothing: OUT transfers never end
+  bool busy = false;                        // another program has claimed the interfaces
+  bool control_stall = false;               // every control request is refused
+  std::optional<std::size_t> cut_in_to{};   // IN transfers end after that many bytes
+  std::optional<std::size_t> corrupt_in{};  // this byte of each is wrong
 };
 
 // What the host did, in order.

@@ -315,7 +315,7 @@ bool UsbPort::TryEndIn(Urb& urb) {
   if (device_.faults_.cut_in_to) {
     packet.resize(std::min(packet.size(), *device_.faults_.cut_in_to));
   }
-  if (device_.faults_.corrupt_in && !packet.empty()) packet[0] ^= 0xff;
+  if (const auto at = device_.faults_.corrupt_in; at && *at < packet.size()) packet[*at] ^= 0xff;
   const std::span<std::uint8_t> bytes = urb.bytes();
   const std::size_t count = std::min(packet.size(), bytes.size());
   std::copy_n(packet.begin(), count, bytes.begin());
