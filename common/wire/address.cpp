@@ -1,6 +1,7 @@
 #include "common/wire/address.h"
 
 #include <arpa/inet.h>
+#include <netinet/in.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -128,6 +129,13 @@ HostPort ParseHostPort(std::string_view text) {
     ThrowInvalid("'" + quoted + "': the port is a number from 1 to 65535");
   }
   return address;
+}
+
+bool IsLoopback(const HostPort& address) {
+  in_addr v4{};
+  in6_addr v6{};
+  if (inet_pton(AF_INET, address.host.c_str(), &v4) == 1) return ntohl(v4.s_addr) >> 24 == 127;
+  return inet_pton(AF_INET6, address.host.c_str(), &v6) == 1 && IN6_IS_ADDR_LOOPBACK(&v6);
 }
 
 std::string TcpTarget(const HostPort& address) {

@@ -39,6 +39,10 @@ struct HostPort {
 // Parses "127.0.0.1:7400", "localhost:7400" or "[::1]:7400"; port 1 to 65535.
 HostPort ParseHostPort(std::string_view text);
 
+// Whether it is an address of this machine alone. Only literal ones: a name may resolve
+// to anything.
+bool IsLoopback(const HostPort& address);
+
 // Target of a gRPC channel to that address.
 std::string TcpTarget(const HostPort& address);
 
