@@ -2,54 +2,23 @@
 
 #include <fmt/format.h>
 
-#include <toml++/toml.h>
+#include <algorithm>
 #include <functional>
 #include <map>
+#include <sstream>
 #include <string_view>
 
 #include "common/error/error.h"
+#include "server/app/config_entry.h"
+#include "server/app/log.h"
+#include "server/app/security_config.h"
 
 namespace palpate {
 namespace {
 
-// A value of the file, with what an error message needs.
-struct Entry {
-  std::string file;
-  std::string key;
-  const toml::node& node;
+using Entry = ConfigEntry;
 
-  [[noreturn]] void Fail(const std::string& what) const {
-    throw Error(ErrorKind::kInvalidArgument,
-                fmt::format("{}:{}: {} {}", file, node.source().begin.line, key, what));
-  }
-  std::string Text() const {
-    if (const auto value = node.value_exact<std::string>()) return *value;
-    Fail("must be a text in quotes");
-  }
-  double Number() const {
-    if (node.is_number()) return *node.value<double>();
-    Fail("must be a number");
-  }
-  int Integer(int low, int high) const {
-    const auto value = node.value_exact<std::int64_t>();
-    if (value && *value >= low && *value <= high) return static_cast<int>(*value);
-    Fail(fmt::format("must be a whole number from {} to {}", low, high));
-  }
-  bool Flag() const {
-    if (const auto value = node.value_exact<bool>()) return *value;
-    Fail("must be true or false");
-  }
-  Vec3 Triple() const {
-    const toml::array* array = node.as_array();
-    if (!array || array->size() != 3) Fail("must be three numbers, [x, y, z]");
-    Vec3 v;
-    for (std::size_t n = 0; n < 3; ++n) {
-      if (!(*array)[n].is_number()) Fail("must be three numbers, [x, y, z]");
-      v[static_cast<Eigen::Index>(n)] = *(*array)[n].value<double>();
-    }
-    return v;
-  }
-};
+[[noreturn]] void Fail(const std::string& what) { Entry::Fail(what); }
 
 using Paths = std::vector<std::filesystem::path>;
 
@@ -63,11 +32,11 @@ std::filesystem::path ParseFolder(const Entry& entry) {
 // The same of several.
 Paths ParseFolders(const Entry& entry) {
   const toml::array* array = entry.node.as_array();
-  if (!array) entry.Fail("must be a list of paths, [\"/data\"]");
+  if (!array) Fail("must be a list of paths, [\"/data\"]");
   Paths folders;
   for (const toml::node& element : *array) {
     const auto text = element.value_exact<std::string>();
-    if (!text) entry.Fail("must be a list of paths, [\"/data\"]");
+    if (!text) Fail("must be a list of paths, [\"/data\"]");
     folders.emplace_back(*text);
   }
   PathPolicy({.load_folders = folders});  // throws
@@ -83,7 +52,7 @@ using SettersByKey = std::map<std::string, Setter, std::less<>>;
 
 FreeSide ParseFreeSide(const Entry& entry) {
   if (const auto side = FreeSideNamed(entry.Text())) return *side;
-  entry.Fail("must be \"below\" or \"above\"");
+  Fail("must be \"below\" or \"above\"");
 }
 
 SettersByKey HapticsSetters() {
@@ -97,7 +66,7 @@ SettersByKey HapticsSetters() {
       const double value = e.Number();
       // False for NaN.
       if (!(value >= setting.low && value <= setting.high)) {
-        e.Fail(fmt::format("must be from {} to {}{}", setting.low, setting.high, setting.unit));
+        Fail(fmt::format("must be from {} to {}{}", setting.low, setting.high, setting.unit));
       }
       c.haptics.*setting.member = value;
     };
@@ -113,7 +82,7 @@ SettersByKey HapticsSetters() {
 bool ParseFrames(const Entry& entry) {
   const std::string frames = entry.Text();
   if (frames != "none" && frames != "framed-firewire") {
-    entry.Fail("must be \"none\" or \"framed-firewire\"");
+    Fail("must be \"none\" or \"framed-firewire\"");
   }
   return frames == "framed-firewire";
 }
@@ -131,7 +100,7 @@ std::vector<std::uint8_t> ParseBytes(const Entry& entry) {
     if (!value || *value < 0 || *value > 255) array = nullptr;
     if (array) bytes.push_back(static_cast<std::uint8_t>(*value));
   }
-  if (!array) entry.Fail("must be a list of bytes, [0x01, 0xff]");
+  if (!array) Fail("must be a list of bytes, [0x01, 0xff]");
   return bytes;
 }
 
@@ -165,6 +134,11 @@ SettersByKey DeviceSetters() {
   };
 }
 
+std::string ParseLogLevel(const Entry& entry) {
+  CheckLogLevel(entry.Text());
+  return entry.Text();
+}
+
 SettersByKey AllSetters() {
   SettersByKey setters = {
       {"volume.source", [](const Entry& e, Config& c) { c.volume = e.Text(); }},
@@ -184,7 +158,10 @@ SettersByKey AllSetters() {
        [](const Entry& e, Config& c) { c.memory_budget_bytes = Mebibytes(e); }},
       {"server.socket", [](const Entry& e, Config& c) { c.socket_path = e.Text(); }},
       {"server.listen", [](const Entry& e, Config& c) { c.listen = ParseHostPort(e.Text()); }},
+      {"metrics.listen",
+       [](const Entry& e, Config& c) { c.metrics_listen = ParseHostPort(e.Text()); }},
       {"state.folder", [](const Entry& e, Config& c) { c.state_folder = e.Text(); }},
+      {"log.level", [](const Entry& e, Config& c) { c.log_level = ParseLogLevel(e); }},
       {"realtime.priority",
        [](const Entry& e, Config& c) { c.realtime.priority = e.Integer(1, 99); }},
       {"realtime.cpu", [](const Entry& e, Config& c) { c.realtime.cpu = e.Integer(-1, 1023); }},
@@ -193,6 +170,9 @@ SettersByKey AllSetters() {
   };
   setters.merge(HapticsSetters());
   setters.merge(DeviceSetters());
+  for (const auto& [key, set] : SecuritySetters()) {
+    setters[key] = [set = set](const Entry& e, Config& c) { set(e, c.security); };
+  }
   return setters;
 }
 
@@ -201,22 +181,33 @@ const SettersByKey& Setters() {
   return setters;
 }
 
-void Apply(const std::string& file, const toml::table& table, const std::string& prefix,
-           Config& config) {
+// 1 and 1.0 are the same.
+std::string Value(const toml::node& node) {
+  if (node.is_number()) return fmt::format("{}", *node.value<double>());
+  std::ostringstream text;
+  node.visit([&](const auto& value) { text << value; });
+  return text.str();
+}
+
+void Apply(const toml::table& table, const std::string& prefix, Config& config,
+           ConfigReading& reading) {
   for (const auto& [name, node] : table) {
-    const Entry entry{file, prefix + std::string(name.str()), node};
+    const std::string key = prefix + std::string(name.str());
+    const std::size_t line = node.source().begin.line;
     if (const toml::table* section = node.as_table()) {
-      Apply(file, *section, entry.key + ".", config);
+      Apply(*section, key + ".", config, reading);
       continue;
     }
-    const auto setter = Setters().find(entry.key);
-    if (setter == Setters().end()) entry.Fail("is no setting of palpated");
+    const auto setter = Setters().find(key);
     try {
-      setter->second(entry, config);
+      if (setter == Setters().end()) Fail("is no setting of palpated");
+      setter->second(Entry{node}, config);
+      reading.keys[key] = {line, Value(node)};
     } catch (const Error& error) {
       const std::string_view what = error.what();
-      if (what.starts_with(file)) throw;
-      entry.Fail(": " + std::string(what));
+      const bool is_sentence = what.starts_with("must ") || what.starts_with("is ") ||
+                               what.starts_with("has ") || what.starts_with("needs ");
+      reading.faults.push_back({key, line, (is_sentence ? "" : ": ") + std::string(what)});
     }
   }
 }
@@ -229,14 +220,33 @@ DecompositionMethod ParseMethod(const std::string& name) {
               "unknown method " + name + ": give tpbcc, bcc, tptd or tpbcc-published");
 }
 
-void ReadConfigFile(const std::filesystem::path& path, Config& config) {
+ConfigReading ReadConfig(const std::filesystem::path& path, Config& config) {
+  ConfigReading reading;
   try {
-    Apply(path.string(), toml::parse_file(path.string()), "", config);
+    Apply(toml::parse_file(path.string()), "", config, reading);
+    CheckSecurity(config.security);
   } catch (const toml::parse_error& error) {
-    throw Error(
-        ErrorKind::kInvalidArgument,
-        fmt::format("{}:{}: {}", path.string(), error.source().begin.line, error.description()));
+    reading.faults.push_back({"", error.source().begin.line, std::string(error.description())});
+  } catch (const Error& error) {
+    reading.faults.push_back({"", 0, error.what()});
   }
+  // Tables are sorted by name; people read lines.
+  std::stable_sort(reading.faults.begin(), reading.faults.end(),
+                   [](const auto& a, const auto& b) { return a.line < b.line; });
+  return reading;
+}
+
+ConfigKeys ReadConfigFile(const std::filesystem::path& path, Config& config) {
+  ConfigReading reading = ReadConfig(path, config);
+  if (reading.faults.empty()) return std::move(reading.keys);
+  throw Error(ErrorKind::kInvalidArgument, ToText(path, reading.faults.front()));
+}
+
+std::string ToText(const std::filesystem::path& path, const ConfigFault& fault) {
+  std::string text = path.string() + ":";
+  if (fault.line > 0) text += std::to_string(fault.line) + ":";
+  if (!fault.key.empty()) text += " " + fault.key;
+  return text + " " + fault.what;
 }
 
 }  // namespace palpate

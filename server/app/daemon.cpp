@@ -1,72 +1,60 @@
 #include "server/app/daemon.h"
 
+#include <prometheus/registry.h>
 #include <spdlog/spdlog.h>
 #include <csignal>
 
+#include <cerrno>
+#include <ctime>
 #include <memory>
 
 #include "common/error/error.h"
 #include "server/app/device_monitor.h"
 #include "server/app/devices.h"
+#include "server/app/first_volume.h"
+#include "server/app/service_manager.h"
 #include "server/app/state_folder.h"
+#include "server/metrics/exporter.h"
+#include "server/metrics/service_metrics.h"
+#include "server/metrics/servo_metrics.h"
+#include "server/metrics/state_metrics.h"
 #include "server/recording/black_box.h"
 #include "server/recording/recording_control.h"
 #include "server/rpc/server.h"
+#include "server/safety/names.h"
 #include "server/servo/servo_loop.h"
 #include "server/session/force_watch.h"
 #include "server/session/session.h"
+#include "server/session/session_keeper.h"
 #include "server/session/tools.h"
 #include "server/session/volume_editor.h"
 
 namespace palpate {
 namespace {
 
-sigset_t EndingSignals() {
+sigset_t Signals() {
   sigset_t signals;
   sigemptyset(&signals);
   for (int signal : {SIGINT, SIGTERM, SIGHUP, SIGQUIT}) sigaddset(&signals, signal);
   return signals;
 }
 
-bool EndRequested() {
+// While something is loaded; a reload waits until it is.
+bool EndRequested(bool hangup_ends) {
   sigset_t pending;
   sigpending(&pending);
   return sigismember(&pending, SIGINT) || sigismember(&pending, SIGTERM) ||
-         sigismember(&pending, SIGHUP) || sigismember(&pending, SIGQUIT);
+         (hangup_ends && sigismember(&pending, SIGHUP)) || sigismember(&pending, SIGQUIT);
 }
 
 std::filesystem::path ImportProgram() {
   return std::filesystem::read_symlink("/proc/self/exe").parent_path() / "palpate-import";
 }
 
-std::string Source(const std::string& volume) {
-  return volume.starts_with("builtin:") ? volume : std::filesystem::absolute(volume).string();
-}
-
 PathPolicy MakePathPolicy(const Config& config) {
   PathPolicyOptions options{.load_folders = config.load_folders};
   options.save_folders = config.save_folders ? *config.save_folders : std::vector{CurrentFolder()};
   return PathPolicy(options);
-}
-
-void LoadFirstVolume(const Config& config, Session& session) {
-  LoadRequest request;
-  request.source = Source(config.volume);
-  request.isovalue = config.isovalue;
-  request.normalized_isovalue = config.normalized_isovalue;
-  request.spacing_mm = config.spacing_mm;
-  request.device_mm_per_volume_mm = config.device_mm_per_volume_mm;
-  spdlog::info("loading {}", request.source);
-  const auto quiet = [](std::string_view, double) {};
-  const VolumeState state = session.Load(request, quiet, EndRequested);
-  const VolumeMetadata& m = state.volume->metadata();
-  spdlog::info("volume {}x{}x{} {}, spacing {:g} x {:g} x {:g} mm, values {:g} to {:g} {}",
-               m.size.x(), m.size.y(), m.size.z(), m.original_type, m.spacing_mm.x(),
-               m.spacing_mm.y(), m.spacing_mm.z(), m.value_min, m.value_max, m.unit);
-  const RenderSettings settings = session.settings().settings;
-  spdlog::info("scale {:.4g} device mm per volume mm; isovalue {:g} (normalized {:.4g})",
-               state.registration.device_mm_per_volume_mm, settings.isovalue,
-               settings.normalized_isovalue);
 }
 
 void LogBlackBox(const std::string& text, bool is_error) {
@@ -87,17 +75,49 @@ void ReportGrant(const RealtimeGrant& grant) {
                grant.memory_locked ? "locked" : "not locked");
 }
 
+std::string StatusLine(const HapticDevice& device, const ForceWatch& forces,
+                       const Session& session) {
+  const std::optional<ForceTick> newest = forces.newest();
+  return fmt::format("{}, forces {}; {}", device.spec().kind,
+                     newest ? NameOf(newest->state) : "off",
+                     session.volume().volume->metadata().source);
+}
+
+// Until a signal that ends the daemon, which it returns.
+int Serve(ServiceManager& manager, const ServoLoop& servo, ConfigReload& reload,
+          const std::function<std::string()>& status) {
+  ServoWatchdog watchdog(ServiceManager::WatchdogInterval());
+  const sigset_t signals = Signals();
+  constexpr timespec kPeriod{0, 100'000'000};
+  for (int period = 0;; ++period) {
+    const int signal = sigtimedwait(&signals, nullptr, &kPeriod);
+    if (signal == SIGHUP && reload.IsPossible()) {
+      manager.Reloading();
+      reload.Run();
+      manager.Reloaded();
+    } else if (signal > 0) {
+      return signal;
+    }
+    if (watchdog.IsDue(servo.ticks(), std::chrono::steady_clock::now())) manager.FeedWatchdog();
+    if (period % 10 == 0) manager.Status(status());
+  }
+}
+
 }  // namespace
 
-void BlockEndingSignals() {
-  const sigset_t signals = EndingSignals();
+void BlockSignals() {
+  const sigset_t signals = Signals();
   pthread_sigmask(SIG_BLOCK, &signals, nullptr);
   std::signal(SIGPIPE, SIG_IGN);
+  // A file that may not grow any more is an error of its write.
+  std::signal(SIGXFSZ, SIG_IGN);
   // Stopped, it would leave the last force on the motors.
   for (int signal : {SIGTSTP, SIGTTIN, SIGTTOU}) std::signal(signal, SIG_IGN);
 }
 
-void RunDaemon(const Config& config) {
+void RunDaemon(const LoadedConfig& loaded, const ConfigReader& read) {
+  const Config& config = loaded.config;
+  ServiceManager manager;
   // Its thread gives way to the servo.
   const std::unique_ptr<HapticDevice> device =
       MakeDevice(config.device, config.realtime.priority - 1);
@@ -129,14 +149,25 @@ void RunDaemon(const Config& config) {
                               [&](const std::string& path) { return paths.CheckLoad(path); }},
                              "palpated " PALPATE_VERSION, limits);
   SeriesPlayer series(session);
-  RpcServer server({socket, config.listen, paths, config.uploads},
+  SessionKeeper keeper(state_folder, socket, ConfiguredVolume(config), ConfiguredSettings(config),
+                       session);
+  const auto registry = std::make_shared<prometheus::Registry>();
+  ServiceMetrics service_metrics(*registry);
+  RpcServer server({socket, config.listen, paths, config.uploads, config.security},
                    {session, editor, series, recording, pump, *device, servo, inbox, *forces,
-                    [&config] { return ListDevices(config.device); }});
+                    [&config] { return ListDevices(config.device); }, service_metrics});
 
   server.Reserve();
+  std::optional<MetricsExporter> exporter;
+  if (config.metrics_listen) exporter.emplace(*config.metrics_listen);
   RemoveAbandonedUploads(config.uploads);
-  session.SetInitial({.haptics = config.haptics, .method = config.method});
-  LoadFirstVolume(config, session);
+  manager.Loading(config.volume);
+  LoadFirstVolume(config, session, keeper, paths, [&] { return EndRequested(!read); });
+  const auto servo_metrics = std::make_shared<ServoMetrics>(*registry);
+  const auto state_metrics = std::make_shared<StateMetrics>(
+      MeasuredParts{servo, *device, *forces, recording, *session.loader().budget,
+                    config.memory_budget_bytes, [&server] { return server.volume_streams(); }});
+  if (exporter) pump.Subscribe(servo_metrics);
   tools->Start();
   monitor->Start();
   black_box->Start();
@@ -144,17 +175,28 @@ void RunDaemon(const Config& config) {
   servo.Start();
   ReportGrant(servo.grant());
   ReportDevice(device->spec());
+  keeper.Start();
   server.Start();
+  if (exporter) {
+    exporter->Show(registry);
+    exporter->Show(state_metrics);
+  }
   spdlog::info("ready on {}{}", socket,
                config.listen ? " and " + config.listen->ToString() : std::string());
+  if (exporter) spdlog::info("metrics on http://{}/metrics", config.metrics_listen->ToString());
 
-  const sigset_t signals = EndingSignals();
-  int signal = 0;
-  sigwait(&signals, &signal);
+  ConfigReload reload(loaded, read, session,
+                      [&](const PolicyOptions& policy) { return server.PrepareSecurity(policy); });
+  manager.Ready();
+  const int signal =
+      Serve(manager, servo, reload, [&] { return StatusLine(*device, *forces, session); });
   // Before all else: a log that nobody reads may block.
   servo.Stop();
+  manager.Stopping();
   spdlog::info("ending on signal {}", signal);
+  exporter.reset();
   server.Stop();
+  keeper.End();
   series.Stop();
   pump.Stop();
   tools->Stop();

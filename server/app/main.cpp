@@ -1,28 +1,38 @@
 // palpated: the haptics daemon.
-#include <spdlog/sinks/stdout_color_sinks.h>
+#include <fcntl.h>
 #include <spdlog/spdlog.h>
+#include <unistd.h>
 #include <CLI/CLI.hpp>
 
 #include <cstdio>
+#include <functional>
 
 #include "common/error/error.h"
 #include "server/app/config.h"
+#include "server/app/config_check.h"
 #include "server/app/daemon.h"
+#include "server/app/log.h"
+#include "server/app/token_command.h"
 
 namespace palpate {
 namespace {
 
 struct Options {
   std::string config_file;
-  std::optional<std::string> volume, device, socket, listen, method, state_folder;
+  std::optional<std::string> volume, device, socket, listen, method, state_folder, log_level;
   std::optional<double> isovalue, normalized_isovalue, stiffness, damping, scale;
   std::vector<double> spacing_mm;
+  bool check_config = false;
+  bool log_to_journal = false;
 };
 
 void AddOptions(CLI::App& app, Options& options) {
   app.add_option("--config", options.config_file,
                  "TOML file with the settings below; the command line wins")
       ->check(CLI::ExistingFile);
+  app.add_flag("--check-config", options.check_config,
+               "say what is wrong with the configuration, a line each, and end: with exit code 0 "
+               "where nothing is. Opens no device and loads no volume");
   app.add_option("--volume", options.volume,
                  "volume file, DICOM folder, or builtin:cylinder, builtin:sphere[:N], "
                  "builtin:bumps[:N], builtin:gyroid[:N] [builtin:bumps]");
@@ -50,10 +60,15 @@ void AddOptions(CLI::App& app, Options& options) {
   app.add_option("--socket", options.socket,
                  "Unix socket to listen on [$PALPATE_SOCKET, /run/palpate/palpated.sock, or the "
                  "user's own]");
-  app.add_option("--listen", options.listen, "also listen on this loopback ADDR:PORT");
+  app.add_option("--listen", options.listen,
+                 "also listen on this ADDR:PORT, other than loopback with TLS only");
   app.add_option("--state-folder", options.state_folder,
                  "where volumes' places are kept; empty: nowhere [$STATE_DIRECTORY, "
                  "$XDG_STATE_HOME/palpate or ~/.local/state/palpate]");
+  app.add_option("--log-level", options.log_level, "debug, info, warning or error [info]");
+  app.add_flag("--log-to-journal", options.log_to_journal,
+               "levels as the journal of systemd reads them, without times [where stderr is the "
+               "journal]");
   app.set_version_flag("--version", "palpated " PALPATE_VERSION);
 }
 
@@ -62,9 +77,8 @@ void Override(const std::optional<T>& from, U& to) {
   if (from) to = *from;
 }
 
-Config MakeConfig(const Options& options) {
-  Config config;
-  if (!options.config_file.empty()) ReadConfigFile(options.config_file, config);
+// Lays the command line over what the file says.
+void Merge(const Options& options, Config& config) {
   // A volume on the command line comes without the file's isovalue and spacing.
   if (options.volume) config.spacing_mm.reset();
   if (options.volume || options.isovalue || options.normalized_isovalue) {
@@ -76,42 +90,102 @@ Config MakeConfig(const Options& options) {
   Override(options.socket, config.socket_path);
   Override(options.stiffness, config.haptics.stiffness_n_per_mm);
   Override(options.damping, config.haptics.damping_n_s_per_m);
+  Override(options.log_level, config.log_level);
   if (options.state_folder) config.state_folder = options.state_folder;
   if (options.scale) config.device_mm_per_volume_mm = options.scale;
   if (options.listen) config.listen = ParseHostPort(*options.listen);
   if (options.method) config.method = ParseMethod(*options.method);
   if (!options.spacing_mm.empty()) config.spacing_mm = Vec3(options.spacing_mm.data());
-  return config;
 }
 
-int Run(int argc, char** argv) {
+// What a change in the file does not reach.
+void EraseOverridden(const Options& options, ConfigKeys& keys) {
+  const auto erase = [&keys](bool overridden, const char* key) {
+    if (overridden) keys.erase(key);
+  };
+  const bool isovalue = options.volume || options.isovalue || options.normalized_isovalue;
+  erase(isovalue, "volume.isovalue");
+  erase(isovalue, "volume.normalized_isovalue");
+  erase(options.volume || !options.spacing_mm.empty(), "volume.spacing_mm");
+  erase(options.volume.has_value(), "volume.source");
+  erase(options.scale.has_value(), "volume.device_mm_per_volume_mm");
+  erase(options.device.has_value(), "device.kind");
+  erase(options.socket.has_value(), "server.socket");
+  erase(options.listen.has_value(), "server.listen");
+  erase(options.stiffness.has_value(), "haptics.stiffness_n_per_mm");
+  erase(options.damping.has_value(), "haptics.damping_n_s_per_m");
+  erase(options.method.has_value(), "haptics.method");
+  erase(options.state_folder.has_value(), "state.folder");
+  erase(options.log_level.has_value(), "log.level");
+}
+
+LoadedConfig Load(const Options& options) {
+  LoadedConfig loaded;
+  if (!options.config_file.empty()) {
+    loaded.keys = ReadConfigFile(options.config_file, loaded.config);
+  }
+  Merge(options, loaded.config);
+  EraseOverridden(options, loaded.keys);
+  return loaded;
+}
+
+// A terminal that hangs up ends what runs in it; a service has none, and is told so to
+// read its configuration again.
+bool HasTerminal() {
+  const int terminal = open("/dev/tty", O_RDONLY | O_NOCTTY | O_CLOEXEC);
+  if (terminal >= 0) close(terminal);
+  return terminal >= 0;
+}
+
+void Run(const Options& options) {
+  const LoadedConfig loaded = Load(options);
+  SetLogLevel(loaded.config.log_level);
+  ConfigReader read;
+  if (!options.config_file.empty() && !HasTerminal()) read = [&] { return Load(options); };
+  RunDaemon(loaded, read);
+}
+
+// One line, which the journal knows for an error.
+int Fail(bool to_journal, const std::exception& error, ErrorKind kind) {
+  std::fprintf(stderr, "%spalpated: %s\n", to_journal ? "<3>" : "", error.what());
+  return ExitCode(kind);
+}
+
+int Main(int argc, char** argv) {
   CLI::App app(
       "palpated: feel an isosurface of a volume with a force-feedback stylus.\n"
       "Runs the 1 kHz haptic loop and serves viewers over gRPC until SIGINT or SIGTERM.");
   app.footer("Example: palpated --volume head.nrrd --isovalue 300");
   Options options;
   AddOptions(app, options);
+  std::function<void()> token_command;
+  AddTokenCommands(app, token_command);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? 0 : kUsageExitCode;
   }
-  spdlog::set_default_logger(spdlog::stderr_color_mt("palpated"));
-  spdlog::set_pattern("%Y-%m-%d %H:%M:%S.%e %^%l%$ %v");
-  BlockEndingSignals();
+  if (options.check_config) {
+    return CheckConfigFile(options.config_file, [&](Config& c) { Merge(options, c); });
+  }
+  const bool to_journal = options.log_to_journal || StderrIsJournal();
   try {
-    RunDaemon(MakeConfig(options));
+    if (token_command) {
+      token_command();
+      return 0;
+    }
+    SetUpLog(to_journal);
+    BlockSignals();
+    Run(options);
     return 0;
   } catch (const Error& error) {
-    std::fprintf(stderr, "palpated: %s\n", error.what());
-    return ExitCode(error.kind());
+    return Fail(to_journal, error, error.kind());
   } catch (const std::exception& error) {
-    std::fprintf(stderr, "palpated: %s\n", error.what());
-    return ExitCode(ErrorKind::kInternal);
+    return Fail(to_journal, error, ErrorKind::kInternal);
   }
 }
 
 }  // namespace
 }  // namespace palpate
 
-int main(int argc, char** argv) { return palpate::Run(argc, argv); }
+int main(int argc, char** argv) { return palpate::Main(argc, argv); }

@@ -1,7 +1,11 @@
 #include "server/rpc/device_service.h"
 
+#include <grpcpp/alarm.h>
+
 #include <algorithm>
 #include <chrono>
+#include <memory>
+#include <utility>
 
 #include "common/error/error.h"
 #include "common/wire/force_words.h"
@@ -32,16 +36,65 @@ int IndexInUse(const std::vector<ListedDevice>& devices, const std::string& kind
   return -1;
 }
 
+// The tick that runs now may have looked before a command; the next one has not.
+std::uint64_t FirstTickThatKnows(const ServoLoop& servo) { return servo.ticks() + 1; }
+
+Error NoTick(ForceCommand command, bool holds) {
+  return {ErrorKind::kUnavailable, "the haptic loop did not tick within 1 s: the command to " +
+                                       std::string(NameOf(command)) + " forces " +
+                                       (holds ? "holds from its next tick on" : "was taken back") +
+                                       "; look at palpated's log, or end it"};
+}
+
 template <typename Response>
 void Answer(const ForceTick& forces, Response& response) {
   *response.mutable_forces() = ToProto(forces);
   response.set_applied_tick(forces.since_tick);
 }
 
+// Looks each millisecond for the tick that knows of a stop, on gRPC's own threads, and
+// holds none of them meanwhile.
+class StopAnswer final : public grpc::ServerUnaryReactor {
+ public:
+  StopAnswer(Admission admission, const ForceWatch& forces, std::uint64_t tick,
+             v1::StopForcesResponse& response)
+      : admission_(std::move(admission)), forces_(forces), tick_(tick), response_(response) {
+    Look();
+  }
+
+  void OnDone() override { delete this; }
+
+ private:
+  void Look() {
+    const auto forces = forces_.newest();
+    if (forces && forces->tick >= tick_) {
+      Answer(*forces, response_);
+      Finish(grpc::Status::OK);
+    } else if (std::chrono::steady_clock::now() > end_) {
+      Finish(ToStatus(NoTick(ForceCommand::kStop, /*holds=*/true)));
+    } else {
+      // Another one: this may be the callback of the one before.
+      alarm_ = std::make_unique<grpc::Alarm>();
+      alarm_->Set(gpr_time_add(gpr_now(GPR_CLOCK_MONOTONIC), gpr_time_from_millis(1, GPR_TIMESPAN)),
+                  [this](bool) { Look(); });
+    }
+  }
+
+  const Admission admission_;
+  const ForceWatch& forces_;
+  const std::uint64_t tick_;
+  v1::StopForcesResponse& response_;
+  const std::chrono::steady_clock::time_point end_ =
+      std::chrono::steady_clock::now() + kTickPatience;
+  std::unique_ptr<grpc::Alarm> alarm_;
+};
+
 }  // namespace
 
-grpc::Status DeviceService::GetDevice(grpc::ServerContext*, const v1::GetDeviceRequest*,
+grpc::Status DeviceService::GetDevice(grpc::ServerContext* context, const v1::GetDeviceRequest*,
                                       v1::GetDeviceResponse* response) {
+  const Admission admission = access_.Admit(context, "/palpate.v1.DeviceService/GetDevice");
+  if (!admission.ok()) return admission.status();
   *response->mutable_device() = palpate::ToProto(device_.spec());
   *response->mutable_health() = palpate::ToProto(device_.health());
   if (const auto forces = forces_.newest()) *response->mutable_forces() = ToProto(*forces);
@@ -60,8 +113,10 @@ grpc::Status DeviceService::GetDevice(grpc::ServerContext*, const v1::GetDeviceR
   return grpc::Status::OK;
 }
 
-grpc::Status DeviceService::ListDevices(grpc::ServerContext*, const v1::ListDevicesRequest*,
+grpc::Status DeviceService::ListDevices(grpc::ServerContext* context, const v1::ListDevicesRequest*,
                                         v1::ListDevicesResponse* response) {
+  const Admission admission = access_.Admit(context, "/palpate.v1.DeviceService/ListDevices");
+  if (!admission.ok()) return admission.status();
   try {
     const std::vector<ListedDevice> devices = list_();
     for (const ListedDevice& device : devices) {
@@ -75,9 +130,11 @@ grpc::Status DeviceService::ListDevices(grpc::ServerContext*, const v1::ListDevi
   }
 }
 
-grpc::Status DeviceService::EnableForces(grpc::ServerContext*,
+grpc::Status DeviceService::EnableForces(grpc::ServerContext* context,
                                          const v1::EnableForcesRequest* request,
                                          v1::EnableForcesResponse* response) {
+  const Admission admission = access_.Admit(context, "/palpate.v1.DeviceService/EnableForces");
+  if (!admission.ok()) return admission.status();
   try {
     CheckName(request->device());
     const ForceTick forces = Command(ForceCommand::kEnable);
@@ -89,8 +146,11 @@ grpc::Status DeviceService::EnableForces(grpc::ServerContext*,
   }
 }
 
-grpc::Status DeviceService::DisableForces(grpc::ServerContext*, const v1::DisableForcesRequest*,
+grpc::Status DeviceService::DisableForces(grpc::ServerContext* context,
+                                          const v1::DisableForcesRequest*,
                                           v1::DisableForcesResponse* response) {
+  const Admission admission = access_.Admit(context, "/palpate.v1.DeviceService/DisableForces");
+  if (!admission.ok()) return admission.status();
   try {
     Answer(Command(ForceCommand::kDisable), *response);
     return grpc::Status::OK;
@@ -99,18 +159,25 @@ grpc::Status DeviceService::DisableForces(grpc::ServerContext*, const v1::Disabl
   }
 }
 
-grpc::Status DeviceService::StopForces(grpc::ServerContext*, const v1::StopForcesRequest*,
-                                       v1::StopForcesResponse* response) {
-  try {
-    Answer(Command(ForceCommand::kStop), *response);
-    return grpc::Status::OK;
-  } catch (const std::exception& error) {
-    return ToStatus(error);
+grpc::ServerUnaryReactor* DeviceService::StopForces(grpc::CallbackServerContext* context,
+                                                    const v1::StopForcesRequest*,
+                                                    v1::StopForcesResponse* response) {
+  Admission admission = access_.Admit(context, "/palpate.v1.DeviceService/StopForces");
+  if (!admission.ok()) {
+    // Asked for once: the second time it would be another one.
+    grpc::ServerUnaryReactor* const refused = context->DefaultReactor();
+    refused->Finish(admission.status());
+    return refused;
   }
+  servo_.forces().Set(ForceCommand::kStop);
+  return new StopAnswer(std::move(admission), forces_, FirstTickThatKnows(servo_), *response);
 }
 
-grpc::Status DeviceService::CalibrateDevice(grpc::ServerContext*, const v1::CalibrateDeviceRequest*,
+grpc::Status DeviceService::CalibrateDevice(grpc::ServerContext* context,
+                                            const v1::CalibrateDeviceRequest*,
                                             v1::CalibrateDeviceResponse* response) {
+  const Admission admission = access_.Admit(context, "/palpate.v1.DeviceService/CalibrateDevice");
+  if (!admission.ok()) return admission.status();
   try {
     const DeviceHealth health = device_.health();
     if (health.connection != DeviceConnection::kStreaming) {
@@ -148,17 +215,13 @@ void DeviceService::CheckName(const std::string& name) const {
 // between: the tick tells what holds.
 ForceTick DeviceService::Command(ForceCommand command) {
   servo_.forces().Set(command);
-  // The tick that runs now may have looked before; the next one has not.
-  const std::uint64_t taken = servo_.ticks() + 1;
-  if (const auto forces = forces_.WaitForTick(taken, kTickPatience)) return *forces;
+  if (const auto forces = forces_.WaitForTick(FirstTickThatKnows(servo_), kTickPatience)) {
+    return *forces;
+  }
   // Whoever asked for forces may be gone when they would come.
   const bool holds = command != ForceCommand::kEnable;
   if (!holds) servo_.forces().Withdraw(command);
-  throw Error(ErrorKind::kUnavailable,
-              "the haptic loop did not tick within 1 s: the command to " +
-                  std::string(NameOf(command)) + " forces " +
-                  (holds ? "holds from its next tick on" : "was taken back") +
-                  "; look at palpated's log, or end it");
+  throw NoTick(command, holds);
 }
 
 // Positions jump when they get another zero, and forces with them.

@@ -3,7 +3,8 @@
 //
 // No command to the forces takes a lock of the session, logs (a log that nobody reads
 // blocks), or waits longer than a second: the emergency stop gets through whatever
-// else goes on.
+// else goes on. It also takes none of the threads that gRPC has for calls, which others
+// can use up by calls that last.
 #pragma once
 
 #include <functional>
@@ -11,6 +12,7 @@
 
 #include "palpate/v1/device.grpc.pb.h"
 #include "server/device/listed_device.h"
+#include "server/rpc/access.h"
 #include "server/servo/servo_loop.h"
 #include "server/session/force_watch.h"
 
@@ -19,12 +21,18 @@ namespace palpate {
 // On any thread.
 using DeviceList = std::function<std::vector<ListedDevice>()>;
 
-class DeviceService final : public v1::DeviceService::Service {
+class DeviceService final
+    : public v1::DeviceService::WithCallbackMethod_StopForces<v1::DeviceService::Service> {
  public:
   // Borrows all but the list. `forces` gets the servo's samples.
-  DeviceService(HapticDevice& device, ServoLoop& servo, const SceneInbox& inbox,
+  DeviceService(Access& access, HapticDevice& device, ServoLoop& servo, const SceneInbox& inbox,
                 const ForceWatch& forces, DeviceList list)
-      : device_(device), servo_(servo), inbox_(inbox), forces_(forces), list_(std::move(list)) {}
+      : access_(access),
+        device_(device),
+        servo_(servo),
+        inbox_(inbox),
+        forces_(forces),
+        list_(std::move(list)) {}
 
   grpc::Status GetDevice(grpc::ServerContext* context, const v1::GetDeviceRequest* request,
                          v1::GetDeviceResponse* response) override;
@@ -34,8 +42,9 @@ class DeviceService final : public v1::DeviceService::Service {
                             v1::EnableForcesResponse* response) override;
   grpc::Status DisableForces(grpc::ServerContext* context, const v1::DisableForcesRequest* request,
                              v1::DisableForcesResponse* response) override;
-  grpc::Status StopForces(grpc::ServerContext* context, const v1::StopForcesRequest* request,
-                          v1::StopForcesResponse* response) override;
+  grpc::ServerUnaryReactor* StopForces(grpc::CallbackServerContext* context,
+                                       const v1::StopForcesRequest* request,
+                                       v1::StopForcesResponse* response) override;
   grpc::Status CalibrateDevice(grpc::ServerContext* context,
                                const v1::CalibrateDeviceRequest* request,
                                v1::CalibrateDeviceResponse* response) override;
@@ -46,6 +55,7 @@ class DeviceService final : public v1::DeviceService::Service {
   void CheckForcesAreOff() const;
   void CheckEnabled(const ForceTick& forces) const;
 
+  Access& access_;
   HapticDevice& device_;
   ServoLoop& servo_;
   const SceneInbox& inbox_;

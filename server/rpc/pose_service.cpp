@@ -1,5 +1,6 @@
 #include "server/rpc/pose_service.h"
 
+#include <deque>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -18,8 +19,11 @@ class PoseReactor final
       public std::enable_shared_from_this<PoseReactor> {
  public:
   // The stream lives until OnDone.
-  void Begin(Pump& pump, std::shared_ptr<PoseReactor> self) {
+  void Begin(Pump& pump, ServiceMetrics& metrics, Admission admission,
+             std::shared_ptr<PoseReactor> self) {
     pump_ = &pump;
+    metrics_ = &metrics;
+    admission_ = std::move(admission);
     self_ = std::move(self);
     StartRead(&request_);
   }
@@ -52,9 +56,21 @@ class PoseReactor final
     FinishOnce(grpc::Status::CANCELLED);
   }
 
-  void OnDone() override { const std::shared_ptr<PoseReactor> last = std::move(self_); }
+  void OnDone() override {
+    // The last callback: no lock is needed.
+    if (stream_) metrics_->PoseStreamEnded();
+    // The pump may hold this stream a little longer than gRPC its context.
+    admission_->Leave();
+    const std::shared_ptr<PoseReactor> last = std::move(self_);
+  }
 
  private:
+  // A message on its way, and the time of its newest sample.
+  struct Sent {
+    std::uint64_t number;
+    std::int64_t newest_ns;
+  };
+
   // True when this request started the stream.
   bool HandleRead(bool ok) {
     const std::lock_guard lock(mutex_);
@@ -88,6 +104,7 @@ class PoseReactor final
         const PoseStreamOptions options = ParsePoseStreamOptions(request.start());
         stream_.emplace(options);
         acknowledges_ = options.max_unacknowledged.has_value();
+        metrics_->PoseStreamBegan();
       } catch (const Error& error) {
         return ToStatus(error);
       }
@@ -98,14 +115,33 @@ class PoseReactor final
       return {grpc::StatusCode::INVALID_ARGUMENT, "a request after `start` must acknowledge"};
     }
     stream_->Acknowledge(request.acknowledgement().message_number());
+    CountAcknowledged(request.acknowledgement().message_number());
     return grpc::Status::OK;
+  }
+
+  void CountAcknowledged(std::uint64_t message_number) {
+    std::optional<std::int64_t> newest_ns;
+    for (; !sent_.empty() && sent_.front().number <= message_number; sent_.pop_front()) {
+      newest_ns = sent_.front().newest_ns;
+    }
+    if (newest_ns) metrics_->PosesAcknowledged(MonotonicNowNs() - *newest_ns);
   }
 
   void WriteIfPossible() {
     if (finished_ || writing_ || !stream_ || !stream_->HasMessage()) return;
-    response_ = stream_->TakeMessage(MonotonicNowNs());
+    const std::int64_t now_ns = MonotonicNowNs();
+    response_ = stream_->TakeMessage(now_ns);
+    CountSent(now_ns);
     writing_ = true;
     StartWrite(&response_);
+  }
+
+  void CountSent(std::int64_t now_ns) {
+    const std::int64_t newest_ns = response_.samples().rbegin()->time_ns();
+    metrics_->PosesSent(now_ns - newest_ns, response_.dropped_samples() - dropped_samples_);
+    dropped_samples_ = response_.dropped_samples();
+    // No longer than the window of unacknowledged messages.
+    if (acknowledges_) sent_.push_back({response_.message_number(), newest_ns});
   }
 
   void FinishOnce(const grpc::Status& status) {
@@ -115,6 +151,8 @@ class PoseReactor final
   }
 
   Pump* pump_ = nullptr;
+  ServiceMetrics* metrics_ = nullptr;
+  std::optional<Admission> admission_;
   std::shared_ptr<PoseReactor> self_;
   v1::StreamPosesRequest request_;
 
@@ -123,16 +161,22 @@ class PoseReactor final
   bool acknowledges_ = false;
   bool writing_ = false;
   bool finished_ = false;
+  std::uint64_t dropped_samples_ = 0;  // up to the last message
+  std::deque<Sent> sent_;              // oldest first; with acknowledgements only
   v1::StreamPosesResponse response_;
 };
 
 }  // namespace
 
 grpc::ServerBidiReactor<v1::StreamPosesRequest, v1::StreamPosesResponse>* PoseService::StreamPoses(
-    grpc::CallbackServerContext*) {
+    grpc::CallbackServerContext* context) {
+  Admission admission = access_.Admit(context, "/palpate.v1.PoseService/StreamPoses");
+  if (!admission.ok()) {
+    return new RefusedStream<v1::StreamPosesRequest, v1::StreamPosesResponse>(admission.status());
+  }
   auto reactor = std::make_shared<PoseReactor>();
   PoseReactor* raw = reactor.get();
-  raw->Begin(pump_, std::move(reactor));
+  raw->Begin(pump_, metrics_, std::move(admission), std::move(reactor));
   return raw;
 }
 

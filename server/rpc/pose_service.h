@@ -8,19 +8,24 @@
 #pragma once
 
 #include "palpate/v1/pose.grpc.pb.h"
+#include "server/metrics/service_metrics.h"
+#include "server/rpc/access.h"
 #include "server/session/pump.h"
 
 namespace palpate {
 
 class PoseService final : public v1::PoseService::CallbackService {
  public:
-  explicit PoseService(Pump& pump) : pump_(pump) {}
+  PoseService(Access& access, Pump& pump, ServiceMetrics& metrics)
+      : access_(access), pump_(pump), metrics_(metrics) {}
 
   grpc::ServerBidiReactor<v1::StreamPosesRequest, v1::StreamPosesResponse>* StreamPoses(
       grpc::CallbackServerContext* context) override;
 
  private:
+  Access& access_;
   Pump& pump_;
+  ServiceMetrics& metrics_;
 };
 
 }  // namespace palpate

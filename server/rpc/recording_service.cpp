@@ -21,21 +21,26 @@ v1::RecordingState ToProto(const RecordingStatus& status) {
 
 }  // namespace
 
-grpc::Status RecordingService::StartRecording(grpc::ServerContext*,
+grpc::Status RecordingService::StartRecording(grpc::ServerContext* context,
                                               const v1::StartRecordingRequest* request,
                                               v1::StartRecordingResponse* response) {
+  const Admission admission = access_.Admit(context, "/palpate.v1.RecordingService/StartRecording");
+  if (!admission.ok()) return admission.status();
   try {
     const RecordingStatus status = control_.Start(request->path(), request->overwrite());
     spdlog::info("recording to {}", status.path);
     *response->mutable_recording() = ToProto(status);
     return grpc::Status::OK;
   } catch (const std::exception& error) {
-    return ToStatus(error);
+    return admission.Failed(error);
   }
 }
 
-grpc::Status RecordingService::StopRecording(grpc::ServerContext*, const v1::StopRecordingRequest*,
+grpc::Status RecordingService::StopRecording(grpc::ServerContext* context,
+                                             const v1::StopRecordingRequest*,
                                              v1::StopRecordingResponse* response) {
+  const Admission admission = access_.Admit(context, "/palpate.v1.RecordingService/StopRecording");
+  if (!admission.ok()) return admission.status();
   try {
     const RecordingStatus status = control_.Stop();
     if (status.error) {
@@ -51,14 +56,19 @@ grpc::Status RecordingService::StopRecording(grpc::ServerContext*, const v1::Sto
   }
 }
 
-grpc::Status RecordingService::GetRecording(grpc::ServerContext*, const v1::GetRecordingRequest*,
+grpc::Status RecordingService::GetRecording(grpc::ServerContext* context,
+                                            const v1::GetRecordingRequest*,
                                             v1::GetRecordingResponse* response) {
+  const Admission admission = access_.Admit(context, "/palpate.v1.RecordingService/GetRecording");
+  if (!admission.ok()) return admission.status();
   *response->mutable_recording() = ToProto(control_.status());
   return grpc::Status::OK;
 }
 
-grpc::Status RecordingService::Mark(grpc::ServerContext*, const v1::MarkRequest* request,
+grpc::Status RecordingService::Mark(grpc::ServerContext* context, const v1::MarkRequest* request,
                                     v1::MarkResponse* response) {
+  const Admission admission = access_.Admit(context, "/palpate.v1.RecordingService/Mark");
+  if (!admission.ok()) return admission.status();
   try {
     response->set_time_ns(control_.Mark(request->text()));
     return grpc::Status::OK;
@@ -70,6 +80,8 @@ grpc::Status RecordingService::Mark(grpc::ServerContext*, const v1::MarkRequest*
 grpc::Status RecordingService::Replay(grpc::ServerContext* context,
                                       const v1::ReplayRequest* request,
                                       grpc::ServerWriter<v1::ReplayResponse>* writer) {
+  const Admission admission = access_.Admit(context, "/palpate.v1.RecordingService/Replay");
+  if (!admission.ok()) return admission.status();
   std::uint64_t ticks = 0;
   const auto progress = [&](const ViewerReplayState& state) {
     ticks = state.ticks;
@@ -87,8 +99,7 @@ grpc::Status RecordingService::Replay(grpc::ServerContext* context,
     spdlog::info("replayed {} ticks of {}", ticks, request->path());
     return grpc::Status::OK;
   } catch (const std::exception& error) {
-    spdlog::info("replay of {} ended after {} ticks: {}", request->path(), ticks, error.what());
-    return ToStatus(error);
+    return admission.Failed(error);
   }
 }
 

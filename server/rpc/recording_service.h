@@ -3,13 +3,15 @@
 
 #include "palpate/v1/recording.grpc.pb.h"
 #include "server/recording/recording_control.h"
+#include "server/rpc/access.h"
 
 namespace palpate {
 
 class RecordingService final : public v1::RecordingService::Service {
  public:
   // Borrows it.
-  explicit RecordingService(RecordingControl& control) : control_(control) {}
+  RecordingService(Access& access, RecordingControl& control)
+      : access_(access), control_(control) {}
 
   grpc::Status StartRecording(grpc::ServerContext* context,
                               const v1::StartRecordingRequest* request,
@@ -24,6 +26,7 @@ class RecordingService final : public v1::RecordingService::Service {
                       grpc::ServerWriter<v1::ReplayResponse>* writer) override;
 
  private:
+  Access& access_;
   RecordingControl& control_;
 };
 

@@ -35,18 +35,24 @@ RegistrationUpdate FromProto(const v1::UpdateRegistrationRequest& request) {
 
 }  // namespace
 
-grpc::Status RegistrationService::GetRegistration(grpc::ServerContext*,
+grpc::Status RegistrationService::GetRegistration(grpc::ServerContext* context,
                                                   const v1::GetRegistrationRequest*,
                                                   v1::GetRegistrationResponse* response) {
+  const Admission admission =
+      access_.Admit(context, "/palpate.v1.RegistrationService/GetRegistration");
+  if (!admission.ok()) return admission.status();
   const VolumeState state = session_.volume();
   *response->mutable_registration() = ToProto(state);
   response->set_settings_revision(state.settings_revision);
   return grpc::Status::OK;
 }
 
-grpc::Status RegistrationService::UpdateRegistration(grpc::ServerContext*,
+grpc::Status RegistrationService::UpdateRegistration(grpc::ServerContext* context,
                                                      const v1::UpdateRegistrationRequest* request,
                                                      v1::UpdateRegistrationResponse* response) {
+  const Admission admission =
+      access_.Admit(context, "/palpate.v1.RegistrationService/UpdateRegistration");
+  if (!admission.ok()) return admission.status();
   try {
     const RegistrationUpdate update = FromProto(*request);
     const auto change = [&](const VolumeState& state) {

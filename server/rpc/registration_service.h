@@ -2,13 +2,14 @@
 #pragma once
 
 #include "palpate/v1/registration.grpc.pb.h"
+#include "server/rpc/access.h"
 #include "server/session/session.h"
 
 namespace palpate {
 
 class RegistrationService final : public v1::RegistrationService::Service {
  public:
-  explicit RegistrationService(Session& session) : session_(session) {}
+  RegistrationService(Access& access, Session& session) : access_(access), session_(session) {}
 
   grpc::Status GetRegistration(grpc::ServerContext* context,
                                const v1::GetRegistrationRequest* request,
@@ -18,6 +19,7 @@ class RegistrationService final : public v1::RegistrationService::Service {
                                   v1::UpdateRegistrationResponse* response) override;
 
  private:
+  Access& access_;
   Session& session_;
 };
 

@@ -2,13 +2,16 @@
 #pragma once
 
 #include "palpate/v1/render.grpc.pb.h"
+#include "server/metrics/service_metrics.h"
+#include "server/rpc/access.h"
 #include "server/session/session.h"
 
 namespace palpate {
 
 class RenderService final : public v1::RenderService::Service {
  public:
-  explicit RenderService(Session& session) : session_(session) {}
+  RenderService(Access& access, Session& session, ServiceMetrics& metrics)
+      : access_(access), session_(session), metrics_(metrics) {}
 
   grpc::Status GetSettings(grpc::ServerContext* context, const v1::GetSettingsRequest* request,
                            v1::GetSettingsResponse* response) override;
@@ -17,7 +20,9 @@ class RenderService final : public v1::RenderService::Service {
                               v1::UpdateSettingsResponse* response) override;
 
  private:
+  Access& access_;
   Session& session_;
+  ServiceMetrics& metrics_;
 };
 
 v1::FreeSide ToProto(FreeSide side);

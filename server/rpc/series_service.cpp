@@ -46,6 +46,8 @@ std::string Title(const std::vector<std::string>& sources) {
 grpc::Status SeriesService::LoadSeries(grpc::ServerContext* context,
                                        const v1::LoadSeriesRequest* request,
                                        grpc::ServerWriter<v1::LoadSeriesResponse>* writer) {
+  const Admission admission = access_.Admit(context, "/palpate.v1.SeriesService/LoadSeries");
+  if (!admission.ok()) return admission.status();
   const auto progress = [&](std::string_view stage, double fraction) {
     v1::LoadSeriesResponse event;
     event.mutable_progress()->set_stage(std::string(stage));
@@ -69,13 +71,14 @@ grpc::Status SeriesService::LoadSeries(grpc::ServerContext* context,
                  applied.tick);
     return grpc::Status::OK;
   } catch (const std::exception& error) {
-    spdlog::warn("load of a series failed: {}", error.what());
-    return ToStatus(error);
+    return admission.Failed(error);
   }
 }
 
-grpc::Status SeriesService::GetSeries(grpc::ServerContext*, const v1::GetSeriesRequest*,
+grpc::Status SeriesService::GetSeries(grpc::ServerContext* context, const v1::GetSeriesRequest*,
                                       v1::GetSeriesResponse* response) {
+  const Admission admission = access_.Admit(context, "/palpate.v1.SeriesService/GetSeries");
+  if (!admission.ok()) return admission.status();
   try {
     *response->mutable_series() = ToProto(player_.state());
     return grpc::Status::OK;
@@ -84,9 +87,11 @@ grpc::Status SeriesService::GetSeries(grpc::ServerContext*, const v1::GetSeriesR
   }
 }
 
-grpc::Status SeriesService::ControlSeries(grpc::ServerContext*,
+grpc::Status SeriesService::ControlSeries(grpc::ServerContext* context,
                                           const v1::ControlSeriesRequest* request,
                                           v1::ControlSeriesResponse* response) {
+  const Admission admission = access_.Admit(context, "/palpate.v1.SeriesService/ControlSeries");
+  if (!admission.ok()) return admission.status();
   try {
     *response->mutable_series() = ToProto(player_.Control(FromProto(*request)));
     return grpc::Status::OK;

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "palpate/v1/series.grpc.pb.h"
+#include "server/rpc/access.h"
 #include "server/session/path_policy.h"
 #include "server/session/series_player.h"
 #include "server/session/session.h"
@@ -11,8 +12,8 @@ namespace palpate {
 class SeriesService final : public v1::SeriesService::Service {
  public:
   // Borrows all.
-  SeriesService(Session& session, SeriesPlayer& player, const PathPolicy& paths)
-      : session_(session), player_(player), paths_(paths) {}
+  SeriesService(Access& access, Session& session, SeriesPlayer& player, const PathPolicy& paths)
+      : access_(access), session_(session), player_(player), paths_(paths) {}
 
   grpc::Status LoadSeries(grpc::ServerContext* context, const v1::LoadSeriesRequest* request,
                           grpc::ServerWriter<v1::LoadSeriesResponse>* writer) override;
@@ -22,6 +23,7 @@ class SeriesService final : public v1::SeriesService::Service {
                              v1::ControlSeriesResponse* response) override;
 
  private:
+  Access& access_;
   Session& session_;
   SeriesPlayer& player_;
   const PathPolicy& paths_;

@@ -4,9 +4,10 @@
 #include <fcntl.h>
 #include <grpcpp/ext/proto_server_reflection_plugin.h>
 #include <grpcpp/health_check_service_interface.h>
+#include <grpcpp/impl/server_builder_option.h>
+#include <grpcpp/impl/server_builder_plugin.h>
 #include <netinet/in.h>
 #include <sys/file.h>
-#include <sys/socket.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -14,49 +15,25 @@
 #include <chrono>
 #include <cstring>
 #include <filesystem>
+#include <initializer_list>
+#include <memory>
+#include <vector>
 
 #include "common/error/error.h"
+#include "server/rpc/open_files.h"
 
 namespace palpate {
 namespace {
 
 constexpr int kMaxMessageBytes = 4 << 20;
+constexpr int kMostCallsPerConnection = 256;
+constexpr int kHandshakeTimeoutMs = 10'000;
+constexpr int kKeepaliveMs = 20'000;
+constexpr int kKeepaliveTimeoutMs = 10'000;
+constexpr int kIdleMs = 600'000;
+constexpr int kMostThreads = 256;
+constexpr std::size_t kMostBytes = std::size_t{512} << 20;
 constexpr std::chrono::seconds kShutdownPatience{1};
-
-// Only literal addresses: a name may resolve to anything.
-bool IsLoopback(const HostPort& address) {
-  in_addr v4{};
-  in6_addr v6{};
-  if (inet_pton(AF_INET, address.host.c_str(), &v4) == 1) return ntohl(v4.s_addr) >> 24 == 127;
-  return inet_pton(AF_INET6, address.host.c_str(), &v6) == 1 && IN6_IS_ADDR_LOOPBACK(&v6);
-}
-
-// Finds out before a volume is loaded what gRPC would only say at the end.
-void CheckPortIsFree(const HostPort& address) {
-  const bool is_v6 = address.host.find(':') != std::string::npos;
-  sockaddr_in v4{};
-  sockaddr_in6 v6{};
-  v4.sin_family = AF_INET;
-  v4.sin_port = v6.sin6_port = htons(address.port);
-  v6.sin6_family = AF_INET6;
-  if (is_v6) {
-    inet_pton(AF_INET6, address.host.c_str(), &v6.sin6_addr);
-  } else {
-    inet_pton(AF_INET, address.host.c_str(), &v4.sin_addr);
-  }
-  const int fd = socket(is_v6 ? AF_INET6 : AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
-  const int on = 1;
-  setsockopt(fd, SOL_SOCKET, SO_REUSEADDR, &on, sizeof(on));
-  const int bound = is_v6 ? bind(fd, reinterpret_cast<const sockaddr*>(&v6), sizeof(v6))
-                          : bind(fd, reinterpret_cast<const sockaddr*>(&v4), sizeof(v4));
-  const int error = errno;
-  if (fd >= 0) close(fd);
-  if (fd < 0 || bound != 0) {
-    throw Error(ErrorKind::kConflict, "cannot listen on " + address.ToString() + ": " +
-                                          std::strerror(error) +
-                                          "; name another address with --listen");
-  }
-}
 
 // A socket that a killed daemon left behind; nothing else is removed.
 void RemoveStaleSocket(const std::string& path) {
@@ -81,18 +58,49 @@ void MakeSocketFolder(const std::filesystem::path& folder) {
   }
 }
 
+// Reflection comes with its library. Like health it is gRPC's own service, which asks nobody
+// who calls.
+class WithoutPlugins final : public grpc::ServerBuilderOption {
+ public:
+  void UpdateArguments(grpc::ChannelArguments*) override {}
+  void UpdatePlugins(std::vector<std::unique_ptr<grpc::ServerBuilderPlugin>>* plugins) override {
+    plugins->clear();
+  }
+};
+
+// Bounds for what a client may have of gRPC itself, before and besides any call.
+void Bound(grpc::ServerBuilder& builder) {
+  builder.SetMaxReceiveMessageSize(kMaxMessageBytes);
+  builder.AddChannelArgument(GRPC_ARG_MAX_CONCURRENT_STREAMS, kMostCallsPerConnection);
+  // From the connection to the end of the client's first settings: who dawdles goes.
+  builder.AddChannelArgument(GRPC_ARG_SERVER_HANDSHAKE_TIMEOUT_MS, kHandshakeTimeoutMs);
+  // A peer that vanished without a word is found out, with its streams.
+  builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIME_MS, kKeepaliveMs);
+  builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, kKeepaliveTimeoutMs);
+  builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_PERMIT_WITHOUT_CALLS, 1);
+  // Those who call nothing; clients come back by themselves.
+  builder.AddChannelArgument(GRPC_ARG_MAX_CONNECTION_IDLE_MS, kIdleMs);
+  grpc::ResourceQuota quota("palpated");
+  quota.SetMaxThreads(kMostThreads);
+  quota.Resize(kMostBytes);
+  builder.SetResourceQuota(quota);
+}
+
 }  // namespace
 
 RpcServer::RpcServer(ServerOptions options, const ServedParts& parts)
     : options_(std::move(options)),
-      poses_(parts.pump),
-      render_(parts.session),
+      access_(options_.security.limits),
+      acceptor_(FirstRefusedFile(RaiseOpenFileLimit(), options_.security.connections)),
+      poses_(access_, parts.pump, parts.metrics),
+      render_(access_, parts.session, parts.metrics),
       volume_streams_(parts.session),
-      registration_(parts.session),
-      volume_(parts.session, parts.editor, options_.paths, options_.uploads, volume_streams_),
-      series_(parts.session, parts.series, options_.paths),
-      device_(parts.device, parts.servo, parts.inbox, parts.forces, parts.list_devices),
-      recording_(parts.recording) {}
+      registration_(access_, parts.session),
+      volume_(access_, parts.session, parts.editor, options_.paths, options_.uploads,
+              volume_streams_, parts.metrics),
+      series_(access_, parts.session, parts.series, options_.paths),
+      device_(access_, parts.device, parts.servo, parts.inbox, parts.forces, parts.list_devices),
+      recording_(access_, parts.recording) {}
 
 // gRPC lets two servers listen on one path, each believing itself alone: a lock
 // file decides. It stays when the daemon ends; removing it would let one daemon
@@ -101,11 +109,7 @@ void RpcServer::Reserve() {
   UnixTarget(options_.socket_path);
   if (options_.listen) {
     if (options_.listen->host == "localhost") options_.listen->host = "127.0.0.1";
-    if (!IsLoopback(*options_.listen)) {
-      throw Error(ErrorKind::kInvalidArgument,
-                  "will not listen on " + options_.listen->ToString() +
-                      ": without TLS only loopback addresses are allowed (127.0.0.1, ::1)");
-    }
+    CheckListen(*options_.listen, options_.security);
   }
   MakeSocketFolder(std::filesystem::path(options_.socket_path).parent_path());
   const std::string lock_path = options_.socket_path + ".lock";
@@ -122,40 +126,65 @@ void RpcServer::Reserve() {
                                           ": stop it, or name another socket with --socket");
   }
   RemoveStaleSocket(options_.socket_path);
-  if (options_.listen) CheckPortIsFree(*options_.listen);
+  if (!options_.security.tls.certificate.empty()) {
+    tls_ = std::make_unique<TlsFiles>(options_.security.tls, options_.socket_path + ".tls");
+  }
+  security_files_ = std::make_unique<SecurityFiles>(access_, tls_.get());
+  security_files_->Start(options_.security.policy, options_.security.tls);
+  if (options_.listen) acceptor_.TakePort(*options_.listen);
+}
+
+// Whoever reaches another address than loopback is to prove who he is, and to see that
+// it is us.
+void CheckListen(const HostPort& listen, const SecurityOptions& security) {
+  const bool knows_clients =
+      !security.policy.tokens.empty() ||
+      (!security.policy.client_ca.empty() && !security.policy.clients.empty());
+  const bool has_tls = !security.tls.certificate.empty();
+  const bool is_loopback = listen.host == "localhost" || IsLoopback(listen);
+  if (is_loopback && (!has_tls || knows_clients)) return;
+  if (has_tls && knows_clients) return;
+  throw Error(ErrorKind::kInvalidArgument,
+              "will not listen on " + listen.ToString() + ": " +
+                  (has_tls ? "TLS needs a way to know clients: set tls.tokens, or tls.client_ca "
+                             "with a [[tls.client]]"
+                           : "without TLS only loopback addresses are allowed (127.0.0.1, ::1); "
+                             "set tls.certificate, tls.key, and tls.tokens or tls.client_ca"));
 }
 
 void RpcServer::Start() {
-  const std::string target = UnixTarget(options_.socket_path);
-  grpc::EnableDefaultHealthCheckService(true);
   grpc::reflection::InitProtoReflectionServerBuilderPlugin();
+  grpc::EnableDefaultHealthCheckService(!tls_);
   grpc::ServerBuilder builder;
-  builder.AddChannelArgument(GRPC_ARG_ALLOW_REUSEPORT, 0);
-  builder.SetMaxReceiveMessageSize(kMaxMessageBytes);
-  builder.AddListeningPort(target, grpc::InsecureServerCredentials());
-  int port = 0;
+  if (tls_) builder.SetOption(std::make_unique<WithoutPlugins>());
+  Bound(builder);
+  std::vector<Acceptor::Sink> sinks;
+  const auto add_sink = [&](const std::shared_ptr<grpc::ServerCredentials>& credentials) {
+    using Type = grpc::ServerBuilder::experimental_type::ExternalConnectionType;
+    sinks.push_back(
+        builder.experimental().AddExternalConnectionAcceptor(Type::FROM_FD, credentials));
+  };
   if (options_.listen) {
-    builder.AddListeningPort(options_.listen->ToString(), grpc::InsecureServerCredentials(), &port);
+    add_sink(tls_ ? tls_->MakeCredentials() : grpc::InsecureServerCredentials());
   }
-  builder.RegisterService(&poses_);
-  builder.RegisterService(&render_);
-  builder.RegisterService(&registration_);
-  builder.RegisterService(&volume_);
-  builder.RegisterService(&series_);
-  builder.RegisterService(&device_);
-  builder.RegisterService(&recording_);
+  add_sink(grpc::InsecureServerCredentials());
+  for (grpc::Service* service : std::initializer_list<grpc::Service*>{
+           &poses_, &render_, &registration_, &volume_, &series_, &device_, &recording_}) {
+    builder.RegisterService(service);
+  }
+  acceptor_.TakeSocket(options_.socket_path);
   server_ = builder.BuildAndStart();
-  if (!server_ || (options_.listen && port == 0)) {
-    const bool tcp = options_.listen && port == 0;
-    throw Error(ErrorKind::kConflict,
-                "cannot listen on " + (tcp ? options_.listen->ToString() : options_.socket_path) +
-                    (tcp ? ": the port is in use; name another with --listen"
-                         : ": check the folder's permissions, or name another with --socket"));
-  }
-  chmod(options_.socket_path.c_str(), 0660);
+  if (!server_) throw Error(ErrorKind::kInternal, "gRPC does not start: see its lines above");
+  acceptor_.Start(std::move(sinks));
+}
+
+std::function<void()> RpcServer::PrepareSecurity(const PolicyOptions& policy) {
+  return security_files_->Prepare(policy);
 }
 
 void RpcServer::Stop() noexcept {
+  if (security_files_) security_files_->Stop();
+  acceptor_.Stop();
   volume_streams_.Stop();
   if (server_) {
     server_->Shutdown(std::chrono::system_clock::now() + kShutdownPatience);
@@ -163,6 +192,9 @@ void RpcServer::Stop() noexcept {
     server_.reset();
     unlink(options_.socket_path.c_str());
   }
+  // While the lock holds: it may be made anew by another daemon.
+  security_files_.reset();
+  tls_.reset();
   if (lock_fd_ >= 0) close(lock_fd_);
   lock_fd_ = -1;
 }

@@ -3,12 +3,12 @@
 #include <spdlog/spdlog.h>
 
 #include "common/error/error.h"
-#include "common/wire/status.h"
 #include "server/volume/volume_export.h"
 
 namespace palpate {
 
-grpc::Status VolumeSaver::Save(grpc::ServerContext* context, const v1::SaveVolumeRequest& request,
+grpc::Status VolumeSaver::Save(grpc::ServerContext* context, const Admission& admission,
+                               const v1::SaveVolumeRequest& request,
                                grpc::ServerWriter<v1::SaveVolumeResponse>* writer) {
   try {
     v1::SaveVolumeResponse event;
@@ -18,8 +18,7 @@ grpc::Status VolumeSaver::Save(grpc::ServerContext* context, const v1::SaveVolum
                  request.path(), event.result().size_bytes());
     return grpc::Status::OK;
   } catch (const std::exception& error) {
-    spdlog::warn("saving to {} failed: {}", request.path(), error.what());
-    return ToStatus(error);
+    return admission.Failed(error);
   }
 }
 

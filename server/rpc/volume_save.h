@@ -9,6 +9,7 @@
 #include <string>
 
 #include "palpate/v1/volume.grpc.pb.h"
+#include "server/rpc/access.h"
 #include "server/session/session.h"
 
 namespace palpate {
@@ -23,7 +24,8 @@ class VolumeSaver {
       : session_(session), check_(std::move(check)) {}
 
   // As of VolumeService.
-  grpc::Status Save(grpc::ServerContext* context, const v1::SaveVolumeRequest& request,
+  grpc::Status Save(grpc::ServerContext* context, const Admission& admission,
+                    const v1::SaveVolumeRequest& request,
                     grpc::ServerWriter<v1::SaveVolumeResponse>* writer);
 
  private:

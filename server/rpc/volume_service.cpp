@@ -4,23 +4,12 @@
 
 #include "common/error/error.h"
 #include "common/wire/status.h"
+#include "server/realtime/tick_timer.h"
 #include "server/rpc/volume_edit.h"
 #include "server/rpc/volume_messages.h"
 
 namespace palpate {
 namespace {
-
-// Makes the change and answers when the servo has used it.
-template <class Change>
-grpc::Status Answer(VolumeEditor& editor, v1::EditVolumeResponse* response, const Change& change) {
-  try {
-    const EditOutcome outcome = change();
-    *response = ToProto(outcome, editor.Wait(outcome));
-    return grpc::Status::OK;
-  } catch (const std::exception& error) {
-    return ToStatus(error);
-  }
-}
 
 template <class Request>
 VolumeEditor::Revision Expected(const Request& request) {
@@ -30,8 +19,24 @@ VolumeEditor::Revision Expected(const Request& request) {
 
 }  // namespace
 
-grpc::Status VolumeService::GetVolume(grpc::ServerContext*, const v1::GetVolumeRequest*,
+template <class Change>
+grpc::Status VolumeService::Answer(v1::EditVolumeResponse* response, const Change& change) {
+  const std::int64_t received_ns = MonotonicNowNs();
+  try {
+    const EditOutcome outcome = change();
+    const AppliedTick applied = editor_.Wait(outcome);
+    metrics_.EditFelt(applied.time_ns - received_ns);
+    *response = ToProto(outcome, applied);
+    return grpc::Status::OK;
+  } catch (const std::exception& error) {
+    return ToStatus(error);
+  }
+}
+
+grpc::Status VolumeService::GetVolume(grpc::ServerContext* context, const v1::GetVolumeRequest*,
                                       v1::GetVolumeResponse* response) {
+  const Admission admission = access_.Admit(context, "/palpate.v1.VolumeService/GetVolume");
+  if (!admission.ok()) return admission.status();
   *response->mutable_volume() = ToProto(session_.volume());
   return grpc::Status::OK;
 }
@@ -39,6 +44,8 @@ grpc::Status VolumeService::GetVolume(grpc::ServerContext*, const v1::GetVolumeR
 grpc::Status VolumeService::LoadVolume(grpc::ServerContext* context,
                                        const v1::LoadVolumeRequest* request,
                                        grpc::ServerWriter<v1::LoadVolumeResponse>* writer) {
+  const Admission admission = access_.Admit(context, "/palpate.v1.VolumeService/LoadVolume");
+  if (!admission.ok()) return admission.status();
   const auto progress = [&](std::string_view stage, double fraction) {
     v1::LoadVolumeResponse event;
     event.mutable_progress()->set_stage(std::string(stage));
@@ -61,37 +68,56 @@ grpc::Status VolumeService::LoadVolume(grpc::ServerContext* context,
                  state.volume->revision(), applied.tick);
     return grpc::Status::OK;
   } catch (const std::exception& error) {
-    spdlog::warn("load of {} failed: {}", request->source(), error.what());
-    return ToStatus(error);
+    return admission.Failed(error);
   }
 }
 
-grpc::Status VolumeService::EditVolume(grpc::ServerContext*, const v1::EditVolumeRequest* request,
+VolumeStreamReactor* VolumeService::StreamVolume(grpc::CallbackServerContext* context) {
+  Admission admission = access_.Admit(context, "/palpate.v1.VolumeService/StreamVolume");
+  if (!admission.ok()) {
+    return new RefusedStream<v1::StreamVolumeRequest, v1::StreamVolumeResponse>(admission.status());
+  }
+  return StreamVolumeTo(streams_, std::move(admission));
+}
+
+grpc::Status VolumeService::EditVolume(grpc::ServerContext* context,
+                                       const v1::EditVolumeRequest* request,
                                        v1::EditVolumeResponse* response) {
-  return Answer(editor_, response,
-                [&] { return editor_.Edit(FromProto(*request), Expected(*request)); });
+  const Admission admission = access_.Admit(context, "/palpate.v1.VolumeService/EditVolume");
+  if (!admission.ok()) return admission.status();
+  return Answer(response, [&] { return editor_.Edit(FromProto(*request), Expected(*request)); });
 }
 
-grpc::Status VolumeService::UndoEdit(grpc::ServerContext*, const v1::UndoEditRequest* request,
+grpc::Status VolumeService::UndoEdit(grpc::ServerContext* context,
+                                     const v1::UndoEditRequest* request,
                                      v1::EditVolumeResponse* response) {
-  return Answer(editor_, response, [&] { return editor_.Undo(Expected(*request)); });
+  const Admission admission = access_.Admit(context, "/palpate.v1.VolumeService/UndoEdit");
+  if (!admission.ok()) return admission.status();
+  return Answer(response, [&] { return editor_.Undo(Expected(*request)); });
 }
 
-grpc::Status VolumeService::RedoEdit(grpc::ServerContext*, const v1::RedoEditRequest* request,
+grpc::Status VolumeService::RedoEdit(grpc::ServerContext* context,
+                                     const v1::RedoEditRequest* request,
                                      v1::EditVolumeResponse* response) {
-  return Answer(editor_, response, [&] { return editor_.Redo(Expected(*request)); });
+  const Admission admission = access_.Admit(context, "/palpate.v1.VolumeService/RedoEdit");
+  if (!admission.ok()) return admission.status();
+  return Answer(response, [&] { return editor_.Redo(Expected(*request)); });
 }
 
-grpc::Status VolumeService::RevertVolume(grpc::ServerContext*,
+grpc::Status VolumeService::RevertVolume(grpc::ServerContext* context,
                                          const v1::RevertVolumeRequest* request,
                                          v1::EditVolumeResponse* response) {
-  return Answer(editor_, response, [&] { return editor_.Revert(Expected(*request)); });
+  const Admission admission = access_.Admit(context, "/palpate.v1.VolumeService/RevertVolume");
+  if (!admission.ok()) return admission.status();
+  return Answer(response, [&] { return editor_.Revert(Expected(*request)); });
 }
 
 grpc::Status VolumeService::SaveVolume(grpc::ServerContext* context,
                                        const v1::SaveVolumeRequest* request,
                                        grpc::ServerWriter<v1::SaveVolumeResponse>* writer) {
-  return saver_.Save(context, *request, writer);
+  const Admission admission = access_.Admit(context, "/palpate.v1.VolumeService/SaveVolume");
+  if (!admission.ok()) return admission.status();
+  return saver_.Save(context, admission, *request, writer);
 }
 
 }  // namespace palpate

@@ -2,6 +2,8 @@
 #pragma once
 
 #include "palpate/v1/volume.grpc.pb.h"
+#include "server/metrics/service_metrics.h"
+#include "server/rpc/access.h"
 #include "server/rpc/volume_save.h"
 #include "server/rpc/volume_stream_service.h"
 #include "server/session/path_policy.h"
@@ -15,14 +17,16 @@ class VolumeService final
     : public v1::VolumeService::WithCallbackMethod_StreamVolume<v1::VolumeService::Service> {
  public:
   // Borrows all.
-  VolumeService(Session& session, VolumeEditor& editor, const PathPolicy& paths,
-                const UploadOptions& uploads, VolumeStreams& streams)
-      : session_(session),
+  VolumeService(Access& access, Session& session, VolumeEditor& editor, const PathPolicy& paths,
+                const UploadOptions& uploads, VolumeStreams& streams, ServiceMetrics& metrics)
+      : access_(access),
+        session_(session),
         editor_(editor),
         saver_(session, [&paths](const std::string& path) { return paths.CheckSave(path); }),
         paths_(paths),
         uploads_(uploads),
-        streams_(streams) {}
+        streams_(streams),
+        metrics_(metrics) {}
 
   grpc::Status GetVolume(grpc::ServerContext* context, const v1::GetVolumeRequest* request,
                          v1::GetVolumeResponse* response) override;
@@ -39,24 +43,27 @@ class VolumeService final
   grpc::Status SaveVolume(grpc::ServerContext* context, const v1::SaveVolumeRequest* request,
                           grpc::ServerWriter<v1::SaveVolumeResponse>* writer) override;
 
-  VolumeStreamReactor* StreamVolume(grpc::CallbackServerContext*) override {
-    return StreamVolumeTo(streams_);
-  }
+  VolumeStreamReactor* StreamVolume(grpc::CallbackServerContext* context) override;
 
   grpc::Status UploadVolume(grpc::ServerContext* context,
                             grpc::ServerReader<v1::UploadVolumeRequest>* reader,
                             v1::UploadVolumeResponse* response) override;
 
  private:
+  // Makes the change and answers when the servo has used it.
+  template <class Change>
+  grpc::Status Answer(v1::EditVolumeResponse* response, const Change& change);
   VolumeState LoadUpload(const Upload& upload, LoadRequest request, const LoadCancelled& cancelled,
                          AppliedTick& applied);
 
+  Access& access_;
   Session& session_;
   VolumeEditor& editor_;
   VolumeSaver saver_;
   const PathPolicy& paths_;
   const UploadOptions& uploads_;
   VolumeStreams& streams_;
+  ServiceMetrics& metrics_;
 };
 
 }  // namespace palpate

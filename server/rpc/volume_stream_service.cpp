@@ -15,7 +15,8 @@ class VolumeReactor final : public VolumeStreamReactor,
                             public VolumeSink,
                             public std::enable_shared_from_this<VolumeReactor> {
  public:
-  explicit VolumeReactor(VolumeStreams& streams) : streams_(streams) {}
+  VolumeReactor(VolumeStreams& streams, Admission admission)
+      : streams_(streams), admission_(std::move(admission)) {}
 
   // The stream lives until OnDone.
   void Begin(std::shared_ptr<VolumeReactor> self) {
@@ -60,6 +61,8 @@ class VolumeReactor final : public VolumeStreamReactor,
   void OnCancel() override { FinishOnce(grpc::Status::CANCELLED); }
 
   void OnDone() override {
+    // The streams may hold this one a little longer than gRPC its context.
+    admission_.Leave();
     if (stream_) streams_.Unsubscribe(*stream_);
     const std::shared_ptr<VolumeReactor> last = std::move(self_);
   }
@@ -101,6 +104,7 @@ class VolumeReactor final : public VolumeStreamReactor,
   }
 
   VolumeStreams& streams_;
+  Admission admission_;
   std::shared_ptr<VolumeReactor> self_;
   v1::StreamVolumeRequest request_;
 
@@ -112,8 +116,8 @@ class VolumeReactor final : public VolumeStreamReactor,
 
 }  // namespace
 
-VolumeStreamReactor* StreamVolumeTo(VolumeStreams& streams) {
-  auto reactor = std::make_shared<VolumeReactor>(streams);
+VolumeStreamReactor* StreamVolumeTo(VolumeStreams& streams, Admission admission) {
+  auto reactor = std::make_shared<VolumeReactor>(streams, std::move(admission));
   VolumeReactor* raw = reactor.get();
   raw->Begin(std::move(reactor));
   return raw;

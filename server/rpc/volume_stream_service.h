@@ -10,6 +10,7 @@
 #include <grpcpp/support/server_callback.h>
 
 #include "palpate/v1/volume_stream.pb.h"
+#include "server/rpc/access.h"
 #include "server/streaming/volume_streams.h"
 
 namespace palpate {
@@ -18,6 +19,6 @@ using VolumeStreamReactor =
     grpc::ServerBidiReactor<v1::StreamVolumeRequest, v1::StreamVolumeResponse>;
 
 // Borrows the streams, which are to outlive the server.
-VolumeStreamReactor* StreamVolumeTo(VolumeStreams& streams);
+VolumeStreamReactor* StreamVolumeTo(VolumeStreams& streams, Admission admission);
 
 }  // namespace palpate

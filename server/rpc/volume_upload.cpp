@@ -48,6 +48,7 @@ Error WithTitle(const std::exception& error, const Upload& upload) {
 VolumeState VolumeService::LoadUpload(const Upload& upload, LoadRequest request,
                                       const LoadCancelled& cancelled, AppliedTick& applied) {
   request.source = upload.path();
+  request.source_stays = false;
   request.title = upload.title();
   const auto quiet = [](std::string_view, double) {};
   try {
@@ -60,12 +61,12 @@ VolumeState VolumeService::LoadUpload(const Upload& upload, LoadRequest request,
 grpc::Status VolumeService::UploadVolume(grpc::ServerContext* context,
                                          grpc::ServerReader<v1::UploadVolumeRequest>* reader,
                                          v1::UploadVolumeResponse* response) {
-  std::string name = "an upload";
+  const Admission admission = access_.Admit(context, "/palpate.v1.VolumeService/UploadVolume");
+  if (!admission.ok()) return admission.status();
   try {
     v1::UploadVolumeRequest message;
     if (!reader->Read(&message) || !message.has_start()) Refuse("an upload begins with its start");
     const v1::UploadVolumeStart& start = message.start();
-    name = start.name();
     const LoadRequest options = FromProto(start.options());
     Upload upload(uploads_, *session_.loader().budget,
                   {.name = start.name(),
@@ -84,12 +85,8 @@ grpc::Status VolumeService::UploadVolume(grpc::ServerContext* context,
                  state.volume->revision(), applied.tick);
     return grpc::Status::OK;
   } catch (const std::exception& error) {
-    if (context->IsCancelled()) {
-      spdlog::warn("upload of {} was cancelled", name);
-      return {grpc::StatusCode::CANCELLED, "the upload was cancelled"};
-    }
-    spdlog::warn("upload of {} failed: {}", name, error.what());
-    return ToStatus(error);
+    if (!context->IsCancelled()) return admission.Failed(error);
+    return admission.Failed(Error(ErrorKind::kCancelled, "it was cancelled"));
   }
 }
 

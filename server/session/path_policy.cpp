@@ -12,12 +12,17 @@ namespace {
 
 namespace fs = std::filesystem;
 
+// So that a line with it can be sent back.
+constexpr std::size_t kLongestPath = 1024;
+
 [[noreturn]] void Refuse(const std::string& message) {
   throw Error(ErrorKind::kInvalidArgument, message);
 }
 
+bool IsControl(unsigned char c) { return c < 0x20 || c == 0x7f; }
+
 fs::path ParsePath(const std::string& path) {
-  if (path.find('\0') != std::string::npos) Refuse("the path holds a NUL character");
+  PathPolicy::CheckText(path);
   if (path.empty()) Refuse("the path is empty: give an absolute one");
   if (!fs::path(path).is_absolute()) Refuse(path + ": the path must be absolute");
   return path;
@@ -79,9 +84,20 @@ PathPolicy::PathPolicy(const PathPolicyOptions& options)
     : load_folders_(ResolveFolders(options.load_folders)),
       save_folders_(ResolveFolders(options.save_folders)) {}
 
+void PathPolicy::CheckText(const std::string& path) {
+  // Neither is told back.
+  if (path.size() > kLongestPath) {
+    Refuse("the path is longer than " + std::to_string(kLongestPath) + " bytes");
+  }
+  if (std::any_of(path.begin(), path.end(), IsControl)) {
+    Refuse("the path holds a NUL, a line break or another control character");
+  }
+}
+
 fs::path PathPolicy::CheckLoad(const std::string& path) const {
+  CheckText(path);
   if (IsBuiltin(path)) return path;
-  if (!path.empty() && path.find('\0') == std::string::npos && !fs::path(path).is_absolute()) {
+  if (!path.empty() && !fs::path(path).is_absolute()) {
     Refuse(path + ": the path must be absolute, or a builtin volume such as builtin:bumps");
   }
   const fs::path resolved = Resolve(ParsePath(path));

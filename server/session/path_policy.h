@@ -34,14 +34,19 @@ class PathPolicy {
   // Throws Error (kInvalidArgument) for a path that is not absolute or no folder.
   explicit PathPolicy(const PathPolicyOptions& options);
 
+  // Whether it can be a path, and be told back in one line. Throws Error
+  // (kInvalidArgument): too long, control characters.
+  static void CheckText(const std::string& path);
+
   // Where a file or folder to load lies, links followed; "builtin:..." stays as it
   // is. Whether it is there is left to those who open it.
-  // Throws Error: kInvalidArgument (not absolute, NUL), kPermissionDenied.
+  // Throws Error: kInvalidArgument (not absolute, as CheckText), kPermissionDenied.
   std::filesystem::path CheckLoad(const std::string& path) const;
 
   // Where a file to write lies, links followed. Its folder is there; it itself is a
   // regular file or not there.
-  // Throws Error: kInvalidArgument (not absolute, NUL, no name, no regular file),
+  // Throws Error: kInvalidArgument (not absolute, as CheckText, no name, no
+  // regular file),
   // kNotFound (no such folder), kPermissionDenied.
   std::filesystem::path CheckSave(const std::string& path) const;
 

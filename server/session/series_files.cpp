@@ -89,6 +89,7 @@ std::vector<fs::path> FindSeriesFiles(std::span<const std::string> sources,
                                       const PathPolicy& paths) {
   std::vector<fs::path> files;
   for (const std::string& source : sources) {
+    PathPolicy::CheckText(source);
     if (IsBuiltin(source)) {
       throw Error(ErrorKind::kInvalidArgument, source + ": a series is made of files");
     }

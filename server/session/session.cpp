@@ -103,6 +103,15 @@ VolumeState Session::volume() const {
   return VolumeLocked();
 }
 
+FeltSession Session::Felt() const {
+  const std::lock_guard lock(mutex_);
+  LoadRequest request = request_;
+  request.title = volume_->metadata().source;
+  if (!request.source_stays) request.source.clear();
+  return {std::move(request), volume_->revision() != volume_->loaded_revision(), settings_,
+          settings_revision_};
+}
+
 VolumeState Session::VolumeLocked() const {
   return {volume_, registration_, X_DI_, settings_revision_, scene_revision_};
 }
@@ -205,6 +214,7 @@ VolumeState Session::PublishVolume(const LoadRequest& request, const VolumeMetad
   volume_ = std::move(volume);
   claim.Rename("the volume");
   claim_ = std::move(claim);
+  request_ = request;
   volume_revision_ = revision;
   ++geometry_revision_;
   registration_ = registration;

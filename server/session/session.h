@@ -56,6 +56,14 @@ struct SettingsState {
   std::uint64_t settings_revision = 0;
 };
 
+// What is felt, to be felt again.
+struct FeltSession {
+  LoadRequest volume{};    // no source: it cannot be loaded again, as an upload or a series
+  bool is_edited = false;  // since it was loaded
+  RenderSettings settings{};
+  std::uint64_t settings_revision = 0;
+};
+
 // Told of every scene before the servo can see it, in order.
 class SceneListener {
  public:
@@ -94,6 +102,7 @@ class Session {
   // Once a Load has succeeded.
   SettingsState settings() const;
   VolumeState volume() const;
+  FeltSession Felt() const;
 
   // Waits until the servo has used the change. kInvalidArgument, kConflict,
   // kUnavailable.
@@ -166,7 +175,8 @@ class Session {
   bool voxels_held_ = false;
   mutable std::mutex mutex_;  // guards what follows
   std::shared_ptr<const VolumeSnapshot> volume_;
-  MemoryClaim claim_;  // of volume_ as it was loaded
+  MemoryClaim claim_;    // of volume_ as it was loaded
+  LoadRequest request_;  // which volume_ came of
   Registration registration_;
   AffineMap X_DI_;
   RenderSettings settings_;

@@ -21,6 +21,7 @@ namespace palpate {
 
 struct LoadRequest {
   std::string source;
+  bool source_stays = true;          // false: once it is loaded, it is removed
   std::string title{};               // as the volume is named; empty: as its source
   std::optional<double> isovalue{};  // data units
   std::optional<double> normalized_isovalue{};

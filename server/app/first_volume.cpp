@@ -1,0 +1,83 @@
+#include "server/app/first_volume.h"
+
+#include <spdlog/spdlog.h>
+
+#include <filesystem>
+
+namespace palpate {
+namespace {
+
+std::string Source(const std::string& volume) {
+  return volume.starts_with("builtin:") ? volume : std::filesystem::absolute(volume).string();
+}
+
+void Load(const LoadRequest& request, Session& session, const LoadCancelled& cancelled) {
+  spdlog::info("loading {}", request.source);
+  const auto quiet = [](std::string_view, double) {};
+  const VolumeState state = session.Load(request, quiet, cancelled);
+  const VolumeMetadata& m = state.volume->metadata();
+  spdlog::info("volume {}x{}x{} {}, spacing {:g} x {:g} x {:g} mm, values {:g} to {:g} {}",
+               m.size.x(), m.size.y(), m.size.z(), m.original_type, m.spacing_mm.x(),
+               m.spacing_mm.y(), m.spacing_mm.z(), m.value_min, m.value_max, m.unit);
+  const RenderSettings settings = session.settings().settings;
+  spdlog::info("scale {:.4g} device mm per volume mm; isovalue {:g} (normalized {:.4g})",
+               state.registration.device_mm_per_volume_mm, settings.isovalue,
+               settings.normalized_isovalue);
+}
+
+// Of clients, whose paths are judged; the configured one is not.
+LoadRequest VolumeLeft(const FeltSession& left, const LoadRequest& configured,
+                       const PathPolicy& paths) {
+  LoadRequest request = left.volume;
+  if (request.source != configured.source) request.source = paths.CheckLoad(request.source);
+  return request;
+}
+
+// False where it does not come back.
+bool BringBack(const FeltSession& left, const LoadRequest& configured, Session& session,
+               const PathPolicy& paths, const LoadCancelled& cancelled) {
+  const std::string& name = left.volume.title;
+  try {
+    session.SetInitial(left.settings);
+    if (left.volume.source.empty()) {
+      spdlog::warn(
+          "settings come back; {} does not: uploads and series are loaded again by "
+          "clients",
+          name);
+      return false;
+    }
+    Load(VolumeLeft(left, configured, paths), session, cancelled);
+  } catch (const Error& error) {
+    if (error.kind() == ErrorKind::kCancelled) throw;
+    spdlog::warn("{} does not come back, its settings do: {}", name, error.what());
+    return false;
+  }
+  spdlog::warn("palpated did not end in order before: {} and the settings are back{}", name,
+               left.is_edited ? "; edits that were not saved are lost" : "");
+  return true;
+}
+
+}  // namespace
+
+LoadRequest ConfiguredVolume(const Config& config) {
+  return {.source = Source(config.volume),
+          .isovalue = config.isovalue,
+          .normalized_isovalue = config.normalized_isovalue,
+          .spacing_mm = config.spacing_mm,
+          .device_mm_per_volume_mm = config.device_mm_per_volume_mm};
+}
+
+RenderSettings ConfiguredSettings(const Config& config) {
+  return {.haptics = config.haptics, .method = config.method};
+}
+
+void LoadFirstVolume(const Config& config, Session& session, SessionKeeper& keeper,
+                     const PathPolicy& paths, const LoadCancelled& cancelled) {
+  const LoadRequest configured = ConfiguredVolume(config);
+  session.SetInitial(ConfiguredSettings(config));
+  const std::optional<FeltSession> left = keeper.TakeLeft();
+  if (left && BringBack(*left, configured, session, paths, cancelled)) return;
+  Load(configured, session, cancelled);
+}
+
+}  // namespace palpate

@@ -1,0 +1,124 @@
+#include "server/app/log.h"
+
+#include <grpc/support/log.h>
+#include <spdlog/pattern_formatter.h>
+#include <spdlog/sinks/dup_filter_sink.h>
+#include <spdlog/sinks/stdout_color_sinks.h>
+#include <spdlog/sinks/stdout_sinks.h>
+#include <spdlog/spdlog.h>
+#include <sys/stat.h>
+#include <syslog.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <memory>
+#include <string>
+#include <string_view>
+
+#include "common/error/error.h"
+#include "server/realtime/tick_timer.h"
+#include "server/security/refusal_log.h"
+
+namespace palpate {
+namespace {
+
+constexpr std::chrono::seconds kRepeatsLeftOut{5};
+constexpr std::size_t kLongestLine = 2000;
+
+// "<4>", by which the journal knows a warning.
+class PriorityFlag final : public spdlog::custom_flag_formatter {
+ public:
+  void format(const spdlog::details::log_msg& message, const std::tm&,
+              spdlog::memory_buf_t& out) override {
+    int priority = LOG_INFO;
+    if (message.level <= spdlog::level::debug) priority = LOG_DEBUG;
+    if (message.level == spdlog::level::warn) priority = LOG_WARNING;
+    if (message.level == spdlog::level::err) priority = LOG_ERR;
+    if (message.level == spdlog::level::critical) priority = LOG_CRIT;
+    fmt::format_to(std::back_inserter(out), "<{}>", priority);
+  }
+  std::unique_ptr<custom_flag_formatter> clone() const override {
+    return std::make_unique<PriorityFlag>();
+  }
+};
+
+// Texts of clients and of files may hold anything: none breaks a line, looks like another
+// one, or steers a terminal; and none is endless.
+class OneLineFlag final : public spdlog::custom_flag_formatter {
+ public:
+  void format(const spdlog::details::log_msg& message, const std::tm&,
+              spdlog::memory_buf_t& out) override {
+    const std::string_view all(message.payload.data(), message.payload.size());
+    for (const char c : all.substr(0, kLongestLine)) {
+      const auto byte = static_cast<unsigned char>(c);
+      if (byte < 0x20 || byte == 0x7f) {
+        fmt::format_to(std::back_inserter(out), "\\x{:02x}", byte);
+      } else {
+        out.push_back(c);
+      }
+    }
+    if (all.size() > kLongestLine) fmt::format_to(std::back_inserter(out), " ...");
+  }
+  std::unique_ptr<custom_flag_formatter> clone() const override {
+    return std::make_unique<OneLineFlag>();
+  }
+};
+
+// Strangers can make gRPC say what they like, and as often: its lines are bounded, and hold
+// nothing but ASCII.
+void LogOfGrpc(gpr_log_func_args* said) {
+  // Never destroyed: gRPC's threads may outlive main.
+  static auto& lines = *new RefusalLog;
+  const auto left_out = lines.Take("gRPC", MonotonicNowNs());
+  if (!left_out) return;
+  std::string text;
+  for (const char c : std::string_view(said->message)) {
+    text += static_cast<unsigned char>(c) < 0x80 ? std::string(1, c) : "?";
+  }
+  const auto level =
+      said->severity == GPR_LOG_SEVERITY_ERROR ? spdlog::level::warn : spdlog::level::debug;
+  spdlog::log(level, "gRPC: {}{}", text,
+              *left_out == 0 ? "" : fmt::format(" (and {} more since)", *left_out));
+}
+
+}  // namespace
+
+bool StderrIsJournal() {
+  const char* stream = std::getenv("JOURNAL_STREAM");
+  struct stat info {};
+  if (stream == nullptr || fstat(STDERR_FILENO, &info) != 0) return false;
+  return stream == std::to_string(info.st_dev) + ":" + std::to_string(info.st_ino);
+}
+
+void SetUpLog(bool to_journal) {
+  gpr_set_log_function(LogOfGrpc);
+  spdlog::sink_ptr sink;
+  auto formatter = std::make_unique<spdlog::pattern_formatter>();
+  formatter->add_flag<OneLineFlag>('~');
+  if (to_journal) {
+    sink = std::make_shared<spdlog::sinks::stderr_sink_mt>();
+    formatter->add_flag<PriorityFlag>('*').set_pattern("%*%~");
+  } else {
+    sink = std::make_shared<spdlog::sinks::stderr_color_sink_mt>();
+    formatter->set_pattern("%Y-%m-%d %H:%M:%S.%e %^%l%$ %~");
+  }
+  const auto filter = std::make_shared<spdlog::sinks::dup_filter_sink_mt>(kRepeatsLeftOut);
+  filter->add_sink(std::move(sink));
+  const auto logger = std::make_shared<spdlog::logger>("palpated", filter);
+  logger->set_formatter(std::move(formatter));
+  logger->flush_on(spdlog::level::trace);
+  spdlog::set_default_logger(logger);
+}
+
+void CheckLogLevel(const std::string& name) {
+  if (std::find(kLogLevels.begin(), kLogLevels.end(), name) != kLogLevels.end()) return;
+  throw Error(ErrorKind::kInvalidArgument, "must be \"debug\", \"info\", \"warning\" or \"error\"");
+}
+
+void SetLogLevel(const std::string& name) {
+  CheckLogLevel(name);
+  spdlog::set_level(spdlog::level::from_str(name));
+}
+
+}  // namespace palpate

@@ -1,0 +1,49 @@
+#include "server/app/service_manager.h"
+
+#include <systemd/sd-daemon.h>
+
+#include "server/realtime/tick_timer.h"
+
+namespace palpate {
+
+void ServiceManager::Loading(const std::string& source) { Status("loading " + source); }
+
+void ServiceManager::Ready() { sd_notify(0, "READY=1"); }
+
+void ServiceManager::Reloading() {
+  // The time tells systemd which of several reloads it is.
+  sd_notifyf(0, "RELOADING=1\nMONOTONIC_USEC=%lld",
+             static_cast<long long>(MonotonicNowNs() / 1000));
+}
+
+void ServiceManager::Stopping() { sd_notify(0, "STOPPING=1"); }
+
+void ServiceManager::Status(const std::string& line) {
+  if (line == status_) return;
+  status_ = line;
+  // A name of a file may hold anything; a line break would begin another variable.
+  std::string text = "STATUS=" + line;
+  for (char& c : text) c = c == '\n' ? ' ' : c;
+  sd_notify(0, text.c_str());
+}
+
+void ServiceManager::FeedWatchdog() { sd_notify(0, "WATCHDOG=1"); }
+
+std::optional<std::chrono::microseconds> ServiceManager::WatchdogInterval() {
+  std::uint64_t interval_us = 0;
+  if (sd_watchdog_enabled(0, &interval_us) <= 0) return std::nullopt;
+  return std::chrono::microseconds(interval_us);
+}
+
+ServoWatchdog::ServoWatchdog(std::optional<std::chrono::microseconds> interval) {
+  if (interval) period_ = *interval / 4;
+}
+
+bool ServoWatchdog::IsDue(std::uint64_t ticks, Time now) {
+  if (!period_ || ticks == ticks_fed_ || now - fed_ < *period_) return false;
+  ticks_fed_ = ticks;
+  fed_ = now;
+  return true;
+}
+
+}  // namespace palpate

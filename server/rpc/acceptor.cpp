@@ -1,0 +1,162 @@
+#include "server/rpc/acceptor.h"
+
+#include <arpa/inet.h>
+#include <netinet/in.h>
+#include <netinet/tcp.h>
+#include <poll.h>
+#include <spdlog/spdlog.h>
+#include <sys/eventfd.h>
+#include <sys/socket.h>
+#include <sys/stat.h>
+#include <sys/un.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstring>
+#include <utility>
+
+#include "common/error/error.h"
+#include "server/realtime/tick_timer.h"
+
+namespace palpate {
+namespace {
+
+constexpr int kWaiting = 256;
+constexpr std::int64_t kBetweenLinesNs = 10'000'000'000;
+// The table of files is full: a wait, so that it is not asked again and again.
+constexpr int kPauseMs = 100;
+// As long as gRPC waits for silent peers.
+constexpr unsigned kSilentPeerMs = 30'000;
+
+[[noreturn]] void FailToListen(int fd, const std::string& name, const std::string& option) {
+  const std::string why = std::strerror(errno);
+  if (fd >= 0) close(fd);
+  throw Error(ErrorKind::kConflict,
+              "cannot listen on " + name + ": " + why + "; name another with " + option);
+}
+
+std::string NameOfPeer(const sockaddr_storage& address) {
+  char text[INET6_ADDRSTRLEN] = "";
+  if (address.ss_family == AF_INET) {
+    const auto& v4 = reinterpret_cast<const sockaddr_in&>(address);
+    inet_ntop(AF_INET, &v4.sin_addr, text, sizeof(text));
+  } else if (address.ss_family == AF_INET6) {
+    const auto& v6 = reinterpret_cast<const sockaddr_in6&>(address);
+    inet_ntop(AF_INET6, &v6.sin6_addr, text, sizeof(text));
+  } else {
+    return "the socket";
+  }
+  return text;
+}
+
+}  // namespace
+
+void Acceptor::TakeSocket(const std::string& path) {
+  sockaddr_un address{};
+  address.sun_family = AF_UNIX;
+  std::strncpy(address.sun_path, path.c_str(), sizeof(address.sun_path) - 1);
+  const int fd = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
+  // Nobody connects before the mode is set: it does not listen yet.
+  if (fd < 0 || bind(fd, reinterpret_cast<const sockaddr*>(&address), sizeof(address)) != 0 ||
+      chmod(path.c_str(), 0660) != 0) {
+    FailToListen(fd, path, "--socket");
+  }
+  listeners_.push_back(fd);
+  names_.push_back(path);
+}
+
+void Acceptor::TakePort(const HostPort& address) {
+  const bool is_v6 = address.host.find(':') != std::string::npos;
+  sockaddr_in v4{};
+  sockaddr_in6 v6{};
+  v4.sin_family = AF_INET;
+  v6.sin6_family = AF_INET6;
+  v4.sin_port = v6.sin6_port = htons(address.port);
+  const int parsed = is_v6 ? inet_pton(AF_INET6, address.host.c_str(), &v6.sin6_addr)
+                           : inet_pton(AF_INET, address.host.c_str(), &v4.sin_addr);
+  if (parsed != 1) {
+    throw Error(ErrorKind::kInvalidArgument,
+                "cannot listen on " + address.ToString() + ": give an address, and not a name");
+  }
+  const int fd = socket(is_v6 ? AF_INET6 : AF_INET, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
+  const int on = 1;
+  // After a restart, in spite of connections of the one before.
+  setsockopt(fd, SOL_SOCKET, SO_REUSEADDR, &on, sizeof(on));
+  const int bound = is_v6 ? bind(fd, reinterpret_cast<const sockaddr*>(&v6), sizeof(v6))
+                          : bind(fd, reinterpret_cast<const sockaddr*>(&v4), sizeof(v4));
+  if (fd < 0 || bound != 0) FailToListen(fd, address.ToString(), "--listen");
+  listeners_.push_back(fd);
+  names_.push_back(address.ToString());
+}
+
+void Acceptor::Start(std::vector<Sink> sinks) {
+  for (std::size_t n = 0; n < listeners_.size(); ++n) {
+    if (listen(listeners_[n], kWaiting) != 0) FailToListen(-1, names_[n], "--listen or --socket");
+  }
+  sinks_ = std::move(sinks);
+  wake_fd_ = eventfd(0, EFD_CLOEXEC);
+  thread_ = std::thread([this] { Run(); });
+}
+
+void Acceptor::Stop() {
+  if (thread_.joinable()) {
+    eventfd_write(wake_fd_, 1);
+    thread_.join();
+    close(wake_fd_);
+  }
+  for (const int fd : std::exchange(listeners_, {})) close(fd);
+  sinks_.clear();
+}
+
+void Acceptor::Run() {
+  std::vector<pollfd> files;
+  for (const int fd : listeners_) files.push_back({fd, POLLIN, 0});
+  files.push_back({wake_fd_, POLLIN, 0});
+  while (true) {
+    poll(files.data(), files.size(), -1);
+    if (files.back().revents != 0) return;
+    for (std::size_t n = 0; n < listeners_.size(); ++n) {
+      if (files[n].revents != 0) Accept(n);
+    }
+  }
+}
+
+void Acceptor::Accept(std::size_t listener) {
+  sockaddr_storage peer{};
+  socklen_t length = sizeof(peer);
+  const int fd = accept4(listeners_[listener], reinterpret_cast<sockaddr*>(&peer), &length,
+                         SOCK_CLOEXEC | SOCK_NONBLOCK);
+  if (fd < 0) {
+    if (errno == EMFILE || errno == ENFILE || errno == ENOMEM || errno == ENOBUFS) {
+      poll(nullptr, 0, kPauseMs);
+    }
+    return;
+  }
+  const int kept = peer.ss_family == AF_UNIX ? kKeptForSocket : 0;
+  if (fd >= first_refused_file_ + kept) {
+    close(fd);
+    Refuse(NameOfPeer(peer));
+    return;
+  }
+  if (peer.ss_family != AF_UNIX) {
+    const int on = 1;
+    setsockopt(fd, IPPROTO_TCP, TCP_NODELAY, &on, sizeof(on));
+    // gRPC asks after peers that are silent, but not while a message to one waits for room.
+    setsockopt(fd, IPPROTO_TCP, TCP_USER_TIMEOUT, &kSilentPeerMs, sizeof(kSilentPeerMs));
+  }
+  grpc::experimental::ExternalConnectionAcceptor::NewConnectionParameters connection;
+  connection.listener_fd = listeners_[listener];
+  connection.fd = fd;
+  sinks_[listener]->HandleNewConnection(&connection);
+}
+
+void Acceptor::Refuse(const std::string& peer) {
+  ++refused_;
+  if (last_line_ns_ != 0 && MonotonicNowNs() - last_line_ns_ < kBetweenLinesNs) return;
+  last_line_ns_ = MonotonicNowNs();
+  spdlog::warn("refused {}, the last from {}: too many are open; see limits.connections",
+               std::to_string(refused_) + (refused_ == 1 ? " connection" : " connections"), peer);
+  refused_ = 0;
+}
+
+}  // namespace palpate

@@ -1,0 +1,61 @@
+// Accepts connections for gRPC, and refuses those that are too many.
+//
+// gRPC 1.51 itself stops listening for good once accept() finds no free file number,
+// (its issues 16058 and 20418), and then palpated could be reached no more; nor does it
+// bound connections.
+//
+// Threads: Start and Stop on the main one; accepting on one of its own.
+// Errors: Error (kConflict, kPermissionDenied) with what to do.
+#pragma once
+
+#include <grpcpp/grpcpp.h>
+
+#include <atomic>
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "common/wire/address.h"
+
+namespace palpate {
+
+class Acceptor {
+ public:
+  static constexpr int kKeptForSocket = 64;
+  using Sink = std::unique_ptr<grpc::experimental::ExternalConnectionAcceptor>;
+
+  // Connections whose file number is `first_refused_file` or above are closed at once;
+  // kKeptForSocket more are accepted on sockets, so that a flood on the port does not
+  // keep the workstation's own users from the emergency stop.
+  explicit Acceptor(int first_refused_file) : first_refused_file_(first_refused_file) {}
+  ~Acceptor() { Stop(); }
+  Acceptor(const Acceptor&) = delete;
+  Acceptor& operator=(const Acceptor&) = delete;
+
+  // Take the address, so that nobody else does; nobody can connect yet. The socket's
+  // file gets the mode 0660.
+  void TakeSocket(const std::string& path);
+  void TakePort(const HostPort& address);
+  // Listens. Where the connections go, in the order of the addresses; gRPC's server runs.
+  void Start(std::vector<Sink> sinks);
+  // Before gRPC's server ends.
+  void Stop();
+
+ private:
+  void Run();
+  void Accept(std::size_t listener);
+  void Refuse(const std::string& peer);
+
+  const int first_refused_file_;
+  std::vector<int> listeners_;
+  std::vector<std::string> names_;  // theirs, for people
+  std::vector<Sink> sinks_;
+  int wake_fd_ = -1;
+  std::uint64_t refused_ = 0;
+  std::int64_t last_line_ns_ = 0;
+  std::thread thread_;
+};
+
+}  // namespace palpate

@@ -1,0 +1,202 @@
+#include "server/rpc/access.h"
+
+#include <grpc/grpc_security_constants.h>
+#include <spdlog/spdlog.h>
+
+#include <algorithm>
+#include <chrono>
+#include <iterator>
+#include <utility>
+
+#include "common/wire/status.h"
+#include "server/realtime/tick_timer.h"
+#include "server/security/methods.h"
+
+namespace palpate {
+namespace {
+
+constexpr char kAuthorization[] = "authorization";
+
+CertificateTime Now() { return std::chrono::system_clock::now(); }
+
+std::string Joined(const std::vector<grpc::string_ref>& values) {
+  std::string text;
+  for (const grpc::string_ref& value : values) text.append(value.data(), value.size());
+  return text;
+}
+
+std::string AuthorizationOf(const std::multimap<grpc::string_ref, grpc::string_ref>& metadata) {
+  const auto [first, last] = metadata.equal_range(kAuthorization);
+  if (first == last) return "";
+  // Of two, nobody knows which is meant: a token that nobody has.
+  if (std::next(first) != last) return "several";
+  return {first->second.data(), first->second.size()};
+}
+
+Credentials TlsCredentialsOf(const std::multimap<grpc::string_ref, grpc::string_ref>& metadata,
+                             const grpc::AuthContext& context) {
+  // The server's side of OpenSSL leaves the first one out of the chain.
+  return {.transport = Transport::kTls,
+          .certificate_chain =
+              Joined(context.FindPropertyValues(GRPC_X509_PEM_CERT_PROPERTY_NAME)) +
+              Joined(context.FindPropertyValues(GRPC_X509_PEM_CERT_CHAIN_PROPERTY_NAME)),
+          .authorization = AuthorizationOf(metadata)};
+}
+
+Credentials CredentialsOf(const grpc::ServerContextBase& context, const std::string& peer) {
+  const auto auth = context.auth_context();
+  if (auth && Joined(auth->FindPropertyValues(GRPC_TRANSPORT_SECURITY_TYPE_PROPERTY_NAME)) ==
+                  GRPC_TLS_TRANSPORT_SECURITY_TYPE) {
+    return TlsCredentialsOf(context.client_metadata(), *auth);
+  }
+  return {.transport = peer.starts_with("unix:") ? Transport::kSocket : Transport::kPlain,
+          .authorization = AuthorizationOf(context.client_metadata())};
+}
+
+std::string RoleProblem(const Identity& identity, Role least) {
+  return "it needs the role " + std::string(NameOf(least)) + ", and '" + identity.name + "' is " +
+         std::string(NameOf(identity.role));
+}
+
+// Without its service.
+std::string_view NameOf(std::string_view method) { return method.substr(method.rfind('/') + 1); }
+
+std::string LeftOut(std::uint64_t lines) {
+  return lines == 0 ? "" : " (and " + std::to_string(lines) + " more since)";
+}
+
+bool IsListed(CallKind kind) {
+  return kind == CallKind::kPoseStream || kind == CallKind::kVolumeStream ||
+         kind == CallKind::kTransfer;
+}
+
+}  // namespace
+
+Admission& Admission::operator=(Admission&& other) noexcept {
+  if (this == &other) return *this;
+  Leave();
+  status_ = other.status_;
+  access_ = std::exchange(other.access_, nullptr);
+  context_ = other.context_;
+  rule_ = other.rule_;
+  identity_ = std::move(other.identity_);
+  is_listed_ = other.is_listed_;
+  running_ = other.running_;
+  return *this;
+}
+
+void Admission::Leave() {
+  Access* const access = std::exchange(access_, nullptr);
+  if (!access) return;
+  access->limits_.Leave(identity_, rule_->kind);
+  if (!is_listed_) return;
+  const std::lock_guard lock(access->mutex_);
+  access->running_.erase(running_);
+}
+
+grpc::Status Admission::Failed(const std::exception& error) const {
+  if (access_) access_->LogFailure(*this, error.what());
+  return ToStatus(error);
+}
+
+std::shared_ptr<const Policy> Access::policy() const {
+  const std::lock_guard lock(mutex_);
+  return policy_;
+}
+
+Admission Access::Admit(grpc::ServerContextBase* context, std::string_view method) {
+  if (!context) return Admission();
+  const std::string peer = context->peer();
+  Admission::Running call{context, FindMethodRule(method), CredentialsOf(*context, peer), {}, peer};
+  while (true) {
+    const std::shared_ptr<const Policy> judge = policy();
+    const Recognised who = judge->Recognise(call.credentials, Now());
+    if (!who.identity) {
+      return Refuse(grpc::StatusCode::UNAUTHENTICATED, peer, "a stranger", method, who.problem);
+    }
+    call.identity = who.identity->name;
+    if (!call.rule || who.identity->role < call.rule->least) {
+      return Refuse(grpc::StatusCode::PERMISSION_DENIED, peer, call.identity, method,
+                    RoleProblem(*who.identity, call.rule ? call.rule->least : Role::kAdmin));
+    }
+    // In place of the token, which need not be kept.
+    call.credentials.token_sha256_hex = who.token_sha256_hex;
+    if (!who.token_sha256_hex.empty()) call.credentials.authorization.clear();
+    Admission admission = Enter(call, judge);
+    if (admission.access_ || !admission.ok()) return admission;
+    // The policy was replaced meanwhile: judged again.
+  }
+}
+
+Admission Access::Enter(const Admission::Running& call,
+                        const std::shared_ptr<const Policy>& judge) {
+  const CallKind kind = call.rule->kind;
+  std::unique_lock lock(mutex_);
+  if (judge != policy_) return Admission();
+  if (const auto problem = limits_.Enter(call.identity, kind, MonotonicNowNs())) {
+    lock.unlock();  // a log that nobody reads blocks
+    return Refuse(grpc::StatusCode::RESOURCE_EXHAUSTED, call.peer, call.identity, call.rule->method,
+                  *problem);
+  }
+  Admission admission;
+  admission.access_ = this;
+  admission.context_ = call.context;
+  admission.rule_ = call.rule;
+  admission.identity_ = call.identity;
+  admission.is_listed_ = IsListed(kind);
+  if (admission.is_listed_) admission.running_ = running_.insert(running_.end(), call);
+  return admission;
+}
+
+void Access::SetPolicy(std::shared_ptr<const Policy> policy) {
+  {
+    const std::lock_guard lock(mutex_);
+    policy_ = std::move(policy);
+  }
+  Review();
+}
+
+void Access::Review() {
+  std::vector<std::string> lines;
+  {
+    const std::lock_guard lock(mutex_);
+    const auto refused = [this](const Admission::Running& call) {
+      return !call.ended && !Holds(call);
+    };
+    // From the start after each: ending one may take it out of the list.
+    for (auto at = running_.begin(); at != running_.end();) {
+      at = std::find_if(running_.begin(), running_.end(), refused);
+      if (at == running_.end()) break;
+      lines.push_back("ended " + std::string(at->rule->method) + " of " + at->identity + " at " +
+                      at->peer + ": it is no longer allowed");
+      at->ended = true;
+      at->context->TryCancel();
+    }
+  }
+  for (const std::string& line : lines) spdlog::warn("{}", line);
+}
+
+bool Access::Holds(const Admission::Running& call) const {
+  const Recognised who = policy_->Recognise(call.credentials, Now());
+  return who.identity && who.identity->role >= call.rule->least;
+}
+
+void Access::LogFailure(const Admission& admission, const char* what) {
+  // Each identity has lines of its own, that strangers at its address do not use up.
+  const auto left_out = refusals_.Take(admission.identity_, MonotonicNowNs());
+  if (!left_out) return;
+  spdlog::warn("{} of {} at {} failed: {}{}", NameOf(admission.rule_->method), admission.identity_,
+               admission.context_->peer(), what, LeftOut(*left_out));
+}
+
+Admission Access::Refuse(grpc::StatusCode code, const std::string& peer, const std::string& who,
+                         std::string_view method, const std::string& problem) {
+  if (const auto left_out = refusals_.Take(peer, MonotonicNowNs())) {
+    spdlog::warn("refused {} at {} to call {}: {}{}", who, peer, method, problem,
+                 LeftOut(*left_out));
+  }
+  return Admission(
+      grpc::Status(code, "palpated refuses " + std::string(NameOf(method)) + ": " + problem));
+}
+
+}  // namespace palpate

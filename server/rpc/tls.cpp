@@ -1,0 +1,102 @@
+#include "server/rpc/tls.h"
+
+#include <fcntl.h>
+#include <fmt/chrono.h>
+#include <grpcpp/security/tls_certificate_provider.h>
+#include <grpcpp/security/tls_credentials_options.h>
+#include <spdlog/spdlog.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <chrono>
+#include <cstring>
+
+#include "common/error/error.h"
+
+namespace palpate {
+namespace {
+
+constexpr unsigned kRefreshSeconds = 1;
+constexpr std::chrono::hours kWarnedBeforeEnd{14 * 24};
+constexpr std::chrono::hours kBetweenWarnings{24};
+
+std::string ToText(CertificateTime time) {
+  return fmt::format("{:%Y-%m-%d %H:%M} UTC",
+                     fmt::gmtime(std::chrono::system_clock::to_time_t(time)));
+}
+
+void MakePrivateFolder(const std::filesystem::path& folder) {
+  struct stat status {};
+  const bool made = mkdir(folder.c_str(), 0700) == 0;
+  if (!made && errno != EEXIST) {
+    throw Error(ErrorKind::kPermissionDenied,
+                "cannot make the folder " + folder.string() + ": " + std::strerror(errno));
+  }
+  if (lstat(folder.c_str(), &status) != 0 || !S_ISDIR(status.st_mode) ||
+      status.st_uid != geteuid() || (status.st_mode & 077) != 0) {
+    throw Error(ErrorKind::kPermissionDenied,
+                folder.string() + " is not a folder of the daemon's user alone: remove it");
+  }
+}
+
+void WritePrivate(const std::filesystem::path& path, const std::string& text) {
+  unlink(path.c_str());
+  const int fd = open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC | O_NOFOLLOW, 0600);
+  const bool written =
+      fd >= 0 && write(fd, text.data(), text.size()) == static_cast<ssize_t>(text.size());
+  const int error = errno;
+  if (fd >= 0) close(fd);
+  if (!written) {
+    throw Error(ErrorKind::kPermissionDenied,
+                "cannot write " + path.string() + ": " + std::strerror(error));
+  }
+}
+
+}  // namespace
+
+TlsFiles::TlsFiles(const TlsOptions& options, const std::filesystem::path& folder)
+    : options_(options), folder_(folder), pair_(folder / "pair.pem") {
+  MakePrivateFolder(folder_);
+  Update();
+}
+
+TlsFiles::~TlsFiles() {
+  std::error_code ignored;
+  std::filesystem::remove_all(folder_, ignored);
+}
+
+void TlsFiles::Update() {
+  const auto now = std::chrono::system_clock::now();
+  const CheckedPair pair = CheckPair(options_.certificate, options_.key, now);
+  // One file for both, so that no moment has the key of one and the certificate of
+  // another.
+  const std::filesystem::path next = folder_ / "next.pem";
+  WritePrivate(next, pair.pem);
+  std::filesystem::rename(next, pair_);
+  valid_until_ = pair.valid_until;
+  next_warning_ = {};
+  spdlog::info("TLS with the certificate of {}, valid until {}", pair.subject,
+               ToText(valid_until_));
+  WarnBeforeEnd(now);
+}
+
+void TlsFiles::WarnBeforeEnd(CertificateTime now) {
+  if (valid_until_ - now >= kWarnedBeforeEnd || now < next_warning_) return;
+  next_warning_ = now + kBetweenWarnings;
+  spdlog::warn("the certificate {} ends at {}: put a new one in its place",
+               options_.certificate.string(), ToText(valid_until_));
+}
+
+std::shared_ptr<grpc::ServerCredentials> TlsFiles::MakeCredentials() const {
+  const auto provider = std::make_shared<grpc::experimental::FileWatcherCertificateProvider>(
+      pair_.string(), pair_.string(), kRefreshSeconds);
+  grpc::experimental::TlsServerCredentialsOptions options(provider);
+  options.watch_identity_key_cert_pairs();
+  options.set_cert_request_type(GRPC_SSL_REQUEST_CLIENT_CERTIFICATE_BUT_DONT_VERIFY);
+  // Without a metadata processor: gRPC 1.51 would write all headers of a call for it, and
+  // aborts at one that only its load balancers send.
+  return grpc::experimental::TlsServerCredentials(options);
+}
+
+}  // namespace palpate

@@ -1,0 +1,50 @@
+#include "server/security/identity_limits.h"
+
+namespace palpate {
+namespace {
+
+// Each holds one of the threads that gRPC has for calls of all.
+constexpr int kMostCallsAtOnce = 128;
+
+std::string TooMany(int most, const std::string& what, const std::string& key) {
+  return std::to_string(most) + " " + what +
+         " are the most for one client: end some, or raise limits." + key;
+}
+
+}  // namespace
+
+std::optional<std::string> IdentityLimits::Enter(const std::string& identity, CallKind kind,
+                                                 std::int64_t now_ns) {
+  const std::lock_guard lock(mutex_);
+  const RateLimit full(options_.calls_per_s, options_.calls_per_s);
+  Use& use = uses_.try_emplace(identity, Use{.calls = full}).first->second;
+  int& running = use.running[static_cast<std::size_t>(kind)];
+  if (kind == CallKind::kCall && !use.calls.Take(now_ns)) {
+    return std::to_string(options_.calls_per_s) +
+           " calls per second are the most for one client: call less often, or raise "
+           "limits.calls_per_s";
+  }
+  if (kind == CallKind::kCall && running >= kMostCallsAtOnce) {
+    return std::to_string(kMostCallsAtOnce) +
+           " calls at a time are the most for one client: wait for answers before you go on";
+  }
+  if (kind == CallKind::kPoseStream && running >= options_.pose_streams) {
+    return TooMany(options_.pose_streams, "streams of poses", "pose_streams");
+  }
+  if (kind == CallKind::kVolumeStream && running >= options_.volume_streams) {
+    return TooMany(options_.volume_streams, "streams of the volume", "volume_streams");
+  }
+  if (kind == CallKind::kTransfer && running >= options_.transfers) {
+    return TooMany(options_.transfers, "loads, saves, uploads and replays", "transfers");
+  }
+  ++running;
+  return std::nullopt;
+}
+
+void IdentityLimits::Leave(const std::string& identity, CallKind kind) {
+  const std::lock_guard lock(mutex_);
+  const auto found = uses_.find(identity);
+  if (found != uses_.end()) --found->second.running[static_cast<std::size_t>(kind)];
+}
+
+}  // namespace palpate

@@ -1,0 +1,102 @@
+#include "server/security/policy.h"
+
+#include <algorithm>
+
+#include "common/error/error.h"
+#include "server/security/token_file.h"
+
+namespace palpate {
+namespace {
+
+constexpr std::string_view kBearer = "Bearer ";
+
+Recognised Stranger(const std::string& problem) { return {.problem = problem}; }
+
+}  // namespace
+
+Policy::Policy(const PolicyOptions& options) : options_(options) {
+  if (!options.client_ca.empty()) {
+    authority_ = std::make_shared<const ClientAuthority>(options.client_ca);
+  }
+  if (!options.tokens.empty()) tokens_ = ReadTokenFile(options.tokens);
+}
+
+// One by one: a damaged authority must not keep a revoked token alive.
+Policy::Policy(const PolicyOptions& options, const Policy& before,
+               std::vector<std::string>& problems)
+    : options_(options) {
+  try {
+    if (!options.client_ca.empty()) {
+      authority_ = std::make_shared<const ClientAuthority>(options.client_ca);
+    }
+  } catch (const Error& error) {
+    authority_ = before.authority_;
+    problems.push_back("the authority of clients stays as it was: " + std::string(error.what()));
+  }
+  try {
+    if (!options.tokens.empty()) tokens_ = ReadTokenFile(options.tokens);
+  } catch (const Error& error) {
+    // Who takes the file away means its tokens.
+    std::error_code unknown;
+    if (std::filesystem::exists(options.tokens, unknown) || unknown) tokens_ = before.tokens_;
+    problems.push_back((tokens_.empty() ? "no token is known: " : "tokens stay as they were: ") +
+                       std::string(error.what()));
+  }
+}
+
+Recognised Policy::Recognise(const Credentials& credentials, CertificateTime now) const {
+  if (credentials.transport != Transport::kTls) {
+    if (!credentials.authorization.empty()) {
+      return Stranger(
+          "a token came without TLS, where others may have read it: revoke it, and send tokens "
+          "over TLS only");
+    }
+    if (credentials.transport == Transport::kSocket) {
+      return {.identity = Identity{"local socket", options_.socket_role}};
+    }
+    return {.identity = Identity{"loopback", options_.loopback_role}};
+  }
+  // A token decides alone: a client with a wrong one is to hear of it.
+  if (!credentials.authorization.empty() || !credentials.token_sha256_hex.empty()) {
+    return ByToken(credentials);
+  }
+  if (!credentials.certificate_chain.empty()) {
+    return ByCertificate(credentials.certificate_chain, now);
+  }
+  return Stranger("neither a token nor a certificate came: give one of them");
+}
+
+Recognised Policy::ByToken(const Credentials& credentials) const {
+  const StoredToken* found = nullptr;
+  if (!credentials.token_sha256_hex.empty()) {
+    const auto same = [&](const StoredToken& token) {
+      return token.sha256_hex == credentials.token_sha256_hex;
+    };
+    const auto at = std::find_if(tokens_.begin(), tokens_.end(), same);
+    if (at != tokens_.end()) found = &*at;
+  } else {
+    const std::string_view header = credentials.authorization;
+    if (header.starts_with(kBearer)) found = FindToken(tokens_, header.substr(kBearer.size()));
+  }
+  if (!found) return Stranger("its token is unknown, or was revoked");
+  return {Identity{"token " + found->name, found->role}, {}, found->sha256_hex};
+}
+
+Recognised Policy::ByCertificate(const std::string& chain, CertificateTime now) const {
+  if (!authority_) return Stranger("certificates of clients are not accepted here: send a token");
+  const ClientAuthority::Verdict verdict = authority_->Check(chain, now);
+  if (!verdict.problem.empty()) return Stranger(verdict.problem);
+  const CertificateRole* best = nullptr;
+  for (const CertificateRole& client : options_.clients) {
+    const bool is_named =
+        std::find(verdict.names.begin(), verdict.names.end(), client.san) != verdict.names.end();
+    if (is_named && (!best || client.role > best->role)) best = &client;
+  }
+  if (best) return {.identity = Identity{"certificate " + best->san, best->role}};
+  std::string names;
+  for (const std::string& name : verdict.names) names += (names.empty() ? "" : ", ") + name;
+  return Stranger("its certificate's names (" + (names.empty() ? "none" : names) +
+                  ") have no role: add a [[tls.client]]");
+}
+
+}  // namespace palpate

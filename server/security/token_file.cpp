@@ -1,0 +1,157 @@
+#include "server/security/token_file.h"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <toml++/toml.h>
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+#include <set>
+#include <string_view>
+
+#include "common/error/error.h"
+
+namespace palpate {
+namespace {
+
+[[noreturn]] void Fail(const std::filesystem::path& path, const std::string& what) {
+  throw Error(ErrorKind::kInvalidArgument, path.string() + what);
+}
+
+bool IsHex(std::string_view text, std::size_t digits) {
+  return text.size() == digits &&
+         text.find_first_not_of("0123456789abcdef") == std::string_view::npos;
+}
+
+StoredToken ParseToken(const std::filesystem::path& path, const toml::table& table) {
+  const std::string at = fmt::format(":{}: ", table.source().begin.line);
+  const auto text = [&](std::string_view key) {
+    const auto value = table[key].value_exact<std::string>();
+    if (!value) Fail(path, at + "a token needs its " + std::string(key) + " as a text in quotes");
+    return *value;
+  };
+  for (const auto& [key, node] : table) {
+    if (key != "name" && key != "role" && key != "salt" && key != "sha256") {
+      Fail(path, at + std::string(key.str()) + " is no key of a token");
+    }
+  }
+  StoredToken token{text("name"), Role::kViewer, text("salt"), text("sha256")};
+  try {
+    CheckTokenName(token.name);
+  } catch (const Error& error) {
+    Fail(path, at + error.what());
+  }
+  const auto role = RoleNamed(text("role"));
+  if (!role) Fail(path, at + "the role is viewer, editor, operator or admin");
+  token.role = *role;
+  if (!IsHex(token.salt_hex, 32) || !IsHex(token.sha256_hex, 64)) {
+    Fail(path, at + "salt and sha256 are 32 and 64 hex digits: make tokens with "
+                    "'palpated token add'");
+  }
+  return token;
+}
+
+std::string Text(const std::vector<StoredToken>& tokens) {
+  std::string text =
+      "# Tokens of palpated's clients. Made by `palpated token add`, which showed each once;\n"
+      "# these hashes do not give them back. A token that is taken out is refused within\n"
+      "# seconds, and its streams end.\n";
+  for (const StoredToken& token : tokens) {
+    text +=
+        fmt::format("\n[[token]]\nname = \"{}\"\nrole = \"{}\"\nsalt = \"{}\"\nsha256 = \"{}\"\n",
+                    token.name, NameOf(token.role), token.salt_hex, token.sha256_hex);
+  }
+  return text;
+}
+
+[[noreturn]] void FailToWrite(const std::filesystem::path& path) {
+  throw Error(ErrorKind::kPermissionDenied,
+              "cannot write " + path.string() + ": " + std::strerror(errno));
+}
+
+// Who is to own the file, and its mode.
+struct stat Belongs(const std::filesystem::path& path) {
+  struct stat status {};
+  if (stat(path.c_str(), &status) == 0) return status;
+  const std::filesystem::path folder = std::filesystem::absolute(path).parent_path();
+  if (stat(folder.c_str(), &status) != 0) FailToWrite(path);
+  status.st_uid = geteuid();
+  status.st_mode = 0640;
+  return status;
+}
+
+void WriteAll(int fd, std::string_view text) {
+  while (!text.empty()) {
+    const ssize_t count = write(fd, text.data(), text.size());
+    if (count <= 0) return;  // fsync fails then, or the size differs
+    text.remove_prefix(static_cast<std::size_t>(count));
+  }
+}
+
+}  // namespace
+
+void CheckOnlyOwnerWrites(const std::filesystem::path& path) {
+  struct stat status {};
+  if (stat(path.c_str(), &status) != 0) {
+    throw Error(ErrorKind::kNotFound, "cannot read " + path.string() + ": " + std::strerror(errno));
+  }
+  const bool owner_is_ours = status.st_uid == 0 || status.st_uid == geteuid();
+  if (!owner_is_ours || (status.st_mode & 022) != 0 || !S_ISREG(status.st_mode)) {
+    throw Error(ErrorKind::kPermissionDenied,
+                path.string() +
+                    " may be written by others: make it a file of root, or of the "
+                    "daemon's user, with 'chmod go-w'");
+  }
+}
+
+std::vector<StoredToken> ReadTokenFile(const std::filesystem::path& path) {
+  CheckOnlyOwnerWrites(path);
+  toml::table file;
+  try {
+    file = toml::parse_file(path.string());
+  } catch (const toml::parse_error& error) {
+    Fail(path, fmt::format(":{}: {}", error.source().begin.line, error.description()));
+  }
+  std::vector<StoredToken> tokens;
+  std::set<std::string> names;
+  for (const auto& [key, node] : file) {
+    const toml::array* array = key == "token" ? node.as_array() : nullptr;
+    if (!array) Fail(path, fmt::format(":{}: expected [[token]] alone", node.source().begin.line));
+    for (const toml::node& element : *array) {
+      if (!element.is_table()) Fail(path, ": expected [[token]] alone");
+      tokens.push_back(ParseToken(path, *element.as_table()));
+      if (!names.insert(tokens.back().name).second) {
+        Fail(path, ": two tokens are named " + tokens.back().name);
+      }
+    }
+  }
+  return tokens;
+}
+
+void WriteTokenFile(const std::filesystem::path& path, const std::vector<StoredToken>& tokens) {
+  const struct stat belongs = Belongs(path);
+  std::string temporary = path.string() + ".XXXXXX";
+  const int fd = mkostemp(temporary.data(), O_CLOEXEC);
+  if (fd < 0) FailToWrite(path);
+  const std::string text = Text(tokens);
+  WriteAll(fd, text);
+  struct stat written {};
+  // The owner last: one who may not give it away keeps it.
+  const bool done = fchmod(fd, belongs.st_mode & 0777) == 0 && fstat(fd, &written) == 0 &&
+                    written.st_size == static_cast<off_t>(text.size()) && fsync(fd) == 0;
+  const bool given = (written.st_uid == belongs.st_uid && written.st_gid == belongs.st_gid) ||
+                     fchown(fd, belongs.st_uid, belongs.st_gid) == 0 || geteuid() != 0;
+  if (!done || !given || rename(temporary.c_str(), path.c_str()) != 0) {
+    const int error = errno;
+    close(fd);
+    unlink(temporary.c_str());
+    errno = error;
+    FailToWrite(path);
+  }
+  close(fd);
+}
+
+}  // namespace palpate

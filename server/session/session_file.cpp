@@ -1,0 +1,132 @@
+#include "server/session/session_file.h"
+
+#include <utility>
+
+#include "common/error/error.h"
+#include "server/session/state_file.h"
+
+namespace palpate {
+namespace {
+
+void Put(toml::table& table, std::string_view key, const std::optional<double>& value) {
+  if (value) table.insert(key, *value);
+}
+
+// Where a volume is, and how it is read.
+toml::table SourceTable(const LoadRequest& request) {
+  toml::table table;
+  if (HoldsAsToml(request.source)) table.insert("source", request.source);
+  if (HoldsAsToml(request.title)) table.insert("title", request.title);
+  if (request.spacing_mm) table.insert("spacing_mm", ToTomlArray(*request.spacing_mm));
+  if (request.frame) table.insert("frame", *request.frame);
+  if (request.raw) {
+    table.insert("raw", toml::table{{"size", ToTomlArray(request.raw->size)},
+                                    {"type", request.raw->type},
+                                    {"big_endian", request.raw->big_endian},
+                                    {"offset_bytes", request.raw->offset_bytes}});
+  }
+  return table;
+}
+
+std::optional<RawVoxels> RawOf(const toml::table& table) {
+  const auto size = TomlNumbers<3>(table, "size");
+  if (!size) return std::nullopt;
+  RawVoxels raw;
+  for (std::size_t n = 0; n < 3; ++n) {
+    raw.size[n] = static_cast<std::int64_t>((*size)[static_cast<Eigen::Index>(n)]);
+  }
+  raw.type = table["type"].value_or(std::string());
+  raw.big_endian = table["big_endian"].value_or(false);
+  raw.offset_bytes = table["offset_bytes"].value_or(std::int64_t{0});
+  return raw;
+}
+
+LoadRequest SourceOf(const toml::table& table) {
+  LoadRequest request;
+  request.source = table["source"].value_or(std::string());
+  request.title = table["title"].value_or(std::string());
+  if (const auto spacing_mm = TomlNumbers<3>(table, "spacing_mm")) {
+    request.spacing_mm = Vec3(*spacing_mm);
+  }
+  request.frame = table["frame"].value<std::int64_t>();
+  if (const toml::table* raw = table["raw"].as_table()) request.raw = RawOf(*raw);
+  return request;
+}
+
+toml::table HapticsTable(const RenderSettings& settings) {
+  toml::table table{{"method", MethodName(settings.method)},
+                    {"free_side", FreeSideName(settings.haptics.free_side)}};
+  for (const NumberSetting& setting : kNumberSettings) {
+    table.insert(setting.key, settings.haptics.*setting.member);
+  }
+  for (const FlagSetting& setting : kFlagSettings) {
+    table.insert(setting.key, settings.haptics.*setting.member);
+  }
+  return table;
+}
+
+// What the file does not name stays as it is by default.
+RenderSettings SettingsOf(const toml::table& table) {
+  RenderSettings settings;
+  const auto text = [&](std::string_view key) { return table[key].value_or(std::string()); };
+  settings.method = MethodNamed(text("method")).value_or(settings.method);
+  HapticSettings& haptics = settings.haptics;
+  haptics.free_side = FreeSideNamed(text("free_side")).value_or(haptics.free_side);
+  for (const NumberSetting& setting : kNumberSettings) {
+    haptics.*setting.member = TomlNumber(table, setting.key).value_or(haptics.*setting.member);
+  }
+  for (const FlagSetting& setting : kFlagSettings) {
+    haptics.*setting.member = table[setting.key].value_or(haptics.*setting.member);
+  }
+  return settings;
+}
+
+}  // namespace
+
+SessionFile ReadSessionFile(const std::filesystem::path& path) {
+  std::error_code unknown;  // then it is said below that it cannot be read
+  const auto status = std::filesystem::symlink_status(path, unknown);
+  if (status.type() == std::filesystem::file_type::not_found) return {};
+  const StateFile file = ReadStateFile(path);
+  if (!file.damage.empty()) return {{}, file.damage};
+  const toml::table* configured = file.table["configured"].as_table();
+  const toml::table* volume = file.table["volume"].as_table();
+  const toml::table* haptics = file.table["haptics"].as_table();
+  if (!configured || !volume || !haptics) return {{}, "a part of it is missing"};
+  SavedSession session;
+  session.configured = SourceOf(*configured);
+  session.configured.device_mm_per_volume_mm = TomlNumber(*configured, "device_mm_per_volume_mm");
+  session.configured.isovalue = TomlNumber(*configured, "isovalue");
+  session.configured.normalized_isovalue = TomlNumber(*configured, "normalized_isovalue");
+  if (const toml::table* settings = (*configured)["haptics"].as_table()) {
+    session.configured_settings = SettingsOf(*settings);
+  }
+  session.attempts = file.table["attempts"].value_or(0);
+  session.felt.volume = SourceOf(*volume);
+  session.felt.is_edited = (*volume)["is_edited"].value_or(false);
+  session.felt.settings = SettingsOf(*haptics);
+  const auto isovalue = TomlNumber(*volume, "isovalue");
+  if (!isovalue) return {{}, "there is no isovalue in it"};
+  session.felt.settings.isovalue = *isovalue;
+  return {std::move(session), ""};
+}
+
+void WriteSessionFile(const std::filesystem::path& path, const SavedSession& session) {
+  toml::table configured = SourceTable(session.configured);
+  Put(configured, "device_mm_per_volume_mm", session.configured.device_mm_per_volume_mm);
+  Put(configured, "isovalue", session.configured.isovalue);
+  Put(configured, "normalized_isovalue", session.configured.normalized_isovalue);
+  configured.insert("haptics", HapticsTable(session.configured_settings));
+  toml::table volume = SourceTable(session.felt.volume);
+  volume.insert("is_edited", session.felt.is_edited);
+  volume.insert("isovalue", session.felt.settings.isovalue);
+  WriteStateFile(path,
+                 "# What is felt while palpated runs; taken away when it ends in order. One that\n"
+                 "# was killed leaves it to the next, which goes on with it.\n",
+                 toml::table{{"attempts", session.attempts},
+                             {"configured", std::move(configured)},
+                             {"volume", std::move(volume)},
+                             {"haptics", HapticsTable(session.felt.settings)}});
+}
+
+}  // namespace palpate

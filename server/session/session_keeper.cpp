@@ -1,0 +1,153 @@
+#include "server/session/session_keeper.h"
+
+#include <pthread.h>
+#include <spdlog/spdlog.h>
+
+#include <algorithm>
+#include <system_error>
+#include <tuple>
+#include <utility>
+
+#include "common/error/error.h"
+
+namespace palpate {
+namespace {
+
+// run-palpate-palpated.sock.toml
+std::filesystem::path FileFor(const std::filesystem::path& folder,
+                              const std::filesystem::path& socket) {
+  if (folder.empty()) return {};
+  std::string name = std::filesystem::absolute(socket).lexically_normal().string();
+  std::replace(name.begin(), name.end(), '/', '-');
+  return folder / "sessions" / (name.substr(1) + ".toml");
+}
+
+bool IsSame(const LoadRequest& a, const LoadRequest& b) {
+  return std::tie(a.source, a.spacing_mm, a.device_mm_per_volume_mm) ==
+         std::tie(b.source, b.spacing_mm, b.device_mm_per_volume_mm);
+}
+
+// What was configured otherwise since then is as it is configured now.
+void TakeChanges(const SavedSession& saved, const LoadRequest& now,
+                 const RenderSettings& settings_now, FeltSession& felt) {
+  const LoadRequest& before = saved.configured;
+  if (std::tie(now.isovalue, now.normalized_isovalue) ==
+      std::tie(before.isovalue, before.normalized_isovalue)) {
+    felt.volume.isovalue = felt.settings.isovalue;
+  } else {
+    felt.volume.isovalue = now.isovalue;
+    felt.volume.normalized_isovalue = now.normalized_isovalue;
+    if (!now.isovalue && !now.normalized_isovalue) felt.volume.normalized_isovalue = 0.5;
+  }
+  const auto take = [](const auto& was, const auto& is, auto& value) {
+    if (was != is) value = is;
+  };
+  const RenderSettings& settings_before = saved.configured_settings;
+  take(settings_before.method, settings_now.method, felt.settings.method);
+  const HapticSettings& was = settings_before.haptics;
+  const HapticSettings& is = settings_now.haptics;
+  HapticSettings& haptics = felt.settings.haptics;
+  take(was.free_side, is.free_side, haptics.free_side);
+  for (const NumberSetting& setting : kNumberSettings) {
+    take(was.*setting.member, is.*setting.member, haptics.*setting.member);
+  }
+  for (const FlagSetting& setting : kFlagSettings) {
+    take(was.*setting.member, is.*setting.member, haptics.*setting.member);
+  }
+}
+
+}  // namespace
+
+SessionKeeper::SessionKeeper(const std::filesystem::path& folder,
+                             const std::filesystem::path& socket, LoadRequest configured,
+                             const RenderSettings& configured_settings, const Session& session)
+    : path_(FileFor(folder, socket)),
+      configured_(std::move(configured)),
+      configured_settings_(configured_settings),
+      session_(session) {}
+
+// Empty: it comes back.
+std::string SessionKeeper::WhyNot(const SessionFile& file) const {
+  if (!file.damage.empty()) return path_.string() + " is damaged: " + file.damage;
+  if (!IsSame(file.session->configured, configured_)) return "another volume is configured now";
+  if (file.session->attempts < kMostAttempts) return "";
+  return "palpated did not last with it, " + std::to_string(kMostAttempts) + " times";
+}
+
+std::optional<FeltSession> SessionKeeper::TakeLeft() {
+  if (path_.empty()) return std::nullopt;
+  SessionFile file = ReadSessionFile(path_);
+  if (!file.session && file.damage.empty()) return std::nullopt;
+  const std::string why_not = WhyNot(file);
+  if (!why_not.empty()) {
+    spdlog::warn("what was felt before does not come back: {}", why_not);
+    std::error_code ignored;
+    std::filesystem::remove(path_, ignored);
+    return std::nullopt;
+  }
+  SavedSession& saved = *file.session;
+  attempts_ = ++saved.attempts;
+  try {
+    WriteSessionFile(path_, saved);
+  } catch (const Error& error) {
+    spdlog::warn("what was felt before does not come back: {}", error.what());
+    return std::nullopt;
+  }
+  TakeChanges(saved, configured_, configured_settings_, saved.felt);
+  return saved.felt;
+}
+
+void SessionKeeper::Start() {
+  if (!path_.empty()) thread_ = std::thread([this] { Run(); });
+}
+
+void SessionKeeper::Run() {
+  pthread_setname_np(pthread_self(), "palpate-session");
+  // Its revisions and whether it is edited are all that is compared.
+  std::optional<FeltSession> saved;
+  const auto lasts_at = std::chrono::steady_clock::now() + kLasting;
+  std::unique_lock lock(mutex_);
+  do {
+    const FeltSession felt = session_.Felt();
+    const bool lasted = attempts_ > 0 && std::chrono::steady_clock::now() > lasts_at;
+    if (lasted) attempts_ = 0;
+    if (saved && !lasted && saved->settings_revision == felt.settings_revision &&
+        saved->is_edited == felt.is_edited) {
+      continue;
+    }
+    lock.unlock();
+    Save(felt);
+    lock.lock();
+    saved = felt;
+  } while (!wake_.wait_for(lock, kInterval, [this] { return stop_; }));
+}
+
+void SessionKeeper::Save(const FeltSession& felt) {
+  try {
+    WriteSessionFile(path_, {configured_, configured_settings_, attempts_, felt});
+    last_failure_.clear();
+  } catch (const Error& error) {
+    // Said once, not at every change.
+    if (error.what() != last_failure_) {
+      spdlog::warn("what is felt would not come back: {}", error.what());
+    }
+    last_failure_ = error.what();
+  }
+}
+
+void SessionKeeper::Join() noexcept {
+  {
+    const std::lock_guard lock(mutex_);
+    stop_ = true;
+  }
+  wake_.notify_all();
+  if (thread_.joinable()) thread_.join();
+}
+
+void SessionKeeper::End() noexcept {
+  Join();
+  std::error_code ignored;
+  if (!path_.empty()) std::filesystem::remove(path_, ignored);
+}
+
+}  // namespace palpate

@@ -1,0 +1,78 @@
+#include "server/session/state_file.h"
+
+#include <fmt/format.h>
+
+#include <fstream>
+#include <sstream>
+
+#include "common/error/error.h"
+#include "server/volume/whole_file.h"
+
+namespace palpate {
+namespace {
+
+// A thousand entries with the longest paths have 5 MB.
+constexpr std::uintmax_t kMostBytes = 16 << 20;
+
+// Strings with escapes only: the library's literal and multi-line ones do not hold
+// every path.
+std::string ToText(const toml::table& table) {
+  std::ostringstream text;
+  text << toml::toml_formatter{table, toml::format_flags::allow_unicode_strings};
+  return text.str();
+}
+
+}  // namespace
+
+StateFile ReadStateFile(const std::filesystem::path& path) {
+  std::error_code error;
+  const std::filesystem::file_status status = std::filesystem::status(path, error);
+  if (status.type() == std::filesystem::file_type::not_found) return {};
+  if (status.type() != std::filesystem::file_type::regular) return {{}, "it is no file"};
+  if (std::filesystem::file_size(path, error) > kMostBytes) return {{}, "it is too long"};
+  std::ifstream file(path, std::ios::binary);
+  std::ostringstream text;
+  // An empty file sets the fail bit of the one it is written to.
+  if (file.peek() != std::ifstream::traits_type::eof()) text << file.rdbuf();
+  if (!file.is_open() || file.bad()) return {{}, "it cannot be read"};
+  try {
+    return {toml::parse(text.str()), ""};
+  } catch (const toml::parse_error& parse) {
+    return {{}, fmt::format("line {}: {}", parse.source().begin.line, parse.description())};
+  }
+}
+
+void WriteStateFile(const std::filesystem::path& path, const std::string& remark,
+                    const toml::table& table) {
+  const std::string text = remark + (table.empty() ? std::string() : ToText(table)) + "\n";
+  std::error_code error;
+  std::filesystem::create_directories(path.parent_path(), error);
+  if (error) {
+    throw Error(ErrorKind::kUnavailable,
+                "cannot make the folder " + path.parent_path().string() + ": " + error.message());
+  }
+  WriteWhole(path, [&](const std::filesystem::path& partial) {
+    std::ofstream file;
+    file.exceptions(std::ios::failbit | std::ios::badbit);
+    file.open(partial, std::ios::binary | std::ios::trunc);
+    file << text;
+    file.close();
+  });
+}
+
+bool HoldsAsToml(const std::string& text) {
+  try {
+    const toml::table table = toml::parse(ToText(toml::table{{"text", text}}));
+    return table["text"].value_exact<std::string>() == text;
+  } catch (const toml::parse_error&) {
+    return false;
+  }
+}
+
+std::optional<double> TomlNumber(const toml::table& table, std::string_view key) {
+  const toml::node* node = table[key].node();
+  if (!node || !node->is_number()) return std::nullopt;
+  return *node->value<double>();
+}
+
+}  // namespace palpate
