@@ -8,7 +8,7 @@
 #include <chrono>
 #include <memory>
 
-#include "client/cli/interrupt.h"
+#include "client/interrupt/interrupt.h"
 
 namespace palpate::cli {
 

@@ -6,15 +6,10 @@
 #include <memory>
 #include <string>
 
+#include "client/sdk/channel.h"
 #include "common/error/error.h"
 
 namespace palpate::cli {
-
-// As given on the command line; both empty: the default socket.
-struct ServerAddress {
-  std::string socket_path;
-  std::string host_port;
-};
 
 // Threads: main only, but the channel is as thread-safe as any of gRPC.
 class Connection {
@@ -22,14 +17,14 @@ class Connection {
   // Connects within 3 s.
   // Errors: Error saying what to do; kUnavailable when nothing answers there,
   // kPermissionDenied, kInvalidArgument for an address that is none.
-  explicit Connection(const ServerAddress& address);
+  Connection(const client::Address& address, const client::Credentials& credentials);
 
   const std::shared_ptr<grpc::Channel>& channel() const { return channel_; }
   // For people: "unix:/run/palpate/palpated.sock" or "localhost:7400".
-  const std::string& name() const { return name_; }
+  const std::string& name() const { return route_.name(); }
   // The daemon runs on this machine, so that its clock is ours. Unknown over
   // TCP, hence false.
-  bool shares_clock() const { return shares_clock_; }
+  bool shares_clock() const { return !route_.socket_path().empty(); }
 
   // Calls a unary method with a deadline of 5 s, for example
   //   Call(*v1::RenderService::NewStub(c.channel()),
@@ -55,9 +50,7 @@ class Connection {
   static void SetDeadline(grpc::ClientContext& context);
   void WaitUntilReady() const;
 
-  std::string name_;
-  bool shares_clock_ = false;
-  std::string advice_;
+  const client::Route route_;
   std::shared_ptr<grpc::Channel> channel_;
 };
 

@@ -8,9 +8,9 @@
 #include <cstdint>
 #include <cstdio>
 
-#include "client/cli/interrupt.h"
 #include "client/cli/nrrd_writer.h"
 #include "client/cli/output.h"
+#include "client/interrupt/interrupt.h"
 #include "client/sdk/volume_mirror.h"
 #include "client/sdk/volume_reader.h"
 

@@ -15,7 +15,8 @@
 namespace palpate::cli {
 
 struct Invocation {
-  ServerAddress address;
+  client::Address address;
+  client::Credentials credentials;
   bool json = false;
   std::function<void(const Connection&)> command;
 };

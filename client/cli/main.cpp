@@ -11,6 +11,7 @@
 
 #include "client/cli/connection.h"
 #include "client/cli/device_options.h"
+#include "client/cli/doctor_command.h"
 #include "client/cli/download_options.h"
 #include "client/cli/edit_options.h"
 #include "client/cli/info_command.h"
@@ -138,6 +139,18 @@ std::vector<std::string> Arguments(int argc, char** argv) {
   return {arguments.rbegin(), arguments.rend()};  // CLI11 takes them last first
 }
 
+void AddCredentials(CLI::App& app, client::Credentials& credentials) {
+  app.add_option("--tls-ca", credentials.ca_file,
+                 "Certificate authority of a palpated with TLS, PEM; with --server")
+      ->option_text("FILE");
+  app.add_option("--tls-cert", credentials.certificate_file, "Our certificate, PEM, with --tls-key")
+      ->option_text("FILE");
+  app.add_option("--tls-key", credentials.key_file, "Its key, PEM")->option_text("FILE");
+  app.add_option("--token-file", credentials.token_file,
+                 "Holds our token, for TLS only [default: $PALPATE_TOKEN_FILE]")
+      ->option_text("FILE");
+}
+
 int Fail(const std::string& message, int exit_code) {
   std::fprintf(stderr, "palpate: %s\n", OneLine(message).c_str());
   return exit_code;
@@ -154,6 +167,7 @@ int Main(int argc, char** argv) {
   RecordValues record;
   LoadValues upload;
   SeriesValues series;
+  DoctorValues doctor;
   CLI::App app("Steers and watches palpated, the daemon that makes a volume's isosurface felt.",
                "palpate");
   app.footer(
@@ -173,6 +187,7 @@ int Main(int argc, char** argv) {
   app.add_option("--server", invocation.address.host_port, "Address of a palpated on the network")
       ->option_text("HOST:PORT")
       ->excludes(socket);
+  AddCredentials(app, invocation.credentials);
   AddInfo(app, invocation);
   AddWatch(app, invocation, watch);
   AddSet(app, invocation, set);
@@ -189,6 +204,7 @@ int Main(int argc, char** argv) {
   AddUpload(app, invocation, upload);
   AddSeries(app, invocation, series);
   AddDevice(app, invocation, device);
+  AddDoctor(app, doctor);
   try {
     app.parse(Arguments(argc, argv));
   } catch (const CLI::Success& help) {
@@ -196,7 +212,8 @@ int Main(int argc, char** argv) {
   } catch (const CLI::ParseError& error) {
     return Fail(std::string(error.what()) + "; see --help", kUsageExitCode);
   }
-  invocation.command(Connection(invocation.address));
+  if (doctor.requested) return RunDoctor(invocation.address, invocation.credentials, doctor.json);
+  invocation.command(Connection(invocation.address, invocation.credentials));
   return 0;
 }
 

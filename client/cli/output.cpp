@@ -7,7 +7,7 @@
 #include <cstdlib>
 #include <cstring>
 
-#include "client/cli/interrupt.h"
+#include "client/interrupt/interrupt.h"
 #include "common/error/error.h"
 
 namespace palpate::cli {

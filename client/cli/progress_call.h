@@ -10,8 +10,8 @@
 
 #include "client/cli/cancellable_call.h"
 #include "client/cli/connection.h"
-#include "client/cli/interrupt.h"
 #include "client/cli/progress.h"
+#include "client/interrupt/interrupt.h"
 
 namespace palpate::cli {
 

@@ -10,8 +10,8 @@
 #include <thread>
 
 #include "client/cli/description.h"
-#include "client/cli/interrupt.h"
 #include "client/cli/output.h"
+#include "client/interrupt/interrupt.h"
 #include "palpate/v1/recording.grpc.pb.h"
 
 namespace palpate::cli {

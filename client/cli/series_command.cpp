@@ -4,10 +4,10 @@
 
 #include "client/cli/cancellable_call.h"
 #include "client/cli/description.h"
-#include "client/cli/interrupt.h"
 #include "client/cli/load_command.h"
 #include "client/cli/output.h"
 #include "client/cli/progress.h"
+#include "client/interrupt/interrupt.h"
 #include "palpate/v1/series.grpc.pb.h"
 
 namespace palpate::cli {

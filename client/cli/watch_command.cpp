@@ -8,12 +8,12 @@
 #include <memory>
 #include <string>
 
-#include "client/cli/interrupt.h"
 #include "client/cli/output.h"
 #include "client/cli/pose_stream.h"
 #include "client/cli/sample_json.h"
 #include "client/cli/watch_statistics.h"
 #include "client/cli/watch_view.h"
+#include "client/interrupt/interrupt.h"
 #include "palpate/v1/device.grpc.pb.h"
 #include "palpate/v1/volume.grpc.pb.h"
 

@@ -31,7 +31,7 @@ std::function<void(Arguments...)> EndingIfItThrows(std::function<void(Arguments.
 class Client::Parts {
  public:
   explicit Parts(ClientOptions options)
-      : link(options.address),
+      : link(options.address, options.credentials),
         settings(link, monitor, EndingIfItThrows(std::move(options.callbacks.on_settings))),
         poses(link, monitor, options.poses, Events(options.callbacks)) {
     if (options.follow_volume) {
@@ -75,6 +75,8 @@ Client::Client(ClientOptions options) : parts_(std::make_unique<Parts>(std::move
 
 Client::~Client() = default;
 
+void Client::EndCalls() { parts_->link.CancelCalls(); }
+
 Connection Client::connection() const { return parts_->monitor.connection(); }
 
 bool Client::WaitUntilConnected(std::chrono::milliseconds timeout) const {
@@ -112,13 +114,17 @@ EditResult Client::Apply(const Edit& edit) {
   return FromProto(
       parts_->link.Call<v1::VolumeService>(&v1::VolumeService::Stub::EditVolume, ToProto(edit)));
 }
-EditResult Client::Undo() {
-  return FromProto(parts_->link.Call<v1::VolumeService>(&v1::VolumeService::Stub::UndoEdit,
-                                                        v1::UndoEditRequest()));
+EditResult Client::Undo(std::optional<std::uint64_t> expected_revision) {
+  v1::UndoEditRequest request;
+  if (expected_revision) request.set_expected_revision(*expected_revision);
+  return FromProto(
+      parts_->link.Call<v1::VolumeService>(&v1::VolumeService::Stub::UndoEdit, request));
 }
-EditResult Client::Redo() {
-  return FromProto(parts_->link.Call<v1::VolumeService>(&v1::VolumeService::Stub::RedoEdit,
-                                                        v1::RedoEditRequest()));
+EditResult Client::Redo(std::optional<std::uint64_t> expected_revision) {
+  v1::RedoEditRequest request;
+  if (expected_revision) request.set_expected_revision(*expected_revision);
+  return FromProto(
+      parts_->link.Call<v1::VolumeService>(&v1::VolumeService::Stub::RedoEdit, request));
 }
 EditResult Client::Revert() {
   return FromProto(parts_->link.Call<v1::VolumeService>(&v1::VolumeService::Stub::RevertVolume,

@@ -49,6 +49,7 @@ struct Callbacks {
 
 struct ClientOptions {
   Address address{};
+  Credentials credentials{};
   PoseRate poses{};
   // Keep a copy of the volume. It travels on a connection of its own, so that poses
   // do not queue behind voxels.
@@ -58,13 +59,18 @@ struct ClientOptions {
 
 class Client {
  public:
-  // Returns at once and connects meanwhile. Errors: kInvalidArgument for an address
-  // or a rate that is none, kPermissionDenied as DefaultSocketPath.
+  // Returns at once and connects meanwhile. Errors: kInvalidArgument for an address,
+  // credentials or a rate that are none, kNotFound for files of credentials, kPermissionDenied as
+  // DefaultSocketPath.
   explicit Client(ClientOptions options = {});
   // Ends within a fraction of a second, connected or not.
   ~Client();
   Client(const Client&) = delete;
   Client& operator=(const Client&) = delete;
+
+  // Ends with kCancelled the calls that run on any thread, and all later ones at once:
+  // to join threads that call before this is destroyed.
+  void EndCalls();
 
   Connection connection() const;
   // False where it is not connected within `timeout`; connection() says why. Not from
@@ -96,8 +102,10 @@ class Client {
   // Answer when the servo has used it. Errors: as in volume.proto; kTooLarge for more
   // than 16 777 216 voxels, kConflict for a revision, and for nothing to undo or redo.
   EditResult Apply(const Edit& edit);
-  EditResult Undo();
-  EditResult Redo();
+  // `expected_revision`: refuse with kConflict unless the volume is at it, so that no
+  // change of another client is taken back.
+  EditResult Undo(std::optional<std::uint64_t> expected_revision = {});
+  EditResult Redo(std::optional<std::uint64_t> expected_revision = {});
   // To the volume as it was loaded, as one edit.
   EditResult Revert();
 

@@ -14,6 +14,18 @@ struct Address {
   std::string host_port{};    // "localhost:7400", "[::1]:7400"
 };
 
+// How a client proves who it is, and the daemon that it is the daemon: for TCP with TLS,
+// which is used where an authority or a certificate is given. Files in PEM, read at
+// every attempt to connect.
+struct Credentials {
+  std::string ca_file{};           // of the daemon's authority; empty: the system's
+  std::string certificate_file{};  // ours, with its key, where the daemon knows it
+  std::string key_file{};
+  // Holds a token, as 'palpated token add' printed it. Empty: $PALPATE_TOKEN_FILE, where
+  // TLS is used. Never sent without TLS.
+  std::string token_file{};
+};
+
 enum class ConnectionState {
   kConnecting,  // the first attempt is under way
   kConnected,   // palpated answers

@@ -10,7 +10,9 @@
 #include <mutex>
 #include <set>
 #include <string>
+#include <utility>
 
+#include "client/sdk/channel.h"
 #include "client/sdk/connection.h"
 #include "common/error/error.h"
 
@@ -21,10 +23,10 @@ inline constexpr std::chrono::seconds kCallTimeout{5};
 class Link {
  public:
   // Connects nothing yet. Errors: as Client's.
-  explicit Link(const Address& address);
+  explicit Link(const Address& address, const Credentials& credentials = {});
 
-  const std::string& name() const { return name_; }
-  bool shares_clock() const { return !socket_path_.empty(); }
+  const std::string& name() const { return route_.name(); }
+  bool shares_clock() const { return !route_.socket_path().empty(); }
   // For calls and poses; and one for voxels.
   std::shared_ptr<grpc::Channel> channel() const;
   std::shared_ptr<grpc::Channel> volume_channel() const;
@@ -71,9 +73,9 @@ class Link {
     grpc::ClientContext& context_;
   };
 
-  std::string name_;
-  std::string socket_path_;  // empty over TCP
-  std::string target_;
+  std::pair<std::shared_ptr<grpc::Channel>, std::shared_ptr<grpc::Channel>> MakeChannels() const;
+
+  const Route route_;
 
   mutable std::mutex mutex_;
   std::shared_ptr<grpc::Channel> channel_;

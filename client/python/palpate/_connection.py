@@ -2,6 +2,7 @@
 
 import types
 
+from palpate._credentials import Credentials
 from palpate._device import Device
 from palpate._edits import Edits
 from palpate._errors import InvalidArgument
@@ -21,8 +22,8 @@ class Connection:
     again, calls and new streams of the same connection work. Any thread.
     """
 
-    def __init__(self, address: str | None) -> None:
-        self._link = Link(address)
+    def __init__(self, address: str | None, credentials: Credentials = Credentials()) -> None:
+        self._link = Link(address, credentials)
         try:
             self._link.check(self._link.stub(device_pb2_grpc.DeviceServiceStub).GetDevice,
                              device_pb2.GetDeviceRequest())
@@ -105,12 +106,19 @@ class Connection:
         return f"<palpate connection to {self.address}>"
 
 
-def connect(address: str | None = None) -> Connection:
+def connect(address: str | None = None, *, tls_ca: str | None = None,
+            tls_cert: str | None = None, tls_key: str | None = None,
+            token_file: str | None = None) -> Connection:
     """Connects to palpated.
 
     address: path of its Unix socket, with a slash in it, or "HOST:PORT"; None:
     $PALPATE_SOCKET, /run/palpate/palpated.sock, or the user's own, as the daemon and the
     other clients choose it.
-    Errors: Unavailable (no palpated there), PermissionDenied (the socket), InvalidArgument.
+    Over TCP, TLS is used where tls_ca or tls_cert is given. tls_ca: the daemon's certificate
+    authority; None: the system's. tls_cert, tls_key: our certificate and its key. token_file:
+    holds a token; None: $PALPATE_TOKEN_FILE, where TLS is used. A token is never sent without
+    TLS. All are paths of files, the first three in PEM.
+    Errors: Unavailable (no palpated there), PermissionDenied (the socket; or palpated does not
+    know us), InvalidArgument, NotFound (a file).
     """
-    return Connection(address)
+    return Connection(address, Credentials(tls_ca, tls_cert, tls_key, token_file))

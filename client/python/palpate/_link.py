@@ -7,6 +7,7 @@ import typing
 import grpc
 
 from palpate._address import target_of
+from palpate._credentials import Credentials
 from palpate._errors import Error, Unavailable, error_of
 
 _CONNECT_TIMEOUT_S = 3.0
@@ -24,9 +25,12 @@ _OPTIONS = [
 class Link:
     """A channel. Any thread may call; close() ends what runs on it."""
 
-    def __init__(self, address: str | None) -> None:
+    def __init__(self, address: str | None, credentials: Credentials) -> None:
         target, self.name = target_of(address)
-        self._channel = grpc.insecure_channel(target, options=_OPTIONS)
+        tls = credentials.channel_credentials(is_tcp=target != self.name)
+        self._has_tls = tls is not None
+        self._channel = (grpc.insecure_channel(target, options=_OPTIONS) if tls is None else
+                         grpc.secure_channel(target, tls, options=_OPTIONS))
         self._is_open = True
 
     def stub(self, kind: typing.Any) -> typing.Any:
@@ -46,6 +50,13 @@ class Link:
 
     def _connect_error(self, failed: grpc.RpcError) -> Error:
         if failed.code() == grpc.StatusCode.UNAVAILABLE:
+            if self._has_tls:
+                return Unavailable(f"no palpated at {self.name} that proves itself to the given "
+                                   "authority over TLS: check the address, that its certificate "
+                                   "names this host, and that it has TLS")
+            if not self.name.startswith("unix:"):
+                return Unavailable(f"no palpated at {self.name} that answers without TLS: start "
+                                   "it there, or give tls_ca of one that has TLS")
             return Unavailable(f"no palpated at {self.name}: start it, or name its address")
         if failed.code() == grpc.StatusCode.DEADLINE_EXCEEDED:
             return Unavailable(f"no answer from {self.name} within {_CONNECT_TIMEOUT_S:g} s, so it "

@@ -1,9 +1,9 @@
-#include "client/cli/interrupt.h"
+#include "client/interrupt/interrupt.h"
 
 #include <atomic>
 #include <csignal>
 
-namespace palpate::cli {
+namespace palpate {
 namespace {
 
 std::atomic<bool> raised{false};
@@ -32,4 +32,4 @@ Interrupt::~Interrupt() {
 
 bool Interrupt::IsRaised() { return raised.load(); }
 
-}  // namespace palpate::cli
+}  // namespace palpate

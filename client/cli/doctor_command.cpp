@@ -1,0 +1,118 @@
+#include "client/cli/doctor_command.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "client/cli/description.h"
+#include "client/cli/doctor_checks.h"
+#include "client/cli/doctor_ports.h"
+#include "client/cli/output.h"
+#include "common/wire/address.h"
+#include "palpate/v1/device.grpc.pb.h"
+
+namespace palpate::cli {
+namespace {
+
+constexpr const char* NameOf(Verdict verdict) {
+  switch (verdict) {
+    case Verdict::kOk:
+      return "ok";
+    case Verdict::kWarn:
+      return "warn";
+    case Verdict::kFail:
+      return "fail";
+  }
+  return "";
+}
+
+Finding VersionFinding(const std::string& version) {
+  if (version == PALPATE_VERSION) return {"version", Verdict::kOk, version + ", as the daemon's"};
+  return {"version", Verdict::kWarn,
+          "the daemon is " + OneLine(version) + ", this client " PALPATE_VERSION,
+          "install the same version of palpate-daemon and palpate-client"};
+}
+
+Finding ServoFinding(const v1::ServoDescription& servo) {
+  if (servo.realtime_scheduling() && servo.memory_locked()) {
+    return {"servo", Verdict::kOk, "real-time scheduling, memory locked"};
+  }
+  const std::string advice =
+      servo.warnings_size() > 0 ? OneLine(servo.warnings(0)) : "see the log of palpated";
+  return {"servo", Verdict::kWarn,
+          fmt::format("{} scheduling, memory {}",
+                      servo.realtime_scheduling() ? "real-time" : "ordinary",
+                      servo.memory_locked() ? "locked" : "not locked"),
+          advice};
+}
+
+// What the daemon itself says, where it answers.
+void AskDaemon(const client::Address& address, const client::Credentials& credentials,
+               std::vector<Finding>& findings) {
+  try {
+    const Connection connection(address, credentials);
+    const v1::GetDeviceResponse device =
+        connection.Call(*v1::DeviceService::NewStub(connection.channel()),
+                        &v1::DeviceService::Stub::GetDevice, v1::GetDeviceRequest());
+    findings.push_back({"daemon", Verdict::kOk, "answers at " + connection.name()});
+    findings.push_back(VersionFinding(device.servo().version()));
+    findings.push_back(ServoFinding(device.servo()));
+  } catch (const Error& error) {
+    findings.push_back({"daemon", Verdict::kWarn, OneLine(error.what()),
+                        "systemctl status palpated; journalctl -u palpated"});
+  }
+}
+
+std::string ToLine(const Finding& finding) {
+  std::string line =
+      fmt::format("{:<5}{:<10}{}\n", NameOf(finding.verdict), finding.name, finding.text);
+  if (!finding.advice.empty()) line += fmt::format("{:<15}-> {}\n", "", finding.advice);
+  return line;
+}
+
+}  // namespace
+
+void AddDoctor(CLI::App& app, DoctorValues& values) {
+  CLI::App* command =
+      app.add_subcommand("doctor",
+                         "Checks this machine: kernel, rights, clock, devices, folders, ports, and "
+                         "the daemon if there\n"
+                         "is one; says for each whether it is ok, and what to do where it is not.");
+  command->footer(
+      "Exit code 10 where something cannot work as it is.\n"
+      "Example: palpate doctor --json | jq '.checks[] | select(.verdict != \"ok\")'");
+  command->add_flag("--json", values.json, "One JSON object instead of text");
+  command->callback([&values] { values.requested = true; });
+}
+
+int RunDoctor(const client::Address& address, const client::Credentials& credentials, bool json) {
+  const Workstation machine = ThisMachine();
+  std::vector<Finding> findings = CheckWorkstation(machine);
+  findings.push_back(CheckPort(machine));
+  findings.push_back(CheckMetricsPort(machine));
+  if (address.host_port.empty()) {
+    findings.push_back(CheckSocket(
+        machine, address.socket_path.empty() ? DefaultSocketPath() : address.socket_path));
+  }
+  AskDaemon(address, credentials, findings);
+  const bool fails = std::any_of(findings.begin(), findings.end(), [](const Finding& finding) {
+    return finding.verdict == Verdict::kFail;
+  });
+  if (json) {
+    Json checks = Json::array();
+    for (const Finding& finding : findings) {
+      checks.push_back({{"name", finding.name},
+                        {"verdict", NameOf(finding.verdict)},
+                        {"text", finding.text},
+                        {"advice", finding.advice}});
+    }
+    WriteOutput(ToText(Json{{"fit", !fails}, {"checks", checks}}, 2));
+  } else {
+    std::string text;
+    for (const Finding& finding : findings) text += ToLine(finding);
+    WriteOutput(text);
+  }
+  return fails ? ExitCode(ErrorKind::kFailedPrecondition) : 0;
+}
+
+}  // namespace palpate::cli

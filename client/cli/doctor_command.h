@@ -1,0 +1,23 @@
+// `palpate doctor`: whether this machine is fit for the haptic loop, and what to do.
+#pragma once
+
+#include <CLI/CLI.hpp>
+
+#include "client/cli/connection.h"
+
+namespace palpate::cli {
+
+struct DoctorValues {
+  bool requested = false;
+  bool json = false;
+};
+
+// Needs no daemon, and so is not an Invocation's command.
+void AddDoctor(CLI::App& app, DoctorValues& values);
+
+// Prints a finding a line, with what to do below it; returns the exit code: 0, or that
+// of kFailedPrecondition where something does not work at all. Looks at the daemon too
+// where there is one. Errors: as WriteOutput.
+int RunDoctor(const client::Address& address, const client::Credentials& credentials, bool json);
+
+}  // namespace palpate::cli

@@ -1,0 +1,131 @@
+#include "client/sdk/channel.h"
+
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstdlib>
+#include <fstream>
+#include <sstream>
+
+#include "common/wire/address.h"
+
+namespace palpate::client {
+namespace {
+
+constexpr char kTokenFileVariable[] = "PALPATE_TOKEN_FILE";
+// Of the lines that begin and end them.
+constexpr char kCertificate[] = "CERTIFICATE";
+constexpr char kPrivateKey[] = "PRIVATE KEY";
+
+[[noreturn]] void Refuse(const std::string& message) {
+  throw Error(ErrorKind::kInvalidArgument, message);
+}
+
+std::string ReadFile(const std::string& path) {
+  std::ifstream file(path, std::ios::binary);
+  std::ostringstream text;
+  // Unlike iterators, it throws nothing for a folder.
+  text << file.rdbuf();
+  if (text.view().empty()) {
+    throw Error(ErrorKind::kNotFound, "cannot read " + path + ", or it is empty");
+  }
+  return text.str();
+}
+
+// gRPC says nothing of what is wrong with such a text.
+std::string ReadPem(const std::string& path, const std::string& what) {
+  std::string text = ReadFile(path);
+  if (text.find(what + "-----") == text.npos) Refuse(path + " holds no " + what + " in PEM");
+  return text;
+}
+
+// One line of it, as 'palpated token add' printed it.
+std::string ReadToken(const std::string& path) {
+  std::string token = ReadFile(path);
+  while (!token.empty() && (token.back() == '\n' || token.back() == '\r')) token.pop_back();
+  const auto is_plain = [](char c) { return c > ' ' && c < 127; };
+  if (token.empty() || token.size() > 128 || !std::all_of(token.begin(), token.end(), is_plain)) {
+    Refuse(path + " holds no token: put into it the line that 'palpated token add' printed");
+  }
+  return token;
+}
+
+}  // namespace
+
+Route::Route(const Address& address, const Credentials& credentials) : credentials_(credentials) {
+  if (!address.socket_path.empty() && !address.host_port.empty()) {
+    Refuse("name a socket, or a host and port, not both");
+  }
+  has_tls_ = !credentials.ca_file.empty() || !credentials.certificate_file.empty();
+  if (credentials.certificate_file.empty() != credentials.key_file.empty()) {
+    Refuse("a certificate and its key come together: name both, or none");
+  }
+  // Without TLS others could read it, and without the daemon's authority anybody could
+  // pose as the daemon.
+  if (!credentials.token_file.empty() && !has_tls_) {
+    Refuse("a token is sent over TLS only: name the daemon's certificate authority too");
+  }
+  if (address.host_port.empty()) {
+    if (has_tls_) Refuse("TLS is for a host and port: the socket has its file mode as guard");
+    socket_path_ = address.socket_path.empty() ? DefaultSocketPath() : address.socket_path;
+    target_ = name_ = UnixTarget(socket_path_);
+    return;
+  }
+  const HostPort host_port = ParseHostPort(address.host_port);
+  target_ = TcpTarget(host_port);
+  name_ = host_port.ToString();
+  const char* file = std::getenv(kTokenFileVariable);
+  // Only where it is safe: the variable holds for all daemons.
+  if (has_tls_ && credentials_.token_file.empty() && file) credentials_.token_file = file;
+}
+
+std::shared_ptr<grpc::ChannelCredentials> Route::MakeCredentials() const {
+  if (!has_tls_) return grpc::InsecureChannelCredentials();
+  grpc::SslCredentialsOptions options;
+  // Without one: the authorities that the system trusts.
+  if (!credentials_.ca_file.empty()) {
+    options.pem_root_certs = ReadPem(credentials_.ca_file, kCertificate);
+  }
+  if (!credentials_.certificate_file.empty()) {
+    options.pem_cert_chain = ReadPem(credentials_.certificate_file, kCertificate);
+    options.pem_private_key = ReadPem(credentials_.key_file, kPrivateKey);
+  }
+  auto tls = grpc::SslCredentials(options);
+  if (credentials_.token_file.empty()) return tls;
+  return grpc::CompositeChannelCredentials(
+      tls, grpc::AccessTokenCredentials(ReadToken(credentials_.token_file)));
+}
+
+std::shared_ptr<grpc::Channel> Route::MakeChannel(const grpc::ChannelArguments& arguments) const {
+  grpc::ChannelArguments all = arguments;
+  // A proxy for web pages has no business between a stylus and its viewer.
+  all.SetInt(GRPC_ARG_ENABLE_HTTP_PROXY, 0);
+  return grpc::CreateCustomChannel(target_, MakeCredentials(), all);
+}
+
+Error Route::WhyUnreached() const {
+  if (socket_path_.empty()) {
+    return {ErrorKind::kUnavailable,
+            has_tls_ ? "no palpated at " + name_ +
+                           " that proves itself to the given authority over TLS: check the "
+                           "address, that its certificate names this host, and that it has TLS"
+                     : "no palpated at " + name_ +
+                           " that answers without TLS: start it there, or name the certificate "
+                           "authority of one that has TLS"};
+  }
+  struct stat info {};
+  const bool found = stat(socket_path_.c_str(), &info) == 0;
+  if (found ? access(socket_path_.c_str(), W_OK) != 0 : errno == EACCES) {
+    return {
+        ErrorKind::kPermissionDenied,
+        "no permission to use " + name_ + ": ask for membership of the group that owns the socket"};
+  }
+  if (found && !S_ISSOCK(info.st_mode)) {
+    return {ErrorKind::kUnavailable, name_ + " is not a socket"};
+  }
+  return {ErrorKind::kUnavailable, "no palpated at " + name_ + ": start it with 'palpated'"};
+}
+
+}  // namespace palpate::client

@@ -1,0 +1,45 @@
+// Where a palpated is, channels to it, and what keeps it from being reached.
+//
+// Threads: any, at once; a route does not change.
+#pragma once
+
+#include <grpcpp/grpcpp.h>
+
+#include <memory>
+#include <string>
+
+#include "client/sdk/connection.h"
+#include "common/error/error.h"
+
+namespace palpate::client {
+
+class Route {
+ public:
+  // Connects nothing yet. Errors: kInvalidArgument for an address that is none, and for
+  // credentials that could not be sent safely; kPermissionDenied as DefaultSocketPath.
+  Route(const Address& address, const Credentials& credentials);
+
+  // "unix:/run/palpate/palpated.sock" or "localhost:7400", for people.
+  const std::string& name() const { return name_; }
+  // Empty over TCP.
+  const std::string& socket_path() const { return socket_path_; }
+
+  // Reads the credentials' files anew, so that renewed ones are taken. Errors:
+  // kNotFound, kInvalidArgument for such a file.
+  std::shared_ptr<grpc::Channel> MakeChannel(const grpc::ChannelArguments& arguments) const;
+
+  // Of a channel that does not connect. gRPC reports all failures alike: the socket's
+  // file tells them apart.
+  Error WhyUnreached() const;
+
+ private:
+  std::shared_ptr<grpc::ChannelCredentials> MakeCredentials() const;
+
+  std::string name_;
+  std::string socket_path_;
+  std::string target_;
+  bool has_tls_ = false;
+  Credentials credentials_;
+};
+
+}  // namespace palpate::client

@@ -1,0 +1,52 @@
+// palpate-view: shows what palpated makes felt, in a window or into a file.
+#include <csignal>
+#include <cstdio>
+#include <cstdlib>
+#include <exception>
+#include <string>
+
+#include "client/interrupt/interrupt.h"
+#include "client/view/app/offscreen.h"
+#include "client/view/app/options.h"
+#include "client/view/app/window.h"
+#include "common/error/error.h"
+
+namespace palpate::view {
+namespace {
+
+int Fail(const std::string& message, int exit_code) {
+  std::fprintf(stderr, "palpate-view: %s\n", message.c_str());
+  return exit_code;
+}
+
+void Main(const Options& options) {
+  const Interrupt interrupt;
+  if (options.offscreen) {
+    RunOffscreen(options);
+  } else {
+    RunWindow(options);
+  }
+}
+
+}  // namespace
+}  // namespace palpate::view
+
+int main(int argc, char** argv) {
+  using palpate::ErrorKind;
+  // A closed output is an error of write(), not the end of the process.
+  std::signal(SIGPIPE, SIG_IGN);
+  // Our one line says it; gRPC's own log would only add to it.
+  setenv("GRPC_VERBOSITY", "NONE", 0);
+  int exit_code = 0;
+  try {
+    if (const auto options = palpate::view::ParseOptions(argc, argv, exit_code)) {
+      palpate::view::Main(*options);
+    }
+    return exit_code;
+  } catch (const palpate::Error& error) {
+    return palpate::view::Fail(error.what(), palpate::ExitCode(error.kind()));
+  } catch (const std::exception& error) {
+    return palpate::view::Fail(std::string("internal error: ") + error.what(),
+                               palpate::ExitCode(ErrorKind::kInternal));
+  }
+}

@@ -1,0 +1,199 @@
+#include "client/view/app/offscreen.h"
+
+// Before what brings OpenGL's own header.
+#include <epoxy/gl.h>
+
+#include <fmt/format.h>
+#include <imgui.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cstdio>
+#include <memory>
+#include <thread>
+
+#include "client/interrupt/interrupt.h"
+#include "client/view/app/frame_log.h"
+#include "client/view/app/interface.h"
+#include "client/view/app/png_file.h"
+#include "client/view/app/viewer.h"
+#include "client/view/render/offscreen_context.h"
+#include "common/error/error.h"
+
+namespace palpate::view {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+constexpr std::chrono::milliseconds kFrame(16);
+constexpr std::chrono::milliseconds kBrickTime(100);
+// Until volume and poses are there, and again until the stylus touches.
+constexpr std::chrono::seconds kPatience(60);
+// Frames after which Dear ImGui has the sizes of all that it lays out.
+constexpr int kPanelFrames = 3;
+
+// A framebuffer that panels are drawn into.
+class PanelTarget {
+ public:
+  explicit PanelTarget(const ImageSize& size) : size_(size) {
+    glGenFramebuffers(1, &framebuffer_);
+    glGenTextures(1, &texture_);
+    glBindTexture(GL_TEXTURE_2D, texture_);
+    glTexStorage2D(GL_TEXTURE_2D, 1, GL_RGBA8, size.width, size.height);
+    glBindFramebuffer(GL_FRAMEBUFFER, framebuffer_);
+    glFramebufferTexture2D(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, GL_TEXTURE_2D, texture_, 0);
+  }
+  ~PanelTarget() {
+    glDeleteFramebuffers(1, &framebuffer_);
+    glDeleteTextures(1, &texture_);
+  }
+  PanelTarget(const PanelTarget&) = delete;
+  PanelTarget& operator=(const PanelTarget&) = delete;
+
+  void Draw(Interface& interface, Viewer& viewer) {
+    ImGuiIO& io = ImGui::GetIO();
+    io.DisplaySize = {static_cast<float>(size_.width), static_cast<float>(size_.height)};
+    io.DeltaTime = 1.0f / 60.0f;
+    interface.DrawFrame(viewer, {}, size_, framebuffer_);
+  }
+  Image Read() const {
+    glBindFramebuffer(GL_FRAMEBUFFER, framebuffer_);
+    return ReadPixels(size_);
+  }
+
+ private:
+  ImageSize size_;
+  unsigned framebuffer_ = 0;
+  unsigned texture_ = 0;
+};
+
+class Cancelled : public Error {
+ public:
+  Cancelled() : Error(ErrorKind::kCancelled, "cancelled") {}
+};
+
+std::string WhatIsMissing(const Viewer& viewer) {
+  const LiveFeed& feed = viewer.feed();
+  if (feed.connection().state != client::ConnectionState::kConnected) return feed.connection().why;
+  const client::VolumeStatus status = feed.volume_status();
+  if (!status.problem.empty()) return "the volume does not come: " + status.problem;
+  if (!status.complete) {
+    return fmt::format("the volume did not come within {} s, {} bricks are missing",
+                       kPatience.count(), status.bricks_left);
+  }
+  return fmt::format("no poses came within {} s", kPatience.count());
+}
+
+// Updates until `holds`; false after the patience.
+template <typename Condition>
+bool Await(Viewer& viewer, const Condition& holds) {
+  const auto end = Clock::now() + kPatience;
+  while (true) {
+    viewer.Update(kBrickTime);
+    if (holds()) return true;
+    if (Interrupt::IsRaised()) throw Cancelled();
+    if (Clock::now() > end) return false;
+    std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  }
+}
+
+void AwaitScene(Viewer& viewer, const Options& options) {
+  const LiveFeed& feed = viewer.feed();
+  // A daemon that is not there at the start is no reason to wait.
+  const bool here = Await(viewer, [&] {
+    return viewer.complete() || feed.connection().state == client::ConnectionState::kLost ||
+           !viewer.volume_problem().empty();
+  });
+  if (const std::string problem = viewer.volume_problem(); !problem.empty()) {
+    throw Error(ErrorKind::kTooLarge, problem);
+  }
+  if (!here || !viewer.complete()) {
+    throw Error(ErrorKind::kUnavailable, WhatIsMissing(viewer));
+  }
+  if (!options.wait_contact) return;
+  const auto touches = [&] {
+    const std::optional<client::Pose>& pose = feed.pose();
+    return pose && pose->contact && pose->scp_v_mm &&
+           (*pose->scp_v_mm - pose->scp_h_mm).norm() >= options.wait_gap_mm;
+  };
+  if (!Await(viewer, touches)) {
+    throw Error(
+        ErrorKind::kFailedPrecondition,
+        fmt::format("the stylus did not touch{} within {} s",
+                    options.wait_gap_mm > 0.0 ? " with such a gap" : "", kPatience.count()));
+  }
+}
+
+class Offscreen {
+ public:
+  Offscreen(const Options& options, Viewer& viewer) : options_(options), viewer_(viewer) {
+    if (!options.panels) return;
+    interface_ = std::make_unique<Interface>(1.0f);
+    target_ = std::make_unique<PanelTarget>(options.size);
+  }
+
+  void DrawFrames(FrameLog& log) {
+    const int most = options_.seconds > 0.0 ? 0 : std::max(1, options_.frames);
+    while (!Interrupt::IsRaised()) {
+      const auto frame = Clock::now();
+      // The first shows what was waited for.
+      if (log.frames() > 0) viewer_.Update(kBrickTime);
+      RequireConnection();
+      log.Add(viewer_);
+      DrawFrame();
+      if (most > 0 ? log.frames() >= most : log.seconds() >= options_.seconds) break;
+      std::this_thread::sleep_until(frame + kFrame);
+    }
+  }
+
+  Image Read() {
+    if (!target_) return viewer_.renderer().ReadBack();
+    for (int i = 1; i < kPanelFrames; ++i) target_->Draw(*interface_, viewer_);
+    return target_->Read();
+  }
+
+ private:
+  // What would be drawn is no longer so.
+  void RequireConnection() const {
+    const client::Connection connection = viewer_.feed().connection();
+    if (connection.state == client::ConnectionState::kConnected) return;
+    throw Error(ErrorKind::kUnavailable, connection.why);
+  }
+
+  void DrawFrame() {
+    if (target_) {
+      target_->Draw(*interface_, viewer_);
+    } else {
+      viewer_.DrawFine(options_.size);
+    }
+  }
+
+  const Options& options_;
+  Viewer& viewer_;
+  std::unique_ptr<Interface> interface_;
+  std::unique_ptr<PanelTarget> target_;
+};
+
+}  // namespace
+
+void RunOffscreen(const Options& options) {
+  if (!options.screenshot.empty()) RequireWritable(options.screenshot);
+  const OffscreenContext context;
+  Viewer viewer(options);
+  viewer.AllowCoarse(false);
+  AwaitScene(viewer, options);
+  // As the stylus is now.
+  viewer.Aim();
+  Offscreen offscreen(options, viewer);
+  FrameLog log;
+  offscreen.DrawFrames(log);
+  if (Interrupt::IsRaised()) throw Cancelled();
+  fmt::print("{}\n", log.Line(viewer));
+  if (!options.screenshot.empty()) {
+    WritePng(offscreen.Read(), options.screenshot);
+    fmt::print("{}: {} x {} pixels\n", options.screenshot, options.size.width, options.size.height);
+  }
+  std::fflush(stdout);
+}
+
+}  // namespace palpate::view

@@ -1,0 +1,51 @@
+#include <algorithm>
+
+#include "client/view/app/input.h"
+#include "client/view/app/panels.h"
+#include "client/view/app/widgets.h"
+
+namespace palpate::view {
+
+void BrushPanel(Viewer& viewer) {
+  ImGui::SetNextItemOpen(true, ImGuiCond_Once);
+  if (!ImGui::CollapsingHeader("Brush")) return;
+  BrushOptions& brush = viewer.state().brush;
+  ImGui::Checkbox("Drag on the surface edits (B)", &brush.on);
+  static const char* const operations[] = {"add", "subtract", "set", "smooth", "paint"};
+  int operation = static_cast<int>(brush.operation);
+  if (Choose("Operation", operation, operations, 5)) {
+    brush.operation = static_cast<client::EditOperation>(operation);
+  }
+  DragDouble("Radius", brush.radius_mm, 0.05, 0.1, 100.0, "%.2f mm");
+  DragDouble("Fades over", brush.falloff_mm, 0.05, 0.0, 100.0, "%.2f mm");
+  const auto& lattice = viewer.feed().volume().lattice();
+  const double range = lattice ? lattice->value_max - lattice->value_min : 1.0;
+  if (brush.operation != client::EditOperation::kSmooth) {
+    DragDouble("Value", brush.value, range / 500.0, -1e9, 1e9, "%.5g");
+    if (lattice) UnitText(lattice->unit);
+  }
+  if (brush.operation == client::EditOperation::kSmooth ||
+      brush.operation == client::EditOperation::kPaint) {
+    DragDouble("Strength", brush.strength, 0.01, 0.01, 1.0, "%.2f");
+  }
+  ImGui::BeginDisabled(!viewer.brush().CanUndo());
+  if (ImGui::Button("Undo stroke (ctrl+Z)")) UndoEdit(viewer);
+  ImGui::EndDisabled();
+  ImGui::SameLine();
+  ImGui::BeginDisabled(!viewer.brush().CanRedo());
+  if (ImGui::Button("Redo (ctrl+Y)")) RedoEdit(viewer);
+  ImGui::EndDisabled();
+}
+
+void DrawLeftPanels(Viewer& viewer, const Area& area, float scale) {
+  BeginPanel("left", area);
+  ImGui::PushItemWidth(0.58f * ImGui::GetContentRegionAvail().x);
+  IsovaluePanel(viewer, scale);
+  LookPanel(viewer);
+  BrushPanel(viewer);
+  CutsPanel(viewer);
+  ImGui::PopItemWidth();
+  ImGui::End();
+}
+
+}  // namespace palpate::view

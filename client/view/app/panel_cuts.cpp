@@ -1,0 +1,94 @@
+#include <algorithm>
+#include <array>
+
+#include "client/view/app/panels.h"
+#include "client/view/app/widgets.h"
+
+namespace palpate::view {
+namespace {
+
+void EditCrop(CropBox& crop) {
+  static constexpr std::array<const char*, 3> names = {"Crop x", "Crop y", "Crop z"};
+  for (int axis = 0; axis < 3; ++axis) {
+    std::array<float, 2> percent = {static_cast<float>(100.0 * crop.min[axis]),
+                                    static_cast<float>(100.0 * crop.max[axis])};
+    if (!ImGui::DragFloatRange2(names[static_cast<std::size_t>(axis)], &percent[0], &percent[1],
+                                0.3f, 0.0f, 100.0f, "%.0f %%", "%.0f %%",
+                                ImGuiSliderFlags_AlwaysClamp)) {
+      continue;
+    }
+    // Something is left always.
+    crop.min[axis] = std::min(static_cast<double>(percent[0]) / 100.0, 0.99);
+    crop.max[axis] = std::max(static_cast<double>(percent[1]) / 100.0, crop.min[axis] + 0.01);
+  }
+  if (ImGui::Button("Whole volume")) crop = {};
+}
+
+// Of the lattice with its layer of background along the plane's normal, voxels: at its
+// ends the plane cuts nothing, and everything.
+std::array<double, 2> Extent(const ClipPlane& plane, const Vec3i& size) {
+  const Vec3 one = -plane.normal_I;
+  const Vec3 other = plane.normal_I.cwiseProduct(size.cast<double>());
+  return {one.cwiseMin(other).sum(), one.cwiseMax(other).sum()};
+}
+
+void Place(ClipPlane& plane, const Vec3& normal_I, const Vec3i& size) {
+  plane.normal_I = normal_I.normalized();
+  const auto [least, most] = Extent(plane, size);
+  plane.offset_voxels = 0.5 * (least + most);
+}
+
+// Across the line of sight: what is nearer is cut away.
+Vec3 NormalToViewer(const Viewer& viewer) {
+  const Camera& camera = viewer.state().camera;
+  const Vec3 normal_D = camera.Eye() - camera.target();
+  const auto& X_DI = viewer.feed().volume().X_DI();
+  // Normals are covectors.
+  return X_DI ? Vec3(X_DI->linear.transpose() * normal_D) : normal_D;
+}
+
+void EditPlane(Viewer& viewer, ClipPlane& plane, int number, const Vec3i& size) {
+  bool& placed = viewer.state().planes_placed[static_cast<std::size_t>(number)];
+  ImGui::PushID(number);
+  const std::string label = "Plane " + std::to_string(number + 1);
+  if (ImGui::Checkbox(label.c_str(), &plane.on) && plane.on && !placed) {
+    Place(plane, plane.normal_I, size);
+    placed = true;
+  }
+  if (plane.on) {
+    static constexpr std::array<const char*, 3> axes = {"x", "y", "z"};
+    for (int axis = 0; axis < 3; ++axis) {
+      ImGui::SameLine();
+      if (ImGui::SmallButton(axes[static_cast<std::size_t>(axis)])) {
+        Place(plane, Vec3::Unit(axis), size);
+      }
+    }
+    ImGui::SameLine();
+    if (ImGui::SmallButton("facing me")) Place(plane, NormalToViewer(viewer), size);
+    ImGui::SameLine();
+    if (ImGui::SmallButton("flip")) {
+      plane.normal_I = -plane.normal_I;
+      plane.offset_voxels = -plane.offset_voxels;
+    }
+    const auto [least, most] = Extent(plane, size);
+    ImGui::SliderScalar("Offset", ImGuiDataType_Double, &plane.offset_voxels, &least, &most,
+                        "%.1f voxels");
+  }
+  ImGui::PopID();
+}
+
+}  // namespace
+
+void CutsPanel(Viewer& viewer) {
+  if (!ImGui::CollapsingHeader("Crop and cut")) return;
+  const auto& lattice = viewer.feed().volume().lattice();
+  if (!lattice) return;
+  SurfaceOptions& surface = viewer.state().surface;
+  EditCrop(surface.crop);
+  for (int number = 0; number < static_cast<int>(surface.planes.size()); ++number) {
+    EditPlane(viewer, surface.planes[static_cast<std::size_t>(number)], number, lattice->size);
+  }
+  ImGui::Checkbox("Show values where it is cut", &surface.caps);
+}
+
+}  // namespace palpate::view

@@ -1,0 +1,259 @@
+#include <imgui.h>
+#include <imgui_stdlib.h>
+
+#include <algorithm>
+#include <array>
+#include <span>
+#include <vector>
+
+#include "client/view/app/panels.h"
+#include "client/view/app/widgets.h"
+
+namespace palpate::view {
+namespace {
+
+const char* NameOf(client::ForceState state) {
+  switch (state) {
+    case client::ForceState::kUnknown:
+      return "unknown";
+    case client::ForceState::kOff:
+      return "off";
+    case client::ForceState::kRampIn:
+      return "ramping in";
+    case client::ForceState::kOn:
+      return "on";
+    case client::ForceState::kHeld:
+      return "held back";
+    case client::ForceState::kFault:
+      return "off after a fault";
+    case client::ForceState::kStopped:
+      return "stopped";
+  }
+  return "unknown";
+}
+
+// Why forces are not on, as far as it is not said by the state.
+const char* InWords(client::ForceReason reason) {
+  switch (reason) {
+    case client::ForceReason::kUnknown:
+    case client::ForceReason::kNone:
+      return "";
+    case client::ForceReason::kOperator:
+      return "not enabled";
+    case client::ForceReason::kDocked:
+      return "the stylus is docked: take it out";
+    case client::ForceReason::kUncalibrated:
+      return "the device is not calibrated";
+    case client::ForceReason::kStale:
+      return "readings come late";
+    case client::ForceReason::kDeadlines:
+      return "the loop misses deadlines";
+    case client::ForceReason::kDevice:
+      return "the device is gone or broken";
+    case client::ForceReason::kPosition:
+      return "a position was no number";
+    case client::ForceReason::kForce:
+      return "a force was no number";
+    case client::ForceReason::kSpeed:
+      return "the stylus moved too fast";
+    case client::ForceReason::kStopCall:
+      return "emergency stop";
+    case client::ForceReason::kStopButton:
+      return "emergency stop by the stylus";
+  }
+  return "";
+}
+
+bool AreOn(client::ForceState state) {
+  return state == client::ForceState::kOn || state == client::ForceState::kRampIn ||
+         state == client::ForceState::kHeld;
+}
+
+bool WereVerified(client::VerificationLevel level) {
+  return level == client::VerificationLevel::kForceVerified ||
+         level == client::VerificationLevel::kSimulated;
+}
+
+void Enable(Viewer& viewer, const std::string& kind) {
+  viewer.feed().commands().Do("enable forces",
+                              [kind](client::Client& client) { client.EnableForces(kind); });
+}
+
+// A device whose forces nobody has seen is enabled by its name only.
+void ConfirmEnable(Viewer& viewer, const client::DeviceInfo& device) {
+  if (!ImGui::BeginPopupModal("Enable forces?", nullptr, ImGuiWindowFlags_AlwaysAutoResize)) return;
+  ImGui::Text("The forces of %s were never verified.", device.model.c_str());
+  ImGui::Text("Hold the stylus firmly, and have Esc ready, the emergency stop.");
+  // What Dear ImGui sees after ### is the button; what is before may be anything.
+  if (ImGui::Button(("Enable " + OneLine(device.kind, 60) + "###enable").c_str())) {
+    Enable(viewer, device.kind);
+    ImGui::CloseCurrentPopup();
+  }
+  ImGui::SameLine();
+  if (ImGui::Button("Leave them off")) ImGui::CloseCurrentPopup();
+  ImGui::EndPopup();
+}
+
+void EditForces(Viewer& viewer, client::ForceState state,
+                const std::optional<client::DeviceInfo>& device) {
+  if (AreOn(state)) {
+    if (ImGui::Button("Disable forces")) {
+      viewer.feed().commands().Do("disable forces",
+                                  [](client::Client& client) { client.DisableForces(); });
+    }
+    return;
+  }
+  ImGui::BeginDisabled(!device);
+  if (ImGui::Button("Enable forces")) {
+    if (WereVerified(device->verification_level)) {
+      Enable(viewer, {});
+    } else {
+      ImGui::OpenPopup("Enable forces?");
+    }
+  }
+  ImGui::EndDisabled();
+  if (device) ConfirmEnable(viewer, *device);
+}
+
+// Over the last 10 seconds by the clock: where no poses came, there is no line.
+void DrawCurve(const PlotHistory& plots, Plot plot, std::int64_t end_ns, const Area& area) {
+  constexpr std::int64_t kGap_ns = 250'000'000;
+  ImDrawList& list = *ImGui::GetWindowDrawList();
+  const ImVec2 max{area.min.x + area.size.x, area.min.y + area.size.y};
+  list.AddRectFilled(area.min, max, ImGui::GetColorU32(ImGuiCol_FrameBg), 3.0f);
+  const std::span<const float> values = plots.Values(plot);
+  const std::span<const std::int64_t> times_ns = plots.Times_ns();
+  // Room above the greatest, and a line at the bottom where all are 0.
+  const float top = plots.Greatest(plot) > 0.0f ? 1.1f * plots.Greatest(plot) : 1.0f;
+  std::vector<ImVec2> line;
+  const auto finish = [&] {
+    list.AddPolyline(line.data(), static_cast<int>(line.size()),
+                     ImGui::GetColorU32(ImGuiCol_PlotLines), 0, 1.0f);
+    line.clear();
+  };
+  for (std::size_t n = 0; n < values.size(); ++n) {
+    const double before = static_cast<double>(end_ns - times_ns[n]) / PlotHistory::kSpan_ns;
+    if (n > 0 && times_ns[n] - times_ns[n - 1] > kGap_ns) finish();
+    line.push_back({max.x - static_cast<float>(before) * area.size.x,
+                    max.y - 2.0f - std::min(values[n] / top, 1.0f) * (area.size.y - 4.0f)});
+  }
+  finish();
+}
+
+void Curve(const Viewer& viewer, Plot plot, const char* name, const char* format, float scale) {
+  const PlotHistory& plots = viewer.feed().plots();
+  std::array<char, 32> newest{"\xE2\x80\x93"};
+  std::array<char, 32> greatest{};
+  // What no longer comes has no value now.
+  if (!viewer.feed().silent_s()) {
+    std::snprintf(newest.data(), newest.size(), format, static_cast<double>(plots.Newest(plot)));
+  }
+  std::snprintf(greatest.data(), greatest.size(), format,
+                static_cast<double>(plots.Greatest(plot)));
+  const std::string most = std::string("max ") + greatest.data();
+  const float width = ImGui::GetContentRegionMax().x;
+  ImGui::Text("%s", name);
+  ImGui::SameLine(0.4f * width);
+  ImGui::Text("%s", newest.data());
+  ImGui::SameLine(width - ImGui::CalcTextSize(most.c_str()).x);
+  ImGui::TextColored(kDim, "%s", most.c_str());
+  const Area area{ImGui::GetCursorScreenPos(), {ImGui::GetContentRegionAvail().x, 30.0f * scale}};
+  ImGui::Dummy(area.size);
+  DrawCurve(plots, plot, viewer.feed().plots_end_ns(), area);
+}
+
+}  // namespace
+
+void DevicePanel(Viewer& viewer) {
+  ImGui::SetNextItemOpen(true, ImGuiCond_Once);
+  if (!ImGui::CollapsingHeader("Device and forces")) return;
+  const std::optional<client::DeviceInfo> device = viewer.feed().device();
+  const auto& pose = viewer.feed().pose();
+  if (device) {
+    ImGui::TextWrapped("%s", device->model.c_str());
+    if (!device->problem.empty()) {
+      ImGui::PushStyleColor(ImGuiCol_Text, kBad);
+      ImGui::TextWrapped("%s", device->problem.c_str());
+      ImGui::PopStyleColor();
+    }
+  }
+  if (viewer.feed().connection().state != client::ConnectionState::kConnected) {
+    ImGui::TextColored(kWarning, "unknown: not connected");
+    return;
+  }
+  if (viewer.feed().silent_s()) {
+    ImGui::TextColored(kBad, "unknown: palpated sends nothing");
+    return;
+  }
+  const client::ForceStatus forces = pose     ? pose->forces
+                                     : device ? device->forces
+                                              : client::ForceStatus{};
+  const bool on = AreOn(forces.state);
+  ImGui::AlignTextToFramePadding();
+  ImGui::Text("Forces");
+  ImGui::SameLine();
+  ImGui::TextColored(on ? kGood : kWarning, "%s", NameOf(forces.state));
+  ImGui::SameLine();
+  EditForces(viewer, forces.state, device);
+  const char* why = InWords(forces.reason);
+  if (!on && *why != '\0') ImGui::TextColored(kWarning, "%s", why);
+}
+
+void PlotsPanel(Viewer& viewer, float scale) {
+  ImGui::SetNextItemOpen(true, ImGuiCond_Once);
+  if (!ImGui::CollapsingHeader("Last 10 seconds")) return;
+  if (const auto silent_s = viewer.feed().silent_s()) {
+    ImGui::TextColored(kBad, "no poses for %.1f s", *silent_s);
+  }
+  Curve(viewer, Plot::kForce_n, "|F|", "%.2f N", scale);
+  Curve(viewer, Plot::kPenetration_mm, "Penetration", "%.2f mm", scale);
+  Curve(viewer, Plot::kUpdate_us, "Update", "%.1f \xC2\xB5s", scale);
+  Curve(viewer, Plot::kMissedTicks, "Missed ticks", "%.0f", scale);
+  Curve(viewer, Plot::kStreamAge_ms, "Stream age", "%.1f ms", scale);
+}
+
+void RecordingPanel(Viewer& viewer) {
+  ImGui::SetNextItemOpen(true, ImGuiCond_Once);
+  if (!ImGui::CollapsingHeader("Recording")) return;
+  const std::optional<client::RecordingState> recording = viewer.feed().recording();
+  LiveFeed& feed = viewer.feed();
+  if (recording && recording->running) {
+    if (ImGui::Button("Stop recording")) {
+      feed.DoAndAsk("stop recording", [](client::Client& client) { client.StopRecording(); });
+    }
+    ImGui::TextWrapped("%s", recording->path.c_str());
+    ImGui::TextColored(kDim, "%.1f s, %.1f MB", static_cast<double>(recording->ticks) / 1000.0,
+                       static_cast<double>(recording->size_bytes) / 1e6);
+    if (recording->lost_ticks > 0) {
+      ImGui::TextColored(kBad, "%llu ticks lost",
+                         static_cast<unsigned long long>(recording->lost_ticks));
+    }
+    return;
+  }
+  std::string& path = viewer.state().recording_path;
+  ImGui::SetNextItemWidth(ImGui::GetContentRegionAvail().x);
+  ImGui::InputTextWithHint("##path", "/file on palpated's machine", &path);
+  ImGui::BeginDisabled(path.empty());
+  if (ImGui::Button("Record")) {
+    feed.DoAndAsk("record", [path](client::Client& client) { client.StartRecording(path); });
+  }
+  ImGui::EndDisabled();
+  if (recording && !recording->error.empty()) {
+    ImGui::PushStyleColor(ImGuiCol_Text, kBad);
+    ImGui::TextWrapped("%s", recording->error.c_str());
+    ImGui::PopStyleColor();
+  }
+}
+
+void DrawRightPanels(Viewer& viewer, const Area& area, float scale) {
+  BeginPanel("right", area);
+  ImGui::PushItemWidth(0.5f * ImGui::GetContentRegionAvail().x);
+  DevicePanel(viewer);
+  PlotsPanel(viewer, scale);
+  RecordingPanel(viewer);
+  FeelPanel(viewer);
+  ImGui::PopItemWidth();
+  ImGui::End();
+}
+
+}  // namespace palpate::view

@@ -1,0 +1,110 @@
+#include <algorithm>
+#include <cmath>
+
+#include "client/view/app/panels.h"
+#include "client/view/app/widgets.h"
+
+namespace palpate::view {
+namespace {
+
+struct Scale {
+  double min;
+  double max;
+  Area area;
+
+  float X(double value) const {
+    const double share = max > min ? (value - min) / (max - min) : 0.0;
+    return area.min.x + area.size.x * static_cast<float>(std::clamp(share, 0.0, 1.0));
+  }
+  double Value(float x) const {
+    const double share = static_cast<double>((x - area.min.x) / area.size.x);
+    return min + std::clamp(share, 0.0, 1.0) * (max - min);
+  }
+};
+
+// Logarithmic: a skin of few voxels counts as much as the air around it.
+void DrawBars(const Histogram& histogram, const Scale& scale, double isovalue, bool free_above) {
+  ImDrawList& list = *ImGui::GetWindowDrawList();
+  const auto& counts = histogram.counts();
+  const double greatest =
+      std::log1p(static_cast<double>(*std::max_element(counts.begin(), counts.end())));
+  if (greatest <= 0.0) return;
+  const double width = (histogram.max() - histogram.min()) / Histogram::kBins;
+  const float bottom = scale.area.min.y + scale.area.size.y;
+  for (int bin = 0; bin < Histogram::kBins; ++bin) {
+    const double value = histogram.min() + (bin + 0.5) * width;
+    const double share =
+        std::log1p(static_cast<double>(counts[static_cast<std::size_t>(bin)])) / greatest;
+    const bool material = free_above ? value <= isovalue : value >= isovalue;
+    list.AddRectFilled({scale.X(value - 0.5 * width),
+                        bottom - static_cast<float>(share) * (scale.area.size.y - 8.0f)},
+                       {scale.X(value + 0.5 * width), bottom},
+                       material ? IM_COL32(200, 180, 150, 255) : IM_COL32(80, 86, 96, 255));
+  }
+}
+
+void DrawMark(const Scale& scale, double value, ImU32 color, float width) {
+  ImDrawList& list = *ImGui::GetWindowDrawList();
+  const float x = scale.X(value);
+  const float top = scale.area.min.y;
+  list.AddLine({x, top}, {x, top + scale.area.size.y}, color, width);
+  list.AddTriangleFilled({x - 5.0f, top}, {x + 5.0f, top}, {x, top + 7.0f}, color);
+}
+
+// True where the user drags it.
+bool DragOnHistogram(Viewer& viewer, float scale_of_screen, double& isovalue) {
+  const Histogram& histogram = viewer.feed().volume().histogram();
+  const Scale scale{
+      histogram.min(),
+      histogram.max(),
+      {ImGui::GetCursorScreenPos(), {ImGui::GetContentRegionAvail().x, 96.0f * scale_of_screen}}};
+  ImGui::InvisibleButton("histogram", scale.area.size);
+  const bool held = ImGui::IsItemActive();
+  if (held) isovalue = scale.Value(ImGui::GetIO().MousePos.x);
+  if (ImGui::IsItemHovered() || held) ImGui::SetMouseCursor(ImGuiMouseCursor_ResizeEW);
+  ImGui::GetWindowDrawList()->AddRectFilled(
+      scale.area.min, {scale.area.min.x + scale.area.size.x, scale.area.min.y + scale.area.size.y},
+      IM_COL32(20, 22, 26, 255));
+  const SurfaceOptions& surface = viewer.state().surface;
+  DrawBars(histogram, scale, isovalue, surface.free_above);
+  if (surface.veil.shown) {
+    const Rgb& c = surface.veil.color;
+    DrawMark(scale, surface.veil.isovalue,
+             ImGui::ColorConvertFloat4ToU32({c.x(), c.y(), c.z(), 1.0f}), 1.0f);
+  }
+  DrawMark(scale, isovalue, IM_COL32(255, 235, 120, 255), 2.0f);
+  return held;
+}
+
+}  // namespace
+
+void IsovaluePanel(Viewer& viewer, float scale) {
+  ImGui::SetNextItemOpen(true, ImGuiCond_Once);
+  if (!ImGui::CollapsingHeader("Isovalue")) return;
+  const auto& lattice = viewer.feed().volume().lattice();
+  const auto& settings = viewer.feed().settings();
+  if (!lattice || !settings) {
+    ImGui::TextColored(kDim, "no volume yet");
+    return;
+  }
+  constexpr unsigned kControl = Viewer::kIsovalueControl;
+  const double before = viewer.held().Shown(kControl, settings->isovalue);
+  double isovalue = before;
+  bool held = DragOnHistogram(viewer, scale, isovalue);
+  const double range = lattice->value_max - lattice->value_min;
+  ImGui::SetNextItemWidth(ImGui::GetContentRegionAvail().x * 0.4f);
+  DragDouble("##isovalue", isovalue, range / 1000.0, lattice->value_min, lattice->value_max,
+             "%.6g");
+  held = held || ImGui::IsItemActive();
+  if (ImGui::IsItemHovered())
+    ImGui::SetTooltip("drag, or ctrl+click to type; it changes for everyone");
+  UnitText(lattice->unit);
+  ImGui::SameLine();
+  ImGui::TextColored(kDim, "%.1f %% of range",
+                     range > 0.0 ? 100.0 * (isovalue - lattice->value_min) / range : 0.0);
+  const bool changed = isovalue != before;
+  viewer.held().Update(kControl, isovalue, changed, held);
+  if (changed) viewer.feed().commands().Set({.isovalue = isovalue});
+}
+
+}  // namespace palpate::view

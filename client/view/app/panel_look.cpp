@@ -1,0 +1,77 @@
+#include "client/view/app/panels.h"
+#include "client/view/app/widgets.h"
+
+namespace palpate::view {
+namespace {
+
+void EditColor(const char* label, Rgb& color) {
+  ImGui::ColorEdit3(label, color.data(), ImGuiColorEditFlags_NoInputs);
+}
+
+void EditSurface(SurfaceOptions& surface, double min, double max) {
+  const double speed = (max - min) / 500.0;
+  ImGui::Checkbox("Surface", &surface.shown);
+  ImGui::SameLine(0.0f, 20.0f);
+  EditColor("Colour", surface.color);
+  static const char* const colorings[] = {"one colour", "by height", "by slope"};
+  int coloring = static_cast<int>(surface.coloring);
+  if (Choose("Colouring", coloring, colorings, 3)) {
+    surface.coloring = static_cast<SurfaceColoring>(coloring);
+  }
+  static const char* const maps[] = {"gray", "bone", "hot", "viridis", "cool-warm"};
+  static_assert(std::size(maps) == kColorMapNames.size());
+  int map = static_cast<int>(surface.color_map);
+  if (Choose("Colour map", map, maps, static_cast<int>(std::size(maps)))) {
+    surface.color_map = static_cast<ColorMap>(map);
+  }
+  DragDouble("Window from", surface.window_min, speed, min - (max - min), surface.window_max,
+             "%.5g");
+  DragDouble("Window to", surface.window_max, speed, surface.window_min, max + (max - min), "%.5g");
+}
+
+void EditVeil(Veil& veil, double min, double max) {
+  ImGui::Checkbox("Veil (V)", &veil.shown);
+  if (ImGui::IsItemHovered()) ImGui::SetTooltip("a second, translucent isosurface");
+  if (!veil.shown) return;
+  ImGui::SameLine(0.0f, 20.0f);
+  EditColor("Colour##veil", veil.color);
+  ImGui::SliderScalar("Veil at", ImGuiDataType_Double, &veil.isovalue, &min, &max, "%.5g");
+  const double least = 0.02;
+  const double most = 1.0;
+  ImGui::SliderScalar("Opacity", ImGuiDataType_Double, &veil.opacity, &least, &most, "%.2f");
+}
+
+void EditOverlay(OverlayOptions& overlay) {
+  ImGui::Checkbox("Haptic surface near the proxy (H)", &overlay.haptic_surface);
+  if (ImGui::IsItemHovered())
+    ImGui::SetTooltip("wireframe of what is felt: it differs from what is seen");
+  if (overlay.haptic_surface) {
+    const double least = 2.0;
+    const double most = 10.0;
+    ImGui::SliderScalar("Radius##h", ImGuiDataType_Double, &overlay.haptic_surface_radius_voxels,
+                        &least, &most, "%.0f voxels");
+  }
+  ImGui::Checkbox("Points", &overlay.points);
+  ImGui::SameLine();
+  ImGui::Checkbox("Force", &overlay.force);
+  ImGui::SameLine();
+  ImGui::Checkbox("Stylus", &overlay.stylus);
+  ImGui::SameLine();
+  ImGui::Checkbox("Box", &overlay.box);
+}
+
+}  // namespace
+
+void LookPanel(Viewer& viewer) {
+  ImGui::SetNextItemOpen(true, ImGuiCond_Once);
+  if (!ImGui::CollapsingHeader("Look")) return;
+  const auto& lattice = viewer.feed().volume().lattice();
+  const double min = lattice ? lattice->value_min : 0.0;
+  const double max = lattice ? lattice->value_max : 1.0;
+  ViewState& state = viewer.state();
+  EditSurface(state.surface, min, max);
+  EditVeil(state.surface.veil, min, max);
+  EditOverlay(state.overlay);
+}
+
+}  // namespace palpate::view

@@ -1,0 +1,142 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <filesystem>
+
+#include "client/view/app/panels.h"
+#include "client/view/app/widgets.h"
+
+namespace palpate::view {
+namespace {
+
+constexpr std::size_t kLongestLine = 300;  // bytes
+constexpr std::size_t kLongestName = 60;
+
+void Dot(const ImVec4& color) {
+  const float height = ImGui::GetTextLineHeight();
+  const ImVec2 p = ImGui::GetCursorScreenPos();
+  ImGui::GetWindowDrawList()->AddCircleFilled({p.x + 0.5f * height, p.y + 0.5f * height + 3.0f},
+                                              0.35f * height,
+                                              ImGui::ColorConvertFloat4ToU32(color));
+  ImGui::Dummy({height, height});
+  ImGui::SameLine();
+}
+
+void ConnectionState(const Viewer& viewer) {
+  const client::Connection connection = viewer.feed().connection();
+  const std::string& name = viewer.feed().name();
+  ImGui::AlignTextToFramePadding();
+  switch (connection.state) {
+    case client::ConnectionState::kConnected:
+      if (const auto silent_s = viewer.feed().silent_s()) {
+        Dot(kBad);
+        ImGui::TextColored(kBad, "no poses for %.1f s", *silent_s);
+        break;
+      }
+      Dot(kGood);
+      ImGui::Text("connected");
+      if (ImGui::IsItemHovered()) ImGui::SetTooltip("%s", name.c_str());
+      break;
+    case client::ConnectionState::kConnecting:
+      Dot(kWarning);
+      ImGui::TextColored(kWarning, "connecting to %s", name.c_str());
+      break;
+    case client::ConnectionState::kLost:
+      Dot(kBad);
+      ImGui::TextColored(kBad, "reconnecting: %s", OneLine(connection.why, kLongestLine).c_str());
+      break;
+  }
+}
+
+void VolumeState(const Viewer& viewer) {
+  const client::VolumeStatus status = viewer.feed().volume_status();
+  const auto& lattice = viewer.feed().volume().lattice();
+  // Of a lost connection it says the same once more.
+  const bool connected = viewer.feed().connection().state == client::ConnectionState::kConnected;
+  const std::string problem = status.problem.empty() ? viewer.volume_problem() : status.problem;
+  if (!problem.empty() && connected) {
+    ImGui::SameLine();
+    ImGui::TextColored(kBad, "volume: %s", OneLine(problem, kLongestLine).c_str());
+    if (ImGui::IsItemHovered()) ImGui::SetTooltip("%s", problem.c_str());
+    return;
+  }
+  if (!lattice) return;
+  ImGui::SameLine(0.0f, 24.0f);
+  const std::string name = std::filesystem::path(lattice->source).filename().string();
+  ImGui::Text("%s", OneLine(name, kLongestName).c_str());
+  if (ImGui::IsItemHovered()) {
+    ImGui::SetTooltip("%s", OneLine(lattice->source, kLongestLine).c_str());
+  }
+  ImGui::SameLine();
+  ImGui::TextColored(kDim, "%d \xC3\x97 %d \xC3\x97 %d", lattice->size.x(), lattice->size.y(),
+                     lattice->size.z());
+  // On their way here, or to the graphics card.
+  const std::uint64_t left =
+      std::max<std::uint64_t>(status.bricks_left, viewer.renderer().waiting_bricks());
+  if (left > 0) {
+    const double all = static_cast<double>(lattice->Bricks());
+    const double share = std::max(0.0, 1.0 - static_cast<double>(left) / all);
+    ImGui::SameLine();
+    ImGui::TextColored(kWarning, "%.0f %% of it here", 100.0 * share);
+  }
+}
+
+void States(const Viewer& viewer) {
+  if (viewer.state().brush.on) {
+    ImGui::SameLine(0.0f, 24.0f);
+    ImGui::TextColored(kWarning, "BRUSH");
+  }
+  if (const auto recording = viewer.feed().recording(); recording && recording->running) {
+    ImGui::SameLine(0.0f, 24.0f);
+    Dot(kBad);
+    ImGui::TextColored(kBad, "REC");
+  }
+}
+
+float ButtonWidth(const char* label) {
+  return ImGui::CalcTextSize(label).x + 2.0f * ImGui::GetStyle().FramePadding.x;
+}
+
+// At the right end; returns where they begin. In a narrow window less is said, so that the
+// connection's state has room.
+float Buttons(Viewer& viewer, float scale) {
+  const bool wide = ImGui::GetWindowWidth() > 500.0f * scale;
+  const char* stop = wide ? "STOP FORCES (Esc)" : "STOP";
+  const char* help = "Help (F1)";
+  const float gap = 8.0f * scale;
+  const float stop_width = ButtonWidth(stop) + 12.0f * scale;
+  const float help_width = wide ? ButtonWidth(help) : 0.0f;
+  const float begin = ImGui::GetWindowWidth() - stop_width - help_width - 2.0f * gap;
+  ImGui::SetCursorPos({begin, gap});
+  if (wide) {
+    if (ImGui::Button(help, {help_width, 0.0f})) {
+      viewer.state().help_shown = !viewer.state().help_shown;
+    }
+    ImGui::SameLine(0.0f, gap);
+  }
+  ImGui::PushStyleColor(ImGuiCol_Button, {0.75f, 0.10f, 0.10f, 1.0f});
+  ImGui::PushStyleColor(ImGuiCol_ButtonHovered, {0.90f, 0.16f, 0.14f, 1.0f});
+  ImGui::PushStyleColor(ImGuiCol_ButtonActive, {1.00f, 0.30f, 0.25f, 1.0f});
+  if (ImGui::Button(stop, {stop_width, 0.0f})) viewer.feed().emergency_stop().Send();
+  ImGui::PopStyleColor(3);
+  return begin;
+}
+
+}  // namespace
+
+void DrawTopBar(Viewer& viewer, const Area& area, float scale) {
+  BeginPanel("top", area, ImGuiWindowFlags_NoScrollWithMouse);
+  const ImVec2 p = ImGui::GetWindowPos();
+  const ImVec2 first = ImGui::GetCursorPos();
+  const float buttons = Buttons(viewer, scale);
+  ImGui::SetCursorPos(first);
+  // No long line is under them.
+  ImGui::PushClipRect(p, {p.x + buttons - 8.0f * scale, p.y + ImGui::GetWindowHeight()}, true);
+  ConnectionState(viewer);
+  VolumeState(viewer);
+  States(viewer);
+  ImGui::PopClipRect();
+  ImGui::End();
+}
+
+}  // namespace palpate::view

@@ -1,0 +1,291 @@
+#include "client/view/app/viewer.h"
+
+#include <epoxy/gl.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numbers>
+
+#include "client/view/scene/haptic_patch.h"
+#include "common/error/error.h"
+
+namespace palpate::view {
+namespace {
+
+// At a time, so that the clock is looked at often enough.
+constexpr std::size_t kBricksAtOnce = 256;
+// A cast that takes longer than that is felt while the camera moves.
+constexpr double kSlowCast_ms = 40.0;
+// Nothing moved for so long: all pixels.
+constexpr std::chrono::milliseconds kStill(250);
+constexpr std::chrono::seconds kMessageTime(5);
+
+bool SameVolume(const VolumeLattice& a, const VolumeLattice& b) {
+  return a.source == b.source && a.size == b.size && a.spacing_mm == b.spacing_mm &&
+         a.value_min == b.value_min && a.value_max == b.value_max;
+}
+
+// What this OpenGL can draw into, in the same shape.
+ImageSize Drawable(const ImageSize& size) {
+  static const int most = [] {
+    GLint texture = 0;
+    std::array<GLint, 2> viewport{};
+    glGetIntegerv(GL_MAX_TEXTURE_SIZE, &texture);
+    glGetIntegerv(GL_MAX_VIEWPORT_DIMS, viewport.data());
+    return std::min({texture, viewport[0], viewport[1]});
+  }();
+  const int longest = std::max(size.width, size.height);
+  if (longest <= most) return size;
+  const double share = static_cast<double>(most) / longest;
+  return {std::max(1, static_cast<int>(share * size.width)),
+          std::max(1, static_cast<int>(share * size.height))};
+}
+
+ImageSize Half(const ImageSize& size) {
+  return {std::max(1, size.width / 2), std::max(1, size.height / 2)};
+}
+
+double Share(const ImageSize& part, const ImageSize& whole) {
+  return static_cast<double>(part.width) * part.height /
+         (static_cast<double>(whole.width) * whole.height);
+}
+
+}  // namespace
+
+Viewer::Viewer(const Options& options) : options_(options), feed_(options.address) {
+  state_.surface = options.surface;
+  state_.overlay = options.overlay;
+}
+
+void Viewer::Update(std::chrono::milliseconds brick_time) {
+  feed_.Poll();
+  brush_.Follow(feed_.volume(), feed_.losses());
+  if (feed_.connection().state != client::ConnectionState::kConnected) stroke_.BreakOff();
+  BeginVolumeIfNew();
+  TakeUp(brick_time);
+  FollowSettings();
+  FollowProxy();
+}
+
+bool Viewer::complete() const {
+  // Of what was taken up, for the daemon's volume may be further already.
+  const bool whole = begun_ && feed_.volume().bricks_left() == 0 && !bricks_left_;
+  return feed_.connection().state == client::ConnectionState::kConnected && whole && aimed_ &&
+         volume_problem().empty() && feed_.pose() && feed_.settings();
+}
+
+std::string Viewer::volume_problem() const {
+  const auto& lattice = feed_.volume().lattice();
+  return lattice && lattice->size == refused_size_ ? refused_ : std::string();
+}
+
+void Viewer::TakeUp(std::chrono::milliseconds brick_time) {
+  const auto end = Clock::now() + brick_time;
+  const ViewVolume& volume = feed_.volume();
+  const auto same = [](const std::optional<AffineMap>& a, const std::optional<AffineMap>& b) {
+    return a ? b && a->linear == b->linear && a->translation == b->translation : !b;
+  };
+  if (bricks_left_ || volume_version_ != volume.version() || !same(taken_X_DI_, volume.X_DI())) {
+    ++taken_version_;
+    volume_version_ = volume.version();
+    taken_X_DI_ = volume.X_DI();
+  }
+  do {
+    bricks_left_ = !TakeUpSome();
+  } while (bricks_left_ && Clock::now() < end);
+}
+
+// True where nothing is left.
+bool Viewer::TakeUpSome() {
+  try {
+    return renderer_.TakeUp(feed_.volume(), kBricksAtOnce);
+  } catch (const Error& error) {
+    // Once, when such a volume begins; the renderer then has none.
+    if (error.kind() != ErrorKind::kTooLarge) throw;
+    refused_ = error.what();
+    refused_size_ = feed_.volume().lattice()->size;
+    return true;
+  }
+}
+
+void Viewer::BeginVolumeIfNew() {
+  const ViewVolume& volume = feed_.volume();
+  if (!volume.lattice() || !volume.X_DI()) return;
+  // The same volume again, as after a reconnect, keeps the view.
+  if (begun_ && SameVolume(*begun_, *volume.lattice())) return;
+  const VolumeLattice& lattice = *volume.lattice();
+  SurfaceOptions& surface = state_.surface;
+  const double range = lattice.value_max - lattice.value_min;
+  surface.window_min = options_.window ? options_.window->x() : lattice.value_min;
+  surface.window_max = options_.window ? options_.window->y() : lattice.value_max;
+  if (begun_ || !options_.surface.veil.shown) {
+    surface.veil.shown = false;
+    surface.veil.isovalue = lattice.value_min + 0.25 * range;
+  }
+  if (begun_) {
+    surface.crop = {};
+    for (ClipPlane& plane : surface.planes) plane = {};
+  }
+  stroke_.BreakOff();
+  state_.planes_placed = {};
+  state_.brush.value = 0.5 * range;
+  state_.cross_I = 0.5 * (lattice.size.cast<double>() - Vec3::Ones());
+  begun_ = lattice;
+  Aim();
+}
+
+std::optional<Bounds> Viewer::VolumeBounds() const {
+  const ViewVolume& volume = feed_.volume();
+  if (!volume.lattice() || !volume.X_DI()) return {};
+  const Vec3 last_I = volume.lattice()->size.cast<double>() - Vec3::Ones();
+  Eigen::AlignedBox3d box;
+  for (int corner = 0; corner < 8; ++corner) {
+    const Vec3 p_I(corner & 1 ? last_I.x() : 0.0, corner & 2 ? last_I.y() : 0.0,
+                   corner & 4 ? last_I.z() : 0.0);
+    box.extend(volume.X_DI()->Apply(p_I));
+  }
+  return Bounds{.min_mm = box.min(), .max_mm = box.max()};
+}
+
+void Viewer::Aim() {
+  const std::optional<Bounds> bounds = VolumeBounds();
+  if (!bounds) return;
+  Camera& camera = state_.camera;
+  camera.Reset(*bounds);
+  if (options_.camera && !options_.camera->in_profile) {
+    camera.Set(camera.target(), options_.camera->azimuth_deg, options_.camera->elevation_deg,
+               options_.camera->distance_mm.value_or(camera.distance_mm()));
+  }
+  aimed_ = true;
+  if (options_.target == TargetStart::kPoint) camera.LookAt(options_.target_D);
+  if (options_.target == TargetStart::kProxy) {
+    if (feed_.pose()) camera.LookAt(feed_.pose()->scp_h_mm);
+    aimed_ = feed_.pose().has_value();
+  }
+  if (options_.camera && options_.camera->in_profile && aimed_) AimInProfile();
+}
+
+// A little above the surface, for it may curve up on the way.
+void Viewer::AimInProfile() {
+  const client::Pose& pose = *feed_.pose();
+  const Vec3 normal = pose.scp_h_normal.value_or(Vec3::UnitY());
+  const Vec3 aside = normal.unitOrthogonal();
+  const Vec3 to_eye = (aside + 0.3 * normal).normalized();
+  state_.camera.Set(pose.scp_h_mm, std::atan2(to_eye.x(), to_eye.z()) * 180.0 / std::numbers::pi,
+                    std::asin(to_eye.y()) * 180.0 / std::numbers::pi,
+                    *options_.camera->distance_mm);
+}
+
+void Viewer::FollowSettings() {
+  if (!aimed_) Aim();
+  if (!feed_.settings()) return;
+  state_.surface.isovalue = held_.Shown(kIsovalueControl, feed_.settings()->isovalue);
+  state_.surface.free_above = feed_.settings()->free_side == client::FreeSide::kAbove;
+}
+
+void Viewer::FollowProxy() {
+  const ViewVolume& volume = feed_.volume();
+  if (!feed_.pose() || !volume.lattice() || !volume.X_DI()) return;
+  const Vec3 p_I = volume.X_DI()->Inverse().Apply(feed_.pose()->scp_h_mm);
+  if (state_.cross_follows_proxy) {
+    const Vec3 last_I = volume.lattice()->size.cast<double>() - Vec3::Ones();
+    state_.cross_I = p_I.cwiseMax(Vec3::Zero()).cwiseMin(last_I);
+  }
+  UpdateHapticLines(p_I);
+}
+
+void Viewer::UpdateHapticLines(const Vec3& p_I) {
+  if (!state_.overlay.haptic_surface || !feed_.settings()) {
+    haptic_lines_I_.clear();
+    felt_.reset();
+    return;
+  }
+  const ViewVolume& volume = feed_.volume();
+  const Felt felt{.cell = p_I.array().floor().cast<int>(),
+                  .isovalue = feed_.settings()->isovalue,
+                  .method = feed_.settings()->method,
+                  .version = volume.version(),
+                  .radius_voxels = state_.overlay.haptic_surface_radius_voxels};
+  if (felt_ == felt) return;
+  felt_ = felt;
+  const Vec3 center_I = felt.cell.cast<double>() + Vec3::Constant(0.5);
+  haptic_lines_I_ = HapticPatch(volume, felt.isovalue, felt.method, center_I, felt.radius_voxels);
+}
+
+void Viewer::Draw(const ImageSize& size) {
+  ++frame_;
+  const Seen seen{.size = size,
+                  .camera = state_.camera,
+                  .surface = state_.surface,
+                  .version = feed_.volume().version()};
+  if (seen_ != seen) {
+    // The first picture of a view is no motion.
+    if (seen_) changed_at_ = Clock::now();
+    seen_ = seen;
+  }
+  const bool moving = Clock::now() - changed_at_ < kStill;
+  const bool coarse =
+      coarse_allowed_ && moving && last_cast_ms_ > kSlowCast_ms && !state_.window_picture_wanted;
+  DrawAt(Drawable(coarse ? Half(size) : size), size);
+}
+
+void Viewer::DrawFine(const ImageSize& size) { DrawAt(Drawable(size), size); }
+
+void Viewer::DrawAt(const ImageSize& size, const ImageSize& view) {
+  OverlayScene scene{.pose = feed_.pose(), .haptic_lines_I = haptic_lines_I_};
+  const ViewVolume& volume = feed_.volume();
+  scene.X_DI = volume.X_DI();
+  if (volume.lattice()) scene.lattice_size = volume.lattice()->size;
+  if (const auto device = feed_.device(); device && device->max_force_n > 0.0) {
+    scene.max_force_n = device->max_force_n;
+  }
+  const Overlay overlay = BuildOverlay(scene, state_.overlay, state_.camera, view);
+  const std::uint64_t casts = renderer_.casts();
+  const auto begin = Clock::now();
+  renderer_.Draw(
+      {.size = size, .camera = state_.camera, .surface = state_.surface, .overlay = &overlay});
+  drawn_size_ = size;
+  drawn_camera_ = state_.camera;
+  if (renderer_.casts() == casts) return;
+  glFinish();
+  last_cast_ms_ =
+      std::chrono::duration<double, std::milli>(Clock::now() - begin).count() / Share(size, view);
+}
+
+std::optional<Vec3> Viewer::SurfaceAt(double x_px, double y_px, const ImageSize& size) const {
+  const int x = static_cast<int>(std::floor(x_px * drawn_size_.width / size.width));
+  const int y = static_cast<int>(std::floor(y_px * drawn_size_.height / size.height));
+  if (x < 0 || y < 0 || x >= drawn_size_.width || y >= drawn_size_.height) return {};
+  return renderer_.SurfaceAt(x, y);
+}
+
+SeenSurface Viewer::seen_surface() const {
+  return {
+      .size = drawn_size_, .camera = drawn_camera_, .distances_mm = renderer_.SurfaceDistances()};
+}
+
+unsigned Viewer::Slice(const SliceRequest& request) {
+  DrawnSlice& drawn = slices_[static_cast<std::size_t>(request.axis)];
+  const SliceRequest& before = drawn.request;
+  const bool same_but_place = drawn.texture != 0 && drawn.version == taken_version_ &&
+                              before.size == request.size && before.surface == request.surface;
+  const bool same_place =
+      before.position_voxels == request.position_voxels && before.cross_I == request.cross_I;
+  if (same_but_place && same_place) return drawn.texture;
+  const bool its_turn = frame_ % slices_.size() == static_cast<std::size_t>(request.axis);
+  if (same_but_place && state_.cross_follows_proxy && !its_turn) return drawn.texture;
+  drawn = {.request = request, .version = taken_version_, .texture = renderer_.DrawSlice(request)};
+  return drawn.texture;
+}
+
+void Viewer::Say(const std::string& message) {
+  message_ = message;
+  message_until_ = Clock::now() + kMessageTime;
+}
+
+std::string Viewer::message() const {
+  return Clock::now() < message_until_ ? message_ : std::string();
+}
+
+}  // namespace palpate::view

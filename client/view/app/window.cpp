@@ -1,0 +1,196 @@
+#include "client/view/app/window.h"
+
+// Before what brings OpenGL's own header.
+#include <epoxy/gl.h>
+
+#define GLFW_INCLUDE_NONE
+#include <GLFW/glfw3.h>
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cstdio>
+#include <filesystem>
+#include <memory>
+#include <utility>
+
+#include "client/interrupt/interrupt.h"
+#include "client/view/app/frame_log.h"
+#include "client/view/app/interface.h"
+#include "client/view/app/layout.h"
+#include "client/view/app/png_file.h"
+#include "client/view/app/viewer.h"
+#include "client/view/app/widgets.h"
+#include "client/view/app/window_input.h"
+#include "common/error/error.h"
+
+namespace palpate::view {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+// 60 frames per second at most, a little less so that screens of 60 Hz set the pace.
+constexpr std::chrono::milliseconds kFrame(16);
+constexpr std::chrono::milliseconds kLongestRest(250);
+constexpr std::chrono::milliseconds kBrickTime(8);
+// With panels at both sides and a view between.
+constexpr ImageSize kLeast{640, 400};
+
+class Glfw {
+ public:
+  Glfw() {
+    // Its own line is in the error below.
+    glfwSetErrorCallback(nullptr);
+    if (!glfwInit()) Refuse("cannot open a window");
+  }
+  ~Glfw() { glfwTerminate(); }
+  Glfw(const Glfw&) = delete;
+  Glfw& operator=(const Glfw&) = delete;
+
+  [[noreturn]] static void Refuse(const char* what) {
+    const char* why = nullptr;
+    glfwGetError(&why);
+    throw Error(ErrorKind::kUnavailable, fmt::format("{}: {}; without a display use --offscreen",
+                                                     what, why ? why : "no reason is known"));
+  }
+};
+
+struct CloseWindow {
+  void operator()(GLFWwindow* window) const { glfwDestroyWindow(window); }
+};
+using WindowPtr = std::unique_ptr<GLFWwindow, CloseWindow>;
+
+WindowPtr OpenWindow(const ImageSize& size) {
+  glfwWindowHint(GLFW_CONTEXT_VERSION_MAJOR, 4);
+  glfwWindowHint(GLFW_CONTEXT_VERSION_MINOR, 3);
+  glfwWindowHint(GLFW_OPENGL_PROFILE, GLFW_OPENGL_CORE_PROFILE);
+  glfwWindowHint(GLFW_SCALE_TO_MONITOR, GLFW_TRUE);
+  // Limits count for what comes after.
+  const int width = std::max(size.width, kLeast.width);
+  const int height = std::max(size.height, kLeast.height);
+  WindowPtr window(glfwCreateWindow(width, height, "Palpate", nullptr, nullptr));
+  if (!window) Glfw::Refuse("cannot open a window with OpenGL 4.3");
+  glfwSetWindowSizeLimits(window.get(), kLeast.width, kLeast.height, GLFW_DONT_CARE,
+                          GLFW_DONT_CARE);
+  glfwMakeContextCurrent(window.get());
+  glfwSwapInterval(1);
+  return window;
+}
+
+float ScaleOf(GLFWwindow* window) {
+  float x = 1.0f;
+  float y = 1.0f;
+  glfwGetWindowContentScale(window, &x, &y);
+  return std::max({1.0f, x, y});
+}
+
+// Of what is about to be shown.
+std::string SaveWindow(const ImageSize& pixels) {
+  glBindFramebuffer(GL_FRAMEBUFFER, 0);
+  glReadBuffer(GL_BACK);
+  const std::string name = NewPictureName();
+  WritePng(ReadPixels(pixels), name);
+  return name;
+}
+
+std::string SaveView(Viewer& viewer, const ImageSize& view) {
+  viewer.DrawFine(view);
+  const std::string name = NewPictureName();
+  WritePng(viewer.renderer().ReadBack(), name);
+  return name;
+}
+
+void SavePictures(Viewer& viewer, const ImageSize& pixels, const ImageSize& view) {
+  ViewState& state = viewer.state();
+  const bool of_window = std::exchange(state.window_picture_wanted, false);
+  const bool of_view = std::exchange(state.view_picture_wanted, false);
+  if (!of_window && !of_view) return;
+  try {
+    std::string names;
+    if (of_window) names = SaveWindow(pixels);
+    if (of_view) names += (of_window ? " and " : "") + SaveView(viewer, view);
+    viewer.Say("saved " + names);
+  } catch (const Error& error) {
+    viewer.Say(error.what());
+  }
+}
+
+// What a task bar shows.
+std::string TitleOf(const Viewer& viewer) {
+  const auto& lattice = viewer.feed().volume().lattice();
+  switch (viewer.feed().connection().state) {
+    case client::ConnectionState::kConnecting:
+      return "Palpate: connecting";
+    case client::ConnectionState::kLost:
+      return "Palpate: reconnecting";
+    case client::ConnectionState::kConnected:
+      break;
+  }
+  if (!lattice) return "Palpate: no volume yet";
+  return "Palpate: " + OneLine(std::filesystem::path(lattice->source).filename().string(), 200);
+}
+
+// The rest of a frame's time; less where a key or a button wants a frame of its own.
+void RestUntil(Clock::time_point end, const WindowInput& input) {
+  for (auto now = Clock::now(); now < end && !input.is_urgent(); now = Clock::now()) {
+    glfwWaitEventsTimeout(std::chrono::duration<double>(end - now).count());
+  }
+  glfwPollEvents();
+}
+
+Clock::time_point EndOf(const Options& options) {
+  if (options.seconds <= 0.0) return Clock::time_point::max();
+  return Clock::now() + std::chrono::duration_cast<Clock::duration>(
+                            std::chrono::duration<double>(options.seconds));
+}
+
+ImageSize FramebufferSize(GLFWwindow* window) {
+  ImageSize size;
+  glfwGetFramebufferSize(window, &size.width, &size.height);
+  return size;
+}
+
+}  // namespace
+
+void RunWindow(const Options& options) {
+  const Glfw glfw;
+  const WindowPtr window = OpenWindow(options.size);
+  Interface interface(ScaleOf(window.get()));
+  Viewer viewer(options);
+  WindowInput input(window.get(), [&viewer] { viewer.feed().emergency_stop().Send(); });
+  FrameLog log;
+  std::string title;
+  const auto end = EndOf(options);
+  while (!glfwWindowShouldClose(window.get()) && !Interrupt::IsRaised() && Clock::now() < end) {
+    const auto frame = Clock::now();
+    viewer.Update(kBrickTime);
+    const ImageSize pixels = FramebufferSize(window.get());
+    if (pixels.width == 0 || pixels.height == 0) {  // iconified
+      RestUntil(frame + kLongestRest, input);
+      continue;
+    }
+    if (const std::string now = TitleOf(viewer); now != title) {
+      title = now;
+      glfwSetWindowTitle(window.get(), title.c_str());
+    }
+    if (options.seconds > 0.0 && (log.frames() > 0 || viewer.complete())) log.Add(viewer);
+    input.BeginFrame();
+    viewer.state().pointer_way = input.way();
+    interface.DrawFrame(viewer, input.TakeKeys(), pixels, 0);
+    SavePictures(viewer, pixels, interface.view_pixels());
+    // The work is over before the swap, which may wait for the screen.
+    glFinish();
+    const auto worked = Clock::now() - frame;
+    glfwSwapBuffers(window.get());
+    // Where frames are slow, as in software, half of the time is left to others.
+    RestUntil(frame + std::max<Clock::duration>(
+                          kFrame, worked + std::min<Clock::duration>(worked, kLongestRest)),
+              input);
+  }
+  if (options.seconds > 0.0) {
+    fmt::print("{}\n", log.Line(viewer));
+    std::fflush(stdout);
+  }
+}
+
+}  // namespace palpate::view

@@ -1,0 +1,102 @@
+#include "client/view/app/window_input.h"
+
+#define GLFW_INCLUDE_NONE
+#include <GLFW/glfw3.h>
+#include <backends/imgui_impl_glfw.h>
+#include <imgui.h>
+
+#include <algorithm>
+
+namespace palpate::view {
+
+WindowInput::WindowInput(GLFWwindow* window, std::function<void()> stop) : stop_(std::move(stop)) {
+  glfwSetWindowUserPointer(window, this);
+  glfwGetCursorPos(window, &newest_.x, &newest_.y);
+  // Before Dear ImGui's callbacks, which call them.
+  glfwSetKeyCallback(window, OnKey);
+  glfwSetMouseButtonCallback(window, OnButton);
+  glfwSetCursorPosCallback(window, OnMove);
+  ImGui_ImplGlfw_InitForOpenGL(window, true);
+}
+
+WindowInput::~WindowInput() { ImGui_ImplGlfw_Shutdown(); }
+
+WindowInput& WindowInput::Of(GLFWwindow* window) {
+  return *static_cast<WindowInput*>(glfwGetWindowUserPointer(window));
+}
+
+void WindowInput::BeginFrame() {
+  ImGui_ImplGlfw_NewFrame();
+  ImGuiIO& io = ImGui::GetIO();
+  bool moved = false;
+  way_.clear();
+  while (!waiting_.empty()) {
+    const PointerEvent event = waiting_.front();
+    const bool changes = event.down != down_;
+    // Where a drag ends is seen before the button goes up.
+    if (changes && moved) break;
+    waiting_.pop_front();
+    ++shown_;
+    io.MousePos = {static_cast<float>(event.x), static_cast<float>(event.y)};
+    down_ = event.down;
+    way_.emplace_back(event.x, event.y);
+    if (changes) break;
+    moved = true;
+  }
+  for (std::size_t button = 0; button < down_.size(); ++button)
+    io.MouseDown[button] = down_[button];
+}
+
+bool WindowInput::is_urgent() const {
+  return !keys_.empty() ||
+         std::any_of(waiting_.begin(), waiting_.end(),
+                     [this](const PointerEvent& event) { return event.down != down_; });
+}
+
+std::vector<KeyPress> WindowInput::TakeKeys() {
+  std::vector<KeyPress> taken;
+  std::erase_if(keys_, [&](const WaitingKey& key) {
+    const bool ready = key.after <= shown_;
+    if (ready) taken.push_back(key.press);
+    return ready;
+  });
+  return taken;
+}
+
+// By what is printed on the key, so that ctrl+Z is where it is on every keyboard.
+void WindowInput::OnKey(GLFWwindow* window, int key, int scancode, int action, int modifiers) {
+  if (action != GLFW_PRESS) return;
+  KeyPress press{.key = {}, .ctrl = (modifiers & GLFW_MOD_CONTROL) != 0};
+  switch (key) {
+    case GLFW_KEY_ESCAPE:
+      Of(window).stop_();
+      return;
+    case GLFW_KEY_F1:
+      press.key = "f1";
+      break;
+    case GLFW_KEY_F12:
+      press.key = "f12";
+      break;
+    default:
+      if (const char* name = glfwGetKeyName(key, scancode)) press.key = name;
+  }
+  WindowInput& input = Of(window);
+  input.keys_.push_back({press, input.shown_ + input.waiting_.size()});
+}
+
+void WindowInput::OnButton(GLFWwindow* window, int button, int action, int) {
+  WindowInput& input = Of(window);
+  if (button < 0 || button >= static_cast<int>(input.newest_.down.size())) return;
+  input.newest_.down[static_cast<std::size_t>(button)] = action == GLFW_PRESS;
+  // Where the last event had the pointer: asked for now, it may be further already.
+  input.waiting_.push_back(input.newest_);
+}
+
+void WindowInput::OnMove(GLFWwindow* window, double x, double y) {
+  WindowInput& input = Of(window);
+  input.newest_.x = x;
+  input.newest_.y = y;
+  input.waiting_.push_back(input.newest_);
+}
+
+}  // namespace palpate::view

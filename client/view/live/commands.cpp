@@ -1,0 +1,114 @@
+#include "client/view/live/commands.h"
+
+#include <exception>
+#include <utility>
+
+namespace palpate::view {
+namespace {
+
+template <typename T>
+void Merge(const std::optional<T>& newer, std::optional<T>& waiting) {
+  if (newer) waiting = newer;
+}
+
+}  // namespace
+
+void Merge(const client::SettingsUpdate& newer, client::SettingsUpdate& waiting) {
+  // At most one of the two may be sent.
+  if (newer.isovalue || newer.normalized_isovalue) {
+    waiting.isovalue = newer.isovalue;
+    waiting.normalized_isovalue = newer.normalized_isovalue;
+  }
+  Merge(newer.stiffness_n_per_mm, waiting.stiffness_n_per_mm);
+  Merge(newer.damping_n_s_per_m, waiting.damping_n_s_per_m);
+  Merge(newer.method, waiting.method);
+  Merge(newer.static_friction, waiting.static_friction);
+  Merge(newer.dynamic_friction, waiting.dynamic_friction);
+  Merge(newer.viscosity_n_s_per_m, waiting.viscosity_n_s_per_m);
+  Merge(newer.pop_force_n, waiting.pop_force_n);
+  Merge(newer.magnet_force_n, waiting.magnet_force_n);
+  Merge(newer.magnet_range_mm, waiting.magnet_range_mm);
+  Merge(newer.force_shading, waiting.force_shading);
+  Merge(newer.passivity_control, waiting.passivity_control);
+  Merge(newer.free_side, waiting.free_side);
+  Merge(newer.carve_tool, waiting.carve_tool);
+  Merge(newer.carve_radius_mm, waiting.carve_radius_mm);
+  Merge(newer.carve_rate_per_s, waiting.carve_rate_per_s);
+  Merge(newer.clutch_tool, waiting.clutch_tool);
+  Merge(newer.expected_revision, waiting.expected_revision);
+}
+
+Commands::Commands(client::Client& client) : client_(client), thread_([this] { Run(); }) {}
+
+Commands::~Commands() {
+  {
+    const std::lock_guard lock(mutex_);
+    stopping_ = true;
+  }
+  changed_.notify_all();
+  thread_.join();
+}
+
+void Commands::Set(const client::SettingsUpdate& update) {
+  {
+    const std::lock_guard lock(mutex_);
+    if (!settings_) settings_.emplace();
+    Merge(update, *settings_);
+  }
+  changed_.notify_all();
+}
+
+void Commands::Do(std::string name, std::function<void(client::Client&)> command) {
+  {
+    const std::lock_guard lock(mutex_);
+    waiting_.push_back({std::move(name), std::move(command)});
+  }
+  changed_.notify_all();
+}
+
+bool Commands::busy() const {
+  const std::lock_guard lock(mutex_);
+  return working_ || settings_ || !waiting_.empty();
+}
+
+std::string Commands::problem() const {
+  const std::lock_guard lock(mutex_);
+  return std::chrono::steady_clock::now() < problem_until_ ? problem_ : std::string();
+}
+
+void Commands::Run() {
+  while (const std::optional<Command> command = Next()) {
+    try {
+      command->run(client_);
+      Report({});
+    } catch (const std::exception& error) {
+      Report(command->name + ": " + error.what());
+    }
+  }
+}
+
+// Waits for it; none at the end. By turns where settings wait too, so that a slider
+// that moves on and on holds up nothing.
+std::optional<Commands::Command> Commands::Next() {
+  std::unique_lock lock(mutex_);
+  working_ = false;
+  changed_.wait(lock, [this] { return stopping_ || settings_ || !waiting_.empty(); });
+  if (stopping_) return std::nullopt;
+  working_ = true;
+  settings_were_last_ = settings_ && !(settings_were_last_ && !waiting_.empty());
+  if (settings_were_last_) {
+    const client::SettingsUpdate update = *std::exchange(settings_, std::nullopt);
+    return Command{"settings", [update](client::Client& client) { client.Set(update); }};
+  }
+  Command command = std::move(waiting_.front());
+  waiting_.pop_front();
+  return command;
+}
+
+void Commands::Report(const std::string& problem) {
+  const std::lock_guard lock(mutex_);
+  problem_ = problem;
+  problem_until_ = std::chrono::steady_clock::now() + kProblemTime;
+}
+
+}  // namespace palpate::view

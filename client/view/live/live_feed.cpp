@@ -1,0 +1,271 @@
+#include "client/view/live/live_feed.h"
+
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <condition_variable>
+#include <deque>
+#include <mutex>
+#include <thread>
+#include <utility>
+
+namespace palpate::view {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+constexpr std::chrono::seconds kAskEvery{1};
+constexpr double kPoseRate_hz = 60.0;
+
+double AgeMs(const client::Pose& pose) {
+  const auto now = std::chrono::steady_clock::now().time_since_epoch();
+  return 1e-6 * static_cast<double>(std::chrono::nanoseconds(now).count() - pose.time_ns);
+}
+
+// None where there is none, and where the daemon is away.
+template <typename Ask>
+auto AnswerTo(const Ask& ask) -> std::optional<decltype(ask())> {
+  try {
+    return ask();
+  } catch (const Error&) {
+    return std::nullopt;
+  }
+}
+
+// Asks for what is not streamed, on a thread of its own.
+class Questions {
+ public:
+  explicit Questions(client::Client& client) : client_(client), thread_([this] { Run(); }) {}
+  // After Client::EndCalls it waits for nothing.
+  ~Questions() {
+    {
+      const std::lock_guard lock(mutex_);
+      stopping_ = true;
+    }
+    wake_.notify_all();
+    thread_.join();
+  }
+  Questions(const Questions&) = delete;
+  Questions& operator=(const Questions&) = delete;
+
+  struct Answers {
+    std::optional<client::DeviceInfo> device{};
+    std::optional<client::SeriesState> series{};
+    std::optional<client::RecordingState> recording{};
+  };
+  Answers answers() const {
+    const std::lock_guard lock(mutex_);
+    return answers_;
+  }
+  // Asks at once, after what is being asked now.
+  void Hurry() {
+    {
+      const std::lock_guard lock(mutex_);
+      hurried_ = true;
+    }
+    wake_.notify_all();
+  }
+
+ private:
+  void Run() {
+    std::unique_lock lock(mutex_);
+    while (!stopping_) {
+      hurried_ = false;
+      lock.unlock();
+      Answers answers = {.device = AnswerTo([this] { return client_.GetDevice(); }),
+                         .series = AnswerTo([this] { return client_.GetSeries(); }),
+                         .recording = AnswerTo([this] { return client_.GetRecording(); })};
+      lock.lock();
+      answers_ = std::move(answers);
+      wake_.wait_for(lock, kAskEvery, [this] { return stopping_ || hurried_; });
+    }
+  }
+
+  client::Client& client_;
+  mutable std::mutex mutex_;
+  std::condition_variable wake_;
+  Answers answers_;
+  bool stopping_ = false;
+  bool hurried_ = false;
+  std::thread thread_;
+};
+
+// All poses that came, for frames may be slower than they are.
+class PoseInbox {
+ public:
+  // On the pose thread. What nobody takes, as while a window is iconified for long, is not
+  // kept for longer than it is shown.
+  void Put(const client::PoseBatch& batch) {
+    const auto received_ns = std::chrono::nanoseconds(batch.received.time_since_epoch()).count();
+    const std::lock_guard lock(mutex_);
+    for (const client::Pose& pose : batch.poses) {
+      arrived_.push_back({pose, 1e-6 * static_cast<double>(received_ns - pose.time_ns)});
+      if (arrived_.size() > PlotHistory::kMost) arrived_.pop_front();
+    }
+  }
+  struct Arrived {
+    client::Pose pose;
+    double age_ms = 0.0;  // then; where the clock is shared
+  };
+  std::deque<Arrived> Take() {
+    const std::lock_guard lock(mutex_);
+    return std::exchange(arrived_, {});
+  }
+
+ private:
+  std::mutex mutex_;
+  std::deque<Arrived> arrived_;
+};
+
+// Controls of the series that wait for their turn.
+class SeriesControls {
+ public:
+  // True where nothing waited: a turn is to be asked for.
+  bool Put(const client::SeriesControl& newer) {
+    const std::lock_guard lock(mutex_);
+    const bool is_first = !waiting_;
+    if (is_first) waiting_.emplace();
+    const auto merge = [](const auto& from, auto& to) {
+      if (from) to = from;
+    };
+    merge(newer.playing, waiting_->playing);
+    merge(newer.position_frames, waiting_->position_frames);
+    merge(newer.rate_hz, waiting_->rate_hz);
+    merge(newer.loop, waiting_->loop);
+    merge(newer.interpolate, waiting_->interpolate);
+    return is_first;
+  }
+  client::SeriesControl Take() {
+    const std::lock_guard lock(mutex_);
+    return *std::exchange(waiting_, std::nullopt);
+  }
+
+ private:
+  std::mutex mutex_;
+  std::optional<client::SeriesControl> waiting_;
+};
+
+client::ClientOptions Follow(const client::Address& address, PoseInbox& inbox,
+                             std::atomic<std::uint64_t>& losses) {
+  return {
+      .address = address,
+      .poses = {.rate_hz = kPoseRate_hz},
+      .follow_volume = true,
+      .callbacks = {.on_connection =
+                        [&losses](const client::Connection& connection) {
+                          if (connection.state == client::ConnectionState::kLost) ++losses;
+                        },
+                    .on_poses = [&inbox](const client::PoseBatch& batch) { inbox.Put(batch); }}};
+}
+
+}  // namespace
+
+struct LiveFeed::Parts {
+  explicit Parts(const client::Address& address) : client(Follow(address, inbox, losses)) {}
+  // So that the threads below that call it are joined at once.
+  ~Parts() { client.EndCalls(); }
+
+  PoseInbox inbox;
+  std::atomic<std::uint64_t> losses{0};
+  client::Client client;
+  std::optional<client::Pose> pose;
+  Clock::time_point pose_came{};
+  Clock::time_point connected_at{};
+  Clock::time_point polled_at{};
+  bool was_connected = false;
+  std::optional<client::Settings> settings;
+  ViewVolume volume;
+  PlotHistory plots;
+  Questions questions{client};
+  SeriesControls series_controls;
+  Commands commands{client};
+  Commands urgent_commands{client};
+  EmergencyStop emergency_stop{urgent_commands};
+};
+
+LiveFeed::LiveFeed(const client::Address& address) : parts_(std::make_unique<Parts>(address)) {}
+
+LiveFeed::~LiveFeed() = default;
+
+void LiveFeed::Poll() {
+  Parts& p = *parts_;
+  for (const PoseInbox::Arrived& arrived : p.inbox.Take()) {
+    p.pose = arrived.pose;
+    p.pose_came = Clock::now();
+    p.plots.Add(arrived.pose, p.client.shares_clock() ? arrived.age_ms : -1.0);
+  }
+  p.plots.EndAt(plots_end_ns());
+  const client::ConnectionState state = p.client.connection().state;
+  const bool connected = state == client::ConnectionState::kConnected;
+  if (connected && !p.was_connected) p.connected_at = Clock::now();
+  p.was_connected = connected;
+  p.emergency_stop.Follow(state);
+  p.settings = p.client.NewestSettings();
+  if (const auto update = p.client.TakeVolumeUpdate()) p.volume.Take(*update);
+  p.polled_at = Clock::now();
+}
+
+client::Connection LiveFeed::connection() const { return parts_->client.connection(); }
+std::uint64_t LiveFeed::losses() const { return parts_->losses; }
+const std::string& LiveFeed::name() const { return parts_->client.name(); }
+const std::optional<client::Pose>& LiveFeed::pose() const { return parts_->pose; }
+const std::optional<client::Settings>& LiveFeed::settings() const { return parts_->settings; }
+client::VolumeStatus LiveFeed::volume_status() const { return parts_->client.volume_status(); }
+const ViewVolume& LiveFeed::volume() const { return parts_->volume; }
+ViewVolume& LiveFeed::volume() { return parts_->volume; }
+const PlotHistory& LiveFeed::plots() const { return parts_->plots; }
+
+std::optional<double> LiveFeed::stream_age_ms() const {
+  if (!parts_->pose || !parts_->client.shares_clock()) return std::nullopt;
+  return AgeMs(*parts_->pose);
+}
+
+std::uint64_t LiveFeed::dropped_poses() const { return parts_->client.dropped_poses(); }
+
+std::optional<double> LiveFeed::silent_s() const {
+  const Parts& p = *parts_;
+  if (!p.was_connected) return std::nullopt;
+  // Not until now: a frame that takes long is no silence of palpated.
+  const auto silent = p.polled_at - std::max(p.pose_came, p.connected_at);
+  if (silent < kSilence) return std::nullopt;
+  return std::chrono::duration<double>(silent).count();
+}
+
+std::int64_t LiveFeed::plots_end_ns() const {
+  if (!parts_->pose) return 0;
+  return parts_->pose->time_ns + std::chrono::nanoseconds(Clock::now() - parts_->pose_came).count();
+}
+
+std::optional<client::DeviceInfo> LiveFeed::device() const {
+  return parts_->questions.answers().device;
+}
+std::optional<client::SeriesState> LiveFeed::series() const {
+  return parts_->questions.answers().series;
+}
+std::optional<client::RecordingState> LiveFeed::recording() const {
+  return parts_->questions.answers().recording;
+}
+
+const Commands& LiveFeed::commands() const { return parts_->commands; }
+Commands& LiveFeed::commands() { return parts_->commands; }
+
+void LiveFeed::DoAndAsk(std::string name, std::function<void(client::Client&)> command) {
+  // Commands end before the questions do.
+  parts_->commands.Do(std::move(name), [&questions = parts_->questions,
+                                        command = std::move(command)](client::Client& client) {
+    command(client);
+    questions.Hurry();
+  });
+}
+
+void LiveFeed::ControlSeries(const client::SeriesControl& control) {
+  SeriesControls& controls = parts_->series_controls;
+  if (!controls.Put(control)) return;
+  DoAndAsk("series",
+           [&controls](client::Client& client) { client.ControlSeries(controls.Take()); });
+}
+
+EmergencyStop& LiveFeed::emergency_stop() { return parts_->emergency_stop; }
+const EmergencyStop& LiveFeed::emergency_stop() const { return parts_->emergency_stop; }
+
+}  // namespace palpate::view

@@ -1,0 +1,47 @@
+// What the plots show: the last 10 seconds of |F|, penetration (from the HIP to SCP_H, in
+// contact) and the loop's health.
+//
+// Times are Pose::time_ns.
+// Threads: one at a time. Holds at most kMost entries, whatever comes.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "client/sdk/pose.h"
+
+namespace palpate::view {
+
+enum class Plot { kForce_n, kPenetration_mm, kUpdate_us, kMissedTicks, kStreamAge_ms };
+inline constexpr int kPlots = 5;
+
+class PlotHistory {
+ public:
+  static constexpr std::int64_t kSpan_ns = 10'000'000'000;
+  static constexpr std::size_t kMost = 1200;  // 10 s at 120 Hz
+
+  // `age_ms`: how old the pose was when it came; negative: unknown, and drawn as 0.
+  // One that is older than the one before is of another clock, and begins anew.
+  void Add(const client::Pose& pose, double age_ms);
+  // What is older than the span before this time is dropped, whether new ones come or not.
+  void EndAt(std::int64_t time_ns);
+
+  // Of each value.
+  std::span<const std::int64_t> Times_ns() const { return times_ns_; }
+  // Oldest first. Missed ticks are those since the sample before.
+  std::span<const float> Values(Plot plot) const;
+  float Newest(Plot plot) const;    // 0 where there is none
+  float Greatest(Plot plot) const;  // likewise
+
+ private:
+  void Drop(std::size_t count);
+
+  std::vector<std::int64_t> times_ns_;
+  std::array<std::vector<float>, kPlots> values_;
+  std::uint64_t missed_before_ = 0;
+  bool has_before_ = false;
+};
+
+}  // namespace palpate::view

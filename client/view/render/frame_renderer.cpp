@@ -1,0 +1,147 @@
+#include "client/view/render/frame_renderer.h"
+
+#include <cmath>
+#include <limits>
+
+#include "client/view/render/backdrop.h"
+#include "client/view/render/frame_target.h"
+#include "client/view/render/gl_state.h"
+#include "client/view/render/overlay_drawing.h"
+#include "client/view/render/slice_drawing.h"
+#include "client/view/render/surface_caster.h"
+#include "client/view/render/volume_texture.h"
+
+namespace palpate::view {
+namespace {
+
+// Of the padded lattice, where the surface ends.
+Bounds BoundsOf(const VolumeTexture& volume) {
+  if (volume.voxels() == 0 || !volume.X_DI()) return {};
+  constexpr double kFar = std::numeric_limits<double>::infinity();
+  Bounds bounds = {Vec3::Constant(kFar), Vec3::Constant(-kFar)};
+  for (int corner = 0; corner < 8; ++corner) {
+    Vec3 p_I = Vec3::Constant(-1.0);
+    for (int axis = 0; axis < 3; ++axis) {
+      if (corner >> axis & 1) p_I[axis] = volume.size()[axis];
+    }
+    const Vec3 p_D = volume.X_DI()->Apply(p_I);
+    bounds.min_mm = bounds.min_mm.cwiseMin(p_D);
+    bounds.max_mm = bounds.max_mm.cwiseMax(p_D);
+  }
+  return bounds;
+}
+
+// The centre of a pixel at a depth, 0 to 1.
+Vec3 Unprojected(const Mat4& D_from_clip, const ImageSize& size, int x_px, int y_from_bottom_px,
+                 float depth) {
+  const Eigen::Vector4d clip = {2.0 * (x_px + 0.5) / size.width - 1.0,
+                                2.0 * (y_from_bottom_px + 0.5) / size.height - 1.0,
+                                2.0 * static_cast<double>(depth) - 1.0, 1.0};
+  return (D_from_clip * clip).hnormalized();
+}
+
+}  // namespace
+
+struct FrameRenderer::Parts {
+  VolumeTexture volume;
+  SurfaceCaster caster;
+  Backdrop backdrop;
+  FrameTarget frame{FrameTarget::Depth::kFloat};
+  OverlayDrawing overlay;
+  SliceDrawing slices;
+  // Of the last Draw.
+  Mat4 clip_from_D = Mat4::Identity();
+  Vec3 eye_D = Vec3::Zero();
+  bool surface_shown = false;
+
+  void UpdateBackdrop(const FrameRequest& request);
+};
+
+FrameRenderer::FrameRenderer() : parts_(std::make_unique<Parts>()) {}
+FrameRenderer::~FrameRenderer() = default;
+
+bool FrameRenderer::TakeUp(ViewVolume& volume, std::size_t most_bricks) {
+  ResetState();
+  return parts_->volume.TakeUp(volume, most_bricks);
+}
+
+std::size_t FrameRenderer::waiting_bricks() const { return parts_->volume.waiting_bricks(); }
+
+void FrameRenderer::Parts::UpdateBackdrop(const FrameRequest& request) {
+  const bool shown = request.surface.shown && volume.voxels() != 0 && volume.X_DI();
+  const bool cast =
+      shown && caster.Cast(volume, {request.size, eye_D, clip_from_D, request.surface});
+  if (!cast && shown == surface_shown && backdrop.target().size() == request.size) return;
+  surface_shown = shown;
+  backdrop.Compose(shown ? &caster : nullptr, request.size);
+}
+
+void FrameRenderer::Draw(const FrameRequest& request) {
+  Parts& parts = *parts_;
+  ResetState();
+  const bool resized = parts.frame.Resize(request.size);
+  if (parts.frame.empty()) {
+    if (resized) parts.backdrop.Compose(nullptr, request.size);
+    parts.surface_shown = false;
+    return;
+  }
+  parts.clip_from_D = request.camera.ClipFromD(request.size, BoundsOf(parts.volume));
+  parts.eye_D = request.camera.Eye();
+  parts.UpdateBackdrop(request);
+  parts.frame.CopyFrom(parts.backdrop.target());
+  if (!request.overlay) return;
+  parts.frame.Bind();
+  OverlayView view = {request.size, parts.clip_from_D, parts.eye_D};
+  if (parts.surface_shown && request.surface.veil.shown) {
+    view.veil_color = parts.caster.veil_color();
+    view.veil_depth = parts.caster.veil_depth();
+  }
+  parts.overlay.Draw(*request.overlay, view);
+}
+
+unsigned FrameRenderer::DrawnTexture() const { return parts_->frame.color(); }
+
+Image FrameRenderer::ReadBack() const { return {parts_->frame.size(), parts_->frame.ReadColors()}; }
+
+std::uint64_t FrameRenderer::casts() const { return parts_->caster.casts(); }
+
+std::optional<Vec3> FrameRenderer::SurfaceAt(int x_px, int y_px) const {
+  const ImageSize& size = parts_->frame.size();
+  if (x_px < 0 || y_px < 0 || x_px >= size.width || y_px >= size.height) return std::nullopt;
+  const int from_bottom_px = size.height - 1 - y_px;
+  const float depth = parts_->backdrop.ReadDepth(x_px, from_bottom_px);
+  if (depth >= 1.0f) return std::nullopt;
+  return Unprojected(parts_->clip_from_D.inverse(), size, x_px, from_bottom_px, depth);
+}
+
+std::vector<float> FrameRenderer::SurfaceDistances() const {
+  const ImageSize& size = parts_->frame.size();
+  const std::vector<float> depths = parts_->backdrop.ReadDepths();
+  std::vector<float> distances;
+  distances.reserve(depths.size());
+  const Mat4 D_from_clip = parts_->clip_from_D.inverse();
+  for (int y = size.height - 1; y >= 0 && !depths.empty(); --y) {
+    for (int x = 0; x < size.width; ++x) {
+      const float depth = depths[static_cast<std::size_t>(y) * size.width + x];
+      const Vec3 p_D = Unprojected(D_from_clip, size, x, y, depth);
+      distances.push_back(depth < 1.0f ? static_cast<float>((p_D - parts_->eye_D).norm())
+                                       : std::numeric_limits<float>::infinity());
+    }
+  }
+  return distances;
+}
+
+unsigned FrameRenderer::DrawSlice(const SliceRequest& request) {
+  ResetState();
+  parts_->slices.Draw(parts_->volume, request);
+  return parts_->slices.picture(request.axis).color();
+}
+
+std::uint64_t FrameRenderer::slice_casts() const { return parts_->slices.casts(); }
+
+Image FrameRenderer::ReadSlice(int axis) const {
+  const FrameTarget& picture = parts_->slices.picture(axis);
+  return {picture.size(), picture.ReadColors()};
+}
+
+}  // namespace palpate::view

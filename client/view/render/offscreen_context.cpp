@@ -1,0 +1,92 @@
+#include "client/view/render/offscreen_context.h"
+
+#include <epoxy/egl.h>
+
+#include <string>
+
+#include "common/error/error.h"
+
+namespace palpate::view {
+namespace {
+
+constexpr char kWhatToInstall[] =
+    "; install libegl1 and libgl1-mesa-dri, which draw in software where there is no graphics card";
+
+// EGL_NO_DISPLAY where the platform is not there.
+EGLDisplay Initialized(EGLDisplay display) {
+  if (display == EGL_NO_DISPLAY) return EGL_NO_DISPLAY;
+  return eglInitialize(display, nullptr, nullptr) ? display : EGL_NO_DISPLAY;
+}
+
+EGLDisplay SurfacelessDisplay() {
+  if (!epoxy_has_egl_extension(EGL_NO_DISPLAY, "EGL_MESA_platform_surfaceless")) {
+    return EGL_NO_DISPLAY;
+  }
+  return Initialized(
+      eglGetPlatformDisplayEXT(EGL_PLATFORM_SURFACELESS_MESA, EGL_DEFAULT_DISPLAY, nullptr));
+}
+
+EGLDisplay DeviceDisplay() {
+  if (!epoxy_has_egl_extension(EGL_NO_DISPLAY, "EGL_EXT_platform_device") ||
+      !epoxy_has_egl_extension(EGL_NO_DISPLAY, "EGL_EXT_device_enumeration")) {
+    return EGL_NO_DISPLAY;
+  }
+  EGLDeviceEXT device = nullptr;
+  EGLint count = 0;
+  if (!eglQueryDevicesEXT(1, &device, &count) || count < 1) return EGL_NO_DISPLAY;
+  return Initialized(eglGetPlatformDisplayEXT(EGL_PLATFORM_DEVICE_EXT, device, nullptr));
+}
+
+// EGL_NO_CONTEXT where the display has no such OpenGL. Leaves it current.
+EGLContext CurrentContext(EGLDisplay display) {
+  if (display == EGL_NO_DISPLAY || !eglBindAPI(EGL_OPENGL_API)) return EGL_NO_CONTEXT;
+  const EGLint config_wish[] = {EGL_SURFACE_TYPE, EGL_PBUFFER_BIT, EGL_RENDERABLE_TYPE,
+                                EGL_OPENGL_BIT, EGL_NONE};
+  EGLConfig config = nullptr;
+  EGLint configs = 0;
+  if (!eglChooseConfig(display, config_wish, &config, 1, &configs) || configs < 1) {
+    return EGL_NO_CONTEXT;
+  }
+  const EGLint context_wish[] = {EGL_CONTEXT_MAJOR_VERSION,
+                                 4,
+                                 EGL_CONTEXT_MINOR_VERSION,
+                                 3,
+                                 EGL_CONTEXT_OPENGL_PROFILE_MASK,
+                                 EGL_CONTEXT_OPENGL_CORE_PROFILE_BIT,
+                                 EGL_NONE};
+  EGLContext context = eglCreateContext(display, config, EGL_NO_CONTEXT, context_wish);
+  if (context == EGL_NO_CONTEXT) return EGL_NO_CONTEXT;
+  if (eglMakeCurrent(display, EGL_NO_SURFACE, EGL_NO_SURFACE, context)) return context;
+  eglDestroyContext(display, context);
+  return EGL_NO_CONTEXT;
+}
+
+}  // namespace
+
+struct OffscreenContext::Handles {
+  EGLDisplay display = EGL_NO_DISPLAY;
+  EGLContext context = EGL_NO_CONTEXT;
+};
+
+OffscreenContext::OffscreenContext() : handles_(std::make_unique<Handles>()) {
+  // epoxy ends the process when it is asked for a library that is not there.
+  if (!epoxy_has_egl()) {
+    throw Error(ErrorKind::kUnavailable,
+                std::string("there is no EGL to draw without a display") + kWhatToInstall);
+  }
+  for (const auto find : {SurfacelessDisplay, DeviceDisplay}) {
+    handles_->display = find();
+    handles_->context = CurrentContext(handles_->display);
+    if (handles_->context != EGL_NO_CONTEXT) return;
+  }
+  throw Error(ErrorKind::kUnavailable,
+              std::string("EGL gives no OpenGL 4.3 without a display") + kWhatToInstall);
+}
+
+OffscreenContext::~OffscreenContext() {
+  // The display belongs to the whole process, so others may still draw with it.
+  eglMakeCurrent(handles_->display, EGL_NO_SURFACE, EGL_NO_SURFACE, EGL_NO_CONTEXT);
+  eglDestroyContext(handles_->display, handles_->context);
+}
+
+}  // namespace palpate::view

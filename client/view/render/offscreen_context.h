@@ -1,0 +1,24 @@
+// An OpenGL 4.3 core context without a window or a display: EGL on Mesa's surfaceless
+// platform, or else on the first device.
+//
+// Threads: current on the thread that made it, until it is destroyed.
+// Errors: Error with kUnavailable where the machine has no such driver.
+#pragma once
+
+#include <memory>
+
+namespace palpate::view {
+
+class OffscreenContext {
+ public:
+  OffscreenContext();
+  ~OffscreenContext();
+  OffscreenContext(const OffscreenContext&) = delete;
+  OffscreenContext& operator=(const OffscreenContext&) = delete;
+
+ private:
+  struct Handles;
+  std::unique_ptr<Handles> handles_;
+};
+
+}  // namespace palpate::view

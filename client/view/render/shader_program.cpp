@@ -1,0 +1,105 @@
+#include "client/view/render/shader_program.h"
+
+#include <epoxy/gl.h>
+
+#include "common/error/error.h"
+
+namespace palpate::view {
+namespace {
+
+constexpr const char* kCoverViewport = R"(#version 430 core
+void main() {
+  gl_Position = vec4(gl_VertexID == 1 ? 3.0 : -1.0, gl_VertexID == 2 ? 3.0 : -1.0, 0.0, 1.0);
+}
+)";
+
+GLuint Compile(GLenum kind, const char* source) {
+  const GLuint shader = glCreateShader(kind);
+  glShaderSource(shader, 1, &source, nullptr);
+  glCompileShader(shader);
+  GLint good = GL_FALSE;
+  glGetShaderiv(shader, GL_COMPILE_STATUS, &good);
+  if (good == GL_TRUE) return shader;
+  char log[2048] = {};
+  glGetShaderInfoLog(shader, sizeof(log), nullptr, log);
+  glDeleteShader(shader);
+  throw Error(ErrorKind::kInternal, std::string("the graphics driver refuses a shader: ") + log);
+}
+
+GLuint Link(GLuint vertex, GLuint fragment) {
+  const GLuint program = glCreateProgram();
+  glAttachShader(program, vertex);
+  glAttachShader(program, fragment);
+  glLinkProgram(program);
+  glDeleteShader(vertex);
+  glDeleteShader(fragment);
+  GLint good = GL_FALSE;
+  glGetProgramiv(program, GL_LINK_STATUS, &good);
+  if (good == GL_TRUE) return program;
+  char log[2048] = {};
+  glGetProgramInfoLog(program, sizeof(log), nullptr, log);
+  glDeleteProgram(program);
+  throw Error(ErrorKind::kInternal, std::string("the graphics driver refuses a program: ") + log);
+}
+
+}  // namespace
+
+ShaderProgram::ShaderProgram(const std::string& fragment_source)
+    : ShaderProgram(kCoverViewport, fragment_source) {}
+
+ShaderProgram::ShaderProgram(const std::string& vertex_source, const std::string& fragment_source) {
+  const GLuint vertex = Compile(GL_VERTEX_SHADER, vertex_source.c_str());
+  program_ = Link(vertex, Compile(GL_FRAGMENT_SHADER, fragment_source.c_str()));
+  glGenVertexArrays(1, &no_vertices_);
+}
+
+ShaderProgram::~ShaderProgram() {
+  glDeleteProgram(program_);
+  glDeleteVertexArrays(1, &no_vertices_);
+}
+
+void ShaderProgram::Use() const { glUseProgram(program_); }
+
+void ShaderProgram::Set(const char* name, int value) const {
+  glUniform1i(glGetUniformLocation(program_, name), value);
+}
+
+void ShaderProgram::Set(const char* name, double value) const {
+  glUniform1f(glGetUniformLocation(program_, name), static_cast<float>(value));
+}
+
+void ShaderProgram::Set(const char* name, const Vec3i& value) const {
+  glUniform3iv(glGetUniformLocation(program_, name), 1, value.data());
+}
+
+void ShaderProgram::Set(const char* name, const Vec3& value) const {
+  const Eigen::Vector3f floats = value.cast<float>();
+  glUniform3fv(glGetUniformLocation(program_, name), 1, floats.data());
+}
+
+void ShaderProgram::Set(const char* name, const Eigen::Vector4d& value) const {
+  const Eigen::Vector4f floats = value.cast<float>();
+  glUniform4fv(glGetUniformLocation(program_, name), 1, floats.data());
+}
+
+void ShaderProgram::Set(const char* name, const Mat3& value) const {
+  const Eigen::Matrix3f floats = value.cast<float>();
+  glUniformMatrix3fv(glGetUniformLocation(program_, name), 1, GL_FALSE, floats.data());
+}
+
+void ShaderProgram::Set(const char* name, const Eigen::Matrix4d& value) const {
+  const Eigen::Matrix4f floats = value.cast<float>();
+  glUniformMatrix4fv(glGetUniformLocation(program_, name), 1, GL_FALSE, floats.data());
+}
+
+void ShaderProgram::Set(const char* name, const Eigen::Vector2d& value) const {
+  const Eigen::Vector2f floats = value.cast<float>();
+  glUniform2fv(glGetUniformLocation(program_, name), 1, floats.data());
+}
+
+void ShaderProgram::Draw() const {
+  glBindVertexArray(no_vertices_);
+  glDrawArrays(GL_TRIANGLES, 0, 3);
+}
+
+}  // namespace palpate::view

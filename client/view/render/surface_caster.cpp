@@ -1,0 +1,216 @@
+#include "client/view/render/surface_caster.h"
+
+#include <epoxy/gl.h>
+
+#include <cmath>
+#include <optional>
+#include <string>
+
+#include "client/view/render/color_texture.h"
+#include "client/view/render/frame_target.h"
+#include "client/view/render/gl_state.h"
+#include "client/view/render/shader_program.h"
+#include "client/view/render/surface_shader.h"
+#include "common/error/error.h"
+
+namespace palpate::view {
+namespace {
+
+enum Target { kColor, kVeilColor, kVeilDepth, kDepth, kTargets };
+constexpr GLenum kFormats[kTargets] = {GL_RGBA8, GL_RGBA8, GL_R32F, GL_DEPTH_COMPONENT32F};
+constexpr GLenum kAttachments[kTargets] = {GL_COLOR_ATTACHMENT0, GL_COLOR_ATTACHMENT1,
+                                           GL_COLOR_ATTACHMENT2, GL_DEPTH_ATTACHMENT};
+
+// Frame P of the shader: voxel (i, j, k) is at (i + 1, j + 1, k + 1).
+AffineMap XDP(const AffineMap& X_DI) {
+  AffineMap X_IP;
+  X_IP.translation = -Vec3::Ones();
+  return X_DI * X_IP;
+}
+
+// A ray's direction in P as a linear function of (x, y, 1), pixels right and up of the
+// image's centre: the difference between the point there on the near plane and the eye,
+// in homogeneous coordinates.
+Mat3 DirectionFromPixel(const CastRequest& request, const AffineMap& X_PD) {
+  const Mat4 D_from_clip = request.clip_from_D.inverse();
+  Eigen::Matrix<double, 4, 3> near;
+  near.col(0) = D_from_clip.col(0) * 2.0 / request.size.width;
+  near.col(1) = D_from_clip.col(1) * 2.0 / request.size.height;
+  near.col(2) = D_from_clip.col(3) - D_from_clip.col(2);
+  const Mat3 direction_D = near.topRows<3>() - request.eye_D * near.row(3);
+  const Mat3 direction_P = X_PD.linear * direction_D;
+  return direction_P / direction_P.col(2).norm();
+}
+
+void SetCamera(const ShaderProgram& program, const CastRequest& request, const AffineMap& X_DP) {
+  const AffineMap X_PD = X_DP.Inverse();
+  Mat4 D_from_P = Mat4::Identity();
+  D_from_P.topLeftCorner<3, 3>() = X_DP.linear;
+  D_from_P.topRightCorner<3, 1>() = X_DP.translation;
+  const Mat4 clip_from_P = request.clip_from_D * D_from_P;
+  program.Set("eye", X_PD.Apply(request.eye_D));
+  program.Set("image_center", Vec3(request.size.width / 2.0, request.size.height / 2.0, 0.0));
+  program.Set("direction_from_pixel", DirectionFromPixel(request, X_PD));
+  program.Set("clip_z", Eigen::Vector4d(clip_from_P.row(2)));
+  program.Set("clip_w", Eigen::Vector4d(clip_from_P.row(3)));
+  program.Set("D_from_P", X_DP.linear);
+  program.Set("normal_D_from_P", Mat3(X_PD.linear.transpose()));
+  program.Set("right_D", Vec3(request.clip_from_D.row(0).head<3>().normalized()));
+  program.Set("up_D", Vec3(request.clip_from_D.row(1).head<3>().normalized()));
+}
+
+// Planes that are off keep everything.
+void SetCuts(const ShaderProgram& program, const SurfaceOptions& surface, const Vec3i& cells) {
+  const auto face = [&](const Vec3& fraction) -> Vec3 {
+    return fraction.cwiseMax(0.0).cwiseMin(1.0).cwiseProduct(cells.cast<double>());
+  };
+  program.Set("crop_min", face(surface.crop.min));
+  program.Set("crop_max", face(surface.crop.max));
+  const char* const names[] = {"planes[0]", "planes[1]"};
+  for (std::size_t n = 0; n < surface.planes.size(); ++n) {
+    const ClipPlane& plane = surface.planes[n];
+    Eigen::Vector4d kept(0.0, 0.0, 0.0, 1.0);
+    if (plane.on) kept << plane.normal_I, plane.offset_voxels + plane.normal_I.sum();
+    program.Set(names[n], kept);
+  }
+}
+
+void SetSurface(const ShaderProgram& program, const SurfaceOptions& surface,
+                const ValueScale& scale) {
+  program.Set("surface_shown", surface.shown ? 1 : 0);
+  program.Set("isovalue", scale.Split(surface.isovalue));
+  program.Set("material_above", surface.free_above ? 0 : 1);
+  program.Set("caps", surface.caps ? 1 : 0);
+  program.Set("veil_shown", surface.veil.shown ? 1 : 0);
+  program.Set("veil_isovalue", scale.Split(surface.veil.isovalue));
+  program.Set("plain_color", Vec3(surface.color.cast<double>()));
+  program.Set("veil_plain_color", Vec3(surface.veil.color.cast<double>()));
+  program.Set("veil_opacity", surface.veil.opacity);
+  program.Set("coloring", static_cast<int>(surface.coloring));
+  program.Set("window_min", scale.Split(surface.window_min));
+  program.Set("window_range", scale.Scaled(surface.window_max) - scale.Scaled(surface.window_min));
+}
+
+void SetVolume(const ShaderProgram& program, const VolumeTexture& volume) {
+  program.Set("voxels", 0);
+  program.Set("ranges", 1);
+  program.Set("color_map", 2);
+  program.Set("cells", Vec3i(volume.size() + Vec3i::Ones()));
+  const double edge_mm = std::cbrt(std::abs(volume.X_DI()->linear.determinant()));
+  const ValueScale& scale = volume.scale();
+  const double range = scale.Scaled(volume.value_max()) - scale.Scaled(volume.value_min());
+  program.Set("steepest", range > 0.0 ? 0.5 * range / edge_mm : 1.0);
+}
+
+}  // namespace
+
+struct SurfaceCaster::Parts {
+  Parts() : program(SurfaceShader()) { glGenFramebuffers(1, &framebuffer); }
+  ~Parts() {
+    glDeleteTextures(kTargets, targets);
+    glDeleteFramebuffers(1, &framebuffer);
+  }
+  Parts(const Parts&) = delete;
+  Parts& operator=(const Parts&) = delete;
+
+  void Resize(const ImageSize& size);
+  void BindTarget(const ImageSize& size) const;
+  void Clear() const;
+  void Draw(const VolumeTexture& volume, const CastRequest& request) const;
+
+  ShaderProgram program;
+  GLuint framebuffer = 0;
+  GLuint targets[kTargets] = {};
+  ColorTexture color_map;
+
+  // What the textures show.
+  std::optional<CastRequest> request;
+  const VolumeTexture* volume = nullptr;
+  std::uint64_t version = 0;
+  std::uint64_t casts = 0;
+};
+
+void SurfaceCaster::Parts::Resize(const ImageSize& size) {
+  if (request && request->size == size) return;
+  RequirePictureSize(size);
+  request.reset();
+  glDeleteTextures(kTargets, targets);
+  glGenTextures(kTargets, targets);
+  glBindFramebuffer(GL_FRAMEBUFFER, framebuffer);
+  for (int n = 0; n < kTargets; ++n) {
+    glBindTexture(GL_TEXTURE_2D, targets[n]);
+    glTexStorage2D(GL_TEXTURE_2D, 1, kFormats[n], size.width, size.height);
+    glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MIN_FILTER, GL_NEAREST);
+    glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAG_FILTER, GL_NEAREST);
+    glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_WRAP_S, GL_CLAMP_TO_EDGE);
+    glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_WRAP_T, GL_CLAMP_TO_EDGE);
+    glFramebufferTexture2D(GL_FRAMEBUFFER, kAttachments[n], GL_TEXTURE_2D, targets[n], 0);
+  }
+  glDrawBuffers(3, kAttachments);
+  if (glCheckFramebufferStatus(GL_FRAMEBUFFER) != GL_FRAMEBUFFER_COMPLETE) {
+    throw Error(ErrorKind::kInternal, "the graphics driver refuses a framebuffer of " +
+                                          std::to_string(size.width) + " x " +
+                                          std::to_string(size.height) + " pixels");
+  }
+}
+
+void SurfaceCaster::Parts::BindTarget(const ImageSize& size) const {
+  glBindFramebuffer(GL_FRAMEBUFFER, framebuffer);
+  glViewport(0, 0, size.width, size.height);
+  ResetState();
+  glEnable(GL_DEPTH_TEST);  // without it depth is not written
+  glDepthFunc(GL_ALWAYS);
+}
+
+void SurfaceCaster::Parts::Clear() const {
+  const GLfloat none[] = {0.0f, 0.0f, 0.0f, 0.0f};
+  const GLfloat farthest[] = {1.0f, 1.0f, 1.0f, 1.0f};
+  glClearBufferfv(GL_COLOR, kColor, none);
+  glClearBufferfv(GL_COLOR, kVeilColor, none);
+  glClearBufferfv(GL_COLOR, kVeilDepth, farthest);
+  glClearBufferfv(GL_DEPTH, 0, farthest);
+}
+
+void SurfaceCaster::Parts::Draw(const VolumeTexture& texture, const CastRequest& what) const {
+  const GLuint textures[] = {texture.voxels(), texture.ranges(), color_map.name()};
+  const GLenum kinds[] = {GL_TEXTURE_3D, GL_TEXTURE_3D, GL_TEXTURE_2D};
+  for (GLenum unit = 0; unit < 3; ++unit) {
+    glActiveTexture(GL_TEXTURE0 + unit);
+    glBindTexture(kinds[unit], textures[unit]);
+  }
+  glActiveTexture(GL_TEXTURE0);
+  program.Use();
+  SetVolume(program, texture);
+  SetCamera(program, what, XDP(*texture.X_DI()));
+  SetCuts(program, what.surface, texture.size() + Vec3i::Ones());
+  SetSurface(program, what.surface, texture.scale());
+  program.Draw();
+}
+
+SurfaceCaster::SurfaceCaster() : parts_(std::make_unique<Parts>()) {}
+SurfaceCaster::~SurfaceCaster() = default;
+
+bool SurfaceCaster::Cast(const VolumeTexture& volume, const CastRequest& request) {
+  Parts& p = *parts_;
+  if (request.size.width < 1 || request.size.height < 1) return false;
+  if (p.request == request && p.volume == &volume && p.version == volume.version()) return false;
+
+  p.Resize(request.size);
+  p.color_map.Show(request.surface.color_map);
+  p.BindTarget(request.size);
+  p.Clear();
+  if (volume.voxels() != 0 && volume.X_DI()) p.Draw(volume, request);
+  p.request = request;
+  p.volume = &volume;
+  p.version = volume.version();
+  ++p.casts;
+  return true;
+}
+
+unsigned SurfaceCaster::color() const { return parts_->targets[kColor]; }
+unsigned SurfaceCaster::depth() const { return parts_->targets[kDepth]; }
+unsigned SurfaceCaster::veil_color() const { return parts_->targets[kVeilColor]; }
+unsigned SurfaceCaster::veil_depth() const { return parts_->targets[kVeilDepth]; }
+std::uint64_t SurfaceCaster::casts() const { return parts_->casts; }
+
+}  // namespace palpate::view

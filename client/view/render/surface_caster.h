@@ -1,0 +1,58 @@
+// Casts a ray per pixel through the volume: the exact trilinear isosurface V, a veil
+// in front of it, and cuts by crop box and planes.
+//
+// A ray walks cell bricks and then cells by integer steps, so that none is missed at a
+// border or along an axis; within a cell F along the ray is a cubic, whose first root is
+// found between the roots of its derivative. The side of the isovalue on which the ray
+// is travels with it from cell to cell: a change of side is a hit, whatever rounding
+// does at the border.
+//
+// The result is kept in textures of the image's size, and is cast again only where
+// something of the request or the volume changed.
+//
+// Threads: that of the current OpenGL 4.3 context. Errors: Error with kTooLarge for a
+// size that the context has no pictures of, before anything changed; kInternal where the
+// driver refuses a shader.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+
+#include "client/view/render/volume_texture.h"
+#include "client/view/scene/camera.h"
+#include "client/view/scene/view_options.h"
+
+namespace palpate::view {
+
+struct CastRequest {
+  ImageSize size;
+  Vec3 eye_D = Vec3::Zero();
+  Mat4 clip_from_D = Mat4::Identity();
+  SurfaceOptions surface;
+  friend bool operator==(const CastRequest&, const CastRequest&) = default;
+};
+
+class SurfaceCaster {
+ public:
+  SurfaceCaster();
+  ~SurfaceCaster();
+  SurfaceCaster(const SurfaceCaster&) = delete;
+  SurfaceCaster& operator=(const SurfaceCaster&) = delete;
+
+  // False where what it has is that already, or the size is 0. Leaves its own
+  // framebuffer bound. Nothing is shown of a volume that has no place yet.
+  bool Cast(const VolumeTexture& volume, const CastRequest& request);
+
+  // Names of textures of the last request's size; the first row is the bottom.
+  unsigned color() const;       // RGBA8, alpha 0: no surface
+  unsigned depth() const;       // DEPTH_COMPONENT32F as clip_from_D gives it; 1: none
+  unsigned veil_color() const;  // RGBA8, premultiplied by alpha
+  unsigned veil_depth() const;  // R32F, of the nearest layer; 1: none
+  std::uint64_t casts() const;
+
+ private:
+  struct Parts;
+  std::unique_ptr<Parts> parts_;
+};
+
+}  // namespace palpate::view

@@ -1,0 +1,134 @@
+#include "client/view/scene/camera.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+namespace palpate::view {
+namespace {
+
+constexpr double kMaxElevation_deg = 89.0;
+constexpr double kMinDistance_mm = 1e-3;
+constexpr double kMaxDistance_mm = 1e6;
+constexpr double kResetAzimuth_deg = 20.0;
+constexpr double kResetElevation_deg = 15.0;
+// The nearest that is drawn, as a share of the distance to the target.
+constexpr double kNearShare = 0.01;
+
+double Radians(double degrees) { return degrees * std::numbers::pi / 180.0; }
+
+// Half of what is seen at a distance of 1, across and up.
+struct HalfView {
+  double across;
+  double up;
+};
+
+HalfView HalfViewOf(const ImageSize& size) {
+  const double shorter = std::tan(Radians(0.5 * Camera::kFieldOfView_deg));
+  const double aspect = static_cast<double>(std::max(size.width, 1)) / std::max(size.height, 1);
+  return {shorter * std::max(aspect, 1.0), shorter * std::max(1.0 / aspect, 1.0)};
+}
+
+// Distances along the view.
+struct DepthRange {
+  double near_mm;
+  double far_mm;
+};
+
+DepthRange DepthsOf(const AffineMap& X_VD, double target_mm, const Bounds& bounds) {
+  double nearest = target_mm, farthest = target_mm;
+  for (int corner = 0; corner < 8; ++corner) {
+    Vec3 p_D = bounds.min_mm;
+    for (int axis = 0; axis < 3; ++axis) {
+      if (corner >> axis & 1) p_D[axis] = bounds.max_mm[axis];
+    }
+    const double depth = -X_VD.Apply(p_D).z();
+    nearest = std::min(nearest, depth);
+    farthest = std::max(farthest, depth);
+  }
+  // For what sticks out: a stylus, an arrow.
+  const double margin = 0.5 * (bounds.max_mm - bounds.min_mm).norm() + 0.1 * target_mm;
+  return {std::max(nearest - margin, kNearShare * target_mm), farthest + margin};
+}
+
+}  // namespace
+
+void Camera::Reset(const Bounds& bounds) {
+  const double radius_mm = std::max(0.5 * (bounds.max_mm - bounds.min_mm).norm(), kMinDistance_mm);
+  // A sphere around all of it nearly fills the image's shorter side.
+  Set(0.5 * (bounds.min_mm + bounds.max_mm), kResetAzimuth_deg, kResetElevation_deg,
+      1.05 * radius_mm / std::sin(Radians(0.5 * kFieldOfView_deg)));
+}
+
+void Camera::Orbit(double azimuth_deg, double elevation_deg) {
+  Set(target_D_, azimuth_deg_ + azimuth_deg, elevation_deg_ + elevation_deg, distance_mm_);
+}
+
+void Camera::Zoom(double factor) {
+  if (!(factor > 0.0)) return;
+  Set(target_D_, azimuth_deg_, elevation_deg_, distance_mm_ / factor);
+}
+
+void Camera::Pan(double right_px, double down_px, const ImageSize& size) {
+  const double mm_per_px = 2.0 * distance_mm_ * HalfViewOf(size).up / std::max(size.height, 1);
+  const Mat3 R_VD = X_VD().linear;
+  target_D_ += R_VD.transpose() * Vec3(-right_px, down_px, 0.0) * mm_per_px;
+}
+
+void Camera::LookAt(const Vec3& target_D) { target_D_ = target_D; }
+
+void Camera::Set(const Vec3& target_D, double azimuth_deg, double elevation_deg,
+                 double distance_mm) {
+  target_D_ = target_D;
+  azimuth_deg_ = std::remainder(azimuth_deg, 360.0);
+  elevation_deg_ = std::clamp(elevation_deg, -kMaxElevation_deg, kMaxElevation_deg);
+  distance_mm_ = std::clamp(distance_mm, kMinDistance_mm, kMaxDistance_mm);
+}
+
+Vec3 Camera::Eye() const {
+  const double a = Radians(azimuth_deg_), e = Radians(elevation_deg_);
+  const Vec3 towards(std::sin(a) * std::cos(e), std::sin(e), std::cos(a) * std::cos(e));
+  return target_D_ + distance_mm_ * towards;
+}
+
+AffineMap Camera::X_VD() const {
+  const Vec3 eye = Eye();
+  const Vec3 back = (eye - target_D_).normalized();
+  const Vec3 right = Vec3::UnitY().cross(back).normalized();
+  AffineMap X;
+  X.linear.row(0) = right;
+  X.linear.row(1) = back.cross(right);
+  X.linear.row(2) = back;
+  X.translation = -(X.linear * eye);
+  return X;
+}
+
+Mat4 Camera::ClipFromView(const ImageSize& size, const Bounds& bounds) const {
+  const HalfView half = HalfViewOf(size);
+  const auto [near_mm, far_mm] = DepthsOf(X_VD(), distance_mm_, bounds);
+  Mat4 clip = Mat4::Zero();
+  clip(0, 0) = 1.0 / half.across;
+  clip(1, 1) = 1.0 / half.up;
+  clip(2, 2) = -(far_mm + near_mm) / (far_mm - near_mm);
+  clip(2, 3) = -2.0 * far_mm * near_mm / (far_mm - near_mm);
+  clip(3, 2) = -1.0;
+  return clip;
+}
+
+Mat4 Camera::ClipFromD(const ImageSize& size, const Bounds& bounds) const {
+  const AffineMap X = X_VD();
+  Mat4 view = Mat4::Identity();
+  view.topLeftCorner<3, 3>() = X.linear;
+  view.topRightCorner<3, 1>() = X.translation;
+  return ClipFromView(size, bounds) * view;
+}
+
+Ray Camera::RayThrough(double x_px, double y_px, const ImageSize& size) const {
+  const HalfView half = HalfViewOf(size);
+  const double right = (2.0 * x_px / std::max(size.width, 1) - 1.0) * half.across;
+  const double up = (1.0 - 2.0 * y_px / std::max(size.height, 1)) * half.up;
+  const Mat3 R_DV = X_VD().linear.transpose();
+  return {Eye(), (R_DV * Vec3(right, up, -1.0)).normalized()};
+}
+
+}  // namespace palpate::view

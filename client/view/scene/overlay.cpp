@@ -1,0 +1,158 @@
+#include "client/view/scene/overlay.h"
+
+#include <algorithm>
+
+#include "client/view/scene/solids.h"
+
+namespace palpate::view {
+namespace {
+
+constexpr std::uint8_t kPointBehind = 140;
+constexpr std::uint8_t kForceBehind = 100;
+constexpr std::uint8_t kHapticSurfaceBehind = 70;
+constexpr std::array<std::uint8_t, 4> kSpringColor = {245, 245, 245, 230};  // HIP to SCP_H
+constexpr std::array<std::uint8_t, 4> kGapColor = {160, 195, 255, 255};     // SCP_H to SCP_V
+constexpr std::array<std::uint8_t, 4> kBoxColor = {128, 140, 158, 150};
+constexpr Paint kPenBody = {{66, 74, 88, 255}, 0};
+constexpr Paint kPenGrip = {{128, 138, 152, 255}, 0};
+constexpr Paint kPenTip = {{205, 208, 212, 255}, 0};
+
+// Forces below do not show.
+constexpr double kLeastArrow_px = 1.0;
+// Voxels of this size on the screen leave room between the lines of H.
+constexpr double kSparse_px = 36.0;
+
+// What one pixel covers at a point, in mm.
+class PixelSize {
+ public:
+  PixelSize(const Camera& camera, const ImageSize& size)
+      : X_VD_(camera.X_VD()),
+        // The second row of a perspective turns heights over depths into half pictures.
+        per_mm_of_depth_(2.0 /
+                         (camera.ClipFromView(size, Bounds{})(1, 1) * std::max(size.height, 1))) {}
+
+  double At(const Vec3& p_D) const {
+    constexpr double kLeastDepth_mm = 1e-3;  // beside or behind the eye
+    return per_mm_of_depth_ * std::max(-X_VD_.Apply(p_D).z(), kLeastDepth_mm);
+  }
+
+ private:
+  AffineMap X_VD_;
+  double per_mm_of_depth_;
+};
+
+void AddLine(const Vec3& from_D, const Vec3& to_D, const std::array<std::uint8_t, 4>& rgba,
+             std::uint8_t alpha_behind, Overlay& overlay) {
+  overlay.lines.push_back({from_D.cast<float>(), rgba, alpha_behind});
+  overlay.lines.push_back({to_D.cast<float>(), rgba, alpha_behind});
+}
+
+void AddPoint(const Vec3& p_D, const std::array<std::uint8_t, 4>& rgba, const PixelSize& pixel,
+              Overlay& overlay) {
+  AddSphere(p_D, kPointRadius_px * pixel.At(p_D), {rgba, kPointBehind}, overlay.solids);
+}
+
+void AddPoints(const client::Pose& pose, const PixelSize& pixel, Overlay& overlay) {
+  AddPoint(pose.hip_mm, kHipColor, pixel, overlay);
+  if (pose.scp_h_mm != pose.hip_mm) {
+    AddPoint(pose.scp_h_mm, kScpHColor, pixel, overlay);
+    AddLine(pose.hip_mm, pose.scp_h_mm, kSpringColor, kPointBehind, overlay);
+  }
+  if (pose.scp_v_mm) {
+    AddPoint(*pose.scp_v_mm, kScpVColor, pixel, overlay);
+    AddLine(pose.scp_h_mm, *pose.scp_v_mm, kGapColor, kPointBehind, overlay);
+  }
+}
+
+void AddForce(const client::Pose& pose, double max_force_n, const PixelSize& pixel,
+              Overlay& overlay) {
+  const double force_n = pose.force_n.norm();
+  if (!(max_force_n > 0.0)) return;
+  const double length_px = kGreatestForce_px * force_n / max_force_n;
+  if (!(length_px > kLeastArrow_px)) return;
+  const double px_mm = pixel.At(pose.scp_h_mm);
+  const double head_px = std::min(16.0, length_px);
+  const Paint paint = {kForceColor, kForceBehind};
+  const double neck_mm = (length_px - head_px) * px_mm;
+  const Ring rings[] = {{0.0, 0.0, paint},
+                        {0.0, 2.2 * px_mm, paint},
+                        {neck_mm, 2.2 * px_mm, paint},
+                        {neck_mm, 6.0 * px_mm, paint},
+                        {length_px * px_mm, 0.0, paint}};
+  AddTurned(pose.scp_h_mm, pose.force_n / force_n, rings, overlay.solids);
+}
+
+// In mm, for it is a thing of the workspace: its tip is at HIP, and it points along its
+// own -z.
+void AddStylus(const client::Pose& pose, Overlay& overlay) {
+  static constexpr Ring kRings[] = {
+      {0.0, 0.0, kPenTip},   {1.0, 0.35, kPenTip},  {14.0, 2.3, kPenGrip}, {15.0, 2.7, kPenGrip},
+      {26.0, 2.9, kPenGrip}, {26.6, 2.6, kPenBody}, {27.2, 2.9, kPenBody}, {66.0, 2.9, kPenBody},
+      {67.8, 2.6, kPenBody}, {69.2, 1.8, kPenBody}, {70.0, 0.0, kPenBody}};
+  const Vec3 away_from_tip =
+      Eigen::Quaterniond(pose.stylus_orientation).normalized() * Vec3::UnitZ();
+  AddTurned(pose.hip_mm, away_from_tip, kRings, overlay.solids);
+}
+
+// Where V and H coincide, half of a line's width would lie behind a slanted surface, so
+// lines come nearer to the eye: by half a pixel, for a difference below that does not
+// show anyway, and by so little of a voxel that one between V and H does. Those that V
+// hides by less than a voxel are seen faintly through it; all that lie farther behind
+// would only confuse.
+void AddHapticSurface(const OverlayScene& scene, const Camera& camera, const PixelSize& pixel,
+                      Overlay& overlay) {
+  const Vec3 eye_D = camera.Eye();
+  const double voxel_mm = scene.X_DI->linear.colwise().norm().minCoeff();
+  const auto add = [&](double nearer_voxels, std::uint8_t alpha) {
+    for (const Vec3& p_I : scene.haptic_lines_I) {
+      const Vec3 p_D = scene.X_DI->Apply(p_I);
+      const double px_mm = pixel.At(p_D);
+      const double nearer_mm = nearer_voxels * voxel_mm + 0.5 * px_mm;
+      // From afar lines are so dense that they would cover the surface.
+      const double share = std::clamp(voxel_mm / px_mm / kSparse_px, 0.2, 1.0);
+      auto rgba = kHapticSurfaceColor;
+      rgba[3] = static_cast<std::uint8_t>(share * alpha);
+      overlay.lines.push_back(
+          {(p_D + nearer_mm * (eye_D - p_D).normalized()).cast<float>(), rgba, 0});
+    }
+  };
+  add(0.75, kHapticSurfaceBehind);
+  add(0.02, kHapticSurfaceColor[3]);
+}
+
+// Around the outer faces of the outermost voxels.
+void AddBox(const AffineMap& X_DI, const Vec3i& lattice_size, Overlay& overlay) {
+  const Vec3 least = Vec3::Constant(-0.5);
+  const Vec3 edges = lattice_size.cast<double>();
+  for (int axis = 0; axis < 3; ++axis) {
+    for (int corner = 0; corner < 4; ++corner) {
+      Vec3 from_I = least;
+      if (corner & 1) from_I[(axis + 1) % 3] += edges[(axis + 1) % 3];
+      if (corner & 2) from_I[(axis + 2) % 3] += edges[(axis + 2) % 3];
+      Vec3 to_I = from_I;
+      to_I[axis] += edges[axis];
+      AddLine(X_DI.Apply(from_I), X_DI.Apply(to_I), kBoxColor, 0, overlay);
+    }
+  }
+}
+
+}  // namespace
+
+Overlay BuildOverlay(const OverlayScene& scene, const OverlayOptions& options, const Camera& camera,
+                     const ImageSize& size) {
+  Overlay overlay;
+  const PixelSize pixel(camera, size);
+  if (scene.X_DI && options.box && (scene.lattice_size.array() > 0).all()) {
+    AddBox(*scene.X_DI, scene.lattice_size, overlay);
+  }
+  if (scene.X_DI && options.haptic_surface) {
+    AddHapticSurface(scene, camera, pixel, overlay);
+  }
+  if (!scene.pose) return overlay;
+  if (options.points) AddPoints(*scene.pose, pixel, overlay);
+  if (options.force) AddForce(*scene.pose, scene.max_force_n, pixel, overlay);
+  if (options.stylus) AddStylus(*scene.pose, overlay);
+  return overlay;
+}
+
+}  // namespace palpate::view

@@ -1,0 +1,80 @@
+#include "client/view/scene/solids.h"
+
+#include <cmath>
+#include <numbers>
+
+namespace palpate::view {
+namespace {
+
+constexpr int kSides = 24;
+
+using Triangle = std::array<Vec3, 3>;
+
+std::vector<Triangle> Octahedron() {
+  std::vector<Triangle> triangles;
+  for (int octant = 0; octant < 8; ++octant) {
+    const Vec3 x = (octant & 1 ? -1.0 : 1.0) * Vec3::UnitX();
+    const Vec3 y = (octant & 2 ? -1.0 : 1.0) * Vec3::UnitY();
+    const Vec3 z = (octant & 4 ? -1.0 : 1.0) * Vec3::UnitZ();
+    const bool mirrored = x.cross(y).dot(z) < 0.0;
+    triangles.push_back(mirrored ? Triangle{y, x, z} : Triangle{x, y, z});
+  }
+  return triangles;
+}
+
+// Each triangle as four, their corners on the sphere.
+std::vector<Triangle> Divided(const std::vector<Triangle>& triangles) {
+  std::vector<Triangle> parts;
+  for (const auto& [a, b, c] : triangles) {
+    const Vec3 ab = (a + b).normalized(), bc = (b + c).normalized(), ca = (c + a).normalized();
+    parts.insert(parts.end(), {{a, ab, ca}, {ab, b, bc}, {ca, bc, c}, {ab, bc, ca}});
+  }
+  return parts;
+}
+
+SolidVertex Vertex(const Vec3& p_D, const Vec3& normal, const Paint& paint) {
+  return {p_D.cast<float>(), normal.cast<float>(), paint.rgba, paint.alpha_behind};
+}
+
+}  // namespace
+
+void AddSphere(const Vec3& center_D, double radius_mm, const Paint& paint,
+               std::vector<SolidVertex>& solids) {
+  static const auto sphere = Divided(Divided(Divided(Octahedron())));
+  for (const Triangle& triangle : sphere) {
+    for (const Vec3& normal : triangle) {
+      solids.push_back(Vertex(center_D + radius_mm * normal, normal, paint));
+    }
+  }
+}
+
+void AddTurned(const Vec3& origin_D, const Vec3& axis, std::span<const Ring> rings,
+               std::vector<SolidVertex>& solids) {
+  const Vec3 across = axis.unitOrthogonal();
+  const Vec3 other = axis.cross(across);
+  const auto outwards = [&](int side) -> Vec3 {
+    const double angle = 2.0 * std::numbers::pi * side / kSides;
+    return std::cos(angle) * across + std::sin(angle) * other;
+  };
+  for (std::size_t n = 0; n + 1 < rings.size(); ++n) {
+    const Ring& low = rings[n];
+    const Ring& high = rings[n + 1];
+    const auto vertex = [&](const Ring& ring, const Vec3& out) {
+      const Vec3 normal =
+          (high.along_mm - low.along_mm) * out - (high.radius_mm - low.radius_mm) * axis;
+      return Vertex(origin_D + ring.along_mm * axis + ring.radius_mm * out, normal.normalized(),
+                    low.paint);
+    };
+    for (int side = 0; side < kSides; ++side) {
+      const Vec3 here = outwards(side), next = outwards((side + 1) % kSides);
+      if (low.radius_mm > 0.0) {
+        solids.insert(solids.end(), {vertex(low, here), vertex(low, next), vertex(high, next)});
+      }
+      if (high.radius_mm > 0.0) {
+        solids.insert(solids.end(), {vertex(low, here), vertex(high, next), vertex(high, here)});
+      }
+    }
+  }
+}
+
+}  // namespace palpate::view

@@ -1,0 +1,45 @@
+// How often values occur in a volume.
+//
+// Values in data units. Threads: plain values.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <span>
+
+namespace palpate::view {
+
+class Histogram {
+ public:
+  static constexpr int kBins = 256;
+
+  Histogram() = default;
+  // Equal bins over min .. max; values outside count into the first and the last.
+  Histogram(double min, double max);
+
+  void Add(std::span<const float> values);
+  // Values that were added before.
+  void Remove(std::span<const float> values);
+  // One value, so many times.
+  void Add(float value, std::uint64_t times) { counts_[BinOf(value)] += times; }
+  void Remove(float value, std::uint64_t times) { counts_[BinOf(value)] -= times; }
+
+  int BinOf(float value) const {
+    const double bin = (static_cast<double>(value) - min_) * bins_per_unit_;
+    // So that nothing is converted that an int cannot hold.
+    if (!(bin > 0.0)) return 0;
+    return bin < kBins - 1 ? static_cast<int>(bin) : kBins - 1;
+  }
+
+  double min() const { return min_; }
+  double max() const { return max_; }
+  const std::array<std::uint64_t, kBins>& counts() const { return counts_; }
+
+ private:
+  double min_ = 0.0;
+  double max_ = 1.0;
+  double bins_per_unit_ = kBins;
+  std::array<std::uint64_t, kBins> counts_{};
+};
+
+}  // namespace palpate::view
