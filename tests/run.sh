@@ -7,18 +7,22 @@ root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 
 usage() {
   cat <<'TEXT'
-Usage: tests/run.sh [--quick] [--long]
+Usage: tests/run.sh [--quick] [--long] [--packages]
 
   --quick  the optimised build only, without the sanitizer builds and the fuzzer
   --long   the long forms of torture and slide tests (an hour), and ten million
            inputs for each fuzz target (another)
+  --packages  installs the Debian packages in a root of their own as well (as root,
+           minutes); without it they are only built and looked at
 TEXT
 }
 
 quick=
+packages=()
 for argument in "$@"; do
   case "$argument" in
     --quick) quick=yes ;;
+    --packages) packages=(--install) ;;
     --long)
       export PALPATE_TORTURE=${PALPATE_TORTURE:-100}
       export PALPATE_FUZZ_RUNS=${PALPATE_FUZZ_RUNS:-10000000}
@@ -33,34 +37,54 @@ cd "$root"
 results=$(mktemp -d)
 trap 'rm -rf "$results"' EXIT
 
-# run_preset PRESET TARGET CTEST_ARGUMENTS...
-run_preset() {
-  local preset=$1 target=$2
-  shift 2
-  echo "== $preset: build"
-  cmake --preset "$preset" >"$results/$preset.log" || { cat "$results/$preset.log"; exit 1; }
-  cmake --build --preset "$preset" --target "$target" >"$results/$preset.log" 2>&1 ||
-    { grep -E 'error|FAILED|warning' "$results/$preset.log" || tail -n 30 "$results/$preset.log"; exit 1; }
-  echo "== $preset: test"
-  local directory=build
-  [ "$preset" = default ] || directory=build-$preset
-  # A failed test is counted below; no test at all is an error of its own.
-  ctest --test-dir "$directory" --no-tests=error --output-on-failure \
-    --output-junit "$results/$preset.xml" "$@" >"$results/$preset.log" || true
-  grep -vE '^ *[0-9]+/[0-9]+ Test .* Passed|^ +Start +[0-9]+:' "$results/$preset.log" || true
-  [ -s "$results/$preset.xml" ] || { echo "run.sh: no test was run in $directory" >&2; exit 1; }
+# stage NAME: a headline, with the time since the start.
+stage() { printf '== %02d:%02d %s\n' $((SECONDS / 60)) $((SECONDS % 60)) "$1"; }
+
+# build PRESET TARGET
+build() {
+  stage "$1: build"
+  cmake --preset "$1" >"$results/build.log" || { cat "$results/build.log"; exit 1; }
+  cmake --build --preset "$1" --target "$2" >"$results/build.log" 2>&1 ||
+    { grep -E 'error|FAILED|warning' "$results/build.log" || tail -n 30 "$results/build.log"; exit 1; }
 }
 
-run_preset default all -j1
+# run_tests NAME FOLDER CTEST_ARGUMENTS...
+run_tests() {
+  local name=$1 folder=$2 log=$results/$1.log
+  shift 2
+  stage "$name: test"
+  # A failed test is counted below; no test at all is an error of its own.
+  ctest --test-dir "$folder" --no-tests=error --output-on-failure \
+    --output-junit "$results/$name.xml" "$@" >"$log" || true
+  grep -vE '^ *[0-9]+/[0-9]+ Test .* Passed|^ +Start +[0-9]+:' "$log" || true
+  [ -s "$results/$name.xml" ] || { echo "run.sh: no test was run in $folder" >&2; exit 1; }
+}
+
+# Programs are most of what a build takes on the disk, and linked again in seconds.
+drop_programs() { find "$1/bin" "$1/tests" -maxdepth 1 -type f -perm -100 -delete 2>/dev/null || true; }
+
+build default all
+# Tests of whole programs by themselves: they look at times and counts.
+run_tests default-unit build -L 'unit|sanitized' -j2
+run_tests default-programs build -LE 'unit|sanitized' -j1
+packages_failed=
+if [ -z "$quick" ] || [ ${#packages[@]} -gt 0 ]; then
+  stage packages
+  tests/packages_test.sh ${packages[@]+"${packages[@]}"} || packages_failed=yes
+fi
 if [ -z "$quick" ]; then
   # gRPC and OpenVDB's allocator are not built with sanitizers: the pure code and
   # the threads around it are.
-  run_preset asan sanitized_tests -L sanitized -j2
-  run_preset tsan sanitized_tests -L sanitized -j2
-  run_preset fuzz all -j2
+  for preset in asan tsan; do
+    build $preset sanitized_tests
+    run_tests $preset build-$preset -L sanitized -j2
+    drop_programs build-$preset
+  done
+  build fuzz all
+  run_tests fuzz build-fuzz -j2
   sed -n 's/^\(.*_fuzz: [0-9]* inputs in [0-9]* s\)$/  \1/p' build-fuzz/Testing/Temporary/LastTest.log
 fi
-
+stage done
 # The counts, over all runs.
 awk '
   match($0, /<testsuite /) { in_suite = 1 }
@@ -73,3 +97,4 @@ awk '
     printf "%d passed, %d failed, %d skipped\n", tests - failed - skipped, failed, skipped
     exit failed > 0 || tests == 0
   }' "$results"/*.xml
+[ -z "$packages_failed" ] || { echo "run.sh: the packages failed, see above" >&2; exit 1; }

@@ -8,6 +8,7 @@
 #include <cmath>
 #include <fstream>
 #include <functional>
+#include <sstream>
 #include <string>
 #include <thread>
 
@@ -23,8 +24,10 @@ namespace palpate::test {
 inline const std::string kTouchConfig =
     "kind = \"omni-usb\"\nframes = \"framed-firewire\"\n"
     "state_command = 0x21\nforce_command = 0x22\n"
-    "init_payload = [0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, "
-    "0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, "
+    "init_payload = [0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, "
+    "0, "
+    "0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, "
+    "0, "
     "0]\n"
     "motor_counts_per_n_mm = [4.0, 4.0, 4.0]\n";
 
@@ -65,13 +68,16 @@ class DeviceRig {
   UsbTestbed& bus() { return bus_; }
   Daemon& daemon() { return *daemon_; }
 
-  // device: lines of the configuration's `[device]`.
+  // device: lines of the configuration's `[device]`. Its socket and state folder are
+  // those of the daemon before.
   void Start(const std::string& device, bool bound_by_modes = false) {
     const std::filesystem::path file = folder_.path() / "device.toml";
     std::ofstream(file) << "[device]\n" << device;
     daemon_ = std::make_unique<Daemon>(
         PALPATED,
-        std::vector<std::string>{"--volume", "builtin:sphere:32", "--config", file.string()},
+        std::vector<std::string>{"--volume", "builtin:sphere:32", "--config", file.string(),
+                                 "--socket", folder_.path() / "palpated.sock", "--state-folder",
+                                 folder_.path() / "state"},
         bus_.wrapper(bound_by_modes));
   }
 
@@ -103,6 +109,31 @@ class DeviceRig {
     return daemon_->device->StopForces(&context, {}, &response);
   }
 
+  grpc::Status SetStiffness(double stiffness_n_per_mm) {
+    grpc::ClientContext context;
+    v1::UpdateSettingsRequest request;
+    request.mutable_settings()->set_stiffness_n_per_mm(stiffness_n_per_mm);
+    request.mutable_update_mask()->add_paths("stiffness_n_per_mm");
+    v1::UpdateSettingsResponse response;
+    return daemon_->render->UpdateSettings(&context, request, &response);
+  }
+  double Stiffness() {
+    grpc::ClientContext context;
+    v1::GetSettingsResponse response;
+    EXPECT_TRUE(daemon_->render->GetSettings(&context, {}, &response).ok());
+    return response.settings().stiffness_n_per_mm();
+  }
+  // By the daemon, for the next one after a kill.
+  bool IsKept(const std::string& line) const {
+    for (const auto& file :
+         std::filesystem::directory_iterator(folder_.path() / "state" / "sessions")) {
+      std::ostringstream text;
+      text << std::ifstream(file.path()).rdbuf();
+      if (Contains(text.str(), line)) return true;
+    }
+    return false;
+  }
+
   bool WaitForConnection(v1::DeviceConnection connection) {
     return Eventually([&] { return Health().connection() == connection; });
   }
@@ -110,6 +141,11 @@ class DeviceRig {
     return Eventually([&] { return Forces().state() == state; });
   }
   bool WaitForLog(const std::string& text) { return daemon_->process().WaitFor(text); }
+  // As a crash does.
+  void Kill() {
+    EXPECT_NE(daemon_->End(SIGKILL).exit_code, 0);
+    daemon_.reset();
+  }
   // Ends the daemon in order; returns its log.
   std::string End() {
     const ProcessResult result = daemon_->End();

@@ -91,6 +91,35 @@ TEST(UsbDevice, ForcesAreOffUntilEnabledByName) {
   EXPECT_EQ(CountForces(touch), before);
 }
 
+// What is felt comes back; that it was felt does not.
+TEST(UsbDevice, AfterAKillForcesAreOffUntilEnabledAgain) {
+  TouchEmulator touch;
+  DeviceRig rig;
+  ASSERT_TRUE(StartDocked(rig, touch));
+  Undock(touch);
+  ASSERT_TRUE(rig.Enable("omni-usb").ok());
+  ASSERT_TRUE(WaitForForce(touch));
+  ASSERT_TRUE(rig.SetStiffness(0.25).ok());
+  ASSERT_TRUE(Eventually([&] { return rig.IsKept("stiffness_n_per_mm = 0.25"); }));
+  rig.Kill();
+  const std::size_t before = touch.Forces().size();
+  touch.SetPath([](double) { return Vec3(0.0, -110.0, -35.0); });
+  touch.SetDocked(true);
+  rig.Start(kTouchConfig);
+  ASSERT_TRUE(rig.WaitForConnection(DeviceRig::kStreaming));
+  ASSERT_TRUE(Eventually([&] { return rig.Health().calibrated(); }));
+  EXPECT_TRUE(rig.WaitForLog("forces are off until `palpate device enable omni-usb`"));
+  EXPECT_EQ(rig.Stiffness(), 0.25);
+  Undock(touch);
+  std::this_thread::sleep_for(std::chrono::seconds(3));
+  const std::vector<TouchForce> forces = touch.Forces();
+  EXPECT_GT(forces.size(), before + 1000);
+  for (std::size_t n = before; n < forces.size(); ++n) ASSERT_TRUE(forces[n].IsZero());
+  EXPECT_EQ(rig.Forces().state(), v1::FORCE_STATE_OFF);
+  ASSERT_TRUE(rig.Enable("omni-usb").ok());
+  EXPECT_TRUE(WaitForForce(touch));
+}
+
 TEST(UsbDevice, IsLetGoOfInOrder) {
   TouchEmulator touch;
   DeviceRig rig;

@@ -169,12 +169,25 @@ void Add(const std::vector<v1::PoseSample>& samples, Totals& totals) {
   totals.volumes = samples.back().volume_revision();
 }
 
+// The hand looks for a surface where it was last in contact, and then farther and farther
+// away: from where it was in another volume that may take seconds.
+bool IsFound(Daemon& daemon) {
+  for (int second = 0; second < 180; ++second) {
+    PoseCollector collector(daemon);
+    std::this_thread::sleep_for(milliseconds(1000));
+    const auto& samples = collector.Stop();
+    if (!samples.empty() && samples.back().contact()) return true;
+  }
+  return false;
+}
+
 TEST(LiveData, EditsAndASeriesDoNotDisturbTheServo) {
   const std::filesystem::path folder = DataFolder() / "timeseries";
   if (!std::filesystem::exists(folder)) GTEST_SKIP() << folder << " is not there";
   Daemon daemon(PALPATED, {"--volume", "builtin:sphere:32"});
   SeriesClient series(daemon);
   series.Load((folder / "viscous_*.nrrd").string());
+  ASSERT_TRUE(IsFound(daemon));
   std::atomic<bool> on{false};
   std::vector<std::unique_ptr<EditingClient>> clients;
   for (unsigned n = 0; n < kClients; ++n) {

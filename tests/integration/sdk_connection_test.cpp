@@ -9,6 +9,7 @@
 #include <mutex>
 
 #include "client/sdk/client.h"
+#include "tests/support/free_port.h"
 #include "tests/support/patience.h"
 #include "tests/support/restarted_daemon.h"
 
@@ -260,8 +261,7 @@ TEST(SdkConnection, CallsFromCallbacksWork) {
 
 // Reached over TCP, and by many threads at once.
 TEST(SdkConnection, ManyThreadsOverTcp) {
-  const int port = 20000 + getpid() % 20000;
-  const std::string host_port = "127.0.0.1:" + std::to_string(port);
+  const std::string host_port = "127.0.0.1:" + std::to_string(test::FreePort());
   RestartedDaemon daemon({"--volume", "builtin:bumps:32", "--listen", host_port});
   daemon.Start();
   Client client({.address = {.host_port = host_port}});

@@ -10,13 +10,7 @@ import unittest
 import unittest.mock
 
 import palpate
-from support import Daemon, DaemonTest, wait_until
-
-
-def free_port():
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
+from support import Daemon, DaemonTest, free_port, wait_until
 
 
 class Finding(unittest.TestCase):
@@ -102,7 +96,7 @@ class Losing(unittest.TestCase):
         with Daemon() as daemon, daemon.connect() as conn:
             stream = conn.poses(100)
             next(stream)
-            daemon.process.send_signal(signal.SIGSTOP)
+            daemon.stand_still()
             try:
                 begun = time.monotonic()
                 stream.close()

@@ -2,7 +2,9 @@
 
 import os
 import pathlib
+import random
 import signal
+import socket
 import subprocess
 import tempfile
 import threading
@@ -21,7 +23,7 @@ PATIENCE_S = 120.0
 class Daemon:
     """Runs until end() or the end of a `with` block."""
 
-    def __init__(self, volume="builtin:sphere:48", listen=None):
+    def __init__(self, volume="builtin:sphere:48", listen=None, more=()):
         self._folder = tempfile.TemporaryDirectory(prefix="palpate-python-")
         self.folder = pathlib.Path(self._folder.name)
         self.socket = str(self.folder / "palpated.sock")
@@ -29,13 +31,14 @@ class Daemon:
                          "--state-folder", str(self.folder / "state")]
         if listen:
             self._command += ["--listen", listen]
+        self._command += more
         self.start()
 
     def start(self):
         """Starts it, again after end(), and waits until it is ready."""
         self.process = subprocess.Popen(self._command, cwd=self.folder, stdout=subprocess.DEVNULL,
                                         stderr=subprocess.PIPE, text=True)
-        said = []
+        said = self.said = []
         ready = threading.Event()
 
         def read():
@@ -51,6 +54,17 @@ class Daemon:
         if not ready.wait(PATIENCE_S) or "ready on" not in said[-1]:
             self.end(signal.SIGKILL)
             raise RuntimeError("palpated did not start: " + "".join(said))
+
+    def stand_still(self):
+        """Until SIGCONT. The signal is there before the last thread has stopped."""
+        self.process.send_signal(signal.SIGSTOP)
+        tasks = pathlib.Path(f"/proc/{self.process.pid}/task")
+
+        def stands():
+            return all(stat.read_text().rpartition(")")[2].split()[0] == "T"
+                       for stat in tasks.glob("*/stat"))
+        if not wait_until(stands):
+            raise RuntimeError("palpated does not stop")
 
     def end(self, number=signal.SIGTERM):
         if self.process.poll() is None:
@@ -79,6 +93,19 @@ class DaemonTest(unittest.TestCase):
     def setUpClass(cls):
         cls.daemon = cls.enterClassContext(Daemon(cls.volume))
         cls.conn = cls.enterClassContext(cls.daemon.connect())
+
+
+def free_port():
+    """Not one of those that the kernel gives to connections (32768 and up): with other tests
+    at work, such a port may be taken before it is used."""
+    while True:
+        port = random.SystemRandom().randrange(10000, 32768)
+        with socket.socket() as probe:
+            try:
+                probe.bind(("127.0.0.1", port))
+                return port
+            except OSError:
+                pass
 
 
 def wait_until(holds, seconds=20.0):

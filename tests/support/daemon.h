@@ -27,15 +27,20 @@ class Daemon {
  public:
   static constexpr std::chrono::seconds kPatience{120};
 
-  // Starts `program` with `arguments`, --socket and a state folder of its own, and
-  // waits until it is ready.
+  // Starts `program` with `arguments`, a socket and a state folder of its own where they
+  // name none, and waits until it is ready. It is killed when it runs for longer than `patience`.
   Daemon(const std::string& program, std::vector<std::string> arguments,
-         const std::vector<std::string>& wrapper = {})
+         const std::vector<std::string>& wrapper = {}, std::chrono::seconds patience = kPatience)
       : socket_(folder_.path() / "palpated.sock") {
     std::vector<std::string> command = wrapper;
     command.push_back(program);
     command.insert(command.end(), arguments.begin(), arguments.end());
-    command.insert(command.end(), {"--socket", socket_.string()});
+    const auto socket = std::find(arguments.begin(), arguments.end(), "--socket");
+    if (socket != arguments.end()) {
+      socket_ = *std::next(socket);
+    } else {
+      command.insert(command.end(), {"--socket", socket_.string()});
+    }
     if (std::find(arguments.begin(), arguments.end(), "--state-folder") == arguments.end()) {
       command.insert(command.end(), {"--state-folder", folder_.path() / "state"});
     }
@@ -45,7 +50,7 @@ class Daemon {
           << "[volume]\nsave_folders = [\"" << folder_.path().parent_path().string() << "\"]\n";
       command.insert(command.end(), {"--config", folder_.path() / "palpated.toml"});
     }
-    process_ = std::make_unique<Process>(command, false, kPatience);
+    process_ = std::make_unique<Process>(command, false, patience);
     if (!process_->WaitFor("ready on")) {
       throw std::runtime_error("palpated did not start: " + process_->Wait().error);
     }

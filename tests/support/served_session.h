@@ -1,6 +1,8 @@
 // An EditableSession behind a real server on a Unix socket, in this process.
 #pragma once
 
+#include <prometheus/registry.h>
+
 #include <memory>
 #include <string>
 #include <vector>
@@ -18,7 +20,7 @@ class ServedSession {
   explicit ServedSession(const std::string& socket)
       : server_({.socket_path = socket, .listen = {}, .paths = {}, .uploads = {}},
                 {data_.session(), editor_, series_, recording_, data_.pump(), device_, servo_,
-                 data_.inbox(), *forces_, [] { return std::vector<ListedDevice>(); }}) {
+                 data_.inbox(), *forces_, [] { return std::vector<ListedDevice>(); }, metrics_}) {
     data_.pump().Subscribe(forces_);
   }
 
@@ -38,6 +40,8 @@ class ServedSession {
   SimulatedDevice device_{std::make_unique<PathScript>(std::vector<Vec3>{Vec3::Zero()}, 1.0)};
   ServoLoop servo_{device_, data_.inbox(), data_.outbox(), {}, SafetyLimits{}};
   std::shared_ptr<ForceWatch> forces_ = std::make_shared<ForceWatch>();
+  prometheus::Registry registry_;
+  ServiceMetrics metrics_{registry_};
   RpcServer server_;
 };
 

@@ -269,7 +269,7 @@ TEST_F(CliTest, SocketAndServerMayFollowTheCommand) {
 TEST_F(CliTest, NoDaemonSaysHowToStartIt) {
   ExpectOneError(Run({"info"}), 8,
                  "no palpated at unix:" + socket_ +
-                     ": start it with 'palpated' or name its socket with --socket");
+                     ": start it with 'palpated', or name another one with --socket");
   ExpectOneError(Run({"watch", "--server", "127.0.0.1:1"}), 8, "no palpated at 127.0.0.1:1");
   ExpectOneError(Run({"info", "--server", "nonsense"}), 3, "names no port");
   ExpectOneError(Run({"info", "--socket", folder_ + "/" + std::string(200, 'x')}), 3,

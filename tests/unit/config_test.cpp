@@ -53,6 +53,8 @@ save_folders = []
 memory_budget_mib = 300
 max_upload_mib = 200
 upload_folder = "/tmp"
+[metrics]
+listen = "127.0.0.1:9464"
 [haptics]
 stiffness_n_per_mm = 0.8
 damping_n_s_per_m = 2
@@ -89,6 +91,8 @@ cpu = 1
 lock_memory = false
 [state]
 folder = "/var/lib/palpate"
+[log]
+level = "warning"
 )");
   EXPECT_EQ(config.volume, "/data/head.nrrd");
   EXPECT_EQ(config.isovalue, 300.0);
@@ -112,6 +116,7 @@ folder = "/var/lib/palpate"
   EXPECT_EQ(config.haptics.free_side, FreeSide::kAbove);
   EXPECT_EQ(config.method, DecompositionMethod::kBcc);
   EXPECT_EQ(config.listen->port, 7400);
+  EXPECT_EQ(config.metrics_listen->port, 9464);
   EXPECT_EQ(config.device.pressed_buttons, 3);
   EXPECT_EQ(config.device.stop_buttons, 2u);
   EXPECT_EQ(config.device.replay_file, "/data/path.palpate");
@@ -127,6 +132,7 @@ folder = "/var/lib/palpate"
   EXPECT_EQ(config.realtime.priority, 70);
   EXPECT_FALSE(config.realtime.lock_memory);
   EXPECT_EQ(config.state_folder, "/var/lib/palpate");
+  EXPECT_EQ(config.log_level, "warning");
 }
 
 // The file that users start from: every key of [haptics], with its default.
@@ -150,6 +156,65 @@ TEST_F(ConfigTest, TheShippedFileHasEverySettingAtItsDefault) {
   }
   EXPECT_NE(text.str().find("\nfree_side = \"below\""), std::string::npos);
   EXPECT_EQ(config.haptics.free_side, defaults.free_side);
+}
+
+TEST_F(ConfigTest, ReadsSecurity) {
+  const SecurityOptions security = Read(R"(
+[server]
+socket_role = "editor"
+loopback_role = "viewer"
+[tls]
+certificate = "/c.pem"
+key = "/k.pem"
+client_ca = "/ca.pem"
+tokens = "/t.toml"
+[[tls.client]]
+san = "a.example"
+role = "operator"
+[[tls.client]]
+san = "spiffe://b"
+role = "admin"
+[limits]
+connections = 1
+calls_per_s = 2
+pose_streams = 3
+volume_streams = 4
+transfers = 5
+)")
+                                       .security;
+  EXPECT_EQ(security.policy.socket_role, Role::kEditor);
+  EXPECT_EQ(security.policy.loopback_role, Role::kViewer);
+  EXPECT_EQ(security.tls.certificate, "/c.pem");
+  EXPECT_EQ(security.tls.key, "/k.pem");
+  EXPECT_EQ(security.policy.client_ca, "/ca.pem");
+  EXPECT_EQ(security.policy.tokens, "/t.toml");
+  ASSERT_EQ(security.policy.clients.size(), 2u);
+  EXPECT_EQ(security.policy.clients[1].san, "spiffe://b");
+  EXPECT_EQ(security.policy.clients[1].role, Role::kAdmin);
+  EXPECT_EQ(security.connections, 1);
+  EXPECT_EQ(security.limits.calls_per_s, 2);
+  EXPECT_EQ(security.limits.pose_streams, 3);
+  EXPECT_EQ(security.limits.volume_streams, 4);
+  EXPECT_EQ(security.limits.transfers, 5);
+}
+
+TEST_F(ConfigTest, SecurityThatCannotWorkIsRefused) {
+  const std::string pair = "[tls]\ncertificate = \"/c\"\nkey = \"/k\"\n";
+  const std::vector<std::pair<std::string, std::string>> cases = {
+      {"[server]\nsocket_role = \"root\"\n", ":2: server.socket_role must be"},
+      {"[tls]\nkey = \"k.pem\"\n", ":2: tls.key must be an absolute path"},
+      {"[tls]\nkey = \"/k\"\n", "tls.certificate and tls.key come together"},
+      {"[tls]\ntokens = \"/t\"\n", "of no use without TLS"},
+      {pair + "client_ca = \"/ca\"\n", "tls.client_ca and [[tls.client]] come together"},
+      {pair + "[[tls.client]]\nsan = \"a\"\nrole = \"viewer\"\n", "come together"},
+      {pair + "[[tls.client]]\nsan = \"a\"\n", "needs san and role"},
+      {pair + "[[tls.client]]\nname = \"a\"\n", ":4: tls.client has san and role, and no name"},
+      {"[tls]\nclient = 3\n", ":2: tls.client must be [[tls.client]]"},
+      {"[limits]\npose_streams = 0\n", ":2: limits.pose_streams must be a whole number"},
+  };
+  for (const auto& [text, why] : cases) {
+    EXPECT_NE(Refusal(text).find(why), std::string::npos) << text << Refusal(text);
+  }
 }
 
 TEST_F(ConfigTest, FoldersMustBeThere) {
@@ -205,8 +270,7 @@ TEST_F(ConfigTest, NamesTheLineOfAnError) {
   EXPECT_NE(
       Refusal("[haptics]\nfree_side = \"left\"\n").find(":2: haptics.free_side must be \"bel"),
       std::string::npos);
-  EXPECT_NE(Refusal("[device]\nframes = \"usb\"\n").find("\"framed-firewire\""),
-            std::string::npos);
+  EXPECT_NE(Refusal("[device]\nframes = \"usb\"\n").find("\"framed-firewire\""), std::string::npos);
   for (const char* bytes : {"[256]", "[1, -1]", "[1.0]", "3"}) {
     EXPECT_NE(Refusal(std::string("[device]\ninit_payload = ") + bytes + "\n").find("of bytes"),
               std::string::npos);

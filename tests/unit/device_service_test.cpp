@@ -89,8 +89,10 @@ class Rig {
     return Keep(service.DisableForces(nullptr, nullptr, &response), response);
   }
   grpc::Status Stop() {
+    grpc::ClientContext context;
     v1::StopForcesResponse response;
-    return Keep(service.StopForces(nullptr, nullptr, &response), response);
+    const grpc::Status status = stub_->StopForces(&context, {}, &response);
+    return Keep(status, response);
   }
   v1::GetDeviceResponse Get() {
     v1::GetDeviceResponse response;
@@ -126,7 +128,14 @@ class Rig {
       device, data_.inbox(), data_.outbox(), {}, LimitsFor(device.spec(), kBothButtons)};
 
  public:
-  DeviceService service{device, servo_, data_.inbox(), *forces_, [this] { return list; }};
+  Access access_;
+  DeviceService service{access_, device, servo_, data_.inbox(), *forces_, [this] { return list; }};
+
+ private:
+  std::unique_ptr<grpc::Server> server_ =
+      grpc::ServerBuilder().RegisterService(&service).BuildAndStart();
+  std::unique_ptr<v1::DeviceService::Stub> stub_ =
+      v1::DeviceService::NewStub(server_->InProcessChannel({}));
 };
 
 bool Has(const grpc::Status& status, const std::string& part) {
@@ -299,9 +308,11 @@ TEST(DeviceService, AFailedSearchIsTold) {
   FakeDevice device(VerificationLevel::kNone);
   ServoLoop servo(device, data.inbox(), data.outbox(), {}, {});
   const ForceWatch forces;
-  DeviceService service(device, servo, data.inbox(), forces, []() -> std::vector<ListedDevice> {
-    throw Error(ErrorKind::kPermissionDenied, "no USB here: mount it");
-  });
+  Access access;
+  DeviceService service(access, device, servo, data.inbox(), forces,
+                        []() -> std::vector<ListedDevice> {
+                          throw Error(ErrorKind::kPermissionDenied, "no USB here: mount it");
+                        });
   v1::ListDevicesResponse response;
   const grpc::Status status = service.ListDevices(nullptr, nullptr, &response);
   EXPECT_EQ(status.error_code(), StatusCode::PERMISSION_DENIED);

@@ -88,7 +88,8 @@ TEST_F(PathPolicyTest, NamesTheFoldersAndTheKeyButNotWhatIsThere) {
 TEST_F(PathPolicyTest, RefusesPathsThatAreNone) {
   for (const std::string& path :
        {std::string(), std::string("a.nrrd"), std::string("./a.nrrd"), std::string("../a.nrrd"),
-        In("load/a.nrrd") + '\0' + ".vdb", std::string("/") + std::string(5000, 'a')}) {
+        In("load/a.nrrd") + '\0' + ".vdb", In("load/a\nforged.nrrd"), In("load/\x1b[2J"),
+        std::string("/") + std::string(5000, 'a')}) {
     LoadRefusal(path, ErrorKind::kInvalidArgument);
     SaveRefusal(path, ErrorKind::kInvalidArgument);
   }

@@ -1,5 +1,6 @@
 palpate_unit_test(registration_test registration_test.cpp SANITIZED palpate::session)
 palpate_unit_test(registration_store_test registration_store_test.cpp SANITIZED palpate::session)
+palpate_unit_test(session_file_test session_file_test.cpp SANITIZED palpate::session)
 palpate_unit_test(stylus_tools_test stylus_tools_test.cpp SANITIZED palpate::session)
 palpate_unit_test(tool_strokes_test tool_strokes_test.cpp SANITIZED palpate::session)
 palpate_unit_test(suspended_test suspended_test.cpp SANITIZED palpate::servo)

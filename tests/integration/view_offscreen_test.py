@@ -1,0 +1,207 @@
+"""palpate-view without a display: pictures for scripts."""
+
+import os
+import pathlib
+import signal
+import subprocess
+import tempfile
+import time
+import unittest
+
+import numpy as np
+from PIL import Image
+from support import Daemon, DaemonTest, nrrd, wait_until
+from view_support import PALPATE_VIEW, run_view
+
+
+class Drawn(DaemonTest):
+    """Pictures of a daemon's volume."""
+
+    def draw(self, *arguments):
+        """The picture, and what was said."""
+        path = pathlib.Path(self.daemon.folder) / "picture.png"
+        path.unlink(missing_ok=True)
+        env = {key: value for key, value in os.environ.items()
+               if key not in ("DISPLAY", "WAYLAND_DISPLAY")}
+        code, said, problem = run_view("--socket", self.daemon.socket, "--offscreen",
+                                       "--screenshot", path, *arguments, env=env)
+        self.assertEqual((code, problem), (0, ""))
+        self.assertEqual([p.name for p in path.parent.glob("picture*")], ["picture.png"])
+        return np.asarray(Image.open(path)), said
+
+
+class Offscreen(Drawn):
+    volume = "builtin:gyroid:64"
+
+    def test_the_same_view_is_the_same_picture(self):
+        view = ("--size", "400x300", "--no-overlay", "--camera", "-30,20")
+        first, _ = self.draw(*view)
+        second, _ = self.draw(*view)
+        self.assertEqual(first.shape, (300, 400, 3))
+        self.assertTrue(np.array_equal(first, second))
+        other, _ = self.draw("--size", "400x300", "--no-overlay", "--camera", "-31,20")
+        self.assertFalse(np.array_equal(first, other))
+
+    def test_each_option_of_the_view_changes_it(self):
+        plain, _ = self.draw("--size", "200x150", "--no-overlay")
+        again, _ = self.draw("--size", "200x150", "--no-overlay")
+        self.assertTrue(np.array_equal(plain, again))
+        for options in (("--no-box",), ("--veil", "0.2,0.5"), ("--color", "255,0,0"),
+                        ("--coloring", "slope", "--color-map", "viridis"),
+                        ("--crop", "0,0.5,0,1,0,1"), ("--target", "20,0,0"),
+                        ("--camera", "20,15,100")):
+            with self.subTest(options=options):
+                picture, _ = self.draw("--size", "200x150", "--no-overlay", *options)
+                self.assertFalse(np.array_equal(plain, picture))
+
+    def test_frames_of_a_moving_stylus_cost_one_cast(self):
+        _, said = self.draw("--size", "200x150", "--frames", "20")
+        self.assertRegex(said, r"^20 frames in [\d.]+ s, 1 casts, ")
+
+    def test_panels_are_drawn_where_they_are_wanted(self):
+        picture, _ = self.draw("--panels")
+        self.assertEqual(picture.shape, (800, 1280, 3))
+        # The emergency stop.
+        corner = picture[:40, 1100:].reshape(-1, 3).astype(int)
+        self.assertGreater(int(((corner[:, 0] > 150) & (corner[:, 1] < 60)).sum()), 1000)
+
+    def test_what_cannot_be_written_is_said(self):
+        code, _, said = run_view("--socket", self.daemon.socket, "--offscreen", "--screenshot",
+                                 self.daemon.folder / "missing" / "a.png")
+        self.assertEqual(code, 4)
+        self.assertRegex(said, r"^palpate-view: cannot write .*missing/a\.png: .*\n$")
+
+    def test_a_signal_ends_it(self):
+        for number in (signal.SIGTERM, signal.SIGINT):
+            process = subprocess.Popen(
+                [PALPATE_VIEW, "--socket", self.daemon.socket, "--offscreen", "--seconds", "600",
+                 "--screenshot", self.daemon.folder / "never.png", "--size", "64x64"],
+                stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+            # It follows the volume: it is under way.
+            self.assertTrue(wait_until(lambda p=process: threads_of(p.pid) > 3))
+            process.send_signal(number)
+            said, problem = process.communicate(timeout=20)
+            self.assertEqual((process.returncode, said, problem),
+                             (9, "", "palpate-view: cancelled\n"))
+            self.assertFalse((self.daemon.folder / "never.png").exists())
+
+
+# Convex, so that nothing hides the proxy from the side.
+class OfASphere(Drawn):
+    volume = "builtin:sphere:48"
+
+    def test_contact_is_waited_for_and_looked_at(self):
+        picture, _ = self.draw("--size", "400x300", "--wait-contact", "--wait-gap", "0.001",
+                               "--camera", "profile,12", "--haptic-surface", "--no-box",
+                               "--no-stylus")
+        # The wireframe of H around the middle, in its colour.
+        middle = picture[75:225, 100:300].reshape(-1, 3).astype(int)
+        pink = (middle[:, 0] > middle[:, 1] + 60) & (middle[:, 2] > middle[:, 1] + 60)
+        self.assertGreater(int(pink.sum()), 20)
+
+
+def threads_of(pid):
+    return len(os.listdir(f"/proc/{pid}/task"))
+
+
+def ball(shape, radius):
+    """A ball in the middle, of values from 0 to 100."""
+    at = np.indices(shape).T - (np.array(shape) - 1) / 2
+    return np.clip(50 - 10 * (np.linalg.norm(at, axis=-1).T - radius), 0, 100)
+
+
+class OddVolumes(unittest.TestCase):
+    def setUp(self):
+        self.folder = pathlib.Path(self.enterContext(tempfile.TemporaryDirectory()))
+
+    def look(self, content, *arguments):
+        path = self.folder / "volume.nrrd"
+        path.write_bytes(content)
+        picture = self.folder / "a.png"
+        with Daemon(path) as daemon:
+            code, _, problem = run_view("--socket", daemon.socket, "--offscreen", "--screenshot",
+                                        picture, *arguments)
+        return code, problem, picture
+
+    def test_a_unit_is_text_whatever_it_is(self):
+        whole = nrrd(ball((24, 24, 24), 8), np.eye(3), (0, 0, 0))
+        for unit in ("%s%s%s%n", "HU", "%" * 300, "a\tb" * 80):
+            with self.subTest(unit=unit[:20]):
+                content = whole.replace(b"encoding: raw\n",
+                                        b'encoding: raw\nsample units: "%s"\n' % unit.encode())
+                code, problem, picture = self.look(content, "--panels")
+                self.assertEqual((code, problem), (0, ""))
+                self.assertEqual(Image.open(picture).size, (1280, 800))
+
+    def test_a_volume_beyond_the_graphics_card_is_refused_in_words(self):
+        # Longer than 3-D textures are anywhere.
+        code, problem, picture = self.look(nrrd(ball((20000, 4, 4), 2), np.eye(3), (0, 0, 0)))
+        self.assertEqual(code, 6, problem)
+        self.assertRegex(problem, r"^palpate-view: .*20000.*\n$")
+        self.assertFalse(picture.exists())
+
+
+class OffscreenAlone(unittest.TestCase):
+    def test_no_daemon(self):
+        with tempfile.TemporaryDirectory() as folder:
+            code, said, problem = run_view("--socket", folder + "/nobody.sock", "--offscreen",
+                                           "--screenshot", folder + "/a.png")
+            self.assertEqual((code, said), (8, ""))
+            self.assertRegex(problem, r"^palpate-view: .*nobody\.sock.*\n$")
+            self.assertEqual(os.listdir(folder), [])
+
+    def test_a_daemon_that_goes_away(self):
+        with Daemon() as daemon:
+            process = subprocess.Popen(
+                [PALPATE_VIEW, "--socket", daemon.socket, "--offscreen", "--seconds", "600",
+                 "--size", "64x64", "--screenshot", daemon.folder / "never.png"],
+                stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+            self.addCleanup(process.kill)
+            self.assertTrue(wait_until(lambda: threads_of(process.pid) > 3))
+            # Frames are drawn, or soon would be: of what is no longer there.
+            time.sleep(1.0)
+            daemon.end(signal.SIGKILL)
+            said, problem = process.communicate(timeout=30)
+            self.assertEqual((process.returncode, said), (8, ""), problem)
+            self.assertRegex(problem, r"^palpate-view: [^\n]+\n$")
+            self.assertFalse((daemon.folder / "never.png").exists())
+
+    def test_a_folder_that_is_not_there_is_said_before_all_else(self):
+        with tempfile.TemporaryDirectory() as folder:
+            for name, code in (("missing/a.png", 4), ("", 4)):
+                done, _, said = run_view("--socket", folder + "/nobody.sock", "--offscreen",
+                                         "--screenshot", folder + "/" + name)
+                self.assertEqual(done, code)
+                self.assertRegex(said, r"^palpate-view: cannot write .*\n$")
+
+    def test_bad_options_are_refused_with_one_line(self):
+        for options in (("--offscreen",), ("--screenshot", "a.png"), ("--frames", "3"),
+                        ("--wait-contact",), ("--panels",),
+                        ("--offscreen", "--frames", "1", "--seconds", "1"),
+                        ("--offscreen", "--frames", "0"), ("--offscreen", "--frames", "x"),
+                        ("--size", "1280"), ("--size", "10x800"), ("--size", "1280x800x2"),
+                        ("--camera", "1"), ("--camera", "0,90"), ("--camera", "0,0,0"),
+                        ("--camera", "nan,0"),
+                        ("--camera", "profile"), ("--camera", "profile,0"),
+                        ("--offscreen", "--frames", "1", "--wait-gap", "1"), ("--target", "here"), ("--target", "1,2"),
+                        ("--veil", ""), ("--veil", "1,2"), ("--color", "1,2"),
+                        ("--color", "0,0,256"), ("--color-map", "rainbow"),
+                        ("--coloring", "none"), ("--window", "2,1"),
+                        ("--crop", "0,1,0,1,0"), ("--crop", "0.5,0.5,0,1,0,1"),
+                        ("--crop", "0,2,0,1,0,1"), ("--socket", "a", "--server", "b:1"),
+                        ("--nonsense",), ("file.nrrd",)):
+            with self.subTest(options=options):
+                code, said, problem = run_view(*options)
+                self.assertEqual((code, said), (2, ""))
+                self.assertRegex(problem, r"^palpate-view: [^\n]+; see --help\n$")
+
+    def test_help_names_units_and_defaults(self):
+        code, said, _ = run_view("--help")
+        self.assertEqual(code, 0)
+        for word in ("mm", "Degrees", "[default: 1280x800]", "data units", "Emergency",
+                     "Exit codes"):
+            self.assertIn(word.lower(), said.lower())
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=1)

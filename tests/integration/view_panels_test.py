@@ -1,0 +1,241 @@
+"""What the panels of palpate-view do, seen by another client and in its pictures."""
+
+import unittest
+
+import numpy as np
+import palpate
+from support import Daemon, free_port, nrrd, pattern, wait_until
+from view_support import OneWindow, Panels, Screen, Window
+
+# Of the fixed layout on 1280 by 800 pixels: the first slice, and below the view the series
+# bar, which has the slices' bottom.
+SLICE = (300, 574, 525, 800)  # left, top, right, bottom
+SERIES_Y = 548
+PLAY_X = 335
+POSITION_X = (370, 490, 900)  # before, within and beyond the slider
+
+
+def slice_of(picture):
+    left, top, right, bottom = SLICE
+    return np.asarray(picture)[top:bottom, left:right].astype(int)
+
+
+def centre_of_button(picture, left, top, right, bottom):
+    """Of the uppermost button that is there, by its colour."""
+    part = np.asarray(picture)[top:bottom, left:right].astype(int)
+    blue = np.abs(part - (43, 79, 121)).max(axis=2) <= 4
+    rows = np.flatnonzero(blue.sum(axis=1) > 40)
+    if not rows.size:
+        return None
+    columns = np.flatnonzero(blue[rows[0]])
+    return left + int(columns.mean()), top + int(rows[0]) + 8
+
+
+class OneView(OneWindow):
+    def view(self):
+        return np.asarray(self.window.picture("s"))
+
+    def becomes(self, picture):
+        """Whether the view is soon the same as that."""
+        return wait_until(lambda: np.array_equal(self.view(), picture))
+
+    def changes_from(self, picture):
+        return wait_until(lambda: not np.array_equal(self.view(), picture))
+
+
+class LeftPanels(OneView):
+    @classmethod
+    def setUpClass(cls):
+        super().setUpClass()
+        cls.left = Panels(cls.window, Panels.LEFT)
+        cls.left.only("Crop and cut")
+
+    def settled(self):
+        """The view when it is at rest, of all bricks."""
+        seen = {}
+
+        def still():
+            before, seen["now"] = seen.get("now"), self.view()
+            return before is not None and np.array_equal(before, seen["now"])
+
+        self.assertTrue(wait_until(still))
+        return seen["now"]
+
+    def test_crop_and_the_whole_volume_again(self):
+        whole = self.settled()
+        seen = []
+        # The lower ends of x, y and z: the left half of the slider.
+        for axis in range(3):
+            y = self.left.row(axis)
+            self.window.drag([(50 + step, y) for step in range(0, 141, 20)])
+            self.assertTrue(self.changes_from(whole), axis)
+            seen.append(self.settled())
+            self.window.click(60, self.left.row(3))
+            self.assertTrue(self.becomes(whole), axis)
+        # Each axis cuts something else.
+        self.assertFalse(np.array_equal(seen[0], seen[1]) or np.array_equal(seen[1], seen[2]))
+
+    def test_a_clip_plane_and_its_ends(self):
+        whole = self.settled()
+        plane = self.left.row(4)
+        offset = self.left.row(5)
+        self.window.click(20, plane)
+        self.assertTrue(self.changes_from(whole))
+        half = self.settled()
+        # At one end it cuts nothing, at the other everything.
+        self.window.drag([(90, offset), (290, offset)])
+        self.assertTrue(self.becomes(whole))
+        self.window.drag([(90, offset), (0, offset)])
+        self.assertTrue(self.changes_from(whole))
+        nothing = self.settled()
+        self.assertFalse(np.array_equal(nothing, half))
+        self.window.click(20, plane)
+        self.assertTrue(self.becomes(whole))
+
+
+class Slices(OneView):
+    def settled_slice(self):
+        seen = {}
+
+        def still():
+            before, seen["now"] = seen.get("now"), slice_of(self.window.picture("F12"))
+            return before is not None and np.array_equal(before, seen["now"])
+
+        self.assertTrue(wait_until(still))
+        return seen["now"]
+
+    def test_a_click_moves_the_cross_hair_and_ends_following(self):
+        left, top, _, _ = SLICE
+        places = [(left + 70, top + 90), (left + 150, top + 140)]
+        pictures = []
+        for place in places:
+            self.window.click(*place)
+            pictures.append(self.settled_slice())
+        # The stylus moves, but the cross-hair does not; nothing but its lines has changed.
+        rows, columns = np.nonzero(np.abs(pictures[0] - pictures[1]).sum(axis=2))
+        self.assertGreater(rows.size, 200)
+        near = [(np.abs(columns + left - x) <= 1) | (np.abs(rows + top - y) <= 1)
+                for x, y in places]
+        self.assertTrue((near[0] | near[1]).all())
+        self.assertTrue(near[0].any() and near[1].any())
+        # It follows again.
+        self.window.do("key", "c")
+        self.assertTrue(wait_until(lambda: not np.array_equal(
+            slice_of(self.window.picture("F12")), pictures[1])))
+
+
+class RightPanels(OneView):
+    @classmethod
+    def setUpClass(cls):
+        super().setUpClass()
+        cls.right = Panels(cls.window, Panels.RIGHT)
+
+    def test_a_recording_is_begun_and_ended(self):
+        path = self.daemon.folder / "trial.palrec"
+        self.right.only("Recording")
+        # Letters do not wait for clicks as other keys do.
+        self.window.click(1100, self.right.row(0))
+        self.window.picture()
+        self.window.do("type", str(path))
+        self.window.picture()
+        self.window.click(1010, self.right.row(1))
+        self.assertTrue(wait_until(lambda: self.conn.recording.state().running))
+        self.assertEqual(self.conn.recording.state().path, str(path))
+        self.assertTrue(wait_until(lambda: self.conn.recording.state().ticks > 100))
+
+        def ended():
+            # Where the button to end it is not there yet, the click is on nothing else.
+            self.window.click(1010, self.right.row(0))
+            return wait_until(lambda: not self.conn.recording.state().running, 1.0)
+
+        self.assertTrue(wait_until(ended))
+        state = self.conn.recording.state()
+        self.assertEqual((state.error, state.lost_ticks), ("", 0))
+        self.assertEqual(path.stat().st_size, state.size_bytes)
+
+    def test_stiffness_is_felt_by_others_while_it_is_dragged(self):
+        self.right.only("Feel")
+        y = self.right.row(0)
+        self.window.do("mousemove", 1080, y, "mousedown", 1)
+        # The slider's grab, 12 pixels wide, goes from x = 992 to 1128, for 0 to 3 N/mm.
+        for x in (1010, 1100, 1060):
+            self.window.do("mousemove", x, y)
+            wanted = 3.0 * (x - 998) / 124
+            self.assertTrue(wait_until(
+                lambda at=wanted: abs(self.conn.settings.stiffness_n_per_mm - at) < 0.15), x)
+        self.window.do("mousemove", 900, y)
+        self.assertTrue(wait_until(lambda: self.conn.settings.stiffness_n_per_mm == 0.0))
+        self.window.do("mouseup", 1)
+
+    def test_forces_are_enabled_after_the_emergency_stop(self):
+        self.right.only("Device")
+        self.conn.device.enable()
+        self.assertTrue(wait_until(self.forces_are(palpate.ForceState.ON)))
+        self.window.do("key", "Escape")
+        self.assertTrue(wait_until(self.forces_are(palpate.ForceState.STOPPED)))
+        found = {}
+
+        def says_stopped():
+            picture = self.window.picture("F12")
+            part = np.asarray(picture)[60:220, 980:].astype(int)
+            orange = (part[:, :, 0] > 230) & (np.abs(part[:, :, 1] - 184) < 20) & (
+                part[:, :, 2] < 90)
+            found["button"] = centre_of_button(picture, 980, 66, 1280, 220)
+            return orange.any() and found["button"]
+
+        self.assertTrue(wait_until(says_stopped))
+        self.window.click(*found["button"])
+        self.assertTrue(wait_until(self.forces_are(palpate.ForceState.ON)))
+
+    def forces_are(self, state):
+        return lambda: self.conn.device.info().forces.state == state
+
+
+class SeriesBar(OneView):
+    def test_play_pause_and_position(self):
+        for n in range(4):
+            path = self.daemon.folder / f"frame{n}.nrrd"
+            path.write_bytes(nrrd(pattern((12, 10, 9)) + 1000.0 * n, np.eye(3).tolist(),
+                                  (0.0, 0.0, 0.0)))
+        self.conn.series.load(self.daemon.folder / "frame*.nrrd")
+        self.conn.series.configure(loop=True)
+
+        def bar_is_there():
+            return centre_of_button(self.window.picture("F12"), 300, 532, 400, 572)
+
+        self.assertTrue(wait_until(bar_is_there))
+        before, within, beyond = POSITION_X
+        for end, position in ((beyond, 3.0), (before, 0.0), (beyond, 3.0)):
+            self.window.drag([(within, SERIES_Y), (end, SERIES_Y)])
+            self.assertTrue(wait_until(
+                lambda at=position: self.conn.series.state().position_frames == at))
+        # Each press is of what the button says: the answer to the one before came.
+        for playing in (True, False, True, False):
+            self.window.click(PLAY_X, SERIES_Y)
+            self.assertTrue(wait_until(
+                lambda wanted=playing: self.conn.series.state().playing == wanted), playing)
+            self.assertTrue(wait_until(lambda wanted=playing: self.bar_says(wanted)))
+
+    def bar_says(self, playing):
+        """Whether the button's text is as wide as that of Pause, or of Play."""
+        part = np.asarray(self.window.picture("F12"))[536:562, 310:368].astype(int)
+        columns = np.flatnonzero((part.min(axis=2) > 200).any(axis=0))
+        return columns.size and (columns[-1] - columns[0] > 32) == playing
+
+
+class OverTheNetwork(unittest.TestCase):
+    def test_server(self):
+        address = f"127.0.0.1:{free_port()}"
+        with Daemon(listen=address) as daemon, daemon.connect() as conn, Screen() as screen:
+            window = Window(screen, daemon.folder, "--server", address)
+            self.addCleanup(window.end)
+            window.wait_for_title("Palpate: builtin:sphere:48")
+            self.assertEqual(conn.device.info().forces.state, palpate.ForceState.ON)
+            window.do("key", "Escape")
+            self.assertTrue(wait_until(
+                lambda: conn.device.info().forces.state == palpate.ForceState.STOPPED))
+            self.assertEqual(window.end(), (0, ""))
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=1)

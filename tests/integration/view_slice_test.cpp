@@ -1,0 +1,310 @@
+// Slices against interpolation on the processor.
+#include <epoxy/gl.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <vector>
+
+#include "client/view/scene/slice_view.h"
+#include "tests/support/frame_rig.h"
+
+namespace palpate::view {
+namespace {
+
+using testing::Difference;
+using testing::FrameRig;
+using testing::PixelOf;
+using testing::Rgb8;
+
+const Vec3i kLattice = {17, 9, 23};
+const Vec3 kVoxel_mm = {1.0, 2.5, 0.7};
+constexpr ImageSize kSize = {173, 140};
+
+AffineMap Placement() {
+  AffineMap X_DI;
+  X_DI.linear = Eigen::AngleAxisd(0.6, Vec3(1.0, 2.0, -1.0).normalized()) * kVoxel_mm.asDiagonal();
+  X_DI.translation = {4.0, 5.0, 6.0};
+  return X_DI;
+}
+
+// Nothing that symmetry could hide.
+double Waves(const Vec3& p) {
+  return 50.0 * std::sin(0.9 * p.x()) + 30.0 * std::cos(1.3 * p.y()) +
+         20.0 * std::sin(0.7 * p.z() + 0.2 * p.x());
+}
+
+SliceRequest Across(int axis, double position_voxels) {
+  SliceRequest request;
+  request.axis = axis;
+  request.position_voxels = position_voxels;
+  request.size = kSize;
+  request.surface.window_min = -70.0;
+  request.surface.window_max = 80.0;
+  request.surface.isovalue = 1e6;
+  return request;
+}
+
+SliceView ViewOf(const SliceRequest& request) {
+  return {request.axis, kLattice, kVoxel_mm, request.size};
+}
+
+// Not rounded, 0 to 255.
+std::array<double, 3> Mapped(double value, const SurfaceOptions& surface) {
+  const auto table = ColorTable(surface.color_map);
+  const double share = (value - surface.window_min) / (surface.window_max - surface.window_min);
+  const double entry = 255.0 * std::clamp(share, 0.0, 1.0);
+  const int below = std::min(static_cast<int>(entry), 254);
+  std::array<double, 3> color{};
+  for (int channel = 0; channel < 3; ++channel) {
+    color[channel] =
+        std::lerp(table[4 * below + channel], table[4 * below + 4 + channel], entry - below);
+  }
+  return color;
+}
+
+class ViewSlice : public ::testing::Test {
+ protected:
+  ViewSlice() { rig.Take(testing::VolumeOf(kLattice, Waves, Placement(), -100.0, 100.0)); }
+  ~ViewSlice() override { EXPECT_EQ(glGetError(), static_cast<GLenum>(GL_NO_ERROR)); }
+
+  Image Draw(const SliceRequest& request) {
+    EXPECT_NE(rig.renderer.DrawSlice(request), 0u);
+    return rig.renderer.ReadSlice(request.axis);
+  }
+
+  FrameRig rig;
+};
+
+TEST_F(ViewSlice, EqualsInterpolationThroughTheColourMap) {
+  int inside = 0, outside = 0;
+  for (const auto map : {ColorMap::kGray, ColorMap::kHot, ColorMap::kViridis, ColorMap::kBone,
+                         ColorMap::kCoolWarm}) {
+    for (const auto& [axis, position] :
+         {std::pair{0, 7.3}, {1, 4.0}, {2, 11.81}, {0, -0.5}, {1, 9.0}, {2, 22.9}}) {
+      SliceRequest request = Across(axis, position);
+      request.surface.color_map = map;
+      const Image image = Draw(request);
+      ASSERT_EQ(image.size, kSize);
+      const SliceView view = ViewOf(request);
+      for (int y = 0; y < kSize.height; y += 3) {
+        for (int x = 0; x < kSize.width; x += 3) {
+          const Eigen::Vector2d at_px = {x + 0.5, y + 0.5};
+          const Rgb8 seen = PixelOf(image, x, y);
+          if (!view.Shows(at_px)) {
+            ++outside;
+            for (int n = 0; n < 3; ++n) EXPECT_NEAR(seen[n], 255.0f * kEmptySliceColor[n], 1.0);
+            continue;
+          }
+          ++inside;
+          const double value = rig.volume.Interpolate(view.PointAt(at_px, position));
+          const auto expected = Mapped(value, request.surface);
+          for (int n = 0; n < 3; ++n) {
+            ASSERT_NEAR(seen[n], expected[n], 1.0) << axis << ' ' << x << ' ' << y;
+          }
+        }
+      }
+    }
+  }
+  EXPECT_GT(inside, 20000);
+  EXPECT_GT(outside, 2000);
+}
+
+TEST(ViewSliceMagnitude, IsNoneOfTheSlices) {
+  SliceRequest request = Across(0, 7.3);
+  request.surface.isovalue = 12.0;
+  request.surface.veil.shown = true;
+  request.surface.veil.isovalue = 30.0;
+  FrameRig rig;
+  const auto draw = [&](double factor, double offset) {
+    rig.Take(testing::VolumeOf(
+        kLattice, [=](const Vec3& p) { return offset + factor * Waves(p); }, Placement(),
+        offset - 100.0 * factor, offset + 100.0 * factor));
+    SliceRequest scaled = request;
+    for (double* value : {&scaled.surface.isovalue, &scaled.surface.veil.isovalue,
+                          &scaled.surface.window_min, &scaled.surface.window_max}) {
+      *value = offset + factor * *value;
+    }
+    rig.renderer.DrawSlice(scaled);
+    return rig.renderer.ReadSlice(0);
+  };
+  const Image plain = draw(1.0, 0.0);
+  for (const auto& [factor, offset] :
+       {std::pair{1e-22, 0.0}, {1e-38, 0.0}, {1e24, 0.0}, {1e36, 0.0}, {1.0, 1e6}}) {
+    const Image image = draw(factor, offset);
+    // A float's last bit, in colours.
+    const double last_bit = 255.0 / 150.0 * offset * 1.2e-7 / factor;
+    int differ = 0;
+    for (std::size_t n = 0; n < image.rgba.size(); ++n) {
+      differ += std::abs(image.rgba[n] - plain.rgba[n]) > 2.0 + 4.0 * last_bit ? 1 : 0;
+    }
+    EXPECT_LT(differ, 30) << factor << ' ' << offset;
+  }
+}
+
+TEST_F(ViewSlice, OneBeyondThePaddedLatticeIsEmpty) {
+  for (const double position : {-1.5, 24.0}) {
+    const Image image = Draw(Across(2, position));
+    const Rgb8 corner = PixelOf(image, 0, 0);
+    for (int y = 0; y < kSize.height; y += 5) {
+      for (int x = 0; x < kSize.width; x += 5) EXPECT_EQ(PixelOf(image, x, y), corner);
+    }
+    EXPECT_EQ(Difference(corner, {15, 17, 21}), 0);
+  }
+}
+
+// Along a row across the lattice's x, where values rise evenly.
+TEST(ViewSliceIsoline, IsTwoPixelsWideAndWhereTheValueIs) {
+  FrameRig rig;
+  const Vec3i lattice = {20, 20, 20};
+  rig.Take(testing::VolumeOf(
+      lattice, [](const Vec3& p) { return p.x(); }, {}, 0.0, 19.0));
+  SliceRequest request;
+  request.size = {231, 231};  // 11 pixels for a voxel
+  request.position_voxels = 10.0;
+  request.surface.window_max = 19.0;
+  request.surface.isovalue = 7.37;
+  request.surface.veil.isovalue = 12.61;
+  request.surface.veil.color = {0.0f, 1.0f, 0.0f};
+  const SliceView view(2, lattice, Vec3::Ones(), request.size);
+  const auto width_px = [&](const Rgb& color, double isovalue) {
+    rig.renderer.DrawSlice(request);
+    const Image image = rig.renderer.ReadSlice(2);
+    const double middle_px = view.PixelOf({isovalue, 10.0, 10.0}).x();
+    double weight = 0.0, moment = 0.0;
+    for (int x = static_cast<int>(middle_px) - 8; x <= middle_px + 8; ++x) {
+      const Rgb8 seen = PixelOf(image, x, 115);
+      // Grey has no difference between channels.
+      const double share = (seen[1] - seen[2]) / (255.0 * (color.y() - color.z()));
+      weight += share;
+      moment += share * (x + 0.5);
+    }
+    if (weight > 0.5) {
+      EXPECT_NEAR(moment / weight, middle_px, 0.05);
+    }
+    return weight;
+  };
+  EXPECT_NEAR(width_px(kIsolineColor, 7.37), 2.0, 0.1);
+  EXPECT_NEAR(width_px(request.surface.veil.color, 12.61), 0.0, 0.02);
+  request.surface.veil.shown = true;
+  EXPECT_NEAR(width_px(request.surface.veil.color, 12.61), 2.0, 0.1);
+  EXPECT_NEAR(width_px(kIsolineColor, 7.37), 2.0, 0.1);
+}
+
+TEST_F(ViewSlice, TheCrossHairIsAtItsPoint) {
+  for (int axis = 0; axis < 3; ++axis) {
+    SliceRequest request = Across(axis, 5.0);
+    const Image without = Draw(request);
+    request.cross_I = Vec3(9.2, 4.4, 13.7);
+    const Image with = Draw(request);
+    const Eigen::Vector2d cross_px = ViewOf(request).PixelOf(*request.cross_I);
+    const int cross_x = static_cast<int>(cross_px.x()), cross_y = static_cast<int>(cross_px.y());
+    for (int y = 0; y < kSize.height; ++y) {
+      for (int x = 0; x < kSize.width; ++x) {
+        const int away = std::max(std::abs(x - cross_x), std::abs(y - cross_y));
+        const bool on_line = (x == cross_x || y == cross_y) && away > 6;
+        const bool changed = PixelOf(with, x, y) != PixelOf(without, x, y);
+        ASSERT_EQ(changed, on_line) << axis << ' ' << x << ' ' << y;
+      }
+    }
+  }
+}
+
+TEST_F(ViewSlice, EachAxisHasAPictureOfItsOwn) {
+  const Image x = Draw(Across(0, 3.0));
+  SliceRequest request = Across(1, 3.0);
+  request.size = {40, 30};
+  const Image y = Draw(request);
+  EXPECT_EQ(y.size, (ImageSize{40, 30}));
+  EXPECT_EQ(rig.renderer.ReadSlice(0).rgba, x.rgba);
+  EXPECT_EQ(Draw(Across(0, 3.0)).rgba, x.rgba);
+  EXPECT_TRUE(rig.renderer.ReadSlice(2).rgba.empty());
+}
+
+TEST_F(ViewSlice, AnEmptyPictureAndAnEmptyWindowAreDrawn) {
+  SliceRequest request = Across(0, 3.0);
+  request.size = {};
+  EXPECT_EQ(rig.renderer.DrawSlice(request), 0u);
+  EXPECT_TRUE(rig.renderer.ReadSlice(0).rgba.empty());
+  request.size = {50, 50};
+  request.surface.window_min = request.surface.window_max = 1.0;
+  const Image image = Draw(request);
+  const Rgb8 middle = PixelOf(image, 25, 25);
+  EXPECT_TRUE(middle == (Rgb8{0, 0, 0}) || middle == (Rgb8{255, 255, 255}));
+}
+
+// The same value has the same colour in a slice and where the volume is cut.
+TEST(ViewSliceColor, IsThatOfACut) {
+  FrameRig rig;
+  for (int n = 0; n < 20; ++n) {
+    const double value = 0.0717 * n - 0.2;
+    rig.Take(testing::VolumeOf(
+        kLattice, [=](const Vec3&) { return value; }, {}, -100.0, 100.0));
+    for (const auto& [min, max] : {std::pair{0.0, 1.0}, {1.0, 0.0}, {value, value}, {0.5, 0.5}}) {
+      SliceRequest across = Across(0, 8.3);
+      across.surface.window_min = min;
+      across.surface.window_max = max;
+      across.surface.color_map = ColorMap::kViridis;
+      rig.renderer.DrawSlice(across);
+
+      FrameRequest cut;
+      cut.size = {40, 30};
+      cut.surface = across.surface;
+      cut.surface.isovalue = -50.0;
+      cut.surface.planes[0] = {true, Vec3::UnitX(), 8.3};
+      cut.camera.Set({8.3, 4.0, 11.0}, 90.0, 10.0, 12.0);
+      const Rgb8 cap = PixelOf(rig.Draw(cut), 20, 15);
+      EXPECT_EQ(PixelOf(rig.renderer.ReadSlice(0), kSize.width / 2, kSize.height / 2), cap)
+          << value << " in " << min << " .. " << max;
+    }
+  }
+}
+
+TEST_F(ViewSlice, IsDrawnAgainOnlyAfterAChange) {
+  SliceRequest request = Across(0, 3.0);
+  request.cross_I = Vec3(1.0, 2.0, 3.0);
+  const Image first = Draw(request);
+  const Image other = Draw(Across(1, 3.0));
+  EXPECT_EQ(rig.renderer.slice_casts(), 2u);
+  EXPECT_EQ(Draw(request).rgba, first.rgba);
+  EXPECT_EQ(Draw(Across(1, 3.0)).rgba, other.rgba);
+  rig.renderer.TakeUp(rig.volume, 1000);  // nothing new
+  EXPECT_EQ(Draw(request).rgba, first.rgba);
+  EXPECT_EQ(rig.renderer.slice_casts(), 2u);
+
+  const std::vector<std::function<void(SliceRequest&)>> changes{
+      [](SliceRequest& r) { r.position_voxels += 1.0; },
+      [](SliceRequest& r) { r.size.width -= 10; },
+      [](SliceRequest& r) { r.surface.isovalue = 10.0; },
+      [](SliceRequest& r) { r.surface.color_map = ColorMap::kHot; },
+      [](SliceRequest& r) { r.cross_I->y() += 1.0; },
+      [](SliceRequest& r) { r.cross_I.reset(); }};
+  Image last = first;
+  for (const auto& change : changes) {
+    change(request);
+    const Image now = Draw(request);
+    EXPECT_NE(now.rgba, last.rgba);
+    last = now;
+  }
+  EXPECT_EQ(rig.renderer.slice_casts(), 2 + changes.size());
+
+  rig.Take(testing::VolumeOf(
+      kLattice, [](const Vec3& p) { return p.x(); }, Placement(), -100.0, 100.0));
+  EXPECT_NE(Draw(request).rgba, last.rgba);
+  EXPECT_EQ(rig.renderer.slice_casts(), 3 + changes.size());
+}
+
+TEST(ViewSliceEmpty, WithoutAVolumeThereIsAnEmptyPicture) {
+  FrameRig rig;
+  SliceRequest request;
+  request.size = {30, 20};
+  request.cross_I = Vec3::Zero();
+  rig.renderer.DrawSlice(request);
+  const Image image = rig.renderer.ReadSlice(2);
+  ASSERT_EQ(image.rgba.size(), 30u * 20u * 4u);
+  for (int x = 0; x < 30; ++x) EXPECT_EQ(PixelOf(image, x, 10), (Rgb8{15, 17, 21}));
+}
+
+}  // namespace
+}  // namespace palpate::view

@@ -1,0 +1,238 @@
+"""palpate-view in a window: what pointer and keys do, seen by another client."""
+
+import os
+import signal
+import unittest
+
+import numpy as np
+import palpate
+from support import Daemon, wait_until
+from view_support import OneWindow, Screen, Window, run_view
+
+# Of the fixed layout on 1280 by 800 pixels: the histogram, and the middle of the view.
+HISTOGRAM_X = (10, 290)
+HISTOGRAM_Y = 130
+VIEW = (640, 306)
+
+
+def histogram_x(share):
+    return round(HISTOGRAM_X[0] + share * (HISTOGRAM_X[1] - HISTOGRAM_X[0]))
+
+
+def mark_x(picture):
+    """Middle of the isovalue's mark, a yellow line over the histogram."""
+    row = np.asarray(picture)[HISTOGRAM_Y, HISTOGRAM_X[0]:HISTOGRAM_X[1]].astype(int)
+    yellow = np.flatnonzero((row[:, 0] > 240) & (row[:, 1] > 220) & (row[:, 2] < 160))
+    return HISTOGRAM_X[0] + float(yellow.mean()) if yellow.size else None
+
+
+class ViewWindow(OneWindow):
+    def answers(self):
+        try:
+            return self.conn.volume.info() is not None
+        except palpate.Unavailable:
+            return False
+
+    def revision(self):
+        return self.conn.volume.info().volume_revision
+
+    def test_a_dragged_isovalue_is_felt_by_others_while_it_is_dragged(self):
+        info = self.conn.volume.info()
+
+        def share():
+            return (self.conn.settings.isovalue - info.value_min) / (info.value_max - info.value_min)
+
+        self.window.do("mousemove", histogram_x(0.5), HISTOGRAM_Y, "mousedown", 1)
+        for wanted in (0.3, 0.7, 0.55):
+            self.window.do("mousemove", histogram_x(wanted), HISTOGRAM_Y)
+            self.assertTrue(wait_until(lambda at=wanted: abs(share() - at) < 0.01),
+                            f"{share()} is not {wanted}")
+        self.window.do("mouseup", 1)
+
+    def test_the_slider_follows_other_clients(self):
+        info = self.conn.volume.info()
+        for share in (0.35, 0.6):
+            self.conn.settings.isovalue = info.value_min + share * (info.value_max - info.value_min)
+            self.assertTrue(wait_until(
+                lambda at=share: abs((mark_x(self.window.picture()) or 0) - histogram_x(at)) <= 2))
+
+    def test_a_stroke_on_the_surface_edits_and_is_taken_back_as_one(self):
+        before = self.conn.volume.download().values
+        first = self.revision()
+        self.window.do("key", "b")
+        x, y = VIEW
+        self.window.drag([(x + step, y) for step in range(-40, 41, 5)])
+        self.assertTrue(wait_until(lambda: self.revision() > first), "no edit came")
+        self.window.do("key", "b")
+        changed = {}
+
+        def settled():
+            # The last edit of a stroke may still be on its way.
+            seen, changed["at"] = changed.get("at"), self.revision()
+            return seen == changed["at"] and not np.array_equal(
+                self.conn.volume.download().values, before)
+
+        self.assertTrue(wait_until(settled))
+        self.window.do("key", "ctrl+z")
+        self.assertTrue(wait_until(
+            lambda: np.array_equal(self.conn.volume.download().values, before)))
+        self.window.do("key", "ctrl+y")
+        self.assertTrue(wait_until(
+            lambda: not np.array_equal(self.conn.volume.download().values, before)))
+        self.window.do("key", "ctrl+z")
+        self.assertTrue(wait_until(
+            lambda: np.array_equal(self.conn.volume.download().values, before)))
+
+    def take_back(self, before):
+        self.window.do("key", "ctrl+z")
+        self.assertTrue(wait_until(
+            lambda: np.array_equal(self.conn.volume.download().values, before)))
+
+    def test_a_brush_at_rest_edits_once(self):
+        before = self.conn.volume.download().values
+        first = self.revision()
+        self.window.do("key", "b", "mousemove", *VIEW, "mousedown", 1)
+        self.assertTrue(wait_until(lambda: self.revision() > first), "no edit came")
+        # Frames that show the edit, and more of them.
+        for _ in range(4):
+            self.window.picture("F12")
+        self.assertEqual(self.revision(), first + 1)
+        self.window.do("mouseup", 1, "key", "b")
+        self.take_back(before)
+
+    def test_a_slow_stroke_stays_at_the_surface_that_it_began_on(self):
+        before = self.conn.volume.download().values
+        first = self.revision()
+        x, y = VIEW
+        self.window.do("key", "b", "mousemove", x - 30, y, "mousedown", 1)
+        for step in range(-30, 31, 2):
+            self.window.do("mousemove", x + step, y)
+        self.assertTrue(wait_until(lambda: self.revision() > first), "no edit came")
+        self.window.do("mouseup", 1, "key", "b")
+        self.window.picture("F12")
+        changed = np.argwhere(self.conn.volume.download().values != before)
+        self.assertGreater(len(changed), 20)
+        # The ball's middle is 24 voxels from all sides, and its surface half of that at most.
+        self.assertGreater(np.linalg.norm(changed - 23.5, axis=1).min(), 6.0)
+        self.take_back(before)
+
+    def test_a_hidden_panel_holds_no_value(self):
+        info = self.conn.volume.info()
+
+        def at(share):
+            return info.value_min + share * (info.value_max - info.value_min)
+
+        self.window.do("mousemove", histogram_x(0.5), HISTOGRAM_Y, "mousedown", 1)
+        self.window.do("mousemove", histogram_x(0.45), HISTOGRAM_Y)
+        self.assertTrue(wait_until(lambda: abs(self.conn.settings.isovalue - at(0.45)) < 0.02))
+        # What is hidden while it is in the hand does not hear that it was let go.
+        self.window.do("key", "p", "mouseup", 1)
+        self.assertTrue(wait_until(lambda: self.window.picture("s").width == 1280))
+        before = np.asarray(self.window.picture("s"))
+        self.conn.settings.isovalue = at(0.7)
+        self.assertTrue(wait_until(
+            lambda: not np.array_equal(before, np.asarray(self.window.picture("s")))))
+        self.window.do("key", "p")
+        self.assertTrue(wait_until(
+            lambda: abs((mark_x(self.window.picture()) or 0) - histogram_x(0.7)) <= 2))
+
+    def test_both_pictures_at_once(self):
+        before = set(self.window.folder.glob("palpate-*.png"))
+        self.window.do("key", "s", "key", "F12")
+        self.assertTrue(wait_until(
+            lambda: len(set(self.window.folder.glob("palpate-*.png")) - before) == 2))
+
+    def test_without_the_brush_a_drag_turns_the_view_and_edits_nothing(self):
+        before = np.asarray(self.window.picture("s"))
+        self.assertTrue(np.array_equal(before, np.asarray(self.window.picture("s"))))
+        first = self.revision()
+        x, y = VIEW
+        self.window.drag([(x + step, y) for step in range(-40, 41, 5)])
+        self.assertTrue(wait_until(
+            lambda: not np.array_equal(before, np.asarray(self.window.picture("s")))))
+        self.assertEqual(self.revision(), first)
+        # Nor does the way to a click move it.
+        turned = np.asarray(self.window.picture("s"))
+        self.window.do("mousemove", 20, 700, "mousemove", *VIEW, "click", 3)
+        self.window.do("mousemove", 20, 700, "mousemove", *VIEW, "click", 1)
+        self.assertTrue(np.array_equal(turned, np.asarray(self.window.picture("s"))))
+        self.window.do("key", "r")
+        self.assertTrue(wait_until(
+            lambda: np.array_equal(before, np.asarray(self.window.picture("s")))))
+
+    def test_pictures_of_window_and_view(self):
+        self.assertEqual(self.window.picture("F12").size, (1280, 800))
+        width, height = self.window.picture("s").size
+        self.assertEqual(width, 680)
+        self.assertLess(height, 760)
+
+    def test_escape_is_the_emergency_stop(self):
+        self.assertEqual(self.conn.device.info().forces.state, palpate.ForceState.ON)
+        self.window.do("key", "Escape")
+        self.assertTrue(wait_until(
+            lambda: self.conn.device.info().forces.state == palpate.ForceState.STOPPED))
+        self.conn.device.enable()
+
+    def test_a_daemon_that_comes_back_is_found_again(self):
+        self.daemon.end()
+        self.window.wait_for_title("Palpate: reconnecting")
+        self.daemon.start()
+        self.window.wait_for_title("Palpate: builtin:sphere:48")
+        self.assertTrue(wait_until(self.answers))
+        self.test_a_dragged_isovalue_is_felt_by_others_while_it_is_dragged()
+
+
+class ViewWindowAtItsLimits(unittest.TestCase):
+    def test_a_small_window_has_room_for_all_that_matters(self):
+        with Daemon() as daemon, Screen() as screen:
+            window = Window(screen, daemon.folder, "--socket", daemon.socket, "--size", "200x150")
+            self.addCleanup(window.end)
+            window.wait_for_title("Palpate: builtin:sphere:48")
+            picture = window.picture()
+            self.assertEqual(picture.size, (640, 400))
+            # The connection's green dot, and the red of the emergency stop.
+            left = np.asarray(picture)[8:32, 8:30].reshape(-1, 3).astype(int)
+            self.assertTrue(((left[:, 1] > 180) & (left[:, 0] < 120)).any())
+            right = np.asarray(picture)[8:32, 470:].reshape(-1, 3).astype(int)
+            self.assertGreater(int(((right[:, 0] > 150) & (right[:, 1] < 60)).sum()), 1000)
+
+    def test_a_daemon_that_hangs_is_seen(self):
+        with Daemon() as daemon, Screen() as screen:
+            window = Window(screen, daemon.folder, "--socket", daemon.socket)
+            self.addCleanup(window.end)
+            window.wait_for_title("Palpate: builtin:sphere:48")
+
+            def dot_is_red():
+                dot = np.asarray(window.picture())[8:32, 8:30].reshape(-1, 3).astype(int)
+                return bool(((dot[:, 0] > 200) & (dot[:, 1] < 110)).any())
+
+            self.assertFalse(dot_is_red())
+            os.kill(daemon.process.pid, signal.SIGSTOP)
+            try:
+                # Long before it counts as lost.
+                self.assertTrue(wait_until(dot_is_red))
+                self.assertEqual(window.title(), "Palpate: builtin:sphere:48")
+            finally:
+                os.kill(daemon.process.pid, signal.SIGCONT)
+            self.assertTrue(wait_until(lambda: not dot_is_red()))
+
+
+class ViewWindowEnds(unittest.TestCase):
+    def test_without_a_display_it_says_what_to_do(self):
+        env = {key: value for key, value in os.environ.items()
+               if key not in ("DISPLAY", "WAYLAND_DISPLAY")}
+        code, _, said = run_view(env=env)
+        self.assertEqual(code, 8)
+        self.assertRegex(said, r"^palpate-view: .*--offscreen\n$")
+
+    def test_it_ends_in_order_without_a_daemon(self):
+        with Daemon() as daemon, Screen() as screen:
+            nobody = daemon.folder / "nobody.sock"
+            window = Window(screen, daemon.folder, "--socket", nobody)
+            self.addCleanup(window.end)
+            window.wait_for_title("Palpate: reconnecting")
+            self.assertEqual(window.end(), (0, ""))
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=1)

@@ -1,0 +1,410 @@
+"""What breaks around palpated, and what must come of it. tests/operations/README.md
+lists every fault with its test, also those that are elsewhere."""
+
+import array
+import datetime
+import gzip
+import os
+import pathlib
+import random
+import resource
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+import unittest
+
+import grpc
+
+from palpate.v1 import edit_pb2, pose_pb2, recording_pb2, volume_pb2, volume_stream_pb2
+from support import CALL_S, PATIENCE_S, Client, Daemon, PoseReader, wait_until
+
+# Of a second in which the machine may have stopped now and then.
+FEW_MISSED_SHARE = 0.5
+
+
+class Proxy:
+    """Forwards TCP to a port, until it freezes: then both ends stay connected, and
+    nothing comes through any more, as when a cable is drawn."""
+
+    def __init__(self, port):
+        self._port = port
+        self._listener = socket.create_server(("127.0.0.1", 0))
+        self.port = self._listener.getsockname()[1]
+        self._ends = []
+        self._frozen = threading.Event()
+        threading.Thread(target=self._accept, daemon=True).start()
+
+    def _accept(self):
+        try:
+            while True:
+                near, _ = self._listener.accept()
+                far = socket.create_connection(("127.0.0.1", self._port))
+                self._ends += [near, far]
+                for pair in ((near, far), (far, near)):
+                    threading.Thread(target=self._forward, args=pair, daemon=True).start()
+        except OSError:
+            pass
+
+    def _forward(self, source, target):
+        try:
+            while data := source.recv(65536):
+                if not self._frozen.is_set():
+                    target.sendall(data)
+        except OSError:
+            pass
+        # After freezing, an end that closes must not be heard of either.
+
+    def freeze(self):
+        self._frozen.set()
+
+    def close(self):
+        self._listener.close()
+        for end in self._ends:
+            end.close()
+
+
+class ClientFaults(unittest.TestCase):
+    """Clients that misbehave, with a good one beside them."""
+
+    def setUp(self):
+        self.daemon = self.enterContext(Daemon(listen=True))
+        self.client = self.enterContext(Client(self.daemon))
+        self.client.servo()
+        self.files = self.daemon.open_files()
+
+    def served_as_before(self):
+        """A new client is served, the loop goes on, and the files have come back."""
+        with Client(self.daemon, tcp=True) as client:
+            before = client.servo().ticks
+            self.assertTrue(wait_until(lambda: client.servo().ticks > before + 100))
+            self.assertEqual(len(client.read_poses(5)), 5)
+            answer = client.set_stiffness(0.61)
+            self.assertAlmostEqual(answer.settings.stiffness_n_per_mm, 0.61)
+        self.assertIsNone(self.daemon.process.poll())
+        self.assertTrue(wait_until(lambda: self.daemon.open_files() <= self.files + 2),
+                        f"{self.files} files before, {self.daemon.open_files()} now")
+
+    def test_a_client_that_is_killed_in_a_stream(self):
+        good = PoseReader(self.client)
+        code = ("import sys; sys.path[:0] = sys.argv[3:]\n"
+                "import os; os.environ['PALPATED'] = sys.argv[1]\n"
+                "from support import *\n"
+                "class D: socket = sys.argv[2]\n"
+                "client = Client(D)\n"
+                "readers = [PoseReader(client, 1000, 10) for _ in range(4)]\n"
+                "wait_until(lambda: all(r.samples > 50 for r in readers))\n"
+                "print('streaming', flush=True)\n"
+                "time.sleep(600)\n")
+        for _ in range(3):
+            child = subprocess.Popen(
+                [sys.executable, "-c", code, os.environ["PALPATED"], self.daemon.socket,
+                 *sys.path[:1], *os.environ["PYTHONPATH"].split(":")],
+                stdout=subprocess.PIPE, text=True)
+            self.assertEqual(child.stdout.readline().strip(), "streaming")
+            child.kill()
+            child.wait()
+            child.stdout.close()
+        seen = good.samples
+        self.assertTrue(wait_until(lambda: good.samples > seen + 30))
+        self.assertIsNone(good.error)
+        good.stop()
+        self.served_as_before()
+
+    def test_a_client_that_never_reads(self):
+        # It asks for all that there is, and takes none of it.
+        good = PoseReader(self.client)
+        with Client(self.daemon, tcp=True) as silent:
+            start = pose_pb2.StreamPosesRequest()
+            start.start.rate_hz = 1000
+            start.start.batch = 10
+            calls = [silent.poses.StreamPoses(iter([start])) for _ in range(16)]
+            more = volume_stream_pb2.StreamVolumeRequest()
+            more.start.SetInParent()
+            calls += [silent.volume.StreamVolume(iter([more])) for _ in range(16)]
+            self.assertTrue(wait_until(lambda: good.samples > 60))
+            before, ticks, seen = self.resident(), self.client.servo().ticks, good.samples
+            for n in range(100):
+                self.client.carve(20 + n % 8, 20, 20)
+            self.assertTrue(wait_until(lambda: self.client.servo().ticks > ticks + 4000))
+            now = self.client.servo().ticks
+            # 16 streams of 250 bytes a tick would be 16 MB by now. Some is malloc's, which
+            # takes pools for what the edits and the waiting messages pass through.
+            self.assertLess(self.resident() - before, 12 << 20)
+            # A tenth: this machine may be busy with other things.
+            self.assertGreater(good.samples - seen, 0.1 * 0.06 * (now - ticks))
+            self.assertIsNone(good.error)
+            for call in calls:
+                call.cancel()
+        good.stop()
+        self.served_as_before()
+
+    def resident(self):
+        pages = int(pathlib.Path(f"/proc/{self.daemon.pid}/statm").read_text().split()[1])
+        return pages * os.sysconf("SC_PAGESIZE")
+
+    def test_a_connection_that_is_half_open(self):
+        # Neither end is told; only asking finds out.
+        proxy = Proxy(self.daemon.port)
+        with Client(self.daemon, target=f"127.0.0.1:{proxy.port}") as cut:
+            reader = PoseReader(cut, 1000.0, 10)
+            self.assertTrue(wait_until(lambda: reader.samples > 100))
+            held = self.daemon.open_files()
+            self.assertGreater(held, self.files)
+            good = PoseReader(self.client)
+            proxy.freeze()
+            self.assertTrue(wait_until(lambda: self.daemon.open_files() < held),
+                            "the connection was never given up")
+            self.assertTrue(wait_until(lambda: good.samples > 60))
+            self.assertIsNone(good.error)
+            good.stop()
+            proxy.close()
+            reader.stop()
+        self.served_as_before()
+
+    def test_garbage_on_the_port(self):
+        random_bytes = random.Random(1).randbytes
+        preface = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n"
+        settings = b"\0\0\0\4\0\0\0\0\0"
+        attacks = [b"\0" * 4096, b"GET / HTTP/1.1\r\nHost: x\r\n\r\n", preface[:10], preface,
+                   b"\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03" + random_bytes(500),
+                   # Frames that end early, are too long, belong to no stream, or are unknown.
+                   preface + settings + b"\xff\xff\xff\1\4\0\0\0\1",
+                   preface + settings + b"\0\0\x10\0\0\0\0\0\1" + random_bytes(16),
+                   preface + settings + b"\0\0\4\x08\0\0\0\0\0\0\0\0\0" * 50,
+                   preface + settings + (b"\0\0\x08\6\0\0\0\0\0" + b"p" * 8) * 5000,
+                   preface + settings + b"\0\0\x20\1\4\0\0\0\1" + random_bytes(32)]
+        attacks += [random_bytes(n) for n in (1, 3, 9, 100, 10000, 300000)]
+        attacks += [preface + settings + random_bytes(n) for n in (9, 100, 10000, 300000)]
+        good = PoseReader(self.client)
+        for data in attacks * 3:
+            for address in (("127.0.0.1", self.daemon.port), self.daemon.socket):
+                kind = socket.AF_INET if isinstance(address, tuple) else socket.AF_UNIX
+                with socket.socket(kind) as raw:
+                    raw.settimeout(5)
+                    raw.connect(address)
+                    try:
+                        raw.sendall(data)
+                        raw.shutdown(socket.SHUT_WR)
+                        while raw.recv(65536):
+                            pass
+                    except OSError:
+                        pass  # thrown out: what is wanted
+        self.assertIsNone(good.error)
+        good.stop()
+        self.served_as_before()
+
+
+class ManyConnections(unittest.TestCase):
+    def test_ten_thousand_connections(self):
+        soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+        if hard < 4096:
+            self.skipTest("needs 4096 file descriptors")
+        resource.setrlimit(resource.RLIMIT_NOFILE, (hard, hard))
+        self.addCleanup(resource.setrlimit, resource.RLIMIT_NOFILE, (soft, hard))
+        with Daemon(listen=True) as daemon, Client(daemon) as client:
+            client.servo()
+            before = daemon.open_files()
+            good = PoseReader(client)
+            preface = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n\0\0\0\4\0\0\0\0\0"
+            held = []
+            for n in range(10000):
+                connection = socket.create_connection(("127.0.0.1", daemon.port), timeout=30)
+                if n % 2:
+                    connection.sendall(preface)
+                if n % 10 == 0:
+                    held.append(connection)
+                else:
+                    connection.close()
+            self.assertTrue(wait_until(lambda: good.samples > 60))
+            self.assertIsNone(good.error)
+            # Beside the thousand that are held.
+            with Client(daemon, tcp=True) as late:
+                self.assertEqual(len(late.read_poses(5)), 5)
+            self.assertLess(daemon.threads(), 200)
+            for connection in held:
+                connection.close()
+            good.stop()
+            self.assertTrue(wait_until(lambda: daemon.open_files() <= before + 2),
+                            f"{before} files before, {daemon.open_files()} now")
+            with Client(daemon, tcp=True) as late:
+                self.assertEqual(len(late.read_poses(5)), 5)
+
+
+class DiskFaults(unittest.TestCase):
+    def check_recording_ends_alone(self, client, path, folder_with_room):
+        """A recording to a disk that fills up ends, and nothing else does."""
+        good = PoseReader(client)
+        client.record(path)
+
+        def state():
+            return client.recording.GetRecording(recording_pb2.GetRecordingRequest(),
+                                                 timeout=CALL_S).recording
+        self.assertTrue(wait_until(lambda: not state().running, PATIENCE_S))
+        self.assertTrue(good.samples > 0 and good.error is None)
+        self.assertRegex(state().error, "No space left|File too large")
+        before = client.servo()
+        self.assertTrue(wait_until(lambda: client.servo().ticks > before.ticks + 1000))
+        after = client.servo()
+        self.assertEqual(after.faulty_ticks, before.faulty_ticks)
+        self.assertLess(after.missed_ticks - before.missed_ticks,
+                        FEW_MISSED_SHARE * (after.ticks - before.ticks))
+        seen = good.samples
+        self.assertTrue(wait_until(lambda: good.samples > seen + 10))
+        good.stop()
+        # What is on the disk is a recording.
+        lab = pathlib.Path(os.environ["PALPATED"]).with_name("palpate-lab")
+        export = subprocess.run([lab, "export", path, "--out", folder_with_room / "cut.csv"],
+                                capture_output=True, text=True, timeout=PATIENCE_S)
+        self.assertEqual(export.returncode, 0, export.stderr)
+        self.assertGreater(len((folder_with_room / "cut.csv").read_text().splitlines()), 100)
+
+    def test_a_disk_that_fills_while_it_records(self):
+        if os.geteuid() != 0:
+            self.skipTest("needs root, to mount a small disk")
+        with tempfile.TemporaryDirectory(prefix="palpate-full-",
+                                         ignore_cleanup_errors=True) as folder:
+            mounted = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=512k", "tmpfs", folder])
+            if mounted.returncode != 0:
+                self.skipTest("cannot mount here")
+            self.addCleanup(subprocess.run, ["umount", "-q", "-l", folder])
+            roomy = pathlib.Path(self.enterContext(tempfile.TemporaryDirectory()))
+            with Daemon("builtin:sphere:16", folder=folder, state=roomy / "state") as daemon, \
+                    Client(daemon) as client:
+                self.check_recording_ends_alone(client, pathlib.Path(folder) / "r.palrec", roomy)
+            subprocess.run(["umount", "-l", folder], check=True)
+
+    def test_a_recording_at_the_limit_of_file_sizes(self):
+        # The kernel would end the process by a signal that it does not expect.
+        with Daemon("builtin:sphere:16",
+                    wrapper=["/usr/bin/prlimit", "--fsize=400000"]) as daemon:
+            with Client(daemon) as client:
+                self.check_recording_ends_alone(client, daemon.folder / "r.palrec", daemon.folder)
+
+    def test_a_volume_file_that_is_deleted(self):
+        with tempfile.TemporaryDirectory(prefix="palpate-deleted-") as folder:
+            path = pathlib.Path(folder) / "v.nrrd"
+            values = bytes(range(256)) * (32 ** 3 // 256)
+            path.write_bytes(b"NRRD0004\ntype: uchar\ndimension: 3\nsizes: 32 32 32\n"
+                             b"spacings: 1 1 1\nencoding: raw\n\n" + values)
+            with Daemon(path) as daemon, Client(daemon) as client:
+                path.unlink()
+                self.assertGreater(client.carve(16, 16, 16).changed_voxels, 0)
+                client.volume.RevertVolume(edit_pb2.RevertVolumeRequest(), timeout=CALL_S)
+                self.assertEqual(len(client.read_poses(20)), 20)
+                saved = str(daemon.folder / "copy.nrrd")
+                list(client.volume.SaveVolume(volume_pb2.SaveVolumeRequest(path=saved),
+                                              timeout=CALL_S))
+                _, _, packed = pathlib.Path(saved).read_bytes().partition(b"\n\n")
+                floats = array.array("f", gzip.decompress(packed))
+                self.assertEqual(floats.tolist(), list(values))
+                before = client.volume.GetVolume(volume_pb2.GetVolumeRequest(), timeout=CALL_S)
+                with self.assertRaises(grpc.RpcError) as refused:
+                    list(client.volume.LoadVolume(volume_pb2.LoadVolumeRequest(source=str(path)),
+                                                  timeout=CALL_S))
+                self.assertEqual(refused.exception.code(), grpc.StatusCode.NOT_FOUND)
+                self.assertEqual(
+                    client.volume.GetVolume(volume_pb2.GetVolumeRequest(), timeout=CALL_S), before)
+                self.assertEqual(daemon.end(), 0)
+
+
+class ClockStep(unittest.TestCase):
+    def test_ticks_do_not_follow_the_wall_clock(self):
+        library = next(pathlib.Path("/usr/lib").glob("*/faketime/libfaketimeMT.so.1"), None)
+        if library is None:
+            self.skipTest("needs the package faketime")
+        with tempfile.TemporaryDirectory(prefix="palpate-clock-") as folder:
+            step = pathlib.Path(folder) / "step"
+            step.write_text("+0\n")
+            wrapper = ["/usr/bin/env", f"LD_PRELOAD={library}", f"FAKETIME_TIMESTAMP_FILE={step}",
+                       "FAKETIME_NO_CACHE=1", "FAKETIME_DONT_FAKE_MONOTONIC=1"]
+            with Daemon(wrapper=wrapper) as daemon, Client(daemon) as client:
+                reader = PoseReader(client, 100.0)
+                self.assertTrue(wait_until(lambda: reader.samples > 20))
+                for seconds in ("-86400", "+0", "+86400"):
+                    step.write_text(seconds + "\n")
+                    before, ticks = time.monotonic(), client.servo().ticks
+                    ahead = reader.newest.time_ns
+                    self.assertTrue(wait_until(lambda: client.servo().ticks > ticks + 1000))
+                    seen = reader.samples
+                    self.assertTrue(wait_until(lambda: reader.samples > seen + 20))
+                    took_ns = 1e9 * (time.monotonic() - before)
+                    # The daemon's clock of poses went on as ours did.
+                    moved_ns = reader.newest.time_ns - ahead
+                    self.assertGreater(moved_ns, 0)
+                    self.assertLess(abs(moved_ns - took_ns), 0.5e9 + 0.2 * took_ns)
+                    self.assertLess(client.set_stiffness(0.5).receipt_to_applied_ns, 5e9)
+                    client.record(daemon.folder / f"{seconds}.palrec")
+                    client.recording.StopRecording(recording_pb2.StopRecordingRequest(),
+                                                   timeout=CALL_S)
+                self.assertIsNone(reader.error)
+                self.assertEqual(client.servo().faulty_ticks, 0)
+                reader.stop()
+                self.assertEqual(daemon.end(), 0)
+                # The steps were real: the log is stamped with the wall clock.
+                first, last = (datetime.date.fromisoformat(line[:10])
+                               for line in (daemon.log[0], daemon.log[-1]))
+                self.assertEqual((last - first).days, 1, daemon.log)
+
+
+class Endings(unittest.TestCase):
+    def load(self, daemon, client):
+        """Viewers, edits, settings and a recording; returns what ends them."""
+        stop = threading.Event()
+        clients = [self.enterContext(Client(daemon)) for _ in range(4)]
+        readers = [PoseReader(c, 1000.0, 10) for c in clients for _ in range(4)]
+
+        def churn(change):
+            try:
+                while not stop.is_set():
+                    change()
+            except grpc.RpcError:
+                pass  # the daemon has ended
+        threads = [threading.Thread(target=churn, args=(change,)) for change in
+                   (lambda: clients[0].set_stiffness(0.5), lambda: clients[1].carve(20, 20, 20),
+                    lambda: clients[2].carve(30, 20, 20), lambda: clients[3].read_poses(10))]
+        for thread in threads:
+            thread.start()
+        client.record(daemon.folder / "load.palrec")
+        self.assertTrue(wait_until(lambda: all(r.samples > 100 for r in readers)))
+
+        def end():
+            stop.set()
+            for thread in threads:
+                thread.join(PATIENCE_S)
+                self.assertFalse(thread.is_alive())
+            for reader in readers:
+                reader.stop()
+        return end
+
+    def test_a_termination_signal_under_load(self):
+        with Daemon() as daemon, Client(daemon) as client:
+            end = self.load(daemon, client)
+            began = time.monotonic()
+            self.assertEqual(daemon.end(), 0)
+            took_s = time.monotonic() - began
+            end()
+            self.assertLess(took_s, 20)
+            self.assertTrue(any("ended after" in line for line in daemon.log), daemon.log)
+            self.assertFalse(os.path.exists(daemon.socket))
+            lab = pathlib.Path(os.environ["PALPATED"]).with_name("palpate-lab")
+            replay = subprocess.run([lab, "replay", "--recording", daemon.folder / "load.palrec"],
+                                    capture_output=True, text=True, timeout=PATIENCE_S)
+            self.assertEqual(replay.returncode, 0, replay.stdout + replay.stderr)
+
+    def test_killed_under_load_and_started_again(self):
+        with Daemon() as daemon, Client(daemon) as client:
+            end = self.load(daemon, client)
+            self.assertEqual(daemon.end(signal.SIGKILL), -signal.SIGKILL)
+            end()
+            daemon.start()
+            with Client(daemon) as again:
+                self.assertEqual(len(again.read_poses(5)), 5)
+                self.assertEqual(again.servo().faulty_ticks, 0)
+
+
+if __name__ == "__main__":
+    unittest.main()

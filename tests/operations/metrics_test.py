@@ -1,0 +1,251 @@
+"""The metrics: what is scraped from a working palpated, its documentation, and the
+dashboard; and addresses that are refused."""
+
+import json
+import os
+import pathlib
+import re
+import socket
+import subprocess
+import unittest
+
+from support import (CALL_S, PALPATED, Client, Daemon, PoseReader, metric, parse_metrics, scrape,
+                     wait_until)
+
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+GUIDE = ROOT / "deploy/guides/metrics.md"
+DASHBOARD = ROOT / "deploy/grafana/palpate.json"
+
+
+def documented():
+    """{name: type} of the guide's tables."""
+    rows = re.findall(r"^\| `([a-z_]+)` \| (\w+) \|", GUIDE.read_text(), re.MULTILINE)
+    return dict(rows)
+
+
+def base_name(name, families):
+    if name in families:
+        return name
+    return re.sub(r"_(bucket|sum|count)$", "", name)
+
+
+def queried():
+    """Every query of the dashboard."""
+    def walk(node):
+        if isinstance(node, dict):
+            if isinstance(node.get("expr"), str):
+                yield node["expr"]
+            node = list(node.values())
+        if isinstance(node, list):
+            for child in node:
+                yield from walk(child)
+    return list(walk(json.loads(DASHBOARD.read_text())))
+
+
+class LiveMetrics(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.daemon = cls.enterClassContext(Daemon(metrics=True))
+        cls.client = cls.enterClassContext(Client(cls.daemon))
+
+    def scrape(self):
+        return parse_metrics(scrape(self.daemon.metrics_port))
+
+    def value(self, key):
+        return metric(self.daemon.metrics_port, key)
+
+    def test_each_is_documented_and_each_documented_one_is_there(self):
+        scrape(self.daemon.metrics_port)  # the exposer's own begin with the first
+        families, values = self.scrape()
+        self.assertEqual({name: kind for name, (kind, _) in families.items()}, documented())
+        for name, (kind, _) in families.items():
+            with self.subTest(name):
+                self.assertEqual(name.endswith("_total"), kind == "counter")
+                self.assertRegex(name, "^(palpate|exposer)_")
+                self.assertNotRegex(name, "_(ms|us|ns|mm|mib|kib|percent)(_|$)")
+        self.assertTrue(values)
+
+    def test_histograms_are_sound(self):
+        _, values = self.scrape()
+        for name in ("palpate_tick_period_seconds", "palpate_update_seconds",
+                     "palpate_force_newtons"):
+            buckets = [value for key, value in values.items() if key.startswith(name + "_bucket")]
+            self.assertEqual(buckets, sorted(buckets))
+            self.assertEqual(buckets[-1], values[name + "_count"])
+            self.assertGreater(values[name + "_count"], 0)
+
+    def test_the_dashboard_asks_for_what_there_is(self):
+        scrape(self.daemon.metrics_port)
+        families, _ = self.scrape()
+        queries = queried()
+        self.assertGreater(len(queries), 12)
+        asked = {base_name(name, families)
+                 for query in queries for name in re.findall(r"\b(?:palpate|exposer)_\w+", query)}
+        self.assertEqual(asked - set(families), set())
+        # Whoever adds a metric of the loop shows it.
+        shown = {name for name in families if name.startswith("palpate_")}
+        self.assertLess(len(shown - asked), 8, shown - asked)
+
+    def test_ticks_are_counted_once(self):
+        before, ticks = self.value("palpate_ticks_total"), self.client.servo().ticks
+        self.assertLessEqual(before, ticks)
+        self.assertTrue(wait_until(lambda: self.value("palpate_ticks_total") > before + 500))
+        servo = self.client.servo()
+        lost = self.value("palpate_lost_samples_total")
+        self.assertTrue(wait_until(
+            lambda: self.value("palpate_ticks_total") >= servo.ticks - lost - 1))
+        self.assertLessEqual(self.value("palpate_ticks_total"), self.client.servo().ticks)
+        # About a millisecond each, missed ones aside.
+        _, values = self.scrape()
+        mean_s = (values["palpate_tick_period_seconds_sum"]
+                  / values["palpate_tick_period_seconds_count"])
+        missed = values["palpate_missed_ticks_total"] / values["palpate_ticks_total"]
+        self.assertAlmostEqual(mean_s, 0.001 * (1 + missed), delta=0.0002 * (1 + missed))
+
+    def test_nothing_is_wrong_and_a_force_is_felt(self):
+        self.assertTrue(wait_until(lambda: self.value("palpate_contact_ticks_total") > 0))
+        _, values = self.scrape()
+        self.assertEqual(values["palpate_contact_faults_total"], 0)
+        self.assertEqual(values["palpate_faulty_ticks_total"], 0)
+        self.assertGreater(values["palpate_force_limit_newtons"], 0)
+        self.assertEqual(values['palpate_forces{state="on"}'], 1)
+        self.assertEqual(sum(value for key, value in values.items()
+                             if key.startswith("palpate_forces{")), 1)
+
+    def test_forces_that_are_stopped_show(self):
+        from palpate.v1 import device_pb2
+        self.client.device.StopForces(device_pb2.StopForcesRequest(), timeout=CALL_S)
+        self.assertEqual(self.value('palpate_forces{state="stopped"}'), 1)
+        self.client.device.EnableForces(device_pb2.EnableForcesRequest(device="simulated"),
+                                        timeout=CALL_S)
+        self.assertTrue(wait_until(lambda: self.value('palpate_forces{state="on"}') == 1))
+
+    def test_subscribers_and_the_age_of_what_they_see(self):
+        self.assertTrue(wait_until(lambda: self.value("palpate_pose_streams") == 0))
+        reader = PoseReader(self.client, rate_hz=500.0, batch=5)
+        self.assertTrue(wait_until(lambda: reader.samples > 100))
+        _, values = self.scrape()
+        self.assertEqual(values["palpate_pose_streams"], 1)
+        self.assertGreaterEqual(values["palpate_pose_age_sent_seconds_count"], 20)
+        self.assertGreaterEqual(values["palpate_pose_age_acknowledged_seconds_count"], 10)
+        # An acknowledgement is younger than the pose that it is for by no clock.
+        self.assertGreater(values["palpate_pose_age_acknowledged_seconds_sum"], 0)
+        reader.stop()
+        self.assertTrue(wait_until(lambda: self.value("palpate_pose_streams") == 0))
+
+    def test_drops_of_one_who_does_not_acknowledge(self):
+        from palpate.v1 import pose_pb2
+        before = self.value("palpate_dropped_samples_total")
+        first = pose_pb2.StreamPosesRequest()
+        first.start.rate_hz = 1000
+        first.start.batch = 10
+        first.start.max_unacknowledged = 1
+        go = __import__("threading").Event()
+
+        def requests():
+            yield first
+            go.wait(CALL_S)
+            late = pose_pb2.StreamPosesRequest()
+            late.acknowledgement.message_number = 1
+            yield late
+            go.clear()
+            go.wait(CALL_S)
+        call = self.client.poses.StreamPoses(requests())
+        next(call)
+        tick = self.client.servo().ticks
+        self.assertTrue(wait_until(lambda: self.client.servo().ticks > tick + 300))
+        go.set()
+        message = next(call)  # it says how many it lost
+        self.assertGreater(message.dropped_samples, 200)
+        self.assertEqual(self.value("palpate_dropped_samples_total") - before,
+                         message.dropped_samples)
+        go.set()
+        call.cancel()
+
+    def test_changes_show_their_revision_and_latency(self):
+        _, before = self.scrape()
+        for n in range(5):
+            applied = self.client.set_stiffness(0.4 + 0.01 * n)
+            edited = self.client.carve(24, 24, 8 + n)
+        self.assertTrue(wait_until(
+            lambda: self.value("palpate_settings_revision") == applied.settings_revision))
+        _, values = self.scrape()
+        self.assertEqual(values["palpate_volume_revision"], edited.volume_revision)
+        for name in ("palpate_edit_latency_seconds", "palpate_settings_latency_seconds"):
+            self.assertEqual(values[name + "_count"] - before[name + "_count"], 5)
+            self.assertGreater(values[name + "_sum"], before[name + "_sum"])
+
+    def test_a_recording_shows(self):
+        from palpate.v1 import recording_pb2
+        self.assertEqual(self.value("palpate_recording"), 0)
+        self.client.record(self.daemon.folder / "shown.palrec")
+        self.assertEqual(self.value("palpate_recording"), 1)
+        self.client.recording.StopRecording(recording_pb2.StopRecordingRequest(), timeout=CALL_S)
+        self.assertEqual(self.value("palpate_recording"), 0)
+
+    def test_memory_and_files_are_those_of_the_process(self):
+        _, values = self.scrape()
+        pages = int(pathlib.Path(f"/proc/{self.daemon.pid}/statm").read_text().split()[1])
+        resident = pages * os.sysconf("SC_PAGESIZE")
+        self.assertAlmostEqual(values["palpate_resident_memory_bytes"], resident,
+                               delta=0.2 * resident)
+        self.assertAlmostEqual(values["palpate_open_files"], self.daemon.open_files(), delta=4)
+        self.assertGreaterEqual(values["palpate_volume_memory_bytes"], 48 ** 3)
+        self.assertLess(values["palpate_volume_memory_bytes"],
+                        values["palpate_volume_memory_budget_bytes"])
+
+    def test_only_the_metrics_are_served(self):
+        for path in ("/", "/../etc/passwd", "/metrics/../../etc/passwd", "//etc/passwd"):
+            with socket.create_connection(("127.0.0.1", self.daemon.metrics_port)) as raw:
+                raw.sendall(f"GET {path} HTTP/1.0\r\n\r\n".encode())
+                raw.settimeout(CALL_S)
+                answer = raw.recv(4096)
+            self.assertNotIn(b"root:", answer, path)
+            self.assertRegex(answer, rb"^HTTP/1\.\d 4", path)
+
+    def test_readers_that_hang_do_not_hold_the_others(self):
+        hanging = [socket.create_connection(("127.0.0.1", self.daemon.metrics_port))
+                   for _ in range(8)]
+        for connection in hanging:
+            connection.sendall(b"GET /metrics HT")
+        self.assertIn("palpate_ticks_total", scrape(self.daemon.metrics_port))
+        for connection in hanging:
+            connection.close()
+
+
+class Addresses(unittest.TestCase):
+    def refusal(self, address):
+        import tempfile
+        with tempfile.TemporaryDirectory() as folder:
+            config = pathlib.Path(folder) / "palpated.toml"
+            config.write_text(f'[metrics]\nlisten = "{address}"\n')
+            run = subprocess.run(
+                [PALPATED, "--volume", "builtin:sphere:16", "--socket", f"{folder}/s.sock",
+                 "--state-folder", "", "--config", str(config)],
+                capture_output=True, text=True, timeout=CALL_S)
+        lines = [line for line in run.stderr.splitlines() if line.startswith("palpated: ")]
+        self.assertEqual(len(lines), 1, run.stderr)
+        return run.returncode, lines[0]
+
+    def test_others_than_loopback_are_refused(self):
+        for address in ("0.0.0.0:9464", "[::]:9464", "192.168.1.1:9464", "example.org:9464"):
+            code, line = self.refusal(address)
+            self.assertEqual(code, 3, line)
+            self.assertIn("only loopback", line)
+
+    def test_a_port_in_use_is_one_line(self):
+        with socket.socket() as taken:
+            taken.bind(("127.0.0.1", 0))
+            taken.listen()
+            code, line = self.refusal(f"127.0.0.1:{taken.getsockname()[1]}")
+        self.assertEqual(code, 7, line)
+        self.assertIn("in use", line)
+
+    def test_none_unless_asked_for(self):
+        with Daemon() as daemon:
+            listening = subprocess.run(["ss", "-Hltnp"], capture_output=True, text=True).stdout
+            self.assertNotIn(f"pid={daemon.pid},", listening)
+
+
+if __name__ == "__main__":
+    unittest.main()

@@ -1,0 +1,224 @@
+"""Everything at once, for as long as it is told to: viewers of poses and voxels, edits,
+settings, a time series, recordings, and the metrics read once a second. Memory and
+files must stay what they were, and the proxy must never be inside the material.
+
+Memory is the daemon's resident set, from its metrics. The first third of the run is
+warm-up (caches, arenas of malloc, the frames of the series, each with its edits). Of
+the rest, the median of the first half is compared with that of the second: a leak that
+matters moves it, and one sample at the top of a burst does not. The daemon's malloc has
+one arena instead of one for each few threads: those fill for some three minutes, which
+a short run would take for a leak."""
+
+import argparse
+import itertools
+import os
+import random
+import statistics
+import struct
+import sys
+import threading
+import time
+
+import grpc
+
+from palpate.v1 import (recording_pb2, series_pb2, series_pb2_grpc, volume_stream_pb2)
+from support import CALL_S, PATIENCE_S, Client, Daemon, PoseReader, parse_metrics, scrape
+
+EDGE = 48
+FRAMES = 4
+FLAT = 0.01
+WARM_UP = 1 / 3
+
+
+def write_frames(folder):
+    """Balls of growing radius."""
+    for frame in range(FRAMES):
+        radius = 14.0 + 2.0 * frame
+        middle = (EDGE - 1) / 2
+        values = [max(0.0, 1.0 - ((x - middle) ** 2 + (y - middle) ** 2 + (z - middle) ** 2) ** 0.5
+                      / (2 * radius))
+                  for z in range(EDGE) for y in range(EDGE) for x in range(EDGE)]
+        (folder / f"t{frame}.nrrd").write_bytes(
+            b"NRRD0004\ntype: float\ndimension: 3\nsizes: %d %d %d\nspacings: 1 1 1\n"
+            b"endian: little\nencoding: raw\n\n" % (EDGE, EDGE, EDGE)
+            + struct.pack(f"<{len(values)}f", *values))
+
+
+class Worker:
+    """Calls one thing at a rate, on a thread, until it is stopped."""
+
+    def __init__(self, name, rate_hz, call):
+        self.name, self.calls, self.error = name, 0, None
+        self._period_s, self._call = 1.0 / rate_hz, call
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run)
+        self._thread.start()
+
+    def _run(self):
+        next_s = time.monotonic()
+        while not self._stop.is_set():
+            try:
+                self._call()
+                self.calls += 1
+            except Exception as error:  # whatever it is, it is the soak's result
+                self.error = error
+                return
+            next_s = max(next_s + self._period_s, time.monotonic() - 0.2)
+            self._stop.wait(max(0.0, next_s - time.monotonic()))
+
+    def stop(self):
+        self._stop.set()
+        self._thread.join(PATIENCE_S)
+
+
+class VolumeReader:
+    """Follows the voxels, acknowledging what comes."""
+
+    def __init__(self, client):
+        self.messages, self.error, self._stopped = 0, None, False
+        self._take = threading.Semaphore(0)
+        self._call = client.volume.StreamVolume(self._requests())
+        self._thread = threading.Thread(target=self._read)
+        self._thread.start()
+
+    def _requests(self):
+        start = volume_stream_pb2.StreamVolumeRequest()
+        start.start.SetInParent()
+        yield start
+        while True:
+            self._take.acquire()
+            if self._stopped:
+                return
+            request = volume_stream_pb2.StreamVolumeRequest()
+            request.acknowledgement.message_number = self.messages
+            yield request
+
+    def _read(self):
+        try:
+            for message in self._call:
+                self.messages = message.message_number
+                self._take.release()
+        except grpc.RpcError as error:
+            if not self._stopped:
+                self.error = error
+
+    def stop(self):
+        self._stopped = True
+        self._call.cancel()
+        self._take.release()
+        self._thread.join(PATIENCE_S)
+
+
+class Soak:
+    def __init__(self, daemon):
+        self.daemon = daemon
+        self.readings = []  # (seconds, metrics)
+        self._clients = [Client(daemon) for _ in range(8)]
+        self._began_s = time.monotonic()
+        random.seed(1)
+
+    def start(self):
+        clients = self._clients
+        self._play_series(clients[0])
+        settings, edits, recordings = itertools.count(), itertools.count(), itertools.count()
+        self.readers = [PoseReader(clients[n], 60.0) for n in range(5)]
+        self.readers += [PoseReader(clients[5], 1000.0, 10), VolumeReader(clients[6])]
+        place = lambda: random.uniform(0, EDGE - 1)
+        self.workers = [
+            Worker("settings", 50, lambda: clients[1].set_stiffness(
+                0.4 + 0.01 * (next(settings) % 20))),
+            Worker("edits", 20, lambda: next(edits) + clients[2].carve(
+                place(), place(), place(), 4.0).volume_revision),
+            Worker("recordings", 0.2, lambda: self._record_anew(clients[3], next(recordings))),
+            Worker("scrapes", 1, self._scrape),
+            # Viewers come and go.
+            Worker("visits", 1, self._visit)]
+
+    def _play_series(self, client):
+        write_frames(self.daemon.folder)
+        series = series_pb2_grpc.SeriesServiceStub(client.channel)
+        list(series.LoadSeries(series_pb2.LoadSeriesRequest(
+            sources=[str(self.daemon.folder / "t*.nrrd")]), timeout=PATIENCE_S))
+        series.ControlSeries(series_pb2.ControlSeriesRequest(playing=True, rate_hz=10, loop=True),
+                             timeout=CALL_S)
+
+    def _record_anew(self, client, number):
+        if number:
+            client.recording.StopRecording(recording_pb2.StopRecordingRequest(), timeout=CALL_S)
+        client.recording.StartRecording(recording_pb2.StartRecordingRequest(
+            path=str(self.daemon.folder / "soak.palrec"), overwrite=True), timeout=CALL_S)
+
+    def _visit(self):
+        with Client(self.daemon) as visitor:
+            visitor.read_poses(3)
+            visitor.settings()
+
+    def _scrape(self):
+        values = parse_metrics(scrape(self.daemon.metrics_port))[1]
+        self.readings.append((time.monotonic() - self._began_s, values))
+
+    def stop(self):
+        for worker in self.workers:
+            worker.stop()
+        for reader in self.readers:
+            reader.stop()
+        for client in self._clients:
+            client.channel.close()
+
+    def failures(self):
+        """What was wrong, in words; prints the figures."""
+        found = [f"{w.name}: {w.error}" for w in self.workers if w.error]
+        found += [f"a stream: {r.error}" for r in self.readers if r.error]
+        found += [f"{w.name}: none" for w in self.workers if not w.calls]
+        end_s = self.readings[-1][0]
+        warm = [r for r in self.readings if r[0] > WARM_UP * end_s]
+        halves = warm[:len(warm) // 2], warm[len(warm) // 2:]
+        memory = [statistics.median(v["palpate_resident_memory_bytes"] for _, v in half)
+                  for half in halves]
+        # Visitors and recordings open some and close them: what stays is the least.
+        files = [min(v["palpate_open_files"] for _, v in half) for half in halves]
+        last = self.readings[-1][1]
+        drift = memory[1] / memory[0] - 1
+        print(f"{end_s:.0f} s, {last['palpate_ticks_total']:.0f} ticks, "
+              + ", ".join(f"{w.calls} {w.name}" for w in self.workers))
+        print(f"memory {memory[0] / 1e6:.2f} MB, then {memory[1] / 1e6:.2f} MB: {drift:+.2%}; "
+              f"files {files[0]:.0f}, then {files[1]:.0f}; "
+              f"missed ticks {last['palpate_missed_ticks_total']:.0f}, samples not drained "
+              f"{last['palpate_lost_samples_total']:.0f}, contact faults "
+              f"{last['palpate_contact_faults_total']:.0f}, contact ticks "
+              f"{last['palpate_contact_ticks_total']:.0f}")
+        if drift > FLAT:
+            found.append(f"memory grew by {drift:.2%}")
+        if files[1] > files[0]:
+            found.append(f"files grew from {files[0]:.0f} to {files[1]:.0f}")
+        for name in ("palpate_contact_faults_total", "palpate_faulty_ticks_total"):
+            if last[name]:
+                found.append(f"{name} is {last[name]:.0f}")
+        if not last["palpate_contact_ticks_total"]:
+            found.append("nothing was felt")
+        return found
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--seconds", type=float, default=120.0)
+    seconds = parser.parse_args().seconds
+    os.environ["MALLOC_ARENA_MAX"] = "1"
+    with Daemon(f"builtin:sphere:{EDGE}", metrics=True) as daemon:
+        soak = Soak(daemon)
+        soak.start()
+        end_s = time.monotonic() + seconds
+        while time.monotonic() < end_s and not any(w.error for w in soak.workers):
+            time.sleep(0.2)
+        soak.stop()
+        found = soak.failures()
+        status = daemon.end()
+        if status:
+            found.append(f"palpated ended with {status}: {''.join(daemon.log[-5:])}")
+    for line in found:
+        print(f"FAILED: {line}")
+    return 1 if found else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,279 @@
+"""A palpated of a test's own, its metrics and processes, and plain clients."""
+
+import os
+import pathlib
+import random
+import re
+import signal
+import socket
+import subprocess
+import tempfile
+import threading
+import time
+import urllib.request
+
+import grpc
+
+from palpate.v1 import (device_pb2, device_pb2_grpc, edit_pb2, pose_pb2, pose_pb2_grpc, recording_pb2,
+                        recording_pb2_grpc, render_pb2, render_pb2_grpc, volume_pb2,
+                        volume_pb2_grpc)
+
+PALPATED = os.environ["PALPATED"]
+PATIENCE_S = 120.0
+CALL_S = 30.0
+
+
+def free_port():
+    """Not one of those that the kernel gives to connections (32768 and up): with other tests
+    at work, such a port may be taken before it is used."""
+    while True:
+        port = random.SystemRandom().randrange(10000, 32768)
+        with socket.socket() as probe:
+            try:
+                probe.bind(("127.0.0.1", port))
+                return port
+            except OSError:
+                pass
+
+
+def wait_until(holds, seconds=60.0):
+    """Whether it held within that time."""
+    end = time.monotonic() + seconds
+    while not holds():
+        if time.monotonic() > end:
+            return False
+        time.sleep(0.02)
+    return True
+
+
+class Daemon:
+    """Runs until end() or the end of a `with` block. `config`: more lines of TOML, by
+    section; `wrapper`: a command that runs it; the process is the wrapper's then."""
+
+    def __init__(self, volume="builtin:sphere:48", config=None, wrapper=(), listen=False,
+                 metrics=False, folder=None, state=None):
+        self._temporary = tempfile.TemporaryDirectory(prefix="palpate-operations-")
+        self.folder = pathlib.Path(folder or self._temporary.name)
+        self.socket = str(self.folder / "palpated.sock")
+        self.port = free_port() if listen else None
+        self.metrics_port = free_port() if metrics else None
+        sections = {"volume": [f'save_folders = ["{self.folder}"]']}
+        for section, lines in (config or {}).items():
+            sections.setdefault(section, []).extend(lines)
+        if metrics:
+            sections["metrics"] = [f'listen = "127.0.0.1:{self.metrics_port}"']
+        text = "".join(f"[{name}]\n" + "\n".join(lines) + "\n" for name, lines in sections.items())
+        (self.folder / "palpated.toml").write_text(text)
+        self.command = [*wrapper, PALPATED, "--volume", str(volume), "--socket", self.socket,
+                        "--config", str(self.folder / "palpated.toml"),
+                        "--state-folder", str(state or self.folder / "state")]
+        if listen:
+            self.command += ["--listen", f"127.0.0.1:{self.port}"]
+        self.log = []
+        self.start()
+
+    def start(self):
+        """Starts it, again after end(), and waits until it is ready."""
+        self.process = subprocess.Popen(self.command, cwd=self.folder, stdout=subprocess.DEVNULL,
+                                        stderr=subprocess.PIPE, text=True)
+        ready = threading.Event()
+        log = self.log = []
+
+        def read(lines):
+            # To the end: a daemon whose log nobody reads stands still.
+            for line in lines:
+                log.append(line)
+                if "ready on" in line:
+                    ready.set()
+            ready.set()
+
+        self._reader = threading.Thread(target=read, args=(self.process.stderr,), daemon=True)
+        self._reader.start()
+        if not ready.wait(PATIENCE_S) or not any("ready on" in line for line in log):
+            self.end(signal.SIGKILL)
+            raise RuntimeError("palpated did not start: " + "".join(log))
+
+    def end(self, number=signal.SIGTERM):
+        """The exit status."""
+        if self.process.poll() is None:
+            os.kill(self.pid, number)
+        status = self.process.wait(PATIENCE_S)
+        self._reader.join()
+        self.process.stderr.close()
+        return status
+
+    @property
+    def pid(self):
+        """Of palpated, also below a wrapper."""
+        pid = self.process.pid
+        while os.path.basename(os.readlink(f"/proc/{pid}/exe")) != os.path.basename(PALPATED):
+            children = pathlib.Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
+            if not children:
+                raise RuntimeError("palpated is not there")
+            pid = int(children[0])
+        return pid
+
+    def open_files(self):
+        return len(os.listdir(f"/proc/{self.pid}/fd"))
+
+    def threads(self):
+        return len(os.listdir(f"/proc/{self.pid}/task"))
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.end()
+        self._temporary.cleanup()
+
+
+class Client:
+    """Stubs on a connection of their own."""
+
+    def __init__(self, daemon, tcp=False, target=None):
+        self.channel = grpc.insecure_channel(
+            target or (f"127.0.0.1:{daemon.port}" if tcp else f"unix:{daemon.socket}"),
+            options=[("grpc.use_local_subchannel_pool", 1),
+                     ("grpc.initial_reconnect_backoff_ms", 100),
+                     ("grpc.max_reconnect_backoff_ms", 1000)])
+        self.render = render_pb2_grpc.RenderServiceStub(self.channel)
+        self.volume = volume_pb2_grpc.VolumeServiceStub(self.channel)
+        self.device = device_pb2_grpc.DeviceServiceStub(self.channel)
+        self.poses = pose_pb2_grpc.PoseServiceStub(self.channel)
+        self.recording = recording_pb2_grpc.RecordingServiceStub(self.channel)
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.channel.close()
+
+    def settings(self):
+        return self.render.GetSettings(render_pb2.GetSettingsRequest(), timeout=CALL_S)
+
+    def servo(self):
+        return self.device.GetDevice(device_pb2.GetDeviceRequest(), timeout=CALL_S).servo
+
+    def set_stiffness(self, value):
+        request = render_pb2.UpdateSettingsRequest()
+        request.settings.stiffness_n_per_mm = value
+        request.update_mask.paths.append("stiffness_n_per_mm")
+        return self.render.UpdateSettings(request, timeout=CALL_S)
+
+    def carve(self, x, y, z, radius_voxels=3.0):
+        request = edit_pb2.EditVolumeRequest(frame=edit_pb2.EDIT_FRAME_INDEX,
+                                             operation=edit_pb2.EDIT_OPERATION_ADD, value=0.01)
+        request.sphere.radius = radius_voxels
+        request.sphere.center.x, request.sphere.center.y, request.sphere.center.z = x, y, z
+        return self.volume.EditVolume(request, timeout=CALL_S)
+
+    def record(self, path):
+        return self.recording.StartRecording(
+            recording_pb2.StartRecordingRequest(path=str(path)), timeout=CALL_S)
+
+    def read_poses(self, count, rate_hz=1000.0, batch=10):
+        """So many messages of a plain stream."""
+        start = pose_pb2.StreamPosesRequest()
+        start.start.rate_hz = rate_hz
+        start.start.batch = batch
+        call = self.poses.StreamPoses(iter([start]), timeout=CALL_S)
+        messages = [message for message, _ in zip(call, range(count))]
+        call.cancel()
+        return messages
+
+
+class PoseReader:
+    """Follows poses on a thread of its own, acknowledging, until stop()."""
+
+    def __init__(self, client, rate_hz=60.0, batch=1):
+        self.samples = 0
+        self.newest = None
+        self.error = None
+        self._next = threading.Semaphore(0)
+        self._number = 0
+        self._stopped = self._over = False
+        self._start = pose_pb2.StreamPosesRequest()
+        self._start.start.rate_hz = rate_hz
+        self._start.start.batch = batch
+        self._start.start.max_unacknowledged = 16
+        self._call = client.poses.StreamPoses(self._requests())
+        self._thread = threading.Thread(target=self._read, daemon=True)
+        self._thread.start()
+
+    def _requests(self):
+        yield self._start
+        while True:
+            self._next.acquire()
+            if self._over:
+                return
+            request = pose_pb2.StreamPosesRequest()
+            request.acknowledgement.message_number = self._number
+            yield request
+
+    def _read(self):
+        try:
+            for message in self._call:
+                self.samples += len(message.samples)
+                self.newest = message.samples[-1]
+                self._number = message.message_number
+                self._next.release()
+        except grpc.RpcError as error:
+            if not self._stopped:
+                self.error = error
+        finally:
+            # gRPC waits for the end of the requests.
+            self._over = True
+            self._next.release()
+
+    def stop(self):
+        self._stopped = True
+        self._call.cancel()
+        self._thread.join(PATIENCE_S)
+
+
+def scrape(port):
+    """The metrics as text."""
+    with urllib.request.urlopen(f"http://127.0.0.1:{port}/metrics", timeout=CALL_S) as answer:
+        return answer.read().decode()
+
+
+_SAMPLE = re.compile(r"^([a-zA-Z_:][a-zA-Z0-9_:]*)"
+                     r"(\{(?:[a-zA-Z_][a-zA-Z0-9_]*=\"(?:[^\"\\\n]|\\[\\n\"])*\",?)*\})? "
+                     r"([-+]?(?:\d+(?:\.\d*)?(?:[eE][-+]?\d+)?|Inf)|N[aA][nN])( \d+)?$")  # Go, too, takes Nan
+
+
+def parse_metrics(text):
+    """({name: (type, help)}, {name with labels: value}). Strict: ValueError for anything
+    that is not in the format, or out of order."""
+    families, values, current = {}, {}, None
+    for line in text.splitlines():
+        if line.startswith("# HELP "):
+            name, _, words = line[7:].partition(" ")
+            if name in families or not words:
+                raise ValueError(f"HELP twice or empty: {line}")
+            families[name], current = ("", words), name
+        elif line.startswith("# TYPE "):
+            name, kind = line[7:].split(" ")
+            if name != current or families[name][0]:
+                raise ValueError(f"TYPE out of place: {line}")
+            if kind not in ("counter", "gauge", "histogram", "summary"):
+                raise ValueError(f"unknown type: {line}")
+            families[name] = (kind, families[name][1])
+        else:
+            match = _SAMPLE.match(line)
+            if not match:
+                raise ValueError(f"no sample: {line!r}")
+            base = match[1]
+            if families[current][0] in ("histogram", "summary"):
+                base = re.sub(r"_(bucket|sum|count)$", "", base)
+            if base != current:
+                raise ValueError(f"a sample outside of its family: {line}")
+            key = match[1] + (match[2] or "")
+            if key in values:
+                raise ValueError(f"twice: {line}")
+            values[key] = float(match[3])
+    return families, values
+
+
+def metric(port, key):
+    return parse_metrics(scrape(port))[1][key]

@@ -1,0 +1,184 @@
+"""palpated as a service of a systemd that runs: what only that shows. Run as root where
+the packages are installed and palpated has been started by systemd."""
+
+import contextlib
+import os
+import pathlib
+import shutil
+import signal
+import time
+
+from checks import (StuckServo, check, check_run, check_settings, comes_true, edit_config, run)
+
+OVERRIDE = pathlib.Path("/etc/systemd/system/palpated.service.d/override.conf")
+# The unit's rights as capabilities: the same calls, past the same filter.
+CAPABILITIES = """[Service]
+CapabilityBoundingSet=CAP_SYS_NICE CAP_IPC_LOCK
+AmbientCapabilities=CAP_SYS_NICE CAP_IPC_LOCK
+"""
+# An address of this machine that is not localhost, as a viewer's elsewhere.
+ADDRESS = "192.0.2.1"
+ALLOWED = f"""[Service]
+IPAddressAllow={ADDRESS}
+"""
+
+
+def show(name):
+    return run("systemctl", "show", "--value", "--property", name, "palpated")[1]
+
+
+def is_serving():
+    return show("ActiveState") == "active" and run("palpate", "info")[0] == 0
+
+
+def main_pid():
+    return int(show("MainPID"))
+
+
+def status_of(pid):
+    lines = pathlib.Path(f"/proc/{pid}/status").read_text().splitlines()
+    return {key: value.split() for key, _, value in (line.partition(":") for line in lines)}
+
+
+def check_sandbox():
+    status = status_of(main_pid())
+    check("it is not root", pathlib.Path(f"/proc/{main_pid()}").owner() == "palpate")
+    check("no capabilities", int(status["CapBnd"][0], 16) == 0)
+    check("no new privileges", status["NoNewPrivs"] == ["1"])
+    check("filtered system calls", status["Seccomp"] == ["2"])
+    check("the status: " + show("StatusText"), "forces" in show("StatusText"))
+
+
+@contextlib.contextmanager
+def override(text):
+    """What `systemctl edit palpated` writes."""
+    OVERRIDE.parent.mkdir()
+    OVERRIDE.write_text(text)
+    restart()
+    yield
+    shutil.rmtree(OVERRIDE.parent)
+    restart()
+
+
+def restart():
+    check_run("systemctl", "daemon-reload")
+    check_run("systemctl", "reset-failed", "palpated")  # the count of starts
+    check_run("systemctl", "restart", "palpated")
+
+
+def has_realtime():
+    return "FIFO scheduling: yes; memory locked: yes" in check_run("palpate", "info")
+
+
+def may_raise_limits():
+    """What this machine's systemd may: CAP_SYS_RESOURCE."""
+    return int(status_of(1)["CapEff"][0], 16) >> 24 & 1 == 1
+
+
+def check_realtime():
+    if may_raise_limits():
+        check("SCHED_FIFO and locked memory", has_realtime())
+        return
+    print("skip  the unit's LimitRTPRIO and LimitMEMLOCK: nobody may raise limits here")
+    with override(CAPABILITIES):
+        check("SCHED_FIFO and locked memory by capabilities", has_realtime())
+
+
+def check_features():
+    """The importer, files and recordings, within the sandbox."""
+    folder = "/var/lib/palpate/recordings"
+    check_run("palpate", "save", f"{folder}/copy.nrrd")
+    check_run("palpate", "load", f"{folder}/copy.nrrd")
+    check_run("palpate", "download", "/root/copy.nrrd")
+    check_run("palpate", "upload", "/root/copy.nrrd")
+    check_run("palpate", "record", "start", f"{folder}/trial.palrec")
+    time.sleep(1)
+    check_run("palpate", "record", "stop")
+    check("not saved elsewhere", run("palpate", "save", "/opt/copy.nrrd")[0] != 0)
+    for name in ("copy.nrrd", "trial.palrec"):
+        pathlib.Path(folder, name).unlink()
+
+
+def check_reload():
+    pid = main_pid()
+    edit_config("stiffness_n_per_mm = 0.7", "stiffness_n_per_mm = 0.8")
+    check_run("systemctl", "reload", "palpated")
+    # The reload is the signal; that it is done is told a moment later.
+    check("reloaded", comes_true(lambda: "stiffness 0.8" in run("palpate", "info")[1]
+                                 .replace("  ", " ")))
+    check_settings("stiffness_n_per_mm", "0.8")
+    edit_config("stiffness_n_per_mm = 0.8", "stiffness_n_per_mm = 80")
+    check("a faulty configuration is refused", run("systemctl", "reload", "palpated")[0] != 0)
+    check("and nothing ends", main_pid() == pid and is_serving())
+    check_settings("stiffness_n_per_mm", "0.8")
+    edit_config("stiffness_n_per_mm = 80", "stiffness_n_per_mm = 0.7")
+
+
+def check_faults():
+    pid, restarts = main_pid(), int(show("NRestarts"))
+    servo = StuckServo(pid)
+    check("the watchdog ends a daemon whose servo is stuck", comes_true(servo.is_gone))
+    check("and it is started again", comes_true(is_serving) and main_pid() != pid)
+    check("once", int(show("NRestarts")) == restarts + 1)
+    _, log = run("journalctl", "--unit", "palpated", "--no-pager")
+    check("as the log says", "Watchdog timeout" in log)
+    pid = main_pid()
+    os.kill(pid, signal.SIGKILL)
+    check("started again after SIGKILL",
+          comes_true(lambda: main_pid() not in (0, pid) and is_serving()))
+
+
+def check_remote_viewer():
+    """As deploy/README.md says it."""
+    folder = pathlib.Path("/etc/palpate/tls")
+    folder.mkdir()
+    certificate, key, token = folder / "palpated.pem", folder / "palpated.key", "/root/token"
+    check_run("openssl", "req", "-x509", "-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:P-256",
+              "-nodes", "-subj", "/CN=palpated", "-addext", f"subjectAltName=IP:{ADDRESS}",
+              "-keyout", str(key), "-out", str(certificate))
+    shutil.chown(key, "root", "palpate")
+    key.chmod(0o640)
+    text = check_run("palpated", "token", "add", "viewer", "--role", "viewer").splitlines()[-1]
+    pathlib.Path(token).write_text(text)
+    os.chmod(token, 0o600)
+    edit_config('# listen = "127.0.0.1:7400"', 'listen = "0.0.0.0:7400"')
+    for name in ("certificate", "key", "tokens"):
+        edit_config(f"# {name} = ", f"{name} = ")
+    check_run("ip", "address", "add", ADDRESS, "dev", "lo")
+    info = ("palpate", "--server", f"{ADDRESS}:7400", "--tls-ca", str(certificate),
+            "--token-file", token, "info")
+    restart()
+    check("a remote viewer is kept out by the unit", run(*info)[0] == 8)
+    with override(ALLOWED):
+        check_run(*info)
+
+
+def check_log():
+    _, warnings = run("journalctl", "--unit", "palpated", "--priority", "4", "--no-pager")
+    _, all_lines = run("journalctl", "--unit", "palpated", "--no-pager")
+    check("the journal knows levels", "ready on" in all_lines and "ready on" not in warnings)
+    check("lines come without a time of their own", "info ready on" not in all_lines)
+
+
+def check_end():
+    check_run("systemctl", "stop", "palpated")
+    check("a clean end", show("Result") == "success" and show("ExecMainStatus") == "0")
+    check("no socket is left", not pathlib.Path("/run/palpate").exists())
+    check_run("systemctl", "start", "palpated")
+    check("started", is_serving())
+
+
+def main():
+    check("started at boot", comes_true(is_serving))
+    check_sandbox()
+    check_realtime()
+    check_features()
+    check_reload()
+    check_faults()
+    check_log()
+    check_remote_viewer()
+    check_end()
+
+
+if __name__ == "__main__":
+    main()

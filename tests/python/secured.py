@@ -1,0 +1,110 @@
+"""A palpated that is reached over TLS alone, and by its socket."""
+
+import pathlib
+import socket
+import ssl
+import subprocess
+import time
+
+import grpc
+
+from palpate.v1 import device_pb2, device_pb2_grpc
+from authority import Authority
+from support import PALPATED, Daemon, free_port
+
+ROLES = ["viewer", "editor", "operator", "admin"]
+
+
+def wait_for(condition, what, patience_s=60.0):
+    deadline = time.monotonic() + patience_s
+    while not condition():
+        if time.monotonic() > deadline:
+            raise AssertionError(f"waited {patience_s} s for {what}")
+        time.sleep(0.05)
+
+
+def header(name, value):
+    """A field of HTTP/2, as it is."""
+    return b"\x00" + bytes([len(name)]) + name + bytes([len(value)]) + value
+
+
+def frame(kind, flags, stream, content):
+    return (len(content).to_bytes(3, "big") + bytes([kind, flags]) + stream.to_bytes(4, "big")
+            + content)
+
+
+class SecuredDaemon(Daemon):
+    """With TLS on a port, tokens of every role, and certificates of two names. `more`:
+    lines of its configuration."""
+
+    def __init__(self, folder, more="", volume="builtin:sphere:48"):
+        self.security = pathlib.Path(folder)
+        self.authority = Authority(folder, "lab")
+        self.certificate, self.key = self.authority.issue(
+            "server", "DNS:localhost,IP:127.0.0.1", purpose="serverAuth")
+        self.token_file = self.security / "tokens.toml"
+        self.tokens = {role: self.add_token(role, role) for role in ROLES}
+        self.port = free_port()
+        self.address = f"localhost:{self.port}"
+        self.config = self.security / "palpated.toml"
+        self.config.write_text(f"""
+[tls]
+certificate = "{self.certificate}"
+key = "{self.key}"
+client_ca = "{self.authority.ca}"
+tokens = "{self.token_file}"
+[[tls.client]]
+san = "viewer.lab.example"
+role = "viewer"
+[[tls.client]]
+san = "spiffe://lab/operator"
+role = "operator"
+{more}
+""")
+        super().__init__(volume, listen=f"127.0.0.1:{self.port}", more=["--config", str(self.config)])
+
+    def add_token(self, name, role):
+        made = subprocess.run([PALPATED, "token", "add", name, "--role", role,
+                               "--file", str(self.token_file)], check=True, capture_output=True,
+                              text=True)
+        path = self.security / f"{name}.token"
+        path.write_text(made.stdout)
+        return path
+
+    def revoke_token(self, name):
+        subprocess.run([PALPATED, "token", "revoke", name, "--file", str(self.token_file)],
+                       check=True, capture_output=True)
+
+    def channel(self, token=None, certificate=None, authority=None, options=()):
+        """As a client that follows no rules of ours would make it."""
+        key = None if certificate is None else certificate[1].read_bytes()
+        chain = None if certificate is None else certificate[0].read_bytes()
+        tls = grpc.ssl_channel_credentials((authority or self.authority).ca.read_bytes(), key, chain)
+        if token is not None:
+            tls = grpc.composite_channel_credentials(
+                tls, grpc.access_token_call_credentials(token.read_text().strip()))
+        return grpc.secure_channel(self.address, tls, options=[("grpc.enable_http_proxy", 0), *options])
+
+    def send_call(self, headers):
+        """A call of a stranger, with headers that no library would send."""
+        context = ssl.create_default_context(cafile=str(self.authority.ca))
+        context.set_alpn_protocols(["h2"])
+        fields = [(b":method", b"POST"), (b":scheme", b"https"), (b":authority", b"localhost"),
+                  (b":path", b"/palpate.v1.DeviceService/GetDevice"), (b"te", b"trailers"),
+                  (b"content-type", b"application/grpc"), *headers]
+        with socket.create_connection(("localhost", self.port)) as plain, \
+                context.wrap_socket(plain, server_hostname="localhost") as peer:
+            peer.sendall(b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n" + frame(4, 0, 0, b"")
+                         + frame(1, 5, 1, b"".join(header(*field) for field in fields)))
+            peer.settimeout(20.0)
+            # Its settings, and more: until it says something of the call, or hangs up.
+            try:
+                while (answer := peer.recv(65536)) and b"\x00\x00\x00\x01" not in answer:
+                    pass
+            except OSError:
+                pass
+
+    def ticks(self):
+        with grpc.insecure_channel(f"unix:{self.socket}") as channel:
+            stub = device_pb2_grpc.DeviceServiceStub(channel)
+            return stub.GetDevice(device_pb2.GetDeviceRequest(), timeout=20.0).servo.ticks

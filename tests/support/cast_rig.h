@@ -1,0 +1,134 @@
+// A surface caster with its context, a volume and a camera, and its pictures as arrays.
+//
+// Pixels count from the lower left corner, as OpenGL has them.
+#pragma once
+
+#include <epoxy/gl.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstdint>
+#include <vector>
+
+#include "client/view/render/offscreen_context.h"
+#include "client/view/render/surface_caster.h"
+#include "client/view/render/volume_texture.h"
+#include "tests/support/view_volumes.h"
+
+namespace palpate::testing {
+
+struct Picture {
+  view::ImageSize size;
+  std::vector<std::uint8_t> color;       // rgba
+  std::vector<std::uint8_t> veil_color;  // rgba, premultiplied
+  std::vector<float> depth;
+  std::vector<float> veil_depth;
+
+  std::size_t pixels() const { return depth.size(); }
+  bool Shows(std::size_t pixel) const { return color[4 * pixel + 3] != 0; }
+  friend bool operator==(const Picture&, const Picture&) = default;
+};
+
+// Looks from one point to another, both in I; 35 degrees high.
+struct Look {
+  Vec3 eye_I = Vec3::Zero();
+  Vec3 target_I = Vec3::UnitX();
+  Vec3 up_D = Vec3::UnitY();
+};
+
+constexpr double kTanHalfView = 0.31529878887898349;
+
+// Rows: right, up, back.
+inline Mat3 Axes(const Vec3& eye_D, const Vec3& target_D, const Vec3& up_D) {
+  const Vec3 back = (eye_D - target_D).normalized();
+  const Vec3 right = up_D.cross(back).normalized();
+  Mat3 axes;
+  axes << right.transpose(), back.cross(right).transpose(), back.transpose();
+  return axes;
+}
+
+inline view::CastRequest RequestFor(const Look& look, const AffineMap& X_DI, const Vec3i& lattice,
+                                    const view::ImageSize& size) {
+  view::CastRequest request;
+  request.size = size;
+  request.eye_D = X_DI.Apply(look.eye_I);
+  const Mat3 axes = Axes(request.eye_D, X_DI.Apply(look.target_I), look.up_D);
+  double far = 0.0;
+  double near = 1e9;
+  for (int n = 0; n < 8; ++n) {
+    const Vec3 corner = Vec3(n >> 2, n >> 1 & 1, n & 1).cwiseProduct(lattice.cast<double>());
+    const double away = -axes.row(2).dot(X_DI.Apply(corner) - request.eye_D);
+    far = std::max(far, away);
+    near = std::min(near, away);
+  }
+  far *= 1.2;
+  near = std::max(0.5 * near, 1e-3 * far);
+  view::Mat4 clip = view::Mat4::Zero();
+  clip(0, 0) = size.height / kTanHalfView / size.width;
+  clip(1, 1) = 1.0 / kTanHalfView;
+  clip(2, 2) = (far + near) / (near - far);
+  clip(2, 3) = 2.0 * far * near / (near - far);
+  clip(3, 2) = -1.0;
+  view::Mat4 view = view::Mat4::Identity();
+  view.topLeftCorner<3, 3>() = axes;
+  view.topRightCorner<3, 1>() = -axes * request.eye_D;
+  request.clip_from_D = clip * view;
+  return request;
+}
+
+// Of a pixel's centre, in I and not of length 1.
+inline Vec3 DirectionOf(const Look& look, const AffineMap& X_DI, const view::ImageSize& size, int x,
+                        int y) {
+  const Mat3 axes = Axes(X_DI.Apply(look.eye_I), X_DI.Apply(look.target_I), look.up_D);
+  const Vec3 view((2.0 * x + 1.0 - size.width) / size.height * kTanHalfView,
+                  (2.0 * y + 1.0 - size.height) / size.height * kTanHalfView, -1.0);
+  return X_DI.linear.inverse() * (axes.transpose() * view);
+}
+
+// The point of I that a depth says.
+inline Vec3 PointOf(const view::CastRequest& request, const AffineMap& X_DI, std::size_t pixel,
+                    float depth) {
+  const auto x = static_cast<double>(pixel % static_cast<std::size_t>(request.size.width));
+  const auto y = static_cast<double>(pixel / static_cast<std::size_t>(request.size.width));
+  const Eigen::Vector4d clip((2.0 * x + 1.0) / request.size.width - 1.0,
+                             (2.0 * y + 1.0) / request.size.height - 1.0, 2.0 * depth - 1.0, 1.0);
+  const Eigen::Vector4d p = request.clip_from_D.inverse() * clip;
+  return X_DI.Inverse().Apply(p.head<3>() / p.w());
+}
+
+class CastRig {
+ public:
+  explicit CastRig(const VoxelArray& voxels, const AffineMap& X_DI = {}) {
+    volume.Take(WholeVolume(voxels, X_DI));
+    texture.TakeUp(volume, SIZE_MAX);
+  }
+
+  Picture Cast(const view::CastRequest& request) {
+    caster.Cast(texture, request);
+    Picture picture{request.size, {}, {}, {}, {}};
+    const auto pixels = static_cast<std::size_t>(request.size.width * request.size.height);
+    picture.color.resize(4 * pixels);
+    picture.veil_color.resize(4 * pixels);
+    picture.depth.resize(pixels);
+    picture.veil_depth.resize(pixels);
+    Read(caster.color(), GL_RGBA, GL_UNSIGNED_BYTE, picture.color.data());
+    Read(caster.veil_color(), GL_RGBA, GL_UNSIGNED_BYTE, picture.veil_color.data());
+    Read(caster.depth(), GL_DEPTH_COMPONENT, GL_FLOAT, picture.depth.data());
+    Read(caster.veil_depth(), GL_RED, GL_FLOAT, picture.veil_depth.data());
+    EXPECT_EQ(glGetError(), static_cast<GLenum>(GL_NO_ERROR));
+    return picture;
+  }
+
+  view::ViewVolume volume;
+  view::VolumeTexture texture;
+  view::SurfaceCaster caster;
+
+ private:
+  static void Read(GLuint name, GLenum format, GLenum type, void* into) {
+    glBindTexture(GL_TEXTURE_2D, name);
+    glPixelStorei(GL_PACK_ALIGNMENT, 1);
+    glGetTexImage(GL_TEXTURE_2D, 0, format, type, into);
+  }
+};
+
+}  // namespace palpate::testing

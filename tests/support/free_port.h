@@ -1,0 +1,30 @@
+// A port of this machine for a server of the test's own.
+#pragma once
+
+#include <netinet/in.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <random>
+
+namespace palpate::test {
+
+// Not one of those that the kernel gives to connections (32768 and up): with other tests
+// at work, such a port may be taken before it is used.
+inline int FreePort() {
+  std::random_device random;
+  std::uniform_int_distribution<int> ports(10000, 32767);
+  while (true) {
+    const int port = ports(random);
+    const int probe = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
+    sockaddr_in address{};
+    address.sin_family = AF_INET;
+    address.sin_port = htons(static_cast<in_port_t>(port));
+    address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+    const bool is_free = bind(probe, reinterpret_cast<sockaddr*>(&address), sizeof address) == 0;
+    close(probe);
+    if (is_free) return port;
+  }
+}
+
+}  // namespace palpate::test

@@ -1,0 +1,294 @@
+// What a surface caster draws, pixel by pixel against rays cast in double precision.
+//
+// Frame: I (voxels). Pixels count from the lower left corner, as OpenGL has them.
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <functional>
+#include <random>
+#include <string>
+#include <vector>
+
+#include "client/view/render/surface_shader.h"
+#include "tests/support/cast_rig.h"
+
+namespace palpate::testing {
+
+inline constexpr view::ImageSize kSize{160, 120};
+// With these the middle column and row are rays in the plane of the camera's axes.
+inline constexpr view::ImageSize kOddSize{161, 121};
+inline constexpr view::ImageSize kSmallSize{81, 61};
+
+// What a pixel should show.
+struct Expected {
+  bool shows = false;
+  bool is_cap = false;
+  Vec3 point_I = Vec3::Zero();
+  std::vector<Vec3> veil_I{};
+};
+
+struct Scene {
+  VoxelArray voxels;
+  AffineMap X_DI{};
+  view::SurfaceOptions options{};
+};
+
+inline std::vector<HalfSpace> KeptOf(const Scene& scene) {
+  std::vector<HalfSpace> kept = PaddedBox(scene.voxels.size);
+  for (int a = 0; a < 3; ++a) {
+    const double cells = scene.voxels.size[a] + 1.0;
+    const view::CropBox& crop = scene.options.crop;
+    if (crop.min[a] > 0.0) kept.push_back({-Vec3::Unit(a), -(crop.min[a] * cells - 1.0)});
+    if (crop.max[a] < 1.0) kept.push_back({Vec3::Unit(a), crop.max[a] * cells - 1.0});
+  }
+  for (const view::ClipPlane& plane : scene.options.planes) {
+    if (plane.on) kept.push_back({plane.normal_I, plane.offset_voxels});
+  }
+  return kept;
+}
+
+inline Expected ExpectAt(const Scene& scene, const CpuCaster& cpu, const Vec3& eye,
+                         const Vec3& direction) {
+  Expected expected;
+  const auto part = cpu.Kept(eye, direction);
+  if (!part) return expected;
+  const view::SurfaceOptions& options = scene.options;
+  CpuCaster::Part clear = *part;  // before the surface
+  const auto stop = [&](double t) {
+    expected.shows = true;
+    expected.point_I = eye + t * direction;
+    clear.to = t;
+    clear.ends_outside = false;
+  };
+  const bool above = cpu.BeginsAbove(eye, direction, *part, options.isovalue);
+  if (options.shown && options.caps && part->begins_at_cut && above != options.free_above) {
+    expected.is_cap = true;
+    stop(part->from);
+  } else if (options.shown) {
+    const auto hits = cpu.Crossings(eye, direction, *part, options.isovalue, 1);
+    if (!hits.empty()) stop(hits.front());
+  }
+  if (!options.veil.shown || expected.is_cap) return expected;
+  for (const double t : cpu.Crossings(eye, direction, clear, options.veil.isovalue, 1000)) {
+    expected.veil_I.push_back(eye + t * direction);
+  }
+  return expected;
+}
+
+inline std::vector<Expected> ExpectPicture(const Scene& scene, const Look& look,
+                                           const view::ImageSize& size) {
+  const CpuCaster cpu(scene.voxels, KeptOf(scene));
+  std::vector<Expected> picture;
+  for (int y = 0; y < size.height; ++y) {
+    for (int x = 0; x < size.width; ++x) {
+      const Vec3 direction = DirectionOf(look, scene.X_DI, size, x, y);
+      picture.push_back(ExpectAt(scene, cpu, look.eye_I, direction.normalized()));
+    }
+  }
+  return picture;
+}
+
+// Whether any of the 3 x 3 pixels around `pixel` differs from it.
+inline bool AnyAround(const std::vector<Expected>& picture, const view::ImageSize& size,
+                      std::size_t pixel,
+                      const std::function<bool(const Expected&, const Expected&)>& differs) {
+  const int x = static_cast<int>(pixel) % size.width;
+  const int y = static_cast<int>(pixel) / size.width;
+  for (int v = std::max(0, y - 1); v <= std::min(size.height - 1, y + 1); ++v) {
+    for (int u = std::max(0, x - 1); u <= std::min(size.width - 1, x + 1); ++u) {
+      if (differs(picture[pixel], picture[static_cast<std::size_t>(v * size.width + u)])) {
+        return true;
+      }
+    }
+  }
+  return false;
+}
+
+// Around is another kind of pixel, or another depth.
+inline bool NearSilhouette(const std::vector<Expected>& picture, const Vec3& eye,
+                           const view::ImageSize& size, std::size_t pixel) {
+  return AnyAround(picture, size, pixel, [&](const Expected& here, const Expected& there) {
+    const double jump = (here.point_I - eye).norm() - (there.point_I - eye).norm();
+    return here.shows != there.shows || (here.shows && std::abs(jump) > 2.0);
+  });
+}
+
+inline bool NearVeilEdge(const std::vector<Expected>& picture, const view::ImageSize& size,
+                         std::size_t pixel) {
+  return AnyAround(picture, size, pixel, [](const Expected& here, const Expected& there) {
+    return here.veil_I.empty() != there.veil_I.empty();
+  });
+}
+
+struct Comparison {
+  int both = 0;
+  int far = 0;       // both hit, more than 0.05 voxel apart
+  int disagree = 0;  // near a silhouette
+  int wrong = 0;     // disagree elsewhere
+  double worst_voxels = 0.0;
+};
+
+inline Comparison Compare(const Scene& scene, const Look& look, const view::CastRequest& request,
+                          const Picture& drawn, const std::vector<Expected>& expected) {
+  Comparison result;
+  for (std::size_t n = 0; n < drawn.pixels(); ++n) {
+    EXPECT_EQ(drawn.Shows(n), drawn.depth[n] < 1.0f) << "pixel " << n;
+    if (drawn.Shows(n) != expected[n].shows) {
+      ++(NearSilhouette(expected, look.eye_I, request.size, n) ? result.disagree : result.wrong);
+    } else if (drawn.Shows(n)) {
+      ++result.both;
+      const Vec3 point_I = PointOf(request, scene.X_DI, n, drawn.depth[n]);
+      const double apart = (point_I - expected[n].point_I).norm();
+      if (apart > 0.05) ++result.far;
+      result.worst_voxels = std::max(result.worst_voxels, apart);
+    }
+  }
+  return result;
+}
+
+class SurfaceRig : public ::testing::Test {
+ protected:
+  view::CastRequest RequestOf(const Scene& scene, const Look& look, const view::ImageSize& size) {
+    view::CastRequest request = RequestFor(look, scene.X_DI, scene.voxels.size, size);
+    request.surface = scene.options;
+    return request;
+  }
+
+  void ExpectSame(const std::string& name, const Scene& scene, const std::vector<Look>& looks,
+                  const view::ImageSize& size = kOddSize) {
+    CastRig rig(scene.voxels, scene.X_DI);
+    for (std::size_t n = 0; n < looks.size(); ++n) {
+      const view::CastRequest request = RequestOf(scene, looks[n], size);
+      const auto expected = ExpectPicture(scene, looks[n], size);
+      const Comparison c = Compare(scene, looks[n], request, rig.Cast(request), expected);
+      std::printf("%s %zu: both %d, apart %d, disagree %d, wrong %d, worst %.4f voxel\n",
+                  name.c_str(), n, c.both, c.far, c.disagree, c.wrong, c.worst_voxels);
+      EXPECT_GT(c.both, 200) << name << " " << n;
+      EXPECT_LE(c.far, 0.001 * c.both) << name << " " << n;
+      EXPECT_EQ(c.wrong, 0) << name << " " << n;
+    }
+  }
+
+  // `flicker`: the part of the pixels that may have a layer more or less.
+  void ExpectSameVeil(const std::string& name, const Scene& scene, const view::ImageSize& size,
+                      double flicker);
+
+  view::OffscreenContext context_;
+};
+
+// From all around; exactly and nearly along the axes; with the middle row and column of
+// the picture in planes of the lattice, and in the middle between them.
+inline std::vector<Look> LooksAt(const Vec3i& size) {
+  const Vec3 middle = (0.5 * (size - Vec3i::Ones()).cast<double>()).array().floor();
+  const double away = 1.9 * size.maxCoeff();
+  std::vector<Look> looks;
+  for (int a = 0; a < 3; ++a) {
+    for (const double sign : {-1.0, 1.0}) {
+      const Vec3 up = a == 1 ? Vec3::UnitZ() : Vec3::UnitY();
+      looks.push_back({middle + sign * away * Vec3::Unit(a), middle, up});
+    }
+  }
+  const Vec3 half = middle + Vec3::Constant(0.5);
+  looks.push_back({half + away * Vec3::UnitZ(), half});
+  looks.push_back({middle + away * Vec3(1e-7, 2e-7, 1.0), middle});
+  looks.push_back({middle + away * Vec3(1.0, 1e-4, -1e-5), middle});
+  looks.push_back({middle + away * Vec3(0.5, 0.4, 0.75), middle});
+  looks.push_back({middle + away * Vec3(-0.6, -0.5, -0.6), middle});
+  looks.push_back({middle + 20.0 * away * Vec3(0.01, 0.0, -0.01), middle});
+  return looks;
+}
+
+inline AffineMap Mirrored() {
+  AffineMap map;
+  map.linear = Vec3(-0.7, 1.3, 0.5).asDiagonal();
+  map.translation = Vec3(3.0, -8.0, 100.0);
+  return map;
+}
+
+inline AffineMap Sheared() {
+  AffineMap map;
+  map.linear << 0.9, 0.2, 0.0, -0.1, 0.6, 0.3, 0.1, 0.0, -1.1;
+  map.translation = Vec3(-20.0, 5.0, 7.0);
+  return map;
+}
+
+inline VoxelArray Sphere(int n, double radius) {
+  return MakeVoxels(Vec3i::Constant(n), [=](int i, int j, int k) {
+    return static_cast<float>(radius - (Vec3(i, j, k) - Vec3::Constant(0.5 * n - 0.3)).norm());
+  });
+}
+
+inline VoxelArray Gyroid(const Vec3i& size) {
+  return MakeVoxels(size, [](int i, int j, int k) {
+    const Vec3 p = 0.45 * Vec3(i, j, k);
+    return static_cast<float>(std::sin(p.x()) * std::cos(p.y()) +
+                              std::sin(p.y()) * std::cos(p.z()) +
+                              std::sin(p.z()) * std::cos(p.x()));
+  });
+}
+
+inline VoxelArray Noise(const Vec3i& size) {
+  std::mt19937 random(7);
+  return MakeVoxels(size,
+                    [&](int, int, int) { return static_cast<float>(random() % 1000) / 1000.0f; });
+}
+
+// 0 below a plane of the lattice, 1 above it, and half of that at it.
+inline Scene Slab(int plane) {
+  return {MakeVoxels({24, 24, 24}, [=](int, int, int k) {
+    return k < plane ? 0.0f : k == plane ? 0.5f : 1.0f;
+  })};
+}
+
+struct VeilComparison {
+  int both = 0;
+  int far = 0;       // nearest layer more than 0.05 voxel off
+  int layers = 0;    // another number of layers, by the opacity of all
+  int presence = 0;  // a veil where there is none or the reverse, and not at its edge
+};
+
+inline VeilComparison CompareVeil(const Scene& scene, const view::CastRequest& request,
+                                  const Picture& drawn, const std::vector<Expected>& expected) {
+  VeilComparison result;
+  for (std::size_t n = 0; n < drawn.pixels(); ++n) {
+    const std::vector<Vec3>& veil = expected[n].veil_I;
+    EXPECT_EQ(drawn.veil_color[4 * n + 3] != 0, drawn.veil_depth[n] < 1.0f);
+    if (veil.empty() != (drawn.veil_color[4 * n + 3] == 0) &&
+        !NearVeilEdge(expected, request.size, n)) {
+      ++result.presence;
+    }
+    if (veil.empty() || drawn.veil_color[4 * n + 3] == 0) continue;
+    ++result.both;
+    const Vec3 point_I = PointOf(request, scene.X_DI, n, drawn.veil_depth[n]);
+    if ((point_I - veil.front()).norm() > 0.05) ++result.far;
+    const double clear = 1.0 - scene.options.veil.opacity;
+    const auto layers = std::min(veil.size(), static_cast<std::size_t>(view::kMostVeilLayers));
+    const double alpha = 255.0 * (1.0 - std::pow(clear, static_cast<double>(layers)));
+    if (std::abs(drawn.veil_color[4 * n + 3] - alpha) > 1.5) ++result.layers;
+  }
+  return result;
+}
+
+inline void SurfaceRig::ExpectSameVeil(const std::string& name, const Scene& scene,
+                                       const view::ImageSize& size, double flicker) {
+  CastRig rig(scene.voxels, scene.X_DI);
+  for (const Look& look : LooksAt(scene.voxels.size)) {
+    const view::CastRequest request = RequestOf(scene, look, size);
+    const Picture drawn = rig.Cast(request);
+    const auto expected = ExpectPicture(scene, look, size);
+    const VeilComparison c = CompareVeil(scene, request, drawn, expected);
+    std::printf("%s: both %d, apart %d, presence %d, layers %d\n", name.c_str(), c.both, c.far,
+                c.presence, c.layers);
+    EXPECT_GT(c.both, 200);
+    EXPECT_LE(c.far, 0.001 * c.both);
+    EXPECT_EQ(c.presence, 0);
+    EXPECT_LE(c.layers, flicker * c.both);
+    EXPECT_EQ(Compare(scene, look, request, drawn, expected).wrong, 0);
+  }
+}
+
+}  // namespace palpate::testing

@@ -1,0 +1,90 @@
+// Volumes for tests of the viewer: as the client library hands them out, and real ones
+// from files.
+#pragma once
+
+#include <fcntl.h>
+#include <unistd.h>
+#include <zlib.h>
+
+#include <algorithm>
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <stdexcept>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "client/sdk/volume_update.h"
+#include "tests/support/cpu_caster.h"
+
+namespace palpate::testing {
+
+inline BrickPtr BrickOf(const VoxelArray& voxels, const Vec3i& brick) {
+  auto values = std::make_shared<Brick>();
+  for (int i = 0; i < 8; ++i) {
+    for (int j = 0; j < 8; ++j) {
+      for (int k = 0; k < 8; ++k) {
+        (*values)[VoxelInBrick(i, j, k)] =
+            voxels.At(8 * brick.x() + i, 8 * brick.y() + j, 8 * brick.z() + k);
+      }
+    }
+  }
+  return values;
+}
+
+inline VolumePlacement PlacedAt(const AffineMap& X_DI) {
+  VolumePlacement placement;
+  placement.X_DI = X_DI;
+  return placement;
+}
+
+// A volume that has come completely.
+inline client::VolumeUpdate WholeVolume(const VoxelArray& voxels, const AffineMap& X_DI) {
+  client::VolumeUpdate update;
+  update.all = true;
+  VolumeLattice lattice;
+  lattice.size = voxels.size;
+  lattice.value_min = voxels.background;
+  lattice.value_max = *std::max_element(voxels.values.begin(), voxels.values.end());
+  update.lattice = lattice;
+  update.placement = PlacedAt(X_DI);
+  for (std::uint64_t number = 0; number < lattice.Bricks(); ++number) {
+    update.bricks.push_back(
+        {number, BrickOf(voxels, BrickWithNumber(number, lattice.BrickCounts()))});
+  }
+  return update;
+}
+
+// Of a function of I; the range, whose least is the background, may be wider than its
+// values.
+inline client::VolumeUpdate VolumeOf(const Vec3i& size,
+                                     const std::function<double(const Vec3&)>& value,
+                                     const AffineMap& X_DI, double min, double max) {
+  VoxelArray voxels = MakeVoxels(
+      size, [&](int i, int j, int k) { return static_cast<float>(value(Vec3(i, j, k))); });
+  voxels.background = static_cast<float>(min);
+  client::VolumeUpdate update = WholeVolume(voxels, X_DI);
+  update.lattice->value_max = max;
+  return update;
+}
+
+// Values of a file that begin at byte `offset`, gzipped or not, x fastest.
+template <typename Value>
+VoxelArray ReadVoxels(const std::filesystem::path& path, std::int64_t offset, const Vec3i& size) {
+  const int file = open(path.c_str(), O_RDONLY);
+  lseek(file, offset, SEEK_SET);
+  const gzFile stream = gzdopen(file, "rb");
+  std::vector<Value> values(static_cast<std::size_t>(size.prod()));
+  const auto bytes = static_cast<unsigned>(values.size() * sizeof(Value));
+  const int read = gzread(stream, values.data(), bytes);
+  gzclose(stream);
+  if (read != static_cast<int>(bytes)) throw std::runtime_error("cannot read " + path.string());
+  return MakeVoxels(size, [&](int i, int j, int k) {
+    const std::size_t at = (static_cast<std::size_t>(k) * size.y() + j) * size.x() + i;
+    return static_cast<float>(values[at]);
+  });
+}
+
+}  // namespace palpate::testing

@@ -1,0 +1,206 @@
+// `palpate doctor` on machines that are made up.
+#include "client/cli/doctor_ports.h"
+
+#include <gtest/gtest.h>
+
+#include <fstream>
+#include <set>
+
+#include "tests/support/temporary_folder.h"
+
+namespace palpate::cli {
+namespace {
+
+class Doctor : public ::testing::Test {
+ protected:
+  Doctor() {
+    machine_.root = folder_.path();
+    machine_.state_folder = "/var/lib/palpate";
+    machine_.may_write = [this](const std::filesystem::path& path) {
+      return writable_.contains(path.lexically_relative(folder_.path()).string());
+    };
+    machine_.answers = [this](const std::string& host, std::uint16_t port, const std::string&) {
+      return answering_.contains(host + ":" + std::to_string(port));
+    };
+    machine_.free_bytes = [this](const std::filesystem::path&) { return free_bytes_; };
+  }
+  void Put(const std::string& path, const std::string& text) const {
+    std::filesystem::create_directories((folder_.path() / path).parent_path());
+    std::ofstream(folder_.path() / path) << text << "\n";
+  }
+  void PutTouch(const std::string& product = "0302") const {
+    Put("sys/bus/usb/devices/1-2/idVendor", "2988");
+    Put("sys/bus/usb/devices/1-2/idProduct", product);
+    Put("sys/bus/usb/devices/1-2/busnum", "1");
+    Put("sys/bus/usb/devices/1-2/devnum", "7");
+  }
+
+  // Something listens on the port, whose process may be seen.
+  void PutListener(const std::string& port_hex, const std::string& program) const {
+    Put("proc/net/tcp",
+        "  sl  local_address rem_address   st tx_queue rx_queue tr tm->when retrnsmt   uid  "
+        "timeout inode\n"
+        "   0: 0100007F:1CE8 0100007F:D431 01 00000000:00000000 00:00000000 00000000  1000        "
+        "0 77 1\n"
+        "   1: 0100007F:" +
+            port_hex +
+            " 00000000:0000 0A 00000000:00000000 00:00000000 00000000   117        0 4711 1");
+    if (program.empty()) return;
+    Put("proc/42/comm", program);
+    std::filesystem::create_directories(folder_.path() / "proc/42/fd");
+    std::filesystem::create_symlink("socket:[4711]", folder_.path() / "proc/42/fd/9");
+  }
+
+  test::TemporaryFolder folder_;
+  Workstation machine_;
+  std::set<std::string> writable_;
+  std::set<std::string> answering_;
+  std::uint64_t free_bytes_ = std::uint64_t{100} << 30;
+};
+
+void ExpectAdvice(const Finding& finding, Verdict verdict) {
+  EXPECT_EQ(finding.verdict, verdict) << finding.text;
+  EXPECT_EQ(finding.advice.empty(), verdict == Verdict::kOk) << finding.text;
+  EXPECT_FALSE(finding.text.empty());
+}
+
+TEST_F(Doctor, AGoodMachineIsOk) {
+  Put("proc/sys/kernel/osrelease", "6.1.0-rt-amd64");
+  Put("proc/version", "Linux version 6.1.0-rt-amd64 #1 SMP PREEMPT_RT Debian");
+  Put("proc/self/limits",
+      "Limit                     Soft Limit           Hard Limit           Units\n"
+      "Max locked memory         unlimited            unlimited            bytes\n"
+      "Max realtime priority     90                   90");
+  Put("proc/sys/kernel/sched_rt_runtime_us", "950000");
+  Put("sys/devices/system/cpu/cpu0/cpufreq/scaling_governor", "performance");
+  Put("sys/devices/system/clocksource/clocksource0/current_clocksource", "tsc");
+  Put("usr/lib/udev/rules.d/70-palpate.rules", "");
+  PutTouch();
+  writable_ = {"dev/bus/usb/001/007"};
+  const std::vector<Finding> findings = CheckWorkstation(machine_);
+  EXPECT_EQ(findings.size(), 9u);
+  for (const Finding& finding : findings) ExpectAdvice(finding, Verdict::kOk);
+}
+
+TEST_F(Doctor, AnEmptyMachineIsSurvived) {
+  for (const Finding& finding : CheckWorkstation(machine_)) {
+    EXPECT_EQ(finding.advice.empty(), finding.verdict == Verdict::kOk) << finding.name;
+  }
+}
+
+TEST_F(Doctor, KnowsKernels) {
+  Put("proc/sys/kernel/osrelease", "6.1.0-amd64");
+  Put("proc/version", "Linux version 6.1.0-amd64 #1 SMP PREEMPT_DYNAMIC Debian");
+  Put("proc/cmdline", "root=/dev/sda1 quiet");
+  ExpectAdvice(CheckKernel(machine_), Verdict::kWarn);
+  Put("proc/cmdline", "root=/dev/sda1 preempt=full quiet");
+  ExpectAdvice(CheckKernel(machine_), Verdict::kOk);
+  Put("proc/cmdline", "");
+  Put("sys/kernel/realtime", "1");
+  ExpectAdvice(CheckKernel(machine_), Verdict::kOk);
+}
+
+TEST_F(Doctor, ReadsTheSoftLimits) {
+  Put("proc/self/limits",
+      "Max locked memory         8388608              unlimited            bytes\n"
+      "Max realtime priority     79                   90");
+  ExpectAdvice(CheckRealtimeRights(machine_), Verdict::kWarn);
+  ExpectAdvice(CheckLockedMemory(machine_), Verdict::kWarn);
+  EXPECT_NE(CheckLockedMemory(machine_).text.find("8388608"), std::string::npos);
+  Put("proc/self/limits", "Max realtime priority     80                   80");
+  ExpectAdvice(CheckRealtimeRights(machine_), Verdict::kOk);
+}
+
+TEST_F(Doctor, RootNeedsNoLimits) {
+  Put("proc/self/limits",
+      "Max locked memory         8388608              8388608              bytes\n"
+      "Max realtime priority     0                    0");
+  Put("proc/self/status", "Name:\tpalpate\nCapPrm:\t000001ffffffffff\nCapEff:\t0000000000000000");
+  ExpectAdvice(CheckRealtimeRights(machine_), Verdict::kWarn);
+  ExpectAdvice(CheckLockedMemory(machine_), Verdict::kWarn);
+  // SYS_NICE alone, as some containers have; and all of them.
+  Put("proc/self/status", "Name:\tpalpate\nCapEff:\t0000000000800000");
+  ExpectAdvice(CheckRealtimeRights(machine_), Verdict::kOk);
+  ExpectAdvice(CheckLockedMemory(machine_), Verdict::kWarn);
+  Put("proc/self/status", "Name:\tpalpate\nCapEff:\t000001ffffffffff");
+  ExpectAdvice(CheckLockedMemory(machine_), Verdict::kOk);
+}
+
+TEST_F(Doctor, APortIsFreeOrPalpateds) {
+  ExpectAdvice(CheckPort(machine_), Verdict::kOk);
+  ExpectAdvice(CheckMetricsPort(machine_), Verdict::kOk);
+  // 7400; the connection with that port in the table is no listener.
+  PutListener("1CE8", "palpated");
+  ExpectAdvice(CheckPort(machine_), Verdict::kFail);
+  answering_ = {"127.0.0.1:7400"};
+  ExpectAdvice(CheckPort(machine_), Verdict::kOk);
+  EXPECT_EQ(CheckPort(machine_).text, "127.0.0.1:7400: palpated answers");
+  EXPECT_NE(CheckMetricsPort(machine_).text.find("9464 is free"), std::string::npos);
+}
+
+TEST_F(Doctor, APortThatAnotherProgramHasFailsWhereItIsWanted) {
+  PutListener("1CE9", "nginx");
+  ExpectAdvice(CheckPort(machine_), Verdict::kOk);
+  Put("etc/palpate/palpated.toml", "[server]\nlisten = \"0.0.0.0:7401\"\n");
+  ExpectAdvice(CheckPort(machine_), Verdict::kFail);
+  EXPECT_EQ(CheckPort(machine_).text, "0.0.0.0:7401 is taken by nginx");
+  Put("etc/palpate/palpated.toml", "[metrics]\nlisten = \"[::1]:7401\"\n");
+  ExpectAdvice(CheckPort(machine_), Verdict::kOk);
+  ExpectAdvice(CheckMetricsPort(machine_), Verdict::kFail);
+  Put("etc/palpate/palpated.toml", "[metrics]\nlisten = \"nonsense\"\n");
+  ExpectAdvice(CheckMetricsPort(machine_), Verdict::kFail);
+}
+
+TEST_F(Doctor, APortOfAnotherUserMayBePalpateds) {
+  PutListener("1CE8", "");
+  ExpectAdvice(CheckPort(machine_), Verdict::kWarn);
+  EXPECT_NE(CheckPort(machine_).text.find("117"), std::string::npos);
+}
+
+TEST_F(Doctor, AKernelWithoutRealTimeShareCannotWork) {
+  Put("proc/sys/kernel/sched_rt_runtime_us", "0");
+  ExpectAdvice(CheckRealtimeShare(machine_), Verdict::kFail);
+  Put("proc/sys/kernel/sched_rt_runtime_us", "-1");
+  ExpectAdvice(CheckRealtimeShare(machine_), Verdict::kOk);
+}
+
+TEST_F(Doctor, OneSlowCoreIsEnough) {
+  Put("sys/devices/system/cpu/cpu0/cpufreq/scaling_governor", "performance");
+  Put("sys/devices/system/cpu/cpu1/cpufreq/scaling_governor", "powersave");
+  ExpectAdvice(CheckGovernor(machine_), Verdict::kWarn);
+  EXPECT_NE(CheckGovernor(machine_).text.find("powersave"), std::string::npos);
+}
+
+TEST_F(Doctor, SlowClocksAreNamed) {
+  Put("sys/devices/system/clocksource/clocksource0/current_clocksource", "hpet");
+  ExpectAdvice(CheckClock(machine_), Verdict::kWarn);
+}
+
+TEST_F(Doctor, ADeviceThatMayNotBeOpenedFails) {
+  PutTouch();
+  ExpectAdvice(CheckUsbDevices(machine_), Verdict::kFail);
+  EXPECT_NE(CheckUsbDevices(machine_).text.find("Touch at 1-2"), std::string::npos);
+  writable_ = {"dev/bus/usb/001/007"};
+  ExpectAdvice(CheckUsbDevices(machine_), Verdict::kOk);
+  PutTouch("9999");
+  EXPECT_EQ(CheckUsbDevices(machine_).text, "no known device is plugged in");
+}
+
+TEST_F(Doctor, SpaceRunsOutInSteps) {
+  ExpectAdvice(CheckSpace(machine_), Verdict::kOk);
+  free_bytes_ = std::uint64_t{5} << 30;
+  ExpectAdvice(CheckSpace(machine_), Verdict::kWarn);
+  free_bytes_ = std::uint64_t{500} << 20;
+  ExpectAdvice(CheckSpace(machine_), Verdict::kFail);
+}
+
+TEST_F(Doctor, TellsASocketThatIsMissingFromOneThatIsForbidden) {
+  ExpectAdvice(CheckSocket(machine_, "/run/palpate/palpated.sock"), Verdict::kWarn);
+  Put("run/palpate/palpated.sock", "");
+  ExpectAdvice(CheckSocket(machine_, "/run/palpate/palpated.sock"), Verdict::kFail);
+  writable_ = {"run/palpate/palpated.sock"};
+  ExpectAdvice(CheckSocket(machine_, "/run/palpate/palpated.sock"), Verdict::kOk);
+}
+
+}  // namespace
+}  // namespace palpate::cli

@@ -1,0 +1,101 @@
+#include "client/view/scene/color_map.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+namespace palpate::view {
+namespace {
+
+using Color = std::array<int, 3>;
+
+Color Entry(const std::vector<std::uint8_t>& table, int entry) {
+  return {table[4 * entry], table[4 * entry + 1], table[4 * entry + 2]};
+}
+
+// Relative luminance of an sRGB colour, 0 to 1.
+double Luminance(const Color& color) {
+  const auto linear = [](int value) {
+    const double share = value / 255.0;
+    return share <= 0.04045 ? share / 12.92 : std::pow((share + 0.055) / 1.055, 2.4);
+  };
+  return 0.2126 * linear(color[0]) + 0.7152 * linear(color[1]) + 0.0722 * linear(color[2]);
+}
+
+constexpr std::array kAllMaps = {ColorMap::kGray, ColorMap::kBone, ColorMap::kHot,
+                                 ColorMap::kViridis, ColorMap::kCoolWarm};
+
+TEST(ViewColorMap, EveryMapHasANameAnd256OpaqueEntries) {
+  ASSERT_EQ(kColorMapNames.size(), kAllMaps.size());
+  for (const ColorMap map : kAllMaps) {
+    const auto table = ColorTable(map);
+    ASSERT_EQ(table.size(), 256u * 4u);
+    for (int entry = 0; entry < 256; ++entry) EXPECT_EQ(table[4 * entry + 3], 255);
+  }
+}
+
+TEST(ViewColorMap, EndsAreThoseOfTheMap) {
+  const Color black = {0, 0, 0}, white = {255, 255, 255};
+  for (const ColorMap map : {ColorMap::kGray, ColorMap::kBone, ColorMap::kHot}) {
+    EXPECT_EQ(Entry(ColorTable(map), 0), black);
+    EXPECT_EQ(Entry(ColorTable(map), 255), white);
+  }
+  EXPECT_EQ(Entry(ColorTable(ColorMap::kViridis), 0), (Color{68, 1, 84}));
+  EXPECT_EQ(Entry(ColorTable(ColorMap::kViridis), 255), (Color{253, 231, 37}));
+  EXPECT_EQ(Entry(ColorTable(ColorMap::kCoolWarm), 0), (Color{59, 76, 192}));
+  EXPECT_EQ(Entry(ColorTable(ColorMap::kCoolWarm), 255), (Color{180, 4, 38}));
+}
+
+TEST(ViewColorMap, GrayIsTheValue) {
+  const auto table = ColorTable(ColorMap::kGray);
+  for (int entry = 0; entry < 256; ++entry) {
+    EXPECT_EQ(Entry(table, entry), (Color{entry, entry, entry}));
+  }
+}
+
+TEST(ViewColorMap, LuminanceRisesWhereAMapIsReadAsAnAmount) {
+  for (const ColorMap map :
+       {ColorMap::kGray, ColorMap::kBone, ColorMap::kHot, ColorMap::kViridis}) {
+    const auto table = ColorTable(map);
+    for (int entry = 1; entry < 256; ++entry) {
+      // Rounding to whole steps of a channel may take back a little of one entry's rise.
+      EXPECT_GT(Luminance(Entry(table, entry)), Luminance(Entry(table, entry - 1)) - 0.001)
+          << kColorMapNames[static_cast<int>(map)] << " " << entry;
+    }
+    for (int entry = 8; entry < 256; ++entry) {
+      EXPECT_GT(Luminance(Entry(table, entry)), Luminance(Entry(table, entry - 8)))
+          << kColorMapNames[static_cast<int>(map)] << " " << entry;
+    }
+  }
+}
+
+TEST(ViewColorMap, CoolWarmIsBrightestInTheMiddleAndBlueToRed) {
+  const auto table = ColorTable(ColorMap::kCoolWarm);
+  for (int entry = 1; entry < 256; ++entry) {
+    const double step = Luminance(Entry(table, entry)) - Luminance(Entry(table, entry - 1));
+    // Rounding to whole steps of a channel may turn one entry.
+    if (entry <= 120) {
+      EXPECT_GT(step, -0.005) << entry;
+    }
+    if (entry >= 136) {
+      EXPECT_LT(step, 0.005) << entry;
+    }
+  }
+  EXPECT_GT(Entry(table, 0)[2], Entry(table, 0)[0]);
+  EXPECT_GT(Entry(table, 255)[0], Entry(table, 255)[2]);
+}
+
+TEST(ViewColorMap, NeighboursAreNearEachOther) {
+  for (const ColorMap map : kAllMaps) {
+    const auto table = ColorTable(map);
+    for (int entry = 1; entry < 256; ++entry) {
+      for (int channel = 0; channel < 3; ++channel) {
+        EXPECT_NEAR(Entry(table, entry)[channel], Entry(table, entry - 1)[channel], 4)
+            << kColorMapNames[static_cast<int>(map)] << " " << entry;
+      }
+    }
+  }
+}
+
+}  // namespace
+}  // namespace palpate::view

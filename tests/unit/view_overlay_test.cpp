@@ -1,0 +1,284 @@
+#include "client/view/scene/overlay.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+
+#include "client/view/scene/solids.h"
+
+namespace palpate::view {
+namespace {
+
+using Rgba = std::array<std::uint8_t, 4>;
+
+constexpr ImageSize kSize = {800, 600};
+const OverlayOptions kNothing = {
+    .points = false, .force = false, .stylus = false, .haptic_surface = false, .box = false};
+
+client::Pose InContact() {
+  client::Pose pose;
+  pose.contact = true;
+  pose.hip_mm = {3.0, -2.0, 5.0};
+  pose.scp_h_mm = {3.5, 1.0, 7.0};
+  pose.scp_v_mm = Vec3(3.5, 1.25, 7.0);
+  pose.force_n = {0.3, 1.2, -0.4};
+  return pose;
+}
+
+std::vector<SolidVertex> WithColor(const Overlay& overlay, const Rgba& rgba) {
+  std::vector<SolidVertex> found;
+  for (const SolidVertex& vertex : overlay.solids) {
+    if (vertex.rgba == rgba) found.push_back(vertex);
+  }
+  return found;
+}
+
+// Pixels from the upper left corner.
+Eigen::Vector2d OnScreen(const Vec3& p_D, const Camera& camera, const ImageSize& size) {
+  const Eigen::Vector4d clip = camera.ClipFromD(size, {}) * p_D.homogeneous();
+  return {(0.5 + 0.5 * clip.x() / clip.w()) * size.width,
+          (0.5 - 0.5 * clip.y() / clip.w()) * size.height};
+}
+
+// Greatest distance on the screen of a body's vertices from a point.
+double Radius_px(const std::vector<SolidVertex>& body, const Vec3& center_D, const Camera& camera,
+                 const ImageSize& size) {
+  double greatest = 0.0;
+  for (const SolidVertex& vertex : body) {
+    const Vec3 p_D = vertex.position_D.cast<double>();
+    greatest =
+        std::max(greatest, (OnScreen(p_D, camera, size) - OnScreen(center_D, camera, size)).norm());
+  }
+  return greatest;
+}
+
+// Greatest and least height of vertices along a direction.
+struct Extent {
+  double least = std::numeric_limits<double>::infinity();
+  double greatest = -std::numeric_limits<double>::infinity();
+};
+Extent Along(const std::vector<SolidVertex>& body, const Vec3& origin_D, const Vec3& direction) {
+  Extent extent;
+  for (const SolidVertex& vertex : body) {
+    const double height = direction.dot(vertex.position_D.cast<double>() - origin_D);
+    extent.least = std::min(extent.least, height);
+    extent.greatest = std::max(extent.greatest, height);
+  }
+  return extent;
+}
+
+TEST(ViewOverlay, WithoutAPoseThereAreNoPoints) {
+  OverlayScene scene;
+  scene.X_DI = AffineMap{};
+  scene.lattice_size = {4, 5, 6};
+  const Overlay overlay = BuildOverlay(scene, {}, {}, kSize);
+  EXPECT_TRUE(overlay.solids.empty());
+  EXPECT_EQ(overlay.lines.size(), 24u);  // the box
+  EXPECT_TRUE(BuildOverlay({}, {}, {}, kSize).lines.empty());
+}
+
+TEST(ViewOverlay, SpheresAreAroundTheirPoints) {
+  OverlayOptions options = kNothing;
+  options.points = true;
+  const client::Pose pose = InContact();
+  const Overlay overlay = BuildOverlay({.pose = pose}, options, {}, kSize);
+  const std::pair<Rgba, Vec3> points[] = {
+      {kHipColor, pose.hip_mm}, {kScpHColor, pose.scp_h_mm}, {kScpVColor, *pose.scp_v_mm}};
+  std::size_t vertices = 0;
+  for (const auto& [rgba, center_D] : points) {
+    const auto body = WithColor(overlay, rgba);
+    vertices += body.size();
+    ASSERT_FALSE(body.empty());
+    const double radius_mm = (body[0].position_D.cast<double>() - center_D).norm();
+    EXPECT_GT(radius_mm, 0.0);
+    for (const SolidVertex& vertex : body) {
+      const Vec3 out = vertex.position_D.cast<double>() - center_D;
+      EXPECT_NEAR(out.norm(), radius_mm, 1e-4);
+      EXPECT_LT((out.normalized() - vertex.normal.cast<double>()).norm(), 1e-5);
+      EXPECT_GT(vertex.alpha_behind, 0);
+    }
+  }
+  EXPECT_EQ(vertices, overlay.solids.size());
+  ASSERT_EQ(overlay.lines.size(), 4u);
+  EXPECT_EQ(overlay.lines[0].position_D, pose.hip_mm.cast<float>());
+  EXPECT_EQ(overlay.lines[1].position_D, pose.scp_h_mm.cast<float>());
+  EXPECT_EQ(overlay.lines[2].position_D, pose.scp_h_mm.cast<float>());
+  EXPECT_EQ(overlay.lines[3].position_D, pose.scp_v_mm->cast<float>());
+}
+
+TEST(ViewOverlay, InFreeMotionOnePointIsDrawnOnce) {
+  OverlayOptions options = kNothing;
+  options.points = true;
+  client::Pose pose;
+  pose.hip_mm = pose.scp_h_mm = {1.0, 2.0, 3.0};
+  const Overlay overlay = BuildOverlay({.pose = pose}, options, {}, kSize);
+  EXPECT_EQ(WithColor(overlay, kHipColor).size(), overlay.solids.size());
+  EXPECT_FALSE(overlay.solids.empty());
+  EXPECT_TRUE(overlay.lines.empty());
+}
+
+// The image's shorter side has the field of view, so both shapes are tried.
+TEST(ViewOverlay, PointsKeepTheirSizeOnTheScreen) {
+  OverlayOptions options = kNothing;
+  options.points = true;
+  const client::Pose pose = InContact();
+  for (const ImageSize& size : {kSize, ImageSize{300, 900}, ImageSize{1600, 400}}) {
+    for (const double zoom : {0.3, 1.0, 4.0, 40.0}) {
+      Camera camera;
+      camera.LookAt(pose.hip_mm);
+      camera.Zoom(zoom);
+      const Overlay overlay = BuildOverlay({.pose = pose}, options, camera, size);
+      EXPECT_NEAR(Radius_px(WithColor(overlay, kHipColor), pose.hip_mm, camera, size),
+                  kPointRadius_px, 0.3)
+          << zoom;
+    }
+  }
+}
+
+TEST(ViewOverlay, TheArrowIsAlongTheForceAndAsLongAsItIsStrong) {
+  OverlayOptions options = kNothing;
+  options.force = true;
+  Camera camera;
+  camera.Set(Vec3::Zero(), 0.0, 0.0, 250.0);  // along -z: x and y are seen at full length
+  for (const double force_n : {0.2, 1.0, 3.3}) {
+    client::Pose pose = InContact();
+    pose.scp_h_mm = Vec3::Zero();
+    pose.force_n = force_n * Vec3(0.6, 0.8, 0.0);
+    const Overlay overlay = BuildOverlay({.pose = pose}, options, camera, kSize);
+    ASSERT_FALSE(overlay.solids.empty());
+    ASSERT_EQ(WithColor(overlay, kForceColor).size(), overlay.solids.size());
+    const Extent along = Along(overlay.solids, pose.scp_h_mm, Vec3(0.6, 0.8, 0.0));
+    EXPECT_NEAR(along.least, 0.0, 1e-6);
+    const Vec3 tip_D = along.greatest * Vec3(0.6, 0.8, 0.0);
+    const double length_px =
+        (OnScreen(tip_D, camera, kSize) - OnScreen(pose.scp_h_mm, camera, kSize)).norm();
+    EXPECT_NEAR(length_px, kGreatestForce_px * force_n / 3.3, 1e-4) << force_n;
+    // Thin across.
+    const Extent across = Along(overlay.solids, pose.scp_h_mm, Vec3(0.8, -0.6, 0.0));
+    EXPECT_LT((across.greatest - across.least) / along.greatest * length_px, 13.0);
+    EXPECT_NEAR(across.greatest, -across.least, 1e-4);
+  }
+}
+
+TEST(ViewOverlay, WithoutForceThereIsNoArrow) {
+  OverlayOptions options = kNothing;
+  options.force = true;
+  client::Pose pose = InContact();
+  pose.force_n.setZero();
+  EXPECT_TRUE(BuildOverlay({.pose = pose}, options, {}, kSize).solids.empty());
+  pose.force_n = {0.0, 0.0, 1e-9};
+  EXPECT_TRUE(BuildOverlay({.pose = pose}, options, {}, kSize).solids.empty());
+}
+
+TEST(ViewOverlay, TheStylusHasItsTipAtHipAndPointsAlongItsMinusZ) {
+  OverlayOptions options = kNothing;
+  options.stylus = true;
+  client::Pose pose = InContact();
+  pose.stylus_orientation =
+      Eigen::Quaterniond(Eigen::AngleAxisd(1.1, Vec3(1.0, -2.0, 0.5).normalized()));
+  const Vec3 pointing = pose.stylus_orientation * -Vec3::UnitZ();
+  const Overlay overlay = BuildOverlay({.pose = pose}, options, {}, kSize);
+  ASSERT_FALSE(overlay.solids.empty());
+  const Extent along = Along(overlay.solids, pose.hip_mm, pointing);
+  EXPECT_NEAR(along.greatest, 0.0, 1e-5);
+  EXPECT_LT(along.least, -50.0);
+  for (const SolidVertex& vertex : overlay.solids) {
+    const Vec3 from_tip = vertex.position_D.cast<double>() - pose.hip_mm;
+    EXPECT_LT((from_tip - from_tip.dot(pointing) * pointing).norm(), 5.0);
+  }
+}
+
+// Seen from outside, corners turn to the left: what is hidden is told by that.
+TEST(ViewOverlay, BodiesFaceOutwards) {
+  const Overlay overlay = BuildOverlay({.pose = InContact()}, {}, {}, kSize);
+  ASSERT_EQ(overlay.solids.size() % 3, 0u);
+  for (std::size_t n = 0; n < overlay.solids.size(); n += 3) {
+    const SolidVertex &a = overlay.solids[n], &b = overlay.solids[n + 1],
+                      &c = overlay.solids[n + 2];
+    const Eigen::Vector3f turn = (b.position_D - a.position_D).cross(c.position_D - a.position_D);
+    EXPECT_GT(turn.dot(a.normal + b.normal + c.normal), 0.0f) << n;
+    for (const SolidVertex* vertex : {&a, &b, &c}) EXPECT_NEAR(vertex->normal.norm(), 1.0f, 1e-5f);
+  }
+}
+
+TEST(ViewOverlay, TheBoxIsAroundTheOutermostVoxels) {
+  OverlayOptions options = kNothing;
+  options.box = true;
+  OverlayScene scene;
+  scene.X_DI = AffineMap{Mat3(Vec3(1.0, 2.0, 4.0).asDiagonal()), Vec3(10.0, 20.0, 30.0)};
+  scene.lattice_size = {4, 5, 6};
+  const Overlay overlay = BuildOverlay(scene, options, {}, kSize);
+  ASSERT_EQ(overlay.lines.size(), 24u);
+  double length_mm = 0.0;
+  Eigen::Vector3f min = overlay.lines[0].position_D, max = min;
+  for (std::size_t n = 0; n < 24; n += 2) {
+    const Eigen::Vector3f edge = overlay.lines[n + 1].position_D - overlay.lines[n].position_D;
+    EXPECT_EQ((edge.array() != 0.0f).count(), 1);
+    length_mm += edge.norm();
+    min = min.cwiseMin(overlay.lines[n].position_D);
+    max = max.cwiseMax(overlay.lines[n + 1].position_D);
+  }
+  EXPECT_EQ(min, Eigen::Vector3f(9.5f, 19.0f, 28.0f));
+  EXPECT_EQ(max, Eigen::Vector3f(13.5f, 29.0f, 52.0f));
+  EXPECT_NEAR(length_mm, 4 * (4.0 + 10.0 + 24.0), 1e-4);
+}
+
+// What a line comes nearer to the eye is less than what V and H differ by, seen closely;
+// before those lines come faint ones that a voxel of V does not hide.
+TEST(ViewOverlay, TheWireframeOfHComesALittleNearerToTheEye) {
+  OverlayOptions options = kNothing;
+  options.haptic_surface = true;
+  OverlayScene scene;
+  scene.X_DI = AffineMap{0.5 * Mat3::Identity(), Vec3(1.0, 2.0, 3.0)};
+  scene.haptic_lines_I = {{0.0, 0.0, 0.0}, {1.0, 0.0, 0.0}, {0.0, 1.0, 0.0}, {0.0, 1.0, 1.0}};
+  Camera camera;
+  camera.LookAt(scene.X_DI->translation);
+  for (const double zoom : {1.0, 10.0, 100.0}) {
+    camera.Set(scene.X_DI->translation, 20.0, 15.0, 300.0 / zoom);
+    const Overlay overlay = BuildOverlay(scene, options, camera, kSize);
+    ASSERT_EQ(overlay.lines.size(), 8u);
+    for (std::size_t n = 0; n < 8; ++n) {
+      const Vec3 p_D = scene.X_DI->Apply(scene.haptic_lines_I[n % 4]);
+      const Vec3 moved_mm = overlay.lines[n].position_D.cast<double>() - p_D;
+      const Vec3 to_eye = camera.Eye() - p_D;
+      EXPECT_GT(moved_mm.dot(to_eye), 0.0);
+      EXPECT_LT(moved_mm.cross(to_eye).norm() / to_eye.norm(), 1e-5);
+      EXPECT_LT((OnScreen(overlay.lines[n].position_D.cast<double>(), camera, kSize) -
+                 OnScreen(p_D, camera, kSize))
+                    .norm(),
+                0.02);
+      if (zoom == 100.0) {
+        EXPECT_LT(moved_mm.norm(), (n < 4 ? 0.8 : 0.03) * 0.5);  // voxels of 0.5 mm
+      }
+      if (n < 4) {
+        EXPECT_LT(2 * overlay.lines[n].rgba[3], overlay.lines[n + 4].rgba[3]);
+      }
+    }
+  }
+}
+
+TEST(ViewOverlay, AnEmptyImageOrAnEyeAtThePointGivesFiniteBodies) {
+  client::Pose pose = InContact();
+  Camera camera;
+  pose.hip_mm = camera.Eye();
+  pose.scp_h_mm = camera.Eye() + 10.0 * (camera.Eye() - camera.target()).normalized();
+  for (const ImageSize& size : {ImageSize{}, kSize}) {
+    const Overlay overlay = BuildOverlay({.pose = pose}, {}, camera, size);
+    for (const SolidVertex& vertex : overlay.solids) {
+      ASSERT_TRUE(vertex.position_D.allFinite() && vertex.normal.allFinite());
+    }
+  }
+}
+
+TEST(ViewOverlay, TheSamePoseGivesTheSameBits) {
+  const auto build = [] { return BuildOverlay({.pose = InContact()}, {}, {}, kSize); };
+  const Overlay a = build(), b = build();
+  ASSERT_EQ(a.solids.size(), b.solids.size());
+  for (std::size_t n = 0; n < a.solids.size(); ++n) {
+    ASSERT_EQ(a.solids[n].position_D, b.solids[n].position_D);
+  }
+}
+
+}  // namespace
+}  // namespace palpate::view
