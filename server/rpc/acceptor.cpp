@@ -65,7 +65,7 @@ void Acceptor::TakeSocket(const std::string& path) {
   names_.push_back(path);
 }
 
-void Acceptor::TakePort(const HostPort& address) {
+void Acceptor::TakePort(const HostPort& address, bool is_for_strangers) {
   const bool is_v6 = address.host.find(':') != std::string::npos;
   sockaddr_in v4{};
   sockaddr_in6 v6{};
@@ -87,6 +87,7 @@ void Acceptor::TakePort(const HostPort& address) {
   if (fd < 0 || bound != 0) FailToListen(fd, address.ToString(), "--listen");
   listeners_.push_back(fd);
   names_.push_back(address.ToString());
+  if (is_for_strangers) strangers_listener_ = fd;
 }
 
 void Acceptor::Start(std::vector<Sink> sinks) {
@@ -143,6 +144,10 @@ void Acceptor::Accept(std::size_t listener) {
     setsockopt(fd, IPPROTO_TCP, TCP_NODELAY, &on, sizeof(on));
     // gRPC asks after peers that are silent, but not while a message to one waits for room.
     setsockopt(fd, IPPROTO_TCP, TCP_USER_TIMEOUT, &kSilentPeerMs, sizeof(kSilentPeerMs));
+  }
+  if (listeners_[listener] == strangers_listener_ && !strangers_.Enter(fd, peer)) {
+    close(fd);
+    return;
   }
   grpc::experimental::ExternalConnectionAcceptor::NewConnectionParameters connection;
   connection.listener_fd = listeners_[listener];

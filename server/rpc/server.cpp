@@ -90,8 +90,8 @@ void Bound(grpc::ServerBuilder& builder) {
 
 RpcServer::RpcServer(ServerOptions options, const ServedParts& parts)
     : options_(std::move(options)),
-      access_(options_.security.limits),
-      acceptor_(FirstRefusedFile(RaiseOpenFileLimit(), options_.security.connections)),
+      access_(options_.security.limits, &strangers_),
+      acceptor_(FirstRefusedFile(RaiseOpenFileLimit(), options_.security.connections), strangers_),
       poses_(access_, parts.pump, parts.metrics),
       render_(access_, parts.session, parts.metrics),
       volume_streams_(parts.session),
@@ -131,7 +131,7 @@ void RpcServer::Reserve() {
   }
   security_files_ = std::make_unique<SecurityFiles>(access_, tls_.get());
   security_files_->Start(options_.security.policy, options_.security.tls);
-  if (options_.listen) acceptor_.TakePort(*options_.listen);
+  if (options_.listen) acceptor_.TakePort(*options_.listen, tls_ != nullptr);
 }
 
 // Whoever reaches another address than loopback is to prove who he is, and to see that

@@ -84,6 +84,7 @@ class RpcServer {
 
  private:
   ServerOptions options_;
+  StrangerWatch strangers_;
   Access access_;
   Acceptor acceptor_;
   std::unique_ptr<TlsFiles> tls_;

@@ -4,7 +4,8 @@ import unittest
 
 import numpy as np
 import palpate
-from support import Daemon, free_port, nrrd, pattern, wait_until
+from free_port import free_port
+from support import Daemon, nrrd, pattern, wait_until
 from view_support import OneWindow, Panels, Screen, Window
 
 # Of the fixed layout on 1280 by 800 pixels: the first slice, and below the view the series

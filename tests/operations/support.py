@@ -2,10 +2,8 @@
 
 import os
 import pathlib
-import random
 import re
 import signal
-import socket
 import subprocess
 import tempfile
 import threading
@@ -18,22 +16,11 @@ from palpate.v1 import (device_pb2, device_pb2_grpc, edit_pb2, pose_pb2, pose_pb
                         recording_pb2_grpc, render_pb2, render_pb2_grpc, volume_pb2,
                         volume_pb2_grpc)
 
+from free_port import free_port
+
 PALPATED = os.environ["PALPATED"]
 PATIENCE_S = 120.0
 CALL_S = 30.0
-
-
-def free_port():
-    """Not one of those that the kernel gives to connections (32768 and up): with other tests
-    at work, such a port may be taken before it is used."""
-    while True:
-        port = random.SystemRandom().randrange(10000, 32768)
-        with socket.socket() as probe:
-            try:
-                probe.bind(("127.0.0.1", port))
-                return port
-            except OSError:
-                pass
 
 
 def wait_until(holds, seconds=60.0):

@@ -10,7 +10,8 @@ import unittest
 import unittest.mock
 
 import palpate
-from support import Daemon, DaemonTest, free_port, wait_until
+from free_port import free_port
+from support import Daemon, DaemonTest, wait_until
 
 
 class Finding(unittest.TestCase):

@@ -10,7 +10,8 @@ import grpc
 
 from palpate.v1 import device_pb2, device_pb2_grpc
 from authority import Authority
-from support import PALPATED, Daemon, free_port
+from free_port import free_port
+from support import PALPATED, Daemon
 
 ROLES = ["viewer", "editor", "operator", "admin"]
 
@@ -37,7 +38,7 @@ class SecuredDaemon(Daemon):
     """With TLS on a port, tokens of every role, and certificates of two names. `more`:
     lines of its configuration."""
 
-    def __init__(self, folder, more="", volume="builtin:sphere:48"):
+    def __init__(self, folder, more="", volume="builtin:sphere:48", host="127.0.0.1"):
         self.security = pathlib.Path(folder)
         self.authority = Authority(folder, "lab")
         self.certificate, self.key = self.authority.issue(
@@ -61,7 +62,8 @@ san = "spiffe://lab/operator"
 role = "operator"
 {more}
 """)
-        super().__init__(volume, listen=f"127.0.0.1:{self.port}", more=["--config", str(self.config)])
+        super().__init__(volume, listen=f"{host}:{self.port}",
+                         more=["--config", str(self.config)])
 
     def add_token(self, name, role):
         made = subprocess.run([PALPATED, "token", "add", name, "--role", role,

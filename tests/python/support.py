@@ -2,9 +2,7 @@
 
 import os
 import pathlib
-import random
 import signal
-import socket
 import subprocess
 import tempfile
 import threading
@@ -14,6 +12,7 @@ import unittest
 import numpy as np
 
 import palpate
+from free_port import free_port
 
 PALPATED = os.environ["PALPATED"]
 PALPATE = os.environ["PALPATE"]
@@ -93,19 +92,6 @@ class DaemonTest(unittest.TestCase):
     def setUpClass(cls):
         cls.daemon = cls.enterClassContext(Daemon(cls.volume))
         cls.conn = cls.enterClassContext(cls.daemon.connect())
-
-
-def free_port():
-    """Not one of those that the kernel gives to connections (32768 and up): with other tests
-    at work, such a port may be taken before it is used."""
-    while True:
-        port = random.SystemRandom().randrange(10000, 32768)
-        with socket.socket() as probe:
-            try:
-                probe.bind(("127.0.0.1", port))
-                return port
-            except OSError:
-                pass
 
 
 def wait_until(holds, seconds=20.0):
