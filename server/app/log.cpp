@@ -17,6 +17,7 @@
 #include <string_view>
 
 #include "common/error/error.h"
+#include "server/app/unread_log.h"
 #include "server/realtime/tick_timer.h"
 #include "server/security/refusal_log.h"
 
@@ -24,7 +25,7 @@ namespace palpate {
 namespace {
 
 constexpr std::chrono::seconds kRepeatsLeftOut{5};
-constexpr std::size_t kLongestLine = 2000;
+constexpr std::size_t kLongestLine = 2000;  // as written: less than PIPE_BUF (see unread_log.h)
 
 // "<4>", by which the journal knows a warning.
 class PriorityFlag final : public spdlog::custom_flag_formatter {
@@ -50,7 +51,12 @@ class OneLineFlag final : public spdlog::custom_flag_formatter {
   void format(const spdlog::details::log_msg& message, const std::tm&,
               spdlog::memory_buf_t& out) override {
     const std::string_view all(message.payload.data(), message.payload.size());
-    for (const char c : all.substr(0, kLongestLine)) {
+    const std::size_t end = out.size() + kLongestLine;
+    for (const char c : all) {
+      if (out.size() >= end) {
+        fmt::format_to(std::back_inserter(out), " ...");
+        return;
+      }
       const auto byte = static_cast<unsigned char>(c);
       if (byte < 0x20 || byte == 0x7f) {
         fmt::format_to(std::back_inserter(out), "\\x{:02x}", byte);
@@ -58,7 +64,6 @@ class OneLineFlag final : public spdlog::custom_flag_formatter {
         out.push_back(c);
       }
     }
-    if (all.size() > kLongestLine) fmt::format_to(std::back_inserter(out), " ...");
   }
   std::unique_ptr<custom_flag_formatter> clone() const override {
     return std::make_unique<OneLineFlag>();
@@ -104,7 +109,7 @@ void SetUpLog(bool to_journal) {
     formatter->set_pattern("%Y-%m-%d %H:%M:%S.%e %^%l%$ %~");
   }
   const auto filter = std::make_shared<spdlog::sinks::dup_filter_sink_mt>(kRepeatsLeftOut);
-  filter->add_sink(std::move(sink));
+  filter->add_sink(DroppingWhileUnread(std::move(sink)));
   const auto logger = std::make_shared<spdlog::logger>("palpated", filter);
   logger->set_formatter(std::move(formatter));
   logger->flush_on(spdlog::level::trace);
