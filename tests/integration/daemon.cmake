@@ -2,7 +2,11 @@ find_package(nlohmann_json REQUIRED)
 foreach(test daemon_stream_test daemon_control_test daemon_lifecycle_test daemon_settings_test
         daemon_load_test daemon_upload_test daemon_series_test daemon_memory_test
         daemon_registration_test daemon_device_test)
-  palpate_integration_test(${test} ${test}.cpp palpate::wire palpate::proto
+  set(beside "")
+  if(test STREQUAL "daemon_stream_test")
+    set(beside ALONE)
+  endif()
+  palpate_integration_test(${test} ${test}.cpp ${beside} palpate::wire palpate::proto
     nlohmann_json::nlohmann_json)
   add_dependencies(${test} palpated palpate palpate-import)
   target_compile_definitions(${test} PRIVATE
@@ -13,3 +17,4 @@ endforeach()
 find_package(ZLIB REQUIRED)
 target_link_libraries(daemon_upload_test PRIVATE palpate::geometry ZLIB::ZLIB)
 target_link_libraries(daemon_series_test PRIVATE palpate::geometry)
+target_link_libraries(daemon_stream_test PRIVATE palpate::realtime)

@@ -8,6 +8,7 @@
 #include <numeric>
 #include <thread>
 
+#include "tests/support/bare_loops.h"
 #include "tests/support/daemon.h"
 #include "tests/support/data_folder.h"
 
@@ -73,7 +74,9 @@ TEST_P(Volumes, AreRenderedAtOneKilohertz) {
   if (!builtin && !std::filesystem::exists(source)) GTEST_SKIP() << source << " is not there";
   Daemon daemon(PALPATED, {"--volume", source, "--normalized-isovalue", std::to_string(isovalue)});
   PoseCollector collector(daemon);
+  BareLoops bare_loops;
   std::this_thread::sleep_for(milliseconds(10000));
+  const auto bare_missed = static_cast<double>(bare_loops.Stop());
   const auto& samples = collector.Stop();
   ASSERT_GT(samples.size(), 5000u);
   const Summary summary = Summarize(samples);
@@ -89,13 +92,12 @@ TEST_P(Volumes, AreRenderedAtOneKilohertz) {
   grpc::ClientContext context;
   ASSERT_TRUE(daemon.device->GetDevice(&context, {}, &device).ok());
   if (device.servo().realtime_scheduling()) {
-    // The machine may stop for many milliseconds now and then: hardly ever in both
-    // halves.
-    const v1::PoseSample& middle = samples[samples.size() / 2];
-    EXPECT_GE(summary.executed_share, 0.98);
-    EXPECT_GE(
-        std::max(ExecutedShare(samples.front(), middle), ExecutedShare(middle, samples.back())),
-        0.99);
+    // What the machine takes, stopping for milliseconds, it takes from the bare loops too:
+    // the servo is on one of their processors at any time.
+    const auto missed =
+        static_cast<double>(samples.back().missed_ticks() - samples.front().missed_ticks());
+    std::printf("%s: %.0f ticks missed, bare loops %.0f\n", name, missed, bare_missed);
+    EXPECT_LE(missed, 0.01 * loop_ms + bare_missed);
   }
   EXPECT_LT(summary.mean_update_us, 20.0);
   EXPECT_EQ(summary.above, 0u);

@@ -16,8 +16,17 @@ bool StartWithForces(DeviceRig& rig, TouchEmulator& touch) {
   if (!StartDocked(rig, touch)) return false;
   Undock(touch);
   std::this_thread::sleep_for(milliseconds(1200));
-  return rig.Enable("omni-usb").ok() && rig.WaitForForces(v1::FORCE_STATE_ON) &&
-         WaitForForce(touch);
+  // A machine that stops for long enough ends them at once: an operator would try again.
+  for (int n = 0; n < 5; ++n) {
+    if (rig.Enable("omni-usb").ok() && rig.WaitForForces(v1::FORCE_STATE_ON) &&
+        WaitForForce(touch)) {
+      return true;
+    }
+    const v1::ForceStatus forces = rig.Forces();
+    std::printf("not on: %s, %s\n", v1::ForceState_Name(forces.state()).c_str(),
+                v1::ForceReason_Name(forces.reason()).c_str());
+  }
+  return false;
 }
 
 // After the device was cut off: it is read again, and forces wait for the operator.

@@ -193,7 +193,8 @@ TEST(LiveData, EditsAndASeriesDoNotDisturbTheServo) {
   for (unsigned n = 0; n < kClients; ++n) {
     clients.push_back(std::make_unique<EditingClient>(daemon, n, on));
   }
-  const milliseconds length(IsLong() ? 10000 : 1000);
+  // Long enough that a tick or two are no share to speak of.
+  const milliseconds length(IsLong() ? 10000 : 3000);
   std::vector<Window> windows;
   Totals totals;
   for (int n = 0; n < 10; ++n) {

@@ -1,0 +1,50 @@
+// A loop of 1 kHz without work on each processor, to compare the servo's with: what of
+// its ticks the machine took, stopping for milliseconds, these miss too.
+#pragma once
+
+#include <atomic>
+#include <chrono>
+#include <cstdint>
+#include <thread>
+#include <vector>
+
+#include "server/realtime/thread_setup.h"
+#include "server/realtime/tick_timer.h"
+
+namespace palpate::test {
+
+class BareLoops {
+ public:
+  BareLoops() {
+    const int processors = static_cast<int>(std::thread::hardware_concurrency());
+    for (int cpu = 0; cpu < processors; ++cpu) threads_.emplace_back([this, cpu] { Run(cpu); });
+  }
+  ~BareLoops() { Stop(); }
+  BareLoops(const BareLoops&) = delete;
+  BareLoops& operator=(const BareLoops&) = delete;
+
+  // Ticks missed on all processors together; ends the loops.
+  std::uint64_t Stop() {
+    stop_ = true;
+    for (std::thread& thread : threads_) thread.join();
+    threads_.clear();
+    return missed_;
+  }
+
+ private:
+  void Run(int cpu) {
+    RealtimeGrant grant;
+    SetupRealtimeThread({.cpu = cpu, .lock_memory = false}, grant);
+    // Without a spin: they leave the processors to what they are compared with.
+    TickTimer timer(std::chrono::milliseconds(1), std::chrono::nanoseconds(0));
+    std::uint64_t missed = 0;
+    while (!stop_) missed = timer.WaitForNext().missed;
+    missed_ += missed;
+  }
+
+  std::atomic<bool> stop_{false};
+  std::atomic<std::uint64_t> missed_{0};
+  std::vector<std::thread> threads_;
+};
+
+}  // namespace palpate::test
