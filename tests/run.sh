@@ -7,21 +7,25 @@ root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 
 usage() {
   cat <<'TEXT'
-Usage: tests/run.sh [--quick] [--long] [--packages]
+Usage: tests/run.sh [--sanitizers] [--long] [--packages]
 
-  --quick  the optimised build only, without the sanitizer builds and the fuzzer
+Without options: the optimised build and every test in it, in their short forms, and
+the Debian packages, built and looked at.
+
+  --sanitizers  then every test under AddressSanitizer and UndefinedBehaviorSanitizer,
+           those without gRPC under ThreadSanitizer, and the fuzz targets
   --long   the long forms of torture and slide tests (an hour), and ten million
-           inputs for each fuzz target (another)
+           inputs for each fuzz target (another, with --sanitizers)
   --packages  installs the Debian packages in a root of their own as well (as root,
            minutes); without it they are only built and looked at
 TEXT
 }
 
-quick=
+sanitizers=
 packages=()
 for argument in "$@"; do
   case "$argument" in
-    --quick) quick=yes ;;
+    --sanitizers) sanitizers=yes ;;
     --packages) packages=(--install) ;;
     --long)
       export PALPATE_TORTURE=${PALPATE_TORTURE:-100}
@@ -48,40 +52,33 @@ build() {
     { grep -E 'error|FAILED|warning' "$results/build.log" || tail -n 30 "$results/build.log"; exit 1; }
 }
 
-# run_tests NAME FOLDER CTEST_ARGUMENTS...
+# run_tests PRESET
 run_tests() {
-  local name=$1 folder=$2 log=$results/$1.log
-  shift 2
-  stage "$name: test"
+  local log=$results/$1.log
+  stage "$1: test"
   # A failed test is counted below; no test at all is an error of its own.
-  ctest --test-dir "$folder" --no-tests=error --output-on-failure \
-    --output-junit "$results/$name.xml" "$@" >"$log" || true
+  ctest --preset "$1" --output-junit "$results/$1.xml" >"$log" || true
   grep -vE '^ *[0-9]+/[0-9]+ Test .* Passed|^ +Start +[0-9]+:' "$log" || true
-  [ -s "$results/$name.xml" ] || { echo "run.sh: no test was run in $folder" >&2; exit 1; }
+  [ -s "$results/$1.xml" ] || { echo "run.sh: no test was run of $1" >&2; exit 1; }
 }
 
 # Programs are most of what a build takes on the disk, and linked again in seconds.
 drop_programs() { find "$1/bin" "$1/tests" -maxdepth 1 -type f -perm -100 -delete 2>/dev/null || true; }
 
 build default all
-# Tests of whole programs by themselves: they look at times and counts.
-run_tests default-unit build -L 'unit|sanitized' -j2
-run_tests default-programs build -LE 'unit|sanitized' -j1
+run_tests default
 packages_failed=
-if [ -z "$quick" ] || [ ${#packages[@]} -gt 0 ]; then
-  stage packages
-  tests/packages_test.sh ${packages[@]+"${packages[@]}"} || packages_failed=yes
-fi
-if [ -z "$quick" ]; then
-  # gRPC and OpenVDB's allocator are not built with sanitizers: the pure code and
-  # the threads around it are.
-  for preset in asan tsan; do
-    build $preset sanitized_tests
-    run_tests $preset build-$preset -L sanitized -j2
-    drop_programs build-$preset
-  done
+stage packages
+tests/packages_test.sh ${packages[@]+"${packages[@]}"} || packages_failed=yes
+if [ -n "$sanitizers" ]; then
+  build asan all
+  run_tests asan
+  drop_programs build-asan
+  build tsan core_tests
+  run_tests tsan
+  drop_programs build-tsan
   build fuzz all
-  run_tests fuzz build-fuzz -j2
+  run_tests fuzz
   sed -n 's/^\(.*_fuzz: [0-9]* inputs in [0-9]* s\)$/  \1/p' build-fuzz/Testing/Temporary/LastTest.log
 fi
 stage done

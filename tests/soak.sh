@@ -15,5 +15,5 @@ log=$(mktemp)
 trap 'rm -f "$log"' EXIT
 { cmake --preset default && cmake --build --preset default --target palpated palpate_python; } \
   >"$log" 2>&1 || { tail -n 30 "$log" >&2; exit 2; }
-export PALPATED=$root/build/bin/palpated PYTHONPATH=$root/build/python PYTHONDONTWRITEBYTECODE=1
+export PALPATED=$root/build/bin/palpated PYTHONPATH=$root/build/python:$root/tests/support PYTHONDONTWRITEBYTECODE=1
 exec /usr/bin/python3 tests/operations/soak.py "$@"

@@ -59,7 +59,7 @@ Reporter::Reporter(std::string input, bool show_progress) : input_(std::move(inp
   const int nowhere = open("/dev/null", O_WRONLY | O_CLOEXEC);
   if (nowhere < 0) return;
   dup2(nowhere, STDOUT_FILENO);
-#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
+#ifndef PALPATE_SANITIZED
   // The sanitizers report here.
   dup2(nowhere, STDERR_FILENO);
 #endif
@@ -107,7 +107,7 @@ void Reporter::FailOnCrash() {
                        ": the reader crashed on this file; it is probably damaged, copy or export "
                        "it again");
   signal_fd = message_fd_;
-#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
+#ifndef PALPATE_SANITIZED
   struct sigaction action = {};
   action.sa_handler = ExitOnCrash;
   for (const int signal : {SIGABRT, SIGBUS, SIGFPE, SIGILL, SIGSEGV}) {

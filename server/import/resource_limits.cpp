@@ -33,7 +33,7 @@ void Limit(__rlimit_resource resource, rlim_t wanted, const char* what) {
   }
 }
 
-#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
+#ifndef PALPATE_SANITIZED
 std::int64_t AddressSpaceNow() {
   std::int64_t pages = 0;
   std::ifstream("/proc/self/statm") >> pages;
@@ -51,7 +51,7 @@ void LimitResources(std::int64_t max_memory_bytes, std::int64_t max_seconds) {
   // The written tree is smaller than the memory that held it.
   signal(SIGXFSZ, SIG_IGN);
   Limit(RLIMIT_FSIZE, static_cast<rlim_t>(max_memory_bytes), "file size");
-#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
+#ifndef PALPATE_SANITIZED
   Limit(RLIMIT_AS,
         static_cast<rlim_t>(AddressSpaceNow() + kReserved + threads * kReservedPerThread +
                             max_memory_bytes),

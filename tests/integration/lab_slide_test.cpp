@@ -14,7 +14,7 @@
 namespace palpate::lab {
 namespace {
 
-#if defined(NDEBUG) && !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
+#if defined(NDEBUG) && !defined(PALPATE_SANITIZED)
 constexpr bool kIsTimed = true;
 #else
 constexpr bool kIsTimed = false;

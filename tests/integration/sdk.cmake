@@ -14,3 +14,7 @@ add_test(NAME integration.sdk_install
     ${PROJECT_BINARY_DIR} ${PROJECT_SOURCE_DIR} $<TARGET_FILE:palpated> ${CMAKE_COMMAND}
     ${CMAKE_CXX_COMPILER})
 set_tests_properties(integration.sdk_install PROPERTIES LABELS integration TIMEOUT 600)
+if(PALPATE_SANITIZE)
+  set_tests_properties(integration.sdk_install PROPERTIES ENVIRONMENT
+    "CXXFLAGS=-fsanitize=${PALPATE_SANITIZE};LDFLAGS=-fsanitize=${PALPATE_SANITIZE}")
+endif()

@@ -167,7 +167,7 @@ TEST_P(SlideTest, IsFeltAndNeverFallenThrough) {
   if (slide.IsBuiltin()) {
     EXPECT_GE(s.scp_v_percent, 99.0);
   }
-#if defined(NDEBUG) && !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
+#if defined(NDEBUG) && !defined(PALPATE_SANITIZED)
   EXPECT_LT(s.mean_update_us, 20.0);
 #endif
 }

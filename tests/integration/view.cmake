@@ -29,7 +29,14 @@ foreach(test view_offscreen_test view_panels_test view_run_test view_window_test
   set_tests_properties(integration.${test} PROPERTIES
     LABELS integration
     TIMEOUT 600
-    ENVIRONMENT "PYTHONPATH=${PALPATE_PYTHON_FOLDER}:${PROJECT_SOURCE_DIR}/tests/python;\
-PYTHONDONTWRITEBYTECODE=1;PALPATED=$<TARGET_FILE:palpated>;PALPATE=$<TARGET_FILE:palpate>;\
+    ENVIRONMENT "PYTHONPATH=${PALPATE_PYTHON_FOLDER}:${PROJECT_SOURCE_DIR}/tests/support:\
+${PROJECT_SOURCE_DIR}/tests/python;PYTHONDONTWRITEBYTECODE=1;PALPATED=$<TARGET_FILE:palpated>;PALPATE=$<TARGET_FILE:palpate>;\
 PALPATE_VIEW=$<TARGET_FILE:palpate-view>")
 endforeach()
+
+if(PALPATE_SANITIZE)
+  foreach(program palpate-view view_frame_test view_slice_test view_live_test view_brush_test
+          view_surface_test view_surface_values_test view_volume_texture_test)
+    target_sources(${program} PRIVATE ${PROJECT_SOURCE_DIR}/tests/support/kept_libraries.cpp)
+  endforeach()
+endif()

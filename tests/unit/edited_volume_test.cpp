@@ -17,7 +17,7 @@ constexpr double kDtS = 1e-3;
 constexpr int kEdge = 32;
 constexpr double kIsovalue = 0.5;
 // The sanitizers slow the others down, and see nothing new in more of them.
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+#ifdef PALPATE_SANITIZED
 constexpr std::uint64_t kSeeds = 2;
 #else
 constexpr std::uint64_t kSeeds = 20;

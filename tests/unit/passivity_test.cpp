@@ -138,7 +138,7 @@ Hand LightHand(double mass_kg, double share, double push_n, double stiffness, Ap
 }
 
 // Under a sanitizer, which looks at other things, a few of the hands are enough.
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+#ifdef PALPATE_SANITIZED
 constexpr std::array kMassesKg = {0.08};
 constexpr std::array kPushesN = {1.0};
 #else

@@ -1,1 +1,1 @@
-palpate_unit_test(proxy_test proxy_test.cpp SANITIZED palpate::haptics)
+palpate_unit_test(proxy_test proxy_test.cpp CORE palpate::haptics)

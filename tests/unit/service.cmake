@@ -2,4 +2,4 @@
 find_package(fmt REQUIRED)
 palpate_unit_test(service_manager_test service_manager_test.cpp palpate::app)
 palpate_unit_test(config_reload_test config_reload_test.cpp palpate::app)
-palpate_unit_test(doctor_checks_test doctor_checks_test.cpp SANITIZED palpate::doctor)
+palpate_unit_test(doctor_checks_test doctor_checks_test.cpp CORE palpate::doctor)

@@ -1,6 +1,6 @@
 palpate_unit_test(volume_feed_test volume_feed_test.cpp
-  SANITIZED palpate::streaming palpate::volume_mirror)
+  CORE palpate::streaming palpate::volume_mirror)
 palpate_unit_test(volume_streams_test volume_streams_test.cpp
-  SANITIZED palpate::streaming palpate::volume_mirror)
-palpate_unit_test(volume_mirror_test volume_mirror_test.cpp SANITIZED palpate::volume_mirror)
+  CORE palpate::streaming palpate::volume_mirror)
+palpate_unit_test(volume_mirror_test volume_mirror_test.cpp CORE palpate::volume_mirror)
 palpate_unit_test(volume_message_test volume_message_test.cpp palpate::wire)

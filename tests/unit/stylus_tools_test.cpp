@@ -113,7 +113,7 @@ TEST(Carve, AtAModerateRateTheForceHasNoSteps) {
 
 // The greatest brush in a big volume.
 TEST(Carve, TheGreatestBrushWorksInABigVolume) {
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+#ifdef PALPATE_SANITIZED
   GTEST_SKIP() << "about speed";
 #endif
   HapticSettings settings = kCarving;
