@@ -88,7 +88,7 @@ int Serve(ServiceManager& manager, const ServoLoop& servo, ConfigReload& reload,
           const std::function<std::string()>& status) {
   ServoWatchdog watchdog(ServiceManager::WatchdogInterval());
   const sigset_t signals = Signals();
-  constexpr timespec kPeriod{0, 100'000'000};
+  constexpr timespec kPeriod{0, std::chrono::nanoseconds(ServoWatchdog::kLookPeriod).count()};
   for (int period = 0;; ++period) {
     const int signal = sigtimedwait(&signals, nullptr, &kPeriod);
     if (signal == SIGHUP && reload.IsPossible()) {
