@@ -88,7 +88,7 @@ int Serve(ServiceManager& manager, const ServoLoop& servo, ConfigReload& reload,
           const std::function<std::string()>& status) {
   ServoWatchdog watchdog(ServiceManager::WatchdogInterval());
   const sigset_t signals = Signals();
-  constexpr timespec kPeriod{0, 100'000'000};
+  constexpr timespec kPeriod{0, std::chrono::nanoseconds(ServoWatchdog::kLookPeriod).count()};
   for (int period = 0;; ++period) {
     const int signal = sigtimedwait(&signals, nullptr, &kPeriod);
     if (signal == SIGHUP && reload.IsPossible()) {
@@ -139,8 +139,7 @@ void RunDaemon(const LoadedConfig& loaded, const ConfigReader& read) {
       state_folder.empty() ? state_folder : state_folder / "faults", LogBlackBox);
   pump.Subscribe(black_box);
   const SafetyLimits limits = LimitsFor(device->spec(), StopButtons(config.device, device->spec()));
-  const auto forces = std::make_shared<ForceWatch>();
-  pump.Subscribe(forces);
+  const ForceWatch forces(outbox->last);
   ServoLoop servo(*device, inbox, *outbox, config.realtime, limits);
   const std::string socket = config.socket_path.empty() ? DefaultSocketPath() : config.socket_path;
   const PathPolicy paths = MakePathPolicy(config);
@@ -154,7 +153,7 @@ void RunDaemon(const LoadedConfig& loaded, const ConfigReader& read) {
   const auto registry = std::make_shared<prometheus::Registry>();
   ServiceMetrics service_metrics(*registry);
   RpcServer server({socket, config.listen, paths, config.uploads, config.security},
-                   {session, editor, series, recording, pump, *device, servo, inbox, *forces,
+                   {session, editor, series, recording, pump, *device, servo, inbox, forces,
                     [&config] { return ListDevices(config.device); }, service_metrics});
 
   server.Reserve();
@@ -165,7 +164,7 @@ void RunDaemon(const LoadedConfig& loaded, const ConfigReader& read) {
   LoadFirstVolume(config, session, keeper, paths, [&] { return EndRequested(!read); });
   const auto servo_metrics = std::make_shared<ServoMetrics>(*registry);
   const auto state_metrics = std::make_shared<StateMetrics>(
-      MeasuredParts{servo, *device, *forces, recording, *session.loader().budget,
+      MeasuredParts{servo, *device, forces, recording, *session.loader().budget,
                     config.memory_budget_bytes, [&server] { return server.volume_streams(); }});
   if (exporter) pump.Subscribe(servo_metrics);
   tools->Start();
@@ -189,7 +188,7 @@ void RunDaemon(const LoadedConfig& loaded, const ConfigReader& read) {
                       [&](const PolicyOptions& policy) { return server.PrepareSecurity(policy); });
   manager.Ready();
   const int signal =
-      Serve(manager, servo, reload, [&] { return StatusLine(*device, *forces, session); });
+      Serve(manager, servo, reload, [&] { return StatusLine(*device, forces, session); });
   // Before all else: a log that nobody reads may block.
   servo.Stop();
   manager.Stopping();

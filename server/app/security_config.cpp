@@ -62,6 +62,9 @@ std::map<std::string, std::function<void(const ConfigEntry&, SecurityOptions&)>>
       {"limits.connections", [](E e, S s) { s.connections = e.Integer(1, kMost); }},
       {"limits.calls_per_s", [](E e, S s) { s.limits.calls_per_s = e.Integer(1, kMost); }},
       {"limits.pose_streams", [](E e, S s) { s.limits.pose_streams = e.Integer(1, kMost); }},
+      // At least one stream at 1 kHz of a client over the network, which has half.
+      {"limits.pose_samples_per_s",
+       [](E e, S s) { s.limits.pose_samples_per_s = e.Integer(2000, kMost); }},
       {"limits.volume_streams", [](E e, S s) { s.limits.volume_streams = e.Integer(1, kMost); }},
       {"limits.transfers", [](E e, S s) { s.limits.transfers = e.Integer(1, kMost); }},
   };

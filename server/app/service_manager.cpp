@@ -2,7 +2,10 @@
 
 #include <systemd/sd-daemon.h>
 
+#include <utility>
+
 #include "server/realtime/tick_timer.h"
+#include "server/servo/servo_loop.h"
 
 namespace palpate {
 
@@ -35,15 +38,26 @@ std::optional<std::chrono::microseconds> ServiceManager::WatchdogInterval() {
   return std::chrono::microseconds(interval_us);
 }
 
+bool ServoRan(std::uint64_t ticks, std::chrono::nanoseconds time) {
+  constexpr double kLeastShare = 0.5;
+  const double time_s = std::chrono::duration<double>(time).count();
+  return ticks > 0 && static_cast<double>(ticks) >= kLeastShare * time_s * ServoLoop::kRateHz;
+}
+
 ServoWatchdog::ServoWatchdog(std::optional<std::chrono::microseconds> interval) {
   if (interval) period_ = *interval / 4;
 }
 
 bool ServoWatchdog::IsDue(std::uint64_t ticks, Time now) {
-  if (!period_ || ticks == ticks_fed_ || now - fed_ < *period_) return false;
-  ticks_fed_ = ticks;
-  fed_ = now;
-  return true;
+  if (!period_) return false;
+  const Time before = std::exchange(looked_, now);
+  if (now - before < 2 * kLookPeriod) judged_ += now - before;
+  if (now - began_ < *period_) return false;
+  const bool ran = ServoRan(ticks - ticks_at_begin_, judged_);
+  began_ = now;
+  ticks_at_begin_ = ticks;
+  judged_ = {};
+  return ran;
 }
 
 }  // namespace palpate

@@ -80,6 +80,7 @@ Admission& Admission::operator=(Admission&& other) noexcept {
   context_ = other.context_;
   rule_ = other.rule_;
   identity_ = std::move(other.identity_);
+  samples_per_s_ = other.samples_per_s_;
   is_listed_ = other.is_listed_;
   running_ = other.running_;
   return *this;
@@ -89,9 +90,17 @@ void Admission::Leave() {
   Access* const access = std::exchange(access_, nullptr);
   if (!access) return;
   access->limits_.Leave(identity_, rule_->kind);
+  if (samples_per_s_ > 0) access->limits_.LeaveSamples(identity_, samples_per_s_);
   if (!is_listed_) return;
   const std::lock_guard lock(access->mutex_);
   access->running_.erase(running_);
+}
+
+grpc::Status Admission::TakeSamples(int samples_per_s) {
+  if (!access_) return grpc::Status::OK;
+  const grpc::Status status = access_->TakeSamples(*this, samples_per_s);
+  if (status.ok()) samples_per_s_ = samples_per_s;
+  return status;
 }
 
 grpc::Status Admission::Failed(const std::exception& error) const {
@@ -149,6 +158,17 @@ Admission Access::Enter(const Admission::Running& call,
   admission.is_listed_ = IsListed(kind);
   if (admission.is_listed_) admission.running_ = running_.insert(running_.end(), call);
   return admission;
+}
+
+// Without this class's lock, under which the review of running calls ends streams.
+grpc::Status Access::TakeSamples(const Admission& admission, int samples_per_s) {
+  const Admission::Running& call = *admission.running_;
+  const bool is_local = call.credentials.transport == Transport::kSocket;
+  const auto problem = limits_.EnterSamples(call.identity, is_local, samples_per_s);
+  if (!problem) return grpc::Status::OK;
+  return Refuse(grpc::StatusCode::RESOURCE_EXHAUSTED, call.peer, call.identity, call.rule->method,
+                *problem)
+      .status();
 }
 
 void Access::SetPolicy(std::shared_ptr<const Policy> policy) {

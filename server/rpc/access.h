@@ -39,6 +39,8 @@ class Admission {
 
   bool ok() const { return status_.ok(); }
   const grpc::Status& status() const { return status_; }
+  // Of a stream of poses, once, before it begins: OK, or too many samples per second.
+  grpc::Status TakeSamples(int samples_per_s);
   // The call is over.
   void Leave();
   // The status of a call that was admitted and failed: where that is of a client's doing,
@@ -62,6 +64,7 @@ class Admission {
   grpc::ServerContextBase* context_ = nullptr;
   const MethodRule* rule_ = nullptr;
   std::string identity_;
+  int samples_per_s_ = 0;  // that it has taken
   bool is_listed_ = false;
   std::list<Running>::iterator running_;
 };
@@ -88,6 +91,7 @@ class Access {
   std::shared_ptr<const Policy> policy() const;
   bool Holds(const Admission::Running& call) const;
   void LogFailure(const Admission& admission, const char* what);
+  grpc::Status TakeSamples(const Admission& admission, int samples_per_s);
   Admission Refuse(grpc::StatusCode code, const std::string& peer, const std::string& who,
                    std::string_view method, const std::string& problem);
   // Empty, with neither access nor refusal: `judge` is not the policy any more.

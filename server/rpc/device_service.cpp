@@ -66,11 +66,13 @@ class StopAnswer final : public grpc::ServerUnaryReactor {
 
  private:
   void Look() {
+    // Before the look: a thread that was kept off its core looks once more.
+    const bool is_last = std::chrono::steady_clock::now() > end_;
     const auto forces = forces_.newest();
     if (forces && forces->tick >= tick_) {
       Answer(*forces, response_);
       Finish(grpc::Status::OK);
-    } else if (std::chrono::steady_clock::now() > end_) {
+    } else if (is_last) {
       Finish(ToStatus(NoTick(ForceCommand::kStop, /*holds=*/true)));
     } else {
       // Another one: this may be the callback of the one before.

@@ -24,7 +24,7 @@ using DeviceList = std::function<std::vector<ListedDevice>()>;
 class DeviceService final
     : public v1::DeviceService::WithCallbackMethod_StopForces<v1::DeviceService::Service> {
  public:
-  // Borrows all but the list. `forces` gets the servo's samples.
+  // Borrows all but the list.
   DeviceService(Access& access, HapticDevice& device, ServoLoop& servo, const SceneInbox& inbox,
                 const ForceWatch& forces, DeviceList list)
       : access_(access),

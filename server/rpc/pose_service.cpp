@@ -36,7 +36,8 @@ class PoseReactor final
   }
 
   void OnReadDone(bool ok) override {
-    const bool started = HandleRead(ok);
+    const grpc::Status asked = ok ? Ask() : grpc::Status::OK;
+    const bool started = HandleRead(ok, asked);
     // Not under the lock: the pump locks its sinks first and this stream then.
     if (started) pump_->Subscribe(weak_from_this(), Pump::Feed::kShown);
   }
@@ -71,8 +72,21 @@ class PoseReactor final
     std::int64_t newest_ns;
   };
 
-  // True when this request started the stream.
-  bool HandleRead(bool ok) {
+  // Of the request that begins the stream: takes what it needs of what all streams have.
+  // Not under the lock: a refusal is a line of the log, which blocks while nobody reads it.
+  grpc::Status Ask() {
+    if (!request_.has_start()) return grpc::Status::OK;
+    if (options_) return {grpc::StatusCode::INVALID_ARGUMENT, "`start` comes once"};
+    try {
+      options_ = ParsePoseStreamOptions(request_.start());
+    } catch (const Error& error) {
+      return ToStatus(error);
+    }
+    return admission_->TakeSamples(SamplesPerSecond(*options_));
+  }
+
+  // True when this request started the stream. `asked`: the answer of Ask.
+  bool HandleRead(bool ok, const grpc::Status& asked) {
     const std::lock_guard lock(mutex_);
     if (finished_) return false;
     if (!ok) {
@@ -82,7 +96,7 @@ class PoseReactor final
       return false;
     }
     const bool was_started = stream_.has_value();
-    const grpc::Status status = Take(request_);
+    const grpc::Status status = asked.ok() ? Take(request_) : asked;
     if (!status.ok()) {
       FinishOnce(status);
       return false;
@@ -99,15 +113,9 @@ class PoseReactor final
 
   grpc::Status Take(const v1::StreamPosesRequest& request) {
     if (request.has_start()) {
-      if (stream_) return {grpc::StatusCode::INVALID_ARGUMENT, "`start` comes once"};
-      try {
-        const PoseStreamOptions options = ParsePoseStreamOptions(request.start());
-        stream_.emplace(options);
-        acknowledges_ = options.max_unacknowledged.has_value();
-        metrics_->PoseStreamBegan();
-      } catch (const Error& error) {
-        return ToStatus(error);
-      }
+      stream_.emplace(*options_);
+      acknowledges_ = options_->max_unacknowledged.has_value();
+      metrics_->PoseStreamBegan();
       return grpc::Status::OK;
     }
     if (!stream_) return EndStatus();
@@ -155,6 +163,7 @@ class PoseReactor final
   std::optional<Admission> admission_;
   std::shared_ptr<PoseReactor> self_;
   v1::StreamPosesRequest request_;
+  std::optional<PoseStreamOptions> options_;  // of the reads, which come one by one
 
   std::mutex mutex_;  // guards what follows
   std::optional<PoseStream> stream_;

@@ -67,6 +67,10 @@ PoseStreamOptions ParsePoseStreamOptions(const v1::StreamPosesStart& start) {
   return options;
 }
 
+int SamplesPerSecond(const PoseStreamOptions& options) {
+  return static_cast<int>(std::ceil(kTickRateHz / static_cast<double>(options.ticks_per_sample)));
+}
+
 void PoseStream::Add(const TickSample& sample) {
   const std::uint64_t now = sample.tick + sample.missed_ticks;
   if (next_tick_ && now < *next_tick_) return;

@@ -21,6 +21,9 @@ struct PoseStreamOptions {
 };
 PoseStreamOptions ParsePoseStreamOptions(const v1::StreamPosesStart& start);
 
+// What it takes of the budget of all streams, rounded up.
+int SamplesPerSecond(const PoseStreamOptions& options);
+
 class PoseStream {
  public:
   explicit PoseStream(const PoseStreamOptions& options) : options_(options) {}

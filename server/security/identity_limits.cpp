@@ -11,13 +11,19 @@ std::string TooMany(int most, const std::string& what, const std::string& key) {
          " are the most for one client: end some, or raise limits." + key;
 }
 
+std::string TooManySamples(int asked, int most, int taken, const std::string& whose) {
+  return std::to_string(asked) + " samples per second more are too many: " + std::to_string(taken) +
+         " of the " + std::to_string(most) + " for " + whose +
+         " are taken; ask for a lower rate, end other streams of poses, or raise "
+         "limits.pose_samples_per_s";
+}
+
 }  // namespace
 
 std::optional<std::string> IdentityLimits::Enter(const std::string& identity, CallKind kind,
                                                  std::int64_t now_ns) {
   const std::lock_guard lock(mutex_);
-  const RateLimit full(options_.calls_per_s, options_.calls_per_s);
-  Use& use = uses_.try_emplace(identity, Use{.calls = full}).first->second;
+  Use& use = UseOf(identity);
   int& running = use.running[static_cast<std::size_t>(kind)];
   if (kind == CallKind::kCall && !use.calls.Take(now_ns)) {
     return std::to_string(options_.calls_per_s) +
@@ -39,6 +45,35 @@ std::optional<std::string> IdentityLimits::Enter(const std::string& identity, Ca
   }
   ++running;
   return std::nullopt;
+}
+
+IdentityLimits::Use& IdentityLimits::UseOf(const std::string& identity) {
+  const RateLimit full(options_.calls_per_s, options_.calls_per_s);
+  return uses_.try_emplace(identity, Use{.calls = full}).first->second;
+}
+
+std::optional<std::string> IdentityLimits::EnterSamples(const std::string& identity, bool is_local,
+                                                        int samples_per_s) {
+  const std::lock_guard lock(mutex_);
+  Use& use = UseOf(identity);
+  const int most = options_.pose_samples_per_s;
+  const int most_of_one = is_local ? most : most / 2;
+  if (use.samples_per_s + samples_per_s > most_of_one) {
+    return TooManySamples(samples_per_s, most_of_one, use.samples_per_s,
+                          is_local ? "the clients on the socket" : "one client over the network");
+  }
+  if (samples_per_s_ + samples_per_s > most) {
+    return TooManySamples(samples_per_s, most, samples_per_s_, "all clients together");
+  }
+  use.samples_per_s += samples_per_s;
+  samples_per_s_ += samples_per_s;
+  return std::nullopt;
+}
+
+void IdentityLimits::LeaveSamples(const std::string& identity, int samples_per_s) {
+  const std::lock_guard lock(mutex_);
+  UseOf(identity).samples_per_s -= samples_per_s;
+  samples_per_s_ -= samples_per_s;
 }
 
 void IdentityLimits::Leave(const std::string& identity, CallKind kind) {

@@ -19,6 +19,10 @@ namespace palpate {
 struct LimitOptions {
   int calls_per_s = 2000;  // as many at once
   int pose_streams = 256;
+  // Of all identities together; one over the network has half of it at most, so that none
+  // keeps the others out. A message costs the thread that carries samples 9 to 20 us: 32
+  // streams at 1 kHz are what it and the other calls can live with on two cores.
+  int pose_samples_per_s = 32'000;
   int volume_streams = 64;
   int transfers = 8;
 };
@@ -32,15 +36,25 @@ class IdentityLimits {
   std::optional<std::string> Enter(const std::string& identity, CallKind kind, std::int64_t now_ns);
   void Leave(const std::string& identity, CallKind kind);
 
+  // The same of the samples per second that a stream of poses asks for. `is_local`: on the
+  // socket.
+  std::optional<std::string> EnterSamples(const std::string& identity, bool is_local,
+                                          int samples_per_s);
+  void LeaveSamples(const std::string& identity, int samples_per_s);
+
  private:
   struct Use {
     RateLimit calls;
     std::array<int, 5> running{};  // by kind
+    int samples_per_s = 0;
   };
+
+  Use& UseOf(const std::string& identity);
 
   const LimitOptions options_;
   std::mutex mutex_;
   std::map<std::string, Use> uses_;  // of identities that the configuration names: few
+  int samples_per_s_ = 0;            // of all
 };
 
 }  // namespace palpate

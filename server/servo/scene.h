@@ -16,6 +16,7 @@
 #include "server/haptics/renderer.h"
 #include "server/realtime/snapshot_handoff.h"
 #include "server/realtime/spsc_ring.h"
+#include "server/servo/last_tick.h"
 #include "server/servo/servo_keyframe.h"
 #include "server/servo/tick_sample.h"
 
@@ -37,6 +38,8 @@ class TickOutbox : public SpscRing<TickSample, 4096> {  // four seconds
  public:
   // One every kKeyframeTicks; pushed before the sample of its tick.
   SpscRing<ServoKeyframe, 64> keyframes;
+  // After each tick; it holds the newest, however full the rings are.
+  LastTickBoard last;
 };
 
 }  // namespace palpate

@@ -41,6 +41,7 @@ void ServoLoop::Run() noexcept {
     if (tick->next_tick() % kKeyframeTicks == 0) outbox_.keyframes.TryPush(tick->Keyframe());
     const TickSample sample = tick->Run(*inbox_.Acquire(), time);
     outbox_.TryPush(sample);
+    outbox_.last.Tell(sample);
     ticks_.store(sample.tick + 1);
     missed_ticks_.store(sample.missed_ticks, std::memory_order_relaxed);
     faulty_ticks_.store(sample.faulty_ticks, std::memory_order_relaxed);

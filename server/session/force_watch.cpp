@@ -1,31 +1,27 @@
 #include "server/session/force_watch.h"
 
+#include <thread>
+
 namespace palpate {
 
-void ForceWatch::OnSample(const TickSample& sample) {
-  {
-    const std::lock_guard lock(mutex_);
-    const bool same =
-        newest_ && newest_->state == sample.force_state && newest_->reason == sample.force_reason;
-    newest_ = {sample.tick, sample.force_state, sample.force_reason, sample.force_limit_n,
-               same ? newest_->since_tick : sample.tick};
-  }
-  // Without a waiter this is no system call.
-  seen_.notify_all();
-}
-
 std::optional<ForceTick> ForceWatch::newest() const {
-  const std::lock_guard lock(mutex_);
-  return newest_;
+  const std::optional<LastTick> last = board_.newest();
+  if (!last) return std::nullopt;
+  return ForceTick{last->tick, last->force_state, last->force_reason, last->force_limit_n,
+                   last->forces_since_tick};
 }
 
 std::optional<ForceTick> ForceWatch::WaitForTick(std::uint64_t tick,
                                                  std::chrono::milliseconds timeout) const {
-  std::unique_lock lock(mutex_);
-  if (!seen_.wait_for(lock, timeout, [&] { return newest_ && newest_->tick >= tick; })) {
-    return std::nullopt;
+  const auto end = std::chrono::steady_clock::now() + timeout;
+  while (true) {
+    // Before the look: a thread that was kept off its core looks once more.
+    const bool is_last = std::chrono::steady_clock::now() >= end;
+    const std::optional<ForceTick> now = newest();
+    if (now && now->tick >= tick) return now;
+    if (is_last) return std::nullopt;
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
   }
-  return newest_;
 }
 
 }  // namespace palpate

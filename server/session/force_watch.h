@@ -1,16 +1,16 @@
 // What the safety stage did with forces in the newest tick, for those who ask and
 // those who wait for their command to have been taken.
 //
-// Threads: OnSample on the pump's; the rest on any ordinary thread.
+// Asks the servo's own board, not the samples: those may be late, and an operator who
+// stops forces is not to be told that the loop stands when it runs.
+// Threads: any ordinary one. Ownership: borrows the board.
 #pragma once
 
 #include <chrono>
-#include <condition_variable>
 #include <cstdint>
-#include <mutex>
 #include <optional>
 
-#include "server/session/pump.h"
+#include "server/servo/last_tick.h"
 
 namespace palpate {
 
@@ -23,20 +23,18 @@ struct ForceTick {
   std::uint64_t since_tick = 0;
 };
 
-class ForceWatch : public SampleSink {
+class ForceWatch {
  public:
-  void OnSample(const TickSample& sample) override;
+  explicit ForceWatch(const LastTickBoard& board) : board_(board) {}
 
   // None before the first tick.
   std::optional<ForceTick> newest() const;
   // The first tick seen with this number or a greater one; none when it does not come
-  // in time.
+  // in time. Looks each millisecond: the servo wakes nobody.
   std::optional<ForceTick> WaitForTick(std::uint64_t tick, std::chrono::milliseconds timeout) const;
 
  private:
-  mutable std::mutex mutex_;
-  mutable std::condition_variable seen_;
-  std::optional<ForceTick> newest_;
+  const LastTickBoard& board_;
 };
 
 }  // namespace palpate

@@ -14,6 +14,9 @@ constexpr std::int64_t kPeriodNs = 1'000'000;
 // After the start of the servo's tick: its work takes a few microseconds.
 constexpr std::int64_t kDelayNs = 100'000;
 constexpr std::size_t kRememberedRevisions = 1024;
+// Samples come within a few milliseconds of their tick, unless this machine has too much
+// to do.
+constexpr std::chrono::milliseconds kSamplePatience{500};
 
 void SleepUntil(std::int64_t time_ns) {
   const timespec time{time_ns / 1'000'000'000, time_ns % 1'000'000'000};
@@ -44,11 +47,20 @@ void Pump::Replace(std::shared_ptr<SampleReplacement> replacement) {
 
 std::optional<AppliedTick> Pump::WaitForScene(std::uint64_t scene_revision,
                                               std::chrono::milliseconds timeout) {
+  const auto end = std::chrono::steady_clock::now() + timeout;
   std::unique_lock lock(revisions_mutex_);
   const auto seen = [&] {
     return !first_uses_.empty() && first_uses_.back().scene_revision >= scene_revision;
   };
-  if (!revision_seen_.wait_for(lock, timeout, seen)) return std::nullopt;
+  while (!revision_seen_.wait_for(lock, std::min(timeout, kSamplePatience), seen)) {
+    // Before the look: a thread that was kept off its core looks once more.
+    const bool is_last = std::chrono::steady_clock::now() >= end;
+    const std::optional<LastTick> servo = outbox_.last.newest();
+    if (servo && servo->scene_revision >= scene_revision) {
+      return AppliedTick{servo->scene_since_tick, servo->scene_since_ns};
+    }
+    if (is_last) return std::nullopt;
+  }
   const auto first = std::lower_bound(
       first_uses_.begin(), first_uses_.end(), scene_revision,
       [](const FirstUse& use, std::uint64_t revision) { return use.scene_revision < revision; });

@@ -63,8 +63,9 @@ class Pump {
   // Null: none. When it returns, the one before is not called any more.
   void Replace(std::shared_ptr<SampleReplacement> replacement);
 
-  // First tick with this revision or a newer one; none when it does not come in
-  // time.
+  // First tick with this revision or a newer one; none when the servo does not use it
+  // in time. Samples name the tick; where they are late, the servo itself does, and then
+  // it is the first one of its newest scene.
   std::optional<AppliedTick> WaitForScene(std::uint64_t scene_revision,
                                           std::chrono::milliseconds timeout);
 

@@ -14,6 +14,12 @@ foreach(test daemon_stream_test daemon_control_test daemon_lifecycle_test daemon
     PALPATE="$<TARGET_FILE:palpate>"
     PALPATE_DATA_DIR="${PALPATE_DATA_DIR}")
 endforeach()
+palpate_integration_test(daemon_crowd_test daemon_crowd_test.cpp
+  palpate::wire palpate::proto palpate::realtime)
+target_sources(daemon_crowd_test PRIVATE ${PROJECT_SOURCE_DIR}/tests/load/servo_figures.cpp
+  ${PROJECT_SOURCE_DIR}/tests/load/subscriber.cpp)
+target_compile_definitions(daemon_crowd_test PRIVATE PALPATED="$<TARGET_FILE:palpated>")
+add_dependencies(daemon_crowd_test palpated)
 find_package(ZLIB REQUIRED)
 target_link_libraries(daemon_upload_test PRIVATE palpate::geometry ZLIB::ZLIB)
 target_link_libraries(daemon_series_test PRIVATE palpate::geometry)

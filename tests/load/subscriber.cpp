@@ -45,6 +45,11 @@ std::size_t Subscriber::received_so_far() const {
   return received_.size();
 }
 
+bool Subscriber::has_ended() const {
+  const std::lock_guard lock(mutex_);
+  return done_;
+}
+
 std::int64_t Subscriber::newest_ns() const {
   const std::lock_guard lock(mutex_);
   return received_.empty() ? 0 : received_.back().time_ns;

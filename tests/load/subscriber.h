@@ -44,6 +44,8 @@ class Subscriber final
 
   const SubscriberKind& kind() const { return kind_; }
   std::size_t received_so_far() const;
+  // By the daemon, or by Stop.
+  bool has_ended() const;
   // Time of the newest tick so far; 0: none.
   std::int64_t newest_ns() const;
   const std::vector<Received>& received() const { return received_; }

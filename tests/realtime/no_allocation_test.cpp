@@ -126,6 +126,7 @@ TEST(NoAllocation, ATickNeitherAllocatesNorFrees) {
     if (n % kKeyframeTicks == 0) outbox->keyframes.TryPush(tick.Keyframe());
     const TickSample sample = tick.Run(scene, time);
     outbox->TryPush(sample);
+    outbox->last.Tell(sample);
     contacts += sample.contact;
     edits += sample.contact && &scene == edited.get();
     ejecting += sample.mode == TickMode::kEjecting;

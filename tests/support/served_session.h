@@ -20,9 +20,7 @@ class ServedSession {
   explicit ServedSession(const std::string& socket)
       : server_({.socket_path = socket, .listen = {}, .paths = {}, .uploads = {}},
                 {data_.session(), editor_, series_, recording_, data_.pump(), device_, servo_,
-                 data_.inbox(), *forces_, [] { return std::vector<ListedDevice>(); }, metrics_}) {
-    data_.pump().Subscribe(forces_);
-  }
+                 data_.inbox(), forces_, [] { return std::vector<ListedDevice>(); }, metrics_}) {}
 
   EditableSession& data() { return data_; }
   RpcServer& server() { return server_; }
@@ -39,7 +37,7 @@ class ServedSession {
       SafetyLimits{}};
   SimulatedDevice device_{std::make_unique<PathScript>(std::vector<Vec3>{Vec3::Zero()}, 1.0)};
   ServoLoop servo_{device_, data_.inbox(), data_.outbox(), {}, SafetyLimits{}};
-  std::shared_ptr<ForceWatch> forces_ = std::make_shared<ForceWatch>();
+  const ForceWatch forces_{data_.outbox().last};
   prometheus::Registry registry_;
   ServiceMetrics metrics_{registry_};
   RpcServer server_;

@@ -178,6 +178,7 @@ role = "admin"
 connections = 1
 calls_per_s = 2
 pose_streams = 3
+pose_samples_per_s = 2000
 volume_streams = 4
 transfers = 5
 )")
@@ -194,6 +195,7 @@ transfers = 5
   EXPECT_EQ(security.connections, 1);
   EXPECT_EQ(security.limits.calls_per_s, 2);
   EXPECT_EQ(security.limits.pose_streams, 3);
+  EXPECT_EQ(security.limits.pose_samples_per_s, 2000);
   EXPECT_EQ(security.limits.volume_streams, 4);
   EXPECT_EQ(security.limits.transfers, 5);
 }
@@ -211,6 +213,7 @@ TEST_F(ConfigTest, SecurityThatCannotWorkIsRefused) {
       {pair + "[[tls.client]]\nname = \"a\"\n", ":4: tls.client has san and role, and no name"},
       {"[tls]\nclient = 3\n", ":2: tls.client must be [[tls.client]]"},
       {"[limits]\npose_streams = 0\n", ":2: limits.pose_streams must be a whole number"},
+      {"[limits]\npose_samples_per_s = 1999\n", ":2: limits.pose_samples_per_s must be a whole"},
   };
   for (const auto& [text, why] : cases) {
     EXPECT_NE(Refusal(text).find(why), std::string::npos) << text << Refusal(text);

@@ -69,7 +69,6 @@ class Rig {
   explicit Rig(VerificationLevel level = VerificationLevel::kNone, bool ticks = true)
       : device(level) {
     data_.Load("builtin:sphere:16");
-    data_.pump().Subscribe(forces_);
     data_.pump().Start();
     if (ticks) servo_.Start();
   }
@@ -108,6 +107,7 @@ class Rig {
   }
 
   ServoLoop& servo() { return servo_; }
+  Pump& pump() { return data_.pump(); }
 
   FakeDevice device;
   std::vector<ListedDevice> list;
@@ -123,13 +123,13 @@ class Rig {
   }
 
   testing::EditableSession data_;
-  std::shared_ptr<ForceWatch> forces_ = std::make_shared<ForceWatch>();
+  const ForceWatch forces_{data_.outbox().last};
   ServoLoop servo_{
       device, data_.inbox(), data_.outbox(), {}, LimitsFor(device.spec(), kBothButtons)};
 
  public:
   Access access_;
-  DeviceService service{access_, device, servo_, data_.inbox(), *forces_, [this] { return list; }};
+  DeviceService service{access_, device, servo_, data_.inbox(), forces_, [this] { return list; }};
 
  private:
   std::unique_ptr<grpc::Server> server_ =
@@ -250,6 +250,25 @@ TEST(DeviceService, AStopOfAServoThatStandsStaysSet) {
   EXPECT_EQ(rig.device.pushes, 0);
 }
 
+// Samples that nobody carries say nothing about the loop.
+TEST(DeviceService, AnswersWhileThePumpStandsStill) {
+  Rig rig;
+  ASSERT_TRUE(rig.Enable("fake-usb").ok());
+  rig.pump().Stop();
+  for (int n = 0; n < 3; ++n) {
+    const grpc::Status stop = rig.Stop();
+    ASSERT_TRUE(stop.ok()) << stop.error_message();
+    EXPECT_EQ(rig.answer.state(), v1::FORCE_STATE_STOPPED);
+    const std::uint64_t stopped_tick = rig.applied_tick;
+    const grpc::Status enable = rig.Enable("fake-usb");
+    ASSERT_TRUE(enable.ok()) << enable.error_message();
+    EXPECT_GT(rig.applied_tick, stopped_tick);
+    EXPECT_TRUE(rig.Becomes(v1::FORCE_STATE_ON));
+  }
+  ASSERT_TRUE(rig.Disable().ok());
+  EXPECT_EQ(rig.answer.state(), v1::FORCE_STATE_OFF);
+}
+
 TEST(DeviceService, GetDeviceTellsAll) {
   Rig rig;
   rig.device.SetHealth({.connection = DeviceConnection::kConnecting,
@@ -307,7 +326,7 @@ TEST(DeviceService, AFailedSearchIsTold) {
   testing::EditableSession data;
   FakeDevice device(VerificationLevel::kNone);
   ServoLoop servo(device, data.inbox(), data.outbox(), {}, {});
-  const ForceWatch forces;
+  const ForceWatch forces(data.outbox().last);
   Access access;
   DeviceService service(access, device, servo, data.inbox(), forces,
                         []() -> std::vector<ListedDevice> {

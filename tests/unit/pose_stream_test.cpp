@@ -49,6 +49,15 @@ TEST(PoseStreamOptions, APlainStreamHasAtMostHundredMessagesPerSecond) {
   }
 }
 
+TEST(PoseStreamOptions, CostWhatIsSampledNotWhatWasAskedFor) {
+  EXPECT_EQ(SamplesPerSecond(Options(1000, 1, 4)), 1000);
+  EXPECT_EQ(SamplesPerSecond(Options(1000, 256)), 1000);
+  EXPECT_EQ(SamplesPerSecond(Options(667, 1, 4)), 1000);  // every tick
+  EXPECT_EQ(SamplesPerSecond(Options(60, 1, 4)), 59);
+  EXPECT_EQ(SamplesPerSecond(Options(0, 0)), 59);
+  EXPECT_EQ(SamplesPerSecond(Options(1e-9, 1)), 1);
+}
+
 TEST(PoseStream, SamplesInLoopTimeWhateverIsMissed) {
   PoseStream stream(Options(100, 3, 8));
   std::vector<std::uint64_t> times;

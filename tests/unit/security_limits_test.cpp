@@ -64,6 +64,43 @@ TEST(IdentityLimits, CallsThatLastAreSoManyAtATime) {
   EXPECT_TRUE(limits.Enter("a", CallKind::kCall, kSecond));
 }
 
+TEST(IdentityLimits, SamplesOfPosesAreForAllTogetherAndHalfForOneOverTheNetwork) {
+  IdentityLimits limits({.pose_samples_per_s = 8000});
+  const auto taken = [&](const char* who, bool is_local, int samples_per_s) {
+    int streams = 0;
+    for (int n = 0; n < 100; ++n) streams += !limits.EnterSamples(who, is_local, samples_per_s);
+    return streams;
+  };
+  EXPECT_EQ(taken("token a", false, 1000), 4);
+  const auto refusal = limits.EnterSamples("token a", false, 59);
+  ASSERT_TRUE(refusal);
+  for (const char* part : {"59 samples per second", "4000 of the 4000 for one client",
+                           "ask for a lower rate", "end other", "limits.pose_samples_per_s"}) {
+    EXPECT_NE(refusal->find(part), std::string::npos) << *refusal;
+  }
+  EXPECT_EQ(refusal->find('\n'), std::string::npos);
+  // Others still get in, and the socket has what is left.
+  EXPECT_EQ(taken("token b", false, 59), 67);
+  EXPECT_EQ(taken("socket", true, 10), 4);
+  EXPECT_NE(limits.EnterSamples("token c", false, 59)->find("of the 8000 for all clients"),
+            std::string::npos);
+  // What ends makes room, for whoever comes.
+  for (int n = 0; n < 4; ++n) limits.LeaveSamples("token a", 1000);
+  EXPECT_EQ(taken("socket", true, 1000), 4);
+  EXPECT_EQ(taken("token a", false, 1000), 0);
+  for (int n = 0; n < 67; ++n) limits.LeaveSamples("token b", 59);
+  for (int n = 0; n < 4; ++n) limits.LeaveSamples("socket", 1000);
+  for (int n = 0; n < 4; ++n) limits.LeaveSamples("socket", 10);
+  EXPECT_EQ(taken("socket", true, 1000), 8);
+}
+
+// What the shipped budget is made for.
+TEST(IdentityLimits, OneClientMayHaveEightStreamsAtFullRateAndSixtyFourViewers) {
+  IdentityLimits limits({});
+  for (int n = 0; n < 8; ++n) EXPECT_FALSE(limits.EnterSamples("a", false, 1000));
+  for (int n = 0; n < 64; ++n) EXPECT_FALSE(limits.EnterSamples("a", false, 59));
+}
+
 TEST(RefusalLog, AFloodIsAFewLinesThatSayHowMany) {
   RefusalLog log;
   int lines = 0;

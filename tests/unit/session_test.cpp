@@ -227,6 +227,22 @@ TEST_F(SessionTest, NoTickMixesRevisionsUnderAStreamOfUpdates) {
   EXPECT_EQ(checker->went_back_, 0);
 }
 
+// Samples that nobody carries say nothing about the loop.
+TEST_F(SessionTest, AnUpdateIsAppliedWhileThePumpStandsStill) {
+  const SettingsApplied before = session_->Update({.isovalue = 0.4});
+  pump_->Stop();
+  SettingsApplied last = before;
+  for (const double isovalue : {0.5, 0.6, 0.7}) {
+    const SettingsApplied applied = session_->Update({.isovalue = isovalue});
+    EXPECT_EQ(applied.state.settings.isovalue, isovalue);
+    EXPECT_GT(applied.applied.tick, last.applied.tick);
+    EXPECT_GT(applied.applied.time_ns, last.applied.time_ns);
+    last = applied;
+  }
+  servo_->Stop();
+  EXPECT_EQ(Refusal([&] { session_->Update({.isovalue = 0.5}); }), ErrorKind::kUnavailable);
+}
+
 TEST_F(SessionTest, AnUpdateWithoutAServoIsRefused) {
   servo_->Stop();
   EXPECT_EQ(Refusal([&] { session_->Update({.isovalue = 0.5}); }), ErrorKind::kUnavailable);

@@ -1,0 +1,25 @@
+#include "server/servo/last_tick.h"
+
+namespace palpate {
+
+void LastTickBoard::Tell(const TickSample& sample) noexcept {
+  const bool same_forces = last_ && last_->force_state == sample.force_state &&
+                           last_->force_reason == sample.force_reason;
+  const bool same_scene = last_ && last_->scene_revision == sample.scene_revision;
+  last_ = {.tick = sample.tick,
+           .force_state = sample.force_state,
+           .force_reason = sample.force_reason,
+           .force_limit_n = sample.force_limit_n,
+           .forces_since_tick = same_forces ? last_->forces_since_tick : sample.tick,
+           .scene_revision = sample.scene_revision,
+           .scene_since_tick = same_scene ? last_->scene_since_tick : sample.tick,
+           .scene_since_ns = same_scene ? last_->scene_since_ns : sample.time_ns};
+  told_.Write(last_);
+}
+
+std::optional<LastTick> LastTickBoard::newest() const {
+  const std::lock_guard lock(readers_);
+  return told_.Read();
+}
+
+}  // namespace palpate
