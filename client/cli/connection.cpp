@@ -1,7 +1,11 @@
 #include "client/cli/connection.h"
 
-#include <chrono>
+#include <sys/stat.h>
 
+#include <chrono>
+#include <cstdio>
+
+#include "client/cli/output.h"
 #include "common/wire/status.h"
 
 namespace palpate::cli {
@@ -17,8 +21,18 @@ Error WithOption(const Error& error, bool is_socket) {
 
 }  // namespace
 
+std::string TokenFileWarning(const std::string& path) {
+  struct stat info {};
+  if (path.empty() || stat(path.c_str(), &info) != 0 || (info.st_mode & S_IROTH) == 0) return "";
+  return "the token file " + path +
+         " may be read by every account of this machine: 'chmod 600' it, and ask for a new token "
+         "where others could have read this one";
+}
+
 Connection::Connection(const client::Address& address, const client::Credentials& credentials)
     : route_(address, credentials), channel_(route_.MakeChannel({})) {
+  const std::string warning = TokenFileWarning(route_.token_file());
+  if (!warning.empty()) std::fprintf(stderr, "palpate: warning: %s\n", OneLine(warning).c_str());
   WaitUntilReady();
 }
 

@@ -11,10 +11,13 @@
 
 namespace palpate::cli {
 
+// What to warn of where others may read the file with our token; empty: nothing.
+std::string TokenFileWarning(const std::string& path);
+
 // Threads: main only, but the channel is as thread-safe as any of gRPC.
 class Connection {
  public:
-  // Connects within 3 s.
+  // Connects within 3 s. Warns on stderr of a token file that others may read.
   // Errors: Error saying what to do; kUnavailable when nothing answers there,
   // kPermissionDenied, kInvalidArgument for an address that is none.
   Connection(const client::Address& address, const client::Credentials& credentials);

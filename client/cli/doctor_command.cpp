@@ -3,9 +3,12 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <chrono>
+#include <thread>
 
 #include "client/cli/description.h"
 #include "client/cli/doctor_checks.h"
+#include "client/cli/doctor_daemon.h"
 #include "client/cli/doctor_ports.h"
 #include "client/cli/output.h"
 #include "common/wire/address.h"
@@ -13,6 +16,9 @@
 
 namespace palpate::cli {
 namespace {
+
+// Some hundreds of ticks.
+constexpr std::chrono::milliseconds kWatched{300};
 
 constexpr const char* NameOf(Verdict verdict) {
   switch (verdict) {
@@ -46,17 +52,25 @@ Finding ServoFinding(const v1::ServoDescription& servo) {
           advice};
 }
 
+v1::GetDeviceResponse GetDevice(const Connection& connection) {
+  return connection.Call(*v1::DeviceService::NewStub(connection.channel()),
+                         &v1::DeviceService::Stub::GetDevice, v1::GetDeviceRequest());
+}
+
 // What the daemon itself says, where it answers.
 void AskDaemon(const client::Address& address, const client::Credentials& credentials,
                std::vector<Finding>& findings) {
   try {
     const Connection connection(address, credentials);
-    const v1::GetDeviceResponse device =
-        connection.Call(*v1::DeviceService::NewStub(connection.channel()),
-                        &v1::DeviceService::Stub::GetDevice, v1::GetDeviceRequest());
+    const v1::GetDeviceResponse first = GetDevice(connection);
     findings.push_back({"daemon", Verdict::kOk, "answers at " + connection.name()});
-    findings.push_back(VersionFinding(device.servo().version()));
-    findings.push_back(ServoFinding(device.servo()));
+    findings.push_back(VersionFinding(first.servo().version()));
+    findings.push_back(ServoFinding(first.servo()));
+    std::this_thread::sleep_for(kWatched);
+    const v1::GetDeviceResponse last = GetDevice(connection);
+    findings.push_back(JudgeTicks(first.servo(), last.servo()));
+    findings.push_back(JudgeDevice(last));
+    findings.push_back(JudgeForces(last.forces()));
   } catch (const Error& error) {
     findings.push_back({"daemon", Verdict::kWarn, OneLine(error.what()),
                         "systemctl status palpated; journalctl -u palpated"});
@@ -73,11 +87,12 @@ std::string ToLine(const Finding& finding) {
 }  // namespace
 
 void AddDoctor(CLI::App& app, DoctorValues& values) {
-  CLI::App* command =
-      app.add_subcommand("doctor",
-                         "Checks this machine: kernel, rights, clock, devices, folders, ports, and "
-                         "the daemon if there\n"
-                         "is one; says for each whether it is ok, and what to do where it is not.");
+  CLI::App* command = app.add_subcommand(
+      "doctor",
+      "Checks this machine: kernel, rights, clock, devices, folders, ports; and "
+      "of the daemon, if there\n"
+      "is one, its device, forces and ticks. Says for each whether it is ok, and "
+      "what to do where it is not.");
   command->footer(
       "Exit code 10 where something cannot work as it is.\n"
       "Example: palpate doctor --json | jq '.checks[] | select(.verdict != \"ok\")'");

@@ -24,6 +24,9 @@ class Route {
   // Empty over TCP.
   const std::string& socket_path() const { return socket_path_; }
 
+  // That of the credentials or of $PALPATE_TOKEN_FILE; empty: no token is sent.
+  const std::string& token_file() const { return credentials_.token_file; }
+
   // Reads the credentials' files anew, so that renewed ones are taken. Errors:
   // kNotFound, kInvalidArgument for such a file.
   std::shared_ptr<grpc::Channel> MakeChannel(const grpc::ChannelArguments& arguments) const;

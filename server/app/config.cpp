@@ -1,10 +1,11 @@
 #include "server/app/config.h"
 
-#include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <functional>
 #include <map>
+#include <set>
 #include <sstream>
 #include <string_view>
 
@@ -189,12 +190,28 @@ std::string Value(const toml::node& node) {
   return text.str();
 }
 
+// "haptics" of "haptics.method"; every one has keys.
+std::set<std::string> Tables() {
+  std::set<std::string> tables;
+  for (const auto& [key, set] : Setters()) tables.insert(key.substr(0, key.find('.')));
+  return tables;
+}
+
+ConfigFault UnknownTable(const std::string& name, std::size_t line) {
+  return {name, line,
+          fmt::format("is no table of palpated: there are {}", fmt::join(Tables(), ", "))};
+}
+
 void Apply(const toml::table& table, const std::string& prefix, Config& config,
            ConfigReading& reading) {
   for (const auto& [name, node] : table) {
     const std::string key = prefix + std::string(name.str());
     const std::size_t line = node.source().begin.line;
     if (const toml::table* section = node.as_table()) {
+      if (!Tables().contains(key)) {
+        reading.faults.push_back(UnknownTable(key, line));
+        continue;
+      }
       Apply(*section, key + ".", config, reading);
       continue;
     }
@@ -204,12 +221,15 @@ void Apply(const toml::table& table, const std::string& prefix, Config& config,
       setter->second(Entry{node}, config);
       reading.keys[key] = {line, Value(node)};
     } catch (const Error& error) {
-      const std::string_view what = error.what();
-      const bool is_sentence = what.starts_with("must ") || what.starts_with("is ") ||
-                               what.starts_with("has ") || what.starts_with("needs ");
-      reading.faults.push_back({key, line, (is_sentence ? "" : ": ") + std::string(what)});
+      reading.faults.push_back({key, line, error.what()});
     }
   }
+}
+
+// Whether it makes a sentence with the key before it.
+bool GoesOn(std::string_view what) {
+  return what.starts_with("must ") || what.starts_with("is ") || what.starts_with("has ") ||
+         what.starts_with("needs ");
 }
 
 }  // namespace
@@ -224,11 +244,12 @@ ConfigReading ReadConfig(const std::filesystem::path& path, Config& config) {
   ConfigReading reading;
   try {
     Apply(toml::parse_file(path.string()), "", config, reading);
-    CheckSecurity(config.security);
+    AppendSecurityFaults(config.security, reading);
   } catch (const toml::parse_error& error) {
-    reading.faults.push_back({"", error.source().begin.line, std::string(error.description())});
-  } catch (const Error& error) {
-    reading.faults.push_back({"", 0, error.what()});
+    const std::size_t line = error.source().begin.line;
+    const std::string what(error.description());
+    // It cannot be opened.
+    reading.faults.push_back({"", line, line > 0 ? what : path.string() + ": " + what});
   }
   // Tables are sorted by name; people read lines.
   std::stable_sort(reading.faults.begin(), reading.faults.end(),
@@ -236,17 +257,18 @@ ConfigReading ReadConfig(const std::filesystem::path& path, Config& config) {
   return reading;
 }
 
-ConfigKeys ReadConfigFile(const std::filesystem::path& path, Config& config) {
-  ConfigReading reading = ReadConfig(path, config);
-  if (reading.faults.empty()) return std::move(reading.keys);
-  throw Error(ErrorKind::kInvalidArgument, ToText(path, reading.faults.front()));
+std::string ToText(const std::filesystem::path& path, const ConfigFault& fault) {
+  std::string text;
+  if (fault.line > 0) text = fmt::format("{}:{}: ", path.string(), fault.line);
+  if (fault.key.empty()) return text + fault.what;
+  return text + fault.key + (GoesOn(fault.what) ? " " : ": ") + fault.what;
 }
 
-std::string ToText(const std::filesystem::path& path, const ConfigFault& fault) {
-  std::string text = path.string() + ":";
-  if (fault.line > 0) text += std::to_string(fault.line) + ":";
-  if (!fault.key.empty()) text += " " + fault.key;
-  return text + " " + fault.what;
+Error AtKey(const LoadedConfig& loaded, std::string_view key, const Error& error) {
+  const auto at = loaded.keys.find(key);
+  if (at == loaded.keys.end()) return error;
+  const ConfigFault fault{at->first, at->second.line, error.what()};
+  return {error.kind(), ToText(loaded.file, fault)};
 }
 
 }  // namespace palpate

@@ -1,6 +1,6 @@
 // What palpated is told at start: a TOML file, and the command line over it.
 //
-// Threads: main. Errors: Error (kInvalidArgument) that names file, line and key.
+// Threads: main. Errors: faults, each with line and key.
 #pragma once
 
 #include <cstdint>
@@ -8,8 +8,10 @@
 #include <map>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
+#include "common/error/error.h"
 #include "common/geometry/geometry.h"
 #include "common/isosurface/decomposition.h"
 #include "common/wire/address.h"
@@ -57,8 +59,9 @@ using ConfigKeys = std::map<std::string, ConfigKey, std::less<>>;
 // What is wrong with a key, or with the file where there is none.
 struct ConfigFault {
   std::string key;
-  std::size_t line = 0;  // 0: unknown
-  std::string what;
+  std::size_t line = 0;  // 0: it does not stand in the file
+  std::string what;      // "must be from 0 to 3 N", or "cannot read FILE: ..."
+  ErrorKind kind = ErrorKind::kInvalidArgument;
 };
 
 struct ConfigReading {
@@ -66,15 +69,23 @@ struct ConfigReading {
   std::vector<ConfigFault> faults;  // in the file's order
 };
 
+// A configuration, and what of it stands in the file; without keys that the command
+// line overrides.
+struct LoadedConfig {
+  Config config;
+  ConfigKeys keys;
+  std::filesystem::path file;  // empty: none
+};
+
 // Reads the keys of `path` into `config`; what the file does not name stays, and what
-// is wrong is left out.
+// is wrong is left out. Opens no other file.
 ConfigReading ReadConfig(const std::filesystem::path& path, Config& config);
 
-// The same; throws the first fault.
-ConfigKeys ReadConfigFile(const std::filesystem::path& path, Config& config);
-
-// "FILE:LINE: KEY WHAT"
+// "FILE:LINE: KEY: WHAT", or "KEY WHAT" where that is a sentence; without the file where no line of it is to blame.
 std::string ToText(const std::filesystem::path& path, const ConfigFault& fault);
+
+// `error` as a fault of that key, if it stands in the file.
+Error AtKey(const LoadedConfig& loaded, std::string_view key, const Error& error);
 
 DecompositionMethod ParseMethod(const std::string& name);
 

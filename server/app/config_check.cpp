@@ -1,66 +1,115 @@
 #include "server/app/config_check.h"
 
-#include <sched.h>
 #include <unistd.h>
 
+#include <algorithm>
+#include <cerrno>
+#include <chrono>
+#include <cmath>
 #include <cstdio>
+#include <cstring>
 
-#include "common/error/error.h"
 #include "common/isosurface/decomposition.h"
 #include "server/app/devices.h"
+#include "server/app/log.h"
+#include "server/metrics/exporter.h"
 #include "server/rpc/server.h"
-#include "server/session/builtin_source.h"
+#include "server/security/certificates.h"
+#include "server/security/token_file.h"
+#include "server/session/range.h"
+#include "server/session/volume_check.h"
 
 namespace palpate {
 namespace {
 
 class Check {
  public:
-  explicit Check(const ConfigKeys& keys) : keys_(keys) {}
+  Check(const ConfigKeys& keys, const std::vector<ConfigFault>& known)
+      : keys_(keys), known_(known) {}
 
-  void Fault(const std::string& key, const std::string& what) {
-    const auto known = keys_.find(key);
-    faults_.push_back({key, known == keys_.end() ? 0 : known->second.line, what});
+  void Fault(const std::string& key, const std::string& what,
+             ErrorKind kind = ErrorKind::kInvalidArgument) {
+    const auto at = keys_.find(key);
+    faults_.push_back({key, at == keys_.end() ? 0 : at->second.line, what, kind});
   }
-  // `what` of the Error that `attempt` throws.
-  void Try(const std::string& key, const std::function<void()>& attempt) {
+  // `what` of the Error that `attempt` throws; whether it throws none.
+  bool Try(const std::string& key, const std::function<void()>& attempt) {
     try {
       attempt();
+      return true;
     } catch (const Error& error) {
-      Fault(key, std::string(": ") + error.what());
+      Fault(key, error.what(), error.kind());
+      return false;
     }
   }
-  void Readable(const std::string& key, const std::string& path) {
-    if (!path.empty() && access(path.c_str(), R_OK) != 0) {
-      Fault(key, ": " + path + " is not there, or may not be read");
-    }
+  bool Readable(const std::string& key, const std::string& path) {
+    if (path.empty() || access(path.c_str(), R_OK) == 0) return true;
+    const int error = errno;
+    Fault(key,
+          "cannot read " + path + ": " + std::strerror(error) +
+              "; correct the path, or who may read it",
+          error == EACCES ? ErrorKind::kPermissionDenied : ErrorKind::kNotFound);
+    return false;
+  }
+  // Whether one that begins so is wrong by itself, and its value not that of the file.
+  bool Knows(std::string_view key) const {
+    return std::any_of(known_.begin(), known_.end(),
+                       [&](const ConfigFault& fault) { return fault.key.starts_with(key); });
   }
 
   std::vector<ConfigFault> Take() { return std::move(faults_); }
 
  private:
   const ConfigKeys& keys_;
+  const std::vector<ConfigFault>& known_;
   std::vector<ConfigFault> faults_;
 };
 
+bool CheckSource(const Config& config, Check& check) {
+  if (check.Knows("volume.source")) return false;
+  if (!config.volume.starts_with("builtin:")) return check.Readable("volume.source", config.volume);
+  return check.Try("volume.source", [&] { CheckBuiltinSource(config.volume); });
+}
+
 void CheckVolume(const Config& config, Check& check) {
-  if (config.volume.starts_with("builtin:")) {
-    check.Try("volume.source", [&] { CheckBuiltinSource(config.volume); });
-  } else {
-    check.Readable("volume.source", config.volume);
+  const bool has_source = CheckSource(config, check);
+  const auto& spacing = config.spacing_mm;
+  const auto& scale = config.device_mm_per_volume_mm;
+  const bool has_spacing =
+      !spacing || check.Try("volume.spacing_mm", [&] { CheckVoxelSpacing(*spacing); });
+  if (scale) {
+    // Some are wrong whatever the volume is.
+    const std::string source = has_source && has_spacing ? config.volume : "";
+    check.Try("volume.device_mm_per_volume_mm",
+              [&] { CheckScale(source, has_spacing ? spacing : std::nullopt, *scale); });
+  }
+  // Its range is that of the volume: known once it is loaded, and another for each.
+  if (config.isovalue && !std::isfinite(*config.isovalue)) {
+    check.Fault("volume.isovalue", "must be a finite number");
   }
   if (config.isovalue && config.normalized_isovalue) {
     check.Fault("volume.normalized_isovalue", "must not be given together with volume.isovalue");
   }
-  const double share = config.normalized_isovalue.value_or(0.5);
-  if (!(share >= 0.0 && share <= 1.0)) {
-    check.Fault("volume.normalized_isovalue", "must be from 0 to 1");
+  check.Try("volume.normalized_isovalue", [&] {
+    CheckRange("normalized isovalue", config.normalized_isovalue.value_or(0.5), 0.0, 1.0, "");
+  });
+}
+
+// Of the command line: those of a file were checked when they were read.
+void CheckHaptics(const Config& config, Check& check) {
+  for (const NumberSetting& setting : kNumberSettings) {
+    check.Try("haptics." + std::string(setting.key), [&] {
+      CheckRange(setting.key, config.haptics.*setting.member, setting.low, setting.high,
+                 setting.unit);
+    });
   }
 }
 
 void CheckDevice(const Config& config, Check& check) {
   check.Readable("device.falcon_firmware", config.device.falcon_firmware);
-  check.Try("device.kind", [&] {
+  const bool replays = config.device.kind == "replay" && !config.device.replay_file.empty();
+  if (replays && !check.Readable("device.replay_file", config.device.replay_file)) return;
+  check.Try(replays ? "device.replay_file" : "device.kind", [&] {
     const auto device = MakeDevice(config.device, config.realtime.priority - 1);
     check.Try("device.stop_buttons", [&] { StopButtons(config.device, device->spec()); });
     if (IsHardware(device->spec()) && !IsSafe(config.method)) {
@@ -69,46 +118,98 @@ void CheckDevice(const Config& config, Check& check) {
   });
 }
 
-void CheckServer(const Config& config, Check& check) {
+// The files of [tls], as they are used when the daemon starts.
+void CheckTls(const SecurityOptions& security, Check& check) {
+  const auto now = std::chrono::system_clock::now();
+  const TlsOptions& tls = security.tls;
+  const bool has_pair = !tls.certificate.empty() && !tls.key.empty();
+  const bool has_key = tls.key.empty() || check.Try("tls.key", [&] { CheckKey(tls.key); });
+  const bool has_certificate = tls.certificate.empty() || check.Try("tls.certificate", [&] {
+    CheckCertificate(tls.certificate, now);
+  });
+  if (has_pair && has_key && has_certificate) {
+    check.Try("tls.key", [&] { CheckPair(tls.certificate, tls.key, now); });
+  }
+  const PolicyOptions& policy = security.policy;
+  if (!policy.client_ca.empty()) {
+    check.Try("tls.client_ca", [&] { ClientAuthority{policy.client_ca}; });
+  }
+  if (!policy.tokens.empty()) check.Try("tls.tokens", [&] { ReadTokenFile(policy.tokens); });
+}
+
+void CheckAddresses(const Config& config, Check& check) {
   check.Try("server.socket", [&] {
     if (!config.socket_path.empty()) UnixTarget(config.socket_path);
   });
-  check.Try("server.listen", [&] {
-    if (config.listen) CheckListen(*config.listen, config.security);
-  });
-  if (config.realtime.cpu >= sysconf(_SC_NPROCESSORS_CONF)) {
-    check.Fault("realtime.cpu", "is no core of this machine");
+  // What of [tls] cannot be read may well allow it.
+  if (config.listen && !check.Knows("tls")) {
+    check.Try("server.listen", [&] { CheckListen(*config.listen, config.security); });
   }
+  if (config.metrics_listen) {
+    check.Try("metrics.listen", [&] { CheckMetricsListen(*config.metrics_listen); });
+  }
+}
+
+void SortByLine(std::vector<ConfigFault>& faults) {
+  std::stable_sort(faults.begin(), faults.end(),
+                   [](const auto& a, const auto& b) { return a.line < b.line; });
 }
 
 }  // namespace
 
-std::vector<ConfigFault> CheckConfig(const Config& config, const ConfigKeys& keys) {
-  Check check(keys);
+ConfigError::ConfigError(const std::filesystem::path& file, const std::vector<ConfigFault>& faults)
+    : Error(faults.front().kind, ToText(file, faults.front())) {
+  for (const ConfigFault& fault : faults) lines_.push_back(ToText(file, fault));
+}
+
+std::vector<ConfigFault> CheckConfig(const Config& config, const ConfigKeys& keys,
+                                     const std::vector<ConfigFault>& known) {
+  Check check(keys, known);
   CheckVolume(config, check);
+  CheckHaptics(config, check);
   CheckDevice(config, check);
-  CheckServer(config, check);
+  CheckTls(config.security, check);
+  CheckAddresses(config, check);
+  check.Try("log.level", [&] { CheckLogLevel(config.log_level); });
+  if (config.realtime.cpu >= sysconf(_SC_NPROCESSORS_CONF)) {
+    check.Fault("realtime.cpu", "is no core of this machine");
+  }
   return check.Take();
 }
 
-int CheckConfigFile(const std::filesystem::path& file, const std::function<void(Config&)>& merge) {
-  Config config;
-  ConfigReading reading;
-  if (!file.empty()) reading = ReadConfig(file, config);
+LoadedConfig LoadConfig(const std::filesystem::path& file, const ConfigMerge& merge) {
+  LoadedConfig loaded{.config = {}, .keys = {}, .file = file};
+  std::vector<ConfigFault> faults;
+  if (!file.empty()) {
+    ConfigReading reading = ReadConfig(file, loaded.config);
+    loaded.keys = std::move(reading.keys);
+    faults = std::move(reading.faults);
+  }
+  // One that is no TOML says nothing of its keys.
+  const bool is_read = std::none_of(faults.begin(), faults.end(),
+                                    [](const ConfigFault& fault) { return fault.key.empty(); });
   try {
-    merge(config);
+    merge(loaded);
   } catch (const Error& error) {
-    reading.faults.push_back({"", 0, error.what()});
+    faults.push_back({"", 0, error.what(), error.kind()});
   }
-  const std::string name = file.empty() ? "palpated" : file.string();
-  for (ConfigFault& fault : CheckConfig(config, reading.keys)) {
-    reading.faults.push_back(std::move(fault));
+  if (is_read) {
+    const std::vector<ConfigFault> more = CheckConfig(loaded.config, loaded.keys, faults);
+    faults.insert(faults.end(), more.begin(), more.end());
   }
-  for (const ConfigFault& fault : reading.faults) {
-    std::fprintf(stderr, "%s\n", ToText(name, fault).c_str());
+  if (faults.empty()) return loaded;
+  SortByLine(faults);
+  throw ConfigError(file, faults);
+}
+
+int CheckConfigFile(const std::filesystem::path& file, const ConfigMerge& merge) {
+  try {
+    LoadConfig(file, merge);
+  } catch (const ConfigError& error) {
+    for (const std::string& line : error.lines()) std::fprintf(stderr, "%s\n", line.c_str());
+    return ExitCode(ErrorKind::kInvalidArgument);
   }
-  if (!reading.faults.empty()) return ExitCode(ErrorKind::kInvalidArgument);
-  std::printf("%s: ok\n", name.c_str());
+  std::printf("%s: ok\n", file.empty() ? "palpated" : file.c_str());
   return 0;
 }
 

@@ -1,8 +1,8 @@
 // What can be known to be wrong with a configuration before anything is opened or
-// loaded: for `palpated --check-config`, and for what is taken over while the daemon
-// runs.
+// loaded: at start, for `palpated --check-config`, and for what is taken over while the
+// daemon runs.
 //
-// Threads: main. Asks the file system; opens no device.
+// Threads: main. Asks the file system, as the user who runs it; opens no device.
 #pragma once
 
 #include <filesystem>
@@ -10,16 +10,36 @@
 #include <string>
 #include <vector>
 
+#include "common/error/error.h"
 #include "server/app/config.h"
 
 namespace palpate {
 
-// Faults of whole configurations: files that are not there, values that do not go
-// together. Lines are those of `keys`.
-std::vector<ConfigFault> CheckConfig(const Config& config, const ConfigKeys& keys);
+// A configuration that cannot be used. what() is the first fault, kind() its kind.
+class ConfigError : public Error {
+ public:
+  ConfigError(const std::filesystem::path& file, const std::vector<ConfigFault>& faults);
+  // One for each fault, in the file's order.
+  const std::vector<std::string>& lines() const { return lines_; }
 
-// Reads and checks `file`; prints a line for each fault, or "FILE: ok". `merge` lays the
-// command line over what was read; it may throw Error. Returns the exit code.
-int CheckConfigFile(const std::filesystem::path& file, const std::function<void(Config&)>& merge);
+ private:
+  std::vector<std::string> lines_;
+};
+
+// Faults of whole configurations: files that are not there or not fit, values that do
+// not go together or are out of range. Lines are those of `keys`. `known`: what was found
+// wrong before; what would only follow from that is left out.
+std::vector<ConfigFault> CheckConfig(const Config& config, const ConfigKeys& keys,
+                                     const std::vector<ConfigFault>& known = {});
+
+// Lays the command line over what a file says, and takes out the keys that it overrides.
+// May throw Error.
+using ConfigMerge = std::function<void(LoadedConfig&)>;
+
+// Reads and checks `file`; empty: the command line alone. Throws ConfigError.
+LoadedConfig LoadConfig(const std::filesystem::path& file, const ConfigMerge& merge);
+
+// Prints a line for each fault, or "FILE: ok". Returns the exit code.
+int CheckConfigFile(const std::filesystem::path& file, const ConfigMerge& merge);
 
 }  // namespace palpate

@@ -6,7 +6,9 @@
 
 #include <cerrno>
 #include <ctime>
+#include <functional>
 #include <memory>
+#include <string_view>
 
 #include "common/error/error.h"
 #include "server/app/device_monitor.h"
@@ -59,6 +61,16 @@ PathPolicy MakePathPolicy(const Config& config) {
 
 void LogBlackBox(const std::string& text, bool is_error) {
   spdlog::log(is_error ? spdlog::level::err : spdlog::level::info, "{}", text);
+}
+
+// What `attempt` fails with is a fault of that key.
+void ForKey(const LoadedConfig& loaded, std::string_view key,
+            const std::function<void()>& attempt) {
+  try {
+    attempt();
+  } catch (const Error& error) {
+    throw AtKey(loaded, key, error);
+  }
 }
 
 // What there is to say of hardware before it moves.
@@ -156,12 +168,15 @@ void RunDaemon(const LoadedConfig& loaded, const ConfigReader& read) {
                    {session, editor, series, recording, pump, *device, servo, inbox, forces,
                     [&config] { return ListDevices(config.device); }, service_metrics});
 
-  server.Reserve();
+  ForKey(loaded, "server.socket", [&] { server.Reserve(); });
+  ForKey(loaded, "server.listen", [&] { server.ReservePort(); });
   std::optional<MetricsExporter> exporter;
-  if (config.metrics_listen) exporter.emplace(*config.metrics_listen);
+  if (config.metrics_listen) {
+    ForKey(loaded, "metrics.listen", [&] { exporter.emplace(*config.metrics_listen); });
+  }
   RemoveAbandonedUploads(config.uploads);
   manager.Loading(config.volume);
-  LoadFirstVolume(config, session, keeper, paths, [&] { return EndRequested(!read); });
+  LoadFirstVolume(loaded, session, keeper, paths, [&] { return EndRequested(!read); });
   const auto servo_metrics = std::make_shared<ServoMetrics>(*registry);
   const auto state_metrics = std::make_shared<StateMetrics>(
       MeasuredParts{servo, *device, forces, recording, *session.loader().budget,

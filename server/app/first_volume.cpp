@@ -4,6 +4,8 @@
 
 #include <filesystem>
 
+#include "server/session/range.h"
+
 namespace palpate {
 namespace {
 
@@ -23,6 +25,18 @@ void Load(const LoadRequest& request, Session& session, const LoadCancelled& can
   spdlog::info("scale {:.4g} device mm per volume mm; isovalue {:g} (normalized {:.4g})",
                state.registration.device_mm_per_volume_mm, settings.isovalue,
                settings.normalized_isovalue);
+}
+
+// The configured one; what is wrong with it names its line.
+void LoadConfigured(const LoadedConfig& loaded, Session& session, const LoadCancelled& cancelled) {
+  try {
+    Load(ConfiguredVolume(loaded.config), session, cancelled);
+  } catch (const RangeError& error) {
+    throw AtKey(loaded, "volume.isovalue", error);
+  } catch (const Error& error) {
+    if (error.kind() == ErrorKind::kCancelled) throw;
+    throw AtKey(loaded, "volume.source", error);
+  }
 }
 
 // Of clients, whose paths are judged; the configured one is not.
@@ -71,13 +85,13 @@ RenderSettings ConfiguredSettings(const Config& config) {
   return {.haptics = config.haptics, .method = config.method};
 }
 
-void LoadFirstVolume(const Config& config, Session& session, SessionKeeper& keeper,
+void LoadFirstVolume(const LoadedConfig& loaded, Session& session, SessionKeeper& keeper,
                      const PathPolicy& paths, const LoadCancelled& cancelled) {
-  const LoadRequest configured = ConfiguredVolume(config);
-  session.SetInitial(ConfiguredSettings(config));
+  const LoadRequest configured = ConfiguredVolume(loaded.config);
+  session.SetInitial(ConfiguredSettings(loaded.config));
   const std::optional<FeltSession> left = keeper.TakeLeft();
   if (left && BringBack(*left, configured, session, paths, cancelled)) return;
-  Load(configured, session, cancelled);
+  LoadConfigured(loaded, session, cancelled);
 }
 
 }  // namespace palpate

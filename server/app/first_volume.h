@@ -15,7 +15,7 @@ RenderSettings ConfiguredSettings(const Config& config);
 // Loads what was felt when the daemon before was killed, or the configured volume with
 // the configured settings. The first may fail, or not be allowed any more by `paths`:
 // then it is said in the log.
-void LoadFirstVolume(const Config& config, Session& session, SessionKeeper& keeper,
+void LoadFirstVolume(const LoadedConfig& loaded, Session& session, SessionKeeper& keeper,
                      const PathPolicy& paths, const LoadCancelled& cancelled);
 
 }  // namespace palpate

@@ -6,6 +6,8 @@
 
 #include <cstdio>
 #include <functional>
+#include <string>
+#include <vector>
 
 #include "common/error/error.h"
 #include "server/app/config.h"
@@ -32,7 +34,8 @@ void AddOptions(CLI::App& app, Options& options) {
       ->check(CLI::ExistingFile);
   app.add_flag("--check-config", options.check_config,
                "say what is wrong with the configuration, a line each, and end: with exit code 0 "
-               "where nothing is. Opens no device and loads no volume");
+               "where nothing is. Opens no device and loads no volume. Files are judged as this "
+               "user may read them: run it as the daemon's");
   app.add_option("--volume", options.volume,
                  "volume file, DICOM folder, or builtin:cylinder, builtin:sphere[:N], "
                  "builtin:bumps[:N], builtin:gyroid[:N] [builtin:bumps]");
@@ -119,14 +122,11 @@ void EraseOverridden(const Options& options, ConfigKeys& keys) {
   erase(options.log_level.has_value(), "log.level");
 }
 
-LoadedConfig Load(const Options& options) {
-  LoadedConfig loaded;
-  if (!options.config_file.empty()) {
-    loaded.keys = ReadConfigFile(options.config_file, loaded.config);
-  }
-  Merge(options, loaded.config);
-  EraseOverridden(options, loaded.keys);
-  return loaded;
+ConfigMerge MergeOf(const Options& options) {
+  return [&options](LoadedConfig& loaded) {
+    EraseOverridden(options, loaded.keys);
+    Merge(options, loaded.config);
+  };
 }
 
 // A terminal that hangs up ends what runs in it; a service has none, and is told so to
@@ -138,16 +138,19 @@ bool HasTerminal() {
 }
 
 void Run(const Options& options) {
-  const LoadedConfig loaded = Load(options);
+  const auto load = [&] { return LoadConfig(options.config_file, MergeOf(options)); };
+  const LoadedConfig loaded = load();
   SetLogLevel(loaded.config.log_level);
   ConfigReader read;
-  if (!options.config_file.empty() && !HasTerminal()) read = [&] { return Load(options); };
+  if (!options.config_file.empty() && !HasTerminal()) read = load;
   RunDaemon(loaded, read);
 }
 
-// One line, which the journal knows for an error.
-int Fail(bool to_journal, const std::exception& error, ErrorKind kind) {
-  std::fprintf(stderr, "%spalpated: %s\n", to_journal ? "<3>" : "", error.what());
+// A line for each, which the journal knows for errors.
+int Fail(bool to_journal, const std::vector<std::string>& lines, ErrorKind kind) {
+  for (const std::string& line : lines) {
+    std::fprintf(stderr, "%spalpated: %s\n", to_journal ? "<3>" : "", line.c_str());
+  }
   return ExitCode(kind);
 }
 
@@ -166,7 +169,7 @@ int Main(int argc, char** argv) {
     return app.exit(error) == 0 ? 0 : kUsageExitCode;
   }
   if (options.check_config) {
-    return CheckConfigFile(options.config_file, [&](Config& c) { Merge(options, c); });
+    return CheckConfigFile(options.config_file, MergeOf(options));
   }
   const bool to_journal = options.log_to_journal || StderrIsJournal();
   try {
@@ -178,10 +181,12 @@ int Main(int argc, char** argv) {
     BlockSignals();
     Run(options);
     return 0;
+  } catch (const ConfigError& error) {
+    return Fail(to_journal, error.lines(), error.kind());
   } catch (const Error& error) {
-    return Fail(to_journal, error, error.kind());
+    return Fail(to_journal, {error.what()}, error.kind());
   } catch (const std::exception& error) {
-    return Fail(to_journal, error, ErrorKind::kInternal);
+    return Fail(to_journal, {error.what()}, ErrorKind::kInternal);
   }
 }
 

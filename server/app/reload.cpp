@@ -8,7 +8,9 @@
 #include <set>
 #include <utility>
 
+#include "server/app/config_check.h"
 #include "server/app/log.h"
+#include "server/session/range.h"
 
 namespace palpate {
 namespace {
@@ -89,10 +91,15 @@ ConfigReload::ConfigReload(LoadedConfig current, ConfigReader read, Session& ses
       read_policy_(std::move(read_policy)) {}
 
 void ConfigReload::Run() noexcept {
+  const auto refuse = [](std::string_view why) {
+    spdlog::error("the configuration stays as it is: {}", why);
+  };
   try {
     TakeOver();
+  } catch (const ConfigError& error) {
+    for (const std::string& line : error.lines()) refuse(line);
   } catch (const std::exception& error) {
-    spdlog::error("the configuration stays as it is: {}", error.what());
+    refuse(error.what());
   }
 }
 
@@ -106,7 +113,14 @@ void ConfigReload::TakeOver() {
   // and tokens may have been replaced.
   const std::function<void()> take_policy = read_policy_(next.config.security.policy);
   const SettingsUpdate update = UpdateOf(live, next.config);
-  if (!IsEmpty(update)) session_.Update(update);
+  if (!IsEmpty(update)) {
+    try {
+      session_.Update(update);
+    } catch (const RangeError& error) {
+      // All other ranges were looked at before; this one is the volume's.
+      throw AtKey(next, "volume.isovalue", error);
+    }
+  }
   if (Names(live, "log.level")) SetLogLevel(next.config.log_level);
   take_policy();
   CopyLive(next, current_);

@@ -18,13 +18,7 @@
 
 namespace palpate {
 
-// A configuration, and what of it stands in the file; without keys that the command
-// line overrides.
-struct LoadedConfig {
-  Config config;
-  ConfigKeys keys;
-};
-// Reads it again; throws Error.
+// Reads and checks it again; throws ConfigError.
 using ConfigReader = std::function<LoadedConfig()>;
 
 // Keys that one of the two has and the other one has not, or has otherwise.

@@ -1,5 +1,7 @@
 #include "server/app/security_config.h"
 
+#include <algorithm>
+
 #include "common/error/error.h"
 
 namespace palpate {
@@ -70,22 +72,28 @@ std::map<std::string, std::function<void(const ConfigEntry&, SecurityOptions&)>>
   };
 }
 
-void CheckSecurity(const SecurityOptions& options) {
+void AppendSecurityFaults(const SecurityOptions& options, ConfigReading& reading) {
+  const auto is_tls = [](const ConfigFault& fault) { return fault.key.starts_with("tls"); };
+  if (std::any_of(reading.faults.begin(), reading.faults.end(), is_tls)) return;
+  // Of the two keys the one that is there.
+  const auto append = [&](const char* key, const char* other, const std::string& what) {
+    const char* given = reading.keys.contains(key) ? key : other;
+    reading.faults.push_back({given, reading.keys.at(given).line, what});
+  };
   const bool has_pair = !options.tls.certificate.empty();
-  if (has_pair != !options.tls.key.empty()) {
-    throw Error(ErrorKind::kInvalidArgument,
-                "tls.certificate and tls.key come together: set both, or none");
-  }
   const PolicyOptions& policy = options.policy;
-  if (!has_pair && (!policy.tokens.empty() || !policy.client_ca.empty())) {
-    throw Error(ErrorKind::kInvalidArgument,
-                "tls.tokens and tls.client_ca are of no use without TLS: set tls.certificate and "
-                "tls.key");
+  if (has_pair != !options.tls.key.empty()) {
+    append("tls.certificate", "tls.key",
+           "tls.certificate and tls.key come together: set both, or none");
+  } else if (!has_pair && (!policy.tokens.empty() || !policy.client_ca.empty())) {
+    append("tls.tokens", "tls.client_ca",
+           "tls.tokens and tls.client_ca are of no use without TLS: set tls.certificate and "
+           "tls.key");
   }
   if (policy.client_ca.empty() != policy.clients.empty()) {
-    throw Error(ErrorKind::kInvalidArgument,
-                "tls.client_ca and [[tls.client]] come together: the one says which certificates "
-                "are genuine, the other what their names may do");
+    append("tls.client_ca", "tls.client",
+           "tls.client_ca and [[tls.client]] come together: the one says which certificates "
+           "are genuine, the other what their names may do");
   }
 }
 

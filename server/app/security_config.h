@@ -7,6 +7,7 @@
 #include <map>
 #include <string>
 
+#include "server/app/config.h"
 #include "server/app/config_entry.h"
 #include "server/rpc/server.h"
 
@@ -15,7 +16,7 @@ namespace palpate {
 // By the whole key, "tls.certificate".
 std::map<std::string, std::function<void(const ConfigEntry&, SecurityOptions&)>> SecuritySetters();
 
-// What no single key can tell. Errors: kInvalidArgument.
-void CheckSecurity(const SecurityOptions& options);
+// What no single key can tell. Nothing where one of [tls] is wrong by itself.
+void AppendSecurityFaults(const SecurityOptions& options, ConfigReading& reading);
 
 }  // namespace palpate

@@ -16,6 +16,10 @@ class Exposer;
 
 namespace palpate {
 
+// Throws kInvalidArgument for an address that is not loopback: metrics are neither
+// encrypted nor authorised.
+void CheckMetricsListen(const HostPort& address);
+
 class MetricsExporter {
  public:
   explicit MetricsExporter(const HostPort& address);

@@ -35,6 +35,25 @@ constexpr unsigned kSilentPeerMs = 30'000;
               "cannot listen on " + name + ": " + why + "; name another with " + option);
 }
 
+struct SocketAddress {
+  bool is_v6 = false;
+  sockaddr_in v4{};
+  sockaddr_in6 v6{};
+};
+
+SocketAddress Parse(const HostPort& address) {
+  SocketAddress parsed;
+  parsed.is_v6 = address.host.find(':') != std::string::npos;
+  parsed.v4.sin_family = AF_INET;
+  parsed.v6.sin6_family = AF_INET6;
+  parsed.v4.sin_port = parsed.v6.sin6_port = htons(address.port);
+  const int read = parsed.is_v6 ? inet_pton(AF_INET6, address.host.c_str(), &parsed.v6.sin6_addr)
+                                : inet_pton(AF_INET, address.host.c_str(), &parsed.v4.sin_addr);
+  if (read == 1) return parsed;
+  throw Error(ErrorKind::kInvalidArgument,
+              "cannot listen on " + address.ToString() + ": give an address, and not a name");
+}
+
 std::string NameOfPeer(const sockaddr_storage& address) {
   char text[INET6_ADDRSTRLEN] = "";
   if (address.ss_family == AF_INET) {
@@ -65,19 +84,10 @@ void Acceptor::TakeSocket(const std::string& path) {
   names_.push_back(path);
 }
 
+void CheckAddress(const HostPort& address) { Parse(address); }
+
 void Acceptor::TakePort(const HostPort& address, bool is_for_strangers) {
-  const bool is_v6 = address.host.find(':') != std::string::npos;
-  sockaddr_in v4{};
-  sockaddr_in6 v6{};
-  v4.sin_family = AF_INET;
-  v6.sin6_family = AF_INET6;
-  v4.sin_port = v6.sin6_port = htons(address.port);
-  const int parsed = is_v6 ? inet_pton(AF_INET6, address.host.c_str(), &v6.sin6_addr)
-                           : inet_pton(AF_INET, address.host.c_str(), &v4.sin_addr);
-  if (parsed != 1) {
-    throw Error(ErrorKind::kInvalidArgument,
-                "cannot listen on " + address.ToString() + ": give an address, and not a name");
-  }
+  const auto [is_v6, v4, v6] = Parse(address);
   const int fd = socket(is_v6 ? AF_INET6 : AF_INET, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
   const int on = 1;
   // After a restart, in spite of connections of the one before.

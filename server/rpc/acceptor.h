@@ -22,6 +22,9 @@
 
 namespace palpate {
 
+// Throws kInvalidArgument for a name: it may be that of several addresses, or of none.
+void CheckAddress(const HostPort& address);
+
 class Acceptor {
  public:
   static constexpr int kKeptForSocket = 64;

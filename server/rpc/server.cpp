@@ -131,6 +131,9 @@ void RpcServer::Reserve() {
   }
   security_files_ = std::make_unique<SecurityFiles>(access_, tls_.get());
   security_files_->Start(options_.security.policy, options_.security.tls);
+}
+
+void RpcServer::ReservePort() {
   if (options_.listen) acceptor_.TakePort(*options_.listen, tls_ != nullptr);
 }
 
@@ -142,14 +145,16 @@ void CheckListen(const HostPort& listen, const SecurityOptions& security) {
       (!security.policy.client_ca.empty() && !security.policy.clients.empty());
   const bool has_tls = !security.tls.certificate.empty();
   const bool is_loopback = listen.host == "localhost" || IsLoopback(listen);
-  if (is_loopback && (!has_tls || knows_clients)) return;
-  if (has_tls && knows_clients) return;
-  throw Error(ErrorKind::kInvalidArgument,
-              "will not listen on " + listen.ToString() + ": " +
-                  (has_tls ? "TLS needs a way to know clients: set tls.tokens, or tls.client_ca "
-                             "with a [[tls.client]]"
-                           : "without TLS only loopback addresses are allowed (127.0.0.1, ::1); "
-                             "set tls.certificate, tls.key, and tls.tokens or tls.client_ca"));
+  const bool is_safe = has_tls ? knows_clients : is_loopback;
+  if (!is_safe) {
+    throw Error(ErrorKind::kInvalidArgument,
+                "will not listen on " + listen.ToString() + ": " +
+                    (has_tls ? "TLS needs a way to know clients: set tls.tokens, or tls.client_ca "
+                               "with a [[tls.client]]"
+                             : "without TLS only loopback addresses are allowed (127.0.0.1, ::1); "
+                               "set tls.certificate, tls.key, and tls.tokens or tls.client_ca"));
+  }
+  if (listen.host != "localhost") CheckAddress(listen);
 }
 
 void RpcServer::Start() {

@@ -36,7 +36,7 @@ struct SecurityOptions {
 };
 
 // Throws kInvalidArgument for an address that may not be listened on with this security:
-// beyond loopback only with TLS, and TLS only with a way to know clients.
+// beyond loopback only with TLS, and TLS only with a way to know clients; and for a name.
 void CheckListen(const HostPort& listen, const SecurityOptions& security);
 
 struct ServerOptions {
@@ -68,10 +68,12 @@ class RpcServer {
   RpcServer(ServerOptions options, const ServedParts& parts);
   ~RpcServer() { Stop(); }
 
-  // Claims the socket's path and the port, so that a second daemon finds out before it
-  // loads a volume. kConflict when another has them, kInvalidArgument for an address
-  // that is not loopback without TLS, and for files of security that are not fit.
+  // Claims the socket's path, so that a second daemon finds out before it loads a
+  // volume. kConflict when another has it, kInvalidArgument for an address that is not
+  // loopback without TLS, and for files of security that are not fit.
   void Reserve();
+  // After Reserve: the same of the port, where there is one to be.
+  void ReservePort();
   // After Reserve, with a volume in the session. kConflict when it cannot listen.
   void Start();
   // As SecurityFiles::Prepare; what it returns is called before Stop.

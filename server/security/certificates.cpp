@@ -41,7 +41,8 @@ std::string ReadFile(const std::filesystem::path& path) {
   file.read(text.data(), static_cast<std::streamsize>(text.size()));
   text.resize(static_cast<std::size_t>(file.gcount()));
   if (text.empty()) {
-    throw Error(ErrorKind::kNotFound, "cannot read " + path.string() + ", or it is empty");
+    throw Error(ErrorKind::kNotFound, "cannot read " + path.string() +
+                                          ", or it is empty: correct the path, or who may read it");
   }
   return text;
 }
@@ -79,7 +80,8 @@ std::string SubjectOf(X509* certificate) {
 void CheckKeyIsPrivate(const std::filesystem::path& path) {
   struct stat status {};
   if (stat(path.c_str(), &status) != 0) {
-    throw Error(ErrorKind::kNotFound, "cannot read " + path.string() + ": " + std::strerror(errno));
+    throw Error(ErrorKind::kNotFound, "cannot read " + path.string() + ": " + std::strerror(errno) +
+                                          "; correct the path, or who may read it");
   }
   if ((status.st_mode & 027) != 0) {
     throw Error(ErrorKind::kPermissionDenied,
@@ -121,9 +123,6 @@ CertificateTime EndOf(STACK_OF(X509) * chain) {
 
 // By TLS itself: whether keys and signatures are strong enough is its to say. Empty: yes.
 std::string WhyTlsRefuses(const std::vector<Certificate>& chain, EVP_PKEY* key) {
-  if (X509_check_purpose(chain.front().get(), X509_PURPOSE_SSL_SERVER, 0) != 1) {
-    return "is not one for servers";
-  }
   const TlsContext tls(SSL_CTX_new(TLS_server_method()));
   bool takes = SSL_CTX_use_certificate(tls.get(), chain.front().get()) == 1 &&
                SSL_CTX_use_PrivateKey(tls.get(), key) == 1;
@@ -148,35 +147,56 @@ std::string ToPem(const std::vector<Certificate>& chain, EVP_PKEY* key) {
   return {text, static_cast<std::size_t>(length)};
 }
 
+[[noreturn]] void Refuse(const std::filesystem::path& path, const std::string& what) {
+  throw Error(ErrorKind::kInvalidArgument, path.string() + " " + what);
+}
+
+Key LoadKey(const std::filesystem::path& path) {
+  CheckKeyIsPrivate(path);
+  const std::string pem = ReadFile(path);
+  // Without a question to the terminal for a passphrase.
+  const auto no_passphrase = [](char*, int, int, void*) { return 0; };
+  Key key(PEM_read_bio_PrivateKey(Reader(pem).get(), nullptr, no_passphrase, nullptr));
+  ERR_clear_error();
+  if (!key) Refuse(path, "holds no key in PEM, or one with a passphrase");
+  return key;
+}
+
+// A server's own certificate, valid at `now`, and those between it and the authority.
+std::vector<Certificate> LoadChain(const std::filesystem::path& path, CertificateTime now) {
+  std::vector<Certificate> chain = ParseCertificates(ReadFile(path));
+  if (chain.empty()) Refuse(path, "holds no certificate in PEM");
+  X509* own = chain.front().get();
+  if (now < ToTime(X509_get0_notBefore(own))) Refuse(path, "is not valid yet: check the clock");
+  if (now > ToTime(X509_get0_notAfter(own))) {
+    Refuse(path, "has expired: put a new one in its place");
+  }
+  if (X509_check_purpose(own, X509_PURPOSE_SSL_SERVER, 0) != 1) {
+    Refuse(path, "is not one for servers");
+  }
+  return chain;
+}
+
 }  // namespace
 
 CheckedPair CheckPair(const std::filesystem::path& certificate, const std::filesystem::path& key,
                       CertificateTime now) {
-  CheckKeyIsPrivate(key);
-  const std::string certificate_pem = ReadFile(certificate);
-  const std::string key_pem = ReadFile(key);
-  const std::vector<Certificate> chain = ParseCertificates(certificate_pem);
-  const auto refuse = [&](const std::filesystem::path& path, const std::string& what) {
-    throw Error(ErrorKind::kInvalidArgument, path.string() + " " + what);
-  };
-  if (chain.empty()) refuse(certificate, "holds no certificate in PEM");
-  // Without a question to the terminal for a passphrase.
-  const auto no_passphrase = [](char*, int, int, void*) { return 0; };
-  const Bio reader = Reader(key_pem);
-  const Key private_key(PEM_read_bio_PrivateKey(reader.get(), nullptr, no_passphrase, nullptr));
-  if (!private_key) refuse(key, "holds no key in PEM, or one with a passphrase");
+  const Key private_key = LoadKey(key);
+  const std::vector<Certificate> chain = LoadChain(certificate, now);
   X509* own = chain.front().get();
   if (X509_check_private_key(own, private_key.get()) != 1) {
     ERR_clear_error();
-    refuse(key, "is not the key of " + certificate.string());
+    Refuse(key, "is not the key of " + certificate.string() + ": set the two that belong together");
   }
-  const CertificateTime from = ToTime(X509_get0_notBefore(own));
-  const CertificateTime until = ToTime(X509_get0_notAfter(own));
-  if (now < from) refuse(certificate, "is not valid yet: check the clock");
-  if (now > until) refuse(certificate, "has expired: put a new one in its place");
   const std::string problem = WhyTlsRefuses(chain, private_key.get());
-  if (!problem.empty()) refuse(certificate, problem);
-  return {ToPem(chain, private_key.get()), SubjectOf(own), until};
+  if (!problem.empty()) Refuse(certificate, problem);
+  return {ToPem(chain, private_key.get()), SubjectOf(own), ToTime(X509_get0_notAfter(own))};
+}
+
+void CheckKey(const std::filesystem::path& key) { LoadKey(key); }
+
+void CheckCertificate(const std::filesystem::path& certificate, CertificateTime now) {
+  LoadChain(certificate, now);
 }
 
 ClientAuthority::ClientAuthority(const std::filesystem::path& ca_file)

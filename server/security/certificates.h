@@ -29,6 +29,10 @@ struct CheckedPair {
 CheckedPair CheckPair(const std::filesystem::path& certificate, const std::filesystem::path& key,
                       CertificateTime now);
 
+// What is wrong with one of the two alone: for those who want to know all that is wrong.
+void CheckKey(const std::filesystem::path& key);
+void CheckCertificate(const std::filesystem::path& certificate, CertificateTime now);
+
 // Verifies clients' certificates against the authority of a file.
 class ClientAuthority {
  public:

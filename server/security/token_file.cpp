@@ -96,7 +96,8 @@ void WriteAll(int fd, std::string_view text) {
 void CheckOnlyOwnerWrites(const std::filesystem::path& path) {
   struct stat status {};
   if (stat(path.c_str(), &status) != 0) {
-    throw Error(ErrorKind::kNotFound, "cannot read " + path.string() + ": " + std::strerror(errno));
+    throw Error(ErrorKind::kNotFound, "cannot read " + path.string() + ": " + std::strerror(errno) +
+                                          "; 'palpated token add' makes such a file");
   }
   const bool owner_is_ours = status.st_uid == 0 || status.st_uid == geteuid();
   if (!owner_is_ours || (status.st_mode & 022) != 0 || !S_ISREG(status.st_mode)) {

@@ -8,6 +8,7 @@
 
 #include "common/error/error.h"
 #include "server/session/freed_memory.h"
+#include "server/session/range.h"
 #include "server/volume/snapshot_builder.h"
 
 namespace palpate {
@@ -15,14 +16,6 @@ namespace {
 
 // A tick takes 1 ms; a servo that needs this long does not run.
 constexpr std::chrono::milliseconds kServoPatience{2000};
-
-// `unit` with a leading blank, or empty. NaN is in no range.
-void CheckRange(std::string_view name, double value, double low, double high,
-                std::string_view unit) {
-  if (value >= low && value <= high) return;
-  throw Error(ErrorKind::kInvalidArgument,
-              fmt::format("{} {} is not within {:g} to {:g}{}", name, value, low, high, unit));
-}
 
 // The normalised density that stands for an isovalue in data units: the largest
 // whose data value is not above it, so that no density at or below it reads back

@@ -9,8 +9,10 @@
 #include <algorithm>
 #include <cstdlib>
 #include <fstream>
+#include <sstream>
 
 #include "tests/support/daemon.h"
+#include "tests/support/free_port.h"
 
 namespace palpate::test {
 namespace {
@@ -203,6 +205,118 @@ TEST(Service, ABadFileChangesNothing) {
       << log;
 }
 
+std::vector<std::string> Lines(const std::string& text) {
+  std::istringstream stream(text);
+  std::vector<std::string> lines;
+  for (std::string line; std::getline(stream, line);) lines.push_back(line);
+  return lines;
+}
+
+// With a fault of a key, of a file that one names, of two together, and of an address.
+const std::string kFaulty =
+    "[haptics]\nstiffness_n_per_mm = 9\n[tls]\ncertificate = \"/no/such.pem\"\n"
+    "[metrics]\nlisten = \"0.0.0.0:9464\"\n";
+const std::vector<std::string> kFaults = {
+    ":4: haptics.stiffness_n_per_mm must be from 0 to 3 N/mm",
+    ":6: tls.certificate: cannot read /no/such.pem, or it is empty: correct the path, or who may "
+    "read it",
+    ":6: tls.certificate: tls.certificate and tls.key come together: set both, or none",
+    ":8: metrics.listen: will not listen on 0.0.0.0:9464: metrics are neither encrypted nor "
+    "authorised, and only loopback addresses are allowed (127.0.0.1, ::1)"};
+
+// Those of kFaults, each behind `begin` and the file, and nothing else.
+void ExpectFaults(const std::vector<std::string>& lines, const std::string& begin) {
+  std::vector<std::string> expected;
+  for (const std::string& fault : kFaults) expected.push_back(begin + fault);
+  std::vector<std::string> sorted = lines;
+  // Two of one line.
+  std::sort(sorted.begin(), sorted.end());
+  EXPECT_EQ(sorted, expected);
+}
+
+TEST(Service, ACheckAStartAndAReloadSayTheSameFaults) {
+  const Manager manager(seconds(10));
+  const ConfigFile config;
+  config.Write("");
+  Daemon daemon(PALPATED, {"--config", config.path()}, kService);
+  config.Write(kFaulty);
+  const TemporaryFolder folder;
+  const std::vector<std::string> command = {
+      PALPATED,         "--config", config.path(), "--socket", folder.path() / "s.sock",
+      "--state-folder", ""};
+  const ProcessResult start = Process(command).Wait();
+  EXPECT_EQ(start.exit_code, 3);
+  ExpectFaults(Lines(start.error), "palpated: " + config.path());
+  std::vector<std::string> checked = command;
+  checked.push_back("--check-config");
+  const ProcessResult check = Process(checked).Wait();
+  EXPECT_EQ(check.exit_code, 3);
+  ExpectFaults(Lines(check.error), config.path());
+
+  manager.Forget();
+  daemon.process().Signal(SIGHUP);
+  ASSERT_TRUE(manager.Hears("READY=1"));
+  const std::string refused = "the configuration stays as it is: ";
+  std::vector<std::string> logged;
+  for (const std::string& line : Lines(daemon.End().error)) {
+    const std::size_t at = line.find(refused);
+    if (at != line.npos) logged.push_back(line.substr(at));
+  }
+  ExpectFaults(logged, refused + config.path());
+}
+
+// What another program has shows once it is wanted.
+TEST(Service, AnAddressThatIsTakenNamesItsLine) {
+  const ConfigFile config;
+  config.Write("[server]\nlisten = \"127.0.0.1:" + std::to_string(FreePort()) + "\"\n");
+  const Daemon first(PALPATED, {"--config", config.path()}, kService);
+  const ProcessResult port = Process({PALPATED, "--config", config.path(), "--socket",
+                                      first.socket().string() + "2", "--state-folder", ""})
+                                 .Wait();
+  EXPECT_EQ(port.exit_code, 7);
+  EXPECT_NE(port.error.find("palpated: " + config.path() + ":4: server.listen: cannot listen on "),
+            std::string::npos)
+      << port.error;
+  config.Write("[server]\nsocket = \"" + first.socket().string() + "\"\n");
+  const ProcessResult socket =
+      Process({PALPATED, "--config", config.path(), "--state-folder", ""}).Wait();
+  EXPECT_EQ(socket.exit_code, 7);
+  EXPECT_NE(socket.error.find("palpated: " + config.path() + ":4: server.socket: another palpated"),
+            std::string::npos)
+      << socket.error;
+}
+
+// The cylinder's values end below 0.99, which is known once it is there.
+TEST(Service, WhatTheVolumeRefusesNamesItsLine) {
+  const Manager manager(seconds(10));
+  const ConfigFile config;
+  const std::string cylinder = "[volume]\nsource = \"builtin:cylinder\"\n";
+  std::ofstream(config.path()) << cylinder;
+  Daemon daemon(PALPATED, {"--config", config.path()}, kService);
+  std::ofstream(config.path()) << cylinder << "isovalue = 0.99\n";
+  const TemporaryFolder folder;
+  const ProcessResult start = Process({PALPATED, "--config", config.path(), "--socket",
+                                       folder.path() / "s.sock", "--state-folder", ""})
+                                  .Wait();
+  EXPECT_EQ(start.exit_code, 3);
+  const std::string fault = config.path() + ":3: volume.isovalue: isovalue 0.99 is not within 0 to";
+  EXPECT_NE(start.error.find("palpated: " + fault), std::string::npos) << start.error;
+  manager.Forget();
+  daemon.process().Signal(SIGHUP);
+  ASSERT_TRUE(manager.Hears("READY=1"));
+  const std::string log = daemon.End().error;
+  EXPECT_NE(log.find("stays as it is: " + fault), std::string::npos) << log;
+  // What is no volume at all.
+  std::ofstream(config.path()) << "[volume]\nsource = \"" << config.path() << "\"\n";
+  const ProcessResult other = Process({PALPATED, "--config", config.path(), "--socket",
+                                       folder.path() / "s.sock", "--state-folder", ""})
+                                  .Wait();
+  EXPECT_NE(other.exit_code, 0);
+  EXPECT_NE(other.error.find("palpated: " + config.path() + ":2: volume.source: "),
+            std::string::npos)
+      << other.error;
+}
+
 TEST(Service, WithoutAFileAHangupEnds) {
   const TemporaryFolder folder;
   Process daemon({"/usr/bin/setsid", PALPATED, "--volume", "builtin:sphere:16", "--socket",
@@ -218,10 +332,9 @@ TEST(Service, TheJournalReadsLevels) {
   EXPECT_TRUE(log.starts_with("<6>loading builtin:sphere:16\n")) << log;
   EXPECT_EQ(log.find('\x1b'), std::string::npos);
   const TemporaryFolder folder;
-  const ProcessResult bad =
-      Process({PALPATED, "--log-to-journal", "--volume", "builtin:cube", "--state-folder", "",
-               "--socket", folder.path() / "s.sock"})
-          .Wait();
+  const ProcessResult bad = Process({PALPATED, "--log-to-journal", "--volume", "builtin:cube",
+                                     "--state-folder", "", "--socket", folder.path() / "s.sock"})
+                                .Wait();
   EXPECT_NE(bad.error.find("<3>palpated: "), std::string::npos) << bad.error;
 }
 

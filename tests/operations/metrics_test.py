@@ -225,6 +225,7 @@ class Addresses(unittest.TestCase):
                 capture_output=True, text=True, timeout=CALL_S)
         lines = [line for line in run.stderr.splitlines() if line.startswith("palpated: ")]
         self.assertEqual(len(lines), 1, run.stderr)
+        self.assertIn("palpated.toml:2: metrics.listen: ", lines[0])
         return run.returncode, lines[0]
 
     def test_others_than_loopback_are_refused(self):

@@ -239,6 +239,13 @@ class SecurityTest(unittest.TestCase):
         self.assertEqual(refused.returncode, 5, refused.stderr)
         self.assertIn("needs the role editor", refused.stderr)
         self.assertEqual(run("info", *ca).returncode, 5)
+        # Others may read it: a line more, and only then.
+        os.chmod(viewer, 0o644)
+        warned = run("info", *ca, "--token-file", viewer)
+        self.assertEqual(warned.returncode, 0)
+        self.assertRegex(warned.stderr, r"\Apalpate: warning: the token file .*'chmod 600'.*\n\Z")
+        os.chmod(viewer, 0o600)
+        self.assertEqual(run("info", *ca, "--token-file", viewer).stderr, "")
         plain = run("info", "--server", self.daemon.address, "--token-file", viewer)
         self.assertEqual(plain.returncode, 3)
         self.assertIn("over TLS only", plain.stderr)

@@ -6,10 +6,12 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <map>
 #include <set>
 
 #include "client/cli/device_description.h"
 #include "client/cli/device_test.h"
+#include "client/cli/doctor_daemon.h"
 #include "client/cli/watch_view.h"
 #include "common/wire/force_words.h"
 #include "tests/support/process.h"
@@ -91,6 +93,56 @@ TEST(DeviceWords, HealthLeavesOutWhatSaysNothing) {
   for (const char* part : {"streaming, calibrated, docked; serial 7", "12 readings, 3 lost",
                            "problem: evil  [2Jdevice\n"}) {
     EXPECT_TRUE(Has(text, part)) << part << "\n" << text;
+  }
+}
+
+v1::ServoDescription Ticked(std::uint64_t ticks, std::uint64_t missed) {
+  v1::ServoDescription servo;
+  servo.set_ticks(ticks);
+  servo.set_missed_ticks(missed);
+  return servo;
+}
+
+TEST(DoctorDaemon, TicksAreCountedWhileItLooks) {
+  EXPECT_EQ(JudgeTicks(Ticked(1000, 50), Ticked(1300, 50)).verdict, Verdict::kOk);
+  EXPECT_EQ(JudgeTicks(Ticked(1000, 50), Ticked(1285, 65)).verdict, Verdict::kOk);
+  const Finding late = JudgeTicks(Ticked(1000, 50), Ticked(1284, 66));
+  EXPECT_EQ(late.verdict, Verdict::kWarn);
+  EXPECT_EQ(late.text, "284 ticks while it was watched, 16 missed");
+  const Finding stuck = JudgeTicks(Ticked(1000, 50), Ticked(1000, 50));
+  EXPECT_EQ(stuck.verdict, Verdict::kFail);
+  EXPECT_NE(stuck.advice.find("palpated"), std::string::npos);
+}
+
+TEST(DoctorDaemon, ADeviceIsFitWhereItStreamsWithoutAProblem) {
+  v1::GetDeviceResponse daemon;
+  daemon.mutable_device()->set_kind("falcon");
+  v1::DeviceHealth& health = *daemon.mutable_health();
+  health.set_connection(v1::DEVICE_CONNECTION_STREAMING);
+  EXPECT_EQ(JudgeDevice(daemon).verdict, Verdict::kOk);
+  EXPECT_EQ(JudgeDevice(daemon).text, "falcon, streaming");
+  health.set_problem("move it to\nits stops");
+  EXPECT_EQ(JudgeDevice(daemon).verdict, Verdict::kWarn);
+  EXPECT_EQ(JudgeDevice(daemon).text, "falcon, streaming: move it to its stops");
+  health.set_connection(v1::DEVICE_CONNECTION_ABSENT);
+  EXPECT_EQ(JudgeDevice(daemon).verdict, Verdict::kFail);
+  EXPECT_NE(JudgeDevice(daemon).advice, "");
+}
+
+TEST(DoctorDaemon, ForcesThatAreNotOnSayWhatToDo) {
+  const std::map<v1::ForceState, Verdict> verdicts = {
+      {v1::FORCE_STATE_ON, Verdict::kOk},        {v1::FORCE_STATE_RAMP_IN, Verdict::kOk},
+      {v1::FORCE_STATE_OFF, Verdict::kWarn},     {v1::FORCE_STATE_HELD, Verdict::kWarn},
+      {v1::FORCE_STATE_STOPPED, Verdict::kWarn}, {v1::FORCE_STATE_FAULT, Verdict::kFail}};
+  for (const auto& [state, verdict] : verdicts) {
+    v1::ForceStatus forces;
+    forces.set_state(state);
+    EXPECT_EQ(JudgeForces(forces).verdict, verdict) << palpate::NameOf(state);
+    EXPECT_EQ(JudgeForces(forces).advice.empty(), verdict == Verdict::kOk);
+    forces.set_reason(v1::FORCE_REASON_STOP_CALL);
+    EXPECT_EQ(JudgeForces(forces).advice.empty(), verdict == Verdict::kOk);
+    if (verdict == Verdict::kOk) continue;
+    EXPECT_EQ(JudgeForces(forces).advice, palpate::InWords(v1::FORCE_REASON_STOP_CALL));
   }
 }
 

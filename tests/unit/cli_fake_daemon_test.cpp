@@ -11,6 +11,7 @@
 #include <nlohmann/json.hpp>
 #include <sstream>
 
+#include "tests/support/certificates.h"
 #include "tests/support/process.h"
 #include "tests/unit/cli_fake_daemon.h"
 
@@ -308,6 +309,79 @@ TEST_F(CliTest, SocketOfSomebodyElseIsNoPermission) {
   StartDaemon();
   std::filesystem::permissions(socket_, std::filesystem::perms::none);
   ExpectOneError(Run({"info"}), 5, "no permission");
+}
+
+// Once, before anything is sent, and whether it is named or in the environment.
+TEST_F(CliTest, ATokenThatOthersMayReadIsOneLineMore) {
+  StartDaemon();
+  const Certificates files;
+  files.MakeAuthority("lab");
+  const std::string token = files.In("token");
+  std::ofstream(token) << "palpate_x\n";
+  chmod(token.c_str(), 0644);
+  const std::vector<std::string> command = {"info", "--server",
+                                            "127.0.0.1:" + std::to_string(daemon_->port),
+                                            "--tls-ca", files.In("lab.pem")};
+  std::vector<std::string> with_token = command;
+  with_token.insert(with_token.end(), {"--token-file", token});
+  setenv("PALPATE_TOKEN_FILE", token.c_str(), 1);
+  const ProcessResult by_environment = Run(command);
+  unsetenv("PALPATE_TOKEN_FILE");
+  for (const ProcessResult& result : {by_environment, Run(with_token)}) {
+    // The daemon has no TLS.
+    EXPECT_EQ(result.exit_code, 8);
+    const std::vector<std::string> lines = Lines(result.error);
+    ASSERT_EQ(lines.size(), 2u) << result.error;
+    EXPECT_TRUE(lines[0].starts_with("palpate: warning: the token file " + token)) << lines[0];
+  }
+  chmod(token.c_str(), 0600);
+  ExpectOneError(Run(with_token), 8, "TLS");
+}
+
+// One of `palpate doctor --json`.
+Json CheckNamed(const Json& doctor, const std::string& name) {
+  for (const Json& check : doctor["checks"]) {
+    if (check["name"] == name) return check;
+  }
+  return {};
+}
+
+TEST_F(CliTest, TheDoctorLooksAtARunningDaemon) {
+  StartDaemon();
+  daemon_->device.ticks_per_call = 300;
+  Json doctor = Json::parse(Run({"doctor", "--json"}).output);
+  for (const char* name : {"daemon", "ticks", "device", "forces"}) {
+    EXPECT_EQ(CheckNamed(doctor, name)["verdict"], "ok") << name;
+    EXPECT_EQ(CheckNamed(doctor, name)["advice"], "") << name;
+  }
+  EXPECT_EQ(CheckNamed(doctor, "ticks")["text"], "300 ticks while it was watched, 0 missed");
+  EXPECT_EQ(CheckNamed(doctor, "device")["text"], "simulated, streaming");
+
+  daemon_->device.health.set_connection(v1::DEVICE_CONNECTION_ABSENT);
+  daemon_->device.health.set_problem("not found:\nplug it in");
+  daemon_->device.forces.set_state(v1::FORCE_STATE_HELD);
+  daemon_->device.forces.set_reason(v1::FORCE_REASON_DOCKED);
+  daemon_->device.ticks_per_call = 0;
+  const ProcessResult result = Run({"doctor", "--json"});
+  EXPECT_EQ(result.exit_code, 10);
+  doctor = Json::parse(result.output);
+  EXPECT_EQ(CheckNamed(doctor, "ticks")["verdict"], "fail");
+  EXPECT_EQ(CheckNamed(doctor, "ticks")["text"], "the haptic loop does not tick: it stays at 990");
+  EXPECT_EQ(CheckNamed(doctor, "device")["verdict"], "fail");
+  EXPECT_EQ(CheckNamed(doctor, "device")["text"], "simulated, absent: not found: plug it in");
+  EXPECT_EQ(CheckNamed(doctor, "forces")["verdict"], "warn");
+  EXPECT_EQ(CheckNamed(doctor, "forces")["advice"], "the stylus rests in its holder: take it out");
+  for (const char* name : {"ticks", "device"}) {
+    EXPECT_NE(CheckNamed(doctor, name)["advice"], "") << name;
+  }
+}
+
+TEST_F(CliTest, WithoutADaemonTheDoctorJudgesTheMachineAlone) {
+  const Json doctor = Json::parse(Run({"doctor", "--json"}).output);
+  EXPECT_EQ(CheckNamed(doctor, "daemon")["verdict"], "warn");
+  for (const char* name : {"ticks", "device", "forces"}) {
+    EXPECT_TRUE(CheckNamed(doctor, name).is_null()) << name;
+  }
 }
 
 TEST_F(CliTest, AnotherServiceIsTold) {

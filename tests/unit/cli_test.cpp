@@ -1,12 +1,16 @@
 // Pure parts of the command line client: statistics, views, JSON, wording.
 #include <gtest/gtest.h>
+#include <sys/stat.h>
 
 #include <cmath>
 #include <filesystem>
+#include <fstream>
 #include <limits>
+#include <map>
 #include <string>
 #include <vector>
 
+#include "client/cli/connection.h"
 #include "client/cli/description.h"
 #include "client/cli/load_command.h"
 #include "client/cli/output.h"
@@ -16,6 +20,7 @@
 #include "client/cli/watch_command.h"
 #include "client/cli/watch_statistics.h"
 #include "client/cli/watch_view.h"
+#include "tests/support/temporary_folder.h"
 
 namespace palpate::cli {
 namespace {
@@ -330,6 +335,21 @@ TEST(SetTest, SaysWhatWasAppliedWhen) {
   EXPECT_EQ(DescribeChange("normalized_isovalue", response).rfind("isovalue 40.8 (normalised", 0),
             0u);
   EXPECT_EQ(DescribeChange("method", response).rfind("method bcc applied", 0), 0u);
+}
+
+TEST(ConnectionTest, ATokenThatOthersMayReadIsWarnedOf) {
+  const test::TemporaryFolder folder;
+  const std::string path = folder.path() / "token";
+  std::ofstream(path) << "palpate_x\n";
+  for (const auto& [mode, warns] : std::map<mode_t, bool>{
+           {0600, false}, {0640, false}, {0660, false}, {0644, true}, {0604, true}}) {
+    ASSERT_EQ(chmod(path.c_str(), mode), 0);
+    const std::string warning = TokenFileWarning(path);
+    EXPECT_EQ(!warning.empty(), warns) << mode;
+    EXPECT_EQ(warning.find(path) != warning.npos, warns);
+  }
+  EXPECT_EQ(TokenFileWarning(""), "");
+  EXPECT_EQ(TokenFileWarning(path + ".absent"), "");
 }
 
 TEST(LoadTest, RelativePathsBecomeAbsolute) {

@@ -25,8 +25,10 @@ class ConfigTest : public ::testing::Test {
   Config Read(const std::string& text) const {
     std::ofstream(folder_ / "palpated.toml") << text;
     Config config;
-    ReadConfigFile(folder_ / "palpated.toml", config);
-    return config;
+    const ConfigReading reading = ReadConfig(folder_ / "palpated.toml", config);
+    if (reading.faults.empty()) return config;
+    const ConfigFault& first = reading.faults.front();
+    throw Error(first.kind, ToText(folder_ / "palpated.toml", first));
   }
   std::string Refusal(const std::string& text) const {
     try {
@@ -217,6 +219,32 @@ TEST_F(ConfigTest, SecurityThatCannotWorkIsRefused) {
   };
   for (const auto& [text, why] : cases) {
     EXPECT_NE(Refusal(text).find(why), std::string::npos) << text << Refusal(text);
+  }
+}
+
+TEST_F(ConfigTest, WhatGoesTogetherNamesTheKeyThatIsThere) {
+  const std::string pair = "[tls]\ncertificate = \"/c\"\nkey = \"/k\"\n";
+  const std::vector<std::pair<std::string, std::string>> cases = {
+      {"[tls]\nkey = \"/k\"\n", ":2: tls.key: tls.certificate and tls.key come"},
+      {"[tls]\ncertificate = \"/c\"\n", ":2: tls.certificate: tls.certificate and"},
+      {"[tls]\n\ntokens = \"/t\"\n", ":3: tls.tokens: tls.tokens and tls.client_ca"},
+      {pair + "client_ca = \"/ca\"\n", ":4: tls.client_ca: tls.client_ca and [[tls.client]]"},
+      {pair + "[[tls.client]]\nsan = \"a\"\nrole = \"viewer\"\n", ":4: tls.client: tls.client_ca"}};
+  for (const auto& [text, why] : cases) {
+    EXPECT_NE(Refusal(text).find("palpated.toml" + why), std::string::npos) << Refusal(text);
+  }
+}
+
+TEST_F(ConfigTest, AnUnknownTableIsAFault) {
+  const std::vector<std::pair<std::string, std::string>> cases = {
+      {"\n[tsl]\ncertificate = \"/c\"\n", ":2: tsl is no table of palpated: there are device, "},
+      {"[tsl]\n", ":1: tsl is no table"},
+      {"[log]\n[haptics.surface]\n", ":2: haptics.surface is no table"},
+      {"[log]\n[volume.source]\nname = 1\n", ":2: volume.source is no table"},
+      {"[[haptics]]\nmethod = \"bcc\"\n", ":1: haptics is no setting"},
+      {"log = \"info\"\n", ":1: log is no setting"}};
+  for (const auto& [text, why] : cases) {
+    EXPECT_NE(Refusal(text).find("palpated.toml" + why), std::string::npos) << Refusal(text);
   }
 }
 

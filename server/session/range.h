@@ -1,0 +1,33 @@
+// Numbers that must lie within a range, and one wording for those that do not.
+//
+// Threads: any. Errors: RangeError, which says which number it was.
+#pragma once
+
+#include <fmt/format.h>
+
+#include <string>
+#include <string_view>
+
+#include "common/error/error.h"
+
+namespace palpate {
+
+class RangeError : public Error {
+ public:
+  RangeError(std::string_view name, const std::string& message)
+      : Error(ErrorKind::kInvalidArgument, message), name_(name) {}
+  const std::string& name() const { return name_; }
+
+ private:
+  std::string name_;
+};
+
+// `unit` with a leading blank, or empty. NaN is in no range.
+inline void CheckRange(std::string_view name, double value, double low, double high,
+                       std::string_view unit) {
+  if (value >= low && value <= high) return;
+  throw RangeError(name,
+                   fmt::format("{} {} is not within {:g} to {:g}{}", name, value, low, high, unit));
+}
+
+}  // namespace palpate

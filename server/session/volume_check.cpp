@@ -1,0 +1,32 @@
+#include "server/session/volume_check.h"
+
+#include <algorithm>
+
+#include "server/session/range.h"
+#include "server/session/registration.h"
+#include "server/volume/builtin.h"
+#include "server/volume/volume_file.h"
+
+namespace palpate {
+
+void CheckBuiltinSource(const std::string& source) { BuiltinSize(source); }
+
+void CheckVoxelSpacing(const Vec3& spacing_mm) {
+  for (const double spacing : spacing_mm) {
+    CheckRange("voxel spacing", spacing, kLeastSpacingMm, kGreatestSpacingMm, " mm");
+  }
+}
+
+void CheckScale(const std::string& source, const std::optional<Vec3>& spacing_mm,
+                double device_mm_per_volume_mm) {
+  // A file's spacing is unknown: the one that fits best.
+  const double of_file =
+      std::clamp(1.0 / device_mm_per_volume_mm, kLeastSpacingMm, kGreatestSpacingMm);
+  VolumeMetadata volume;
+  volume.size = Vec3i::Constant(2);
+  volume.spacing_mm =
+      spacing_mm.value_or(IsBuiltin(source) ? Vec3::Ones() : Vec3::Constant(of_file));
+  MakeRegistration(volume, Vec3::Zero(), Eigen::Quaterniond::Identity(), device_mm_per_volume_mm);
+}
+
+}  // namespace palpate
