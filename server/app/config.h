@@ -81,7 +81,8 @@ struct LoadedConfig {
 // is wrong is left out. Opens no other file.
 ConfigReading ReadConfig(const std::filesystem::path& path, Config& config);
 
-// "FILE:LINE: KEY: WHAT", or "KEY WHAT" where that is a sentence; without the file where no line of it is to blame.
+// "FILE:LINE: KEY: WHAT", or "KEY WHAT" where that is a sentence; without the file where no line of
+// it is to blame.
 std::string ToText(const std::filesystem::path& path, const ConfigFault& fault);
 
 // `error` as a fault of that key, if it stands in the file.

@@ -24,8 +24,10 @@ namespace {
 
 class Check {
  public:
-  Check(const ConfigKeys& keys, const std::vector<ConfigFault>& known)
-      : keys_(keys), known_(known) {}
+  Check(const ConfigKeys& keys, ConfigUse use, const std::vector<ConfigFault>& known)
+      : keys_(keys), use_(use), known_(known) {}
+
+  ConfigUse use() const { return use_; }
 
   void Fault(const std::string& key, const std::string& what,
              ErrorKind kind = ErrorKind::kInvalidArgument) {
@@ -45,6 +47,7 @@ class Check {
   bool Readable(const std::string& key, const std::string& path) {
     if (path.empty() || access(path.c_str(), R_OK) == 0) return true;
     const int error = errno;
+    if (use_ == ConfigUse::kReload) return false;
     Fault(key,
           "cannot read " + path + ": " + std::strerror(error) +
               "; correct the path, or who may read it",
@@ -61,6 +64,7 @@ class Check {
 
  private:
   const ConfigKeys& keys_;
+  const ConfigUse use_;
   const std::vector<ConfigFault>& known_;
   std::vector<ConfigFault> faults_;
 };
@@ -106,9 +110,10 @@ void CheckHaptics(const Config& config, Check& check) {
 }
 
 void CheckDevice(const Config& config, Check& check) {
-  check.Readable("device.falcon_firmware", config.device.falcon_firmware);
+  const bool has_firmware = check.Readable("device.falcon_firmware", config.device.falcon_firmware);
   const bool replays = config.device.kind == "replay" && !config.device.replay_file.empty();
   if (replays && !check.Readable("device.replay_file", config.device.replay_file)) return;
+  if (!has_firmware && check.use() == ConfigUse::kReload) return;
   check.Try(replays ? "device.replay_file" : "device.kind", [&] {
     const auto device = MakeDevice(config.device, config.realtime.priority - 1);
     check.Try("device.stop_buttons", [&] { StopButtons(config.device, device->spec()); });
@@ -162,9 +167,9 @@ ConfigError::ConfigError(const std::filesystem::path& file, const std::vector<Co
   for (const ConfigFault& fault : faults) lines_.push_back(ToText(file, fault));
 }
 
-std::vector<ConfigFault> CheckConfig(const Config& config, const ConfigKeys& keys,
+std::vector<ConfigFault> CheckConfig(const Config& config, const ConfigKeys& keys, ConfigUse use,
                                      const std::vector<ConfigFault>& known) {
-  Check check(keys, known);
+  Check check(keys, use, known);
   CheckVolume(config, check);
   CheckHaptics(config, check);
   CheckDevice(config, check);
@@ -177,7 +182,8 @@ std::vector<ConfigFault> CheckConfig(const Config& config, const ConfigKeys& key
   return check.Take();
 }
 
-LoadedConfig LoadConfig(const std::filesystem::path& file, const ConfigMerge& merge) {
+LoadedConfig LoadConfig(const std::filesystem::path& file, const ConfigMerge& merge,
+                        ConfigUse use) {
   LoadedConfig loaded{.config = {}, .keys = {}, .file = file};
   std::vector<ConfigFault> faults;
   if (!file.empty()) {
@@ -194,7 +200,7 @@ LoadedConfig LoadConfig(const std::filesystem::path& file, const ConfigMerge& me
     faults.push_back({"", 0, error.what(), error.kind()});
   }
   if (is_read) {
-    const std::vector<ConfigFault> more = CheckConfig(loaded.config, loaded.keys, faults);
+    const std::vector<ConfigFault> more = CheckConfig(loaded.config, loaded.keys, use, faults);
     faults.insert(faults.end(), more.begin(), more.end());
   }
   if (faults.empty()) return loaded;

@@ -26,10 +26,14 @@ class ConfigError : public Error {
   std::vector<std::string> lines_;
 };
 
+// kReload: volumes and files of devices, which are read at the start alone, may be gone.
+enum class ConfigUse { kStart, kReload };
+
 // Faults of whole configurations: files that are not there or not fit, values that do
 // not go together or are out of range. Lines are those of `keys`. `known`: what was found
 // wrong before; what would only follow from that is left out.
 std::vector<ConfigFault> CheckConfig(const Config& config, const ConfigKeys& keys,
+                                     ConfigUse use = ConfigUse::kStart,
                                      const std::vector<ConfigFault>& known = {});
 
 // Lays the command line over what a file says, and takes out the keys that it overrides.
@@ -37,7 +41,8 @@ std::vector<ConfigFault> CheckConfig(const Config& config, const ConfigKeys& key
 using ConfigMerge = std::function<void(LoadedConfig&)>;
 
 // Reads and checks `file`; empty: the command line alone. Throws ConfigError.
-LoadedConfig LoadConfig(const std::filesystem::path& file, const ConfigMerge& merge);
+LoadedConfig LoadConfig(const std::filesystem::path& file, const ConfigMerge& merge,
+                        ConfigUse use = ConfigUse::kStart);
 
 // Prints a line for each fault, or "FILE: ok". Returns the exit code.
 int CheckConfigFile(const std::filesystem::path& file, const ConfigMerge& merge);

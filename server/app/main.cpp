@@ -138,11 +138,12 @@ bool HasTerminal() {
 }
 
 void Run(const Options& options) {
-  const auto load = [&] { return LoadConfig(options.config_file, MergeOf(options)); };
-  const LoadedConfig loaded = load();
+  const LoadedConfig loaded = LoadConfig(options.config_file, MergeOf(options));
   SetLogLevel(loaded.config.log_level);
   ConfigReader read;
-  if (!options.config_file.empty() && !HasTerminal()) read = load;
+  if (!options.config_file.empty() && !HasTerminal()) {
+    read = [&] { return LoadConfig(options.config_file, MergeOf(options), ConfigUse::kReload); };
+  }
   RunDaemon(loaded, read);
 }
 

@@ -18,9 +18,6 @@ namespace {
 
 constexpr int kNiceness = 5;
 constexpr rlim_t kOpenFiles = 256;
-// Stacks of TBB's threads and malloc's arenas are reserved but hardly used.
-constexpr std::int64_t kReservedPerThread = std::int64_t{80} << 20;
-constexpr std::int64_t kReserved = std::int64_t{256} << 20;
 
 void Limit(__rlimit_resource resource, rlim_t wanted, const char* what) {
   rlimit limit{};
@@ -34,6 +31,10 @@ void Limit(__rlimit_resource resource, rlim_t wanted, const char* what) {
 }
 
 #ifndef PALPATE_SANITIZED
+// Stacks of TBB's threads and malloc's arenas are reserved but hardly used.
+constexpr std::int64_t kReservedPerThread = std::int64_t{80} << 20;
+constexpr std::int64_t kReserved = std::int64_t{256} << 20;
+
 std::int64_t AddressSpaceNow() {
   std::int64_t pages = 0;
   std::ifstream("/proc/self/statm") >> pages;

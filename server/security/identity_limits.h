@@ -20,8 +20,8 @@ struct LimitOptions {
   int calls_per_s = 2000;  // as many at once
   int pose_streams = 256;
   // Of all identities together; one over the network has half of it at most, so that none
-  // keeps the others out. A message costs the thread that carries samples 9 to 20 us: 32
-  // streams at 1 kHz are what it and the other calls can live with on two cores.
+  // keeps the others out. A message costs 9 to 20 us: 64 streams at 1 kHz do not fit two
+  // cores, and the thread that carries samples falls behind.
   int pose_samples_per_s = 32'000;
   int volume_streams = 64;
   int transfers = 8;

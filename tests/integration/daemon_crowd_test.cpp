@@ -138,7 +138,9 @@ void Crowd::Attack(const std::string& target, int refused) {
   ASSERT_TRUE(Eventually([&] { return MonotonicNowNs() - from_ns > 3'000'000'000; }));
   const std::int64_t to_ns = MonotonicNowNs();
   const v1::ServoDescription after = Servo();
-  if (target != socket()) EXPECT_TRUE(Works(socket(), kViewer));
+  if (target != socket()) {
+    EXPECT_TRUE(Works(socket(), kViewer));
+  }
   std::printf(
       "%s: %d of %d refused, %lu ticks, %lu missed, %lu samples lost; answers p50 %.1f ms, "
       "p99 %.1f ms\n",

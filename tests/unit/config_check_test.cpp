@@ -17,10 +17,11 @@ class ConfigCheckTest : public ::testing::Test, protected test::Certificates {
  protected:
   // Every fault as FILE:LINE: KEY ..., without the folder; none: it is fit.
   Keys Faults(
-      const std::string& text, const ConfigMerge& merge = [](LoadedConfig&) {}) const {
+      const std::string& text, const ConfigMerge& merge = [](LoadedConfig&) {},
+      ConfigUse use = ConfigUse::kStart) const {
     std::ofstream(In("f.toml")) << text;
     try {
-      LoadConfig(In("f.toml"), merge);
+      LoadConfig(In("f.toml"), merge, use);
       return {};
     } catch (const ConfigError& error) {
       EXPECT_EQ(error.what(), error.lines().front());
@@ -222,6 +223,25 @@ TEST_F(ConfigCheckTest, WhatTurnsOutLaterNamesItsLineToo) {
   EXPECT_EQ(AtKey(loaded, "volume.isovalue", error).kind(), ErrorKind::kConflict);
   // Of the command line, or by default.
   EXPECT_STREQ(AtKey(loaded, "volume.source", error).what(), "too much");
+}
+
+TEST_F(ConfigCheckTest, AReloadDoesNotNeedWhatWasReadAtTheStart) {
+  const std::string gone = In("gone.nrrd").string();
+  for (const std::string& text :
+       {"[volume]\nsource = \"" + gone + "\"\n",
+        "[device]\nkind = \"replay\"\nreplay_file = \"" + gone + "\"\n",
+        "[device]\nkind = \"falcon\"\nfalcon_firmware = \"" + gone + "\"\n"}) {
+    EXPECT_FALSE(Faults(text).empty()) << text;
+    EXPECT_EQ(Faults(
+                  text, [](LoadedConfig&) {}, ConfigUse::kReload),
+              Keys())
+        << text;
+  }
+  // What a reload takes over is looked at.
+  EXPECT_EQ(Faults(
+                "[tls]\nkey = \"" + gone + "\"\n", [](LoadedConfig&) {}, ConfigUse::kReload)
+                .empty(),
+            false);
 }
 
 }  // namespace
