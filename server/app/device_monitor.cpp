@@ -56,6 +56,7 @@ void DeviceMonitor::OnSample(const TickSample& sample) {
     changes_.push_back({state_, reason_, sample.tick});
   } else {
     ++unsaid_changes_;
+    last_unsaid_ = {state_, reason_, sample.tick};
   }
 }
 
@@ -75,14 +76,19 @@ void DeviceMonitor::Say() {
   while (const std::optional<DeviceEvent> event = device_.NextEvent()) palpate::Say(*event);
   std::vector<Change> changes;
   std::uint64_t unsaid = 0;
+  Change last{};
   {
     const std::lock_guard lock(mutex_);
     changes.swap(changes_);
     // Those of a second together.
     if (++periods_ % kPeriodsPerSecond == 0 || stop_) unsaid = std::exchange(unsaid_changes_, 0);
+    last = last_unsaid_;
   }
   for (const Change& change : changes) Say(change);
-  if (unsaid > 0) spdlog::warn("forces: {} more changes", unsaid);
+  if (unsaid == 0) return;
+  spdlog::warn("forces: {} more changes", unsaid);
+  // How it ended, a fault above all, is never left out.
+  Say(last);
 }
 
 void DeviceMonitor::Say(const Change& change) const {

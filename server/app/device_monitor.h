@@ -49,6 +49,7 @@ class DeviceMonitor final : public SampleSink {
   std::condition_variable wake_;
   std::vector<Change> changes_;
   std::uint64_t unsaid_changes_ = 0;
+  Change last_unsaid_{};
   std::uint64_t periods_ = 0;
   bool stop_ = false;
   std::thread thread_;

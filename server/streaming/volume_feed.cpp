@@ -136,7 +136,8 @@ std::optional<VolumeEvent> VolumeFeed::NextEvent(const VolumeNow& now) {
 }
 
 void VolumeFeed::Begin(const VolumeNow& now) {
-  transfer_.emplace();
+  // Not emplace(): clang 14 takes a nested class with defaults for one that has none.
+  transfer_ = Transfer{};
   transfer_->volume = now.volume;
   if (loaded_revision_ != now.volume->loaded_revision()) {
     transfer_->phase = Phase::kLattice;

@@ -351,7 +351,7 @@ TEST(Service, AConfigurationIsCheckedWithoutAStart) {
   EXPECT_EQ(bad.output, "");
   EXPECT_TRUE(bad.error.starts_with(config.path() +
                                     ":4: haptics.stiff is no setting of palpated\n" +
-                                    config.path() + ":5: haptics.method "))
+                                    config.path() + ":5: haptics.method: "))
       << bad.error;
 }
 

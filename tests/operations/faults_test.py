@@ -126,7 +126,7 @@ class ClientFaults(unittest.TestCase):
             more.start.SetInParent()
             calls += [silent.volume.StreamVolume(iter([more])) for _ in range(16)]
             self.assertTrue(wait_until(lambda: good.samples > 60))
-            before, ticks, seen = self.resident(), self.client.servo().ticks, good.samples
+            before, ticks, seen = self.settled(), self.client.servo().ticks, good.samples
             for n in range(100):
                 self.client.carve(20 + n % 8, 20, 20)
             self.assertTrue(wait_until(lambda: self.client.servo().ticks > ticks + 4000))
@@ -141,6 +141,18 @@ class ClientFaults(unittest.TestCase):
                 call.cancel()
         good.stop()
         self.served_as_before()
+
+    def settled(self):
+        """The resident set, once the streams have what they get at their start."""
+        sizes = [self.resident()]
+
+        def stays():
+            time.sleep(0.5)
+            sizes.append(self.resident())
+            return sizes[-1] - sizes[-2] < 1 << 18
+
+        self.assertTrue(wait_until(stays))
+        return sizes[-1]
 
     def resident(self):
         pages = int(pathlib.Path(f"/proc/{self.daemon.pid}/statm").read_text().split()[1])
