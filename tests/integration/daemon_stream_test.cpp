@@ -65,11 +65,11 @@ void Print(const char* name, const Summary& s, std::size_t samples) {
       100.0 * s.executed_share, s.above, s.jumps);
 }
 
-class Volumes : public ::testing::TestWithParam<std::pair<const char*, double>> {};
+class Volumes : public ::testing::TestWithParam<std::pair<std::string, double>> {};
 
 TEST_P(Volumes, AreRenderedAtOneKilohertz) {
   const auto [name, isovalue] = GetParam();
-  const bool builtin = std::string(name).starts_with("builtin:");
+  const bool builtin = name.starts_with("builtin:");
   const std::string source = builtin ? name : (DataFolder() / name).string();
   if (!builtin && !std::filesystem::exists(source)) GTEST_SKIP() << source << " is not there";
   Daemon daemon(PALPATED, {"--volume", source, "--normalized-isovalue", std::to_string(isovalue)});
@@ -80,7 +80,7 @@ TEST_P(Volumes, AreRenderedAtOneKilohertz) {
   const auto& samples = collector.Stop();
   ASSERT_GT(samples.size(), 5000u);
   const Summary summary = Summarize(samples);
-  Print(name, summary, samples.size());
+  Print(name.c_str(), summary, samples.size());
 
   // Ticks and missed ticks count milliseconds.
   const auto loop_ms = static_cast<double>(samples.back().tick() + samples.back().missed_ticks() -
@@ -96,7 +96,7 @@ TEST_P(Volumes, AreRenderedAtOneKilohertz) {
     // the servo is on one of their processors at any time.
     const auto missed =
         static_cast<double>(samples.back().missed_ticks() - samples.front().missed_ticks());
-    std::printf("%s: %.0f ticks missed, bare loops %.0f\n", name, missed, bare_missed);
+    std::printf("%s: %.0f ticks missed, bare loops %.0f\n", name.c_str(), missed, bare_missed);
     EXPECT_LE(missed, 0.01 * loop_ms + bare_missed);
   }
   EXPECT_LT(summary.mean_update_us, 20.0);
@@ -109,12 +109,13 @@ TEST_P(Volumes, AreRenderedAtOneKilohertz) {
 
 INSTANTIATE_TEST_SUITE_P(
     Real, Volumes,
-    ::testing::Values(std::pair{"builtin:bumps", 0.5},
-                      std::pair{"paper/lobster_301x324x56_uint8.nhdr", 0.16},
-                      std::pair{"paper/daisy_192x180x168_uint8.nhdr", 0.24},
-                      std::pair{"paper/orange_256x256x64_uint8.nhdr", 0.22},
-                      std::pair{"paper/SUBST_head_ct_cranium_256x256x108_int16.nrrd", 0.33},
-                      std::pair{"medical/dicom_mr_brain_20", 0.22}));
+    ::testing::Values(std::pair<std::string, double>{"builtin:bumps", 0.5},
+                      std::pair<std::string, double>{"paper/lobster_301x324x56_uint8.nhdr", 0.16},
+                      std::pair<std::string, double>{"paper/daisy_192x180x168_uint8.nhdr", 0.24},
+                      std::pair<std::string, double>{"paper/orange_256x256x64_uint8.nhdr", 0.22},
+                      std::pair<std::string, double>{
+                          "paper/SUBST_head_ct_cranium_256x256x108_int16.nrrd", 0.33},
+                      std::pair<std::string, double>{"medical/dicom_mr_brain_20", 0.22}));
 
 TEST(Isovalue, IsAppliedAtTheTickThatTheAnswerNames) {
   Daemon daemon(PALPATED, {"--volume", "builtin:bumps:64"});

@@ -19,6 +19,8 @@ from palpate.v1 import (device_pb2, device_pb2_grpc, edit_pb2, pose_pb2, pose_pb
 from free_port import free_port
 
 PALPATED = os.environ["PALPATED"]
+# AddressSanitizer keeps what was freed for a while: its builds say nothing about memory.
+SANITIZED = "PALPATE_SANITIZED" in os.environ
 PATIENCE_S = 120.0
 CALL_S = 30.0
 

@@ -2,6 +2,7 @@
 else notices."""
 
 import contextlib
+import os
 import pathlib
 import socket
 import ssl
@@ -116,7 +117,9 @@ class Strangers(unittest.TestCase):
               f"{(resident_bytes(self.daemon) - before) / MIB:.0f} MiB more held")
         # What is under way in the kernel comes on top of the 8 MiB.
         self.assertLess(max(sent), 200 * MIB)
-        self.assertLess(resident_bytes(self.daemon) - before, 150 * MIB)
+        # AddressSanitizer keeps what was freed for a while.
+        if "PALPATE_SANITIZED" not in os.environ:
+            self.assertLess(resident_bytes(self.daemon) - before, 150 * MIB)
         wait_for(lambda: self.said("cut off ipv4:127.0.0.2:") == 1, "the line")
         self.assertEqual(self.said("it sent too much without a call that it may make"), 4)
 
@@ -163,7 +166,10 @@ class Strangers(unittest.TestCase):
         self.assertGreater(self.said("it sent too much"), 9)
 
     def test_its_address_is_kept_out_for_a_while(self):
-        self.attack(endless_headers, "127.0.0.2")
+        # It may take the attacker seconds to notice.
+        attacker = threading.Thread(target=self.attack, args=(endless_headers, "127.0.0.2"))
+        attacker.start()
+        self.addCleanup(attacker.join)
         wait_for(lambda: self.said("cut off ipv4:127.0.0.2:") == 1, "the line")
         with self.assertRaises(OSError):
             Stranger(self.daemon, "127.0.0.2")
