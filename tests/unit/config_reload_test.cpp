@@ -30,9 +30,10 @@ TEST(ConfigReload, SeesKeysThatChangedCameAndWent) {
       "[volume]\nload_folders = [\"/\", \"/tmp\"]\n");
   EXPECT_EQ(ChangedKeys(before, before), Keys());
   // Lines, order and spaces are not what counts.
-  EXPECT_EQ(ChangedKeys(before, KeysOf("[volume]\n# here\nload_folders = [ \"/\",\"/tmp\" ]\n\n"
-                                       "[haptics]\npop_force_n = 1.0\nstiffness_n_per_mm = 0.50\n")),
-            Keys());
+  EXPECT_EQ(
+      ChangedKeys(before, KeysOf("[volume]\n# here\nload_folders = [ \"/\",\"/tmp\" ]\n\n"
+                                 "[haptics]\npop_force_n = 1.0\nstiffness_n_per_mm = 0.50\n")),
+      Keys());
   EXPECT_EQ(ChangedKeys(before, KeysOf("[haptics]\nstiffness_n_per_mm = 0.6\nmethod = \"bcc\"\n"
                                        "[volume]\nload_folders = [\"/\", \"/var\"]\n")),
             (Keys{"haptics.method", "haptics.pop_force_n", "haptics.stiffness_n_per_mm",
