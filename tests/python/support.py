@@ -50,7 +50,7 @@ class Daemon:
 
         self._reader = threading.Thread(target=read, daemon=True)
         self._reader.start()
-        if not ready.wait(PATIENCE_S) or "ready on" not in said[-1]:
+        if not ready.wait(PATIENCE_S) or not any("ready on" in line for line in said):
             self.end(signal.SIGKILL)
             raise RuntimeError("palpated did not start: " + "".join(said))
 

@@ -108,8 +108,9 @@ class EmulatedUsbDevice {
 
   std::vector<UsbEvent> Events() const;
   std::size_t CountOf(UsbEvent::Kind kind) const;
-  // IN transfers that brought something.
-  std::uint64_t InTransfers() const;
+  // IN transfers that brought something while the host had not yet taken what ended
+  // before: the bus was slower than the device, and the host cannot answer each of them.
+  std::uint64_t CrowdedInTransfers() const;
 
  protected:
   std::mutex& mutex() const { return mutex_; }
@@ -139,7 +140,7 @@ class EmulatedUsbDevice {
   std::map<std::uint8_t, bool> stalls_;  // endpoint; for ever
   std::map<std::uint8_t, std::deque<Bytes>> in_;
   std::vector<UsbEvent> events_;
-  std::uint64_t in_transfers_ = 0;
+  std::uint64_t crowded_in_transfers_ = 0;
 };
 
 }  // namespace palpate::test
