@@ -139,6 +139,7 @@ void RunDaemon(const LoadedConfig& loaded, const ConfigReader& read) {
   Pump pump(*outbox);
   Session session(device->spec(), inbox, pump,
                   VolumeLoader{.import_program = ImportProgram(),
+                               .folders = config.load_folders,
                                .budget = MemoryBudget::Make(config.memory_budget_bytes)});
   RegistrationStore registrations(state_folder);
   session.SetRegistrationStore(registrations);

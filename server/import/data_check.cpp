@@ -84,12 +84,14 @@ void CheckCompressed(const fs::path& path, std::int64_t length, const ImageHeade
 }
 
 // All frames must be there, not only the one that is read.
-void CheckData(const fs::path& path, const ImageHeader& header, std::int64_t frame_bytes) {
+void CheckData(const fs::path& path, const ImageHeader& header, const ImportLimits& limits) {
+  const std::int64_t frame_bytes = CheckedVoxelBytes(header.size, ByteCount(header.type), limits);
   const fs::path data = header.data_file.empty() ? path : path.parent_path() / header.data_file;
   if (!header.data_file.empty() && !fs::exists(data)) {
     throw Error(ErrorKind::kNotFound, "the data file " + Quoted(header.data_file) +
                                           " is missing; put it into the header's folder");
   }
+  CheckPlace(data, limits);
   CheckReadable(data);
   const std::int64_t length = static_cast<std::int64_t>(fs::file_size(data)) - header.begin;
   const bool at_end = header.skip_bytes == ImageHeader::kVoxelsAtEnd;
@@ -112,6 +114,19 @@ void CheckData(const fs::path& path, const ImageHeader& header, std::int64_t fra
 
 }  // namespace
 
+void CheckPlace(const fs::path& file, const ImportLimits& limits) {
+  std::error_code error;
+  const fs::path real = fs::weakly_canonical(file, error);
+  const auto holds = [&](const fs::path& folder) {
+    return *real.lexically_relative(folder).begin() != "..";
+  };
+  if (limits.folders.empty() || (!error && std::ranges::any_of(limits.folders, holds))) return;
+  throw Error(ErrorKind::kPermissionDenied,
+              file.filename().string() +
+                  " is a link that leads out of the folders that may be read "
+                  "(volume.load_folders of palpated's configuration); put the file itself there");
+}
+
 void CheckReadable(const fs::path& path) {
   std::error_code error;
   const fs::file_status status = fs::status(path, error);
@@ -130,7 +145,7 @@ ImageHeader ReadCheckedHeader(const fs::path& path, ImageFormat format,
                               const ImportLimits& limits) {
   CheckReadable(path);
   const ImageHeader header = ReadHeader(path, format);
-  CheckData(path, header, CheckedVoxelBytes(header.size, ByteCount(header.type), limits));
+  CheckData(path, header, limits);
   return header;
 }
 

@@ -17,6 +17,9 @@ enum class ImageFormat { kNrrd, kMetaImage, kNifti };
 // kNotFound, kPermissionDenied, or kInvalidArgument for what is no regular file.
 void CheckReadable(const std::filesystem::path& path);
 
+// kPermissionDenied for a link that leads out of the folders that files may be read from.
+void CheckPlace(const std::filesystem::path& file, const ImportLimits& limits);
+
 // Throws kInvalidArgument (not this format, not supported, truncated, damaged) or
 // kTooLarge. Unless it throws, size, type and extent of the voxels are as told.
 ImageHeader ReadCheckedHeader(const std::filesystem::path& path, ImageFormat format,

@@ -9,6 +9,7 @@
 
 #include <array>
 #include <cstdint>
+#include <filesystem>
 #include <functional>
 #include <string>
 #include <string_view>
@@ -62,6 +63,9 @@ struct ImportLimits {
   std::function<void(const std::array<std::int64_t, 3>& size)> on_size{};
   std::int64_t max_voxels = std::int64_t{1} << 31;
   std::int64_t max_memory_bytes = std::int64_t{16} << 30;
+  // Real paths. Files that a source leads to, slices and voxels of a detached header,
+  // lie below one of these when links are followed. Empty: anywhere.
+  std::vector<std::filesystem::path> folders{};
 };
 
 [[noreturn]] void Refuse(const std::string& message);  // kInvalidArgument

@@ -32,6 +32,7 @@ struct Options {
   std::optional<std::int64_t> frame;
   std::vector<std::int64_t> raw_size;
   palpate::RawVoxels raw;
+  std::vector<std::string> folders;
   std::int64_t max_voxels = palpate::ImportLimits{}.max_voxels;
   std::int64_t max_memory_mib = palpate::ImportLimits{}.max_memory_bytes >> 20;
   unsigned timeout_s = 300;
@@ -48,6 +49,13 @@ void DefineLimits(CLI::App* app, Options* options) {
       ->check(CLI::Range(std::int64_t{1}, std::int64_t{1} << 30))
       ->type_name("N")
       ->capture_default_str();
+  app->add_option("--only-below", options->folders,
+                  "Slices and data files of INPUT lie below its own folder or this one, links\n"
+                  "followed; may be given again (default: they may lie anywhere)")
+      ->expected(1)
+      ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll)
+      ->check(CLI::ExistingDirectory)
+      ->type_name("FOLDER");
   app->add_option("--timeout-s", options->timeout_s, "Give up after this many seconds")
       ->check(CLI::Range(1u, 1000000u))
       ->type_name("N")
@@ -176,6 +184,17 @@ palpate::DenseVolume Read(const Options& options, const palpate::ImportLimits& l
                                       : palpate::ReadDicomVolume(input, limits, reporter);
 }
 
+std::vector<std::filesystem::path> FoldersToRead(const Options& options) {
+  if (options.folders.empty()) return {};
+  const std::filesystem::path input = options.input;
+  std::error_code error;
+  const bool folder = std::filesystem::is_directory(input, error);
+  std::vector<std::filesystem::path> folders(options.folders.begin(), options.folders.end());
+  folders.push_back(folder ? input : std::filesystem::absolute(input).parent_path());
+  for (auto& path : folders) path = std::filesystem::weakly_canonical(path);
+  return folders;
+}
+
 void Import(const Options& options, palpate::Reporter* reporter) {
   std::optional<palpate::Vec3> spacing_mm;
   if (!options.spacing_mm.empty()) {
@@ -185,6 +204,7 @@ void Import(const Options& options, palpate::Reporter* reporter) {
   palpate::ImportLimits limits;
   limits.max_voxels = options.max_voxels;
   limits.max_memory_bytes = options.max_memory_mib << 20;
+  limits.folders = FoldersToRead(options);
   limits.on_size = [reporter](const auto& size) { reporter->Size(size); };
   reporter->FailOnCrash();
   reporter->FailAfter(options.timeout_s);

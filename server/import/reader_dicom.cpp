@@ -13,6 +13,7 @@
 #include <string>
 #include <vector>
 
+#include "server/import/data_check.h"
 #include "server/import/dicom_file.h"
 #include "server/import/readers.h"
 #include "server/volume/volume_file.h"
@@ -147,12 +148,14 @@ bool IsImage(const fs::path& file) {
   }
 }
 
-std::vector<std::string> ImageFiles(const fs::path& folder) {
+std::vector<std::string> ImageFiles(const fs::path& folder, const ImportLimits& limits) {
   std::vector<std::string> files;
   std::error_code error;
   for (fs::directory_iterator entry(folder, error), end; !error && entry != end;
        entry.increment(error)) {
-    if (entry->is_regular_file() && IsImage(entry->path())) files.push_back(entry->path().string());
+    if (!entry->is_regular_file()) continue;
+    CheckPlace(entry->path(), limits);
+    if (IsImage(entry->path())) files.push_back(entry->path().string());
   }
   if (error == std::errc::permission_denied) {
     throw Error(ErrorKind::kPermissionDenied,
@@ -164,8 +167,9 @@ std::vector<std::string> ImageFiles(const fs::path& folder) {
 }
 
 // Slices of the largest series.
-std::vector<Slice> ScanFolder(const fs::path& folder, Reporter* reporter) {
-  const std::vector<std::string> files = ImageFiles(folder);
+std::vector<Slice> ScanFolder(const fs::path& folder, const ImportLimits& limits,
+                              Reporter* reporter) {
+  const std::vector<std::string> files = ImageFiles(folder, limits);
   if (files.empty()) Refuse("the folder holds no DICOM slices; give the one with the series");
   gdcm::SmartPointer<gdcm::Scanner> scanner = new gdcm::Scanner;
   for (const gdcm::Tag& tag : {kModality, kSeries, kPosition, kOrientation, kFrames, kSamples,
@@ -289,7 +293,7 @@ DenseVolume ReadDicomVolume(const fs::path& folder, const ImportLimits& limits,
   gdcm::Trace::WarningOff();
   gdcm::Trace::ErrorOff();
   reporter->Progress(0.0, "scanning");
-  std::vector<Slice> slices = ScanFolder(folder, reporter);
+  std::vector<Slice> slices = ScanFolder(folder, limits, reporter);
   const double pitch_mm = SortSlices(&slices, reporter);
   const auto size = VolumeSize(
       {slices.front().size[0], slices.front().size[1], static_cast<std::int64_t>(slices.size())});

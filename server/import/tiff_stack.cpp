@@ -2,6 +2,7 @@
 
 #include <string>
 
+#include "server/import/data_check.h"
 #include "server/import/tiff_page.h"
 #include "server/import/tiff_series.h"
 
@@ -81,6 +82,10 @@ void AddFiles(StackChecker* checker, const TiffStack& stack) {
   }
 }
 
+void CheckPlaces(const std::vector<fs::path>& files, const ImportLimits& limits) {
+  for (const fs::path& file : files) CheckPlace(file, limits);
+}
+
 }  // namespace
 
 TiffStack OpenTiffStack(const fs::path& input, const ImportLimits& limits) {
@@ -88,11 +93,13 @@ TiffStack OpenTiffStack(const fs::path& input, const ImportLimits& limits) {
   StackChecker checker(&stack, limits);
   const bool folder = fs::is_directory(input);
   stack.files = folder ? TiffFolderSlices(input) : std::vector<fs::path>{input};
+  CheckPlaces(stack.files, limits);
   const TiffFile first = OpenTiff(stack.files.front());
   if (stack.files.size() == 1 && HasSeveralPages(first.get())) {
     AddPages(first.get(), &checker, &stack);
   } else {
     if (!folder) stack.files = TiffSeriesSlices(input);
+    CheckPlaces(stack.files, limits);
     AddFiles(&checker, stack);
   }
   checker.Finish();

@@ -48,6 +48,7 @@ VolumeFile VolumeLoader::Load(const LoadRequest& load, const LoadProgress& progr
   request.spacing_mm = load.spacing_mm;
   request.raw = load.raw;
   request.frame = load.frame;
+  request.folders = folders;
   request.max_voxels = max_voxels;
   request.max_memory_bytes = max_memory_bytes;
   request.import_program = import_program;

@@ -40,6 +40,8 @@ using LoadSizeKnown = std::function<void(const Vec3i& size, std::uint64_t bytes)
 
 struct VolumeLoader {
   std::filesystem::path import_program;
+  // As ImportRequest's.
+  std::vector<std::filesystem::path> folders{};
   std::int64_t max_voxels = std::int64_t{1} << 31;
   std::int64_t max_memory_bytes = std::int64_t{16} << 30;  // of the importer
   std::shared_ptr<MemoryBudget> budget = MemoryBudget::Make();

@@ -97,6 +97,9 @@ std::vector<std::string> Arguments(const ImportRequest& request,
           std::to_string(std::max<std::int64_t>(request.max_memory_bytes >> 20, 1)),
       "--timeout-s=" + std::to_string(std::max<std::int64_t>(request.timeout.count(), 1)),
   };
+  for (const auto& folder : request.folders) {
+    arguments.push_back("--only-below=" + folder.string());
+  }
   if (request.spacing_mm) {
     const Vec3& s = *request.spacing_mm;
     arguments.push_back("--spacing-mm=" + Decimal(s.x()) + "," + Decimal(s.y()) + "," +

@@ -3,6 +3,7 @@ load, save and record: nothing gets in or out, and the log has each with its pee
 
 import os
 import pathlib
+import struct
 import tempfile
 import unittest
 
@@ -14,6 +15,13 @@ from secured import SecuredDaemon, wait_for
 
 SECRET = bytes(range(1, 65)) * 64
 HEADER = b"NRRD0004\ntype: uchar\ndimension: 3\nsizes: 16 16 16\nspacings: 1 1 1\nencoding: raw\n"
+
+
+def tiff_slice():
+    """16 x 16 of 8 bits."""
+    tags = {256: 16, 257: 16, 258: 8, 259: 1, 262: 1, 273: 122, 277: 1, 278: 16, 279: 256}
+    entries = b"".join(struct.pack("<HHII", tag, 4, 1, value) for tag, value in tags.items())
+    return b"II*\0" + struct.pack("<IH", 8, len(tags)) + entries + bytes(4) + SECRET[:256]
 
 
 def tree(folder):
@@ -40,6 +48,16 @@ class PathsTest(unittest.TestCase):
         (cls.root / "load/climbs.nhdr").write_bytes(HEADER + b"data file: ../outside/secret.raw\n")
         (cls.root / "load/absolute.nhdr").write_bytes(
             HEADER + b"data file: " + os.fsencode(cls.root) + b"/outside/secret.raw\n")
+        for name, leads_to in (("linked", "../outside/secret.raw"), ("kept", "deep/voxels.raw")):
+            (cls.root / f"load/{name}.nhdr").write_bytes(
+                HEADER + b"data file: " + name.encode() + b".raw\n")
+            (cls.root / f"load/{name}.raw").symlink_to(leads_to)
+        (cls.root / "load/deep/voxels.raw").write_bytes(SECRET)
+        for kind, first in (("tif", tiff_slice()), ("dcm", b"")):
+            folder = cls.root / f"load/{kind}"
+            folder.mkdir()
+            (folder / f"slice_1.{kind}").write_bytes(first)
+            (folder / f"slice_2.{kind}").symlink_to("../../outside/secret.raw")
         for folder in ("load", "save"):
             (cls.root / folder / "way_out").symlink_to(cls.root / "outside")
             (cls.root / folder / "link.nrrd").symlink_to("../outside/secret.nrrd")
@@ -114,7 +132,10 @@ save_folders = ["{cls.root}/save"]
         self.assertFalse([line for line in said if line.startswith("forged") or "\x1b" in line])
 
     def load(self, path):
-        return list(self.volume.LoadVolume(volume_pb2.LoadVolumeRequest(source=path), timeout=60.0))
+        request = volume_pb2.LoadVolumeRequest(source=path)
+        if "tif" in path:
+            request.spacing_mm.x = request.spacing_mm.y = request.spacing_mm.z = 1.0
+        return list(self.volume.LoadVolume(request, timeout=60.0))
 
     def load_raw(self, path):
         request = volume_pb2.LoadVolumeRequest(source=path)
@@ -140,6 +161,19 @@ save_folders = ["{cls.root}/save"]
     def test_loads(self):
         more = [str(self.root / "load" / name) for name in ("climbs.nhdr", "absolute.nhdr")]
         self.check_refused("LoadVolume", self.load, self.outside("load") + more)
+
+    def test_links_beside_what_is_loaded(self):
+        # The source may be loaded; what it leads to may not.
+        load = self.root / "load"
+        for source, link in ((load / "linked.nhdr", "linked.raw"), (load / "tif", "slice_2.tif"),
+                             (load / "tif/slice_1.tif", "slice_2.tif"),
+                             (load / "dcm", "slice_2.dcm")):
+            self.check_refused("LoadVolume", self.load, [str(source)])
+            with self.assertRaises(grpc.RpcError) as refused:
+                self.load(str(source))
+            self.assertEqual(refused.exception.code(), grpc.StatusCode.PERMISSION_DENIED, source)
+            self.assertIn(f"{link} is a link", refused.exception.details())
+            self.assertIn("volume.load_folders", refused.exception.details())
 
     def test_odd_loads(self):
         self.check_refused("LoadVolume", self.load, self.odd("load"))
@@ -178,6 +212,8 @@ save_folders = ["{cls.root}/save"]
 
     def test_what_may_be_loaded_and_saved_still_may(self):
         self.load(str(self.root / "load/deep/../good.nrrd"))
+        # A link that stays below the folder.
+        self.load(str(self.root / "load/kept.nhdr"))
         self.save(str(self.root / "save/ours.vdb"))
         (self.root / "save/ours.vdb").unlink()
 
