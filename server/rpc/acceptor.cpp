@@ -86,7 +86,7 @@ void Acceptor::TakeSocket(const std::string& path) {
 
 void CheckAddress(const HostPort& address) { Parse(address); }
 
-void Acceptor::TakePort(const HostPort& address, bool is_for_strangers) {
+void Acceptor::TakePort(const HostPort& address, bool is_watched) {
   const auto [is_v6, v4, v6] = Parse(address);
   const int fd = socket(is_v6 ? AF_INET6 : AF_INET, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
   const int on = 1;
@@ -97,7 +97,7 @@ void Acceptor::TakePort(const HostPort& address, bool is_for_strangers) {
   if (fd < 0 || bound != 0) FailToListen(fd, address.ToString(), "--listen");
   listeners_.push_back(fd);
   names_.push_back(address.ToString());
-  if (is_for_strangers) strangers_listener_ = fd;
+  if (is_watched) watched_listener_ = fd;
 }
 
 void Acceptor::Start(std::vector<Sink> sinks) {
@@ -155,7 +155,7 @@ void Acceptor::Accept(std::size_t listener) {
     // gRPC asks after peers that are silent, but not while a message to one waits for room.
     setsockopt(fd, IPPROTO_TCP, TCP_USER_TIMEOUT, &kSilentPeerMs, sizeof(kSilentPeerMs));
   }
-  if (listeners_[listener] == strangers_listener_ && !strangers_.Enter(fd, peer)) {
+  if (listeners_[listener] == watched_listener_ && !watch_.Enter(fd, peer)) {
     close(fd);
     return;
   }

@@ -18,7 +18,7 @@
 #include <vector>
 
 #include "common/wire/address.h"
-#include "server/rpc/stranger_watch.h"
+#include "server/rpc/connection_watch.h"
 
 namespace palpate {
 
@@ -33,8 +33,8 @@ class Acceptor {
   // Connections whose file number is `first_refused_file` or above are closed at once;
   // kKeptForSocket more are accepted on sockets, so that a flood on the port does not
   // keep the workstation's own users from the emergency stop.
-  Acceptor(int first_refused_file, StrangerWatch& strangers)
-      : first_refused_file_(first_refused_file), strangers_(strangers) {}
+  Acceptor(int first_refused_file, ConnectionWatch& watch)
+      : first_refused_file_(first_refused_file), watch_(watch) {}
   ~Acceptor() { Stop(); }
   Acceptor(const Acceptor&) = delete;
   Acceptor& operator=(const Acceptor&) = delete;
@@ -42,8 +42,8 @@ class Acceptor {
   // Take the address, so that nobody else does; nobody can connect yet. The socket's
   // file gets the mode 0660.
   void TakeSocket(const std::string& path);
-  // is_for_strangers: who connects is watched until one of his calls is admitted.
-  void TakePort(const HostPort& address, bool is_for_strangers);
+  // is_watched: those over TLS.
+  void TakePort(const HostPort& address, bool is_watched);
   // Listens. Where the connections go, in the order of the addresses; gRPC's server runs.
   void Start(std::vector<Sink> sinks);
   // Before gRPC's server ends.
@@ -55,8 +55,8 @@ class Acceptor {
   void Refuse(const std::string& peer);
 
   const int first_refused_file_;
-  StrangerWatch& strangers_;
-  int strangers_listener_ = -1;
+  ConnectionWatch& watch_;
+  int watched_listener_ = -1;
   std::vector<int> listeners_;
   std::vector<std::string> names_;  // theirs, for people
   std::vector<Sink> sinks_;

@@ -132,8 +132,8 @@ Admission Access::Admit(grpc::ServerContextBase* context, std::string_view metho
     call.credentials.token_sha256_hex = who.token_sha256_hex;
     if (!who.token_sha256_hex.empty()) call.credentials.authorization.clear();
     Admission admission = Enter(call, judge);
-    if (admission.access_ && strangers_ && call.credentials.transport == Transport::kTls) {
-      strangers_->Admitted(peer);
+    if (admission.access_ && connections_ && call.credentials.transport == Transport::kTls) {
+      connections_->Admitted(peer, call.identity);
     }
     if (admission.access_ || !admission.ok()) return admission;
     // The policy was replaced meanwhile: judged again.

@@ -21,7 +21,7 @@
 #include <string_view>
 #include <utility>
 
-#include "server/rpc/stranger_watch.h"
+#include "server/rpc/connection_watch.h"
 #include "server/security/identity_limits.h"
 #include "server/security/policy.h"
 #include "server/security/refusal_log.h"
@@ -73,9 +73,9 @@ class Access {
  public:
   // A policy of strangers but on the socket and on loopback.
   Access() : Access(LimitOptions{}) {}
-  // strangers: told of those who are none; outlives this one.
-  explicit Access(const LimitOptions& limits, StrangerWatch* strangers = nullptr)
-      : limits_(limits), strangers_(strangers) {}
+  // connections: told who is no stranger; outlives this one.
+  explicit Access(const LimitOptions& limits, ConnectionWatch* connections = nullptr)
+      : limits_(limits), connections_(connections) {}
 
   // `method`: as in MethodRules. Without a context, the caller is this process.
   Admission Admit(grpc::ServerContextBase* context, std::string_view method);
@@ -98,7 +98,7 @@ class Access {
   Admission Enter(const Admission::Running& call, const std::shared_ptr<const Policy>& judge);
 
   IdentityLimits limits_;
-  StrangerWatch* const strangers_;
+  ConnectionWatch* const connections_;
   RefusalLog refusals_;
   // Taken again within TryCancel, which may end a call on the same thread.
   mutable std::recursive_mutex mutex_;

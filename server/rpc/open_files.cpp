@@ -27,4 +27,9 @@ int FirstRefusedFile(int open_file_limit, int most_connections) {
   return std::min(open_file_limit - reserve, kOwnFiles + most_connections);
 }
 
+int FirstSecondFile(int open_file_limit, int most_connections) {
+  const int first = FirstRefusedFile(open_file_limit, most_connections) + kOwnFiles;
+  return first <= open_file_limit - kOwnFiles - most_connections ? first : 0;
+}
+
 }  // namespace palpate

@@ -14,4 +14,8 @@ int RaiseOpenFileLimit();
 // itself, its recordings and imports, would soon find none.
 int FirstRefusedFile(int open_file_limit, int most_connections);
 
+// The number from which on connections that are watched have a second one, above all
+// those; 0, any, where the limit leaves no room, so that they count twice.
+int FirstSecondFile(int open_file_limit, int most_connections);
+
 }  // namespace palpate

@@ -21,6 +21,7 @@
 
 #include "common/error/error.h"
 #include "server/rpc/open_files.h"
+#include "server/rpc/read_counter.h"
 
 namespace palpate {
 namespace {
@@ -71,6 +72,9 @@ class WithoutPlugins final : public grpc::ServerBuilderOption {
 // Bounds for what a client may have of gRPC itself, before and besides any call.
 void Bound(grpc::ServerBuilder& builder) {
   builder.SetMaxReceiveMessageSize(kMaxMessageBytes);
+  // A message that grows when it is read would count for more than was sent.
+  builder.SetCompressionAlgorithmSupportStatus(GRPC_COMPRESS_DEFLATE, false);
+  builder.SetCompressionAlgorithmSupportStatus(GRPC_COMPRESS_GZIP, false);
   builder.AddChannelArgument(GRPC_ARG_MAX_CONCURRENT_STREAMS, kMostCallsPerConnection);
   // From the connection to the end of the client's first settings: who dawdles goes.
   builder.AddChannelArgument(GRPC_ARG_SERVER_HANDSHAKE_TIMEOUT_MS, kHandshakeTimeoutMs);
@@ -90,8 +94,9 @@ void Bound(grpc::ServerBuilder& builder) {
 
 RpcServer::RpcServer(ServerOptions options, const ServedParts& parts)
     : options_(std::move(options)),
-      access_(options_.security.limits, &strangers_),
-      acceptor_(FirstRefusedFile(RaiseOpenFileLimit(), options_.security.connections), strangers_),
+      watch_(FirstSecondFile(RaiseOpenFileLimit(), options_.security.connections)),
+      access_(options_.security.limits, &watch_),
+      acceptor_(FirstRefusedFile(RaiseOpenFileLimit(), options_.security.connections), watch_),
       poses_(access_, parts.pump, parts.metrics),
       render_(access_, parts.session, parts.metrics),
       volume_streams_(parts.session),
@@ -161,7 +166,12 @@ void RpcServer::Start() {
   grpc::reflection::InitProtoReflectionServerBuilderPlugin();
   grpc::EnableDefaultHealthCheckService(!tls_);
   grpc::ServerBuilder builder;
-  if (tls_) builder.SetOption(std::make_unique<WithoutPlugins>());
+  if (tls_) {
+    builder.SetOption(std::make_unique<WithoutPlugins>());
+    std::vector<std::unique_ptr<grpc::experimental::ServerInterceptorFactoryInterface>> counters;
+    counters.push_back(std::make_unique<ReadCounterFactory>(watch_));
+    builder.experimental().SetInterceptorCreators(std::move(counters));
+  }
   Bound(builder);
   std::vector<Acceptor::Sink> sinks;
   const auto add_sink = [&](const std::shared_ptr<grpc::ServerCredentials>& credentials) {

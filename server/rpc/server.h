@@ -86,7 +86,7 @@ class RpcServer {
 
  private:
   ServerOptions options_;
-  StrangerWatch strangers_;
+  ConnectionWatch watch_;
   Access access_;
   Acceptor acceptor_;
   std::unique_ptr<TlsFiles> tls_;

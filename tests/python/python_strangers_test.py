@@ -1,5 +1,5 @@
-"""Strangers who attack gRPC itself, before it asks who calls: they are cut off, and nobody
-else notices."""
+"""Strangers who attack gRPC itself, before it asks who calls, and clients who do so after it
+has: they are cut off, and nobody else notices."""
 
 import contextlib
 import os
@@ -20,7 +20,7 @@ from secured import SecuredDaemon, frame, header, wait_for
 
 MIB = 1 << 20
 HEADERS, DATA, SETTINGS, CONTINUATION = 1, 0, 4, 9
-END_HEADERS = 4
+END_HEADERS, END_STREAM = 4, 1
 MOST_STRANGERS = 64
 
 
@@ -44,10 +44,23 @@ class Stranger:
         self.socket.sendall(content)
         self.sent_bytes += len(content)
 
-    def begin_call(self, stream, is_whole):
+    def become_known(self, token):
+        """By a call of its own, whole and answered."""
+        self.begin_call(1, is_whole=True, more=(
+            (b"authorization", b"Bearer " + token.read_bytes().strip()),))
+        self.send(frame(DATA, END_STREAM, 1, bytes(5)))
+        self.socket.settimeout(20.0)
+        answer = b""
+        while b"grpc-status" not in answer:
+            piece = self.socket.recv(65536)
+            if not piece:
+                raise OSError("no answer")
+            answer += piece
+
+    def begin_call(self, stream, is_whole, more=()):
         fields = [(b":method", b"POST"), (b":scheme", b"https"), (b":authority", b"localhost"),
                   (b":path", b"/palpate.v1.DeviceService/GetDevice"), (b"te", b"trailers"),
-                  (b"content-type", b"application/grpc")]
+                  (b"content-type", b"application/grpc"), *more]
         self.send(frame(HEADERS, END_HEADERS if is_whole else 0, stream,
                         b"".join(header(*field) for field in fields)))
 
@@ -67,8 +80,8 @@ class Stranger:
 
 
 def endless_headers(stranger, most_bytes):
-    stranger.begin_call(1, is_whole=False)
-    piece = frame(CONTINUATION, 0, 1, header(b"x-more", b"m" * 100) * 140)
+    stranger.begin_call(3, is_whole=False)
+    piece = frame(CONTINUATION, 0, 3, header(b"x-more", b"m" * 100) * 140)
     while stranger.sent_bytes < most_bytes:
         stranger.send(piece)
 
@@ -76,12 +89,12 @@ def endless_headers(stranger, most_bytes):
 def endless_messages(stranger, most_bytes):
     """Of 100 calls at once, whatever windows the daemon gives."""
     for call in range(100):
-        stranger.begin_call(2 * call + 1, is_whole=True)
+        stranger.begin_call(2 * call + 3, is_whole=True)
         # A message of 4 MB begins.
-        stranger.send(frame(DATA, 0, 2 * call + 1, b"\0" + (4_000_000).to_bytes(4, "big")))
+        stranger.send(frame(DATA, 0, 2 * call + 3, b"\0" + (4_000_000).to_bytes(4, "big")))
     call = 0
     while stranger.sent_bytes < most_bytes:
-        stranger.send(frame(DATA, 0, 2 * (call % 100) + 1, b"\0" * 16000))
+        stranger.send(frame(DATA, 0, 2 * (call % 100) + 3, b"\0" * 16000))
         call += 1
 
 
@@ -92,7 +105,7 @@ def resident_bytes(daemon):
     raise AssertionError("no VmRSS")
 
 
-class Strangers(unittest.TestCase):
+class AttackTest(unittest.TestCase):
     def setUp(self):
         self.folder = self.enterContext(tempfile.TemporaryDirectory(prefix="palpate-python-"))
         self.daemon = self.enterContext(SecuredDaemon(self.folder))
@@ -100,16 +113,21 @@ class Strangers(unittest.TestCase):
     def said(self, what):
         return "".join(self.daemon.said).count(what)
 
-    def attack(self, how, address, most_bytes=400 * MIB):
+    def attack(self, how, address, token=None, most_bytes=400 * MIB):
         """What it sent before it was cut off."""
         stranger = Stranger(self.daemon, address)
         with contextlib.closing(stranger):
+            if token is not None:
+                stranger.become_known(token)
             try:
                 how(stranger, most_bytes)
             except OSError:
                 pass
         return stranger.sent_bytes
 
+
+
+class Strangers(AttackTest):
     def assert_cut_off(self, how):
         before = resident_bytes(self.daemon)
         sent = [self.attack(how, f"127.0.0.{2 + n}") for n in range(4)]
@@ -203,8 +221,32 @@ class Strangers(unittest.TestCase):
         self.assertGreater(self.said("too many are connected"), 0)
 
 
+class KnownAttackers(AttackTest):
+    """A viewer may watch, and no more: he cannot fill the memory either."""
+
+    def assert_cut_off(self, how):
+        before = resident_bytes(self.daemon)
+        sent = [self.attack(how, f"127.0.0.{2 + n}", self.daemon.tokens["viewer"])
+                for n in range(4)]
+        print(f"{how.__name__} of a viewer: cut off after {[n // MIB for n in sent]} MiB, "
+              f"{(resident_bytes(self.daemon) - before) / MIB:.0f} MiB more held")
+        # What comes until the next look is on top of the 32 MiB.
+        self.assertLess(max(sent), 300 * MIB)
+        if "PALPATE_SANITIZED" not in os.environ:
+            # gRPC takes a moment to let go of what the last one sent.
+            wait_for(lambda: resident_bytes(self.daemon) - before < 400 * MIB, "the memory")
+        wait_for(lambda: self.said("cut off token viewer at ipv4:127.0.0.2:") == 1, "the line")
+        wait_for(lambda: self.said("it sent too much that is no call") > 1, "the other lines")
+
+    def test_endless_headers_are_cut_off(self):
+        self.assert_cut_off(endless_headers)
+
+    def test_endless_messages_are_cut_off(self):
+        self.assert_cut_off(endless_messages)
+
+
 class Known(unittest.TestCase):
-    """Whoever has made a call may send what he likes."""
+    """Whoever has made a call may send what he likes in calls."""
 
     def upload(self, host):
         with tempfile.TemporaryDirectory(prefix="palpate-python-") as folder, \
@@ -222,6 +264,19 @@ class Known(unittest.TestCase):
     @unittest.skipUnless(socket.has_ipv6, "no IPv6 here")
     def test_by_ipv6_too(self):
         self.upload("[::1]")
+
+    def test_compressed_messages_are_refused(self):
+        # They would count for more than was sent.
+        with tempfile.TemporaryDirectory(prefix="palpate-python-") as folder, \
+                SecuredDaemon(folder) as daemon, \
+                daemon.channel(token=daemon.tokens["viewer"]) as channel:
+            stub = device_pb2_grpc.DeviceServiceStub(channel)
+            for compression in (grpc.Compression.Gzip, grpc.Compression.Deflate):
+                with self.assertRaises(grpc.RpcError) as refused:
+                    stub.ListDevices(device_pb2.ListDevicesRequest(), timeout=20.0,
+                                     compression=compression)
+                self.assertEqual(refused.exception.code(), grpc.StatusCode.UNIMPLEMENTED)
+            stub.ListDevices(device_pb2.ListDevicesRequest(), timeout=20.0)
 
 
 if __name__ == "__main__":
