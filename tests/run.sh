@@ -12,9 +12,9 @@ Usage: tests/run.sh [--sanitizers] [--long] [--packages]
 Without options: the optimised build and every test in it, in their short forms, and
 the Debian packages, built and looked at.
 
-  --sanitizers  then the pure code, the threads around the servo and the programs under
-           AddressSanitizer and UndefinedBehaviorSanitizer, all but the programs under
-           ThreadSanitizer, and the fuzz targets
+  --sanitizers  then every test but those of times under AddressSanitizer and
+           UndefinedBehaviorSanitizer, the pure code and the threads around the servo
+           under ThreadSanitizer, and the fuzz targets
   --long   the long forms of torture and slide tests (an hour), and ten million
            inputs for each fuzz target (another, with --sanitizers)
   --packages  installs the Debian packages in a root of their own as well (as root,
@@ -72,7 +72,7 @@ packages_failed=
 stage packages
 tests/packages_test.sh ${packages[@]+"${packages[@]}"} || packages_failed=yes
 if [ -n "$sanitizers" ]; then
-  build asan program_tests
+  build asan all
   run_tests asan
   drop_programs build-asan
   build tsan core_tests

@@ -95,7 +95,9 @@ TEST_F(MemoryTest, ADenseVolumeCostsLittleMoreThanItsVoxels) {
     ASSERT_TRUE(status.ok()) << status.error_message();
     std::printf("%d^3 floats: %.3f of the grid's 4.22 B/voxel, %.3f at the peak\n", edge,
                 bytes_per_grid_byte("VmRSS"), bytes_per_grid_byte("VmHWM"));
+#ifndef PALPATE_SANITIZED  // which keeps what was freed for a while
     EXPECT_LE(bytes_per_grid_byte("VmRSS"), 1.3);
+#endif
   }
 }
 

@@ -7,6 +7,8 @@
 #include <fstream>
 #include <iterator>
 
+#include "common/error/error.h"
+
 namespace palpate {
 namespace {
 
@@ -24,6 +26,17 @@ std::string Contents(const fs::path& path) {
 }
 
 }  // namespace
+
+bool ReaderCrashed(const ImportRun& run) {
+#ifdef PALPATE_SANITIZED
+  if (run.err.find("gdcm") < run.err.find("Assertion")) return true;
+  return run.err.find("AddressSanitizer") != std::string::npos &&
+         run.err.find("openvdb::") < run.err.find("palpate::");
+#else
+  return run.exit_code == ExitCode(ErrorKind::kInternal) &&
+         run.err.find("the reader crashed") != std::string::npos;
+#endif
+}
 
 ImportRun RunImport(const std::vector<std::string>& arguments) {
   std::string name = (fs::temp_directory_path() / "import-run-XXXXXX").string();

@@ -19,6 +19,11 @@ struct ImportRun {
   std::string err;
 };
 
+// Whether a library crashed on a damaged file, and the importer said so. With
+// AddressSanitizer, whether it ended the importer within OpenVDB or GDCM: those trust
+// their files. An error of ours is none.
+bool ReaderCrashed(const ImportRun& run);
+
 ImportRun RunImport(const std::vector<std::string>& arguments);
 
 class ImportTest : public ::testing::Test {

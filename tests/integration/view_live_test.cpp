@@ -367,7 +367,9 @@ TEST_F(ViewLive, DoesNotGrowWithTime) {
   EXPECT_GT(times_ns.size(), 300u);
   std::printf("%.1f MiB, later %.1f MiB; least age %.1f ms, later %.1f ms; %d dropped\n", warm_mib,
               end_mib, Least(first_ages), Least(last_ages), static_cast<int>(feed.dropped_poses()));
+#ifndef PALPATE_SANITIZED  // which keeps what was freed for a while
   EXPECT_LT(end_mib, warm_mib + 8.0);
+#endif
   EXPECT_LT(Least(last_ages), 2.0 * Least(first_ages) + 20.0);
   EXPECT_TRUE(Settle(feed));
 }
