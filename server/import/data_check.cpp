@@ -118,7 +118,8 @@ void CheckPlace(const fs::path& file, const ImportLimits& limits) {
   std::error_code error;
   const fs::path real = fs::weakly_canonical(file, error);
   const auto holds = [&](const fs::path& folder) {
-    return *real.lexically_relative(folder).begin() != "..";
+    const fs::path below = real.lexically_relative(folder);
+    return !below.empty() && *below.begin() != "..";
   };
   if (limits.folders.empty() || (!error && std::ranges::any_of(limits.folders, holds))) return;
   throw Error(ErrorKind::kPermissionDenied,
