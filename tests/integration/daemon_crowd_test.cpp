@@ -122,9 +122,10 @@ void Crowd::CheckViewer(Subscriber& viewer, std::int64_t from_ns, std::int64_t t
   const double expected = static_cast<double>(to_ns - from_ns) * 1e-9 * kViewerHz;
   std::printf("viewer %d of %.0f samples, age p50 %.2f ms, p99 %.2f ms\n", received, expected,
               Percentile(ages_ms, 0.5), Percentile(ages_ms, 0.99));
+  EXPECT_GT(received, 0);
+#ifndef PALPATE_SANITIZED
   // The crowd is on this machine too.
   EXPECT_GE(received, 0.8 * expected);
-#ifndef PALPATE_SANITIZED
   EXPECT_LT(Percentile(ages_ms, 0.99), 100.0);
 #endif
 }

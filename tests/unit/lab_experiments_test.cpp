@@ -18,6 +18,7 @@
 #include "server/lab/published_table.h"
 #include "server/lab/wilcoxon.h"
 #include "tests/support/cell_topology.h"
+#include "tests/support/temporary_folder.h"
 
 namespace palpate::lab {
 namespace {
@@ -264,15 +265,12 @@ TEST(Drift, GbidDriftsAndOursDoesNot) {
 class LabExperiment : public ::testing::Test {
  protected:
   void SetUp() override {
-    folder_ = std::filesystem::path(::testing::TempDir()) / "palpate_lab_experiment";
-    std::filesystem::create_directories(folder_);
     options_.table = std::filesystem::path(PALPATE_CELLS_DIR) / "table4.csv";
     options_.cells = 2000;
     options_.columns = 20;
     options_.laps = 2;
-    options_.output_folder = folder_;
+    options_.output_folder = folder_.path();
   }
-  void TearDown() override { std::filesystem::remove_all(folder_); }
 
   std::string Run(const std::string& name) {
     options_.name = name;
@@ -281,23 +279,23 @@ class LabExperiment : public ::testing::Test {
     return out.str();
   }
 
-  std::filesystem::path folder_;
+  test::TemporaryFolder folder_;
   ExperimentOptions options_;
 };
 
 TEST_F(LabExperiment, EachPrintsItsTable) {
   for (const std::string& name : ExperimentNames()) EXPECT_GT(Run(name).size(), 50u) << name;
-  EXPECT_GT(std::filesystem::file_size(folder_ / "figure9.svg"), 1000u);
-  EXPECT_GT(std::filesystem::file_size(folder_ / "figure11.svg"), 10000u);
+  EXPECT_GT(std::filesystem::file_size(folder_.path() / "figure9.svg"), 1000u);
+  EXPECT_GT(std::filesystem::file_size(folder_.path() / "figure11.svg"), 10000u);
   EXPECT_EQ(Run("topology"), Run("topology"));
 }
 
 TEST_F(LabExperiment, ErrorsAreClear) {
   EXPECT_THROW(Run("table5"), Error);
-  options_.table = folder_ / "missing.csv";
+  options_.table = folder_.path() / "missing.csv";
   EXPECT_THROW(Run("table4"), Error);
-  std::ofstream(folder_ / "bad.csv") << "1,0.5,0.1,0.2,x\n";
-  options_.table = folder_ / "bad.csv";
+  std::ofstream(folder_.path() / "bad.csv") << "1,0.5,0.1,0.2,x\n";
+  options_.table = folder_.path() / "bad.csv";
   try {
     Run("table4");
     FAIL();
