@@ -54,7 +54,6 @@ void DefineLimits(CLI::App* app, Options* options) {
                   "followed; may be given again (default: they may lie anywhere)")
       ->expected(1)
       ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll)
-      ->check(CLI::ExistingDirectory)
       ->type_name("FOLDER");
   app->add_option("--timeout-s", options->timeout_s, "Give up after this many seconds")
       ->check(CLI::Range(1u, 1000000u))
@@ -189,9 +188,15 @@ std::vector<std::filesystem::path> FoldersToRead(const Options& options) {
   const std::filesystem::path input = options.input;
   std::error_code error;
   const bool folder = std::filesystem::is_directory(input, error);
-  std::vector<std::filesystem::path> folders(options.folders.begin(), options.folders.end());
-  folders.push_back(folder ? input : std::filesystem::absolute(input).parent_path());
-  for (auto& path : folders) path = std::filesystem::weakly_canonical(path);
+  const std::filesystem::path own = folder ? input : std::filesystem::absolute(input).parent_path();
+  std::vector<std::filesystem::path> folders{std::filesystem::canonical(own)};
+  // What is asked for may be a link itself: of clients' paths, none is left by now.
+  if (!folder) folders.push_back(std::filesystem::weakly_canonical(input).parent_path());
+  for (const std::filesystem::path path : options.folders) {
+    // One that is gone, as with its disk, holds nothing.
+    const std::filesystem::path real = std::filesystem::canonical(path, error);
+    if (!error) folders.push_back(real);
+  }
   return folders;
 }
 

@@ -39,7 +39,7 @@ class PathsTest(unittest.TestCase):
     def setUpClass(cls):
         cls.root = pathlib.Path(cls.enterClassContext(
             tempfile.TemporaryDirectory(prefix="palpate-paths-"))).resolve()
-        for name in ("security", "load", "load/deep", "save", "outside"):
+        for name in ("security", "load", "load/deep", "gone", "save", "outside"):
             (cls.root / name).mkdir()
         good = HEADER + b"\n" + SECRET
         for name in ("load/good.nrrd", "outside/secret.nrrd"):
@@ -68,9 +68,11 @@ class PathsTest(unittest.TestCase):
         (cls.root / "save/partial.palrec.partial").symlink_to(cls.root / "outside/secret.raw")
         cls.daemon = cls.enterClassContext(SecuredDaemon(cls.root / "security", f"""
 [volume]
-load_folders = ["{cls.root}/load"]
+load_folders = ["{cls.root}/gone", "{cls.root}/load"]
 save_folders = ["{cls.root}/save"]
-""", "builtin:sphere:16"))
+""", str(cls.root / "load/link.nrrd")))  # whoever starts it may lead anywhere
+        # As when a disk is taken away.
+        (cls.root / "gone").rmdir()
 
     def setUp(self):
         # An identity of its own, for its own lines in the log.
