@@ -8,6 +8,8 @@
 namespace palpate::client {
 namespace {
 
+constexpr std::size_t kMostBlockBytes = std::size_t{3} << 20;
+
 // Enumerations here have the contract's numbers, 0 for what is unknown.
 template <typename Enum>
 Enum EnumOf(int value, Enum last) {
@@ -50,6 +52,10 @@ void Set(v1::EditVolumeRequest& request, const Capsule& capsule) {
   request.mutable_capsule()->set_radius(capsule.radius);
 }
 void Set(v1::EditVolumeRequest& request, const Block& block) {
+  // Here, before it is sent: whoever sends what is refused unread is cut off.
+  if (block.values.size() * sizeof(float) > kMostBlockBytes) {
+    throw Error(ErrorKind::kTooLarge, "a block has at most 3 MiB of values: send it in parts");
+  }
   v1::DenseBlock& dense = *request.mutable_block();
   dense.set_min_x(Index(block.min.x()));
   dense.set_min_y(Index(block.min.y()));

@@ -110,6 +110,15 @@ TEST(SdkVolume, FollowsEditsAndUndo) {
   EXPECT_EQ(viewer.received(), first + 1);
   EXPECT_EQ(viewer.Value(36, 0, 0, 0), 0.25f);
 
+  // It is not even sent.
+  block.shape = Block{Vec3i(0, 0, 0), Vec3i(16, 16, 4096), std::vector<float>(1 << 20)};
+  try {
+    editor.Apply(block);
+    ADD_FAILURE();
+  } catch (const Error& error) {
+    EXPECT_EQ(error.kind(), ErrorKind::kTooLarge) << error.what();
+  }
+
   EditResult last;
   for (int n = 0; n < 100; ++n) last = editor.Apply(Dab(n));
   EXPECT_EQ(last.undo_steps, 101u);
