@@ -106,6 +106,7 @@ void Acceptor::Start(std::vector<Sink> sinks) {
   }
   sinks_ = std::move(sinks);
   wake_fd_ = eventfd(0, EFD_CLOEXEC);
+  if (watched_listener_ >= 0) watch_.Start();
   thread_ = std::thread([this] { Run(); });
 }
 

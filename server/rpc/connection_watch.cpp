@@ -82,6 +82,10 @@ ConnectionWatch::~ConnectionWatch() {
   for (const auto& [peer, connection] : connections_) close(connection.fd);
 }
 
+void ConnectionWatch::Start() {
+  thread_ = std::thread([this] { Run(); });
+}
+
 bool ConnectionWatch::Enter(int fd, const sockaddr_storage& peer) {
   const std::lock_guard lock(mutex_);
   const std::string name = PeerName(peer);
@@ -99,7 +103,6 @@ bool ConnectionWatch::Enter(int fd, const sockaddr_storage& peer) {
                 .number = entered_++,
                 .fd = second_fd,
                 .counts = std::make_shared<ReadCounts>()};
-  if (!thread_.joinable()) thread_ = std::thread([this] { Run(); });
   ++strangers_;
   changed_.notify_all();
   return true;

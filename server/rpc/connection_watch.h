@@ -45,6 +45,8 @@ class ConnectionWatch {
   ConnectionWatch(const ConnectionWatch&) = delete;
   ConnectionWatch& operator=(const ConnectionWatch&) = delete;
 
+  // Once, before the first connection.
+  void Start();
   // A stranger's connection, which stays the caller's. False: its address is kept out, or
   // there are no file numbers; to be closed.
   bool Enter(int fd, const sockaddr_storage& peer);

@@ -15,7 +15,8 @@ constexpr std::int64_t kBytesAroundMessage = 96;
 constexpr std::int64_t kShareAroundMessage = 64;
 constexpr std::int64_t kBytesBackOfAnswer = 96;
 constexpr std::int64_t kShareBack = 256;
-constexpr std::int64_t kBytesOfSecond = 64;
+// What was under way when calls were refused or cancelled is forgiven in hours.
+constexpr std::int64_t kBytesOfSecond = 4096;
 
 using Indexes = std::vector<std::size_t>;
 

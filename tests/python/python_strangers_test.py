@@ -126,7 +126,6 @@ class AttackTest(unittest.TestCase):
         return stranger.sent_bytes
 
 
-
 class Strangers(AttackTest):
     def assert_cut_off(self, how):
         before = resident_bytes(self.daemon)
@@ -226,8 +225,12 @@ class KnownAttackers(AttackTest):
 
     def assert_cut_off(self, how):
         before = resident_bytes(self.daemon)
-        sent = [self.attack(how, f"127.0.0.{2 + n}", self.daemon.tokens["viewer"])
-                for n in range(4)]
+        sent = []
+        # gRPC itself may be the first to end one, for what it sends beyond a window.
+        while len(sent) < 4 or self.said("it sent too much that is no call") < 2:
+            self.assertLess(len(sent), 20)
+            sent.append(self.attack(how, f"127.0.0.{2 + len(sent)}",
+                                    self.daemon.tokens["viewer"]))
         print(f"{how.__name__} of a viewer: cut off after {[n // MIB for n in sent]} MiB, "
               f"{(resident_bytes(self.daemon) - before) / MIB:.0f} MiB more held")
         # What comes until the next look is on top of the 32 MiB.
@@ -235,8 +238,7 @@ class KnownAttackers(AttackTest):
         if "PALPATE_SANITIZED" not in os.environ:
             # gRPC takes a moment to let go of what the last one sent.
             wait_for(lambda: resident_bytes(self.daemon) - before < 400 * MIB, "the memory")
-        wait_for(lambda: self.said("cut off token viewer at ipv4:127.0.0.2:") == 1, "the line")
-        wait_for(lambda: self.said("it sent too much that is no call") > 1, "the other lines")
+        self.assertGreaterEqual(self.said("cut off token viewer at ipv4:127.0.0."), 2)
 
     def test_endless_headers_are_cut_off(self):
         self.assert_cut_off(endless_headers)

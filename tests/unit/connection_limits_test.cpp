@@ -96,6 +96,16 @@ TEST(UnreadBytes, FallAgainWhenItIsRead) {
             0);
 }
 
+// Each leaves what was under way: windows of some MiB at most.
+TEST(UnreadBytes, UploadsThatAreRefusedNowAndThenAreForgiven) {
+  UnreadBytes unread;
+  std::int64_t bytes = 0;
+  for (std::int64_t hour = 1; hour <= 1000; ++hour) {
+    bytes = unread.Update(hour * 4 * kMiB, 0, {.calls = hour}, hour * 3600 * kSecondNs);
+  }
+  EXPECT_LT(bytes, kKnownBounds.bytes_of_one / 2);
+}
+
 // What was measured of a stream at 1 kHz for a year, of downloads and of calls.
 TEST(UnreadBytes, ClientsThatOnlyCallAreNeverCutOff) {
   UnreadBytes unread;
