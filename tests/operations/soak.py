@@ -4,8 +4,9 @@ files must stay what they were, and the proxy must never be inside the material.
 
 Memory is the daemon's resident set, from its metrics. The first third of the run is
 warm-up (caches, arenas of malloc, the frames of the series, each with its edits). Of
-the rest, the median of the first half is compared with that of the second: a leak that
-matters moves it, and one sample at the top of a burst does not. The daemon's malloc has
+the rest, the medians of the quarters are compared, and the middle one of the three steps
+between them counts: a leak makes each a step, a pool that malloc takes only one, and one
+sample at the top of a burst none. The daemon's malloc has
 one arena instead of one for each few threads: those fill for some three minutes, which
 a short run would take for a leak."""
 
@@ -174,15 +175,18 @@ class Soak:
         end_s = self.readings[-1][0]
         warm = [r for r in self.readings if r[0] > WARM_UP * end_s]
         halves = warm[:len(warm) // 2], warm[len(warm) // 2:]
-        memory = [statistics.median(v["palpate_resident_memory_bytes"] for _, v in half)
-                  for half in halves]
+        quarters = [half[at] for half in halves
+                    for at in (slice(len(half) // 2), slice(len(half) // 2, None))]
+        memory = [statistics.median(v["palpate_resident_memory_bytes"] for _, v in quarter)
+                  for quarter in quarters]
         # Visitors and recordings open some and close them: what stays is the least.
         files = [min(v["palpate_open_files"] for _, v in half) for half in halves]
         last = self.readings[-1][1]
-        drift = memory[1] / memory[0] - 1
+        # What leaks does so in each quarter; malloc takes a pool in one.
+        drift = 3 * statistics.median(b - a for a, b in zip(memory, memory[1:])) / memory[0]
         print(f"{end_s:.0f} s, {last['palpate_ticks_total']:.0f} ticks, "
               + ", ".join(f"{w.calls} {w.name}" for w in self.workers))
-        print(f"memory {memory[0] / 1e6:.2f} MB, then {memory[1] / 1e6:.2f} MB: {drift:+.2%}; "
+        print(f"memory {' '.join(f'{m / 1e6:.2f}' for m in memory)} MB: {drift:+.2%}; "
               f"files {files[0]:.0f}, then {files[1]:.0f}; "
               f"missed ticks {last['palpate_missed_ticks_total']:.0f}, samples not drained "
               f"{last['palpate_lost_samples_total']:.0f}, contact faults "
