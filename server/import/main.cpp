@@ -188,10 +188,12 @@ std::vector<std::filesystem::path> FoldersToRead(const Options& options) {
   const std::filesystem::path input = options.input;
   std::error_code error;
   const bool folder = std::filesystem::is_directory(input, error);
+  // Whoever asks for a file that is not there is told so later. What is asked for may be a
+  // link itself: of clients' paths, none is left by now.
+  const std::filesystem::path real_input = std::filesystem::weakly_canonical(input, error);
   const std::filesystem::path own = folder ? input : std::filesystem::absolute(input).parent_path();
-  std::vector<std::filesystem::path> folders{std::filesystem::canonical(own)};
-  // What is asked for may be a link itself: of clients' paths, none is left by now.
-  if (!folder) folders.push_back(std::filesystem::weakly_canonical(input).parent_path());
+  std::vector<std::filesystem::path> folders{std::filesystem::weakly_canonical(own, error)};
+  if (!folder) folders.push_back(real_input.parent_path());
   for (const std::filesystem::path path : options.folders) {
     // One that is gone, as with its disk, holds nothing.
     const std::filesystem::path real = std::filesystem::canonical(path, error);
