@@ -8,12 +8,11 @@
 #include "client/cli/description.h"
 #include "client/cli/output.h"
 #include "client/cli/progress_call.h"
+#include "common/wire/limits.h"
 #include "palpate/v1/volume.grpc.pb.h"
 
 namespace palpate::cli {
 namespace {
-
-constexpr std::size_t kMostBlockBytes = 3 << 20;
 
 Json ToJson(const v1::EditVolumeResponse& response) {
   Json json = {{"volume_revision", response.volume_revision()},

@@ -102,8 +102,6 @@ std::shared_ptr<grpc::Channel> Route::MakeChannel(const grpc::ChannelArguments& 
   grpc::ChannelArguments all = arguments;
   // A proxy for web pages has no business between a stylus and its viewer.
   all.SetInt(GRPC_ARG_ENABLE_HTTP_PROXY, 0);
-  // More would be refused unread; here it costs one call and not the connection.
-  all.SetMaxSendMessageSize(4 << 20);
   return grpc::CreateCustomChannel(target_, MakeCredentials(), all);
 }
 

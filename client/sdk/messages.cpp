@@ -4,11 +4,10 @@
 
 #include "common/error/error.h"
 #include "common/wire/convert.h"
+#include "common/wire/limits.h"
 
 namespace palpate::client {
 namespace {
-
-constexpr std::size_t kMostBlockBytes = std::size_t{3} << 20;
 
 // Enumerations here have the contract's numbers, 0 for what is unknown.
 template <typename Enum>

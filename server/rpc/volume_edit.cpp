@@ -6,11 +6,10 @@
 
 #include "common/error/error.h"
 #include "common/wire/convert.h"
+#include "common/wire/limits.h"
 
 namespace palpate {
 namespace {
-
-constexpr std::size_t kMostBlockBytes = 3 << 20;
 
 [[noreturn]] void Refuse(const std::string& message) {
   throw Error(ErrorKind::kInvalidArgument, message);

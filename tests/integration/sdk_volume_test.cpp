@@ -116,7 +116,9 @@ TEST(SdkVolume, FollowsEditsAndUndo) {
     editor.Apply(block);
     ADD_FAILURE();
   } catch (const Error& error) {
-    EXPECT_EQ(error.kind(), ErrorKind::kTooLarge) << error.what();
+    EXPECT_EQ(error.kind(), ErrorKind::kTooLarge);
+    // Not in the words of gRPC, which are those of a message that was sent.
+    EXPECT_STREQ(error.what(), "a block has at most 3 MiB of values: send it in parts");
   }
 
   EditResult last;

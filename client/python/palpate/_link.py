@@ -19,8 +19,6 @@ _OPTIONS = [
     ("grpc.max_reconnect_backoff_ms", 1000),
     # A proxy for web pages has no business between a stylus and its viewer.
     ("grpc.enable_http_proxy", 0),
-    # More would be refused unread; here it costs one call and not the connection.
-    ("grpc.max_send_message_length", 4 << 20),
 ]
 
 
