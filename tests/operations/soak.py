@@ -4,9 +4,11 @@ files must stay what they were, and the proxy must never be inside the material.
 
 Memory is the daemon's resident set, from its metrics. The first third of the run is
 warm-up (caches, arenas of malloc, the frames of the series, each with its edits). Of
-the rest, the medians of the quarters are compared, and the middle one of the three steps
-between them counts: a leak makes each a step, a pool that malloc takes only one, and one
-sample at the top of a burst none. The daemon's malloc has
+the rest, the median of the first half is compared with that of the second: a leak that
+matters moves it, and one sample at the top of a burst does not. In less than ten minutes a
+single step of 8 MiB, the size of a thread's stack, would be taken for a leak: there the
+medians of quarters are compared, and the middle one of the three steps between them, for
+what leaks makes each a step. The daemon's malloc has
 one arena instead of one for each few threads: those fill for some three minutes, which
 a short run would take for a leak."""
 
@@ -29,6 +31,8 @@ from support import (CALL_S, PATIENCE_S, SANITIZED, Client, Daemon, PoseReader, 
 EDGE = 48
 FRAMES = 4
 FLAT = 0.01
+# A run in which one step is no small share of what is compared.
+SHORT_S = 600
 WARM_UP = 1 / 3
 
 
@@ -167,6 +171,15 @@ class Soak:
         for client in self._clients:
             client.channel.close()
 
+    @staticmethod
+    def _drift(halves, memory, end_s):
+        """Of memory, as a share; `memory`: of the quarters."""
+        if end_s < SHORT_S:
+            return 3 * statistics.median(b - a for a, b in zip(memory, memory[1:])) / memory[0]
+        first, second = (statistics.median(v["palpate_resident_memory_bytes"] for _, v in half)
+                         for half in halves)
+        return second / first - 1
+
     def failures(self):
         """What was wrong, in words; prints the figures."""
         found = [f"{w.name}: {w.error}" for w in self.workers if w.error]
@@ -182,8 +195,7 @@ class Soak:
         # Visitors and recordings open some and close them: what stays is the least.
         files = [min(v["palpate_open_files"] for _, v in half) for half in halves]
         last = self.readings[-1][1]
-        # What leaks does so in each quarter; malloc takes a pool in one.
-        drift = 3 * statistics.median(b - a for a, b in zip(memory, memory[1:])) / memory[0]
+        drift = self._drift(halves, memory, end_s)
         print(f"{end_s:.0f} s, {last['palpate_ticks_total']:.0f} ticks, "
               + ", ".join(f"{w.calls} {w.name}" for w in self.workers))
         print(f"memory {' '.join(f'{m / 1e6:.2f}' for m in memory)} MB: {drift:+.2%}; "
