@@ -71,7 +71,8 @@ socket=$work/palpated.sock
 setsid setpriv --pdeathsig TERM "$root/build/bin/palpated" --socket "$socket" \
   ${daemon_arguments[@]+"${daemon_arguments[@]}"} &
 daemon=$!
-until [ -S "$socket" ] || [ -n "$interrupted" ]; do
+# The socket is there a moment before it listens: asked is who serves on it.
+until "$root/build/bin/palpate" info --socket "$socket" >/dev/null 2>&1 || [ -n "$interrupted" ]; do
   if ! kill -0 "$daemon" 2>/dev/null; then
     code=0
     wait "$daemon" || code=$?
