@@ -200,6 +200,7 @@ TEST(UsbFaults, LostReadingsAreCounted) {
   DeviceRig rig;
   ASSERT_TRUE(StartDocked(rig, touch));
   const v1::DeviceHealth before = rig.Health();
+  touch.SetWaitsForForces(true);  // no other loss
   touch.SetLossEvery(5);
   std::this_thread::sleep_for(std::chrono::seconds(2));
   const v1::DeviceHealth after = rig.Health();

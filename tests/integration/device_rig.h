@@ -35,9 +35,10 @@ inline bool Contains(const std::string& text, const std::string& part) {
   return text.find(part) != std::string::npos;
 }
 
-// Waits for seconds; a busy machine is slow.
+// Waits for seconds. On a busy machine the emulated bus stops for tens of milliseconds, each
+// time the daemon holds its forces, as it must, and they are on only after a quiet second.
 inline bool Eventually(const std::function<bool()>& condition) {
-  for (int n = 0; n < 1500; ++n) {
+  for (int n = 0; n < 4500; ++n) {
     if (condition()) return true;
     std::this_thread::sleep_for(std::chrono::milliseconds(10));
   }

@@ -14,13 +14,13 @@ using Kind = UsbEvent::Kind;
 
 // Of the device's states and the daemon's answers so far.
 struct Counts {
-  double sent = 0.0, crowded = 0.0, readings = 0.0, lost = 0.0, forces = 0.0;
+  double sent = 0.0, brought = 0.0, readings = 0.0, lost = 0.0, forces = 0.0;
 };
 
 Counts CountsOf(DeviceRig& rig, const TouchEmulator& touch) {
   const v1::DeviceHealth health = rig.Health();
   return {.sent = static_cast<double>(touch.states_sent()),
-          .crowded = static_cast<double>(touch.CrowdedInTransfers()),
+          .brought = static_cast<double>(touch.InTransfers()),
           .readings = static_cast<double>(health.readings()),
           .lost = static_cast<double>(health.lost_readings()),
           .forces = static_cast<double>(health.forces_written())};
@@ -58,29 +58,25 @@ TEST(UsbDevice, ExchangesStatesAndForcesNearOneKilohertz) {
   PoseCollector collector(rig.daemon());
   const Counts first = CountsOf(rig, touch);
   // By the second: a machine that stops in one of them tells nothing of the device.
-  std::vector<double> sent, readings_share, forces_share, due_share, spare_share;
+  // What the emulated bus is too slow to bring is no fault of the daemon.
+  std::vector<double> sent, readings_share, forces_share;
   for (int second = 0; second < 10; ++second) {
     const Counts from = CountsOf(rig, touch);
     std::this_thread::sleep_for(std::chrono::seconds(1));
     const Counts to = CountsOf(rig, touch);
     sent.push_back(to.sent - from.sent);
-    readings_share.push_back((to.readings - from.readings) / sent.back());
+    readings_share.push_back((to.readings - from.readings) / (to.brought - from.brought));
     forces_share.push_back((to.forces - from.forces) / sent.back());
-    // States that came in a bunch, over an emulated bus that was slow, share an answer.
-    due_share.push_back(1.0 - (to.crowded - from.crowded) / sent.back());
-    spare_share.push_back(forces_share.back() - due_share.back());
   }
   const Counts last = CountsOf(rig, touch);
   // None is lost unseen.
   EXPECT_NEAR(last.readings + last.lost - first.readings - first.lost, last.sent - first.sent,
               50.0);
   const v1::DeviceHealth after = rig.Health();
-  std::printf("a second: %.0f states, read %.3f, answered %.3f, due %.3f\n", MedianOf(sent),
-              MedianOf(readings_share), MedianOf(forces_share), MedianOf(due_share));
+  std::printf("a second: %.0f states, of those brought read %.3f, answered %.3f\n", MedianOf(sent),
+              MedianOf(readings_share), MedianOf(forces_share));
   EXPECT_GT(MedianOf(sent), 900.0);
-  EXPECT_GT(MedianOf(readings_share), 0.9);
-  EXPECT_GT(MedianOf(spare_share), -0.2);
-  EXPECT_GT(MedianOf(forces_share), 0.3);
+  EXPECT_GT(MedianOf(readings_share), 0.95);
   EXPECT_LT(MedianOf(forces_share), 1.2);
   EXPECT_EQ(after.connections(), 1u);
   EXPECT_EQ(after.corrupt_frames(), before.corrupt_frames());
@@ -94,6 +90,23 @@ TEST(UsbDevice, ExchangesStatesAndForcesNearOneKilohertz) {
   EXPECT_NEAR(highest_mm, -17.0, 1.0);
 }
 
+// A device that waits for its forces gets one for each state, however slow the bus.
+TEST(UsbDevice, EachStateIsAnsweredByAForce) {
+  TouchEmulator touch;
+  DeviceRig rig;
+  ASSERT_TRUE(StartDocked(rig, touch));
+  Undock(touch);
+  touch.SetWaitsForForces(true);
+  const Counts from = CountsOf(rig, touch);
+  ASSERT_TRUE(Eventually([&] { return CountsOf(rig, touch).sent > from.sent + 2000; }));
+  const Counts to = CountsOf(rig, touch);
+  const double sent = to.sent - from.sent;
+  std::printf("of %.0f states answered %.3f\n", sent, (to.forces - from.forces) / sent);
+  EXPECT_GT(to.readings - from.readings, 0.99 * sent - 1.0);
+  EXPECT_GT(to.forces - from.forces, 0.9 * sent);
+  EXPECT_LT(to.forces - from.forces, 1.1 * sent);
+}
+
 TEST(UsbDevice, ForcesAreOffUntilEnabledByName) {
   TouchEmulator touch;
   DeviceRig rig;
@@ -104,8 +117,9 @@ TEST(UsbDevice, ForcesAreOffUntilEnabledByName) {
     EXPECT_EQ(rig.Enable(name).error_code(), grpc::StatusCode::INVALID_ARGUMENT) << name;
   }
   std::this_thread::sleep_for(std::chrono::milliseconds(500));
+  // However slow the emulated bus.
+  EXPECT_TRUE(Eventually([&] { return touch.Forces().size() > 1000; }));
   const std::vector<TouchForce> forces = touch.Forces();
-  EXPECT_GT(forces.size(), 1000u);
   for (const TouchForce& force : forces) ASSERT_TRUE(force.IsZero());
   EXPECT_EQ(rig.Forces().state(), v1::FORCE_STATE_OFF);
   EXPECT_EQ(rig.Forces().reason(), v1::FORCE_REASON_OPERATOR);

@@ -27,9 +27,12 @@ class Screen:
     """An X server without a monitor, 1280 by 800 pixels."""
 
     def __enter__(self):
-        # It chooses a free number, and says it.
+        # It chooses a free number, and says it. Each time that no client is left it would start
+        # anew and refuse who comes meanwhile: xdotool's questions, one after the other, are
+        # such clients while the window is not there yet.
         self._server = subprocess.Popen(
-            ["Xvfb", "-displayfd", "1", "-screen", "0", "1280x800x24", "-nolisten", "tcp"],
+            ["Xvfb", "-displayfd", "1", "-screen", "0", "1280x800x24", "-nolisten", "tcp",
+             "-noreset"],
             stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
         self.env = {**os.environ, "DISPLAY": ":" + self._server.stdout.readline().strip()}
         return self

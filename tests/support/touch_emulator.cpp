@@ -13,6 +13,7 @@ constexpr std::size_t kHeadBytes = 4;
 
 constexpr std::uint8_t kFirmwareQuery = 0x0f, kFirmwareAnswer = 0x0e, kSerialQuery = 0x0c,
                        kSerialAnswer = 0x09, kServo = 0x07;
+constexpr unsigned kMostWaitMs = 20;
 constexpr std::size_t kFirmwareBytes = 0x20, kSerialBytes = 0x61;
 
 UsbSpec TouchSpec() {
@@ -72,6 +73,12 @@ void TouchEmulator::SetButtons(bool first, bool second) {
 void TouchEmulator::SetLossEvery(unsigned n) {
   const std::scoped_lock lock(mutex());
   loss_every_ = n;
+}
+
+void TouchEmulator::SetWaitsForForces(bool waits) {
+  const std::scoped_lock lock(mutex());
+  waits_for_forces_ = waits;
+  waited_ms_ = 0;
 }
 
 void TouchEmulator::SetBadFrameEvery(unsigned n) {
@@ -149,6 +156,7 @@ void TouchEmulator::TakeFrame(std::uint8_t command, std::span<const std::uint8_t
       force.motors[n] = static_cast<int>(Word(payload, 2 * n)) - kOmniMotorRange;
     }
     forces_.push_back(force);
+    waited_ms_ = kMostWaitMs;
     return;
   }
   commands_.push_back(command);
@@ -177,6 +185,8 @@ void TouchEmulator::Send(std::uint8_t command, std::span<const std::uint8_t> pay
 
 void TouchEmulator::OnMillisecond() {
   if (!streaming_) return;
+  if (waits_for_forces_ && waited_ms_++ < kMostWaitMs) return;
+  waited_ms_ = 0;
   ++counter_;
   if (loss_every_ != 0 && counter_ % loss_every_ == 0) return;
   const bool bad = bad_every_ != 0 && counter_ % bad_every_ == 0;

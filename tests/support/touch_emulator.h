@@ -41,6 +41,9 @@ class TouchEmulator final : public EmulatedUsbDevice {
   void SetButtons(bool first, bool second);
   // Leaves out every nth state frame's number, as if lost on the way; 0: none.
   void SetLossEvery(unsigned n);
+  // Sends each state only after the force that answers the one before, or 20 ms: what is
+  // counted then does not depend on how fast the emulated bus is.
+  void SetWaitsForForces(bool waits);
   // A wrong first byte in every nth state frame; 0: none.
   void SetBadFrameEvery(unsigned n);
   // Answers no query.
@@ -69,7 +72,8 @@ class TouchEmulator final : public EmulatedUsbDevice {
   const std::uint8_t state_command_, force_command_;
   Path path_;
   std::int64_t path_begin_ns_ = 0;
-  bool docked_ = false, mute_ = false;
+  bool docked_ = false, mute_ = false, waits_for_forces_ = false;
+  unsigned waited_ms_ = 0;
   std::array<bool, 2> buttons_{};
   unsigned loss_every_ = 0, bad_every_ = 0;
 

@@ -78,9 +78,9 @@ std::size_t EmulatedUsbDevice::CountOf(UsbEvent::Kind kind) const {
       events_.begin(), events_.end(), [&](const UsbEvent& event) { return event.kind == kind; }));
 }
 
-std::uint64_t EmulatedUsbDevice::CrowdedInTransfers() const {
+std::uint64_t EmulatedUsbDevice::InTransfers() const {
   const std::scoped_lock lock(mutex_);
-  return crowded_in_transfers_;
+  return in_transfers_;
 }
 
 void EmulatedUsbDevice::QueueIn(std::uint8_t endpoint, Bytes bytes) {

@@ -108,9 +108,9 @@ class EmulatedUsbDevice {
 
   std::vector<UsbEvent> Events() const;
   std::size_t CountOf(UsbEvent::Kind kind) const;
-  // IN transfers that brought something while the host had not yet taken what ended
-  // before: the bus was slower than the device, and the host cannot answer each of them.
-  std::uint64_t CrowdedInTransfers() const;
+  // IN transfers that brought something. What the device sends beyond them is lost on an
+  // emulated bus that is slower than the device.
+  std::uint64_t InTransfers() const;
 
  protected:
   std::mutex& mutex() const { return mutex_; }
@@ -140,7 +140,7 @@ class EmulatedUsbDevice {
   std::map<std::uint8_t, bool> stalls_;  // endpoint; for ever
   std::map<std::uint8_t, std::deque<Bytes>> in_;
   std::vector<UsbEvent> events_;
-  std::uint64_t crowded_in_transfers_ = 0;
+  std::uint64_t in_transfers_ = 0;
 };
 
 }  // namespace palpate::test

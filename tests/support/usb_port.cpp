@@ -319,7 +319,7 @@ bool UsbPort::TryEndIn(Urb& urb) {
   const std::span<std::uint8_t> bytes = urb.bytes();
   const std::size_t count = std::min(packet.size(), bytes.size());
   std::copy_n(packet.begin(), count, bytes.begin());
-  if (!ended_.empty()) ++device_.crowded_in_transfers_;
+  ++device_.in_transfers_;
   Finish(urb, count < packet.size() ? -EOVERFLOW : 0, count);
   return true;
 }
