@@ -82,8 +82,10 @@ class ViewRun(unittest.TestCase):
               f"{figures['seconds']:.1f} s, {figures['casts']:.0f} casts, stream age "
               f"{figures['first']:.1f} ms, later {figures['last']:.1f} ms; {third:.1f} MiB, later "
               f"{end:.1f} MiB", flush=True)
-        # The allocator's pools still fill in a short run.
-        self.assertLess(end, (1.04 if SECONDS >= 60 else 1.08) * third)
+        # The allocator's pools still fill in a short run. AddressSanitizer keeps what was freed,
+        # up to 256 MiB.
+        if "PALPATE_SANITIZED" not in os.environ:
+            self.assertLess(end, (1.04 if SECONDS >= 60 else 1.08) * third)
         self.assertLess(figures["last"], 3.0 * figures["first"] + 20.0)
         # In software, and beside other work, frames are slow.
         self.assertGreater(figures["frames"], SECONDS / 2)
