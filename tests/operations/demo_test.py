@@ -24,7 +24,8 @@ class Demo(unittest.TestCase):
                 run = subprocess.run([DEMO, "--seconds", "1"], env=environment, text=True,
                                      capture_output=True, timeout=PATIENCE_S)
                 self.assertEqual(run.returncode, 0, run.stdout + run.stderr)
-                self.assertRegex(run.stdout, r"samples +\d+, 0 dropped")
+                # Some hundreds; a machine that stops may drop some of them.
+                self.assertRegex(run.stdout, r"samples +[1-9]\d\d+, \d+ dropped")
             self.assertEqual(os.listdir(folder), ["sleep"])
 
 
