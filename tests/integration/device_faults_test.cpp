@@ -13,20 +13,7 @@ const std::string kStayOff = "they stay off until `palpate device enable omni-us
 
 // A stylus that presses into the sphere with forces on.
 bool StartWithForces(DeviceRig& rig, TouchEmulator& touch) {
-  if (!StartDocked(rig, touch)) return false;
-  Undock(touch);
-  std::this_thread::sleep_for(milliseconds(1200));
-  // A machine that stops for long enough ends them at once: an operator would try again.
-  for (int n = 0; n < 5; ++n) {
-    if (rig.Enable("omni-usb").ok() && rig.WaitForForces(v1::FORCE_STATE_ON) &&
-        WaitForForce(touch)) {
-      return true;
-    }
-    const v1::ForceStatus forces = rig.Forces();
-    std::printf("not on: %s, %s\n", v1::ForceState_Name(forces.state()).c_str(),
-                v1::ForceReason_Name(forces.reason()).c_str());
-  }
-  return false;
+  return StartDocked(rig, touch) && PressWithForces(rig, touch);
 }
 
 // After the device was cut off: it is read again, and forces wait for the operator.
@@ -40,16 +27,10 @@ void ExpectRecovery(DeviceRig& rig, TouchEmulator& touch) {
   std::this_thread::sleep_for(milliseconds(1500));
   EXPECT_EQ(CountForces(touch), before);
   // Its position has a meaning again once it was in its holder.
-  touch.SetPath([](double) { return Vec3(0.0, -110.0, -35.0); });
-  touch.SetDocked(true);
+  Dock(touch);
   EXPECT_TRUE(Eventually([&] { return rig.Health().calibrated(); }));
   EXPECT_EQ(rig.Health().problem(), "");
-  Undock(touch);
-  std::this_thread::sleep_for(milliseconds(1200));
-  const grpc::Status enabled = rig.Enable("omni-usb");
-  EXPECT_TRUE(enabled.ok()) << enabled.error_message();
-  EXPECT_TRUE(WaitForForce(touch));
-  EXPECT_TRUE(rig.WaitForForces(v1::FORCE_STATE_ON));
+  EXPECT_TRUE(PressWithForces(rig, touch));
 }
 
 // After it was pulled out: whether it is really gone is more than the host can know.

@@ -141,6 +141,23 @@ class DeviceRig {
   bool WaitForForces(v1::ForceState state) {
     return Eventually([&] { return Forces().state() == state; });
   }
+  // False where they end before they are on: a machine that stops for long makes a device that
+  // says nothing for 100 ms, a fault that stays.
+  bool EnableAndWait(const std::string& device) {
+    const grpc::Status enabled = Enable(device);
+    v1::ForceStatus forces;
+    if (enabled.ok()) {
+      Eventually([&] {
+        std::this_thread::sleep_for(std::chrono::milliseconds(50));
+        forces = Forces();
+        return forces.state() != v1::FORCE_STATE_RAMP_IN && forces.state() != v1::FORCE_STATE_HELD;
+      });
+    }
+    if (forces.state() == v1::FORCE_STATE_ON) return true;
+    std::printf("not on: %s, %s %s\n", v1::ForceState_Name(forces.state()).c_str(),
+                v1::ForceReason_Name(forces.reason()).c_str(), enabled.error_message().c_str());
+    return false;
+  }
   bool WaitForLog(const std::string& text) { return daemon_->process().WaitFor(text); }
   // As a crash does.
   void Kill() {
@@ -161,6 +178,12 @@ class DeviceRig {
   std::unique_ptr<Daemon> daemon_;
 };
 
+// Its stylus rests in its holder.
+inline void Dock(TouchEmulator& touch) {
+  touch.SetPath([](double) { return Vec3(0.0, -110.0, -35.0); });
+  touch.SetDocked(true);
+}
+
 // A Touch whose stylus has left its holder and presses into the sphere.
 inline void Undock(TouchEmulator& touch) {
   touch.SetDocked(false);
@@ -169,7 +192,7 @@ inline void Undock(TouchEmulator& touch) {
 
 // A docked Touch on port 1-2, and a daemon that reads it.
 inline bool StartDocked(DeviceRig& rig, TouchEmulator& touch) {
-  touch.SetDocked(true);
+  Dock(touch);
   rig.bus().Plug("1-2", touch);
   rig.Start(kTouchConfig);
   return rig.WaitForConnection(DeviceRig::kStreaming) &&
@@ -187,6 +210,21 @@ inline std::size_t CountForces(const TouchEmulator& touch) {
 inline bool WaitForForce(const TouchEmulator& touch) {
   const std::size_t before = CountForces(touch);
   return Eventually([&] { return CountForces(touch) > before + 20; });
+}
+
+// From the holder to a stylus that presses, with forces on; an operator would try again, too.
+inline bool PressWithForces(DeviceRig& rig, TouchEmulator& touch) {
+  for (int n = 0; n < 5; ++n) {
+    Dock(touch);
+    if (!rig.WaitForConnection(DeviceRig::kStreaming) ||
+        !Eventually([&] { return rig.Health().calibrated(); })) {
+      return false;
+    }
+    Undock(touch);
+    std::this_thread::sleep_for(std::chrono::milliseconds(1200));
+    if (rig.EnableAndWait("omni-usb") && WaitForForce(touch)) return true;
+  }
+  return false;
 }
 
 }  // namespace palpate::test

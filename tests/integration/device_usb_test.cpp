@@ -124,10 +124,7 @@ TEST(UsbDevice, ForcesAreOffUntilEnabledByName) {
   EXPECT_EQ(rig.Forces().state(), v1::FORCE_STATE_OFF);
   EXPECT_EQ(rig.Forces().reason(), v1::FORCE_REASON_OPERATOR);
 
-  const grpc::Status enabled = rig.Enable("omni-usb");
-  ASSERT_TRUE(enabled.ok()) << enabled.error_message();
-  EXPECT_TRUE(rig.WaitForForces(v1::FORCE_STATE_ON));
-  EXPECT_TRUE(WaitForForce(touch));
+  ASSERT_TRUE(PressWithForces(rig, touch));
   EXPECT_TRUE(rig.WaitForLog("forces: on"));
 
   ASSERT_TRUE(rig.Disable().ok());
@@ -150,8 +147,7 @@ TEST(UsbDevice, AfterAKillForcesAreOffUntilEnabledAgain) {
   ASSERT_TRUE(Eventually([&] { return rig.IsKept("stiffness_n_per_mm = 0.25"); }));
   rig.Kill();
   const std::size_t before = touch.Forces().size();
-  touch.SetPath([](double) { return Vec3(0.0, -110.0, -35.0); });
-  touch.SetDocked(true);
+  Dock(touch);
   rig.Start(kTouchConfig);
   ASSERT_TRUE(rig.WaitForConnection(DeviceRig::kStreaming));
   ASSERT_TRUE(Eventually([&] { return rig.Health().calibrated(); }));

@@ -137,8 +137,8 @@ class Soak:
                 place(), place(), place(), 4.0).volume_revision),
             Worker("recordings", 0.2, lambda: self._record_anew(clients[3], next(recordings))),
             Worker("scrapes", 1, self._scrape),
-            # Viewers come and go.
-            Worker("visits", 1, self._visit)]
+            # Viewers come and go; not in step with the scrapes, which would see each of them.
+            Worker("visits", 0.73, self._visit)]
 
     def _play_series(self, client):
         write_frames(self.daemon.folder)
