@@ -7,6 +7,7 @@
 #include "server/realtime/tick_timer.h"
 #include "server/rpc/volume_edit.h"
 #include "server/rpc/volume_messages.h"
+#include "server/volume/edit.h"
 
 namespace palpate {
 namespace {
@@ -85,7 +86,15 @@ grpc::Status VolumeService::EditVolume(grpc::ServerContext* context,
                                        v1::EditVolumeResponse* response) {
   const Admission admission = access_.Admit(context, "/palpate.v1.VolumeService/EditVolume");
   if (!admission.ok()) return admission.status();
-  return Answer(response, [&] { return editor_.Edit(FromProto(*request), Expected(*request)); });
+  return Answer(response, [&] {
+    const VolumeEdit edit = FromProto(*request);
+    const auto change = [&](const VolumeSnapshot& volume) {
+      // In its turn, and that may be late: for nobody, or while the daemon ends, it is not made.
+      if (context->IsCancelled()) throw Error(ErrorKind::kCancelled, "the edit was cancelled");
+      return ApplyEdit(volume, edit);
+    };
+    return editor_.Apply(change, Expected(*request));
+  });
 }
 
 grpc::Status VolumeService::UndoEdit(grpc::ServerContext* context,
