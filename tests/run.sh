@@ -53,37 +53,40 @@ build() {
     { grep -E 'error|FAILED|warning' "$results/build.log" || tail -n 30 "$results/build.log"; exit 1; }
 }
 
-# run_tests PRESET
+# run_tests PRESET NAME [ARGUMENT...]: with these arguments of ctest
 run_tests() {
-  local log=$results/$1.log folder=build
+  local log=$results/$2.log folder=build
   [ "$1" = default ] || folder=build-$1
-  stage "$1: test"
+  stage "$2: test"
   # A failed test is counted below; no test at all is an error of its own.
-  ctest --preset "$1" --output-junit "$results/$1.xml" >"$log" || true
+  ctest --preset "$1" "${@:3}" --output-junit "$results/$2.xml" >"$log" || true
   grep -vE '^ *[0-9]+/[0-9]+ Test .* Passed|^ +Start +[0-9]+:' "$log" || true
   # One of a file of Python does not skip the file.
   sed -n "s/^.*\.\.\. skipped '\(.*\)'$/  a Python test was skipped: \1/p" \
     "$folder/Testing/Temporary/LastTest.log" 2>/dev/null || true
-  [ -s "$results/$1.xml" ] || { echo "run.sh: no test was run of $1" >&2; exit 1; }
+  [ -s "$results/$2.xml" ] || { echo "run.sh: no test was run of $2" >&2; exit 1; }
 }
 
 # Programs are most of what a build takes on the disk, and linked again in seconds.
 drop_programs() { find "$1/bin" "$1/tests" -maxdepth 1 -type f -perm -100 -delete 2>/dev/null || true; }
 
 build default all
-run_tests default
+run_tests default default --label-exclude times
+# Those that need the machine for themselves: where it stops meanwhile, they are run again, and
+# the failures are shown. What is broken fails three times.
+run_tests default times --label-regex times --repeat until-pass:3
 packages_failed=
 stage packages
 tests/packages_test.sh ${packages[@]+"${packages[@]}"} || packages_failed=yes
 if [ -n "$sanitizers" ]; then
   build asan all
-  run_tests asan
+  run_tests asan asan
   drop_programs build-asan
   build tsan core_tests
-  run_tests tsan
+  run_tests tsan tsan
   drop_programs build-tsan
   build fuzz all
-  run_tests fuzz
+  run_tests fuzz fuzz
   sed -n 's/^\(.*_fuzz: [0-9]* inputs in [0-9]* s\)$/  \1/p' build-fuzz/Testing/Temporary/LastTest.log
 fi
 stage done

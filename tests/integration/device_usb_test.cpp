@@ -140,9 +140,7 @@ TEST(UsbDevice, AfterAKillForcesAreOffUntilEnabledAgain) {
   TouchEmulator touch;
   DeviceRig rig;
   ASSERT_TRUE(StartDocked(rig, touch));
-  Undock(touch);
-  ASSERT_TRUE(rig.Enable("omni-usb").ok());
-  ASSERT_TRUE(WaitForForce(touch));
+  ASSERT_TRUE(PressWithForces(rig, touch));
   ASSERT_TRUE(rig.SetStiffness(0.25).ok());
   ASSERT_TRUE(Eventually([&] { return rig.IsKept("stiffness_n_per_mm = 0.25"); }));
   rig.Kill();
@@ -155,12 +153,11 @@ TEST(UsbDevice, AfterAKillForcesAreOffUntilEnabledAgain) {
   EXPECT_EQ(rig.Stiffness(), 0.25);
   Undock(touch);
   std::this_thread::sleep_for(std::chrono::seconds(3));
+  EXPECT_TRUE(Eventually([&] { return touch.Forces().size() > before + 1000; }));
   const std::vector<TouchForce> forces = touch.Forces();
-  EXPECT_GT(forces.size(), before + 1000);
   for (std::size_t n = before; n < forces.size(); ++n) ASSERT_TRUE(forces[n].IsZero());
   EXPECT_EQ(rig.Forces().state(), v1::FORCE_STATE_OFF);
-  ASSERT_TRUE(rig.Enable("omni-usb").ok());
-  EXPECT_TRUE(WaitForForce(touch));
+  EXPECT_TRUE(PressWithForces(rig, touch));
 }
 
 TEST(UsbDevice, IsLetGoOfInOrder) {
