@@ -10,7 +10,8 @@ usage() {
 Usage: tests/run.sh [--sanitizers] [--long] [--packages]
 
 Without options: the optimised build and every test in it, in their short forms, and
-the Debian packages, built and looked at.
+the Debian packages, built and looked at. Tests that judge times run apart, each up to
+three times: a machine that stops for a moment fails them.
 
   --sanitizers  then every test but those of times under AddressSanitizer and
            UndefinedBehaviorSanitizer, the pure code and the threads around the servo
