@@ -15,6 +15,7 @@
 #include "server/app/daemon.h"
 #include "server/app/log.h"
 #include "server/app/token_command.h"
+#include "server/realtime/thread_stacks.h"
 
 namespace palpate {
 namespace {
@@ -138,6 +139,7 @@ bool HasTerminal() {
 }
 
 void Run(const Options& options) {
+  const SmallThreadStacks stacks;
   const LoadedConfig loaded = LoadConfig(options.config_file, MergeOf(options));
   SetLogLevel(loaded.config.log_level);
   ConfigReader read;
