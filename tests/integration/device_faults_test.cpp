@@ -117,7 +117,7 @@ TEST(UsbFaults, AStallIsClearedAndTheStreamGoesOn) {
   EXPECT_EQ(rig.Health().connections(), 1u);
   EXPECT_EQ(rig.Health().problem(), "");
   // Held for a moment or not, forces are there again without being enabled.
-  EXPECT_TRUE(rig.WaitForForces(v1::FORCE_STATE_ON));
+  EXPECT_TRUE(rig.WaitForAnyForce());
   // What mends itself is counted, and no line.
   EXPECT_FALSE(Contains(rig.End(), "stall"));
 }

@@ -141,21 +141,26 @@ class DeviceRig {
   bool WaitForForces(v1::ForceState state) {
     return Eventually([&] { return Forces().state() == state; });
   }
-  // False where they end before they are on: a machine that stops for long makes a device that
-  // says nothing for 100 ms, a fault that stays.
+  // On, or on their way: not held, and no fault of them.
+  bool WaitForAnyForce() {
+    v1::ForceState state{};
+    Eventually([&] { return (state = Forces().state()) != v1::FORCE_STATE_HELD; });
+    return state == v1::FORCE_STATE_ON || state == v1::FORCE_STATE_RAMP_IN;
+  }
+  // Enabled, and on or on their way: on a busy machine they are held again and again, for
+  // stale readings and missed ticks, before the half second of their ramp is over. False where
+  // a fault ends them: a machine that stops for long makes a device that is silent for 100 ms.
   bool EnableAndWait(const std::string& device) {
-    const grpc::Status enabled = Enable(device);
-    v1::ForceStatus forces;
-    if (enabled.ok()) {
-      Eventually([&] {
-        std::this_thread::sleep_for(std::chrono::milliseconds(50));
-        forces = Forces();
-        return forces.state() != v1::FORCE_STATE_RAMP_IN && forces.state() != v1::FORCE_STATE_HELD;
-      });
+    grpc::Status enabled;
+    // Refused until the fault of before has passed.
+    if (!Eventually([&] { return (enabled = Enable(device)).ok(); })) {
+      std::printf("not enabled: %s\n", enabled.error_message().c_str());
+      return false;
     }
-    if (forces.state() == v1::FORCE_STATE_ON) return true;
-    std::printf("not on: %s, %s %s\n", v1::ForceState_Name(forces.state()).c_str(),
-                v1::ForceReason_Name(forces.reason()).c_str(), enabled.error_message().c_str());
+    if (WaitForAnyForce()) return true;
+    const v1::ForceStatus forces = Forces();
+    std::printf("not on: %s, %s\n", v1::ForceState_Name(forces.state()).c_str(),
+                v1::ForceReason_Name(forces.reason()).c_str());
     return false;
   }
   bool WaitForLog(const std::string& text) { return daemon_->process().WaitFor(text); }
