@@ -14,7 +14,12 @@ foreach(test daemon_stream_test daemon_control_test daemon_lifecycle_test daemon
     PALPATE="$<TARGET_FILE:palpate>"
     PALPATE_DATA_DIR="${PALPATE_DATA_DIR}")
 endforeach()
-palpate_integration_test(daemon_crowd_test daemon_crowd_test.cpp
+# Its times are judged where the sanitizers do not make them; the rest everywhere.
+set(beside ALONE)
+if(PALPATE_SANITIZE)
+  set(beside "")
+endif()
+palpate_integration_test(daemon_crowd_test daemon_crowd_test.cpp ${beside}
   palpate::wire palpate::proto palpate::realtime)
 target_sources(daemon_crowd_test PRIVATE ${PROJECT_SOURCE_DIR}/tests/load/servo_figures.cpp
   ${PROJECT_SOURCE_DIR}/tests/load/subscriber.cpp)

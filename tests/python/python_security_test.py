@@ -6,7 +6,6 @@ import pathlib
 import resource
 import socket
 import ssl
-import statistics
 import subprocess
 import sys
 import tempfile
@@ -22,7 +21,7 @@ from palpate.v1 import (device_pb2, device_pb2_grpc, pose_pb2, pose_pb2_grpc, re
                         registration_pb2, render_pb2, render_pb2_grpc, series_pb2, volume_pb2,
                         volume_pb2_grpc)
 from authority import Authority
-from secured import ROLES, SecuredDaemon, wait_for
+from secured import ROLES, SecuredDaemon, dawdle, wait_for
 from support import PALPATE, PALPATED, PATIENCE_S
 
 FILES = (device_pb2, pose_pb2, recording_pb2, registration_pb2, render_pb2, series_pb2, volume_pb2)
@@ -253,49 +252,9 @@ class SecurityTest(unittest.TestCase):
         self.assertEqual(plain.returncode, 3)
         self.assertIn("over TLS only", plain.stderr)
 
-    def dawdle(self, stack, port):
-        """Connections that say little: nothing, half of a ClientHello, something else, for
-        TLS a handshake and no preface; each another byte now and then, for a second."""
-        dawdlers = [stack.enter_context(socket.create_connection(("127.0.0.1", port)))
-                    for _ in range(60)]
-        began = time.monotonic()
-        for round_number in range(10):
-            for n, dawdler in enumerate(dawdlers):
-                text = (b"", b"\x16\x03\x01\x02\x00\x01" + bytes(10), b"GET / HTTP/1.1\r\n")[n % 3]
-                with contextlib.suppress(OSError):
-                    dawdler.sendall(text[round_number:round_number + 1])
-            time.sleep(max(0.0, began + 0.1 * (round_number + 1) - time.monotonic()))
-        return dawdlers
-
-    def missed_share(self, what):
-        """Of the servo's ticks while `what` runs."""
-        def servo():
-            return device_pb2_grpc.DeviceServiceStub(local).GetDevice(
-                device_pb2.GetDeviceRequest(), timeout=20.0).servo
-
-        with grpc.insecure_channel("unix:" + self.daemon.socket) as local:
-            before = servo()
-            what()
-            after = servo()
-        self.assertGreater(after.ticks - before.ticks, 300)
-        return (after.missed_ticks - before.missed_ticks) / (after.ticks - before.ticks)
-
-    def test_dawdlers_do_not_hinder_the_servo(self):
-        # The same against the daemon and against nobody, by turns: only what it does to
-        # the servo differs, whatever else this machine does.
-        nobody = self.enterContext(socket.create_server(("127.0.0.1", 0), backlog=1000))
-        shares = {self.daemon.port: [], nobody.getsockname()[1]: []}
-        for _ in range(7):
-            for port, missed in shares.items():
-                with contextlib.ExitStack() as stack:
-                    missed.append(self.missed_share(lambda: self.dawdle(stack, port)))
-        attacked, quiet = (statistics.median(missed) for missed in shares.values())
-        print(f"missed {attacked:.4f} of the ticks beside dawdlers, {quiet:.4f} without")
-        self.assertLess(attacked, 2.0 * quiet + 0.01)
-
     def test_dawdlers_and_oversize_messages_do_not_hinder_others(self):
         with contextlib.ExitStack() as stack:
-            dawdlers = self.dawdle(stack, self.daemon.port)
+            dawdlers = dawdle(stack, self.daemon.port)
             context = ssl.create_default_context(cafile=str(self.daemon.authority.ca))
             context.set_alpn_protocols(["h2"])
             silent = stack.enter_context(context.wrap_socket(

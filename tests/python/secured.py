@@ -1,5 +1,6 @@
 """A palpated that is reached over TLS alone, and by its socket."""
 
+import contextlib
 import pathlib
 import socket
 import ssl
@@ -22,6 +23,21 @@ def wait_for(condition, what, patience_s=60.0):
         if time.monotonic() > deadline:
             raise AssertionError(f"waited {patience_s} s for {what}")
         time.sleep(0.05)
+
+
+def dawdle(stack, port):
+    """Connections that say little: nothing, half of a ClientHello, something else, for
+    TLS a handshake and no preface; each another byte now and then, for a second."""
+    dawdlers = [stack.enter_context(socket.create_connection(("127.0.0.1", port)))
+                for _ in range(60)]
+    began = time.monotonic()
+    for round_number in range(10):
+        for n, dawdler in enumerate(dawdlers):
+            text = (b"", b"\x16\x03\x01\x02\x00\x01" + bytes(10), b"GET / HTTP/1.1\r\n")[n % 3]
+            with contextlib.suppress(OSError):
+                dawdler.sendall(text[round_number:round_number + 1])
+        time.sleep(max(0.0, began + 0.1 * (round_number + 1) - time.monotonic()))
+    return dawdlers
 
 
 def header(name, value):
