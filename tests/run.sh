@@ -10,8 +10,10 @@ usage() {
 Usage: tests/run.sh [--sanitizers] [--long] [--packages]
 
 Without options: the optimised build and every test in it, in their short forms, and
-the Debian packages, built and looked at. Tests that judge times run apart, each up to
-three times: a machine that stops for a moment fails them.
+the Debian packages, built and looked at. Tests that judge times run apart. A test of
+whole programs that fails is run again, alone, and shown: a machine that stops for a moment
+fails it. One of times may fail twice, any other once; pure code, crashes and what a
+sanitizer finds are not forgiven.
 
   --sanitizers  then every test but those of times under AddressSanitizer and
            UndefinedBehaviorSanitizer, the pure code and the threads around the servo
@@ -68,20 +70,35 @@ run_tests() {
   [ -s "$results/$2.xml" ] || { echo "run.sh: no test was run of $2" >&2; exit 1; }
 }
 
+# run_again PRESET NAME: what failed of NAME, if it was run, alone
+run_again() {
+  local failed
+  [ -s "$results/$2.xml" ] || return 0
+  ! grep -qE '\*\*\*Exception|runtime error:|(ERROR|WARNING): [A-Za-z]+Sanitizer' "$results/$2.log" ||
+    return 0
+  failed=$(sed -n 's/.*<testcase name="\(integration\.[^"]*\)".* status="fail".*/\1/p' \
+    "$results/$2.xml" | paste -sd '|')
+  [ -n "$failed" ] || return 0
+  run_tests "$1" "$2-again" --parallel 1 --tests-regex "^($failed)\$"
+}
+
 # Programs are most of what a build takes on the disk, and linked again in seconds.
 drop_programs() { find "$1/bin" "$1/tests" -maxdepth 1 -type f -perm -100 -delete 2>/dev/null || true; }
 
 build default all
 run_tests default default --label-exclude times
-# Those that need the machine for themselves: where it stops meanwhile, they are run again, and
-# the failures are shown. What is broken fails three times.
-run_tests default times --label-regex times --repeat until-pass:3
+run_again default default
+# Those that need the machine for themselves.
+run_tests default times --label-regex times
+run_again default times
+run_again default times-again
 packages_failed=
 stage packages
 tests/packages_test.sh ${packages[@]+"${packages[@]}"} || packages_failed=yes
 if [ -n "$sanitizers" ]; then
   build asan all
   run_tests asan asan
+  run_again asan asan
   drop_programs build-asan
   build tsan core_tests
   run_tests tsan tsan
@@ -91,16 +108,22 @@ if [ -n "$sanitizers" ]; then
   sed -n 's/^\(.*_fuzz: [0-9]* inputs in [0-9]* s\)$/  \1/p' build-fuzz/Testing/Temporary/LastTest.log
 fi
 stage done
-# The counts, over all runs.
+# The counts, over all runs. What was run again counts as it ended.
 awk '
+  FNR == 1 { in_suite = 0; again = FILENAME ~ /-again\.xml$/ }
   match($0, /<testsuite /) { in_suite = 1 }
-  in_suite && match($0, /tests="[0-9]+"/) { tests += substr($0, RSTART + 7, RLENGTH - 8) }
-  in_suite && match($0, /failures="[0-9]+"/) { failed += substr($0, RSTART + 10, RLENGTH - 11) }
+  in_suite && match($0, /tests="[0-9]+"/) { count = substr($0, RSTART + 7, RLENGTH - 8) }
+  in_suite && match($0, /failures="[0-9]+"/) { wrong = substr($0, RSTART + 10, RLENGTH - 11) }
   in_suite && match($0, /disabled="[0-9]+"/) { skipped += substr($0, RSTART + 10, RLENGTH - 11) }
   in_suite && match($0, /skipped="[0-9]+"/) { skipped += substr($0, RSTART + 9, RLENGTH - 10) }
-  in_suite && />/ { in_suite = 0 }
+  in_suite && />/ {
+    in_suite = 0
+    failed += wrong
+    if (again) { failed -= count; later += count - wrong } else tests += count
+  }
   END {
-    printf "%d passed, %d failed, %d skipped\n", tests - failed - skipped, failed, skipped
+    printf "%d passed (%d of them not at once), %d failed, %d skipped\n",
+      tests - failed - skipped, later, failed, skipped
     exit failed > 0 || tests == 0
   }' "$results"/*.xml
 [ -z "$packages_failed" ] || { echo "run.sh: the packages failed, see above" >&2; exit 1; }
