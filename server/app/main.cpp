@@ -14,8 +14,8 @@
 #include "server/app/config_check.h"
 #include "server/app/daemon.h"
 #include "server/app/log.h"
+#include "server/app/thread_stacks.h"
 #include "server/app/token_command.h"
-#include "server/realtime/thread_stacks.h"
 
 namespace palpate {
 namespace {

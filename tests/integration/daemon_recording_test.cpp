@@ -241,6 +241,7 @@ TEST_F(RecordingTest, IsPlayedToThoseWhoWatch) {
     EXPECT_TRUE(n == 0 || samples[n].tick() > samples[n - 1].tick());
   }
   EXPECT_GT(samples.size() + viewer.dropped(), state.ticks());
+  EXPECT_GT(samples.size(), state.ticks() / 4);
   EXPECT_LT(suspended, 100u);
   EXPECT_NE(samples.back().mode(), v1::PROXY_MODE_SUSPENDED);
 

@@ -178,6 +178,7 @@ class Soak:
         end_s = self.readings[-1][0]
         warm = [r for r in self.readings if r[0] > WARM_UP * end_s]
         halves = warm[:len(warm) // 2], warm[len(warm) // 2:]
+
         def middle(name):
             return [statistics.median_low(v[name] for _, v in half) for half in halves]
 

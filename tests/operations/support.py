@@ -16,6 +16,7 @@ from palpate.v1 import (device_pb2, device_pb2_grpc, edit_pb2, pose_pb2, pose_pb
                         recording_pb2_grpc, render_pb2, render_pb2_grpc, volume_pb2,
                         volume_pb2_grpc)
 
+from crash import show_crash
 from free_port import free_port
 
 PALPATED = os.environ["PALPATED"]
@@ -89,6 +90,7 @@ class Daemon:
         status = self.process.wait(PATIENCE_S)
         self._reader.join()
         self.process.stderr.close()
+        show_crash(status, self.log)
         return status
 
     @property

@@ -12,6 +12,7 @@ import unittest
 import numpy as np
 
 import palpate
+from crash import show_crash
 from free_port import free_port
 
 PALPATED = os.environ["PALPATED"]
@@ -68,9 +69,10 @@ class Daemon:
     def end(self, number=signal.SIGTERM):
         if self.process.poll() is None:
             self.process.send_signal(number)
-        self.process.wait(PATIENCE_S)
+        status = self.process.wait(PATIENCE_S)
         self._reader.join()
         self.process.stderr.close()
+        show_crash(status, self.said)
 
     def connect(self):
         return palpate.connect(self.socket)

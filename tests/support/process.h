@@ -1,5 +1,6 @@
 // Runs a program and collects what it writes. Threads: one. A program that runs
-// longer than its patience is killed.
+// longer than its patience is killed. One that crashed says so on our stderr, so that nobody
+// takes a test that fails of it for one on a slow machine: tests/run.sh does not run it again.
 #pragma once
 
 #include <fcntl.h>
@@ -12,6 +13,7 @@
 #include <unistd.h>
 
 #include <chrono>
+#include <cstdio>
 #include <stdexcept>
 #include <string>
 #include <vector>
@@ -66,8 +68,13 @@ class Process {
 
   ~Process() {
     if (pid_ > 0) {
-      kill(pid_, SIGKILL);
-      waitpid(pid_, nullptr, 0);
+      int status = 0;
+      if (waitpid(pid_, &status, WNOHANG) != pid_) {
+        kill(pid_, SIGKILL);
+        waitpid(pid_, &status, 0);
+      }
+      TakeLastWords();
+      ShowCrash(status);
     }
     CloseOutput();
     close(error_);
@@ -107,6 +114,7 @@ class Process {
     int status = 0;
     waitpid(pid_, &status, 0);
     pid_ = -1;
+    ShowCrash(status);
     result_.exit_code = WIFEXITED(status) ? WEXITSTATUS(status) : -WTERMSIG(status);
     return result_;
   }
@@ -119,6 +127,24 @@ class Process {
     }
     read_end = ends[0];
     write_end = ends[1];
+  }
+
+  // Of a program that is gone; a child of its own may still hold the pipe.
+  void TakeLastWords() {
+    fcntl(error_, F_SETFL, O_NONBLOCK);
+    while (!error_ended_) Take({error_, POLLIN, POLLIN}, result_.error, error_ended_);
+  }
+
+  void ShowCrash(int status) const {
+    const int signal = WIFSIGNALED(status) ? WTERMSIG(status) : 0;
+    const bool crashed = signal == SIGSEGV || signal == SIGABRT || signal == SIGBUS ||
+                         signal == SIGFPE || signal == SIGILL;
+    if (!crashed && result_.error.find("Sanitizer") == std::string::npos &&
+        result_.error.find("runtime error:") == std::string::npos) {
+      return;
+    }
+    std::fprintf(stderr, "***Exception: a program crashed (signal %d)\n%s\n", signal,
+                 result_.error.c_str());
   }
 
   // False when both have ended, or time is up.

@@ -77,7 +77,7 @@ LIBRARIES = {
     "spdlog": (r"spdlog/", ["server/session", "server/rpc", "server/app"]),
     "OpenSSL": (r"openssl/", ["server/security"]),
     "prometheus-cpp": (r"prometheus/", ["server/metrics", "server/app"]),
-    "TBB": (r"tbb/", ["server/volume", "server/lab"]),
+    "TBB": (r"tbb/", ["server/volume", "server/app", "server/lab"]),
     "OpenGL": (r"epoxy/|GL/", ["client/view/render", "client/view/app"]),
     "GLFW, Dear ImGui, libpng": (r"GLFW/|imgui|backends/imgui|png", ["client/view/app"]),
     "zstd and xxHash": (r"zstd|xxhash", ["common/bricks", "server/recording"]),

@@ -7,7 +7,6 @@
 #include <sched.h>
 #include <sys/resource.h>
 #include <sys/syscall.h>
-#include <tbb/global_control.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -24,7 +23,6 @@
 #include "server/realtime/snapshot_handoff.h"
 #include "server/realtime/spsc_ring.h"
 #include "server/realtime/thread_setup.h"
-#include "server/realtime/thread_stacks.h"
 #include "server/realtime/tick_timer.h"
 
 namespace palpate {
@@ -341,23 +339,6 @@ TEST(ThreadSetup, RefusesAnImpossiblePriority) {
   EXPECT_FALSE(grant.fifo);
   ASSERT_EQ(grant.warnings.size(), 1u);
   EXPECT_NE(grant.warnings.front().find("priority from 1 to 99"), std::string::npos);
-}
-
-TEST(ThreadStacks, AreSmallFromThenOn) {
-  const auto stack_bytes = [] {
-    pthread_attr_t attributes;
-    std::size_t bytes = 0;
-    pthread_getattr_np(pthread_self(), &attributes);
-    pthread_attr_getstacksize(&attributes, &bytes);
-    pthread_attr_destroy(&attributes);
-    return bytes;
-  };
-  const SmallThreadStacks stacks;
-  std::size_t bytes = 0;
-  std::thread([&] { bytes = stack_bytes(); }).join();
-  EXPECT_EQ(bytes, kThreadStackBytes);
-  EXPECT_EQ(tbb::global_control::active_value(tbb::global_control::thread_stack_size),
-            kThreadStackBytes);
 }
 
 TEST(ThreadSetup, CountsPageFaults) {

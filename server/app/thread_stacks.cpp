@@ -1,10 +1,10 @@
-#include "server/realtime/thread_stacks.h"
+#include "server/app/thread_stacks.h"
 
 #include <pthread.h>
 
 namespace palpate {
 
-SmallThreadStacks::SmallThreadStacks() noexcept
+SmallThreadStacks::SmallThreadStacks()
     : workers_(tbb::global_control::thread_stack_size, kThreadStackBytes) {
   pthread_attr_t attributes;
   if (pthread_getattr_default_np(&attributes) != 0) return;
