@@ -12,6 +12,7 @@ import tempfile
 import threading
 import time
 import unittest
+import warnings
 
 import grpc
 from google.protobuf import symbol_database
@@ -209,7 +210,13 @@ class SecurityTest(unittest.TestCase):
         ca = str(self.daemon.authority.ca)
         viewer = str(self.daemon.tokens["viewer"])
         operator = self.daemon.authority.issue("operator", "URI:spiffe://lab/operator")
-        with palpate.connect(self.daemon.address, tls_ca=ca, token_file=viewer) as conn:
+        os.chmod(viewer, 0o644)
+        with self.assertWarnsRegex(UserWarning, "may be read by every account") as warned:
+            palpate.connect(self.daemon.address, tls_ca=ca, token_file=viewer).close()
+        self.assertEqual(warned.filename, __file__)
+        os.chmod(viewer, 0o640)
+        with warnings.catch_warnings(action="error"), \
+                palpate.connect(self.daemon.address, tls_ca=ca, token_file=viewer) as conn:
             self.assertGreater(conn.device.info().ticks, 0)
             with self.assertRaisesRegex(palpate.PermissionDenied, "needs the role editor"):
                 conn.settings.stiffness_n_per_mm = 0.4

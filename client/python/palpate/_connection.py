@@ -117,7 +117,8 @@ def connect(address: str | None = None, *, tls_ca: str | None = None,
     Over TCP, TLS is used where tls_ca or tls_cert is given. tls_ca: the daemon's certificate
     authority; None: the system's. tls_cert, tls_key: our certificate and its key. token_file:
     holds a token; None: $PALPATE_TOKEN_FILE, where TLS is used. A token is never sent without
-    TLS. All are paths of files, the first three in PEM.
+    TLS; that all accounts may read its file is a UserWarning. All are paths of files, the first
+    three in PEM.
     Errors: Unavailable (no palpated there), PermissionDenied (the socket; or palpated does not
     know us), InvalidArgument, NotFound (a file).
     """

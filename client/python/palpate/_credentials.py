@@ -3,6 +3,8 @@
 import dataclasses
 import os
 import re
+import stat
+import warnings
 
 import grpc
 
@@ -31,6 +33,11 @@ def _read_pem(path: str | None, what: bytes) -> bytes | None:
 
 def _read_token(path: str) -> str:
     token = _read(path).rstrip(b"\r\n")
+    if os.stat(path).st_mode & stat.S_IROTH:
+        # At the caller of palpate.connect.
+        warnings.warn(f"the token file {path} may be read by every account of this machine: "
+                      "'chmod 600' it, and ask for a new token where others could have read this "
+                      "one", stacklevel=6)
     if not re.fullmatch(rb"[!-~]{1,128}", token):
         raise InvalidArgument(f"{path} holds no token: put into it the line that "
                               "'palpated token add' printed")
