@@ -9,4 +9,4 @@ def show_crash(status, log):
     """Prints the log where this exit status, or a sanitizer in it, says that it crashed. A test
     that fails beside such a line is not run again."""
     if status in CRASHES or any("Sanitizer" in line or "runtime error:" in line for line in log):
-        print(f"***Exception: palpated crashed ({status})", *log, sep="\n", flush=True)
+        print(f"***Exception: palpated crashed ({status})\n" + "".join(log), flush=True)

@@ -2,6 +2,7 @@
 find_package(fmt REQUIRED)
 palpate_unit_test(service_manager_test service_manager_test.cpp palpate::app)
 palpate_unit_test(thread_stacks_test thread_stacks_test.cpp palpate::app)
+palpate_unit_test(process_test process_test.cpp)
 palpate_unit_test(config_check_test config_check_test.cpp palpate::app)
 palpate_unit_test(config_reload_test config_reload_test.cpp palpate::app)
 palpate_unit_test(doctor_checks_test doctor_checks_test.cpp CORE palpate::doctor)
