@@ -71,14 +71,18 @@ std::size_t Count(const std::vector<DeviceStatus>& statuses, DeviceStatus status
 
 bool IsOn(const PlainForce& force) { return force.motors_on; }
 
+bool IsHalt(const std::string& line) {
+  return line.starts_with("plain: no reading for") || line.starts_with("plain: no force taken for");
+}
+
 // A halt of this machine may look like a device's: such lines and the reconnection after
 // them are taken out. Returns how many.
 std::uint64_t TakeHalts(std::vector<std::string>& lines) {
   std::uint64_t halts = 0;
+  // Before it was first connected there is nothing to be connected again.
+  while (!lines.empty() && IsHalt(lines.front())) lines.erase(lines.begin());
   for (std::size_t i = 0; i + 1 < lines.size();) {
-    const bool is_halt = lines[i].starts_with("plain: no reading for") ||
-                         lines[i].starts_with("plain: no force taken for");
-    if (!is_halt || lines[i + 1].find(": connected") == std::string::npos) {
+    if (!IsHalt(lines[i]) || lines[i + 1].find(": connected") == std::string::npos) {
       ++i;
       continue;
     }

@@ -382,6 +382,7 @@ class Endings(unittest.TestCase):
             thread.start()
         client.record(daemon.folder / "load.palrec")
         self.assertTrue(wait_until(lambda: all(r.samples > 100 for r in readers)))
+        self.assertTrue(wait_until(lambda: client.recorded_ticks() > 2000))
 
         def end():
             stop.set()

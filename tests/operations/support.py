@@ -162,6 +162,11 @@ class Client:
         return self.recording.StartRecording(
             recording_pb2.StartRecordingRequest(path=str(path)), timeout=CALL_S)
 
+    def recorded_ticks(self):
+        """That are on the disk."""
+        return self.recording.GetRecording(recording_pb2.GetRecordingRequest(),
+                                           timeout=CALL_S).recording.ticks
+
     def read_poses(self, count, rate_hz=1000.0, batch=10):
         """So many messages of a plain stream."""
         start = pose_pb2.StreamPosesRequest()

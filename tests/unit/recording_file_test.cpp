@@ -142,7 +142,16 @@ TEST(RecordingFile, OfAKilledProgramIsReadableToItsLastChunk) {
   }
 }
 
+std::chrono::steady_clock::duration TimeToTheFirstChunk() {
+  const TemporaryFolder folder;
+  const auto began = std::chrono::steady_clock::now();
+  Process child({RECORDING_CHILD, (folder.path() / "a.palpate").string()});
+  EXPECT_TRUE(child.WaitFor("ticks"));
+  return std::chrono::steady_clock::now() - began;
+}
+
 TEST(RecordingFile, KilledWhileOverwritingIsTheOldOneOrTheNew) {
+  const auto step = TimeToTheFirstChunk() / 100;
   int old_ones = 0, new_ones = 0;
   // Later in each round, until some are killed after the new one has its name.
   for (int round = 0; new_ones < 8 && round < 400; ++round) {
@@ -150,7 +159,7 @@ TEST(RecordingFile, KilledWhileOverwritingIsTheOldOneOrTheNew) {
     const auto path = folder.path() / "a.palpate";
     Write(path, false, 3);
     Process child({RECORDING_CHILD, path.string(), "overwrite"});
-    std::this_thread::sleep_for(std::chrono::microseconds(250 * round));
+    std::this_thread::sleep_for(step * round);
     child.Signal(SIGKILL);
     child.Wait();
     const FileContents contents = Read(path);
