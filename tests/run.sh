@@ -64,6 +64,9 @@ run_once() {
   # ctest leaves the list as it was.
   if ctest --preset "$1" "${@:3}" --output-junit "$results/$2.xml" >"$log"; then
     rm -f "$(failed_list "$1")"
+  elif [ ! -s "$(failed_list "$1")" ]; then
+    echo "run.sh: ctest failed in $2, and no test did" >&2
+    exit 1
   fi
   grep -vE '^ *[0-9]+/[0-9]+ Test .* Passed|^ +Start +[0-9]+:' "$log" || true
   # One of a file of Python does not skip the file.

@@ -16,8 +16,9 @@ inline constexpr std::size_t kThreadStackBytes = 1 << 20;
 // Locked memory is resident whether it is used or not: gRPC makes threads as it needs them, each
 // took 8 MiB of RAM for some 20 KiB in use, and together they were most of what the daemon held.
 //
-// One for the process, before its first thread; not real-time. At worst stacks stay as large
-// as they are.
+// One for the process, before its first thread (the four that OpenVDB's log4cplus makes when it
+// is loaded come before, and stay as they are); not real-time. At worst stacks stay as large as
+// they are.
 class SmallThreadStacks {
  public:
   SmallThreadStacks();
