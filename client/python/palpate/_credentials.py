@@ -13,10 +13,11 @@ from palpate._errors import InvalidArgument, NotFound
 _TOKEN_FILE_VARIABLE = "PALPATE_TOKEN_FILE"
 
 
-def _read(path: str) -> bytes:
+def _read(path: str) -> tuple[bytes, int]:
+    """What the file holds, and its mode."""
     try:
         with open(path, "rb") as file:
-            return file.read()
+            return file.read(), os.fstat(file.fileno()).st_mode
     except OSError as error:
         raise NotFound(f"cannot read {path}: {error.strerror}") from None
 
@@ -24,7 +25,7 @@ def _read(path: str) -> bytes:
 def _read_pem(path: str | None, what: bytes) -> bytes | None:
     if path is None:
         return None
-    text = _read(path)
+    text, _ = _read(path)
     # gRPC says nothing of what is wrong with such a text.
     if what + b"-----" not in text:
         raise InvalidArgument(f"{path} holds no {what.decode()} in PEM")
@@ -32,15 +33,16 @@ def _read_pem(path: str | None, what: bytes) -> bytes | None:
 
 
 def _read_token(path: str) -> str:
-    token = _read(path).rstrip(b"\r\n")
-    if os.stat(path).st_mode & stat.S_IROTH:
+    text, mode = _read(path)
+    token = text.rstrip(b"\r\n")
+    if not re.fullmatch(rb"[!-~]{1,128}", token):
+        raise InvalidArgument(f"{path} holds no token: put into it the line that "
+                              "'palpated token add' printed")
+    if mode & stat.S_IROTH:
         # At the caller of palpate.connect.
         warnings.warn(f"the token file {path} may be read by every account of this machine: "
                       "'chmod 600' it, and ask for a new token where others could have read this "
                       "one", stacklevel=6)
-    if not re.fullmatch(rb"[!-~]{1,128}", token):
-        raise InvalidArgument(f"{path} holds no token: put into it the line that "
-                              "'palpated token add' printed")
     return token.decode()
 
 
