@@ -13,6 +13,7 @@
 #include "common/error/error.h"
 #include "palpate/v1/recording.grpc.pb.h"
 #include "tests/support/daemon.h"
+#include "tests/support/patience.h"
 
 namespace palpate::test {
 namespace {
@@ -131,7 +132,7 @@ TEST_F(RecordingTest, ComesBackBitForBitThroughSettingsAndLoads) {
   const ProcessResult replay = Lab({"replay", "--recording", File("a.palrec")});
   EXPECT_EQ(replay.exit_code, 0) << replay.output << replay.error;
   EXPECT_EQ(Figure(replay, "ticks"), ticks);
-  EXPECT_EQ(Figure(replay, "differing"), 0u);
+  EXPECT_EQ(Figure(replay, "differing"), 0u) << test::kWrong;
   EXPECT_GE(Figure(replay, "compared") + 70, ticks);
   EXPECT_EQ(Figure(replay, "markers"), 2u);
   EXPECT_GE(Figure(replay, "scenes"), 12u);
@@ -159,14 +160,14 @@ TEST_F(RecordingTest, AKilledDaemonLeavesAllButTheLastSeconds) {
   EXPECT_NE(replay.error.find("was not closed"), std::string::npos) << replay.error;
   EXPECT_GE(Figure(replay, "ticks"), written);
   EXPECT_GE(Figure(replay, "compared") + 70, Figure(replay, "ticks"));
-  EXPECT_EQ(Figure(replay, "differing"), 0u);
+  EXPECT_EQ(Figure(replay, "differing"), 0u) << test::kWrong;
   // Cut within a chunk, as by a power failure.
   std::filesystem::resize_file(File("a.palrec"),
                                std::filesystem::file_size(File("a.palrec")) - 1000);
   const ProcessResult cut = Lab({"replay", "--recording", File("a.palrec")});
   EXPECT_EQ(cut.exit_code, 0) << cut.error;
   EXPECT_NE(cut.error.find("is cut"), std::string::npos) << cut.error;
-  EXPECT_EQ(Figure(cut, "differing"), 0u);
+  EXPECT_EQ(Figure(cut, "differing"), 0u) << test::kWrong;
   EXPECT_LT(Figure(cut, "ticks"), Figure(replay, "ticks"));
 }
 

@@ -2,7 +2,7 @@ find_package(TIFF REQUIRED)
 find_package(ZLIB REQUIRED)
 palpate_integration_test(import_test import_test.cpp
   palpate::volume TIFF::TIFF ZLIB::ZLIB)
-palpate_integration_test(import_data_test import_data_test.cpp
+palpate_test(offline import_data_test import_data_test.cpp
   palpate::volume)
 foreach(test import_test import_data_test)
   add_dependencies(${test} palpate-import)

@@ -18,6 +18,7 @@
 #include "tests/support/bare_loops.h"
 #include "tests/support/daemon.h"
 #include "tests/support/data_folder.h"
+#include "tests/support/patience.h"
 
 namespace palpate::test {
 namespace {
@@ -231,7 +232,7 @@ TEST(LiveData, EditsAndASeriesDoNotDisturbTheServo) {
       "p99 by a factor of %.2f\n",
       edits, static_cast<unsigned long>(totals.volumes), totals.contacts, 100.0 * missed_rise,
       update_ratio);
-  EXPECT_EQ(totals.inside, 0u);
+  EXPECT_EQ(totals.inside, 0u) << test::kWrong;
   EXPECT_EQ(totals.faults, 0u);
   EXPECT_GT(totals.contacts, windows.size() * 50);
   const double seconds = 5.0 * std::chrono::duration<double>(length).count();

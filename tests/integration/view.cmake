@@ -7,19 +7,19 @@ pkg_check_modules(EPOXY REQUIRED IMPORTED_TARGET epoxy)
 find_package(ZLIB REQUIRED)
 
 # PALPATE_DATA_DIR is import.cmake's.
-palpate_integration_test(view_surface_test view_surface_test.cpp
+palpate_test(offline view_surface_test view_surface_test.cpp
   palpate::view_render palpate::error PkgConfig::EPOXY ZLIB::ZLIB)
 target_compile_definitions(view_surface_test PRIVATE PALPATE_DATA_DIR="${PALPATE_DATA_DIR}")
-palpate_integration_test(view_surface_values_test view_surface_values_test.cpp
+palpate_test(offline view_surface_values_test view_surface_values_test.cpp
   palpate::view_render palpate::error PkgConfig::EPOXY ZLIB::ZLIB)
-palpate_integration_test(view_volume_texture_test view_volume_texture_test.cpp
+palpate_test(offline view_volume_texture_test view_volume_texture_test.cpp
   palpate::view_render palpate::error PkgConfig::EPOXY ZLIB::ZLIB)
 pkg_check_modules(EPOXY REQUIRED IMPORTED_TARGET epoxy)
 
 # OpenGL without a display, in software where there is no graphics card.
 palpate_integration_test(view_frame_test view_frame_test.cpp
   palpate::view_render palpate::error PkgConfig::EPOXY)
-palpate_integration_test(view_slice_test view_slice_test.cpp
+palpate_test(offline view_slice_test view_slice_test.cpp
   palpate::view_render palpate::error PkgConfig::EPOXY)
 
 # palpate-view against the real daemon, seen by the Python package.

@@ -105,7 +105,7 @@ TEST_F(VolumeStreamTest, ACopyIsEqualAfterTenThousandEditsAndManyReconnects) {
   }
   editor.join();
   ASSERT_TRUE(CatchUp(*reader, mirror));
-  EXPECT_EQ(DifferentVoxels(mirror, *data_.volume()), 0u);
+  EXPECT_EQ(DifferentVoxels(mirror, *data_.volume()), 0u) << test::kWrong;
   EXPECT_EQ(mirror.resume()->volume_revision, 10001u);
   // Every copy after the first was resumed.
   EXPECT_FALSE(mirror.TakeChanges().all);
@@ -192,7 +192,7 @@ TEST_F(VolumeStreamTest, AViewerThatReadsNothingCostsNoMemory) {
     mirror.Apply(FromProto(std::move(response)).event);
     ASSERT_TRUE(call->Write(acknowledge));
   }
-  EXPECT_EQ(DifferentVoxels(mirror, *data_.volume()), 0u);
+  EXPECT_EQ(DifferentVoxels(mirror, *data_.volume()), 0u) << test::kWrong;
   // A window, and the 12 messages of a copy or two, whatever was edited meanwhile.
   EXPECT_LE(messages, 64u + 2 * 12u);
   context.TryCancel();
@@ -213,7 +213,7 @@ TEST_F(VolumeStreamTest, AViewerThatIsKilledHarmsNobody) {
     data_.RandomEdit(random_);
     EXPECT_TRUE(CatchUp(reader, mirror));
   }
-  EXPECT_EQ(DifferentVoxels(mirror, *data_.volume()), 0u);
+  EXPECT_EQ(DifferentVoxels(mirror, *data_.volume()), 0u) << test::kWrong;
 }
 
 TEST_F(VolumeStreamTest, BadRequestsEndTheStreamWithAReason) {
@@ -279,7 +279,7 @@ TEST_F(VolumeStreamTest, ARevisionThatTheDaemonDoesNotHaveIsMendedByAFreshCopy) 
   ASSERT_TRUE(CatchUp(reader, mirror));
   EXPECT_TRUE(mirror.TakeChanges().all);
   EXPECT_EQ(reader.losses(), 1u);
-  EXPECT_EQ(DifferentVoxels(mirror, *data_.volume()), 0u);
+  EXPECT_EQ(DifferentVoxels(mirror, *data_.volume()), 0u) << test::kWrong;
 }
 
 TEST_F(VolumeStreamTest, StoppingTheServerEndsStreamsThatReadAndThatDoNot) {
@@ -303,7 +303,7 @@ TEST_F(VolumeStreamTest, StoppingTheServerEndsStreamsThatReadAndThatDoNot) {
   }
   EXPECT_EQ(idle->Finish().error_code(), grpc::StatusCode::UNAVAILABLE);
   // What was copied stays, and the reader keeps trying.
-  EXPECT_EQ(DifferentVoxels(mirror, *data_.volume()), 0u);
+  EXPECT_EQ(DifferentVoxels(mirror, *data_.volume()), 0u) << test::kWrong;
   while (reader.losses_in_a_row() < 3) reader.Next(100ms);
 }
 

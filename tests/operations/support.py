@@ -16,7 +16,7 @@ from palpate.v1 import (device_pb2, device_pb2_grpc, edit_pb2, pose_pb2, pose_pb
                         recording_pb2_grpc, render_pb2, render_pb2_grpc, volume_pb2,
                         volume_pb2_grpc)
 
-from crash import show_crash
+from crash import show_crash, wait_for_end
 from free_port import free_port
 
 PALPATED = os.environ["PALPATED"]
@@ -86,11 +86,12 @@ class Daemon:
     def end(self, number=signal.SIGTERM):
         """The exit status."""
         if self.process.poll() is None:
+            self.process.expect(number)
             os.kill(self.pid, number)
-        status = self.process.wait(PATIENCE_S)
+        status = wait_for_end(self.process, PATIENCE_S)
         self._reader.join()
         self.process.stderr.close()
-        show_crash(status, self.log)
+        show_crash(self.process, self.log)
         return status
 
     @property
@@ -142,8 +143,14 @@ class Client:
     def settings(self):
         return self.render.GetSettings(render_pb2.GetSettingsRequest(), timeout=CALL_S)
 
+    def _device(self):
+        return self.device.GetDevice(device_pb2.GetDeviceRequest(), timeout=CALL_S)
+
     def servo(self):
-        return self.device.GetDevice(device_pb2.GetDeviceRequest(), timeout=CALL_S).servo
+        return self._device().servo
+
+    def force_state(self):
+        return self._device().forces.state
 
     def set_stiffness(self, value):
         request = render_pb2.UpdateSettingsRequest()

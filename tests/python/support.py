@@ -12,7 +12,7 @@ import unittest
 import numpy as np
 
 import palpate
-from crash import show_crash
+from crash import show_crash, wait_for_end
 from free_port import free_port
 
 PALPATED = os.environ["PALPATED"]
@@ -69,10 +69,10 @@ class Daemon:
     def end(self, number=signal.SIGTERM):
         if self.process.poll() is None:
             self.process.send_signal(number)
-        status = self.process.wait(PATIENCE_S)
+        wait_for_end(self.process, PATIENCE_S)
         self._reader.join()
         self.process.stderr.close()
-        show_crash(status, self.said)
+        show_crash(self.process, self.said)
 
     def connect(self):
         return palpate.connect(self.socket)

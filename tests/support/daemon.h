@@ -18,6 +18,7 @@
 #include "palpate/v1/registration.grpc.pb.h"
 #include "palpate/v1/render.grpc.pb.h"
 #include "palpate/v1/volume.grpc.pb.h"
+#include "tests/support/patience.h"
 #include "tests/support/process.h"
 #include "tests/support/temporary_folder.h"
 
@@ -68,6 +69,12 @@ class Daemon {
     return process_->Wait();
   }
 
+  // Until its loop has made so many ticks more, however slow the machine.
+  bool WaitForTicks(std::uint64_t more) {
+    const std::uint64_t first = Ticks();
+    return Eventually([&] { return Ticks() >= first + more; });
+  }
+
   const std::filesystem::path& socket() const { return socket_; }
   const std::shared_ptr<grpc::Channel>& channel() const { return channel_; }
   Process& process() { return *process_; }
@@ -79,6 +86,14 @@ class Daemon {
   std::unique_ptr<v1::RegistrationService::Stub> registration;
 
  private:
+  std::uint64_t Ticks() {
+    grpc::ClientContext context;
+    v1::GetDeviceResponse response;
+    const grpc::Status status = device->GetDevice(&context, {}, &response);
+    if (!status.ok()) throw std::runtime_error(status.error_message());
+    return response.servo().ticks();
+  }
+
   TemporaryFolder folder_;
   std::filesystem::path socket_;
   std::unique_ptr<Process> process_;

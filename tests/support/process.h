@@ -1,6 +1,7 @@
 // Runs a program and collects what it writes. Threads: one. A program that runs
-// longer than its patience is killed. One that crashed says so on our stderr, so that nobody
-// takes a test that fails of it for one on a slow machine: tests/run.sh does not run it again.
+// longer than its patience is killed. One that crashed, or does not end though it was told to,
+// is named on our stderr, so that nobody takes a test that fails of it for one on a slow
+// machine: tests/run.sh does not run it again.
 #pragma once
 
 #include <fcntl.h>
@@ -14,6 +15,7 @@
 
 #include <chrono>
 #include <cstdio>
+#include <set>
 #include <stdexcept>
 #include <string>
 #include <vector>
@@ -30,6 +32,8 @@ struct ProcessResult {
 
 class Process {
  public:
+  static constexpr std::chrono::seconds kEndPatience{120};
+
   // `on_terminal`: stdout is a terminal of 80 x 24.
   explicit Process(const std::vector<std::string>& arguments, bool on_terminal = false,
                    std::chrono::seconds patience = std::chrono::seconds(20))
@@ -70,7 +74,7 @@ class Process {
     if (pid_ > 0) {
       int status = 0;
       if (waitpid(pid_, &status, WNOHANG) != pid_) {
-        kill(pid_, SIGKILL);
+        Signal(SIGKILL);
         waitpid(pid_, &status, 0);
       }
       TakeLastWords();
@@ -82,7 +86,14 @@ class Process {
   Process(const Process&) = delete;
   Process& operator=(const Process&) = delete;
 
-  void Signal(int number) const { kill(pid_, number); }
+  // SIGTERM and SIGINT: it has kEndPatience from now on.
+  void Signal(int number) {
+    sent_.insert(number);
+    if (number == SIGTERM || number == SIGINT) {
+      deadline_ = std::chrono::steady_clock::now() + kEndPatience;
+    }
+    kill(pid_, number);
+  }
   pid_t pid() const { return pid_; }
 
   // As a reader like `head` does.
@@ -109,7 +120,11 @@ class Process {
     while (Collect()) {
     }
     if (std::chrono::steady_clock::now() >= deadline_) {
-      kill(pid_, SIGKILL);
+      if (sent_.contains(SIGTERM) || sent_.contains(SIGINT)) {
+        std::fprintf(stderr, "***Timeout: a program was told to end, and does not\n%s\n",
+                     result_.error.c_str());
+      }
+      Signal(SIGKILL);
     }
     int status = 0;
     waitpid(pid_, &status, 0);
@@ -137,8 +152,7 @@ class Process {
 
   void ShowCrash(int status) const {
     const int signal = WIFSIGNALED(status) ? WTERMSIG(status) : 0;
-    const bool crashed = signal == SIGSEGV || signal == SIGABRT || signal == SIGBUS ||
-                         signal == SIGFPE || signal == SIGILL;
+    const bool crashed = signal != 0 && !sent_.contains(signal);
     if (!crashed && result_.error.find("Sanitizer") == std::string::npos &&
         result_.error.find("runtime error:") == std::string::npos) {
       return;
@@ -179,7 +193,8 @@ class Process {
   bool output_ended_ = false;
   bool error_ended_ = false;
   ProcessResult result_;
-  const std::chrono::steady_clock::time_point deadline_;
+  std::chrono::steady_clock::time_point deadline_;
+  std::set<int> sent_;
 };
 
 }  // namespace palpate::test

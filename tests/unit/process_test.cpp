@@ -5,15 +5,16 @@
 namespace palpate::test {
 namespace {
 
-// What a program that does this makes a test say.
-std::string SaidOf(const std::string& script, bool awaited) {
+// What a program that does this makes a test say, where the test sends it that signal.
+std::string SaidOf(const std::string& script, bool awaited, int signal = 0) {
   testing::internal::CaptureStderr();
   {
     Process process({"/bin/sh", "-c", script});
+    EXPECT_TRUE(process.WaitFor("begun"));
+    if (signal != 0) process.Signal(signal);
     if (awaited) {
       process.Wait();
     } else {
-      EXPECT_TRUE(process.WaitFor("begun"));
       // It goes by itself before anybody asks.
       siginfo_t info{};
       waitid(P_PID, static_cast<id_t>(process.pid()), &info, WEXITED | WNOWAIT);
@@ -25,7 +26,7 @@ std::string SaidOf(const std::string& script, bool awaited) {
 // tests/run.sh looks for the first word.
 TEST(Process, ACrashIsSaidWithTheLastWords) {
   for (const bool awaited : {true, false}) {
-    for (const std::string end : {"kill -SEGV $$", "kill -ABRT $$"}) {
+    for (const std::string end : {"kill -SEGV $$", "kill -ABRT $$", "kill -KILL $$"}) {
       const std::string said = SaidOf("echo begun; echo last words >&2; " + end, awaited);
       EXPECT_TRUE(said.starts_with("***Exception: a program crashed")) << said;
       EXPECT_NE(said.find("last words"), std::string::npos) << said;
@@ -37,8 +38,11 @@ TEST(Process, ACrashIsSaidWithTheLastWords) {
 
 TEST(Process, AnyOtherEndIsNone) {
   for (const bool awaited : {true, false}) {
-    for (const std::string end : {"exit 0", "exit 3", "kill -KILL $$", "kill -TERM $$"}) {
+    for (const std::string end : {"exit 0", "exit 3"}) {
       EXPECT_EQ(SaidOf("echo begun; echo oh >&2; " + end, awaited), "") << end;
+    }
+    for (const int signal : {SIGKILL, SIGTERM, SIGABRT}) {
+      EXPECT_EQ(SaidOf("echo begun; exec sleep 60", awaited, signal), "") << signal;
     }
   }
 }

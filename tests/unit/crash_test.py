@@ -1,0 +1,66 @@
+"""tests/support/crash.py: what programs under test make a test say. tests/run.sh looks for it."""
+
+import contextlib
+import io
+import pathlib
+import signal
+import subprocess
+import sys
+import unittest
+
+sys.path.insert(0, str(pathlib.Path(__file__).parents[1] / "support"))
+from crash import show_crash, wait_for_end  # noqa: E402
+
+
+def said_of(do):
+    said = io.StringIO()
+    with contextlib.redirect_stdout(said):
+        do()
+    return said.getvalue()
+
+
+def start(script):
+    return subprocess.Popen(["/bin/sh", "-c", script])
+
+
+class Crash(unittest.TestCase):
+    def test_a_signal_that_nobody_sent_is_one(self):
+        for number in (signal.SIGSEGV, signal.SIGKILL):
+            said = said_of(start(f"kill -{int(number)} $$").wait)
+            self.assertTrue(said.startswith(f"***Exception: signal {int(number)} "), said)
+
+    def test_run_shows_the_last_words(self):
+        said = said_of(lambda: subprocess.run("echo last words >&2; kill -ABRT $$", shell=True,
+                                              capture_output=True, check=False))
+        self.assertIn("***Exception", said)
+        self.assertIn("last words\n", said)
+
+    def test_a_sanitizer_is_heard(self):
+        said = said_of(lambda: subprocess.run("echo x.cpp:1: runtime error: y >&2", shell=True,
+                                              capture_output=True, check=False))
+        self.assertIn("***Exception", said)
+        process = start("exit 1")
+        process.wait()
+        self.assertIn("***Exception", said_of(
+            lambda: show_crash(process, ["ERROR: AddressSanitizer: y\n"])))
+
+    def test_who_does_not_end_is_killed(self):
+        process = start("trap '' TERM; echo; while :; do sleep 0.1; done")
+        said = said_of(lambda: self.assertEqual(wait_for_end(process, 0.3), -signal.SIGKILL))
+        self.assertTrue(said.startswith("***Timeout"), said)
+
+    def test_any_other_end_is_none(self):
+        def sent(number):
+            process = start("exec sleep 60")
+            process.send_signal(number)
+            self.assertEqual(wait_for_end(process, 60.0), -number)
+            show_crash(process, ["fine\n"])
+
+        for number in (signal.SIGTERM, signal.SIGKILL, signal.SIGABRT):
+            self.assertEqual(said_of(lambda: sent(number)), "")
+        for code in (0, 3):
+            self.assertEqual(said_of(start(f"exit {code}").wait), "")
+
+
+if __name__ == "__main__":
+    unittest.main()
