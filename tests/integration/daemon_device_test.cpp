@@ -117,7 +117,7 @@ TEST_F(DeviceTest, StopIsZeroForceInItsTickAndStays) {
     ASSERT_TRUE(stops.back().status.ok());
     EXPECT_EQ(stops.back().forces.state(), v1::FORCE_STATE_STOPPED);
     EXPECT_EQ(stops.back().forces.reason(), v1::FORCE_REASON_STOP_CALL);
-    std::this_thread::sleep_for(std::chrono::milliseconds(300));
+    ASSERT_TRUE(daemon_->WaitForTicks(300));
     enables.push_back(Enable());
     ASSERT_TRUE(enables.back().status.ok());
     EXPECT_EQ(enables.back().forces.state(), v1::FORCE_STATE_ON);
@@ -156,7 +156,7 @@ TEST_F(DeviceTest, DisableRampsOutByTheSlewLimit) {
     ASSERT_TRUE(disables.back().status.ok());
     EXPECT_EQ(disables.back().forces.state(), v1::FORCE_STATE_OFF);
     EXPECT_EQ(disables.back().forces.reason(), v1::FORCE_REASON_OPERATOR);
-    std::this_thread::sleep_for(std::chrono::milliseconds(200));
+    ASSERT_TRUE(daemon_->WaitForTicks(200));
     enables.push_back(Enable());
   }
   const std::vector<v1::PoseSample>& samples = collector.Stop();

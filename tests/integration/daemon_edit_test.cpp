@@ -10,6 +10,7 @@
 #include <functional>
 
 #include "tests/support/daemon.h"
+#include "tests/support/patience.h"
 
 namespace palpate::test {
 namespace {
@@ -128,7 +129,7 @@ TEST_F(EditTest, AnEditOf512LeavesIsFeltFromOneTickOn) {
     ASSERT_TRUE(Edit(all).ok());
     EXPECT_GT(last_.changed_voxels(), 512u * 500u);
     applied.emplace_back(last_.applied_tick(), last_.volume_revision());
-    std::this_thread::sleep_for(std::chrono::milliseconds(30));
+    ASSERT_TRUE(daemon_->WaitForTicks(30));
   }
   const std::vector<v1::PoseSample>& samples = collector.Stop();
   ASSERT_GT(samples.size(), 200u);
@@ -143,7 +144,7 @@ TEST_F(EditTest, AnEditOf512LeavesIsFeltFromOneTickOn) {
     inside += MustBeFree(sample) && sample.density() > sample.isovalue();
   }
   EXPECT_EQ(wrong, 0u);
-  EXPECT_EQ(inside, 0u);
+  EXPECT_EQ(inside, 0u) << test::kWrong;
   EXPECT_GT(at_applied, 0u);
 }
 
@@ -194,7 +195,7 @@ TEST_F(EditTest, CarvingAndFillingAroundTheProxyNeverLeavesItInside) {
   }
   EXPECT_GT(edits, 30);
   EXPECT_GT(felt, 5);
-  EXPECT_EQ(inside, 0u);
+  EXPECT_EQ(inside, 0u) << test::kWrong;
   EXPECT_EQ(faults, 0u);
 }
 

@@ -113,14 +113,13 @@ TEST(Lifecycle, WithoutRealTimeRightsItSaysSoAndGoesOn) {
   Daemon daemon(PALPATED, kSmall,
                 {"/usr/bin/setpriv", "--bounding-set=-all", "--inh-caps=-all", "/usr/bin/prlimit",
                  "--rtprio=0", "--memlock=65536"});
-  std::this_thread::sleep_for(std::chrono::milliseconds(300));
+  EXPECT_TRUE(daemon.WaitForTicks(300));
   grpc::ClientContext context;
   v1::GetDeviceResponse response;
   ASSERT_TRUE(daemon.device->GetDevice(&context, {}, &response).ok());
   EXPECT_FALSE(response.servo().realtime_scheduling());
   EXPECT_FALSE(response.servo().memory_locked());
   EXPECT_GE(response.servo().warnings_size(), 2);
-  EXPECT_GT(response.servo().ticks(), 50u);
   const ProcessResult result = daemon.End();
   EXPECT_EQ(result.exit_code, 0);
   EXPECT_NE(result.error.find("no real-time scheduling"), std::string::npos) << result.error;

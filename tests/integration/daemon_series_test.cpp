@@ -93,17 +93,18 @@ TEST_F(SeriesTest, PlaysARealSeriesFrameByFrame) {
   EXPECT_GT(result_.series().memory_bytes(), 9u * 64 * 64 * 64);
 
   PoseCollector poses(*daemon_);
-  std::this_thread::sleep_for(std::chrono::milliseconds(200));
+  ASSERT_TRUE(daemon_->WaitForTicks(200));
   v1::ControlSeriesRequest play;
   play.set_playing(true);
-  play.set_rate_hz(10.0);
+  play.set_rate_hz(4.0);
   ASSERT_TRUE(Control(play).ok());
   EXPECT_TRUE(state_.playing());
-  for (int n = 0; n < 300 && Get().ok() && state_.playing(); ++n) {
-    std::this_thread::sleep_for(std::chrono::milliseconds(10));
-  }
+  ASSERT_TRUE(test::Eventually([&] { return Get().ok() && !state_.playing(); }));
   EXPECT_EQ(state_.position_frames(), 8.0);
-  std::this_thread::sleep_for(std::chrono::milliseconds(100));
+  // The last frame is shown just after the state says so.
+  const std::uint64_t last = result_.volume().volume_revision() + 8;
+  ASSERT_TRUE(test::Eventually([&] { return Volume().volume_revision() == last; }));
+  ASSERT_TRUE(daemon_->WaitForTicks(100));
   // Each frame is a revision, in order, and every tick has one.
   std::vector<std::uint64_t> revisions;
   for (const v1::PoseSample& sample : poses.Stop()) {

@@ -49,10 +49,8 @@ void ExpectLoopInFault(DeviceRig& rig) {
   EXPECT_EQ(rig.Forces().reason(), v1::FORCE_REASON_DEVICE);
   EXPECT_TRUE(rig.WaitForLog("forces: fault (device) at tick"));
   EXPECT_TRUE(rig.WaitForLog(kStayOff));
-  const std::uint64_t ticks = rig.Get().servo().ticks();
   PoseCollector collector(rig.daemon());
-  std::this_thread::sleep_for(milliseconds(300));
-  EXPECT_GT(rig.Get().servo().ticks(), ticks + 100);
+  EXPECT_TRUE(rig.daemon().WaitForTicks(300));
   const auto& samples = collector.Stop();
   EXPECT_GT(samples.size(), 50u);
   for (const v1::PoseSample& sample : samples) {
@@ -112,7 +110,7 @@ TEST(UsbFaults, AStallIsClearedAndTheStreamGoesOn) {
     touch.Stall(endpoint, false);
     EXPECT_TRUE(Eventually([&] { return rig.Health().transfer_errors() > errors; }));
     EXPECT_TRUE(Eventually([&] { return touch.CountOf(UsbEvent::Kind::kClearHalt) > clears; }));
-    EXPECT_TRUE(WaitForForce(touch));
+    EXPECT_TRUE(WaitForForce(rig, touch));
   }
   EXPECT_EQ(rig.Health().connections(), 1u);
   EXPECT_EQ(rig.Health().problem(), "");
@@ -200,9 +198,14 @@ TEST(UsbFaults, ADeviceThatTakesNoForceDoesNotHoldTheLoopUp) {
   touch.SetFaults({.deaf = true});
   EXPECT_TRUE(rig.WaitForLog("no force taken for 100 ms; connecting again"));
   EXPECT_TRUE(rig.WaitForForces(v1::FORCE_STATE_FAULT));
-  const std::uint64_t ticks = rig.Get().servo().ticks();
-  std::this_thread::sleep_for(std::chrono::seconds(1));
-  EXPECT_GT(rig.Get().servo().ticks(), ticks + 700);
+  // A loop that it holds up is slow in every second; one of a machine that stops is not.
+  std::uint64_t most = 0;
+  for (int n = 0; n < 5 && most <= 700; ++n) {
+    const std::uint64_t ticks = rig.Get().servo().ticks();
+    std::this_thread::sleep_for(std::chrono::seconds(1));
+    most = std::max(most, rig.Get().servo().ticks() - ticks);
+  }
+  EXPECT_GT(most, 700u);
   EXPECT_TRUE(Contains(rig.End(), "ended after"));
 }
 
@@ -219,7 +222,7 @@ TEST(UsbFaults, DockedMeansNoForce) {
   std::this_thread::sleep_for(milliseconds(1500));
   EXPECT_EQ(CountForces(touch), before);
   touch.SetDocked(false);
-  EXPECT_TRUE(WaitForForce(touch));
+  EXPECT_TRUE(WaitForForce(rig, touch));
 }
 
 TEST(UsbFaults, StopByButtonsAndByCall) {
@@ -235,8 +238,7 @@ TEST(UsbFaults, StopByButtonsAndByCall) {
   std::size_t before = CountForces(touch);
   std::this_thread::sleep_for(milliseconds(1500));
   EXPECT_EQ(CountForces(touch), before);
-  ASSERT_TRUE(rig.Enable("omni-usb").ok());
-  ASSERT_TRUE(WaitForForce(touch));
+  ASSERT_TRUE(PressWithForces(rig, touch));
   ASSERT_TRUE(rig.StopForces().ok());
   std::this_thread::sleep_for(milliseconds(100));
   before = CountForces(touch);

@@ -13,6 +13,7 @@
 #include <thread>
 
 #include "tests/support/daemon.h"
+#include "tests/support/patience.h"
 #include "tests/support/temporary_folder.h"
 #include "tests/support/touch_emulator.h"
 #include "tests/support/usb_testbed.h"
@@ -33,16 +34,6 @@ inline const std::string kTouchConfig =
 
 inline bool Contains(const std::string& text, const std::string& part) {
   return text.find(part) != std::string::npos;
-}
-
-// Waits for seconds. On a busy machine the emulated bus stops for tens of milliseconds, each
-// time the daemon holds its forces, as it must, and they are on only after a quiet second.
-inline bool Eventually(const std::function<bool()>& condition) {
-  for (int n = 0; n < 4500; ++n) {
-    if (condition()) return true;
-    std::this_thread::sleep_for(std::chrono::milliseconds(10));
-  }
-  return false;
 }
 
 // From the place of rest to below the sphere within a second, then up into it and back
@@ -212,9 +203,11 @@ inline std::size_t CountForces(const TouchEmulator& touch) {
   return count;
 }
 
-inline bool WaitForForce(const TouchEmulator& touch) {
+// False where a fault ends the forces: the machine stopped for long.
+inline bool WaitForForce(DeviceRig& rig, const TouchEmulator& touch) {
   const std::size_t before = CountForces(touch);
-  return Eventually([&] { return CountForces(touch) > before + 20; });
+  const auto is_fault = [&] { return rig.Forces().state() == v1::FORCE_STATE_FAULT; };
+  return Eventually([&] { return CountForces(touch) > before + 20 || is_fault(); }) && !is_fault();
 }
 
 // From the holder to a stylus that presses, with forces on; an operator would try again, too.
@@ -227,7 +220,7 @@ inline bool PressWithForces(DeviceRig& rig, TouchEmulator& touch) {
     }
     Undock(touch);
     std::this_thread::sleep_for(std::chrono::milliseconds(1200));
-    if (rig.EnableAndWait("omni-usb") && WaitForForce(touch)) return true;
+    if (rig.EnableAndWait("omni-usb") && WaitForForce(rig, touch)) return true;
   }
   return false;
 }

@@ -164,9 +164,7 @@ TEST(UsbDevice, IsLetGoOfInOrder) {
   TouchEmulator touch;
   DeviceRig rig;
   ASSERT_TRUE(StartDocked(rig, touch));
-  Undock(touch);
-  ASSERT_TRUE(rig.Enable("omni-usb").ok());
-  ASSERT_TRUE(WaitForForce(touch));
+  ASSERT_TRUE(PressWithForces(rig, touch));
   EXPECT_TRUE(Contains(rig.End(), "ended after"));
   // Zero force, the servo off, then the interfaces and the kernel's driver.
   ASSERT_TRUE(Eventually([&] { return touch.CountOf(Kind::kClose) > 0; }));

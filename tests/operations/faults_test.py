@@ -19,7 +19,8 @@ import unittest
 
 import grpc
 
-from palpate.v1 import edit_pb2, pose_pb2, recording_pb2, volume_pb2, volume_stream_pb2
+from palpate.v1 import (device_pb2, edit_pb2, pose_pb2, recording_pb2, volume_pb2,
+                        volume_stream_pb2)
 from support import CALL_S, PATIENCE_S, SANITIZED, Client, Daemon, PoseReader, wait_until
 
 # Of a second in which the machine may have stopped now and then.
@@ -354,6 +355,7 @@ class ClockStep(unittest.TestCase):
                                                    timeout=CALL_S)
                 self.assertIsNone(reader.error)
                 self.assertEqual(client.servo().faulty_ticks, 0)
+                self.assertEqual(client.force_state(), device_pb2.FORCE_STATE_ON)
                 reader.stop()
                 self.assertEqual(daemon.end(), 0)
                 # The steps were real: the log is stamped with the wall clock.
