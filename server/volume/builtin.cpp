@@ -1,5 +1,6 @@
 #include "server/volume/builtin.h"
 
+#include <openvdb/openvdb.h>
 #include <openvdb/tools/Dense.h>
 #include <tbb/parallel_for.h>
 

@@ -9,18 +9,18 @@
 // Threads: non-real-time, any.
 #pragma once
 
-#include <openvdb/openvdb.h>
-
 #include <cstdint>
 #include <functional>
+#include <memory>
 #include <string_view>
 
+#include "server/volume/float_grid.h"
 #include "server/volume/volume_metadata.h"
 
 namespace palpate {
 
 struct BuiltinVolume {
-  openvdb::FloatGrid::Ptr grid;
+  std::shared_ptr<openvdb::FloatGrid> grid;
   VolumeMetadata metadata;
 };
 

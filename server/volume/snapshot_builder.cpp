@@ -1,5 +1,7 @@
 #include "server/volume/snapshot_builder.h"
 
+#include <openvdb/openvdb.h>
+
 #include <algorithm>
 #include <map>
 #include <utility>

@@ -3,18 +3,17 @@
 // Non-real-time, any thread.
 #pragma once
 
-#include <openvdb/openvdb.h>
-
 #include <cstdint>
 #include <memory>
 
+#include "server/volume/float_grid.h"
 #include "server/volume/snapshot.h"
 
 namespace palpate {
 
 // A freshly loaded volume with the voxels of `grid`, which holds nothing but the
 // background outside of the lattice.
-std::shared_ptr<const VolumeSnapshot> MakeSnapshot(openvdb::FloatGrid::ConstPtr grid,
+std::shared_ptr<const VolumeSnapshot> MakeSnapshot(std::shared_ptr<const openvdb::FloatGrid> grid,
                                                    const VolumeMetadata& metadata,
                                                    std::uint64_t revision);
 // The bricks alone, taking the leaves out of the grid one by one, so that there is
@@ -24,7 +23,7 @@ BrickDirectory TakeBricks(openvdb::FloatGrid& grid, const Vec3i& size_voxels);
 // A grid of the snapshot's voxels: the background is the least value of the
 // range, and what differs from it is active. The transform is left to those who
 // write it (volume_file.h).
-openvdb::FloatGrid::Ptr MakeGrid(const VolumeSnapshot& volume);
+std::shared_ptr<openvdb::FloatGrid> MakeGrid(const VolumeSnapshot& volume);
 
 // Least and greatest voxel of the lattice, 0 .. size-1. Throws Error where they
 // are equal: such a volume has no isosurface.

@@ -10,6 +10,7 @@
 #include <system_error>
 
 #include <openvdb/io/Stream.h>
+#include <openvdb/openvdb.h>
 
 #include "common/error/error.h"
 

@@ -9,16 +9,16 @@
 #include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <memory>
 
-#include <openvdb/openvdb.h>
-
+#include "server/volume/float_grid.h"
 #include "server/volume/volume_metadata.h"
 #include "server/volume/whole_file.h"
 
 namespace palpate {
 
 struct VolumeFile {
-  openvdb::FloatGrid::Ptr grid;
+  std::shared_ptr<openvdb::FloatGrid> grid;
   VolumeMetadata metadata;
 };
 

@@ -1,4 +1,6 @@
 // palpate-import on DICOM series written here.
+#include <openvdb/openvdb.h>
+
 #include <functional>
 #include <random>
 

@@ -1,5 +1,6 @@
 #include "tests/integration/import_support.h"
 
+#include <openvdb/openvdb.h>
 #include <sys/wait.h>
 
 #include <cstdio>

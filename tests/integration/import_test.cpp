@@ -1,4 +1,5 @@
 // palpate-import on small files: every format and type, and attacks.
+#include <openvdb/openvdb.h>
 #include <zlib.h>
 
 #include <cmath>

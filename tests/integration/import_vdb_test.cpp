@@ -1,5 +1,6 @@
 // palpate-import on .vdb files that it did not write.
 #include <openvdb/io/File.h>
+#include <openvdb/openvdb.h>
 
 #include <algorithm>
 #include <fstream>

@@ -2,6 +2,7 @@
 #include "server/volume/brick_directory.h"
 
 #include <gtest/gtest.h>
+#include <openvdb/openvdb.h>
 
 #include <map>
 #include <random>

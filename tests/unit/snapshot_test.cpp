@@ -2,6 +2,7 @@
 #include "server/volume/snapshot.h"
 
 #include <gtest/gtest.h>
+#include <openvdb/openvdb.h>
 
 #include <cmath>
 #include <numbers>
