@@ -25,9 +25,10 @@ palpate_test(offline view_slice_test view_slice_test.cpp
 # palpate-view against the real daemon, seen by the Python package.
 foreach(test view_offscreen_test view_panels_test view_run_test view_window_test)
   add_test(NAME integration.${test}
-    COMMAND ${PALPATE_PYTHON} -m unittest ${test} WORKING_DIRECTORY ${CMAKE_CURRENT_LIST_DIR})
+    COMMAND ${PALPATE_PYTHON} -m run_tests ${test} WORKING_DIRECTORY ${CMAKE_CURRENT_LIST_DIR})
   set_tests_properties(integration.${test} PROPERTIES
     LABELS integration
+    COST 50  # long ones: early
     TIMEOUT 600
     ENVIRONMENT "PYTHONPATH=${PALPATE_PYTHON_FOLDER}:${PROJECT_SOURCE_DIR}/tests/support:\
 ${PROJECT_SOURCE_DIR}/tests/python;PYTHONDONTWRITEBYTECODE=1;PALPATED=$<TARGET_FILE:palpated>;PALPATE=$<TARGET_FILE:palpate>;\

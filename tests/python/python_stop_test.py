@@ -19,17 +19,8 @@ CROWD = 400
 STOPS = 50
 
 
-def threads():
-    """Of Python; "Dummy" ones are of C, and never leave the list."""
-    return sum(not thread.name.startswith("Dummy") for thread in threading.enumerate())
-
-
 class StopTest(unittest.TestCase):
     def setUp(self):
-        # gRPC's threads outlive calls a little, and an interpreter that ends meanwhile
-        # crashes: first in, so last out.
-        before = threads()
-        self.addCleanup(wait_for, lambda: threads() <= before, "threads to end")
         folder = self.enterContext(tempfile.TemporaryDirectory(prefix="palpate-stop-"))
         self.daemon = self.enterContext(SecuredDaemon(folder, volume="builtin:sphere:256"))
         self.stack = self.enterContext(contextlib.ExitStack())

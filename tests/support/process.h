@@ -44,6 +44,7 @@ class Process {
       grantpt(output_);
       unlockpt(output_);
       child_output = open(ptsname(output_), O_RDWR | O_NOCTTY | O_CLOEXEC);
+      if (child_output < 0) throw std::runtime_error("cannot open a terminal: is /dev/pts there?");
       const winsize size{24, 80, 0, 0};
       ioctl(child_output, TIOCSWINSZ, &size);
     } else {
