@@ -13,8 +13,9 @@ Without options: the optimised build and every test in it, in their short forms,
 the Debian packages, built and looked at. Tests that judge times run apart. Tests of whole
 programs that fail are run again, alone, because a machine that stops for a moment fails
 them; each failure is shown. Those of times may fail twice, others once. Where more than ten
-fail, pure code fails, a program crashes or hangs, a sanitizer finds something, or something
-is wrong that no slowness explains (the stylus inside material, a copy that differs), none is.
+fail or among them pure code, a program that crashed or does not end when told to, something
+that a sanitizer found, or something wrong that no slowness explains (the stylus inside
+material, a copy that differs), none is.
 
   --sanitizers  then every test but those of times under AddressSanitizer and
            UndefinedBehaviorSanitizer, the pure code and the threads around the servo
@@ -86,9 +87,9 @@ failed_list() {
 
 count() { grep -cs "$@" || true; }
 
-# Only failures that a slow machine may explain: few, of whole programs, and in the whole of
-# what was run no crash, no program or test that hangs, no finding of a sanitizer and nothing
-# that is wrong however slow the machine (tests say ***Wrong).
+# Only failures that a slow machine may explain: few, of whole programs, and among all of them
+# no crash, no program that does not end when told to, no test that hangs, no finding of a
+# sanitizer and nothing that is wrong however slow the machine (tests say ***Wrong).
 may_run_again() {
   local list
   list=$(failed_list "$1")

@@ -43,6 +43,18 @@ bool TriedZeroForce(const TouchEmulator& touch) {
   return false;
 }
 
+// Of the best of a few seconds: a loop that is held up is slow in each, one of a machine that
+// stops is not.
+std::uint64_t TicksPerSecond(DeviceRig& rig) {
+  std::uint64_t most = 0;
+  for (int n = 0; n < 5 && most <= 700; ++n) {
+    const std::uint64_t ticks = rig.Get().servo().ticks();
+    std::this_thread::sleep_for(std::chrono::seconds(1));
+    most = std::max(most, rig.Get().servo().ticks() - ticks);
+  }
+  return most;
+}
+
 // The loop goes on without the device, with no force.
 void ExpectLoopInFault(DeviceRig& rig) {
   EXPECT_TRUE(rig.WaitForForces(v1::FORCE_STATE_FAULT));
@@ -50,7 +62,7 @@ void ExpectLoopInFault(DeviceRig& rig) {
   EXPECT_TRUE(rig.WaitForLog("forces: fault (device) at tick"));
   EXPECT_TRUE(rig.WaitForLog(kStayOff));
   PoseCollector collector(rig.daemon());
-  EXPECT_TRUE(rig.daemon().WaitForTicks(300));
+  EXPECT_GT(TicksPerSecond(rig), 700u);
   const auto& samples = collector.Stop();
   EXPECT_GT(samples.size(), 50u);
   for (const v1::PoseSample& sample : samples) {
@@ -198,14 +210,7 @@ TEST(UsbFaults, ADeviceThatTakesNoForceDoesNotHoldTheLoopUp) {
   touch.SetFaults({.deaf = true});
   EXPECT_TRUE(rig.WaitForLog("no force taken for 100 ms; connecting again"));
   EXPECT_TRUE(rig.WaitForForces(v1::FORCE_STATE_FAULT));
-  // A loop that it holds up is slow in every second; one of a machine that stops is not.
-  std::uint64_t most = 0;
-  for (int n = 0; n < 5 && most <= 700; ++n) {
-    const std::uint64_t ticks = rig.Get().servo().ticks();
-    std::this_thread::sleep_for(std::chrono::seconds(1));
-    most = std::max(most, rig.Get().servo().ticks() - ticks);
-  }
-  EXPECT_GT(most, 700u);
+  EXPECT_GT(TicksPerSecond(rig), 700u);
   EXPECT_TRUE(Contains(rig.End(), "ended after"));
 }
 
@@ -238,7 +243,8 @@ TEST(UsbFaults, StopByButtonsAndByCall) {
   std::size_t before = CountForces(touch);
   std::this_thread::sleep_for(milliseconds(1500));
   EXPECT_EQ(CountForces(touch), before);
-  ASSERT_TRUE(PressWithForces(rig, touch));
+  ASSERT_TRUE(rig.Enable("omni-usb").ok());
+  ASSERT_TRUE(WaitForForce(rig, touch) || PressWithForces(rig, touch));
   ASSERT_TRUE(rig.StopForces().ok());
   std::this_thread::sleep_for(milliseconds(100));
   before = CountForces(touch);

@@ -137,6 +137,7 @@ class FuzzedFiles(unittest.TestCase):
                  str(TIMEOUT_S), *options], stdout=subprocess.DEVNULL, stderr=said)
             _, status, usage = os.wait4(process.pid, 0)
             process.returncode = os.waitstatus_to_exitcode(status)
+            process.poll()  # says whether it crashed
             said.seek(0)
             text = said.read().decode(errors="replace")
         return (process.returncode, text, usage.ru_maxrss / 1024, time.monotonic() - began)

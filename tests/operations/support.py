@@ -16,7 +16,7 @@ from palpate.v1 import (device_pb2, device_pb2_grpc, edit_pb2, pose_pb2, pose_pb
                         recording_pb2_grpc, render_pb2, render_pb2_grpc, volume_pb2,
                         volume_pb2_grpc)
 
-from crash import show_crash, wait_for_end
+from crash import require_an_end, require_no_crash
 from free_port import free_port
 
 PALPATED = os.environ["PALPATED"]
@@ -88,10 +88,10 @@ class Daemon:
         if self.process.poll() is None:
             self.process.expect(number)
             os.kill(self.pid, number)
-        status = wait_for_end(self.process, PATIENCE_S)
-        self._reader.join()
+        status = require_an_end(self.process, PATIENCE_S)
+        self._reader.join(PATIENCE_S)
         self.process.stderr.close()
-        show_crash(self.process, self.log)
+        require_no_crash(self.process, self.log)
         return status
 
     @property

@@ -12,7 +12,7 @@ import unittest
 import numpy as np
 
 import palpate
-from crash import show_crash, wait_for_end
+from crash import require_an_end, require_no_crash
 from free_port import free_port
 
 PALPATED = os.environ["PALPATED"]
@@ -69,10 +69,10 @@ class Daemon:
     def end(self, number=signal.SIGTERM):
         if self.process.poll() is None:
             self.process.send_signal(number)
-        wait_for_end(self.process, PATIENCE_S)
-        self._reader.join()
+        require_an_end(self.process, PATIENCE_S)
+        self._reader.join(PATIENCE_S)
         self.process.stderr.close()
-        show_crash(self.process, self.said)
+        require_no_crash(self.process, self.said)
 
     def connect(self):
         return palpate.connect(self.socket)

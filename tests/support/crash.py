@@ -4,6 +4,7 @@ machine: beside such a line tests/run.sh runs no test again.
 Whoever imports this has every subprocess of its own watched, also those of subprocess.run.
 """
 
+import signal
 import subprocess
 
 
@@ -34,10 +35,19 @@ class Watched(subprocess.Popen):
         return self._judge(super().wait(timeout))
 
     def communicate(self, *arguments, **named):
-        said, errors = super().communicate(*arguments, **named)
+        try:
+            said, errors = super().communicate(*arguments, **named)
+        except subprocess.TimeoutExpired:
+            if self._sent & {signal.SIGTERM, signal.SIGINT}:
+                self.say_that_it_does_not_end()
+            raise
         text = errors.decode(errors="replace") if isinstance(errors, bytes) else errors or ""
-        show_crash(self, [text])
+        if self.crashed or found_by_a_sanitizer(text):
+            show([text])
         return said, errors
+
+    def say_that_it_does_not_end(self):
+        print(f"***Timeout: it was told to end, and does not: {self.args}", flush=True)
 
     def _judge(self, status):
         if status is not None and status < 0 and -status not in self._sent and not self.crashed:
@@ -49,17 +59,24 @@ class Watched(subprocess.Popen):
 subprocess.Popen = Watched
 
 
-def wait_for_end(process, seconds):
-    """The exit status of a program that was told to end. One that does not is killed."""
+def show(log):
+    print("***Exception: last words\n" + "".join(log), flush=True)
+
+
+def require_an_end(process, seconds):
+    """The exit status of a program that was told to end. One that does not is killed, and fails
+    the test."""
     try:
         return process.wait(seconds)
     except subprocess.TimeoutExpired:
-        print(f"***Timeout: after {seconds:.0f} s there is still {process.args}", flush=True)
+        process.say_that_it_does_not_end()
         process.kill()
-        return process.wait(seconds)
+        process.wait(seconds)
+        raise AssertionError(f"it did not end within {seconds:.0f} s") from None
 
 
-def show_crash(process, log):
-    """The lines of its log, where it crashed or a sanitizer speaks in them."""
+def require_no_crash(process, log):
+    """Fails the test where it crashed or a sanitizer speaks in these lines of its log."""
     if process.crashed or any(map(found_by_a_sanitizer, log)):
-        print("***Exception: last words\n" + "".join(log), flush=True)
+        show(log)
+        raise AssertionError(f"it crashed: {process.args}")

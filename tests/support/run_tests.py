@@ -10,4 +10,4 @@ import unittest
 program = unittest.main(module=None, argv=["run_tests", *sys.argv[1:]], verbosity=2, exit=False)
 sys.stdout.flush()
 sys.stderr.flush()
-os._exit(0 if program.result.wasSuccessful() else 1)
+os._exit(0 if program.result.wasSuccessful() and program.result.testsRun else 1)

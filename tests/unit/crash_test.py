@@ -9,7 +9,7 @@ import sys
 import unittest
 
 sys.path.insert(0, str(pathlib.Path(__file__).parents[1] / "support"))
-from crash import show_crash, wait_for_end  # noqa: E402
+from crash import require_an_end, require_no_crash  # noqa: E402
 
 
 def said_of(do):
@@ -19,8 +19,8 @@ def said_of(do):
     return said.getvalue()
 
 
-def start(script):
-    return subprocess.Popen(["/bin/sh", "-c", script])
+def start(script, **named):
+    return subprocess.Popen(["/bin/sh", "-c", script], **named)
 
 
 class Crash(unittest.TestCase):
@@ -41,20 +41,42 @@ class Crash(unittest.TestCase):
         self.assertIn("***Exception", said)
         process = start("exit 1")
         process.wait()
-        self.assertIn("***Exception", said_of(
-            lambda: show_crash(process, ["ERROR: AddressSanitizer: y\n"])))
+        with self.assertRaises(AssertionError):
+            require_no_crash(process, ["ERROR: AddressSanitizer: y\n"])
+
+    def test_a_crash_fails_a_test_that_would_pass(self):
+        process = start("kill -SEGV $$")
+        process.wait()
+        with self.assertRaises(AssertionError):
+            require_no_crash(process, [])
 
     def test_who_does_not_end_is_killed(self):
-        process = start("trap '' TERM; echo; while :; do sleep 0.1; done")
-        said = said_of(lambda: self.assertEqual(wait_for_end(process, 0.3), -signal.SIGKILL))
-        self.assertTrue(said.startswith("***Timeout"), said)
+        def end(process):
+            with self.assertRaises(AssertionError):
+                require_an_end(process, 0.3)
+
+        def communicate(process):
+            with self.assertRaises(subprocess.TimeoutExpired):
+                process.communicate(timeout=0.3)
+            process.kill()
+            process.wait()
+
+        for do in (end, communicate):
+            process = start("trap '' TERM; echo; while :; do sleep 0.1; done",
+                            stdout=subprocess.PIPE)
+            self.enterContext(process.stdout)
+            process.stdout.readline()  # it is deaf
+            process.send_signal(signal.SIGTERM)
+            said = said_of(lambda: do(process))
+            self.assertTrue(said.startswith("***Timeout"), said)
+            self.assertEqual(process.returncode, -signal.SIGKILL)
 
     def test_any_other_end_is_none(self):
         def sent(number):
             process = start("exec sleep 60")
             process.send_signal(number)
-            self.assertEqual(wait_for_end(process, 60.0), -number)
-            show_crash(process, ["fine\n"])
+            self.assertEqual(require_an_end(process, 60.0), -number)
+            require_no_crash(process, ["fine\n"])
 
         for number in (signal.SIGTERM, signal.SIGKILL, signal.SIGABRT):
             self.assertEqual(said_of(lambda: sent(number)), "")
