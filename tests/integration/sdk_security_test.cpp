@@ -9,6 +9,13 @@
 #include <sstream>
 #include <vector>
 
+#ifndef __has_feature
+#define __has_feature(feature) 0  // clang's
+#endif
+#if __has_feature(address_sanitizer)
+#include <sanitizer/lsan_interface.h>
+#endif
+
 #include "client/sdk/client.h"
 #include "tests/support/certificates.h"
 #include "tests/support/daemon.h"
@@ -19,6 +26,20 @@ namespace {
 
 using namespace std::chrono_literals;
 using test::Eventually;
+
+#if __has_feature(address_sanitizer)
+// Leaks are looked for while OpenSSL is still there. It goes at exit, before gRPC's threads do,
+// and what they have of it would look lost: errors of handshakes that failed.
+class LeaksBeforeTheEnd : public ::testing::Environment {
+ public:
+  void TearDown() override {
+    EXPECT_TRUE(Eventually([] { return __lsan_do_recoverable_leak_check() == 0; }, 10s));
+    __lsan_do_leak_check();  // the last one
+  }
+};
+[[maybe_unused]] const auto* const kLeaksBeforeTheEnd =
+    ::testing::AddGlobalTestEnvironment(new LeaksBeforeTheEnd);
+#endif
 
 int FreePort() {
   const int probe = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
