@@ -1,6 +1,6 @@
 #include "client/cli/device_command.h"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <chrono>
 

@@ -1,6 +1,6 @@
 #include "client/cli/device_description.h"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <array>

@@ -1,6 +1,6 @@
 #include "client/cli/doctor_checks.h"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 #include <linux/capability.h>
 #include <sys/statvfs.h>
 #include <unistd.h>

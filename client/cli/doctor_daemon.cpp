@@ -1,6 +1,6 @@
 #include "client/cli/doctor_daemon.h"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include "client/cli/device_description.h"
 #include "client/cli/output.h"

@@ -1,6 +1,6 @@
 #include "client/cli/invocation.h"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 namespace palpate::cli {
 

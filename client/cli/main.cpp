@@ -1,5 +1,5 @@
 // palpate: the command line client of palpated. Parses and dispatches.
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <CLI/CLI.hpp>
 #include <csignal>

@@ -1,6 +1,6 @@
 #include "client/cli/place_command.h"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <charconv>
 #include <cmath>

@@ -1,6 +1,6 @@
 #include "client/cli/place_options.h"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 namespace palpate::cli {
 namespace {

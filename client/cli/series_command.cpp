@@ -1,6 +1,6 @@
 #include "client/cli/series_command.h"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include "client/cli/cancellable_call.h"
 #include "client/cli/description.h"

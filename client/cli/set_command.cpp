@@ -1,6 +1,6 @@
 #include "client/cli/set_command.h"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include "client/cli/description.h"
 #include "client/cli/output.h"

@@ -1,6 +1,6 @@
 #include "client/cli/upload_command.h"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 #include <unistd.h>
 #include <zlib.h>
 

@@ -5,6 +5,8 @@
 // only. Ownership: borrows the mirror, shares the channel.
 #pragma once
 
+#include <grpcpp/grpcpp.h>
+
 #include <chrono>
 #include <cstdint>
 #include <memory>

@@ -4,7 +4,7 @@
 // file adds its name, the line and the key.
 #pragma once
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <toml++/toml.h>
 #include <string>

@@ -1,7 +1,6 @@
 #include "server/app/daemon.h"
 
 #include <prometheus/registry.h>
-#include <spdlog/spdlog.h>
 #include <csignal>
 
 #include <cerrno>
@@ -16,6 +15,7 @@
 #include "server/app/first_volume.h"
 #include "server/app/service_manager.h"
 #include "server/app/state_folder.h"
+#include "server/log/log.h"
 #include "server/metrics/exporter.h"
 #include "server/metrics/service_metrics.h"
 #include "server/metrics/servo_metrics.h"
@@ -60,7 +60,7 @@ PathPolicy MakePathPolicy(const Config& config) {
 }
 
 void LogBlackBox(const std::string& text, bool is_error) {
-  spdlog::log(is_error ? spdlog::level::err : spdlog::level::info, "{}", text);
+  Log(is_error ? LogLevel::kError : LogLevel::kInfo, "{}", text);
 }
 
 // What `attempt` fails with is a fault of that key.
@@ -76,15 +76,14 @@ void ForKey(const LoadedConfig& loaded, std::string_view key,
 // What there is to say of hardware before it moves.
 void ReportDevice(const DeviceSpec& spec) {
   if (!IsHardware(spec)) return;
-  spdlog::warn("device {}: verification level {}; forces are off until `palpate device enable {}`",
-               spec.kind, NameOf(spec.verification_level), spec.kind);
+  LogWarning("device {}: verification level {}; forces are off until `palpate device enable {}`",
+             spec.kind, NameOf(spec.verification_level), spec.kind);
 }
 
 void ReportGrant(const RealtimeGrant& grant) {
-  for (const std::string& warning : grant.warnings) spdlog::warn("{}", warning);
-  spdlog::info("servo loop at 1000 Hz, {} scheduling, memory {}",
-               grant.fifo ? "SCHED_FIFO" : "ordinary",
-               grant.memory_locked ? "locked" : "not locked");
+  for (const std::string& warning : grant.warnings) LogWarning("{}", warning);
+  LogInfo("servo loop at 1000 Hz, {} scheduling, memory {}", grant.fifo ? "SCHED_FIFO" : "ordinary",
+          grant.memory_locked ? "locked" : "not locked");
 }
 
 std::string StatusLine(const HapticDevice& device, const ForceWatch& forces,
@@ -196,9 +195,9 @@ void RunDaemon(const LoadedConfig& loaded, const ConfigReader& read) {
     exporter->Show(registry);
     exporter->Show(state_metrics);
   }
-  spdlog::info("ready on {}{}", socket,
-               config.listen ? " and " + config.listen->ToString() : std::string());
-  if (exporter) spdlog::info("metrics on http://{}/metrics", config.metrics_listen->ToString());
+  LogInfo("ready on {}{}", socket,
+          config.listen ? " and " + config.listen->ToString() : std::string());
+  if (exporter) LogInfo("metrics on http://{}/metrics", config.metrics_listen->ToString());
 
   ConfigReload reload(loaded, read, session,
                       [&](const PolicyOptions& policy) { return server.PrepareSecurity(policy); });
@@ -208,7 +207,7 @@ void RunDaemon(const LoadedConfig& loaded, const ConfigReader& read) {
   // Before all else: a log that nobody reads may block.
   servo.Stop();
   manager.Stopping();
-  spdlog::info("ending on signal {}", signal);
+  LogInfo("ending on signal {}", signal);
   exporter.reset();
   server.Stop();
   keeper.End();
@@ -218,7 +217,7 @@ void RunDaemon(const LoadedConfig& loaded, const ConfigReader& read) {
   monitor->Stop();
   black_box->Stop();
   recording.End();
-  spdlog::info("ended after {} ticks, {} missed", servo.ticks(), servo.missed_ticks());
+  LogInfo("ended after {} ticks, {} missed", servo.ticks(), servo.missed_ticks());
 }
 
 }  // namespace palpate

@@ -1,10 +1,9 @@
 #include "server/app/device_monitor.h"
 
-#include <spdlog/spdlog.h>
-
 #include <chrono>
 #include <utility>
 
+#include "server/log/log.h"
 #include "server/safety/names.h"
 
 namespace palpate {
@@ -19,11 +18,11 @@ constexpr std::int64_t kSecondNs = 1'000'000'000;
 void Say(const DeviceEvent& event) {
   switch (event.level) {
     case DeviceEvent::Level::kInfo:
-      return spdlog::info("{}", event.text);
+      return LogInfo("{}", event.text);
     case DeviceEvent::Level::kWarning:
-      return spdlog::warn("{}", event.text);
+      return LogWarning("{}", event.text);
     case DeviceEvent::Level::kError:
-      return spdlog::error("{}", event.text);
+      return LogError("{}", event.text);
   }
 }
 
@@ -86,7 +85,7 @@ void DeviceMonitor::Say() {
   }
   for (const Change& change : changes) Say(change);
   if (unsaid == 0) return;
-  spdlog::warn("forces: {} more changes", unsaid);
+  LogWarning("forces: {} more changes", unsaid);
   // How it ended, a fault above all, is never left out.
   Say(last);
 }
@@ -95,8 +94,7 @@ void DeviceMonitor::Say(const Change& change) const {
   const bool is_bad = change.state == ForceState::kFault || change.state == ForceState::kStopped;
   const bool stays = change.state == ForceState::kStopped ||
                      (change.state == ForceState::kFault && IsHardware(device_.spec()));
-  spdlog::log(
-      is_bad ? spdlog::level::warn : spdlog::level::info, "forces: {}{} at tick {}{}",
+  Log(is_bad ? LogLevel::kWarning : LogLevel::kInfo, "forces: {}{} at tick {}{}",
       NameOf(change.state),
       change.reason == ForceReason::kNone ? std::string()
                                           : fmt::format(" ({})", NameOf(change.reason)),

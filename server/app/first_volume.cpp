@@ -1,9 +1,8 @@
 #include "server/app/first_volume.h"
 
-#include <spdlog/spdlog.h>
-
 #include <filesystem>
 
+#include "server/log/log.h"
 #include "server/session/range.h"
 
 namespace palpate {
@@ -14,17 +13,17 @@ std::string Source(const std::string& volume) {
 }
 
 void Load(const LoadRequest& request, Session& session, const LoadCancelled& cancelled) {
-  spdlog::info("loading {}", request.source);
+  LogInfo("loading {}", request.source);
   const auto quiet = [](std::string_view, double) {};
   const VolumeState state = session.Load(request, quiet, cancelled);
   const VolumeMetadata& m = state.volume->metadata();
-  spdlog::info("volume {}x{}x{} {}, spacing {:g} x {:g} x {:g} mm, values {:g} to {:g} {}",
-               m.size.x(), m.size.y(), m.size.z(), m.original_type, m.spacing_mm.x(),
-               m.spacing_mm.y(), m.spacing_mm.z(), m.value_min, m.value_max, m.unit);
+  LogInfo("volume {}x{}x{} {}, spacing {:g} x {:g} x {:g} mm, values {:g} to {:g} {}", m.size.x(),
+          m.size.y(), m.size.z(), m.original_type, m.spacing_mm.x(), m.spacing_mm.y(),
+          m.spacing_mm.z(), m.value_min, m.value_max, m.unit);
   const RenderSettings settings = session.settings().settings;
-  spdlog::info("scale {:.4g} device mm per volume mm; isovalue {:g} (normalized {:.4g})",
-               state.registration.device_mm_per_volume_mm, settings.isovalue,
-               settings.normalized_isovalue);
+  LogInfo("scale {:.4g} device mm per volume mm; isovalue {:g} (normalized {:.4g})",
+          state.registration.device_mm_per_volume_mm, settings.isovalue,
+          settings.normalized_isovalue);
 }
 
 // The configured one; what is wrong with it names its line.
@@ -54,7 +53,7 @@ bool BringBack(const FeltSession& left, const LoadRequest& configured, Session& 
   try {
     session.SetInitial(left.settings);
     if (left.volume.source.empty()) {
-      spdlog::warn(
+      LogWarning(
           "settings come back; {} does not: uploads and series are loaded again by "
           "clients",
           name);
@@ -63,11 +62,11 @@ bool BringBack(const FeltSession& left, const LoadRequest& configured, Session& 
     Load(VolumeLeft(left, configured, paths), session, cancelled);
   } catch (const Error& error) {
     if (error.kind() == ErrorKind::kCancelled) throw;
-    spdlog::warn("{} does not come back, its settings do: {}", name, error.what());
+    LogWarning("{} does not come back, its settings do: {}", name, error.what());
     return false;
   }
-  spdlog::warn("palpated did not end in order before: {} and the settings are back{}", name,
-               left.is_edited ? "; edits that were not saved are lost" : "");
+  LogWarning("palpated did not end in order before: {} and the settings are back{}", name,
+             left.is_edited ? "; edits that were not saved are lost" : "");
   return true;
 }
 

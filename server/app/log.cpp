@@ -1,5 +1,6 @@
 #include "server/app/log.h"
 
+#include <fmt/format.h>
 #include <grpc/support/log.h>
 #include <spdlog/pattern_formatter.h>
 #include <spdlog/sinks/dup_filter_sink.h>

@@ -1,6 +1,5 @@
 // palpated: the haptics daemon.
 #include <fcntl.h>
-#include <spdlog/spdlog.h>
 #include <unistd.h>
 #include <CLI/CLI.hpp>
 

@@ -1,7 +1,6 @@
 #include "server/app/reload.h"
 
 #include <fmt/ranges.h>
-#include <spdlog/spdlog.h>
 
 #include <algorithm>
 #include <iterator>
@@ -10,6 +9,7 @@
 
 #include "server/app/config_check.h"
 #include "server/app/log.h"
+#include "server/log/log.h"
 #include "server/session/range.h"
 
 namespace palpate {
@@ -92,7 +92,7 @@ ConfigReload::ConfigReload(LoadedConfig current, ConfigReader read, Session& ses
 
 void ConfigReload::Run() noexcept {
   const auto refuse = [](std::string_view why) {
-    spdlog::error("the configuration stays as it is: {}", why);
+    LogError("the configuration stays as it is: {}", why);
   };
   try {
     TakeOver();
@@ -124,11 +124,11 @@ void ConfigReload::TakeOver() {
   if (Names(live, "log.level")) SetLogLevel(next.config.log_level);
   take_policy();
   CopyLive(next, current_);
-  spdlog::info(
+  LogInfo(
       "configuration read again: {}",
       live.empty() ? "nothing to take over" : fmt::format("{} taken over", fmt::join(live, ", ")));
   if (!later.empty()) {
-    spdlog::warn("{} changed too: in force after a restart", fmt::join(later, ", "));
+    LogWarning("{} changed too: in force after a restart", fmt::join(later, ", "));
   }
 }
 

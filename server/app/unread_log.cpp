@@ -1,11 +1,13 @@
 #include "server/app/unread_log.h"
 
+#include <fmt/format.h>
 #include <poll.h>
 #include <spdlog/sinks/base_sink.h>
 #include <unistd.h>
 
 #include <cstdint>
 #include <mutex>
+#include <string>
 #include <utility>
 
 namespace palpate {

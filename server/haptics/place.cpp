@@ -1,6 +1,7 @@
 #include "server/haptics/place.h"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 
 namespace palpate {

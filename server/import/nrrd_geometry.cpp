@@ -1,5 +1,6 @@
 #include "server/import/nrrd_geometry.h"
 
+#include <algorithm>
 #include <cmath>
 #include <vector>
 
@@ -56,7 +57,7 @@ Vec3 SignsOfLps(const NrrdFields& fields) {
   for (const std::string_view time : {"-time", "t"}) {
     const bool short_form = time.size() == 1 && space.size() == 4;
     if ((time.size() > 1 || short_form) && space.ends_with(time)) {
-      space.resize(space.size() - time.size());
+      space.erase(space.size() - time.size());
     }
   }
   if (space == "right-anterior-superior" || space == "ras") return {-1.0, -1.0, 1.0};

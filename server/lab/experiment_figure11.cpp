@@ -1,5 +1,6 @@
 // Fig. 11: the cells of Table 4, V beside H by each method, as an SVG sheet.
 #include <algorithm>
+#include <cmath>
 #include <sstream>
 
 #include "server/lab/experiment_parts.h"

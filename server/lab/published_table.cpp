@@ -1,5 +1,6 @@
 #include "server/lab/published_table.h"
 
+#include <algorithm>
 #include <cmath>
 #include <fstream>
 #include <sstream>

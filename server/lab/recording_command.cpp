@@ -1,6 +1,6 @@
 #include "server/lab/recording_command.h"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <cstdio>
 #include <fstream>

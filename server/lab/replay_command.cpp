@@ -1,6 +1,6 @@
 #include "server/lab/replay_command.h"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <ostream>
 

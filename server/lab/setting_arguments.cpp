@@ -1,6 +1,6 @@
 #include "server/lab/setting_arguments.h"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <charconv>
 #include <string_view>

@@ -4,7 +4,6 @@
 #include <netinet/in.h>
 #include <netinet/tcp.h>
 #include <poll.h>
-#include <spdlog/spdlog.h>
 #include <sys/eventfd.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
@@ -16,6 +15,7 @@
 #include <utility>
 
 #include "common/error/error.h"
+#include "server/log/log.h"
 #include "server/realtime/tick_timer.h"
 
 namespace palpate {
@@ -170,8 +170,8 @@ void Acceptor::Refuse(const std::string& peer) {
   ++refused_;
   if (last_line_ns_ != 0 && MonotonicNowNs() - last_line_ns_ < kBetweenLinesNs) return;
   last_line_ns_ = MonotonicNowNs();
-  spdlog::warn("refused {}, the last from {}: too many are open; see limits.connections",
-               std::to_string(refused_) + (refused_ == 1 ? " connection" : " connections"), peer);
+  LogWarning("refused {}, the last from {}: too many are open; see limits.connections",
+             std::to_string(refused_) + (refused_ == 1 ? " connection" : " connections"), peer);
   refused_ = 0;
 }
 

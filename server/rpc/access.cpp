@@ -1,7 +1,6 @@
 #include "server/rpc/access.h"
 
 #include <grpc/grpc_security_constants.h>
-#include <spdlog/spdlog.h>
 
 #include <algorithm>
 #include <chrono>
@@ -9,6 +8,7 @@
 #include <utility>
 
 #include "common/wire/status.h"
+#include "server/log/log.h"
 #include "server/realtime/tick_timer.h"
 #include "server/security/methods.h"
 
@@ -196,7 +196,7 @@ void Access::Review() {
       at->context->TryCancel();
     }
   }
-  for (const std::string& line : lines) spdlog::warn("{}", line);
+  for (const std::string& line : lines) LogWarning("{}", line);
 }
 
 bool Access::Holds(const Admission::Running& call) const {
@@ -208,15 +208,14 @@ void Access::LogFailure(const Admission& admission, const char* what) {
   // Each identity has lines of its own, that strangers at its address do not use up.
   const auto left_out = refusals_.Take(admission.identity_, MonotonicNowNs());
   if (!left_out) return;
-  spdlog::warn("{} of {} at {} failed: {}{}", NameOf(admission.rule_->method), admission.identity_,
-               admission.context_->peer(), what, LeftOut(*left_out));
+  LogWarning("{} of {} at {} failed: {}{}", NameOf(admission.rule_->method), admission.identity_,
+             admission.context_->peer(), what, LeftOut(*left_out));
 }
 
 Admission Access::Refuse(grpc::StatusCode code, const std::string& peer, const std::string& who,
                          std::string_view method, const std::string& problem) {
   if (const auto left_out = refusals_.Take(peer, MonotonicNowNs())) {
-    spdlog::warn("refused {} at {} to call {}: {}{}", who, peer, method, problem,
-                 LeftOut(*left_out));
+    LogWarning("refused {} at {} to call {}: {}{}", who, peer, method, problem, LeftOut(*left_out));
   }
   return Admission(
       grpc::Status(code, "palpated refuses " + std::string(NameOf(method)) + ": " + problem));

@@ -5,12 +5,12 @@
 #include <linux/tcp.h>
 #include <netinet/in.h>
 #include <pthread.h>
-#include <spdlog/spdlog.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <cstddef>
 
+#include "server/log/log.h"
 #include "server/realtime/thread_setup.h"
 #include "server/realtime/tick_timer.h"
 
@@ -137,7 +137,7 @@ void ConnectionWatch::Run() {
     }
     const std::vector<std::string> lines = Review();
     lock.unlock();
-    for (const std::string& line : lines) spdlog::warn("{}", line);
+    for (const std::string& line : lines) LogWarning("{}", line);
     lock.lock();
   }
 }

@@ -1,9 +1,8 @@
 #include "server/rpc/recording_service.h"
 
-#include <spdlog/spdlog.h>
-
 #include "common/error/error.h"
 #include "common/wire/status.h"
+#include "server/log/log.h"
 
 namespace palpate {
 namespace {
@@ -28,7 +27,7 @@ grpc::Status RecordingService::StartRecording(grpc::ServerContext* context,
   if (!admission.ok()) return admission.status();
   try {
     const RecordingStatus status = control_.Start(request->path(), request->overwrite());
-    spdlog::info("recording to {}", status.path);
+    LogInfo("recording to {}", status.path);
     *response->mutable_recording() = ToProto(status);
     return grpc::Status::OK;
   } catch (const std::exception& error) {
@@ -44,10 +43,10 @@ grpc::Status RecordingService::StopRecording(grpc::ServerContext* context,
   try {
     const RecordingStatus status = control_.Stop();
     if (status.error) {
-      spdlog::warn("recording to {} had ended: {}", status.path, status.error->what());
+      LogWarning("recording to {} had ended: {}", status.path, status.error->what());
     } else {
-      spdlog::info("recorded {} ticks to {}, {} lost, {} bytes", status.counts.ticks, status.path,
-                   status.counts.lost_ticks, status.counts.bytes);
+      LogInfo("recorded {} ticks to {}, {} lost, {} bytes", status.counts.ticks, status.path,
+              status.counts.lost_ticks, status.counts.bytes);
     }
     *response->mutable_recording() = ToProto(status);
     return grpc::Status::OK;
@@ -93,10 +92,10 @@ grpc::Status RecordingService::Replay(grpc::ServerContext* context,
   };
   const auto cancelled = [&] { return context->IsCancelled(); };
   try {
-    spdlog::info("replaying {} to viewers", request->path());
+    LogInfo("replaying {} to viewers", request->path());
     control_.Replay(request->path(), request->speed() == 0.0 ? 1.0 : request->speed(), progress,
                     cancelled);
-    spdlog::info("replayed {} ticks of {}", ticks, request->path());
+    LogInfo("replayed {} ticks of {}", ticks, request->path());
     return grpc::Status::OK;
   } catch (const std::exception& error) {
     return admission.Failed(error);

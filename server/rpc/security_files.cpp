@@ -1,7 +1,7 @@
 #include "server/rpc/security_files.h"
+#include "server/log/log.h"
 
-#include <fmt/format.h>
-#include <spdlog/spdlog.h>
+#include <fmt/core.h>
 #include <sys/stat.h>
 
 #include <chrono>
@@ -66,8 +66,8 @@ void SecurityFiles::ReadPolicy() {
   std::vector<std::string> problems;
   policy_ = std::make_shared<const Policy>(options_, *policy_, problems);
   access_.SetPolicy(policy_);
-  for (const std::string& problem : problems) spdlog::error("{}", problem);
-  if (problems.empty()) spdlog::info("roles and tokens were read again");
+  for (const std::string& problem : problems) LogError("{}", problem);
+  if (problems.empty()) LogInfo("roles and tokens were read again");
 }
 
 void SecurityFiles::ReadPair() {
@@ -75,7 +75,7 @@ void SecurityFiles::ReadPair() {
   try {
     tls_->Update();
   } catch (const std::exception& error) {
-    spdlog::error("the certificate stays as it was: {}", error.what());
+    LogError("the certificate stays as it was: {}", error.what());
   }
 }
 

@@ -1,12 +1,11 @@
 #include "server/rpc/series_service.h"
 
-#include <spdlog/spdlog.h>
-
 #include <string>
 #include <vector>
 
 #include "common/error/error.h"
 #include "common/wire/status.h"
+#include "server/log/log.h"
 #include "server/rpc/volume_messages.h"
 #include "server/session/series_files.h"
 
@@ -66,9 +65,8 @@ grpc::Status SeriesService::LoadSeries(grpc::ServerContext* context,
     *event.mutable_result()->mutable_volume() = palpate::ToProto(state);
     *event.mutable_result()->mutable_series() = ToProto(player_.state());
     writer->Write(event);
-    spdlog::info("loaded a series of {} frames, {} (volume revision {}) at tick {}",
-                 event.result().series().frames(), load.title, state.volume->revision(),
-                 applied.tick);
+    LogInfo("loaded a series of {} frames, {} (volume revision {}) at tick {}",
+            event.result().series().frames(), load.title, state.volume->revision(), applied.tick);
     return grpc::Status::OK;
   } catch (const std::exception& error) {
     return admission.Failed(error);

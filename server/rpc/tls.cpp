@@ -4,7 +4,6 @@
 #include <fmt/chrono.h>
 #include <grpcpp/security/tls_certificate_provider.h>
 #include <grpcpp/security/tls_credentials_options.h>
-#include <spdlog/spdlog.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -13,6 +12,7 @@
 #include <cstring>
 
 #include "common/error/error.h"
+#include "server/log/log.h"
 
 namespace palpate {
 namespace {
@@ -76,16 +76,15 @@ void TlsFiles::Update() {
   std::filesystem::rename(next, pair_);
   valid_until_ = pair.valid_until;
   next_warning_ = {};
-  spdlog::info("TLS with the certificate of {}, valid until {}", pair.subject,
-               ToText(valid_until_));
+  LogInfo("TLS with the certificate of {}, valid until {}", pair.subject, ToText(valid_until_));
   WarnBeforeEnd(now);
 }
 
 void TlsFiles::WarnBeforeEnd(CertificateTime now) {
   if (valid_until_ - now >= kWarnedBeforeEnd || now < next_warning_) return;
   next_warning_ = now + kBetweenWarnings;
-  spdlog::warn("the certificate {} ends at {}: put a new one in its place",
-               options_.certificate.string(), ToText(valid_until_));
+  LogWarning("the certificate {} ends at {}: put a new one in its place",
+             options_.certificate.string(), ToText(valid_until_));
 }
 
 std::shared_ptr<grpc::ServerCredentials> TlsFiles::MakeCredentials() const {

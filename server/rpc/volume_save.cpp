@@ -1,8 +1,7 @@
 #include "server/rpc/volume_save.h"
 
-#include <spdlog/spdlog.h>
-
 #include "common/error/error.h"
+#include "server/log/log.h"
 #include "server/volume/volume_export.h"
 
 namespace palpate {
@@ -14,8 +13,8 @@ grpc::Status VolumeSaver::Save(grpc::ServerContext* context, const Admission& ad
     v1::SaveVolumeResponse event;
     *event.mutable_result() = SaveChecked(context, request, writer);
     writer->Write(event);
-    spdlog::info("saved volume revision {} to {} ({} bytes)", event.result().volume_revision(),
-                 request.path(), event.result().size_bytes());
+    LogInfo("saved volume revision {} to {} ({} bytes)", event.result().volume_revision(),
+            request.path(), event.result().size_bytes());
     return grpc::Status::OK;
   } catch (const std::exception& error) {
     return admission.Failed(error);

@@ -1,9 +1,8 @@
 #include "server/rpc/volume_service.h"
 
-#include <spdlog/spdlog.h>
-
 #include "common/error/error.h"
 #include "common/wire/status.h"
+#include "server/log/log.h"
 #include "server/realtime/tick_timer.h"
 #include "server/rpc/volume_edit.h"
 #include "server/rpc/volume_messages.h"
@@ -65,8 +64,8 @@ grpc::Status VolumeService::LoadVolume(grpc::ServerContext* context,
     event.mutable_result()->set_applied_tick(applied.tick);
     event.mutable_result()->set_settings_revision(state.settings_revision);
     writer->Write(event);
-    spdlog::info("loaded {} (volume revision {}) at tick {}", request->source(),
-                 state.volume->revision(), applied.tick);
+    LogInfo("loaded {} (volume revision {}) at tick {}", request->source(),
+            state.volume->revision(), applied.tick);
     return grpc::Status::OK;
   } catch (const std::exception& error) {
     return admission.Failed(error);

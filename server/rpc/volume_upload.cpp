@@ -1,5 +1,4 @@
 // VolumeService::UploadVolume.
-#include <spdlog/spdlog.h>
 
 #include <optional>
 #include <string>
@@ -7,6 +6,7 @@
 
 #include "common/error/error.h"
 #include "common/wire/status.h"
+#include "server/log/log.h"
 #include "server/rpc/volume_messages.h"
 #include "server/rpc/volume_service.h"
 
@@ -81,8 +81,8 @@ grpc::Status VolumeService::UploadVolume(grpc::ServerContext* context,
     *response->mutable_volume() = ToProto(state);
     response->set_applied_tick(applied.tick);
     response->set_settings_revision(state.settings_revision);
-    spdlog::info("loaded {} (volume revision {}) at tick {}", upload.title(),
-                 state.volume->revision(), applied.tick);
+    LogInfo("loaded {} (volume revision {}) at tick {}", upload.title(), state.volume->revision(),
+            applied.tick);
     return grpc::Status::OK;
   } catch (const std::exception& error) {
     if (!context->IsCancelled()) return admission.Failed(error);

@@ -3,7 +3,7 @@
 // Threads: any. Errors: RangeError, which says which number it was.
 #pragma once
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <string>
 #include <string_view>

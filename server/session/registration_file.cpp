@@ -1,6 +1,6 @@
 #include "server/session/registration_file.h"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <optional>
 

@@ -2,7 +2,6 @@
 
 #include <fcntl.h>
 #include <pthread.h>
-#include <spdlog/spdlog.h>
 #include <sys/file.h>
 #include <unistd.h>
 
@@ -10,6 +9,7 @@
 #include <utility>
 
 #include "common/error/error.h"
+#include "server/log/log.h"
 
 namespace palpate {
 namespace {
@@ -83,7 +83,7 @@ std::optional<Registration> RegistrationStore::Find(const VolumeMetadata& volume
     return MakeRegistration(volume, entry->p_DCenter_mm, entry->R_DW,
                             entry->device_mm_per_volume_mm);
   } catch (const Error& error) {
-    spdlog::warn("where {} lay is not used: {}", key, error.what());
+    LogWarning("where {} lay is not used: {}", key, error.what());
     return std::nullopt;
   }
 }
@@ -119,7 +119,7 @@ void RegistrationStore::Save() {
   } catch (const Error& error) {
     // Said once, not at every move.
     if (error.what() != last_failure_) {
-      spdlog::warn("where volumes lie is not kept: {}", error.what());
+      LogWarning("where volumes lie is not kept: {}", error.what());
     }
     last_failure_ = error.what();
     const std::lock_guard lock(mutex_);
@@ -143,9 +143,9 @@ RegistrationFile RegistrationStore::Read() const {
     std::error_code error;
     const std::filesystem::path aside = path_.string() + ".damaged";
     std::filesystem::rename(path_, aside, error);
-    spdlog::warn("{} is damaged: {}; {}", path_.string(), file.damage,
-                 error ? "it cannot be set aside: " + error.message()
-                       : "it was set aside as " + aside.string());
+    LogWarning("{} is damaged: {}; {}", path_.string(), file.damage,
+               error ? "it cannot be set aside: " + error.message()
+                     : "it was set aside as " + aside.string());
   }
   return file;
 }

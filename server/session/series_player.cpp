@@ -1,7 +1,6 @@
 #include "server/session/series_player.h"
 
-#include <fmt/format.h>
-#include <spdlog/spdlog.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <cmath>
@@ -9,6 +8,7 @@
 #include <vector>
 
 #include "common/error/error.h"
+#include "server/log/log.h"
 #include "server/volume/brick_pool.h"
 
 namespace palpate {
@@ -73,7 +73,7 @@ VolumeState SeriesPlayer::Load(std::span<const std::filesystem::path> files,
   std::vector<std::string> warnings;
   LoadedSeries loaded =
       LoadSeries(session_.loader(), files, request, progress, cancelled, warnings);
-  for (const std::string& warning : warnings) spdlog::warn("{}", warning);
+  for (const std::string& warning : warnings) LogWarning("{}", warning);
   loaded.metadata.source = request.title.empty() ? files.front().string() : request.title;
   progress("publishing", 1.0);
 
@@ -193,7 +193,7 @@ void SeriesPlayer::Run() {
     try {
       goes_on = Show(*series, position);
     } catch (const std::exception& error) {
-      spdlog::error("the series ends: {}", error.what());
+      LogError("the series ends: {}", error.what());
     }
     lock.lock();
     if (!goes_on && series_ == series) series_.reset();
@@ -216,7 +216,7 @@ bool SeriesPlayer::KeepEdits(Series& series, const VolumeState& volume) {
   try {
     series.edits.Resize(series.edits.bytes() - series.edited_bytes[frame] + bytes);
   } catch (const Error& error) {
-    spdlog::warn("edits of frame {} are not kept: {}", frame, error.what());
+    LogWarning("edits of frame {} are not kept: {}", frame, error.what());
     return true;
   }
   series.edited_bytes[frame] = bytes;

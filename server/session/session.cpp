@@ -1,12 +1,11 @@
 #include "server/session/session.h"
 
-#include <spdlog/spdlog.h>
-
 #include <cmath>
 #include <limits>
 #include <utility>
 
 #include "common/error/error.h"
+#include "server/log/log.h"
 #include "server/session/freed_memory.h"
 #include "server/session/range.h"
 #include "server/volume/snapshot_builder.h"
@@ -175,7 +174,7 @@ VolumeState Session::Load(const LoadRequest& request, const LoadProgress& progre
   MemoryClaim claim = loader_.budget->Claim("the new volume", 0);
   const auto size_known = [&](const Vec3i&, std::uint64_t bytes) { claim.Resize(bytes); };
   const VolumeFile file = loader_.Load(request, progress, cancelled, warnings, size_known);
-  for (const std::string& warning : warnings) spdlog::warn("{}", warning);
+  for (const std::string& warning : warnings) LogWarning("{}", warning);
   VolumeMetadata metadata = file.metadata;
   metadata.source = request.title.empty() ? request.source : request.title;
   progress("publishing", 1.0);

@@ -1,7 +1,6 @@
 #include "server/session/session_keeper.h"
 
 #include <pthread.h>
-#include <spdlog/spdlog.h>
 
 #include <algorithm>
 #include <system_error>
@@ -9,6 +8,7 @@
 #include <utility>
 
 #include "common/error/error.h"
+#include "server/log/log.h"
 
 namespace palpate {
 namespace {
@@ -80,7 +80,7 @@ std::optional<FeltSession> SessionKeeper::TakeLeft() {
   if (!file.session && file.damage.empty()) return std::nullopt;
   const std::string why_not = WhyNot(file);
   if (!why_not.empty()) {
-    spdlog::warn("what was felt before does not come back: {}", why_not);
+    LogWarning("what was felt before does not come back: {}", why_not);
     std::error_code ignored;
     std::filesystem::remove(path_, ignored);
     return std::nullopt;
@@ -90,7 +90,7 @@ std::optional<FeltSession> SessionKeeper::TakeLeft() {
   try {
     WriteSessionFile(path_, saved);
   } catch (const Error& error) {
-    spdlog::warn("what was felt before does not come back: {}", error.what());
+    LogWarning("what was felt before does not come back: {}", error.what());
     return std::nullopt;
   }
   TakeChanges(saved, configured_, configured_settings_, saved.felt);
@@ -129,7 +129,7 @@ void SessionKeeper::Save(const FeltSession& felt) {
   } catch (const Error& error) {
     // Said once, not at every change.
     if (error.what() != last_failure_) {
-      spdlog::warn("what is felt would not come back: {}", error.what());
+      LogWarning("what is felt would not come back: {}", error.what());
     }
     last_failure_ = error.what();
   }

@@ -1,6 +1,6 @@
 #include "server/session/state_file.h"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <fstream>
 #include <sstream>

@@ -1,7 +1,7 @@
 #include "server/session/tools.h"
+#include "server/log/log.h"
 
 #include <pthread.h>
-#include <spdlog/spdlog.h>
 
 #include <cmath>
 #include <exception>
@@ -98,7 +98,7 @@ void StylusTools::Move(const RigidMotion& motion) {
     move_failed_ = false;
   } catch (const std::exception& error) {
     if (!std::exchange(move_failed_, true)) {
-      spdlog::warn("the clutch does not move the volume: {}", error.what());
+      LogWarning("the clutch does not move the volume: {}", error.what());
     }
   }
 }
@@ -113,7 +113,7 @@ void StylusTools::Carve(const CarveStep& step) {
     editor_.Edit(ToEdit(step), {}, step.stroke);
   } catch (const std::exception& error) {
     failed_stroke_ = step.stroke;
-    spdlog::warn("the stylus does not carve: {}", error.what());
+    LogWarning("the stylus does not carve: {}", error.what());
   }
 }
 

@@ -1,6 +1,6 @@
 #include "server/session/volume_editor.h"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <utility>

@@ -1,6 +1,6 @@
 #include "server/volume/edit_region.h"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <cmath>

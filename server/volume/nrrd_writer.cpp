@@ -1,6 +1,6 @@
 #include "server/volume/nrrd_writer.h"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 #include <zlib.h>
 
 #include <algorithm>

@@ -1,6 +1,7 @@
 """The layers of the tree, read off the #include lines: Debian keeps every header
 in /usr/include, so that the compiler lets anything pass."""
 
+import functools
 import pathlib
 import re
 import sys
@@ -17,6 +18,7 @@ LAYERS = {
     "common/geometry": [],
     "common/isosurface": ["common/geometry"],
     "common/wire": COMMON,
+    "server/log": [],
     "server/realtime": ["common/error"],
     "server/volume": COMMON,
     "server/import": ["common/error", "common/geometry", "server/volume"],
@@ -31,7 +33,7 @@ LAYERS = {
     "server/safety": ["common/geometry", "server/device"],
     "server/servo": COMMON + ["server/realtime", "server/volume", "server/haptics", "server/device",
                               "server/safety"],
-    "server/session": COMMON + ["server/realtime", "server/volume", "server/haptics",
+    "server/session": COMMON + ["server/log", "server/realtime", "server/volume", "server/haptics",
                                 "server/device", "server/safety", "server/servo"],
     "server/recording": COMMON + ["server/realtime", "server/volume", "server/haptics",
                                   "server/device", "server/safety", "server/servo",
@@ -40,10 +42,10 @@ LAYERS = {
     "server/security": ["common/error"],
     "server/metrics": COMMON + ["common/wire", "server/realtime", "server/device", "server/safety",
                                 "server/servo", "server/session", "server/recording"],
-    "server/rpc": COMMON + ["common/wire", "server/security", "server/realtime", "server/volume", "server/haptics",
+    "server/rpc": COMMON + ["common/wire", "server/log", "server/security", "server/realtime", "server/volume", "server/haptics",
                             "server/device", "server/safety", "server/servo", "server/session",
                             "server/recording", "server/streaming", "server/metrics"],
-    "server/app": COMMON + ["common/wire", "server/realtime", "server/haptics", "server/device",
+    "server/app": COMMON + ["common/wire", "server/log", "server/realtime", "server/haptics", "server/device",
                             "server/device/usb", "server/device/omni", "server/device/falcon",
                             "server/device/openhaptics", "server/safety", "server/servo",
                             "server/session", "server/recording", "server/security",
@@ -74,13 +76,52 @@ LIBRARIES = {
     "libusb": (r"libusb", ["server/device/usb"]),
     "toml++": (r"toml\+\+/", ["server/security", "server/session", "server/app",
                                "client/cli"]),
-    "spdlog": (r"spdlog/", ["server/session", "server/rpc", "server/app"]),
+    "spdlog": (r"spdlog/", ["server/log", "server/app"]),
     "OpenSSL": (r"openssl/", ["server/security"]),
     "prometheus-cpp": (r"prometheus/", ["server/metrics", "server/app"]),
     "TBB": (r"tbb/", ["server/volume", "server/app", "server/lab"]),
     "OpenGL": (r"epoxy/|GL/", ["client/view/render", "client/view/app"]),
     "GLFW, Dear ImGui, libpng": (r"GLFW/|imgui|backends/imgui|png", ["client/view/app"]),
     "zstd and xxHash": (r"zstd|xxhash", ["common/bricks", "server/recording"]),
+}
+
+# What a file names: the header that it, or one of ours that it includes, must include. The
+# precompiled headers would hide that one is missing.
+NAMES = {
+    r"grpc::": r"grpc",
+    r"v1::": r"palpate/v1/",
+    r"openvdb::": r"openvdb/",
+    r"Eigen::": r"Eigen/",
+    r"fmt::": r"fmt/",
+    r"toml::": r"toml\+\+",
+    r"nlohmann::": r"nlohmann",
+    r"std::filesystem|fs::": r"filesystem$",
+    r"std::j?thread": r"thread$",
+    r"std::mutex|std::(scoped_lock|lock_guard|unique_lock)": r"(shared_)?mutex$|condition_variable$",
+    r"std::function": r"functional$",
+    r"std::optional|std::nullopt": r"optional$",
+    r"std::(multi)?map<": r"map$",
+    r"std::(multi)?set<": r"set$",
+    r"std::deque": r"deque$",
+    r"std::span": r"span$",
+    r"std::variant": r"variant$",
+    r"std::(mt19937|\w+_distribution)": r"random$",
+    r"std::[io]?stringstream": r"sstream$",
+    r"std::[io]?fstream": r"fstream$",
+    r"std::chrono": r"chrono$|thread$|condition_variable$|filesystem$",
+    r"std::atomic": r"atomic$",
+    r"std::condition_variable": r"condition_variable$",
+    r"std::array<": r"array$",
+    r"std::vector<": r"vector$",
+    r"std::(unique|shared|weak)_ptr|std::make_(unique|shared)": r"memory$",
+    r"std::numeric_limits": r"limits$",
+    r"std::(clamp|sort|find_if|any_of|all_of|none_of|m(ax|in)(_element)?|transform|copy|fill|"
+    r"lower_bound|upper_bound|reverse|remove_if|count_if)\(": r"algorithm$",
+    r"std::(sqrt|abs|isfinite|floor|ceil|pow|sin|cos|hypot|exp|log|lround|isnan|round|fabs)\(":
+        r"cmath$|cstdlib$",
+    r"std::string_view": r"string(_view)?$",
+    r"std::string\b": r"string$|sstream$|filesystem$",
+    r"std::(runtime_error|logic_error|invalid_argument|out_of_range)": r"stdexcept$",
 }
 
 # The headers of volume that are free of OpenVDB; real-time code sees no others.
@@ -125,6 +166,15 @@ def closure(header):
     return own, others
 
 
+def missing_includes(text, others):
+    """What this text names though none of these headers of others declares it."""
+    code = re.sub(r'//.*|"(\\.|[^"\\])*"', "", text)
+    return [name for name, header in NAMES.items()
+            if re.search(r"\b(" + name + ")", code)
+            and not any(re.match(header, other) for other in others)]
+
+
+@functools.cache
 def includes_of(path):
     return re.findall(r'^\s*#\s*include\s*[<"]([^>"]+)[>"]', path.read_text(), re.MULTILINE)
 
@@ -133,7 +183,7 @@ class IncludeLayers(unittest.TestCase):
     def sources(self):
         for top in ("common", "server", "client"):
             for path in sorted((ROOT / top).rglob("*")):
-                if path.suffix in (".h", ".cpp"):
+                if path.suffix in (".h", ".cpp") and path.parent.name != "precompiled":
                     yield str(path.parent.relative_to(ROOT)), path
 
     def test_every_file_keeps_its_layer(self):
@@ -148,6 +198,17 @@ class IncludeLayers(unittest.TestCase):
         for _, path in self.sources():
             if path.suffix == ".h":
                 self.assertIn("#pragma once", path.read_text(), str(path))
+
+    def test_includes_are_complete(self):
+        for _, path in self.sources():
+            others = closure(str(path.relative_to(ROOT)))[1]
+            self.assertEqual(missing_includes(path.read_text(), others), [], str(path))
+
+    def test_a_missing_include_is_seen(self):
+        self.assertTrue(missing_includes("std::vector<int> a;", {"string"}))
+        self.assertTrue(missing_includes("grpc::Status f();", {"memory"}))
+        self.assertFalse(missing_includes("grpc::Status f();", {"grpcpp/grpcpp.h"}))
+        self.assertFalse(missing_includes("// a std::vector<int>", set()))
 
     def test_the_public_header_is_free_of_grpc_and_is_installed_whole(self):
         own, others = closure(PUBLIC_HEADER)

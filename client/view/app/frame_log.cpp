@@ -1,6 +1,6 @@
 #include "client/view/app/frame_log.h"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <cstddef>

@@ -118,7 +118,9 @@ void main() {
 )";
 
 std::string WithVeil(const char* fragment_shader) {
-  return std::string("#version 430 core\n") + kVeil + fragment_shader;
+  std::string text = "#version 430 core\n";
+  text += kVeil;
+  return text += fragment_shader;
 }
 
 template <typename Vertex>

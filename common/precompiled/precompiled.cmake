@@ -1,0 +1,23 @@
+# Headers of other projects, parsed once for all files of a kind instead of once for each:
+#   pure    Eigen and the standard library
+#   wire    the same, gRPC, and the generated messages
+#   volume  pure, and OpenVDB
+# tests/CMakeLists.txt adds kinds with GoogleTest. The compiler reads the precompiled header before
+# each file, so that a missing #include would not be seen: the target header_check compiles
+# every header of ours without them.
+#
+# palpate_precompiled_kind(KIND HEADER LIBRARY...): HEADER is written from the root.
+function(palpate_precompiled_kind kind header)
+  set(empty ${CMAKE_BINARY_DIR}/precompiled/${kind}.cpp)
+  file(CONFIGURE OUTPUT ${empty} CONTENT "")
+  add_library(palpate_precompiled_${kind} OBJECT ${empty})
+  target_link_libraries(palpate_precompiled_${kind} PRIVATE ${ARGN})
+  target_precompile_headers(palpate_precompiled_${kind} PRIVATE <${header}>)
+endfunction()
+
+# palpate_precompiled(KIND TARGET...)
+function(palpate_precompiled kind)
+  foreach(target IN LISTS ARGN)
+    target_precompile_headers(${target} REUSE_FROM palpate_precompiled_${kind})
+  endforeach()
+endfunction()

@@ -1,1 +1,0 @@
-palpate_unit_test(servo_metrics_test servo_metrics_test.cpp palpate::metrics)

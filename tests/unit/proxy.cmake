@@ -1,1 +1,0 @@
-palpate_unit_test(proxy_test proxy_test.cpp CORE palpate::haptics)

@@ -1,1 +1,0 @@
-palpate_unit_test(wire_test wire_test.cpp palpate::wire)
