@@ -135,7 +135,7 @@ if [ -n "$sanitizers" ]; then
   build asan all
   run_tests asan asan 2
   drop_programs build-asan
-  build tsan core_tests
+  build tsan thread_tests
   run_tests tsan tsan 1
   drop_programs build-tsan
   build fuzz all

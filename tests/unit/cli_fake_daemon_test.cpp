@@ -56,7 +56,7 @@ class CliTest : public testing::Test {
   }
 
   static std::vector<std::string> Command(std::vector<std::string> arguments) {
-    arguments.insert(arguments.begin(), PALPATE_EXECUTABLE);
+    arguments.insert(arguments.begin(), PALPATE);
     return arguments;
   }
   static ProcessResult Run(const std::vector<std::string>& arguments) {

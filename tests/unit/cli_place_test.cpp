@@ -88,7 +88,7 @@ TEST(CliPlace, WrongUsageIsOneLineAndExitCode2) {
            {"--cells-per-mm", "2", "--device-mm-per-volume-mm", "0.5"},
            {"--device-mm-per-voxel", "2", "--device-mm-per-volume-mm", "0.5"},
            {"--expected-revision", "3"}}) {
-    arguments.insert(arguments.begin(), {PALPATE_EXECUTABLE, "place"});
+    arguments.insert(arguments.begin(), {PALPATE, "place"});
     const test::ProcessResult result = test::Process(arguments).Wait();
     EXPECT_EQ(result.exit_code, 2) << arguments.back() << result.error;
     EXPECT_EQ(std::count(result.error.begin(), result.error.end(), '\n'), 1) << result.error;

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cstdio>
+#include <filesystem>
 #include <fstream>
 #include <random>
 #include <sstream>
@@ -40,7 +41,7 @@ struct LabelledRow {
 
 // `skipped` columns stand between τ and the counts.
 std::vector<LabelledRow> ReadRows(const std::string& name, int skipped) {
-  std::ifstream file(std::string(PALPATE_CELLS_DIR) + "/" + name);
+  std::ifstream file(std::filesystem::path(PALPATE_CELLS_DIR) / name);
   std::vector<LabelledRow> rows;
   for (std::string line; std::getline(file, line);) {
     if (line.empty() || line[0] == '#') continue;

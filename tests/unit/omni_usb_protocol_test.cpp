@@ -2,31 +2,16 @@
 #include <gtest/gtest.h>
 
 #include <array>
-#include <atomic>
 #include <cmath>
 #include <cstdlib>
 #include <limits>
-#include <new>
 #include <random>
 #include <vector>
 
 #include "common/error/error.h"
 #include "server/device/omni/omni_usb_protocol.h"
+#include "tests/support/allocation_count.h"
 #include "tests/support/omni_frames.h"
-
-namespace {
-std::atomic<std::uint64_t> allocations{0};
-}
-
-// Counts every allocation of this program. Not inlined, or gcc takes malloc and delete
-// for a mismatched pair.
-[[gnu::noinline]] void* operator new(std::size_t size) {
-  ++allocations;
-  if (void* memory = std::malloc(size > 0 ? size : 1)) return memory;
-  throw std::bad_alloc();
-}
-[[gnu::noinline]] void operator delete(void* memory) noexcept { std::free(memory); }
-[[gnu::noinline]] void operator delete(void* memory, std::size_t) noexcept { std::free(memory); }
 
 namespace palpate {
 namespace {
@@ -418,14 +403,14 @@ TEST(OmniUsbRealTime, NothingAllocates) {
     const Bytes more = StateFrame({.encoders = {n, n, n}});
     bytes.insert(bytes.end(), more.begin(), more.end());
   }
-  const std::uint64_t before = allocations;
+  const std::uint64_t before = test::Allocations();
   for (int n = 0; n < 1000; ++n) {
     protocol.Receive(bytes, state);
     protocol.Receive(std::span(bytes).first(20), state);
     protocol.Encode(Vec3(1, 2, 3), n % 2 == 0, out);
     protocol.RequestCalibration();
   }
-  EXPECT_EQ(allocations, before);
+  EXPECT_EQ(test::Allocations(), before);
 }
 
 TEST(OmniUsbOptionsCheck, WhatDoesNotFitIsRefused) {

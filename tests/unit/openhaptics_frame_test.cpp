@@ -2,29 +2,13 @@
 // of our own that do nothing but answer.
 #include <gtest/gtest.h>
 
-#include <atomic>
 #include <chrono>
 #include <cstdint>
-#include <cstdlib>
 #include <limits>
-#include <new>
 #include <thread>
 
 #include "server/device/openhaptics/hd_servo.h"
-
-namespace {
-std::atomic<std::uint64_t> allocations{0};
-}
-
-// Counts every allocation of this program. Not inlined, or gcc takes malloc and delete
-// for a mismatched pair.
-[[gnu::noinline]] void* operator new(std::size_t size) {
-  ++allocations;
-  if (void* memory = std::malloc(size > 0 ? size : 1)) return memory;
-  throw std::bad_alloc();
-}
-[[gnu::noinline]] void operator delete(void* memory) noexcept { std::free(memory); }
-[[gnu::noinline]] void operator delete(void* memory, std::size_t) noexcept { std::free(memory); }
+#include "tests/support/allocation_count.h"
 
 namespace palpate {
 namespace {
@@ -90,7 +74,7 @@ class HdFrameTest : public testing::Test {
 };
 
 TEST_F(HdFrameTest, AllocatesNothingWhateverComes) {
-  const std::uint64_t before = allocations;
+  const std::uint64_t before = test::Allocations();
   for (int i = 0; i < 2000; ++i) {
     library.error = i < 500 || i > 1500 ? 0 : 0x0100 + static_cast<unsigned int>(i);
     library.x_mm = i == 100 ? kNan : i;
@@ -99,7 +83,7 @@ TEST_F(HdFrameTest, AllocatesNothingWhateverComes) {
     Frame();
     servo_.Read(state_);
   }
-  EXPECT_EQ(allocations, before);
+  EXPECT_EQ(test::Allocations(), before);
 }
 
 TEST_F(HdFrameTest, NoForceBeforeTheServosFirst) {

@@ -1,16 +1,13 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <atomic>
 #include <bit>
 #include <cmath>
 #include <cstdint>
 #include <cstdio>
-#include <cstdlib>
 #include <functional>
 #include <limits>
 #include <memory>
-#include <new>
 #include <utility>
 #include <vector>
 
@@ -18,20 +15,7 @@
 #include "server/device/explore_script.h"
 #include "server/device/path_script.h"
 #include "server/device/simulated_device.h"
-
-namespace {
-std::atomic<std::uint64_t> allocations{0};
-}
-
-// Counts every allocation of this program; new[] and the nothrow forms come here
-// too. Not inlined, or gcc takes malloc and delete for a mismatched pair.
-[[gnu::noinline]] void* operator new(std::size_t size) {
-  ++allocations;
-  if (void* memory = std::malloc(size > 0 ? size : 1)) return memory;
-  throw std::bad_alloc();
-}
-[[gnu::noinline]] void operator delete(void* memory) noexcept { std::free(memory); }
-[[gnu::noinline]] void operator delete(void* memory, std::size_t) noexcept { std::free(memory); }
+#include "tests/support/allocation_count.h"
 
 namespace palpate {
 namespace {
@@ -350,7 +334,7 @@ TEST(SimulatedDevice, ReadAndWriteDoNotAllocate) {
   const auto exploring = Exploring(1);
   const auto following = Following({Vec3::Zero(), Vec3(10.0, 0.0, 0.0)}, 50.0);
   DeviceState state;
-  std::uint64_t during = allocations;
+  std::uint64_t during = test::Allocations();
   for (int i = 0; i < 20'000; ++i) {  // long enough to seek, slide and retreat
     for (SimulatedDevice* device : {exploring.get(), following.get()}) {
       device->Read(state);
@@ -360,12 +344,12 @@ TEST(SimulatedDevice, ReadAndWriteDoNotAllocate) {
       device->Write(force_n, kTickS);
     }
   }
-  during = allocations - during;
+  during = test::Allocations() - during;
   EXPECT_EQ(during, 0u);
   // The counter counts.
-  const std::uint64_t before = allocations;
+  const std::uint64_t before = test::Allocations();
   const auto something = std::make_unique<std::vector<int>>(100);
-  EXPECT_GT(allocations, before);
+  EXPECT_GT(test::Allocations(), before);
 }
 
 TEST(PathScript, RefusesWhatIsNoPath) {
