@@ -30,8 +30,8 @@ usage() {
   cat <<'TEXT'
 Usage: deploy/demo.sh [--volume FILE] [--isovalue X | --normalized-isovalue X] [--seconds N]
 
-Installs what is missing (Debian 12, as root or a sudo user), builds into build/,
-starts palpated with the simulated device and attaches `palpate watch`. Ctrl-C, or
+Installs what is missing (Debian 12, as root or a sudo user), builds what it runs into
+build/ (some minutes the first time), starts palpated with the simulated device and attaches `palpate watch`. Ctrl-C, or
 the end of N seconds, stops everything.
 
   --volume FILE            NRRD, MetaImage, NIfTI, VDB file, DICOM folder, or
@@ -44,25 +44,37 @@ TEXT
 
 daemon_arguments=()
 watch_arguments=()
+volume=builtin:bumps
 while [ $# -gt 0 ]; do
   case "$1" in
     -h | --help) usage; exit 0 ;;
     --volume | --isovalue | --normalized-isovalue | --seconds)
       [ $# -ge 2 ] || { echo "demo: $1 needs a value (see --help)" >&2; exit 2; }
+      [ "$1" != --volume ] || volume=$2
       if [ "$1" = --seconds ]; then watch_arguments+=("$1" "$2"); else daemon_arguments+=("$1" "$2"); fi
       shift 2 ;;
     *) echo "demo: unknown argument $1 (see --help)" >&2; exit 2 ;;
   esac
 done
 
-"$root/deploy/install-packages.sh"
+# What the demo runs, and no more: files need the importer, built-in volumes do not.
+sections=(demo)
+targets=(palpated palpate)
+options=(-DPALPATE_EVERYTHING=OFF)
+if [[ "$volume" != builtin:* ]]; then
+  sections+=(import)
+  targets+=(palpate-import)
+  options+=(-DPALPATE_IMPORT=ON)
+fi
+"$root/deploy/install-packages.sh" "${sections[@]}"
 [ -z "$interrupted" ] || exit 0
 # The volume's path is meant from where the user stands: no cd.
-[ -e "$root/build/build.ninja" ] || (cd "$root" && cmake --preset default >/dev/null)
-if ! ninja -C "$root/build" -n palpated palpate palpate-import 2>/dev/null | grep -q 'no work to do'; then
-  echo "building (some minutes the first time)"
-  ninja -C "$root/build" palpated palpate palpate-import
+if ! ninja -C "$root/build" -t query "${targets[@]}" >/dev/null 2>&1; then
+  echo "configuring"
+  (cd "$root" && cmake --preset default "${options[@]}" >/dev/null)
 fi
+"$root/deploy/build.sh" "$root/build" "${targets[@]}"
+[ -z "$interrupted" ] || exit 0
 
 work=$(mktemp -d "${TMPDIR:-/tmp}/palpate-demo.XXXXXX")
 socket=$work/palpated.sock

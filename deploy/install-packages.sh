@@ -1,10 +1,17 @@
 #!/usr/bin/env bash
-# Installs the Debian packages of packages.txt that are missing. Does nothing,
-# and needs no network, when all are there.
+# install-packages.sh [SECTION...]: installs the Debian packages of these sections of
+# packages.txt that are missing, or of all sections. Does nothing, and needs no network,
+# when all are there.
 set -euo pipefail
 here=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
 
-mapfile -t packages < <(sed 's/#.*//' "$here/packages.txt" | awk 'NF {print $1}')
+mapfile -t packages < <(sed 's/#.*//' "$here/packages.txt" | awk -v wanted=" $* " '
+  /^\[/ { section = substr($1, 2, length($1) - 2); next }
+  NF && (wanted == "  " || index(wanted, " " section " ")) { print $1 }')
+if [ ${#packages[@]} -eq 0 ]; then
+  echo "install-packages: packages.txt has no section $*" >&2
+  exit 2
+fi
 missing=()
 for package in "${packages[@]}"; do
   status=$(dpkg-query -W -f '${db:Status-Status}' "$package" 2>/dev/null || true)
