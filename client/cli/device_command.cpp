@@ -4,6 +4,7 @@
 
 #include <chrono>
 
+#include "client/cli/connection.h"
 #include "client/cli/device_description.h"
 #include "client/cli/device_test.h"
 #include "client/cli/output.h"

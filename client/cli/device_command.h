@@ -5,9 +5,9 @@
 
 #include <string>
 
-#include "client/cli/connection.h"
-
 namespace palpate::cli {
+
+class Connection;
 
 // What the daemon's machine has.
 void PrintDevices(const Connection& connection, bool json);

@@ -7,17 +7,18 @@ namespace {
 
 constexpr double kLongestTestS = 3600.0;
 
-CLI::App* AddCommand(CLI::App& device, Invocation& invocation, const std::string& name,
-                     const std::string& about, const std::string& footer,
-                     const std::function<void(const Connection&)>& run) {
-  CLI::App* command = device.add_subcommand(name, about);
+arguments::Command* AddCommand(arguments::Command& device, Invocation& invocation,
+                               const std::string& name, const std::string& about,
+                               const std::string& footer,
+                               const std::function<void(const Connection&)>& run) {
+  arguments::Command* command = device.add_subcommand(name, about);
   SetFooter(*command, footer);
   command->add_flag("--json", invocation.json, "One JSON object instead of text");
   command->callback([&invocation, run] { invocation.command = run; });
   return command;
 }
 
-void AddInquiries(CLI::App& device, Invocation& invocation) {
+void AddInquiries(arguments::Command& device, Invocation& invocation) {
   AddCommand(device, invocation, "list",
              "Shows what the daemon's machine has, and what to do about what is not usable.\n"
              "Nothing is opened. Which one is used: `[device] kind` in palpated.toml.",
@@ -34,7 +35,7 @@ void AddInquiries(CLI::App& device, Invocation& invocation) {
              [&invocation](const Connection& c) { CalibrateDevice(c, invocation.json); });
 }
 
-void AddForces(CLI::App& device, Invocation& invocation, DeviceValues& values) {
+void AddForces(arguments::Command& device, Invocation& invocation, DeviceValues& values) {
   AddCommand(
       device, invocation, "enable",
       "Lets forces ramp in; also after an emergency stop, and after a fault that has passed.\n"
@@ -59,8 +60,8 @@ void AddForces(CLI::App& device, Invocation& invocation, DeviceValues& values) {
 
 }  // namespace
 
-void AddDevice(CLI::App& app, Invocation& invocation, DeviceValues& values) {
-  CLI::App* device =
+void AddDevice(arguments::Command& app, Invocation& invocation, DeviceValues& values) {
+  arguments::Command* device =
       app.add_subcommand("device", "The force-feedback device: list, test, enable and stop forces");
   SetFooter(*device,
             "Emergency stop: palpate device stop\n"
@@ -79,7 +80,7 @@ void AddDevice(CLI::App& app, Invocation& invocation, DeviceValues& values) {
         TestDevice(c, values.seconds, invocation.json);
       })
       ->add_option("--seconds", values.seconds, "How long, s [default: 2]")
-      ->check(Positive(kLongestTestS));
+      ->check(arguments::Positive(kLongestTestS));
 }
 
 }  // namespace palpate::cli

@@ -9,13 +9,13 @@
 
 namespace palpate::cli {
 
-// Where CLI11 puts the values.
+// Where the options put their values.
 struct DeviceValues {
   std::string name;
   double seconds = 2.0;
 };
 
 // `values` must live as long as the invocation.
-void AddDevice(CLI::App& app, Invocation& invocation, DeviceValues& values);
+void AddDevice(arguments::Command& app, Invocation& invocation, DeviceValues& values);
 
 }  // namespace palpate::cli

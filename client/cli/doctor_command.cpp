@@ -6,6 +6,7 @@
 #include <chrono>
 #include <thread>
 
+#include "client/cli/connection.h"
 #include "client/cli/description.h"
 #include "client/cli/doctor_checks.h"
 #include "client/cli/doctor_daemon.h"
@@ -86,8 +87,8 @@ std::string ToLine(const Finding& finding) {
 
 }  // namespace
 
-void AddDoctor(CLI::App& app, DoctorValues& values) {
-  CLI::App* command = app.add_subcommand(
+void AddDoctor(arguments::Command& app, DoctorValues& values) {
+  arguments::Command* command = app.add_subcommand(
       "doctor",
       "Checks this machine: kernel, rights, clock, devices, folders, ports; and "
       "of the daemon, if there\n"

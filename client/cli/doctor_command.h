@@ -1,9 +1,8 @@
 // `palpate doctor`: whether this machine is fit for the haptic loop, and what to do.
 #pragma once
 
-#include <CLI/CLI.hpp>
-
-#include "client/cli/connection.h"
+#include "client/sdk/connection.h"
+#include "common/arguments/arguments.h"
 
 namespace palpate::cli {
 
@@ -13,7 +12,7 @@ struct DoctorValues {
 };
 
 // Needs no daemon, and so is not an Invocation's command.
-void AddDoctor(CLI::App& app, DoctorValues& values);
+void AddDoctor(arguments::Command& app, DoctorValues& values);
 
 // Prints a finding a line, with what to do below it; returns the exit code: 0, or that
 // of kFailedPrecondition where something does not work at all. Looks at the daemon too

@@ -8,6 +8,7 @@
 #include <cstdint>
 #include <cstdio>
 
+#include "client/cli/connection.h"
 #include "client/cli/nrrd_writer.h"
 #include "client/cli/output.h"
 #include "client/interrupt/interrupt.h"

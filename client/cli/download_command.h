@@ -3,9 +3,9 @@
 
 #include <string>
 
-#include "client/cli/connection.h"
-
 namespace palpate::cli {
+
+class Connection;
 
 struct DownloadOptions {
   std::string file;

@@ -2,8 +2,8 @@
 
 namespace palpate::cli {
 
-void AddDownload(CLI::App& app, Invocation& invocation, DownloadOptions& options) {
-  CLI::App* command = app.add_subcommand(
+void AddDownload(arguments::Command& app, Invocation& invocation, DownloadOptions& options) {
+  arguments::Command* command = app.add_subcommand(
       "download",
       "Copies the volume as it is now, with its edits, into a file on this machine: NRRD, float.\n"
       "A lost connection is tried again. Ctrl-C cancels, with exit code 9.");

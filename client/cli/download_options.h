@@ -7,6 +7,6 @@
 namespace palpate::cli {
 
 // `options` is to outlive the parse and the command.
-void AddDownload(CLI::App& app, Invocation& invocation, DownloadOptions& options);
+void AddDownload(arguments::Command& app, Invocation& invocation, DownloadOptions& options);
 
 }  // namespace palpate::cli

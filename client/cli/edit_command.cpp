@@ -5,6 +5,7 @@
 #include <cstdio>
 #include <memory>
 
+#include "client/cli/connection.h"
 #include "client/cli/description.h"
 #include "client/cli/output.h"
 #include "client/cli/progress_call.h"

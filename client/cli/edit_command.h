@@ -8,11 +8,12 @@
 #include <optional>
 #include <string>
 
-#include "client/cli/connection.h"
 #include "palpate/v1/edit.pb.h"
 #include "palpate/v1/volume.pb.h"
 
 namespace palpate::cli {
+
+class Connection;
 
 // Each makes the change and prints what it did.
 void EditVolume(const Connection& connection, const v1::EditVolumeRequest& request, bool json);

@@ -30,7 +30,7 @@ class FrameOptions {
  public:
   using Store = std::function<void(v1::EditVolumeRequest&, const Numbers&)>;
 
-  explicit FrameOptions(CLI::App& command) : command_(command) {}
+  explicit FrameOptions(arguments::Command& command) : command_(command) {}
 
   void AddPosition(const std::string& name, const std::string& about, Store store) {
     Add(name, about, 3, true, std::move(store));
@@ -45,12 +45,12 @@ class FrameOptions {
       in_mm |= option->mm->count() > 0;
       in_voxels |= option->voxels->count() > 0;
       if (option->required && option->mm->count() + option->voxels->count() == 0) {
-        throw CLI::ValidationError("--" + option->name + "-mm or --" + option->name +
-                                   "-voxels is required");
+        throw arguments::UsageError("--" + option->name + "-mm or --" + option->name +
+                                    "-voxels is required");
       }
     }
     if (in_mm && in_voxels) {
-      throw CLI::ValidationError("give all positions and lengths in mm, or all in voxels");
+      throw arguments::UsageError("give all positions and lengths in mm, or all in voxels");
     }
     request.set_frame(in_mm ? v1::EDIT_FRAME_WORLD : v1::EDIT_FRAME_INDEX);
     for (const auto& option : options_) {
@@ -64,8 +64,8 @@ class FrameOptions {
     bool required;
     Store store;
     Numbers values;
-    CLI::Option* mm;
-    CLI::Option* voxels;
+    arguments::Option* mm;
+    arguments::Option* voxels;
   };
 
   void Add(const std::string& name, const std::string& about, int count, bool required,
@@ -76,7 +76,7 @@ class FrameOptions {
       return command_.add_option("--" + name + unit, option->values, text)
           ->delimiter(',')
           ->expected(count)
-          ->check(Finite())
+          ->check(arguments::Finite())
           ->option_text(count == 3 ? "X,Y,Z" : "LENGTH");
     };
     option->mm = add("-mm", about + (count == 3 ? ", in mm (LPS as in DICOM)" : ", in mm"));
@@ -84,13 +84,13 @@ class FrameOptions {
     options_.push_back(std::move(option));
   }
 
-  CLI::App& command_;
+  arguments::Command& command_;
   std::vector<std::unique_ptr<Option>> options_;
 };
 
 // What the command line says of an edit; lives as long as its command.
 struct EditValues {
-  explicit EditValues(CLI::App& command) : frame(command) {}
+  explicit EditValues(arguments::Command& command) : frame(command) {}
 
   v1::EditVolumeRequest request;
   FrameOptions frame;
@@ -108,14 +108,15 @@ const std::map<std::string, v1::EditOperation> kOperations = {
     {"paint", v1::EDIT_OPERATION_PAINT},
 };
 
-void AddCommon(CLI::App& command, std::optional<std::uint64_t>& expected_revision, bool& json) {
+void AddCommon(arguments::Command& command, std::optional<std::uint64_t>& expected_revision,
+               bool& json) {
   command.add_option("--expected-revision", expected_revision,
                      "Change it only on top of this volume revision, else exit with 7");
   command.add_flag("--json", json, "One JSON object instead of text");
 }
 
 // Options that all shapes share. `is_block`: has its own values.
-void AddOperation(CLI::App& command, EditValues& values, bool is_block) {
+void AddOperation(arguments::Command& command, EditValues& values, bool is_block) {
   std::vector<std::string> names = {"add", "subtract", "set", "paint"};
   if (!is_block) names.push_back("smooth");
   command
@@ -123,17 +124,17 @@ void AddOperation(CLI::App& command, EditValues& values, bool is_block) {
                   "add, subtract, set, paint (part of the way to the value)" +
                       std::string(is_block ? "" : ",\nsmooth (towards the voxels around)"))
       ->required()
-      ->check(CLI::IsMember(names))
+      ->check(arguments::IsMember(names))
       ->option_text("OPERATION");
   if (!is_block) {
     command.add_option("--value", values.value, "In data units; all but smooth need it")
-        ->check(Finite());
+        ->check(arguments::Finite());
   }
   command
       .add_option("--strength", values.strength,
                   "For paint" + std::string(is_block ? "" : " and smooth") +
                       ": share of the way, above 0, up to 1 [default: 1]")
-      ->check(Positive(1.0));
+      ->check(arguments::Positive(1.0));
   AddCommon(command, values.expected_revision, values.json);
 }
 
@@ -142,8 +143,8 @@ v1::EditVolumeRequest RequestOf(const EditValues& values) {
   request.set_operation(kOperations.at(values.operation));
   const bool needs_value = !request.has_block() && values.operation != "smooth";
   if (needs_value != values.value.has_value()) {
-    throw CLI::ValidationError(needs_value ? "--value is required for " + values.operation
-                                           : "--value is not for smooth");
+    throw arguments::UsageError(needs_value ? "--value is required for " + values.operation
+                                            : "--value is not for smooth");
   }
   if (values.value) request.set_value(*values.value);
   if (values.strength) request.set_strength(*values.strength);
@@ -151,10 +152,10 @@ v1::EditVolumeRequest RequestOf(const EditValues& values) {
   return request;
 }
 
-void AddShape(CLI::App& edit, Invocation& invocation, const std::string& name,
+void AddShape(arguments::Command& edit, Invocation& invocation, const std::string& name,
               const std::string& about, const std::string& example,
               const std::function<void(FrameOptions&)>& add) {
-  CLI::App* command = edit.add_subcommand(name, about);
+  arguments::Command* command = edit.add_subcommand(name, about);
   SetFooter(*command, example);
   const auto values = std::make_shared<EditValues>(*command);
   add(values->frame);
@@ -170,7 +171,7 @@ void AddShape(CLI::App& edit, Invocation& invocation, const std::string& name,
   });
 }
 
-void AddSphere(CLI::App& edit, Invocation& invocation) {
+void AddSphere(arguments::Command& edit, Invocation& invocation) {
   AddShape(edit, invocation, "sphere", "Changes the voxels of a sphere",
            "Examples: palpate edit sphere --center-mm 12,-3,40 --radius-mm 5 --operation set "
            "--value 0\n"
@@ -186,7 +187,7 @@ void AddSphere(CLI::App& edit, Invocation& invocation) {
            });
 }
 
-void AddBox(CLI::App& edit, Invocation& invocation) {
+void AddBox(arguments::Command& edit, Invocation& invocation) {
   AddShape(edit, invocation, "box", "Changes the voxels of a box, its corners included",
            "Example: palpate edit box --min-voxels 0,0,0 --max-voxels 31,63,63 --operation add "
            "--value 20",
@@ -200,7 +201,7 @@ void AddBox(CLI::App& edit, Invocation& invocation) {
            });
 }
 
-void AddCapsule(CLI::App& edit, Invocation& invocation) {
+void AddCapsule(arguments::Command& edit, Invocation& invocation) {
   AddShape(edit, invocation, "capsule", "Changes the voxels that a sphere sweeps: a stroke",
            "Example: palpate edit capsule --from-mm 0,0,0 --to-mm 10,0,0 --radius-mm 2 \\\n"
            "             --operation subtract --value 300",
@@ -217,16 +218,16 @@ void AddCapsule(CLI::App& edit, Invocation& invocation) {
            });
 }
 
-// Where CLI11 puts the values of `edit block`.
+// Where the options of `edit block` put their values.
 struct BlockValues {
-  explicit BlockValues(CLI::App& command) : edit(command) {}
+  explicit BlockValues(arguments::Command& command) : edit(command) {}
   EditValues edit;
   std::string file;
   std::vector<std::uint32_t> min, size;
 };
 
-void AddBlock(CLI::App& edit, Invocation& invocation) {
-  CLI::App* command = edit.add_subcommand(
+void AddBlock(arguments::Command& edit, Invocation& invocation) {
+  arguments::Command* command = edit.add_subcommand(
       "block", "Changes a block of voxels, each by a value of its own, at most 3 MiB of them");
   SetFooter(*command,
             "Example: palpate edit block values.f32 --min-voxels 10,10,10 --size-voxels 32,32,32 "
@@ -265,8 +266,8 @@ void AddBlock(CLI::App& edit, Invocation& invocation) {
 
 }  // namespace
 
-void AddEdit(CLI::App& app, Invocation& invocation) {
-  CLI::App* command = app.add_subcommand(
+void AddEdit(arguments::Command& app, Invocation& invocation) {
+  arguments::Command* command = app.add_subcommand(
       "edit",
       "Changes voxels, at one tick: within a shape, fading out over a falloff around it, or\n"
       "in a block. What is felt is the new surface from then on; see also undo and revert.");
@@ -279,13 +280,13 @@ void AddEdit(CLI::App& app, Invocation& invocation) {
   AddBlock(*command, invocation);
 }
 
-void AddHistory(CLI::App& app, Invocation& invocation) {
+void AddHistory(arguments::Command& app, Invocation& invocation) {
   const auto add = [&](const char* name, const char* about, HistoryCommand what) {
     struct Values {
       std::optional<std::uint64_t> expected_revision;
       bool json = false;
     };
-    CLI::App* command = app.add_subcommand(name, about);
+    arguments::Command* command = app.add_subcommand(name, about);
     SetFooter(*command, std::string("Example: palpate ") + name);
     const auto values = std::make_shared<Values>();
     AddCommon(*command, values->expected_revision, values->json);
@@ -301,13 +302,13 @@ void AddHistory(CLI::App& app, Invocation& invocation) {
       HistoryCommand::kRevert);
 }
 
-void AddSave(CLI::App& app, Invocation& invocation) {
+void AddSave(arguments::Command& app, Invocation& invocation) {
   struct Values {
     std::string path;
     bool overwrite = false;
     bool json = false;
   };
-  CLI::App* command = app.add_subcommand(
+  arguments::Command* command = app.add_subcommand(
       "save",
       "Writes the volume with its edits on the daemon's machine; the file is whole or as it was\n"
       "before. Ctrl-C cancels, with exit code 9.");

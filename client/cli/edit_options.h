@@ -3,15 +3,13 @@
 // Threads: main only.
 #pragma once
 
-#include <CLI/CLI.hpp>
-
 #include "client/cli/invocation.h"
 
 namespace palpate::cli {
 
-void AddEdit(CLI::App& app, Invocation& invocation);
+void AddEdit(arguments::Command& app, Invocation& invocation);
 // undo, redo, revert.
-void AddHistory(CLI::App& app, Invocation& invocation);
-void AddSave(CLI::App& app, Invocation& invocation);
+void AddHistory(arguments::Command& app, Invocation& invocation);
+void AddSave(arguments::Command& app, Invocation& invocation);
 
 }  // namespace palpate::cli

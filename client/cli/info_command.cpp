@@ -1,5 +1,6 @@
 #include "client/cli/info_command.h"
 
+#include "client/cli/connection.h"
 #include "client/cli/description.h"
 #include "client/cli/device_description.h"
 #include "client/cli/output.h"

@@ -1,9 +1,9 @@
 // `palpate info` and `palpate settings`.
 #pragma once
 
-#include "client/cli/connection.h"
-
 namespace palpate::cli {
+
+class Connection;
 
 // Prints what there is: daemon, device, servo, volume, settings.
 // Errors: as Connection::Call and WriteOutput.

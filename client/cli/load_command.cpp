@@ -5,6 +5,7 @@
 #include <filesystem>
 
 #include "client/cli/cancellable_call.h"
+#include "client/cli/connection.h"
 #include "client/cli/description.h"
 #include "client/cli/output.h"
 #include "client/cli/progress_call.h"

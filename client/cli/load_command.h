@@ -3,10 +3,16 @@
 
 #include <string>
 
-#include "client/cli/connection.h"
+#include "common/error/error.h"
 #include "palpate/v1/volume.pb.h"
 
+namespace grpc {
+class Status;
+}
+
 namespace palpate::cli {
+
+class Connection;
 
 // Replaces the volume; shows progress on stderr and the new volume on stdout.
 // Ctrl-C and SIGTERM cancel.

@@ -14,31 +14,30 @@ const std::map<std::string, v1::VoxelType> kVoxelTypes = {
     {"float32", v1::VOXEL_TYPE_FLOAT32}, {"float64", v1::VOXEL_TYPE_FLOAT64},
 };
 
-CLI::Validator VoxelTypeName() {
-  return CLI::Validator(
-      [](const std::string& text) {
-        return kVoxelTypes.contains(text) ? std::string()
-                                          : "'" + text +
-                                                "' is no type of voxels: give int8, uint8, int16, "
-                                                "uint16, int32, uint32, float32 or float64";
-      },
-      "");
+arguments::Validator VoxelTypeName() {
+  return {[](const std::string& text) {
+    return kVoxelTypes.contains(text) ? std::string()
+                                      : "'" + text +
+                                            "' is no type of voxels: give int8, uint8, int16, "
+                                            "uint16, int32, uint32, float32 or float64";
+  }};
 }
 
-void AddRawOptions(CLI::App& command, LoadValues& values) {
-  CLI::Option* size = command
-                          .add_option("--raw-size", values.raw_size,
-                                      "The file holds nothing but so many voxels, x fastest")
-                          ->delimiter(',')
-                          ->expected(3)
-                          ->check(Positive())
-                          ->option_text("X,Y,Z");
-  CLI::Option* type = command
-                          .add_option("--raw-type", values.raw_type,
-                                      "Their type: int8, uint8, int16, uint16, int32, uint32,\n"
-                                      "float32 or float64")
-                          ->check(VoxelTypeName())
-                          ->option_text("TYPE");
+void AddRawOptions(arguments::Command& command, LoadValues& values) {
+  arguments::Option* size = command
+                                .add_option("--raw-size", values.raw_size,
+                                            "The file holds nothing but so many voxels, x fastest")
+                                ->delimiter(',')
+                                ->expected(3)
+                                ->check(arguments::Positive())
+                                ->option_text("X,Y,Z");
+  arguments::Option* type =
+      command
+          .add_option("--raw-type", values.raw_type,
+                      "Their type: int8, uint8, int16, uint16, int32, uint32,\n"
+                      "float32 or float64")
+          ->check(VoxelTypeName())
+          ->option_text("TYPE");
   size->needs(type);
   type->needs(size);
   command.add_flag("--raw-big-endian", values.raw_big_endian, "Their bytes come high to low")
@@ -46,38 +45,38 @@ void AddRawOptions(CLI::App& command, LoadValues& values) {
   command
       .add_option("--raw-offset-bytes", values.raw_offset_bytes,
                   "Bytes before the first of them [default: 0]")
-      ->check(CLI::NonNegativeNumber)
+      ->check(arguments::NonNegativeNumber())
       ->needs(size)
       ->option_text("N");
 }
 
 }  // namespace
 
-void AddVolumeOptions(CLI::App& command, LoadValues& values) {
-  CLI::Option* isovalue =
+void AddVolumeOptions(arguments::Command& command, LoadValues& values) {
+  arguments::Option* isovalue =
       command.add_option("--isovalue", values.isovalue, "Isovalue to start with, in data units")
-          ->check(Finite());
+          ->check(arguments::Finite());
   command
       .add_option("--normalized-isovalue", values.normalized_isovalue,
                   "Isovalue to start with, 0 to 1 over the new volume's range\n"
                   "[default: the current one]")
-      ->check(Finite())
+      ->check(arguments::Finite())
       ->excludes(isovalue);
   command
       .add_option("--spacing-mm", values.spacing_mm,
                   "Voxel spacing X,Y,Z in mm, instead of the file's")
       ->delimiter(',')
       ->expected(3)
-      ->check(Positive())
+      ->check(arguments::Positive())
       ->option_text("X,Y,Z");
   command
       .add_option("--device-mm-per-volume-mm", values.device_mm_per_volume_mm,
                   "mm of the device per mm of the volume [default: fits the workspace]")
-      ->check(Positive());
+      ->check(arguments::Positive());
   AddRawOptions(command, values);
 }
 
-void AddFrameOption(CLI::App& command, LoadValues& values) {
+void AddFrameOption(arguments::Command& command, LoadValues& values) {
   command
       .add_option("--frame", values.frame,
                   "Which volume of a file with several, from 0 [default: 0]")
@@ -108,8 +107,8 @@ v1::LoadVolumeRequest RequestOf(const LoadValues& values) {
   return request;
 }
 
-void AddLoad(CLI::App& app, Invocation& invocation, LoadValues& values) {
-  CLI::App* command = app.add_subcommand(
+void AddLoad(arguments::Command& app, Invocation& invocation, LoadValues& values) {
+  arguments::Command* command = app.add_subcommand(
       "load",
       "Replaces the volume. The volume felt so far stays until the new one is complete, and\n"
       "stays when loading fails. Ctrl-C cancels, with exit code 9.");

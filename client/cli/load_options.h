@@ -4,7 +4,6 @@
 // Threads: main only.
 #pragma once
 
-#include <CLI/CLI.hpp>
 #include <cstdint>
 #include <optional>
 #include <string>
@@ -15,7 +14,7 @@
 
 namespace palpate::cli {
 
-// Where CLI11 puts the values.
+// Where the options put their values.
 struct LoadValues {
   std::string source;
   std::optional<double> isovalue;
@@ -30,13 +29,13 @@ struct LoadValues {
 };
 
 // All but the source and the frame.
-void AddVolumeOptions(CLI::App& command, LoadValues& values);
-void AddFrameOption(CLI::App& command, LoadValues& values);
+void AddVolumeOptions(arguments::Command& command, LoadValues& values);
+void AddFrameOption(arguments::Command& command, LoadValues& values);
 
 // Without the source.
 v1::LoadVolumeRequest RequestOf(const LoadValues& values);
 
 // `values` must live as long as the invocation.
-void AddLoad(CLI::App& app, Invocation& invocation, LoadValues& values);
+void AddLoad(arguments::Command& app, Invocation& invocation, LoadValues& values);
 
 }  // namespace palpate::cli

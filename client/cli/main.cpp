@@ -1,7 +1,6 @@
 // palpate: the command line client of palpated. Parses and dispatches.
 #include <fmt/core.h>
 
-#include <CLI/CLI.hpp>
 #include <csignal>
 #include <cstdio>
 #include <cstdlib>
@@ -25,13 +24,14 @@
 #include "client/cli/setting.h"
 #include "client/cli/upload_options.h"
 #include "client/cli/watch_command.h"
+#include "common/arguments/arguments.h"
 #include "common/error/error.h"
 
 namespace palpate::cli {
 namespace {
 
-void AddInfo(CLI::App& app, Invocation& invocation) {
-  CLI::App* command =
+void AddInfo(arguments::Command& app, Invocation& invocation) {
+  arguments::Command* command =
       app.add_subcommand("info", "Shows the daemon's version, device, servo, volume and settings");
   SetFooter(*command, "Example: palpate info --json | jq .servo.missed_ticks");
   command->add_flag("--json", invocation.json, "One JSON object instead of text");
@@ -40,8 +40,8 @@ void AddInfo(CLI::App& app, Invocation& invocation) {
   });
 }
 
-void AddSettings(CLI::App& app, Invocation& invocation) {
-  CLI::App* command = app.add_subcommand(
+void AddSettings(arguments::Command& app, Invocation& invocation) {
+  arguments::Command* command = app.add_subcommand(
       "settings", "Shows all that `set` changes, with units, and the revision of the settings");
   SetFooter(*command, "Example: palpate settings --json");
   command->add_flag("--json", invocation.json, "One JSON object instead of text");
@@ -50,8 +50,8 @@ void AddSettings(CLI::App& app, Invocation& invocation) {
   });
 }
 
-void AddWatch(CLI::App& app, Invocation& invocation, WatchOptions& options) {
-  CLI::App* command = app.add_subcommand(
+void AddWatch(arguments::Command& app, Invocation& invocation, WatchOptions& options) {
+  arguments::Command* command = app.add_subcommand(
       "watch",
       "Watches the haptic loop: a live view on a terminal, else a line a second; then a summary.\n"
       "Positions are in the device frame: mm, x right, y up, z towards the user.\n"
@@ -62,18 +62,18 @@ void AddWatch(CLI::App& app, Invocation& invocation, WatchOptions& options) {
   command
       ->add_option("--rate-hz", options.rate_hz,
                    "Samples per second, above 0, up to 1000 [default: 1000, with --json 60]")
-      ->check(Positive(1000.0));
+      ->check(arguments::Positive(1000.0));
   command->add_option("--count", options.count, "End after this many samples [default: none]")
-      ->check(Positive());
+      ->check(arguments::Positive());
   command->add_option("--seconds", options.seconds, "End after this time, s [default: none]")
-      ->check(Positive());
+      ->check(arguments::Positive());
   command->add_flag("--json", options.json, "One JSON object per sample and line, no summary");
   command->callback([&invocation, &options] {
     invocation.command = [&options](const Connection& c) { Watch(c, options); };
   });
 }
 
-// Where CLI11 puts the values of `set`.
+// Where the options of `set` put their values.
 struct SetValues {
   SetOptions options;
   std::string key;
@@ -94,20 +94,20 @@ std::string ListOfSettings() {
 
 void TakeSetting(SetValues& values) {
   const Setting* setting = FindSetting(values.key);
-  if (!setting) throw CLI::ValidationError("there is no setting '" + values.key + "'");
+  if (!setting) throw arguments::UsageError("there is no setting '" + values.key + "'");
   if (values.normalized) {
-    if (setting != &kIsovalue) throw CLI::ValidationError("--normalized is for the isovalue");
+    if (setting != &kIsovalue) throw arguments::UsageError("--normalized is for the isovalue");
     setting = &kNormalizedIsovalue;
   }
   if (!StoreSetting(*setting, values.value, values.options.settings)) {
-    throw CLI::ValidationError(
+    throw arguments::UsageError(
         fmt::format("{} cannot be '{}': give {}", setting->name, values.value, setting->values));
   }
   values.options.field = setting->key;
 }
 
-void AddSet(CLI::App& app, Invocation& invocation, SetValues& values) {
-  CLI::App* command = app.add_subcommand("set", "Changes what is felt, at one tick");
+void AddSet(arguments::Command& app, Invocation& invocation, SetValues& values) {
+  arguments::Command* command = app.add_subcommand("set", "Changes what is felt, at one tick");
   SetFooter(*command, ListOfSettings() +
                           "Examples: palpate set isovalue -200\n"
                           "          palpate set isovalue --normalized 0.4\n"
@@ -127,7 +127,7 @@ void AddSet(CLI::App& app, Invocation& invocation, SetValues& values) {
   });
 }
 
-// CLI11 takes -200 for a number, but -.5 for an option.
+// The parser takes -200 for a number, but -.5 for an option.
 std::vector<std::string> Arguments(int argc, char** argv) {
   std::vector<std::string> arguments(argv + 1, argv + argc);
   for (std::string& argument : arguments) {
@@ -136,10 +136,10 @@ std::vector<std::string> Arguments(int argc, char** argv) {
       argument.insert(1, "0");
     }
   }
-  return {arguments.rbegin(), arguments.rend()};  // CLI11 takes them last first
+  return arguments;
 }
 
-void AddCredentials(CLI::App& app, client::Credentials& credentials) {
+void AddCredentials(arguments::Command& app, client::Credentials& credentials) {
   app.add_option("--tls-ca", credentials.ca_file,
                  "Certificate authority of a palpated with TLS, PEM; with --server")
       ->option_text("FILE");
@@ -168,8 +168,8 @@ int Main(int argc, char** argv) {
   LoadValues upload;
   SeriesValues series;
   DoctorValues doctor;
-  CLI::App app("Steers and watches palpated, the daemon that makes a volume's isosurface felt.",
-               "palpate");
+  arguments::Command app(
+      "Steers and watches palpated, the daemon that makes a volume's isosurface felt.", "palpate");
   app.footer(
       "Exit codes: 0 done, 2 wrong usage, 3 wrong value, 4 not found, 5 no permission,\n"
       "6 too large, 7 conflict, 8 palpated unavailable, 9 cancelled, 10 something is missing,\n"
@@ -179,7 +179,7 @@ int Main(int argc, char** argv) {
   app.set_version_flag("--version", std::string("palpate ") + PALPATE_VERSION);
   app.require_subcommand(1);
   app.fallthrough();
-  CLI::Option* socket =
+  arguments::Option* socket =
       app.add_option("--socket", invocation.address.socket_path,
                      "Unix socket of palpated [default: $PALPATE_SOCKET, else in /run/palpate,\n"
                      "$XDG_RUNTIME_DIR/palpate or /tmp/palpate-UID]")
@@ -206,10 +206,8 @@ int Main(int argc, char** argv) {
   AddDevice(app, invocation, device);
   AddDoctor(app, doctor);
   try {
-    app.parse(Arguments(argc, argv));
-  } catch (const CLI::Success& help) {
-    return app.exit(help);
-  } catch (const CLI::ParseError& error) {
+    if (!app.parse(Arguments(argc, argv))) return 0;
+  } catch (const arguments::UsageError& error) {
     return Fail(std::string(error.what()) + "; see --help", kUsageExitCode);
   }
   if (doctor.requested) return RunDoctor(invocation.address, invocation.credentials, doctor.json);

@@ -6,6 +6,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "client/cli/connection.h"
+#include "client/cli/description.h"
 #include "client/cli/output.h"
 #include "palpate/v1/registration.grpc.pb.h"
 

@@ -4,15 +4,16 @@
 // registration.proto. Errors of calls: as Connection::ErrorOf and WriteOutput.
 #pragma once
 
+#include <nlohmann/json_fwd.hpp>
 #include <string>
 #include <string_view>
 #include <vector>
 
-#include "client/cli/connection.h"
-#include "client/cli/description.h"
 #include "palpate/v1/registration.pb.h"
 
 namespace palpate::cli {
+
+class Connection;
 
 void ShowPlace(const Connection& connection, bool json);
 
@@ -24,7 +25,7 @@ void ChangePlace(const Connection& connection, const v1::UpdateRegistrationReque
 
 // Lines that end with \n.
 std::string Describe(const v1::Registration& registration);
-Json ToJson(const v1::Registration& registration);
+nlohmann::ordered_json ToJson(const v1::Registration& registration);
 // Of "x,90", "y,-7.5": an axis of the device and degrees. False where it is neither.
 bool ParseTurn(std::string_view text, v1::Quaternion& rotation);
 // `values` holds three.

@@ -6,11 +6,10 @@
 #include <vector>
 
 #include "client/cli/invocation.h"
-#include "client/cli/place_command.h"
 
 namespace palpate::cli {
 
-// Where CLI11 puts the values of `place`; as in UpdateRegistrationRequest.
+// Where the options of `place` put their values; as in UpdateRegistrationRequest.
 struct PlaceValues {
   bool reset = false;
   std::vector<double> center_mm;
@@ -26,6 +25,6 @@ struct PlaceValues {
 };
 
 // `values` must outlive the command.
-void AddPlace(CLI::App& app, Invocation& invocation, PlaceValues& values);
+void AddPlace(arguments::Command& app, Invocation& invocation, PlaceValues& values);
 
 }  // namespace palpate::cli

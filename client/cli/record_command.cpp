@@ -9,6 +9,7 @@
 #include <stop_token>
 #include <thread>
 
+#include "client/cli/connection.h"
 #include "client/cli/description.h"
 #include "client/cli/output.h"
 #include "client/interrupt/interrupt.h"

@@ -8,10 +8,11 @@
 #include <optional>
 #include <string>
 
-#include "client/cli/connection.h"
 #include "palpate/v1/recording.pb.h"
 
 namespace palpate::cli {
+
+class Connection;
 
 struct RecordOptions {
   std::string path;  // relative to the working directory, or absolute

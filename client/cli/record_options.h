@@ -10,15 +10,15 @@
 
 namespace palpate::cli {
 
-// Where CLI11 puts their values.
+// Where the options put their values.
 struct RecordValues {
   RecordOptions record;
   std::string marker;
   ReplayOptions replay;
 };
 
-void AddRecord(CLI::App& app, Invocation& invocation, RecordValues& values);
-void AddMark(CLI::App& app, Invocation& invocation, RecordValues& values);
-void AddReplay(CLI::App& app, Invocation& invocation, RecordValues& values);
+void AddRecord(arguments::Command& app, Invocation& invocation, RecordValues& values);
+void AddMark(arguments::Command& app, Invocation& invocation, RecordValues& values);
+void AddReplay(arguments::Command& app, Invocation& invocation, RecordValues& values);
 
 }  // namespace palpate::cli

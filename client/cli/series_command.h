@@ -3,10 +3,11 @@
 
 #include <string>
 
-#include "client/cli/connection.h"
 #include "palpate/v1/series.pb.h"
 
 namespace palpate::cli {
+
+class Connection;
 
 // Loads a series; shows progress on stderr, the volume and the series on stdout.
 // Ctrl-C and SIGTERM cancel.

@@ -8,8 +8,8 @@
 namespace palpate::cli {
 namespace {
 
-void AddSeriesLoad(CLI::App& series, Invocation& invocation, SeriesValues& values) {
-  CLI::App* command = series.add_subcommand(
+void AddSeriesLoad(arguments::Command& series, Invocation& invocation, SeriesValues& values) {
+  arguments::Command* command = series.add_subcommand(
       "load",
       "Loads all frames, replaces the volume by the first and pauses there. The volume felt so\n"
       "far stays until then, and when loading fails. Ctrl-C cancels, with exit code 9.");
@@ -34,10 +34,11 @@ void AddSeriesLoad(CLI::App& series, Invocation& invocation, SeriesValues& value
 }
 
 // A command that changes how the series plays.
-CLI::App* AddControl(CLI::App& series, Invocation& invocation, const std::string& name,
-                     const std::string& about, const std::string& example,
-                     const std::function<void(v1::ControlSeriesRequest&)>& fill_in) {
-  CLI::App* command = series.add_subcommand(name, about);
+arguments::Command* AddControl(arguments::Command& series, Invocation& invocation,
+                               const std::string& name, const std::string& about,
+                               const std::string& example,
+                               const std::function<void(v1::ControlSeriesRequest&)>& fill_in) {
+  arguments::Command* command = series.add_subcommand(name, about);
   SetFooter(*command, "Example: palpate series " + example);
   command->add_flag("--json", invocation.json, "One JSON object instead of text");
   command->callback([&invocation, fill_in] {
@@ -50,7 +51,7 @@ CLI::App* AddControl(CLI::App& series, Invocation& invocation, const std::string
   return command;
 }
 
-void AddSwitch(CLI::App& series, Invocation& invocation, SeriesValues& values,
+void AddSwitch(arguments::Command& series, Invocation& invocation, SeriesValues& values,
                const std::string& name, const std::string& about,
                void (v1::ControlSeriesRequest::*set)(bool)) {
   AddControl(series, invocation, name, about, name + " on",
@@ -59,14 +60,14 @@ void AddSwitch(CLI::App& series, Invocation& invocation, SeriesValues& values,
              })
       ->add_option("on_or_off", values.on_or_off, "on or off")
       ->required()
-      ->check(CLI::IsMember({"on", "off"}))
+      ->check(arguments::IsMember({"on", "off"}))
       ->option_text("on|off");
 }
 
 }  // namespace
 
-void AddSeries(CLI::App& app, Invocation& invocation, SeriesValues& values) {
-  CLI::App* series =
+void AddSeries(arguments::Command& app, Invocation& invocation, SeriesValues& values) {
+  arguments::Command* series =
       app.add_subcommand("series", "A time series under the stylus: load, play, pause, seek");
   SetFooter(*series, "Example: palpate series load 't*.nrrd' && palpate series play");
   series->require_subcommand(1);
@@ -81,20 +82,20 @@ void AddSeries(CLI::App& app, Invocation& invocation, SeriesValues& values) {
       ->add_option("position", values.number,
                    "In frames, 0 the first; between two where the series is interpolated")
       ->required()
-      ->check(Finite())
+      ->check(arguments::Finite())
       ->option_text("N");
   AddControl(*series, invocation, "rate", "Sets how fast it plays", "rate -5",
              [&values](v1::ControlSeriesRequest& request) { request.set_rate_hz(values.number); })
       ->add_option("rate_hz", values.number,
                    "Frames per second, negative backwards: -1000 to 1000, not 0")
       ->required()
-      ->check(Finite())
+      ->check(arguments::Finite())
       ->option_text("HZ");
   AddSwitch(*series, invocation, values, "loop", "At the end: begin again, or stop there",
             &v1::ControlSeriesRequest::set_loop);
   AddSwitch(*series, invocation, values, "interpolate", "Blends neighbouring frames in time",
             &v1::ControlSeriesRequest::set_interpolate);
-  CLI::App* info = series->add_subcommand("info", "Shows what is played, and how");
+  arguments::Command* info = series->add_subcommand("info", "Shows what is played, and how");
   SetFooter(*info, "Example: palpate series info --json");
   info->add_flag("--json", invocation.json, "One JSON object instead of text");
   info->callback([&invocation] {

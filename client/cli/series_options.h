@@ -3,7 +3,6 @@
 // Threads: main only.
 #pragma once
 
-#include <CLI/CLI.hpp>
 #include <string>
 #include <vector>
 
@@ -12,7 +11,7 @@
 
 namespace palpate::cli {
 
-// Where CLI11 puts the values.
+// Where the options put their values.
 struct SeriesValues {
   std::vector<std::string> files;
   LoadValues load;
@@ -21,6 +20,6 @@ struct SeriesValues {
 };
 
 // `values` must live as long as the invocation.
-void AddSeries(CLI::App& app, Invocation& invocation, SeriesValues& values);
+void AddSeries(arguments::Command& app, Invocation& invocation, SeriesValues& values);
 
 }  // namespace palpate::cli

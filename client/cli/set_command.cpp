@@ -2,6 +2,7 @@
 
 #include <fmt/core.h>
 
+#include "client/cli/connection.h"
 #include "client/cli/description.h"
 #include "client/cli/output.h"
 #include "client/cli/setting.h"

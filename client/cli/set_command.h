@@ -5,10 +5,11 @@
 #include <optional>
 #include <string>
 
-#include "client/cli/connection.h"
 #include "palpate/v1/render.pb.h"
 
 namespace palpate::cli {
+
+class Connection;
 
 // One setting to change.
 struct SetOptions {

@@ -9,6 +9,7 @@
 #include <string>
 
 #include "client/cli/cancellable_call.h"
+#include "client/cli/connection.h"
 #include "client/cli/description.h"
 #include "client/cli/load_command.h"
 #include "client/cli/output.h"

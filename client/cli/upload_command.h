@@ -3,10 +3,11 @@
 
 #include <filesystem>
 
-#include "client/cli/connection.h"
 #include "palpate/v1/volume.pb.h"
 
 namespace palpate::cli {
+
+class Connection;
 
 // Sends `file` and replaces the volume by it; shows progress on stderr and the new
 // volume on stdout. Ctrl-C and SIGTERM cancel.

@@ -4,8 +4,8 @@
 
 namespace palpate::cli {
 
-void AddUpload(CLI::App& app, Invocation& invocation, LoadValues& values) {
-  CLI::App* command = app.add_subcommand(
+void AddUpload(arguments::Command& app, Invocation& invocation, LoadValues& values) {
+  arguments::Command* command = app.add_subcommand(
       "upload",
       "Sends a volume of this machine to the daemon, which then replaces its volume by it, or\n"
       "keeps the one before where anything fails. Any format of one file that `load` reads.\n"

@@ -3,14 +3,12 @@
 // Threads: main only.
 #pragma once
 
-#include <CLI/CLI.hpp>
-
 #include "client/cli/invocation.h"
 #include "client/cli/load_options.h"
 
 namespace palpate::cli {
 
 // `values` must live as long as the invocation.
-void AddUpload(CLI::App& app, Invocation& invocation, LoadValues& values);
+void AddUpload(arguments::Command& app, Invocation& invocation, LoadValues& values);
 
 }  // namespace palpate::cli

@@ -8,6 +8,7 @@
 #include <memory>
 #include <string>
 
+#include "client/cli/connection.h"
 #include "client/cli/output.h"
 #include "client/cli/pose_stream.h"
 #include "client/cli/sample_json.h"

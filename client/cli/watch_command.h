@@ -4,9 +4,9 @@
 #include <cstdint>
 #include <optional>
 
-#include "client/cli/connection.h"
-
 namespace palpate::cli {
+
+class Connection;
 
 struct WatchOptions {
   // Samples per second, in (0, 1000]. Absent: 1000, or 60 with `json`.

@@ -1,13 +1,14 @@
 // palpated: the haptics daemon.
 #include <fcntl.h>
 #include <unistd.h>
-#include <CLI/CLI.hpp>
 
 #include <cstdio>
 #include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
+#include "common/arguments/arguments.h"
 #include "common/error/error.h"
 #include "server/app/config.h"
 #include "server/app/config_check.h"
@@ -28,10 +29,10 @@ struct Options {
   bool log_to_journal = false;
 };
 
-void AddOptions(CLI::App& app, Options& options) {
+void AddOptions(arguments::Command& app, Options& options) {
   app.add_option("--config", options.config_file,
                  "TOML file with the settings below; the command line wins")
-      ->check(CLI::ExistingFile);
+      ->check(arguments::ExistingFile());
   app.add_flag("--check-config", options.check_config,
                "say what is wrong with the configuration, a line each, and end: with exit code 0 "
                "where nothing is. Opens no device and loads no volume. Files are judged as this "
@@ -157,7 +158,7 @@ int Fail(bool to_journal, const std::vector<std::string>& lines, ErrorKind kind)
 }
 
 int Main(int argc, char** argv) {
-  CLI::App app(
+  arguments::Command app(
       "palpated: feel an isosurface of a volume with a force-feedback stylus.\n"
       "Runs the 1 kHz haptic loop and serves viewers over gRPC until SIGINT or SIGTERM.");
   app.footer("Example: palpated --volume head.nrrd --isovalue 300");
@@ -166,9 +167,10 @@ int Main(int argc, char** argv) {
   std::function<void()> token_command;
   AddTokenCommands(app, token_command);
   try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? 0 : kUsageExitCode;
+    if (!app.parse(argc, argv)) return 0;
+  } catch (const arguments::UsageError& error) {
+    app.explain(error);
+    return kUsageExitCode;
   }
   if (options.check_config) {
     return CheckConfigFile(options.config_file, MergeOf(options));

@@ -106,19 +106,19 @@ void Revoke(const TokenValues& values) {
 
 }  // namespace
 
-void AddTokenCommands(CLI::App& app, std::function<void()>& run) {
+void AddTokenCommands(arguments::Command& app, std::function<void()>& run) {
   const auto values = std::make_shared<TokenValues>();
-  CLI::App* token = app.add_subcommand("token", "Tokens of clients over TLS");
+  arguments::Command* token = app.add_subcommand("token", "Tokens of clients over TLS");
   token->require_subcommand(1);
   const auto add = [&](const std::string& name, const std::string& about,
                        void (*command)(const TokenValues&)) {
-    CLI::App* sub = token->add_subcommand(name, about);
+    arguments::Command* sub = token->add_subcommand(name, about);
     sub->add_option("--file", values->file, "tls.tokens of the configuration")
         ->capture_default_str();
     sub->callback([&run, values, command] { run = [values, command] { command(*values); }; });
     return sub;
   };
-  CLI::App* make = add("add", "Makes a token, stores its hash and prints it once", Add);
+  arguments::Command* make = add("add", "Makes a token, stores its hash and prints it once", Add);
   make->add_option("name", values->name, "Whose it is: letters, digits and ._-")->required();
   make->add_option("--role", values->role, "viewer, editor, operator or admin")->required();
   add("list", "Shows names and roles", List);

@@ -3,13 +3,13 @@
 // Threads: main, before any other. Errors: Error.
 #pragma once
 
-#include <CLI/CLI.hpp>
-
 #include <functional>
+
+#include "common/arguments/arguments.h"
 
 namespace palpate {
 
 // `run` gets what to do where one of them was named.
-void AddTokenCommands(CLI::App& app, std::function<void()>& run);
+void AddTokenCommands(arguments::Command& app, std::function<void()>& run);
 
 }  // namespace palpate

@@ -11,8 +11,8 @@
 
 #include <itkMacro.h>
 #include <itkObject.h>
-#include <CLI/CLI.hpp>
 
+#include "common/arguments/arguments.h"
 #include "common/error/error.h"
 #include "server/import/dense_volume.h"
 #include "server/import/readers.h"
@@ -22,6 +22,7 @@
 
 namespace {
 
+namespace arguments = palpate::arguments;
 using palpate::ErrorKind;
 using palpate::ExitCode;
 
@@ -39,35 +40,35 @@ struct Options {
   bool progress = false;
 };
 
-void DefineLimits(CLI::App* app, Options* options) {
+void DefineLimits(arguments::Command* app, Options* options) {
   app->add_option("--max-voxels", options->max_voxels, "Refuse larger volumes")
-      ->check(CLI::PositiveNumber)
+      ->check(arguments::PositiveNumber())
       ->type_name("N")
       ->capture_default_str();
   app->add_option("--max-memory-mib", options->max_memory_mib,
                   "Refuse what needs more memory, in MiB (9 to 12 bytes per voxel)")
-      ->check(CLI::Range(std::int64_t{1}, std::int64_t{1} << 30))
+      ->check(arguments::Range(std::int64_t{1}, std::int64_t{1} << 30))
       ->type_name("N")
       ->capture_default_str();
   app->add_option("--only-below", options->folders,
                   "Slices and data files of INPUT lie below its own folder or this one, links\n"
                   "followed; may be given again (default: they may lie anywhere)")
       ->expected(1)
-      ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll)
+      ->take_all()
       ->type_name("FOLDER");
   app->add_option("--timeout-s", options->timeout_s, "Give up after this many seconds")
-      ->check(CLI::Range(1u, 1000000u))
+      ->check(arguments::Range(1u, 1000000u))
       ->type_name("N")
       ->capture_default_str();
 }
 
-void DefineRawOptions(CLI::App* app, Options* options) {
-  CLI::Option* const size =
+void DefineRawOptions(arguments::Command* app, Options* options) {
+  arguments::Option* const size =
       app->add_option("--raw-size", options->raw_size, "INPUT is raw voxels: so many, x fastest")
           ->delimiter(',')
           ->expected(3)
           ->type_name("X,Y,Z");
-  CLI::Option* const type =
+  arguments::Option* const type =
       app->add_option("--raw-type", options->raw.type,
                       "int8, uint8, int16, uint16, int32, uint32, float32 or float64")
           ->type_name("TYPE");
@@ -80,7 +81,7 @@ void DefineRawOptions(CLI::App* app, Options* options) {
       ->type_name("BYTES");
 }
 
-void DefineOptions(CLI::App* app, Options* options) {
+void DefineOptions(arguments::Command* app, Options* options) {
   app->description(
       "Reads a volume and writes it as OpenVDB for palpated.\n\n"
       "INPUT is one of: NRRD (.nrrd, .nhdr; raw or gzip), MetaImage (.mha, .mhd), NIfTI-1 and -2\n"
@@ -260,13 +261,14 @@ int Run(const Options& options) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  CLI::App app;
+  arguments::Command app;
   Options options;
   DefineOptions(&app, &options);
   try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? 0 : palpate::kUsageExitCode;
+    if (!app.parse(argc, argv)) return 0;
+  } catch (const arguments::UsageError& error) {
+    app.explain(error);
+    return palpate::kUsageExitCode;
   }
   return Run(options);
 }

@@ -1,5 +1,4 @@
 // palpate-lab: offline tools around the haptic isosurface.
-#include <CLI/CLI.hpp>
 
 #include <cstdio>
 #include <filesystem>
@@ -7,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "common/arguments/arguments.h"
 #include "common/error/error.h"
 #include "server/lab/bench.h"
 #include "server/lab/cells_command.h"
@@ -41,14 +41,14 @@ std::filesystem::path DefaultTable() {
 const std::vector<std::string> kMethods(kMethodNames.begin(), kMethodNames.end());
 const std::vector<std::string> kTrajectories(kTrajectoryNames.begin(), kTrajectoryNames.end());
 
-CLI::App* AddCells(CLI::App& app, Options& options) {
-  CLI::App* cells = app.add_subcommand(
+arguments::Command* AddCells(arguments::Command& app, Options& options) {
+  arguments::Command* cells = app.add_subcommand(
       "cells",
       "Decomposes single cells: reads lines of 8 densities d0..d7 from standard input and writes\n"
       "one JSON object per line. Columns are separated by commas or blanks, further ones are\n"
       "ignored, lines that start with # skipped. Ties are resolved over the cell's own range");
   cells->add_option("--method", options.method, "decomposition")
-      ->check(CLI::IsMember(kMethods))
+      ->check(arguments::IsMember(kMethods))
       ->capture_default_str();
   cells->add_option("--volume", options.volume,
                     "a volume file or builtin name: the lines are then indices i,j,k of its "
@@ -58,20 +58,20 @@ CLI::App* AddCells(CLI::App& app, Options& options) {
   return cells;
 }
 
-CLI::App* AddMesh(CLI::App& app, Options& options) {
-  CLI::App* mesh = app.add_subcommand(
+arguments::Command* AddMesh(arguments::Command& app, Options& options) {
+  arguments::Command* mesh = app.add_subcommand(
       "mesh",
       "Extracts the whole haptic isosurface H of a volume as a triangle mesh, closed at the\n"
       "volume's border, and prints its counts");
   mesh->add_option("--volume", options.mesh.volume, "volume file, DICOM folder or builtin name")
       ->required();
-  CLI::Option* isovalue =
+  arguments::Option* isovalue =
       mesh->add_option("--isovalue", options.mesh.isovalue, "isovalue in data units");
   mesh->add_option("--normalized-isovalue", options.mesh.normalized_isovalue,
                    "isovalue over the volume's range, 0 to 1")
       ->excludes(isovalue);
   mesh->add_option("--method", options.mesh.method, "decomposition")
-      ->check(CLI::IsMember(kMethods))
+      ->check(arguments::IsMember(kMethods))
       ->capture_default_str();
   mesh->add_option("--out", options.mesh.output,
                    "file to write, .ply or .obj, in world mm (LPS); without it only counts");
@@ -79,21 +79,21 @@ CLI::App* AddMesh(CLI::App& app, Options& options) {
   return mesh;
 }
 
-CLI::App* AddExperiment(CLI::App& app, Options& options) {
-  CLI::App* experiment = app.add_subcommand(
+arguments::Command* AddExperiment(arguments::Command& app, Options& options) {
+  arguments::Command* experiment = app.add_subcommand(
       "experiment", "Repeats an experiment of the paper and prints its figures beside ours");
   experiment->add_option("name", options.experiment.name, "which one")
       ->required()
-      ->check(CLI::IsMember(ExperimentNames()));
+      ->check(arguments::IsMember(ExperimentNames()));
   experiment->add_option("--table", options.experiment.table,
                          "the paper's Table 4 as CSV [the one that comes with the program]");
   experiment->add_option("--cells", options.experiment.cells, "random cells of `topology`")
-      ->check(CLI::Range(1, 100'000'000))
+      ->check(arguments::Range(1, 100'000'000))
       ->capture_default_str();
   experiment
       ->add_option("--columns", options.experiment.columns,
                    "columns per axis that R_D is integrated over")
-      ->check(CLI::Range(1, 10'000))
+      ->check(arguments::Range(1, 10'000))
       ->capture_default_str();
   experiment->add_option("--out", options.experiment.output_folder, "folder for the figures (SVG)")
       ->capture_default_str();
@@ -105,7 +105,7 @@ CLI::App* AddExperiment(CLI::App& app, Options& options) {
   return experiment;
 }
 
-void AddSurface(CLI::App& command, SurfaceOptions& options) {
+void AddSurface(arguments::Command& command, SurfaceOptions& options) {
   command.add_option("--volume", options.volume, "volume file, DICOM folder or builtin name")
       ->required();
   command.add_option("--isovalue", options.isovalue, "isovalue in data units")->required();
@@ -119,13 +119,13 @@ void AddSurface(CLI::App& command, SurfaceOptions& options) {
 
 // What leads along a trajectory and what follows a recording have nothing in common
 // but the volume.
-void AddRecordingReplay(CLI::App& replay, RecordingReplayOptions& options) {
-  CLI::Option* recording =
+void AddRecordingReplay(arguments::Command& replay, RecordingReplayOptions& options) {
+  arguments::Option* recording =
       replay.add_option("--recording", options.recording,
                         "instead of a trajectory: computes the ticks of a recording of palpated "
                         "again, as recorded, and compares them bit for bit. --volume is then "
                         "where the recorded volume is to be found now [where it was]");
-  std::vector<CLI::Option*> needed;
+  std::vector<arguments::Option*> needed;
   for (const char* name : {"--isovalue", "--trajectory", "--out"}) {
     needed.push_back(replay.get_option(name)->required(false));
   }
@@ -136,14 +136,16 @@ void AddRecordingReplay(CLI::App& replay, RecordingReplayOptions& options) {
   }
   replay.callback([recording, needed] {
     if (recording->count() > 0) return;
-    for (const CLI::Option* option : needed) {
-      if (option->count() == 0) throw CLI::RequiredError(option->get_name());
+    for (const arguments::Option* option : needed) {
+      if (option->count() == 0) {
+        throw arguments::UsageError(option->get_name() + " is required");
+      }
     }
   });
 }
 
-CLI::App* AddExport(CLI::App& app, ExportOptions& options) {
-  CLI::App* command = app.add_subcommand(
+arguments::Command* AddExport(arguments::Command& app, ExportOptions& options) {
+  arguments::Command* command = app.add_subcommand(
       "export", "Writes a recording of palpated as a table: CSV, a row per tick; mm, N");
   command->add_option("recording", options.recording, "file to read")->required();
   command->add_option("--out", options.output, "file to write [standard output]");
@@ -151,8 +153,8 @@ CLI::App* AddExport(CLI::App& app, ExportOptions& options) {
   return command;
 }
 
-CLI::App* AddReplay(CLI::App& app, ReplayOptions& options) {
-  CLI::App* replay = app.add_subcommand(
+arguments::Command* AddReplay(arguments::Command& app, ReplayOptions& options) {
+  arguments::Command* replay = app.add_subcommand(
       "replay",
       "Leads the renderer along a trajectory of the HIP, one position a millisecond in the\n"
       "volume's world frame (mm), writes what is felt at every tick, and ends with a line of\n"
@@ -166,13 +168,13 @@ CLI::App* AddReplay(CLI::App& app, ReplayOptions& options) {
       ->required();
   replay->add_option("--out", options.output, "CSV to write, a row per tick; mm, N")->required();
   replay->add_option("--method", options.method, "decomposition")
-      ->check(CLI::IsMember(kMethods))
+      ->check(arguments::IsMember(kMethods))
       ->capture_default_str();
   replay->add_option("--stiffness", options.stiffness_n_per_mm, "N/mm [0.5]");
   replay
       ->add_option("--passes", options.passes,
                    "identical passes, of which the least time of each tick counts")
-      ->check(CLI::Range(1, 1000))
+      ->check(arguments::Range(1, 1000))
       ->capture_default_str();
   replay->add_option("--set", options.settings, "settings of the renderer, as key=value");
   replay->footer(
@@ -182,21 +184,21 @@ CLI::App* AddReplay(CLI::App& app, ReplayOptions& options) {
   return replay;
 }
 
-CLI::App* AddTrajectory(CLI::App& app, TrajectoryOptions& options) {
-  CLI::App* trajectory = app.add_subcommand(
+arguments::Command* AddTrajectory(arguments::Command& app, TrajectoryOptions& options) {
+  arguments::Command* trajectory = app.add_subcommand(
       "trajectory", "Writes a trajectory over the surface of a volume, for replay");
   AddSurface(*trajectory, options.surface);
   trajectory
       ->add_option("--kind", options.kind,
                    "slide: 1 mm below the surface; freehand: now "
                    "below, now above; random: an attack")
-      ->check(CLI::IsMember(kTrajectories))
+      ->check(arguments::IsMember(kTrajectories))
       ->capture_default_str();
   trajectory->add_option("--speed-cm-per-s", options.speed_cm_per_s, "of slides")
-      ->check(CLI::Range(0.0, 1000.0))
+      ->check(arguments::Range(0.0, 1000.0))
       ->capture_default_str();
   trajectory->add_option("--ticks", options.ticks, "positions, one a millisecond")
-      ->check(CLI::Range(1, 100'000'000))
+      ->check(arguments::Range(1, 100'000'000))
       ->capture_default_str();
   trajectory->add_option("--seed", options.seed, "another one gives another trajectory")
       ->capture_default_str();
@@ -204,12 +206,12 @@ CLI::App* AddTrajectory(CLI::App& app, TrajectoryOptions& options) {
   return trajectory;
 }
 
-CLI::App* AddBench(CLI::App& app, BenchOptions& options) {
-  CLI::App* bench =
+arguments::Command* AddBench(arguments::Command& app, BenchOptions& options) {
+  arguments::Command* bench =
       app.add_subcommand("bench", "Replays the fixed slides: counts and times, as a table");
   bench->add_flag("--json", options.json, "one line of JSON instead");
   bench->add_option("--passes", options.passes, "as of replay")
-      ->check(CLI::Range(1, 1000))
+      ->check(arguments::Range(1, 1000))
       ->capture_default_str();
   return bench;
 }
@@ -228,22 +230,24 @@ void RunReplays(Options& options) {
 }
 
 int Run(int argc, char** argv) {
-  CLI::App app("palpate-lab: cells, meshes, replays and experiments around the haptic isosurface");
+  arguments::Command app(
+      "palpate-lab: cells, meshes, replays and experiments around the haptic isosurface");
   app.require_subcommand(1);
   app.set_version_flag("--version", "palpate-lab " PALPATE_VERSION);
   Options options;
-  const CLI::App* cells = AddCells(app, options);
-  const CLI::App* mesh = AddMesh(app, options);
-  const CLI::App* experiment = AddExperiment(app, options);
-  const CLI::App* replay = AddReplay(app, options.replay);
-  AddRecordingReplay(*app.get_subcommand("replay"), options.recording);
-  const CLI::App* table = AddExport(app, options.table);
-  const CLI::App* trajectory = AddTrajectory(app, options.trajectory);
-  const CLI::App* bench = AddBench(app, options.bench);
+  const arguments::Command* cells = AddCells(app, options);
+  const arguments::Command* mesh = AddMesh(app, options);
+  const arguments::Command* experiment = AddExperiment(app, options);
+  arguments::Command* replay = AddReplay(app, options.replay);
+  AddRecordingReplay(*replay, options.recording);
+  const arguments::Command* table = AddExport(app, options.table);
+  const arguments::Command* trajectory = AddTrajectory(app, options.trajectory);
+  const arguments::Command* bench = AddBench(app, options.bench);
   try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? 0 : kUsageExitCode;
+    if (!app.parse(argc, argv)) return 0;
+  } catch (const arguments::UsageError& error) {
+    app.explain(error);
+    return kUsageExitCode;
   }
   try {
     if (cells->parsed()) RunCells(options);

@@ -1,13 +1,14 @@
 // Does anything that clients do reach the servo? Ten windows, in turn without and with
 // 64 viewers at 60 Hz, 8 at 1 kHz, 50 settings and 20 edits per second, and its figures
 // in both. Ends by itself; prints a table; the exit code is the verdict.
-#include <CLI/CLI.hpp>
 
 #include <chrono>
 #include <cstdio>
 #include <map>
 #include <thread>
 
+#include "common/arguments/arguments.h"
+#include "common/error/error.h"
 #include "server/realtime/tick_timer.h"
 #include "tests/load/churn.h"
 #include "tests/load/servo_figures.h"
@@ -222,15 +223,20 @@ bool Load::PrintServo() const {
 }
 
 int Main(int argc, char** argv) {
-  CLI::App app("servo_load: judges what clients cost the servo; see tests/load.sh");
+  arguments::Command app("servo_load: judges what clients cost the servo; see tests/load.sh");
   double seconds = 120.0;
   bool counts_only = false;
   std::string volume = "builtin:gyroid:" + std::to_string(kEdge);
   app.add_option("--seconds", seconds, "of the ten windows together [120]")
-      ->check(CLI::Range(6.0, 36000.0));
+      ->check(arguments::Range(6.0, 36000.0));
   app.add_flag("--counts-only", counts_only,
                "judge what the subscribers got, not the servo's time");
-  CLI11_PARSE(app, argc, argv);
+  try {
+    if (!app.parse(argc, argv)) return 0;
+  } catch (const arguments::UsageError& error) {
+    app.explain(error);
+    return kUsageExitCode;
+  }
   const auto patience = std::chrono::seconds(static_cast<int>(seconds)) + test::Daemon::kPatience;
   test::Daemon daemon(PALPATED, {"--volume", volume}, {}, patience);
   Load load("unix:" + daemon.socket().string(), seconds / kWindows,

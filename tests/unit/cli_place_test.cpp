@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 
+#include "client/cli/description.h"
 #include "client/cli/place_command.h"
 #include "tests/support/process.h"
 

@@ -2,12 +2,12 @@
 
 #include <fmt/core.h>
 
-#include <CLI/CLI.hpp>
 #include <cmath>
 #include <cstdio>
-#include <map>
+#include <sstream>
 #include <vector>
 
+#include "common/arguments/arguments.h"
 #include "common/error/error.h"
 
 namespace palpate::view {
@@ -15,7 +15,7 @@ namespace {
 
 using Text = std::optional<std::string>;
 
-// What CLI11 leaves as text.
+// What stays text while the command line is parsed.
 struct Texts {
   Text size;
   Text camera;
@@ -33,16 +33,17 @@ struct Texts {
 };
 
 [[noreturn]] void Refuse(const std::string& name, const std::string& text, const char* form) {
-  throw CLI::ValidationError(fmt::format("{} cannot be '{}': give {}", name, text, form));
+  throw arguments::UsageError(fmt::format("{} cannot be '{}': give {}", name, text, form));
 }
 
 // "1,-2.5,3" with `least` to `most` numbers; empty where it is not that.
 std::vector<double> Numbers(const std::string& text, std::size_t least, std::size_t most) {
   std::vector<double> numbers;
-  for (const std::string& part : CLI::detail::split(text, ',')) {
-    double number = 0.0;
-    if (!CLI::detail::lexical_cast(part, number) || !std::isfinite(number)) return {};
-    numbers.push_back(number);
+  std::istringstream parts(text);
+  for (std::string part; std::getline(parts, part, ',');) {
+    const std::optional<double> number = arguments::FiniteNumber(part);
+    if (!number) return {};
+    numbers.push_back(*number);
   }
   if (numbers.size() < least || numbers.size() > most) return {};
   return numbers;
@@ -153,12 +154,12 @@ void TakeTexts(const Texts& texts, Options& options) {
 void RefuseCombinations(const Options& options, const Texts& texts) {
   if (options.offscreen) {
     if (options.screenshot.empty() && options.frames == 0 && options.seconds == 0.0) {
-      throw CLI::ValidationError("--offscreen needs --screenshot, --frames or --seconds");
+      throw arguments::UsageError("--offscreen needs --screenshot, --frames or --seconds");
     }
     return;
   }
   const auto only_offscreen = [](bool given, const char* name, const char* instead) {
-    if (given) throw CLI::ValidationError(fmt::format("{} needs --offscreen{}", name, instead));
+    if (given) throw arguments::UsageError(fmt::format("{} needs --offscreen{}", name, instead));
   };
   only_offscreen(!options.screenshot.empty(), "--screenshot", "; in a window press F12");
   only_offscreen(options.frames != 0, "--frames", "; a window takes --seconds");
@@ -167,8 +168,8 @@ void RefuseCombinations(const Options& options, const Texts& texts) {
   only_offscreen(texts.panels, "--panels", "; a window has them");
 }
 
-void AddWhere(CLI::App& app, Options& options) {
-  CLI::Option* socket =
+void AddWhere(arguments::Command& app, Options& options) {
+  arguments::Option* socket =
       app.add_option("--socket", options.address.socket_path,
                      "Unix socket of palpated [default: $PALPATE_SOCKET, else in /run/palpate,\n"
                      "$XDG_RUNTIME_DIR/palpate or /tmp/palpate-UID]")
@@ -178,7 +179,7 @@ void AddWhere(CLI::App& app, Options& options) {
       ->excludes(socket);
 }
 
-void AddScript(CLI::App& app, Options& options, Texts& texts) {
+void AddScript(arguments::Command& app, Options& options, Texts& texts) {
   const char* group = "Without a window";
   app.add_flag("--offscreen", options.offscreen, "Draw without a window or a display")
       ->group(group);
@@ -186,27 +187,29 @@ void AddScript(CLI::App& app, Options& options, Texts& texts) {
                  "Write the last frame into this PNG file, when the volume is complete")
       ->option_text("FILE.png")
       ->group(group);
-  CLI::Option* frames = app.add_option("--frames", options.frames, "Draw so many [default: 1]")
-                            ->option_text("N")
-                            ->check(CLI::Range(1, 1000000))
-                            ->group(group);
-  CLI::Option* contact = app.add_flag("--wait-contact", options.wait_contact,
-                                      "Draw first when the stylus touches, and show that moment")
-                             ->group(group);
+  arguments::Option* frames =
+      app.add_option("--frames", options.frames, "Draw so many [default: 1]")
+          ->option_text("N")
+          ->check(arguments::Range(1, 1000000))
+          ->group(group);
+  arguments::Option* contact =
+      app.add_flag("--wait-contact", options.wait_contact,
+                   "Draw first when the stylus touches, and show that moment")
+          ->group(group);
   app.add_option("--wait-gap", options.wait_gap_mm, "The same, with SCP_H and SCP_V so far apart")
       ->option_text("MM")
-      ->check(CLI::Range(0.0, 10.0))
+      ->check(arguments::Range(0.0, 10.0))
       ->needs(contact)
       ->group(group);
   app.add_flag("--panels", texts.panels, "With the window's panels")->group(group);
   app.add_option("--seconds", options.seconds, "End after this time, s [default: none]")
       ->option_text("S")
-      ->check(CLI::Range(0.001, 1e6))
+      ->check(arguments::Range(0.001, 1e6))
       ->excludes(frames);
   app.add_option("--size", texts.size, "Pixels [default: 1280x800]")->option_text("WxH");
 }
 
-void AddView(CLI::App& app, Options& options, Texts& texts) {
+void AddView(arguments::Command& app, Options& options, Texts& texts) {
   const char* group = "View";
   const auto add = [&](const char* name, auto& text, const char* form, const char* about) {
     return app.add_option(name, text, about)->option_text(form)->group(group);
@@ -224,10 +227,10 @@ void AddView(CLI::App& app, Options& options, Texts& texts) {
   const std::vector<std::string> maps(kColorMapNames.begin(), kColorMapNames.end());
   add("--color-map", texts.color_map, "NAME",
       "Of cuts, slices and coloring: gray, bone, hot, viridis, cool-warm [default: gray]")
-      ->check(CLI::IsMember(maps));
+      ->check(arguments::IsMember(maps));
   add("--coloring", texts.coloring, "HOW",
       "The surface by plain, height (along the volume's z), slope [default: plain]")
-      ->check(CLI::IsMember(std::vector<std::string>{"plain", "height", "slope"}));
+      ->check(arguments::IsMember(std::vector<std::string>{"plain", "height", "slope"}));
   add("--window", texts.window, "LEAST,GREATEST",
       "Ends of the colour map, data units [default: the volume's range]");
   add("--crop", texts.crop, "X0,X1,Y0,Y1,Z0,Z1",
@@ -238,7 +241,7 @@ void AddView(CLI::App& app, Options& options, Texts& texts) {
   app.add_option("--haptic-surface-radius", options.overlay.haptic_surface_radius_voxels,
                  "So far from the proxy, in voxels, 1 to 20")
       ->option_text("VOXELS [default: 5]")
-      ->check(CLI::Range(1.0, 20.0))
+      ->check(arguments::Range(1.0, 20.0))
       ->group(group);
   app.add_flag("--no-box", texts.no_box, "Without the volume's edges")->group(group);
   app.add_flag("--no-stylus", texts.no_stylus, "Without the stylus")->group(group);
@@ -255,8 +258,8 @@ int Fail(const std::string& message) {
 std::optional<Options> ParseOptions(int argc, char** argv, int& exit_code) {
   Options options;
   Texts texts;
-  CLI::App app("Shows what palpated makes felt: the isosurface, the stylus and the forces.",
-               "palpate-view");
+  arguments::Command app(
+      "Shows what palpated makes felt: the isosurface, the stylus and the forces.", "palpate-view");
   app.footer(
       "Isovalue and feel are palpated's: what is changed here is changed for everyone.\n"
       "Keys: F1 in the window lists them; Esc is the emergency stop of all forces.\n"
@@ -269,13 +272,10 @@ std::optional<Options> ParseOptions(int argc, char** argv, int& exit_code) {
   AddView(app, options, texts);
   exit_code = 0;
   try {
-    app.parse(argc, argv);
+    if (!app.parse(argc, argv)) return {};
     TakeTexts(texts, options);
     RefuseCombinations(options, texts);
-  } catch (const CLI::Success& help) {
-    exit_code = app.exit(help);
-    return {};
-  } catch (const CLI::ParseError& error) {
+  } catch (const arguments::UsageError& error) {
     exit_code = Fail(std::string(error.what()) + "; see --help");
     return {};
   }
