@@ -59,7 +59,8 @@ class Install(unittest.TestCase):
                 said = self.must(program / "example", socket, "0.4")
             finally:
                 daemon.terminate()
-                daemon.communicate()
+                daemon.communicate(timeout=120)
+        self.assertEqual(daemon.returncode, 0)
         self.assertRegex(said, re.compile(r"^tick \d+: tip at .* mm, .* N$", re.MULTILINE))
         self.assertRegex(said, r"isovalue 0\.4 from tick \d+ on")
 

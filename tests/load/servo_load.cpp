@@ -1,6 +1,7 @@
 // Does anything that clients do reach the servo? Ten windows, in turn without and with
 // 64 viewers at 60 Hz, 8 at 1 kHz, 50 settings and 20 edits per second, and its figures
 // in both. Ends by itself; prints a table; the exit code is the verdict.
+#include <gtest/gtest.h>
 
 #include <chrono>
 #include <cstdio>
@@ -83,7 +84,10 @@ class Load {
   // True when the clients got what they asked for.
   bool PrintSupply() const;
   // True when the servo's bounds are met.
-  bool PrintServo() const;
+  bool PrintServo();
+  // True when no call and no stream ended with an error, and the proxy was never inside: no busy
+  // machine explains one. Call it last.
+  bool IsWithoutErrors() const;
 
  private:
   void Wait(std::span<const std::unique_ptr<Subscriber>> subscribers) {
@@ -151,10 +155,11 @@ class Load {
   std::uint64_t settings_calls_ = 0;
   std::uint64_t failed_calls_ = 0;
   std::string call_error_;
+  std::size_t contact_faults_ = 0;
 };
 
 bool Load::PrintSupply() const {
-  bool fed = failed_calls_ == 0 && observer_error_.empty();
+  bool fed = true;
   std::printf(
       "subscribers      streams   expected   received  least   dropped  starved"
       "   age p50     p99\n");
@@ -163,7 +168,7 @@ bool Load::PrintSupply() const {
                 s.subscribers, s.expected, s.received, 100.0 * s.least_share,
                 static_cast<unsigned long>(s.dropped), s.starved, Percentile(s.ages_ms, 0.5),
                 Percentile(s.ages_ms, 0.99));
-    fed = fed && s.starved == 0 && s.failed == 0;
+    fed = fed && s.starved == 0;
   }
   double loaded_s = 0.0;
   for (const Window& window : windows_) {
@@ -177,7 +182,14 @@ bool Load::PrintSupply() const {
   // Half of what was asked for: a machine that is busy otherwise is no fault of ours.
   if (static_cast<double>(settings_calls_) < 0.5 * kSettingsHz * loaded_s) fed = false;
   if (!observer_error_.empty()) std::printf("the observer: %s\n", observer_error_.c_str());
-  return fed && supplies_.size() == 2;
+  return fed;
+}
+
+bool Load::IsWithoutErrors() const {
+  int failed = 0;
+  for (const auto& [name, supply] : supplies_) failed += supply.failed;
+  return failed == 0 && failed_calls_ == 0 && observer_error_.empty() && contact_faults_ == 0 &&
+         supplies_.size() == 2;
 }
 
 double Median(const std::vector<ServoFigures>& figures, double ServoFigures::*member) {
@@ -186,10 +198,9 @@ double Median(const std::vector<ServoFigures>& figures, double ServoFigures::*me
   return Percentile(std::move(values), 0.5);
 }
 
-bool Load::PrintServo() const {
+bool Load::PrintServo() {
   const std::int64_t phase_ns = GridPhaseNs(ticks_);
   std::map<bool, std::vector<ServoFigures>> figures;
-  std::size_t contact_faults = 0;
   std::printf("\nwindow           ticks     missed   wake-up p99   update p99\n");
   for (const Window& window : windows_) {
     const ServoFigures f = FiguresOf(ticks_, phase_ns, window.from_ns, window.to_ns);
@@ -197,7 +208,7 @@ bool Load::PrintServo() const {
                 window.with_clients ? "with clients" : "without", f.ticks, 100.0 * f.missed_share,
                 f.wake_up_p99_us, f.update_p99_us);
     figures[window.with_clients].push_back(f);
-    contact_faults += f.contact_faults;
+    contact_faults_ += f.contact_faults;
   }
   const auto rise = [&](double ServoFigures::*member) {
     return Median(figures[true], member) - Median(figures[false], member);
@@ -218,8 +229,8 @@ bool Load::PrintServo() const {
       "         update p99 %.2f times (at most 1.5): %s\n"
       "contact faults %zu\n",
       100.0 * missed, missed_ok ? "met" : "NOT MET", wake_up, wake_up_us,
-      wake_up_ok ? "met" : "NOT MET", update, update_ok ? "met" : "NOT MET", contact_faults);
-  return missed_ok && wake_up_ok && update_ok && contact_faults == 0;
+      wake_up_ok ? "met" : "NOT MET", update, update_ok ? "met" : "NOT MET", contact_faults_);
+  return missed_ok && wake_up_ok && update_ok;
 }
 
 int Main(int argc, char** argv) {
@@ -245,7 +256,10 @@ int Main(int argc, char** argv) {
   const bool fed = load.PrintSupply();
   const bool timely = load.PrintServo();
   const test::ProcessResult end = daemon.End();
-  const bool passed = fed && (timely || counts_only) && end.exit_code == 0;
+  const bool right =
+      load.IsWithoutErrors() && end.exit_code == 0 && !testing::UnitTest::GetInstance()->Failed();
+  const bool passed = right && fed && (timely || counts_only);
+  if (right && !passed) std::printf("***Excusable servo_load\n");
   if (end.exit_code != 0)
     std::printf("palpated ended with %d: %s\n", end.exit_code, end.error.c_str());
   std::printf("%s%s\n", passed ? "passed" : "FAILED",

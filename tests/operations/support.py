@@ -16,7 +16,7 @@ from palpate.v1 import (device_pb2, device_pb2_grpc, edit_pb2, pose_pb2, pose_pb
                         recording_pb2_grpc, render_pb2, render_pb2_grpc, volume_pb2,
                         volume_pb2_grpc)
 
-from crash import require_an_end, require_no_crash
+from crash import end_in_order
 from free_port import free_port
 
 PALPATED = os.environ["PALPATED"]
@@ -88,11 +88,12 @@ class Daemon:
         if self.process.poll() is None:
             self.process.expect(number)
             os.kill(self.pid, number)
-        status = require_an_end(self.process, PATIENCE_S)
-        self._reader.join(PATIENCE_S)
-        self.process.stderr.close()
-        require_no_crash(self.process, self.log)
-        return status
+
+        def close():
+            self._reader.join(PATIENCE_S)
+            self.process.stderr.close()
+
+        return end_in_order(self.process, PATIENCE_S, self.log, close)
 
     @property
     def pid(self):

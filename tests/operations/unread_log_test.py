@@ -10,6 +10,7 @@ import tempfile
 import unittest
 
 from palpate.v1 import render_pb2
+from crash import end_in_order
 from support import CALL_S, PALPATED, PATIENCE_S, Client, wait_until
 
 F_SETPIPE_SZ = 1031
@@ -35,8 +36,9 @@ class UnreadDaemon:
             raise RuntimeError("".join(said))
 
     def close(self):
-        self.process.kill()
-        self.process.wait()
+        if self.process.poll() is None:
+            self.process.terminate()
+        end_in_order(self.process, PATIENCE_S, [])
         os.close(self.read_end)
         os.close(self.write_end)
 

@@ -12,7 +12,7 @@ import unittest
 import numpy as np
 
 import palpate
-from crash import require_an_end, require_no_crash
+from crash import end_in_order
 from free_port import free_port
 
 PALPATED = os.environ["PALPATED"]
@@ -69,10 +69,12 @@ class Daemon:
     def end(self, number=signal.SIGTERM):
         if self.process.poll() is None:
             self.process.send_signal(number)
-        require_an_end(self.process, PATIENCE_S)
-        self._reader.join(PATIENCE_S)
-        self.process.stderr.close()
-        require_no_crash(self.process, self.said)
+
+        def close():
+            self._reader.join(PATIENCE_S)
+            self.process.stderr.close()
+
+        end_in_order(self.process, PATIENCE_S, self.said, close)
 
     def connect(self):
         return palpate.connect(self.socket)

@@ -1,11 +1,23 @@
-"""Programs under test that crash or never end, said so that nobody takes them for a slow
-machine: beside such a line tests/run.sh runs no test again.
+"""Programs under test that crash or do not end: they fail the run, and nothing excuses them.
 
-Whoever imports this has every subprocess of its own watched, also those of subprocess.run.
+Importing this watches every subprocess, also those of subprocess.run. What they do wrong is printed
+and kept in `found`; run_tests.py fails where there is any.
 """
 
 import signal
 import subprocess
+
+
+found = []
+
+
+class BadEnd(AssertionError):
+    """Of a program; never excused (excuse.py)."""
+
+
+def report(fault):
+    found.append(fault)
+    print(fault, flush=True)
 
 
 def found_by_a_sanitizer(text):
@@ -47,12 +59,15 @@ class Watched(subprocess.Popen):
         return said, errors
 
     def say_that_it_does_not_end(self):
-        print(f"***Timeout: it was told to end, and does not: {self.args}", flush=True)
+        report(f"***Timeout: it was told to end, and does not: {self.args}")
+
+    def was_sent(self, number):
+        return number in self._sent
 
     def _judge(self, status):
         if status is not None and status < 0 and -status not in self._sent and not self.crashed:
             self.crashed = True
-            print(f"***Exception: signal {-status} ended {self.args}", flush=True)
+            report(f"***Exception: signal {-status} ended {self.args}")
         return status
 
 
@@ -60,7 +75,7 @@ subprocess.Popen = Watched
 
 
 def show(log):
-    print("***Exception: last words\n" + "".join(log), flush=True)
+    report("***Exception: last words\n" + "".join(log))
 
 
 def require_an_end(process, seconds):
@@ -72,11 +87,23 @@ def require_an_end(process, seconds):
         process.say_that_it_does_not_end()
         process.kill()
         process.wait(seconds)
-        raise AssertionError(f"it did not end within {seconds:.0f} s") from None
+        raise BadEnd(f"it did not end within {seconds:.0f} s") from None
 
 
 def require_no_crash(process, log):
     """Fails the test where it crashed or a sanitizer speaks in these lines of its log."""
     if process.crashed or any(map(found_by_a_sanitizer, log)):
         show(log)
-        raise AssertionError(f"it crashed: {process.args}")
+        raise BadEnd(f"it crashed: {process.args}")
+
+
+def end_in_order(process, seconds, log, close=lambda: None):
+    """Of a daemon that was told to end: waits for it and returns its exit status. The test fails
+    if it does not end, crashes, or ends with another status than 0, unless the test killed it.
+    `close`: called once it is gone, before its log is read."""
+    status = require_an_end(process, seconds)
+    close()
+    require_no_crash(process, log)
+    if status != 0 and not process.was_sent(signal.SIGKILL):
+        raise BadEnd(f"it ended with {status}, not with 0: {process.args}\n" + "".join(log))
+    return status

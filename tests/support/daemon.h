@@ -29,9 +29,10 @@ class Daemon {
   static constexpr std::chrono::seconds kPatience{120};
 
   // Starts `program` with `arguments`, a socket and a state folder of its own where they
-  // name none, and waits until it is ready. It is killed when it runs for longer than `patience`.
+  // name none, and waits until it is ready. `patience`, `end_patience`: as Process.
   Daemon(const std::string& program, std::vector<std::string> arguments,
-         const std::vector<std::string>& wrapper = {}, std::chrono::seconds patience = kPatience)
+         const std::vector<std::string>& wrapper = {}, std::chrono::seconds patience = kPatience,
+         std::chrono::milliseconds end_patience = Process::kEndPatience)
       : socket_(folder_.path() / "palpated.sock") {
     std::vector<std::string> command = wrapper;
     command.push_back(program);
@@ -51,7 +52,7 @@ class Daemon {
           << "[volume]\nsave_folders = [\"" << folder_.path().parent_path().string() << "\"]\n";
       command.insert(command.end(), {"--config", folder_.path() / "palpated.toml"});
     }
-    process_ = std::make_unique<Process>(command, false, patience);
+    process_ = std::make_unique<Process>(command, false, patience, end_patience);
     if (!process_->WaitFor("ready on")) {
       throw std::runtime_error("palpated did not start: " + process_->Wait().error);
     }
@@ -62,6 +63,12 @@ class Daemon {
     device = v1::DeviceService::NewStub(channel_);
     registration = v1::RegistrationService::NewStub(channel_);
   }
+
+  // In order, unless the test has ended it: a daemon that crashes, leaks or hangs at its end
+  // fails the test.
+  ~Daemon() { process_->EndInOrder(); }
+  Daemon(const Daemon&) = delete;
+  Daemon& operator=(const Daemon&) = delete;
 
   // Ends it with a signal and returns what it said.
   ProcessResult End(int signal = SIGTERM) {

@@ -1,10 +1,12 @@
-// Runs a program and collects what it writes. Threads: one. A program that runs
-// longer than its patience is killed. One that crashed, or does not end though it was told to,
-// is named on our stderr, so that nobody takes a test that fails of it for one on a slow
-// machine: tests/run.sh does not run it again.
+// Runs a program and collects what it writes. Threads: one. The test that runs it fails, also in
+// the destructor, if the program
+// - crashes: a signal ends it that the test did not send,
+// - has something to say from a sanitizer, or
+// - does not end in time: it is killed then.
 #pragma once
 
 #include <fcntl.h>
+#include <gtest/gtest.h>
 #include <poll.h>
 #include <signal.h>
 #include <spawn.h>
@@ -14,10 +16,10 @@
 #include <unistd.h>
 
 #include <chrono>
-#include <cstdio>
 #include <set>
 #include <stdexcept>
 #include <string>
+#include <thread>
 #include <vector>
 
 extern char** environ;
@@ -32,12 +34,14 @@ struct ProcessResult {
 
 class Process {
  public:
-  static constexpr std::chrono::seconds kEndPatience{120};
+  static constexpr std::chrono::milliseconds kEndPatience{120000};
 
-  // `on_terminal`: stdout is a terminal of 80 x 24.
+  // `on_terminal`: stdout is a terminal of 80 x 24. `patience`: how long it may run in all;
+  // `end_patience`: from SIGTERM or SIGINT on.
   explicit Process(const std::vector<std::string>& arguments, bool on_terminal = false,
-                   std::chrono::seconds patience = std::chrono::seconds(20))
-      : deadline_(std::chrono::steady_clock::now() + patience) {
+                   std::chrono::seconds patience = std::chrono::seconds(20),
+                   std::chrono::milliseconds end_patience = kEndPatience)
+      : end_patience_(end_patience), deadline_(std::chrono::steady_clock::now() + patience) {
     int child_output = -1;
     if (on_terminal) {
       output_ = posix_openpt(O_RDWR | O_NOCTTY | O_CLOEXEC);
@@ -72,6 +76,7 @@ class Process {
   }
 
   ~Process() {
+    if (WasToldToEnd()) Wait();
     if (pid_ > 0) {
       int status = 0;
       if (waitpid(pid_, &status, WNOHANG) != pid_) {
@@ -79,7 +84,7 @@ class Process {
         waitpid(pid_, &status, 0);
       }
       TakeLastWords();
-      ShowCrash(status);
+      FailOnACrash(status);
     }
     CloseOutput();
     close(error_);
@@ -87,15 +92,28 @@ class Process {
   Process(const Process&) = delete;
   Process& operator=(const Process&) = delete;
 
-  // SIGTERM and SIGINT: it has kEndPatience from now on.
+  // Nothing after Wait(): pid -1 would be every process there is.
   void Signal(int number) {
+    if (pid_ <= 0) return;
     sent_.insert(number);
     if (number == SIGTERM || number == SIGINT) {
-      deadline_ = std::chrono::steady_clock::now() + kEndPatience;
+      deadline_ = std::chrono::steady_clock::now() + end_patience_;
     }
     kill(pid_, number);
   }
   pid_t pid() const { return pid_; }
+
+  // Ends it as an operator does, unless the test has awaited or killed it. The test fails if the
+  // exit code is not 0.
+  void EndInOrder() {
+    if (pid_ <= 0 || sent_.contains(SIGKILL)) return;
+    Signal(SIGTERM);
+    Signal(SIGCONT);  // a test may have stopped it
+    const ProcessResult end = Wait();
+    if (end.exit_code != 0) {
+      ADD_FAILURE() << "a program ended with " << end.exit_code << ", not with 0\n" << end.error;
+    }
+  }
 
   // As a reader like `head` does.
   void CloseOutput() {
@@ -118,19 +136,19 @@ class Process {
 
   // Collects to the end.
   ProcessResult Wait() {
+    if (pid_ <= 0) return result_;
     while (Collect()) {
     }
-    if (std::chrono::steady_clock::now() >= deadline_) {
-      if (sent_.contains(SIGTERM) || sent_.contains(SIGINT)) {
-        std::fprintf(stderr, "***Timeout: a program was told to end, and does not\n%s\n",
-                     result_.error.c_str());
-      }
-      Signal(SIGKILL);
-    }
     int status = 0;
-    waitpid(pid_, &status, 0);
+    if (!EndsInTime(status)) {
+      ADD_FAILURE() << (WasToldToEnd() ? "a program was told to end, and does not\n"
+                                       : "a program runs for longer than its patience\n")
+                    << result_.error;
+      Signal(SIGKILL);
+      waitpid(pid_, &status, 0);
+    }
     pid_ = -1;
-    ShowCrash(status);
+    FailOnACrash(status);
     result_.exit_code = WIFEXITED(status) ? WEXITSTATUS(status) : -WTERMSIG(status);
     return result_;
   }
@@ -145,21 +163,31 @@ class Process {
     write_end = ends[1];
   }
 
+  bool WasToldToEnd() const { return sent_.contains(SIGTERM) || sent_.contains(SIGINT); }
+
+  bool EndsInTime(int& status) const {
+    while (waitpid(pid_, &status, WNOHANG) != pid_) {
+      if (std::chrono::steady_clock::now() >= deadline_) return false;
+      std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    }
+    return true;
+  }
+
   // Of a program that is gone; a child of its own may still hold the pipe.
   void TakeLastWords() {
     fcntl(error_, F_SETFL, O_NONBLOCK);
     while (!error_ended_) Take({error_, POLLIN, POLLIN}, result_.error, error_ended_);
   }
 
-  void ShowCrash(int status) const {
+  void FailOnACrash(int status) const {
     const int signal = WIFSIGNALED(status) ? WTERMSIG(status) : 0;
     const bool crashed = signal != 0 && !sent_.contains(signal);
-    if (!crashed && result_.error.find("Sanitizer") == std::string::npos &&
-        result_.error.find("runtime error:") == std::string::npos) {
-      return;
+    if (crashed) {
+      ADD_FAILURE() << "a program crashed (signal " << signal << ")\n" << result_.error;
+    } else if (result_.error.find("Sanitizer") != std::string::npos ||
+               result_.error.find("runtime error:") != std::string::npos) {
+      ADD_FAILURE() << "a sanitizer found something\n" << result_.error;
     }
-    std::fprintf(stderr, "***Exception: a program crashed (signal %d)\n%s\n", signal,
-                 result_.error.c_str());
   }
 
   // False when both have ended, or time is up.
@@ -194,6 +222,7 @@ class Process {
   bool output_ended_ = false;
   bool error_ended_ = false;
   ProcessResult result_;
+  const std::chrono::milliseconds end_patience_;
   std::chrono::steady_clock::time_point deadline_;
   std::set<int> sent_;
 };

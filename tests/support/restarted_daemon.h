@@ -18,6 +18,12 @@ class RestartedDaemon {
  public:
   explicit RestartedDaemon(std::vector<std::string> arguments = {"--volume", "builtin:bumps:48"})
       : arguments_(std::move(arguments)) {}
+  // In order, unless the test has killed it.
+  ~RestartedDaemon() {
+    if (process_) process_->EndInOrder();
+  }
+  RestartedDaemon(const RestartedDaemon&) = delete;
+  RestartedDaemon& operator=(const RestartedDaemon&) = delete;
 
   // Waits until it is ready.
   void Start() {

@@ -1,4 +1,4 @@
-"""tests/support/crash.py: what programs under test make a test say. tests/run.sh looks for it."""
+"""tests/support/crash.py: what programs under test make a test say, and how they fail it."""
 
 import contextlib
 import io
@@ -9,7 +9,7 @@ import sys
 import unittest
 
 sys.path.insert(0, str(pathlib.Path(__file__).parents[1] / "support"))
-from crash import require_an_end, require_no_crash  # noqa: E402
+from crash import end_in_order, require_an_end, require_no_crash  # noqa: E402
 
 
 def said_of(do):
@@ -70,6 +70,18 @@ class Crash(unittest.TestCase):
             said = said_of(lambda: do(process))
             self.assertTrue(said.startswith("***Timeout"), said)
             self.assertEqual(process.returncode, -signal.SIGKILL)
+
+    def test_a_daemon_ends_in_order_or_is_killed_by_its_test(self):
+        self.assertEqual(end_in_order(start("exit 0"), 60.0, []), 0)
+        with self.assertRaisesRegex(AssertionError, "it ended with 3(.|\\n)*said"):
+            end_in_order(start("exit 3"), 60.0, ["said"])
+        killed = start("exec sleep 60")
+        killed.kill()
+        self.assertEqual(end_in_order(killed, 60.0, []), -signal.SIGKILL)
+        deaf = start("exec sleep 60")  # it does not know the signal
+        deaf.terminate()
+        with self.assertRaises(AssertionError):
+            end_in_order(deaf, 60.0, [])
 
     def test_any_other_end_is_none(self):
         def sent(number):
