@@ -28,7 +28,7 @@ constexpr const char* kPreload = "libumockdev-preload.so.0";
 constexpr const char* kSetpriv = "/usr/bin/setpriv";
 // MurmurHash2 of "usb" and "usb_device".
 constexpr std::uint32_t kSubsystemHash = 0x0577c5e5, kDeviceTypeHash = 0x27f8f50c;
-constexpr std::int64_t kMillisecondNs = 1'000'000;
+constexpr std::int64_t kMillisecondNs = 1'000'000, kHaltNs = 50 * kMillisecondNs;
 
 std::string Hex(const Bytes& bytes) {
   constexpr char kDigits[] = "0123456789ABCDEF";
@@ -141,11 +141,14 @@ struct UsbTestbed::Impl {
   }
 
   void RunMilliseconds() {
-    std::int64_t due_ns = NowNs();
+    std::int64_t due_ns = NowNs(), turn_ns = due_ns;
     while (!stop) {
       due_ns = std::max(due_ns + kMillisecondNs, NowNs() - 10 * kMillisecondNs);
       const timespec due{due_ns / 1'000'000'000, due_ns % 1'000'000'000};
       clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &due, nullptr);
+      const std::int64_t now_ns = NowNs();
+      if (now_ns - turn_ns >= kHaltNs) last_halt_ns = now_ns;
+      turn_ns = now_ns;
       const std::scoped_lock lock(mutex);
       for (Plugged& one : plugged) {
         if (!one.gone) one.usb->Millisecond();
@@ -159,6 +162,7 @@ struct UsbTestbed::Impl {
   std::mutex mutex{};  // of `plugged`
   std::list<Plugged> plugged{};
   std::atomic<bool> stop = false;
+  std::atomic<std::int64_t> last_halt_ns = -1;
   std::thread milliseconds{};
 };
 
@@ -224,6 +228,8 @@ void UsbTestbed::Unplug(const std::string& port) {
   }
   throw std::logic_error("nothing is plugged into " + port);
 }
+
+bool UsbTestbed::HaltedSince(std::int64_t time_ns) const { return impl_->last_halt_ns >= time_ns; }
 
 std::vector<std::string> UsbTestbed::wrapper(bool bound_by_modes) const {
   std::vector<std::string> command;

@@ -11,6 +11,7 @@
 // Ownership: plugged devices must outlive the testbed.
 #pragma once
 
+#include <cstdint>
 #include <memory>
 #include <string>
 #include <vector>
@@ -29,6 +30,10 @@ class UsbTestbed {
   void Plug(const std::string& port, EmulatedUsbDevice& device, bool may_open = true);
   // Pulls it out: transfers under way end, later calls find no device.
   void Unplug(const std::string& port);
+
+  // Whether the bus itself stood still for 50 ms after that time (NowNs()): a busy machine, which
+  // makes any device look silent.
+  bool HaltedSince(std::int64_t time_ns) const;
 
   // What to put before a command. bound_by_modes: also takes root's right to open any
   // file away.
