@@ -10,12 +10,12 @@ usage() {
 Usage: tests/run.sh [--sanitizers] [--long] [--packages]
 
 Without options: the optimised build and every test in it, in their short forms, and
-the Debian packages, built and looked at. Tests that judge times run apart. Tests of whole
-programs that fail are run again, alone, because a machine that stops for a moment fails
-them; each failure is shown. Those of times may fail twice, others once. Where more than ten
-fail or among them pure code, a program that crashed or does not end when told to, something
-that a sanitizer found, or something wrong that no slowness explains (the stylus inside
-material, a copy that differs), none is.
+the Debian packages, built and looked at. Tests that judge times run apart.
+
+A test fails for good unless every assertion that failed in it says that a busy machine may
+explain it (tests/support/excuse.h, excuse.py): a latency, a rate or a count. Such a test is run
+again, alone: once, or twice if it judges times. Nothing is run again if more than ten would be.
+The last lines name the tests that passed only then, and count them.
 
   --sanitizers  then every test but those of times under AddressSanitizer and
            UndefinedBehaviorSanitizer, the pure code and the threads around the servo
@@ -87,38 +87,28 @@ failed_list() {
 
 count() { grep -cs "$@" || true; }
 
-# Only failures that a slow machine may explain: few, of whole programs, and among all of them
-# no crash, no program that does not end when told to, no test that hangs, no finding of a
-# sanitizer and nothing that is wrong however slow the machine (tests say ***Wrong).
-may_run_again() {
-  local list
-  list=$(failed_list "$1")
-  [ -s "$list" ] || return 1
-  if grep -v '^[0-9]*:integration\.' "$list" || [ "$(count . "$list")" -gt 10 ] ||
-    grep -E '\*\*\*(Exception|Timeout|Not Run|Wrong)|runtime error:|Sanitizer:' "$results/$2.log"; then
-    echo "run.sh: no failure is excused by a slow machine beside these: none is run again"
-    return 1
-  fi
-}
+tests=0 skipped=0 failed=0 excused=()
 
-tests=0 skipped=0 failed=0 later=0
-
-# run_tests PRESET NAME TRIES [ARGUMENT...]: what failed is run again, alone
+# run_tests PRESET NAME TRIES [ARGUMENT...]: what a busy machine may explain is run again, alone
 run_tests() {
-  local ran first last try again=$2
+  local list again ran left run=$2 try
+  list=$(failed_list "$1") again=$results/again
   run_once "$1" "$2" "${@:4}"
   ran=$(count '<testcase .*status="run"' "$results/$2.xml")
-  first=$(count . "$(failed_list "$1")")
-  for ((try = 2; try <= $3; ++try)); do
-    may_run_again "$1" "$again" || break
-    again=$2-again-$try
-    run_once "$1" "$again" --rerun-failed --parallel 1
-  done
-  last=$(count . "$(failed_list "$1")")
+  left=$(count . "$list")
   tests=$((tests + $(count '<testcase ' "$results/$2.xml")))
-  skipped=$((skipped + $(count '<testcase ' "$results/$2.xml") - ran - first))
-  failed=$((failed + last))
-  later=$((later + first - last))
+  skipped=$((skipped + $(count '<testcase ' "$results/$2.xml") - ran - left))
+  for ((try = 2; try <= $3; ++try)); do
+    tests/support/judge.py "$results/$run.xml" "$results/$run.log" >"$again"
+    failed=$((failed + left - $(count . "$again"))) left=$(count . "$again")
+    [ "$left" -gt 0 ] || return 0
+    cp "$again" "$list"
+    run=$2-again-$try
+    run_once "$1" "$run" --rerun-failed --parallel 1
+    left=$(count . "$list")
+    mapfile -t -O "${#excused[@]}" excused < <(cut -d: -f2- "$again" | grep -vxFf <(cut -d: -f2- "$list" 2>/dev/null))
+  done
+  failed=$((failed + left))
 }
 
 # Programs are most of what a build takes on the disk, and linked again in seconds.
@@ -143,7 +133,8 @@ if [ -n "$sanitizers" ]; then
   sed -n 's/^\(.*_fuzz: [0-9]* inputs in [0-9]* s\)$/  \1/p' build-fuzz/Testing/Temporary/LastTest.log
 fi
 stage done
-printf '%d passed, %d failed, %d skipped (%d passed when run again)\n' \
-  $((tests - failed - skipped)) "$failed" "$skipped" "$later"
+[ ${#excused[@]} -eq 0 ] || printf 'excused by a busy machine: %s\n' "${excused[@]}"
+printf '%d passed, %d failed, %d skipped (%d excused)\n' \
+  $((tests - failed - skipped)) "$failed" "$skipped" "${#excused[@]}"
 [ -z "$packages_failed" ] || { echo "run.sh: the packages failed, see above" >&2; exit 1; }
 [ "$failed" -eq 0 ]

@@ -10,6 +10,7 @@
 #include "tests/load/servo_figures.h"
 #include "tests/load/subscriber.h"
 #include "tests/support/daemon.h"
+#include "tests/support/excuse.h"
 #include "tests/support/free_port.h"
 #include "tests/support/patience.h"
 
@@ -125,8 +126,8 @@ void Crowd::CheckViewer(Subscriber& viewer, std::int64_t from_ns, std::int64_t t
   EXPECT_GT(received, 0);
 #ifndef PALPATE_SANITIZED
   // The crowd is on this machine too.
-  EXPECT_GE(received, 0.8 * expected);
-  EXPECT_LT(Percentile(ages_ms, 0.99), 100.0);
+  EXPECT_GE(received, 0.8 * expected) << kBusyMachine;
+  EXPECT_LT(Percentile(ages_ms, 0.99), 100.0) << kBusyMachine;
 #endif
 }
 
@@ -152,9 +153,9 @@ void Crowd::Attack(const std::string& target, int refused) {
       static_cast<unsigned long>(after.lost_samples() - before.lost_samples()),
       Percentile(waits_ms_, 0.5), Percentile(waits_ms_, 0.99));
 #ifndef PALPATE_SANITIZED
-  EXPECT_EQ(after.lost_samples(), before.lost_samples());
+  EXPECT_EQ(after.lost_samples(), before.lost_samples()) << kBusyMachine;
 #endif
-  EXPECT_LT(Percentile(waits_ms_, 0.9), 1000.0);
+  EXPECT_LT(Percentile(waits_ms_, 0.9), 1000.0) << kBusyMachine;
   CheckViewer(viewer, from_ns, to_ns);
   Go(refused);
   // What they had is there again.

@@ -9,6 +9,7 @@
 #include <random>
 
 #include "tests/support/daemon.h"
+#include "tests/support/excuse.h"
 
 namespace palpate::test {
 namespace {
@@ -127,7 +128,7 @@ TEST_F(DeviceTest, StopIsZeroForceInItsTickAndStays) {
   int in_contact = 0;
   for (int round = 0; round < kRounds; ++round) {
     const auto stopped = Between(samples, stops[round].tick, enables[round].tick);
-    EXPECT_GT(stopped.size(), 100u);
+    EXPECT_GT(stopped.size(), 100u) << kBusyMachine;
     for (const v1::PoseSample& sample : stopped) {
       ASSERT_EQ(ForceN(sample), 0.0) << sample.tick() - stops[round].tick;
       ASSERT_EQ(sample.forces().state(), v1::FORCE_STATE_STOPPED);
@@ -164,7 +165,7 @@ TEST_F(DeviceTest, DisableRampsOutByTheSlewLimit) {
   for (int round = 0; round < kRounds; ++round) {
     const std::uint64_t off_tick = disables[round].tick;
     const auto off = Between(samples, off_tick - 1, enables[round].tick);
-    ASSERT_GT(off.size(), 50u);
+    ASSERT_GT(off.size(), 50u) << kBusyMachine;
     for (std::size_t n = 1; n < off.size(); ++n) {
       EXPECT_EQ(off[n].forces().state(), v1::FORCE_STATE_OFF);
       if (off[n].tick() >= off_tick + kRampOutTicks) {
@@ -226,7 +227,7 @@ TEST_F(DeviceTest, StopsWhileAVolumeLoads) {
   std::sort(seconds.begin(), seconds.end());
   EXPECT_EQ(failed, 0);
   ASSERT_GT(seconds.size(), 10u);
-  EXPECT_LT(seconds[seconds.size() / 2], 0.2);
+  EXPECT_LT(seconds[seconds.size() / 2], 0.2) << kBusyMachine;
   std::printf("%zu stops during a load, %.1f ms in the middle, %.1f ms at most\n", seconds.size(),
               1e3 * seconds[seconds.size() / 2], 1e3 * seconds.back());
 }
@@ -261,7 +262,7 @@ TEST_F(DeviceTest, NoForceAfterTheLastStopOfManyClients) {
   EXPECT_EQ(Device().forces().state(), v1::FORCE_STATE_STOPPED);
   const std::vector<v1::PoseSample>& samples = collector.Stop();
   const auto after = Between(samples, last.servo().ticks(), UINT64_MAX);
-  EXPECT_GT(after.size(), 500u);
+  EXPECT_GT(after.size(), 500u) << kBusyMachine;
   for (const v1::PoseSample& sample : after) ASSERT_EQ(ForceN(sample), 0.0);
   std::map<int, int> ticks_of_state;
   for (const v1::PoseSample& sample : samples) {
@@ -334,7 +335,7 @@ TEST_F(DeviceTest, TheClientListsDescribesAndTests) {
   EXPECT_NE(result.output.find("verdict   passed"), std::string::npos) << result.output;
   const json figures = json::parse(Run({"device", "test", "--json", "--seconds", "1"}).output);
   EXPECT_EQ(figures["passed"], true);
-  EXPECT_GT(figures["samples"], 300);
+  EXPECT_GT(figures["samples"], 300) << kBusyMachine;
   EXPECT_EQ(figures["fault_ticks"], 0);
 }
 

@@ -7,6 +7,7 @@
 #include <mutex>
 
 #include "client/sdk/client.h"
+#include "tests/support/excuse.h"
 #include "tests/support/patience.h"
 #include "tests/support/restarted_daemon.h"
 
@@ -64,7 +65,7 @@ TEST_F(SdkSettings, AnIsovalueArrivesAtOtherClients) {
     std::printf("seen by another client: median %.1f ms, p99 %.1f ms\n",
                 delays_ms[delays_ms.size() / 2], p99_ms);
   }
-  EXPECT_LT(p99_ms, 100.0);
+  EXPECT_LT(p99_ms, 100.0) << test::kBusyMachine;
 }
 
 TEST_F(SdkSettings, WhatComesLastIsWhatAllKnow) {

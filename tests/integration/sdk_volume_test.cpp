@@ -129,13 +129,13 @@ TEST(SdkVolume, FollowsEditsAndUndo) {
   last = editor.Undo();
   EXPECT_EQ(last.redo_steps, 1u);
   ASSERT_TRUE(Eventually([&] { return viewer.Take(client, last.volume_revision); }));
-  EXPECT_EQ(DifferentFromAFreshCopy(daemon, viewer, last.volume_revision), 0u) << test::kWrong;
+  EXPECT_EQ(DifferentFromAFreshCopy(daemon, viewer, last.volume_revision), 0u);
   EXPECT_EQ(viewer.anew(), 1);
 
   Viewer original;
   last = editor.Revert();
   ASSERT_TRUE(Eventually([&] { return viewer.Take(client, last.volume_revision); }));
-  EXPECT_EQ(DifferentFromAFreshCopy(daemon, viewer, last.volume_revision), 0u) << test::kWrong;
+  EXPECT_EQ(DifferentFromAFreshCopy(daemon, viewer, last.volume_revision), 0u);
 }
 
 TEST(SdkVolume, AnotherDaemonOnTheSocketIsFollowedAnew) {
@@ -155,7 +155,7 @@ TEST(SdkVolume, AnotherDaemonOnTheSocketIsFollowedAnew) {
     viewer.Take(client, 1);
     return viewer.anew() == 2 && viewer.Take(client, 1);
   }));
-  EXPECT_EQ(DifferentFromAFreshCopy(daemon, viewer, 1), 0u) << test::kWrong;
+  EXPECT_EQ(DifferentFromAFreshCopy(daemon, viewer, 1), 0u);
 }
 
 TEST(SdkVolume, ResumesFromItsRevisionAfterAHang) {
@@ -174,7 +174,7 @@ TEST(SdkVolume, ResumesFromItsRevisionAfterAHang) {
   // The same volume of the same daemon: only what changed came.
   EXPECT_EQ(viewer.anew(), 1);
   EXPECT_LT(viewer.received(), first + 40);
-  EXPECT_EQ(DifferentFromAFreshCopy(daemon, viewer, edited.volume_revision), 0u) << test::kWrong;
+  EXPECT_EQ(DifferentFromAFreshCopy(daemon, viewer, edited.volume_revision), 0u);
 }
 
 TEST(SdkVolume, AClientWithoutACopyHandsOutNone) {

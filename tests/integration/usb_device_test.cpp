@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "common/error/error.h"
+#include "tests/support/excuse.h"
 #include "tests/support/plain_stylus.h"
 #include "tests/support/usb_testbed.h"
 
@@ -131,11 +132,11 @@ TEST(UsbDevice, ExchangesReadingsAndForces) {
 
   const std::vector<DeviceStatus> statuses = Serve(*device, seconds(3), 1.5);
   // The emulation is slow on a busy machine.
-  EXPECT_GT(Count(statuses, DeviceStatus::kOk), statuses.size() / 4);
-  EXPECT_LT(Count(statuses, DeviceStatus::kFault), statuses.size() / 10);
+  EXPECT_GT(Count(statuses, DeviceStatus::kOk), statuses.size() / 4) << kBusyMachine;
+  EXPECT_LT(Count(statuses, DeviceStatus::kFault), statuses.size() / 10) << kBusyMachine;
   const DeviceHealth health = device->health();
-  EXPECT_GT(health.readings, 1000u);
-  EXPECT_GT(health.forces_written, 100u);
+  EXPECT_GT(health.readings, 1000u) << kBusyMachine;
+  EXPECT_GT(health.forces_written, 100u) << kBusyMachine;
   EXPECT_EQ(health.identity, "serial 7");
   EXPECT_EQ(health.problem, "");
   EXPECT_EQ(LogWithoutHalts(*device), kConnected);
@@ -156,7 +157,7 @@ TEST(UsbDevice, SetsThePaceOfADeviceThatAnswers) {
   ASSERT_TRUE(Eventually([&] { return Streams(*device); }));
   Serve(*device, milliseconds(500), 1.0);
   const DeviceHealth health = device->health();
-  EXPECT_GT(health.readings, 50u);
+  EXPECT_GT(health.readings, 50u) << kBusyMachine;
   EXPECT_LE(health.readings, health.forces_written);
   EXPECT_LE(health.forces_written, health.readings + health.readings / 10 + 1);
 
@@ -222,7 +223,7 @@ TEST(UsbDevice, AfterASilenceTheOldForceDoesNotComeBackInOneStep) {
     EXPECT_NE(device->Read(state), DeviceStatus::kOk);
   }
   const std::vector<PlainForce> forces = stylus.Forces();
-  EXPECT_GT(forces.size(), before + 20);
+  EXPECT_GT(forces.size(), before + 20) << kBusyMachine;
   EXPECT_TRUE(
       std::none_of(forces.begin() + static_cast<std::ptrdiff_t>(before), forces.end(), IsOn));
   // Once it has said zero, its forces are taken again.
@@ -283,8 +284,8 @@ TEST(UsbDevice, GivesASilentDeviceUp) {
   Serve(*device, milliseconds(50), 1.0);
   stylus.SetMute(true);
   const std::vector<DeviceStatus> statuses = Serve(*device, milliseconds(300), 1.0);
-  EXPECT_GT(Count(statuses, DeviceStatus::kStale), 20u);
-  EXPECT_GT(Count(statuses, DeviceStatus::kFault), 50u);
+  EXPECT_GT(Count(statuses, DeviceStatus::kStale), 20u) << kBusyMachine;
+  EXPECT_GT(Count(statuses, DeviceStatus::kFault), 50u) << kBusyMachine;
   EXPECT_EQ(statuses.back(), DeviceStatus::kFault);
   ASSERT_FALSE(stylus.Forces().empty());
   EXPECT_FALSE(stylus.Forces().back().motors_on);
@@ -393,7 +394,7 @@ TEST(UsbDevice, CountsCorruptFramesAndReportsThemNowAndThen) {
     std::this_thread::sleep_for(milliseconds(20));
   };
   for (int i = 0; i < 10; ++i) corrupt_some();
-  EXPECT_GT(device->health().corrupt_frames, 50u);
+  EXPECT_GT(device->health().corrupt_frames, 50u) << kBusyMachine;
   EXPECT_TRUE(Streams(*device));
   const std::vector<std::string> first = Log(*device);
   ASSERT_EQ(first.size(), 1u);
@@ -440,7 +441,8 @@ TEST(UsbDevice, StopsThoughTheDeviceIsDead) {
   stylus.SetFaults({.silent = true, .deaf = true});
   const steady_clock::time_point began = steady_clock::now();
   device->Stop();
-  EXPECT_LT(steady_clock::now() - began, seconds(2));  // one, and the halts of this machine
+  // One, and the halts of this machine.
+  EXPECT_LT(steady_clock::now() - began, seconds(2)) << kBusyMachine;
 }
 
 TEST(UsbDevice, SaysWhoElseHasIt) {

@@ -12,6 +12,7 @@
 #include "client/view/render/shader_program.h"
 #include "client/view/scene/solids.h"
 #include "common/error/error.h"
+#include "tests/support/excuse.h"
 #include "tests/support/frame_rig.h"
 
 namespace palpate::view {
@@ -488,7 +489,7 @@ TEST_F(ViewFrame, AMovedProxyCostsBelowATwentiethOfACast) {
   const double frame_ms = 1e3 * (end - middle) / kFrames;
   std::printf("cast %.1f ms, moved proxy %.2f ms, %.2f %%\n", cast_ms, frame_ms,
               100.0 * frame_ms / cast_ms);
-  EXPECT_LT(frame_ms, 0.05 * cast_ms);
+  EXPECT_LT(frame_ms, 0.05 * cast_ms) << test::kBusyMachine;
 }
 
 }  // namespace

@@ -12,6 +12,7 @@ import subprocess
 import time
 import unittest
 
+from excuse import busy_machine_may_explain
 from support import PATIENCE_S, Daemon
 from view_support import PALPATE_VIEW, Screen
 
@@ -86,9 +87,11 @@ class ViewRun(unittest.TestCase):
         # up to 256 MiB.
         if "PALPATE_SANITIZED" not in os.environ:
             self.assertLess(end, (1.04 if SECONDS >= 60 else 1.08) * third)
-        self.assertLess(figures["last"], 3.0 * figures["first"] + 20.0)
+        with busy_machine_may_explain():
+            self.assertLess(figures["last"], 3.0 * figures["first"] + 20.0)
         # In software, and beside other work, frames are slow.
-        self.assertGreater(figures["frames"], SECONDS / 2)
+        with busy_machine_may_explain():
+            self.assertGreater(figures["frames"], SECONDS / 2)
         self.assertGreater(figures["seconds"], 0.5 * SECONDS)
 
     def test_offscreen_while_only_the_stylus_moves(self):
@@ -98,7 +101,8 @@ class ViewRun(unittest.TestCase):
     def test_offscreen_while_others_edit(self):
         figures = self.run_view("--offscreen", "--panels", "--haptic-surface", "--size", "800x500",
                                 edits=True)
-        self.assertGreater(figures["casts"], 3)
+        with busy_machine_may_explain():
+            self.assertGreater(figures["casts"], 3)
 
     def test_window_while_only_the_stylus_moves(self):
         with Screen() as screen:
@@ -110,7 +114,8 @@ class ViewRun(unittest.TestCase):
         with Screen() as screen:
             figures = self.run_view("--haptic-surface", "--size", "800x500", env=screen.env,
                                     edits=True)
-        self.assertGreater(figures["casts"], 3)
+        with busy_machine_may_explain():
+            self.assertGreater(figures["casts"], 3)
 
 
 if __name__ == "__main__":

@@ -13,6 +13,7 @@
 #include "client/sdk/volume_reader.h"
 #include "common/wire/volume_message.h"
 #include "palpate/v1/volume.grpc.pb.h"
+#include "tests/support/excuse.h"
 #include "tests/support/patience.h"
 #include "tests/support/process.h"
 #include "tests/support/served_session.h"
@@ -105,7 +106,7 @@ TEST_F(VolumeStreamTest, ACopyIsEqualAfterTenThousandEditsAndManyReconnects) {
   }
   editor.join();
   ASSERT_TRUE(CatchUp(*reader, mirror));
-  EXPECT_EQ(DifferentVoxels(mirror, *data_.volume()), 0u) << test::kWrong;
+  EXPECT_EQ(DifferentVoxels(mirror, *data_.volume()), 0u);
   EXPECT_EQ(mirror.resume()->volume_revision, 10001u);
   // Every copy after the first was resumed.
   EXPECT_FALSE(mirror.TakeChanges().all);
@@ -173,7 +174,7 @@ TEST_F(VolumeStreamTest, AViewerThatReadsNothingCostsNoMemory) {
   std::size_t held = 0;
   for (const auto& volume : old) held += !volume.expired();
   EXPECT_LE(held, 2u);
-  EXPECT_GT(old.size(), 100u);
+  EXPECT_GT(old.size(), 100u) << test::kBusyMachine;
   const double more_mib = ResidentMiB() - before_mib;
   std::printf("%zu MiB edited, %.1f MiB more held\n", std::size_t{bytes_edited} >> 20, more_mib);
 #ifndef PALPATE_SANITIZED  // which keeps what was freed for a while
@@ -192,7 +193,7 @@ TEST_F(VolumeStreamTest, AViewerThatReadsNothingCostsNoMemory) {
     mirror.Apply(FromProto(std::move(response)).event);
     ASSERT_TRUE(call->Write(acknowledge));
   }
-  EXPECT_EQ(DifferentVoxels(mirror, *data_.volume()), 0u) << test::kWrong;
+  EXPECT_EQ(DifferentVoxels(mirror, *data_.volume()), 0u);
   // A window, and the 12 messages of a copy or two, whatever was edited meanwhile.
   EXPECT_LE(messages, 64u + 2 * 12u);
   context.TryCancel();
@@ -213,7 +214,7 @@ TEST_F(VolumeStreamTest, AViewerThatIsKilledHarmsNobody) {
     data_.RandomEdit(random_);
     EXPECT_TRUE(CatchUp(reader, mirror));
   }
-  EXPECT_EQ(DifferentVoxels(mirror, *data_.volume()), 0u) << test::kWrong;
+  EXPECT_EQ(DifferentVoxels(mirror, *data_.volume()), 0u);
 }
 
 TEST_F(VolumeStreamTest, BadRequestsEndTheStreamWithAReason) {
@@ -279,7 +280,7 @@ TEST_F(VolumeStreamTest, ARevisionThatTheDaemonDoesNotHaveIsMendedByAFreshCopy) 
   ASSERT_TRUE(CatchUp(reader, mirror));
   EXPECT_TRUE(mirror.TakeChanges().all);
   EXPECT_EQ(reader.losses(), 1u);
-  EXPECT_EQ(DifferentVoxels(mirror, *data_.volume()), 0u) << test::kWrong;
+  EXPECT_EQ(DifferentVoxels(mirror, *data_.volume()), 0u);
 }
 
 TEST_F(VolumeStreamTest, StoppingTheServerEndsStreamsThatReadAndThatDoNot) {
@@ -303,7 +304,7 @@ TEST_F(VolumeStreamTest, StoppingTheServerEndsStreamsThatReadAndThatDoNot) {
   }
   EXPECT_EQ(idle->Finish().error_code(), grpc::StatusCode::UNAVAILABLE);
   // What was copied stays, and the reader keeps trying.
-  EXPECT_EQ(DifferentVoxels(mirror, *data_.volume()), 0u) << test::kWrong;
+  EXPECT_EQ(DifferentVoxels(mirror, *data_.volume()), 0u);
   while (reader.losses_in_a_row() < 3) reader.Next(100ms);
 }
 

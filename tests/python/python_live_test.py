@@ -14,6 +14,7 @@ import unittest
 import numpy as np
 
 import palpate
+from excuse import busy_machine_may_explain
 from support import PALPATE, DaemonTest, nrrd, pattern, wait_until
 
 CHANGES = 150
@@ -66,7 +67,8 @@ class IsovalueInOtherClients(DaemonTest):
             print(f"isovalue, {way}: p50 {p50:.1f} ms, p99 {p99:.1f} ms of {CHANGES}")
             if p99 < BOUND_MS:
                 return
-        self.fail(f"p99 was never below {BOUND_MS} ms")
+        with busy_machine_may_explain():
+            self.fail(f"p99 was never below {BOUND_MS} ms")
 
     def test_python_to_python(self):
         arrivals = Arrivals()

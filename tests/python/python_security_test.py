@@ -22,6 +22,7 @@ from palpate.v1 import (device_pb2, device_pb2_grpc, pose_pb2, pose_pb2_grpc, re
                         registration_pb2, render_pb2, render_pb2_grpc, series_pb2, volume_pb2,
                         volume_pb2_grpc)
 from authority import Authority
+from excuse import busy_machine_may_explain
 from secured import ROLES, SecuredDaemon, dawdle, wait_for
 from support import PALPATE, PALPATED, PATIENCE_S
 
@@ -356,7 +357,8 @@ class LimitsTest(unittest.TestCase):
                     return len(os.listdir(f"/proc/{daemon.process.pid}/fd"))
 
                 # Each that is watched has a second one.
-                self.assertLess(files(), 2 * (100 + 256))
+                with busy_machine_may_explain():
+                    self.assertLess(files(), 2 * (100 + 256))
                 wait_for(lambda: files() < 2 * STRANGERS + 100, "those beyond the bound to go")
                 print(f"{files()} files open", file=sys.stderr)
                 # Who was there stays; the stop on the workstation gets through.

@@ -1,13 +1,10 @@
-// Waiting for what another thread or process does; what no waiting excuses.
+// Waiting for what another thread or process does.
 #pragma once
 
 #include <chrono>
 #include <thread>
 
 namespace palpate::test {
-
-// Said with what is wrong however slow the machine: tests/run.sh runs no test again beside it.
-inline constexpr char kWrong[] = "***Wrong, and no slow machine explains it ";
 
 // False where it does not hold within a time that no working machine takes.
 template <typename Condition>

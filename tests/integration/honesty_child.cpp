@@ -1,0 +1,68 @@
+// Tests that fail, each in its own way; honesty_test.cpp runs them one by one. PALPATED is
+// tests/support/stand_in.sh here.
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+#include <thread>
+
+#include "tests/support/daemon.h"
+#include "tests/support/excuse.h"
+#include "tests/support/restarted_daemon.h"
+
+namespace palpate::test {
+namespace {
+
+constexpr std::chrono::milliseconds kEndPatience{700};
+
+void FailExcusably() { EXPECT_LT(2, 1) << kBusyMachine; }
+
+TEST(HonestyChild, Passes) {}
+TEST(HonestyChild, FailsExcusably) { FailExcusably(); }
+TEST(HonestyChild, FailsExcusablyInAThread) { std::thread(FailExcusably).join(); }
+TEST(HonestyChild, FailsExcusablyAndForGood) {
+  FailExcusably();
+  EXPECT_EQ(2, 1);
+}
+TEST(HonestyChild, FailsForGood) { EXPECT_EQ(2, 1); }
+TEST(HonestyChild, FailsExcusablyAndThrows) {
+  FailExcusably();
+  throw std::runtime_error("thrown");
+}
+TEST(HonestyChild, FailsExcusablyAndCrashes) {
+  FailExcusably();
+  std::abort();
+}
+TEST(HonestyChild, FailsExcusablyAndExits) {
+  FailExcusably();
+  std::exit(1);
+}
+TEST(HonestyChild, Skips) { GTEST_SKIP(); }
+
+class HonestyChildSuite : public testing::Test {
+ protected:
+  static void SetUpTestSuite() { FailExcusably(); }
+};
+TEST_F(HonestyChildSuite, FailsToBegin) { FailExcusably(); }
+
+TEST(HonestyChildDaemon, IsLeftToItself) {
+  const Daemon daemon(PALPATED, {}, {}, Daemon::kPatience, kEndPatience);
+}
+TEST(HonestyChildDaemon, IsEnded) {
+  Daemon daemon(PALPATED, {}, {}, Daemon::kPatience, kEndPatience);
+  daemon.End();
+}
+TEST(HonestyChildDaemon, IsKilled) {
+  Daemon daemon(PALPATED, {}, {}, Daemon::kPatience, kEndPatience);
+  EXPECT_EQ(daemon.End(SIGKILL).exit_code, -SIGKILL);
+}
+TEST(HonestyChildDaemon, IsStopped) {
+  Daemon daemon(PALPATED, {}, {}, Daemon::kPatience, kEndPatience);
+  daemon.process().Signal(SIGSTOP);
+}
+TEST(HonestyChildDaemon, IsRestarted) {
+  RestartedDaemon daemon;
+  daemon.Start();
+}
+
+}  // namespace
+}  // namespace palpate::test

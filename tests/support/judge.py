@@ -1,0 +1,72 @@
+#!/usr/bin/env python3
+"""judge.py JUNIT_XML LOG: which failures of a run of ctest a busy machine may explain.
+
+They go to stdout as "number:name", as in ctest's LastTestsFailed.log; all others, with the reason,
+to stderr. A failure is excused only if the test ended by itself, with an exit status, and said at
+its end that every failed assertion may be excused (test_main.cpp, run_tests.py). LOG is what
+ctest printed: the XML does not tell a crash or a timeout from a failure."""
+
+import re
+import sys
+import xml.etree.ElementTree
+
+MOST = 10
+HEADLINE = "The following tests FAILED:"
+LINE = re.compile(r"\s*(\d+) - (.*) \(([^()]*)\)\s*$")
+SANITIZER = re.compile(r"Sanitizer:|runtime error:")
+# ctest drops what comes after so many bytes.
+CUT = "This part of the test output was removed"
+
+
+def failures(log):
+    """(number, name, how it ended) of each."""
+    _, found, end = log.rpartition(HEADLINE)
+    return [match.groups() for match in map(LINE.match, end.splitlines() if found else []) if match]
+
+
+def outputs(xml_file):
+    return {case.get("name"): case.findtext("system-out") or ""
+            for case in xml.etree.ElementTree.parse(xml_file).iter("testcase")}
+
+
+def why_final(end, output):
+    """Empty: a busy machine may explain it."""
+    if end != "Failed":
+        return end
+    if SANITIZER.search(output):
+        return "a sanitizer found something"
+    if CUT in output:
+        return "its output is cut"
+    if not re.search(r"^\*\*\*Excusable ", output, re.MULTILINE):
+        return "not all of it is excusable"
+    return ""
+
+
+def judge(xml_file, log):
+    """Lines of what may be run again, and lines of what may not, with the reason."""
+    said = outputs(xml_file)
+    again, final = [], []
+    for number, name, end in failures(log):
+        why = why_final(end, said.get(name, ""))
+        if why:
+            final.append(f"{name}: {why}")
+        else:
+            again.append(f"{number}:{name}")
+    if len(again) > MOST:
+        return [], final + [f"{line.partition(':')[2]}: more than {MOST} would be excused"
+                            for line in again]
+    return again, final
+
+
+def main():
+    xml_file, log_file = sys.argv[1:]
+    with open(log_file, encoding="utf-8", errors="replace") as log:
+        again, final = judge(xml_file, log.read())
+    for line in final:
+        print("run.sh: not excused:", line, file=sys.stderr)
+    for line in again:
+        print(line)
+
+
+if __name__ == "__main__":
+    main()

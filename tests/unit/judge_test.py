@@ -1,0 +1,140 @@
+"""Which failures are run again: tests/support/judge.py, run_tests.py and excuse.py."""
+
+import contextlib
+import io
+import os
+import pathlib
+import subprocess
+import sys
+import tempfile
+import textwrap
+import unittest
+from xml.sax.saxutils import escape
+
+SUPPORT = pathlib.Path(__file__).parents[1] / "support"
+sys.path.insert(0, str(SUPPORT))
+import judge  # noqa: E402
+
+
+class Judge(unittest.TestCase):
+    def judged(self, *cases):
+        """cases: (name, how ctest says that it ended, output). (again, final)"""
+        with tempfile.TemporaryDirectory() as folder:
+            xml, log = pathlib.Path(folder, "a.xml"), pathlib.Path(folder, "a.log")
+            xml.write_text("<testsuite>" + "".join(
+                f'<testcase name="{escape(name)}" status="fail"><failure message=""/>'
+                f"<system-out>{escape(output)}</system-out></testcase>"
+                for name, _, output in cases) + "</testsuite>")
+            log.write_text("1/9 Test #1: a ...***Failed\n\nThe following tests FAILED:\n" + "".join(
+                f"\t{number:3d} - {name} ({end})\n" for number, (name, end, _) in enumerate(cases)))
+            said, complaints = io.StringIO(), io.StringIO()
+            with contextlib.redirect_stdout(said), contextlib.redirect_stderr(complaints):
+                sys.argv[1:] = [str(xml), str(log)]
+                judge.main()
+            return said.getvalue().splitlines(), complaints.getvalue().splitlines()
+
+    def test_an_excuse_counts_only_with_an_exit_status(self):
+        said = "[  FAILED  ] A.B\n***Excusable A.B\n"
+        self.assertEqual(self.judged(("integration.A.B", "Failed", said)),
+                         (["0:integration.A.B"], []))
+        for end in ("SEGFAULT", "Subprocess aborted", "Subprocess killed", "Timeout", "Not Run",
+                    "ILLEGAL", "NUMERICAL", "OTHER_FAULT"):
+            again, final = self.judged(("integration.A.B", end, said))
+            self.assertEqual((again, len(final)), ([], 1), end)
+            self.assertIn(end, final[0])
+
+    def test_a_failure_without_excuse_is_final(self):
+        for output in ("", "[  FAILED  ] A.B\n", "value: ***Excusable A.B\n"):
+            self.assertEqual(self.judged(("a", "Failed", output))[0], [], output)
+
+    def test_a_sanitizer_is_never_excused(self):
+        for line in ("==7==ERROR: LeakSanitizer: detected memory leaks",
+                     "WARNING: ThreadSanitizer: data race", "x.cpp:1: runtime error: y"):
+            self.assertEqual(self.judged(("a", "Failed", f"***Excusable A.B\n{line}\n"))[0], [])
+
+    def test_what_ctest_cut_off_may_be_anything(self):
+        self.assertEqual(self.judged(("a", "Failed", "***Excusable A.B\n" + judge.CUT))[0], [])
+
+    def test_others_do_not_spoil_an_excuse(self):
+        again, final = self.judged(("integration.A.B/0 # (1, 2)", "Failed", "***Excusable A.B/0\n"),
+                                   ("unit.C.D", "Failed", "wrong\n"))
+        self.assertEqual(again, ["0:integration.A.B/0 # (1, 2)"])
+        self.assertEqual(len(final), 1)
+
+    def test_more_than_ten_are_no_excuse(self):
+        def cases(count):
+            return [(f"t{number}", "Failed", "***Excusable A.B\n") for number in range(count)]
+        self.assertEqual(len(self.judged(*cases(10))[0]), 10)
+        again, final = self.judged(*cases(11))
+        self.assertEqual((again, len(final)), ([], 11))
+
+    def test_no_failure_at_all(self):
+        self.assertEqual(self.judged(), ([], []))
+
+
+class RunTests(unittest.TestCase):
+    def ran(self, body):
+        """(exit code, output) of a file of tests with this in its class."""
+        with tempfile.TemporaryDirectory() as folder:
+            pathlib.Path(folder, "it_test.py").write_text(
+                "import subprocess, unittest\nfrom excuse import busy_machine_may_explain\n"
+                "import crash\nclass It(unittest.TestCase):\n" + textwrap.indent(body, "    "))
+            run = subprocess.run([sys.executable, "-m", "run_tests", "it_test"], cwd=folder,
+                                 env={**os.environ, "PYTHONPATH": str(SUPPORT)}, text=True,
+                                 stdout=subprocess.PIPE, stderr=subprocess.STDOUT, check=False)
+            return run.returncode, run.stdout
+
+    EXCUSABLE = ("def test_excusable(self):\n"
+                 "    with busy_machine_may_explain(): self.assertLess(2, 1)\n")
+
+    def test_only_marked_failures_are_excusable(self):
+        code, said = self.ran(self.EXCUSABLE + "def test_other(self): pass\n"
+                              "def test_skipped(self): self.skipTest('so')\n")
+        self.assertEqual(code, 1)
+        self.assertIn("\n***Excusable it_test.It.test_excusable\n", said)
+        self.assertIn("2 not less than 1", said)
+
+    def test_subtests_are_judged_each(self):
+        subtests = ("def test_parts(self):\n"
+                    "    with self.subTest(1), busy_machine_may_explain(): self.fail('a')\n"
+                    "    with self.subTest(2): {}\n")
+        self.assertIn("***Excusable", self.ran(subtests.format("pass"))[1])
+        code, said = self.ran(subtests.format("self.fail('b')"))
+        self.assertEqual(code, 1)
+        self.assertNotIn("***Excusable", said)
+
+    def test_one_failure_for_good_leaves_none_excusable(self):
+        for other in ("def test_a(self): self.fail('x')", "def test_a(self): raise OSError('x')",
+                      "def tearDown(self): self.fail('x')", "def setUp(self): self.fail('x')",
+                      "@classmethod\ndef tearDownClass(cls): raise AssertionError('x')",
+                      "@unittest.expectedFailure\ndef test_a(self): pass",
+                      "def test_a(self):\n"
+                      "    with busy_machine_may_explain(): raise OSError('x')",
+                      "def test_a(self): subprocess.run('kill -SEGV $$', shell=True)"):
+            code, said = self.ran(self.EXCUSABLE + other + "\n")
+            self.assertEqual(code, 1, said)
+            self.assertNotIn("***Excusable", said, other)
+
+    def test_a_crash_fails_tests_that_pass(self):
+        code, said = self.ran("def test_a(self): subprocess.run('kill -SEGV $$', shell=True)\n")
+        self.assertEqual(code, 1)
+        self.assertIn("FAILED: ***Exception: signal 11", said)
+
+    def test_a_daemon_that_ends_badly_is_never_excusable(self):
+        for end in ("exec sh -c 'exit 3'", "kill -SEGV $$"):
+            code, said = self.ran(
+                "def test_a(self):\n"
+                f"    process = subprocess.Popen([\"sh\", \"-c\", \"{end}\"])\n"
+                "    with busy_machine_may_explain(): crash.end_in_order(process, 20.0, [])\n")
+            self.assertEqual(code, 1)
+            self.assertIn("crash.BadEnd", said)
+            self.assertNotIn("***Excusable", said)
+
+    def test_what_passes_needs_no_excuse(self):
+        code, said = self.ran("def test_a(self):\n"
+                              "    with busy_machine_may_explain(): self.assertLess(1, 2)\n")
+        self.assertEqual((code, "***" in said), (0, False), said)
+
+
+if __name__ == "__main__":
+    unittest.main()
