@@ -124,7 +124,7 @@ TEST(UsbFaults, AStallIsClearedAndTheStreamGoesOn) {
     touch.Stall(endpoint, false);
     EXPECT_TRUE(Eventually([&] { return rig.Health().transfer_errors() > errors; }));
     EXPECT_TRUE(Eventually([&] { return touch.CountOf(UsbEvent::Kind::kClearHalt) > clears; }));
-    EXPECT_TRUE(WaitForForce(rig, touch));
+    EXPECT_TRUE(WaitForForce(rig, touch)) << rig.ExcuseSince(0);
   }
   EXPECT_EQ(rig.Health().connections(), 1u) << rig.ExcuseSince(0);
   EXPECT_EQ(rig.Health().problem(), "");
@@ -229,7 +229,7 @@ TEST(UsbFaults, DockedMeansNoForce) {
   std::this_thread::sleep_for(milliseconds(1500));
   EXPECT_EQ(CountForces(touch), before);
   touch.SetDocked(false);
-  EXPECT_TRUE(WaitForForce(rig, touch));
+  EXPECT_TRUE(WaitForForce(rig, touch)) << rig.ExcuseSince(0);
 }
 
 TEST(UsbFaults, StopByButtonsAndByCall) {

@@ -126,7 +126,7 @@ TEST(UsbDevice, ForcesAreOffUntilEnabledByName) {
   EXPECT_EQ(rig.Forces().reason(), v1::FORCE_REASON_OPERATOR);
 
   ASSERT_TRUE(PressWithForces(rig, touch));
-  EXPECT_TRUE(rig.WaitForLog("forces: on"));
+  EXPECT_TRUE(rig.WaitForLog("forces: on")) << rig.ExcuseSince(0);
 
   ASSERT_TRUE(rig.Disable().ok());
   EXPECT_TRUE(rig.WaitForForces(v1::FORCE_STATE_OFF));

@@ -44,6 +44,12 @@ class HonestyChildSuite : public testing::Test {
 };
 TEST_F(HonestyChildSuite, FailsToBegin) { FailExcusably(); }
 
+class HonestyChildSkippedSuite : public testing::Test {
+ protected:
+  static void TearDownTestSuite() { EXPECT_EQ(2, 1); }
+};
+TEST_F(HonestyChildSkippedSuite, FailsToEnd) { GTEST_SKIP(); }
+
 TEST(HonestyChildDaemon, IsLeftToItself) {
   const Daemon daemon(PALPATED, {}, {}, Daemon::kPatience, kEndPatience);
 }
@@ -63,6 +69,17 @@ TEST(HonestyChildDaemon, IsRestarted) {
   RestartedDaemon daemon;
   daemon.Start();
 }
+
+class HonestyChildSuiteDaemon : public testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    daemon_ = std::make_unique<Daemon>(PALPATED, std::vector<std::string>{},
+                                       std::vector<std::string>{}, Daemon::kPatience, kEndPatience);
+  }
+  static void TearDownTestSuite() { daemon_.reset(); }
+  static inline std::unique_ptr<Daemon> daemon_;
+};
+TEST_F(HonestyChildSuiteDaemon, IsShared) {}
 
 }  // namespace
 }  // namespace palpate::test

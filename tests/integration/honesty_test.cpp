@@ -9,6 +9,7 @@ namespace palpate::test {
 namespace {
 
 constexpr char kExcusable[] = "\n***Excusable ";
+constexpr int kSkipped = 77;  // as in test_main.cpp
 
 // The exit code and output of tests of honesty_child.cpp; stand_in: what their daemon does at its
 // end.
@@ -54,6 +55,11 @@ TEST(Honesty, WhatPassesOrSkipsNeedsNoExcuse) {
   EXPECT_FALSE(Says(result, kExcusable)) << result.output;
 }
 
+TEST(Honesty, ASkipHidesNoFailureAtTheEnd) {
+  EXPECT_EQ(RunChild("HonestyChild.Skips").exit_code, kSkipped);
+  EXPECT_EQ(RunChild("HonestyChildSkippedSuite.*").exit_code, 1);
+}
+
 TEST(Honesty, ACrashIsNotExcusable) {
   ProcessResult result;
   EXPECT_NONFATAL_FAILURE(result = RunChild("HonestyChild.FailsExcusablyAndCrashes"),
@@ -71,13 +77,16 @@ TEST(Honesty, ADaemonThatEndsBadlyFailsItsTest) {
                         Case{"hang", "a program was told to end, and does not"},
                         Case{"leak", "a sanitizer found something"},
                         Case{"fail", "a program ended with 3, not with 0"}}) {
-    for (const std::string test : {"IsLeftToItself", "IsEnded", "IsStopped", "IsRestarted"}) {
+    for (const std::string test :
+         {"HonestyChildDaemon.IsLeftToItself", "HonestyChildDaemon.IsEnded",
+          "HonestyChildDaemon.IsStopped", "HonestyChildDaemon.IsRestarted",
+          "HonestyChildSuiteDaemon.IsShared"}) {
       // One that was awaited is the test's to judge.
-      if (c.stand_in == "fail" && test == "IsEnded") continue;
+      if (c.stand_in == "fail" && test.ends_with("IsEnded")) continue;
       // Its patience is two minutes.
-      if (c.stand_in == "hang" && test == "IsRestarted") continue;
+      if (c.stand_in == "hang" && test.ends_with("IsRestarted")) continue;
       SCOPED_TRACE(c.stand_in + " " + test);
-      const ProcessResult result = RunChild("HonestyChildDaemon." + test, c.stand_in);
+      const ProcessResult result = RunChild(test, c.stand_in);
       EXPECT_EQ(result.exit_code, 1);
       EXPECT_TRUE(Says(result, c.line)) << result.output;
       EXPECT_FALSE(Says(result, kExcusable)) << result.output;
@@ -86,7 +95,7 @@ TEST(Honesty, ADaemonThatEndsBadlyFailsItsTest) {
 }
 
 TEST(Honesty, ADaemonThatEndsInOrderOrIsKilledFailsNothing) {
-  const ProcessResult ordered = RunChild("HonestyChildDaemon.*");
+  const ProcessResult ordered = RunChild("HonestyChildDaemon.*:HonestyChildSuiteDaemon.*");
   EXPECT_EQ(ordered.exit_code, 0) << ordered.output;
   const ProcessResult killed = RunChild("HonestyChildDaemon.IsKilled", "hang");
   EXPECT_EQ(killed.exit_code, 0) << killed.output;

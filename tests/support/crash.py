@@ -61,8 +61,9 @@ class Watched(subprocess.Popen):
     def say_that_it_does_not_end(self):
         report(f"***Timeout: it was told to end, and does not: {self.args}")
 
-    def was_sent(self, number):
-        return number in self._sent
+    def was_killed(self):
+        """By its test, in a way that is no order to end."""
+        return bool(self._sent & {signal.SIGKILL, signal.SIGABRT})
 
     def _judge(self, status):
         if status is not None and status < 0 and -status not in self._sent and not self.crashed:
@@ -104,6 +105,6 @@ def end_in_order(process, seconds, log, close=lambda: None):
     status = require_an_end(process, seconds)
     close()
     require_no_crash(process, log)
-    if status != 0 and not process.was_sent(signal.SIGKILL):
+    if status != 0 and not process.was_killed():
         raise BadEnd(f"it ended with {status}, not with 0: {process.args}\n" + "".join(log))
     return status

@@ -75,9 +75,10 @@ class Crash(unittest.TestCase):
         self.assertEqual(end_in_order(start("exit 0"), 60.0, []), 0)
         with self.assertRaisesRegex(AssertionError, "it ended with 3(.|\\n)*said"):
             end_in_order(start("exit 3"), 60.0, ["said"])
-        killed = start("exec sleep 60")
-        killed.kill()
-        self.assertEqual(end_in_order(killed, 60.0, []), -signal.SIGKILL)
+        for number in (signal.SIGKILL, signal.SIGABRT):
+            killed = start("exec sleep 60")
+            killed.send_signal(number)
+            self.assertEqual(end_in_order(killed, 60.0, []), -number)
         deaf = start("exec sleep 60")  # it does not know the signal
         deaf.terminate()
         with self.assertRaises(AssertionError):
