@@ -37,7 +37,7 @@ class Process {
   static constexpr std::chrono::milliseconds kEndPatience{120000};
 
   // `on_terminal`: stdout is a terminal of 80 x 24. `patience`: how long it may run in all;
-  // `end_patience`: from SIGTERM or SIGINT on.
+  // `end_patience`: from a signal on.
   explicit Process(const std::vector<std::string>& arguments, bool on_terminal = false,
                    std::chrono::seconds patience = std::chrono::seconds(20),
                    std::chrono::milliseconds end_patience = kEndPatience)
@@ -96,7 +96,7 @@ class Process {
   void Signal(int number) {
     if (pid_ <= 0) return;
     sent_.insert(number);
-    if (number == SIGTERM || number == SIGINT) {
+    if (number != SIGSTOP && number != SIGCONT) {
       deadline_ = std::chrono::steady_clock::now() + end_patience_;
     }
     kill(pid_, number);
@@ -163,7 +163,9 @@ class Process {
     write_end = ends[1];
   }
 
-  bool WasToldToEnd() const { return sent_.contains(SIGTERM) || sent_.contains(SIGINT); }
+  bool WasToldToEnd() const {
+    return sent_.contains(SIGTERM) || sent_.contains(SIGINT) || sent_.contains(SIGQUIT);
+  }
 
   bool EndsInTime(int& status) const {
     while (waitpid(pid_, &status, WNOHANG) != pid_) {
