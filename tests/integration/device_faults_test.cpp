@@ -8,8 +8,6 @@
 namespace palpate::test {
 namespace {
 
-using std::chrono::milliseconds;
-
 const std::string kStayOff = "they stay off until `palpate device enable omni-usb`";
 
 // A stylus that presses into the sphere with forces on.
@@ -26,7 +24,7 @@ void ExpectRecovery(DeviceRig& rig, TouchEmulator& touch) {
   EXPECT_EQ(rig.Forces().state(), v1::FORCE_STATE_FAULT);
   EXPECT_EQ(rig.Forces().reason(), v1::FORCE_REASON_DEVICE);
   const std::size_t before = CountForces(touch);
-  std::this_thread::sleep_for(milliseconds(1500));
+  EXPECT_TRUE(TakesForces(touch, kForcesOfAPress));
   EXPECT_EQ(CountForces(touch), before);
   // Its position has a meaning again once it was in its holder.
   Dock(touch);
@@ -179,7 +177,7 @@ TEST(UsbFaults, SomeBadFramesAreCountedAndTheStreamGoesOn) {
   touch.SetBadFrameEvery(10);
   EXPECT_TRUE(rig.WaitForLog(" dropped"));
   const v1::DeviceHealth before = rig.Health();
-  std::this_thread::sleep_for(std::chrono::seconds(2));
+  ASSERT_TRUE(Eventually([&] { return rig.Health().readings() > before.readings() + 1000; }));
   const v1::DeviceHealth after = rig.Health();
   const auto bad = static_cast<double>(after.corrupt_frames() - before.corrupt_frames());
   const auto good = static_cast<double>(after.readings() - before.readings());
@@ -195,7 +193,7 @@ TEST(UsbFaults, LostReadingsAreCounted) {
   const v1::DeviceHealth before = rig.Health();
   touch.SetWaitsForForces(true);  // no other loss
   touch.SetLossEvery(5);
-  std::this_thread::sleep_for(std::chrono::seconds(2));
+  ASSERT_TRUE(Eventually([&] { return rig.Health().readings() > before.readings() + 500; }));
   const v1::DeviceHealth after = rig.Health();
   const auto lost = static_cast<double>(after.lost_readings() - before.lost_readings());
   const auto good = static_cast<double>(after.readings() - before.readings());
@@ -224,9 +222,9 @@ TEST(UsbFaults, DockedMeansNoForce) {
   EXPECT_TRUE(rig.WaitForForces(v1::FORCE_STATE_HELD));
   EXPECT_EQ(rig.Forces().reason(), v1::FORCE_REASON_DOCKED);
   EXPECT_TRUE(rig.WaitForLog("forces: held (docked)"));
-  std::this_thread::sleep_for(milliseconds(100));
+  ASSERT_TRUE(TakesForces(touch, 100));
   const std::size_t before = CountForces(touch);
-  std::this_thread::sleep_for(milliseconds(1500));
+  EXPECT_TRUE(TakesForces(touch, kForcesOfAPress));
   EXPECT_EQ(CountForces(touch), before);
   touch.SetDocked(false);
   EXPECT_TRUE(WaitForForce(rig, touch)) << rig.ExcuseSince(0);
@@ -241,18 +239,18 @@ TEST(UsbFaults, StopByButtonsAndByCall) {
   EXPECT_EQ(rig.Forces().reason(), v1::FORCE_REASON_STOP_BUTTON);
   EXPECT_TRUE(rig.WaitForLog("forces: stopped (stop-button)"));
   touch.SetButtons(false, false);
-  std::this_thread::sleep_for(milliseconds(100));
+  ASSERT_TRUE(TakesForces(touch, 100));
   std::size_t before = CountForces(touch);
-  std::this_thread::sleep_for(milliseconds(1500));
+  EXPECT_TRUE(TakesForces(touch, kForcesOfAPress));
   EXPECT_EQ(CountForces(touch), before);
   ASSERT_TRUE(rig.Enable("omni-usb").ok());
   if (!WaitForForce(rig, touch)) {
     ASSERT_TRUE(PressWithForces(rig, touch));
   }
   ASSERT_TRUE(rig.StopForces().ok());
-  std::this_thread::sleep_for(milliseconds(100));
+  ASSERT_TRUE(TakesForces(touch, 100));
   before = CountForces(touch);
-  std::this_thread::sleep_for(milliseconds(1500));
+  EXPECT_TRUE(TakesForces(touch, kForcesOfAPress));
   EXPECT_EQ(CountForces(touch), before);
   EXPECT_EQ(rig.Forces().reason(), v1::FORCE_REASON_STOP_CALL);
 }

@@ -37,12 +37,13 @@ inline bool Contains(const std::string& text, const std::string& part) {
   return text.find(part) != std::string::npos;
 }
 
-// From the place of rest to below the sphere within a second, then up into it and back
-// once a second, for ever. The sphere's radius is 22 mm: 5 mm of depth.
+// From the place of rest to below the sphere within kApproachS, then up into it and back in
+// kPressS, for ever. The sphere's radius is 22 mm: 5 mm of depth. At most 0.2 m/s.
+inline constexpr double kApproachS = 0.4, kPressS = 0.5;
 inline Vec3 PressFromBelow(double time_s) {
   const Vec3 rest_mm(0.0, -110.0, -35.0), below_mm(0.0, -36.0, 0.0);
-  if (time_s < 1.0) return rest_mm + time_s * (below_mm - rest_mm);
-  const double depth_mm = 9.5 * (1.0 - std::cos(2.0 * M_PI * (time_s - 1.0)));
+  if (time_s < kApproachS) return rest_mm + time_s / kApproachS * (below_mm - rest_mm);
+  const double depth_mm = 9.5 * (1.0 - std::cos(2.0 * M_PI * (time_s - kApproachS) / kPressS));
   return below_mm + Vec3(0.0, depth_mm, 0.0);
 }
 
@@ -208,6 +209,16 @@ inline std::size_t CountForces(const TouchEmulator& touch) {
   return count;
 }
 
+// At most one force comes in a millisecond, so that the stylus has gone at least so far on its
+// path when so many more have come.
+constexpr std::size_t kForcesOfAnApproach = 450, kForcesOfAPress = 600;
+
+// Until so many forces more came, zero or not, however slow the bus.
+inline bool TakesForces(const TouchEmulator& touch, std::size_t more) {
+  const std::size_t before = touch.Forces().size();
+  return Eventually([&] { return touch.Forces().size() >= before + more; });
+}
+
 // False where a fault ends the forces: the machine stopped for long.
 inline bool WaitForForce(DeviceRig& rig, const TouchEmulator& touch) {
   const std::size_t before = CountForces(touch);
@@ -223,8 +234,8 @@ inline testing::AssertionResult PressWithForces(DeviceRig& rig, TouchEmulator& t
   if (rig.WaitForConnection(DeviceRig::kStreaming) &&
       Eventually([&] { return rig.Health().calibrated(); })) {
     Undock(touch);
-    std::this_thread::sleep_for(std::chrono::milliseconds(1200));
-    if (rig.EnableAndWait("omni-usb") && WaitForForce(rig, touch)) {
+    if (TakesForces(touch, kForcesOfAnApproach) && rig.EnableAndWait("omni-usb") &&
+        WaitForForce(rig, touch)) {
       return testing::AssertionSuccess();
     }
   }

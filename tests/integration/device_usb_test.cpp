@@ -58,12 +58,12 @@ TEST(UsbDevice, ExchangesStatesAndForcesNearOneKilohertz) {
   const v1::DeviceHealth before = rig.Health();
   PoseCollector collector(rig.daemon());
   const Counts first = CountsOf(rig, touch);
-  // By the second: a machine that stops in one of them tells nothing of the device.
+  // By the half second: a machine that stops in one of them tells nothing of the device.
   // What the emulated bus is too slow to bring is no fault of the daemon.
   std::vector<double> sent, readings_share, forces_share;
-  for (int second = 0; second < 10; ++second) {
+  for (int half_second = 0; half_second < 10; ++half_second) {
     const Counts from = CountsOf(rig, touch);
-    std::this_thread::sleep_for(std::chrono::seconds(1));
+    std::this_thread::sleep_for(std::chrono::milliseconds(500));
     const Counts to = CountsOf(rig, touch);
     sent.push_back(to.sent - from.sent);
     readings_share.push_back((to.readings - from.readings) / (to.brought - from.brought));
@@ -74,9 +74,9 @@ TEST(UsbDevice, ExchangesStatesAndForcesNearOneKilohertz) {
   EXPECT_NEAR(last.readings + last.lost - first.readings - first.lost, last.sent - first.sent, 50.0)
       << kBusyMachine;
   const v1::DeviceHealth after = rig.Health();
-  std::printf("a second: %.0f states, of those brought read %.3f, answered %.3f\n", MedianOf(sent),
-              MedianOf(readings_share), MedianOf(forces_share));
-  EXPECT_GT(MedianOf(sent), 900.0) << kBusyMachine;
+  std::printf("half a second: %.0f states, of those brought read %.3f, answered %.3f\n",
+              MedianOf(sent), MedianOf(readings_share), MedianOf(forces_share));
+  EXPECT_GT(MedianOf(sent), 450.0) << kBusyMachine;
   EXPECT_GT(MedianOf(readings_share), 0.95) << kBusyMachine;
   EXPECT_LT(MedianOf(forces_share), 1.2) << kBusyMachine;
   EXPECT_EQ(after.connections(), 1u) << rig.ExcuseSince(0);
@@ -113,13 +113,11 @@ TEST(UsbDevice, ForcesAreOffUntilEnabledByName) {
   DeviceRig rig;
   ASSERT_TRUE(StartDocked(rig, touch));
   Undock(touch);
-  std::this_thread::sleep_for(std::chrono::seconds(3));
+  ASSERT_TRUE(TakesForces(touch, kForcesOfAnApproach + kForcesOfAPress));
   for (const std::string name : {"", "simulated", "falcon", "Omni-USB"}) {
     EXPECT_EQ(rig.Enable(name).error_code(), grpc::StatusCode::INVALID_ARGUMENT) << name;
   }
-  std::this_thread::sleep_for(std::chrono::milliseconds(500));
-  // However slow the emulated bus.
-  EXPECT_TRUE(Eventually([&] { return touch.Forces().size() > 1000; }));
+  EXPECT_TRUE(TakesForces(touch, kForcesOfAPress));
   const std::vector<TouchForce> forces = touch.Forces();
   for (const TouchForce& force : forces) ASSERT_TRUE(force.IsZero());
   EXPECT_EQ(rig.Forces().state(), v1::FORCE_STATE_OFF);
@@ -130,9 +128,9 @@ TEST(UsbDevice, ForcesAreOffUntilEnabledByName) {
 
   ASSERT_TRUE(rig.Disable().ok());
   EXPECT_TRUE(rig.WaitForForces(v1::FORCE_STATE_OFF));
-  std::this_thread::sleep_for(std::chrono::milliseconds(200));  // ramped out
+  ASSERT_TRUE(TakesForces(touch, 200));  // ramped out
   const std::size_t before = CountForces(touch);
-  std::this_thread::sleep_for(std::chrono::seconds(2));
+  EXPECT_TRUE(TakesForces(touch, 2 * kForcesOfAPress));
   EXPECT_EQ(CountForces(touch), before);
 }
 
@@ -153,8 +151,7 @@ TEST(UsbDevice, AfterAKillForcesAreOffUntilEnabledAgain) {
   EXPECT_TRUE(rig.WaitForLog("forces are off until `palpate device enable omni-usb`"));
   EXPECT_EQ(rig.Stiffness(), 0.25);
   Undock(touch);
-  std::this_thread::sleep_for(std::chrono::seconds(3));
-  EXPECT_TRUE(Eventually([&] { return touch.Forces().size() > before + 1000; }));
+  EXPECT_TRUE(TakesForces(touch, kForcesOfAnApproach + kForcesOfAPress));
   const std::vector<TouchForce> forces = touch.Forces();
   for (std::size_t n = before; n < forces.size(); ++n) ASSERT_TRUE(forces[n].IsZero());
   EXPECT_EQ(rig.Forces().state(), v1::FORCE_STATE_OFF);

@@ -1,6 +1,7 @@
 #include "tests/support/usb_testbed.h"
 
 #include <arpa/inet.h>
+#include <sched.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
 #include <sys/un.h>
@@ -94,6 +95,25 @@ gboolean OnIoctl(UMockdevIoctlBase*, UMockdevIoctlClient* client, gpointer port)
   return TRUE;
 }
 
+// Threads that are started meanwhile, also umockdev's, are real-time ones where the kernel grants
+// it: a real bus waits for no other program. Below the threads of palpated.
+class RealtimeStart {
+ public:
+  RealtimeStart() {
+    sched_getparam(0, &before_);
+    policy_ = sched_getscheduler(0);
+    const sched_param bus{.sched_priority = 20};
+    sched_setscheduler(0, SCHED_FIFO, &bus);
+  }
+  ~RealtimeStart() { sched_setscheduler(0, policy_, &before_); }
+  RealtimeStart(const RealtimeStart&) = delete;
+  RealtimeStart& operator=(const RealtimeStart&) = delete;
+
+ private:
+  int policy_ = SCHED_OTHER;
+  sched_param before_{};
+};
+
 // Of all testbeds; those of failed opens too.
 std::atomic<int> g_clients = 0;
 
@@ -167,6 +187,7 @@ struct UsbTestbed::Impl {
 };
 
 UsbTestbed::UsbTestbed() : impl_(std::make_unique<Impl>()) {
+  const RealtimeStart realtime;
   impl_->testbed = umockdev_testbed_new();
   gchar* root = umockdev_testbed_get_root_dir(impl_->testbed);
   impl_->root = root;
@@ -198,6 +219,7 @@ UsbTestbed::~UsbTestbed() {
 }
 
 void UsbTestbed::Plug(const std::string& port, EmulatedUsbDevice& device, bool may_open) {
+  const RealtimeStart realtime;
   const int number = impl_->next_number++;
   Impl::Plugged one;
   one.port = port;
