@@ -190,9 +190,9 @@ TEST(UsbFaults, LostReadingsAreCounted) {
   TouchEmulator touch;
   DeviceRig rig;
   ASSERT_TRUE(StartDocked(rig, touch));
-  const v1::DeviceHealth before = rig.Health();
   touch.SetWaitsForForces(true);  // no other loss
   touch.SetLossEvery(5);
+  const v1::DeviceHealth before = rig.Health();
   ASSERT_TRUE(Eventually([&] { return rig.Health().readings() > before.readings() + 500; }));
   const v1::DeviceHealth after = rig.Health();
   const auto lost = static_cast<double>(after.lost_readings() - before.lost_readings());

@@ -1,7 +1,7 @@
 // The servo under live data: 200 edits per second of 16³ voxels from four clients
 // while a time series plays, in windows with and without that load.
 //
-// Five windows with load and five without, of 3 s; of 10 s with PALPATE_TORTURE set. What
+// Five windows with load and five without, of 2 s; of 10 s with PALPATE_TORTURE set. What
 // short windows give is rougher: the bound on update times has more room there. A shared
 // machine stops for milliseconds: what loops without work miss beside the servo is not
 // the servo's.
@@ -175,13 +175,14 @@ void Add(const std::vector<v1::PoseSample>& samples, Totals& totals) {
 // The hand looks for a surface where it was last in contact, and then farther and farther
 // away: from where it was in another volume that may take seconds.
 bool IsFound(Daemon& daemon) {
-  for (int second = 0; second < 180; ++second) {
-    PoseCollector collector(daemon);
-    std::this_thread::sleep_for(milliseconds(1000));
-    const auto& samples = collector.Stop();
-    if (!samples.empty() && samples.back().contact()) return true;
-  }
-  return false;
+  return Eventually(
+      [&] {
+        PoseCollector collector(daemon);
+        if (!daemon.WaitForTicks(100)) return false;
+        const auto& samples = collector.Stop();
+        return !samples.empty() && samples.back().contact();
+      },
+      std::chrono::seconds(180));
 }
 
 TEST(LiveData, EditsAndASeriesDoNotDisturbTheServo) {
@@ -197,7 +198,7 @@ TEST(LiveData, EditsAndASeriesDoNotDisturbTheServo) {
     clients.push_back(std::make_unique<EditingClient>(daemon, n, on));
   }
   // Long enough that a tick or two are no share to speak of.
-  const milliseconds length(IsLong() ? 10000 : 3000);
+  const milliseconds length(IsLong() ? 10000 : 2000);
   std::vector<Window> windows;
   Totals totals;
   for (int n = 0; n < 10; ++n) {
