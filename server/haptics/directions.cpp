@@ -90,10 +90,11 @@ class DirectionSearch {
   const Candidate& best() const { return best_; }
 
  private:
-  // Free, and convex where it counts: a way out is taken whole.
+  // Free, and convex where it counts: a way out is taken whole. A projection on the apex is
+  // no way, and has no active face either.
   void VisitOutside(const Vec3i& cell, std::uint8_t faces) noexcept {
     if (!surface_.IsFreeOutside()) return;
-    if (ProjectOnCone(w_mm_, BoxCone(surface_, faces)).active != 0) return;
+    if (ProjectOnCone(w_mm_, BoxCone(surface_, faces)).d != w_mm_) return;
     best_.d_mm = w_mm_;
     Take(Candidate::Kind::kOutside, cell, faces, true);
   }

@@ -62,7 +62,8 @@ bool MayLeave(const FreshCells& cells, const Vec3& p_IH, const Vec3& p_IHip) {
 
 }  // namespace
 
-double ApproachLeft(FreshCells& cells, const Vec3& p_DH_mm, const Vec3& p_DHip_mm) {
+double ApproachLeft(FreshCells& cells, const Vec3& p_DH_mm, const Vec3& p_DHip_mm,
+                    double hold_tolerance) {
   const HapticSurface& surface = cells.surface();
   const double distance_mm = (p_DH_mm - p_DHip_mm).norm();
   const Vec3 p_IH = surface.X_ID.Apply(p_DH_mm);
@@ -73,6 +74,8 @@ double ApproachLeft(FreshCells& cells, const Vec3& p_DH_mm, const Vec3& p_DHip_m
   }
   double nearest_squared = distance_mm * distance_mm;
   for (const Holder& holder : holders.tetrahedra) {
+    const double least = *std::min_element(holder.weight.begin(), holder.weight.end());
+    if (!(least >= -hold_tolerance)) continue;
     const FreshCell& cell = cells.At(holder.cell);
     Corners corner = CornersOf(holder.cell, cell, holder.tetrahedron);
     std::array<double, 4> inside{};

@@ -19,8 +19,10 @@ inline constexpr double kStickTolerance = 1e-9;
 inline constexpr double kStickTolerancePerVoxel = 1e-9;
 inline constexpr double kStickTolerancePerPosition = 1e-14;
 
-// How much nearer to the HIP the free space next to the proxy comes, mm.
-double ApproachLeft(FreshCells& cells, const Vec3& p_DH_mm, const Vec3& p_DHip_mm);
+// How much nearer to the HIP the free space next to the proxy comes, mm. Next to it are the
+// tetrahedra that hold it: within `hold_tolerance`, at most kHoldTolerance.
+double ApproachLeft(FreshCells& cells, const Vec3& p_DH_mm, const Vec3& p_DHip_mm,
+                    double hold_tolerance = kHoldTolerance);
 
 // Nothing is left but what the tolerances allow.
 bool IsLocalMinimum(FreshCells& cells, const Vec3& p_DH_mm, const Vec3& p_DHip_mm);

@@ -1,0 +1,285 @@
+// The proxy under random attack. Every tick is judged from positions alone: where the proxy
+// is, whether it can have come there, and whether it may rest there.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <random>
+
+#include "server/haptics/proxy.h"
+#include "server/lab/rest_judge.h"
+#include "tests/support/array_volume.h"
+#include "tests/support/path_judge.h"
+
+namespace palpate {
+namespace {
+
+using testing::MakeVolume;
+using testing::PathJudge;
+
+constexpr double kFarMm = 1e9;  // an eject limit that never bites
+constexpr double kDensityTolerance = 1e-9;
+// What a resting proxy may still come nearer, as a share of its distance and in voxels.
+constexpr double kApproachShare = 1e-12;
+constexpr double kApproachVoxels = 2e-11;
+// Farther away than this, in barycentric weights, a tetrahedron does not touch the proxy: there
+// are pits as small. Positions are rounded to less.
+constexpr double kTouchTolerance = 1e-11;
+// Where rounding leaves the proxy on one side of an edge by 1e-14 of its tetrahedron, the way on
+// the other side is not seen until the HIP moves on. What that costs of the approach at most, in
+// voxels; it happens in a few of a million ticks.
+constexpr double kDeepestPit = 0.01;
+
+// PALPATE_TORTURE=N multiplies the length.
+int Times(int count) {
+  const char* factor = std::getenv("PALPATE_TORTURE");
+  return count * (factor ? std::atoi(factor) : 1);
+}
+
+// Random values on 5³ lattices of `levels` values; 0: continuous.
+std::shared_ptr<const VolumeSnapshot> RandomVolume(std::mt19937_64& random, int levels) {
+  std::uniform_real_distribution<double> uniform;
+  return MakeVolume(Vec3i::Constant(5), [&](int, int, int) {
+    return levels == 0 ? uniform(random) : std::floor(uniform(random) * levels);
+  });
+}
+
+bool HasRange(const VolumeSnapshot& volume) {
+  return volume.metadata().value_max > volume.metadata().value_min;
+}
+
+struct Torture {
+  long moves = 0, steps = 0, fall_throughs = 0, unrested = 0, capped = 0, contacts = 0,
+       misplaced = 0, jumps = 0, in_pits = 0;
+
+  void Rest(double approach_left) {
+    unrested += approach_left > kDeepestPit;
+    in_pits += approach_left > 0.0 && approach_left <= kDeepestPit;
+  }
+  void Print(int levels) const {
+    std::printf(
+        "levels %3d: %ld steps, %ld moves, %ld in contact, fall-throughs %ld, misplaced %ld, "
+        "jumps %ld, not at rest %ld, in pits %ld, capped %ld\n",
+        levels, steps, moves, contacts, fall_throughs, misplaced, jumps, unrested, in_pits, capped);
+  }
+};
+
+HapticSurface RandomSurface(std::mt19937_64& random, const VolumeSnapshot& volume) {
+  std::uniform_real_distribution<double> uniform;
+  Mat3 shear = Mat3::Identity();
+  if (uniform(random) < 0.5) {
+    shear << 1.0, 0.3, 0.0, 0.0, -0.7, 0.1, 0.2, 0.0, 1.4;  // mirrored, sheared, uneven
+  }
+  const double mm = std::pow(10.0, 3.0 * uniform(random) - 2.0);
+  double isovalue = uniform(random);
+  // Equal to a value that is there, the least and the greatest included.
+  if (uniform(random) < 0.4) {
+    isovalue = volume.StoredCell(Vec3i(1, 1, 1))[static_cast<std::size_t>(uniform(random) * 8)];
+  }
+  if (uniform(random) < 0.1) isovalue = uniform(random) < 0.5 ? 0.0 : 1.0;
+  const FreeSide side = uniform(random) < 0.7 ? FreeSide::kBelow : FreeSide::kAbove;
+  return MakeHapticSurface(volume, {shear * mm, Vec3(3.0, -7.0, 11.0)}, isovalue,
+                           DecompositionMethod::kTpbcc, 1, side);
+}
+
+// A HIP that drifts, jitters, teleports, and sits on lattice points.
+void MoveHip(std::mt19937_64& random, Vec3& hip_I) {
+  std::uniform_real_distribution<double> uniform;
+  const double kind = uniform(random);
+  const Vec3 r(uniform(random), uniform(random), uniform(random));
+  if (kind < 0.02) {
+    hip_I = 10.0 * r - Vec3::Constant(3.0);
+  } else if (kind < 0.05) {
+    hip_I = hip_I.array().round();
+  } else {
+    hip_I += (kind < 0.5 ? 0.05 : 0.6) * (r - Vec3::Constant(0.5));
+    hip_I = hip_I.cwiseMax(-2.0).cwiseMin(6.0);
+  }
+}
+
+// How much nearer to the HIP a resting proxy could be, in voxels; 0 where it is rounding.
+double ApproachLeft(PathJudge& judge, const Vec3& p_DH_mm, const Vec3& hip_mm) {
+  const double voxel_mm = judge.cells().surface().voxel_mm;
+  const double way_mm = (hip_mm - p_DH_mm).norm();
+  const double tolerance_mm = std::max(kApproachShare * way_mm, kApproachVoxels * voxel_mm);
+  if (way_mm <= tolerance_mm) return 0.0;
+  const double left_mm = lab::ApproachLeft(judge.cells(), p_DH_mm, hip_mm, kTouchTolerance);
+  return left_mm <= tolerance_mm ? 0.0 : left_mm / voxel_mm;
+}
+
+void TortureGrid(std::mt19937_64& random, int levels, int steps, Torture& result) {
+  const auto volume = RandomVolume(random, levels);
+  if (!HasRange(*volume)) return;
+  const HapticSurface surface = RandomSurface(random, *volume);
+  static CellCache cache;
+  cache = CellCache();
+  PathJudge judge(surface);
+  Proxy proxy;
+  Vec3 hip_I = Vec3::Constant(-3.0);
+  Vec3 last_mm = StepProxy(surface, surface.X_DI.Apply(hip_I), kFarMm, proxy, cache).p_DH_mm;
+  bool has_last = !proxy.buried;
+  for (int n = 0; n < steps; ++n) {
+    MoveHip(random, hip_I);
+    const Vec3 hip_mm = surface.X_DI.Apply(hip_I);
+    const ProxyStep step = StepProxy(surface, hip_mm, kFarMm, proxy, cache);
+    ++result.steps;
+    result.moves += step.moves;
+    result.capped += step.capped;
+    result.contacts += step.mode == ProxyMode::kConstrained;
+    // From above τ, the stylus is out of reach of the surface where it starts.
+    if (proxy.buried) {
+      has_last = false;
+      continue;
+    }
+    const bool outside = proxy.place.kind == Place::Kind::kOutside;
+    result.fall_throughs += !outside && surface.sign() * step.density > surface.isovalue;
+    const double density = judge.HoldersAt(step.p_DH_mm).Density();
+    // Also where it is no number, in a gap between cells.
+    result.misplaced += !(judge.cells().Inside(density) <= kDensityTolerance);
+    result.jumps += has_last && !judge.MayHaveCome(last_mm, step.p_DH_mm, hip_mm);
+    if (!step.capped) result.Rest(ApproachLeft(judge, step.p_DH_mm, hip_mm));
+    last_mm = step.p_DH_mm;
+    has_last = true;
+  }
+}
+
+TEST(ProxyTorture, NeverFallsThroughAndAlwaysRests) {
+  const int grids = Times(60);
+  std::mt19937_64 random(6);
+  for (int levels : {0, 256, 16, 4, 2}) {
+    Torture result;
+    for (int n = 0; n < grids; ++n) TortureGrid(random, levels, 3000, result);
+    result.Print(levels);
+    EXPECT_GT(result.contacts, result.steps / 20);
+    EXPECT_EQ(result.fall_throughs, 0);
+    EXPECT_EQ(result.misplaced, 0);
+    EXPECT_EQ(result.jumps, 0);
+    EXPECT_EQ(result.unrested, 0);
+    EXPECT_LE(result.in_pits, result.steps / 20'000);
+    EXPECT_EQ(result.capped, 0);
+  }
+}
+
+// τ and the side change under the proxy, again and again: it is moved out, or buried,
+// and never left inside.
+struct Ejections {
+  long steps = 0, ejecting = 0, buried = 0, inside = 0;
+};
+
+void ChangeGrid(std::mt19937_64& random, int levels, int steps, Ejections& result) {
+  std::uniform_real_distribution<double> uniform;
+  const auto volume = RandomVolume(random, levels);
+  if (!HasRange(*volume)) return;
+  const auto surface_of = [&](double isovalue, FreeSide side) {
+    return MakeHapticSurface(*volume, AffineMap{}, isovalue, DecompositionMethod::kTpbcc, 1, side);
+  };
+  static CellCache cache;
+  cache = CellCache();
+  Proxy proxy;
+  Vec3 hip = Vec3::Constant(2.0);
+  double isovalue = 0.5;
+  FreeSide side = FreeSide::kBelow;
+  // The densities are those of every τ and either side.
+  lab::FreshCells cells(surface_of(isovalue, side));
+  for (int n = 0; n < steps; ++n) {
+    if (uniform(random) < 0.2) isovalue = uniform(random);
+    if (uniform(random) < 0.05) {
+      isovalue = volume->StoredCell(Vec3i(1, 2, 1))[static_cast<std::size_t>(uniform(random) * 8)];
+    }
+    if (uniform(random) < 0.1) {
+      side = side == FreeSide::kBelow ? FreeSide::kAbove : FreeSide::kBelow;
+    }
+    const Vec3 r(uniform(random), uniform(random), uniform(random));
+    hip = uniform(random) < 0.05 ? Vec3(6.0 * r - Vec3::Ones())
+                                 : Vec3(hip + 0.4 * (r - Vec3::Constant(0.5)));
+    hip = hip.cwiseMax(-1.0).cwiseMin(5.0);
+    const HapticSurface surface = surface_of(isovalue, side);
+    const ProxyStep step = StepProxy(surface, hip, 4.0, proxy, cache);
+    ++result.steps;
+    result.ejecting += step.mode == ProxyMode::kEjecting;
+    result.buried += proxy.buried;
+    if (proxy.buried) continue;
+    const bool outside = proxy.place.kind == Place::Kind::kOutside;
+    const double density = cells.HoldersOf(surface.X_ID.Apply(step.p_DH_mm)).Density();
+    result.inside += !(surface.sign() * density - surface.isovalue <= kDensityTolerance);
+    result.inside += !outside && surface.sign() * step.density > surface.isovalue;
+  }
+}
+
+TEST(ProxyTorture, ChangesOfIsovalueAndSideNeverLeaveItInside) {
+  const int grids = Times(100);
+  std::mt19937_64 random(7);
+  for (int levels : {2, 3, 4, 16, 0}) {
+    Ejections result;
+    for (int n = 0; n < grids; ++n) ChangeGrid(random, levels, 1000, result);
+    std::printf("levels %2d: %ld steps, %ld ejecting, %ld buried, %ld inside\n", levels,
+                result.steps, result.ejecting, result.buried, result.inside);
+    EXPECT_GT(result.ejecting, result.steps / 100);
+    EXPECT_EQ(result.inside, 0);
+  }
+}
+
+// --- The judge itself, on ways that no proxy may take
+
+// Material from x = 2 to x = 6 within 9³ voxels; `hole`: with a way through along x.
+std::shared_ptr<const VolumeSnapshot> Slab(bool hole = false) {
+  return MakeVolume(Vec3i::Constant(9), [=](int i, int j, int k) {
+    const bool solid = i >= 2 && i <= 6 && !(hole && j == 4 && k == 4);
+    return solid ? 1.0 : 0.0;
+  });
+}
+
+HapticSurface SurfaceOf(const VolumeSnapshot& volume, FreeSide side = FreeSide::kBelow) {
+  const Mat3 mirror = Vec3(1.0, -1.0, 1.0).asDiagonal();
+  return MakeHapticSurface(volume, {0.1 * mirror, Vec3(3.0, -7.0, 11.0)}, 0.5,
+                           DecompositionMethod::kTpbcc, 1, side);
+}
+
+// Positions in voxels.
+bool MayHaveCome(const HapticSurface& surface, const Vec3& from, const Vec3& to, const Vec3& hip) {
+  return PathJudge(surface).MayHaveCome(surface.X_DI.Apply(from), surface.X_DI.Apply(to),
+                                        surface.X_DI.Apply(hip));
+}
+
+TEST(PathJudge, AJumpThroughTheWholeVolumeIsNoWay) {
+  const auto slab = Slab(), with_hole = Slab(true);
+  const Vec3 before(-2.5, 4, 4), behind(10.5, 4, 4);
+  EXPECT_FALSE(MayHaveCome(SurfaceOf(*slab), before, behind, behind));
+  EXPECT_TRUE(MayHaveCome(SurfaceOf(*with_hole), before, behind, behind));
+  // Beside the hole: it is held before it comes there.
+  EXPECT_FALSE(MayHaveCome(SurfaceOf(*with_hole), Vec3(-2.5, 2, 2), behind, Vec3(10.5, 2, 2)));
+  // The slab ends with the lattice: past it all is free.
+  EXPECT_TRUE(
+      MayHaveCome(SurfaceOf(*slab), Vec3(-2.5, 4, 9.5), Vec3(10.5, 4, 9.5), Vec3(10.5, 4, 9.5)));
+  // Met near its end, and slid along: each step on this way is nearer to the HIP.
+  EXPECT_TRUE(
+      MayHaveCome(SurfaceOf(*slab), Vec3(-2.5, 4, 7), Vec3(10.5, 4, 9.5), Vec3(10.5, 4, 9.5)));
+}
+
+TEST(PathJudge, AJumpThroughAWallWithinTheVolumeIsNoWay) {
+  const auto wall = MakeVolume(Vec3i::Constant(9), [](int i, int, int) { return i == 4; });
+  const HapticSurface surface = SurfaceOf(*wall);
+  EXPECT_FALSE(MayHaveCome(surface, Vec3(3, 4, 4), Vec3(5, 4, 4), Vec3(5, 4, 4)));
+  EXPECT_FALSE(MayHaveCome(surface, Vec3(3.5, 4, 4), Vec3(4.5, 4, 4), Vec3(4.4, 4, 4)));
+  EXPECT_TRUE(MayHaveCome(surface, Vec3(3, 4, 4), Vec3(3.5, 4.1, 4), Vec3(4, 4.1, 4)));
+  // On the other side the wall is what is free.
+  EXPECT_FALSE(MayHaveCome(SurfaceOf(*wall, FreeSide::kAbove), Vec3(4, 4, 4), Vec3(9.5, 4, 4),
+                           Vec3(9.5, 4, 4)));
+  EXPECT_TRUE(
+      MayHaveCome(SurfaceOf(*wall, FreeSide::kAbove), Vec3(4, 2, 2), Vec3(4, 6, 6), Vec3(4, 6, 6)));
+}
+
+TEST(PathJudge, AWayThatLeadsAwayFromTheHipIsNone) {
+  const auto slab = Slab();
+  const HapticSurface surface = SurfaceOf(*slab);
+  // Held at x = 1.5, and found on another place of the same face, farther away.
+  EXPECT_TRUE(MayHaveCome(surface, Vec3(0, 4, 4), Vec3(1.5, 4, 4), Vec3(3, 4, 4)));
+  EXPECT_FALSE(MayHaveCome(surface, Vec3(0, 4, 4), Vec3(1.5, 7, 7), Vec3(3, 4, 4)));
+  // In free space nothing but the HIP is where it goes.
+  EXPECT_TRUE(MayHaveCome(surface, Vec3(0, 4, 4), Vec3(0, 7, 7), Vec3(0, 7, 7)));
+  EXPECT_FALSE(MayHaveCome(surface, Vec3(0, 4, 4), Vec3(0, 6, 6), Vec3(0, 7, 7)));
+}
+
+}  // namespace
+}  // namespace palpate
