@@ -6,6 +6,7 @@
 #include <cmath>
 #include <limits>
 #include <memory>
+#include <vector>
 
 #include "tests/support/array_volume.h"
 
@@ -57,6 +58,23 @@ TEST_F(RendererTest, DampingOpposesApproachAndNeverPullsIn) {
     const HapticOutput out = Step(Vec3(2, 2, 1.9 + 0.006 * n));
     EXPECT_GE(out.force_D_n.z(), 0.0);
   }
+}
+
+// A low pass of 40 Hz: time constant 4 ms. A slower one would let the damper push on after
+// the hand has stopped, a quicker one would follow the steps of the device's resolution.
+TEST_F(RendererTest, TheVelocityFollowsTheHandInMilliseconds) {
+  settings_.viscosity_n_s_per_m = 2.0;
+  const double speed_mm_per_s = 20.0, settled_n = 2.0 * speed_mm_per_s * 1e-3;
+  double x = 2.0;
+  for (int n = 0; n < 50; ++n) Step(Vec3(x, 2, 3));
+  std::vector<double> share;
+  for (int n = 0; n < 10; ++n) {
+    x += speed_mm_per_s * kDtS;
+    share.push_back(Step(Vec3(x, 2, 3)).force_D_n.norm() / settled_n);
+  }
+  EXPECT_GT(share[3], 0.6);  // after 4 ms
+  EXPECT_LT(share[3], 0.75);
+  EXPECT_GT(share[9], 0.9);
 }
 
 TEST_F(RendererTest, InputThatIsNoPositionIsRejected) {

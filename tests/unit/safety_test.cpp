@@ -376,6 +376,20 @@ TEST(Safety, ARunawayIsCutOff) {
   EXPECT_LE(ticks, 15);
 }
 
+// README: above 2 m/s.
+TEST(Safety, TheFastestHandMovesAtTwoMetresPerSecond) {
+  for (const double speed_mm_per_s : {1950.0, 2050.0}) {
+    Rig rig = On();
+    for (int n = 0; n < 200; ++n) {
+      rig.input.p_DHip_mm.x() += speed_mm_per_s * kDtS;
+      rig.Tick();
+    }
+    const bool is_too_fast = speed_mm_per_s > 2000.0;
+    EXPECT_EQ(rig.safety.state(), is_too_fast ? ForceState::kFault : ForceState::kOn);
+    EXPECT_EQ(rig.safety.reason(), is_too_fast ? ForceReason::kSpeed : ForceReason::kNone);
+  }
+}
+
 TEST(Safety, CalibratingIsNoMotion) {
   Rig rig = On();
   rig.input.calibrated = false;
@@ -403,6 +417,32 @@ TEST(Safety, OneMissedTickOfTwentyIsNoCause) {
     rig.Tick();
   }
   EXPECT_STATE(rig, kHeld, kDeadlines);
+}
+
+// README: more than 20 missed ticks beyond 5 %. One of ten misses 0.05 more in each tick.
+TEST(Safety, OneMissedTickOfTenIsACauseAfterFourHundred) {
+  Rig rig = On();
+  const auto tick = [&](int from, int to) {
+    for (int n = from; n < to; ++n) {
+      rig.input.missed_ticks = n % 10 == 0;
+      rig.Tick();
+    }
+  };
+  tick(0, 350);
+  EXPECT_STATE(rig, kOn, kNone);
+  tick(350, 450);
+  EXPECT_STATE(rig, kHeld, kDeadlines);
+}
+
+// A loop that still misses ticks now and then must not bring forces back in between.
+TEST(Safety, ForcesComeBackOnceNearlyNoMissedTickIsLeft) {
+  Rig rig = On();
+  rig.input.missed_ticks = 30;
+  rig.Tick();
+  rig.Tick(550);  // of 29 missed ticks beyond 5 %, 27 are forgotten
+  EXPECT_STATE(rig, kHeld, kDeadlines);
+  rig.Tick(50);
+  EXPECT_STATE(rig, kRampIn, kNone);
 }
 
 // --- All at once
