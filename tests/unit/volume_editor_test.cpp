@@ -273,6 +273,33 @@ TEST_F(VolumeEditorTest, TheOldestStepsAreForgottenWhereMemoryIsBounded) {
   EXPECT_EQ(Hash(), loaded);
 }
 
+// README: 256 MiB of replaced bricks are kept for undo.
+TEST_F(VolumeEditorTest, TheHistoryHoldsAQuarterOfAGigabyte) {
+  // Two bricks for all places and steps, so that the steps cost no memory here.
+  const auto filled = [](float value) {
+    auto brick = std::make_shared<Brick>();
+    brick->fill(value);
+    return BrickPtr(brick);
+  };
+  const BrickPtr values[] = {filled(0.25f), filled(0.75f)};
+  constexpr std::size_t kSteps = 1200, kBricks = 125;
+  std::size_t undo_steps = 0;
+  for (std::size_t n = 0; n < kSteps; ++n) {
+    const auto change = [&](const VolumeSnapshot& volume) {
+      std::vector<BrickChange> changes;
+      for (std::uint64_t b = 0; b < kBricks; ++b) {
+        changes.push_back({volume.bricks().BrickOf(b), values[n % 2]});
+      }
+      return CompareBricks(volume, changes);
+    };
+    undo_steps = editor_->Apply(change).undo_steps;
+  }
+  constexpr std::uint64_t kMiB = 1 << 20;
+  EXPECT_LT(undo_steps, kSteps);
+  EXPECT_LE(editor_->HistoryBytes(), 256 * kMiB);
+  EXPECT_GT(editor_->HistoryBytes(), 255 * kMiB);
+}
+
 TEST_F(VolumeEditorTest, AnotherVolumeEndsTheHistoryAndIsNotKept) {
   editor_->Edit(Touch(0, 0.7));
   editor_->Edit(Touch(1, 0.7));
