@@ -29,6 +29,11 @@ TEXT
 
 sanitizers=
 packages=()
+# Under AddressSanitizer in the short form: all unit tests, the daemon's own tests in C++, the
+# readers and the fuzzed calls. The rest walks the same code from outside, with pictures, over
+# real volumes or through Python, and takes most of the time.
+chosen=(--exclude-regex
+  '^(offline|integration\.(python|view|sdk_install|operations_(demo|faults|metrics|restore|soak|unread)))')
 for argument in "$@"; do
   case "$argument" in
     --sanitizers) sanitizers=yes ;;
@@ -36,6 +41,7 @@ for argument in "$@"; do
     --long)
       export PALPATE_TORTURE=${PALPATE_TORTURE:-100}
       export PALPATE_FUZZ_RUNS=${PALPATE_FUZZ_RUNS:-10000000}
+      chosen=()
       ;;
     -h | --help) usage; exit 0 ;;
     *) echo "run.sh: unknown argument $argument (see --help)" >&2; exit 2 ;;
@@ -50,13 +56,15 @@ trap 'rm -rf "$results"' EXIT
 # stage NAME: a headline, with the time since the start.
 stage() { printf '== %02d:%02d %s\n' $((SECONDS / 60)) $((SECONDS % 60)) "$1"; }
 
-# build PRESET TARGET
+# build PRESET TARGET...
 build() {
   stage "$1: build"
   cmake --preset "$1" >"$results/build.log" || { cat "$results/build.log"; exit 1; }
-  cmake --build --preset "$1" --target "$2" >"$results/build.log" 2>&1 ||
-    { grep -E 'error|FAILED|warning' "$results/build.log" || tail -n 30 "$results/build.log"; exit 1; }
+  deploy/build.sh "$(folder "$1")" "${@:2}"
 }
+
+# folder PRESET: its build folder
+folder() { [ "$1" = default ] && echo build || echo "build-$1"; }
 
 # run_once PRESET NAME [ARGUMENT...]: with these arguments of ctest
 run_once() {
@@ -65,7 +73,9 @@ run_once() {
   # What failed is counted below; no test at all is an error of its own. Where none failed,
   # ctest leaves the list as it was.
   [[ "$2" = *again* ]] || rm -f "$(failed_list "$1")"
-  if ctest --preset "$1" "${@:3}" --output-junit "$results/$2.xml" >"$log"; then
+  # The counts of cases are at the end of what a program prints.
+  if ctest --preset "$1" "${@:3}" --output-junit "$results/$2.xml" --test-output-truncation head \
+    --test-output-size-failed 4000000 >"$log"; then
     rm -f "$(failed_list "$1")"
   elif [ ! -s "$(failed_list "$1")" ]; then
     echo "run.sh: ctest failed in $2, and no test did" >&2
@@ -79,11 +89,7 @@ run_once() {
 }
 
 # failed_list PRESET: where ctest keeps the names of what failed or could not be run
-failed_list() {
-  local folder=build
-  [ "$1" = default ] || folder=build-$1
-  echo "$folder/Testing/Temporary/LastTestsFailed.log"
-}
+failed_list() { echo "$(folder "$1")/Testing/Temporary/LastTestsFailed.log"; }
 
 count() { grep -cs "$@" || true; }
 
@@ -91,13 +97,13 @@ tests=0 skipped=0 failed=0 excused=()
 
 # run_tests PRESET NAME TRIES [ARGUMENT...]: what a busy machine may explain is run again, alone
 run_tests() {
-  local list again ran left run=$2 try
+  local list again left ran run=$2 try without
   list=$(failed_list "$1") again=$results/again
   run_once "$1" "$2" "${@:4}"
-  ran=$(count '<testcase .*status="run"' "$results/$2.xml")
+  read -r ran without < <(tests/support/count_cases.py "$results/$2.xml")
   left=$(count . "$list")
-  tests=$((tests + $(count '<testcase ' "$results/$2.xml")))
-  skipped=$((skipped + $(count '<testcase ' "$results/$2.xml") - ran - left))
+  tests=$((tests + ran))
+  skipped=$((skipped + without))
   for ((try = 2; try <= $3; ++try)); do
     tests/support/judge.py "$results/$run.xml" "$results/$run.log" >"$again"
     failed=$((failed + left - $(count . "$again"))) left=$(count . "$again")
@@ -122,8 +128,9 @@ packages_failed=
 stage packages
 tests/packages_test.sh ${packages[@]+"${packages[@]}"} || packages_failed=yes
 if [ -n "$sanitizers" ]; then
+  build default header_check
   build asan all
-  run_tests asan asan 2
+  run_tests asan asan 2 ${chosen[@]+"${chosen[@]}"}
   drop_programs build-asan
   build tsan thread_tests
   run_tests tsan tsan 1

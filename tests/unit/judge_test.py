@@ -9,10 +9,12 @@ import sys
 import tempfile
 import textwrap
 import unittest
+import xml.etree.ElementTree
 from xml.sax.saxutils import escape
 
 SUPPORT = pathlib.Path(__file__).parents[1] / "support"
 sys.path.insert(0, str(SUPPORT))
+import count_cases  # noqa: E402
 import judge  # noqa: E402
 
 
@@ -134,6 +136,30 @@ class RunTests(unittest.TestCase):
         code, said = self.ran("def test_a(self):\n"
                               "    with busy_machine_may_explain(): self.assertLess(1, 2)\n")
         self.assertEqual((code, "***" in said), (0, False), said)
+
+
+
+class CountCases(unittest.TestCase):
+    def counted(self, output, status="run"):
+        case = xml.etree.ElementTree.Element("testcase", status=status)
+        xml.etree.ElementTree.SubElement(case, "system-out").text = output
+        return count_cases.cases(case)
+
+    def test_a_program_of_googletest(self):
+        said = "[==========] Running 12 tests from 3 test suites.\nx\n[  PASSED  ] 10 tests.\n"
+        self.assertEqual(self.counted(said), (12, 0))
+        self.assertEqual(self.counted(said + "[  SKIPPED ] 2 tests, listed below:\n"), (12, 2))
+        self.assertEqual(self.counted("[==========] Running 1 test from 1 test suite.\n"), (1, 0))
+
+    def test_a_file_of_python(self):
+        self.assertEqual(self.counted("Ran 7 tests in 1.2s\n\nOK\n"), (7, 0))
+        self.assertEqual(self.counted("Ran 7 tests in 1.2s\n\nOK (skipped=2)\n"), (7, 2))
+        self.assertEqual(self.counted("Ran 7 tests in 1s\n\nFAILED (failures=1, skipped=2)\n",
+                                      "fail"), (7, 2))
+
+    def test_anything_else_is_one(self):
+        self.assertEqual(self.counted("hello"), (1, 0))
+        self.assertEqual(self.counted("", "notrun"), (1, 1))
 
 
 if __name__ == "__main__":
