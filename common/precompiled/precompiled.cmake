@@ -1,7 +1,6 @@
 # Headers of other projects, parsed once for all files of a kind instead of once for each:
 #   pure    Eigen and the standard library
 #   wire    the same, gRPC, and the generated messages
-#   volume  pure, and OpenVDB
 # tests/CMakeLists.txt adds kinds with GoogleTest. The compiler reads the precompiled header before
 # each file, so that a missing #include would not be seen: the target header_check compiles
 # every header of ours without them.
