@@ -11,6 +11,7 @@
 
 #include "common/isosurface/placement.h"
 #include "common/isosurface/ties.h"
+#include "tests/support/scaled.h"
 
 namespace palpate {
 namespace {
@@ -149,7 +150,7 @@ TEST_P(Decompositions, FillTheCell) {
     std::mt19937_64 random(13);
     double worst = 0.0, altitude = 1.0;
     int checked = 0;
-    for (int n = 0; n < 20000; ++n) {
+    for (int n = 0; n < test::Scaled(20000); ++n) {
       const CellDensities d = MakeCell(kind, random);
       const CellSaddles saddles(d);
       // The diamond of six saddles need not be star-shaped.
@@ -185,7 +186,7 @@ INSTANTIATE_TEST_SUITE_P(Of, Decompositions,
 TEST(FaceVertices, AgreeBitForBitFromBothSides) {
   std::mt19937_64 random(15);
   for (Kind kind : kKinds) {
-    for (int n = 0; n < 3000; ++n) {
+    for (int n = 0; n < test::Scaled(3000); ++n) {
       const int axis = n % 3;
       const CellDensities low = MakeCell(kind, random);
       CellDensities high = MakeCell(kind, random);

@@ -9,6 +9,7 @@
 
 #include "server/haptics/renderer.h"
 #include "tests/support/array_volume.h"
+#include "tests/support/scaled.h"
 
 namespace palpate {
 namespace {
@@ -16,12 +17,7 @@ namespace {
 constexpr double kDtS = 1e-3;
 constexpr int kEdge = 32;
 constexpr double kIsovalue = 0.5;
-// The sanitizers slow the others down, and see nothing new in more of them.
-#ifdef PALPATE_SANITIZED
-constexpr std::uint64_t kSeeds = 2;
-#else
-constexpr std::uint64_t kSeeds = 20;
-#endif
+const auto kSeeds = static_cast<std::uint64_t>(test::Scaled(20));
 const Vec3 kCentre = Vec3::Constant((kEdge - 1) / 2.0);
 
 std::shared_ptr<const VolumeSnapshot> Ball() {

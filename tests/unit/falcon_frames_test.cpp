@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "server/device/falcon/frames.h"
+#include "tests/support/scaled.h"
 
 namespace palpate {
 namespace {
@@ -174,7 +175,7 @@ TEST(FalconFrames, OneBrokenByteCostsOneFrame) {
 TEST(FalconFrames, RandomBytesNeverCostAFrameBehindThem) {
   std::mt19937 random(2);
   const auto reports = SomeReports(1);
-  for (int n = 0; n < 100'000; ++n) {
+  for (int n = 0; n < test::Scaled(100'000); ++n) {
     Bytes bytes(random() % 40);
     // Mostly of the alphabet of frames.
     for (auto& byte : bytes) {

@@ -5,6 +5,7 @@
 #include <random>
 
 #include "server/device/falcon/kinematics.h"
+#include "tests/support/scaled.h"
 
 namespace palpate {
 namespace {
@@ -27,7 +28,7 @@ Vec3 TurnedByThird(const Vec3& p) {
 TEST(FalconKinematics, ForwardLeadsBackAllOverTheBall) {
   std::mt19937 random(1);
   double worst_mm = 0.0;
-  for (int n = 0; n < 200'000; ++n) {
+  for (int n = 0; n < test::Scaled(200'000); ++n) {
     const Vec3 p = InBall(random);
     Vec3 angles, back;
     ASSERT_TRUE(FalconAnglesAt(p, angles)) << p.transpose();
@@ -70,7 +71,7 @@ TEST(FalconKinematics, TheBaseIsBehindAndOutwardsIsTowardsTheUser) {
 
 TEST(FalconKinematics, AThirdOfATurnExchangesTheArms) {
   std::mt19937 random(3);
-  for (int n = 0; n < 10'000; ++n) {
+  for (int n = 0; n < test::Scaled(10'000); ++n) {
     const Vec3 p = InBall(random);
     Vec3 angles, turned;
     ASSERT_TRUE(FalconAnglesAt(p, angles));
@@ -101,7 +102,7 @@ TEST(FalconKinematics, TheJacobianIsTheDerivative) {
 
 TEST(FalconKinematics, WhatTheMotorsDoIsWhatTheHandGets) {
   std::mt19937 random(5);
-  for (int n = 0; n < 10'000; ++n) {
+  for (int n = 0; n < test::Scaled(10'000); ++n) {
     const Vec3 p = InBall(random), force = InBall(random, 3.3);
     const Vec3 q = p + InBall(random, 1e-4);
     Vec3 angles, moved;

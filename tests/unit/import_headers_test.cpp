@@ -9,6 +9,7 @@
 #include "server/import/image_header.h"
 #include "server/import/meta_image_header.h"
 #include "server/import/nrrd_header.h"
+#include "tests/support/scaled.h"
 #include "tests/unit/import_refusal.h"
 
 namespace palpate {
@@ -309,7 +310,7 @@ TEST(ImageHeader, LimitsRefuseBeforeAllocation) {
 // Whatever the bytes, parsing ends in a header or an Error.
 TEST(ImageHeader, FlippedBytesNeverEscapeAsAnythingElse) {
   std::mt19937 random(1);
-  for (int run = 0; run < 20000; ++run) {
+  for (int run = 0; run < test::Scaled(20000); ++run) {
     std::string texts[] = {kNrrd, kSeries, kMeta};
     for (std::string& text : texts) {
       for (unsigned flips = 1 + random() % 4; flips > 0; --flips) {

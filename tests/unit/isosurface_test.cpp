@@ -12,6 +12,7 @@
 #include "common/isosurface/saddles.h"
 #include "common/isosurface/ties.h"
 #include "tests/support/cell_topology.h"
+#include "tests/support/scaled.h"
 
 namespace palpate {
 namespace {
@@ -146,7 +147,7 @@ TEST(Decomposition, FillsTheCellWithoutNeedles) {
   std::uniform_int_distribution<int> level(0, 3);
   int doubles = 0;
   double smallest = 1.0;
-  for (int n = 0; n < 60000; ++n) {
+  for (int n = 0; n < test::Scaled(60000); ++n) {
     CellDensities raw;
     for (double& x : raw) x = n % 3 == 0 ? level(random) : uniform(random);
     if (n % 3 == 1) {

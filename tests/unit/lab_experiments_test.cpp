@@ -18,6 +18,7 @@
 #include "server/lab/published_table.h"
 #include "server/lab/wilcoxon.h"
 #include "tests/support/cell_topology.h"
+#include "tests/support/scaled.h"
 #include "tests/support/temporary_folder.h"
 
 namespace palpate::lab {
@@ -178,7 +179,7 @@ TEST(Decomposition, OfTpbccHasNoNeedles) {
   std::mt19937_64 random(5);
   std::uniform_real_distribution<double> uniform;
   double smallest = 1.0;
-  for (int n = 0; n < 30000; ++n) {
+  for (int n = 0; n < test::Scaled(30000); ++n) {
     CellDensities d;
     for (int v = 0; v < 8; ++v) {
       const auto& o = kCornerOffset[v];

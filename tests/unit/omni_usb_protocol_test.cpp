@@ -12,6 +12,7 @@
 #include "server/device/omni/omni_usb_protocol.h"
 #include "tests/support/allocation_count.h"
 #include "tests/support/omni_frames.h"
+#include "tests/support/scaled.h"
 
 namespace palpate {
 namespace {
@@ -233,7 +234,7 @@ TEST(OmniUsbState, RandomBytesDoNoHarm) {
   std::mt19937 random(5);
   OmniUsbProtocol protocol(WithMotors());
   DeviceState state;
-  for (int n = 0; n < 20000; ++n) {
+  for (int n = 0; n < test::Scaled(20000); ++n) {
     Bytes bytes(random() % 200);
     for (auto& byte : bytes) byte = static_cast<std::uint8_t>(random());
     if (n % 2) {

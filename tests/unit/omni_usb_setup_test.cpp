@@ -11,6 +11,7 @@
 #include "server/device/omni/omni_usb_identity.h"
 #include "server/device/omni/omni_usb_protocol.h"
 #include "tests/support/omni_frames.h"
+#include "tests/support/scaled.h"
 #include "tests/support/scripted_usb_link.h"
 
 namespace palpate {
@@ -258,7 +259,7 @@ TEST(CdcLine, TheControlInterfaceIsFoundInAnyBytes) {
     CdcInterface(std::span(touch.descriptors).first(cut), 0x0a, 9);
   }
   std::mt19937 random(6);
-  for (int n = 0; n < 100000; ++n) {
+  for (int n = 0; n < test::Scaled(100000); ++n) {
     Bytes bytes(random() % 60);
     for (auto& byte : bytes) byte = static_cast<std::uint8_t>(random() % 12);
     CdcInterface(bytes, 2, 0);

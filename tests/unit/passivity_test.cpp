@@ -8,13 +8,13 @@
 #include <array>
 #include <cmath>
 #include <cstdio>
-#include <cstdlib>
 #include <limits>
 #include <numbers>
 #include <random>
 #include <string>
 
 #include "tests/support/hand_loop.h"
+#include "tests/support/scaled.h"
 
 namespace palpate {
 namespace {
@@ -214,10 +214,8 @@ TEST(Passivity, NoHandGainsEnergyOrIsShakenAndTheWallHolds) {
   worst.Print("with control");
 }
 
-// PALPATE_TORTURE=N multiplies the number of hands.
 TEST(Passivity, NeitherDoRandomHands) {
-  const char* factor = std::getenv("PALPATE_TORTURE");
-  const int hands = 300 * (factor ? std::max(1, std::atoi(factor)) : 1);
+  const int hands = test::Scaled(300);
   std::mt19937_64 random(3);
   const auto between = [&](double low, double high) {
     return std::uniform_real_distribution<double>(low, high)(random);
@@ -376,7 +374,7 @@ TEST(Passivity, AnyFiniteInputGivesAFiniteForceWithinTheLimit) {
     return sign * powers[random() % 10] * std::uniform_real_distribution<double>(0, 1)(random);
   };
   PassivityState state;
-  for (int n = 0; n < 400'000; ++n) {
+  for (int n = 0; n < test::Scaled(400'000); ++n) {
     const bool is_wild = n / 100 % 2 == 0;
     const Vec3 force(number(), number(), is_wild ? number() : 1.0);
     const Vec3 hip(is_wild ? number() : 0.1, 1.0, 2.0 + std::sin(n * 0.1));

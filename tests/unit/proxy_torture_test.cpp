@@ -11,6 +11,7 @@
 #include "server/lab/rest_judge.h"
 #include "tests/support/array_volume.h"
 #include "tests/support/path_judge.h"
+#include "tests/support/scaled.h"
 
 namespace palpate {
 namespace {
@@ -30,12 +31,6 @@ constexpr double kTouchTolerance = 1e-11;
 // the other side is not seen until the HIP moves on. What that costs of the approach at most, in
 // voxels; it happens in a few of a million ticks.
 constexpr double kDeepestPit = 0.01;
-
-// PALPATE_TORTURE=N multiplies the length.
-int Times(int count) {
-  const char* factor = std::getenv("PALPATE_TORTURE");
-  return count * (factor ? std::atoi(factor) : 1);
-}
 
 // Random values on 5³ lattices of `levels` values; 0: continuous.
 std::shared_ptr<const VolumeSnapshot> RandomVolume(std::mt19937_64& random, int levels) {
@@ -145,7 +140,7 @@ void TortureGrid(std::mt19937_64& random, int levels, int steps, Torture& result
 }
 
 TEST(ProxyTorture, NeverFallsThroughAndAlwaysRests) {
-  const int grids = Times(60);
+  const int grids = test::Scaled(60);
   std::mt19937_64 random(6);
   for (int levels : {0, 256, 16, 4, 2}) {
     Torture result;
@@ -208,7 +203,7 @@ void ChangeGrid(std::mt19937_64& random, int levels, int steps, Ejections& resul
 }
 
 TEST(ProxyTorture, ChangesOfIsovalueAndSideNeverLeaveItInside) {
-  const int grids = Times(100);
+  const int grids = test::Scaled(100);
   std::mt19937_64 random(7);
   for (int levels : {2, 3, 4, 16, 0}) {
     Ejections result;
