@@ -181,7 +181,7 @@ TEST(UsbFaults, SomeBadFramesAreCountedAndTheStreamGoesOn) {
   const v1::DeviceHealth after = rig.Health();
   const auto bad = static_cast<double>(after.corrupt_frames() - before.corrupt_frames());
   const auto good = static_cast<double>(after.readings() - before.readings());
-  EXPECT_NEAR(bad, good / 9.0, 0.05 * good);
+  EXPECT_NEAR(bad, good / 9.0, 0.05 * good) << rig.ExcuseSince(0);
   EXPECT_EQ(after.connection(), DeviceRig::kStreaming);
   EXPECT_EQ(after.connections(), 1u) << rig.ExcuseSince(0);
 }

@@ -14,6 +14,7 @@
 #include <chrono>
 #include <cstring>
 #include <filesystem>
+#include <fstream>
 #include <list>
 #include <mutex>
 #include <stdexcept>
@@ -29,7 +30,8 @@ constexpr const char* kPreload = "libumockdev-preload.so.0";
 constexpr const char* kSetpriv = "/usr/bin/setpriv";
 // MurmurHash2 of "usb" and "usb_device".
 constexpr std::uint32_t kSubsystemHash = 0x0577c5e5, kDeviceTypeHash = 0x27f8f50c;
-constexpr std::int64_t kMillisecondNs = 1'000'000, kHaltNs = 50 * kMillisecondNs;
+constexpr std::int64_t kMillisecondNs = 1'000'000, kHaltNs = 50 * kMillisecondNs,
+                       kLookNs = 100 * kMillisecondNs;
 
 std::string Hex(const Bytes& bytes) {
   constexpr char kDigits[] = "0123456789ABCDEF";
@@ -114,6 +116,16 @@ class RealtimeStart {
   sched_param before_{};
 };
 
+// The threads of this process together, so far: ready to run, and without a processor.
+std::int64_t WaitedForProcessorNs() {
+  std::int64_t sum_ns = 0;
+  for (const auto& task : std::filesystem::directory_iterator("/proc/self/task")) {
+    std::int64_t ran_ns = 0, waited_ns = 0;
+    if (std::ifstream(task.path() / "schedstat") >> ran_ns >> waited_ns) sum_ns += waited_ns;
+  }
+  return sum_ns;
+}
+
 // Of all testbeds; those of failed opens too.
 std::atomic<int> g_clients = 0;
 
@@ -161,7 +173,8 @@ struct UsbTestbed::Impl {
   }
 
   void RunMilliseconds() {
-    std::int64_t due_ns = NowNs(), turn_ns = due_ns;
+    std::int64_t due_ns = NowNs(), turn_ns = due_ns, look_ns = due_ns;
+    std::int64_t waited_ns = WaitedForProcessorNs();
     while (!stop) {
       due_ns = std::max(due_ns + kMillisecondNs, NowNs() - 10 * kMillisecondNs);
       const timespec due{due_ns / 1'000'000'000, due_ns % 1'000'000'000};
@@ -169,6 +182,11 @@ struct UsbTestbed::Impl {
       const std::int64_t now_ns = NowNs();
       if (now_ns - turn_ns >= kHaltNs) last_halt_ns = now_ns;
       turn_ns = now_ns;
+      if (now_ns - look_ns >= kLookNs) {
+        const std::int64_t before_ns = std::exchange(waited_ns, WaitedForProcessorNs());
+        if (waited_ns - before_ns >= kHaltNs) last_halt_ns = now_ns;
+        look_ns = now_ns;
+      }
       const std::scoped_lock lock(mutex);
       for (Plugged& one : plugged) {
         if (!one.gone) one.usb->Millisecond();

@@ -31,8 +31,8 @@ class UsbTestbed {
   // Pulls it out: transfers under way end, later calls find no device.
   void Unplug(const std::string& port);
 
-  // Whether the bus itself stood still for 50 ms after that time (NowNs()): a busy machine, which
-  // makes any device look silent.
+  // Whether the bus stood still for 50 ms after that time (NowNs()), or its threads waited as long
+  // for a processor within 100 ms: a busy machine, which makes any device look silent.
   bool HaltedSince(std::int64_t time_ns) const;
 
   // What to put before a command. bound_by_modes: also takes root's right to open any
