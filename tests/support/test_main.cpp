@@ -2,7 +2,7 @@
 // - If a busy machine may explain every failure (excuse.h), one line for each failed test says so
 //   at the end. tests/support/judge.py reads these lines.
 // - A program that skipped a test and failed ends by a signal. CMake takes every other program that
-//   says "[  SKIPPED ]" for skipped, even if the end of its suite failed.
+//   says "[  SKIPPED ]" for skipped, even if its suite failed to begin or to end.
 #include <gtest/gtest.h>
 
 #include <atomic>
