@@ -6,8 +6,6 @@
 #include <exception>
 #include <utility>
 
-#include "server/realtime/tick_timer.h"
-
 namespace palpate {
 namespace {
 
@@ -20,8 +18,9 @@ constexpr std::uint64_t kKeyframePeriodTicks = kSamplesPerChunk - kKeyframeTicks
 
 }  // namespace
 
-Recorder::Recorder(std::unique_ptr<RecordingOutput> output, const std::string& program)
-    : writer_(std::move(output), program) {
+Recorder::Recorder(std::unique_ptr<RecordingOutput> output, const std::string& program,
+                   std::function<std::int64_t()> now_ns)
+    : now_ns_(std::move(now_ns)), writer_(std::move(output), program) {
   samples_.reserve(kSamplesPerChunk);
   report_.counts = writer_.counts();
   thread_ = std::thread([this] { Run(); });
@@ -74,7 +73,7 @@ std::int64_t Recorder::Mark(const std::string& text) {
   if (markers_.size() == kMaxWaiting) {
     throw Error(ErrorKind::kUnavailable, "too many markers wait for the disk: try again later");
   }
-  const std::int64_t now_ns = MonotonicNowNs();
+  const std::int64_t now_ns = now_ns_();
   markers_.push_back(
       {delivered_end_.load(std::memory_order_acquire), {.time_ns = now_ns, .text = text}});
   return now_ns;
@@ -125,7 +124,7 @@ void Recorder::Drain() {
   // empty, and Stop is to be heard all the same.
   TickSample sample;
   for (std::size_t n = 0; n < kQueueTicks && ring_.TryPop(sample); ++n) Take(sample);
-  if (!samples_.empty() && MonotonicNowNs() - samples_since_ns_ > kMaxAgeNs) WriteSamples();
+  if (!samples_.empty() && now_ns_() - samples_since_ns_ > kMaxAgeNs) WriteSamples();
 }
 
 void Recorder::Take(const TickSample& sample) {
@@ -141,7 +140,7 @@ void Recorder::Take(const TickSample& sample) {
   if (keyframe) writer_.Append(*keyframe);
   for (const RecordedMarker& marker : markers) writer_.Append(marker);
 
-  if (samples_.empty()) samples_since_ns_ = MonotonicNowNs();
+  if (samples_.empty()) samples_since_ns_ = now_ns_();
   samples_.push_back(sample);
   if (samples_.size() == kSamplesPerChunk) WriteSamples();
 }

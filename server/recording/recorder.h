@@ -22,6 +22,7 @@
 #include <condition_variable>
 #include <cstdint>
 #include <deque>
+#include <functional>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -31,6 +32,7 @@
 
 #include "common/error/error.h"
 #include "server/realtime/spsc_ring.h"
+#include "server/realtime/tick_timer.h"
 #include "server/recording/recording_writer.h"
 #include "server/recording/voxel_log.h"
 #include "server/session/pump.h"
@@ -51,7 +53,9 @@ class Recorder final : public SampleSink {
   static constexpr std::uint64_t kMaxWaitingVoxelBytes = std::uint64_t{256} << 20;
 
   // Writes the header and starts the writer thread. Throws the output's Error.
-  Recorder(std::unique_ptr<RecordingOutput> output, const std::string& program);
+  // now_ns: the clock of the recording; tests bring their own.
+  Recorder(std::unique_ptr<RecordingOutput> output, const std::string& program,
+           std::function<std::int64_t()> now_ns = MonotonicNowNs);
   ~Recorder() override;
 
   void OnSample(const TickSample& sample) override;
@@ -106,6 +110,8 @@ class Recorder final : public SampleSink {
   // One past the last tick delivered, kept or dropped.
   std::atomic<std::uint64_t> delivered_end_{0};
   std::atomic<bool> stopped_{false};
+
+  const std::function<std::int64_t()> now_ns_;
 
   // The writer thread's own.
   RecordingWriter writer_;

@@ -20,8 +20,12 @@ constexpr std::chrono::seconds kSyncPeriod{1};
 
 class RecordingFile final : public RecordingOutput {
  public:
-  RecordingFile(std::filesystem::path path, bool overwrite)
-      : path_(std::move(path)), partial_(path_.string() + ".partial"), overwrite_(overwrite) {
+  RecordingFile(std::filesystem::path path, bool overwrite,
+                std::function<std::chrono::steady_clock::time_point()> now)
+      : path_(std::move(path)),
+        partial_(path_.string() + ".partial"),
+        overwrite_(overwrite),
+        now_(std::move(now)) {
     std::error_code ignored;
     if (!overwrite_ && std::filesystem::exists(path_, ignored)) RefuseToOverwrite();
     RefuseLink(partial_);
@@ -46,7 +50,7 @@ class RecordingFile final : public RecordingOutput {
         TakeBackAndFail();
       }
     }
-    const auto now = std::chrono::steady_clock::now();
+    const auto now = now_();
     if (!named_ || now - synced_ > kSyncPeriod) {
       if (fdatasync(file_) != 0) TakeBackAndFail();
       synced_ = now;
@@ -116,6 +120,7 @@ class RecordingFile final : public RecordingOutput {
   const std::filesystem::path path_;
   const std::filesystem::path partial_;
   const bool overwrite_;
+  const std::function<std::chrono::steady_clock::time_point()> now_;
   int file_ = -1;
   off_t size_ = 0;
   std::chrono::steady_clock::time_point synced_{};
@@ -124,9 +129,10 @@ class RecordingFile final : public RecordingOutput {
 
 }  // namespace
 
-std::unique_ptr<RecordingOutput> CreateRecordingFile(const std::filesystem::path& path,
-                                                     bool overwrite) {
-  return std::make_unique<RecordingFile>(path, overwrite);
+std::unique_ptr<RecordingOutput> CreateRecordingFile(
+    const std::filesystem::path& path, bool overwrite,
+    std::function<std::chrono::steady_clock::time_point()> now) {
+  return std::make_unique<RecordingFile>(path, overwrite, std::move(now));
 }
 
 }  // namespace palpate

@@ -3,7 +3,9 @@
 // Threads: one at a time. Not for real-time code (waits for the disk).
 #pragma once
 
+#include <chrono>
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <string_view>
 
@@ -27,7 +29,9 @@ class RecordingOutput {
 // Throws Error: kConflict where `path` is there, unless `overwrite`; kUnavailable
 // where nothing can be written. Append: kConflict where `path` has come to be in
 // between; kUnavailable for a full disk.
-std::unique_ptr<RecordingOutput> CreateRecordingFile(const std::filesystem::path& path,
-                                                     bool overwrite);
+// `now`: the clock of the second between two syncs; tests bring their own.
+std::unique_ptr<RecordingOutput> CreateRecordingFile(
+    const std::filesystem::path& path, bool overwrite,
+    std::function<std::chrono::steady_clock::time_point()> now = std::chrono::steady_clock::now);
 
 }  // namespace palpate

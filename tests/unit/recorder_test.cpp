@@ -153,6 +153,32 @@ TEST_F(RecorderTest, RecordsEveryTickFromWhereverItStarts) {
   EXPECT_TRUE(recorded.gaps.empty());
 }
 
+// A crash costs two seconds, however few ticks come in them.
+TEST_F(RecorderTest, FewTicksAreWrittenAfterTwoSeconds) {
+  std::atomic<std::int64_t> now_ms{1'000'000};
+  std::atomic<int> looks{0};
+  Recorder recorder(std::make_unique<MemoryOutput>(bytes_), "test", [&] {
+    ++looks;
+    return now_ms.load() * 1'000'000;
+  });
+  const auto await_looks = [&](int count) {
+    for (const int before = looks; looks < before + count;) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    }
+  };
+  Feed(recorder, 100, 110);
+  await_looks(2);  // they have come
+  now_ms += 1900;
+  await_looks(3);
+  EXPECT_EQ(recorder.report().counts.ticks, 0u);
+  now_ms += 200;
+  await_looks(1);
+  for (int n = 0; n < 50 && recorder.report().counts.ticks == 0; ++n) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  }
+  EXPECT_EQ(recorder.report().counts.ticks, 10u);
+}
+
 TEST_F(RecorderTest, ScenesAndMarkersAreHeldToTheirTick) {
   Recorder recorder(std::make_unique<MemoryOutput>(bytes_), "test");
   recorder.NoteScene({.scene_revision = 1, .isovalue = 0.1});

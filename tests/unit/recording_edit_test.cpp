@@ -135,6 +135,33 @@ TEST(VoxelLog, PartsALargeChange) {
   EXPECT_EQ(HashVolume(*WithEdits(*loaded, edits)), HashVolume(*changed));
 }
 
+// README: a change of more than 64 MiB of voxels is declared and not stored.
+TEST(VoxelLog, DeclaresMoreThan64MiBOnly) {
+  constexpr int kStored = (64 << 20) / (8 * 8 * 8 * static_cast<int>(sizeof(float)));
+  VolumeMetadata metadata;
+  metadata.size = Vec3i(8, 8, 8 * (kStored + 1));
+  metadata.value_max = 1.0;
+  // One brick everywhere: it costs nothing.
+  const BrickPtr before = Filled(0.0f), after = Filled(1.0f);
+  const BrickDirectory bricks(metadata.size, [&](const Vec3i&) { return before; });
+  const VolumeSnapshot loaded(metadata, bricks.AllChangedAt(1), 1, 1);
+  for (const int count : {kStored, kStored + 1}) {
+    std::vector<BrickChange> changes;
+    for (int n = 0; n < count; ++n) changes.push_back({Vec3i(0, 0, n), after});
+    const VolumeSnapshot changed(metadata, loaded.bricks().With(changes, 2), 2, 1);
+    VoxelLog log;
+    RecordedScene scene;
+    scene.loaded_revision = 1;
+    scene.volume_revision = 1;
+    log.EditsBefore(scene, &loaded);
+    scene.volume_revision = 2;
+    std::size_t stored = 0;
+    for (const RecordedEdit& edit : log.EditsBefore(scene, &changed)) stored += edit.bricks.size();
+    EXPECT_EQ(stored, count == kStored ? static_cast<std::size_t>(kStored) : 0u);
+    EXPECT_EQ(scene.voxels_missing, count > kStored);
+  }
+}
+
 TEST(VolumeFollower, RefusesEditsThatDoNotFit) {
   const auto volume = Gyroid();
   const auto edit = [](std::uint64_t number, float value) {

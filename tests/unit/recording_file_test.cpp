@@ -2,7 +2,10 @@
 #include <gtest/gtest.h>
 #include <signal.h>
 #include <sys/resource.h>
+#include <sys/syscall.h>
+#include <unistd.h>
 
+#include <atomic>
 #include <chrono>
 #include <cstdio>
 #include <filesystem>
@@ -24,6 +27,18 @@
 #include "tests/support/recording.h"
 #include "tests/support/refusal.h"
 #include "tests/support/temporary_folder.h"
+
+namespace {
+
+std::atomic<int> syncs{0};
+
+}  // namespace
+
+// Counts how often this program asks for its data to be on the disk, and does it.
+extern "C" int fdatasync(int file) {
+  ++syncs;
+  return static_cast<int>(syscall(SYS_fdatasync, file));
+}
 
 namespace palpate {
 namespace {
@@ -91,6 +106,22 @@ TEST(RecordingFile, LosesARaceForItsName) {
 TEST(RecordingFile, ThatCannotBeMadeIsRefused) {
   EXPECT_EQ(Refusal([] { CreateRecordingFile("/nowhere/a.palpate", false); }),
             ErrorKind::kUnavailable);
+}
+
+// A power cut costs about the last second, and not every chunk waits for the disk.
+TEST(RecordingFile, IsSyncedOnceASecond) {
+  const TemporaryFolder folder;
+  std::chrono::steady_clock::time_point now{std::chrono::hours(1)};
+  const auto output = CreateRecordingFile(folder.path() / "a.palpate", false, [&] { return now; });
+  output->Append("header");
+  const int first = syncs;
+  EXPECT_GT(first, 0);
+  for (int chunk = 0; chunk < 200; ++chunk) {
+    now += std::chrono::milliseconds(100);
+    output->Append("chunk");
+  }
+  EXPECT_GE(syncs - first, 17);  // within 20 s
+  EXPECT_LE(syncs - first, 21);
 }
 
 // Files may grow to a limit here, as on a disk that fills up.
