@@ -43,7 +43,8 @@ class VolumeStreams::Stream {
   std::uint64_t held_revision = 0;  // of the feed, for old_volumes_held; 0: none
 };
 
-VolumeStreams::VolumeStreams(Session& session) : daemon_id_(RandomId()) {
+VolumeStreams::VolumeStreams(Session& session, std::function<VolumeFeed::Clock::time_point()> now)
+    : daemon_id_(RandomId()), clock_(std::move(now)) {
   session.AddListener(*this);
 }
 
@@ -52,8 +53,8 @@ std::shared_ptr<VolumeStreams::Stream> VolumeStreams::Subscribe(const VolumeFeed
   const std::lock_guard lock(mutex_);
   if (stopped_) throw Error(ErrorKind::kUnavailable, "palpated is ending");
   if (!now_.volume) throw Error(ErrorKind::kUnavailable, "no volume is loaded yet: try again");
-  auto stream = std::make_shared<Stream>(
-      VolumeFeed(options, daemon_id_, now_, VolumeFeed::Clock::now()), std::move(sink));
+  auto stream =
+      std::make_shared<Stream>(VolumeFeed(options, daemon_id_, now_, clock_()), std::move(sink));
   if (!thread_.joinable()) thread_ = std::thread([this] { Run(); });
   streams_.push_back(stream);
   Wake();
@@ -168,7 +169,7 @@ std::optional<VolumeStreams::Round> VolumeStreams::NextRound(bool at_once) {
 
 bool VolumeStreams::Take(const Turn& turn, const VolumeNow& now) {
   Stream& stream = *turn.stream;
-  const auto time = VolumeFeed::Clock::now();
+  const auto time = clock_();
   stream.feed->Acknowledge(turn.acknowledged, time);
   const bool works = !turn.writing && stream.feed->HasWork(now);
   std::optional<VolumeMessage> message;

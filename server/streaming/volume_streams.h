@@ -11,6 +11,7 @@
 
 #include <condition_variable>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -37,7 +38,9 @@ class VolumeStreams final : public SceneListener {
  public:
   class Stream;
 
-  explicit VolumeStreams(Session& session);
+  // now: the clock by which subscribers stall; tests bring their own.
+  explicit VolumeStreams(Session& session, std::function<VolumeFeed::Clock::time_point()> now =
+                                               VolumeFeed::Clock::now);
   ~VolumeStreams() override { Stop(); }
   VolumeStreams(const VolumeStreams&) = delete;
   VolumeStreams& operator=(const VolumeStreams&) = delete;
@@ -75,6 +78,7 @@ class VolumeStreams final : public SceneListener {
   bool Take(const Turn& turn, const VolumeNow& now);
 
   const std::uint64_t daemon_id_;
+  const std::function<VolumeFeed::Clock::time_point()> clock_;
 
   mutable std::mutex mutex_;  // guards what follows
   std::condition_variable wake_;

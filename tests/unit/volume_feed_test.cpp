@@ -199,8 +199,9 @@ TEST_F(VolumeFeedTest, AnOverviewOfManyBlocksComesInPieces) {
 TEST_F(VolumeFeedTest, NothingIsSentBeyondTheWindow) {
   data_.LoadMade(Vec3i(64, 64, 64), [](int, int, int) { return 0.5f; });
   Keep();
-  for (const std::uint64_t window : {1, 3}) {
-    VolumeFeed feed = MakeFeed({}, window);
+  for (const std::uint64_t asked : {1, 3, 0}) {
+    const std::uint64_t window = asked == 0 ? 4 : asked;  // as VolumeFeedOptions says
+    VolumeFeed feed = MakeFeed({}, asked);
     number_ = 0;
     for (std::uint64_t n = 0; n < window; ++n) EXPECT_TRUE(Pass(feed, false));
     EXPECT_FALSE(feed.HasWork(Now()));

@@ -58,11 +58,15 @@ class Pipe : public VolumeSink {
     const std::lock_guard lock(mutex_);
     closed_ = true;
   }
+  bool is_empty() const {
+    const std::lock_guard lock(mutex_);
+    return waiting_.empty();
+  }
   bool ended() const { return ended_; }
   int overlapping() const { return overlapping_; }
 
  private:
-  std::mutex mutex_;
+  mutable std::mutex mutex_;
   std::deque<VolumeMessage> waiting_;
   bool closed_ = false;
   std::atomic<bool> ended_{false};
@@ -90,6 +94,7 @@ class Viewer {
       return mirror_.is_complete() && mirror_.resume()->volume_revision == revision;
     });
   }
+  bool Waits() const { return !pipe_->is_empty(); }
   void Leave() { streams_.Unsubscribe(*stream_); }
   const VolumeMirror& mirror() const { return mirror_; }
   Pipe& pipe() { return *pipe_; }
@@ -173,6 +178,40 @@ TEST_F(VolumeStreamsTest, ATransportThatIsStuckHoldsNoOldVolume) {
   EXPECT_GT(old.size(), 20u);
   EXPECT_TRUE(stuck.CatchUp(data_.volume()->revision()));
   EXPECT_EQ(DifferentVoxels(stuck.mirror(), *data_.volume()), 0u);
+}
+
+// Nothing wakes the thread: neither an edit, nor an acknowledgement, nor a write.
+TEST(VolumeStreams, AnOldVolumeIsLetGoWhereNothingElseHappens) {
+  std::atomic<int> looks{0};
+  std::atomic<std::int64_t> time_ms{0};
+  const auto clock = [&] {
+    ++looks;
+    return VolumeFeed::Clock::time_point(std::chrono::milliseconds(time_ms.load()));
+  };
+  EditableSession data;
+  std::mt19937 random(5);
+  data.Load("builtin:sphere:40");
+  VolumeStreams streams(data.session(), clock);
+  // The streams hear of a volume when it is published.
+  data.RandomEdit(random);
+  Viewer stuck(streams, 1);
+  ASSERT_TRUE(Eventually([&] { return stuck.Waits(); }));
+  data.RandomEdit(random);
+  ASSERT_TRUE(Eventually([&] { return streams.old_volumes_held() == 1; }));
+  // Looked at as often as a thread on this machine wakes up that sleeps as long.
+  const int before = looks;
+  for (int n = 0; n < 6; ++n) std::this_thread::sleep_for(250ms);
+  EXPECT_GE(looks - before, 3);
+  EXPECT_EQ(streams.old_volumes_held(), 1u);
+  // It may stall for two seconds.
+  time_ms = 1900;
+  const int then = looks;
+  EXPECT_TRUE(Eventually([&] { return looks > then + 1; }));
+  EXPECT_EQ(streams.old_volumes_held(), 1u);
+  time_ms = 2100;
+  const int last = looks;
+  EXPECT_TRUE(Eventually([&] { return looks > last + 1 || streams.old_volumes_held() == 0; }));
+  EXPECT_EQ(streams.old_volumes_held(), 0u);
 }
 
 TEST_F(VolumeStreamsTest, WhoLeavesInTheMidstHoldsNothing) {
