@@ -39,6 +39,26 @@ TEST(Methods, TheTableHasAllOfThemOnce) {
   EXPECT_EQ(listed, served);
 }
 
+// Written out, so that no change of the table goes unnoticed: who may do it answers for it.
+TEST(Methods, EachRoleMayDoWhatItAnswersFor) {
+  const std::set<std::string> editors = {
+      "UpdateSettings", "UpdateRegistration", "EditVolume",    "UndoEdit",
+      "RedoEdit",       "RevertVolume",       "ControlSeries", "Mark"};
+  // Those that move a hand, and those that reach files, memory or what all viewers see.
+  const std::set<std::string> operators = {
+      "EnableForces", "DisableForces", "CalibrateDevice", "LoadVolume",    "UploadVolume",
+      "SaveVolume",   "LoadSeries",    "StartRecording",  "StopRecording", "Replay"};
+  std::set<std::string> of_editors, of_operators;
+  for (const MethodRule& rule : MethodRules()) {
+    const std::string name(rule.method.substr(rule.method.rfind('/') + 1));
+    if (rule.least == Role::kEditor) of_editors.insert(name);
+    if (rule.least == Role::kOperator) of_operators.insert(name);
+    EXPECT_NE(rule.least, Role::kAdmin) << name;
+  }
+  EXPECT_EQ(of_editors, editors);
+  EXPECT_EQ(of_operators, operators);
+}
+
 TEST(Methods, OnlyQuestionsAndTheStopAreForViewers) {
   for (const MethodRule& rule : MethodRules()) {
     const std::string_view name = rule.method.substr(rule.method.rfind('/') + 1);
