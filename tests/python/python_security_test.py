@@ -6,6 +6,7 @@ import pathlib
 import resource
 import socket
 import ssl
+import statistics
 import subprocess
 import sys
 import tempfile
@@ -262,6 +263,7 @@ class SecurityTest(unittest.TestCase):
 
     def test_dawdlers_and_oversize_messages_do_not_hinder_others(self):
         with contextlib.ExitStack() as stack:
+            began = time.monotonic()
             dawdlers = dawdle(stack, self.daemon.port)
             context = ssl.create_default_context(cafile=str(self.daemon.authority.ca))
             context.set_alpn_protocols(["h2"])
@@ -278,12 +280,17 @@ class SecurityTest(unittest.TestCase):
                 stub.UpdateSettings(huge, timeout=20.0)
             self.assertEqual(refused.exception.code(), grpc.StatusCode.RESOURCE_EXHAUSTED)
             stub.GetSettings(render_pb2.GetSettingsRequest(), timeout=20.0)
-            # The daemon ends them by itself.
+            # The daemon ends them by itself, after 10 s.
+            seconds = []
             for dawdler in [*dawdlers, silent]:
                 dawdler.settimeout(60.0)
                 with contextlib.suppress(ConnectionResetError):
                     while dawdler.recv(4096):
                         pass
+                seconds.append(time.monotonic() - began)
+            print(f"dawdlers were ended after {statistics.median(seconds):.1f} s (median)",
+                  file=sys.stderr)
+            self.assertLess(statistics.median(seconds), 20.0)
 
     def test_rotation(self):
         def served():

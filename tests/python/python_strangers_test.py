@@ -153,7 +153,8 @@ class Strangers(AttackTest):
         sent = self.attack_in_turn(how, lambda attacks: attacks == 4)
         print(f"{how.__name__}: cut off after {[n // MIB for n in sent]} MiB, "
               f"{(resident_bytes(self.daemon) - before) / MIB:.0f} MiB more held")
-        # What is under way in the kernel comes on top of the 8 MiB.
+        # What is under way in the kernel comes on top of the 8 MiB: connection_door_test has
+        # the bound itself.
         with busy_machine_may_explain():
             self.assertLess(max(sent), 200 * MIB)
         # AddressSanitizer keeps what was freed for a while.
@@ -170,7 +171,23 @@ class Strangers(AttackTest):
     def test_endless_messages_are_cut_off(self):
         self.assert_cut_off(endless_messages)
 
+    def stop_often(self, count):
+        """Over TLS and on the socket; what each took, the shortest first."""
+        taken = []
+        with self.daemon.channel(token=self.daemon.tokens["viewer"]) as channel:
+            for stub in (device_pb2_grpc.DeviceServiceStub(channel),
+                         device_pb2_grpc.DeviceServiceStub(
+                             grpc.insecure_channel(f"unix:{self.daemon.socket}"))):
+                for _ in range(count):
+                    began = time.monotonic()
+                    stub.StopForces(device_pb2.StopForcesRequest(), timeout=20.0,
+                                    wait_for_ready=True)
+                    taken.append(time.monotonic() - began)
+                    time.sleep(0.05)
+        return sorted(taken)
+
     def test_the_emergency_stop_works_while_strangers_attack(self):
+        alone = self.stop_often(10)
         end = threading.Event()
 
         def attack_on(address):
@@ -184,27 +201,20 @@ class Strangers(AttackTest):
                      for n in range(1, 11)]
         for attacker in attackers:
             attacker.start()
-        taken = []
         try:
-            with self.daemon.channel(token=self.daemon.tokens["viewer"]) as channel:
-                for stub in (device_pb2_grpc.DeviceServiceStub(channel),
-                             device_pb2_grpc.DeviceServiceStub(
-                                 grpc.insecure_channel(f"unix:{self.daemon.socket}"))):
-                    for _ in range(50):
-                        began = time.monotonic()
-                        stub.StopForces(device_pb2.StopForcesRequest(), timeout=20.0,
-                                        wait_for_ready=True)
-                        taken.append(time.monotonic() - began)
-                        time.sleep(0.05)
+            attacked = self.stop_often(50)
         finally:
             end.set()
             for attacker in attackers:
                 attacker.join()
-        taken.sort()
-        print(f"100 emergency stops while ten strangers attack: median {taken[50] * 1e3:.1f} ms, "
-              f"p98 {taken[97] * 1e3:.0f} ms; {self.said('it sent too much')} lines")
+        print(f"100 emergency stops while ten strangers attack: median {attacked[50] * 1e3:.1f} ms, "
+              f"p98 {attacked[97] * 1e3:.0f} ms; without, median "
+              f"{alone[len(alone) // 2] * 1e3:.1f} ms; {self.said('it sent too much')} lines")
+        # What else the machine does slows both.
         with busy_machine_may_explain():
-            self.assertLess(taken[97], 2.0)
+            self.assertLess(attacked[50], 10 * alone[len(alone) // 2])
+        with busy_machine_may_explain():
+            self.assertLess(attacked[97], 2.0)
         with busy_machine_may_explain():
             self.assertGreater(self.said("it sent too much"), 9)
 
@@ -257,7 +267,8 @@ class KnownAttackers(AttackTest):
             self.daemon.tokens["viewer"])
         print(f"{how.__name__} of a viewer: cut off after {[n // MIB for n in sent]} MiB, "
               f"{(resident_bytes(self.daemon) - before) / MIB:.0f} MiB more held")
-        # What comes until the next look is on top of the 32 MiB.
+        # What comes until the next look is on top of the 32 MiB: connection_door_test has the
+        # bound itself.
         with busy_machine_may_explain():
             self.assertLess(max(sent), 300 * MIB)
         if "PALPATE_SANITIZED" not in os.environ:
