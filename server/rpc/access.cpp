@@ -3,7 +3,6 @@
 #include <grpc/grpc_security_constants.h>
 
 #include <algorithm>
-#include <chrono>
 #include <iterator>
 #include <utility>
 
@@ -16,8 +15,6 @@ namespace palpate {
 namespace {
 
 constexpr char kAuthorization[] = "authorization";
-
-CertificateTime Now() { return std::chrono::system_clock::now(); }
 
 std::string Joined(const std::vector<grpc::string_ref>& values) {
   std::string text;
@@ -119,7 +116,7 @@ Admission Access::Admit(grpc::ServerContextBase* context, std::string_view metho
   Admission::Running call{context, FindMethodRule(method), CredentialsOf(*context, peer), {}, peer};
   while (true) {
     const std::shared_ptr<const Policy> judge = policy();
-    const Recognised who = judge->Recognise(call.credentials, Now());
+    const Recognised who = judge->Recognise(call.credentials, now_());
     if (!who.identity) {
       return Refuse(grpc::StatusCode::UNAUTHENTICATED, peer, "a stranger", method, who.problem);
     }
@@ -200,7 +197,7 @@ void Access::Review() {
 }
 
 bool Access::Holds(const Admission::Running& call) const {
-  const Recognised who = policy_->Recognise(call.credentials, Now());
+  const Recognised who = policy_->Recognise(call.credentials, now_());
   return who.identity && who.identity->role >= call.rule->least;
 }
 

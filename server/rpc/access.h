@@ -12,7 +12,9 @@
 
 #include <grpcpp/grpcpp.h>
 
+#include <chrono>
 #include <exception>
+#include <functional>
 #include <list>
 #include <map>
 #include <memory>
@@ -73,9 +75,11 @@ class Access {
  public:
   // A policy of strangers but on the socket and on loopback.
   Access() : Access(LimitOptions{}) {}
-  // connections: told who is no stranger; outlives this one.
-  explicit Access(const LimitOptions& limits, ConnectionWatch* connections = nullptr)
-      : limits_(limits), connections_(connections) {}
+  // connections: told who is no stranger; outlives this one. now: the clock by which
+  // certificates are judged; tests bring their own.
+  explicit Access(const LimitOptions& limits, ConnectionWatch* connections = nullptr,
+                  std::function<CertificateTime()> now = std::chrono::system_clock::now)
+      : limits_(limits), connections_(connections), now_(std::move(now)) {}
 
   // `method`: as in MethodRules. Without a context, the caller is this process.
   Admission Admit(grpc::ServerContextBase* context, std::string_view method);
@@ -99,6 +103,7 @@ class Access {
 
   IdentityLimits limits_;
   ConnectionWatch* const connections_;
+  const std::function<CertificateTime()> now_;
   RefusalLog refusals_;
   // Taken again within TryCancel, which may end a call on the same thread.
   mutable std::recursive_mutex mutex_;

@@ -12,7 +12,6 @@
 
 #include "server/log/log.h"
 #include "server/realtime/thread_setup.h"
-#include "server/realtime/tick_timer.h"
 
 namespace palpate {
 namespace {
@@ -20,6 +19,8 @@ namespace {
 // Of <netinet/tcp.h>, which cannot stand beside <linux/tcp.h>.
 constexpr int kEstablished = 1;
 constexpr int kPriority = 1;
+// How long an address is kept out.
+constexpr std::int64_t kOutsideNs = 10'000'000'000;
 constexpr std::int64_t kKnownReviewNs =
     std::chrono::nanoseconds(ConnectionWatch::kKnownReviewTime).count();
 
@@ -91,7 +92,7 @@ bool ConnectionWatch::Enter(int fd, const sockaddr_storage& peer) {
   const std::string name = PeerName(peer);
   const auto outside = kept_out_.find(AddressOf(name));
   if (outside != kept_out_.end()) {
-    if (MonotonicNowNs() < outside->second) return false;
+    if (now_ns_() < outside->second) return false;
     kept_out_.erase(outside);
   }
   const int second_fd = fcntl(fd, F_DUPFD_CLOEXEC, first_file_);
@@ -143,7 +144,7 @@ void ConnectionWatch::Run() {
 }
 
 std::vector<std::string> ConnectionWatch::Review() {
-  const std::int64_t now_ns = MonotonicNowNs();
+  const std::int64_t now_ns = now_ns_();
   const bool are_known_due = now_ns - known_review_ns_ >= kKnownReviewNs;
   if (are_known_due) known_review_ns_ = now_ns;
   strangers_ = 0;

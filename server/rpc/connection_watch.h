@@ -12,13 +12,16 @@
 #include <chrono>
 #include <condition_variable>
 #include <cstdint>
+#include <functional>
 #include <map>
 #include <memory>
 #include <mutex>
 #include <string>
 #include <thread>
+#include <utility>
 #include <vector>
 
+#include "server/realtime/tick_timer.h"
 #include "server/security/connection_limits.h"
 #include "server/security/refusal_log.h"
 
@@ -37,10 +40,10 @@ class ConnectionWatch {
   // At a gigabit a second, some megabyte comes in between; ten from a known client.
   static constexpr std::chrono::milliseconds kStrangersReviewTime{10};
   static constexpr std::chrono::milliseconds kKnownReviewTime{100};
-  static constexpr std::int64_t kOutsideNs = 10'000'000'000;
 
-  // first_file: as FirstSecondFile.
-  explicit ConnectionWatch(int first_file) : first_file_(first_file) {}
+  // first_file: as FirstSecondFile. now_ns: the clock; tests bring their own.
+  explicit ConnectionWatch(int first_file, std::function<std::int64_t()> now_ns = MonotonicNowNs)
+      : first_file_(first_file), now_ns_(std::move(now_ns)) {}
   ~ConnectionWatch();
   ConnectionWatch(const ConnectionWatch&) = delete;
   ConnectionWatch& operator=(const ConnectionWatch&) = delete;
@@ -75,6 +78,7 @@ class ConnectionWatch {
               std::vector<std::string>& lines);
 
   const int first_file_;
+  const std::function<std::int64_t()> now_ns_;
   mutable std::mutex mutex_;
   std::map<std::string, Connection> connections_;  // by their peers
   std::uint64_t entered_ = 0;
