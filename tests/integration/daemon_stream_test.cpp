@@ -93,7 +93,8 @@ TEST_P(Volumes, AreRenderedAtOneKilohertz) {
   PoseCollector collector(daemon);
   BareLoops bare_loops;
   std::this_thread::sleep_for(milliseconds(kWatchedMs));
-  const auto bare_missed = static_cast<double>(bare_loops.Stop());
+  bare_loops.Stop();
+  const auto bare_missed = static_cast<double>(bare_loops.most());
   const auto& samples = collector.Stop();
   ASSERT_GT(samples.size(), kWatchedMs / 2) << kBusyMachine;
   const Summary summary = Summarize(samples);
@@ -109,12 +110,11 @@ TEST_P(Volumes, AreRenderedAtOneKilohertz) {
   grpc::ClientContext context;
   ASSERT_TRUE(daemon.device->GetDevice(&context, {}, &device).ok());
   if (device.servo().realtime_scheduling()) {
-    // What the machine takes, stopping for milliseconds, it takes from the bare loops too:
-    // the servo is on one of their processors at any time.
+    // What the machine takes, stopping for milliseconds, it takes from the bare loops too.
     const auto missed =
         static_cast<double>(samples.back().missed_ticks() - samples.front().missed_ticks());
     std::printf("%s: %.0f ticks missed, bare loops %.0f\n", name.c_str(), missed, bare_missed);
-    EXPECT_LE(missed, 0.01 * loop_ms + bare_missed) << kBusyMachine;
+    EXPECT_LE(missed, 0.005 * loop_ms + bare_missed) << kBusyMachine;
   }
   EXPECT_LT(summary.mean_update_us, 20.0) << kBusyMachine;
   EXPECT_EQ(summary.above, 0u);
