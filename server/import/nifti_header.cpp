@@ -119,6 +119,9 @@ ImageGeometry ParseGeometry(const NiftiFields& fields) {
   }
   geometry.spacing_mm *= MillimetresPerUnit(fields);
   geometry.origin_W_mm *= MillimetresPerUnit(fields);
+  // What was finite may have overflowed, or vanished.
+  for (const double spacing : geometry.spacing_mm) CheckSpacing(spacing);
+  CheckFinite(geometry.origin_W_mm, "place");
   return geometry;
 }
 

@@ -240,6 +240,16 @@ TEST(Nifti2Header, HugeSizesAreOverTheLimit) {
   EXPECT_NE(Refusal([&] { ParseNiftiHeader(damaged); }), "");
 }
 
+// In metres, what fits a double need not fit in millimetres.
+TEST(Nifti2Header, LengthsThatOverflowInMillimetresAreRefused) {
+  EXPECT_NE(Refusal([] { NiftiBytes(2, false).Units(1).Pixdim(2, 1e307).Parse(); }), "");
+  NiftiBytes far(2, false);
+  far.Units(1).Qform(1).Quaternion(4, 1e307);
+  EXPECT_NE(Refusal([&] { far.Parse(); }), "");
+  // Likewise what vanishes.
+  EXPECT_NE(Refusal([] { NiftiBytes(2, false).Units(3).Pixdim(1, 5e-324).Parse(); }), "");
+}
+
 TEST_P(NiftiHeader, EveryPrefixIsRefused) {
   const std::string whole = Bytes().bytes();
   for (std::size_t length = 0; length < whole.size(); ++length) {
