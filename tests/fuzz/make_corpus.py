@@ -4,6 +4,10 @@ for what they are. Written against the description of the formats, not with our 
 
 import pathlib
 import struct
+import sys
+
+sys.dont_write_bytecode = True  # the folder is the repository's
+import corpus_images
 
 CORPUS = pathlib.Path(__file__).resolve().parent / "corpus"
 
@@ -155,3 +159,5 @@ if __name__ == "__main__":
     falcon()
     omni()
     touch()
+    for target, name, data in corpus_images.corpora():
+        write(target, name, data)

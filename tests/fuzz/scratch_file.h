@@ -1,0 +1,51 @@
+// A file with the bytes of a fuzz target, for code that wants a path. In memory where
+// the system has a folder for that.
+#pragma once
+
+#include <fcntl.h>
+#include <stdlib.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cstdint>
+#include <filesystem>
+#include <span>
+#include <string>
+
+#include "tests/fuzz/fuzz_input.h"
+
+namespace palpate::fuzz {
+
+class ScratchFile {
+ public:
+  // Alone in a folder, which has no number in its name, and is removed at the end.
+  explicit ScratchFile(const std::string& name) {
+    std::string folder = std::filesystem::is_directory("/dev/shm") ? "/dev/shm" : P_tmpdir;
+    folder += "/palpate-fuzz-XXXXXX";
+    FUZZ_CHECK(mkdtemp(folder.data()));
+    folder_ = folder;
+    path_ = folder_ / name;
+  }
+  ~ScratchFile() {
+    std::error_code ignored;
+    std::filesystem::remove_all(folder_, ignored);
+  }
+  ScratchFile(const ScratchFile&) = delete;
+  ScratchFile& operator=(const ScratchFile&) = delete;
+
+  // The only contents from now on.
+  void Write(std::span<const std::uint8_t> bytes) const {
+    const int file = open(path_.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0600);
+    FUZZ_CHECK(file >= 0);
+    FUZZ_CHECK(write(file, bytes.data(), bytes.size()) == static_cast<ssize_t>(bytes.size()));
+    close(file);
+  }
+
+  const std::filesystem::path& path() const { return path_; }
+
+ private:
+  std::filesystem::path folder_;
+  std::filesystem::path path_;
+};
+
+}  // namespace palpate::fuzz
