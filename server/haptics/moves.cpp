@@ -135,6 +135,7 @@ void MoveInBox(const HapticSurface& surface, const Candidate& candidate, Place& 
   }
   place.kind = Place::Kind::kBox;
   place.cell = candidate.cell;
+  place.p_I = from;
   place.faces = 0;
   for (int axis = 0; axis < 3; ++axis) {
     const int on = candidate.faces >> (2 * axis) & 3;
