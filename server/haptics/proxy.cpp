@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <limits>
 
 #include "server/haptics/eject.h"
 #include "server/haptics/moves.h"
@@ -88,7 +89,8 @@ ProxyStep StepBuried(const HapticSurface& surface, const Vec3& p_DHip_mm, Proxy&
   proxy.p_DH_mm = step.p_DH_mm = p_DHip_mm;
   step.density = ReportedDensity(surface, proxy.place, density);
   proxy.buried = density > surface.isovalue;
-  proxy.buried_steps = proxy.buried ? proxy.buried_steps + 1 : 0;
+  constexpr int kMost = std::numeric_limits<int>::max();  // in four weeks
+  proxy.buried_steps = proxy.buried ? std::min(proxy.buried_steps, kMost - 1) + 1 : 0;
   if (proxy.buried) {
     step.mode = proxy.buried_steps > kMaxEjectSteps ? ProxyMode::kFault : ProxyMode::kEjecting;
   }
@@ -169,6 +171,17 @@ ProxyStep StepProxy(const HapticSurface& surface, const Vec3& p_DHip_mm, double 
     if (step.mode == ProxyMode::kFree) step.mode = ProxyMode::kConstrained;
   }
   return step;
+}
+
+bool Fits(const HapticSurface& surface, const Proxy& proxy, CellCache& cache) noexcept {
+  const Place& place = proxy.place;
+  // A place that does not hold is found anew.
+  if (!Holds(surface, proxy) || place.kind == Place::Kind::kOutside) return true;
+  if (!surface.volume->HasCell(place.cell)) return false;
+  if (place.kind == Place::Kind::kBox) return true;
+  const TetrahedralComplex& complex = cache.Decomposed(surface, place.cell).parts.complex;
+  const std::uint32_t tetrahedra = TetrahedraAt(complex, place.carrier);
+  return place.tetrahedron < 0 ? tetrahedra != 0 : (tetrahedra >> place.tetrahedron & 1) != 0;
 }
 
 void DropToSurface(const HapticSurface& surface, const Vec3& p_DHip_mm, Proxy& proxy,

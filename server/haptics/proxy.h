@@ -70,6 +70,10 @@ struct ProxyStep {
 ProxyStep StepProxy(const HapticSurface& surface, const Vec3& p_DHip_mm, double eject_limit_mm,
                     Proxy& proxy, CellCache& cache) noexcept;
 
+// Of a proxy that was not computed here but read: whether a step may take its place as
+// it is. False where the surface's cells have no such place.
+bool Fits(const HapticSurface& surface, const Proxy& proxy, CellCache& cache) noexcept;
+
 // From free space straight towards the HIP, to where the way there meets H: no
 // sliding. Adds its work to `step`. The proxy refers to `surface` already.
 void DropToSurface(const HapticSurface& surface, const Vec3& p_DHip_mm, Proxy& proxy,

@@ -1,5 +1,8 @@
 #include "server/servo/servo_keyframe.h"
 
+#include <algorithm>
+#include <bit>
+#include <cmath>
 #include <cstring>
 #include <type_traits>
 
@@ -128,20 +131,67 @@ bool FromBytes(const char* bytes, T& value) {
   }
 }
 
-// What indexes arrays and lattices stays within them.
-bool IsInRange(const ServoMemory& memory) {
-  const Place& place = memory.renderer.proxy.place;
-  const Carrier& carrier = place.carrier;
-  if (carrier.count < 0 || carrier.count > 4) return false;
-  if (place.kind == Place::Kind::kSimplex && carrier.count == 0) return false;
-  for (const std::uint8_t vertex : carrier.vertex) {
-    if (vertex >= kMaxVertices) return false;
+// No stylus is as far away, and squares of such lengths are numbers.
+constexpr double kFarthestMm = 1e9;
+constexpr double kUnitTolerance = 1e-6;
+
+bool IsPosition(const Vec3& p_mm) {
+  return p_mm.allFinite() && p_mm.cwiseAbs().maxCoeff() <= kFarthestMm;
+}
+
+// Positive weights of different vertices that sum to 1.
+bool IsCarrier(const Carrier& carrier) {
+  if (carrier.count < 1 || carrier.count > 4) return false;
+  double sum = 0.0;
+  for (int n = 0; n < carrier.count; ++n) {
+    if (!(carrier.weight[n] >= 0.0)) return false;
+    sum += carrier.weight[n];
   }
-  if (place.tetrahedron < -1 || place.tetrahedron >= kMaxTetrahedra) return false;
-  if ((place.cell.array() < -kMaxCell).any() || (place.cell.array() > kMaxCell).any()) return false;
-  if (place.faces >= 1u << 6) return false;
-  const PassivityState& passivity = memory.renderer.passivity;
-  return memory.renderer.proxy.buried_steps >= 0 && passivity.positions >= 0 &&
+  return std::abs(sum - 1.0) < kUnitTolerance && std::popcount(carrier.Mask()) == carrier.count;
+}
+
+// Within the cell, and on exactly the faces that it is said to be on.
+bool IsInBox(const Place& place) {
+  std::uint8_t faces = 0;
+  for (int axis = 0; axis < 3; ++axis) {
+    const double p = place.p_I[axis], low = place.cell[axis], high = low + 1.0;
+    if (!(p >= low && p <= high)) return false;
+    if (p == low) faces |= static_cast<std::uint8_t>(1u << (2 * axis));
+    if (p == high) faces |= static_cast<std::uint8_t>(2u << (2 * axis));
+  }
+  return place.faces == faces;
+}
+
+// Whether its vertices are those of its cell, the scene tells (Fits in proxy.h).
+bool IsPlace(const Place& place) {
+  if (std::ranges::any_of(place.carrier.vertex, [](int v) { return v >= kMaxVertices; }) ||
+      (place.cell.array() < -kMaxCell).any() || (place.cell.array() > kMaxCell).any()) {
+    return false;
+  }
+  switch (place.kind) {
+    case Place::Kind::kOutside:
+      return place.p_I.allFinite();
+    case Place::Kind::kBox:
+      return IsInBox(place);
+    case Place::Kind::kSimplex:
+      return IsCarrier(place.carrier) && place.faces == FacesOf(place.carrier) &&
+             place.tetrahedron >= -1 && place.tetrahedron < kMaxTetrahedra &&
+             (place.tetrahedron < 0 || place.carrier.count == 4);
+  }
+  return false;
+}
+
+// What indexes arrays and lattices stays within them, and what is computed from
+// lengths is a number.
+bool IsInRange(const ServoMemory& memory) {
+  const RendererMemory& renderer = memory.renderer;
+  const Proxy& proxy = renderer.proxy;
+  const PassivityState& passivity = renderer.passivity;
+  const bool on_simplex = proxy.placed && proxy.place.kind == Place::Kind::kSimplex;
+  return IsPlace(proxy.place) && IsPosition(proxy.p_DH_mm) && proxy.buried_steps >= 0 &&
+         (renderer.has_hip || !proxy.placed) && (on_simplex || !proxy.on_surface) &&
+         IsPosition(renderer.p_DHip_mm) && IsPosition(renderer.p_DLastHip_mm) &&
+         renderer.friction.normal_D.norm() < 1.0 + kUnitTolerance && passivity.positions >= 0 &&
          passivity.positions <= PassivityState::kPositionsKept && passivity.newest >= 0 &&
          passivity.newest < PassivityState::kPositionsKept;
 }

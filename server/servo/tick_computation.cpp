@@ -1,6 +1,7 @@
 #include "server/servo/tick_computation.h"
 
 #include <limits>
+#include <utility>
 
 namespace palpate {
 namespace {
@@ -51,6 +52,9 @@ TickSample TickComputation::Run(const Scene& scene, const TickInput& input) noex
   const std::uint64_t missed = input.missed_ticks - missed_ticks_;
   const double elapsed_s = kTickPeriodS * (1.0 + static_cast<double>(missed));
   missed_ticks_ = input.missed_ticks;
+  if (std::exchange(resumed_, false) && !Fits(scene.surface, renderer_.proxy, renderer_.cache)) {
+    renderer_.proxy = Proxy();
+  }
 
   const DeviceState& stylus = input.stylus;
   const bool suspended = scene.forces_off || stylus.docked || !stylus.calibrated ||
@@ -122,6 +126,7 @@ bool TickComputation::Resume(std::string_view keyframe) noexcept {
   if (!Load(keyframe, memory)) return false;
   static_cast<RendererMemory&>(renderer_) = memory.renderer;
   safety_.Resume(memory.safety);
+  resumed_ = true;
   ticks_ = memory.tick;
   missed_ticks_ = memory.missed_ticks;
   capped_ticks_ = memory.capped_ticks;

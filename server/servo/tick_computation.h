@@ -39,13 +39,14 @@ class TickComputation {
   // Before the next tick.
   std::uint64_t next_tick() const { return ticks_; }
   ServoKeyframe Keyframe() const noexcept;
-  // Goes on from there. False, and nothing has changed, for bytes that are no
-  // keyframe of this version.
+  // Goes on from there; a proxy where the next tick's volume has no place for it begins
+  // anew. False, and nothing has changed, for bytes that are no keyframe of this version.
   bool Resume(std::string_view keyframe) noexcept;
 
  private:
   Safety safety_;
   RendererState renderer_;
+  bool resumed_ = false;  // and not run since
   std::uint64_t ticks_ = 0;
   std::uint64_t missed_ticks_ = 0;
   std::uint64_t capped_ticks_ = 0;

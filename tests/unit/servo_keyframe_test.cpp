@@ -5,9 +5,14 @@
 
 #include <cmath>
 #include <cstring>
+#include <functional>
+#include <initializer_list>
+#include <limits>
 #include <memory>
 #include <random>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "server/device/explore_script.h"
 #include "server/device/simulated_device.h"
@@ -86,17 +91,161 @@ TEST(ServoKeyframe, GoesOnBitForBit) {
   EXPECT_GT(contacts, kTicks / 4);
 }
 
+// A stylus that touches a surface, and the state of the servo then.
+struct Touch {
+  Scene scene = SceneWithEverything(Gyroid(), 0.47);
+  TickSample sample;
+  std::string keyframe;
+  ServoMemory memory;
+
+  Touch() {
+    SimulatedDevice device(
+        std::make_unique<ExploreScript>(Vec3(-80, -60, -35), Vec3(80, 60, 35), 1));
+    device.Start();
+    ServoTick tick(device);
+    for (int n = 0; n < 20000 && !(n > 3000 && sample.contact); ++n) sample = tick.Run(scene, {});
+    EXPECT_TRUE(sample.contact);
+    keyframe = tick.Keyframe().view();
+    EXPECT_TRUE(Load(keyframe, memory));
+  }
+  Place& place() { return memory.renderer.proxy.place; }
+
+  // What the next tick computes from `memory`.
+  TickSample Next() const {
+    auto computation = std::make_unique<TickComputation>(SafetyLimits{});
+    EXPECT_TRUE(computation->Resume(Save(memory).view()));
+    return computation->Run(scene, computation->InputOf(sample));
+  }
+};
+
+void SetCarrier(Place& place, std::initializer_list<std::uint8_t> vertices, double weight) {
+  place.carrier = {};
+  for (const std::uint8_t vertex : vertices) {
+    place.carrier.vertex[place.carrier.count] = vertex;
+    place.carrier.weight[place.carrier.count++] = weight;
+  }
+  place.faces = FacesOf(place.carrier);
+  place.tetrahedron = -1;
+}
+
+void SetBox(Touch& touch) {
+  touch.memory.renderer.proxy.on_surface = false;
+  touch.place().kind = Place::Kind::kBox;
+  touch.place().cell = Vec3i(20, 20, 20);
+  touch.place().p_I = Vec3(20.0, 20.5, 21.0);
+  touch.place().faces = 0x21;
+}
+
+TEST(ServoKeyframe, StatesThatNoServoHasAreRefused) {
+  constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  using Attack = std::function<void(Touch&)>;
+  const std::vector<std::pair<const char*, Attack>> attacks = {
+      {"a weight below 0",
+       [](Touch& t) {
+         SetCarrier(t.place(), {2, 5}, 0.5), t.place().carrier.weight = {1.5, -0.5};
+       }},
+      {"weights of 0",
+       [](Touch& t) {
+         SetCarrier(t.place(), {2, 5}, 0.0);
+       }},
+      {"weights above 1",
+       [](Touch& t) {
+         SetCarrier(t.place(), {2, 5}, 1e300);
+       }},
+      {"weights that are no numbers",
+       [](Touch& t) {
+         SetCarrier(t.place(), {2, 5}, kNan);
+       }},
+      {"no vertices", [](Touch& t) { SetCarrier(t.place(), {}, 0.0); }},
+      {"a vertex twice",
+       [](Touch& t) {
+         SetCarrier(t.place(), {2, 2}, 0.5);
+       }},
+      {"other faces", [](Touch& t) { t.place().faces ^= 0x3f; }},
+      {"all faces", [](Touch& t) { t.place().faces = 0x3f; }},
+      {"a tetrahedron with three vertices",
+       [](Touch& t) {
+         SetCarrier(t.place(), {2, 10, 14}, 1.0 / 3.0), t.place().tetrahedron = 3;
+       }},
+      {"on the surface of a box",
+       [](Touch& t) { SetBox(t), t.memory.renderer.proxy.on_surface = true; }},
+      {"beside its box", [](Touch& t) { SetBox(t), t.place().p_I.y() = 22.0; }},
+      {"nowhere in its box", [](Touch& t) { SetBox(t), t.place().p_I.y() = kNan; }},
+      {"on faces of the box that it is not on",
+       [](Touch& t) { SetBox(t), t.place().faces = 0x25; }},
+      {"off a face of the box that it is on", [](Touch& t) { SetBox(t), t.place().faces = 0x20; }},
+      {"nowhere outside",
+       [](Touch& t) {
+         SetBox(t), t.place().kind = Place::Kind::kOutside, t.place().p_I.x() = kInfinity;
+       }},
+      {"placed without a stylus", [](Touch& t) { t.memory.renderer.has_hip = false; }},
+      {"a proxy nowhere", [](Touch& t) { t.memory.renderer.proxy.p_DH_mm.x() = kNan; }},
+      {"a proxy far away", [](Touch& t) { t.memory.renderer.proxy.p_DH_mm.x() = 1e300; }},
+      {"a stylus nowhere", [](Touch& t) { t.memory.renderer.p_DHip_mm.x() = kNan; }},
+      {"a stylus that was far away", [](Touch& t) { t.memory.renderer.p_DLastHip_mm.x() = 1e300; }},
+      {"friction that is no direction",
+       [](Touch& t) { t.memory.renderer.friction.normal_D.x() = kNan; }},
+      {"friction across the room", [](Touch& t) { t.memory.renderer.friction.normal_D.x() = 1e9; }},
+  };
+  const Touch touch;
+  for (const auto& [name, attack] : attacks) {
+    Touch changed = touch;
+    attack(changed);
+    ServoMemory loaded;
+    EXPECT_FALSE(Load(Save(changed.memory).view(), loaded)) << name;
+  }
+  Touch box = touch;
+  SetBox(box);
+  ServoMemory loaded;
+  EXPECT_TRUE(Load(Save(box.memory).view(), loaded));
+}
+
+// What a keyframe alone cannot tell: the cells are the scene's. The proxy begins anew.
+TEST(ServoKeyframe, APlaceThatItsCellLacksIsNotUsed) {
+  const Touch touch;
+  Touch anew = touch;
+  anew.memory.renderer.proxy = {};
+  const TickSample expected = anew.Next();
+  const auto expect_anew = [&](const char* name, const std::function<void(Place&)>& change) {
+    Touch changed = touch;
+    change(changed.place());
+    EXPECT_TRUE(testing::SameSample(changed.Next(), expected)) << name;
+  };
+  expect_anew("a second vertex inside, where cells have one",
+              [](Place& place) { SetCarrier(place, {15}, 1.0); });
+  expect_anew("vertices of no tetrahedron", [](Place& place) { SetCarrier(place, {0, 6}, 0.5); });
+  expect_anew("another tetrahedron's vertices", [](Place& place) {
+    SetCarrier(place, {0, 4, 12, 14}, 0.25);
+    place.tetrahedron = 29;
+  });
+  expect_anew("a cell outside", [](Place& place) { place.cell = Vec3i(-2, 48, 1 << 30); });
+  EXPECT_FALSE(testing::SameSample(touch.Next(), expected));
+}
+
+TEST(ServoKeyframe, CountsOfTicksDoNotOverflow) {
+  Touch touch;
+  Proxy& proxy = touch.memory.renderer.proxy;
+  proxy = {};
+  proxy.placed = proxy.buried = true;
+  proxy.buried_steps = std::numeric_limits<int>::max();
+  touch.scene.surface.isovalue = -1.0;  // everything is inside
+  touch.scene.settings.pop_force_n = 0.0;
+  auto computation = std::make_unique<TickComputation>(SafetyLimits{});
+  ASSERT_TRUE(computation->Resume(Save(touch.memory).view()));
+  EXPECT_EQ(computation->Run(touch.scene, computation->InputOf(touch.sample)).mode,
+            TickMode::kFault);
+  ServoMemory after;
+  ASSERT_TRUE(Load(computation->Keyframe().view(), after));
+  EXPECT_EQ(after.renderer.proxy.buried_steps, std::numeric_limits<int>::max());
+}
+
 // What is no keyframe is refused, or at least harmless: every byte is tried.
 TEST(ServoKeyframe, DamagedOnesDoNoHarm) {
-  const auto volume = Gyroid();
-  const Scene scene = SceneWithEverything(volume, 0.47);
-  SimulatedDevice device(std::make_unique<ExploreScript>(Vec3(-80, -60, -35), Vec3(80, 60, 35), 1));
-  device.Start();
-  ServoTick tick(device);
-  TickSample sample;
-  for (int n = 0; n < 20000 && !(n > 3000 && sample.contact); ++n) sample = tick.Run(scene, {});
-  ASSERT_TRUE(sample.contact);
-  const std::string good(tick.Keyframe().view());
+  const Touch touch;
+  const Scene& scene = touch.scene;
+  const TickSample& sample = touch.sample;
+  const std::string& good = touch.keyframe;
   ServoMemory memory;
   EXPECT_FALSE(Load("", memory));
   EXPECT_FALSE(Load(good.substr(1), memory));
