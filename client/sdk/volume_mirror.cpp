@@ -21,10 +21,18 @@ void Require(bool holds, const char* what) {
               std::string("the stream of the volume makes no sense: ") + what);
 }
 
+// A volume one voxel thick has 64 times as many voxels in its bricks.
+constexpr double kMostPadding = 8.0;
+constexpr double kAlwaysBricks = 4096.0;
+
 // Rather as floating point: the product of three sizes overflows any integer.
 void CheckSize(const Vec3i& size, std::uint64_t max_voxels) {
   Require((size.array() > 0).all(), "a volume without voxels");
-  if (size.cast<double>().prod() > static_cast<double>(max_voxels)) {
+  const Vec3 voxels = size.cast<double>();
+  const double bricks = (voxels / kBrickEdge).array().ceil().prod();
+  const auto most = static_cast<double>(max_voxels);
+  if (voxels.prod() > most ||
+      bricks > std::max(kAlwaysBricks, kMostPadding * most / kBrickVoxels)) {
     throw Error(ErrorKind::kTooLarge,
                 "the daemon's volume has more than " + std::to_string(max_voxels) + " voxels");
   }

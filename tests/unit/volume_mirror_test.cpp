@@ -172,6 +172,10 @@ TEST(VolumeMirror, RefusesLatticesThatCannotBe) {
   for (const VolumeLattice& large : {with_size(kMost, kMost, kMost), with_size(2048, 1024, 1025)}) {
     ExpectRefused(Begun(), large, ErrorKind::kTooLarge);
   }
+  // Few voxels, in 64 times as many of bricks.
+  for (const VolumeLattice& thin : {with_size(kMost, 1, 1), with_size(1, 1, 1 << 30)}) {
+    ExpectRefused(Begun(), thin, ErrorKind::kTooLarge);
+  }
   VolumeMirror limited(10 * 8 * 17 - 1);
   EXPECT_EQ(Refusal([&] { limited.Apply(Lattice()); }), ErrorKind::kTooLarge);
   VolumeLattice endless = Lattice();
