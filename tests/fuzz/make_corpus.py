@@ -8,6 +8,7 @@ import sys
 
 sys.dont_write_bytecode = True  # the folder is the repository's
 import corpus_images
+import corpus_recordings
 
 CORPUS = pathlib.Path(__file__).resolve().parent / "corpus"
 
@@ -159,5 +160,6 @@ if __name__ == "__main__":
     falcon()
     omni()
     touch()
-    for target, name, data in corpus_images.corpora():
-        write(target, name, data)
+    for source in (corpus_images, corpus_recordings):
+        for target, name, data in source.corpora():
+            write(target, name, data)
