@@ -33,7 +33,9 @@ std::optional<RawVoxels> RawOf(const toml::table& table) {
   if (!size) return std::nullopt;
   RawVoxels raw;
   for (std::size_t n = 0; n < 3; ++n) {
-    raw.size[n] = static_cast<std::int64_t>((*size)[static_cast<Eigen::Index>(n)]);
+    const double axis = (*size)[static_cast<Eigen::Index>(n)];
+    // Of any other number no volume is.
+    raw.size[n] = axis >= 1.0 && axis <= 1e15 ? static_cast<std::int64_t>(axis) : 0;
   }
   raw.type = table["type"].value_or(std::string());
   raw.big_endian = table["big_endian"].value_or(false);

@@ -9,6 +9,7 @@ import sys
 sys.dont_write_bytecode = True  # the folder is the repository's
 import corpus_images
 import corpus_recordings
+import corpus_state
 
 CORPUS = pathlib.Path(__file__).resolve().parent / "corpus"
 
@@ -160,6 +161,6 @@ if __name__ == "__main__":
     falcon()
     omni()
     touch()
-    for source in (corpus_images, corpus_recordings):
+    for source in (corpus_images, corpus_recordings, corpus_state):
         for target, name, data in source.corpora():
             write(target, name, data)

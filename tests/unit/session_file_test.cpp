@@ -154,6 +154,26 @@ TEST_F(SessionFileTest, DamagedFilesAreSaidOrHoldASession) {
   EXPECT_GT(damaged, 200);
 }
 
+TEST_F(SessionFileTest, ASizeThatNoVolumeHasIsNone) {
+  LoadRequest request;
+  request.source = "/data/voxels.raw";
+  request.raw = RawVoxels{.size = {64, 1234567, 2}, .type = "int16"};
+  SavedSession session = Session1();
+  session.felt.volume = request;
+  WriteSessionFile(path_, session);
+  std::string text = Text();
+  const std::string number = "1234567";
+  for (const char* other : {"1e300", "-1e300", "nan", "inf", "-5", "9223372036854775807"}) {
+    std::string changed = text;
+    changed.replace(changed.find(number), number.size(), other);
+    Write(changed);
+    const SessionFile read = ReadSessionFile(path_);
+    ASSERT_TRUE(read.session && read.session->felt.volume.raw) << read.damage;
+    EXPECT_EQ(read.session->felt.volume.raw->size, (std::array<std::int64_t, 3>{64, 0, 2}))
+        << other;
+  }
+}
+
 class SessionKeeperTest : public ::testing::Test {
  protected:
   void SetUp() override { data_.Load("builtin:sphere:24"); }

@@ -1,0 +1,155 @@
+"""Files that the daemon keeps, positions for palpate-lab, and the stream of a volume."""
+
+import struct
+
+HAPTICS = """method = "tpbcc"
+free_side = "above"
+stiffness_n_per_mm = 0.5
+force_shading = true
+"""
+
+
+def session(volume="", configured="", haptics=HAPTICS, attempts="1"):
+    return f"""# a remark
+attempts = {attempts}
+[configured]
+source = "builtin:bumps"
+isovalue = 0.25
+device_mm_per_volume_mm = 2.0
+{configured}
+[configured.haptics]
+{HAPTICS}
+[volume]
+source = "/data/a volume.nrrd"
+title = "first"
+isovalue = -100.5
+is_edited = true
+{volume}
+[haptics]
+{haptics}"""
+
+
+def sessions():
+    raw = "raw = {{ size = [{}], type = \"int16\", big_endian = true, offset_bytes = 16 }}"
+    return {
+        "plain": session(),
+        "raw": session(volume=raw.format("64, 64, 32")),
+        "raw_size_that_overflows": session(volume=raw.format("1e300, -1e300, 2")),
+        "raw_size_not_a_number": session(volume=raw.format("nan, inf, 2")),
+        "spacing": session(volume="spacing_mm = [0.5, 1, 2.5]\nframe = 3"),
+        "spacing_of_words": session(volume="spacing_mm = [0.5, '1', 2.5]"),
+        "frame_as_text": session(volume="frame = 'first'"),
+        "attempts_that_overflow": session(attempts="9223372036854775807"),
+        "attempts_as_text": session(attempts="'many'"),
+        "settings_not_a_number": session(haptics="stiffness_n_per_mm = nan\npop_force_n = -inf"),
+        "unknown_setting": session(haptics="tomorrow = 1"),
+        "no_isovalue": session().replace("isovalue = -100.5", ""),
+        "no_haptics": session()[:-len(HAPTICS) - 10],
+        "odd_names": session(configured='title = "\\u0000\\u001b[31m\\U0001F600"'),
+        "key_twice": session(volume="is_edited = false"),
+        "no_utf8": session(volume="x = 'ab'").encode().replace(b"ab", b"\xff\xfe"),
+        "deep": "a = " + "[" * 300,
+        "cut": session()[:200],
+        "empty": "",
+    }
+
+
+def registration(**other):
+    fields = {"source": '"/data/a.nrrd"', "size": "[10, 20, 30]", "spacing_mm": "[0.5, 0.5, 1.0]",
+              "center_mm": "[1.0, -2.0, 30.0]", "rotation_wxyz": "[1.0, 0.0, 0.0, 0.0]",
+              "device_mm_per_volume_mm": "0.8"}
+    fields.update(other)
+    return "[[registration]]\n" + "".join(f"{key} = {value}\n" for key, value in fields.items() if value)
+
+
+def registrations():
+    return {
+        "one": registration(), "two": registration() + registration(source='"builtin:bumps"'),
+        "incomplete_beside_a_good_one": registration(size=None) + registration(),
+        "size_below_1": registration(size="[0, -1, 5]"), "size_huge": registration(size="[1e300, 1, 1]"),
+        "size_not_a_number": registration(size="[nan, 1, 1]"), "spacing_0": registration(spacing_mm="[0, 0, 0]"),
+        "rotation_0": registration(rotation_wxyz="[0, 0, 0, 0]"),
+        "rotation_not_a_number": registration(rotation_wxyz="[nan, 0, 0, 1]"),
+        "scale_huge": registration(device_mm_per_volume_mm="1e308"),
+        "center_far": registration(center_mm="[1e300, 0, 0]"), "no_tables": "registration = [1, 'a', {}]\n",
+        "no_array": "registration = 1\n", "other": "other = 1\n", "empty": "",
+    }
+
+
+def token(**other):
+    fields = {"name": '"lab-1"', "role": '"editor"', "salt": f'"{"0a" * 16}"', "sha256": f'"{"f3" * 32}"'}
+    fields.update(other)
+    return "[[token]]\n" + "".join(f"{key} = {value}\n" for key, value in fields.items() if value)
+
+
+def tokens():
+    return {
+        "one": token(), "two": token() + token(name='"b"', role='"admin"'), "same_name": token() * 2,
+        "no_role": token(role='"king"'), "no_name": token(name=None), "odd_name": token(name='"a b"'),
+        "long_name": token(name=f'"{"a" * 65}"'), "short_salt": token(salt='"0a"'),
+        "no_hex": token(salt=f'"{"0g" * 16}"'), "other_key": token(other="1"), "a_table": "[token]\nname = 'a'\n",
+        "numbers": "token = [1, 2]\n", "empty": "",
+    }
+
+
+def trajectories():
+    return {
+        "positions": "x_mm,y_mm,z_mm\n1,2,3\n-4.5,+1e3,0\n", "of_a_replay": "tick, hip_x,hip_y,hip_z\r\n0,1,2,3\r\n",
+        "empty": "", "no_header": "1,2,3\n", "missing_column": "x_mm,y_mm,z_mm\n1,2\n", "no_number": "x_mm,y_mm,z_mm\na,b,c\n",
+        "not_finite": "x_mm,y_mm,z_mm\nnan,inf,-inf\n", "blank_lines": "x_mm,y_mm,z_mm\n\n \t\n1,2,3\n",
+        "column_twice": "x_mm,x_mm,y_mm,z_mm,\n1,2,3,4,\n", "no_positions": "x_mm,y_mm,z_mm\n",
+    }
+
+
+def lattice(*size, low=-1.0, high=1.0):
+    return b"\0" + struct.pack("<3i2d", *size, low, high)
+
+
+def floats(count):
+    return struct.pack("<H", 2 * count)
+
+
+def raw(data):
+    return struct.pack("<H", 2 * len(data) + 1) + data
+
+
+def overview(size, first, values):
+    return b"\2" + struct.pack("<3iQ", *size, first) + values
+
+
+def bricks(numbers, values, left=0):
+    return b"\3" + struct.pack(f"<B{len(numbers)}iI", len(numbers), *numbers, left) + values
+
+
+def complete(revision=4, low=0):
+    return b"\4" + struct.pack("<2Q", revision, low)
+
+
+def streams():
+    begun = lattice(10, 8, 17)
+    most = 2**31 - 1
+    return {
+        "whole": begun + b"\1" + bytes(8) + overview((3, 2, 5), 0, floats(30)) + bricks((0, 3, 5), floats(1536), 2) +
+                 complete(),
+        "overview_in_parts": begun + overview((3, 2, 5), 0, floats(11)) + overview((3, 2, 5), 11, floats(19)),
+        "overview_too_long": begun + overview((3, 2, 5), 0, floats(31)),
+        "overview_with_a_gap": begun + overview((3, 2, 5), 2**64 - 1, floats(3)),
+        "overview_of_another_size": begun + overview((3, 2, -5), 0, floats(3)),
+        "brick_outside": begun + bricks((6,), floats(512)), "brick_below_0": begun + bricks((-1,), floats(512)),
+        "bricks_twice": begun + bricks((1, 1), floats(1024)), "no_bricks": begun + bricks((), floats(0)),
+        "bricks_left": begun + bricks((1,), floats(512), 7), "values_too_few": begun + bricks((1,), floats(511)),
+        "values_damaged": begun + bricks((1,), raw(b"\x28\xb5\x2f\xfd\x60\x00\x07")),
+        "before_the_lattice": bricks((0,), floats(512)) + complete() + overview((1, 1, 1), 0, floats(1)),
+        "another_lattice": begun + bricks((0,), floats(512)) + lattice(2, 3, 4) + complete(),
+        "another_hash": begun + complete(low=5), "no_voxels": lattice(0, 8, 8), "below_0": lattice(-8, -8, 8),
+        "long": lattice(most, 1, 1), "huge": lattice(most, most, most), "thin": lattice(1, 1, 1 << 14),
+        "range_not_a_number": lattice(8, 8, 8, low=float("nan")),
+    }
+
+
+def corpora():
+    named = {"session_file_fuzz": sessions(), "registration_file_fuzz": registrations(), "token_file_fuzz": tokens(),
+             "trajectory_fuzz": trajectories(), "volume_mirror_fuzz": streams()}
+    for target, files in named.items():
+        for name, data in files.items():
+            yield target, name, data.encode() if isinstance(data, str) else data

@@ -1,0 +1,123 @@
+// A daemon that streams anything to a viewer's copy of the volume.
+//
+//   step: kind u8, modulo 5
+//     lattice    0  size 3 x i32, least and greatest value f64
+//     placement  1  revision u64
+//     overview   2  size 3 x i32, first u64, values
+//     bricks     3  count u8 of number i32, bricks left u32, values
+//     complete   4  revision u64, hash u64; 0: the right one
+//   values: u16; even: of half as many floats 0, 1, 2, ..; odd: half as many bytes, which
+//           follow
+#include <numeric>
+#include <string>
+#include <vector>
+
+#include "client/sdk/volume_mirror.h"
+#include "common/bricks/float_codec.h"
+#include "common/error/error.h"
+#include "tests/fuzz/fuzz_input.h"
+
+namespace palpate::fuzz {
+namespace {
+
+constexpr std::uint64_t kMostVoxels = 16 << 10;
+constexpr int kMostSteps = 30;
+
+class Script {
+ public:
+  explicit Script(std::span<const std::uint8_t> bytes) : input_(bytes) {}
+
+  void Run() {
+    for (int step = 0; step < kMostSteps && !input_.empty(); ++step) {
+      try {
+        mirror_.Apply(Event());
+      } catch (const Error&) {
+        FUZZ_CHECK(!mirror_.lattice() && !mirror_.resume());
+      }
+      Check();
+    }
+  }
+
+ private:
+  VolumeEvent Event() {
+    switch (input_.Take<std::uint8_t>() % 5) {
+      case 0: {
+        VolumeLattice lattice;
+        lattice.size = Size();
+        lattice.value_min = input_.Take<double>();
+        lattice.value_max = input_.Take<double>();
+        return lattice;
+      }
+      case 1:
+        return VolumePlacement{{}, input_.Take<std::uint64_t>()};
+      case 2: {
+        VolumeOverview overview{Size(), input_.Take<std::uint64_t>(), {}};
+        overview.zstd_values = Values();
+        return overview;
+      }
+      case 3: {
+        VolumeBricks bricks;
+        bricks.numbers.resize(input_.Take<std::uint8_t>() % 16);
+        for (auto& number : bricks.numbers) {
+          number = static_cast<std::uint64_t>(input_.Take<std::int32_t>());
+        }
+        bricks.bricks_left = input_.Take<std::uint32_t>();
+        bricks.zstd_values = Values();
+        return bricks;
+      }
+    }
+    VolumeComplete complete{{1, input_.Take<std::uint64_t>()}, {}};
+    complete.content_hash.low = input_.Take<std::uint64_t>();
+    if (complete.content_hash.low == 0) complete.content_hash = RightHash();
+    return complete;
+  }
+
+  Vec3i Size() {
+    Vec3i size;
+    for (int axis = 0; axis < 3; ++axis) size[axis] = input_.Take<std::int32_t>();
+    return size;
+  }
+
+  std::string Values() {
+    const auto size = input_.Take<std::uint16_t>();
+    if (size % 2 != 0) {
+      const auto bytes = input_.TakeBytes(size / 2);
+      return {bytes.begin(), bytes.end()};
+    }
+    std::vector<float> values(size / 2);
+    std::iota(values.begin(), values.end(), 0.0f);
+    return CompressFloats(values);
+  }
+
+  ContentHash RightHash() const {
+    ContentHash hash;
+    const std::uint64_t count = mirror_.lattice() ? mirror_.lattice()->Bricks() : 0;
+    for (std::uint64_t n = 0; n < count; ++n) hash += HashOfBrick(*mirror_.At(n), n);
+    return hash;
+  }
+
+  void Check() {
+    const auto& lattice = mirror_.lattice();
+    if (!lattice) return;
+    const Vec3i last = lattice->size - Vec3i::Ones();
+    mirror_.Value(0, 0, 0);
+    mirror_.Value(last.x(), last.y(), last.z());
+    const Vec3i blocks = mirror_.overview_size();
+    const auto overview = mirror_.overview();
+    FUZZ_CHECK(overview.empty() || overview.size() == blocks.cast<std::uint64_t>().prod());
+    for (const std::uint64_t number : mirror_.TakeChanges().numbers) {
+      FUZZ_CHECK(number < lattice->Bricks());
+    }
+  }
+
+  Input input_;
+  VolumeMirror mirror_{kMostVoxels};
+};
+
+}  // namespace
+}  // namespace palpate::fuzz
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  palpate::fuzz::Script({data, size}).Run();
+  return 0;
+}
