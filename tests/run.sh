@@ -17,11 +17,11 @@ explain it (tests/support/excuse.h, excuse.py): a latency, a rate or a count. Su
 again, alone: once, or twice if it judges times. Nothing is run again if more than ten would be.
 The last lines name the tests that passed only then, and count them.
 
-  --sanitizers  then every test but those of times under AddressSanitizer and
-           UndefinedBehaviorSanitizer, the pure code and the threads around the servo
-           under ThreadSanitizer, and the fuzz targets
-  --long   the long forms of torture and slide tests (an hour), and ten million
-           inputs for each fuzz target (another, with --sanitizers)
+  --sanitizers  then a chosen part of the tests under AddressSanitizer and
+           UndefinedBehaviorSanitizer, those with threads under ThreadSanitizer, the fuzz
+           targets, and a check that every header compiles by itself
+  --long   the long forms of torture and slide tests (an hour); with --sanitizers all tests
+           but those of times, and ten million inputs for each fuzz target (another hour)
   --packages  installs the Debian packages in a root of their own as well (as root,
            minutes); without it they are only built and looked at
 TEXT
