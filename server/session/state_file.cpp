@@ -69,10 +69,15 @@ bool HoldsAsToml(const std::string& text) {
   }
 }
 
+double ToDouble(const toml::node& number) {
+  if (const auto* integer = number.as_integer()) return static_cast<double>(integer->get());
+  return number.as_floating_point()->get();
+}
+
 std::optional<double> TomlNumber(const toml::table& table, std::string_view key) {
   const toml::node* node = table[key].node();
   if (!node || !node->is_number()) return std::nullopt;
-  return *node->value<double>();
+  return ToDouble(*node);
 }
 
 }  // namespace palpate

@@ -35,6 +35,8 @@ toml::array ToTomlArray(const Values& values) {
   return array;
 }
 
+// Of a node that is a number. toml++ gives no double for an integer that none holds exactly.
+double ToDouble(const toml::node& number);
 // None where it is no number, or not so many of them.
 std::optional<double> TomlNumber(const toml::table& table, std::string_view key);
 template <int kCount>
@@ -46,7 +48,7 @@ std::optional<Eigen::Matrix<double, kCount, 1>> TomlNumbers(const toml::table& t
   for (int n = 0; n < kCount; ++n) {
     const toml::node& node = (*array)[static_cast<std::size_t>(n)];
     if (!node.is_number()) return std::nullopt;
-    numbers[n] = *node.value<double>();
+    numbers[n] = ToDouble(node);
   }
   return numbers;
 }
