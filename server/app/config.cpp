@@ -13,6 +13,7 @@
 #include "server/app/config_entry.h"
 #include "server/app/log.h"
 #include "server/app/security_config.h"
+#include "server/session/state_file.h"
 
 namespace palpate {
 namespace {
@@ -184,7 +185,7 @@ const SettersByKey& Setters() {
 
 // 1 and 1.0 are the same.
 std::string Value(const toml::node& node) {
-  if (node.is_number()) return fmt::format("{}", *node.value<double>());
+  if (node.is_number()) return fmt::format("{}", ToDouble(node));
   std::ostringstream text;
   node.visit([&](const auto& value) { text << value; });
   return text.str();

@@ -11,6 +11,7 @@
 
 #include "common/error/error.h"
 #include "common/geometry/geometry.h"
+#include "server/session/state_file.h"
 
 namespace palpate {
 
@@ -25,7 +26,7 @@ struct ConfigEntry {
     Fail("must be a text in quotes");
   }
   double Number() const {
-    if (node.is_number()) return *node.value<double>();
+    if (node.is_number()) return ToDouble(node);
     Fail("must be a number");
   }
   int Integer(int low, int high) const {
@@ -43,7 +44,7 @@ struct ConfigEntry {
     Vec3 v;
     for (std::size_t n = 0; n < 3; ++n) {
       if (!(*array)[n].is_number()) Fail("must be three numbers, [x, y, z]");
-      v[static_cast<Eigen::Index>(n)] = *(*array)[n].value<double>();
+      v[static_cast<Eigen::Index>(n)] = ToDouble((*array)[n]);
     }
     return v;
   }

@@ -276,7 +276,7 @@ std::vector<std::string> UsbTestbed::wrapper(bool bound_by_modes) const {
   if (bound_by_modes && geteuid() == 0) {
     command = {kSetpriv, "--bounding-set=-dac_override,-dac_read_search"};
   }
-  command.insert(command.end(), {"/usr/bin/env", std::string("LD_PRELOAD=") + kPreload,
+  command.insert(command.end(), {"/usr/bin/env", std::string("LD_PRELOAD=").append(kPreload),
                                  "UMOCKDEV_DIR=" + impl_->root});
   return command;
 }

@@ -175,6 +175,8 @@ TEST_F(ConfigCheckTest, NumbersOfTheVolumeHaveRanges) {
     ExpectBeginnings(faults("normalized_isovalue = " + std::string(bad) + "\n"),
                      {"f.toml:2: volume.normalized_isovalue: normalized isovalue "});
   }
+  // An integer that no double holds exactly is a number all the same.
+  EXPECT_EQ(faults("isovalue = 9007199254740993\n"), Keys());
   EXPECT_EQ(faults("isovalue = -1024\nspacing_mm = [1e-4, 1, 1e6]\n"), Keys());
 }
 
