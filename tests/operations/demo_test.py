@@ -22,7 +22,7 @@ class Demo(unittest.TestCase):
             environment = os.environ | {"PATH": f"{folder}:{os.environ['PATH']}",
                                         "TMPDIR": folder}
             for _ in range(3):
-                run = subprocess.run([DEMO, "--seconds", "1"], env=environment, text=True,
+                run = subprocess.run([DEMO, "--seconds", "3"], env=environment, text=True,
                                      capture_output=True, timeout=PATIENCE_S)
                 self.assertEqual(run.returncode, 0, run.stdout + run.stderr)
                 self.assertRegex(run.stdout, r"samples +\d+, \d+ dropped")

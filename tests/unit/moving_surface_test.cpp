@@ -12,6 +12,7 @@
 #include "server/haptics/renderer.h"
 #include "server/safety/safety.h"
 #include "tests/support/array_volume.h"
+#include "tests/support/excuse.h"
 
 namespace palpate {
 namespace {
@@ -220,7 +221,7 @@ TEST(MovingSurface, ATickThatChangesTheIsovalueIsShort) {
               moves[1000], moves.back(), times_us[1000]);
   EXPECT_LT(moves.back(), 40);  // three tetrahedra a voxel, there and back
 #if defined(NDEBUG) && !defined(PALPATE_SANITIZED)
-  EXPECT_LT(times_us[1980], 20.0);
+  EXPECT_LT(times_us[1980], 20.0) << test::kBusyMachine;
 #endif
 }
 
