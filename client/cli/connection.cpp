@@ -6,6 +6,7 @@
 #include <cstdio>
 
 #include "client/cli/output.h"
+#include "common/error/one_line.h"
 #include "common/wire/status.h"
 
 namespace palpate::cli {

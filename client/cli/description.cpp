@@ -7,6 +7,7 @@
 
 #include "client/cli/output.h"
 #include "client/cli/setting.h"
+#include "common/error/one_line.h"
 
 namespace palpate::cli {
 namespace {

@@ -9,6 +9,7 @@
 #include "client/cli/device_test.h"
 #include "client/cli/output.h"
 #include "client/cli/pose_stream.h"
+#include "common/error/one_line.h"
 #include "palpate/v1/device.grpc.pb.h"
 
 namespace palpate::cli {

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "client/cli/output.h"
+#include "common/error/one_line.h"
 #include "common/wire/force_words.h"
 
 namespace palpate::cli {

@@ -12,6 +12,7 @@
 #include "client/cli/doctor_daemon.h"
 #include "client/cli/doctor_ports.h"
 #include "client/cli/output.h"
+#include "common/error/one_line.h"
 #include "common/wire/address.h"
 #include "palpate/v1/device.grpc.pb.h"
 

@@ -4,6 +4,7 @@
 
 #include "client/cli/device_description.h"
 #include "client/cli/output.h"
+#include "common/error/one_line.h"
 #include "common/wire/force_words.h"
 
 namespace palpate::cli {

@@ -14,6 +14,7 @@
 #include "client/interrupt/interrupt.h"
 #include "client/sdk/volume_mirror.h"
 #include "client/sdk/volume_reader.h"
+#include "common/error/one_line.h"
 
 namespace palpate::cli {
 namespace {

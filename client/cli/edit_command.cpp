@@ -9,6 +9,7 @@
 #include "client/cli/description.h"
 #include "client/cli/output.h"
 #include "client/cli/progress_call.h"
+#include "common/error/one_line.h"
 #include "common/wire/limits.h"
 #include "palpate/v1/volume.grpc.pb.h"
 

@@ -4,6 +4,7 @@
 #include "client/cli/description.h"
 #include "client/cli/device_description.h"
 #include "client/cli/output.h"
+#include "common/error/one_line.h"
 #include "palpate/v1/device.grpc.pb.h"
 #include "palpate/v1/render.grpc.pb.h"
 #include "palpate/v1/volume.grpc.pb.h"

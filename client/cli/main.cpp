@@ -26,6 +26,7 @@
 #include "client/cli/watch_command.h"
 #include "common/arguments/arguments.h"
 #include "common/error/error.h"
+#include "common/error/one_line.h"
 
 namespace palpate::cli {
 namespace {

@@ -40,14 +40,4 @@ TerminalSize SizeOfTerminal(int file_descriptor) {
   return {size.ws_col, size.ws_row};
 }
 
-std::string OneLine(std::string_view text) {
-  std::string line(text);
-  for (char& c : line) {
-    if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) {
-      c = ' ';
-    }
-  }
-  return line;
-}
-
 }  // namespace palpate::cli

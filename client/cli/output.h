@@ -31,9 +31,4 @@ struct TerminalSize {
 // Of the terminal behind stdout or stderr; 80 x 24 when it does not say.
 TerminalSize SizeOfTerminal(int file_descriptor);
 
-// `text` with each control character replaced by a space: names and messages come
-// from files and other machines, and must neither break a line nor steer a
-// terminal.
-std::string OneLine(std::string_view text);
-
 }  // namespace palpate::cli

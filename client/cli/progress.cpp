@@ -7,6 +7,7 @@
 #include <cstdio>
 
 #include "client/cli/output.h"
+#include "common/error/one_line.h"
 
 namespace palpate::cli {
 namespace {

@@ -13,6 +13,7 @@
 #include "client/cli/description.h"
 #include "client/cli/output.h"
 #include "client/interrupt/interrupt.h"
+#include "common/error/one_line.h"
 #include "palpate/v1/recording.grpc.pb.h"
 
 namespace palpate::cli {

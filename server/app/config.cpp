@@ -10,6 +10,7 @@
 #include <string_view>
 
 #include "common/error/error.h"
+#include "common/error/one_line.h"
 #include "server/app/config_entry.h"
 #include "server/app/log.h"
 #include "server/app/security_config.h"
@@ -248,7 +249,7 @@ ConfigReading ReadConfig(const std::filesystem::path& path, Config& config) {
     AppendSecurityFaults(config.security, reading);
   } catch (const toml::parse_error& error) {
     const std::size_t line = error.source().begin.line;
-    const std::string what(error.description());
+    const std::string what = OneLine(error.description());
     // It cannot be opened.
     reading.faults.push_back({"", line, line > 0 ? what : path.string() + ": " + what});
   }

@@ -13,6 +13,7 @@
 #include <string_view>
 
 #include "common/error/error.h"
+#include "common/error/one_line.h"
 
 namespace palpate {
 namespace {
@@ -114,7 +115,7 @@ std::vector<StoredToken> ReadTokenFile(const std::filesystem::path& path) {
   try {
     file = toml::parse_file(path.string());
   } catch (const toml::parse_error& error) {
-    Fail(path, fmt::format(":{}: {}", error.source().begin.line, error.description()));
+    Fail(path, fmt::format(":{}: {}", error.source().begin.line, OneLine(error.description())));
   }
   std::vector<StoredToken> tokens;
   std::set<std::string> names;

@@ -6,6 +6,7 @@
 #include <sstream>
 
 #include "common/error/error.h"
+#include "common/error/one_line.h"
 #include "server/volume/whole_file.h"
 
 namespace palpate {
@@ -38,7 +39,8 @@ StateFile ReadStateFile(const std::filesystem::path& path) {
   try {
     return {toml::parse(text.str()), ""};
   } catch (const toml::parse_error& parse) {
-    return {{}, fmt::format("line {}: {}", parse.source().begin.line, parse.description())};
+    return {{},
+            fmt::format("line {}: {}", parse.source().begin.line, OneLine(parse.description()))};
   }
 }
 

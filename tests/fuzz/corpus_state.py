@@ -66,6 +66,7 @@ def registrations():
     return {
         "one": registration(), "two": registration() + registration(source='"builtin:bumps"'),
         "incomplete_beside_a_good_one": registration(size=None) + registration(),
+        "line_end_in_the_complaint": "gist= n\nn\n",
         "size_below_1": registration(size="[0, -1, 5]"), "size_huge": registration(size="[1e300, 1, 1]"),
         "size_not_a_number": registration(size="[nan, 1, 1]"), "spacing_0": registration(spacing_mm="[0, 0, 0]"),
         "rotation_0": registration(rotation_wxyz="[0, 0, 0, 0]"),

@@ -20,6 +20,7 @@
 #include "client/cli/watch_command.h"
 #include "client/cli/watch_statistics.h"
 #include "client/cli/watch_view.h"
+#include "common/error/one_line.h"
 #include "tests/support/temporary_folder.h"
 
 namespace palpate::cli {

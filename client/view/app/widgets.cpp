@@ -1,5 +1,7 @@
 #include "client/view/app/widgets.h"
 
+#include "common/error/one_line.h"
+
 namespace palpate::view {
 
 void BeginPanel(const char* name, const Area& area, ImGuiWindowFlags more) {
@@ -25,10 +27,7 @@ std::string OneLine(std::string_view text, std::size_t most_bytes) {
     while (end > 0 && continues(text[end])) --end;
     text = text.substr(0, end);
   }
-  std::string line(text);
-  for (char& c : line) {
-    if (static_cast<unsigned char>(c) < 0x20 || c == 0x7F) c = ' ';
-  }
+  const std::string line = palpate::OneLine(text);
   return is_cut ? line + "\xE2\x80\xA6" : line;
 }
 
