@@ -5,6 +5,21 @@
 #include "common/error/error.h"
 
 namespace palpate {
+namespace {
+
+// Wider than any registration that palpated takes, and what is computed from it stays a number.
+constexpr double kFarthestMm = 1e9;
+constexpr double kMostVoxelsPerMm = 1e9;
+
+bool IsPlaceOfVolume(const AffineMap& X_DI) {
+  const auto within = [](const auto& numbers, double most) {
+    return numbers.allFinite() && numbers.cwiseAbs().maxCoeff() <= most;
+  };
+  return within(X_DI.linear, kFarthestMm) && within(X_DI.translation, kFarthestMm) &&
+         within(X_DI.Inverse().linear, kMostVoxelsPerMm);
+}
+
+}  // namespace
 
 RecordedScene ToRecorded(const Scene& scene, const VolumeHash& hash, double tick_period_s,
                          const SafetyLimits& safety) {
@@ -37,8 +52,7 @@ Scene ToScene(const RecordedScene& recorded, std::shared_ptr<const VolumeSnapsho
                                           recorded.unknown_settings.front() +
                                           ", which this program does not know: use a newer one");
   }
-  const AffineMap X_ID = recorded.X_DI.Inverse();
-  if (!X_ID.linear.allFinite() || !X_ID.translation.allFinite()) {
+  if (!IsPlaceOfVolume(recorded.X_DI)) {
     throw Error(ErrorKind::kInvalidArgument, "the recording's place of the volume is no place");
   }
   Scene scene;

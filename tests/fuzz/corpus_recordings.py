@@ -247,6 +247,7 @@ def replays():
         "isovalue_not_a_number": scene(isovalue=NAN), "isovalue_infinite": scene(isovalue=INFINITY),
         "isovalue_far": scene(isovalue=-1e300), "place_flat": scene(linear=(3, 0, 0, 0, 3, 0, 0, 0, 0)),
         "place_huge": scene(linear=(1e200, 0, 0, 0, 1e200, 0, 0, 0, 1e200)),
+        "place_far_too_large": scene(linear=(1e140, 0, 0, 0, 1e140, 0, 0, 0, 1e140)),
         "place_tiny": scene(linear=(1e-200, 0, 0, 0, 1e-200, 0, 0, 0, 1e-200)),
         "place_uneven": scene(linear=(1e9, 0, 0, 0, 1e-9, 0, 0, 0, 3)),
         "place_mirrored": scene(linear=(-3, 0, 0, 1, 3, 0, 0, 0, 3)),

@@ -249,6 +249,14 @@ TEST_F(RecordingReplay, ScenesThatCannotBeAreRefused) {
   bad = good;
   bad.X_DI.linear.setZero();
   EXPECT_EQ(testing::Refusal([&] { ToScene(bad, volume, hash); }), ErrorKind::kInvalidArgument);
+  for (const double scale : {1e-140, 1e140}) {
+    bad = good;
+    bad.X_DI.linear *= scale;
+    EXPECT_EQ(testing::Refusal([&] { ToScene(bad, volume, hash); }), ErrorKind::kInvalidArgument);
+  }
+  bad = good;
+  bad.X_DI.translation.y() = -1e10;
+  EXPECT_EQ(testing::Refusal([&] { ToScene(bad, volume, hash); }), ErrorKind::kInvalidArgument);
   bad = good;
   bad.tick_period_s = 2e-3;
   Replayer replayer([&](const RecordedScene&) { return volume; });
