@@ -170,7 +170,7 @@ TEST_P(Decompositions, FillTheCell) {
                 std::string(MethodName(method)).c_str(), Name(kind), checked, worst, altitude);
     // All alternating cells have six saddles.
     const bool all_left_out = method == DecompositionMethod::kTptd && kind == Kind::kAlternating;
-    EXPECT_GT(checked, all_left_out ? -1 : 10000);
+    EXPECT_GT(checked, all_left_out ? -1 : test::Scaled(20000) / 2);
     EXPECT_LE(worst, 1e-12);
     if (IsSafe(method)) {
       EXPECT_GE(altitude, 0.05);
