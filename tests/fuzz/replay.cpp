@@ -13,6 +13,8 @@
 #include <string>
 #include <vector>
 
+#include "tests/support/places.h"
+
 #define PALPATE_FUZZ_TARGET(name) extern "C" int name(const std::uint8_t* data, std::size_t size);
 #include "fuzz_targets.inc"
 #undef PALPATE_FUZZ_TARGET
@@ -39,7 +41,7 @@ std::vector<Target> Targets() {
 class FuzzCorpus : public testing::TestWithParam<Target> {};
 
 TEST_P(FuzzCorpus, IsTakenWithoutAComplaint) {
-  const std::filesystem::path corpus(PALPATE_CORPUS);
+  const std::filesystem::path corpus(palpate::test::kFuzzCorpus);
   int files = 0;
   for (const auto& entry : std::filesystem::directory_iterator(corpus / GetParam().name)) {
     std::ifstream in(entry.path(), std::ios::binary);
@@ -66,7 +68,7 @@ INSTANTIATE_TEST_SUITE_P(Fuzz, FuzzCorpus, testing::ValuesIn(Targets()),
 TEST(FuzzCorpora, HaveATarget) {
   std::set<std::string> names, folders;
   for (const Target& target : Targets()) names.insert(target.name);
-  for (const auto& entry : std::filesystem::directory_iterator(PALPATE_CORPUS)) {
+  for (const auto& entry : std::filesystem::directory_iterator(palpate::test::kFuzzCorpus)) {
     folders.insert(entry.path().filename().string());
   }
   EXPECT_EQ(names, folders);

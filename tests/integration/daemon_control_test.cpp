@@ -6,6 +6,7 @@
 #include <fstream>
 
 #include "tests/support/daemon.h"
+#include "tests/support/places.h"
 
 namespace palpate::test {
 namespace {
@@ -13,7 +14,7 @@ namespace {
 class ControlTest : public ::testing::Test {
  protected:
   static void SetUpTestSuite() {
-    daemon_ = std::make_unique<Daemon>(PALPATED,
+    daemon_ = std::make_unique<Daemon>(test::kPalpated,
                                        std::vector<std::string>{"--volume", "builtin:bumps:48"});
   }
   static void TearDownTestSuite() { daemon_.reset(); }
@@ -53,7 +54,7 @@ class ControlTest : public ::testing::Test {
     return load;
   }
   static ProcessResult Run(std::vector<std::string> arguments) {
-    arguments.insert(arguments.begin(), PALPATE);
+    arguments.insert(arguments.begin(), test::kPalpate);
     arguments.insert(arguments.end(), {"--socket", daemon_->socket()});
     return Process(arguments).Wait();
   }

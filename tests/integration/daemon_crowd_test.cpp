@@ -13,6 +13,7 @@
 #include "tests/support/excuse.h"
 #include "tests/support/free_port.h"
 #include "tests/support/patience.h"
+#include "tests/support/places.h"
 
 namespace palpate::test {
 namespace {
@@ -104,7 +105,7 @@ class Crowd : public ::testing::Test {
   void Attack(const std::string& target, int refused);
 
   const int port_ = FreePort();
-  Daemon daemon_{PALPATED, {"--volume", "builtin:sphere:32", "--listen", tcp()}};
+  Daemon daemon_{test::kPalpated, {"--volume", "builtin:sphere:32", "--listen", tcp()}};
   std::vector<std::unique_ptr<Subscriber>> crowd_;
   std::vector<double> waits_ms_;
 };

@@ -10,6 +10,7 @@
 
 #include "tests/support/daemon.h"
 #include "tests/support/excuse.h"
+#include "tests/support/places.h"
 
 namespace palpate::test {
 namespace {
@@ -36,7 +37,7 @@ struct Answer {
 class DeviceTest : public ::testing::Test {
  protected:
   static void SetUpTestSuite() {
-    daemon_ = std::make_unique<Daemon>(PALPATED,
+    daemon_ = std::make_unique<Daemon>(test::kPalpated,
                                        std::vector<std::string>{"--volume", "builtin:bumps:48"});
   }
   static void TearDownTestSuite() { daemon_.reset(); }
@@ -69,7 +70,7 @@ class DeviceTest : public ::testing::Test {
     return response;
   }
   static ProcessResult Run(std::vector<std::string> arguments) {
-    arguments.insert(arguments.begin(), PALPATE);
+    arguments.insert(arguments.begin(), test::kPalpate);
     arguments.insert(arguments.end(), {"--socket", daemon_->socket()});
     return Process(arguments).Wait();
   }

@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "tests/support/daemon.h"
+#include "tests/support/places.h"
 
 namespace palpate::test {
 namespace {
@@ -13,11 +14,11 @@ namespace {
 class EditClientTest : public ::testing::Test {
  protected:
   void SetUp() override {
-    daemon_ = std::make_unique<Daemon>(PALPATED,
+    daemon_ = std::make_unique<Daemon>(test::kPalpated,
                                        std::vector<std::string>{"--volume", "builtin:bumps:64"});
   }
   ProcessResult Run(std::vector<std::string> arguments) {
-    arguments.insert(arguments.begin(), PALPATE);
+    arguments.insert(arguments.begin(), test::kPalpate);
     arguments.insert(arguments.end(), {"--socket", daemon_->socket()});
     return Process(arguments).Wait();
   }

@@ -11,6 +11,7 @@
 
 #include "tests/support/daemon.h"
 #include "tests/support/excuse.h"
+#include "tests/support/places.h"
 
 namespace palpate::test {
 namespace {
@@ -57,7 +58,7 @@ v1::EditVolumeRequest Block(std::uint32_t min, std::uint32_t size,
 class EditTest : public ::testing::Test {
  protected:
   void SetUp() override {
-    daemon_ = std::make_unique<Daemon>(PALPATED,
+    daemon_ = std::make_unique<Daemon>(test::kPalpated,
                                        std::vector<std::string>{"--volume", "builtin:bumps:64"});
   }
 
@@ -106,7 +107,7 @@ class EditTest : public ::testing::Test {
     return run;
   }
   ProcessResult Run(std::vector<std::string> arguments) {
-    arguments.insert(arguments.begin(), PALPATE);
+    arguments.insert(arguments.begin(), test::kPalpate);
     arguments.insert(arguments.end(), {"--socket", daemon_->socket()});
     return Process(arguments).Wait();
   }

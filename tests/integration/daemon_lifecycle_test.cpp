@@ -9,6 +9,7 @@
 
 #include "tests/support/daemon.h"
 #include "tests/support/free_port.h"
+#include "tests/support/places.h"
 
 namespace palpate::test {
 namespace {
@@ -22,7 +23,7 @@ std::vector<std::string> Small(std::vector<std::string> more) {
 
 // Not the state of whoever runs the tests.
 ProcessResult RunDaemon(std::vector<std::string> arguments) {
-  arguments.insert(arguments.begin(), {PALPATED, "--state-folder", ""});
+  arguments.insert(arguments.begin(), {test::kPalpated, "--state-folder", ""});
   return Process(arguments).Wait();
 }
 
@@ -36,7 +37,7 @@ std::string Complaint(const ProcessResult& result) {
 
 TEST(Lifecycle, EndsInOrderOnATerminationSignal) {
   for (int signal : {SIGTERM, SIGINT, SIGQUIT}) {
-    Daemon daemon(PALPATED, kSmall);
+    Daemon daemon(test::kPalpated, kSmall);
     PoseCollector collector(daemon);
     std::this_thread::sleep_for(std::chrono::milliseconds(200));
     const ProcessResult result = daemon.End(signal);
@@ -50,7 +51,7 @@ TEST(Lifecycle, StartsOverTheSocketOfOneThatWasKilled) {
   TemporaryFolder folder;
   const std::string socket = folder.path() / "s.sock";
   const std::vector<std::string> command = {
-      PALPATED, "--volume", "builtin:sphere:16", "--socket", socket, "--state-folder", ""};
+      test::kPalpated, "--volume", "builtin:sphere:16", "--socket", socket, "--state-folder", ""};
   {
     Process first(command);
     ASSERT_TRUE(first.WaitFor("ready on"));
@@ -65,7 +66,7 @@ TEST(Lifecycle, StartsOverTheSocketOfOneThatWasKilled) {
 }
 
 TEST(Lifecycle, ASecondDaemonOnTheSocketIsRefused) {
-  Daemon daemon(PALPATED, kSmall);
+  Daemon daemon(test::kPalpated, kSmall);
   const ProcessResult second = RunDaemon(Small({"--socket", daemon.socket()}));
   EXPECT_EQ(second.exit_code, 7);
   EXPECT_NE(Complaint(second).find("another palpated listens on"), std::string::npos);
@@ -93,8 +94,8 @@ TEST(Lifecycle, APortInUseIsNamed) {
       << result.error;
   close(taken);
   // Free now: the same command works, over TCP too.
-  Daemon daemon(PALPATED, Small({"--listen", listen_on}));
-  const ProcessResult info = Process({PALPATE, "info", "--server", listen_on}).Wait();
+  Daemon daemon(test::kPalpated, Small({"--listen", listen_on}));
+  const ProcessResult info = Process({test::kPalpate, "info", "--server", listen_on}).Wait();
   EXPECT_EQ(info.exit_code, 0) << info.error;
 }
 
@@ -110,7 +111,7 @@ TEST(Lifecycle, ListensOnLoopbackOnly) {
 TEST(Lifecycle, WithoutRealTimeRightsItSaysSoAndGoesOn) {
   if (geteuid() != 0) GTEST_SKIP() << "needs root, to give the rights up";
   // Without capabilities and with the limits of an ordinary user.
-  Daemon daemon(PALPATED, kSmall,
+  Daemon daemon(test::kPalpated, kSmall,
                 {"/usr/bin/setpriv", "--bounding-set=-all", "--inh-caps=-all", "/usr/bin/prlimit",
                  "--rtprio=0", "--memlock=65536"});
   EXPECT_TRUE(daemon.WaitForTicks(300));
@@ -176,7 +177,7 @@ TEST(Lifecycle, ReadsItsConfiguration) {
   std::ofstream(config) << "[volume]\nsource = \"builtin:gyroid:16\"\nnormalized_isovalue = 0.25\n"
                            "[haptics]\nstiffness_n_per_mm = 0.7\ndynamic_friction = 0.3\n"
                            "force_shading = true\nfree_side = \"above\"\n";
-  Daemon daemon(PALPATED, {"--config", config, "--damping-n-s-per-m", "2"});
+  Daemon daemon(test::kPalpated, {"--config", config, "--damping-n-s-per-m", "2"});
   grpc::ClientContext context;
   v1::GetSettingsResponse response;
   ASSERT_TRUE(daemon.render->GetSettings(&context, {}, &response).ok());

@@ -5,6 +5,7 @@
 
 #include "tests/support/daemon.h"
 #include "tests/support/data_folder.h"
+#include "tests/support/places.h"
 
 namespace palpate::test {
 namespace {
@@ -17,7 +18,7 @@ class LoadTest : public ::testing::Test {
   void StartDaemon(const std::string& text) {
     std::ofstream(root_ / "palpated.toml") << text;
     daemon_ = std::make_unique<Daemon>(
-        PALPATED,
+        test::kPalpated,
         std::vector<std::string>{"--config", root_ / "palpated.toml", "--volume", first_volume_});
   }
   grpc::Status Load(const v1::LoadVolumeRequest& request) {

@@ -7,6 +7,7 @@
 #include <sstream>
 
 #include "tests/support/daemon.h"
+#include "tests/support/places.h"
 
 namespace palpate::test {
 namespace {
@@ -48,7 +49,7 @@ class MemoryTest : public ::testing::Test {
     std::ofstream(folder_.path() / "palpated.toml") << "[realtime]\nlock_memory = false\n[volume]\n"
                                                     << text;
     daemon_ = std::make_unique<Daemon>(
-        PALPATED,
+        test::kPalpated,
         std::vector<std::string>{"--config", folder_.path() / "palpated.toml", "--volume", volume});
   }
   grpc::Status Load(const v1::LoadVolumeRequest& request) {

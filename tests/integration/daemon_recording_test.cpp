@@ -14,6 +14,7 @@
 #include "palpate/v1/recording.grpc.pb.h"
 #include "tests/support/daemon.h"
 #include "tests/support/excuse.h"
+#include "tests/support/places.h"
 
 namespace palpate::test {
 namespace {
@@ -25,19 +26,19 @@ void Sleep(int ms) { std::this_thread::sleep_for(std::chrono::milliseconds(ms));
 class RecordingTest : public ::testing::Test {
  protected:
   void SetUp() override {
-    daemon_ = std::make_unique<Daemon>(PALPATED,
+    daemon_ = std::make_unique<Daemon>(test::kPalpated,
                                        std::vector<std::string>{"--volume", "builtin:gyroid:64"});
     recording_ = v1::RecordingService::NewStub(daemon_->channel());
   }
 
   std::string File(const std::string& name) const { return (folder_.path() / name).string(); }
   ProcessResult Run(std::vector<std::string> arguments) {
-    arguments.insert(arguments.begin(), PALPATE);
+    arguments.insert(arguments.begin(), test::kPalpate);
     arguments.insert(arguments.end(), {"--socket", daemon_->socket()});
     return Process(arguments, false, kPatience).Wait();
   }
   static ProcessResult Lab(std::vector<std::string> arguments) {
-    arguments.insert(arguments.begin(), PALPATE_LAB);
+    arguments.insert(arguments.begin(), test::kPalpateLab);
     return Process(arguments, false, kPatience).Wait();
   }
   grpc::Status Start(const std::string& path, bool overwrite = false) {
@@ -257,8 +258,8 @@ TEST_F(RecordingTest, TheClientRecordsUntilItIsInterrupted) {
   const ProcessResult timed = Run({"record", "run", File("a.palrec"), "--seconds", "0.5"});
   EXPECT_EQ(timed.exit_code, 0) << timed.error;
   EXPECT_NE(timed.output.find("bytes per tick"), std::string::npos) << timed.output;
-  Process client({PALPATE, "record", "run", File("b.palrec"), "--socket", daemon_->socket()}, false,
-                 kPatience);
+  Process client({test::kPalpate, "record", "run", File("b.palrec"), "--socket", daemon_->socket()},
+                 false, kPatience);
   while (!Get().running()) Sleep(20);
   EXPECT_EQ(Run({"replay", File("a.palrec")}).exit_code, ExitCode(ErrorKind::kConflict));
   client.Signal(SIGINT);
@@ -270,8 +271,8 @@ TEST_F(RecordingTest, TheClientRecordsUntilItIsInterrupted) {
   Mark("begun");
   AwaitTicks(1000);
   Stop();
-  const std::vector<std::string> slowly = {PALPATE, "replay",   File("c.palrec"), "--speed",
-                                           "0.1",   "--socket", daemon_->socket()};
+  const std::vector<std::string> slowly = {test::kPalpate, "replay",   File("c.palrec"), "--speed",
+                                           "0.1",          "--socket", daemon_->socket()};
   Process replay(slowly, false, kPatience);
   ASSERT_TRUE(replay.WaitFor("begun"));
   EXPECT_EQ(Start(File("d.palrec")).error_code(), grpc::StatusCode::ABORTED);

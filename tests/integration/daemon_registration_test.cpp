@@ -10,6 +10,7 @@
 #include <sstream>
 
 #include "tests/support/daemon.h"
+#include "tests/support/places.h"
 
 namespace palpate::test {
 namespace {
@@ -34,7 +35,7 @@ class DaemonRegistrationTest : public ::testing::Test {
     std::vector<std::string> arguments = {"--volume", volume, "--state-folder", state_};
     arguments.insert(arguments.end(), more.begin(), more.end());
     daemon_.reset();
-    daemon_ = std::make_unique<Daemon>(PALPATED, arguments);
+    daemon_ = std::make_unique<Daemon>(test::kPalpated, arguments);
   }
   v1::GetRegistrationResponse Get() {
     grpc::ClientContext context;
@@ -66,7 +67,7 @@ class DaemonRegistrationTest : public ::testing::Test {
     return Load(request);
   }
   ProcessResult Run(std::vector<std::string> arguments) {
-    arguments.insert(arguments.begin(), {PALPATE, "place"});
+    arguments.insert(arguments.begin(), {test::kPalpate, "place"});
     arguments.insert(arguments.end(), {"--socket", daemon_->socket()});
     return Process(arguments).Wait();
   }

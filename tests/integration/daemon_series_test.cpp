@@ -8,6 +8,7 @@
 #include "tests/support/daemon.h"
 #include "tests/support/data_folder.h"
 #include "tests/support/nrrd.h"
+#include "tests/support/places.h"
 
 namespace palpate::test {
 namespace {
@@ -17,7 +18,7 @@ namespace fs = std::filesystem;
 class SeriesTest : public ::testing::Test {
  protected:
   static void SetUpTestSuite() {
-    daemon_ = std::make_unique<Daemon>(PALPATED,
+    daemon_ = std::make_unique<Daemon>(test::kPalpated,
                                        std::vector<std::string>{"--volume", "builtin:bumps:32"});
     series_ = v1::SeriesService::NewStub(daemon_->channel());
   }
@@ -65,7 +66,7 @@ class SeriesTest : public ::testing::Test {
     return response.volume();
   }
   static ProcessResult Run(std::vector<std::string> arguments) {
-    arguments.insert(arguments.begin(), PALPATE);
+    arguments.insert(arguments.begin(), test::kPalpate);
     arguments.insert(arguments.end(), {"--socket", daemon_->socket()});
     return Process(arguments).Wait();
   }

@@ -13,6 +13,7 @@
 
 #include "tests/support/daemon.h"
 #include "tests/support/free_port.h"
+#include "tests/support/places.h"
 
 namespace palpate::test {
 namespace {
@@ -109,7 +110,7 @@ std::uint64_t Ticks(Daemon& daemon) {
 
 TEST(Service, IsReadyOnceItServesAndFeedsTheWatchdog) {
   const Manager manager(milliseconds(400));
-  Daemon daemon(PALPATED, {"--volume", "builtin:sphere:16"}, kService);
+  Daemon daemon(test::kPalpated, {"--volume", "builtin:sphere:16"}, kService);
   EXPECT_EQ(manager.Next(kPatience), "STATUS=loading builtin:sphere:16");
   EXPECT_EQ(manager.Next(kPatience), "READY=1");
   EXPECT_TRUE(manager.Hears("STATUS=simulated, forces on; builtin:sphere:16"));
@@ -121,7 +122,7 @@ TEST(Service, IsReadyOnceItServesAndFeedsTheWatchdog) {
 // The daemon answers as ever, but its servo does not tick: systemd is to end it.
 TEST(Service, AServoThatIsStuckStarvesTheWatchdog) {
   const Manager manager(milliseconds(400));
-  Daemon daemon(PALPATED, {"--volume", "builtin:sphere:16"}, kService);
+  Daemon daemon(test::kPalpated, {"--volume", "builtin:sphere:16"}, kService);
   ASSERT_TRUE(manager.Hears("WATCHDOG=1"));
   const pid_t servo = ServoThread(daemon.process().pid());
   ASSERT_GT(servo, 0);
@@ -146,7 +147,7 @@ TEST(Service, AReloadTakesOverWhatChangedInTheFileAndNothingElse) {
   const Manager manager(seconds(10));
   const ConfigFile config;
   config.Write("[haptics]\nstiffness_n_per_mm = 0.5\nviscosity_n_s_per_m = 1\n");
-  Daemon daemon(PALPATED, {"--config", config.path()}, kService);
+  Daemon daemon(test::kPalpated, {"--config", config.path()}, kService);
   v1::UpdateSettingsRequest request;
   request.mutable_settings()->set_viscosity_n_s_per_m(3.0);
   request.mutable_update_mask()->add_paths("viscosity_n_s_per_m");
@@ -178,7 +179,7 @@ TEST(Service, ABadFileChangesNothing) {
   const Manager manager(seconds(10));
   const ConfigFile config;
   config.Write("[haptics]\nstiffness_n_per_mm = 0.5\n");
-  Daemon daemon(PALPATED, {"--config", config.path()}, kService);
+  Daemon daemon(test::kPalpated, {"--config", config.path()}, kService);
   const std::vector<std::string> bad = {
       "[haptics]\nstiffness_n_per_mm = 0.9\npop_force_n = 99\n", "[haptics\n",
       // Fit for a file, but not for this volume: its values go from 0 to 1.
@@ -238,11 +239,11 @@ TEST(Service, ACheckAStartAndAReloadSayTheSameFaults) {
   const Manager manager(seconds(10));
   const ConfigFile config;
   config.Write("");
-  Daemon daemon(PALPATED, {"--config", config.path()}, kService);
+  Daemon daemon(test::kPalpated, {"--config", config.path()}, kService);
   config.Write(kFaulty);
   const TemporaryFolder folder;
   const std::vector<std::string> command = {
-      PALPATED,         "--config", config.path(), "--socket", folder.path() / "s.sock",
+      test::kPalpated,  "--config", config.path(), "--socket", folder.path() / "s.sock",
       "--state-folder", ""};
   const ProcessResult start = Process(command).Wait();
   EXPECT_EQ(start.exit_code, 3);
@@ -269,8 +270,8 @@ TEST(Service, ACheckAStartAndAReloadSayTheSameFaults) {
 TEST(Service, AnAddressThatIsTakenNamesItsLine) {
   const ConfigFile config;
   config.Write("[server]\nlisten = \"127.0.0.1:" + std::to_string(FreePort()) + "\"\n");
-  const Daemon first(PALPATED, {"--config", config.path()}, kService);
-  const ProcessResult port = Process({PALPATED, "--config", config.path(), "--socket",
+  const Daemon first(test::kPalpated, {"--config", config.path()}, kService);
+  const ProcessResult port = Process({test::kPalpated, "--config", config.path(), "--socket",
                                       first.socket().string() + "2", "--state-folder", ""})
                                  .Wait();
   EXPECT_EQ(port.exit_code, 7);
@@ -279,7 +280,7 @@ TEST(Service, AnAddressThatIsTakenNamesItsLine) {
       << port.error;
   config.Write("[server]\nsocket = \"" + first.socket().string() + "\"\n");
   const ProcessResult socket =
-      Process({PALPATED, "--config", config.path(), "--state-folder", ""}).Wait();
+      Process({test::kPalpated, "--config", config.path(), "--state-folder", ""}).Wait();
   EXPECT_EQ(socket.exit_code, 7);
   EXPECT_NE(socket.error.find("palpated: " + config.path() + ":4: server.socket: another palpated"),
             std::string::npos)
@@ -292,10 +293,10 @@ TEST(Service, WhatTheVolumeRefusesNamesItsLine) {
   const ConfigFile config;
   const std::string cylinder = "[volume]\nsource = \"builtin:cylinder\"\n";
   std::ofstream(config.path()) << cylinder;
-  Daemon daemon(PALPATED, {"--config", config.path()}, kService);
+  Daemon daemon(test::kPalpated, {"--config", config.path()}, kService);
   std::ofstream(config.path()) << cylinder << "isovalue = 0.99\n";
   const TemporaryFolder folder;
-  const ProcessResult start = Process({PALPATED, "--config", config.path(), "--socket",
+  const ProcessResult start = Process({test::kPalpated, "--config", config.path(), "--socket",
                                        folder.path() / "s.sock", "--state-folder", ""})
                                   .Wait();
   EXPECT_EQ(start.exit_code, 3);
@@ -308,7 +309,7 @@ TEST(Service, WhatTheVolumeRefusesNamesItsLine) {
   EXPECT_NE(log.find("stays as it is: " + fault), std::string::npos) << log;
   // What is no volume at all.
   std::ofstream(config.path()) << "[volume]\nsource = \"" << config.path() << "\"\n";
-  const ProcessResult other = Process({PALPATED, "--config", config.path(), "--socket",
+  const ProcessResult other = Process({test::kPalpated, "--config", config.path(), "--socket",
                                        folder.path() / "s.sock", "--state-folder", ""})
                                   .Wait();
   EXPECT_NE(other.exit_code, 0);
@@ -319,7 +320,7 @@ TEST(Service, WhatTheVolumeRefusesNamesItsLine) {
 
 TEST(Service, WithoutAFileAHangupEnds) {
   const TemporaryFolder folder;
-  Process daemon({"/usr/bin/setsid", PALPATED, "--volume", "builtin:sphere:16", "--socket",
+  Process daemon({"/usr/bin/setsid", test::kPalpated, "--volume", "builtin:sphere:16", "--socket",
                   folder.path() / "s.sock", "--state-folder", ""});
   ASSERT_TRUE(daemon.WaitFor("ready on"));
   daemon.Signal(SIGHUP);
@@ -327,14 +328,15 @@ TEST(Service, WithoutAFileAHangupEnds) {
 }
 
 TEST(Service, TheJournalReadsLevels) {
-  Daemon daemon(PALPATED, {"--volume", "builtin:sphere:16", "--log-to-journal"}, kService);
+  Daemon daemon(test::kPalpated, {"--volume", "builtin:sphere:16", "--log-to-journal"}, kService);
   const std::string log = daemon.End().error;
   EXPECT_TRUE(log.starts_with("<6>loading builtin:sphere:16\n")) << log;
   EXPECT_EQ(log.find('\x1b'), std::string::npos);
   const TemporaryFolder folder;
-  const ProcessResult bad = Process({PALPATED, "--log-to-journal", "--volume", "builtin:cube",
-                                     "--state-folder", "", "--socket", folder.path() / "s.sock"})
-                                .Wait();
+  const ProcessResult bad =
+      Process({test::kPalpated, "--log-to-journal", "--volume", "builtin:cube", "--state-folder",
+               "", "--socket", folder.path() / "s.sock"})
+          .Wait();
   EXPECT_NE(bad.error.find("<3>palpated: "), std::string::npos) << bad.error;
 }
 
@@ -342,11 +344,12 @@ TEST(Service, AConfigurationIsCheckedWithoutAStart) {
   const ConfigFile config;
   config.Write("[haptics]\nstiffness_n_per_mm = 0.9\n");
   const ProcessResult good =
-      Process({PALPATED, "--check-config", "--config", config.path()}).Wait();
+      Process({test::kPalpated, "--check-config", "--config", config.path()}).Wait();
   EXPECT_EQ(good.exit_code, 0) << good.error;
   EXPECT_EQ(good.output, config.path() + ": ok\n");
   config.Write("[haptics]\nstiff = 0.9\nmethod = \"none\"\n");
-  const ProcessResult bad = Process({PALPATED, "--check-config", "--config", config.path()}).Wait();
+  const ProcessResult bad =
+      Process({test::kPalpated, "--check-config", "--config", config.path()}).Wait();
   EXPECT_EQ(bad.exit_code, 3);
   EXPECT_EQ(bad.output, "");
   EXPECT_TRUE(bad.error.starts_with(config.path() +

@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "tests/support/daemon.h"
+#include "tests/support/places.h"
 
 namespace palpate::test {
 namespace {
@@ -44,7 +45,7 @@ double Get(const v1::RenderSettings& settings, const std::string& key) {
 class SettingsTest : public ::testing::Test {
  protected:
   void SetUp() override {
-    daemon_ = std::make_unique<Daemon>(PALPATED,
+    daemon_ = std::make_unique<Daemon>(test::kPalpated,
                                        std::vector<std::string>{"--volume", "builtin:bumps:32"});
   }
 
@@ -68,7 +69,7 @@ class SettingsTest : public ::testing::Test {
     return Update(settings, key);
   }
   ProcessResult Run(std::vector<std::string> arguments) {
-    arguments.insert(arguments.begin(), PALPATE);
+    arguments.insert(arguments.begin(), test::kPalpate);
     arguments.insert(arguments.end(), {"--socket", daemon_->socket()});
     return Process(arguments).Wait();
   }

@@ -12,6 +12,7 @@
 #include "tests/support/daemon.h"
 #include "tests/support/data_folder.h"
 #include "tests/support/excuse.h"
+#include "tests/support/places.h"
 
 namespace palpate::test {
 namespace {
@@ -88,7 +89,8 @@ TEST_P(Volumes, AreRenderedAtOneKilohertz) {
   const bool builtin = name.starts_with("builtin:");
   const std::string source = builtin ? name : (DataFolder() / name).string();
   if (!builtin && !std::filesystem::exists(source)) GTEST_SKIP() << source << " is not there";
-  Daemon daemon(PALPATED, {"--volume", source, "--normalized-isovalue", std::to_string(isovalue)});
+  Daemon daemon(test::kPalpated,
+                {"--volume", source, "--normalized-isovalue", std::to_string(isovalue)});
   ASSERT_TRUE(WaitForContact(daemon));
   PoseCollector collector(daemon);
   BareLoops bare_loops;
@@ -135,7 +137,7 @@ INSTANTIATE_TEST_SUITE_P(
                       std::pair<std::string, double>{"medical/dicom_mr_brain_20", 0.22}));
 
 TEST(Isovalue, IsAppliedAtTheTickThatTheAnswerNames) {
-  Daemon daemon(PALPATED, {"--volume", "builtin:bumps:64"});
+  Daemon daemon(test::kPalpated, {"--volume", "builtin:bumps:64"});
   ASSERT_TRUE(WaitForContact(daemon));
   PoseCollector collector(daemon);
   struct Change {
@@ -182,7 +184,7 @@ TEST(Isovalue, IsAppliedAtTheTickThatTheAnswerNames) {
 }
 
 TEST(PoseStream, ASlowClientSeesFreshSamplesAndLosesOldOnes) {
-  Daemon daemon(PALPATED, {"--volume", "builtin:sphere:32"});
+  Daemon daemon(test::kPalpated, {"--volume", "builtin:sphere:32"});
   grpc::ClientContext context;
   auto stream = daemon.poses->StreamPoses(&context);
   v1::StreamPosesRequest request;
@@ -202,7 +204,7 @@ TEST(PoseStream, ASlowClientSeesFreshSamplesAndLosesOldOnes) {
 }
 
 TEST(PoseStream, ABadStartIsRefused) {
-  Daemon daemon(PALPATED, {"--volume", "builtin:sphere:32"});
+  Daemon daemon(test::kPalpated, {"--volume", "builtin:sphere:32"});
   const auto refusal = [&](const v1::StreamPosesRequest& request) {
     grpc::ClientContext context;
     auto stream = daemon.poses->StreamPoses(&context);
@@ -221,9 +223,9 @@ TEST(PoseStream, ABadStartIsRefused) {
 }
 
 TEST(Client, WatchPrintsSamplesAsJson) {
-  Daemon daemon(PALPATED, {"--volume", "builtin:sphere:64"});
-  Process watch({PALPATE, "watch", "--json", "--rate-hz", "1000", "--count", "3000", "--socket",
-                 daemon.socket()});
+  Daemon daemon(test::kPalpated, {"--volume", "builtin:sphere:64"});
+  Process watch({test::kPalpate, "watch", "--json", "--rate-hz", "1000", "--count", "3000",
+                 "--socket", daemon.socket()});
   const ProcessResult result = watch.Wait();
   EXPECT_EQ(result.exit_code, 0) << result.error;
   std::istringstream lines(result.output);

@@ -7,6 +7,7 @@
 #include "tests/support/daemon.h"
 #include "tests/support/data_folder.h"
 #include "tests/support/nrrd.h"
+#include "tests/support/places.h"
 
 namespace palpate::test {
 namespace {
@@ -28,8 +29,8 @@ class UploadTest : public ::testing::Test {
     std::ofstream(root_ / "palpated.toml")
         << "[volume]\nmax_upload_mib = 1\nupload_folder = \"" << (root_ / "up").string() << "\"\n";
     daemon_ = std::make_unique<Daemon>(
-        PALPATED, std::vector<std::string>{"--config", root_ / "palpated.toml", "--volume",
-                                           "builtin:sphere:16"});
+        test::kPalpated, std::vector<std::string>{"--config", root_ / "palpated.toml", "--volume",
+                                                  "builtin:sphere:16"});
     before_ = Volume().SerializeAsString();
   }
   // Whatever happened, nothing is left.
@@ -96,7 +97,7 @@ class UploadTest : public ::testing::Test {
     EXPECT_TRUE(NothingIsLeft());
   }
   ProcessResult Run(std::vector<std::string> arguments) {
-    arguments.insert(arguments.begin(), PALPATE);
+    arguments.insert(arguments.begin(), test::kPalpate);
     arguments.insert(arguments.end(), {"--socket", daemon_->socket()});
     return Process(arguments).Wait();
   }

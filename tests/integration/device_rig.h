@@ -15,6 +15,7 @@
 #include "tests/support/daemon.h"
 #include "tests/support/excuse.h"
 #include "tests/support/patience.h"
+#include "tests/support/places.h"
 #include "tests/support/temporary_folder.h"
 #include "tests/support/touch_emulator.h"
 #include "tests/support/usb_testbed.h"
@@ -68,7 +69,7 @@ class DeviceRig {
     const std::filesystem::path file = folder_.path() / "device.toml";
     std::ofstream(file) << "[device]\n" << device;
     daemon_ = std::make_unique<Daemon>(
-        PALPATED,
+        test::kPalpated,
         std::vector<std::string>{"--volume", "builtin:sphere:32", "--config", file.string(),
                                  "--socket", folder_.path() / "palpated.sock", "--state-folder",
                                  folder_.path() / "state"},

@@ -7,6 +7,7 @@
 
 #include "common/error/error.h"
 #include "server/volume/snapshot_builder.h"
+#include "tests/support/places.h"
 #include "tests/support/process.h"
 #include "tests/support/served_session.h"
 #include "tests/support/temporary_folder.h"
@@ -24,12 +25,13 @@ class DownloadTest : public ::testing::Test {
     server_.Start();
   }
   test::ProcessResult Download(std::vector<std::string> arguments) {
-    arguments.insert(arguments.begin(), {PALPATE, "--socket", folder_.path() / "s", "download"});
+    arguments.insert(arguments.begin(),
+                     {test::kPalpate, "--socket", folder_.path() / "s", "download"});
     return test::Process(arguments).Wait();
   }
   // Of the file as the daemon would load it.
   VolumeFile Read(const std::filesystem::path& file) const {
-    const VolumeLoader loader{.import_program = PALPATE_IMPORT};
+    const VolumeLoader loader{.import_program = test::kPalpateImport};
     std::vector<std::string> warnings;
     return loader.Load(
         {.source = file}, [](std::string_view, double) {}, [] { return false; }, warnings);
@@ -92,7 +94,7 @@ TEST_F(DownloadTest, BadPlacesAreRefusedInOneLine) {
 TEST_F(DownloadTest, ASignalLeavesNoFile) {
   data_.Load("builtin:gyroid:160");
   const std::string file = files_.path() / "copy.nrrd";
-  test::Process process({PALPATE, "--socket", folder_.path() / "s", "download", file});
+  test::Process process({test::kPalpate, "--socket", folder_.path() / "s", "download", file});
   ASSERT_TRUE(process.WaitFor("%"));
   process.Signal(SIGINT);
   const test::ProcessResult result = process.Wait();

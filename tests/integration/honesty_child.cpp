@@ -1,5 +1,5 @@
-// Tests that fail, each in its own way; honesty_test.cpp runs them one by one. PALPATED is
-// tests/support/stand_in.sh here.
+// Tests that fail, each in its own way; honesty_test.cpp runs them one by one. Their palpated
+// is tests/support/stand_in.sh.
 #include <gtest/gtest.h>
 
 #include <cstdlib>
@@ -7,6 +7,7 @@
 
 #include "tests/support/daemon.h"
 #include "tests/support/excuse.h"
+#include "tests/support/places.h"
 #include "tests/support/restarted_daemon.h"
 
 namespace palpate::test {
@@ -51,18 +52,18 @@ class HonestyChildSkippedSuite : public testing::Test {
 TEST_F(HonestyChildSkippedSuite, FailsToEnd) { GTEST_SKIP(); }
 
 TEST(HonestyChildDaemon, IsLeftToItself) {
-  const Daemon daemon(PALPATED, {}, {}, Daemon::kPatience, kEndPatience);
+  const Daemon daemon(test::kStandIn, {}, {}, Daemon::kPatience, kEndPatience);
 }
 TEST(HonestyChildDaemon, IsEnded) {
-  Daemon daemon(PALPATED, {}, {}, Daemon::kPatience, kEndPatience);
+  Daemon daemon(test::kStandIn, {}, {}, Daemon::kPatience, kEndPatience);
   daemon.End();
 }
 TEST(HonestyChildDaemon, IsKilled) {
-  Daemon daemon(PALPATED, {}, {}, Daemon::kPatience, kEndPatience);
+  Daemon daemon(test::kStandIn, {}, {}, Daemon::kPatience, kEndPatience);
   EXPECT_EQ(daemon.End(SIGKILL).exit_code, -SIGKILL);
 }
 TEST(HonestyChildDaemon, IsStopped) {
-  Daemon daemon(PALPATED, {}, {}, Daemon::kPatience, kEndPatience);
+  Daemon daemon(test::kStandIn, {}, {}, Daemon::kPatience, kEndPatience);
   daemon.process().Signal(SIGSTOP);
 }
 TEST(HonestyChildDaemon, IsRestarted) {
@@ -73,7 +74,7 @@ TEST(HonestyChildDaemon, IsRestarted) {
 class HonestyChildSuiteDaemon : public testing::Test {
  protected:
   static void SetUpTestSuite() {
-    daemon_ = std::make_unique<Daemon>(PALPATED, std::vector<std::string>{},
+    daemon_ = std::make_unique<Daemon>(test::kStandIn, std::vector<std::string>{},
                                        std::vector<std::string>{}, Daemon::kPatience, kEndPatience);
   }
   static void TearDownTestSuite() { daemon_.reset(); }

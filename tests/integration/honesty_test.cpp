@@ -3,6 +3,7 @@
 #include <gtest/gtest-spi.h>
 #include <gtest/gtest.h>
 
+#include "tests/support/places.h"
 #include "tests/support/process.h"
 
 namespace palpate::test {
@@ -14,7 +15,7 @@ constexpr char kExcusable[] = "\n***Excusable ";
 // end.
 ProcessResult RunChild(const std::string& tests, const std::string& stand_in = "order") {
   setenv("PALPATE_STAND_IN", stand_in.c_str(), 1);
-  return Process({HONESTY_CHILD, "--gtest_filter=" + tests}).Wait();
+  return Process({test::kHonestyChild, "--gtest_filter=" + tests}).Wait();
 }
 
 bool Says(const ProcessResult& result, const std::string& text) {

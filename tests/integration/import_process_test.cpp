@@ -11,6 +11,7 @@
 
 #include "common/error/error.h"
 #include "tests/integration/import_support.h"
+#include "tests/support/places.h"
 
 namespace palpate {
 namespace {
@@ -25,7 +26,7 @@ class ImportProcessTest : public ImportTest {
     ImportTest::SetUp();
     fs::create_directory(folder_ / "tmp");
     setenv("TMPDIR", (folder_ / "tmp").c_str(), 1);
-    request_.import_program = PALPATE_IMPORT;
+    request_.import_program = test::kPalpateImport;
     request_.source = Write("a.nrrd",
                             "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 7 5 4\n"
                             "spacings: 1 1 1\nencoding: raw\n\n" +

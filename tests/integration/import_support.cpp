@@ -1,4 +1,5 @@
 #include "tests/integration/import_support.h"
+#include "tests/support/places.h"
 
 #include <openvdb/openvdb.h>
 #include <sys/wait.h>
@@ -42,7 +43,7 @@ bool ReaderCrashed(const ImportRun& run) {
 ImportRun RunImport(const std::vector<std::string>& arguments) {
   std::string name = (fs::temp_directory_path() / "import-run-XXXXXX").string();
   EXPECT_NE(mkdtemp(name.data()), nullptr);
-  std::string command = Quote(PALPATE_IMPORT);
+  std::string command = Quote(test::kPalpateImport);
   for (const std::string& argument : arguments) command += " " + Quote(argument);
   command = "exec " + command + " >" + Quote(name + "/out") + " 2>" + Quote(name + "/err");
   const int status = std::system(command.c_str());

@@ -12,6 +12,7 @@
 #include "common/error/error.h"
 #include "server/lab/load_volume.h"
 #include "tests/support/data_folder.h"
+#include "tests/support/places.h"
 #include "tests/support/process.h"
 #include "tests/support/temporary_folder.h"
 
@@ -26,7 +27,7 @@ constexpr std::chrono::seconds kPatience{60};
 constexpr int kTicks = 1500;
 
 ProcessResult Lab(const std::vector<std::string>& arguments) {
-  std::vector<std::string> command = {PALPATE_LAB};
+  std::vector<std::string> command = {test::kPalpateLab};
   command.insert(command.end(), arguments.begin(), arguments.end());
   return Process(command, false, kPatience).Wait();
 }
@@ -150,8 +151,8 @@ double DensityIn(const Json& cell, const Vec3& local) {
 TEST_F(LabReplayProgram, DensityIsThatOfTheProgramsOwnCells) {
   WriteTrajectory();
   ASSERT_EQ(Replay(trajectory_, out_).exit_code, 0);
-  const auto volume =
-      LoadVolume(volume_, std::filesystem::path(PALPATE_LAB).parent_path() / "palpate-import");
+  const auto volume = LoadVolume(
+      volume_, std::filesystem::path(test::kPalpateLab).parent_path() / "palpate-import");
   const AffineMap X_IW = volume->metadata().WorldFromIndex().Inverse();
   // A cell a tick, in order.
   std::ofstream input(folder_.path() / "cells.csv");
@@ -165,9 +166,9 @@ TEST_F(LabReplayProgram, DensityIsThatOfTheProgramsOwnCells) {
     input << cell.x() << "," << cell.y() << "," << cell.z() << "\n";
   }
   input.close();
-  const std::string command = std::string(PALPATE_LAB) + " cells --volume " + volume_.string() +
-                              " < " + (folder_.path() / "cells.csv").string() + " > " +
-                              (folder_.path() / "cells.json").string();
+  const std::string command = std::string(test::kPalpateLab) + " cells --volume " +
+                              volume_.string() + " < " + (folder_.path() / "cells.csv").string() +
+                              " > " + (folder_.path() / "cells.json").string();
   ASSERT_EQ(Process({"/bin/sh", "-c", command}, false, kPatience).Wait().exit_code, 0);
   std::ifstream cells(folder_.path() / "cells.json");
   int on_surface = 0;

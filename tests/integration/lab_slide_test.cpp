@@ -10,6 +10,7 @@
 #include "server/lab/bench.h"
 #include "server/lab/trajectory.h"
 #include "tests/support/data_folder.h"
+#include "tests/support/places.h"
 
 namespace palpate::lab {
 namespace {
@@ -90,7 +91,7 @@ TEST_P(RealSlideTest, IsFeltWithoutFault) {
   const LoadedSurface loaded = LoadSurface({.volume = path.string(),
                                             .isovalue = slide.isovalue,
                                             .normalized = true,
-                                            .import_program = PALPATE_IMPORT});
+                                            .import_program = test::kPalpateImport});
   const auto hips_mm = MakeTrajectory(
       *loaded.volume, {.isovalue = loaded.isovalue, .speed_cm_per_s = slide.speed_cm_per_s});
   const ReplaySummary s =

@@ -23,6 +23,8 @@
 #include "server/lab/trilinear_topology.h"
 #include "tests/support/array_volume.h"
 #include "tests/support/cell_topology.h"
+#include "tests/support/data_folder.h"
+#include "tests/support/places.h"
 
 namespace palpate::lab {
 namespace {
@@ -34,7 +36,7 @@ constexpr std::array kAllMethods = {DecompositionMethod::kBcc, DecompositionMeth
                                     DecompositionMethod::kTpbccPublished, kTpbcc};
 
 std::filesystem::path CellsFile(const char* name) {
-  return std::filesystem::path(PALPATE_SHARED_CELLS_DIR) / name;
+  return std::filesystem::path(test::kSharedCells) / name;
 }
 
 // Rows without comments, split at commas and blanks.
@@ -179,12 +181,12 @@ TEST_P(WholeVolumeTest, HasTheTopologyOfTheTrilinearSurface) {
   const WholeVolume& param = GetParam();
   std::string source = param.source;
   if (!source.starts_with("builtin:")) {
-    source = (std::filesystem::path(PALPATE_DATA_DIR) / source).string();
+    source = (testing::DataFolder() / source).string();
     if (!std::filesystem::exists(source)) {
       GTEST_SKIP() << source << " is missing: see PALPATE_DATA_DIR";
     }
   }
-  const auto volume = LoadVolume(source, PALPATE_IMPORT);
+  const auto volume = LoadVolume(source, test::kPalpateImport);
   Stopwatch watch;
   const SurfaceMesh mesh = ExtractSurface(*volume, param.isovalue, kTpbcc, PaddedCells(*volume));
   const double mesh_s = watch.Lap();

@@ -19,6 +19,7 @@
 #include "tests/support/daemon.h"
 #include "tests/support/data_folder.h"
 #include "tests/support/excuse.h"
+#include "tests/support/places.h"
 
 namespace palpate::test {
 namespace {
@@ -188,7 +189,7 @@ bool IsFound(Daemon& daemon) {
 TEST(LiveData, EditsAndASeriesDoNotDisturbTheServo) {
   const std::filesystem::path folder = DataFolder() / "timeseries";
   if (!std::filesystem::exists(folder)) GTEST_SKIP() << folder << " is not there";
-  Daemon daemon(PALPATED, {"--volume", "builtin:sphere:32"});
+  Daemon daemon(test::kPalpated, {"--volume", "builtin:sphere:32"});
   SeriesClient series(daemon);
   series.Load((folder / "viscous_*.nrrd").string());
   ASSERT_TRUE(IsFound(daemon));

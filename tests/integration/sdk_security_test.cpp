@@ -21,6 +21,7 @@
 #include "tests/support/daemon.h"
 #include "tests/support/excuse.h"
 #include "tests/support/patience.h"
+#include "tests/support/places.h"
 
 namespace palpate::client {
 namespace {
@@ -82,9 +83,9 @@ class SdkSecurity : public ::testing::Test, protected test::Certificates {
         << "\"\n[[tls.client]]\nsan = \"viewer.example\"\nrole = \"viewer\"\n"
         << "[[tls.client]]\nsan = \"operator.example\"\nrole = \"operator\"\n";
     AddToken("editor", "editor");
-    daemon_.emplace(
-        PALPATED, std::vector<std::string>{"--volume", "builtin:sphere:32", "--config",
-                                           In("palpated.toml"), "--listen", "127.0.0.1:" + port_});
+    daemon_.emplace(test::kPalpated, std::vector<std::string>{"--volume", "builtin:sphere:32",
+                                                              "--config", In("palpated.toml"),
+                                                              "--listen", "127.0.0.1:" + port_});
   }
   // Into `name`.token.
   void AddToken(const std::string& name, const std::string& role) const {
@@ -120,7 +121,7 @@ class SdkSecurity : public ::testing::Test, protected test::Certificates {
 
  private:
   void Palpated(const std::string& arguments, const std::string& output) const {
-    const std::string command = std::string(PALPATED) + " token " + arguments + " --file " +
+    const std::string command = std::string(test::kPalpated) + " token " + arguments + " --file " +
                                 In("tokens.toml").string() + " >" + In(output).string() +
                                 " 2>/dev/null";
     ASSERT_EQ(std::system(command.c_str()), 0) << command;
@@ -260,8 +261,8 @@ TEST_F(SdkSecurity, OneSideWithoutTlsIsSaid) {
   StartDaemon();
   EXPECT_NE(Refusal(With({})).find("TLS"), std::string::npos);
   daemon_.reset();
-  daemon_.emplace(PALPATED, std::vector<std::string>{"--volume", "builtin:sphere:32", "--listen",
-                                                     "127.0.0.1:" + port_});
+  daemon_.emplace(test::kPalpated, std::vector<std::string>{"--volume", "builtin:sphere:32",
+                                                            "--listen", "127.0.0.1:" + port_});
   EXPECT_NE(Refusal(With(Token("editor"))).find("that it has TLS"), std::string::npos);
 }
 

@@ -19,6 +19,7 @@
 #include "server/servo/servo_tick.h"
 #include "server/session/session.h"
 #include "tests/support/data_folder.h"
+#include "tests/support/places.h"
 
 namespace palpate {
 namespace {
@@ -47,7 +48,7 @@ std::string SourceOf(const Slide& slide) {
 void Load(const Slide& slide, const DeviceSpec& device, SceneInbox& inbox) {
   const auto outbox = std::make_unique<TickOutbox>();
   Pump pump(*outbox);
-  Session session(device, inbox, pump, VolumeLoader{.import_program = PALPATE_IMPORT});
+  Session session(device, inbox, pump, VolumeLoader{.import_program = test::kPalpateImport});
   LoadRequest request;
   request.source = SourceOf(slide);
   (slide.IsBuiltin() ? request.isovalue : request.normalized_isovalue) = slide.isovalue;

@@ -5,6 +5,7 @@
 
 #include "tests/support/excuse.h"
 #include "tests/support/falcon_emulator.h"
+#include "tests/support/places.h"
 #include "tests/support/process.h"
 #include "tests/support/touch_emulator.h"
 #include "tests/support/usb_testbed.h"
@@ -18,7 +19,7 @@ using std::chrono::milliseconds;
 std::vector<std::string> Client(const UsbTestbed& bus, std::vector<std::string> arguments,
                                 bool bound_by_modes = false) {
   std::vector<std::string> command = bus.wrapper(bound_by_modes);
-  command.push_back(USB_CLIENT_CHILD);
+  command.push_back(test::kUsbClientChild);
   command.insert(command.end(), arguments.begin(), arguments.end());
   return command;
 }

@@ -16,6 +16,7 @@
 #include "server/volume/import_process.h"
 #include "server/volume/snapshot_builder.h"
 #include "tests/support/patterned_volume.h"
+#include "tests/support/places.h"
 #include "tests/support/process.h"
 #include "tests/support/refusal.h"
 #include "tests/support/temporary_folder.h"
@@ -41,7 +42,7 @@ class VolumeExportTest : public ::testing::Test {
   static std::shared_ptr<const VolumeSnapshot> Loaded(const std::filesystem::path& path) {
     ImportRequest request;
     request.source = path;
-    request.import_program = PALPATE_IMPORT;
+    request.import_program = test::kPalpateImport;
     const VolumeFile file = ImportVolume(request, {}, {});
     return std::make_shared<VolumeSnapshot>(file.metadata,
                                             TakeBricks(*file.grid, file.metadata.size), 1, 1);
@@ -208,7 +209,7 @@ TEST_F(VolumeExportTest, KilledAtAnyMomentTheFileIsOneOfTheTwo) {
   for (const char* name : kNames) {
     int of_a = 0, of_b = 0, cut_off = 0;
     for (int round = 0; round < 30; ++round) {
-      test::Process child({VOLUME_EXPORT_CHILD, Path(name).string()});
+      test::Process child({test::kVolumeExportChild, Path(name).string()});
       ASSERT_TRUE(child.WaitFor("saved"));
       std::this_thread::sleep_for(std::chrono::microseconds(random() % 60000));
       child.Signal(SIGKILL);

@@ -15,6 +15,7 @@
 #include "palpate/v1/volume.grpc.pb.h"
 #include "tests/support/excuse.h"
 #include "tests/support/patience.h"
+#include "tests/support/places.h"
 #include "tests/support/process.h"
 #include "tests/support/served_session.h"
 #include "tests/support/temporary_folder.h"
@@ -206,7 +207,7 @@ TEST_F(VolumeStreamTest, AViewerThatIsKilledHarmsNobody) {
   VolumeReader reader(Channel(), mirror);
   for (int n = 0; n < 5; ++n) {
     const std::string file = folder_.path() / "copy.nrrd";
-    test::Process viewer({PALPATE, "--socket", socket(), "download", file});
+    test::Process viewer({test::kPalpate, "--socket", socket(), "download", file});
     if (n > 0) viewer.WaitFor("%");
     viewer.Signal(SIGKILL);
     EXPECT_EQ(viewer.Wait().exit_code, -SIGKILL);
@@ -313,7 +314,8 @@ TEST(VolumeStreamOfADaemon, ACopySurvivesTheDaemon) {
   const std::string socket = folder.path() / "palpated.sock";
   const auto start = [&](const std::string& volume) {
     auto daemon = std::make_unique<test::Process>(
-        std::vector<std::string>{PALPATED, "--volume", volume, "--socket", socket}, false, 120s);
+        std::vector<std::string>{test::kPalpated, "--volume", volume, "--socket", socket}, false,
+        120s);
     EXPECT_TRUE(daemon->WaitFor("ready on"));
     return daemon;
   };

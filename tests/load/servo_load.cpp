@@ -16,6 +16,7 @@
 #include "tests/load/subscriber.h"
 #include "tests/support/daemon.h"
 #include "tests/support/patience.h"
+#include "tests/support/places.h"
 
 namespace palpate::load {
 namespace {
@@ -249,7 +250,7 @@ int Main(int argc, char** argv) {
     return kUsageExitCode;
   }
   const auto patience = std::chrono::seconds(static_cast<int>(seconds)) + test::Daemon::kPatience;
-  test::Daemon daemon(PALPATED, {"--volume", volume}, {}, patience);
+  test::Daemon daemon(test::kPalpated, {"--volume", volume}, {}, patience);
   Load load("unix:" + daemon.socket().string(), seconds / kWindows,
             counts_only ? kFedSomehow : kFed);
   load.Run();

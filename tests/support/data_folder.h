@@ -5,11 +5,13 @@
 #include <cstdlib>
 #include <filesystem>
 
+#include "tests/support/places.h"
+
 namespace palpate::testing {
 
 inline std::filesystem::path DataFolder() {
   const char* folder = std::getenv("PALPATE_DATA_DIR");
-  return folder ? folder : PALPATE_DATA_DIR;
+  return folder ? folder : test::kDataFolder;
 }
 
 }  // namespace palpate::testing

@@ -17,6 +17,7 @@
 #include "common/error/error.h"
 #include "server/device/openhaptics/openhaptics_device.h"
 #include "tests/support/fake_hd.h"
+#include "tests/support/places.h"
 
 namespace palpate::testing {
 
@@ -46,7 +47,7 @@ inline bool WaitFor(const std::function<bool()>& holds) {
 class OpenHapticsRig : public ::testing::Test {
  protected:
   OpenHapticsRig() {
-    void* library = dlopen(PALPATE_FAKE_HD, RTLD_NOW | RTLD_LOCAL | RTLD_NODELETE);
+    void* library = dlopen(test::kFakeHd, RTLD_NOW | RTLD_LOCAL | RTLD_NODELETE);
     EXPECT_NE(library, nullptr) << dlerror();
     hd_ = reinterpret_cast<FakeHd::Instance>(dlsym(library, FakeHd::kInstance))();
     const std::lock_guard lock(hd_->mutex);
@@ -82,7 +83,7 @@ class OpenHapticsRig : public ::testing::Test {
 
   void Start() {
     device_ = std::make_unique<OpenHapticsDevice>(
-        OpenHapticsOptions{.library = PALPATE_FAKE_HD, .device_name = ""});
+        OpenHapticsOptions{.library = test::kFakeHd, .device_name = ""});
     device_->Start();
   }
   void StartStreaming() {

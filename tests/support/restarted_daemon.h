@@ -9,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include "tests/support/places.h"
 #include "tests/support/process.h"
 #include "tests/support/temporary_folder.h"
 
@@ -27,7 +28,7 @@ class RestartedDaemon {
 
   // Waits until it is ready.
   void Start() {
-    std::vector<std::string> command = {PALPATED};
+    std::vector<std::string> command = {test::kPalpated};
     command.insert(command.end(), arguments_.begin(), arguments_.end());
     command.insert(command.end(), {"--socket", socket(), "--state-folder", folder_.path() / "s"});
     process_ = std::make_unique<Process>(command, false, std::chrono::seconds(120));

@@ -18,6 +18,7 @@
 
 #include "server/device/omni/omni_usb_protocol.h"
 #include "tests/support/omni_frames.h"
+#include "tests/support/places.h"
 #include "tests/support/temporary_folder.h"
 #include "tests/support/usb_capture.h"
 
@@ -161,7 +162,7 @@ std::vector<std::filesystem::path> Captures(const std::filesystem::path& folder)
 }
 
 TEST(Captures, OfRealDevicesAreDecoded) {
-  std::vector<std::filesystem::path> roots = {PALPATE_CAPTURES_DIR};
+  std::vector<std::filesystem::path> roots = {test::kCaptures};
   if (const char* folder = std::getenv("PALPATE_CAPTURES")) roots.emplace_back(folder);
   int count = 0;
   for (const auto& root : roots) {

@@ -14,6 +14,7 @@
 #include "client/cli/doctor_daemon.h"
 #include "client/cli/watch_view.h"
 #include "common/wire/force_words.h"
+#include "tests/support/places.h"
 #include "tests/support/process.h"
 #include "tests/support/temporary_folder.h"
 #include "tests/unit/cli_fake_daemon.h"
@@ -326,7 +327,7 @@ class CliDeviceTest : public ::testing::Test {
   }
 
   static test::ProcessResult Run(std::vector<std::string> arguments) {
-    arguments.insert(arguments.begin(), {PALPATE, "device"});
+    arguments.insert(arguments.begin(), {test::kPalpate, "device"});
     return test::Process(arguments).Wait();
   }
   static void ExpectOneError(const test::ProcessResult& result, int exit_code,
@@ -350,7 +351,7 @@ TEST_F(CliDeviceTest, HelpAndWrongUsage) {
     EXPECT_EQ(help.exit_code, 0);
     EXPECT_TRUE(Has(help.output, "Example")) << help.output;
   }
-  EXPECT_TRUE(Has(test::Process({PALPATE, "--help"}).Wait().output,
+  EXPECT_TRUE(Has(test::Process({test::kPalpate, "--help"}).Wait().output,
                   "Emergency stop: palpate device stop"));
   for (const std::vector<std::string>& arguments :
        std::vector<std::vector<std::string>>{{},
@@ -427,7 +428,7 @@ TEST_F(CliDeviceTest, TestPassesAndFails) {
 }
 
 TEST_F(CliDeviceTest, TestEndsWithTheDaemon) {
-  test::Process process({PALPATE, "device", "test", "--seconds", "30"});
+  test::Process process({test::kPalpate, "device", "test", "--seconds", "30"});
   std::this_thread::sleep_for(std::chrono::milliseconds(500));
   daemon_.Die();
   const test::ProcessResult result = process.Wait();

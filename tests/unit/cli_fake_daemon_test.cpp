@@ -12,6 +12,7 @@
 #include <sstream>
 
 #include "tests/support/certificates.h"
+#include "tests/support/places.h"
 #include "tests/support/process.h"
 #include "tests/unit/cli_fake_daemon.h"
 
@@ -56,7 +57,7 @@ class CliTest : public testing::Test {
   }
 
   static std::vector<std::string> Command(std::vector<std::string> arguments) {
-    arguments.insert(arguments.begin(), PALPATE);
+    arguments.insert(arguments.begin(), test::kPalpate);
     return arguments;
   }
   static ProcessResult Run(const std::vector<std::string>& arguments) {

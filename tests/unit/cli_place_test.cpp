@@ -7,6 +7,7 @@
 
 #include "client/cli/description.h"
 #include "client/cli/place_command.h"
+#include "tests/support/places.h"
 #include "tests/support/process.h"
 
 namespace palpate::cli {
@@ -89,7 +90,7 @@ TEST(CliPlace, WrongUsageIsOneLineAndExitCode2) {
            {"--cells-per-mm", "2", "--device-mm-per-volume-mm", "0.5"},
            {"--device-mm-per-voxel", "2", "--device-mm-per-volume-mm", "0.5"},
            {"--expected-revision", "3"}}) {
-    arguments.insert(arguments.begin(), {PALPATE, "place"});
+    arguments.insert(arguments.begin(), {test::kPalpate, "place"});
     const test::ProcessResult result = test::Process(arguments).Wait();
     EXPECT_EQ(result.exit_code, 2) << arguments.back() << result.error;
     EXPECT_EQ(std::count(result.error.begin(), result.error.end(), '\n'), 1) << result.error;

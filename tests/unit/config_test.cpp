@@ -9,6 +9,7 @@
 #include <sstream>
 
 #include "common/error/error.h"
+#include "tests/support/places.h"
 
 namespace palpate {
 namespace {
@@ -140,7 +141,7 @@ level = "warning"
 // The file that users start from: every key of [haptics], with its default.
 TEST_F(ConfigTest, TheShippedFileHasEverySettingAtItsDefault) {
   std::ostringstream text;
-  text << std::ifstream(PALPATED_TOML).rdbuf();
+  text << std::ifstream(test::kExampleConfig).rdbuf();
   Config config = Read(text.str());
   const HapticSettings defaults;
   for (const NumberSetting& setting : kNumberSettings) {

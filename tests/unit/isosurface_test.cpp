@@ -12,6 +12,7 @@
 #include "common/isosurface/saddles.h"
 #include "common/isosurface/ties.h"
 #include "tests/support/cell_topology.h"
+#include "tests/support/places.h"
 #include "tests/support/scaled.h"
 
 namespace palpate {
@@ -42,7 +43,7 @@ struct LabelledRow {
 
 // `skipped` columns stand between τ and the counts.
 std::vector<LabelledRow> ReadRows(const std::string& name, int skipped) {
-  std::ifstream file(std::filesystem::path(PALPATE_CELLS_DIR) / name);
+  std::ifstream file(std::filesystem::path(test::kCells) / name);
   std::vector<LabelledRow> rows;
   for (std::string line; std::getline(file, line);) {
     if (line.empty() || line[0] == '#') continue;

@@ -12,6 +12,7 @@
 #include "common/error/error.h"
 #include "server/lab/cells_command.h"
 #include "tests/support/array_volume.h"
+#include "tests/support/places.h"
 
 namespace palpate::lab {
 namespace {
@@ -113,7 +114,7 @@ TEST(LabCells, AreWrittenAtMoreThanTwentyThousandASecond) {
   const auto cpu_s = [] { return static_cast<double>(std::clock()) / CLOCKS_PER_SEC; };
   double best = 0.0;  // others on the same core slow its time, too
   for (int round = 0; round < 5 && best <= 20000.0; ++round) {
-    std::ifstream file(std::string(PALPATE_CELLS_DIR) + "/labelled.csv");
+    std::ifstream file(std::string(test::kCells) + "/labelled.csv");
     std::ostringstream out;
     const double start_s = cpu_s();
     DecomposeCells(file, out, DecompositionMethod::kTpbcc, nullptr);

@@ -21,6 +21,7 @@
 #include "server/lab/published_table.h"
 #include "server/lab/wilcoxon.h"
 #include "tests/support/cell_topology.h"
+#include "tests/support/places.h"
 #include "tests/support/scaled.h"
 #include "tests/support/temporary_folder.h"
 
@@ -95,7 +96,7 @@ TEST(Accuracy, EqualsAnAnalyticVolume) {
 
 TEST(Accuracy, ColumnsConverge) {
   for (const PublishedRow& row :
-       ReadPublishedTable(std::filesystem::path(PALPATE_CELLS_DIR) / "table4.csv")) {
+       ReadPublishedTable(std::filesystem::path(test::kCells) / "table4.csv")) {
     const double coarse =
         DifferenceOf(row.resolved, row.isovalue, DecompositionMethod::kTpbcc, 100);
     const double fine = DifferenceOf(row.resolved, row.isovalue, DecompositionMethod::kTpbcc, 400);
@@ -116,7 +117,7 @@ TEST(Accuracy, SeesOverlapsAndGaps) {
 }
 
 TEST(Table4, PublishedFiguresAreMet) {
-  const auto rows = ReadPublishedTable(std::filesystem::path(PALPATE_CELLS_DIR) / "table4.csv");
+  const auto rows = ReadPublishedTable(std::filesystem::path(test::kCells) / "table4.csv");
   ASSERT_EQ(rows.size(), 29u);
   int tptd_met = 0;
   double sum = 0.0;
@@ -269,7 +270,7 @@ TEST(Drift, GbidDriftsAndOursDoesNot) {
 class LabExperiment : public ::testing::Test {
  protected:
   void SetUp() override {
-    options_.table = std::filesystem::path(PALPATE_CELLS_DIR) / "table4.csv";
+    options_.table = std::filesystem::path(test::kCells) / "table4.csv";
     options_.cells = 2000;
     options_.columns = 20;
     options_.laps = 2;

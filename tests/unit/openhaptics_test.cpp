@@ -13,6 +13,7 @@
 #include "server/device/openhaptics/openhaptics_device.h"
 #include "tests/support/fake_hd.h"
 #include "tests/support/openhaptics_rig.h"
+#include "tests/support/places.h"
 
 namespace palpate {
 namespace {
@@ -38,13 +39,13 @@ TEST_F(OpenHapticsTest, AMissingLibraryIsSaidWithWhatToDo) {
 }
 
 TEST_F(OpenHapticsTest, AMissingFunctionIsNamed) {
-  OpenHapticsDevice device({.library = PALPATE_FAKE_HD_MISSING_PATH, .device_name = ""});
+  OpenHapticsDevice device({.library = test::kFakeHdMissing, .device_name = ""});
   const std::string error = ErrorOf([&] { device.Start(); });
   EXPECT_TRUE(Contains(error, "hdScheduleAsynchronous")) << error;
 }
 
 TEST_F(OpenHapticsTest, ADeviceThatWasNeverStartedIsAtFault) {
-  OpenHapticsDevice device({.library = PALPATE_FAKE_HD, .device_name = ""});
+  OpenHapticsDevice device({.library = test::kFakeHd, .device_name = ""});
   EXPECT_EQ(device.Read(state_), DeviceStatus::kFault);
   device.Write(Vec3(1, 0, 0), 0.001);
   device.Stop();
@@ -376,8 +377,9 @@ TEST_F(OpenHapticsTest, StopEndsWithZeroForceAndInOrder) {
   device_->Stop();
   EXPECT_GE(With([](FakeHd& hd) { return hd.zero_frames_at_end; }), 1u);
   const std::vector<std::string> expected = {
-      "hdInitDevice", "hdSetSchedulerRate", "hdScheduleAsynchronous", "hdStartScheduler", "hdEnable",
-      "hdDisable",    "hdStopScheduler",    "hdUnschedule",           "hdDisableDevice"};
+      "hdInitDevice",     "hdSetSchedulerRate", "hdScheduleAsynchronous",
+      "hdStartScheduler", "hdEnable",           "hdDisable",
+      "hdStopScheduler",  "hdUnschedule",       "hdDisableDevice"};
   EXPECT_EQ(Calls(), expected);
   const std::uint64_t frames = With([](FakeHd& hd) { return hd.frames; });
   device_->Write(Vec3(1, 0, 0), 0.001);

@@ -23,6 +23,7 @@
 #include "server/recording/recording_writer.h"
 #include "server/servo/servo_tick.h"
 #include "tests/support/array_volume.h"
+#include "tests/support/places.h"
 #include "tests/support/process.h"
 #include "tests/support/recording.h"
 #include "tests/support/refusal.h"
@@ -160,7 +161,7 @@ TEST(RecordingFile, OfAKilledProgramIsReadableToItsLastChunk) {
   for (int round = 0; round < 5; ++round) {
     const TemporaryFolder folder;
     const auto path = folder.path() / "a.palpate";
-    Process child({RECORDING_CHILD, path.string()});
+    Process child({test::kRecordingChild, path.string()});
     ASSERT_TRUE(child.WaitFor("under way"));
     std::this_thread::sleep_for(std::chrono::milliseconds(7 * round));
     child.Signal(SIGKILL);
@@ -176,7 +177,7 @@ TEST(RecordingFile, OfAKilledProgramIsReadableToItsLastChunk) {
 std::chrono::steady_clock::duration TimeToTheFirstChunk() {
   const TemporaryFolder folder;
   const auto began = std::chrono::steady_clock::now();
-  Process child({RECORDING_CHILD, (folder.path() / "a.palpate").string()});
+  Process child({test::kRecordingChild, (folder.path() / "a.palpate").string()});
   EXPECT_TRUE(child.WaitFor("ticks"));
   return std::chrono::steady_clock::now() - began;
 }
@@ -189,7 +190,7 @@ TEST(RecordingFile, KilledWhileOverwritingIsTheOldOneOrTheNew) {
     const TemporaryFolder folder;
     const auto path = folder.path() / "a.palpate";
     Write(path, false, 3);
-    Process child({RECORDING_CHILD, path.string(), "overwrite"});
+    Process child({test::kRecordingChild, path.string(), "overwrite"});
     std::this_thread::sleep_for(step * round);
     child.Signal(SIGKILL);
     child.Wait();

@@ -1,0 +1,27 @@
+#include "tests/support/places.h"
+
+namespace palpate::test {
+
+const char* const kPalpated = PALPATED;
+const char* const kPalpate = PALPATE;
+const char* const kPalpateImport = PALPATE_IMPORT;
+const char* const kPalpateLab = PALPATE_LAB;
+
+const char* const kHonestyChild = HONESTY_CHILD;
+const char* const kRecordingChild = RECORDING_CHILD;
+const char* const kUsbClientChild = USB_CLIENT_CHILD;
+const char* const kVolumeExportChild = VOLUME_EXPORT_CHILD;
+const char* const kStandIn = PALPATE_TESTS "/support/stand_in.sh";
+
+const char* const kFakeHd = FAKE_LIBHD;
+const char* const kFakeHdMissing = FAKE_LIBHD_MISSING;
+
+const char* const kCaptures = PALPATE_TESTS "/data/captures";
+const char* const kCells = PALPATE_TESTS "/data/cells";
+const char* const kFuzzCorpus = PALPATE_TESTS "/fuzz/corpus";
+const char* const kExampleConfig = PALPATE_TESTS "/../deploy/config/palpated.toml";
+
+const char* const kDataFolder = PALPATE_DATA_DIR;
+const char* const kSharedCells = PALPATE_DATA_DIR "/../cells";
+
+}  // namespace palpate::test
