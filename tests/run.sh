@@ -33,7 +33,8 @@ packages=()
 # readers and the fuzzed calls. The rest walks the same code from outside, with pictures, over
 # real volumes or through Python, and takes most of the time.
 chosen=(--exclude-regex
-  '^(offline|integration\.(python|view|sdk_install|operations_(demo|faults|metrics|restore|soak|unread)))')
+  '^(offline|(lab_volume|view_render)_test|integration\.(python|view|sdk_install|operations_(demo|faults|metrics|restore|soak|unread)))')
+address_tests=address_tests
 for argument in "$@"; do
   case "$argument" in
     --sanitizers) sanitizers=yes ;;
@@ -41,7 +42,7 @@ for argument in "$@"; do
     --long)
       export PALPATE_TORTURE=${PALPATE_TORTURE:-100}
       export PALPATE_FUZZ_RUNS=${PALPATE_FUZZ_RUNS:-10000000}
-      chosen=()
+      chosen=() address_tests=all
       ;;
     -h | --help) usage; exit 0 ;;
     *) echo "run.sh: unknown argument $argument (see --help)" >&2; exit 2 ;;
@@ -129,7 +130,7 @@ stage packages
 tests/packages_test.sh ${packages[@]+"${packages[@]}"} || packages_failed=yes
 if [ -n "$sanitizers" ]; then
   build default header_check
-  build asan all
+  build asan "$address_tests"
   run_tests asan asan 2 ${chosen[@]+"${chosen[@]}"}
   drop_programs build-asan
   build tsan thread_tests
