@@ -67,7 +67,7 @@ TEST(HonestyChildDaemon, IsStopped) {
   daemon.process().Signal(SIGSTOP);
 }
 TEST(HonestyChildDaemon, IsRestarted) {
-  RestartedDaemon daemon;
+  RestartedDaemon daemon({}, test::kStandIn);
   daemon.Start();
 }
 

@@ -17,8 +17,9 @@ namespace palpate::test {
 
 class RestartedDaemon {
  public:
-  explicit RestartedDaemon(std::vector<std::string> arguments = {"--volume", "builtin:bumps:48"})
-      : arguments_(std::move(arguments)) {}
+  explicit RestartedDaemon(std::vector<std::string> arguments = {"--volume", "builtin:bumps:48"},
+                           std::string program = test::kPalpated)
+      : program_(std::move(program)), arguments_(std::move(arguments)) {}
   // In order, unless the test has killed it.
   ~RestartedDaemon() {
     if (process_) process_->EndInOrder();
@@ -28,7 +29,7 @@ class RestartedDaemon {
 
   // Waits until it is ready.
   void Start() {
-    std::vector<std::string> command = {test::kPalpated};
+    std::vector<std::string> command = {program_};
     command.insert(command.end(), arguments_.begin(), arguments_.end());
     command.insert(command.end(), {"--socket", socket(), "--state-folder", folder_.path() / "s"});
     process_ = std::make_unique<Process>(command, false, std::chrono::seconds(120));
@@ -50,6 +51,7 @@ class RestartedDaemon {
 
  private:
   TemporaryFolder folder_;
+  std::string program_;
   std::vector<std::string> arguments_;
   std::unique_ptr<Process> process_;
 };
