@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "tests/support/places.h"
+#include "tests/support/scaled.h"
 
 #define PALPATE_FUZZ_TARGET(name) extern "C" int name(const std::uint8_t* data, std::size_t size);
 #include "fuzz_targets.inc"
@@ -22,7 +23,7 @@
 namespace {
 
 // All beginnings of a short file; of a long one as many.
-constexpr std::size_t kMostBeginnings = 600;
+constexpr int kMostBeginnings = 600;
 
 struct Target {
   std::string name;
@@ -53,7 +54,8 @@ TEST_P(FuzzCorpus, IsTakenWithoutAComplaint) {
                                            bytes.begin() + static_cast<std::ptrdiff_t>(size));
       EXPECT_EQ(GetParam().run(part.data(), part.size()), 0);
     };
-    const std::size_t step = std::max<std::size_t>(1, bytes.size() / kMostBeginnings);
+    const auto beginnings = static_cast<std::size_t>(palpate::test::Scaled(kMostBeginnings));
+    const std::size_t step = std::max<std::size_t>(1, bytes.size() / beginnings);
     for (std::size_t size = 0; size < bytes.size(); size += step) run(size);
     run(bytes.size());
     ++files;

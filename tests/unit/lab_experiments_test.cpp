@@ -147,11 +147,12 @@ TEST(Table4, PublishedFiguresAreMet) {
 // Corners uniform in [0, 1]; alternating: halved, and ½ added on the odd corners.
 // τ uniform in [0.2, 0.8] and within the cell's range.
 double MeanDifference(bool alternating, DecompositionMethod method) {
-  constexpr int kCells = 20000, kColumns = 20;
+  constexpr int kColumns = 20;
+  const int cells = test::Scaled(20000);
   std::mt19937_64 random(1);
   std::uniform_real_distribution<double> uniform;
   double sum = 0.0;
-  for (int n = 0; n < kCells;) {
+  for (int n = 0; n < cells;) {
     CellDensities d;
     for (int v = 0; v < 8; ++v) {
       const auto& o = kCornerOffset[v];
@@ -163,20 +164,17 @@ double MeanDifference(bool alternating, DecompositionMethod method) {
     sum += DifferenceOf(d, isovalue, method, kColumns);
     ++n;
   }
-  return sum / kCells;
+  return sum / cells;
 }
 
 TEST(MeanDifference, OfTpbccKeepsItsBounds) {
+  // A tenth of the cells says the mean less exactly.
+  const double room = test::Scaled(20000) < 20000 ? 0.3 : 0.0;
   const double uniform = MeanDifference(false, DecompositionMethod::kTpbcc);
   const double alternating = MeanDifference(true, DecompositionMethod::kTpbcc);
-  std::printf("mean R_D: uniform tpbcc %.3f bcc %.3f published %.3f\n", uniform,
-              MeanDifference(false, DecompositionMethod::kBcc),
-              MeanDifference(false, DecompositionMethod::kTpbccPublished));
-  std::printf("mean R_D: alternating tpbcc %.3f bcc %.3f published %.3f\n", alternating,
-              MeanDifference(true, DecompositionMethod::kBcc),
-              MeanDifference(true, DecompositionMethod::kTpbccPublished));
-  EXPECT_LE(uniform, 3.0);
-  EXPECT_LE(alternating, 5.55);
+  std::printf("mean R_D of tpbcc: uniform %.3f, alternating %.3f\n", uniform, alternating);
+  EXPECT_LE(uniform, 3.0 + room);
+  EXPECT_LE(alternating, 5.55 + room);
 }
 
 TEST(Decomposition, OfTpbccHasNoNeedles) {
