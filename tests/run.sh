@@ -14,7 +14,8 @@ the Debian packages, built and looked at. Tests that judge times run apart.
 
 A test fails for good unless every assertion that failed in it says that a busy machine may
 explain it (tests/support/excuse.h, excuse.py): a latency, a rate or a count. Such a test is run
-again, alone: once, or twice if it judges times. Nothing is run again if more than ten would be.
+again, alone: once, or twice if it judges times. Nothing is run again if more than ten would be,
+unless the host of a virtual machine gave a tenth of its processors' time to others meanwhile.
 The last lines name the tests that passed only then, and count them.
 
   --sanitizers  then a chosen part of the tests under AddressSanitizer and
@@ -67,10 +68,23 @@ build() {
 # folder PRESET: its build folder
 folder() { [ "$1" = default ] && echo build || echo "build-$1"; }
 
+# Seconds that may be waited, in all, for a host that gives the processors to others.
+patience_s=600
+
+# stolen: the host's ticks for others, and all ticks, since the machine's start
+stolen() { awk '/^cpu / { print $9, $2 + $3 + $4 + $5 + $6 + $7 + $8 + $9; exit }' /proc/stat; }
+
+# stolen_since TICKS: in percent
+stolen_since() {
+  awk '{ print int(100 * ($3 - $1) / ($4 > $2 ? $4 - $2 : 1)) }' <<<"$1 $(stolen)"
+}
+
 # run_once PRESET NAME [ARGUMENT...]: with these arguments of ctest
 run_once() {
-  local log=$results/$2.log
+  local log=$results/$2.log before
+  patience_s=$((patience_s - $(tests/support/await_processors.py "$patience_s")))
   stage "$2: test"
+  before=$(stolen)
   # What failed is counted below; no test at all is an error of its own. Where none failed,
   # ctest leaves the list as it was.
   [[ "$2" = *again* ]] || rm -f "$(failed_list "$1")"
@@ -82,6 +96,8 @@ run_once() {
     echo "run.sh: ctest failed in $2, and no test did" >&2
     exit 1
   fi
+  stolen_percent=$(stolen_since "$before")
+  [ "$stolen_percent" -lt 5 ] || echo "  others took $stolen_percent % of the processors' time meanwhile"
   grep -vE '^ *[0-9]+/[0-9]+ Test .* Passed|^ +Start +[0-9]+:' "$log" || true
   # One of a file of Python does not skip the file.
   sed -n "s/^.*\.\.\. skipped '\(.*\)'$/  a Python test was skipped: \1/p" \
@@ -94,7 +110,7 @@ failed_list() { echo "$(folder "$1")/Testing/Temporary/LastTestsFailed.log"; }
 
 count() { grep -cs "$@" || true; }
 
-tests=0 skipped=0 failed=0 excused=()
+tests=0 skipped=0 failed=0 stolen_percent=0 excused=()
 
 # run_tests PRESET NAME TRIES [ARGUMENT...]: what a busy machine may explain is run again, alone
 run_tests() {
@@ -106,7 +122,7 @@ run_tests() {
   tests=$((tests + ran))
   skipped=$((skipped + without))
   for ((try = 2; try <= $3; ++try)); do
-    tests/support/judge.py "$results/$run.xml" "$results/$run.log" >"$again"
+    tests/support/judge.py "$results/$run.xml" "$results/$run.log" "$stolen_percent" >"$again"
     failed=$((failed + left - $(count . "$again"))) left=$(count . "$again")
     [ "$left" -gt 0 ] || return 0
     cp "$again" "$list"

@@ -23,6 +23,12 @@ void VisitBoxes(const Vec3i& low, const Vec3i& high, Visitor visit) {
   }
 }
 
+// To the box around a triangle: a tenth of the work that the triangle itself takes.
+double SquaredDistanceToBox(const Vec3& p, const Vec3& a, const Vec3& b, const Vec3& c) {
+  const Vec3 below = a.cwiseMin(b).cwiseMin(c) - p, above = p - a.cwiseMax(b).cwiseMax(c);
+  return below.cwiseMax(above).cwiseMax(0.0).squaredNorm();
+}
+
 }  // namespace
 
 TriangleGrid::TriangleGrid(const SurfaceMesh& mesh, const AffineMap& X_DI)
@@ -81,10 +87,10 @@ double TriangleGrid::NearestInBox(const Vec3i& box, const Vec3& p_mm,
   if (beyond_mm.squaredNorm() > nearest_squared) return nearest_squared;
   for (std::uint32_t n = first_[index]; n < first_[index + 1]; ++n) {
     const auto& triangle = triangles_[listed_[n]];
-    nearest_squared =
-        std::min(nearest_squared,
-                 SquaredDistanceToTriangle(p_mm, vertices_mm_[triangle[0]],
-                                           vertices_mm_[triangle[1]], vertices_mm_[triangle[2]]));
+    const Vec3 &a = vertices_mm_[triangle[0]], &b = vertices_mm_[triangle[1]],
+               &c = vertices_mm_[triangle[2]];
+    if (SquaredDistanceToBox(p_mm, a, b, c) > (1.0 + kRounding) * nearest_squared) continue;
+    nearest_squared = std::min(nearest_squared, SquaredDistanceToTriangle(p_mm, a, b, c));
   }
   return nearest_squared;
 }

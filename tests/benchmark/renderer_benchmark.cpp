@@ -12,7 +12,7 @@
 #include "server/lab/trajectory.h"
 #include "server/volume/builtin.h"
 #include "server/volume/snapshot_builder.h"
-#include "tests/support/array_volume.h"
+#include "tests/support/made_volume.h"
 
 namespace palpate {
 namespace {

@@ -62,8 +62,8 @@ void Brush(benchmark::State& state) {
   for (auto _ : state) {
     const Vec3i from(random() % 240, random() % 240, random() % 240);
     const auto changes =
-        EditableSession::Painted(bench.data.volume()->bricks(), from, from + Vec3i::Constant(16),
-                                 [&] { return static_cast<float>(random() % 1000) * 1e-3f; });
+        testing::PaintedBox(bench.data.volume()->bricks(), from, from + Vec3i::Constant(16),
+                            [&] { return static_cast<float>(random() % 1000) * 1e-3f; });
     const auto begin = std::chrono::steady_clock::now();
     const std::uint64_t revision = bench.data.session().PublishBricks(changes).volume->revision();
     CompleteAt(reader, mirror, revision);

@@ -9,7 +9,7 @@
 #include "server/recording/sample_fields.h"
 #include "server/servo/scene.h"
 #include "tests/fuzz/fuzz_input.h"
-#include "tests/support/array_volume.h"
+#include "tests/support/made_volume.h"
 
 namespace palpate::fuzz {
 

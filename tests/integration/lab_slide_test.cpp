@@ -10,6 +10,7 @@
 #include "server/lab/bench.h"
 #include "server/lab/trajectory.h"
 #include "tests/support/data_folder.h"
+#include "tests/support/excuse.h"
 #include "tests/support/places.h"
 
 namespace palpate::lab {
@@ -58,7 +59,7 @@ TEST_P(FixedSlideTest, IsFeltWithoutFault) {
   EXPECT_GE(s.scp_v_share(), 0.999);
   // With room for other work on the machine.
   if (kIsTimed) {
-    EXPECT_LT(s.p50_ns, 8'000);
+    EXPECT_LT(s.p50_ns, 8'000) << test::kBusyMachine;
   }
 }
 

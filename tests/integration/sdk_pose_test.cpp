@@ -168,7 +168,8 @@ TEST_F(SdkPoses, AFastCallbackLosesNothing) {
                 static_cast<unsigned long long>(unavoidable), Gaps(heard.poses, step));
     EXPECT_GT(heard.poses.size() + heard.dropped, rate_hz * 5 * 0.7) << test::kBusyMachine;
     EXPECT_TRUE(std::all_of(heard.batches.begin(), heard.batches.end(),
-                            [batch = batch](std::size_t size) { return size == batch; }));
+                            [batch = batch](std::size_t size) { return size == batch; }))
+        << test::kBusyMachine;
     EXPECT_TRUE(std::is_sorted(heard.poses.begin(), heard.poses.end(),
                                [](const Pose& a, const Pose& b) { return a.tick < b.tick; }));
     // None that a plain stream does not lose too; two streams are not in step.
@@ -216,7 +217,7 @@ TEST_F(SdkPoses, ASlowCallbackSeesFreshPoses) {
     EXPECT_LT(middle_ms, 80.0) << test::kBusyMachine;
     EXPECT_LT(end_ms, 80.0) << test::kBusyMachine;
     if (takes == 500ms) {
-      EXPECT_GT(slow.dropped, 2000u);
+      EXPECT_GT(slow.dropped, 2000u) << test::kBusyMachine;
     }
   }
 }

@@ -187,9 +187,10 @@ TEST(UsbDevice, WritesZeroWhenTheServoDoesNot) {
     Serve(*device, milliseconds(100), 2.0);
     const std::int64_t stopped_ns = NowNs();  // a period after the last force
     std::this_thread::sleep_for(milliseconds(100));
+    // However slow the emulated bus.
+    EXPECT_TRUE(Eventually([&] { return !IsOn(stylus.Forces().back()); }));
     const std::vector<PlainForce> forces = stylus.Forces();
     EXPECT_EQ(forces.back().x_n, 0.0);
-    EXPECT_FALSE(forces.back().motors_on);
     const auto off = std::find_if(forces.begin(), forces.end(), [&](const PlainForce& force) {
       return force.time_ns > stopped_ns && !force.motors_on;
     });
@@ -199,7 +200,7 @@ TEST(UsbDevice, WritesZeroWhenTheServoDoesNot) {
     in_time += is_in_time && std::none_of(off, forces.end(), IsOn) &&
                std::any_of(forces.begin(), off, IsOn);
   }
-  EXPECT_GE(in_time, 5);
+  EXPECT_GE(in_time, 5) << kBusyMachine;
   EXPECT_GE(device->health().watchdog_zeros, 10u);
   EXPECT_EQ(LogWithoutHalts(*device), kConnected);
 }

@@ -4,12 +4,14 @@
 #include <algorithm>
 #include <bit>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <random>
 #include <vector>
 
 #include "server/device/simulated_device.h"
 #include "server/session/session.h"
+#include "tests/support/made_volume.h"
 
 namespace palpate::testing {
 
@@ -29,21 +31,12 @@ class EditableSession {
         {.source = source}, [](std::string_view, double) {}, [] { return false; });
   }
 
-  // A volume of any size; value(i, j, k) for each voxel, 0 beyond the lattice.
-  template <typename Value>
-  void LoadMade(const Vec3i& size, const Value& value) {
+  // value(i, j, k) for each voxel.
+  void LoadMade(const Vec3i& size, const std::function<float(int, int, int)>& value) {
     VolumeMetadata metadata;
     metadata.size = size;
     metadata.source = "made";
-    const BrickDirectory bricks(size, [&](const Vec3i& brick) {
-      auto made = std::make_shared<Brick>();
-      for (int n = 0; n < kBrickVoxels; ++n) {
-        const Vec3i p = brick * kBrickEdge + Vec3i(n >> 6, n >> 3 & 7, n & 7);
-        if ((p.array() < size.array()).all()) (*made)[n] = value(p.x(), p.y(), p.z());
-      }
-      return made;
-    });
-    session_.PublishVolume({}, metadata, bricks);
+    session_.PublishVolume({}, metadata, MakeBricks(size, value));
   }
 
   // A box of values, of up to `edge` voxels along each axis; every fourth one is
@@ -59,29 +52,7 @@ class EditableSession {
     }
     const bool clears = random() % 4 == 0;
     const auto value = [&] { return clears ? 0.0f : static_cast<float>(random() % 1000) * 1e-3f; };
-    return session_.PublishBricks(Painted(now->bricks(), from, end, value)).volume;
-  }
-
-  template <typename Value>
-  static std::vector<BrickChange> Painted(const BrickDirectory& bricks, const Vec3i& from,
-                                          const Vec3i& end, const Value& value) {
-    std::vector<BrickChange> changes;
-    Vec3i b;
-    for (b.x() = from.x() / 8; b.x() * 8 < end.x(); ++b.x()) {
-      for (b.y() = from.y() / 8; b.y() * 8 < end.y(); ++b.y()) {
-        for (b.z() = from.z() / 8; b.z() * 8 < end.z(); ++b.z()) {
-          auto made = std::make_shared<Brick>(*bricks.At(b));
-          for (int n = 0; n < kBrickVoxels; ++n) {
-            const Vec3i p = b * 8 + Vec3i(n >> 6, n >> 3 & 7, n & 7);
-            const bool inside =
-                (p.array() >= from.array()).all() && (p.array() < end.array()).all();
-            if (inside) (*made)[n] = value();
-          }
-          changes.push_back({b, made});
-        }
-      }
-    }
-    return changes;
+    return session_.PublishBricks(PaintedBox(now->bricks(), from, end, value)).volume;
   }
 
  private:

@@ -2,7 +2,6 @@
 // daemon and session do, without their threads.
 #pragma once
 
-#include <cmath>
 #include <memory>
 #include <random>
 #include <span>
@@ -15,23 +14,10 @@
 #include "server/recording/recorded_scene.h"
 #include "server/recording/recorder.h"
 #include "server/servo/servo_tick.h"
-#include "tests/support/array_volume.h"
+#include "tests/support/made_volume.h"
 #include "tests/support/recording.h"
 
 namespace palpate::testing {
-
-// Surfaces everywhere.
-inline std::shared_ptr<const VolumeSnapshot> Gyroid(int size = 48, std::uint64_t revision = 1) {
-  return MakeVolume(
-      {size, size, size},
-      [](int i, int j, int k) {
-        constexpr double kTurn = 2.0 * M_PI / 24.0;
-        return std::sin(kTurn * i) * std::cos(kTurn * j) +
-               std::sin(kTurn * j) * std::cos(kTurn * k) +
-               std::sin(kTurn * k) * std::cos(kTurn * i);
-      },
-      revision);
-}
 
 // Bricks of `volume` around a middle one, carved by a random amount.
 inline std::vector<BrickChange> Carve(const VolumeSnapshot& volume, std::mt19937_64& random) {
@@ -126,8 +112,8 @@ class SceneRig {
   }
   void Note(std::uint64_t changed_bytes) {
     recorder_->NoteScene(
-        ToRecorded(scene_, HashVolume(*volume_), kTickPeriodS, LimitsFor(device_.spec(), 0)), volume_,
-        changed_bytes);
+        ToRecorded(scene_, HashVolume(*volume_), kTickPeriodS, LimitsFor(device_.spec(), 0)),
+        volume_, changed_bytes);
   }
 
   SimulatedDevice device_;

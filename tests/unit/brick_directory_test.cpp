@@ -9,7 +9,7 @@
 #include <set>
 
 #include "server/volume/snapshot_builder.h"
-#include "tests/support/array_volume.h"
+#include "tests/support/made_volume.h"
 
 namespace palpate {
 namespace {

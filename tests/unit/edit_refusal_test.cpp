@@ -5,7 +5,7 @@
 #include <limits>
 
 #include "server/volume/edit.h"
-#include "tests/support/array_volume.h"
+#include "tests/support/made_volume.h"
 #include "tests/support/refusal.h"
 
 namespace palpate {

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "server/haptics/renderer.h"
-#include "tests/support/array_volume.h"
+#include "tests/support/made_volume.h"
 #include "tests/support/scaled.h"
 
 namespace palpate {

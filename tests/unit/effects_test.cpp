@@ -8,7 +8,7 @@
 #include "server/haptics/force_shading.h"
 #include "server/haptics/nearest_point.h"
 #include "server/haptics/renderer.h"
-#include "tests/support/array_volume.h"
+#include "tests/support/made_volume.h"
 
 namespace palpate {
 namespace {

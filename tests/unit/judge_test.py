@@ -19,7 +19,7 @@ import judge  # noqa: E402
 
 
 class Judge(unittest.TestCase):
-    def judged(self, *cases):
+    def judged(self, *cases, stolen=0):
         """cases: (name, how ctest says that it ended, output). (again, final)"""
         with tempfile.TemporaryDirectory() as folder:
             xml, log = pathlib.Path(folder, "a.xml"), pathlib.Path(folder, "a.log")
@@ -31,7 +31,7 @@ class Judge(unittest.TestCase):
                 f"\t{number:3d} - {name} ({end})\n" for number, (name, end, _) in enumerate(cases)))
             said, complaints = io.StringIO(), io.StringIO()
             with contextlib.redirect_stdout(said), contextlib.redirect_stderr(complaints):
-                sys.argv[1:] = [str(xml), str(log)]
+                sys.argv[1:] = [str(xml), str(log), str(stolen)]
                 judge.main()
             return said.getvalue().splitlines(), complaints.getvalue().splitlines()
 
@@ -69,6 +69,7 @@ class Judge(unittest.TestCase):
         self.assertEqual(len(self.judged(*cases(10))[0]), 10)
         again, final = self.judged(*cases(11))
         self.assertEqual((again, len(final)), ([], 11))
+        self.assertEqual(len(self.judged(*cases(11), stolen=10)[0]), 11)
 
     def test_no_failure_at_all(self):
         self.assertEqual(self.judged(), ([], []))

@@ -11,7 +11,7 @@
 
 #include "common/error/error.h"
 #include "server/lab/cells_command.h"
-#include "tests/support/array_volume.h"
+#include "tests/support/made_volume.h"
 #include "tests/support/places.h"
 
 namespace palpate::lab {

@@ -12,7 +12,7 @@
 #include "server/lab/rest_judge.h"
 #include "server/lab/trajectory.h"
 #include "server/lab/triangle_distance.h"
-#include "tests/support/array_volume.h"
+#include "tests/support/made_volume.h"
 
 namespace palpate::lab {
 namespace {

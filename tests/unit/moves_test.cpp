@@ -3,7 +3,7 @@
 
 #include <gtest/gtest.h>
 
-#include "tests/support/array_volume.h"
+#include "tests/support/made_volume.h"
 
 namespace palpate {
 namespace {

@@ -11,7 +11,7 @@
 
 #include "server/haptics/renderer.h"
 #include "server/safety/safety.h"
-#include "tests/support/array_volume.h"
+#include "tests/support/made_volume.h"
 #include "tests/support/excuse.h"
 
 namespace palpate {

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <random>
 
-#include "tests/support/array_volume.h"
+#include "tests/support/made_volume.h"
 
 namespace palpate {
 namespace {

@@ -9,7 +9,7 @@
 
 #include "server/haptics/proxy.h"
 #include "server/lab/rest_judge.h"
-#include "tests/support/array_volume.h"
+#include "tests/support/made_volume.h"
 #include "tests/support/path_judge.h"
 #include "tests/support/scaled.h"
 

@@ -17,7 +17,7 @@
 
 #include "server/recording/recording_reader.h"
 #include "server/recording/volume_follower.h"
-#include "tests/support/array_volume.h"
+#include "tests/support/made_volume.h"
 #include "tests/support/recording.h"
 #include "tests/support/refusal.h"
 

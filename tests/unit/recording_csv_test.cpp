@@ -12,7 +12,7 @@
 #include "server/recording/csv_export.h"
 #include "server/recording/recording_writer.h"
 #include "server/recording/volume_hash.h"
-#include "tests/support/array_volume.h"
+#include "tests/support/made_volume.h"
 #include "tests/support/recording.h"
 #include "tests/support/refusal.h"
 

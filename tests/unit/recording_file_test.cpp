@@ -22,7 +22,7 @@
 #include "server/recording/recording_reader.h"
 #include "server/recording/recording_writer.h"
 #include "server/servo/servo_tick.h"
-#include "tests/support/array_volume.h"
+#include "tests/support/made_volume.h"
 #include "tests/support/places.h"
 #include "tests/support/process.h"
 #include "tests/support/recording.h"

@@ -8,7 +8,7 @@
 #include <memory>
 #include <vector>
 
-#include "tests/support/array_volume.h"
+#include "tests/support/made_volume.h"
 
 namespace palpate {
 namespace {

@@ -17,7 +17,7 @@
 #include "server/device/explore_script.h"
 #include "server/device/simulated_device.h"
 #include "server/servo/servo_tick.h"
-#include "tests/support/array_volume.h"
+#include "tests/support/made_volume.h"
 #include "tests/support/recording.h"
 
 namespace palpate {

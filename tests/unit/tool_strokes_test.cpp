@@ -7,7 +7,7 @@
 #include <limits>
 #include <numbers>
 
-#include "tests/support/array_volume.h"
+#include "tests/support/made_volume.h"
 
 namespace palpate {
 namespace {

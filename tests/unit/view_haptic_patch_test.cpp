@@ -9,7 +9,7 @@
 #include <random>
 
 #include "server/lab/mesh.h"
-#include "tests/support/array_volume.h"
+#include "tests/support/made_volume.h"
 
 namespace palpate::view {
 namespace {

@@ -8,7 +8,7 @@
 #include <random>
 
 #include "server/haptics/proxy.h"
-#include "tests/support/array_volume.h"
+#include "tests/support/made_volume.h"
 
 namespace palpate {
 namespace {

@@ -325,8 +325,8 @@ TEST_F(VolumeFeedTest, WhoReadsVerySlowlyGetsThereAllTheSame) {
     }
     copies += counts_.completes - before;
     // Now all of it is another, on top of a copy that is whole.
-    data_.session().PublishBricks(EditableSession::Painted(
-        data_.volume()->bricks(), Vec3i::Zero(), Vec3i(128, 64, 64), [] { return 0.25f; }));
+    data_.session().PublishBricks(testing::PaintedBox(data_.volume()->bricks(), Vec3i::Zero(),
+                                                      Vec3i(128, 64, 64), [] { return 0.25f; }));
     Keep();
   }
   EXPECT_EQ(copies, 2);
@@ -372,8 +372,8 @@ TEST_F(VolumeFeedTest, ATransferGivenUpLeavesNothingBehind) {
   Keep();
   VolumeFeed feed = MakeFeed();
   while (counts_.bricks < 256) Pass(feed);
-  data_.session().PublishBricks(EditableSession::Painted(data_.volume()->bricks(), Vec3i::Zero(),
-                                                         Vec3i(64, 64, 64), [] { return 0.0f; }));
+  data_.session().PublishBricks(testing::PaintedBox(data_.volume()->bricks(), Vec3i::Zero(),
+                                                    Vec3i(64, 64, 64), [] { return 0.0f; }));
   Keep();
   time_ += VolumeFeed::kStall * 2;
   feed.LetGo(Now(), time_);
@@ -388,8 +388,8 @@ TEST_F(VolumeFeedTest, AResumedCopyGetsOnlyWhatChanged) {
   }
   counts_ = {};
   number_ = 0;
-  data_.session().PublishBricks(EditableSession::Painted(data_.volume()->bricks(), Vec3i(8, 8, 8),
-                                                         Vec3i(16, 16, 24), [] { return 0.25f; }));
+  data_.session().PublishBricks(testing::PaintedBox(data_.volume()->bricks(), Vec3i(8, 8, 8),
+                                                    Vec3i(16, 16, 24), [] { return 0.25f; }));
   Keep();
   VolumeFeed feed = MakeFeed(mirror_.resume());
   PassAll(feed);
