@@ -187,14 +187,16 @@ class Client:
 
 
 class PoseReader:
-    """Follows poses on a thread of its own, acknowledging, until stop()."""
+    """Follows poses on a thread of its own, acknowledging each message, or every so many, until
+    stop()."""
 
-    def __init__(self, client, rate_hz=60.0, batch=1):
+    def __init__(self, client, rate_hz=60.0, batch=1, acknowledge_every=1):
         self.samples = 0
         self.newest = None
         self.error = None
         self._next = threading.Semaphore(0)
         self._number = 0
+        self._acknowledge_every = acknowledge_every
         self._stopped = self._over = False
         self._start = pose_pb2.StreamPosesRequest()
         self._start.start.rate_hz = rate_hz
@@ -220,8 +222,7 @@ class PoseReader:
                 self.samples += len(message.samples)
                 self.newest = message.samples[-1]
                 self._number = message.message_number
-                # In time for the 16 messages that may be under way; each costs Python a millisecond.
-                if self._number % 4 == 0:
+                if self._number % self._acknowledge_every == 0:
                     self._next.release()
         except grpc.RpcError as error:
             if not self._stopped:
