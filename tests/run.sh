@@ -98,7 +98,8 @@ run_once() {
   fi
   stolen_percent=$(stolen_since "$before")
   [ "$stolen_percent" -lt 5 ] || echo "  others took $stolen_percent % of the processors' time meanwhile"
-  grep -vE '^ *[0-9]+/[0-9]+ Test .* Passed|^ +Start +[0-9]+:' "$log" || true
+  # What failed is shown by judge.py.
+  sed -n '/^[0-9]*% tests passed/,$p' "$log"
   # One of a file of Python does not skip the file.
   sed -n "s/^.*\.\.\. skipped '\(.*\)'$/  a Python test was skipped: \1/p" \
     "$(dirname "$(failed_list "$1")")/LastTest.log" 2>/dev/null || true
@@ -108,31 +109,33 @@ run_once() {
 # failed_list PRESET: where ctest keeps the names of what failed or could not be run
 failed_list() { echo "$(folder "$1")/Testing/Temporary/LastTestsFailed.log"; }
 
-count() { grep -cs "$@" || true; }
-
-tests=0 skipped=0 failed=0 stolen_percent=0 excused=()
+tests=0 skipped=0 stolen_percent=0 failed=() excused=()
 
 # run_tests PRESET NAME TRIES [ARGUMENT...]: what a busy machine may explain is run again, alone
 run_tests() {
-  local list again left ran run=$2 try without
+  local list again ran run=$2 try without
   list=$(failed_list "$1") again=$results/again
   run_once "$1" "$2" "${@:4}"
   read -r ran without < <(tests/support/count_cases.py "$results/$2.xml")
-  left=$(count . "$list")
   tests=$((tests + ran))
   skipped=$((skipped + without))
-  for ((try = 2; try <= $3; ++try)); do
+  for ((try = 1; ; ++try)); do
+    touch "$list"
     tests/support/judge.py "$results/$run.xml" "$results/$run.log" "$stolen_percent" >"$again"
-    failed=$((failed + left - $(count . "$again"))) left=$(count . "$again")
-    [ "$left" -gt 0 ] || return 0
+    names "$list" >"$results/left"
+    [ "$try" -eq 1 ] || mapfile -t -O "${#excused[@]}" excused < <(grep -vxFf "$results/left" "$results/tried")
+    [ "$try" -lt "$3" ] || : >"$again"
+    names "$again" >"$results/tried"
+    mapfile -t -O "${#failed[@]}" failed < <(grep -vxFf "$results/tried" "$results/left")
+    [ -s "$again" ] || return 0
     cp "$again" "$list"
-    run=$2-again-$try
+    run=$2-again-$((try + 1))
     run_once "$1" "$run" --rerun-failed --parallel 1
-    left=$(count . "$list")
-    mapfile -t -O "${#excused[@]}" excused < <(cut -d: -f2- "$again" | grep -vxFf <(cut -d: -f2- "$list" 2>/dev/null))
   done
-  failed=$((failed + left))
 }
+
+# names FILE: of the tests in a list of ctest's
+names() { cut -d: -f2- "$1"; }
 
 # Programs are most of what a build takes on the disk, and linked again in seconds.
 drop_programs() { find "$1/bin" "$1/tests" -maxdepth 1 -type f -perm -100 -delete 2>/dev/null || true; }
@@ -158,7 +161,8 @@ if [ -n "$sanitizers" ]; then
 fi
 stage done
 [ ${#excused[@]} -eq 0 ] || printf 'excused by a busy machine: %s\n' "${excused[@]}"
+[ ${#failed[@]} -eq 0 ] || printf 'failed: %s\n' "${failed[@]}"
 printf '%d passed, %d failed, %d skipped (%d excused)\n' \
-  $((tests - failed - skipped)) "$failed" "$skipped" "${#excused[@]}"
+  $((tests - ${#failed[@]} - skipped)) "${#failed[@]}" "$skipped" "${#excused[@]}"
 [ -z "$packages_failed" ] || { echo "run.sh: the packages failed, see above" >&2; exit 1; }
-[ "$failed" -eq 0 ]
+[ ${#failed[@]} -eq 0 ]

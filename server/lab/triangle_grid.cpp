@@ -23,7 +23,7 @@ void VisitBoxes(const Vec3i& low, const Vec3i& high, Visitor visit) {
   }
 }
 
-// To the box around a triangle: a tenth of the work that the triangle itself takes.
+// To the box around a triangle, which is never farther than the triangle, and found faster.
 double SquaredDistanceToBox(const Vec3& p, const Vec3& a, const Vec3& b, const Vec3& c) {
   const Vec3 below = a.cwiseMin(b).cwiseMin(c) - p, above = p - a.cwiseMax(b).cwiseMax(c);
   return below.cwiseMax(above).cwiseMax(0.0).squaredNorm();

@@ -9,7 +9,6 @@
 
 #include "common/error/error.h"
 #include "tests/integration/import_support.h"
-#include "tests/support/scaled.h"
 
 namespace palpate {
 namespace {
@@ -102,7 +101,7 @@ TEST_F(ImportTest, FuzzedVdb) {
   std::ifstream in(path, std::ios::binary);
   const std::string whole{std::istreambuf_iterator<char>(in), {}};
   std::mt19937 random(5);
-  for (int run = 0; run < test::ShortOr(40, 100); ++run) {
+  for (int run = 0; run < 100; ++run) {
     std::string bytes = whole;
     for (unsigned flips = 1 + random() % 3; flips > 0; --flips) {
       bytes[random() % bytes.size()] ^= static_cast<char>(1 << random() % 8);

@@ -16,7 +16,7 @@ from excuse import busy_machine_may_explain
 from support import PATIENCE_S, Daemon
 from view_support import PALPATE_VIEW, Screen
 
-SECONDS = 60 if "PALPATE_TORTURE" in os.environ else 8
+SECONDS = 60 if "PALPATE_TORTURE" in os.environ else 12
 FIGURES = re.compile(
     r"(?P<frames>\d+) frames in (?P<seconds>[\d.]+) s, (?P<casts>\d+) casts, "
     r"(?P<dropped>\d+) poses dropped, stream age [\d.]+ ms, p99 [\d.]+ ms, "

@@ -18,9 +18,4 @@ inline int Scaled(int count) {
 #endif
 }
 
-// For what is a process each: `count`, or `long_count` under tests/run.sh --long.
-inline int ShortOr(int count, int long_count) {
-  return std::getenv("PALPATE_TORTURE") ? long_count : count;
-}
-
 }  // namespace palpate::test

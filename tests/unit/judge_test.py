@@ -9,11 +9,13 @@ import sys
 import tempfile
 import textwrap
 import unittest
+import unittest.mock
 import xml.etree.ElementTree
 from xml.sax.saxutils import escape
 
 SUPPORT = pathlib.Path(__file__).parents[1] / "support"
 sys.path.insert(0, str(SUPPORT))
+import await_processors  # noqa: E402
 import count_cases  # noqa: E402
 import judge  # noqa: E402
 
@@ -33,7 +35,9 @@ class Judge(unittest.TestCase):
             with contextlib.redirect_stdout(said), contextlib.redirect_stderr(complaints):
                 sys.argv[1:] = [str(xml), str(log), str(stolen)]
                 judge.main()
-            return said.getvalue().splitlines(), complaints.getvalue().splitlines()
+            self.complaints = complaints.getvalue()
+            return said.getvalue().splitlines(), [
+                line for line in self.complaints.splitlines() if "not excused" in line]
 
     def test_an_excuse_counts_only_with_an_exit_status(self):
         said = "[  FAILED  ] A.B\n***Excusable A.B\n"
@@ -48,6 +52,14 @@ class Judge(unittest.TestCase):
     def test_a_failure_without_excuse_is_final(self):
         for output in ("", "[  FAILED  ] A.B\n", "value: ***Excusable A.B\n"):
             self.assertEqual(self.judged(("a", "Failed", output))[0], [], output)
+
+    def test_what_failed_is_shown(self):
+        output = "\n".join(["boring"] * 9 + ["it_test.cpp:7: Failure", "3 vs 4", "[a busy machine may explain this]"])
+        self.judged(("a", "Failed", f"{output}\n***Excusable A.B\n"))
+        self.assertIn("it_test.cpp:7: Failure\n3 vs 4\n[a busy", self.complaints)
+        self.assertLess(self.complaints.count("boring"), 4)
+        self.judged(("a", "Failed", output))
+        self.assertIn(output, self.complaints)
 
     def test_a_sanitizer_is_never_excused(self):
         for line in ("==7==ERROR: LeakSanitizer: detected memory leaks",
@@ -73,6 +85,25 @@ class Judge(unittest.TestCase):
 
     def test_no_failure_at_all(self):
         self.assertEqual(self.judged(), ([], []))
+
+
+class AwaitProcessors(unittest.TestCase):
+    def looks(self, shares, patience_s):
+        """How often it looked at shares that others take, until it went on."""
+        left = list(shares)
+        with unittest.mock.patch.multiple(await_processors, stolen_share=lambda: left.pop(0),
+                                          PAUSE_S=0.01), \
+                unittest.mock.patch.object(sys, "argv", ["", str(patience_s)]), \
+                contextlib.redirect_stdout(io.StringIO()), \
+                contextlib.redirect_stderr(io.StringIO()):
+            await_processors.main()
+        return len(shares) - len(left)
+
+    def test_it_waits_while_others_take_them_and_no_longer_than_it_may(self):
+        self.assertEqual(self.looks([0.0, 0.9], 60), 1)
+        self.assertEqual(self.looks([0.5, 0.4, 0.05, 0.9], 60), 3)
+        self.assertLess(self.looks([0.9] * 1000, 0.2), 1000)
+        self.assertEqual(self.looks([0.9], 0), 0)
 
 
 class RunTests(unittest.TestCase):
