@@ -335,8 +335,8 @@ TEST_F(DeviceTest, TheClientListsDescribesAndTests) {
   EXPECT_EQ(result.exit_code, 0) << result.error;
   EXPECT_NE(result.output.find("verdict   passed"), std::string::npos) << result.output;
   const json figures = json::parse(Run({"device", "test", "--json", "--seconds", "1"}).output);
-  EXPECT_EQ(figures["passed"], true);
   EXPECT_GT(figures["samples"], 300) << kBusyMachine;
+  EXPECT_EQ(figures["passed"], true) << (figures["samples"] > 300 ? "" : kBusyMachine);
   EXPECT_EQ(figures["fault_ticks"], 0);
 }
 

@@ -7,6 +7,7 @@
 #include "palpate/v1/series.grpc.pb.h"
 #include "tests/support/daemon.h"
 #include "tests/support/data_folder.h"
+#include "tests/support/excuse.h"
 #include "tests/support/nrrd.h"
 #include "tests/support/places.h"
 
@@ -104,7 +105,9 @@ TEST_F(SeriesTest, PlaysARealSeriesFrameByFrame) {
   EXPECT_EQ(state_.position_frames(), 8.0);
   // The last frame is shown just after the state says so.
   const std::uint64_t last = result_.volume().volume_revision() + 8;
-  ASSERT_TRUE(test::Eventually([&] { return Volume().volume_revision() == last; }));
+  // Frames whose time has passed are left out: fewer of them are a count.
+  ASSERT_TRUE(test::Eventually([&] { return Volume().volume_revision() == last; }))
+      << test::kBusyMachine;
   ASSERT_TRUE(daemon_->WaitForTicks(100));
   // Each frame is a revision, in order, and every tick has one.
   std::vector<std::uint64_t> revisions;

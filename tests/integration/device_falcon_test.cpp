@@ -49,18 +49,16 @@ class FalconDevice : public testing::Test {
     return Config("falcon_firmware = \"" + file.string() + "\"\n");
   }
 
-  // Streaming, enabled, and pushing a hand that presses; excusable as in device_rig.h.
+  // Streaming, enabled, and pushing a hand that presses.
   testing::AssertionResult PressWithForces(DeviceRig& rig, FalconEmulator& falcon) {
-    const std::int64_t began_ns = NowNs();
-    MoveTo(falcon, Vec3(0.0, -47.0, 0.0));
-    if (rig.WaitForConnection(DeviceRig::kStreaming)) {
+    return WhereTheBusRuns(rig, [&] {
+      MoveTo(falcon, Vec3(0.0, -47.0, 0.0));
+      if (!rig.WaitForConnection(DeviceRig::kStreaming)) return false;
       std::this_thread::sleep_for(std::chrono::milliseconds(300));  // it has moved
-      if (rig.EnableAndWait("falcon")) {
-        Press(falcon);
-        if (Pushes(rig, falcon)) return testing::AssertionSuccess();
-      }
-    }
-    return testing::AssertionFailure() << "no forces" << rig.ExcuseSince(began_ns);
+      if (!rig.EnableAndWait("falcon")) return false;
+      Press(falcon);
+      return Pushes(rig, falcon);
+    });
   }
   void StartPushing(DeviceRig& rig, FalconEmulator& falcon) {
     rig.bus().Plug("1-2", falcon);

@@ -42,6 +42,7 @@ double MedianOf(std::vector<double> values) {
 TEST(UsbDevice, IsFoundClaimedAndIdentified) {
   TouchEmulator touch;
   DeviceRig rig;
+  const std::int64_t began_ns = NowNs();
   ASSERT_TRUE(StartDocked(rig, touch));
   EXPECT_TRUE(rig.WaitForLog("omni-usb on USB port 1-2: connected, serial EMULATED0001, firmware"));
   const v1::GetDeviceResponse device = rig.Get();
@@ -49,10 +50,10 @@ TEST(UsbDevice, IsFoundClaimedAndIdentified) {
   EXPECT_EQ(device.device().verification_level(), v1::VERIFICATION_LEVEL_NONE);
   EXPECT_TRUE(Contains(device.health().identity(), "EMULATED0001"));
   EXPECT_EQ(device.health().problem(), "");
-  EXPECT_EQ(device.health().connections(), 1u);
   EXPECT_TRUE(device.health().docked());
-  EXPECT_EQ(touch.CountOf(Kind::kDetachDriver), 1u);
-  EXPECT_EQ(touch.CountOf(Kind::kClaim), 2u);
+  EXPECT_EQ(device.health().connections(), 1u) << rig.ExcuseSince(began_ns);
+  EXPECT_EQ(touch.CountOf(Kind::kDetachDriver), 1u) << rig.ExcuseSince(began_ns);
+  EXPECT_EQ(touch.CountOf(Kind::kClaim), 2u) << rig.ExcuseSince(began_ns);
   EXPECT_TRUE(touch.is_streaming());
   EXPECT_TRUE(rig.WaitForLog("forces are off until `palpate device enable omni-usb`"));
 }
