@@ -174,7 +174,7 @@ int Main(int argc, char** argv) {
   app.footer(
       "Exit codes: 0 done, 2 wrong usage, 3 wrong value, 4 not found, 5 no permission,\n"
       "6 too large, 7 conflict, 8 palpated unavailable, 9 cancelled, 10 something is missing,\n"
-      "1 anything else.\n"
+      "11 disk full, 1 anything else.\n"
       "Emergency stop: palpate device stop\n"
       "Example: palpate set isovalue 40.8");
   app.set_version_flag("--version", std::string("palpate ") + PALPATE_VERSION);

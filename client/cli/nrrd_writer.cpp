@@ -1,69 +1,18 @@
 #include "client/cli/nrrd_writer.h"
 
-#include <fcntl.h>
 #include <fmt/core.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <cerrno>
-#include <cstdio>
-#include <cstring>
 #include <filesystem>
-#include <string_view>
 #include <vector>
 
 #include "common/error/error.h"
+#include "common/files/new_file.h"
 
 namespace palpate::cli {
 namespace {
-
-[[noreturn]] void ThrowErrno(const std::string& path, int error_number) {
-  const ErrorKind kind = error_number == ENOENT || error_number == ENOTDIR ? ErrorKind::kNotFound
-                         : error_number == EACCES || error_number == EPERM || error_number == EROFS
-                             ? ErrorKind::kPermissionDenied
-                         : error_number == ENOSPC || error_number == EDQUOT || error_number == EFBIG
-                             ? ErrorKind::kUnavailable
-                             : ErrorKind::kInternal;
-  throw Error(kind, "cannot write " + path + ": " + std::strerror(error_number));
-}
-
-// A file beside `path` that is removed unless it is moved there.
-class FileBeside {
- public:
-  explicit FileBeside(const std::string& path)
-      : path_(path), beside_(fmt::format("{}.part-{}", path, getpid())) {
-    file_ = open(beside_.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
-    if (file_ < 0) ThrowErrno(path_, errno);
-  }
-  ~FileBeside() {
-    if (file_ >= 0) close(file_);
-    if (!moved_) unlink(beside_.c_str());
-  }
-  FileBeside(const FileBeside&) = delete;
-  FileBeside& operator=(const FileBeside&) = delete;
-
-  void Write(std::string_view bytes) {
-    while (!bytes.empty()) {
-      const ssize_t written = write(file_, bytes.data(), bytes.size());
-      if (written < 0 && errno == EINTR) continue;
-      if (written < 0) ThrowErrno(path_, errno);
-      bytes.remove_prefix(static_cast<std::size_t>(written));
-    }
-  }
-
-  void Move() {
-    const int closed = close(file_);
-    file_ = -1;
-    if (closed != 0 || std::rename(beside_.c_str(), path_.c_str()) != 0) ThrowErrno(path_, errno);
-    moved_ = true;
-  }
-
- private:
-  std::string path_;
-  std::string beside_;
-  int file_ = -1;
-  bool moved_ = false;
-};
 
 std::string VectorText(const Vec3& v) { return fmt::format("({},{},{})", v.x(), v.y(), v.z()); }
 
@@ -111,13 +60,13 @@ void CheckNrrdPath(const std::string& path, bool overwrite) {
   if (!overwrite && std::filesystem::exists(file, ignored)) {
     throw Error(ErrorKind::kConflict, path + " is there: name another file, or give --overwrite");
   }
-  if (access(file.parent_path().c_str(), W_OK) != 0) ThrowErrno(path, errno);
+  if (access(file.parent_path().c_str(), W_OK) != 0) throw CannotWrite(path, errno);
 }
 
 void WriteNrrd(const VolumeMirror& mirror, const std::string& path, bool overwrite,
                const std::function<void()>& check) {
   CheckNrrdPath(path, overwrite);
-  FileBeside file(path);
+  NewFile file(path, overwrite ? IfThere::kReplace : IfThere::kRefuse);
   file.Write(Header(*mirror.lattice()));
   std::vector<float> voxels;
   for (int k = 0; k < mirror.lattice()->size.z(); k += kBrickEdge) {
@@ -125,7 +74,7 @@ void WriteNrrd(const VolumeMirror& mirror, const std::string& path, bool overwri
     FillSlices(mirror, k, voxels);
     file.Write({reinterpret_cast<const char*>(voxels.data()), voxels.size() * sizeof(float)});
   }
-  file.Move();
+  file.TakeName();
 }
 
 }  // namespace palpate::cli

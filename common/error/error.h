@@ -18,6 +18,7 @@ enum class ErrorKind {
   kConflict,
   kUnavailable,
   kCancelled,
+  kDiskFull,
   kFailedPrecondition,  // what it takes is missing; it may be there later
 };
 
@@ -43,6 +44,7 @@ constexpr int ExitCode(ErrorKind kind) {
     case ErrorKind::kUnavailable: return 8;
     case ErrorKind::kCancelled: return 9;
     case ErrorKind::kFailedPrecondition: return 10;
+    case ErrorKind::kDiskFull: return 11;
   }
   return 1;
 }

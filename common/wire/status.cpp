@@ -1,5 +1,8 @@
 #include "common/wire/status.h"
 
+#include <string>
+#include <string_view>
+
 namespace palpate {
 namespace {
 
@@ -14,6 +17,7 @@ grpc::StatusCode CodeOf(ErrorKind kind) {
     case ErrorKind::kPermissionDenied:
       return grpc::StatusCode::PERMISSION_DENIED;
     case ErrorKind::kTooLarge:
+    case ErrorKind::kDiskFull:
       return grpc::StatusCode::RESOURCE_EXHAUSTED;
     case ErrorKind::kConflict:
       return grpc::StatusCode::ABORTED;
@@ -26,6 +30,14 @@ grpc::StatusCode CodeOf(ErrorKind kind) {
   }
   return grpc::StatusCode::INTERNAL;
 }
+
+// google.rpc.Status {code: 8, details: [google.rpc.ErrorInfo {reason: "DISK_FULL",
+// domain: "palpate"}]}, serialised: what gRPC's tools expect as details.
+constexpr std::string_view kDiskFullDetails =
+    "\x08\x08\x1a\x40\x0a\x28type.googleapis.com/google.rpc.ErrorInfo"
+    "\x12\x14\x0a\x09"
+    "DISK_FULL\x12\x07palpate";
+constexpr std::string_view kDiskFullReason = "DISK_FULL";
 
 ErrorKind KindOf(grpc::StatusCode code) {
   switch (code) {
@@ -59,11 +71,14 @@ ErrorKind KindOf(grpc::StatusCode code) {
 
 grpc::Status ToStatus(const std::exception& exception) {
   const auto* error = dynamic_cast<const Error*>(&exception);
-  return {error == nullptr ? grpc::StatusCode::INTERNAL : CodeOf(error->kind()), exception.what()};
+  if (!error) return {grpc::StatusCode::INTERNAL, exception.what()};
+  const bool disk_full = error->kind() == ErrorKind::kDiskFull;
+  return {CodeOf(error->kind()), exception.what(), std::string(disk_full ? kDiskFullDetails : "")};
 }
 
 Error FromStatus(const grpc::Status& status) {
-  return {KindOf(status.error_code()), status.error_message()};
+  const bool disk_full = status.error_details().find(kDiskFullReason) != std::string::npos;
+  return {disk_full ? ErrorKind::kDiskFull : KindOf(status.error_code()), status.error_message()};
 }
 
 }  // namespace palpate

@@ -5,6 +5,7 @@
 //   kPermissionDenied PERMISSION_DENIED     kCancelled    CANCELLED
 //   kTooLarge         RESOURCE_EXHAUSTED    kInternal     INTERNAL
 //   kFailedPrecondition  FAILED_PRECONDITION
+//   kDiskFull         RESOURCE_EXHAUSTED with the detail ErrorInfo {reason: "DISK_FULL"}
 //
 // Any thread.
 #pragma once

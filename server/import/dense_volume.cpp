@@ -63,7 +63,7 @@ void FinishVolume(DenseVolume volume, const std::optional<Vec3>& spacing_mm,
   volume.voxels.reset();
 
   reporter->Progress(0.8, "writing");
-  WriteVolumeFile(output, *grid, metadata);
+  WriteVolumeFile(output, *grid, metadata, {.durable = Durable::kNo});
   reporter->Progress(1.0, "done");
 }
 

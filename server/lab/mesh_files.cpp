@@ -11,7 +11,7 @@
 #include <string_view>
 
 #include "common/error/error.h"
-#include "server/volume/whole_file.h"
+#include "common/files/new_file.h"
 
 namespace palpate::lab {
 namespace {

@@ -11,7 +11,7 @@
 #include <string_view>
 
 #include "common/error/error.h"
-#include "server/volume/whole_file.h"
+#include "common/files/new_file.h"
 
 namespace palpate::lab {
 namespace {
@@ -114,13 +114,9 @@ void CheckOutputFile(const std::filesystem::path& file) {
 }
 
 void WriteText(const std::filesystem::path& file, const std::string& text) {
-  WriteWhole(file, [&](const std::filesystem::path& partial) {
-    std::ofstream out;
-    out.exceptions(std::ios::failbit | std::ios::badbit);
-    out.open(partial, std::ios::binary);
-    out.write(text.data(), static_cast<std::streamsize>(text.size()));
-    out.close();
-  });
+  NewFile out(file);
+  out.Write(text);
+  out.TakeName();
 }
 
 }  // namespace palpate::lab

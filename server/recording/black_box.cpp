@@ -7,9 +7,9 @@
 #include <utility>
 
 #include "common/error/error.h"
+#include "common/files/new_file.h"
 #include "server/recording/csv_export.h"
 #include "server/safety/names.h"
-#include "server/volume/whole_file.h"
 
 namespace palpate {
 namespace {
@@ -129,7 +129,7 @@ void BlackBox::Run() {
 
 void BlackBox::Write(const std::vector<TickSample>& ticks) const {
   try {
-    std::filesystem::create_directories(folder_);
+    MakeFolders(folder_);
     const std::string prefix =
         ticks.back().force_state == ForceState::kStopped ? "stop-" : "fault-";
     const std::filesystem::path file =

@@ -26,10 +26,9 @@ class RecordingOutput {
 // is killed. A power cut costs about the last second: to sync every chunk would
 // be too slow for settings that are dragged about.
 //
-// Throws Error: kConflict where `path` is there, unless `overwrite`; kUnavailable
-// where nothing can be written. Append: kConflict where `path` has come to be in
-// between; kUnavailable for a full disk.
-// `now`: the clock of the second between two syncs; tests bring their own.
+// Throws Error: kConflict where `path` is there, unless `overwrite`; as CannotWrite where nothing
+// can be written. Append: kConflict where `path` has come to be in between; kDiskFull. `now`: the
+// clock of the second between two syncs; tests bring their own.
 std::unique_ptr<RecordingOutput> CreateRecordingFile(
     const std::filesystem::path& path, bool overwrite,
     std::function<std::chrono::steady_clock::time_point()> now = std::chrono::steady_clock::now);

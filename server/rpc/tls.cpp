@@ -1,6 +1,5 @@
 #include "server/rpc/tls.h"
 
-#include <fcntl.h>
 #include <fmt/chrono.h>
 #include <grpcpp/security/tls_certificate_provider.h>
 #include <grpcpp/security/tls_credentials_options.h>
@@ -12,6 +11,7 @@
 #include <cstring>
 
 #include "common/error/error.h"
+#include "common/files/new_file.h"
 #include "server/log/log.h"
 
 namespace palpate {
@@ -40,19 +40,6 @@ void MakePrivateFolder(const std::filesystem::path& folder) {
   }
 }
 
-void WritePrivate(const std::filesystem::path& path, const std::string& text) {
-  unlink(path.c_str());
-  const int fd = open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC | O_NOFOLLOW, 0600);
-  const bool written =
-      fd >= 0 && write(fd, text.data(), text.size()) == static_cast<ssize_t>(text.size());
-  const int error = errno;
-  if (fd >= 0) close(fd);
-  if (!written) {
-    throw Error(ErrorKind::kPermissionDenied,
-                "cannot write " + path.string() + ": " + std::strerror(error));
-  }
-}
-
 }  // namespace
 
 TlsFiles::TlsFiles(const TlsOptions& options, const std::filesystem::path& folder)
@@ -71,9 +58,9 @@ void TlsFiles::Update() {
   const CheckedPair pair = CheckPair(options_.certificate, options_.key, now);
   // One file for both, so that no moment has the key of one and the certificate of
   // another.
-  const std::filesystem::path next = folder_ / "next.pem";
-  WritePrivate(next, pair.pem);
-  std::filesystem::rename(next, pair_);
+  NewFile next(pair_, IfThere::kReplace, 0600);
+  next.Write(pair.pem);
+  next.TakeName(Durable::kNo);  // made anew at each start
   valid_until_ = pair.valid_until;
   next_warning_ = {};
   LogInfo("TLS with the certificate of {}, valid until {}", pair.subject, ToText(valid_until_));

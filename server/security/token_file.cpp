@@ -1,6 +1,5 @@
 #include "server/security/token_file.h"
 
-#include <fcntl.h>
 #include <fmt/core.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -14,6 +13,7 @@
 
 #include "common/error/error.h"
 #include "common/error/one_line.h"
+#include "common/files/new_file.h"
 
 namespace palpate {
 namespace {
@@ -68,28 +68,15 @@ std::string Text(const std::vector<StoredToken>& tokens) {
   return text;
 }
 
-[[noreturn]] void FailToWrite(const std::filesystem::path& path) {
-  throw Error(ErrorKind::kPermissionDenied,
-              "cannot write " + path.string() + ": " + std::strerror(errno));
-}
-
 // Who is to own the file, and its mode.
 struct stat Belongs(const std::filesystem::path& path) {
   struct stat status {};
   if (stat(path.c_str(), &status) == 0) return status;
   const std::filesystem::path folder = std::filesystem::absolute(path).parent_path();
-  if (stat(folder.c_str(), &status) != 0) FailToWrite(path);
+  if (stat(folder.c_str(), &status) != 0) throw CannotWrite(path, errno);
   status.st_uid = geteuid();
   status.st_mode = 0640;
   return status;
-}
-
-void WriteAll(int fd, std::string_view text) {
-  while (!text.empty()) {
-    const ssize_t count = write(fd, text.data(), text.size());
-    if (count <= 0) return;  // fsync fails then, or the size differs
-    text.remove_prefix(static_cast<std::size_t>(count));
-  }
 }
 
 }  // namespace
@@ -135,25 +122,17 @@ std::vector<StoredToken> ReadTokenFile(const std::filesystem::path& path) {
 
 void WriteTokenFile(const std::filesystem::path& path, const std::vector<StoredToken>& tokens) {
   const struct stat belongs = Belongs(path);
-  std::string temporary = path.string() + ".XXXXXX";
-  const int fd = mkostemp(temporary.data(), O_CLOEXEC);
-  if (fd < 0) FailToWrite(path);
-  const std::string text = Text(tokens);
-  WriteAll(fd, text);
+  NewFile file(path, IfThere::kReplace, 0600);
+  file.Write(Text(tokens));
   struct stat written {};
   // The owner last: one who may not give it away keeps it.
-  const bool done = fchmod(fd, belongs.st_mode & 0777) == 0 && fstat(fd, &written) == 0 &&
-                    written.st_size == static_cast<off_t>(text.size()) && fsync(fd) == 0;
+  const bool done = fchmod(file.descriptor(), belongs.st_mode & 0777) == 0 &&
+                    fstat(file.descriptor(), &written) == 0;
   const bool given = (written.st_uid == belongs.st_uid && written.st_gid == belongs.st_gid) ||
-                     fchown(fd, belongs.st_uid, belongs.st_gid) == 0 || geteuid() != 0;
-  if (!done || !given || rename(temporary.c_str(), path.c_str()) != 0) {
-    const int error = errno;
-    close(fd);
-    unlink(temporary.c_str());
-    errno = error;
-    FailToWrite(path);
-  }
-  close(fd);
+                     fchown(file.descriptor(), belongs.st_uid, belongs.st_gid) == 0 ||
+                     geteuid() != 0;
+  if (!done || !given) throw CannotWrite(path, errno);
+  file.TakeName();
 }
 
 }  // namespace palpate

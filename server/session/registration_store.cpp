@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "common/error/error.h"
+#include "common/files/new_file.h"
 #include "server/log/log.h"
 
 namespace palpate {
@@ -30,8 +31,11 @@ bool IsOf(const StoredRegistration& entry, const VolumeMetadata& volume) {
 class FileLock {
  public:
   explicit FileLock(const std::filesystem::path& path) {
-    std::error_code ignored;
-    std::filesystem::create_directories(path.parent_path(), ignored);
+    try {
+      MakeFolders(path.parent_path());
+    } catch (const Error&) {
+      return;
+    }
     fd_ = open((path.string() + ".lock").c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0600);
     if (fd_ >= 0) flock(fd_, LOCK_EX);
   }

@@ -7,7 +7,7 @@
 
 #include "common/error/error.h"
 #include "common/error/one_line.h"
-#include "server/volume/whole_file.h"
+#include "common/files/new_file.h"
 
 namespace palpate {
 namespace {
@@ -47,19 +47,10 @@ StateFile ReadStateFile(const std::filesystem::path& path) {
 void WriteStateFile(const std::filesystem::path& path, const std::string& remark,
                     const toml::table& table) {
   const std::string text = remark + (table.empty() ? std::string() : ToText(table)) + "\n";
-  std::error_code error;
-  std::filesystem::create_directories(path.parent_path(), error);
-  if (error) {
-    throw Error(ErrorKind::kUnavailable,
-                "cannot make the folder " + path.parent_path().string() + ": " + error.message());
-  }
-  WriteWhole(path, [&](const std::filesystem::path& partial) {
-    std::ofstream file;
-    file.exceptions(std::ios::failbit | std::ios::badbit);
-    file.open(partial, std::ios::binary | std::ios::trunc);
-    file << text;
-    file.close();
-  });
+  MakeFolders(path.parent_path());
+  NewFile file(path);
+  file.Write(text);
+  file.TakeName();
 }
 
 bool HoldsAsToml(const std::string& text) {

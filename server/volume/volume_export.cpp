@@ -5,10 +5,10 @@
 #include <string>
 
 #include "common/error/error.h"
+#include "common/files/new_file.h"
 #include "server/volume/nrrd_writer.h"
 #include "server/volume/snapshot_builder.h"
 #include "server/volume/volume_file.h"
-#include "server/volume/whole_file.h"
 
 namespace palpate {
 namespace {
@@ -66,11 +66,10 @@ std::uint64_t ExportVolume(const VolumeSnapshot& volume, const ExportRequest& re
       tell(std::min(1.0, static_cast<double>(bytes) / voxel_bytes));
     };
     WriteVolumeFile(request.path, *MakeGrid(volume), volume.metadata(),
-                    {.if_there = if_there, .sync = true, .written = written});
+                    {.if_there = if_there, .written = written});
   } else {
     const auto write = [&](const std::filesystem::path& partial) {
       WriteNrrd(partial, volume, tell);
-      Sync(partial);
       // Whoever cancelled before the last moment finds no file.
       tell(1.0);
     };

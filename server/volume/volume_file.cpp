@@ -142,7 +142,6 @@ void WriteGrid(const std::filesystem::path& path, const openvdb::FloatGrid::Ptr&
   stream.setCompression(openvdb::io::COMPRESS_BLOSC | openvdb::io::COMPRESS_ACTIVE_MASK);
   stream.write(openvdb::GridCPtrVec{grid});
   check(file.close());
-  if (options.sync) Sync(path);
 }
 
 openvdb::FloatGrid::Ptr ReadGrid(const std::filesystem::path& path) {
@@ -215,7 +214,7 @@ void WriteVolumeFile(const std::filesystem::path& path, const openvdb::FloatGrid
   const auto write = [&](const std::filesystem::path& partial) {
     WriteGrid(partial, named, options);
   };
-  WriteWhole(path, write, options.if_there);
+  WriteWhole(path, write, options.if_there, options.durable);
 }
 
 VolumeFile ReadVolumeFile(const std::filesystem::path& path) {

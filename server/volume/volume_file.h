@@ -11,9 +11,9 @@
 #include <functional>
 #include <memory>
 
+#include "common/files/new_file.h"
 #include "server/volume/float_grid.h"
 #include "server/volume/volume_metadata.h"
-#include "server/volume/whole_file.h"
 
 namespace palpate {
 
@@ -33,7 +33,7 @@ void CheckVolumeMetadata(const VolumeMetadata& metadata);
 
 struct WriteOptions {
   IfThere if_there = IfThere::kReplace;
-  bool sync = false;  // returns when the file is on the disk
+  Durable durable = Durable::kYes;
   // Told now and then how many bytes there are so far; gives up by throwing.
   std::function<void(std::uint64_t bytes)> written{};
 };
@@ -41,7 +41,7 @@ struct WriteOptions {
 // Writes beside `path` and renames, so that `path` is either whole or as it was.
 // Of `grid` only the tree is written; name, transform and metadata are replaced.
 // Throws Error: kInvalidArgument (metadata, or a tree that does not fit them),
-// kUnavailable (cannot write, disk full), kConflict (see WriteWhole).
+// or as WriteWhole.
 void WriteVolumeFile(const std::filesystem::path& path, const openvdb::FloatGrid& grid,
                      const VolumeMetadata& metadata, const WriteOptions& options = {});
 

@@ -1,6 +1,7 @@
 // Voxels are changed, taken back and saved in a real daemon while it is felt, over
 // gRPC; by the client: daemon_edit_client_test.cpp.
 #include <gtest/gtest.h>
+#include <sys/resource.h>
 
 #include <Eigen/Core>
 #include <Eigen/LU>
@@ -9,6 +10,7 @@
 #include <cmath>
 #include <functional>
 
+#include "common/wire/status.h"
 #include "tests/support/daemon.h"
 #include "tests/support/excuse.h"
 #include "tests/support/places.h"
@@ -402,9 +404,14 @@ TEST_F(EditTest, BadSavesHaveTheirStatusAndLeaveNothing) {
   }
   EXPECT_EQ(Save(folder.path() / "none" / "a.vdb").status.error_code(), StatusCode::NOT_FOUND);
   EXPECT_EQ(Save("/var/a.vdb").status.error_code(), StatusCode::PERMISSION_DENIED);
-  // A disk that is full: the partial file leads to one.
-  std::filesystem::create_symlink("/dev/full", good + ".partial");
-  EXPECT_EQ(Save(good).status.error_code(), StatusCode::UNAVAILABLE);
+  // As on a disk that is full: files may not grow.
+  const pid_t daemon = daemon_->process().pid();
+  rlimit none{.rlim_cur = 100, .rlim_max = RLIM_INFINITY}, before{};
+  ASSERT_EQ(prlimit(daemon, RLIMIT_FSIZE, &none, &before), 0);
+  const grpc::Status full = Save(good).status;
+  ASSERT_EQ(prlimit(daemon, RLIMIT_FSIZE, &before, nullptr), 0);
+  EXPECT_EQ(full.error_code(), StatusCode::RESOURCE_EXHAUSTED);
+  EXPECT_EQ(FromStatus(full).kind(), ErrorKind::kDiskFull) << full.error_message();
   EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder.path()), {}), 0);
 }
 

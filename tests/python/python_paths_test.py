@@ -191,8 +191,21 @@ save_folders = ["{cls.root}/save"]
         self.check_refused("SaveVolume", self.save, self.odd("save"))
 
     def test_recordings(self):
-        more = [str(self.root / "save" / name) for name in ("dangling.nrrd", "partial.palrec")]
+        more = [str(self.root / "save/dangling.nrrd")]
         self.check_refused("StartRecording", self.record, self.outside("save") + more)
+
+    def test_what_lies_beside_a_recording_is_not_opened(self):
+        # Under the name that unfinished files had once: a link, and a pipe that nobody reads.
+        save = self.root / "save"
+        secret = (self.root / "outside/secret.raw").read_bytes()
+        os.mkfifo(save / "pipe.palrec.partial")
+        for name in ("partial.palrec", "pipe.palrec"):
+            self.record(str(save / name))
+            self.recording.StopRecording(recording_pb2.StopRecordingRequest(), timeout=20.0)
+            self.assertGreater((save / name).stat().st_size, 0)
+            (save / name).unlink()
+        self.assertEqual((self.root / "outside/secret.raw").read_bytes(), secret)
+        (save / "pipe.palrec.partial").unlink()
 
     def test_odd_recordings(self):
         self.check_refused("StartRecording", self.record, self.odd("save"))

@@ -9,13 +9,14 @@ import unittest
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 
-COMMON = ["common/bricks", "common/error", "common/geometry", "common/isosurface"]
+COMMON = ["common/bricks", "common/error", "common/files", "common/geometry", "common/isosurface"]
 
 # Folder: folders it may include, besides itself.
 LAYERS = {
     "common/arguments": [],
     "common/bricks": ["common/error", "common/geometry"],
     "common/error": [],
+    "common/files": ["common/error"],
     "common/geometry": [],
     "common/isosurface": ["common/geometry"],
     "common/wire": COMMON,
@@ -40,7 +41,7 @@ LAYERS = {
                                   "server/device", "server/safety", "server/servo",
                                   "server/session"],
     "server/streaming": COMMON + ["server/volume", "server/servo", "server/session"],
-    "server/security": ["common/error"],
+    "server/security": ["common/error", "common/files"],
     "server/metrics": COMMON + ["common/wire", "server/realtime", "server/device", "server/safety",
                                 "server/servo", "server/session", "server/recording"],
     "server/rpc": COMMON + ["common/wire", "server/log", "server/security", "server/realtime", "server/volume", "server/haptics",

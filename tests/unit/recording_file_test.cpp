@@ -106,7 +106,7 @@ TEST(RecordingFile, LosesARaceForItsName) {
 
 TEST(RecordingFile, ThatCannotBeMadeIsRefused) {
   EXPECT_EQ(Refusal([] { CreateRecordingFile("/nowhere/a.palpate", false); }),
-            ErrorKind::kUnavailable);
+            ErrorKind::kNotFound);
 }
 
 // A power cut costs about the last second, and not every chunk waits for the disk.
@@ -142,7 +142,7 @@ TEST(RecordingFile, AFullDiskLeavesWholeChunks) {
   ASSERT_EQ(setrlimit(RLIMIT_FSIZE, &limit), 0);
   const std::optional<ErrorKind> refusal = Refusal([&] { append(1); });
   ASSERT_EQ(setrlimit(RLIMIT_FSIZE, &unlimited), 0);
-  EXPECT_EQ(refusal, ErrorKind::kUnavailable);
+  EXPECT_EQ(refusal, ErrorKind::kDiskFull);
   EXPECT_EQ(std::filesystem::file_size(path), writer.counts().bytes);
   EXPECT_EQ(Read(path).ticks, 1u);
   append(1);  // there is space again

@@ -155,6 +155,7 @@ TEST(StatusTest, EveryKindSurvivesTheWire) {
                {ErrorKind::kNotFound, grpc::StatusCode::NOT_FOUND},
                {ErrorKind::kPermissionDenied, grpc::StatusCode::PERMISSION_DENIED},
                {ErrorKind::kTooLarge, grpc::StatusCode::RESOURCE_EXHAUSTED},
+               {ErrorKind::kDiskFull, grpc::StatusCode::RESOURCE_EXHAUSTED},
                {ErrorKind::kConflict, grpc::StatusCode::ABORTED},
                {ErrorKind::kUnavailable, grpc::StatusCode::UNAVAILABLE},
                {ErrorKind::kCancelled, grpc::StatusCode::CANCELLED},

@@ -13,7 +13,7 @@ from palpate._device import Device, DeviceInfo, Forces, ListedDevice
 from palpate._edits import EditResult, Edits
 from palpate._enums import (DecompositionMethod, DeviceConnection, ForceReason, ForceState,
                             FreeSide, ProxyMode, VerificationLevel)
-from palpate._errors import (Cancelled, Conflict, Error, FailedPrecondition, Internal,
+from palpate._errors import (Cancelled, Conflict, DiskFull, Error, FailedPrecondition, Internal,
                              InvalidArgument, NotFound, PermissionDenied, TooLarge, Unavailable)
 from palpate._poses import Poses, PoseStream
 from palpate._recording import Recording, RecordingState
@@ -24,7 +24,7 @@ from palpate._volume_copy import Volume
 
 __all__ = [
     "Applied", "Cancelled", "Conflict", "Connection", "DecompositionMethod", "Device",
-    "DeviceConnection", "DeviceInfo", "EditResult", "Edits", "Error", "FailedPrecondition",
+    "DeviceConnection", "DeviceInfo", "DiskFull", "EditResult", "Edits", "Error", "FailedPrecondition",
     "ForceReason", "ForceState", "Forces", "FreeSide", "Internal", "InvalidArgument",
     "ListedDevice", "NotFound", "PermissionDenied", "PoseStream", "Poses", "ProxyMode",
     "Recording", "RecordingState", "Series", "SeriesState", "Settings", "TooLarge", "Unavailable",

@@ -23,6 +23,10 @@ class TooLarge(Error):
     """More voxels or bytes than fit."""
 
 
+class DiskFull(Error):
+    """No space left where palpated was to write; what was there before is whole."""
+
+
 class Conflict(Error):
     """Somebody else was first: another revision, a running load, an existing file."""
 
@@ -68,4 +72,6 @@ def error_of(name: str, failed: grpc.RpcError) -> Error:
         return Unavailable(f"{name} is not palpated, or one of another version")
     if code == grpc.StatusCode.UNAVAILABLE:
         return Unavailable(f"palpated at {name} is unavailable: {failed.details()}")
-    return _KINDS.get(code, Internal)(failed.details())
+    details = dict(failed.trailing_metadata() or ()).get("grpc-status-details-bin", b"")
+    kind = DiskFull if b"DISK_FULL" in details else _KINDS.get(code, Internal)
+    return kind(failed.details())

@@ -3,25 +3,16 @@
 #include <fmt/chrono.h>
 #include <fmt/format.h>
 #include <png.h>
-#include <unistd.h>
 
 #include <cerrno>
-#include <cstring>
 #include <ctime>
 #include <filesystem>
+#include <ios>
 
-#include "common/error/error.h"
+#include "common/files/new_file.h"
 
 namespace palpate::view {
 namespace {
-
-[[noreturn]] void Refuse(const std::string& path, int error) {
-  const ErrorKind kind = error == ENOENT || error == ENOTDIR || error == EISDIR
-                             ? ErrorKind::kNotFound
-                         : error == EACCES || error == EROFS ? ErrorKind::kPermissionDenied
-                                                             : ErrorKind::kInternal;
-  throw Error(kind, fmt::format("cannot write {}: {}", path, std::strerror(error)));
-}
 
 std::vector<std::uint8_t> WithoutAlpha(const Image& image) {
   std::vector<std::uint8_t> rgb;
@@ -33,11 +24,6 @@ std::vector<std::uint8_t> WithoutAlpha(const Image& image) {
   return rgb;
 }
 
-// Beside its name first, for a reader must never see half a picture.
-std::string UnfinishedName(const std::string& path) {
-  return fmt::format("{}.{}.part", path, getpid());
-}
-
 }  // namespace
 
 void WritePng(const Image& image, const std::string& path) {
@@ -47,26 +33,18 @@ void WritePng(const Image& image, const std::string& path) {
   png.width = static_cast<png_uint_32>(image.size.width);
   png.height = static_cast<png_uint_32>(image.size.height);
   png.format = PNG_FORMAT_RGB;
-  const std::string unfinished = UnfinishedName(path);
-  std::FILE* file = std::fopen(unfinished.c_str(), "wb");
-  if (!file) Refuse(path, errno);
-  errno = 0;
-  bool written = png_image_write_to_stdio(&png, file, 0, rgb.data(), 0, nullptr) != 0;
-  written = std::fclose(file) == 0 && written;
-  written = written && std::rename(unfinished.c_str(), path.c_str()) == 0;
-  if (written) return;
-  const int error = errno == 0 ? EIO : errno;
-  std::remove(unfinished.c_str());
-  Refuse(path, error);
+  const auto write = [&](const std::filesystem::path& partial) {
+    if (png_image_write_to_file(&png, partial.c_str(), 0, rgb.data(), 0, nullptr) == 0) {
+      throw std::ios_base::failure(png.message);
+    }
+  };
+  // A window does not wait for the disk.
+  WriteWhole(path, write, IfThere::kReplace, Durable::kNo);
 }
 
 void RequireWritable(const std::string& path) {
-  if (std::filesystem::is_directory(path)) Refuse(path, EISDIR);
-  const std::string unfinished = UnfinishedName(path);
-  std::FILE* file = std::fopen(unfinished.c_str(), "wb");
-  if (!file) Refuse(path, errno);
-  std::fclose(file);
-  std::remove(unfinished.c_str());
+  if (std::filesystem::is_directory(path)) throw CannotWrite(path, EISDIR);
+  const NewFile file(path);
 }
 
 std::string NewPictureName() {

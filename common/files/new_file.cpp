@@ -1,0 +1,156 @@
+#include "common/files/new_file.h"
+
+#include <fcntl.h>
+#include <stdio.h>
+#include <sys/random.h>
+#include <unistd.h>
+
+#include <array>
+#include <cerrno>
+#include <ios>
+#include <string>
+#include <system_error>
+#include <utility>
+
+namespace palpate {
+namespace {
+
+namespace fs = std::filesystem;
+
+[[noreturn]] void RefuseToOverwrite(const fs::path& path) {
+  throw Error(ErrorKind::kConflict,
+              path.string() + " is there already: allow to overwrite it, or name another one");
+}
+
+// Six letters that nobody can foresee.
+std::string RandomLetters() {
+  constexpr std::string_view kLetters = "abcdefghijklmnopqrstuvwxyz234567";
+  std::array<unsigned char, 6> random{};
+  if (getrandom(random.data(), random.size(), 0) != static_cast<ssize_t>(random.size())) return "";
+  std::string letters;
+  for (const unsigned char byte : random) letters += kLetters[byte % kLetters.size()];
+  return letters;
+}
+
+}  // namespace
+
+Error CannotWrite(const fs::path& path, int error_number) {
+  const auto error = [&](ErrorKind kind, const std::string& what_to_do) {
+    return Error(kind, "cannot write " + path.string() + ": " +
+                           std::generic_category().message(error_number) + what_to_do);
+  };
+  switch (error_number) {
+    case ENOENT:
+    case ENOTDIR:
+      return error(ErrorKind::kNotFound, "; make the folder, or name another one");
+    case EISDIR:
+      return error(ErrorKind::kInvalidArgument, "; name a file");
+    case EACCES:
+    case EPERM:
+    case EROFS:
+      return error(ErrorKind::kPermissionDenied, "; may this user write there?");
+    case ENOSPC:
+    case EDQUOT:
+    case EFBIG:
+      return error(ErrorKind::kDiskFull, "; make space, or name another folder");
+    default:
+      return error(ErrorKind::kUnavailable, "; name another folder");
+  }
+}
+
+NewFile::NewFile(fs::path path, IfThere if_there, mode_t mode)
+    : path_(std::move(path)), if_there_(if_there) {
+  std::error_code ignored;
+  if (if_there_ == IfThere::kRefuse && fs::exists(fs::symlink_status(path_, ignored))) {
+    RefuseToOverwrite(path_);
+  }
+  do {
+    partial_ = path_.string() + "." + RandomLetters() + ".partial";
+    descriptor_ = open(partial_.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, mode);
+  } while (descriptor_ < 0 && errno == EEXIST);
+  if (descriptor_ < 0) throw CannotWrite(path_, errno);
+}
+
+NewFile::~NewFile() {
+  close(descriptor_);
+  if (!has_name_) unlink(partial_.c_str());
+}
+
+void NewFile::Write(std::string_view bytes) {
+  while (!bytes.empty()) {
+    const ssize_t written = write(descriptor_, bytes.data(), bytes.size());
+    if (written >= 0) {
+      bytes.remove_prefix(static_cast<std::size_t>(written));
+    } else if (errno != EINTR) {
+      throw CannotWrite(path_, errno);
+    }
+  }
+}
+
+void NewFile::Sync() {
+  if (fdatasync(descriptor_) != 0) throw CannotWrite(path_, errno);
+}
+
+void NewFile::TakeName(Durable durable) {
+  if (durable == Durable::kYes) Sync();
+  Rename();
+  has_name_ = true;
+  if (durable == Durable::kYes) SyncFolder(fs::absolute(path_).parent_path());
+}
+
+void NewFile::Rename() {
+  if (if_there_ == IfThere::kReplace) {
+    if (rename(partial_.c_str(), path_.c_str()) != 0) throw CannotWrite(path_, errno);
+  } else if (renameat2(AT_FDCWD, partial_.c_str(), AT_FDCWD, path_.c_str(), RENAME_NOREPLACE) !=
+             0) {
+    if (errno == EEXIST) RefuseToOverwrite(path_);
+    if (errno != EINVAL) throw CannotWrite(path_, errno);
+    ClaimAndRename();
+  }
+}
+
+// Where the file system (NFS) cannot rename without replacing.
+void NewFile::ClaimAndRename() {
+  const int claim = open(path_.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
+  if (claim < 0 && errno == EEXIST) RefuseToOverwrite(path_);
+  if (claim < 0) throw CannotWrite(path_, errno);
+  close(claim);
+  if (rename(partial_.c_str(), path_.c_str()) != 0) throw CannotWrite(path_, errno);
+}
+
+void WriteWhole(const fs::path& path, const std::function<void(const fs::path& partial)>& write,
+                IfThere if_there, Durable durable) {
+  NewFile file(path, if_there);
+  errno = 0;
+  try {
+    write(file.partial());
+  } catch (const std::ios_base::failure&) {
+    // Streams do not tell why; the call that failed left its number.
+    throw CannotWrite(path, errno != 0 ? errno : EIO);
+  } catch (const fs::filesystem_error& error) {
+    throw CannotWrite(path, error.code().value());
+  }
+  file.TakeName(durable);
+}
+
+void MakeFolders(const fs::path& folder) {
+  std::error_code error;
+  if (folder.empty() || fs::is_directory(folder, error)) return;
+  const fs::path above = fs::absolute(folder).parent_path();
+  MakeFolders(above);
+  fs::create_directory(folder, error);
+  if (error) throw CannotWrite(folder, error.value());
+  SyncFolder(above);
+}
+
+void SyncFolder(const fs::path& folder) {
+  const int directory = open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  // One that we may write to but not list.
+  if (directory < 0 && errno == EACCES) return;
+  const bool synced = directory >= 0 && (fsync(directory) == 0 || errno == EINVAL);
+  const int error_number = errno;
+  if (directory >= 0) close(directory);
+  if (!synced) throw CannotWrite(folder, error_number);
+}
+
+}  // namespace palpate

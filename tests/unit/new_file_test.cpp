@@ -1,0 +1,127 @@
+// Files that are whole or as they were.
+#include "common/files/new_file.h"
+
+#include <gtest/gtest.h>
+#include <signal.h>
+#include <sys/resource.h>
+#include <sys/stat.h>
+
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <string>
+
+#include "tests/support/refusal.h"
+#include "tests/support/temporary_folder.h"
+
+namespace palpate {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::Refusal;
+
+std::string Text(const fs::path& path) {
+  std::ifstream file(path);
+  return {std::istreambuf_iterator<char>(file), {}};
+}
+
+class NewFileTest : public ::testing::Test {
+ protected:
+  int Files() const {
+    return static_cast<int>(std::distance(fs::directory_iterator(folder_.path()), {}));
+  }
+
+  const test::TemporaryFolder folder_;
+  const fs::path path_ = folder_.path() / "a.txt";
+};
+
+TEST_F(NewFileTest, TakesItsNameWithAllOfItsBytes) {
+  NewFile file(path_);
+  file.Write("new ");
+  file.Write("text");
+  EXPECT_FALSE(fs::exists(path_));
+  file.TakeName();
+  EXPECT_EQ(Text(path_), "new text");
+  EXPECT_EQ(Files(), 1);
+}
+
+TEST_F(NewFileTest, LeavesWhatWasThereWithoutIt) {
+  std::ofstream(path_) << "old";
+  { NewFile(path_).Write("new"); }
+  EXPECT_EQ(Text(path_), "old");
+  EXPECT_EQ(Refusal([&] {
+              WriteWhole(path_, [](const fs::path& partial) {
+                std::ofstream(partial) << "half";
+                throw std::ios_base::failure("write");
+              });
+            }),
+            ErrorKind::kUnavailable);
+  EXPECT_EQ(Text(path_), "old");
+  EXPECT_EQ(Files(), 1);
+}
+
+TEST_F(NewFileTest, RefusesToReplaceWhereItMayNot) {
+  std::ofstream(path_) << "old";
+  EXPECT_EQ(Refusal([&] { NewFile(path_, IfThere::kRefuse); }), ErrorKind::kConflict);
+  fs::remove(path_);
+  NewFile file(path_, IfThere::kRefuse);
+  file.Write("new");
+  std::ofstream(path_) << "meanwhile";
+  EXPECT_EQ(Refusal([&] { file.TakeName(); }), ErrorKind::kConflict);
+  EXPECT_EQ(Text(path_), "meanwhile");
+}
+
+// A link that leads nowhere is there, too.
+TEST_F(NewFileTest, FollowsNoLink) {
+  std::ofstream(folder_.path() / "victim") << "precious";
+  fs::create_symlink(folder_.path() / "none", path_);
+  EXPECT_EQ(Refusal([&] { NewFile(path_, IfThere::kRefuse); }), ErrorKind::kConflict);
+  fs::remove(path_);
+  fs::create_symlink(folder_.path() / "victim", path_);
+  NewFile file(path_);
+  file.Write("new");
+  file.TakeName();
+  EXPECT_EQ(Text(folder_.path() / "victim"), "precious");
+  EXPECT_TRUE(fs::is_regular_file(fs::symlink_status(path_)));
+}
+
+// Pipes and links under the name that partial files had before.
+TEST_F(NewFileTest, OpensNothingThatLayThere) {
+  ASSERT_EQ(mkfifo((path_.string() + ".partial").c_str(), 0600), 0);
+  NewFile file(path_);
+  file.Write("new");
+  file.TakeName();
+  EXPECT_EQ(Text(path_), "new");
+}
+
+TEST_F(NewFileTest, SaysWhyItCannotWrite) {
+  EXPECT_EQ(Refusal([&] { NewFile(folder_.path() / "none" / "a"); }), ErrorKind::kNotFound);
+  EXPECT_EQ(Refusal([&] { NewFile("/proc/self/a"); }), ErrorKind::kNotFound);
+  NewFile file(folder_.path());
+  EXPECT_EQ(Refusal([&] { file.TakeName(); }), ErrorKind::kInvalidArgument);
+}
+
+// Files may grow to a limit here, as on a disk that fills up.
+TEST_F(NewFileTest, AFullDiskHasAKindOfItsOwn) {
+  signal(SIGXFSZ, SIG_IGN);
+  rlimit limit{};
+  ASSERT_EQ(getrlimit(RLIMIT_FSIZE, &limit), 0);
+  const rlimit unlimited = limit;
+  limit.rlim_cur = 1000;
+  ASSERT_EQ(setrlimit(RLIMIT_FSIZE, &limit), 0);
+  const auto refused = Refusal([&] { NewFile(path_).Write(std::string(2000, 'a')); });
+  const auto refused_stream = Refusal([&] {
+    WriteWhole(path_, [](const fs::path& partial) {
+      std::ofstream out(partial);
+      out.exceptions(std::ios::failbit | std::ios::badbit);
+      out << std::string(100'000, 'a') << std::flush;
+    });
+  });
+  ASSERT_EQ(setrlimit(RLIMIT_FSIZE, &unlimited), 0);
+  EXPECT_EQ(refused, ErrorKind::kDiskFull);
+  EXPECT_EQ(refused_stream, ErrorKind::kDiskFull);
+  EXPECT_EQ(Files(), 0);
+}
+
+}  // namespace
+}  // namespace palpate
