@@ -59,7 +59,7 @@ Json ToJson(const v1::RecordingState& state) {
 
 void ThrowIfEndedEarly(const v1::RecordingState& state) {
   if (state.error().empty()) return;
-  throw Error(ErrorKind::kUnavailable,
+  throw Error(state.disk_full() ? ErrorKind::kDiskFull : ErrorKind::kFailedPrecondition,
               "the recording ended early: " + state.error() + "; what it has is kept");
 }
 
@@ -147,12 +147,13 @@ void ShowRecording(const Connection& connection, bool json) {
   } else if (state.running()) {
     WriteOutput("recording: " + DescribeRecording(state) + "\n");
   } else if (!state.error().empty()) {
-    WriteOutput("ended early: " + OneLine(state.error()) + "\n" + DescribeRecording(state) + "\n");
+    WriteOutput("not recording; the last: " + DescribeRecording(state) + "\n");
   } else if (!state.path().empty()) {
     WriteOutput("not recording; the last: " + DescribeRecording(state) + "\n");
   } else {
     WriteOutput("not recording\n");
   }
+  if (!state.running()) ThrowIfEndedEarly(state);
 }
 
 void MarkRecording(const Connection& connection, const std::string& text) {

@@ -3,6 +3,7 @@
 #include <prometheus/registry.h>
 #include <csignal>
 
+#include <algorithm>
 #include <cerrno>
 #include <ctime>
 #include <functional>
@@ -94,6 +95,20 @@ std::string StatusLine(const HapticDevice& device, const ForceWatch& forces,
                      session.volume().volume->metadata().source);
 }
 
+// False where a signal ends the daemon before it is loaded.
+bool LoadFirst(const std::function<void()>& load, SessionKeeper& keeper,
+               const LoadCancelled& end_requested) {
+  try {
+    load();
+    return true;
+  } catch (const Error& error) {
+    if (error.kind() != ErrorKind::kCancelled || !end_requested()) throw;
+  }
+  keeper.GiveBack();
+  LogInfo("ended by a signal while the volume was loading");
+  return false;
+}
+
 // Until a signal that ends the daemon, which it returns.
 int Serve(ServiceManager& manager, const ServoLoop& servo, ConfigReload& reload,
           const std::function<std::string()>& status) {
@@ -129,9 +144,9 @@ void BlockSignals() {
 void RunDaemon(const LoadedConfig& loaded, const ConfigReader& read) {
   const Config& config = loaded.config;
   ServiceManager manager;
-  // Its thread gives way to the servo.
+  // Its thread gives way to the servo, where there is a priority below it.
   const std::unique_ptr<HapticDevice> device =
-      MakeDevice(config.device, config.realtime.priority - 1);
+      MakeDevice(config.device, std::max(1, config.realtime.priority - 1));
   const std::filesystem::path state_folder = config.state_folder.value_or(DefaultStateFolder());
   SceneInbox inbox;
   const auto outbox = std::make_unique<TickOutbox>();
@@ -158,7 +173,8 @@ void RunDaemon(const LoadedConfig& loaded, const ConfigReader& read) {
   RecordingControl recording(session, pump,
                              {[&](const std::string& path) { return paths.CheckSave(path); },
                               [&](const std::string& path) { return paths.CheckLoad(path); }},
-                             "palpated " PALPATE_VERSION, limits);
+                             "palpated " PALPATE_VERSION, limits,
+                             [](const std::string& line) { LogError("{}", line); });
   SeriesPlayer series(session);
   SessionKeeper keeper(state_folder, socket, ConfiguredVolume(config), ConfiguredSettings(config),
                        session);
@@ -176,7 +192,9 @@ void RunDaemon(const LoadedConfig& loaded, const ConfigReader& read) {
   }
   RemoveAbandonedUploads(config.uploads);
   manager.Loading(config.volume);
-  LoadFirstVolume(loaded, session, keeper, paths, [&] { return EndRequested(!read); });
+  const auto end_requested = [&] { return EndRequested(!read); };
+  const auto load = [&] { LoadFirstVolume(loaded, session, keeper, paths, end_requested); };
+  if (!LoadFirst(load, keeper, end_requested)) return;
   const auto servo_metrics = std::make_shared<ServoMetrics>(*registry);
   const auto state_metrics = std::make_shared<StateMetrics>(
       MeasuredParts{servo, *device, forces, recording, *session.loader().budget,

@@ -19,8 +19,8 @@ constexpr std::uint64_t kKeyframePeriodTicks = kSamplesPerChunk - kKeyframeTicks
 }  // namespace
 
 Recorder::Recorder(std::unique_ptr<RecordingOutput> output, const std::string& program,
-                   std::function<std::int64_t()> now_ns)
-    : now_ns_(std::move(now_ns)), writer_(std::move(output), program) {
+                   std::function<void(const Error&)> failed, std::function<std::int64_t()> now_ns)
+    : failed_(std::move(failed)), now_ns_(std::move(now_ns)), writer_(std::move(output), program) {
   samples_.reserve(kSamplesPerChunk);
   report_.counts = writer_.counts();
   thread_ = std::thread([this] { Run(); });
@@ -41,6 +41,7 @@ void Recorder::OnKeyframe(const ServoKeyframe& keyframe) {
 void Recorder::NoteScene(const RecordedScene& scene, std::shared_ptr<const VolumeSnapshot> volume,
                          std::uint64_t changed_bytes) {
   const std::lock_guard lock(mutex_);
+  if (report_.error) return;
   scenes_.push_back({scene, std::move(volume), changed_bytes});
   waiting_bytes_ += changed_bytes;
   // So many wait only for a disk that has stopped. Samples without their scene
@@ -110,11 +111,11 @@ void Recorder::Run() {
       if (last) break;
     }
     WriteRest();
-    Publish(std::nullopt);
+    Publish();
   } catch (const Error& error) {
-    Publish(error);
+    Fail(error);
   } catch (const std::exception& error) {
-    Publish(Error(ErrorKind::kInternal, error.what()));
+    Fail(Error(ErrorKind::kInternal, error.what()));
   }
   stopped_.store(true, std::memory_order_relaxed);
 }
@@ -196,7 +197,7 @@ std::vector<RecordedMarker> Recorder::TakeMarkers(std::uint64_t tick) {
 void Recorder::WriteSamples() {
   writer_.AppendSamples(samples_);
   samples_.clear();
-  Publish(std::nullopt);
+  Publish();
 }
 
 void Recorder::WriteRest() {
@@ -210,9 +211,25 @@ void Recorder::WriteRest() {
   writer_.AppendEnd();
 }
 
-void Recorder::Publish(const std::optional<Error>& error) {
+void Recorder::Publish() {
   const std::lock_guard lock(mutex_);
-  report_ = {writer_.counts(), error};
+  report_.counts = writer_.counts();
+}
+
+void Recorder::Fail(const Error& error) {
+  stopped_.store(true, std::memory_order_relaxed);
+  // Freed after the lock is: a volume takes its time.
+  std::deque<WaitingScene> scenes;
+  std::deque<WaitingMarker> markers;
+  {
+    const std::lock_guard lock(mutex_);
+    report_ = {writer_.counts(), error};
+    scenes.swap(scenes_);
+    markers.swap(markers_);
+    let_go_ = 0;
+    waiting_bytes_ = 0;
+  }
+  if (failed_) failed_(error);
 }
 
 }  // namespace palpate

@@ -15,7 +15,7 @@
 // weak_ptr for as long as it likes; Stop before the last owner lets go, which may
 // be the pump, since the destructor waits for the disk.
 // Errors: what the writer thread meets ends the recording there, keeps what was
-// written, and is in the report.
+// written, and is in the report. All that waits is let go then, and nothing more is taken.
 #pragma once
 
 #include <atomic>
@@ -53,8 +53,10 @@ class Recorder final : public SampleSink {
   static constexpr std::uint64_t kMaxWaitingVoxelBytes = std::uint64_t{256} << 20;
 
   // Writes the header and starts the writer thread. Throws the output's Error.
+  // failed: told by the writer thread, once, that the recording ended early.
   // now_ns: the clock of the recording; tests bring their own.
   Recorder(std::unique_ptr<RecordingOutput> output, const std::string& program,
+           std::function<void(const Error&)> failed = {},
            std::function<std::int64_t()> now_ns = MonotonicNowNs);
   ~Recorder() override;
 
@@ -66,7 +68,7 @@ class Recorder final : public SampleSink {
   // tick of its scene_revision; `scene.tick` is ignored. A scene that no tick
   // used is left out.
   // `volume`: the scene's, of whose voxels what the recording lacks is written, too;
-  // null: none is. `changed_bytes`: by how much it differs from the one before.
+  // null: none is. `changed_bytes`: what the one before keeps of memory that this one does not.
   void NoteScene(const RecordedScene& scene, std::shared_ptr<const VolumeSnapshot> volume = {},
                  std::uint64_t changed_bytes = 0);
 
@@ -103,7 +105,8 @@ class Recorder final : public SampleSink {
   void LetOldVolumesGo();
   void WriteSamples();
   void WriteRest();
-  void Publish(const std::optional<Error>& error);
+  void Publish();
+  void Fail(const Error& error);
 
   SpscRing<TickSample, kQueueTicks> ring_;
   SpscRing<ServoKeyframe, kQueueTicks / kKeyframeTicks> keyframes_;
@@ -111,6 +114,7 @@ class Recorder final : public SampleSink {
   std::atomic<std::uint64_t> delivered_end_{0};
   std::atomic<bool> stopped_{false};
 
+  const std::function<void(const Error&)> failed_;
   const std::function<std::int64_t()> now_ns_;
 
   // The writer thread's own.

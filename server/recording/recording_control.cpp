@@ -9,12 +9,12 @@
 namespace palpate {
 namespace {
 
-// Of the change to the scene's volume: all of it where another one was loaded.
-std::uint64_t ChangedBytes(const VolumeSnapshot& volume, std::span<const BrickChange> changes,
-                           bool is_new) {
-  if (!is_new) return changes.size() * sizeof(Brick);
-  const auto bricks = volume.bricks().brick_count().cast<std::uint64_t>();
-  return bricks.prod() * sizeof(Brick);
+// What the volume before keeps of memory: its bricks that were changed, or all where another one
+// was loaded.
+std::uint64_t KeptBytes(const VolumeSnapshot& before, const VolumeSnapshot& volume,
+                        std::span<const BrickChange> changes) {
+  const bool is_new = before.loaded_revision() != volume.loaded_revision();
+  return is_new ? before.bricks().MemoryBytes() : changes.size() * sizeof(Brick);
 }
 
 // Until its end.
@@ -26,24 +26,23 @@ struct Running {
 }  // namespace
 
 RecordingControl::RecordingControl(Session& session, Pump& pump, RecordingPaths paths,
-                                   std::string program, const SafetyLimits& safety)
+                                   std::string program, const SafetyLimits& safety,
+                                   std::function<void(const std::string&)> report)
     : session_(session),
       pump_(pump),
       paths_(std::move(paths)),
       program_(std::move(program)),
-      safety_(safety) {
-  session_.AddListener(*this);
-}
+      safety_(safety),
+      report_(std::move(report)) {}
 
 void RecordingControl::OnScene(const Scene& scene, std::span<const BrickChange> changes) {
-  RecordedScene recorded =
-      ToRecorded(scene, HashVolume(*scene.volume), kTickPeriodS, safety_);
+  RecordedScene recorded = ToRecorded(scene, HashVolume(*scene.volume), kTickPeriodS, safety_);
   // Freed after the lock is: a volume takes its time.
   std::shared_ptr<const VolumeSnapshot> before = scene.volume;
   const std::lock_guard lock(mutex_);
-  const bool is_new = scene_ && scene_->loaded_revision != recorded.loaded_revision;
   if (recorder_) {
-    recorder_->NoteScene(recorded, scene.volume, ChangedBytes(*scene.volume, changes, is_new));
+    recorder_->NoteScene(recorded, scene.volume,
+                         volume_ ? KeptBytes(*volume_, *scene.volume, changes) : 0);
   }
   scene_ = std::move(recorded);
   volume_.swap(before);
@@ -53,7 +52,11 @@ RecordingStatus RecordingControl::Start(const std::string& path, bool overwrite)
   const std::lock_guard command(commands_);
   CheckIdle();
   const std::filesystem::path file = paths_.save(path);
-  const auto recorder = std::make_shared<Recorder>(CreateRecordingFile(file, overwrite), program_);
+  const auto failed = [report = report_, file](const Error& error) {
+    if (report) report("the recording to " + file.string() + " ended early: " + error.what());
+  };
+  const auto recorder =
+      std::make_shared<Recorder>(CreateRecordingFile(file, overwrite), program_, failed);
   {
     const std::lock_guard lock(mutex_);
     if (scene_) recorder->NoteScene(*scene_, volume_);

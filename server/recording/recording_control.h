@@ -36,9 +36,9 @@ struct RecordingPaths {
 class RecordingControl final : public SceneListener {
  public:
   // Listens to the session: before its first Load. `program`: name and version;
-  // `safety`: the servo's.
+  // `safety`: the servo's. `report`: told by any thread when a recording ends early, a line.
   RecordingControl(Session& session, Pump& pump, RecordingPaths paths, std::string program,
-                   const SafetyLimits& safety);
+                   const SafetyLimits& safety, std::function<void(const std::string&)> report = {});
   ~RecordingControl() override { End(); }
 
   void OnScene(const Scene& scene, std::span<const BrickChange> changes) override;
@@ -68,6 +68,7 @@ class RecordingControl final : public SceneListener {
   const RecordingPaths paths_;
   const std::string program_;
   const SafetyLimits safety_;
+  const std::function<void(const std::string&)> report_;
 
   // Start, Stop and the beginning of replays, one after the other.
   std::mutex commands_;
@@ -78,6 +79,8 @@ class RecordingControl final : public SceneListener {
   std::shared_ptr<const VolumeSnapshot> volume_;  // the scene's
   std::shared_ptr<Recorder> recorder_;
   RecordingStatus last_;  // of the one before, and the path of this one
+
+  const Listening listening_{session_, *this};
 };
 
 }  // namespace palpate

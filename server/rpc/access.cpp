@@ -105,6 +105,12 @@ grpc::Status Admission::Failed(const std::exception& error) const {
   return ToStatus(error);
 }
 
+void Admission::Writing(bool begins) const {
+  if (!access_ || !is_listed_) return;
+  const std::lock_guard lock(access_->mutex_);
+  running_->writing_since_ns = begins ? MonotonicNowNs() : 0;
+}
+
 std::shared_ptr<const Policy> Access::policy() const {
   const std::lock_guard lock(mutex_);
   return policy_;
@@ -181,19 +187,27 @@ void Access::Review() {
   {
     const std::lock_guard lock(mutex_);
     const auto refused = [this](const Admission::Running& call) {
-      return !call.ended && !Holds(call);
+      return !call.ended && !WhyEnd(call).empty();
     };
     // From the start after each: ending one may take it out of the list.
     for (auto at = running_.begin(); at != running_.end();) {
       at = std::find_if(running_.begin(), running_.end(), refused);
       if (at == running_.end()) break;
       lines.push_back("ended " + std::string(at->rule->method) + " of " + at->identity + " at " +
-                      at->peer + ": it is no longer allowed");
+                      at->peer + ": " + WhyEnd(*at));
       at->ended = true;
       at->context->TryCancel();
     }
   }
   for (const std::string& line : lines) LogWarning("{}", line);
+}
+
+std::string Access::WhyEnd(const Admission::Running& call) const {
+  constexpr std::int64_t kPatienceNs = std::chrono::nanoseconds(kWritePatience).count();
+  if (!Holds(call)) return "it is no longer allowed";
+  const bool is_stalled =
+      call.writing_since_ns != 0 && MonotonicNowNs() - call.writing_since_ns > kPatienceNs;
+  return is_stalled ? "it does not read its answer" : "";
 }
 
 bool Access::Holds(const Admission::Running& call) const {

@@ -43,6 +43,15 @@ class Admission {
   const grpc::Status& status() const { return status_; }
   // Of a stream of poses, once, before it begins: OK, or too many samples per second.
   grpc::Status TakeSamples(int samples_per_s);
+  // A message of a streaming answer, of a call that is kTransfer. Waits until gRPC takes it; a
+  // client that reads nothing for Access::kWritePatience loses its call, and whoever writes goes
+  // on.
+  template <class Message>
+  void Write(grpc::ServerWriter<Message>& writer, const Message& message) const {
+    Writing(true);
+    writer.Write(message);
+    Writing(false);
+  }
   // The call is over.
   void Leave();
   // The status of a call that was admitted and failed: where that is of a client's doing,
@@ -58,7 +67,10 @@ class Admission {
     std::string identity{};
     std::string peer{};
     bool ended = false;
+    std::int64_t writing_since_ns = 0;  // a message of its answer; 0: none
   };
+  void Writing(bool begins) const;
+
   explicit Admission(grpc::Status status = {}) : status_(std::move(status)) {}
 
   grpc::Status status_;
@@ -73,6 +85,8 @@ class Admission {
 
 class Access {
  public:
+  static constexpr std::chrono::seconds kWritePatience{10};
+
   // A policy of strangers but on the socket and on loopback.
   Access() : Access(LimitOptions{}) {}
   // connections: told who is no stranger; outlives this one. now: the clock by which
@@ -86,7 +100,8 @@ class Access {
 
   // From the next call on; streams and transfers that it would refuse end now.
   void SetPolicy(std::shared_ptr<const Policy> policy);
-  // Ends those whose certificate has expired meanwhile.
+  // Ends those whose certificate has expired meanwhile, and those that read nothing. Every two
+  // seconds.
   void Review();
 
  private:
@@ -94,6 +109,8 @@ class Access {
 
   std::shared_ptr<const Policy> policy() const;
   bool Holds(const Admission::Running& call) const;
+  // Why a call is to end; empty: it goes on.
+  std::string WhyEnd(const Admission::Running& call) const;
   void LogFailure(const Admission& admission, const char* what);
   grpc::Status TakeSamples(const Admission& admission, int samples_per_s);
   Admission Refuse(grpc::StatusCode code, const std::string& peer, const std::string& who,

@@ -14,7 +14,10 @@ v1::RecordingState ToProto(const RecordingStatus& status) {
   out.set_ticks(status.counts.ticks);
   out.set_lost_ticks(status.counts.lost_ticks);
   out.set_size_bytes(status.counts.bytes);
-  if (status.error) out.set_error(status.error->what());
+  if (status.error) {
+    out.set_error(status.error->what());
+    out.set_disk_full(status.error->kind() == ErrorKind::kDiskFull);
+  }
   return out;
 }
 
@@ -88,7 +91,7 @@ grpc::Status RecordingService::Replay(grpc::ServerContext* context,
     event.set_ticks(state.ticks);
     event.set_lost_ticks(state.lost_ticks);
     event.set_marker(state.marker);
-    writer->Write(event);
+    admission.Write(*writer, event);
   };
   const auto cancelled = [&] { return context->IsCancelled(); };
   try {

@@ -51,7 +51,7 @@ grpc::Status SeriesService::LoadSeries(grpc::ServerContext* context,
     v1::LoadSeriesResponse event;
     event.mutable_progress()->set_stage(std::string(stage));
     event.mutable_progress()->set_fraction(fraction);
-    writer->Write(event);
+    admission.Write(*writer, event);
   };
   const auto cancelled = [&] { return context->IsCancelled(); };
   try {
@@ -64,7 +64,7 @@ grpc::Status SeriesService::LoadSeries(grpc::ServerContext* context,
     v1::LoadSeriesResponse event;
     *event.mutable_result()->mutable_volume() = palpate::ToProto(state);
     *event.mutable_result()->mutable_series() = ToProto(player_.state());
-    writer->Write(event);
+    admission.Write(*writer, event);
     LogInfo("loaded a series of {} frames, {} (volume revision {}) at tick {}",
             event.result().series().frames(), load.title, state.volume->revision(), applied.tick);
     return grpc::Status::OK;

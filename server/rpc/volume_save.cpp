@@ -11,8 +11,8 @@ grpc::Status VolumeSaver::Save(grpc::ServerContext* context, const Admission& ad
                                grpc::ServerWriter<v1::SaveVolumeResponse>* writer) {
   try {
     v1::SaveVolumeResponse event;
-    *event.mutable_result() = SaveChecked(context, request, writer);
-    writer->Write(event);
+    *event.mutable_result() = SaveChecked(context, admission, request, writer);
+    admission.Write(*writer, event);
     LogInfo("saved volume revision {} to {} ({} bytes)", event.result().volume_revision(),
             request.path(), event.result().size_bytes());
     return grpc::Status::OK;
@@ -22,6 +22,7 @@ grpc::Status VolumeSaver::Save(grpc::ServerContext* context, const Admission& ad
 }
 
 v1::SaveVolumeResult VolumeSaver::SaveChecked(grpc::ServerContext* context,
+                                              const Admission& admission,
                                               const v1::SaveVolumeRequest& request,
                                               grpc::ServerWriter<v1::SaveVolumeResponse>* writer) {
   // Two that write to one path would mix.
@@ -33,7 +34,7 @@ v1::SaveVolumeResult VolumeSaver::SaveChecked(grpc::ServerContext* context,
     v1::SaveVolumeResponse event;
     event.mutable_progress()->set_stage(std::string(stage));
     event.mutable_progress()->set_fraction(fraction);
-    writer->Write(event);
+    admission.Write(*writer, event);
   };
   const auto cancelled = [&] { return context->IsCancelled(); };
   const auto volume = session_.volume().volume;

@@ -29,7 +29,7 @@ class VolumeSaver {
                     grpc::ServerWriter<v1::SaveVolumeResponse>* writer);
 
  private:
-  v1::SaveVolumeResult SaveChecked(grpc::ServerContext* context,
+  v1::SaveVolumeResult SaveChecked(grpc::ServerContext* context, const Admission& admission,
                                    const v1::SaveVolumeRequest& request,
                                    grpc::ServerWriter<v1::SaveVolumeResponse>* writer);
 

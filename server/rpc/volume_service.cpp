@@ -50,7 +50,7 @@ grpc::Status VolumeService::LoadVolume(grpc::ServerContext* context,
     v1::LoadVolumeResponse event;
     event.mutable_progress()->set_stage(std::string(stage));
     event.mutable_progress()->set_fraction(fraction);
-    writer->Write(event);
+    admission.Write(*writer, event);
   };
   const auto cancelled = [&] { return context->IsCancelled(); };
   try {
@@ -63,7 +63,7 @@ grpc::Status VolumeService::LoadVolume(grpc::ServerContext* context,
     *event.mutable_result()->mutable_volume() = ToProto(state);
     event.mutable_result()->set_applied_tick(applied.tick);
     event.mutable_result()->set_settings_revision(state.settings_revision);
-    writer->Write(event);
+    admission.Write(*writer, event);
     LogInfo("loaded {} (volume revision {}) at tick {}", request->source(),
             state.volume->revision(), applied.tick);
     return grpc::Status::OK;

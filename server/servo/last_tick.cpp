@@ -7,6 +7,7 @@ void LastTickBoard::Tell(const TickSample& sample) noexcept {
                            last_->force_reason == sample.force_reason;
   const bool same_scene = last_ && last_->scene_revision == sample.scene_revision;
   last_ = {.tick = sample.tick,
+           .time_ns = sample.time_ns,
            .force_state = sample.force_state,
            .force_reason = sample.force_reason,
            .force_limit_n = sample.force_limit_n,

@@ -15,6 +15,7 @@ namespace palpate {
 
 struct LastTick {
   std::uint64_t tick = 0;
+  std::int64_t time_ns = 0;  // its start, on CLOCK_MONOTONIC
   ForceState force_state = ForceState::kOff;
   ForceReason force_reason = ForceReason::kOperator;
   double force_limit_n = 0.0;

@@ -45,6 +45,12 @@ void Pump::Replace(std::shared_ptr<SampleReplacement> replacement) {
   replacement_.swap(replacement);
 }
 
+bool Pump::ServoStands(std::chrono::milliseconds for_longer_than) const {
+  const std::optional<LastTick> newest = outbox_.last.newest();
+  const std::int64_t limit_ns = std::chrono::nanoseconds(for_longer_than).count();
+  return newest && MonotonicNowNs() - newest->time_ns > limit_ns;
+}
+
 std::optional<AppliedTick> Pump::WaitForScene(std::uint64_t scene_revision,
                                               std::chrono::milliseconds timeout) {
   const auto end = std::chrono::steady_clock::now() + timeout;

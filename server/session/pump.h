@@ -63,6 +63,9 @@ class Pump {
   // Null: none. When it returns, the one before is not called any more.
   void Replace(std::shared_ptr<SampleReplacement> replacement);
 
+  // Whether the servo made no tick for longer than that, having made some.
+  bool ServoStands(std::chrono::milliseconds for_longer_than) const;
+
   // First tick with this revision or a newer one; none when the servo does not use it
   // in time. Samples name the tick; where they are late, the servo itself does, and then
   // it is the first one of its newest scene.

@@ -85,6 +85,17 @@ RenderSettings Changed(const VolumeSnapshot& volume, RenderSettings settings,
 
 }  // namespace
 
+Listening::Listening(Session& session, SceneListener& listener)
+    : session_(session), listener_(listener) {
+  const std::lock_guard lock(session_.mutex_);
+  session_.listeners_.push_back(&listener_);
+}
+
+Listening::~Listening() {
+  const std::lock_guard lock(session_.mutex_);
+  std::erase(session_.listeners_, &listener_);
+}
+
 SettingsState Session::settings() const {
   const std::lock_guard lock(mutex_);
   return {settings_, settings_revision_};
@@ -137,8 +148,24 @@ AppliedTick Session::WaitForServo(std::uint64_t scene_revision) {
   return *applied;
 }
 
+void Session::RequireServo() const {
+  if (!pump_.ServoStands(kServoPatience)) return;
+  throw Error(ErrorKind::kUnavailable, "the servo loop does not run: nothing was changed");
+}
+
+void Session::TakeBack(const RenderSettings& before, std::uint64_t revision) {
+  const std::lock_guard lock(mutex_);
+  if (settings_revision_ != revision) return;
+  if (settings_.method != before.method) ++geometry_revision_;
+  settings_ = before;
+  ++settings_revision_;
+  PublishLocked();
+}
+
 SettingsApplied Session::Update(const SettingsUpdate& update) {
+  RequireServo();
   SettingsApplied result;
+  RenderSettings before;
   std::uint64_t scene_revision = 0;
   {
     const std::lock_guard lock(mutex_);
@@ -147,13 +174,18 @@ SettingsApplied Session::Update(const SettingsUpdate& update) {
     CheckMethod(changed.method, device_);
     // Another decomposition is another surface to the proxy.
     if (changed.method != settings_.method) ++geometry_revision_;
-    settings_ = changed;
+    before = std::exchange(settings_, changed);
     ++settings_revision_;
     PublishLocked();
     result.state = {settings_, settings_revision_};
     scene_revision = scene_revision_;
   }
-  result.applied = WaitForServo(scene_revision);
+  try {
+    result.applied = WaitForServo(scene_revision);
+  } catch (const Error&) {
+    TakeBack(before, result.state.settings_revision);
+    throw;
+  }
   return result;
 }
 

@@ -67,11 +67,32 @@ struct FeltSession {
 // Told of every scene before the servo can see it, in order.
 class SceneListener {
  public:
+  SceneListener() = default;
   virtual ~SceneListener() = default;
+  SceneListener(const SceneListener&) = delete;
+  SceneListener& operator=(const SceneListener&) = delete;
   // Of a scene with the volume of the one before it but for these bricks; none for
   // another volume (its revision is its loaded_revision then). On the thread that
   // publishes; must not block, nor call the session.
   virtual void OnScene(const Scene& scene, std::span<const BrickChange> changes) = 0;
+};
+
+class Session;
+
+// Has a session tell a listener, for as long as it lives. Before the first Load. The last member
+// of its listener, so that it goes first.
+class Listening {
+ public:
+  // Borrows both.
+  Listening(Session& session, SceneListener& listener);
+  // When it returns, the listener is not called any more.
+  ~Listening();
+  Listening(const Listening&) = delete;
+  Listening& operator=(const Listening&) = delete;
+
+ private:
+  Session& session_;
+  SceneListener& listener_;
 };
 
 struct SettingsApplied {
@@ -88,13 +109,12 @@ struct VolumeState {
 };
 
 class Session {
+  friend class Listening;
+
  public:
   // Borrows all but the loader's options.
   Session(const DeviceSpec& device, SceneInbox& inbox, Pump& pump, VolumeLoader loader)
       : device_(device), inbox_(inbox), pump_(pump), loader_(std::move(loader)) {}
-
-  // Before the first Load; for the session's life.
-  void AddListener(SceneListener& listener) { listeners_.push_back(&listener); }
 
   // Where volumes lay before and will lie again; before the first Load, borrowed.
   void SetRegistrationStore(RegistrationStore& store) { registration_store_ = &store; }
@@ -105,7 +125,8 @@ class Session {
   FeltSession Felt() const;
 
   // Waits until the servo has used the change. kInvalidArgument, kConflict,
-  // kUnavailable.
+  // kUnavailable: what a servo that has just stopped did not use is taken back, unless
+  // somebody else has changed settings since.
   SettingsApplied Update(const SettingsUpdate& update);
 
   // Settings to start with, but for the isovalue; before the first Load.
@@ -158,7 +179,10 @@ class Session {
   const VolumeLoader& loader() const { return loader_; }
 
  private:
+  // kUnavailable where the servo stands, so that nobody would feel a change.
+  void RequireServo() const;
   Registration PlaceLoaded(const LoadRequest& request, const VolumeMetadata& metadata) const;
+  void TakeBack(const RenderSettings& before, std::uint64_t revision);
   void PublishLocked(std::span<const BrickChange> changes = {});
   VolumeState VolumeLocked() const;
 
@@ -166,7 +190,6 @@ class Session {
   SceneInbox& inbox_;
   Pump& pump_;
   VolumeLoader loader_;
-  std::vector<SceneListener*> listeners_;
   RegistrationStore* registration_store_ = nullptr;
 
   // In the order in which they are taken.
@@ -174,6 +197,7 @@ class Session {
   std::mutex voxels_mutex_;  // guards the next one, and changes of voxels
   bool voxels_held_ = false;
   mutable std::mutex mutex_;  // guards what follows
+  std::vector<SceneListener*> listeners_;
   std::shared_ptr<const VolumeSnapshot> volume_;
   MemoryClaim claim_;    // of volume_ as it was loaded
   LoadRequest request_;  // which volume_ came of

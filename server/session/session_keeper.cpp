@@ -93,8 +93,19 @@ std::optional<FeltSession> SessionKeeper::TakeLeft() {
     LogWarning("what was felt before does not come back: {}", error.what());
     return std::nullopt;
   }
+  taken_ = saved;
   TakeChanges(saved, configured_, configured_settings_, saved.felt);
   return saved.felt;
+}
+
+void SessionKeeper::GiveBack() noexcept {
+  if (!taken_) return;
+  try {
+    --taken_->attempts;
+    WriteSessionFile(path_, *taken_);
+  } catch (const std::exception& error) {
+    LogWarning("what was felt before may not come back: {}", error.what());
+  }
 }
 
 void SessionKeeper::Start() {

@@ -44,6 +44,9 @@ class SessionKeeper {
   // loaded again.
   std::optional<FeltSession> TakeLeft();
 
+  // An end in order before what was left could be felt: it is left again, for the next one.
+  void GiveBack() noexcept;
+
   // Once a volume is loaded.
   void Start();
   // An end in order.
@@ -58,6 +61,7 @@ class SessionKeeper {
   const std::filesystem::path path_;  // empty: none
   const LoadRequest configured_;
   const RenderSettings configured_settings_;
+  std::optional<SavedSession> taken_;
   int attempts_ = 0;  // with this one; 0 once it lasted
   const Session& session_;
   std::string last_failure_;

@@ -24,9 +24,7 @@ namespace palpate {
 class StylusTools final : public SampleSink, public SceneListener {
  public:
   // Borrows both. The session tells it of every scene: before the first Load.
-  StylusTools(Session& session, VolumeEditor& editor) : session_(session), editor_(editor) {
-    session_.AddListener(*this);
-  }
+  StylusTools(Session& session, VolumeEditor& editor) : session_(session), editor_(editor) {}
   ~StylusTools() override { Stop(); }
 
   void Start();
@@ -55,6 +53,7 @@ class StylusTools final : public SampleSink, public SceneListener {
   bool is_due_ = false;
   bool stop_ = false;
   std::thread thread_;
+  const Listening listening_{session_, *this};
 };
 
 }  // namespace palpate

@@ -11,18 +11,16 @@
 namespace palpate {
 
 VolumeEditor::VolumeEditor(Session& session, std::uint64_t max_history_bytes)
-    : session_(session), max_history_bytes_(max_history_bytes) {
-  session_.AddListener(*this);
-}
+    : session_(session), max_history_bytes_(max_history_bytes) {}
 
 EditOutcome VolumeEditor::Apply(const Change& change, const Revision& expected,
                                 std::uint64_t stroke) {
   const auto lock = session_.LockVoxels();
   const auto volume = Begin(expected);
   const EditResult result = change(*volume);
-  Publish(result);
+  const VolumeState state = Publish(result);
   Record(volume, result, stroke);
-  return Outcome(result);
+  return Outcome(result, state);
 }
 
 EditOutcome VolumeEditor::Undo(const Revision& expected) {
@@ -38,9 +36,9 @@ EditOutcome VolumeEditor::Revert(const Revision& expected) {
   const auto volume = Begin(expected);
   EditResult result;
   if (base_) result = CompareBricks(*volume, volume->bricks().ChangesTo(base_->bricks()));
-  Publish(result);
+  const VolumeState state = Publish(result);
   Record(volume, result, 0);
-  return Outcome(result);
+  return Outcome(result, state);
 }
 
 EditOutcome VolumeEditor::Move(Steps& from, Steps& to, const char* empty,
@@ -57,12 +55,12 @@ EditOutcome VolumeEditor::Move(Steps& from, Steps& to, const char* empty,
     return volume->bricks().NumberOf(a.brick) < volume->bricks().NumberOf(b.brick);
   });
   const EditResult result = CompareBricks(*volume, changes);
-  Publish(result);
+  const VolumeState state = Publish(result);
   Step back{.bricks = {}, .stroke = from.back().stroke};
   Drop(from, /*oldest=*/false);
   Add(*volume, result, back);
   to.push_back(std::move(back));
-  return Outcome(result);
+  return Outcome(result, state);
 }
 
 std::shared_ptr<const VolumeSnapshot> VolumeEditor::Begin(const Revision& expected) {
@@ -76,19 +74,18 @@ std::shared_ptr<const VolumeSnapshot> VolumeEditor::Begin(const Revision& expect
   return volume;
 }
 
-void VolumeEditor::Publish(const EditResult& result) {
-  if (result.changes.empty()) return;
+VolumeState VolumeEditor::Publish(const EditResult& result) {
+  if (result.changes.empty()) return session_.volume();
   struct Mark {
     explicit Mark(bool& mark) : on(mark) { on = true; }
     ~Mark() { on = false; }
     bool& on;
   };
   const Mark mark(publishing_);
-  session_.PublishBricks(result.changes);
+  return session_.PublishBricks(result.changes);
 }
 
-EditOutcome VolumeEditor::Outcome(const EditResult& result) const {
-  const VolumeState state = session_.volume();
+EditOutcome VolumeEditor::Outcome(const EditResult& result, const VolumeState& state) const {
   return {.volume_revision = state.volume->revision(),
           .scene_revision = state.scene_revision,
           .changed = result.changed,

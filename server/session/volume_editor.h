@@ -79,8 +79,9 @@ class VolumeEditor final : public SceneListener {
   static std::uint64_t BytesOf(const Step& step);
 
   std::shared_ptr<const VolumeSnapshot> Begin(const Revision& expected);
-  void Publish(const EditResult& result);
-  EditOutcome Outcome(const EditResult& result) const;
+  // What is felt with it.
+  VolumeState Publish(const EditResult& result);
+  EditOutcome Outcome(const EditResult& result, const VolumeState& state) const;
   EditOutcome Move(Steps& from, Steps& to, const char* empty, const Revision& expected);
   void Record(const std::shared_ptr<const VolumeSnapshot>& before, const EditResult& result,
               std::uint64_t stroke);
@@ -100,6 +101,8 @@ class VolumeEditor final : public SceneListener {
 
   // Of the scene before. Only OnScene has it, and the session calls that in turn.
   std::uint64_t loaded_revision_ = 0;
+
+  const Listening listening_{session_, *this};
 };
 
 }  // namespace palpate

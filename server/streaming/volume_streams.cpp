@@ -44,9 +44,7 @@ class VolumeStreams::Stream {
 };
 
 VolumeStreams::VolumeStreams(Session& session, std::function<VolumeFeed::Clock::time_point()> now)
-    : daemon_id_(RandomId()), clock_(std::move(now)) {
-  session.AddListener(*this);
-}
+    : daemon_id_(RandomId()), clock_(std::move(now)), listening_(session, *this) {}
 
 std::shared_ptr<VolumeStreams::Stream> VolumeStreams::Subscribe(const VolumeFeedOptions& options,
                                                                 std::weak_ptr<VolumeSink> sink) {

@@ -87,6 +87,8 @@ class VolumeStreams final : public SceneListener {
   VolumeNow now_;
   std::vector<std::shared_ptr<Stream>> streams_;
   std::thread thread_;
+
+  const Listening listening_;
 };
 
 }  // namespace palpate

@@ -67,6 +67,24 @@ class LoadTest : public ::testing::Test {
   v1::VolumeDescription volume_;  // loaded last
 };
 
+// Its answer has five bytes of room.
+TEST_F(LoadTest, AClientThatDoesNotReadHoldsNobody) {
+  StartDaemon("");
+  grpc::ChannelArguments arguments;
+  arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
+  arguments.SetInt(GRPC_ARG_HTTP2_STREAM_LOOKAHEAD_BYTES, 5);
+  arguments.SetInt(GRPC_ARG_HTTP2_BDP_PROBE, 0);
+  const auto stub = v1::VolumeService::NewStub(grpc::CreateCustomChannel(
+      "unix:" + daemon_->socket().string(), grpc::InsecureChannelCredentials(), arguments));
+  grpc::ClientContext context;
+  v1::LoadVolumeRequest request;
+  request.set_source("builtin:sphere:64");
+  const auto reader = stub->LoadVolume(&context, request);
+  EXPECT_TRUE(daemon_->process().WaitFor("it does not read its answer"));
+  EXPECT_TRUE(Eventually([&] { return Load("builtin:sphere:32").ok(); }));
+  context.TryCancel();
+}
+
 TEST_F(LoadTest, RawVoxelsAsStated) {
   StartDaemon("");
   for (const bool big_endian : {false, true}) {

@@ -7,6 +7,8 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <filesystem>
+#include <fstream>
 #include <functional>
 #include <memory>
 #include <string>
@@ -14,6 +16,7 @@
 #include <vector>
 
 #include "common/error/error.h"
+#include "tests/support/allocation_count.h"
 #include "tests/support/excuse.h"
 #include "tests/support/plain_stylus.h"
 #include "tests/support/usb_testbed.h"
@@ -415,6 +418,48 @@ TEST(UsbDevice, CountsCorruptFramesAndReportsThemNowAndThen) {
   ASSERT_EQ(first.size(), 1u);
   EXPECT_NE(first[0].find("dropped"), std::string::npos);
   EXPECT_TRUE(Eventually([&] { return !Log(*device).empty(); }));  // the rest, a second later
+}
+
+// The number of the thread with this name.
+int ThreadNamed(const std::string& name) {
+  for (const auto& task : std::filesystem::directory_iterator("/proc/self/task")) {
+    std::string its_name;
+    std::getline(std::ifstream(task.path() / "comm"), its_name);
+    if (its_name == name) return std::stoi(task.path().filename());
+  }
+  return 0;
+}
+
+// Whatever comes in: what is to be said is said by who asks.
+TEST(UsbDevice, AllocatesNothingWhileItStreams) {
+  PlainStylus stylus;
+  UsbTestbed bus;
+  bus.Plug("1-1", stylus);
+  const std::unique_ptr<UsbDevice> device = MakeDevice();
+  device->Start();
+  std::uint64_t corrupt = 0;
+  // A halt of the bus makes another connection.
+  bool is_judged = false;
+  for (int round = 0; round < 10 && !is_judged; ++round) {
+    ASSERT_TRUE(Eventually([&] { return Streams(*device); }));
+    const std::int64_t began_ns = NowNs();
+    const int thread = ThreadNamed("palpate-usb");
+    ASSERT_NE(thread, 0);
+    test::WatchThread(thread);
+    corrupt = device->health().corrupt_frames;
+    for (int n = 0; n < 30; ++n) {
+      stylus.SetFaults(n % 2 == 0 ? UsbFaults{.corrupt_in = 0} : UsbFaults{});
+      Serve(*device, milliseconds(50), 1.0);
+    }
+    stylus.SetFaults({});
+    const std::uint64_t allocations = test::WatchedAllocations();
+    test::WatchThread(0);
+    corrupt = device->health().corrupt_frames - corrupt;
+    is_judged = !bus.HaltedSince(began_ns);
+    EXPECT_TRUE(allocations == 0 || !is_judged) << allocations;
+  }
+  EXPECT_TRUE(is_judged) << kBusyMachine;
+  EXPECT_GT(corrupt, 50u) << kBusyMachine;
 }
 
 TEST(UsbDevice, StopsInGoodOrder) {

@@ -124,6 +124,28 @@ class Restore(unittest.TestCase):
         self.daemon.end()
         self.assertEqual(self.sessions(), [])
 
+    def test_ends_in_order_before_it_is_back_are_no_crashes(self):
+        with Client(self.daemon) as client:
+            load(client, "builtin:gyroid:160")
+            set_all(client, isovalue=0.25)
+            felt = Felt(client)
+        self.wait_for_disk("isovalue = 0.25")
+        self.daemon.end(signal.SIGKILL)
+        for _ in range(3):
+            process = subprocess.Popen(self.daemon.command, cwd=self.daemon.folder, text=True,
+                                       stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
+            said = []
+            while not said or "loading builtin:gyroid:160" not in said[-1]:
+                said.append(process.stderr.readline())
+            process.send_signal(signal.SIGTERM)
+            said += process.stderr.readlines()
+            process.stderr.close()
+            self.assertEqual(process.wait(CALL_S), 0, said)
+            self.assertIn("while the volume was loading", said[-1])
+        self.daemon.start()
+        with Client(self.daemon) as client:
+            self.assertEqual(Felt(client).settings, felt.settings)
+
     def test_edits_that_are_lost_are_said(self):
         with Client(self.daemon) as client:
             before = Felt(client).volume

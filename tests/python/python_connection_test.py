@@ -5,6 +5,7 @@ import pathlib
 import signal
 import socket
 import tempfile
+import threading
 import time
 import unittest
 import unittest.mock
@@ -118,8 +119,35 @@ class Using(DaemonTest):
             with self.assertRaisesRegex(palpate.Unavailable, "closed"):
                 call()
 
+    def test_closed_by_another_thread_it_fails_in_order(self):
+        failures = []
+
+        def use(conn):
+            try:
+                while True:
+                    conn.volume.info()
+                    try:
+                        conn.volume.load("builtin:sphere:16")
+                    except palpate.Conflict:
+                        pass
+            except palpate.Error:
+                pass
+            except BaseException as error:  # what a user would not expect
+                failures.append(error)
+
+        for _ in range(30):
+            conn = self.daemon.connect()
+            users = [threading.Thread(target=use, args=(conn,)) for _ in range(4)]
+            for user in users:
+                user.start()
+            time.sleep(0.01)
+            conn.close()
+            for user in users:
+                user.join()
+        self.assertEqual(failures, [])
+
     def test_errors_are_of_one_family(self):
-        for name in ("InvalidArgument", "NotFound", "PermissionDenied", "TooLarge", "Conflict",
+        for name in ("InvalidArgument", "NotFound", "PermissionDenied", "TooLarge", "Conflict", "DiskFull",
                      "FailedPrecondition", "Unavailable", "Cancelled", "Internal"):
             self.assertTrue(issubclass(getattr(palpate, name), palpate.Error), name)
         with self.assertRaises(ConnectionError):

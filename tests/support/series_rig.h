@@ -56,7 +56,7 @@ class SeriesPlayerTest : public ::testing::Test {
         device_->spec(), inbox_, *pump_,
         VolumeLoader{.import_program = testing::WriteFakeImporter(folder_.path()),
                      .budget = budget_});
-    if (listener_) session_->AddListener(*listener_);
+    if (listener_) listening_.emplace(*session_, *listener_);
     session_->Load({.source = "builtin:sphere:16"}, kQuiet, kNever);
     RealtimeOptions options;
     options.lock_memory = false;
@@ -128,6 +128,7 @@ class SeriesPlayerTest : public ::testing::Test {
   std::unique_ptr<Pump> pump_;
   std::shared_ptr<MemoryBudget> budget_;
   std::unique_ptr<Session> session_;
+  std::optional<Listening> listening_;
   std::unique_ptr<ServoLoop> servo_;
   std::unique_ptr<SeriesPlayer> player_;
 };

@@ -157,7 +157,7 @@ TEST_F(RecorderTest, RecordsEveryTickFromWhereverItStarts) {
 TEST_F(RecorderTest, FewTicksAreWrittenAfterTwoSeconds) {
   std::atomic<std::int64_t> now_ms{1'000'000};
   std::atomic<int> looks{0};
-  Recorder recorder(std::make_unique<MemoryOutput>(bytes_), "test", [&] {
+  Recorder recorder(std::make_unique<MemoryOutput>(bytes_), "test", {}, [&] {
     ++looks;
     return now_ms.load() * 1'000'000;
   });
@@ -437,6 +437,28 @@ TEST_F(RecorderTest, VoxelsThatWaitAreBounded) {
   EXPECT_GE(missing, kEdits - 5);
   EXPECT_LT(missing, kEdits);
   EXPECT_EQ(HashVolume(*replayed), last);
+}
+
+// Nothing waits for a disk that failed.
+TEST_F(RecorderTest, OneThatFailedLetsGoAndTakesNoMore) {
+  auto output = std::make_unique<SlowOutput>(bytes_);
+  SlowOutput& disk = *output;
+  std::atomic<int> told = 0;
+  Recorder recorder(std::move(output), "test", [&](const Error&) { ++told; });
+  disk.Hold();
+  Feed(recorder, 50, 50 + kSamplesPerChunk);
+  disk.AwaitAppend();
+  auto volume = testing::MakeVolume({16, 16, 16}, [](int i, int, int) { return i; });
+  const std::weak_ptr<const VolumeSnapshot> held = volume;
+  recorder.NoteScene({.scene_revision = 2}, volume, 0);
+  Feed(recorder, 0, 1);  // the loop was restarted
+  disk.Release();
+  while (!recorder.report().error) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  recorder.NoteScene({.scene_revision = 3}, volume, 0);
+  volume.reset();
+  EXPECT_TRUE(held.expired());
+  recorder.Stop();
+  EXPECT_EQ(told, 1);
 }
 
 // For ThreadSanitizer: all that may happen at once.

@@ -182,7 +182,7 @@ TEST_F(RecordingControlTest, OneAtATimeAndOnlyWhereAllowed) {
   EXPECT_EQ(Refusal([&] { control_->Mark("m"); }), ErrorKind::kConflict);
   EXPECT_EQ(Refusal([&] { control_->Start(File("forbidden"), false); }),
             ErrorKind::kPermissionDenied);
-  EXPECT_EQ(Refusal([&] { control_->Start(File("no/folder"), false); }), ErrorKind::kUnavailable);
+  EXPECT_EQ(Refusal([&] { control_->Start(File("no/folder"), false); }), ErrorKind::kNotFound);
   EXPECT_FALSE(control_->status().running);
   control_->Start(File("a"), false);
   EXPECT_EQ(Refusal([&] { control_->Start(File("b"), false); }), ErrorKind::kConflict);

@@ -3,7 +3,9 @@
 
 #include <gtest/gtest.h>
 
+#include <atomic>
 #include <cmath>
+#include <map>
 #include <memory>
 #include <thread>
 
@@ -11,6 +13,7 @@
 #include "server/device/path_script.h"
 #include "server/device/simulated_device.h"
 #include "server/servo/servo_loop.h"
+#include "server/session/volume_editor.h"
 #include "tests/support/refusal.h"
 
 namespace palpate {
@@ -243,9 +246,65 @@ TEST_F(SessionTest, AnUpdateIsAppliedWhileThePumpStandsStill) {
   EXPECT_EQ(Refusal([&] { session_->Update({.isovalue = 0.5}); }), ErrorKind::kUnavailable);
 }
 
-TEST_F(SessionTest, AnUpdateWithoutAServoIsRefused) {
+// Whether it stopped just now or long ago.
+TEST_F(SessionTest, AnUpdateWithoutAServoChangesNothing) {
+  const SettingsState before = session_->Update({.isovalue = 0.4}).state;
   servo_->Stop();
-  EXPECT_EQ(Refusal([&] { session_->Update({.isovalue = 0.5}); }), ErrorKind::kUnavailable);
+  const SettingsUpdate update{.isovalue = 0.5,
+                              .numbers = {{&HapticSettings::damping_n_s_per_m, 1.0}},
+                              .method = DecompositionMethod::kBcc};
+  for (int n = 0; n < 2; ++n) {
+    EXPECT_EQ(Refusal([&] { session_->Update(update); }), ErrorKind::kUnavailable);
+    const RenderSettings after = session_->settings().settings;
+    EXPECT_EQ(after.isovalue, before.settings.isovalue);
+    EXPECT_EQ(after.normalized_isovalue, before.settings.normalized_isovalue);
+    EXPECT_EQ(after.method, before.settings.method);
+    EXPECT_EQ(after.haptics.damping_n_s_per_m, before.settings.haptics.damping_n_s_per_m);
+  }
+}
+
+class Scenes final : public SceneListener {
+ public:
+  explicit Scenes(Session& session) : listening_(session, *this) {}
+  void OnScene(const Scene& scene, std::span<const BrickChange> changes) override {
+    if (!changes.empty()) edited[scene.scene_revision] = scene.volume->revision();
+    ++count;
+  }
+
+  std::map<std::uint64_t, std::uint64_t> edited;  // volume revision, by scene revision
+  int count = 0;
+
+ private:
+  const Listening listening_;
+};
+
+TEST_F(SessionTest, AListenerThatIsGoneHearsNothing) {
+  auto first = std::make_unique<Scenes>(*session_);
+  const Scenes second(*session_);
+  session_->SetForcesOff(true);
+  EXPECT_EQ(first->count, 1);
+  first.reset();
+  session_->SetForcesOff(false);
+  EXPECT_EQ(second.count, 2);
+}
+
+// Not that of a scene that somebody else published a moment later.
+TEST_F(SessionTest, AnEditNamesItsOwnScene) {
+  VolumeEditor editor(*session_);
+  const Scenes scenes(*session_);
+  std::atomic<bool> stop = false;
+  std::thread others([&] {
+    while (!stop) session_->SetForcesOff(true);
+  });
+  for (int n = 0; n < 300; ++n) {
+    const EditOutcome outcome = editor.Edit(
+        {.shape = BoxShape{Vec3(4, 4, 4), Vec3(27, 27, 27)}, .value = n % 2 == 0 ? 0.25 : 0.75});
+    const auto scene = scenes.edited.find(outcome.scene_revision);
+    ASSERT_NE(scene, scenes.edited.end()) << n;
+    ASSERT_EQ(scene->second, outcome.volume_revision);
+  }
+  stop = true;
+  others.join();
 }
 
 TEST(Registration, FitsTheVolumeIntoTheWorkspace) {

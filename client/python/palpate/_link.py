@@ -71,12 +71,19 @@ class Link:
             return method(request, timeout=timeout_s)
         except grpc.RpcError as failed:
             raise error_of(self.name, failed) from None
+        except ValueError:
+            self._raise_if_closed()
+            raise
 
     def events(self, method: typing.Any,
                request: typing.Any) -> collections.abc.Iterator[typing.Any]:
         """What the daemon streams as an answer to one request; a break ends the call."""
         self.check_open()
-        call = method(request)
+        try:
+            call = method(request)
+        except ValueError:
+            self._raise_if_closed()
+            raise
         try:
             yield from call
         except grpc.RpcError as failed:
@@ -87,6 +94,11 @@ class Link:
     def check_open(self) -> None:
         if not self._is_open:
             raise Unavailable(f"the connection to {self.name} was closed")
+
+    def _raise_if_closed(self) -> None:
+        """gRPC's ValueError for a channel that another thread has closed meanwhile becomes ours."""
+        if not self._is_open:
+            raise Unavailable(f"the connection to {self.name} was closed") from None
 
     def error_of_end(self, failed: grpc.RpcError | None) -> Error:
         """Of a stream that ended while it was wanted.

@@ -91,9 +91,13 @@ struct UsbDevice::Impl {
 
   bool motors_on = false;  // the servo's own
 
-  // For everybody else.
+  // For everybody else. While it streams, the I/O thread only counts: what is to be said of it
+  // is said by who asks for events.
   DeviceLog log;
   Counters counters;
+  std::mutex report_mutex;  // guards the next two
+  std::uint64_t corrupt_frames_told = 0;
+  std::int64_t corrupt_report_ns = 0;
 
   std::thread thread;
   std::mutex stop_mutex;
@@ -107,8 +111,6 @@ struct UsbDevice::Impl {
   bool wants_to_send = false;  // the last frame was still under way
   std::int64_t last_reading_ns = 0;
   std::int64_t last_send_ns = 0;
-  std::uint64_t corrupt_frames = 0;  // not yet reported
-  std::int64_t corrupt_report_ns = 0;
   std::uint64_t transfer_errors = 0;  // of connections before
   std::array<std::uint8_t, UsbProtocol::kMaxFrameBytes> frame{};
 };
@@ -172,12 +174,12 @@ void UsbDevice::Impl::Stream(UsbLink& link, const std::string& identity) {
   while (!stop) {
     link.Wait(kLongestWait);
     const std::int64_t now_ns = MonotonicNowNs();
+    // Once, with its lock and its strings: forces are off until it has.
     if (has_reading && connection != DeviceConnection::kStreaming) {
       BeginStreaming(link, identity);
     }
     if (IsForceDue(now_ns)) SendForce(link, now_ns);
     counters.transfer_errors = transfer_errors + link.transfer_errors();
-    ReportCorruptFrames(now_ns);
     if (now_ns - last_reading_ns > kSilentMs * kNsPerMs) {
       throw UsbError(UsbFault::kTimeout, "no reading for " + std::to_string(kSilentMs) + " ms");
     }
@@ -190,7 +192,6 @@ void UsbDevice::Impl::TakeBytes(UsbLink& link, std::span<const std::uint8_t> byt
   counters.readings += received.readings;
   counters.lost_readings += received.lost_readings;
   counters.corrupt_frames += received.corrupt_frames;
-  corrupt_frames += received.corrupt_frames;
   if (!received.has_reading) return;
   reading.time_ns = MonotonicNowNs();
   last_reading_ns = reading.time_ns;
@@ -234,10 +235,12 @@ void UsbDevice::Impl::SendForce(UsbLink& link, std::int64_t now_ns) {
 }
 
 void UsbDevice::Impl::ReportCorruptFrames(std::int64_t now_ns) {
-  if (corrupt_frames == 0 || now_ns - corrupt_report_ns < kCorruptReportNs) return;
-  log.Add(DeviceEvent::Level::kWarning, std::to_string(corrupt_frames) + " corrupt frame" +
-                                            (corrupt_frames == 1 ? "" : "s") + " dropped");
-  corrupt_frames = 0;
+  const std::lock_guard lock(report_mutex);
+  const std::uint64_t all = counters.corrupt_frames, untold = all - corrupt_frames_told;
+  if (untold == 0 || now_ns - corrupt_report_ns < kCorruptReportNs) return;
+  log.Add(DeviceEvent::Level::kWarning,
+          std::to_string(untold) + " corrupt frame" + (untold == 1 ? "" : "s") + " dropped");
+  corrupt_frames_told = all;
   corrupt_report_ns = now_ns;
 }
 
@@ -347,7 +350,10 @@ DeviceHealth UsbDevice::health() const {
   return health;
 }
 
-std::optional<DeviceEvent> UsbDevice::NextEvent() { return impl_->log.Next(); }
+std::optional<DeviceEvent> UsbDevice::NextEvent() {
+  impl_->ReportCorruptFrames(MonotonicNowNs());
+  return impl_->log.Next();
+}
 
 void UsbDevice::Calibrate() {
   if (!impl_->protocol->RequestCalibration()) HapticDevice::Calibrate();
