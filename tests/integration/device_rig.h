@@ -122,6 +122,7 @@ class DeviceRig {
   bool IsKept(const std::string& line) const {
     for (const auto& file :
          std::filesystem::directory_iterator(folder_.path() / "state" / "sessions")) {
+      if (file.path().extension() != ".toml") continue;  // it is being written
       std::ostringstream text;
       text << std::ifstream(file.path()).rdbuf();
       if (Contains(text.str(), line)) return true;

@@ -388,7 +388,7 @@ TEST_F(ImportTest, WhatIsNoVolumeIsRefused) {
 TEST_F(ImportTest, FailingWriteIsReported) {
   const fs::path input = Write("a.nrrd", NrrdHeader("uint8", false, "raw") + PatternBytes<char>());
   const ImportRun run = RunImport({input.string(), (folder_ / "none" / "a.vdb").string()});
-  EXPECT_EQ(run.exit_code, ExitCode(ErrorKind::kUnavailable));
+  EXPECT_EQ(run.exit_code, ExitCode(ErrorKind::kNotFound));
   EXPECT_EQ(run.err.find('\n'), run.err.size() - 1) << run.err;
 }
 

@@ -24,7 +24,8 @@ from palpate._volume_copy import Volume
 
 __all__ = [
     "Applied", "Cancelled", "Conflict", "Connection", "DecompositionMethod", "Device",
-    "DeviceConnection", "DeviceInfo", "DiskFull", "EditResult", "Edits", "Error", "FailedPrecondition",
+    "DeviceConnection", "DeviceInfo", "DiskFull", "EditResult", "Edits", "Error",
+    "FailedPrecondition",
     "ForceReason", "ForceState", "Forces", "FreeSide", "Internal", "InvalidArgument",
     "ListedDevice", "NotFound", "PermissionDenied", "PoseStream", "Poses", "ProxyMode",
     "Recording", "RecordingState", "Series", "SeriesState", "Settings", "TooLarge", "Unavailable",

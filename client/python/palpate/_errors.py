@@ -72,6 +72,7 @@ def error_of(name: str, failed: grpc.RpcError) -> Error:
         return Unavailable(f"{name} is not palpated, or one of another version")
     if code == grpc.StatusCode.UNAVAILABLE:
         return Unavailable(f"palpated at {name} is unavailable: {failed.details()}")
-    details = dict(failed.trailing_metadata() or ()).get("grpc-status-details-bin", b"")
-    kind = DiskFull if b"DISK_FULL" in details else _KINDS.get(code, Internal)
-    return kind(failed.details())
+    for key, value in failed.trailing_metadata() or ():
+        if key == "grpc-status-details-bin" and b"DISK_FULL" in value:
+            return DiskFull(failed.details())
+    return _KINDS.get(code, Internal)(failed.details())
