@@ -57,13 +57,18 @@ void CheckFinite(const Numbers& numbers, const char* what) {
 
 double MillimetresPerUnit(const NiftiFields& fields) {
   constexpr int kSpace = 7;
-  switch (fields.xyzt_units & kSpace) {
+  const int unit = fields.xyzt_units & kSpace;
+  switch (unit) {
     case 1:
       return 1e3;
     case 3:
       return 1e-3;
+    case 0:  // not stated
+    case 2:
+      return 1.0;
   }
-  return 1.0;  // mm, or not stated
+  Refuse("the NIfTI header's unit of length (xyzt_units, code " + std::to_string(unit) +
+         ") is none; correct it");
 }
 
 const Mat3 kLpsFromRas = Vec3(-1.0, -1.0, 1.0).asDiagonal();

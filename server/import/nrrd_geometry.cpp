@@ -65,18 +65,58 @@ Vec3 SignsOfLps(const NrrdFields& fields) {
   return {1.0, 1.0, 1.0};
 }
 
+struct LengthUnit {
+  std::string_view name;
+  double mm;
+};
+constexpr LengthUnit kLengthUnits[] = {
+    {"mm", 1.0},          {"millimeter", 1.0},  {"millimetre", 1.0},  {"cm", 10.0},
+    {"centimeter", 10.0}, {"centimetre", 10.0}, {"m", 1e3},           {"meter", 1e3},
+    {"metre", 1e3},       {"um", 1e-3},         {"\u00b5m", 1e-3},    {"\u03bcm", 1e-3},
+    {"micron", 1e-3},     {"micrometer", 1e-3}, {"micrometre", 1e-3}, {"nm", 1e-6},
+    {"nanometer", 1e-6},  {"nanometre", 1e-6},  {"in", 25.4},         {"inch", 25.4},
+};
+
+double MillimetresPer(std::string_view unit, const char* what) {
+  std::string name = Lower(unit);
+  if (name.empty() || name == "none" || unit.starts_with("???")) return 1.0;
+  if (name.size() > 5 && name.ends_with('s')) name.pop_back();
+  for (const LengthUnit& known : kLengthUnits) {
+    if (known.name == name) return known.mm;
+  }
+  Refuse(std::string("the NRRD header's ") + what + " holds " + Quoted(unit) +
+         ", which is no known unit of length; correct it, or take the field out for mm");
+}
+
+// Millimetres per unit of the first three axes: "mm" "mm" "mm", with or without quotes.
+Vec3 LengthUnits(const NrrdFields& fields, const char* name, const char* what) {
+  Vec3 mm = Vec3::Ones();
+  const std::string text = FindField(fields, name).value_or("");
+  std::string_view rest = Trim(text);
+  for (int axis = 0; axis < 3 && !rest.empty(); ++axis) {
+    const bool quoted = rest.front() == '"';
+    if (quoted) rest.remove_prefix(1);
+    const std::string_view unit = rest.substr(0, rest.find_first_of(quoted ? "\"" : " \t"));
+    mm[axis] = MillimetresPer(Trim(unit), what);
+    rest.remove_prefix(std::min(rest.size(), unit.size() + (quoted ? 1 : 0)));
+    rest = Trim(rest);
+  }
+  return mm;
+}
+
 ImageGeometry FromDirections(const NrrdFields& fields, const std::string& directions) {
   const auto vectors = ParseVectors(directions, "space directions");
   if (vectors.size() < 3) {
     Refuse("the NRRD header's space directions are fewer than three; correct the header");
   }
-  const Vec3 signs = SignsOfLps(fields);
+  const Vec3 signs =
+      SignsOfLps(fields).cwiseProduct(LengthUnits(fields, "spaceunits", "space units"));
   ImageGeometry geometry;
   for (int k = 0; k < 3; ++k) {
-    const Vec3 step = SpaceVector(vectors[k], "space directions");
+    const Vec3 step = signs.cwiseProduct(SpaceVector(vectors[k], "space directions"));
     geometry.spacing_mm[k] = step.norm();
     CheckSpacing(step.norm());
-    geometry.direction.col(k) = signs.cwiseProduct(step / step.norm());
+    geometry.direction.col(k) = step / step.norm();
   }
   if (const auto origin = FindField(fields, "spaceorigin")) {
     auto numbers = ParseVector(Trim(*origin), "space origin");
@@ -100,9 +140,10 @@ Vec3 PerAxis(const NrrdFields& fields, const char* name, const char* what) {
 
 ImageGeometry FromSpacings(const NrrdFields& fields, const std::array<std::int64_t, 3>& size) {
   ImageGeometry geometry;
-  const Vec3 mins = PerAxis(fields, "axismins", "axis mins");
-  const Vec3 maxs = PerAxis(fields, "axismaxs", "axis maxs");
-  const Vec3 spacings = PerAxis(fields, "spacings", "spacings");
+  const Vec3 mm = LengthUnits(fields, "units", "units");
+  const Vec3 mins = mm.cwiseProduct(PerAxis(fields, "axismins", "axis mins"));
+  const Vec3 maxs = mm.cwiseProduct(PerAxis(fields, "axismaxs", "axis maxs"));
+  const Vec3 spacings = mm.cwiseProduct(PerAxis(fields, "spacings", "spacings"));
   const std::string text = Lower(FindField(fields, "centers").value_or(""));
   const auto centers = Words(text);
   bool placed = mins.allFinite();

@@ -51,6 +51,44 @@ TEST(NrrdHeader, CarriageReturnsAndUnit) {
   EXPECT_TRUE(header.compressed);
 }
 
+TEST(NrrdHeader, UnitsOfLength) {
+  const std::pair<const char*, double> units[] = {
+      {"mm", 1.0},  {"m", 1e3},     {"cm", 10.0},    {"um", 1e-3},          {"\u00b5m", 1e-3},
+      {"nm", 1e-6}, {"inch", 25.4}, {"Meters", 1e3}, {"micrometers", 1e-3}, {"", 1.0}};
+  for (const auto& [unit, mm] : units) {
+    const std::string quoted = '"' + std::string(unit) + '"';
+    // Of a space: a unit for each of its axes.
+    const std::string all = quoted + " " + quoted + " " + quoted;
+    const double step = 7.0 / mm;  // so that all are within the range of spacings
+    const std::string in_space =
+        Replaced(kNrrd, "spacings: 1 1 1.5",
+                 "space: left-posterior-superior\nspace directions: (" + std::to_string(step) +
+                     ",0,0) (0," + std::to_string(step) + ",0) (0,0," + std::to_string(2 * step) +
+                     ")\nspace origin: (0,0," + std::to_string(step) + ")\nspace units: " + all);
+    const ImageGeometry geometry = Nrrd(in_space).geometry;
+    EXPECT_NEAR(geometry.spacing_mm.x(), 7.0, 1e-4) << unit;
+    EXPECT_NEAR(geometry.spacing_mm.z(), 14.0, 1e-4) << unit;
+    EXPECT_NEAR(geometry.origin_W_mm.z(), 7.0, 1e-4) << unit;
+    // Of axes without a space.
+    const std::string of_axes =
+        Replaced(kNrrd, "spacings: 1 1 1.5",
+                 "spacings: " + std::to_string(step) + " " + std::to_string(step) + " " +
+                     std::to_string(step) + "\nunits: " + all);
+    EXPECT_NEAR(Nrrd(of_axes).geometry.spacing_mm.y(), 7.0, 1e-4) << unit;
+  }
+  // Each axis may have its own.
+  const Vec3 mixed =
+      Nrrd(Replaced(kNrrd, "spacings: 1 1 1.5", "spacings: 1 1 1.5\nunits: \"mm\" \"cm\" um"))
+          .geometry.spacing_mm;
+  EXPECT_NEAR((mixed - Vec3(1.0, 10.0, 1.5e-3)).norm(), 0.0, 1e-12);
+  for (const char* unit : {"parsec", "furlongs", "s", "mm/s"}) {
+    const std::string line = Refusal([&] {
+      Nrrd(Replaced(kNrrd, "key:=value", "units: \"mm\" \"mm\" \"" + std::string(unit) + '"'));
+    });
+    EXPECT_NE(line.find(unit), std::string::npos) << line;
+  }
+}
+
 TEST(NrrdHeader, DetachedWithSkip) {
   const ImageHeader header =
       Nrrd(Replaced(kNrrd, "key:=value", "data file: a b.raw\nbyte skip: -1"));

@@ -174,6 +174,13 @@ TEST_P(NiftiHeader, WhichOfBothForms) {
   EXPECT_TRUE(origin(1, 1).isApprox(qform));
 }
 
+TEST_P(NiftiHeader, UnknownUnitsAreRefused) {
+  for (const int code : {4, 5, 6, 7}) {
+    NiftiBytes bytes = Bytes();
+    EXPECT_NE(Refusal([&] { PutSform(bytes, 1).Units(code).Parse(); }), "") << code;
+  }
+}
+
 TEST_P(NiftiHeader, Units) {
   const std::pair<int, double> units[] = {{0, 1},    {1, 1e3},   {2, 1},
                                           {3, 1e-3}, {2 + 8, 1}, {3 + 16, 1e-3}};
