@@ -22,13 +22,18 @@ bool IsCut(const TickSample& sample) {
          sample.force_state == ForceState::kStopped;
 }
 
-// Of the tick that cut forces off.
-std::string ReasonOf(const TickSample& sample) {
-  if (sample.force_reason != ForceReason::kOperator && sample.force_reason != ForceReason::kNone) {
+// Of the tick that cut forces off. `is_faulty`: the safety stage found a fault in it.
+std::string ReasonOf(const TickSample& sample, bool is_faulty) {
+  const bool is_safety =
+      sample.force_state == ForceState::kFault || sample.force_state == ForceState::kStopped;
+  if (is_safety && sample.force_reason != ForceReason::kOperator &&
+      sample.force_reason != ForceReason::kNone) {
     return std::string(NameOf(sample.force_reason));
   }
   // Forces were off already.
-  return sample.device_status == DeviceStatus::kFault ? "device" : "input";
+  if (sample.device_status == DeviceStatus::kFault) return "device";
+  // Otherwise the surface was moved over the stylus, which did not come out of it.
+  return is_faulty ? "input" : "buried";
 }
 
 // "20261120T145203.123Z": names in the order of time.
@@ -79,11 +84,12 @@ void BlackBox::Stop() noexcept {
 
 void BlackBox::OnSample(const TickSample& sample) {
   ring_[samples_++ % kTicks] = sample;
+  const bool is_faulty = sample.faulty_ticks > std::exchange(faulty_ticks_, sample.faulty_ticks);
   const bool is_cut = IsCut(sample);
   const bool begins = is_cut && !std::exchange(was_cut_, is_cut);
   was_cut_ = is_cut;
   if (!begins) return;
-  const std::string reason = ReasonOf(sample);
+  const std::string reason = ReasonOf(sample, is_faulty);
   const double since_s = static_cast<double>(sample.time_ns - last_dump_ns_) * 1e-9;
   const bool is_again = reason == last_reason_ && since_s < kPauseS;
   std::vector<TickSample> ticks;
@@ -99,7 +105,7 @@ void BlackBox::OnSample(const TickSample& sample) {
       if (!std::exchange(has_skipped_, true)) skipped_ = reason;
     } else {
       has_skipped_ = false;
-      waiting_.push_back(std::move(ticks));
+      waiting_.push_back({std::move(ticks), reason});
     }
   }
   due_.notify_one();
@@ -121,25 +127,27 @@ void BlackBox::Run() {
     const auto waiting = std::exchange(waiting_, {});
     const std::string skipped = std::exchange(skipped_, {});
     lock.unlock();
-    for (const auto& ticks : waiting) Write(ticks);
+    for (const Cut& cut : waiting) Write(cut);
     if (!skipped.empty()) report_("forces were cut off again (" + skipped + "); no file", false);
     lock.lock();
   }
 }
 
-void BlackBox::Write(const std::vector<TickSample>& ticks) const {
+void BlackBox::Write(const Cut& cut) const {
+  const std::vector<TickSample>& ticks = cut.ticks;
   try {
     MakeFolders(folder_);
     const std::string prefix =
         ticks.back().force_state == ForceState::kStopped ? "stop-" : "fault-";
-    const std::filesystem::path file =
-        folder_ / (prefix + UtcNow() + "-" + ReasonOf(ticks.back()) + ".csv");
+    const std::filesystem::path file = folder_ / (prefix + UtcNow() + "-" + cut.reason + ".csv");
     WriteWhole(file, [&](const std::filesystem::path& partial) {
       std::ofstream stream(partial);
       ExportCsv(ticks, stream);
     });
     RemoveOldest(folder_, prefix);
-    report_("the last " + std::to_string(ticks.size()) + " ticks are in " + file.string(), false);
+    report_("forces were cut off (" + cut.reason + "); the last " + std::to_string(ticks.size()) +
+                " ticks are in " + file.string(),
+            false);
   } catch (const std::exception& error) {
     report_("cannot keep the ticks before the fault in " + folder_.string() + ": " + error.what(),
             true);

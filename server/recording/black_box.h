@@ -2,8 +2,9 @@
 // or the emergency stop, so that what led there can be looked at.
 //
 // Files are tables as of csv_export.h: FOLDER/fault-TIME-REASON.csv, and stop-TIME-...
-// for the emergency stop, UTC. The newest kMostFiles of either are kept. The same reason
-// again within kPauseS is only reported.
+// for the emergency stop, UTC. REASON is that of the forces' state; "buried" where the surface was
+// moved over the stylus and it did not come out. The newest kMostFiles of either are kept. The same
+// reason again within kPauseS is only reported.
 //
 // Threads: OnSample on the pump thread, which it costs a copy of the ticks at a fault
 // and never the disk; files are written on a thread of its own; `report` is called
@@ -41,10 +42,15 @@ class BlackBox final : public SampleSink {
   void OnSample(const TickSample& sample) override;
 
  private:
+  struct Cut {
+    std::vector<TickSample> ticks;
+    std::string reason;
+  };
+
   // Oldest first.
   std::vector<TickSample> Ticks() const;
   void Run();
-  void Write(const std::vector<TickSample>& ticks) const;
+  void Write(const Cut& cut) const;
 
   const std::filesystem::path folder_;
   const Report report_;
@@ -52,15 +58,16 @@ class BlackBox final : public SampleSink {
   // The pump thread's.
   std::vector<TickSample> ring_;
   std::uint64_t samples_ = 0;
+  std::uint64_t faulty_ticks_ = 0;
   bool was_cut_ = true;  // nothing led to a fault in the first tick
   std::string last_reason_;
   std::int64_t last_dump_ns_ = 0;
 
   std::mutex mutex_;  // guards what follows
   std::condition_variable due_;
-  std::vector<std::vector<TickSample>> waiting_;  // a few
-  std::string skipped_;                           // reason of a cut without a file
-  bool has_skipped_ = false;                      // since the last file
+  std::vector<Cut> waiting_;  // a few
+  std::string skipped_;       // reason of a cut without a file
+  bool has_skipped_ = false;  // since the last file
   bool stop_ = false;
   std::thread thread_;
 };

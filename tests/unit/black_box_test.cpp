@@ -76,6 +76,17 @@ TEST_F(BlackBoxTest, KeepsTheLastTwoSecondsUpToTheFault) {
   EXPECT_NE(reports_[0].find(files[0].string()), std::string::npos) << reports_[0];
 }
 
+// By an isovalue that is swept, or another volume: no fault of the device or of what it reads.
+TEST_F(BlackBoxTest, AStylusThatTheSurfaceMovedOverIsBuried) {
+  Ticks(10);
+  Tick(TickMode::kFault);
+  const auto files = Files();
+  ASSERT_EQ(files.size(), 1u);
+  EXPECT_TRUE(files[0].string().ends_with("Z-buried.csv")) << files[0];
+  ASSERT_EQ(reports_.size(), 1u);
+  EXPECT_TRUE(reports_[0].starts_with("forces were cut off (buried); ")) << reports_[0];
+}
+
 TEST_F(BlackBoxTest, AStopIsKeptToo) {
   Tick();
   Stop();
