@@ -54,8 +54,21 @@ std::filesystem::path ImportProgram() {
   return std::filesystem::read_symlink("/proc/self/exe").parent_path() / "palpate-import";
 }
 
-PathPolicy MakePathPolicy(const Config& config) {
-  PathPolicyOptions options{.load_folders = config.load_folders};
+// What the daemon keeps to itself.
+OwnFiles OwnFilesOf(const LoadedConfig& loaded, const std::filesystem::path& state_folder,
+                    const std::string& socket) {
+  const SecurityOptions& security = loaded.config.security;
+  std::vector<std::filesystem::path> own{socket + ".tls", socket + ".lock"};
+  for (const std::filesystem::path& path :
+       {loaded.file, state_folder, security.policy.tokens, security.policy.client_ca,
+        security.tls.certificate, security.tls.key}) {
+    if (!path.empty()) own.push_back(std::filesystem::absolute(path));
+  }
+  return OwnFiles(own);
+}
+
+PathPolicy MakePathPolicy(const Config& config, const OwnFiles& own_files) {
+  PathPolicyOptions options{.load_folders = config.load_folders, .own_files = own_files};
   options.save_folders = config.save_folders ? *config.save_folders : std::vector{CurrentFolder()};
   return PathPolicy(options);
 }
@@ -148,12 +161,16 @@ void RunDaemon(const LoadedConfig& loaded, const ConfigReader& read) {
   const std::unique_ptr<HapticDevice> device =
       MakeDevice(config.device, std::max(1, config.realtime.priority - 1));
   const std::filesystem::path state_folder = config.state_folder.value_or(DefaultStateFolder());
+  const std::string socket = config.socket_path.empty() ? DefaultSocketPath() : config.socket_path;
+  const OwnFiles own_files = OwnFilesOf(loaded, state_folder, socket);
+  const PathPolicy paths = MakePathPolicy(config, own_files);
   SceneInbox inbox;
   const auto outbox = std::make_unique<TickOutbox>();
   Pump pump(*outbox);
   Session session(device->spec(), inbox, pump,
                   VolumeLoader{.import_program = ImportProgram(),
-                               .folders = config.load_folders,
+                               .folders = paths.load_folders(),
+                               .own_files = own_files,
                                .budget = MemoryBudget::Make(config.memory_budget_bytes)});
   RegistrationStore registrations(state_folder);
   session.SetRegistrationStore(registrations);
@@ -168,8 +185,6 @@ void RunDaemon(const LoadedConfig& loaded, const ConfigReader& read) {
   const SafetyLimits limits = LimitsFor(device->spec(), StopButtons(config.device, device->spec()));
   const ForceWatch forces(outbox->last);
   ServoLoop servo(*device, inbox, *outbox, config.realtime, limits);
-  const std::string socket = config.socket_path.empty() ? DefaultSocketPath() : config.socket_path;
-  const PathPolicy paths = MakePathPolicy(config);
   RecordingControl recording(session, pump,
                              {[&](const std::string& path) { return paths.CheckSave(path); },
                               [&](const std::string& path) { return paths.CheckLoad(path); }},

@@ -8,8 +8,15 @@
 namespace palpate {
 namespace {
 
-std::string Source(const std::string& volume) {
+std::string Name(const std::string& volume) {
   return volume.starts_with("builtin:") ? volume : std::filesystem::absolute(volume).string();
+}
+
+// Links followed: whoever starts the daemon may lead anywhere.
+std::string Source(const std::string& volume) {
+  std::error_code error;
+  const std::filesystem::path real = std::filesystem::canonical(volume, error);
+  return volume.starts_with("builtin:") || error ? Name(volume) : real.string();
 }
 
 void Load(const LoadRequest& request, Session& session, const LoadCancelled& cancelled) {
@@ -74,6 +81,7 @@ bool BringBack(const FeltSession& left, const LoadRequest& configured, Session& 
 
 LoadRequest ConfiguredVolume(const Config& config) {
   return {.source = Source(config.volume),
+          .title = Name(config.volume),
           .isovalue = config.isovalue,
           .normalized_isovalue = config.normalized_isovalue,
           .spacing_mm = config.spacing_mm,

@@ -121,6 +121,11 @@ void CheckPlace(const fs::path& file, const ImportLimits& limits) {
     const fs::path below = real.lexically_relative(folder);
     return !below.empty() && *below.begin() != "..";
   };
+  if (!limits.folders.empty() && limits.own_files.Hold(file)) {
+    throw Error(
+        ErrorKind::kPermissionDenied,
+        file.filename().string() + " is palpated's own, or the kernel's; name another file");
+  }
   if (limits.folders.empty() || (!error && std::ranges::any_of(limits.folders, holds))) return;
   throw Error(ErrorKind::kPermissionDenied,
               file.filename().string() +

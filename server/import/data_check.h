@@ -17,7 +17,8 @@ enum class ImageFormat { kNrrd, kMetaImage, kNifti };
 // kNotFound, kPermissionDenied, or kInvalidArgument for what is no regular file.
 void CheckReadable(const std::filesystem::path& path);
 
-// kPermissionDenied for a link that leads out of the folders that files may be read from.
+// kPermissionDenied for a link that leads out of the folders that files may be read from, and for a
+// file of palpated's own.
 void CheckPlace(const std::filesystem::path& file, const ImportLimits& limits);
 
 // Throws kInvalidArgument (not this format, not supported, truncated, damaged) or

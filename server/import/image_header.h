@@ -16,6 +16,7 @@
 #include <vector>
 
 #include "common/error/error.h"
+#include "common/files/own_files.h"
 #include "common/geometry/geometry.h"
 
 namespace palpate {
@@ -66,6 +67,8 @@ struct ImportLimits {
   // Real paths. Files that a source leads to, slices and voxels of a detached header,
   // lie below one of these when links are followed. Empty: anywhere.
   std::vector<std::filesystem::path> folders{};
+  // Whatever leads to them.
+  OwnFiles own_files{};
 };
 
 [[noreturn]] void Refuse(const std::string& message);  // kInvalidArgument

@@ -14,6 +14,7 @@
 
 #include "common/arguments/arguments.h"
 #include "common/error/error.h"
+#include "server/import/confinement.h"
 #include "server/import/dense_volume.h"
 #include "server/import/readers.h"
 #include "server/import/reporter.h"
@@ -34,6 +35,7 @@ struct Options {
   std::vector<std::int64_t> raw_size;
   palpate::RawVoxels raw;
   std::vector<std::string> folders;
+  std::vector<std::string> own_files;
   std::int64_t max_voxels = palpate::ImportLimits{}.max_voxels;
   std::int64_t max_memory_mib = palpate::ImportLimits{}.max_memory_bytes >> 20;
   unsigned timeout_s = 300;
@@ -51,11 +53,18 @@ void DefineLimits(arguments::Command* app, Options* options) {
       ->type_name("N")
       ->capture_default_str();
   app->add_option("--only-below", options->folders,
-                  "Slices and data files of INPUT lie below its own folder or this one, links\n"
-                  "followed; may be given again (default: they may lie anywhere)")
+                  "INPUT, its slices and data files lie below INPUT's folder or this one, links\n"
+                  "followed; these paths hold no links; may be given again (default: anywhere)")
       ->expected(1)
       ->take_all()
       ->type_name("FOLDER");
+  app->add_option(
+         "--never", options->own_files,
+         "With --only-below: a file, or folder, that INPUT must not lead to, nor to another\n"
+         "name of it; may be given again")
+      ->expected(1)
+      ->take_all()
+      ->type_name("PATH");
   app->add_option("--timeout-s", options->timeout_s, "Give up after this many seconds")
       ->check(arguments::Range(1u, 1000000u))
       ->type_name("N")
@@ -95,7 +104,7 @@ void DefineOptions(arguments::Command* app, Options* options) {
   app->footer(
       "Exit codes: 0 written; 2 wrong usage; 3 not a volume, damaged or not supported; 4 not "
       "found;\n"
-      "5 permission denied; 6 over a limit; 8 cannot write; 1 any other failure.\n"
+      "5 permission denied; 6 over a limit; 8 cannot write; 11 disk full; 1 any other failure.\n"
       "Example: palpate-import head.nii.gz head.vdb --max-memory-mib 4096");
   app->add_option("INPUT", options->input, "Volume file, or folder of a series")->required();
   app->add_option("OUTPUT", options->output, "File to write; replaced if it is there")->required();
@@ -184,22 +193,18 @@ palpate::DenseVolume Read(const Options& options, const palpate::ImportLimits& l
                                       : palpate::ReadDicomVolume(input, limits, reporter);
 }
 
+// As they are named: a link that somebody puts into such a path leads nowhere.
 std::vector<std::filesystem::path> FoldersToRead(const Options& options) {
   if (options.folders.empty()) return {};
-  const std::filesystem::path input = options.input;
+  const auto plain = [](const std::filesystem::path& path) {
+    const std::filesystem::path full = std::filesystem::absolute(path).lexically_normal();
+    return full.has_filename() ? full : full.parent_path();  // without a slash at its end
+  };
   std::error_code error;
-  const bool folder = std::filesystem::is_directory(input, error);
-  // Whoever asks for a file that is not there is told so later. What is asked for may be a
-  // link itself: of clients' paths, none is left by now.
-  const std::filesystem::path real_input = std::filesystem::weakly_canonical(input, error);
-  const std::filesystem::path own = folder ? input : std::filesystem::absolute(input).parent_path();
-  std::vector<std::filesystem::path> folders{std::filesystem::weakly_canonical(own, error)};
-  if (!folder) folders.push_back(real_input.parent_path());
-  for (const std::filesystem::path path : options.folders) {
-    // One that is gone, as with its disk, holds nothing.
-    const std::filesystem::path real = std::filesystem::canonical(path, error);
-    if (!error) folders.push_back(real);
-  }
+  const std::filesystem::path input = plain(options.input);
+  std::vector<std::filesystem::path> folders{
+      std::filesystem::is_directory(input, error) ? input : input.parent_path()};
+  for (const std::string& path : options.folders) folders.push_back(plain(path));
   return folders;
 }
 
@@ -213,10 +218,15 @@ void Import(const Options& options, palpate::Reporter* reporter) {
   limits.max_voxels = options.max_voxels;
   limits.max_memory_bytes = options.max_memory_mib << 20;
   limits.folders = FoldersToRead(options);
+  limits.own_files = palpate::OwnFiles({options.own_files.begin(), options.own_files.end()});
   limits.on_size = [reporter](const auto& size) { reporter->Size(size); };
   reporter->FailOnCrash();
   reporter->FailAfter(options.timeout_s);
   palpate::LimitResources(limits.max_memory_bytes, options.timeout_s);
+  if (!limits.folders.empty()) {
+    palpate::CheckPlace(options.input, limits);
+    palpate::Confine(limits.folders, std::filesystem::absolute(options.output).parent_path());
+  }
   itk::Object::SetGlobalWarningDisplay(false);
 
   palpate::DenseVolume volume = Read(options, limits, reporter);

@@ -153,7 +153,7 @@ std::vector<std::string> ImageFiles(const fs::path& folder, const ImportLimits& 
   std::error_code error;
   for (fs::directory_iterator entry(folder, error), end; !error && entry != end;
        entry.increment(error)) {
-    if (!entry->is_regular_file()) continue;
+    if (!entry->is_regular_file() || limits.own_files.Hold(entry->path())) continue;
     CheckPlace(entry->path(), limits);
     if (IsImage(entry->path())) files.push_back(entry->path().string());
   }

@@ -47,7 +47,7 @@ Error WithTitle(const std::exception& error, const Upload& upload) {
 
 VolumeState VolumeService::LoadUpload(const Upload& upload, LoadRequest request,
                                       const LoadCancelled& cancelled, AppliedTick& applied) {
-  request.source = upload.path();
+  request.source = std::filesystem::canonical(upload.path());  // its folder is ours alone
   request.source_stays = false;
   request.title = upload.title();
   const auto quiet = [](std::string_view, double) {};

@@ -71,6 +71,12 @@ void CheckWithin(const std::vector<fs::path>& folders, const fs::path& resolved,
                                                 " of its configuration)");
 }
 
+void CheckNotOwn(const OwnFiles& own, const fs::path& resolved, const std::string& path) {
+  if (!own.Hold(resolved)) return;
+  throw Error(ErrorKind::kPermissionDenied,
+              path + ": this is palpated's own, or the kernel's; name another file");
+}
+
 }  // namespace
 
 fs::path CurrentFolder() {
@@ -82,7 +88,8 @@ fs::path CurrentFolder() {
 
 PathPolicy::PathPolicy(const PathPolicyOptions& options)
     : load_folders_(ResolveFolders(options.load_folders)),
-      save_folders_(ResolveFolders(options.save_folders)) {}
+      save_folders_(ResolveFolders(options.save_folders)),
+      own_files_(options.own_files) {}
 
 void PathPolicy::CheckText(const std::string& path) {
   // Neither is told back.
@@ -102,6 +109,7 @@ fs::path PathPolicy::CheckLoad(const std::string& path) const {
   }
   const fs::path resolved = Resolve(ParsePath(path));
   CheckWithin(load_folders_, resolved, path, "load", kLoadKey);
+  CheckNotOwn(own_files_, resolved, path);
   return resolved;
 }
 
@@ -109,6 +117,7 @@ fs::path PathPolicy::CheckSave(const std::string& path) const {
   const fs::path resolved = Resolve(ParsePath(path));
   // First, so that nothing is told of what is elsewhere.
   CheckWithin(save_folders_, resolved, path, "save", kSaveKey);
+  CheckNotOwn(own_files_, resolved, path);
   std::error_code error;
   if (path.ends_with('/') || !resolved.has_filename())
     Refuse(path + ": the name of a file is missing");

@@ -3,7 +3,8 @@
 // A client names files on the daemon's machine; the daemon may see more of that
 // machine than the client should. Paths are judged by where they lead: symbolic
 // links and ".." are followed first. Someone who changes links on this machine
-// between the judgement and the use is not guarded against.
+// between the judgement and the use meets the kernel (server/import/confinement.h), but for
+// recordings that are replayed and files that are saved.
 //
 // Threads: any, at once; asks the file system. Ownership: holds its folders.
 #pragma once
@@ -12,12 +13,16 @@
 #include <string>
 #include <vector>
 
+#include "common/files/own_files.h"
+
 namespace palpate {
 
 struct PathPolicyOptions {
   // Absolute paths of folders. Empty: nothing may be loaded, or saved.
   std::vector<std::filesystem::path> load_folders{"/"};
   std::vector<std::filesystem::path> save_folders{};
+  // Neither loaded nor saved to, whatever the lists say.
+  OwnFiles own_files{};
 };
 
 // The folder that the process was started in: the default to save to.
@@ -50,9 +55,13 @@ class PathPolicy {
   // kNotFound (no such folder), kPermissionDenied.
   std::filesystem::path CheckSave(const std::string& path) const;
 
+  // Links followed.
+  const std::vector<std::filesystem::path>& load_folders() const { return load_folders_; }
+
  private:
   std::vector<std::filesystem::path> load_folders_;
   std::vector<std::filesystem::path> save_folders_;
+  OwnFiles own_files_;
 };
 
 }  // namespace palpate

@@ -49,6 +49,7 @@ VolumeFile VolumeLoader::Load(const LoadRequest& load, const LoadProgress& progr
   request.raw = load.raw;
   request.frame = load.frame;
   request.folders = folders;
+  request.own_files = own_files;
   request.max_voxels = max_voxels;
   request.max_memory_bytes = max_memory_bytes;
   request.import_program = import_program;

@@ -13,6 +13,7 @@
 #include <string_view>
 #include <vector>
 
+#include "common/files/own_files.h"
 #include "server/session/memory_budget.h"
 #include "server/volume/raw_voxels.h"
 #include "server/volume/volume_file.h"
@@ -41,7 +42,8 @@ using LoadSizeKnown = std::function<void(const Vec3i& size, std::uint64_t bytes)
 struct VolumeLoader {
   std::filesystem::path import_program;
   // As ImportRequest's.
-  std::vector<std::filesystem::path> folders{};
+  std::optional<std::vector<std::filesystem::path>> folders{};
+  OwnFiles own_files{};
   std::int64_t max_voxels = std::int64_t{1} << 31;
   std::int64_t max_memory_bytes = std::int64_t{16} << 30;  // of the importer
   std::shared_ptr<MemoryBudget> budget = MemoryBudget::Make();

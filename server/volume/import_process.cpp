@@ -97,8 +97,15 @@ std::vector<std::string> Arguments(const ImportRequest& request,
           std::to_string(std::max<std::int64_t>(request.max_memory_bytes >> 20, 1)),
       "--timeout-s=" + std::to_string(std::max<std::int64_t>(request.timeout.count(), 1)),
   };
-  for (const auto& folder : request.folders) {
-    arguments.push_back("--only-below=" + folder.string());
+  if (request.folders) {
+    // Where there are none, too: what lies beside it, and nothing else.
+    arguments.push_back("--only-below=" + request.source.string());
+    for (const auto& folder : *request.folders) {
+      arguments.push_back("--only-below=" + folder.string());
+    }
+  }
+  for (const auto& path : request.own_files.paths()) {
+    arguments.push_back("--never=" + path.string());
   }
   if (request.spacing_mm) {
     const Vec3& s = *request.spacing_mm;
@@ -291,8 +298,8 @@ Outcome RunImporter(const ImportRequest& request, const std::filesystem::path& o
 ErrorKind KindOf(int exit_code) {
   for (const ErrorKind kind :
        {ErrorKind::kInvalidArgument, ErrorKind::kNotFound, ErrorKind::kPermissionDenied,
-        ErrorKind::kTooLarge, ErrorKind::kConflict, ErrorKind::kUnavailable,
-        ErrorKind::kCancelled}) {
+        ErrorKind::kTooLarge, ErrorKind::kConflict, ErrorKind::kUnavailable, ErrorKind::kCancelled,
+        ErrorKind::kDiskFull}) {
     if (ExitCode(kind) == exit_code) return kind;
   }
   return ErrorKind::kInternal;

@@ -14,6 +14,7 @@
 #include <string_view>
 #include <vector>
 
+#include "common/files/own_files.h"
 #include "server/volume/raw_voxels.h"
 #include "server/volume/volume_file.h"
 
@@ -24,9 +25,11 @@ struct ImportRequest {
   std::optional<Vec3> spacing_mm;     // instead of the file's; required for TIFF
   std::optional<std::int64_t> frame;  // of a 4-D file; the first unless stated
   std::optional<RawVoxels> raw;       // the file holds nothing but these
-  // What the source leads to, slices and voxels of a detached header, lies below its
-  // own folder or one of these when links are followed. Empty: anywhere.
-  std::vector<std::filesystem::path> folders{};
+  // The source, and what it leads to (slices, voxels of a detached header), lie below the source's
+  // folder or one of these when links are followed. All these paths hold no links. None: anywhere.
+  std::optional<std::vector<std::filesystem::path>> folders{};
+  // Nor is it any of these.
+  OwnFiles own_files{};
   std::int64_t max_voxels = std::int64_t{1} << 31;
   std::int64_t max_memory_bytes = std::int64_t{16} << 30;
   // Told of the size in advance, before voxels are read; more than once for stacks

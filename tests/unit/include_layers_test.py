@@ -23,7 +23,7 @@ LAYERS = {
     "server/log": [],
     "server/realtime": ["common/error"],
     "server/volume": COMMON,
-    "server/import": ["common/arguments", "common/error", "common/geometry", "server/volume"],
+    "server/import": ["common/arguments", "common/error", "common/files", "common/geometry", "server/volume"],
     "server/haptics": ["common/geometry", "common/isosurface", "server/volume"],
     "server/device": ["common/error", "common/geometry"],
     "server/device/usb": ["common/error", "common/geometry", "server/device", "server/realtime"],

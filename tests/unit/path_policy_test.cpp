@@ -184,6 +184,30 @@ TEST_F(PathPolicyTest, AFolderMayBeALinkAndEndWithASlash) {
   EXPECT_EQ(policy.CheckSave(In("outside/x.vdb")), In("outside/x.vdb"));
 }
 
+// Whatever the lists say, and under any name.
+TEST_F(PathPolicyTest, FilesOfItsOwnAreNeitherLoadedNorSavedTo) {
+  std::ofstream(root_ / "save/key.pem") << "secret";
+  fs::create_directories(root_ / "load/state/deep");
+  std::ofstream(root_ / "load/state/deep/a.toml") << "secret";
+  fs::create_hard_link(root_ / "save/key.pem", root_ / "load/hard.raw");
+  fs::create_hard_link(root_ / "load/state/deep/a.toml", root_ / "save/hard.raw");
+  fs::create_symlink(root_ / "save/key.pem", root_ / "load/soft.raw");
+  policy_ = PathPolicy({.load_folders = {"/"},
+                        .save_folders = {"/"},
+                        .own_files = OwnFiles({root_ / "save/key.pem", root_ / "load/state"})});
+  for (const char* own : {"save/key.pem", "load/hard.raw", "save/hard.raw", "load/soft.raw",
+                          "load/state/deep/a.toml", "load/state/new.vdb", "load/state"}) {
+    const std::string line = LoadRefusal(In(own));
+    EXPECT_NE(line.find("palpated's own"), std::string::npos) << line;
+    SaveRefusal(In(own));
+  }
+  LoadRefusal("/proc/self/environ");
+  LoadRefusal("/sys/kernel/notes");
+  EXPECT_EQ(policy_.CheckLoad(In("load/a.nrrd")), In("load/a.nrrd"));
+  EXPECT_EQ(policy_.CheckLoad(In("load")), In("load"));
+  EXPECT_EQ(policy_.CheckSave(In("save/new.vdb")), In("save/new.vdb"));
+}
+
 TEST_F(PathPolicyTest, ByDefaultLoadsFromEverywhereAndSavesNowhere) {
   const PathPolicy policy;
   EXPECT_EQ(policy.CheckLoad(In("outside/secret.nrrd")), In("outside/secret.nrrd"));

@@ -1,0 +1,56 @@
+#include "common/files/own_files.h"
+
+#include <sys/stat.h>
+
+#include <algorithm>
+#include <system_error>
+#include <utility>
+
+namespace palpate {
+namespace {
+
+namespace fs = std::filesystem;
+
+// By components, so that /data does not hold /database.
+bool IsWithin(const fs::path& folder, const fs::path& path) {
+  return std::mismatch(folder.begin(), folder.end(), path.begin(), path.end()).first ==
+         folder.end();
+}
+
+bool IsSame(const fs::path& path, const struct stat& file) {
+  struct stat own {};
+  return stat(path.c_str(), &own) == 0 && own.st_dev == file.st_dev && own.st_ino == file.st_ino;
+}
+
+// The file itself, or one in the folder.
+bool HoldsSame(const fs::path& own, const struct stat& file) {
+  if (IsSame(own, file)) return true;
+  std::error_code error;
+  fs::recursive_directory_iterator entry(own, fs::directory_options::skip_permission_denied, error);
+  for (; !error && entry != fs::recursive_directory_iterator(); entry.increment(error)) {
+    if (IsSame(entry->path(), file)) return true;
+  }
+  return false;
+}
+
+}  // namespace
+
+OwnFiles::OwnFiles(std::vector<fs::path> paths) : paths_(std::move(paths)) {}
+
+bool OwnFiles::Hold(const fs::path& file) const {
+  std::error_code error;
+  const fs::path real = fs::weakly_canonical(file, error);
+  if (error) return false;  // nobody can open it by this name either
+  for (const char* kernel : {"/proc", "/sys"}) {
+    if (IsWithin(kernel, real)) return true;
+  }
+  struct stat status {};
+  const bool is_file = stat(real.c_str(), &status) == 0 && S_ISREG(status.st_mode);
+  return std::ranges::any_of(paths_, [&](const fs::path& own) {
+    std::error_code ignored;
+    return IsWithin(fs::weakly_canonical(own, ignored), real) ||
+           (is_file && HoldsSame(own, status));
+  });
+}
+
+}  // namespace palpate
