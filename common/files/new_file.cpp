@@ -32,6 +32,20 @@ std::string RandomLetters() {
   return letters;
 }
 
+// -1: one that we may write to but not list, and so not sync.
+int OpenFolder(const fs::path& folder) {
+  const int directory = open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  if (directory < 0 && errno != EACCES) throw CannotWrite(folder, errno);
+  return directory;
+}
+
+void SyncAndClose(int directory, const fs::path& folder) {
+  const bool synced = fsync(directory) == 0 || errno == EINVAL;
+  const int error_number = errno;
+  close(directory);
+  if (!synced) throw CannotWrite(folder, error_number);
+}
+
 }  // namespace
 
 Error CannotWrite(const fs::path& path, int error_number) {
@@ -93,9 +107,17 @@ void NewFile::Sync() {
 
 void NewFile::TakeName(Durable durable) {
   if (durable == Durable::kYes) Sync();
-  Rename();
+  const fs::path folder = fs::absolute(path_).parent_path();
+  // Before the name changes: what cannot be opened fails while all is as it was.
+  const int directory = durable == Durable::kYes ? OpenFolder(folder) : -1;
+  try {
+    Rename();
+  } catch (const Error&) {
+    if (directory >= 0) close(directory);
+    throw;
+  }
   has_name_ = true;
-  if (durable == Durable::kYes) SyncFolder(fs::absolute(path_).parent_path());
+  if (directory >= 0) SyncAndClose(directory, folder);
 }
 
 void NewFile::Rename() {
@@ -144,13 +166,8 @@ void MakeFolders(const fs::path& folder) {
 }
 
 void SyncFolder(const fs::path& folder) {
-  const int directory = open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-  // One that we may write to but not list.
-  if (directory < 0 && errno == EACCES) return;
-  const bool synced = directory >= 0 && (fsync(directory) == 0 || errno == EINVAL);
-  const int error_number = errno;
-  if (directory >= 0) close(directory);
-  if (!synced) throw CannotWrite(folder, error_number);
+  const int directory = OpenFolder(folder);
+  if (directory >= 0) SyncAndClose(directory, folder);
 }
 
 }  // namespace palpate

@@ -48,7 +48,7 @@ class NewFile {
   void Sync();
   // Syncs the file, names it, and syncs its folder; only names it if not durable. Throws
   // CannotWrite, or kConflict where `path` has come to be meanwhile and is not to be replaced:
-  // `path` is as it was then.
+  // `path` is as it was then, unless the disk itself fails at the folder: has_name() tells.
   void TakeName(Durable durable = Durable::kYes);
 
  private:

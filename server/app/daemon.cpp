@@ -59,9 +59,16 @@ OwnFiles OwnFilesOf(const LoadedConfig& loaded, const std::filesystem::path& sta
                     const std::string& socket) {
   const SecurityOptions& security = loaded.config.security;
   std::vector<std::filesystem::path> own{socket + ".tls", socket + ".lock"};
+  // Not the whole folder: recordings may lie below it, as the service's do.
+  if (!state_folder.empty()) {
+    for (const char* name : {"sessions", "faults", "registrations.toml", "registrations.toml.lock",
+                             "registrations.toml.damaged"}) {
+      own.push_back(std::filesystem::absolute(state_folder) / name);
+    }
+  }
   for (const std::filesystem::path& path :
-       {loaded.file, state_folder, security.policy.tokens, security.policy.client_ca,
-        security.tls.certificate, security.tls.key}) {
+       {loaded.file, security.policy.tokens, security.policy.client_ca, security.tls.certificate,
+        security.tls.key}) {
     if (!path.empty()) own.push_back(std::filesystem::absolute(path));
   }
   return OwnFiles(own);

@@ -75,6 +75,7 @@ constexpr LengthUnit kLengthUnits[] = {
     {"metre", 1e3},       {"um", 1e-3},         {"\u00b5m", 1e-3},    {"\u03bcm", 1e-3},
     {"micron", 1e-3},     {"micrometer", 1e-3}, {"micrometre", 1e-3}, {"nm", 1e-6},
     {"nanometer", 1e-6},  {"nanometre", 1e-6},  {"in", 25.4},         {"inch", 25.4},
+    {"inche", 25.4},
 };
 
 double MillimetresPer(std::string_view unit, const char* what) {

@@ -22,6 +22,7 @@ class RecordingFile final : public RecordingOutput {
 
   void Append(std::string_view bytes) override {
     const auto now = now_();
+    const bool had_name = file_.has_name();
     try {
       file_.Write(bytes);
       if (!file_.has_name()) {
@@ -32,7 +33,8 @@ class RecordingFile final : public RecordingOutput {
         synced_ = now;
       }
     } catch (const Error&) {
-      TakeBack();
+      // One that has its name now is whole, whatever went wrong after.
+      if (had_name || !file_.has_name()) TakeBack();
       throw;
     }
     size_ += static_cast<off_t>(bytes.size());

@@ -98,7 +98,7 @@ save_folders = ["/"]
         def start(request, timeout):
             return [self.recording.StartRecording(request, timeout=timeout)]
         before = [path.read_bytes() for path in self.own[:5]]
-        for path in [*self.own, self.daemon.folder / "state/new.nrrd"]:
+        for path in [*self.own, self.daemon.folder / "state/sessions/new.nrrd"]:
             self.refused(path, start,
                          recording_pb2.StartRecordingRequest(path=str(path), overwrite=True))
             self.refused(path, self.volume.SaveVolume,

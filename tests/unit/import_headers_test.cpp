@@ -53,8 +53,9 @@ TEST(NrrdHeader, CarriageReturnsAndUnit) {
 
 TEST(NrrdHeader, UnitsOfLength) {
   const std::pair<const char*, double> units[] = {
-      {"mm", 1.0},  {"m", 1e3},     {"cm", 10.0},    {"um", 1e-3},          {"\u00b5m", 1e-3},
-      {"nm", 1e-6}, {"inch", 25.4}, {"Meters", 1e3}, {"micrometers", 1e-3}, {"", 1.0}};
+      {"mm", 1.0},  {"m", 1e3},     {"cm", 10.0},     {"um", 1e-3},    {"\u00b5m", 1e-3},
+      {"nm", 1e-6}, {"inch", 25.4}, {"inches", 25.4}, {"Meters", 1e3}, {"micrometers", 1e-3},
+      {"", 1.0}};
   for (const auto& [unit, mm] : units) {
     const std::string quoted = '"' + std::string(unit) + '"';
     // Of a space: a unit for each of its axes.
