@@ -10,8 +10,10 @@
 
 #include <cerrno>
 #include <cstdint>
+#include <cstdlib>
 #include <cstring>
 #include <string>
+#include <string_view>
 
 #include "common/error/error.h"
 
@@ -58,6 +60,21 @@ void Allow(int rules, int place, std::uint64_t rights) {
   if (!added) Fail("landlock_add_rule");
 }
 
+#ifdef PALPATE_SANITIZED
+// At the program's end it looks at the process itself, and reads its list of suppressions.
+void AllowLeakChecker(int rules, std::uint64_t handled) {
+  Allow(rules, open("/proc", O_PATH | O_CLOEXEC), kRead & handled);
+  const char* options = std::getenv("LSAN_OPTIONS");
+  const std::string_view text = options ? options : "";
+  constexpr std::string_view kKey = "suppressions=";
+  const std::size_t key = text.find(kKey);
+  if (key == text.npos) return;
+  const std::string_view file = text.substr(key + kKey.size());
+  Allow(rules, open(std::string(file.substr(0, file.find(':'))).c_str(), O_PATH | O_CLOEXEC),
+        kRead & handled);
+}
+#endif
+
 }  // namespace
 
 void Confine(const std::vector<std::filesystem::path>& readable,
@@ -74,8 +91,7 @@ void Confine(const std::vector<std::filesystem::path>& readable,
     Allow(rules, open(system, O_PATH | O_CLOEXEC), kRead & handled);
   }
 #ifdef PALPATE_SANITIZED
-  // The leak checker looks at the process itself.
-  Allow(rules, open("/proc", O_PATH | O_CLOEXEC), kRead & handled);
+  AllowLeakChecker(rules, handled);
 #endif
   for (const std::filesystem::path& path : readable) {
     Allow(rules, OpenPlain(path), kRead & handled);

@@ -76,7 +76,9 @@ TEST(OmniUsbDevice, WithoutNamedFramesItIsIdentifiedAndLeftAlone) {
   EXPECT_EQ(touch.garbage_bytes(), 0u);
 }
 
-TEST(OmniUsbDevice, DockedThenInTheHandItStreamsAndGetsForces) {
+// False: the emulated bus stood still, so that the stylus was lost and wants to be docked again;
+// not judged.
+bool DocksStreamsAndGetsForces() {
   TouchEmulator touch;
   touch.SetDocked(true);
   UsbTestbed bus;
@@ -84,7 +86,8 @@ TEST(OmniUsbDevice, DockedThenInTheHandItStreamsAndGetsForces) {
   const auto device = MakeDevice(Named());
   device->Start();
   DeviceState state;
-  ASSERT_TRUE(Serve(*device, Vec3::Zero(), state, [&] { return state.docked && state.calibrated; }));
+  EXPECT_TRUE(
+      Serve(*device, Vec3::Zero(), state, [&] { return state.docked && state.calibrated; }));
   EXPECT_EQ(device->health().identity, "serial EMULATED0001, firmware emulated 1.0");
   EXPECT_LT((state.p_DHip_mm - Vec3(0, -110, -35)).norm(), 1e-9);
 
@@ -92,23 +95,28 @@ TEST(OmniUsbDevice, DockedThenInTheHandItStreamsAndGetsForces) {
   touch.SetPath([=](double) { return place; });
   touch.SetDocked(false);
   touch.SetButtons(true, false);
-  ASSERT_TRUE(Serve(*device, Vec3::Zero(), state,
-                    [&] { return !state.docked && (state.p_DHip_mm - place).norm() < 0.1; }));
+  const bool is_there = Serve(*device, Vec3::Zero(), state, [&] {
+    return !state.docked && (state.p_DHip_mm - place).norm() < 0.1;
+  });
+  if (bus.HaltedSince(0)) return false;
+  EXPECT_TRUE(is_there);
   EXPECT_EQ(state.buttons, 1u);
 
   const Vec3 force(0.5, -1.0, 0.7);
   OmniJoints joints;
-  ASSERT_TRUE(OmniJointsAt(place, joints));
+  EXPECT_TRUE(OmniJointsAt(place, joints));
   const Vec3 counts = kCountsPerNmm * OmniTorques_n_mm(joints, force);
   std::size_t before = touch.Forces().size();
   const auto have_come = [&] { return touch.Forces().size() > before + 50; };
-  ASSERT_TRUE(Serve(*device, force, state, have_come));
+  EXPECT_TRUE(Serve(*device, force, state, have_come));
+  if (bus.HaltedSince(0)) return false;
   EXPECT_TRUE(touch.Forces().back().IsZero());  // nobody has let the motors on
   EXPECT_FALSE(touch.Forces().back().enabled);
   device->SetMotors(true);
   before = touch.Forces().size();
-  ASSERT_TRUE(Serve(*device, force, state, have_come));
+  EXPECT_TRUE(Serve(*device, force, state, have_come));
   const TouchForce felt = touch.Forces().back();
+  if (bus.HaltedSince(0)) return false;
   EXPECT_TRUE(felt.enabled);
   for (int n = 0; n < 3; ++n) EXPECT_NEAR(felt.motors[static_cast<std::size_t>(n)], counts[n], 2.0);
 
@@ -116,8 +124,18 @@ TEST(OmniUsbDevice, DockedThenInTheHandItStreamsAndGetsForces) {
   EXPECT_TRUE(touch.Forces().back().IsZero());
   EXPECT_FALSE(touch.Forces().back().enabled);
   EXPECT_FALSE(touch.is_streaming());
+  if (bus.HaltedSince(0)) return false;
   EXPECT_EQ(touch.Commands(), (Bytes{0x0f, 0x0c, 0x04, 0x07, 0x07}));
   EXPECT_EQ(touch.garbage_bytes(), 0u);
+  return true;
+}
+
+TEST(OmniUsbDevice, DockedThenInTheHandItStreamsAndGetsForces) {
+  constexpr int kMostTries = 20;
+  for (int tries = 1; tries <= kMostTries; ++tries) {
+    if (HasFailure() || DocksStreamsAndGetsForces()) return;
+  }
+  ADD_FAILURE() << "the emulated bus stood still in every try " << kBusyMachine;
 }
 
 TEST(OmniUsbDevice, PulledOutAndPutInItHasToBeDockedAgain) {
