@@ -12,6 +12,8 @@
 #include <system_error>
 #include <utility>
 
+#include "common/files/plain_path.h"
+
 namespace palpate {
 namespace {
 
@@ -72,7 +74,7 @@ Error CannotWrite(const fs::path& path, int error_number) {
   }
 }
 
-NewFile::NewFile(fs::path path, IfThere if_there, mode_t mode)
+NewFile::NewFile(fs::path path, IfThere if_there, mode_t mode, Links links)
     : path_(std::move(path)), if_there_(if_there) {
   std::error_code ignored;
   if (if_there_ == IfThere::kRefuse && fs::exists(fs::symlink_status(path_, ignored))) {
@@ -83,9 +85,15 @@ NewFile::NewFile(fs::path path, IfThere if_there, mode_t mode)
     descriptor_ = open(partial_.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, mode);
   } while (descriptor_ < 0 && errno == EEXIST);
   if (descriptor_ < 0) throw CannotWrite(path_, errno);
+  if (links == Links::kFollowed || RealPath(descriptor_) == partial_) return;
+  Remove();
+  throw Error(ErrorKind::kPermissionDenied,
+              path_.string() + ": a link has come into its folder's name; try again");
 }
 
-NewFile::~NewFile() {
+NewFile::~NewFile() { Remove(); }
+
+void NewFile::Remove() {
   close(descriptor_);
   if (!has_name_) unlink(partial_.c_str());
 }
@@ -141,11 +149,11 @@ void NewFile::ClaimAndRename() {
 }
 
 void WriteWhole(const fs::path& path, const std::function<void(const fs::path& partial)>& write,
-                IfThere if_there, Durable durable) {
-  NewFile file(path, if_there);
+                IfThere if_there, Durable durable, Links links) {
+  NewFile file(path, if_there, 0666, links);
   errno = 0;
   try {
-    write(file.partial());
+    write(links == Links::kRefused ? ByDescriptor(file.descriptor()) : file.partial());
   } catch (const std::ios_base::failure&) {
     // Streams do not tell why; the call that failed left its number.
     throw CannotWrite(path, errno != 0 ? errno : EIO);

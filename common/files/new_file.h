@@ -21,6 +21,9 @@ namespace palpate {
 enum class IfThere { kReplace, kRefuse };
 // kNo: for what another program reads at once and removes; the disk is not waited for.
 enum class Durable { kYes, kNo };
+// kRefused: of a path that was judged and holds no links. Somebody may since have put a link into
+// its folder's name; the file is not written then.
+enum class Links { kFollowed, kRefused };
 
 // Of a file that cannot be written, by the system's error number: kNotFound (no such folder),
 // kInvalidArgument (it is a folder), kPermissionDenied, kDiskFull, else kUnavailable.
@@ -29,9 +32,9 @@ Error CannotWrite(const std::filesystem::path& path, int error_number);
 class NewFile {
  public:
   // Makes the file beside `path`. `mode`: less the process's umask. Throws Error: CannotWrite's;
-  // kConflict where `path` is there and not to be replaced.
+  // kConflict where `path` is there and not to be replaced; kPermissionDenied for a link.
   explicit NewFile(std::filesystem::path path, IfThere if_there = IfThere::kReplace,
-                   mode_t mode = 0666);
+                   mode_t mode = 0666, Links links = Links::kFollowed);
   // Removes the file unless it has its name.
   ~NewFile();
   NewFile(const NewFile&) = delete;
@@ -52,6 +55,7 @@ class NewFile {
   void TakeName(Durable durable = Durable::kYes);
 
  private:
+  void Remove();
   void Rename();
   void ClaimAndRename();
 
@@ -66,7 +70,8 @@ class NewFile {
 // std::ios_base::failure where it cannot, or any Error. Throws that Error, or NewFile's.
 void WriteWhole(const std::filesystem::path& path,
                 const std::function<void(const std::filesystem::path& partial)>& write,
-                IfThere if_there = IfThere::kReplace, Durable durable = Durable::kYes);
+                IfThere if_there = IfThere::kReplace, Durable durable = Durable::kYes,
+                Links links = Links::kFollowed);
 
 // Makes a folder and those above it where they are missing; their names outlive a loss of power.
 // Throws CannotWrite.

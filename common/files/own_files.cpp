@@ -1,10 +1,10 @@
 #include "common/files/own_files.h"
 
-#include <sys/stat.h>
-
 #include <algorithm>
 #include <system_error>
 #include <utility>
+
+#include "common/files/plain_path.h"
 
 namespace palpate {
 namespace {
@@ -41,11 +41,21 @@ bool OwnFiles::Hold(const fs::path& file) const {
   std::error_code error;
   const fs::path real = fs::weakly_canonical(file, error);
   if (error) return false;  // nobody can open it by this name either
+  struct stat status {};
+  if (stat(real.c_str(), &status) != 0) status = {};
+  return HoldReal(real, status);
+}
+
+bool OwnFiles::HoldOpen(int descriptor) const {
+  struct stat status {};
+  return fstat(descriptor, &status) != 0 || HoldReal(RealPath(descriptor), status);
+}
+
+bool OwnFiles::HoldReal(const fs::path& real, const struct stat& status) const {
   for (const char* kernel : {"/proc", "/sys"}) {
     if (IsWithin(kernel, real)) return true;
   }
-  struct stat status {};
-  const bool is_file = stat(real.c_str(), &status) == 0 && S_ISREG(status.st_mode);
+  const bool is_file = S_ISREG(status.st_mode);
   return std::ranges::any_of(paths_, [&](const fs::path& own) {
     std::error_code ignored;
     return IsWithin(fs::weakly_canonical(own, ignored), real) ||

@@ -5,6 +5,8 @@
 // are followed, and another name of the same file (a hard link) is found by its number.
 #pragma once
 
+#include <sys/stat.h>
+
 #include <filesystem>
 #include <vector>
 
@@ -17,10 +19,14 @@ class OwnFiles {
 
   // Whether it is one of them, or lies in one.
   bool Hold(const std::filesystem::path& file) const;
+  // The same of an open file, whatever its name is by now.
+  bool HoldOpen(int descriptor) const;
 
   const std::vector<std::filesystem::path>& paths() const { return paths_; }
 
  private:
+  bool HoldReal(const std::filesystem::path& real, const struct stat& file) const;
+
   std::vector<std::filesystem::path> paths_;
 };
 

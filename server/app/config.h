@@ -31,8 +31,9 @@ struct Config {
   std::optional<double> normalized_isovalue;  // 0 to 1; neither: 0.5
   std::optional<Vec3> spacing_mm;
   std::optional<double> device_mm_per_volume_mm;
-  std::vector<std::filesystem::path> load_folders = PathPolicyOptions{}.load_folders;
-  std::optional<std::vector<std::filesystem::path>> save_folders;  // none: the current one
+  // Absent: the folder that palpated is started in.
+  std::optional<std::vector<std::filesystem::path>> load_folders;
+  std::optional<std::vector<std::filesystem::path>> save_folders;
   std::uint64_t memory_budget_bytes = DefaultMemoryBudget();
   UploadOptions uploads;
   HapticSettings haptics;

@@ -75,9 +75,12 @@ OwnFiles OwnFilesOf(const LoadedConfig& loaded, const std::filesystem::path& sta
 }
 
 PathPolicy MakePathPolicy(const Config& config, const OwnFiles& own_files) {
-  PathPolicyOptions options{.load_folders = config.load_folders, .own_files = own_files};
-  options.save_folders = config.save_folders ? *config.save_folders : std::vector{CurrentFolder()};
-  return PathPolicy(options);
+  const auto or_current = [](const std::optional<std::vector<std::filesystem::path>>& folders) {
+    return folders ? *folders : std::vector{CurrentFolder()};
+  };
+  return PathPolicy({.load_folders = or_current(config.load_folders),
+                     .save_folders = or_current(config.save_folders),
+                     .own_files = own_files});
 }
 
 void LogBlackBox(const std::string& text, bool is_error) {
@@ -194,7 +197,7 @@ void RunDaemon(const LoadedConfig& loaded, const ConfigReader& read) {
   ServoLoop servo(*device, inbox, *outbox, config.realtime, limits);
   RecordingControl recording(session, pump,
                              {[&](const std::string& path) { return paths.CheckSave(path); },
-                              [&](const std::string& path) { return paths.CheckLoad(path); }},
+                              [&](const std::string& path) { return paths.OpenToLoad(path); }},
                              "palpated " PALPATE_VERSION, limits,
                              [](const std::string& line) { LogError("{}", line); });
   SeriesPlayer series(session);

@@ -3,6 +3,7 @@
 #include <unistd.h>
 
 #include <cstdio>
+#include <filesystem>
 #include <functional>
 #include <optional>
 #include <string>
@@ -25,6 +26,7 @@ struct Options {
   std::optional<std::string> volume, device, socket, listen, method, state_folder, log_level;
   std::optional<double> isovalue, normalized_isovalue, stiffness, damping, scale;
   std::vector<double> spacing_mm;
+  std::vector<std::string> load_folders;
   bool check_config = false;
   bool log_to_journal = false;
 };
@@ -49,6 +51,11 @@ void AddOptions(arguments::Command& app, Options& options) {
                  "voxel spacing X,Y,Z in mm instead of the file's")
       ->delimiter(',')
       ->expected(3);
+  app.add_option("--load-folder", options.load_folders,
+                 "folder that clients may load from, with all below it; may be given again [the "
+                 "folder that palpated is started in]")
+      ->expected(1)
+      ->take_all();
   app.add_option("--device-mm-per-volume-mm", options.scale,
                  "scale of the volume [fits 90 % of the device's workspace]");
   app.add_option("--stiffness-n-per-mm", options.stiffness,
@@ -81,6 +88,14 @@ void Override(const std::optional<T>& from, U& to) {
   if (from) to = *from;
 }
 
+std::vector<std::filesystem::path> LoadFolders(const Options& options) {
+  std::vector<std::filesystem::path> folders;
+  for (const std::string& folder : options.load_folders) {
+    folders.push_back(std::filesystem::absolute(folder));
+  }
+  return folders;
+}
+
 // Lays the command line over what the file says.
 void Merge(const Options& options, Config& config) {
   // A volume on the command line comes without the file's isovalue and spacing.
@@ -99,6 +114,7 @@ void Merge(const Options& options, Config& config) {
   if (options.scale) config.device_mm_per_volume_mm = options.scale;
   if (options.listen) config.listen = ParseHostPort(*options.listen);
   if (options.method) config.method = ParseMethod(*options.method);
+  if (!options.load_folders.empty()) config.load_folders = LoadFolders(options);
   if (!options.spacing_mm.empty()) config.spacing_mm = Vec3(options.spacing_mm.data());
 }
 
@@ -120,6 +136,7 @@ void EraseOverridden(const Options& options, ConfigKeys& keys) {
   erase(options.damping.has_value(), "haptics.damping_n_s_per_m");
   erase(options.method.has_value(), "haptics.method");
   erase(options.state_folder.has_value(), "state.folder");
+  erase(!options.load_folders.empty(), "volume.load_folders");
   erase(options.log_level.has_value(), "log.level");
 }
 

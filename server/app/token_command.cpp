@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "common/error/error.h"
+#include "server/app/client_folder.h"
 #include "server/security/token_file.h"
 
 namespace palpate {
@@ -21,10 +22,16 @@ namespace {
 
 constexpr std::chrono::seconds kLockPatience{5};
 
+struct ClientFolderValues {
+  std::string folder, server, ca_file, profile;
+};
+
 struct TokenValues {
   std::string file = "/etc/palpate/tokens.toml";
   std::string name;
   std::string role;
+  unsigned days = 0;  // 0: for ever
+  ClientFolderValues client;
 };
 
 // Of two commands at a time one waits: each reads the file and writes it anew.
@@ -64,6 +71,24 @@ auto Named(std::vector<StoredToken>& tokens, const std::string& name) {
                       [&](const StoredToken& token) { return token.name == name; });
 }
 
+void Tell(const TokenValues& values, const NewToken& token, const std::string& profile) {
+  const std::string until =
+      token.stored.expires ? " until " + ToText(*token.stored.expires) : std::string();
+  std::fprintf(stderr, "%s is now %s%s.\n", values.name.c_str(), values.role.c_str(),
+               until.c_str());
+  if (profile.empty()) {
+    // The token alone on stdout, so that it can go into a file.
+    std::printf("%s\n", token.text.c_str());
+    std::fprintf(stderr,
+                 "This token is shown once: give it to the client in a file of mode 0600.\n");
+    return;
+  }
+  std::fprintf(stderr,
+               "Copy the files of %s to ~/.config/palpate on the client's machine, then: palpate "
+               "--profile %s info\n",
+               values.client.folder.c_str(), profile.c_str());
+}
+
 void Add(const TokenValues& values) {
   const auto role = RoleNamed(values.role);
   if (!role) {
@@ -76,20 +101,30 @@ void Add(const TokenValues& values) {
     throw Error(ErrorKind::kConflict,
                 "there is a token of that name: revoke it first, or choose another name");
   }
-  const NewToken token = MakeToken(values.name, *role);
+  NewToken token = MakeToken(values.name, *role);
+  if (values.days > 0) {
+    const auto now =
+        std::chrono::time_point_cast<std::chrono::seconds>(std::chrono::system_clock::now());
+    token.stored.expires = now + std::chrono::days(values.days);
+  }
   tokens.push_back(token.stored);
+  // First, so that a token is known only where the client got it.
+  std::string profile;
+  const ClientFolderValues& client = values.client;
+  if (!client.folder.empty())
+    profile = WriteClientFolder({.folder = client.folder,
+                                 .server = client.server,
+                                 .ca_file = client.ca_file,
+                                 .profile = client.profile},
+                                token.text);
   WriteTokenFile(values.file, tokens);
-  // The token alone on stdout, so that it can go into a file.
-  std::printf("%s\n", token.text.c_str());
-  std::fprintf(stderr,
-               "%s is now %s. This token is shown once: give it to the client in a file "
-               "of mode 0600.\n",
-               values.name.c_str(), values.role.c_str());
+  Tell(values, token, profile);
 }
 
 void List(const TokenValues& values) {
   for (const StoredToken& token : ReadTokenFile(values.file)) {
-    std::printf("%-24s %s\n", token.name.c_str(), NameOf(token.role).data());
+    std::printf("%-24s %-10s%s\n", token.name.c_str(), NameOf(token.role).data(),
+                token.expires ? ("until " + ToText(*token.expires)).c_str() : "");
   }
 }
 
@@ -121,6 +156,22 @@ void AddTokenCommands(arguments::Command& app, std::function<void()>& run) {
   arguments::Command* make = add("add", "Makes a token, stores its hash and prints it once", Add);
   make->add_option("name", values->name, "Whose it is: letters, digits and ._-")->required();
   make->add_option("--role", values->role, "viewer, editor, operator or admin")->required();
+  make->add_option("--days", values->days, "it expires after so many days [never]")
+      ->check(arguments::Range(1u, 3650u));
+  arguments::Option* const folder =
+      make->add_option("--client-folder", values->client.folder,
+                       "instead of printing it, put into this folder all that the client needs: "
+                       "clients.toml with a profile, the token, the certificate authority");
+  arguments::Option* const server =
+      make->add_option("--server", values->client.server,
+                       "HOST:PORT of this palpated, as the client reaches it")
+          ->needs(folder);
+  arguments::Option* const ca =
+      make->add_option("--tls-ca", values->client.ca_file,
+                       "the authority that the client is to trust, or tls.certificate itself")
+          ->needs(folder);
+  folder->needs(server)->needs(ca);
+  make->add_option("--profile", values->client.profile, "its name [the host's]")->needs(folder);
   add("list", "Shows names and roles", List);
   add("revoke", "Takes a token out: its calls are refused, and its streams end, in seconds", Revoke)
       ->add_option("name", values->name, "Whose it is")

@@ -2,7 +2,6 @@
 
 #include <fcntl.h>
 #include <linux/landlock.h>
-#include <linux/openat2.h>
 #include <sys/prctl.h>
 #include <sys/stat.h>
 #include <sys/syscall.h>
@@ -16,6 +15,7 @@
 #include <string_view>
 
 #include "common/error/error.h"
+#include "common/files/plain_path.h"
 
 namespace palpate {
 namespace {
@@ -40,12 +40,6 @@ std::uint64_t Handled(long version) {
 [[noreturn]] void Fail(const char* what) {
   throw Error(ErrorKind::kInternal,
               std::string("cannot confine the importer (") + what + "): " + std::strerror(errno));
-}
-
-// -1 where the path holds a link.
-int OpenPlain(const std::filesystem::path& path) {
-  const open_how how{.flags = O_PATH | O_CLOEXEC, .mode = 0, .resolve = RESOLVE_NO_SYMLINKS};
-  return static_cast<int>(syscall(SYS_openat2, AT_FDCWD, path.c_str(), &how, sizeof how));
 }
 
 // Closes `place`; -1: nothing is allowed.
@@ -94,7 +88,7 @@ void Confine(const std::vector<std::filesystem::path>& readable,
   AllowLeakChecker(rules, handled);
 #endif
   for (const std::filesystem::path& path : readable) {
-    Allow(rules, OpenPlain(path), kRead & handled);
+    Allow(rules, OpenPlain(path, O_PATH), kRead & handled);
   }
   Allow(rules, open(output_folder.c_str(), O_PATH | O_CLOEXEC), kWrite & handled);
   if (prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) != 0) Fail("no_new_privs");

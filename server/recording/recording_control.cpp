@@ -106,7 +106,7 @@ void RecordingControl::Replay(const std::string& path, double speed,
     replaying_.store(true);
   }
   const Running running{replaying_};
-  RecordingReader reader(paths_.load(path));
+  RecordingReader reader(paths_.open(path), path);
   ReplayToViewers(session_, pump_, reader, speed, progress, cancelled);
 }
 

@@ -26,11 +26,11 @@ struct RecordingStatus {
   std::optional<Error> error{};  // it ended early
 };
 
-// Which files may be written and read: each takes what a client named, and gives the
-// path or throws Error.
+// Which files may be written and read: each takes what a client named, and gives the path, or the
+// open file, or throws Error.
 struct RecordingPaths {
   std::function<std::filesystem::path(const std::string&)> save;
-  std::function<std::filesystem::path(const std::string&)> load;
+  std::function<std::unique_ptr<std::istream>(const std::string&)> open;
 };
 
 class RecordingControl final : public SceneListener {

@@ -76,7 +76,7 @@ Admission& Admission::operator=(Admission&& other) noexcept {
   access_ = std::exchange(other.access_, nullptr);
   context_ = other.context_;
   rule_ = other.rule_;
-  identity_ = std::move(other.identity_);
+  caller_ = std::move(other.caller_);
   samples_per_s_ = other.samples_per_s_;
   is_listed_ = other.is_listed_;
   running_ = other.running_;
@@ -86,8 +86,8 @@ Admission& Admission::operator=(Admission&& other) noexcept {
 void Admission::Leave() {
   Access* const access = std::exchange(access_, nullptr);
   if (!access) return;
-  access->limits_.Leave(identity_, rule_->kind);
-  if (samples_per_s_ > 0) access->limits_.LeaveSamples(identity_, samples_per_s_);
+  access->limits_.Leave(caller_.name, rule_->kind);
+  if (samples_per_s_ > 0) access->limits_.LeaveSamples(caller_.name, samples_per_s_);
   if (!is_listed_) return;
   const std::lock_guard lock(access->mutex_);
   access->running_.erase(running_);
@@ -126,9 +126,9 @@ Admission Access::Admit(grpc::ServerContextBase* context, std::string_view metho
     if (!who.identity) {
       return Refuse(grpc::StatusCode::UNAUTHENTICATED, peer, "a stranger", method, who.problem);
     }
-    call.identity = who.identity->name;
+    call.caller = *who.identity;
     if (!call.rule || who.identity->role < call.rule->least) {
-      return Refuse(grpc::StatusCode::PERMISSION_DENIED, peer, call.identity, method,
+      return Refuse(grpc::StatusCode::PERMISSION_DENIED, peer, call.caller.name, method,
                     RoleProblem(*who.identity, call.rule ? call.rule->least : Role::kAdmin));
     }
     // In place of the token, which need not be kept.
@@ -136,7 +136,7 @@ Admission Access::Admit(grpc::ServerContextBase* context, std::string_view metho
     if (!who.token_sha256_hex.empty()) call.credentials.authorization.clear();
     Admission admission = Enter(call, judge);
     if (admission.access_ && connections_ && call.credentials.transport == Transport::kTls) {
-      connections_->Admitted(peer, call.identity);
+      connections_->Admitted(peer, call.caller.name);
     }
     if (admission.access_ || !admission.ok()) return admission;
     // The policy was replaced meanwhile: judged again.
@@ -148,16 +148,16 @@ Admission Access::Enter(const Admission::Running& call,
   const CallKind kind = call.rule->kind;
   std::unique_lock lock(mutex_);
   if (judge != policy_) return Admission();
-  if (const auto problem = limits_.Enter(call.identity, kind, MonotonicNowNs())) {
+  if (const auto problem = limits_.Enter(call.caller.name, kind, MonotonicNowNs())) {
     lock.unlock();  // a log that nobody reads blocks
-    return Refuse(grpc::StatusCode::RESOURCE_EXHAUSTED, call.peer, call.identity, call.rule->method,
-                  *problem);
+    return Refuse(grpc::StatusCode::RESOURCE_EXHAUSTED, call.peer, call.caller.name,
+                  call.rule->method, *problem);
   }
   Admission admission;
   admission.access_ = this;
   admission.context_ = call.context;
   admission.rule_ = call.rule;
-  admission.identity_ = call.identity;
+  admission.caller_ = call.caller;
   admission.is_listed_ = IsListed(kind);
   if (admission.is_listed_) admission.running_ = running_.insert(running_.end(), call);
   return admission;
@@ -167,10 +167,10 @@ Admission Access::Enter(const Admission::Running& call,
 grpc::Status Access::TakeSamples(const Admission& admission, int samples_per_s) {
   const Admission::Running& call = *admission.running_;
   const bool is_local = call.credentials.transport == Transport::kSocket;
-  const auto problem = limits_.EnterSamples(call.identity, is_local, samples_per_s);
+  const auto problem = limits_.EnterSamples(call.caller.name, is_local, samples_per_s);
   if (!problem) return grpc::Status::OK;
-  return Refuse(grpc::StatusCode::RESOURCE_EXHAUSTED, call.peer, call.identity, call.rule->method,
-                *problem)
+  return Refuse(grpc::StatusCode::RESOURCE_EXHAUSTED, call.peer, call.caller.name,
+                call.rule->method, *problem)
       .status();
 }
 
@@ -193,7 +193,7 @@ void Access::Review() {
     for (auto at = running_.begin(); at != running_.end();) {
       at = std::find_if(running_.begin(), running_.end(), refused);
       if (at == running_.end()) break;
-      lines.push_back("ended " + std::string(at->rule->method) + " of " + at->identity + " at " +
+      lines.push_back("ended " + std::string(at->rule->method) + " of " + at->caller.name + " at " +
                       at->peer + ": " + WhyEnd(*at));
       at->ended = true;
       at->context->TryCancel();
@@ -217,9 +217,9 @@ bool Access::Holds(const Admission::Running& call) const {
 
 void Access::LogFailure(const Admission& admission, const char* what) {
   // Each identity has lines of its own, that strangers at its address do not use up.
-  const auto left_out = refusals_.Take(admission.identity_, MonotonicNowNs());
+  const auto left_out = refusals_.Take(admission.caller_.name, MonotonicNowNs());
   if (!left_out) return;
-  LogWarning("{} of {} at {} failed: {}{}", NameOf(admission.rule_->method), admission.identity_,
+  LogWarning("{} of {} at {} failed: {}{}", NameOf(admission.rule_->method), admission.caller_.name,
              admission.context_->peer(), what, LeftOut(*left_out));
 }
 

@@ -52,6 +52,8 @@ class Admission {
     writer.Write(message);
     Writing(false);
   }
+  // Who calls; the process itself where there is no context.
+  const Identity& caller() const { return caller_; }
   // The call is over.
   void Leave();
   // The status of a call that was admitted and failed: where that is of a client's doing,
@@ -64,7 +66,7 @@ class Admission {
     grpc::ServerContextBase* context = nullptr;
     const MethodRule* rule = nullptr;
     Credentials credentials{};
-    std::string identity{};
+    Identity caller{};
     std::string peer{};
     bool ended = false;
     std::int64_t writing_since_ns = 0;  // a message of its answer; 0: none
@@ -77,7 +79,7 @@ class Admission {
   Access* access_ = nullptr;  // null: nothing to give back
   grpc::ServerContextBase* context_ = nullptr;
   const MethodRule* rule_ = nullptr;
-  std::string identity_;
+  Identity caller_{.name = "palpated", .role = Role::kAdmin};
   int samples_per_s_ = 0;  // that it has taken
   bool is_listed_ = false;
   std::list<Running>::iterator running_;

@@ -128,6 +128,13 @@ v1::ListedDevice ToProto(const ListedDevice& device) {
   return out;
 }
 
+v1::CallerDescription ToProto(const Identity& caller) {
+  v1::CallerDescription description;
+  description.set_identity(caller.name);
+  description.set_role(static_cast<v1::Role>(static_cast<int>(caller.role) + 1));
+  return description;
+}
+
 v1::ForceStatus ToProto(ForceState state, ForceReason reason, double limit_n) {
   v1::ForceStatus out;
   out.set_state(ToProto(state));

@@ -5,6 +5,7 @@
 #include "server/device/haptic_device.h"
 #include "server/device/listed_device.h"
 #include "server/safety/safety.h"
+#include "server/security/role.h"
 
 namespace palpate {
 
@@ -12,6 +13,7 @@ v1::DeviceDescription ToProto(const DeviceSpec& spec);
 v1::DeviceHealth ToProto(const DeviceHealth& health);
 // Without in_use.
 v1::ListedDevice ToProto(const ListedDevice& device);
+v1::CallerDescription ToProto(const Identity& caller);
 v1::ForceStatus ToProto(ForceState state, ForceReason reason, double limit_n);
 
 }  // namespace palpate

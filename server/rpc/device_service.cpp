@@ -98,6 +98,7 @@ grpc::Status DeviceService::GetDevice(grpc::ServerContext* context, const v1::Ge
   const Admission admission = access_.Admit(context, "/palpate.v1.DeviceService/GetDevice");
   if (!admission.ok()) return admission.status();
   *response->mutable_device() = palpate::ToProto(device_.spec());
+  *response->mutable_caller() = palpate::ToProto(admission.caller());
   *response->mutable_health() = palpate::ToProto(device_.health());
   if (const auto forces = forces_.newest()) *response->mutable_forces() = ToProto(*forces);
   v1::ServoDescription* servo = response->mutable_servo();

@@ -8,6 +8,7 @@
 namespace palpate {
 namespace {
 
+constexpr char kAskForToken[] = ": ask the operator for a new token ('palpated token add')";
 constexpr std::string_view kBearer = "Bearer ";
 
 Recognised Stranger(const std::string& problem) { return {.problem = problem}; }
@@ -58,7 +59,7 @@ Recognised Policy::Recognise(const Credentials& credentials, CertificateTime now
   }
   // A token decides alone: a client with a wrong one is to hear of it.
   if (!credentials.authorization.empty() || !credentials.token_sha256_hex.empty()) {
-    return ByToken(credentials);
+    return ByToken(credentials, now);
   }
   if (!credentials.certificate_chain.empty()) {
     return ByCertificate(credentials.certificate_chain, now);
@@ -66,7 +67,7 @@ Recognised Policy::Recognise(const Credentials& credentials, CertificateTime now
   return Stranger("neither a token nor a certificate came: give one of them");
 }
 
-Recognised Policy::ByToken(const Credentials& credentials) const {
+Recognised Policy::ByToken(const Credentials& credentials, CertificateTime now) const {
   const StoredToken* found = nullptr;
   if (!credentials.token_sha256_hex.empty()) {
     const auto same = [&](const StoredToken& token) {
@@ -78,14 +79,19 @@ Recognised Policy::ByToken(const Credentials& credentials) const {
     const std::string_view header = credentials.authorization;
     if (header.starts_with(kBearer)) found = FindToken(tokens_, header.substr(kBearer.size()));
   }
-  if (!found) return Stranger("its token is unknown, or was revoked");
+  if (!found) return Stranger(std::string("its token is unknown, or was revoked") + kAskForToken);
+  if (found->expires && now >= *found->expires) {
+    return Stranger("its token expired at " + ToText(*found->expires) + kAskForToken);
+  }
   return {Identity{"token " + found->name, found->role}, {}, found->sha256_hex};
 }
 
 Recognised Policy::ByCertificate(const std::string& chain, CertificateTime now) const {
   if (!authority_) return Stranger("certificates of clients are not accepted here: send a token");
   const ClientAuthority::Verdict verdict = authority_->Check(chain, now);
-  if (!verdict.problem.empty()) return Stranger(verdict.problem);
+  if (!verdict.problem.empty()) {
+    return Stranger(verdict.problem + ": ask the operator for a new certificate");
+  }
   const CertificateRole* best = nullptr;
   for (const CertificateRole& client : options_.clients) {
     const bool is_named =

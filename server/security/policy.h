@@ -26,7 +26,7 @@ struct PolicyOptions {
   // Whoever may open the socket: its file mode is the guard.
   Role socket_role = Role::kAdmin;
   // Of loopback TCP without TLS, which every account of the machine can reach.
-  Role loopback_role = Role::kOperator;
+  Role loopback_role = Role::kViewer;
   std::filesystem::path client_ca{};  // empty: no certificates
   std::vector<CertificateRole> clients{};
   std::filesystem::path tokens{};  // empty: no tokens
@@ -63,7 +63,7 @@ class Policy {
   Recognised Recognise(const Credentials& credentials, CertificateTime now) const;
 
  private:
-  Recognised ByToken(const Credentials& credentials) const;
+  Recognised ByToken(const Credentials& credentials, CertificateTime now) const;
   Recognised ByCertificate(const std::string& chain, CertificateTime now) const;
 
   PolicyOptions options_;

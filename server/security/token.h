@@ -7,6 +7,7 @@
 // Threads: plain values; Find from any.
 #pragma once
 
+#include <chrono>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -21,6 +22,8 @@ struct StoredToken {
   Role role = Role::kViewer;
   std::string salt_hex{};    // 32 digits
   std::string sha256_hex{};  // 64 digits
+  // It is nobody's from then on; absent: for ever.
+  std::optional<std::chrono::sys_seconds> expires{};
 };
 
 struct NewToken {

@@ -1,5 +1,6 @@
 #include "server/security/token_file.h"
 
+#include <fmt/chrono.h>
 #include <fmt/core.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -7,6 +8,7 @@
 #include <toml++/toml.h>
 #include <algorithm>
 #include <cerrno>
+#include <chrono>
 #include <cstring>
 #include <set>
 #include <string_view>
@@ -27,6 +29,20 @@ bool IsHex(std::string_view text, std::size_t digits) {
          text.find_first_not_of("0123456789abcdef") == std::string_view::npos;
 }
 
+std::chrono::sys_seconds ParseTime(const std::filesystem::path& path, const std::string& at,
+                                   const toml::node_view<const toml::node>& node) {
+  const auto value = node.value_exact<toml::date_time>();
+  if (!value || !value->offset) {
+    Fail(path, at + "expires must be a time, as in 2027-01-31T12:00:00Z, without quotes");
+  }
+  const std::chrono::year_month_day day(std::chrono::year(value->date.year),
+                                        std::chrono::month(value->date.month),
+                                        std::chrono::day(value->date.day));
+  return std::chrono::sys_days(day) + std::chrono::hours(value->time.hour) +
+         std::chrono::minutes(value->time.minute - value->offset->minutes) +
+         std::chrono::seconds(value->time.second);
+}
+
 StoredToken ParseToken(const std::filesystem::path& path, const toml::table& table) {
   const std::string at = fmt::format(":{}: ", table.source().begin.line);
   const auto text = [&](std::string_view key) {
@@ -35,7 +51,7 @@ StoredToken ParseToken(const std::filesystem::path& path, const toml::table& tab
     return *value;
   };
   for (const auto& [key, node] : table) {
-    if (key != "name" && key != "role" && key != "salt" && key != "sha256") {
+    if (key != "name" && key != "role" && key != "salt" && key != "sha256" && key != "expires") {
       Fail(path, at + std::string(key.str()) + " is no key of a token");
     }
   }
@@ -48,6 +64,7 @@ StoredToken ParseToken(const std::filesystem::path& path, const toml::table& tab
   const auto role = RoleNamed(text("role"));
   if (!role) Fail(path, at + "the role is viewer, editor, operator or admin");
   token.role = *role;
+  if (table.contains("expires")) token.expires = ParseTime(path, at, table["expires"]);
   if (!IsHex(token.salt_hex, 32) || !IsHex(token.sha256_hex, 64)) {
     Fail(path, at + "salt and sha256 are 32 and 64 hex digits: make tokens with "
                     "'palpated token add'");
@@ -64,6 +81,7 @@ std::string Text(const std::vector<StoredToken>& tokens) {
     text +=
         fmt::format("\n[[token]]\nname = \"{}\"\nrole = \"{}\"\nsalt = \"{}\"\nsha256 = \"{}\"\n",
                     token.name, NameOf(token.role), token.salt_hex, token.sha256_hex);
+    if (token.expires) text += "expires = " + ToText(*token.expires) + "\n";
   }
   return text;
 }
@@ -80,6 +98,11 @@ struct stat Belongs(const std::filesystem::path& path) {
 }
 
 }  // namespace
+
+std::string ToText(std::chrono::sys_seconds time) {
+  return fmt::format("{:%Y-%m-%dT%H:%M:%SZ}",
+                     fmt::gmtime(std::chrono::system_clock::to_time_t(time)));
+}
 
 void CheckOnlyOwnerWrites(const std::filesystem::path& path) {
   struct stat status {};

@@ -4,7 +4,9 @@
 // Errors: Error that names the file.
 #pragma once
 
+#include <chrono>
 #include <filesystem>
+#include <string>
 #include <vector>
 
 #include "server/security/token.h"
@@ -18,6 +20,9 @@ std::vector<StoredToken> ReadTokenFile(const std::filesystem::path& path);
 // Whole or as it was. A new file gets the mode 0640 and its folder's group, so that a
 // daemon of that group reads what root writes; one that is there keeps owner and mode.
 void WriteTokenFile(const std::filesystem::path& path, const std::vector<StoredToken>& tokens);
+
+// "2027-01-31T12:00:00Z".
+std::string ToText(std::chrono::sys_seconds time);
 
 // Throws kPermissionDenied where others than root and this process's user may write the
 // file at `path`, kNotFound where there is none.

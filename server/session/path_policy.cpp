@@ -1,10 +1,17 @@
 #include "server/session/path_policy.h"
 
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
 #include <algorithm>
+#include <cerrno>
+#include <fstream>
 #include <string_view>
 #include <system_error>
 
 #include "common/error/error.h"
+#include "common/files/plain_path.h"
 #include "server/volume/builtin.h"
 
 namespace palpate {
@@ -71,10 +78,13 @@ void CheckWithin(const std::vector<fs::path>& folders, const fs::path& resolved,
                                                 " of its configuration)");
 }
 
-void CheckNotOwn(const OwnFiles& own, const fs::path& resolved, const std::string& path) {
-  if (!own.Hold(resolved)) return;
+[[noreturn]] void RefuseOwn(const std::string& path) {
   throw Error(ErrorKind::kPermissionDenied,
               path + ": this is palpated's own, or the kernel's; name another file");
+}
+
+void CheckNotOwn(const OwnFiles& own, const fs::path& resolved, const std::string& path) {
+  if (own.Hold(resolved)) RefuseOwn(path);
 }
 
 }  // namespace
@@ -111,6 +121,27 @@ fs::path PathPolicy::CheckLoad(const std::string& path) const {
   CheckWithin(load_folders_, resolved, path, "load", kLoadKey);
   CheckNotOwn(own_files_, resolved, path);
   return resolved;
+}
+
+std::unique_ptr<std::istream> PathPolicy::OpenToLoad(const std::string& path) const {
+  // A pipe is not waited for.
+  const int descriptor = OpenPlain(CheckLoad(path), O_RDONLY | O_NONBLOCK);
+  if (descriptor < 0) {
+    const std::string why = std::generic_category().message(errno);
+    if (errno == EACCES) throw Error(ErrorKind::kPermissionDenied, path + ": " + why);
+    throw Error(ErrorKind::kNotFound, "cannot open " + path + ": " + why);
+  }
+  struct stat status {};
+  const bool is_file = fstat(descriptor, &status) == 0 && S_ISREG(status.st_mode);
+  const bool is_own = own_files_.HoldOpen(descriptor);
+  std::unique_ptr<std::istream> stream;
+  if (is_file && !is_own) {
+    stream = std::make_unique<std::ifstream>(ByDescriptor(descriptor), std::ios::binary);
+  }
+  close(descriptor);
+  if (is_own) RefuseOwn(path);
+  if (!stream || !*stream) Refuse(path + ": this is no regular file; name another");
+  return stream;
 }
 
 fs::path PathPolicy::CheckSave(const std::string& path) const {

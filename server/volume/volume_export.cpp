@@ -66,14 +66,14 @@ std::uint64_t ExportVolume(const VolumeSnapshot& volume, const ExportRequest& re
       tell(std::min(1.0, static_cast<double>(bytes) / voxel_bytes));
     };
     WriteVolumeFile(request.path, *MakeGrid(volume), volume.metadata(),
-                    {.if_there = if_there, .written = written});
+                    {.if_there = if_there, .links = Links::kRefused, .written = written});
   } else {
     const auto write = [&](const std::filesystem::path& partial) {
       WriteNrrd(partial, volume, tell);
       // Whoever cancelled before the last moment finds no file.
       tell(1.0);
     };
-    WriteWhole(request.path, write, if_there);
+    WriteWhole(request.path, write, if_there, Durable::kYes, Links::kRefused);
   }
   progress("done", 1.0);
   std::error_code error;

@@ -14,7 +14,8 @@
 namespace palpate {
 
 struct ExportRequest {
-  // Absolute; ends with .vdb (as palpate-import writes it) or .nrrd (float, gzip).
+  // Absolute, without links on its way; ends with .vdb (as palpate-import writes it) or .nrrd
+  // (float, gzip).
   std::filesystem::path path;
   bool overwrite = false;
 };
@@ -23,10 +24,9 @@ using ExportProgress = std::function<void(std::string_view stage, double fractio
 using ExportCancelled = std::function<bool()>;
 
 // Returns the size of the file, bytes. The file is whole or as it was before, even
-// when the process is killed; "PATH.partial" may be left then, and is taken by the
-// next export. One export to a path at a time.
-// kInvalidArgument (an unknown format, no file's path), kConflict (the file is there
-// and not to be overwritten), kUnavailable (cannot write, disk full), kCancelled.
+// when the process is killed; "PATH.XXXXXX.partial" may be left then. One export to a path at a
+// time. kInvalidArgument (an unknown format, no file's path), kConflict (the file is there and not
+// to be overwritten), kCancelled, or as WriteWhole.
 std::uint64_t ExportVolume(const VolumeSnapshot& volume, const ExportRequest& request,
                            const ExportProgress& progress, const ExportCancelled& cancelled);
 

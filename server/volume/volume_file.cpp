@@ -214,7 +214,7 @@ void WriteVolumeFile(const std::filesystem::path& path, const openvdb::FloatGrid
   const auto write = [&](const std::filesystem::path& partial) {
     WriteGrid(partial, named, options);
   };
-  WriteWhole(path, write, options.if_there, options.durable);
+  WriteWhole(path, write, options.if_there, options.durable, options.links);
 }
 
 VolumeFile ReadVolumeFile(const std::filesystem::path& path) {

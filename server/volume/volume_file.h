@@ -34,6 +34,7 @@ void CheckVolumeMetadata(const VolumeMetadata& metadata);
 struct WriteOptions {
   IfThere if_there = IfThere::kReplace;
   Durable durable = Durable::kYes;
+  Links links = Links::kFollowed;
   // Told now and then how many bytes there are so far; gives up by throwing.
   std::function<void(std::uint64_t bytes)> written{};
 };

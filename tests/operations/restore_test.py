@@ -198,7 +198,7 @@ class Restore(unittest.TestCase):
         allowed.mkdir()
         config = self.daemon.folder / "palpated.toml"
         config.write_text(config.read_text().replace(
-            "[volume]", f'[volume]\nload_folders = ["{allowed}"]'))
+            'load_folders = ["/"]', f'load_folders = ["{allowed}"]'))
         file = self.sessions()[0]
         lines = file.read_text().splitlines(keepends=True)
         section = lines.index("[volume]\n")

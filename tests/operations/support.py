@@ -48,6 +48,8 @@ class Daemon:
         self.port = free_port() if listen else None
         self.metrics_port = free_port() if metrics else None
         sections = {"volume": [f'save_folders = ["{self.folder}"]']}
+        if not any("load_folders" in line for line in (config or {}).get("volume", ())):
+            sections["volume"].append('load_folders = ["/"]')
         for section, lines in (config or {}).items():
             sections.setdefault(section, []).extend(lines)
         if metrics:

@@ -127,11 +127,11 @@ check_removal() {
   [ ! -e "$jail/usr/bin/palpated" ] || fail "remove leaves palpated"
   # Without systemd nothing runs; those of this machine are seen too.
   if with_systemd && in_jail pgrep -x palpated; then fail "remove leaves it running"; fi
-  touch "$jail/var/lib/palpate/recordings/trial.palrec"
+  touch "$jail/var/lib/palpate/volumes/trial.palrec"
   apt_in_jail purge palpate-daemon
-  [ -e "$jail/var/lib/palpate/recordings/trial.palrec" ] || fail "purge takes recordings"
+  [ -e "$jail/var/lib/palpate/volumes/trial.palrec" ] || fail "purge takes recordings"
   [ "$(ls "$jail/var/lib/palpate")" = recordings ] || fail "purge leaves state"
-  rm "$jail/var/lib/palpate/recordings/trial.palrec"
+  rm "$jail/var/lib/palpate/volumes/trial.palrec"
   # With nothing of value left, and nothing edited.
   apt_in_jail install "/opt/test/$(basename "$packages"/palpate-daemon_*.deb)"
   if with_systemd; then in_jail systemctl --quiet is-active palpated || fail "it is not started at once"; fi

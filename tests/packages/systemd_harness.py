@@ -86,7 +86,7 @@ def check_realtime():
 
 def check_features():
     """The importer, files and recordings, within the sandbox."""
-    folder = "/var/lib/palpate/recordings"
+    folder = "/var/lib/palpate/volumes"
     check_run("palpate", "save", f"{folder}/copy.nrrd")
     check_run("palpate", "load", f"{folder}/copy.nrrd")
     check_run("palpate", "download", "/root/copy.nrrd")

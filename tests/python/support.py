@@ -31,6 +31,8 @@ class Daemon:
                          "--state-folder", str(self.folder / "state")]
         if listen:
             self._command += ["--listen", listen]
+        if "--config" not in more:
+            self._command += ["--load-folder", "/"]
         self._command += more
         self.start()
 

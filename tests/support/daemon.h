@@ -47,9 +47,10 @@ class Daemon {
       command.insert(command.end(), {"--state-folder", folder_.path() / "state"});
     }
     if (std::find(arguments.begin(), arguments.end(), "--config") == arguments.end()) {
-      // Tests save beside each other's folders, and nowhere else.
+      // Tests load from everywhere, save beside each other's folders, and nowhere else.
       std::ofstream(folder_.path() / "palpated.toml")
-          << "[volume]\nsave_folders = [\"" << folder_.path().parent_path().string() << "\"]\n";
+          << "[volume]\nload_folders = [\"/\"]\nsave_folders = [\""
+          << folder_.path().parent_path().string() << "\"]\n";
       command.insert(command.end(), {"--config", folder_.path() / "palpated.toml"});
     }
     process_ = std::make_unique<Process>(command, false, patience, end_patience);

@@ -10,6 +10,7 @@
 #include "server/device/path_script.h"
 #include "server/device/simulated_device.h"
 #include "server/rpc/server.h"
+#include "server/session/path_policy.h"
 #include "tests/support/editable_session.h"
 
 namespace palpate::testing {
@@ -29,12 +30,14 @@ class ServedSession {
   EditableSession data_;
   VolumeEditor editor_{data_.session()};
   SeriesPlayer series_{data_.session()};
-  RecordingControl recording_{
-      data_.session(),
-      data_.pump(),
-      {[](const std::string& path) { return path; }, [](const std::string& path) { return path; }},
-      "test",
-      SafetyLimits{}};
+  RecordingControl recording_{data_.session(),
+                              data_.pump(),
+                              {[](const std::string& path) { return path; },
+                               [](const std::string& path) {
+                                 return PathPolicy({.load_folders = {"/"}}).OpenToLoad(path);
+                               }},
+                              "test",
+                              SafetyLimits{}};
   SimulatedDevice device_{std::make_unique<PathScript>(std::vector<Vec3>{Vec3::Zero()}, 1.0)};
   ServoLoop servo_{device_, data_.inbox(), data_.outbox(), {}, SafetyLimits{}};
   const ForceWatch forces_{data_.outbox().last};

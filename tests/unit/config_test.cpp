@@ -101,7 +101,7 @@ level = "warning"
   EXPECT_EQ(config.isovalue, 300.0);
   EXPECT_EQ(*config.spacing_mm, Vec3(1.0, 1.0, 2.5));
   EXPECT_EQ(config.device_mm_per_volume_mm, 0.5);
-  EXPECT_EQ(config.load_folders, (std::vector<std::filesystem::path>{"/tmp", "/"}));
+  EXPECT_EQ(*config.load_folders, (std::vector<std::filesystem::path>{"/tmp", "/"}));
   EXPECT_TRUE(config.save_folders && config.save_folders->empty());
   EXPECT_EQ(config.memory_budget_bytes, std::uint64_t{300} << 20);
   EXPECT_EQ(config.uploads.max_bytes, std::uint64_t{200} << 20);

@@ -1,13 +1,18 @@
 // Which files clients may name.
 #include "server/session/path_policy.h"
 
+#include <fcntl.h>
 #include <gtest/gtest.h>
+#include <stdio.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <atomic>
 #include <fstream>
+#include <thread>
 
 #include "common/error/error.h"
+#include "common/files/new_file.h"
 #include "tests/support/temporary_folder.h"
 
 namespace palpate {
@@ -208,13 +213,89 @@ TEST_F(PathPolicyTest, FilesOfItsOwnAreNeitherLoadedNorSavedTo) {
   EXPECT_EQ(policy_.CheckSave(In("save/new.vdb")), In("save/new.vdb"));
 }
 
-TEST_F(PathPolicyTest, ByDefaultLoadsFromEverywhereAndSavesNowhere) {
+TEST_F(PathPolicyTest, ByDefaultLoadsAndSavesNothing) {
   const PathPolicy policy;
-  EXPECT_EQ(policy.CheckLoad(In("outside/secret.nrrd")), In("outside/secret.nrrd"));
+  EXPECT_NE(Refusal(ErrorKind::kPermissionDenied, [&] { policy.CheckLoad(In("load/a.nrrd")); })
+                .find("volume.load_folders"),
+            std::string::npos);
   EXPECT_NE(Refusal(ErrorKind::kPermissionDenied, [&] { policy.CheckSave(In("save/x.vdb")); })
                 .find("volume.save_folders"),
             std::string::npos);
   EXPECT_EQ(CurrentFolder(), fs::current_path());
+}
+
+TEST_F(PathPolicyTest, OpensWhatMayBeLoaded) {
+  std::string text;
+  *policy_.OpenToLoad(In("load/a.nrrd")) >> text;
+  EXPECT_EQ(text, "x");
+  const auto refusal = [&](ErrorKind kind, const std::string& name) {
+    return Refusal(kind, [&] { policy_.OpenToLoad(In(name)); });
+  };
+  refusal(ErrorKind::kPermissionDenied, "outside/secret.nrrd");
+  refusal(ErrorKind::kNotFound, "load/absent");
+  refusal(ErrorKind::kInvalidArgument, "load/deep");
+  ASSERT_EQ(mkfifo(In("load/pipe").c_str(), 0600), 0);
+  refusal(ErrorKind::kInvalidArgument, "load/pipe");
+}
+
+// A folder and a link that leads out change places without end, on another thread.
+class Swapping {
+ public:
+  Swapping(const fs::path& folder, const fs::path& link)
+      : thread_([=, this] {
+          while (!stop_) {
+            renameat2(AT_FDCWD, folder.c_str(), AT_FDCWD, link.c_str(), RENAME_EXCHANGE);
+          }
+        }) {}
+  ~Swapping() {
+    stop_ = true;
+    thread_.join();
+  }
+
+ private:
+  std::atomic<bool> stop_{false};
+  std::thread thread_;
+};
+
+TEST_F(PathPolicyTest, NothingOutsideIsOpenedWhereALinkComesAfterTheLook) {
+  std::ofstream(root_ / "load/deep/secret.nrrd") << "inside";
+  std::ofstream(root_ / "outside/secret.nrrd") << "outside";
+  fs::create_symlink(root_ / "outside", root_ / "load/link");
+  const Swapping swapping(root_ / "load/deep", root_ / "load/link");
+  int read = 0;
+  for (int n = 0; n < 20'000; ++n) {
+    try {
+      std::string text;
+      *policy_.OpenToLoad(In("load/deep/secret.nrrd")) >> text;
+      ASSERT_EQ(text, "inside") << n;
+      ++read;
+    } catch (const Error&) {
+      // The link was there, or came.
+    }
+  }
+  EXPECT_GT(read, 0);
+}
+
+TEST_F(PathPolicyTest, NothingOutsideIsWrittenWhereALinkComesAfterTheLook) {
+  fs::create_directory(root_ / "save/deep");
+  fs::create_symlink(root_ / "outside", root_ / "save/link");
+  {
+    const Swapping swapping(root_ / "save/deep", root_ / "save/link");
+    for (int n = 0; n < 2'000; ++n) {
+      try {
+        const auto write = [](const fs::path& partial) { std::ofstream(partial) << "new"; };
+        WriteWhole(policy_.CheckSave(In("save/deep/new.vdb")), write, IfThere::kReplace,
+                   Durable::kNo, Links::kRefused);
+      } catch (const Error&) {
+      }
+    }
+  }
+  for (const fs::directory_entry& entry : fs::directory_iterator(root_ / "outside")) {
+    if (entry.path().filename() == "secret.nrrd") continue;
+    // A name may be left that was made and could not be taken back; nothing is in it.
+    EXPECT_TRUE(entry.path().string().ends_with(".partial")) << entry.path();
+    EXPECT_EQ(entry.file_size(), 0u) << entry.path();
+  }
 }
 
 }  // namespace

@@ -21,6 +21,7 @@
 #include "server/device/simulated_device.h"
 #include "server/recording/replayer.h"
 #include "server/servo/servo_loop.h"
+#include "server/session/path_policy.h"
 #include "tests/support/refusal.h"
 #include "tests/support/scene_rig.h"
 #include "tests/support/temporary_folder.h"
@@ -69,7 +70,10 @@ class RecordingControlTest : public ::testing::Test {
       }
       return std::filesystem::path(path);
     };
-    control_ = std::make_unique<RecordingControl>(*session_, *pump_, RecordingPaths{check, check},
+    const auto open = [check](const std::string& path) {
+      return PathPolicy({.load_folders = {"/"}}).OpenToLoad(check(path));
+    };
+    control_ = std::make_unique<RecordingControl>(*session_, *pump_, RecordingPaths{check, open},
                                                   "test", SafetyLimits{});
     session_->Load({.source = "builtin:gyroid:32"}, kQuiet, kNever);
     RealtimeOptions options;

@@ -1,0 +1,78 @@
+#include "server/app/client_folder.h"
+
+#include <toml++/toml.h>
+#include <fstream>
+#include <sstream>
+
+#include "common/error/error.h"
+#include "common/files/new_file.h"
+#include "common/wire/address.h"
+#include "server/security/token.h"
+
+namespace palpate {
+namespace {
+
+namespace fs = std::filesystem;
+
+// Empty where there is no such file.
+std::string TextOf(const fs::path& path) {
+  std::ifstream file(path, std::ios::binary);
+  std::ostringstream text;
+  text << file.rdbuf();
+  return text.str();
+}
+
+std::string Certificate(const fs::path& path) {
+  std::string text = TextOf(path);
+  if (text.find("BEGIN CERTIFICATE-----") == text.npos ||
+      text.find("PRIVATE KEY-----") != text.npos) {
+    throw Error(ErrorKind::kInvalidArgument,
+                path.string() +
+                    " holds no certificate in PEM, or a private key too: name the "
+                    "certificate that clients are to trust");
+  }
+  return text;
+}
+
+void CheckIsNew(const fs::path& file, const std::string& text, const std::string& profile) {
+  toml::table profiles;
+  try {
+    profiles = toml::parse(text);
+  } catch (const toml::parse_error& error) {
+    throw Error(ErrorKind::kInvalidArgument,
+                file.string() + " is not TOML: " + std::string(error.description()));
+  }
+  if (profiles.contains(profile)) {
+    throw Error(ErrorKind::kConflict, file.string() + " has a profile " + profile +
+                                          ": choose another name with --profile");
+  }
+}
+
+void Write(const fs::path& path, const std::string& text, mode_t mode) {
+  NewFile file(path, IfThere::kReplace, mode);
+  file.Write(text);
+  file.TakeName();
+}
+
+}  // namespace
+
+std::string WriteClientFolder(const ClientFolder& client, const std::string& token) {
+  const HostPort server = ParseHostPort(client.server);
+  const std::string profile =
+      client.profile.empty() ? server.host.substr(0, server.host.find('.')) : client.profile;
+  CheckTokenName(profile);  // the same rules
+  const std::string certificate = Certificate(client.ca_file);
+  MakeFolders(client.folder);
+  const fs::path file = client.folder / "clients.toml";
+  std::string text = TextOf(file);
+  CheckIsNew(file, text, profile);
+  if (!text.empty()) text += "\n";
+  text += "[\"" + profile + "\"]\nserver = \"" + server.ToString() + "\"\ntls_ca = \"" + profile +
+          "-ca.pem\"\ntoken_file = \"" + profile + ".token\"\n";
+  Write(client.folder / (profile + "-ca.pem"), certificate, 0644);
+  Write(client.folder / (profile + ".token"), token + "\n", 0600);
+  Write(file, text, 0644);
+  return profile;
+}
+
+}  // namespace palpate
