@@ -101,13 +101,33 @@ class EditsTest(DaemonTest):
         self.assertEqual((result.changed_voxels, result.changed, result.volume_revision),
                          (0, None, before))
 
+    def test_a_value_is_there_where_it_is_used(self):
+        shapes = (lambda *how: self.edit.sphere((9, 9, 9), 3, *how, frame="index"),
+                  lambda *how: self.edit.box((3, 3, 3), (9, 9, 9), *how, frame="index"),
+                  lambda *how: self.edit.capsule((9, 9, 9), (9, 9, 15), 3, *how, frame="index"))
+        for shape in shapes:
+            for operation in ("add", "subtract", "set", "paint"):
+                with self.assertRaisesRegex(palpate.InvalidArgument,
+                                            f"value is required for '{operation}'"):
+                    shape(operation)
+            with self.assertRaisesRegex(palpate.InvalidArgument, "value is not for 'smooth'"):
+                shape("smooth", 1.0)
+        np.testing.assert_array_equal(self.conn.volume.download().values, self.values)
+        # Zero is one.
+        self.assertGreater(shapes[0]("set", 0).changed_voxels, 50)
+
     def test_what_is_refused(self):
         block = np.zeros((2, 2, 2))
-        refused = [lambda: self.edit.sphere((1, 1), 3, "set"),
-                   lambda: self.edit.sphere((1, 1, 1), -3, "set"),
-                   lambda: self.edit.sphere((1, 1, np.nan), 3, "set"),
-                   lambda: self.edit.sphere((1, 1, 1), 3, "erase"),
-                   lambda: self.edit.sphere((1, 1, 1), 3, "set", frame="lps"),
+        refused = [lambda: self.edit.sphere((1, 1), 3, "set", 1.0),
+                   lambda: self.edit.sphere((1, 1, 1), -3, "set", 1.0),
+                   lambda: self.edit.sphere((1, 1, np.nan), 3, "set", 1.0),
+                   lambda: self.edit.sphere((1, 1, 1), 3, "erase", 1.0),
+                   lambda: self.edit.sphere((1, 1, 1), 3, "set", 1.0, frame="lps"),
+                   lambda: self.edit.sphere((1, 1, 1), 3, "set", True),
+                   lambda: self.edit.sphere((1, 1, 1), "3", "set", 1.0),
+                   lambda: self.edit.sphere((1, 1, 1), 3, "set", 1.0, falloff=None),
+                   lambda: self.edit.sphere((1, 1, 1), 3, "paint", 1.0, strength=True),
+                   lambda: self.edit.block((1, 1, 1), block, "smooth"),
                    lambda: self.edit.sphere((1, 1, 1), 3, "set", 1e9),
                    lambda: self.edit.sphere((900, 1, 1), 3, "set", 1.0),
                    lambda: self.edit.block((29, 1, 1), block),

@@ -179,6 +179,7 @@ class SeriesAndRecording(DaemonTest):
         self.conn.series.configure(loop=True, interpolate=False)
         state = self.conn.series.play(rate_hz=-20)
         self.assertEqual((state.playing, state.rate_hz, state.loop), (True, -20.0, True))
+        self.assertEqual(self.conn.series.rate_hz, -20.0)
         revisions = set()
         with self.conn.poses(100) as stream:
             for poses in stream:
@@ -186,8 +187,19 @@ class SeriesAndRecording(DaemonTest):
                 if len(revisions) > 5:
                     break
         self.assertFalse(self.conn.series.pause().playing)
-        with self.assertRaises(palpate.InvalidArgument):
-            self.conn.series.seek(99)
+        # Set while it is paused: it stays so.
+        self.conn.series.rate_hz = 12.5
+        state = self.conn.series.state()
+        self.assertEqual((state.playing, state.rate_hz), (False, 12.5))
+        self.assertEqual(self.conn.series.play().rate_hz, 12.5)
+        for call in (lambda: self.conn.series.seek(99), lambda: self.conn.series.seek(True),
+                     lambda: self.conn.series.play(rate_hz="fast"),
+                     lambda: setattr(self.conn.series, "rate_hz", 0.0),
+                     lambda: setattr(self.conn.series, "rate_hz", 1001.0),
+                     lambda: setattr(self.conn.series, "rate_hz", True)):
+            with self.assertRaises(palpate.InvalidArgument):
+                call()
+        self.assertEqual(self.conn.series.rate_hz, 12.5)
 
     def test_recording(self):
         path = self.daemon.folder / "trial.palrec"
@@ -206,7 +218,7 @@ class SeriesAndRecording(DaemonTest):
         with self.assertRaises(palpate.Conflict):
             self.conn.recording.start(path)
         with self.assertRaises(palpate.InvalidArgument):
-            self.conn.recording.start("relative.palrec")
+            self.conn.recording.start("")
 
 
 if __name__ == "__main__":

@@ -35,6 +35,13 @@ class Arrays(DaemonTest):
         self.assertTrue((poses.isovalue == self.conn.settings.isovalue).all())
         self.assertTrue((np.diff(poses.time_ns) > 0).all())
 
+    def test_its_text_is_short(self):
+        with self.conn.poses(rate_hz=1000, batch=100) as stream:
+            poses = next(stream)
+        self.assertRegex(repr(poses), rf"^<palpate poses: 100 samples, ticks {poses.tick[0]} to "
+                         rf"{poses.tick[-1]}, \d+ dropped>$")
+        self.assertEqual(str(poses), repr(poses))
+
     def test_what_is_absent_is_nan_and_what_is_there_is_not(self):
         seen = []
         with self.conn.poses(rate_hz=200, batch=50, waiting=100) as stream:
@@ -113,7 +120,8 @@ class Arrays(DaemonTest):
         self.assertTrue((np.diff(dropped) >= 0).all())
 
     def test_bad_options_are_one_line(self):
-        for arguments in ({"rate_hz": 2000}, {"rate_hz": -1}, {"batch": 1000}, {"waiting": 0}):
+        for arguments in ({"rate_hz": 2000}, {"rate_hz": -1}, {"batch": 1000}, {"waiting": 0},
+                          {"rate_hz": True}, {"rate_hz": "fast"}):
             with self.assertRaises(palpate.InvalidArgument, msg=str(arguments)) as caught:
                 next(self.conn.poses(**arguments))
             self.assertNotIn("\n", str(caught.exception))

@@ -49,6 +49,36 @@ class SettingsTest(DaemonTest):
         self.conn.settings.isovalue = np.float32(0.5)
         self.conn.settings.force_shading = np.bool_(False)
 
+    def test_a_choice_reads_as_the_word_that_sets_it(self):
+        settings = self.conn.settings
+        before = settings.method
+        for word in ("bcc", "tptd", "tpbcc-published", "tpbcc"):
+            settings.method = word
+            self.assertEqual(settings.method, word)
+            self.assertEqual(word, settings.method)
+            self.assertEqual((str(settings.method), f"{settings.method:>20}"),
+                             (word, f"{word:>20}"))
+            self.assertFalse(settings.method != word)
+            self.assertNotEqual(settings.method, "above")
+            # What was read sets it too, as the word that was printed does.
+            settings.method = settings.method
+            settings.method = f"{settings.method}"
+            self.assertEqual(settings.all()["method"], word)
+        settings.method = "TPBCC_PUBLISHED"
+        self.assertIs(settings.method, palpate.DecompositionMethod.TPBCC_PUBLISHED)
+        self.assertEqual((int(settings.method), settings.method), (4, 4))
+        settings.method = before
+        with self.assertRaisesRegex(palpate.InvalidArgument,
+                                    "one of bcc, tpbcc, tptd, tpbcc-published, not 'cubes'"):
+            settings.method = "cubes"
+
+    def test_members_compare_with_arrays_and_numbers(self):
+        sides = np.array([1, 2, 2], dtype=np.uint8)
+        np.testing.assert_array_equal(sides == palpate.FreeSide.ABOVE, [False, True, True])
+        np.testing.assert_array_equal(palpate.FreeSide.ABOVE != sides, [True, False, False])
+        self.assertTrue(sides[1] == palpate.FreeSide.ABOVE == sides[2])
+        self.assertEqual({palpate.FreeSide.ABOVE: "above"}[2], "above")
+
     def test_an_unknown_setting_is_an_attribute_error(self):
         with self.assertRaises(AttributeError):
             self.conn.settings.isovalu = 0.3
@@ -64,7 +94,9 @@ class SettingsTest(DaemonTest):
         refused = ({"stiffness_n_per_mm": 99.0}, {"isovalue": 1e9}, {"isovalue": float("nan")},
                    {"isovalue": 0.4, "stiffness_n_per_mm": 99.0}, {"isovalue": "high"},
                    {"isovalue": None}, {"carve_tool": "off"}, {"carve_tool": 1},
-                   {"free_side": "left"}, {"method": 0}, {})
+                   {"free_side": "left"}, {"method": 0}, {"isovalue": True},
+                   {"isovalue": np.bool_(True)}, {"isovalue": 10**400}, {"method": True},
+                   {"method": ""}, {"free_side": None}, {})
         for changes in refused:
             with self.assertRaises(palpate.InvalidArgument, msg=str(changes)) as caught:
                 self.conn.settings.update(**changes)

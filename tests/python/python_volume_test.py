@@ -137,7 +137,8 @@ class Upload(DaemonTest):
                    lambda: self.conn.volume.upload(np.full((8, 8, 8), np.nan)),
                    lambda: self.conn.volume.upload(good, unit='a "b"'),
                    lambda: self.conn.volume.upload(good, isovalue=1.0, normalized_isovalue=0.5),
-                   lambda: self.conn.volume.load("relative.nrrd"),
+                   lambda: self.conn.volume.load(""),
+                   lambda: self.conn.volume.load("builtin:sphere:16", isovalue=True),
                    lambda: self.conn.volume.load("builtin:nothing")]
         for call in refused:
             with self.assertRaises(palpate.InvalidArgument) as caught:

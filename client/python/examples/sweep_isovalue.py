@@ -20,6 +20,7 @@ from matplotlib import pyplot  # noqa: E402: the backend comes first
 def parse_arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--address", help="socket or HOST:PORT of palpated [its usual socket]")
+    parser.add_argument("--profile", help="profile of clients.toml, instead of the address")
     parser.add_argument("--from", dest="first", type=float, default=0.2,
                         help="normalised isovalue to begin with [0.2]")
     parser.add_argument("--to", dest="last", type=float, default=0.8, help="to end with [0.8]")
@@ -60,7 +61,7 @@ def plot(felt: palpate.Poses, unit: str, out: str) -> None:
 def main() -> None:
     arguments = parse_arguments()
     steps = []
-    with palpate.connect(arguments.address) as conn:
+    with palpate.connect(arguments.address, profile=arguments.profile) as conn:
         before = conn.settings.isovalue
         try:
             for normalized in np.linspace(arguments.first, arguments.last, arguments.steps):

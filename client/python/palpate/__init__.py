@@ -16,6 +16,7 @@ from palpate._enums import (DecompositionMethod, DeviceConnection, ForceReason, 
 from palpate._errors import (Cancelled, Conflict, DiskFull, Error, FailedPrecondition, Internal,
                              InvalidArgument, NotFound, PermissionDenied, TooLarge, Unavailable)
 from palpate._poses import Poses, PoseStream
+from palpate._profiles import Profile, profiles
 from palpate._recording import Recording, RecordingState
 from palpate._series import Series, SeriesState
 from palpate._settings import Applied, Settings
@@ -27,7 +28,8 @@ __all__ = [
     "DeviceConnection", "DeviceInfo", "DiskFull", "EditResult", "Edits", "Error",
     "FailedPrecondition",
     "ForceReason", "ForceState", "Forces", "FreeSide", "Internal", "InvalidArgument",
-    "ListedDevice", "NotFound", "PermissionDenied", "PoseStream", "Poses", "ProxyMode",
+    "ListedDevice", "NotFound", "PermissionDenied", "PoseStream", "Poses", "Profile",
+    "ProxyMode",
     "Recording", "RecordingState", "Series", "SeriesState", "Settings", "TooLarge", "Unavailable",
-    "VerificationLevel", "Volume", "VolumeAccess", "VolumeInfo", "connect",
+    "VerificationLevel", "Volume", "VolumeAccess", "VolumeInfo", "connect", "profiles",
 ]

@@ -8,6 +8,7 @@ from palpate._errors import InvalidArgument, PermissionDenied, Unavailable
 
 _SYSTEM_FOLDER = "/run/palpate"
 _SOCKET_NAME = "palpated.sock"
+_SERVER_VARIABLE = "PALPATE_SERVER"
 # sockaddr_un holds 108 bytes with its NUL.
 _MAX_SOCKET_PATH_BYTES = 107
 
@@ -38,19 +39,34 @@ def _temporary_folder() -> str:
     return folder
 
 
-def target_of(address: str | None) -> tuple[str, str]:
-    """Target of a gRPC channel, and a name for people.
+def server_of_environment() -> str | None:
+    """$PALPATE_SERVER; None: it names none. Errors: InvalidArgument (it is not HOST:PORT)."""
+    server = os.environ.get(_SERVER_VARIABLE)
+    if not server:
+        return None
+    try:
+        check_server(server)
+    except InvalidArgument as problem:
+        raise InvalidArgument(f"${_SERVER_VARIABLE}: {problem}") from None
+    return server
 
-    A text with a slash is the path of a Unix socket, any other one is host:port.
-    """
+
+def is_tcp(address: str) -> bool:
+    """A text with a slash is the path of a Unix socket, any other one is HOST:PORT."""
+    return "/" not in address
+
+
+def target_of(address: str | None) -> tuple[str, str]:
+    """Target of a gRPC channel, and a name for people. None: the default socket."""
     if address is None:
         address = default_socket_path()
-    elif "/" not in address:
+    elif is_tcp(address):
         return _tcp_target(address)
     return _unix_target(address)
 
 
-def _unix_target(path: str) -> tuple[str, str]:
+def check_socket_path(path: str) -> str:
+    """The path as an absolute one. Errors: InvalidArgument (gRPC cannot use it)."""
     absolute = os.path.abspath(path.removeprefix("unix:"))
     if len(os.fsencode(absolute)) > _MAX_SOCKET_PATH_BYTES:
         raise InvalidArgument(f"the path of a socket has at most {_MAX_SOCKET_PATH_BYTES} bytes: "
@@ -59,6 +75,11 @@ def _unix_target(path: str) -> tuple[str, str]:
     if not re.fullmatch(r"[A-Za-z0-9/\-._~+=,:@]+", absolute):
         raise InvalidArgument("the path of a socket may hold letters, digits and /-._~+=,:@ only: "
                               f"{absolute}")
+    return absolute
+
+
+def _unix_target(path: str) -> tuple[str, str]:
+    absolute = check_socket_path(path)
     name = "unix:" + absolute
     _check_socket(absolute, name)
     return name, name
@@ -80,13 +101,28 @@ def _check_socket(path: str, name: str) -> None:
                                "owns the socket")
 
 
-def _tcp_target(address: str) -> tuple[str, str]:
+def check_server(address: str) -> tuple[str, str]:
+    """Host and port. Errors: InvalidArgument (it is not HOST:PORT)."""
+    host_port = _host_and_port(address)
+    if host_port is None:
+        raise InvalidArgument(f"{address!r} is not HOST:PORT, as in localhost:7400")
+    return host_port
+
+
+def _host_and_port(address: str) -> tuple[str, str] | None:
     match = re.fullmatch(r"(\[[0-9A-Fa-f:.]+\]|[A-Za-z0-9._][A-Za-z0-9._-]{0,252}):([0-9]{1,5})",
                          address)
     if match is None or not 0 < int(match[2]) < 65536:
+        return None
+    return match[1], match[2]
+
+
+def _tcp_target(address: str) -> tuple[str, str]:
+    host_port = _host_and_port(address)
+    if host_port is None:
         raise InvalidArgument(f"'{address}' is not an address: expected the path of a socket with "
                               "a slash in it, or HOST:PORT, as in localhost:7400")
-    host, port = match.groups()
+    host, port = host_port
     if host.startswith("["):
         return f"ipv6:%5B{host[1:-1]}%5D:{port}", address
     # The scheme keeps a host called "unix" from being read as one.

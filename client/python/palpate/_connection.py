@@ -2,17 +2,18 @@
 
 import types
 
+from palpate._address import is_tcp, server_of_environment
 from palpate._credentials import Credentials
 from palpate._device import Device
 from palpate._edits import Edits
 from palpate._errors import InvalidArgument
 from palpate._link import Link
 from palpate._poses import PoseStream
+from palpate._profiles import place_of_profile
 from palpate._recording import Recording
 from palpate._series import Series
 from palpate._settings import Settings
 from palpate._volume import VolumeAccess
-from palpate.v1 import device_pb2, device_pb2_grpc
 
 
 class Connection:
@@ -25,8 +26,7 @@ class Connection:
     def __init__(self, address: str | None, credentials: Credentials = Credentials()) -> None:
         self._link = Link(address, credentials)
         try:
-            self._link.check(self._link.stub(device_pb2_grpc.DeviceServiceStub).GetDevice,
-                             device_pb2.GetDeviceRequest())
+            self._link.check()
         except BaseException:
             self._link.close()
             raise
@@ -106,20 +106,32 @@ class Connection:
         return f"<palpate connection to {self.address}>"
 
 
-def connect(address: str | None = None, *, tls_ca: str | None = None,
-            tls_cert: str | None = None, tls_key: str | None = None,
+def connect(address: str | None = None, *, profile: str | None = None,
+            tls_ca: str | None = None, tls_cert: str | None = None, tls_key: str | None = None,
             token_file: str | None = None) -> Connection:
     """Connects to palpated.
 
     address: path of its Unix socket, with a slash in it, or "HOST:PORT"; None:
-    $PALPATE_SOCKET, /run/palpate/palpated.sock, or the user's own, as the daemon and the
-    other clients choose it.
+    $PALPATE_SERVER, which is HOST:PORT, or else the socket that the daemon and the other
+    clients choose: $PALPATE_SOCKET, /run/palpate/palpated.sock, or the user's own.
+    profile: a name in $XDG_CONFIG_HOME/palpate/clients.toml (~/.config/palpate/clients.toml),
+    instead of all the others; profiles() has those that are there. A profile is whole: no
+    environment variable adds to it.
     Over TCP, TLS is used where tls_ca or tls_cert is given. tls_ca: the daemon's certificate
-    authority; None: the system's. tls_cert, tls_key: our certificate and its key. token_file:
-    holds a token; None: $PALPATE_TOKEN_FILE, where TLS is used. A token is never sent without
-    TLS; that all accounts may read its file is a UserWarning. All are paths of files, the first
-    three in PEM.
+    authority; None: $PALPATE_TLS_CA, or the system's. tls_cert, tls_key: our certificate and
+    its key. token_file: holds a token; None: $PALPATE_TOKEN_FILE, where TLS is used. A token is
+    never sent without TLS; that all accounts may read its file is a UserWarning. All are paths
+    of files, the first three in PEM. For a socket none of these variables is used.
     Errors: Unavailable (no palpated there), PermissionDenied (the socket; or palpated does not
-    know us), InvalidArgument, NotFound (a file).
+    know us), InvalidArgument, NotFound (a file, a profile).
     """
-    return Connection(address, Credentials(tls_ca, tls_cert, tls_key, token_file))
+    credentials = Credentials(tls_ca, tls_cert, tls_key, token_file)
+    if profile is not None:
+        if address is not None or credentials != Credentials():
+            raise InvalidArgument("a profile is whole: give the profile alone, or no profile")
+        return Connection(*place_of_profile(profile))
+    if address is None:
+        address = server_of_environment()
+    if address is not None and is_tcp(address):
+        credentials = credentials.with_environment()
+    return Connection(address, credentials)

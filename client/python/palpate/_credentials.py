@@ -10,6 +10,7 @@ import grpc
 
 from palpate._errors import InvalidArgument, NotFound
 
+_CA_VARIABLE = "PALPATE_TLS_CA"
 _TOKEN_FILE_VARIABLE = "PALPATE_TOKEN_FILE"
 
 
@@ -55,26 +56,44 @@ class Credentials:
     key_file: str | None = None
     token_file: str | None = None
 
-    def channel_credentials(self, is_tcp: bool) -> grpc.ChannelCredentials | None:
-        """None: without TLS. Errors: NotFound, InvalidArgument."""
-        has_tls = self.ca_file is not None or self.certificate_file is not None
+    @property
+    def has_tls(self) -> bool:
+        return self.ca_file is not None or self.certificate_file is not None
+
+    def with_environment(self) -> "Credentials":
+        """For HOST:PORT: what is not named here is what $PALPATE_TLS_CA and
+        $PALPATE_TOKEN_FILE name, the token only where TLS is used."""
+        ca_file = self.ca_file
+        if ca_file is None:
+            ca_file = os.environ.get(_CA_VARIABLE) or None
+        completed = dataclasses.replace(self, ca_file=ca_file)
+        if not completed.has_tls or self.token_file:
+            return completed
+        token_file = os.environ.get(_TOKEN_FILE_VARIABLE) or None
+        return dataclasses.replace(completed, token_file=token_file)
+
+    def check(self, is_tcp: bool) -> None:
+        """Do they fit together? Reads no file. Errors: InvalidArgument."""
         if (self.certificate_file is None) != (self.key_file is None):
             raise InvalidArgument("a certificate and its key come together: name both, or none")
         # Without TLS others could read it, and without the daemon's authority anybody
         # could pose as the daemon.
-        if self.token_file is not None and not has_tls:
+        if self.token_file is not None and not self.has_tls:
             raise InvalidArgument("a token is sent over TLS only: name the daemon's certificate "
                                   "authority too")
-        if not has_tls:
-            return None
-        if not is_tcp:
+        if self.has_tls and not is_tcp:
             raise InvalidArgument("TLS is for HOST:PORT: the socket has its file mode as guard")
+
+    def channel_credentials(self, is_tcp: bool) -> grpc.ChannelCredentials | None:
+        """None: without TLS. Errors: NotFound, InvalidArgument."""
+        self.check(is_tcp)
+        if not self.has_tls:
+            return None
         tls = grpc.ssl_channel_credentials(
             root_certificates=_read_pem(self.ca_file, b"CERTIFICATE"),
             private_key=_read_pem(self.key_file, b"PRIVATE KEY"),
             certificate_chain=_read_pem(self.certificate_file, b"CERTIFICATE"))
-        token_file = self.token_file or os.environ.get(_TOKEN_FILE_VARIABLE)
-        if not token_file:
+        if not self.token_file:
             return tls
-        token = grpc.access_token_call_credentials(_read_token(token_file))
+        token = grpc.access_token_call_credentials(_read_token(self.token_file))
         return grpc.composite_channel_credentials(tls, token)

@@ -9,6 +9,7 @@ import numpy.typing as npt
 from palpate._errors import InvalidArgument, TooLarge
 from palpate._geometry import Triple, vector_of
 from palpate._link import Link
+from palpate._values import number, number_or_none
 from palpate.v1 import edit_pb2, volume_pb2_grpc
 
 Operation = typing.Literal["add", "subtract", "set", "smooth", "paint"]
@@ -46,8 +47,9 @@ class Edits:
     The weight w of a voxel is 1 within the shape and falls smoothly to 0 over `falloff`
     outside of it. With the voxel's value v the operations are "add" (v + w·value),
     "subtract" (v - w·value), "set" (value, faded by w), "smooth" (towards the mean of the
-    27 voxels around, by w·strength) and "paint" (v + w·strength·(value - v)). Values are in
-    data units, and results stay within the range fixed at load.
+    27 voxels around, by w·strength) and "paint" (v + w·strength·(value - v)). `value` is
+    required for all but "smooth", which takes none. Values are in data units, and results
+    stay within the range fixed at load.
 
     frame "world": positions and lengths in mm, LPS as in DICOM; "index": in voxels,
     voxel (0, 0, 0) being the first.
@@ -60,16 +62,17 @@ class Edits:
         self._link = link
         self._stub = link.stub(volume_pb2_grpc.VolumeServiceStub)
 
-    def sphere(self, center: Triple, radius: float, operation: Operation, value: float = 0.0, *,
-               frame: Frame = "world", falloff: float = 0.0, strength: float | None = None,
-               expected_revision: int | None = None) -> EditResult:
+    def sphere(self, center: Triple, radius: float, operation: Operation,
+               value: float | None = None, *, frame: Frame = "world", falloff: float = 0.0,
+               strength: float | None = None, expected_revision: int | None = None) -> EditResult:
         """Edits within `radius` of `center` (x, y, z), both in the frame's unit."""
-        shape = edit_pb2.SphereShape(center=vector_of("center", center), radius=radius)
+        shape = edit_pb2.SphereShape(center=vector_of("center", center),
+                                     radius=number("radius", radius))
         return self._edit(edit_pb2.EditVolumeRequest(sphere=shape), operation, value, frame,
                           falloff, strength, expected_revision)
 
     def box(self, corner_min: Triple, corner_max: Triple, operation: Operation,
-            value: float = 0.0, *, frame: Frame = "world", falloff: float = 0.0,
+            value: float | None = None, *, frame: Frame = "world", falloff: float = 0.0,
             strength: float | None = None, expected_revision: int | None = None) -> EditResult:
         """Edits a box along the frame's axes, both corners (x, y, z) included."""
         shape = edit_pb2.BoxShape(min=vector_of("corner_min", corner_min),
@@ -78,11 +81,11 @@ class Edits:
                           strength, expected_revision)
 
     def capsule(self, start: Triple, end: Triple, radius: float, operation: Operation,
-                value: float = 0.0, *, frame: Frame = "world", falloff: float = 0.0,
+                value: float | None = None, *, frame: Frame = "world", falloff: float = 0.0,
                 strength: float | None = None, expected_revision: int | None = None) -> EditResult:
         """Edits what a sphere of `radius` sweeps from `start` to `end` (x, y, z): a stroke."""
         shape = edit_pb2.CapsuleShape(**{"from": vector_of("start", start)},
-                                      to=vector_of("end", end), radius=radius)
+                                      to=vector_of("end", end), radius=number("radius", radius))
         return self._edit(edit_pb2.EditVolumeRequest(capsule=shape), operation, value, frame,
                           falloff, strength, expected_revision)
 
@@ -105,7 +108,7 @@ class Edits:
         shape = edit_pb2.DenseBlock(
             min_x=first[0], min_y=first[1], min_z=first[2], size_x=array.shape[0],
             size_y=array.shape[1], size_z=array.shape[2], values=array.tobytes(order="F"))
-        return self._edit(edit_pb2.EditVolumeRequest(block=shape), operation, 0.0, "index", 0.0,
+        return self._edit(edit_pb2.EditVolumeRequest(block=shape), operation, None, "index", 0.0,
                           strength, expected_revision)
 
     def undo(self, expected_revision: int | None = None) -> EditResult:
@@ -123,17 +126,23 @@ class Edits:
         return self._result(self._stub.RevertVolume,
                             edit_pb2.RevertVolumeRequest(expected_revision=expected_revision))
 
-    def _edit(self, request: edit_pb2.EditVolumeRequest, operation: Operation, value: float,
-              frame: Frame, falloff: float, strength: float | None,
+    def _edit(self, request: edit_pb2.EditVolumeRequest, operation: Operation,
+              value: float | None, frame: Frame, falloff: float, strength: float | None,
               expected_revision: int | None) -> EditResult:
         if operation not in _OPERATIONS:
             raise InvalidArgument(f"operation is one of {', '.join(_OPERATIONS)}, not "
                                   f"{operation!r}")
         if frame not in _FRAMES:
             raise InvalidArgument(f"frame is one of {', '.join(_FRAMES)}, not {frame!r}")
+        needs_value = operation != "smooth" and not request.HasField("block")
+        if needs_value and value is None:
+            raise InvalidArgument(f"value is required for {operation!r}")
+        if value is not None and not needs_value:
+            raise InvalidArgument("value is not for 'smooth'")
         request.MergeFrom(edit_pb2.EditVolumeRequest(
-            operation=_OPERATIONS[operation], value=float(value), frame=_FRAMES[frame],
-            falloff=float(falloff), strength=strength, expected_revision=expected_revision))
+            operation=_OPERATIONS[operation], value=number_or_none("value", value),
+            frame=_FRAMES[frame], falloff=number("falloff", falloff),
+            strength=number_or_none("strength", strength), expected_revision=expected_revision))
         return self._result(self._stub.EditVolume, request)
 
     def _result(self, method: typing.Any, request: typing.Any) -> EditResult:

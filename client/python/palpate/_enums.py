@@ -3,7 +3,29 @@
 import enum
 
 
-class ProxyMode(enum.IntEnum):
+class Word(enum.IntEnum):
+    """An enumeration whose members read as a word, that of the command line, and equal it.
+
+    The numbers are for arrays, such as Poses.mode. The hash is the number's: as the key of a
+    dictionary, a member stands for its number alone.
+    """
+
+    def __str__(self) -> str:
+        return self.name.lower().replace("_", "-")
+
+    def __format__(self, spec: str) -> str:
+        return format(str(self), spec)
+
+    def __eq__(self, other: object) -> bool:
+        return str(self) == other if isinstance(other, str) else int.__eq__(self, other)
+
+    def __ne__(self, other: object) -> bool:
+        return str(self) != other if isinstance(other, str) else int.__ne__(self, other)
+
+    __hash__ = int.__hash__
+
+
+class ProxyMode(Word):
     """State of the proxy (SCP_H) in a tick."""
 
     FREE = 1
@@ -13,14 +35,14 @@ class ProxyMode(enum.IntEnum):
     SUSPENDED = 5
 
 
-class FreeSide(enum.IntEnum):
+class FreeSide(Word):
     """Side of the isosurface on which the stylus is free."""
 
     BELOW = 1
     ABOVE = 2
 
 
-class DecompositionMethod(enum.IntEnum):
+class DecompositionMethod(Word):
     """How the cells of the volume are cut into tetrahedra."""
 
     BCC = 1
@@ -29,7 +51,7 @@ class DecompositionMethod(enum.IntEnum):
     TPBCC_PUBLISHED = 4
 
 
-class ForceState(enum.IntEnum):
+class ForceState(Word):
     """What the safety stage does with forces."""
 
     OFF = 1
@@ -40,7 +62,7 @@ class ForceState(enum.IntEnum):
     STOPPED = 6
 
 
-class ForceReason(enum.IntEnum):
+class ForceReason(Word):
     """Why it does so; device.proto explains each."""
 
     NONE = 1
@@ -57,7 +79,7 @@ class ForceReason(enum.IntEnum):
     STOP_BUTTON = 12
 
 
-class DeviceConnection(enum.IntEnum):
+class DeviceConnection(Word):
     """Whether the device is there."""
 
     ABSENT = 1
@@ -65,7 +87,7 @@ class DeviceConnection(enum.IntEnum):
     STREAMING = 3
 
 
-class VerificationLevel(enum.IntEnum):
+class VerificationLevel(Word):
     """What of a device's behaviour has been seen on hardware."""
 
     NONE = 1

@@ -1,6 +1,7 @@
 """One channel to palpated, with its errors and its acknowledged streams."""
 
 import collections.abc
+import os
 import queue
 import typing
 
@@ -8,7 +9,9 @@ import grpc
 
 from palpate._address import target_of
 from palpate._credentials import Credentials
-from palpate._errors import Error, Unavailable, error_of
+from palpate._errors import Error, InvalidArgument, Unavailable, error_of
+from palpate._unreached import why_unreached
+from palpate.v1 import device_pb2, device_pb2_grpc
 
 _CONNECT_TIMEOUT_S = 3.0
 _CALL_TIMEOUT_S = 30.0
@@ -27,8 +30,9 @@ class Link:
 
     def __init__(self, address: str | None, credentials: Credentials) -> None:
         target, self.name = target_of(address)
-        tls = credentials.channel_credentials(is_tcp=target != self.name)
-        self._has_tls = tls is not None
+        self._is_local = target == self.name
+        self._credentials = credentials
+        tls = credentials.channel_credentials(is_tcp=not self._is_local)
         self._channel = (grpc.insecure_channel(target, options=_OPTIONS) if tls is None else
                          grpc.secure_channel(target, tls, options=_OPTIONS))
         self._is_open = True
@@ -41,23 +45,38 @@ class Link:
         self._is_open = False
         self._channel.close()
 
-    def check(self, method: typing.Any, request: typing.Any) -> None:
+    def path(self, path: str | os.PathLike[str]) -> str:
+        """A path for the daemon, whose current folder is another one than ours.
+
+        Errors: InvalidArgument (relative, and the daemon may be on another machine).
+        """
+        text = os.fspath(path)
+        if os.path.isabs(text):
+            return text
+        if not text:
+            raise InvalidArgument("the path is empty: name a file")
+        if not self._is_local:
+            raise InvalidArgument(f"{text!r} is a relative path, and palpated at {self.name} may "
+                                  "be on another machine: give the absolute path there")
+        return os.path.join(os.getcwd(), text)
+
+    def check(self) -> None:
         """The first call: does palpated answer at all?"""
         try:
-            method(request, timeout=_CONNECT_TIMEOUT_S)
+            self._greet()
         except grpc.RpcError as failed:
             raise self._connect_error(failed) from None
 
+    def _greet(self) -> None:
+        """A call that is cheap, and that each client may make."""
+        stub = self.stub(device_pb2_grpc.DeviceServiceStub)
+        stub.GetDevice(device_pb2.GetDeviceRequest(), timeout=_CONNECT_TIMEOUT_S)
+
     def _connect_error(self, failed: grpc.RpcError) -> Error:
         if failed.code() == grpc.StatusCode.UNAVAILABLE:
-            if self._has_tls:
-                return Unavailable(f"no palpated at {self.name} that proves itself to the given "
-                                   "authority over TLS: check the address, that its certificate "
-                                   "names this host, and that it has TLS")
-            if not self.name.startswith("unix:"):
-                return Unavailable(f"no palpated at {self.name} that answers without TLS: start "
-                                   "it there, or give tls_ca of one that has TLS")
-            return Unavailable(f"no palpated at {self.name}: start it, or name its address")
+            return Unavailable(why_unreached(self.name, failed.details() or "",
+                                             has_tls=self._credentials.has_tls,
+                                             ca_file=self._credentials.ca_file))
         if failed.code() == grpc.StatusCode.DEADLINE_EXCEEDED:
             return Unavailable(f"no answer from {self.name} within {_CONNECT_TIMEOUT_S:g} s, so it "
                                "is not palpated")
@@ -70,7 +89,7 @@ class Link:
         try:
             return method(request, timeout=timeout_s)
         except grpc.RpcError as failed:
-            raise error_of(self.name, failed) from None
+            raise self._error_of(failed) from None
         except ValueError:
             self._raise_if_closed()
             raise
@@ -87,7 +106,7 @@ class Link:
         try:
             yield from call
         except grpc.RpcError as failed:
-            raise error_of(self.name, failed) from None
+            raise self._error_of(failed) from None
         finally:
             call.cancel()
 
@@ -109,9 +128,33 @@ class Link:
         code = None if failed is None else failed.code()
         if failed is not None and code not in gone:
             return error_of(self.name, failed)
+        refusal = self._refusal()
         if not self._is_open:
             return Unavailable(f"the connection to {self.name} was closed")
-        return Unavailable(f"palpated at {self.name} went away")
+        return refusal or Unavailable(f"palpated at {self.name} went away")
+
+    def _error_of(self, failed: grpc.RpcError) -> Error:
+        if failed.code() == grpc.StatusCode.CANCELLED and (refusal := self._refusal()):
+            return refusal
+        return error_of(self.name, failed)
+
+    def _refusal(self) -> Error | None:
+        """Why the daemon does not serve us any more; None: it does, or does not answer.
+
+        Without a word it ends the calls that run under a token that is revoked: another call
+        gets the reason.
+        """
+        strangers = (grpc.StatusCode.UNAUTHENTICATED, grpc.StatusCode.PERMISSION_DENIED)
+        try:
+            if self._is_open:
+                self._greet()
+        except grpc.RpcError as failed:
+            if failed.code() in strangers:
+                return error_of(self.name, failed)
+        except ValueError:
+            # Closed by another thread meanwhile.
+            pass
+        return None
 
 
 class AcknowledgedCall:

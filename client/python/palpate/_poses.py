@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from palpate._link import AcknowledgedCall, Link
+from palpate._values import number
 from palpate.v1 import pose_pb2, pose_pb2_grpc
 
 _MAX_UNACKNOWLEDGED = 4
@@ -21,7 +22,7 @@ _FINISH_TIMEOUT_S = 1.0
 _ABSENT = (np.nan, np.nan, np.nan)
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class Poses:
     """n samples of the servo's ticks, oldest first; len() is n.
 
@@ -87,6 +88,11 @@ class Poses:
 
     def __len__(self) -> int:
         return len(self.tick)
+
+    def __repr__(self) -> str:
+        # Short: the arrays would fill the screen.
+        ticks = f", ticks {self.tick[0]} to {self.tick[-1]}" if len(self) else ""
+        return f"<palpate poses: {len(self)} samples{ticks}, {self.dropped_samples} dropped>"
 
     @staticmethod
     def concatenate(batches: collections.abc.Sequence["Poses"]) -> "Poses":
@@ -233,7 +239,7 @@ class PoseStream:
         self._is_open = True
         self._taken = 0
         self._left_out = 0
-        start = pose_pb2.StreamPosesStart(rate_hz=rate_hz, batch=batch,
+        start = pose_pb2.StreamPosesStart(rate_hz=number("rate_hz", rate_hz), batch=batch,
                                           max_unacknowledged=_MAX_UNACKNOWLEDGED)
         stub = link.stub(pose_pb2_grpc.PoseServiceStub)
         call = AcknowledgedCall(stub.StreamPoses, pose_pb2.StreamPosesRequest(start=start))

@@ -39,11 +39,13 @@ class Recording:
         self._stub = link.stub(recording_pb2_grpc.RecordingServiceStub)
 
     def start(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> RecordingState:
-        """Records to an absolute path on the daemon's machine, until stopped.
+        """Records to a file on the daemon's machine, until stopped.
 
-        Conflict where the file is there, or another recording or a replay runs.
+        path: absolute, or relative as in VolumeAccess.load. Conflict where the file is there,
+        or another recording or a replay runs.
         """
-        request = recording_pb2.StartRecordingRequest(path=os.fspath(path), overwrite=overwrite)
+        request = recording_pb2.StartRecordingRequest(path=self._link.path(path),
+                                                      overwrite=overwrite)
         return _state_of(self._link.call(self._stub.StartRecording, request).recording)
 
     def stop(self) -> RecordingState:

@@ -6,6 +6,7 @@ import os
 
 from palpate._geometry import Triple
 from palpate._link import Link
+from palpate._values import number, number_or_none
 from palpate._volume import Progress, load_options, result_of
 from palpate.v1 import series_pb2, series_pb2_grpc
 
@@ -52,14 +53,15 @@ class Series:
              progress: Progress | None = None) -> SeriesState:
         """Loads all frames, puts the first under the stylus and pauses there.
 
-        sources: absolute paths on the daemon's machine, in the order of time: files of
-        one frame each, or one file with several; a pattern with * and ? comes in the order
-        of the numbers in the names. The rest as in VolumeAccess.load. Errors: as there.
+        sources: paths on the daemon's machine, in the order of time: files of one frame
+        each, or one file with several; a pattern with * and ? comes in the order of the
+        numbers in the names. Relative paths and the rest: as in VolumeAccess.load. Errors: as
+        there.
         """
         if isinstance(sources, (str, os.PathLike)):
             sources = [sources]
         request = series_pb2.LoadSeriesRequest(
-            sources=[os.fspath(source) for source in sources],
+            sources=[self._link.path(source) for source in sources],
             options=load_options(isovalue, normalized_isovalue, device_mm_per_volume_mm,
                                  spacing_mm))
         events = self._link.events(self._stub.LoadSeries, request)
@@ -70,9 +72,23 @@ class Series:
         answer = self._link.call(self._stub.GetSeries, series_pb2.GetSeriesRequest())
         return _state_of(answer.series)
 
+    @property
+    def rate_hz(self) -> float:
+        """How fast it plays, in frames per second: -1000 to 1000, not 0, negative backwards.
+
+        It can be set while it is paused too. At most 60 volumes are shown per second; frames
+        between them are skipped.
+        """
+        return self.state().rate_hz
+
+    @rate_hz.setter
+    def rate_hz(self, value: float) -> None:
+        self._control(series_pb2.ControlSeriesRequest(rate_hz=number("rate_hz", value)))
+
     def play(self, rate_hz: float | None = None) -> SeriesState:
         """Plays on, at `rate_hz` frames per second: -1000 to 1000, not 0; None: as before."""
-        return self._control(series_pb2.ControlSeriesRequest(playing=True, rate_hz=rate_hz))
+        return self._control(series_pb2.ControlSeriesRequest(
+            playing=True, rate_hz=number_or_none("rate_hz", rate_hz)))
 
     def pause(self) -> SeriesState:
         """Stays at the frame that it is at."""
@@ -80,7 +96,8 @@ class Series:
 
     def seek(self, position_frames: float) -> SeriesState:
         """Goes to a frame, 0 to frames - 1; a fraction where the series is interpolated."""
-        return self._control(series_pb2.ControlSeriesRequest(position_frames=position_frames))
+        return self._control(series_pb2.ControlSeriesRequest(
+            position_frames=number("position_frames", position_frames)))
 
     def configure(self, *, loop: bool | None = None,
                   interpolate: bool | None = None) -> SeriesState:

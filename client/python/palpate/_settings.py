@@ -1,20 +1,21 @@
 """What is felt, as attributes that the daemon holds."""
 
 import collections.abc
+import contextlib
 import dataclasses
-import enum
 import typing
 
 import numpy as np
 from google.protobuf import field_mask_pb2
 
-from palpate._enums import DecompositionMethod, FreeSide
+from palpate._enums import DecompositionMethod, FreeSide, Word
 from palpate._errors import InvalidArgument
 from palpate._link import Link
+from palpate._values import number
 from palpate.v1 import render_pb2, render_pb2_grpc
 
 T = typing.TypeVar("T")
-E = typing.TypeVar("E", bound=enum.IntEnum)
+E = typing.TypeVar("E", bound=Word)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -55,15 +56,6 @@ class _Setting(typing.Generic[T]):
         settings.update(**change)
 
 
-def _number(name: str, value: typing.Any) -> float:
-    try:
-        if not isinstance(value, (str, bytes)):
-            return float(value)
-    except (TypeError, ValueError):
-        pass
-    raise InvalidArgument(f"{name} is a number, not {value!r}")
-
-
 def _switch(name: str, value: typing.Any) -> bool:
     # Not bool(): that of "off" is True.
     if not isinstance(value, (bool, np.bool_)):
@@ -73,11 +65,12 @@ def _switch(name: str, value: typing.Any) -> bool:
 
 def _choice(kind: type[E]) -> collections.abc.Callable[[str, typing.Any], E]:
     def parse(name: str, value: typing.Any) -> E:
-        try:
-            return kind[value.upper()] if isinstance(value, str) else kind(value)
-        except (KeyError, ValueError):
-            names = ", ".join(member.name for member in kind)
-            raise InvalidArgument(f"{name} is one of {names}, not {value!r}") from None
+        with contextlib.suppress(KeyError, ValueError):
+            if isinstance(value, str):
+                return kind[value.upper().replace("-", "_")]
+            if not isinstance(value, (bool, np.bool_)):
+                return kind(value)
+        raise InvalidArgument(f"{name} is one of {', '.join(map(str, kind))}, not {value!r}")
     return parse
 
 
@@ -86,34 +79,35 @@ class Settings:
 
     Reading an attribute asks the daemon; setting one changes what is felt and returns
     when a tick has used it. Forces and lengths are those of the device. An attribute
-    that is none of these is an AttributeError.
+    that is none of these is an AttributeError. A choice reads as a member of its enumeration,
+    which equals its word: conn.settings.method == "tpbcc". The member and the word set it.
     Errors: InvalidArgument (out of range), Unavailable.
     """
 
     __slots__ = ("_link", "_stub")
 
-    isovalue = _Setting(_number, "Which surface is felt, data units (HU, intensity).")
+    isovalue = _Setting(number, "Which surface is felt, data units (HU, intensity).")
     normalized_isovalue = _Setting(
-        _number, "The same over the range fixed at load: 0 its minimum, 1 its maximum.")
-    stiffness_n_per_mm = _Setting(_number, "Force per motion into the surface, N/mm, 0 to 3.")
+        number, "The same over the range fixed at load: 0 its minimum, 1 its maximum.")
+    stiffness_n_per_mm = _Setting(number, "Force per motion into the surface, N/mm, 0 to 3.")
     damping_n_s_per_m = _Setting(
-        _number, "Against motion along the surface's normal in contact, N·s/m, 0 to 5.")
+        number, "Against motion along the surface's normal in contact, N·s/m, 0 to 5.")
     method = _Setting(_choice(DecompositionMethod), "How cells are cut into tetrahedra.")
-    static_friction = _Setting(_number, "Tangential per normal force at rest, 0 to 2.")
-    dynamic_friction = _Setting(_number, "The same while sliding, 0 to 2.")
-    viscosity_n_s_per_m = _Setting(_number, "Drag on all motion of the stylus, N·s/m, 0 to 5.")
+    static_friction = _Setting(number, "Tangential per normal force at rest, 0 to 2.")
+    dynamic_friction = _Setting(number, "The same while sliding, 0 to 2.")
+    viscosity_n_s_per_m = _Setting(number, "Drag on all motion of the stylus, N·s/m, 0 to 5.")
     pop_force_n = _Setting(
-        _number, "Spring force at which the stylus pops through, N, 0 to 3.3; 0: never.")
+        number, "Spring force at which the stylus pops through, N, 0 to 3.3; 0: never.")
     magnet_force_n = _Setting(
-        _number, "Greatest pull of the surface on a stylus near it, N, 0 to 1.5; 0: none.")
-    magnet_range_mm = _Setting(_number, "Distance up to which it pulls, mm, 0 to 10.")
+        number, "Greatest pull of the surface on a stylus near it, N, 0 to 1.5; 0: none.")
+    magnet_range_mm = _Setting(number, "Distance up to which it pulls, mm, 0 to 10.")
     force_shading = _Setting(_switch, "Force along a normal that varies smoothly.")
     passivity_control = _Setting(_switch, "The surface gives off no more energy than it took in.")
     free_side = _Setting(_choice(FreeSide), "Side of the isovalue on which the stylus is free.")
     carve_tool = _Setting(_switch, "The stylus carves while its button 0 is held.")
-    carve_radius_mm = _Setting(_number, "Of the sphere that it carves, mm, 0.1 to 20.")
+    carve_radius_mm = _Setting(number, "Of the sphere that it carves, mm, 0.1 to 20.")
     carve_rate_per_s = _Setting(
-        _number, "Share of the range of values taken away per second, -20 to 20; negative: added.")
+        number, "Share of the range of values taken away per second, -20 to 20; negative: added.")
     clutch_tool = _Setting(
         _switch, "The stylus moves the volume while its button 1 is held, forces off.")
 

@@ -13,6 +13,7 @@ from palpate._errors import Internal, InvalidArgument
 from palpate._geometry import Triple, array_of_vector, matrix_of_map, three, vector_of
 from palpate._link import Link
 from palpate._nrrd import nrrd_of
+from palpate._values import number_or_none
 from palpate._volume_copy import Volume, fetch_volume
 from palpate.v1 import volume_pb2, volume_pb2_grpc
 
@@ -75,8 +76,10 @@ def load_options(isovalue: float | None = None, normalized_isovalue: float | Non
     if isovalue is not None and normalized_isovalue is not None:
         raise InvalidArgument("name the isovalue or the normalised one, not both")
     return volume_pb2.LoadVolumeRequest(
-        isovalue=isovalue, normalized_isovalue=normalized_isovalue,
-        device_mm_per_volume_mm=device_mm_per_volume_mm, frame=frame,
+        isovalue=number_or_none("isovalue", isovalue),
+        normalized_isovalue=number_or_none("normalized_isovalue", normalized_isovalue),
+        device_mm_per_volume_mm=number_or_none("device_mm_per_volume_mm",
+                                               device_mm_per_volume_mm), frame=frame,
         spacing_mm=None if spacing_mm is None else vector_of("spacing_mm", spacing_mm))
 
 
@@ -115,7 +118,8 @@ class VolumeAccess:
              progress: Progress | None = None) -> VolumeInfo:
         """Replaces the volume by a file of the daemon's machine; returns when it is felt.
 
-        source: absolute path of a file or DICOM folder there, or "builtin:NAME[:N]".
+        source: path of a file or DICOM folder there, or "builtin:NAME[:N]". A relative path
+        is taken from this program's current folder over a socket, and is refused over TCP.
         isovalue: to start with, data units; or normalized_isovalue, 0 to 1 over the new
         range; neither: the normalised one is kept. spacing_mm: (x, y, z) instead of the
         file's. device_mm_per_volume_mm: scale instead of the fitted one. frame: of a file
@@ -125,7 +129,8 @@ class VolumeAccess:
         """
         request = load_options(isovalue, normalized_isovalue, device_mm_per_volume_mm, spacing_mm,
                                frame)
-        request.source = os.fspath(source)
+        text = os.fspath(source)
+        request.source = text if text.startswith("builtin:") else self._link.path(text)
         events = self._link.events(self._stub.LoadVolume, request)
         return info_of(result_of(events, progress).volume)
 
@@ -169,11 +174,12 @@ class VolumeAccess:
              progress: Progress | None = None) -> int:
         """Writes the volume as it is now on the daemon's machine; returns its revision.
 
-        path: absolute, there; ends in .nrrd or .vdb. progress: as in load().
+        path: there, absolute or relative as in load(); ends in .nrrd or .vdb. progress: as in
+        load().
         Errors: InvalidArgument, PermissionDenied (a folder that the daemon does not save
-        to), NotFound (no such folder), Conflict (the file is there), Unavailable (disk full).
+        to), NotFound (no such folder), Conflict (the file is there), DiskFull.
         """
-        request = volume_pb2.SaveVolumeRequest(path=os.fspath(path), overwrite=overwrite)
+        request = volume_pb2.SaveVolumeRequest(path=self._link.path(path), overwrite=overwrite)
         events = self._link.events(self._stub.SaveVolume, request)
         return int(result_of(events, progress).volume_revision)
 

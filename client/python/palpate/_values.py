@@ -1,0 +1,23 @@
+"""What a caller gives, as the daemon takes it."""
+
+import typing
+
+import numpy as np
+
+from palpate._errors import InvalidArgument
+
+
+def number(name: str, value: typing.Any) -> float:
+    """Errors: InvalidArgument."""
+    # Not float() alone: that of True is 1, and that of "1" is one too.
+    if not isinstance(value, (str, bytes, bytearray, bool, np.bool_)):
+        try:
+            return float(value)
+        except (TypeError, ValueError, OverflowError):
+            pass
+    raise InvalidArgument(f"{name} is a number, not {value!r}")
+
+
+def number_or_none(name: str, value: typing.Any) -> float | None:
+    """None stays. Errors: InvalidArgument."""
+    return None if value is None else number(name, value)
