@@ -8,6 +8,7 @@
 #include "client/cli/output.h"
 #include "common/error/one_line.h"
 #include "common/wire/status.h"
+#include "palpate/v1/device.grpc.pb.h"
 
 namespace palpate::cli {
 namespace {
@@ -16,8 +17,9 @@ constexpr std::chrono::seconds kConnectTimeout(3);
 constexpr std::chrono::seconds kCallTimeout(5);
 
 Error WithOption(const Error& error, bool is_socket) {
-  return {error.kind(), std::string(error.what()) + ", or name another one with " +
-                            (is_socket ? "--socket" : "--server; if it has TLS, with --tls-ca")};
+  return {error.kind(),
+          std::string(error.what()) + (is_socket ? ", or name another one with --socket"
+                                                 : "; see --server, --tls-ca and --profile")};
 }
 
 }  // namespace
@@ -30,8 +32,8 @@ std::string TokenFileWarning(const std::string& path) {
          "where others could have read this one";
 }
 
-Connection::Connection(const client::Address& address, const client::Credentials& credentials)
-    : route_(address, credentials), channel_(route_.MakeChannel({})) {
+Connection::Connection(const client::Server& server)
+    : route_(server), channel_(route_.MakeChannel({})) {
   const std::string warning = TokenFileWarning(route_.token_file());
   if (!warning.empty()) std::fprintf(stderr, "palpate: warning: %s\n", OneLine(warning).c_str());
   WaitUntilReady();
@@ -42,7 +44,7 @@ void Connection::WaitUntilReady() const {
   grpc_connectivity_state state = channel_->GetState(true);
   while (state != GRPC_CHANNEL_READY) {
     if (state == GRPC_CHANNEL_TRANSIENT_FAILURE || state == GRPC_CHANNEL_SHUTDOWN) {
-      throw WithOption(route_.WhyUnreached(), shares_clock());
+      throw WithOption(route_.WhyUnreached(WhatGrpcSays()), shares_clock());
     }
     if (!channel_->WaitForStateChange(state, deadline)) {
       throw WithOption({ErrorKind::kUnavailable,
@@ -51,6 +53,14 @@ void Connection::WaitUntilReady() const {
     }
     state = channel_->GetState(true);
   }
+}
+
+// Of a channel that does not connect: a call on it has the reason.
+std::string Connection::WhatGrpcSays() const {
+  grpc::ClientContext context;
+  SetDeadline(context);
+  v1::GetDeviceResponse response;
+  return v1::DeviceService::NewStub(channel_)->GetDevice(&context, {}, &response).error_message();
 }
 
 void Connection::SetDeadline(grpc::ClientContext& context) {
@@ -72,6 +82,25 @@ Error Connection::ErrorOf(const grpc::Status& status) const {
     default:
       return FromStatus(status);
   }
+}
+
+Error Connection::ErrorOfEnd(const grpc::Status& status) const {
+  switch (status.error_code()) {
+    case grpc::StatusCode::OK:
+    case grpc::StatusCode::CANCELLED:
+    case grpc::StatusCode::UNAVAILABLE:
+      break;
+    default:
+      return ErrorOf(status);
+  }
+  try {
+    Call(*v1::DeviceService::NewStub(channel_), &v1::DeviceService::Stub::GetDevice,
+         v1::GetDeviceRequest());
+  } catch (const Error& error) {
+    if (error.kind() == ErrorKind::kPermissionDenied) return error;
+  }
+  return {ErrorKind::kUnavailable,
+          "palpated at " + name() + " went away: start it again, then repeat this"};
 }
 
 }  // namespace palpate::cli

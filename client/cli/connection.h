@@ -20,7 +20,7 @@ class Connection {
   // Connects within 3 s. Warns on stderr of a token file that others may read.
   // Errors: Error saying what to do; kUnavailable when nothing answers there,
   // kPermissionDenied, kInvalidArgument for an address that is none.
-  Connection(const client::Address& address, const client::Credentials& credentials);
+  explicit Connection(const client::Server& server);
 
   const std::shared_ptr<grpc::Channel>& channel() const { return channel_; }
   // For people: "unix:/run/palpate/palpated.sock" or "localhost:7400".
@@ -48,10 +48,14 @@ class Connection {
 
   // The Error to end with after a failed status.
   Error ErrorOf(const grpc::Status& status) const;
+  // Of a stream that palpated ended, without a word where it takes us for a stranger by now:
+  // another call has the reason.
+  Error ErrorOfEnd(const grpc::Status& status) const;
 
  private:
   static void SetDeadline(grpc::ClientContext& context);
   void WaitUntilReady() const;
+  std::string WhatGrpcSays() const;
 
   const client::Route route_;
   std::shared_ptr<grpc::Channel> channel_;

@@ -49,7 +49,7 @@ void Read(const Connection& connection, double seconds, DeviceTest& test) {
   const auto end = Clock::now() + std::chrono::duration<double>(seconds);
   while (Clock::now() < end) {
     const CallEvent event = stream.Next(kPoll, message);
-    if (event == CallEvent::kEnded) throw ErrorOfEnd(connection, stream.status());
+    if (event == CallEvent::kEnded) throw connection.ErrorOfEnd(stream.status());
     if (event != CallEvent::kMessage) continue;
     for (const v1::PoseSample& sample : message.samples()) test.Add(sample);
   }

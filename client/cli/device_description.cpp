@@ -33,7 +33,26 @@ std::string Line(const Row& row, const std::array<std::size_t, 5>& widths) {
   return line + row.back() + "\n";
 }
 
+const char* RoleName(const v1::CallerDescription& caller) {
+  switch (caller.role()) {
+    case v1::ROLE_VIEWER:
+      return "viewer";
+    case v1::ROLE_EDITOR:
+      return "editor";
+    case v1::ROLE_OPERATOR:
+      return "operator";
+    case v1::ROLE_ADMIN:
+      return "admin";
+    default:
+      return "unspecified";
+  }
+}
+
 }  // namespace
+
+Json ToJson(const v1::CallerDescription& caller) {
+  return {{"identity", caller.identity()}, {"role", RoleName(caller)}};
+}
 
 Json ToJson(const v1::DeviceDescription& device) {
   return {{"kind", device.kind()},
@@ -140,6 +159,13 @@ std::string InWords(const v1::ForceStatus& forces) {
   const std::string state = Spaced(palpate::NameOf(forces.state()));
   const std::string reason = palpate::InWords(forces.reason());
   return reason.empty() ? state : state + ": " + reason;
+}
+
+std::string Describe(const v1::CallerDescription& caller) {
+  std::string text;
+  if (caller.identity().empty()) return text;  // of an older daemon
+  AppendLine(text, "you are", OneLine(caller.identity()) + ", role " + RoleName(caller));
+  return text;
 }
 
 std::string Describe(const v1::DeviceDescription& device) {

@@ -8,6 +8,7 @@
 
 namespace palpate::cli {
 
+Json ToJson(const v1::CallerDescription& caller);
 Json ToJson(const v1::DeviceDescription& device);
 Json ToJson(const v1::DeviceHealth& health);
 Json ToJson(const v1::ForceStatus& forces);
@@ -26,6 +27,7 @@ std::string InWords(const v1::ForceStatus& forces);
 
 // Lines that end with \n, each behind a column with its subject. Of the health those
 // that say nothing are left out.
+std::string Describe(const v1::CallerDescription& caller);
 std::string Describe(const v1::DeviceDescription& device);
 std::string Describe(const v1::DeviceHealth& health);
 std::string Describe(const v1::ForceStatus& forces);

@@ -60,10 +60,9 @@ v1::GetDeviceResponse GetDevice(const Connection& connection) {
 }
 
 // What the daemon itself says, where it answers.
-void AskDaemon(const client::Address& address, const client::Credentials& credentials,
-               std::vector<Finding>& findings) {
+void AskDaemon(const client::Server& server, std::vector<Finding>& findings) {
   try {
-    const Connection connection(address, credentials);
+    const Connection connection(server);
     const v1::GetDeviceResponse first = GetDevice(connection);
     findings.push_back({"daemon", Verdict::kOk, "answers at " + connection.name()});
     findings.push_back(VersionFinding(first.servo().version()));
@@ -102,7 +101,8 @@ void AddDoctor(arguments::Command& app, DoctorValues& values) {
   command->callback([&values] { values.requested = true; });
 }
 
-int RunDoctor(const client::Address& address, const client::Credentials& credentials, bool json) {
+int RunDoctor(const client::Server& server, bool json) {
+  const client::Address& address = server.address;
   const Workstation machine = ThisMachine();
   std::vector<Finding> findings = CheckWorkstation(machine);
   findings.push_back(CheckPort(machine));
@@ -111,7 +111,7 @@ int RunDoctor(const client::Address& address, const client::Credentials& credent
     findings.push_back(CheckSocket(
         machine, address.socket_path.empty() ? DefaultSocketPath() : address.socket_path));
   }
-  AskDaemon(address, credentials, findings);
+  AskDaemon(server, findings);
   const bool fails = std::any_of(findings.begin(), findings.end(), [](const Finding& finding) {
     return finding.verdict == Verdict::kFail;
   });

@@ -32,6 +32,7 @@ void PrintInfo(const Connection& connection, bool json) {
   if (json) {
     const Json info = {{"version", device.servo().version()},
                        {"server", connection.name()},
+                       {"caller", ToJson(device.caller())},
                        {"device", ToJson(device.device())},
                        {"health", ToJson(device.health())},
                        {"forces", ToJson(device.forces())},
@@ -42,8 +43,8 @@ void PrintInfo(const Connection& connection, bool json) {
     return;
   }
   WriteOutput("palpated " + OneLine(device.servo().version()) + " at " + connection.name() + "\n" +
-              Describe(device.device()) + Describe(device.health()) + Describe(device.forces()) +
-              Describe(device.servo()) + Describe(volume) +
+              Describe(device.caller()) + Describe(device.device()) + Describe(device.health()) +
+              Describe(device.forces()) + Describe(device.servo()) + Describe(volume) +
               Describe(settings.settings(), settings.settings_revision()));
 }
 

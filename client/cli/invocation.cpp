@@ -3,8 +3,9 @@
 namespace palpate::cli {
 
 void SetFooter(arguments::Command& command, const std::string& examples) {
-  command.footer(examples +
-                 "\nWhich palpated: --socket PATH or --server HOST:PORT, see palpate --help");
+  command.footer(
+      examples +
+      "\nWhich palpated: --profile NAME, --socket PATH or --server HOST:PORT, see palpate --help");
 }
 
 }  // namespace palpate::cli

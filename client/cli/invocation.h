@@ -8,7 +8,7 @@
 #include <functional>
 #include <string>
 
-#include "client/sdk/connection.h"
+#include "client/sdk/server_choice.h"
 #include "common/arguments/arguments.h"
 
 namespace palpate::cli {
@@ -16,8 +16,7 @@ namespace palpate::cli {
 class Connection;
 
 struct Invocation {
-  client::Address address;
-  client::Credentials credentials;
+  client::ServerChoice server;
   bool json = false;
   std::function<void(const Connection&)> command;
 };

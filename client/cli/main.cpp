@@ -24,6 +24,7 @@
 #include "client/cli/setting.h"
 #include "client/cli/upload_options.h"
 #include "client/cli/watch_command.h"
+#include "client/options/server_options.h"
 #include "common/arguments/arguments.h"
 #include "common/error/error.h"
 #include "common/error/one_line.h"
@@ -140,18 +141,6 @@ std::vector<std::string> Arguments(int argc, char** argv) {
   return arguments;
 }
 
-void AddCredentials(arguments::Command& app, client::Credentials& credentials) {
-  app.add_option("--tls-ca", credentials.ca_file,
-                 "Certificate authority of a palpated with TLS, PEM; with --server")
-      ->option_text("FILE");
-  app.add_option("--tls-cert", credentials.certificate_file, "Our certificate, PEM, with --tls-key")
-      ->option_text("FILE");
-  app.add_option("--tls-key", credentials.key_file, "Its key, PEM")->option_text("FILE");
-  app.add_option("--token-file", credentials.token_file,
-                 "Holds our token, for TLS only [default: $PALPATE_TOKEN_FILE]")
-      ->option_text("FILE");
-}
-
 int Fail(const std::string& message, int exit_code) {
   std::fprintf(stderr, "palpate: %s\n", OneLine(message).c_str());
   return exit_code;
@@ -180,15 +169,7 @@ int Main(int argc, char** argv) {
   app.set_version_flag("--version", std::string("palpate ") + PALPATE_VERSION);
   app.require_subcommand(1);
   app.fallthrough();
-  arguments::Option* socket =
-      app.add_option("--socket", invocation.address.socket_path,
-                     "Unix socket of palpated [default: $PALPATE_SOCKET, else in /run/palpate,\n"
-                     "$XDG_RUNTIME_DIR/palpate or /tmp/palpate-UID]")
-          ->option_text("PATH");
-  app.add_option("--server", invocation.address.host_port, "Address of a palpated on the network")
-      ->option_text("HOST:PORT")
-      ->excludes(socket);
-  AddCredentials(app, invocation.credentials);
+  client::AddServerOptions(app, invocation.server);
   AddInfo(app, invocation);
   AddWatch(app, invocation, watch);
   AddSet(app, invocation, set);
@@ -211,8 +192,9 @@ int Main(int argc, char** argv) {
   } catch (const arguments::UsageError& error) {
     return Fail(std::string(error.what()) + "; see --help", kUsageExitCode);
   }
-  if (doctor.requested) return RunDoctor(invocation.address, invocation.credentials, doctor.json);
-  invocation.command(Connection(invocation.address, invocation.credentials));
+  const client::Server server = client::Resolve(invocation.server);
+  if (doctor.requested) return RunDoctor(server, doctor.json);
+  invocation.command(Connection(server));
   return 0;
 }
 

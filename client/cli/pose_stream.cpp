@@ -21,16 +21,4 @@ PoseStream::PoseStream(const Connection& connection, double rate_hz, std::uint32
         return stub_->PrepareAsyncStreamPoses(context, queue);
       }) {}
 
-Error ErrorOfEnd(const Connection& connection, const grpc::Status& status) {
-  switch (status.error_code()) {
-    case grpc::StatusCode::OK:
-    case grpc::StatusCode::CANCELLED:
-    case grpc::StatusCode::UNAVAILABLE:
-      return {ErrorKind::kUnavailable,
-              "palpated at " + connection.name() + " went away: start it again, then repeat this"};
-    default:
-      return connection.ErrorOf(status);
-  }
-}
-
 }  // namespace palpate::cli

@@ -30,8 +30,4 @@ class PoseStream {
   AcknowledgedCall<v1::StreamPosesRequest, v1::StreamPosesResponse> call_;
 };
 
-// Of a stream that ended while it was wanted: even an orderly end is the daemon
-// going away.
-Error ErrorOfEnd(const Connection& connection, const grpc::Status& status);
-
 }  // namespace palpate::cli

@@ -186,7 +186,7 @@ void Pump(const Connection& connection, const WatchOptions& options, Sink& sink)
     }
     const CallEvent event = stream.Next(kPoll, message);
     if (event == CallEvent::kEnded) {
-      throw ErrorOfEnd(connection, stream.status());
+      throw connection.ErrorOfEnd(stream.status());
     }
     if (event == CallEvent::kMessage) {
       const auto samples = static_cast<std::uint64_t>(message.samples_size());

@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <cerrno>
-#include <cstdlib>
 #include <fstream>
 #include <sstream>
 
@@ -14,7 +13,6 @@
 namespace palpate::client {
 namespace {
 
-constexpr char kTokenFileVariable[] = "PALPATE_TOKEN_FILE";
 // Of the lines that begin and end them.
 constexpr char kCertificate[] = "CERTIFICATE";
 constexpr char kPrivateKey[] = "PRIVATE KEY";
@@ -54,7 +52,9 @@ std::string ReadToken(const std::string& path) {
 
 }  // namespace
 
-Route::Route(const Address& address, const Credentials& credentials) : credentials_(credentials) {
+Route::Route(const Server& server) : credentials_(server.credentials) {
+  const Address& address = server.address;
+  const Credentials& credentials = server.credentials;
   if (!address.socket_path.empty() && !address.host_port.empty()) {
     Refuse("name a socket, or a host and port, not both");
   }
@@ -76,9 +76,6 @@ Route::Route(const Address& address, const Credentials& credentials) : credentia
   const HostPort host_port = ParseHostPort(address.host_port);
   target_ = TcpTarget(host_port);
   name_ = host_port.ToString();
-  const char* file = std::getenv(kTokenFileVariable);
-  // Only where it is safe: the variable holds for all daemons.
-  if (has_tls_ && credentials_.token_file.empty() && file) credentials_.token_file = file;
 }
 
 std::shared_ptr<grpc::ChannelCredentials> Route::MakeCredentials() const {
@@ -105,16 +102,45 @@ std::shared_ptr<grpc::Channel> Route::MakeChannel(const grpc::ChannelArguments& 
   return grpc::CreateCustomChannel(target_, MakeCredentials(), all);
 }
 
-Error Route::WhyUnreached() const {
-  if (socket_path_.empty()) {
-    return {ErrorKind::kUnavailable,
-            has_tls_ ? "no palpated at " + name_ +
-                           " that proves itself to the given authority over TLS: check the "
-                           "address, that its certificate names this host, and that it has TLS"
-                     : "no palpated at " + name_ +
-                           " that answers without TLS: start it there, or name the certificate "
-                           "authority of one that has TLS"};
+Error Route::WhyUnreached(const std::string& details) const {
+  if (!socket_path_.empty()) return WhySocketUnreached();
+  return {ErrorKind::kUnavailable, WhyServerUnreached(details)};
+}
+
+// The same causes and lines as client/python/palpate/_unreached.py has.
+std::string Route::WhyServerUnreached(const std::string& details) const {
+  const auto says = [&](const char* part) { return details.find(part) != details.npos; };
+  const std::string host = name_.substr(0, name_.rfind(':'));
+  const std::string none = "no palpated at " + name_;
+  if (says("DNS resolution failed")) {
+    return none + ": the host " + host + " is not known: check the address";
   }
+  if (says("Connection refused")) {
+    return none + ": nothing listens there: start it there with --listen, or check the address";
+  }
+  if (!has_tls_) {
+    return none +
+           " that answers without TLS: start it there, or name the certificate authority of one "
+           "that has TLS";
+  }
+  if (says("certificate verify failed")) {
+    return none + " that proves itself: its certificate is not signed by the authority in " +
+           credentials_.ca_file + ", or is not valid today: name the authority that signed it";
+  }
+  if (says("is not in peer certificate")) {
+    return none + " that proves itself: its certificate does not name " + host +
+           ": use a host name that it has, or have one made that names " + host;
+  }
+  if (says("wrong version number")) {
+    return "what answers at " + name_ +
+           " has no TLS: check the address, or leave out the certificate authority";
+  }
+  return none +
+         " that proves itself to the given authority over TLS: check the address, that its "
+         "certificate names this host, and that it has TLS";
+}
+
+Error Route::WhySocketUnreached() const {
   struct stat info {};
   const bool found = stat(socket_path_.c_str(), &info) == 0;
   if (found ? access(socket_path_.c_str(), W_OK) != 0 : errno == EACCES) {

@@ -9,6 +9,7 @@
 #include <string>
 
 #include "client/sdk/connection.h"
+#include "client/sdk/server_choice.h"
 #include "common/error/error.h"
 
 namespace palpate::client {
@@ -17,25 +18,28 @@ class Route {
  public:
   // Connects nothing yet. Errors: kInvalidArgument for an address that is none, and for
   // credentials that could not be sent safely; kPermissionDenied as DefaultSocketPath.
-  Route(const Address& address, const Credentials& credentials);
+  explicit Route(const Server& server);
 
   // "unix:/run/palpate/palpated.sock" or "localhost:7400", for people.
   const std::string& name() const { return name_; }
   // Empty over TCP.
   const std::string& socket_path() const { return socket_path_; }
 
-  // That of the credentials or of $PALPATE_TOKEN_FILE; empty: no token is sent.
+  // Empty: no token is sent.
   const std::string& token_file() const { return credentials_.token_file; }
 
   // Reads the credentials' files anew, so that renewed ones are taken. Errors:
   // kNotFound, kInvalidArgument for such a file.
   std::shared_ptr<grpc::Channel> MakeChannel(const grpc::ChannelArguments& arguments) const;
 
-  // Of a channel that does not connect. gRPC reports all failures alike: the socket's
-  // file tells them apart.
-  Error WhyUnreached() const;
+  // Of a channel that does not connect, in a line that says what to do. `details`: what gRPC says
+  // of a call on it. Of a socket gRPC reports all failures alike: the socket's file tells them
+  // apart.
+  Error WhyUnreached(const std::string& details) const;
 
  private:
+  std::string WhyServerUnreached(const std::string& details) const;
+  Error WhySocketUnreached() const;
   std::shared_ptr<grpc::ChannelCredentials> MakeCredentials() const;
 
   std::string name_;

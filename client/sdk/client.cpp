@@ -7,6 +7,7 @@
 #include "client/sdk/messages.h"
 #include "client/sdk/monitor.h"
 #include "client/sdk/pose_follower.h"
+#include "client/sdk/server_choice.h"
 #include "client/sdk/settings_follower.h"
 #include "client/sdk/volume_follower.h"
 #include "palpate/v1/device.grpc.pb.h"
@@ -31,14 +32,16 @@ std::function<void(Arguments...)> EndingIfItThrows(std::function<void(Arguments.
 class Client::Parts {
  public:
   explicit Parts(ClientOptions options)
-      : link(options.address, options.credentials),
+      : link(Resolve({options.profile, options.address, options.credentials})),
         settings(link, monitor, EndingIfItThrows(std::move(options.callbacks.on_settings))),
         poses(link, monitor, options.poses, Events(options.callbacks)) {
     if (options.follow_volume) {
       volume.emplace(link, monitor, EndingIfItThrows(std::move(options.callbacks.on_volume)));
     }
   }
-  ~Parts() {
+  ~Parts() { End(); }
+
+  void End() {
     monitor.Stop();
     link.CancelCalls();
   }
@@ -76,6 +79,13 @@ Client::Client(ClientOptions options) : parts_(std::make_unique<Parts>(std::move
 Client::~Client() = default;
 
 void Client::EndCalls() { parts_->link.CancelCalls(); }
+
+void Client::Disconnect() {
+  parts_->End();
+  parts_->poses.End();
+  parts_->link.Renew();
+  parts_->monitor.Set({ConnectionState::kLost, "disconnected"});
+}
 
 Connection Client::connection() const { return parts_->monitor.connection(); }
 

@@ -27,6 +27,7 @@
 #include "client/sdk/daemon_info.h"
 #include "client/sdk/edit.h"
 #include "client/sdk/pose.h"
+#include "client/sdk/server_choice.h"
 #include "client/sdk/settings.h"
 #include "client/sdk/volume_update.h"
 #include "common/error/error.h"
@@ -48,6 +49,8 @@ struct Callbacks {
 };
 
 struct ClientOptions {
+  // Of clients.toml; empty: what follows, with what the environment adds (server_choice.h).
+  std::string profile{};
   Address address{};
   Credentials credentials{};
   PoseRate poses{};
@@ -60,8 +63,8 @@ struct ClientOptions {
 class Client {
  public:
   // Returns at once and connects meanwhile. Errors: kInvalidArgument for an address,
-  // credentials or a rate that are none, kNotFound for files of credentials, kPermissionDenied as
-  // DefaultSocketPath.
+  // credentials, a profile or a rate that are none, kNotFound for a profile or files of
+  // credentials, kPermissionDenied as DefaultSocketPath.
   explicit Client(ClientOptions options = {});
   // Ends within a fraction of a second, connected or not.
   ~Client();
@@ -71,6 +74,9 @@ class Client {
   // Ends with kCancelled the calls that run on any thread, and all later ones at once:
   // to join threads that call before this is destroyed.
   void EndCalls();
+  // Ends streams, calls and connections, for good: connection() is lost, "disconnected". What was
+  // taken stays. Not from callbacks.
+  void Disconnect();
 
   Connection connection() const;
   // False where it is not connected within `timeout`; connection() says why. Not from

@@ -24,6 +24,15 @@ enum class VerificationLevel {
   kSimulated,
 };
 
+// What we may do: each role may do all that the ones before it may.
+enum class Role {
+  kUnknown,   // of a daemon that does not say
+  kViewer,    // watches
+  kEditor,    // changes what is felt and seen: settings, voxels, place
+  kOperator,  // drives the device; loads, saves and records
+  kAdmin,
+};
+
 struct DeviceInfo {
   std::string kind;   // configuration name, such as "simulated"
   std::string model;  // for people
@@ -41,6 +50,9 @@ struct DeviceInfo {
   std::string daemon_version;
   double loop_rate_hz = 0.0;
   std::vector<std::string> warnings;  // what the loop could not have, a line each
+  // Whom the daemon takes us for: "token or-2", "local socket".
+  std::string identity;
+  Role role = Role::kUnknown;
 };
 
 struct ForceResult {

@@ -4,7 +4,7 @@ include(CMakePackageConfigHelpers)
 
 # None of them includes gRPC or protobuf: unit.include_layers checks it.
 target_sources(palpate_client PUBLIC FILE_SET HEADERS BASE_DIRS ${PROJECT_SOURCE_DIR} FILES
-  client.h connection.h daemon_info.h edit.h pose.h settings.h volume_update.h
+  client.h connection.h daemon_info.h edit.h pose.h server_choice.h settings.h volume_update.h
   ${PROJECT_SOURCE_DIR}/common/bricks/brick.h
   ${PROJECT_SOURCE_DIR}/common/bricks/volume_event.h
   ${PROJECT_SOURCE_DIR}/common/error/error.h

@@ -20,7 +20,7 @@ grpc::ChannelArguments Arguments() {
 
 }  // namespace
 
-Link::Link(const Address& address, const Credentials& credentials) : route_(address, credentials) {
+Link::Link(const Server& server) : route_(server) {
   std::tie(channel_, volume_channel_) = MakeChannels();
 }
 
@@ -60,7 +60,7 @@ Error Link::ErrorOf(const grpc::Status& status) const {
     case grpc::StatusCode::UNAVAILABLE:
       // The daemon's own line, where there is a daemon.
       if (channel()->GetState(false) == GRPC_CHANNEL_READY) return FromStatus(status);
-      return route_.WhyUnreached();
+      return route_.WhyUnreached(status.error_message());
     default:
       return FromStatus(status);
   }

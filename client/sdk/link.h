@@ -23,7 +23,7 @@ inline constexpr std::chrono::seconds kCallTimeout{5};
 class Link {
  public:
   // Connects nothing yet. Errors: as Client's.
-  explicit Link(const Address& address, const Credentials& credentials = {});
+  explicit Link(const Server& server);
 
   const std::string& name() const { return route_.name(); }
   bool shares_clock() const { return !route_.socket_path().empty(); }

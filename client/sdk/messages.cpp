@@ -225,6 +225,8 @@ DeviceInfo FromProto(const v1::GetDeviceResponse& response) {
   info.forces = FromProto(response.forces());
   info.daemon_version = response.servo().version();
   info.loop_rate_hz = response.servo().rate_hz();
+  info.identity = response.caller().identity();
+  info.role = EnumOf(response.caller().role(), Role::kAdmin);
   info.warnings.assign(response.servo().warnings().begin(), response.servo().warnings().end());
   return info;
 }

@@ -5,6 +5,7 @@ find_dependency(Eigen3 NO_MODULE)
 # What the static library is linked with; no header of it shows them.
 find_dependency(Protobuf MODULE)
 find_dependency(gRPC CONFIG)
+find_dependency(tomlplusplus)
 find_dependency(PkgConfig)
 pkg_check_modules(XXHASH REQUIRED QUIET IMPORTED_TARGET libxxhash)
 pkg_check_modules(ZSTD REQUIRED QUIET IMPORTED_TARGET libzstd)

@@ -46,10 +46,11 @@ class Screen:
 class Window:
     """palpate-view in a window that fills a screen, started in `folder`."""
 
-    def __init__(self, screen, folder, *arguments):
+    def __init__(self, screen, folder, *arguments, there=()):
+        """there: a command that runs it somewhere else."""
         self._env = screen.env
         self.folder = pathlib.Path(folder)
-        self.process = subprocess.Popen([PALPATE_VIEW, *map(str, arguments)], env=self._env,
+        self.process = subprocess.Popen([*there, PALPATE_VIEW, *map(str, arguments)], env=self._env,
                                         cwd=self.folder, stdout=subprocess.DEVNULL,
                                         stderr=subprocess.PIPE, text=True)
         self._said = None

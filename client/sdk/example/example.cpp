@@ -1,13 +1,18 @@
-// Connects, prints the newest pose, and sets the isovalue: example [SOCKET [ISOVALUE]]
+// Connects, prints the newest pose, and sets the isovalue: example [WHERE [ISOVALUE]], where WHERE
+// is the path of a socket, with a slash in it, or a profile of clients.toml.
 #include <cstdio>
 #include <cstdlib>
+#include <string>
 #include <thread>
 
 #include "client/sdk/client.h"
 
 int main(int argc, char** argv) try {
   using namespace std::chrono_literals;
-  palpate::client::Client client({.address = {.socket_path = argc > 1 ? argv[1] : ""}});
+  const std::string where = argc > 1 ? argv[1] : "";
+  const bool is_socket = where.find('/') != where.npos;
+  palpate::client::Client client({.profile = is_socket ? "" : where,
+                                  .address = {.socket_path = is_socket ? where : ""}});
   if (!client.WaitUntilConnected(3s)) throw std::runtime_error(client.connection().why);
   while (!client.NewestPose()) std::this_thread::sleep_for(10ms);
   const palpate::client::Pose pose = *client.NewestPose();

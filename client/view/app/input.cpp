@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "client/view/app/layout.h"
+#include "client/view/app/panels.h"
 
 namespace palpate::view {
 namespace {
@@ -13,6 +14,7 @@ constexpr double kZoomPerStep = 1.15;
 void TakeKey(Viewer& viewer, const KeyPress& press) {
   ViewState& state = viewer.state();
   if (press.ctrl) {
+    if (press.key == "o") OpenConnectDialog(viewer);
     if (press.key == "z") UndoEdit(viewer);
     if (press.key == "y") RedoEdit(viewer);
     return;

@@ -58,6 +58,7 @@ void DrawPanels(Viewer& viewer, const Layout& layout, float scale) {
   if (viewer.feed().series()) DrawSeriesBar(viewer, layout.series);
   if (layout.slices.size.y > 0.0f) DrawSlices(viewer, layout.slices);
   DrawHelp(viewer, scale);
+  DrawConnectDialog(viewer, scale);
 }
 
 }  // namespace

@@ -7,6 +7,7 @@
 #include <sstream>
 #include <vector>
 
+#include "client/options/server_options.h"
 #include "common/arguments/arguments.h"
 #include "common/error/error.h"
 
@@ -168,17 +169,6 @@ void RefuseCombinations(const Options& options, const Texts& texts) {
   only_offscreen(texts.panels, "--panels", "; a window has them");
 }
 
-void AddWhere(arguments::Command& app, Options& options) {
-  arguments::Option* socket =
-      app.add_option("--socket", options.address.socket_path,
-                     "Unix socket of palpated [default: $PALPATE_SOCKET, else in /run/palpate,\n"
-                     "$XDG_RUNTIME_DIR/palpate or /tmp/palpate-UID]")
-          ->option_text("PATH");
-  app.add_option("--server", options.address.host_port, "Address of a palpated on the network")
-      ->option_text("HOST:PORT")
-      ->excludes(socket);
-}
-
 void AddScript(arguments::Command& app, Options& options, Texts& texts) {
   const char* group = "Without a window";
   app.add_flag("--offscreen", options.offscreen, "Draw without a window or a display")
@@ -267,7 +257,7 @@ std::optional<Options> ParseOptions(int argc, char** argv, int& exit_code) {
       "unavailable, 10 something is missing.\n"
       "Example: palpate-view --offscreen --screenshot head.png --camera 30,10 --veil -200,0.25");
   app.set_version_flag("--version", std::string("palpate-view ") + PALPATE_VERSION);
-  AddWhere(app, options);
+  client::AddServerOptions(app, options.server);
   AddScript(app, options, texts);
   AddView(app, options, texts);
   exit_code = 0;

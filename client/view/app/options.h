@@ -6,7 +6,7 @@
 #include <optional>
 #include <string>
 
-#include "client/sdk/connection.h"
+#include "client/sdk/server_choice.h"
 #include "client/view/scene/camera.h"
 #include "client/view/scene/view_options.h"
 
@@ -26,7 +26,7 @@ struct CameraStart {
 enum class TargetStart { kVolume, kProxy, kPoint };
 
 struct Options {
-  client::Address address{};
+  client::ServerChoice server{};
 
   bool offscreen = false;
   std::string screenshot{};  // a file; empty: none

@@ -5,10 +5,9 @@
 #include "client/view/app/widgets.h"
 
 namespace palpate::view {
+namespace {
 
-void BrushPanel(Viewer& viewer) {
-  ImGui::SetNextItemOpen(true, ImGuiCond_Once);
-  if (!ImGui::CollapsingHeader("Brush")) return;
+void EditBrush(Viewer& viewer) {
   BrushOptions& brush = viewer.state().brush;
   ImGui::Checkbox("Drag on the surface edits (B)", &brush.on);
   static const char* const operations[] = {"add", "subtract", "set", "smooth", "paint"};
@@ -35,6 +34,16 @@ void BrushPanel(Viewer& viewer) {
   ImGui::BeginDisabled(!viewer.brush().CanRedo());
   if (ImGui::Button("Redo (ctrl+Y)")) RedoEdit(viewer);
   ImGui::EndDisabled();
+}
+
+}  // namespace
+
+void BrushPanel(Viewer& viewer) {
+  ImGui::SetNextItemOpen(true, ImGuiCond_Once);
+  if (!ImGui::CollapsingHeader("Brush")) return;
+  BeginAllowed(viewer, client::Role::kEditor);
+  EditBrush(viewer);
+  EndAllowed();
 }
 
 void DrawLeftPanels(Viewer& viewer, const Area& area, float scale) {

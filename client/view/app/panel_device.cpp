@@ -162,6 +162,36 @@ void Curve(const Viewer& viewer, Plot plot, const char* name, const char* format
   DrawCurve(plots, plot, viewer.feed().plots_end_ns(), area);
 }
 
+void EditRecording(Viewer& viewer, const std::optional<client::RecordingState>& recording) {
+  LiveFeed& feed = viewer.feed();
+  if (recording && recording->running) {
+    if (ImGui::Button("Stop recording")) {
+      feed.DoAndAsk("stop recording", [](client::Client& client) { client.StopRecording(); });
+    }
+    ImGui::TextWrapped("%s", recording->path.c_str());
+    ImGui::TextColored(kDim, "%.1f s, %.1f MB", static_cast<double>(recording->ticks) / 1000.0,
+                       static_cast<double>(recording->size_bytes) / 1e6);
+    if (recording->lost_ticks > 0) {
+      ImGui::TextColored(kBad, "%llu ticks lost",
+                         static_cast<unsigned long long>(recording->lost_ticks));
+    }
+    return;
+  }
+  std::string& path = viewer.state().recording_path;
+  ImGui::SetNextItemWidth(ImGui::GetContentRegionAvail().x);
+  ImGui::InputTextWithHint("##path", "/file on palpated's machine", &path);
+  ImGui::BeginDisabled(path.empty());
+  if (ImGui::Button("Record")) {
+    feed.DoAndAsk("record", [path](client::Client& client) { client.StartRecording(path); });
+  }
+  ImGui::EndDisabled();
+  if (recording && !recording->error.empty()) {
+    ImGui::PushStyleColor(ImGuiCol_Text, kBad);
+    ImGui::TextWrapped("%s", recording->error.c_str());
+    ImGui::PopStyleColor();
+  }
+}
+
 }  // namespace
 
 void DevicePanel(Viewer& viewer) {
@@ -194,7 +224,9 @@ void DevicePanel(Viewer& viewer) {
   ImGui::SameLine();
   ImGui::TextColored(on ? kGood : kWarning, "%s", NameOf(forces.state));
   ImGui::SameLine();
+  ImGui::BeginDisabled(!viewer.feed().May(client::Role::kOperator));
   EditForces(viewer, forces.state, device);
+  ImGui::EndDisabled();
   const char* why = InWords(forces.reason);
   if (!on && *why != '\0') ImGui::TextColored(kWarning, "%s", why);
 }
@@ -216,33 +248,9 @@ void RecordingPanel(Viewer& viewer) {
   ImGui::SetNextItemOpen(true, ImGuiCond_Once);
   if (!ImGui::CollapsingHeader("Recording")) return;
   const std::optional<client::RecordingState> recording = viewer.feed().recording();
-  LiveFeed& feed = viewer.feed();
-  if (recording && recording->running) {
-    if (ImGui::Button("Stop recording")) {
-      feed.DoAndAsk("stop recording", [](client::Client& client) { client.StopRecording(); });
-    }
-    ImGui::TextWrapped("%s", recording->path.c_str());
-    ImGui::TextColored(kDim, "%.1f s, %.1f MB", static_cast<double>(recording->ticks) / 1000.0,
-                       static_cast<double>(recording->size_bytes) / 1e6);
-    if (recording->lost_ticks > 0) {
-      ImGui::TextColored(kBad, "%llu ticks lost",
-                         static_cast<unsigned long long>(recording->lost_ticks));
-    }
-    return;
-  }
-  std::string& path = viewer.state().recording_path;
-  ImGui::SetNextItemWidth(ImGui::GetContentRegionAvail().x);
-  ImGui::InputTextWithHint("##path", "/file on palpated's machine", &path);
-  ImGui::BeginDisabled(path.empty());
-  if (ImGui::Button("Record")) {
-    feed.DoAndAsk("record", [path](client::Client& client) { client.StartRecording(path); });
-  }
-  ImGui::EndDisabled();
-  if (recording && !recording->error.empty()) {
-    ImGui::PushStyleColor(ImGuiCol_Text, kBad);
-    ImGui::TextWrapped("%s", recording->error.c_str());
-    ImGui::PopStyleColor();
-  }
+  BeginAllowed(viewer, client::Role::kOperator);
+  EditRecording(viewer, recording);
+  EndAllowed();
 }
 
 void DrawRightPanels(Viewer& viewer, const Area& area, float scale) {

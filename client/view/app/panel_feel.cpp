@@ -58,8 +58,10 @@ void FeelPanel(Viewer& viewer) {
   if (!ImGui::CollapsingHeader("Feel, for everyone")) return;
   const auto& settings = viewer.feed().settings();
   if (!settings) return;
+  BeginAllowed(viewer, client::Role::kEditor);
   EditEffects(viewer, *settings);
   EditTools(viewer, *settings);
+  EndAllowed();
 }
 
 }  // namespace palpate::view

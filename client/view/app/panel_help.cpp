@@ -11,7 +11,7 @@ struct Line {
   const char* does;
 };
 
-constexpr std::array<Line, 23> kLines = {{
+constexpr std::array<Line, 24> kLines = {{
     {"Esc", "emergency stop: no forces until they are enabled again"},
     {"", ""},
     {"left drag", "turn"},
@@ -27,6 +27,7 @@ constexpr std::array<Line, 23> kLines = {{
     {"C", "slices follow the proxy, or stay"},
     {"click, wheel on a slice", "move the cross-hair"},
     {"L, P", "slices, panels on or off"},
+    {"ctrl+O", "connect to a palpated, or disconnect"},
     {"", ""},
     {"S", "picture of the view, as a file"},
     {"F12", "picture of the window, as a file"},

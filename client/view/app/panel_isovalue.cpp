@@ -76,6 +76,27 @@ bool DragOnHistogram(Viewer& viewer, float scale_of_screen, double& isovalue) {
   return held;
 }
 
+void EditIsovalue(Viewer& viewer, float scale, const VolumeLattice& lattice,
+                  const client::Settings& settings) {
+  constexpr unsigned kControl = Viewer::kIsovalueControl;
+  const double before = viewer.held().Shown(kControl, settings.isovalue);
+  double isovalue = before;
+  bool held = DragOnHistogram(viewer, scale, isovalue);
+  const double range = lattice.value_max - lattice.value_min;
+  ImGui::SetNextItemWidth(ImGui::GetContentRegionAvail().x * 0.4f);
+  DragDouble("##isovalue", isovalue, range / 1000.0, lattice.value_min, lattice.value_max, "%.6g");
+  held = held || ImGui::IsItemActive();
+  if (ImGui::IsItemHovered())
+    ImGui::SetTooltip("drag, or ctrl+click to type; it changes for everyone");
+  UnitText(lattice.unit);
+  ImGui::SameLine();
+  ImGui::TextColored(kDim, "%.1f %% of range",
+                     range > 0.0 ? 100.0 * (isovalue - lattice.value_min) / range : 0.0);
+  const bool changed = isovalue != before;
+  viewer.held().Update(kControl, isovalue, changed, held);
+  if (changed) viewer.feed().commands().Set({.isovalue = isovalue});
+}
+
 }  // namespace
 
 void IsovaluePanel(Viewer& viewer, float scale) {
@@ -87,24 +108,9 @@ void IsovaluePanel(Viewer& viewer, float scale) {
     ImGui::TextColored(kDim, "no volume yet");
     return;
   }
-  constexpr unsigned kControl = Viewer::kIsovalueControl;
-  const double before = viewer.held().Shown(kControl, settings->isovalue);
-  double isovalue = before;
-  bool held = DragOnHistogram(viewer, scale, isovalue);
-  const double range = lattice->value_max - lattice->value_min;
-  ImGui::SetNextItemWidth(ImGui::GetContentRegionAvail().x * 0.4f);
-  DragDouble("##isovalue", isovalue, range / 1000.0, lattice->value_min, lattice->value_max,
-             "%.6g");
-  held = held || ImGui::IsItemActive();
-  if (ImGui::IsItemHovered())
-    ImGui::SetTooltip("drag, or ctrl+click to type; it changes for everyone");
-  UnitText(lattice->unit);
-  ImGui::SameLine();
-  ImGui::TextColored(kDim, "%.1f %% of range",
-                     range > 0.0 ? 100.0 * (isovalue - lattice->value_min) / range : 0.0);
-  const bool changed = isovalue != before;
-  viewer.held().Update(kControl, isovalue, changed, held);
-  if (changed) viewer.feed().commands().Set({.isovalue = isovalue});
+  BeginAllowed(viewer, client::Role::kEditor);
+  EditIsovalue(viewer, scale, *lattice, *settings);
+  EndAllowed();
 }
 
 }  // namespace palpate::view

@@ -6,6 +6,7 @@ void DrawSeriesBar(Viewer& viewer, const Area& area) {
   LiveFeed& feed = viewer.feed();
   client::SeriesState series = *feed.series();
   BeginPanel("series", area);
+  ImGui::BeginDisabled(!feed.May(client::Role::kEditor));
   if (ImGui::Button(series.playing ? "Pause" : "Play",
                     {ImGui::CalcTextSize("Pause").x + 16.0f, 0.0f})) {
     feed.ControlSeries({.playing = !series.playing});
@@ -31,6 +32,7 @@ void DrawSeriesBar(Viewer& viewer, const Area& area) {
     feed.ControlSeries({.interpolate = series.interpolate});
   }
   if (ImGui::IsItemHovered()) ImGui::SetTooltip("interpolate between frames");
+  ImGui::EndDisabled();
   ImGui::End();
 }
 

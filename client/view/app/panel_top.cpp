@@ -26,6 +26,11 @@ void ConnectionState(const Viewer& viewer) {
   const client::Connection connection = viewer.feed().connection();
   const std::string& name = viewer.feed().name();
   ImGui::AlignTextToFramePadding();
+  if (viewer.feed().is_disconnected()) {
+    Dot(kDim);
+    ImGui::TextColored(kDim, "not connected");
+    return;
+  }
   switch (connection.state) {
     case client::ConnectionState::kConnected:
       if (const auto silent_s = viewer.feed().silent_s()) {
@@ -36,6 +41,10 @@ void ConnectionState(const Viewer& viewer) {
       Dot(kGood);
       ImGui::Text("connected");
       if (ImGui::IsItemHovered()) ImGui::SetTooltip("%s", name.c_str());
+      if (!viewer.feed().May(client::Role::kAdmin)) {
+        ImGui::SameLine();
+        ImGui::TextColored(kDim, "as %s", NameOf(viewer.feed().role()));
+      }
       break;
     case client::ConnectionState::kConnecting:
       Dot(kWarning);
@@ -132,6 +141,9 @@ void DrawTopBar(Viewer& viewer, const Area& area, float scale) {
   ImGui::SetCursorPos(first);
   // No long line is under them.
   ImGui::PushClipRect(p, {p.x + buttons - 8.0f * scale, p.y + ImGui::GetWindowHeight()}, true);
+  if (ImGui::Button("Connect\xE2\x80\xA6")) OpenConnectDialog(viewer);
+  if (ImGui::IsItemHovered()) ImGui::SetTooltip("to which palpated, and as whom (ctrl+O)");
+  ImGui::SameLine();
   ConnectionState(viewer);
   VolumeState(viewer);
   States(viewer);

@@ -18,6 +18,9 @@ void DrawRightPanels(Viewer& viewer, const Area& area, float scale);
 void DrawSeriesBar(Viewer& viewer, const Area& area);
 void DrawSlices(Viewer& viewer, const Area& area);
 void DrawHelp(Viewer& viewer, float scale);
+// Where palpated is and who we are there; shown until it is closed.
+void OpenConnectDialog(Viewer& viewer);
+void DrawConnectDialog(Viewer& viewer, float scale);
 
 // Headings on the left.
 void IsovaluePanel(Viewer& viewer, float scale);

@@ -53,9 +53,15 @@ double Share(const ImageSize& part, const ImageSize& whole) {
 
 }  // namespace
 
-Viewer::Viewer(const Options& options) : options_(options), feed_(options.address) {
+Viewer::Viewer(const Options& options) : options_(options), feed_(options.server) {
   state_.surface = options.surface;
   state_.overlay = options.overlay;
+}
+
+void Viewer::Connect(const client::ServerChoice& server) {
+  feed_.Connect(server);
+  options_.server = server;
+  stroke_.BreakOff();
 }
 
 void Viewer::Update(std::chrono::milliseconds brick_time) {

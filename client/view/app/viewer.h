@@ -22,6 +22,15 @@
 
 namespace palpate::view {
 
+// The dialog of the connection.
+struct ConnectForm {
+  bool shown = false;
+  std::vector<client::Profile> profiles{};
+  std::string profiles_problem{};  // why there are none
+  client::ServerChoice typed{};
+  std::string problem{};  // of the last attempt; empty: none
+};
+
 // What the user sets.
 struct ViewState {
   Camera camera;
@@ -40,6 +49,7 @@ struct ViewState {
   bool panels_shown = true;
   bool slices_shown = true;
   bool help_shown = false;
+  ConnectForm connect{};
   std::string recording_path{};  // on the daemon's machine
   // Wanted, and fulfilled at the end of the frame.
   bool view_picture_wanted = false;
@@ -49,6 +59,11 @@ struct ViewState {
 class Viewer {
  public:
   explicit Viewer(const Options& options);
+
+  // To another palpated. Errors: as LiveFeed's, and nothing has changed.
+  void Connect(const client::ServerChoice& server);
+  // The one that it was told last.
+  const client::ServerChoice& server() const { return options_.server; }
 
   // Takes up what came, and spends about so long on bricks of the volume.
   void Update(std::chrono::milliseconds brick_time);

@@ -60,6 +60,33 @@ bool HeldCheckbox(Viewer& viewer, const char* label, bool& value) {
   return changed;
 }
 
+const char* NameOf(client::Role role) {
+  switch (role) {
+    case client::Role::kUnknown:
+      return "unknown";
+    case client::Role::kViewer:
+      return "viewer";
+    case client::Role::kEditor:
+      return "editor";
+    case client::Role::kOperator:
+      return "operator";
+    case client::Role::kAdmin:
+      return "admin";
+  }
+  return "unknown";
+}
+
+void BeginAllowed(const Viewer& viewer, client::Role least) {
+  const bool may = viewer.feed().May(least);
+  if (!may) {
+    ImGui::TextColored(kDim, "needs the role %s; yours is %s", NameOf(least),
+                       NameOf(viewer.feed().role()));
+  }
+  ImGui::BeginDisabled(!may);
+}
+
+void EndAllowed() { ImGui::EndDisabled(); }
+
 bool Choose(const char* label, int& choice, const char* const* names, int count) {
   return ImGui::Combo(label, &choice, names, count);
 }

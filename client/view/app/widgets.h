@@ -34,6 +34,14 @@ bool HeldSlider(Viewer& viewer, const char* label, double& value, double least, 
                 const char* format);
 bool HeldCheckbox(Viewer& viewer, const char* label, bool& value);
 
+// "viewer".
+const char* NameOf(client::Role role);
+
+// What follows may be used by roles from `least` on; for others it is grey, and a line says so.
+// Always followed by EndAllowed.
+void BeginAllowed(const Viewer& viewer, client::Role least);
+void EndAllowed();
+
 // Choice of one of `names`.
 bool Choose(const char* label, int& choice, const char* const* names, int count);
 

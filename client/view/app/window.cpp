@@ -118,6 +118,7 @@ void SavePictures(Viewer& viewer, const ImageSize& pixels, const ImageSize& view
 // What a task bar shows.
 std::string TitleOf(const Viewer& viewer) {
   const auto& lattice = viewer.feed().volume().lattice();
+  if (viewer.feed().is_disconnected()) return "Palpate: not connected";
   switch (viewer.feed().connection().state) {
     case client::ConnectionState::kConnecting:
       return "Palpate: connecting";

@@ -145,10 +145,12 @@ class SeriesControls {
   std::optional<client::SeriesControl> waiting_;
 };
 
-client::ClientOptions Follow(const client::Address& address, PoseInbox& inbox,
+client::ClientOptions Follow(const client::ServerChoice& server, PoseInbox& inbox,
                              std::atomic<std::uint64_t>& losses) {
   return {
-      .address = address,
+      .profile = server.profile,
+      .address = server.address,
+      .credentials = server.credentials,
       .poses = {.rate_hz = kPoseRate_hz},
       .follow_volume = true,
       .callbacks = {.on_connection =
@@ -160,14 +162,29 @@ client::ClientOptions Follow(const client::Address& address, PoseInbox& inbox,
 
 }  // namespace
 
-struct LiveFeed::Parts {
-  explicit Parts(const client::Address& address) : client(Follow(address, inbox, losses)) {}
+// One connection, and what goes over it.
+struct LiveFeed::Line {
+  Line(const client::ServerChoice& server, std::atomic<std::uint64_t>& losses)
+      : client(Follow(server, inbox, losses)) {}
   // So that the threads below that call it are joined at once.
-  ~Parts() { client.EndCalls(); }
+  ~Line() { client.EndCalls(); }
 
   PoseInbox inbox;
-  std::atomic<std::uint64_t> losses{0};
   client::Client client;
+  bool is_disconnected = false;
+  Questions questions{client};
+  SeriesControls series_controls;
+  Commands commands{client};
+  Commands urgent_commands{client};
+  EmergencyStop emergency_stop{urgent_commands};
+};
+
+struct LiveFeed::Parts {
+  explicit Parts(const client::ServerChoice& server)
+      : line(std::make_unique<Line>(server, losses)) {}
+
+  std::atomic<std::uint64_t> losses{0};
+  std::unique_ptr<Line> line;
   std::optional<client::Pose> pose;
   Clock::time_point pose_came{};
   Clock::time_point connected_at{};
@@ -176,51 +193,80 @@ struct LiveFeed::Parts {
   std::optional<client::Settings> settings;
   ViewVolume volume;
   PlotHistory plots;
-  Questions questions{client};
-  SeriesControls series_controls;
-  Commands commands{client};
-  Commands urgent_commands{client};
-  EmergencyStop emergency_stop{urgent_commands};
 };
 
-LiveFeed::LiveFeed(const client::Address& address) : parts_(std::make_unique<Parts>(address)) {}
+LiveFeed::LiveFeed(const client::ServerChoice& server) : parts_(std::make_unique<Parts>(server)) {}
+
+void LiveFeed::Connect(const client::ServerChoice& server) {
+  Parts& p = *parts_;
+  auto line = std::make_unique<Line>(server, p.losses);
+  p.line = std::move(line);
+  // Strokes, poses and voxels of the one before mean nothing here.
+  ++p.losses;
+  client::VolumeUpdate nothing;
+  nothing.all = true;
+  p.volume.Take(nothing);
+  p.pose.reset();
+  p.settings.reset();
+  p.plots = {};
+  p.was_connected = false;
+}
+
+void LiveFeed::Disconnect() {
+  parts_->line->client.Disconnect();
+  parts_->line->is_disconnected = true;
+}
+
+bool LiveFeed::is_disconnected() const { return parts_->line->is_disconnected; }
+
+client::Role LiveFeed::role() const {
+  const auto device = this->device();
+  return device ? device->role : client::Role::kUnknown;
+}
+
+bool LiveFeed::May(client::Role least) const {
+  const client::Role role = this->role();
+  return role == client::Role::kUnknown || role >= least;
+}
 
 LiveFeed::~LiveFeed() = default;
 
 void LiveFeed::Poll() {
   Parts& p = *parts_;
-  for (const PoseInbox::Arrived& arrived : p.inbox.Take()) {
+  for (const PoseInbox::Arrived& arrived : p.line->inbox.Take()) {
     p.pose = arrived.pose;
     p.pose_came = Clock::now();
-    p.plots.Add(arrived.pose, p.client.shares_clock() ? arrived.age_ms : -1.0);
+    p.plots.Add(arrived.pose, p.line->client.shares_clock() ? arrived.age_ms : -1.0);
   }
   p.plots.EndAt(plots_end_ns());
-  const client::ConnectionState state = p.client.connection().state;
+  const client::ConnectionState state = p.line->client.connection().state;
   const bool connected = state == client::ConnectionState::kConnected;
   if (connected && !p.was_connected) p.connected_at = Clock::now();
   p.was_connected = connected;
-  p.emergency_stop.Follow(state);
-  p.settings = p.client.NewestSettings();
-  if (const auto update = p.client.TakeVolumeUpdate()) p.volume.Take(*update);
+  p.line->emergency_stop.Follow(state);
+  p.settings = p.line->client.NewestSettings();
+  if (const auto update = p.line->client.TakeVolumeUpdate()) p.volume.Take(*update);
   p.polled_at = Clock::now();
 }
 
-client::Connection LiveFeed::connection() const { return parts_->client.connection(); }
+client::Connection LiveFeed::connection() const { return parts_->line->client.connection(); }
 std::uint64_t LiveFeed::losses() const { return parts_->losses; }
-const std::string& LiveFeed::name() const { return parts_->client.name(); }
+const std::string& LiveFeed::name() const { return parts_->line->client.name(); }
 const std::optional<client::Pose>& LiveFeed::pose() const { return parts_->pose; }
 const std::optional<client::Settings>& LiveFeed::settings() const { return parts_->settings; }
-client::VolumeStatus LiveFeed::volume_status() const { return parts_->client.volume_status(); }
+client::VolumeStatus LiveFeed::volume_status() const {
+  return parts_->line->client.volume_status();
+}
 const ViewVolume& LiveFeed::volume() const { return parts_->volume; }
 ViewVolume& LiveFeed::volume() { return parts_->volume; }
 const PlotHistory& LiveFeed::plots() const { return parts_->plots; }
 
 std::optional<double> LiveFeed::stream_age_ms() const {
-  if (!parts_->pose || !parts_->client.shares_clock()) return std::nullopt;
+  if (!parts_->pose || !parts_->line->client.shares_clock()) return std::nullopt;
   return AgeMs(*parts_->pose);
 }
 
-std::uint64_t LiveFeed::dropped_poses() const { return parts_->client.dropped_poses(); }
+std::uint64_t LiveFeed::dropped_poses() const { return parts_->line->client.dropped_poses(); }
 
 std::optional<double> LiveFeed::silent_s() const {
   const Parts& p = *parts_;
@@ -237,35 +283,36 @@ std::int64_t LiveFeed::plots_end_ns() const {
 }
 
 std::optional<client::DeviceInfo> LiveFeed::device() const {
-  return parts_->questions.answers().device;
+  return parts_->line->questions.answers().device;
 }
 std::optional<client::SeriesState> LiveFeed::series() const {
-  return parts_->questions.answers().series;
+  return parts_->line->questions.answers().series;
 }
 std::optional<client::RecordingState> LiveFeed::recording() const {
-  return parts_->questions.answers().recording;
+  return parts_->line->questions.answers().recording;
 }
 
-const Commands& LiveFeed::commands() const { return parts_->commands; }
-Commands& LiveFeed::commands() { return parts_->commands; }
+const Commands& LiveFeed::commands() const { return parts_->line->commands; }
+Commands& LiveFeed::commands() { return parts_->line->commands; }
 
 void LiveFeed::DoAndAsk(std::string name, std::function<void(client::Client&)> command) {
   // Commands end before the questions do.
-  parts_->commands.Do(std::move(name), [&questions = parts_->questions,
-                                        command = std::move(command)](client::Client& client) {
-    command(client);
-    questions.Hurry();
-  });
+  parts_->line->commands.Do(
+      std::move(name),
+      [&questions = parts_->line->questions, command = std::move(command)](client::Client& client) {
+        command(client);
+        questions.Hurry();
+      });
 }
 
 void LiveFeed::ControlSeries(const client::SeriesControl& control) {
-  SeriesControls& controls = parts_->series_controls;
+  SeriesControls& controls = parts_->line->series_controls;
   if (!controls.Put(control)) return;
   DoAndAsk("series",
            [&controls](client::Client& client) { client.ControlSeries(controls.Take()); });
 }
 
-EmergencyStop& LiveFeed::emergency_stop() { return parts_->emergency_stop; }
-const EmergencyStop& LiveFeed::emergency_stop() const { return parts_->emergency_stop; }
+EmergencyStop& LiveFeed::emergency_stop() { return parts_->line->emergency_stop; }
+const EmergencyStop& LiveFeed::emergency_stop() const { return parts_->line->emergency_stop; }
 
 }  // namespace palpate::view

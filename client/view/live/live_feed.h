@@ -12,6 +12,7 @@
 #include <string>
 
 #include "client/sdk/client.h"
+#include "client/sdk/server_choice.h"
 #include "client/view/live/commands.h"
 #include "client/view/live/emergency_stop.h"
 #include "client/view/live/plot_history.h"
@@ -21,8 +22,16 @@ namespace palpate::view {
 
 class LiveFeed {
  public:
-  explicit LiveFeed(const client::Address& address);
+  explicit LiveFeed(const client::ServerChoice& server);
   ~LiveFeed();
+
+  // To another palpated, or the same one anew; from then on all is that one's, and
+  // nothing until it comes. Errors: as the
+  // constructor's, and nothing has changed.
+  void Connect(const client::ServerChoice& server);
+  // Until Connect. What was shown stays.
+  void Disconnect();
+  bool is_disconnected() const;
 
   // Takes up what came since the last call. Waits for nothing.
   void Poll();
@@ -53,6 +62,11 @@ class LiveFeed {
   std::optional<client::SeriesState> series() const;
   std::optional<client::RecordingState> recording() const;
 
+  // Of what we are to palpated: kUnknown until it has said so.
+  client::Role role() const;
+  // False where our role is known to be a lesser one.
+  bool May(client::Role least) const;
+
   const Commands& commands() const;
   Commands& commands();
   // As commands().Do, for what changes series or recording: both are asked for again as
@@ -64,6 +78,7 @@ class LiveFeed {
   const EmergencyStop& emergency_stop() const;
 
  private:
+  struct Line;
   struct Parts;
   std::unique_ptr<Parts> parts_;
 };

@@ -1,0 +1,236 @@
+"""A palpated on another machine, over TLS: every client reaches it by a profile, sees and steers as
+far as its role goes, comes back after a restart, and says what to do where it is refused."""
+
+import json
+import os
+import pathlib
+import re
+import subprocess
+import sys
+import tempfile
+import unittest
+
+import numpy as np
+from authority import Authority
+from network import Network
+from PIL import Image
+from support import PALPATED, PATIENCE_S, Daemon, wait_until
+from view_support import PALPATE_VIEW, Screen, Window
+
+PALPATE = os.environ["PALPATE"]
+EXAMPLE = os.environ["PALPATE_EXAMPLE"]
+PORT = 7411
+# Of the window's fixed layout: a place on the histogram, one at its upper end, the panels' ground;
+# the first profile's button, and the one that disconnects, of the dialog.
+HISTOGRAM = (100, 130)
+ABOVE_BARS = (285, 76)
+GROUND = (28, 31, 36)
+CONNECT = (400, 280)
+DISCONNECT = (410, 219)
+
+# What a lab script does: poses, voxels, a change.
+SCRIPT = """
+import sys, palpate
+with palpate.connect(profile=sys.argv[1]) as conn:
+    for n, poses in zip(range(3), conn.poses()):
+        assert poses.tick.size
+    print(conn.volume.download().values.shape)
+    conn.settings.isovalue = float(sys.argv[2])
+    print(conn.settings.isovalue)
+"""
+
+
+class ServerDaemon(Daemon):
+    """palpated on the server's machine; its socket is on this one's disk too."""
+
+    def __init__(self, network, config):
+        self._there = network.server
+        super().__init__("builtin:sphere:48", listen=f"0.0.0.0:{PORT}",
+                         more=["--config", str(config)])
+
+    def start(self):
+        if self._command[:len(self._there)] != self._there:
+            self._command = [*self._there, *self._command]
+        super().start()
+
+
+class Remote(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.folder = pathlib.Path(cls.enterClassContext(
+            tempfile.TemporaryDirectory(prefix="palpate-remote-")))
+        cls.network = cls.enterClassContext(Network())
+        cls.authority = Authority(cls.folder, "lab")
+        cls.other_authority = Authority(cls.folder, "other")
+        certificate, key = cls.authority.issue("server", f"IP:{Network.SERVER}",
+                                               purpose="serverAuth")
+        cls.tokens = cls.folder / "tokens.toml"
+        # As a person would hand it over, and get it.
+        cls.profiles = cls.folder / "config" / "palpate"
+        for name, role in (("viewer", "viewer"), ("editor", "editor"), ("revoked", "editor"),
+                           ("expired", "viewer")):
+            cls.add_token(name, role)
+        cls.add_token("wrong-ca", "viewer", ca=cls.other_authority.ca)
+        cls.add_token("wrong-host", "viewer", server=Network.SERVER_TOO)
+        cls.let_expire("expired")
+        subprocess.run([PALPATED, "token", "revoke", "revoked", "--file", cls.tokens], check=True)
+        config = cls.folder / "palpated.toml"
+        config.write_text(f'[tls]\ncertificate = "{certificate}"\nkey = "{key}"\n'
+                          f'tokens = "{cls.tokens}"\n')
+        cls.daemon = cls.enterClassContext(ServerDaemon(cls.network, config))
+        cls.local = cls.enterClassContext(cls.daemon.connect())
+        cls.env = {**os.environ, "XDG_CONFIG_HOME": str(cls.profiles.parent)}
+        for variable in ("PALPATE_SOCKET", "PALPATE_SERVER", "PALPATE_TLS_CA"):
+            cls.env.pop(variable, None)
+
+    @classmethod
+    def add_token(cls, name, role, ca=None, server=Network.SERVER):
+        done = subprocess.run(
+            [PALPATED, "token", "add", name, "--role", role, "--file", cls.tokens, "--days", "30",
+             "--client-folder", cls.profiles, "--server", f"{server}:{PORT}",
+             "--tls-ca", ca or cls.authority.ca, "--profile", name],
+            check=True, capture_output=True, text=True)
+        assert done.stdout == "" and f"palpate --profile {name} info" in done.stderr, done
+
+    @classmethod
+    def let_expire(cls, name):
+        parts = cls.tokens.read_text().split("[[token]]")
+        parts = [re.sub("expires = .*", "expires = 2026-01-31T12:00:00Z", part)
+                 if f'name = "{name}"' in part else part for part in parts]
+        cls.tokens.write_text("[[token]]".join(parts))
+
+    def there(self, *command, screen=None):
+        """On the client's machine, to its end: exit code, stdout, stderr."""
+        done = subprocess.run([*self.network.client, *map(str, command)], env=screen or self.env,
+                              capture_output=True, text=True, timeout=PATIENCE_S, check=False,
+                              cwd=self.folder)
+        return done.returncode, done.stdout, done.stderr
+
+    def must(self, *command):
+        code, out, err = self.there(*command)
+        self.assertEqual(code, 0, err)
+        return out
+
+    def open_window(self, *arguments):
+        """On the client's machine, in a folder of its own for its pictures."""
+        screen = self.enterContext(Screen())
+        screen.env["XDG_CONFIG_HOME"] = self.env["XDG_CONFIG_HOME"]
+        folder = self.enterContext(tempfile.TemporaryDirectory(prefix="palpate-remote-"))
+        window = Window(screen, folder, "--no-overlay", *arguments, there=self.network.client)
+        self.addCleanup(window.end)
+        return window
+
+    def isovalue_of(self, share):
+        info = self.local.volume.info()
+        return info.value_min + share * (info.value_max - info.value_min)
+
+    def test_palpate(self):
+        info = json.loads(self.must(PALPATE, "--profile", "viewer", "info", "--json"))
+        self.assertEqual(info["caller"], {"identity": "token viewer", "role": "viewer"})
+        self.assertEqual(info["volume"]["source"], "builtin:sphere:48")
+        poses = self.must(PALPATE, "--profile", "viewer", "watch", "--json", "--count", 5)
+        self.assertEqual(len(poses.splitlines()), 5)
+        code, _, err = self.there(PALPATE, "--profile", "viewer", "set", "isovalue", "0.1")
+        self.assertEqual((code, err.count("\n")), (5, 1), err)
+        self.assertIn("needs the role editor", err)
+        wanted = self.isovalue_of(0.4)
+        self.must(PALPATE, "--profile", "editor", "set", "isovalue", wanted)
+        self.assertAlmostEqual(self.local.settings.isovalue, wanted)
+
+    def test_palpate_by_variables(self):
+        self.env = {**self.env, "PALPATE_SERVER": f"{Network.SERVER}:{PORT}",
+                    "PALPATE_TLS_CA": str(self.authority.ca),
+                    "PALPATE_TOKEN_FILE": str(self.profiles / "editor.token")}
+        self.assertIn("you are", self.must(PALPATE, "info"))
+        self.assertIn("token editor, role editor", self.must(PALPATE, "info"))
+        self.must(sys.executable, "-c", "import palpate; palpate.connect().close()")
+
+    def test_python(self):
+        wanted = self.isovalue_of(0.45)
+        said = self.must(sys.executable, "-c", SCRIPT, "editor", wanted)
+        self.assertIn("(48, 48, 48)", said)
+        self.assertAlmostEqual(self.local.settings.isovalue, wanted)
+        code, _, err = self.there(sys.executable, "-c", SCRIPT, "viewer", wanted)
+        self.assertEqual(code, 1)
+        self.assertIn("needs the role editor", err)
+
+    def test_the_library(self):
+        wanted = self.isovalue_of(0.35)
+        said = self.must(EXAMPLE, "editor", wanted)
+        self.assertRegex(said, r"tick \d+: tip at")
+        self.assertAlmostEqual(self.local.settings.isovalue, wanted)
+        code, _, err = self.there(EXAMPLE, "viewer", wanted)
+        self.assertEqual(code, 1)
+        self.assertIn("needs the role editor", err)
+
+    def test_the_viewer_without_a_window(self):
+        picture = self.folder / "view.png"
+        self.must(PALPATE_VIEW, "--profile", "viewer", "--offscreen", "--screenshot", picture,
+                  "--size", "200x150", "--no-overlay", "--no-box")
+        pixels = np.asarray(Image.open(picture).convert("RGB")).astype(int)
+        # The sphere, in the middle, on the ground.
+        self.assertGreater(np.abs(pixels[75, 100] - pixels[5, 5]).sum(), 60)
+
+    def test_the_window_steers_and_comes_back(self):
+        window = self.open_window("--profile", "editor")
+        window.wait_for_title("Palpate: builtin:sphere:48")
+        before = self.local.settings.isovalue
+        window.do("mousemove", *HISTOGRAM, "mousedown", 1)
+        self.assertTrue(wait_until(lambda: self.local.settings.isovalue != before))
+        window.do("mouseup", 1)
+        self.daemon.end()
+        window.wait_for_title("Palpate: reconnecting")
+        self.daemon.start()
+        window.wait_for_title("Palpate: builtin:sphere:48")
+
+    def test_the_window_of_a_viewer_changes_nothing(self):
+        window = self.open_window("--profile", "viewer")
+        window.wait_for_title("Palpate: builtin:sphere:48")
+        refused_before = self.refused_changes()
+        self.local.settings.isovalue = before = self.isovalue_of(0.6)
+        # The line that says which role it takes has moved the histogram down.
+        self.assertTrue(wait_until(lambda: window.picture().getpixel(ABOVE_BARS) == GROUND))
+        window.do("mousemove", *HISTOGRAM, "mousedown", 1)
+        window.do("mousemove", HISTOGRAM[0] + 60, HISTOGRAM[1])
+        window.do("mouseup", 1)
+        window.picture()
+        self.assertEqual(self.local.settings.isovalue, before)
+        # It was not asked for, either.
+        self.assertEqual(self.refused_changes(), refused_before)
+
+    def refused_changes(self):
+        return sum("RenderService/UpdateSettings" in line for line in self.daemon.said)
+
+    def test_a_dialog_connects_and_disconnects(self):
+        window = self.open_window("--socket", self.folder / "nowhere.sock")
+        window.wait_for_title("Palpate: reconnecting")
+        window.do("mousemove", 400, 300, "key", "ctrl+o")
+        window.click(*CONNECT)
+        window.wait_for_title("Palpate: builtin:sphere:48")
+        window.click(*DISCONNECT)
+        window.wait_for_title("Palpate: not connected")
+        window.click(*CONNECT)
+        window.wait_for_title("Palpate: builtin:sphere:48")
+
+    def test_refusals_say_what_to_do(self):
+        lines = {"wrong-ca": f"not signed by the authority in {self.profiles}/wrong-ca-ca.pem",
+                 "wrong-host": f"does not name {Network.SERVER_TOO}",
+                 "expired": "its token expired at 2026-01-31T12:00:00Z: ask the operator",
+                 "revoked": "was revoked: ask the operator for a new token",
+                 "absent": "has no profile"}
+        script = "import sys, palpate; palpate.connect(profile=sys.argv[1])"
+        for profile, line in lines.items():
+            with self.subTest(profile):
+                for command in ([PALPATE, "--profile", profile, "info"],
+                                [PALPATE_VIEW, "--profile", profile, "--offscreen", "--screenshot",
+                                 self.folder / "none.png"],
+                                [EXAMPLE, profile], [sys.executable, "-c", script, profile]):
+                    code, _, err = self.there(*command)
+                    self.assertNotEqual(code, 0)
+                    self.assertIn(line.replace("has no profile", profile), err, command)
+                    if command[0] != sys.executable:
+                        self.assertEqual(err.count("\n"), 1, err)
+
+
+if __name__ == "__main__":
+    unittest.main()
