@@ -48,7 +48,8 @@ Json ToJson(const v1::VolumeDescription& volume) {
           {"world_from_index", ToJson(volume.world_from_index())},
           {"device_from_index", ToJson(volume.device_from_index())},
           {"device_mm_per_volume_mm", volume.device_mm_per_volume_mm()},
-          {"memory_bytes", volume.memory_bytes()}};
+          {"memory_bytes", volume.memory_bytes()},
+          {"warnings", volume.warnings()}};
 }
 
 Json ToJson(const v1::RenderSettings& settings, std::uint64_t settings_revision) {
@@ -96,6 +97,14 @@ std::string Describe(const v1::VolumeDescription& volume) {
              fmt::format("scale {:g} mm of the device per mm of the volume; {:.1f} MiB",
                          volume.device_mm_per_volume_mm(),
                          static_cast<double>(volume.memory_bytes()) / (1024.0 * 1024.0)));
+  return text;
+}
+
+std::string DescribeWarnings(const v1::VolumeDescription& volume) {
+  std::string text;
+  for (const std::string& warning : volume.warnings()) {
+    AppendLine(text, "", "warning: " + warning);
+  }
   return text;
 }
 

@@ -29,6 +29,8 @@ void AppendLine(std::string& text, std::string_view subject, std::string_view co
 std::string Describe(const v1::ServoDescription& servo);
 std::string Describe(const v1::VolumeDescription& volume);
 std::string Describe(const v1::RenderSettings& settings, std::uint64_t settings_revision);
+// What the import of the volume warned of; empty: of nothing.
+std::string DescribeWarnings(const v1::VolumeDescription& volume);
 
 // `json` with a newline at its end; on one line, or indented by `indent` spaces.
 // Bytes that are not UTF-8 (a path may hold any) are replaced.

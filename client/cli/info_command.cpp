@@ -45,6 +45,7 @@ void PrintInfo(const Connection& connection, bool json) {
   WriteOutput("palpated " + OneLine(device.servo().version()) + " at " + connection.name() + "\n" +
               Describe(device.caller()) + Describe(device.device()) + Describe(device.health()) +
               Describe(device.forces()) + Describe(device.servo()) + Describe(volume) +
+              DescribeWarnings(volume) +
               Describe(settings.settings(), settings.settings_revision()));
 }
 

@@ -9,6 +9,7 @@
 #include "client/cli/description.h"
 #include "client/cli/output.h"
 #include "client/cli/progress_call.h"
+#include "common/error/one_line.h"
 #include "palpate/v1/volume.grpc.pb.h"
 
 namespace palpate::cli {
@@ -16,6 +17,12 @@ namespace palpate::cli {
 Error ErrorOfLoad(const Connection& connection, const grpc::Status& status) {
   if (!Interrupt::IsRaised()) return connection.ErrorOf(status);
   return {ErrorKind::kCancelled, "loading was cancelled; the volume before it stays"};
+}
+
+void PrintWarnings(const v1::VolumeDescription& volume) {
+  for (const std::string& warning : volume.warnings()) {
+    fmt::print(stderr, "palpate: warning: {}\n", OneLine(warning));
+  }
 }
 
 void LoadVolume(const Connection& connection, const v1::LoadVolumeRequest& request) {
@@ -26,6 +33,7 @@ void LoadVolume(const Connection& connection, const v1::LoadVolumeRequest& reque
         return stub->PrepareAsyncLoadVolume(context, request, queue);
       },
       "loading was cancelled; the volume before it stays");
+  PrintWarnings(result.volume());
   WriteOutput(Describe(result.volume()) + fmt::format("applied at tick {}, settings revision {}\n",
                                                       result.applied_tick(),
                                                       result.settings_revision()));

@@ -64,6 +64,7 @@ void LoadSeries(const Connection& connection, const v1::LoadSeriesRequest& reque
   if (!has_result) {
     throw Error(ErrorKind::kInternal, "palpated ended the load without a result");
   }
+  PrintWarnings(result.volume());
   WriteOutput(Describe(result.volume()) + Describe(result.series()));
 }
 

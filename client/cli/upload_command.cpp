@@ -142,6 +142,7 @@ void UploadVolume(const Connection& connection, const fs::path& file,
     }
   }
   const v1::UploadVolumeResponse& response = call.response();
+  PrintWarnings(response.volume());
   WriteOutput(Describe(response.volume()) +
               fmt::format("applied at tick {}, settings revision {}\n", response.applied_tick(),
                           response.settings_revision()));

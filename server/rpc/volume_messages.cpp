@@ -68,6 +68,7 @@ v1::VolumeDescription ToProto(const VolumeState& state) {
   out.set_loaded_revision(state.volume->loaded_revision());
   *out.mutable_device_from_world_rotation() = palpate::ToProto(state.registration.R_DW);
   out.set_frames(static_cast<std::uint32_t>(metadata.frames));
+  for (const std::string& warning : metadata.warnings) out.add_warnings(warning);
   return out;
 }
 

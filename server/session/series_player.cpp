@@ -9,6 +9,7 @@
 
 #include "common/error/error.h"
 #include "server/log/log.h"
+#include "server/session/load_warnings.h"
 #include "server/volume/brick_pool.h"
 
 namespace palpate {
@@ -75,6 +76,7 @@ VolumeState SeriesPlayer::Load(std::span<const std::filesystem::path> files,
       LoadSeries(session_.loader(), files, request, progress, cancelled, warnings);
   for (const std::string& warning : warnings) LogWarning("{}", warning);
   loaded.metadata.source = request.title.empty() ? files.front().string() : request.title;
+  loaded.metadata.warnings = WarningsForClients(warnings, files.front().string());
   progress("publishing", 1.0);
 
   auto series = std::make_shared<Series>();

@@ -7,6 +7,7 @@
 #include "common/error/error.h"
 #include "server/log/log.h"
 #include "server/session/freed_memory.h"
+#include "server/session/load_warnings.h"
 #include "server/session/range.h"
 #include "server/volume/snapshot_builder.h"
 
@@ -209,6 +210,7 @@ VolumeState Session::Load(const LoadRequest& request, const LoadProgress& progre
   for (const std::string& warning : warnings) LogWarning("{}", warning);
   VolumeMetadata metadata = file.metadata;
   metadata.source = request.title.empty() ? request.source : request.title;
+  metadata.warnings = WarningsForClients(warnings, request.source);
   progress("publishing", 1.0);
   const BrickDirectory bricks = TakeBricks(*file.grid, metadata.size);
   if (cancelled()) throw Error(ErrorKind::kCancelled, "loading was cancelled");

@@ -5,6 +5,7 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include "common/geometry/geometry.h"
 
@@ -21,6 +22,8 @@ struct VolumeMetadata {
   std::string unit;           // "HU", ...; empty: not stated
   std::string original_type;  // "uint8", "int16", "float64", ...
   std::string source;         // file name, folder name or builtin name
+  // What the import assumed or left out, as clients are told; not kept in files.
+  std::vector<std::string> warnings;
 
   AffineMap WorldFromIndex() const { return {direction * spacing_mm.asDiagonal(), origin_W_mm}; }
 };

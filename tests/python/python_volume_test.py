@@ -1,15 +1,17 @@
 """Volumes as arrays: down, up, and from files; which axis is which."""
 
 import gzip
+import json
 import os
 import pathlib
 import re
+import subprocess
 import unittest
 
 import numpy as np
 
 import palpate
-from support import DaemonTest, nrrd, pattern
+from support import PALPATE, Daemon, DaemonTest, nrrd, pattern
 
 # At right angles, with a spacing of its own along each.
 TURN = np.array([[0.8, -0.6, 0.0], [0.6, 0.8, 0.0], [0.0, 0.0, 1.0]])
@@ -167,3 +169,61 @@ class Upload(DaemonTest):
 
 if __name__ == "__main__":
     unittest.main()
+
+
+class Warnings(DaemonTest):
+    """What an import assumed reaches whoever asked for it, and those who come later."""
+
+    EXPECTED = ("3 voxels are not finite", "no spacing is stated")  # the second of raw voxels
+
+    @classmethod
+    def setUpClass(cls):
+        super().setUpClass()
+        values = pattern((8, 8, 8))
+        values[2, 3, 1:4] = np.nan
+        cls.path = cls.daemon.folder / "odd.nrrd"
+        cls.path.write_bytes(nrrd(values, np.eye(3).tolist(), (0.0, 0.0, 0.0)))
+        raw = cls.daemon.folder / "odd.raw"
+        raw.write_bytes(values.astype("<f4").tobytes(order="F"))
+        cls.raw = (raw, "--raw-size", "8,8,8", "--raw-type", "float32")
+
+    def palpate(self, *arguments):
+        return subprocess.run([PALPATE, *map(str, arguments), "--socket", self.daemon.socket],
+                              capture_output=True, text=True, check=True, timeout=120)
+
+    def check(self, warnings, count=1):
+        """The first `count` of EXPECTED, and no others."""
+        self.assertEqual(len(warnings), count, warnings)
+        for warning, begin in zip(sorted(warnings), self.EXPECTED):
+            self.assertTrue(warning.startswith(begin), warnings)
+
+    def test_python(self):
+        self.check(self.conn.volume.load(self.path).warnings)
+        with self.daemon.connect() as other:
+            self.check(other.volume.info().warnings)
+        self.conn.edit.sphere((4.0, 4.0, 4.0), 2.0, "set", 50.0, frame="index")
+        self.check(self.conn.volume.info().warnings)
+        values = pattern((8, 8, 8))
+        self.assertEqual(self.conn.volume.upload(values).warnings, ())
+        values[0, 0, 0] = np.inf
+        (warning,) = self.conn.volume.upload(values).warnings
+        self.assertTrue(warning.startswith("1 voxels are not finite"), warning)
+        self.assertEqual(self.conn.volume.info().warnings, (warning,))
+
+    def test_command_line(self):
+        for count, command in ((2, ("load", *self.raw)), (2, ("upload", *self.raw)),
+                               (1, ("series", "load", self.path, self.path))):
+            with self.subTest(command[0]):
+                ran = self.palpate(*command)
+                lines = [line for line in ran.stderr.splitlines() if "warning" in line]
+                self.check([line.removeprefix("palpate: warning: ") for line in lines], count)
+                self.assertNotIn("warning", ran.stdout)
+                volume = json.loads(self.palpate("info", "--json").stdout)["volume"]
+                self.check(volume["warnings"], count)
+                lines = self.palpate("info").stdout.splitlines()
+                self.check([line.strip().removeprefix("warning: ") for line in lines
+                            if any(words in line for words in self.EXPECTED)], count)
+
+    def test_first_volume(self):
+        with Daemon(self.path) as daemon, daemon.connect() as conn:
+            self.check(conn.volume.info().warnings)

@@ -39,6 +39,8 @@ class VolumeInfo:
     device_from_index: (4, 4) voxel index (x, y, z, 1) to the device frame: mm
     device_mm_per_volume_mm: millimetres of device motion per millimetre of the volume
     frames: of the source file, one of which this volume is
+    warnings: what the import assumed or left out, a line each, such as a spacing that the
+    file does not state
     """
 
     source: str
@@ -55,6 +57,7 @@ class VolumeInfo:
     device_mm_per_volume_mm: float
     memory_bytes: int
     frames: int
+    warnings: tuple[str, ...]
 
 
 def info_of(volume: volume_pb2.VolumeDescription) -> VolumeInfo:
@@ -67,7 +70,8 @@ def info_of(volume: volume_pb2.VolumeDescription) -> VolumeInfo:
         world_from_index=matrix_of_map(volume.world_from_index),
         device_from_index=matrix_of_map(volume.device_from_index),
         device_mm_per_volume_mm=volume.device_mm_per_volume_mm,
-        memory_bytes=volume.memory_bytes, frames=volume.frames)
+        memory_bytes=volume.memory_bytes, frames=volume.frames,
+        warnings=tuple(volume.warnings))
 
 
 def load_options(isovalue: float | None = None, normalized_isovalue: float | None = None,
