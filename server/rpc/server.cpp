@@ -188,8 +188,10 @@ void RpcServer::Start() {
     builder.RegisterService(service);
   }
   acceptor_.TakeSocket(options_.socket_path);
+  poller_ = std::make_unique<StandbyPoller>(builder);
   server_ = builder.BuildAndStart();
   if (!server_) throw Error(ErrorKind::kInternal, "gRPC does not start: see its lines above");
+  poller_->Start();
   acceptor_.Start(std::move(sinks));
 }
 
@@ -207,6 +209,7 @@ void RpcServer::Stop() noexcept {
     server_.reset();
     unlink(options_.socket_path.c_str());
   }
+  poller_.reset();
   // While the lock holds: it may be made anew by another daemon.
   security_files_.reset();
   tls_.reset();

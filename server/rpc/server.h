@@ -21,6 +21,7 @@
 #include "server/rpc/render_service.h"
 #include "server/rpc/security_files.h"
 #include "server/rpc/series_service.h"
+#include "server/rpc/standby_poller.h"
 #include "server/rpc/tls.h"
 #include "server/rpc/volume_service.h"
 #include "server/session/path_policy.h"
@@ -98,6 +99,7 @@ class RpcServer {
   SeriesService series_;
   DeviceService device_;
   RecordingService recording_;
+  std::unique_ptr<StandbyPoller> poller_;
   std::unique_ptr<grpc::Server> server_;
   std::unique_ptr<SecurityFiles> security_files_;
   int lock_fd_ = -1;
