@@ -60,7 +60,7 @@ class Walker {
       const Element element = ReadElement(encoding);
       if (element.tag == kPixels) {
         CheckPixels(element);
-        return {true, true};
+        return {true, true, at_};
       }
       // Zeros behind the last element are padding.
       if (element.tag == 0) break;
@@ -68,7 +68,7 @@ class Walker {
       SkipValue(element, encoding, 0);
     }
     if (shape_.rows > 0) RefuseCut();
-    return {true, false};
+    return {true, false, 0};
   }
 
  private:

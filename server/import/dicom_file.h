@@ -13,6 +13,8 @@ namespace palpate {
 struct DicomFile {
   bool is_dicom = false;    // has the preamble
   bool has_pixels = false;  // is an image
+  // Bytes up to the end of the pixels, behind which there may be padding; 0 without pixels.
+  std::int64_t pixels_end = 0;
 };
 
 // `length`: bytes of the stream. Refuses what is cut off or contradicts itself.

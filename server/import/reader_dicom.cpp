@@ -10,11 +10,14 @@
 #include <cmath>
 #include <fstream>
 #include <map>
+#include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "server/import/data_check.h"
 #include "server/import/dicom_file.h"
+#include "server/import/file_start.h"
 #include "server/import/readers.h"
 #include "server/volume/volume_file.h"
 
@@ -45,6 +48,7 @@ constexpr double kMissingSlice = 1.5;
 constexpr double kParallel = 1e-3;
 // Sideways drift of the stack per length: gantry tilt.
 constexpr double kStraight = 0.01;
+constexpr std::int64_t kMostCopied = std::int64_t{256} << 20;
 
 struct Slice {
   fs::path file;
@@ -138,11 +142,12 @@ Slice ParseSlice(const Tags& tags) {
   return slice;
 }
 
-// Whether it is a DICOM image. Refuses damaged DICOM files: GDCM must not see them.
-bool IsImage(const fs::path& file) {
+// Refuses damaged DICOM files: GDCM must not see them.
+DicomFile Checked(const fs::path& file) {
   std::ifstream in(file, std::ios::binary);
+  if (!in) return {};
   try {
-    return in && CheckDicomFile(&in, static_cast<std::int64_t>(fs::file_size(file))).has_pixels;
+    return CheckDicomFile(&in, static_cast<std::int64_t>(fs::file_size(file)));
   } catch (const Error& error) {
     throw Error(error.kind(), "in " + FileName(file) + " " + error.what());
   }
@@ -155,7 +160,7 @@ std::vector<std::string> ImageFiles(const fs::path& folder, const ImportLimits& 
        entry.increment(error)) {
     if (!entry->is_regular_file() || limits.own_files.Hold(entry->path())) continue;
     CheckPlace(entry->path(), limits);
-    if (IsImage(entry->path())) files.push_back(entry->path().string());
+    if (Checked(entry->path()).has_pixels) files.push_back(entry->path().string());
   }
   if (error == std::errc::permission_denied) {
     throw Error(ErrorKind::kPermissionDenied,
@@ -253,11 +258,20 @@ double SortSlices(std::vector<Slice>* slices, Reporter* reporter) {
   return length / static_cast<double>(pitches.size());
 }
 
+// GDCM takes padding behind the pixels for elements of eight bytes, reads each on its own, and
+// crashes where some bytes are left over. Slices that are larger are no slices of a scanner.
+std::optional<FileStart> WithoutPadding(const fs::path& file) {
+  const std::int64_t end = Checked(file).pixels_end;
+  if (end == static_cast<std::int64_t>(fs::file_size(file)) || end > kMostCopied) return {};
+  return std::optional<FileStart>(std::in_place, file, end);
+}
+
 void ReadSlice(const Slice& slice, float* voxels) {
+  const std::optional<FileStart> start = WithoutPadding(slice.file);
   const auto io = itk::GDCMImageIO::New();
   const auto reader = itk::ImageFileReader<Image>::New();
   reader->SetImageIO(io);
-  reader->SetFileName(slice.file.string());
+  reader->SetFileName(start ? start->path().string() : slice.file.string());
   reader->UpdateOutputInformation();
   const auto size = reader->GetOutput()->GetLargestPossibleRegion().GetSize();
   if (io->GetNumberOfComponents() != 1 || size[2] != 1 ||
