@@ -136,7 +136,7 @@ Admission Access::Admit(grpc::ServerContextBase* context, std::string_view metho
     if (!who.token_sha256_hex.empty()) call.credentials.authorization.clear();
     Admission admission = Enter(call, judge);
     if (admission.access_ && connections_ && call.credentials.transport == Transport::kTls) {
-      connections_->Admitted(peer, call.caller.name);
+      connections_->Admitted(peer);
     }
     if (admission.access_ || !admission.ok()) return admission;
     // The policy was replaced meanwhile: judged again.

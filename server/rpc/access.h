@@ -91,8 +91,8 @@ class Access {
 
   // A policy of strangers but on the socket and on loopback.
   Access() : Access(LimitOptions{}) {}
-  // connections: told who is no stranger; outlives this one. now: the clock by which
-  // certificates are judged; tests bring their own.
+  // connections: told which ones belong to a known client; outlives this one. now: the clock by
+  // which certificates are judged; tests bring their own.
   explicit Access(const LimitOptions& limits, ConnectionWatch* connections = nullptr,
                   std::function<CertificateTime()> now = std::chrono::system_clock::now)
       : limits_(limits), connections_(connections), now_(std::move(now)) {}

@@ -21,7 +21,6 @@
 
 #include "common/error/error.h"
 #include "server/rpc/open_files.h"
-#include "server/rpc/read_counter.h"
 
 namespace palpate {
 namespace {
@@ -166,12 +165,7 @@ void RpcServer::Start() {
   grpc::reflection::InitProtoReflectionServerBuilderPlugin();
   grpc::EnableDefaultHealthCheckService(!tls_);
   grpc::ServerBuilder builder;
-  if (tls_) {
-    builder.SetOption(std::make_unique<WithoutPlugins>());
-    std::vector<std::unique_ptr<grpc::experimental::ServerInterceptorFactoryInterface>> counters;
-    counters.push_back(std::make_unique<ReadCounterFactory>(watch_));
-    builder.experimental().SetInterceptorCreators(std::move(counters));
-  }
+  if (tls_) builder.SetOption(std::make_unique<WithoutPlugins>());
   Bound(builder);
   std::vector<Acceptor::Sink> sinks;
   const auto add_sink = [&](const std::shared_ptr<grpc::ServerCredentials>& credentials) {

@@ -1,82 +1,116 @@
 #include "server/security/connection_limits.h"
 
+#include <arpa/inet.h>
+#include <netinet/in.h>
+
 #include <algorithm>
 #include <map>
-#include <numeric>
+#include <string_view>
 
 namespace palpate {
 namespace {
 
-// With TLS, 177 B were measured for a whole call that sets an isovalue, 89 B for each sample
-// of a stream at 1 kHz (its windows and credits), a 1700th of what is downloaded, and a 700th
-// around what is uploaded. With room: whoever uses that up on purpose fills some MB a second.
-constexpr std::int64_t kBytesOfCall = 512;
-constexpr std::int64_t kBytesAroundMessage = 96;
-constexpr std::int64_t kShareAroundMessage = 64;
-constexpr std::int64_t kBytesBackOfAnswer = 96;
-constexpr std::int64_t kShareBack = 256;
-// What was under way when calls were refused or cancelled is forgiven in hours.
-constexpr std::int64_t kBytesOfSecond = 4096;
+struct Group {
+  std::vector<std::size_t> connections{};  // the oldest first
+  std::int64_t bytes = 0;
+};
+using Groups = std::map<std::string_view, Group>;
 
-using Indexes = std::vector<std::size_t>;
-
-// The one that sent most goes first, until the rest has sent little enough.
-void CutForBytes(std::span<const BoundedConnection> connections, const ConnectionBounds& bounds,
-                 Indexes& left, std::vector<ConnectionCut>& cuts) {
-  std::stable_sort(left.begin(), left.end(), [&](std::size_t a, std::size_t b) {
-    return connections[a].bytes < connections[b].bytes;
-  });
-  std::int64_t sum = std::accumulate(
-      left.begin(), left.end(), std::int64_t{0},
-      [&](std::int64_t so_far, std::size_t n) { return so_far + connections[n].bytes; });
-  while (!left.empty()) {
-    const std::int64_t most = connections[left.back()].bytes;
-    if (most <= bounds.bytes_of_one && sum <= bounds.bytes_of_all) break;
-    cuts.push_back({left.back(), true});
-    sum -= most;
-    left.pop_back();
-  }
+bool IsOlder(const Group& a, const Group& b) {
+  return a.connections.front() < b.connections.front();
 }
 
-// The oldest of the address that has most.
-void CutForNumber(std::span<const BoundedConnection> connections, const ConnectionBounds& bounds,
-                  Indexes& left, std::vector<ConnectionCut>& cuts) {
-  if (left.size() <= bounds.connections) return;
-  std::map<std::string_view, Indexes> by_address;
-  std::sort(left.begin(), left.end());
-  for (const std::size_t n : left) by_address[connections[n].address].push_back(n);
-  for (std::size_t count = left.size(); count > bounds.connections; --count) {
-    auto& most = std::max_element(by_address.begin(), by_address.end(), [](auto& a, auto& b) {
-                   return a.second.size() < b.second.size();
-                 })->second;
-    cuts.push_back({most.front(), false});
-    most.erase(most.begin());
-  }
+// The one with most of `amount`; of several the one with the oldest connection.
+template <class Amount>
+Group& Greatest(Groups& groups, const Amount& amount) {
+  return std::max_element(groups.begin(), groups.end(),
+                          [&](const auto& a, const auto& b) {
+                            const auto of_a = amount(a.second), of_b = amount(b.second);
+                            return of_a != of_b ? of_a < of_b : IsOlder(b.second, a.second);
+                          })
+      ->second;
 }
+
+// Connections that are left, by prefix.
+class Rest {
+ public:
+  Rest(std::span<const BoundedConnection> connections, const ConnectionBounds& bounds)
+      : connections_(connections) {
+    for (std::size_t n = 0; n < connections.size(); ++n) {
+      if (connections[n].bytes > bounds.bytes_of_one) {
+        cuts_.push_back({n, true});
+        continue;
+      }
+      Group& group = groups_[connections[n].prefix];
+      group.connections.push_back(n);
+      group.bytes += connections[n].bytes;
+      bytes_ += connections[n].bytes;
+      ++count_;
+    }
+  }
+
+  std::int64_t bytes() const { return bytes_; }
+  std::size_t count() const { return count_; }
+  std::vector<ConnectionCut> TakeCuts() { return std::move(cuts_); }
+
+  // That sent most, of the prefix that sent most.
+  void CutGreatest() {
+    Group& group = Greatest(groups_, [](const Group& one) { return one.bytes; });
+    const auto most = std::max_element(group.connections.begin(), group.connections.end(),
+                                       [&](std::size_t a, std::size_t b) {
+                                         return connections_[a].bytes < connections_[b].bytes;
+                                       });
+    Cut(group, most, true);
+  }
+
+  // Of the prefix that has most.
+  void CutOldest() {
+    Group& group = Greatest(groups_, [](const Group& one) { return one.connections.size(); });
+    Cut(group, group.connections.begin(), false);
+  }
+
+ private:
+  void Cut(Group& group, std::vector<std::size_t>::iterator at, bool sent_too_much) {
+    const BoundedConnection& connection = connections_[*at];
+    cuts_.push_back({*at, sent_too_much});
+    --count_;
+    bytes_ -= connection.bytes;
+    group.bytes -= connection.bytes;
+    group.connections.erase(at);
+    if (group.connections.empty()) groups_.erase(connection.prefix);
+  }
+
+  const std::span<const BoundedConnection> connections_;
+  Groups groups_;
+  std::int64_t bytes_ = 0;
+  std::size_t count_ = 0;
+  std::vector<ConnectionCut> cuts_;
+};
 
 }  // namespace
 
 std::vector<ConnectionCut> CutsAmong(std::span<const BoundedConnection> connections,
                                      const ConnectionBounds& bounds) {
-  Indexes left(connections.size());
-  std::iota(left.begin(), left.end(), std::size_t{0});
-  std::vector<ConnectionCut> cuts;
-  CutForBytes(connections, bounds, left, cuts);
-  CutForNumber(connections, bounds, left, cuts);
-  return cuts;
+  Rest rest(connections, bounds);
+  while (rest.bytes() > bounds.bytes_of_all) rest.CutGreatest();
+  while (rest.count() > bounds.connections) rest.CutOldest();
+  return rest.TakeCuts();
 }
 
-std::int64_t UnreadBytes::Update(std::int64_t received, std::int64_t acknowledged,
-                                 const ReadBytes& read, std::int64_t now_ns) {
-  if (first_ns_ == 0) first_ns_ = now_ns;
-  const std::int64_t may_be = read.calls * kBytesOfCall + read.messages * kBytesAroundMessage +
-                              read.message_bytes + read.message_bytes / kShareAroundMessage +
-                              read.answers * kBytesBackOfAnswer + acknowledged / kShareBack +
-                              (now_ns - first_ns_) / 1'000'000'000 * kBytesOfSecond;
-  const std::int64_t balance = received - may_be;
-  unread_ = std::max<std::int64_t>(0, unread_ + balance - balance_);
-  balance_ = balance;
-  return unread_;
+std::string PrefixOf(const sockaddr_storage& address) {
+  char text[INET6_ADDRSTRLEN] = "";
+  if (address.ss_family == AF_INET) {
+    inet_ntop(AF_INET, &reinterpret_cast<const sockaddr_in&>(address).sin_addr, text, sizeof(text));
+    return text;
+  }
+  in6_addr v6 = reinterpret_cast<const sockaddr_in6&>(address).sin6_addr;
+  if (IN6_IS_ADDR_V4MAPPED(&v6)) {
+    inet_ntop(AF_INET, v6.s6_addr + 12, text, sizeof(text));
+    return text;
+  }
+  std::fill(v6.s6_addr + 8, std::end(v6.s6_addr), std::uint8_t{0});
+  inet_ntop(AF_INET6, &v6, text, sizeof(text));
+  return std::string(text) + "/64";
 }
 
 }  // namespace palpate

@@ -1,19 +1,26 @@
-// Which connections to cut off: gRPC 1.51 keeps all that a connection sends in headers
-// without an end, and in messages without an end, before anybody is asked and beyond its
-// own quotas.
+// Decides which connections of strangers to cut off.
 //
-// A stranger, who has not yet made a call that he may make, sends his token with his first
-// call, of 4 MiB at most: more than that, and the handshake, is nobody's. Of a known client
-// counts what belongs to none of the calls and messages that were read: gRPC's windows hold
-// what is under way below 16 MiB. Many connections of one address go
-// before the few of another.
+// A stranger's connection is one over TLS that has not yet made a call that it may make.
+// gRPC 1.51 keeps all headers and messages that a connection sends without an end, before
+// anybody is asked who calls and beyond gRPC's own quotas. A stranger needs a handshake and
+// one first call, of little more than 3 MiB at most.
+//
+// Connections count by their prefix: an IPv6 host has a /64 to itself, and with it more
+// addresses than there are places. A prefix that has most loses first.
+//
+// Between equal prefixes the oldest connection goes. An honest client makes its first call
+// within about a second, and is no stranger then. If the youngest went, an attacker with as many
+// prefixes as there are places would keep everybody out by holding idle connections. As it is,
+// the attacker has to open as many connections anew as there are places, in the time of each
+// honest handshake.
 //
 // Pure. Lengths are bytes of TLS over TCP.
 #pragma once
 
+#include <sys/socket.h>
+
 #include <cstddef>
 #include <cstdint>
-#include <limits>
 #include <span>
 #include <string>
 #include <vector>
@@ -28,13 +35,9 @@ struct ConnectionBounds {
 
 inline constexpr ConnectionBounds kStrangerBounds{
     .connections = 64, .bytes_of_one = 8 << 20, .bytes_of_all = 64 << 20};
-inline constexpr ConnectionBounds kKnownBounds{
-    .connections = std::numeric_limits<std::size_t>::max(),
-    .bytes_of_one = 32 << 20,
-    .bytes_of_all = 256 << 20};
 
 struct BoundedConnection {
-  std::string address;
+  std::string prefix;
   std::int64_t bytes = 0;
 };
 
@@ -43,30 +46,12 @@ struct ConnectionCut {
   bool sent_too_much = false;  // else: too many of them
 };
 
-// `connections`: in the order in which they came. The rest keeps within all three bounds.
+// `connections`: the oldest first. The rest keeps within all three bounds.
 std::vector<ConnectionCut> CutsAmong(std::span<const BoundedConnection> connections,
                                      const ConnectionBounds& bounds);
 
-// What was read of a known client's connection, and what answers brought back.
-struct ReadBytes {
-  std::int64_t calls = 0;
-  std::int64_t messages = 0;
-  std::int64_t message_bytes = 0;
-  std::int64_t answers = 0;  // messages
-};
-
-// Bytes of a connection that belong to nothing that was read, by the kernel's counts:
-// they rise by what is received, and fall by what that brought. Never below 0, so that
-// nobody can save up for later.
-class UnreadBytes {
- public:
-  std::int64_t Update(std::int64_t received, std::int64_t acknowledged, const ReadBytes& read,
-                      std::int64_t now_ns);
-
- private:
-  std::int64_t unread_ = 0;
-  std::int64_t balance_ = 0;  // received, less all that may be, as of the last time
-  std::int64_t first_ns_ = 0;
-};
+// What an address counts under: "10.0.0.7", also where it came as IPv4 in IPv6, or
+// "2001:db8:0:1::/64".
+std::string PrefixOf(const sockaddr_storage& address);
 
 }  // namespace palpate

@@ -1,4 +1,6 @@
+#include <arpa/inet.h>
 #include <gtest/gtest.h>
+#include <netinet/in.h>
 
 #include <algorithm>
 #include <numeric>
@@ -11,9 +13,9 @@ namespace {
 
 constexpr std::int64_t kMiB = 1 << 20;
 
-std::vector<BoundedConnection> Strangers(std::size_t count, const std::string& address,
+std::vector<BoundedConnection> Strangers(std::size_t count, const std::string& prefix,
                                          std::int64_t bytes) {
-  return std::vector<BoundedConnection>(count, {address, bytes});
+  return std::vector<BoundedConnection>(count, {prefix, bytes});
 }
 
 TEST(ConnectionLimits, AClientWithAFullFirstCallIsLeftAlone) {
@@ -40,6 +42,68 @@ TEST(ConnectionLimits, OfThoseThatSendTooMuchTogetherTheGreatestGo) {
   ASSERT_EQ(cuts.size(), 2u);
   EXPECT_EQ(cuts[0].connection, 7u);
   EXPECT_LT(cuts[1].connection, 12u);
+}
+
+sockaddr_storage Address(const std::string& text) {
+  sockaddr_storage address{};
+  const bool is_v6 = text.find(':') != std::string::npos;
+  address.ss_family = is_v6 ? AF_INET6 : AF_INET;
+  void* const bytes = is_v6
+                          ? static_cast<void*>(&reinterpret_cast<sockaddr_in6&>(address).sin6_addr)
+                          : static_cast<void*>(&reinterpret_cast<sockaddr_in&>(address).sin_addr);
+  EXPECT_EQ(inet_pton(address.ss_family, text.c_str(), bytes), 1) << text;
+  return address;
+}
+
+BoundedConnection From(const std::string& address, std::int64_t bytes = 1000) {
+  return {PrefixOf(Address(address)), bytes};
+}
+
+TEST(ConnectionLimits, AddressesCountByTheirPrefix) {
+  EXPECT_EQ(PrefixOf(Address("10.0.0.7")), "10.0.0.7");
+  EXPECT_EQ(PrefixOf(Address("::ffff:10.0.0.7")), "10.0.0.7");
+  EXPECT_EQ(PrefixOf(Address("2001:db8:0:1:2:3:4:5")), "2001:db8:0:1::/64");
+  EXPECT_EQ(PrefixOf(Address("2001:db8:0:1::6")), PrefixOf(Address("2001:db8:0:1:2:3:4:5")));
+  EXPECT_NE(PrefixOf(Address("2001:db8:0:2::6")), PrefixOf(Address("2001:db8:0:1::6")));
+}
+
+// The newcomer's address is the first and the last in any order of text.
+TEST(ConnectionLimits, OfManyPrefixesWithOneEachTheOldestGoes) {
+  for (const std::string newcomer : {"2001:db8::1", "2001:db8:ffff::1", "10.0.0.7"}) {
+    std::vector<BoundedConnection> all;
+    for (std::size_t n = 1; n <= kStrangerBounds.connections; ++n) {
+      all.push_back(From("2001:db8:" + std::to_string(100 + n % 7 * 100 + n) + "::1"));
+    }
+    EXPECT_TRUE(CutsAmong(all, kStrangerBounds).empty());
+    all.push_back(From(newcomer));
+    const auto cuts = CutsAmong(all, kStrangerBounds);
+    ASSERT_EQ(cuts.size(), 1u) << newcomer;
+    EXPECT_EQ(cuts[0].connection, 0u) << newcomer;
+  }
+}
+
+TEST(ConnectionLimits, ManyAddressesOfOnePrefixTakeOnlyItsOwnPlaces) {
+  std::vector<BoundedConnection> all{From("2001:db8:0:9::1"), From("10.0.0.7")};
+  for (std::size_t n = 1; n <= 3 * kStrangerBounds.connections; ++n) {
+    all.push_back(From("2001:db8:0:1::" + std::to_string(n)));
+  }
+  all.push_back(From("2001:db8:0:2::1"));
+  std::vector<std::size_t> cut;
+  for (const ConnectionCut& one : CutsAmong(all, kStrangerBounds)) cut.push_back(one.connection);
+  std::vector<std::size_t> oldest(all.size() - kStrangerBounds.connections);
+  std::iota(oldest.begin(), oldest.end(), std::size_t{2});
+  EXPECT_EQ(cut, oldest);
+}
+
+TEST(ConnectionLimits, OfThoseThatSendTooMuchTogetherThePrefixThatSentMostLoses) {
+  std::vector<BoundedConnection> all;
+  for (int n = 1; n <= 63; ++n) {
+    all.push_back(From("2001:db8:0:1::" + std::to_string(n), kMiB));
+  }
+  all.push_back(From("2001:db8:0:2::1", 4 * kMiB));  // a large first call
+  const auto cuts = CutsAmong(all, kStrangerBounds);
+  ASSERT_EQ(cuts.size(), 3u);
+  for (const ConnectionCut& one : cuts) EXPECT_LT(one.connection, 63u);
 }
 
 TEST(ConnectionLimits, OfTooManyTheOldestOfTheAddressWithMostGoes) {
@@ -78,65 +142,6 @@ TEST(ConnectionLimits, WhateverComesTheRestKeepsWithinTheBounds) {
     ASSERT_LE(count, kStrangerBounds.connections);
     ASSERT_LE(bytes, kStrangerBounds.bytes_of_all);
   }
-}
-
-constexpr std::int64_t kSecondNs = 1'000'000'000;
-
-TEST(UnreadBytes, RiseByWhatNobodyReads) {
-  UnreadBytes unread;
-  EXPECT_EQ(unread.Update(2000, 0, {}, kSecondNs), 2000);
-  EXPECT_EQ(unread.Update(2000 + kMiB, 0, {}, kSecondNs), 2000 + kMiB);
-}
-
-TEST(UnreadBytes, FallAgainWhenItIsRead) {
-  UnreadBytes unread;
-  EXPECT_GT(unread.Update(4 * kMiB + 500, 0, {}, kSecondNs), 4 * kMiB);
-  EXPECT_EQ(unread.Update(4 * kMiB + 500, 0, {.calls = 1, .messages = 1, .message_bytes = 4 * kMiB},
-                          kSecondNs),
-            0);
-}
-
-// Each leaves what was under way: windows of some MiB at most.
-TEST(UnreadBytes, UploadsThatAreRefusedNowAndThenAreForgiven) {
-  UnreadBytes unread;
-  std::int64_t bytes = 0;
-  for (std::int64_t hour = 1; hour <= 1000; ++hour) {
-    bytes = unread.Update(hour * 4 * kMiB, 0, {.calls = hour}, hour * 3600 * kSecondNs);
-  }
-  EXPECT_LT(bytes, kKnownBounds.bytes_of_one / 2);
-}
-
-// What was measured of a stream at 1 kHz for a year, of downloads and of calls.
-TEST(UnreadBytes, ClientsThatOnlyCallAreNeverCutOff) {
-  UnreadBytes unread;
-  ReadBytes read;
-  std::int64_t received = 1000, acknowledged = 2000;
-  for (std::int64_t minute = 1; minute <= 525'600; ++minute) {
-    read.calls += 10;
-    read.messages += 10 + 60'000 / 2;
-    read.message_bytes += 10 * 20 + 60'000 / 2 * 2;
-    read.answers += 10 + 60'000;
-    received += 10 * 177 + 60'000 * 89 + 2 * kMiB / 1700;
-    acknowledged += 60'000 * 372 + 2 * kMiB;
-    ASSERT_LT(unread.Update(received, acknowledged, read, minute * 60 * kSecondNs), kMiB) << minute;
-  }
-}
-
-TEST(UnreadBytes, NothingIsSavedUp) {
-  UnreadBytes unread;
-  const ReadBytes read{.calls = 1'000'000, .answers = 100'000'000};
-  EXPECT_EQ(unread.Update(1000, 1 << 30, read, 3600 * kSecondNs), 0);
-  EXPECT_EQ(unread.Update(1000 + kMiB, 1 << 30, read, 3600 * kSecondNs), kMiB);
-}
-
-TEST(UnreadBytes, WhatIsSentInSmallPiecesCountsToo) {
-  UnreadBytes unread;
-  std::int64_t bytes = 0;
-  // 100 kB a second for an hour, beside idle calls.
-  for (std::int64_t second = 1; second <= 3600; ++second) {
-    bytes = unread.Update(second * 100'000, 0, {.calls = second}, second * kSecondNs);
-  }
-  EXPECT_GT(bytes, kKnownBounds.bytes_of_one);
 }
 
 }  // namespace
