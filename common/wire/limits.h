@@ -5,8 +5,8 @@
 
 namespace palpate {
 
-// Of the values of one block of an edit (edit.proto), in bytes: with all else of its
-// message below the 4 MiB that a message may have.
+// Of the values of one block of an edit (edit.proto), in bytes. It decides how long a message may
+// be: 64 KiB more, for all else of it.
 inline constexpr std::size_t kMostBlockBytes = std::size_t{3} << 20;
 
 }  // namespace palpate

@@ -20,18 +20,25 @@
 #include <vector>
 
 #include "common/error/error.h"
+#include "common/wire/limits.h"
 #include "server/rpc/open_files.h"
 
 namespace palpate {
 namespace {
 
-constexpr int kMaxMessageBytes = 4 << 20;
-constexpr int kMostCallsPerConnection = 256;
+// The largest message of a client is an edit with a block of values.
+constexpr int kMaxMessageBytes = static_cast<int>(kMostBlockBytes) + (64 << 10);
+// HTTP/2 recommends at least 100. gRPC's clients hold back further calls without a word, the
+// emergency stop, too, if it shares the connection.
+constexpr int kMostCallsPerConnection = 100;
 constexpr int kHandshakeTimeoutMs = 10'000;
 constexpr int kKeepaliveMs = 20'000;
 constexpr int kKeepaliveTimeoutMs = 10'000;
 constexpr int kIdleMs = 600'000;
 constexpr int kMostThreads = 256;
+// What gRPC counts for all clients. Above it gRPC ends calls and connections of any client. With
+// 128 MiB, two known clients with endless headers ended streams of others and connections on the
+// socket within 15 s, and the process grew as much as with 512 MiB.
 constexpr std::size_t kMostBytes = std::size_t{512} << 20;
 constexpr std::chrono::seconds kShutdownPatience{1};
 
