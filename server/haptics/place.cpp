@@ -188,7 +188,7 @@ Vec3 LocalPosition(const HapticCell& cell, const Carrier& carrier) {
 }
 
 std::uint8_t FacesOf(const Carrier& carrier) {
-  std::uint8_t faces = 0x3f;
+  std::uint8_t faces = carrier.count > 0 ? 0x3f : 0;
   for (int n = 0; n < carrier.count; ++n) faces &= kVertexFaces[carrier.vertex[n]];
   return faces;
 }

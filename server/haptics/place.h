@@ -76,14 +76,15 @@ double DensityAt(const HapticCell& cell, const Carrier& carrier);
 // Local index coordinates of the point, exact on the faces that hold it.
 Vec3 LocalPosition(const HapticCell& cell, const Carrier& carrier);
 
-// The tetrahedra that have the whole simplex: bit t, tetrahedron t.
+// The tetrahedra that have the whole simplex: bit t, tetrahedron t. No vertices, no
+// tetrahedra: whoever goes on with one counts on a vertex that both share.
 inline std::uint32_t TetrahedraAt(const TetrahedralComplex& complex, const Carrier& carrier) {
-  std::uint32_t tetrahedra = ~std::uint32_t{0};
+  std::uint32_t tetrahedra = carrier.count > 0 ? ~std::uint32_t{0} : 0;
   for (int n = 0; n < carrier.count; ++n) tetrahedra &= complex.tetrahedra_at[carrier.vertex[n]];
   return tetrahedra;
 }
 
-// Faces that hold the whole simplex.
+// Faces that hold the whole simplex; none without vertices.
 std::uint8_t FacesOf(const Carrier& carrier);
 
 // The place of a point of a tetrahedron of a decomposed cell; `carrier` has its

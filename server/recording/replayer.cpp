@@ -30,6 +30,22 @@ std::string Text(const Field& field) {
   }
 }
 
+// Places and decompositions are kept for as long as a revision says that they hold.
+void CheckOrder(const RecordedScene& before, const RecordedScene& scene) {
+  const bool same_geometry = scene.geometry_revision == before.geometry_revision;
+  const bool same_volume = scene.volume_revision == before.volume_revision;
+  const bool good = scene.geometry_revision >= before.geometry_revision &&
+                    scene.volume_revision >= before.volume_revision &&
+                    (!same_geometry ||
+                     (scene.method == before.method && scene.X_DI.linear == before.X_DI.linear &&
+                      scene.X_DI.translation == before.X_DI.translation &&
+                      scene.loaded_revision == before.loaded_revision)) &&
+                    (!same_volume || scene.volume_hash == before.volume_hash);
+  if (good) return;
+  throw Error(ErrorKind::kInvalidArgument,
+              "the recording is damaged: its scenes contradict each other");
+}
+
 }  // namespace
 
 void Replayer::Take(const RecordedChunk& chunk) {
@@ -47,7 +63,8 @@ void Replayer::Take(const RecordedChunk& chunk) {
 
 void Replayer::Begin(const RecordedScene& recorded) {
   ++counts_.scenes;
-  scene_revision_ = recorded.scene_revision;
+  if (last_) CheckOrder(*last_, recorded);
+  last_ = recorded;
   if (!computation_ || !(recorded.safety == safety_)) {
     computation_.emplace(recorded.safety);
     safety_ = recorded.safety;
@@ -91,7 +108,7 @@ void Replayer::Take(const RecordedSamples& samples) {
 
 void Replayer::Take(const TickSample& sample) {
   ++counts_.ticks;
-  const bool has_scene = sample.scene_revision == scene_revision_;
+  const bool has_scene = last_ && sample.scene_revision == last_->scene_revision;
   if (has_scene && scene_.volume && in_step_) {
     ++counts_.compared;
     counts_.contacts += sample.contact;

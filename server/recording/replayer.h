@@ -49,7 +49,8 @@ class Replayer {
   explicit Replayer(RecordedVolumeLoader load) : follower_(std::move(load)) {}
 
   // In the order of the recording. Throws Error: kConflict for keyframes of another
-  // version of this program.
+  // version of this program, and for states that no servo has; kInvalidArgument for
+  // scenes that contradict each other.
   void Take(const RecordedChunk& chunk);
 
   const ReplayCounts& counts() const { return counts_; }
@@ -67,9 +68,9 @@ class Replayer {
   VolumeFollower follower_;
   std::optional<TickComputation> computation_;
   SafetyLimits safety_{};
-  std::optional<std::uint64_t> scene_revision_;  // of the last scene
-  Scene scene_;                                  // volume null: not known
-  bool in_step_ = false;                         // computation_ is at the next tick
+  std::optional<RecordedScene> last_;
+  Scene scene_;           // volume null: not known
+  bool in_step_ = false;  // computation_ is at the next tick
   ReplayCounts counts_;
   std::optional<ReplayDifference> difference_;
   std::optional<Error> volume_error_;

@@ -72,8 +72,9 @@ std::shared_ptr<const VolumeSnapshot> VolumeFollower::TryFollow(
   }
   // Also where the voxels are the same afterwards, as after an edit and its undo:
   // their bricks have changed.
-  const bool fits =
-      !scene.voxels_missing && !edits.empty() && edits.front().base_revision == base_revision_;
+  const bool fits = !scene.voxels_missing && !edits.empty() &&
+                    edits.front().base_revision == base_revision_ &&
+                    edits.front().volume_revision == scene.volume_revision;
   const std::shared_ptr<const VolumeSnapshot> changed = fits ? WithEdits(*volume_, edits) : nullptr;
   if (changed && HashVolume(*changed) == scene.volume_hash) {
     volume_ = changed;

@@ -35,5 +35,16 @@ TEST(MoveInBox, BeginsWhereTheSimplexIs) {
   EXPECT_EQ(place.faces, 0x11);
 }
 
+// All tetrahedra would be more than a cell has, and all faces more than a cone has room for.
+TEST(Place, WithoutVerticesIsInNoTetrahedronAndOnNoFace) {
+  const auto volume = testing::MakeVolume({4, 4, 4}, [](int i, int, int) { return i; });
+  const HapticSurface surface =
+      MakeHapticSurface(*volume, AffineMap(), 0.5, DecompositionMethod::kTpbcc, 1);
+  CellCache cache;
+  const TetrahedralComplex& complex = cache.Decomposed(surface, Vec3i(1, 1, 1)).parts.complex;
+  EXPECT_EQ(TetrahedraAt(complex, Carrier()), 0u);
+  EXPECT_EQ(FacesOf(Carrier()), 0u);
+}
+
 }  // namespace
 }  // namespace palpate

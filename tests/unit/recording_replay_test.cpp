@@ -1,6 +1,8 @@
 // A recording holds enough: its ticks, computed again, give the same bits.
 #include <gtest/gtest.h>
 
+#include <functional>
+#include <limits>
 #include <memory>
 #include <random>
 #include <string>
@@ -264,6 +266,72 @@ TEST_F(RecordingReplay, ScenesThatCannotBeAreRefused) {
   EXPECT_TRUE(replayer.volume_error());
   EXPECT_EQ(testing::Refusal([&] { replayer.Take(RecordedKeyframe{.tick = 0, .bytes = "old"}); }),
             ErrorKind::kConflict);
+}
+
+// As somebody might write them into a file with good checksums.
+TEST_F(RecordingReplay, StatesThatNoServoHasAreRefused) {
+  const auto volume = Gyroid();
+  SceneRig rig(volume);
+  rig.Record(Output());
+  rig.Run(3000);
+  rig.Stop();
+  const auto replay = [&](const std::function<void(Place&)>& attack) {
+    Replayer replayer([&](const RecordedScene&) { return volume; });
+    RecordingReader reader = testing::ReadBytes(*bytes_);
+    while (std::optional<RecordedChunk> chunk = reader.Next()) {
+      if (auto* keyframe = std::get_if<RecordedKeyframe>(&*chunk)) {
+        ServoMemory memory;
+        EXPECT_TRUE(Load(keyframe->bytes, memory));
+        Proxy& proxy = memory.renderer.proxy;
+        if (proxy.placed && proxy.place.kind == Place::Kind::kSimplex) attack(proxy.place);
+        keyframe->bytes = Save(memory).view();
+      }
+      replayer.Take(*chunk);
+    }
+  };
+  const std::vector<std::pair<const char*, std::function<void(Place&)>>> attacks = {
+      {"weights below 0", [](Place& place) { place.carrier.weight.fill(-1.0); }},
+      {"weights that are no numbers",
+       [](Place& place) { place.carrier.weight.fill(std::numeric_limits<double>::quiet_NaN()); }},
+      {"no vertices", [](Place& place) { place.carrier.count = 0; }},
+      {"a tetrahedron that no cell has", [](Place& place) { place.tetrahedron = 31; }},
+  };
+  EXPECT_EQ(testing::Refusal([&] { replay([](Place&) {}); }), std::nullopt);
+  for (const auto& [name, attack] : attacks) {
+    EXPECT_EQ(testing::Refusal([&] { replay(attack); }), ErrorKind::kConflict) << name;
+  }
+}
+
+// The servo keeps places and cells for as long as their revisions are the same.
+TEST_F(RecordingReplay, ScenesThatContradictEachOtherAreRefused) {
+  const auto volume = Gyroid();
+  SceneRig rig(volume);
+  rig.Record(Output());
+  rig.Run(100);
+  rig.Stop();
+  RecordingReader reader = testing::ReadBytes(*bytes_);
+  const RecordedScene good = std::get<RecordedScene>(*reader.Next());
+  const auto refusal_of = [&](const std::function<void(RecordedScene&)>& change) {
+    Replayer replayer([&](const RecordedScene&) { return volume; });
+    replayer.Take(good);
+    RecordedScene next = good;
+    ++next.scene_revision;
+    change(next);
+    return testing::Refusal([&] { replayer.Take(next); });
+  };
+  EXPECT_EQ(refusal_of([](RecordedScene& next) { next.isovalue += 1.0; }), std::nullopt);
+  EXPECT_EQ(refusal_of([](RecordedScene& next) {
+              ++next.geometry_revision;
+              next.method = DecompositionMethod::kBcc;
+            }),
+            std::nullopt);
+  const auto contradicts = ErrorKind::kInvalidArgument;
+  EXPECT_EQ(refusal_of([](RecordedScene& next) { next.method = DecompositionMethod::kBcc; }),
+            contradicts);
+  EXPECT_EQ(refusal_of([](RecordedScene& next) { next.X_DI.translation.x() += 1.0; }), contradicts);
+  EXPECT_EQ(refusal_of([](RecordedScene& next) { --next.geometry_revision; }), contradicts);
+  EXPECT_EQ(refusal_of([](RecordedScene& next) { --next.volume_revision; }), contradicts);
+  EXPECT_EQ(refusal_of([](RecordedScene& next) { ++next.volume_hash.low; }), contradicts);
 }
 
 }  // namespace
