@@ -198,7 +198,7 @@ void RunDaemon(const LoadedConfig& loaded, const ConfigReader& read) {
   RecordingControl recording(session, pump,
                              {[&](const std::string& path) { return paths.CheckSave(path); },
                               [&](const std::string& path) { return paths.OpenToLoad(path); }},
-                             "palpated " PALPATE_VERSION, limits,
+                             "palpated " PALPATE_VERSION, limits, PassivityDeviceOf(device->spec()),
                              [](const std::string& line) { LogError("{}", line); });
   SeriesPlayer series(session);
   SessionKeeper keeper(state_folder, socket, ConfiguredVolume(config), ConfiguredSettings(config),

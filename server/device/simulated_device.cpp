@@ -45,8 +45,8 @@ DeviceSpec SimulatedDeviceSpec() {
   return spec;
 }
 
-SimulatedDevice::SimulatedDevice(std::unique_ptr<StylusScript> script)
-    : spec_(SimulatedDeviceSpec()), script_(std::move(script)) {
+SimulatedDevice::SimulatedDevice(std::unique_ptr<StylusScript> script, const DeviceSpec& spec)
+    : spec_(spec), script_(std::move(script)) {
   if (script_ == nullptr) {
     throw Error(ErrorKind::kInvalidArgument, "a simulated device needs a script for its hand");
   }

@@ -23,7 +23,8 @@ class SimulatedDevice final : public HapticDevice {
  public:
   // The hand starts at rest at the script's first target. Throws Error without a
   // script.
-  explicit SimulatedDevice(std::unique_ptr<StylusScript> script);
+  explicit SimulatedDevice(std::unique_ptr<StylusScript> script,
+                           const DeviceSpec& spec = SimulatedDeviceSpec());
 
   const DeviceSpec& spec() const override { return spec_; }
   void Start() override { started_ = true; }

@@ -8,13 +8,9 @@ namespace {
 
 using State = PassivityState;
 
-// Position resolution of the device.
-constexpr double kCountMm = 0.055;
-// The device's greatest force.
-constexpr double kMaxForceN = 3.3;
 // The full damper is that of a spring which acts this much early: twice the delay
 // of a tick in the device and half a tick of hold.
-constexpr double kLeadS = 3e-3;
+constexpr double kLeadTicks = 3.0;
 // More would itself vibrate under a light hand: it acts late, too.
 constexpr double kMaxDampingNSPerMm = 2.5e-3;
 // Time in which the stiffness comes back out of contact.
@@ -30,38 +26,40 @@ int Before(const State& state, int ticks) {
   return (state.newest - ticks + State::kPositionsKept) % State::kPositionsKept;
 }
 
-bool WithinACount(const Vec3& d_mm) { return d_mm.cwiseAbs().maxCoeff() <= kCountMm * kSlack; }
+bool WithinACount(const Vec3& d_mm, double count_mm) {
+  return d_mm.cwiseAbs().maxCoeff() <= count_mm * kSlack;
+}
 
-void Remember(const Vec3& p_DHip_mm, double dt_s, State& state) {
+void Remember(const Vec3& p_DHip_mm, double dt_s, double count_mm, State& state) {
   const double now_s = state.started ? state.time_s[state.newest] + dt_s : 0.0;
   state.newest = (state.newest + 1) % State::kPositionsKept;
   state.p_DHip_mm[state.newest] = p_DHip_mm;
   state.time_s[state.newest] = now_s;
   state.positions = std::min(state.positions + 1, State::kPositionsKept);
-  const bool rests = state.started && WithinACount(p_DHip_mm - state.rest_mm);
+  const bool rests = state.started && WithinACount(p_DHip_mm - state.rest_mm, count_mm);
   state.rested_s = rests ? state.rested_s + dt_s : 0.0;
   if (!rests) state.rest_mm = p_DHip_mm;
   state.started = true;
 }
 
 // Whether the last `ticks` positions lie along a line of this slope.
-bool IsStraight(const State& state, int ticks, const Vec3& slope_mm_per_s) {
+bool IsStraight(const State& state, int ticks, const Vec3& slope_mm_per_s, double count_mm) {
   for (int n = 1; n < ticks; ++n) {
     const int at = Before(state, n);
     const double ago_s = state.time_s[state.newest] - state.time_s[at];
     const Vec3 moved_mm = state.p_DHip_mm[state.newest] - state.p_DHip_mm[at];
-    if (!WithinACount(moved_mm - slope_mm_per_s * ago_s)) return false;
+    if (!WithinACount(moved_mm - slope_mm_per_s * ago_s, count_mm)) return false;
   }
   return true;
 }
 
-Vec3 Velocity(const State& state) {
+Vec3 Velocity(const State& state, double count_mm) {
   Vec3 velocity_mm_per_s = Vec3::Zero();
   for (int n = 1; n < state.positions; ++n) {
     const int at = Before(state, n);
     const Vec3 moved_mm = state.p_DHip_mm[state.newest] - state.p_DHip_mm[at];
     const Vec3 slope = moved_mm / (state.time_s[state.newest] - state.time_s[at]);
-    if (!IsStraight(state, n, slope)) break;
+    if (!IsStraight(state, n, slope, count_mm)) break;
     velocity_mm_per_s = slope;
   }
   return velocity_mm_per_s;
@@ -73,25 +71,26 @@ double LeastAbsorbed(const State& state, const Vec3& moved_mm) {
 }
 
 // Energy that a spring gives back on the way out, its force cut off at the limit.
-double Stored(double stiffness_n_per_mm, double depth_mm) {
-  const double force_n = std::min(stiffness_n_per_mm * depth_mm, kMaxForceN);
+double Stored(double stiffness_n_per_mm, double depth_mm, double max_force_n) {
+  const double force_n = std::min(stiffness_n_per_mm * depth_mm, max_force_n);
   return force_n > 0.0 ? force_n * (depth_mm - force_n / (2.0 * stiffness_n_per_mm)) : 0.0;
 }
 
 // Share of the stiffness with which no more than `energy_mj` is stored.
-double Bearable(double stiffness_n_per_mm, double depth_mm, double energy_mj) {
-  if (Stored(stiffness_n_per_mm, depth_mm) <= energy_mj) return 1.0;
+double Bearable(double stiffness_n_per_mm, double depth_mm, double energy_mj, double max_force_n) {
+  if (Stored(stiffness_n_per_mm, depth_mm, max_force_n) <= energy_mj) return 1.0;
   if (!(energy_mj > 0.0)) return 0.0;
   // Above half the work of the greatest force, the cut-off takes part.
-  const double cut_off_mj = kMaxForceN * depth_mm - energy_mj;
+  const double cut_off_mj = max_force_n * depth_mm - energy_mj;
   const double stiffness = energy_mj <= cut_off_mj ? 2.0 * energy_mj / (depth_mm * depth_mm)
-                                                   : kMaxForceN * kMaxForceN / (2.0 * cut_off_mj);
+                                                   : max_force_n * max_force_n / (2.0 * cut_off_mj);
   return std::min(1.0, stiffness / stiffness_n_per_mm);
 }
 
 // The stiffness that the tank allows, and the damping that fills it.
-void Control(double stiffness_n_per_mm, double depth_mm, double dt_s, State& state) {
-  const double spring_mj = Stored(state.scale * stiffness_n_per_mm, depth_mm);
+void Control(double stiffness_n_per_mm, double depth_mm, double dt_s, double max_force_n,
+             State& state) {
+  const double spring_mj = Stored(state.scale * stiffness_n_per_mm, depth_mm, max_force_n);
   double forgiven_mj = kForgivenMjPerS * dt_s;
   if (depth_mm > 0.0) {
     // Not to the full, so that the damping stays.
@@ -101,7 +100,7 @@ void Control(double stiffness_n_per_mm, double depth_mm, double dt_s, State& sta
     forgiven_mj = std::min(forgiven_mj, missing_mj);
   }
   state.tank_mj += forgiven_mj;
-  state.tank_mj = std::min(state.tank_mj, Stored(stiffness_n_per_mm, depth_mm));
+  state.tank_mj = std::min(state.tank_mj, Stored(stiffness_n_per_mm, depth_mm, max_force_n));
 
   const double lacking_mj = spring_mj - state.tank_mj;
   state.damping = std::clamp(lacking_mj / kFullDampingMj, 0.0, 1.0);
@@ -109,8 +108,9 @@ void Control(double stiffness_n_per_mm, double depth_mm, double dt_s, State& sta
   const double soft = (lacking_mj - kFullDampingMj) / (kSoftMj - kFullDampingMj);
   state.distrust = std::max(state.distrust, std::clamp(soft, 0.0, 1.0));
   const double safe = std::min(1.0, kSafeNPerMm / stiffness_n_per_mm);
-  state.scale = std::min(1.0 - state.distrust * (1.0 - safe),
-                         Bearable(stiffness_n_per_mm, depth_mm, state.tank_mj + kCreditMj));
+  state.scale =
+      std::min(1.0 - state.distrust * (1.0 - safe),
+               Bearable(stiffness_n_per_mm, depth_mm, state.tank_mj + kCreditMj, max_force_n));
 }
 
 Vec3 Shortened(const Vec3& v, double length) {
@@ -119,25 +119,33 @@ Vec3 Shortened(const Vec3& v, double length) {
 }
 
 Vec3 Limited(const Vec3& force_D_n, double stiffness_n_per_mm, double depth_mm,
-             const State& state) {
+             const PassivityDevice& device, const State& state) {
+  const double max_force_n = device.max_force_n;
   const double force_n = force_D_n.norm();
   if (!(force_n > 0.0)) return Vec3::Zero();
   const Vec3 direction = force_D_n / force_n;
-  if (!(stiffness_n_per_mm * depth_mm > 0.0)) return direction * std::min(force_n, kMaxForceN);
-  const double full = std::min(stiffness_n_per_mm * kLeadS, kMaxDampingNSPerMm);
-  const Vec3 drag_n = -state.damping * full * Velocity(state);
+  if (!(stiffness_n_per_mm * depth_mm > 0.0)) return direction * std::min(force_n, max_force_n);
+  const double full =
+      std::min(stiffness_n_per_mm * (kLeadTicks * device.tick_s), kMaxDampingNSPerMm);
+  const Vec3 drag_n = -state.damping * full * Velocity(state, device.resolution_mm);
   // What is scaled is the spring, which is then cut off.
-  const double spring_n = std::min(state.scale * force_n, kMaxForceN);
-  const double along_n = std::clamp(spring_n + drag_n.dot(direction), 0.0, kMaxForceN);
+  const double spring_n = std::min(state.scale * force_n, max_force_n);
+  const double along_n = std::clamp(spring_n + drag_n.dot(direction), 0.0, max_force_n);
   // Across no more than along, so that the force stays continuous at contact.
   const Vec3 across = drag_n - drag_n.dot(direction) * direction;
-  return Shortened(along_n * direction + Shortened(across, along_n), kMaxForceN);
+  return Shortened(along_n * direction + Shortened(across, along_n), max_force_n);
 }
 
 }  // namespace
 
+bool IsDevice(const PassivityDevice& device) {
+  const double numbers[] = {device.resolution_mm, device.max_force_n, device.tick_s};
+  return std::ranges::all_of(numbers, [](double n) { return std::isfinite(n) && n > 0.0; });
+}
+
 Vec3 LimitToPassive(const Vec3& force_D_n, double stiffness_n_per_mm, double depth_mm,
-                    const Vec3& p_DHip_mm, double budget_mj, double dt_s, State& state) noexcept {
+                    const Vec3& p_DHip_mm, double budget_mj, double dt_s,
+                    const PassivityDevice& device, State& state) noexcept {
   Vec3 limited_D_n = Vec3::Zero();
   if (force_D_n.allFinite() && p_DHip_mm.allFinite() && dt_s > 0.0 &&
       std::isfinite(stiffness_n_per_mm + depth_mm + budget_mj + dt_s)) {
@@ -145,9 +153,9 @@ Vec3 LimitToPassive(const Vec3& force_D_n, double stiffness_n_per_mm, double dep
       const Vec3 moved_mm = p_DHip_mm - state.p_DHip_mm[state.newest];
       state.tank_mj += LeastAbsorbed(state, moved_mm) + budget_mj;
     }
-    Remember(p_DHip_mm, dt_s, state);
-    Control(stiffness_n_per_mm, depth_mm, dt_s, state);
-    limited_D_n = Limited(force_D_n, stiffness_n_per_mm, depth_mm, state);
+    Remember(p_DHip_mm, dt_s, device.resolution_mm, state);
+    Control(stiffness_n_per_mm, depth_mm, dt_s, device.max_force_n, state);
+    limited_D_n = Limited(force_D_n, stiffness_n_per_mm, depth_mm, device, state);
   } else {
     state = {};
   }

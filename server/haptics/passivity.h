@@ -36,6 +36,9 @@
 // Not covered: forces added after this stage; and a stage after it that lets the
 // force fall later than asked for (a slew limit), see `written_D_n`.
 //
+// The device is the caller's to say: its count, its greatest force, its tick. The constants
+// below are about hands.
+//
 // Units: N, mm, s; 1 N·mm = 1 mJ. Frame: D.
 // Threads: pure; one thread per state. Real-time: no allocation, no locks, O(1).
 // Source: time-domain passivity, B. Hannaford and J.-H. Ryu, IEEE Trans. Robotics
@@ -82,6 +85,18 @@ struct PassivityState {
   double rested_s = 0.0;
 };
 
+// What the control has to know of a device. Unless told otherwise, a Phantom Omni.
+struct PassivityDevice {
+  double resolution_mm = 0.055;  // of the position, above 0
+  double max_force_n = 3.3;      // on the hand, above 0
+  double tick_s = 1e-3;          // between two forces, above 0
+
+  bool operator==(const PassivityDevice&) const = default;
+};
+
+// All three are finite and above 0.
+bool IsDevice(const PassivityDevice& device);
+
 // What is left of the contact force.
 // force_D_n: spring, damper and friction. Magnets and the like bring energy in by
 //   design: add them to the result.
@@ -90,9 +105,9 @@ struct PassivityState {
 //   the hand's doing, because the surface was moved (τ, edits, a pop).
 // dt_s: since the last call; longer where ticks were missed.
 // Input that is not finite, or a time not above 0, gives no force and starts the
-// account anew. The result is finite and at most 3.3 N.
+// account anew. The result is finite and at most device.max_force_n.
 Vec3 LimitToPassive(const Vec3& force_D_n, double stiffness_n_per_mm, double depth_mm,
                     const Vec3& p_DHip_mm, double budget_mj, double dt_s,
-                    PassivityState& state) noexcept;
+                    const PassivityDevice& device, PassivityState& state) noexcept;
 
 }  // namespace palpate

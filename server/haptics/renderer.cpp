@@ -142,7 +142,7 @@ class Update {
       return force;
     }
     return LimitToPassive(force, settings_.stiffness_n_per_mm, depth_mm, state_.p_DHip_mm,
-                          budget_mj, dt_s_, state_.passivity);
+                          budget_mj, dt_s_, state_.device, state_.passivity);
   }
 
   // In the tick of the pop the force is what it was; it fades from there.

@@ -48,6 +48,7 @@ struct RendererMemory {
 };
 
 struct RendererState : RendererMemory {
+  PassivityDevice device;  // the same for all steps
   CellCache cache;
 };
 

@@ -62,6 +62,7 @@ class ByteReader {
     const auto size = Get<std::uint32_t>();
     return std::string(GetBytes(size));
   }
+  bool at_end() const { return rest_.empty(); }
   void ExpectEnd() const {
     if (!rest_.empty()) throw DamagedBytes("too long");
   }

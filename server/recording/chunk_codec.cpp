@@ -32,8 +32,8 @@ AffineMap GetMap(ByteReader& reader) {
 void PutSafety(const SafetyLimits& limits, ByteWriter& writer) {
   const auto& [max_force_n, max_slew, ramp_in_s, continuous_force_n, thermal_time_s, max_speed,
                max_missed_ticks, faults_stay, starts_on, stop_buttons] = limits;
-  for (const double number : {max_force_n, max_slew, ramp_in_s, continuous_force_n,
-                              thermal_time_s, max_speed, max_missed_ticks}) {
+  for (const double number : {max_force_n, max_slew, ramp_in_s, continuous_force_n, thermal_time_s,
+                              max_speed, max_missed_ticks}) {
     writer.Put(number);
   }
   writer.Put(faults_stay);
@@ -53,6 +53,19 @@ SafetyLimits GetSafety(ByteReader& reader) {
   starts_on = GetFlag(reader);
   stop_buttons = reader.Get<std::uint32_t>();
   return limits;
+}
+
+void PutDevice(const PassivityDevice& device, ByteWriter& writer) {
+  const auto& [resolution_mm, max_force_n, tick_s] = device;
+  for (const double number : {resolution_mm, max_force_n, tick_s}) writer.Put(number);
+}
+
+PassivityDevice GetDevice(ByteReader& reader) {
+  PassivityDevice device;
+  auto& [resolution_mm, max_force_n, tick_s] = device;
+  for (double* number : {&resolution_mm, &max_force_n, &tick_s}) *number = reader.Get<double>();
+  if (!IsDevice(device)) throw DamagedBytes("damaged: of a device that cannot be");
+  return device;
 }
 
 Payload Encode(const RecordedSamples& samples) {
@@ -83,6 +96,7 @@ Payload Encode(const RecordedScene& scene) {
   writer.Put(scene.tick_period_s);
   PutSafety(scene.safety, writer);
   writer.Put(scene.forces_off);
+  PutDevice(scene.device, writer);
   return {ChunkType::kScene, std::move(writer).Take()};
 }
 
@@ -109,6 +123,8 @@ RecordedScene DecodeScene(ByteReader& reader) {
   scene.tick_period_s = reader.Get<double>();
   scene.safety = GetSafety(reader);
   scene.forces_off = GetFlag(reader);
+  if (reader.at_end()) return scene;  // of version 2
+  scene.device = GetDevice(reader);
   return scene;
 }
 

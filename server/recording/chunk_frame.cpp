@@ -91,9 +91,10 @@ RecordingHeader ReadHeader(std::istream& stream, const std::string& file) {
   }
   ByteReader start(std::string_view(bytes).substr(kMagic.size()));
   const auto version = start.Get<std::uint32_t>();
-  if (version != kRecordingVersion) {
+  if (version < kOldestRecordingVersion || version > kRecordingVersion) {
     Refuse(file, "is a recording of version " + std::to_string(version) +
-                     ", or damaged; this program reads version " +
+                     ", or damaged; this program reads versions " +
+                     std::to_string(kOldestRecordingVersion) + " to " +
                      std::to_string(kRecordingVersion));
   }
   const auto program_bytes = start.Get<std::uint32_t>();

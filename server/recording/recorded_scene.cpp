@@ -22,7 +22,7 @@ bool IsPlaceOfVolume(const AffineMap& X_DI) {
 }  // namespace
 
 RecordedScene ToRecorded(const Scene& scene, const VolumeHash& hash, double tick_period_s,
-                         const SafetyLimits& safety) {
+                         const SafetyLimits& safety, const PassivityDevice& device) {
   return {.scene_revision = scene.scene_revision,
           .settings_revision = scene.settings_revision,
           .volume_revision = scene.volume->revision(),
@@ -38,7 +38,8 @@ RecordedScene ToRecorded(const Scene& scene, const VolumeHash& hash, double tick
           .spacing_mm = scene.volume->metadata().spacing_mm,
           .tick_period_s = tick_period_s,
           .safety = safety,
-          .forces_off = scene.forces_off};
+          .forces_off = scene.forces_off,
+          .device = device};
 }
 
 Scene ToScene(const RecordedScene& recorded, std::shared_ptr<const VolumeSnapshot> volume,

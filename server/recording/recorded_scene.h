@@ -10,9 +10,9 @@
 
 namespace palpate {
 
-// `hash`: of the scene's volume. safety: of the servo.
+// `hash`: of the scene's volume. safety, device: of the servo.
 RecordedScene ToRecorded(const Scene& scene, const VolumeHash& hash, double tick_period_s,
-                         const SafetyLimits& safety);
+                         const SafetyLimits& safety, const PassivityDevice& device);
 
 // A scene in which a tick gives the bits that were recorded. `hash`: of `volume`.
 // Throws Error: kConflict for another volume than the recorded one, or settings

@@ -16,6 +16,7 @@
 
 #include "common/geometry/geometry.h"
 #include "common/isosurface/decomposition.h"
+#include "server/haptics/passivity.h"
 #include "server/haptics/settings.h"
 #include "server/recording/volume_hash.h"
 #include "server/servo/tick_sample.h"
@@ -59,6 +60,8 @@ struct RecordedScene {
   double tick_period_s = 0.0;
   SafetyLimits safety{};
   bool forces_off = false;
+  // Recordings of version 2 do not have it: they are felt as with an Omni.
+  PassivityDevice device{};
 };
 
 struct RecordedBrick {

@@ -27,16 +27,19 @@ struct Running {
 
 RecordingControl::RecordingControl(Session& session, Pump& pump, RecordingPaths paths,
                                    std::string program, const SafetyLimits& safety,
+                                   const PassivityDevice& device,
                                    std::function<void(const std::string&)> report)
     : session_(session),
       pump_(pump),
       paths_(std::move(paths)),
       program_(std::move(program)),
       safety_(safety),
+      device_(device),
       report_(std::move(report)) {}
 
 void RecordingControl::OnScene(const Scene& scene, std::span<const BrickChange> changes) {
-  RecordedScene recorded = ToRecorded(scene, HashVolume(*scene.volume), kTickPeriodS, safety_);
+  RecordedScene recorded =
+      ToRecorded(scene, HashVolume(*scene.volume), kTickPeriodS, safety_, device_);
   // Freed after the lock is: a volume takes its time.
   std::shared_ptr<const VolumeSnapshot> before = scene.volume;
   const std::lock_guard lock(mutex_);

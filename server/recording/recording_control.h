@@ -36,9 +36,11 @@ struct RecordingPaths {
 class RecordingControl final : public SceneListener {
  public:
   // Listens to the session: before its first Load. `program`: name and version;
-  // `safety`: the servo's. `report`: told by any thread when a recording ends early, a line.
+  // `safety`, `device`: the servo's. `report`: told by any thread when a recording ends early, a
+  // line.
   RecordingControl(Session& session, Pump& pump, RecordingPaths paths, std::string program,
-                   const SafetyLimits& safety, std::function<void(const std::string&)> report = {});
+                   const SafetyLimits& safety, const PassivityDevice& device,
+                   std::function<void(const std::string&)> report = {});
   ~RecordingControl() override { End(); }
 
   void OnScene(const Scene& scene, std::span<const BrickChange> changes) override;
@@ -68,6 +70,7 @@ class RecordingControl final : public SceneListener {
   const RecordingPaths paths_;
   const std::string program_;
   const SafetyLimits safety_;
+  const PassivityDevice device_;
   const std::function<void(const std::string&)> report_;
 
   // Start, Stop and the beginning of replays, one after the other.

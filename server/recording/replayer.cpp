@@ -65,9 +65,10 @@ void Replayer::Begin(const RecordedScene& recorded) {
   ++counts_.scenes;
   if (last_) CheckOrder(*last_, recorded);
   last_ = recorded;
-  if (!computation_ || !(recorded.safety == safety_)) {
-    computation_.emplace(recorded.safety);
+  if (!computation_ || !(recorded.safety == safety_) || !(recorded.device == device_)) {
+    computation_.emplace(recorded.safety, recorded.device);
     safety_ = recorded.safety;
+    device_ = recorded.device;
     in_step_ = false;
   }
   std::shared_ptr<const VolumeSnapshot> volume = follower_.Follow(recorded);

@@ -68,6 +68,7 @@ class Replayer {
   VolumeFollower follower_;
   std::optional<TickComputation> computation_;
   SafetyLimits safety_{};
+  PassivityDevice device_{};
   std::optional<RecordedScene> last_;
   Scene scene_;           // volume null: not known
   bool in_step_ = false;  // computation_ is at the next tick

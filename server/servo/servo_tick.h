@@ -16,7 +16,7 @@ class ServoTick {
  public:
   // Borrows both. forces: what the operator says, where there is one.
   ServoTick(HapticDevice& device, const SafetyLimits& limits, ForceSwitch* forces = nullptr)
-      : device_(device), forces_(forces), computation_(limits) {}
+      : device_(device), forces_(forces), computation_(limits, PassivityDeviceOf(device.spec())) {}
   explicit ServoTick(HapticDevice& device) : ServoTick(device, LimitsFor(device.spec(), 0)) {}
 
   // `scene` stays valid until the return.

@@ -24,9 +24,15 @@ struct TickInput {
   std::uint64_t missed_ticks = 0;  // so far
 };
 
+// What a device says of itself, at the servo's rate; the Omni's numbers for what it leaves open.
+PassivityDevice PassivityDeviceOf(const DeviceSpec& spec);
+
 class TickComputation {
  public:
-  explicit TickComputation(const SafetyLimits& limits) : safety_(limits) {}
+  explicit TickComputation(const SafetyLimits& limits, const PassivityDevice& device = {})
+      : safety_(limits) {
+    renderer_.device = device;
+  }
 
   // All of the sample but its times. `scene` stays valid until the return.
   TickSample Run(const Scene& scene, const TickInput& input) noexcept;

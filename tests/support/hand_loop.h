@@ -37,6 +37,7 @@ struct Loop {
   bool falls_at_once = false;  // the slew limit holds for a rising force only
   int flicker_ticks = 0;       // every so often the sensor is a count off; 0: never
   int missed_ticks = 0;        // every so often nothing is rendered; 0: never
+  double count_mm = kSensorCountMm;
 };
 
 struct LoopResult {
@@ -86,9 +87,9 @@ class HandLoop {
   Vec3 Aim() const { return (hand_.aim_mm - p_mm_).normalized(); }
 
   Vec3 Sensed(int tick) const {
-    Vec3 counts = (p_mm_ / kSensorCountMm).array().round();
+    Vec3 counts = (p_mm_ / loop_.count_mm).array().round();
     if (loop_.flicker_ticks > 0 && tick % loop_.flicker_ticks == 0) counts += Vec3(0, 0, 1);
-    return counts * kSensorCountMm;
+    return counts * loop_.count_mm;
   }
 
   void Tick(int tick, const RenderTick& render) {

@@ -37,8 +37,9 @@ inline std::vector<BrickChange> Carve(const VolumeSnapshot& volume, std::mt19937
 
 class SceneRig {
  public:
-  explicit SceneRig(std::shared_ptr<const VolumeSnapshot> volume)
-      : device_(std::make_unique<ExploreScript>(Vec3(-80, -60, -35), Vec3(80, 60, 35), 1)),
+  explicit SceneRig(std::shared_ptr<const VolumeSnapshot> volume,
+                    const DeviceSpec& spec = SimulatedDeviceSpec())
+      : device_(std::make_unique<ExploreScript>(Vec3(-80, -60, -35), Vec3(80, 60, 35), 1), spec),
         tick_(device_) {
     device_.Start();
     scene_.settings.damping_n_s_per_m = 0.7;
@@ -112,7 +113,8 @@ class SceneRig {
   }
   void Note(std::uint64_t changed_bytes) {
     recorder_->NoteScene(
-        ToRecorded(scene_, HashVolume(*volume_), kTickPeriodS, LimitsFor(device_.spec(), 0)),
+        ToRecorded(scene_, HashVolume(*volume_), kTickPeriodS, LimitsFor(device_.spec(), 0),
+                   PassivityDeviceOf(device_.spec())),
         volume_, changed_bytes);
   }
 

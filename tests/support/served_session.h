@@ -37,7 +37,8 @@ class ServedSession {
                                  return PathPolicy({.load_folders = {"/"}}).OpenToLoad(path);
                                }},
                               "test",
-                              SafetyLimits{}};
+                              SafetyLimits{},
+                              PassivityDevice{}};
   SimulatedDevice device_{std::make_unique<PathScript>(std::vector<Vec3>{Vec3::Zero()}, 1.0)};
   ServoLoop servo_{device_, data_.inbox(), data_.outbox(), {}, SafetyLimits{}};
   const ForceWatch forces_{data_.outbox().last};

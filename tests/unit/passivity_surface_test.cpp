@@ -52,7 +52,7 @@ LoopResult TouchSphere(const Hand& hand, double stiffness, bool is_controlled, c
     const Vec3 plain_n = stiffness * push_mm;
     if (!is_controlled) return plain_n;
     state.written_D_n.col(0) = written;
-    return LimitToPassive(plain_n, stiffness, push_mm.norm(), p, 0.0, dt_s, state);
+    return LimitToPassive(plain_n, stiffness, push_mm.norm(), p, 0.0, dt_s, {}, state);
   };
   return HandLoop(hand, loop).Run(render, [&](const Vec3& p) {
     return (measured.Follow(p) - p).norm();
@@ -234,7 +234,7 @@ SlideResult SlideOnBumps(double stiffness, double mm_per_voxel, bool is_quantise
     const Vec3 push_mm = bumps.Follow(hip) - hip;
     const Vec3 plain_n = stiffness * push_mm;
     const Vec3 force_n =
-        LimitToPassive(plain_n, stiffness, push_mm.norm(), hip, 0.0, kLoopTickS, state);
+        LimitToPassive(plain_n, stiffness, push_mm.norm(), hip, 0.0, kLoopTickS, {}, state);
     if (n < 1000 || plain_n.isZero()) continue;
     const double plain = plain_n.norm();
     const double off = (force_n - plain_n).norm() / plain;

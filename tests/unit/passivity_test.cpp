@@ -34,6 +34,7 @@ struct Wall {
   double damping_n_s_per_m = 0.0;
   double viscosity_n_s_per_m = 0.0;
   bool tells_written = true;  // what a slew limit left of the force is told
+  PassivityDevice device{};
 };
 
 // Solid below z = 0.
@@ -55,7 +56,7 @@ class PlaneRenderer {
     if (!wall_.is_controlled) return plain_n;
     if (wall_.tells_written) state_.written_D_n.col(0) = written_n;
     const Vec3 force_n = LimitToPassive(plain_n, wall_.stiffness_n_per_mm, Depth(p_DHip_mm),
-                                        p_DHip_mm, 0.0, dt_s, state_);
+                                        p_DHip_mm, 0.0, dt_s, wall_.device, state_);
     time_s_ += dt_s;
     if (time_s_ > 1.0 && plain_n.norm() > 0.0) Note(plain_n, force_n);
     return force_n;
@@ -315,6 +316,42 @@ TEST(Passivity, ASensorThatFlickersDoesNotMakeTheWallCreep) {
   }
 }
 
+// A Falcon's count is more than an Omni's: taken for an Omni's, its flicker is a vibration.
+TEST(Passivity, TheCountIsTheDevicesOwn) {
+  constexpr double kFalconCountMm = 25.4 / 400.0;
+  const PassivityDevice omni, falcon{.resolution_mm = kFalconCountMm};
+  double own_mm = 0.0, other_mm = 0.0;  // beyond where the wall settles
+  for (double stiffness : {0.3, 0.5}) {
+    for (int flicker_ticks : {2, 3, 4, 7}) {
+      const Hand hand{.damping_n_s_per_m = 6.0, .push_n = 1.0, .start_mm = Vec3(0, 0, 0.01)};
+      const Loop loop{.seconds = 20.0, .flicker_ticks = flicker_ticks, .count_mm = kFalconCountMm};
+      const auto beyond_mm = [&](const PassivityDevice& device) {
+        const Wall wall{.stiffness_n_per_mm = stiffness, .device = device};
+        return Touch(hand, wall, loop).depth_mm - 1.0 / stiffness;
+      };
+      own_mm = std::max(own_mm, beyond_mm(falcon));
+      other_mm = std::max(other_mm, beyond_mm(omni));
+    }
+  }
+  std::printf("[ figures  ] a Falcon's flicker: wall %.3f mm too deep, as an Omni's %.3f mm\n",
+              own_mm, other_mm);
+  EXPECT_LT(own_mm, kFalconCountMm);
+  EXPECT_GT(other_mm, 2.0 * kFalconCountMm);
+}
+
+TEST(Passivity, TheGreatestForceIsTheDevicesOwn) {
+  for (const double max_force_n : {1.0, 3.3, 8.0}) {
+    const PassivityDevice device{.max_force_n = max_force_n};
+    PassivityState state;
+    const auto tick = [&](double depth_mm) {
+      return LimitToPassive(Vec3(0, 0, 20), 1.0, depth_mm, Vec3(0, 0, -20), 1e3, kLoopTickS, device,
+                            state);
+    };
+    EXPECT_NEAR(tick(0.0).norm(), max_force_n, 1e-12);
+    EXPECT_NEAR(tick(20.0).norm(), max_force_n, 1e-12);  // the tank is full
+  }
+}
+
 // The HIP rests while the surface rises by 2 mm, then is pushed back by it.
 double ScaleAfterSurfaceRose(bool is_budgeted) {
   PassivityState state;
@@ -323,7 +360,7 @@ double ScaleAfterSurfaceRose(bool is_budgeted) {
   const auto tick = [&](double surface_mm, double hip_mm, double budget_mj) {
     const double depth_mm = std::max(0.0, surface_mm - hip_mm);
     LimitToPassive(Vec3(0, 0, stiffness * depth_mm), stiffness, depth_mm, Vec3(0, 0, hip_mm),
-                   budget_mj, kLoopTickS, state);
+                   budget_mj, kLoopTickS, {}, state);
     least = std::min(least, state.scale);
   };
   double stored_mj = 0.0;
@@ -346,11 +383,11 @@ TEST(Passivity, WhatWasDissipatedIsNotGivenBack) {
   PassivityState state;
   // Dragged through free space against 1 N, then 1 mm into a wall that drags too.
   for (int n = 0; n < 100; ++n) {
-    LimitToPassive(Vec3(-1, 0, 0), 1.0, 0.0, Vec3(0.1 * n, 0, 0), 0.0, kLoopTickS, state);
+    LimitToPassive(Vec3(-1, 0, 0), 1.0, 0.0, Vec3(0.1 * n, 0, 0), 0.0, kLoopTickS, {}, state);
   }
   EXPECT_LE(state.tank_mj, 0.0);
   for (int n = 0; n < 100; ++n) {
-    LimitToPassive(Vec3(-1, 0, 1), 1.0, 1.0, Vec3(10 + 0.1 * n, 0, -1), 0.0, kLoopTickS, state);
+    LimitToPassive(Vec3(-1, 0, 1), 1.0, 1.0, Vec3(10 + 0.1 * n, 0, -1), 0.0, kLoopTickS, {}, state);
   }
   EXPECT_GT(state.tank_mj, 0.0);
   EXPECT_LE(state.tank_mj, 0.5 * 1.0 * 1.0 * 1.0);
@@ -360,7 +397,7 @@ TEST(Passivity, StiffnessComesBackOutOfContact) {
   PassivityState state;
   state.distrust = 1.0;
   for (int n = 0; n < 2000; ++n) {
-    LimitToPassive(Vec3::Zero(), 2.0, 0.0, Vec3(0, 0, 5), 0.0, kLoopTickS, state);
+    LimitToPassive(Vec3::Zero(), 2.0, 0.0, Vec3(0, 0, 5), 0.0, kLoopTickS, {}, state);
   }
   EXPECT_GT(state.scale, 0.99);
 }
@@ -379,16 +416,17 @@ TEST(Passivity, AnyFiniteInputGivesAFiniteForceWithinTheLimit) {
     const Vec3 force(number(), number(), is_wild ? number() : 1.0);
     const Vec3 hip(is_wild ? number() : 0.1, 1.0, 2.0 + std::sin(n * 0.1));
     const Vec3 out = LimitToPassive(force, number(), number(), hip, is_wild ? number() : 0.0,
-                                    is_wild ? number() : kLoopTickS, state);
+                                    is_wild ? number() : kLoopTickS, {}, state);
     ASSERT_TRUE(out.allFinite());
     ASSERT_LE(out.norm(), testing::kDeviceForceN * 1.0001);
   }
-  EXPECT_TRUE(LimitToPassive(Vec3(0, 0, inf), 1, 1, Vec3::Zero(), 0, 1e-3, state).isZero());
-  EXPECT_TRUE(LimitToPassive(Vec3(0, 0, 1), 1, 1, Vec3(0, -inf, 0), 0, 1e-3, state).isZero());
-  EXPECT_TRUE(LimitToPassive(Vec3(0, 0, 1), 1, 1, Vec3::Zero(), 0, 0.0, state).isZero());
+  EXPECT_TRUE(LimitToPassive(Vec3(0, 0, inf), 1, 1, Vec3::Zero(), 0, 1e-3, {}, state).isZero());
+  EXPECT_TRUE(LimitToPassive(Vec3(0, 0, 1), 1, 1, Vec3(0, -inf, 0), 0, 1e-3, {}, state).isZero());
+  EXPECT_TRUE(LimitToPassive(Vec3(0, 0, 1), 1, 1, Vec3::Zero(), 0, 0.0, {}, state).isZero());
   // And it is not stuck.
   state = {};
-  EXPECT_EQ(LimitToPassive(Vec3(0, 0, 0.1), 1, 0.1, Vec3::Zero(), 0, 1e-3, state), Vec3(0, 0, 0.1));
+  EXPECT_EQ(LimitToPassive(Vec3(0, 0, 0.1), 1, 0.1, Vec3::Zero(), 0, 1e-3, {}, state),
+            Vec3(0, 0, 0.1));
 }
 
 }  // namespace

@@ -74,7 +74,7 @@ class RecordingControlTest : public ::testing::Test {
       return PathPolicy({.load_folders = {"/"}}).OpenToLoad(check(path));
     };
     control_ = std::make_unique<RecordingControl>(*session_, *pump_, RecordingPaths{check, open},
-                                                  "test", SafetyLimits{});
+                                                  "test", SafetyLimits{}, PassivityDevice{});
     session_->Load({.source = "builtin:gyroid:32"}, kQuiet, kNever);
     RealtimeOptions options;
     options.lock_memory = false;

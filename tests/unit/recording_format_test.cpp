@@ -62,7 +62,8 @@ RecordedScene SceneAt(std::uint64_t tick) {
                                  .max_missed_ticks = 7.0,
                                  .faults_stay = true,
                                  .starts_on = false,
-                                 .stop_buttons = 5}};
+                                 .stop_buttons = 5},
+                      .device = {.resolution_mm = 0.07, .max_force_n = 8.0, .tick_s = 2e-3}};
   scene.X_DI.linear << 1.0, 0.1, -2.0, 1e-9, 0.7, 3.0, 1.0 / 7.0, 0.0, 5.0;
   scene.X_DI.translation = Vec3(-0.0, 1e-320, 7.0);
   return scene;
@@ -138,6 +139,7 @@ void ExpectSameScene(const RecordedScene& a, const RecordedScene& b) {
   EXPECT_EQ(a.method, b.method);
   EXPECT_EQ(a.tick_period_s, b.tick_period_s);
   EXPECT_TRUE(a.safety == b.safety);
+  EXPECT_TRUE(a.device == b.device);
   EXPECT_EQ(a.normalized_isovalue, b.normalized_isovalue);
   EXPECT_TRUE(b.unknown_settings.empty());
 }
@@ -293,14 +295,27 @@ TEST(RecordingFormat, OtherFilesAreRefusedInOneLine) {
     EXPECT_EQ(Refusal([&] { ReadBytes(bytes); }), ErrorKind::kInvalidArgument);
   }
   std::string newer = FrameHeader({.program = "test"});
-  newer[8] = 3;
+  newer[8] = 4;
   try {
     ReadBytes(newer);
     FAIL();
   } catch (const Error& error) {
-    EXPECT_NE(std::string(error.what()).find("version 3"), std::string::npos);
+    EXPECT_NE(std::string(error.what()).find("version 4"), std::string::npos);
   }
   EXPECT_EQ(Refusal([] { RecordingReader("/nowhere/recording"); }), ErrorKind::kNotFound);
+}
+
+TEST(RecordingFormat, DevicesThatCannotBeAreRefused) {
+  RecordedScene scene = SceneAt(7);
+  for (const double number : {0.0, -0.055, std::numeric_limits<double>::quiet_NaN(),
+                              std::numeric_limits<double>::infinity()}) {
+    scene.device = {.resolution_mm = number};
+    EXPECT_THROW(DecodeChunk(EncodeChunk(scene)), DamagedBytes);
+    scene.device = {.max_force_n = number};
+    EXPECT_THROW(DecodeChunk(EncodeChunk(scene)), DamagedBytes);
+    scene.device = {.tick_s = number};
+    EXPECT_THROW(DecodeChunk(EncodeChunk(scene)), DamagedBytes);
+  }
 }
 
 TEST(RecordingFormat, TicksDoNotGoBack) {
