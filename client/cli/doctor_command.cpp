@@ -107,6 +107,7 @@ int RunDoctor(const client::Server& server, bool json) {
   std::vector<Finding> findings = CheckWorkstation(machine);
   findings.push_back(CheckPort(machine));
   findings.push_back(CheckMetricsPort(machine));
+  for (const Finding& finding : CheckDaemonPorts(machine)) findings.push_back(finding);
   if (address.host_port.empty()) {
     findings.push_back(CheckSocket(
         machine, address.socket_path.empty() ? DefaultSocketPath() : address.socket_path));

@@ -10,6 +10,7 @@
 #include <charconv>
 #include <fstream>
 #include <optional>
+#include <set>
 #include <sstream>
 
 namespace palpate::cli {
@@ -32,6 +33,7 @@ struct Place {
 };
 
 struct Listener {
+  std::uint16_t port = 0;
   std::string inode;
   std::string user;
 };
@@ -45,9 +47,9 @@ std::optional<std::string> Configured(const Workstation& machine, const std::str
   }
 }
 
-// Of /proc/net/tcp, where addresses and ports are hexadecimal and 0A is listening.
-std::optional<Listener> FindListener(const Workstation& machine, std::uint16_t port) {
-  const std::string end = fmt::format(":{:04X}", port);
+// What listens, as /proc/net/tcp has it: addresses and ports are hexadecimal, 0A is listening.
+std::vector<Listener> Listeners(const Workstation& machine) {
+  std::vector<Listener> listeners;
   for (const char* table : {"proc/net/tcp", "proc/net/tcp6"}) {
     std::ifstream file(machine.root / table);
     for (std::string line; std::getline(file, line);) {
@@ -55,8 +57,18 @@ std::optional<Listener> FindListener(const Workstation& machine, std::uint16_t p
       std::string number, local, remote, state, queues, timer, retries, user, timeout, inode;
       fields >> number >> local >> remote >> state >> queues >> timer >> retries >> user >>
           timeout >> inode;
-      if (local.ends_with(end) && state == "0A") return Listener{inode, user};
+      if (state != "0A" || local.size() < 4) continue;
+      std::uint16_t port = 0;
+      std::from_chars(local.data() + local.size() - 4, local.data() + local.size(), port, 16);
+      listeners.push_back({port, inode, user});
     }
+  }
+  return listeners;
+}
+
+std::optional<Listener> FindListener(const Workstation& machine, std::uint16_t port) {
+  for (const Listener& listener : Listeners(machine)) {
+    if (listener.port == port) return listener;
   }
   return std::nullopt;
 }
@@ -85,13 +97,34 @@ std::string HolderOf(const Workstation& machine, const std::string& inode) {
   return "";
 }
 
-Finding Check(const Workstation& machine, const Place& place) {
-  const auto configured = Configured(machine, place.section);
-  const std::string address = configured.value_or(place.default_address);
+std::string AddressOf(const Workstation& machine, const Place& place) {
+  return Configured(machine, place.section).value_or(place.default_address);
+}
+
+// 0: it has none.
+std::uint16_t PortOf(const std::string& address) {
   const std::size_t colon = address.rfind(':');
   const std::string digits = colon == address.npos ? "" : address.substr(colon + 1);
   std::uint16_t port = 0;
   std::from_chars(digits.data(), digits.data() + digits.size(), port);
+  return port;
+}
+
+Place ServerPlace() { return {"port", "server", "127.0.0.1:7400", kHttp2}; }
+Place MetricsPlace() { return {"metrics", "metrics", "127.0.0.1:9464", kHttp}; }
+
+Finding Answering(const std::string& address, const char* check = "port") {
+  return {check, Verdict::kOk, address + ": palpated answers"};
+}
+Finding Silent(const std::string& address, const char* check = "port") {
+  return {check, Verdict::kFail, address + ": palpated has it, and does not answer",
+          "see journalctl -u palpated; systemctl restart palpated"};
+}
+
+Finding Check(const Workstation& machine, const Place& place) {
+  const bool configured = Configured(machine, place.section).has_value();
+  const std::string address = AddressOf(machine, place);
+  const std::uint16_t port = PortOf(address);
   if (port == 0) {
     return {place.check, Verdict::kFail, address + " is no address and port",
             "correct listen in [" + place.section + "] of /" + kConfig};
@@ -103,11 +136,9 @@ Finding Check(const Workstation& machine, const Place& place) {
   }
   const std::string holder = HolderOf(machine, listener->inode);
   if (holder == "palpated") {
-    if (machine.answers(address.substr(0, colon), port, place.greeting)) {
-      return {place.check, Verdict::kOk, address + ": palpated answers"};
-    }
-    return {place.check, Verdict::kFail, address + ": palpated listens and does not answer",
-            "see journalctl -u palpated; systemctl restart palpated"};
+    const std::string host = address.substr(0, address.rfind(':'));
+    return machine.answers(host, port, place.greeting) ? Answering(address, place.check)
+                                                       : Silent(address, place.check);
   }
   if (holder.empty()) {
     return {place.check, Verdict::kWarn,
@@ -128,12 +159,24 @@ std::string ReachedBy(std::string host) {
 
 }  // namespace
 
-Finding CheckPort(const Workstation& machine) {
-  return Check(machine, {"port", "server", "127.0.0.1:7400", kHttp2});
-}
+Finding CheckPort(const Workstation& machine) { return Check(machine, ServerPlace()); }
 
-Finding CheckMetricsPort(const Workstation& machine) {
-  return Check(machine, {"metrics", "metrics", "127.0.0.1:9464", kHttp});
+Finding CheckMetricsPort(const Workstation& machine) { return Check(machine, MetricsPlace()); }
+
+std::vector<Finding> CheckDaemonPorts(const Workstation& machine) {
+  std::set<std::uint16_t> checked{PortOf(AddressOf(machine, ServerPlace())),
+                                  PortOf(AddressOf(machine, MetricsPlace()))};
+  std::vector<Finding> findings;
+  for (const Listener& listener : Listeners(machine)) {
+    if (checked.contains(listener.port) || HolderOf(machine, listener.inode) != "palpated")
+      continue;
+    checked.insert(listener.port);
+    const std::string address = "127.0.0.1:" + std::to_string(listener.port);
+    const bool answers = machine.answers("127.0.0.1", listener.port, kHttp2) ||
+                         machine.answers("127.0.0.1", listener.port, kHttp);
+    findings.push_back(answers ? Answering(address) : Silent(address));
+  }
+  return findings;
 }
 
 bool Answers(const std::string& host, std::uint16_t port, const std::string& text) {

@@ -5,6 +5,7 @@
 
 #include <cstdint>
 #include <string>
+#include <vector>
 
 #include "client/cli/doctor_checks.h"
 
@@ -14,6 +15,9 @@ namespace palpate::cli {
 // says, and where that says nothing, the port that its comments propose.
 Finding CheckPort(const Workstation& machine);
 Finding CheckMetricsPort(const Workstation& machine);
+
+// Other ports that a palpated has which runs, as by --listen.
+std::vector<Finding> CheckDaemonPorts(const Workstation& machine);
 
 // Sends `text` there; false where no byte comes back within two seconds.
 bool Answers(const std::string& host, std::uint16_t port, const std::string& text);

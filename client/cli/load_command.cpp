@@ -40,6 +40,7 @@ void LoadVolume(const Connection& connection, const v1::LoadVolumeRequest& reque
 }
 
 std::string SourceForDaemon(const std::string& source) {
+  if (source.empty()) throw Error(ErrorKind::kInvalidArgument, "the path is empty: name a file");
   return source.rfind("builtin:", 0) == 0 ? source : std::filesystem::absolute(source).string();
 }
 

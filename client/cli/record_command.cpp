@@ -25,6 +25,7 @@ constexpr std::chrono::milliseconds kPollPeriod(50);
 constexpr std::chrono::milliseconds kShowPeriod(500);
 
 std::string PathForDaemon(const std::string& path) {
+  if (path.empty()) throw Error(ErrorKind::kInvalidArgument, "the path is empty: name a file");
   return std::filesystem::absolute(path).string();
 }
 

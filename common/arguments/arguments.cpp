@@ -26,6 +26,12 @@ bool ParseBy(const CLI::App& app, const Parse& parse) {
   } catch (const CLI::Success& help) {
     app.exit(help);
     return false;
+  } catch (const CLI::RequiredError& error) {
+    const std::vector<std::string> rest = app.remaining();
+    const bool lacks_command =
+        app.get_require_subcommand_min() > 0 && app.get_subcommands().empty();
+    if (lacks_command && !rest.empty()) throw UsageError("there is no command '" + rest[0] + "'");
+    throw UsageError(error.what());
   } catch (const CLI::ParseError& error) {
     throw UsageError(error.what());
   }

@@ -20,8 +20,9 @@ namespace {
 namespace fs = std::filesystem;
 
 [[noreturn]] void RefuseToOverwrite(const fs::path& path) {
-  throw Error(ErrorKind::kConflict,
-              path.string() + " is there already: allow to overwrite it, or name another one");
+  throw Error(ErrorKind::kConflict, path.string() +
+                                        " is there already: allow to overwrite it (--overwrite, "
+                                        "overwrite=True), or name another one");
 }
 
 // Six letters that nobody can foresee.

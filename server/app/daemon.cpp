@@ -26,6 +26,7 @@
 #include "server/rpc/server.h"
 #include "server/safety/names.h"
 #include "server/servo/servo_loop.h"
+#include "server/servo/tick_computation.h"
 #include "server/session/force_watch.h"
 #include "server/session/session.h"
 #include "server/session/session_keeper.h"

@@ -40,8 +40,10 @@ Format CheckedFormat(const ExportRequest& request) {
   }
   // Before the work, and again at its end.
   if (!request.overwrite && std::filesystem::exists(path, error)) {
-    throw Error(ErrorKind::kConflict,
-                path.string() + " is there: allow to overwrite it, or name another one");
+    throw Error(
+        ErrorKind::kConflict,
+        path.string() +
+            " is there: allow to overwrite it (--overwrite, overwrite=True), or name another one");
   }
   return format;
 }

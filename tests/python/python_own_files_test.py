@@ -10,6 +10,8 @@ import unittest
 
 import grpc
 
+import palpate
+from free_port import free_port
 from palpate.v1 import (recording_pb2, recording_pb2_grpc, series_pb2, series_pb2_grpc, volume_pb2,
                         volume_pb2_grpc)
 from secured import SecuredDaemon
@@ -154,6 +156,33 @@ class Races(unittest.TestCase):
                 stop.set()
                 swapper.join()
             self.assertGreater(loaded, 0)
+
+
+class Defaults(unittest.TestCase):
+    """What nobody configured."""
+
+    def test_clients_reach_the_folder_that_it_was_started_in_and_loopback_only_watches(self):
+        root = pathlib.Path(self.enterContext(tempfile.TemporaryDirectory(prefix="palpate-own-")))
+        config = root / "palpated.toml"
+        config.write_text("")
+        volume = b"NRRD0004\ntype: uint8\ndimension: 3\nsizes: 2 2 2\nspacings: 1 1 1\n" \
+                 b"encoding: raw\n\nabcdefgh"
+        (root / "outside.nrrd").write_bytes(volume)
+        port = free_port()
+        daemon = self.enterContext(Daemon(listen=f"127.0.0.1:{port}",
+                                          more=["--config", str(config)]))
+        (daemon.folder / "inside.nrrd").write_bytes(volume)
+        with palpate.connect(daemon.socket) as conn:
+            conn.volume.load(str(daemon.folder / "inside.nrrd"))
+            for load in (conn.volume.load, conn.recording.start):
+                with self.assertRaisesRegex(palpate.PermissionDenied, str(daemon.folder)):
+                    load(str(root / "outside.nrrd"))
+        with palpate.connect(f"127.0.0.1:{port}") as conn:
+            next(iter(conn.poses()))
+            with self.assertRaisesRegex(palpate.PermissionDenied, "needs the role editor"):
+                conn.settings.stiffness_n_per_mm = 0.1
+            with self.assertRaisesRegex(palpate.PermissionDenied, "needs the role operator"):
+                conn.volume.load(str(daemon.folder / "inside.nrrd"))
 
 
 if __name__ == "__main__":

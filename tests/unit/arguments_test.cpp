@@ -197,6 +197,7 @@ TEST(Arguments, CommandsRunTheirCallbacksAndLeaveOptionsToTheProgram) {
   run->callback([&calls] { ++calls; });
   stop->callback([] { throw UsageError("there is nothing to stop"); });
   EXPECT_EQ(Complaint(program, {}), "A subcommand is required");
+  EXPECT_EQ(Complaint(program, {"bogus"}), "there is no command 'bogus'");
   EXPECT_EQ(Complaint(program, {"run", "--json"}), "");
   EXPECT_TRUE(json);
   EXPECT_EQ(calls, 1);

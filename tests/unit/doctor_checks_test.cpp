@@ -138,6 +138,17 @@ TEST_F(Doctor, APortIsFreeOrPalpateds) {
   EXPECT_NE(CheckMetricsPort(machine_).text.find("9464 is free"), std::string::npos);
 }
 
+TEST_F(Doctor, PortsOfTheDaemonThatRunsAreLookedAt) {
+  EXPECT_TRUE(CheckDaemonPorts(machine_).empty());
+  PutListener("1CF3", "palpated");  // 7411, which no configuration names
+  ASSERT_EQ(CheckDaemonPorts(machine_).size(), 1u);
+  ExpectAdvice(CheckDaemonPorts(machine_)[0], Verdict::kFail);
+  answering_ = {"127.0.0.1:7411"};
+  ExpectAdvice(CheckDaemonPorts(machine_)[0], Verdict::kOk);
+  Put("etc/palpate/palpated.toml", "[server]\nlisten = \"127.0.0.1:7411\"\n");
+  EXPECT_TRUE(CheckDaemonPorts(machine_).empty());  // CheckPort has it
+}
+
 TEST_F(Doctor, APortThatAnotherProgramHasFailsWhereItIsWanted) {
   PutListener("1CE9", "nginx");
   ExpectAdvice(CheckPort(machine_), Verdict::kOk);

@@ -2,11 +2,13 @@
 #include <gtest/gtest.h>
 #include <sys/stat.h>
 
+#include <chrono>
 #include <fstream>
 #include <set>
 #include <sstream>
 
 #include "common/error/error.h"
+#include "server/security/policy.h"
 #include "server/security/token_file.h"
 #include "tests/support/temporary_folder.h"
 
@@ -53,6 +55,63 @@ TEST(Token, HashIsSha256OfSaltAndToken) {
   // From `printf 00palpate_x | sha256sum`.
   EXPECT_EQ(HashToken("00", "palpate_x"),
             "5f9187eecf2d1c257866b2c809f15bf007058882e53e66838483269af6d2dda2");
+}
+
+TEST(Token, ExpiresInItsFileAndForThePolicy) {
+  const test::TemporaryFolder folder;
+  const std::filesystem::path file = folder.path() / "tokens.toml";
+  NewToken guest = MakeToken("guest", Role::kEditor);
+  const auto end = std::chrono::sys_days(std::chrono::year(2027) / 1 / 31) + std::chrono::hours(12);
+  guest.stored.expires = end;
+  const NewToken staff = MakeToken("staff", Role::kViewer);
+  WriteTokenFile(file, {guest.stored, staff.stored});
+  const std::vector<StoredToken> read = ReadTokenFile(file);
+  EXPECT_EQ(read.at(0).expires, end);
+  EXPECT_FALSE(read.at(1).expires);
+
+  const Policy policy({.tokens = file});
+  const auto recognise = [&](const NewToken& token, CertificateTime now) {
+    return policy.Recognise({.transport = Transport::kTls, .authorization = "Bearer " + token.text},
+                            now);
+  };
+  using std::chrono::seconds;
+  EXPECT_TRUE(recognise(guest, end - seconds(1)).identity);
+  EXPECT_FALSE(recognise(guest, end).identity);
+  EXPECT_EQ(recognise(guest, end).problem,
+            "its token expired at 2027-01-31T12:00:00Z: ask the operator for a new token "
+            "('palpated token add')");
+  EXPECT_TRUE(recognise(staff, end).identity);
+  // A stream that was admitted is judged again by the hash.
+  const Credentials admitted{.transport = Transport::kTls,
+                             .token_sha256_hex = guest.stored.sha256_hex};
+  EXPECT_TRUE(policy.Recognise(admitted, end - seconds(1)).identity);
+  EXPECT_FALSE(policy.Recognise(admitted, end).identity);
+}
+
+TEST(Token, OnlyATimeEndsIt) {
+  const test::TemporaryFolder folder;
+  const std::filesystem::path file = folder.path() / "tokens.toml";
+  NewToken guest = MakeToken("guest", Role::kEditor);
+  guest.stored.expires = std::chrono::sys_days(std::chrono::year(2027) / 1 / 31);
+  for (const char* bad : {"2027-01-31", "\"2027-01-31T12:00:00Z\"", "2027-01-31T12:00:00", "1"}) {
+    std::filesystem::remove(file);
+    WriteTokenFile(file, {guest.stored});
+    std::ostringstream text;
+    text << std::ifstream(file).rdbuf();
+    std::string changed = text.str();
+    const std::size_t at = changed.find("2027-01-31T00:00:00Z");
+    ASSERT_NE(at, changed.npos);
+    std::ofstream(file) << changed.replace(at, 20, bad);
+    EXPECT_THROW(ReadTokenFile(file), Error) << bad;
+  }
+  // With another offset it is the same moment.
+  WriteTokenFile(file, {guest.stored});
+  std::ostringstream text;
+  text << std::ifstream(file).rdbuf();
+  std::string changed = text.str();
+  std::ofstream(file) << changed.replace(changed.find("2027-01-31T00:00:00Z"), 20,
+                                         "2027-01-31T02:30:00+02:30");
+  EXPECT_EQ(ReadTokenFile(file).at(0).expires, guest.stored.expires);
 }
 
 class TokenFileTest : public ::testing::Test {
