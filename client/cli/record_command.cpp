@@ -55,13 +55,18 @@ v1::RecordingState Get(const Connection& connection) {
 Json ToJson(const v1::RecordingState& state) {
   return {{"running", state.running()},       {"path", state.path()},
           {"ticks", state.ticks()},           {"lost_ticks", state.lost_ticks()},
-          {"size_bytes", state.size_bytes()}, {"error", state.error()}};
+          {"size_bytes", state.size_bytes()}, {"error", state.error()},
+          {"left_out", state.left_out()}};
 }
 
 void ThrowIfEndedEarly(const v1::RecordingState& state) {
   if (state.error().empty()) return;
   throw Error(state.disk_full() ? ErrorKind::kDiskFull : ErrorKind::kFailedPrecondition,
               "the recording ended early: " + state.error() + "; what it has is kept");
+}
+
+void WarnOfLeftOut(const v1::RecordingState& state) {
+  if (!state.left_out().empty()) fmt::print(stderr, "palpate: {}\n", OneLine(state.left_out()));
 }
 
 // One line in place on a terminal; nothing elsewhere.
@@ -115,7 +120,7 @@ std::string DescribeRecording(const v1::RecordingState& state) {
 
 void RunRecording(const Connection& connection, const RecordOptions& options) {
   const Interrupt interrupt;
-  Start(connection, options);
+  WarnOfLeftOut(Start(connection, options));
   try {
     Await(connection, options);
   } catch (...) {
@@ -128,16 +133,20 @@ void RunRecording(const Connection& connection, const RecordOptions& options) {
   }
   const v1::RecordingState state = Stop(connection);
   WriteOutput("recorded " + DescribeRecording(state) + "\n");
+  WarnOfLeftOut(state);
   ThrowIfEndedEarly(state);
 }
 
 void StartRecording(const Connection& connection, const RecordOptions& options) {
-  WriteOutput("recording to " + OneLine(Start(connection, options).path()) + "\n");
+  const v1::RecordingState state = Start(connection, options);
+  WriteOutput("recording to " + OneLine(state.path()) + "\n");
+  WarnOfLeftOut(state);
 }
 
 void StopRecording(const Connection& connection, bool json) {
   const v1::RecordingState state = Stop(connection);
   WriteOutput(json ? ToText(ToJson(state)) : "recorded " + DescribeRecording(state) + "\n");
+  WarnOfLeftOut(state);
   ThrowIfEndedEarly(state);
 }
 
@@ -154,6 +163,7 @@ void ShowRecording(const Connection& connection, bool json) {
   } else {
     WriteOutput("not recording\n");
   }
+  WarnOfLeftOut(state);
   if (!state.running()) ThrowIfEndedEarly(state);
 }
 

@@ -200,7 +200,9 @@ void RunDaemon(const LoadedConfig& loaded, const ConfigReader& read) {
                              {[&](const std::string& path) { return paths.CheckSave(path); },
                               [&](const std::string& path) { return paths.OpenToLoad(path); }},
                              "palpated " PALPATE_VERSION, limits, PassivityDeviceOf(device->spec()),
-                             [](const std::string& line) { LogError("{}", line); });
+                             [](const std::string& line, bool is_error) {
+                               is_error ? LogError("{}", line) : LogWarning("{}", line);
+                             });
   SeriesPlayer series(session);
   SessionKeeper keeper(state_folder, socket, ConfiguredVolume(config), ConfiguredSettings(config),
                        session);

@@ -124,7 +124,12 @@ void AddRecordingReplay(arguments::Command& replay, RecordingReplayOptions& opti
       replay.add_option("--recording", options.recording,
                         "instead of a trajectory: computes the ticks of a recording of palpated "
                         "again, as recorded, and compares them bit for bit. --volume is then "
-                        "where the recorded volume is to be found now [where it was]");
+                        "where the recorded volume is to be found now [where it was, or in the "
+                        "recording]");
+  replay
+      .add_flag("--allow-missing", options.allow_missing,
+                "with --recording: ticks whose volume is missing are counted, and no error")
+      ->needs(recording);
   std::vector<arguments::Option*> needed;
   for (const char* name : {"--isovalue", "--trajectory", "--out"}) {
     needed.push_back(replay.get_option(name)->required(false));

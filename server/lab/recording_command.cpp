@@ -16,10 +16,25 @@
 namespace palpate::lab {
 namespace {
 
+// Recordings of version 2 do not say it.
+bool IsReloadable(const RecordedScene& scene) {
+  return scene.reloadable && !scene.volume_source.starts_with("upload:");
+}
+
+[[noreturn]] void ThrowNotHeld(const RecordedScene& scene) {
+  throw Error(ErrorKind::kNotFound,
+              scene.volume_source +
+                  " is not in the recording (it is too large, or the recording is an old one), and "
+                  "was not one volume of one file: if it was uploaded, give the file that was sent "
+                  "with --volume; ticks of series, raw voxels and single frames are lost");
+}
+
 RecordedVolumeLoader LoaderOf(const RecordingReplayOptions& options) {
   return [first = options.volume,
           import_program = options.import_program](const RecordedScene& scene) mutable {
+    if (scene.all_voxels_stored) return WithoutVoxels(scene);
     const std::string given = std::exchange(first, {});
+    if (given.empty() && !IsReloadable(scene)) ThrowNotHeld(scene);
     return LoadVolume(given.empty() ? scene.volume_source : given, import_program, {},
                       scene.spacing_mm);
   };
@@ -46,6 +61,19 @@ std::string Report(const ReplayCounts& counts) {
                     counts.without_start, counts.without_scene, counts.without_volume);
 }
 
+// Ticks before a state to start from are no fault: there are a few in any recording.
+void CheckMissing(const Replayer& replayer, bool is_allowed) {
+  const ReplayCounts& counts = replayer.counts();
+  const std::uint64_t missing = counts.without_volume + counts.without_scene;
+  if (missing == 0) return;
+  const std::string why =
+      replayer.volume_error() ? replayer.volume_error()->what() : "their scene is missing";
+  const std::string text =
+      fmt::format("{} of {} ticks could not be computed again: {}", missing, counts.ticks, why);
+  if (!is_allowed) throw Error(ErrorKind::kConflict, text + "; --allow-missing accepts that");
+  std::fprintf(stderr, "palpate-lab: %s\n", text.c_str());
+}
+
 }  // namespace
 
 void ReplayRecording(const RecordingReplayOptions& options, std::ostream& out) {
@@ -64,13 +92,11 @@ void ReplayRecording(const RecordingReplayOptions& options, std::ostream& out) {
   if (counts.differing_keyframes > 0) {
     throw Error(ErrorKind::kInternal, "the state of the servo differs, though no tick does");
   }
-  if (counts.without_volume > 0) {
-    std::fprintf(stderr, "palpate-lab: ticks were left out: %s\n", replayer.volume_error()->what());
-  }
   if (counts.compared == 0) {
     if (replayer.volume_error()) throw *replayer.volume_error();
     throw Error(ErrorKind::kConflict, "no tick could be compared: the recording is too short");
   }
+  CheckMissing(replayer, options.allow_missing);
 }
 
 void ExportRecording(const ExportOptions& options, std::ostream& out) {

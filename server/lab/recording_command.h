@@ -13,13 +13,15 @@ namespace palpate::lab {
 
 struct RecordingReplayOptions {
   std::filesystem::path recording{};
-  std::string volume{};  // instead of the first one that was recorded; empty: that one
+  // Instead of the first one that the recording names and does not hold; empty: that one.
+  std::string volume{};
+  bool allow_missing = false;
   std::filesystem::path import_program = ImportProgramBesideThis();
 };
 
 // Computes the recording again and prints what it compared. Throws Error: kInternal
 // where a tick differs; what the volume's load threw, or kConflict, where none could be
-// compared.
+// compared; kConflict where the volume or the scene of some is missing and that is not allowed.
 void ReplayRecording(const RecordingReplayOptions& options, std::ostream& out);
 
 struct ExportOptions {

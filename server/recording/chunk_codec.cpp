@@ -97,6 +97,11 @@ Payload Encode(const RecordedScene& scene) {
   PutSafety(scene.safety, writer);
   writer.Put(scene.forces_off);
   PutDevice(scene.device, writer);
+  writer.Put(scene.reloadable);
+  writer.Put(scene.all_voxels_stored);
+  for (const int voxels : scene.size) writer.Put(voxels);
+  writer.Put(scene.value_min);
+  writer.Put(scene.value_max);
   return {ChunkType::kScene, std::move(writer).Take()};
 }
 
@@ -125,6 +130,11 @@ RecordedScene DecodeScene(ByteReader& reader) {
   scene.forces_off = GetFlag(reader);
   if (reader.at_end()) return scene;  // of version 2
   scene.device = GetDevice(reader);
+  scene.reloadable = GetFlag(reader);
+  scene.all_voxels_stored = GetFlag(reader);
+  for (int& voxels : scene.size) voxels = reader.Get<int>();
+  scene.value_min = reader.Get<double>();
+  scene.value_max = reader.Get<double>();
   return scene;
 }
 

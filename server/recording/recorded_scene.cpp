@@ -39,7 +39,11 @@ RecordedScene ToRecorded(const Scene& scene, const VolumeHash& hash, double tick
           .tick_period_s = tick_period_s,
           .safety = safety,
           .forces_off = scene.forces_off,
-          .device = device};
+          .device = device,
+          .reloadable = scene.volume->metadata().reloadable,
+          .size = scene.volume->size(),
+          .value_min = scene.volume->metadata().value_min,
+          .value_max = scene.volume->metadata().value_max};
 }
 
 Scene ToScene(const RecordedScene& recorded, std::shared_ptr<const VolumeSnapshot> volume,

@@ -16,11 +16,32 @@ constexpr std::int64_t kMaxAgeNs = 2'000'000'000;
 // The next keyframe falls into a chunk's last samples, so that it parts none in two.
 constexpr std::uint64_t kKeyframePeriodTicks = kSamplesPerChunk - kKeyframeTicks;
 
+bool IsTooLarge(const RecordedScene& scene, const VolumeSnapshot* volume) {
+  return volume && !scene.reloadable && !VoxelLog::HasRoomForAll(*volume);
+}
+
+std::string WhyLeftOut(const RecordedScene& scene) {
+  if (scene.voxels_missing) {
+    return "a change of " + scene.volume_source +
+           " is missing (more than 64 MiB at once, or the disk was too slow): ticks after it "
+           "cannot be computed again";
+  }
+  return scene.volume_source +
+         " is too large to be recorded (more than 64 MiB) and is not one volume of one file: keep "
+         "what was uploaded to compute its ticks again; those of a series, raw voxels or a single "
+         "frame cannot be";
+}
+
 }  // namespace
 
 Recorder::Recorder(std::unique_ptr<RecordingOutput> output, const std::string& program,
-                   std::function<void(const Error&)> failed, std::function<std::int64_t()> now_ns)
-    : failed_(std::move(failed)), now_ns_(std::move(now_ns)), writer_(std::move(output), program) {
+                   std::function<void(const Error&)> failed,
+                   std::function<void(const std::string&)> left_out,
+                   std::function<std::int64_t()> now_ns)
+    : failed_(std::move(failed)),
+      left_out_(std::move(left_out)),
+      now_ns_(std::move(now_ns)),
+      writer_(std::move(output), program) {
   samples_.reserve(kSamplesPerChunk);
   report_.counts = writer_.counts();
   thread_ = std::thread([this] { Run(); });
@@ -42,6 +63,8 @@ void Recorder::NoteScene(const RecordedScene& scene, std::shared_ptr<const Volum
                          std::uint64_t changed_bytes) {
   const std::lock_guard lock(mutex_);
   if (report_.error) return;
+  // Before a sample comes: whoever starts a recording is told at once.
+  if (IsTooLarge(scene, volume.get())) report_.left_out = WhyLeftOut(scene);
   scenes_.push_back({scene, std::move(volume), changed_bytes});
   waiting_bytes_ += changed_bytes;
   // So many wait only for a disk that has stopped. Samples without their scene
@@ -170,6 +193,20 @@ void Recorder::WriteScene(WaitingScene& waiting) {
     writer_.Append(edit);
   }
   writer_.Append(waiting.scene);
+  if (waiting.scene.voxels_missing || IsTooLarge(waiting.scene, waiting.volume.get())) {
+    SayWhatIsLeftOut(waiting.scene);
+  }
+}
+
+void Recorder::SayWhatIsLeftOut(const RecordedScene& scene) {
+  if (left_out_of_ == scene.loaded_revision) return;
+  left_out_of_ = scene.loaded_revision;
+  const std::string why = WhyLeftOut(scene);
+  {
+    const std::lock_guard lock(mutex_);
+    report_.left_out = why;
+  }
+  if (left_out_) left_out_(why);
 }
 
 std::optional<RecordedKeyframe> Recorder::TakeKeyframe(const TickSample& sample) {
@@ -223,7 +260,8 @@ void Recorder::Fail(const Error& error) {
   std::deque<WaitingMarker> markers;
   {
     const std::lock_guard lock(mutex_);
-    report_ = {writer_.counts(), error};
+    report_.counts = writer_.counts();
+    report_.error = error;
     scenes.swap(scenes_);
     markers.swap(markers_);
     let_go_ = 0;

@@ -42,6 +42,7 @@ namespace palpate {
 struct RecorderReport {
   RecordingCounts counts{};
   std::optional<Error> error{};  // recording ended early
+  std::string left_out{};        // why some ticks cannot be computed again; empty: all can
 };
 
 class Recorder final : public SampleSink {
@@ -54,9 +55,11 @@ class Recorder final : public SampleSink {
 
   // Writes the header and starts the writer thread. Throws the output's Error.
   // failed: told by the writer thread, once, that the recording ended early.
+  // left_out: told by the writer thread, once for each volume, why ticks cannot be computed again.
   // now_ns: the clock of the recording; tests bring their own.
   Recorder(std::unique_ptr<RecordingOutput> output, const std::string& program,
            std::function<void(const Error&)> failed = {},
+           std::function<void(const std::string&)> left_out = {},
            std::function<std::int64_t()> now_ns = MonotonicNowNs);
   ~Recorder() override;
 
@@ -103,6 +106,7 @@ class Recorder final : public SampleSink {
   std::optional<RecordedKeyframe> TakeKeyframe(const TickSample& sample);
   void WriteScene(WaitingScene& waiting);
   void LetOldVolumesGo();
+  void SayWhatIsLeftOut(const RecordedScene& scene);
   void WriteSamples();
   void WriteRest();
   void Publish();
@@ -115,6 +119,7 @@ class Recorder final : public SampleSink {
   std::atomic<bool> stopped_{false};
 
   const std::function<void(const Error&)> failed_;
+  const std::function<void(const std::string&)> left_out_;
   const std::function<std::int64_t()> now_ns_;
 
   // The writer thread's own.
@@ -123,6 +128,7 @@ class Recorder final : public SampleSink {
   std::int64_t samples_since_ns_ = 0;
   std::optional<std::uint64_t> scene_revision_;
   VoxelLog voxels_;
+  std::uint64_t left_out_of_ = 0;          // loaded_revision of the volume that was told of last
   std::optional<ServoKeyframe> keyframe_;  // the next one
   std::uint64_t keyframe_due_ = 0;         // from this tick on
   std::uint64_t next_tick_ = 0;            // unless some are lost

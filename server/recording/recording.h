@@ -62,6 +62,14 @@ struct RecordedScene {
   bool forces_off = false;
   // Recordings of version 2 do not have it: they are felt as with an Omni.
   PassivityDevice device{};
+  // Loading volume_source again gives the volume. Where it does not, the recording holds the
+  // voxels.
+  bool reloadable = true;
+  // The edits before this scene hold all voxels: they lead from no volume.
+  bool all_voxels_stored = false;
+  Vec3i size = Vec3i::Zero();  // voxels
+  double value_min = 0.0;      // range of the volume, data units
+  double value_max = 0.0;
 };
 
 struct RecordedBrick {
@@ -70,8 +78,8 @@ struct RecordedBrick {
 };
 
 // Changed voxels: what makes the volume of the scene that follows from that of the
-// last one with edits, or from the one that was loaded. A large change is parted
-// into several of these.
+// last one with edits, or from the one that was loaded, or from nothing
+// (base_revision 0). A large change is parted into several of these.
 struct RecordedEdit {
   std::uint64_t tick = 0;
   std::uint64_t base_revision = 0;      // volume revision to change

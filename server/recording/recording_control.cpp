@@ -27,8 +27,7 @@ struct Running {
 
 RecordingControl::RecordingControl(Session& session, Pump& pump, RecordingPaths paths,
                                    std::string program, const SafetyLimits& safety,
-                                   const PassivityDevice& device,
-                                   std::function<void(const std::string&)> report)
+                                   const PassivityDevice& device, Report report)
     : session_(session),
       pump_(pump),
       paths_(std::move(paths)),
@@ -56,10 +55,14 @@ RecordingStatus RecordingControl::Start(const std::string& path, bool overwrite)
   CheckIdle();
   const std::filesystem::path file = paths_.save(path);
   const auto failed = [report = report_, file](const Error& error) {
-    if (report) report("the recording to " + file.string() + " ended early: " + error.what());
+    if (!report) return;
+    report("the recording to " + file.string() + " ended early: " + error.what(), true);
+  };
+  const auto left_out = [report = report_, file](const std::string& why) {
+    if (report) report("the recording to " + file.string() + " has not all: " + why, false);
   };
   const auto recorder =
-      std::make_shared<Recorder>(CreateRecordingFile(file, overwrite), program_, failed);
+      std::make_shared<Recorder>(CreateRecordingFile(file, overwrite), program_, failed, left_out);
   {
     const std::lock_guard lock(mutex_);
     if (scene_) recorder->NoteScene(*scene_, volume_);
@@ -79,6 +82,7 @@ RecordingStatus RecordingControl::Stop() {
   recorder_.reset();
   last_.counts = report.counts;
   last_.error = report.error;
+  last_.left_out = report.left_out;
   return last_;
 }
 
@@ -86,8 +90,11 @@ RecordingStatus RecordingControl::status() const {
   const std::lock_guard lock(mutex_);
   if (!recorder_) return last_;
   const RecorderReport report = recorder_->report();
-  return {
-      .running = !report.error, .path = last_.path, .counts = report.counts, .error = report.error};
+  return {.running = !report.error,
+          .path = last_.path,
+          .counts = report.counts,
+          .error = report.error,
+          .left_out = report.left_out};
 }
 
 std::int64_t RecordingControl::Mark(const std::string& text) {

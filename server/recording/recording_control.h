@@ -24,6 +24,7 @@ struct RecordingStatus {
   std::string path{};  // of the last one; empty: none yet
   RecordingCounts counts{};
   std::optional<Error> error{};  // it ended early
+  std::string left_out{};        // why some ticks cannot be computed again; empty: all can
 };
 
 // Which files may be written and read: each takes what a client named, and gives the path, or the
@@ -35,12 +36,13 @@ struct RecordingPaths {
 
 class RecordingControl final : public SceneListener {
  public:
+  using Report = std::function<void(const std::string& line, bool is_error)>;
+
   // Listens to the session: before its first Load. `program`: name and version;
-  // `safety`, `device`: the servo's. `report`: told by any thread when a recording ends early, a
-  // line.
+  // `safety`, `device`: the servo's. `report`: told by any thread, a line, when a recording ends
+  // early (an error), or cannot hold what is felt (none).
   RecordingControl(Session& session, Pump& pump, RecordingPaths paths, std::string program,
-                   const SafetyLimits& safety, const PassivityDevice& device,
-                   std::function<void(const std::string&)> report = {});
+                   const SafetyLimits& safety, const PassivityDevice& device, Report report = {});
   ~RecordingControl() override { End(); }
 
   void OnScene(const Scene& scene, std::span<const BrickChange> changes) override;
@@ -71,7 +73,7 @@ class RecordingControl final : public SceneListener {
   const std::string program_;
   const SafetyLimits safety_;
   const PassivityDevice device_;
-  const std::function<void(const std::string&)> report_;
+  const Report report_;
 
   // Start, Stop and the beginning of replays, one after the other.
   std::mutex commands_;

@@ -5,6 +5,8 @@
 #include <map>
 #include <utility>
 
+#include "server/recording/voxel_log.h"
+
 namespace palpate {
 namespace {
 
@@ -28,7 +30,36 @@ void CheckBrick(const RecordedBrick& brick, std::uint64_t brick_count) {
   }
 }
 
+bool IsStoredLattice(const RecordedScene& scene) {
+  constexpr auto kMost = static_cast<std::int64_t>(VoxelLog::kMaxBricksPerScene);
+  std::int64_t bricks = 1;
+  for (const int voxels : scene.size) {
+    if (voxels < 2 || voxels > kMost * kBrickEdge) return false;
+    bricks *= (voxels + kBrickEdge - 1) / kBrickEdge;
+    if (bricks > kMost) return false;
+  }
+  return std::isfinite(scene.value_max - scene.value_min) && scene.value_min < scene.value_max;
+}
+
 }  // namespace
+
+std::shared_ptr<const VolumeSnapshot> WithoutVoxels(const RecordedScene& scene) {
+  if (!IsStoredLattice(scene)) {
+    throw Error(ErrorKind::kInvalidArgument,
+                "the recording is damaged: it cannot hold a volume of this size");
+  }
+  const auto brick = std::make_shared<Brick>();
+  brick->fill(static_cast<float>(scene.value_min));
+  VolumeMetadata metadata;
+  metadata.size = scene.size;
+  metadata.spacing_mm = scene.spacing_mm;
+  metadata.value_min = scene.value_min;
+  metadata.value_max = scene.value_max;
+  metadata.source = scene.volume_source;
+  metadata.reloadable = scene.reloadable;
+  return std::make_shared<const VolumeSnapshot>(
+      metadata, BrickDirectory(scene.size, [&](const Vec3i&) { return brick; }), 1, 1);
+}
 
 std::shared_ptr<const VolumeSnapshot> WithEdits(const VolumeSnapshot& volume,
                                                 const std::vector<RecordedEdit>& edits) {
@@ -61,7 +92,8 @@ std::shared_ptr<const VolumeSnapshot> VolumeFollower::Follow(const RecordedScene
 
 std::shared_ptr<const VolumeSnapshot> VolumeFollower::TryFollow(
     const RecordedScene& scene, const std::vector<RecordedEdit>& edits) {
-  if (loaded_revision_ != scene.loaded_revision) {
+  const bool is_whole = scene.all_voxels_stored;
+  if (loaded_revision_ != scene.loaded_revision || (!volume_ && is_whole)) {
     // Not again where it fails: a series of scenes would load it each time.
     loaded_revision_ = base_revision_ = scene.loaded_revision;
     volume_.reset();
@@ -73,7 +105,7 @@ std::shared_ptr<const VolumeSnapshot> VolumeFollower::TryFollow(
   // Also where the voxels are the same afterwards, as after an edit and its undo:
   // their bricks have changed.
   const bool fits = !scene.voxels_missing && !edits.empty() &&
-                    edits.front().base_revision == base_revision_ &&
+                    edits.front().base_revision == (is_whole ? 0 : base_revision_) &&
                     edits.front().volume_revision == scene.volume_revision;
   const std::shared_ptr<const VolumeSnapshot> changed = fits ? WithEdits(*volume_, edits) : nullptr;
   if (changed && HashVolume(*changed) == scene.volume_hash) {

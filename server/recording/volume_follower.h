@@ -21,7 +21,8 @@
 
 namespace palpate {
 
-// A scene's volume as it was loaded, before any edit. May throw Error.
+// A scene's volume as it was loaded, before any edit; where scene.all_voxels_stored, any of
+// its size, spacing and range. May throw Error.
 using RecordedVolumeLoader =
     std::function<std::shared_ptr<const VolumeSnapshot>(const RecordedScene&)>;
 
@@ -51,6 +52,10 @@ class VolumeFollower {
   std::uint64_t applied_edits_ = 0;
   std::optional<Error> error_;
 };
+
+// Of the size, spacing and range of a scene's volume, for edits that hold all its voxels. Throws
+// Error (kInvalidArgument) for a volume that no recording holds.
+std::shared_ptr<const VolumeSnapshot> WithoutVoxels(const RecordedScene& scene);
 
 // `volume` with these parts of one edit. Throws Error (kInvalidArgument) for bricks
 // that it does not have, and voxels that are no numbers.

@@ -18,6 +18,7 @@ v1::RecordingState ToProto(const RecordingStatus& status) {
     out.set_error(status.error->what());
     out.set_disk_full(status.error->kind() == ErrorKind::kDiskFull);
   }
+  out.set_left_out(status.left_out);
   return out;
 }
 

@@ -77,6 +77,7 @@ VolumeState SeriesPlayer::Load(std::span<const std::filesystem::path> files,
   for (const std::string& warning : warnings) LogWarning("{}", warning);
   loaded.metadata.source = request.title.empty() ? files.front().string() : request.title;
   loaded.metadata.warnings = WarningsForClients(warnings, files.front().string());
+  loaded.metadata.reloadable = false;  // each file has its own range of values
   progress("publishing", 1.0);
 
   auto series = std::make_shared<Series>();

@@ -211,6 +211,7 @@ VolumeState Session::Load(const LoadRequest& request, const LoadProgress& progre
   VolumeMetadata metadata = file.metadata;
   metadata.source = request.title.empty() ? request.source : request.title;
   metadata.warnings = WarningsForClients(warnings, request.source);
+  metadata.reloadable = request.source_stays && !request.raw && request.frame.value_or(0) == 0;
   progress("publishing", 1.0);
   const BrickDirectory bricks = TakeBricks(*file.grid, metadata.size);
   if (cancelled()) throw Error(ErrorKind::kCancelled, "loading was cancelled");

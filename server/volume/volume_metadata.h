@@ -24,6 +24,9 @@ struct VolumeMetadata {
   std::string source;         // file name, folder name or builtin name
   // What the import assumed or left out, as clients are told; not kept in files.
   std::vector<std::string> warnings;
+  // Loading `source` again gives this volume. Not so: uploads, series, one of several frames,
+  // raw voxels.
+  bool reloadable = true;
 
   AffineMap WorldFromIndex() const { return {direction * spacing_mm.asDiagonal(), origin_W_mm}; }
 };

@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
@@ -14,6 +15,7 @@
 #include "palpate/v1/recording.grpc.pb.h"
 #include "tests/support/daemon.h"
 #include "tests/support/excuse.h"
+#include "tests/support/nrrd.h"
 #include "tests/support/places.h"
 
 namespace palpate::test {
@@ -217,6 +219,96 @@ TEST_F(RecordingTest, BadCallsAreRefused) {
             ExitCode(ErrorKind::kConflict));
   EXPECT_EQ(Lab({"export", File("a"), "--out", File("no/folder")}).exit_code,
             ExitCode(ErrorKind::kUnavailable));
+}
+
+// Their files are gone, or give other ranges of values: the recording has the voxels.
+TEST_F(RecordingTest, SeriesAndUploadsComeBackFromTheRecordingAlone) {
+  const auto write = [&](const std::string& name, double shift) {
+    testing::WriteNrrd(folder_.path() / name, Vec3i(30, 28, 26), [&](int i, int j, int k) {
+      const double x = i - 14.5, y = j - 13.5, z = k - 12.5;
+      return static_cast<float>(std::sqrt(x * x + y * y + z * z) + shift * std::sin(0.5 * i));
+    });
+  };
+  for (int frame = 0; frame < 4; ++frame) write("t" + std::to_string(frame) + ".nrrd", frame);
+  write("sent.nrrd", 0.5);
+  ASSERT_EQ(Run({"series", "load", File("t*.nrrd"), "--normalized-isovalue", "0.4"}).exit_code, 0);
+  ASSERT_EQ(Run({"series", "seek", "1"}).exit_code, 0);
+  const ProcessResult start = Run({"record", "start", File("a.palrec")});
+  ASSERT_EQ(start.exit_code, 0) << start.error;
+  EXPECT_EQ(start.error, "");
+  for (const std::vector<std::string>& words : std::vector<std::vector<std::string>>{
+           {"interpolate", "on"}, {"loop", "on"}, {"rate", "7"}, {"play"}}) {
+    std::vector<std::string> arguments = words;
+    arguments.insert(arguments.begin(), "series");
+    ASSERT_EQ(Run(arguments).exit_code, 0);
+  }
+  Sleep(1000);
+  ASSERT_EQ(Run({"upload", File("sent.nrrd"), "--normalized-isovalue", "0.4"}).exit_code, 0);
+  Sleep(300);
+  ASSERT_EQ(Run({"edit", "sphere", "--center-mm", "14,14,3", "--radius-mm", "4", "--operation",
+                 "set", "--value", "20"})
+                .exit_code,
+            0);
+  Sleep(300);
+  const ProcessResult stop = Run({"record", "stop", "--json"});
+  ASSERT_EQ(stop.exit_code, 0) << stop.error;
+  const auto state = nlohmann::json::parse(stop.output);
+  EXPECT_EQ(state["left_out"], "");
+  for (const char* name : {"t0.nrrd", "t1.nrrd", "t2.nrrd", "t3.nrrd", "sent.nrrd"}) {
+    std::filesystem::remove(File(name));
+  }
+  const ProcessResult replay = Lab({"replay", "--recording", File("a.palrec")});
+  EXPECT_EQ(replay.exit_code, 0) << replay.output << replay.error;
+  EXPECT_EQ(Figure(replay, "differing"), 0u);
+  EXPECT_EQ(Figure(replay, "ticks"), state["ticks"]);
+  EXPECT_GE(Figure(replay, "compared") + 70, state["ticks"]);
+}
+
+// A load of a file is named and not held: where the file is gone, that is an error.
+TEST_F(RecordingTest, TicksThatAreMissingAreAnError) {
+  testing::WriteNrrd(folder_.path() / "a.nrrd", Vec3i(20, 20, 20),
+                     [](int i, int j, int k) { return static_cast<float>(i * j + k); });
+  ASSERT_TRUE(Start(File("a.palrec")).ok());
+  AwaitTicks(500);
+  ASSERT_EQ(Run({"load", File("a.nrrd")}).exit_code, 0);
+  Sleep(200);
+  Stop();
+  EXPECT_EQ(Lab({"replay", "--recording", File("a.palrec")}).exit_code, 0);
+  std::filesystem::remove(File("a.nrrd"));
+  const ProcessResult replay = Lab({"replay", "--recording", File("a.palrec")});
+  EXPECT_EQ(replay.exit_code, ExitCode(ErrorKind::kConflict)) << replay.output;
+  EXPECT_NE(replay.error.find("could not be computed again"), std::string::npos) << replay.error;
+  EXPECT_NE(replay.error.find("--allow-missing"), std::string::npos) << replay.error;
+  const ProcessResult allowed = Lab({"replay", "--recording", File("a.palrec"), "--allow-missing"});
+  EXPECT_EQ(allowed.exit_code, 0) << allowed.error;
+  EXPECT_GT(Figure(allowed, "compared"), 300u);
+}
+
+// More than 64 MiB of voxels that no file gives again.
+TEST_F(RecordingTest, WhatCannotBeComputedAgainIsSaidAtOnce) {
+  constexpr int kSize = 264;
+  {
+    std::ofstream raw(File("large.dat"), std::ios::binary);
+    std::string plane(kSize * kSize, '\1');
+    for (int k = 0; k < kSize; ++k) {
+      plane.assign(plane.size(), static_cast<char>(k / 3));
+      raw << plane;
+    }
+  }
+  ASSERT_EQ(Run({"upload", File("large.dat"), "--raw-size", "264,264,264", "--raw-type", "uint8"})
+                .exit_code,
+            0);
+  const ProcessResult start = Run({"record", "start", File("a.palrec")});
+  EXPECT_EQ(start.exit_code, 0);
+  EXPECT_NE(start.error.find("upload:large.dat is too large"), std::string::npos) << start.error;
+  AwaitTicks(300);
+  const auto state = nlohmann::json::parse(Run({"record", "status", "--json"}).output);
+  EXPECT_NE(state["left_out"], "");
+  Stop();
+  const ProcessResult replay = Lab({"replay", "--recording", File("a.palrec")});
+  EXPECT_EQ(replay.exit_code, ExitCode(ErrorKind::kNotFound));
+  EXPECT_NE(replay.error.find("with --volume"), std::string::npos) << replay.error;
+  EXPECT_EQ(replay.error.find("no such file"), std::string::npos) << replay.error;
 }
 
 TEST_F(RecordingTest, IsPlayedToThoseWhoWatch) {

@@ -157,7 +157,7 @@ TEST_F(RecorderTest, RecordsEveryTickFromWhereverItStarts) {
 TEST_F(RecorderTest, FewTicksAreWrittenAfterTwoSeconds) {
   std::atomic<std::int64_t> now_ms{1'000'000};
   std::atomic<int> looks{0};
-  Recorder recorder(std::make_unique<MemoryOutput>(bytes_), "test", {}, [&] {
+  Recorder recorder(std::make_unique<MemoryOutput>(bytes_), "test", {}, {}, [&] {
     ++looks;
     return now_ms.load() * 1'000'000;
   });

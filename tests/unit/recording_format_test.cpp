@@ -63,7 +63,12 @@ RecordedScene SceneAt(std::uint64_t tick) {
                                  .faults_stay = true,
                                  .starts_on = false,
                                  .stop_buttons = 5},
-                      .device = {.resolution_mm = 0.07, .max_force_n = 8.0, .tick_s = 2e-3}};
+                      .device = {.resolution_mm = 0.07, .max_force_n = 8.0, .tick_s = 2e-3},
+                      .reloadable = false,
+                      .all_voxels_stored = true,
+                      .size = Vec3i(4, 5, 6),
+                      .value_min = -1e3,
+                      .value_max = 0.1};
   scene.X_DI.linear << 1.0, 0.1, -2.0, 1e-9, 0.7, 3.0, 1.0 / 7.0, 0.0, 5.0;
   scene.X_DI.translation = Vec3(-0.0, 1e-320, 7.0);
   return scene;
@@ -140,6 +145,11 @@ void ExpectSameScene(const RecordedScene& a, const RecordedScene& b) {
   EXPECT_EQ(a.tick_period_s, b.tick_period_s);
   EXPECT_TRUE(a.safety == b.safety);
   EXPECT_TRUE(a.device == b.device);
+  EXPECT_EQ(a.reloadable, b.reloadable);
+  EXPECT_EQ(a.all_voxels_stored, b.all_voxels_stored);
+  EXPECT_EQ(a.size, b.size);
+  EXPECT_EQ(a.value_min, b.value_min);
+  EXPECT_EQ(a.value_max, b.value_max);
   EXPECT_EQ(a.normalized_isovalue, b.normalized_isovalue);
   EXPECT_TRUE(b.unknown_settings.empty());
 }

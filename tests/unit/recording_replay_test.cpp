@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 #include <xxhash.h>
 
+#include <cmath>
 #include <cstring>
 #include <functional>
 #include <limits>
@@ -16,6 +17,7 @@
 
 #include "server/recording/chunk_frame.h"
 #include "server/recording/replayer.h"
+#include "server/session/series.h"
 #include "tests/support/refusal.h"
 #include "tests/support/scene_rig.h"
 
@@ -309,7 +311,7 @@ TEST_F(RecordingReplay, GivesTheSameBitsOfAnotherDevice) {
   EXPECT_GT(as_omni.counts().differing, 100u);
 }
 
-// Of version 2: the scenes end before the device, and an Omni's numbers were used.
+// Of version 2: the scenes end 54 bytes earlier, before the device; an Omni's numbers were used.
 std::string AsVersion2(const std::string& bytes) {
   std::istringstream in(bytes);
   std::string old = FrameHeader(ReadHeader(in, "test"));
@@ -320,7 +322,7 @@ std::string AsVersion2(const std::string& bytes) {
   Payload payload;
   for (std::uint64_t number = 0; ReadChunk(in, number, payload); ++number) {
     if (payload.type == ChunkType::kScene) {
-      payload.bytes.resize(payload.bytes.size() - 3 * sizeof(double));
+      payload.bytes.resize(payload.bytes.size() - 54);
     }
     old += FrameChunk(payload, number);
   }
@@ -342,6 +344,86 @@ TEST_F(RecordingReplay, OlderRecordingsGiveTheSameBits) {
   const Replayer replayer = Replay(volume);
   ExpectNoDifference(replayer);
   EXPECT_EQ(replayer.counts().compared, 3000u);
+}
+
+std::shared_ptr<const VolumeSnapshot> NotReloadable(const VolumeSnapshot& volume) {
+  VolumeMetadata metadata = volume.metadata();
+  metadata.source = "upload:a.nrrd";
+  metadata.reloadable = false;
+  return std::make_shared<const VolumeSnapshot>(metadata, volume.bricks(), volume.revision(),
+                                                volume.loaded_revision());
+}
+
+// An upload, whose file is gone, and a series: no file gives them again.
+TEST_F(RecordingReplay, HoldsVolumesThatNoFileGives) {
+  const auto first = NotReloadable(*Gyroid()), second = NotReloadable(*Gyroid(40, 4));
+  SceneRig rig(first);
+  rig.Run(300);
+  rig.Edit(Carve(*rig.volume(), random_));
+  rig.Run(300);
+  rig.Record(Output());
+  rig.Run(500);
+  rig.Edit(Carve(*rig.volume(), random_));
+  rig.Run(500);
+  ASSERT_EQ(rig.next_revision(), 4u);
+  rig.Load(second);
+  const auto last = testing::MakeVolume(second->size(), [](int i, int j, int k) {
+    return std::sin(0.3 * i) * std::cos(0.2 * j) + std::sin(0.1 * k);
+  });
+  for (int n = 0; n < 20; ++n) {  // a series, interpolated
+    rig.Run(50);
+    rig.Edit(rig.volume()->bricks().ChangesTo(Blend(second->bricks(), last->bricks(), 0.05 * n)));
+  }
+  rig.Run(500);
+  const RecorderReport report = rig.Stop();
+  EXPECT_EQ(report.left_out, "");
+  Replayer replayer([](const RecordedScene& scene) {
+    EXPECT_TRUE(scene.all_voxels_stored);
+    return WithoutVoxels(scene);
+  });
+  RecordingReader reader = testing::ReadBytes(*bytes_);
+  while (const std::optional<RecordedChunk> chunk = reader.Next()) replayer.Take(*chunk);
+  ExpectNoDifference(replayer);
+  const ReplayCounts& counts = replayer.counts();
+  EXPECT_EQ(counts.without_volume + counts.without_scene, 0u);
+  EXPECT_EQ(counts.compared + counts.without_start, counts.ticks);
+  EXPECT_EQ(counts.ticks, 2500u);
+  EXPECT_GT(counts.contacts, 200u);
+}
+
+TEST_F(RecordingReplay, SaysAtOnceThatAVolumeIsTooLarge) {
+  const auto volume = NotReloadable(*Gyroid(264));
+  SceneRig rig(volume);
+  rig.Record(Output());
+  EXPECT_NE(rig.recorder().report().left_out.find("upload:a.nrrd"), std::string::npos);
+  rig.Run(500);
+  rig.Edit(Carve(*rig.volume(), random_));
+  rig.Run(500);
+  EXPECT_NE(rig.Stop().left_out, "");
+  EXPECT_LT(bytes_->size(), 2u << 20);
+  // Whoever has the file can still compute it again, edits and all.
+  const Replayer replayer = Replay(volume);
+  ExpectNoDifference(replayer);
+  EXPECT_EQ(replayer.counts().compared, 1000u);
+}
+
+TEST_F(RecordingReplay, StoredVolumesThatCannotBeAreRefused) {
+  RecordedScene good;
+  good.size = Vec3i(40, 30, 20);
+  good.value_max = 1.0;
+  EXPECT_EQ(testing::Refusal([&] { WithoutVoxels(good); }), std::nullopt);
+  const auto refused = ErrorKind::kInvalidArgument;
+  for (const Vec3i& size : {Vec3i(40, 1, 20), Vec3i(-8, -8, 20), Vec3i(1 << 30, 1 << 30, 1 << 30),
+                            Vec3i(257, 257, 257)}) {
+    RecordedScene bad = good;
+    bad.size = size;
+    EXPECT_EQ(testing::Refusal([&] { WithoutVoxels(bad); }), refused) << size.transpose();
+  }
+  for (const double max : {0.0, -1.0, std::numeric_limits<double>::infinity()}) {
+    RecordedScene bad = good;
+    bad.value_max = max;
+    EXPECT_EQ(testing::Refusal([&] { WithoutVoxels(bad); }), refused) << max;
+  }
 }
 
 // As somebody might write them into a file with good checksums.

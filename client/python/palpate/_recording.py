@@ -13,6 +13,7 @@ class RecordingState:
 
     lost_ticks: ticks that the disk was too slow for
     error: why it ended early; empty: it did not
+    left_out: why some of its ticks cannot be computed again; empty: all can
     """
 
     running: bool
@@ -21,11 +22,12 @@ class RecordingState:
     lost_ticks: int
     size_bytes: int
     error: str
+    left_out: str = ""
 
 
 def _state_of(recording: recording_pb2.RecordingState) -> RecordingState:
     return RecordingState(recording.running, recording.path, recording.ticks, recording.lost_ticks,
-                          recording.size_bytes, recording.error)
+                          recording.size_bytes, recording.error, recording.left_out)
 
 
 class Recording:
