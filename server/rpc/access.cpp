@@ -136,7 +136,7 @@ Admission Access::Admit(grpc::ServerContextBase* context, std::string_view metho
     if (!who.token_sha256_hex.empty()) call.credentials.authorization.clear();
     Admission admission = Enter(call, judge);
     if (admission.access_ && connections_ && call.credentials.transport == Transport::kTls) {
-      connections_->Admitted(peer);
+      connections_->Admitted(peer, call.credentials);
     }
     if (admission.access_ || !admission.ok()) return admission;
     // The policy was replaced meanwhile: judged again.
@@ -200,6 +200,11 @@ void Access::Review() {
     }
   }
   for (const std::string& line : lines) LogWarning("{}", line);
+  if (!connections_) return;
+  const std::shared_ptr<const Policy> judge = policy();
+  connections_->EndUnless([&](const Credentials& credentials) {
+    return judge->Recognise(credentials, now_()).identity.has_value();
+  });
 }
 
 std::string Access::WhyEnd(const Admission::Running& call) const {

@@ -9,6 +9,7 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <utility>
 
 #include "server/log/log.h"
 #include "server/realtime/thread_setup.h"
@@ -69,6 +70,7 @@ ConnectionWatch::~ConnectionWatch() {
   changed_.notify_all();
   if (thread_.joinable()) thread_.join();
   for (const auto& [peer, connection] : connections_) close(connection.fd);
+  for (const auto& [peer, known] : known_) close(known.fd);
 }
 
 void ConnectionWatch::Start() {
@@ -87,10 +89,41 @@ bool ConnectionWatch::Enter(int fd, const sockaddr_storage& peer) {
   return true;
 }
 
-void ConnectionWatch::Admitted(const std::string& peer) {
+void ConnectionWatch::Admitted(const std::string& peer, const Credentials& credentials) {
   const std::lock_guard lock(mutex_);
   const auto found = connections_.find(peer);
-  if (found != connections_.end()) Forget(found);
+  if (found == connections_.end()) return;
+  // One of the same port that has ended, and was not looked at since.
+  const auto before = known_.find(peer);
+  if (before != known_.end()) close(before->second.fd);
+  known_[peer] = {.fd = found->second.fd, .credentials = credentials};
+  connections_.erase(found);
+}
+
+void ConnectionWatch::EndUnless(const std::function<bool(const Credentials&)>& recognises) {
+  std::vector<std::pair<std::string, Credentials>> asked;
+  {
+    const std::lock_guard lock(mutex_);
+    std::erase_if(known_, [](const auto& one) {
+      std::int64_t received_bytes = 0;
+      const bool has_ended = !AskKernel(one.second.fd, received_bytes);
+      if (has_ended) close(one.second.fd);
+      return has_ended;
+    });
+    for (const auto& [peer, known] : known_) asked.emplace_back(peer, known.credentials);
+  }
+  // Without the lock, which the acceptor takes.
+  std::erase_if(asked, [&](const auto& one) { return recognises(one.second); });
+  {
+    const std::lock_guard lock(mutex_);
+    for (const auto& [peer, credentials] : asked) {
+      const auto found = known_.find(peer);
+      if (found != known_.end()) shutdown(found->second.fd, SHUT_RDWR);
+    }
+  }
+  for (const auto& [peer, credentials] : asked) {
+    LogWarning("cut off {}: its client is no longer allowed", peer);
+  }
 }
 
 void ConnectionWatch::Run() {

@@ -1,6 +1,9 @@
 // Watches the connections of strangers over TLS, and cuts off those beyond CutsAmong: gRPC's
 // own quotas do not see all that they send. The kernel counts it.
 //
+// Known clients' connections are not watched, but kept, so that one ends whose client is known no
+// more: a client that sends headers without an end makes no call that could be refused.
+//
 // Only the connection is cut off; its address may connect again at once. Others behind the same
 // NAT share that address, and CutsAmong bounds what all strangers send together.
 //
@@ -13,12 +16,14 @@
 #include <chrono>
 #include <condition_variable>
 #include <cstdint>
+#include <functional>
 #include <map>
 #include <mutex>
 #include <string>
 #include <thread>
 #include <vector>
 
+#include "server/security/policy.h"
 #include "server/security/refusal_log.h"
 
 namespace palpate {
@@ -39,8 +44,10 @@ class ConnectionWatch {
   // A stranger's connection, which stays the caller's. False: there are no file numbers; to be
   // closed.
   bool Enter(int fd, const sockaddr_storage& peer);
-  // Its client is known: forgets it. `peer`: as gRPC names it.
-  void Admitted(const std::string& peer);
+  // Its client is known from now on, by these. `peer`: as gRPC names it.
+  void Admitted(const std::string& peer, const Credentials& credentials);
+  // Ends the connections of clients that are known no more. `recognises` may take its time.
+  void EndUnless(const std::function<bool(const Credentials&)>& recognises);
 
  private:
   struct Connection {
@@ -48,6 +55,10 @@ class ConnectionWatch {
     std::uint64_t number = 0;  // in the order in which they came
     int fd = -1;               // a second one of its connection
     std::int64_t received_bytes = 0;
+  };
+  struct Known {
+    int fd = -1;  // as above
+    Credentials credentials{};
   };
   using Connections = std::map<std::string, Connection>;  // by their peers
 
@@ -59,7 +70,8 @@ class ConnectionWatch {
 
   const int first_file_;
   std::mutex mutex_;
-  Connections connections_;
+  Connections connections_;             // of strangers
+  std::map<std::string, Known> known_;  // by their peers
   std::uint64_t entered_ = 0;
   RefusalLog log_budget_;
   bool stop_ = false;

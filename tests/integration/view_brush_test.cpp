@@ -29,7 +29,8 @@ class ViewBrush : public ::testing::Test {
  protected:
   void SetUp() override {
     daemon_.Start();
-    feed_ = std::make_unique<LiveFeed>(client::Address{.socket_path = daemon_.socket()});
+    feed_ = std::make_unique<LiveFeed>(
+        client::ServerChoice{.address = {.socket_path = daemon_.socket()}});
     ASSERT_TRUE(Settle(*feed_));
     options_.on = true;
     options_.operation = client::EditOperation::kSet;

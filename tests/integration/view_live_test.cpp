@@ -26,13 +26,13 @@ using Clock = std::chrono::steady_clock;
 class ViewLive : public ::testing::Test {
  protected:
   void SetUp() override { daemon_.Start(); }
-  client::Address address() const { return {.socket_path = daemon_.socket()}; }
+  client::ServerChoice server() const { return {.address = {.socket_path = daemon_.socket()}}; }
 
   RestartedDaemon daemon_;
 };
 
 TEST_F(ViewLive, SeesVolumePoseAndSettings) {
-  LiveFeed feed(address());
+  LiveFeed feed(server());
   EXPECT_FALSE(feed.pose() || feed.settings() || feed.stream_age_ms() || feed.volume().lattice());
   ASSERT_TRUE(Settle(feed));
   EXPECT_EQ(feed.connection().state, ConnectionState::kConnected);
@@ -63,13 +63,37 @@ TEST_F(ViewLive, SeesVolumePoseAndSettings) {
   EXPECT_LT(least, 50.0f) << test::kBusyMachine;
 }
 
+TEST_F(ViewLive, DisconnectsAndGoesToAnotherDaemon) {
+  RestartedDaemon other({"--volume", "builtin:sphere:32"});
+  other.Start();
+  LiveFeed feed(server());
+  ASSERT_TRUE(Follow(feed, [&] { return feed.volume().revision() && feed.pose(); }));
+  const Vec3i size = feed.volume().lattice()->size;
+  EXPECT_THROW(feed.Connect({.address = {.host_port = "nonsense"}}), Error);
+  EXPECT_FALSE(feed.is_disconnected());
+  feed.Disconnect();
+  EXPECT_TRUE(feed.is_disconnected());
+  EXPECT_EQ(feed.connection().state, client::ConnectionState::kLost);
+  feed.commands().Do("a command", [](client::Client& client) { client.GetDevice(); });
+  EXPECT_TRUE(Follow(feed, [&] { return !feed.commands().problem().empty(); }));
+  EXPECT_EQ(feed.volume().lattice()->size, size);  // what was shown stays
+
+  feed.Connect({.address = {.socket_path = other.socket()}});
+  EXPECT_FALSE(feed.volume().lattice());  // nothing of the one before
+  EXPECT_FALSE(feed.pose());
+  ASSERT_TRUE(Follow(feed, [&] { return feed.volume().revision() && feed.pose(); }));
+  EXPECT_EQ(feed.volume().lattice()->size, Vec3i(32, 32, 32));
+  ASSERT_TRUE(Eventually([&] { return feed.role() == client::Role::kAdmin; }));
+  EXPECT_TRUE(feed.May(client::Role::kOperator));
+}
+
 TEST(ViewQuestions, AreAnsweredInTheBackground) {
   const test::TemporaryFolder folder;
   const std::string config = folder.path() / "palpated.toml";
   std::ofstream(config) << "[volume]\nsave_folders = [\"" << folder.path().string() << "\"]\n";
   RestartedDaemon daemon({"--volume", "builtin:bumps:48", "--config", config});
   daemon.Start();
-  LiveFeed feed({.socket_path = daemon.socket()});
+  LiveFeed feed({.address = {.socket_path = daemon.socket()}});
   ASSERT_TRUE(Eventually([&] { return feed.device() && feed.recording(); }));
   EXPECT_EQ(feed.device()->kind, "simulated");
   EXPECT_FALSE(feed.series());
@@ -96,7 +120,7 @@ TEST(ViewQuestions, AreAnsweredInTheBackground) {
 // A slider that is moved far faster than the daemon answers.
 TEST_F(ViewLive, OfASliderTheLastValueCountsAndFewTravel) {
   constexpr int kSets = 5000;
-  LiveFeed feed(address());
+  LiveFeed feed(server());
   ASSERT_TRUE(Follow(feed, [&] { return feed.settings().has_value(); }));
   const std::uint64_t before = feed.settings()->revision;
   feed.commands().Set({.stiffness_n_per_mm = 0.25});
@@ -112,7 +136,7 @@ TEST_F(ViewLive, OfASliderTheLastValueCountsAndFewTravel) {
   feed.commands().Set({.isovalue = last});
   ASSERT_TRUE(Follow(feed, [&] { return !feed.commands().busy(); }));
   EXPECT_EQ(feed.commands().problem(), "");
-  client::Client other({.address = address()});
+  client::Client other({.address = server().address});
   ASSERT_TRUE(other.WaitUntilConnected(60s));
   const client::Settings settings = other.GetSettings();
   EXPECT_NEAR(settings.isovalue, last, 1e-9);
@@ -124,7 +148,7 @@ TEST_F(ViewLive, OfASliderTheLastValueCountsAndFewTravel) {
 }
 
 TEST_F(ViewLive, CommandsKeepTheirOrderAndSayWhatWentWrong) {
-  client::Client client({.address = address()});
+  client::Client client({.address = server().address});
   ASSERT_TRUE(client.WaitUntilConnected(60s));
   std::vector<int> order;
   std::promise<void> begun, go;
@@ -171,7 +195,7 @@ TEST_F(ViewLive, CommandsKeepTheirOrderAndSayWhatWentWrong) {
 
 // Not for ever: who reads it later would look for what is wrong now.
 TEST_F(ViewLive, AProblemIsSaidForAWhile) {
-  LiveFeed feed(address());
+  LiveFeed feed(server());
   ASSERT_TRUE(Follow(feed, [&] { return feed.settings().has_value(); }));
   const auto begin = Clock::now();
   feed.commands().Do("undo", [](client::Client& client) { client.Undo(); });
@@ -206,7 +230,7 @@ TEST(ViewCommands, EverySettingIsMerged) {
 
 // Frames go on, and the end is near, however long the daemon does not answer.
 TEST_F(ViewLive, WaitsForNothingWhileTheDaemonHangs) {
-  auto feed = std::make_unique<LiveFeed>(address());
+  auto feed = std::make_unique<LiveFeed>(server().address);
   ASSERT_TRUE(Settle(*feed));
   daemon_.Hang();
   const auto begin = Clock::now();
@@ -229,7 +253,7 @@ TEST_F(ViewLive, WaitsForNothingWhileTheDaemonHangs) {
 // The slider of a series that is moved on while nothing answers: what was overtaken is
 // never sent, each of which would take its 5 s.
 TEST_F(ViewLive, OfASeriesTheNewestPositionIsSent) {
-  LiveFeed feed(address());
+  LiveFeed feed(server());
   ASSERT_TRUE(Settle(feed));
   daemon_.Hang();
   const auto begin = Clock::now();
@@ -242,7 +266,7 @@ TEST_F(ViewLive, OfASeriesTheNewestPositionIsSent) {
 }
 
 TEST_F(ViewLive, ComesBackAfterTheDaemonWasKilled) {
-  LiveFeed feed(address());
+  LiveFeed feed(server());
   ASSERT_TRUE(Settle(feed));
   const std::vector<Brick> loaded = BricksOf(feed.volume());
   const std::uint64_t daemon_id = feed.volume().revision()->daemon_id;
@@ -277,7 +301,7 @@ TEST_F(ViewLive, ComesBackAfterTheDaemonWasKilled) {
 
 // It looks connected, but what is shown gets old.
 TEST_F(ViewLive, ADaemonThatHangsIsSilent) {
-  LiveFeed feed(address());
+  LiveFeed feed(server());
   ASSERT_TRUE(Settle(feed));
   EXPECT_TRUE(Follow(feed, [&] { return !feed.silent_s(); }));
   daemon_.Hang();
@@ -296,7 +320,7 @@ TEST_F(ViewLive, ADaemonThatHangsIsSilent) {
 }
 
 TEST_F(ViewLive, AnEmergencyStopIsSaidWhenItIsDone) {
-  LiveFeed feed(address());
+  LiveFeed feed(server());
   ASSERT_TRUE(Settle(feed));
   EXPECT_EQ(feed.emergency_stop().line().text, "");
   daemon_.Hang();
@@ -338,7 +362,7 @@ double Least(const std::vector<double>& values) {
 // 20 s of frames against a hand that moves, with edits and settings between.
 TEST_F(ViewLive, DoesNotGrowWithTime) {
   constexpr int kFrames = 1200, kWarm = 300;
-  LiveFeed feed(address());
+  LiveFeed feed(server());
   ASSERT_TRUE(Settle(feed));
   double warm_mib = 0.0;
   std::vector<double> first_ages, last_ages;

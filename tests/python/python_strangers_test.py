@@ -290,7 +290,19 @@ class Strangers(AttackTest):
 
 
 class KnownAttackers(AttackTest):
-    """The watch forgets a client that made a call. gRPC itself ends its endless messages."""
+    """A client that made a call is not watched. gRPC itself ends its endless messages; nothing ends
+    its endless headers but the operator."""
+
+    def test_endless_headers_end_with_the_token(self):
+        token = self.daemon.add_token("flooder", "viewer")
+        flooder = Stranger(self.daemon, "127.0.0.9")
+        self.addCleanup(flooder.close)
+        flooder.become_known(token)
+        flooder.begin_call(3, is_whole=False)
+        self.assertTrue(flooder.is_connected())
+        self.daemon.revoke_token("flooder")
+        wait_for(lambda: not flooder.is_connected(), "the end of the connection")
+        self.assertEqual(self.said("its client is no longer allowed"), 1)
 
     def test_endless_messages_are_ended(self):
         before = resident_bytes(self.daemon)

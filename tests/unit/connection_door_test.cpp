@@ -224,18 +224,25 @@ TEST_F(ConnectionWatchTest, ANewcomerGetsInAmongManyAddressesAndTheOldestGoes) {
   for (std::size_t n = 1; n < crowd.size(); ++n) EXPECT_FALSE(IsClosed(crowd[n].client)) << n;
 }
 
-TEST_F(ConnectionWatchTest, AKnownClientIsForgotten) {
-  Pair known = Enter();
-  watch_.Admitted(PeerName(known.peer));
+TEST_F(ConnectionWatchTest, AKnownClientIsNotWatchedAndEndsOnceItIsKnownNoMore) {
+  Pair known = Enter(), other = Enter();
+  watch_.Admitted(PeerName(known.peer), {.token_sha256_hex = "a"});
+  watch_.Admitted(PeerName(other.peer), {.token_sha256_hex = "b"});
   const Pair greedy = Enter();
   EXPECT_TRUE(Send(known, 9 * kMiB));
   Send(greedy, 9 * kMiB);
   // A review that would have cut off both.
   EXPECT_TRUE(Eventually([&] { return IsClosed(greedy.client); }));
   EXPECT_FALSE(IsClosed(known.client));
-  // There is no second file of its connection.
-  known.server = OwnedFile();
+  watch_.EndUnless(
+      [](const Credentials& credentials) { return credentials.token_sha256_hex == "b"; });
   EXPECT_TRUE(Eventually([&] { return IsClosed(known.client); }));
+  EXPECT_FALSE(IsClosed(other.client));
+  // The second file of a connection that has ended goes too.
+  shutdown(other.server.get(), SHUT_RDWR);
+  other.server = OwnedFile();
+  watch_.EndUnless([](const Credentials&) { return true; });
+  EXPECT_TRUE(Eventually([&] { return IsClosed(other.client); }));
 }
 
 }  // namespace
