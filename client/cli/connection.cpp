@@ -4,6 +4,7 @@
 
 #include <chrono>
 #include <cstdio>
+#include <filesystem>
 
 #include "client/cli/output.h"
 #include "common/error/one_line.h"
@@ -44,11 +45,12 @@ void Connection::WaitUntilReady() const {
   grpc_connectivity_state state = channel_->GetState(true);
   while (state != GRPC_CHANNEL_READY) {
     if (state == GRPC_CHANNEL_TRANSIENT_FAILURE || state == GRPC_CHANNEL_SHUTDOWN) {
-      throw WithOption(route_.WhyUnreached(WhatGrpcSays()), shares_clock());
+      throw WithOption(route_.WhyUnreached(shares_clock() ? "" : WhatGrpcSays()), shares_clock());
     }
     if (!channel_->WaitForStateChange(state, deadline)) {
       throw WithOption({ErrorKind::kUnavailable,
-                        "no answer from " + name() + " within 3 s, so it is not palpated"},
+                        "no answer from " + name() +
+                            " within 3 s: a firewall drops what is sent, or it is not palpated"},
                        shares_clock());
     }
     state = channel_->GetState(true);
@@ -88,7 +90,10 @@ Error Connection::ErrorOfEnd(const grpc::Status& status) const {
   switch (status.error_code()) {
     case grpc::StatusCode::OK:
     case grpc::StatusCode::CANCELLED:
+      break;
     case grpc::StatusCode::UNAVAILABLE:
+      // The daemon's own line, where there is a daemon.
+      if (channel_->GetState(false) == GRPC_CHANNEL_READY) return ErrorOf(status);
       break;
     default:
       return ErrorOf(status);
@@ -101,6 +106,15 @@ Error Connection::ErrorOfEnd(const grpc::Status& status) const {
   }
   return {ErrorKind::kUnavailable,
           "palpated at " + name() + " went away: start it again, then repeat this"};
+}
+
+std::string PathThere(const std::string& path, bool is_here, const std::string& name) {
+  if (path.empty()) throw Error(ErrorKind::kInvalidArgument, "the path is empty: name a file");
+  if (std::filesystem::path(path).is_absolute()) return path;
+  if (is_here) return std::filesystem::absolute(path).string();
+  throw Error(ErrorKind::kInvalidArgument,
+              "'" + path + "' is a relative path, and palpated at " + name +
+                  " may be on another machine: give the absolute path there");
 }
 
 }  // namespace palpate::cli

@@ -14,6 +14,11 @@ namespace palpate::cli {
 // What to warn of where others may read the file with our token; empty: nothing.
 std::string TokenFileWarning(const std::string& path);
 
+// A path for a palpated, whose current folder is another one than ours. `is_here`: it runs on this
+// machine; `name`: for people. Errors: kInvalidArgument for an empty path, and for a relative one
+// where the daemon may be on another machine.
+std::string PathThere(const std::string& path, bool is_here, const std::string& name);
+
 // Threads: main only, but the channel is as thread-safe as any of gRPC.
 class Connection {
  public:
@@ -51,6 +56,10 @@ class Connection {
   // Of a stream that palpated ended, without a word where it takes us for a stranger by now:
   // another call has the reason.
   Error ErrorOfEnd(const grpc::Status& status) const;
+
+  std::string PathThere(const std::string& path) const {
+    return cli::PathThere(path, shares_clock(), name());
+  }
 
  private:
   static void SetDeadline(grpc::ClientContext& context);

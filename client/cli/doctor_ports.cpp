@@ -1,5 +1,6 @@
 #include "client/cli/doctor_ports.h"
 
+#include <arpa/inet.h>
 #include <fmt/core.h>
 #include <netdb.h>
 #include <poll.h>
@@ -7,6 +8,8 @@
 #include <unistd.h>
 
 #include <toml++/toml.h>
+#include <algorithm>
+#include <array>
 #include <charconv>
 #include <fstream>
 #include <optional>
@@ -33,6 +36,7 @@ struct Place {
 };
 
 struct Listener {
+  std::string host;  // as a client on this machine reaches it
   std::uint16_t port = 0;
   std::string inode;
   std::string user;
@@ -45,6 +49,19 @@ std::optional<std::string> Configured(const Workstation& machine, const std::str
   } catch (const toml::parse_error&) {
     return std::nullopt;  // not there, or for 'palpated --check-config' to explain
   }
+}
+
+// "0100007F": words of four bytes, each in this machine's order.
+std::string HostOf(const std::string& hexadecimal) {
+  std::array<std::uint32_t, 4> words{};
+  const std::size_t count = std::min(hexadecimal.size() / 8, words.size());
+  for (std::size_t n = 0; n < count; ++n) {
+    const char* word = hexadecimal.data() + 8 * n;
+    std::from_chars(word, word + 8, words[n], 16);
+  }
+  char text[INET6_ADDRSTRLEN] = "";
+  inet_ntop(count == 1 ? AF_INET : AF_INET6, words.data(), text, sizeof(text));
+  return count == 1 ? text : "[" + std::string(text) + "]";
 }
 
 // What listens, as /proc/net/tcp has it: addresses and ports are hexadecimal, 0A is listening.
@@ -60,7 +77,7 @@ std::vector<Listener> Listeners(const Workstation& machine) {
       if (state != "0A" || local.size() < 4) continue;
       std::uint16_t port = 0;
       std::from_chars(local.data() + local.size() - 4, local.data() + local.size(), port, 16);
-      listeners.push_back({port, inode, user});
+      listeners.push_back({HostOf(local.substr(0, local.find(':'))), port, inode, user});
     }
   }
   return listeners;
@@ -171,9 +188,9 @@ std::vector<Finding> CheckDaemonPorts(const Workstation& machine) {
     if (checked.contains(listener.port) || HolderOf(machine, listener.inode) != "palpated")
       continue;
     checked.insert(listener.port);
-    const std::string address = "127.0.0.1:" + std::to_string(listener.port);
-    const bool answers = machine.answers("127.0.0.1", listener.port, kHttp2) ||
-                         machine.answers("127.0.0.1", listener.port, kHttp);
+    const std::string address = listener.host + ":" + std::to_string(listener.port);
+    const bool answers = machine.answers(listener.host, listener.port, kHttp2) ||
+                         machine.answers(listener.host, listener.port, kHttp);
     findings.push_back(answers ? Answering(address) : Silent(address));
   }
   return findings;

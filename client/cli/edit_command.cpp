@@ -68,7 +68,8 @@ void MoveInHistory(const Connection& connection, HistoryCommand command,
   }
 }
 
-void SaveVolume(const Connection& connection, const v1::SaveVolumeRequest& request, bool json) {
+void SaveVolume(const Connection& connection, v1::SaveVolumeRequest request, bool json) {
+  request.set_path(connection.PathThere(request.path()));
   const auto stub = v1::VolumeService::NewStub(connection.channel());
   const v1::SaveVolumeResult result = RunWithProgress<v1::SaveVolumeResponse>(
       connection,

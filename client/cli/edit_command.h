@@ -23,7 +23,7 @@ void MoveInHistory(const Connection& connection, HistoryCommand command,
                    const std::optional<std::uint64_t>& expected_revision, bool json);
 
 // Shows progress on stderr. Ctrl-C and SIGTERM cancel (kCancelled).
-void SaveVolume(const Connection& connection, const v1::SaveVolumeRequest& request, bool json);
+void SaveVolume(const Connection& connection, v1::SaveVolumeRequest request, bool json);
 
 // The values of a dense block: raw bytes of `file`, or of stdin for "-".
 // Errors: kNotFound; kTooLarge for more than a block may have.

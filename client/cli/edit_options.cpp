@@ -321,9 +321,7 @@ void AddSave(arguments::Command& app, Invocation& invocation) {
   command->add_flag("--json", values->json, "One JSON object instead of text");
   command->callback([&invocation, values] {
     v1::SaveVolumeRequest request;
-    // The daemon has another current folder.
-    if (values->path.empty()) throw arguments::UsageError("the path is empty: name a file");
-    request.set_path(std::filesystem::absolute(values->path).string());
+    request.set_path(values->path);
     request.set_overwrite(values->overwrite);
     invocation.command = [request, json = values->json](const Connection& c) {
       SaveVolume(c, request, json);

@@ -15,7 +15,7 @@
 namespace palpate::cli {
 
 Error ErrorOfLoad(const Connection& connection, const grpc::Status& status) {
-  if (!Interrupt::IsRaised()) return connection.ErrorOf(status);
+  if (!Interrupt::IsRaised()) return connection.ErrorOfEnd(status);
   return {ErrorKind::kCancelled, "loading was cancelled; the volume before it stays"};
 }
 
@@ -25,7 +25,8 @@ void PrintWarnings(const v1::VolumeDescription& volume) {
   }
 }
 
-void LoadVolume(const Connection& connection, const v1::LoadVolumeRequest& request) {
+void LoadVolume(const Connection& connection, v1::LoadVolumeRequest request) {
+  request.set_source(SourceThere(connection, request.source()));
   const auto stub = v1::VolumeService::NewStub(connection.channel());
   const v1::LoadVolumeResult result = RunWithProgress<v1::LoadVolumeResponse>(
       connection,
@@ -39,9 +40,8 @@ void LoadVolume(const Connection& connection, const v1::LoadVolumeRequest& reque
                                                       result.settings_revision()));
 }
 
-std::string SourceForDaemon(const std::string& source) {
-  if (source.empty()) throw Error(ErrorKind::kInvalidArgument, "the path is empty: name a file");
-  return source.rfind("builtin:", 0) == 0 ? source : std::filesystem::absolute(source).string();
+std::string SourceThere(const Connection& connection, const std::string& source) {
+  return source.starts_with("builtin:") ? source : connection.PathThere(source);
 }
 
 }  // namespace palpate::cli

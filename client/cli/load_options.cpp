@@ -125,7 +125,7 @@ void AddLoad(arguments::Command& app, Invocation& invocation, LoadValues& values
   AddFrameOption(*command, values);
   command->callback([&invocation, &values] {
     v1::LoadVolumeRequest request = RequestOf(values);
-    request.set_source(SourceForDaemon(values.source));
+    request.set_source(values.source);
     invocation.command = [request](const Connection& c) { LoadVolume(c, request); };
   });
 }

@@ -42,7 +42,7 @@ auto RunWithProgress(const Connection& connection, const Prepare& prepare,
     throw Error(ErrorKind::kCancelled, cancelled);
   }
   if (!status.ok()) {
-    throw connection.ErrorOf(status);
+    throw connection.ErrorOfEnd(status);
   }
   return *result;
 }

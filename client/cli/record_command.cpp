@@ -24,14 +24,9 @@ using Stub = v1::RecordingService::Stub;
 constexpr std::chrono::milliseconds kPollPeriod(50);
 constexpr std::chrono::milliseconds kShowPeriod(500);
 
-std::string PathForDaemon(const std::string& path) {
-  if (path.empty()) throw Error(ErrorKind::kInvalidArgument, "the path is empty: name a file");
-  return std::filesystem::absolute(path).string();
-}
-
 v1::RecordingState Start(const Connection& connection, const RecordOptions& options) {
   v1::StartRecordingRequest request;
-  request.set_path(PathForDaemon(options.path));
+  request.set_path(connection.PathThere(options.path));
   request.set_overwrite(options.overwrite);
   return connection
       .Call(*v1::RecordingService::NewStub(connection.channel()), &Stub::StartRecording, request)
@@ -178,7 +173,7 @@ void MarkRecording(const Connection& connection, const std::string& text) {
 void Replay(const Connection& connection, const ReplayOptions& options) {
   const Interrupt interrupt;
   v1::ReplayRequest request;
-  request.set_path(PathForDaemon(options.path));
+  request.set_path(connection.PathThere(options.path));
   request.set_speed(options.speed);
   grpc::ClientContext context;
   const std::jthread canceller([&context](const std::stop_token& stop) {
@@ -205,7 +200,7 @@ void Replay(const Connection& connection, const ReplayOptions& options) {
   if (!status.ok() && Interrupt::IsRaised()) {
     throw Error(ErrorKind::kCancelled, "the replay was cancelled");
   }
-  if (!status.ok()) throw connection.ErrorOf(status);
+  if (!status.ok()) throw connection.ErrorOfEnd(status);
   WriteOutput(fmt::format("replayed {} ticks, {} lost\n", last.ticks(), last.lost_ticks()));
 }
 

@@ -40,7 +40,8 @@ std::string Describe(const v1::SeriesState& series) {
       static_cast<double>(series.memory_bytes()) / (1024.0 * 1024.0));
 }
 
-void LoadSeries(const Connection& connection, const v1::LoadSeriesRequest& request) {
+void LoadSeries(const Connection& connection, v1::LoadSeriesRequest request) {
+  for (std::string& source : *request.mutable_sources()) source = SourceThere(connection, source);
   v1::LoadSeriesResult result;
   bool has_result = false;
   {

@@ -12,7 +12,7 @@ class Connection;
 // Loads a series; shows progress on stderr, the volume and the series on stdout.
 // Ctrl-C and SIGTERM cancel.
 // Errors of all: as Connection::ErrorOf and WriteOutput; kConflict without a series.
-void LoadSeries(const Connection& connection, const v1::LoadSeriesRequest& request);
+void LoadSeries(const Connection& connection, v1::LoadSeriesRequest request);
 
 // Changes how it plays, and prints how it plays now.
 void ControlSeries(const Connection& connection, const v1::ControlSeriesRequest& request,

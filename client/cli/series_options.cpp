@@ -27,7 +27,7 @@ void AddSeriesLoad(arguments::Command& series, Invocation& invocation, SeriesVal
   AddVolumeOptions(*command, values.load);
   command->callback([&invocation, &values] {
     v1::LoadSeriesRequest request;
-    for (const std::string& file : values.files) request.add_sources(SourceForDaemon(file));
+    for (const std::string& file : values.files) request.add_sources(file);
     *request.mutable_options() = RequestOf(values.load);
     invocation.command = [request](const Connection& c) { LoadSeries(c, request); };
   });

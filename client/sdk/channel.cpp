@@ -107,7 +107,7 @@ Error Route::WhyUnreached(const std::string& details) const {
   return {ErrorKind::kUnavailable, WhyServerUnreached(details)};
 }
 
-// The same causes and lines as client/python/palpate/_unreached.py has.
+// The causes and lines of client/python/palpate/_unreached.py.
 std::string Route::WhyServerUnreached(const std::string& details) const {
   const auto says = [&](const char* part) { return details.find(part) != details.npos; };
   const std::string host = name_.substr(0, name_.rfind(':'));
@@ -115,7 +115,9 @@ std::string Route::WhyServerUnreached(const std::string& details) const {
   if (says("DNS resolution failed")) {
     return none + ": the host " + host + " is not known: check the address";
   }
-  if (says("Connection refused")) {
+  // Of a host with several addresses gRPC tells of the last one alone; another may have refused us.
+  const bool is_name = host.find_first_not_of("0123456789.") != host.npos && host.front() != '[';
+  if (says("Connection refused") && !(is_name && has_tls_)) {
     return none + ": nothing listens there: start it there with --listen, or check the address";
   }
   if (!has_tls_) {
@@ -124,8 +126,11 @@ std::string Route::WhyServerUnreached(const std::string& details) const {
            "that has TLS";
   }
   if (says("certificate verify failed")) {
-    return none + " that proves itself: its certificate is not signed by the authority in " +
-           credentials_.ca_file + ", or is not valid today: name the authority that signed it";
+    const std::string authority = credentials_.ca_file.empty()
+                                      ? "an authority that this machine trusts"
+                                      : "the authority in " + credentials_.ca_file;
+    return none + " that proves itself: its certificate is not signed by " + authority +
+           ", or is not valid today: name the authority that signed it";
   }
   if (says("is not in peer certificate")) {
     return none + " that proves itself: its certificate does not name " + host +

@@ -19,7 +19,7 @@ struct Address {
 // which is used where an authority or a certificate is given. Files in PEM, read at
 // every attempt to connect. What is empty the environment may fill: server_choice.h.
 struct Credentials {
-  std::string ca_file{};           // of the daemon's authority
+  std::string ca_file{};           // of the daemon's authority; empty: those of the system
   std::string certificate_file{};  // ours, with its key, where the daemon knows it
   std::string key_file{};
   // Holds a token, as 'palpated token add' printed it. Never sent without TLS.

@@ -75,7 +75,7 @@ void Link::CancelCalls() {
 Link::Registered::Registered(Link& link, grpc::ClientContext& context)
     : link_(link), context_(context) {
   const std::lock_guard lock(link_.mutex_);
-  if (link_.cancelled_) throw Error(ErrorKind::kCancelled, "the client is being destroyed");
+  if (link_.cancelled_) throw Error(ErrorKind::kCancelled, "the connection was closed");
   link_.running_.insert(&context_);
 }
 

@@ -36,9 +36,9 @@ std::string RandomLetters() {
 }
 
 // -1: one that we may write to but not list, and so not sync.
-int OpenFolder(const fs::path& folder) {
+int OpenFolder(const fs::path& folder, const fs::path& name) {
   const int directory = open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-  if (directory < 0 && errno != EACCES) throw CannotWrite(folder, errno);
+  if (directory < 0 && errno != EACCES) throw CannotWrite(name, errno);
   return directory;
 }
 
@@ -81,22 +81,30 @@ NewFile::NewFile(fs::path path, IfThere if_there, mode_t mode, Links links)
   if (if_there_ == IfThere::kRefuse && fs::exists(fs::symlink_status(path_, ignored))) {
     RefuseToOverwrite(path_);
   }
+  const fs::path folder = fs::absolute(path_).parent_path();
+  directory_ = links == Links::kRefused ? OpenPlain(folder, O_PATH | O_DIRECTORY)
+                                        : open(folder.c_str(), O_PATH | O_DIRECTORY | O_CLOEXEC);
+  if (directory_ < 0 && errno == ELOOP) {
+    throw Error(ErrorKind::kPermissionDenied,
+                path_.string() + ": a link has come into its folder's name; try again");
+  }
+  if (directory_ < 0) throw CannotWrite(path_, errno);
   do {
-    partial_ = path_.string() + "." + RandomLetters() + ".partial";
-    descriptor_ = open(partial_.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, mode);
+    partial_name_ = path_.filename().string() + "." + RandomLetters() + ".partial";
+    descriptor_ =
+        openat(directory_, partial_name_.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, mode);
   } while (descriptor_ < 0 && errno == EEXIST);
-  if (descriptor_ < 0) throw CannotWrite(path_, errno);
-  if (links == Links::kFollowed || RealPath(descriptor_) == partial_) return;
-  Remove();
-  throw Error(ErrorKind::kPermissionDenied,
-              path_.string() + ": a link has come into its folder's name; try again");
+  partial_ = path_.parent_path() / partial_name_;
+  if (descriptor_ >= 0) return;
+  const int error_number = errno;
+  close(directory_);
+  throw CannotWrite(path_, error_number);
 }
 
-NewFile::~NewFile() { Remove(); }
-
-void NewFile::Remove() {
+NewFile::~NewFile() {
   close(descriptor_);
-  if (!has_name_) unlink(partial_.c_str());
+  if (!has_name_) unlinkat(directory_, partial_name_.c_str(), 0);
+  close(directory_);
 }
 
 void NewFile::Write(std::string_view bytes) {
@@ -118,7 +126,8 @@ void NewFile::TakeName(Durable durable) {
   if (durable == Durable::kYes) Sync();
   const fs::path folder = fs::absolute(path_).parent_path();
   // Before the name changes: what cannot be opened fails while all is as it was.
-  const int directory = durable == Durable::kYes ? OpenFolder(folder) : -1;
+  const int directory =
+      durable == Durable::kYes ? OpenFolder(ByDescriptor(directory_), folder) : -1;
   try {
     Rename();
   } catch (const Error&) {
@@ -129,11 +138,15 @@ void NewFile::TakeName(Durable durable) {
   if (directory >= 0) SyncAndClose(directory, folder);
 }
 
+bool NewFile::RenameTo(unsigned flags) const {
+  const std::string name = path_.filename();
+  return renameat2(directory_, partial_name_.c_str(), directory_, name.c_str(), flags) == 0;
+}
+
 void NewFile::Rename() {
   if (if_there_ == IfThere::kReplace) {
-    if (rename(partial_.c_str(), path_.c_str()) != 0) throw CannotWrite(path_, errno);
-  } else if (renameat2(AT_FDCWD, partial_.c_str(), AT_FDCWD, path_.c_str(), RENAME_NOREPLACE) !=
-             0) {
+    if (!RenameTo(0)) throw CannotWrite(path_, errno);
+  } else if (!RenameTo(RENAME_NOREPLACE)) {
     if (errno == EEXIST) RefuseToOverwrite(path_);
     if (errno != EINVAL) throw CannotWrite(path_, errno);
     ClaimAndRename();
@@ -142,11 +155,12 @@ void NewFile::Rename() {
 
 // Where the file system (NFS) cannot rename without replacing.
 void NewFile::ClaimAndRename() {
-  const int claim = open(path_.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
+  const std::string name = path_.filename();
+  const int claim = openat(directory_, name.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
   if (claim < 0 && errno == EEXIST) RefuseToOverwrite(path_);
   if (claim < 0) throw CannotWrite(path_, errno);
   close(claim);
-  if (rename(partial_.c_str(), path_.c_str()) != 0) throw CannotWrite(path_, errno);
+  if (!RenameTo(0)) throw CannotWrite(path_, errno);
 }
 
 void WriteWhole(const fs::path& path, const std::function<void(const fs::path& partial)>& write,
@@ -175,7 +189,7 @@ void MakeFolders(const fs::path& folder) {
 }
 
 void SyncFolder(const fs::path& folder) {
-  const int directory = OpenFolder(folder);
+  const int directory = OpenFolder(folder, folder);
   if (directory >= 0) SyncAndClose(directory, folder);
 }
 

@@ -12,6 +12,7 @@
 
 #include <filesystem>
 #include <functional>
+#include <string>
 #include <string_view>
 
 #include "common/error/error.h"
@@ -55,12 +56,15 @@ class NewFile {
   void TakeName(Durable durable = Durable::kYes);
 
  private:
-  void Remove();
+  bool RenameTo(unsigned flags) const;
   void Rename();
   void ClaimAndRename();
 
   const std::filesystem::path path_;
   const IfThere if_there_;
+  // All is done in this folder, whatever its name leads to by then.
+  int directory_ = -1;
+  std::string partial_name_;
   std::filesystem::path partial_;
   int descriptor_ = -1;
   bool has_name_ = false;

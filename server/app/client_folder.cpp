@@ -16,7 +16,11 @@ namespace fs = std::filesystem;
 
 // Empty where there is no such file.
 std::string TextOf(const fs::path& path) {
+  std::error_code error;
   std::ifstream file(path, std::ios::binary);
+  if (!file && fs::exists(fs::symlink_status(path, error))) {
+    throw Error(ErrorKind::kPermissionDenied, "cannot read " + path.string());
+  }
   std::ostringstream text;
   text << file.rdbuf();
   return text.str();
@@ -48,8 +52,16 @@ void CheckIsNew(const fs::path& file, const std::string& text, const std::string
   }
 }
 
-void Write(const fs::path& path, const std::string& text, mode_t mode) {
-  NewFile file(path, IfThere::kReplace, mode);
+std::string NameFrom(const std::string& host) {
+  if (host.find_first_not_of("0123456789.") == host.npos || host.find(':') != host.npos) {
+    throw Error(ErrorKind::kInvalidArgument,
+                host + " is an address: give the profile a name with --profile");
+  }
+  return host.substr(0, host.find('.'));
+}
+
+void Write(const fs::path& path, const std::string& text, mode_t mode, IfThere if_there) {
+  NewFile file(path, if_there, mode);
   file.Write(text);
   file.TakeName();
 }
@@ -58,8 +70,7 @@ void Write(const fs::path& path, const std::string& text, mode_t mode) {
 
 std::string WriteClientFolder(const ClientFolder& client, const std::string& token) {
   const HostPort server = ParseHostPort(client.server);
-  const std::string profile =
-      client.profile.empty() ? server.host.substr(0, server.host.find('.')) : client.profile;
+  const std::string profile = client.profile.empty() ? NameFrom(server.host) : client.profile;
   CheckTokenName(profile);  // the same rules
   const std::string certificate = Certificate(client.ca_file);
   MakeFolders(client.folder);
@@ -69,9 +80,9 @@ std::string WriteClientFolder(const ClientFolder& client, const std::string& tok
   if (!text.empty()) text += "\n";
   text += "[\"" + profile + "\"]\nserver = \"" + server.ToString() + "\"\ntls_ca = \"" + profile +
           "-ca.pem\"\ntoken_file = \"" + profile + ".token\"\n";
-  Write(client.folder / (profile + "-ca.pem"), certificate, 0644);
-  Write(client.folder / (profile + ".token"), token + "\n", 0600);
-  Write(file, text, 0644);
+  Write(client.folder / (profile + "-ca.pem"), certificate, 0644, IfThere::kRefuse);
+  Write(client.folder / (profile + ".token"), token + "\n", 0600, IfThere::kRefuse);
+  Write(file, text, 0644, IfThere::kReplace);
   return profile;
 }
 

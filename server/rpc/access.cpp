@@ -202,9 +202,10 @@ void Access::Review() {
   for (const std::string& line : lines) LogWarning("{}", line);
   if (!connections_) return;
   const std::shared_ptr<const Policy> judge = policy();
-  connections_->EndUnless([&](const Credentials& credentials) {
+  const auto recognises = [&](const Credentials& credentials) {
     return judge->Recognise(credentials, now_()).identity.has_value();
-  });
+  };
+  connections_->EndUnless(recognises, MonotonicNowNs());
 }
 
 std::string Access::WhyEnd(const Admission::Running& call) const {

@@ -79,7 +79,11 @@ void ConnectionWatch::Start() {
 
 bool ConnectionWatch::Enter(int fd, const sockaddr_storage& peer) {
   const std::lock_guard lock(mutex_);
-  const int second_fd = fcntl(fd, F_DUPFD_CLOEXEC, first_file_);
+  int second_fd = fcntl(fd, F_DUPFD_CLOEXEC, first_file_);
+  if (second_fd < 0) {
+    ForgetEndedKnown();
+    second_fd = fcntl(fd, F_DUPFD_CLOEXEC, first_file_);
+  }
   if (second_fd < 0) return false;
   Connection& connection = connections_[PeerName(peer)];
   // One of the same port that has ended, and was not looked at since.
@@ -96,32 +100,46 @@ void ConnectionWatch::Admitted(const std::string& peer, const Credentials& crede
   // One of the same port that has ended, and was not looked at since.
   const auto before = known_.find(peer);
   if (before != known_.end()) close(before->second.fd);
-  known_[peer] = {.fd = found->second.fd, .credentials = credentials};
+  known_[peer] = {
+      .fd = found->second.fd, .credentials = credentials, .number = found->second.number};
   connections_.erase(found);
 }
 
-void ConnectionWatch::EndUnless(const std::function<bool(const Credentials&)>& recognises) {
-  std::vector<std::pair<std::string, Credentials>> asked;
+void ConnectionWatch::ForgetEndedKnown() {
+  std::erase_if(known_, [](const auto& one) {
+    std::int64_t received_bytes = 0;
+    const bool has_ended = !AskKernel(one.second.fd, received_bytes);
+    if (has_ended) close(one.second.fd);
+    return has_ended;
+  });
+}
+
+void ConnectionWatch::EndUnless(const std::function<bool(const Credentials&)>& recognises,
+                                std::int64_t now_ns) {
+  constexpr std::int64_t kGraceNs = std::chrono::nanoseconds(kGrace).count();
+  std::vector<std::pair<std::string, Known>> asked;
   {
     const std::lock_guard lock(mutex_);
-    std::erase_if(known_, [](const auto& one) {
-      std::int64_t received_bytes = 0;
-      const bool has_ended = !AskKernel(one.second.fd, received_bytes);
-      if (has_ended) close(one.second.fd);
-      return has_ended;
-    });
-    for (const auto& [peer, known] : known_) asked.emplace_back(peer, known.credentials);
+    ForgetEndedKnown();
+    asked.assign(known_.begin(), known_.end());
   }
   // Without the lock, which the acceptor takes.
-  std::erase_if(asked, [&](const auto& one) { return recognises(one.second); });
+  std::erase_if(asked, [&](const auto& one) { return recognises(one.second.credentials); });
+  std::vector<std::string> ended;
   {
     const std::lock_guard lock(mutex_);
-    for (const auto& [peer, credentials] : asked) {
+    for (const auto& [peer, refused] : asked) {
       const auto found = known_.find(peer);
-      if (found != known_.end()) shutdown(found->second.fd, SHUT_RDWR);
+      // Another one of the same port may have come.
+      if (found == known_.end() || found->second.number != refused.number) continue;
+      Known& known = found->second;
+      if (known.refused_ns == 0) known.refused_ns = now_ns;
+      if (now_ns - known.refused_ns < kGraceNs) continue;
+      shutdown(known.fd, SHUT_RDWR);
+      ended.push_back(peer);
     }
   }
-  for (const auto& [peer, credentials] : asked) {
+  for (const std::string& peer : ended) {
     LogWarning("cut off {}: its client is no longer allowed", peer);
   }
 }

@@ -46,8 +46,10 @@ class ConnectionWatch {
   bool Enter(int fd, const sockaddr_storage& peer);
   // Its client is known from now on, by these. `peer`: as gRPC names it.
   void Admitted(const std::string& peer, const Credentials& credentials);
-  // Ends the connections of clients that are known no more. `recognises` may take its time.
-  void EndUnless(const std::function<bool(const Credentials&)>& recognises);
+  // Ends the connections of clients that are known no more, kGrace after that was seen first: until
+  // then their calls are told why. `recognises` may take its time.
+  static constexpr std::chrono::seconds kGrace{3};
+  void EndUnless(const std::function<bool(const Credentials&)>& recognises, std::int64_t now_ns);
 
  private:
   struct Connection {
@@ -59,11 +61,14 @@ class ConnectionWatch {
   struct Known {
     int fd = -1;  // as above
     Credentials credentials{};
+    std::uint64_t number = 0;     // as above
+    std::int64_t refused_ns = 0;  // since when it is known no more; 0: it is known
   };
   using Connections = std::map<std::string, Connection>;  // by their peers
 
   void Run();
   std::vector<std::string> Review();
+  void ForgetEndedKnown();
   Connections::iterator Forget(Connections::iterator connection);
   void CutOff(const Connections::value_type& connection, bool sent_too_much,
               std::vector<std::string>& lines);

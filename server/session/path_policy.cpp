@@ -124,6 +124,7 @@ fs::path PathPolicy::CheckLoad(const std::string& path) const {
 }
 
 std::unique_ptr<std::istream> PathPolicy::OpenToLoad(const std::string& path) const {
+  if (IsBuiltin(path)) Refuse(path + ": this is no file; name one");
   // A pipe is not waited for.
   const int descriptor = OpenPlain(CheckLoad(path), O_RDONLY | O_NONBLOCK);
   if (descriptor < 0) {

@@ -80,7 +80,8 @@ class Remote(unittest.TestCase):
         cls.daemon = cls.enterClassContext(ServerDaemon(cls.network, config))
         cls.local = cls.enterClassContext(cls.daemon.connect())
         cls.env = {**os.environ, "XDG_CONFIG_HOME": str(cls.profiles.parent)}
-        for variable in ("PALPATE_SOCKET", "PALPATE_SERVER", "PALPATE_TLS_CA"):
+        for variable in ("PALPATE_SOCKET", "PALPATE_SERVER", "PALPATE_TLS_CA",
+                         "PALPATE_TOKEN_FILE"):
             cls.env.pop(variable, None)
 
     @classmethod
@@ -95,7 +96,7 @@ class Remote(unittest.TestCase):
     @classmethod
     def let_expire(cls, name):
         parts = cls.tokens.read_text().split("[[token]]")
-        parts = [re.sub("expires = .*", "expires = 2026-01-31T12:00:00Z", part)
+        parts = [re.sub("expires = .*", "expires = 2001-01-31T12:00:00Z", part)
                  if f'name = "{name}"' in part else part for part in parts]
         cls.tokens.write_text("[[token]]".join(parts))
 
@@ -215,7 +216,7 @@ class Remote(unittest.TestCase):
     def test_refusals_say_what_to_do(self):
         lines = {"wrong-ca": f"not signed by the authority in {self.profiles}/wrong-ca-ca.pem",
                  "wrong-host": f"does not name {Network.SERVER_TOO}",
-                 "expired": "its token expired at 2026-01-31T12:00:00Z: ask the operator",
+                 "expired": "its token expired at 2001-01-31T12:00:00Z: ask the operator",
                  "revoked": "was revoked: ask the operator for a new token",
                  "absent": "has no profile"}
         script = "import sys, palpate; palpate.connect(profile=sys.argv[1])"

@@ -230,7 +230,7 @@ TEST(ViewCommands, EverySettingIsMerged) {
 
 // Frames go on, and the end is near, however long the daemon does not answer.
 TEST_F(ViewLive, WaitsForNothingWhileTheDaemonHangs) {
-  auto feed = std::make_unique<LiveFeed>(server().address);
+  auto feed = std::make_unique<LiveFeed>(server());
   ASSERT_TRUE(Settle(*feed));
   daemon_.Hang();
   const auto begin = Clock::now();

@@ -130,7 +130,7 @@ check_removal() {
   touch "$jail/var/lib/palpate/volumes/trial.palrec"
   apt_in_jail purge palpate-daemon
   [ -e "$jail/var/lib/palpate/volumes/trial.palrec" ] || fail "purge takes recordings"
-  [ "$(ls "$jail/var/lib/palpate")" = recordings ] || fail "purge leaves state"
+  [ "$(ls "$jail/var/lib/palpate")" = volumes ] || fail "purge leaves state"
   rm "$jail/var/lib/palpate/volumes/trial.palrec"
   # With nothing of value left, and nothing edited.
   apt_in_jail install "/opt/test/$(basename "$packages"/palpate-daemon_*.deb)"

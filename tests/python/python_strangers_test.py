@@ -302,7 +302,7 @@ class KnownAttackers(AttackTest):
         self.assertTrue(flooder.is_connected())
         self.daemon.revoke_token("flooder")
         wait_for(lambda: not flooder.is_connected(), "the end of the connection")
-        self.assertEqual(self.said("its client is no longer allowed"), 1)
+        wait_for(lambda: self.said("its client is no longer allowed") == 1, "its line")
 
     def test_endless_messages_are_ended(self):
         before = resident_bytes(self.daemon)

@@ -8,6 +8,7 @@
 #include <filesystem>
 #include <fstream>
 #include <memory>
+#include <sstream>
 #include <stdexcept>
 #include <string>
 #include <thread>
@@ -46,7 +47,11 @@ class Daemon {
     if (std::find(arguments.begin(), arguments.end(), "--state-folder") == arguments.end()) {
       command.insert(command.end(), {"--state-folder", folder_.path() / "state"});
     }
-    if (std::find(arguments.begin(), arguments.end(), "--config") == arguments.end()) {
+    const auto config = std::find(arguments.begin(), arguments.end(), "--config");
+    if (config != arguments.end() && !Holds(*std::next(config), "load_folders")) {
+      command.insert(command.end(), {"--load-folder", "/"});
+    }
+    if (config == arguments.end()) {
       // Tests load from everywhere, save beside each other's folders, and nowhere else.
       std::ofstream(folder_.path() / "palpated.toml")
           << "[volume]\nload_folders = [\"/\"]\nsave_folders = [\""
@@ -94,6 +99,11 @@ class Daemon {
   std::unique_ptr<v1::RegistrationService::Stub> registration;
 
  private:
+  static bool Holds(const std::filesystem::path& file, const std::string& text) {
+    std::ostringstream all;
+    all << std::ifstream(file).rdbuf();
+    return all.str().find(text) != std::string::npos;
+  }
   std::uint64_t Ticks() {
     grpc::ClientContext context;
     v1::GetDeviceResponse response;

@@ -15,8 +15,16 @@ class Network:
     SERVER_TOO = "10.78.0.2"
 
     def __enter__(self):
-        new = ["unshare", *(["--map-root-user"] if os.geteuid() else []), "--net"]
         self._holders = []
+        try:
+            self._connect()
+        except BaseException:
+            self.__exit__()
+            raise
+        return self
+
+    def _connect(self):
+        new = ["unshare", *(["--map-root-user"] if os.geteuid() else []), "--net"]
         self._user = ["--user", "--preserve-credentials"] if os.geteuid() else []
         server = self._hold(new)
         self.server = self._enter(server)
@@ -32,7 +40,6 @@ class Network:
                 *([*there, "ip", "link", "set", link, "up"]
                   for there in (self.server, self.client) for link in ("lo", "cable"))):
             subprocess.run(command, check=True)
-        return self
 
     def __exit__(self, *_):
         for holder in self._holders:

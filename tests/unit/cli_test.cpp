@@ -353,10 +353,14 @@ TEST(ConnectionTest, ATokenThatOthersMayReadIsWarnedOf) {
   EXPECT_EQ(TokenFileWarning(path + ".absent"), "");
 }
 
-TEST(LoadTest, RelativePathsBecomeAbsolute) {
-  EXPECT_EQ(SourceForDaemon("builtin:sphere:64"), "builtin:sphere:64");
-  EXPECT_EQ(SourceForDaemon("/data/a.nrrd"), "/data/a.nrrd");
-  EXPECT_EQ(SourceForDaemon("a.nrrd"), (std::filesystem::current_path() / "a.nrrd").string());
+TEST(LoadTest, RelativePathsBecomeAbsoluteOnTheSameMachineAlone) {
+  for (const bool is_here : {true, false}) {
+    EXPECT_EQ(PathThere("/data/a.nrrd", is_here, "or-2:7411"), "/data/a.nrrd");
+    EXPECT_THROW(PathThere("", is_here, "or-2:7411"), Error);
+  }
+  EXPECT_EQ(PathThere("a.nrrd", true, "unix:/s"),
+            (std::filesystem::current_path() / "a.nrrd").string());
+  EXPECT_THROW(PathThere("a.nrrd", false, "or-2:7411"), Error);
 }
 
 TEST(WatchTest, BatchKeepsMessagesFew) {

@@ -12,6 +12,8 @@
 #include <atomic>
 #include <cerrno>
 #include <cstring>
+#include <filesystem>
+#include <iterator>
 #include <memory>
 #include <string>
 #include <utility>
@@ -188,6 +190,10 @@ class ConnectionWatchTest : public ::testing::Test {
     return true;
   }
 
+  static std::ptrdiff_t OpenFiles() {
+    return std::distance(std::filesystem::directory_iterator("/proc/self/fd"), {});
+  }
+
   static constexpr std::int64_t kMiB = 1 << 20;
   ConnectionWatch watch_{kOwnFiles};
   int port_ = 0;
@@ -234,15 +240,24 @@ TEST_F(ConnectionWatchTest, AKnownClientIsNotWatchedAndEndsOnceItIsKnownNoMore) 
   // A review that would have cut off both.
   EXPECT_TRUE(Eventually([&] { return IsClosed(greedy.client); }));
   EXPECT_FALSE(IsClosed(known.client));
-  watch_.EndUnless(
-      [](const Credentials& credentials) { return credentials.token_sha256_hex == "b"; });
+  const auto is_b = [](const Credentials& credentials) {
+    return credentials.token_sha256_hex == "b";
+  };
+  const std::int64_t grace_ns = std::chrono::nanoseconds(ConnectionWatch::kGrace).count();
+  watch_.EndUnless(is_b, 1);
+  watch_.EndUnless(is_b, grace_ns);
+  EXPECT_FALSE(IsClosed(known.client));
+  watch_.EndUnless(is_b, 1 + grace_ns);
   EXPECT_TRUE(Eventually([&] { return IsClosed(known.client); }));
   EXPECT_FALSE(IsClosed(other.client));
   // The second file of a connection that has ended goes too.
-  shutdown(other.server.get(), SHUT_RDWR);
-  other.server = OwnedFile();
-  watch_.EndUnless([](const Credentials&) { return true; });
-  EXPECT_TRUE(Eventually([&] { return IsClosed(other.client); }));
+  const std::ptrdiff_t before = OpenFiles();
+  other.client = OwnedFile();
+  watch_.EndUnless([](const Credentials&) { return true; }, 1);
+  EXPECT_TRUE(Eventually([&] {
+    watch_.EndUnless([](const Credentials&) { return true; }, 1);
+    return OpenFiles() == before - 2;  // with the client's own
+  }));
 }
 
 }  // namespace

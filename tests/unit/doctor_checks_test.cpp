@@ -145,6 +145,15 @@ TEST_F(Doctor, PortsOfTheDaemonThatRunsAreLookedAt) {
   ExpectAdvice(CheckDaemonPorts(machine_)[0], Verdict::kFail);
   answering_ = {"127.0.0.1:7411"};
   ExpectAdvice(CheckDaemonPorts(machine_)[0], Verdict::kOk);
+  // Of another address, by IPv6.
+  Put("proc/net/tcp6",
+      "   1: B80D0120000000000000000001000000:1CF4 00000000000000000000000000000000:0000 0A "
+      "00000000:00000000 00:00000000 00000000   117        0 4711 1");
+  answering_ = {"127.0.0.1:7411", "[2001:db8::1]:7412"};
+  ASSERT_EQ(CheckDaemonPorts(machine_).size(), 2u);
+  EXPECT_EQ(CheckDaemonPorts(machine_)[1].text, "[2001:db8::1]:7412: palpated answers");
+  ExpectAdvice(CheckDaemonPorts(machine_)[1], Verdict::kOk);
+  std::filesystem::remove(folder_.path() / "proc/net/tcp6");
   Put("etc/palpate/palpated.toml", "[server]\nlisten = \"127.0.0.1:7411\"\n");
   EXPECT_TRUE(CheckDaemonPorts(machine_).empty());  // CheckPort has it
 }

@@ -202,7 +202,7 @@ TEST_F(CertificatesTest, APolicyTrustsNothingItWasNotTold) {
     EXPECT_FALSE(none.Recognise({.transport = plain, .authorization = "Bearer x"}, kNow).identity);
   }
   EXPECT_EQ(none.Recognise({.transport = Transport::kSocket}, kNow).identity->role, Role::kAdmin);
-  EXPECT_EQ(none.Recognise({.transport = Transport::kPlain}, kNow).identity->role, Role::kOperator);
+  EXPECT_EQ(none.Recognise({.transport = Transport::kPlain}, kNow).identity->role, Role::kViewer);
 }
 
 }  // namespace

@@ -118,6 +118,7 @@ void DrawConnectDialog(Viewer& viewer, float scale) {
   ImGui::SetNextWindowSizeConstraints({width, 0.0f}, {width, screen.y});
   ImGui::Begin("Connection", &form.shown, kDialog);
   ShowConnection(viewer);
+  ImGui::BeginDisabled(viewer.feed().is_stopping());
   ImGui::BeginDisabled(viewer.feed().is_disconnected());
   if (ImGui::Button("Disconnect")) viewer.feed().Disconnect();
   ImGui::EndDisabled();
@@ -127,6 +128,7 @@ void DrawConnectDialog(Viewer& viewer, float scale) {
   ChooseProfile(viewer, scale);
   ImGui::Separator();
   TypeServer(viewer, scale);
+  ImGui::EndDisabled();
   if (!form.problem.empty()) Wrapped(kBad, form.problem);
   ImGui::End();
 }

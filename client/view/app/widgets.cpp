@@ -78,7 +78,7 @@ const char* NameOf(client::Role role) {
 
 void BeginAllowed(const Viewer& viewer, client::Role least) {
   const bool may = viewer.feed().May(least);
-  if (!may) {
+  if (!may && !viewer.feed().is_disconnected()) {
     ImGui::TextColored(kDim, "needs the role %s; yours is %s", NameOf(least),
                        NameOf(viewer.feed().role()));
   }

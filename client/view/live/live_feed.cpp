@@ -217,6 +217,7 @@ void LiveFeed::Disconnect() {
   parts_->line->is_disconnected = true;
 }
 
+bool LiveFeed::is_stopping() const { return parts_->line->urgent_commands.busy(); }
 bool LiveFeed::is_disconnected() const { return parts_->line->is_disconnected; }
 
 client::Role LiveFeed::role() const {
@@ -226,6 +227,7 @@ client::Role LiveFeed::role() const {
 
 bool LiveFeed::May(client::Role least) const {
   const client::Role role = this->role();
+  if (is_disconnected()) return false;
   return role == client::Role::kUnknown || role >= least;
 }
 

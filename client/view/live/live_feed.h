@@ -32,6 +32,8 @@ class LiveFeed {
   // Until Connect. What was shown stays.
   void Disconnect();
   bool is_disconnected() const;
+  // An emergency stop is under way, which neither of the two may cut short.
+  bool is_stopping() const;
 
   // Takes up what came since the last call. Waits for nothing.
   void Poll();
@@ -64,7 +66,7 @@ class LiveFeed {
 
   // Of what we are to palpated: kUnknown until it has said so.
   client::Role role() const;
-  // False where our role is known to be a lesser one.
+  // False where our role is known to be a lesser one, and while disconnected.
   bool May(client::Role least) const;
 
   const Commands& commands() const;
