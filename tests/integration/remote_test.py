@@ -21,12 +21,12 @@ PALPATE = os.environ["PALPATE"]
 EXAMPLE = os.environ["PALPATE_EXAMPLE"]
 PORT = 7411
 # Of the window's fixed layout: a place on the histogram, one at its upper end, the panels' ground;
-# the first profile's button, and the one that disconnects, of the dialog.
+# a column of the dialog through its buttons, and their colours, at rest and under the pointer.
 HISTOGRAM = (100, 130)
 ABOVE_BARS = (285, 76)
 GROUND = (28, 31, 36)
-CONNECT = (400, 280)
-DISCONNECT = (410, 219)
+DIALOG_X = 372
+BUTTON = ((43, 79, 122), (66, 150, 250))
 
 # What a lab script does: poses, voxels, a change.
 SCRIPT = """
@@ -79,7 +79,8 @@ class Remote(unittest.TestCase):
                           f'tokens = "{cls.tokens}"\n')
         cls.daemon = cls.enterClassContext(ServerDaemon(cls.network, config))
         cls.local = cls.enterClassContext(cls.daemon.connect())
-        cls.env = {**os.environ, "XDG_CONFIG_HOME": str(cls.profiles.parent)}
+        cls.env = {**os.environ, "XDG_CONFIG_HOME": str(cls.profiles.parent),
+                   "GRPC_VERBOSITY": "NONE"}
         for variable in ("PALPATE_SOCKET", "PALPATE_SERVER", "PALPATE_TLS_CA",
                          "PALPATE_TOKEN_FILE"):
             cls.env.pop(variable, None)
@@ -202,15 +203,34 @@ class Remote(unittest.TestCase):
     def refused_changes(self):
         return sum("RenderService/UpdateSettings" in line for line in self.daemon.said)
 
+    def press(self, window, number):
+        """The button of this number in the dialog's first column, from above, once it is there;
+        grey ones do not count."""
+        rows = []
+
+        def there():
+            column = np.asarray(window.picture())[:, DIALOG_X].astype(int)
+            of_button = [np.abs(column - color).max(axis=1) < 6 for color in BUTTON]
+            at = np.flatnonzero(np.any(of_button, axis=0))
+            # One after the other, each some pixels high.
+            rows[:] = [group for group in np.split(at, np.flatnonzero(np.diff(at) > 1) + 1)
+                       if len(group) > 10]
+            return len(rows) > number
+
+        self.assertTrue(wait_until(there))
+        window.click(DIALOG_X + 8, int(rows[number].mean()))
+
     def test_a_dialog_connects_and_disconnects(self):
         window = self.open_window("--socket", self.folder / "nowhere.sock")
         window.wait_for_title("Palpate: reconnecting")
-        window.do("mousemove", 400, 300, "key", "ctrl+o")
-        window.click(*CONNECT)
+        window.do("mousemove", 400, 700, "key", "ctrl+o")
+        # The first profile is the editor's; above it is the button that disconnects.
+        self.press(window, 1)
         window.wait_for_title("Palpate: builtin:sphere:48")
-        window.click(*DISCONNECT)
+        self.press(window, 0)
         window.wait_for_title("Palpate: not connected")
-        window.click(*CONNECT)
+        # That one is grey now.
+        self.press(window, 0)
         window.wait_for_title("Palpate: builtin:sphere:48")
 
     def test_refusals_say_what_to_do(self):

@@ -52,6 +52,8 @@ class Daemon:
             sections["volume"].append('load_folders = ["/"]')
         for section, lines in (config or {}).items():
             sections.setdefault(section, []).extend(lines)
+        if listen:
+            sections.setdefault("server", []).append('loopback_role = "operator"')
         if metrics:
             sections["metrics"] = [f'listen = "127.0.0.1:{self.metrics_port}"']
         text = "".join(f"[{name}]\n" + "\n".join(lines) + "\n" for name, lines in sections.items())

@@ -190,7 +190,9 @@ class Plain(PlacesTest):
         for call in (conn.volume.load, conn.volume.save, conn.recording.start, conn.series.load):
             with self.assertRaisesRegex(palpate.InvalidArgument, "'a.nrrd' is a relative path"):
                 call("a.nrrd")
-        conn.volume.load("builtin:sphere:16")
+        # A builtin volume is no path: it is asked for, and refused to who only watches.
+        with self.assertRaisesRegex(palpate.PermissionDenied, "needs the role operator"):
+            conn.volume.load("builtin:sphere:16")
 
     def test_a_server_that_is_none(self):
         for server in ("localhost", "/run/palpate/palpated.sock", "localhost:x", " "):

@@ -294,13 +294,12 @@ class KnownAttackers(AttackTest):
     its endless headers but the operator."""
 
     def test_endless_headers_end_with_the_token(self):
-        token = self.daemon.add_token("flooder", "viewer")
         flooder = Stranger(self.daemon, "127.0.0.9")
         self.addCleanup(flooder.close)
-        flooder.become_known(token)
+        flooder.become_known(self.daemon.tokens["editor"])
         flooder.begin_call(3, is_whole=False)
         self.assertTrue(flooder.is_connected())
-        self.daemon.revoke_token("flooder")
+        self.daemon.revoke_token("editor")
         wait_for(lambda: not flooder.is_connected(), "the end of the connection")
         wait_for(lambda: self.said("its client is no longer allowed") == 1, "its line")
 

@@ -22,23 +22,31 @@ void Dot(const ImVec4& color) {
   ImGui::SameLine();
 }
 
-void ConnectionState(const Viewer& viewer) {
+// In the state's colour, with the way to change it.
+void BeginState(Viewer& viewer, const ImVec4& color) {
+  Dot(color);
+  if (ImGui::Button("Connect\xE2\x80\xA6")) OpenConnectDialog(viewer);
+  if (ImGui::IsItemHovered()) ImGui::SetTooltip("to which palpated, and as whom (ctrl+O)");
+  ImGui::SameLine();
+}
+
+void ConnectionState(Viewer& viewer) {
   const client::Connection connection = viewer.feed().connection();
   const std::string& name = viewer.feed().name();
   ImGui::AlignTextToFramePadding();
   if (viewer.feed().is_disconnected()) {
-    Dot(kDim);
+    BeginState(viewer, kDim);
     ImGui::TextColored(kDim, "not connected");
     return;
   }
   switch (connection.state) {
     case client::ConnectionState::kConnected:
       if (const auto silent_s = viewer.feed().silent_s()) {
-        Dot(kBad);
+        BeginState(viewer, kBad);
         ImGui::TextColored(kBad, "no poses for %.1f s", *silent_s);
         break;
       }
-      Dot(kGood);
+      BeginState(viewer, kGood);
       ImGui::Text("connected");
       if (ImGui::IsItemHovered()) ImGui::SetTooltip("%s", name.c_str());
       if (!viewer.feed().May(client::Role::kAdmin)) {
@@ -47,11 +55,11 @@ void ConnectionState(const Viewer& viewer) {
       }
       break;
     case client::ConnectionState::kConnecting:
-      Dot(kWarning);
+      BeginState(viewer, kWarning);
       ImGui::TextColored(kWarning, "connecting to %s", name.c_str());
       break;
     case client::ConnectionState::kLost:
-      Dot(kBad);
+      BeginState(viewer, kBad);
       ImGui::TextColored(kBad, "reconnecting: %s", OneLine(connection.why, kLongestLine).c_str());
       break;
   }
@@ -141,9 +149,6 @@ void DrawTopBar(Viewer& viewer, const Area& area, float scale) {
   ImGui::SetCursorPos(first);
   // No long line is under them.
   ImGui::PushClipRect(p, {p.x + buttons - 8.0f * scale, p.y + ImGui::GetWindowHeight()}, true);
-  if (ImGui::Button("Connect\xE2\x80\xA6")) OpenConnectDialog(viewer);
-  if (ImGui::IsItemHovered()) ImGui::SetTooltip("to which palpated, and as whom (ctrl+O)");
-  ImGui::SameLine();
   ConnectionState(viewer);
   VolumeState(viewer);
   States(viewer);
