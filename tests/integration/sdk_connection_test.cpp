@@ -6,6 +6,8 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
+#include <filesystem>
+#include <fstream>
 #include <mutex>
 
 #include "client/sdk/client.h"
@@ -13,6 +15,7 @@
 #include "tests/support/free_port.h"
 #include "tests/support/patience.h"
 #include "tests/support/restarted_daemon.h"
+#include "tests/support/temporary_folder.h"
 
 namespace palpate::client {
 namespace {
@@ -266,7 +269,11 @@ TEST(SdkConnection, CallsFromCallbacksWork) {
 // Reached over TCP, and by many threads at once.
 TEST(SdkConnection, ManyThreadsOverTcp) {
   const std::string host_port = "127.0.0.1:" + std::to_string(test::FreePort());
-  RestartedDaemon daemon({"--volume", "builtin:bumps:32", "--listen", host_port});
+  const test::TemporaryFolder folder;
+  const std::filesystem::path config = folder.path() / "palpated.toml";
+  std::ofstream(config) << "[server]\nloopback_role = \"editor\"\n";
+  RestartedDaemon daemon(
+      {"--volume", "builtin:bumps:32", "--listen", host_port, "--config", config});
   daemon.Start();
   Client client({.address = {.host_port = host_port}});
   ASSERT_TRUE(client.WaitUntilConnected(60s)) << client.connection().why;
