@@ -11,8 +11,8 @@ int main(int argc, char** argv) try {
   using namespace std::chrono_literals;
   const std::string where = argc > 1 ? argv[1] : "";
   const bool is_socket = where.find('/') != where.npos;
-  palpate::client::Client client({.profile = is_socket ? "" : where,
-                                  .address = {.socket_path = is_socket ? where : ""}});
+  palpate::client::Client client(
+      {.profile = is_socket ? "" : where, .address = {.socket_path = is_socket ? where : ""}});
   if (!client.WaitUntilConnected(3s)) throw std::runtime_error(client.connection().why);
   while (!client.NewestPose()) std::this_thread::sleep_for(10ms);
   const palpate::client::Pose pose = *client.NewestPose();
