@@ -14,8 +14,9 @@ the Debian packages, built and looked at. Tests that judge times run apart.
 
 A test fails for good unless every assertion that failed in it says that a busy machine may
 explain it (tests/support/excuse.h, excuse.py): a latency, a rate or a count. Such a test is run
-again, alone: once, or twice if it judges times. Nothing is run again if more than ten would be,
-unless the host of a virtual machine gave a tenth of its processors' time to others meanwhile.
+again, alone: once, or twice if it judges times. A run in which the host of a virtual machine gave
+a twentieth of its processors' time to others says little: five of those are not counted. Nothing
+is run again if more than ten tests would be, unless the host gave away a tenth.
 The last lines name the tests that passed only then, and count them.
 
   --sanitizers  then a chosen part of the tests under AddressSanitizer and
@@ -68,8 +69,9 @@ build() {
 # folder PRESET: its build folder
 folder() { [ "$1" = default ] && echo build || echo "build-$1"; }
 
-# Seconds that may be waited, in all, for a host that gives the processors to others.
-patience_s=600
+# For a host that gives the processors to others: seconds that may be waited, in all; a run with so
+# many percent gone is not counted; of each kind of test at most so many.
+patience_s=600 stolen_most_percent=5 uncounted_most=5
 
 # stolen: the host's ticks for others, and all ticks, since the machine's start
 stolen() { awk '/^cpu / { print $9, $2 + $3 + $4 + $5 + $6 + $7 + $8 + $9; exit }' /proc/stat; }
@@ -97,7 +99,7 @@ run_once() {
     exit 1
   fi
   stolen_percent=$(stolen_since "$before")
-  [ "$stolen_percent" -lt 5 ] || echo "  others took $stolen_percent % of the processors' time meanwhile"
+  [ "$stolen_percent" -lt "$stolen_most_percent" ] || echo "  others took $stolen_percent % of the processors' time meanwhile"
   # What failed is shown by judge.py.
   sed -n '/^[0-9]*% tests passed/,$p' "$log"
   # One of a file of Python does not skip the file.
@@ -113,23 +115,28 @@ tests=0 skipped=0 stolen_percent=0 failed=() excused=()
 
 # run_tests PRESET NAME TRIES [ARGUMENT...]: what a busy machine may explain is run again, alone
 run_tests() {
-  local list again ran run=$2 try without
+  local list again ran run=$2 try=1 uncounted=0 without
   list=$(failed_list "$1") again=$results/again
   run_once "$1" "$2" "${@:4}"
   read -r ran without < <(tests/support/count_cases.py "$results/$2.xml")
   tests=$((tests + ran))
   skipped=$((skipped + without))
-  for ((try = 1; ; ++try)); do
+  while true; do
     touch "$list"
     tests/support/judge.py "$results/$run.xml" "$results/$run.log" "$stolen_percent" >"$again"
     names "$list" >"$results/left"
-    [ "$try" -eq 1 ] || mapfile -t -O "${#excused[@]}" excused < <(grep -vxFf "$results/left" "$results/tried")
-    [ "$try" -lt "$3" ] || : >"$again"
+    [ "$run" = "$2" ] || mapfile -t -O "${#excused[@]}" excused < <(grep -vxFf "$results/left" "$results/tried")
+    if [ "$stolen_percent" -ge "$stolen_most_percent" ] && [ "$uncounted" -lt "$uncounted_most" ]; then
+      uncounted=$((uncounted + 1))
+    else
+      try=$((try + 1))
+    fi
+    [ "$try" -le "$3" ] || : >"$again"
     names "$again" >"$results/tried"
     mapfile -t -O "${#failed[@]}" failed < <(grep -vxFf "$results/tried" "$results/left")
     [ -s "$again" ] || return 0
     cp "$again" "$list"
-    run=$2-again-$((try + 1))
+    run=$2-again-$((try + uncounted))
     run_once "$1" "$run" --rerun-failed --parallel 1
   done
 }
