@@ -14,9 +14,9 @@ the Debian packages, built and looked at. Tests that judge times run apart.
 
 A test fails for good unless every assertion that failed in it says that a busy machine may
 explain it (tests/support/excuse.h, excuse.py): a latency, a rate or a count. Such a test is run
-again, alone: once, or twice if it judges times. A run in which the host of a virtual machine gave
-a twentieth of its processors' time to others says little: five of those are not counted. Nothing
-is run again if more than ten tests would be, unless the host gave away a tenth.
+again, alone: once, or twice if it judges times. The host of a virtual machine may give its
+processors to others. A run in which they were gone for a twentieth of the time is not counted, five
+such runs at most. Nothing is run again if more than ten tests would be, unless a tenth was gone.
 The last lines name the tests that passed only then, and count them.
 
   --sanitizers  then a chosen part of the tests under AddressSanitizer and
@@ -69,9 +69,10 @@ build() {
 # folder PRESET: its build folder
 folder() { [ "$1" = default ] && echo build || echo "build-$1"; }
 
-# For a host that gives the processors to others: seconds that may be waited, in all; a run with so
-# many percent gone is not counted; of each kind of test at most so many.
-patience_s=600 stolen_most_percent=5 uncounted_most=5
+# Seconds that may be waited, in all, for a host that gives the processors to others.
+patience_s=600
+# With this share of the processors' time gone, a run is not counted: at most so many of run_tests.
+stolen_most_percent=5 uncounted_most=5
 
 # stolen: the host's ticks for others, and all ticks, since the machine's start
 stolen() { awk '/^cpu / { print $9, $2 + $3 + $4 + $5 + $6 + $7 + $8 + $9; exit }' /proc/stat; }
@@ -99,7 +100,8 @@ run_once() {
     exit 1
   fi
   stolen_percent=$(stolen_since "$before")
-  [ "$stolen_percent" -lt "$stolen_most_percent" ] || echo "  others took $stolen_percent % of the processors' time meanwhile"
+  [ "$stolen_percent" -lt "$stolen_most_percent" ] ||
+    echo "  others took $stolen_percent % of the processors' time meanwhile"
   # What failed is shown by judge.py.
   sed -n '/^[0-9]*% tests passed/,$p' "$log"
   # One of a file of Python does not skip the file.

@@ -1,4 +1,4 @@
-"""Which failures are run again: tests/support/judge.py, run_tests.py and excuse.py."""
+"""Which failures are run again: tests/run.sh, tests/support/judge.py, run_tests.py, excuse.py."""
 
 import contextlib
 import io
@@ -104,6 +104,64 @@ class AwaitProcessors(unittest.TestCase):
         self.assertEqual(self.looks([0.5, 0.4, 0.05, 0.9], 60), 3)
         self.assertLess(self.looks([0.9] * 1000, 0.2), 1000)
         self.assertEqual(self.looks([0.9], 0), 0)
+
+
+class Tries(unittest.TestCase):
+    """run_tests of run.sh, with a stand-in for ctest."""
+
+    STAND_IN = """
+        set -euo pipefail
+        cd "$1"
+        results=$2 left=($3)
+        tests=0 skipped=0 stolen_percent=0 failed=() excused=()
+        failed_list() { echo "$results/list"; }
+        run_once() {  # of a test that fails, with its excuse, or passes
+          stolen_percent=${left[0]%:*}
+          local said=""
+          : >"$results/list"
+          if [ "${left[0]#*:}" != passes ]; then
+            echo 1:it >"$results/list"
+            said="<system-out>***Excusable ${left[0]#*:}</system-out>"
+            [ "${left[0]#*:}" = fails ] || said=""
+          fi
+          printf '<testsuite><testcase name="it">%s</testcase></testsuite>' "$said" \\
+            >"$results/$2.xml"
+          echo "The following tests FAILED:" >"$results/$2.log"
+          [ ! -s "$results/list" ] || echo "  1 - it (Failed)" >>"$results/$2.log"
+          left=("${left[@]:1}")
+        }
+        run_tests default kind 3 2>"$results/said"
+        echo "${#left[@]} left, failed: ${failed[*]:-} excused: ${excused[*]:-}"
+        """
+
+    def tried(self, runs):
+        """What comes of runs, each "PERCENT_STOLEN:fails|crashes|passes"."""
+        script = (SUPPORT.parent / "run.sh").read_text()
+        function = script[script.index("run_tests() {"):script.index("# Programs are most of")]
+        numbers = next(line for line in script.splitlines() if line.startswith("stolen_most_"))
+        with tempfile.TemporaryDirectory() as folder:
+            run = subprocess.run(
+                ["bash", "-c", f"{numbers}\n{function}\n{textwrap.dedent(self.STAND_IN)}", "-",
+                 str(SUPPORT.parents[1]), folder, runs],
+                text=True, capture_output=True, check=False)
+        self.assertEqual(run.returncode, 0, run.stderr)
+        return run.stdout.strip()
+
+    def test_so_many_as_are_allowed(self):
+        self.assertEqual(self.tried("0:passes 0:fails"), "1 left, failed:  excused:")
+        self.assertEqual(self.tried("0:fails 0:passes 0:fails"), "1 left, failed:  excused: it")
+        self.assertEqual(self.tried("4:fails 0:fails 4:fails 0:passes"),
+                         "1 left, failed: it excused:")
+
+    def test_five_do_not_count_where_the_host_took_the_processors(self):
+        self.assertEqual(self.tried("20:fails 5:fails 0:fails 0:fails 0:passes 0:fails"),
+                         "1 left, failed:  excused: it")
+        self.assertEqual(self.tried("20:fails 5:fails 0:fails 0:fails 0:fails 0:passes"),
+                         "1 left, failed: it excused:")
+        self.assertEqual(self.tried("20:fails " * 8 + "0:passes"), "1 left, failed: it excused:")
+
+    def test_without_an_excuse_one_is_enough(self):
+        self.assertEqual(self.tried("20:crashes 0:passes"), "1 left, failed: it excused:")
 
 
 class RunTests(unittest.TestCase):
