@@ -16,6 +16,8 @@
 
 #include "common/error/error.h"
 #include "common/files/plain_path.h"
+#include "server/import/library_threads.h"
+#include "server/import/system_calls.h"
 
 namespace palpate {
 namespace {
@@ -25,9 +27,6 @@ constexpr std::uint64_t kTruncate = 1ULL << 14;
 
 constexpr std::uint64_t kReadFile = LANDLOCK_ACCESS_FS_READ_FILE;
 constexpr std::uint64_t kRead = kReadFile | LANDLOCK_ACCESS_FS_READ_DIR;
-constexpr std::uint64_t kWrite = kRead | LANDLOCK_ACCESS_FS_WRITE_FILE |
-                                 LANDLOCK_ACCESS_FS_MAKE_REG | LANDLOCK_ACCESS_FS_REMOVE_FILE |
-                                 kTruncate;
 
 // All that the kernel's version of Landlock knows; the first has 13 rights.
 std::uint64_t Handled(long version) {
@@ -69,10 +68,7 @@ void AllowLeakChecker(int rules, std::uint64_t handled) {
 }
 #endif
 
-}  // namespace
-
-void Confine(const std::vector<std::filesystem::path>& readable,
-             const std::filesystem::path& output_folder) {
+void ConfineFiles(const std::vector<std::filesystem::path>& readable) {
   const long version =
       syscall(SYS_landlock_create_ruleset, nullptr, 0, LANDLOCK_CREATE_RULESET_VERSION);
   if (version < 1) return;
@@ -87,13 +83,26 @@ void Confine(const std::vector<std::filesystem::path>& readable,
 #ifdef PALPATE_SANITIZED
   AllowLeakChecker(rules, handled);
 #endif
+  if (readable.empty()) Allow(rules, open("/", O_PATH | O_CLOEXEC), kRead & handled);
   for (const std::filesystem::path& path : readable) {
     Allow(rules, OpenPlain(path, O_PATH), kRead & handled);
   }
-  Allow(rules, open(output_folder.c_str(), O_PATH | O_CLOEXEC), kWrite & handled);
-  if (prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) != 0) Fail("no_new_privs");
   if (syscall(SYS_landlock_restrict_self, rules, 0) != 0) Fail("landlock_restrict_self");
   close(rules);
+}
+
+}  // namespace
+
+void Confine(const std::vector<std::filesystem::path>& readable) {
+  EndLibraryThreads();
+#ifndef PALPATE_SANITIZED  // ThreadSanitizer has a thread of its own
+  if (!IsOnlyThread()) {
+    throw Error(ErrorKind::kInternal, "cannot confine the importer (other threads run already)");
+  }
+#endif
+  if (prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) != 0) Fail("no_new_privs");
+  ConfineFiles(readable);
+  ConfineSystemCalls();
 }
 
 }  // namespace palpate

@@ -47,24 +47,34 @@ void SetRange(DenseVolume* volume, Reporter* reporter) {
 
 }  // namespace
 
-void FinishVolume(DenseVolume volume, const std::optional<Vec3>& spacing_mm,
-                  const std::filesystem::path& output, Reporter* reporter) {
+void FinishVolume(DenseVolume* volume, const std::optional<Vec3>& spacing_mm, Reporter* reporter) {
   reporter->Progress(0.6, "converting");
-  VolumeMetadata& metadata = volume.metadata;
-  if (spacing_mm) metadata.spacing_mm = *spacing_mm;
-  SetRange(&volume, reporter);
-  CheckVolumeMetadata(metadata);
+  if (spacing_mm) volume->metadata.spacing_mm = *spacing_mm;
+  SetRange(volume, reporter);
+  CheckVolumeMetadata(volume->metadata);
+}
 
+LeafType HeldType(const DenseVolume& volume) {
+  const std::optional<LeafType> own = LeafTypeNamed(volume.metadata.original_type);
+  const float* const begin = volume.voxels.get();
+  const float* const end = begin + volume.metadata.size.cast<std::int64_t>().prod();
+  const auto holds = [&](LeafType type) {
+    return std::all_of(begin, end, [type](float value) { return Holds(type, value); });
+  };
+  // Scaled voxels may be none of the file's own type.
+  if (own && holds(*own)) return *own;
+  return *std::find_if(std::begin(kLeafTypes), std::end(kLeafTypes), holds);
+}
+
+void WriteVdb(DenseVolume volume, const std::filesystem::path& output) {
+  const VolumeMetadata& metadata = volume.metadata;
   const openvdb::CoordBBox box(
       {0, 0, 0}, {metadata.size.x() - 1, metadata.size.y() - 1, metadata.size.z() - 1});
   const auto grid = openvdb::FloatGrid::create(static_cast<float>(metadata.value_min));
   const openvdb::tools::Dense<float, openvdb::tools::LayoutXYZ> dense(box, volume.voxels.get());
   openvdb::tools::copyFromDense(dense, *grid, /*tolerance=*/0.0f);
   volume.voxels.reset();
-
-  reporter->Progress(0.8, "writing");
   WriteVolumeFile(output, *grid, metadata, {.durable = Durable::kNo});
-  reporter->Progress(1.0, "done");
 }
 
 }  // namespace palpate

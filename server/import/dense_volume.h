@@ -8,6 +8,7 @@
 #include <optional>
 
 #include "server/import/reporter.h"
+#include "server/volume/leaf_type.h"
 #include "server/volume/volume_metadata.h"
 
 namespace palpate {
@@ -17,10 +18,15 @@ struct DenseVolume {
   VolumeMetadata metadata;          // all but the value range and the source
 };
 
-// Replaces voxels that are not finite by the least finite value (with a warning),
-// sets the value range, and writes `output`. Throws Error(kInvalidArgument) for a
+// Replaces voxels that are not finite by the least finite value (with a warning), and
+// sets the value range. Throws Error(kInvalidArgument) for a
 // constant volume or a geometry that is not supported.
-void FinishVolume(DenseVolume volume, const std::optional<Vec3>& spacing_mm,
-                  const std::filesystem::path& output, Reporter* reporter);
+void FinishVolume(DenseVolume* volume, const std::optional<Vec3>& spacing_mm, Reporter* reporter);
+
+// The type as which it is held: the file's own, or the smallest that holds each voxel exactly.
+LeafType HeldType(const DenseVolume& volume);
+
+// As a .vdb file; the voxels are given up on the way.
+void WriteVdb(DenseVolume volume, const std::filesystem::path& output);
 
 }  // namespace palpate

@@ -23,20 +23,31 @@ bool Copy(int from, int to, std::int64_t bytes) {
   return true;
 }
 
+int FileInMemory() {
+  static const int file = memfd_create("palpate-import", MFD_CLOEXEC);
+  return file;
+}
+
+void Empty() { [[maybe_unused]] const int result = ftruncate(FileInMemory(), 0); }
+
 }  // namespace
 
-FileStart::FileStart(const std::filesystem::path& file, std::int64_t bytes)
-    : copy_(memfd_create("palpate-import", MFD_CLOEXEC)) {
+void FileStart::Reserve() { FileInMemory(); }
+
+FileStart::FileStart(const std::filesystem::path& file, std::int64_t bytes) {
   const int from = open(file.c_str(), O_RDONLY | O_CLOEXEC);
-  const bool copied = from >= 0 && copy_ >= 0 && Copy(from, copy_, bytes);
+  const int copy = FileInMemory();
+  const bool copied = from >= 0 && lseek(copy, 0, SEEK_SET) == 0 && Copy(from, copy, bytes);
   if (from >= 0) close(from);
   if (copied) return;
-  if (copy_ >= 0) close(copy_);
+  Empty();
   Refuse("the file cannot be read to its end; copy or export it again");
 }
 
-FileStart::~FileStart() { close(copy_); }
+FileStart::~FileStart() { Empty(); }
 
-std::filesystem::path FileStart::path() const { return "/proc/self/fd/" + std::to_string(copy_); }
+std::filesystem::path FileStart::path() const {
+  return "/proc/self/fd/" + std::to_string(FileInMemory());
+}
 
 }  // namespace palpate

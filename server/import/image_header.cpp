@@ -110,7 +110,7 @@ std::int64_t CheckedVoxelBytes(const std::array<std::int64_t, 3>& size, int byte
                                           " voxels; crop or resample the volume");
   }
   // At the peak there are the file's voxels beside the floats made of them, or
-  // these floats (4 bytes) beside the tree (4.2 bytes).
+  // these floats (4 bytes) beside the tree (4.2 bytes) or what is handed over.
   const int peak = std::max(bytes_per_voxel + 4, 9);
   std::int64_t memory = 0;
   if (__builtin_mul_overflow(voxels, peak, &memory) || memory > limits.max_memory_bytes) {
@@ -120,7 +120,7 @@ std::int64_t CheckedVoxelBytes(const std::array<std::int64_t, 3>& size, int byte
                                           std::to_string(limits.max_memory_bytes >> 20) +
                                           " MiB; crop or resample the volume, or raise the limit");
   }
-  if (limits.on_size) limits.on_size(size);
+  if (limits.on_size) limits.on_size(size, bytes_per_voxel);
   return voxels * bytes_per_voxel;
 }
 

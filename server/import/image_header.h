@@ -59,9 +59,9 @@ struct ImageHeader {
 };
 
 struct ImportLimits {
-  // Told of a size within the limits, before anything is allocated for it; of a
+  // Told of a size within the limits, and of the file's voxels, before anything is allocated; of a
   // stack of slices again and again while it is counted. May be empty.
-  std::function<void(const std::array<std::int64_t, 3>& size)> on_size{};
+  std::function<void(const std::array<std::int64_t, 3>& size, int bytes_per_voxel)> on_size{};
   std::int64_t max_voxels = std::int64_t{1} << 31;
   std::int64_t max_memory_bytes = std::int64_t{16} << 30;
   // Real paths. Files that a source leads to, slices and voxels of a detached header,

@@ -1,5 +1,5 @@
-// palpate-import: reads a volume file that may be damaged or hostile and writes
-// the .vdb file that the daemon loads. See server/volume/volume_file.h.
+// palpate-import: reads a volume file that may be damaged or hostile, and hands the volume over to
+// the daemon (server/volume/handover.h) or writes a .vdb file (server/volume/volume_file.h).
 
 #include <algorithm>
 #include <cmath>
@@ -16,10 +16,12 @@
 #include "common/error/error.h"
 #include "server/import/confinement.h"
 #include "server/import/dense_volume.h"
+#include "server/import/file_start.h"
 #include "server/import/readers.h"
 #include "server/import/reporter.h"
 #include "server/import/resource_limits.h"
 #include "server/import/tiff_series.h"
+#include "server/volume/handover.h"
 
 namespace {
 
@@ -30,6 +32,7 @@ using palpate::ExitCode;
 struct Options {
   std::string input;
   std::string output;
+  std::optional<std::int64_t> descriptor;
   std::vector<double> spacing_mm;
   std::optional<std::int64_t> frame;
   std::vector<std::int64_t> raw_size;
@@ -92,12 +95,12 @@ void DefineRawOptions(arguments::Command* app, Options* options) {
 
 void DefineOptions(arguments::Command* app, Options* options) {
   app->description(
-      "Reads a volume and writes it as OpenVDB for palpated.\n\n"
+      "Reads a volume and writes it as OpenVDB.\n\n"
       "INPUT is one of: NRRD (.nrrd, .nhdr; raw or gzip), MetaImage (.mha, .mhd), NIfTI-1 and -2\n"
       "(.nii, .nii.gz), OpenVDB (.vdb with one scalar grid), a TIFF stack (.tif, .tiff: a file of\n"
       "several pages, the first file of a numbered series, or its folder; with --spacing-mm), a\n"
       "folder with a DICOM series, or raw voxels (--raw-size, --raw-type). Voxels are 8, 16 or 32\n"
-      "bit integers, float or double, and become 32 bit floats (integers beyond 2^24 are "
+      "bit integers, float or double, and 32 bit floats in OUTPUT (integers beyond 2^24 are "
       "rounded).\n"
       "Three axes of at least 2 voxels, and time in NRRD and NIfTI; lengths are in mm, the frame\n"
       "is LPS.");
@@ -107,7 +110,12 @@ void DefineOptions(arguments::Command* app, Options* options) {
       "5 permission denied; 6 over a limit; 8 cannot write; 11 disk full; 1 any other failure.\n"
       "Example: palpate-import head.nii.gz head.vdb --max-memory-mib 4096");
   app->add_option("INPUT", options->input, "Volume file, or folder of a series")->required();
-  app->add_option("OUTPUT", options->output, "File to write; replaced if it is there")->required();
+  arguments::Option* const output =
+      app->add_option("OUTPUT", options->output, "File to write; replaced if it is there");
+  app->add_option("--to-descriptor", options->descriptor,
+                  "Instead of OUTPUT: hands the volume to palpated, in this open file in memory")
+      ->excludes(output)
+      ->type_name("FD");
   app->add_option("--spacing-mm", options->spacing_mm,
                   "Distance of voxels along x,y,z in mm, instead of the file's")
       ->delimiter(',')
@@ -219,19 +227,28 @@ void Import(const Options& options, palpate::Reporter* reporter) {
   limits.max_memory_bytes = options.max_memory_mib << 20;
   limits.folders = FoldersToRead(options);
   limits.own_files = palpate::OwnFiles({options.own_files.begin(), options.own_files.end()});
-  limits.on_size = [reporter](const auto& size) { reporter->Size(size); };
+  limits.on_size = [reporter](const auto& size, int bytes) { reporter->Size(size, bytes); };
   reporter->FailOnCrash();
   reporter->FailAfter(options.timeout_s);
   palpate::LimitResources(limits.max_memory_bytes, options.timeout_s);
-  if (!limits.folders.empty()) {
-    palpate::CheckPlace(options.input, limits);
-    palpate::Confine(limits.folders, std::filesystem::absolute(options.output).parent_path());
+  if (!limits.folders.empty()) palpate::CheckPlace(options.input, limits);
+  if (options.descriptor) {
+    palpate::FileStart::Reserve();
+    palpate::Confine(limits.folders);
   }
   itk::Object::SetGlobalWarningDisplay(false);
 
   palpate::DenseVolume volume = Read(options, limits, reporter);
   volume.metadata.source = SourceName(options.input);
-  palpate::FinishVolume(std::move(volume), spacing_mm, options.output, reporter);
+  palpate::FinishVolume(&volume, spacing_mm, reporter);
+  reporter->Progress(0.8, "writing");
+  if (options.descriptor) {
+    palpate::WriteHandover(static_cast<int>(*options.descriptor), volume.metadata,
+                           palpate::HeldType(volume), volume.voxels.get());
+  } else {
+    palpate::WriteVdb(std::move(volume), options.output);
+  }
+  reporter->Progress(1.0, "done");
 }
 
 // The line's end only: ITK puts file, line and object before it.
@@ -276,6 +293,9 @@ int main(int argc, char** argv) {
   DefineOptions(&app, &options);
   try {
     if (!app.parse(argc, argv)) return 0;
+    if (options.output.empty() && !options.descriptor) {
+      throw arguments::UsageError("OUTPUT is missing: name the .vdb file to write");
+    }
   } catch (const arguments::UsageError& error) {
     app.explain(error);
     return palpate::kUsageExitCode;

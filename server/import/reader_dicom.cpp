@@ -19,7 +19,7 @@
 #include "server/import/dicom_file.h"
 #include "server/import/file_start.h"
 #include "server/import/readers.h"
-#include "server/volume/volume_file.h"
+#include "server/volume/volume_metadata.h"
 
 namespace palpate {
 namespace {
@@ -311,7 +311,7 @@ DenseVolume ReadDicomVolume(const fs::path& folder, const ImportLimits& limits,
   const double pitch_mm = SortSlices(&slices, reporter);
   const auto size = VolumeSize(
       {slices.front().size[0], slices.front().size[1], static_cast<std::int64_t>(slices.size())});
-  CheckedVoxelBytes(size, sizeof(float), limits);
+  CheckedVoxelBytes(size, ByteCount(slices.front().type), limits);
 
   DenseVolume volume;
   volume.metadata = MakeMetadata(slices, pitch_mm);

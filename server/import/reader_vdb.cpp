@@ -6,7 +6,7 @@
 #include <openvdb/tools/Dense.h>
 
 #include "server/import/readers.h"
-#include "server/volume/volume_file.h"
+#include "server/volume/volume_metadata.h"
 
 namespace palpate {
 namespace {

@@ -76,10 +76,11 @@ void Reporter::Progress(double fraction, std::string_view stage) {
   }
 }
 
-void Reporter::Size(const std::array<std::int64_t, 3>& size) {
+void Reporter::Size(const std::array<std::int64_t, 3>& size, int bytes_per_voxel) {
   if (progress_fd_ < 0) return;
   WriteAll(progress_fd_, "size " + std::to_string(size[0]) + " " + std::to_string(size[1]) + " " +
-                             std::to_string(size[2]) + "\n");
+                             std::to_string(size[2]) + " " + std::to_string(bytes_per_voxel) +
+                             "\n");
 }
 
 void Reporter::Warn(std::string_view message) {

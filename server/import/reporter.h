@@ -20,8 +20,8 @@ class Reporter {
 
   // "progress FRACTION STAGE"; fraction of the whole import.
   void Progress(double fraction, std::string_view stage);
-  // "size X Y Z": so many voxels will be read; the last one counts.
-  void Size(const std::array<std::int64_t, 3>& size);
+  // "size X Y Z BYTES": so many voxels will be read, of so many bytes; the last one counts.
+  void Size(const std::array<std::int64_t, 3>& size, int bytes_per_voxel);
   // "palpate-import: warning: FILE: MESSAGE".
   void Warn(std::string_view message);
   // "palpate-import: FILE: MESSAGE".

@@ -22,7 +22,7 @@ std::shared_ptr<const VolumeSnapshot> LoadVolume(const std::string& source,
       IsBuiltin(source) ? source : std::filesystem::absolute(source).string();
   const VolumeLoader loader{.import_program = import_program};
   std::vector<std::string> warnings;
-  const VolumeFile file = loader.Load(
+  const LoadedVolume volume = loader.Load(
       {.source = absolute, .spacing_mm = spacing_mm},
       [&](std::string_view stage, double fraction) {
         if (progress) progress(stage, fraction);
@@ -31,7 +31,7 @@ std::shared_ptr<const VolumeSnapshot> LoadVolume(const std::string& source,
   for (const std::string& warning : warnings) {
     std::fprintf(stderr, "%s: %s\n", source.c_str(), warning.c_str());
   }
-  return MakeSnapshot(file.grid, file.metadata, 1);
+  return std::make_shared<const VolumeSnapshot>(volume.metadata, volume.bricks, 1, 1);
 }
 
 double ChooseIsovalue(const VolumeSnapshot& volume, const std::optional<double>& isovalue,

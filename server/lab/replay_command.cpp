@@ -10,7 +10,7 @@
 #include "server/lab/trajectory.h"
 #include "server/lab/trajectory_file.h"
 #include "server/lab/triangle_grid.h"
-#include "server/volume/volume_file.h"
+#include "server/volume/volume_metadata.h"
 
 namespace palpate::lab {
 namespace {

@@ -29,7 +29,7 @@ std::string EncodeEdit(const RecordedEdit& edit) {
   std::string planes(voxels * kPlanes, '\0');
   std::size_t at = 0;
   for (const RecordedBrick& brick : edit.bricks) {
-    for (const float value : *brick.values) {
+    for (const float value : brick.values->Floats()) {
       std::array<char, kPlanes> bytes;
       std::memcpy(bytes.data(), &value, kPlanes);
       for (std::size_t plane = 0; plane < kPlanes; ++plane) {
@@ -62,8 +62,8 @@ RecordedEdit DecodeEdit(std::string_view bytes) {
   reader.ExpectEnd();
   std::size_t at = 0;
   for (RecordedBrick& brick : edit.bricks) {
-    const auto values = std::make_shared<Brick>();
-    for (float& value : *values) {
+    Brick values;
+    for (float& value : values) {
       std::array<char, kPlanes> voxel;
       for (std::size_t plane = 0; plane < kPlanes; ++plane) {
         voxel[plane] = planes[plane * voxels + at];
@@ -71,7 +71,7 @@ RecordedEdit DecodeEdit(std::string_view bytes) {
       std::memcpy(&value, voxel.data(), kPlanes);
       ++at;
     }
-    brick.values = values;
+    brick.values = Leaf::Smallest(values);
   }
   return edit;
 }

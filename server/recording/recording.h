@@ -74,7 +74,7 @@ struct RecordedScene {
 
 struct RecordedBrick {
   std::uint64_t number = 0;  // BrickDirectory::NumberOf
-  BrickPtr values{};
+  LeafPtr values{};
 };
 
 // Changed voxels: what makes the volume of the scene that follows from that of the

@@ -14,7 +14,10 @@ namespace {
 std::uint64_t KeptBytes(const VolumeSnapshot& before, const VolumeSnapshot& volume,
                         std::span<const BrickChange> changes) {
   const bool is_new = before.loaded_revision() != volume.loaded_revision();
-  return is_new ? before.bricks().MemoryBytes() : changes.size() * sizeof(Brick);
+  if (is_new) return before.bricks().MemoryBytes();
+  std::uint64_t bytes = 0;
+  for (const BrickChange& change : changes) bytes += before.bricks().At(change.brick)->Bytes();
+  return bytes;
 }
 
 // Until its end.

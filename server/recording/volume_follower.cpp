@@ -21,9 +21,10 @@ std::shared_ptr<const VolumeSnapshot> AtRevision(std::shared_ptr<const VolumeSna
 }
 
 void CheckBrick(const RecordedBrick& brick, std::uint64_t brick_count) {
+  const Brick values = brick.values->Floats();
   const bool good =
-      brick.number < brick_count && std::all_of(brick.values->begin(), brick.values->end(),
-                                                [](float value) { return std::isfinite(value); });
+      brick.number < brick_count &&
+      std::all_of(values.begin(), values.end(), [](float value) { return std::isfinite(value); });
   if (!good) {
     throw Error(ErrorKind::kInvalidArgument,
                 "an edit of the recording does not fit the volume: load the one that was recorded");
@@ -48,8 +49,10 @@ std::shared_ptr<const VolumeSnapshot> WithoutVoxels(const RecordedScene& scene) 
     throw Error(ErrorKind::kInvalidArgument,
                 "the recording is damaged: it cannot hold a volume of this size");
   }
-  const auto brick = std::make_shared<Brick>();
-  brick->fill(static_cast<float>(scene.value_min));
+  Brick values;
+  values.fill(static_cast<float>(scene.value_min));
+  const LeafPtr leaf =
+      Leaf::Constant(Leaf::Smallest(values)->type(), static_cast<float>(scene.value_min));
   VolumeMetadata metadata;
   metadata.size = scene.size;
   metadata.spacing_mm = scene.spacing_mm;
@@ -58,14 +61,14 @@ std::shared_ptr<const VolumeSnapshot> WithoutVoxels(const RecordedScene& scene) 
   metadata.source = scene.volume_source;
   metadata.reloadable = scene.reloadable;
   return std::make_shared<const VolumeSnapshot>(
-      metadata, BrickDirectory(scene.size, [&](const Vec3i&) { return brick; }), 1, 1);
+      metadata, BrickDirectory(scene.size, [&](const Vec3i&) { return leaf; }), 1, 1);
 }
 
 std::shared_ptr<const VolumeSnapshot> WithEdits(const VolumeSnapshot& volume,
                                                 const std::vector<RecordedEdit>& edits) {
   const BrickDirectory& bricks = volume.bricks();
   const auto count = static_cast<std::uint64_t>(bricks.brick_count().cast<std::int64_t>().prod());
-  std::map<std::uint64_t, BrickPtr> changed;  // a damaged recording may name one twice
+  std::map<std::uint64_t, LeafPtr> changed;  // a damaged recording may name one twice
   for (const RecordedEdit& edit : edits) {
     for (const RecordedBrick& brick : edit.bricks) {
       CheckBrick(brick, count);

@@ -38,7 +38,7 @@ class Reader {
       if (count_ < 2) {
         Refuse(files_[0].string() + ": there is one frame in it; a series needs two or more");
       }
-      claim_.Resize(Needed(metadata_.size));
+      Claim(frame_memory_);
     }
     while (frames_.size() < count_) ReadFrame(frames_.size());
     return Finish();
@@ -49,9 +49,11 @@ class Reader {
     throw Error(ErrorKind::kInvalidArgument, message);
   }
 
-  // All frames, and one more on its way.
-  std::uint64_t Needed(const Vec3i& size) const {
-    return (count_ + 1) * BrickDirectory::MemoryBytes(size);
+  // For all frames, and one more on its way, each as large as the largest so far.
+  void Claim(const LoadMemory& frame) {
+    frame_memory_.volume_bytes = std::max(frame_memory_.volume_bytes, frame.volume_bytes);
+    frame_memory_.passing_bytes = std::max(frame_memory_.passing_bytes, frame.passing_bytes);
+    claim_.Resize((count_ + 1) * frame_memory_.volume_bytes + frame_memory_.passing_bytes);
   }
 
   void ReadFrame(std::size_t frame) {
@@ -64,21 +66,19 @@ class Reader {
                 (static_cast<double>(frame) + fraction) / static_cast<double>(count_));
     };
     std::vector<std::string> warnings;
-    VolumeFile file =
-        loader_.Load(request, progress, cancelled_, warnings,
-                     [&](const Vec3i& size, std::uint64_t) { CheckSize(request.source, size); });
+    LoadedVolume volume = loader_.Load(request, progress, cancelled_, warnings,
+                                       [&](const Vec3i& size, const LoadMemory& memory) {
+                                         CheckSize(request.source, size);
+                                         Claim(memory);
+                                       });
     // They are much the same for every frame.
     if (frame == 0) warnings_.insert(warnings_.end(), warnings.begin(), warnings.end());
-    Take(std::move(file), request.source);
+    Take(volume, request.source);
   }
 
-  // Before the voxels are read: what the first frame needs was claimed for all.
+  // Before the voxels are read.
   void CheckSize(const std::string& source, const Vec3i& size) {
-    if (frames_.empty()) {
-      claim_.Resize(Needed(size));
-    } else if (size != metadata_.size) {
-      RefuseSize(source, size);
-    }
+    if (!frames_.empty() && size != metadata_.size) RefuseSize(source, size);
   }
 
   [[noreturn]] void RefuseSize(const std::string& source, const Vec3i& size) const {
@@ -86,22 +86,21 @@ class Reader {
            Text(metadata_.size) + "; all frames must have one size");
   }
 
-  void Take(VolumeFile file, const std::string& source) {
-    if (files_.size() > 1 && file.metadata.frames != 1) {
+  void Take(const LoadedVolume& volume, const std::string& source) {
+    if (files_.size() > 1 && volume.metadata.frames != 1) {
       Refuse(source + ": there are several frames in it; name that file alone, or files of one " +
              "frame each");
     }
     if (frames_.empty()) {
-      metadata_ = file.metadata;
-    } else if (file.metadata.size != metadata_.size) {
-      RefuseSize(source, file.metadata.size);
+      metadata_ = volume.metadata;
+    } else if (volume.metadata.size != metadata_.size) {
+      RefuseSize(source, volume.metadata.size);
     }
-    metadata_.value_min = std::min(metadata_.value_min, file.metadata.value_min);
-    metadata_.value_max = std::max(metadata_.value_max, file.metadata.value_max);
-    const BrickDirectory bricks = TakeBricks(*file.grid, metadata_.size);
+    metadata_.value_min = std::min(metadata_.value_min, volume.metadata.value_min);
+    metadata_.value_max = std::max(metadata_.value_max, volume.metadata.value_max);
     // What is beyond the lattice is settled when the range of all frames is known.
     frames_.push_back(
-        pool_->Share(bricks, metadata_.size, static_cast<float>(file.metadata.value_min)));
+        pool_->Share(volume.bricks, metadata_.size, static_cast<float>(volume.metadata.value_min)));
     if (cancelled_()) throw Error(ErrorKind::kCancelled, "loading was cancelled");
   }
 
@@ -125,6 +124,7 @@ class Reader {
   VolumeMetadata metadata_;
   std::vector<BrickDirectory> frames_;
   std::optional<BrickPool> pool_{std::in_place};
+  LoadMemory frame_memory_;
   MemoryClaim claim_;
 };
 
@@ -139,13 +139,13 @@ LoadedSeries LoadSeries(const VolumeLoader& loader, std::span<const std::filesys
 BrickDirectory Blend(const BrickDirectory& from, const BrickDirectory& to, double share) {
   std::vector<BrickChange> changes = from.ChangesTo(to);
   for (BrickChange& change : changes) {
-    const Brick& start = *from.At(change.brick);
-    const Brick& end = *change.values;
-    auto blended = std::make_shared<Brick>();
+    const Brick start = from.At(change.brick)->Floats();
+    const Brick end = change.values->Floats();
+    Brick blended;
     for (int n = 0; n < kBrickVoxels; ++n) {
-      (*blended)[n] = static_cast<float>((1.0 - share) * start[n] + share * end[n]);
+      blended[n] = static_cast<float>((1.0 - share) * start[n] + share * end[n]);
     }
-    change.values = std::move(blended);
+    change.values = Leaf::Of(LeafType::kFloat, blended);
   }
   return from.With(changes, 1);
 }

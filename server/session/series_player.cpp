@@ -214,8 +214,10 @@ bool SeriesPlayer::KeepEdits(Series& series, const VolumeState& volume) {
   if (!is_edited || !is_frame) return true;
   const auto frame = static_cast<std::size_t>(series.shown);
   const BrickDirectory& edited = volume.volume->bricks();
-  const std::uint64_t brick_bytes = sizeof(Brick) + 32;
-  const std::uint64_t bytes = series.loaded[frame].ChangesTo(edited).size() * brick_bytes;
+  std::uint64_t bytes = 0;
+  for (const BrickChange& change : series.loaded[frame].ChangesTo(edited)) {
+    bytes += change.values->Bytes();
+  }
   try {
     series.edits.Resize(series.edits.bytes() - series.edited_bytes[frame] + bytes);
   } catch (const Error& error) {

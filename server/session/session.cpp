@@ -205,18 +205,19 @@ VolumeState Session::Load(const LoadRequest& request, const LoadProgress& progre
   const std::unique_lock loading = BeginLoad();
   std::vector<std::string> warnings;
   MemoryClaim claim = loader_.budget->Claim("the new volume", 0);
-  const auto size_known = [&](const Vec3i&, std::uint64_t bytes) { claim.Resize(bytes); };
-  const VolumeFile file = loader_.Load(request, progress, cancelled, warnings, size_known);
+  const auto size_known = [&](const Vec3i&, const LoadMemory& memory) {
+    claim.Resize(memory.Sum());
+  };
+  LoadedVolume loaded = loader_.Load(request, progress, cancelled, warnings, size_known);
   for (const std::string& warning : warnings) LogWarning("{}", warning);
-  VolumeMetadata metadata = file.metadata;
+  VolumeMetadata metadata = std::move(loaded.metadata);
   metadata.source = request.title.empty() ? request.source : request.title;
   metadata.warnings = WarningsForClients(warnings, request.source);
   metadata.reloadable = request.source_stays && !request.raw && request.frame.value_or(0) == 0;
   progress("publishing", 1.0);
-  const BrickDirectory bricks = TakeBricks(*file.grid, metadata.size);
   if (cancelled()) throw Error(ErrorKind::kCancelled, "loading was cancelled");
-  claim.Resize(bricks.MemoryBytes());
-  return PublishVolume(request, metadata, bricks, std::move(claim));
+  claim.Resize(loaded.bricks.MemoryBytes());
+  return PublishVolume(request, metadata, loaded.bricks, std::move(claim));
 }
 
 Registration Session::PlaceLoaded(const LoadRequest& request,

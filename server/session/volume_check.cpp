@@ -5,7 +5,7 @@
 #include "server/session/range.h"
 #include "server/session/registration.h"
 #include "server/volume/builtin.h"
-#include "server/volume/volume_file.h"
+#include "server/volume/volume_metadata.h"
 
 namespace palpate {
 

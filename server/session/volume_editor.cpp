@@ -110,8 +110,10 @@ void VolumeEditor::Record(const std::shared_ptr<const VolumeSnapshot>& before,
 void VolumeEditor::Add(const VolumeSnapshot& before, const EditResult& result, Step& step) {
   history_bytes_ -= BytesOf(step);
   for (const BrickChange& change : result.changes) {
-    step.bricks.try_emplace(before.bricks().NumberOf(change.brick),
-                            before.bricks().At(change.brick));
+    const LeafPtr& leaf = before.bricks().At(change.brick);
+    const bool is_new =
+        step.bricks.try_emplace(before.bricks().NumberOf(change.brick), leaf).second;
+    if (is_new) step.leaf_bytes += leaf->Bytes();
   }
   history_bytes_ += BytesOf(step);
 }
@@ -126,9 +128,8 @@ void VolumeEditor::Drop(Steps& steps, bool oldest) {
 }
 
 std::uint64_t VolumeEditor::BytesOf(const Step& step) {
-  // The entry in the map, and the counts of the shared_ptr and of the heap.
-  constexpr std::uint64_t kBytesPerBrick = sizeof(Brick) + 32 + 48;
-  return step.bricks.size() * kBytesPerBrick;
+  constexpr std::uint64_t kBytesPerEntry = 48;  // of the map
+  return step.leaf_bytes + step.bricks.size() * kBytesPerEntry;
 }
 
 std::uint64_t VolumeEditor::HistoryBytes() {

@@ -71,7 +71,8 @@ class VolumeEditor final : public SceneListener {
  private:
   struct Step {
     // What to put back, by number of the brick.
-    std::unordered_map<std::uint64_t, BrickPtr> bricks;
+    std::unordered_map<std::uint64_t, LeafPtr> bricks;
+    std::uint64_t leaf_bytes = 0;
     std::uint64_t stroke = 0;
   };
   using Steps = std::deque<Step>;

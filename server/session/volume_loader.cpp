@@ -6,6 +6,7 @@
 #include "server/volume/brick_directory.h"
 #include "server/volume/builtin.h"
 #include "server/volume/import_process.h"
+#include "server/volume/snapshot_builder.h"
 
 namespace palpate {
 namespace {
@@ -15,9 +16,9 @@ constexpr std::int64_t kBytesPerBuiltinVoxel = 9;
 
 }  // namespace
 
-VolumeFile VolumeLoader::Load(const LoadRequest& load, const LoadProgress& progress,
-                              const LoadCancelled& cancelled, std::vector<std::string>& warnings,
-                              const LoadSizeKnown& size_known) const {
+LoadedVolume VolumeLoader::Load(const LoadRequest& load, const LoadProgress& progress,
+                                const LoadCancelled& cancelled, std::vector<std::string>& warnings,
+                                const LoadSizeKnown& size_known) const {
   const std::string& source = load.source;
   if (IsBuiltin(source)) {
     if (load.raw || load.frame.value_or(0) != 0) {
@@ -26,15 +27,15 @@ VolumeFile VolumeLoader::Load(const LoadRequest& load, const LoadProgress& progr
     }
     const Vec3i size = BuiltinSize(source);
     if (size_known) {
-      size_known(size, kBytesPerBuiltinVoxel *
-                           static_cast<std::uint64_t>(size.cast<std::int64_t>().prod()));
+      const auto voxels = static_cast<std::uint64_t>(size.cast<std::int64_t>().prod());
+      size_known(size, {.passing_bytes = kBytesPerBuiltinVoxel * voxels});
     }
     progress("making", 0.0);
     const std::int64_t max_builtin_voxels =
         std::min<std::int64_t>(max_voxels, max_memory_bytes / kBytesPerBuiltinVoxel);
     BuiltinVolume volume =
         MakeBuiltin(source, load.spacing_mm.value_or(Vec3::Ones()), max_builtin_voxels, cancelled);
-    return {volume.grid, volume.metadata};
+    return {volume.metadata, TakeBricks(*volume.grid, volume.metadata.size)};
   }
   if (source.find('\0') != std::string::npos) {
     throw Error(ErrorKind::kInvalidArgument, "the path holds a NUL character");
@@ -54,8 +55,11 @@ VolumeFile VolumeLoader::Load(const LoadRequest& load, const LoadProgress& progr
   request.max_memory_bytes = max_memory_bytes;
   request.import_program = import_program;
   if (size_known) {
-    request.on_size = [&](const Vec3i& size) {
-      size_known(size, BrickDirectory::MemoryBytes(size));
+    request.on_size = [&](const Vec3i& size, LeafType type) {
+      // What is handed over, and the leaves that are made of it.
+      const auto voxels = static_cast<std::uint64_t>(size.cast<std::int64_t>().prod());
+      size_known(size, {.volume_bytes = BrickDirectory::MemoryBytes(size, type),
+                        .passing_bytes = voxels * VoxelBytes(type)});
     };
   }
   return ImportVolume(request, progress, cancelled, &warnings);

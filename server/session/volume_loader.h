@@ -15,8 +15,8 @@
 
 #include "common/files/own_files.h"
 #include "server/session/memory_budget.h"
+#include "server/volume/dense_bricks.h"
 #include "server/volume/raw_voxels.h"
-#include "server/volume/volume_file.h"
 
 namespace palpate {
 
@@ -35,9 +35,16 @@ struct LoadRequest {
 using LoadProgress = std::function<void(std::string_view stage, double fraction)>;
 using LoadCancelled = std::function<bool()>;
 
-// Of the volume that is loaded, before any of it is: its voxels, and the memory that
-// loading takes in this process. What it throws ends the load.
-using LoadSizeKnown = std::function<void(const Vec3i& size, std::uint64_t bytes)>;
+// The memory that loading takes in this process.
+struct LoadMemory {
+  std::uint64_t volume_bytes = 0;   // of the volume, at most
+  std::uint64_t passing_bytes = 0;  // beside it until it is loaded
+  std::uint64_t Sum() const { return volume_bytes + passing_bytes; }
+};
+
+// Told of the volume that is loaded, before any of it is: by what its file promises, and again by
+// what has become of it. What it throws ends the load.
+using LoadSizeKnown = std::function<void(const Vec3i& size, const LoadMemory& memory)>;
 
 struct VolumeLoader {
   std::filesystem::path import_program;
@@ -50,9 +57,9 @@ struct VolumeLoader {
 
   // `warnings`: one line each, for the log. Claims nothing of the budget: that is
   // `size_known`'s.
-  VolumeFile Load(const LoadRequest& request, const LoadProgress& progress,
-                  const LoadCancelled& cancelled, std::vector<std::string>& warnings,
-                  const LoadSizeKnown& size_known = {}) const;
+  LoadedVolume Load(const LoadRequest& request, const LoadProgress& progress,
+                    const LoadCancelled& cancelled, std::vector<std::string>& warnings,
+                    const LoadSizeKnown& size_known = {}) const;
 };
 
 }  // namespace palpate

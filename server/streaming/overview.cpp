@@ -13,11 +13,11 @@ static_assert(kBrickEdge % kOverviewEdge == 0);
 float MeanOfBlock(const VolumeSnapshot& volume, const Vec3i& block) {
   const Vec3i first = block * kOverviewEdge;
   const Vec3i end = (first.array() + kOverviewEdge).min(volume.size().array()).matrix();
-  const float* brick = volume.bricks().Find(first.x(), first.y(), first.z());
+  const Leaf& leaf = volume.bricks().Find(first.x(), first.y(), first.z());
   double sum = 0.0;
   for (int i = first.x(); i < end.x(); ++i) {
     for (int j = first.y(); j < end.y(); ++j) {
-      for (int k = first.z(); k < end.z(); ++k) sum += brick[VoxelInBrick(i, j, k)];
+      for (int k = first.z(); k < end.z(); ++k) sum += leaf[VoxelInBrick(i, j, k)];
     }
   }
   return static_cast<float>(sum / (end - first).prod());

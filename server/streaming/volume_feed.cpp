@@ -24,8 +24,13 @@ bool IsSame(const AffineMap& a, const AffineMap& b) {
 }
 
 // Bit by bit: what is left out must hash as what the subscriber puts there.
-bool IsBackground(const Brick& brick, const Brick& background) {
-  return std::memcmp(brick.data(), background.data(), sizeof(Brick)) == 0;
+bool IsBackground(const Leaf& leaf, const Brick& background) {
+  if (leaf.is_constant()) {
+    const float value = leaf[0];
+    return std::memcmp(&value, background.data(), sizeof value) == 0;
+  }
+  const Brick values = leaf.Floats();
+  return std::memcmp(values.data(), background.data(), sizeof(Brick)) == 0;
 }
 
 std::uint64_t BricksOf(const VolumeSnapshot& volume) {
@@ -220,8 +225,7 @@ VolumeEvent VolumeFeed::TakeBricks() {
   for (std::size_t n = 0; n < count; ++n) {
     const std::uint64_t number = numbers[transfer_->next + n];
     event.numbers.push_back(number);
-    const Brick& brick = *bricks.At(bricks.BrickOf(number));
-    std::copy(brick.begin(), brick.end(), values.data() + n * kBrickVoxels);
+    bricks.At(bricks.BrickOf(number))->CopyTo(values.data() + n * kBrickVoxels);
   }
   event.zstd_values = CompressFloats(values);
   transfer_->next += count;

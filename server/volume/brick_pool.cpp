@@ -1,7 +1,6 @@
 #include "server/volume/brick_pool.h"
 
 #include <algorithm>
-#include <cstring>
 #include <memory>
 #include <unordered_set>
 #include <utility>
@@ -9,34 +8,32 @@
 namespace palpate {
 namespace {
 
-// The brick with the background beyond the lattice; itself where that is so.
-BrickPtr WithBackground(const BrickPtr& brick, const Vec3i& voxels, float background) {
-  auto filled = std::make_shared<Brick>(*brick);
+// The leaf with the background beyond the lattice.
+LeafPtr WithBackground(const LeafPtr& leaf, const Vec3i& voxels, float background) {
+  Brick filled = leaf->Floats();
   for (int i = 0; i < kBrickEdge; ++i) {
     for (int j = 0; j < kBrickEdge; ++j) {
       for (int k = 0; k < kBrickEdge; ++k) {
         if (i >= voxels.x() || j >= voxels.y() || k >= voxels.z()) {
-          (*filled)[VoxelInBrick(i, j, k)] = background;
+          filled[VoxelInBrick(i, j, k)] = background;
         }
       }
     }
   }
-  return filled;
+  return leaf->With(filled);
 }
 
 }  // namespace
 
-BrickPtr BrickPool::Share(const BrickPtr& brick) {
-  const std::uint64_t hash = HashOfBrick(*brick, 0).low;
+LeafPtr BrickPool::Share(const LeafPtr& leaf) {
+  const std::uint64_t hash = HashOfBrick(leaf->Floats(), 0).low;
   const auto [begin, end] = by_hash_.equal_range(hash);
   for (auto known = begin; known != end; ++known) {
     // Bits rather than values: -0 is not 0 to a content hash.
-    if (std::memcmp(known->second->data(), brick->data(), sizeof(Brick)) == 0) {
-      return known->second;
-    }
+    if (HaveSameBits(*known->second, *leaf)) return known->second;
   }
-  by_hash_.emplace(hash, brick);
-  return brick;
+  by_hash_.emplace(hash, leaf);
+  return leaf;
 }
 
 BrickDirectory BrickPool::Share(const BrickDirectory& bricks, const Vec3i& size_voxels,
@@ -50,20 +47,21 @@ BrickDirectory BrickPool::Share(const BrickDirectory& bricks, const Vec3i& size_
 }
 
 std::uint64_t MemoryBytes(std::span<const BrickDirectory> directories, const Vec3i& size_voxels) {
-  // What one brick more costs.
-  const std::uint64_t brick_bytes =
-      BrickDirectory::MemoryBytes(Vec3i(16, 8, 8)) - BrickDirectory::MemoryBytes(Vec3i(8, 8, 8));
-  std::unordered_set<const Brick*> bricks;
-  std::uint64_t places = 0;
+  std::unordered_set<const Leaf*> leaves;
+  std::uint64_t leaf_bytes = 0;
   for (const BrickDirectory& directory : directories) {
     const std::uint64_t count = directory.brick_count().cast<std::int64_t>().prod();
     for (std::uint64_t number = 0; number < count; ++number) {
-      bricks.insert(directory.At(directory.BrickOf(number)).get());
+      const LeafPtr& leaf = directory.At(directory.BrickOf(number));
+      if (leaves.insert(leaf.get()).second) leaf_bytes += leaf->Bytes();
     }
-    places += count;
   }
-  return directories.size() * BrickDirectory::MemoryBytes(size_voxels) -
-         (places - bricks.size()) * brick_bytes;
+  // What the directories themselves take, at most.
+  const std::uint64_t places = static_cast<std::uint64_t>(
+      directories.empty() ? 0 : directories[0].brick_count().cast<std::int64_t>().prod());
+  const std::uint64_t each =
+      BrickDirectory::MemoryBytes(size_voxels) - places * Leaf::Bytes(LeafType::kFloat);
+  return directories.size() * each + leaf_bytes;
 }
 
 }  // namespace palpate

@@ -1,4 +1,4 @@
-// Bricks of the same values, kept once.
+// Leaves of the same values, kept once.
 //
 // Threads: one at a time. Ownership: the pool keeps what went into it until it is
 // destroyed.
@@ -14,18 +14,18 @@ namespace palpate {
 
 class BrickPool {
  public:
-  // The brick of these values (the same bits) that came first: this one, or another.
-  BrickPtr Share(const BrickPtr& brick);
+  // The leaf of these values (the same bits, as floats) that came first: this one, or another.
+  LeafPtr Share(const LeafPtr& leaf);
 
-  // The same voxels out of shared bricks. Those of the last bricks along an axis that
+  // The same voxels out of shared leaves. Those of the last leaves along an axis that
   // lie beyond the lattice become `background`.
   BrickDirectory Share(const BrickDirectory& bricks, const Vec3i& size_voxels, float background);
 
  private:
-  std::unordered_multimap<std::uint64_t, BrickPtr> by_hash_;
+  std::unordered_multimap<std::uint64_t, LeafPtr> by_hash_;
 };
 
-// Of all their bricks, shared ones counted once. All of them of this lattice.
+// Of all their leaves, shared ones counted once. All of them of this lattice.
 std::uint64_t MemoryBytes(std::span<const BrickDirectory> directories, const Vec3i& size_voxels);
 
 }  // namespace palpate

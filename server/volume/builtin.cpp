@@ -14,7 +14,6 @@
 
 #include "common/error/error.h"
 #include "server/volume/snapshot_builder.h"
-#include "server/volume/volume_file.h"
 
 namespace palpate {
 namespace {

@@ -14,7 +14,7 @@
 #include <memory>
 #include <string_view>
 
-#include "server/volume/float_grid.h"
+#include "server/volume/openvdb_names.h"
 #include "server/volume/volume_metadata.h"
 
 namespace palpate {

@@ -159,11 +159,12 @@ class Editor {
       if (!weights_of_.Of(brick, weights_)) return;
       const VoxelBox part = PartOf(brick, box);
       FillTargets(brick, part);
-      after_ = *volume_.bricks().At(brick);
+      const LeafPtr& before = volume_.bricks().At(brick);
+      before->CopyTo(after_.data());
       const ChangeCounter::Masks masks = Operate(part);
       counter.Add(brick, masks);
       if (masks.voxels > 0) {
-        result.changes.push_back({brick, std::make_shared<const Brick>(after_)});
+        result.changes.push_back({brick, before->With(after_)});
       }
     });
     counter.Into(result);
@@ -242,10 +243,11 @@ EditResult CompareBricks(const VolumeSnapshot& volume, const std::vector<BrickCh
   ChangeCounter counter;
   const VoxelBox whole{Vec3i::Zero(), Vec3i::Constant(kBrickEdge - 1)};
   for (const BrickChange& change : changes) {
-    const BrickPtr& before = volume.bricks().At(change.brick);
+    const LeafPtr& before = volume.bricks().At(change.brick);
     if (before == change.values) continue;
-    Brick brick = *before;
-    const auto masks = Replace(brick, whole, [&](std::size_t n) { return (*change.values)[n]; });
+    Brick brick = before->Floats();
+    const Brick after = change.values->Floats();
+    const auto masks = Replace(brick, whole, [&](std::size_t n) { return after[n]; });
     if (masks.voxels == 0) continue;
     counter.Add(change.brick, masks);
     result.changes.push_back(change);

@@ -16,7 +16,8 @@
 #include <utility>
 
 #include "common/error/error.h"
-#include "server/volume/private_folder.h"
+#include "common/files/descriptor.h"
+#include "server/volume/handover.h"
 
 extern char** environ;
 
@@ -32,27 +33,8 @@ constexpr auto kPollInterval = std::chrono::milliseconds(50);
 constexpr auto kTimeoutGrace = std::chrono::seconds(2);
 constexpr std::string_view kMessagePrefix = "palpate-import: ";
 constexpr std::string_view kWarningPrefix = "warning: ";
-// Reading the finished .vdb is the rest.
+// Taking the volume over is the rest.
 constexpr double kImporterShare = 0.9;
-
-class Descriptor {
- public:
-  Descriptor() = default;
-  explicit Descriptor(int fd) : fd_(fd) {}
-  Descriptor(Descriptor&& other) noexcept : fd_(std::exchange(other.fd_, -1)) {}
-  Descriptor& operator=(Descriptor&& other) noexcept {
-    std::swap(fd_, other.fd_);
-    return *this;
-  }
-  ~Descriptor() { Close(); }
-  int get() const { return fd_; }
-  void Close() {
-    if (fd_ >= 0) close(std::exchange(fd_, -1));
-  }
-
- private:
-  int fd_ = -1;
-};
 
 struct Pipe {
   Descriptor read;
@@ -72,8 +54,6 @@ Pipe MakePipe() {
   return pipe;
 }
 
-constexpr std::string_view kFolderPrefix = "palpate-import-";
-
 std::string Decimal(double value) {
   std::array<char, 32> text{};
   return {text.data(), std::to_chars(text.data(), text.data() + text.size(), value).ptr};
@@ -87,11 +67,14 @@ void AddRawArguments(const RawVoxels& raw, std::vector<std::string>* arguments) 
   if (raw.big_endian) arguments->push_back("--raw-big-endian");
 }
 
-std::vector<std::string> Arguments(const ImportRequest& request,
-                                   const std::filesystem::path& output) {
+// Where the importer finds the file in memory.
+constexpr int kHandoverDescriptor = 3;
+
+std::vector<std::string> Arguments(const ImportRequest& request) {
   std::vector<std::string> arguments = {
       request.import_program.string(),
       "--progress",
+      "--to-descriptor=" + std::to_string(kHandoverDescriptor),
       "--max-voxels=" + std::to_string(request.max_voxels),
       "--max-memory-mib=" +
           std::to_string(std::max<std::int64_t>(request.max_memory_bytes >> 20, 1)),
@@ -115,17 +98,18 @@ std::vector<std::string> Arguments(const ImportRequest& request,
   if (request.frame) arguments.push_back("--frame=" + std::to_string(*request.frame));
   if (request.raw) AddRawArguments(*request.raw, &arguments);
   // A path may start with a dash.
-  arguments.insert(arguments.end(), {"--", request.source.string(), output.string()});
+  arguments.insert(arguments.end(), {"--", request.source.string()});
   return arguments;
 }
 
 class SpawnSettings {
  public:
-  SpawnSettings(int out, int err) {
+  SpawnSettings(int out, int err, int handover) {
     posix_spawn_file_actions_init(&actions_);
     posix_spawn_file_actions_addopen(&actions_, 0, "/dev/null", O_RDONLY, 0);
     posix_spawn_file_actions_adddup2(&actions_, out, 1);
     posix_spawn_file_actions_adddup2(&actions_, err, 2);
+    posix_spawn_file_actions_adddup2(&actions_, handover, kHandoverDescriptor);
     posix_spawnattr_init(&attributes_);
     // Not our signal mask, and not the terminal's Ctrl-C: we end it ourselves.
     sigset_t none;
@@ -155,11 +139,11 @@ class SpawnSettings {
 // The running importer; killed and reaped if still there at the end.
 class Process {
  public:
-  Process(std::vector<std::string> arguments, int out, int err) {
+  Process(std::vector<std::string> arguments, int out, int err, int handover) {
     std::vector<char*> argv;
     for (std::string& argument : arguments) argv.push_back(argument.data());
     argv.push_back(nullptr);
-    const SpawnSettings settings(out, err);
+    const SpawnSettings settings(out, err, handover);
     const int error = posix_spawn(&pid_, argv[0], settings.actions(), settings.attributes(),
                                   argv.data(), environ);
     if (error != 0) {
@@ -226,19 +210,23 @@ void ReportProgress(std::string_view line,
   progress(line, fraction * kImporterShare);
 }
 
-// "size X Y Z".
-void ReportSize(std::string_view line, const std::function<void(const Vec3i&)>& on_size) {
+// "size X Y Z BYTES", of the volume and of a voxel of the file.
+void ReportSize(std::string_view line, const SizeKnown& on_size) {
   constexpr std::string_view kWord = "size";
   if (!on_size || !line.starts_with(kWord)) return;
   line.remove_prefix(kWord.size());
-  Vec3i size;
-  for (int& voxels : size) {
+  std::array<int, 4> numbers{};
+  for (int& number : numbers) {
     if (!line.starts_with(' ')) return;
-    const auto [end, error] = std::from_chars(line.data() + 1, line.data() + line.size(), voxels);
-    if (error != std::errc() || voxels < 1) return;
+    const auto [end, error] = std::from_chars(line.data() + 1, line.data() + line.size(), number);
+    if (error != std::errc() || number < 1) return;
     line.remove_prefix(static_cast<std::size_t>(end - line.data()));
   }
-  if (line.empty()) on_size(size);
+  if (!line.empty()) return;
+  const auto [x, y, z, bytes] = numbers;
+  on_size({x, y, z}, bytes == 1   ? LeafType::kUint8
+                     : bytes == 2 ? LeafType::kInt16
+                                  : LeafType::kFloat);
 }
 
 struct Outcome {
@@ -255,12 +243,16 @@ void AddMessage(std::string_view line, Outcome* outcome) {
   if (list.size() < kMostLines) list.emplace_back(line);
 }
 
-Outcome RunImporter(const ImportRequest& request, const std::filesystem::path& output,
+[[noreturn]] void ThrowCancelled(const ImportRequest& request) {
+  throw Error(ErrorKind::kCancelled, request.source.string() + ": the import was cancelled");
+}
+
+Outcome RunImporter(const ImportRequest& request, int handover,
                     const std::function<void(std::string_view, double)>& progress,
                     const std::function<bool()>& cancelled) {
   Pipe out = MakePipe();
   Pipe err = MakePipe();
-  Process process(Arguments(request, output), out.write.get(), err.write.get());
+  Process process(Arguments(request), out.write.get(), err.write.get(), handover);
   out.write.Close();
   err.write.Close();
 
@@ -280,7 +272,7 @@ Outcome RunImporter(const ImportRequest& request, const std::filesystem::path& o
     if (fds[0].revents && !out_lines.ReadFrom(out.read, on_progress)) out.read.Close();
     if (fds[1].revents && !err_lines.ReadFrom(err.read, on_message)) err.read.Close();
     if (cancelled && cancelled()) {
-      throw Error(ErrorKind::kCancelled, request.source.string() + ": the import was cancelled");
+      ThrowCancelled(request);
     }
     if (Clock::now() > deadline) {
       throw Error(ErrorKind::kTooLarge, request.source.string() + ": the import took longer than " +
@@ -326,22 +318,30 @@ void ThrowUnlessSuccess(const ImportRequest& request, const Outcome& outcome) {
 
 }  // namespace
 
-VolumeFile ImportVolume(const ImportRequest& request,
-                        const std::function<void(std::string_view, double)>& progress,
-                        const std::function<bool()>& cancelled,
-                        std::vector<std::string>* warnings) {
-  RemoveAbandonedFolders(TemporaryFolder(), kFolderPrefix);
-  const PrivateFolder folder(TemporaryFolder(), kFolderPrefix);
-  const std::filesystem::path output = folder.path() / "volume.vdb";
-  const Outcome outcome = RunImporter(request, output, progress, cancelled);
+LoadedVolume ImportVolume(const ImportRequest& request,
+                          const std::function<void(std::string_view, double)>& progress,
+                          const std::function<bool()>& cancelled,
+                          std::vector<std::string>* warnings) {
+  const Descriptor handover = MakeHandoverFile();
+  const Outcome outcome = RunImporter(request, handover.get(), progress, cancelled);
   ThrowUnlessSuccess(request, outcome);
   if (warnings) {
     warnings->insert(warnings->end(), outcome.warnings.begin(), outcome.warnings.end());
   }
-  if (progress) progress("loading", kImporterShare);
-  VolumeFile file = ReadVolumeFile(output);
-  if (progress) progress("loading", 1.0);
-  return file;
+  const auto tell = [&](double fraction) {
+    if (cancelled && cancelled()) ThrowCancelled(request);
+    if (progress) progress("loading", kImporterShare + (1.0 - kImporterShare) * fraction);
+  };
+  try {
+    LoadedVolume volume = TakeHandover(
+        handover.get(),
+        {.max_voxels = request.max_voxels, .on_size = request.on_size, .progress = tell});
+    tell(1.0);
+    return volume;
+  } catch (const std::bad_alloc&) {
+    throw Error(ErrorKind::kTooLarge,
+                request.source.string() + ": there is not enough memory to hold it");
+  }
 }
 
 }  // namespace palpate

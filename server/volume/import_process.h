@@ -15,10 +15,12 @@
 #include <vector>
 
 #include "common/files/own_files.h"
+#include "server/volume/dense_bricks.h"
 #include "server/volume/raw_voxels.h"
-#include "server/volume/volume_file.h"
 
 namespace palpate {
+
+using SizeKnown = std::function<void(const Vec3i& size, LeafType type)>;
 
 struct ImportRequest {
   std::filesystem::path source;       // a file, or the folder of a series
@@ -32,9 +34,10 @@ struct ImportRequest {
   OwnFiles own_files{};
   std::int64_t max_voxels = std::int64_t{1} << 31;
   std::int64_t max_memory_bytes = std::int64_t{16} << 30;
-  // Told of the size in advance, before voxels are read; more than once for stacks
-  // of slices, and whatever it throws ends the import.
-  std::function<void(const Vec3i& size)> on_size{};
+  // Told of the size and of the type that the file promises before voxels are read, more than once
+  // for stacks of slices, and of the type that it has become before it is taken over. Whatever it
+  // throws ends the import.
+  SizeKnown on_size{};
   std::chrono::seconds timeout{300};
   std::filesystem::path import_program;  // palpate-import
 };
@@ -44,8 +47,8 @@ struct ImportRequest {
 // empty. Warnings of the importer are appended to `warnings` when given.
 //
 // Throws Error with the importer's one line; kCancelled when cancelled() returned
-// true; kTooLarge when a limit was hit. No process and no temporary file is left.
-VolumeFile ImportVolume(
+// true; kTooLarge when a limit was hit. No process is left.
+LoadedVolume ImportVolume(
     const ImportRequest& request,
     const std::function<void(std::string_view stage, double fraction)>& progress,
     const std::function<bool()>& cancelled, std::vector<std::string>* warnings = nullptr);

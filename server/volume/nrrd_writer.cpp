@@ -84,10 +84,10 @@ void FillSlice(const VolumeSnapshot& volume, int z, std::vector<float>& slice) {
   for (int x = 0; x < size.x(); x += kBrickEdge) {
     const int end = std::min(x + kBrickEdge, size.x());
     for (int y = 0; y < size.y(); ++y) {
-      const float* brick = volume.bricks().Find(x, y, z);
+      const Leaf& leaf = volume.bricks().Find(x, y, z);
       for (int i = x; i < end; ++i) {
         slice[static_cast<std::size_t>(y) * row + static_cast<std::size_t>(i)] =
-            brick[VoxelInBrick(i, y, z)];
+            leaf[VoxelInBrick(i, y, z)];
       }
     }
   }

@@ -25,11 +25,14 @@ CellDensities VolumeSnapshot::StoredCell(const Vec3i& cell) const noexcept {
   CellDensities d;
   const bool in_one_brick = (i & 7) != 7 && (j & 7) != 7 && (k & 7) != 7;
   if (in_one_brick && i >= 0 && j >= 0 && k >= 0 && i < last.x() && j < last.y() && k < last.z()) {
-    const float* voxel = bricks_.Find(i, j, k) + VoxelInBrick(i, j, k);
-    for (int v = 0; v < 8; ++v) {
-      const auto& o = kCornerOffset[v];
-      d[v] = Normalize(voxel[o[0] << 6 | o[1] << 3 | o[2]]);
-    }
+    const Leaf& leaf = bricks_.Find(i, j, k);
+    VisitType(leaf.type(), [&](auto type) {
+      const auto* const voxel = leaf.values<decltype(type)>() + VoxelInBrick(i, j, k);
+      for (int v = 0; v < 8; ++v) {
+        const auto& o = kCornerOffset[v];
+        d[v] = Normalize(voxel[o[0] << 6 | o[1] << 3 | o[2]]);
+      }
+    });
     return d;
   }
   for (int v = 0; v < 8; ++v) {

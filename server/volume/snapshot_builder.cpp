@@ -11,34 +11,23 @@
 namespace palpate {
 namespace {
 
-using Leaf = openvdb::FloatTree::LeafNodeType;
-static_assert(Leaf::SIZE == kBrickVoxels, "a brick is a leaf");
+using Node = openvdb::FloatTree::LeafNodeType;
 
 openvdb::Coord CornerOf(const Vec3i& brick) {
   return {brick.x() * kBrickEdge, brick.y() * kBrickEdge, brick.z() * kBrickEdge};
 }
 
-BrickPtr CopyOf(const Leaf& leaf) {
-  auto brick = std::make_shared<Brick>();
-  std::copy_n(leaf.buffer().data(), kBrickVoxels, brick->begin());
-  return brick;
-}
-
-// Bricks of constant tiles: one per value.
-class ConstantBricks {
+// Those of constant tiles: one per value.
+class ConstantLeaves {
  public:
-  BrickPtr Of(float value) {
-    BrickPtr& brick = bricks_[value];
-    if (!brick) {
-      auto made = std::make_shared<Brick>();
-      made->fill(value);
-      brick = std::move(made);
-    }
-    return brick;
+  const LeafPtr& Of(float value) {
+    LeafPtr& leaf = leaves_[value];
+    if (!leaf) leaf = Leaf::Constant(LeafType::kFloat, value);
+    return leaf;
   }
 
  private:
-  std::map<float, BrickPtr> bricks_;
+  std::map<float, LeafPtr> leaves_;
 };
 
 }  // namespace
@@ -47,11 +36,12 @@ std::shared_ptr<const VolumeSnapshot> MakeSnapshot(openvdb::FloatGrid::ConstPtr 
                                                    const VolumeMetadata& metadata,
                                                    std::uint64_t revision) {
   const openvdb::FloatGrid::ConstAccessor accessor = grid->getConstAccessor();
-  ConstantBricks constants;
+  ConstantLeaves constants;
   const BrickDirectory bricks(metadata.size, [&](const Vec3i& brick) {
     const openvdb::Coord corner = CornerOf(brick);
-    const Leaf* leaf = accessor.probeConstLeaf(corner);
-    return leaf ? CopyOf(*leaf) : constants.Of(accessor.getValue(corner));
+    const Node* node = accessor.probeConstLeaf(corner);
+    return node ? Leaf::Take(std::make_unique<Node>(*node))
+                : constants.Of(accessor.getValue(corner));
   });
   return std::make_shared<VolumeSnapshot>(metadata, bricks.AllChangedAt(revision), revision,
                                           revision);
@@ -59,13 +49,12 @@ std::shared_ptr<const VolumeSnapshot> MakeSnapshot(openvdb::FloatGrid::ConstPtr 
 
 BrickDirectory TakeBricks(openvdb::FloatGrid& grid, const Vec3i& size_voxels) {
   openvdb::FloatTree& tree = grid.tree();
-  ConstantBricks constants;
-  return {
-      size_voxels, [&](const Vec3i& brick) {
-        const openvdb::Coord corner = CornerOf(brick);
-        const std::unique_ptr<Leaf> leaf(tree.stealNode<Leaf>(corner, tree.background(), false));
-        return leaf ? CopyOf(*leaf) : constants.Of(tree.getValue(corner));
-      }};
+  ConstantLeaves constants;
+  return {size_voxels, [&](const Vec3i& brick) {
+            const openvdb::Coord corner = CornerOf(brick);
+            std::unique_ptr<Node> node(tree.stealNode<Node>(corner, tree.background(), false));
+            return node ? Leaf::Take(std::move(node)) : constants.Of(tree.getValue(corner));
+          }};
 }
 
 openvdb::FloatGrid::Ptr MakeGrid(const VolumeSnapshot& volume) {
@@ -75,20 +64,20 @@ openvdb::FloatGrid::Ptr MakeGrid(const VolumeSnapshot& volume) {
   for (std::uint64_t number = 0, end = bricks.brick_count().cast<std::int64_t>().prod();
        number < end; ++number) {
     const Vec3i brick = bricks.BrickOf(number);
-    const Brick& values = *bricks.At(brick);
+    const Brick values = bricks.At(brick)->Floats();
     if (std::all_of(values.begin(), values.end(), [&](float v) { return v == background; })) {
       continue;
     }
-    auto leaf = std::make_unique<Leaf>(CornerOf(brick), background, false);
+    auto node = std::make_unique<Node>(CornerOf(brick), background, false);
     // The grid has nothing beyond the lattice, whatever bricks hold there.
     const Vec3i last = volume.size() - Vec3i::Ones() - brick * kBrickEdge;
     for (int n = 0; n < kBrickVoxels; ++n) {
       const bool inside = n >> 6 <= last.x() && (n >> 3 & 7) <= last.y() && (n & 7) <= last.z();
       if (inside && values[n] != background) {
-        leaf->setValueOn(static_cast<openvdb::Index>(n), values[n]);
+        node->setValueOn(static_cast<openvdb::Index>(n), values[n]);
       }
     }
-    grid->tree().addLeaf(leaf.release());
+    grid->tree().addLeaf(node.release());
   }
   return grid;
 }

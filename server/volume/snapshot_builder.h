@@ -6,7 +6,7 @@
 #include <cstdint>
 #include <memory>
 
-#include "server/volume/float_grid.h"
+#include "server/volume/openvdb_names.h"
 #include "server/volume/snapshot.h"
 
 namespace palpate {

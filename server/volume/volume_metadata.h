@@ -4,6 +4,7 @@
 // LPS as in DICOM). Values are in the data's own units.
 #pragma once
 
+#include <cstddef>
 #include <string>
 #include <vector>
 
@@ -30,5 +31,17 @@ struct VolumeMetadata {
 
   AffineMap WorldFromIndex() const { return {direction * spacing_mm.asDiagonal(), origin_W_mm}; }
 };
+
+// Spacings that a volume may have, mm: the determinant of a finer one is zero to
+// OpenVDB.
+inline constexpr double kLeastSpacingMm = 1e-4;
+inline constexpr double kGreatestSpacingMm = 1e6;
+
+// Of unit, original type and source, bytes.
+inline constexpr std::size_t kLongestText = 4096;
+
+// Throws Error(kInvalidArgument) with one clear line when sizes, spacing, frame
+// or range are not those of a volume.
+void CheckVolumeMetadata(const VolumeMetadata& metadata);
 
 }  // namespace palpate

@@ -88,11 +88,11 @@ class Script {
   void TakeEdit() {
     RecordedEdit edit{.base_revision = base_revision_, .volume_revision = base_revision_ + 1};
     edit.bricks.push_back({input_.Take<std::uint8_t>() % std::uint64_t{9}});
-    auto values = std::make_shared<Brick>();
+    Brick values{};
     std::array<float, 4> pattern;
     for (float& value : pattern) value = input_.Take<float>();
-    for (std::size_t n = 0; n < values->size(); ++n) (*values)[n] = pattern[(n + (n >> 3)) % 4];
-    edit.bricks.back().values = std::move(values);
+    for (std::size_t n = 0; n < values.size(); ++n) values[n] = pattern[(n + (n >> 3)) % 4];
+    edit.bricks.back().values = Leaf::Smallest(values);
     replayer_.Take(RecordedChunk(edit));
     edits_.push_back(std::move(edit));
   }

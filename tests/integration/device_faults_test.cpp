@@ -55,7 +55,8 @@ void ExpectPace(DeviceRig& rig) {
   const auto missed = static_cast<double>(after.missed_ticks() - before.missed_ticks());
   // Ticks and missed ones count milliseconds: a loop that stands still has neither.
   EXPECT_GT(ticks + missed, 900.0) << kBusyMachine;
-  EXPECT_LE(missed, 0.01 * (ticks + missed) + static_cast<double>(bare_loops.most())) << kBusyMachine;
+  EXPECT_LE(missed, 0.01 * (ticks + missed) + static_cast<double>(bare_loops.most()))
+      << kBusyMachine;
 }
 
 // The loop goes on without the device, with no force.

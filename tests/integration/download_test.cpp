@@ -30,7 +30,7 @@ class DownloadTest : public ::testing::Test {
     return test::Process(arguments).Wait();
   }
   // Of the file as the daemon would load it.
-  VolumeFile Read(const std::filesystem::path& file) const {
+  LoadedVolume Read(const std::filesystem::path& file) const {
     const VolumeLoader loader{.import_program = test::kPalpateImport};
     std::vector<std::string> warnings;
     return loader.Load(
@@ -56,15 +56,14 @@ TEST_F(DownloadTest, TheFileIsTheVolumeWithItsEdits) {
   EXPECT_NE(result.output.find("50 x 50 x 50 voxels of builtin:bumps:50 at volume revision 21"),
             std::string::npos)
       << result.output;
-  const VolumeFile read = Read(file);
+  const LoadedVolume read = Read(file);
   const auto volume = data_.volume();
   EXPECT_EQ(read.metadata.size, volume->size());
   const AffineMap X_WI = read.metadata.WorldFromIndex();
   const AffineMap expected = volume->metadata().WorldFromIndex();
   EXPECT_LT((X_WI.linear - expected.linear).norm(), 1e-12);
   EXPECT_LT((X_WI.translation - expected.translation).norm(), 1e-12);
-  EXPECT_EQ(TakeBricks(*read.grid, read.metadata.size).content_hash(),
-            volume->bricks().content_hash());
+  EXPECT_EQ(read.bricks.content_hash(), volume->bricks().content_hash());
   EXPECT_EQ(FilesInFolder(), 1u);
 }
 

@@ -65,7 +65,7 @@ class ImportProcessTest : public ImportTest {
 TEST_F(ImportProcessTest, ReturnsTheVolumeAndReportsProgress) {
   double last = -1.0;
   std::vector<std::string> stages;
-  const VolumeFile file = ImportVolume(
+  const LoadedVolume volume = ImportVolume(
       request_,
       [&](std::string_view stage, double fraction) {
         EXPECT_GE(fraction, last);
@@ -73,7 +73,7 @@ TEST_F(ImportProcessTest, ReturnsTheVolumeAndReportsProgress) {
         stages.emplace_back(stage);
       },
       [] { return false; });
-  ExpectPattern(file);
+  ExpectPattern(volume);
   EXPECT_EQ(last, 1.0);
   EXPECT_EQ(stages.front(), "checking");
   EXPECT_EQ(stages.back(), "loading");
@@ -104,28 +104,30 @@ TEST_F(ImportProcessTest, RawVoxelsAndFrames) {
 }
 
 TEST_F(ImportProcessTest, TellsTheSizeInAdvanceAndEndsWhereThatThrows) {
-  std::vector<Vec3i> sizes;
-  request_.on_size = [&](const Vec3i& size) { sizes.push_back(size); };
+  std::vector<std::pair<Vec3i, LeafType>> sizes;
+  request_.on_size = [&](const Vec3i& size, LeafType type) { sizes.emplace_back(size, type); };
   ImportVolume(request_, nullptr, nullptr);
-  EXPECT_EQ(sizes, std::vector{Vec3i(7, 5, 4)});
-  request_.on_size = [](const Vec3i&) { throw Error(ErrorKind::kTooLarge, "no room"); };
+  const std::pair told(Vec3i(7, 5, 4), LeafType::kUint8);
+  EXPECT_EQ(sizes, (std::vector{told, told}));  // before it is read, and before it is taken
+  request_.on_size = [](const Vec3i&, LeafType) { throw Error(ErrorKind::kTooLarge, "no room"); };
   EXPECT_EQ(Failure().what(), std::string("no room"));
   // It is not waited for.
-  UseScript("echo 'size 7 5 4'\nexec sleep 60");
+  UseScript("echo 'size 7 5 4 1'\nexec sleep 60");
   const auto start = Clock::now();
   EXPECT_EQ(Failure().kind(), ErrorKind::kTooLarge);
   EXPECT_LT(Clock::now() - start, seconds(20));
 }
 
 TEST_F(ImportProcessTest, SizesThatAreNoneAreIgnored) {
-  std::vector<Vec3i> sizes;
-  request_.on_size = [&](const Vec3i& size) { sizes.push_back(size); };
+  std::vector<std::pair<Vec3i, LeafType>> sizes;
+  request_.on_size = [&](const Vec3i& size, LeafType type) { sizes.emplace_back(size, type); };
   UseScript(
-      "for s in 'size' 'size ' 'size 1 2' 'size 1 2 3 4' 'size 1 2 3 ' 'size 0 2 3' 'size -1 2 3' "
-      "'size 1 2 99999999999' 'size a b c' 'size  1 2 3' 'sizes 1 2 3' 'size 3 4 5'; do\n"
+      "for s in 'size' 'size ' 'size 1 2 3' 'size 1 2 3 4 5' 'size 1 2 3 4 ' 'size 0 2 3 1' 'size "
+      "-1 2 3 1' 'size 1 2 3 0' 'size 1 2 99999999999 1' 'size a b c d' 'size  1 2 3 1' "
+      "'sizes 1 2 3 1' 'size 3 4 5 2'; do\n"
       "echo \"$s\"; done; exit 3");
   EXPECT_EQ(Failure().kind(), ErrorKind::kInvalidArgument);
-  EXPECT_EQ(sizes, std::vector{Vec3i(3, 4, 5)});
+  EXPECT_EQ(sizes, (std::vector{std::pair(Vec3i(3, 4, 5), LeafType::kInt16)}));
 }
 
 TEST_F(ImportProcessTest, PassesTheImportersErrorOn) {
@@ -187,9 +189,9 @@ TEST_F(ImportProcessTest, SilentFailureAndStrangeCodes) {
   EXPECT_STREQ(error.what(), "x: bad");
 }
 
-TEST_F(ImportProcessTest, SuccessWithoutAFileIsAnError) {
+TEST_F(ImportProcessTest, SuccessWithoutAVolumeIsAnError) {
   UseScript("exit 0");
-  EXPECT_EQ(Failure().kind(), ErrorKind::kNotFound);
+  EXPECT_EQ(Failure().kind(), ErrorKind::kInvalidArgument);
 }
 
 TEST_F(ImportProcessTest, FloodsAreBounded) {

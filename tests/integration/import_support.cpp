@@ -98,16 +98,34 @@ void ImportTest::ExpectRefused(const fs::path& input, int exit_code, const std::
 
 int PatternValue(int x, int y, int z) { return (11 * x + 23 * y + 37 * z) % 121; }
 
-void ExpectPattern(const VolumeFile& file) {
-  ASSERT_EQ(file.metadata.size, Vec3i(kPatternSize[0], kPatternSize[1], kPatternSize[2]));
-  auto accessor = file.grid->getConstAccessor();
+namespace {
+
+// value(x, y, z) of the voxels, which have been read.
+template <class Value>
+void ExpectPatternOf(const Vec3i& size, const Value& value) {
+  ASSERT_EQ(size, Vec3i(kPatternSize[0], kPatternSize[1], kPatternSize[2]));
   for (int z = 0; z < kPatternSize[2]; ++z) {
     for (int y = 0; y < kPatternSize[1]; ++y) {
       for (int x = 0; x < kPatternSize[0]; ++x) {
-        ASSERT_EQ(accessor.getValue({x, y, z}), PatternValue(x, y, z)) << x << " " << y << " " << z;
+        ASSERT_EQ(value(x, y, z), PatternValue(x, y, z)) << x << " " << y << " " << z;
       }
     }
   }
+}
+
+}  // namespace
+
+void ExpectPattern(const VolumeFile& file) {
+  const auto accessor = file.grid->getConstAccessor();
+  ExpectPatternOf(file.metadata.size, [&](int x, int y, int z) {
+    return accessor.getValue({x, y, z});
+  });
+}
+
+void ExpectPattern(const LoadedVolume& volume) {
+  ExpectPatternOf(volume.metadata.size, [&](int x, int y, int z) {
+    return volume.bricks.Find(x, y, z)[VoxelInBrick(x, y, z)];
+  });
 }
 
 }  // namespace palpate

@@ -9,7 +9,8 @@
 
 #include <gtest/gtest.h>
 
-#include "server/volume/volume_file.h"
+#include "server/volume/dense_bricks.h"
+#include "tests/support/volume_file.h"
 
 namespace palpate {
 
@@ -47,6 +48,7 @@ class ImportTest : public ::testing::Test {
 constexpr int kPatternSize[3] = {7, 5, 4};
 int PatternValue(int x, int y, int z);
 void ExpectPattern(const VolumeFile& file);
+void ExpectPattern(const LoadedVolume& volume);
 
 template <typename Number>
 std::string BytesOf(Number number, bool big_endian = false) {

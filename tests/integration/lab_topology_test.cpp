@@ -21,9 +21,9 @@
 #include "server/lab/mesh.h"
 #include "server/lab/mesh_statistics.h"
 #include "server/lab/trilinear_topology.h"
-#include "tests/support/made_volume.h"
 #include "tests/support/cell_topology.h"
 #include "tests/support/data_folder.h"
+#include "tests/support/made_volume.h"
 #include "tests/support/places.h"
 
 namespace palpate::lab {

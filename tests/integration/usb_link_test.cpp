@@ -186,8 +186,8 @@ TEST(UsbLink, SendsAndReceivesAgainAfterAStream) {
   link.Control(kPlainRequest, kPlainStart, 0, 0, {}, milliseconds(200));
   for (int round = 0; round < 3; ++round) {
     std::size_t received = 0;
-    link.StartStream(
-        10, [&](std::span<const std::uint8_t> bytes) { received += bytes.size(); }, {});
+    link.StartStream(10, [&](std::span<const std::uint8_t> bytes) { received += bytes.size(); },
+                     {});
     EXPECT_TRUE(link.TrySend(std::array<std::uint8_t, 4>{0xa5, 0, 0, 0}));
     EXPECT_FALSE(link.TrySend(std::array<std::uint8_t, 4>{0xa5, 0, 0, 0}));  // under way
     for (int i = 0; i < 1000 && received < 40; ++i) link.Wait(milliseconds(10));

@@ -43,9 +43,8 @@ class VolumeExportTest : public ::testing::Test {
     ImportRequest request;
     request.source = path;
     request.import_program = test::kPalpateImport;
-    const VolumeFile file = ImportVolume(request, {}, {});
-    return std::make_shared<VolumeSnapshot>(file.metadata,
-                                            TakeBricks(*file.grid, file.metadata.size), 1, 1);
+    const LoadedVolume volume = ImportVolume(request, {}, {});
+    return std::make_shared<VolumeSnapshot>(volume.metadata, volume.bricks, 1, 1);
   }
   std::size_t FileCount() const {
     return static_cast<std::size_t>(

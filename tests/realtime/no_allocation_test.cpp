@@ -83,7 +83,7 @@ std::unique_ptr<Scene> MakeEdited(const Scene& scene, std::uint64_t revision) {
   const auto count = static_cast<std::uint64_t>(bricks.brick_count().prod());
   std::vector<BrickChange> changes;
   for (std::uint64_t n = 0; n < count; n += 2) {
-    changes.push_back({bricks.BrickOf(n), std::make_shared<Brick>()});
+    changes.push_back({bricks.BrickOf(n), Leaf::Constant(LeafType::kFloat, 0.0f)});
   }
   edited->volume = std::make_shared<VolumeSnapshot>(scene.volume->metadata(),
                                                     bricks.With(changes, revision), revision, 1);

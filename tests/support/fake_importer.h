@@ -1,17 +1,17 @@
 // A program in the place of palpate-import, for tests without ITK: its input is
-// what palpate-import would write. INPUT.N is frame N, if it is there.
+// what palpate-import would hand over. INPUT.N is frame N, if it is there.
 #pragma once
 
-#include <openvdb/openvdb.h>
+#include <fcntl.h>
 
 #include <algorithm>
 #include <filesystem>
 #include <fstream>
 #include <functional>
 #include <string>
+#include <vector>
 
-#include "server/volume/snapshot_builder.h"
-#include "server/volume/volume_file.h"
+#include "server/volume/handover.h"
 
 namespace palpate::testing {
 
@@ -19,14 +19,14 @@ inline std::filesystem::path WriteFakeImporter(const std::filesystem::path& fold
   const std::filesystem::path path = folder / "importer.sh";
   std::ofstream(path) << R"(#!/bin/sh
 frame=0
-while [ $# -gt 2 ]; do
+while [ $# -gt 1 ]; do
   case "$1" in --frame=*) frame=${1#--frame=} ;; esac
   shift
 done
 [ -e "$1.size" ] && cat "$1.size"
 [ -e "$1.$frame.size" ] && cat "$1.$frame.size"
-[ -e "$1.$frame" ] && exec cp "$1.$frame" "$2"
-[ -e "$1" ] && exec cp "$1" "$2"
+[ -e "$1.$frame" ] && exec cat "$1.$frame" >&3
+[ -e "$1" ] && exec cat "$1" >&3
 echo "palpate-import: $1: there is no such file" >&2
 exit 4
 )";
@@ -34,34 +34,27 @@ exit 4
   return path;
 }
 
-// Beside it "size X Y Z", which the importer says in advance.
+// Beside it "size X Y Z BYTES", which the importer says in advance.
 inline void WriteFakeVolume(const std::filesystem::path& path, const Vec3i& size,
                             const std::function<float(int, int, int)>& value, int frames = 1) {
-  openvdb::initialize();
-  float least = value(0, 0, 0);
-  for (int i = 0; i < size.x(); ++i) {
+  std::vector<float> voxels;
+  for (int k = 0; k < size.z(); ++k) {
     for (int j = 0; j < size.y(); ++j) {
-      for (int k = 0; k < size.z(); ++k) least = std::min(least, value(i, j, k));
+      for (int i = 0; i < size.x(); ++i) voxels.push_back(value(i, j, k));
     }
   }
-  const auto grid = openvdb::FloatGrid::create(least);
-  auto accessor = grid->getAccessor();
-  for (int i = 0; i < size.x(); ++i) {
-    for (int j = 0; j < size.y(); ++j) {
-      for (int k = 0; k < size.z(); ++k) {
-        if (value(i, j, k) != least) accessor.setValue(openvdb::Coord(i, j, k), value(i, j, k));
-      }
-    }
-  }
+  const auto [least, greatest] = std::minmax_element(voxels.begin(), voxels.end());
   VolumeMetadata metadata;
   metadata.size = size;
   metadata.frames = frames;
+  metadata.value_min = *least;
+  metadata.value_max = *greatest;
   metadata.original_type = "float32";
   metadata.source = path.filename();
-  SetValueRange(*grid, metadata);
-  WriteVolumeFile(path, *grid, metadata);
+  const Descriptor file(open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0600));
+  WriteHandover(file.get(), metadata, LeafType::kFloat, voxels.data());
   std::ofstream(path.string() + ".size")
-      << "size " << size.x() << " " << size.y() << " " << size.z() << "\n";
+      << "size " << size.x() << " " << size.y() << " " << size.z() << " 4\n";
 }
 
 }  // namespace palpate::testing

@@ -7,13 +7,13 @@ namespace palpate::testing {
 
 BrickDirectory MakeBricks(const Vec3i& size, const std::function<float(int, int, int)>& value) {
   return BrickDirectory(size, [&](const Vec3i& brick) {
-    auto made = std::make_shared<Brick>();
+    Brick made{};
     const Vec3i first = brick * kBrickEdge;
     for (int n = 0; n < kBrickVoxels; ++n) {
       const int i = first.x() + (n >> 6), j = first.y() + (n >> 3 & 7), k = first.z() + (n & 7);
-      if (i < size.x() && j < size.y() && k < size.z()) (*made)[n] = value(i, j, k);
+      if (i < size.x() && j < size.y() && k < size.z()) made[n] = value(i, j, k);
     }
-    return made;
+    return Leaf::Of(LeafType::kFloat, made);
   });
 }
 
@@ -42,13 +42,13 @@ std::vector<BrickChange> PaintedBox(const BrickDirectory& bricks, const Vec3i& f
   for (b.x() = from.x() / 8; b.x() * 8 < end.x(); ++b.x()) {
     for (b.y() = from.y() / 8; b.y() * 8 < end.y(); ++b.y()) {
       for (b.z() = from.z() / 8; b.z() * 8 < end.z(); ++b.z()) {
-        auto made = std::make_shared<Brick>(*bricks.At(b));
+        Brick made = bricks.At(b)->Floats();
         for (int n = 0; n < kBrickVoxels; ++n) {
           const Vec3i p = b * 8 + Vec3i(n >> 6, n >> 3 & 7, n & 7);
           const bool inside = (p.array() >= from.array()).all() && (p.array() < end.array()).all();
-          if (inside) (*made)[n] = value();
+          if (inside) made[n] = value();
         }
-        changes.push_back({b, made});
+        changes.push_back({b, Leaf::Of(LeafType::kFloat, made)});
       }
     }
   }

@@ -7,6 +7,7 @@ const char* const kPalpate = PALPATE;
 const char* const kPalpateImport = PALPATE_IMPORT;
 const char* const kPalpateLab = PALPATE_LAB;
 
+const char* const kConfinedChild = CONFINED_CHILD;
 const char* const kHonestyChild = HONESTY_CHILD;
 const char* const kRecordingChild = RECORDING_CHILD;
 const char* const kUsbClientChild = USB_CLIENT_CHILD;

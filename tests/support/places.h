@@ -10,6 +10,7 @@ extern const char* const kPalpateImport;
 extern const char* const kPalpateLab;
 
 // Programs that tests start to see them end.
+extern const char* const kConfinedChild;
 extern const char* const kHonestyChild;
 extern const char* const kRecordingChild;
 extern const char* const kUsbClientChild;

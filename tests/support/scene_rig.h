@@ -28,9 +28,9 @@ inline std::vector<BrickChange> Carve(const VolumeSnapshot& volume, std::mt19937
                     static_cast<int>(random() % (count.z() - 1)));
   for (int n = 0; n < 8; ++n) {
     const Vec3i brick = first + Vec3i(n >> 2, n >> 1 & 1, n & 1);
-    auto values = std::make_shared<Brick>(*volume.bricks().At(brick));
-    for (float& value : *values) value -= static_cast<float>(random() % 1000) * 1e-4f;
-    changes.push_back({brick, values});
+    Brick values = volume.bricks().At(brick)->Floats();
+    for (float& value : values) value -= static_cast<float>(random() % 1000) * 1e-4f;
+    changes.push_back({brick, Leaf::Of(LeafType::kFloat, values)});
   }
   return changes;
 }

@@ -80,13 +80,12 @@ class SeriesPlayerTest : public ::testing::Test {
   // Of voxels by a formula, with the least value of the whole series beyond them.
   static BrickDirectory Directory(const std::function<float(int, int, int)>& value) {
     return {kSize, [&](const Vec3i& brick) {
-              auto values = std::make_shared<Brick>();
+              Brick values{};
               for (int n = 0; n < kBrickVoxels; ++n) {
                 const Vec3i v = brick * 8 + Vec3i(n >> 6, n >> 3 & 7, n & 7);
-                (*values)[n] =
-                    (v.array() < kSize.array()).all() ? value(v.x(), v.y(), v.z()) : -7.5f;
+                values[n] = (v.array() < kSize.array()).all() ? value(v.x(), v.y(), v.z()) : -7.5f;
               }
-              return values;
+              return Leaf::Of(LeafType::kFloat, values);
             }};
   }
   static ContentHash FrameHash(int frame) {
@@ -109,9 +108,9 @@ class SeriesPlayerTest : public ::testing::Test {
     const std::unique_lock voxels = session_->LockVoxels();
     const VolumeState state = session_->volume();
     const Vec3i brick = voxel / 8;
-    auto values = std::make_shared<Brick>(*state.volume->bricks().At(brick));
-    (*values)[VoxelInBrick(voxel.x(), voxel.y(), voxel.z())] = value;
-    const std::vector<BrickChange> changes{{brick, std::move(values)}};
+    Brick values = state.volume->bricks().At(brick)->Floats();
+    values[VoxelInBrick(voxel.x(), voxel.y(), voxel.z())] = value;
+    const std::vector<BrickChange> changes{{brick, Leaf::Of(LeafType::kFloat, values)}};
     return session_->PublishBricks(changes);
   }
   float At(const Vec3i& v) const {

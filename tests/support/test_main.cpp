@@ -1,9 +1,10 @@
 // main() of every test program: that of GoogleTest, with two differences.
 // - If a busy machine may explain every failure (excuse.h), one line for each failed test says so
 //   at the end. tests/support/judge.py reads these lines.
-// - A program that ran one test, skipped it and failed ends by a signal. CMake takes every other test
-//   that it found in a program and that says "[  SKIPPED ]" for skipped, even if its suite failed to
-//   begin or to end.
+// - A program that ran one test, skipped it and failed ends by a signal. CMake takes every other
+// test
+//   that it found in a program and that says "[  SKIPPED ]" for skipped, even if its suite failed
+//   to begin or to end.
 #include <gtest/gtest.h>
 
 #include <atomic>

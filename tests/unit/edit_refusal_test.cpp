@@ -205,7 +205,7 @@ TEST_F(EditRefusalTest, BlocksThatDoNotFit) {
 TEST(EditLimitTest, MoreVoxelsThanAtOnceAreTooMany) {
   VolumeMetadata metadata;
   metadata.size = Vec3i(257, 256, 256);
-  const auto zero = std::make_shared<Brick>();
+  const LeafPtr zero = Leaf::Constant(LeafType::kFloat, 0.0f);
   const VolumeSnapshot volume(
       metadata, BrickDirectory(metadata.size, [&](const Vec3i&) { return zero; }), 1, 1);
   VolumeEdit edit{.shape = BoxShape{Vec3(0, 0, 0), Vec3(256, 255, 255)}, .value = 1.0};

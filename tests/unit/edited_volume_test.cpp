@@ -42,13 +42,13 @@ class Editor {
     for (int a = low.x() >> 3; a <= (high.x() - 1) >> 3; ++a) {
       for (int b = low.y() >> 3; b <= (high.y() - 1) >> 3; ++b) {
         for (int c = low.z() >> 3; c <= (high.z() - 1) >> 3; ++c) {
-          auto brick = std::make_shared<Brick>(*volume.bricks().At({a, b, c}));
+          Brick brick = volume.bricks().At({a, b, c})->Floats();
           for (int n = 0; n < kBrickVoxels; ++n) {
             const Vec3i p = Vec3i(a, b, c) * kBrickEdge + Vec3i(n >> 6, n >> 3 & 7, n & 7);
             if ((p.array() < low.array()).any() || (p.array() >= high.array()).any()) continue;
-            (*brick)[n] = noise ? static_cast<float>(Share()) : flat;
+            brick[n] = noise ? static_cast<float>(Share()) : flat;
           }
-          changes.push_back({{a, b, c}, std::move(brick)});
+          changes.push_back({{a, b, c}, Leaf::Of(LeafType::kFloat, brick)});
         }
       }
     }
@@ -139,9 +139,9 @@ TEST(EditedVolume, AnEditElsewhereIsNotFelt) {
 
 TEST(EditedVolume, ACellKnowsWhenItMayHaveChanged) {
   const auto first = Ball();
-  auto brick = std::make_shared<Brick>(*first->bricks().At({1, 2, 3}));
-  (*brick)[0] = 0.25f;
-  const std::vector<BrickChange> changes = {{Vec3i(1, 2, 3), brick}};
+  Brick brick = first->bricks().At({1, 2, 3})->Floats();
+  brick[0] = 0.25f;
+  const std::vector<BrickChange> changes = {{Vec3i(1, 2, 3), Leaf::Of(LeafType::kFloat, brick)}};
   const VolumeSnapshot second(first->metadata(), first->bricks().With(changes, 9), 9, 1);
   const auto touches = [](int v, int low) { return v >= low - 1 && v < low + 8; };
   for (int i = -1; i < kEdge; ++i) {

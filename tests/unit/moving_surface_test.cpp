@@ -11,8 +11,8 @@
 
 #include "server/haptics/renderer.h"
 #include "server/safety/safety.h"
-#include "tests/support/made_volume.h"
 #include "tests/support/excuse.h"
+#include "tests/support/made_volume.h"
 
 namespace palpate {
 namespace {

@@ -393,9 +393,10 @@ TEST_F(RecorderTest, VoxelsThatWaitAreBounded) {
   constexpr std::uint64_t kEdits = 20;
   constexpr std::uint64_t kBytesEach = Recorder::kMaxWaitingVoxelBytes / 5;
   for (std::uint64_t n = 2; n < 2 + kEdits; ++n) {
-    auto values = std::make_shared<Brick>();
-    values->fill(static_cast<float>(n));
-    const std::vector<BrickChange> change = {{Vec3i(0, n % 2, n / 2 % 2), values}};
+    Brick values{};
+    values.fill(static_cast<float>(n));
+    const std::vector<BrickChange> change = {
+        {Vec3i(0, n % 2, n / 2 % 2), Leaf::Of(LeafType::kFloat, values)}};
     volume = std::make_shared<const VolumeSnapshot>(
         volume->metadata(), volume->bricks().With(change, n), n, loaded->revision());
     volumes.push_back(volume);

@@ -227,7 +227,7 @@ TEST_F(RecordingControlTest, BadReplaysAreRefusedAndChangeNothing) {
   EXPECT_EQ(refusal("empty"), ErrorKind::kInvalidArgument);
   {
     RecordingWriter writer(CreateRecordingFile(File("huge"), false), "test");
-    const RecordedEdit edit{.bricks = {{0, std::make_shared<Brick>()}}};
+    const RecordedEdit edit{.bricks = {{0, Leaf::Constant(LeafType::kFloat, 0.0f)}}};
     for (int n = 0; n < 100; ++n) writer.Append(edit);
     writer.AppendEnd();
   }

@@ -23,10 +23,10 @@ using testing::Carve;
 using testing::Gyroid;
 using testing::Refusal;
 
-BrickPtr Filled(float value) {
-  auto brick = std::make_shared<Brick>();
-  brick->fill(value);
-  return brick;
+LeafPtr Filled(float value) {
+  Brick brick{};
+  brick.fill(value);
+  return Leaf::Of(LeafType::kFloat, brick);
 }
 
 std::shared_ptr<const VolumeSnapshot> Edited(const VolumeSnapshot& volume,
@@ -47,15 +47,17 @@ RecordedScene SceneOf(const VolumeSnapshot& volume) {
 
 TEST(EditCodec, ComesBackBitForBit) {
   std::mt19937 random(1);
-  auto noise = std::make_shared<Brick>();
-  for (float& value : *noise) {
+  Brick noise{};
+  for (float& value : noise) {
     const std::uint32_t bits = random();
     std::memcpy(&value, &bits, sizeof value);
   }
-  const RecordedEdit edit{.tick = 1,
-                          .base_revision = 2,
-                          .volume_revision = 3,
-                          .bricks = {{0, Filled(-0.0f)}, {7, noise}, {~0ull, Filled(1e-40f)}}};
+  const RecordedEdit edit{
+      .tick = 1,
+      .base_revision = 2,
+      .volume_revision = 3,
+      .bricks = {
+          {0, Filled(-0.0f)}, {7, Leaf::Of(LeafType::kFloat, noise)}, {~0ull, Filled(1e-40f)}}};
   const RecordedEdit back = DecodeEdit(EncodeEdit(edit));
   EXPECT_EQ(back.tick, 1u);
   EXPECT_EQ(back.base_revision, 2u);
@@ -63,8 +65,7 @@ TEST(EditCodec, ComesBackBitForBit) {
   ASSERT_EQ(back.bricks.size(), 3u);
   for (std::size_t n = 0; n < 3; ++n) {
     EXPECT_EQ(back.bricks[n].number, edit.bricks[n].number);
-    EXPECT_EQ(std::memcmp(back.bricks[n].values.get(), edit.bricks[n].values.get(), sizeof(Brick)),
-              0);
+    EXPECT_TRUE(HaveSameBits(*back.bricks[n].values, *edit.bricks[n].values));
   }
 }
 
@@ -142,7 +143,7 @@ TEST(VoxelLog, DeclaresMoreThan64MiBOnly) {
   metadata.size = Vec3i(8, 8, 8 * (kStored + 1));
   metadata.value_max = 1.0;
   // One brick everywhere: it costs nothing.
-  const BrickPtr before = Filled(0.0f), after = Filled(1.0f);
+  const LeafPtr before = Leaf::Constant(LeafType::kFloat, 0.0f), after = Filled(1.0f);
   const BrickDirectory bricks(metadata.size, [&](const Vec3i&) { return before; });
   const VolumeSnapshot loaded(metadata, bricks.AllChangedAt(1), 1, 1);
   for (const int count : {kStored, kStored + 1}) {

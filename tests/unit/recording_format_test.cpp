@@ -80,10 +80,10 @@ std::vector<TickSample> RandomSamples(std::uint64_t first, std::size_t count) {
   return samples;
 }
 
-BrickPtr Filled(float value) {
-  auto brick = std::make_shared<Brick>();
-  brick->fill(value);
-  return brick;
+LeafPtr Filled(float value) {
+  Brick brick{};
+  brick.fill(value);
+  return Leaf::Of(LeafType::kFloat, brick);
 }
 
 // A few ticks of everything: 7 to 10, a gap, 13 to 15.
@@ -174,9 +174,9 @@ TEST(RecordingFormat, EverythingComesBack) {
   EXPECT_EQ(edit.volume_revision, 4u);
   ASSERT_EQ(edit.bricks.size(), 2u);
   EXPECT_EQ(edit.bricks[0].number, 2u);
-  EXPECT_EQ(*edit.bricks[0].values, *Filled(0.5f));
+  EXPECT_TRUE(HaveSameBits(*edit.bricks[0].values, *Filled(0.5f)));
   EXPECT_EQ(edit.bricks[1].number, 9u);
-  EXPECT_TRUE(std::signbit(edit.bricks[1].values->back()));
+  EXPECT_TRUE(std::signbit((*edit.bricks[1].values)[kBrickVoxels - 1]));
   EXPECT_EQ(std::get<RecordedKeyframe>(chunks[5]).bytes, "state");
   EXPECT_EQ(CountTrueSamples(chunks), 7u);
   EXPECT_EQ(reader.ticks(), 7u);

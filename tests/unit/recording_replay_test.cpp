@@ -176,9 +176,9 @@ TEST_F(RecordingReplay, SaysWhereVoxelsAreMissingAndGoesOnWhereItCan) {
   std::vector<BrickChange> all, back;
   for (std::uint64_t n = 0; n < 33 * 33 * 33; ++n) {
     const Vec3i brick = before->bricks().BrickOf(n);
-    auto values = std::make_shared<Brick>(*before->bricks().At(brick));
-    for (float& value : *values) value *= 0.9f;
-    all.push_back({brick, values});
+    Brick values = before->bricks().At(brick)->Floats();
+    for (float& value : values) value *= 0.9f;
+    all.push_back({brick, Leaf::Of(LeafType::kFloat, values)});
     back.push_back({brick, before->bricks().At(brick)});
   }
   rig.Edit(all);

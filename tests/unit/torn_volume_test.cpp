@@ -22,13 +22,13 @@ namespace {
 
 constexpr std::uint32_t kMask = 0xfff;  // of 23 bits: 5e-4 of the value at most
 
-std::uint32_t MarkOf(const Brick& brick) { return std::bit_cast<std::uint32_t>(brick[0]) & kMask; }
+std::uint32_t MarkOf(const Leaf& leaf) { return std::bit_cast<std::uint32_t>(leaf[0]) & kMask; }
 
-BrickPtr Marked(const Brick& brick, std::uint64_t revision) {
-  auto copy = std::make_shared<Brick>(brick);
-  const std::uint32_t bits = std::bit_cast<std::uint32_t>(brick[0]) & ~kMask;
-  (*copy)[0] = std::bit_cast<float>(bits | (static_cast<std::uint32_t>(revision) & kMask));
-  return copy;
+LeafPtr Marked(const Leaf& leaf, std::uint64_t revision) {
+  Brick values = leaf.Floats();
+  const std::uint32_t bits = std::bit_cast<std::uint32_t>(values[0]) & ~kMask;
+  values[0] = std::bit_cast<float>(bits | (static_cast<std::uint32_t>(revision) & kMask));
+  return leaf.With(values);
 }
 
 // A brush of 2³ bricks (16³ voxels), or with `all` the whole volume as a frame
@@ -129,9 +129,9 @@ TEST(TornVolume, NoTickSeesOne) {
 
 TEST(TornVolume, TheCheckSeesATornBrick) {
   const auto bricks = BrickDirectory(Vec3i(16, 8, 8), [](const Vec3i&) {
-    auto brick = std::make_shared<Brick>();
-    brick->fill(0.5f);
-    return brick;
+    Brick brick{};
+    brick.fill(0.5f);
+    return Leaf::Of(LeafType::kFloat, brick);
   });
   const std::vector<BrickChange> right = {{Vec3i(1, 0, 0), Marked(*bricks.At({1, 0, 0}), 2)}};
   const std::vector<BrickChange> wrong = {{Vec3i(1, 0, 0), Marked(*bricks.At({1, 0, 0}), 3)}};

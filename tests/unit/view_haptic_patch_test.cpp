@@ -35,7 +35,7 @@ ViewVolume CopyOf(const VolumeSnapshot& snapshot) {
   lattice.value_max = snapshot.metadata().value_max;
   for (std::uint64_t n = 0; n < lattice.Bricks(); ++n) {
     const Vec3i brick = BrickWithNumber(n, lattice.BrickCounts());
-    auto values = std::make_shared<Brick>(*snapshot.bricks().At(brick));
+    auto values = std::make_shared<Brick>(snapshot.bricks().At(brick)->Floats());
     for (int v = 0; v < kBrickVoxels; ++v) {
       const Vec3i p = brick * kBrickEdge + Vec3i(v >> 6, v >> 3 & 7, v & 7);
       if ((p.array() >= lattice.size.array()).any()) (*values)[v] = lattice.Background();

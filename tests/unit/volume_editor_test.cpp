@@ -247,7 +247,7 @@ TEST_F(VolumeEditorTest, AStrokeThatEndsWhereItBeganIsTakenBackWithoutAChange) {
 }
 
 TEST_F(VolumeEditorTest, TheOldestStepsAreForgottenWhereMemoryIsBounded) {
-  constexpr std::uint64_t kBound = 10 * 2200;  // ten bricks
+  constexpr std::uint64_t kBound = 10 * 2300;  // ten leaves
   Restart(kBound);
   const ContentHash loaded = Hash();
   std::vector<ContentHash> states{loaded};
@@ -278,11 +278,11 @@ TEST_F(VolumeEditorTest, TheOldestStepsAreForgottenWhereMemoryIsBounded) {
 TEST_F(VolumeEditorTest, TheHistoryHoldsAQuarterOfAGigabyte) {
   // Two bricks for all places and steps, so that the steps cost no memory here.
   const auto filled = [](float value) {
-    auto brick = std::make_shared<Brick>();
-    brick->fill(value);
-    return BrickPtr(brick);
+    Brick brick{};
+    brick.fill(value);
+    return Leaf::Of(LeafType::kFloat, brick);
   };
-  const BrickPtr values[] = {filled(0.25f), filled(0.75f)};
+  const LeafPtr values[] = {filled(0.25f), filled(0.75f)};
   constexpr std::size_t kSteps = 1200, kBricks = 125;
   std::size_t undo_steps = 0;
   for (std::size_t n = 0; n < kSteps; ++n) {
@@ -323,9 +323,10 @@ TEST_F(VolumeEditorTest, BricksOfOthersEndTheHistoryAndAreWhatRevertLeadsTo) {
   editor_->Edit(Touch(0, 0.7));
   {
     const auto lock = session_->LockVoxels();
-    auto brick = std::make_shared<Brick>();
-    brick->fill(0.25f);
-    session_->PublishBricks(std::vector<BrickChange>{{Vec3i(2, 2, 2), brick}});
+    Brick brick{};
+    brick.fill(0.25f);
+    session_->PublishBricks(
+        std::vector<BrickChange>{{Vec3i(2, 2, 2), Leaf::Of(LeafType::kFloat, brick)}});
   }
   const ContentHash frame = Hash();
   EXPECT_EQ(Refusal([&] { editor_->Undo(); }), ErrorKind::kConflict);

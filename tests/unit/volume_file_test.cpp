@@ -13,7 +13,7 @@
 #include <openvdb/tools/Dense.h>
 
 #include "common/error/error.h"
-#include "tests/support/refusal.h"
+#include "tests/support/volume_file.h"
 
 namespace palpate {
 namespace {
@@ -62,19 +62,6 @@ openvdb::FloatGrid::Ptr MakeGrid(const Vec3i& size, float background) {
   }
   openvdb::tools::copyFromDense(dense, *grid, 0.0f);
   return grid;
-}
-
-ErrorKind KindOfRead(const fs::path& path, std::string* message = nullptr) {
-  try {
-    ReadVolumeFile(path);
-  } catch (const Error& error) {
-    const std::string what = error.what();
-    EXPECT_EQ(what.find('\n'), std::string::npos) << what;
-    if (message) *message = what;
-    return error.kind();
-  }
-  ADD_FAILURE() << "read without an error";
-  return ErrorKind::kInternal;
 }
 
 TEST_F(VolumeFileTest, ReturnsWhatWasWritten) {
@@ -165,105 +152,6 @@ TEST_F(VolumeFileTest, UnwritableFolderIsReported) {
   } catch (const Error& error) {
     EXPECT_EQ(error.kind(), ErrorKind::kNotFound);
   }
-}
-
-TEST_F(VolumeFileTest, MissingEmptyAndForeignFilesAreRefused) {
-  EXPECT_EQ(KindOfRead(folder_ / "none.vdb"), ErrorKind::kNotFound);
-  std::ofstream(folder_ / "empty.vdb").close();
-  EXPECT_EQ(KindOfRead(folder_ / "empty.vdb"), ErrorKind::kInvalidArgument);
-  std::ofstream(folder_ / "text.vdb") << "This is not a volume.\n";
-  EXPECT_EQ(KindOfRead(folder_ / "text.vdb"), ErrorKind::kInvalidArgument);
-}
-
-TEST_F(VolumeFileTest, EveryTruncationIsRefused) {
-  const VolumeMetadata metadata = MakeMetadata();
-  WriteVolumeFile(folder_ / "a.vdb", *MakeGrid(metadata.size, 0.0f), metadata);
-  const auto size = fs::file_size(folder_ / "a.vdb");
-  for (std::uintmax_t length = 0; length < size; length += 1 + size / 97) {
-    fs::copy_file(folder_ / "a.vdb", folder_ / "cut.vdb", fs::copy_options::overwrite_existing);
-    fs::resize_file(folder_ / "cut.vdb", length);
-    EXPECT_EQ(KindOfRead(folder_ / "cut.vdb"), ErrorKind::kInvalidArgument) << length;
-  }
-  fs::copy_file(folder_ / "a.vdb", folder_ / "cut.vdb", fs::copy_options::overwrite_existing);
-  fs::resize_file(folder_ / "cut.vdb", size - 1);
-  EXPECT_EQ(KindOfRead(folder_ / "cut.vdb"), ErrorKind::kInvalidArgument);
-}
-
-// Writes a grid that is right but for one change.
-fs::path WriteTampered(const fs::path& folder,
-                       const std::function<void(openvdb::FloatGrid*)>& change) {
-  const VolumeMetadata metadata = MakeMetadata();
-  WriteVolumeFile(folder / "good.vdb", *MakeGrid(metadata.size, 0.0f), metadata);
-  const VolumeFile file = ReadVolumeFile(folder / "good.vdb");
-  change(file.grid.get());
-  openvdb::io::File out((folder / "bad.vdb").string());
-  out.write({file.grid});
-  out.close();
-  return folder / "bad.vdb";
-}
-
-TEST_F(VolumeFileTest, UntamperedFileOfTheTestIsRead) {
-  EXPECT_NO_THROW(ReadVolumeFile(WriteTampered(folder_, [](openvdb::FloatGrid*) {})));
-}
-
-TEST_F(VolumeFileTest, EveryMissingEntryIsRefused) {
-  for (const char* name :
-       {"palpate_format", "palpate_size", "palpate_spacing_mm", "palpate_origin_mm",
-        "palpate_direction", "palpate_value_min", "palpate_value_max", "palpate_frames",
-        "palpate_unit", "palpate_original_type", "palpate_source"}) {
-    const fs::path path =
-        WriteTampered(folder_, [name](openvdb::FloatGrid* grid) { grid->removeMeta(name); });
-    EXPECT_EQ(KindOfRead(path), ErrorKind::kInvalidArgument) << name;
-  }
-}
-
-TEST_F(VolumeFileTest, TamperedEntriesAreRefused) {
-  const double inf = std::numeric_limits<double>::infinity();
-  const std::vector<std::function<void(openvdb::FloatGrid*)>> attacks = {
-      [](auto* g) {
-        g->removeMeta("palpate_format");
-        g->insertMeta("palpate_format", openvdb::Int32Metadata(1));
-      },
-      [](auto* g) {
-        g->removeMeta("palpate_format");
-        g->insertMeta("palpate_format", openvdb::StringMetadata("2"));
-      },
-      [](auto* g) { g->insertMeta("palpate_frames", openvdb::Int32Metadata(0)); },
-      [](auto* g) {
-        g->insertMeta("palpate_size", openvdb::Vec3IMetadata({20, 11, 1}));
-      },
-      [](auto* g) {
-        g->insertMeta("palpate_size", openvdb::Vec3IMetadata({-20, 11, 9}));
-      },
-      [](auto* g) {
-        g->insertMeta("palpate_size", openvdb::Vec3IMetadata({5, 5, 5}));
-      },
-      [inf](auto* g) {
-        g->insertMeta("palpate_spacing_mm", openvdb::Vec3DMetadata({inf, 1, 1}));
-      },
-      [inf](auto* g) {
-        g->insertMeta("palpate_origin_mm", openvdb::Vec3DMetadata({0, inf, 1}));
-      },
-      [](auto* g) { g->insertMeta("palpate_value_max", openvdb::DoubleMetadata(-1.0)); },
-      [](auto* g) { g->setName("other"); },
-      [](auto* g) { g->setTransform(openvdb::math::Transform::createLinearTransform(2.0)); },
-      [](auto* g) { g->tree().setValue(openvdb::Coord(-1, 0, 0), 5.0f); },
-      [](auto* g) { g->tree().root().setBackground(3.0f, false); },
-  };
-  for (std::size_t k = 0; k < attacks.size(); ++k) {
-    EXPECT_EQ(KindOfRead(WriteTampered(folder_, attacks[k])), ErrorKind::kInvalidArgument) << k;
-  }
-}
-
-TEST_F(VolumeFileTest, GridOfAnotherTypeIsRefused) {
-  openvdb::initialize();
-  const auto grid = openvdb::DoubleGrid::create(0.0);
-  grid->setName("density");
-  grid->tree().setValue(openvdb::Coord(1, 1, 1), 1.0);
-  openvdb::io::File out((folder_ / "a.vdb").string());
-  out.write({grid});
-  out.close();
-  EXPECT_EQ(KindOfRead(folder_ / "a.vdb"), ErrorKind::kInvalidArgument);
 }
 
 }  // namespace

@@ -1,6 +1,6 @@
-// openvdb::FloatGrid by its name. OpenVDB's headers take eight seconds to compile, and most who
-// pass a grid on never look into it; who does includes <openvdb/openvdb.h>. Where both come
-// together the compiler compares them.
+// Names of OpenVDB's types for those who pass them on. Its headers take eight seconds to compile;
+// who looks into a grid or a leaf includes <openvdb/openvdb.h>. Where both come together the
+// compiler compares them.
 #pragma once
 
 #include <openvdb/version.h>

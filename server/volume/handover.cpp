@@ -1,0 +1,219 @@
+#include "server/volume/handover.h"
+
+#include <fcntl.h>
+#include <sys/mman.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <string>
+#include <vector>
+
+#include "common/error/error.h"
+
+namespace palpate {
+namespace {
+
+[[noreturn]] void FailInternal(const char* what) {
+  throw Error(ErrorKind::kInternal, std::string(what) + ": " + std::strerror(errno));
+}
+
+[[noreturn]] void Refuse(const std::string& what) {
+  throw Error(ErrorKind::kInvalidArgument, "what the importer made of the file is no volume (" +
+                                               what + "): the file is damaged");
+}
+
+void WriteAt(int fd, const void* data, std::size_t size, std::int64_t offset) {
+  const char* bytes = static_cast<const char*>(data);
+  while (size > 0) {
+    const ssize_t count = pwrite(fd, bytes, size, offset);
+    if (count < 0 && errno == EINTR) continue;
+    if (count <= 0) FailInternal("cannot hand the volume over");
+    bytes += count;
+    offset += count;
+    size -= static_cast<std::size_t>(count);
+  }
+}
+
+void ReadAt(int fd, void* data, std::size_t size, std::int64_t offset) {
+  char* bytes = static_cast<char*>(data);
+  while (size > 0) {
+    const ssize_t count = pread(fd, bytes, size, offset);
+    if (count < 0 && errno == EINTR) continue;
+    if (count <= 0) FailInternal("cannot take the volume over");
+    bytes += count;
+    offset += count;
+    size -= static_cast<std::size_t>(count);
+  }
+}
+
+template <std::size_t kSize>
+void PutText(const std::string& text, char (&out)[kSize]) {
+  std::memcpy(out, text.data(), std::min(text.size(), kSize - 1));
+}
+
+template <std::size_t kSize>
+std::string TextOf(const char (&text)[kSize]) {
+  const auto* const end = static_cast<const char*>(std::memchr(text, 0, kSize));
+  if (!end) Refuse("a text without an end");
+  return {text, end};
+}
+
+HandoverHeader HeaderOf(const VolumeMetadata& metadata, LeafType type) {
+  HandoverHeader header{};
+  std::memcpy(header.magic, HandoverHeader::kMagic, sizeof header.magic);
+  header.type = static_cast<std::uint32_t>(type);
+  header.frames = metadata.frames;
+  for (int row = 0; row < 3; ++row) {
+    header.size[row] = metadata.size[row];
+    header.spacing_mm[row] = metadata.spacing_mm[row];
+    header.origin_W_mm[row] = metadata.origin_W_mm[row];
+    for (int col = 0; col < 3; ++col)
+      header.direction[3 * row + col] = metadata.direction(row, col);
+  }
+  header.value_min = metadata.value_min;
+  header.value_max = metadata.value_max;
+  PutText(metadata.unit, header.unit);
+  PutText(metadata.original_type, header.original_type);
+  PutText(metadata.source, header.source);
+  return header;
+}
+
+VolumeMetadata MetadataOf(const HandoverHeader& header) {
+  VolumeMetadata metadata;
+  metadata.frames = header.frames;
+  for (int row = 0; row < 3; ++row) {
+    metadata.size[row] = header.size[row];
+    metadata.spacing_mm[row] = header.spacing_mm[row];
+    metadata.origin_W_mm[row] = header.origin_W_mm[row];
+    for (int col = 0; col < 3; ++col)
+      metadata.direction(row, col) = header.direction[3 * row + col];
+  }
+  metadata.value_min = header.value_min;
+  metadata.value_max = header.value_max;
+  metadata.unit = TextOf(header.unit);
+  metadata.original_type = TextOf(header.original_type);
+  metadata.source = TextOf(header.source);
+  return metadata;
+}
+
+struct Contents {
+  VolumeMetadata metadata;
+  LeafType type = LeafType::kFloat;
+  std::int64_t layer_bytes = 0;  // of one z
+  std::int64_t file_bytes = 0;
+};
+
+Contents ReadChecked(int fd, std::int64_t max_voxels) {
+  struct stat status {};
+  if (fstat(fd, &status) != 0) FailInternal("cannot look at the hand-over");
+  HandoverHeader header;
+  if (status.st_size < kHandoverVoxels) Refuse("no header");
+  ReadAt(fd, &header, sizeof header, 0);
+  if (std::memcmp(header.magic, HandoverHeader::kMagic, sizeof header.magic) != 0) {
+    Refuse("another format");
+  }
+  if (header.type >= std::size(kLeafTypes)) Refuse("an unknown type of voxels");
+  Contents contents{.metadata = MetadataOf(header), .type = kLeafTypes[header.type]};
+  CheckVolumeMetadata(contents.metadata);
+  const auto size = contents.metadata.size.cast<std::int64_t>().eval();
+  std::int64_t voxels = 0;
+  if (__builtin_mul_overflow(size.x() * size.y(), size.z(), &voxels) || voxels > max_voxels) {
+    throw Error(ErrorKind::kTooLarge, "there are more than " + std::to_string(max_voxels) +
+                                          " voxels; crop or resample the volume");
+  }
+  const auto voxel_bytes = static_cast<std::int64_t>(VoxelBytes(contents.type));
+  contents.layer_bytes = size.x() * size.y() * voxel_bytes;
+  contents.file_bytes = kHandoverVoxels + voxels * voxel_bytes;
+  if (status.st_size != contents.file_bytes) Refuse("not as many voxels as stated");
+  return contents;
+}
+
+class RangeCheck {
+ public:
+  explicit RangeCheck(const VolumeMetadata& metadata) : metadata_(metadata) {}
+
+  template <class T>
+  void Add(const T* voxels, std::size_t count) {
+    T least = voxels[0], greatest = voxels[0];
+    bool finite = true;
+    for (std::size_t n = 0; n < count; ++n) {
+      if constexpr (std::is_floating_point_v<T>) finite = finite && std::isfinite(voxels[n]);
+      least = std::min(least, voxels[n]);
+      greatest = std::max(greatest, voxels[n]);
+    }
+    if (!finite) Refuse("voxels that are no finite numbers");
+    least_ = std::min(least_, static_cast<double>(least));
+    greatest_ = std::max(greatest_, static_cast<double>(greatest));
+  }
+
+  void Finish() const {
+    if (least_ != metadata_.value_min || greatest_ != metadata_.value_max) {
+      Refuse("a range that is not that of the voxels");
+    }
+  }
+
+ private:
+  const VolumeMetadata& metadata_;
+  double least_ = std::numeric_limits<double>::infinity();
+  double greatest_ = -least_;
+};
+
+}  // namespace
+
+Descriptor MakeHandoverFile() {
+  Descriptor file(memfd_create("palpate-volume", MFD_CLOEXEC | MFD_ALLOW_SEALING));
+  if (file.get() < 0) FailInternal("cannot make a file in memory");
+  return file;
+}
+
+void WriteHandover(int fd, const VolumeMetadata& metadata, LeafType type, const float* voxels) {
+  CheckVolumeMetadata(metadata);
+  const HandoverHeader header = HeaderOf(metadata, type);
+  WriteAt(fd, &header, sizeof header, 0);
+  constexpr std::int64_t kChunk = 1 << 20;
+  const std::int64_t count = metadata.size.cast<std::int64_t>().prod();
+  VisitType(type, [&](auto voxel) {
+    using T = decltype(voxel);
+    std::vector<T> chunk;
+    for (std::int64_t n = 0; n < count; n += kChunk) {
+      const float* const first = voxels + n;
+      chunk.resize(static_cast<std::size_t>(std::min(kChunk, count - n)));
+      std::transform(first, first + chunk.size(), chunk.begin(),
+                     [](float value) { return static_cast<T>(value); });
+      WriteAt(fd, chunk.data(), chunk.size() * sizeof(T),
+              kHandoverVoxels + n * static_cast<std::int64_t>(sizeof(T)));
+    }
+  });
+}
+
+LoadedVolume TakeHandover(int fd, const TakeOptions& options) {
+  // First: what is looked at stays so. Fails where somebody may still write.
+  if (fcntl(fd, F_ADD_SEALS, F_SEAL_WRITE | F_SEAL_SHRINK | F_SEAL_GROW | F_SEAL_SEAL) != 0) {
+    Refuse("it can still be changed");
+  }
+  const Contents contents = ReadChecked(fd, options.max_voxels);
+  const Vec3i& size = contents.metadata.size;
+  if (options.on_size) options.on_size(size, contents.type);
+  RangeCheck range(contents.metadata);
+  const auto read = [&](int z, int first_y, int end_y, void* rows) {
+    if (options.progress && first_y == 0) options.progress(static_cast<double>(z) / size.z());
+    const auto row_bytes = contents.layer_bytes / size.y();
+    const auto bytes = static_cast<std::size_t>((end_y - first_y) * row_bytes);
+    ReadAt(fd, rows, bytes, kHandoverVoxels + z * contents.layer_bytes + first_y * row_bytes);
+    VisitType(contents.type, [&](auto voxel) {
+      range.Add(static_cast<const decltype(voxel)*>(rows), bytes / sizeof voxel);
+    });
+  };
+  LoadedVolume volume{
+      contents.metadata,
+      MakeBricks(size, contents.type, read, static_cast<float>(contents.metadata.value_min))};
+  range.Finish();
+  return volume;
+}
+
+}  // namespace palpate

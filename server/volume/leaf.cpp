@@ -1,0 +1,114 @@
+#include "server/volume/leaf.h"
+
+#include <openvdb/tree/LeafNode.h>
+
+#include <algorithm>
+#include <cstring>
+#include <utility>
+
+namespace palpate {
+namespace {
+
+// A block of the heap has eight bytes of its own, and is a multiple of 16.
+constexpr std::uint64_t HeapBytes(std::size_t bytes) { return (bytes + 8 + 15) / 16 * 16; }
+
+template <class T>
+std::unique_ptr<Leaf::Node<T>> NodeOf(const Brick& values) {
+  auto node = std::make_unique<Leaf::Node<T>>(openvdb::Coord(0, 0, 0), T(), true);
+  T* const out = node->buffer().data();
+  for (int n = 0; n < kBrickVoxels; ++n) out[n] = static_cast<T>(values[n]);
+  return node;
+}
+
+}  // namespace
+
+template <class T>
+LeafPtr Leaf::Take(std::unique_ptr<Node<T>> node) {
+  static_assert(Node<T>::SIZE == kBrickVoxels, "a brick is a leaf");
+  const T* const values = std::as_const(*node).buffer().data();
+  LeafPtr leaf(new Leaf(kLeafTypeOf<T>, node.get(), values));
+  node.release();
+  return leaf;
+}
+
+template LeafPtr Leaf::Take(std::unique_ptr<Node<std::uint8_t>>);
+template LeafPtr Leaf::Take(std::unique_ptr<Node<std::int16_t>>);
+template LeafPtr Leaf::Take(std::unique_ptr<Node<std::uint16_t>>);
+template LeafPtr Leaf::Take(std::unique_ptr<Node<float>>);
+
+Leaf::~Leaf() {
+  VisitType(type_, [this](auto voxel) { delete static_cast<Node<decltype(voxel)>*>(node_); });
+}
+
+LeafPtr Leaf::Of(LeafType type, const Brick& values) {
+  return VisitType(type, [&](auto voxel) { return Take(NodeOf<decltype(voxel)>(values)); });
+}
+
+LeafPtr Leaf::Constant(LeafType type, float value) {
+  Brick values;
+  values.fill(value);
+  LeafPtr leaf = Of(type, values);
+  const_cast<Leaf&>(*leaf).is_constant_ = true;  // nobody else holds it yet
+  return leaf;
+}
+
+LeafPtr Leaf::Smallest(const Brick& values) {
+  const auto type = std::find_if(std::begin(kLeafTypes), std::end(kLeafTypes),
+                                 [&](LeafType candidate) { return Holds(candidate, values); });
+  return Of(*type, values);
+}
+
+LeafPtr Leaf::With(const Brick& values) const {
+  const LeafType type = Holds(type_, values) ? type_ : LeafType::kFloat;
+  return VisitType(type, [&](auto voxel) {
+    auto node = NodeOf<decltype(voxel)>(values);
+    for (int n = 0; n < kBrickVoxels; ++n) {
+      const auto place = static_cast<openvdb::Index>(n);
+      if (values[n] == (*this)[place] && !IsActive(place)) node->setValueOff(place);
+    }
+    return Take(std::move(node));
+  });
+}
+
+void Leaf::CopyTo(float* out) const noexcept {
+  VisitType(type_, [&](auto voxel) {
+    const auto* const from = values<decltype(voxel)>();
+    for (int n = 0; n < kBrickVoxels; ++n) out[n] = static_cast<float>(from[n]);
+  });
+}
+
+Brick Leaf::Floats() const noexcept {
+  Brick floats;
+  CopyTo(floats.data());
+  return floats;
+}
+
+bool Leaf::IsActive(std::size_t n) const noexcept {
+  return VisitType(type_, [&](auto voxel) {
+    return static_cast<const Node<decltype(voxel)>*>(node_)->isValueOn(
+        static_cast<openvdb::Index>(n));
+  });
+}
+
+std::uint64_t Leaf::Bytes(LeafType type) noexcept {
+  return HeapBytes(sizeof(Leaf)) + VisitType(type, [](auto voxel) {
+           return HeapBytes(sizeof(Node<decltype(voxel)>)) +
+                  HeapBytes(sizeof(voxel) * kBrickVoxels);
+         });
+}
+
+bool HaveSameValues(const Leaf& one, const Leaf& other) noexcept {
+  return &one == &other || one.Floats() == other.Floats();
+}
+
+bool HaveSameBits(const Leaf& one, const Leaf& other) noexcept {
+  const Brick a = one.Floats(), b = other.Floats();
+  return std::memcmp(a.data(), b.data(), sizeof(Brick)) == 0;
+}
+
+bool Holds(LeafType type, const Brick& values) noexcept {
+  return std::all_of(values.begin(), values.end(),
+                     [type](float value) { return Holds(type, value); });
+}
+
+}  // namespace palpate

@@ -1,0 +1,80 @@
+#include "tests/support/volume_file.h"
+
+#include <cstdint>
+#include <fstream>
+#include <string>
+
+#include <openvdb/io/Stream.h>
+#include <openvdb/openvdb.h>
+
+#include "common/error/error.h"
+
+namespace palpate {
+namespace {
+
+constexpr std::int32_t kFormat = 2;
+constexpr char kGridName[] = "density";
+
+[[noreturn]] void Refuse(const std::string& message) {
+  throw Error(ErrorKind::kInvalidArgument, message);
+}
+
+template <typename T>
+T Entry(const openvdb::MetaMap& map, const char* name) {
+  const auto entry = map.getMetadata<openvdb::TypedMetadata<T>>(name);
+  if (!entry) Refuse(std::string("the entry ") + name + " is missing; import the volume again");
+  return entry->value();
+}
+
+VolumeMetadata ExtractMetadata(const openvdb::MetaMap& map) {
+  const auto format = map.getMetadata<openvdb::Int32Metadata>("palpate_format");
+  if (!format) Refuse("this .vdb file was not written by palpate-import; import it first");
+  if (format->value() != kFormat) {
+    Refuse("the format number is " + std::to_string(format->value()) + ", not " +
+           std::to_string(kFormat) + "; import the volume again");
+  }
+  VolumeMetadata metadata;
+  const auto size = Entry<openvdb::Vec3i>(map, "palpate_size");
+  const auto spacing = Entry<openvdb::Vec3d>(map, "palpate_spacing_mm");
+  const auto origin = Entry<openvdb::Vec3d>(map, "palpate_origin_mm");
+  const auto direction = Entry<openvdb::Mat4d>(map, "palpate_direction");
+  for (int row = 0; row < 3; ++row) {
+    metadata.size[row] = size[row];
+    metadata.spacing_mm[row] = spacing[row];
+    metadata.origin_W_mm[row] = origin[row];
+    for (int col = 0; col < 3; ++col) metadata.direction(row, col) = direction(row, col);
+  }
+  metadata.value_min = Entry<double>(map, "palpate_value_min");
+  metadata.value_max = Entry<double>(map, "palpate_value_max");
+  metadata.frames = Entry<std::int32_t>(map, "palpate_frames");
+  metadata.unit = Entry<std::string>(map, "palpate_unit");
+  metadata.original_type = Entry<std::string>(map, "palpate_original_type");
+  metadata.source = Entry<std::string>(map, "palpate_source");
+  return metadata;
+}
+
+openvdb::FloatGrid::Ptr ReadGrid(const std::filesystem::path& path) {
+  std::ifstream in(path, std::ios::binary);
+  if (!in) throw Error(ErrorKind::kNotFound, "there is no such file that can be read");
+  // Else a truncated file would be read as if zeros followed.
+  in.exceptions(std::ios::badbit | std::ios::failbit);
+  openvdb::io::Stream stream(in, /*delayLoad=*/false);
+  const openvdb::GridPtrVecPtr grids = stream.getGrids();
+  if (grids->size() != 1 || !(*grids)[0]->isType<openvdb::FloatGrid>() ||
+      (*grids)[0]->getName() != kGridName) {
+    Refuse("this .vdb file does not hold one grid 'density' of floats; import it first");
+  }
+  return openvdb::gridPtrCast<openvdb::FloatGrid>((*grids)[0]);
+}
+
+}  // namespace
+
+VolumeFile ReadVolumeFile(const std::filesystem::path& path) {
+  openvdb::initialize();
+  VolumeFile file;
+  file.grid = ReadGrid(path);
+  file.metadata = ExtractMetadata(*file.grid);
+  return file;
+}
+
+}  // namespace palpate

@@ -1,0 +1,243 @@
+// The hand-over between importer and daemon: what is written comes back, and an importer that lies
+// is refused before anything is done with what it says.
+#include "server/volume/handover.h"
+
+#include <fcntl.h>
+#include <gtest/gtest.h>
+#include <sys/mman.h>
+#include <unistd.h>
+
+#include <cstring>
+#include <functional>
+#include <limits>
+#include <random>
+#include <vector>
+
+#include "common/error/error.h"
+#include "tests/support/refusal.h"
+
+namespace palpate {
+namespace {
+
+using testing::Refusal;
+
+constexpr int kX = 20, kY = 11, kZ = 9;
+
+float ValueAt(int i, int j, int k) { return static_cast<float>((3 * i + 5 * j + 7 * k) % 101); }
+
+VolumeMetadata Metadata() {
+  VolumeMetadata metadata;
+  metadata.size = {kX, kY, kZ};
+  metadata.spacing_mm = {0.5, 0.75, 1.25};
+  metadata.origin_W_mm = {-10.0, 20.0, 30.5};
+  metadata.direction << 0, -1, 0, 1, 0, 0, 0, 0, 1;
+  metadata.value_min = 0.0;
+  metadata.value_max = 100.0;
+  metadata.frames = 20;
+  metadata.unit = "HU";
+  metadata.original_type = "int16";
+  metadata.source = "head scan.nrrd";
+  return metadata;
+}
+
+std::vector<float> Voxels() {
+  std::vector<float> voxels;
+  for (int k = 0; k < kZ; ++k) {
+    for (int j = 0; j < kY; ++j) {
+      for (int i = 0; i < kX; ++i) voxels.push_back(ValueAt(i, j, k));
+    }
+  }
+  return voxels;
+}
+
+Descriptor Written(LeafType type = LeafType::kInt16) {
+  Descriptor file = MakeHandoverFile();
+  WriteHandover(file.get(), Metadata(), type, Voxels().data());
+  return file;
+}
+
+void ExpectSameMetadata(const VolumeMetadata& is, const VolumeMetadata& expected) {
+  EXPECT_EQ(is.size, expected.size);
+  EXPECT_EQ(is.spacing_mm, expected.spacing_mm);
+  EXPECT_EQ(is.origin_W_mm, expected.origin_W_mm);
+  EXPECT_EQ(is.direction, expected.direction);
+  EXPECT_EQ(is.value_min, expected.value_min);
+  EXPECT_EQ(is.value_max, expected.value_max);
+  EXPECT_EQ(is.frames, expected.frames);
+  EXPECT_EQ(is.unit, expected.unit);
+  EXPECT_EQ(is.original_type, expected.original_type);
+  EXPECT_EQ(is.source, expected.source);
+}
+
+TEST(Handover, WhatIsWrittenComesBackInEveryType) {
+  for (const LeafType type : kLeafTypes) {
+    std::vector<std::pair<Vec3i, LeafType>> told;
+    double done = 0.0;
+    const LoadedVolume volume = TakeHandover(
+        Written(type).get(),
+        {.on_size = [&](const Vec3i& size, LeafType of) { told.emplace_back(size, of); },
+         .progress = [&](double fraction) { done = std::max(done, fraction); }});
+    EXPECT_EQ(told, (std::vector{std::pair(Vec3i(kX, kY, kZ), type)}));
+    EXPECT_LE(done, 1.0);
+    ExpectSameMetadata(volume.metadata, Metadata());
+    for (int i = 0; i < kX; ++i) {
+      for (int j = 0; j < kY; ++j) {
+        for (int k = 0; k < kZ; ++k) {
+          ASSERT_EQ(volume.bricks.Find(i, j, k).type(), type);
+          ASSERT_EQ(volume.bricks.Find(i, j, k)[VoxelInBrick(i, j, k)], ValueAt(i, j, k));
+        }
+      }
+    }
+  }
+}
+
+TEST(Handover, TextsOfAnyAllowedLengthComeBack) {
+  VolumeMetadata metadata = Metadata();
+  metadata.unit.clear();
+  metadata.source.assign(kLongestText, 'x');
+  const Descriptor file = MakeHandoverFile();
+  WriteHandover(file.get(), metadata, LeafType::kUint8, Voxels().data());
+  ExpectSameMetadata(TakeHandover(file.get()).metadata, metadata);
+  metadata.source += 'x';
+  EXPECT_EQ(
+      Refusal([&] { WriteHandover(file.get(), metadata, LeafType::kUint8, Voxels().data()); }),
+      ErrorKind::kInvalidArgument);
+}
+
+// Writes, changes the header or the file, and expects a refusal.
+void ExpectRefused(const char* what, const std::function<void(HandoverHeader&)>& change,
+                   ErrorKind kind = ErrorKind::kInvalidArgument) {
+  const Descriptor file = Written();
+  HandoverHeader header;
+  ASSERT_EQ(pread(file.get(), &header, sizeof header, 0), ssize_t{sizeof header});
+  change(header);
+  ASSERT_EQ(pwrite(file.get(), &header, sizeof header, 0), ssize_t{sizeof header});
+  EXPECT_EQ(Refusal([&] { TakeHandover(file.get()); }), kind) << what;
+}
+
+TEST(Handover, LiesOfTheHeaderAreRefused) {
+  using Header = HandoverHeader;
+  constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+  constexpr std::int32_t kMost = std::numeric_limits<std::int32_t>::max();
+  ExpectRefused("magic", [](Header& h) { h.magic[7] = '2'; });
+  ExpectRefused("type", [](Header& h) { h.type = 4; });
+  ExpectRefused("type", [](Header& h) { h.type = 0xffffffff; });
+  ExpectRefused("a wider type", [](Header& h) { h.type = static_cast<int>(LeafType::kFloat); });
+  ExpectRefused("a narrower type", [](Header& h) { h.type = 0; });
+  ExpectRefused("one more", [](Header& h) { ++h.size[0]; });
+  ExpectRefused("one less", [](Header& h) { --h.size[2]; });
+  ExpectRefused("none", [](Header& h) { h.size[1] = 0; });
+  ExpectRefused("negative", [](Header& h) { h.size[0] = h.size[1] = -kX; });
+  ExpectRefused("too long", [](Header& h) { h.size[0] = kMost; });
+  ExpectRefused(
+      "too many", [](Header& h) { h.size[0] = h.size[1] = h.size[2] = kMost / 2; },
+      ErrorKind::kTooLarge);
+  // 2^62 · 4 bytes and the like, which overflow to small numbers.
+  ExpectRefused(
+      "overflow", [](Header& h) { h.size[0] = h.size[1] = h.size[2] = 1 << 22; },
+      ErrorKind::kTooLarge);
+  ExpectRefused("spacing", [](Header& h) { h.spacing_mm[1] = 0.0; });
+  ExpectRefused("spacing", [](Header& h) { h.spacing_mm[2] = kNan; });
+  ExpectRefused("origin", [](Header& h) { h.origin_W_mm[0] = kNan; });
+  ExpectRefused("direction", [](Header& h) { h.direction[4] = 0.5; });
+  ExpectRefused("frames", [](Header& h) { h.frames = 0; });
+  ExpectRefused("range", [](Header& h) { h.value_max = h.value_min; });
+  ExpectRefused("range", [](Header& h) { h.value_min = kNan; });
+  ExpectRefused("not the least", [](Header& h) { h.value_min = -1.0; });
+  ExpectRefused("not the greatest", [](Header& h) { h.value_max = 99.0; });
+  ExpectRefused("unit without an end", [](Header& h) { std::memset(h.unit, 'x', sizeof h.unit); });
+  ExpectRefused("source", [](Header& h) { std::memset(h.source, 'x', sizeof h.source); });
+  ExpectRefused("type's name",
+                [](Header& h) { std::memset(h.original_type, 'x', sizeof h.original_type); });
+}
+
+TEST(Handover, FilesOfAnotherLengthAreRefused) {
+  const off_t whole = kHandoverVoxels + kX * kY * kZ * 2;
+  for (const off_t length : {off_t{0}, off_t{1}, off_t{sizeof(HandoverHeader) - 1},
+                             off_t{kHandoverVoxels}, whole - 1, whole + 1, whole * 2}) {
+    const Descriptor file = Written();
+    ASSERT_EQ(ftruncate(file.get(), length), 0);
+    EXPECT_EQ(Refusal([&] { TakeHandover(file.get()); }), ErrorKind::kInvalidArgument) << length;
+  }
+  EXPECT_EQ(Refusal([] { TakeHandover(MakeHandoverFile().get()); }), ErrorKind::kInvalidArgument);
+}
+
+TEST(Handover, VoxelsThatAreNoNumbersAreRefused) {
+  for (const float bad :
+       {std::numeric_limits<float>::quiet_NaN(), std::numeric_limits<float>::infinity(), 1e30f}) {
+    const Descriptor file = Written(LeafType::kFloat);
+    ASSERT_EQ(pwrite(file.get(), &bad, sizeof bad, kHandoverVoxels + 4 * 777), ssize_t{sizeof bad});
+    EXPECT_EQ(Refusal([&] { TakeHandover(file.get()); }), ErrorKind::kInvalidArgument) << bad;
+  }
+}
+
+TEST(Handover, WhatCanStillBeWrittenIsRefused) {
+  const Descriptor file = Written();
+  void* const map = mmap(nullptr, 4096, PROT_READ | PROT_WRITE, MAP_SHARED, file.get(), 0);
+  ASSERT_NE(map, MAP_FAILED);
+  EXPECT_EQ(Refusal([&] { TakeHandover(file.get()); }), ErrorKind::kInvalidArgument);
+  munmap(map, 4096);
+}
+
+TEST(Handover, NothingCanChangeItOnceItIsTaken) {
+  const Descriptor file = Written();
+  const Descriptor other(fcntl(file.get(), F_DUPFD_CLOEXEC, 3));
+  TakeHandover(file.get(), {.on_size = [&](const Vec3i&, LeafType) {
+                 // By somebody who still holds it, at the worst moment.
+                 char byte = 1;
+                 EXPECT_LT(pwrite(other.get(), &byte, 1, 0), 0);
+                 EXPECT_LT(ftruncate(other.get(), 0), 0);
+                 EXPECT_LT(ftruncate(other.get(), 1 << 20), 0);
+                 EXPECT_EQ(mmap(nullptr, 4096, PROT_READ | PROT_WRITE, MAP_SHARED, other.get(), 0),
+                           MAP_FAILED);
+               }});
+}
+
+TEST(Handover, FilesThatCannotBeSealedAreRefused) {
+  FILE* const file = std::tmpfile();
+  ASSERT_NE(file, nullptr);
+  WriteHandover(fileno(file), Metadata(), LeafType::kInt16, Voxels().data());
+  EXPECT_EQ(Refusal([&] { TakeHandover(fileno(file)); }), ErrorKind::kInvalidArgument);
+  std::fclose(file);
+}
+
+TEST(Handover, TheLimitAndTheListenerComeBeforeTheMemory) {
+  EXPECT_EQ(Refusal([] { TakeHandover(Written().get(), {.max_voxels = kX * kY * kZ - 1}); }),
+            ErrorKind::kTooLarge);
+  EXPECT_EQ(Refusal([] {
+              TakeHandover(Written().get(), {.on_size = [](const Vec3i&, LeafType) {
+                             throw Error(ErrorKind::kTooLarge, "no room");
+                           }});
+            }),
+            ErrorKind::kTooLarge);
+  EXPECT_EQ(Refusal([] {
+              TakeHandover(Written().get(), {.progress = [](double) {
+                             throw Error(ErrorKind::kCancelled, "enough");
+                           }});
+            }),
+            ErrorKind::kCancelled);
+}
+
+// Any header, and any few bytes anywhere: a refusal or a volume, never worse.
+TEST(Handover, RandomBytesAreRefusedOrTaken) {
+  std::mt19937 random(7);
+  int taken = 0;
+  for (int run = 0; run < 3000; ++run) {
+    const Descriptor file = Written();
+    for (unsigned flips = 1 + random() % 4; flips > 0; --flips) {
+      const bool numbers = random() % 2 == 0;
+      const off_t place =
+          numbers ? random() % 160 : random() % (kHandoverVoxels + kX * kY * kZ * 2);
+      char byte = 0;
+      ASSERT_EQ(pread(file.get(), &byte, 1, place), 1);
+      byte = static_cast<char>(byte ^ (1 << random() % 8));
+      ASSERT_EQ(pwrite(file.get(), &byte, 1, place), 1);
+    }
+    taken += !Refusal([&] { TakeHandover(file.get()); });
+  }
+  EXPECT_GT(taken, 0);
+  EXPECT_LT(taken, 3000);
+}
+
+}  // namespace
+}  // namespace palpate
