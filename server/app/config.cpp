@@ -157,6 +157,7 @@ SettersByKey AllSetters() {
        [](const Entry& e, Config& c) { c.uploads.folder = ParseFolder(e); }},
       {"volume.max_upload_mib",
        [](const Entry& e, Config& c) { c.uploads.max_bytes = Mebibytes(e); }},
+      {"volume.upload_vdb", [](const Entry& e, Config& c) { c.uploads.vdb = e.Flag(); }},
       {"volume.memory_budget_mib",
        [](const Entry& e, Config& c) { c.memory_budget_bytes = Mebibytes(e); }},
       {"server.socket", [](const Entry& e, Config& c) { c.socket_path = e.Text(); }},

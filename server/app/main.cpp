@@ -1,5 +1,6 @@
 // palpated: the haptics daemon.
 #include <fcntl.h>
+#include <sys/prctl.h>
 #include <unistd.h>
 
 #include <cstdio>
@@ -155,7 +156,17 @@ bool HasTerminal() {
   return terminal >= 0;
 }
 
+// Tokens, keys and volumes are in this memory: nobody of the same account may look into it, and no
+// core file is left.
+void KeepMemoryPrivate() {
+#ifndef PALPATE_SANITIZED
+  // The leak checker looks at its own process as a debugger does.
+  prctl(PR_SET_DUMPABLE, 0, 0, 0, 0);
+#endif
+}
+
 void Run(const Options& options) {
+  KeepMemoryPrivate();
   const SmallThreadStacks stacks;
   const LoadedConfig loaded = LoadConfig(options.config_file, MergeOf(options));
   SetLogLevel(loaded.config.log_level);

@@ -45,6 +45,11 @@ UploadStart Checked(const UploadStart& start, const UploadOptions& options) {
     Refuse(start.name + ": the voxels of this format are in another file; upload it as .nrrd or " +
            ".mha, which hold both");
   }
+  if (!start.holds_voxels && !options.vdb && name.ends_with(".vdb")) {
+    throw Error(ErrorKind::kPermissionDenied, start.name + ": .vdb files are not taken here (" +
+                                                  Upload::kVdbKey +
+                                                  "); convert it to .nrrd and send that");
+  }
   if (start.size_bytes == 0) Refuse(start.name + ": there is nothing in it");
   if (start.size_bytes > options.max_bytes) {
     throw Error(ErrorKind::kTooLarge,

@@ -13,13 +13,14 @@
 #include <string_view>
 
 #include "server/session/memory_budget.h"
-#include "server/volume/private_folder.h"
+#include "server/session/private_folder.h"
 
 namespace palpate {
 
 struct UploadOptions {
   std::filesystem::path folder = TemporaryFolder();  // it may be in memory
   std::uint64_t max_bytes = std::uint64_t{4} << 30;
+  bool vdb = true;  // .vdb files are taken
 };
 
 // As the client announced it.
@@ -33,9 +34,10 @@ struct UploadStart {
 class Upload {
  public:
   static constexpr char kMaxKey[] = "volume.max_upload_mib";
+  static constexpr char kVdbKey[] = "volume.upload_vdb";
 
   // Throws kInvalidArgument (a name that is none, or of a file that needs another
-  // one; no bytes), kTooLarge (the limit, the budget), kUnavailable (no space).
+  // one; no bytes), kPermissionDenied (a .vdb where none may be sent), kTooLarge (the limit, the budget), kUnavailable (no space).
   Upload(const UploadOptions& options, MemoryBudget& budget, const UploadStart& start);
   ~Upload();
   Upload(const Upload&) = delete;

@@ -55,6 +55,7 @@ load_folders = ["/tmp", "/"]
 save_folders = []
 memory_budget_mib = 300
 max_upload_mib = 200
+upload_vdb = false
 upload_folder = "/tmp"
 [metrics]
 listen = "127.0.0.1:9464"
@@ -106,6 +107,7 @@ level = "warning"
   EXPECT_EQ(config.memory_budget_bytes, std::uint64_t{300} << 20);
   EXPECT_EQ(config.uploads.max_bytes, std::uint64_t{200} << 20);
   EXPECT_EQ(config.uploads.folder, "/tmp");
+  EXPECT_FALSE(config.uploads.vdb);
   EXPECT_EQ(config.haptics.stiffness_n_per_mm, 0.8);
   EXPECT_EQ(config.haptics.damping_n_s_per_m, 2.0);
   EXPECT_EQ(config.haptics.static_friction, 0.4);

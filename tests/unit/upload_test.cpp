@@ -70,6 +70,16 @@ TEST_F(UploadTest, AnotherSizeOrChecksumIsRefused) {
   EXPECT_EQ(Refusal([&] { upload.Finish(); }), ErrorKind::kInvalidArgument);
 }
 
+TEST_F(UploadTest, VdbFilesCanBeSwitchedOff) {
+  EXPECT_EQ(RefusalOf({.name = "a.vdb", .size_bytes = 9}), std::nullopt);
+  options_.vdb = false;
+  for (const char* name : {"a.vdb", "A.VDB", ".vdb"}) {
+    EXPECT_EQ(RefusalOf({.name = name, .size_bytes = 9}), ErrorKind::kPermissionDenied) << name;
+  }
+  EXPECT_EQ(RefusalOf({.name = "vdb.nrrd", .size_bytes = 9}), std::nullopt);
+  EXPECT_EQ(RefusalOf({.name = "a.vdb", .size_bytes = 9, .holds_voxels = true}), std::nullopt);
+}
+
 TEST_F(UploadTest, TheNameIsThatOfAFile) {
   for (const std::string& bad :
        {std::string(), std::string("."), std::string(".."), std::string("/"),
