@@ -160,7 +160,7 @@ AffineMap FrameFromIndex(const VolumeSnapshot& volume, EditFrame frame) {
 
 template <class Shape>
 std::optional<VoxelBox> VoxelsOf(const VolumeSnapshot& volume, const VolumeEdit& edit,
-                                 const Shape& shape) {
+                                 const Shape& shape, std::int64_t most_voxels) {
   const AffineMap X_IF = FrameFromIndex(volume, edit.frame).Inverse();
   VoxelBox box;
   bool empty = false;
@@ -184,7 +184,7 @@ std::optional<VoxelBox> VoxelsOf(const VolumeSnapshot& volume, const VolumeEdit&
     voxels *= last_voxel - first_voxel + 1.0;
   }
   if (empty) return std::nullopt;
-  if (voxels > static_cast<double>(kMostEditedVoxels)) RefuseSize(voxels);
+  if (voxels > static_cast<double>(most_voxels)) RefuseSize(voxels);
   return box;
 }
 
@@ -214,14 +214,15 @@ void CheckEdit(const VolumeSnapshot& volume, const VolumeEdit& edit) {
   }
 }
 
-std::optional<VoxelBox> EditedVoxels(const VolumeSnapshot& volume, const VolumeEdit& edit) {
+std::optional<VoxelBox> EditedVoxels(const VolumeSnapshot& volume, const VolumeEdit& edit,
+                                     std::int64_t most_voxels) {
   return std::visit(
       [&](const auto& shape) -> std::optional<VoxelBox> {
         if constexpr (std::is_same_v<std::decay_t<decltype(shape)>, DenseBlock>) {
           return VoxelBox{shape.min.template cast<int>(),
                           (shape.min + shape.size).template cast<int>() - Vec3i::Ones()};
         } else {
-          return VoxelsOf(volume, edit, shape);
+          return VoxelsOf(volume, edit, shape, most_voxels);
         }
       },
       edit.shape);

@@ -18,8 +18,9 @@ void CheckEdit(const VolumeSnapshot& volume, const VolumeEdit& edit);
 
 // The voxels that the edit can reach, within the lattice; none where the shape is
 // so small that it lies between them. kInvalidArgument for a region that misses the
-// lattice, or a block that sticks out; kTooLarge.
-std::optional<VoxelBox> EditedVoxels(const VolumeSnapshot& volume, const VolumeEdit& edit);
+// lattice, or a block that sticks out; kTooLarge for more than `most_voxels`.
+std::optional<VoxelBox> EditedVoxels(const VolumeSnapshot& volume, const VolumeEdit& edit,
+                                     std::int64_t most_voxels = kMostEditedVoxels);
 
 // One number for every voxel of a brick.
 using BrickNumbers = std::array<double, kBrickVoxels>;

@@ -1,0 +1,398 @@
+#include "server/volume/filter.h"
+
+#include <fmt/core.h>
+#include <openvdb/openvdb.h>
+#include <openvdb/tools/Filter.h>
+#include <tbb/task_arena.h>
+
+#include <algorithm>
+#include <cassert>
+#include <chrono>
+#include <iterator>
+#include <limits>
+#include <map>
+#include <type_traits>
+#include <utility>
+
+#include "common/error/error.h"
+#include "server/volume/edit_region.h"
+
+namespace palpate {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+using Node = openvdb::FloatTree::LeafNodeType;
+
+// Parts of the volume, in bricks: larger ones where more is read around them.
+constexpr int kPartEdge = 8;
+constexpr int kLargePartEdge = 16;
+constexpr int kLargePartReach = 8;  // voxels; more than this
+
+[[noreturn]] void Refuse(const std::string& message) {
+  throw Error(ErrorKind::kInvalidArgument, message);
+}
+
+void CheckNumbers(const VolumeFilter& filter) {
+  if (filter.width < 1 || filter.width > kMostFilterWidth) {
+    Refuse(
+        fmt::format("the width {} is not within 1 to {} voxels", filter.width, kMostFilterWidth));
+  }
+  if (filter.iterations < 1) {
+    Refuse(fmt::format("{} iterations are not possible: give at least 1", filter.iterations));
+  }
+  const std::int64_t reach = FilterReach(filter);
+  if (reach > kMostFilterReach) {
+    Refuse(
+        fmt::format("the filter reaches {} voxels far, at most {} are possible: give a smaller "
+                    "width or fewer iterations, and filter again",
+                    reach, kMostFilterReach));
+  }
+}
+
+std::optional<VolumeEdit> RegionOf(const VolumeFilter& filter) {
+  return std::visit(
+      [&](const auto& shape) -> std::optional<VolumeEdit> {
+        if constexpr (std::is_same_v<std::decay_t<decltype(shape)>, std::monostate>) {
+          return std::nullopt;
+        } else {
+          // Smoothing, as that takes no value.
+          return VolumeEdit{
+              .shape = shape, .frame = filter.frame, .operation = EditOperation::kSmooth};
+        }
+      },
+      filter.region);
+}
+
+template <class Visit>
+void ForEach(const Vec3i& min, const Vec3i& max, const Visit& visit) {
+  Vec3i p;
+  for (p.x() = min.x(); p.x() <= max.x(); ++p.x()) {
+    for (p.y() = min.y(); p.y() <= max.y(); ++p.y()) {
+      for (p.z() = min.z(); p.z() <= max.z(); ++p.z()) visit(p);
+    }
+  }
+}
+
+openvdb::Coord CornerOf(const Vec3i& brick) {
+  return {brick.x() * kBrickEdge, brick.y() * kBrickEdge, brick.z() * kBrickEdge};
+}
+
+// Ends a filter of OpenVDB by an exception. OpenVDB asks for every leaf and pass: the clock is
+// cheaper than `cancelled`.
+class Interrupter final : public openvdb::util::NullInterrupter {
+ public:
+  explicit Interrupter(const FilterCancelled& cancelled) : cancelled_(cancelled) {}
+
+  void Check() {
+    if (cancelled_()) throw Error(ErrorKind::kCancelled, "the filter was cancelled");
+    asked_ = Clock::now();
+  }
+  bool wasInterrupted(int) override {
+    if (Clock::now() - asked_ > std::chrono::milliseconds(20)) Check();
+    return false;
+  }
+
+ private:
+  const FilterCancelled& cancelled_;
+  Clock::time_point asked_{};
+};
+
+}  // namespace
+
+std::int64_t FilterReach(const VolumeFilter& filter) {
+  return std::int64_t{filter.width} * filter.iterations *
+         (filter.kind == FilterKind::kGaussian ? 4 : 1);
+}
+
+// Filters some bricks of one state of the volume.
+class FilterRun::Worker {
+ public:
+  Worker(const FilterRun& run, Interrupter& interrupter)
+      : run_(run),
+        volume_(*run.volume_),
+        interrupter_(interrupter),
+        background_(static_cast<float>(volume_.metadata().value_min)),
+        greatest_(static_cast<float>(volume_.metadata().value_max)) {
+    if (run.region_) weights_of_.emplace(volume_, *run.region_);
+  }
+
+  // The bricks of which a voxel changed. False: none was filtered, as they are all alike.
+  bool Filter(const BrickBox& bricks, std::vector<BrickChange>& changes) {
+    const VoxelBox read = run_.ReadBy(bricks);
+    if (const std::optional<float> value = OnlyValue(bricks, read)) {
+      Brick filtered;
+      filtered.fill(*value);
+      ForEach(bricks.min, bricks.max,
+              [&](const Vec3i& brick) { Replace(brick, filtered.data(), changes); });
+      return false;
+    }
+    const openvdb::FloatGrid::Ptr grid = GridOf(read);
+    Run(*grid);
+    ForEach(bricks.min, bricks.max, [&](const Vec3i& brick) {
+      const Node* const node = grid->tree().probeConstLeaf(CornerOf(brick));
+      Replace(brick, node->buffer().data(), changes);
+    });
+    return true;
+  }
+
+ private:
+  // What all voxels of the bricks become, where there is one value only within reach.
+  std::optional<float> OnlyValue(const BrickBox& bricks, const VoxelBox& read) const {
+    const float value = (*volume_.bricks().At(bricks.min))[0];
+    bool only = true;
+    ForEach(read.min / kBrickEdge, read.max / kBrickEdge, [&](const Vec3i& brick) {
+      if (!only) return;
+      const Leaf& leaf = *volume_.bricks().At(brick);
+      only = leaf.is_constant() && leaf[0] == value;
+    });
+    if (!only) return std::nullopt;
+    const float once = AfterPasses(value, 1);
+    if (once == value) return IsAloneIn(bricks, value) ? std::optional(value) : std::nullopt;
+    if (ReachesBeyond(bricks)) return std::nullopt;
+    const int means =
+        run_.filter_.iterations * (run_.filter_.kind == FilterKind::kGaussian ? 4 : 1);
+    return AfterPasses(value, 3 * means);
+  }
+  bool ReachesBeyond(const BrickBox& bricks) const {
+    const Vec3i low = bricks.min * kBrickEdge, high = bricks.max * kBrickEdge;
+    return (low.array() < run_.reach_).any() ||
+           (high.array() + kBrickEdge + run_.reach_ > volume_.size().array()).any();
+  }
+  bool IsAloneIn(const BrickBox& bricks, float value) const {
+    return value == background_ || !ReachesBeyond(bricks);
+  }
+
+  // The mean of equal values need not be that value: OpenVDB adds up floats, and multiplies the sum
+  // by a float. A mean has a pass along each axis.
+  float AfterPasses(float value, int passes) const {
+    if (run_.filter_.kind == FilterKind::kMedian) return value;
+    const int count = 2 * run_.filter_.width + 1;
+    const float share = 1.0f / static_cast<float>(count);
+    for (int pass = 0; pass < passes; ++pass) {
+      float sum = 0.0f;
+      for (int n = 0; n < count; ++n) sum += value;
+      value = sum * share;
+    }
+    return value;
+  }
+
+  // The voxels of `read` are active; others of their bricks are there as they are.
+  openvdb::FloatGrid::Ptr GridOf(const VoxelBox& read) const {
+    const openvdb::FloatGrid::Ptr grid = openvdb::FloatGrid::create(background_);
+    const Vec3i last = volume_.size() - Vec3i::Ones();
+    ForEach(read.min / kBrickEdge, read.max / kBrickEdge, [&](const Vec3i& brick) {
+      auto node = std::make_unique<Node>(CornerOf(brick), background_, false);
+      float* const values = node->buffer().data();
+      volume_.bricks().At(brick)->CopyTo(values);
+      const Vec3i corner = brick * kBrickEdge;
+      const Vec3i end = corner + Vec3i::Constant(kBrickEdge - 1);
+      if ((corner.array() >= read.min.array()).all() && (end.array() <= read.max.array()).all()) {
+        node->setValuesOn();
+      } else {
+        for (int n = 0; n < kBrickVoxels; ++n) {
+          const Vec3i p = corner + Vec3i(n >> 6, n >> 3 & 7, n & 7);
+          const auto place = static_cast<openvdb::Index>(n);
+          if ((p.array() >= read.min.array()).all() && (p.array() <= read.max.array()).all()) {
+            node->setActiveState(place, true);
+          } else if ((p.array() > last.array()).any()) {
+            values[n] = background_;  // whatever the brick holds there
+          }
+        }
+      }
+      grid->tree().addLeaf(node.release());
+    });
+    return grid;
+  }
+
+  void Run(openvdb::FloatGrid& grid) const {
+    openvdb::tools::Filter<openvdb::FloatGrid> filter(grid, &interrupter_);
+    const VolumeFilter& what = run_.filter_;
+    switch (what.kind) {
+      case FilterKind::kGaussian:
+        filter.gaussian(what.width, what.iterations);
+        break;
+      case FilterKind::kMean:
+        filter.mean(what.width, what.iterations);
+        break;
+      case FilterKind::kMedian:
+        filter.median(what.width, what.iterations);
+        break;
+    }
+  }
+
+  void Replace(const Vec3i& brick, const float* filtered, std::vector<BrickChange>& changes) {
+    if (weights_of_ && !weights_of_->Of(brick, weights_)) return;
+    const LeafPtr& before = volume_.bricks().At(brick);
+    before->CopyTo(after_.data());
+    const Vec3i corner = brick * kBrickEdge;
+    const Vec3i low = (run_.voxels_.min - corner).cwiseMax(0);
+    const Vec3i high = (run_.voxels_.max - corner).cwiseMin(kBrickEdge - 1);
+    int changed = 0;
+    ForEach(low, high, [&](const Vec3i& p) {
+      const std::size_t n = VoxelInBrick(p.x(), p.y(), p.z());
+      if (weights_of_ && weights_[n] != 1.0) return;
+      const float is = std::clamp(filtered[n], background_, greatest_) + 0.0f;
+      if (is == after_[n]) return;
+      after_[n] = is;
+      ++changed;
+    });
+    if (changed == 0) return;
+    const bool alike = changed == kBrickVoxels && before->is_constant() &&
+                       std::equal(filtered + 1, filtered + kBrickVoxels, filtered);
+    changes.push_back({brick, alike ? ConstantOf(before->type()) : before->With(after_)});
+  }
+  // One leaf for all bricks that become this value throughout.
+  const LeafPtr& ConstantOf(LeafType before) {
+    const float value = after_[0];
+    const LeafType type = Holds(before, value) ? before : LeafType::kFloat;
+    LeafPtr& leaf = constants_[{type, value}];
+    if (!leaf) leaf = Leaf::Constant(type, value);
+    return leaf;
+  }
+
+  const FilterRun& run_;
+  const VolumeSnapshot& volume_;
+  Interrupter& interrupter_;
+  const float background_;  // the least value too
+  const float greatest_;
+  std::optional<EditWeights> weights_of_;
+  BrickNumbers weights_;
+  Brick after_;
+  std::map<std::pair<LeafType, float>, LeafPtr> constants_;
+};
+
+FilterRun::FilterRun(std::shared_ptr<const VolumeSnapshot> volume, const VolumeFilter& filter)
+    : volume_(std::move(volume)), filter_(filter) {
+  CheckNumbers(filter);
+  reach_ = static_cast<int>(FilterReach(filter));
+  region_ = RegionOf(filter);
+  voxels_ = {Vec3i::Zero(), volume_->size() - Vec3i::Ones()};
+  if (region_) {
+    CheckEdit(*volume_, *region_);
+    const auto box = EditedVoxels(*volume_, *region_, std::numeric_limits<std::int64_t>::max());
+    if (!box) return;
+    voxels_ = *box;
+  }
+  bricks_ = {voxels_.min / kBrickEdge, voxels_.max / kBrickEdge};
+  part_edge_ = reach_ > kLargePartReach ? kLargePartEdge : kPartEdge;
+  const Vec3i& bricks = volume_->bricks().brick_count();
+  part_count_ = (bricks + Vec3i::Constant(part_edge_ - 1)) / part_edge_;
+  ForEach(Vec3i::Zero(), part_count_ - Vec3i::Ones(), [&](const Vec3i& p) {
+    const Vec3i first = p * part_edge_;
+    const BrickBox all{first, first + Vec3i::Constant(part_edge_ - 1)};
+    const BrickBox wanted = all.And(bricks_);
+    parts_.push_back({.bricks = wanted, .left = wanted, .result = {}});
+  });
+}
+
+FilterRun::~FilterRun() = default;
+
+VoxelBox FilterRun::ReadBy(const BrickBox& bricks) const {
+  const Vec3i low = (bricks.min * kBrickEdge).cwiseMax(voxels_.min);
+  const Vec3i high =
+      (bricks.max * kBrickEdge + Vec3i::Constant(kBrickEdge - 1)).cwiseMin(voxels_.max);
+  const Vec3i reach = Vec3i::Constant(reach_);
+  return {(low - reach).cwiseMax(0), (high + reach).cwiseMin(volume_->size() - Vec3i::Ones())};
+}
+
+double FilterRun::VoxelsReadBy(const BrickBox& bricks) const {
+  if (bricks.empty()) return 0.0;
+  const VoxelBox read = ReadBy(bricks);
+  return (read.max - read.min + Vec3i::Ones()).cast<double>().prod();
+}
+
+double FilterRun::VoxelsLeft() const {
+  double voxels = 0.0;
+  for (const Part& part : parts_) voxels += VoxelsReadBy(part.left);
+  return voxels;
+}
+
+void FilterRun::MoveTo(std::shared_ptr<const VolumeSnapshot> volume) {
+  assert(volume->loaded_revision() == volume_->loaded_revision());
+  const auto changes = volume_->bricks().ChangesTo(volume->bricks());
+  volume_ = std::move(volume);
+  const Vec3i reach = Vec3i::Constant(reach_);
+  for (const BrickChange& change : changes) {
+    const Vec3i low = change.brick * kBrickEdge - reach;
+    const Vec3i high = change.brick * kBrickEdge + Vec3i::Constant(kBrickEdge - 1) + reach;
+    const BrickBox reads = BrickBox{low.cwiseMax(0) / kBrickEdge, high / kBrickEdge}.And(bricks_);
+    if (reads.empty()) continue;
+    ForEach(reads.min / part_edge_, reads.max / part_edge_, [&](const Vec3i& p) {
+      Part& part = parts_[static_cast<std::size_t>(
+          (p.x() * part_count_.y() + p.y()) * part_count_.z() + p.z())];
+      const BrickBox more = reads.And(part.bricks);
+      if (more.empty()) return;
+      part.left = part.left.empty() ? more
+                                    : BrickBox{part.left.min.cwiseMin(more.min),
+                                               part.left.max.cwiseMax(more.max)};
+    });
+  }
+}
+
+void FilterRun::Compute(const FilterProgress& progress, const FilterCancelled& cancelled) {
+  const double all = VoxelsLeft();
+  double done = 0.0;
+  Interrupter interrupter(cancelled);
+  Worker worker(*this, interrupter);
+  // OpenVDB's filters use all processors unless they are in an arena of one.
+  tbb::task_arena arena(1);
+  for (Part& part : parts_) {
+    if (part.left.empty()) continue;
+    interrupter.Check();
+    const Clock::time_point start = Clock::now();
+    std::vector<BrickChange> changes;
+    std::copy_if(part.result.changes.begin(), part.result.changes.end(),
+                 std::back_inserter(changes),
+                 [&](const BrickChange& change) { return !part.left.Contains(change.brick); });
+    const bool filtered = arena.execute([&] { return worker.Filter(part.left, changes); });
+    part.result = CompareBricks(*volume_, changes);
+    const double voxels = VoxelsReadBy(part.left);
+    part.left = {};
+    if (filtered) {
+      seconds_ += std::chrono::duration<double>(Clock::now() - start).count();
+      voxels_done_ += voxels;
+    }
+    progress((done += voxels) / all);
+  }
+}
+
+double FilterRun::SecondsLeft() const {
+  constexpr double kUnknown = 1e-6;  // per voxel, before anything was filtered
+  return VoxelsLeft() * (voxels_done_ > 0.0 ? seconds_ / voxels_done_ : kUnknown);
+}
+
+std::uint64_t FilterRun::MostBytes() const {
+  if (bricks_.empty()) return 0;
+  const Vec3i count = bricks_.max - bricks_.min + Vec3i::Ones();
+  return static_cast<std::uint64_t>(count.cast<std::int64_t>().prod()) *
+         Leaf::Bytes(LeafType::kFloat);
+}
+
+EditResult FilterRun::Result() const {
+  EditResult result;
+  for (const Part& part : parts_) {
+    assert(part.left.empty());
+    const EditResult& of = part.result;
+    if (!of.changed) continue;
+    result.changes.insert(result.changes.end(), of.changes.begin(), of.changes.end());
+    result.changed_voxels += of.changed_voxels;
+    if (!result.changed) result.changed = of.changed;
+    result.changed->min = result.changed->min.cwiseMin(of.changed->min);
+    result.changed->max = result.changed->max.cwiseMax(of.changed->max);
+  }
+  // In the order in which an edit would have them.
+  const BrickDirectory& bricks = volume_->bricks();
+  std::sort(result.changes.begin(), result.changes.end(),
+            [&](const BrickChange& a, const BrickChange& b) {
+              return bricks.NumberOf(a.brick) < bricks.NumberOf(b.brick);
+            });
+  return result;
+}
+
+EditResult ApplyFilter(std::shared_ptr<const VolumeSnapshot> volume, const VolumeFilter& filter) {
+  FilterRun run(std::move(volume), filter);
+  run.Compute([](double) {}, [] { return false; });
+  return run.Result();
+}
+
+}  // namespace palpate
