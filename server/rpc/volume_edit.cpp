@@ -1,7 +1,9 @@
 #include "server/rpc/volume_edit.h"
 
+#include <algorithm>
 #include <bit>
 #include <cstring>
+#include <limits>
 #include <string>
 
 #include "common/error/error.h"
@@ -39,17 +41,20 @@ DenseBlock FromProto(const v1::DenseBlock& in) {
   return block;
 }
 
+SphereShape FromProto(const v1::SphereShape& in) {
+  return {Required(in.has_center(), in.center(), "sphere.center"), in.radius()};
+}
+
+BoxShape FromProto(const v1::BoxShape& in) {
+  return {Required(in.has_min(), in.min(), "box.min"), Required(in.has_max(), in.max(), "box.max")};
+}
+
 decltype(VolumeEdit::shape) ShapeOf(const v1::EditVolumeRequest& request) {
   switch (request.shape_case()) {
-    case v1::EditVolumeRequest::kSphere: {
-      const v1::SphereShape& in = request.sphere();
-      return SphereShape{Required(in.has_center(), in.center(), "sphere.center"), in.radius()};
-    }
-    case v1::EditVolumeRequest::kBox: {
-      const v1::BoxShape& in = request.box();
-      return BoxShape{Required(in.has_min(), in.min(), "box.min"),
-                      Required(in.has_max(), in.max(), "box.max")};
-    }
+    case v1::EditVolumeRequest::kSphere:
+      return FromProto(request.sphere());
+    case v1::EditVolumeRequest::kBox:
+      return FromProto(request.box());
     case v1::EditVolumeRequest::kCapsule: {
       const v1::CapsuleShape& in = request.capsule();
       return CapsuleShape{Required(in.has_from(), in.from(), "capsule.from"),
@@ -62,19 +67,41 @@ decltype(VolumeEdit::shape) ShapeOf(const v1::EditVolumeRequest& request) {
   }
 }
 
-EditFrame FrameOf(const v1::EditVolumeRequest& request) {
-  switch (request.frame()) {
+EditFrame FrameOf(v1::EditFrame frame) {
+  switch (frame) {
     case v1::EDIT_FRAME_WORLD:
       return EditFrame::kWorld;
     case v1::EDIT_FRAME_INDEX:
       return EditFrame::kIndex;
     default:
-      // A block has one frame only.
-      if (request.frame() == v1::EDIT_FRAME_UNSPECIFIED && request.has_block()) {
-        return EditFrame::kIndex;
-      }
       Refuse("the edit has no known frame: give EDIT_FRAME_WORLD or EDIT_FRAME_INDEX");
   }
+}
+
+EditFrame FrameOf(const v1::EditVolumeRequest& request) {
+  // A block has one frame only.
+  if (request.frame() == v1::EDIT_FRAME_UNSPECIFIED && request.has_block()) {
+    return EditFrame::kIndex;
+  }
+  return FrameOf(request.frame());
+}
+
+FilterKind KindOf(v1::FilterKind kind) {
+  switch (kind) {
+    case v1::FILTER_KIND_GAUSSIAN:
+      return FilterKind::kGaussian;
+    case v1::FILTER_KIND_MEAN:
+      return FilterKind::kMean;
+    case v1::FILTER_KIND_MEDIAN:
+      return FilterKind::kMedian;
+    default:
+      Refuse("the filter has no known kind: give gaussian, mean or median");
+  }
+}
+
+// Numbers that are no int are refused with the rest of those that are too large.
+int Int(std::uint32_t number) {
+  return static_cast<int>(std::min<std::uint32_t>(number, std::numeric_limits<int>::max()));
 }
 
 EditOperation OperationOf(v1::EditOperation operation) {
@@ -107,6 +134,19 @@ VolumeEdit FromProto(const v1::EditVolumeRequest& request) {
   if (request.has_strength()) edit.strength = request.strength();
   edit.falloff = request.falloff();
   return edit;
+}
+
+VolumeFilter FromProto(const v1::FilterVolumeRequest& request) {
+  VolumeFilter filter;
+  filter.kind = KindOf(request.kind());
+  if (request.has_width()) filter.width = Int(request.width());
+  if (request.has_iterations()) filter.iterations = Int(request.iterations());
+  if (request.has_sphere()) filter.region = FromProto(request.sphere());
+  if (request.has_box()) filter.region = FromProto(request.box());
+  if (request.region_case() != v1::FilterVolumeRequest::REGION_NOT_SET) {
+    filter.frame = FrameOf(request.frame());
+  }
+  return filter;
 }
 
 v1::EditVolumeResponse ToProto(const EditOutcome& outcome, const AppliedTick& applied) {

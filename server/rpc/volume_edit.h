@@ -6,6 +6,7 @@
 #include "palpate/v1/edit.pb.h"
 #include "server/session/volume_editor.h"
 #include "server/volume/edit.h"
+#include "server/volume/filter.h"
 
 namespace palpate {
 
@@ -13,6 +14,9 @@ namespace palpate {
 // request that says no edit: no shape, no operation, a position that is missing.
 // Numbers are the editor's to check.
 VolumeEdit FromProto(const v1::EditVolumeRequest& request);
+
+// The same for a filter.
+VolumeFilter FromProto(const v1::FilterVolumeRequest& request);
 
 v1::EditVolumeResponse ToProto(const EditOutcome& outcome, const AppliedTick& applied);
 

@@ -96,6 +96,30 @@ grpc::Status VolumeService::EditVolume(grpc::ServerContext* context,
   });
 }
 
+grpc::Status VolumeService::FilterVolume(grpc::ServerContext* context,
+                                         const v1::FilterVolumeRequest* request,
+                                         grpc::ServerWriter<v1::FilterVolumeResponse>* writer) {
+  const Admission admission = access_.Admit(context, "/palpate.v1.VolumeService/FilterVolume");
+  if (!admission.ok()) return admission.status();
+  const auto progress = [&](std::string_view stage, double fraction) {
+    v1::FilterVolumeResponse event;
+    event.mutable_progress()->set_stage(std::string(stage));
+    event.mutable_progress()->set_fraction(fraction);
+    admission.Write(*writer, event);
+  };
+  const auto cancelled = [&] { return context->IsCancelled(); };
+  try {
+    const EditOutcome outcome =
+        filterer_.Filter(FromProto(*request), Expected(*request), progress, cancelled);
+    v1::FilterVolumeResponse event;
+    *event.mutable_result() = ToProto(outcome, editor_.Wait(outcome));
+    admission.Write(*writer, event);
+    return grpc::Status::OK;
+  } catch (const std::exception& error) {
+    return admission.Failed(error);
+  }
+}
+
 grpc::Status VolumeService::UndoEdit(grpc::ServerContext* context,
                                      const v1::UndoEditRequest* request,
                                      v1::EditVolumeResponse* response) {

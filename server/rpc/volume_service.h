@@ -10,6 +10,7 @@
 #include "server/session/session.h"
 #include "server/session/upload.h"
 #include "server/session/volume_editor.h"
+#include "server/session/volume_filterer.h"
 
 namespace palpate {
 
@@ -22,6 +23,7 @@ class VolumeService final
       : access_(access),
         session_(session),
         editor_(editor),
+        filterer_(session, editor),
         saver_(session, [&paths](const std::string& path) { return paths.CheckSave(path); }),
         paths_(paths),
         uploads_(uploads),
@@ -34,6 +36,8 @@ class VolumeService final
                           grpc::ServerWriter<v1::LoadVolumeResponse>* writer) override;
   grpc::Status EditVolume(grpc::ServerContext* context, const v1::EditVolumeRequest* request,
                           v1::EditVolumeResponse* response) override;
+  grpc::Status FilterVolume(grpc::ServerContext* context, const v1::FilterVolumeRequest* request,
+                            grpc::ServerWriter<v1::FilterVolumeResponse>* writer) override;
   grpc::Status UndoEdit(grpc::ServerContext* context, const v1::UndoEditRequest* request,
                         v1::EditVolumeResponse* response) override;
   grpc::Status RedoEdit(grpc::ServerContext* context, const v1::RedoEditRequest* request,
@@ -59,6 +63,7 @@ class VolumeService final
   Access& access_;
   Session& session_;
   VolumeEditor& editor_;
+  VolumeFilterer filterer_;
   VolumeSaver saver_;
   const PathPolicy& paths_;
   const UploadOptions& uploads_;

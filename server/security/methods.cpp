@@ -29,6 +29,7 @@ constexpr auto kRules = std::to_array<MethodRule>({
     {"/palpate.v1.RenderService/UpdateSettings", kEditor, kCall},
     {"/palpate.v1.RegistrationService/UpdateRegistration", kEditor, kCall},
     {"/palpate.v1.VolumeService/EditVolume", kEditor, kCall},
+    {"/palpate.v1.VolumeService/FilterVolume", kEditor, kTransfer},
     {"/palpate.v1.VolumeService/UndoEdit", kEditor, kCall},
     {"/palpate.v1.VolumeService/RedoEdit", kEditor, kCall},
     {"/palpate.v1.VolumeService/RevertVolume", kEditor, kCall},

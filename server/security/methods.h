@@ -16,7 +16,7 @@ enum class CallKind {
   kCall,          // answered at once: so many per second
   kPoseStream,    // so many at a time, as the next two
   kVolumeStream,  //
-  kTransfer,      // loads, saves, uploads, replays: seconds to minutes each
+  kTransfer,      // loads, saves, uploads, filters, replays: seconds to minutes each
   kStop,          // the emergency stop: nothing bounds it
 };
 

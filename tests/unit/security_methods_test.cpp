@@ -41,9 +41,9 @@ TEST(Methods, TheTableHasAllOfThemOnce) {
 
 // Written out, so that no change of the table goes unnoticed: who may do it answers for it.
 TEST(Methods, EachRoleMayDoWhatItAnswersFor) {
-  const std::set<std::string> editors = {
-      "UpdateSettings", "UpdateRegistration", "EditVolume",    "UndoEdit",
-      "RedoEdit",       "RevertVolume",       "ControlSeries", "Mark"};
+  const std::set<std::string> editors = {"UpdateSettings", "UpdateRegistration", "EditVolume",
+                                         "UndoEdit",       "RedoEdit",           "RevertVolume",
+                                         "FilterVolume",   "ControlSeries",      "Mark"};
   // Those that move a hand, and those that reach files, memory or what all viewers see.
   const std::set<std::string> operators = {
       "EnableForces", "DisableForces", "CalibrateDevice", "LoadVolume",    "UploadVolume",

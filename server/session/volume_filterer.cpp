@@ -1,0 +1,89 @@
+#include "server/session/volume_filterer.h"
+
+#include <chrono>
+#include <memory>
+
+#include "common/error/error.h"
+#include "server/session/freed_memory.h"
+
+namespace palpate {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+// Edits wait so long at most where the filter keeps up with them.
+constexpr double kBriefSeconds = 0.2;
+// And where it does not: less than clients wait for an answer, which is 5 s.
+constexpr double kLongSeconds = 4.0;
+// At last. An edit whose client does not wait is not made.
+constexpr double kLongestSeconds = 20.0;
+constexpr int kMostRounds = 8;
+// Where a round leaves more than this share of it to the next one, rounds are of no use.
+constexpr double kUsefulShare = 0.7;
+
+// Of the progress. Rounds share the rest: nobody knows how many there will be.
+constexpr double kFirstShare = 0.9;
+
+}  // namespace
+
+EditOutcome VolumeFilterer::Filter(const VolumeFilter& filter,
+                                   const VolumeEditor::Revision& expected,
+                                   const LoadProgress& progress, const LoadCancelled& cancelled) {
+  const std::unique_lock filtering(filtering_, std::try_to_lock);
+  if (!filtering) {
+    throw Error(ErrorKind::kConflict, "another filter is running: try again when it is done");
+  }
+  struct Freed {
+    ~Freed() { ReturnFreedMemory(); }
+  };
+  const Freed freed;  // after the run
+  std::shared_ptr<const VolumeSnapshot> volume;
+  editor_.Apply(
+      [&](const VolumeSnapshot&) {
+        volume = session_.volume().volume;
+        return EditResult();
+      },
+      expected);
+  FilterRun run(std::move(volume), filter);
+  const MemoryClaim claim = session_.loader().budget->Claim("the filter", run.MostBytes());
+  progress("filtering", 0.0);
+  return Finish(run, progress, cancelled);
+}
+
+EditOutcome VolumeFilterer::Finish(FilterRun& run, const LoadProgress& progress,
+                                   const LoadCancelled& cancelled) {
+  const char* stage = "filtering";
+  double done = 0.0, share = kFirstShare;
+  for (int round = 0;; ++round) {
+    const Clock::time_point start = Clock::now();
+    run.Compute([&](double fraction) { progress(stage, done + share * fraction); }, cancelled);
+    const double took = std::chrono::duration<double>(Clock::now() - start).count();
+    bool finished = false;
+    const EditOutcome outcome = editor_.Apply([&](const VolumeSnapshot&) -> EditResult {
+      auto volume = session_.volume().volume;
+      if (volume->loaded_revision() != run.volume().loaded_revision()) {
+        throw Error(ErrorKind::kConflict,
+                    "another volume was loaded while the filter ran: nothing was filtered");
+      }
+      run.MoveTo(std::move(volume));
+      const double left = run.SecondsLeft();
+      const bool rounds_help = left < kUsefulShare * took || left > kLongSeconds;
+      if (left > kBriefSeconds && rounds_help && round < kMostRounds) return {};
+      if (left > kLongestSeconds) {
+        throw Error(ErrorKind::kConflict,
+                    "the volume is edited faster than it can be filtered: filter a region, or "
+                    "while nobody edits");
+      }
+      // Without progress: its writing may wait for a client.
+      run.Compute([](double) {}, cancelled);
+      finished = true;
+      return run.Result();
+    });
+    if (finished) return outcome;
+    stage = "filtering edits";
+    done += share;
+    share = (1.0 - done) / 2.0;
+  }
+}
+
+}  // namespace palpate
