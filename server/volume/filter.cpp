@@ -16,6 +16,7 @@
 
 #include "common/error/error.h"
 #include "server/volume/edit_region.h"
+#include "server/volume/mean_filter.h"
 
 namespace palpate {
 namespace {
@@ -77,8 +78,8 @@ openvdb::Coord CornerOf(const Vec3i& brick) {
   return {brick.x() * kBrickEdge, brick.y() * kBrickEdge, brick.z() * kBrickEdge};
 }
 
-// Ends a filter of OpenVDB by an exception. OpenVDB asks for every leaf and pass: the clock is
-// cheaper than `cancelled`.
+// Ends a filter by an exception. It is asked for every leaf and pass: the clock is cheaper than
+// `cancelled`.
 class Interrupter final : public openvdb::util::NullInterrupter {
  public:
   explicit Interrupter(const FilterCancelled& cancelled) : cancelled_(cancelled) {}
@@ -126,12 +127,11 @@ class FilterRun::Worker {
               [&](const Vec3i& brick) { Replace(brick, filtered.data(), changes); });
       return false;
     }
-    const openvdb::FloatGrid::Ptr grid = GridOf(read);
-    Run(*grid);
-    ForEach(bricks.min, bricks.max, [&](const Vec3i& brick) {
-      const Node* const node = grid->tree().probeConstLeaf(CornerOf(brick));
-      Replace(brick, node->buffer().data(), changes);
-    });
+    if (run_.filter_.kind == FilterKind::kMedian) {
+      Median(bricks, read, changes);
+    } else {
+      Means(bricks, read, changes);
+    }
     return true;
   }
 
@@ -149,9 +149,7 @@ class FilterRun::Worker {
     const float once = AfterPasses(value, 1);
     if (once == value) return IsAloneIn(bricks, value) ? std::optional(value) : std::nullopt;
     if (ReachesBeyond(bricks)) return std::nullopt;
-    const int means =
-        run_.filter_.iterations * (run_.filter_.kind == FilterKind::kGaussian ? 4 : 1);
-    return AfterPasses(value, 3 * means);
+    return AfterPasses(value, 3 * MeanCount());
   }
   bool ReachesBeyond(const BrickBox& bricks) const {
     const Vec3i low = bricks.min * kBrickEdge, high = bricks.max * kBrickEdge;
@@ -204,20 +202,47 @@ class FilterRun::Worker {
     return grid;
   }
 
-  void Run(openvdb::FloatGrid& grid) const {
-    openvdb::tools::Filter<openvdb::FloatGrid> filter(grid, &interrupter_);
-    const VolumeFilter& what = run_.filter_;
-    switch (what.kind) {
-      case FilterKind::kGaussian:
-        filter.gaussian(what.width, what.iterations);
-        break;
-      case FilterKind::kMean:
-        filter.mean(what.width, what.iterations);
-        break;
-      case FilterKind::kMedian:
-        filter.median(what.width, what.iterations);
-        break;
-    }
+  void Median(const BrickBox& bricks, const VoxelBox& read, std::vector<BrickChange>& changes) {
+    const openvdb::FloatGrid::Ptr grid = GridOf(read);
+    openvdb::tools::Filter<openvdb::FloatGrid>(*grid, &interrupter_)
+        .median(run_.filter_.width, run_.filter_.iterations);
+    ForEach(bricks.min, bricks.max, [&](const Vec3i& brick) {
+      const Node* const node = grid->tree().probeConstLeaf(CornerOf(brick));
+      Replace(brick, node->buffer().data(), changes);
+    });
+  }
+
+  void Means(const BrickBox& bricks, const VoxelBox& read, std::vector<BrickChange>& changes) {
+    MeanFilter means(read.max - read.min + Vec3i::Ones(), run_.filter_.width, background_);
+    // Visits the rows along z of the voxels that a brick shares with `read`: first voxel, length.
+    const auto for_each_row = [&](const Vec3i& brick, const auto& visit) {
+      const Vec3i low = (brick * kBrickEdge).cwiseMax(read.min);
+      const Vec3i high = (brick * kBrickEdge + Vec3i::Constant(kBrickEdge - 1)).cwiseMin(read.max);
+      for (int x = low.x(); x <= high.x(); ++x) {
+        for (int y = low.y(); y <= high.y(); ++y) {
+          visit(VoxelInBrick(x, y, low.z()),
+                means.Row(x - read.min.x(), y - read.min.y()) + (low.z() - read.min.z()),
+                high.z() - low.z() + 1);
+        }
+      }
+    };
+    Brick values;
+    ForEach(read.min / kBrickEdge, read.max / kBrickEdge, [&](const Vec3i& brick) {
+      volume_.bricks().At(brick)->CopyTo(values.data());
+      for_each_row(brick, [&](std::size_t n, float* row, int length) {
+        std::copy_n(values.data() + n, length, row);
+      });
+    });
+    for (int n = 0; n < MeanCount(); ++n) means.Run([&] { interrupter_.wasInterrupted(0); });
+    ForEach(bricks.min, bricks.max, [&](const Vec3i& brick) {
+      for_each_row(brick, [&](std::size_t n, const float* row, int length) {
+        std::copy_n(row, length, values.data() + n);
+      });
+      Replace(brick, values.data(), changes);
+    });
+  }
+  int MeanCount() const {
+    return run_.filter_.iterations * (run_.filter_.kind == FilterKind::kGaussian ? 4 : 1);
   }
 
   void Replace(const Vec3i& brick, const float* filtered, std::vector<BrickChange>& changes) {
@@ -334,7 +359,7 @@ void FilterRun::Compute(const FilterProgress& progress, const FilterCancelled& c
   double done = 0.0;
   Interrupter interrupter(cancelled);
   Worker worker(*this, interrupter);
-  // OpenVDB's filters use all processors unless they are in an arena of one.
+  // OpenVDB's median uses all processors unless it is in an arena of one.
   tbb::task_arena arena(1);
   for (Part& part : parts_) {
     if (part.left.empty()) continue;

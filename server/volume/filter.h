@@ -1,9 +1,10 @@
 // OpenVDB's filters (openvdb::tools::Filter) of a volume, as edits.
 //
 // The result equals OpenVDB's own, bit by bit, on one grid in which every voxel of the lattice is
-// active and the rest is the background (the least value of the range). Then results are held
-// within the range and -0 becomes 0, as in edits. A region says which voxels are replaced; what
-// they become is read from all voxels around.
+// active and the rest is the background (the least value of the range). Medians are OpenVDB's;
+// means are computed in its order, but not in a tree, which takes ten times as long. Then results
+// are held within the range and -0 becomes 0, as in edits. A region says which voxels are replaced;
+// what they become is read from all voxels around.
 //
 // The volume is filtered in parts, each with as many voxels around it as its result can reach. So
 // progress and cancelling are prompt, and after an edit only the parts near it are filtered again.

@@ -1,0 +1,41 @@
+// Means of the voxels around each voxel, as openvdb::tools::Filter computes them, bit by bit, but
+// in a dense array: ten times as fast as through a tree. Tests compare the two.
+//
+// Threads: one at a time. Not for real-time code.
+#pragma once
+
+#include <functional>
+#include <vector>
+
+#include "common/geometry/geometry.h"
+
+namespace palpate {
+
+class MeanFilter {
+ public:
+  // Of `size` voxels. Those around them have the value `around`, before and after.
+  MeanFilter(const Vec3i& size, int width, float around);
+
+  // Voxel (x, y, 0) and those after it along z.
+  float* Row(int x, int y) { return values_.data() + Place(x, y); }
+  const float* Row(int x, int y) const { return values_.data() + Place(x, y); }
+
+  // One mean of (2·width + 1)³ voxels. `check` is called often; it may throw.
+  void Run(const std::function<void()>& check);
+
+ private:
+  std::size_t Place(int x, int y) const {
+    return static_cast<std::size_t>(x + width_) * stride_x_ +
+           static_cast<std::size_t>(y + width_) * stride_y_ + static_cast<std::size_t>(width_);
+  }
+  void Pass(std::size_t stride, const std::function<void()>& check);
+
+  const Vec3i size_;
+  const int width_;
+  const std::size_t stride_y_;
+  const std::size_t stride_x_;
+  std::vector<float> values_;  // and `width` voxels around them
+  std::vector<float> next_;
+};
+
+}  // namespace palpate
