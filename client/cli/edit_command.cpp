@@ -51,6 +51,17 @@ void EditVolume(const Connection& connection, const v1::EditVolumeRequest& reque
         json);
 }
 
+void FilterVolume(const Connection& connection, const v1::FilterVolumeRequest& request, bool json) {
+  const auto stub = v1::VolumeService::NewStub(connection.channel());
+  Print(RunWithProgress<v1::FilterVolumeResponse>(
+            connection,
+            [&](grpc::ClientContext* context, grpc::CompletionQueue* queue) {
+              return stub->PrepareAsyncFilterVolume(context, request, queue);
+            },
+            "the filter was cancelled; nothing was changed"),
+        json);
+}
+
 void MoveInHistory(const Connection& connection, HistoryCommand command,
                    const std::optional<std::uint64_t>& expected_revision, bool json) {
   using Stub = v1::VolumeService::Stub;

@@ -18,6 +18,9 @@ class Connection;
 // Each makes the change and prints what it did.
 void EditVolume(const Connection& connection, const v1::EditVolumeRequest& request, bool json);
 
+// Shows progress on stderr. Ctrl-C and SIGTERM cancel (kCancelled).
+void FilterVolume(const Connection& connection, const v1::FilterVolumeRequest& request, bool json);
+
 enum class HistoryCommand { kUndo, kRedo, kRevert };
 void MoveInHistory(const Connection& connection, HistoryCommand command,
                    const std::optional<std::uint64_t>& expected_revision, bool json);

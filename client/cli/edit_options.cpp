@@ -26,20 +26,33 @@ v1::Vector3 ToVector(const Numbers& numbers) {
 
 // Positions and lengths of a shape, each as --NAME-mm or as --NAME-voxels: the unit
 // says the frame, and all must agree.
+template <class Request>
 class FrameOptions {
  public:
-  using Store = std::function<void(v1::EditVolumeRequest&, const Numbers&)>;
+  using Store = std::function<void(Request&, const Numbers&)>;
 
   explicit FrameOptions(arguments::Command& command) : command_(command) {}
 
   void AddPosition(const std::string& name, const std::string& about, Store store) {
-    Add(name, about, 3, true, std::move(store));
+    Add(name, about, 3, "X,Y,Z", true, std::move(store));
   }
   void AddLength(const std::string& name, const std::string& about, bool required, Store store) {
-    Add(name, about, 1, required, std::move(store));
+    Add(name, about, 1, "LENGTH", required, std::move(store));
+  }
+  // A whole shape; no two of them at once.
+  void AddShape(const std::string& name, const std::string& about, int count,
+                const std::string& text, Store store) {
+    Add(name, about, count, text, false, std::move(store));
+    const Option& added = *options_.back();
+    for (std::size_t n = 0; n + 1 < options_.size(); ++n) {
+      for (arguments::Option* other : {options_[n]->mm, options_[n]->voxels}) {
+        added.mm->excludes(other);
+        added.voxels->excludes(other);
+      }
+    }
   }
 
-  void Fill(v1::EditVolumeRequest& request) const {
+  void Fill(Request& request) const {
     bool in_mm = false, in_voxels = false;
     for (const auto& option : options_) {
       in_mm |= option->mm->count() > 0;
@@ -68,8 +81,8 @@ class FrameOptions {
     arguments::Option* voxels;
   };
 
-  void Add(const std::string& name, const std::string& about, int count, bool required,
-           Store store) {
+  void Add(const std::string& name, const std::string& about, int count,
+           const std::string& option_text, bool required, Store store) {
     auto option =
         std::make_unique<Option>(Option{name, required, std::move(store), {}, nullptr, nullptr});
     const auto add = [&](const char* unit, const std::string& text) {
@@ -77,9 +90,9 @@ class FrameOptions {
           ->delimiter(',')
           ->expected(count)
           ->check(arguments::Finite())
-          ->option_text(count == 3 ? "X,Y,Z" : "LENGTH");
+          ->option_text(option_text);
     };
-    option->mm = add("-mm", about + (count == 3 ? ", in mm (LPS as in DICOM)" : ", in mm"));
+    option->mm = add("-mm", about + (count == 1 ? ", in mm" : ", in mm (LPS as in DICOM)"));
     option->voxels = add("-voxels", "The same in voxels")->excludes(option->mm);
     options_.push_back(std::move(option));
   }
@@ -88,12 +101,14 @@ class FrameOptions {
   std::vector<std::unique_ptr<Option>> options_;
 };
 
+using EditFrameOptions = FrameOptions<v1::EditVolumeRequest>;
+
 // What the command line says of an edit; lives as long as its command.
 struct EditValues {
   explicit EditValues(arguments::Command& command) : frame(command) {}
 
   v1::EditVolumeRequest request;
-  FrameOptions frame;
+  EditFrameOptions frame;
   std::string operation;
   std::optional<double> value;
   std::optional<double> strength;
@@ -154,7 +169,7 @@ v1::EditVolumeRequest RequestOf(const EditValues& values) {
 
 void AddShape(arguments::Command& edit, Invocation& invocation, const std::string& name,
               const std::string& about, const std::string& example,
-              const std::function<void(FrameOptions&)>& add) {
+              const std::function<void(EditFrameOptions&)>& add) {
   arguments::Command* command = edit.add_subcommand(name, about);
   SetFooter(*command, example);
   const auto values = std::make_shared<EditValues>(*command);
@@ -177,7 +192,7 @@ void AddSphere(arguments::Command& edit, Invocation& invocation) {
            "--value 0\n"
            "          palpate edit sphere --center-voxels 64,64,64 --radius-voxels 8 \\\n"
            "              --falloff-voxels 4 --operation smooth --strength 0.5",
-           [](FrameOptions& frame) {
+           [](EditFrameOptions& frame) {
              frame.AddPosition("center", "Centre", [](auto& r, const Numbers& n) {
                *r.mutable_sphere()->mutable_center() = ToVector(n);
              });
@@ -191,7 +206,7 @@ void AddBox(arguments::Command& edit, Invocation& invocation) {
   AddShape(edit, invocation, "box", "Changes the voxels of a box, its corners included",
            "Example: palpate edit box --min-voxels 0,0,0 --max-voxels 31,63,63 --operation add "
            "--value 20",
-           [](FrameOptions& frame) {
+           [](EditFrameOptions& frame) {
              frame.AddPosition("min", "Least corner", [](auto& r, const Numbers& n) {
                *r.mutable_box()->mutable_min() = ToVector(n);
              });
@@ -205,7 +220,7 @@ void AddCapsule(arguments::Command& edit, Invocation& invocation) {
   AddShape(edit, invocation, "capsule", "Changes the voxels that a sphere sweeps: a stroke",
            "Example: palpate edit capsule --from-mm 0,0,0 --to-mm 10,0,0 --radius-mm 2 \\\n"
            "             --operation subtract --value 300",
-           [](FrameOptions& frame) {
+           [](EditFrameOptions& frame) {
              frame.AddPosition("from", "Where the sphere starts", [](auto& r, const Numbers& n) {
                *r.mutable_capsule()->mutable_from() = ToVector(n);
              });
@@ -264,13 +279,84 @@ void AddBlock(arguments::Command& edit, Invocation& invocation) {
   });
 }
 
+const std::map<std::string, v1::FilterKind> kFilterKinds = {
+    {"gaussian", v1::FILTER_KIND_GAUSSIAN},
+    {"mean", v1::FILTER_KIND_MEAN},
+    {"median", v1::FILTER_KIND_MEDIAN},
+};
+
+// What the command line says of a filter; lives as long as its command.
+struct FilterValues {
+  explicit FilterValues(arguments::Command& command) : frame(command) {}
+
+  v1::FilterVolumeRequest request;
+  FrameOptions<v1::FilterVolumeRequest> frame;
+  std::string kind;
+  std::uint32_t width = 1;
+  std::uint32_t iterations = 1;
+  std::optional<std::uint64_t> expected_revision;
+  bool json = false;
+};
+
+void AddRegion(FilterValues& values) {
+  values.frame.AddShape("box", "Only the voxels of a box: least and greatest corner", 6,
+                        "X,Y,Z,X,Y,Z", [](auto& r, const Numbers& n) {
+                          *r.mutable_box()->mutable_min() = ToVector({n[0], n[1], n[2]});
+                          *r.mutable_box()->mutable_max() = ToVector({n[3], n[4], n[5]});
+                        });
+  values.frame.AddShape("sphere", "Only the voxels of a sphere: centre and radius", 4, "X,Y,Z,R",
+                        [](auto& r, const Numbers& n) {
+                          *r.mutable_sphere()->mutable_center() = ToVector({n[0], n[1], n[2]});
+                          r.mutable_sphere()->set_radius(n[3]);
+                        });
+}
+
+void AddFilter(arguments::Command& edit, Invocation& invocation) {
+  arguments::Command* command = edit.add_subcommand(
+      "filter",
+      "Filters all voxels, or those of a box or a sphere, with a filter of OpenVDB, as one edit.\n"
+      "Edits of others go on meanwhile, and are filtered too. Ctrl-C cancels, with exit code 9.");
+  SetFooter(*command,
+            "Examples: palpate edit filter --kind gaussian\n"
+            "          palpate edit filter --kind median --width 1 --sphere-voxels 64,64,64,20");
+  const auto values = std::make_shared<FilterValues>(*command);
+  command
+      ->add_option("--kind", values->kind,
+                   "gaussian (four means), mean (of the (2 width + 1)^3 voxels around),\n"
+                   "median (of the same voxels; slow)")
+      ->required()
+      ->check(arguments::IsMember({"gaussian", "mean", "median"}))
+      ->option_text("KIND");
+  command->add_option("--width", values->width, "In voxels, 1 to 8; more is smoother [default: 1]")
+      ->option_text("N");
+  command
+      ->add_option("--iterations", values->iterations,
+                   "How often; width times iterations is at most 8 for gaussian, 32 for the\n"
+                   "others [default: 1]")
+      ->option_text("N");
+  AddRegion(*values);
+  AddCommon(*command, values->expected_revision, values->json);
+  command->callback([&invocation, values] {
+    v1::FilterVolumeRequest& request = values->request;
+    request.set_kind(kFilterKinds.at(values->kind));
+    request.set_width(values->width);
+    request.set_iterations(values->iterations);
+    if (values->expected_revision) request.set_expected_revision(*values->expected_revision);
+    values->frame.Fill(request);
+    invocation.command = [request, json = values->json](const Connection& c) {
+      FilterVolume(c, request, json);
+    };
+  });
+}
+
 }  // namespace
 
 void AddEdit(arguments::Command& app, Invocation& invocation) {
   arguments::Command* command = app.add_subcommand(
       "edit",
       "Changes voxels, at one tick: within a shape, fading out over a falloff around it, or\n"
-      "in a block. What is felt is the new surface from then on; see also undo and revert.");
+      "in a block; or filters them. What is felt is the new surface from then on; see also undo\n"
+      "and revert.");
   SetFooter(*command, "Example: palpate edit sphere --help");
   command->require_subcommand(1);
   command->fallthrough();
@@ -278,6 +364,7 @@ void AddEdit(arguments::Command& app, Invocation& invocation) {
   AddBox(*command, invocation);
   AddCapsule(*command, invocation);
   AddBlock(*command, invocation);
+  AddFilter(*command, invocation);
 }
 
 void AddHistory(arguments::Command& app, Invocation& invocation) {
