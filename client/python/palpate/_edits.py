@@ -10,15 +10,20 @@ from palpate._errors import InvalidArgument, TooLarge
 from palpate._geometry import Triple, vector_of
 from palpate._link import Link
 from palpate._values import number, number_or_none
+from palpate._volume import Progress, result_of
 from palpate.v1 import edit_pb2, volume_pb2_grpc
 
 Operation = typing.Literal["add", "subtract", "set", "smooth", "paint"]
 Frame = typing.Literal["world", "index"]
+FilterKind = typing.Literal["gaussian", "mean", "median"]
 
 _OPERATIONS = {"add": edit_pb2.EDIT_OPERATION_ADD, "subtract": edit_pb2.EDIT_OPERATION_SUBTRACT,
                "set": edit_pb2.EDIT_OPERATION_SET, "smooth": edit_pb2.EDIT_OPERATION_SMOOTH,
                "paint": edit_pb2.EDIT_OPERATION_PAINT}
 _FRAMES = {"world": edit_pb2.EDIT_FRAME_WORLD, "index": edit_pb2.EDIT_FRAME_INDEX}
+_FILTER_KINDS = {"gaussian": edit_pb2.FILTER_KIND_GAUSSIAN, "mean": edit_pb2.FILTER_KIND_MEAN,
+                 "median": edit_pb2.FILTER_KIND_MEDIAN}
+_MOST_FILTER_NUMBER = 1000  # more than palpated takes
 _MOST_BLOCK_VOXELS = 3 * 1024 * 1024 // 4
 
 
@@ -111,6 +116,47 @@ class Edits:
         return self._edit(edit_pb2.EditVolumeRequest(block=shape), operation, None, "index", 0.0,
                           strength, expected_revision)
 
+    def filter(self, kind: FilterKind, width: int = 1, iterations: int = 1, *,
+               box: tuple[Triple, Triple] | None = None,
+               sphere: tuple[Triple, float] | None = None, frame: Frame = "world",
+               expected_revision: int | None = None,
+               progress: Progress | None = None) -> EditResult:
+        """Filters all voxels, or those of a region, with a filter of OpenVDB, as one edit.
+
+        kind: "gaussian" (four means), "mean" (of the (2·width + 1)³ voxels around each voxel) or
+        "median" (of the same voxels; slow). width: 1 to 8 voxels. iterations: how often;
+        width·iterations is at most 8 for "gaussian", and at most 32 for the others.
+        box: (least corner, greatest corner), or sphere: (centre, radius), in the frame's unit: the
+        voxels that are replaced, without falloff; neither: all. Beyond the volume is the least
+        value of its range.
+        progress: called with what is done and the share done, 0 to 1; an exception of it cancels.
+        Others can edit meanwhile: their edits are filtered too. expected_revision is that at
+        which the filter begins.
+        Errors: as all edits; Conflict also where another filter runs or another volume is loaded
+        meanwhile.
+        """
+        if kind not in _FILTER_KINDS:
+            raise InvalidArgument(f"kind is one of {', '.join(_FILTER_KINDS)}, not {kind!r}")
+        if frame not in _FRAMES:
+            raise InvalidArgument(f"frame is one of {', '.join(_FRAMES)}, not {frame!r}")
+        if box is not None and sphere is not None:
+            raise InvalidArgument("give a box or a sphere, not both")
+        request = edit_pb2.FilterVolumeRequest(
+            kind=_FILTER_KINDS[kind], width=_count("width", width),
+            iterations=_count("iterations", iterations), expected_revision=expected_revision)
+        if box is not None:
+            corner_min, corner_max = box
+            request.box.CopyFrom(edit_pb2.BoxShape(min=vector_of("box[0]", corner_min),
+                                                   max=vector_of("box[1]", corner_max)))
+        if sphere is not None:
+            center, radius = sphere
+            request.sphere.CopyFrom(edit_pb2.SphereShape(center=vector_of("sphere[0]", center),
+                                                         radius=number("sphere[1]", radius)))
+        if box is not None or sphere is not None:
+            request.frame = _FRAMES[frame]
+        events = self._link.events(self._stub.FilterVolume, request)
+        return _edit_result(result_of(events, progress))
+
     def undo(self, expected_revision: int | None = None) -> EditResult:
         """Takes back the last edit, of whichever client. Conflict where there is none."""
         return self._result(self._stub.UndoEdit,
@@ -146,11 +192,21 @@ class Edits:
         return self._result(self._stub.EditVolume, request)
 
     def _result(self, method: typing.Any, request: typing.Any) -> EditResult:
-        answer: edit_pb2.EditVolumeResponse = self._link.call(method, request)
-        changed = None
-        if answer.HasField("changed"):
-            box = answer.changed
-            changed = (slice(box.min_x, box.max_x + 1), slice(box.min_y, box.max_y + 1),
-                       slice(box.min_z, box.max_z + 1))
-        return EditResult(answer.volume_revision, answer.applied_tick, answer.changed_voxels,
-                          changed, answer.undo_steps, answer.redo_steps)
+        return _edit_result(self._link.call(method, request))
+
+
+def _count(name: str, value: int) -> int:
+    if not isinstance(value, int) or isinstance(value, bool):
+        raise InvalidArgument(f"{name} is a whole number, not {value!r}")
+    # palpated names the bounds.
+    return max(0, min(value, _MOST_FILTER_NUMBER))
+
+
+def _edit_result(answer: edit_pb2.EditVolumeResponse) -> EditResult:
+    changed = None
+    if answer.HasField("changed"):
+        box = answer.changed
+        changed = (slice(box.min_x, box.max_x + 1), slice(box.min_y, box.max_y + 1),
+                   slice(box.min_z, box.max_z + 1))
+    return EditResult(answer.volume_revision, answer.applied_tick, answer.changed_voxels,
+                      changed, answer.undo_steps, answer.redo_steps)
