@@ -124,6 +124,20 @@ EditResult Client::Apply(const Edit& edit) {
   return FromProto(
       parts_->link.Call<v1::VolumeService>(&v1::VolumeService::Stub::EditVolume, ToProto(edit)));
 }
+EditResult Client::RunFilter(const Filter& filter,
+                             const std::function<bool(double fraction)>& progress) {
+  std::optional<EditResult> result;
+  parts_->link.Stream<v1::VolumeService>(
+      [request = ToProto(filter)](v1::VolumeService::Stub& stub, grpc::ClientContext& context) {
+        return stub.FilterVolume(&context, request);
+      },
+      [&](const v1::FilterVolumeResponse& event) {
+        if (event.has_result()) result = FromProto(event.result());
+        return !event.has_progress() || progress(event.progress().fraction());
+      });
+  if (!result) throw Error(ErrorKind::kInternal, "palpated ended the filter without a result");
+  return *result;
+}
 EditResult Client::Undo(std::optional<std::uint64_t> expected_revision) {
   v1::UndoEditRequest request;
   if (expected_revision) request.set_expected_revision(*expected_revision);

@@ -108,6 +108,10 @@ class Client {
   // Answer when the servo has used it. Errors: as in volume.proto; kTooLarge for more
   // than 16 777 216 voxels, kConflict for a revision, and for nothing to undo or redo.
   EditResult Apply(const Edit& edit);
+  // Answers when the servo has used it, and has no deadline: it may take minutes. `progress` has
+  // the share done, 0 to 1, on the caller's thread; false cancels (kCancelled). Others can edit
+  // meanwhile. kConflict also where another filter runs.
+  EditResult RunFilter(const Filter& filter, const std::function<bool(double fraction)>& progress);
   // `expected_revision`: refuse with kConflict unless the volume is at it, so that no
   // change of another client is taken back.
   EditResult Undo(std::optional<std::uint64_t> expected_revision = {});

@@ -52,6 +52,20 @@ struct Edit {
   std::optional<std::uint64_t> expected_revision{};
 };
 
+enum class FilterKind { kGaussian, kMean, kMedian };
+
+// A filter of OpenVDB, as edit.proto explains it.
+struct Filter {
+  FilterKind kind = FilterKind::kGaussian;
+  int width = 1;  // voxels
+  int iterations = 1;
+  // The voxels that are replaced, without falloff; none: all.
+  std::variant<std::monostate, Sphere, Box> region{};
+  EditFrame frame = EditFrame::kWorld;  // of the region
+  // Refuse with ErrorKind::kConflict unless the volume is at this revision at its beginning.
+  std::optional<std::uint64_t> expected_revision{};
+};
+
 // Voxels min .. max, both included.
 struct IndexBox {
   Vec3i min = Vec3i::Zero();

@@ -21,6 +21,11 @@ namespace palpate::client {
 inline constexpr std::chrono::seconds kCallTimeout{5};
 
 class Link {
+  template <typename Message>
+  static Message MessageOfReader(const grpc::ClientReader<Message>*);
+  template <typename Reader>
+  using MessageOf = decltype(MessageOfReader(static_cast<Reader>(nullptr)));
+
  public:
   // Connects nothing yet. Errors: as Client's.
   explicit Link(const Server& server);
@@ -51,6 +56,21 @@ class Link {
       throw ErrorOf(status);
     }
     return response;
+  }
+
+  // Calls a method that streams its answer, without a deadline: open(stub, context) begins it.
+  // take(message): false cancels.
+  // Errors: ErrorOf its status.
+  template <typename Service, typename Open, typename Take>
+  void Stream(const Open& open, const Take& take) {
+    const std::unique_ptr<typename Service::Stub> stub = Service::NewStub(channel());
+    grpc::ClientContext context;
+    const Registered registered(*this, context);
+    const auto reader = open(*stub, context);
+    for (MessageOf<decltype(reader.get())> message; reader->Read(&message);) {
+      if (!take(std::as_const(message))) context.TryCancel();
+    }
+    if (const grpc::Status status = reader->Finish(); !status.ok()) throw ErrorOf(status);
   }
 
   // The Error that a failed call, or an ended stream, stands for.

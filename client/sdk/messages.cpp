@@ -1,5 +1,6 @@
 #include "client/sdk/messages.h"
 
+#include <algorithm>
 #include <bit>
 
 #include "common/error/error.h"
@@ -37,11 +38,13 @@ std::uint32_t Index(int value) {
   return static_cast<std::uint32_t>(value);
 }
 
-void Set(v1::EditVolumeRequest& request, const Sphere& sphere) {
+template <class Request>
+void Set(Request& request, const Sphere& sphere) {
   *request.mutable_sphere()->mutable_center() = palpate::ToProto(sphere.center);
   request.mutable_sphere()->set_radius(sphere.radius);
 }
-void Set(v1::EditVolumeRequest& request, const Box& box) {
+template <class Request>
+void Set(Request& request, const Box& box) {
   *request.mutable_box()->mutable_min() = palpate::ToProto(box.min);
   *request.mutable_box()->mutable_max() = palpate::ToProto(box.max);
 }
@@ -189,6 +192,22 @@ v1::EditVolumeRequest ToProto(const Edit& edit) {
   request.set_strength(edit.strength);
   request.set_falloff(edit.falloff);
   if (edit.expected_revision) request.set_expected_revision(*edit.expected_revision);
+  return request;
+}
+
+v1::FilterVolumeRequest ToProto(const Filter& filter) {
+  constexpr v1::FilterKind kKinds[] = {v1::FILTER_KIND_GAUSSIAN, v1::FILTER_KIND_MEAN,
+                                       v1::FILTER_KIND_MEDIAN};
+  v1::FilterVolumeRequest request;
+  request.set_kind(kKinds[static_cast<int>(filter.kind)]);
+  // Negative ones are refused as 0 is.
+  request.set_width(static_cast<std::uint32_t>(std::max(0, filter.width)));
+  request.set_iterations(static_cast<std::uint32_t>(std::max(0, filter.iterations)));
+  if (const auto* sphere = std::get_if<Sphere>(&filter.region)) Set(request, *sphere);
+  if (const auto* box = std::get_if<Box>(&filter.region)) Set(request, *box);
+  request.set_frame(filter.frame == EditFrame::kIndex ? v1::EDIT_FRAME_INDEX
+                                                      : v1::EDIT_FRAME_WORLD);
+  if (filter.expected_revision) request.set_expected_revision(*filter.expected_revision);
   return request;
 }
 

@@ -26,6 +26,7 @@ RecordingState FromProto(const v1::RecordingState& state);
 v1::UpdateSettingsRequest ToProto(const SettingsUpdate& update);
 // Errors: kInvalidArgument for a block of negative numbers.
 v1::EditVolumeRequest ToProto(const Edit& edit);
+v1::FilterVolumeRequest ToProto(const Filter& filter);
 v1::ControlSeriesRequest ToProto(const SeriesControl& control);
 
 }  // namespace palpate::client

@@ -36,6 +36,31 @@ void EditBrush(Viewer& viewer) {
   ImGui::EndDisabled();
 }
 
+// All voxels; a step of the brush's history.
+void Denoise(Viewer& viewer) {
+  static const char* const kinds[] = {"gaussian", "mean", "median"};
+  Denoiser& denoiser = viewer.feed().denoiser();
+  client::Filter& filter = viewer.state().denoise;
+  ImGui::Separator();
+  const std::optional<double> fraction = denoiser.fraction();
+  if (fraction) {
+    ImGui::ProgressBar(static_cast<float>(*fraction),
+                       {0.58f * ImGui::GetContentRegionAvail().x, 0});
+    ImGui::SameLine();
+    if (ImGui::Button("Cancel")) denoiser.Cancel();
+  } else if (ImGui::Button("Denoise the volume")) {
+    denoiser.Start(filter, viewer.brush().OtherStroke());
+  }
+  int kind = static_cast<int>(filter.kind);
+  if (Choose("Filter", kind, kinds, 3)) filter.kind = static_cast<client::FilterKind>(kind);
+  ImGui::SliderInt("Width", &filter.width, 1, 8, "%d voxels", ImGuiSliderFlags_AlwaysClamp);
+  if (const std::string problem = denoiser.problem(); !problem.empty()) {
+    ImGui::PushStyleColor(ImGuiCol_Text, kWarning);
+    ImGui::TextUnformatted(OneLine(problem, 200).c_str());
+    ImGui::PopStyleColor();
+  }
+}
+
 }  // namespace
 
 void BrushPanel(Viewer& viewer) {
@@ -43,6 +68,7 @@ void BrushPanel(Viewer& viewer) {
   if (!ImGui::CollapsingHeader("Brush")) return;
   BeginAllowed(viewer, client::Role::kEditor);
   EditBrush(viewer);
+  Denoise(viewer);
   EndAllowed();
 }
 

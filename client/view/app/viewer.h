@@ -37,6 +37,7 @@ struct ViewState {
   SurfaceOptions surface;  // isovalue and free side are palpated's
   OverlayOptions overlay;
   BrushOptions brush;
+  client::Filter denoise{};
   // Where the slices cross.
   bool cross_follows_proxy = true;
   Vec3 cross_I = Vec3::Zero();

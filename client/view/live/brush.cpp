@@ -186,6 +186,12 @@ void Brush::End() {
   ++stroke_;
 }
 
+std::function<void(const client::EditResult&)> Brush::OtherStroke() {
+  End();
+  return [history = history_, stroke = stroke_++, connection = connection_](
+             const client::EditResult& result) { history->Add(stroke, connection, result); };
+}
+
 bool Brush::CanUndo() const { return history_->CanUndo(); }
 
 void Brush::Undo(Commands& commands) {

@@ -18,6 +18,7 @@
 // Threads: that of the frames. Errors: in Commands::problem().
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <optional>
 
@@ -57,6 +58,10 @@ class Brush {
   void Lift();
   // The button was let go.
   void End();
+
+  // For an edit that is made elsewhere: what it is told counts as a stroke of its own. May be
+  // called on any thread, once, also when the brush is gone.
+  std::function<void(const client::EditResult&)> OtherStroke();
 
   // Strokes whose edits changed something, of those that are done.
   bool CanUndo() const;

@@ -175,6 +175,8 @@ struct LiveFeed::Line {
   Questions questions{client};
   SeriesControls series_controls;
   Commands commands{client};
+  Commands filter_commands{client};
+  Denoiser denoiser{filter_commands};
   Commands urgent_commands{client};
   EmergencyStop emergency_stop{urgent_commands};
 };
@@ -314,6 +316,7 @@ void LiveFeed::ControlSeries(const client::SeriesControl& control) {
            [&controls](client::Client& client) { client.ControlSeries(controls.Take()); });
 }
 
+Denoiser& LiveFeed::denoiser() { return parts_->line->denoiser; }
 EmergencyStop& LiveFeed::emergency_stop() { return parts_->line->emergency_stop; }
 const EmergencyStop& LiveFeed::emergency_stop() const { return parts_->line->emergency_stop; }
 

@@ -14,6 +14,7 @@
 #include "client/sdk/client.h"
 #include "client/sdk/server_choice.h"
 #include "client/view/live/commands.h"
+#include "client/view/live/denoiser.h"
 #include "client/view/live/emergency_stop.h"
 #include "client/view/live/plot_history.h"
 #include "client/view/volume/view_volume.h"
@@ -76,6 +77,7 @@ class LiveFeed {
   void DoAndAsk(std::string name, std::function<void(client::Client&)> command);
   // Merged with what waits, key by key: of a slider that is moved the newest wins.
   void ControlSeries(const client::SeriesControl& control);
+  Denoiser& denoiser();
   EmergencyStop& emergency_stop();
   const EmergencyStop& emergency_stop() const;
 

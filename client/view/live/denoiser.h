@@ -1,0 +1,36 @@
+// Filters of the whole volume, one at a time, which may take minutes.
+//
+// Threads: that of the frames; the call has a thread of its own (Commands). Errors: in problem().
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "client/sdk/edit.h"
+#include "client/view/live/commands.h"
+
+namespace palpate::view {
+
+class Denoiser {
+ public:
+  // `commands`: for nothing else, as they wait for the filter; outlives it.
+  explicit Denoiser(Commands& commands);
+
+  // Does nothing where a filter runs. `done`: on the thread of the call.
+  void Start(const client::Filter& filter,
+             const std::function<void(const client::EditResult&)>& done);
+  void Cancel();
+  // The share done, 0 to 1; none: no filter runs.
+  std::optional<double> fraction() const;
+  std::string problem() const { return commands_.problem(); }
+
+ private:
+  struct Progress;
+
+  Commands& commands_;
+  std::shared_ptr<Progress> progress_;
+};
+
+}  // namespace palpate::view
