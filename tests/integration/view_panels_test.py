@@ -94,6 +94,23 @@ class LeftPanels(OneView):
         self.assertTrue(self.becomes(whole))
 
 
+class Denoising(OneView):
+    def test_a_click_filters_the_volume_as_one_step(self):
+        left = Panels(self.window, Panels.LEFT)
+        left.only("Brush")
+        before = self.conn.volume.download().values
+        revision = self.conn.volume.info().volume_revision
+        self.window.click(60, left.row(6))
+        self.assertTrue(wait_until(
+            lambda: self.conn.volume.info().volume_revision == revision + 1))
+        self.assertTrue((self.conn.volume.download().values != before).any())
+        # The brush's own undo takes it back.
+        self.window.do("key", "ctrl+z")
+        self.assertTrue(wait_until(
+            lambda: self.conn.volume.info().volume_revision == revision + 2))
+        np.testing.assert_array_equal(self.conn.volume.download().values, before)
+
+
 class Slices(OneView):
     def settled_slice(self):
         seen = {}

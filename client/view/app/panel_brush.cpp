@@ -53,7 +53,7 @@ void Denoise(Viewer& viewer) {
   }
   int kind = static_cast<int>(filter.kind);
   if (Choose("Filter", kind, kinds, 3)) filter.kind = static_cast<client::FilterKind>(kind);
-  ImGui::SliderInt("Width", &filter.width, 1, 8, "%d voxels", ImGuiSliderFlags_AlwaysClamp);
+  ImGui::SliderInt("Width in voxels", &filter.width, 1, 8, "%d", ImGuiSliderFlags_AlwaysClamp);
   if (const std::string problem = denoiser.problem(); !problem.empty()) {
     ImGui::PushStyleColor(ImGuiCol_Text, kWarning);
     ImGui::TextUnformatted(OneLine(problem, 200).c_str());
