@@ -4,6 +4,7 @@
 // Threads: one at a time. Not for real-time code.
 #pragma once
 
+#include <cstddef>
 #include <functional>
 #include <vector>
 

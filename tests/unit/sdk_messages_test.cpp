@@ -105,5 +105,33 @@ TEST(SdkMessages, ShapesAreThemselves) {
   EXPECT_EQ(request.block().values().size(), 8u);
 }
 
+TEST(SdkMessages, AFilterIsSentAsItIs) {
+  Filter filter{.kind = FilterKind::kMedian, .width = 3, .iterations = 2};
+  v1::FilterVolumeRequest request = ToProto(filter);
+  EXPECT_EQ(request.kind(), v1::FILTER_KIND_MEDIAN);
+  EXPECT_EQ(request.width(), 3u);
+  EXPECT_EQ(request.iterations(), 2u);
+  EXPECT_EQ(request.region_case(), v1::FilterVolumeRequest::REGION_NOT_SET);
+  EXPECT_FALSE(request.has_expected_revision());
+  filter = {.kind = FilterKind::kMean, .width = -1, .iterations = -2};
+  filter.region = Sphere{Vec3(1, 2, 3), 4.0};
+  filter.expected_revision = 7;
+  request = ToProto(filter);
+  EXPECT_EQ(request.kind(), v1::FILTER_KIND_MEAN);
+  EXPECT_EQ(request.width(), 0u);
+  EXPECT_EQ(request.iterations(), 0u);
+  EXPECT_EQ(request.sphere().center().y(), 2.0);
+  EXPECT_EQ(request.sphere().radius(), 4.0);
+  EXPECT_EQ(request.frame(), v1::EDIT_FRAME_WORLD);
+  EXPECT_EQ(request.expected_revision(), 7u);
+  filter = {.kind = FilterKind::kGaussian, .region = Box{Vec3(1, 2, 3), Vec3(4, 5, 6)}};
+  filter.frame = EditFrame::kIndex;
+  request = ToProto(filter);
+  EXPECT_EQ(request.kind(), v1::FILTER_KIND_GAUSSIAN);
+  EXPECT_EQ(request.box().min().z(), 3.0);
+  EXPECT_EQ(request.box().max().x(), 4.0);
+  EXPECT_EQ(request.frame(), v1::EDIT_FRAME_INDEX);
+}
+
 }  // namespace
 }  // namespace palpate::client
