@@ -135,7 +135,8 @@ NAMES = {
 # The headers of volume that are free of OpenVDB; real-time code sees no others.
 PLAIN_VOLUME_HEADERS = {"server/volume/brick_directory.h", "server/volume/snapshot.h",
                         "server/volume/volume_metadata.h", "server/volume/edit.h",
-                        "server/volume/volume_export.h", "server/volume/whole_file.h"}
+                        "server/volume/filter.h", "server/volume/volume_export.h",
+                        "server/volume/whole_file.h"}
 # What a program outside of the tree includes.
 PUBLIC_HEADER = "client/sdk/client.h"
 
