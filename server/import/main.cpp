@@ -57,7 +57,8 @@ void DefineLimits(arguments::Command* app, Options* options) {
       ->capture_default_str();
   app->add_option("--only-below", options->folders,
                   "INPUT, its slices and data files lie below INPUT's folder or this one, links\n"
-                  "followed; these paths hold no links; may be given again (default: anywhere)")
+                  "followed; these paths hold no links; may be given again (default: anywhere).\n"
+                  "With --to-descriptor the kernel, too, refuses anything else")
       ->expected(1)
       ->take_all()
       ->type_name("FOLDER");
@@ -125,10 +126,9 @@ void DefineOptions(arguments::Command* app, Options* options) {
       ->type_name("N");
   DefineRawOptions(app, options);
   DefineLimits(app, options);
-  app->add_flag(
-      "--progress", options->progress,
-      "Lines 'progress FRACTION STAGE' on stdout, FRACTION from 0 to 1, and 'size X Y Z'\n"
-      "as soon as the size is known");
+  app->add_flag("--progress", options->progress,
+                "Lines 'progress FRACTION STAGE' on stdout, FRACTION from 0 to 1, and 'size X Y Z\n"
+                "BYTES' as soon as the size is known, and the bytes of a voxel in the file");
 }
 
 // "CT/" and "CT" are the same folder.

@@ -16,7 +16,10 @@ std::uint64_t KeptBytes(const VolumeSnapshot& before, const VolumeSnapshot& volu
   const bool is_new = before.loaded_revision() != volume.loaded_revision();
   if (is_new) return before.bricks().MemoryBytes();
   std::uint64_t bytes = 0;
-  for (const BrickChange& change : changes) bytes += before.bricks().At(change.brick)->Bytes();
+  for (const BrickChange& change : changes) {
+    const LeafPtr& leaf = before.bricks().At(change.brick);
+    if (!leaf->is_constant()) bytes += leaf->Bytes();
+  }
   return bytes;
 }
 

@@ -17,6 +17,10 @@ VolumeEditor::Revision Expected(const Request& request) {
   return request.expected_revision();
 }
 
+VolumeEditor::Cancelled Cancelled(grpc::ServerContext* context) {
+  return [context] { return context->IsCancelled(); };
+}
+
 }  // namespace
 
 template <class Change>
@@ -125,7 +129,7 @@ grpc::Status VolumeService::UndoEdit(grpc::ServerContext* context,
                                      v1::EditVolumeResponse* response) {
   const Admission admission = access_.Admit(context, "/palpate.v1.VolumeService/UndoEdit");
   if (!admission.ok()) return admission.status();
-  return Answer(response, [&] { return editor_.Undo(Expected(*request)); });
+  return Answer(response, [&] { return editor_.Undo(Expected(*request), Cancelled(context)); });
 }
 
 grpc::Status VolumeService::RedoEdit(grpc::ServerContext* context,
@@ -133,7 +137,7 @@ grpc::Status VolumeService::RedoEdit(grpc::ServerContext* context,
                                      v1::EditVolumeResponse* response) {
   const Admission admission = access_.Admit(context, "/palpate.v1.VolumeService/RedoEdit");
   if (!admission.ok()) return admission.status();
-  return Answer(response, [&] { return editor_.Redo(Expected(*request)); });
+  return Answer(response, [&] { return editor_.Redo(Expected(*request), Cancelled(context)); });
 }
 
 grpc::Status VolumeService::RevertVolume(grpc::ServerContext* context,
@@ -141,7 +145,7 @@ grpc::Status VolumeService::RevertVolume(grpc::ServerContext* context,
                                          v1::EditVolumeResponse* response) {
   const Admission admission = access_.Admit(context, "/palpate.v1.VolumeService/RevertVolume");
   if (!admission.ok()) return admission.status();
-  return Answer(response, [&] { return editor_.Revert(Expected(*request)); });
+  return Answer(response, [&] { return editor_.Revert(Expected(*request), Cancelled(context)); });
 }
 
 grpc::Status VolumeService::SaveVolume(grpc::ServerContext* context,

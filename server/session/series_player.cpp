@@ -216,7 +216,7 @@ bool SeriesPlayer::KeepEdits(Series& series, const VolumeState& volume) {
   const BrickDirectory& edited = volume.volume->bricks();
   std::uint64_t bytes = 0;
   for (const BrickChange& change : series.loaded[frame].ChangesTo(edited)) {
-    bytes += change.values->Bytes();
+    if (!change.values->is_constant()) bytes += change.values->Bytes();
   }
   try {
     series.edits.Resize(series.edits.bytes() - series.edited_bytes[frame] + bytes);

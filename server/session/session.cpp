@@ -278,6 +278,9 @@ VolumeState Session::PublishBricks(std::span<const BrickChange> changes) {
   auto changed = std::make_shared<const VolumeSnapshot>(volume_->metadata(),
                                                         volume_->bricks().With(changes, revision),
                                                         revision, volume_->loaded_revision());
+  // Leaves may have become floats. The claim of a series is for all its frames, and stays.
+  const bool is_of_volume = claim_.bytes() == volume_->bricks().MemoryBytes();
+  if (is_of_volume) claim_.Resize(changed->bricks().MemoryBytes());
   const std::lock_guard lock(mutex_);
   volume_ = std::move(changed);
   volume_revision_ = revision;

@@ -37,7 +37,8 @@ class Upload {
   static constexpr char kVdbKey[] = "volume.upload_vdb";
 
   // Throws kInvalidArgument (a name that is none, or of a file that needs another
-  // one; no bytes), kPermissionDenied (a .vdb where none may be sent), kTooLarge (the limit, the budget), kUnavailable (no space).
+  // one; no bytes), kPermissionDenied (a .vdb where none may be sent), kTooLarge (the limit, the
+  // budget), kUnavailable (no space).
   Upload(const UploadOptions& options, MemoryBudget& budget, const UploadStart& start);
   ~Upload();
   Upload(const Upload&) = delete;

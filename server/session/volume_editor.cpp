@@ -9,6 +9,14 @@
 #include "common/error/error.h"
 
 namespace palpate {
+namespace {
+
+// In its turn, and that may be late: for nobody it is not made.
+void CheckWanted(const VolumeEditor::Cancelled& cancelled) {
+  if (cancelled && cancelled()) throw Error(ErrorKind::kCancelled, "the edit was cancelled");
+}
+
+}  // namespace
 
 VolumeEditor::VolumeEditor(Session& session, std::uint64_t max_history_bytes)
     : session_(session), max_history_bytes_(max_history_bytes) {}
@@ -23,17 +31,18 @@ EditOutcome VolumeEditor::Apply(const Change& change, const Revision& expected,
   return Outcome(result, state);
 }
 
-EditOutcome VolumeEditor::Undo(const Revision& expected) {
-  return Move(undo_, redo_, "there is no edit left to take back", expected);
+EditOutcome VolumeEditor::Undo(const Revision& expected, const Cancelled& cancelled) {
+  return Move(undo_, redo_, "there is no edit left to take back", expected, cancelled);
 }
 
-EditOutcome VolumeEditor::Redo(const Revision& expected) {
-  return Move(redo_, undo_, "there is no edit to do again", expected);
+EditOutcome VolumeEditor::Redo(const Revision& expected, const Cancelled& cancelled) {
+  return Move(redo_, undo_, "there is no edit to do again", expected, cancelled);
 }
 
-EditOutcome VolumeEditor::Revert(const Revision& expected) {
+EditOutcome VolumeEditor::Revert(const Revision& expected, const Cancelled& cancelled) {
   const auto lock = session_.LockVoxels();
   const auto volume = Begin(expected);
+  CheckWanted(cancelled);
   EditResult result;
   if (base_) result = CompareBricks(*volume, volume->bricks().ChangesTo(base_->bricks()));
   const VolumeState state = Publish(result);
@@ -41,10 +50,11 @@ EditOutcome VolumeEditor::Revert(const Revision& expected) {
   return Outcome(result, state);
 }
 
-EditOutcome VolumeEditor::Move(Steps& from, Steps& to, const char* empty,
-                               const Revision& expected) {
+EditOutcome VolumeEditor::Move(Steps& from, Steps& to, const char* empty, const Revision& expected,
+                               const Cancelled& cancelled) {
   const auto lock = session_.LockVoxels();
   const auto volume = Begin(expected);
+  CheckWanted(cancelled);
   if (from.empty()) throw Error(ErrorKind::kConflict, empty);
   std::vector<BrickChange> changes;
   for (const auto& [number, values] : from.back().bricks) {

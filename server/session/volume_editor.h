@@ -36,6 +36,8 @@ struct EditOutcome {
 class VolumeEditor final : public SceneListener {
  public:
   using Revision = std::optional<std::uint64_t>;
+  // Whether nobody waits for the change any more; asked in its turn.
+  using Cancelled = std::function<bool()>;
   // The changes to make to the volume as it is.
   using Change = std::function<EditResult(const VolumeSnapshot& volume)>;
 
@@ -52,11 +54,11 @@ class VolumeEditor final : public SceneListener {
                  stroke);
   }
   EditOutcome Apply(const Change& change, const Revision& expected = {}, std::uint64_t stroke = 0);
-  // kConflict where there is nothing to take back, or to do again.
-  EditOutcome Undo(const Revision& expected = {});
-  EditOutcome Redo(const Revision& expected = {});
+  // kConflict where there is nothing to take back, or to do again; kCancelled.
+  EditOutcome Undo(const Revision& expected = {}, const Cancelled& cancelled = {});
+  EditOutcome Redo(const Revision& expected = {}, const Cancelled& cancelled = {});
   // To the voxels as loaded; can be undone.
-  EditOutcome Revert(const Revision& expected = {});
+  EditOutcome Revert(const Revision& expected = {}, const Cancelled& cancelled = {});
 
   // The tick at which an outcome is felt. kUnavailable.
   AppliedTick Wait(const EditOutcome& outcome) {
@@ -83,7 +85,8 @@ class VolumeEditor final : public SceneListener {
   // What is felt with it.
   VolumeState Publish(const EditResult& result);
   EditOutcome Outcome(const EditResult& result, const VolumeState& state) const;
-  EditOutcome Move(Steps& from, Steps& to, const char* empty, const Revision& expected);
+  EditOutcome Move(Steps& from, Steps& to, const char* empty, const Revision& expected,
+                   const Cancelled& cancelled);
   void Record(const std::shared_ptr<const VolumeSnapshot>& before, const EditResult& result,
               std::uint64_t stroke);
   void Add(const VolumeSnapshot& before, const EditResult& result, Step& step);

@@ -11,14 +11,14 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-// Edits wait so long at most where the filter keeps up with them.
+// If the filter keeps up with the edits, edits wait at most this long.
 constexpr double kBriefSeconds = 0.2;
-// And where it does not: less than clients wait for an answer, which is 5 s.
+// If it does not: less than the 5 s that clients wait for an answer.
 constexpr double kLongSeconds = 4.0;
-// At last. An edit whose client does not wait is not made.
+// The longest that edits ever wait. One whose client has stopped waiting is not made, nor an undo.
 constexpr double kLongestSeconds = 20.0;
 constexpr int kMostRounds = 8;
-// Where a round leaves more than this share of it to the next one, rounds are of no use.
+// If a round leaves more than this share of its time to the next one, rounds do not help.
 constexpr double kUsefulShare = 0.7;
 
 // Of the progress. Rounds share the rest: nobody knows how many there will be.
@@ -45,12 +45,12 @@ EditOutcome VolumeFilterer::Filter(const VolumeFilter& filter,
       },
       expected);
   FilterRun run(std::move(volume), filter);
-  const MemoryClaim claim = session_.loader().budget->Claim("the filter", run.MostBytes());
+  MemoryClaim claim = session_.loader().budget->Claim("the filter", run.MostBytes());
   progress("filtering", 0.0);
-  return Finish(run, progress, cancelled);
+  return Finish(run, claim, progress, cancelled);
 }
 
-EditOutcome VolumeFilterer::Finish(FilterRun& run, const LoadProgress& progress,
+EditOutcome VolumeFilterer::Finish(FilterRun& run, MemoryClaim& claim, const LoadProgress& progress,
                                    const LoadCancelled& cancelled) {
   const char* stage = "filtering";
   double done = 0.0, share = kFirstShare;
@@ -77,6 +77,7 @@ EditOutcome VolumeFilterer::Finish(FilterRun& run, const LoadProgress& progress,
       // Without progress: its writing may wait for a client.
       run.Compute([](double) {}, cancelled);
       finished = true;
+      claim.Resize(0);  // the volume claims its leaves when it is published
       return run.Result();
     });
     if (finished) return outcome;

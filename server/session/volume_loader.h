@@ -42,8 +42,8 @@ struct LoadMemory {
   std::uint64_t Sum() const { return volume_bytes + passing_bytes; }
 };
 
-// Told of the volume that is loaded, before any of it is: by what its file promises, and again by
-// what has become of it. What it throws ends the load.
+// Called with the size in the file's header before voxels are read, and again with the imported
+// size and type. What it throws ends the load.
 using LoadSizeKnown = std::function<void(const Vec3i& size, const LoadMemory& memory)>;
 
 struct VolumeLoader {

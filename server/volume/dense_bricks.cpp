@@ -3,6 +3,7 @@
 #include <openvdb/tree/LeafNode.h>
 
 #include <algorithm>
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
@@ -58,7 +59,10 @@ class DenseLeaves {
         const T* const row = strip_.data() +
                              (static_cast<std::size_t>(layer) * strip_rows_ + line) * size_.x() +
                              corner.x();
-        for (int i = 0; i < end.x(); ++i) values_[VoxelInBrick(i, j, k)] = row[i];
+        for (int i = 0; i < end.x(); ++i) {
+          // A zero has the background's sign, if that is zero: so volumes were always read.
+          values_[VoxelInBrick(i, j, k)] = row[i] == background_ ? background_ : row[i];
+        }
       }
     }
   }

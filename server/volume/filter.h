@@ -64,7 +64,7 @@ class FilterRun {
   // Another state of the same volume. Parts that read what differs are to be computed again.
   void MoveTo(std::shared_ptr<const VolumeSnapshot> volume);
 
-  // Filters what is left. kCancelled: `cancelled` said so; it can be gone on with.
+  // Filters what is left. kCancelled: `cancelled` said so; Compute can be called again.
   void Compute(const FilterProgress& progress, const FilterCancelled& cancelled);
 
   // How long Compute would take, judged by how long it took so far; 0: nothing is left.

@@ -18,8 +18,12 @@
 namespace palpate {
 namespace {
 
-[[noreturn]] void FailInternal(const char* what) {
-  throw Error(ErrorKind::kInternal, std::string(what) + ": " + std::strerror(errno));
+// Of the call that set errno.
+[[noreturn]] void Fail(const char* what) {
+  const bool no_room = errno == ENOMEM || errno == ENOSPC || errno == EFBIG;
+  throw Error(no_room ? ErrorKind::kTooLarge : ErrorKind::kInternal,
+              std::string(what) + ": " + std::strerror(errno) +
+                  (no_room ? "; crop the volume or raise the limit of memory" : ""));
 }
 
 [[noreturn]] void Refuse(const std::string& what) {
@@ -32,7 +36,7 @@ void WriteAt(int fd, const void* data, std::size_t size, std::int64_t offset) {
   while (size > 0) {
     const ssize_t count = pwrite(fd, bytes, size, offset);
     if (count < 0 && errno == EINTR) continue;
-    if (count <= 0) FailInternal("cannot hand the volume over");
+    if (count <= 0) Fail("cannot hand the volume over");
     bytes += count;
     offset += count;
     size -= static_cast<std::size_t>(count);
@@ -44,7 +48,7 @@ void ReadAt(int fd, void* data, std::size_t size, std::int64_t offset) {
   while (size > 0) {
     const ssize_t count = pread(fd, bytes, size, offset);
     if (count < 0 && errno == EINTR) continue;
-    if (count <= 0) FailInternal("cannot take the volume over");
+    if (count <= 0) Fail("cannot take the volume over");
     bytes += count;
     offset += count;
     size -= static_cast<std::size_t>(count);
@@ -101,6 +105,12 @@ VolumeMetadata MetadataOf(const HandoverHeader& header) {
   return metadata;
 }
 
+// -0 counts as 0, which it equals.
+bool IsOf(LeafType type, double value) {
+  return std::abs(value) <= std::numeric_limits<float>::max() &&
+         Holds(type, static_cast<float>(value) + 0.0f);
+}
+
 struct Contents {
   VolumeMetadata metadata;
   LeafType type = LeafType::kFloat;
@@ -110,7 +120,7 @@ struct Contents {
 
 Contents ReadChecked(int fd, std::int64_t max_voxels) {
   struct stat status {};
-  if (fstat(fd, &status) != 0) FailInternal("cannot look at the hand-over");
+  if (fstat(fd, &status) != 0) Fail("cannot look at the hand-over");
   HandoverHeader header;
   if (status.st_size < kHandoverVoxels) Refuse("no header");
   ReadAt(fd, &header, sizeof header, 0);
@@ -130,6 +140,10 @@ Contents ReadChecked(int fd, std::int64_t max_voxels) {
   contents.layer_bytes = size.x() * size.y() * voxel_bytes;
   contents.file_bytes = kHandoverVoxels + voxels * voxel_bytes;
   if (status.st_size != contents.file_bytes) Refuse("not as many voxels as stated");
+  if (!IsOf(contents.type, contents.metadata.value_min) ||
+      !IsOf(contents.type, contents.metadata.value_max)) {
+    Refuse("a range that is none of its type");
+  }
   return contents;
 }
 
@@ -163,11 +177,32 @@ class RangeCheck {
   double greatest_ = -least_;
 };
 
+// A hundred times at most, however many rows there are.
+class StepwiseProgress {
+ public:
+  StepwiseProgress(const std::function<void(double)>& progress, std::int64_t rows)
+      : progress_(progress), rows_(rows) {}
+
+  // Before so many more rows are read.
+  void Add(std::int64_t rows) {
+    const std::int64_t percent = 100 * done_ / rows_;
+    if (progress_ && percent != told_) progress_(static_cast<double>(percent) / 100.0);
+    told_ = percent;
+    done_ += rows;
+  }
+
+ private:
+  const std::function<void(double)>& progress_;
+  const std::int64_t rows_;
+  std::int64_t done_ = 0;
+  std::int64_t told_ = -1;
+};
+
 }  // namespace
 
 Descriptor MakeHandoverFile() {
   Descriptor file(memfd_create("palpate-volume", MFD_CLOEXEC | MFD_ALLOW_SEALING));
-  if (file.get() < 0) FailInternal("cannot make a file in memory");
+  if (file.get() < 0) Fail("cannot make a file in memory");
   return file;
 }
 
@@ -200,8 +235,9 @@ LoadedVolume TakeHandover(int fd, const TakeOptions& options) {
   const Vec3i& size = contents.metadata.size;
   if (options.on_size) options.on_size(size, contents.type);
   RangeCheck range(contents.metadata);
+  StepwiseProgress progress(options.progress, std::int64_t{size.y()} * size.z());
   const auto read = [&](int z, int first_y, int end_y, void* rows) {
-    if (options.progress && first_y == 0) options.progress(static_cast<double>(z) / size.z());
+    progress.Add(end_y - first_y);
     const auto row_bytes = contents.layer_bytes / size.y();
     const auto bytes = static_cast<std::size_t>((end_y - first_y) * row_bytes);
     ReadAt(fd, rows, bytes, kHandoverVoxels + z * contents.layer_bytes + first_y * row_bytes);

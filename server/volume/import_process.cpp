@@ -332,12 +332,26 @@ LoadedVolume ImportVolume(const ImportRequest& request,
     if (cancelled && cancelled()) ThrowCancelled(request);
     if (progress) progress("loading", kImporterShare + (1.0 - kImporterShare) * fraction);
   };
+  bool is_telling = false;  // what a listener throws names the file where it wants to
+  const auto on_size = [&](const Vec3i& size, LeafType type) {
+    is_telling = true;
+    if (request.on_size) request.on_size(size, type);
+    is_telling = false;
+  };
+  const auto on_progress = [&](double fraction) {
+    is_telling = true;
+    tell(fraction);
+    is_telling = false;
+  };
   try {
     LoadedVolume volume = TakeHandover(
         handover.get(),
-        {.max_voxels = request.max_voxels, .on_size = request.on_size, .progress = tell});
+        {.max_voxels = request.max_voxels, .on_size = on_size, .progress = on_progress});
     tell(1.0);
     return volume;
+  } catch (const Error& error) {
+    if (is_telling) throw;
+    throw Error(error.kind(), request.source.string() + ": " + error.what());
   } catch (const std::bad_alloc&) {
     throw Error(ErrorKind::kTooLarge,
                 request.source.string() + ": there is not enough memory to hold it");

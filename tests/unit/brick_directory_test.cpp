@@ -156,6 +156,34 @@ TEST(BrickDirectoryTest, AllChangedAtLeavesBricksAndHash) {
   EXPECT_TRUE(bricks.ChangedSince(1).empty());
 }
 
+// As of a recording, whose session saw more revisions than ours.
+TEST(BrickDirectoryTest, AllChangedAtAnEarlierRevisionForgetsLaterOnes) {
+  std::mt19937 random(13);
+  const BrickDirectory bricks = RandomDirectory(random);
+  const auto changes = RandomChanges(bricks, random, 30);
+  const BrickDirectory earlier = bricks.With(changes, 50).AllChangedAt(9);
+  EXPECT_TRUE(earlier.ChangedSince(9).empty());
+  EXPECT_EQ(earlier.ChangedSince(8).size(), CountOf(bricks));
+  for (const BrickChange& change : changes) EXPECT_EQ(earlier.RevisionOf(change.brick), 9u);
+  EXPECT_EQ(earlier.content_hash(), bricks.With(changes, 2).content_hash());
+}
+
+TEST(BrickDirectoryTest, MemoryFollowsChangesAndTheirUndo) {
+  const LeafPtr byte = Leaf::Constant(LeafType::kUint8, 3.0f);
+  const BrickDirectory constant(kSize, [&](const Vec3i&) { return byte; });
+  std::mt19937 random(14);
+  const auto changes = RandomChanges(constant, random, 30);
+  const BrickDirectory changed = constant.With(changes, 2);
+  const std::uint64_t leaves = changes.size() * Leaf::Bytes(LeafType::kFloat);
+  EXPECT_GT(changed.MemoryBytes(), constant.MemoryBytes() + leaves);
+  EXPECT_LT(changed.MemoryBytes(), constant.MemoryBytes() + leaves + 20 * 10000);
+  const BrickDirectory again = changed.With(changes, 3);
+  EXPECT_EQ(again.MemoryBytes(), changed.MemoryBytes());
+  // The blocks stay as they are.
+  const BrickDirectory back = changed.With(changed.ChangesTo(constant), 4);
+  EXPECT_EQ(back.MemoryBytes(), changed.MemoryBytes() - leaves);
+}
+
 TEST(BrickDirectoryTest, NoChangesAreNoChange) {
   std::mt19937 random(8);
   const BrickDirectory bricks = RandomDirectory(random);

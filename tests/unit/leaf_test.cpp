@@ -21,11 +21,17 @@ Brick Counted(float first, float step) {
   return values;
 }
 
+Brick Bytes() {
+  Brick values;
+  for (int n = 0; n < kBrickVoxels; ++n) values[n] = static_cast<float>(n % 256);
+  return values;
+}
+
 TEST(Leaf, HoldsTheValuesOfEachType) {
-  for (const auto& [type, values] : {std::pair(LeafType::kUint8, Counted(0.0f, 0.0f)),
-                                     std::pair(LeafType::kInt16, Counted(-300.0f, 1.0f)),
-                                     std::pair(LeafType::kUint16, Counted(65024.0f, 1.0f)),
-                                     std::pair(LeafType::kFloat, Counted(-0.5f, 0.125f))}) {
+  for (const auto& [type, values] :
+       {std::pair(LeafType::kUint8, Bytes()), std::pair(LeafType::kInt16, Counted(-300.0f, 1.0f)),
+        std::pair(LeafType::kUint16, Counted(65024.0f, 1.0f)),
+        std::pair(LeafType::kFloat, Counted(-0.5f, 0.125f))}) {
     const LeafPtr leaf = Leaf::Of(type, values);
     EXPECT_EQ(leaf->type(), type);
     EXPECT_EQ(leaf->Floats(), values);
@@ -173,15 +179,18 @@ TEST(MakeBricks, ConstantRegionsCostNothing) {
   EXPECT_EQ(&bricks.Find(0, 200, 200), &bricks.Find(511, 100, 0));
 }
 
-// -0 is a value of its own: bit for bit, as the hash sees it.
-TEST(MakeBricks, KeepsTheSignOfZero) {
+// As OpenVDB makes a tree of dense voxels: what equals the background is the background.
+TEST(MakeBricks, ZerosHaveTheBackgroundsSign) {
   std::vector<float> voxels(16 * 8 * 8, 0.0f);
   for (std::size_t n = 0; n < voxels.size(); n += 16) {
     for (std::size_t i = 8; i < 16; ++i) voxels[n + i] = -0.0f;
   }
-  const BrickDirectory bricks = BricksOf(Vec3i(16, 8, 8), voxels, 0.0f);
-  EXPECT_FALSE(std::signbit(bricks.Find(0, 0, 0)[0]));
-  EXPECT_TRUE(std::signbit(bricks.Find(8, 0, 0)[0]));
+  const Vec3i size(16, 8, 8);
+  EXPECT_FALSE(std::signbit(BricksOf(size, voxels, 0.0f).Find(8, 0, 0)[0]));
+  EXPECT_TRUE(std::signbit(BricksOf(size, voxels, -0.0f).Find(0, 0, 0)[0]));
+  // Above another background they stay as they are.
+  EXPECT_FALSE(std::signbit(BricksOf(size, voxels, -1.0f).Find(0, 0, 0)[0]));
+  EXPECT_TRUE(std::signbit(BricksOf(size, voxels, -1.0f).Find(8, 0, 0)[0]));
 }
 
 }  // namespace

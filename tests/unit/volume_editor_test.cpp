@@ -274,6 +274,18 @@ TEST_F(VolumeEditorTest, TheOldestStepsAreForgottenWhereMemoryIsBounded) {
   EXPECT_EQ(Hash(), loaded);
 }
 
+// It waited for its turn so long that its client has gone.
+TEST_F(VolumeEditorTest, WhatNobodyWaitsForIsNotTakenBack) {
+  editor_->Edit(Touch(0, 0.7));
+  const ContentHash edited = Hash();
+  const auto gone = [] { return true; };
+  EXPECT_EQ(Refusal([&] { editor_->Undo({}, gone); }), ErrorKind::kCancelled);
+  EXPECT_EQ(Refusal([&] { editor_->Redo({}, gone); }), ErrorKind::kCancelled);
+  EXPECT_EQ(Refusal([&] { editor_->Revert({}, gone); }), ErrorKind::kCancelled);
+  EXPECT_EQ(Hash(), edited);
+  EXPECT_EQ(editor_->Undo().redo_steps, 1u);
+}
+
 // README: 256 MiB of replaced bricks are kept for undo.
 TEST_F(VolumeEditorTest, TheHistoryHoldsAQuarterOfAGigabyte) {
   // Two bricks for all places and steps, so that the steps cost no memory here.

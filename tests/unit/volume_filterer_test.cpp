@@ -200,7 +200,7 @@ TEST_F(VolumeFiltererTest, CancellingLeavesEverythingAsItWas) {
     EXPECT_EQ(session_->volume().volume, before.volume);
     EXPECT_EQ(session_->volume().scene_revision, before.scene_revision);
   }
-  EXPECT_EQ(budget_->held_bytes(), loaded_->bricks().MemoryBytes());
+  EXPECT_EQ(budget_->held_bytes(), Volume()->bricks().MemoryBytes());
   // The next one is not refused.
   CheckFiltered(Filter());
   EXPECT_EQ(editor_->Undo().undo_steps, 1u);
@@ -236,6 +236,23 @@ TEST_F(VolumeFiltererTest, WhatDoesNotFitIntoMemoryIsRefused) {
   EXPECT_EQ(Volume(), loaded_);
   filter_.region = BoxShape{Vec3(0, 0, 36), Vec3(71, 71, 71)};
   CheckFiltered(Filter());
+}
+
+TEST_F(VolumeFiltererTest, TheBudgetHoldsWhatEditsAndFiltersMake) {
+  CheckFiltered(Filter());
+  EXPECT_EQ(budget_->held_bytes(), Volume()->bricks().MemoryBytes());
+  editor_->Undo();
+  EXPECT_EQ(budget_->held_bytes(), Volume()->bricks().MemoryBytes());
+  const std::uint64_t held = budget_->held_bytes();
+  const MemoryClaim rest = budget_->Claim("a test", (std::uint64_t{64} << 20) - held - 10000);
+  // All that was constant gets leaves of its own.
+  const VolumeSnapshot before = *Volume();
+  VolumeEdit edit{.shape = BoxShape{Vec3(0, 0, 0), Vec3(71, 71, 71)},
+                  .operation = EditOperation::kAdd,
+                  .value = 0.01};
+  EXPECT_EQ(Refusal([&] { editor_->Edit(edit); }), ErrorKind::kTooLarge);
+  EXPECT_EQ(Hash(), before.bricks().content_hash());
+  EXPECT_EQ(budget_->held_bytes(), held + rest.bytes());
 }
 
 TEST_F(VolumeFiltererTest, ABadFilterChangesNothing) {
