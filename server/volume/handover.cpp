@@ -7,10 +7,12 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <chrono>
 #include <cmath>
 #include <cstring>
 #include <limits>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include "common/error/error.h"
@@ -198,6 +200,19 @@ class StepwiseProgress {
   std::int64_t told_ = -1;
 };
 
+// The kernel refuses while anybody may write; for a moment also while it moves pages about itself.
+bool Seal(int fd) {
+  constexpr int kTries = 40;
+  for (int n = 0; n < kTries; ++n) {
+    if (fcntl(fd, F_ADD_SEALS, F_SEAL_WRITE | F_SEAL_SHRINK | F_SEAL_GROW | F_SEAL_SEAL) == 0) {
+      return true;
+    }
+    if (errno != EBUSY) return false;
+    std::this_thread::sleep_for(std::chrono::milliseconds(50));
+  }
+  return false;
+}
+
 }  // namespace
 
 Descriptor MakeHandoverFile() {
@@ -228,9 +243,7 @@ void WriteHandover(int fd, const VolumeMetadata& metadata, LeafType type, const 
 
 LoadedVolume TakeHandover(int fd, const TakeOptions& options) {
   // First: what is looked at stays so. Fails where somebody may still write.
-  if (fcntl(fd, F_ADD_SEALS, F_SEAL_WRITE | F_SEAL_SHRINK | F_SEAL_GROW | F_SEAL_SEAL) != 0) {
-    Refuse("it can still be changed");
-  }
+  if (!Seal(fd)) Refuse("it can still be changed");
   const Contents contents = ReadChecked(fd, options.max_voxels);
   const Vec3i& size = contents.metadata.size;
   if (options.on_size) options.on_size(size, contents.type);
