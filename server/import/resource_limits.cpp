@@ -49,7 +49,7 @@ void LimitResources(std::int64_t max_memory_bytes, std::int64_t max_seconds) {
   Limit(RLIMIT_CORE, 0, "core dumps");
   Limit(RLIMIT_NOFILE, kOpenFiles, "open files");
   Limit(RLIMIT_CPU, static_cast<rlim_t>(max_seconds * threads), "processor time");
-  // The written tree is smaller than the memory that held it.
+  // What is written, a tree or voxels, is no larger than the memory that held it.
   signal(SIGXFSZ, SIG_IGN);
   Limit(RLIMIT_FSIZE, static_cast<rlim_t>(max_memory_bytes), "file size");
 #ifndef PALPATE_SANITIZED

@@ -1,9 +1,9 @@
 // How much memory volumes may take: those who are about to hold some say so first,
 // and are refused in advance where it would be too much.
 //
-// It counts voxels, not bytes of the heap: the volume under the stylus, a new one
-// while it is loaded, the frames of a series, and uploads. The importer has a
-// process and a limit of its own.
+// It counts the volume under the stylus with its edits, a new one while it is loaded, the frames
+// of a series, what a filter makes, and uploads. The steps that can be undone, recordings and
+// streams have limits of their own, and so has the importer, a process of its own.
 //
 // Threads: any, at once. Ownership: a claim keeps its budget alive, and gives its
 // bytes back when it is destroyed.

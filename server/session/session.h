@@ -151,7 +151,8 @@ class Session {
                             const BrickDirectory& bricks, MemoryClaim claim = {});
 
   // Held by those who change voxels, from when they read volume() until they have
-  // published what they made of it. Do not wait for anything while holding it.
+  // published what they made of it. Others who edit wait meanwhile: a filter, which computes its
+  // last part under it, may take 20 s at worst; nobody else may wait for anything.
   std::unique_lock<std::mutex> LockVoxels() { return std::unique_lock(voxels_mutex_); }
   // Under LockVoxels: replaces bricks of volume().
   VolumeState PublishBricks(std::span<const BrickChange> changes);
@@ -199,7 +200,7 @@ class Session {
   mutable std::mutex mutex_;  // guards what follows
   std::vector<SceneListener*> listeners_;
   std::shared_ptr<const VolumeSnapshot> volume_;
-  MemoryClaim claim_;    // of volume_ as it was loaded
+  MemoryClaim claim_;    // of volume_, or of all frames of its series
   LoadRequest request_;  // which volume_ came of
   Registration registration_;
   AffineMap X_DI_;

@@ -36,8 +36,8 @@ struct BrickChange {
 
 class BrickDirectory {
  public:
-  // leaf(brick) for every brick, none null; all of them changed at revision 1. Asked block by
-  // block, of these the ones of the first layer along z first.
+  // leaf(brick) for every brick, none null; all of them changed at revision 1. Asks block by block;
+  // blocks with the smallest z come first.
   BrickDirectory(const Vec3i& size_voxels, const std::function<LeafPtr(const Vec3i& brick)>& leaf);
 
   // This directory with other leaves, which changed at `revision`; none twice.
@@ -70,8 +70,8 @@ class BrickDirectory {
   std::vector<std::uint64_t> ChangedSince(std::uint64_t revision) const;
 
   const ContentHash& content_hash() const { return hash_; }
-  // What the leaves and the directory take of the heap, were they nobody else's: what was put
-  // at several places by With() is counted at each, a constant leaf once.
+  // What leaves and directory take of the heap, as if this directory alone held them. A constant
+  // leaf counts once if the directory was made with it, and not at all if With() put it there.
   std::uint64_t MemoryBytes() const { return bytes_; }
   // The most that a volume of this size and type can take.
   static std::uint64_t MemoryBytes(const Vec3i& size_voxels, LeafType type = LeafType::kFloat);

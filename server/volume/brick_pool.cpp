@@ -8,7 +8,7 @@
 namespace palpate {
 namespace {
 
-// The leaf with the background beyond the lattice.
+// With the background beyond the lattice.
 LeafPtr WithBackground(const LeafPtr& leaf, const Vec3i& voxels, float background) {
   Brick filled = leaf->Floats();
   for (int i = 0; i < kBrickEdge; ++i) {
