@@ -45,6 +45,7 @@ Json ToJson(const v1::VolumeDescription& volume) {
           {"value_max", volume.value_max()},
           {"unit", volume.unit()},
           {"original_type", volume.original_type()},
+          {"is_level_set", volume.is_level_set()},
           {"world_from_index", ToJson(volume.world_from_index())},
           {"device_from_index", ToJson(volume.device_from_index())},
           {"device_mm_per_volume_mm", volume.device_mm_per_volume_mm()},
@@ -83,7 +84,8 @@ std::string Describe(const v1::ServoDescription& servo) {
 std::string Describe(const v1::VolumeDescription& volume) {
   const v1::Vector3& spacing = volume.spacing_mm();
   const std::string unit = volume.unit().empty() ? "" : " " + volume.unit();
-  const std::string type = volume.original_type().empty() ? "" : ", " + volume.original_type();
+  const std::string type = (volume.original_type().empty() ? "" : ", " + volume.original_type()) +
+                           (volume.is_level_set() ? ", level set" : "");
   std::string text;
   AppendLine(text, "volume",
              fmt::format("{}, revision {}", volume.source(), volume.volume_revision()));

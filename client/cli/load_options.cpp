@@ -59,7 +59,7 @@ void AddVolumeOptions(arguments::Command& command, LoadValues& values) {
   command
       .add_option("--normalized-isovalue", values.normalized_isovalue,
                   "Isovalue to start with, 0 to 1 over the new volume's range\n"
-                  "[default: the current one]")
+                  "[default: the current one; value 0 of a level set]")
       ->check(arguments::Finite())
       ->excludes(isovalue);
   command
@@ -73,6 +73,13 @@ void AddVolumeOptions(arguments::Command& command, LoadValues& values) {
       .add_option("--device-mm-per-volume-mm", values.device_mm_per_volume_mm,
                   "mm of the device per mm of the volume [default: fits the workspace]")
       ->check(arguments::Positive());
+  command
+      .add_option("--grid", values.grid,
+                  "Which grid of a .vdb file with several: its name,\n"
+                  "or NAME[K] where several have one name")
+      ->option_text("NAME");
+  command.add_option("--component", values.component, "Of a grid of vectors: magnitude, x, y or z")
+      ->option_text("NAME");
   AddRawOptions(command, values);
 }
 
@@ -96,6 +103,8 @@ v1::LoadVolumeRequest RequestOf(const LoadValues& values) {
     request.set_device_mm_per_volume_mm(*values.device_mm_per_volume_mm);
   }
   if (values.frame) request.set_frame(*values.frame);
+  request.set_grid(values.grid);
+  request.set_component(values.component);
   if (values.raw_size.empty()) return request;
   v1::RawVoxels& raw = *request.mutable_raw();
   raw.set_size_x(values.raw_size[0]);

@@ -26,6 +26,8 @@ struct LoadValues {
   bool raw_big_endian = false;
   std::uint64_t raw_offset_bytes = 0;
   std::optional<std::uint32_t> frame;
+  std::string grid;
+  std::string component;
 };
 
 // All but the source and the frame.

@@ -69,7 +69,8 @@ void VolumeMirror::Apply(const VolumeEvent& event) {
 
 void VolumeMirror::Take(const VolumeLattice& lattice) {
   CheckSize(lattice.size, max_voxels_);
-  Require(std::isfinite(lattice.value_min) && std::isfinite(lattice.value_max),
+  Require(std::isfinite(lattice.value_min) && std::isfinite(lattice.value_max) &&
+              std::isfinite(lattice.Background()),
           "a range that is not finite");
   Reset();
   lattice_ = lattice;

@@ -5,6 +5,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <variant>
 #include <vector>
@@ -25,8 +26,10 @@ struct VolumeLattice {
   Vec3i size = Vec3i::Zero();  // voxels
   Vec3 spacing_mm = Vec3::Ones();
   AffineMap X_WI;
-  double value_min = 0.0;  // data units; the background, as a float
+  double value_min = 0.0;  // data units
   double value_max = 0.0;
+  // Of what lies beyond the lattice, and of bricks that do not come; value_min unless stated.
+  std::optional<double> background{};
   std::string unit;
   std::uint64_t loaded_revision = 0;
 
@@ -34,7 +37,7 @@ struct VolumeLattice {
     return {BrickCount(size.x()), BrickCount(size.y()), BrickCount(size.z())};
   }
   std::uint64_t Bricks() const { return BrickCounts().cast<std::uint64_t>().prod(); }
-  float Background() const { return static_cast<float>(value_min); }
+  float Background() const { return static_cast<float>(background.value_or(value_min)); }
 };
 
 // Blocks of the overview have this many voxels along each axis.

@@ -18,6 +18,9 @@ namespace palpate {
 // topology of real cells, 1e-8 does not.
 inline constexpr double kTieStep = 1e-8;
 
+// Density around the lattice of a level set: more than any isovalue, however it is lowered.
+inline constexpr double kAboveAllIsovalues = 1.0 + 2.0 * kTieStep;
+
 // Fixed hash of a lattice index into [1/4, 1): never so small that a value
 // equal to τ would still round to τ.
 inline double TieHash(std::int32_t i, std::int32_t j, std::int32_t k) {

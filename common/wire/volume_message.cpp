@@ -37,6 +37,7 @@ void Put(VolumeLattice&& lattice, v1::StreamVolumeResponse& out) {
   *message.mutable_world_from_index() = ToProto(lattice.X_WI);
   message.set_value_min(lattice.value_min);
   message.set_value_max(lattice.value_max);
+  if (lattice.background) message.set_background(*lattice.background);
   message.set_unit(std::move(lattice.unit));
   message.set_loaded_revision(lattice.loaded_revision);
 }
@@ -69,14 +70,16 @@ void Put(VolumeComplete&& complete, v1::StreamVolumeResponse& out) {
 }
 
 VolumeLattice Take(v1::VolumeLattice&& message) {
-  return {.source = std::move(*message.mutable_source()),
-          .size = SizeOf(message),
-          .spacing_mm = FromProto(message.spacing_mm()),
-          .X_WI = FromProto(message.world_from_index()),
-          .value_min = message.value_min(),
-          .value_max = message.value_max(),
-          .unit = std::move(*message.mutable_unit()),
-          .loaded_revision = message.loaded_revision()};
+  return {
+      .source = std::move(*message.mutable_source()),
+      .size = SizeOf(message),
+      .spacing_mm = FromProto(message.spacing_mm()),
+      .X_WI = FromProto(message.world_from_index()),
+      .value_min = message.value_min(),
+      .value_max = message.value_max(),
+      .background = message.has_background() ? std::optional(message.background()) : std::nullopt,
+      .unit = std::move(*message.mutable_unit()),
+      .loaded_revision = message.loaded_revision()};
 }
 
 VolumePlacement Take(v1::VolumePlacement&& message) {

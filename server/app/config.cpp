@@ -151,6 +151,8 @@ SettersByKey AllSetters() {
       {"volume.spacing_mm", [](const Entry& e, Config& c) { c.spacing_mm = e.Triple(); }},
       {"volume.device_mm_per_volume_mm",
        [](const Entry& e, Config& c) { c.device_mm_per_volume_mm = e.Number(); }},
+      {"volume.grid", [](const Entry& e, Config& c) { c.grid = e.Text(); }},
+      {"volume.component", [](const Entry& e, Config& c) { c.component = e.Text(); }},
       {"volume.load_folders", [](const Entry& e, Config& c) { c.load_folders = ParseFolders(e); }},
       {"volume.save_folders", [](const Entry& e, Config& c) { c.save_folders = ParseFolders(e); }},
       {"volume.upload_folder",

@@ -31,6 +31,8 @@ struct Config {
   std::optional<double> normalized_isovalue;  // 0 to 1; neither: 0.5
   std::optional<Vec3> spacing_mm;
   std::optional<double> device_mm_per_volume_mm;
+  std::string grid;       // of a .vdb file with several
+  std::string component;  // of a grid of vectors
   // Absent: the folder that palpated is started in.
   std::optional<std::vector<std::filesystem::path>> load_folders;
   std::optional<std::vector<std::filesystem::path>> save_folders;

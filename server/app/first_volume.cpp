@@ -49,6 +49,7 @@ void LoadConfigured(const LoadedConfig& loaded, Session& session, const LoadCanc
 LoadRequest VolumeLeft(const FeltSession& left, const LoadRequest& configured,
                        const PathPolicy& paths) {
   LoadRequest request = left.volume;
+  request.free_side = left.settings.haptics.free_side;
   if (request.source != configured.source) request.source = paths.CheckLoad(request.source);
   return request;
 }
@@ -85,7 +86,9 @@ LoadRequest ConfiguredVolume(const Config& config) {
           .isovalue = config.isovalue,
           .normalized_isovalue = config.normalized_isovalue,
           .spacing_mm = config.spacing_mm,
-          .device_mm_per_volume_mm = config.device_mm_per_volume_mm};
+          .device_mm_per_volume_mm = config.device_mm_per_volume_mm,
+          .grid = config.grid,
+          .component = config.component};
 }
 
 RenderSettings ConfiguredSettings(const Config& config) {

@@ -99,8 +99,12 @@ std::vector<std::filesystem::path> LoadFolders(const Options& options) {
 
 // Lays the command line over what the file says.
 void Merge(const Options& options, Config& config) {
-  // A volume on the command line comes without the file's isovalue and spacing.
-  if (options.volume) config.spacing_mm.reset();
+  // A volume on the command line comes without the file's isovalue, spacing and grid.
+  if (options.volume) {
+    config.spacing_mm.reset();
+    config.grid.clear();
+    config.component.clear();
+  }
   if (options.volume || options.isovalue || options.normalized_isovalue) {
     config.isovalue = options.isovalue;
     config.normalized_isovalue = options.normalized_isovalue;
@@ -128,7 +132,9 @@ void EraseOverridden(const Options& options, ConfigKeys& keys) {
   erase(isovalue, "volume.isovalue");
   erase(isovalue, "volume.normalized_isovalue");
   erase(options.volume || !options.spacing_mm.empty(), "volume.spacing_mm");
-  erase(options.volume.has_value(), "volume.source");
+  for (const char* key : {"volume.source", "volume.grid", "volume.component"}) {
+    erase(options.volume.has_value(), key);
+  }
   erase(options.scale.has_value(), "volume.device_mm_per_volume_mm");
   erase(options.device.has_value(), "device.kind");
   erase(options.socket.has_value(), "server.socket");

@@ -4,7 +4,7 @@
 // Densities are normalised over the volume's range. To feel H from the side above
 // τ, densities and isovalue change their sign ("felt" ones): what is above the
 // felt isovalue is material on either side, and H is the same. The padding keeps
-// its density, and what lies beyond it belongs to the side below τ.
+// its density, and what lies beyond it belongs to the side below τ, or above it around a level set.
 //
 // Frames: I voxel index, D device (mm). Distances, projections and normals are taken in D, whatever
 // spacing, shear or mirror the volume's transform has.
@@ -47,12 +47,17 @@ struct HapticSurface {
     return densities;
   }
   // Felt density beyond the padded lattice.
-  double DensityOutside() const { return IsFreeOutside() ? 0.0 : 1.0; }
-  bool IsFreeOutside() const { return free_side == FreeSide::kBelow; }
+  double DensityOutside() const {
+    if (volume->metadata().is_level_set) return sign() * volume->BackgroundDensity();
+    return IsFreeOutside() ? 0.0 : 1.0;
+  }
+  bool IsFreeOutside() const {
+    return (free_side == FreeSide::kBelow) != volume->metadata().is_level_set;
+  }
   // The other side of the same H.
   HapticSurface Flipped() const {
     HapticSurface other = *this;
-    other.free_side = IsFreeOutside() ? FreeSide::kAbove : FreeSide::kBelow;
+    other.free_side = free_side == FreeSide::kBelow ? FreeSide::kAbove : FreeSide::kBelow;
     other.isovalue = -isovalue;
     return other;
   }

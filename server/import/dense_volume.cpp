@@ -5,13 +5,8 @@
 #include <cstdint>
 #include <limits>
 #include <string>
-#include <utility>
-
-#include <openvdb/openvdb.h>
-#include <openvdb/tools/Dense.h>
 
 #include "common/error/error.h"
-#include "server/volume/volume_file.h"
 
 namespace palpate {
 namespace {
@@ -64,17 +59,6 @@ LeafType HeldType(const DenseVolume& volume) {
   // Scaled voxels may be none of the file's own type.
   if (own && holds(*own)) return *own;
   return *std::find_if(std::begin(kLeafTypes), std::end(kLeafTypes), holds);
-}
-
-void WriteVdb(DenseVolume volume, const std::filesystem::path& output) {
-  const VolumeMetadata& metadata = volume.metadata;
-  const openvdb::CoordBBox box(
-      {0, 0, 0}, {metadata.size.x() - 1, metadata.size.y() - 1, metadata.size.z() - 1});
-  const auto grid = openvdb::FloatGrid::create(static_cast<float>(metadata.value_min));
-  const openvdb::tools::Dense<float, openvdb::tools::LayoutXYZ> dense(box, volume.voxels.get());
-  openvdb::tools::copyFromDense(dense, *grid, /*tolerance=*/0.0f);
-  volume.voxels.reset();
-  WriteVolumeFile(output, *grid, metadata, {.durable = Durable::kNo});
 }
 
 }  // namespace palpate

@@ -3,7 +3,6 @@
 // One thread. Not for real-time code.
 #pragma once
 
-#include <filesystem>
 #include <memory>
 #include <optional>
 
@@ -25,8 +24,5 @@ void FinishVolume(DenseVolume* volume, const std::optional<Vec3>& spacing_mm, Re
 
 // The type as which it is held: the file's own, or the smallest that holds each voxel exactly.
 LeafType HeldType(const DenseVolume& volume);
-
-// As a .vdb file; the voxels are given up on the way.
-void WriteVdb(DenseVolume volume, const std::filesystem::path& output);
 
 }  // namespace palpate

@@ -22,6 +22,7 @@
 #include "server/import/resource_limits.h"
 #include "server/import/tiff_series.h"
 #include "server/volume/handover.h"
+#include "server/volume/volume_file.h"
 
 namespace {
 
@@ -35,6 +36,8 @@ struct Options {
   std::optional<std::int64_t> descriptor;
   std::vector<double> spacing_mm;
   std::optional<std::int64_t> frame;
+  std::string grid;
+  std::string component;
   std::vector<std::int64_t> raw_size;
   palpate::RawVoxels raw;
   std::vector<std::string> folders;
@@ -98,7 +101,7 @@ void DefineOptions(arguments::Command* app, Options* options) {
   app->description(
       "Reads a volume and writes it as OpenVDB.\n\n"
       "INPUT is one of: NRRD (.nrrd, .nhdr; raw or gzip), MetaImage (.mha, .mhd), NIfTI-1 and -2\n"
-      "(.nii, .nii.gz), OpenVDB (.vdb with one scalar grid), a TIFF stack (.tif, .tiff: a file of\n"
+      "(.nii, .nii.gz), OpenVDB (.vdb), a TIFF stack (.tif, .tiff: a file of\n"
       "several pages, the first file of a numbered series, or its folder; with --spacing-mm), a\n"
       "folder with a DICOM series, or raw voxels (--raw-size, --raw-type). Voxels are 8, 16 or 32\n"
       "bit integers, float or double, and 32 bit floats in OUTPUT (integers beyond 2^24 are "
@@ -124,6 +127,10 @@ void DefineOptions(arguments::Command* app, Options* options) {
       ->type_name("X,Y,Z");
   app->add_option("--frame", options->frame, "Which frame of a 4-D file, from 0 (default: 0)")
       ->type_name("N");
+  app->add_option("--grid", options->grid, "Which grid of a .vdb file with several")
+      ->type_name("NAME");
+  app->add_option("--component", options->component, "Of a grid of vectors: magnitude, x, y or z")
+      ->type_name("NAME");
   DefineRawOptions(app, options);
   DefineLimits(app, options);
   app->add_flag("--progress", options->progress,
@@ -163,7 +170,6 @@ palpate::DenseVolume ReadSingleFile(const Options& options, const palpate::Impor
   const std::string extension = palpate::Lower(input.extension().string());
   palpate::CheckReadable(input);
   if (palpate::IsTiffName(input)) return ReadTiff(options, limits, reporter);
-  if (extension == ".vdb") return palpate::ReadVdbVolume(input, limits, reporter);
   if (extension == ".mha" || extension == ".mhd") {
     return palpate::ReadMetaImageVolume(input, limits, reporter);
   }
@@ -216,6 +222,32 @@ std::vector<std::filesystem::path> FoldersToRead(const Options& options) {
   return folders;
 }
 
+bool IsVdb(const Options& options) {
+  std::error_code error;
+  return options.raw_size.empty() &&
+         palpate::Lower(std::filesystem::path(options.input).extension().string()) == ".vdb" &&
+         !std::filesystem::is_directory(options.input, error);
+}
+
+void HandOver(const Options& options, const palpate::ImportLimits& limits,
+              const std::optional<palpate::Vec3>& spacing_mm, int fd, palpate::Reporter* reporter) {
+  const std::string source = SourceName(options.input);
+  if (IsVdb(options)) {
+    palpate::CheckFrame(options.frame.value_or(0), 1);
+    palpate::HandOverVdb(options.input, {source, options.grid, options.component, spacing_mm}, fd,
+                         reporter);
+    return;
+  }
+  if (!options.grid.empty() || !options.component.empty()) {
+    palpate::Refuse("only .vdb files have grids and components; leave --grid and --component out");
+  }
+  palpate::DenseVolume volume = Read(options, limits, reporter);
+  volume.metadata.source = source;
+  palpate::FinishVolume(&volume, spacing_mm, reporter);
+  reporter->Progress(0.8, "writing");
+  palpate::WriteHandover(fd, volume.metadata, palpate::HeldType(volume), volume.voxels.get());
+}
+
 void Import(const Options& options, palpate::Reporter* reporter) {
   std::optional<palpate::Vec3> spacing_mm;
   if (!options.spacing_mm.empty()) {
@@ -237,16 +269,15 @@ void Import(const Options& options, palpate::Reporter* reporter) {
     palpate::Confine(limits.folders);
   }
   itk::Object::SetGlobalWarningDisplay(false);
-
-  palpate::DenseVolume volume = Read(options, limits, reporter);
-  volume.metadata.source = SourceName(options.input);
-  palpate::FinishVolume(&volume, spacing_mm, reporter);
-  reporter->Progress(0.8, "writing");
   if (options.descriptor) {
-    palpate::WriteHandover(static_cast<int>(*options.descriptor), volume.metadata,
-                           palpate::HeldType(volume), volume.voxels.get());
+    HandOver(options, limits, spacing_mm, static_cast<int>(*options.descriptor), reporter);
   } else {
-    palpate::WriteVdb(std::move(volume), options.output);
+    const palpate::Descriptor file = palpate::MakeHandoverFile();
+    HandOver(options, limits, spacing_mm, file.get(), reporter);
+    const palpate::LoadedVolume volume =
+        palpate::TakeHandover(file.get(), {.max_voxels = options.max_voxels});
+    palpate::WriteVolumeFile(options.output, volume.bricks, volume.metadata,
+                             {.durable = palpate::Durable::kNo});
   }
   reporter->Progress(1.0, "done");
 }

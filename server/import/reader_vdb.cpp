@@ -1,30 +1,25 @@
-#include <fstream>
+#include <algorithm>
+#include <array>
+#include <cstdint>
+#include <limits>
+#include <optional>
 #include <string>
+#include <string_view>
+#include <utility>
 
-#include <openvdb/io/Stream.h>
 #include <openvdb/openvdb.h>
-#include <openvdb/tools/Dense.h>
 
+#include "common/error/error.h"
 #include "server/import/readers.h"
-#include "server/volume/volume_metadata.h"
+#include "server/import/tree_writer.h"
+#include "server/import/vdb_grids.h"
+#include "server/volume/handover_layout.h"
 
 namespace palpate {
 namespace {
 
-openvdb::GridBase::Ptr ReadOnlyGrid(const std::filesystem::path& path) {
-  std::ifstream in(path, std::ios::binary);
-  // Else a truncated file would be read as if zeros followed.
-  in.exceptions(std::ios::badbit | std::ios::failbit);
-  openvdb::io::Stream stream(in, /*delayLoad=*/false);
-  const openvdb::GridPtrVecPtr grids = stream.getGrids();
-  if (grids->size() != 1 || !(*grids)[0]) {
-    Refuse("there are " + std::to_string(grids->size()) + " grids; save the one wanted alone");
-  }
-  return (*grids)[0];
-}
-
 // OpenVDB multiplies row vectors from the left.
-void CopyGeometry(const openvdb::math::Transform& transform, const openvdb::Coord& first,
+void CopyGeometry(const openvdb::math::Transform& transform, const Vec3i& first,
                   VolumeMetadata* metadata) {
   if (!transform.isLinear()) Refuse("the grid's transform is not linear; resample it first");
   const openvdb::Mat4d matrix = transform.baseMap()->getAffineMap()->getMat4();
@@ -35,88 +30,174 @@ void CopyGeometry(const openvdb::math::Transform& transform, const openvdb::Coor
     CheckSpacing(metadata->spacing_mm[col]);
     metadata->direction.col(col) = step / step.norm();
   }
-  const openvdb::Vec3d origin = transform.indexToWorld(first);
+  const openvdb::Vec3d origin =
+      transform.indexToWorld(openvdb::Vec3d(first.x(), first.y(), first.z()));
   metadata->origin_W_mm = {origin.x(), origin.y(), origin.z()};
 }
 
-// The box of the volume, [0, size) for files of our own: these leave the
-// voxels of the least value inactive.
-template <typename Grid>
-openvdb::CoordBBox VolumeBox(const Grid& grid, VolumeMetadata* metadata) {
-  const openvdb::CoordBBox active = grid.evalActiveVoxelBoundingBox();
-  const auto size = grid.template getMetadata<openvdb::Vec3IMetadata>("palpate_size");
-  if (size) {
-    const openvdb::Vec3i s = size->value();
-    const openvdb::CoordBBox box({0, 0, 0}, openvdb::Coord(s.x(), s.y(), s.z()).offsetBy(-1));
-    for (const auto& [name, text] :
-         {std::pair("palpate_unit", &metadata->unit),
-          std::pair("palpate_original_type", &metadata->original_type)}) {
-      const auto entry = grid.template getMetadata<openvdb::StringMetadata>(name);
-      if (entry) *text = entry->value();
-    }
-    const auto frames = grid.template getMetadata<openvdb::Int32Metadata>("palpate_frames");
-    if (frames) metadata->frames = frames->value();
-    if (box.isInside(active)) return box;
+void KeepMap(const openvdb::math::Transform& transform, GridForm* form) {
+  const std::string type = transform.mapType();
+  for (const std::string_view map : kGridMaps) {
+    if (map == type) form->map = map;
   }
-  if (active.empty()) Refuse("the grid has no active voxels; there is nothing to feel");
-  return active;
+  const openvdb::Mat4d matrix = transform.baseMap()->getAffineMap()->getMat4();
+  std::copy_n(matrix.asPointer(), form->matrix.size(), form->matrix.begin());
 }
 
-template <typename Grid>
-DenseVolume FromGrid(const Grid& grid, const char* type, const ImportLimits& limits) {
-  DenseVolume volume;
-  volume.metadata.original_type = type;
-  const openvdb::CoordBBox box = VolumeBox(grid, &volume.metadata);
-  // Not dim(): a box may be wider than its 32 bits.
-  std::vector<std::int64_t> axes;
-  for (int k = 0; k < 3; ++k) {
-    axes.push_back(std::int64_t{box.max()[k]} - std::int64_t{box.min()[k]} + 1);
-  }
-  const auto size = VolumeSize(axes);
-  CheckedVoxelBytes(size, sizeof(float), limits);
-  for (int k = 0; k < 3; ++k) volume.metadata.size[k] = static_cast<int>(size[k]);
-  CopyGeometry(grid.transform(), box.min(), &volume.metadata);
+template <class T>
+std::string BytesOf(const openvdb::Metadata& metadata) {
+  const T value = static_cast<const openvdb::TypedMetadata<T>&>(metadata).value();
+  return {reinterpret_cast<const char*>(&value), sizeof value};
+}
 
-  volume.voxels = std::make_unique<float[]>(static_cast<std::size_t>(size[0] * size[1] * size[2]));
-  openvdb::tools::Dense<float, openvdb::tools::LayoutXYZ> dense(box, volume.voxels.get());
-  openvdb::tools::copyToDense(grid, dense);
-  return volume;
+// In the order of kGridEntryTypes.
+constexpr std::string (*kBytesOf[])(const openvdb::Metadata& metadata) = {
+    [](const openvdb::Metadata& metadata) {
+      return static_cast<const openvdb::StringMetadata&>(metadata).value();
+    },
+    BytesOf<bool>,
+    BytesOf<openvdb::Int32>,
+    BytesOf<openvdb::Int64>,
+    BytesOf<float>,
+    BytesOf<double>,
+    BytesOf<openvdb::Vec2i>,
+    BytesOf<openvdb::Vec2s>,
+    BytesOf<openvdb::Vec2d>,
+    BytesOf<openvdb::Vec3i>,
+    BytesOf<openvdb::Vec3s>,
+    BytesOf<openvdb::Vec3d>,
+    BytesOf<openvdb::Vec4i>,
+    BytesOf<openvdb::Vec4s>,
+    BytesOf<openvdb::Vec4d>,
+    BytesOf<openvdb::Mat4s>,
+    BytesOf<openvdb::Mat4d>,
+};
+static_assert(std::size(kBytesOf) == std::size(kGridEntryTypes));
+
+void KeepEntries(const openvdb::MetaMap& map, GridForm* form, Reporter* reporter) {
+  std::size_t bytes = 0;
+  for (auto entry = map.beginMeta(); entry != map.endMeta(); ++entry) {
+    const std::string& name = entry->first;
+    // What a file has of its own is written anew.
+    if (name.starts_with("file_") || name.starts_with("palpate_")) continue;
+    const openvdb::Metadata& value = *entry->second;
+    const auto* const type =
+        std::find_if(std::begin(kGridEntryTypes), std::end(kGridEntryTypes),
+                     [&](const GridEntryType& one) { return one.name == value.typeName(); });
+    const std::size_t needed = sizeof(HandoverEntry) + name.size() + value.size();
+    if (type == std::end(kGridEntryTypes) || bytes + needed > kMostEntryBytes) {
+      reporter->Warn("the grid's entry " + Quoted(name) + " (" + value.typeName() +
+                     ") is not kept; it will be missing when the volume is saved");
+      continue;
+    }
+    bytes += needed;
+    form->entries.push_back({name, type, kBytesOf[type - kGridEntryTypes](value)});
+  }
+}
+
+struct Box {
+  Vec3i first;
+  std::array<std::int64_t, 3> size;
+};
+
+// What files of our own say of it.
+std::optional<Box> OwnBox(const openvdb::GridBase& grid, const openvdb::CoordBBox& active) {
+  const auto size = grid.getMetadata<openvdb::Vec3IMetadata>("palpate_size");
+  if (!size) return std::nullopt;
+  const auto first = grid.getMetadata<openvdb::Vec3IMetadata>("palpate_first");
+  Box box{Vec3i::Zero(), {}};
+  for (int k = 0; k < 3; ++k) {
+    if (first) box.first[k] = first->value()[k];
+    box.size[static_cast<std::size_t>(k)] = size->value()[k];
+    const std::int64_t end = std::int64_t{box.first[k]} + size->value()[k];
+    const bool holds = active.empty() || (box.first[k] <= active.min()[k] && active.max()[k] < end);
+    if (!holds || box.first[k] % kBrickEdge != 0) return std::nullopt;
+  }
+  return box;
+}
+
+// The leaves around what is active: what OpenVDB holds in one of its leaves is held in one here.
+Box BoxOf(const openvdb::GridBase& grid) {
+  const openvdb::CoordBBox active = grid.evalActiveVoxelBoundingBox();
+  if (const auto own = OwnBox(grid, active)) return *own;
+  if (active.empty()) Refuse("the grid has no active voxels; there is nothing to feel");
+  Box box{};
+  for (int k = 0; k < 3; ++k) {
+    box.first[k] = active.min()[k] & -kBrickEdge;
+    // Not dim(): a box may be wider than its 32 bits.
+    const std::int64_t last = active.max()[k] | (kBrickEdge - 1);
+    box.size[static_cast<std::size_t>(k)] = last - box.first[k] + 1;
+  }
+  return box;
+}
+
+void CopyOwnEntries(const openvdb::GridBase& grid, VolumeMetadata* metadata) {
+  for (const auto& [name, text] : {std::pair("palpate_unit", &metadata->unit),
+                                   std::pair("palpate_original_type", &metadata->original_type)}) {
+    const auto entry = grid.getMetadata<openvdb::StringMetadata>(name);
+    if (entry) *text = entry->value();
+  }
+  const auto frames = grid.getMetadata<openvdb::Int32Metadata>("palpate_frames");
+  if (frames) metadata->frames = frames->value();
+}
+
+// Of a type of kGridTypes, in which messages and files of other formats name it.
+std::string OriginalType(std::string_view grid_type) {
+  if (grid_type == "float") return "float32";
+  return grid_type == "double" ? "float64" : std::string(grid_type);
+}
+
+template <class Grid>
+bool Write(const openvdb::GridBase::Ptr& grid, const VolumeMetadata& metadata, const GridForm& form,
+           int fd, Reporter* reporter) {
+  if (!grid->isType<Grid>()) return false;
+  WriteTree(fd, openvdb::gridPtrCast<Grid>(grid)->tree(), metadata, form, reporter);
+  return true;
 }
 
 }  // namespace
 
-DenseVolume ReadVdbVolume(const std::filesystem::path& path, const ImportLimits& limits,
-                          Reporter* reporter) {
+void HandOverVdb(const std::filesystem::path& path, const VdbOptions& options, int fd,
+                 Reporter* reporter) {
   reporter->Progress(0.0, "reading");
   CheckReadable(path);
-  openvdb::initialize();
-  openvdb::GridBase::Ptr grid;
-  try {
-    grid = ReadOnlyGrid(path);
-  } catch (const std::ios_base::failure&) {
-    Refuse("this is no complete .vdb file; copy or download it again");
-  } catch (const openvdb::Exception& error) {
-    Refuse(std::string("this is no .vdb file that can be read (") + error.what() + ")");
-  } catch (const std::length_error&) {
-    Refuse("the .vdb file is damaged; copy or download it again");
+  const openvdb::GridBase::Ptr grid = ReadChosenGrid(path, {options.grid, options.component});
+  reporter->Progress(0.4, "converting");
+  GridForm form;
+  const auto type = std::find(std::begin(kGridTypes), std::end(kGridTypes), grid->valueType());
+  if (type == std::end(kGridTypes)) {
+    Refuse("a grid of type " + Quoted(grid->valueType()) +
+           " has no scalar voxels; convert it first");
   }
-  reporter->Progress(0.4, "reading");
-  if (grid->isType<openvdb::FloatGrid>()) {
-    return FromGrid(*openvdb::gridPtrCast<openvdb::FloatGrid>(grid), "float32", limits);
+  form.type = *type;
+  VolumeMetadata metadata;
+  metadata.source = options.source;
+  metadata.original_type = OriginalType(form.type);
+  metadata.is_level_set = grid->getGridClass() == openvdb::GRID_LEVEL_SET;
+  const Box box = BoxOf(*grid);
+  form.first = box.first;
+  for (int k = 0; k < 3; ++k) {
+    const std::int64_t voxels = box.size[static_cast<std::size_t>(k)];
+    if (voxels > std::numeric_limits<int>::max() / 2) {
+      throw Error(ErrorKind::kTooLarge,
+                  "its active voxels lie too far apart; crop or resample the volume");
+    }
+    metadata.size[k] = static_cast<int>(voxels);
   }
-  if (grid->isType<openvdb::DoubleGrid>()) {
-    return FromGrid(*openvdb::gridPtrCast<openvdb::DoubleGrid>(grid), "float64", limits);
+  CopyOwnEntries(*grid, &metadata);
+  CopyGeometry(grid->transform(), box.first, &metadata);
+  if (options.spacing_mm) {
+    metadata.spacing_mm = *options.spacing_mm;
+  } else {
+    KeepMap(grid->transform(), &form);
   }
-  if (grid->isType<openvdb::Int32Grid>()) {
-    return FromGrid(*openvdb::gridPtrCast<openvdb::Int32Grid>(grid), "int32", limits);
-  }
-  if (grid->isType<openvdb::Int64Grid>()) {
-    return FromGrid(*openvdb::gridPtrCast<openvdb::Int64Grid>(grid), "int64", limits);
-  }
-  if (grid->isType<openvdb::BoolGrid>()) {
-    return FromGrid(*openvdb::gridPtrCast<openvdb::BoolGrid>(grid), "bool", limits);
-  }
-  Refuse("a grid of type " + Quoted(grid->valueType()) + " has no scalar voxels; convert it first");
+  KeepEntries(*grid, &form, reporter);
+  reporter->Progress(0.6, "writing");
+  Write<openvdb::FloatGrid>(grid, metadata, form, fd, reporter) ||
+      Write<openvdb::DoubleGrid>(grid, metadata, form, fd, reporter) ||
+      Write<openvdb::Int32Grid>(grid, metadata, form, fd, reporter) ||
+      Write<openvdb::Int64Grid>(grid, metadata, form, fd, reporter) ||
+      Write<openvdb::BoolGrid>(grid, metadata, form, fd, reporter);
 }
 
 }  // namespace palpate

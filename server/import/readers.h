@@ -6,6 +6,7 @@
 
 #include <filesystem>
 #include <optional>
+#include <string>
 
 #include "server/import/data_check.h"
 #include "server/import/dense_volume.h"
@@ -39,9 +40,16 @@ DenseVolume ReadMetaImageVolume(const std::filesystem::path& path, const ImportL
 DenseVolume ReadDicomVolume(const std::filesystem::path& folder, const ImportLimits& limits,
                             Reporter* reporter);
 
-// A .vdb file with one scalar grid, from anywhere. The box of its active voxels
-// becomes the volume; its world unit is taken for mm.
-DenseVolume ReadVdbVolume(const std::filesystem::path& path, const ImportLimits& limits,
-                          Reporter* reporter);
+struct VdbOptions {
+  std::string source;                // as the volume is named
+  std::string grid{};                // which one of several
+  std::string component{};           // of a grid of vectors: magnitude, x, y or z
+  std::optional<Vec3> spacing_mm{};  // instead of the file's
+};
+
+// A grid of a .vdb file, from anywhere: handed over as it is (server/volume/handover.h). The leaves
+// around its active voxels become the volume; its world unit is taken for mm.
+void HandOverVdb(const std::filesystem::path& path, const VdbOptions& options, int fd,
+                 Reporter* reporter);
 
 }  // namespace palpate

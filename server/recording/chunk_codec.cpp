@@ -102,6 +102,7 @@ Payload Encode(const RecordedScene& scene) {
   for (const int voxels : scene.size) writer.Put(voxels);
   writer.Put(scene.value_min);
   writer.Put(scene.value_max);
+  writer.Put(scene.is_level_set);
   return {ChunkType::kScene, std::move(writer).Take()};
 }
 
@@ -135,6 +136,8 @@ RecordedScene DecodeScene(ByteReader& reader) {
   for (int& voxels : scene.size) voxels = reader.Get<int>();
   scene.value_min = reader.Get<double>();
   scene.value_max = reader.Get<double>();
+  if (reader.at_end()) return scene;  // of version 3
+  scene.is_level_set = GetFlag(reader);
   return scene;
 }
 

@@ -23,7 +23,7 @@
 namespace palpate {
 
 // 3 says more of a scene than 2; both are read.
-inline constexpr std::uint32_t kRecordingVersion = 3;
+inline constexpr std::uint32_t kRecordingVersion = 4;
 inline constexpr std::uint32_t kOldestRecordingVersion = 2;
 inline constexpr std::size_t kMaxPayloadBytes = std::size_t{16} << 20;
 inline constexpr std::size_t kMaxProgramBytes = 256;

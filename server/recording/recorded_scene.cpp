@@ -43,7 +43,8 @@ RecordedScene ToRecorded(const Scene& scene, const VolumeHash& hash, double tick
           .reloadable = scene.volume->metadata().reloadable,
           .size = scene.volume->size(),
           .value_min = scene.volume->metadata().value_min,
-          .value_max = scene.volume->metadata().value_max};
+          .value_max = scene.volume->metadata().value_max,
+          .is_level_set = scene.volume->metadata().is_level_set};
 }
 
 Scene ToScene(const RecordedScene& recorded, std::shared_ptr<const VolumeSnapshot> volume,

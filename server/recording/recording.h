@@ -70,6 +70,7 @@ struct RecordedScene {
   Vec3i size = Vec3i::Zero();  // voxels
   double value_min = 0.0;      // range of the volume, data units
   double value_max = 0.0;
+  bool is_level_set = false;  // no recording before version 4 has one
 };
 
 struct RecordedBrick {

@@ -50,14 +50,16 @@ std::shared_ptr<const VolumeSnapshot> WithoutVoxels(const RecordedScene& scene) 
                 "the recording is damaged: it cannot hold a volume of this size");
   }
   Brick values;
-  values.fill(static_cast<float>(scene.value_min));
-  const LeafPtr leaf =
-      Leaf::Constant(Leaf::Smallest(values)->type(), static_cast<float>(scene.value_min));
+  const auto background =
+      static_cast<float>(scene.is_level_set ? scene.value_max : scene.value_min);
+  values.fill(background);
+  const LeafPtr leaf = Leaf::Constant(Leaf::Smallest(values)->type(), background);
   VolumeMetadata metadata;
   metadata.size = scene.size;
   metadata.spacing_mm = scene.spacing_mm;
   metadata.value_min = scene.value_min;
   metadata.value_max = scene.value_max;
+  metadata.is_level_set = scene.is_level_set;
   metadata.source = scene.volume_source;
   metadata.reloadable = scene.reloadable;
   return std::make_shared<const VolumeSnapshot>(

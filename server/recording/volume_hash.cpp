@@ -13,6 +13,8 @@ VolumeHash HashVolume(const VolumeSnapshot& volume) {
   for (int axis = 0; axis < 3; ++axis) bytes.Put(metadata.spacing_mm[axis]);
   bytes.Put(metadata.value_min);
   bytes.Put(metadata.value_max);
+  // Of level sets alone: hashes of other volumes are as they always were.
+  if (metadata.is_level_set) bytes.Put(metadata.is_level_set);
   bytes.Put(volume.bricks().content_hash().high);
   bytes.Put(volume.bricks().content_hash().low);
   const XXH128_hash_t hash = XXH3_128bits(bytes.bytes().data(), bytes.bytes().size());

@@ -67,6 +67,7 @@ v1::VolumeDescription ToProto(const VolumeState& state) {
   out.set_memory_bytes(state.volume->bricks().MemoryBytes());
   out.set_loaded_revision(state.volume->loaded_revision());
   *out.mutable_device_from_world_rotation() = palpate::ToProto(state.registration.R_DW);
+  out.set_is_level_set(metadata.is_level_set);
   out.set_frames(static_cast<std::uint32_t>(metadata.frames));
   for (const std::string& warning : metadata.warnings) out.add_warnings(warning);
   return out;
@@ -83,6 +84,8 @@ LoadRequest FromProto(const v1::LoadVolumeRequest& request) {
   }
   if (request.has_raw()) load.raw = RawFromProto(request.raw());
   if (request.has_frame()) load.frame = request.frame();
+  load.grid = request.grid();
+  load.component = request.component();
   return load;
 }
 

@@ -229,6 +229,28 @@ Registration Session::PlaceLoaded(const LoadRequest& request,
   return Apply({.device_mm_per_volume_mm = scale}, metadata, device_, *stored);
 }
 
+// Normalised: where it was, unless that means nothing here.
+double Session::StartingDensity(const VolumeSnapshot& volume) const {
+  const VolumeMetadata& metadata = volume.metadata();
+  if (metadata.is_level_set) return std::clamp(volume.Normalize(0.0), 0.0, 1.0);
+  const bool was_level_set = volume_ && volume_->metadata().is_level_set;
+  return was_level_set ? RenderSettings().normalized_isovalue : settings_.normalized_isovalue;
+}
+
+// A level set starts to be felt from outside, where its values are above; a density as the one before
+// it.
+void Session::TakeSideOf(const VolumeMetadata& metadata, const std::optional<FreeSide>& wanted) {
+  const bool was_level_set = volume_ && volume_->metadata().is_level_set;
+  FreeSide& side = settings_.haptics.free_side;
+  if (metadata.is_level_set) {
+    if (volume_ && !was_level_set) side_of_densities_ = side;
+    side = FreeSide::kAbove;
+  } else if (was_level_set) {
+    side = side_of_densities_;
+  }
+  side = wanted.value_or(side);
+}
+
 VolumeState Session::PublishVolume(const LoadRequest& request, const VolumeMetadata& metadata,
                                    const BrickDirectory& bricks, MemoryClaim claim) {
   const Registration registration = PlaceLoaded(request, metadata);
@@ -238,7 +260,8 @@ VolumeState Session::PublishVolume(const LoadRequest& request, const VolumeMetad
   auto volume = std::make_shared<const VolumeSnapshot>(metadata, bricks.AllChangedAt(revision),
                                                        revision, revision);
   const double isovalue = ChosenIsovalue(*volume, request.isovalue, request.normalized_isovalue,
-                                         settings_.normalized_isovalue);
+                                         StartingDensity(*volume));
+  TakeSideOf(metadata, request.free_side);
   volume_ = std::move(volume);
   claim.Rename("the volume");
   claim_ = std::move(claim);

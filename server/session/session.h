@@ -183,6 +183,8 @@ class Session {
   // kUnavailable where the servo stands, so that nobody would feel a change.
   void RequireServo() const;
   Registration PlaceLoaded(const LoadRequest& request, const VolumeMetadata& metadata) const;
+  double StartingDensity(const VolumeSnapshot& volume) const;
+  void TakeSideOf(const VolumeMetadata& metadata, const std::optional<FreeSide>& wanted);
   void TakeBack(const RenderSettings& before, std::uint64_t revision);
   void PublishLocked(std::span<const BrickChange> changes = {});
   VolumeState VolumeLocked() const;
@@ -205,6 +207,7 @@ class Session {
   Registration registration_;
   AffineMap X_DI_;
   RenderSettings settings_;
+  FreeSide side_of_densities_ = FreeSide::kBelow;  // while a level set is felt
   bool forces_off_ = false;
   std::uint64_t settings_revision_ = 0;
   std::uint64_t volume_revision_ = 0;

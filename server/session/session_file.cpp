@@ -19,6 +19,8 @@ toml::table SourceTable(const LoadRequest& request) {
   if (HoldsAsToml(request.title)) table.insert("title", request.title);
   if (request.spacing_mm) table.insert("spacing_mm", ToTomlArray(*request.spacing_mm));
   if (request.frame) table.insert("frame", *request.frame);
+  if (!request.grid.empty() && HoldsAsToml(request.grid)) table.insert("grid", request.grid);
+  if (!request.component.empty()) table.insert("component", request.component);
   if (request.raw) {
     table.insert("raw", toml::table{{"size", ToTomlArray(request.raw->size)},
                                     {"type", request.raw->type},
@@ -51,6 +53,8 @@ LoadRequest SourceOf(const toml::table& table) {
     request.spacing_mm = Vec3(*spacing_mm);
   }
   request.frame = table["frame"].value<std::int64_t>();
+  request.grid = table["grid"].value_or(std::string());
+  request.component = table["component"].value_or(std::string());
   if (const toml::table* raw = table["raw"].as_table()) request.raw = RawOf(*raw);
   return request;
 }

@@ -23,8 +23,8 @@ std::filesystem::path FileFor(const std::filesystem::path& folder,
 }
 
 bool IsSame(const LoadRequest& a, const LoadRequest& b) {
-  return std::tie(a.source, a.spacing_mm, a.device_mm_per_volume_mm) ==
-         std::tie(b.source, b.spacing_mm, b.device_mm_per_volume_mm);
+  return std::tie(a.source, a.spacing_mm, a.device_mm_per_volume_mm, a.grid, a.component) ==
+         std::tie(b.source, b.spacing_mm, b.device_mm_per_volume_mm, b.grid, b.component);
 }
 
 // What was configured otherwise since then is as it is configured now.

@@ -21,9 +21,10 @@ LoadedVolume VolumeLoader::Load(const LoadRequest& load, const LoadProgress& pro
                                 const LoadSizeKnown& size_known) const {
   const std::string& source = load.source;
   if (IsBuiltin(source)) {
-    if (load.raw || load.frame.value_or(0) != 0) {
-      throw Error(ErrorKind::kInvalidArgument,
-                  source + ": a builtin volume has no raw voxels and one frame; leave them out");
+    if (load.raw || load.frame.value_or(0) != 0 || !load.grid.empty() || !load.component.empty()) {
+      throw Error(
+          ErrorKind::kInvalidArgument,
+          source + ": a builtin volume has no raw voxels, one frame and one grid; leave them out");
     }
     const Vec3i size = BuiltinSize(source);
     if (size_known) {
@@ -49,19 +50,14 @@ LoadedVolume VolumeLoader::Load(const LoadRequest& load, const LoadProgress& pro
   request.spacing_mm = load.spacing_mm;
   request.raw = load.raw;
   request.frame = load.frame;
+  request.grid = load.grid;
+  request.component = load.component;
   request.folders = folders;
   request.own_files = own_files;
   request.max_voxels = max_voxels;
   request.max_memory_bytes = max_memory_bytes;
   request.import_program = import_program;
-  if (size_known) {
-    request.on_size = [&](const Vec3i& size, LeafType type) {
-      // What is handed over, and the leaves that are made of it.
-      const auto voxels = static_cast<std::uint64_t>(size.cast<std::int64_t>().prod());
-      size_known(size, {.volume_bytes = BrickDirectory::MemoryBytes(size, type),
-                        .passing_bytes = voxels * VoxelBytes(type)});
-    };
-  }
+  request.on_size = size_known;
   return ImportVolume(request, progress, cancelled, &warnings);
 }
 

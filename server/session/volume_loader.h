@@ -14,8 +14,10 @@
 #include <vector>
 
 #include "common/files/own_files.h"
+#include "server/haptics/settings.h"
 #include "server/session/memory_budget.h"
 #include "server/volume/dense_bricks.h"
+#include "server/volume/load_memory.h"
 #include "server/volume/raw_voxels.h"
 
 namespace palpate {
@@ -30,17 +32,13 @@ struct LoadRequest {
   std::optional<double> device_mm_per_volume_mm{};
   std::optional<RawVoxels> raw{};       // the file holds nothing but these
   std::optional<std::int64_t> frame{};  // of a file with several
+  std::string grid{};                   // of a .vdb file with several
+  std::string component{};              // of a grid of vectors: magnitude, x, y or z
+  std::optional<FreeSide> free_side{};  // instead of the one that suits the volume
 };
 
 using LoadProgress = std::function<void(std::string_view stage, double fraction)>;
 using LoadCancelled = std::function<bool()>;
-
-// The memory that loading takes in this process.
-struct LoadMemory {
-  std::uint64_t volume_bytes = 0;   // of the volume, at most
-  std::uint64_t passing_bytes = 0;  // beside it until it is loaded
-  std::uint64_t Sum() const { return volume_bytes + passing_bytes; }
-};
 
 // Called with the size in the file's header before voxels are read, and again with the imported
 // size and type. What it throws ends the load.

@@ -174,6 +174,8 @@ VolumeEvent VolumeFeed::TakeLattice() {
                        .X_WI = metadata.WorldFromIndex(),
                        .value_min = metadata.value_min,
                        .value_max = metadata.value_max,
+                       .background = metadata.is_level_set ? std::optional(metadata.value_max)
+                                                           : std::nullopt,
                        .unit = metadata.unit,
                        .loaded_revision = volume.loaded_revision()};
 }
@@ -181,7 +183,7 @@ VolumeEvent VolumeFeed::TakeLattice() {
 void VolumeFeed::Select() {
   const VolumeSnapshot& volume = *transfer_->volume;
   Brick background;
-  background.fill(static_cast<float>(volume.metadata().value_min));
+  background.fill(static_cast<float>(volume.metadata().Background()));
   const BrickDirectory& bricks = volume.bricks();
   const std::uint64_t end = BricksOf(volume);
   const std::uint64_t stop = std::min(transfer_->next + kBricksPerSelection, end);

@@ -112,7 +112,8 @@ class FilterRun::Worker {
       : run_(run),
         volume_(*run.volume_),
         interrupter_(interrupter),
-        background_(static_cast<float>(volume_.metadata().value_min)),
+        background_(static_cast<float>(volume_.metadata().Background())),
+        least_(static_cast<float>(volume_.metadata().value_min)),
         greatest_(static_cast<float>(volume_.metadata().value_max)) {
     if (run.region_) weights_of_.emplace(volume_, *run.region_);
   }
@@ -256,7 +257,7 @@ class FilterRun::Worker {
     ForEach(low, high, [&](const Vec3i& p) {
       const std::size_t n = VoxelInBrick(p.x(), p.y(), p.z());
       if (weights_of_ && weights_[n] != 1.0) return;
-      const float is = std::clamp(filtered[n], background_, greatest_) + 0.0f;
+      const float is = std::clamp(filtered[n], least_, greatest_) + 0.0f;
       if (is == after_[n]) return;
       after_[n] = is;
       ++changed;
@@ -278,7 +279,8 @@ class FilterRun::Worker {
   const FilterRun& run_;
   const VolumeSnapshot& volume_;
   Interrupter& interrupter_;
-  const float background_;  // the least value too
+  const float background_;
+  const float least_;
   const float greatest_;
   std::optional<EditWeights> weights_of_;
   BrickNumbers weights_;

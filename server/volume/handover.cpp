@@ -16,46 +16,11 @@
 #include <vector>
 
 #include "common/error/error.h"
+#include "server/volume/handover_file.h"
+#include "server/volume/tree_handover.h"
 
 namespace palpate {
 namespace {
-
-// Of the call that set errno.
-[[noreturn]] void Fail(const char* what) {
-  const bool no_room = errno == ENOMEM || errno == ENOSPC || errno == EFBIG;
-  throw Error(no_room ? ErrorKind::kTooLarge : ErrorKind::kInternal,
-              std::string(what) + ": " + std::strerror(errno) +
-                  (no_room ? "; crop the volume or raise the limit of memory" : ""));
-}
-
-[[noreturn]] void Refuse(const std::string& what) {
-  throw Error(ErrorKind::kInvalidArgument, "what the importer made of the file is no volume (" +
-                                               what + "): the file is damaged");
-}
-
-void WriteAt(int fd, const void* data, std::size_t size, std::int64_t offset) {
-  const char* bytes = static_cast<const char*>(data);
-  while (size > 0) {
-    const ssize_t count = pwrite(fd, bytes, size, offset);
-    if (count < 0 && errno == EINTR) continue;
-    if (count <= 0) Fail("cannot hand the volume over");
-    bytes += count;
-    offset += count;
-    size -= static_cast<std::size_t>(count);
-  }
-}
-
-void ReadAt(int fd, void* data, std::size_t size, std::int64_t offset) {
-  char* bytes = static_cast<char*>(data);
-  while (size > 0) {
-    const ssize_t count = pread(fd, bytes, size, offset);
-    if (count < 0 && errno == EINTR) continue;
-    if (count <= 0) Fail("cannot take the volume over");
-    bytes += count;
-    offset += count;
-    size -= static_cast<std::size_t>(count);
-  }
-}
 
 template <std::size_t kSize>
 void PutText(const std::string& text, char (&out)[kSize]) {
@@ -65,28 +30,8 @@ void PutText(const std::string& text, char (&out)[kSize]) {
 template <std::size_t kSize>
 std::string TextOf(const char (&text)[kSize]) {
   const auto* const end = static_cast<const char*>(std::memchr(text, 0, kSize));
-  if (!end) Refuse("a text without an end");
+  if (!end) RefuseHandover("a text without an end");
   return {text, end};
-}
-
-HandoverHeader HeaderOf(const VolumeMetadata& metadata, LeafType type) {
-  HandoverHeader header{};
-  std::memcpy(header.magic, HandoverHeader::kMagic, sizeof header.magic);
-  header.type = static_cast<std::uint32_t>(type);
-  header.frames = metadata.frames;
-  for (int row = 0; row < 3; ++row) {
-    header.size[row] = metadata.size[row];
-    header.spacing_mm[row] = metadata.spacing_mm[row];
-    header.origin_W_mm[row] = metadata.origin_W_mm[row];
-    for (int col = 0; col < 3; ++col)
-      header.direction[3 * row + col] = metadata.direction(row, col);
-  }
-  header.value_min = metadata.value_min;
-  header.value_max = metadata.value_max;
-  PutText(metadata.unit, header.unit);
-  PutText(metadata.original_type, header.original_type);
-  PutText(metadata.source, header.source);
-  return header;
 }
 
 VolumeMetadata MetadataOf(const HandoverHeader& header) {
@@ -113,24 +58,28 @@ bool IsOf(LeafType type, double value) {
          Holds(type, static_cast<float>(value) + 0.0f);
 }
 
+HandoverHeader ReadHeader(int fd) {
+  struct stat status {};
+  if (fstat(fd, &status) != 0) FailHandover("cannot look at the hand-over");
+  HandoverHeader header;
+  if (status.st_size < kHandoverVoxels) RefuseHandover("no header");
+  ReadHandoverAt(fd, &header, sizeof header, 0);
+  if (std::memcmp(header.magic, HandoverHeader::kMagic, sizeof header.magic) != 0) {
+    RefuseHandover("another format");
+  }
+  if (header.type >= std::size(kLeafTypes)) RefuseHandover("an unknown type of voxels");
+  return header;
+}
+
 struct Contents {
   VolumeMetadata metadata;
   LeafType type = LeafType::kFloat;
   std::int64_t layer_bytes = 0;  // of one z
-  std::int64_t file_bytes = 0;
 };
 
-Contents ReadChecked(int fd, std::int64_t max_voxels) {
-  struct stat status {};
-  if (fstat(fd, &status) != 0) Fail("cannot look at the hand-over");
-  HandoverHeader header;
-  if (status.st_size < kHandoverVoxels) Refuse("no header");
-  ReadAt(fd, &header, sizeof header, 0);
-  if (std::memcmp(header.magic, HandoverHeader::kMagic, sizeof header.magic) != 0) {
-    Refuse("another format");
-  }
-  if (header.type >= std::size(kLeafTypes)) Refuse("an unknown type of voxels");
-  Contents contents{.metadata = MetadataOf(header), .type = kLeafTypes[header.type]};
+Contents CheckDense(int fd, const HandoverHeader& header, VolumeMetadata metadata,
+                    std::int64_t max_voxels) {
+  Contents contents{.metadata = std::move(metadata), .type = kLeafTypes[header.type]};
   CheckVolumeMetadata(contents.metadata);
   const auto size = contents.metadata.size.cast<std::int64_t>().eval();
   std::int64_t voxels = 0;
@@ -140,11 +89,14 @@ Contents ReadChecked(int fd, std::int64_t max_voxels) {
   }
   const auto voxel_bytes = static_cast<std::int64_t>(VoxelBytes(contents.type));
   contents.layer_bytes = size.x() * size.y() * voxel_bytes;
-  contents.file_bytes = kHandoverVoxels + voxels * voxel_bytes;
-  if (status.st_size != contents.file_bytes) Refuse("not as many voxels as stated");
+  struct stat status {};
+  if (fstat(fd, &status) != 0) FailHandover("cannot look at the hand-over");
+  if (status.st_size != kHandoverVoxels + voxels * voxel_bytes) {
+    RefuseHandover("not as many voxels as stated");
+  }
   if (!IsOf(contents.type, contents.metadata.value_min) ||
       !IsOf(contents.type, contents.metadata.value_max)) {
-    Refuse("a range that is none of its type");
+    RefuseHandover("a range that is none of its type");
   }
   return contents;
 }
@@ -162,14 +114,14 @@ class RangeCheck {
       least = std::min(least, voxels[n]);
       greatest = std::max(greatest, voxels[n]);
     }
-    if (!finite) Refuse("voxels that are no finite numbers");
+    if (!finite) RefuseHandover("voxels that are no finite numbers");
     least_ = std::min(least_, static_cast<double>(least));
     greatest_ = std::max(greatest_, static_cast<double>(greatest));
   }
 
   void Finish() const {
     if (least_ != metadata_.value_min || greatest_ != metadata_.value_max) {
-      Refuse("a range that is not that of the voxels");
+      RefuseHandover("a range that is not that of the voxels");
     }
   }
 
@@ -217,14 +169,34 @@ bool Seal(int fd) {
 
 Descriptor MakeHandoverFile() {
   Descriptor file(memfd_create("palpate-volume", MFD_CLOEXEC | MFD_ALLOW_SEALING));
-  if (file.get() < 0) Fail("cannot make a file in memory");
+  if (file.get() < 0) FailHandover("cannot make a file in memory");
   return file;
+}
+
+HandoverHeader MakeHandoverHeader(const VolumeMetadata& metadata, LeafType type) {
+  HandoverHeader header{};
+  std::memcpy(header.magic, HandoverHeader::kMagic, sizeof header.magic);
+  header.type = static_cast<std::uint32_t>(type);
+  header.frames = metadata.frames;
+  for (int row = 0; row < 3; ++row) {
+    header.size[row] = metadata.size[row];
+    header.spacing_mm[row] = metadata.spacing_mm[row];
+    header.origin_W_mm[row] = metadata.origin_W_mm[row];
+    for (int col = 0; col < 3; ++col)
+      header.direction[3 * row + col] = metadata.direction(row, col);
+  }
+  header.value_min = metadata.value_min;
+  header.value_max = metadata.value_max;
+  PutText(metadata.unit, header.unit);
+  PutText(metadata.original_type, header.original_type);
+  PutText(metadata.source, header.source);
+  return header;
 }
 
 void WriteHandover(int fd, const VolumeMetadata& metadata, LeafType type, const float* voxels) {
   CheckVolumeMetadata(metadata);
-  const HandoverHeader header = HeaderOf(metadata, type);
-  WriteAt(fd, &header, sizeof header, 0);
+  const HandoverHeader header = MakeHandoverHeader(metadata, type);
+  WriteHandoverAt(fd, &header, sizeof header, 0);
   constexpr std::int64_t kChunk = 1 << 20;
   const std::int64_t count = metadata.size.cast<std::int64_t>().prod();
   VisitType(type, [&](auto voxel) {
@@ -235,25 +207,25 @@ void WriteHandover(int fd, const VolumeMetadata& metadata, LeafType type, const 
       chunk.resize(static_cast<std::size_t>(std::min(kChunk, count - n)));
       std::transform(first, first + chunk.size(), chunk.begin(),
                      [](float value) { return static_cast<T>(value); });
-      WriteAt(fd, chunk.data(), chunk.size() * sizeof(T),
-              kHandoverVoxels + n * static_cast<std::int64_t>(sizeof(T)));
+      WriteHandoverAt(fd, chunk.data(), chunk.size() * sizeof(T),
+                      kHandoverVoxels + n * static_cast<std::int64_t>(sizeof(T)));
     }
   });
 }
 
-LoadedVolume TakeHandover(int fd, const TakeOptions& options) {
-  // First: what is looked at stays so. Fails where somebody may still write.
-  if (!Seal(fd)) Refuse("it can still be changed");
-  const Contents contents = ReadChecked(fd, options.max_voxels);
+namespace {
+
+LoadedVolume TakeDense(int fd, const Contents& contents, const TakeOptions& options) {
   const Vec3i& size = contents.metadata.size;
-  if (options.on_size) options.on_size(size, contents.type);
+  if (options.on_size) options.on_size(size, DenseLoadMemory(size, contents.type));
   RangeCheck range(contents.metadata);
   StepwiseProgress progress(options.progress, std::int64_t{size.y()} * size.z());
   const auto read = [&](int z, int first_y, int end_y, void* rows) {
     progress.Add(end_y - first_y);
     const auto row_bytes = contents.layer_bytes / size.y();
     const auto bytes = static_cast<std::size_t>((end_y - first_y) * row_bytes);
-    ReadAt(fd, rows, bytes, kHandoverVoxels + z * contents.layer_bytes + first_y * row_bytes);
+    ReadHandoverAt(fd, rows, bytes,
+                   kHandoverVoxels + z * contents.layer_bytes + first_y * row_bytes);
     VisitType(contents.type, [&](auto voxel) {
       range.Add(static_cast<const decltype(voxel)*>(rows), bytes / sizeof voxel);
     });
@@ -263,6 +235,23 @@ LoadedVolume TakeHandover(int fd, const TakeOptions& options) {
       MakeBricks(size, contents.type, read, static_cast<float>(contents.metadata.value_min))};
   range.Finish();
   return volume;
+}
+
+}  // namespace
+
+LoadedVolume TakeHandover(int fd, const TakeOptions& options) {
+  // First: what is looked at stays so. Fails where somebody may still write.
+  if (!Seal(fd)) RefuseHandover("it can still be changed");
+  const HandoverHeader header = ReadHeader(fd);
+  VolumeMetadata metadata = MetadataOf(header);
+  switch (static_cast<HandoverForm>(header.form)) {
+    case HandoverForm::kDense:
+      return TakeDense(fd, CheckDense(fd, header, std::move(metadata), options.max_voxels),
+                       options);
+    case HandoverForm::kTree:
+      return TakeTree(fd, header, std::move(metadata), options);
+  }
+  RefuseHandover("an unknown form");
 }
 
 }  // namespace palpate

@@ -1,9 +1,7 @@
 // How palpate-import hands a volume to the daemon: in a file in memory (memfd) that the daemon made
-// and seals, with a fixed header and voxels in a row. Nothing is parsed: the daemon checks a few
-// numbers, and what it takes can be wrong voxels, but nothing worse.
-//
-// Layout, in the machine's own byte order, since both run on it: HandoverHeader at 0, voxels at
-// kHandoverVoxels, x fastest, and not a byte more.
+// and seals, with a fixed header and voxels in a row, or the leaves and tiles of a tree
+// (handover_layout.h). Nothing is parsed: the daemon checks numbers, and what it takes can be wrong
+// voxels, but nothing worse.
 //
 // Not for real-time code. Threads: any. Errors: Error.
 #pragma once
@@ -13,41 +11,29 @@
 
 #include "common/files/descriptor.h"
 #include "server/volume/dense_bricks.h"
+#include "server/volume/handover_layout.h"
+#include "server/volume/load_memory.h"
 
 namespace palpate {
-
-inline constexpr std::int64_t kHandoverVoxels = 16384;
-
-struct HandoverHeader {
-  static constexpr char kMagic[8] = {'P', 'A', 'L', 'P', 'V', 'O', 'X', '1'};
-
-  char magic[8];
-  std::int32_t size[3];  // voxels along x, y, z
-  std::int32_t frames;
-  std::uint32_t type;  // LeafType
-  std::uint32_t reserved;
-  double spacing_mm[3];
-  double origin_W_mm[3];
-  double direction[9];  // row by row
-  double value_min;     // of the voxels, exactly
-  double value_max;
-  char unit[kLongestText + 8];  // texts end with a 0
-  char original_type[kLongestText + 8];
-  char source[kLongestText + 8];
-};
-static_assert(sizeof(HandoverHeader) <= kHandoverVoxels);
 
 // An empty file in memory that can be sealed. Closed on exec.
 Descriptor MakeHandoverFile();
 
-// The importer's side: writes metadata and voxels, as many as metadata.size says, in the type,
+// Places of a lattice that is a tree's, at most.
+inline constexpr std::int64_t kMostLatticeVoxels = std::int64_t{1} << 36;
+
+// The importer's side: the fixed part, without what a tree adds.
+HandoverHeader MakeHandoverHeader(const VolumeMetadata& metadata, LeafType type);
+
+// Writes metadata and voxels, as many as metadata.size says, in the type,
 // which holds each of them exactly.
 void WriteHandover(int fd, const VolumeMetadata& metadata, LeafType type, const float* voxels);
 
 struct TakeOptions {
+  // Of a tree: in its leaves.
   std::int64_t max_voxels = std::int64_t{1} << 31;
   // Told of the volume before memory is taken for it; what it throws ends the taking.
-  std::function<void(const Vec3i& size, LeafType type)> on_size{};
+  std::function<void(const Vec3i& size, const LoadMemory& memory)> on_size{};
   // Told the fraction that is done; what it throws ends the taking.
   std::function<void(double fraction)> progress{};
 };

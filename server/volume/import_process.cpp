@@ -97,6 +97,8 @@ std::vector<std::string> Arguments(const ImportRequest& request) {
   }
   if (request.frame) arguments.push_back("--frame=" + std::to_string(*request.frame));
   if (request.raw) AddRawArguments(*request.raw, &arguments);
+  if (!request.grid.empty()) arguments.push_back("--grid=" + request.grid);
+  if (!request.component.empty()) arguments.push_back("--component=" + request.component);
   // A path may start with a dash.
   arguments.insert(arguments.end(), {"--", request.source.string()});
   return arguments;
@@ -224,9 +226,10 @@ void ReportSize(std::string_view line, const SizeKnown& on_size) {
   }
   if (!line.empty()) return;
   const auto [x, y, z, bytes] = numbers;
-  on_size({x, y, z}, bytes == 1   ? LeafType::kUint8
-                     : bytes == 2 ? LeafType::kInt16
-                                  : LeafType::kFloat);
+  const LeafType type = bytes == 1   ? LeafType::kUint8
+                        : bytes == 2 ? LeafType::kInt16
+                                     : LeafType::kFloat;
+  on_size({x, y, z}, DenseLoadMemory({x, y, z}, type));
 }
 
 struct Outcome {
@@ -333,9 +336,9 @@ LoadedVolume ImportVolume(const ImportRequest& request,
     if (progress) progress("loading", kImporterShare + (1.0 - kImporterShare) * fraction);
   };
   bool is_telling = false;  // what a listener throws names the file where it wants to
-  const auto on_size = [&](const Vec3i& size, LeafType type) {
+  const auto on_size = [&](const Vec3i& size, const LoadMemory& memory) {
     is_telling = true;
-    if (request.on_size) request.on_size(size, type);
+    if (request.on_size) request.on_size(size, memory);
     is_telling = false;
   };
   const auto on_progress = [&](double fraction) {

@@ -16,17 +16,20 @@
 
 #include "common/files/own_files.h"
 #include "server/volume/dense_bricks.h"
+#include "server/volume/load_memory.h"
 #include "server/volume/raw_voxels.h"
 
 namespace palpate {
 
-using SizeKnown = std::function<void(const Vec3i& size, LeafType type)>;
+using SizeKnown = std::function<void(const Vec3i& size, const LoadMemory& memory)>;
 
 struct ImportRequest {
   std::filesystem::path source;       // a file, or the folder of a series
   std::optional<Vec3> spacing_mm;     // instead of the file's; required for TIFF
   std::optional<std::int64_t> frame;  // of a 4-D file; the first unless stated
   std::optional<RawVoxels> raw;       // the file holds nothing but these
+  std::string grid{};                 // of a .vdb file with several
+  std::string component{};            // of a grid of vectors: magnitude, x, y or z
   // The source, and what it leads to (slices, voxels of a detached header), lie below the source's
   // folder or one of these when links are followed. All these paths hold no links. None: anywhere.
   std::optional<std::vector<std::filesystem::path>> folders{};
@@ -34,8 +37,8 @@ struct ImportRequest {
   OwnFiles own_files{};
   std::int64_t max_voxels = std::int64_t{1} << 31;
   std::int64_t max_memory_bytes = std::int64_t{16} << 30;
-  // Told of the size and of the type that the file promises before voxels are read, more than once
-  // for stacks of slices, and of the type that it has become before it is taken over. Whatever it
+  // Told of the size and of the memory that the file promises before voxels are read, more than
+  // once for stacks of slices, and of what it has become before it is taken over. Whatever it
   // throws ends the import.
   SizeKnown on_size{};
   std::chrono::seconds timeout{300};

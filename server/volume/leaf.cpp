@@ -44,10 +44,14 @@ LeafPtr Leaf::Of(LeafType type, const Brick& values) {
   return VisitType(type, [&](auto voxel) { return Take(NodeOf<decltype(voxel)>(values)); });
 }
 
-LeafPtr Leaf::Constant(LeafType type, float value) {
+LeafPtr Leaf::Constant(LeafType type, float value, bool is_active) {
   Brick values;
   values.fill(value);
-  LeafPtr leaf = Of(type, values);
+  LeafPtr leaf = VisitType(type, [&](auto voxel) {
+    auto node = NodeOf<decltype(voxel)>(values);
+    node->setValueMask(openvdb::util::NodeMask<3>(is_active));
+    return Take(std::move(node));
+  });
   const_cast<Leaf&>(*leaf).is_constant_ = true;  // nobody else holds it yet
   return leaf;
 }

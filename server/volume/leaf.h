@@ -36,7 +36,7 @@ class Leaf : public boost::intrusive_ref_counter<Leaf, boost::thread_safe_counte
   // The type holds the values exactly. Every voxel is active.
   static LeafPtr Of(LeafType type, const Brick& values);
   // 8³ times the value. Made once for many places: is_constant().
-  static LeafPtr Constant(LeafType type, float value);
+  static LeafPtr Constant(LeafType type, float value, bool is_active = true);
   // In the smallest type that holds them all.
   static LeafPtr Smallest(const Brick& values);
 

@@ -14,7 +14,9 @@ VolumeSnapshot::VolumeSnapshot(VolumeMetadata metadata, BrickDirectory bricks,
       loaded_revision_(loaded_revision) {}
 
 double VolumeSnapshot::StoredVertex(const Vec3i& vertex) const noexcept {
-  if ((vertex.array() < 0).any() || (vertex.array() >= metadata_.size.array()).any()) return 0.0;
+  if ((vertex.array() < 0).any() || (vertex.array() >= metadata_.size.array()).any()) {
+    return BackgroundDensity();
+  }
   const int i = vertex.x(), j = vertex.y(), k = vertex.z();
   return Normalize(bricks_.Find(i, j, k)[VoxelInBrick(i, j, k)]);
 }

@@ -1,7 +1,7 @@
 // An immutable state of the volume, as the servo thread and viewers read it.
 //
 // Lattice vertices have index coordinates (i, j, k) in [0, size). One virtual
-// layer of the background density (the range's minimum) surrounds the lattice, so
+// layer of the background density (0; a level set's: above 1) surrounds the lattice, so
 // that H is closed: cells -1 .. size-1 along each axis exist, beyond them all is
 // free. Densities are normalised over the range of the metadata.
 //
@@ -36,6 +36,11 @@ class VolumeSnapshot {
   double Normalize(double value) const { return (value - metadata_.value_min) * inverse_range_; }
   double Denormalize(double density) const {
     return metadata_.value_min + density * (metadata_.value_max - metadata_.value_min);
+  }
+
+  // Density beyond the lattice: 0, or more than any isovalue, however ties are resolved.
+  double BackgroundDensity() const noexcept {
+    return metadata_.is_level_set ? kAboveAllIsovalues : 0.0;
   }
 
   // Densities of cell (i, j, k) as stored: what V is made of.

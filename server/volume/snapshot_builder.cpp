@@ -57,31 +57,6 @@ BrickDirectory TakeBricks(openvdb::FloatGrid& grid, const Vec3i& size_voxels) {
           }};
 }
 
-openvdb::FloatGrid::Ptr MakeGrid(const VolumeSnapshot& volume) {
-  const auto background = static_cast<float>(volume.metadata().value_min);
-  const openvdb::FloatGrid::Ptr grid = openvdb::FloatGrid::create(background);
-  const BrickDirectory& bricks = volume.bricks();
-  for (std::uint64_t number = 0, end = bricks.brick_count().cast<std::int64_t>().prod();
-       number < end; ++number) {
-    const Vec3i brick = bricks.BrickOf(number);
-    const Brick values = bricks.At(brick)->Floats();
-    if (std::all_of(values.begin(), values.end(), [&](float v) { return v == background; })) {
-      continue;
-    }
-    auto node = std::make_unique<Node>(CornerOf(brick), background, false);
-    // The grid has nothing beyond the lattice, whatever bricks hold there.
-    const Vec3i last = volume.size() - Vec3i::Ones() - brick * kBrickEdge;
-    for (int n = 0; n < kBrickVoxels; ++n) {
-      const bool inside = n >> 6 <= last.x() && (n >> 3 & 7) <= last.y() && (n & 7) <= last.z();
-      if (inside && values[n] != background) {
-        node->setValueOn(static_cast<openvdb::Index>(n), values[n]);
-      }
-    }
-    grid->tree().addLeaf(node.release());
-  }
-  return grid;
-}
-
 void SetValueRange(const openvdb::FloatGrid& grid, VolumeMetadata& metadata) {
   openvdb::FloatGrid::ConstAccessor accessor = grid.getConstAccessor();
   float min = accessor.getValue(openvdb::Coord(0, 0, 0)), max = min;

@@ -1,4 +1,4 @@
-// Snapshots of OpenVDB grids, and grids of snapshots.
+// Snapshots of OpenVDB grids.
 //
 // Non-real-time, any thread.
 #pragma once
@@ -19,11 +19,6 @@ std::shared_ptr<const VolumeSnapshot> MakeSnapshot(std::shared_ptr<const openvdb
 // The bricks alone, taking the leaves out of the grid one by one, so that there is
 // never a second copy of the volume. The grid is of no use afterwards.
 BrickDirectory TakeBricks(openvdb::FloatGrid& grid, const Vec3i& size_voxels);
-
-// A grid of the snapshot's voxels: the background is the least value of the
-// range, and what differs from it is active. The transform is left to those who
-// write it (volume_file.h).
-std::shared_ptr<openvdb::FloatGrid> MakeGrid(const VolumeSnapshot& volume);
 
 // Least and greatest voxel of the lattice, 0 .. size-1. Throws Error where they
 // are equal: such a volume has no isosurface.

@@ -7,7 +7,6 @@
 #include "common/error/error.h"
 #include "common/files/new_file.h"
 #include "server/volume/nrrd_writer.h"
-#include "server/volume/snapshot_builder.h"
 #include "server/volume/volume_file.h"
 
 namespace palpate {
@@ -67,7 +66,7 @@ std::uint64_t ExportVolume(const VolumeSnapshot& volume, const ExportRequest& re
     const auto written = [&](std::uint64_t bytes) {
       tell(std::min(1.0, static_cast<double>(bytes) / voxel_bytes));
     };
-    WriteVolumeFile(request.path, *MakeGrid(volume), volume.metadata(),
+    WriteVolumeFile(request.path, volume.bricks(), volume.metadata(),
                     {.if_there = if_there, .links = Links::kRefused, .written = written});
   } else {
     const auto write = [&](const std::filesystem::path& partial) {

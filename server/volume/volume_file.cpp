@@ -2,25 +2,25 @@
 
 #include <cstdint>
 #include <cstdio>
+#include <cstring>
 #include <fstream>
+#include <memory>
 #include <ostream>
 #include <string>
+#include <string_view>
 #include <system_error>
 
 #include <openvdb/io/Stream.h>
 #include <openvdb/openvdb.h>
 
-#include "common/error/error.h"
+#include "server/volume/grid_form.h"
+#include "server/volume/grid_tree.h"
 
 namespace palpate {
 namespace {
 
 constexpr std::int32_t kFormat = 2;
 constexpr char kGridName[] = "density";
-
-[[noreturn]] void Refuse(const std::string& message) {
-  throw Error(ErrorKind::kInvalidArgument, message);
-}
 
 openvdb::math::Transform::Ptr GridTransform(const VolumeMetadata& metadata) {
   const AffineMap X_WI = metadata.WorldFromIndex();
@@ -29,6 +29,11 @@ openvdb::math::Transform::Ptr GridTransform(const VolumeMetadata& metadata) {
     // OpenVDB multiplies row vectors from the left.
     for (int col = 0; col < 3; ++col) matrix(col, row) = X_WI.linear(row, col);
     matrix(3, row) = X_WI.translation[row];
+  }
+  // The volume's first voxel is another one of the grid.
+  if (metadata.grid_form) {
+    const Vec3 shift = X_WI.linear * metadata.grid_form->first.cast<double>();
+    for (int row = 0; row < 3; ++row) matrix(3, row) -= shift[row];
   }
   return openvdb::math::Transform::createLinearTransform(matrix);
 }
@@ -43,6 +48,9 @@ void InsertMetadata(const VolumeMetadata& metadata, openvdb::MetaMap* map) {
   map->insertMeta("palpate_format", openvdb::Int32Metadata(kFormat));
   map->insertMeta("palpate_size", openvdb::Vec3IMetadata(openvdb::Vec3i(
                                       metadata.size.x(), metadata.size.y(), metadata.size.z())));
+  const Vec3i first = metadata.grid_form ? metadata.grid_form->first : Vec3i::Zero();
+  map->insertMeta("palpate_first",
+                  openvdb::Vec3IMetadata(openvdb::Vec3i(first.x(), first.y(), first.z())));
   map->insertMeta("palpate_spacing_mm", openvdb::Vec3DMetadata(ToVdb(metadata.spacing_mm)));
   map->insertMeta("palpate_origin_mm", openvdb::Vec3DMetadata(ToVdb(metadata.origin_W_mm)));
   map->insertMeta("palpate_direction", openvdb::Mat4DMetadata(direction));
@@ -54,18 +62,62 @@ void InsertMetadata(const VolumeMetadata& metadata, openvdb::MetaMap* map) {
   map->insertMeta("palpate_source", openvdb::StringMetadata(metadata.source));
 }
 
-// The tree must lie in the box of the metadata and fill the rest with the least
-// value.
-void CheckTree(const openvdb::FloatGrid& grid, const VolumeMetadata& metadata) {
-  const openvdb::CoordBBox box(
-      {0, 0, 0},
-      openvdb::Coord(metadata.size.x(), metadata.size.y(), metadata.size.z()).offsetBy(-1));
-  const openvdb::CoordBBox active = grid.evalActiveVoxelBoundingBox();
-  if (!active.empty() && !box.isInside(active)) {
-    Refuse("there are voxels outside of the stated size; import the volume again");
+openvdb::math::MapBase::Ptr MapOf(std::string_view type, const openvdb::Mat4d& matrix) {
+  using namespace openvdb::math;
+  const Vec3d scale(matrix(0, 0), matrix(1, 1), matrix(2, 2));
+  const Vec3d shift(matrix(3, 0), matrix(3, 1), matrix(3, 2));
+  if (type == "UniformScaleMap") return std::make_shared<UniformScaleMap>(scale[0]);
+  if (type == "UniformScaleTranslateMap") {
+    return std::make_shared<UniformScaleTranslateMap>(scale[0], shift);
   }
-  if (grid.background() != static_cast<float>(metadata.value_min)) {
-    Refuse("the background is not the least value; import the volume again");
+  if (type == "ScaleMap") return std::make_shared<ScaleMap>(scale);
+  if (type == "ScaleTranslateMap") return std::make_shared<ScaleTranslateMap>(scale, shift);
+  if (type == "TranslationMap") return std::make_shared<TranslationMap>(shift);
+  if (type == "UnitaryMap") return std::make_shared<UnitaryMap>(matrix);
+  return std::make_shared<openvdb::math::AffineMap>(matrix);
+}
+
+openvdb::math::Transform::Ptr TransformOf(const VolumeMetadata& metadata) {
+  const GridForm* const form = metadata.grid_form.get();
+  if (!form || form->map.empty()) return GridTransform(metadata);
+  return std::make_shared<openvdb::math::Transform>(
+      MapOf(form->map, openvdb::Mat4d(form->matrix.data())));
+}
+
+template <class T>
+openvdb::Metadata::Ptr MetadataOf(const std::string& bytes) {
+  T value;
+  std::memcpy(&value, bytes.data(), sizeof value);
+  return std::make_shared<openvdb::TypedMetadata<T>>(value);
+}
+
+// In the order of kGridEntryTypes.
+constexpr openvdb::Metadata::Ptr (*kMakers[])(const std::string& bytes) = {
+    [](const std::string& bytes) -> openvdb::Metadata::Ptr {
+      return std::make_shared<openvdb::StringMetadata>(bytes);
+    },
+    MetadataOf<bool>,
+    MetadataOf<openvdb::Int32>,
+    MetadataOf<openvdb::Int64>,
+    MetadataOf<float>,
+    MetadataOf<double>,
+    MetadataOf<openvdb::Vec2i>,
+    MetadataOf<openvdb::Vec2s>,
+    MetadataOf<openvdb::Vec2d>,
+    MetadataOf<openvdb::Vec3i>,
+    MetadataOf<openvdb::Vec3s>,
+    MetadataOf<openvdb::Vec3d>,
+    MetadataOf<openvdb::Vec4i>,
+    MetadataOf<openvdb::Vec4s>,
+    MetadataOf<openvdb::Vec4d>,
+    MetadataOf<openvdb::Mat4s>,
+    MetadataOf<openvdb::Mat4d>,
+};
+static_assert(std::size(kMakers) == std::size(kGridEntryTypes));
+
+void InsertEntries(const GridForm& form, openvdb::MetaMap* map) {
+  for (const GridEntry& entry : form.entries) {
+    map->insertMeta(entry.name, *kMakers[entry.type - kGridEntryTypes](entry.bytes));
   }
 }
 
@@ -90,7 +142,7 @@ class ToldFile : public std::filebuf {
   std::uint64_t told_ = 0;
 };
 
-void WriteGrid(const std::filesystem::path& path, const openvdb::FloatGrid::Ptr& grid,
+void WriteGrid(const std::filesystem::path& path, const openvdb::GridBase::Ptr& grid,
                const WriteOptions& options) {
   ToldFile file(options.written);
   std::ostream out(&file);
@@ -106,21 +158,32 @@ void WriteGrid(const std::filesystem::path& path, const openvdb::FloatGrid::Ptr&
   check(file.close());
 }
 
+openvdb::GridBase::Ptr GridOf(const BrickDirectory& bricks, const VolumeMetadata& metadata) {
+  const std::string_view type = GridTypeOf(bricks, metadata);
+  if (type == "double") return MakeGrid<openvdb::DoubleGrid>(bricks, metadata);
+  if (type == "int32") return MakeGrid<openvdb::Int32Grid>(bricks, metadata);
+  if (type == "int64") return MakeGrid<openvdb::Int64Grid>(bricks, metadata);
+  if (type == "bool") return MakeGrid<openvdb::BoolGrid>(bricks, metadata);
+  return MakeGrid<openvdb::FloatGrid>(bricks, metadata);
+}
+
 }  // namespace
 
-void WriteVolumeFile(const std::filesystem::path& path, const openvdb::FloatGrid& grid,
+void WriteVolumeFile(const std::filesystem::path& path, const BrickDirectory& bricks,
                      const VolumeMetadata& metadata, const WriteOptions& options) {
   openvdb::initialize();
   CheckVolumeMetadata(metadata);
-  CheckTree(grid, metadata);
-  const openvdb::FloatGrid::Ptr named =
-      openvdb::FloatGrid::create(std::const_pointer_cast<openvdb::FloatTree>(grid.treePtr()));
-  named->setName(kGridName);
-  named->setTransform(GridTransform(metadata));
-  InsertMetadata(metadata, named.get());
+  const openvdb::GridBase::Ptr grid = GridOf(bricks, metadata);
+  if (metadata.grid_form) {
+    InsertEntries(*metadata.grid_form, grid.get());
+  } else {
+    grid->setName(kGridName);
+  }
+  grid->setTransform(TransformOf(metadata));
+  InsertMetadata(metadata, grid.get());
 
   const auto write = [&](const std::filesystem::path& partial) {
-    WriteGrid(partial, named, options);
+    WriteGrid(partial, grid, options);
   };
   WriteWhole(path, write, options.if_there, options.durable, options.links);
 }

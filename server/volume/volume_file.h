@@ -1,7 +1,7 @@
-// The .vdb file as which a volume is saved: one
-// openvdb::FloatGrid "density", blosc compressed, whose voxel (0,0,0) is the
-// first of the volume, whose background is the least value, whose transform maps
-// voxel index to W (mm, LPS), and whose metadata palpate_* hold VolumeMetadata.
+// The .vdb file as which a volume is saved: one grid, blosc compressed, whose transform maps voxel
+// index to W (mm, LPS), and whose metadata palpate_* hold VolumeMetadata. A volume out of a .vdb
+// file becomes the grid that it came from (grid_tree.h), with its name and metadata; any other one
+// "density", with voxel (0,0,0) first.
 //
 // Any thread; not for real-time code (writes files, allocates).
 #pragma once
@@ -9,10 +9,9 @@
 #include <cstdint>
 #include <filesystem>
 #include <functional>
-#include <memory>
 
 #include "common/files/new_file.h"
-#include "server/volume/openvdb_names.h"
+#include "server/volume/brick_directory.h"
 #include "server/volume/volume_metadata.h"
 
 namespace palpate {
@@ -26,10 +25,8 @@ struct WriteOptions {
 };
 
 // Writes beside `path` and renames, so that `path` is either whole or as it was.
-// Of `grid` only the tree is written; name, transform and metadata are replaced.
-// Throws Error: kInvalidArgument (metadata, or a tree that does not fit them),
-// or as WriteWhole.
-void WriteVolumeFile(const std::filesystem::path& path, const openvdb::FloatGrid& grid,
+// Throws Error: kInvalidArgument (metadata), or as WriteWhole.
+void WriteVolumeFile(const std::filesystem::path& path, const BrickDirectory& bricks,
                      const VolumeMetadata& metadata, const WriteOptions& options = {});
 
 }  // namespace palpate

@@ -5,12 +5,15 @@
 #pragma once
 
 #include <cstddef>
+#include <memory>
 #include <string>
 #include <vector>
 
 #include "common/geometry/geometry.h"
 
 namespace palpate {
+
+struct GridForm;
 
 struct VolumeMetadata {
   Vec3i size = Vec3i::Zero();         // voxels along x, y, z, each at least 2
@@ -19,6 +22,9 @@ struct VolumeMetadata {
   Mat3 direction = Mat3::Identity();  // columns: unit vectors of the index axes in W
   double value_min = 0.0;             // range over the whole volume, value_min < value_max
   double value_max = 1.0;
+  // Signed distances from a surface at 0, negative inside: beyond the lattice it goes on as
+  // outside.
+  bool is_level_set = false;
   int frames = 1;             // of the source, one of which this volume is
   std::string unit;           // "HU", ...; empty: not stated
   std::string original_type;  // "uint8", "int16", "float64", ...
@@ -28,7 +34,11 @@ struct VolumeMetadata {
   // Loading `source` again gives this volume. Not so: uploads, series, one of several frames,
   // raw voxels.
   bool reloadable = true;
+  // Of a volume out of a .vdb file: what else its grid was, for when it is saved (grid_form.h).
+  std::shared_ptr<const GridForm> grid_form{};
 
+  // Beyond the lattice, data units: the end of the range that is outside.
+  double Background() const { return is_level_set ? value_max : value_min; }
   AffineMap WorldFromIndex() const { return {direction * spacing_mm.asDiagonal(), origin_W_mm}; }
 };
 

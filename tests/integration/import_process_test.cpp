@@ -104,12 +104,16 @@ TEST_F(ImportProcessTest, RawVoxelsAndFrames) {
 }
 
 TEST_F(ImportProcessTest, TellsTheSizeInAdvanceAndEndsWhereThatThrows) {
-  std::vector<std::pair<Vec3i, LeafType>> sizes;
-  request_.on_size = [&](const Vec3i& size, LeafType type) { sizes.emplace_back(size, type); };
+  std::vector<std::pair<Vec3i, std::uint64_t>> sizes;  // with the bytes on their way
+  request_.on_size = [&](const Vec3i& size, const LoadMemory& memory) {
+    sizes.emplace_back(size, memory.passing_bytes);
+  };
   ImportVolume(request_, nullptr, nullptr);
-  const std::pair told(Vec3i(7, 5, 4), LeafType::kUint8);
+  const std::pair told(Vec3i(7, 5, 4), std::uint64_t{7 * 5 * 4});
   EXPECT_EQ(sizes, (std::vector{told, told}));  // before it is read, and before it is taken
-  request_.on_size = [](const Vec3i&, LeafType) { throw Error(ErrorKind::kTooLarge, "no room"); };
+  request_.on_size = [](const Vec3i&, const LoadMemory&) {
+    throw Error(ErrorKind::kTooLarge, "no room");
+  };
   EXPECT_EQ(Failure().what(), std::string("no room"));
   // It is not waited for.
   UseScript("echo 'size 7 5 4 1'\nexec sleep 60");
@@ -119,15 +123,17 @@ TEST_F(ImportProcessTest, TellsTheSizeInAdvanceAndEndsWhereThatThrows) {
 }
 
 TEST_F(ImportProcessTest, SizesThatAreNoneAreIgnored) {
-  std::vector<std::pair<Vec3i, LeafType>> sizes;
-  request_.on_size = [&](const Vec3i& size, LeafType type) { sizes.emplace_back(size, type); };
+  std::vector<std::pair<Vec3i, std::uint64_t>> sizes;  // with the bytes on their way
+  request_.on_size = [&](const Vec3i& size, const LoadMemory& memory) {
+    sizes.emplace_back(size, memory.passing_bytes);
+  };
   UseScript(
       "for s in 'size' 'size ' 'size 1 2 3' 'size 1 2 3 4 5' 'size 1 2 3 4 ' 'size 0 2 3 1' 'size "
       "-1 2 3 1' 'size 1 2 3 0' 'size 1 2 99999999999 1' 'size a b c d' 'size  1 2 3 1' "
       "'sizes 1 2 3 1' 'size 3 4 5 2'; do\n"
       "echo \"$s\"; done; exit 3");
   EXPECT_EQ(Failure().kind(), ErrorKind::kInvalidArgument);
-  EXPECT_EQ(sizes, (std::vector{std::pair(Vec3i(3, 4, 5), LeafType::kInt16)}));
+  EXPECT_EQ(sizes, (std::vector{std::pair(Vec3i(3, 4, 5), std::uint64_t{2 * 3 * 4 * 5})}));
 }
 
 TEST_F(ImportProcessTest, PassesTheImportersErrorOn) {

@@ -15,6 +15,8 @@ extern const char* const kHonestyChild;
 extern const char* const kRecordingChild;
 extern const char* const kUsbClientChild;
 extern const char* const kVolumeExportChild;
+// Writes .vdb files, and judges them.
+extern const char* const kVdbTool;
 // A script in palpated's place, that ends badly when told to.
 extern const char* const kStandIn;
 

@@ -13,7 +13,6 @@ namespace palpate {
 namespace {
 
 constexpr std::int32_t kFormat = 2;
-constexpr char kGridName[] = "density";
 
 [[noreturn]] void Refuse(const std::string& message) {
   throw Error(ErrorKind::kInvalidArgument, message);
@@ -53,6 +52,29 @@ VolumeMetadata ExtractMetadata(const openvdb::MetaMap& map) {
   return metadata;
 }
 
+// Voxel by voxel.
+template <class Grid>
+openvdb::FloatGrid::Ptr AsFloats(const openvdb::GridBase::Ptr& grid) {
+  if (!grid->isType<Grid>()) return nullptr;
+  const Grid& from = *openvdb::gridPtrCast<Grid>(grid);
+  const auto to = openvdb::FloatGrid::create(static_cast<float>(from.background()));
+  to->insertMeta(from);
+  to->setTransform(from.transform().copy());
+  for (auto value = from.cbeginValueAll(); value; ++value) {
+    const auto is = static_cast<float>(value.getValue());
+    if (value.isVoxelValue()) {
+      if (value.isValueOn()) {
+        to->tree().setValueOn(value.getCoord(), is);
+      } else {
+        to->tree().setValueOff(value.getCoord(), is);
+      }
+    } else if (value.isValueOn() || value.getValue() != from.background()) {
+      to->tree().addTile(value.getLevel(), value.getCoord(), is, value.isValueOn());
+    }
+  }
+  return to;
+}
+
 openvdb::FloatGrid::Ptr ReadGrid(const std::filesystem::path& path) {
   std::ifstream in(path, std::ios::binary);
   if (!in) throw Error(ErrorKind::kNotFound, "there is no such file that can be read");
@@ -60,11 +82,15 @@ openvdb::FloatGrid::Ptr ReadGrid(const std::filesystem::path& path) {
   in.exceptions(std::ios::badbit | std::ios::failbit);
   openvdb::io::Stream stream(in, /*delayLoad=*/false);
   const openvdb::GridPtrVecPtr grids = stream.getGrids();
-  if (grids->size() != 1 || !(*grids)[0]->isType<openvdb::FloatGrid>() ||
-      (*grids)[0]->getName() != kGridName) {
-    Refuse("this .vdb file does not hold one grid 'density' of floats; import it first");
+  if (grids->size() == 1) {
+    const openvdb::GridBase::Ptr& grid = (*grids)[0];
+    if (grid->isType<openvdb::FloatGrid>()) return openvdb::gridPtrCast<openvdb::FloatGrid>(grid);
+    if (const auto floats = AsFloats<openvdb::DoubleGrid>(grid)) return floats;
+    if (const auto floats = AsFloats<openvdb::Int32Grid>(grid)) return floats;
+    if (const auto floats = AsFloats<openvdb::Int64Grid>(grid)) return floats;
+    if (const auto floats = AsFloats<openvdb::BoolGrid>(grid)) return floats;
   }
-  return openvdb::gridPtrCast<openvdb::FloatGrid>((*grids)[0]);
+  Refuse("this .vdb file does not hold one grid of scalars; import it first");
 }
 
 }  // namespace

@@ -8,6 +8,7 @@
 #include <random>
 #include <set>
 
+#include "server/volume/grid_tree.h"
 #include "server/volume/snapshot_builder.h"
 #include "tests/support/made_volume.h"
 
@@ -217,7 +218,8 @@ TEST(BrickDirectoryTest, AGridAndBackIsTheSame) {
       if (kind->second == 1) return 0.25;
       return static_cast<double>(random() % 1000) / 1000.0;
     });
-    const openvdb::FloatGrid::Ptr grid = MakeGrid(*volume);
+    const openvdb::FloatGrid::Ptr grid =
+        MakeGrid<openvdb::FloatGrid>(volume->bricks(), volume->metadata());
     const BrickDirectory back = TakeBricks(*grid, volume->size());
     for (int i = 0; i < 37; ++i) {
       for (int j = 0; j < 24; ++j) {

@@ -71,13 +71,16 @@ void ExpectSameMetadata(const VolumeMetadata& is, const VolumeMetadata& expected
 
 TEST(Handover, WhatIsWrittenComesBackInEveryType) {
   for (const LeafType type : kLeafTypes) {
-    std::vector<std::pair<Vec3i, LeafType>> told;
+    std::vector<std::pair<Vec3i, std::uint64_t>> told;
     double done = 0.0;
-    const LoadedVolume volume = TakeHandover(
-        Written(type).get(),
-        {.on_size = [&](const Vec3i& size, LeafType of) { told.emplace_back(size, of); },
-         .progress = [&](double fraction) { done = std::max(done, fraction); }});
-    EXPECT_EQ(told, (std::vector{std::pair(Vec3i(kX, kY, kZ), type)}));
+    const LoadedVolume volume =
+        TakeHandover(Written(type).get(),
+                     {.on_size =
+                          [&](const Vec3i& size, const LoadMemory& memory) {
+                            told.emplace_back(size, memory.passing_bytes);
+                          },
+                      .progress = [&](double fraction) { done = std::max(done, fraction); }});
+    EXPECT_EQ(told, (std::vector{std::pair(Vec3i(kX, kY, kZ), kX * kY * kZ * VoxelBytes(type))}));
     EXPECT_LE(done, 1.0);
     ExpectSameMetadata(volume.metadata, Metadata());
     for (int i = 0; i < kX; ++i) {
@@ -119,7 +122,7 @@ TEST(Handover, LiesOfTheHeaderAreRefused) {
   using Header = HandoverHeader;
   constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
   constexpr std::int32_t kMost = std::numeric_limits<std::int32_t>::max();
-  ExpectRefused("magic", [](Header& h) { h.magic[7] = '2'; });
+  ExpectRefused("magic", [](Header& h) { h.magic[7] = '1'; });
   ExpectRefused("type", [](Header& h) { h.type = 4; });
   ExpectRefused("type", [](Header& h) { h.type = 0xffffffff; });
   ExpectRefused("a wider type", [](Header& h) { h.type = static_cast<int>(LeafType::kFloat); });
@@ -182,7 +185,7 @@ TEST(Handover, WhatCanStillBeWrittenIsRefused) {
 TEST(Handover, NothingCanChangeItOnceItIsTaken) {
   const Descriptor file = Written();
   const Descriptor other(fcntl(file.get(), F_DUPFD_CLOEXEC, 3));
-  TakeHandover(file.get(), {.on_size = [&](const Vec3i&, LeafType) {
+  TakeHandover(file.get(), {.on_size = [&](const Vec3i&, const LoadMemory&) {
                  // By somebody who still holds it, at the worst moment.
                  char byte = 1;
                  EXPECT_LT(pwrite(other.get(), &byte, 1, 0), 0);
@@ -205,7 +208,7 @@ TEST(Handover, TheLimitAndTheListenerComeBeforeTheMemory) {
   EXPECT_EQ(Refusal([] { TakeHandover(Written().get(), {.max_voxels = kX * kY * kZ - 1}); }),
             ErrorKind::kTooLarge);
   EXPECT_EQ(Refusal([] {
-              TakeHandover(Written().get(), {.on_size = [](const Vec3i&, LeafType) {
+              TakeHandover(Written().get(), {.on_size = [](const Vec3i&, const LoadMemory&) {
                              throw Error(ErrorKind::kTooLarge, "no room");
                            }});
             }),

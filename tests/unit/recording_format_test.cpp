@@ -305,12 +305,12 @@ TEST(RecordingFormat, OtherFilesAreRefusedInOneLine) {
     EXPECT_EQ(Refusal([&] { ReadBytes(bytes); }), ErrorKind::kInvalidArgument);
   }
   std::string newer = FrameHeader({.program = "test"});
-  newer[8] = 4;
+  newer[8] = 5;
   try {
     ReadBytes(newer);
     FAIL();
   } catch (const Error& error) {
-    EXPECT_NE(std::string(error.what()).find("version 4"), std::string::npos);
+    EXPECT_NE(std::string(error.what()).find("version 5"), std::string::npos);
   }
   EXPECT_EQ(Refusal([] { RecordingReader("/nowhere/recording"); }), ErrorKind::kNotFound);
 }

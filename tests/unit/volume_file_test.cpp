@@ -13,6 +13,7 @@
 #include <openvdb/tools/Dense.h>
 
 #include "common/error/error.h"
+#include "server/volume/snapshot_builder.h"
 #include "tests/support/volume_file.h"
 
 namespace palpate {
@@ -49,8 +50,8 @@ VolumeMetadata MakeMetadata() {
   return metadata;
 }
 
-openvdb::FloatGrid::Ptr MakeGrid(const Vec3i& size, float background) {
-  auto grid = openvdb::FloatGrid::create(background);
+BrickDirectory MakeBricks(const Vec3i& size) {
+  auto grid = openvdb::FloatGrid::create(0.0f);
   openvdb::tools::Dense<float, openvdb::tools::LayoutXYZ> dense(
       openvdb::CoordBBox({0, 0, 0}, {size.x() - 1, size.y() - 1, size.z() - 1}));
   for (int z = 0; z < size.z(); ++z) {
@@ -61,12 +62,12 @@ openvdb::FloatGrid::Ptr MakeGrid(const Vec3i& size, float background) {
     }
   }
   openvdb::tools::copyFromDense(dense, *grid, 0.0f);
-  return grid;
+  return TakeBricks(*grid, size);
 }
 
 TEST_F(VolumeFileTest, ReturnsWhatWasWritten) {
   const VolumeMetadata written = MakeMetadata();
-  WriteVolumeFile(folder_ / "a.vdb", *MakeGrid(written.size, 0.0f), written);
+  WriteVolumeFile(folder_ / "a.vdb", MakeBricks(written.size), written);
   const VolumeFile file = ReadVolumeFile(folder_ / "a.vdb");
   EXPECT_EQ(file.metadata.size, written.size);
   EXPECT_EQ(file.metadata.spacing_mm, written.spacing_mm);
@@ -92,7 +93,7 @@ TEST_F(VolumeFileTest, ReturnsWhatWasWritten) {
 
 TEST_F(VolumeFileTest, TransformMapsVoxelsToWorld) {
   const VolumeMetadata metadata = MakeMetadata();
-  WriteVolumeFile(folder_ / "a.vdb", *MakeGrid(metadata.size, 0.0f), metadata);
+  WriteVolumeFile(folder_ / "a.vdb", MakeBricks(metadata.size), metadata);
   const VolumeFile file = ReadVolumeFile(folder_ / "a.vdb");
   for (const Vec3& p_I : {Vec3(0, 0, 0), Vec3(3, 4, 5), Vec3(19, 10, 8)}) {
     const Vec3 expected = metadata.WorldFromIndex().Apply(p_I);
@@ -105,27 +106,26 @@ TEST_F(VolumeFileTest, ObliqueAndTinySpacingsSurvive) {
   VolumeMetadata metadata = MakeMetadata();
   metadata.direction = Eigen::AngleAxisd(0.7, Vec3(1, 2, 3).normalized()).toRotationMatrix();
   metadata.spacing_mm = {kLeastSpacingMm, kLeastSpacingMm, 2 * kLeastSpacingMm};
-  WriteVolumeFile(folder_ / "a.vdb", *MakeGrid(metadata.size, 0.0f), metadata);
+  WriteVolumeFile(folder_ / "a.vdb", MakeBricks(metadata.size), metadata);
   EXPECT_EQ(ReadVolumeFile(folder_ / "a.vdb").metadata.direction, metadata.direction);
 }
 
 TEST_F(VolumeFileTest, LeavesNoPartialFileAndReplacesTheOldOne) {
   VolumeMetadata metadata = MakeMetadata();
-  const auto grid = MakeGrid(metadata.size, 0.0f);
-  WriteVolumeFile(folder_ / "a.vdb", *grid, metadata);
+  const BrickDirectory bricks = MakeBricks(metadata.size);
+  WriteVolumeFile(folder_ / "a.vdb", bricks, metadata);
   metadata.unit = "changed";
-  WriteVolumeFile(folder_ / "a.vdb", *grid, metadata);
+  WriteVolumeFile(folder_ / "a.vdb", bricks, metadata);
   EXPECT_EQ(ReadVolumeFile(folder_ / "a.vdb").metadata.unit, "changed");
   EXPECT_EQ(std::distance(fs::directory_iterator(folder_), fs::directory_iterator()), 1);
 }
 
 TEST_F(VolumeFileTest, RefusesToWriteWhatIsNoVolume) {
-  const auto grid = MakeGrid({20, 11, 9}, 0.0f);
+  const BrickDirectory bricks = MakeBricks({20, 11, 9});
   const double nan = std::numeric_limits<double>::quiet_NaN();
   const std::vector<std::function<void(VolumeMetadata*)>> attacks = {
       [](VolumeMetadata* m) { m->size.x() = 1; },
       [](VolumeMetadata* m) { m->size.y() = -5; },
-      [](VolumeMetadata* m) { m->size.x() = 19; },  // voxels outside
       [](VolumeMetadata* m) { m->spacing_mm.x() = 0.0; },
       [nan](VolumeMetadata* m) { m->spacing_mm.z() = nan; },
       [nan](VolumeMetadata* m) { m->origin_W_mm.z() = nan; },
@@ -133,13 +133,12 @@ TEST_F(VolumeFileTest, RefusesToWriteWhatIsNoVolume) {
       [](VolumeMetadata* m) { m->direction(0, 1) = 0.3; },  // sheared
       [](VolumeMetadata* m) { m->direction.setZero(); },
       [](VolumeMetadata* m) { m->value_max = m->value_min; },
-      [](VolumeMetadata* m) { m->value_min = -1.0; },  // not the background
       [](VolumeMetadata* m) { m->source.assign(5000, 'x'); },
   };
   for (std::size_t k = 0; k < attacks.size(); ++k) {
     VolumeMetadata metadata = MakeMetadata();
     attacks[k](&metadata);
-    EXPECT_THROW(WriteVolumeFile(folder_ / "a.vdb", *grid, metadata), Error) << k;
+    EXPECT_THROW(WriteVolumeFile(folder_ / "a.vdb", bricks, metadata), Error) << k;
     EXPECT_TRUE(fs::is_empty(folder_)) << k;
   }
 }
@@ -147,7 +146,7 @@ TEST_F(VolumeFileTest, RefusesToWriteWhatIsNoVolume) {
 TEST_F(VolumeFileTest, UnwritableFolderIsReported) {
   const VolumeMetadata metadata = MakeMetadata();
   try {
-    WriteVolumeFile(folder_ / "none" / "a.vdb", *MakeGrid(metadata.size, 0.0f), metadata);
+    WriteVolumeFile(folder_ / "none" / "a.vdb", MakeBricks(metadata.size), metadata);
     FAIL();
   } catch (const Error& error) {
     EXPECT_EQ(error.kind(), ErrorKind::kNotFound);

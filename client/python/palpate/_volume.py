@@ -39,6 +39,7 @@ class VolumeInfo:
     device_from_index: (4, 4) voxel index (x, y, z, 1) to the device frame: mm
     device_mm_per_volume_mm: millimetres of device motion per millimetre of the volume
     frames: of the source file, one of which this volume is
+    is_level_set: values are signed distances from a surface at 0, negative inside
     warnings: what the import assumed or left out, a line each, such as a spacing that the
     file does not state
     """
@@ -57,6 +58,7 @@ class VolumeInfo:
     device_mm_per_volume_mm: float
     memory_bytes: int
     frames: int
+    is_level_set: bool
     warnings: tuple[str, ...]
 
 
@@ -70,13 +72,14 @@ def info_of(volume: volume_pb2.VolumeDescription) -> VolumeInfo:
         world_from_index=matrix_of_map(volume.world_from_index),
         device_from_index=matrix_of_map(volume.device_from_index),
         device_mm_per_volume_mm=volume.device_mm_per_volume_mm,
-        memory_bytes=volume.memory_bytes, frames=volume.frames,
+        memory_bytes=volume.memory_bytes, frames=volume.frames, is_level_set=volume.is_level_set,
         warnings=tuple(volume.warnings))
 
 
 def load_options(isovalue: float | None = None, normalized_isovalue: float | None = None,
                  device_mm_per_volume_mm: float | None = None, spacing_mm: Triple | None = None,
-                 frame: int | None = None) -> volume_pb2.LoadVolumeRequest:
+                 frame: int | None = None, grid: str = "",
+                 component: str = "") -> volume_pb2.LoadVolumeRequest:
     if isovalue is not None and normalized_isovalue is not None:
         raise InvalidArgument("name the isovalue or the normalised one, not both")
     return volume_pb2.LoadVolumeRequest(
@@ -84,6 +87,7 @@ def load_options(isovalue: float | None = None, normalized_isovalue: float | Non
         normalized_isovalue=number_or_none("normalized_isovalue", normalized_isovalue),
         device_mm_per_volume_mm=number_or_none("device_mm_per_volume_mm",
                                                device_mm_per_volume_mm), frame=frame,
+        grid=grid, component=component,
         spacing_mm=None if spacing_mm is None else vector_of("spacing_mm", spacing_mm))
 
 
@@ -119,20 +123,21 @@ class VolumeAccess:
     def load(self, source: str | os.PathLike[str], *, isovalue: float | None = None,
              normalized_isovalue: float | None = None, spacing_mm: Triple | None = None,
              device_mm_per_volume_mm: float | None = None, frame: int | None = None,
-             progress: Progress | None = None) -> VolumeInfo:
+             grid: str = "", component: str = "", progress: Progress | None = None) -> VolumeInfo:
         """Replaces the volume by a file of the daemon's machine; returns when it is felt.
 
         source: path of a file or DICOM folder there, or "builtin:NAME[:N]". A relative path
         is taken from this program's current folder over a socket, and is refused over TCP.
         isovalue: to start with, data units; or normalized_isovalue, 0 to 1 over the new
-        range; neither: the normalised one is kept. spacing_mm: (x, y, z) instead of the
+        range; neither: the normalised one is kept; 0 of a level set. spacing_mm: (x, y, z) instead of the
         file's. device_mm_per_volume_mm: scale instead of the fitted one. frame: of a file
-        with several, from 0. progress: called with what is done and the share done, 0 to 1.
+        with several, from 0. grid: of a .vdb file with several, by name. component: of a grid
+        of vectors, "magnitude", "x", "y" or "z". progress: called with what is done and the share done, 0 to 1.
         Errors: InvalidArgument (no volume), NotFound, PermissionDenied (a folder that the
         daemon does not load from), TooLarge, Conflict (another load runs).
         """
         request = load_options(isovalue, normalized_isovalue, device_mm_per_volume_mm, spacing_mm,
-                               frame)
+                               frame, grid, component)
         text = os.fspath(source)
         request.source = text if text.startswith("builtin:") else self._link.path(text)
         events = self._link.events(self._stub.LoadVolume, request)

@@ -58,7 +58,8 @@ class _Copy:
         if not self._size.all():
             raise ValueError("a volume without voxels")
         self._counts = -(-self._size // _EDGE)
-        self._background = np.float32(lattice.value_min)
+        self._background = np.float32(
+            lattice.background if lattice.HasField("background") else lattice.value_min)
         self._voxels = np.full(self._counts * _EDGE, self._background)
         # Axes: the brick's place, then the voxel's place in it.
         a, b, c = self._counts

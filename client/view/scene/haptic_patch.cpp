@@ -35,12 +35,14 @@ class Normalization {
 
 CellDensities ResolvedCell(const ViewVolume& volume, const Normalization& normalization,
                            const Vec3i& cell) {
+  // Only a level set has another background than the least value.
+  const double outside = volume.lattice()->background ? kAboveAllIsovalues : 0.0;
   CellDensities densities;
   for (int v = 0; v < 8; ++v) {
     const Vec3i p = cell + Vec3i(kCornerOffset[v][0], kCornerOffset[v][1], kCornerOffset[v][2]);
     const bool is_within =
         (p.array() >= 0).all() && (p.array() < volume.lattice()->size.array()).all();
-    const double stored = is_within ? normalization.Density(volume.Value(p)) : 0.0;
+    const double stored = is_within ? normalization.Density(volume.Value(p)) : outside;
     densities[v] = ResolvedDensity(stored, p.x(), p.y(), p.z());
   }
   return densities;

@@ -1,0 +1,25 @@
+// The memory that loading a volume takes in this process, known before it is taken.
+//
+// Threads: pure, any.
+#pragma once
+
+#include <cstdint>
+
+#include "server/volume/brick_directory.h"
+
+namespace palpate {
+
+struct LoadMemory {
+  std::uint64_t volume_bytes = 0;   // of the volume, at most
+  std::uint64_t passing_bytes = 0;  // beside it until it is loaded
+  std::uint64_t Sum() const { return volume_bytes + passing_bytes; }
+};
+
+// Of voxels in a row, which are handed over in memory.
+inline LoadMemory DenseLoadMemory(const Vec3i& size, LeafType type) {
+  const auto voxels = static_cast<std::uint64_t>(size.cast<std::int64_t>().prod());
+  return {.volume_bytes = BrickDirectory::MemoryBytes(size, type),
+          .passing_bytes = voxels * VoxelBytes(type)};
+}
+
+}  // namespace palpate

@@ -1,0 +1,293 @@
+// A hand-over in the form of a tree: what is written comes back, and whatever lies in the file, the
+// daemon takes a volume or refuses it.
+#include "server/volume/tree_handover.h"
+
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <cstring>
+#include <functional>
+#include <limits>
+#include <random>
+#include <string>
+#include <vector>
+
+#include "common/error/error.h"
+#include "server/volume/grid_form.h"
+#include "tests/support/refusal.h"
+
+namespace palpate {
+namespace {
+
+using testing::Refusal;
+
+using Place = std::array<std::int32_t, 3>;
+
+struct LeafRecord {
+  std::uint64_t states[8];
+  std::int16_t values[512];
+};
+
+// Two leaves and some tiles around the origin of a grid, whose lattice begins at (-8, 0, 0).
+struct Written {
+  HandoverHeader header{};
+  std::string entries;
+  std::vector<Place> top_nodes{{-4096, 0, 0}, {0, 0, 0}};
+  std::vector<HandoverTile> tiles;
+  std::vector<HandoverNode> nodes;
+  std::vector<Place> leaf_places{{-8, 0, 0}, {8, 8, 0}};
+  std::vector<LeafRecord> leaves;
+
+  Written() {
+    VolumeMetadata metadata;
+    metadata.size = {160, 16, 8};
+    metadata.original_type = "int32";
+    metadata.source = "a.vdb";
+    header = MakeHandoverHeader(metadata, LeafType::kInt16);
+    header.form = static_cast<std::uint32_t>(HandoverForm::kTree);
+    header.tree.first[0] = -8;
+    header.tree.background = -5.0f;
+    header.tree.grid_type = 2;
+    header.tree.map = 0;
+    for (int n = 0; n < 4; ++n) header.tree.matrix[5 * n] = 1.0;
+    AddEntry("author", 0, "somebody");
+    AddEntry("number", 2, std::string("\x07\0\0\0", 4));
+    tiles.push_back({{128, 0, 0}, kGridNodeEdge, 9.0f, 1});
+    nodes.resize(2);
+    nodes[0].first[0] = -128;
+    for (HandoverNode& node : nodes) std::fill_n(node.values, HandoverNode::kPlaces, -5.0f);
+    SetLeaf(nodes[0], 15, 0);
+    SetLeaf(nodes[1], 1, 1);
+    nodes[1].values[0] = 3.0f;  // at the origin
+    nodes[1].is_active[0] = 1;
+    nodes[1].values[5] = 4.0f;  // beyond the lattice
+    leaves.resize(2);
+    for (int n = 0; n < 512; ++n) {
+      leaves[0].values[n] = static_cast<std::int16_t>(n);
+      leaves[1].values[n] = static_cast<std::int16_t>(-n);
+    }
+    leaves[0].states[3] = 0xff00ff00ff00ff00;
+  }
+  static void SetLeaf(HandoverNode& node, int a, int b) {
+    const int place = a << 8 | b << 4;
+    node.is_leaf[place >> 6] |= std::uint64_t{1} << (place & 63);
+  }
+  void AddEntry(const std::string& name, std::uint32_t type, const std::string& value) {
+    const HandoverEntry entry{type, static_cast<std::uint32_t>(name.size()),
+                              static_cast<std::uint32_t>(value.size())};
+    entries.append(reinterpret_cast<const char*>(&entry), sizeof entry);
+    entries += name + value;
+  }
+  void Count() {
+    header.tree.entry_bytes = entries.size();
+    header.tree.top_nodes = top_nodes.size();
+    header.tree.tiles = tiles.size();
+    header.tree.nodes = nodes.size();
+    header.tree.leaves = leaves.size();
+  }
+  std::string Bytes() const {
+    std::string bytes(kHandoverVoxels, '\0');
+    std::memcpy(bytes.data(), &header, sizeof header);
+    bytes += entries;
+    const auto add = [&bytes](const auto& items) {
+      bytes.append(reinterpret_cast<const char*>(items.data()), items.size() * sizeof items[0]);
+    };
+    add(top_nodes);
+    add(tiles);
+    add(nodes);
+    add(leaf_places);
+    add(leaves);
+    return bytes;
+  }
+};
+
+LoadedVolume Take(const std::string& bytes, const TakeOptions& options = {}) {
+  const Descriptor file = MakeHandoverFile();
+  EXPECT_EQ(write(file.get(), bytes.data(), bytes.size()), static_cast<ssize_t>(bytes.size()));
+  return TakeHandover(file.get(), options);
+}
+
+std::string Valid() {
+  Written written;
+  written.Count();
+  return written.Bytes();
+}
+
+float At(const LoadedVolume& volume, int i, int j, int k) {
+  return volume.bricks.Find(i, j, k)[VoxelInBrick(i, j, k)];
+}
+
+TEST(TreeHandover, WhatIsWrittenComesBack) {
+  std::uint64_t told = 0;
+  const LoadedVolume volume = Take(
+      Valid(), {.on_size = [&](const Vec3i&, const LoadMemory& memory) { told = memory.Sum(); }});
+  EXPECT_GE(told, volume.bricks.MemoryBytes());
+  EXPECT_EQ(volume.metadata.size, Vec3i(160, 16, 8));
+  EXPECT_EQ(At(volume, 1, 2, 3), 64.0f + 16.0f + 3.0f);
+  EXPECT_EQ(At(volume, 17, 10, 3), -83.0f);
+  EXPECT_EQ(At(volume, 8, 0, 0), 3.0f);     // the tile at the origin
+  EXPECT_EQ(At(volume, 136, 15, 7), 9.0f);  // that of 128³ voxels
+  EXPECT_EQ(At(volume, 30, 0, 0), -5.0f);
+  EXPECT_EQ(volume.metadata.value_min, -511.0);
+  EXPECT_EQ(volume.metadata.value_max, 511.0);
+  const Leaf& leaf = volume.bricks.Find(0, 0, 0);
+  EXPECT_EQ(leaf.type(), LeafType::kInt16);
+  for (std::size_t n = 0; n < 512; ++n) {
+    EXPECT_EQ(leaf.IsActive(n), n / 64 == 3 && n / 8 % 2 == 1);
+  }
+  EXPECT_TRUE(volume.bricks.Find(8, 0, 0).IsActive(0));
+  EXPECT_FALSE(volume.bricks.Find(30, 0, 0).IsActive(0));
+}
+
+TEST(TreeHandover, WhatElseTheGridWasIsKept) {
+  const LoadedVolume volume = Take(Valid());
+  ASSERT_NE(volume.metadata.grid_form, nullptr);
+  const GridForm& form = *volume.metadata.grid_form;
+  EXPECT_EQ(form.first, Vec3i(-8, 0, 0));
+  EXPECT_EQ(form.type, "int32");
+  EXPECT_EQ(form.map, "UniformScaleMap");
+  EXPECT_EQ(form.background, -5.0f);
+  ASSERT_EQ(form.entries.size(), 2u);
+  EXPECT_EQ(form.entries[0].name, "author");
+  EXPECT_EQ(form.entries[0].bytes, "somebody");
+  EXPECT_EQ(form.entries[1].type->name, "int32");
+  EXPECT_EQ(form.nodes.size(), 2u);
+  EXPECT_EQ(form.top_nodes.size(), 2u);
+  ASSERT_EQ(form.tiles.size(), 2u);
+  EXPECT_EQ(form.tiles[0].edge, kGridNodeEdge);
+  EXPECT_EQ(form.tiles[1].first, Vec3i(0, 0, 40));
+  EXPECT_EQ(form.tiles[1].value, 4.0f);
+}
+
+void ExpectRefused(const char* what, const std::function<void(Written&)>& change,
+                   ErrorKind kind = ErrorKind::kInvalidArgument) {
+  Written written;
+  written.Count();
+  change(written);
+  EXPECT_EQ(Refusal([&] { Take(written.Bytes()); }), kind) << what;
+}
+
+TEST(TreeHandover, LiesOfTheHeaderAreRefused) {
+  constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
+  constexpr std::uint64_t kMost = std::numeric_limits<std::uint64_t>::max();
+  ExpectRefused("form", [](Written& w) { w.header.form = 2; });
+  ExpectRefused("type", [](Written& w) { w.header.type = 4; });
+  ExpectRefused("first", [](Written& w) { w.header.tree.first[0] = -7; });
+  ExpectRefused("far", [](Written& w) { w.header.tree.first[1] = 1 << 30; });
+  ExpectRefused("size", [](Written& w) { w.header.size[2] = 0; });
+  ExpectRefused(
+      "large", [](Written& w) { w.header.size[0] = w.header.size[1] = 1 << 20; },
+      ErrorKind::kTooLarge);
+  ExpectRefused("background", [](Written& w) { w.header.tree.background = kNan; });
+  ExpectRefused("not of its type", [](Written& w) { w.header.tree.background = 0.5f; });
+  ExpectRefused("grid", [](Written& w) { w.header.tree.grid_type = 5; });
+  ExpectRefused("map", [](Written& w) { w.header.tree.map = 8; });
+  ExpectRefused("matrix", [](Written& w) { w.header.tree.matrix[3] = kNan; });
+  ExpectRefused("spacing", [](Written& w) { w.header.spacing_mm[0] = 0.0; });
+  for (std::uint64_t HandoverTree::*const count :
+       {&HandoverTree::entry_bytes, &HandoverTree::top_nodes, &HandoverTree::tiles,
+        &HandoverTree::nodes, &HandoverTree::leaves}) {
+    for (const std::uint64_t is : {std::uint64_t{0}, std::uint64_t{3}, kMost, kMost / 2080 + 1}) {
+      Written written;
+      written.Count();
+      written.header.tree.*count = is;
+      const auto kind = Refusal([&] { Take(written.Bytes()); });
+      EXPECT_TRUE(kind == ErrorKind::kInvalidArgument || kind == ErrorKind::kTooLarge) << is;
+    }
+  }
+}
+
+TEST(TreeHandover, LiesOfThePartsAreRefused) {
+  constexpr float kInfinity = std::numeric_limits<float>::infinity();
+  ExpectRefused("top node", [](Written& w) { w.top_nodes[0][1] = 8; });
+  ExpectRefused("twice", [](Written& w) { w.top_nodes[0] = w.top_nodes[1]; });
+  ExpectRefused("tile", [](Written& w) { w.tiles[0].first[0] = 120; });
+  ExpectRefused("tile's edge", [](Written& w) { w.tiles[0].edge = 64; });
+  ExpectRefused("tile's value", [](Written& w) { w.tiles[0].value = kInfinity; });
+  ExpectRefused("tile on a node", [](Written& w) { w.tiles[0].first[0] = 0; });
+  ExpectRefused("tile without a node above", [](Written& w) { w.tiles[0].first[2] = 4096; });
+  ExpectRefused("node", [](Written& w) { w.nodes[0].first[0] = -120; });
+  ExpectRefused("node twice", [](Written& w) { w.nodes[0] = w.nodes[1]; });
+  ExpectRefused("node without one above", [](Written& w) { w.nodes[0].first[2] = 4096; });
+  ExpectRefused("a node's tile", [](Written& w) { w.nodes[1].values[7] = 0.25f; });
+  ExpectRefused("a leaf too many", [](Written& w) { w.nodes[1].is_leaf[9] = 1; });
+  ExpectRefused("a leaf too few", [](Written& w) { w.nodes[0] = HandoverNode{}; });
+  ExpectRefused("leaf's place", [](Written& w) { w.leaf_places[0][1] = 4; });
+  ExpectRefused("leaf on a tile", [](Written& w) { w.leaf_places[1][0] = 0; });
+  ExpectRefused("leaf twice", [](Written& w) { w.leaf_places[0] = w.leaf_places[1]; });
+  ExpectRefused("entry's type", [](Written& w) { w.entries[0] = 77; });
+  ExpectRefused("entry's name", [](Written& w) { w.entries[7] = 1; });
+  ExpectRefused("entry's value", [](Written& w) { w.entries[11] = 1; });
+}
+
+TEST(TreeHandover, FloatsThatAreNoneAreRefused) {
+  Written written;
+  written.header.type = static_cast<std::uint32_t>(LeafType::kFloat);
+  written.leaves.clear();
+  written.Count();
+  written.header.tree.leaves = 2;
+  std::string bytes = written.Bytes() + std::string(2 * (64 + 4 * 512), '\0');
+  const float nan = std::numeric_limits<float>::quiet_NaN();
+  EXPECT_NO_THROW(Take(bytes));
+  std::memcpy(bytes.data() + bytes.size() - sizeof nan, &nan, sizeof nan);
+  EXPECT_EQ(Refusal([&] { Take(bytes); }), ErrorKind::kInvalidArgument);
+}
+
+TEST(TreeHandover, AConstantVolumeIsRefused) {
+  ExpectRefused("nothing to feel", [](Written& w) {
+    w.tiles.clear();
+    w.nodes.clear();
+    w.leaves.clear();
+    w.leaf_places.clear();
+    w.Count();
+  });
+}
+
+TEST(TreeHandover, TooManyVoxelsAndValuesAreRefused) {
+  EXPECT_EQ(Refusal([] { Take(Valid(), {.max_voxels = 1023}); }), ErrorKind::kTooLarge);
+  EXPECT_NO_THROW(Take(Valid(), {.max_voxels = 1024}));
+  // Each of them would be a leaf.
+  Written written;
+  written.header.type = static_cast<std::uint32_t>(LeafType::kFloat);
+  written.leaves.clear();
+  written.leaf_places.clear();
+  written.nodes.assign(5, {});
+  for (int n = 0; n < 5; ++n) {
+    written.nodes[static_cast<std::size_t>(n)].first[1] = 128 * n;
+    for (int place = 0; place < HandoverNode::kPlaces; ++place) {
+      written.nodes[static_cast<std::size_t>(n)].values[place] =
+          static_cast<float>(n * HandoverNode::kPlaces + place);
+    }
+  }
+  written.Count();
+  EXPECT_EQ(Refusal([&] { Take(written.Bytes()); }), ErrorKind::kTooLarge);
+}
+
+TEST(TreeHandover, AnyBytesAreAVolumeOrRefused) {
+  std::mt19937 random(3);
+  const std::string valid = Valid();
+  int taken = 0;
+  for (int run = 0; run < 3000; ++run) {
+    std::string bytes = valid;
+    for (unsigned changes = 1 + random() % 4; changes > 0; --changes) {
+      // Half of them where numbers are that all depends on.
+      const std::size_t from = random() % 2 ? 0 : kHandoverVoxels;
+      const std::size_t at = from + random() % (bytes.size() - from);
+      bytes[at] = static_cast<char>(random());
+    }
+    if (random() % 8 == 0) bytes.resize(random() % bytes.size());
+    try {
+      const LoadedVolume volume = Take(bytes);
+      EXPECT_GT(volume.metadata.value_max, volume.metadata.value_min);
+      ++taken;
+    } catch (const Error& error) {
+      EXPECT_TRUE(error.kind() == ErrorKind::kInvalidArgument ||
+                  error.kind() == ErrorKind::kTooLarge)
+          << error.what();
+    }
+  }
+  EXPECT_GT(taken, 100);
+}
+
+}  // namespace
+}  // namespace palpate
