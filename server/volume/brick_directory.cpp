@@ -6,6 +6,8 @@
 #include <unordered_set>
 #include <utility>
 
+#include "server/volume/brick_memory.h"
+
 namespace palpate {
 namespace {
 
@@ -70,6 +72,14 @@ class ConstantBlocks {
   std::unordered_set<const Leaf*> leaves_;
   std::unordered_map<const Leaf*, BrickDirectory::BlockPtr> blocks_;
 };
+
+BrickDirectory::Block::Block() { AddBrickBytes(sizeof(Block)); }
+
+BrickDirectory::Block::Block(const Block& other) : BlockContents(other) {
+  AddBrickBytes(sizeof(Block));
+}
+
+BrickDirectory::Block::~Block() { SubtractBrickBytes(sizeof(Block)); }
 
 BrickDirectory::BrickDirectory(const Vec3i& size_voxels,
                                const std::function<LeafPtr(const Vec3i& brick)>& leaf)
@@ -198,6 +208,11 @@ std::vector<std::uint64_t> BrickDirectory::ChangedSince(std::uint64_t revision) 
                        });
   std::sort(numbers.begin(), numbers.end());
   return numbers;
+}
+
+std::uint64_t BrickDirectory::BlockBytes(const Vec3i& min, const Vec3i& max) {
+  const Vec3i blocks = max / 8 - min / 8 + Vec3i::Ones();
+  return static_cast<std::uint64_t>(blocks.cast<std::int64_t>().prod()) * sizeof(Block);
 }
 
 std::uint64_t BrickDirectory::MemoryBytes(const Vec3i& size_voxels, LeafType type) {

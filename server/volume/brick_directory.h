@@ -73,16 +73,26 @@ class BrickDirectory {
   // What leaves and directory take of the heap, as if this directory alone held them. A constant
   // leaf counts once if the directory was made with it, and not at all if With() put it there.
   std::uint64_t MemoryBytes() const { return bytes_; }
+  // The most that With() takes for changes in bricks min .. max, both included, beside their
+  // leaves.
+  static std::uint64_t BlockBytes(const Vec3i& min, const Vec3i& max);
   // The most that a volume of this size and type can take.
   static std::uint64_t MemoryBytes(const Vec3i& size_voxels, LeafType type = LeafType::kFloat);
 
  private:
   // 8³ leaves, in the order of voxels in a brick.
-  struct Block {
+  struct BlockContents {
     std::array<LeafPtr, kBrickVoxels> leaves;  // none beyond the lattice, but in constant blocks
     std::array<std::uint64_t, kBrickVoxels> revisions{};
     std::uint64_t newest = 0;
     bool is_constant = false;  // and may stand at many places
+  };
+  // Counts itself (brick_memory.h).
+  struct Block : BlockContents {
+    Block();
+    Block(const Block& other);
+    ~Block();
+    Block& operator=(const Block&) = delete;
   };
   using BlockPtr = std::shared_ptr<const Block>;
 

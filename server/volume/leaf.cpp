@@ -6,6 +6,8 @@
 #include <cstring>
 #include <utility>
 
+#include "server/volume/brick_memory.h"
+
 namespace palpate {
 namespace {
 
@@ -36,7 +38,13 @@ template LeafPtr Leaf::Take(std::unique_ptr<Node<std::int16_t>>);
 template LeafPtr Leaf::Take(std::unique_ptr<Node<std::uint16_t>>);
 template LeafPtr Leaf::Take(std::unique_ptr<Node<float>>);
 
+Leaf::Leaf(LeafType type, void* node, const void* values) noexcept
+    : values_(values), node_(node), type_(type) {
+  AddBrickBytes(Bytes());
+}
+
 Leaf::~Leaf() {
+  SubtractBrickBytes(Bytes());
   VisitType(type_, [this](auto voxel) { delete static_cast<Node<decltype(voxel)>*>(node_); });
 }
 

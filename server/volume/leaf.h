@@ -73,8 +73,7 @@ class Leaf : public boost::intrusive_ref_counter<Leaf, boost::thread_safe_counte
   static std::uint64_t Bytes(LeafType type) noexcept;
 
  private:
-  Leaf(LeafType type, void* node, const void* values) noexcept
-      : values_(values), node_(node), type_(type) {}
+  Leaf(LeafType type, void* node, const void* values) noexcept;
 
   const void* values_;
   void* node_;  // Node<T>, owned

@@ -5,9 +5,11 @@
 #include <openvdb/openvdb.h>
 
 #include <map>
+#include <optional>
 #include <random>
 #include <set>
 
+#include "server/volume/brick_memory.h"
 #include "server/volume/grid_tree.h"
 #include "server/volume/snapshot_builder.h"
 #include "tests/support/made_volume.h"
@@ -183,6 +185,29 @@ TEST(BrickDirectoryTest, MemoryFollowsChangesAndTheirUndo) {
   // The blocks stay as they are.
   const BrickDirectory back = changed.With(changed.ChangesTo(constant), 4);
   EXPECT_EQ(back.MemoryBytes(), changed.MemoryBytes() - leaves);
+}
+
+TEST(BrickDirectoryTest, WhatLivesCountsOnceInHowManyDirectoriesItIs) {
+  const std::uint64_t before = LiveBrickBytes();
+  {
+    std::mt19937 random(6);
+    std::optional<BrickDirectory> first = RandomDirectory(random);
+    const std::uint64_t all = LiveBrickBytes() - before;
+    EXPECT_LE(all, first->MemoryBytes());
+    EXPECT_GE(static_cast<double>(all), 0.99 * static_cast<double>(first->MemoryBytes()));
+    const BrickDirectory same = *first;
+    EXPECT_EQ(LiveBrickBytes(), before + all);
+    const auto changes = RandomChanges(same, random, 3);
+    const BrickDirectory changed = same.With(changes, 2);
+    const Vec3i last = same.brick_count() - Vec3i::Ones();
+    const std::uint64_t leaves = changes.size() * Leaf::Bytes(LeafType::kFloat);
+    EXPECT_GT(LiveBrickBytes(), before + all + leaves);
+    EXPECT_LE(LiveBrickBytes(),
+              before + all + leaves + BrickDirectory::BlockBytes(Vec3i::Zero(), last));
+    first.reset();
+    EXPECT_GT(LiveBrickBytes(), before + all);
+  }
+  EXPECT_EQ(LiveBrickBytes(), before);
 }
 
 TEST(BrickDirectoryTest, NoChangesAreNoChange) {

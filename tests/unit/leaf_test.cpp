@@ -10,6 +10,7 @@
 #include <limits>
 #include <vector>
 
+#include "server/volume/brick_memory.h"
 #include "server/volume/dense_bricks.h"
 
 namespace palpate {
@@ -40,6 +41,20 @@ TEST(Leaf, HoldsTheValuesOfEachType) {
     EXPECT_FALSE(leaf->is_constant());
     EXPECT_TRUE(leaf->IsActive(0));
   }
+}
+
+TEST(Leaf, CountsOnceWhoeverHoldsIt) {
+  const std::uint64_t before = LiveBrickBytes();
+  {
+    const LeafPtr leaf = Leaf::Of(LeafType::kInt16, Bytes());
+    const LeafPtr same = leaf;
+    EXPECT_EQ(LiveBrickBytes(), before + Leaf::Bytes(LeafType::kInt16));
+    const LeafPtr other = leaf->With(Counted(0.5f, 1.0f));
+    const LeafPtr constant = Leaf::Constant(LeafType::kUint8, 7.0f);
+    EXPECT_EQ(LiveBrickBytes(), before + leaf->Bytes() + Leaf::Bytes(LeafType::kFloat) +
+                                    Leaf::Bytes(LeafType::kUint8));
+  }
+  EXPECT_EQ(LiveBrickBytes(), before);
 }
 
 // The limits of each type, beside them, and what looks like an integer and is none.
