@@ -1,5 +1,6 @@
 // palpated: the haptics daemon.
 #include <fcntl.h>
+#include <malloc.h>
 #include <sys/prctl.h>
 #include <unistd.h>
 
@@ -191,6 +192,11 @@ int Fail(bool to_journal, const std::vector<std::string>& lines, ErrorKind kind)
   return ExitCode(kind);
 }
 
+// Before there are threads. A heap for each few threads, malloc's default, keeps what was freed in
+// it from the others: after 20 s of loads and edits it had taken 110 MiB beyond a budget of 300.
+// The servo does not allocate, and so does not wait for others that do.
+void UseOneHeap() { mallopt(M_ARENA_MAX, 1); }
+
 int Main(int argc, char** argv) {
   arguments::Command app(
       "palpated: feel an isosurface of a volume with a force-feedback stylus.\n"
@@ -215,6 +221,7 @@ int Main(int argc, char** argv) {
       token_command();
       return 0;
     }
+    UseOneHeap();
     SetUpLog(to_journal);
     BlockSignals();
     Run(options);

@@ -1,5 +1,6 @@
 #include "server/realtime/thread_setup.h"
 
+#include <malloc.h>
 #include <pthread.h>
 #include <sched.h>
 #include <sys/mman.h>
@@ -8,6 +9,7 @@
 
 #include <cerrno>
 #include <cstddef>
+#include <mutex>
 #include <system_error>
 
 namespace palpate {
@@ -16,6 +18,13 @@ namespace {
 constexpr char kThreadName[] = "palpate-rt";
 constexpr std::size_t kStackBytes = 256 * 1024;
 constexpr std::size_t kSmallestPageBytes = 4096;
+
+// Guards whether memory is locked.
+std::mutex lock_mutex;
+bool is_locked = false;
+
+// Leaves what is in memory there, and locks what is not yet when it is first touched.
+bool LockOnFault() { return mlockall(MCL_CURRENT | MCL_FUTURE | MCL_ONFAULT) == 0; }
 
 // strerror is not thread-safe; this is.
 std::string Describe(int error_number) { return std::generic_category().message(error_number); }
@@ -83,15 +92,25 @@ bool LockProcessMemory(std::vector<std::string>& warnings) noexcept {
   if (limit.rlim_cur != RLIM_INFINITY && !MayLockMoreThan(limit.rlim_cur)) {
     reason = "only " + std::to_string(limit.rlim_cur / 1024) +
              " KiB may be locked, and later allocations would fail at that limit";
-  } else if (mlockall(MCL_CURRENT | MCL_FUTURE) != 0) {
-    reason = "mlockall refused: " + Describe(errno);
   } else {
-    return true;
+    const std::lock_guard lock(lock_mutex);
+    // The first brings all that is mapped now into memory, programs and libraries too.
+    is_locked = mlockall(MCL_CURRENT) == 0 && LockOnFault();
+    if (is_locked) return true;
+    reason = "mlockall refused: " + Describe(errno);
   }
   warnings.push_back("memory is not locked (" + reason +
                      "): set LimitMEMLOCK=infinity (ulimit -l unlimited) or grant CAP_IPC_LOCK; "
                      "going on, ticks will be late when memory has to be paged in");
   return false;
+}
+
+void ReturnFreedMemory() noexcept {
+  const std::lock_guard lock(lock_mutex);
+  // malloc gives pages back by MADV_DONTNEED, which the kernel refuses for locked ones.
+  if (is_locked) munlockall();
+  malloc_trim(0);
+  if (is_locked) LockOnFault();
 }
 
 void SetupRealtimeThread(const RealtimeOptions& options, RealtimeGrant& grant) noexcept {

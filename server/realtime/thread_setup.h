@@ -26,7 +26,18 @@ struct RealtimeGrant {
 // locked memory is unlimited (RLIMIT_MEMLOCK or CAP_IPC_LOCK): under a finite limit
 // it may succeed now and make any later allocation fail. Any thread, not
 // real-time. False: not locked, and a warning says why.
+//
+// What is mapped later is locked when it is first written, not when it is mapped: what the heap
+// only reserves takes no memory. The servo reads nothing that others did not write before.
 bool LockProcessMemory(std::vector<std::string>& warnings) noexcept;
+
+// Gives what was freed back to the system: the heap would keep it, as bricks are small.
+//
+// Takes milliseconds, with locked memory about 200 for each GiB that the process has; other
+// threads that allocate wait meanwhile. Locked pages cannot be given back, so that all memory is
+// unlocked for that time. Any ordinary thread; a real-time thread that does not allocate is not
+// held up.
+void ReturnFreedMemory() noexcept;
 
 // Makes the calling thread a real-time one, before its loop: SCHED_FIFO (children
 // start as ordinary processes), core, memory, the stack that a tick may need, and
