@@ -178,11 +178,12 @@ void RunDaemon(const LoadedConfig& loaded, const ConfigReader& read) {
   SceneInbox inbox;
   const auto outbox = std::make_unique<TickOutbox>();
   Pump pump(*outbox);
-  Session session(device->spec(), inbox, pump,
-                  VolumeLoader{.import_program = ImportProgram(),
-                               .folders = paths.load_folders(),
-                               .own_files = own_files,
-                               .budget = MemoryBudget::Make(config.memory_budget_bytes)});
+  Session session(
+      device->spec(), inbox, pump,
+      VolumeLoader{.import_program = ImportProgram(),
+                   .folders = paths.load_folders(),
+                   .own_files = own_files,
+                   .budget = MemoryBudget::Make(config.memory_budget_bytes, LiveBrickBytes)});
   RegistrationStore registrations(state_folder);
   session.SetRegistrationStore(registrations);
   VolumeEditor editor(session);

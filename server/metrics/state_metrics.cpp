@@ -57,7 +57,8 @@ void AddProcess(Families& families, const MeasuredParts& parts) {
         ResidentBytes());
   Gauge(families, "palpate_open_files", "Open file descriptors of the daemon", OpenFiles());
   Gauge(families, "palpate_volume_memory_bytes",
-        "Memory held by volumes, series and uploads, as the budget counts it",
+        "Memory held by volumes, with what undo, series and streams hold, and uploads, as the "
+        "budget counts it",
         parts.budget.held_bytes());
   Gauge(families, "palpate_volume_memory_budget_bytes", "What they may hold together",
         parts.budget_bytes);

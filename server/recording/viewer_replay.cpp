@@ -25,6 +25,7 @@ constexpr std::chrono::milliseconds kReportPeriod{100};
 // Of the recording, that is read ahead.
 constexpr double kAheadMs = 500.0;
 constexpr std::size_t kMaxBricksAhead = (std::size_t{128} << 20) / sizeof(Brick);
+constexpr std::uint64_t kMostChunkBytes = kBricksPerEdit * sizeof(Brick);
 // Times without ticks are not sat out for longer.
 constexpr std::uint64_t kLongestPauseMs = 1000;
 
@@ -152,6 +153,8 @@ class ViewerReplay {
 
   // False at the end.
   bool ReadOne() {
+    // Of bricks; they live once they are read.
+    const MemoryClaim claim = session_.loader().budget->Claim("the replay", kMostChunkBytes);
     std::optional<RecordedChunk> chunk = reader_.Next();
     if (!chunk) return false;
     if (auto* samples = std::get_if<RecordedSamples>(&*chunk)) {

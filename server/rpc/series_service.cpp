@@ -60,7 +60,7 @@ grpc::Status SeriesService::LoadSeries(grpc::ServerContext* context,
     LoadRequest load = palpate::FromProto(request->options());
     load.title = Title(sources);
     const VolumeState state = player_.Load(files, load, progress, cancelled);
-    const AppliedTick applied = session_.WaitForNewVolume(state.scene_revision);
+    const AppliedTick applied = session_.WaitForServo(state.scene_revision);
     v1::LoadSeriesResponse event;
     *event.mutable_result()->mutable_volume() = palpate::ToProto(state);
     *event.mutable_result()->mutable_series() = ToProto(player_.state());

@@ -38,9 +38,11 @@ v1::SaveVolumeResult VolumeSaver::SaveChecked(grpc::ServerContext* context,
   };
   const auto cancelled = [&] { return context->IsCancelled(); };
   const auto volume = session_.volume().volume;
+  const std::filesystem::path path = check_(request.path());
+  const MemoryClaim claim = session_.loader().budget->Claim("saving", ExportBytes(*volume, path));
+  const TidyBrickWork freed(session_.retired());
   v1::SaveVolumeResult result;
-  result.set_size_bytes(
-      ExportVolume(*volume, {check_(request.path()), request.overwrite()}, progress, cancelled));
+  result.set_size_bytes(ExportVolume(*volume, {path, request.overwrite()}, progress, cancelled));
   result.set_volume_revision(volume->revision());
   return result;
 }

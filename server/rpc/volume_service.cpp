@@ -91,12 +91,7 @@ grpc::Status VolumeService::EditVolume(grpc::ServerContext* context,
   if (!admission.ok()) return admission.status();
   return Answer(response, [&] {
     const VolumeEdit edit = FromProto(*request);
-    const auto change = [&](const VolumeSnapshot& volume) {
-      // In its turn, and that may be late: for nobody, or while the daemon ends, it is not made.
-      if (context->IsCancelled()) throw Error(ErrorKind::kCancelled, "the edit was cancelled");
-      return ApplyEdit(volume, edit);
-    };
-    return editor_.Apply(change, Expected(*request));
+    return editor_.Edit(edit, Expected(*request), 0, Cancelled(context));
   });
 }
 

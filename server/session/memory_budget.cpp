@@ -2,6 +2,7 @@
 
 #include <unistd.h>
 
+#include <algorithm>
 #include <utility>
 
 #include "common/error/error.h"
@@ -26,25 +27,17 @@ MemoryClaim& MemoryClaim::operator=(MemoryClaim&& other) noexcept {
 }
 
 MemoryClaim::~MemoryClaim() {
-  if (budget_) budget_->Change(holder_, bytes_, 0);
+  if (budget_) budget_->Change(holder_, bytes_, 0, {});
 }
 
 void MemoryClaim::Resize(std::uint64_t bytes) {
-  budget_->Change(holder_, bytes_, bytes);
+  budget_->Change(holder_, bytes_, bytes, MemoryBudget::kPatience);
   bytes_ = bytes;
 }
 
-void MemoryClaim::Rename(const std::string& holder) {
-  if (!budget_) return;
-  const std::lock_guard lock(budget_->mutex_);
-  if (holder == holder_) return;
-  budget_->AddLocked(holder_, 0 - bytes_);
-  budget_->AddLocked(holder, bytes_);
-  holder_ = holder;
-}
-
-MemoryClaim MemoryBudget::Claim(const std::string& holder, std::uint64_t bytes) {
-  Change(holder, 0, bytes);
+MemoryClaim MemoryBudget::Claim(const std::string& holder, std::uint64_t bytes,
+                                std::chrono::milliseconds patience) {
+  Change(holder, 0, bytes, patience);
   MemoryClaim claim;
   claim.budget_ = shared_from_this();
   claim.holder_ = holder;
@@ -52,24 +45,61 @@ MemoryClaim MemoryBudget::Claim(const std::string& holder, std::uint64_t bytes) 
   return claim;
 }
 
+void MemoryBudget::SetPart(const std::string& part, std::uint64_t bytes) {
+  const std::lock_guard lock(mutex_);
+  if (bytes == 0) {
+    parts_.erase(part);
+  } else {
+    parts_[part] = bytes;
+  }
+}
+
+void MemoryBudget::SetWait(WaitForFreed wait) {
+  const std::lock_guard lock(mutex_);
+  wait_ = std::move(wait);
+}
+
 std::uint64_t MemoryBudget::held_bytes() const {
   const std::lock_guard lock(mutex_);
-  std::uint64_t sum = 0;
+  return HeldLocked();
+}
+
+std::uint64_t MemoryBudget::left_bytes() const {
+  const std::uint64_t held = held_bytes();
+  return held < bytes_ ? bytes_ - held : 0;
+}
+
+std::uint64_t MemoryBudget::HeldLocked() const {
+  std::uint64_t sum = live_ ? live_() : 0;
   for (const auto& [holder, bytes] : held_) sum += bytes;
   return sum;
 }
 
-void MemoryBudget::Change(const std::string& holder, std::uint64_t from, std::uint64_t to) {
+void MemoryBudget::Change(const std::string& holder, std::uint64_t from, std::uint64_t to,
+                          std::chrono::milliseconds patience) {
+  if (TryChange(holder, from, to)) return;
+  WaitForFreed wait;
+  {
+    const std::lock_guard lock(mutex_);
+    wait = wait_;
+  }
+  if (wait) {
+    wait(patience);
+    if (TryChange(holder, from, to)) return;
+  }
+  const std::lock_guard lock(mutex_);
+  throw Error(ErrorKind::kTooLarge, Refusal(holder, from, to));
+}
+
+// What shrinks always may: it may be too much because bricks live that nobody claimed.
+bool MemoryBudget::TryChange(const std::string& holder, std::uint64_t from, std::uint64_t to) {
   const std::lock_guard lock(mutex_);
   if (to > from) {
-    std::uint64_t others = 0;
-    for (const auto& [name, bytes] : held_) others += bytes;
-    others -= from;
-    if (to > bytes_ || others > bytes_ - to) {
-      throw Error(ErrorKind::kTooLarge, Refusal(holder, to, others));
-    }
+    const std::uint64_t others = HeldLocked() - from;
+    if (to > bytes_ || others > bytes_ - to) return false;
   }
   AddLocked(holder, to - from);
+  return true;
 }
 
 void MemoryBudget::AddLocked(const std::string& holder, std::uint64_t difference) {
@@ -78,15 +108,20 @@ void MemoryBudget::AddLocked(const std::string& holder, std::uint64_t difference
   if (entry->second == 0) held_.erase(entry);
 }
 
-std::string MemoryBudget::Refusal(const std::string& holder, std::uint64_t needed,
-                                  std::uint64_t held) const {
+std::string MemoryBudget::Refusal(const std::string& holder, std::uint64_t from,
+                                  std::uint64_t to) const {
+  std::map<std::string, std::uint64_t> holders = held_;
+  for (const auto& [part, bytes] : parts_) holders[part] += bytes;
+  std::uint64_t others = live_ ? live_() : 0;
+  for (const auto& [part, bytes] : parts_) others -= std::min(others, bytes);
+  if (others > 0) holders["other bricks"] += others;
   std::string list;
-  for (const auto& [name, bytes] : held_) {
+  for (const auto& [name, bytes] : holders) {
     list += (list.empty() ? " (" : ", ") + name + " " + Mib(bytes);
   }
   if (!list.empty()) list += ")";
-  return holder + " needs " + Mib(needed) + "; of the memory budget of " + Mib(bytes_) + ", " +
-         Mib(held) + " are held" + list +
+  return holder + " needs " + Mib(to) + "; of the memory budget of " + Mib(bytes_) + ", " +
+         Mib(HeldLocked() - from) + " are held" + list +
          ": load something smaller first, crop the data, or raise " + kKey;
 }
 

@@ -21,13 +21,14 @@ class Reader {
  public:
   Reader(const VolumeLoader& loader, std::span<const std::filesystem::path> files,
          const LoadRequest& request, const LoadProgress& progress, const LoadCancelled& cancelled,
-         std::vector<std::string>& warnings)
+         std::vector<std::string>& warnings, const BrickWork& work)
       : loader_(loader),
         files_(files),
         request_(request),
         progress_(progress),
         cancelled_(cancelled),
-        warnings_(warnings) {}
+        warnings_(warnings),
+        work_(work) {}
 
   LoadedSeries Read() {
     count_ = files_.size();
@@ -49,11 +50,17 @@ class Reader {
     throw Error(ErrorKind::kInvalidArgument, message);
   }
 
-  // For all frames, and one more on its way, each as large as the largest so far.
+  // For all frames to come, and one more on its way, each as large as the largest so far.
   void Claim(const LoadMemory& frame) {
     frame_memory_.volume_bytes = std::max(frame_memory_.volume_bytes, frame.volume_bytes);
     frame_memory_.passing_bytes = std::max(frame_memory_.passing_bytes, frame.passing_bytes);
-    claim_.Resize((count_ + 1) * frame_memory_.volume_bytes + frame_memory_.passing_bytes);
+    ClaimRest(0);
+  }
+
+  // Less what the next frame has made.
+  void ClaimRest(std::uint64_t made_bytes) {
+    claim_.Resize((count_ - frames_.size() + 1) * frame_memory_.volume_bytes +
+                  frame_memory_.passing_bytes - std::min(made_bytes, frame_memory_.volume_bytes));
   }
 
   void ReadFrame(std::size_t frame) {
@@ -61,7 +68,9 @@ class Reader {
                         .spacing_mm = request_.spacing_mm,
                         .raw = request_.raw};
     request.frame = files_.size() == 1 ? static_cast<std::int64_t>(frame) : 0;
+    const std::uint64_t before = work_.most_bytes();
     const auto progress = [&](std::string_view stage, double fraction) {
+      ClaimRest(work_.most_bytes() - before);
       progress_("frame " + std::to_string(frame + 1) + ": " + std::string(stage),
                 (static_cast<double>(frame) + fraction) / static_cast<double>(count_));
     };
@@ -74,6 +83,7 @@ class Reader {
     // They are much the same for every frame.
     if (frame == 0) warnings_.insert(warnings_.end(), warnings.begin(), warnings.end());
     Take(volume, request.source);
+    ClaimRest(0);
   }
 
   // Before the voxels are read.
@@ -109,8 +119,8 @@ class Reader {
     const auto background = static_cast<float>(metadata_.value_min);
     for (BrickDirectory& frame : frames_) frame = pool_->Share(frame, metadata_.size, background);
     metadata_.frames = static_cast<int>(frames_.size());
-    claim_.Resize(MemoryBytes(frames_, metadata_.size));
-    return {metadata_, std::move(frames_), std::move(claim_)};
+    const std::uint64_t bytes = MemoryBytes(frames_, metadata_.size);
+    return {metadata_, std::move(frames_), bytes};
   }
 
   const VolumeLoader& loader_;
@@ -119,6 +129,7 @@ class Reader {
   const LoadProgress& progress_;
   const LoadCancelled& cancelled_;
   std::vector<std::string>& warnings_;
+  const BrickWork& work_;
 
   std::size_t count_ = 0;
   VolumeMetadata metadata_;
@@ -132,12 +143,19 @@ class Reader {
 
 LoadedSeries LoadSeries(const VolumeLoader& loader, std::span<const std::filesystem::path> files,
                         const LoadRequest& request, const LoadProgress& progress,
-                        const LoadCancelled& cancelled, std::vector<std::string>& warnings) {
-  return Reader(loader, files, request, progress, cancelled, warnings).Read();
+                        const LoadCancelled& cancelled, std::vector<std::string>& warnings,
+                        const BrickWork& work) {
+  return Reader(loader, files, request, progress, cancelled, warnings, work).Read();
 }
 
-BrickDirectory Blend(const BrickDirectory& from, const BrickDirectory& to, double share) {
+BrickDirectory Blend(const BrickDirectory& from, const BrickDirectory& to, double share,
+                     const std::function<void(std::uint64_t bytes)>& bytes_known) {
   std::vector<BrickChange> changes = from.ChangesTo(to);
+  if (bytes_known) {
+    const Vec3i last = from.brick_count() - Vec3i::Ones();
+    bytes_known(changes.size() * Leaf::Bytes(LeafType::kFloat) +
+                BrickDirectory::BlockBytes(Vec3i::Zero(), last));
+  }
   for (BrickChange& change : changes) {
     const Brick start = from.At(change.brick)->Floats();
     const Brick end = change.values->Floats();

@@ -48,12 +48,11 @@ struct SeriesPlayer::Series {
   std::vector<BrickDirectory> frames;  // with what was edited
   Vec3i size;
   std::uint64_t loaded_revision = 0;
-  std::uint64_t loaded_bytes = 0;
-  MemoryClaim edits;
   std::vector<std::uint64_t> edited_bytes;  // of each frame
   std::atomic<std::uint64_t> memory_bytes = 0;
   double shown = 0.0;
   std::uint64_t shown_revision = 0;  // a later one is an edit
+  bool said_no_room = false;         // for frames in between
 };
 
 SeriesPlayer::SeriesPlayer(Session& session) : session_(session), thread_([this] { Run(); }) {}
@@ -72,8 +71,9 @@ VolumeState SeriesPlayer::Load(std::span<const std::filesystem::path> files,
                                const LoadCancelled& cancelled) {
   const std::unique_lock loading = session_.BeginLoad();
   std::vector<std::string> warnings;
+  const TidyBrickWork work(session_.retired());
   LoadedSeries loaded =
-      LoadSeries(session_.loader(), files, request, progress, cancelled, warnings);
+      LoadSeries(session_.loader(), files, request, progress, cancelled, warnings, work);
   for (const std::string& warning : warnings) LogWarning("{}", warning);
   loaded.metadata.source = request.title.empty() ? files.front().string() : request.title;
   loaded.metadata.warnings = WarningsForClients(warnings, files.front().string());
@@ -82,17 +82,23 @@ VolumeState SeriesPlayer::Load(std::span<const std::filesystem::path> files,
 
   auto series = std::make_shared<Series>();
   series->size = loaded.metadata.size;
-  series->loaded_bytes = series->memory_bytes = loaded.claim.bytes();
-  series->edits = session_.loader().budget->Claim("edits of the series", 0);
+  series->memory_bytes = loaded.memory_bytes;
   series->edited_bytes.resize(loaded.frames.size());
   series->frames = loaded.frames;
   series->loaded = std::move(loaded.frames);
-  const VolumeState state = session_.PublishVolume(request, loaded.metadata, series->frames.front(),
-                                                   std::move(loaded.claim));
+  // Whether it is published or not, what is left over is freed by another thread.
+  struct Retire {
+    ~Retire() { retired.Add(std::move(series)); }
+    RetiredVolumes& retired;
+    std::shared_ptr<Series>& series;
+  };
+  const Retire retire{session_.retired(), series};
+  const VolumeState state =
+      session_.PublishVolume(request, loaded.metadata, series->frames.front(), loaded.memory_bytes);
   series->loaded_revision = series->shown_revision = state.volume->revision();
 
   const std::lock_guard lock(mutex_);
-  series_ = std::move(series);
+  series_.swap(series);
   position_ = 0.0;
   playing_ = loop_ = interpolate_ = false;
   rate_hz_ = SeriesState{}.rate_hz;
@@ -199,7 +205,7 @@ void SeriesPlayer::Run() {
       LogError("the series ends: {}", error.what());
     }
     lock.lock();
-    if (!goes_on && series_ == series) series_.reset();
+    if (!goes_on && series_ == series) session_.retired().Add(std::exchange(series_, nullptr));
     // However often it is controlled.
     wake_.wait_until(lock, started + kInterval, [this] { return stop_; });
   }
@@ -218,16 +224,24 @@ bool SeriesPlayer::KeepEdits(Series& series, const VolumeState& volume) {
   for (const BrickChange& change : series.loaded[frame].ChangesTo(edited)) {
     if (!change.values->is_constant()) bytes += change.values->Bytes();
   }
-  try {
-    series.edits.Resize(series.edits.bytes() - series.edited_bytes[frame] + bytes);
-  } catch (const Error& error) {
-    LogWarning("edits of frame {} are not kept: {}", frame, error.what());
-    return true;
-  }
-  series.edited_bytes[frame] = bytes;
+  series.memory_bytes += bytes - std::exchange(series.edited_bytes[frame], bytes);
   series.frames[frame] = edited;
-  series.memory_bytes = series.loaded_bytes + series.edits.bytes();
   return true;
+}
+
+// None where there is no memory for it: the frame before it is shown then.
+std::optional<BrickDirectory> SeriesPlayer::TryBlend(Series& series, std::size_t frame,
+                                                     double share, MemoryClaim& claim) {
+  try {
+    return Blend(series.frames[frame], series.frames[frame + 1], share, [&](std::uint64_t bytes) {
+      claim = session_.loader().budget->Claim("a frame in between", bytes);
+    });
+  } catch (const Error& error) {
+    if (!std::exchange(series.said_no_room, true)) {
+      LogWarning("the series is not interpolated: {}", error.what());
+    }
+    return std::nullopt;
+  }
 }
 
 bool SeriesPlayer::Show(Series& series, double position) {
@@ -235,6 +249,7 @@ bool SeriesPlayer::Show(Series& series, double position) {
   if (position == series.shown) return true;
   const auto frame = static_cast<std::size_t>(position);
   const double share = position - static_cast<double>(frame);
+  MemoryClaim claim;
   std::optional<BrickDirectory> blended;
   if (share > 0.0) {
     {
@@ -243,7 +258,7 @@ bool SeriesPlayer::Show(Series& series, double position) {
       if (session_.voxels_held()) return true;
       if (!KeepEdits(series, session_.volume())) return false;
     }
-    blended = Blend(series.frames[frame], series.frames[frame + 1], share);
+    blended = TryBlend(series, frame, share, claim);
   }
   const std::unique_lock voxels = session_.LockVoxels();
   if (session_.voxels_held()) return true;

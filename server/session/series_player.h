@@ -6,9 +6,9 @@
 // long as the others before the first one comes again. Played from the end to which
 // it runs, the series begins again at the other one.
 //
-// Edits of a frame are kept in it when the player moves on, as long as the memory
-// budget has room for them; edits made between two frames are lost then. A load of
-// another volume ends the series.
+// Edits of a frame are kept in it when the player moves on; edits made between two frames are
+// lost then. Where the memory budget has no room for a blend, the frame before it is shown. A load
+// of another volume ends the series.
 //
 // Threads: any ordinary thread but the servo's; a thread of its own publishes. At most
 // kMostPerSecond volumes per second. Ownership: borrows the session. Errors: Error;
@@ -87,6 +87,8 @@ class SeriesPlayer {
   SeriesState StateLocked(const VolumeState& volume) const;
   // False when the series has ended.
   bool Show(Series& series, double position);
+  std::optional<BrickDirectory> TryBlend(Series& series, std::size_t frame, double share,
+                                         MemoryClaim& claim);
   // What others changed since it was shown goes into its frame. False as Show.
   bool KeepEdits(Series& series, const VolumeState& volume);
 

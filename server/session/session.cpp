@@ -6,7 +6,6 @@
 
 #include "common/error/error.h"
 #include "server/log/log.h"
-#include "server/session/freed_memory.h"
 #include "server/session/load_warnings.h"
 #include "server/session/range.h"
 #include "server/volume/snapshot_builder.h"
@@ -96,6 +95,14 @@ Listening::~Listening() {
   const std::lock_guard lock(session_.mutex_);
   std::erase(session_.listeners_, &listener_);
 }
+
+Session::Session(const DeviceSpec& device, SceneInbox& inbox, Pump& pump, VolumeLoader loader)
+    : device_(device), inbox_(inbox), pump_(pump), loader_(std::move(loader)) {
+  loader_.budget->SetWait(
+      [this](std::chrono::milliseconds patience) { retired_.WaitForFreed(patience); });
+}
+
+Session::~Session() { loader_.budget->SetWait({}); }
 
 SettingsState Session::settings() const {
   const std::lock_guard lock(mutex_);
@@ -205,19 +212,34 @@ VolumeState Session::Load(const LoadRequest& request, const LoadProgress& progre
   const std::unique_lock loading = BeginLoad();
   std::vector<std::string> warnings;
   MemoryClaim claim = loader_.budget->Claim("the new volume", 0);
-  const auto size_known = [&](const Vec3i&, const LoadMemory& memory) {
-    claim.Resize(memory.Sum());
-  };
-  LoadedVolume loaded = loader_.Load(request, progress, cancelled, warnings, size_known);
+  const auto loaded = std::make_shared<const LoadedVolume>(
+      LoadBricks(request, progress, cancelled, claim, warnings));
+  retired_.Add(loaded);  // also where it is not published
   for (const std::string& warning : warnings) LogWarning("{}", warning);
-  VolumeMetadata metadata = std::move(loaded.metadata);
+  VolumeMetadata metadata = loaded->metadata;
   metadata.source = request.title.empty() ? request.source : request.title;
   metadata.warnings = WarningsForClients(warnings, request.source);
   metadata.reloadable = request.source_stays && !request.raw && request.frame.value_or(0) == 0;
   progress("publishing", 1.0);
   if (cancelled()) throw Error(ErrorKind::kCancelled, "loading was cancelled");
-  claim.Resize(loaded.bricks.MemoryBytes());
-  return PublishVolume(request, metadata, loaded.bricks, std::move(claim));
+  return PublishVolume(request, metadata, loaded->bricks);
+}
+
+// The claim shrinks as bricks are made, so that nothing counts twice for long.
+LoadedVolume Session::LoadBricks(const LoadRequest& request, const LoadProgress& progress,
+                                 const LoadCancelled& cancelled, MemoryClaim& claim,
+                                 std::vector<std::string>& warnings) {
+  LoadMemory needed;
+  const TidyBrickWork work(retired_);
+  const auto size_known = [&](const Vec3i&, const LoadMemory& memory) {
+    needed = memory;
+    claim.Resize(memory.Sum());
+  };
+  const auto tell = [&](std::string_view stage, double fraction) {
+    claim.Resize(needed.Sum() - std::min(needed.volume_bytes, work.most_bytes()));
+    progress(stage, fraction);
+  };
+  return loader_.Load(request, tell, cancelled, warnings, size_known);
 }
 
 Registration Session::PlaceLoaded(const LoadRequest& request,
@@ -237,8 +259,8 @@ double Session::StartingDensity(const VolumeSnapshot& volume) const {
   return was_level_set ? RenderSettings().normalized_isovalue : settings_.normalized_isovalue;
 }
 
-// A level set starts to be felt from outside, where its values are above; a density as the one before
-// it.
+// A level set starts to be felt from outside, where its values are above; a density as the one
+// before it.
 void Session::TakeSideOf(const VolumeMetadata& metadata, const std::optional<FreeSide>& wanted) {
   const bool was_level_set = volume_ && volume_->metadata().is_level_set;
   FreeSide& side = settings_.haptics.free_side;
@@ -252,7 +274,7 @@ void Session::TakeSideOf(const VolumeMetadata& metadata, const std::optional<Fre
 }
 
 VolumeState Session::PublishVolume(const LoadRequest& request, const VolumeMetadata& metadata,
-                                   const BrickDirectory& bricks, MemoryClaim claim) {
+                                   const BrickDirectory& bricks, std::uint64_t frames_bytes) {
   const Registration registration = PlaceLoaded(request, metadata);
   const std::unique_lock voxels = LockVoxels();
   const std::lock_guard lock(mutex_);
@@ -262,9 +284,9 @@ VolumeState Session::PublishVolume(const LoadRequest& request, const VolumeMetad
   const double isovalue = ChosenIsovalue(*volume, request.isovalue, request.normalized_isovalue,
                                          StartingDensity(*volume));
   TakeSideOf(metadata, request.free_side);
-  volume_ = std::move(volume);
-  claim.Rename("the volume");
-  claim_ = std::move(claim);
+  retired_.Add(std::exchange(volume_, std::move(volume)));
+  frames_bytes_ = frames_bytes;
+  SayVolumeBytes();
   request_ = request;
   volume_revision_ = revision;
   ++geometry_revision_;
@@ -280,17 +302,15 @@ VolumeState Session::PublishVolume(const LoadRequest& request, const VolumeMetad
   return VolumeLocked();
 }
 
-AppliedTick Session::WaitForNewVolume(std::uint64_t scene_revision) {
-  const AppliedTick applied = WaitForServo(scene_revision);
-  inbox_.Collect();  // the volume felt so far
-  ReturnFreedMemory();
-  return applied;
+void Session::SayVolumeBytes() {
+  loader_.budget->SetPart("the volume",
+                          frames_bytes_ > 0 ? frames_bytes_ : volume_->bricks().MemoryBytes());
 }
 
 VolumeState Session::LoadAndWait(const LoadRequest& request, const LoadProgress& progress,
                                  const LoadCancelled& cancelled, AppliedTick& applied) {
   const VolumeState state = Load(request, progress, cancelled);
-  applied = WaitForNewVolume(state.scene_revision);
+  applied = WaitForServo(state.scene_revision);
   return state;
 }
 
@@ -301,11 +321,9 @@ VolumeState Session::PublishBricks(std::span<const BrickChange> changes) {
   auto changed = std::make_shared<const VolumeSnapshot>(volume_->metadata(),
                                                         volume_->bricks().With(changes, revision),
                                                         revision, volume_->loaded_revision());
-  // Leaves may have become floats. The claim of a series is for all its frames, and stays.
-  const bool is_of_volume = claim_.bytes() == volume_->bricks().MemoryBytes();
-  if (is_of_volume) claim_.Resize(changed->bricks().MemoryBytes());
   const std::lock_guard lock(mutex_);
-  volume_ = std::move(changed);
+  retired_.Add(std::exchange(volume_, std::move(changed)));
+  SayVolumeBytes();
   volume_revision_ = revision;
   PublishLocked(changes);
   return VolumeLocked();

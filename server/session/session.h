@@ -28,6 +28,7 @@
 #include "server/session/pump.h"
 #include "server/session/registration.h"
 #include "server/session/registration_store.h"
+#include "server/session/retired_volumes.h"
 #include "server/session/volume_loader.h"
 
 namespace palpate {
@@ -113,8 +114,10 @@ class Session {
 
  public:
   // Borrows all but the loader's options.
-  Session(const DeviceSpec& device, SceneInbox& inbox, Pump& pump, VolumeLoader loader)
-      : device_(device), inbox_(inbox), pump_(pump), loader_(std::move(loader)) {}
+  Session(const DeviceSpec& device, SceneInbox& inbox, Pump& pump, VolumeLoader loader);
+  ~Session();
+  Session(const Session&) = delete;
+  Session& operator=(const Session&) = delete;
 
   // Where volumes lay before and will lie again; before the first Load, borrowed.
   void SetRegistrationStore(RegistrationStore& store) { registration_store_ = &store; }
@@ -146,15 +149,16 @@ class Session {
   // another load runs.
   std::unique_lock<std::mutex> BeginLoad();
   // Publishes another volume: where it lay when it was felt last, or fitted, with
-  // the request's scale if that names one. `claim`: of the memory that it takes.
+  // the request's scale if that names one. `frames_bytes`: of all frames, where it is one of
+  // several that are in memory; for messages.
   VolumeState PublishVolume(const LoadRequest& request, const VolumeMetadata& metadata,
-                            const BrickDirectory& bricks, MemoryClaim claim = {});
+                            const BrickDirectory& bricks, std::uint64_t frames_bytes = 0);
 
   // Held by those who change voxels, from when they read volume() until they have
   // published what they made of it. Others who edit wait meanwhile: a filter, which computes its
   // last part under it, may take 20 s at worst; nobody else may wait for anything.
   std::unique_lock<std::mutex> LockVoxels() { return std::unique_lock(voxels_mutex_); }
-  // Under LockVoxels: replaces bricks of volume().
+  // Under LockVoxels: replaces bricks of volume(). Whoever makes them has claimed memory for them.
   VolumeState PublishBricks(std::span<const BrickChange> changes);
 
   // Under LockVoxels: while held, the frames of a series wait. For a replay, whose
@@ -173,8 +177,9 @@ class Session {
 
   // The tick at which the servo first used a scene. kUnavailable.
   AppliedTick WaitForServo(std::uint64_t scene_revision);
-  // The same after another volume was published; frees the one before.
-  AppliedTick WaitForNewVolume(std::uint64_t scene_revision);
+
+  // For volumes, and what else holds many bricks, that nobody shows any more.
+  RetiredVolumes& retired() { return retired_; }
 
   const DeviceSpec& device() const { return device_; }
   const VolumeLoader& loader() const { return loader_; }
@@ -188,6 +193,10 @@ class Session {
   void TakeBack(const RenderSettings& before, std::uint64_t revision);
   void PublishLocked(std::span<const BrickChange> changes = {});
   VolumeState VolumeLocked() const;
+  LoadedVolume LoadBricks(const LoadRequest& request, const LoadProgress& progress,
+                          const LoadCancelled& cancelled, MemoryClaim& claim,
+                          std::vector<std::string>& warnings);
+  void SayVolumeBytes();
 
   const DeviceSpec& device_;
   SceneInbox& inbox_;
@@ -202,8 +211,8 @@ class Session {
   mutable std::mutex mutex_;  // guards what follows
   std::vector<SceneListener*> listeners_;
   std::shared_ptr<const VolumeSnapshot> volume_;
-  MemoryClaim claim_;    // of volume_, or of all frames of its series
-  LoadRequest request_;  // which volume_ came of
+  std::uint64_t frames_bytes_ = 0;  // of the series that volume_ is of; 0: of none
+  LoadRequest request_;             // which volume_ came of
   Registration registration_;
   AffineMap X_DI_;
   RenderSettings settings_;
@@ -213,6 +222,8 @@ class Session {
   std::uint64_t volume_revision_ = 0;
   std::uint64_t geometry_revision_ = 0;
   std::uint64_t scene_revision_ = 0;
+
+  RetiredVolumes retired_{[this] { inbox_.Collect(); }};  // its thread ends first
 };
 
 }  // namespace palpate

@@ -11,6 +11,9 @@
 namespace palpate {
 namespace {
 
+// Others wait to edit meanwhile.
+constexpr std::chrono::milliseconds kFreeingPatience{200};
+
 // In its turn, and that may be late: for nobody it is not made.
 void CheckWanted(const VolumeEditor::Cancelled& cancelled) {
   if (cancelled && cancelled()) throw Error(ErrorKind::kCancelled, "the edit was cancelled");
@@ -20,6 +23,19 @@ void CheckWanted(const VolumeEditor::Cancelled& cancelled) {
 
 VolumeEditor::VolumeEditor(Session& session, std::uint64_t max_history_bytes)
     : session_(session), max_history_bytes_(max_history_bytes) {}
+
+EditOutcome VolumeEditor::Edit(const VolumeEdit& edit, const Revision& expected,
+                               std::uint64_t stroke, const Cancelled& cancelled) {
+  MemoryClaim claim;  // until the edit is published
+  const auto claim_for = [&](const VoxelBox& box) {
+    claim = ClaimFor("the edit", MostBrickBytes(box));
+  };
+  const auto change = [&](const VolumeSnapshot& volume) {
+    CheckWanted(cancelled);
+    return ApplyEdit(volume, edit, claim_for);
+  };
+  return Apply(change, expected, stroke);
+}
 
 EditOutcome VolumeEditor::Apply(const Change& change, const Revision& expected,
                                 std::uint64_t stroke) {
@@ -126,15 +142,53 @@ void VolumeEditor::Add(const VolumeSnapshot& before, const EditResult& result, S
     if (is_new) step.leaf_bytes += leaf->Bytes();
   }
   history_bytes_ += BytesOf(step);
+  SayHistoryBytes();
 }
 
+// Freed by another thread: it may be large.
 void VolumeEditor::Drop(Steps& steps, bool oldest) {
-  history_bytes_ -= BytesOf(oldest ? steps.front() : steps.back());
+  Step& step = oldest ? steps.front() : steps.back();
+  history_bytes_ -= BytesOf(step);
+  session_.retired().Add(std::make_shared<const Step>(std::move(step)));
   if (oldest) {
     steps.pop_front();
   } else {
     steps.pop_back();
   }
+  SayHistoryBytes();
+}
+
+MemoryClaim VolumeEditor::ClaimFor(const std::string& holder, std::uint64_t bytes) {
+  MemoryBudget& budget = *session_.loader().budget;
+  const std::uint64_t left = budget.left_bytes();
+  std::uint64_t missing = bytes - std::min(bytes, left), dropped = 0;
+  const auto count = [&](const Steps& steps) {
+    for (const Step& step : steps) dropped += FreedWith(step);
+  };
+  if (missing > 0) {
+    count(redo_);
+    count(undo_);
+    if (dropped < missing) missing = 0;  // not even all of them would help
+  }
+  while (missing > 0) {
+    Steps& steps = redo_.empty() ? undo_ : redo_;
+    missing -= std::min(missing, FreedWith(steps.front()));
+    Drop(steps, /*oldest=*/true);
+  }
+  return budget.Claim(holder, bytes, kFreeingPatience);
+}
+
+// What the loaded volume, or somebody else, has too is not freed with the step.
+std::uint64_t VolumeEditor::FreedWith(const Step& step) {
+  std::uint64_t bytes = 0;
+  for (const auto& [number, leaf] : step.bricks) {
+    if (leaf->use_count() == 1) bytes += leaf->Bytes();
+  }
+  return bytes;
+}
+
+void VolumeEditor::SayHistoryBytes() {
+  session_.loader().budget->SetPart("edits to undo", history_bytes_);
 }
 
 std::uint64_t VolumeEditor::BytesOf(const Step& step) {
@@ -156,10 +210,12 @@ void VolumeEditor::OnScene(const Scene& scene, std::span<const BrickChange> chan
 }
 
 void VolumeEditor::Forget() {
-  base_.reset();
-  undo_.clear();
-  redo_.clear();
+  RetiredVolumes& retired = session_.retired();
+  retired.Add(std::exchange(base_, nullptr));
+  if (!undo_.empty()) retired.Add(std::make_shared<const Steps>(std::exchange(undo_, {})));
+  if (!redo_.empty()) retired.Add(std::make_shared<const Steps>(std::exchange(redo_, {})));
   history_bytes_ = 0;
+  SayHistoryBytes();
 }
 
 }  // namespace palpate

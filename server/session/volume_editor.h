@@ -48,17 +48,20 @@ class VolumeEditor final : public SceneListener {
   // Each publishes without waiting for the servo. `expected`: the volume revision
   // to change; kConflict for another one. Successive changes of the same stroke
   // other than 0 become one step.
-  EditOutcome Edit(const VolumeEdit& edit, const Revision& expected = {},
-                   std::uint64_t stroke = 0) {
-    return Apply([&](const VolumeSnapshot& volume) { return ApplyEdit(volume, edit); }, expected,
-                 stroke);
-  }
+  EditOutcome Edit(const VolumeEdit& edit, const Revision& expected = {}, std::uint64_t stroke = 0,
+                   const Cancelled& cancelled = {});
+  // `change` claims the memory that its bricks take: ClaimFor.
   EditOutcome Apply(const Change& change, const Revision& expected = {}, std::uint64_t stroke = 0);
   // kConflict where there is nothing to take back, or to do again; kCancelled.
   EditOutcome Undo(const Revision& expected = {}, const Cancelled& cancelled = {});
   EditOutcome Redo(const Revision& expected = {}, const Cancelled& cancelled = {});
   // To the voxels as loaded; can be undone.
   EditOutcome Revert(const Revision& expected = {}, const Cancelled& cancelled = {});
+
+  // Under the session's voxels' lock, as in Apply: memory for bricks that are about to be made.
+  // Where there is too little, steps that can be done again go, and the oldest that can be undone,
+  // if that helps. kTooLarge, and then none has gone.
+  MemoryClaim ClaimFor(const std::string& holder, std::uint64_t bytes);
 
   // The tick at which an outcome is felt. kUnavailable.
   AppliedTick Wait(const EditOutcome& outcome) {
@@ -91,6 +94,8 @@ class VolumeEditor final : public SceneListener {
               std::uint64_t stroke);
   void Add(const VolumeSnapshot& before, const EditResult& result, Step& step);
   void Drop(Steps& steps, bool oldest);
+  static std::uint64_t FreedWith(const Step& step);
+  void SayHistoryBytes();
   void Forget();
 
   Session& session_;

@@ -1,10 +1,11 @@
 #include "server/session/volume_filterer.h"
 
+#include <algorithm>
 #include <chrono>
 #include <memory>
+#include <optional>
 
 #include "common/error/error.h"
-#include "server/session/freed_memory.h"
 
 namespace palpate {
 namespace {
@@ -33,24 +34,26 @@ EditOutcome VolumeFilterer::Filter(const VolumeFilter& filter,
   if (!filtering) {
     throw Error(ErrorKind::kConflict, "another filter is running: try again when it is done");
   }
-  struct Freed {
-    ~Freed() { ReturnFreedMemory(); }
+  MemoryClaim claim;
+  const TidyBrickWork work(session_.retired());  // ends after the run
+  std::optional<FilterRun> run;
+  const auto begin = [&](const VolumeSnapshot&) -> EditResult {
+    run.emplace(session_.volume().volume, filter);
+    claim = editor_.ClaimFor("the filter", run->MostBytes() + run->WorkBytes());
+    return {};
   };
-  const Freed freed;  // after the run
-  std::shared_ptr<const VolumeSnapshot> volume;
-  editor_.Apply(
-      [&](const VolumeSnapshot&) {
-        volume = session_.volume().volume;
-        return EditResult();
-      },
-      expected);
-  FilterRun run(std::move(volume), filter);
-  MemoryClaim claim = session_.loader().budget->Claim("the filter", run.MostBytes());
+  editor_.Apply(begin, expected);
   progress("filtering", 0.0);
-  return Finish(run, claim, progress, cancelled);
+  // Shrinks as bricks are made, so that nothing counts twice for long.
+  const auto tell = [&](std::string_view stage, double fraction) {
+    claim.Resize(run->MostBytes() + run->WorkBytes() -
+                 std::min(run->MostBytes(), work.most_bytes()));
+    progress(stage, fraction);
+  };
+  return Finish(*run, tell, cancelled);
 }
 
-EditOutcome VolumeFilterer::Finish(FilterRun& run, MemoryClaim& claim, const LoadProgress& progress,
+EditOutcome VolumeFilterer::Finish(FilterRun& run, const LoadProgress& progress,
                                    const LoadCancelled& cancelled) {
   const char* stage = "filtering";
   double done = 0.0, share = kFirstShare;
@@ -77,7 +80,6 @@ EditOutcome VolumeFilterer::Finish(FilterRun& run, MemoryClaim& claim, const Loa
       // Without progress: its writing may wait for a client.
       run.Compute([](double) {}, cancelled);
       finished = true;
-      claim.Resize(0);  // the volume claims its leaves when it is published
       return run.Result();
     });
     if (finished) return outcome;

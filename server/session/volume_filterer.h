@@ -29,8 +29,7 @@ class VolumeFilterer {
                      const LoadProgress& progress, const LoadCancelled& cancelled);
 
  private:
-  EditOutcome Finish(FilterRun& run, MemoryClaim& claim, const LoadProgress& progress,
-                     const LoadCancelled& cancelled);
+  EditOutcome Finish(FilterRun& run, const LoadProgress& progress, const LoadCancelled& cancelled);
 
   Session& session_;
   VolumeEditor& editor_;

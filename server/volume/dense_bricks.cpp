@@ -97,6 +97,12 @@ class DenseLeaves {
 
 }  // namespace
 
+std::uint64_t StripBytes(const Vec3i& size_voxels, LeafType type) {
+  const Vec3i strip(size_voxels.x(), std::min(kBlockEdge, size_voxels.y()),
+                    std::min(kBlockEdge, size_voxels.z()));
+  return static_cast<std::uint64_t>(strip.cast<std::int64_t>().prod()) * VoxelBytes(type);
+}
+
 BrickDirectory MakeBricks(const Vec3i& size_voxels, LeafType type, const ReadRows& read,
                           float background) {
   return VisitType(type, [&](auto voxel) -> BrickDirectory {

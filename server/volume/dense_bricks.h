@@ -3,6 +3,7 @@
 // Not for real-time code. Threads: pure, any.
 #pragma once
 
+#include <cstdint>
 #include <functional>
 
 #include "server/volume/brick_directory.h"
@@ -21,9 +22,11 @@ struct LoadedVolume {
 using ReadRows = std::function<void(int z, int first_y, int end_y, void* rows)>;
 
 // Of size_voxels of the type. Reads each row once, layer by layer within 64 rows of 64 layers, and
-// holds no more than these beside the leaves. Voxels of other values than `background` are active.
-// What `read` throws ends it.
+// holds no more than these (StripBytes) beside the leaves. Voxels of other values than `background`
+// are active. What `read` throws ends it.
 BrickDirectory MakeBricks(const Vec3i& size_voxels, LeafType type, const ReadRows& read,
                           float background);
+
+std::uint64_t StripBytes(const Vec3i& size_voxels, LeafType type);
 
 }  // namespace palpate

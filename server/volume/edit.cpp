@@ -232,10 +232,21 @@ class Editor {
 
 }  // namespace
 
-EditResult ApplyEdit(const VolumeSnapshot& volume, const VolumeEdit& edit) {
+EditResult ApplyEdit(const VolumeSnapshot& volume, const VolumeEdit& edit,
+                     const std::function<void(const VoxelBox& box)>& box_known) {
   CheckEdit(volume, edit);
   const std::optional<VoxelBox> box = EditedVoxels(volume, edit);
-  return box ? Editor(volume, edit).Run(*box) : EditResult();
+  if (!box) return {};
+  if (box_known) box_known(*box);
+  return Editor(volume, edit).Run(*box);
+}
+
+std::uint64_t MostBrickBytes(const VoxelBox& box) {
+  const Vec3i min = box.min / kBrickEdge, max = box.max / kBrickEdge;
+  const Vec3i count = max - min + Vec3i::Ones();
+  return static_cast<std::uint64_t>(count.cast<std::int64_t>().prod()) *
+             Leaf::Bytes(LeafType::kFloat) +
+         BrickDirectory::BlockBytes(min, max);
 }
 
 EditResult CompareBricks(const VolumeSnapshot& volume, const std::vector<BrickChange>& changes) {

@@ -10,6 +10,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <variant>
 #include <vector>
@@ -82,7 +83,12 @@ inline constexpr std::int64_t kMostEditedVoxels = std::int64_t{1} << 24;
 // nothing but that state; its means leave out what lies beyond the lattice.
 // kInvalidArgument: not finite, no extent, a region or a value outside of the
 // volume's; kTooLarge: more than kMostEditedVoxels in the box around the region.
-EditResult ApplyEdit(const VolumeSnapshot& volume, const VolumeEdit& edit);
+// `box_known`: told of that box before a brick is made; what it throws ends the edit.
+EditResult ApplyEdit(const VolumeSnapshot& volume, const VolumeEdit& edit,
+                     const std::function<void(const VoxelBox& box)>& box_known = {});
+
+// The most memory that other bricks for all voxels of the box take.
+std::uint64_t MostBrickBytes(const VoxelBox& box);
 
 // The same result for bricks that are already made. Those that differ in no value
 // are left out.

@@ -390,9 +390,20 @@ double FilterRun::SecondsLeft() const {
 
 std::uint64_t FilterRun::MostBytes() const {
   if (bricks_.empty()) return 0;
-  const Vec3i count = bricks_.max - bricks_.min + Vec3i::Ones();
-  return static_cast<std::uint64_t>(count.cast<std::int64_t>().prod()) *
-         Leaf::Bytes(LeafType::kFloat);
+  return MostBrickBytes({bricks_.min * kBrickEdge, bricks_.max * kBrickEdge});
+}
+
+// Two buffers of all voxels of the bricks that the largest part reads.
+std::uint64_t FilterRun::WorkBytes() const {
+  if (bricks_.empty()) return 0;
+  const int reach_bricks = (reach_ + kBrickEdge - 1) / kBrickEdge;
+  const Vec3i count = (bricks_.max - bricks_.min + Vec3i::Ones())
+                          .cwiseMin(part_edge_)
+                          .cwiseMin(volume_->bricks().brick_count()) +
+                      Vec3i::Constant(2 * reach_bricks);
+  return 2 * Leaf::Bytes(LeafType::kFloat) *
+         static_cast<std::uint64_t>(
+             count.cwiseMin(volume_->bricks().brick_count()).cast<std::int64_t>().prod());
 }
 
 EditResult FilterRun::Result() const {

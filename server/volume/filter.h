@@ -70,8 +70,9 @@ class FilterRun {
   // How long Compute would take, judged by how long it took so far; 0: nothing is left.
   double SecondsLeft() const;
 
-  // The most memory that the new leaves take.
+  // The most memory that the new leaves take, and what Compute takes beside them.
   std::uint64_t MostBytes() const;
+  std::uint64_t WorkBytes() const;
 
   const VolumeSnapshot& volume() const { return *volume_; }
   // What makes volume() the filtered one. Nothing may be left.

@@ -6,6 +6,7 @@
 #include <cstdint>
 
 #include "server/volume/brick_directory.h"
+#include "server/volume/dense_bricks.h"
 
 namespace palpate {
 
@@ -15,11 +16,11 @@ struct LoadMemory {
   std::uint64_t Sum() const { return volume_bytes + passing_bytes; }
 };
 
-// Of voxels in a row, which are handed over in memory.
+// Of voxels in a row, which are handed over in memory and read strip by strip.
 inline LoadMemory DenseLoadMemory(const Vec3i& size, LeafType type) {
   const auto voxels = static_cast<std::uint64_t>(size.cast<std::int64_t>().prod());
   return {.volume_bytes = BrickDirectory::MemoryBytes(size, type),
-          .passing_bytes = voxels * VoxelBytes(type)};
+          .passing_bytes = voxels * VoxelBytes(type) + StripBytes(size, type)};
 }
 
 }  // namespace palpate

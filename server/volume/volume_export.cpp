@@ -18,10 +18,15 @@ enum class Format { kVdb, kNrrd };
   throw Error(ErrorKind::kInvalidArgument, message);
 }
 
-Format FormatOf(const std::filesystem::path& path) {
+std::string SuffixOf(const std::filesystem::path& path) {
   std::string suffix = path.extension().string();
   std::transform(suffix.begin(), suffix.end(), suffix.begin(),
                  [](unsigned char c) { return std::tolower(c); });
+  return suffix;
+}
+
+Format FormatOf(const std::filesystem::path& path) {
+  const std::string suffix = SuffixOf(path);
   if (suffix == ".vdb") return Format::kVdb;
   if (suffix == ".nrrd") return Format::kNrrd;
   Refuse(path.string() + ": the name must end with .vdb or .nrrd, which says the format");
@@ -48,6 +53,20 @@ Format CheckedFormat(const ExportRequest& request) {
 }
 
 }  // namespace
+
+std::uint64_t ExportBytes(const VolumeSnapshot& volume, const std::filesystem::path& path) {
+  if (SuffixOf(path) != ".vdb") return 0;
+  const BrickDirectory& bricks = volume.bricks();
+  const auto background = static_cast<float>(volume.metadata().value_min);
+  std::uint64_t bytes = 0;
+  for (std::uint64_t number = 0, end = bricks.brick_count().cast<std::int64_t>().prod();
+       number < end; ++number) {
+    const Leaf& leaf = *bricks.At(bricks.BrickOf(number));
+    const bool is_left_out = leaf.is_constant() && leaf[0] == background;
+    if (!is_left_out) bytes += Leaf::Bytes(LeafType::kFloat);
+  }
+  return bytes;
+}
 
 std::uint64_t ExportVolume(const VolumeSnapshot& volume, const ExportRequest& request,
                            const ExportProgress& progress, const ExportCancelled& cancelled) {

@@ -20,6 +20,9 @@ struct ExportRequest {
   bool overwrite = false;
 };
 
+// The most memory that it takes beside the volume: a .vdb file is written out of a grid of floats.
+std::uint64_t ExportBytes(const VolumeSnapshot& volume, const std::filesystem::path& path);
+
 using ExportProgress = std::function<void(std::string_view stage, double fraction)>;
 using ExportCancelled = std::function<bool()>;
 

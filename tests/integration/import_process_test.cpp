@@ -109,7 +109,7 @@ TEST_F(ImportProcessTest, TellsTheSizeInAdvanceAndEndsWhereThatThrows) {
     sizes.emplace_back(size, memory.passing_bytes);
   };
   ImportVolume(request_, nullptr, nullptr);
-  const std::pair told(Vec3i(7, 5, 4), std::uint64_t{7 * 5 * 4});
+  const std::pair told(Vec3i(7, 5, 4), DenseLoadMemory({7, 5, 4}, LeafType::kUint8).passing_bytes);
   EXPECT_EQ(sizes, (std::vector{told, told}));  // before it is read, and before it is taken
   request_.on_size = [](const Vec3i&, const LoadMemory&) {
     throw Error(ErrorKind::kTooLarge, "no room");
@@ -133,7 +133,9 @@ TEST_F(ImportProcessTest, SizesThatAreNoneAreIgnored) {
       "'sizes 1 2 3 1' 'size 3 4 5 2'; do\n"
       "echo \"$s\"; done; exit 3");
   EXPECT_EQ(Failure().kind(), ErrorKind::kInvalidArgument);
-  EXPECT_EQ(sizes, (std::vector{std::pair(Vec3i(3, 4, 5), std::uint64_t{2 * 3 * 4 * 5})}));
+  EXPECT_EQ(sizes,
+            (std::vector{std::pair(Vec3i(3, 4, 5),
+                                   DenseLoadMemory({3, 4, 5}, LeafType::kInt16).passing_bytes)}));
 }
 
 TEST_F(ImportProcessTest, PassesTheImportersErrorOn) {

@@ -16,6 +16,7 @@
 #include "server/device/simulated_device.h"
 #include "server/servo/servo_loop.h"
 #include "server/session/series_player.h"
+#include "server/volume/brick_memory.h"
 #include "tests/support/fake_importer.h"
 #include "tests/support/temporary_folder.h"
 
@@ -26,6 +27,7 @@ inline const LoadCancelled kNever = [] { return false; };
 // Bricks that are cut off at every side.
 inline const Vec3i kSize(20, 17, 9);
 inline constexpr int kFrames = 5;
+inline constexpr std::uint64_t kBudgetBytes = std::uint64_t{64} << 20;
 
 // A ball that grows, in a slab that stays; the least and greatest value come in
 // different frames.
@@ -51,7 +53,7 @@ class SeriesPlayerTest : public ::testing::Test {
         std::make_unique<PathScript>(std::vector<Vec3>{Vec3(-70, 2, 1), Vec3(70, 1, 2)}, 100.0));
     outbox_ = std::make_unique<TickOutbox>();
     pump_ = std::make_unique<Pump>(*outbox_);
-    budget_ = MemoryBudget::Make(std::uint64_t{64} << 20);
+    budget_ = MemoryBudget::Make(kBudgetBytes, LiveBrickBytes);
     session_ = std::make_unique<Session>(
         device_->spec(), inbox_, *pump_,
         VolumeLoader{.import_program = testing::WriteFakeImporter(folder_.path()),
@@ -102,6 +104,11 @@ class SeriesPlayerTest : public ::testing::Test {
   }
   bool Shows(int frame) {
     return Soon([&] { return Hash() == FrameHash(frame); });
+  }
+  // What is held once all that nobody shows is freed.
+  std::uint64_t HeldSoon() {
+    session_->retired().WaitForFreed(std::chrono::seconds(10));
+    return budget_->held_bytes();
   }
   // As an editor does.
   VolumeState Paint(const Vec3i& voxel, float value) {

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <atomic>
+#include <chrono>
 #include <functional>
 #include <string>
 #include <thread>
@@ -78,13 +79,10 @@ TEST(MemoryBudget, AClaimGrowsShrinksAndMoves) {
   claim.Resize(10);
   MemoryClaim moved = std::move(claim);
   EXPECT_EQ(budget->held_bytes(), 50u);
-  moved.Rename("b");
-  moved.Rename("c");
   moved.Resize(20);
   EXPECT_EQ(budget->held_bytes(), 60u);
   moved = MemoryClaim();
   EXPECT_EQ(budget->held_bytes(), 40u);
-  MemoryClaim().Rename("nobody");
 }
 
 TEST(MemoryBudget, AssigningGivesBackWhatWasHeld) {
@@ -114,7 +112,6 @@ TEST(MemoryBudget, ThreadsNeverHoldMoreThanThereIs) {
         try {
           MemoryClaim claim = budget->Claim("a", 4);
           too_much += budget->held_bytes() > 10;
-          claim.Rename("b");
           claim.Resize(5);
         } catch (const Error&) {
           ++refused;
@@ -125,6 +122,64 @@ TEST(MemoryBudget, ThreadsNeverHoldMoreThanThereIs) {
   for (std::thread& thread : threads) thread.join();
   EXPECT_EQ(too_much, 0);
   EXPECT_EQ(budget->held_bytes(), 0u);
+}
+
+std::atomic<std::uint64_t> live{0};
+std::uint64_t Live() noexcept { return live; }
+
+TEST(MemoryBudget, WhatLivesCountsBesideTheClaims) {
+  live = 60;
+  const auto budget = MemoryBudget::Make(100, Live);
+  EXPECT_EQ(budget->held_bytes(), 60u);
+  EXPECT_EQ(budget->left_bytes(), 40u);
+  MemoryClaim claim = budget->Claim("a", 40);
+  Refusal([&] { budget->Claim("b", 1); });
+  // It is made, and the claim shrinks.
+  live = 90;
+  claim.Resize(10);
+  EXPECT_EQ(budget->held_bytes(), 100u);
+  // More lives than anybody claimed: nothing may grow, and all may shrink.
+  live = 200;
+  EXPECT_EQ(budget->left_bytes(), 0u);
+  Refusal([&] { claim.Resize(11); });
+  claim.Resize(0);
+  live = 0;
+  EXPECT_EQ(budget->left_bytes(), 100u);
+}
+
+TEST(MemoryBudget, SaysWhatLives) {
+  live = 62 * kMib;
+  const auto budget = MemoryBudget::Make(100 * kMib, Live);
+  budget->SetPart("the volume", 40 * kMib);
+  budget->SetPart("edits to undo", 20 * kMib);
+  const MemoryClaim claim = budget->Claim("the filter", 8 * kMib);
+  const auto refusal = [&] { return Refusal([&] { budget->Claim("the edit", 31 * kMib); }); };
+  EXPECT_EQ(refusal(),
+            "the edit needs 31 MiB; of the memory budget of 100 MiB, 70 MiB are held (edits to "
+            "undo 20 MiB, other bricks 2 MiB, the filter 8 MiB, the volume 40 MiB): load something "
+            "smaller first, crop the data, or raise volume.memory_budget_mib");
+  // A part may share bricks with another.
+  budget->SetPart("edits to undo", 0);
+  budget->SetPart("the volume", 70 * kMib);
+  EXPECT_NE(refusal().find("held (the filter 8 MiB, the volume 70 MiB)"), std::string::npos)
+      << refusal();
+}
+
+TEST(MemoryBudget, WaitsForWhatIsBeingFreed) {
+  live = 90;
+  const auto budget = MemoryBudget::Make(100, Live);
+  int waits = 0;
+  budget->SetWait([&](std::chrono::milliseconds) {
+    ++waits;
+    if (waits == 2) live = 0;
+  });
+  EXPECT_EQ(budget->Claim("a", 10).bytes(), 10u);
+  EXPECT_EQ(waits, 0);
+  Refusal([&] { budget->Claim("a", 50); });
+  EXPECT_EQ(budget->Claim("a", 50).bytes(), 50u);
+  EXPECT_EQ(waits, 2);
+  budget->SetWait({});
+  Refusal([&] { budget->Claim("a", 101); });
 }
 
 TEST(MemoryBudget, TheDefaultIsLessThanTheMachineHas) {

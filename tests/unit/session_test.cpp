@@ -167,6 +167,7 @@ TEST_F(SessionTest, TheVolumeFeltBeforeIsFreedByALoad) {
   const std::weak_ptr<const VolumeSnapshot> before = session_->volume().volume;
   AppliedTick applied;
   session_->LoadAndWait({.source = "builtin:gyroid:32"}, kQuiet, kNever, applied);
+  session_->retired().WaitForFreed(std::chrono::seconds(10));
   EXPECT_TRUE(before.expired());
 }
 

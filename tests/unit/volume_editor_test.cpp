@@ -320,6 +320,7 @@ TEST_F(VolumeEditorTest, AnotherVolumeEndsTheHistoryAndIsNotKept) {
   const std::weak_ptr<const VolumeSnapshot> before = Volume();
   AppliedTick applied;
   session_->LoadAndWait({.source = "builtin:sphere:32"}, kQuiet, kNever, applied);
+  session_->retired().WaitForFreed(std::chrono::seconds(10));
   EXPECT_TRUE(before.expired());
   EXPECT_EQ(editor_->HistoryBytes(), 0u);
   EXPECT_EQ(Refusal([&] { editor_->Undo(); }), ErrorKind::kConflict);

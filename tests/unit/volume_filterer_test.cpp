@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <chrono>
 #include <memory>
 #include <random>
 #include <thread>
@@ -12,6 +13,7 @@
 #include "common/error/error.h"
 #include "server/device/path_script.h"
 #include "server/device/simulated_device.h"
+#include "server/volume/brick_memory.h"
 #include "tests/support/refusal.h"
 
 namespace palpate {
@@ -21,6 +23,7 @@ using testing::Refusal;
 
 const LoadProgress kQuiet = [](std::string_view, double) {};
 const LoadCancelled kNever = [] { return false; };
+constexpr std::uint64_t kBudgetBytes = std::uint64_t{64} << 20;
 
 class VolumeFiltererTest : public ::testing::Test {
  protected:
@@ -51,6 +54,16 @@ class VolumeFiltererTest : public ::testing::Test {
     return Dig(place(random), place(random), place(random));
   }
 
+  // What is held once all that nobody shows is freed. No servo takes scenes here.
+  std::uint64_t HeldSoon() {
+    inbox_.ReaderStopped();
+    session_->retired().WaitForFreed(std::chrono::seconds(10));
+    return budget_->held_bytes();
+  }
+  MemoryClaim LeaveOnly(std::uint64_t bytes) {
+    return budget_->Claim("a test", kBudgetBytes - HeldSoon() - bytes);
+  }
+
   // The last step is the filter of what was there before it, to the bit.
   void CheckFiltered(const EditOutcome& outcome) {
     EXPECT_EQ(Volume()->revision(), outcome.volume_revision);
@@ -70,7 +83,7 @@ class VolumeFiltererTest : public ::testing::Test {
   SceneInbox inbox_;
   TickOutbox outbox_;
   Pump pump_{outbox_};
-  const std::shared_ptr<MemoryBudget> budget_ = MemoryBudget::Make(std::uint64_t{64} << 20);
+  const std::shared_ptr<MemoryBudget> budget_ = MemoryBudget::Make(kBudgetBytes, LiveBrickBytes);
   std::unique_ptr<Session> session_;
   std::unique_ptr<VolumeEditor> editor_;
   std::unique_ptr<VolumeFilterer> filterer_;
@@ -189,6 +202,7 @@ TEST_F(VolumeFiltererTest, AnotherVolumeMeanwhileIsAConflict) {
 
 TEST_F(VolumeFiltererTest, CancellingLeavesEverythingAsItWas) {
   Dig(10, 10, 10);
+  const std::uint64_t held = HeldSoon();
   const VolumeState before = session_->volume();
   for (const double at : {0.0, 0.3, 0.85}) {
     bool cancel = false;
@@ -200,7 +214,7 @@ TEST_F(VolumeFiltererTest, CancellingLeavesEverythingAsItWas) {
     EXPECT_EQ(session_->volume().volume, before.volume);
     EXPECT_EQ(session_->volume().scene_revision, before.scene_revision);
   }
-  EXPECT_EQ(budget_->held_bytes(), Volume()->bricks().MemoryBytes());
+  EXPECT_EQ(HeldSoon(), held);
   // The next one is not refused.
   CheckFiltered(Filter());
   EXPECT_EQ(editor_->Undo().undo_steps, 1u);
@@ -230,29 +244,72 @@ TEST_F(VolumeFiltererTest, TheExpectedRevisionIsThatOfItsBeginning) {
 }
 
 TEST_F(VolumeFiltererTest, WhatDoesNotFitIntoMemoryIsRefused) {
-  const std::uint64_t held = budget_->held_bytes();
-  const MemoryClaim rest = budget_->Claim("a test", (std::uint64_t{64} << 20) - held - 1000000);
+  const std::uint64_t all = FilterRun(loaded_, filter_).MostBytes();
+  EXPECT_GE(all, BrickDirectory::MemoryBytes(loaded_->size()) / 2);
+  // What it works on takes memory, too.
+  const MemoryClaim rest = LeaveOnly(all);
   EXPECT_EQ(Refusal([&] { Filter(); }), ErrorKind::kTooLarge);
   EXPECT_EQ(Volume(), loaded_);
-  filter_.region = BoxShape{Vec3(0, 0, 36), Vec3(71, 71, 71)};
+  filter_.region = BoxShape{Vec3(30, 30, 60), Vec3(40, 40, 70)};
   CheckFiltered(Filter());
 }
 
 TEST_F(VolumeFiltererTest, TheBudgetHoldsWhatEditsAndFiltersMake) {
-  CheckFiltered(Filter());
-  EXPECT_EQ(budget_->held_bytes(), Volume()->bricks().MemoryBytes());
+  const std::uint64_t loaded = HeldSoon();
+  const std::uint64_t volume = Volume()->bricks().MemoryBytes();
+  const EditOutcome outcome = Filter();
+  EXPECT_GT(outcome.changed_voxels, 0u);
+  // The volume that was loaded stays, so that the filter can be undone, and the new one beside it.
+  EXPECT_GE(HeldSoon(), loaded + Volume()->bricks().MemoryBytes() - volume);
+  const std::uint64_t filtered = HeldSoon();
   editor_->Undo();
-  EXPECT_EQ(budget_->held_bytes(), Volume()->bricks().MemoryBytes());
-  const std::uint64_t held = budget_->held_bytes();
-  const MemoryClaim rest = budget_->Claim("a test", (std::uint64_t{64} << 20) - held - 10000);
-  // All that was constant gets leaves of its own.
-  const VolumeSnapshot before = *Volume();
+  editor_->Redo();
+  EXPECT_EQ(HeldSoon(), filtered);
+  session_->Load({.source = "builtin:bumps:72"}, kQuiet, kNever);
+  loaded_.reset();
+  EXPECT_EQ(HeldSoon(), loaded);
+}
+
+TEST_F(VolumeFiltererTest, AnEditThatDoesNotFitIntoMemoryChangesNothing) {
+  Dig(20, 20, 20);
   VolumeEdit edit{.shape = BoxShape{Vec3(0, 0, 0), Vec3(71, 71, 71)},
                   .operation = EditOperation::kAdd,
                   .value = 0.01};
-  EXPECT_EQ(Refusal([&] { editor_->Edit(edit); }), ErrorKind::kTooLarge);
-  EXPECT_EQ(Hash(), before.bricks().content_hash());
-  EXPECT_EQ(budget_->held_bytes(), held + rest.bytes());
+  const ContentHash before = Hash();
+  const std::uint64_t held = HeldSoon();
+  {
+    const MemoryClaim rest = LeaveOnly(100'000);
+    EXPECT_EQ(Refusal([&] { editor_->Edit(edit); }), ErrorKind::kTooLarge);
+    EXPECT_EQ(Hash(), before);
+    EXPECT_EQ(HeldSoon(), held + rest.bytes());
+    // Nothing that can be undone was given up in vain, and undoing needs no room.
+    const MemoryClaim all = LeaveOnly(0);
+    EXPECT_EQ(editor_->Undo().undo_steps, 0u);
+    EXPECT_EQ(Hash(), loaded_->bricks().content_hash());
+    EXPECT_EQ(editor_->Redo().undo_steps, 1u);
+    EXPECT_EQ(Hash(), before);
+  }
+  EXPECT_EQ(editor_->Edit(edit).undo_steps, 2u);
+}
+
+TEST_F(VolumeFiltererTest, TheOldestStepsMakeRoomForAnEdit) {
+  VolumeEdit edit{.shape = BoxShape{Vec3(0, 0, 0), Vec3(71, 71, 71)},
+                  .operation = EditOperation::kAdd,
+                  .value = 0.01};
+  // From the second one on each step has leaves that are nobody else's.
+  for (int n = 0; n < 4; ++n) editor_->Edit(edit);
+  EXPECT_EQ(editor_->Edit(edit).undo_steps, 5u);
+  HeldSoon();
+  {
+    const MemoryClaim rest = LeaveOnly(100'000);
+    const EditOutcome outcome = editor_->Edit(edit);
+    EXPECT_LT(outcome.undo_steps, 5u);
+    EXPECT_GT(outcome.undo_steps, 1u);
+    EXPECT_GT(outcome.changed_voxels, 0u);
+  }
+  // The volume as it was loaded can still be had.
+  editor_->Revert();
+  EXPECT_EQ(Hash(), loaded_->bricks().content_hash());
 }
 
 TEST_F(VolumeFiltererTest, ABadFilterChangesNothing) {
