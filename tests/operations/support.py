@@ -47,9 +47,10 @@ class Daemon:
         self.socket = str(self.folder / "palpated.sock")
         self.port = free_port() if listen else None
         self.metrics_port = free_port() if metrics else None
-        sections = {"volume": [f'save_folders = ["{self.folder}"]']}
-        if not any("load_folders" in line for line in (config or {}).get("volume", ())):
-            sections["volume"].append('load_folders = ["/"]')
+        sections = {"volume": []}
+        for key, default in (("save_folders", self.folder), ("load_folders", "/")):
+            if not any(key in line for line in (config or {}).get("volume", ())):
+                sections["volume"].append(f'{key} = ["{default}"]')
         for section, lines in (config or {}).items():
             sections.setdefault(section, []).extend(lines)
         if listen:
