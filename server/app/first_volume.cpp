@@ -54,9 +54,17 @@ LoadRequest VolumeLeft(const FeltSession& left, const LoadRequest& configured,
   return request;
 }
 
+// The side may have been that of a level set, which does not come back.
+void LeaveSide(const FeltSession& left, const RenderSettings& configured, Session& session) {
+  RenderSettings settings = left.settings;
+  settings.haptics.free_side = configured.haptics.free_side;
+  session.SetInitial(settings);
+}
+
 // False where it does not come back.
-bool BringBack(const FeltSession& left, const LoadRequest& configured, Session& session,
-               const PathPolicy& paths, const LoadCancelled& cancelled) {
+bool BringBack(const FeltSession& left, const LoadRequest& configured,
+               const RenderSettings& configured_settings, Session& session, const PathPolicy& paths,
+               const LoadCancelled& cancelled) {
   const std::string& name = left.volume.title;
   try {
     session.SetInitial(left.settings);
@@ -65,12 +73,14 @@ bool BringBack(const FeltSession& left, const LoadRequest& configured, Session& 
           "settings come back; {} does not: uploads and series are loaded again by "
           "clients",
           name);
+      LeaveSide(left, configured_settings, session);
       return false;
     }
     Load(VolumeLeft(left, configured, paths), session, cancelled);
   } catch (const Error& error) {
     if (error.kind() == ErrorKind::kCancelled) throw;
     LogWarning("{} does not come back, its settings do: {}", name, error.what());
+    LeaveSide(left, configured_settings, session);
     return false;
   }
   LogWarning("palpated did not end in order before: {} and the settings are back{}", name,
@@ -100,7 +110,8 @@ void LoadFirstVolume(const LoadedConfig& loaded, Session& session, SessionKeeper
   const LoadRequest configured = ConfiguredVolume(loaded.config);
   session.SetInitial(ConfiguredSettings(loaded.config));
   const std::optional<FeltSession> left = keeper.TakeLeft();
-  if (left && BringBack(*left, configured, session, paths, cancelled)) return;
+  const RenderSettings settings = ConfiguredSettings(loaded.config);
+  if (left && BringBack(*left, configured, settings, session, paths, cancelled)) return;
   LoadConfigured(loaded, session, cancelled);
 }
 

@@ -34,7 +34,9 @@ class Survey {
     if (!IsExact(value, is)) ++rounded_;
     // Other types may hold what no float does.
     if constexpr (!std::is_same_v<Value, float>) {
-      while (type_ != LeafType::kFloat && !(Holds(type_, is) && IsExact(value, is))) {
+      // The least was held by the type before, and need not be by the next one.
+      while (type_ != LeafType::kFloat &&
+             !(Holds(type_, is) && Holds(type_, least_) && IsExact(value, is))) {
         type_ = static_cast<LeafType>(static_cast<int>(type_) + 1);
       }
     }

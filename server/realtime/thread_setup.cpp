@@ -9,6 +9,9 @@
 
 #include <cerrno>
 #include <cstddef>
+#include <cstdint>
+#include <cstdio>
+#include <cstring>
 #include <mutex>
 #include <system_error>
 
@@ -25,6 +28,29 @@ bool is_locked = false;
 
 // Leaves what is in memory there, and locks what is not yet when it is first touched.
 bool LockOnFault() { return mlockall(MCL_CURRENT | MCL_FUTURE | MCL_ONFAULT) == 0; }
+
+// Where malloc's only arena keeps what it gives back.
+struct Heap {
+  void* begin = nullptr;
+  std::size_t bytes = 0;
+};
+
+// Empty: it is not known.
+Heap FindHeap() noexcept {
+  FILE* const maps = fopen("/proc/self/maps", "re");
+  if (!maps) return {};
+  char line[512];
+  std::uintptr_t first = 0, end = 0;
+  while (fgets(line, sizeof line, maps)) {
+    unsigned long from = 0, to = 0;
+    if (!std::strstr(line, "[heap]") || std::sscanf(line, "%lx-%lx", &from, &to) != 2) continue;
+    // The kernel may hold it in several parts.
+    first = first == 0 ? from : first;
+    end = to;
+  }
+  fclose(maps);
+  return {reinterpret_cast<void*>(first), end - first};
+}
 
 // strerror is not thread-safe; this is.
 std::string Describe(int error_number) { return std::generic_category().message(error_number); }
@@ -107,10 +133,14 @@ bool LockProcessMemory(std::vector<std::string>& warnings) noexcept {
 
 void ReturnFreedMemory() noexcept {
   const std::lock_guard lock(lock_mutex);
-  // malloc gives pages back by MADV_DONTNEED, which the kernel refuses for locked ones.
-  if (is_locked) munlockall();
+  // malloc gives pages back by MADV_DONTNEED, which the kernel refuses for locked ones. All else
+  // that the servo touches, programs and stacks, stays locked.
+  const Heap before = is_locked ? FindHeap() : Heap();
+  if (before.bytes > 0) munlock(before.begin, before.bytes);
   malloc_trim(0);
-  if (is_locked) LockOnFault();
+  // Others may have made it grow.
+  const Heap after = is_locked ? FindHeap() : Heap();
+  if (after.bytes > 0) mlock2(after.begin, after.bytes, MLOCK_ONFAULT);
 }
 
 void SetupRealtimeThread(const RealtimeOptions& options, RealtimeGrant& grant) noexcept {

@@ -66,7 +66,9 @@ class Reader {
   void ReadFrame(std::size_t frame) {
     LoadRequest request{.source = files_[files_.size() == 1 ? 0 : frame],
                         .spacing_mm = request_.spacing_mm,
-                        .raw = request_.raw};
+                        .raw = request_.raw,
+                        .grid = request_.grid,
+                        .component = request_.component};
     request.frame = files_.size() == 1 ? static_cast<std::int64_t>(frame) : 0;
     const std::uint64_t before = work_.most_bytes();
     const auto progress = [&](std::string_view stage, double fraction) {
@@ -103,20 +105,24 @@ class Reader {
     }
     if (frames_.empty()) {
       metadata_ = volume.metadata;
+      // Frames share one lattice, and are saved as any other volume.
+      metadata_.grid_form = nullptr;
+    } else if (volume.metadata.is_level_set != metadata_.is_level_set) {
+      Refuse(source + ": level sets and densities cannot be frames of one series");
     } else if (volume.metadata.size != metadata_.size) {
       RefuseSize(source, volume.metadata.size);
     }
     metadata_.value_min = std::min(metadata_.value_min, volume.metadata.value_min);
     metadata_.value_max = std::max(metadata_.value_max, volume.metadata.value_max);
     // What is beyond the lattice is settled when the range of all frames is known.
-    frames_.push_back(
-        pool_->Share(volume.bricks, metadata_.size, static_cast<float>(volume.metadata.value_min)));
+    frames_.push_back(pool_->Share(volume.bricks, metadata_.size,
+                                   static_cast<float>(volume.metadata.Background())));
     if (cancelled_()) throw Error(ErrorKind::kCancelled, "loading was cancelled");
   }
 
   LoadedSeries Finish() {
     pool_.emplace();
-    const auto background = static_cast<float>(metadata_.value_min);
+    const auto background = static_cast<float>(metadata_.Background());
     for (BrickDirectory& frame : frames_) frame = pool_->Share(frame, metadata_.size, background);
     metadata_.frames = static_cast<int>(frames_.size());
     const std::uint64_t bytes = MemoryBytes(frames_, metadata_.size);

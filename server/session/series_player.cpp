@@ -259,6 +259,7 @@ bool SeriesPlayer::Show(Series& series, double position) {
       if (!KeepEdits(series, session_.volume())) return false;
     }
     blended = TryBlend(series, frame, share, claim);
+    claim = {};  // now its bricks count
   }
   const std::unique_lock voxels = session_.LockVoxels();
   if (session_.voxels_held()) return true;

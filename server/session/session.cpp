@@ -219,7 +219,8 @@ VolumeState Session::Load(const LoadRequest& request, const LoadProgress& progre
   VolumeMetadata metadata = loaded->metadata;
   metadata.source = request.title.empty() ? request.source : request.title;
   metadata.warnings = WarningsForClients(warnings, request.source);
-  metadata.reloadable = request.source_stays && !request.raw && request.frame.value_or(0) == 0;
+  metadata.reloadable = request.source_stays && !request.raw && request.frame.value_or(0) == 0 &&
+                        request.grid.empty() && request.component.empty();
   progress("publishing", 1.0);
   if (cancelled()) throw Error(ErrorKind::kCancelled, "loading was cancelled");
   return PublishVolume(request, metadata, loaded->bricks);

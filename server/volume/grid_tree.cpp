@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <limits>
 #include <memory>
 #include <utility>
 
@@ -32,6 +33,11 @@ template <class T>
 T As(float value) {
   if constexpr (std::is_same_v<T, bool>) {
     return value != 0.0f;
+  } else if constexpr (std::is_integral_v<T>) {
+    // A float may have been rounded to the number behind the greatest.
+    constexpr T kLeast = std::numeric_limits<T>::min(), kGreatest = std::numeric_limits<T>::max();
+    if (value >= -static_cast<float>(kLeast)) return kGreatest;
+    return value <= static_cast<float>(kLeast) ? kLeast : static_cast<T>(value);
   } else {
     return static_cast<T>(value);
   }
@@ -152,6 +158,8 @@ class TreeMaker {
 std::string_view GridTypeOf(const BrickDirectory& bricks, const VolumeMetadata& metadata) {
   const std::string_view type = metadata.grid_form ? metadata.grid_form->type : "int32";
   if (type == "float" || type == "double") return type;
+  // One more than the greatest is what that became as a float.
+  const float most = type == "int64" ? 0x1p63f : 0x1p31f;
   bool is_integer = true, is_bool = true;
   const Leaf* last = nullptr;
   ForEachBrick(bricks, [&](const Vec3i& brick) {
@@ -159,9 +167,10 @@ std::string_view GridTypeOf(const BrickDirectory& bricks, const VolumeMetadata& 
     if (&leaf == last || !is_integer) return;
     last = &leaf;
     const Brick values = leaf.Floats();
-    is_integer = HoldsIntegers(leaf) || std::all_of(values.begin(), values.end(), [](float value) {
-                   return std::trunc(value) == value && std::abs(value) < 0x1p31f;
-                 });
+    is_integer =
+        HoldsIntegers(leaf) || std::all_of(values.begin(), values.end(), [most](float value) {
+          return std::trunc(value) == value && std::abs(value) <= most;
+        });
     is_bool = is_bool && std::all_of(values.begin(), values.end(),
                                      [](float value) { return value == 0.0f || value == 1.0f; });
   });

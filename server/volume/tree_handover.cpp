@@ -11,7 +11,10 @@
 #include <limits>
 #include <map>
 #include <memory>
+#include <random>
+#include <set>
 #include <string>
+#include <string_view>
 #include <unordered_map>
 #include <unordered_set>
 #include <utility>
@@ -38,7 +41,10 @@ bool IsCube(const Vec3i& first, int edge) { return CubeOf(first, edge) == first;
 
 struct HashOfPlace {
   std::size_t operator()(const Vec3i& place) const {
-    std::uint64_t hash = 0;
+    // Another one in each process, so that no file can choose places that collide.
+    static const std::uint64_t seed =
+        std::uint64_t{std::random_device()()} << 32 | std::random_device()();
+    std::uint64_t hash = seed;
     for (const int n : place) {
       hash = (hash ^ static_cast<std::uint32_t>(n)) * 0x9E3779B97F4A7C15ull;
       hash ^= hash >> 32;
@@ -58,15 +64,21 @@ struct Parts {
 
 constexpr std::int64_t kStateBytes = kBrickVoxels / 8;
 constexpr std::uint64_t kMostNodes = 1 << 16;
-constexpr std::size_t kMostTileValues = 1 << 14;
+// Beyond it each place has a leaf of its own.
+constexpr std::size_t kMostSharedTiles = 1 << 14;
+constexpr std::size_t kMostTiles = 1 << 20;
+// What a tile takes in all lists and maps, at most.
+constexpr std::uint64_t kTileBytes = 128;
+// Between two tellings of progress.
+constexpr std::uint64_t kBricksAtOnce = 1 << 14;
 
 Parts PartsOf(const HandoverTree& tree, LeafType type, std::int64_t max_voxels) {
   constexpr std::uint64_t kMost = std::uint64_t{1} << 32;
-  if (tree.entry_bytes > kMostEntryBytes || tree.tiles > kMost || tree.leaves > kMost) {
+  if (tree.entry_bytes > kMostEntryBytes || tree.leaves > kMost) {
     RefuseHandover("more parts than a tree has");
   }
   if (tree.leaves * kBrickVoxels > static_cast<std::uint64_t>(max_voxels) ||
-      tree.nodes > kMostNodes || tree.top_nodes > kMostNodes) {
+      tree.nodes > kMostNodes || tree.top_nodes > kMostNodes || tree.tiles > kMostTiles) {
     throw Error(ErrorKind::kTooLarge, "there are more than " + std::to_string(max_voxels) +
                                           " voxels, or they lie too far apart; crop or resample "
                                           "the volume");
@@ -92,6 +104,15 @@ std::vector<Item> ReadItems(int fd, std::int64_t offset, std::uint64_t count) {
   return items;
 }
 
+// One that OpenVDB would not save.
+void CheckEntry(const GridEntry& entry) {
+  const bool is_odd_flag =
+      entry.type->name == "bool" && static_cast<unsigned char>(entry.bytes[0]) > 1;
+  if (entry.name.empty() || entry.name.starts_with("palpate_") || is_odd_flag) {
+    RefuseHandover("metadata that no grid has");
+  }
+}
+
 std::vector<GridEntry> ReadEntries(const std::vector<char>& bytes) {
   std::vector<GridEntry> entries;
   for (std::size_t at = 0; at < bytes.size();) {
@@ -108,6 +129,7 @@ std::vector<GridEntry> ReadEntries(const std::vector<char>& bytes) {
     const char* const name = bytes.data() + at;
     const char* const value = name + entry.name_bytes;
     entries.push_back({{name, value}, &type, {value, value + entry.value_bytes}});
+    CheckEntry(entries.back());
     at += std::size_t{entry.name_bytes} + entry.value_bytes;
   }
   return entries;
@@ -133,6 +155,7 @@ class TreeTaker {
     if (status.st_size != parts_.end) RefuseHandover("not as many parts as stated");
     TellMemory();
     ReadForm();
+    background_ = SharedConstant(form_.background, false);
     ReadTiles();
     ReadNodes();
     PlaceLeaves();
@@ -178,13 +201,34 @@ class TreeTaker {
                      [](double number) { return std::isfinite(number); })) {
       RefuseHandover("a transform that is not finite");
     }
+    CheckMap();
     form_.entries = ReadEntries(ReadItems<char>(fd_, parts_.entries, tree_.entry_bytes));
+    std::set<std::string_view> names;
+    for (const GridEntry& entry : form_.entries) {
+      if (!names.insert(entry.name).second) RefuseHandover("two entries of one name");
+    }
     for (const Place& place : ReadItems<Place>(fd_, parts_.top_nodes, tree_.top_nodes)) {
       if (!IsCube(ToVec(place), kGridTopNodeEdge) || !top_nodes_.insert(ToVec(place)).second) {
         RefuseHandover("a node that is out of place");
       }
       form_.top_nodes.push_back(ToVec(place));
     }
+  }
+
+  // It says what the metadata say.
+  void CheckMap() const {
+    if (form_.map.empty()) return;
+    bool is_same = form_.matrix[3] == 0.0 && form_.matrix[7] == 0.0 && form_.matrix[11] == 0.0 &&
+                   form_.matrix[15] == 1.0;
+    for (int axis = 0; axis < 3; ++axis) {
+      const double spacing_mm = metadata_.spacing_mm[axis];
+      for (int row = 0; row < 3; ++row) {
+        const double is = form_.matrix[static_cast<std::size_t>(4 * axis + row)];
+        const double stated = metadata_.direction(row, axis) * spacing_mm;
+        is_same = is_same && std::abs(is - stated) <= 1e-6 * spacing_mm;
+      }
+    }
+    if (!is_same) RefuseHandover("two transforms");
   }
 
   void ReadTiles() {
@@ -195,7 +239,11 @@ class TreeTaker {
           top_nodes_.contains(CubeOf(first, kGridTopNodeEdge)) == is_top || !IsValue(tile.value)) {
         RefuseHandover("a tile that is out of place");
       }
-      const LeafPtr leaf = ConstantOf(tile.value, tile.is_active != 0);
+      LeafPtr leaf = SharedConstant(tile.value, tile.is_active != 0);
+      if (!leaf) {
+        leaf = OwnConstant(tile.value, tile.is_active != 0);
+        ++own_constants_;
+      }
       if (!(is_top ? top_tiles_ : tiles_).emplace(first, leaf).second) {
         RefuseHandover("two tiles in one place");
       }
@@ -229,9 +277,17 @@ class TreeTaker {
       const float value = node.values[place];
       const bool is_active = Bit(node.is_active, place);
       if (!IsValue(value)) RefuseHandover("a tile of another type");
-      ConstantOf(value, is_active);
       const Vec3i voxel = first + kBrickEdge * Vec3i(place >> 8, place >> 4 & 15, place & 15);
-      if (IsInLattice(voxel) || (!is_active && value == form_.background)) continue;
+      if (IsInLattice(voxel)) {
+        if (!SharedConstant(value, is_active)) ++own_constants_;
+        continue;
+      }
+      if (!is_active && value == form_.background) continue;
+      if (form_.tiles.size() == kMostTiles) {
+        throw Error(ErrorKind::kTooLarge,
+                    "there are too many tiles beyond its active voxels; crop "
+                    "the volume");
+      }
       form_.tiles.push_back({voxel, kBrickEdge, value, is_active});
     }
   }
@@ -255,22 +311,30 @@ class TreeTaker {
                                     static_cast<std::uint64_t>(Bricks()) * Leaf::Bytes(type_);
     options_.on_size(
         metadata_.size,
-        {.volume_bytes = (tree_.leaves + constants_.size()) * Leaf::Bytes(type_) + directory,
-         .passing_bytes =
-             static_cast<std::uint64_t>(parts_.end) + tree_.nodes * sizeof(HandoverNode)});
+        {.volume_bytes =
+             (tree_.leaves + constants_.size() + own_constants_) * Leaf::Bytes(type_) + directory,
+         .passing_bytes = static_cast<std::uint64_t>(parts_.end) +
+                          tree_.nodes * sizeof(HandoverNode) +
+                          (tree_.tiles + form_.tiles.size()) * kTileBytes});
   }
   std::int64_t Bricks() const {
     return ((metadata_.size.array() + (kBrickEdge - 1)) / kBrickEdge).cast<std::int64_t>().prod();
   }
 
   LeafPtr LeafAt(const Vec3i& brick) {
+    if (bricks_++ % kBricksAtOnce == 0 && options_.progress) {
+      options_.progress(static_cast<double>(bricks_ - 1) / static_cast<double>(Bricks()));
+    }
     const Vec3i first = form_.first + kBrickEdge * brick;
     const Vec3i region = CubeOf(first, kGridNodeEdge);
     if (region != region_ || !region_known_) EnterRegion(region);
     if (!node_) return Counted(tile_, brick);
     const int place = PlaceInNode(first);
     if (Bit(node_->is_leaf, place)) return Counted(ReadLeaf(first), brick);
-    return Counted(ConstantOf(node_->values[place], Bit(node_->is_active, place)), brick);
+    const float value = node_->values[place];
+    const bool is_active = Bit(node_->is_active, place);
+    const LeafPtr shared = SharedConstant(value, is_active);
+    return Counted(shared ? shared : OwnConstant(value, is_active), brick);
   }
 
   void EnterRegion(const Vec3i& region) {
@@ -282,15 +346,12 @@ class TreeTaker {
     const auto top = top_tiles_.find(CubeOf(region, kGridTopNodeEdge));
     tile_ = tile != tiles_.end()      ? tile->second
             : top != top_tiles_.end() ? top->second
-                                      : ConstantOf(form_.background, false);
+                                      : background_;
   }
 
   LeafPtr ReadLeaf(const Vec3i& first) {
     const auto at = leaves_.find(first);
     if (at == leaves_.end()) RefuseHandover("a leaf that is missing");
-    if (options_.progress && read_leaves_++ % 4096 == 0) {
-      options_.progress(static_cast<double>(read_leaves_ - 1) / static_cast<double>(tree_.leaves));
-    }
     return VisitType(type_, [&](auto voxel) {
       using T = decltype(voxel);
       struct {
@@ -343,24 +404,23 @@ class TreeTaker {
     }
   }
 
-  const LeafPtr& ConstantOf(float value, bool is_active) {
+  // Null where there are too many.
+  LeafPtr SharedConstant(float value, bool is_active) {
     std::uint32_t bits = 0;
     std::memcpy(&bits, &value, sizeof bits);
-    LeafPtr& leaf = constants_[{bits, is_active}];
-    if (!leaf) {
-      if (constants_.size() > kMostTileValues) {
-        throw Error(ErrorKind::kTooLarge, "its tiles have more than " +
-                                              std::to_string(kMostTileValues) +
-                                              " different values; make voxels of them");
-      }
-      leaf = Leaf::Constant(type_, value, is_active);
-    }
-    return leaf;
+    const std::pair key(bits, is_active);
+    const auto found = constants_.find(key);
+    if (found != constants_.end()) return found->second;
+    if (constants_.size() == kMostSharedTiles) return nullptr;
+    return constants_.emplace(key, Leaf::Constant(type_, value, is_active)).first->second;
+  }
+  LeafPtr OwnConstant(float value, bool is_active) const {
+    return Leaf::Constant(type_, value, is_active);
   }
   bool IsValue(float value) const { return std::isfinite(value) && Holds(type_, value + 0.0f); }
   bool IsInLattice(const Vec3i& voxel) const {
-    const Vec3i at = voxel - form_.first;
-    return (at.array() >= 0).all() && (at.array() < metadata_.size.array()).all();
+    const auto at = (voxel.cast<std::int64_t>() - form_.first.cast<std::int64_t>()).eval();
+    return at.minCoeff() >= 0 && (at.array() < metadata_.size.cast<std::int64_t>().array()).all();
   }
   static int PlaceInNode(const Vec3i& voxel) {
     const Vec3i at = (voxel - CubeOf(voxel, kGridNodeEdge)) / kBrickEdge;
@@ -384,8 +444,9 @@ class TreeTaker {
   Vec3i region_ = Vec3i::Zero();
   bool region_known_ = false;
   const HandoverNode* node_ = nullptr;
-  LeafPtr tile_, kept_;
-  std::uint64_t read_leaves_ = 0;
+  LeafPtr tile_, kept_, background_;
+  std::uint64_t own_constants_ = 0;
+  std::uint64_t bricks_ = 0;
   Brick values_;
   double least_ = std::numeric_limits<double>::infinity(), greatest_ = -least_;
 };

@@ -6,6 +6,7 @@
 
 #include "common/error/error.h"
 #include "common/files/new_file.h"
+#include "server/volume/grid_form.h"
 #include "server/volume/nrrd_writer.h"
 #include "server/volume/volume_file.h"
 
@@ -57,13 +58,19 @@ Format CheckedFormat(const ExportRequest& request) {
 std::uint64_t ExportBytes(const VolumeSnapshot& volume, const std::filesystem::path& path) {
   if (SuffixOf(path) != ".vdb") return 0;
   const BrickDirectory& bricks = volume.bricks();
-  const auto background = static_cast<float>(volume.metadata().value_min);
-  std::uint64_t bytes = 0;
+  const VolumeMetadata& metadata = volume.metadata();
+  const GridForm* const form = metadata.grid_form.get();
+  const auto background = static_cast<float>(metadata.Background());
+  // A leaf of OpenVDB, of a type as wide as the file's.
+  const bool is_wide = form && (form->type == "double" || form->type == "int64");
+  const std::uint64_t leaf_bytes = Leaf::Bytes(LeafType::kFloat) * (is_wide ? 2 : 1);
+  std::uint64_t bytes = form ? leaf_bytes * form->outer_leaves.size() : 0;
   for (std::uint64_t number = 0, end = bricks.brick_count().cast<std::int64_t>().prod();
        number < end; ++number) {
     const Leaf& leaf = *bricks.At(bricks.BrickOf(number));
-    const bool is_left_out = leaf.is_constant() && leaf[0] == background;
-    if (!is_left_out) bytes += Leaf::Bytes(LeafType::kFloat);
+    // Of a grid they are tiles.
+    const bool is_left_out = leaf.is_constant() && (form || leaf[0] == background);
+    if (!is_left_out) bytes += leaf_bytes;
   }
   return bytes;
 }

@@ -2,6 +2,7 @@
 
 import contextlib
 import dataclasses
+import math
 import typing
 
 import grpc
@@ -10,7 +11,7 @@ import numpy.typing as npt
 import xxhash
 import zstandard
 
-from palpate._errors import Internal
+from palpate._errors import Internal, TooLarge
 from palpate._geometry import array_of_vector, matrix_of_map
 from palpate._link import AcknowledgedCall, Link
 from palpate.v1 import volume_stream_pb2
@@ -21,6 +22,8 @@ _MAX_UNACKNOWLEDGED = 8
 # The contract says 64 bricks; a later daemon may send more, but not any number.
 _MOST_BRICKS = 4096
 _HALF = 1 << 64
+# 8 GiB: sparse volumes may have more places than a computer has memory.
+_MOST_VOXELS = 1 << 31
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -58,6 +61,9 @@ class _Copy:
         if not self._size.all():
             raise ValueError("a volume without voxels")
         self._counts = -(-self._size // _EDGE)
+        if math.prod(int(count) * _EDGE for count in self._counts) > _MOST_VOXELS:
+            raise TooLarge(f"the volume has {lattice.size_x} x {lattice.size_y} x "
+                           f"{lattice.size_z} voxels; a copy has at most {_MOST_VOXELS}")
         self._background = np.float32(
             lattice.background if lattice.HasField("background") else lattice.value_min)
         self._voxels = np.full(self._counts * _EDGE, self._background)
