@@ -179,8 +179,9 @@ void HandOverVdb(const std::filesystem::path& path, const VdbOptions& options, i
   for (int k = 0; k < 3; ++k) {
     const std::int64_t voxels = box.size[static_cast<std::size_t>(k)];
     if (voxels > std::numeric_limits<int>::max() / 2) {
-      throw Error(ErrorKind::kTooLarge,
-                  "its active voxels lie too far apart; crop or resample the volume");
+      throw Error(
+          ErrorKind::kTooLarge,
+          "its active voxels lie too far apart, over the limit; crop or resample the volume");
     }
     metadata.size[k] = static_cast<int>(voxels);
   }

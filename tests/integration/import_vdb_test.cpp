@@ -39,20 +39,55 @@ fs::path WriteVdb(const fs::path& path, const openvdb::math::Transform::Ptr& tra
   return path;
 }
 
+// As it lies in the leaves of the grid, with the background around it.
+void ExpectPatternInLeaves(const VolumeFile& file) {
+  EXPECT_EQ(file.metadata.size, Vec3i(16, 16, 8));
+  const openvdb::Coord first(-3, 5, 100);
+  for (int z = 0; z < kPatternSize[2]; ++z) {
+    for (int y = 0; y < kPatternSize[1]; ++y) {
+      for (int x = 0; x < kPatternSize[0]; ++x) {
+        ASSERT_EQ(file.grid->tree().getValue(first + openvdb::Coord(x, y, z)),
+                  PatternValue(x, y, z));
+      }
+    }
+  }
+  EXPECT_EQ(file.grid->tree().getValue({-4, 5, 100}), file.grid->background());
+}
+
 TEST_F(ImportTest, ForeignVdb) {
   const auto transform = openvdb::math::Transform::createLinearTransform(0.5);
   transform->postTranslate({1, 2, 3});
   VolumeFile file = Imported(WriteVdb<openvdb::FloatGrid>(folder_ / "a.vdb", transform));
-  ExpectPattern(file);
+  ExpectPatternInLeaves(file);
   EXPECT_EQ(file.metadata.spacing_mm, Vec3(0.5, 0.5, 0.5));
-  // The first voxel is (-3, 5, 100) of the grid.
-  EXPECT_TRUE(file.metadata.origin_W_mm.isApprox(Vec3(-0.5, 4.5, 53)));
-  ExpectPattern(Imported(WriteVdb<openvdb::DoubleGrid>(folder_ / "a.vdb", transform)));
-  ExpectPattern(Imported(WriteVdb<openvdb::Int32Grid>(folder_ / "a.vdb", transform)));
-  ExpectPattern(Imported(WriteVdb<openvdb::Int64Grid>(folder_ / "a.vdb", transform)));
+  // The first voxel is that of the first leaf, (-8, 0, 96) of the grid.
+  EXPECT_TRUE(file.metadata.origin_W_mm.isApprox(Vec3(-3, 2, 51)));
+  ExpectPatternInLeaves(Imported(WriteVdb<openvdb::DoubleGrid>(folder_ / "a.vdb", transform)));
+  ExpectPatternInLeaves(Imported(WriteVdb<openvdb::Int32Grid>(folder_ / "a.vdb", transform)));
+  ExpectPatternInLeaves(Imported(WriteVdb<openvdb::Int64Grid>(folder_ / "a.vdb", transform)));
   file = Imported(WriteVdb<openvdb::BoolGrid>(folder_ / "a.vdb", transform));
   EXPECT_EQ(file.metadata.value_max, 1.0);
   EXPECT_EQ(file.metadata.original_type, "bool");
+}
+
+// The type that holds one value of two need not hold the other.
+TEST_F(ImportTest, IntegersOfAnySignAndSizeComeBack) {
+  openvdb::initialize();
+  for (const auto& [first, second] :
+       {std::pair(-5, 40000), std::pair(40000, -5), std::pair(255, -1), std::pair(-32768, 32767),
+        std::pair(65535, 0), std::pair(-1, 65536)}) {
+    const auto grid = openvdb::Int32Grid::create(0);
+    grid->tree().setValueOn({0, 0, 0}, first);
+    grid->tree().setValueOn({20, 0, 0}, second);
+    openvdb::io::File out((folder_ / "i.vdb").string());
+    out.write({grid});
+    out.close();
+    const VolumeFile file = Imported(folder_ / "i.vdb");
+    EXPECT_EQ(file.grid->tree().getValue({0, 0, 0}), static_cast<float>(first));
+    EXPECT_EQ(file.grid->tree().getValue({20, 0, 0}), static_cast<float>(second));
+    EXPECT_EQ(file.metadata.value_min, std::min({first, second, 0}));
+    EXPECT_EQ(file.metadata.value_max, std::max({first, second, 0}));
+  }
 }
 
 TEST_F(ImportTest, TruncatedVdbIsRefused) {
@@ -79,11 +114,10 @@ TEST_F(ImportTest, ForeignVdbThatIsNoVolume) {
   one->tree().setValueOn({0, 0, 0}, 1.0f);
   refused({}, "grid");
   refused({openvdb::FloatGrid::create()}, "active");
-  refused({one}, "two");
   refused({one, one->deepCopy()}, "grids");
   const auto vectors = openvdb::Vec3SGrid::create();
   vectors->tree().setValueOn({0, 0, 0}, openvdb::Vec3f(1.0f));
-  refused({vectors}, "scalar");
+  refused({vectors}, "component");
   openvdb::Mat4d shear = openvdb::Mat4d::identity();
   shear(1, 0) = 0.5;
   WriteVdb<openvdb::FloatGrid>(folder_ / "s.vdb",
