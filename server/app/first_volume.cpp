@@ -58,7 +58,11 @@ LoadRequest VolumeLeft(const FeltSession& left, const LoadRequest& configured,
 void LeaveSide(const FeltSession& left, const RenderSettings& configured, Session& session) {
   RenderSettings settings = left.settings;
   settings.haptics.free_side = configured.haptics.free_side;
-  session.SetInitial(settings);
+  try {
+    session.SetInitial(settings);
+  } catch (const Error&) {
+    // Out of range, and said already: what is configured holds.
+  }
 }
 
 // False where it does not come back.

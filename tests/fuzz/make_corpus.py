@@ -64,6 +64,8 @@ def received(data):
 
 
 def falcon():
+    write("handover_fuzz", "dense", b"\0\x08\0\x04abcd")
+    write("handover_fuzz", "tree", b"\x01\x10\0\x04\x02\0\0\0")
     for name, stream in STREAMS.items():
         write("falcon_frames_fuzz", name, stream)
     write("falcon_frames_fuzz", "frame_without_status", CENTRE)

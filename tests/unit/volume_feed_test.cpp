@@ -291,6 +291,7 @@ TEST_F(VolumeFeedTest, WhoReadsNothingHoldsAnOldVolumeForTwoSeconds) {
   data_.RandomEdit(random_);
   EXPECT_FALSE(first.expired());
   feed.LetGo(Now(), time_);
+  data_.session().retired().WaitForFreed(std::chrono::seconds(10));
   EXPECT_TRUE(first.expired());
   EXPECT_EQ(feed.held(), nullptr);
   for (int n = 0; n < 100; ++n) {
@@ -360,6 +361,7 @@ TEST_F(VolumeFeedTest, AnotherVolumeLetsGoOfTheOldOneAtOnce) {
   kept_.clear();
   LoadBall(Vec3i(9, 9, 9));
   feed.LetGo(Now(), time_);
+  data_.session().retired().WaitForFreed(std::chrono::seconds(10));
   EXPECT_TRUE(first.expired());
   PassAll(feed);
   ExpectNewest();

@@ -129,10 +129,11 @@ class VolumeAccess:
         source: path of a file or DICOM folder there, or "builtin:NAME[:N]". A relative path
         is taken from this program's current folder over a socket, and is refused over TCP.
         isovalue: to start with, data units; or normalized_isovalue, 0 to 1 over the new
-        range; neither: the normalised one is kept; 0 of a level set. spacing_mm: (x, y, z) instead of the
-        file's. device_mm_per_volume_mm: scale instead of the fitted one. frame: of a file
-        with several, from 0. grid: of a .vdb file with several, by name. component: of a grid
-        of vectors, "magnitude", "x", "y" or "z". progress: called with what is done and the share done, 0 to 1.
+        range; neither: the normalised one is kept; 0 of a level set. spacing_mm: (x, y, z)
+        instead of the file's. device_mm_per_volume_mm: scale instead of the fitted one. frame:
+        of a file with several, from 0. grid: of a .vdb file with several, by name. component:
+        of a grid of vectors, "magnitude", "x", "y" or "z". progress: called with what is done
+        and the share done, 0 to 1.
         Errors: InvalidArgument (no volume), NotFound, PermissionDenied (a folder that the
         daemon does not load from), TooLarge, Conflict (another load runs).
         """
