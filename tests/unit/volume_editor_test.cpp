@@ -33,7 +33,6 @@ class VolumeEditorTest : public ::testing::Test {
     inbox_ = std::make_unique<SceneInbox>();
     outbox_ = std::make_unique<TickOutbox>();
     pump_ = std::make_unique<Pump>(*outbox_);
-    editor_.reset();  // before what it listens to
     session_ = std::make_unique<Session>(device_->spec(), *inbox_, *pump_, VolumeLoader{});
     editor_ = std::make_unique<VolumeEditor>(*session_, history_bytes);
     session_->Load({.source = "builtin:sphere:40"}, kQuiet, kNever);
@@ -51,6 +50,8 @@ class VolumeEditorTest : public ::testing::Test {
   void Restart(std::uint64_t history_bytes) {
     Stop();
     servo_.reset();
+    editor_.reset();   // before what it listens to
+    session_.reset();  // before what it frees volumes out of
     Start(history_bytes);
   }
 
