@@ -34,9 +34,9 @@ bool LockProcessMemory(std::vector<std::string>& warnings) noexcept;
 // Gives what was freed back to the system: the heap would keep it, as bricks are small.
 //
 // Takes milliseconds, with locked memory about 200 for each GiB that the process has; other
-// threads that allocate wait meanwhile. Locked pages cannot be given back, so that all memory is
-// unlocked for that time. Any ordinary thread; a real-time thread that does not allocate is not
-// held up.
+// threads that allocate wait meanwhile. Locked pages cannot be given back, so that the heap, which
+// holds the bricks, is unlocked for that time. Any ordinary thread; a real-time thread that does
+// not allocate is not held up.
 void ReturnFreedMemory() noexcept;
 
 // Makes the calling thread a real-time one, before its loop: SCHED_FIFO (children
