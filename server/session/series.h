@@ -23,12 +23,11 @@ struct LoadedSeries {
   std::uint64_t memory_bytes = 0;      // of all frames
 };
 
-// One file with several frames, or files of one frame each. Of `request` spacing_mm and
-// raw are used. The memory of all frames is claimed before the first is read, or
-// right after it where only the file tells how many they are. The claim shrinks as they are made.
-// Throws Error: as VolumeLoader::Load; kInvalidArgument for fewer than two frames,
-// several in one of several files, other sizes; kTooLarge.
-// `work`: this thread's.
+// One file with several frames, or files of one frame each. Of `request` spacing_mm,
+// raw, grid and component are used. The memory of all frames is claimed before the first is read,
+// or right after it where only the file tells how many they are. The claim shrinks as they are
+// made. Throws Error: as VolumeLoader::Load; kInvalidArgument for fewer than two frames, several in
+// one of several files, other sizes, level sets among densities; kTooLarge. `work`: this thread's.
 LoadedSeries LoadSeries(const VolumeLoader& loader, std::span<const std::filesystem::path> files,
                         const LoadRequest& request, const LoadProgress& progress,
                         const LoadCancelled& cancelled, std::vector<std::string>& warnings,
