@@ -255,10 +255,10 @@ void Recorder::Publish() {
 
 void Recorder::Fail(const Error& error) {
   stopped_.store(true, std::memory_order_relaxed);
-  // Freed after the lock is: a volume takes its time.
-  std::deque<WaitingScene> scenes;
-  std::deque<WaitingMarker> markers;
   {
+    // Freed after the lock is, a volume takes its time, and before anybody is told.
+    std::deque<WaitingScene> scenes;
+    std::deque<WaitingMarker> markers;
     const std::lock_guard lock(mutex_);
     report_.counts = writer_.counts();
     report_.error = error;
