@@ -13,7 +13,7 @@ namespace {
 
 // Between two looks: while something waits for its last holder, while somebody waits for that, and
 // while there is nothing.
-constexpr std::chrono::milliseconds kPeriod{50};
+constexpr std::chrono::milliseconds kPeriod{10};
 constexpr std::chrono::milliseconds kUrgentPeriod{2};
 constexpr std::chrono::milliseconds kIdlePeriod{1000};
 
