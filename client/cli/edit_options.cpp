@@ -283,6 +283,9 @@ const std::map<std::string, v1::FilterKind> kFilterKinds = {
     {"gaussian", v1::FILTER_KIND_GAUSSIAN},
     {"mean", v1::FILTER_KIND_MEAN},
     {"median", v1::FILTER_KIND_MEDIAN},
+    {"offset", v1::FILTER_KIND_OFFSET},
+    {"mean-curvature", v1::FILTER_KIND_MEAN_CURVATURE},
+    {"resample", v1::FILTER_KIND_RESAMPLE},
 };
 
 // What the command line says of a filter; lives as long as its command.
@@ -294,6 +297,8 @@ struct FilterValues {
   std::string kind;
   std::uint32_t width = 1;
   std::uint32_t iterations = 1;
+  std::optional<double> distance_mm;
+  Numbers spacing_mm;
   std::optional<std::uint64_t> expected_revision;
   bool json = false;
 };
@@ -311,38 +316,81 @@ void AddRegion(FilterValues& values) {
                         });
 }
 
+void AddKind(arguments::Command& command, FilterValues& values) {
+  command
+      .add_option("--kind", values.kind,
+                  "gaussian (four means), mean (of the (2 width + 1)^3 voxels around),\n"
+                  "median (of the same voxels; slow); of a level set: offset (moves the\n"
+                  "surface) and mean-curvature (smooths it); resample (to another spacing)")
+      ->required()
+      ->check(arguments::IsMember(
+          {"gaussian", "mean", "median", "offset", "mean-curvature", "resample"}))
+      ->option_text("KIND");
+  command
+      .add_option("--width", values.width,
+                  "Of gaussian, mean and median, in voxels, 1 to 8; more is smoother\n"
+                  "[default: 1]")
+      ->option_text("N");
+  command
+      .add_option("--iterations", values.iterations,
+                  "How often; width times iterations is at most 8 for gaussian, 32 for mean\n"
+                  "and median [default: 1]")
+      ->option_text("N");
+  arguments::Option* const distance =
+      command
+          .add_option("--distance-mm", values.distance_mm,
+                      "Of offset: how far outwards; inwards where negative")
+          ->check(arguments::Finite())
+          ->option_text("MM");
+  command
+      .add_option("--spacing-mm", values.spacing_mm,
+                  "Of resample: the new spacing, one number or X,Y,Z")
+      ->delimiter(',')
+      ->expected(1, 3)
+      ->check(arguments::Positive())
+      ->excludes(distance)
+      ->option_text("MM");
+}
+
+v1::FilterVolumeRequest RequestOf(FilterValues& values) {
+  v1::FilterVolumeRequest& request = values.request;
+  request.set_kind(kFilterKinds.at(values.kind));
+  request.set_width(values.width);
+  request.set_iterations(values.iterations);
+  if (values.expected_revision) request.set_expected_revision(*values.expected_revision);
+  if (values.distance_mm.has_value() != (values.kind == "offset")) {
+    throw arguments::UsageError("--distance-mm is for --kind offset, which needs it");
+  }
+  if (values.spacing_mm.empty() == (values.kind == "resample")) {
+    throw arguments::UsageError("--spacing-mm is for --kind resample, which needs it");
+  }
+  if (values.distance_mm) request.set_distance_mm(*values.distance_mm);
+  if (values.spacing_mm.size() == 2) {
+    throw arguments::UsageError("--spacing-mm: one number, or three: X,Y,Z");
+  }
+  if (values.spacing_mm.size() == 1) values.spacing_mm.resize(3, values.spacing_mm[0]);
+  if (!values.spacing_mm.empty()) *request.mutable_spacing_mm() = ToVector(values.spacing_mm);
+  values.frame.Fill(request);
+  return request;
+}
+
 void AddFilter(arguments::Command& edit, Invocation& invocation) {
   arguments::Command* command = edit.add_subcommand(
       "filter",
       "Filters all voxels, or those of a box or a sphere, with a filter of OpenVDB, as one edit.\n"
-      "Edits of others go on meanwhile, and are filtered too. Ctrl-C cancels, with exit code 9.");
+      "Edits of others go on meanwhile, and are filtered too. Ctrl-C cancels, with exit code 9.\n"
+      "offset, mean-curvature and resample are for the whole volume.");
   SetFooter(*command,
             "Examples: palpate edit filter --kind gaussian\n"
-            "          palpate edit filter --kind median --width 1 --sphere-voxels 64,64,64,20");
+            "          palpate edit filter --kind median --width 1 --sphere-voxels 64,64,64,20\n"
+            "          palpate edit filter --kind resample --spacing-mm 0.5\n"
+            "          palpate edit filter --kind offset --distance-mm -0.5");
   const auto values = std::make_shared<FilterValues>(*command);
-  command
-      ->add_option("--kind", values->kind,
-                   "gaussian (four means), mean (of the (2 width + 1)^3 voxels around),\n"
-                   "median (of the same voxels; slow)")
-      ->required()
-      ->check(arguments::IsMember({"gaussian", "mean", "median"}))
-      ->option_text("KIND");
-  command->add_option("--width", values->width, "In voxels, 1 to 8; more is smoother [default: 1]")
-      ->option_text("N");
-  command
-      ->add_option("--iterations", values->iterations,
-                   "How often; width times iterations is at most 8 for gaussian, 32 for the\n"
-                   "others [default: 1]")
-      ->option_text("N");
+  AddKind(*command, *values);
   AddRegion(*values);
   AddCommon(*command, values->expected_revision, values->json);
   command->callback([&invocation, values] {
-    v1::FilterVolumeRequest& request = values->request;
-    request.set_kind(kFilterKinds.at(values->kind));
-    request.set_width(values->width);
-    request.set_iterations(values->iterations);
-    if (values->expected_revision) request.set_expected_revision(*values->expected_revision);
-    values->frame.Fill(request);
+    const v1::FilterVolumeRequest request = RequestOf(*values);
     invocation.command = [request, json = values->json](const Connection& c) {
       FilterVolume(c, request, json);
     };

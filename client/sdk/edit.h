@@ -52,13 +52,15 @@ struct Edit {
   std::optional<std::uint64_t> expected_revision{};
 };
 
-enum class FilterKind { kGaussian, kMean, kMedian };
+enum class FilterKind { kGaussian, kMean, kMedian, kOffset, kMeanCurvature, kResample };
 
 // A filter of OpenVDB, as edit.proto explains it.
 struct Filter {
   FilterKind kind = FilterKind::kGaussian;
-  int width = 1;  // voxels
+  int width = 1;  // voxels; of the first three
   int iterations = 1;
+  double distance_mm = 0.0;        // of an offset: outwards
+  Vec3 spacing_mm = Vec3::Zero();  // to resample to
   // The voxels that are replaced, without falloff; none: all.
   std::variant<std::monostate, Sphere, Box> region{};
   EditFrame frame = EditFrame::kWorld;  // of the region

@@ -196,13 +196,16 @@ v1::EditVolumeRequest ToProto(const Edit& edit) {
 }
 
 v1::FilterVolumeRequest ToProto(const Filter& filter) {
-  constexpr v1::FilterKind kKinds[] = {v1::FILTER_KIND_GAUSSIAN, v1::FILTER_KIND_MEAN,
-                                       v1::FILTER_KIND_MEDIAN};
+  constexpr v1::FilterKind kKinds[] = {v1::FILTER_KIND_GAUSSIAN,       v1::FILTER_KIND_MEAN,
+                                       v1::FILTER_KIND_MEDIAN,         v1::FILTER_KIND_OFFSET,
+                                       v1::FILTER_KIND_MEAN_CURVATURE, v1::FILTER_KIND_RESAMPLE};
   v1::FilterVolumeRequest request;
   request.set_kind(kKinds[static_cast<int>(filter.kind)]);
   // Negative ones are refused as 0 is.
   request.set_width(static_cast<std::uint32_t>(std::max(0, filter.width)));
   request.set_iterations(static_cast<std::uint32_t>(std::max(0, filter.iterations)));
+  request.set_distance_mm(filter.distance_mm);
+  *request.mutable_spacing_mm() = palpate::ToProto(filter.spacing_mm);
   if (const auto* sphere = std::get_if<Sphere>(&filter.region)) Set(request, *sphere);
   if (const auto* box = std::get_if<Box>(&filter.region)) Set(request, *box);
   request.set_frame(filter.frame == EditFrame::kIndex ? v1::EDIT_FRAME_INDEX

@@ -94,8 +94,16 @@ FilterKind KindOf(v1::FilterKind kind) {
       return FilterKind::kMean;
     case v1::FILTER_KIND_MEDIAN:
       return FilterKind::kMedian;
+    case v1::FILTER_KIND_OFFSET:
+      return FilterKind::kOffset;
+    case v1::FILTER_KIND_MEAN_CURVATURE:
+      return FilterKind::kMeanCurvature;
+    case v1::FILTER_KIND_RESAMPLE:
+      return FilterKind::kResample;
     default:
-      Refuse("the filter has no known kind: give gaussian, mean or median");
+      Refuse(
+          "the filter has no known kind: give gaussian, mean, median, offset, mean-curvature or "
+          "resample");
   }
 }
 
@@ -141,6 +149,8 @@ VolumeFilter FromProto(const v1::FilterVolumeRequest& request) {
   filter.kind = KindOf(request.kind());
   if (request.has_width()) filter.width = Int(request.width());
   if (request.has_iterations()) filter.iterations = Int(request.iterations());
+  filter.distance_mm = request.distance_mm();
+  filter.spacing_mm = FromProto(request.spacing_mm());
   if (request.has_sphere()) filter.region = FromProto(request.sphere());
   if (request.has_box()) filter.region = FromProto(request.box());
   if (request.region_case() != v1::FilterVolumeRequest::REGION_NOT_SET) {

@@ -119,8 +119,8 @@ FeltSession Session::Felt() const {
   LoadRequest request = request_;
   request.title = volume_->metadata().source;
   if (!request.source_stays) request.source.clear();
-  return {std::move(request), volume_->revision() != volume_->loaded_revision(), settings_,
-          settings_revision_};
+  const bool is_edited = is_reshaped_ || volume_->revision() != volume_->loaded_revision();
+  return {std::move(request), is_edited, settings_, settings_revision_};
 }
 
 VolumeState Session::VolumeLocked() const {
@@ -289,6 +289,7 @@ VolumeState Session::PublishVolume(const LoadRequest& request, const VolumeMetad
   frames_bytes_ = frames_bytes;
   SayVolumeBytes();
   request_ = request;
+  is_reshaped_ = false;
   volume_revision_ = revision;
   ++geometry_revision_;
   registration_ = registration;
@@ -327,6 +328,30 @@ VolumeState Session::PublishBricks(std::span<const BrickChange> changes) {
   SayVolumeBytes();
   volume_revision_ = revision;
   PublishLocked(changes);
+  return VolumeLocked();
+}
+
+VolumeState Session::PublishReshaped(const VolumeMetadata& metadata, const BrickDirectory& bricks) {
+  const std::lock_guard lock(mutex_);
+  if (frames_bytes_ > 0) {
+    throw Error(ErrorKind::kConflict,
+                "a frame of a series keeps its lattice: load the frame by itself, as a volume");
+  }
+  const std::uint64_t revision = volume_revision_ + 1;
+  VolumeMetadata made = metadata;
+  made.reloadable = false;
+  auto volume = std::make_shared<const VolumeSnapshot>(made, bricks.AllChangedAt(revision),
+                                                       revision, revision);
+  retired_.Add(std::exchange(volume_, std::move(volume)));
+  SayVolumeBytes();
+  is_reshaped_ = true;
+  volume_revision_ = revision;
+  ++geometry_revision_;
+  X_DI_ = registration_.X_DW * metadata.WorldFromIndex();
+  settings_.isovalue = std::clamp(settings_.isovalue, metadata.value_min, metadata.value_max);
+  settings_.normalized_isovalue = volume_->Normalize(settings_.isovalue);
+  ++settings_revision_;
+  PublishLocked();
   return VolumeLocked();
 }
 

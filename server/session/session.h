@@ -166,6 +166,10 @@ class Session {
   void HoldVoxels(bool held) { voxels_held_ = held; }
   bool voxels_held() const { return voxels_held_; }
 
+  // Under LockVoxels: another lattice of the same volume, which stays where it lies and is felt on.
+  // kConflict: it is a frame of a series.
+  VolumeState PublishReshaped(const VolumeMetadata& metadata, const BrickDirectory& bricks);
+
   // Where the volume lies. `change` makes the new one of the present one, under the
   // session's lock. kInvalidArgument; kConflict for another settings revision than
   // expected. `keep`: for when the volume is loaded again.
@@ -213,6 +217,7 @@ class Session {
   std::shared_ptr<const VolumeSnapshot> volume_;
   std::uint64_t frames_bytes_ = 0;  // of the series that volume_ is of; 0: of none
   LoadRequest request_;             // which volume_ came of
+  bool is_reshaped_ = false;        // since then
   Registration registration_;
   AffineMap X_DI_;
   RenderSettings settings_;

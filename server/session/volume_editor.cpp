@@ -11,6 +11,18 @@
 namespace palpate {
 namespace {
 
+// On while it lives.
+struct Mark {
+  explicit Mark(bool& mark) : on(mark) { on = true; }
+  ~Mark() { on = false; }
+  bool& on;
+};
+
+bool HaveSameLattice(const VolumeMetadata& one, const VolumeMetadata& other) {
+  return one.size == other.size && one.spacing_mm == other.spacing_mm &&
+         one.origin_W_mm == other.origin_W_mm;
+}
+
 // Others wait to edit meanwhile.
 constexpr std::chrono::milliseconds kFreeingPatience{200};
 
@@ -47,6 +59,20 @@ EditOutcome VolumeEditor::Apply(const Change& change, const Revision& expected,
   return Outcome(result, state);
 }
 
+std::optional<EditOutcome> VolumeEditor::Replace(const ReshapedVolume& filtered,
+                                                 std::uint64_t revision) {
+  const auto lock = session_.LockVoxels();
+  const auto volume = Begin({});
+  if (volume->revision() != revision) return std::nullopt;
+  if (!HaveSameLattice(filtered.metadata, volume->metadata())) {
+    return ReplaceWhole(volume, filtered.metadata, filtered.bricks);
+  }
+  const EditResult result = CompareBricks(*volume, volume->bricks().ChangesTo(filtered.bricks));
+  const VolumeState state = Publish(result);
+  Record(volume, result, 0);
+  return Outcome(result, state);
+}
+
 EditOutcome VolumeEditor::Undo(const Revision& expected, const Cancelled& cancelled) {
   return Move(undo_, redo_, "there is no edit left to take back", expected, cancelled);
 }
@@ -59,6 +85,10 @@ EditOutcome VolumeEditor::Revert(const Revision& expected, const Cancelled& canc
   const auto lock = session_.LockVoxels();
   const auto volume = Begin(expected);
   CheckWanted(cancelled);
+  if (base_ && !HaveSameLattice(base_->metadata(), volume->metadata())) {
+    const auto base = base_;
+    return ReplaceWhole(volume, base->metadata(), base->bricks());
+  }
   EditResult result;
   if (base_) result = CompareBricks(*volume, volume->bricks().ChangesTo(base_->bricks()));
   const VolumeState state = Publish(result);
@@ -72,6 +102,12 @@ EditOutcome VolumeEditor::Move(Steps& from, Steps& to, const char* empty, const 
   const auto volume = Begin(expected);
   CheckWanted(cancelled);
   if (from.empty()) throw Error(ErrorKind::kConflict, empty);
+  if (const auto whole = from.back().volume) {
+    const VolumeState state = PublishWhole(whole->metadata(), whole->bricks());
+    Drop(from, /*oldest=*/false);
+    Push(to, {.bricks = {}, .volume = volume});
+    return WholeOutcome(state);
+  }
   std::vector<BrickChange> changes;
   for (const auto& [number, values] : from.back().bricks) {
     changes.push_back({volume->bricks().BrickOf(number), values});
@@ -102,13 +138,32 @@ std::shared_ptr<const VolumeSnapshot> VolumeEditor::Begin(const Revision& expect
 
 VolumeState VolumeEditor::Publish(const EditResult& result) {
   if (result.changes.empty()) return session_.volume();
-  struct Mark {
-    explicit Mark(bool& mark) : on(mark) { on = true; }
-    ~Mark() { on = false; }
-    bool& on;
-  };
   const Mark mark(publishing_);
   return session_.PublishBricks(result.changes);
+}
+
+VolumeState VolumeEditor::PublishWhole(const VolumeMetadata& metadata,
+                                       const BrickDirectory& bricks) {
+  const Mark mark(publishing_);
+  return session_.PublishReshaped(metadata, bricks);
+}
+
+EditOutcome VolumeEditor::ReplaceWhole(const std::shared_ptr<const VolumeSnapshot>& before,
+                                       const VolumeMetadata& metadata,
+                                       const BrickDirectory& bricks) {
+  const VolumeState state = PublishWhole(metadata, bricks);
+  BeginHistory(before);
+  Push(undo_, {.bricks = {}, .volume = before});
+  DropOldSteps();
+  return WholeOutcome(state);
+}
+
+EditOutcome VolumeEditor::WholeOutcome(const VolumeState& state) const {
+  const Vec3i& size = state.volume->size();
+  return Outcome({.changes = {},
+                  .changed = VoxelBox{Vec3i::Zero(), size - Vec3i::Ones()},
+                  .changed_voxels = static_cast<std::uint64_t>(size.cast<std::int64_t>().prod())},
+                 state);
 }
 
 EditOutcome VolumeEditor::Outcome(const EditResult& result, const VolumeState& state) const {
@@ -123,13 +178,28 @@ EditOutcome VolumeEditor::Outcome(const EditResult& result, const VolumeState& s
 void VolumeEditor::Record(const std::shared_ptr<const VolumeSnapshot>& before,
                           const EditResult& result, std::uint64_t stroke) {
   if (result.changes.empty()) return;
-  if (!base_) base_ = before;
-  while (!redo_.empty()) Drop(redo_, /*oldest=*/true);
+  BeginHistory(before);
   if (stroke == 0 || undo_.empty() || undo_.back().stroke != stroke) {
     undo_.push_back({.bricks = {}, .stroke = stroke});
   }
   Add(*before, result, undo_.back());
-  while (history_bytes_ > max_history_bytes_) Drop(undo_, /*oldest=*/true);
+  DropOldSteps();
+}
+
+void VolumeEditor::BeginHistory(const std::shared_ptr<const VolumeSnapshot>& before) {
+  if (!base_) base_ = before;
+  while (!redo_.empty()) Drop(redo_, /*oldest=*/true);
+}
+
+void VolumeEditor::Push(Steps& steps, Step step) {
+  steps.push_back(std::move(step));
+  history_bytes_ += BytesOf(steps.back());
+  SayHistoryBytes();
+}
+
+// The last one stays: whoever filters a large volume must be able to take that back.
+void VolumeEditor::DropOldSteps() {
+  while (history_bytes_ > max_history_bytes_ && undo_.size() > 1) Drop(undo_, /*oldest=*/true);
 }
 
 // What the step has of a brick already is older, and stays.
@@ -181,6 +251,7 @@ MemoryClaim VolumeEditor::ClaimFor(const std::string& holder, std::uint64_t byte
 // What the loaded volume, or somebody else, has too is not freed with the step.
 std::uint64_t VolumeEditor::FreedWith(const Step& step) {
   std::uint64_t bytes = 0;
+  if (step.volume && step.volume.use_count() == 1) bytes += step.volume->bricks().MemoryBytes();
   for (const auto& [number, leaf] : step.bricks) {
     if (leaf->use_count() == 1) bytes += leaf->Bytes();
   }
@@ -193,7 +264,8 @@ void VolumeEditor::SayHistoryBytes() {
 
 std::uint64_t VolumeEditor::BytesOf(const Step& step) {
   constexpr std::uint64_t kBytesPerEntry = 48;  // of the map
-  return step.leaf_bytes + step.bricks.size() * kBytesPerEntry;
+  return step.leaf_bytes + step.bricks.size() * kBytesPerEntry +
+         (step.volume ? step.volume->bricks().MemoryBytes() : 0);
 }
 
 std::uint64_t VolumeEditor::HistoryBytes() {
@@ -201,12 +273,12 @@ std::uint64_t VolumeEditor::HistoryBytes() {
   return history_bytes_;
 }
 
-// Other voxels are published by who holds their lock. A scene with the voxels of
-// the one before may come from anyone.
+// Other voxels, and another volume, are published by who holds their lock. A scene with the voxels
+// of the one before may come from anyone.
 void VolumeEditor::OnScene(const Scene& scene, std::span<const BrickChange> changes) {
   const bool loaded = scene.volume->loaded_revision() != loaded_revision_;
   loaded_revision_ = scene.volume->loaded_revision();
-  if (loaded || (!changes.empty() && !publishing_)) Forget();
+  if ((loaded || !changes.empty()) && !publishing_) Forget();
 }
 
 void VolumeEditor::Forget() {

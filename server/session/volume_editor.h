@@ -1,8 +1,9 @@
 // Changes the voxels of the session's volume, and takes changes back.
 //
 // A step of the history holds the bricks that a change replaced, and nothing else:
-// bricks are shared, so that a step costs what it touched. Undoing a step makes the
-// step that does it again. Whoever changes voxels for people goes through here;
+// bricks are shared, so that a step costs what it touched. One that made another lattice holds the
+// volume before it. The last step is kept whatever it takes, those before it up to a limit. Undoing
+// a step makes the step that does it again. Whoever changes voxels for people goes through here;
 // when others do (a volume that is loaded, a frame of a series), the history ends,
 // and Revert leads back to what they made.
 //
@@ -21,6 +22,7 @@
 
 #include "server/session/session.h"
 #include "server/volume/edit.h"
+#include "server/volume/reshape.h"
 
 namespace palpate {
 
@@ -52,6 +54,9 @@ class VolumeEditor final : public SceneListener {
                    const Cancelled& cancelled = {});
   // `change` claims the memory that its bricks take: ClaimFor.
   EditOutcome Apply(const Change& change, const Revision& expected = {}, std::uint64_t stroke = 0);
+  // By the volume at `revision`, filtered as a whole (reshape.h). None: it is at another one by
+  // now. kConflict: it is a frame of a series, and would get another lattice.
+  std::optional<EditOutcome> Replace(const ReshapedVolume& filtered, std::uint64_t revision);
   // kConflict where there is nothing to take back, or to do again; kCancelled.
   EditOutcome Undo(const Revision& expected = {}, const Cancelled& cancelled = {});
   EditOutcome Redo(const Revision& expected = {}, const Cancelled& cancelled = {});
@@ -79,6 +84,8 @@ class VolumeEditor final : public SceneListener {
     std::unordered_map<std::uint64_t, LeafPtr> bricks;
     std::uint64_t leaf_bytes = 0;
     std::uint64_t stroke = 0;
+    // Instead, where the lattice was another one.
+    std::shared_ptr<const VolumeSnapshot> volume{};
   };
   using Steps = std::deque<Step>;
 
@@ -87,12 +94,20 @@ class VolumeEditor final : public SceneListener {
   std::shared_ptr<const VolumeSnapshot> Begin(const Revision& expected);
   // What is felt with it.
   VolumeState Publish(const EditResult& result);
+  // The same for another lattice of the volume.
+  VolumeState PublishWhole(const VolumeMetadata& metadata, const BrickDirectory& bricks);
+  EditOutcome ReplaceWhole(const std::shared_ptr<const VolumeSnapshot>& before,
+                           const VolumeMetadata& metadata, const BrickDirectory& bricks);
+  EditOutcome WholeOutcome(const VolumeState& state) const;
   EditOutcome Outcome(const EditResult& result, const VolumeState& state) const;
   EditOutcome Move(Steps& from, Steps& to, const char* empty, const Revision& expected,
                    const Cancelled& cancelled);
   void Record(const std::shared_ptr<const VolumeSnapshot>& before, const EditResult& result,
               std::uint64_t stroke);
   void Add(const VolumeSnapshot& before, const EditResult& result, Step& step);
+  void BeginHistory(const std::shared_ptr<const VolumeSnapshot>& before);
+  void Push(Steps& steps, Step step);
+  void DropOldSteps();
   void Drop(Steps& steps, bool oldest);
   static std::uint64_t FreedWith(const Step& step);
   void SayHistoryBytes();

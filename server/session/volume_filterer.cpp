@@ -19,6 +19,8 @@ constexpr double kLongSeconds = 4.0;
 // The longest that edits ever wait. One whose client has stopped waiting is not made, nor an undo.
 constexpr double kLongestSeconds = 20.0;
 constexpr int kMostRounds = 8;
+// Of filters of whole volumes, each of which begins again where there were edits meanwhile.
+constexpr int kMostReshapes = 3;
 // If a round leaves more than this share of its time to the next one, rounds do not help.
 constexpr double kUsefulShare = 0.7;
 
@@ -34,6 +36,7 @@ EditOutcome VolumeFilterer::Filter(const VolumeFilter& filter,
   if (!filtering) {
     throw Error(ErrorKind::kConflict, "another filter is running: try again when it is done");
   }
+  if (IsReshape(filter.kind)) return Reshape(filter, expected, progress, cancelled);
   MemoryClaim claim;
   const TidyBrickWork work(session_.retired());  // ends after the run
   std::optional<FilterRun> run;
@@ -51,6 +54,40 @@ EditOutcome VolumeFilterer::Filter(const VolumeFilter& filter,
     progress(stage, fraction);
   };
   return Finish(*run, tell, cancelled);
+}
+
+EditOutcome VolumeFilterer::Reshape(const VolumeFilter& filter,
+                                    const VolumeEditor::Revision& expected,
+                                    const LoadProgress& progress, const LoadCancelled& cancelled) {
+  const std::unique_lock loading = session_.BeginLoad();
+  const TidyBrickWork work(session_.retired());
+  MemoryClaim claim;
+  const auto needs = [&](std::uint64_t bytes) {
+    if (claim.bytes() > 0) return claim.Resize(bytes);
+    const auto begin = [&](const VolumeSnapshot&) -> EditResult {
+      claim = editor_.ClaimFor("the filter", bytes);
+      return {};
+    };
+    editor_.Apply(begin);
+  };
+  std::shared_ptr<const VolumeSnapshot> volume;
+  const auto take = [&](const VolumeSnapshot&) -> EditResult {
+    volume = session_.volume().volume;
+    return {};
+  };
+  editor_.Apply(take, expected);
+  for (int tries = 0; tries < kMostReshapes; ++tries) {
+    const char* const stage = tries == 0 ? "filtering" : "filtering again, after an edit";
+    const auto tell = [&](double fraction) { progress(stage, fraction); };
+    tell(0.0);
+    const ReshapedVolume filtered = palpate::Reshape(*volume, filter, needs, tell, cancelled);
+    if (const auto outcome = editor_.Replace(filtered, volume->revision())) return *outcome;
+    volume = session_.volume().volume;
+  }
+  throw Error(
+      ErrorKind::kConflict,
+      "the volume was edited while it was filtered as a whole: nothing was filtered; filter "
+      "it while nobody edits");
 }
 
 EditOutcome VolumeFilterer::Finish(FilterRun& run, const LoadProgress& progress,

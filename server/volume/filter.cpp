@@ -16,6 +16,7 @@
 
 #include "common/error/error.h"
 #include "server/volume/edit_region.h"
+#include "server/volume/filter_interrupter.h"
 #include "server/volume/mean_filter.h"
 
 namespace palpate {
@@ -78,26 +79,6 @@ openvdb::Coord CornerOf(const Vec3i& brick) {
   return {brick.x() * kBrickEdge, brick.y() * kBrickEdge, brick.z() * kBrickEdge};
 }
 
-// Ends a filter by an exception. It is asked for every leaf and pass: the clock is cheaper than
-// `cancelled`.
-class Interrupter final : public openvdb::util::NullInterrupter {
- public:
-  explicit Interrupter(const FilterCancelled& cancelled) : cancelled_(cancelled) {}
-
-  void Check() {
-    if (cancelled_()) throw Error(ErrorKind::kCancelled, "the filter was cancelled");
-    asked_ = Clock::now();
-  }
-  bool wasInterrupted(int) override {
-    if (Clock::now() - asked_ > std::chrono::milliseconds(20)) Check();
-    return false;
-  }
-
- private:
-  const FilterCancelled& cancelled_;
-  Clock::time_point asked_{};
-};
-
 }  // namespace
 
 std::int64_t FilterReach(const VolumeFilter& filter) {
@@ -108,7 +89,7 @@ std::int64_t FilterReach(const VolumeFilter& filter) {
 // Filters some bricks of one state of the volume.
 class FilterRun::Worker {
  public:
-  Worker(const FilterRun& run, Interrupter& interrupter)
+  Worker(const FilterRun& run, FilterInterrupter& interrupter)
       : run_(run),
         volume_(*run.volume_),
         interrupter_(interrupter),
@@ -278,7 +259,7 @@ class FilterRun::Worker {
 
   const FilterRun& run_;
   const VolumeSnapshot& volume_;
-  Interrupter& interrupter_;
+  FilterInterrupter& interrupter_;
   const float background_;
   const float least_;
   const float greatest_;
@@ -359,7 +340,7 @@ void FilterRun::MoveTo(std::shared_ptr<const VolumeSnapshot> volume) {
 void FilterRun::Compute(const FilterProgress& progress, const FilterCancelled& cancelled) {
   const double all = VoxelsLeft();
   double done = 0.0;
-  Interrupter interrupter(cancelled);
+  FilterInterrupter interrupter(cancelled);
   Worker worker(*this, interrupter);
   // OpenVDB's median uses all processors unless it is in an arena of one.
   tbb::task_arena arena(1);

@@ -1,4 +1,5 @@
-// OpenVDB's filters (openvdb::tools::Filter) of a volume, as edits.
+// OpenVDB's filters (openvdb::tools::Filter) of a volume, as edits; those of whole volumes are in
+// reshape.h.
 //
 // The result equals OpenVDB's own, bit by bit, on one grid in which every voxel of the lattice is
 // active and the rest is the background (the least value of the range). Medians are OpenVDB's;
@@ -29,12 +30,18 @@ enum class FilterKind {
   kGaussian,  // four means after each other
   kMean,      // of the (2·width + 1)³ voxels around each voxel
   kMedian,    // of the same voxels
+  // Of whole volumes:
+  kOffset,         // of a level set's surface, outwards
+  kMeanCurvature,  // flow that smooths a level set's surface
+  kResample,       // to another spacing
 };
 
 struct VolumeFilter {
   FilterKind kind = FilterKind::kGaussian;
-  int width = 1;
+  int width = 1;  // of the first three
   int iterations = 1;
+  double distance_mm = 0.0;        // of an offset; inwards where negative
+  Vec3 spacing_mm = Vec3::Zero();  // to resample to
   // None: all voxels. No falloff.
   std::variant<std::monostate, SphereShape, BoxShape> region{};
   EditFrame frame = EditFrame::kIndex;  // of the region

@@ -365,12 +365,16 @@ TEST(UsbDevice, GoesOnAfterFailedTransfers) {
   const std::unique_ptr<UsbDevice> device = MakeDevice();
   device->Start();
   ASSERT_TRUE(Eventually([&] { return Streams(*device); }));
+  const std::int64_t began_ns = NowNs();
   stylus.SetBabble(true);
   ASSERT_TRUE(Eventually([&] { return device->health().transfer_errors > 5; }));
   stylus.SetBabble(false);
   const std::uint64_t readings = device->health().readings;
+  EXPECT_TRUE(Eventually([&] { return device->health().readings > readings; }));
+  // Where transfers failed for longer, another connection is right.
+  const bool was_brief = NowNs() - began_ns < 40'000'000;
   EXPECT_TRUE(Eventually([&] { return device->health().readings > readings + 100; }));
-  EXPECT_EQ(LogWithoutHalts(*device), kConnected);
+  EXPECT_EQ(LogWithoutHalts(*device), kConnected) << (was_brief ? "" : kBusyMachine);
 
   stylus.SetBabble(true);
   const std::string problem = "transfers fail: check the cable and the port; connecting again";

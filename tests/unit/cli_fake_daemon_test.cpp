@@ -487,6 +487,7 @@ TEST_F(CliTest, SignalEndsJsonOnAWholeLine) {
 TEST_F(CliTest, SignalEndsAWatchThatNobodyReads) {
   StartDaemon();
   Process process(Command({"watch", "--json", "--rate-hz", "1000"}));
+  ASSERT_TRUE(process.WaitFor("\"tick\":"));
   // The pipe is full after about 150 samples.
   std::this_thread::sleep_for(std::chrono::seconds(1));
   process.Signal(SIGINT);

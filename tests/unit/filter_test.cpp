@@ -96,6 +96,8 @@ openvdb::FloatGrid::Ptr FilteredByOpenVdb(const VolumeSnapshot& volume, const Vo
     case FilterKind::kMedian:
       filter.median(what.width, what.iterations);
       break;
+    default:
+      ADD_FAILURE() << "not one of these filters";
   }
   return grid;
 }

@@ -264,12 +264,18 @@ TEST_F(VolumeEditorTest, TheOldestStepsAreForgottenWhereMemoryIsBounded) {
     EXPECT_EQ(Hash(), states[24 - n]);
   }
   EXPECT_EQ(Refusal([&] { editor_->Undo(); }), ErrorKind::kConflict);
-  // A step that is larger than all that there is: none is left.
+  // A step that is larger than all that there is stays while it is the last one.
+  const ContentHash before_large = Hash();
   const EditOutcome large =
       editor_->Edit({.shape = BoxShape{Vec3(0, 0, 0), Vec3(39, 39, 39)}, .value = 0.5});
-  EXPECT_EQ(large.undo_steps, 0u);
+  EXPECT_EQ(large.undo_steps, 1u);
   EXPECT_EQ(large.redo_steps, 0u);
-  EXPECT_EQ(editor_->HistoryBytes(), 0u);
+  EXPECT_GT(editor_->HistoryBytes(), kBound);
+  editor_->Undo();
+  EXPECT_EQ(Hash(), before_large);
+  editor_->Redo();
+  EXPECT_EQ(editor_->Edit(Touch(3, 0.321)).undo_steps, 1u);
+  EXPECT_LE(editor_->HistoryBytes(), kBound);
   // Forgotten steps do not matter for what was loaded.
   editor_->Revert();
   EXPECT_EQ(Hash(), loaded);

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <atomic>
 #include <chrono>
+#include <functional>
 #include <memory>
 #include <random>
 #include <thread>
@@ -27,7 +28,8 @@ constexpr std::uint64_t kBudgetBytes = std::uint64_t{64} << 20;
 
 class VolumeFiltererTest : public ::testing::Test {
  protected:
-  VolumeFiltererTest() {
+  explicit VolumeFiltererTest(std::uint64_t budget_bytes = kBudgetBytes)
+      : budget_(MemoryBudget::Make(budget_bytes, LiveBrickBytes)) {
     VolumeLoader loader;
     loader.budget = budget_;
     session_ = std::make_unique<Session>(device_.spec(), inbox_, pump_, loader);
@@ -83,7 +85,7 @@ class VolumeFiltererTest : public ::testing::Test {
   SceneInbox inbox_;
   TickOutbox outbox_;
   Pump pump_{outbox_};
-  const std::shared_ptr<MemoryBudget> budget_ = MemoryBudget::Make(kBudgetBytes, LiveBrickBytes);
+  const std::shared_ptr<MemoryBudget> budget_;
   std::unique_ptr<Session> session_;
   std::unique_ptr<VolumeEditor> editor_;
   std::unique_ptr<VolumeFilterer> filterer_;
@@ -152,24 +154,54 @@ TEST_F(VolumeFiltererTest, AnEditThatIsUndoneMeanwhileLeavesNoTrace) {
 }
 
 // Whoever changes everything all the time has to wait in the end, and is not lost.
-TEST_F(VolumeFiltererTest, EditorsThatNeverPauseAreFilteredToo) {
-  filter_ = {.kind = FilterKind::kGaussian};
-  std::atomic<bool> stop{false};
-  std::atomic<std::uint64_t> edits{0};
-  std::vector<std::thread> editors;
-  for (unsigned t = 0; t < 4; ++t) {
-    editors.emplace_back([&, t] {
-      std::mt19937 random(t);
-      while (!stop) edits += DigSomewhere(random).changed_voxels > 0;
-    });
+// Threads that edit while they live. What they edit must fit into the history, however long the
+// filters take.
+class Editors {
+ public:
+  static constexpr int kMostEdits = 1500;  // of each
+
+  explicit Editors(const std::function<bool(std::mt19937& random)>& edit) {
+    for (unsigned t = 0; t < 4; ++t) {
+      threads_.emplace_back([this, edit, t] {
+        std::mt19937 random(t);
+        for (int n = 0; n < kMostEdits && !stop_; ++n) edits_ += edit(random);
+      });
+    }
   }
+  ~Editors() { Join(); }
+  Editors(const Editors&) = delete;
+  Editors& operator=(const Editors&) = delete;
+
+  // How many edits changed something.
+  std::uint64_t Join() {
+    stop_ = true;
+    for (std::thread& thread : threads_) {
+      if (thread.joinable()) thread.join();
+    }
+    return edits_;
+  }
+
+ private:
+  std::atomic<bool> stop_{false};
+  std::atomic<std::uint64_t> edits_{0};
+  std::vector<std::thread> threads_;
+};
+
+// The history of all edits takes more than the budget of the other tests.
+class VolumeFiltererInPlenty : public VolumeFiltererTest {
+ protected:
+  VolumeFiltererInPlenty() : VolumeFiltererTest(std::uint64_t{4} << 30) {}
+};
+
+TEST_F(VolumeFiltererInPlenty, EditorsThatNeverPauseAreFilteredToo) {
+  filter_ = {.kind = FilterKind::kGaussian};
+  Editors editors([&](std::mt19937& random) { return DigSomewhere(random).changed_voxels > 0; });
   EditOutcome outcome;
   for (int n = 0; n < 3; ++n) {
     outcome = Filter();
     EXPECT_EQ(outcome.undo_steps, outcome.volume_revision - loaded_->revision());
   }
-  stop = true;
-  for (std::thread& editor : editors) editor.join();
+  const std::uint64_t edits = editors.Join();
   // Every edit and every filter is one revision; none got lost.
   EXPECT_EQ(Volume()->revision(), loaded_->revision() + edits + 3);
   while (editor_->Undo().undo_steps > 0) {
@@ -318,6 +350,120 @@ TEST_F(VolumeFiltererTest, ABadFilterChangesNothing) {
   filter_ = {.region = SphereShape{Vec3(999, 0, 0), 1.0}};
   EXPECT_EQ(Refusal([&] { Filter(); }), ErrorKind::kInvalidArgument);
   EXPECT_EQ(Volume(), loaded_);
+}
+
+class WholeVolumes : public VolumeFiltererTest {
+ protected:
+  WholeVolumes() { filter_ = {.kind = FilterKind::kResample, .spacing_mm = Vec3::Constant(1.5)}; }
+};
+
+TEST_F(WholeVolumes, ResamplingIsOneRevisionAndOneStep) {
+  const VolumeState before = session_->volume();
+  const double isovalue = session_->settings().settings.isovalue;
+  const EditOutcome outcome = Filter();
+  const VolumeState after = session_->volume();
+  EXPECT_EQ(outcome.volume_revision, before.volume->revision() + 1);
+  EXPECT_EQ(after.volume->revision(), outcome.volume_revision);
+  EXPECT_EQ(after.volume->loaded_revision(), outcome.volume_revision);
+  EXPECT_EQ(after.volume->size(), Vec3i(48, 48, 48));
+  EXPECT_EQ(outcome.changed->max, Vec3i(47, 47, 47));
+  EXPECT_EQ(outcome.undo_steps, 1u);
+  // It lies where it did, and is felt at the same isovalue.
+  EXPECT_EQ(session_->settings().settings.isovalue, isovalue);
+  EXPECT_LT(
+      (after.registration.X_DW.Apply(Vec3(1, 2, 3)) - before.registration.X_DW.Apply(Vec3(1, 2, 3)))
+          .norm(),
+      1e-12);
+  EXPECT_LT((after.X_DI.Apply(Vec3(10, 20, 30)) - before.X_DI.Apply(Vec3(15, 30, 45))).norm(),
+            1e-9);
+  EXPECT_TRUE(session_->Felt().is_edited);
+  EXPECT_FALSE(after.volume->metadata().reloadable);
+}
+
+TEST_F(WholeVolumes, StepsBeforeAndAfterAreTakenBackAndDoneAgain) {
+  std::vector<ContentHash> hashes{Hash()};
+  std::vector<Vec3i> sizes{Volume()->size()};
+  const auto note = [&] {
+    hashes.push_back(Hash());
+    sizes.push_back(Volume()->size());
+  };
+  Dig(20, 20, 20);
+  note();
+  Filter();
+  note();
+  Dig(40, 40, 40);
+  note();
+  filter_.spacing_mm = Vec3(1.0, 0.7, 2.0);
+  Filter();
+  note();
+  for (int round = 0; round < 3; ++round) {
+    for (std::size_t n = 3; n + 1 > 0; --n) {
+      EXPECT_EQ(editor_->Undo().undo_steps, n);
+      EXPECT_EQ(Hash(), hashes[n]);
+      EXPECT_EQ(Volume()->size(), sizes[n]);
+    }
+    EXPECT_EQ(Refusal([&] { editor_->Undo(); }), ErrorKind::kConflict);
+    for (std::size_t n = 1; n <= 4; ++n) {
+      EXPECT_EQ(editor_->Redo().undo_steps, n);
+      EXPECT_EQ(Hash(), hashes[n]);
+      EXPECT_EQ(Volume()->size(), sizes[n]);
+    }
+    EXPECT_EQ(Refusal([&] { editor_->Redo(); }), ErrorKind::kConflict);
+  }
+  EXPECT_EQ(editor_->Revert().undo_steps, 5u);
+  EXPECT_EQ(Hash(), hashes[0]);
+  EXPECT_EQ(Volume()->size(), sizes[0]);
+  editor_->Undo();
+  EXPECT_EQ(Hash(), hashes[4]);
+  // What is edited after a step was taken back ends what could be done again.
+  editor_->Undo();
+  EXPECT_EQ(Dig(5, 5, 5).redo_steps, 0u);
+}
+
+TEST_F(WholeVolumes, AnEditMeanwhileIsFilteredToo) {
+  int told = 0;
+  Filter([&](std::string_view, double) {
+    if (told++ == 0) Dig(30, 30, 30);
+  });
+  const ContentHash filtered = Hash();
+  editor_->Undo();
+  const auto volume = Volume();
+  const ReshapedVolume expected = Reshape(
+      *volume, filter_, [](std::uint64_t) {}, [](double) {}, kNever);
+  EXPECT_EQ(filtered, expected.bricks.content_hash());
+  EXPECT_EQ(volume->bricks().Find(30, 30, 30)[VoxelInBrick(30, 30, 30)], 0.25f);
+}
+
+TEST_F(WholeVolumes, EditsWithoutEndRefuseIt) {
+  int told = 0;
+  const auto edit = [&](std::string_view, double) { Dig(10 + told++ % 40, 30, 30); };
+  EXPECT_EQ(Refusal([&] { Filter(edit); }), ErrorKind::kConflict);
+  EXPECT_EQ(Volume()->size(), Vec3i(72, 72, 72));
+  EXPECT_GE(told, 3);
+}
+
+TEST_F(WholeVolumes, WhatIsInTheWayIsRefusedAndChangesNothing) {
+  const ContentHash before = Hash();
+  const std::uint64_t revision = Volume()->revision();
+  EXPECT_EQ(Refusal([&] { Filter(kQuiet, kNever, revision + 1); }), ErrorKind::kConflict);
+  EXPECT_EQ(Refusal([&] { Filter(kQuiet, [] { return true; }); }), ErrorKind::kCancelled);
+  {
+    const auto loading = session_->BeginLoad();
+    EXPECT_EQ(Refusal([&] { Filter(); }), ErrorKind::kConflict);
+  }
+  {
+    const MemoryClaim most = LeaveOnly(1 << 20);
+    EXPECT_EQ(Refusal([&] { Filter(); }), ErrorKind::kTooLarge);
+  }
+  filter_.spacing_mm = Vec3::Zero();
+  EXPECT_EQ(Refusal([&] { Filter(); }), ErrorKind::kInvalidArgument);
+  EXPECT_EQ(Hash(), before);
+  EXPECT_EQ(Volume()->revision(), revision);
+  // Of a series.
+  session_->PublishVolume({}, loaded_->metadata(), loaded_->bricks(), 1000);
+  filter_.spacing_mm = Vec3::Constant(2.0);
+  EXPECT_EQ(Refusal([&] { Filter(); }), ErrorKind::kConflict);
+  EXPECT_EQ(Volume()->size(), Vec3i(72, 72, 72));
 }
 
 }  // namespace

@@ -15,14 +15,16 @@ from palpate.v1 import edit_pb2, volume_pb2_grpc
 
 Operation = typing.Literal["add", "subtract", "set", "smooth", "paint"]
 Frame = typing.Literal["world", "index"]
-FilterKind = typing.Literal["gaussian", "mean", "median"]
+FilterKind = typing.Literal["gaussian", "mean", "median", "offset", "mean-curvature", "resample"]
 
 _OPERATIONS = {"add": edit_pb2.EDIT_OPERATION_ADD, "subtract": edit_pb2.EDIT_OPERATION_SUBTRACT,
                "set": edit_pb2.EDIT_OPERATION_SET, "smooth": edit_pb2.EDIT_OPERATION_SMOOTH,
                "paint": edit_pb2.EDIT_OPERATION_PAINT}
 _FRAMES = {"world": edit_pb2.EDIT_FRAME_WORLD, "index": edit_pb2.EDIT_FRAME_INDEX}
 _FILTER_KINDS = {"gaussian": edit_pb2.FILTER_KIND_GAUSSIAN, "mean": edit_pb2.FILTER_KIND_MEAN,
-                 "median": edit_pb2.FILTER_KIND_MEDIAN}
+                 "median": edit_pb2.FILTER_KIND_MEDIAN, "offset": edit_pb2.FILTER_KIND_OFFSET,
+                 "mean-curvature": edit_pb2.FILTER_KIND_MEAN_CURVATURE,
+                 "resample": edit_pb2.FILTER_KIND_RESAMPLE}
 _MOST_FILTER_NUMBER = 1000  # more than palpated takes
 _MOST_BLOCK_VOXELS = 3 * 1024 * 1024 // 4
 
@@ -117,6 +119,7 @@ class Edits:
                           strength, expected_revision)
 
     def filter(self, kind: FilterKind, width: int = 1, iterations: int = 1, *,
+               distance_mm: float | None = None, spacing_mm: float | Triple | None = None,
                box: tuple[Triple, Triple] | None = None,
                sphere: tuple[Triple, float] | None = None, frame: Frame = "world",
                expected_revision: int | None = None,
@@ -125,7 +128,12 @@ class Edits:
 
         kind: "gaussian" (four means), "mean" (of the (2·width + 1)³ voxels around each voxel) or
         "median" (of the same voxels; slow). width: 1 to 8 voxels. iterations: how often;
-        width·iterations is at most 8 for "gaussian", and at most 32 for the others.
+        width·iterations is at most 8 for "gaussian", and at most 32 for the other two.
+        Of level sets: "offset", which moves the surface outwards by distance_mm, and
+        "mean-curvature", which smooths it, `iterations` times. "resample": to spacing_mm, one
+        number or (x, y, z). These three filter the whole volume, and begin again where somebody
+        edits meanwhile, three times at most. "resample", and an "offset" that needs room, give the
+        volume another lattice: read its size again.
         box: (least corner, greatest corner), or sphere: (centre, radius), in the frame's unit: the
         voxels that are replaced, without falloff; neither: all. Beyond the volume is the least
         value of its range.
@@ -137,6 +145,10 @@ class Edits:
         """
         if kind not in _FILTER_KINDS:
             raise InvalidArgument(f"kind is one of {', '.join(_FILTER_KINDS)}, not {kind!r}")
+        if (distance_mm is None) == (kind == "offset"):
+            raise InvalidArgument('distance_mm is for the kind "offset", which needs it')
+        if (spacing_mm is None) == (kind == "resample"):
+            raise InvalidArgument('spacing_mm is for the kind "resample", which needs it')
         if frame not in _FRAMES:
             raise InvalidArgument(f"frame is one of {', '.join(_FRAMES)}, not {frame!r}")
         if box is not None and sphere is not None:
@@ -144,6 +156,11 @@ class Edits:
         request = edit_pb2.FilterVolumeRequest(
             kind=_FILTER_KINDS[kind], width=_count("width", width),
             iterations=_count("iterations", iterations), expected_revision=expected_revision)
+        if distance_mm is not None:
+            request.distance_mm = number("distance_mm", distance_mm)
+        if spacing_mm is not None:
+            spacing = (spacing_mm,) * 3 if isinstance(spacing_mm, (int, float)) else spacing_mm
+            request.spacing_mm.CopyFrom(vector_of("spacing_mm", spacing))
         if box is not None:
             corner_min, corner_max = box
             request.box.CopyFrom(edit_pb2.BoxShape(min=vector_of("box[0]", corner_min),

@@ -1,0 +1,369 @@
+#include "server/volume/reshape.h"
+
+#include <fmt/core.h>
+#include <openvdb/openvdb.h>
+#include <openvdb/tools/GridTransformer.h>
+#include <openvdb/tools/LevelSetFilter.h>
+#include <tbb/task_arena.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <map>
+#include <memory>
+#include <utility>
+
+#include "common/error/error.h"
+#include "server/volume/filter_interrupter.h"
+#include "server/volume/grid_form.h"
+#include "server/volume/grid_tree.h"
+#include "server/volume/handover.h"
+
+namespace palpate {
+namespace {
+
+using Grid = openvdb::FloatGrid;
+using Node = Grid::TreeType::LeafNodeType;
+// As the library has them.
+using LevelSetFilter = openvdb::tools::LevelSetFilter<Grid, Grid, openvdb::util::NullInterrupter>;
+
+constexpr int kMostIterations = 1000;
+constexpr double kMostOffsetVoxels = 128.0;
+// Of two sides of a voxel that are alike.
+constexpr double kAlike = 1e-6;
+// A tree that is filtered has two buffers more for each leaf, and grows by a layer at a time.
+constexpr std::uint64_t kLevelSetCopies = 4;
+
+[[noreturn]] void Refuse(const std::string& message) {
+  throw Error(ErrorKind::kInvalidArgument, message);
+}
+
+Vec3i ToVec(const openvdb::Coord& at) { return {at.x(), at.y(), at.z()}; }
+
+bool IsUniform(const Vec3& spacing_mm) {
+  return spacing_mm.maxCoeff() - spacing_mm.minCoeff() <= kAlike * spacing_mm.maxCoeff();
+}
+
+void CheckLevelSet(const VolumeMetadata& metadata, const VolumeFilter& filter) {
+  if (!metadata.is_level_set || !metadata.grid_form) {
+    Refuse("the volume is not a level set: offset and mean-curvature are for level sets only");
+  }
+  if (!IsUniform(metadata.spacing_mm)) {
+    Refuse("the voxels are not cubes: resample the volume to one spacing first");
+  }
+  if (filter.iterations < 1 || filter.iterations > kMostIterations) {
+    Refuse(fmt::format("{} iterations are not possible: give 1 to {}", filter.iterations,
+                       kMostIterations));
+  }
+  if (filter.kind != FilterKind::kOffset) return;
+  const double most_mm = kMostOffsetVoxels * metadata.spacing_mm.x();
+  if (!std::isfinite(filter.distance_mm) || filter.distance_mm == 0.0 ||
+      std::abs(filter.distance_mm) > most_mm) {
+    Refuse(
+        fmt::format("the distance {} mm is not possible: give one other than 0, and at most {} "
+                    "mm ({} voxels)",
+                    filter.distance_mm, most_mm, kMostOffsetVoxels));
+  }
+}
+
+// Of a lattice with this spacing that covers the same voxels' centres.
+Vec3 ResampledSize(const VolumeMetadata& metadata, const Vec3& spacing_mm) {
+  constexpr double kRounding = 1e-9;  // of a voxel
+  const Vec3 extent_mm =
+      (metadata.size.cast<double>() - Vec3::Ones()).cwiseProduct(metadata.spacing_mm);
+  return (extent_mm.cwiseQuotient(spacing_mm).array() + 1.0 + kRounding).floor();
+}
+
+void CheckSpacing(const VolumeMetadata& metadata, const VolumeFilter& filter) {
+  const Vec3& spacing_mm = filter.spacing_mm;
+  if (!spacing_mm.allFinite() || spacing_mm.minCoeff() < kLeastSpacingMm ||
+      spacing_mm.maxCoeff() > kGreatestSpacingMm) {
+    Refuse(
+        fmt::format("the spacing is not within {} to {} mm", kLeastSpacingMm, kGreatestSpacingMm));
+  }
+  if (metadata.is_level_set && !(IsUniform(spacing_mm) && IsUniform(metadata.spacing_mm))) {
+    Refuse("a level set has voxels that are cubes: give one spacing for all axes");
+  }
+  const Vec3 size = ResampledSize(metadata, spacing_mm);
+  if (size.minCoeff() < 2.0) {
+    Refuse("with this spacing there would be less than 2 voxels along an axis: give a smaller one");
+  }
+  if (size.prod() > static_cast<double>(kMostLatticeVoxels)) {
+    throw Error(ErrorKind::kTooLarge, fmt::format("with this spacing there would be more than {} "
+                                                  "voxels: give a larger one",
+                                                  kMostLatticeVoxels));
+  }
+}
+
+void Check(const VolumeMetadata& metadata, const VolumeFilter& filter) {
+  if (!std::holds_alternative<std::monostate>(filter.region)) {
+    Refuse("this filter is one of whole volumes: give no box and no sphere");
+  }
+  if (filter.kind == FilterKind::kResample) {
+    CheckSpacing(metadata, filter);
+  } else {
+    CheckLevelSet(metadata, filter);
+  }
+}
+
+// Leaves with voxels of their own.
+std::uint64_t CountLeaves(const BrickDirectory& bricks) {
+  std::uint64_t leaves = 0;
+  const Vec3i& count = bricks.brick_count();
+  Vec3i b;
+  for (b.x() = 0; b.x() < count.x(); ++b.x()) {
+    for (b.y() = 0; b.y() < count.y(); ++b.y()) {
+      for (b.z() = 0; b.z() < count.z(); ++b.z()) leaves += !bricks.At(b)->is_constant();
+    }
+  }
+  return leaves;
+}
+
+// Makes bricks of a tree, whose voxel `first` is the lattice's (0, 0, 0).
+class BrickMaker {
+ public:
+  // keeps_states: of a volume that is a grid of its own kind; else every voxel is one that counts.
+  BrickMaker(const Grid& grid, const Vec3i& first, bool keeps_states)
+      : accessor_(grid.getConstAccessor()), first_(first), keeps_states_(keeps_states) {}
+
+  void HoldWithin(double least, double greatest) {
+    least_ = static_cast<float>(least);
+    greatest_ = static_cast<float>(greatest);
+  }
+
+  LeafPtr Make(const Vec3i& brick) {
+    const Vec3i corner = first_ + kBrickEdge * brick;
+    const openvdb::Coord at(corner.x(), corner.y(), corner.z());
+    const Node* const node = accessor_.probeConstLeaf(at);
+    if (!node) return Constant(Held(accessor_.getValue(at)), accessor_.isValueOn(at));
+    auto held = std::make_unique<Node>(*node);
+    float* const values = held->buffer().data();
+    for (int n = 0; n < kBrickVoxels; ++n) values[n] = Held(values[n]);
+    if (keeps_states_) return Leaf::Take<float>(std::move(held));
+    if (std::all_of(values, values + kBrickVoxels, [&](float v) { return v == values[0]; })) {
+      return Constant(values[0], true);
+    }
+    Brick brick_values;
+    std::copy_n(values, kBrickVoxels, brick_values.begin());
+    return Leaf::Smallest(brick_values);
+  }
+
+  // Over all that was made.
+  double least_made() const { return least_made_; }
+  double greatest_made() const { return greatest_made_; }
+
+ private:
+  float Held(float value) {
+    value = std::clamp(value, least_, greatest_) + 0.0f;
+    least_made_ = std::min(least_made_, value);
+    greatest_made_ = std::max(greatest_made_, value);
+    return value;
+  }
+
+  LeafPtr Constant(float value, bool is_active) {
+    LeafPtr& leaf = constants_[{value, is_active || !keeps_states_}];
+    if (!leaf) {
+      const LeafType type = keeps_states_ ? LeafType::kFloat : SmallestType(value);
+      leaf = Leaf::Constant(type, value, is_active || !keeps_states_);
+    }
+    return leaf;
+  }
+  static LeafType SmallestType(float value) {
+    Brick values;
+    values.fill(value);
+    return Leaf::Smallest(values)->type();
+  }
+
+  Grid::ConstAccessor accessor_;
+  const Vec3i first_;
+  const bool keeps_states_;
+  float least_ = std::numeric_limits<float>::lowest();
+  float greatest_ = std::numeric_limits<float>::max();
+  float least_made_ = std::numeric_limits<float>::max();
+  float greatest_made_ = std::numeric_limits<float>::lowest();
+  std::map<std::pair<float, bool>, LeafPtr> constants_;
+};
+
+class Reshaper {
+ public:
+  Reshaper(const VolumeSnapshot& volume, const VolumeFilter& filter,
+           const std::function<void(std::uint64_t)>& needs, const FilterProgress& progress,
+           const FilterCancelled& cancelled)
+      : volume_(volume),
+        filter_(filter),
+        needs_(needs),
+        progress_(progress),
+        interrupter_(cancelled),
+        form_(volume.metadata().grid_form.get()),
+        first_(form_ ? form_->first : Vec3i::Zero()) {}
+
+  ReshapedVolume Resample() {
+    const VolumeMetadata& before = volume_.metadata();
+    VolumeMetadata metadata = before;
+    metadata.spacing_mm = filter_.spacing_mm;
+    metadata.size = ResampledSize(before, filter_.spacing_mm).cast<int>();
+    const Vec3 finer = before.spacing_mm.cwiseQuotient(metadata.spacing_mm);
+    const std::uint64_t leaves = CountLeaves(volume_.bricks());
+    const double made = static_cast<double>(leaves + 1) * finer.cwiseMax(1.0).prod();
+    needs_(static_cast<std::uint64_t>((static_cast<double>(leaves) + kLevelSetCopies * made) *
+                                      static_cast<double>(Leaf::Bytes(LeafType::kFloat))) +
+           BrickDirectory::BlockBytes(Vec3i::Zero(), (metadata.size - Vec3i::Ones()) / kBrickEdge));
+    const Grid::Ptr in = MadeGrid();
+    const float background =
+        before.is_level_set
+            ? static_cast<float>(in->background() * metadata.spacing_mm.x() / before.spacing_mm.x())
+            : in->background();
+    const Grid::Ptr out = Grid::create(background);
+    out->setGridClass(in->getGridClass());
+    openvdb::Mat4R map = openvdb::Mat4R::identity();
+    for (int axis = 0; axis < 3; ++axis) {
+      map[axis][axis] = metadata.spacing_mm[axis];
+      map[3][axis] = before.spacing_mm[axis] * first_[axis];
+    }
+    out->setTransform(openvdb::math::Transform::createLinearTransform(map));
+    // Only what the library was compiled with: in C++20 the rest of the header does not compile.
+    openvdb::util::NullInterrupter& interrupter = interrupter_;
+    openvdb::tools::resampleToMatch<openvdb::tools::BoxSampler>(*in, *out, interrupter);
+    first_ = Vec3i::Zero();
+    if (form_) GrowTo(*out, metadata);
+    if (form_) metadata.grid_form = FormOf(out->background());
+    return Made(*out, std::move(metadata));
+  }
+
+  ReshapedVolume FilterLevelSet() {
+    const Grid::Ptr grid = MadeGrid();
+    LevelSetFilter filter(*grid, &interrupter_);
+    if (filter_.kind == FilterKind::kOffset) {
+      Offset(*grid, filter);
+    } else {
+      for (int n = 0; n < filter_.iterations; ++n) {
+        Claim(*grid);
+        filter.meanCurvature();
+        progress_(kFilterShare * (n + 1) / filter_.iterations);
+      }
+    }
+    VolumeMetadata metadata = volume_.metadata();
+    if (GrowTo(*grid, metadata)) {
+      auto form = std::make_shared<GridForm>(*form_);
+      form->first = first_;
+      // Those that are in the lattice now are bricks.
+      form->outer_leaves.clear();
+      metadata.grid_form = std::move(form);
+    }
+    return Made(*grid, std::move(metadata));
+  }
+
+ private:
+  // Of the progress; the rest is for bricks.
+  static constexpr double kFilterShare = 0.9;
+
+  Grid::Ptr MadeGrid() const {
+    const VolumeMetadata& metadata = volume_.metadata();
+    const Grid::Ptr grid = MakeGrid<Grid>(volume_.bricks(), metadata);
+    openvdb::Mat4R map = openvdb::Mat4R::identity();
+    for (int axis = 0; axis < 3; ++axis) map[axis][axis] = metadata.spacing_mm[axis];
+    grid->setTransform(openvdb::math::Transform::createLinearTransform(map));
+    if (metadata.is_level_set) grid->setGridClass(openvdb::GRID_LEVEL_SET);
+    return grid;
+  }
+
+  void Claim(const Grid& grid) const {
+    needs_(kLevelSetCopies * Leaf::Bytes(LeafType::kFloat) * (grid.tree().leafCount() + 1));
+  }
+
+  // As LevelSetFilter::offset does it, in steps of at most half a voxel.
+  void Offset(const Grid& grid, LevelSetFilter& filter) const {
+    const float step = 0.5f * static_cast<float>(grid.voxelSize()[0]);
+    // Outwards, values become less.
+    const auto wanted = static_cast<float>(-filter_.distance_mm);
+    const float distance = std::abs(wanted);
+    for (float done = 0.0f; distance - done > 0.001f * step;) {
+      Claim(grid);
+      const float next = std::min(distance - done, step);
+      filter.offset(std::copysign(next, wanted));
+      done += next;
+      progress_(kFilterShare * static_cast<double>(done / distance));
+    }
+  }
+
+  // Makes the lattice large enough for all that is active. False: it was.
+  bool GrowTo(const Grid& grid, VolumeMetadata& metadata) {
+    const openvdb::CoordBBox active = grid.evalActiveVoxelBoundingBox();
+    if (active.empty()) return false;
+    const Vec3i low = first_.cwiseMin(ToVec(active.min()));
+    const Vec3i end = (first_ + metadata.size).cwiseMax(ToVec(active.max()) + Vec3i::Ones());
+    const Vec3i first = low.unaryExpr([](int n) { return n & -kBrickEdge; });
+    const Vec3i size = (end - first + Vec3i::Constant(kBrickEdge - 1)) / kBrickEdge * kBrickEdge;
+    if (first == first_ && size == metadata.size) return false;
+    if (size.cast<double>().prod() > static_cast<double>(kMostLatticeVoxels)) {
+      throw Error(ErrorKind::kTooLarge,
+                  "the surface would not fit into the most voxels that a "
+                  "volume has: give a smaller distance");
+    }
+    metadata.origin_W_mm = metadata.WorldFromIndex().Apply((first - first_).cast<double>());
+    metadata.size = size;
+    first_ = first;
+    return true;
+  }
+
+  // What else the grid is stays, but for where its tiles and nodes were.
+  std::shared_ptr<const GridForm> FormOf(float background) const {
+    auto form = std::make_shared<GridForm>();
+    form->first = first_;
+    form->type = form_->type;
+    form->background = background;
+    form->entries = form_->entries;
+    return form;
+  }
+
+  ReshapedVolume Made(const Grid& grid, VolumeMetadata metadata) {
+    const bool has_new_range = metadata.is_level_set && filter_.kind == FilterKind::kResample;
+    BrickMaker maker(grid, first_, form_ != nullptr);
+    if (!has_new_range) maker.HoldWithin(metadata.value_min, metadata.value_max);
+    BrickDirectory bricks(metadata.size, [&](const Vec3i& brick) {
+      interrupter_.wasInterrupted(0);
+      return maker.Make(brick);
+    });
+    if (metadata.is_level_set && !(maker.least_made() < 0.0 && maker.greatest_made() > 0.0)) {
+      Refuse(
+          "nothing would be left of the surface: give a smaller distance, fewer iterations or a "
+          "finer spacing");
+    }
+    if (has_new_range) {
+      metadata.value_min = maker.least_made();
+      metadata.value_max = std::max<double>(maker.greatest_made(), grid.background());
+    }
+    CheckVolumeMetadata(metadata);
+    progress_(1.0);
+    return {std::move(metadata), std::move(bricks)};
+  }
+
+  const VolumeSnapshot& volume_;
+  const VolumeFilter& filter_;
+  const std::function<void(std::uint64_t)>& needs_;
+  const FilterProgress& progress_;
+  FilterInterrupter interrupter_;
+  const GridForm* const form_;
+  Vec3i first_;  // of the lattice, in the grid
+};
+
+}  // namespace
+
+bool IsReshape(FilterKind kind) {
+  return kind == FilterKind::kOffset || kind == FilterKind::kMeanCurvature ||
+         kind == FilterKind::kResample;
+}
+
+ReshapedVolume Reshape(const VolumeSnapshot& volume, const VolumeFilter& filter,
+                       const std::function<void(std::uint64_t bytes)>& needs,
+                       const FilterProgress& progress, const FilterCancelled& cancelled) {
+  Check(volume.metadata(), filter);
+  Reshaper reshaper(volume, filter, needs, progress, cancelled);
+  // OpenVDB uses all processors unless it is in an arena of one.
+  tbb::task_arena arena(1);
+  return arena.execute([&] {
+    return filter.kind == FilterKind::kResample ? reshaper.Resample() : reshaper.FilterLevelSet();
+  });
+}
+
+}  // namespace palpate
