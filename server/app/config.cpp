@@ -14,7 +14,7 @@
 #include "server/app/config_entry.h"
 #include "server/app/log.h"
 #include "server/app/security_config.h"
-#include "server/session/state_file.h"
+#include "server/state/state_file.h"
 
 namespace palpate {
 namespace {

@@ -19,9 +19,9 @@
 #include "server/haptics/settings.h"
 #include "server/realtime/thread_setup.h"
 #include "server/rpc/server.h"
-#include "server/session/memory_budget.h"
 #include "server/session/path_policy.h"
 #include "server/session/upload.h"
+#include "server/store/memory_budget.h"
 
 namespace palpate {
 

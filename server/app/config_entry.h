@@ -11,7 +11,7 @@
 
 #include "common/error/error.h"
 #include "common/geometry/geometry.h"
-#include "server/session/state_file.h"
+#include "server/state/state_file.h"
 
 namespace palpate {
 

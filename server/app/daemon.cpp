@@ -25,13 +25,13 @@
 #include "server/recording/recording_control.h"
 #include "server/rpc/server.h"
 #include "server/safety/names.h"
+#include "server/samples/force_watch.h"
 #include "server/servo/servo_loop.h"
 #include "server/servo/tick_computation.h"
-#include "server/session/force_watch.h"
 #include "server/session/session.h"
-#include "server/session/session_keeper.h"
 #include "server/session/tools.h"
 #include "server/session/volume_editor.h"
+#include "server/state/session_keeper.h"
 
 namespace palpate {
 namespace {
@@ -206,7 +206,7 @@ void RunDaemon(const LoadedConfig& loaded, const ConfigReader& read) {
                              });
   SeriesPlayer series(session);
   SessionKeeper keeper(state_folder, socket, ConfiguredVolume(config), ConfiguredSettings(config),
-                       session);
+                       [&session] { return session.Felt(); });
   const auto registry = std::make_shared<prometheus::Registry>();
   ServiceMetrics service_metrics(*registry);
   RpcServer server({socket, config.listen, paths, config.uploads, config.security},

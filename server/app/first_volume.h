@@ -5,7 +5,7 @@
 
 #include "server/app/config.h"
 #include "server/session/session.h"
-#include "server/session/session_keeper.h"
+#include "server/state/session_keeper.h"
 
 namespace palpate {
 

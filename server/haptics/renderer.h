@@ -27,7 +27,7 @@ inline constexpr double kEjectForceLimitN = 3.3;
 
 inline constexpr double kPopFadeS = 0.03;
 
-// What the next step depends on besides its input; server/servo/servo_keyframe.h
+// What the next step depends on besides its input; server/servo/servo_memory.h
 // lists it member by member.
 struct RendererMemory {
   Proxy proxy;

@@ -10,7 +10,7 @@
 
 #include <cstdint>
 
-#include "server/session/pump.h"
+#include "server/samples/pump.h"
 
 namespace prometheus {
 class Counter;

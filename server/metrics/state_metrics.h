@@ -11,9 +11,9 @@
 
 #include "server/device/haptic_device.h"
 #include "server/recording/recording_control.h"
+#include "server/samples/force_watch.h"
 #include "server/servo/servo_loop.h"
-#include "server/session/force_watch.h"
-#include "server/session/memory_budget.h"
+#include "server/store/memory_budget.h"
 
 namespace palpate {
 

@@ -19,7 +19,7 @@
 #include <thread>
 #include <vector>
 
-#include "server/session/pump.h"
+#include "server/samples/pump.h"
 
 namespace palpate {
 

@@ -6,7 +6,7 @@
 #include <memory>
 
 #include "server/recording/recording.h"
-#include "server/servo/scene.h"
+#include "server/scene/scene.h"
 
 namespace palpate {
 

@@ -35,7 +35,7 @@
 #include "server/realtime/tick_timer.h"
 #include "server/recording/recording_writer.h"
 #include "server/recording/voxel_log.h"
-#include "server/session/pump.h"
+#include "server/samples/pump.h"
 
 namespace palpate {
 

@@ -19,7 +19,7 @@
 #include "server/haptics/passivity.h"
 #include "server/haptics/settings.h"
 #include "server/recording/volume_hash.h"
-#include "server/servo/tick_sample.h"
+#include "server/samples/tick_sample.h"
 #include "server/volume/brick_directory.h"
 
 namespace palpate {

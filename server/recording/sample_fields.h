@@ -3,7 +3,7 @@
 // Threads: pure.
 #pragma once
 
-#include "server/servo/tick_sample.h"
+#include "server/samples/tick_sample.h"
 
 namespace palpate {
 

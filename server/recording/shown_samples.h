@@ -13,7 +13,7 @@
 #include <mutex>
 #include <optional>
 
-#include "server/session/pump.h"
+#include "server/samples/pump.h"
 
 namespace palpate {
 

@@ -13,8 +13,8 @@
 #include "palpate/v1/device.grpc.pb.h"
 #include "server/device/listed_device.h"
 #include "server/rpc/access.h"
+#include "server/samples/force_watch.h"
 #include "server/servo/servo_loop.h"
-#include "server/session/force_watch.h"
 
 namespace palpate {
 

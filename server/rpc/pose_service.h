@@ -10,7 +10,7 @@
 #include "palpate/v1/pose.grpc.pb.h"
 #include "server/metrics/service_metrics.h"
 #include "server/rpc/access.h"
-#include "server/session/pump.h"
+#include "server/samples/pump.h"
 
 namespace palpate {
 

@@ -13,8 +13,9 @@
 
 #include "server/device/haptic_device.h"
 #include "server/realtime/thread_setup.h"
+#include "server/samples/tick_outbox.h"
+#include "server/scene/scene.h"
 #include "server/servo/force_switch.h"
-#include "server/servo/scene.h"
 
 namespace palpate {
 

@@ -6,8 +6,8 @@
 
 #include "server/device/haptic_device.h"
 #include "server/realtime/tick_timer.h"
+#include "server/scene/scene.h"
 #include "server/servo/force_switch.h"
-#include "server/servo/scene.h"
 #include "server/servo/tick_computation.h"
 
 namespace palpate {

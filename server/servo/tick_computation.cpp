@@ -3,6 +3,8 @@
 #include <limits>
 #include <utility>
 
+#include "server/servo/servo_memory.h"
+
 namespace palpate {
 namespace {
 

@@ -10,8 +10,9 @@
 #include "server/device/haptic_device.h"
 #include "server/haptics/renderer.h"
 #include "server/safety/safety.h"
-#include "server/servo/scene.h"
-#include "server/servo/servo_keyframe.h"
+#include "server/samples/servo_keyframe.h"
+#include "server/samples/tick_sample.h"
+#include "server/scene/scene.h"
 
 namespace palpate {
 

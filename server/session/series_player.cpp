@@ -9,7 +9,7 @@
 
 #include "common/error/error.h"
 #include "server/log/log.h"
-#include "server/session/load_warnings.h"
+#include "server/store/load_warnings.h"
 #include "server/volume/brick_pool.h"
 
 namespace palpate {

@@ -6,8 +6,8 @@
 
 #include "common/error/error.h"
 #include "server/log/log.h"
-#include "server/session/load_warnings.h"
 #include "server/session/range.h"
+#include "server/store/load_warnings.h"
 #include "server/volume/snapshot_builder.h"
 
 namespace palpate {

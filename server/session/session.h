@@ -23,22 +23,17 @@
 #include <vector>
 
 #include "server/device/haptic_device.h"
-#include "server/servo/scene.h"
-#include "server/session/memory_budget.h"
-#include "server/session/pump.h"
-#include "server/session/registration.h"
-#include "server/session/registration_store.h"
-#include "server/session/retired_volumes.h"
-#include "server/session/volume_loader.h"
+#include "server/samples/pump.h"
+#include "server/scene/registration.h"
+#include "server/scene/render_settings.h"
+#include "server/scene/scene.h"
+#include "server/state/registration_store.h"
+#include "server/state/session_file.h"
+#include "server/store/memory_budget.h"
+#include "server/store/retired_volumes.h"
+#include "server/store/volume_loader.h"
 
 namespace palpate {
-
-struct RenderSettings {
-  double isovalue = 0.0;             // data units
-  double normalized_isovalue = 0.5;  // the same
-  HapticSettings haptics{};
-  DecompositionMethod method = DecompositionMethod::kTpbcc;
-};
 
 // What to change; isovalue in one of its two forms.
 struct SettingsUpdate {
@@ -54,14 +49,6 @@ struct SettingsUpdate {
 
 struct SettingsState {
   RenderSettings settings;
-  std::uint64_t settings_revision = 0;
-};
-
-// What is felt, to be felt again.
-struct FeltSession {
-  LoadRequest volume{};    // no source: it cannot be loaded again, as an upload or a series
-  bool is_edited = false;  // since it was loaded
-  RenderSettings settings{};
   std::uint64_t settings_revision = 0;
 };
 

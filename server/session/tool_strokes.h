@@ -19,7 +19,8 @@
 #include <optional>
 #include <vector>
 
-#include "server/servo/scene.h"
+#include "server/samples/tick_sample.h"
+#include "server/scene/scene.h"
 
 namespace palpate {
 

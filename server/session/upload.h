@@ -12,8 +12,8 @@
 #include <string>
 #include <string_view>
 
-#include "server/session/memory_budget.h"
-#include "server/session/private_folder.h"
+#include "server/state/private_folder.h"
+#include "server/store/memory_budget.h"
 
 namespace palpate {
 

@@ -2,8 +2,8 @@
 
 #include <algorithm>
 
+#include "server/scene/registration.h"
 #include "server/session/range.h"
-#include "server/session/registration.h"
 #include "server/volume/builtin.h"
 #include "server/volume/volume_metadata.h"
 

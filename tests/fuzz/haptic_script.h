@@ -7,7 +7,7 @@
 #include <memory>
 
 #include "server/recording/sample_fields.h"
-#include "server/servo/scene.h"
+#include "server/scene/scene.h"
 #include "tests/fuzz/fuzz_input.h"
 #include "tests/support/made_volume.h"
 

@@ -1,8 +1,8 @@
 // Any bytes as the file of registrations, and each entry as a place for its volume.
-#include "server/session/registration_file.h"
+#include "server/state/registration_file.h"
 
 #include "common/error/error.h"
-#include "server/session/registration.h"
+#include "server/scene/registration.h"
 #include "tests/fuzz/scratch_file.h"
 
 namespace palpate::fuzz {

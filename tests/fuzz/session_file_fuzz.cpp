@@ -1,6 +1,6 @@
 // Any bytes as the file of a session that a daemon left behind. What is read is written
 // and read again without a difference.
-#include "server/session/session_file.h"
+#include "server/state/session_file.h"
 
 #include "tests/fuzz/scratch_file.h"
 

@@ -12,6 +12,7 @@
 
 #include "server/device/explore_script.h"
 #include "server/device/simulated_device.h"
+#include "server/samples/tick_outbox.h"
 #include "server/servo/servo_tick.h"
 #include "server/volume/builtin.h"
 #include "server/volume/snapshot_builder.h"

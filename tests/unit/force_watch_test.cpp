@@ -1,5 +1,5 @@
 // The newest tick, its forces, and waiting for a tick.
-#include "server/session/force_watch.h"
+#include "server/samples/force_watch.h"
 
 #include <gtest/gtest.h>
 

@@ -33,28 +33,36 @@ LAYERS = {
     "server/device/openhaptics": ["common/error", "common/geometry", "server/device",
                                   "server/realtime"],
     "server/safety": ["common/geometry", "server/device"],
-    "server/servo": COMMON + ["server/realtime", "server/volume", "server/haptics", "server/device",
-                              "server/safety"],
-    "server/session": COMMON + ["server/log", "server/realtime", "server/volume", "server/haptics",
-                                "server/device", "server/safety", "server/servo"],
+    "server/scene": COMMON + ["server/realtime", "server/volume", "server/haptics",
+                              "server/device"],
+    "server/samples": ["server/realtime", "server/haptics", "server/safety"],
+    "server/servo": ["server/realtime", "server/haptics", "server/device", "server/safety",
+                     "server/scene", "server/samples"],
+    "server/store": COMMON + ["server/realtime", "server/volume", "server/haptics"],
+    "server/state": COMMON + ["server/log", "server/scene", "server/store"],
+    "server/session": COMMON + ["server/log", "server/volume", "server/device", "server/scene",
+                                "server/samples", "server/store", "server/state"],
     "server/recording": COMMON + ["server/realtime", "server/volume", "server/haptics",
-                                  "server/device", "server/safety", "server/servo",
-                                  "server/session"],
-    "server/streaming": COMMON + ["server/volume", "server/servo", "server/session"],
+                                  "server/device", "server/safety", "server/scene",
+                                  "server/samples", "server/servo", "server/session"],
+    "server/streaming": COMMON + ["server/volume", "server/session"],
     "server/security": ["common/error", "common/files"],
     "server/metrics": COMMON + ["common/wire", "server/realtime", "server/device", "server/safety",
-                                "server/servo", "server/session", "server/recording"],
-    "server/rpc": COMMON + ["common/wire", "server/log", "server/security", "server/realtime", "server/volume", "server/haptics",
-                            "server/device", "server/safety", "server/servo", "server/session",
+                                "server/samples", "server/servo", "server/store",
+                                "server/recording"],
+    "server/rpc": COMMON + ["common/wire", "server/log", "server/security", "server/realtime",
+                            "server/volume", "server/haptics", "server/device", "server/safety",
+                            "server/samples", "server/servo", "server/session",
                             "server/recording", "server/streaming", "server/metrics"],
     "server/app": COMMON + ["common/arguments", "common/wire", "server/log", "server/realtime",
                             "server/haptics", "server/device", "server/device/usb",
                             "server/device/omni", "server/device/falcon",
-                            "server/device/openhaptics", "server/safety", "server/servo",
+                            "server/device/openhaptics", "server/safety", "server/samples",
+                            "server/servo", "server/store", "server/state",
                             "server/session", "server/recording", "server/security",
                             "server/metrics",
                             "server/rpc"],
-    "server/lab": COMMON + ["common/arguments", "server/volume", "server/session", "server/haptics",
+    "server/lab": COMMON + ["common/arguments", "server/volume", "server/store", "server/haptics",
                             "server/recording"],
     "client/interrupt": [],
     "client/sdk": COMMON + ["common/wire"],
@@ -82,7 +90,7 @@ LIBRARIES = {
     "libtiff": (r"tiff", ["server/import"]),
     "libsystemd": (r"systemd/", ["server/app"]),
     "libusb": (r"libusb", ["server/device/usb"]),
-    "toml++": (r"toml\+\+/", ["server/security", "server/session", "server/app",
+    "toml++": (r"toml\+\+/", ["server/security", "server/state", "server/app",
                                "client/cli", "client/sdk"]),
     "spdlog": (r"spdlog/", ["server/log", "server/app"]),
     "OpenSSL": (r"openssl/", ["server/security"]),
@@ -140,8 +148,8 @@ PLAIN_VOLUME_HEADERS = {"server/volume/brick_directory.h", "server/volume/snapsh
 # What a program outside of the tree includes.
 PUBLIC_HEADER = "client/sdk/client.h"
 
-NO_OPENVDB = ["server/haptics", "server/servo", "server/device", "server/rpc", "server/recording",
-              "server/streaming"]
+NO_OPENVDB = ["server/haptics", "server/scene", "server/samples", "server/servo", "server/device",
+              "server/rpc", "server/recording", "server/streaming"]
 
 
 def violations(folder, includes):
@@ -244,7 +252,7 @@ class IncludeLayers(unittest.TestCase):
 
     def test_violations_are_seen(self):
         self.assertTrue(violations("client/cli", ["CLI/CLI.hpp"]))
-        self.assertTrue(violations("client/cli", ["server/servo/scene.h"]))
+        self.assertTrue(violations("client/cli", ["server/scene/scene.h"]))
         self.assertTrue(violations("server/haptics", ["server/volume/snapshot_builder.h"]))
         self.assertTrue(violations("server/servo", ["spdlog/spdlog.h"]))
         self.assertTrue(violations("server/session", ["grpcpp/grpcpp.h"]))

@@ -1,5 +1,5 @@
 // Warnings of an import, as clients are told them.
-#include "server/session/load_warnings.h"
+#include "server/store/load_warnings.h"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
 // What volumes may take of the memory.
-#include "server/session/memory_budget.h"
+#include "server/store/memory_budget.h"
 
 #include <gtest/gtest.h>
 

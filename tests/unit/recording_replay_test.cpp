@@ -17,6 +17,7 @@
 
 #include "server/recording/chunk_frame.h"
 #include "server/recording/replayer.h"
+#include "server/servo/servo_memory.h"
 #include "server/session/series.h"
 #include "tests/support/refusal.h"
 #include "tests/support/scene_rig.h"

@@ -1,5 +1,5 @@
 // Where volumes lie: exact geometry, long sequences of moves, bad input.
-#include "server/session/registration.h"
+#include "server/scene/registration.h"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
 // Volumes that nobody shows any more: who frees them, and until when they count.
-#include "server/session/retired_volumes.h"
+#include "server/store/retired_volumes.h"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
 // Keyframes: a computation that goes on from one gives the same bits.
-#include "server/servo/servo_keyframe.h"
+#include "server/servo/servo_memory.h"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
 // What is felt, to a file and back; damaged and hostile files.
-#include "server/session/session_file.h"
+#include "server/state/session_file.h"
 
 #include <gtest/gtest.h>
 
@@ -7,7 +7,7 @@
 #include <random>
 #include <sstream>
 
-#include "server/session/session_keeper.h"
+#include "server/state/session_keeper.h"
 #include "tests/support/editable_session.h"
 #include "tests/support/temporary_folder.h"
 
@@ -180,7 +180,7 @@ class SessionKeeperTest : public ::testing::Test {
   std::unique_ptr<SessionKeeper> Make(const LoadRequest& configured = {.source = "builtin:bumps"},
                                       const RenderSettings& settings = {}) {
     return std::make_unique<SessionKeeper>(folder_.path(), "/run/palpate/a.sock", configured,
-                                           settings, data_.session());
+                                           settings, felt_);
   }
   bool IsThere() const { return std::filesystem::exists(path_); }
   // Kept, and ended out of order.
@@ -192,6 +192,7 @@ class SessionKeeperTest : public ::testing::Test {
   test::TemporaryFolder folder_;
   const std::filesystem::path path_ = folder_.path() / "sessions" / "run-palpate-a.sock.toml";
   testing::EditableSession data_;
+  const SessionKeeper::Felt felt_ = [this] { return data_.session().Felt(); };
 };
 
 TEST_F(SessionKeeperTest, WhatIsLeftComesBackWithItsIsovalue) {
@@ -266,13 +267,13 @@ TEST_F(SessionKeeperTest, ForAnotherConfiguredVolumeNothingComesBack) {
 TEST_F(SessionKeeperTest, AnotherSocketIsAnotherSession) {
   Leave();
   SessionKeeper other(folder_.path(), "/run/palpate/b.sock", {.source = "builtin:bumps"}, {},
-                      data_.session());
+                      felt_);
   EXPECT_FALSE(other.TakeLeft());
   EXPECT_TRUE(IsThere());
 }
 
 TEST_F(SessionKeeperTest, WithoutAFolderNothingIsKept) {
-  SessionKeeper keeper({}, "/run/palpate/a.sock", {}, {}, data_.session());
+  SessionKeeper keeper({}, "/run/palpate/a.sock", {}, {}, felt_);
   keeper.Start();
   EXPECT_FALSE(keeper.TakeLeft());
   keeper.End();

@@ -13,12 +13,8 @@
 #include <memory>
 
 #include "server/haptics/haptic_surface.h"
-#include "server/haptics/renderer.h"
+#include "server/haptics/settings.h"
 #include "server/realtime/snapshot_handoff.h"
-#include "server/realtime/spsc_ring.h"
-#include "server/servo/last_tick.h"
-#include "server/servo/servo_keyframe.h"
-#include "server/servo/tick_sample.h"
 
 namespace palpate {
 
@@ -32,14 +28,7 @@ struct Scene {
   bool forces_off = false;           // nothing is felt; the proxy starts anew afterwards
 };
 
-// The servo thread's two doors.
+// The servo thread's way in.
 using SceneInbox = SnapshotHandoff<Scene>;
-class TickOutbox : public SpscRing<TickSample, 4096> {  // four seconds
- public:
-  // One every kKeyframeTicks; pushed before the sample of its tick.
-  SpscRing<ServoKeyframe, 64> keyframes;
-  // After each tick; it holds the newest, however full the rings are.
-  LastTickBoard last;
-};
 
 }  // namespace palpate

@@ -1,4 +1,4 @@
-#include "server/session/registration_store.h"
+#include "server/state/registration_store.h"
 
 #include <fcntl.h>
 #include <pthread.h>

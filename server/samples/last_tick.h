@@ -9,7 +9,7 @@
 #include <optional>
 
 #include "server/realtime/latest_value.h"
-#include "server/servo/tick_sample.h"
+#include "server/samples/tick_sample.h"
 
 namespace palpate {
 

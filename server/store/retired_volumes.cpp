@@ -1,4 +1,4 @@
-#include "server/session/retired_volumes.h"
+#include "server/store/retired_volumes.h"
 
 #include <pthread.h>
 

@@ -1,4 +1,4 @@
-#include "server/session/load_warnings.h"
+#include "server/store/load_warnings.h"
 
 #include <cstddef>
 

@@ -1,4 +1,4 @@
-#include "server/session/state_file.h"
+#include "server/state/state_file.h"
 
 #include <fmt/core.h>
 

@@ -1,9 +1,9 @@
-#include "server/session/session_file.h"
+#include "server/state/session_file.h"
 
 #include <utility>
 
 #include "common/error/error.h"
-#include "server/session/state_file.h"
+#include "server/state/state_file.h"
 
 namespace palpate {
 namespace {

@@ -21,7 +21,7 @@
 #include <thread>
 #include <vector>
 
-#include "server/servo/scene.h"
+#include "server/samples/tick_outbox.h"
 
 namespace palpate {
 

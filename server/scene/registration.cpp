@@ -1,4 +1,4 @@
-#include "server/session/registration.h"
+#include "server/scene/registration.h"
 
 #include <cmath>
 

@@ -1,4 +1,4 @@
-#include "server/session/memory_budget.h"
+#include "server/store/memory_budget.h"
 
 #include <unistd.h>
 

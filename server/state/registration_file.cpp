@@ -1,10 +1,10 @@
-#include "server/session/registration_file.h"
+#include "server/state/registration_file.h"
 
 #include <fmt/core.h>
 
 #include <optional>
 
-#include "server/session/state_file.h"
+#include "server/state/state_file.h"
 
 namespace palpate {
 namespace {

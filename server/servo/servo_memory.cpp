@@ -1,4 +1,4 @@
-#include "server/servo/servo_keyframe.h"
+#include "server/servo/servo_memory.h"
 
 #include <algorithm>
 #include <bit>

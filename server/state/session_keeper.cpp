@@ -1,4 +1,4 @@
-#include "server/session/session_keeper.h"
+#include "server/state/session_keeper.h"
 
 #include <pthread.h>
 
@@ -60,11 +60,11 @@ void TakeChanges(const SavedSession& saved, const LoadRequest& now,
 
 SessionKeeper::SessionKeeper(const std::filesystem::path& folder,
                              const std::filesystem::path& socket, LoadRequest configured,
-                             const RenderSettings& configured_settings, const Session& session)
+                             const RenderSettings& configured_settings, Felt felt)
     : path_(FileFor(folder, socket)),
       configured_(std::move(configured)),
       configured_settings_(configured_settings),
-      session_(session) {}
+      felt_(std::move(felt)) {}
 
 // Empty: it comes back.
 std::string SessionKeeper::WhyNot(const SessionFile& file) const {
@@ -119,7 +119,7 @@ void SessionKeeper::Run() {
   const auto lasts_at = std::chrono::steady_clock::now() + kLasting;
   std::unique_lock lock(mutex_);
   do {
-    const FeltSession felt = session_.Felt();
+    const FeltSession felt = felt_();
     const bool lasted = attempts_ > 0 && std::chrono::steady_clock::now() > lasts_at;
     if (lasted) attempts_ = 0;
     if (saved && !lasted && saved->settings_revision == felt.settings_revision &&

@@ -1,4 +1,4 @@
-#include "server/session/force_watch.h"
+#include "server/samples/force_watch.h"
 
 #include <thread>
 

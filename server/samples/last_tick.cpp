@@ -1,4 +1,4 @@
-#include "server/servo/last_tick.h"
+#include "server/samples/last_tick.h"
 
 namespace palpate {
 

@@ -1,4 +1,4 @@
-#include "server/session/pump.h"
+#include "server/samples/pump.h"
 
 #include <pthread.h>
 

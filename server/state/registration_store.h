@@ -19,8 +19,8 @@
 #include <thread>
 #include <vector>
 
-#include "server/session/registration.h"
-#include "server/session/registration_file.h"
+#include "server/scene/registration.h"
+#include "server/state/registration_file.h"
 
 namespace palpate {
 

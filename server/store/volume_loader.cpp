@@ -1,4 +1,4 @@
-#include "server/session/volume_loader.h"
+#include "server/store/volume_loader.h"
 
 #include <algorithm>
 

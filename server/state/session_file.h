@@ -1,15 +1,25 @@
 // What is felt, as a TOML file from which it can be felt again.
 //
-// Units as in session.h. Any thread; not for real-time code.
+// Units as in render_settings.h. Any thread; not for real-time code.
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <optional>
 #include <string>
 
-#include "server/session/session.h"
+#include "server/scene/render_settings.h"
+#include "server/store/volume_loader.h"
 
 namespace palpate {
+
+// What is felt, to be felt again.
+struct FeltSession {
+  LoadRequest volume{};    // no source: it cannot be loaded again, as an upload or a series
+  bool is_edited = false;  // since it was loaded
+  RenderSettings settings{};
+  std::uint64_t settings_revision = 0;
+};
 
 struct SavedSession {
   // What the configuration had loaded at start: source, spacing, scale and isovalue.

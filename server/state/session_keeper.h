@@ -6,19 +6,20 @@
 // at most kMostAttempts times where no daemon with it lasted for kLasting: it may be what
 // they die of. An end in order leaves nothing.
 //
-// Threads: main, and one of its own, which asks the session twice a second.
-// Ownership: borrows the session. Errors: none; what cannot be kept is said in the log.
+// Threads: main, and one of its own, which asks twice a second what is felt.
+// Errors: none; what cannot be kept is said in the log.
 #pragma once
 
 #include <chrono>
 #include <condition_variable>
 #include <filesystem>
+#include <functional>
 #include <mutex>
 #include <optional>
 #include <string>
 #include <thread>
 
-#include "server/session/session_file.h"
+#include "server/state/session_file.h"
 
 namespace palpate {
 
@@ -28,12 +29,13 @@ class SessionKeeper {
   static constexpr int kMostAttempts = 2;
   static constexpr std::chrono::seconds kLasting{60};
 
+  using Felt = std::function<FeltSession()>;
+
   // `folder` of the daemon's state; empty: nothing is kept. `socket`: of this daemon,
   // for others of this user may keep theirs beside it. `configured`: what is felt where
-  // nothing was left.
+  // nothing was left. `felt`: what is felt now, once a volume is loaded.
   SessionKeeper(const std::filesystem::path& folder, const std::filesystem::path& socket,
-                LoadRequest configured, const RenderSettings& configured_settings,
-                const Session& session);
+                LoadRequest configured, const RenderSettings& configured_settings, Felt felt);
   // Leaves the file: what ends without End is no end in order.
   ~SessionKeeper() { Join(); }
   SessionKeeper(const SessionKeeper&) = delete;
@@ -63,7 +65,7 @@ class SessionKeeper {
   const RenderSettings configured_settings_;
   std::optional<SavedSession> taken_;
   int attempts_ = 0;  // with this one; 0 once it lasted
-  const Session& session_;
+  const Felt felt_;
   std::string last_failure_;
 
   std::mutex mutex_;  // guards stop_
