@@ -56,23 +56,6 @@ Registration RegistrationOf(const RecordedScene& scene, const VolumeMetadata& vo
   return registration;
 }
 
-// Frames of a series wait while one exists.
-class VoxelHold {
- public:
-  explicit VoxelHold(Session& session) : session_(session) { Set(true); }
-  ~VoxelHold() { Set(false); }
-  VoxelHold(const VoxelHold&) = delete;
-  VoxelHold& operator=(const VoxelHold&) = delete;
-
- private:
-  void Set(bool held) {
-    const std::unique_lock voxels = session_.LockVoxels();
-    session_.HoldVoxels(held);
-  }
-
-  Session& session_;
-};
-
 class ViewerReplay {
  public:
   ViewerReplay(Session& session, Pump& pump, RecordingReader& reader, double speed,
@@ -83,7 +66,7 @@ class ViewerReplay {
         ahead_ms_(kAheadMs * std::max(1.0, speed)),
         progress_(progress),
         loading_(session.BeginLoad()),
-        hold_(session),
+        hold_(session.store()),
         before_(session.volume()),
         follower_([this](const RecordedScene& scene) { return StartVolume(scene); }),
         shown_(std::make_shared<ShownSamples>(speed)) {}
@@ -206,10 +189,8 @@ class ViewerReplay {
   }
 
   void Show(const VolumeSnapshot& volume) {
-    const std::unique_lock voxels = session_.LockVoxels();
-    const std::vector<BrickChange> changes =
-        session_.volume().volume->bricks().ChangesTo(volume.bricks());
-    if (!changes.empty()) session_.PublishBricks(changes);
+    session_.store().Edit(
+        [&](const auto& present) { return present->bricks().ChangesTo(volume.bricks()); });
   }
 
   void Put(const RecordedScene& scene) {
@@ -254,7 +235,7 @@ class ViewerReplay {
   const double ahead_ms_;
   const ViewerReplayProgress& progress_;
   const std::unique_lock<std::mutex> loading_;
-  const VoxelHold hold_;
+  const VolumeStore::Hold hold_;
   const VolumeState before_;
   VolumeFollower follower_;
   std::shared_ptr<ShownSamples> shown_;

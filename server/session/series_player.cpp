@@ -211,15 +211,14 @@ void SeriesPlayer::Run() {
   }
 }
 
-// Held by those who call it: the lock of the voxels. False when the series has ended.
-bool SeriesPlayer::KeepEdits(Series& series, const VolumeState& volume) {
-  if (volume.volume->loaded_revision() != series.loaded_revision) return false;
-  const bool is_edited = volume.volume->revision() != series.shown_revision;
+bool SeriesPlayer::KeepEdits(Series& series, const VolumeSnapshot& present) {
+  if (present.loaded_revision() != series.loaded_revision) return false;
+  const bool is_edited = present.revision() != series.shown_revision;
   const bool is_frame = series.shown == std::floor(series.shown);
-  series.shown_revision = volume.volume->revision();
+  series.shown_revision = present.revision();
   if (!is_edited || !is_frame) return true;
   const auto frame = static_cast<std::size_t>(series.shown);
-  const BrickDirectory& edited = volume.volume->bricks();
+  const BrickDirectory& edited = present.bricks();
   std::uint64_t bytes = 0;
   for (const BrickChange& change : series.loaded[frame].ChangesTo(edited)) {
     if (!change.values->is_constant()) bytes += change.values->Bytes();
@@ -249,28 +248,33 @@ bool SeriesPlayer::Show(Series& series, double position) {
   if (position == series.shown) return true;
   const auto frame = static_cast<std::size_t>(position);
   const double share = position - static_cast<double>(frame);
+  VolumeStore& store = session_.store();
+  bool goes_on = true, is_due = false;
+  const auto look_at = [&](const VolumeSnapshot& present) {
+    const bool is_held = store.is_held();
+    is_due = !is_held && KeepEdits(series, present);
+    goes_on = is_held || is_due;
+  };
   MemoryClaim claim;
   std::optional<BrickDirectory> blended;
   if (share > 0.0) {
-    {
-      // Before the frame is blended, and not while: others wait to edit.
-      const std::unique_lock voxels = session_.LockVoxels();
-      if (session_.voxels_held()) return true;
-      if (!KeepEdits(series, session_.volume())) return false;
-    }
+    // Before the frame is blended, and not while: others wait to edit.
+    store.Edit([&](const auto& present) {
+      look_at(*present);
+      return std::vector<BrickChange>();
+    });
+    if (!is_due) return goes_on;
     blended = TryBlend(series, frame, share, claim);
     claim = {};  // now its bricks count
   }
-  const std::unique_lock voxels = session_.LockVoxels();
-  if (session_.voxels_held()) return true;
-  const VolumeState now = session_.volume();
-  if (!KeepEdits(series, now)) return false;
-  const BrickDirectory& wanted = blended ? *blended : series.frames[frame];
-  series.shown = position;
-  const std::vector<BrickChange> changes = now.volume->bricks().ChangesTo(wanted);
-  if (changes.empty()) return true;
-  series.shown_revision = session_.PublishBricks(changes).volume->revision();
-  return true;
+  const EditedRevisions shown = store.Edit([&](const auto& present) {
+    look_at(*present);
+    if (!is_due) return std::vector<BrickChange>();
+    series.shown = position;
+    return present->bricks().ChangesTo(blended ? *blended : series.frames[frame]);
+  });
+  if (is_due) series.shown_revision = shown.volume;
+  return goes_on;
 }
 
 }  // namespace palpate

@@ -89,8 +89,8 @@ class SeriesPlayer {
   bool Show(Series& series, double position);
   std::optional<BrickDirectory> TryBlend(Series& series, std::size_t frame, double share,
                                          MemoryClaim& claim);
-  // What others changed since it was shown goes into its frame. False as Show.
-  bool KeepEdits(Series& series, const VolumeState& volume);
+  // In a transaction. What others changed since it was shown goes into its frame. False as Show.
+  bool KeepEdits(Series& series, const VolumeSnapshot& present);
 
   Session& session_;
 

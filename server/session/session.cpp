@@ -97,12 +97,7 @@ Listening::~Listening() {
 }
 
 Session::Session(const DeviceSpec& device, SceneInbox& inbox, Pump& pump, VolumeLoader loader)
-    : device_(device), inbox_(inbox), pump_(pump), loader_(std::move(loader)) {
-  loader_.budget->SetWait(
-      [this](std::chrono::milliseconds patience) { retired_.WaitForFreed(patience); });
-}
-
-Session::~Session() { loader_.budget->SetWait({}); }
+    : device_(device), inbox_(inbox), pump_(pump), loader_(std::move(loader)) {}
 
 SettingsState Session::settings() const {
   const std::lock_guard lock(mutex_);
@@ -214,7 +209,7 @@ VolumeState Session::Load(const LoadRequest& request, const LoadProgress& progre
   MemoryClaim claim = loader_.budget->Claim("the new volume", 0);
   const auto loaded = std::make_shared<const LoadedVolume>(
       LoadBricks(request, progress, cancelled, claim, warnings));
-  retired_.Add(loaded);  // also where it is not published
+  retired().Add(loaded);  // also where it is not published
   for (const std::string& warning : warnings) LogWarning("{}", warning);
   VolumeMetadata metadata = loaded->metadata;
   metadata.source = request.title.empty() ? request.source : request.title;
@@ -231,7 +226,7 @@ LoadedVolume Session::LoadBricks(const LoadRequest& request, const LoadProgress&
                                  const LoadCancelled& cancelled, MemoryClaim& claim,
                                  std::vector<std::string>& warnings) {
   LoadMemory needed;
-  const TidyBrickWork work(retired_);
+  const TidyBrickWork work(retired());
   const auto size_known = [&](const Vec3i&, const LoadMemory& memory) {
     needed = memory;
     claim.Resize(memory.Sum());
@@ -277,36 +272,60 @@ void Session::TakeSideOf(const VolumeMetadata& metadata, const std::optional<Fre
 VolumeState Session::PublishVolume(const LoadRequest& request, const VolumeMetadata& metadata,
                                    const BrickDirectory& bricks, std::uint64_t frames_bytes) {
   const Registration registration = PlaceLoaded(request, metadata);
-  const std::unique_lock voxels = LockVoxels();
-  const std::lock_guard lock(mutex_);
-  const std::uint64_t revision = volume_revision_ + 1;
-  auto volume = std::make_shared<const VolumeSnapshot>(metadata, bricks.AllChangedAt(revision),
-                                                       revision, revision);
+  VolumeState state;
+  const auto publish = [&](const std::shared_ptr<const VolumeSnapshot>& volume,
+                           std::span<const BrickChange>) {
+    const std::lock_guard lock(mutex_);
+    TakeLoaded(request, registration, volume);
+    PublishLocked();
+    state = VolumeLocked();
+    return scene_revision_;
+  };
+  store_.Replace(metadata, bricks, frames_bytes, publish);
+  return state;
+}
+
+void Session::TakeLoaded(const LoadRequest& request, const Registration& registration,
+                         const std::shared_ptr<const VolumeSnapshot>& volume) {
+  const VolumeMetadata& metadata = volume->metadata();
   const double isovalue = ChosenIsovalue(*volume, request.isovalue, request.normalized_isovalue,
                                          StartingDensity(*volume));
   TakeSideOf(metadata, request.free_side);
-  retired_.Add(std::exchange(volume_, std::move(volume)));
-  frames_bytes_ = frames_bytes;
-  SayVolumeBytes();
+  volume_ = volume;
   request_ = request;
   is_reshaped_ = false;
-  volume_revision_ = revision;
   ++geometry_revision_;
   registration_ = registration;
   X_DI_ = registration.X_DW * metadata.WorldFromIndex();
   settings_.isovalue = isovalue;
-  settings_.normalized_isovalue = volume_->Normalize(isovalue);
+  settings_.normalized_isovalue = volume->Normalize(isovalue);
   ++settings_revision_;
   if (registration_store_ && request.device_mm_per_volume_mm) {
     registration_store_->Keep(metadata, registration_);
   }
-  PublishLocked();
-  return VolumeLocked();
 }
 
-void Session::SayVolumeBytes() {
-  loader_.budget->SetPart("the volume",
-                          frames_bytes_ > 0 ? frames_bytes_ : volume_->bricks().MemoryBytes());
+std::uint64_t Session::PublishEdited(const std::shared_ptr<const VolumeSnapshot>& volume,
+                                     std::span<const BrickChange> changes) {
+  const std::lock_guard lock(mutex_);
+  if (volume != volume_) {
+    const bool has_other_lattice = volume->loaded_revision() != volume_->loaded_revision();
+    volume_ = volume;
+    if (has_other_lattice) TakeLattice();
+    PublishLocked(changes);
+  }
+  return scene_revision_;
+}
+
+// It stays where it lies, and is felt on.
+void Session::TakeLattice() {
+  const VolumeMetadata& metadata = volume_->metadata();
+  is_reshaped_ = true;
+  ++geometry_revision_;
+  X_DI_ = registration_.X_DW * metadata.WorldFromIndex();
+  settings_.isovalue = std::clamp(settings_.isovalue, metadata.value_min, metadata.value_max);
+  settings_.normalized_isovalue = volume_->Normalize(settings_.isovalue);
+  ++settings_revision_;
 }
 
 VolumeState Session::LoadAndWait(const LoadRequest& request, const LoadProgress& progress,
@@ -314,45 +333,6 @@ VolumeState Session::LoadAndWait(const LoadRequest& request, const LoadProgress&
   const VolumeState state = Load(request, progress, cancelled);
   applied = WaitForServo(state.scene_revision);
   return state;
-}
-
-VolumeState Session::PublishBricks(std::span<const BrickChange> changes) {
-  // Only holders of the voxels' lock change the volume: it can be read without the
-  // other one.
-  const std::uint64_t revision = volume_revision_ + 1;
-  auto changed = std::make_shared<const VolumeSnapshot>(volume_->metadata(),
-                                                        volume_->bricks().With(changes, revision),
-                                                        revision, volume_->loaded_revision());
-  const std::lock_guard lock(mutex_);
-  retired_.Add(std::exchange(volume_, std::move(changed)));
-  SayVolumeBytes();
-  volume_revision_ = revision;
-  PublishLocked(changes);
-  return VolumeLocked();
-}
-
-VolumeState Session::PublishReshaped(const VolumeMetadata& metadata, const BrickDirectory& bricks) {
-  const std::lock_guard lock(mutex_);
-  if (frames_bytes_ > 0) {
-    throw Error(ErrorKind::kConflict,
-                "a frame of a series keeps its lattice: load the frame by itself, as a volume");
-  }
-  const std::uint64_t revision = volume_revision_ + 1;
-  VolumeMetadata made = metadata;
-  made.reloadable = false;
-  auto volume = std::make_shared<const VolumeSnapshot>(made, bricks.AllChangedAt(revision),
-                                                       revision, revision);
-  retired_.Add(std::exchange(volume_, std::move(volume)));
-  SayVolumeBytes();
-  is_reshaped_ = true;
-  volume_revision_ = revision;
-  ++geometry_revision_;
-  X_DI_ = registration_.X_DW * metadata.WorldFromIndex();
-  settings_.isovalue = std::clamp(settings_.isovalue, metadata.value_min, metadata.value_max);
-  settings_.normalized_isovalue = volume_->Normalize(settings_.isovalue);
-  ++settings_revision_;
-  PublishLocked();
-  return VolumeLocked();
 }
 
 VolumeState Session::Move(const std::function<Registration(const VolumeState&)>& change,

@@ -29,9 +29,8 @@
 #include "server/scene/scene.h"
 #include "server/state/registration_store.h"
 #include "server/state/session_file.h"
-#include "server/store/memory_budget.h"
-#include "server/store/retired_volumes.h"
 #include "server/store/volume_loader.h"
+#include "server/store/volume_store.h"
 
 namespace palpate {
 
@@ -102,7 +101,6 @@ class Session {
  public:
   // Borrows all but the loader's options.
   Session(const DeviceSpec& device, SceneInbox& inbox, Pump& pump, VolumeLoader loader);
-  ~Session();
   Session(const Session&) = delete;
   Session& operator=(const Session&) = delete;
 
@@ -141,21 +139,8 @@ class Session {
   VolumeState PublishVolume(const LoadRequest& request, const VolumeMetadata& metadata,
                             const BrickDirectory& bricks, std::uint64_t frames_bytes = 0);
 
-  // Held by those who change voxels, from when they read volume() until they have
-  // published what they made of it. Others who edit wait meanwhile: a filter, which computes its
-  // last part under it, may take 20 s at worst; nobody else may wait for anything.
-  std::unique_lock<std::mutex> LockVoxels() { return std::unique_lock(voxels_mutex_); }
-  // Under LockVoxels: replaces bricks of volume(). Whoever makes them has claimed memory for them.
-  VolumeState PublishBricks(std::span<const BrickChange> changes);
-
-  // Under LockVoxels: while held, the frames of a series wait. For a replay, whose
-  // voxels are not those of any frame.
-  void HoldVoxels(bool held) { voxels_held_ = held; }
-  bool voxels_held() const { return voxels_held_; }
-
-  // Under LockVoxels: another lattice of the same volume, which stays where it lies and is felt on.
-  // kConflict: it is a frame of a series.
-  VolumeState PublishReshaped(const VolumeMetadata& metadata, const BrickDirectory& bricks);
+  // Voxels are changed there, by Edit.
+  VolumeStore& store() { return store_; }
 
   // Where the volume lies. `change` makes the new one of the present one, under the
   // session's lock. kInvalidArgument; kConflict for another settings revision than
@@ -170,7 +155,7 @@ class Session {
   AppliedTick WaitForServo(std::uint64_t scene_revision);
 
   // For volumes, and what else holds many bricks, that nobody shows any more.
-  RetiredVolumes& retired() { return retired_; }
+  RetiredVolumes& retired() { return store_.retired(); }
 
   const DeviceSpec& device() const { return device_; }
   const VolumeLoader& loader() const { return loader_; }
@@ -182,12 +167,16 @@ class Session {
   double StartingDensity(const VolumeSnapshot& volume) const;
   void TakeSideOf(const VolumeMetadata& metadata, const std::optional<FreeSide>& wanted);
   void TakeBack(const RenderSettings& before, std::uint64_t revision);
+  void TakeLoaded(const LoadRequest& request, const Registration& registration,
+                  const std::shared_ptr<const VolumeSnapshot>& volume);
+  void TakeLattice();
+  std::uint64_t PublishEdited(const std::shared_ptr<const VolumeSnapshot>& volume,
+                              std::span<const BrickChange> changes);
   void PublishLocked(std::span<const BrickChange> changes = {});
   VolumeState VolumeLocked() const;
   LoadedVolume LoadBricks(const LoadRequest& request, const LoadProgress& progress,
                           const LoadCancelled& cancelled, MemoryClaim& claim,
                           std::vector<std::string>& warnings);
-  void SayVolumeBytes();
 
   const DeviceSpec& device_;
   SceneInbox& inbox_;
@@ -195,27 +184,27 @@ class Session {
   VolumeLoader loader_;
   RegistrationStore* registration_store_ = nullptr;
 
-  // In the order in which they are taken.
+  // In the order in which they are taken; the store's comes between the two.
   std::mutex load_mutex_;
-  std::mutex voxels_mutex_;  // guards the next one, and changes of voxels
-  bool voxels_held_ = false;
   mutable std::mutex mutex_;  // guards what follows
   std::vector<SceneListener*> listeners_;
-  std::shared_ptr<const VolumeSnapshot> volume_;
-  std::uint64_t frames_bytes_ = 0;  // of the series that volume_ is of; 0: of none
-  LoadRequest request_;             // which volume_ came of
-  bool is_reshaped_ = false;        // since then
+  std::shared_ptr<const VolumeSnapshot> volume_;  // of the newest scene
+  LoadRequest request_;                           // which volume_ came of
+  bool is_reshaped_ = false;                      // since then
   Registration registration_;
   AffineMap X_DI_;
   RenderSettings settings_;
   FreeSide side_of_densities_ = FreeSide::kBelow;  // while a level set is felt
   bool forces_off_ = false;
   std::uint64_t settings_revision_ = 0;
-  std::uint64_t volume_revision_ = 0;
   std::uint64_t geometry_revision_ = 0;
   std::uint64_t scene_revision_ = 0;
 
-  RetiredVolumes retired_{[this] { inbox_.Collect(); }};  // its thread ends first
+  // Its thread ends first.
+  VolumeStore store_{
+      loader_.budget, [this] { inbox_.Collect(); },
+      [this](const std::shared_ptr<const VolumeSnapshot>& volume,
+             std::span<const BrickChange> changes) { return PublishEdited(volume, changes); }};
 };
 
 }  // namespace palpate

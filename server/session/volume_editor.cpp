@@ -11,13 +11,6 @@
 namespace palpate {
 namespace {
 
-// On while it lives.
-struct Mark {
-  explicit Mark(bool& mark) : on(mark) { on = true; }
-  ~Mark() { on = false; }
-  bool& on;
-};
-
 bool HaveSameLattice(const VolumeMetadata& one, const VolumeMetadata& other) {
   return one.size == other.size && one.spacing_mm == other.spacing_mm &&
          one.origin_W_mm == other.origin_W_mm;
@@ -36,6 +29,12 @@ void CheckWanted(const VolumeEditor::Cancelled& cancelled) {
 VolumeEditor::VolumeEditor(Session& session, std::uint64_t max_history_bytes)
     : session_(session), max_history_bytes_(max_history_bytes) {}
 
+VolumeEditor::Made::Made(ReshapedVolume of_all) : whole(std::move(of_all)) {
+  const Vec3i& size = whole->metadata.size;
+  result.changed = VoxelBox{Vec3i::Zero(), size - Vec3i::Ones()};
+  result.changed_voxels = static_cast<std::uint64_t>(size.cast<std::int64_t>().prod());
+}
+
 EditOutcome VolumeEditor::Edit(const VolumeEdit& edit, const Revision& expected,
                                std::uint64_t stroke, const Cancelled& cancelled) {
   MemoryClaim claim;  // until the edit is published
@@ -51,26 +50,24 @@ EditOutcome VolumeEditor::Edit(const VolumeEdit& edit, const Revision& expected,
 
 EditOutcome VolumeEditor::Apply(const Change& change, const Revision& expected,
                                 std::uint64_t stroke) {
-  const auto lock = session_.LockVoxels();
-  const auto volume = Begin(expected);
-  const EditResult result = change(*volume);
-  const VolumeState state = Publish(result);
-  Record(volume, result, stroke);
-  return Outcome(result, state);
+  return Transact(expected, [&](const std::shared_ptr<const VolumeSnapshot>& present) -> Made {
+    EditResult result = change(*present);
+    Record(present, result, stroke);
+    return result;
+  });
 }
 
 std::optional<EditOutcome> VolumeEditor::Replace(const ReshapedVolume& filtered,
                                                  std::uint64_t revision) {
-  const auto lock = session_.LockVoxels();
-  const auto volume = Begin({});
-  if (volume->revision() != revision) return std::nullopt;
-  if (!HaveSameLattice(filtered.metadata, volume->metadata())) {
-    return ReplaceWhole(volume, filtered.metadata, filtered.bricks);
-  }
-  const EditResult result = CompareBricks(*volume, volume->bricks().ChangesTo(filtered.bricks));
-  const VolumeState state = Publish(result);
-  Record(volume, result, 0);
-  return Outcome(result, state);
+  bool is_late = false;
+  const auto make = [&](const std::shared_ptr<const VolumeSnapshot>& present) -> Made {
+    is_late = present->revision() != revision;
+    if (is_late) return {};
+    return ReplaceAll(present, filtered);
+  };
+  const EditOutcome outcome = Transact({}, make);
+  if (is_late) return std::nullopt;
+  return outcome;
 }
 
 EditOutcome VolumeEditor::Undo(const Revision& expected, const Cancelled& cancelled) {
@@ -82,97 +79,79 @@ EditOutcome VolumeEditor::Redo(const Revision& expected, const Cancelled& cancel
 }
 
 EditOutcome VolumeEditor::Revert(const Revision& expected, const Cancelled& cancelled) {
-  const auto lock = session_.LockVoxels();
-  const auto volume = Begin(expected);
-  CheckWanted(cancelled);
-  if (base_ && !HaveSameLattice(base_->metadata(), volume->metadata())) {
-    const auto base = base_;
-    return ReplaceWhole(volume, base->metadata(), base->bricks());
+  return Transact(expected, [&](const std::shared_ptr<const VolumeSnapshot>& present) -> Made {
+    CheckWanted(cancelled);
+    if (!base_) return {};
+    return ReplaceAll(present, {base_->metadata(), base_->bricks()});
+  });
+}
+
+VolumeEditor::Made VolumeEditor::ReplaceAll(const std::shared_ptr<const VolumeSnapshot>& present,
+                                            ReshapedVolume next) {
+  if (HaveSameLattice(next.metadata, present->metadata())) {
+    EditResult result = CompareBricks(*present, present->bricks().ChangesTo(next.bricks));
+    Record(present, result, 0);
+    return result;
   }
-  EditResult result;
-  if (base_) result = CompareBricks(*volume, volume->bricks().ChangesTo(base_->bricks()));
-  const VolumeState state = Publish(result);
-  Record(volume, result, 0);
-  return Outcome(result, state);
+  if (session_.store().shows_series()) {
+    throw Error(ErrorKind::kConflict,
+                "a frame of a series keeps its lattice: load the frame by itself, as a volume");
+  }
+  BeginHistory(present);
+  Push(undo_, {.bricks = {}, .volume = present});
+  DropOldSteps();
+  return Made(std::move(next));
 }
 
 EditOutcome VolumeEditor::Move(Steps& from, Steps& to, const char* empty, const Revision& expected,
                                const Cancelled& cancelled) {
-  const auto lock = session_.LockVoxels();
-  const auto volume = Begin(expected);
-  CheckWanted(cancelled);
-  if (from.empty()) throw Error(ErrorKind::kConflict, empty);
-  if (const auto whole = from.back().volume) {
-    const VolumeState state = PublishWhole(whole->metadata(), whole->bricks());
+  return Transact(expected, [&](const std::shared_ptr<const VolumeSnapshot>& present) -> Made {
+    CheckWanted(cancelled);
+    if (from.empty()) throw Error(ErrorKind::kConflict, empty);
+    if (const auto whole = from.back().volume) {
+      Drop(from, /*oldest=*/false);
+      Push(to, {.bricks = {}, .volume = present});
+      return Made({whole->metadata(), whole->bricks()});
+    }
+    const BrickDirectory& bricks = present->bricks();
+    std::vector<BrickChange> changes;
+    for (const auto& [number, values] : from.back().bricks) {
+      changes.push_back({bricks.BrickOf(number), values});
+    }
+    // In the order in which an edit would have them.
+    std::sort(changes.begin(), changes.end(), [&](const BrickChange& a, const BrickChange& b) {
+      return bricks.NumberOf(a.brick) < bricks.NumberOf(b.brick);
+    });
+    EditResult result = CompareBricks(*present, changes);
+    Step back{.bricks = {}, .stroke = from.back().stroke};
     Drop(from, /*oldest=*/false);
-    Push(to, {.bricks = {}, .volume = volume});
-    return WholeOutcome(state);
-  }
-  std::vector<BrickChange> changes;
-  for (const auto& [number, values] : from.back().bricks) {
-    changes.push_back({volume->bricks().BrickOf(number), values});
-  }
-  // In the order in which an edit would have them.
-  std::sort(changes.begin(), changes.end(), [&](const BrickChange& a, const BrickChange& b) {
-    return volume->bricks().NumberOf(a.brick) < volume->bricks().NumberOf(b.brick);
+    Add(*present, result, back);
+    to.push_back(std::move(back));
+    return result;
   });
-  const EditResult result = CompareBricks(*volume, changes);
-  const VolumeState state = Publish(result);
-  Step back{.bricks = {}, .stroke = from.back().stroke};
-  Drop(from, /*oldest=*/false);
-  Add(*volume, result, back);
-  to.push_back(std::move(back));
-  return Outcome(result, state);
 }
 
-std::shared_ptr<const VolumeSnapshot> VolumeEditor::Begin(const Revision& expected) {
-  auto volume = session_.volume().volume;
-  if (!volume) throw Error(ErrorKind::kUnavailable, "there is no volume yet");
-  if (expected && *expected != volume->revision()) {
-    throw Error(ErrorKind::kConflict,
-                fmt::format("the volume is at revision {}, not {}: look at it again",
-                            volume->revision(), *expected));
-  }
-  return volume;
-}
-
-VolumeState VolumeEditor::Publish(const EditResult& result) {
-  if (result.changes.empty()) return session_.volume();
-  const Mark mark(publishing_);
-  return session_.PublishBricks(result.changes);
-}
-
-VolumeState VolumeEditor::PublishWhole(const VolumeMetadata& metadata,
-                                       const BrickDirectory& bricks) {
-  const Mark mark(publishing_);
-  return session_.PublishReshaped(metadata, bricks);
-}
-
-EditOutcome VolumeEditor::ReplaceWhole(const std::shared_ptr<const VolumeSnapshot>& before,
-                                       const VolumeMetadata& metadata,
-                                       const BrickDirectory& bricks) {
-  const VolumeState state = PublishWhole(metadata, bricks);
-  BeginHistory(before);
-  Push(undo_, {.bricks = {}, .volume = before});
-  DropOldSteps();
-  return WholeOutcome(state);
-}
-
-EditOutcome VolumeEditor::WholeOutcome(const VolumeState& state) const {
-  const Vec3i& size = state.volume->size();
-  return Outcome({.changes = {},
-                  .changed = VoxelBox{Vec3i::Zero(), size - Vec3i::Ones()},
-                  .changed_voxels = static_cast<std::uint64_t>(size.cast<std::int64_t>().prod())},
-                 state);
-}
-
-EditOutcome VolumeEditor::Outcome(const EditResult& result, const VolumeState& state) const {
-  return {.volume_revision = state.volume->revision(),
-          .scene_revision = state.scene_revision,
-          .changed = result.changed,
-          .changed_voxels = result.changed_voxels,
-          .undo_steps = undo_.size(),
-          .redo_steps = redo_.size()};
+EditOutcome VolumeEditor::Transact(const Revision& expected, const Make& make) {
+  EditOutcome outcome;
+  const auto change = [&](const std::shared_ptr<const VolumeSnapshot>& present) {
+    if (expected && *expected != present->revision()) {
+      throw Error(ErrorKind::kConflict,
+                  fmt::format("the volume is at revision {}, not {}: look at it again",
+                              present->revision(), *expected));
+    }
+    Made made = make(present);
+    if (made.whole || !made.result.changes.empty()) own_revision_ = present->revision() + 1;
+    outcome.changed = made.result.changed;
+    outcome.changed_voxels = made.result.changed_voxels;
+    outcome.undo_steps = undo_.size();
+    outcome.redo_steps = redo_.size();
+    return made.whole ? VolumeChange(std::move(*made.whole))
+                      : VolumeChange(std::move(made.result.changes));
+  };
+  const EditedRevisions revisions = session_.store().Edit(change);
+  outcome.volume_revision = revisions.volume;
+  outcome.scene_revision = revisions.scene;
+  return outcome;
 }
 
 void VolumeEditor::Record(const std::shared_ptr<const VolumeSnapshot>& before,
@@ -269,16 +248,21 @@ std::uint64_t VolumeEditor::BytesOf(const Step& step) {
 }
 
 std::uint64_t VolumeEditor::HistoryBytes() {
-  const auto lock = session_.LockVoxels();
-  return history_bytes_;
+  std::uint64_t bytes = 0;
+  session_.store().Edit([&](const auto&) {
+    bytes = history_bytes_;
+    return std::vector<BrickChange>();
+  });
+  return bytes;
 }
 
-// Other voxels, and another volume, are published by who holds their lock. A scene with the voxels
-// of the one before may come from anyone.
+// Other voxels come in a transaction. A scene with the voxels of the one before may come from
+// anyone, at any time.
 void VolumeEditor::OnScene(const Scene& scene, std::span<const BrickChange> changes) {
   const bool loaded = scene.volume->loaded_revision() != loaded_revision_;
   loaded_revision_ = scene.volume->loaded_revision();
-  if ((loaded || !changes.empty()) && !publishing_) Forget();
+  const bool others = loaded || !changes.empty();
+  if (others && scene.volume->revision() != own_revision_) Forget();
 }
 
 void VolumeEditor::Forget() {

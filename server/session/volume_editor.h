@@ -7,10 +7,11 @@
 // when others do (a volume that is loaded, a frame of a series), the history ends,
 // and Revert leads back to what they made.
 //
-// Threads: any ordinary thread; changes are serialised by the session's voxels'
-// lock. Ownership: borrows the session, which tells it of every scene: construct it
-// before the first Load, and end whoever publishes before it. Errors: Error; nothing
-// changes then, except for kUnavailable where the servo does not answer.
+// Threads: any ordinary thread. The history changes within the store's transaction that changes
+// the voxels, so that it always fits them.
+// Ownership: borrows the session, which tells it of every scene: construct it before the
+// first Load, and end whoever publishes before it. Errors: Error; nothing changes then,
+// except for kUnavailable where the servo does not answer.
 #pragma once
 
 #include <cstdint>
@@ -63,7 +64,7 @@ class VolumeEditor final : public SceneListener {
   // To the voxels as loaded; can be undone.
   EditOutcome Revert(const Revision& expected = {}, const Cancelled& cancelled = {});
 
-  // Under the session's voxels' lock, as in Apply: memory for bricks that are about to be made.
+  // In a transaction, as in Apply: memory for bricks that are about to be made.
   // Where there is too little, steps that can be done again go, and the oldest that can be undone,
   // if that helps. kTooLarge, and then none has gone.
   MemoryClaim ClaimFor(const std::string& holder, std::uint64_t bytes);
@@ -73,7 +74,7 @@ class VolumeEditor final : public SceneListener {
     return session_.WaitForServo(outcome.scene_revision);
   }
 
-  // Of the history.
+  // Of the history, once a volume is loaded.
   std::uint64_t HistoryBytes();
 
   void OnScene(const Scene& scene, std::span<const BrickChange> changes) override;
@@ -91,20 +92,25 @@ class VolumeEditor final : public SceneListener {
 
   static std::uint64_t BytesOf(const Step& step);
 
-  std::shared_ptr<const VolumeSnapshot> Begin(const Revision& expected);
-  // What is felt with it.
-  VolumeState Publish(const EditResult& result);
-  // The same for another lattice of the volume.
-  VolumeState PublishWhole(const VolumeMetadata& metadata, const BrickDirectory& bricks);
-  EditOutcome ReplaceWhole(const std::shared_ptr<const VolumeSnapshot>& before,
-                           const VolumeMetadata& metadata, const BrickDirectory& bricks);
-  EditOutcome WholeOutcome(const VolumeState& state) const;
-  EditOutcome Outcome(const EditResult& result, const VolumeState& state) const;
+  // What one transaction makes: changes, or another lattice.
+  struct Made {
+    Made(EditResult of_bricks = {}) : result(std::move(of_bricks)) {}
+    explicit Made(ReshapedVolume of_all);
+
+    EditResult result{};
+    std::optional<ReshapedVolume> whole{};
+  };
+  // Makes it, and what the history has of it.
+  using Make = std::function<Made(const std::shared_ptr<const VolumeSnapshot>& present)>;
+  EditOutcome Transact(const Revision& expected, const Make& make);
   EditOutcome Move(Steps& from, Steps& to, const char* empty, const Revision& expected,
                    const Cancelled& cancelled);
   void Record(const std::shared_ptr<const VolumeSnapshot>& before, const EditResult& result,
               std::uint64_t stroke);
   void Add(const VolumeSnapshot& before, const EditResult& result, Step& step);
+  // By other bricks of all the volume, as a step. kConflict: another lattice, for a frame of a
+  // series.
+  Made ReplaceAll(const std::shared_ptr<const VolumeSnapshot>& present, ReshapedVolume next);
   void BeginHistory(const std::shared_ptr<const VolumeSnapshot>& before);
   void Push(Steps& steps, Step step);
   void DropOldSteps();
@@ -116,12 +122,12 @@ class VolumeEditor final : public SceneListener {
   Session& session_;
   const std::uint64_t max_history_bytes_;
 
-  // Under the session's voxels' lock.
+  // Changed and read within transactions.
   std::shared_ptr<const VolumeSnapshot> base_;  // before the first step
   Steps undo_;                                  // oldest first
   Steps redo_;
   std::uint64_t history_bytes_ = 0;
-  bool publishing_ = false;
+  std::uint64_t own_revision_ = 0;  // the newest that an edit of its own leads to
 
   // Of the scene before. Only OnScene has it, and the session calls that in turn.
   std::uint64_t loaded_revision_ = 0;

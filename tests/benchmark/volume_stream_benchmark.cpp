@@ -65,7 +65,8 @@ void Brush(benchmark::State& state) {
         testing::PaintedBox(bench.data.volume()->bricks(), from, from + Vec3i::Constant(16),
                             [&] { return static_cast<float>(random() % 1000) * 1e-3f; });
     const auto begin = std::chrono::steady_clock::now();
-    const std::uint64_t revision = bench.data.session().PublishBricks(changes).volume->revision();
+    const std::uint64_t revision =
+        bench.data.session().store().Edit([&](const auto&) { return changes; }).volume;
     CompleteAt(reader, mirror, revision);
     const std::chrono::duration<double> took = std::chrono::steady_clock::now() - begin;
     state.SetIterationTime(took.count());

@@ -40,19 +40,22 @@ class EditableSession {
   }
 
   // A box of values, of up to `edge` voxels along each axis; every fourth one is
-  // background. Returns the snapshot that came of it.
+  // background. Returns the newest snapshot.
   std::shared_ptr<const VolumeSnapshot> RandomEdit(std::mt19937& random, int edge = 16) {
-    const std::unique_lock voxels = session_.LockVoxels();
-    const auto now = volume();
-    const Vec3i& size = now->size();
-    Vec3i from, end;
-    for (int axis = 0; axis < 3; ++axis) {
-      from[axis] = static_cast<int>(random() % size[axis]);
-      end[axis] = std::min<int>(size[axis], from[axis] + 1 + static_cast<int>(random() % edge));
-    }
-    const bool clears = random() % 4 == 0;
-    const auto value = [&] { return clears ? 0.0f : static_cast<float>(random() % 1000) * 1e-3f; };
-    return session_.PublishBricks(PaintedBox(now->bricks(), from, end, value)).volume;
+    session_.store().Edit([&](const auto& present) {
+      const Vec3i& size = present->size();
+      Vec3i from, end;
+      for (int axis = 0; axis < 3; ++axis) {
+        from[axis] = static_cast<int>(random() % size[axis]);
+        end[axis] = std::min<int>(size[axis], from[axis] + 1 + static_cast<int>(random() % edge));
+      }
+      const bool clears = random() % 4 == 0;
+      const auto value = [&] {
+        return clears ? 0.0f : static_cast<float>(random() % 1000) * 1e-3f;
+      };
+      return PaintedBox(present->bricks(), from, end, value);
+    });
+    return volume();
   }
 
  private:

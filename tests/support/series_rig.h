@@ -111,14 +111,13 @@ class SeriesPlayerTest : public ::testing::Test {
     return budget_->held_bytes();
   }
   // As an editor does.
-  VolumeState Paint(const Vec3i& voxel, float value) {
-    const std::unique_lock voxels = session_->LockVoxels();
-    const VolumeState state = session_->volume();
-    const Vec3i brick = voxel / 8;
-    Brick values = state.volume->bricks().At(brick)->Floats();
-    values[VoxelInBrick(voxel.x(), voxel.y(), voxel.z())] = value;
-    const std::vector<BrickChange> changes{{brick, Leaf::Of(LeafType::kFloat, values)}};
-    return session_->PublishBricks(changes);
+  void Paint(const Vec3i& voxel, float value) {
+    session_->store().Edit([&](const auto& present) {
+      const Vec3i brick = voxel / 8;
+      Brick values = present->bricks().At(brick)->Floats();
+      values[VoxelInBrick(voxel.x(), voxel.y(), voxel.z())] = value;
+      return std::vector<BrickChange>{{brick, Leaf::Of(LeafType::kFloat, values)}};
+    });
   }
   float At(const Vec3i& v) const {
     const VolumeState state = session_->volume();

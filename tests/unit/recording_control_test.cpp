@@ -93,8 +93,7 @@ class RecordingControlTest : public ::testing::Test {
     for (const std::uint64_t end = servo_->ticks() + ticks; servo_->ticks() < end;) Sleep(1);
   }
   void Edit(std::mt19937_64& random) {
-    const std::unique_lock voxels = session_->LockVoxels();
-    session_->PublishBricks(Carve(*session_->volume().volume, random));
+    session_->store().Edit([&](const auto& present) { return Carve(*present, random); });
   }
   VolumeHash LiveHash() const { return HashVolume(*session_->volume().volume); }
 
@@ -113,8 +112,8 @@ class RecordingControlTest : public ::testing::Test {
     AwaitTicks(300);
     EXPECT_FALSE(control_->Stop().error);
     if (restore) {
-      const std::unique_lock voxels = session_->LockVoxels();
-      session_->PublishBricks(session_->volume().volume->bricks().ChangesTo(before->bricks()));
+      session_->store().Edit(
+          [&](const auto& present) { return present->bricks().ChangesTo(before->bricks()); });
     }
     RecordingReader reader(File(name));
     std::vector<TickSample> samples;

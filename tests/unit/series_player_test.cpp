@@ -163,23 +163,15 @@ TEST_F(SeriesPlayerTest, WithoutRoomForABlendTheFrameBeforeItIsShown) {
 
 TEST_F(SeriesPlayerTest, VoxelsThatAreHeldAreNoEditsOfAFrame) {
   Load();
-  const auto hold = [&](bool held) {
-    const std::unique_lock voxels = session_->LockVoxels();
-    session_->HoldVoxels(held);
-  };
-  hold(true);
+  auto hold = std::make_unique<VolumeStore::Hold>(session_->store());
   const BrickDirectory before = session_->volume().volume->bricks();
   Paint(Vec3i(3, 3, 3), 5.0f);
   player_->Control({.playing = true, .rate_hz = 100.0, .loop = true});
   std::this_thread::sleep_for(milliseconds(200));
   EXPECT_EQ(At(Vec3i(3, 3, 3)), 5.0f);  // no frame was shown
   player_->Control({.playing = false, .position_frames = 0.0});
-  {
-    const std::unique_lock voxels = session_->LockVoxels();
-    const auto changes = session_->volume().volume->bricks().ChangesTo(before);
-    session_->PublishBricks(changes);
-    session_->HoldVoxels(false);
-  }
+  session_->store().Edit([&](const auto& present) { return present->bricks().ChangesTo(before); });
+  hold.reset();
   for (const int frame : {1, 0, 4, 0}) {
     player_->Control({.position_frames = frame});
     EXPECT_TRUE(Shows(frame)) << frame;

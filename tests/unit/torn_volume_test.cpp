@@ -33,11 +33,9 @@ LeafPtr Marked(const Leaf& leaf, std::uint64_t revision) {
 
 // A brush of 2³ bricks (16³ voxels), or with `all` the whole volume as a frame
 // does: the same values with the mark of the revision that they lead to.
-void Publish(Session& session, std::mt19937& random, bool all) {
-  const auto lock = session.LockVoxels();
-  const VolumeState state = session.volume();
-  const BrickDirectory& bricks = state.volume->bricks();
-  const std::uint64_t revision = state.volume->revision() + 1;
+std::vector<BrickChange> Marking(const VolumeSnapshot& volume, std::mt19937& random, bool all) {
+  const BrickDirectory& bricks = volume.bricks();
+  const std::uint64_t revision = volume.revision() + 1;
   const Vec3i last = bricks.brick_count() - Vec3i::Ones();
   const Vec3i corner(static_cast<int>(random() % last.x()), static_cast<int>(random() % last.y()),
                      static_cast<int>(random() % last.z()));
@@ -51,7 +49,7 @@ void Publish(Session& session, std::mt19937& random, bool all) {
       }
     }
   }
-  session.PublishBricks(changes);
+  return changes;
 }
 
 // Bricks whose mark is not that of the revision at which they changed.
@@ -90,7 +88,8 @@ TEST(TornVolume, NoTickSeesOne) {
     editors.emplace_back([&, n] {
       std::mt19937 random(n);
       while (!stop.load()) {
-        Publish(session, random, n == 0);
+        session.store().Edit(
+            [&](const auto& present) { return Marking(*present, random, n == 0); });
         ++published;
         std::this_thread::sleep_for(std::chrono::microseconds(200));
       }

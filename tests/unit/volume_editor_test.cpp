@@ -341,13 +341,11 @@ TEST_F(VolumeEditorTest, AnotherVolumeEndsTheHistoryAndIsNotKept) {
 // As the player of a series does.
 TEST_F(VolumeEditorTest, BricksOfOthersEndTheHistoryAndAreWhatRevertLeadsTo) {
   editor_->Edit(Touch(0, 0.7));
-  {
-    const auto lock = session_->LockVoxels();
+  session_->store().Edit([](const auto&) {
     Brick brick{};
     brick.fill(0.25f);
-    session_->PublishBricks(
-        std::vector<BrickChange>{{Vec3i(2, 2, 2), Leaf::Of(LeafType::kFloat, brick)}});
-  }
+    return std::vector<BrickChange>{{Vec3i(2, 2, 2), Leaf::Of(LeafType::kFloat, brick)}};
+  });
   const ContentHash frame = Hash();
   EXPECT_EQ(Refusal([&] { editor_->Undo(); }), ErrorKind::kConflict);
   editor_->Edit(Touch(1, 0.7));

@@ -1,0 +1,63 @@
+#include "server/store/volume_store.h"
+
+#include <chrono>
+#include <utility>
+
+#include "common/error/error.h"
+
+namespace palpate {
+
+VolumeStore::VolumeStore(std::shared_ptr<MemoryBudget> budget, std::function<void()> collect,
+                         Publish publish)
+    : budget_(std::move(budget)), publish_(std::move(publish)), retired_(std::move(collect)) {
+  budget_->SetWait([this](std::chrono::milliseconds patience) { retired_.WaitForFreed(patience); });
+}
+
+VolumeStore::~VolumeStore() { budget_->SetWait({}); }
+
+EditedRevisions VolumeStore::Edit(const Change& change) {
+  const std::lock_guard lock(mutex_);
+  if (!present_) throw Error(ErrorKind::kUnavailable, "there is no volume yet");
+  VolumeChange next = change(present_);
+  const std::uint64_t revision = present_->revision() + 1;
+  if (next.whole) {
+    VolumeMetadata& metadata = next.whole->metadata;
+    metadata.reloadable = false;
+    return Put(
+        std::make_shared<const VolumeSnapshot>(
+            std::move(metadata), next.whole->bricks.AllChangedAt(revision), revision, revision),
+        {}, frames_bytes_, publish_);
+  }
+  if (next.bricks.empty()) return {present_->revision(), publish_(present_, {})};
+  return Put(std::make_shared<const VolumeSnapshot>(present_->metadata(),
+                                                    present_->bricks().With(next.bricks, revision),
+                                                    revision, present_->loaded_revision()),
+             next.bricks, frames_bytes_, publish_);
+}
+
+void VolumeStore::Replace(const VolumeMetadata& metadata, const BrickDirectory& bricks,
+                          std::uint64_t frames_bytes, const Publish& publish) {
+  const std::lock_guard lock(mutex_);
+  const std::uint64_t revision = present_ ? present_->revision() + 1 : 1;
+  Put(std::make_shared<const VolumeSnapshot>(metadata, bricks.AllChangedAt(revision), revision,
+                                             revision),
+      {}, frames_bytes, publish);
+}
+
+EditedRevisions VolumeStore::Put(std::shared_ptr<const VolumeSnapshot> next,
+                                 std::span<const BrickChange> changes, std::uint64_t frames_bytes,
+                                 const Publish& publish) {
+  const std::uint64_t scene_revision = publish(next, changes);
+  retired_.Add(std::exchange(present_, std::move(next)));
+  frames_bytes_ = frames_bytes;
+  budget_->SetPart("the volume",
+                   frames_bytes > 0 ? frames_bytes : present_->bricks().MemoryBytes());
+  return {present_->revision(), scene_revision};
+}
+
+void VolumeStore::SetHeld(bool held) {
+  const std::lock_guard lock(mutex_);
+  is_held_ = held;
+}
+
+}  // namespace palpate
