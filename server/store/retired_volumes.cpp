@@ -15,6 +15,8 @@ namespace {
 // while there is nothing.
 constexpr std::chrono::milliseconds kPeriod{10};
 constexpr std::chrono::milliseconds kUrgentPeriod{2};
+// Urgent ones, after which those who wait are told that nothing more comes.
+constexpr int kMostVainLooks = 50;
 constexpr std::chrono::milliseconds kIdlePeriod{1000};
 
 // Between two times at which memory is given back, unless somebody waits for it.
@@ -62,8 +64,12 @@ void RetiredVolumes::WaitForFreed(std::chrono::milliseconds patience) {
   const auto end = Clock::now() + patience;
   std::unique_lock lock(mutex_);
   ++waiting_;
+  vain_looks_ = 0;
   wake_.notify_all();
-  looked_.wait_until(lock, end, [this] { return retired_.empty() && is_done_ && !give_back_; });
+  looked_.wait_until(lock, end, [this] {
+    const bool is_over = retired_.empty() && is_done_ && !give_back_;
+    return is_over || vain_looks_ >= kMostVainLooks;
+  });
   --waiting_;
 }
 
@@ -91,6 +97,7 @@ void RetiredVolumes::Run() {
     give_back |= std::exchange(give_back_, false);
     freed_bytes += std::exchange(freed_bytes_, 0);
     const bool urgent = waiting_ > 0;
+    const std::size_t held = taken.size();
     is_done_ = false;
     lock.unlock();
     Holders left = Look(std::move(taken));
@@ -102,9 +109,10 @@ void RetiredVolumes::Run() {
     }
     lock.lock();
     is_done_ = is_done;
+    vain_looks_ = urgent && is_done && left.size() == held ? vain_looks_ + 1 : 0;
     retired_.insert(retired_.end(), std::make_move_iterator(left.begin()),
                     std::make_move_iterator(left.end()));
-    if (retired_.empty() && is_done_) looked_.notify_all();
+    if (waiting_ > 0) looked_.notify_all();
   }
   SubtractBrickBytes(freed_bytes + freed_bytes_);
 }

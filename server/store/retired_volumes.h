@@ -36,8 +36,8 @@ class RetiredVolumes {
   // given back to the system; until then these bytes count as live.
   void NoteFreed(std::uint64_t brick_bytes);
 
-  // Until all that was added is freed and given back; at most that long, since others may hold it
-  // for as long as they please.
+  // Until all that was added is freed and given back; not where others hold on to it, after a tenth
+  // of a second in vain, and at most that long.
   void WaitForFreed(std::chrono::milliseconds patience);
 
  private:
@@ -63,6 +63,7 @@ class RetiredVolumes {
   Holders retired_;
   bool is_done_ = true;  // all that was taken out of retired_ is freed and given back
   int waiting_ = 0;
+  int vain_looks_ = 0;  // after each other, while somebody waits
   bool give_back_ = false;
   std::uint64_t freed_bytes_ = 0;  // by others; counted as live
   bool stop_ = false;
