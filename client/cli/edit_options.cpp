@@ -449,7 +449,7 @@ void AddSave(arguments::Command& app, Invocation& invocation) {
       "before. Ctrl-C cancels, with exit code 9.");
   SetFooter(*command, "Example: palpate save carved.nrrd --overwrite");
   const auto values = std::make_shared<Values>();
-  command->add_option("path", values->path, "File to write; ends with .vdb or .nrrd (float, gzip)")
+  command->add_option("path", values->path, "File to write; ends with .vdb or .nrrd")
       ->required()
       ->option_text("PATH");
   command->add_flag("--overwrite", values->overwrite, "Replace a file that is there");

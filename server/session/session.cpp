@@ -115,7 +115,10 @@ FeltSession Session::Felt() const {
   request.title = volume_->metadata().source;
   if (!request.source_stays) request.source.clear();
   const bool is_edited = is_reshaped_ || volume_->revision() != volume_->loaded_revision();
-  return {std::move(request), is_edited, settings_, settings_revision_};
+  RenderSettings settings = settings_;
+  // The file has its own range, and refuses an isovalue beyond it.
+  settings.isovalue = std::clamp(settings.isovalue, loaded_range_.first, loaded_range_.second);
+  return {std::move(request), is_edited, settings, settings_revision_};
 }
 
 VolumeState Session::VolumeLocked() const {
@@ -195,9 +198,10 @@ SettingsApplied Session::Update(const SettingsUpdate& update) {
 std::unique_lock<std::mutex> Session::BeginLoad() {
   std::unique_lock loading(load_mutex_, std::try_to_lock);
   if (!loading) {
-    throw Error(
-        ErrorKind::kConflict,
-        "another volume is being loaded, or a recording replayed: try again when it is done");
+    throw Error(ErrorKind::kConflict,
+                "another volume is being loaded, a recording replayed, or the volume filtered as a "
+                "whole: try "
+                "again when it is done");
   }
   return loading;
 }
@@ -294,6 +298,8 @@ void Session::TakeLoaded(const LoadRequest& request, const Registration& registr
   volume_ = volume;
   request_ = request;
   is_reshaped_ = false;
+  held_isovalue_.reset();
+  loaded_range_ = {metadata.value_min, metadata.value_max};
   ++geometry_revision_;
   registration_ = registration;
   X_DI_ = registration.X_DW * metadata.WorldFromIndex();
@@ -320,10 +326,15 @@ std::uint64_t Session::PublishEdited(const std::shared_ptr<const VolumeSnapshot>
 // It stays where it lies, and is felt on.
 void Session::TakeLattice() {
   const VolumeMetadata& metadata = volume_->metadata();
-  is_reshaped_ = true;
+  is_reshaped_ = !metadata.reloadable;
   ++geometry_revision_;
   X_DI_ = registration_.X_DW * metadata.WorldFromIndex();
-  settings_.isovalue = std::clamp(settings_.isovalue, metadata.value_min, metadata.value_max);
+  registration_.p_DCenter_mm = registration_.X_DW.Apply(VolumeCenterMm(metadata));
+  // One that was held within a range comes back with the range.
+  const bool was_held = held_isovalue_ && held_isovalue_->second == settings_.isovalue;
+  const double wanted = was_held ? held_isovalue_->first : settings_.isovalue;
+  settings_.isovalue = std::clamp(wanted, metadata.value_min, metadata.value_max);
+  held_isovalue_ = {wanted, settings_.isovalue};
   settings_.normalized_isovalue = volume_->Normalize(settings_.isovalue);
   ++settings_revision_;
 }
@@ -341,7 +352,10 @@ VolumeState Session::Move(const std::function<Registration(const VolumeState&)>&
   CheckRevision(expected_revision, settings_revision_);
   registration_ = change(VolumeLocked());
   X_DI_ = registration_.X_DW * volume_->metadata().WorldFromIndex();
-  if (registration_store_ && keep) registration_store_->Keep(volume_->metadata(), registration_);
+  // Another lattice than the file's would take the place of the file's.
+  if (registration_store_ && keep && !is_reshaped_) {
+    registration_store_->Keep(volume_->metadata(), registration_);
+  }
   ++geometry_revision_;
   ++settings_revision_;
   PublishLocked();

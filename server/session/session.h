@@ -191,6 +191,9 @@ class Session {
   std::shared_ptr<const VolumeSnapshot> volume_;  // of the newest scene
   LoadRequest request_;                           // which volume_ came of
   bool is_reshaped_ = false;                      // since then
+  std::pair<double, double> loaded_range_{};      // of values, then
+  // The isovalue that was chosen, and what it became in the range of another lattice.
+  std::optional<std::pair<double, double>> held_isovalue_{};
   Registration registration_;
   AffineMap X_DI_;
   RenderSettings settings_;

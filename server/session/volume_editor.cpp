@@ -11,9 +11,23 @@
 namespace palpate {
 namespace {
 
+// To be felt again. Only as it was loaded it can be loaded again.
+ReshapedVolume AsItIs(const VolumeSnapshot& volume) {
+  ReshapedVolume as_it_is{volume.metadata(), volume.bricks()};
+  as_it_is.metadata.reloadable &= volume.revision() == volume.loaded_revision();
+  return as_it_is;
+}
+
 bool HaveSameLattice(const VolumeMetadata& one, const VolumeMetadata& other) {
   return one.size == other.size && one.spacing_mm == other.spacing_mm &&
-         one.origin_W_mm == other.origin_W_mm;
+         one.origin_W_mm == other.origin_W_mm && one.value_min == other.value_min &&
+         one.value_max == other.value_max && one.grid_form == other.grid_form;
+}
+
+// None where the lattice is another one.
+EditResult ChangesTo(const VolumeSnapshot& before, const ReshapedVolume& after) {
+  if (!HaveSameLattice(before.metadata(), after.metadata)) return {};
+  return CompareBricks(before, before.bricks().ChangesTo(after.bricks));
 }
 
 // Others wait to edit meanwhile.
@@ -51,19 +65,23 @@ EditOutcome VolumeEditor::Edit(const VolumeEdit& edit, const Revision& expected,
 EditOutcome VolumeEditor::Apply(const Change& change, const Revision& expected,
                                 std::uint64_t stroke) {
   return Transact(expected, [&](const std::shared_ptr<const VolumeSnapshot>& present) -> Made {
-    EditResult result = change(*present);
-    Record(present, result, stroke);
-    return result;
+    Made made(change(*present));
+    made.note = [this, present, stroke](const EditResult& result) {
+      Record(present, result, stroke);
+    };
+    return made;
   });
 }
 
-std::optional<EditOutcome> VolumeEditor::Replace(const ReshapedVolume& filtered,
-                                                 std::uint64_t revision) {
+std::optional<EditOutcome> VolumeEditor::Replace(const VolumeSnapshot& before,
+                                                 const ReshapedVolume& filtered) {
+  // Not while others wait to edit: it may take seconds.
+  EditResult changes = ChangesTo(before, filtered);
   bool is_late = false;
   const auto make = [&](const std::shared_ptr<const VolumeSnapshot>& present) -> Made {
-    is_late = present->revision() != revision;
+    is_late = present->revision() != before.revision();
     if (is_late) return {};
-    return ReplaceAll(present, filtered);
+    return MakeAll(present, filtered, std::move(changes));
   };
   const EditOutcome outcome = Transact({}, make);
   if (is_late) return std::nullopt;
@@ -82,25 +100,37 @@ EditOutcome VolumeEditor::Revert(const Revision& expected, const Cancelled& canc
   return Transact(expected, [&](const std::shared_ptr<const VolumeSnapshot>& present) -> Made {
     CheckWanted(cancelled);
     if (!base_) return {};
-    return ReplaceAll(present, {base_->metadata(), base_->bricks()});
+    const ReshapedVolume base = AsItIs(*base_);
+    return MakeAll(present, base, ChangesTo(*present, base));
   });
 }
 
-VolumeEditor::Made VolumeEditor::ReplaceAll(const std::shared_ptr<const VolumeSnapshot>& present,
-                                            ReshapedVolume next) {
-  if (HaveSameLattice(next.metadata, present->metadata())) {
-    EditResult result = CompareBricks(*present, present->bricks().ChangesTo(next.bricks));
-    Record(present, result, 0);
-    return result;
-  }
+void VolumeEditor::CheckLatticeMayChange() const {
   if (session_.store().shows_series()) {
     throw Error(ErrorKind::kConflict,
                 "a frame of a series keeps its lattice: load the frame by itself, as a volume");
   }
-  BeginHistory(present);
-  Push(undo_, {.bricks = {}, .volume = present});
-  DropOldSteps();
-  return Made(std::move(next));
+  if (session_.store().is_held()) {
+    throw Error(ErrorKind::kConflict,
+                "the lattice does not change while a recording is replayed: try again after it");
+  }
+}
+
+VolumeEditor::Made VolumeEditor::MakeAll(const std::shared_ptr<const VolumeSnapshot>& present,
+                                         const ReshapedVolume& next, EditResult changes) {
+  if (HaveSameLattice(next.metadata, present->metadata())) {
+    Made made(std::move(changes));
+    made.note = [this, present](const EditResult& result) { Record(present, result, 0); };
+    return made;
+  }
+  CheckLatticeMayChange();
+  Made made(next);
+  made.note = [this, present](const EditResult&) {
+    BeginHistory(present);
+    Push(undo_, {.bricks = {}, .volume = present});
+    DropOldSteps();
+  };
+  return made;
 }
 
 EditOutcome VolumeEditor::Move(Steps& from, Steps& to, const char* empty, const Revision& expected,
@@ -109,9 +139,13 @@ EditOutcome VolumeEditor::Move(Steps& from, Steps& to, const char* empty, const 
     CheckWanted(cancelled);
     if (from.empty()) throw Error(ErrorKind::kConflict, empty);
     if (const auto whole = from.back().volume) {
-      Drop(from, /*oldest=*/false);
-      Push(to, {.bricks = {}, .volume = present});
-      return Made({whole->metadata(), whole->bricks()});
+      CheckLatticeMayChange();
+      Made made(AsItIs(*whole));
+      made.note = [this, present, &from, &to](const EditResult&) {
+        Drop(from, /*oldest=*/false);
+        Push(to, {.bricks = {}, .volume = present});
+      };
+      return made;
     }
     const BrickDirectory& bricks = present->bricks();
     std::vector<BrickChange> changes;
@@ -122,12 +156,14 @@ EditOutcome VolumeEditor::Move(Steps& from, Steps& to, const char* empty, const 
     std::sort(changes.begin(), changes.end(), [&](const BrickChange& a, const BrickChange& b) {
       return bricks.NumberOf(a.brick) < bricks.NumberOf(b.brick);
     });
-    EditResult result = CompareBricks(*present, changes);
-    Step back{.bricks = {}, .stroke = from.back().stroke};
-    Drop(from, /*oldest=*/false);
-    Add(*present, result, back);
-    to.push_back(std::move(back));
-    return result;
+    Made made(CompareBricks(*present, changes));
+    made.note = [this, present, &from, &to](const EditResult& result) {
+      Step back{.bricks = {}, .stroke = from.back().stroke};
+      Drop(from, /*oldest=*/false);
+      Add(*present, result, back);
+      to.push_back(std::move(back));
+    };
+    return made;
   });
 }
 
@@ -139,14 +175,18 @@ EditOutcome VolumeEditor::Transact(const Revision& expected, const Make& make) {
                   fmt::format("the volume is at revision {}, not {}: look at it again",
                               present->revision(), *expected));
     }
-    Made made = make(present);
-    if (made.whole || !made.result.changes.empty()) own_revision_ = present->revision() + 1;
-    outcome.changed = made.result.changed;
-    outcome.changed_voxels = made.result.changed_voxels;
-    outcome.undo_steps = undo_.size();
-    outcome.redo_steps = redo_.size();
-    return made.whole ? VolumeChange(std::move(*made.whole))
-                      : VolumeChange(std::move(made.result.changes));
+    const auto made = std::make_shared<Made>(make(present));
+    outcome.changed = made->result.changed;
+    outcome.changed_voxels = made->result.changed_voxels;
+    VolumeChange next =
+        made->whole ? VolumeChange(std::move(*made->whole)) : VolumeChange(made->result.changes);
+    next.before_publication = [&, made](std::uint64_t revision) {
+      own_revision_ = revision;
+      if (made->note) made->note(made->result);
+      outcome.undo_steps = undo_.size();
+      outcome.redo_steps = redo_.size();
+    };
+    return next;
   };
   const EditedRevisions revisions = session_.store().Edit(change);
   outcome.volume_revision = revisions.volume;
@@ -227,10 +267,10 @@ MemoryClaim VolumeEditor::ClaimFor(const std::string& holder, std::uint64_t byte
   return budget.Claim(holder, bytes, kFreeingPatience);
 }
 
-// What the loaded volume, or somebody else, has too is not freed with the step.
+// What the loaded volume, or somebody else, has too is not freed with the step. How much of another
+// lattice that is, nobody knows.
 std::uint64_t VolumeEditor::FreedWith(const Step& step) {
   std::uint64_t bytes = 0;
-  if (step.volume && step.volume.use_count() == 1) bytes += step.volume->bricks().MemoryBytes();
   for (const auto& [number, leaf] : step.bricks) {
     if (leaf->use_count() == 1) bytes += leaf->Bytes();
   }

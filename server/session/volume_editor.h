@@ -55,9 +55,9 @@ class VolumeEditor final : public SceneListener {
                    const Cancelled& cancelled = {});
   // `change` claims the memory that its bricks take: ClaimFor.
   EditOutcome Apply(const Change& change, const Revision& expected = {}, std::uint64_t stroke = 0);
-  // By the volume at `revision`, filtered as a whole (reshape.h). None: it is at another one by
-  // now. kConflict: it is a frame of a series, and would get another lattice.
-  std::optional<EditOutcome> Replace(const ReshapedVolume& filtered, std::uint64_t revision);
+  // By `before`, filtered as a whole (reshape.h). None: the volume is another one by now. kConflict
+  // as CheckLatticeMayChange.
+  std::optional<EditOutcome> Replace(const VolumeSnapshot& before, const ReshapedVolume& filtered);
   // kConflict where there is nothing to take back, or to do again; kCancelled.
   EditOutcome Undo(const Revision& expected = {}, const Cancelled& cancelled = {});
   EditOutcome Redo(const Revision& expected = {}, const Cancelled& cancelled = {});
@@ -68,6 +68,9 @@ class VolumeEditor final : public SceneListener {
   // Where there is too little, steps that can be done again go, and the oldest that can be undone,
   // if that helps. kTooLarge, and then none has gone.
   MemoryClaim ClaimFor(const std::string& holder, std::uint64_t bytes);
+
+  // In a transaction. kConflict: a frame of a series is shown, or a recording replayed.
+  void CheckLatticeMayChange() const;
 
   // The tick at which an outcome is felt. kUnavailable.
   AppliedTick Wait(const EditOutcome& outcome) {
@@ -99,8 +102,9 @@ class VolumeEditor final : public SceneListener {
 
     EditResult result{};
     std::optional<ReshapedVolume> whole{};
+    // Tells the history, once nothing can fail any more.
+    std::function<void(const EditResult& result)> note{};
   };
-  // Makes it, and what the history has of it.
   using Make = std::function<Made(const std::shared_ptr<const VolumeSnapshot>& present)>;
   EditOutcome Transact(const Revision& expected, const Make& make);
   EditOutcome Move(Steps& from, Steps& to, const char* empty, const Revision& expected,
@@ -108,9 +112,9 @@ class VolumeEditor final : public SceneListener {
   void Record(const std::shared_ptr<const VolumeSnapshot>& before, const EditResult& result,
               std::uint64_t stroke);
   void Add(const VolumeSnapshot& before, const EditResult& result, Step& step);
-  // By other bricks of all the volume, as a step. kConflict: another lattice, for a frame of a
-  // series.
-  Made ReplaceAll(const std::shared_ptr<const VolumeSnapshot>& present, ReshapedVolume next);
+  // The present volume becomes `next`: by changes, where its lattice stays.
+  Made MakeAll(const std::shared_ptr<const VolumeSnapshot>& present, const ReshapedVolume& next,
+               EditResult changes);
   void BeginHistory(const std::shared_ptr<const VolumeSnapshot>& before);
   void Push(Steps& steps, Step step);
   void DropOldSteps();

@@ -73,6 +73,7 @@ EditOutcome VolumeFilterer::Reshape(const VolumeFilter& filter,
   std::shared_ptr<const VolumeSnapshot> volume;
   const auto take = [&](const VolumeSnapshot&) -> EditResult {
     volume = session_.volume().volume;
+    if (filter.kind == FilterKind::kResample) editor_.CheckLatticeMayChange();
     return {};
   };
   editor_.Apply(take, expected);
@@ -81,7 +82,7 @@ EditOutcome VolumeFilterer::Reshape(const VolumeFilter& filter,
     const auto tell = [&](double fraction) { progress(stage, fraction); };
     tell(0.0);
     const ReshapedVolume filtered = palpate::Reshape(*volume, filter, needs, tell, cancelled);
-    if (const auto outcome = editor_.Replace(filtered, volume->revision())) return *outcome;
+    if (const auto outcome = editor_.Replace(*volume, filtered)) return *outcome;
     volume = session_.volume().volume;
   }
   throw Error(

@@ -18,21 +18,23 @@ VolumeStore::~VolumeStore() { budget_->SetWait({}); }
 EditedRevisions VolumeStore::Edit(const Change& change) {
   const std::lock_guard lock(mutex_);
   if (!present_) throw Error(ErrorKind::kUnavailable, "there is no volume yet");
-  VolumeChange next = change(present_);
+  const VolumeChange made = change(present_);
+  const std::shared_ptr<const VolumeSnapshot> next = Next(made);
+  if (made.before_publication) made.before_publication(next->revision());
+  if (next == present_) return {next->revision(), publish_(next, {})};
+  return Put(next, made.bricks, frames_bytes_, publish_);
+}
+
+std::shared_ptr<const VolumeSnapshot> VolumeStore::Next(const VolumeChange& change) const {
   const std::uint64_t revision = present_->revision() + 1;
-  if (next.whole) {
-    VolumeMetadata& metadata = next.whole->metadata;
-    metadata.reloadable = false;
-    return Put(
-        std::make_shared<const VolumeSnapshot>(
-            std::move(metadata), next.whole->bricks.AllChangedAt(revision), revision, revision),
-        {}, frames_bytes_, publish_);
+  if (change.whole) {
+    return std::make_shared<const VolumeSnapshot>(
+        change.whole->metadata, change.whole->bricks.AllChangedAt(revision), revision, revision);
   }
-  if (next.bricks.empty()) return {present_->revision(), publish_(present_, {})};
-  return Put(std::make_shared<const VolumeSnapshot>(present_->metadata(),
-                                                    present_->bricks().With(next.bricks, revision),
-                                                    revision, present_->loaded_revision()),
-             next.bricks, frames_bytes_, publish_);
+  if (change.bricks.empty()) return present_;
+  return std::make_shared<const VolumeSnapshot>(present_->metadata(),
+                                                present_->bricks().With(change.bricks, revision),
+                                                revision, present_->loaded_revision());
 }
 
 void VolumeStore::Replace(const VolumeMetadata& metadata, const BrickDirectory& bricks,

@@ -42,6 +42,9 @@ struct VolumeChange {
 
   std::vector<BrickChange> bricks{};
   std::optional<ReshapedVolume> whole{};
+  // Called in the transaction when the snapshot is made, with its revision (the present
+  // one's where nothing changes): what others note of the change fits it then.
+  std::function<void(std::uint64_t revision)> before_publication{};
 };
 
 class VolumeStore {
@@ -86,6 +89,7 @@ class VolumeStore {
   RetiredVolumes& retired() { return retired_; }
 
  private:
+  std::shared_ptr<const VolumeSnapshot> Next(const VolumeChange& change) const;
   EditedRevisions Put(std::shared_ptr<const VolumeSnapshot> next,
                       std::span<const BrickChange> changes, std::uint64_t frames_bytes,
                       const Publish& publish);

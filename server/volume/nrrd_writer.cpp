@@ -7,6 +7,7 @@
 #include <bit>
 #include <fstream>
 #include <ios>
+#include <iterator>
 #include <string>
 #include <vector>
 
@@ -24,11 +25,45 @@ std::string Quotable(std::string text) {
   return text;
 }
 
-std::string Header(const VolumeMetadata& metadata) {
+// The smallest type that holds all voxels.
+LeafType TypeOf(const BrickDirectory& bricks) {
+  bool is_there[std::size(kLeafTypes)] = {};
+  const Vec3i& count = bricks.brick_count();
+  Vec3i b;
+  for (b.x() = 0; b.x() < count.x(); ++b.x()) {
+    for (b.y() = 0; b.y() < count.y(); ++b.y()) {
+      for (b.z() = 0; b.z() < count.z(); ++b.z()) {
+        is_there[static_cast<std::size_t>(bricks.At(b)->type())] = true;
+      }
+    }
+  }
+  const bool has_negative = is_there[static_cast<std::size_t>(LeafType::kInt16)];
+  const bool has_large = is_there[static_cast<std::size_t>(LeafType::kUint16)];
+  const bool has_floats = is_there[static_cast<std::size_t>(LeafType::kFloat)];
+  if (has_floats || (has_negative && has_large)) return LeafType::kFloat;
+  if (has_negative) return LeafType::kInt16;
+  return has_large ? LeafType::kUint16 : LeafType::kUint8;
+}
+
+constexpr const char* NameOf(LeafType type) {
+  switch (type) {
+    case LeafType::kUint8:
+      return "uint8";
+    case LeafType::kInt16:
+      return "int16";
+    case LeafType::kUint16:
+      return "uint16";
+    case LeafType::kFloat:
+      break;
+  }
+  return "float";
+}
+
+std::string Header(const VolumeMetadata& metadata, LeafType type) {
   const AffineMap X_WI = metadata.WorldFromIndex();
   std::string header = fmt::format(
       "NRRD0005\n"
-      "type: float\n"
+      "type: {}\n"
       "dimension: 3\n"
       "space: left-posterior-superior\n"
       "sizes: {} {} {}\n"
@@ -38,8 +73,9 @@ std::string Header(const VolumeMetadata& metadata) {
       "encoding: gzip\n"
       "space units: \"mm\" \"mm\" \"mm\"\n"
       "space origin: {}\n",
-      metadata.size.x(), metadata.size.y(), metadata.size.z(), Text(X_WI.linear.col(0)),
-      Text(X_WI.linear.col(1)), Text(X_WI.linear.col(2)), Text(X_WI.translation));
+      NameOf(type), metadata.size.x(), metadata.size.y(), metadata.size.z(),
+      Text(X_WI.linear.col(0)), Text(X_WI.linear.col(1)), Text(X_WI.linear.col(2)),
+      Text(X_WI.translation));
   const std::string unit = Quotable(metadata.unit);
   if (!unit.empty()) header += "sample units: \"" + unit + "\"\n";
   return header + "\n";
@@ -49,7 +85,7 @@ std::string Header(const VolumeMetadata& metadata) {
 class GzipTail {
  public:
   explicit GzipTail(const std::filesystem::path& path)
-      // The fastest level: float voxels hardly get smaller at the others.
+      // The fastest level: voxels hardly get smaller at the others.
       : file_(gzopen(path.c_str(), "ab1")) {
     Check(file_ != nullptr);
     gzbuffer(file_, 1 << 20);
@@ -60,8 +96,9 @@ class GzipTail {
   GzipTail(const GzipTail&) = delete;
   GzipTail& operator=(const GzipTail&) = delete;
 
-  void Write(const std::vector<float>& values) {
-    const std::size_t items = gzfwrite(values.data(), sizeof(float), values.size(), file_);
+  template <class T>
+  void Write(const std::vector<T>& values) {
+    const std::size_t items = gzfwrite(values.data(), sizeof(T), values.size(), file_);
     Check(items == values.size());
   }
   void Close() {
@@ -77,8 +114,9 @@ class GzipTail {
   gzFile file_;
 };
 
-// Slice z, x fastest.
-void FillSlice(const VolumeSnapshot& volume, int z, std::vector<float>& slice) {
+// Slice z, x fastest. T holds every voxel.
+template <class T>
+void FillSlice(const VolumeSnapshot& volume, int z, std::vector<T>& slice) {
   const Vec3i& size = volume.size();
   const auto row = static_cast<std::size_t>(size.x());
   for (int x = 0; x < size.x(); x += kBrickEdge) {
@@ -87,9 +125,21 @@ void FillSlice(const VolumeSnapshot& volume, int z, std::vector<float>& slice) {
       const Leaf& leaf = volume.bricks().Find(x, y, z);
       for (int i = x; i < end; ++i) {
         slice[static_cast<std::size_t>(y) * row + static_cast<std::size_t>(i)] =
-            leaf[VoxelInBrick(i, y, z)];
+            static_cast<T>(leaf[VoxelInBrick(i, y, z)]);
       }
     }
+  }
+}
+
+template <class T>
+void WriteVoxels(const VolumeSnapshot& volume, GzipTail& tail,
+                 const std::function<void(double fraction)>& progress) {
+  const Vec3i& size = volume.size();
+  std::vector<T> slice(static_cast<std::size_t>(size.x()) * static_cast<std::size_t>(size.y()));
+  for (int z = 0; z < size.z(); ++z) {
+    progress(static_cast<double>(z) / size.z());
+    FillSlice(volume, z, slice);
+    tail.Write(slice);
   }
 }
 
@@ -100,16 +150,11 @@ void WriteNrrd(const std::filesystem::path& path, const VolumeSnapshot& volume,
   std::ofstream header;
   header.exceptions(std::ios::badbit | std::ios::failbit);
   header.open(path, std::ios::binary | std::ios::trunc);
-  header << Header(volume.metadata());
+  const LeafType type = TypeOf(volume.bricks());
+  header << Header(volume.metadata(), type);
   header.close();
   GzipTail tail(path);
-  const Vec3i& size = volume.size();
-  std::vector<float> slice(static_cast<std::size_t>(size.x()) * static_cast<std::size_t>(size.y()));
-  for (int z = 0; z < size.z(); ++z) {
-    progress(static_cast<double>(z) / size.z());
-    FillSlice(volume, z, slice);
-    tail.Write(slice);
-  }
+  VisitType(type, [&](auto voxel) { WriteVoxels<decltype(voxel)>(volume, tail, progress); });
   tail.Close();
 }
 

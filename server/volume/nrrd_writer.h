@@ -1,4 +1,5 @@
-// Volumes as NRRD: one file, float, gzip, frame LPS in mm.
+// Volumes as NRRD: one file, in the smallest type of leaves that holds all voxels, gzip, frame LPS
+// in mm.
 //
 // Any thread; not for real-time code.
 #pragma once

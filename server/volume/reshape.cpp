@@ -29,10 +29,15 @@ using LevelSetFilter = openvdb::tools::LevelSetFilter<Grid, Grid, openvdb::util:
 
 constexpr int kMostIterations = 1000;
 constexpr double kMostOffsetVoxels = 128.0;
+constexpr double kMostEdge = 1 << 30;  // voxels
+// Between two tellings of progress.
+constexpr std::uint64_t kBricksAtOnce = 1 << 12;
 // Of two sides of a voxel that are alike.
 constexpr double kAlike = 1e-6;
 // A tree that is filtered has two buffers more for each leaf, and grows by a layer at a time.
 constexpr std::uint64_t kLevelSetCopies = 4;
+// The tree, a coarser one on the way, and the bricks.
+constexpr double kResampledCopies = 3.0;
 
 [[noreturn]] void Refuse(const std::string& message) {
   throw Error(ErrorKind::kInvalidArgument, message);
@@ -88,7 +93,7 @@ void CheckSpacing(const VolumeMetadata& metadata, const VolumeFilter& filter) {
   if (size.minCoeff() < 2.0) {
     Refuse("with this spacing there would be less than 2 voxels along an axis: give a smaller one");
   }
-  if (size.prod() > static_cast<double>(kMostLatticeVoxels)) {
+  if (size.prod() > static_cast<double>(kMostLatticeVoxels) || size.maxCoeff() > kMostEdge) {
     throw Error(ErrorKind::kTooLarge, fmt::format("with this spacing there would be more than {} "
                                                   "voxels: give a larger one",
                                                   kMostLatticeVoxels));
@@ -106,25 +111,21 @@ void Check(const VolumeMetadata& metadata, const VolumeFilter& filter) {
   }
 }
 
-// Leaves with voxels of their own.
-std::uint64_t CountLeaves(const BrickDirectory& bricks) {
-  std::uint64_t leaves = 0;
-  const Vec3i& count = bricks.brick_count();
-  Vec3i b;
-  for (b.x() = 0; b.x() < count.x(); ++b.x()) {
-    for (b.y() = 0; b.y() < count.y(); ++b.y()) {
-      for (b.z() = 0; b.z() < count.z(); ++b.z()) leaves += !bricks.At(b)->is_constant();
-    }
-  }
-  return leaves;
+double BricksOf(const Vec3i& size) {
+  return ((size.cast<double>().array() + (kBrickEdge - 1)) / kBrickEdge).floor().prod();
 }
 
 // Makes bricks of a tree, whose voxel `first` is the lattice's (0, 0, 0).
 class BrickMaker {
  public:
-  // keeps_states: of a volume that is a grid of its own kind; else every voxel is one that counts.
-  BrickMaker(const Grid& grid, const Vec3i& first, bool keeps_states)
-      : accessor_(grid.getConstAccessor()), first_(first), keeps_states_(keeps_states) {}
+  // keeps_states: of a volume that is a grid of its own kind; else every voxel is one that counts,
+  // and beyond `size` all is background.
+  BrickMaker(const Grid& grid, const Vec3i& first, const Vec3i& size, bool keeps_states)
+      : accessor_(grid.getConstAccessor()),
+        background_(grid.background()),
+        first_(first),
+        size_(size),
+        keeps_states_(keeps_states) {}
 
   void HoldWithin(double least, double greatest) {
     least_ = static_cast<float>(least);
@@ -140,6 +141,7 @@ class BrickMaker {
     float* const values = held->buffer().data();
     for (int n = 0; n < kBrickVoxels; ++n) values[n] = Held(values[n]);
     if (keeps_states_) return Leaf::Take<float>(std::move(held));
+    Clip(brick, values);
     if (std::all_of(values, values + kBrickVoxels, [&](float v) { return v == values[0]; })) {
       return Constant(values[0], true);
     }
@@ -160,6 +162,15 @@ class BrickMaker {
     return value;
   }
 
+  void Clip(const Vec3i& brick, float* values) const {
+    const Vec3i end = size_ - kBrickEdge * brick;
+    if (end.minCoeff() >= kBrickEdge) return;
+    for (int n = 0; n < kBrickVoxels; ++n) {
+      if (n >> 6 < end.x() && (n >> 3 & 7) < end.y() && (n & 7) < end.z()) continue;
+      values[n] = background_;
+    }
+  }
+
   LeafPtr Constant(float value, bool is_active) {
     LeafPtr& leaf = constants_[{value, is_active || !keeps_states_}];
     if (!leaf) {
@@ -175,7 +186,9 @@ class BrickMaker {
   }
 
   Grid::ConstAccessor accessor_;
+  const float background_;
   const Vec3i first_;
+  const Vec3i size_;
   const bool keeps_states_;
   float least_ = std::numeric_limits<float>::lowest();
   float greatest_ = std::numeric_limits<float>::max();
@@ -202,12 +215,7 @@ class Reshaper {
     VolumeMetadata metadata = before;
     metadata.spacing_mm = filter_.spacing_mm;
     metadata.size = ResampledSize(before, filter_.spacing_mm).cast<int>();
-    const Vec3 finer = before.spacing_mm.cwiseQuotient(metadata.spacing_mm);
-    const std::uint64_t leaves = CountLeaves(volume_.bricks());
-    const double made = static_cast<double>(leaves + 1) * finer.cwiseMax(1.0).prod();
-    needs_(static_cast<std::uint64_t>((static_cast<double>(leaves) + kLevelSetCopies * made) *
-                                      static_cast<double>(Leaf::Bytes(LeafType::kFloat))) +
-           BrickDirectory::BlockBytes(Vec3i::Zero(), (metadata.size - Vec3i::Ones()) / kBrickEdge));
+    ClaimFor(metadata);
     const Grid::Ptr in = MadeGrid();
     const float background =
         before.is_level_set
@@ -224,6 +232,7 @@ class Reshaper {
     // Only what the library was compiled with: in C++20 the rest of the header does not compile.
     openvdb::util::NullInterrupter& interrupter = interrupter_;
     openvdb::tools::resampleToMatch<openvdb::tools::BoxSampler>(*in, *out, interrupter);
+    progress_(kResampleShare);
     first_ = Vec3i::Zero();
     if (form_) GrowTo(*out, metadata);
     if (form_) metadata.grid_form = FormOf(out->background());
@@ -231,13 +240,14 @@ class Reshaper {
   }
 
   ReshapedVolume FilterLevelSet() {
+    ClaimLeaves(CountBricks().leaves);
     const Grid::Ptr grid = MadeGrid();
     LevelSetFilter filter(*grid, &interrupter_);
     if (filter_.kind == FilterKind::kOffset) {
       Offset(*grid, filter);
     } else {
       for (int n = 0; n < filter_.iterations; ++n) {
-        Claim(*grid);
+        ClaimLeaves(grid->tree().leafCount());
         filter.meanCurvature();
         progress_(kFilterShare * (n + 1) / filter_.iterations);
       }
@@ -256,6 +266,7 @@ class Reshaper {
  private:
   // Of the progress; the rest is for bricks.
   static constexpr double kFilterShare = 0.9;
+  static constexpr double kResampleShare = 0.5;
 
   Grid::Ptr MadeGrid() const {
     const VolumeMetadata& metadata = volume_.metadata();
@@ -267,8 +278,49 @@ class Reshaper {
     return grid;
   }
 
-  void Claim(const Grid& grid) const {
-    needs_(kLevelSetCopies * Leaf::Bytes(LeafType::kFloat) * (grid.tree().leafCount() + 1));
+  struct Bricks {
+    std::uint64_t leaves = 0;  // with voxels of their own
+    std::uint64_t alike = 0;   // of one value, which is not the background
+  };
+  Bricks CountBricks() {
+    Bricks found;
+    const auto background = static_cast<float>(volume_.metadata().Background());
+    const Vec3i& count = volume_.bricks().brick_count();
+    Vec3i b;
+    for (b.x() = 0; b.x() < count.x(); ++b.x()) {
+      for (b.y() = 0; b.y() < count.y(); ++b.y()) {
+        interrupter_.wasInterrupted();
+        for (b.z() = 0; b.z() < count.z(); ++b.z()) {
+          const Leaf& leaf = *volume_.bricks().At(b);
+          if (!leaf.is_constant()) {
+            ++found.leaves;
+          } else {
+            found.alike += leaf[0] != background;
+          }
+        }
+      }
+    }
+    return found;
+  }
+
+  void ClaimLeaves(std::uint64_t leaves) const {
+    needs_(kLevelSetCopies * Leaf::Bytes(LeafType::kFloat) * (leaves + 1));
+  }
+
+  // Each brick may become parts of several; all of them are no more than the lattice has, and a
+  // margin. A level set is made of its surface.
+  void ClaimFor(const VolumeMetadata& after) {
+    const Bricks bricks = CountBricks();
+    const Vec3 finer = volume_.metadata().spacing_mm.cwiseQuotient(after.spacing_mm);
+    const bool is_level_set = after.is_level_set;
+    const auto leaves = static_cast<double>(bricks.leaves);
+    const double sampled = leaves + (is_level_set ? 0.0 : static_cast<double>(bricks.alike));
+    const double made = std::min((sampled + 1.0) * (finer.array().ceil() + 1.0).prod(),
+                                 BricksOf(after.size + Vec3i::Constant(2 * kBrickEdge)));
+    const double copies = is_level_set ? static_cast<double>(kLevelSetCopies) : kResampledCopies;
+    needs_(static_cast<std::uint64_t>((leaves + copies * made) *
+                                      static_cast<double>(Leaf::Bytes(LeafType::kFloat))) +
+           BrickDirectory::BlockBytes(Vec3i::Zero(), (after.size - Vec3i::Ones()) / kBrickEdge));
   }
 
   // As LevelSetFilter::offset does it, in steps of at most half a voxel.
@@ -278,7 +330,7 @@ class Reshaper {
     const auto wanted = static_cast<float>(-filter_.distance_mm);
     const float distance = std::abs(wanted);
     for (float done = 0.0f; distance - done > 0.001f * step;) {
-      Claim(grid);
+      ClaimLeaves(grid.tree().leafCount());
       const float next = std::min(distance - done, step);
       filter.offset(std::copysign(next, wanted));
       done += next;
@@ -297,8 +349,9 @@ class Reshaper {
     if (first == first_ && size == metadata.size) return false;
     if (size.cast<double>().prod() > static_cast<double>(kMostLatticeVoxels)) {
       throw Error(ErrorKind::kTooLarge,
-                  "the surface would not fit into the most voxels that a "
-                  "volume has: give a smaller distance");
+                  "the result would not fit into the most voxels that a volume has: give a smaller "
+                  "distance or a "
+                  "larger spacing");
     }
     metadata.origin_W_mm = metadata.WorldFromIndex().Apply((first - first_).cast<double>());
     metadata.size = size;
@@ -318,10 +371,17 @@ class Reshaper {
 
   ReshapedVolume Made(const Grid& grid, VolumeMetadata metadata) {
     const bool has_new_range = metadata.is_level_set && filter_.kind == FilterKind::kResample;
-    BrickMaker maker(grid, first_, form_ != nullptr);
+    BrickMaker maker(grid, first_, metadata.size, form_ != nullptr);
     if (!has_new_range) maker.HoldWithin(metadata.value_min, metadata.value_max);
+    const double begun = filter_.kind == FilterKind::kResample ? kResampleShare : kFilterShare;
+    const double all = BricksOf(metadata.size);
+    std::uint64_t done = 0;
     BrickDirectory bricks(metadata.size, [&](const Vec3i& brick) {
-      interrupter_.wasInterrupted(0);
+      if (done % kBricksAtOnce == 0) {
+        interrupter_.wasInterrupted();
+        progress_(begun + (1.0 - begun) * static_cast<double>(done) / all);
+      }
+      ++done;
       return maker.Make(brick);
     });
     if (metadata.is_level_set && !(maker.least_made() < 0.0 && maker.greatest_made() > 0.0)) {
@@ -333,6 +393,7 @@ class Reshaper {
       metadata.value_min = maker.least_made();
       metadata.value_max = std::max<double>(maker.greatest_made(), grid.background());
     }
+    metadata.reloadable = false;
     CheckVolumeMetadata(metadata);
     progress_(1.0);
     return {std::move(metadata), std::move(bricks)};

@@ -1,6 +1,6 @@
 // OpenVDB's filters of whole volumes: offsets and mean-curvature flow of level sets
-// (openvdb::tools::LevelSetFilter), and resampling (openvdb::tools::resampleToMatch, between the
-// eight voxels around).
+// (openvdb::tools::LevelSetFilter), and resampling (openvdb::tools::resampleToMatch: densities
+// between the eight voxels around, a level set as a surface that is made anew).
 //
 // The result equals what OpenVDB makes on one thread, bit by bit, but that it stays within the
 // range of the volume.
@@ -27,6 +27,7 @@ struct ReshapedVolume {
 // Whether a filter is one of whole volumes.
 bool IsReshape(FilterKind kind);
 
+// Cancelling is heard soon, but while a level set is resampled: its surface is made in one go.
 // `needs`: told what will be taken, in bytes, its own work and the bricks that it makes, before it
 // is; what it throws ends the filter. kInvalidArgument: not possible for this volume; kTooLarge;
 // kCancelled.

@@ -15,7 +15,7 @@ namespace palpate {
 
 struct ExportRequest {
   // Absolute, without links on its way; ends with .vdb (as palpate-import writes it) or .nrrd
-  // (float, gzip).
+  // (gzip, in the smallest type that holds all voxels).
   std::filesystem::path path;
   bool overwrite = false;
 };

@@ -90,6 +90,7 @@ class Resampling(SparseTest):
         self.assertEqual(after.volume_revision, result.volume_revision)
         self.assertEqual(self.conn.settings.isovalue, isovalue)
         self.assertEqual(told, sorted(told))
+        self.assertTrue(any(0 < share < 1 for share in told), told)
         # Every voxel that is one of the old ones has its value.
         filtered = self.conn.volume.download().values
         np.testing.assert_array_equal(filtered[::2, :, :], values[:, :, ::2])

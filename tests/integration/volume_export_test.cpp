@@ -98,6 +98,41 @@ TEST_F(VolumeExportTest, LoadsAgainBitForBit) {
   }
 }
 
+// Bricks of these types by turns.
+VolumeSnapshot Typed(const std::vector<LeafType>& types) {
+  VolumeMetadata metadata;
+  metadata.size = Vec3i(21, 16, 9);
+  metadata.value_min = -30000.0;
+  metadata.value_max = 60000.0;
+  std::size_t count = 0;
+  const BrickDirectory bricks(metadata.size, [&](const Vec3i&) {
+    const LeafType type = types[count++ % types.size()];
+    Brick values;
+    for (std::size_t n = 0; n < values.size(); ++n) values[n] = static_cast<float>(n % 251);
+    if (type == LeafType::kInt16) values[0] = -30000.0f;
+    if (type == LeafType::kUint16) values[0] = 60000.0f;
+    if (type == LeafType::kFloat) values[0] = 0.25f;
+    return Leaf::Of(type, values);
+  });
+  return {metadata, bricks, 1, 1};
+}
+
+TEST_F(VolumeExportTest, AnNrrdFileHasTheSmallestTypeThatHoldsAll) {
+  using enum LeafType;
+  const std::pair<std::vector<LeafType>, LeafType> kCases[] = {
+      {{kUint8}, kUint8},          {{kInt16}, kInt16},         {{kUint16}, kUint16},
+      {{kFloat}, kFloat},          {{kUint8, kInt16}, kInt16}, {{kUint16, kUint8}, kUint16},
+      {{kInt16, kUint16}, kFloat}, {{kUint8, kFloat}, kFloat},
+  };
+  for (const auto& [types, type] : kCases) {
+    const VolumeSnapshot volume = Typed(types);
+    Save(volume, Path("a.nrrd"), true);
+    const auto loaded = Loaded(Path("a.nrrd"));
+    ExpectSame(volume, *loaded);
+    EXPECT_EQ(loaded->bricks().At(Vec3i(0, 0, 0))->type(), type) << static_cast<int>(type);
+  }
+}
+
 TEST_F(VolumeExportTest, WithEdits) {
   auto volume = ObliqueVolume(Vec3i(40, 40, 40), 9);
   const EditResult edit = ApplyEdit(*volume, {.shape = SphereShape{Vec3(20, 20, 20), 9.0},

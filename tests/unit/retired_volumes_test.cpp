@@ -53,6 +53,20 @@ TEST(RetiredVolumes, OneThreadFreesWhatNobodyElseHolds) {
   retired.WaitForFreed(kLong);
 }
 
+TEST(RetiredVolumes, NobodyWaitsLongForWhatOthersKeep) {
+  RetiredVolumes retired([] {});
+  const auto kept = MakeLeaves(10);
+  retired.Add(kept);
+  const auto began = std::chrono::steady_clock::now();
+  retired.WaitForFreed(std::chrono::hours(1));
+  EXPECT_LT(std::chrono::steady_clock::now() - began, std::chrono::minutes(10));
+  // What others let go is freed though.
+  std::atomic<std::thread::id> freed_by{};
+  retired.Add(std::make_shared<const Held>(freed_by));
+  retired.WaitForFreed(kLong);
+  EXPECT_NE(freed_by.load(), std::thread::id());
+}
+
 TEST(RetiredVolumes, WhatIsHandedOverTwiceIsFreedToo) {
   std::atomic<std::thread::id> freed_by{};
   RetiredVolumes retired([] {});

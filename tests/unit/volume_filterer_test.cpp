@@ -153,7 +153,6 @@ TEST_F(VolumeFiltererTest, AnEditThatIsUndoneMeanwhileLeavesNoTrace) {
   CheckFiltered(outcome);
 }
 
-// Whoever changes everything all the time has to wait in the end, and is not lost.
 // Threads that edit while they live. What they edit must fit into the history, however long the
 // filters take.
 class Editors {
@@ -193,6 +192,7 @@ class VolumeFiltererInPlenty : public VolumeFiltererTest {
   VolumeFiltererInPlenty() : VolumeFiltererTest(std::uint64_t{4} << 30) {}
 };
 
+// Whoever changes everything all the time has to wait in the end, and is not lost.
 TEST_F(VolumeFiltererInPlenty, EditorsThatNeverPauseAreFilteredToo) {
   filter_ = {.kind = FilterKind::kGaussian};
   Editors editors([&](std::mt19937& random) { return DigSomewhere(random).changed_voxels > 0; });
@@ -376,6 +376,11 @@ TEST_F(WholeVolumes, ResamplingIsOneRevisionAndOneStep) {
       1e-12);
   EXPECT_LT((after.X_DI.Apply(Vec3(10, 20, 30)) - before.X_DI.Apply(Vec3(15, 30, 45))).norm(),
             1e-9);
+  // And so it is after a move by nothing.
+  const VolumeState moved = session_->Move([&](const VolumeState& state) {
+    return Apply({}, state.volume->metadata(), session_->device(), state.registration);
+  });
+  EXPECT_LT((moved.X_DI.Apply(Vec3(1, 2, 3)) - after.X_DI.Apply(Vec3(1, 2, 3))).norm(), 1e-9);
   EXPECT_TRUE(session_->Felt().is_edited);
   EXPECT_FALSE(after.volume->metadata().reloadable);
 }
@@ -432,6 +437,27 @@ TEST_F(WholeVolumes, AnEditMeanwhileIsFilteredToo) {
       *volume, filter_, [](std::uint64_t) {}, [](double) {}, kNever);
   EXPECT_EQ(filtered, expected.bricks.content_hash());
   EXPECT_EQ(volume->bricks().Find(30, 30, 30)[VoxelInBrick(30, 30, 30)], 0.25f);
+}
+
+TEST_F(WholeVolumes, WhatWasLoadedIsThatAgain) {
+  Filter();
+  EXPECT_FALSE(Volume()->metadata().reloadable);
+  editor_->Undo();
+  EXPECT_TRUE(Volume()->metadata().reloadable);
+  EXPECT_FALSE(session_->Felt().is_edited);
+}
+
+TEST_F(WholeVolumes, TheLatticeStaysWhileARecordingIsReplayed) {
+  Filter();
+  const ContentHash filtered = Hash();
+  {
+    const VolumeStore::Hold hold(session_->store());
+    EXPECT_EQ(Refusal([&] { editor_->Undo(); }), ErrorKind::kConflict);
+    EXPECT_EQ(Refusal([&] { editor_->Revert(); }), ErrorKind::kConflict);
+    EXPECT_EQ(Refusal([&] { Filter(); }), ErrorKind::kConflict);
+  }
+  EXPECT_EQ(Hash(), filtered);
+  EXPECT_EQ(editor_->Undo().redo_steps, 1u);
 }
 
 TEST_F(WholeVolumes, EditsWithoutEndRefuseIt) {
