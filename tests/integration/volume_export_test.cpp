@@ -11,6 +11,8 @@
 #include <fstream>
 #include <random>
 #include <thread>
+#include <utility>
+#include <vector>
 
 #include "server/volume/edit.h"
 #include "server/volume/import_process.h"
