@@ -13,9 +13,9 @@ import numpy as np
 
 import palpate
 from crash import found_by_a_sanitizer
-from support import PALPATE, PALPATED, PATIENCE_S, Daemon, DaemonTest, wait_until
-from sparse_support import CENTER, INVALID, RADIUS_MM, SPHERE_MM, SparseTest, command
-from vdb_support import vdb_json, vdb_leaves, vdb_make, vdb_tool, vdb_values
+from support import PALPATED, PATIENCE_S, Daemon, wait_until
+from sparse_support import INVALID, RADIUS_MM, SparseTest, poses_until
+from vdb_support import vdb_json, vdb_tool, vdb_values
 
 IMPORT = pathlib.Path(PALPATED).with_name("palpate-import")
 # AddressSanitizer keeps what was freed for a while: its builds say nothing about memory.
