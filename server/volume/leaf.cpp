@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cstring>
+#include <type_traits>
 #include <utility>
 
 #include "server/volume/brick_memory.h"
@@ -14,11 +15,19 @@ namespace {
 // A block of the heap has eight bytes of its own, and is a multiple of 16.
 constexpr std::uint64_t HeapBytes(std::size_t bytes) { return (bytes + 8 + 15) / 16 * 16; }
 
+template <class From, class To>
+void Copy(const From* from, To* to) noexcept {
+  if constexpr (std::is_same_v<From, To>) {
+    std::copy_n(from, kBrickVoxels, to);
+  } else {
+    std::transform(from, from + kBrickVoxels, to, [](From v) { return static_cast<To>(v); });
+  }
+}
+
 template <class T>
 std::unique_ptr<Leaf::Node<T>> NodeOf(const Brick& values) {
   auto node = std::make_unique<Leaf::Node<T>>(openvdb::Coord(0, 0, 0), T(), true);
-  T* const out = node->buffer().data();
-  for (int n = 0; n < kBrickVoxels; ++n) out[n] = static_cast<T>(values[n]);
+  Copy(values.data(), node->buffer().data());
   return node;
 }
 
@@ -72,8 +81,13 @@ LeafPtr Leaf::Smallest(const Brick& values) {
 
 LeafPtr Leaf::With(const Brick& values) const {
   const LeafType type = Holds(type_, values) ? type_ : LeafType::kFloat;
+  const bool is_all_active = VisitType(type_, [this](auto voxel) {
+    return static_cast<const Node<decltype(voxel)>*>(node_)->valueMask().isOn();
+  });
   return VisitType(type, [&](auto voxel) {
     auto node = NodeOf<decltype(voxel)>(values);
+    // Most leaves are, and an edit makes many.
+    if (is_all_active) return Take(std::move(node));
     for (int n = 0; n < kBrickVoxels; ++n) {
       const auto place = static_cast<openvdb::Index>(n);
       if (values[n] == (*this)[place] && !IsActive(place)) node->setValueOff(place);
@@ -83,10 +97,7 @@ LeafPtr Leaf::With(const Brick& values) const {
 }
 
 void Leaf::CopyTo(float* out) const noexcept {
-  VisitType(type_, [&](auto voxel) {
-    const auto* const from = values<decltype(voxel)>();
-    for (int n = 0; n < kBrickVoxels; ++n) out[n] = static_cast<float>(from[n]);
-  });
+  VisitType(type_, [&](auto voxel) { Copy(values<decltype(voxel)>(), out); });
 }
 
 Brick Leaf::Floats() const noexcept {
@@ -119,6 +130,7 @@ bool HaveSameBits(const Leaf& one, const Leaf& other) noexcept {
 }
 
 bool Holds(LeafType type, const Brick& values) noexcept {
+  if (type == LeafType::kFloat) return true;
   return std::all_of(values.begin(), values.end(),
                      [type](float value) { return Holds(type, value); });
 }
