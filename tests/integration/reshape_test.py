@@ -18,7 +18,6 @@ class LevelSets(SparseTest):
     def setUp(self):
         super().setUp()
         self.path = self.make("sphere")
-        # Small enough that the hand leaves the box of what it becomes often.
         self.load(self.path, "--device-mm-per-volume-mm", "0.9")
         self.conn.settings.update(isovalue=0.0, free_side="above")
 
