@@ -3,10 +3,9 @@
 // between the eight voxels around, a level set as a surface that is made anew).
 //
 // The result equals what OpenVDB makes on one thread, bit by bit, but that it stays within the
-// range of the volume.
-// Voxel (0,0,0) stays where it is. A level set that no longer fits gets a lattice that is larger,
-// by whole bricks; one that is resampled keeps as many voxels of a narrow band, and with it gets
-// another range.
+// range of the volume. What is resampled begins at the same first voxel. A level set that no longer
+// fits gets a lattice that is larger, by whole bricks on any side; one that is resampled keeps as
+// many voxels of a narrow band, and with it gets another range.
 //
 // Frames: I; the volume stays where it lies in W. Values in data units.
 // Threads: any; on the caller's alone. Not for real-time code. Errors: Error.
