@@ -90,6 +90,7 @@ install(FILES deploy/systemd/palpate.sysusers
   DESTINATION lib/sysusers.d RENAME palpate.conf COMPONENT daemon)
 install(FILES deploy/udev/70-palpate.rules DESTINATION lib/udev/rules.d COMPONENT daemon)
 install(FILES README.md deploy/guides/devices.md deploy/guides/remote.md
+  deploy/guides/settings.md
   DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/palpate-daemon COMPONENT daemon)
 set(CPACK_DEBIAN_DAEMON_PACKAGE_SHLIBDEPS ON)
 # The user is made by systemd-sysusers, the service by systemd; procps: /usr/bin/kill,

@@ -1,0 +1,171 @@
+"""The list of settings, as render.proto has it, for what is written from it."""
+
+import dataclasses
+import typing
+
+from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
+
+MESSAGE = "RenderSettings"
+# They belong to the volume: what is felt of it begins after them.
+ISOVALUES = ("isovalue", "normalized_isovalue")
+
+Kind = descriptor_pb2.FieldDescriptorProto
+
+
+class Fault(Exception):
+    """What is wrong with the list, for who changed it."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Setting:
+    """One setting. kind: "number", "flag" or "choice"."""
+
+    key: str
+    number: int  # of the field
+    kind: str
+    default: typing.Any
+    label: str
+    help: str
+    unit: str
+    minimum: float | None
+    maximum: float | None
+    shown_with: str
+    details: str  # the comment above the field
+    enum: str  # of a choice, "FreeSide"
+    words: tuple[str, ...]  # of a choice, in the contract's order, which begins at 1
+
+    @property
+    def name(self) -> str:
+        """The key without its unit."""
+        return self.key.removesuffix(suffix_of(self.unit))
+
+    @property
+    def is_haptic(self) -> bool:
+        return self.key not in ISOVALUES
+
+
+def suffix_of(unit: str) -> str:
+    """"_n_s_per_m" of "N·s/m", "_per_s" of "1/s"."""
+    if not unit:
+        return ""
+    return "_" + unit.lower().replace("1/", "per_").replace("/", "_per_").replace("·", "_")
+
+
+def text_of(number: float) -> str:
+    """3 for 3.0, 3.3 for 3.3."""
+    return str(int(number)) if number == int(number) else repr(number)
+
+
+def values_of(setting: Setting) -> str:
+    """What it may be, in words: "0 to 3 N/mm", "on or off", "below or above"."""
+    if setting.kind == "flag":
+        return "on or off"
+    if setting.kind == "choice":
+        return one_of(setting.words)
+    if setting.minimum is None:
+        return "a number"
+    unit = f" {setting.unit}" if setting.unit else ""
+    return f"{text_of(setting.minimum)} to {text_of(setting.maximum)}{unit}"
+
+
+def one_of(words: typing.Sequence[str]) -> str:
+    """"a, b or c"."""
+    return " or ".join(filter(None, [", ".join(words[:-1]), words[-1]]))
+
+
+def sentence(text: str) -> str:
+    """Help as a sentence."""
+    return text[:1].upper() + text[1:] + "."
+
+
+def read(request: typing.Any) -> list[Setting]:
+    """The settings of a CodeGeneratorRequest, in the order of their fields. Errors: Fault."""
+    option = _option(request)
+    for file in request.proto_file:
+        for index, message in enumerate(file.message_type):
+            if message.name == MESSAGE:
+                comments = _comments(file, index)
+                found = [_setting(field, option, file, comments.get(number, ""))
+                         for number, field in enumerate(message.field)]
+                _check(found)
+                return found
+    raise Fault(f"there is no message {MESSAGE}")
+
+
+def _option(request: typing.Any) -> typing.Callable[[typing.Any], typing.Any]:
+    """Reads the option off a field. This program is not built with it, but is told of it."""
+    pool = descriptor_pool.DescriptorPool()
+    for file in request.proto_file:
+        pool.AddSerializedFile(file.SerializeToString())
+    names = [file.name for file in request.proto_file]
+    types = message_factory.MessageFactory(pool).GetMessages(names)
+    options = types["google.protobuf.FieldOptions"]
+    extension = pool.FindExtensionByName("palpate.v1.setting")
+
+    def of(field: typing.Any) -> typing.Any:
+        read = options.FromString(field.options.SerializeToString())
+        if not read.HasExtension(extension):
+            raise Fault(f"{field.name} has no option (setting)")
+        return read.Extensions[extension]
+    return of
+
+
+def _comments(file: typing.Any, message: int) -> dict[int, str]:
+    """The comments above the fields of a message."""
+    return {place.path[3]: " ".join(place.leading_comments.split())
+            for place in file.source_code_info.location
+            if list(place.path[:3]) == [4, message, 2] and len(place.path) == 4}
+
+
+def _words(file: typing.Any, name: str) -> tuple[str, ...]:
+    """"tpbcc-published" of DECOMPOSITION_METHOD_TPBCC_PUBLISHED; not ..._UNSPECIFIED."""
+    values = next(enum for enum in file.enum_type if enum.name == name).value
+    prefix = values[0].name.removesuffix("UNSPECIFIED")
+    if [value.number for value in values] != list(range(len(values))):
+        raise Fault(f"{name} is not numbered from 0 on")
+    return tuple(value.name.removeprefix(prefix).lower().replace("_", "-") for value in values[1:])
+
+
+def _setting(field: typing.Any, option: typing.Any, file: typing.Any, details: str) -> Setting:
+    says = option(field)
+    kinds = {Kind.TYPE_DOUBLE: "number", Kind.TYPE_BOOL: "flag", Kind.TYPE_ENUM: "choice"}
+    if field.type not in kinds or not field.proto3_optional:
+        raise Fault(f"{field.name} must be an optional double, bool or enum")
+    kind = kinds[field.type]
+    enum = field.type_name.rsplit(".", 1)[-1]
+    return Setting(
+        key=field.name, number=field.number, kind=kind, label=says.label, help=says.help,
+        default={"number": says.default_number, "flag": says.default_flag,
+                 "choice": says.default_choice}[kind],
+        unit=says.unit, minimum=says.minimum if says.HasField("minimum") else None,
+        maximum=says.maximum if says.HasField("maximum") else None, shown_with=says.shown_with,
+        details=details, enum=enum, words=_words(file, enum) if enum else ())
+
+
+def _check(settings: list[Setting]) -> None:
+    if tuple(setting.key for setting in settings[:2]) != ISOVALUES:
+        raise Fault(f"the first fields of {MESSAGE} are {' and '.join(ISOVALUES)}")
+    flags = [setting.key for setting in settings if setting.kind == "flag"]
+    for setting in settings:
+        for fault in _faults(setting, flags):
+            raise Fault(f"{setting.key}: {fault}")
+
+
+def _faults(setting: Setting, flags: list[str]) -> typing.Iterator[str]:
+    for text in (setting.label, setting.help):
+        if not text or '"' in text or "\\" in text or "%" in text:
+            yield "label and help are needed, without quotes, backslashes and percent signs"
+    if setting.help[:1].isupper() or setting.help.endswith("."):
+        yield "help begins with a small letter and has no full stop"
+    if setting.name == setting.key and setting.unit:
+        yield f"the name ends with the unit: ...{suffix_of(setting.unit)}"
+    if setting.shown_with and setting.shown_with not in flags:
+        yield f"shown_with: {setting.shown_with} is no flag"
+    if setting.kind == "choice" and setting.default not in setting.words:
+        yield f"default_choice is one of {', '.join(setting.words)}"
+    if setting.kind != "number" or setting.key == "isovalue":
+        return
+    if setting.minimum is None or setting.maximum is None:
+        yield "a number needs minimum and maximum"
+    elif not setting.minimum <= setting.default <= setting.maximum:
+        yield "default_number is not from minimum to maximum"

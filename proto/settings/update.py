@@ -1,0 +1,61 @@
+#!/usr/bin/python3
+"""Writes the list of settings (palpate/v1/render.proto) into the files that people read:
+deploy/config/palpated.toml and deploy/guides/settings.md. Run it when the list has changed.
+
+--check: only says which file has another list; exit code 1 then.
+"""
+
+import pathlib
+import subprocess
+import sys
+import tempfile
+
+HERE = pathlib.Path(__file__).resolve().parent
+ROOT = HERE.parents[1]
+# File: what is written of it, and between which lines.
+FILES = {"deploy/config/palpated.toml": ("haptics.toml", "# (", ")"),
+         "deploy/guides/settings.md": ("settings.md", "<!-- ", " -->")}
+BEGIN = "The list of settings begins. It is written by proto/settings/update.py."
+END = "The list of settings ends."
+
+
+def written(folder: pathlib.Path) -> dict[str, str]:
+    """What the list says now, by the names of its files."""
+    subprocess.run(
+        ["protoc", f"--proto_path={ROOT}/proto", f"--settings_out={folder}",
+         f"--plugin=protoc-gen-settings={HERE}/protoc-gen-settings", "--settings_opt=texts",
+         "palpate/v1/render.proto"], check=True)
+    return {path.name: path.read_text() for path in folder.iterdir()}
+
+
+def with_list(text: str, listed: str, begin: str, end: str) -> str:
+    """The text with this between its two lines."""
+    before, _, rest = text.partition(f"{begin}\n")
+    _, found, after = rest.partition(end)
+    if not found:
+        raise SystemExit(f"there are no lines '{begin}' and '{end}'")
+    return f"{before}{begin}\n{listed}{end}{after}"
+
+
+def main() -> int:
+    check = sys.argv[1:] == ["--check"]
+    if sys.argv[1:] and not check:
+        raise SystemExit(__doc__)
+    with tempfile.TemporaryDirectory() as folder:
+        lists = written(pathlib.Path(folder))
+    stale = 0
+    for name, (listed, left, right) in FILES.items():
+        path = ROOT / name
+        before = path.read_text()
+        now = with_list(before, lists[listed], f"{left}{BEGIN}{right}", f"{left}{END}{right}")
+        if now == before:
+            continue
+        stale += 1
+        print(f"{name}: {'has another list: run proto/settings/update.py' if check else 'written'}")
+        if not check:
+            path.write_text(now)
+    return 1 if check and stale else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
