@@ -4,7 +4,8 @@ include(CMakePackageConfigHelpers)
 
 # None of them includes gRPC or protobuf: unit.include_layers checks it.
 target_sources(palpate_client PUBLIC FILE_SET HEADERS BASE_DIRS ${PROJECT_SOURCE_DIR} FILES
-  client.h connection.h daemon_info.h edit.h pose.h server_choice.h settings.h volume_update.h
+  client.h connection.h daemon_info.h edit.h pose.h server_choice.h setting.h settings.h
+  volume_update.h
   ${PROJECT_SOURCE_DIR}/common/bricks/brick.h
   ${PROJECT_SOURCE_DIR}/common/bricks/volume_event.h
   ${PROJECT_SOURCE_DIR}/common/error/error.h
@@ -12,11 +13,14 @@ target_sources(palpate_client PUBLIC FILE_SET HEADERS BASE_DIRS ${PROJECT_SOURCE
   ${PROJECT_SOURCE_DIR}/common/isosurface/cell.h
   ${PROJECT_SOURCE_DIR}/common/isosurface/complex.h
   ${PROJECT_SOURCE_DIR}/common/isosurface/decomposition.h)
+target_sources(palpate_client PUBLIC FILE_SET written TYPE HEADERS
+  BASE_DIRS ${PALPATE_SETTINGS_FOLDER} FILES
+  ${PALPATE_SETTINGS_FOLDER}/client/sdk/setting_list.h)
 target_compile_features(palpate_client PUBLIC cxx_std_20)
 
 set(names client)
 # What the client is linked with: palpate::client brings them along.
-list(APPEND names bricks error geometry isosurface messages proto sdk volume_copy volume_mirror wire)
+list(APPEND names bricks error geometry isosurface messages proto sdk setting_list volume_copy volume_mirror wire)
 foreach(name IN LISTS names)
   set_target_properties(palpate_${name} PROPERTIES EXPORT_NAME ${name})
   list(APPEND targets palpate_${name})
@@ -32,7 +36,8 @@ endforeach()
 set(package ${CMAKE_INSTALL_LIBDIR}/cmake/palpate-client)
 install(TARGETS ${targets} EXPORT palpate-client COMPONENT palpate-client
   ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR}/palpate
-  FILE_SET HEADERS DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/palpate COMPONENT palpate-client)
+  FILE_SET HEADERS DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/palpate COMPONENT palpate-client
+  FILE_SET written DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/palpate COMPONENT palpate-client)
 install(EXPORT palpate-client NAMESPACE palpate:: FILE palpate-client-targets.cmake
   DESTINATION ${package} COMPONENT palpate-client)
 write_basic_package_version_file(

@@ -25,14 +25,6 @@ FreeSide SideOf(v1::FreeSide side) {
   return side == v1::FREE_SIDE_ABOVE ? FreeSide::kAbove : FreeSide::kBelow;
 }
 
-DecompositionMethod MethodOf(v1::DecompositionMethod method) {
-  try {
-    return palpate::FromProto(method);
-  } catch (const Error&) {
-    return DecompositionMethod::kTpbcc;
-  }
-}
-
 std::uint32_t Index(int value) {
   if (value < 0) throw Error(ErrorKind::kInvalidArgument, "a block outside of the volume");
   return static_cast<std::uint32_t>(value);
@@ -118,68 +110,6 @@ Pose FromProto(const v1::PoseSample& sample) {
   pose.free_side = SideOf(sample.free_side());
   pose.forces = FromProto(sample.forces());
   return pose;
-}
-
-Settings FromProto(const v1::RenderSettings& settings, std::uint64_t revision) {
-  Settings result;
-  result.isovalue = settings.isovalue();
-  result.normalized_isovalue = settings.normalized_isovalue();
-  result.stiffness_n_per_mm = settings.stiffness_n_per_mm();
-  result.damping_n_s_per_m = settings.damping_n_s_per_m();
-  result.method = MethodOf(settings.method());
-  result.static_friction = settings.static_friction();
-  result.dynamic_friction = settings.dynamic_friction();
-  result.viscosity_n_s_per_m = settings.viscosity_n_s_per_m();
-  result.pop_force_n = settings.pop_force_n();
-  result.magnet_force_n = settings.magnet_force_n();
-  result.magnet_range_mm = settings.magnet_range_mm();
-  result.force_shading = settings.force_shading();
-  result.passivity_control = settings.passivity_control();
-  result.free_side = SideOf(settings.free_side());
-  result.carve_tool = settings.carve_tool();
-  result.carve_radius_mm = settings.carve_radius_mm();
-  result.carve_rate_per_s = settings.carve_rate_per_s();
-  result.clutch_tool = settings.clutch_tool();
-  result.revision = revision;
-  return result;
-}
-
-v1::UpdateSettingsRequest ToProto(const SettingsUpdate& update) {
-  v1::UpdateSettingsRequest request;
-  v1::RenderSettings& settings = *request.mutable_settings();
-  const auto take = [&](const char* key, const auto& value, auto set) {
-    if (!value) return;
-    request.mutable_update_mask()->add_paths(key);
-    (settings.*set)(*value);
-  };
-  using S = v1::RenderSettings;
-  take("isovalue", update.isovalue, &S::set_isovalue);
-  take("normalized_isovalue", update.normalized_isovalue, &S::set_normalized_isovalue);
-  take("stiffness_n_per_mm", update.stiffness_n_per_mm, &S::set_stiffness_n_per_mm);
-  take("damping_n_s_per_m", update.damping_n_s_per_m, &S::set_damping_n_s_per_m);
-  take("static_friction", update.static_friction, &S::set_static_friction);
-  take("dynamic_friction", update.dynamic_friction, &S::set_dynamic_friction);
-  take("viscosity_n_s_per_m", update.viscosity_n_s_per_m, &S::set_viscosity_n_s_per_m);
-  take("pop_force_n", update.pop_force_n, &S::set_pop_force_n);
-  take("magnet_force_n", update.magnet_force_n, &S::set_magnet_force_n);
-  take("magnet_range_mm", update.magnet_range_mm, &S::set_magnet_range_mm);
-  take("force_shading", update.force_shading, &S::set_force_shading);
-  take("passivity_control", update.passivity_control, &S::set_passivity_control);
-  take("carve_tool", update.carve_tool, &S::set_carve_tool);
-  take("carve_radius_mm", update.carve_radius_mm, &S::set_carve_radius_mm);
-  take("carve_rate_per_s", update.carve_rate_per_s, &S::set_carve_rate_per_s);
-  take("clutch_tool", update.clutch_tool, &S::set_clutch_tool);
-  if (update.method) {
-    request.mutable_update_mask()->add_paths("method");
-    settings.set_method(palpate::ToProto(*update.method));
-  }
-  if (update.free_side) {
-    request.mutable_update_mask()->add_paths("free_side");
-    settings.set_free_side(*update.free_side == FreeSide::kAbove ? v1::FREE_SIDE_ABOVE
-                                                                 : v1::FREE_SIDE_BELOW);
-  }
-  if (update.expected_revision) request.set_expected_revision(*update.expected_revision);
-  return request;
 }
 
 v1::EditVolumeRequest ToProto(const Edit& edit) {

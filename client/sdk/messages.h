@@ -4,7 +4,7 @@
 #include "client/sdk/daemon_info.h"
 #include "client/sdk/edit.h"
 #include "client/sdk/pose.h"
-#include "client/sdk/settings.h"
+#include "client/sdk/setting_messages.h"
 #include "palpate/v1/device.pb.h"
 #include "palpate/v1/edit.pb.h"
 #include "palpate/v1/pose.pb.h"
@@ -17,13 +17,11 @@ namespace palpate::client {
 // Enumerators of a later version become kUnknown, or the default.
 Pose FromProto(const v1::PoseSample& sample);
 ForceStatus FromProto(const v1::ForceStatus& forces);
-Settings FromProto(const v1::RenderSettings& settings, std::uint64_t revision);
 EditResult FromProto(const v1::EditVolumeResponse& response);
 DeviceInfo FromProto(const v1::GetDeviceResponse& response);
 SeriesState FromProto(const v1::SeriesState& state);
 RecordingState FromProto(const v1::RecordingState& state);
 
-v1::UpdateSettingsRequest ToProto(const SettingsUpdate& update);
 // Errors: kInvalidArgument for a block of negative numbers.
 v1::EditVolumeRequest ToProto(const Edit& edit);
 v1::FilterVolumeRequest ToProto(const Filter& filter);

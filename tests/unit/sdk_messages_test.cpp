@@ -2,42 +2,53 @@
 #include <google/protobuf/descriptor.h>
 #include <gtest/gtest.h>
 
+#include <string>
+#include <variant>
+
 #include "client/sdk/messages.h"
 #include "common/error/error.h"
 
 namespace palpate::client {
 namespace {
 
+// Puts a value into an update that tells its field from all others.
+struct Put {
+  SettingsUpdate& update;
+  int number;
+
+  void operator()(const NumberSetting& s) const { update.*s.update = number; }
+  void operator()(const FlagSetting& s) const { update.*s.update = true; }
+  void operator()(const ChoiceSetting& s) const { s.update(update, s.words.size() - 1); }
+};
+
+// Whether it is what Put put.
+struct Is {
+  const Settings& settings;
+  int number;
+
+  bool operator()(const NumberSetting& s) const { return settings.*s.member == number; }
+  bool operator()(const FlagSetting& s) const { return settings.*s.member; }
+  bool operator()(const ChoiceSetting& s) const { return s.get(settings) == s.words.size() - 1; }
+};
+
 // Every field another value, so that a pair of swapped ones is seen; and a field that
 // the library does not know fails.
 TEST(SdkMessages, EverySettingIsUpdatedByItsName) {
+  const auto* type = v1::RenderSettings::descriptor();
+  ASSERT_EQ(static_cast<int>(kSettings.size()), type->field_count());
   SettingsUpdate update;
-  update.isovalue = 1.0;
-  update.normalized_isovalue = 2.0;
-  update.stiffness_n_per_mm = 3.0;
-  update.damping_n_s_per_m = 4.0;
-  update.method = DecompositionMethod::kBcc;
-  update.static_friction = 6.0;
-  update.dynamic_friction = 7.0;
-  update.viscosity_n_s_per_m = 8.0;
-  update.pop_force_n = 9.0;
-  update.magnet_force_n = 10.0;
-  update.magnet_range_mm = 11.0;
-  update.force_shading = true;
-  update.passivity_control = true;
-  update.free_side = FreeSide::kAbove;
-  update.carve_tool = true;
-  update.carve_radius_mm = 16.0;
-  update.carve_rate_per_s = 17.0;
-  update.clutch_tool = true;
+  for (const Setting& setting : kSettings) {
+    const auto* field = type->FindFieldByName(std::string(setting.key));
+    ASSERT_TRUE(field) << setting.key;
+    std::visit(Put{update, field->number()}, setting.kind);
+  }
   update.expected_revision = 19;
   const v1::UpdateSettingsRequest request = ToProto(update);
-  const auto* type = v1::RenderSettings::descriptor();
   ASSERT_EQ(request.update_mask().paths_size(), type->field_count());
+  const v1::RenderSettings& settings = request.settings();
   for (const std::string& path : request.update_mask().paths()) {
     const auto* field = type->FindFieldByName(path);
     ASSERT_TRUE(field) << path;
-    const v1::RenderSettings& settings = request.settings();
     const auto* values = settings.GetReflection();
     ASSERT_TRUE(values->HasField(settings, field)) << path;
     if (field->cpp_type() == google::protobuf::FieldDescriptor::CPPTYPE_DOUBLE) {
@@ -46,23 +57,54 @@ TEST(SdkMessages, EverySettingIsUpdatedByItsName) {
   }
   EXPECT_EQ(request.expected_revision(), 19u);
 
-  const Settings back = FromProto(request.settings(), 5);
-  EXPECT_EQ(back.isovalue, 1.0);
-  EXPECT_EQ(back.normalized_isovalue, 2.0);
-  EXPECT_EQ(back.stiffness_n_per_mm, 3.0);
-  EXPECT_EQ(back.damping_n_s_per_m, 4.0);
-  EXPECT_EQ(back.method, DecompositionMethod::kBcc);
-  EXPECT_EQ(back.static_friction, 6.0);
-  EXPECT_EQ(back.dynamic_friction, 7.0);
-  EXPECT_EQ(back.viscosity_n_s_per_m, 8.0);
-  EXPECT_EQ(back.pop_force_n, 9.0);
-  EXPECT_EQ(back.magnet_force_n, 10.0);
-  EXPECT_EQ(back.magnet_range_mm, 11.0);
-  EXPECT_TRUE(back.force_shading && back.passivity_control && back.carve_tool && back.clutch_tool);
-  EXPECT_EQ(back.free_side, FreeSide::kAbove);
-  EXPECT_EQ(back.carve_radius_mm, 16.0);
-  EXPECT_EQ(back.carve_rate_per_s, 17.0);
+  const Settings back = FromProto(settings, 5);
+  for (const Setting& setting : kSettings) {
+    const auto* field = type->FindFieldByName(std::string(setting.key));
+    EXPECT_TRUE(IsKnown(back, setting)) << setting.key;
+    EXPECT_TRUE(std::visit(Is{back, field->number()}, setting.kind)) << setting.key;
+  }
   EXPECT_EQ(back.revision, 5u);
+}
+
+// The list's member of each name is the contract's field of that name.
+TEST(SdkMessages, MembersAreTheFieldsOfTheirNames) {
+  SettingsUpdate update;
+  update.stiffness_n_per_mm = 3.0;
+  update.carve_rate_per_s = 17.0;
+  update.clutch_tool = true;
+  update.method = DecompositionMethod::kTptd;
+  update.free_side = FreeSide::kAbove;
+  const v1::UpdateSettingsRequest request = ToProto(update);
+  EXPECT_EQ(request.update_mask().paths_size(), 5);
+  EXPECT_EQ(request.settings().stiffness_n_per_mm(), 3.0);
+  EXPECT_EQ(request.settings().carve_rate_per_s(), 17.0);
+  EXPECT_TRUE(request.settings().clutch_tool());
+  EXPECT_EQ(request.settings().method(), v1::DECOMPOSITION_METHOD_TPTD);
+  EXPECT_EQ(request.settings().free_side(), v1::FREE_SIDE_ABOVE);
+}
+
+TEST(SdkMessages, EveryChoiceComesBack) {
+  v1::RenderSettings message;
+  for (int method = 1; method < v1::DecompositionMethod_ARRAYSIZE; ++method) {
+    message.set_method(static_cast<v1::DecompositionMethod>(method));
+    SettingsUpdate update;
+    update.method = FromProto(message, 1).method;
+    EXPECT_EQ(ToProto(update).settings().method(), method);
+  }
+  EXPECT_EQ(FromProto(message, 1).method, DecompositionMethod::kTpbccPublished);
+}
+
+TEST(SdkMessages, WhatADaemonDoesNotSayIsUnknown) {
+  v1::RenderSettings message;
+  message.set_isovalue(0.0);
+  message.set_method(static_cast<v1::DecompositionMethod>(77));
+  message.set_free_side(v1::FREE_SIDE_UNSPECIFIED);
+  const Settings settings = FromProto(message, 1);
+  for (const Setting& setting : kSettings) {
+    EXPECT_EQ(IsKnown(settings, setting), &setting == &kIsovalue) << setting.key;
+  }
+  EXPECT_EQ(settings.method, DecompositionMethod::kTpbcc);
+  EXPECT_EQ(settings.stiffness_n_per_mm, 0.5);
 }
 
 TEST(SdkMessages, NothingToChangeNamesNothing) {
