@@ -53,12 +53,9 @@ Json ToJson(const v1::VolumeDescription& volume) {
           {"warnings", volume.warnings()}};
 }
 
-Json ToJson(const v1::RenderSettings& settings, std::uint64_t settings_revision) {
-  Json json = {{"settings_revision", settings_revision}};
-  json["isovalue"] = settings.has_isovalue() ? Json(settings.isovalue()) : Json();
-  json["normalized_isovalue"] =
-      settings.has_normalized_isovalue() ? Json(settings.normalized_isovalue()) : Json();
-  for (const Setting& setting : kSettings) {
+Json ToJson(const client::Settings& settings) {
+  Json json = {{"settings_revision", settings.revision}};
+  for (const Setting& setting : client::kSettings) {
     json[std::string(setting.key)] = SettingJson(setting, settings);
   }
   return json;
@@ -110,16 +107,16 @@ std::string DescribeWarnings(const v1::VolumeDescription& volume) {
   return text;
 }
 
-std::string Describe(const v1::RenderSettings& settings, std::uint64_t settings_revision) {
+std::string Describe(const client::Settings& settings) {
   std::string text;
-  AppendLine(text, "settings", fmt::format("revision {}", settings_revision));
+  AppendLine(text, "settings", fmt::format("revision {}", settings.revision));
   const std::string normalized =
-      settings.has_normalized_isovalue()
-          ? fmt::format(" (normalised {:g})", settings.normalized_isovalue())
+      client::IsKnown(settings, client::kNormalizedIsovalue)
+          ? fmt::format(" (normalised {:g})", settings.normalized_isovalue)
           : "";
-  AppendLine(text, "", fmt::format("isovalue {:g}{}", settings.isovalue(), normalized));
+  AppendLine(text, "", fmt::format("isovalue {:g}{}", settings.isovalue, normalized));
   std::string off;
-  for (const Setting& setting : kSettings) {
+  for (const Setting& setting : client::kHapticSettings) {
     if (SettingJson(setting, settings).is_null()) continue;  // of an older daemon
     if (IsOff(setting, settings)) {
       off += (off.empty() ? "off: " : ", ") + std::string(setting.name);

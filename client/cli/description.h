@@ -5,9 +5,9 @@
 #include <string>
 #include <string_view>
 
+#include "client/sdk/settings.h"
 #include "palpate/v1/device.pb.h"
 #include "palpate/v1/geometry.pb.h"
-#include "palpate/v1/render.pb.h"
 #include "palpate/v1/volume.pb.h"
 
 namespace palpate::cli {
@@ -19,7 +19,7 @@ using Json = nlohmann::ordered_json;
 Json ToJson(const v1::Vector3& vector);
 Json ToJson(const v1::ServoDescription& servo);
 Json ToJson(const v1::VolumeDescription& volume);
-Json ToJson(const v1::RenderSettings& settings, std::uint64_t settings_revision);
+Json ToJson(const client::Settings& settings);
 
 // Appends a line, its content behind a column with its subject.
 void AppendLine(std::string& text, std::string_view subject, std::string_view content);
@@ -28,7 +28,7 @@ void AppendLine(std::string& text, std::string_view subject, std::string_view co
 // those that are off share a line.
 std::string Describe(const v1::ServoDescription& servo);
 std::string Describe(const v1::VolumeDescription& volume);
-std::string Describe(const v1::RenderSettings& settings, std::uint64_t settings_revision);
+std::string Describe(const client::Settings& settings);
 // What the import of the volume warned of; empty: of nothing.
 std::string DescribeWarnings(const v1::VolumeDescription& volume);
 

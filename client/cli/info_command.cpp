@@ -4,6 +4,7 @@
 #include "client/cli/description.h"
 #include "client/cli/device_description.h"
 #include "client/cli/output.h"
+#include "client/sdk/setting_messages.h"
 #include "common/error/one_line.h"
 #include "palpate/v1/device.grpc.pb.h"
 #include "palpate/v1/render.grpc.pb.h"
@@ -12,9 +13,11 @@
 namespace palpate::cli {
 namespace {
 
-v1::GetSettingsResponse GetSettings(const Connection& connection) {
-  return connection.Call(*v1::RenderService::NewStub(connection.channel()),
-                         &v1::RenderService::Stub::GetSettings, v1::GetSettingsRequest());
+client::Settings GetSettings(const Connection& connection) {
+  const v1::GetSettingsResponse response =
+      connection.Call(*v1::RenderService::NewStub(connection.channel()),
+                      &v1::RenderService::Stub::GetSettings, v1::GetSettingsRequest());
+  return client::FromProto(response.settings(), response.settings_revision());
 }
 
 }  // namespace
@@ -28,31 +31,25 @@ void PrintInfo(const Connection& connection, bool json) {
           .Call(*v1::VolumeService::NewStub(connection.channel()),
                 &v1::VolumeService::Stub::GetVolume, v1::GetVolumeRequest())
           .volume();
-  const v1::GetSettingsResponse settings = GetSettings(connection);
+  const client::Settings settings = GetSettings(connection);
   if (json) {
-    const Json info = {{"version", device.servo().version()},
-                       {"server", connection.name()},
-                       {"caller", ToJson(device.caller())},
-                       {"device", ToJson(device.device())},
-                       {"health", ToJson(device.health())},
-                       {"forces", ToJson(device.forces())},
-                       {"servo", ToJson(device.servo())},
-                       {"volume", ToJson(volume)},
-                       {"settings", ToJson(settings.settings(), settings.settings_revision())}};
+    const Json info = {{"version", device.servo().version()}, {"server", connection.name()},
+                       {"caller", ToJson(device.caller())},   {"device", ToJson(device.device())},
+                       {"health", ToJson(device.health())},   {"forces", ToJson(device.forces())},
+                       {"servo", ToJson(device.servo())},     {"volume", ToJson(volume)},
+                       {"settings", ToJson(settings)}};
     WriteOutput(ToText(info, 2));
     return;
   }
   WriteOutput("palpated " + OneLine(device.servo().version()) + " at " + connection.name() + "\n" +
               Describe(device.caller()) + Describe(device.device()) + Describe(device.health()) +
               Describe(device.forces()) + Describe(device.servo()) + Describe(volume) +
-              DescribeWarnings(volume) +
-              Describe(settings.settings(), settings.settings_revision()));
+              DescribeWarnings(volume) + Describe(settings));
 }
 
 void PrintSettings(const Connection& connection, bool json) {
-  const v1::GetSettingsResponse response = GetSettings(connection);
-  WriteOutput(json ? ToText(ToJson(response.settings(), response.settings_revision()))
-                   : Describe(response.settings(), response.settings_revision()));
+  const client::Settings settings = GetSettings(connection);
+  WriteOutput(json ? ToText(ToJson(settings)) : Describe(settings));
 }
 
 }  // namespace palpate::cli

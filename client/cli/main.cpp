@@ -83,34 +83,26 @@ struct SetValues {
   bool normalized = false;
 };
 
-std::string ListOfSettings() {
-  std::string text = "KEY, with or without its unit (stiffness, stiffness_n_per_mm):\n";
-  const auto append = [&text](const Setting& setting) {
-    text += fmt::format("  {:<20}{}; {}\n", setting.name, setting.values, setting.about);
-  };
-  append(kIsovalue);
-  append(kNormalizedIsovalue);
-  for (const Setting& setting : kSettings) append(setting);
-  return text;
-}
-
 void TakeSetting(SetValues& values) {
   const Setting* setting = FindSetting(values.key);
   if (!setting) throw arguments::UsageError("there is no setting '" + values.key + "'");
   if (values.normalized) {
-    if (setting != &kIsovalue) throw arguments::UsageError("--normalized is for the isovalue");
-    setting = &kNormalizedIsovalue;
+    if (setting != &client::kIsovalue) {
+      throw arguments::UsageError("--normalized is for the isovalue");
+    }
+    setting = &client::kNormalizedIsovalue;
   }
-  if (!StoreSetting(*setting, values.value, values.options.settings)) {
+  if (!StoreSetting(*setting, values.value, values.options.update)) {
     throw arguments::UsageError(
-        fmt::format("{} cannot be '{}': give {}", setting->name, values.value, setting->values));
+        fmt::format("{} cannot be '{}': give {}", setting->name, values.value, ValuesOf(*setting)));
   }
-  values.options.field = setting->key;
+  values.options.setting = setting;
 }
 
 void AddSet(arguments::Command& app, Invocation& invocation, SetValues& values) {
   arguments::Command* command = app.add_subcommand("set", "Changes what is felt, at one tick");
-  SetFooter(*command, ListOfSettings() +
+  SetFooter(*command, "KEY, with or without its unit (stiffness, stiffness_n_per_mm):\n" +
+                          ListOfSettings() +
                           "Examples: palpate set isovalue -200\n"
                           "          palpate set isovalue --normalized 0.4\n"
                           "          palpate set stiffness 0.8");
@@ -120,7 +112,7 @@ void AddSet(arguments::Command& app, Invocation& invocation, SetValues& values) 
   command->add_option("value", values.value, "Its new value")->required()->option_text("VALUE");
   command->add_flag("--normalized", values.normalized,
                     "The isovalue is given over the volume's range at load, 0 to 1");
-  command->add_option("--expected-revision", values.options.expected_revision,
+  command->add_option("--expected-revision", values.options.update.expected_revision,
                       "Change it only on top of this settings revision, else exit with 7");
   command->add_flag("--json", values.options.json, "One JSON object instead of text");
   command->callback([&invocation, &values] {

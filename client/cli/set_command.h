@@ -1,10 +1,9 @@
 // `palpate set ...`.
 #pragma once
 
-#include <cstdint>
-#include <optional>
 #include <string>
 
+#include "client/cli/setting.h"
 #include "palpate/v1/render.pb.h"
 
 namespace palpate::cli {
@@ -13,10 +12,9 @@ class Connection;
 
 // One setting to change.
 struct SetOptions {
-  v1::RenderSettings settings;
-  // Name of the field of `settings` that is set.
-  std::string field;
-  std::optional<std::uint64_t> expected_revision;
+  // Of all settings this one, and what it is expected to be on top of.
+  const Setting* setting = nullptr;
+  client::SettingsUpdate update;
   bool json = false;
 };
 
@@ -27,6 +25,6 @@ void ChangeSetting(const Connection& connection, const SetOptions& options);
 
 // Such as "isovalue 40.8 applied at tick 123456, settings revision 7, 1.2 ms
 // after receipt". Pure.
-std::string DescribeChange(const std::string& field, const v1::UpdateSettingsResponse& response);
+std::string DescribeChange(const Setting& setting, const v1::UpdateSettingsResponse& response);
 
 }  // namespace palpate::cli

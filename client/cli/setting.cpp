@@ -1,43 +1,20 @@
 #include "client/cli/setting.h"
 
 #include <fmt/core.h>
-#include <google/protobuf/descriptor.h>
 
 #include <algorithm>
 #include <charconv>
 #include <cmath>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <variant>
 
 namespace palpate::cli {
 namespace {
 
-using google::protobuf::EnumDescriptor;
-using google::protobuf::EnumValueDescriptor;
-using google::protobuf::FieldDescriptor;
-
-const FieldDescriptor* Field(const Setting& setting) {
-  return v1::RenderSettings::descriptor()->FindFieldByName(std::string(setting.key));
-}
-
-// FREE_SIDE_BELOW is "below", DECOMPOSITION_METHOD_TPBCC_PUBLISHED is
-// "tpbcc-published"; each enumeration begins with its ..._UNSPECIFIED.
-std::string NameOf(const EnumValueDescriptor& value) {
-  const std::string& first = value.type()->value(0)->name();
-  std::string name = value.name().substr(first.size() - std::string_view("UNSPECIFIED").size());
-  std::transform(name.begin(), name.end(), name.begin(), [](char letter) {
-    return letter == '_' ? '-' : static_cast<char>(letter | 0x20);  // lower case in ASCII
-  });
-  return name;
-}
-
-// Null: none of that name.
-const EnumValueDescriptor* ValueNamed(const EnumDescriptor& type, const std::string& name) {
-  for (int n = 1; n < type.value_count(); ++n) {
-    if (NameOf(*type.value(n)) == name) return type.value(n);
-  }
-  return nullptr;
-}
+using client::ChoiceSetting;
+using client::FlagSetting;
+using client::NumberSetting;
 
 std::optional<double> ParseNumber(const std::string& text) {
   double value = 0.0;
@@ -53,62 +30,102 @@ std::optional<bool> ParseFlag(const std::string& text) {
   return std::nullopt;
 }
 
+// Puts a text into an update; false: it is no value.
+struct Store {
+  const std::string& text;
+  client::SettingsUpdate& update;
+
+  bool operator()(const NumberSetting& number) const {
+    const std::optional<double> value = ParseNumber(text);
+    if (value) update.*number.update = value;
+    return value.has_value();
+  }
+  bool operator()(const FlagSetting& flag) const {
+    const std::optional<bool> value = ParseFlag(text);
+    if (value) update.*flag.update = value;
+    return value.has_value();
+  }
+  bool operator()(const ChoiceSetting& choice) const {
+    const auto word = std::find(choice.words.begin(), choice.words.end(), text);
+    if (word == choice.words.end()) return false;
+    choice.update(update, static_cast<std::size_t>(word - choice.words.begin()));
+    return true;
+  }
+};
+
+struct ToJson {
+  const client::Settings& settings;
+
+  nlohmann::ordered_json operator()(const NumberSetting& number) const {
+    return settings.*number.member;
+  }
+  nlohmann::ordered_json operator()(const FlagSetting& flag) const { return settings.*flag.member; }
+  nlohmann::ordered_json operator()(const ChoiceSetting& choice) const {
+    return choice.words[choice.get(settings)];
+  }
+};
+
+std::string WithUnit(const std::string& text, const Setting& setting) {
+  return setting.unit.empty() ? text : fmt::format("{} {}", text, setting.unit);
+}
+
 }  // namespace
 
 const Setting* FindSetting(std::string_view name) {
-  const auto matches = [name](const Setting& s) { return s.name == name || s.key == name; };
-  for (const Setting* isovalue : {&kIsovalue, &kNormalizedIsovalue}) {
-    if (matches(*isovalue)) return isovalue;
-  }
-  const auto found = std::find_if(kSettings.begin(), kSettings.end(), matches);
-  return found == kSettings.end() ? nullptr : &*found;
+  const auto found =
+      std::find_if(client::kSettings.begin(), client::kSettings.end(),
+                   [name](const Setting& s) { return s.name == name || s.key == name; });
+  return found == client::kSettings.end() ? nullptr : &*found;
 }
 
-bool StoreSetting(const Setting& setting, const std::string& text, v1::RenderSettings& settings) {
-  const FieldDescriptor* field = Field(setting);
-  const auto& fields = *settings.GetReflection();
-  if (field->cpp_type() == FieldDescriptor::CPPTYPE_DOUBLE) {
-    const std::optional<double> number = ParseNumber(text);
-    if (number) fields.SetDouble(&settings, field, *number);
-    return number.has_value();
-  }
-  if (field->cpp_type() == FieldDescriptor::CPPTYPE_BOOL) {
-    const std::optional<bool> flag = ParseFlag(text);
-    if (flag) fields.SetBool(&settings, field, *flag);
-    return flag.has_value();
-  }
-  const EnumValueDescriptor* value = ValueNamed(*field->enum_type(), text);
-  if (value) fields.SetEnum(&settings, field, value);
-  return value != nullptr;
+std::vector<std::string_view> WordsOf(const Setting& setting) {
+  if (std::holds_alternative<FlagSetting>(setting.kind)) return {"on", "off"};
+  const auto* choice = std::get_if<ChoiceSetting>(&setting.kind);
+  if (!choice) return {};
+  return {choice->words.begin(), choice->words.end()};
 }
 
-nlohmann::ordered_json SettingJson(const Setting& setting, const v1::RenderSettings& settings) {
-  const FieldDescriptor* field = Field(setting);
-  const auto& fields = *settings.GetReflection();
-  if (!fields.HasField(settings, field)) return nullptr;
-  switch (field->cpp_type()) {
-    case FieldDescriptor::CPPTYPE_DOUBLE:
-      return fields.GetDouble(settings, field);
-    case FieldDescriptor::CPPTYPE_BOOL:
-      return fields.GetBool(settings, field);
-    default:
-      // A newer daemon may have values that are unknown here.
-      const EnumValueDescriptor* value =
-          field->enum_type()->FindValueByNumber(fields.GetEnumValue(settings, field));
-      return value ? NameOf(*value) : "unknown";
+std::string ValuesOf(const Setting& setting) {
+  if (const auto* number = std::get_if<NumberSetting>(&setting.kind)) {
+    if (!std::isfinite(number->maximum)) return "a number";
+    return WithUnit(fmt::format("{:g} to {:g}", number->minimum, number->maximum), setting);
   }
+  const std::vector<std::string_view> words = WordsOf(setting);
+  std::string text;
+  for (std::size_t n = 0; n < words.size(); ++n) {
+    if (n > 0) text += n + 1 < words.size() ? ", " : " or ";
+    text += words[n];
+  }
+  return text;
 }
 
-std::string DescribeSetting(const Setting& setting, const v1::RenderSettings& settings) {
+std::string ListOfSettings() {
+  std::string text;
+  for (const Setting& setting : client::kSettings) {
+    text += fmt::format("  {:<20}{}; {}\n", setting.name, ValuesOf(setting), setting.help);
+  }
+  return text;
+}
+
+bool StoreSetting(const Setting& setting, const std::string& text, client::SettingsUpdate& update) {
+  return std::visit(Store{text, update}, setting.kind);
+}
+
+nlohmann::ordered_json SettingJson(const Setting& setting, const client::Settings& settings) {
+  if (!client::IsKnown(settings, setting)) return nullptr;
+  return std::visit(ToJson{settings}, setting.kind);
+}
+
+std::string DescribeSetting(const Setting& setting, const client::Settings& settings) {
   const nlohmann::ordered_json value = SettingJson(setting, settings);
   std::string text = "unknown";
-  if (value.is_number()) text = fmt::format("{:.9g}{}", value.get<double>(), setting.unit);
+  if (value.is_number()) text = WithUnit(fmt::format("{:.9g}", value.get<double>()), setting);
   if (value.is_boolean()) text = value.get<bool>() ? "on" : "off";
   if (value.is_string()) text = value.get<std::string>();
   return fmt::format("{} {}", setting.name, text);
 }
 
-bool IsOff(const Setting& setting, const v1::RenderSettings& settings) {
+bool IsOff(const Setting& setting, const client::Settings& settings) {
   const nlohmann::ordered_json value = SettingJson(setting, settings);
   return value == 0.0 || value == false;
 }

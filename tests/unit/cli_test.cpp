@@ -20,6 +20,7 @@
 #include "client/cli/watch_command.h"
 #include "client/cli/watch_statistics.h"
 #include "client/cli/watch_view.h"
+#include "client/sdk/setting_messages.h"
 #include "common/error/one_line.h"
 #include "tests/support/temporary_folder.h"
 
@@ -317,7 +318,7 @@ TEST(DescriptionTest, PathsThatAreNotUtf8StillGiveJson) {
 TEST(DescriptionTest, UnsetSettingsAreNull) {
   v1::RenderSettings settings;
   settings.set_isovalue(0.0);
-  const Json json = ToJson(settings, 3);
+  const Json json = ToJson(client::FromProto(settings, 3));
   EXPECT_EQ(json["isovalue"], 0.0);
   EXPECT_TRUE(json["normalized_isovalue"].is_null());
   EXPECT_EQ(json["settings_revision"], 3);
@@ -331,11 +332,12 @@ TEST(SetTest, SaysWhatWasAppliedWhen) {
   response.set_settings_revision(7);
   response.set_applied_tick(123456);
   response.set_receipt_to_applied_ns(1'200'000);
-  EXPECT_EQ(DescribeChange("isovalue", response),
+  EXPECT_EQ(DescribeChange(*FindSetting("isovalue"), response),
             "isovalue 40.8 applied at tick 123456, settings revision 7, 1.2 ms after receipt");
-  EXPECT_EQ(DescribeChange("normalized_isovalue", response).rfind("isovalue 40.8 (normalised", 0),
+  EXPECT_EQ(DescribeChange(*FindSetting("normalized_isovalue"), response)
+                .rfind("isovalue 40.8 (normalised", 0),
             0u);
-  EXPECT_EQ(DescribeChange("method", response).rfind("method bcc applied", 0), 0u);
+  EXPECT_EQ(DescribeChange(*FindSetting("method"), response).rfind("method bcc applied", 0), 0u);
 }
 
 TEST(ConnectionTest, ATokenThatOthersMayReadIsWarnedOf) {
