@@ -207,19 +207,39 @@ TEST_F(ViewLive, AProblemIsSaidForAWhile) {
   EXPECT_TRUE(Follow(feed, [&] { return !feed.commands().problem().empty(); }));
 }
 
-// A setting that is new does not compile here until it is named, and then fails until
-// it is merged.
-TEST(ViewCommands, EverySettingIsMerged) {
-  const auto all = [](client::SettingsUpdate& update, const auto& use) {
-    auto& [a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p, q, r, s] = update;
-    use(a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p, q, r, s);
+// Whether an update has every setting of the list.
+bool HasAll(const client::SettingsUpdate& update) {
+  const auto has = [&update](const auto& kind) {
+    if constexpr (requires { kind.updated; }) {
+      return kind.updated(update).has_value();
+    } else {
+      return (update.*kind.update).has_value();
+    }
   };
+  return std::all_of(client::kSettings.begin(), client::kSettings.end(),
+                     [&](const client::Setting& s) { return std::visit(has, s.kind); });
+}
+
+TEST(ViewCommands, EverySettingIsMerged) {
   client::SettingsUpdate newer, waiting;
-  all(newer, [](auto&... setting) { (setting.emplace(), ...); });
+  const auto put = [&newer](const auto& kind) {
+    if constexpr (requires { kind.updated; }) {
+      kind.update(newer, kind.words.size() - 1);
+    } else {
+      (newer.*kind.update).emplace();
+    }
+  };
+  for (const client::Setting& setting : client::kSettings) {
+    EXPECT_FALSE(HasAll(newer)) << setting.key;
+    std::visit(put, setting.kind);
+  }
+  newer.expected_revision = 1;
   Merge(newer, waiting);
-  all(waiting, [](auto&... setting) { EXPECT_TRUE((setting.has_value() && ...)); });
+  EXPECT_TRUE(HasAll(waiting));
+  EXPECT_EQ(waiting.free_side, client::FreeSide::kAbove);
   Merge({}, waiting);
-  all(waiting, [](auto&... setting) { EXPECT_TRUE((setting.has_value() && ...)); });
+  EXPECT_TRUE(HasAll(waiting));
+  EXPECT_EQ(waiting.expected_revision, 1u);
   Merge({.isovalue = 3.0, .stiffness_n_per_mm = 0.5}, waiting);
   EXPECT_EQ(waiting.isovalue, 3.0);
   EXPECT_FALSE(waiting.normalized_isovalue);

@@ -1,55 +1,51 @@
+#include <optional>
+#include <string>
+#include <variant>
+
 #include "client/view/app/panels.h"
 #include "client/view/app/widgets.h"
+#include "client/view/live/setting_control.h"
 
 namespace palpate::view {
 namespace {
 
-using Number = std::optional<double> client::SettingsUpdate::*;
-using Flag = std::optional<bool> client::SettingsUpdate::*;
+// Draws the control of a setting; what the user changed is in `update`.
+struct Control {
+  Viewer& viewer;
+  const client::Setting& setting;
+  const client::Settings& settings;
+  client::SettingsUpdate& update;
 
-void Slider(Viewer& viewer, const char* label, Number key, double value, double most,
-            const char* format) {
-  if (!HeldSlider(viewer, label, value, 0.0, most, format)) return;
-  client::SettingsUpdate update;
-  update.*key = value;
-  viewer.feed().commands().Set(update);
-}
-
-void Check(Viewer& viewer, const char* label, Flag key, bool value) {
-  if (!HeldCheckbox(viewer, label, value)) return;
-  client::SettingsUpdate update;
-  update.*key = value;
-  viewer.feed().commands().Set(update);
-}
-
-void EditEffects(Viewer& viewer, const client::Settings& s) {
-  using Update = client::SettingsUpdate;
-  Slider(viewer, "Stiffness", &Update::stiffness_n_per_mm, s.stiffness_n_per_mm, 3.0, "%.2f N/mm");
-  Slider(viewer, "Damping", &Update::damping_n_s_per_m, s.damping_n_s_per_m, 5.0,
-         "%.2f N\xC2\xB7s/m");
-  Slider(viewer, "Static friction", &Update::static_friction, s.static_friction, 2.0, "%.2f");
-  Slider(viewer, "Sliding friction", &Update::dynamic_friction, s.dynamic_friction, 2.0, "%.2f");
-  Slider(viewer, "Viscosity", &Update::viscosity_n_s_per_m, s.viscosity_n_s_per_m, 5.0,
-         "%.2f N\xC2\xB7s/m");
-  Slider(viewer, "Pops through at", &Update::pop_force_n, s.pop_force_n, 3.3, "%.2f N");
-  Slider(viewer, "Magnet", &Update::magnet_force_n, s.magnet_force_n, 1.5, "%.2f N");
-  Slider(viewer, "Magnet's range", &Update::magnet_range_mm, s.magnet_range_mm, 10.0, "%.1f mm");
-  Check(viewer, "Force shading", &Update::force_shading, s.force_shading);
-  Check(viewer, "Passivity control", &Update::passivity_control, s.passivity_control);
-}
-
-void EditTools(Viewer& viewer, const client::Settings& s) {
-  using Update = client::SettingsUpdate;
-  Check(viewer, "Button 0 carves", &Update::carve_tool, s.carve_tool);
-  if (s.carve_tool) {
-    Slider(viewer, "Carve radius", &Update::carve_radius_mm, s.carve_radius_mm, 20.0, "%.1f mm");
+  // Labels end with \0, as all texts of the list.
+  bool operator()(const client::NumberSetting& number) const {
+    double value = settings.*number.member;
+    const bool changed = HeldSlider(viewer, setting.label.data(), value, number.minimum,
+                                    number.maximum, SliderFormat(setting).c_str());
+    if (changed) update.*number.update = value;
+    return changed;
   }
-  Check(viewer, "Button 1 moves the volume", &Update::clutch_tool, s.clutch_tool);
-  bool above = s.free_side == client::FreeSide::kAbove;
-  if (HeldCheckbox(viewer, "Free above the isovalue", above)) {
-    viewer.feed().commands().Set(
-        {.free_side = above ? client::FreeSide::kAbove : client::FreeSide::kBelow});
+  bool operator()(const client::FlagSetting& flag) const {
+    bool value = settings.*flag.member;
+    const bool changed = HeldCheckbox(viewer, setting.label.data(), value);
+    if (changed) update.*flag.update = value;
+    return changed;
   }
+  bool operator()(const client::ChoiceSetting& choice) const {
+    std::size_t place = choice.get(settings);
+    const bool changed = HeldChoice(viewer, setting.label.data(), place, choice.words);
+    if (changed) choice.update(update, place);
+    return changed;
+  }
+};
+
+void EditSetting(Viewer& viewer, const client::Setting& setting, const client::Settings& settings) {
+  client::SettingsUpdate update;
+  const bool changed = std::visit(Control{viewer, setting, settings, update}, setting.kind);
+  // Not under the hand that drags.
+  if (ImGui::IsItemHovered() && !ImGui::IsItemActive()) {
+    ImGui::SetTooltip("%s", setting.help.data());
+  }
+  if (changed) viewer.feed().commands().Set(update);
 }
 
 }  // namespace
@@ -59,8 +55,9 @@ void FeelPanel(Viewer& viewer) {
   const auto& settings = viewer.feed().settings();
   if (!settings) return;
   BeginAllowed(viewer, client::Role::kEditor);
-  EditEffects(viewer, *settings);
-  EditTools(viewer, *settings);
+  for (const client::Setting& setting : client::kHapticSettings) {
+    if (IsShown(setting, *settings)) EditSetting(viewer, setting, *settings);
+  }
   EndAllowed();
 }
 

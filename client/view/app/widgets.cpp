@@ -60,6 +60,23 @@ bool HeldCheckbox(Viewer& viewer, const char* label, bool& value) {
   return changed;
 }
 
+bool HeldChoice(Viewer& viewer, const char* label, std::size_t& place,
+                std::span<const std::string_view> words) {
+  const ImGuiID id = ImGui::GetID(label);
+  place = static_cast<std::size_t>(viewer.held().Shown(id, static_cast<double>(place)));
+  bool changed = false;
+  if (ImGui::BeginCombo(label, std::string(words[place]).c_str())) {
+    for (std::size_t n = 0; n < words.size(); ++n) {
+      if (!ImGui::Selectable(std::string(words[n]).c_str(), n == place)) continue;
+      changed = n != place;
+      place = n;
+    }
+    ImGui::EndCombo();
+  }
+  viewer.held().Update(id, static_cast<double>(place), changed, false);
+  return changed;
+}
+
 const char* NameOf(client::Role role) {
   switch (role) {
     case client::Role::kUnknown:

@@ -6,7 +6,9 @@
 #include <imgui.h>
 
 #include <array>
+#include <cstddef>
 #include <cstdint>
+#include <span>
 #include <string>
 #include <string_view>
 
@@ -33,6 +35,9 @@ void UnitText(const std::string& unit);
 bool HeldSlider(Viewer& viewer, const char* label, double& value, double least, double most,
                 const char* format);
 bool HeldCheckbox(Viewer& viewer, const char* label, bool& value);
+// `place` among `words`.
+bool HeldChoice(Viewer& viewer, const char* label, std::size_t& place,
+                std::span<const std::string_view> words);
 
 // "viewer".
 const char* NameOf(client::Role role);

@@ -1,15 +1,28 @@
 #include "client/view/live/commands.h"
 
 #include <exception>
+#include <optional>
 #include <utility>
+#include <variant>
 
 namespace palpate::view {
 namespace {
 
-template <typename T>
-void Merge(const std::optional<T>& newer, std::optional<T>& waiting) {
-  if (newer) waiting = newer;
-}
+// Takes over what another update says of a setting.
+struct MergeOne {
+  const client::SettingsUpdate& newer;
+  client::SettingsUpdate& waiting;
+
+  void operator()(const client::ChoiceSetting& choice) const {
+    if (const std::optional<std::size_t> place = choice.updated(newer)) {
+      choice.update(waiting, *place);
+    }
+  }
+  // A number or a flag.
+  void operator()(const auto& setting) const {
+    if (newer.*setting.update) waiting.*setting.update = newer.*setting.update;
+  }
+};
 
 }  // namespace
 
@@ -19,23 +32,10 @@ void Merge(const client::SettingsUpdate& newer, client::SettingsUpdate& waiting)
     waiting.isovalue = newer.isovalue;
     waiting.normalized_isovalue = newer.normalized_isovalue;
   }
-  Merge(newer.stiffness_n_per_mm, waiting.stiffness_n_per_mm);
-  Merge(newer.damping_n_s_per_m, waiting.damping_n_s_per_m);
-  Merge(newer.method, waiting.method);
-  Merge(newer.static_friction, waiting.static_friction);
-  Merge(newer.dynamic_friction, waiting.dynamic_friction);
-  Merge(newer.viscosity_n_s_per_m, waiting.viscosity_n_s_per_m);
-  Merge(newer.pop_force_n, waiting.pop_force_n);
-  Merge(newer.magnet_force_n, waiting.magnet_force_n);
-  Merge(newer.magnet_range_mm, waiting.magnet_range_mm);
-  Merge(newer.force_shading, waiting.force_shading);
-  Merge(newer.passivity_control, waiting.passivity_control);
-  Merge(newer.free_side, waiting.free_side);
-  Merge(newer.carve_tool, waiting.carve_tool);
-  Merge(newer.carve_radius_mm, waiting.carve_radius_mm);
-  Merge(newer.carve_rate_per_s, waiting.carve_rate_per_s);
-  Merge(newer.clutch_tool, waiting.clutch_tool);
-  Merge(newer.expected_revision, waiting.expected_revision);
+  for (const client::Setting& setting : client::kHapticSettings) {
+    std::visit(MergeOne{newer, waiting}, setting.kind);
+  }
+  if (newer.expected_revision) waiting.expected_revision = newer.expected_revision;
 }
 
 Commands::Commands(client::Client& client) : client_(client), thread_([this] { Run(); }) {}
