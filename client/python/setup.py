@@ -1,4 +1,4 @@
-"""Builds the package, and with it the messages and stubs of palpate.v1.
+"""Builds the package, and with it the messages and stubs of palpate.v1 and the list of settings.
 
 protoc names the modules that it writes after the proto package: palpate/v1/
 pose_pb2.py begins with `from palpate.v1 import device_pb2`. So they go where these
@@ -34,10 +34,14 @@ class BuildWithStubs(build_py):
             raise SystemExit(f"palpate: no messages in {PROTO}: build in a checkout of the project")
         plugin = program("grpc_python_plugin", "protobuf-compiler-grpc")
         out = pathlib.Path(self.build_lib).resolve()
+        protoc = [program("protoc", "protobuf-compiler"), f"--proto_path={PROTO}"]
         subprocess.run(
-            [program("protoc", "protobuf-compiler"), f"--proto_path={PROTO}",
-             f"--python_out={out}", f"--pyi_out={out}", f"--grpc_python_out={out}",
+            [*protoc, f"--python_out={out}", f"--pyi_out={out}", f"--grpc_python_out={out}",
              f"--plugin=protoc-gen-grpc_python={plugin}", *map(str, protos)], check=True)
+        subprocess.run(
+            [*protoc, f"--plugin=protoc-gen-settings={PROTO}/settings/protoc-gen-settings",
+             f"--settings_out={out}", "--settings_opt=python", "palpate/v1/render.proto"],
+            check=True)
 
 
 setup(cmdclass={"build_py": BuildWithStubs})

@@ -1,26 +1,32 @@
 """Settings as attributes, and what the server says against them."""
 
+import inspect
 import unittest
 
 import numpy as np
 
 import palpate
-from palpate.v1 import device_pb2, pose_pb2, render_pb2
+from palpate.v1 import device_pb2, pose_pb2, render_pb2, setting_pb2
 from support import DaemonTest
+
+
+def another(field):
+    """A value of a setting that is not its default, by the list that is in the contract."""
+    says = field.GetOptions().Extensions[setting_pb2.setting]
+    if field.type == field.TYPE_DOUBLE:
+        return says.minimum + 0.25 * (says.maximum - says.minimum)
+    if field.type == field.TYPE_BOOL:
+        return not says.default_flag
+    return next(value.number for value in reversed(field.enum_type.values)
+                if not value.name.endswith("_" + says.default_choice.upper()))
 
 
 class SettingsTest(DaemonTest):
     def test_every_setting_goes_there_and_comes_back(self):
-        values = {"isovalue": 0.25, "stiffness_n_per_mm": 0.75, "damping_n_s_per_m": 1.5,
-                  "method": palpate.DecompositionMethod.BCC, "static_friction": 0.5,
-                  "dynamic_friction": 0.25, "viscosity_n_s_per_m": 0.5, "pop_force_n": 2.5,
-                  "magnet_force_n": 0.5, "magnet_range_mm": 4.0, "force_shading": True,
-                  "passivity_control": True, "free_side": palpate.FreeSide.ABOVE,
-                  "carve_tool": True, "carve_radius_mm": 3.0, "carve_rate_per_s": -1.0,
-                  "clutch_tool": True, "normalized_isovalue": 0.5}
-        names = [field.name for field in render_pb2.RenderSettings.DESCRIPTOR.fields]
-        self.assertEqual(sorted(values), sorted(names))
-        self.assertEqual(sorted(self.conn.settings.all()), sorted(names))
+        fields = render_pb2.RenderSettings.DESCRIPTOR.fields
+        values = {field.name: another(field) for field in fields} | {"isovalue": 0.25}
+        self.assertEqual(sorted(self.conn.settings.all()), sorted(values))
+        self.assertEqual(values["carve_rate_per_s"], -10.0)
         before = self.conn.settings.all()
         with self.daemon.connect() as other:
             for name, value in values.items():
@@ -29,6 +35,18 @@ class SettingsTest(DaemonTest):
         before.pop("normalized_isovalue")
         self.conn.settings.update(**before)
         self.assertEqual({name: self.conn.settings.all()[name] for name in before}, before)
+
+    def test_each_says_its_range_and_default(self):
+        for field in render_pb2.RenderSettings.DESCRIPTOR.fields:
+            says = field.GetOptions().Extensions[setting_pb2.setting]
+            about = inspect.getdoc(getattr(palpate.Settings, field.name))
+            self.assertIn(says.help[1:40], about.replace("\n", " "))
+            self.assertIn(says.unit, about)
+            if says.HasField("maximum"):
+                self.assertIn(f"{says.minimum:g} to {says.maximum:g}", about)
+                self.assertIn(f"default {says.default_number:g}", about)
+        self.assertEqual(inspect.getdoc(palpate.Settings.stiffness_n_per_mm),
+                         "Force per device motion into the surface.\n0 to 3 N/mm; default 0.5")
 
     def test_several_at_one_tick(self):
         with self.conn.poses(1000, 10, waiting=1000) as stream:

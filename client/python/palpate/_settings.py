@@ -1,21 +1,14 @@
 """What is felt, as attributes that the daemon holds."""
 
-import collections.abc
-import contextlib
 import dataclasses
 import typing
 
-import numpy as np
 from google.protobuf import field_mask_pb2
 
-from palpate._enums import DecompositionMethod, FreeSide, Word
-from palpate._errors import InvalidArgument
 from palpate._link import Link
-from palpate._values import number
+from palpate._setting_kinds import Setting
+from palpate._setting_list import SettingList
 from palpate.v1 import render_pb2, render_pb2_grpc
-
-T = typing.TypeVar("T")
-E = typing.TypeVar("E", bound=Word)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -30,53 +23,10 @@ class Applied:
     applied_tick: int
 
 
-class _Setting(typing.Generic[T]):
-    """An attribute of Settings: each access asks the daemon, or tells it."""
-
-    def __init__(self, parse: collections.abc.Callable[[str, typing.Any], T], doc: str) -> None:
-        self.parse = parse
-        self.__doc__ = doc
-
-    def __set_name__(self, owner: type, name: str) -> None:
-        self._name = name
-
-    @typing.overload
-    def __get__(self, settings: None, owner: type) -> "_Setting[T]": ...
-
-    @typing.overload
-    def __get__(self, settings: "Settings", owner: type) -> T: ...
-
-    def __get__(self, settings: "Settings | None", owner: type) -> "T | _Setting[T]":
-        if settings is None:
-            return self
-        return typing.cast(T, settings.all()[self._name])
-
-    def __set__(self, settings: "Settings", value: T) -> None:
-        change: dict[str, typing.Any] = {self._name: value}
-        settings.update(**change)
-
-
-def _switch(name: str, value: typing.Any) -> bool:
-    # Not bool(): that of "off" is True.
-    if not isinstance(value, (bool, np.bool_)):
-        raise InvalidArgument(f"{name} is True or False, not {value!r}")
-    return bool(value)
-
-
-def _choice(kind: type[E]) -> collections.abc.Callable[[str, typing.Any], E]:
-    def parse(name: str, value: typing.Any) -> E:
-        with contextlib.suppress(KeyError, ValueError):
-            if isinstance(value, str):
-                return kind[value.upper().replace("-", "_")]
-            if not isinstance(value, (bool, np.bool_)):
-                return kind(value)
-        raise InvalidArgument(f"{name} is one of {', '.join(map(str, kind))}, not {value!r}")
-    return parse
-
-
-class Settings:
+class Settings(SettingList):
     """The daemon's settings, the same for all clients.
 
+    help(palpate.Settings) lists them with what they do, their units, ranges and defaults.
     Reading an attribute asks the daemon; setting one changes what is felt and returns
     when a tick has used it. Forces and lengths are those of the device. An attribute
     that is none of these is an AttributeError. A choice reads as a member of its enumeration,
@@ -85,31 +35,6 @@ class Settings:
     """
 
     __slots__ = ("_link", "_stub")
-
-    isovalue = _Setting(number, "Which surface is felt, data units (HU, intensity).")
-    normalized_isovalue = _Setting(
-        number, "The same over the range fixed at load: 0 its minimum, 1 its maximum.")
-    stiffness_n_per_mm = _Setting(number, "Force per motion into the surface, N/mm, 0 to 3.")
-    damping_n_s_per_m = _Setting(
-        number, "Against motion along the surface's normal in contact, N·s/m, 0 to 5.")
-    method = _Setting(_choice(DecompositionMethod), "How cells are cut into tetrahedra.")
-    static_friction = _Setting(number, "Tangential per normal force at rest, 0 to 2.")
-    dynamic_friction = _Setting(number, "The same while sliding, 0 to 2.")
-    viscosity_n_s_per_m = _Setting(number, "Drag on all motion of the stylus, N·s/m, 0 to 5.")
-    pop_force_n = _Setting(
-        number, "Spring force at which the stylus pops through, N, 0 to 3.3; 0: never.")
-    magnet_force_n = _Setting(
-        number, "Greatest pull of the surface on a stylus near it, N, 0 to 1.5; 0: none.")
-    magnet_range_mm = _Setting(number, "Distance up to which it pulls, mm, 0 to 10.")
-    force_shading = _Setting(_switch, "Force along a normal that varies smoothly.")
-    passivity_control = _Setting(_switch, "The surface gives off no more energy than it took in.")
-    free_side = _Setting(_choice(FreeSide), "Side of the isovalue on which the stylus is free.")
-    carve_tool = _Setting(_switch, "The stylus carves while its button 0 is held.")
-    carve_radius_mm = _Setting(number, "Of the sphere that it carves, mm, 0.1 to 20.")
-    carve_rate_per_s = _Setting(
-        number, "Share of the range of values taken away per second, -20 to 20; negative: added.")
-    clutch_tool = _Setting(
-        _switch, "The stylus moves the volume while its button 1 is held, forces off.")
 
     def __init__(self, link: Link) -> None:
         self._link = link
@@ -145,5 +70,5 @@ class Settings:
         return f"<palpate settings: {', '.join(_SETTINGS)}>"
 
 
-_SETTINGS: dict[str, _Setting[typing.Any]] = {
-    name: held for name, held in vars(Settings).items() if isinstance(held, _Setting)}
+_SETTINGS: dict[str, Setting[typing.Any]] = {
+    name: held for name, held in vars(SettingList).items() if isinstance(held, Setting)}

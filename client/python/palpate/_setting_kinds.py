@@ -1,0 +1,65 @@
+"""The kinds of settings: what _setting_list.py, which is written from the contract, is made of."""
+
+import collections.abc
+import contextlib
+import typing
+
+import numpy as np
+
+from palpate._enums import Word
+from palpate._errors import InvalidArgument
+
+T = typing.TypeVar("T")
+E = typing.TypeVar("E", bound=Word)
+
+
+class Held(typing.Protocol):
+    """What holds all settings: palpate.Settings."""
+
+    def all(self) -> dict[str, typing.Any]: ...
+
+    def update(self, **changes: typing.Any) -> typing.Any: ...
+
+
+class Setting(typing.Generic[T]):
+    """An attribute of Settings: each access asks the daemon, or tells it."""
+
+    def __init__(self, parse: collections.abc.Callable[[str, typing.Any], T], doc: str) -> None:
+        self.parse = parse
+        self.__doc__ = doc
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self._name = name
+
+    @typing.overload
+    def __get__(self, settings: None, owner: type) -> "Setting[T]": ...
+
+    @typing.overload
+    def __get__(self, settings: "Held", owner: type) -> T: ...
+
+    def __get__(self, settings: "Held | None", owner: type) -> "T | Setting[T]":
+        if settings is None:
+            return self
+        return typing.cast(T, settings.all()[self._name])
+
+    def __set__(self, settings: "Held", value: T) -> None:
+        change: dict[str, typing.Any] = {self._name: value}
+        settings.update(**change)
+
+
+def switch(name: str, value: typing.Any) -> bool:
+    # Not bool(): that of "off" is True.
+    if not isinstance(value, (bool, np.bool_)):
+        raise InvalidArgument(f"{name} is True or False, not {value!r}")
+    return bool(value)
+
+
+def choice(kind: type[E]) -> collections.abc.Callable[[str, typing.Any], E]:
+    def parse(name: str, value: typing.Any) -> E:
+        with contextlib.suppress(KeyError, ValueError):
+            if isinstance(value, str):
+                return kind[value.upper().replace("-", "_")]
+            if not isinstance(value, (bool, np.bool_)):
+                return kind(value)
+        raise InvalidArgument(f"{name} is one of {', '.join(map(str, kind))}, not {value!r}")
+    return parse
