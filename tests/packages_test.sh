@@ -53,8 +53,10 @@ check_contents() {
   holds palpate-viewer /usr/bin/palpate-view /usr/share/man/man1/palpate-view.1.gz
   holds palpate-client /usr/bin/palpate /usr/share/man/man1/palpate.1.gz
   holds python3-palpate /usr/lib/python3/dist-packages/palpate/__init__.py \
+    /usr/lib/python3/dist-packages/palpate/_setting_list.py \
     /usr/lib/python3/dist-packages/palpate/v1/pose_pb2_grpc.py
   holds libpalpate-client-dev /usr/include/palpate/client/sdk/client.h \
+    /usr/include/palpate/client/sdk/setting_list.h \
     /usr/lib/cmake/palpate-client/palpate-client-config.cmake
   [ "$(dpkg-deb -I "$(package palpate-daemon)" conffiles)" = /etc/palpate/palpated.toml ] ||
     fail "the configuration is no conffile"
