@@ -12,12 +12,15 @@ from palpate._connection import Connection, connect
 from palpate._device import Device, DeviceInfo, Forces, ListedDevice
 from palpate._edits import EditResult, Edits
 from palpate._enums import (DecompositionMethod, DeviceConnection, ForceReason, ForceState,
-                            FreeSide, ProxyMode, VerificationLevel)
+                            FreeSide, ProxyMode, Role, VerificationLevel)
 from palpate._errors import (Cancelled, Conflict, DiskFull, Error, FailedPrecondition, Internal,
                              InvalidArgument, NotFound, PermissionDenied, TooLarge, Unavailable)
+from palpate._follow import LiveVolume
+from palpate._load_options import Raw
+from palpate._placement import Placement
 from palpate._poses import Poses, PoseStream
 from palpate._profiles import Profile, profiles
-from palpate._recording import Recording, RecordingState
+from palpate._recording import Recording, RecordingState, ReplayState
 from palpate._series import Series, SeriesState
 from palpate._settings import Applied, Settings
 from palpate._volume import VolumeAccess, VolumeInfo
@@ -26,10 +29,9 @@ from palpate._volume_copy import Volume
 __all__ = [
     "Applied", "Cancelled", "Conflict", "Connection", "DecompositionMethod", "Device",
     "DeviceConnection", "DeviceInfo", "DiskFull", "EditResult", "Edits", "Error",
-    "FailedPrecondition",
-    "ForceReason", "ForceState", "Forces", "FreeSide", "Internal", "InvalidArgument",
-    "ListedDevice", "NotFound", "PermissionDenied", "PoseStream", "Poses", "Profile",
-    "ProxyMode",
-    "Recording", "RecordingState", "Series", "SeriesState", "Settings", "TooLarge", "Unavailable",
+    "FailedPrecondition", "ForceReason", "ForceState", "Forces", "FreeSide", "Internal",
+    "InvalidArgument", "ListedDevice", "LiveVolume", "NotFound", "PermissionDenied", "Placement",
+    "PoseStream", "Poses", "Profile", "ProxyMode", "Raw", "Recording", "RecordingState",
+    "ReplayState", "Role", "Series", "SeriesState", "Settings", "TooLarge", "Unavailable",
     "VerificationLevel", "Volume", "VolumeAccess", "VolumeInfo", "connect", "profiles",
 ]

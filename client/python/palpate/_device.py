@@ -6,7 +6,7 @@ import typing
 import numpy as np
 import numpy.typing as npt
 
-from palpate._enums import DeviceConnection, ForceReason, ForceState, VerificationLevel
+from palpate._enums import DeviceConnection, ForceReason, ForceState, Role, VerificationLevel
 from palpate._geometry import array_of_vector
 from palpate._link import Link
 from palpate.v1 import device_pb2, device_pb2_grpc
@@ -37,6 +37,9 @@ class DeviceInfo:
     rate_hz: of the servo loop, Hz
     warnings: what the servo could not have and what to do about it
     version: of the daemon
+    identity: serial number and firmware as the device says; empty: unknown
+    caller: whom the daemon takes this connection for, such as "local socket"
+    role: what it may do: each role may do all that the ones before it may
     """
 
     kind: str
@@ -61,6 +64,9 @@ class DeviceInfo:
     ticks: int
     missed_ticks: int
     version: str
+    identity: str
+    caller: str
+    role: Role
 
 
 @dataclasses.dataclass(frozen=True)
@@ -112,7 +118,9 @@ class Device:
             calibrated=health.calibrated, problem=health.problem, forces=_forces_of(answer.forces),
             rate_hz=servo.rate_hz, realtime_scheduling=servo.realtime_scheduling,
             memory_locked=servo.memory_locked, warnings=tuple(servo.warnings), ticks=servo.ticks,
-            missed_ticks=servo.missed_ticks, version=servo.version)
+            missed_ticks=servo.missed_ticks, version=servo.version,
+            identity=health.identity, caller=answer.caller.identity,
+            role=Role(answer.caller.role))
 
     def list(self) -> "list[ListedDevice]":
         """What the daemon's machine has. Opens no device."""
@@ -137,6 +145,15 @@ class Device:
     def stop(self) -> Forces:
         """Emergency stop: zero force within a tick, until forces are enabled again."""
         return self._force_call(self._stub.StopForces, device_pb2.StopForcesRequest())
+
+    def calibrate(self) -> DeviceInfo:
+        """Takes the stylus's place of rest as where it is when it is docked next.
+
+        Errors: InvalidArgument (the device has no such place), FailedPrecondition (the device
+        is not there).
+        """
+        self._link.call(self._stub.CalibrateDevice, device_pb2.CalibrateDeviceRequest())
+        return self.info()
 
     def _force_call(self, method: typing.Any, request: typing.Any) -> Forces:
         return _forces_of(self._link.call(method, request).forces)

@@ -9,8 +9,8 @@ import numpy.typing as npt
 from palpate._errors import InvalidArgument, TooLarge
 from palpate._geometry import Triple, vector_of
 from palpate._link import Link
+from palpate._progress import Progress, result_of
 from palpate._values import number, number_or_none
-from palpate._volume import Progress, result_of
 from palpate.v1 import edit_pb2, volume_pb2_grpc
 
 Operation = typing.Literal["add", "subtract", "set", "smooth", "paint"]
@@ -137,7 +137,8 @@ class Edits:
         box: (least corner, greatest corner), or sphere: (centre, radius), in the frame's unit: the
         voxels that are replaced, without falloff; neither: all. Beyond the volume is the least
         value of its range.
-        progress: called with what is done and the share done, 0 to 1; an exception of it cancels.
+        progress: called with what is done and the share done, 0 to 1; an exception of it cancels,
+        and so does False, which makes this fail with Cancelled.
         Others can edit meanwhile: their edits are filtered too. expected_revision is that at
         which the filter begins.
         Errors: as all edits; Conflict also where another filter runs or another volume is loaded

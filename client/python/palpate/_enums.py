@@ -96,3 +96,16 @@ class VerificationLevel(Word):
     STATE_READ = 4
     FORCE_VERIFIED = 5
     SIMULATED = 6
+
+
+class Role(Word):
+    """What a caller may do: each may do all that the ones before it may.
+
+    A viewer watches. An editor changes settings, voxels and the place. An operator drives the
+    device, loads, saves and records.
+    """
+
+    VIEWER = 1
+    EDITOR = 2
+    OPERATOR = 3
+    ADMIN = 4

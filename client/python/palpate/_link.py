@@ -94,15 +94,26 @@ class Link:
             self._raise_if_closed()
             raise
 
-    def events(self, method: typing.Any,
-               request: typing.Any) -> collections.abc.Iterator[typing.Any]:
-        """What the daemon streams as an answer to one request; a break ends the call."""
+    def begin(self, method: typing.Any, request: typing.Any) -> typing.Any:
+        """A call that has begun, as gRPC gives it."""
         self.check_open()
         try:
-            call = method(request)
+            return method(request)
         except ValueError:
             self._raise_if_closed()
             raise
+
+    def result_of(self, call: typing.Any) -> typing.Any:
+        """The answer to a call that begin() gave. Errors: palpate.Error."""
+        try:
+            return call.result()
+        except grpc.RpcError as failed:
+            raise self._error_of(failed) from None
+
+    def events(self, method: typing.Any, request: typing.Any) -> collections.abc.Generator[
+            typing.Any, None, None]:
+        """What the daemon streams as an answer to one request; a break ends the call."""
+        call = self.begin(method, request)
         try:
             yield from call
         except grpc.RpcError as failed:

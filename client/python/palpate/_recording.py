@@ -1,9 +1,14 @@
 """Recordings of the haptic loop, on the daemon's machine."""
 
+import collections.abc
+import contextlib
 import dataclasses
 import os
 
+from palpate._errors import InvalidArgument
 from palpate._link import Link
+from palpate._progress import tell
+from palpate._values import number
 from palpate.v1 import recording_pb2, recording_pb2_grpc
 
 
@@ -23,6 +28,20 @@ class RecordingState:
     size_bytes: int
     error: str
     left_out: str = ""
+
+
+@dataclasses.dataclass(frozen=True)
+class ReplayState:
+    """How far a replay is.
+
+    ticks: of the recording, played so far
+    lost_ticks: of these, those that the recording does not have
+    marker: text of a marker that was passed just now; empty: none
+    """
+
+    ticks: int
+    lost_ticks: int
+    marker: str
 
 
 def _state_of(recording: recording_pb2.RecordingState) -> RecordingState:
@@ -66,3 +85,29 @@ class Recording:
         text: 1 to 4096 bytes of UTF-8. Conflict when nothing is recorded.
         """
         return int(self._link.call(self._stub.Mark, recording_pb2.MarkRequest(text=text)).time_ns)
+
+    def replay(self, path: str | os.PathLike[str], speed: float = 1.0, *,
+               progress: collections.abc.Callable[[ReplayState], object] | None = None
+               ) -> ReplayState:
+        """Plays a recording to all who watch, forces off; returns its end when it has ended.
+
+        The volume that was recorded must be loaded. What was felt before comes back at the end.
+        path: on the daemon's machine, absolute or relative as in VolumeAccess.load. speed: times
+        real time, above 0 up to 100. progress: called with a ReplayState some times a second and
+        for each marker; where it raises an exception, or returns False, the replay ends. It then
+        fails with that exception, or with Cancelled.
+        Errors: InvalidArgument (no recording), NotFound, PermissionDenied (a folder that the
+        daemon does not load from), Conflict (another volume is loaded; a recording or a replay
+        runs), Cancelled.
+        """
+        speed = number("speed", speed)
+        # 0 in the contract is the usual speed, which is not what a caller means by it.
+        if not 0 < speed <= 100:
+            raise InvalidArgument(f"speed is above 0 and at most 100, not {speed:g}")
+        request = recording_pb2.ReplayRequest(path=self._link.path(path), speed=speed)
+        state = ReplayState(0, 0, "")
+        with contextlib.closing(self._link.events(self._stub.Replay, request)) as events:
+            for event in events:
+                state = ReplayState(event.ticks, event.lost_ticks, event.marker)
+                tell(progress, state)
+        return dataclasses.replace(state, marker="")

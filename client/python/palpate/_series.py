@@ -6,8 +6,9 @@ import os
 
 from palpate._geometry import Triple
 from palpate._link import Link
-from palpate._values import number, number_or_none
-from palpate._volume import Progress, load_options, result_of
+from palpate._load_options import Raw, load_options
+from palpate._progress import Progress, result_of
+from palpate._values import number, number_or_none, switch
 from palpate.v1 import series_pb2, series_pb2_grpc
 
 
@@ -49,21 +50,21 @@ class Series:
     def load(self, sources: str | os.PathLike[str] | collections.abc.Iterable[
             str | os.PathLike[str]], *, isovalue: float | None = None,
              normalized_isovalue: float | None = None, spacing_mm: Triple | None = None,
-             device_mm_per_volume_mm: float | None = None,
-             progress: Progress | None = None) -> SeriesState:
+             device_mm_per_volume_mm: float | None = None, grid: str = "", component: str = "",
+             raw: Raw | None = None, progress: Progress | None = None) -> SeriesState:
         """Loads all frames, puts the first under the stylus and pauses there.
 
         sources: paths on the daemon's machine, in the order of time: files of one frame
         each, or one file with several; a pattern with * and ? comes in the order of the
-        numbers in the names. Relative paths and the rest: as in VolumeAccess.load. Errors: as
-        there.
+        numbers in the names. Relative paths and the rest, which holds for all frames: as in
+        VolumeAccess.load. Errors: as there.
         """
         if isinstance(sources, (str, os.PathLike)):
             sources = [sources]
         request = series_pb2.LoadSeriesRequest(
             sources=[self._link.path(source) for source in sources],
             options=load_options(isovalue, normalized_isovalue, device_mm_per_volume_mm,
-                                 spacing_mm))
+                                 spacing_mm, None, grid, component, raw))
         events = self._link.events(self._stub.LoadSeries, request)
         return _state_of(result_of(events, progress).series)
 
@@ -104,9 +105,9 @@ class Series:
         """loop: begin again at the end; interpolate: blend neighbouring frames in time."""
         request = series_pb2.ControlSeriesRequest()
         if loop is not None:
-            request.loop = loop
+            request.loop = switch("loop", loop)
         if interpolate is not None:
-            request.interpolate = interpolate
+            request.interpolate = switch("interpolate", interpolate)
         return self._control(request)
 
     def _control(self, request: series_pb2.ControlSeriesRequest) -> SeriesState:

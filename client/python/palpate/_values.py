@@ -21,3 +21,11 @@ def number(name: str, value: typing.Any) -> float:
 def number_or_none(name: str, value: typing.Any) -> float | None:
     """None stays. Errors: InvalidArgument."""
     return None if value is None else number(name, value)
+
+
+def switch(name: str, value: typing.Any) -> bool:
+    """Errors: InvalidArgument."""
+    # Not bool(): that of "off" is True.
+    if not isinstance(value, (bool, np.bool_)):
+        raise InvalidArgument(f"{name} is True or False, not {value!r}")
+    return bool(value)

@@ -1,25 +1,23 @@
 """The volume under the stylus: what it is, loading, sending and fetching it."""
 
-import collections.abc
 import dataclasses
 import os
-import typing
-import zlib
+import pathlib
 
 import numpy as np
 import numpy.typing as npt
 
-from palpate._errors import Internal, InvalidArgument
-from palpate._geometry import Triple, array_of_vector, matrix_of_map, three, vector_of
+from palpate._errors import InvalidArgument, NotFound, PermissionDenied
+from palpate._follow import LiveVolume
+from palpate._geometry import Triple, array_of_vector, matrix_of_map, three
 from palpate._link import Link
+from palpate._load_options import Raw, load_options
 from palpate._nrrd import nrrd_of
-from palpate._values import number_or_none
+from palpate._placement import Placement, Quadruple, Turn, place, update_of
+from palpate._progress import Progress, result_of
+from palpate._upload import send_volume
 from palpate._volume_copy import Volume, fetch_volume
 from palpate.v1 import volume_pb2, volume_pb2_grpc
-
-Progress = collections.abc.Callable[[str, float], object]
-
-_CHUNK_BYTES = 1 << 20
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -76,32 +74,6 @@ def info_of(volume: volume_pb2.VolumeDescription) -> VolumeInfo:
         warnings=tuple(volume.warnings))
 
 
-def load_options(isovalue: float | None = None, normalized_isovalue: float | None = None,
-                 device_mm_per_volume_mm: float | None = None, spacing_mm: Triple | None = None,
-                 frame: int | None = None, grid: str = "",
-                 component: str = "") -> volume_pb2.LoadVolumeRequest:
-    if isovalue is not None and normalized_isovalue is not None:
-        raise InvalidArgument("name the isovalue or the normalised one, not both")
-    return volume_pb2.LoadVolumeRequest(
-        isovalue=number_or_none("isovalue", isovalue),
-        normalized_isovalue=number_or_none("normalized_isovalue", normalized_isovalue),
-        device_mm_per_volume_mm=number_or_none("device_mm_per_volume_mm",
-                                               device_mm_per_volume_mm), frame=frame,
-        grid=grid, component=component,
-        spacing_mm=None if spacing_mm is None else vector_of("spacing_mm", spacing_mm))
-
-
-def result_of(events: collections.abc.Iterator[typing.Any],
-              progress: Progress | None) -> typing.Any:
-    """The result at the end of a stream of progress."""
-    for event in events:
-        if event.HasField("result"):
-            return event.result
-        if progress is not None:
-            progress(event.progress.stage, event.progress.fraction)
-    raise Internal("the daemon ended without a result")
-
-
 class VolumeAccess:
     """The volume under the stylus, the same for all clients; Connection.volume.
 
@@ -123,7 +95,8 @@ class VolumeAccess:
     def load(self, source: str | os.PathLike[str], *, isovalue: float | None = None,
              normalized_isovalue: float | None = None, spacing_mm: Triple | None = None,
              device_mm_per_volume_mm: float | None = None, frame: int | None = None,
-             grid: str = "", component: str = "", progress: Progress | None = None) -> VolumeInfo:
+             grid: str = "", component: str = "", raw: Raw | None = None,
+             progress: Progress | None = None) -> VolumeInfo:
         """Replaces the volume by a file of the daemon's machine; returns when it is felt.
 
         source: path of a file or DICOM folder there, or "builtin:NAME[:N]". A relative path
@@ -132,13 +105,15 @@ class VolumeAccess:
         range; neither: the normalised one is kept; 0 of a level set. spacing_mm: (x, y, z)
         instead of the file's. device_mm_per_volume_mm: scale instead of the fitted one. frame:
         of a file with several, from 0. grid: of a .vdb file with several, by name. component:
-        of a grid of vectors, "magnitude", "x", "y" or "z". progress: called with what is done
-        and the share done, 0 to 1.
+        of a grid of vectors, "magnitude", "x", "y" or "z". raw: of a file that holds nothing but
+        voxels. progress: called with what is done, such as "reading", and the share done, 0 to
+        1; where it raises an exception, or returns False, the load is cancelled. It then fails
+        with that exception, or with Cancelled.
         Errors: InvalidArgument (no volume), NotFound, PermissionDenied (a folder that the
         daemon does not load from), TooLarge, Conflict (another load runs).
         """
         request = load_options(isovalue, normalized_isovalue, device_mm_per_volume_mm, spacing_mm,
-                               frame, grid, component)
+                               frame, grid, component, raw)
         text = os.fspath(source)
         request.source = text if text.startswith("builtin:") else self._link.path(text)
         events = self._link.events(self._stub.LoadVolume, request)
@@ -148,7 +123,8 @@ class VolumeAccess:
                world_from_index: npt.ArrayLike | None = None, unit: str = "",
                name: str = "array", isovalue: float | None = None,
                normalized_isovalue: float | None = None,
-               device_mm_per_volume_mm: float | None = None) -> VolumeInfo:
+               device_mm_per_volume_mm: float | None = None,
+               progress: Progress | None = None) -> VolumeInfo:
         """Replaces the volume by an array; returns when it is felt.
 
         values: (nx, ny, nz), indexed [x, y, z], of at most 32-bit integers or floats, data
@@ -164,21 +140,79 @@ class VolumeAccess:
         if matrix.shape != (4, 4):
             raise InvalidArgument("world_from_index is a 4 by 4 matrix")
         header, voxels = nrrd_of(values, matrix, unit)
-        start = volume_pb2.UploadVolumeStart(
-            name=f"{name}.nrrd", size_bytes=len(header) + len(voxels),
-            crc32=zlib.crc32(voxels, zlib.crc32(header)),
-            options=load_options(isovalue, normalized_isovalue, device_mm_per_volume_mm))
-        answer = self._link.call(self._stub.UploadVolume, _upload(start, header, voxels),
-                                 timeout_s=None)
-        return info_of(answer.volume)
+        options = load_options(isovalue, normalized_isovalue, device_mm_per_volume_mm)
+        return info_of(send_volume(self._link, self._stub, f"{name}.nrrd", [header, voxels],
+                                   options, progress))
 
-    def download(self) -> Volume:
+    def upload_file(self, path: str | os.PathLike[str], *, isovalue: float | None = None,
+                    normalized_isovalue: float | None = None, spacing_mm: Triple | None = None,
+                    device_mm_per_volume_mm: float | None = None, frame: int | None = None,
+                    grid: str = "", component: str = "", raw: Raw | None = None,
+                    progress: Progress | None = None) -> VolumeInfo:
+        """Replaces the volume by a file of this program's machine; returns when it is felt.
+
+        path: of any format of one file that load() reads. All of it is held in memory. The
+        rest, and progress, as in load().
+        Errors: as load().
+        """
+        options = load_options(isovalue, normalized_isovalue, device_mm_per_volume_mm, spacing_mm,
+                               frame, grid, component, raw)
+        try:
+            data = pathlib.Path(path).read_bytes()
+        except FileNotFoundError:
+            raise NotFound(f"there is no file {os.fspath(path)}") from None
+        except PermissionError:
+            raise PermissionDenied(f"the file {os.fspath(path)} may not be read") from None
+        except OSError as failed:
+            raise InvalidArgument(f"{os.fspath(path)} cannot be read: {failed.strerror}") from None
+        return info_of(send_volume(self._link, self._stub, pathlib.Path(path).name, [data],
+                                   options, progress))
+
+    def download(self, *, progress: Progress | None = None) -> Volume:
         """A copy of the volume as it is now, with its edits; voxels as the daemon has them,
         float32.
 
+        progress: as in load().
         Errors: Internal (damaged on its way), Unavailable.
         """
-        return fetch_volume(self._link, self._stub)
+        return fetch_volume(self._link, self._stub, progress)
+
+    def follow(self) -> LiveVolume:
+        """A copy that stays equal to the volume while it is edited, loaded and moved.
+
+        It returns at once; LiveVolume.wait() waits for the first copy. Errors: Unavailable (the
+        connection was closed).
+        """
+        return LiveVolume(self._link, self._stub)
+
+    def place(self, *, reset: bool = False, center_mm: Triple | None = None,
+              rotation_wxyz: Quadruple | None = None,
+              device_mm_per_volume_mm: float | None = None,
+              device_mm_per_voxel: float | None = None, cells_per_mm: float | None = None,
+              move_mm: Triple | None = None, turn_deg: Turn | None = None,
+              scale_by: float | None = None,
+              expected_revision: int | None = None) -> Placement:
+        """Where the volume lies in the device's workspace; moves it there at one tick.
+
+        Without arguments it only asks. What is named is changed: first reset, then what is
+        absolute, then what is relative. The daemon keeps the place for this volume.
+        All in the device's axes: mm, x right, y up, z towards the user.
+        reset: into the middle of the workspace, fitted, not turned.
+        Absolute: center_mm: (x, y, z) of the volume's centre. rotation_wxyz: unit quaternion
+        (w, x, y, z) from the world's axes (LPS) to the device's. One of the scales
+        device_mm_per_volume_mm, device_mm_per_voxel (of its shortest edge) and cells_per_mm
+        (1 mm is so many cells).
+        Relative: move_mm: (x, y, z). turn_deg: an axis and degrees, as in ("y", 90), through the
+        centre. scale_by: about the centre.
+        expected_revision: refuse with Conflict unless the settings are at this one.
+        Errors: InvalidArgument, Conflict, Unavailable.
+        """
+        request = update_of(
+            reset=reset, center_mm=center_mm, rotation_wxyz=rotation_wxyz,
+            device_mm_per_volume_mm=device_mm_per_volume_mm,
+            device_mm_per_voxel=device_mm_per_voxel, cells_per_mm=cells_per_mm, move_mm=move_mm,
+            turn_deg=turn_deg, scale_by=scale_by)
+        return place(self._link, request, expected_revision)
 
     def save(self, path: str | os.PathLike[str], *, overwrite: bool = False,
              progress: Progress | None = None) -> int:
@@ -193,10 +227,3 @@ class VolumeAccess:
         events = self._link.events(self._stub.SaveVolume, request)
         return int(result_of(events, progress).volume_revision)
 
-
-def _upload(start: volume_pb2.UploadVolumeStart, header: bytes,
-            voxels: memoryview) -> collections.abc.Iterator[volume_pb2.UploadVolumeRequest]:
-    yield volume_pb2.UploadVolumeRequest(start=start)
-    yield volume_pb2.UploadVolumeRequest(data=header)
-    for first in range(0, len(voxels), _CHUNK_BYTES):
-        yield volume_pb2.UploadVolumeRequest(data=bytes(voxels[first:first + _CHUNK_BYTES]))

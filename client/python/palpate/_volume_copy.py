@@ -1,5 +1,6 @@
 """A copy of the daemon's volume, put together from the bricks that it streams."""
 
+import collections.abc
 import contextlib
 import dataclasses
 import math
@@ -14,6 +15,7 @@ import zstandard
 from palpate._errors import Internal, TooLarge
 from palpate._geometry import array_of_vector, matrix_of_map
 from palpate._link import AcknowledgedCall, Link
+from palpate._progress import Progress, tell
 from palpate.v1 import volume_stream_pb2
 
 _EDGE = 8
@@ -24,6 +26,9 @@ _MOST_BRICKS = 4096
 _HALF = 1 << 64
 # 8 GiB: sparse volumes may have more places than a computer has memory.
 _MOST_VOXELS = 1 << 31
+
+# Numbers of bricks, (n,), and their voxels, (n, 8, 8, 8).
+Bricks = tuple[npt.NDArray[np.int64], npt.NDArray[np.float32]]
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -52,8 +57,11 @@ class Volume:
     volume_revision: int
 
 
-class _Copy:
-    """What of one volume has come so far. ValueError for a message that makes no sense."""
+class VolumeCopy:
+    """What of one volume has come so far. ValueError for a message that makes no sense.
+
+    Its hashes are of all bricks that have come, its voxels of those that were put.
+    """
 
     def __init__(self, lattice: volume_stream_pb2.VolumeLattice) -> None:
         self.lattice = lattice
@@ -71,62 +79,93 @@ class _Copy:
         a, b, c = self._counts
         self._bricks = self._voxels.reshape(a, _EDGE, b, _EDGE, c, _EDGE).transpose(
             0, 2, 4, 1, 3, 5)
+        # Of bricks by number, and their sums. check() adds those that did not come.
         self._hashes: dict[int, int] = {}
+        self._high = self._low = 0
 
-    def put(self, message: volume_stream_pb2.VolumeBricks) -> None:
+    @property
+    def brick_count(self) -> int:
+        return int(self._counts.prod())
+
+    def bricks_of(self, message: volume_stream_pb2.VolumeBricks) -> Bricks:
+        """The bricks of a message, with their hashes noted. They are put by put()."""
         numbers = np.array(message.brick_numbers, dtype=np.uint64)
-        if not 0 < len(numbers) <= _MOST_BRICKS or numbers.max() >= self._counts.prod():
+        if not 0 < len(numbers) <= _MOST_BRICKS or numbers.max() >= self.brick_count:
             raise ValueError("bricks outside of the volume")
         wanted = len(numbers) * _BRICK_BYTES
         if zstandard.frame_content_size(message.zstd_values) != wanted:
             raise ValueError("bricks of another size")
         data = zstandard.ZstdDecompressor().decompress(message.zstd_values)
-        place = np.unravel_index(numbers.astype(np.int64), self._counts)
-        self._bricks[place] = np.frombuffer(data, "<f4").reshape(-1, _EDGE, _EDGE, _EDGE)
         view = memoryview(data)
         for n, number in enumerate(message.brick_numbers):
             brick = view[n * _BRICK_BYTES:(n + 1) * _BRICK_BYTES]
-            self._hashes[number] = xxhash.xxh3_128_intdigest(brick, number)
+            self._note(number, xxhash.xxh3_128_intdigest(brick, number))
+        return (numbers.astype(np.int64),
+                np.frombuffer(data, "<f4").reshape(-1, _EDGE, _EDGE, _EDGE))
+
+    def put(self, bricks: Bricks) -> None:
+        numbers, values = bricks
+        self._bricks[np.unravel_index(numbers, self._counts)] = values
+
+    def _note(self, number: int, digest: int) -> None:
+        old = self._hashes.get(number, 0)
+        self._high += (digest >> 64) - (old >> 64)
+        self._low += digest % _HALF - old % _HALF
+        self._hashes[number] = digest
 
     def check(self, complete: volume_stream_pb2.VolumeComplete) -> None:
         """Equal to the daemon's? Bricks that did not come are background."""
-        background = np.full(_EDGE**3, self._background, "<f4").tobytes()
-        high = low = 0
-        for number in range(int(self._counts.prod())):
-            digest = self._hashes.get(number)
-            if digest is None:
-                digest = xxhash.xxh3_128_intdigest(background, number)
-            high += digest >> 64
-            low += digest % _HALF
-        if (high % _HALF, low % _HALF) != (complete.content_hash_high, complete.content_hash_low):
+        if len(self._hashes) < self.brick_count:
+            background = np.full(_EDGE**3, self._background, "<f4").tobytes()
+            for number in range(self.brick_count):
+                if number not in self._hashes:
+                    self._note(number, xxhash.xxh3_128_intdigest(background, number))
+        sums = (self._high % _HALF, self._low % _HALF)
+        if sums != (complete.content_hash_high, complete.content_hash_low):
             raise ValueError("the voxels are not the daemon's")
 
-    def values(self) -> npt.NDArray[np.float32]:
+    def view(self) -> npt.NDArray[np.float32]:
+        """The voxels themselves, read-only; put() changes them."""
         x, y, z = self._size
-        return np.ascontiguousarray(self._voxels[:x, :y, :z])
+        view = self._voxels[:x, :y, :z]
+        view.flags.writeable = False
+        return view
+
+    def volume(self, values: npt.NDArray[np.float32], volume_revision: int,
+               device_from_index: npt.NDArray[np.float64]) -> Volume:
+        lattice = self.lattice
+        return Volume(
+            values=values, spacing_mm=array_of_vector(lattice.spacing_mm),
+            world_from_index=matrix_of_map(lattice.world_from_index),
+            device_from_index=device_from_index, value_min=lattice.value_min,
+            value_max=lattice.value_max, unit=lattice.unit, source=lattice.source,
+            volume_revision=volume_revision)
 
 
 class _Fetch:
     """Takes the messages of a stream up to the first complete copy."""
 
     def __init__(self) -> None:
-        self._copy: _Copy | None = None
+        self.share = 0.0
+        self._copy: VolumeCopy | None = None
         self._device_from_index: npt.NDArray[np.float64] | None = None
 
     def take(self, message: volume_stream_pb2.StreamVolumeResponse) -> Volume | None:
         event = message.WhichOneof("event")
         if event == "lattice":
             # Another volume was loaded meanwhile: what came of the last one is void.
-            self._copy = _Copy(message.lattice)
+            self._copy = VolumeCopy(message.lattice)
         elif event == "placement":
             self._device_from_index = matrix_of_map(message.placement.device_from_index)
         elif event == "bricks":
-            self._known().put(message.bricks)
+            copy = self._known()
+            copy.put(copy.bricks_of(message.bricks))
+            self.share = max(0.0, 1.0 - message.bricks.bricks_left / copy.brick_count)
         elif event == "complete":
             return self._volume(message.complete)
         return None
 
-    def _known(self) -> _Copy:
+    def _known(self) -> VolumeCopy:
         if self._copy is None:
             raise ValueError("bricks before the lattice")
         return self._copy
@@ -136,28 +175,50 @@ class _Fetch:
         copy.check(complete)
         if self._device_from_index is None:
             raise ValueError("no placement")
-        lattice = copy.lattice
-        return Volume(
-            values=copy.values(), spacing_mm=array_of_vector(lattice.spacing_mm),
-            world_from_index=matrix_of_map(lattice.world_from_index),
-            device_from_index=self._device_from_index, value_min=lattice.value_min,
-            value_max=lattice.value_max, unit=lattice.unit, source=lattice.source,
-            volume_revision=complete.revision.volume_revision)
+        return copy.volume(np.array(copy.view(), order="C"), complete.revision.volume_revision,
+                           self._device_from_index)
 
 
-def fetch_volume(link: Link, stub: typing.Any) -> Volume:
-    """One complete copy. Errors: Internal, Unavailable."""
-    link.check_open()
-    start = volume_stream_pb2.StreamVolumeStart(max_unacknowledged=_MAX_UNACKNOWLEDGED)
-    call = AcknowledgedCall(stub.StreamVolume, volume_stream_pb2.StreamVolumeRequest(start=start))
-    fetch = _Fetch()
+@contextlib.contextmanager
+def making_sense() -> collections.abc.Iterator[None]:
+    """Within it, a message that makes no sense is Internal."""
     try:
-        with contextlib.closing(iter(call)) as messages:
-            for message in messages:
-                if (volume := fetch.take(message)) is not None:
-                    return volume
-    except grpc.RpcError as failed:
-        raise link.error_of_end(failed) from None
+        yield
     except (ValueError, zstandard.ZstdError) as damaged:
         raise Internal(f"the stream of the volume makes no sense: {damaged}") from None
+
+
+def volume_call(stub: typing.Any,
+                resume_from: volume_stream_pb2.VolumeRevision | None = None) -> AcknowledgedCall:
+    start = volume_stream_pb2.StreamVolumeStart(max_unacknowledged=_MAX_UNACKNOWLEDGED,
+                                                resume_from=resume_from)
+    return AcknowledgedCall(stub.StreamVolume, volume_stream_pb2.StreamVolumeRequest(start=start))
+
+
+def messages_of(link: Link, call: AcknowledgedCall) -> collections.abc.Generator[
+        volume_stream_pb2.StreamVolumeResponse, None, None]:
+    """Without an end of its own. Errors: palpate.Error."""
+    link.check_open()
+    try:
+        with contextlib.closing(iter(call)) as messages:
+            yield from messages
+    except grpc.RpcError as failed:
+        raise link.error_of_end(failed) from None
+    except ValueError:
+        # gRPC's, for a channel that another thread closed before the call began.
+        link.check_open()
+        raise
     raise link.error_of_end(None)
+
+
+def fetch_volume(link: Link, stub: typing.Any, progress: Progress | None) -> Volume:
+    """One complete copy. Errors: Internal, Unavailable; Cancelled by `progress`."""
+    fetch = _Fetch()
+    with contextlib.closing(messages_of(link, volume_call(stub))) as messages:
+        for message in messages:
+            with making_sense():
+                volume = fetch.take(message)
+            if volume is not None:
+                return volume
+            tell(progress, "receiving", fetch.share)
+    raise Internal("the stream of the volume has ended")

@@ -1,0 +1,59 @@
+"""What a load, an upload and a series may be told of the file."""
+
+import dataclasses
+
+from palpate._errors import InvalidArgument
+from palpate._geometry import Triple, vector_of
+from palpate._values import number_or_none, switch
+from palpate.v1 import volume_pb2
+
+_TYPES = {"int8": volume_pb2.VOXEL_TYPE_INT8, "uint8": volume_pb2.VOXEL_TYPE_UINT8,
+          "int16": volume_pb2.VOXEL_TYPE_INT16, "uint16": volume_pb2.VOXEL_TYPE_UINT16,
+          "int32": volume_pb2.VOXEL_TYPE_INT32, "uint32": volume_pb2.VOXEL_TYPE_UINT32,
+          "float32": volume_pb2.VOXEL_TYPE_FLOAT32, "float64": volume_pb2.VOXEL_TYPE_FLOAT64}
+
+
+@dataclasses.dataclass(frozen=True)
+class Raw:
+    """What must be said of a file that holds nothing but voxels, x fastest.
+
+    size: voxels along x, y, z
+    type: "int8", "uint8", "int16", "uint16", "int32", "uint32", "float32" or "float64"
+    big_endian: their bytes come high to low
+    offset_bytes: bytes before the first voxel
+    """
+
+    size: tuple[int, int, int]
+    type: str
+    big_endian: bool = False
+    offset_bytes: int = 0
+
+
+def _raw_of(raw: Raw) -> volume_pb2.RawVoxels:
+    if raw.type not in _TYPES:
+        raise InvalidArgument(f"the type of raw voxels is one of {', '.join(_TYPES)}, not "
+                              f"{raw.type!r}")
+    try:
+        x, y, z = raw.size
+        return volume_pb2.RawVoxels(
+            size_x=x, size_y=y, size_z=z, type=_TYPES[raw.type],
+            big_endian=switch("big_endian", raw.big_endian), offset_bytes=raw.offset_bytes)
+    except (TypeError, ValueError, OverflowError):
+        raise InvalidArgument("a raw file has a size of three whole numbers and an offset, not "
+                              f"{raw.size!r} and {raw.offset_bytes!r}") from None
+
+
+def load_options(isovalue: float | None = None, normalized_isovalue: float | None = None,
+                 device_mm_per_volume_mm: float | None = None, spacing_mm: Triple | None = None,
+                 frame: int | None = None, grid: str = "", component: str = "",
+                 raw: Raw | None = None) -> volume_pb2.LoadVolumeRequest:
+    """Errors: InvalidArgument."""
+    if isovalue is not None and normalized_isovalue is not None:
+        raise InvalidArgument("name the isovalue or the normalised one, not both")
+    return volume_pb2.LoadVolumeRequest(
+        isovalue=number_or_none("isovalue", isovalue),
+        normalized_isovalue=number_or_none("normalized_isovalue", normalized_isovalue),
+        device_mm_per_volume_mm=number_or_none("device_mm_per_volume_mm",
+                                               device_mm_per_volume_mm), frame=frame,
+        grid=grid, component=component, raw=None if raw is None else _raw_of(raw),
+        spacing_mm=None if spacing_mm is None else vector_of("spacing_mm", spacing_mm))

@@ -1,0 +1,111 @@
+"""Where the volume lies in the device's workspace."""
+
+import collections.abc
+import dataclasses
+import math
+import typing
+
+import numpy as np
+import numpy.typing as npt
+
+from palpate._errors import InvalidArgument
+from palpate._geometry import Triple, array_of_vector, vector_of
+from palpate._link import Link
+from palpate._values import number, number_or_none, switch
+from palpate.v1 import geometry_pb2, registration_pb2, registration_pb2_grpc
+
+Quadruple = collections.abc.Sequence[float] | npt.NDArray[typing.Any]
+# An axis of the device, "x", "y" or "z", and degrees.
+Turn = tuple[str, float]
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Placement:
+    """Where the volume lies in the device frame: mm, x right, y up, z towards the user.
+
+    center_mm: (3,) the volume's centre, mm
+    rotation_wxyz: (4,) unit quaternion w, x, y, z: the world's axes (LPS) to the device's
+    device_mm_per_volume_mm: millimetres of device motion per millimetre of the volume
+    device_mm_per_voxel: the same per shortest edge of a voxel; 1 mm is 1 / this many cells
+    settings_revision: at which this was so
+    applied_tick: first tick that used it; None: nothing was changed
+    """
+
+    center_mm: npt.NDArray[np.float64]
+    rotation_wxyz: npt.NDArray[np.float64]
+    device_mm_per_volume_mm: float
+    device_mm_per_voxel: float
+    settings_revision: int
+    applied_tick: int | None
+
+
+def update_of(*, reset: bool = False, center_mm: Triple | None = None,
+              rotation_wxyz: Quadruple | None = None,
+              device_mm_per_volume_mm: float | None = None,
+              device_mm_per_voxel: float | None = None, cells_per_mm: float | None = None,
+              move_mm: Triple | None = None, turn_deg: Turn | None = None,
+              scale_by: float | None = None) -> registration_pb2.UpdateRegistrationRequest:
+    """The change that VolumeAccess.place() describes. Errors: InvalidArgument."""
+    given = [scale for scale in (device_mm_per_volume_mm, device_mm_per_voxel, cells_per_mm)
+             if scale is not None]
+    if len(given) > 1:
+        raise InvalidArgument("give one of device_mm_per_volume_mm, device_mm_per_voxel and "
+                              "cells_per_mm")
+    if cells_per_mm is not None:
+        cells_per_mm = number("cells_per_mm", cells_per_mm)
+        if not cells_per_mm > 0:
+            raise InvalidArgument(f"cells_per_mm is above 0, not {cells_per_mm:g}")
+        device_mm_per_voxel = 1.0 / cells_per_mm
+    request = registration_pb2.UpdateRegistrationRequest(
+        reset=switch("reset", reset), scale_by=number_or_none("scale_by", scale_by),
+        device_mm_per_volume_mm=number_or_none("device_mm_per_volume_mm",
+                                               device_mm_per_volume_mm),
+        device_mm_per_voxel=number_or_none("device_mm_per_voxel", device_mm_per_voxel))
+    if center_mm is not None:
+        request.center_mm.CopyFrom(vector_of("center_mm", center_mm))
+    if rotation_wxyz is not None:
+        request.rotation.CopyFrom(_quaternion("rotation_wxyz", rotation_wxyz))
+    if move_mm is not None:
+        request.translate_mm.CopyFrom(vector_of("move_mm", move_mm))
+    if turn_deg is not None:
+        request.rotate.CopyFrom(_turn(turn_deg))
+    return request
+
+
+def place(link: Link, request: registration_pb2.UpdateRegistrationRequest,
+          expected_revision: int | None) -> Placement:
+    """Moves the volume, or only asks where the request changes nothing."""
+    stub = link.stub(registration_pb2_grpc.RegistrationServiceStub)
+    if request.ByteSize() > 0:
+        if expected_revision is not None:
+            request.expected_revision = expected_revision
+        answer = link.call(stub.UpdateRegistration, request)
+        return _placement(answer, answer.applied_tick)
+    if expected_revision is not None:
+        raise InvalidArgument("expected_revision is for a change: name one")
+    return _placement(link.call(stub.GetRegistration, registration_pb2.GetRegistrationRequest()),
+                      None)
+
+
+def _placement(answer: typing.Any, applied_tick: int | None) -> Placement:
+    placed, turn = answer.registration, answer.registration.rotation
+    return Placement(array_of_vector(placed.center_mm),
+                     np.array([turn.w, turn.x, turn.y, turn.z]), placed.device_mm_per_volume_mm,
+                     placed.device_mm_per_voxel, answer.settings_revision, applied_tick)
+
+
+def _quaternion(name: str, values: Quadruple) -> geometry_pb2.Quaternion:
+    array = np.asarray(values, dtype=np.float64)
+    if array.shape != (4,):
+        raise InvalidArgument(f"{name} has four components: w, x, y, z")
+    w, x, y, z = map(float, array)
+    return geometry_pb2.Quaternion(w=w, x=x, y=y, z=z)
+
+
+def _turn(turn_deg: Turn) -> geometry_pb2.Quaternion:
+    if not isinstance(turn_deg, (tuple, list)) or len(turn_deg) != 2 or (
+            turn_deg[0] not in ("x", "y", "z")):
+        raise InvalidArgument('turn_deg is an axis and degrees, as in ("y", 90), not '
+                              f"{turn_deg!r}")
+    half = math.radians(number("turn_deg[1]", turn_deg[1])) / 2
+    return geometry_pb2.Quaternion(w=math.cos(half), **{turn_deg[0]: math.sin(half)})

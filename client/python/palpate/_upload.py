@@ -1,0 +1,67 @@
+"""A volume on its way to the daemon, with progress and cancellation."""
+
+import collections.abc
+import queue
+import typing
+import zlib
+
+import grpc
+
+from palpate._link import Link
+from palpate._progress import Progress, tell
+from palpate.v1 import volume_pb2
+
+_CHUNK_BYTES = 1 << 20
+# As the command line counts it: the daemon still reads the file when all of it was sent.
+_SENDING_SHARE = 0.9
+
+Parts = collections.abc.Sequence[bytes | memoryview]
+
+
+def send_volume(link: Link, stub: typing.Any, name: str, parts: Parts,
+                options: volume_pb2.LoadVolumeRequest,
+                progress: Progress | None) -> volume_pb2.VolumeDescription:
+    """Sends a file of these parts. Errors: palpate.Error, and what `progress` raises."""
+    crc32 = 0
+    for part in parts:
+        crc32 = zlib.crc32(part, crc32)
+    size_bytes = sum(map(len, parts))
+    start = volume_pb2.UploadVolumeStart(name=name, size_bytes=size_bytes, crc32=crc32,
+                                         options=options)
+    requests = _requests(start, parts)
+    if progress is None:
+        return _volume_of(link.call(stub.UploadVolume, requests, timeout_s=None))
+    # gRPC reads the requests on a thread of its own; `progress` is called on this one.
+    news: queue.SimpleQueue[float | None] = queue.SimpleQueue()
+    call = link.begin(stub.UploadVolume.future, _counted(requests, size_bytes, news))
+    call.add_done_callback(lambda _: news.put(None))
+    try:
+        while (fraction := news.get()) is not None:
+            tell(progress, "sending" if fraction < _SENDING_SHARE else "loading", fraction)
+    except BaseException:
+        call.cancel()
+        raise
+    return _volume_of(link.result_of(call))
+
+
+def _volume_of(answer: volume_pb2.UploadVolumeResponse) -> volume_pb2.VolumeDescription:
+    return answer.volume
+
+
+def _requests(start: volume_pb2.UploadVolumeStart,
+              parts: Parts) -> collections.abc.Iterator[volume_pb2.UploadVolumeRequest]:
+    yield volume_pb2.UploadVolumeRequest(start=start)
+    for part in parts:
+        for first in range(0, len(part), _CHUNK_BYTES):
+            yield volume_pb2.UploadVolumeRequest(data=bytes(part[first:first + _CHUNK_BYTES]))
+
+
+def _counted(requests: collections.abc.Iterator[volume_pb2.UploadVolumeRequest], size_bytes: int,
+             news: "queue.SimpleQueue[float | None]"
+             ) -> collections.abc.Iterator[volume_pb2.UploadVolumeRequest]:
+    sent = 0
+    for request in requests:
+        yield request
+        # gRPC asks for the next one when this one is sent.
+        sent += len(request.data)
+        news.put(_SENDING_SHARE * sent / size_bytes)
