@@ -11,8 +11,9 @@ Units are in the names, shapes in the docstrings. Volumes are arrays indexed [x,
 from palpate._connection import Connection, connect
 from palpate._device import Device, DeviceInfo, Forces, ListedDevice
 from palpate._edits import EditResult, Edits
-from palpate._enums import (DecompositionMethod, DeviceConnection, ForceReason, ForceState,
-                            FreeSide, ProxyMode, Role, VerificationLevel)
+from palpate._enums import (DecompositionMethod, DeviceConnection, DeviceStatus, ForceCommand,
+                            ForceReason, ForceState, FreeSide, ProxyMode, Role,
+                            VerificationLevel)
 from palpate._errors import (Cancelled, Conflict, DiskFull, Error, FailedPrecondition, Internal,
                              InvalidArgument, NotFound, PermissionDenied, TooLarge, Unavailable)
 from palpate._follow import LiveVolume
@@ -21,6 +22,10 @@ from palpate._placement import Placement
 from palpate._poses import Poses, PoseStream
 from palpate._profiles import Profile, profiles
 from palpate._recording import Recording, RecordingState, ReplayState
+from palpate._recorded_events import (RecordedEdit, RecordedGap, RecordedMarker,
+                                      RecordedScene)
+from palpate._recorded_ticks import RecordedTicks
+from palpate._recording_file import RecordingFile, open_recording
 from palpate._series import Series, SeriesState
 from palpate._settings import Applied, Settings
 from palpate._volume import VolumeAccess, VolumeInfo
@@ -28,10 +33,12 @@ from palpate._volume_copy import Volume
 
 __all__ = [
     "Applied", "Cancelled", "Conflict", "Connection", "DecompositionMethod", "Device",
-    "DeviceConnection", "DeviceInfo", "DiskFull", "EditResult", "Edits", "Error",
-    "FailedPrecondition", "ForceReason", "ForceState", "Forces", "FreeSide", "Internal",
-    "InvalidArgument", "ListedDevice", "LiveVolume", "NotFound", "PermissionDenied", "Placement",
-    "PoseStream", "Poses", "Profile", "ProxyMode", "Raw", "Recording", "RecordingState",
-    "ReplayState", "Role", "Series", "SeriesState", "Settings", "TooLarge", "Unavailable",
-    "VerificationLevel", "Volume", "VolumeAccess", "VolumeInfo", "connect", "profiles",
+    "DeviceConnection", "DeviceInfo", "DeviceStatus", "DiskFull", "EditResult", "Edits", "Error",
+    "FailedPrecondition", "ForceCommand", "ForceReason", "ForceState", "Forces", "FreeSide",
+    "Internal", "InvalidArgument", "ListedDevice", "LiveVolume", "NotFound", "PermissionDenied",
+    "Placement", "PoseStream", "Poses", "Profile", "ProxyMode", "Raw", "RecordedEdit",
+    "RecordedGap", "RecordedMarker", "RecordedScene", "RecordedTicks", "Recording",
+    "RecordingFile", "RecordingState", "ReplayState", "Role", "Series", "SeriesState", "Settings",
+    "TooLarge", "Unavailable", "VerificationLevel", "Volume", "VolumeAccess", "VolumeInfo",
+    "connect", "open_recording", "profiles",
 ]

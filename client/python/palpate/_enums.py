@@ -109,3 +109,20 @@ class Role(Word):
     EDITOR = 2
     OPERATOR = 3
     ADMIN = 4
+
+
+class ForceCommand(Word):
+    """What the safety stage was told in a recorded tick."""
+
+    NONE = 1
+    ENABLE = 2
+    DISABLE = 3
+    STOP = 4
+
+
+class DeviceStatus(Word):
+    """What the device gave in a recorded tick: a fresh position, an old one, or none."""
+
+    OK = 1
+    STALE = 2
+    FAULT = 3

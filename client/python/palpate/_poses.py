@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from palpate._link import AcknowledgedCall, Link
+from palpate._tables import Table
 from palpate._values import number
 from palpate.v1 import pose_pb2, pose_pb2_grpc
 
@@ -23,7 +24,7 @@ _ABSENT = (np.nan, np.nan, np.nan)
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class Poses:
+class Poses(Table):
     """n samples of the servo's ticks, oldest first; len() is n.
 
     Positions, normals and forces are in the device frame: x right, y up, z towards the

@@ -124,6 +124,19 @@ class VolumeCopy:
         if sums != (complete.content_hash_high, complete.content_hash_low):
             raise ValueError("the voxels are not the daemon's")
 
+    def fill(self, values: npt.NDArray[np.float32]) -> None:
+        """Puts all voxels: an array of the volume's shape."""
+        x, y, z = self._size
+        self._voxels[:x, :y, :z] = values
+
+    def content_hash(self) -> tuple[int, int]:
+        """Of all voxels, as VolumeComplete has it."""
+        bricks = np.ascontiguousarray(self._bricks, "<f4").reshape(self.brick_count, -1)
+        digests = [xxhash.xxh3_128_intdigest(brick, number)
+                   for number, brick in enumerate(bricks)]
+        return (sum(digest >> 64 for digest in digests) % _HALF,
+                sum(digest % _HALF for digest in digests) % _HALF)
+
     def view(self) -> npt.NDArray[np.float32]:
         """The voxels themselves, read-only; put() changes them."""
         x, y, z = self._size

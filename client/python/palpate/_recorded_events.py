@@ -1,0 +1,225 @@
+"""What a recording holds beside its ticks; server/recording/chunk_codec.cpp has the bytes."""
+
+import dataclasses
+import typing
+
+import numpy as np
+import numpy.typing as npt
+
+from palpate._enums import DecompositionMethod, FreeSide
+from palpate._recording_frame import Damaged, Reader, unpack
+
+_MOST_BRICKS = 4096
+BRICK_VOXELS = 512
+_FLAGS = {"off": False, "on": True}
+
+
+@dataclasses.dataclass(frozen=True)
+class RecordedMarker:
+    """A marker.
+
+    tick: before which it stands in the recording, some ticks from time_ns at most
+    time_ns: when it was set, of the clock of RecordedTicks.time_ns
+    """
+
+    tick: int
+    time_ns: int
+    text: str
+
+
+@dataclasses.dataclass(frozen=True)
+class RecordedGap:
+    """Ticks that were not recorded: first_tick to last_tick, both included."""
+
+    first_tick: int
+    last_tick: int
+
+
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class RecordedScene:
+    """What the ticks from `tick` on were computed with, until the next scene.
+
+    settings: by the names of Settings, as Settings.all() gives them. A setting that is not there
+        was not known to the program that recorded; it was felt with its default.
+    unknown_settings: by name, as text: settings that this package does not know
+    volume_source: path, builtin name or "upload:NAME" that the volume was loaded from
+    volume_revision: of the volume; loaded_revision: of it before all edits
+    shape: voxels along x, y, z; None: not recorded (version 2)
+    spacing_mm: (3,) along x, y, z, mm
+    value_min, value_max: range of the volume, data units; None: not recorded (version 2)
+    device_from_index: (4, 4) voxel index (x, y, z, 1) to the device frame: mm
+    volume_hash: a name for the contents of the volume; equal ones are equal volumes
+    all_voxels_stored: the recording holds all voxels, not only those that were edited
+    voxels_missing: voxels had changed by more than a recording takes
+    forces_off: no forces were computed
+    """
+
+    tick: int
+    settings: dict[str, typing.Any]
+    unknown_settings: dict[str, str]
+    settings_revision: int
+    scene_revision: int
+    volume_source: str
+    volume_revision: int
+    loaded_revision: int
+    shape: tuple[int, int, int] | None
+    spacing_mm: npt.NDArray[np.float64]
+    value_min: float | None
+    value_max: float | None
+    is_level_set: bool
+    device_from_index: npt.NDArray[np.float64]
+    volume_hash: int
+    all_voxels_stored: bool
+    voxels_missing: bool
+    tick_period_s: float
+    forces_off: bool
+
+    def __repr__(self) -> str:
+        return (f"<palpate recorded scene: from tick {self.tick} on, {self.volume_source}, "
+                f"revision {self.volume_revision}, isovalue {self.settings['isovalue']:g}>")
+
+
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class RecordedEdit:
+    """Changed voxels: a part of what leads to the volume of the next scene.
+
+    base_revision: volume revision that it changes; 0: none, it holds all voxels
+    volume_revision: that all parts together lead to
+    brick_numbers: (n,) bricks of 8³ voxels; (a, b, c) has the number (a·nb + b)·nc + c, with nb
+        and nc = ceil(size / 8) along y and z
+    """
+
+    tick: int
+    base_revision: int
+    volume_revision: int
+    brick_numbers: npt.NDArray[np.int64]
+    _packed: bytes
+
+    def voxels(self) -> npt.NDArray[np.float32]:
+        """(n, 8, 8, 8) the voxels of these bricks, data units."""
+        count = len(self.brick_numbers)
+        planes = unpack(self._packed)[-4 * BRICK_VOXELS * count:]
+        values = np.frombuffer(planes, np.uint8).reshape(4, -1).T.copy().view("<f4")
+        return values.reshape(count, 8, 8, 8)
+
+    def __repr__(self) -> str:
+        return (f"<palpate recorded edit: at tick {self.tick}, {len(self.brick_numbers)} bricks, "
+                f"revision {self.base_revision} to {self.volume_revision}>")
+
+
+def edit_of(packed: bytes) -> RecordedEdit:
+    """Errors: Damaged."""
+    reader = Reader(unpack(packed))
+    tick, base_revision, volume_revision, count = reader.get("QQQI")
+    if not 0 < count <= _MOST_BRICKS:
+        raise Damaged("damaged: too many bricks")
+    numbers = np.frombuffer(reader.get_bytes(8 * count), "<u8")
+    if np.any(numbers[1:] <= numbers[:-1]):
+        raise Damaged("damaged: its bricks are out of order")
+    # Beyond any lattice: as a negative number it would be within one.
+    if numbers[-1] >= 1 << 62:
+        raise Damaged("damaged: a brick outside of any volume")
+    reader.get_bytes(4 * BRICK_VOXELS * count)
+    reader.expect_end()
+    return RecordedEdit(tick, base_revision, volume_revision, numbers.astype(np.int64), packed)
+
+
+def marker_of(reader: Reader) -> RecordedMarker:
+    tick, time_ns = reader.get("Qq")
+    return RecordedMarker(tick, time_ns, reader.get_text())
+
+
+def gap_of(reader: Reader) -> RecordedGap:
+    first, last = reader.get("QQ")
+    if last < first:
+        raise Damaged("damaged: a gap ends before it begins")
+    return RecordedGap(first, last)
+
+
+def scene_of(reader: Reader) -> RecordedScene:
+    """Errors: Damaged."""
+    (tick, scene_revision, settings_revision, volume_revision, loaded_revision, _, isovalue,
+     normalized_isovalue) = reader.get("6Q2d")
+    settings: dict[str, typing.Any] = {"isovalue": isovalue,
+                                       "normalized_isovalue": normalized_isovalue}
+    unknown = _read_settings(reader.get_text(), settings)
+    settings["method"] = _word(DecompositionMethod, reader.get_text(), "a method")
+    device_from_index = np.eye(4)
+    device_from_index[:3, :3] = np.reshape(reader.get("9d"), (3, 3), order="F")
+    device_from_index[:3, 3] = reader.get("3d")
+    high, low = reader.get("2Q")
+    source = reader.get_text()
+    spacing_mm = np.array(reader.get("3d"))
+    missing, tick_period_s = reader.get("Bd")
+    # What the safety stage was told: its limits, and which buttons stop.
+    reader.get("7dBBI")
+    forces_off, = reader.get("B")
+    later = _read_later(reader)
+    return RecordedScene(
+        tick=tick, settings=settings, unknown_settings=unknown,
+        settings_revision=settings_revision, scene_revision=scene_revision, volume_source=source,
+        volume_revision=volume_revision, loaded_revision=loaded_revision, spacing_mm=spacing_mm,
+        device_from_index=device_from_index, volume_hash=high << 64 | low,
+        voxels_missing=bool(missing), tick_period_s=tick_period_s, forces_off=bool(forces_off),
+        **later)
+
+
+def _read_later(reader: Reader) -> dict[str, typing.Any]:
+    """What version 3 and version 4 have more."""
+    if reader.at_end:
+        return {"all_voxels_stored": False, "shape": None, "value_min": None, "value_max": None,
+                "is_level_set": False}
+    # Of the device, and whether loading the source again gives the volume.
+    reader.get("3dB")
+    stored, x, y, z, value_min, value_max = reader.get("B3i2d")
+    is_level_set = False if reader.at_end else bool(reader.get("B")[0])
+    return {"all_voxels_stored": bool(stored), "shape": (x, y, z), "value_min": value_min,
+            "value_max": value_max, "is_level_set": is_level_set}
+
+
+def _read_settings(text: str, settings: dict[str, typing.Any]) -> dict[str, str]:
+    """Puts the lines "key=value" into `settings`; returns those that are not known."""
+    unknown: dict[str, str] = {}
+    if text and not text.endswith("\n"):
+        raise Damaged("damaged: a setting is no line key=value")
+    for line in text.split("\n")[:-1]:
+        key, equals, value = line.partition("=")
+        if not equals:
+            raise Damaged("damaged: a setting is no line key=value")
+        if key == "free_side":
+            settings[key] = _word(FreeSide, value, "a side")
+        elif key in _NUMBERS:
+            settings[key] = _number(value)
+        elif key in _SWITCHES:
+            if value not in _FLAGS:
+                raise Damaged("damaged: a setting is neither on nor off")
+            settings[key] = _FLAGS[value]
+        else:
+            unknown[key] = value
+    return unknown
+
+
+_NUMBERS = ("stiffness_n_per_mm", "damping_n_s_per_m", "static_friction", "dynamic_friction",
+            "viscosity_n_s_per_m", "pop_force_n", "magnet_force_n", "magnet_range_mm",
+            "carve_radius_mm", "carve_rate_per_s")
+_SWITCHES = ("force_shading", "passivity_control", "carve_tool", "clutch_tool")
+
+
+def _number(text: str) -> float:
+    # Not all that float() takes: "1_0", "٣" and " 1" are no numbers of a recording.
+    if text.isascii() and "_" not in text and text == text.strip():
+        try:
+            return float(text)
+        except ValueError:
+            pass
+    raise Damaged("damaged: a setting is no number")
+
+
+_W = typing.TypeVar("_W", DecompositionMethod, FreeSide)
+
+
+def _word(kind: type[_W], text: str, what: str) -> _W:
+    for word in kind:
+        if str(word) == text:
+            return word
+    raise Damaged(f"of {what} that this package does not know")

@@ -1,0 +1,91 @@
+"""The voxels of a recording: what was loaded, with the edits that were recorded."""
+
+import collections.abc
+import dataclasses
+import struct
+
+import numpy as np
+import numpy.typing as npt
+import xxhash
+
+from palpate._errors import InvalidArgument
+from palpate._recorded_events import RecordedEdit, RecordedScene
+from palpate._recording_frame import Damaged
+from palpate._volume_copy import VolumeCopy
+from palpate.v1 import volume_stream_pb2
+
+
+@dataclasses.dataclass(frozen=True)
+class Step:
+    """A scene, and the edits that lead to its volume."""
+
+    scene: RecordedScene
+    edits: tuple[RecordedEdit, ...]
+
+
+@dataclasses.dataclass(frozen=True)
+class Voxels:
+    values: npt.NDArray[np.float32]
+    volume_hash: int
+
+
+def voxels_of(steps: collections.abc.Sequence[Step], loaded: npt.ArrayLike | None) -> Voxels | None:
+    """Voxels of the last of these scenes, which are of one volume; None: it takes `loaded`.
+
+    As server/recording/volume_follower.cpp does. Errors: Damaged, InvalidArgument.
+    """
+    copy: VolumeCopy | None = None
+    base_revision = steps[-1].scene.loaded_revision
+    if loaded is not None and steps[-1].scene.shape is not None:
+        copy = _empty(steps[-1].scene)
+        copy.fill(_fitting(loaded, steps[-1].scene))
+    for step in steps:
+        scene = step.scene
+        if scene.all_voxels_stored and step.edits:
+            # These edits hold all voxels.
+            copy, base_revision = _empty(scene), 0
+        if not step.edits or copy is None:
+            continue
+        leads_on = (step.edits[0].base_revision == base_revision
+                    and step.edits[0].volume_revision == scene.volume_revision)
+        if leads_on and not scene.voxels_missing:
+            for edit in step.edits:
+                _put(copy, edit)
+        base_revision = step.edits[0].volume_revision
+    return None if copy is None else Voxels(np.array(copy.view(), order="C"),
+                                            _hash_of(copy, steps[-1].scene))
+
+
+def _empty(scene: RecordedScene) -> VolumeCopy:
+    """A volume without its voxels. Errors: Damaged."""
+    if scene.shape is None or min(scene.shape) < 2 or scene.value_min is None:
+        raise Damaged("damaged: of a volume that cannot be")
+    x, y, z = scene.shape
+    background = scene.value_max if scene.is_level_set else scene.value_min
+    return VolumeCopy(volume_stream_pb2.VolumeLattice(size_x=x, size_y=y, size_z=z,
+                                                      background=background))
+
+
+def _fitting(loaded: npt.ArrayLike, scene: RecordedScene) -> npt.NDArray[np.float32]:
+    values = np.asarray(loaded, dtype=np.float32)
+    if values.shape != scene.shape:
+        raise InvalidArgument(f"the recorded volume has the shape {scene.shape}, `loaded` has "
+                              f"{values.shape}")
+    return values
+
+
+def _put(copy: VolumeCopy, edit: RecordedEdit) -> None:
+    voxels = edit.voxels()
+    if edit.brick_numbers[-1] >= copy.brick_count or not np.isfinite(voxels).all():
+        raise Damaged("damaged: it does not fit the volume")
+    copy.put((edit.brick_numbers, voxels))
+
+
+def _hash_of(copy: VolumeCopy, scene: RecordedScene) -> int:
+    """As server/recording/volume_hash.cpp makes it."""
+    lattice = copy.lattice
+    data = struct.pack("<3i3d2d", lattice.size_x, lattice.size_y, lattice.size_z,
+                       *scene.spacing_mm, scene.value_min, scene.value_max)
+    if scene.is_level_set:
+        data += b"\1"
+    return int(xxhash.xxh3_128_intdigest(data + struct.pack("<2Q", *copy.content_hash())))

@@ -1,0 +1,229 @@
+"""Recordings of the haptic loop as NumPy arrays, without a daemon."""
+
+import collections.abc
+import dataclasses
+import os
+import stat
+import typing
+
+import numpy as np
+import numpy.typing as npt
+
+from palpate._errors import (Conflict, FailedPrecondition, InvalidArgument, NotFound,
+                             PermissionDenied)
+from palpate._recorded_events import (RecordedEdit, RecordedGap, RecordedMarker, RecordedScene,
+                                      edit_of, gap_of, marker_of, scene_of)
+from palpate._recorded_ticks import Columns, RecordedTicks, columns_of, ticks_of
+from palpate._recorded_voxels import Step, voxels_of
+from palpate._recording_frame import (Damaged, Header, Kind, Reader, read_chunks, read_header,
+                                      unpack)
+
+
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class RecordingFile:
+    """A recording that open_recording() has read.
+
+    program: that recorded it, such as "palpated 0.1.0"
+    created_unix_ns: when, in nanoseconds since 1970
+    version: of the format
+    ticks: all ticks, as arrays
+    markers: in the order of their ticks
+    scenes: settings, place and volume, each with the tick from which on they held
+    edits: of voxels, as they led from scene to scene
+    gaps: ticks that were not recorded
+    complete: the recording was closed, and all of it was read
+    ends_early: one line: why it ends before that; empty: it is complete
+    """
+
+    path: str
+    program: str
+    created_unix_ns: int
+    version: int
+    ticks: RecordedTicks
+    markers: tuple[RecordedMarker, ...]
+    scenes: tuple[RecordedScene, ...]
+    edits: tuple[RecordedEdit, ...]
+    gaps: tuple[RecordedGap, ...]
+    ends_early: str
+    _steps: tuple[Step, ...]
+
+    @property
+    def complete(self) -> bool:
+        return not self.ends_early
+
+    @property
+    def lost_ticks(self) -> int:
+        """How many ticks are within gaps."""
+        return sum(gap.last_tick - gap.first_tick + 1 for gap in self.gaps)
+
+    @property
+    def volume_sources(self) -> tuple[str, ...]:
+        """Paths, builtin names and "upload:NAME" of all volumes, each once."""
+        return tuple(dict.fromkeys(scene.volume_source for scene in self.scenes))
+
+    def scene_at(self, tick: int) -> RecordedScene:
+        """What a tick was computed with. Errors: NotFound (no scene before it)."""
+        return self._steps[self._step_at(tick)].scene
+
+    def voxels(self, tick: int, loaded: npt.ArrayLike | None = None) -> npt.NDArray[np.float32]:
+        """(nx, ny, nz), indexed [x, y, z]: the volume that a tick was computed with.
+
+        loaded: voxels of the volume as it was loaded, before all edits. They are needed unless
+        the recording holds them itself: scene_at(tick).all_voxels_stored. The result is the
+        recorded volume voxel by voxel: its hash is compared.
+        Errors: NotFound (no scene before the tick), FailedPrecondition (`loaded` is needed; or
+        the recording does not tell enough), Conflict (`loaded` is of another volume, or voxels
+        are missing), InvalidArgument (another shape; damaged).
+        """
+        last = self._step_at(tick)
+        scene = self._steps[last].scene
+        first = last
+        while first > 0 and self._steps[first - 1].scene.loaded_revision == scene.loaded_revision:
+            first -= 1
+        try:
+            voxels = voxels_of(self._steps[first:last + 1], loaded)
+        except Damaged as damage:
+            raise InvalidArgument(f"{self.path}: an edit is {damage}") from None
+        if voxels is None:
+            raise FailedPrecondition(f"the recording does not hold {scene.volume_source} as it was "
+                                     "loaded, or does not tell its size: give `loaded`")
+        if voxels.volume_hash != scene.volume_hash:
+            missing = "; voxels are missing in the recording" if scene.voxels_missing else ""
+            raise Conflict(f"another volume was recorded: give {scene.volume_source} as it was "
+                           f"loaded then{missing}")
+        return voxels.values
+
+    def _step_at(self, tick: int) -> int:
+        found = [n for n, step in enumerate(self._steps) if step.scene.tick <= tick]
+        if not found:
+            raise NotFound(f"no scene is recorded for the tick {tick}")
+        return found[-1]
+
+    def __repr__(self) -> str:
+        early = f", ends early: {self.ends_early}" if self.ends_early else ""
+        return (f"<palpate recording {self.path}: {len(self.ticks)} ticks, "
+                f"{len(self.markers)} markers, {len(self.scenes)} scenes{early}>")
+
+
+class _Contents:
+    """What has been read so far, in the order that the writer keeps."""
+
+    def __init__(self) -> None:
+        self.columns: list[Columns] = []
+        self.markers: list[RecordedMarker] = []
+        self.steps: list[Step] = []
+        self.edits: list[RecordedEdit] = []
+        self.gaps: list[RecordedGap] = []
+        self.ticks = 0
+        self.is_closed = False
+        self._next_tick: int | None = None
+        self._parts: list[RecordedEdit] = []
+
+    def take(self, kind: Kind, packed: bytes) -> None:
+        """Takes a chunk, or nothing of it. Errors: Damaged."""
+        if self.is_closed:
+            self.is_closed = False
+            raise Damaged("behind the end")
+        if kind == Kind.SAMPLES:
+            columns = columns_of(unpack(packed))
+            tick = int(columns["tick"][0])
+            self._start_at(tick)
+            self._next_tick = tick + len(columns["tick"])
+            self.columns.append(columns)
+            self.ticks += len(columns["tick"])
+        elif kind == Kind.EDIT:
+            edit = edit_of(packed)
+            self._start_at(edit.tick)
+            self.edits.append(edit)
+            self._parts.append(edit)
+        else:
+            reader = Reader(unpack(packed))
+            self._take_small(kind, reader)
+
+    def _take_small(self, kind: Kind, reader: Reader) -> None:
+        held: typing.Any
+        if kind == Kind.SCENE:
+            held = scene_of(reader)
+            reader.expect_end()
+            self._start_at(held.tick)
+            self.steps.append(Step(held, tuple(self._parts)))
+            self._parts = []
+        elif kind == Kind.MARKER:
+            held = marker_of(reader)
+            reader.expect_end()
+            self._start_at(held.tick)
+            self.markers.append(held)
+        elif kind == Kind.GAP:
+            held = gap_of(reader)
+            reader.expect_end()
+            self._start_at(held.first_tick)
+            self._next_tick = held.last_tick + 1
+            self.gaps.append(held)
+        elif kind == Kind.KEYFRAME:
+            # The servo's state, from which `palpate-lab replay` computes on.
+            tick, = reader.get("Q")
+            reader.get_bytes(reader.get("I")[0])
+            reader.expect_end()
+            self._start_at(tick)
+        else:
+            self._end(*reader.get("QQ"))
+            reader.expect_end()
+
+    def _end(self, ticks: int, lost_ticks: int) -> None:
+        lost = sum(gap.last_tick - gap.first_tick + 1 for gap in self.gaps)
+        if (ticks, lost_ticks) != (self.ticks, lost):
+            raise Damaged("damaged: its counts do not fit")
+        self.is_closed = True
+
+    def _start_at(self, tick: int) -> None:
+        if self._next_tick is not None and tick != self._next_tick:
+            raise Damaged("damaged: ticks are missing")
+        self._next_tick = tick
+
+
+def open_recording(path: str | os.PathLike[str]) -> RecordingFile:
+    """Reads a recording of palpated on this program's machine, all of it into memory.
+
+    A tick takes about 400 bytes, an hour about 1.5 GB. Of a file that is cut off or damaged, the
+    result has all ticks before that, and RecordingFile.ends_early says why it ends there.
+    Errors: NotFound, PermissionDenied, InvalidArgument (no recording, or of another version).
+    """
+    name = os.fspath(path)
+    try:
+        # Opening a pipe would wait for a writer.
+        if not stat.S_ISREG(os.stat(path).st_mode):
+            raise InvalidArgument(f"{name} is no file")
+        with open(path, "rb") as stream:
+            header = read_header(stream, name)
+            contents, why = _read(stream)
+    except (FileNotFoundError, NotADirectoryError):
+        raise NotFound(f"there is no file {name}") from None
+    except PermissionError:
+        raise PermissionDenied(f"the file {name} may not be read") from None
+    except OSError as failed:
+        raise InvalidArgument(f"{name} cannot be read: {failed.strerror}") from None
+    early = f"{name}: {why}, after {contents.ticks} ticks" if why else ""
+    return _recording_of(name, header, contents, early)
+
+
+def _read(stream: typing.BinaryIO) -> tuple[_Contents, str]:
+    """What there is, and why it ends early."""
+    contents = _Contents()
+    number = 0
+    chunks: collections.abc.Iterator[tuple[Kind, bytes]] = read_chunks(stream)
+    try:
+        for number, (kind, packed) in enumerate(chunks):
+            contents.take(kind, packed)
+            number += 1
+    except Damaged as damage:
+        return contents, f"chunk {number} is {damage}"
+    return contents, "" if contents.is_closed else "was not closed"
+
+
+def _recording_of(name: str, header: Header, contents: _Contents, early: str) -> RecordingFile:
+    return RecordingFile(
+        path=name, program=header.program, created_unix_ns=header.created_unix_ns,
+        version=header.version, ticks=ticks_of(contents.columns),
+        markers=tuple(contents.markers), scenes=tuple(step.scene for step in contents.steps),
+        edits=tuple(contents.edits), gaps=tuple(contents.gaps), ends_early=early,
+        _steps=tuple(contents.steps))

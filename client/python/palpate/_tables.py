@@ -1,0 +1,90 @@
+"""Ticks as tables of pandas and data sets of xarray, where these packages are installed."""
+
+import dataclasses
+import importlib
+import typing
+
+import numpy as np
+
+from palpate._enums import (DeviceStatus, ForceCommand, ForceReason, ForceState, FreeSide,
+                            ProxyMode, Word)
+from palpate._errors import FailedPrecondition
+
+_WORDS: dict[str, type[Word]] = {
+    "mode": ProxyMode, "free_side": FreeSide, "force_state": ForceState,
+    "force_reason": ForceReason, "force_command": ForceCommand, "device_status": DeviceStatus}
+_UNITS = ("mm", "n", "ns")
+
+
+def package(name: str) -> typing.Any:
+    """Errors: FailedPrecondition where it is not installed."""
+    try:
+        return importlib.import_module(name)
+    except ImportError:
+        raise FailedPrecondition(f"{name} is not installed: apt-get install python3-{name}, or "
+                                 f"pip install {name}") from None
+
+
+def unit_of(name: str) -> str:
+    """Of a field, by its name; empty: none, or data units."""
+    last = name.rpartition("_")[2]
+    return {"n": "N"}.get(last, last) if last in _UNITS else ""
+
+
+def _parts(name: str) -> list[str]:
+    """Names of the columns of a vector, as `palpate-lab export` has them."""
+    if name == "stylus_orientation":
+        return [f"stylus_{axis}" for axis in "wxyz"]
+    stem, _, unit = name.rpartition("_")
+    if unit in _UNITS:
+        return [f"{stem}_{axis}_{unit}" for axis in "xyz"]
+    return [f"{name}_{axis}" for axis in "xyz"]
+
+
+class Table:
+    """A dataclass of arrays with a row per tick."""
+
+    def _arrays(self) -> dict[str, typing.Any]:
+        fields = dataclasses.fields(typing.cast(typing.Any, self))
+        arrays = {field.name: getattr(self, field.name) for field in fields}
+        return {name: held for name, held in arrays.items() if isinstance(held, np.ndarray)}
+
+    def to_pandas(self) -> typing.Any:
+        """A pandas.DataFrame: a row per sample, by tick.
+
+        Its columns have the names of `palpate-lab export`: hip_x_mm, force_z_n, stylus_w ...
+        Enumerations are their words, as categories. Errors: FailedPrecondition (pandas is not
+        installed).
+        """
+        pandas = package("pandas")
+        columns: dict[str, typing.Any] = {}
+        for name, array in self._arrays().items():
+            if name in _WORDS:
+                kind = _WORDS[name]
+                columns[name] = pandas.Categorical.from_codes(array.astype(np.int8) - 1,
+                                                              [str(word) for word in kind])
+            elif array.ndim == 1:
+                columns[name] = array
+            else:
+                columns.update({part: array[:, n] for n, part in enumerate(_parts(name))})
+        index = pandas.Index(columns.pop("tick"), name="tick")
+        return pandas.DataFrame(columns, index=index)
+
+    def to_xarray(self) -> typing.Any:
+        """An xarray.Dataset: a variable per field, along "tick", and "axis" or "part".
+
+        Units are in the attribute "units". Enumerations are numbers, with their words in the
+        attribute "words". Errors: FailedPrecondition (xarray is not installed).
+        """
+        xarray = package("xarray")
+        variables = {}
+        for name, array in self._arrays().items():
+            more = () if array.ndim == 1 else ("axis" if array.shape[1] == 3 else "part",)
+            attributes: dict[str, typing.Any] = {}
+            if unit := unit_of(name):
+                attributes["units"] = unit
+            if name in _WORDS:
+                attributes["words"] = [f"{int(word)}: {word}" for word in _WORDS[name]]
+            variables[name] = (("tick", *more), array, attributes)
+        coordinates = {"tick": variables.pop("tick"), "axis": list("xyz"), "part": list("wxyz")}
+        return xarray.Dataset(variables, coordinates)

@@ -1,0 +1,303 @@
+"""Recordings are read as they were written: every tick, marker, setting and voxel; and of damaged
+ones what is whole."""
+
+import csv
+import io
+import os
+import pathlib
+import random
+import shutil
+import struct
+import subprocess
+import sys
+import tempfile
+import unittest
+
+import numpy as np
+import xxhash
+import zstandard
+
+import palpate
+from support import Daemon
+
+sys.path.append(str(pathlib.Path(__file__).parents[1] / "fuzz"))
+import corpus_recordings  # noqa: E402
+
+PALPATE_LAB = os.environ["PALPATE_LAB"]
+AXES = ("x", "y", "z")
+
+
+def record(daemon, conn, path):
+    """A recording with all that one can hold; what is expected of it."""
+    expected = {"settings": [], "voxels": []}
+
+    def now():
+        expected["settings"].append((conn.settings.all(), next(conn.poses(500)).tick[-1]))
+        volume = conn.volume.download()
+        expected["voxels"].append((next(conn.poses(500)).tick[-1], volume.values))
+
+    conn.volume.load("builtin:sphere:48")
+    expected["loaded"] = [conn.volume.download().values]
+    conn.recording.start(path)
+    now()
+    conn.settings.update(stiffness_n_per_mm=0.7, static_friction=0.3, force_shading=True,
+                         method="bcc", free_side="above")
+    expected["marker"] = ('a "quoted", marker\nof two lines: µ', conn.recording.mark(
+        'a "quoted", marker\nof two lines: µ'))
+    now()
+    for n in range(4):
+        conn.edit.sphere((10 * n, 20, 24), 7, "add", 0.3, frame="index", falloff=2)
+        now()
+    conn.edit.undo()
+    now()
+    # A volume that no file gives again: its voxels are stored.
+    values = np.random.default_rng(1).uniform(-3, 5, (20, 33, 18)).astype(np.float32)
+    conn.volume.upload(values, (0.5, 1, 2), name="mine")
+    expected["loaded"].append(values)
+    now()
+    conn.edit.box((3, 3, 3), (12, 12, 12), "set", 1.5, frame="index")
+    conn.settings.isovalue = 0.25
+    now()
+    for _ in range(3):
+        next(conn.poses(1000, 256))
+    expected["state"] = conn.recording.stop()
+    return expected
+
+
+class RecordingTest(unittest.TestCase):
+    """One recording for all tests of this file."""
+
+    expected = None
+
+    @classmethod
+    def setUpClass(cls):
+        if RecordingTest.expected is None:
+            RecordingTest.folder = pathlib.Path(
+                unittest.enterModuleContext(tempfile.TemporaryDirectory()))
+            RecordingTest.path = RecordingTest.folder / "trial.palrec"
+            with Daemon() as daemon, daemon.connect() as conn:
+                RecordingTest.expected = record(daemon, conn, daemon.folder / "trial.palrec")
+                shutil.copy(daemon.folder / "trial.palrec", RecordingTest.path)
+            RecordingTest.recording = palpate.open_recording(RecordingTest.path)
+
+
+class Recorded(RecordingTest):
+    def test_it_is_whole(self):
+        recording, state = self.recording, self.expected["state"]
+        self.assertTrue(recording.complete, recording.ends_early)
+        self.assertEqual((len(recording.ticks), recording.lost_ticks),
+                         (state.ticks, state.lost_ticks))
+        self.assertTrue(recording.program.startswith("palpated "), recording.program)
+        self.assertGreater(recording.created_unix_ns, 1_600_000_000 * 10**9)
+        self.assertIn(f"{state.ticks} ticks", repr(recording))
+
+    def test_every_tick_is_that_of_the_table(self):
+        said = subprocess.run([PALPATE_LAB, "export", self.path], check=True, text=True,
+                              capture_output=True).stdout
+        rows = list(csv.DictReader(io.StringIO(said)))
+        ticks = self.recording.ticks
+        self.assertEqual(len(rows), len(ticks))
+        compared = {"markers"}
+
+        def column(name, kind=float):
+            compared.add(name)
+            return np.array([kind(row[name]) for row in rows])
+
+        for name in ("tick", "time_ns", "buttons", "scene_revision", "settings_revision",
+                     "volume_revision", "update_ns", "iterations", "missed_ticks", "capped_ticks",
+                     "faulty_ticks"):
+            np.testing.assert_array_equal(getattr(ticks, name), column(name, int), name)
+        for name in ("density", "isovalue", "force_limit_n"):
+            np.testing.assert_array_equal(getattr(ticks, name), column(name), name)
+        for name in ("contact", "input_rejected", "docked", "calibrated"):
+            np.testing.assert_array_equal(getattr(ticks, name), column(name, int) == 1, name)
+        for name, kind in (("mode", palpate.ProxyMode), ("free_side", palpate.FreeSide),
+                           ("force_state", palpate.ForceState),
+                           ("force_reason", palpate.ForceReason),
+                           ("force_command", palpate.ForceCommand),
+                           ("device_status", palpate.DeviceStatus)):
+            self.assertEqual([str(kind(n)) for n in getattr(ticks, name)],
+                             column(name, str).tolist(), name)
+        has_v = column("has_scp_v", int) == 1
+        for name, stem, unit, there in (
+                ("hip_mm", "hip", "_mm", True), ("scp_h_mm", "scp_h", "_mm", True),
+                ("force_n", "force", "_n", True), ("scp_v_mm", "scp_v", "_mm", has_v),
+                ("scp_h_normal", "scp_h_normal", "", ticks.contact),
+                ("scp_v_normal", "scp_v_normal", "", has_v)):
+            expected = np.stack([column(f"{stem}_{axis}{unit}") for axis in AXES], axis=1)
+            expected[~(there | np.zeros(len(ticks), bool))] = np.nan
+            np.testing.assert_array_equal(getattr(ticks, name), expected, name)
+        np.testing.assert_array_equal(
+            ticks.stylus_orientation,
+            np.stack([column(f"stylus_{part}") for part in "wxyz"], axis=1))
+        self.assertEqual(compared, set(rows[0]))
+        self.assertTrue(ticks.contact.any() and has_v.any())
+
+    def test_names_are_those_of_poses(self):
+        for name, array in vars(self.recording.ticks).items():
+            self.assertEqual(len(array), len(self.recording.ticks), name)
+        shared = set(palpate.Poses.__dataclass_fields__) - {"sent_time_ns", "dropped_samples"}
+        self.assertLessEqual(shared, set(palpate.RecordedTicks.__dataclass_fields__))
+        for name in shared:
+            self.assertEqual(palpate.Poses.__annotations__[name],
+                             palpate.RecordedTicks.__annotations__[name], name)
+
+    def test_markers(self):
+        text, time_ns = self.expected["marker"]
+        marker, = self.recording.markers
+        self.assertEqual((marker.text, marker.time_ns), (text, time_ns))
+        ticks = self.recording.ticks
+        # The recorder has the samples of a tick a little later than the tick was.
+        first = ticks.tick[np.searchsorted(ticks.time_ns, time_ns)]
+        self.assertLess(abs(int(first) - marker.tick), 200)
+
+    def test_settings_of_each_state(self):
+        for settings, tick in self.expected["settings"]:
+            scene = self.recording.scene_at(tick)
+            self.assertEqual(scene.settings, settings)
+            self.assertEqual(scene.unknown_settings, {})
+        self.assertEqual(self.recording.volume_sources, ("builtin:sphere:48", "upload:mine.nrrd"))
+        with self.assertRaises(palpate.NotFound):
+            self.recording.scene_at(0)
+
+    def test_voxels_of_each_state(self):
+        changed = set()
+        for tick, values in self.expected["voxels"]:
+            scene = self.recording.scene_at(tick)
+            loaded = None if scene.all_voxels_stored else self.expected["loaded"][0]
+            if scene.volume_source == "upload:mine.nrrd":
+                loaded = None
+            np.testing.assert_array_equal(self.recording.voxels(tick, loaded), values)
+            changed.add(scene.volume_revision)
+        self.assertGreater(len(changed), 5)
+        self.assertGreater(len(self.recording.edits), 4)
+        first, _ = self.expected["voxels"][0]
+        with self.assertRaises(palpate.FailedPrecondition):
+            self.recording.voxels(first)
+        with self.assertRaises(palpate.Conflict):
+            self.recording.voxels(first, self.expected["loaded"][0] + 1)
+        with self.assertRaises(palpate.InvalidArgument):
+            self.recording.voxels(first, self.expected["loaded"][1])
+
+
+class Damage(RecordingTest):
+    def opened(self, data):
+        """None: refused, with one line."""
+        path = self.folder / "damaged.palrec"
+        path.write_bytes(data)
+        try:
+            return palpate.open_recording(path)
+        except palpate.InvalidArgument as refused:
+            self.assertNotIn("\n", str(refused))
+            return None
+
+    def check_prefix(self, recording):
+        self.assertFalse(recording.complete)
+        self.assertIn("ticks", recording.ends_early)
+        whole = self.recording.ticks
+        for name, array in vars(recording.ticks).items():
+            np.testing.assert_array_equal(array, getattr(whole, name)[:len(array)], name)
+        self.assertEqual([m.text for m in recording.markers],
+                         [m.text for m in self.recording.markers][:len(recording.markers)])
+        self.assertLessEqual(len(recording.scenes), len(self.recording.scenes))
+
+    def test_a_file_that_is_cut(self):
+        data = self.path.read_bytes()
+        places = {*range(80), *range(len(data) - 60, len(data)),
+                  *random.Random(2).sample(range(len(data)), 80)}
+        lengths = set()
+        for place in sorted(places):
+            recording = self.opened(data[:place])
+            self.assertEqual(recording is None, place < 24 + len(self.recording.program) + 8)
+            if recording:
+                self.check_prefix(recording)
+                lengths.add(len(recording.ticks))
+        self.assertGreater(len(lengths), 2)
+
+    def test_a_byte_that_is_another(self):
+        data = self.path.read_bytes()
+        for place in [*range(40), *random.Random(3).sample(range(len(data)), 60)]:
+            changed = bytearray(data)
+            changed[place] ^= 1 << place % 8
+            recording = self.opened(changed)
+            if recording:
+                self.check_prefix(recording)
+
+    def test_more_behind_the_end(self):
+        data = self.path.read_bytes()
+        for more in (b"x", data[60:]):
+            self.check_prefix(self.opened(data + more))
+
+    def test_what_is_no_recording(self):
+        for data in (b"", b"PNG", b"\x89PLPREC\n", os.urandom(1000)):
+            self.assertIsNone(self.opened(data))
+        with self.assertRaisesRegex(palpate.NotFound, "there is no file"):
+            palpate.open_recording(self.folder / "none.palrec")
+        for path in (self.folder, "/dev/null"):
+            with self.assertRaisesRegex(palpate.InvalidArgument, "is no file"):
+                palpate.open_recording(path)
+
+
+def framed(*chunks, version=4):
+    """A recording of (kind, payload), with checksums that fit."""
+    header = b"\x89PLPREC\n" + struct.pack("<IIq", version, 8, 1) + b"palpated"
+    data = header + struct.pack("<Q", xxhash.xxh3_64_intdigest(header))
+    for number, (kind, payload) in enumerate(chunks):
+        packed = zstandard.ZstdCompressor().compress(payload)
+        content = struct.pack("<QHHII", number, kind, 0, len(payload), len(packed)) + packed
+        data += struct.pack("<Q", xxhash.xxh3_64_intdigest(content)) + content
+    return data
+
+
+class Made(unittest.TestCase):
+    """Chunks that no daemon writes, with checksums that fit."""
+
+    def opened(self, data):
+        with tempfile.NamedTemporaryFile() as file:
+            file.write(data)
+            file.flush()
+            return palpate.open_recording(file.name)
+
+    def test_each_chunk_is_taken_or_refused(self):
+        good = {"samples", "sample", "scene", "scene_unknown_setting", "scene_not_a_number",
+                "scene_many_unknown_settings", "edit", "marker", "marker_long", "gap",
+                "gap_of_everything", "keyframe"}
+        for name, (kind, payload) in corpus_recordings.chunks().items():
+            with self.subTest(name):
+                recording = self.opened(framed((kind, payload), version=2))
+                self.assertEqual("was not closed" in recording.ends_early, name in good,
+                                 recording.ends_early)
+                for cut in range(0, len(payload), max(1, len(payload) // 40)):
+                    self.opened(framed((kind, payload[:cut])))
+
+    def test_random_bytes_of_each_kind(self):
+        choose = random.Random(5)
+        for kind in range(1, 9):
+            for _ in range(40):
+                self.opened(framed((kind, choose.randbytes(choose.randrange(300)))))
+
+    def test_an_older_version(self):
+        ticks = corpus_recordings.samples([corpus_recordings.fields(n) for n in range(3)])
+        recording = self.opened(framed(
+            (2, corpus_recordings.scene()), (1, ticks), (7, struct.pack("<2Q", 3, 0)), version=2))
+        self.assertEqual((recording.ends_early, recording.version), ("", 2))
+        self.assertIsNone(recording.scenes[0].shape)
+        with self.assertRaises(palpate.FailedPrecondition):
+            recording.voxels(0, np.zeros((16, 16, 16)))
+        for version in (1, 5):
+            with self.assertRaisesRegex(palpate.InvalidArgument, f"of version {version}"):
+                self.opened(framed(version=version))
+
+    def test_a_bomb_is_not_unpacked(self):
+        data = corpus_recordings.recording()[1:]
+        header = data[:24 + 8]
+        data = header + struct.pack("<Q", xxhash.xxh3_64_intdigest(header))
+        packed = struct.pack("<IBQ", 0xfd2fb528, 0xe0, 1 << 50) + b"\x03\x00\x00"
+        content = struct.pack("<QHHII", 0, 4, 0, 100, len(packed)) + packed
+        recording = self.opened(data + struct.pack("<Q", xxhash.xxh3_64_intdigest(content))
+                                + content)
+        self.assertIn("chunk 0", recording.ends_early)
+
+
+if __name__ == "__main__":
+    unittest.main()
