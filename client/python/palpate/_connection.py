@@ -6,7 +6,8 @@ from palpate._address import is_tcp, server_of_environment
 from palpate._credentials import Credentials
 from palpate._device import Device
 from palpate._edits import Edits
-from palpate._errors import InvalidArgument
+from palpate._errors import Error, InvalidArgument
+from palpate._html import numbers, table
 from palpate._link import Link
 from palpate._poses import PoseStream
 from palpate._profiles import place_of_profile
@@ -104,6 +105,19 @@ class Connection:
 
     def __repr__(self) -> str:
         return f"<palpate connection to {self.address}>"
+
+    def _repr_html_(self) -> str:
+        rows: list[tuple[str, object]] = [("palpated at", self.address)]
+        try:
+            device, volume = self._device.info(), self._volume.info()
+        except Error as failed:
+            # A notebook that shows an old connection is no place for an exception.
+            return table("palpate connection", [*rows, ("not reached", failed)])
+        rows += [("version", device.version), ("device", device.model),
+                 ("forces", f"{device.forces.state} ({device.forces.reason})"),
+                 ("volume", volume.source), ("voxels", numbers(volume.shape)),
+                 ("revision", volume.volume_revision)]
+        return table("palpate connection", rows)
 
 
 def connect(address: str | None = None, *, profile: str | None = None,

@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from palpate._errors import (Conflict, FailedPrecondition, InvalidArgument, NotFound,
                              PermissionDenied)
+from palpate._html import table
 from palpate._recorded_events import (RecordedEdit, RecordedGap, RecordedMarker, RecordedScene,
                                       edit_of, gap_of, marker_of, scene_of)
 from palpate._recorded_ticks import Columns, RecordedTicks, columns_of, ticks_of
@@ -31,7 +32,6 @@ class RecordingFile:
     scenes: settings, place and volume, each with the tick from which on they held
     edits: of voxels, as they led from scene to scene
     gaps: ticks that were not recorded
-    complete: the recording was closed, and all of it was read
     ends_early: one line: why it ends before that; empty: it is complete
     """
 
@@ -49,6 +49,7 @@ class RecordingFile:
 
     @property
     def complete(self) -> bool:
+        """The recording was closed, and all of it was read."""
         return not self.ends_early
 
     @property
@@ -103,6 +104,14 @@ class RecordingFile:
         early = f", ends early: {self.ends_early}" if self.ends_early else ""
         return (f"<palpate recording {self.path}: {len(self.ticks)} ticks, "
                 f"{len(self.markers)} markers, {len(self.scenes)} scenes{early}>")
+
+    def _repr_html_(self) -> str:
+        return table("palpate recording", (
+            ("file", self.path), ("by", self.program), ("ticks", len(self.ticks)),
+            ("lost ticks", self.lost_ticks), ("volumes", ", ".join(self.volume_sources)),
+            ("markers", len(self.markers)), ("scenes", len(self.scenes)),
+            ("edits", len(self.edits)),
+            ("complete", self.ends_early or "yes")))
 
 
 class _Contents:

@@ -9,6 +9,7 @@ import numpy as np
 from palpate._enums import (DeviceStatus, ForceCommand, ForceReason, ForceState, FreeSide,
                             ProxyMode, Word)
 from palpate._errors import FailedPrecondition
+from palpate._html import table
 
 _WORDS: dict[str, type[Word]] = {
     "mode": ProxyMode, "free_side": FreeSide, "force_state": ForceState,
@@ -48,6 +49,21 @@ class Table:
         fields = dataclasses.fields(typing.cast(typing.Any, self))
         arrays = {field.name: getattr(self, field.name) for field in fields}
         return {name: held for name, held in arrays.items() if isinstance(held, np.ndarray)}
+
+    def _repr_html_(self) -> str:
+        arrays = self._arrays()
+        rows: list[tuple[str, object]] = [("samples", len(arrays["tick"]))]
+        if len(arrays["tick"]):
+            seconds = (int(arrays["time_ns"][-1]) - int(arrays["time_ns"][0])) * 1e-9
+            force_n = np.linalg.norm(arrays["force_n"], axis=1).max()
+            rows += [("ticks", f"{arrays['tick'][0]} to {arrays['tick'][-1]}"),
+                     ("time", f"{seconds:.3f} s"),
+                     ("in contact", f"{arrays['contact'].mean():.1%} of them"),
+                     ("greatest force", f"{force_n:.3f} N"),
+                     ("isovalue", f"{arrays['isovalue'][-1]:g} at the end")]
+        if (dropped := getattr(self, "dropped_samples", 0)):
+            rows.append(("dropped", dropped))
+        return table("palpate ticks", rows)
 
     def to_pandas(self) -> typing.Any:
         """A pandas.DataFrame: a row per sample, by tick.

@@ -10,6 +10,7 @@ import numpy.typing as npt
 from palpate._errors import InvalidArgument, NotFound, PermissionDenied
 from palpate._follow import LiveVolume
 from palpate._geometry import Triple, array_of_vector, matrix_of_map, three
+from palpate._html import numbers, table
 from palpate._link import Link
 from palpate._load_options import Raw, load_options
 from palpate._nrrd import nrrd_of
@@ -58,6 +59,15 @@ class VolumeInfo:
     frames: int
     is_level_set: bool
     warnings: tuple[str, ...]
+
+    def _repr_html_(self) -> str:
+        return table("palpate volume", (
+            ("source", self.source), ("voxels", numbers(self.shape)),
+            ("spacing", numbers(self.spacing_mm) + " mm"),
+            ("values", f"{self.value_min:g} to {self.value_max:g} {self.unit}".strip()),
+            ("type", self.original_type), ("revision", self.volume_revision),
+            ("1 mm of the volume", f"{self.device_mm_per_volume_mm:.6g} mm of the device"),
+            *(("warning", warning) for warning in self.warnings)))
 
 
 def info_of(volume: volume_pb2.VolumeDescription) -> VolumeInfo:

@@ -14,8 +14,10 @@ import zstandard
 
 from palpate._errors import Internal, TooLarge
 from palpate._geometry import array_of_vector, matrix_of_map
+from palpate._html import numbers, picture_of, table
 from palpate._link import AcknowledgedCall, Link
 from palpate._progress import Progress, tell
+from palpate._tables import package
 from palpate.v1 import volume_stream_pb2
 
 _EDGE = 8
@@ -31,7 +33,7 @@ _MOST_VOXELS = 1 << 31
 Bricks = tuple[npt.NDArray[np.int64], npt.NDArray[np.float32]]
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class Volume:
     """A volume with its voxels.
 
@@ -55,6 +57,40 @@ class Volume:
     unit: str
     source: str
     volume_revision: int
+
+    def to_xarray(self) -> typing.Any:
+        """An xarray.DataArray along "x", "y" and "z".
+
+        The coordinates are mm from the first voxel along the volume's own axes. How these lie in
+        the world is in the attribute "world_from_index". Errors: FailedPrecondition (xarray is
+        not installed).
+        """
+        axes = ("x", "y", "z")
+        coordinates = {
+            axis: (axis, np.arange(count) * spacing, {"units": "mm"})
+            for axis, count, spacing in zip(axes, self.values.shape, self.spacing_mm.tolist())}
+        attributes = {"units": self.unit, "source": self.source,
+                      "volume_revision": self.volume_revision,
+                      "world_from_index": self.world_from_index,
+                      "device_from_index": self.device_from_index}
+        return package("xarray").DataArray(self.values, coordinates, axes, attrs=attributes)
+
+    def __repr__(self) -> str:
+        # Short: the arrays would fill the screen.
+        return (f"<palpate volume: {self.source}, {numbers(self.values.shape)} voxels, revision "
+                f"{self.volume_revision}>")
+
+    def _repr_html_(self) -> str:
+        x, y, z = self.values.shape
+        extent_mm = np.array((x, y)) * self.spacing_mm[:2]
+        picture = picture_of(self.values[:, :, z // 2], self.value_min, self.value_max,
+                             (float(extent_mm[0]), float(extent_mm[1])),
+                             f"slice {z // 2} of {z} along z: x to the right, y down")
+        return table("palpate volume", (
+            ("source", self.source), ("voxels", numbers(self.values.shape)),
+            ("spacing", numbers(self.spacing_mm) + " mm"),
+            ("values", f"{self.value_min:g} to {self.value_max:g} {self.unit}".strip()),
+            ("revision", self.volume_revision)), picture)
 
 
 class VolumeCopy:

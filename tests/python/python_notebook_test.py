@@ -1,0 +1,137 @@
+"""What notebooks show, and that the example notebook runs."""
+
+import base64
+import dataclasses
+import json
+import os
+import pathlib
+import re
+import struct
+import unittest
+import xml.etree.ElementTree
+import zlib
+
+import numpy as np
+
+import palpate
+from support import Daemon, DaemonTest
+
+NOTEBOOK = pathlib.Path(__file__).resolve().parents[2] / "client/python/examples/first_steps.ipynb"
+EVIL = "<script>alert(1)</script>&'\""
+
+
+def pixels(page):
+    """(rows, columns) of the picture in it, by this test's own reading."""
+    data = base64.b64decode(re.search("data:image/png;base64,([^']*)'", page)[1])
+    assert data[:8] == b"\x89PNG\r\n\x1a\n"
+    chunks, at = {}, 8
+    while at < len(data):
+        size, = struct.unpack(">I", data[at:at + 4])
+        kind, body = data[at + 4:at + 8], data[at + 8:at + 8 + size]
+        assert zlib.crc32(kind + body) == struct.unpack(">I", data[at + 8 + size:at + 12 + size])[0]
+        chunks[kind] = body
+        at += 12 + size
+    width, height = struct.unpack(">2I", chunks[b"IHDR"][:8])
+    assert chunks[b"IHDR"][8:] == bytes((8, 0, 0, 0, 0))
+    rows = np.frombuffer(zlib.decompress(chunks[b"IDAT"]), np.uint8).reshape(height, width + 1)
+    assert not rows[:, 0].any()
+    return rows[:, 1:]
+
+
+class Shown(DaemonTest):
+    def page(self, held):
+        """Its HTML, which is well-formed."""
+        page = held._repr_html_()
+        # XML has no empty tag but with a slash.
+        xml.etree.ElementTree.fromstring(re.sub("(<img [^>]*)>", r"\1/>", page))
+        return page
+
+    def test_connection(self):
+        page = self.page(self.conn)
+        for part in (self.daemon.socket, "builtin:sphere:48", "48 × 48 × 48"):
+            self.assertIn(part, page)
+        with self.daemon.connect() as closed:
+            pass
+        self.assertIn("was closed", self.page(closed))
+
+    def test_the_middle_slice(self):
+        values = np.zeros((40, 20, 9), np.float32)
+        values[30, 5, 4] = 2.0
+        values[10, 5, 4] = 1.0
+        values[:, :, 3] = values[:, :, 5] = 2.0
+        self.conn.volume.upload(values, (1, 2, 1))
+        page = self.page(self.conn.volume.download())
+        picture = pixels(page)
+        self.assertEqual(picture.shape, (20, 40))
+        self.assertEqual((picture[5, 30], picture[5, 10], np.count_nonzero(picture)),
+                         (255, 127, 2))
+        # As wide as high: voxels are twice as long along y.
+        self.assertIn("width='256' height='256'", page)
+
+    def test_large_flat_and_odd_volumes(self):
+        volume = self.conn.volume.download()
+        for values, shape in ((np.zeros((1000, 3, 2)), (1, 334)), (np.ones((1, 1, 1)), (1, 1)),
+                              (np.full((3, 4, 5), np.nan), (4, 3)),
+                              (np.full((3, 4, 5), np.inf), (4, 3))):
+            odd = dataclasses.replace(volume, values=values.astype(np.float32), value_min=1.0,
+                                      value_max=1.0)
+            self.assertEqual(pixels(self.page(odd)).shape, shape)
+
+    def test_ticks(self):
+        poses = next(self.conn.poses(1000, 100))
+        self.assertIn("<td style='text-align:left'>100</td>", self.page(poses))
+        empty = palpate.Poses(**{
+            field.name: held[:0] if isinstance(held := getattr(poses, field.name), np.ndarray)
+            else held for field in dataclasses.fields(poses)})
+        self.page(empty)
+        file = self.daemon.folder / "shown.palrec"
+        self.conn.recording.start(file)
+        next(self.conn.poses(100, 10))
+        self.conn.recording.stop()
+        recording = palpate.open_recording(file)
+        self.assertIn(str(len(recording.ticks)), self.page(recording.ticks))
+        self.assertIn("shown.palrec", self.page(recording))
+
+    def test_all_is_escaped(self):
+        info, volume = self.conn.volume.info(), self.conn.volume.download()
+        for held in (dataclasses.replace(info, source=EVIL, unit=EVIL, original_type=EVIL,
+                                         warnings=(EVIL,)),
+                     dataclasses.replace(volume, source=EVIL, unit=EVIL)):
+            page = self.page(held)
+            self.assertNotIn("<script", page)
+            self.assertIn("&lt;script&gt;", page)
+
+
+class Notebook(unittest.TestCase):
+    def test_it_stores_no_outputs(self):
+        for cell in json.loads(NOTEBOOK.read_text())["cells"]:
+            if cell["cell_type"] == "code":
+                self.assertEqual((cell["outputs"], cell["execution_count"]), ([], None))
+
+    def test_it_runs(self):
+        try:
+            import ipykernel  # noqa: F401
+            import nbclient
+            import nbformat
+        except ImportError:
+            self.skipTest("nbclient or ipykernel is not installed")
+        notebook = nbformat.read(NOTEBOOK, 4)
+        nbformat.validate(notebook)
+        with Daemon() as daemon:
+            environment = {name: held for name, held in os.environ.items()
+                           if name not in ("PALPATE_SERVER", "PALPATE_SOCKET")}
+            # Folders of its own: what the user has there is no part of the test.
+            environment |= {"PALPATE_SOCKET": daemon.socket, "HOME": str(daemon.folder),
+                            "JUPYTER_RUNTIME_DIR": str(daemon.folder / "jupyter"),
+                            "IPYTHONDIR": str(daemon.folder / "ipython")}
+            nbclient.NotebookClient(notebook, timeout=120, kernel_name="python3").execute(
+                env=environment)
+        shown = {cell["id"]: [output["data"] for output in cell["outputs"] if "data" in output]
+                 for cell in notebook["cells"] if cell["cell_type"] == "code"}
+        for name in ("connect", "volume", "poses", "edit"):
+            self.assertIn("palpate", shown[name][-1]["text/html"], name)
+        self.assertIn("data:image/png", shown["volume"][-1]["text/html"])
+
+
+if __name__ == "__main__":
+    unittest.main()

@@ -1,0 +1,87 @@
+"""Ticks as tables of pandas, and ticks and volumes as xarray has them."""
+
+import csv
+import io
+import os
+import subprocess
+import unittest
+import unittest.mock
+
+import numpy as np
+
+import palpate
+from support import DaemonTest, pattern
+
+try:
+    import pandas
+except ImportError:
+    pandas = None
+try:
+    import xarray
+except ImportError:
+    xarray = None
+
+
+class Tables(DaemonTest):
+    @classmethod
+    def setUpClass(cls):
+        super().setUpClass()
+        cls.path = cls.daemon.folder / "table.palrec"
+        cls.conn.recording.start(cls.path)
+        cls.poses = next(cls.conn.poses(1000, 250))
+        cls.conn.recording.stop()
+        cls.recording = palpate.open_recording(cls.path)
+
+    @unittest.skipUnless(pandas, "pandas is not installed")
+    def test_pandas_has_the_columns_of_the_command_line(self):
+        frame = self.recording.ticks.to_pandas()
+        said = subprocess.run([os.environ["PALPATE_LAB"], "export", self.path], check=True,
+                              text=True, capture_output=True).stdout
+        rows = list(csv.DictReader(io.StringIO(said)))
+        self.assertEqual({*frame.columns, "tick"}, set(rows[0]) - {"has_scp_v", "markers"})
+        self.assertEqual(frame.index.tolist(), [int(row["tick"]) for row in rows])
+        for name in ("mode", "force_state", "device_status"):
+            self.assertEqual(frame[name].tolist(), [row[name] for row in rows])
+        for name in ("hip_x_mm", "force_z_n", "stylus_w"):
+            self.assertEqual(frame[name].tolist(), [float(row[name]) for row in rows])
+
+    @unittest.skipUnless(pandas, "pandas is not installed")
+    def test_pandas_of_poses(self):
+        frame = self.poses.to_pandas()
+        self.assertEqual(len(frame), 250)
+        np.testing.assert_array_equal(frame["force_y_n"], self.poses.force_n[:, 1])
+        self.assertEqual(set(frame["mode"]), {str(palpate.ProxyMode(n)) for n in self.poses.mode})
+        self.assertTrue(frame.groupby("mode", observed=True)["update_ns"].mean().gt(0).all())
+
+    @unittest.skipUnless(xarray, "xarray is not installed")
+    def test_xarray_of_ticks(self):
+        for ticks in (self.poses, self.recording.ticks):
+            data = ticks.to_xarray()
+            tick = int(ticks.tick[len(ticks) // 2])
+            np.testing.assert_array_equal(data.hip_mm.sel(tick=tick, axis="z"),
+                                          ticks.hip_mm[len(ticks) // 2, 2])
+            self.assertEqual(data.hip_mm.attrs["units"], "mm")
+            self.assertEqual(data.force_n.attrs["units"], "N")
+            self.assertNotIn("units", data.density.attrs)
+            self.assertIn("1: free", data["mode"].attrs["words"])
+            self.assertEqual(data.stylus_orientation.dims, ("tick", "part"))
+
+    @unittest.skipUnless(xarray, "xarray is not installed")
+    def test_xarray_of_a_volume(self):
+        self.conn.volume.upload(pattern((4, 5, 6)), (0.5, 1, 2), unit="HU")
+        data = self.conn.volume.download().to_xarray()
+        self.assertEqual((data.dims, data.shape), (("x", "y", "z"), (4, 5, 6)))
+        self.assertEqual(float(data.sel(x=1.5, y=2, z=10)), 30205)
+        self.assertEqual(data.attrs["units"], "HU")
+
+    def test_a_package_that_is_not_there_is_named(self):
+        for name, call in (("pandas", self.poses.to_pandas), ("xarray", self.poses.to_xarray),
+                           ("xarray", self.conn.volume.download().to_xarray)):
+            with unittest.mock.patch.dict("sys.modules", {name: None}), \
+                    self.assertRaisesRegex(palpate.FailedPrecondition,
+                                           f"apt-get install python3-{name}"):
+                call()
+
+
+if __name__ == "__main__":
+    unittest.main()
