@@ -11,6 +11,7 @@ import subprocess
 import sys
 import tempfile
 import unittest
+import zipfile
 
 import palpate
 from support import Daemon
@@ -27,22 +28,35 @@ def run(command, **options):
     return done.stdout
 
 
+def copied_source(folder):
+    """client/python in a copy: pip leaves files in the tree that it builds."""
+    for part in ("proto", "client/python"):
+        shutil.copytree(ROOT / part, folder / "source" / part,
+                        ignore=shutil.ignore_patterns("build", "*.egg-info"))
+    return folder / "source/client/python"
+
+
+def offline():
+    """An environment without the package, without an index, and with a proxy where nothing
+    listens: no network."""
+    environment = {name: value for name, value in os.environ.items()
+                   if name not in ("PYTHONPATH", "PYTHONDONTWRITEBYTECODE", "PALPATE_SERVER")}
+    return environment | {"PIP_NO_INDEX": "1", "https_proxy": "http://127.0.0.1:9"}
+
+
+def new_venv(folder):
+    """Its interpreter, which has the packages of Debian too."""
+    run([sys.executable, "-m", "venv", "--system-site-packages", folder / "venv"])
+    return folder / "venv/bin/python3"
+
+
 class Installed(unittest.TestCase):
     def test_pip_installs_it_without_a_network(self):
         with tempfile.TemporaryDirectory() as name:
             folder = pathlib.Path(name)
-            # A copy: pip leaves files in the tree that it builds.
-            for part in ("proto", "client/python"):
-                shutil.copytree(ROOT / part, folder / "source" / part,
-                                ignore=shutil.ignore_patterns("build", "*.egg-info"))
-            run([sys.executable, "-m", "venv", "--system-site-packages", folder / "venv"])
-            python = folder / "venv/bin/python3"
-            environment = {name: value for name, value in os.environ.items()
-                           if name not in ("PYTHONPATH", "PYTHONDONTWRITEBYTECODE")}
-            # No index, and a proxy where nothing listens: no network.
-            environment |= {"PIP_NO_INDEX": "1", "https_proxy": "http://127.0.0.1:9"}
-            run([python, "-m", "pip", "install", "--no-build-isolation", "--no-deps",
-                 folder / "source/client/python"], env=environment)
+            source, python, environment = copied_source(folder), new_venv(folder), offline()
+            run([python, "-m", "pip", "install", "--no-build-isolation", "--no-deps", source],
+                env=environment)
             script = ("import palpate, palpate.v1.pose_pb2, pathlib, sys\n"
                       "folder = pathlib.Path(palpate.__file__).parent\n"
                       "assert str(folder).startswith(sys.prefix), folder\n"
@@ -52,6 +66,45 @@ class Installed(unittest.TestCase):
             with Daemon() as daemon:
                 self.assertEqual(run([python, "-c", script, daemon.socket], env=environment,
                                      cwd=folder), "5\n")
+
+
+def first_example():
+    """The first lines of Python in the package's README."""
+    return re.search(r"```python\n(.*?)```", (PACKAGE / "README.md").read_text(), re.DOTALL)[1]
+
+
+class Wheel(unittest.TestCase):
+    """The wheel needs no compiler where it is installed, and the README's first lines run there.
+
+    Debian's packages stand in for its dependencies: that pip finds these in an index, and that
+    the messages work with a newer protobuf, is not proved here."""
+
+    def test_it_is_built_installed_and_used(self):
+        with tempfile.TemporaryDirectory() as name:
+            folder = pathlib.Path(name)
+            environment = offline()
+            run([sys.executable, "-m", "pip", "wheel", "--no-build-isolation", "--no-deps",
+                 "--wheel-dir", folder / "wheels", copied_source(folder)], env=environment)
+            wheel, = (folder / "wheels").iterdir()
+            self.assertEqual(wheel.name, "palpate-0.1.0-py3-none-any.whl")
+            with zipfile.ZipFile(wheel) as archive:
+                held = set(archive.namelist())
+            self.assertLessEqual({"palpate/py.typed", "palpate/v1/pose_pb2.py",
+                                  "palpate/v1/pose_pb2.pyi", "palpate/v1/pose_pb2_grpc.py"}, held)
+            self.assertFalse([name for name in held if name.endswith((".so", ".proto"))])
+            python = new_venv(folder)
+            # Neither protoc nor a compiler is found.
+            environment["PATH"] = str(python.parent)
+            run([python, "-m", "pip", "install", "--no-deps", wheel], env=environment)
+            script = folder / "first.py"
+            script.write_text(first_example() + "print(palpate.__file__)\n")
+            with Daemon("builtin:sphere:48") as daemon:
+                said = run([python, script], cwd=folder,
+                           env=environment | {"PALPATE_SOCKET": daemon.socket})
+                # The last of its lines has stopped the forces.
+                with daemon.connect() as conn:
+                    self.assertEqual(conn.device.info().forces.state, "stopped")
+            self.assertIn(str(folder / "venv"), said)
 
 
 class Documented(unittest.TestCase):
