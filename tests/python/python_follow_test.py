@@ -2,6 +2,9 @@
 
 import gc
 import os
+import signal
+import subprocess
+import sys
 import threading
 import time
 import unittest
@@ -201,6 +204,53 @@ class Lost(unittest.TestCase):
                         lambda: live.volume_revision == result.volume_revision, PATIENCE_S))
                     edited = other.volume.download().values
                 np.testing.assert_array_equal(live.snapshot().values, edited)
+
+    def test_one_that_stands_still_is_left_in_time(self):
+        with Daemon("builtin:sphere:32") as daemon, daemon.connect() as conn:
+            live = conn.volume.follow()
+            live.wait(timeout_s=PATIENCE_S)
+            daemon.stand_still()
+            begun = time.monotonic()
+            live.close()
+            self.assertLess(time.monotonic() - begun, 30)
+            daemon.process.send_signal(signal.SIGCONT)
+
+    def test_a_program_may_end_with_an_open_copy(self):
+        for end in ("", "conn.close()", "raise SystemExit"):
+            script = ("import palpate, sys\n"
+                      "conn = palpate.connect(sys.argv[1])\n"
+                      "live = conn.volume.follow()\n"
+                      "live.wait()\n"
+                      "print('followed', flush=True)\n" + end)
+            with Daemon("builtin:sphere:32") as daemon:
+                done = subprocess.run([sys.executable, "-c", script, daemon.socket], text=True,
+                                      capture_output=True, timeout=PATIENCE_S, check=False)
+                self.assertEqual(done.stdout, "followed\n", done.stderr)
+                self.assertEqual(done.returncode, 0, done.stderr)
+
+    def test_ctrl_c_at_any_moment_ends_the_program(self):
+        script = ("import palpate, sys\n"
+                  "try:\n"
+                  "    conn = palpate.connect(sys.argv[1])\n"
+                  "    live = conn.volume.follow()\n"
+                  "    live.wait()\n"
+                  "    print('followed', flush=True)\n"
+                  "    while True:\n"
+                  "        edit = conn.edit.sphere((16, 16, 16), 9, 'add', 0.1, frame='index')\n"
+                  "        live.wait(edit.volume_revision)\n"
+                  "        live.snapshot()\n"
+                  "        conn.edit.revert()\n"
+                  "except KeyboardInterrupt:\n"
+                  "    sys.exit(7)\n")
+        with Daemon("builtin:sphere:32") as daemon:
+            for n in range(10):
+                with subprocess.Popen([sys.executable, "-c", script, daemon.socket], text=True,
+                                      stdout=subprocess.PIPE, stderr=subprocess.PIPE) as program:
+                    self.assertEqual(program.stdout.readline(), "followed\n")
+                    time.sleep(0.05 + 0.0137 * n)
+                    program.send_signal(signal.SIGINT)
+                    _, err = program.communicate(timeout=PATIENCE_S)
+                    self.assertEqual(program.returncode, 7, err)
 
     def test_one_that_is_away_when_it_begins(self):
         with Daemon("builtin:sphere:32") as daemon, daemon.connect() as conn:

@@ -21,6 +21,7 @@ from palpate._volume_copy import (Bricks, Volume, VolumeCopy, making_sense, mess
 from palpate.v1 import volume_stream_pb2
 
 _FINISH_TIMEOUT_S = 1.0
+_CANCEL_TIMEOUT_S = 10.0
 # Between attempts to resume.
 _RETRY_S = 0.2
 
@@ -35,8 +36,11 @@ class _Follower:
     def __init__(self, link: Link, stub: typing.Any) -> None:
         link.check_open()
         self._link, self._stub = link, stub
-        self.changed = threading.Condition()
-        # Under the lock of `changed`, all that others see.
+        # Taken itself, not by way of `changed`: Ctrl-C between two steps of Python's Condition
+        # would leave it held.
+        self.lock = threading.RLock()
+        self.changed = threading.Condition(self.lock)
+        # Under the lock, all that others see.
         self.volume: Volume | None = None
         self.lost: Error | None = None
         self.ended: Error | None = None
@@ -69,7 +73,7 @@ class _Follower:
             ended = refused
         except MemoryError:
             ended = Internal("there is no memory for a copy of the volume")
-        with self.changed:
+        with self.lock:
             self.ended = ended
             self.changed.notify_all()
         _followers.discard(self)
@@ -91,13 +95,13 @@ class _Follower:
         if isinstance(lost, Internal):
             # What came is no good to go on from.
             self._copy = self._resume_from = None
-        with self.changed:
+        with self.lock:
             self.lost = lost
             self.changed.notify_all()
 
     def _take(self, message: volume_stream_pb2.StreamVolumeResponse) -> None:
         if self.lost is not None:
-            with self.changed:
+            with self.lock:
                 self.lost = None
         event = message.WhichOneof("event")
         if event == "lattice":
@@ -120,14 +124,14 @@ class _Follower:
     def _place(self, device_from_index: npt.NDArray[np.float64]) -> None:
         self._device_from_index = device_from_index
         if self._copy is self._shown and self.volume is not None:
-            with self.changed:
+            with self.lock:
                 self.volume = dataclasses.replace(self.volume, device_from_index=device_from_index)
 
     def _complete(self, copy: VolumeCopy, complete: volume_stream_pb2.VolumeComplete) -> None:
         copy.check(complete)
         if self._device_from_index is None:
             raise ValueError("no placement")
-        with self.changed:
+        with self.lock:
             for bricks in self._waiting:
                 copy.put(bricks)
             self.volume = copy.volume(copy.view(), complete.revision.volume_revision,
@@ -149,9 +153,9 @@ class _Follower:
         self._join(_FINISH_TIMEOUT_S)
         if self._thread.is_alive() and (call := self._call) is not None:
             threading.Thread(target=call.cancel, daemon=True).start()
-            self._join(None)
+            self._join(_CANCEL_TIMEOUT_S)
 
-    def _join(self, timeout_s: float | None) -> None:
+    def _join(self, timeout_s: float) -> None:
         if threading.current_thread() is not self._thread:
             self._thread.join(timeout_s)
 
@@ -208,7 +212,7 @@ class LiveVolume:
 
         After a loss the copy is still the old one when this is None again: wait() for more.
         """
-        with self._follower.changed:
+        with self._follower.lock:
             return self._follower.ended or self._follower.lost
 
     def snapshot(self) -> Volume:
@@ -223,7 +227,7 @@ class LiveVolume:
         Its array is read-only. After the block it changes again. Errors: as wait().
         """
         self.wait()
-        with self._follower.changed:
+        with self._follower.lock:
             volume = self._follower.volume
             assert volume is not None
             yield volume
@@ -238,7 +242,7 @@ class LiveVolume:
         """
         follower = self._follower
         end = None if timeout_s is None else time.monotonic() + timeout_s
-        with follower.changed:
+        with follower.lock:
             while follower.volume is None or follower.volume.volume_revision < volume_revision:
                 if follower.ended is not None:
                     raise follower.ended
