@@ -276,6 +276,37 @@ class Made(unittest.TestCase):
             for _ in range(40):
                 self.opened(framed((kind, choose.randbytes(choose.randrange(300)))))
 
+    def test_changed_bytes_in_chunks_whose_checksums_fit(self):
+        choose = random.Random(7)
+        known = list(corpus_recordings.chunks().values())
+
+        def scene():
+            """Of version 4, of a volume that may not be possible."""
+            shape = [choose.choice((16, 16, 2, 1, 0, -5, 2**31 - 1)) for _ in range(3)]
+            return 2, corpus_recordings.scene(volume=choose.choice((1, 2))) + struct.pack(
+                "<3dBB3i2dB", 0.05, 3.3, 0.001, 1, choose.randrange(2), *shape, 0.0, 1.0,
+                choose.randrange(2))
+
+        for _ in range(400):
+            chunks = []
+            for _ in range(choose.randrange(1, 6)):
+                kind, payload = choose.choice((scene, lambda: (3, corpus_recordings.edit(tick=0)),
+                                               lambda: choose.choice(known)))()
+                payload = bytearray(payload)
+                for _ in range(choose.choice((0, 0, 1, 3))):
+                    if payload:
+                        payload[choose.randrange(len(payload))] = choose.randrange(256)
+                chunks.append((kind, bytes(payload)))
+            recording = self.opened(framed(*chunks))
+            for edit in recording.edits:
+                edit.voxels()
+            for scene_read in recording.scenes:
+                for loaded in (None, np.zeros((16, 16, 16))):
+                    try:
+                        recording.voxels(scene_read.tick, loaded)
+                    except palpate.Error as refused:
+                        self.assertNotIn("\n", str(refused))
+
     def test_an_older_version(self):
         ticks = corpus_recordings.samples([corpus_recordings.fields(n) for n in range(3)])
         recording = self.opened(framed(

@@ -2,6 +2,7 @@
 
 import collections.abc
 import dataclasses
+import math
 import struct
 
 import numpy as np
@@ -13,6 +14,9 @@ from palpate._recorded_events import RecordedEdit, RecordedScene
 from palpate._recording_frame import Damaged
 from palpate._volume_copy import VolumeCopy
 from palpate.v1 import volume_stream_pb2
+
+# 64 MiB of voxels.
+_MOST_STORED_BRICKS = 1 << 15
 
 
 @dataclasses.dataclass(frozen=True)
@@ -35,15 +39,23 @@ def voxels_of(steps: collections.abc.Sequence[Step], loaded: npt.ArrayLike | Non
     As server/recording/volume_follower.cpp does. Errors: Damaged, InvalidArgument.
     """
     copy: VolumeCopy | None = None
-    base_revision = steps[-1].scene.loaded_revision
-    if loaded is not None and steps[-1].scene.shape is not None:
-        copy = _empty(steps[-1].scene)
-        copy.fill(_fitting(loaded, steps[-1].scene))
+    last = steps[-1].scene
+    if last.shape is None:
+        return None
+    base_revision = last.loaded_revision
+    if loaded is not None:
+        values = _fitting(loaded, last)
+        copy = _empty(last)
+        copy.fill(values)
     for step in steps:
         scene = step.scene
+        if scene.shape != last.shape:
+            raise Damaged("damaged: it is of another volume")
         if scene.all_voxels_stored and step.edits:
             # These edits hold all voxels.
-            copy, base_revision = _empty(scene), 0
+            if _brick_count(last.shape) > _MOST_STORED_BRICKS:
+                raise Damaged("damaged: of a volume that no recording holds")
+            copy, base_revision = _empty(last), 0
         if not step.edits or copy is None:
             continue
         leads_on = (step.edits[0].base_revision == base_revision
@@ -53,7 +65,11 @@ def voxels_of(steps: collections.abc.Sequence[Step], loaded: npt.ArrayLike | Non
                 _put(copy, edit)
         base_revision = step.edits[0].volume_revision
     return None if copy is None else Voxels(np.array(copy.view(), order="C"),
-                                            _hash_of(copy, steps[-1].scene))
+                                            _hash_of(copy, last))
+
+
+def _brick_count(shape: tuple[int, int, int]) -> int:
+    return math.prod(-(-size // 8) for size in shape)
 
 
 def _empty(scene: RecordedScene) -> VolumeCopy:
