@@ -68,9 +68,9 @@ class Installed(unittest.TestCase):
                                      cwd=folder), "5\n")
 
 
-def first_example():
-    """The first lines of Python in the package's README."""
-    return re.search(r"```python\n(.*?)```", (PACKAGE / "README.md").read_text(), re.DOTALL)[1]
+def examples():
+    """The lines of Python in the package's README, by block."""
+    return re.findall(r"```python\n(.*?)```", (PACKAGE / "README.md").read_text(), re.DOTALL)
 
 
 class Wheel(unittest.TestCase):
@@ -97,7 +97,7 @@ class Wheel(unittest.TestCase):
             environment["PATH"] = str(python.parent)
             run([python, "-m", "pip", "install", "--no-deps", wheel], env=environment)
             script = folder / "first.py"
-            script.write_text(first_example() + "print(palpate.__file__)\n")
+            script.write_text(examples()[0] + "print(palpate.__file__)\n")
             with Daemon("builtin:sphere:48") as daemon:
                 said = run([python, script], cwd=folder,
                            env=environment | {"PALPATE_SOCKET": daemon.socket})
@@ -105,6 +105,23 @@ class Wheel(unittest.TestCase):
                 with daemon.connect() as conn:
                     self.assertEqual(conn.device.info().forces.state, "stopped")
             self.assertIn(str(folder / "venv"), said)
+
+
+class Readme(unittest.TestCase):
+    def test_its_other_lines_run(self):
+        # What names a daemon or a file that are not here, in the words of those that are.
+        blocks = [block.replace("/data/head.nrrd", "builtin:sphere:64") for block in examples()[1:]
+                  if "lab.example" not in block]
+        self.assertEqual(len(blocks), 3)
+        with Daemon() as daemon, daemon.connect() as conn:
+            conn.recording.start(daemon.folder / "trial-7.palrec")
+            conn.recording.mark("here")
+            next(conn.poses(100, 10))
+            conn.recording.stop()
+            said = run([sys.executable, "-c", "import palpate\nconn = palpate.connect()\n"
+                        + "".join(blocks)], cwd=daemon.folder,
+                       env=os.environ | {"PALPATE_SOCKET": daemon.socket, "PALPATE_SERVER": ""})
+        self.assertIn("['here']", said)
 
 
 class Documented(unittest.TestCase):

@@ -44,8 +44,7 @@ class Place(DaemonTest):
                             scale_by=0.5)
         said = shown(self.daemon)
         np.testing.assert_allclose(placed.center_mm, (11, 2, 3), atol=1e-12)
-        self.assertEqual(placed.center_mm.tolist(), [said["center_mm"][axis] for axis in "xyz"]
-                         if isinstance(said["center_mm"], dict) else said["center_mm"])
+        self.assertEqual(placed.center_mm.tolist(), said["center_mm"])
         self.assertEqual(placed.rotation_wxyz.tolist(), said["rotation_wxyz"])
         self.assertAlmostEqual(placed.device_mm_per_voxel, 0.25)
         self.assertEqual(placed.device_mm_per_voxel, said["device_mm_per_voxel"])

@@ -4,6 +4,7 @@
         conn.settings.isovalue = 300.0
         for poses in conn.poses(rate_hz=1000, batch=50):
             print(poses.force_n[-1])
+    recording = palpate.open_recording("trial-7.palrec")     # needs no daemon
 
 Units are in the names, shapes in the docstrings. Volumes are arrays indexed [x, y, z].
 """

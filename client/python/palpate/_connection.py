@@ -59,7 +59,7 @@ class Connection:
 
     @property
     def volume(self) -> VolumeAccess:
-        """The volume under the stylus: load, upload, download, save."""
+        """The volume under the stylus: load, upload, download, save, place, follow."""
         return self._volume
 
     @property
@@ -74,7 +74,7 @@ class Connection:
 
     @property
     def recording(self) -> Recording:
-        """Recordings on the daemon's machine."""
+        """Recordings on the daemon's machine: make them, and replay them."""
         return self._recording
 
     def poses(self, rate_hz: float = 60.0, batch: int = 1, *, waiting: int = 1) -> PoseStream:

@@ -5,8 +5,6 @@ import queue
 import typing
 import zlib
 
-import grpc
-
 from palpate._link import Link
 from palpate._progress import Progress, tell
 from palpate.v1 import volume_pb2
