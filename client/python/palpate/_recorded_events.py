@@ -6,12 +6,16 @@ import typing
 import numpy as np
 import numpy.typing as npt
 
-from palpate._enums import DecompositionMethod, FreeSide
+from palpate._enums import DecompositionMethod
+from palpate._errors import InvalidArgument
 from palpate._recording_frame import Damaged, Reader, unpack
+from palpate._settings import Settings
 
 _MOST_BRICKS = 4096
 BRICK_VOXELS = 512
 _FLAGS = {"off": False, "on": True}
+# A scene has them beside its lines.
+_APART = ("isovalue", "normalized_isovalue", "method")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -143,7 +147,7 @@ def scene_of(reader: Reader) -> RecordedScene:
     settings: dict[str, typing.Any] = {"isovalue": isovalue,
                                        "normalized_isovalue": normalized_isovalue}
     unknown = _read_settings(reader.get_text(), settings)
-    settings["method"] = _word(DecompositionMethod, reader.get_text(), "a method")
+    settings["method"] = _method(reader.get_text())
     device_from_index = np.eye(4)
     device_from_index[:3, :3] = np.reshape(reader.get("9d"), (3, 3), order="F")
     device_from_index[:3, 3] = reader.get("3d")
@@ -186,40 +190,31 @@ def _read_settings(text: str, settings: dict[str, typing.Any]) -> dict[str, str]
         key, equals, value = line.partition("=")
         if not equals:
             raise Damaged("damaged: a setting is no line key=value")
-        if key == "free_side":
-            settings[key] = _word(FreeSide, value, "a side")
-        elif key in _NUMBERS:
-            settings[key] = _number(value)
-        elif key in _SWITCHES:
-            if value not in _FLAGS:
-                raise Damaged("damaged: a setting is neither on nor off")
-            settings[key] = _FLAGS[value]
-        else:
+        parse = getattr(getattr(Settings, key, None), "parse", None)
+        if parse is None or key in _APART:
             unknown[key] = value
+            continue
+        try:
+            settings[key] = parse(key, _value_of(value))
+        except InvalidArgument:
+            raise Damaged(f"damaged: the setting {key} cannot be what it is") from None
     return unknown
 
 
-_NUMBERS = ("stiffness_n_per_mm", "damping_n_s_per_m", "static_friction", "dynamic_friction",
-            "viscosity_n_s_per_m", "pop_force_n", "magnet_force_n", "magnet_range_mm",
-            "carve_radius_mm", "carve_rate_per_s")
-_SWITCHES = ("force_shading", "passivity_control", "carve_tool", "clutch_tool")
-
-
-def _number(text: str) -> float:
+def _value_of(text: str) -> bool | float | str:
+    if text in _FLAGS:
+        return _FLAGS[text]
     # Not all that float() takes: "1_0", "٣" and " 1" are no numbers of a recording.
     if text.isascii() and "_" not in text and text == text.strip():
         try:
             return float(text)
         except ValueError:
             pass
-    raise Damaged("damaged: a setting is no number")
+    return text
 
 
-_W = typing.TypeVar("_W", DecompositionMethod, FreeSide)
-
-
-def _word(kind: type[_W], text: str, what: str) -> _W:
-    for word in kind:
-        if str(word) == text:
-            return word
-    raise Damaged(f"of {what} that this package does not know")
+def _method(text: str) -> DecompositionMethod:
+    for method in DecompositionMethod:
+        if str(method) == text:
+            return method
+    raise Damaged("of a method that this package does not know")
