@@ -132,7 +132,7 @@ def check_faults():
 
 
 def check_remote_viewer():
-    """As deploy/README.md says it."""
+    """As deploy/guides/remote.md says it."""
     folder = pathlib.Path("/etc/palpate/tls")
     folder.mkdir()
     certificate, key, token = folder / "palpated.pem", folder / "palpated.key", "/root/token"
