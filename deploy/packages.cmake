@@ -89,9 +89,11 @@ install(FILES deploy/systemd/palpated.service
 install(FILES deploy/systemd/palpate.sysusers
   DESTINATION lib/sysusers.d RENAME palpate.conf COMPONENT daemon)
 install(FILES deploy/udev/70-palpate.rules DESTINATION lib/udev/rules.d COMPONENT daemon)
-install(FILES README.md deploy/guides/devices.md deploy/guides/remote.md
-  deploy/guides/settings.md
-  DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/palpate-daemon COMPONENT daemon)
+# The guides lie as in the source, so that their links work.
+set(doc ${CMAKE_INSTALL_DATADIR}/doc/palpate-daemon)
+install(FILES README.md DESTINATION ${doc} COMPONENT daemon)
+install(DIRECTORY deploy/guides DESTINATION ${doc}/deploy COMPONENT daemon
+  FILES_MATCHING PATTERN "*.md" PATTERN "*.png" PATTERN "*.svg")
 set(CPACK_DEBIAN_DAEMON_PACKAGE_SHLIBDEPS ON)
 # The user is made by systemd-sysusers, the service by systemd; procps: /usr/bin/kill,
 # without which the unit's sandbox is not set up.

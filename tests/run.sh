@@ -36,7 +36,7 @@ packages=()
 # readers and the fuzzed calls. The rest walks the same code from outside, with pictures, over
 # real volumes or through Python, and takes most of the time.
 chosen=(--exclude-regex
-  '^(offline|(lab_volume|view_render)_test|integration\.(python|remote|view|sdk_install|vdb_tool|sparse_volume|reshape|operations_(budget|demo|faults|metrics|power_loss|restore|soak|unread)))')
+  '^(offline|(lab_volume|view_render)_test|integration\.(python|remote|view|sdk_install|vdb_tool|sparse_volume|reshape|operations_(budget|demo|faults|guides|metrics|power_loss|restore|soak|unread)))')
 address_tests=address_tests
 # Of the last commits: all take ten minutes.
 headers=header_check_recent

@@ -1,0 +1,219 @@
+"""README.md and deploy/guides: every command block runs, and every link leads somewhere.
+
+A page's blocks run in order, in one shell (```sh) and one Python (```python), in a folder that has
+the files which the pages name: a DICOM folder `scan`, `head.nrrd`, `t*.nrrd`, palpated.toml. A block
+that cannot run here says why on the line above it: <!-- not run: REASON -->."""
+
+import concurrent.futures
+import math
+import os
+import pathlib
+import re
+import shutil
+import signal
+import struct
+import subprocess
+import sys
+import tempfile
+import unittest
+
+from free_port import free_port
+
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "deploy/guides").glob("*.md"))]
+# Only linked: their blocks belong to other tests, or to the machine of who follows them.
+LINKED = [*PAGES, ROOT / "client/python/README.md", *sorted((ROOT / "tests").glob("**/*.md"))]
+PROGRAMS = pathlib.Path(os.environ["PALPATED"]).parent
+RUN = ("sh", "python")
+SHOWN = ("cmake", "cpp", "promql", "text", "toml", "yaml")
+PATIENCE_S = 300
+
+FENCE = re.compile(r"^```(.*)$")
+REASON = re.compile(r"^<!-- not run: (.*) -->$")
+LINK = re.compile(r"!?\[[^\]]*\]\(([^)\s]+)\)")
+# Ends what the page has started: a daemon that does not end in order fails the page.
+EPILOGUE = """
+for job in $(jobs -p); do
+  kill -TERM "$job"
+  wait "$job"
+done
+"""
+
+
+class Block:
+    def __init__(self, page, line, language, reason, text):
+        self.page, self.line, self.language = page, line, language
+        self.reason, self.text = reason, text
+
+    def __str__(self):
+        return f"{self.page.relative_to(ROOT)}:{self.line}"
+
+
+def blocks(page):
+    """The page's code blocks, in order."""
+    found, start, previous = [], None, ""
+    lines = page.read_text(encoding="utf-8").splitlines()
+    for number, line in enumerate(lines, 1):
+        fence = FENCE.match(line)
+        if not fence:
+            previous = line if start is None else previous
+        elif start is None:
+            start, language = number, fence[1].strip()
+            reason = REASON.match(previous)
+        else:
+            found.append(Block(page, start, language, reason and reason[1],
+                               "\n".join(lines[start:number - 1]) + "\n"))
+            start, previous = None, ""
+    if start is not None:
+        raise ValueError(f"{page}:{start}: this block has no end")
+    return found
+
+
+def anchors(page):
+    """Of its headings, as GitHub names them."""
+    text = re.sub(r"^```.*?^```$", "", page.read_text(encoding="utf-8"), flags=re.M | re.S)
+    headings = re.findall(r"^#+ (.*)$", text, flags=re.M)
+    return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
+
+
+def ball(size, number=0):
+    """Densities of a ball, x fastest, from -1000 outside to 1000 inside."""
+    middle = (size - 1) / 2
+    return [max(-1000, min(1000, int(200 * (size / 3 + number - math.dist((x, y, z), (middle,) * 3)))))
+            for z in range(size) for y in range(size) for x in range(size)]
+
+
+def write_nrrd(file, values, size):
+    file.write_bytes(f"NRRD0004\ntype: int16\ndimension: 3\nsizes: {size} {size} {size}\n"
+                     "space: left-posterior-superior\nspace directions: (3,0,0) (0,3,0) (0,0,3)\n"
+                     "space origin: (-48,-48,-48)\nencoding: raw\nendian: little\n\n"
+                     .encode() + struct.pack(f"<{len(values)}h", *values))
+
+
+def dicom_element(group, number, kind, value):
+    """In the explicit little-endian encoding."""
+    if isinstance(value, str):
+        value = value.encode() + (b"\0" if kind == "UI" else b" ") * (len(value) % 2)
+    elif isinstance(value, int):
+        value = struct.pack("<H", value)
+    long = kind in ("OB", "OW")
+    return (struct.pack("<HH", group, number) + kind.encode() +
+            struct.pack("<HI" if long else "<H", *((0, len(value)) if long else (len(value),))) +
+            value)
+
+
+def write_dicom(folder, values, size):
+    """A CT series: a file for each slice."""
+    folder.mkdir()
+    kind, series = "1.2.840.10008.5.1.4.1.1.2", "1.2.826.0.1.3680043.8.498.1"
+    for z in range(size):
+        name = f"{series}.{z + 1}"
+        elements = [
+            (0x8, 0x16, "UI", kind), (0x8, 0x18, "UI", name), (0x8, 0x60, "CS", "CT"),
+            (0x20, 0xd, "UI", series), (0x20, 0xe, "UI", f"{series}.0"),
+            (0x20, 0x13, "IS", str(z + 1)), (0x20, 0x32, "DS", f"0\\0\\{2 * z}"),
+            (0x20, 0x37, "DS", "1\\0\\0\\0\\1\\0"), (0x28, 0x2, "US", 1),
+            (0x28, 0x4, "CS", "MONOCHROME2"), (0x28, 0x10, "US", size), (0x28, 0x11, "US", size),
+            (0x28, 0x30, "DS", "2\\2"), (0x28, 0x100, "US", 16), (0x28, 0x101, "US", 16),
+            (0x28, 0x102, "US", 15), (0x28, 0x103, "US", 1), (0x28, 0x1052, "DS", "0"),
+            (0x28, 0x1053, "DS", "1"),
+            (0x7fe0, 0x10, "OW", struct.pack(f"<{size * size}h",
+                                             *values[z * size * size:(z + 1) * size * size]))]
+        meta = b"".join(dicom_element(*element) for element in [
+            (0x2, 0x1, "OB", b"\0\1"), (0x2, 0x2, "UI", kind), (0x2, 0x3, "UI", name),
+            (0x2, 0x10, "UI", "1.2.840.10008.1.2.1"), (0x2, 0x12, "UI", "1.2.3")])
+        (folder / f"slice_{z:03}.dcm").write_bytes(
+            bytes(128) + b"DICM" + dicom_element(2, 0, "UL", struct.pack("<I", len(meta))) + meta +
+            b"".join(dicom_element(*element) for element in elements))
+
+
+def make_files(folder):
+    """What the pages call by name."""
+    size = 32
+    write_dicom(folder / "scan", ball(size), size)
+    write_nrrd(folder / "head.nrrd", ball(size), size)
+    for number in range(3):
+        write_nrrd(folder / f"t{number}.nrrd", ball(size, number), size)
+    shutil.copy(ROOT / "deploy/config/palpated.toml", folder)
+
+
+def script(page_blocks):
+    """One shell script that says each block's place before it runs it."""
+    text = "set -eo pipefail\n"
+    for block in page_blocks:
+        body = block.text
+        if block.language == "python":
+            body = f"{sys.executable} <<'END_OF_PYTHON'\n{body}END_OF_PYTHON\n"
+        text += f"echo '== {block}'\n{body}"
+    # Another palpated may have the port that the pages name.
+    text = text.replace("7400", str(free_port()))
+    return text + "echo '== the end of the page'\n" + EPILOGUE
+
+
+def run_page(page):
+    """(exit status, what it printed) of a page's blocks."""
+    page_blocks = [block for block in blocks(page)
+                   if block.language in RUN and not block.reason]
+    if not page_blocks:
+        return 0, ""
+    with tempfile.TemporaryDirectory(prefix="palpate-guides-") as name:
+        folder = pathlib.Path(name)
+        make_files(folder)
+        environment = {key: value for key, value in os.environ.items()
+                       if not key.startswith(("PALPATE_", "XDG_"))}
+        environment |= {"PATH": f"{PROGRAMS}:{os.environ['PATH']}", "HOME": name, "TMPDIR": name,
+                        "PALPATE_SOCKET": f"{name}/palpated.sock", "GRPC_VERBOSITY": "NONE",
+                        "XDG_STATE_HOME": f"{name}/state"}
+        with tempfile.TemporaryFile("w+", errors="replace") as log:
+            # A group of its own: what the page leaves behind when it fails is ended, too.
+            with subprocess.Popen(["bash", "-c", script(page_blocks)], cwd=name, env=environment,
+                                  stdin=subprocess.DEVNULL, stdout=log, stderr=subprocess.STDOUT,
+                                  start_new_session=True) as shell:
+                try:
+                    status = shell.wait(PATIENCE_S)
+                except subprocess.TimeoutExpired:
+                    status = "none: it did not end"
+                try:
+                    os.killpg(shell.pid, signal.SIGKILL)
+                except ProcessLookupError:
+                    pass
+            log.seek(0)
+            return status, log.read()
+
+
+class Guides(unittest.TestCase):
+    def test_every_block_has_a_language_and_runs_or_says_why_not(self):
+        ran, left_out = 0, []
+        for page in PAGES:
+            for block in blocks(page):
+                self.assertIn(block.language, RUN + SHOWN, f"{block}: name the block's language")
+                if block.language in RUN:
+                    ran += not block.reason
+                    if block.reason:
+                        left_out.append(f"{block}: {block.reason}")
+        print(f"{ran} blocks run, {len(left_out)} do not:", *left_out, sep="\n  ")
+        self.assertGreater(ran, len(left_out))
+
+    def test_every_block_runs(self):
+        with concurrent.futures.ThreadPoolExecutor(4) as pool:
+            for page, (status, log) in zip(PAGES, pool.map(run_page, PAGES)):
+                with self.subTest(page=page.name):
+                    last = [line for line in log.splitlines() if line.startswith("== ")][-1:]
+                    self.assertEqual(status, 0, f"after {last}:\n{log[-6000:]}")
+
+    def test_every_link_leads_somewhere(self):
+        for page in LINKED:
+            text = re.sub(r"^```.*?^```$", "", page.read_text(encoding="utf-8"), flags=re.M | re.S)
+            for link in LINK.findall(text):
+                if re.match(r"[a-z]+:", link):
+                    continue
+                path, _, anchor = link.partition("#")
+                target = (page.parent / path).resolve() if path else page
+                with self.subTest(page=str(page.relative_to(ROOT)), link=link):
+                    self.assertTrue(target.exists(), "there is no such file")
+                    if anchor:
+                        self.assertIn(anchor, anchors(target), "there is no such heading")
+
+
+if __name__ == "__main__":
+    unittest.main()
