@@ -49,7 +49,8 @@ holds() {
 check_contents() {
   holds palpate-daemon /usr/bin/palpated /usr/bin/palpate-import /usr/bin/palpate-lab \
     /lib/systemd/system/palpated.service /usr/lib/sysusers.d/palpate.conf \
-    /usr/lib/udev/rules.d/70-palpate.rules /etc/palpate/palpated.toml /usr/share/man/man1/palpated.1.gz
+    /usr/lib/udev/rules.d/70-palpate.rules /etc/palpate/palpated.toml /usr/share/man/man1/palpated.1.gz \
+    /usr/share/doc/palpate-daemon/README.md /usr/share/doc/palpate-daemon/deploy/guides/devices.md
   holds palpate-viewer /usr/bin/palpate-view /usr/share/man/man1/palpate-view.1.gz
   holds palpate-client /usr/bin/palpate /usr/share/man/man1/palpate.1.gz
   holds python3-palpate /usr/lib/python3/dist-packages/palpate/__init__.py \

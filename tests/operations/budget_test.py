@@ -1,7 +1,7 @@
 """Everything that takes memory, at once and one after the other: loads, uploads, edits, undo,
 filters, a series, saves, recordings to a full disk, and ten streams of volumes, some of which
-nobody reads. The daemon's memory must never be above its budget and the overhead that README.md
-states; what does not fit must be refused in words that name the budget; and at the end all memory
+nobody reads. The daemon's memory must never be above its budget and the overhead that the guides
+state; what does not fit must be refused in words that name the budget; and at the end all memory
 must be back.
 
 Memory is what the daemon has of its own, without the pages of programs and libraries (RssAnon and
