@@ -31,6 +31,11 @@ class Error : public std::runtime_error {
   ErrorKind kind_;
 };
 
+// What somebody gave cannot be used: kInvalidArgument.
+[[noreturn]] inline void Refuse(const std::string& message) {
+  throw Error(ErrorKind::kInvalidArgument, message);
+}
+
 // Exit code of a program that ends with such an error. 2 is left for wrong
 // usage of the command line, 128 + n for signals.
 constexpr int ExitCode(ErrorKind kind) {

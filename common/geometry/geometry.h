@@ -32,6 +32,9 @@ struct AffineMap {
     return inverse;
   }
 
+  // The same numbers.
+  bool operator==(const AffineMap&) const = default;
+
   // (a * b)(p) = a(b(p)).
   friend AffineMap operator*(const AffineMap& a, const AffineMap& b) {
     return {a.linear * b.linear, a.linear * b.translation + a.translation};

@@ -26,10 +26,6 @@ bool IsAlphanumeric(char c) {
   return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9');
 }
 
-[[noreturn]] void ThrowInvalid(const std::string& message) {
-  throw Error(ErrorKind::kInvalidArgument, message);
-}
-
 // Anybody may create a folder in /tmp: one that is not ours alone is a trap.
 std::string TemporaryFolder() {
   const std::string folder = "/tmp/palpate-" + std::to_string(getuid());
@@ -48,19 +44,19 @@ void CheckHost(const std::string& host, bool bracketed, const std::string& text)
   if (bracketed) {
     in6_addr address{};
     if (inet_pton(AF_INET6, host.c_str(), &address) != 1) {
-      ThrowInvalid("'" + text + "': '" + host + "' is not an IPv6 address");
+      Refuse("'" + text + "': '" + host + "' is not an IPv6 address");
     }
     return;
   }
   if (host.find(':') != std::string::npos) {
-    ThrowInvalid("'" + text + "': write an IPv6 address in brackets, as in [::1]:7400");
+    Refuse("'" + text + "': write an IPv6 address in brackets, as in [::1]:7400");
   }
   const bool valid = !host.empty() && host.size() <= 253 && host.front() != '-' &&
                      std::all_of(host.begin(), host.end(), [](char c) {
                        return IsAlphanumeric(c) || c == '.' || c == '-' || c == '_';
                      });
   if (!valid) {
-    ThrowInvalid("'" + text + "' is not an address: expected HOST:PORT, as in localhost:7400");
+    Refuse("'" + text + "' is not an address: expected HOST:PORT, as in localhost:7400");
   }
 }
 
@@ -85,11 +81,11 @@ std::string DefaultSocketPath(const std::string& system_folder) {
 
 std::string UnixTarget(const std::string& path) {
   if (path.empty()) {
-    ThrowInvalid("the path of the socket is empty");
+    Refuse("the path of the socket is empty");
   }
   const std::string absolute = std::filesystem::absolute(path).string();
   if (absolute.size() > kMaxSocketPathLength) {
-    ThrowInvalid("the path of a socket has at most " + std::to_string(kMaxSocketPathLength) +
+    Refuse("the path of a socket has at most " + std::to_string(kMaxSocketPathLength) +
                  " bytes, this one has " + std::to_string(absolute.size()) + ": " + absolute);
   }
   // A gRPC client decodes its target as a URI and a gRPC server does not; only
@@ -98,7 +94,7 @@ std::string UnixTarget(const std::string& path) {
     return IsAlphanumeric(c) || std::string_view("/-._~+=,:@").find(c) != std::string_view::npos;
   };
   if (!std::all_of(absolute.begin(), absolute.end(), is_plain)) {
-    ThrowInvalid("the path of a socket may hold letters, digits and /-._~+=,:@ only: " + absolute);
+    Refuse("the path of a socket may hold letters, digits and /-._~+=,:@ only: " + absolute);
   }
   return "unix:" + absolute;
 }
@@ -112,7 +108,7 @@ HostPort ParseHostPort(std::string_view text) {
   const std::string quoted(text);
   const std::size_t colon = text.rfind(':');
   if (colon == std::string_view::npos) {
-    ThrowInvalid("'" + quoted + "' names no port: expected HOST:PORT, as in localhost:7400");
+    Refuse("'" + quoted + "' names no port: expected HOST:PORT, as in localhost:7400");
   }
   std::string_view host = text.substr(0, colon);
   const std::string_view digits = text.substr(colon + 1);
@@ -126,7 +122,7 @@ HostPort ParseHostPort(std::string_view text) {
   const char* end = digits.data() + digits.size();
   const auto [stop, error] = std::from_chars(digits.data(), end, address.port);
   if (error != std::errc() || stop != end || address.port == 0) {
-    ThrowInvalid("'" + quoted + "': the port is a number from 1 to 65535");
+    Refuse("'" + quoted + "': the port is a number from 1 to 65535");
   }
   return address;
 }

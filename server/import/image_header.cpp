@@ -54,8 +54,6 @@ ScalarType ParseScalarType(std::string_view name) {
   Refuse("there is no voxel type " + Quoted(name) + "; use one of " + names);
 }
 
-void Refuse(const std::string& message) { throw Error(ErrorKind::kInvalidArgument, message); }
-
 std::int64_t TakeFrames(std::vector<std::int64_t>* axes) {
   if (axes->size() < 4 || (*axes)[3] < 1) return 1;
   if (std::any_of(axes->begin() + 4, axes->end(), [](std::int64_t axis) { return axis != 1; })) {

@@ -71,8 +71,6 @@ struct ImportLimits {
   OwnFiles own_files{};
 };
 
-[[noreturn]] void Refuse(const std::string& message);  // kInvalidArgument
-
 // Takes the axes as a header lists them. When there are frames along the fourth
 // and nothing beyond, sets that axis to 1 and returns their number, otherwise 1.
 std::int64_t TakeFrames(std::vector<std::int64_t>* axes);

@@ -10,10 +10,6 @@
 namespace palpate::lab {
 namespace {
 
-[[noreturn]] void Refuse(const std::string& what) {
-  throw Error(ErrorKind::kInvalidArgument, what);
-}
-
 std::string KnownKeys() {
   std::string keys;
   for (const NumberSetting& setting : kNumberSettings) keys += fmt::format("{}, ", setting.key);

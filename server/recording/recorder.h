@@ -1,21 +1,20 @@
-// Records what the pump delivers, without ever holding it up.
+// Records the pump's samples without ever blocking the pump.
 //
 //   pump -> OnSample -> ring, 8 s -> writer thread -> RecordingWriter -> disk
 //
-// Where the disk is slower than the ticks, the ring fills, samples are dropped,
-// and the recording declares the gap. Scenes wait with their volumes, of which the
-// writer takes the changed bricks; where those that wait come to more than
-// kMaxWaitingVoxelBytes, the oldest are let go and their scenes declare that voxels
-// are missing. One object is one recording.
+// If the disk is slower than the ticks, the ring fills, samples are dropped, and the recording
+// declares the gap. Scenes wait together with their volumes until the writer has taken the changed
+// bricks. If the waiting volumes keep more than kMaxWaitingVoxelBytes, the recorder releases the
+// oldest volumes, and their scenes declare that voxels are missing. One object makes one recording.
 //
 // Threads: OnSample and OnKeyframe on one thread (the pump's); the rest on any.
-// Real-time: those two are wait-free and do not allocate. Nothing else is for
+// Real-time: OnSample and OnKeyframe are wait-free and do not allocate. Nothing else is for
 // real-time code.
-// Ownership: owns the output and the writer thread. The pump may hold it by
-// weak_ptr for as long as it likes; Stop before the last owner lets go, which may
-// be the pump, since the destructor waits for the disk.
-// Errors: what the writer thread meets ends the recording there, keeps what was
-// written, and is in the report. All that waits is let go then, and nothing more is taken.
+// Ownership: owns the output and the writer thread. The pump may hold the recorder by weak_ptr
+// for any time. Call Stop before the last owner releases the recorder: the last owner may be the
+// pump, and the destructor waits for the disk.
+// Errors: an error on the writer thread ends the recording. The data written so far stays, and
+// the report holds the error. The recorder then drops everything that waits and takes no more.
 #pragma once
 
 #include <atomic>
@@ -49,13 +48,14 @@ class Recorder final : public SampleSink {
  public:
   static constexpr std::size_t kQueueTicks = 8192;
   static constexpr std::size_t kMaxMarkerBytes = 4096;
-  // Scenes and markers that wait for their tick.
+  // The most scenes, and the most markers, that wait for their tick.
   static constexpr std::size_t kMaxWaiting = 4096;
   static constexpr std::uint64_t kMaxWaitingVoxelBytes = std::uint64_t{256} << 20;
 
   // Writes the header and starts the writer thread. Throws the output's Error.
-  // failed: told by the writer thread, once, that the recording ended early.
-  // left_out: told by the writer thread, once for each volume, why ticks cannot be computed again.
+  // failed: called by the writer thread, once, if the recording ends early.
+  // left_out: called by the writer thread, at most once for each volume, with the reason why some
+  // ticks cannot be computed again.
   // now_ns: the clock of the recording; tests bring their own.
   Recorder(std::unique_ptr<RecordingOutput> output, const std::string& program,
            std::function<void(const Error&)> failed = {},
@@ -66,25 +66,25 @@ class Recorder final : public SampleSink {
   void OnSample(const TickSample& sample) override;
   void OnKeyframe(const ServoKeyframe& keyframe) override;
 
-  // Before the pump delivers samples of this scene: the one in use before
-  // subscribing, every other before it is published. It is written with the first
-  // tick of its scene_revision; `scene.tick` is ignored. A scene that no tick
-  // used is left out.
-  // `volume`: the scene's, of whose voxels what the recording lacks is written, too;
-  // null: none is. `changed_bytes`: what the one before keeps of memory that this one does not.
+  // Call it before the pump delivers samples of this scene: for the present scene before
+  // subscribing, for every later scene before it is published. The scene is written with the first
+  // tick of its scene_revision; `scene.tick` is ignored. A scene that no tick used is left out.
+  // `volume`: the scene's volume; the recorder also writes the voxels that the recording lacks. If
+  // null, no voxels are written. `changed_bytes`: the memory that the previous volume keeps and
+  // that this volume does not share.
   void NoteScene(const RecordedScene& scene, std::shared_ptr<const VolumeSnapshot> volume = {},
                  std::uint64_t changed_bytes = 0);
 
-  // Marks the next tick; returns the marker's time. Throws Error: kInvalidArgument
-  // for none or more than kMaxMarkerBytes; kUnavailable where too many wait or the
-  // recording has ended.
+  // Marks the next tick; returns the marker's time. Throws Error: kInvalidArgument if the text is
+  // empty or longer than kMaxMarkerBytes; kUnavailable if too many markers wait or the recording
+  // has ended.
   std::int64_t Mark(const std::string& text);
 
-  // What is written so far; ticks that wait are in neither count.
+  // The state so far. Neither count includes ticks that still wait.
   RecorderReport report() const;
 
-  // Writes what was delivered, and the end; waits for the disk. Again: the same
-  // report.
+  // Writes all delivered samples and the end chunk; waits for the disk. A second call returns the
+  // same report.
   RecorderReport Stop();
 
  private:

@@ -1,7 +1,7 @@
-// The recording or the replay of a session: one at a time.
+// Starts and stops the recording or the replay of a session; only one runs at a time.
 //
 // Threads: any ordinary thread; OnScene is the session's. Not for real-time code.
-// Ownership: borrows session and pump; outlives whatever publishes scenes.
+// Ownership: borrows session and pump; must outlive every publisher of scenes.
 // Errors: Error.
 #pragma once
 
@@ -27,8 +27,8 @@ struct RecordingStatus {
   std::string left_out{};        // why some ticks cannot be computed again; empty: all can
 };
 
-// Which files may be written and read: each takes what a client named, and gives the path, or the
-// open file, or throws Error.
+// Decide which files may be written and read. Each function takes the name that a client sent.
+// `save` returns the path to write, `open` returns the open file; both throw Error to refuse.
 struct RecordingPaths {
   std::function<std::filesystem::path(const std::string&)> save;
   std::function<std::unique_ptr<std::istream>(const std::string&)> open;
@@ -38,25 +38,25 @@ class RecordingControl final : public SceneListener {
  public:
   using Report = std::function<void(const std::string& line, bool is_error)>;
 
-  // Listens to the session: before its first Load. `program`: name and version;
-  // `safety`, `device`: the servo's. `report`: told by any thread, a line, when a recording ends
-  // early (an error), or cannot hold what is felt (none).
+  // Listens to the session; construct it before the session's first Load. `program`: name and
+  // version. `safety`, `device`: the servo's. `report`: called by any thread with one line if a
+  // recording ends early (is_error), or if it cannot hold all voxels (not is_error).
   RecordingControl(Session& session, Pump& pump, RecordingPaths paths, std::string program,
                    const SafetyLimits& safety, const PassivityDevice& device, Report report = {});
   ~RecordingControl() override { End(); }
 
   void OnScene(const Scene& scene, std::span<const BrickChange> changes) override;
 
-  // kConflict: the file is there, another recording or a replay runs; what the path
-  // check and CreateRecordingFile throw.
+  // Throws Error: kConflict if the file exists or another recording or a replay runs; also every
+  // error of paths.save and CreateRecordingFile.
   RecordingStatus Start(const std::string& path, bool overwrite);
-  // Waits for the disk. kConflict where none was started since the last Stop.
+  // Waits for the disk. Throws kConflict if no recording was started since the last Stop.
   RecordingStatus Stop();
   RecordingStatus status() const;
-  // The time of the marker, ns of CLOCK_MONOTONIC. kConflict where nothing is recorded.
+  // Returns the marker's time, in ns of CLOCK_MONOTONIC. Throws kConflict if no recording runs.
   std::int64_t Mark(const std::string& text);
 
-  // As ReplayToViewers. kConflict while a recording or a replay runs; kNotFound.
+  // See ReplayToViewers. Also throws kConflict while a recording or a replay runs, and kNotFound.
   void Replay(const std::string& path, double speed, const ViewerReplayProgress& progress,
               const std::function<bool()>& cancelled);
 
@@ -75,7 +75,7 @@ class RecordingControl final : public SceneListener {
   const PassivityDevice device_;
   const Report report_;
 
-  // Start, Stop and the beginning of replays, one after the other.
+  // Held by Start, Stop and the beginning of Replay, so that they take turns.
   std::mutex commands_;
   std::atomic<bool> replaying_{false};
 
@@ -83,7 +83,7 @@ class RecordingControl final : public SceneListener {
   std::optional<RecordedScene> scene_;
   std::shared_ptr<const VolumeSnapshot> volume_;  // the scene's
   std::shared_ptr<Recorder> recorder_;
-  RecordingStatus last_;  // of the one before, and the path of this one
+  RecordingStatus last_;  // of the previous recording; the path is the present one's
 
   const Listening listening_{session_, *this};
 };

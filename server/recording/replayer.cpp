@@ -37,8 +37,7 @@ void CheckOrder(const RecordedScene& before, const RecordedScene& scene) {
   const bool good = scene.geometry_revision >= before.geometry_revision &&
                     scene.volume_revision >= before.volume_revision &&
                     (!same_geometry ||
-                     (scene.method == before.method && scene.X_DI.linear == before.X_DI.linear &&
-                      scene.X_DI.translation == before.X_DI.translation &&
+                     (scene.method == before.method && scene.X_DI == before.X_DI &&
                       scene.loaded_revision == before.loaded_revision)) &&
                     (!same_volume || scene.volume_hash == before.volume_hash);
   if (good) return;

@@ -13,7 +13,7 @@
 #include <string>
 
 #include "server/recording/recording.h"
-#include "server/recording/volume_follower.h"
+#include "server/recording/recorded_volumes.h"
 #include "server/servo/tick_computation.h"
 
 namespace palpate {
@@ -65,7 +65,7 @@ class Replayer {
   void Take(const TickSample& sample);
   void Compare(const TickSample& recorded, const TickSample& computed);
 
-  VolumeFollower follower_;
+  RecordedVolumes follower_;
   std::optional<TickComputation> computation_;
   SafetyLimits safety_{};
   PassivityDevice device_{};

@@ -14,7 +14,7 @@
 
 #include "common/error/error.h"
 #include "server/recording/shown_samples.h"
-#include "server/recording/volume_follower.h"
+#include "server/recording/recorded_volumes.h"
 #include "server/recording/voxel_log.h"
 
 namespace palpate {
@@ -195,15 +195,10 @@ class ViewerReplay {
 
   void Put(const RecordedScene& scene) {
     const VolumeState live = session_.volume();
-    if (live.X_DI.linear == scene.X_DI.linear && live.X_DI.translation == scene.X_DI.translation) {
-      return;
-    }
+    if (live.X_DI == scene.X_DI) return;
     const Registration registration = RegistrationOf(scene, live.volume->metadata());
     // What was put there before may differ from it by the rounding on the way.
-    if (placed_ && placed_->linear == registration.X_DW.linear &&
-        placed_->translation == registration.X_DW.translation) {
-      return;
-    }
+    if (placed_ == registration.X_DW) return;
     placed_ = registration.X_DW;
     session_.Move([&](const VolumeState&) { return registration; }, {}, /*keep=*/false);
   }
@@ -237,7 +232,7 @@ class ViewerReplay {
   const std::unique_lock<std::mutex> loading_;
   const VolumeStore::Hold hold_;
   const VolumeState before_;
-  VolumeFollower follower_;
+  RecordedVolumes follower_;
   std::shared_ptr<ShownSamples> shown_;
 
   // Of what was read.

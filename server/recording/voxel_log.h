@@ -1,13 +1,12 @@
-// Which voxels a recording still lacks.
+// Finds the voxels that a recording still lacks.
 //
-// Bricks carry the revision at which they changed last. So what a scene's volume has
-// that the recording has not is asked of its snapshot when the scene is written:
-// edits between two scenes come together by themselves, those that no tick used among
-// them, and those made since the volume was loaded and before the recording began.
-// Nothing is kept but the revision that was written last.
+// Each brick carries the revision of its last change. When a scene is written, the log asks the
+// scene's snapshot for the bricks that have changed since the revision written last. The answer
+// also covers edits that no tick used, and edits made between the load of the volume and the
+// start of the recording. The log keeps only the revision written last.
 //
-// Of a volume that cannot be loaded again (an upload, a series) all voxels are written
-// once, as a change from nothing, where there is room for them.
+// A volume that cannot be loaded again (an upload, a series) is written whole, once, as a change
+// from nothing. A volume above kMaxBricksPerScene is not written whole.
 //
 // Threads: one. Not for real-time code.
 #pragma once
@@ -22,17 +21,17 @@ namespace palpate {
 
 class VoxelLog {
  public:
-  // A larger change is left out: 64 MiB of voxels would take the disk's time for
-  // seconds of ticks.
+  // Changes above 64 MiB are recorded only as missing: the disk would need the time of seconds of
+  // ticks to write them.
   static constexpr std::size_t kMaxBricksPerScene = (std::size_t{64} << 20) / sizeof(Brick);
 
-  // All voxels of the volume are within that.
+  // True if the whole volume fits into kMaxBricksPerScene.
   static bool HasRoomForAll(const VolumeSnapshot& volume);
 
-  // For the next scene to be written. What to write before it: the changes up to
-  // `volume`, which is the scene's, or null where it is not known any more. Sets
-  // scene.voxels_missing where they are left out; they are then part of the next
-  // ones. Sets scene.all_voxels_stored where they are all of the volume's.
+  // Returns the edits to write before `scene`, the next scene of the recording. `volume`: the
+  // scene's volume, or null if it is no longer known. If the changes are left out, sets
+  // scene.voxels_missing; the next call then includes them. If the edits hold all voxels of the
+  // volume, sets scene.all_voxels_stored.
   std::vector<RecordedEdit> EditsBefore(RecordedScene& scene, const VolumeSnapshot* volume);
 
  private:

@@ -1,11 +1,11 @@
-// Accepts connections for gRPC, and refuses those that are too many.
+// Accepts connections for gRPC and refuses connections above a limit.
 //
-// gRPC 1.51 itself stops listening for good once accept() finds no free file number,
-// (its issues 16058 and 20418), and then palpated could be reached no more; nor does it
-// bound connections.
+// gRPC 1.51 cannot do this itself. It does not limit connections. It also stops listening for good
+// once accept() finds no free file number (gRPC issues 16058 and 20418); no client could reach
+// palpated then.
 //
-// Threads: Start and Stop on the main one; accepting on one of its own.
-// Errors: Error (kConflict, kPermissionDenied) with what to do.
+// Threads: Start and Stop on the main thread; a thread of its own accepts.
+// Errors: Error (kConflict, kPermissionDenied); the message says what to do.
 #pragma once
 
 #include <grpcpp/grpcpp.h>
@@ -22,7 +22,7 @@
 
 namespace palpate {
 
-// Throws kInvalidArgument for a name: it may be that of several addresses, or of none.
+// Throws kInvalidArgument for a host name: a name may stand for several addresses, or for none.
 void CheckAddress(const HostPort& address);
 
 class Acceptor {
@@ -30,23 +30,24 @@ class Acceptor {
   static constexpr int kKeptForSocket = 64;
   using Sink = std::unique_ptr<grpc::experimental::ExternalConnectionAcceptor>;
 
-  // Connections whose file number is `first_refused_file` or above are closed at once;
-  // kKeptForSocket more are accepted on sockets, so that a flood on the port does not
-  // keep the workstation's own users from the emergency stop.
+  // Closes a connection at once if its file number is `first_refused_file` or above. The socket
+  // has kKeptForSocket more file numbers, so that a flood on the port does not keep the
+  // workstation's own users from the emergency stop.
   Acceptor(int first_refused_file, ConnectionWatch& watch)
       : first_refused_file_(first_refused_file), watch_(watch) {}
   ~Acceptor() { Stop(); }
   Acceptor(const Acceptor&) = delete;
   Acceptor& operator=(const Acceptor&) = delete;
 
-  // Take the address, so that nobody else does; nobody can connect yet. The socket's
-  // file gets the mode 0660.
+  // TakeSocket and TakePort bind the address, so that no other process can take it. Clients cannot
+  // connect before Start. The socket's file gets the mode 0660.
   void TakeSocket(const std::string& path);
-  // is_watched: those over TLS.
+  // is_watched: the watch gets this port's connections; true for TLS.
   void TakePort(const HostPort& address, bool is_watched);
-  // Listens. Where the connections go, in the order of the addresses; gRPC's server runs.
+  // Listens. `sinks`: the receivers of the connections, in the order in which the addresses were
+  // taken. gRPC's server must be running.
   void Start(std::vector<Sink> sinks);
-  // Before gRPC's server ends.
+  // Stops accepting. Call it before gRPC's server ends.
   void Stop();
 
  private:
@@ -58,7 +59,7 @@ class Acceptor {
   ConnectionWatch& watch_;
   int watched_listener_ = -1;
   std::vector<int> listeners_;
-  std::vector<std::string> names_;  // theirs, for people
+  std::vector<std::string> names_;  // the listeners' names, for messages
   std::vector<Sink> sinks_;
   int wake_fd_ = -1;
   std::uint64_t refused_ = 0;

@@ -1,14 +1,16 @@
-// Watches the connections of strangers over TLS, and cuts off those beyond CutsAmong: gRPC's
-// own quotas do not see all that they send. The kernel counts it.
+// Watches the TLS connections of strangers and cuts off the connections that CutsAmong chooses.
+// gRPC's own quotas miss some of the received bytes; the watch uses the kernel's count.
 //
-// Known clients' connections are not watched, but kept, so that one ends whose client is known no
-// more: a client that sends headers without an end makes no call that could be refused.
+// The watch keeps known clients' connections in a list, but does not count their bytes. It cuts
+// off such a connection when its client is no longer allowed: a client that sends endless headers
+// makes no call that could be refused.
 //
-// Only the connection is cut off; its address may connect again at once. Others behind the same
-// NAT share that address, and CutsAmong bounds what all strangers send together.
+// The watch does not ban addresses: a cut-off peer may connect again at once. Other clients behind
+// the same NAT share the address, and CutsAmong bounds what all strangers send together.
 //
-// Threads: any; it looks at them on one of its own, while there are some. Not the acceptor's:
-// gRPC may read from a connection for as long as something comes on the thread that gave it.
+// Threads: any. A thread of its own checks the connections while there are any. The acceptor's
+// thread cannot do it: gRPC may read from a connection on the thread that handed the connection
+// over, for as long as data comes.
 #pragma once
 
 #include <sys/socket.h>
@@ -30,10 +32,10 @@ namespace palpate {
 
 class ConnectionWatch {
  public:
-  // At a gigabit a second, some megabyte comes in between.
+  // The time between two checks. At 1 Gbit/s about 1 MB arrives in this time.
   static constexpr std::chrono::milliseconds kReviewTime{10};
 
-  // first_file: as FirstSecondFile.
+  // first_file: lowest number for the watch's duplicated descriptors; see FirstSecondFile.
   explicit ConnectionWatch(int first_file) : first_file_(first_file) {}
   ~ConnectionWatch();
   ConnectionWatch(const ConnectionWatch&) = delete;
@@ -41,13 +43,14 @@ class ConnectionWatch {
 
   // Once, before the first connection.
   void Start();
-  // A stranger's connection, which stays the caller's. False: there are no file numbers; to be
-  // closed.
+  // Adds a stranger's connection. The caller keeps ownership of `fd`; the watch duplicates it.
+  // Returns false if no file number is free: the caller must then close the connection.
   bool Enter(int fd, const sockaddr_storage& peer);
-  // Its client is known from now on, by these. `peer`: as gRPC names it.
+  // The client of this connection is now known by `credentials`. `peer`: the name in gRPC's form.
   void Admitted(const std::string& peer, const Credentials& credentials);
-  // Ends the connections of clients that are known no more, kGrace after that was seen first: until
-  // then their calls are told why. `recognises` may take its time.
+  // Cuts off connections whose client `recognises` no longer accepts, kGrace after the first call
+  // that noticed it. During kGrace the client's calls still get an answer with the reason.
+  // `recognises` is called without the lock and may be slow.
   static constexpr std::chrono::seconds kGrace{3};
   void EndUnless(const std::function<bool(const Credentials&)>& recognises, std::int64_t now_ns);
 
@@ -55,14 +58,14 @@ class ConnectionWatch {
   struct Connection {
     std::string prefix{};
     std::uint64_t number = 0;  // in the order in which they came
-    int fd = -1;               // a second one of its connection
+    int fd = -1;               // a duplicate; owned
     std::int64_t received_bytes = 0;
   };
   struct Known {
     int fd = -1;  // as above
     Credentials credentials{};
     std::uint64_t number = 0;     // as above
-    std::int64_t refused_ns = 0;  // since when it is known no more; 0: it is known
+    std::int64_t refused_ns = 0;  // when it was first not accepted; 0: accepted
   };
   using Connections = std::map<std::string, Connection>;  // by their peers
 

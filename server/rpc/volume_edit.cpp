@@ -13,10 +13,6 @@
 namespace palpate {
 namespace {
 
-[[noreturn]] void Refuse(const std::string& message) {
-  throw Error(ErrorKind::kInvalidArgument, message);
-}
-
 // 0, 0, 0 is a place too: one that is missing is a mistake.
 Vec3 Required(bool has, const v1::Vector3& vector, const char* name) {
   if (!has) Refuse(std::string(name) + " is missing");

@@ -15,10 +15,6 @@ namespace {
 
 constexpr std::size_t kMostBytesPerMessage = 1 << 20;
 
-[[noreturn]] void Refuse(const std::string& message) {
-  throw Error(ErrorKind::kInvalidArgument, message);
-}
-
 // Takes all messages. A stream that breaks off ends as one with too few bytes.
 void Receive(grpc::ServerReader<v1::UploadVolumeRequest>& reader, Upload& upload) {
   for (v1::UploadVolumeRequest message; reader.Read(&message);) {

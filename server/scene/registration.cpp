@@ -11,8 +11,6 @@ namespace {
 constexpr double kUnitTolerance = 1e-3;
 constexpr double kUnitRounding = 1e-15;
 
-[[noreturn]] void Refuse(const char* what) { throw Error(ErrorKind::kInvalidArgument, what); }
-
 Eigen::Quaterniond CheckedRotation(const Eigen::Quaterniond& rotation) {
   const double norm = rotation.norm();
   // False for NaN.

@@ -22,10 +22,6 @@ namespace fs = std::filesystem;
 // So that a line with it can be sent back.
 constexpr std::size_t kLongestPath = 1024;
 
-[[noreturn]] void Refuse(const std::string& message) {
-  throw Error(ErrorKind::kInvalidArgument, message);
-}
-
 bool IsControl(unsigned char c) { return c < 0x20 || c == 0x7f; }
 
 fs::path ParsePath(const std::string& path) {

@@ -46,10 +46,6 @@ class Reader {
   }
 
  private:
-  [[noreturn]] static void Refuse(const std::string& message) {
-    throw Error(ErrorKind::kInvalidArgument, message);
-  }
-
   // For all frames to come, and one more on its way, each as large as the largest so far.
   void Claim(const LoadMemory& frame) {
     frame_memory_.volume_bytes = std::max(frame_memory_.volume_bytes, frame.volume_bytes);

@@ -23,10 +23,6 @@ constexpr std::chrono::milliseconds kIdleInterval{100};
   throw Error(ErrorKind::kConflict, "no series is loaded: load one first");
 }
 
-[[noreturn]] void Refuse(const std::string& message) {
-  throw Error(ErrorKind::kInvalidArgument, message);
-}
-
 // NaN is in no range.
 void CheckControl(const SeriesControl& control, std::size_t frames) {
   const auto last = static_cast<double>(frames - 1);

@@ -1,18 +1,18 @@
-// Plays a time series under the stylus: all frames are in memory, and each comes at
-// one tick.
+// Plays a time series under the stylus. All frames are in memory. The stylus feels a new frame
+// from one tick to the next.
 //
-// Frame n is shown from position n until position n + 1; where the series is
-// interpolated, neighbours are blended in between. In a loop the last frame lasts as
-// long as the others before the first one comes again. Played from the end to which
-// it runs, the series begins again at the other one.
+// Frame n is shown from position n until position n + 1. If the series is interpolated,
+// neighbouring frames are blended in between. In a loop, the last frame lasts as long as the
+// others before the first frame comes again. If play starts at the end of the series (at the first
+// frame for a negative rate) and the series does not loop, it begins again at the other end.
 //
-// Edits of a frame are kept in it when the player moves on; edits made between two frames are
-// lost then. Where the memory budget has no room for a blend, the frame before it is shown. A load
-// of another volume ends the series.
+// When the player moves on, edits made while a whole frame was shown stay in that frame; edits
+// made to a blend are lost. If the memory budget has no room for a blend, the player shows the
+// frame before the blend. A load of another volume ends the series.
 //
 // Threads: any ordinary thread but the servo's; a thread of its own publishes. At most
-// kMostPerSecond volumes per second. Ownership: borrows the session. Errors: Error;
-// nothing changes then.
+// kMostPerSecond volumes per second. Ownership: borrows the session. Errors: Error; the state is
+// unchanged then.
 #pragma once
 
 #include <atomic>
@@ -33,7 +33,7 @@ namespace palpate {
 
 struct SeriesState {
   std::uint32_t frames = 0;
-  double position_frames = 0.0;  // of what is shown; whole unless interpolated
+  double position_frames = 0.0;  // the shown position; whole unless interpolated
   bool playing = false;
   double rate_hz = 10.0;  // frames per second, negative backwards
   bool loop = false;
@@ -42,7 +42,7 @@ struct SeriesState {
   std::uint64_t volume_revision = 0;  // under the stylus now
 };
 
-// What is absent stays.
+// Absent fields leave their setting unchanged.
 struct SeriesControl {
   std::optional<bool> playing{};
   std::optional<double> position_frames{};  // 0 to frames - 1
@@ -59,20 +59,20 @@ class SeriesPlayer {
   explicit SeriesPlayer(Session& session);
   ~SeriesPlayer() { Stop(); }
 
-  // Shows no frame any more: before the session's listeners end.
+  // Joins the thread; no frame is shown afterwards. Call it before the session's listeners end.
   void Stop() noexcept;
   SeriesPlayer(const SeriesPlayer&) = delete;
   SeriesPlayer& operator=(const SeriesPlayer&) = delete;
 
-  // Loads all frames, publishes the first and pauses there. `request` as for
-  // LoadSeries, with isovalue, scale and title. Errors: as LoadSeries and
-  // Session::Load.
+  // Loads all frames, publishes the first one and pauses there. `request`: see LoadSeries; the
+  // isovalue, scale and title are used, too. Errors: those of LoadSeries and Session::Load.
   VolumeState Load(std::span<const std::filesystem::path> files, const LoadRequest& request,
                    const LoadProgress& progress, const LoadCancelled& cancelled);
 
-  // kConflict where no series is loaded.
+  // Throws kConflict if no series is loaded.
   SeriesState state() const;
-  // Answers at once; what is shown follows. kConflict, kInvalidArgument.
+  // Returns at once; the thread shows the frame later. Throws kConflict if no series is loaded,
+  // kInvalidArgument for a value out of range.
   SeriesState Control(const SeriesControl& control);
 
  private:
@@ -80,7 +80,7 @@ class SeriesPlayer {
   struct Series;
 
   void Run();
-  // Waits until there may be something to show. Null: nothing.
+  // Waits until there may be a frame to show. Returns null if there is none.
   std::shared_ptr<Series> WaitForWork(std::unique_lock<std::mutex>& lock);
   void Advance(Clock::time_point now);
   double ShownPosition() const;
@@ -89,7 +89,8 @@ class SeriesPlayer {
   bool Show(Series& series, double position);
   std::optional<BrickDirectory> TryBlend(Series& series, std::size_t frame, double share,
                                          MemoryClaim& claim);
-  // In a transaction. What others changed since it was shown goes into its frame. False as Show.
+  // Call it in a transaction. Stores edits made since the frame was shown in that frame. Returns
+  // false when the series has ended.
   bool KeepEdits(Series& series, const VolumeSnapshot& present);
 
   Session& session_;
@@ -99,7 +100,7 @@ class SeriesPlayer {
   bool stop_ = false;
   bool changed_ = false;
   std::shared_ptr<Series> series_;  // null: none
-  double position_ = 0.0;           // 0 to below frames: the last one lasts, too
+  double position_ = 0.0;           // 0 to below `frames`: the last frame lasts, too
   bool playing_ = false;
   double rate_hz_ = 10.0;
   bool loop_ = false;

@@ -54,10 +54,6 @@ bool Joined(const CarveStep& step, CarveStep& before) {
   return true;
 }
 
-bool IsSame(const AffineMap& a, const AffineMap& b) {
-  return a.linear == b.linear && a.translation == b.translation;
-}
-
 }  // namespace
 
 void ToolStrokes::OnScene(const Scene& scene) {
@@ -74,7 +70,7 @@ void ToolStrokes::OnScene(const Scene& scene) {
   if (!tools_.empty()) {
     const Tools& last = tools_.back();
     const bool same =
-        tools.loaded_revision == last.loaded_revision && IsSame(tools.X_WD, last.X_WD);
+        tools.loaded_revision == last.loaded_revision && tools.X_WD == last.X_WD;
     tools.placement = last.placement + !same;
   }
   tools_.push_back(tools);

@@ -1,17 +1,17 @@
-// What a stylus with a held button does to the volume, read off the samples.
+// Derives from the samples what the stylus does to the volume while a button is held.
 //
 //   clutch  (kClutchButton) moves the volume as the stylus moves: translation and
 //           turn of the stylus since the press
-//   carve   (kCarveButton) takes away what is within a sphere that SCP_H sweeps,
-//           at a rate; a negative one adds
-// Both in steps of kToolStepNs, and what is left when the button is released. Each
-// sample is judged by the scene that its tick used, so that a tool that is switched
-// on or a volume that is moved in mid-stroke works from that very tick.
+//   carve   (kCarveButton) removes material within a sphere that SCP_H sweeps,
+//           at a rate; a negative rate adds material
+// Both tools work in steps of kToolStepNs. The last, shorter step ends when the button is
+// released. Each sample is judged by the scene that its tick used: if a tool is switched on or
+// the volume is moved in mid-stroke, the change takes effect from that very tick.
 //
-// Samples with a fault, or with an orientation that is none, are passed over.
+// Both tools skip samples with a fault. The clutch also skips samples without a valid orientation.
 //
-// Frames: D (mm) in, W (mm) out for what changes voxels. Threads: none of its own;
-// one caller at a time. Not for real-time code.
+// Frames: samples and motions in D (mm); carve steps in W (mm). Threads: none of its own; one
+// caller at a time. Not for real-time code.
 #pragma once
 
 #include <cstdint>
@@ -39,33 +39,33 @@ struct RigidMotion {
   }
 };
 
-// What one step of carving does to the voxels along the way of SCP_H.
+// One step of carving: the change to the voxels along the path of SCP_H.
 struct CarveStep {
-  std::uint64_t stroke = 0;           // 1, 2, ...; of one press, on one volume
+  std::uint64_t stroke = 0;           // 1, 2, ...; a new one for each press or volume
   std::uint64_t loaded_revision = 0;  // of the volume that was felt
   Vec3 p_WFrom_mm = Vec3::Zero();
   Vec3 p_WTo_mm = Vec3::Zero();
-  double radius_mm = 0.0;  // in W; farther away nothing changes
-  double value = 0.0;      // data units to add on the way; below 0: to take away
+  double radius_mm = 0.0;  // in W; voxels farther away do not change
+  double value = 0.0;      // data units to add along the path; below 0 removes
   std::int64_t duration_ns = 0;
 };
 
 class ToolStrokes {
  public:
-  // Steps of carving that wait to be taken become one, as long as their way is about
-  // straight, up to this time: a big brush in a big volume may take longer than a step
-  // lasts. Of more than that the oldest are left out, so that carving is never late.
+  // Waiting carve steps are joined while their path is about straight and they last at most
+  // kLongestCarveStepNs together: a big brush in a big volume may take longer than one step lasts.
+  // If more than kMostCarveSteps wait, the oldest are dropped, so that carving is never late.
   static constexpr std::int64_t kLongestCarveStepNs = 100'000'000;
   static constexpr std::size_t kMostCarveSteps = 4;
 
-  // Of every scene, before its first sample.
+  // Call it for every scene, before the scene's first sample.
   void OnScene(const Scene& scene);
-  // Of every tick, in order. True: there is something to take.
+  // Call it for every tick, in order. Returns true if a motion or a carve step can be taken.
   bool OnSample(const TickSample& sample);
 
-  // The motion of the stylus since the last call; none while it is not due.
+  // Returns the stylus's motion since the last call; none until a step is complete.
   std::optional<RigidMotion> TakeMotion();
-  // Oldest first.
+  // Returns the waiting carve steps, oldest first.
   std::vector<CarveStep> TakeCarving();
 
  private:
@@ -73,7 +73,7 @@ class ToolStrokes {
     Vec3 p_D_mm = Vec3::Zero();
     Eigen::Quaterniond R_DS = Eigen::Quaterniond::Identity();
   };
-  // What the tools need of a scene.
+  // The parts of a scene that the tools need.
   struct Tools {
     std::uint64_t scene_revision = 0;
     std::uint64_t loaded_revision = 0;
@@ -82,18 +82,18 @@ class ToolStrokes {
     double radius_mm = 0.0;    // in W
     double value_per_s = 0.0;  // data units
     AffineMap X_WD;
-    std::uint64_t placement = 0;  // another one for another X_WD
+    std::uint64_t placement = 0;  // changes when X_WD or the volume changes
   };
   struct Clutch {
     bool held = false;
-    Pose from, to;  // what was not made a motion yet
+    Pose from, to;  // the movement that is not in `pending` yet
     std::int64_t since_ns = 0;
     RigidMotion pending;
     bool due = false;
   };
   struct Carve {
     bool held = false;
-    CarveStep step;  // on its way
+    CarveStep step;  // the step that is growing
     std::uint64_t placement = 0;
     std::int64_t since_ns = 0;
     std::int64_t until_ns = 0;

@@ -17,10 +17,6 @@ namespace {
 constexpr std::string_view kFolderPrefix = "palpate-upload-";
 constexpr std::size_t kLongestName = 200;
 
-[[noreturn]] void Refuse(const std::string& message) {
-  throw Error(ErrorKind::kInvalidArgument, message);
-}
-
 std::string Lower(std::string text) {
   for (char& c : text) c = c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
   return text;

@@ -1,10 +1,10 @@
-// A volume that a client sends, on its way to the importer.
+// Receives a volume from a client and stores it as a file for the importer.
 //
-// The importer wants a file with a name, whose suffix tells the format: it lies in a
-// folder that only this user can enter, and both are removed with the object, also
-// after a failure. What a killed daemon left is removed at the next start.
+// The importer needs a named file, because the suffix tells the format. The file lies in a folder
+// that only this user can enter. The destructor removes the file and the folder, also after a
+// failure. If the daemon is killed, the next start removes its files (RemoveAbandonedUploads).
 //
-// Threads: one at a time. Errors: Error; the object is of no use then.
+// Threads: one at a time. Errors: Error; destroy the object after an error.
 #pragma once
 
 #include <cstdint>
@@ -18,17 +18,17 @@
 namespace palpate {
 
 struct UploadOptions {
-  std::filesystem::path folder = TemporaryFolder();  // it may be in memory
+  std::filesystem::path folder = TemporaryFolder();  // may be a file system in memory
   std::uint64_t max_bytes = std::uint64_t{4} << 30;
-  bool vdb = true;  // .vdb files are taken
+  bool vdb = true;  // accept .vdb files
 };
 
-// As the client announced it.
+// The client's announcement.
 struct UploadStart {
-  std::string name;  // of a file, with its suffix
+  std::string name;  // file name without a folder, with its suffix
   std::uint64_t size_bytes = 0;
-  std::uint32_t crc32 = 0;    // as of zlib
-  bool holds_voxels = false;  // nothing but: any suffix will do
+  std::uint32_t crc32 = 0;    // of all bytes, as zlib computes it
+  bool holds_voxels = false;  // raw voxels without a header: any suffix is accepted
 };
 
 class Upload {
@@ -36,21 +36,26 @@ class Upload {
   static constexpr char kMaxKey[] = "volume.max_upload_mib";
   static constexpr char kVdbKey[] = "volume.upload_vdb";
 
-  // Throws kInvalidArgument (a name that is none, or of a file that needs another
-  // one; no bytes), kPermissionDenied (a .vdb where none may be sent), kTooLarge (the limit, the
-  // budget), kUnavailable (no space).
+  // Claims memory for the upload and makes the file. Throws Error:
+  //   kInvalidArgument    the name is no plain file name, the format needs a second file (.nhdr,
+  //                       .mhd), or the size is 0
+  //   kPermissionDenied   a .vdb file, and options.vdb is false
+  //   kTooLarge           above options.max_bytes or the memory budget
+  //   kUnavailable        no space
   Upload(const UploadOptions& options, MemoryBudget& budget, const UploadStart& start);
   ~Upload();
   Upload(const Upload&) = delete;
   Upload& operator=(const Upload&) = delete;
 
-  // The next bytes. kInvalidArgument (more than announced), kUnavailable (no space).
+  // Writes the next bytes. Throws kInvalidArgument (more bytes than announced), kUnavailable (no
+  // space).
   void Append(std::string_view bytes);
-  // After the last one. kInvalidArgument (fewer than announced, another checksum).
+  // Call it after the last Append. Throws kInvalidArgument (fewer bytes than announced, or a wrong
+  // checksum), kUnavailable (no space).
   void Finish();
 
   const std::filesystem::path& path() const { return path_; }
-  // As messages and the volume's description name it: "upload:NAME".
+  // The name in messages and in the volume's description: "upload:NAME".
   std::string title() const { return "upload:" + start_.name; }
 
  private:
@@ -59,11 +64,11 @@ class Upload {
   PrivateFolder folder_;
   std::filesystem::path path_;
   int file_ = -1;
-  std::uint64_t size_bytes_ = 0;  // so far
+  std::uint64_t size_bytes_ = 0;  // received so far
   std::uint32_t crc32_ = 0;
 };
 
-// Of daemons that were killed; at start.
+// Removes the uploads of daemons that were killed. Call it at start.
 void RemoveAbandonedUploads(const UploadOptions& options);
 
 }  // namespace palpate

@@ -1,13 +1,14 @@
-// Keeps what is felt on the disk while the daemon runs, so that it comes back after an
-// end out of order (SIGKILL, a crash, a loss of power): the volume's source, isovalue and
-// settings. Not voxels that were edited; where volumes lie is the RegistrationStore's.
+// Saves the session to disk while the daemon runs, so that the next daemon can restore the
+// session after SIGKILL, a crash or a loss of power. The file holds the volume's source, the
+// isovalue and the settings. The file does not hold edited voxels. The RegistrationStore saves
+// the places of volumes.
 //
-// What the configuration changed meanwhile is as configured. What is left is gone on with
-// at most kMostAttempts times where no daemon with it lasted for kLasting: it may be what
-// they die of. An end in order leaves nothing.
+// If the configuration has changed since the save, the changed entries take their configured
+// values. A left-over session is restored at most kMostAttempts times, unless a daemon runs with
+// it for kLasting: the session may be the cause of the crash. A clean end deletes the file.
 //
-// Threads: main, and one of its own, which asks twice a second what is felt.
-// Errors: none; what cannot be kept is said in the log.
+// Threads: main, and a thread of its own that polls `felt` twice a second.
+// Errors: none. A failure to save is logged.
 #pragma once
 
 #include <chrono>
@@ -31,27 +32,29 @@ class SessionKeeper {
 
   using Felt = std::function<FeltSession()>;
 
-  // `folder` of the daemon's state; empty: nothing is kept. `socket`: of this daemon,
-  // for others of this user may keep theirs beside it. `configured`: what is felt where
-  // nothing was left. `felt`: what is felt now, once a volume is loaded.
+  // `folder`: the daemon's state folder; if empty, nothing is saved. `socket`: this daemon's
+  // socket, which names the file; other daemons of the same user have files beside it.
+  // `configured`: the request that the daemon loads if there is no session to restore.
+  // `felt`: returns the present session; called after a volume is loaded.
   SessionKeeper(const std::filesystem::path& folder, const std::filesystem::path& socket,
                 LoadRequest configured, const RenderSettings& configured_settings, Felt felt);
-  // Leaves the file: what ends without End is no end in order.
+  // Keeps the file: an end without End() counts as a crash.
   ~SessionKeeper() { Join(); }
   SessionKeeper(const SessionKeeper&) = delete;
   SessionKeeper& operator=(const SessionKeeper&) = delete;
 
-  // Of the daemon before, which did not end in order, with the isovalue in its request; of
-  // one for which another volume was configured, nothing. Without a source: it cannot be
-  // loaded again.
+  // Returns the previous daemon's session if that daemon crashed and the same volume is
+  // configured; otherwise nothing. The isovalue is in the session's load request. A session
+  // without a source cannot be loaded again.
   std::optional<FeltSession> TakeLeft();
 
-  // An end in order before what was left could be felt: it is left again, for the next one.
+  // The daemon ends cleanly before it has restored the session. Does not count this attempt, so
+  // that the next daemon can restore the session.
   void GiveBack() noexcept;
 
-  // Once a volume is loaded.
+  // Starts to save. Call it once a volume is loaded.
   void Start();
-  // An end in order.
+  // A clean end: stops saving and deletes the file.
   void End() noexcept;
 
  private:
@@ -60,11 +63,11 @@ class SessionKeeper {
   void Save(const FeltSession& felt);
   void Join() noexcept;
 
-  const std::filesystem::path path_;  // empty: none
+  const std::filesystem::path path_;  // empty: nothing is saved
   const LoadRequest configured_;
   const RenderSettings configured_settings_;
   std::optional<SavedSession> taken_;
-  int attempts_ = 0;  // with this one; 0 once it lasted
+  int attempts_ = 0;  // to restore this session; 0 after kLasting
   const Felt felt_;
   std::string last_failure_;
 

@@ -8,7 +8,7 @@
 //
 // Not counted are the importer, a process of its own, and what each program has beside volumes:
 // threads, messages on their way to clients, the map of the steps to undo, the blocks that a
-// recording writes. README.md says how much that is.
+// recording writes. deploy/guides/live-data.md says how much that is.
 //
 // Threads: any, at once. Ownership: a claim keeps its budget alive, and gives its
 // bytes back when it is destroyed.

@@ -1,10 +1,11 @@
-// Volumes that nobody shows any more, on the thread that frees them.
+// Frees replaced volumes on a thread of its own.
 //
-// To free a volume of a gigabyte takes half a second, and to give its memory back to the system as
-// long again. So whoever replaces a volume hands it over here. It stays until nobody else holds it:
-// not the servo, a stream, a recording or a call, none of which then ever frees it.
+// Freeing a volume of one gigabyte takes half a second. Returning its memory to the system takes
+// another half second. Code that replaces a volume therefore hands the old volume over here. The
+// thread frees the volume when it is the only holder left, so that the servo, a stream, a
+// recording or a call never has to free a volume.
 //
-// Threads: any ordinary thread; a thread of its own frees. Nobody waits for it but WaitForFreed.
+// Threads: any ordinary thread. Only WaitForFreed waits for the freeing thread.
 #pragma once
 
 #include <chrono>
@@ -22,22 +23,22 @@ namespace palpate {
 
 class RetiredVolumes {
  public:
-  // `collect`: lets go of what the servo does not use any more; before each look.
+  // `collect`: releases what the servo no longer uses. The thread calls it before each check.
   explicit RetiredVolumes(std::function<void()> collect);
-  // Lets go of everything.
+  // Releases everything.
   ~RetiredVolumes();
   RetiredVolumes(const RetiredVolumes&) = delete;
   RetiredVolumes& operator=(const RetiredVolumes&) = delete;
 
-  // A volume, or what holds bricks of one. Null is nothing.
+  // Takes a volume, or an object that holds bricks of a volume. Ignores null.
   void Add(std::shared_ptr<const void> retired);
 
-  // The caller has freed bricks of so many bytes, or anything else that is large. Soon that is
-  // given back to the system; until then these bytes count as live.
+  // Call it after freeing bricks of this many bytes, or other large memory. The thread returns the
+  // memory to the system soon. Until then these bytes count as live.
   void NoteFreed(std::uint64_t brick_bytes);
 
-  // Until all that was added is freed and given back; not where others hold on to it, after a tenth
-  // of a second in vain, and at most that long.
+  // Waits until everything added is freed and returned to the system. Gives up after `patience`,
+  // or after a tenth of a second in which others still hold all that is left.
   void WaitForFreed(std::chrono::milliseconds patience);
 
  private:
@@ -45,9 +46,9 @@ class RetiredVolumes {
 
   void Run();
   void WaitForWork(std::unique_lock<std::mutex>& lock);
-  // Without the lock: what is left.
+  // Frees what has no other holder and returns the rest. Call it without the lock.
   Holders Look(Holders retired);
-  // True when all that was freed is given back, or not worth it.
+  // True if all freed memory is returned, or if too little is freed to return it.
   bool GiveBack(std::uint64_t freed_bytes, bool wanted, bool urgent);
 
   using Clock = std::chrono::steady_clock;
@@ -71,8 +72,8 @@ class RetiredVolumes {
   std::thread thread_;
 };
 
-// What the thread makes of bricks meanwhile. What it frees of that, where it fails for one, is
-// given back to the system afterwards.
+// Counts the bricks that the constructing thread makes while this object lives. The destructor
+// reports bricks that were freed again meanwhile (after a failure, say) to NoteFreed.
 class TidyBrickWork : public BrickWork {
  public:
   explicit TidyBrickWork(RetiredVolumes& retired) : retired_(retired) {}

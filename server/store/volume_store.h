@@ -1,14 +1,15 @@
 // The volume that is felt, and the one way to change it.
 //
-// A change is a transaction: it makes the next snapshot of the present one, and has it published
-// before another change begins. So scenes come in the order of the volume's revisions: 1, 2, 3, ...
-// What it replaces is retired, and freed by another thread.
+// A change is a transaction: it makes the next snapshot from the present one and publishes the
+// next one before another change begins. Scenes therefore come in the order of the volume's
+// revisions: 1, 2, 3, ... Another thread frees the replaced snapshot (retired_volumes.h).
 //
-// Threads: any ordinary thread; never the servo's. Transactions wait for each other, readers
-// (Session::volume) for none: a filter, which computes its last part in one, may take 20 s at
-// worst; nobody else may wait for anything in one. The lock is taken before the session's, so
-// that a transaction may ask the session; none begins another one.
-// Ownership: shares the budget. Errors: Error; nothing changes then.
+// Threads: any ordinary thread; never the servo's. Transactions wait for each other. Readers
+// (Session::volume) never wait for a transaction. A filter computes its last part in a
+// transaction, which may take 20 s at worst; no other transaction may wait for anything. The
+// store's lock is taken before the session's lock, so a transaction may query the session. A
+// transaction must not begin another one.
+// Ownership: shares the budget. Errors: Error; the volume is unchanged then.
 #pragma once
 
 #include <cstdint>
@@ -27,31 +28,32 @@
 
 namespace palpate {
 
-// Without the snapshot: who holds an old one keeps its bricks from being freed.
+// Holds no snapshot, because a caller that keeps an old snapshot keeps its bricks in memory.
 struct EditedRevisions {
   std::uint64_t volume = 0;
   std::uint64_t scene = 0;  // for Session::WaitForServo
 };
 
-// What a transaction makes of the present volume. Memory has been claimed for it.
+// The result of a transaction. The caller has already claimed memory for it.
 struct VolumeChange {
-  // Of so many bricks. None: nothing is published.
+  // Replaces these bricks. If there are none, the store makes no new snapshot.
   VolumeChange(std::vector<BrickChange> replaced = {}) : bricks(std::move(replaced)) {}
-  // Another lattice, of the same volume.
+  // The same volume on another lattice.
   explicit VolumeChange(ReshapedVolume other) : whole(std::move(other)) {}
 
   std::vector<BrickChange> bricks{};
   std::optional<ReshapedVolume> whole{};
-  // Called in the transaction when the snapshot is made, with its revision (the present
-  // one's where nothing changes): what others note of the change fits it then.
+  // Called in the transaction, after the snapshot is made and before it is published. `revision`
+  // is the new snapshot's, or the present one's if nothing changes. Use it to note the change
+  // under the right revision.
   std::function<void(std::uint64_t revision)> before_publication{};
 };
 
 class VolumeStore {
  public:
   using Change = std::function<VolumeChange(const std::shared_ptr<const VolumeSnapshot>& present)>;
-  // Publishes a scene with this volume, which is the one before but for these bricks or has another
-  // lattice, unless it is felt already. Returns the revision of the newest scene.
+  // Publishes a scene with this volume, unless the volume is already felt. The volume differs from
+  // the previous one in `changes`, or in its lattice. Returns the revision of the newest scene.
   using Publish = std::function<std::uint64_t(const std::shared_ptr<const VolumeSnapshot>& volume,
                                               std::span<const BrickChange> changes)>;
 
@@ -61,16 +63,18 @@ class VolumeStore {
   VolumeStore(const VolumeStore&) = delete;
   VolumeStore& operator=(const VolumeStore&) = delete;
 
-  // What `change` throws ends the transaction. kUnavailable before the first volume.
+  // If `change` throws, the transaction ends and the error is passed on. Throws Error
+  // (kUnavailable) before the first volume.
   EditedRevisions Edit(const Change& change);
 
-  // Another volume; `publish`, which gets no changes, may refuse it. `frames_bytes`: of all frames,
-  // where it is one of several that are in memory; for messages.
+  // Replaces the volume by another one. `publish` gets no changes and may refuse the volume by
+  // throwing. `frames_bytes`: the size of all frames if the volume is a frame of a series, else 0;
+  // used in messages.
   void Replace(const VolumeMetadata& metadata, const BrickDirectory& bricks,
                std::uint64_t frames_bytes, const Publish& publish);
 
-  // While one exists, the frames of a series wait. For a replay, whose voxels are not those of
-  // any frame.
+  // While a Hold exists, a series shows no new frame. A replay takes one, because its voxels belong
+  // to no frame.
   class Hold {
    public:
     explicit Hold(VolumeStore& store) : store_(store) { store_.SetHeld(true); }
@@ -81,11 +85,11 @@ class VolumeStore {
    private:
     VolumeStore& store_;
   };
-  // In a transaction.
+  // Call both only in a transaction.
   bool is_held() const { return is_held_; }
   bool shows_series() const { return frames_bytes_ > 0; }
 
-  // For volumes, and what else holds many bricks, that nobody shows any more.
+  // Takes replaced volumes, and other objects that hold many bricks.
   RetiredVolumes& retired() { return retired_; }
 
  private:

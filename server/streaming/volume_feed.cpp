@@ -19,10 +19,6 @@ constexpr std::uint64_t kBricksPerSelection = 4096;
 // Blocks in a message: 256 KiB, means of 16 MiB.
 constexpr std::uint64_t kBlocksPerMessage = 65536;
 
-bool IsSame(const AffineMap& a, const AffineMap& b) {
-  return a.linear == b.linear && a.translation == b.translation;
-}
-
 // Bit by bit: what is left out must hash as what the subscriber puts there.
 bool IsBackground(const Leaf& leaf, const Brick& background) {
   if (leaf.is_constant()) {
@@ -75,7 +71,7 @@ bool VolumeFeed::IsBehind(const VolumeNow& now) const {
 
 // The map is from voxels: it means nothing to those who have another volume.
 bool VolumeFeed::IsMisplaced(const VolumeNow& now) const {
-  return loaded_revision_ == now.volume->loaded_revision() && (!X_DI_ || !IsSame(*X_DI_, now.X_DI));
+  return loaded_revision_ == now.volume->loaded_revision() && (!X_DI_ || *X_DI_ != now.X_DI);
 }
 
 bool VolumeFeed::HasWork(const VolumeNow& now) const {

@@ -1,19 +1,22 @@
-// What one subscriber of the volume gets, apart from the transport.
+// Chooses the messages for one subscriber of the volume. The transport is elsewhere.
 //
-// There is no history and no queue: all that is kept of a subscriber is the
-// revision that its copy has. What it lacks are the bricks that changed since,
-// which the newest volume knows. While one revision is on its way its volume is
-// held; a subscriber that stops reading loses that hold when there is a newer one,
-// and later gets what it lacks of the one that is newest then, without what it had
-// got of the first. So it costs a few numbers, whatever happens to the volume.
+// The feed keeps no history and no queue, only the revision of the subscriber's copy. The newest
+// volume knows which bricks have changed since that revision; the feed sends those bricks.
 //
-// Order of the events of one revision: lattice (of another volume than before),
-// placement (where it is not known), overview and the bricks that are not all
-// background (after a lattice), or the changed bricks; complete.
+// The feed holds a volume while it sends that volume's revision. If the subscriber stops reading
+// and a newer revision exists, the feed releases the volume. When the subscriber reads again, it
+// gets the bricks that it lacks of the newest revision; bricks that it already has are not sent
+// again. A stalled subscriber therefore costs a few numbers, whatever happens to the volume.
 //
-// Threads: one at a time. Not real-time: it allocates, compresses, and may free a
-// volume. Each Step does a bounded amount of work, some milliseconds, so that many
-// feeds can take turns.
+// Order of the events of one revision:
+//   1. lattice, if the subscriber has another volume
+//   2. placement, if the subscriber does not have the present one
+//   3. after a lattice: the overview, then the bricks that are not all background;
+//      otherwise: the changed bricks
+//   4. complete
+//
+// Threads: one at a time. Not real-time: it allocates, compresses, and may free a volume. Each
+// Step does a bounded amount of work (some milliseconds), so that many feeds can take turns.
 #pragma once
 
 #include <chrono>
@@ -27,11 +30,11 @@
 
 namespace palpate {
 
-// The newest that there is.
+// The newest volume and its placement.
 struct VolumeNow {
   std::shared_ptr<const VolumeSnapshot> volume;
   AffineMap X_DI;
-  std::uint64_t settings_revision = 0;  // that X_DI came with, or a later one
+  std::uint64_t settings_revision = 0;  // of the settings that set X_DI, or later
 };
 
 struct VolumeFeedOptions {
@@ -43,36 +46,36 @@ class VolumeFeed {
  public:
   using Clock = std::chrono::steady_clock;
 
-  // Bricks of a message at most.
+  // The most bricks in one message.
   static constexpr std::size_t kBricksPerMessage = 64;
-  // A subscriber that takes nothing for longer does not hold an old volume.
+  // After a pause longer than this, the feed releases an old volume.
   static constexpr std::chrono::seconds kStall{2};
 
-  // Errors: kInvalidArgument for a window out of range, or a revision of this
-  // daemon that is yet to come.
+  // Errors: kInvalidArgument if the window is out of range, or if resume_from names a revision
+  // that this daemon has not reached yet.
   VolumeFeed(const VolumeFeedOptions& options, std::uint64_t daemon_id, const VolumeNow& now,
              Clock::time_point time);
 
   // The subscriber has taken this message and all before it.
   void Acknowledge(std::uint64_t message_number, Clock::time_point time);
 
-  // The window is open, and the copy or placement is not that of `now`.
+  // True if the window is open and the subscriber's copy or placement is not that of `now`.
   bool HasWork(const VolumeNow& now) const;
-  // Does the next piece of work, which may end in a message to send. Only where
+  // Does the next piece of work. Returns a message if there is one to send. Call it only if
   // HasWork.
   std::optional<VolumeMessage> Step(const VolumeNow& now, Clock::time_point time);
 
-  // To be called now and then while Step is not, as the window is closed or the
-  // transport is busy: lets go of a volume that is no longer the newest.
+  // Releases a volume that is no longer the newest. Call it from time to time while Step is not
+  // called (the window is closed or the transport is busy).
   void LetGo(const VolumeNow& now, Clock::time_point time);
 
-  // The volume that is on its way to this subscriber.
+  // The volume that the feed is sending; null: none.
   const VolumeSnapshot* held() const { return transfer_ ? transfer_->volume.get() : nullptr; }
 
  private:
   enum class Phase { kLattice, kSelect, kOverview, kBricks };
 
-  // One revision on its way.
+  // One revision that is being sent.
   struct Transfer {
     std::shared_ptr<const VolumeSnapshot> volume;
     Phase phase = Phase::kBricks;
@@ -80,7 +83,7 @@ class VolumeFeed {
     std::vector<std::uint64_t> numbers{};  // of the bricks to send
   };
 
-  // What came of revisions that were let go of.
+  // What the subscriber got of revisions that were released before they were complete.
   struct Partial {
     std::uint64_t end = 0;       // of bricks below this number
     std::uint64_t revision = 0;  // the subscriber has this revision, or a newer one
@@ -103,17 +106,17 @@ class VolumeFeed {
 
   std::uint64_t daemon_id_;
   std::uint64_t window_;
-  // Of the last `complete`; none where there was background before.
+  // The revision of the last `complete`; none if the subscriber started from background.
   std::optional<std::uint64_t> revision_;
   Partial partial_;  // besides
-  // Of the volume whose lattice the subscriber has.
+  // The loaded_revision of the volume whose lattice the subscriber has.
   std::optional<std::uint64_t> loaded_revision_;
-  std::uint64_t overview_sent_ = 0;  // blocks of it
-  std::optional<AffineMap> X_DI_;    // that it was told
-  bool placed_last_ = false;         // by the last step
+  std::uint64_t overview_sent_ = 0;  // its overview's blocks
+  std::optional<AffineMap> X_DI_;    // the subscriber's placement
+  bool placed_last_ = false;         // the last step sent a placement
   bool told_complete_ = false;       // on this stream
   std::optional<Transfer> transfer_;
-  // Its bricks have been sent: to be said next.
+  // All bricks of this revision are sent; this is the next event.
   std::optional<VolumeComplete> complete_;
 
   std::uint64_t sent_ = 0;

@@ -1,12 +1,12 @@
-// Serves all subscribers of the volume, apart from the transport.
+// Serves all subscribers of the volume. The transport is elsewhere (VolumeSink).
 //
-// One thread, "palpate-volume", niced below the others, builds every message: it
-// sleeps until the session publishes, a write is done, or an acknowledgement
-// comes, and then gives one step to each subscriber in turn.
+// One thread, "palpate-volume", builds every message. The thread runs at a lower priority (nice)
+// than the others. It sleeps until the session publishes, a write is done, or an acknowledgement
+// comes. Then it gives each subscriber one step in turn.
 //
-// Threads: any; OnScene neither blocks nor takes longer than two pointers.
-// Ownership: subscribers are held by weak_ptr. Borrowed by the session as a
-// listener: construct it after the session, before the first load.
+// Threads: any; OnScene does not block and only swaps two pointers.
+// Ownership: holds sinks by weak_ptr. The session borrows this object as a listener: construct it
+// after the session, before the first load.
 #pragma once
 
 #include <condition_variable>
@@ -23,14 +23,15 @@
 
 namespace palpate {
 
-// Where messages go.
+// Sends the messages of one subscriber.
 class VolumeSink {
  public:
   virtual ~VolumeSink() = default;
-  // One message, on the thread of the streams; the next one only after WriteDone.
-  // Must not block. False when there is nobody to send to any more.
+  // Sends one message. Called on the "palpate-volume" thread; the next call comes only after
+  // WriteDone. Must not block. Returns false if the subscriber has left.
   virtual bool Write(VolumeMessage message) = 0;
-  // The daemon ends. On the thread that calls Stop.
+  // Ends the stream. Called on the thread that calls Stop, or on "palpate-volume" if a message
+  // cannot be built (out of memory).
   virtual void End() = 0;
 };
 
@@ -38,7 +39,7 @@ class VolumeStreams final : public SceneListener {
  public:
   class Stream;
 
-  // now: the clock by which subscribers stall; tests bring their own.
+  // now: the clock that decides when a subscriber has stalled; tests pass their own.
   explicit VolumeStreams(Session& session, std::function<VolumeFeed::Clock::time_point()> now =
                                                VolumeFeed::Clock::now);
   ~VolumeStreams() override { Stop(); }
@@ -48,21 +49,20 @@ class VolumeStreams final : public SceneListener {
   // Names this run of the daemon; random, never 0.
   std::uint64_t daemon_id() const { return daemon_id_; }
 
-  // Errors: as VolumeFeed's constructor; kUnavailable before the first volume and
-  // after Stop.
+  // Errors: those of VolumeFeed's constructor; kUnavailable before the first volume and after Stop.
   std::shared_ptr<Stream> Subscribe(const VolumeFeedOptions& options,
                                     std::weak_ptr<VolumeSink> sink);
   void Acknowledge(Stream& stream, std::uint64_t message_number);
   void WriteDone(Stream& stream);
-  // Nothing is written to it afterwards, but for a message that is being built.
+  // Ends the stream. A message that is being built may still be written.
   void Unsubscribe(Stream& stream);
 
-  // Ends every stream and joins the thread; for good.
+  // Ends every stream and joins the thread. There is no restart.
   void Stop() noexcept;
 
   void OnScene(const Scene& scene, std::span<const BrickChange> changes) override;
 
-  // Volumes other than the newest that are held for subscribers.
+  // The number of volumes held for subscribers, without the newest one.
   std::size_t old_volumes_held() const;
   std::size_t streams() const;
 
@@ -72,9 +72,9 @@ class VolumeStreams final : public SceneListener {
 
   void Wake();
   void Run();
-  // Waits for something to do, unless there may be some; none at the end.
+  // Waits for work, unless `at_once`. Returns none after Stop.
   std::optional<Round> NextRound(bool at_once);
-  // True when it did something.
+  // Does one step for a subscriber. Returns true if there was work.
   bool Take(const Turn& turn, const VolumeNow& now);
 
   const std::uint64_t daemon_id_;

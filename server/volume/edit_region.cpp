@@ -21,10 +21,6 @@ constexpr double kHalfBrick = 0.5 * (kBrickEdge - 1);
 // A voxel that lies on the boundary of the region may seem to lie beyond it.
 constexpr double kSlackVoxels = 1e-6;
 
-[[noreturn]] void Refuse(const std::string& message) {
-  throw Error(ErrorKind::kInvalidArgument, message);
-}
-
 [[noreturn]] void RefuseSize(double voxels) {
   throw Error(ErrorKind::kTooLarge,
               fmt::format("the edit spans {:.0f} voxels, at most {} are possible: do it in parts",

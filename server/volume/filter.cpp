@@ -30,10 +30,6 @@ constexpr int kPartEdge = 8;
 constexpr int kLargePartEdge = 16;
 constexpr int kLargePartReach = 8;  // voxels; more than this
 
-[[noreturn]] void Refuse(const std::string& message) {
-  throw Error(ErrorKind::kInvalidArgument, message);
-}
-
 void CheckNumbers(const VolumeFilter& filter) {
   if (filter.width < 1 || filter.width > kMostFilterWidth) {
     Refuse(

@@ -39,10 +39,6 @@ constexpr std::uint64_t kLevelSetCopies = 4;
 // The tree, a coarser one on the way, and the bricks.
 constexpr double kResampledCopies = 3.0;
 
-[[noreturn]] void Refuse(const std::string& message) {
-  throw Error(ErrorKind::kInvalidArgument, message);
-}
-
 Vec3i ToVec(const openvdb::Coord& at) { return {at.x(), at.y(), at.z()}; }
 
 bool IsUniform(const Vec3& spacing_mm) {

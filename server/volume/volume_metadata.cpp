@@ -10,10 +10,6 @@ namespace {
 
 constexpr double kFrameTolerance = 1e-3;
 
-[[noreturn]] void Refuse(const std::string& message) {
-  throw Error(ErrorKind::kInvalidArgument, message);
-}
-
 }  // namespace
 
 void CheckVolumeMetadata(const VolumeMetadata& metadata) {

@@ -16,7 +16,7 @@
 #include <vector>
 
 #include "server/recording/recording_reader.h"
-#include "server/recording/volume_follower.h"
+#include "server/recording/recorded_volumes.h"
 #include "tests/support/made_volume.h"
 #include "tests/support/recording.h"
 #include "tests/support/refusal.h"

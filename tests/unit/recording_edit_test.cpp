@@ -11,7 +11,7 @@
 
 #include "server/recording/bytes.h"
 #include "server/recording/edit_codec.h"
-#include "server/recording/volume_follower.h"
+#include "server/recording/recorded_volumes.h"
 #include "server/recording/voxel_log.h"
 #include "tests/support/refusal.h"
 #include "tests/support/scene_rig.h"
@@ -163,7 +163,7 @@ TEST(VoxelLog, DeclaresMoreThan64MiBOnly) {
   }
 }
 
-TEST(VolumeFollower, RefusesEditsThatDoNotFit) {
+TEST(RecordedVolumes, RefusesEditsThatDoNotFit) {
   const auto volume = Gyroid();
   const auto edit = [](std::uint64_t number, float value) {
     return std::vector<RecordedEdit>{{.volume_revision = 2, .bricks = {{number, Filled(value)}}}};
@@ -176,7 +176,7 @@ TEST(VolumeFollower, RefusesEditsThatDoNotFit) {
 }
 
 // Carried into the follower by another base than it has, or with other voxels.
-TEST(VolumeFollower, TrustsHashesOnly) {
+TEST(RecordedVolumes, TrustsHashesOnly) {
   std::mt19937_64 random(1);
   const auto loaded = Gyroid();
   const auto edited = Edited(*loaded, Carve(*loaded, random));
@@ -184,7 +184,7 @@ TEST(VolumeFollower, TrustsHashesOnly) {
   RecordedScene scene = SceneOf(*edited);
   const RecordedEdit good = log.EditsBefore(scene, edited.get()).front();
   int loads = 0;
-  VolumeFollower follower([&](const RecordedScene&) {
+  RecordedVolumes follower([&](const RecordedScene&) {
     ++loads;
     return loaded;
   });
@@ -208,9 +208,9 @@ TEST(VolumeFollower, TrustsHashesOnly) {
   EXPECT_EQ(loads, 1);
 }
 
-TEST(VolumeFollower, AFailedLoadIsNotTriedAgain) {
+TEST(RecordedVolumes, AFailedLoadIsNotTriedAgain) {
   int loads = 0;
-  VolumeFollower follower([&](const RecordedScene&) -> std::shared_ptr<const VolumeSnapshot> {
+  RecordedVolumes follower([&](const RecordedScene&) -> std::shared_ptr<const VolumeSnapshot> {
     ++loads;
     throw Error(ErrorKind::kNotFound, "gone");
   });

@@ -61,11 +61,6 @@ Vec3i BrickCounts(const Vec3i& size) {
   return {BrickCount(size.x()), BrickCount(size.y()), BrickCount(size.z())};
 }
 
-bool Same(const std::optional<AffineMap>& a, const std::optional<AffineMap>& b) {
-  if (!a || !b) return !a && !b;
-  return a->linear == b->linear && a->translation == b->translation;
-}
-
 }  // namespace
 
 VolumeTexture::~VolumeTexture() { Release(); }
@@ -105,7 +100,7 @@ void VolumeTexture::Await(std::span<const std::uint64_t> bricks) {
 }
 
 void VolumeTexture::TakeUpPlacement(const ViewVolume& volume) {
-  if (Same(X_DI_, volume.X_DI())) return;
+  if (X_DI_ == volume.X_DI()) return;
   X_DI_ = volume.X_DI();
   ++version_;
 }

@@ -1,0 +1,131 @@
+#include "server/recording/recorded_volumes.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <utility>
+
+#include "server/recording/voxel_log.h"
+
+namespace palpate {
+namespace {
+
+std::shared_ptr<const VolumeSnapshot> AtRevision(std::shared_ptr<const VolumeSnapshot> volume,
+                                                 const RecordedScene& scene) {
+  if (volume->revision() == scene.volume_revision &&
+      volume->loaded_revision() == scene.loaded_revision) {
+    return volume;
+  }
+  return std::make_shared<const VolumeSnapshot>(volume->metadata(), volume->bricks(),
+                                                scene.volume_revision, scene.loaded_revision);
+}
+
+void CheckBrick(const RecordedBrick& brick, std::uint64_t brick_count) {
+  const Brick values = brick.values->Floats();
+  const bool good =
+      brick.number < brick_count &&
+      std::all_of(values.begin(), values.end(), [](float value) { return std::isfinite(value); });
+  if (!good) {
+    throw Error(ErrorKind::kInvalidArgument,
+                "an edit of the recording does not fit the volume: load the one that was recorded");
+  }
+}
+
+bool IsStoredLattice(const RecordedScene& scene) {
+  constexpr auto kMost = static_cast<std::int64_t>(VoxelLog::kMaxBricksPerScene);
+  std::int64_t bricks = 1;
+  for (const int voxels : scene.size) {
+    if (voxels < 2 || voxels > kMost * kBrickEdge) return false;
+    bricks *= (voxels + kBrickEdge - 1) / kBrickEdge;
+    if (bricks > kMost) return false;
+  }
+  return std::isfinite(scene.value_max - scene.value_min) && scene.value_min < scene.value_max;
+}
+
+}  // namespace
+
+std::shared_ptr<const VolumeSnapshot> WithoutVoxels(const RecordedScene& scene) {
+  if (!IsStoredLattice(scene)) {
+    throw Error(ErrorKind::kInvalidArgument,
+                "the recording is damaged: it cannot hold a volume of this size");
+  }
+  Brick values;
+  const auto background =
+      static_cast<float>(scene.is_level_set ? scene.value_max : scene.value_min);
+  values.fill(background);
+  const LeafPtr leaf = Leaf::Constant(Leaf::Smallest(values)->type(), background);
+  VolumeMetadata metadata;
+  metadata.size = scene.size;
+  metadata.spacing_mm = scene.spacing_mm;
+  metadata.value_min = scene.value_min;
+  metadata.value_max = scene.value_max;
+  metadata.is_level_set = scene.is_level_set;
+  metadata.source = scene.volume_source;
+  metadata.reloadable = scene.reloadable;
+  return std::make_shared<const VolumeSnapshot>(
+      metadata, BrickDirectory(scene.size, [&](const Vec3i&) { return leaf; }), 1, 1);
+}
+
+std::shared_ptr<const VolumeSnapshot> WithEdits(const VolumeSnapshot& volume,
+                                                const std::vector<RecordedEdit>& edits) {
+  const BrickDirectory& bricks = volume.bricks();
+  const auto count = static_cast<std::uint64_t>(bricks.brick_count().cast<std::int64_t>().prod());
+  std::map<std::uint64_t, LeafPtr> changed;  // a damaged recording may name one twice
+  for (const RecordedEdit& edit : edits) {
+    for (const RecordedBrick& brick : edit.bricks) {
+      CheckBrick(brick, count);
+      changed[brick.number] = brick.values;
+    }
+  }
+  std::vector<BrickChange> changes;
+  for (const auto& [number, values] : changed) changes.push_back({bricks.BrickOf(number), values});
+  const std::uint64_t revision = edits.front().volume_revision;
+  return std::make_shared<const VolumeSnapshot>(volume.metadata(), bricks.With(changes, revision),
+                                                revision, volume.loaded_revision());
+}
+
+std::shared_ptr<const VolumeSnapshot> RecordedVolumes::Follow(const RecordedScene& scene) {
+  const std::vector<RecordedEdit> edits = std::exchange(edits_, {});
+  error_.reset();
+  try {
+    return TryFollow(scene, edits);
+  } catch (const Error& error) {
+    error_ = error;
+    return nullptr;
+  }
+}
+
+std::shared_ptr<const VolumeSnapshot> RecordedVolumes::TryFollow(
+    const RecordedScene& scene, const std::vector<RecordedEdit>& edits) {
+  const bool is_whole = scene.all_voxels_stored;
+  if (loaded_revision_ != scene.loaded_revision || (!volume_ && is_whole)) {
+    // Not again where it fails: a series of scenes would load it each time.
+    loaded_revision_ = base_revision_ = scene.loaded_revision;
+    volume_.reset();
+    volume_ = load_(scene);
+  }
+  if (!volume_) {
+    throw Error(ErrorKind::kNotFound, "the volume " + scene.volume_source + " was not loaded");
+  }
+  // Also where the voxels are the same afterwards, as after an edit and its undo:
+  // their bricks have changed.
+  const bool fits = !scene.voxels_missing && !edits.empty() &&
+                    edits.front().base_revision == (is_whole ? 0 : base_revision_) &&
+                    edits.front().volume_revision == scene.volume_revision;
+  const std::shared_ptr<const VolumeSnapshot> changed = fits ? WithEdits(*volume_, edits) : nullptr;
+  if (changed && HashVolume(*changed) == scene.volume_hash) {
+    volume_ = changed;
+    base_revision_ = scene.volume_revision;
+    ++applied_edits_;
+  } else if (HashVolume(*volume_) == scene.volume_hash) {
+    if (!edits.empty()) base_revision_ = edits.front().volume_revision;
+  } else if (scene.voxels_missing) {
+    throw Error(ErrorKind::kConflict, "a change of voxels was too large for the recording");
+  } else {
+    throw Error(ErrorKind::kConflict,
+                "another volume was recorded: load " + scene.volume_source + " as it was then");
+  }
+  return volume_ = AtRevision(std::move(volume_), scene);
+}
+
+}  // namespace palpate

@@ -1,0 +1,65 @@
+// Rebuilds the volume of each scene of a recording from the loaded volume and the recorded edits.
+//
+// A scene's volume cannot be rebuilt if voxels are missing, or if the source holds another volume
+// now. Follow then returns null, error() holds the reason, and the object keeps the last volume.
+// Follow succeeds again at the first scene whose volume equals the kept volume, or whose edits
+// lead on from the kept volume. The object compares volumes by their hashes.
+//
+// Threads: one at a time. Not for real-time code.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "common/error/error.h"
+#include "server/recording/recording.h"
+#include "server/volume/snapshot.h"
+
+namespace palpate {
+
+// Returns a scene's volume as it was loaded, before any edit. If scene.all_voxels_stored, any
+// volume of the scene's size, spacing and range will do. May throw Error.
+using RecordedVolumeLoader =
+    std::function<std::shared_ptr<const VolumeSnapshot>(const RecordedScene&)>;
+
+class RecordedVolumes {
+ public:
+  explicit RecordedVolumes(RecordedVolumeLoader load) : load_(std::move(load)) {}
+
+  // Takes an edit, or a part of one, that leads to the next scene's volume.
+  void Take(RecordedEdit edit) { edits_.push_back(std::move(edit)); }
+
+  // Returns the scene's volume; null, and sets error(), if it cannot be rebuilt.
+  std::shared_ptr<const VolumeSnapshot> Follow(const RecordedScene& scene);
+
+  // Why the last Follow returned null; none if it succeeded.
+  const std::optional<Error>& error() const { return error_; }
+  std::uint64_t applied_edits() const { return applied_edits_; }  // the parts of an edit count once
+
+ private:
+  std::shared_ptr<const VolumeSnapshot> TryFollow(const RecordedScene& scene,
+                                                  const std::vector<RecordedEdit>& edits);
+
+  RecordedVolumeLoader load_;
+  std::vector<RecordedEdit> edits_;
+  std::shared_ptr<const VolumeSnapshot> volume_;
+  std::optional<std::uint64_t> loaded_revision_;  // of the last load, also if it failed
+  std::uint64_t base_revision_ = 0;               // base of the next edits of volume_
+  std::uint64_t applied_edits_ = 0;
+  std::optional<Error> error_;
+};
+
+// Returns a volume of the scene's size, spacing and range, filled with background. Apply edits that
+// hold all voxels to it. Throws Error (kInvalidArgument) if no recording can hold such a volume.
+std::shared_ptr<const VolumeSnapshot> WithoutVoxels(const RecordedScene& scene);
+
+// Returns `volume` with all parts of one edit applied. `edits` must not be empty. Throws Error
+// (kInvalidArgument) if a brick is outside the volume or a voxel is not finite.
+std::shared_ptr<const VolumeSnapshot> WithEdits(const VolumeSnapshot& volume,
+                                                const std::vector<RecordedEdit>& edits);
+
+}  // namespace palpate
