@@ -1,7 +1,5 @@
 #include "server/app/token_command.h"
 
-#include <fcntl.h>
-#include <sys/file.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -14,6 +12,7 @@
 #include <vector>
 
 #include "common/error/error.h"
+#include "common/files/file_lock.h"
 #include "server/app/client_folder.h"
 #include "server/security/token_file.h"
 
@@ -35,32 +34,21 @@ struct TokenValues {
 };
 
 // Of two commands at a time one waits: each reads the file and writes it anew.
-class FolderLock {
- public:
-  explicit FolderLock(const std::filesystem::path& file)
-      : fd_(open(std::filesystem::absolute(file).parent_path().c_str(),
-                 O_RDONLY | O_DIRECTORY | O_CLOEXEC)) {
-    if (fd_ < 0) {
+FileLock LockFolderOf(const std::filesystem::path& file) {
+  FileLock lock;
+  switch (
+      lock.Take(std::filesystem::absolute(file).parent_path(), LockOf::kFolder, kLockPatience)) {
+    case LockResult::kTaken:
+      break;
+    case LockResult::kCannotOpen:
       throw Error(ErrorKind::kNotFound, "there is no folder for " + file.string() + ": make it");
-    }
-    // Whoever may read the folder can hold its lock.
-    const auto end = std::chrono::steady_clock::now() + kLockPatience;
-    while (flock(fd_, LOCK_EX | LOCK_NB) != 0) {
-      if (std::chrono::steady_clock::now() > end) {
-        close(fd_);
-        throw Error(ErrorKind::kConflict, "another program holds the lock of the folder of " +
-                                              file.string() + ": end it ('fuser' names it)");
-      }
-      std::this_thread::sleep_for(std::chrono::milliseconds(20));
-    }
+    case LockResult::kHeldByAnother:
+      // Whoever may read the folder can hold its lock.
+      throw Error(ErrorKind::kConflict, "another program holds the lock of the folder of " +
+                                            file.string() + ": end it ('fuser' names it)");
   }
-  ~FolderLock() { close(fd_); }
-  FolderLock(const FolderLock&) = delete;
-  FolderLock& operator=(const FolderLock&) = delete;
-
- private:
-  const int fd_;
-};
+  return lock;
+}
 
 std::vector<StoredToken> ReadOrNone(const std::string& file) {
   return std::filesystem::exists(file) ? ReadTokenFile(file) : std::vector<StoredToken>();
@@ -95,7 +83,7 @@ void Add(const TokenValues& values) {
     throw Error(ErrorKind::kInvalidArgument,
                 "there is no role " + values.role + ": give viewer, editor, operator or admin");
   }
-  const FolderLock lock(values.file);
+  const FileLock lock = LockFolderOf(values.file);
   std::vector<StoredToken> tokens = ReadOrNone(values.file);
   if (Named(tokens, values.name) != tokens.end()) {
     throw Error(ErrorKind::kConflict,
@@ -129,7 +117,7 @@ void List(const TokenValues& values) {
 }
 
 void Revoke(const TokenValues& values) {
-  const FolderLock lock(values.file);
+  const FileLock lock = LockFolderOf(values.file);
   std::vector<StoredToken> tokens = ReadTokenFile(values.file);
   const auto at = Named(tokens, values.name);
   if (at == tokens.end()) {

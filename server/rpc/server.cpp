@@ -7,7 +7,6 @@
 #include <grpcpp/impl/server_builder_option.h>
 #include <grpcpp/impl/server_builder_plugin.h>
 #include <netinet/in.h>
-#include <sys/file.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -124,17 +123,16 @@ void RpcServer::Reserve() {
   }
   MakeSocketFolder(std::filesystem::path(options_.socket_path).parent_path());
   const std::string lock_path = options_.socket_path + ".lock";
-  lock_fd_ = open(lock_path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0600);
-  if (lock_fd_ < 0) {
-    throw Error(ErrorKind::kPermissionDenied, "cannot write " + lock_path + ": " +
-                                                  std::strerror(errno) +
-                                                  "; name another socket with --socket");
-  }
-  if (flock(lock_fd_, LOCK_EX | LOCK_NB) != 0) {
-    close(lock_fd_);
-    lock_fd_ = -1;
-    throw Error(ErrorKind::kConflict, "another palpated listens on " + options_.socket_path +
-                                          ": stop it, or name another socket with --socket");
+  switch (lock_.Take(lock_path, LockOf::kFile)) {
+    case LockResult::kTaken:
+      break;
+    case LockResult::kHeldByAnother:
+      throw Error(ErrorKind::kConflict, "another palpated listens on " + options_.socket_path +
+                                            ": stop it, or name another socket with --socket");
+    case LockResult::kCannotOpen:
+      throw Error(ErrorKind::kPermissionDenied, "cannot write " + lock_path + ": " +
+                                                    std::strerror(errno) +
+                                                    "; name another socket with --socket");
   }
   RemoveStaleSocket(options_.socket_path);
   if (!options_.security.tls.certificate.empty()) {
@@ -214,8 +212,7 @@ void RpcServer::Stop() noexcept {
   // While the lock holds: it may be made anew by another daemon.
   security_files_.reset();
   tls_.reset();
-  if (lock_fd_ >= 0) close(lock_fd_);
-  lock_fd_ = -1;
+  lock_ = {};
 }
 
 }  // namespace palpate

@@ -10,6 +10,7 @@
 #include <optional>
 #include <string>
 
+#include "common/files/file_lock.h"
 #include "common/wire/address.h"
 #include "server/metrics/service_metrics.h"
 #include "server/rpc/acceptor.h"
@@ -102,7 +103,7 @@ class RpcServer {
   std::unique_ptr<StandbyPoller> poller_;
   std::unique_ptr<grpc::Server> server_;
   std::unique_ptr<SecurityFiles> security_files_;
-  int lock_fd_ = -1;
+  FileLock lock_;
 };
 
 }  // namespace palpate

@@ -1,14 +1,13 @@
 #include "server/state/registration_store.h"
 
-#include <fcntl.h>
 #include <pthread.h>
-#include <sys/file.h>
-#include <unistd.h>
 
 #include <algorithm>
+#include <chrono>
 #include <utility>
 
 #include "common/error/error.h"
+#include "common/files/file_lock.h"
 #include "common/files/new_file.h"
 #include "server/log/log.h"
 
@@ -26,28 +25,23 @@ bool IsOf(const StoredRegistration& entry, const VolumeMetadata& volume) {
   return entry.size == volume.size && entry.spacing_mm == volume.spacing_mm;
 }
 
+constexpr std::chrono::seconds kLockPatience{10};
+
 // Keeps other daemons of the same user from writing the file meanwhile. Without
 // rights to make it there is nothing to write either.
-class FileLock {
- public:
-  explicit FileLock(const std::filesystem::path& path) {
-    try {
-      MakeFolders(path.parent_path());
-    } catch (const Error&) {
-      return;
-    }
-    fd_ = open((path.string() + ".lock").c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0600);
-    if (fd_ >= 0) flock(fd_, LOCK_EX);
+FileLock LockBeside(const std::filesystem::path& path) {
+  FileLock lock;
+  try {
+    MakeFolders(path.parent_path());
+  } catch (const Error&) {
+    return lock;
   }
-  ~FileLock() {
-    if (fd_ >= 0) close(fd_);
+  if (lock.Take(path.string() + ".lock", LockOf::kFile, kLockPatience) ==
+      LockResult::kHeldByAnother) {
+    throw Error(ErrorKind::kConflict, "another program holds " + path.string() + ".lock: end it");
   }
-  FileLock(const FileLock&) = delete;
-  FileLock& operator=(const FileLock&) = delete;
-
- private:
-  int fd_ = -1;
-};
+  return lock;
+}
 
 // As the newest, in place of an older one of the same source.
 void Put(const StoredRegistration& entry, std::vector<StoredRegistration>& entries) {
@@ -134,7 +128,7 @@ void RegistrationStore::Save() {
 // On top of what the file holds now: another daemon of the same user may write to
 // it too.
 void RegistrationStore::WriteMerged(const std::vector<StoredRegistration>& changed) {
-  const FileLock lock(path_);
+  const FileLock lock = LockBeside(path_);
   std::vector<StoredRegistration> entries;
   for (const StoredRegistration& entry : Read().entries) Put(entry, entries);
   for (const StoredRegistration& entry : changed) Put(entry, entries);

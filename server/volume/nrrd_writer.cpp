@@ -1,29 +1,18 @@
 #include "server/volume/nrrd_writer.h"
 
-#include <fmt/core.h>
 #include <zlib.h>
 
 #include <algorithm>
-#include <bit>
 #include <fstream>
 #include <ios>
 #include <iterator>
 #include <string>
 #include <vector>
 
+#include "common/files/nrrd_header.h"
+
 namespace palpate {
 namespace {
-
-static_assert(std::endian::native == std::endian::little, "the header says so");
-
-// In the fewest digits that read back as the same numbers.
-std::string Text(const Vec3& v) { return fmt::format("({},{},{})", v.x(), v.y(), v.z()); }
-
-// A field ends with its line, and a quoted text with its quote.
-std::string Quotable(std::string text) {
-  std::erase_if(text, [](unsigned char c) { return c < 0x20 || c == 0x7f || c == '"'; });
-  return text;
-}
 
 // The smallest type that holds all voxels.
 LeafType TypeOf(const BrickDirectory& bricks) {
@@ -57,28 +46,6 @@ constexpr const char* NameOf(LeafType type) {
       break;
   }
   return "float";
-}
-
-std::string Header(const VolumeMetadata& metadata, LeafType type) {
-  const AffineMap X_WI = metadata.WorldFromIndex();
-  std::string header = fmt::format(
-      "NRRD0005\n"
-      "type: {}\n"
-      "dimension: 3\n"
-      "space: left-posterior-superior\n"
-      "sizes: {} {} {}\n"
-      "space directions: {} {} {}\n"
-      "kinds: domain domain domain\n"
-      "endian: little\n"
-      "encoding: gzip\n"
-      "space units: \"mm\" \"mm\" \"mm\"\n"
-      "space origin: {}\n",
-      NameOf(type), metadata.size.x(), metadata.size.y(), metadata.size.z(),
-      Text(X_WI.linear.col(0)), Text(X_WI.linear.col(1)), Text(X_WI.linear.col(2)),
-      Text(X_WI.translation));
-  const std::string unit = Quotable(metadata.unit);
-  if (!unit.empty()) header += "sample units: \"" + unit + "\"\n";
-  return header + "\n";
 }
 
 // What is appended to a file, compressed.
@@ -151,7 +118,12 @@ void WriteNrrd(const std::filesystem::path& path, const VolumeSnapshot& volume,
   header.exceptions(std::ios::badbit | std::ios::failbit);
   header.open(path, std::ios::binary | std::ios::trunc);
   const LeafType type = TypeOf(volume.bricks());
-  header << Header(volume.metadata(), type);
+  const VolumeMetadata& metadata = volume.metadata();
+  header << ToText(NrrdHeader{.type = NameOf(type),
+                              .encoding = "gzip",
+                              .size = metadata.size,
+                              .X_WI = metadata.WorldFromIndex(),
+                              .unit = metadata.unit});
   header.close();
   GzipTail tail(path);
   VisitType(type, [&](auto voxel) { WriteVoxels<decltype(voxel)>(volume, tail, progress); });

@@ -1,0 +1,22 @@
+// The header of an NRRD file of one volume, in LPS; its voxels follow, x fastest, little-endian.
+//
+// Frames: I voxel indices, W world (mm, LPS). Pure; any thread. Format: teem.sourceforge.net/nrrd.
+#pragma once
+
+#include <string>
+
+#include "common/geometry/geometry.h"
+
+namespace palpate {
+
+struct NrrdHeader {
+  std::string type;      // "float", "uint8", "int16", "uint16"
+  std::string encoding;  // of the voxels: "raw", "gzip"
+  Vec3i size = Vec3i::Zero();
+  AffineMap X_WI;
+  std::string unit{};  // of the values; empty: none
+};
+
+std::string ToText(const NrrdHeader& header);
+
+}  // namespace palpate
