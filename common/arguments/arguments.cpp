@@ -42,7 +42,11 @@ bool ParseBy(const CLI::App& app, const Parse& parse) {
 Validator ExistingFile() { return Wrap(CLI::ExistingFile); }
 Validator NonNegativeNumber() { return Wrap(CLI::NonNegativeNumber); }
 Validator PositiveNumber() { return Wrap(CLI::PositiveNumber); }
-Validator IsMember(const std::vector<std::string>& values) { return Wrap(CLI::IsMember(values)); }
+Validator IsMember(const std::vector<std::string>& values) {
+  Validator validator = Wrap(CLI::IsMember(values));
+  validator.words = values;
+  return validator;
+}
 
 template <typename T>
 Validator Range(T least, T greatest) {
@@ -81,6 +85,7 @@ Option* Option::required(bool required) {
 
 Option* Option::check(const Validator& validator) {
   option_->check(validator.complaint, validator.form);
+  if (!validator.words.empty()) words_ = validator.words;
   return this;
 }
 
@@ -134,6 +139,13 @@ Option* Option::capture_default_str() {
   return this;
 }
 
+bool Option::takes_value() const { return option_->get_items_expected_max() > 0; }
+
+Option* Option::suggest(std::vector<std::string> words) {
+  words_ = std::move(words);
+  return this;
+}
+
 std::size_t Option::count() const { return option_->count(); }
 std::string Option::get_name() const { return option_->get_name(); }
 
@@ -164,6 +176,7 @@ PALPATE_OPTIONS_OF(std::optional<std::uint32_t>);
 PALPATE_OPTIONS_OF(std::optional<std::uint64_t>);
 PALPATE_OPTIONS_OF(std::optional<double>);
 PALPATE_OPTIONS_OF(std::optional<std::string>);
+PALPATE_OPTIONS_OF(std::vector<int>);
 PALPATE_OPTIONS_OF(std::vector<std::int64_t>);
 PALPATE_OPTIONS_OF(std::vector<std::uint32_t>);
 PALPATE_OPTIONS_OF(std::vector<double>);
@@ -204,6 +217,8 @@ bool Command::parse(std::vector<std::string> arguments) {
   std::reverse(arguments.begin(), arguments.end());  // CLI11 takes them last first
   return ParseBy(app_, [&] { app_.parse(std::move(arguments)); });
 }
+
+std::string Command::name() const { return app_.get_name(); }
 
 void Command::explain(const UsageError& error) const {
   app_.exit(CLI::ValidationError(error.what()));

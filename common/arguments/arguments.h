@@ -31,6 +31,7 @@ class UsageError : public std::runtime_error {
 struct Validator {
   std::function<std::string(const std::string&)> complaint;  // empty: nothing is wrong
   std::string form{};                                        // shown in --help
+  std::vector<std::string> words{};  // of which it is one; empty: it may be another
 };
 
 Validator ExistingFile();
@@ -64,14 +65,19 @@ class Option {
   Option* option_text(const std::string& text);  // instead of type and default
   Option* type_name(const std::string& name);
   Option* capture_default_str();
+  // For the completion of shells alone.
+  Option* suggest(std::vector<std::string> words);
 
   std::size_t count() const;  // of its values on the command line
   std::string get_name() const;
+  bool takes_value() const;  // is no flag
+  const std::vector<std::string>& suggested() const { return words_; }
 
  private:
   friend class Command;
   explicit Option(CLI::Option& option) : option_(&option) {}
   CLI::Option* option_;
+  std::vector<std::string> words_;
 };
 
 // A program, or a command of one.
@@ -106,6 +112,9 @@ class Command {
   // Errors: UsageError; what callbacks throw.
   bool parse(int argc, const char* const* argv);
   bool parse(std::vector<std::string> arguments);  // without the program's name
+  std::string name() const;
+  const std::vector<std::unique_ptr<Option>>& options() const { return options_; }
+  const std::vector<std::unique_ptr<Command>>& commands() const { return commands_; }
   // Says on stderr what is wrong, and how to get help.
   void explain(const UsageError& error) const;
 

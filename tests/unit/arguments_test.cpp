@@ -5,7 +5,12 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <fstream>
 #include <stdexcept>
+
+#include "common/arguments/completion.h"
+#include "tests/support/process.h"
+#include "tests/support/temporary_folder.h"
 
 namespace palpate::arguments {
 namespace {
@@ -255,6 +260,41 @@ TEST(Arguments, ErrorsAreExplained) {
   program.explain(UsageError("--value is required"));
   EXPECT_EQ(testing::internal::GetCapturedStderr(),
             "--value is required\nRun with --help for more information.\n");
+}
+
+// What bash would offer for the last word.
+std::string Completed(const Command& program, const std::string& words) {
+  const std::string script =
+      CompletionScript(program) + "COMP_WORDS=(" + words +
+      ")\nCOMP_CWORD=$((${#COMP_WORDS[@]} - 1))\n_program_words\necho \"${COMPREPLY[@]}\"\n";
+  return test::Process({"/bin/bash", "-c", script}).Wait().output;
+}
+
+TEST(Arguments, ShellsCompleteCommandsOptionsAndWords) {
+  Command program("about", "program");
+  std::string text;
+  bool flag = false;
+  program.add_option("--socket", text, "where");
+  Command* edit = program.add_subcommand("edit", "changes");
+  Command* sphere = edit->add_subcommand("sphere", "a ball");
+  sphere->add_option("--operation", text, "what")->check(IsMember({"add", "subtract"}));
+  sphere->add_flag("--json", flag, "as JSON");
+  Command* set = program.add_subcommand("set", "sets");
+  set->add_option("key", text, "which")->suggest({"stiffness", "damping"});
+  EXPECT_EQ(Completed(program, "program ''"), "edit set\n");
+  EXPECT_EQ(Completed(program, "program -"), "--socket --socket --help\n");
+  EXPECT_EQ(Completed(program, "program e"), "edit\n");
+  EXPECT_EQ(Completed(program, "program edit s"), "sphere\n");
+  EXPECT_EQ(Completed(program, "program --socket /a edit sphere --o"), "--operation\n");
+  EXPECT_EQ(Completed(program, "program edit sphere --operation ''"), "add subtract\n");
+  EXPECT_EQ(Completed(program, "program edit sphere --json --so"), "--socket\n");
+  EXPECT_EQ(Completed(program, "program set st"), "stiffness\n");
+  // Names of files, also those with blanks.
+  EXPECT_EQ(Completed(program, "program --socket /etc/hostnam"), "/etc/hostname\n");
+  const test::TemporaryFolder folder;
+  const std::string file = folder.path() / "my scan.nrrd";
+  std::ofstream(file) << "NRRD";
+  EXPECT_EQ(Completed(program, "program --socket " + folder.path().string() + "/m"), file + "\n");
 }
 
 }  // namespace
