@@ -12,8 +12,10 @@
 namespace palpate::cli {
 namespace {
 
-Json ToJson(const v1::AffineMap& map) {
-  return {{"linear", map.linear()}, {"translation", cli::ToJson(map.translation())}};
+Json ToJson(const AffineMap& map) {
+  Json linear = Json::array();
+  for (int n = 0; n < 9; ++n) linear.push_back(map.linear(n / 3, n % 3));
+  return {{"linear", linear}, {"translation", cli::ToJson(map.translation)}};
 }
 
 std::string YesOrNo(bool value) { return value ? "yes" : "no"; }
@@ -24,33 +26,33 @@ void AppendLine(std::string& text, std::string_view subject, std::string_view co
   fmt::format_to(std::back_inserter(text), "{:<10}{}\n", subject, OneLine(content));
 }
 
-Json ToJson(const v1::Vector3& vector) { return {vector.x(), vector.y(), vector.z()}; }
+Json ToJson(const Vec3& vector) { return {vector.x(), vector.y(), vector.z()}; }
 
-Json ToJson(const v1::ServoDescription& servo) {
-  return {{"rate_hz", servo.rate_hz()},
-          {"realtime_scheduling", servo.realtime_scheduling()},
-          {"memory_locked", servo.memory_locked()},
-          {"warnings", servo.warnings()},
-          {"ticks", servo.ticks()},
-          {"missed_ticks", servo.missed_ticks()},
-          {"scenes_applied", servo.scenes_applied()}};
+Json ToJson(const client::ServoInfo& servo) {
+  return {{"rate_hz", servo.rate_hz},
+          {"realtime_scheduling", servo.realtime_scheduling},
+          {"memory_locked", servo.memory_locked},
+          {"warnings", servo.warnings},
+          {"ticks", servo.ticks},
+          {"missed_ticks", servo.missed_ticks},
+          {"scenes_applied", servo.scenes_applied}};
 }
 
-Json ToJson(const v1::VolumeDescription& volume) {
-  return {{"source", volume.source()},
-          {"volume_revision", volume.volume_revision()},
-          {"size", {volume.size_x(), volume.size_y(), volume.size_z()}},
-          {"spacing_mm", ToJson(volume.spacing_mm())},
-          {"value_min", volume.value_min()},
-          {"value_max", volume.value_max()},
-          {"unit", volume.unit()},
-          {"original_type", volume.original_type()},
-          {"is_level_set", volume.is_level_set()},
-          {"world_from_index", ToJson(volume.world_from_index())},
-          {"device_from_index", ToJson(volume.device_from_index())},
-          {"device_mm_per_volume_mm", volume.device_mm_per_volume_mm()},
-          {"memory_bytes", volume.memory_bytes()},
-          {"warnings", volume.warnings()}};
+Json ToJson(const client::VolumeInfo& volume) {
+  return {{"source", volume.source},
+          {"volume_revision", volume.volume_revision},
+          {"size", {volume.size.x(), volume.size.y(), volume.size.z()}},
+          {"spacing_mm", ToJson(volume.spacing_mm)},
+          {"value_min", volume.value_min},
+          {"value_max", volume.value_max},
+          {"unit", volume.unit},
+          {"original_type", volume.original_type},
+          {"is_level_set", volume.is_level_set},
+          {"world_from_index", ToJson(volume.world_from_index)},
+          {"device_from_index", ToJson(volume.device_from_index)},
+          {"device_mm_per_volume_mm", volume.device_mm_per_volume_mm},
+          {"memory_bytes", volume.memory_bytes},
+          {"warnings", volume.warnings}};
 }
 
 Json ToJson(const client::Settings& settings) {
@@ -61,50 +63,55 @@ Json ToJson(const client::Settings& settings) {
   return json;
 }
 
-std::string Describe(const v1::ServoDescription& servo) {
-  const double due = static_cast<double>(servo.ticks() + servo.missed_ticks());
-  const double missed = static_cast<double>(servo.missed_ticks());
+std::string Describe(const client::ServoInfo& servo) {
+  const double due = static_cast<double>(servo.ticks + servo.missed_ticks);
+  const double missed = static_cast<double>(servo.missed_ticks);
   std::string text;
   AppendLine(text, "servo",
-             fmt::format("{:g} Hz; FIFO scheduling: {}; memory locked: {}", servo.rate_hz(),
-                         YesOrNo(servo.realtime_scheduling()), YesOrNo(servo.memory_locked())));
+             fmt::format("{:g} Hz; FIFO scheduling: {}; memory locked: {}", servo.rate_hz,
+                         YesOrNo(servo.realtime_scheduling), YesOrNo(servo.memory_locked)));
   AppendLine(text, "",
-             fmt::format("{} ticks, {} missed ({:.3f} %), {} scenes applied", servo.ticks(),
-                         servo.missed_ticks(), due > 0.0 ? 100.0 * missed / due : 0.0,
-                         servo.scenes_applied()));
-  for (const std::string& warning : servo.warnings()) {
+             fmt::format("{} ticks, {} missed ({:.3f} %), {} scenes applied", servo.ticks,
+                         servo.missed_ticks, due > 0.0 ? 100.0 * missed / due : 0.0,
+                         servo.scenes_applied));
+  for (const std::string& warning : servo.warnings) {
     AppendLine(text, "", "warning: " + warning);
   }
   return text;
 }
 
-std::string Describe(const v1::VolumeDescription& volume) {
-  const v1::Vector3& spacing = volume.spacing_mm();
-  const std::string unit = volume.unit().empty() ? "" : " " + volume.unit();
-  const std::string type = (volume.original_type().empty() ? "" : ", " + volume.original_type()) +
-                           (volume.is_level_set() ? ", level set" : "");
+std::string Describe(const client::VolumeInfo& volume) {
+  const Vec3& spacing = volume.spacing_mm;
+  const std::string unit = volume.unit.empty() ? "" : " " + volume.unit;
+  const std::string type = (volume.original_type.empty() ? "" : ", " + volume.original_type) +
+                           (volume.is_level_set ? ", level set" : "");
   std::string text;
-  AppendLine(text, "volume",
-             fmt::format("{}, revision {}", volume.source(), volume.volume_revision()));
+  AppendLine(text, "volume", fmt::format("{}, revision {}", volume.source, volume.volume_revision));
   AppendLine(
       text, "",
-      fmt::format("{} x {} x {} voxels of {:g} x {:g} x {:g} mm{}", volume.size_x(),
-                  volume.size_y(), volume.size_z(), spacing.x(), spacing.y(), spacing.z(), type));
+      fmt::format("{} x {} x {} voxels of {:g} x {:g} x {:g} mm{}", volume.size.x(),
+                  volume.size.y(), volume.size.z(), spacing.x(), spacing.y(), spacing.z(), type));
   AppendLine(text, "",
-             fmt::format("values {:g} to {:g}{}", volume.value_min(), volume.value_max(), unit));
+             fmt::format("values {:g} to {:g}{}", volume.value_min, volume.value_max, unit));
   AppendLine(text, "",
              fmt::format("scale {:g} mm of the device per mm of the volume; {:.1f} MiB",
-                         volume.device_mm_per_volume_mm(),
-                         static_cast<double>(volume.memory_bytes()) / (1024.0 * 1024.0)));
+                         volume.device_mm_per_volume_mm,
+                         static_cast<double>(volume.memory_bytes) / (1024.0 * 1024.0)));
   return text;
 }
 
-std::string DescribeWarnings(const v1::VolumeDescription& volume) {
+std::string DescribeWarnings(const client::VolumeInfo& volume) {
   std::string text;
-  for (const std::string& warning : volume.warnings()) {
+  for (const std::string& warning : volume.warnings) {
     AppendLine(text, "", "warning: " + warning);
   }
   return text;
+}
+
+void PrintWarnings(const client::VolumeInfo& volume) {
+  for (const std::string& warning : volume.warnings) {
+    fmt::print(stderr, "palpate: warning: {}\n", OneLine(warning));
+  }
 }
 
 std::string Describe(const client::Settings& settings) {

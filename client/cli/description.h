@@ -1,14 +1,13 @@
-// Volume, servo and settings in words and in JSON. Pure; any thread.
+// Volume, servo and settings in words and in JSON. Pure, but for PrintWarnings; any thread.
 #pragma once
 
 #include <nlohmann/json.hpp>
 #include <string>
 #include <string_view>
 
+#include "client/sdk/device.h"
 #include "client/sdk/settings.h"
-#include "palpate/v1/device.pb.h"
-#include "palpate/v1/geometry.pb.h"
-#include "palpate/v1/volume.pb.h"
+#include "client/sdk/volume.h"
 
 namespace palpate::cli {
 
@@ -16,9 +15,9 @@ namespace palpate::cli {
 using Json = nlohmann::ordered_json;
 
 // [x, y, z].
-Json ToJson(const v1::Vector3& vector);
-Json ToJson(const v1::ServoDescription& servo);
-Json ToJson(const v1::VolumeDescription& volume);
+Json ToJson(const Vec3& vector);
+Json ToJson(const client::ServoInfo& servo);
+Json ToJson(const client::VolumeInfo& volume);
 Json ToJson(const client::Settings& settings);
 
 // Appends a line, its content behind a column with its subject.
@@ -26,11 +25,13 @@ void AppendLine(std::string& text, std::string_view subject, std::string_view co
 
 // Lines that end with \n, each behind a column with its subject. Of the settings
 // those that are off share a line.
-std::string Describe(const v1::ServoDescription& servo);
-std::string Describe(const v1::VolumeDescription& volume);
+std::string Describe(const client::ServoInfo& servo);
+std::string Describe(const client::VolumeInfo& volume);
 std::string Describe(const client::Settings& settings);
 // What the import of the volume warned of; empty: of nothing.
-std::string DescribeWarnings(const v1::VolumeDescription& volume);
+std::string DescribeWarnings(const client::VolumeInfo& volume);
+// The same on stderr, a line each.
+void PrintWarnings(const client::VolumeInfo& volume);
 
 // `json` with a newline at its end; on one line, or indented by `indent` spaces.
 // Bytes that are not UTF-8 (a path may hold any) are replaced.

@@ -1,117 +1,155 @@
-#include "client/cli/device_command.h"
-
 #include <fmt/core.h>
 
 #include <chrono>
+#include <memory>
 
-#include "client/cli/connection.h"
+#include "client/cli/commands.h"
 #include "client/cli/device_description.h"
 #include "client/cli/device_test.h"
 #include "client/cli/output.h"
-#include "client/cli/pose_stream.h"
 #include "common/error/one_line.h"
-#include "palpate/v1/device.grpc.pb.h"
 
 namespace palpate::cli {
 namespace {
 
-using Stub = v1::DeviceService::Stub;
 using Clock = std::chrono::steady_clock;
 
+constexpr double kLongestTestS = 3600.0;
 constexpr double kTestRateHz = 1000.0;
 constexpr std::uint32_t kTestBatch = 16;
 constexpr std::chrono::milliseconds kPoll(50);
 
-template <typename Request, typename Response>
-Response Call(const Connection& connection,
-              grpc::Status (Stub::*method)(grpc::ClientContext*, const Request&, Response*),
-              const Request& request = {}) {
-  return connection.Call(*v1::DeviceService::NewStub(connection.channel()), method, request);
-}
-
-// Of EnableForces, DisableForces, StopForces.
-template <typename Response>
-void PrintForces(const Response& response, bool json) {
+void PrintForces(const client::ForceResult& result, bool json) {
   if (json) {
-    Json object = ToJson(response.forces());
-    object["applied_tick"] = response.applied_tick();
+    Json object = ToJson(result.forces);
+    object["applied_tick"] = result.applied_tick;
     WriteOutput(ToText(object));
     return;
   }
-  std::string text = Describe(response.forces());
-  AppendLine(text, "", fmt::format("since tick {}", response.applied_tick()));
+  std::string text = Describe(result.forces);
+  AppendLine(text, "", fmt::format("since tick {}", result.applied_tick));
   WriteOutput(text);
 }
 
-void Read(const Connection& connection, double seconds, DeviceTest& test) {
-  PoseStream stream(connection, kTestRateHz, kTestBatch);
-  v1::StreamPosesResponse message;
-  const auto end = Clock::now() + std::chrono::duration<double>(seconds);
-  while (Clock::now() < end) {
-    const CallEvent event = stream.Next(kPoll, message);
-    if (event == CallEvent::kEnded) throw connection.ErrorOfEnd(stream.status());
-    if (event != CallEvent::kMessage) continue;
-    for (const v1::PoseSample& sample : message.samples()) test.Add(sample);
-  }
-}
-
-}  // namespace
-
-void PrintDevices(const Connection& connection, bool json) {
-  const v1::ListDevicesResponse list = Call(connection, &Stub::ListDevices);
-  if (!json) {
-    WriteOutput(Describe(list));
-    return;
-  }
+void PrintDevices(client::Calls& palpated, bool json) {
+  const std::vector<client::ListedDevice> list = palpated.ListDevices();
+  if (!json) return WriteOutput(Describe(list));
   Json devices = Json::array();
-  for (const v1::ListedDevice& device : list.devices()) devices.push_back(ToJson(device));
+  for (const client::ListedDevice& device : list) devices.push_back(ToJson(device));
   WriteOutput(ToText({{"devices", devices}}));
 }
 
-void PrintDevice(const Connection& connection, bool json) {
-  const v1::GetDeviceResponse response = Call(connection, &Stub::GetDevice);
-  WriteOutput(json ? ToText({{"device", ToJson(response.device())},
-                             {"health", ToJson(response.health())},
-                             {"forces", ToJson(response.forces())}})
-                   : Describe(response.device()) + Describe(response.health()) +
-                         Describe(response.forces()));
+void PrintDevice(client::Calls& palpated, bool json) {
+  const client::DaemonInfo info = palpated.GetDevice();
+  WriteOutput(json ? ToText({{"device", ToJson(info.device)},
+                             {"health", ToJson(info.health)},
+                             {"forces", ToJson(info.forces)}})
+                   : Describe(info.device) + Describe(info.health) + Describe(info.forces));
 }
 
-void CalibrateDevice(const Connection& connection, bool json) {
-  const v1::DeviceHealth health = Call(connection, &Stub::CalibrateDevice).health();
+void Calibrate(client::Calls& palpated, bool json) {
+  const client::DeviceHealth health = palpated.CalibrateDevice();
   WriteOutput(json ? ToText(ToJson(health)) : Describe(health));
 }
 
-void EnableForces(const Connection& connection, const std::string& name, bool json) {
-  v1::EnableForcesRequest request;
-  request.set_device(name);
-  PrintForces(Call(connection, &Stub::EnableForces, request), json);
+void Read(client::Calls& palpated, double seconds, DeviceTest& test) {
+  client::PoseReader reader = palpated.ReadPoses(kTestRateHz, kTestBatch);
+  const auto end = Clock::now() + std::chrono::duration<double>(seconds);
+  while (Clock::now() < end) {
+    const std::optional<client::PoseBatch> batch = reader.Next(kPoll);
+    if (!batch) continue;
+    for (const client::Pose& pose : batch->poses) test.Add(pose);
+  }
 }
 
-void DisableForces(const Connection& connection, bool json) {
-  PrintForces(Call(connection, &Stub::DisableForces), json);
-}
-
-void StopForces(const Connection& connection, bool json) {
-  PrintForces(Call(connection, &Stub::StopForces), json);
-}
-
-void TestDevice(const Connection& connection, double seconds, bool json) {
-  DeviceTest test(Call(connection, &Stub::GetDevice));
-  Read(connection, seconds, test);
-  const v1::GetDeviceResponse after = Call(connection, &Stub::GetDevice);
+void Test(client::Calls& palpated, double seconds, bool json) {
+  DeviceTest test(palpated.GetDevice());
+  Read(palpated, seconds, test);
+  const client::DaemonInfo after = palpated.GetDevice();
   const DeviceTestFigures figures = test.Figures(after);
   if (json) {
-    Json object = {{"device", ToJson(after.device())}};
+    Json object = {{"device", ToJson(after.device)}};
     object.update(ToJson(figures));
     WriteOutput(ToText(object));
   } else {
-    WriteOutput(Describe(after.device()) + Describe(figures));
+    WriteOutput(Describe(after.device) + Describe(figures));
   }
   if (!figures.failures.empty()) {
     throw Error(ErrorKind::kInternal,
                 "the device failed its test: " + OneLine(figures.failures.front()));
   }
+}
+
+arguments::Command* Add(arguments::Command& device, Invocation& invocation, const std::string& name,
+                        const std::string& about, const std::string& footer,
+                        const std::function<void(client::Calls&, bool json)>& run) {
+  arguments::Command* command = device.add_subcommand(name, about);
+  SetFooter(*command, footer);
+  AddJson(*command, invocation);
+  command->callback([&invocation, run] {
+    invocation.command = [&invocation, run](auto& palpated) { run(palpated, invocation.json); };
+  });
+  return command;
+}
+
+void AddInquiries(arguments::Command& device, Invocation& invocation) {
+  Add(device, invocation, "list",
+      "Shows what the daemon's machine has, and what to do about what is not usable.\n"
+      "Nothing is opened. Which one is used: `[device] kind` in palpated.toml.",
+      "Example: palpate device list --json | jq '.devices[] | select(.usable)'", PrintDevices);
+  Add(device, invocation, "info",
+      "Shows the daemon's device: what it is, what was seen of it on hardware, how it is\n"
+      "now, and what its forces do.",
+      "Example: palpate device info --json | jq .health.problem", PrintDevice);
+  Add(device, invocation, "calibrate",
+      "Takes the stylus's place of rest as where it is when it is docked next.",
+      "Example: palpate device calibrate", Calibrate);
+}
+
+void AddForces(arguments::Command& device, Invocation& invocation) {
+  const auto name = std::make_shared<std::string>();
+  Add(device, invocation, "enable",
+      "Lets forces ramp in; also after an emergency stop, and after a fault that has passed.\n"
+      "Hold the stylus. Exit code 10: something keeps the forces off, it says what.",
+      "Example: palpate device enable falcon",
+      [name](client::Calls& palpated, bool json) {
+        PrintForces(palpated.EnableForces(*name), json);
+      })
+      ->add_option("name", *name,
+                   "The device's kind, as `info` shows it. It must be given where its forces were\n"
+                   "never verified on hardware: they may go anywhere.")
+      ->option_text("[NAME]");
+  Add(device, invocation, "disable", "Ramps forces out, until they are enabled again.",
+      "Example: palpate device disable",
+      [](client::Calls& palpated, bool json) { PrintForces(palpated.DisableForces(), json); });
+  Add(device, invocation, "stop",
+      "Emergency stop: no force within a tick, until forces are enabled again. It works at\n"
+      "any time, whatever else goes on.",
+      "Example: palpate device stop",
+      [](client::Calls& palpated, bool json) { PrintForces(palpated.StopForces(), json); });
+}
+
+}  // namespace
+
+void AddDevice(arguments::Command& app, Invocation& invocation) {
+  arguments::Command* device =
+      app.add_subcommand("device", "The force-feedback device: list, test, enable and stop forces");
+  SetFooter(*device,
+            "Emergency stop: palpate device stop\n"
+            "Example: palpate device info");
+  device->require_subcommand(1);
+  AddInquiries(*device, invocation);
+  AddForces(*device, invocation);
+  const auto seconds = std::make_shared<double>(2.0);
+  Add(*device, invocation, "test",
+      "Reads the device and judges what comes: readings per second, losses, noise, buttons.\n"
+      "Let the stylus rest, or move it and press its buttons. Forces stay as they are.\n"
+      "Exit code 1: it failed; not streaming, fewer than 900 readings or ticks per second,\n"
+      "more than 1 % lost or corrupt.",
+      "Example: palpate device test --seconds 10",
+      [seconds](client::Calls& palpated, bool json) { Test(palpated, *seconds, json); })
+      ->add_option("--seconds", *seconds, "How long, s [default: 2]")
+      ->check(arguments::Positive(kLongestTestS));
 }
 
 }  // namespace palpate::cli

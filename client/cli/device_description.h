@@ -2,37 +2,35 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include "client/cli/description.h"
-#include "palpate/v1/device.pb.h"
+#include "client/sdk/device.h"
 
 namespace palpate::cli {
 
-Json ToJson(const v1::CallerDescription& caller);
-Json ToJson(const v1::DeviceDescription& device);
-Json ToJson(const v1::DeviceHealth& health);
-Json ToJson(const v1::ForceStatus& forces);
-Json ToJson(const v1::ListedDevice& device);
+Json ToJson(const client::DeviceInfo& device);
+Json ToJson(const client::DeviceHealth& health);
+Json ToJson(const client::ForceStatus& forces);
+Json ToJson(const client::ListedDevice& device);
+// Whom the daemon takes us for.
+Json CallerJson(const client::DaemonInfo& daemon);
 
-// "none", "enumerated", "identified", "state_read", "force_verified", "simulated".
-std::string NameOf(v1::VerificationLevel level);
 // Such as "none: nothing of it was seen on hardware".
-std::string InWords(v1::VerificationLevel level);
-// "absent", "connecting", "streaming".
-std::string NameOf(v1::DeviceConnection connection);
+std::string InWords(client::VerificationLevel level);
 // Such as "on", "held (docked)".
-std::string NameOf(const v1::ForceStatus& forces);
+std::string NameOf(const client::ForceStatus& forces);
 // Such as "held: the stylus rests in its holder: take it out".
-std::string InWords(const v1::ForceStatus& forces);
+std::string InWords(const client::ForceStatus& forces);
 
 // Lines that end with \n, each behind a column with its subject. Of the health those
 // that say nothing are left out.
-std::string Describe(const v1::CallerDescription& caller);
-std::string Describe(const v1::DeviceDescription& device);
-std::string Describe(const v1::DeviceHealth& health);
-std::string Describe(const v1::ForceStatus& forces);
+std::string DescribeCaller(const client::DaemonInfo& daemon);
+std::string Describe(const client::DeviceInfo& device);
+std::string Describe(const client::DeviceHealth& health);
+std::string Describe(const client::ForceStatus& forces);
 
 // A table; below each device that is not usable, why and what to do.
-std::string Describe(const v1::ListDevicesResponse& list);
+std::string Describe(const std::vector<client::ListedDevice>& list);
 
 }  // namespace palpate::cli

@@ -60,12 +60,12 @@ void AddCountFailures(DeviceTestFigures& f) {
   }
 }
 
-void AddFailures(const v1::DeviceHealth& before, const v1::DeviceHealth& after,
+void AddFailures(const client::DeviceHealth& before, const client::DeviceHealth& after,
                  DeviceTestFigures& f) {
-  const bool streams = before.connection() == v1::DEVICE_CONNECTION_STREAMING &&
-                       after.connection() == v1::DEVICE_CONNECTION_STREAMING;
+  const bool streams = before.connection == client::DeviceConnection::kStreaming &&
+                       after.connection == client::DeviceConnection::kStreaming;
   if (!streams) {
-    const std::string& problem = after.problem().empty() ? before.problem() : after.problem();
+    const std::string& problem = after.problem.empty() ? before.problem : after.problem;
     f.failures.push_back(
         "the device is not streaming: " +
         (problem.empty() ? "see 'palpate device list', and palpated's log" : problem));
@@ -96,41 +96,39 @@ std::string ReadingsLine(const DeviceTestFigures& f) {
 
 }  // namespace
 
-void DeviceTest::Add(const v1::PoseSample& sample) {
-  const std::array<double, 3> hip_mm = {sample.hip_mm().x(), sample.hip_mm().y(),
-                                        sample.hip_mm().z()};
-  for (std::size_t n = 0; n < axes_.size(); ++n) {
-    Axis& axis = axes_[n];
-    if (counts_.samples == 0) axis.first_mm = hip_mm[n];
-    const double moved_mm = hip_mm[n] - axis.first_mm;
+void DeviceTest::Add(const client::Pose& pose) {
+  for (int n = 0; n < 3; ++n) {
+    Axis& axis = axes_[static_cast<std::size_t>(n)];
+    if (counts_.samples == 0) axis.first_mm = pose.hip_mm[n];
+    const double moved_mm = pose.hip_mm[n] - axis.first_mm;
     axis.low_mm = std::min(axis.low_mm, moved_mm);
     axis.high_mm = std::max(axis.high_mm, moved_mm);
     axis.sum_mm += moved_mm;
     axis.sum_mm2 += moved_mm * moved_mm;
   }
   ++counts_.samples;
-  counts_.stale_ticks += sample.forces().reason() == v1::FORCE_REASON_STALE ? 1 : 0;
-  counts_.fault_ticks += sample.mode() == v1::PROXY_MODE_FAULT ? 1 : 0;
-  counts_.buttons |= sample.buttons();
+  counts_.stale_ticks += pose.forces.reason == client::ForceReason::kStale ? 1 : 0;
+  counts_.fault_ticks += pose.mode == client::ProxyMode::kFault ? 1 : 0;
+  counts_.buttons |= pose.buttons;
 }
 
-DeviceTestFigures DeviceTest::Figures(const v1::GetDeviceResponse& after) const {
+DeviceTestFigures DeviceTest::Figures(const client::DaemonInfo& after) const {
   DeviceTestFigures f = counts_;
-  const v1::DeviceHealth& first = before_.health();
-  const v1::DeviceHealth& last = after.health();
-  f.is_simulated = after.device().verification_level() == v1::VERIFICATION_LEVEL_SIMULATED;
-  f.forces = after.forces();
-  f.ticks = Rise(before_.servo().ticks(), after.servo().ticks());
-  f.missed_ticks = Rise(before_.servo().missed_ticks(), after.servo().missed_ticks());
-  f.readings = Rise(first.readings(), last.readings());
-  f.lost_readings = Rise(first.lost_readings(), last.lost_readings());
-  f.corrupt_frames = Rise(first.corrupt_frames(), last.corrupt_frames());
-  f.transfer_errors = Rise(first.transfer_errors(), last.transfer_errors());
+  const client::DeviceHealth& first = before_.health;
+  const client::DeviceHealth& last = after.health;
+  f.is_simulated = after.device.verification_level == client::VerificationLevel::kSimulated;
+  f.forces = after.forces;
+  f.ticks = Rise(before_.servo.ticks, after.servo.ticks);
+  f.missed_ticks = Rise(before_.servo.missed_ticks, after.servo.missed_ticks);
+  f.readings = Rise(first.readings, last.readings);
+  f.lost_readings = Rise(first.lost_readings, last.lost_readings);
+  f.corrupt_frames = Rise(first.corrupt_frames, last.corrupt_frames);
+  f.transfer_errors = Rise(first.transfer_errors, last.transfer_errors);
   f.lost_percent = Percent(f.lost_readings, f.readings);
   f.corrupt_percent = Percent(f.corrupt_frames, f.readings);
   // Ticks, done or missed, are the loop's clock.
-  if (after.servo().rate_hz() > 0.0) {
-    f.seconds = static_cast<double>(f.ticks + f.missed_ticks) / after.servo().rate_hz();
+  if (after.servo.rate_hz > 0.0) {
+    f.seconds = static_cast<double>(f.ticks + f.missed_ticks) / after.servo.rate_hz;
   }
   if (f.seconds > 0.0) {
     f.ticks_per_s = static_cast<double>(f.ticks) / f.seconds;

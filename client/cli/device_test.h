@@ -10,8 +10,7 @@
 #include <vector>
 
 #include "client/cli/description.h"
-#include "palpate/v1/device.pb.h"
-#include "palpate/v1/pose.pb.h"
+#include "client/sdk/device.h"
 
 namespace palpate::cli {
 
@@ -36,16 +35,16 @@ struct DeviceTestFigures {
   std::array<double, 3> noise_mm{};     // standard deviation along each axis
   bool rested = false;                  // the stylus, so that the noise is one
   std::uint32_t buttons = 0;            // bit n: button n was seen pressed
-  v1::ForceStatus forces{};             // at the end
+  client::ForceStatus forces{};         // at the end
   std::vector<std::string> failures{};  // empty: the device has passed
 };
 
 class DeviceTest {
  public:
-  explicit DeviceTest(v1::GetDeviceResponse before) : before_(std::move(before)) {}
+  explicit DeviceTest(client::DaemonInfo before) : before_(std::move(before)) {}
 
-  void Add(const v1::PoseSample& sample);
-  DeviceTestFigures Figures(const v1::GetDeviceResponse& after) const;
+  void Add(const client::Pose& pose);
+  DeviceTestFigures Figures(const client::DaemonInfo& after) const;
 
  private:
   // Of the positions less the first one, so that no digits are lost.
@@ -57,7 +56,7 @@ class DeviceTest {
     double sum_mm2 = 0.0;
   };
 
-  v1::GetDeviceResponse before_;
+  client::DaemonInfo before_;
   DeviceTestFigures counts_;
   std::array<Axis, 3> axes_{};
 };

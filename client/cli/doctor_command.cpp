@@ -6,15 +6,15 @@
 #include <chrono>
 #include <thread>
 
-#include "client/cli/connection.h"
 #include "client/cli/description.h"
-#include "client/cli/doctor_checks.h"
 #include "client/cli/doctor_daemon.h"
-#include "client/cli/doctor_ports.h"
 #include "client/cli/output.h"
+#include "client/cli/reach.h"
+#include "client/doctor/checks.h"
+#include "client/doctor/ports.h"
+#include "client/sdk/calls.h"
 #include "common/error/one_line.h"
 #include "common/wire/address.h"
-#include "palpate/v1/device.grpc.pb.h"
 
 namespace palpate::cli {
 namespace {
@@ -41,37 +41,32 @@ Finding VersionFinding(const std::string& version) {
           "install the same version of palpate-daemon and palpate-client"};
 }
 
-Finding ServoFinding(const v1::ServoDescription& servo) {
-  if (servo.realtime_scheduling() && servo.memory_locked()) {
+Finding ServoFinding(const client::ServoInfo& servo) {
+  if (servo.realtime_scheduling && servo.memory_locked) {
     return {"servo", Verdict::kOk, "real-time scheduling, memory locked"};
   }
   const std::string advice =
-      servo.warnings_size() > 0 ? OneLine(servo.warnings(0)) : "see the log of palpated";
-  return {"servo", Verdict::kWarn,
-          fmt::format("{} scheduling, memory {}",
-                      servo.realtime_scheduling() ? "real-time" : "ordinary",
-                      servo.memory_locked() ? "locked" : "not locked"),
-          advice};
-}
-
-v1::GetDeviceResponse GetDevice(const Connection& connection) {
-  return connection.Call(*v1::DeviceService::NewStub(connection.channel()),
-                         &v1::DeviceService::Stub::GetDevice, v1::GetDeviceRequest());
+      servo.warnings.empty() ? "see the log of palpated" : OneLine(servo.warnings.front());
+  return {
+      "servo", Verdict::kWarn,
+      fmt::format("{} scheduling, memory {}", servo.realtime_scheduling ? "real-time" : "ordinary",
+                  servo.memory_locked ? "locked" : "not locked"),
+      advice};
 }
 
 // What the daemon itself says, where it answers.
 void AskDaemon(const client::Server& server, std::vector<Finding>& findings) {
   try {
-    const Connection connection(server);
-    const v1::GetDeviceResponse first = GetDevice(connection);
-    findings.push_back({"daemon", Verdict::kOk, "answers at " + connection.name()});
-    findings.push_back(VersionFinding(first.servo().version()));
-    findings.push_back(ServoFinding(first.servo()));
+    const std::unique_ptr<client::Calls> palpated = Reach(server);
+    const client::DaemonInfo first = palpated->GetDevice();
+    findings.push_back({"daemon", Verdict::kOk, "answers at " + palpated->name()});
+    findings.push_back(VersionFinding(first.servo.version));
+    findings.push_back(ServoFinding(first.servo));
     std::this_thread::sleep_for(kWatched);
-    const v1::GetDeviceResponse last = GetDevice(connection);
-    findings.push_back(JudgeTicks(first.servo(), last.servo()));
+    const client::DaemonInfo last = palpated->GetDevice();
+    findings.push_back(JudgeTicks(first.servo, last.servo));
     findings.push_back(JudgeDevice(last));
-    findings.push_back(JudgeForces(last.forces()));
+    findings.push_back(JudgeForces(last.forces));
   } catch (const Error& error) {
     findings.push_back({"daemon", Verdict::kWarn, OneLine(error.what()),
                         "systemctl status palpated; journalctl -u palpated"});
@@ -103,13 +98,13 @@ void AddDoctor(arguments::Command& app, DoctorValues& values) {
 
 int RunDoctor(const client::Server& server, bool json) {
   const client::Address& address = server.address;
-  const Workstation machine = ThisMachine();
-  std::vector<Finding> findings = CheckWorkstation(machine);
-  findings.push_back(CheckPort(machine));
-  findings.push_back(CheckMetricsPort(machine));
-  for (const Finding& finding : CheckDaemonPorts(machine)) findings.push_back(finding);
+  const doctor::Workstation machine = doctor::ThisMachine();
+  std::vector<Finding> findings = doctor::CheckWorkstation(machine);
+  findings.push_back(doctor::CheckPort(machine));
+  findings.push_back(doctor::CheckMetricsPort(machine));
+  for (const Finding& finding : doctor::CheckDaemonPorts(machine)) findings.push_back(finding);
   if (address.host_port.empty()) {
-    findings.push_back(CheckSocket(
+    findings.push_back(doctor::CheckSocket(
         machine, address.socket_path.empty() ? DefaultSocketPath() : address.socket_path));
   }
   AskDaemon(server, findings);

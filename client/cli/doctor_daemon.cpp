@@ -4,8 +4,8 @@
 
 #include "client/cli/device_description.h"
 #include "client/cli/output.h"
+#include "client/sdk/words.h"
 #include "common/error/one_line.h"
-#include "common/wire/force_words.h"
 
 namespace palpate::cli {
 namespace {
@@ -15,33 +15,33 @@ constexpr double kMostMissed = 0.05;
 
 }  // namespace
 
-Finding JudgeDevice(const v1::GetDeviceResponse& daemon) {
-  const v1::DeviceHealth& health = daemon.health();
-  const std::string name = OneLine(daemon.device().kind()) + ", " + NameOf(health.connection());
-  const std::string& problem = health.problem();
-  const bool streams = health.connection() == v1::DEVICE_CONNECTION_STREAMING;
+Finding JudgeDevice(const client::DaemonInfo& daemon) {
+  const client::DeviceHealth& health = daemon.health;
+  const std::string name = OneLine(daemon.device.kind) + ", " + client::NameOf(health.connection);
+  const std::string& problem = health.problem;
+  const bool streams = health.connection == client::DeviceConnection::kStreaming;
   if (problem.empty() && streams) return {"device", Verdict::kOk, name};
   return {"device", streams ? Verdict::kWarn : Verdict::kFail,
           name + (problem.empty() ? "" : ": " + OneLine(problem)),
           "check its cable and power; palpate device info, palpate device list"};
 }
 
-Finding JudgeForces(const v1::ForceStatus& forces) {
-  const v1::ForceState state = forces.state();
-  if (state == v1::FORCE_STATE_ON || state == v1::FORCE_STATE_RAMP_IN) {
+Finding JudgeForces(const client::ForceStatus& forces) {
+  const client::ForceState state = forces.state;
+  if (state == client::ForceState::kOn || state == client::ForceState::kRampIn) {
     return {"forces", Verdict::kOk, NameOf(forces)};
   }
-  const std::string advice = palpate::InWords(forces.reason());
-  return {"forces", state == v1::FORCE_STATE_FAULT ? Verdict::kFail : Verdict::kWarn,
+  const std::string advice = client::InWords(forces.reason);
+  return {"forces", state == client::ForceState::kFault ? Verdict::kFail : Verdict::kWarn,
           NameOf(forces), advice.empty() ? "palpate device info" : advice};
 }
 
-Finding JudgeTicks(const v1::ServoDescription& before, const v1::ServoDescription& after) {
-  const std::uint64_t ticks = after.ticks() - before.ticks();
-  const std::uint64_t missed = after.missed_ticks() - before.missed_ticks();
+Finding JudgeTicks(const client::ServoInfo& before, const client::ServoInfo& after) {
+  const std::uint64_t ticks = after.ticks - before.ticks;
+  const std::uint64_t missed = after.missed_ticks - before.missed_ticks;
   if (ticks == 0) {
     return {"ticks", Verdict::kFail,
-            fmt::format("the haptic loop does not tick: it stays at {}", after.ticks()),
+            fmt::format("the haptic loop does not tick: it stays at {}", after.ticks),
             "see journalctl -u palpated; systemctl restart palpated"};
   }
   const std::string text = fmt::format("{} ticks while it was watched, {} missed", ticks, missed);

@@ -5,14 +5,17 @@
 
 #include <vector>
 
-#include "client/cli/doctor_checks.h"
-#include "palpate/v1/device.pb.h"
+#include "client/doctor/checks.h"
+#include "client/sdk/device.h"
 
 namespace palpate::cli {
 
-Finding JudgeDevice(const v1::GetDeviceResponse& daemon);
-Finding JudgeForces(const v1::ForceStatus& forces);
+using doctor::Finding;
+using doctor::Verdict;
+
+Finding JudgeDevice(const client::DaemonInfo& daemon);
+Finding JudgeForces(const client::ForceStatus& forces);
 // From two answers, one some tenths of a second after the other.
-Finding JudgeTicks(const v1::ServoDescription& before, const v1::ServoDescription& after);
+Finding JudgeTicks(const client::ServoInfo& before, const client::ServoInfo& after);
 
 }  // namespace palpate::cli

@@ -1,96 +1,75 @@
-#include "client/cli/download_command.h"
-
 #include <fmt/format.h>
-#include <unistd.h>
 
-#include <algorithm>
 #include <chrono>
-#include <cstdint>
-#include <cstdio>
+#include <memory>
 
-#include "client/cli/connection.h"
-#include "client/cli/nrrd_writer.h"
+#include "client/cli/commands.h"
 #include "client/cli/output.h"
-#include "client/interrupt/interrupt.h"
-#include "client/sdk/volume_mirror.h"
-#include "client/sdk/volume_reader.h"
+#include "client/cli/progress.h"
+#include "client/sdk/nrrd_file.h"
 #include "common/error/one_line.h"
 
 namespace palpate::cli {
 namespace {
 
-constexpr std::chrono::milliseconds kInterruptPoll(50);
-constexpr int kMostLosses = 5;
+std::string Summary(const client::DownloadResult& result, const std::string& file, double took_s) {
+  const VolumeLattice& lattice = *result.volume.lattice();
+  return fmt::format(
+      "{}: {} x {} x {} voxels of {} at volume revision {}; {:.1f} MB received in {:.2f} s\n",
+      OneLine(file), lattice.size.x(), lattice.size.y(), lattice.size.z(), OneLine(lattice.source),
+      result.volume.resume()->volume_revision, static_cast<double>(result.bytes_received) * 1e-6,
+      took_s);
+}
 
-// On a terminal a line in place; else one per quarter.
-class Progress {
- public:
-  ~Progress() {
-    if (drawn_) std::fputs("\r\x1b[K", stderr);
-  }
+constexpr char kCancelled[] = "the download was cancelled; no file was written";
 
-  void Show(const VolumeMirror& mirror) {
-    most_left_ = std::max(most_left_, mirror.bricks_left());
-    if (most_left_ == 0) return;
-    const int percent = static_cast<int>(100 - 100 * mirror.bricks_left() / most_left_);
-    if (is_terminal_ ? percent == shown_ : percent / 25 == shown_ / 25 && shown_ >= 0) return;
-    shown_ = percent;
-    drawn_ = is_terminal_;
-    fmt::print(stderr, "{}{:3} % of {} bricks{}", is_terminal_ ? "\r\x1b[K" : "", percent,
-               most_left_, is_terminal_ ? "" : "\n");
-  }
-
- private:
-  const bool is_terminal_ = IsTerminal(STDERR_FILENO);
-  std::uint64_t most_left_ = 0;
-  int shown_ = -1;
-  bool drawn_ = false;
-};
-
-void CheckInterrupt() {
-  if (Interrupt::IsRaised()) {
-    throw Error(ErrorKind::kCancelled, "the download was cancelled; no file was written");
+client::DownloadResult Fetch(client::Calls& palpated, const client::ProgressFunction& progress) {
+  try {
+    return palpated.DownloadVolume(progress);
+  } catch (const Error& error) {
+    if (error.kind() != ErrorKind::kCancelled) throw;
+    throw Error(ErrorKind::kCancelled, kCancelled);
   }
 }
 
-void Fetch(VolumeReader& reader, const VolumeMirror& mirror) {
-  Progress progress;
-  while (true) {
-    const VolumeReader::Event event = reader.Next(kInterruptPoll);
-    CheckInterrupt();
-    switch (event) {
-      case VolumeReader::Event::kComplete:
-        return;
-      case VolumeReader::Event::kLost:
-        if (reader.losses_in_a_row() >= kMostLosses) throw Error(*reader.last_loss());
-        break;
-      case VolumeReader::Event::kApplied:
-        progress.Show(mirror);
-        break;
-      case VolumeReader::Event::kTimeout:
-        break;
-    }
-  }
+// The file is whole or not there (or as it was).
+void Download(client::Calls& palpated, const std::string& file, bool overwrite) {
+  // Before the volume travels.
+  client::CheckNrrdPath(file, overwrite);
+  WriteOutput(WithProgress([&](const client::ProgressFunction& progress) {
+    const auto begin = std::chrono::steady_clock::now();
+    const client::DownloadResult result = Fetch(palpated, progress);
+    const std::chrono::duration<double> took_s = std::chrono::steady_clock::now() - begin;
+    client::SaveAsNrrd(result.volume, file, overwrite, [] {
+      if (!Interrupt::IsRaised()) return;
+      throw Error(ErrorKind::kCancelled, kCancelled);
+    });
+    return Summary(result, file, took_s.count());
+  }));
 }
 
 }  // namespace
 
-void Download(const Connection& connection, const DownloadOptions& options) {
-  const Interrupt interrupt;
-  // Before the volume travels.
-  CheckNrrdPath(options.file, options.overwrite);
-  const auto begin = std::chrono::steady_clock::now();
-  VolumeMirror mirror;
-  VolumeReader reader(connection.channel(), mirror);
-  Fetch(reader, mirror);
-  const std::chrono::duration<double> took_s = std::chrono::steady_clock::now() - begin;
-  WriteNrrd(mirror, options.file, options.overwrite, [] { CheckInterrupt(); });
-  const Vec3i& size = mirror.lattice()->size;
-  WriteOutput(fmt::format(
-      "{}: {} x {} x {} voxels of {} at volume revision {}; {:.1f} MB received in {:.2f} s\n",
-      OneLine(options.file), size.x(), size.y(), size.z(), OneLine(mirror.lattice()->source),
-      mirror.resume()->volume_revision, static_cast<double>(reader.bytes_received()) * 1e-6,
-      took_s.count()));
+void AddDownload(arguments::Command& app, Invocation& invocation) {
+  struct Values {
+    std::string file;
+    bool overwrite = false;
+  };
+  arguments::Command* command = app.add_subcommand(
+      "download",
+      "Copies the volume as it is now, with its edits, into a file on this machine: NRRD, float.\n"
+      "A lost connection is tried again. Ctrl-C cancels, with exit code 9.");
+  SetFooter(*command, "Example: palpate download scan.nrrd");
+  const auto values = std::make_shared<Values>();
+  command->add_option("file", values->file, "File to write, such as scan.nrrd")
+      ->required()
+      ->option_text("FILE");
+  command->add_flag("--overwrite", values->overwrite, "Replace a file that is there");
+  command->callback([&invocation, values] {
+    invocation.command = [values](client::Calls& palpated) {
+      Download(palpated, values->file, values->overwrite);
+    };
+  });
 }
 
 }  // namespace palpate::cli

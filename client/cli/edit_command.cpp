@@ -1,133 +1,406 @@
-#include "client/cli/edit_command.h"
-
-#include <fmt/core.h>
-
-#include <cstdio>
+#include <functional>
+#include <limits>
+#include <map>
 #include <memory>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
 
-#include "client/cli/connection.h"
-#include "client/cli/description.h"
-#include "client/cli/output.h"
-#include "client/cli/progress_call.h"
-#include "common/error/one_line.h"
-#include "common/wire/limits.h"
-#include "palpate/v1/volume.grpc.pb.h"
+#include "client/cli/commands.h"
+#include "client/cli/edit_result.h"
+#include "client/cli/progress.h"
 
 namespace palpate::cli {
 namespace {
 
-Json ToJson(const v1::EditVolumeResponse& response) {
-  Json json = {{"volume_revision", response.volume_revision()},
-               {"applied_tick", response.applied_tick()},
-               {"changed", nullptr},
-               {"changed_voxels", response.changed_voxels()},
-               {"undo_steps", response.undo_steps()},
-               {"redo_steps", response.redo_steps()}};
-  if (response.has_changed()) {
-    const v1::IndexBox& box = response.changed();
-    json["changed"] = {{"min", {box.min_x(), box.min_y(), box.min_z()}},
-                       {"max", {box.max_x(), box.max_y(), box.max_z()}}};
+using Numbers = std::vector<double>;
+
+// Positions and lengths of a shape, each as --NAME-mm or as --NAME-voxels: the unit
+// says the frame, and all must agree.
+template <class Change>
+class FrameOptions {
+ public:
+  using Store = std::function<void(Change&, const Numbers&)>;
+
+  explicit FrameOptions(arguments::Command& command) : command_(command) {}
+
+  void AddPosition(const std::string& name, const std::string& about, Store store) {
+    Add(name, about, 3, "X,Y,Z", true, std::move(store));
   }
-  return json;
+  void AddLength(const std::string& name, const std::string& about, bool required, Store store) {
+    Add(name, about, 1, "LENGTH", required, std::move(store));
+  }
+  // A whole shape; no two of them at once.
+  void AddShape(const std::string& name, const std::string& about, int count,
+                const std::string& text, Store store) {
+    Add(name, about, count, text, false, std::move(store));
+    const Option& added = *options_.back();
+    for (std::size_t n = 0; n + 1 < options_.size(); ++n) {
+      for (arguments::Option* other : {options_[n]->mm, options_[n]->voxels}) {
+        added.mm->excludes(other);
+        added.voxels->excludes(other);
+      }
+    }
+  }
+
+  void Fill(Change& change) const {
+    bool in_mm = false, in_voxels = false;
+    for (const auto& option : options_) {
+      in_mm |= option->mm->count() > 0;
+      in_voxels |= option->voxels->count() > 0;
+      if (option->required && option->mm->count() + option->voxels->count() == 0) {
+        throw arguments::UsageError("--" + option->name + "-mm or --" + option->name +
+                                    "-voxels is required");
+      }
+    }
+    if (in_mm && in_voxels) {
+      throw arguments::UsageError("give all positions and lengths in mm, or all in voxels");
+    }
+    change.frame = in_mm ? client::EditFrame::kWorld : client::EditFrame::kIndex;
+    for (const auto& option : options_) {
+      if (!option->values.empty()) option->store(change, option->values);
+    }
+  }
+
+ private:
+  struct Option {
+    std::string name;
+    bool required;
+    Store store;
+    Numbers values;
+    arguments::Option* mm;
+    arguments::Option* voxels;
+  };
+
+  void Add(const std::string& name, const std::string& about, int count,
+           const std::string& option_text, bool required, Store store) {
+    auto option =
+        std::make_unique<Option>(Option{name, required, std::move(store), {}, nullptr, nullptr});
+    const auto add = [&](const char* unit, const std::string& text) {
+      return command_.add_option("--" + name + unit, option->values, text)
+          ->delimiter(',')
+          ->expected(count)
+          ->check(arguments::Finite())
+          ->option_text(option_text);
+    };
+    option->mm = add("-mm", about + (count == 1 ? ", in mm" : ", in mm (LPS as in DICOM)"));
+    option->voxels = add("-voxels", "The same in voxels")->excludes(option->mm);
+    options_.push_back(std::move(option));
+  }
+
+  arguments::Command& command_;
+  std::vector<std::unique_ptr<Option>> options_;
+};
+
+using EditFrameOptions = FrameOptions<client::Edit>;
+
+// What the command line says of an edit; lives as long as its command.
+struct EditValues {
+  explicit EditValues(arguments::Command& command) : frame(command) {}
+
+  client::Edit edit;
+  EditFrameOptions frame;
+  std::string operation;
+  std::optional<double> value;
+};
+using EditValuesPtr = std::shared_ptr<EditValues>;
+
+const std::map<std::string, client::EditOperation> kOperations = {
+    {"add", client::EditOperation::kAdd},     {"subtract", client::EditOperation::kSubtract},
+    {"set", client::EditOperation::kSet},     {"smooth", client::EditOperation::kSmooth},
+    {"paint", client::EditOperation::kPaint},
+};
+
+void AddCommon(arguments::Command& command, Invocation& invocation,
+               std::optional<std::uint64_t>& expected_revision) {
+  command.add_option("--expected-revision", expected_revision,
+                     "Change it only on top of this volume revision, else exit with 7");
+  AddJson(command, invocation);
 }
 
-void Print(const v1::EditVolumeResponse& response, bool json) {
-  WriteOutput(json ? ToText(ToJson(response)) : DescribeEdit(response) + "\n");
+// Options that all shapes share. `is_block`: has its own values.
+void AddOperation(arguments::Command& command, Invocation& invocation, EditValues& values,
+                  bool is_block) {
+  std::vector<std::string> names = {"add", "subtract", "set", "paint"};
+  if (!is_block) names.push_back("smooth");
+  command
+      .add_option("--operation", values.operation,
+                  "add, subtract, set, paint (part of the way to the value)" +
+                      std::string(is_block ? "" : ",\nsmooth (towards the voxels around)"))
+      ->required()
+      ->check(arguments::IsMember(names))
+      ->option_text("OPERATION");
+  if (!is_block) {
+    command.add_option("--value", values.value, "In data units; all but smooth need it")
+        ->check(arguments::Finite());
+  }
+  command
+      .add_option("--strength", values.edit.strength,
+                  "For paint" + std::string(is_block ? "" : " and smooth") +
+                      ": share of the way, above 0, up to 1 [default: 1]")
+      ->check(arguments::Positive(1.0));
+  AddCommon(command, invocation, values.edit.expected_revision);
 }
 
-template <class Request, class Method>
-v1::EditVolumeResponse Move(const Connection& connection, Method method,
-                            const std::optional<std::uint64_t>& expected_revision) {
-  Request request;
-  if (expected_revision) request.set_expected_revision(*expected_revision);
-  return connection.Call(*v1::VolumeService::NewStub(connection.channel()), method, request);
+void CheckOperation(EditValues& values, bool is_block) {
+  values.edit.operation = kOperations.at(values.operation);
+  const bool needs_value = !is_block && values.operation != "smooth";
+  if (needs_value != values.value.has_value()) {
+    throw arguments::UsageError(needs_value ? "--value is required for " + values.operation
+                                            : "--value is not for smooth");
+  }
+  values.edit.value = values.value.value_or(0.0);
+}
+
+// `add` describes the positions and lengths of a shape, in `edit.shape`.
+void AddShape(arguments::Command& edit, Invocation& invocation, const std::string& name,
+              const std::string& about, const std::string& example,
+              const std::function<void(EditFrameOptions&)>& add) {
+  arguments::Command* command = edit.add_subcommand(name, about);
+  SetFooter(*command, example);
+  const auto values = std::make_shared<EditValues>(*command);
+  add(values->frame);
+  values->frame.AddLength("falloff",
+                          "Over which the effect fades outside of the shape [default: 0]", false,
+                          [](client::Edit& e, const Numbers& n) { e.falloff = n[0]; });
+  AddOperation(*command, invocation, *values, /*is_block=*/false);
+  command->callback([&invocation, values] {
+    values->frame.Fill(values->edit);
+    CheckOperation(*values, /*is_block=*/false);
+    invocation.command = [values, &invocation](client::Calls& palpated) {
+      PrintEdit(palpated.Apply(values->edit), invocation.json);
+    };
+  });
+}
+
+// The shape that an edit has, or from now on has.
+template <class Shape>
+Shape& As(client::Edit& edit) {
+  if (!std::holds_alternative<Shape>(edit.shape)) edit.shape = Shape();
+  return std::get<Shape>(edit.shape);
+}
+
+void AddSphere(arguments::Command& edit, Invocation& invocation) {
+  AddShape(edit, invocation, "sphere", "Changes the voxels of a sphere",
+           "Examples: palpate edit sphere --center-mm 12,-3,40 --radius-mm 5 --operation set "
+           "--value 0\n"
+           "          palpate edit sphere --center-voxels 64,64,64 --radius-voxels 8 \\\n"
+           "              --falloff-voxels 4 --operation smooth --strength 0.5",
+           [](EditFrameOptions& frame) {
+             frame.AddPosition("center", "Centre", [](auto& e, const Numbers& n) {
+               As<client::Sphere>(e).center = VectorOf(n);
+             });
+             frame.AddLength("radius", "Radius", true, [](auto& e, const Numbers& n) {
+               As<client::Sphere>(e).radius = n[0];
+             });
+           });
+}
+
+void AddBox(arguments::Command& edit, Invocation& invocation) {
+  AddShape(edit, invocation, "box", "Changes the voxels of a box, its corners included",
+           "Example: palpate edit box --min-voxels 0,0,0 --max-voxels 31,63,63 --operation add "
+           "--value 20",
+           [](EditFrameOptions& frame) {
+             frame.AddPosition("min", "Least corner", [](auto& e, const Numbers& n) {
+               As<client::Box>(e).min = VectorOf(n);
+             });
+             frame.AddPosition("max", "Greatest corner", [](auto& e, const Numbers& n) {
+               As<client::Box>(e).max = VectorOf(n);
+             });
+           });
+}
+
+void AddCapsule(arguments::Command& edit, Invocation& invocation) {
+  AddShape(edit, invocation, "capsule", "Changes the voxels that a sphere sweeps: a stroke",
+           "Example: palpate edit capsule --from-mm 0,0,0 --to-mm 10,0,0 --radius-mm 2 \\\n"
+           "             --operation subtract --value 300",
+           [](EditFrameOptions& frame) {
+             frame.AddPosition("from", "Where the sphere starts", [](auto& e, const Numbers& n) {
+               As<client::Capsule>(e).from = VectorOf(n);
+             });
+             frame.AddPosition("to", "Where it ends", [](auto& e, const Numbers& n) {
+               As<client::Capsule>(e).to = VectorOf(n);
+             });
+             frame.AddLength("radius", "Radius", true, [](auto& e, const Numbers& n) {
+               As<client::Capsule>(e).radius = n[0];
+             });
+           });
+}
+
+// Where the options of `edit block` put their values.
+struct BlockValues {
+  explicit BlockValues(arguments::Command& command) : edit(command) {}
+  EditValues edit;
+  std::string file;
+  std::vector<int> min, size;
+};
+
+void AddBlock(arguments::Command& edit, Invocation& invocation) {
+  arguments::Command* command = edit.add_subcommand(
+      "block", "Changes a block of voxels, each by a value of its own, at most 3 MiB of them");
+  SetFooter(*command,
+            "Example: palpate edit block values.f32 --min-voxels 10,10,10 --size-voxels 32,32,32 "
+            "\\\n             --operation set");
+  const auto values = std::make_shared<BlockValues>(*command);
+  command
+      ->add_option("file", values->file,
+                   "Raw float32 values, little-endian, x fastest; -: from stdin")
+      ->required()
+      ->option_text("FILE");
+  const auto add = [&](const char* name, std::vector<int>& target, const char* about) {
+    command->add_option(name, target, about)
+        ->delimiter(',')
+        ->expected(3)
+        ->check(arguments::Range(0, std::numeric_limits<int>::max()))
+        ->required()
+        ->option_text("X,Y,Z");
+  };
+  add("--min-voxels", values->min, "First voxel of the block");
+  add("--size-voxels", values->size, "Voxels along x, y, z");
+  AddOperation(*command, invocation, values->edit, /*is_block=*/true);
+  command->callback([&invocation, values] {
+    CheckOperation(values->edit, /*is_block=*/true);
+    values->edit.edit.frame = client::EditFrame::kIndex;
+    invocation.command = [values, &invocation](client::Calls& palpated) {
+      client::Edit& change = values->edit.edit;
+      change.shape = client::Block{Vec3i(values->min.data()), Vec3i(values->size.data()),
+                                   ReadBlockValues(values->file)};
+      PrintEdit(palpated.Apply(change), invocation.json);
+    };
+  });
+}
+
+const std::map<std::string, client::FilterKind> kFilterKinds = {
+    {"gaussian", client::FilterKind::kGaussian},
+    {"mean", client::FilterKind::kMean},
+    {"median", client::FilterKind::kMedian},
+    {"offset", client::FilterKind::kOffset},
+    {"mean-curvature", client::FilterKind::kMeanCurvature},
+    {"resample", client::FilterKind::kResample},
+};
+
+// What the command line says of a filter; lives as long as its command.
+struct FilterValues {
+  explicit FilterValues(arguments::Command& command) : frame(command) {}
+
+  client::Filter filter;
+  FrameOptions<client::Filter> frame;
+  std::string kind;
+  std::optional<double> distance_mm;
+  Numbers spacing_mm;
+};
+
+void AddRegion(FilterValues& values) {
+  values.frame.AddShape("box", "Only the voxels of a box: least and greatest corner", 6,
+                        "X,Y,Z,X,Y,Z", [](client::Filter& f, const Numbers& n) {
+                          f.region = client::Box{{n[0], n[1], n[2]}, {n[3], n[4], n[5]}};
+                        });
+  values.frame.AddShape("sphere", "Only the voxels of a sphere: centre and radius", 4, "X,Y,Z,R",
+                        [](client::Filter& f, const Numbers& n) {
+                          f.region = client::Sphere{{n[0], n[1], n[2]}, n[3]};
+                        });
+}
+
+void AddKind(arguments::Command& command, FilterValues& values) {
+  const arguments::Validator count = arguments::Range(0, std::numeric_limits<int>::max());
+  command
+      .add_option("--kind", values.kind,
+                  "gaussian (four means), mean (of the (2 width + 1)^3 voxels around),\n"
+                  "median (of the same voxels; slow); of a level set: offset (moves the\n"
+                  "surface) and mean-curvature (smooths it); resample (to another spacing)")
+      ->required()
+      ->check(arguments::IsMember(
+          {"gaussian", "mean", "median", "offset", "mean-curvature", "resample"}))
+      ->option_text("KIND");
+  command
+      .add_option("--width", values.filter.width,
+                  "Of gaussian, mean and median, in voxels, 1 to 8; more is smoother\n"
+                  "[default: 1]")
+      ->check(count)
+      ->option_text("N");
+  command
+      .add_option("--iterations", values.filter.iterations,
+                  "How often; width times iterations is at most 8 for gaussian, 32 for mean\n"
+                  "and median [default: 1]")
+      ->check(count)
+      ->option_text("N");
+  arguments::Option* const distance =
+      command
+          .add_option("--distance-mm", values.distance_mm,
+                      "Of offset: how far outwards; inwards where negative")
+          ->check(arguments::Finite())
+          ->option_text("MM");
+  command
+      .add_option("--spacing-mm", values.spacing_mm,
+                  "Of resample: the new spacing, one number or X,Y,Z")
+      ->delimiter(',')
+      ->expected(1, 3)
+      ->check(arguments::Positive())
+      ->excludes(distance)
+      ->option_text("MM");
+}
+
+void Fill(FilterValues& values) {
+  client::Filter& filter = values.filter;
+  filter.kind = kFilterKinds.at(values.kind);
+  if (values.distance_mm.has_value() != (values.kind == "offset")) {
+    throw arguments::UsageError("--distance-mm is for --kind offset, which needs it");
+  }
+  if (values.spacing_mm.empty() == (values.kind == "resample")) {
+    throw arguments::UsageError("--spacing-mm is for --kind resample, which needs it");
+  }
+  filter.distance_mm = values.distance_mm.value_or(0.0);
+  if (values.spacing_mm.size() == 2) {
+    throw arguments::UsageError("--spacing-mm: one number, or three: X,Y,Z");
+  }
+  if (values.spacing_mm.size() == 1) values.spacing_mm.resize(3, values.spacing_mm[0]);
+  if (!values.spacing_mm.empty()) filter.spacing_mm = VectorOf(values.spacing_mm);
+  values.frame.Fill(filter);
+}
+
+void AddFilter(arguments::Command& edit, Invocation& invocation) {
+  arguments::Command* command = edit.add_subcommand(
+      "filter",
+      "Filters all voxels, or those of a box or a sphere, with a filter of OpenVDB, as one edit.\n"
+      "Edits of others go on meanwhile, and are filtered too. Ctrl-C cancels, with exit code 9.\n"
+      "offset, mean-curvature and resample are for the whole volume.");
+  SetFooter(*command,
+            "Examples: palpate edit filter --kind gaussian\n"
+            "          palpate edit filter --kind median --width 1 --sphere-voxels 64,64,64,20\n"
+            "          palpate edit filter --kind resample --spacing-mm 0.5\n"
+            "          palpate edit filter --kind offset --distance-mm -0.5");
+  const auto values = std::make_shared<FilterValues>(*command);
+  AddKind(*command, *values);
+  AddRegion(*values);
+  AddCommon(*command, invocation, values->filter.expected_revision);
+  command->callback([&invocation, values] {
+    Fill(*values);
+    invocation.command = [values, &invocation](client::Calls& palpated) {
+      PrintEdit(WithProgress([&](const auto& progress) {
+                  return palpated.RunFilter(values->filter, progress);
+                }),
+                invocation.json);
+    };
+  });
 }
 
 }  // namespace
 
-void EditVolume(const Connection& connection, const v1::EditVolumeRequest& request, bool json) {
-  Print(connection.Call(*v1::VolumeService::NewStub(connection.channel()),
-                        &v1::VolumeService::Stub::EditVolume, request),
-        json);
-}
-
-void FilterVolume(const Connection& connection, const v1::FilterVolumeRequest& request, bool json) {
-  const auto stub = v1::VolumeService::NewStub(connection.channel());
-  Print(RunWithProgress<v1::FilterVolumeResponse>(
-            connection,
-            [&](grpc::ClientContext* context, grpc::CompletionQueue* queue) {
-              return stub->PrepareAsyncFilterVolume(context, request, queue);
-            },
-            "the filter was cancelled; nothing was changed"),
-        json);
-}
-
-void MoveInHistory(const Connection& connection, HistoryCommand command,
-                   const std::optional<std::uint64_t>& expected_revision, bool json) {
-  using Stub = v1::VolumeService::Stub;
-  switch (command) {
-    case HistoryCommand::kUndo:
-      Print(Move<v1::UndoEditRequest>(connection, &Stub::UndoEdit, expected_revision), json);
-      break;
-    case HistoryCommand::kRedo:
-      Print(Move<v1::RedoEditRequest>(connection, &Stub::RedoEdit, expected_revision), json);
-      break;
-    case HistoryCommand::kRevert:
-      Print(Move<v1::RevertVolumeRequest>(connection, &Stub::RevertVolume, expected_revision),
-            json);
-      break;
-  }
-}
-
-void SaveVolume(const Connection& connection, v1::SaveVolumeRequest request, bool json) {
-  request.set_path(connection.PathThere(request.path()));
-  const auto stub = v1::VolumeService::NewStub(connection.channel());
-  const v1::SaveVolumeResult result = RunWithProgress<v1::SaveVolumeResponse>(
-      connection,
-      [&](grpc::ClientContext* context, grpc::CompletionQueue* queue) {
-        return stub->PrepareAsyncSaveVolume(context, request, queue);
-      },
-      "saving was cancelled; there is no new file");
-  if (json) {
-    WriteOutput(ToText(Json{{"path", request.path()},
-                            {"volume_revision", result.volume_revision()},
-                            {"size_bytes", result.size_bytes()}}));
-    return;
-  }
-  WriteOutput(fmt::format("saved volume revision {} to {}, {:.1f} MiB\n", result.volume_revision(),
-                          OneLine(request.path()),
-                          static_cast<double>(result.size_bytes()) / (1024.0 * 1024.0)));
-}
-
-std::string ReadBlockValues(const std::string& file) {
-  const auto close = [](std::FILE* f) {
-    if (f != stdin) std::fclose(f);
-  };
-  const std::unique_ptr<std::FILE, decltype(close)> in(
-      file == "-" ? stdin : std::fopen(file.c_str(), "rb"), close);
-  if (!in) throw Error(ErrorKind::kNotFound, file + ": there is no such file that can be read");
-  const std::string name = file == "-" ? "stdin" : file;
-  std::string bytes(kMostBlockBytes + 1, '\0');
-  bytes.resize(std::fread(bytes.data(), 1, bytes.size(), in.get()));
-  if (std::ferror(in.get())) throw Error(ErrorKind::kInvalidArgument, name + ": cannot be read");
-  if (bytes.size() > kMostBlockBytes) {
-    throw Error(ErrorKind::kTooLarge,
-                name + ": a block has at most 3 MiB of values: send it in parts");
-  }
-  return bytes;
-}
-
-std::string DescribeEdit(const v1::EditVolumeResponse& response) {
-  std::string what = "no voxel changed";
-  if (response.has_changed()) {
-    const v1::IndexBox& box = response.changed();
-    what = fmt::format("{} voxel{} changed within {} {} {} to {} {} {}", response.changed_voxels(),
-                       response.changed_voxels() == 1 ? "" : "s", box.min_x(), box.min_y(),
-                       box.min_z(), box.max_x(), box.max_y(), box.max_z());
-  }
-  return fmt::format("{}, applied at tick {}, volume revision {}; {} to undo, {} to redo", what,
-                     response.applied_tick(), response.volume_revision(), response.undo_steps(),
-                     response.redo_steps());
+void AddEdit(arguments::Command& app, Invocation& invocation) {
+  arguments::Command* command = app.add_subcommand(
+      "edit",
+      "Changes voxels, at one tick: within a shape, fading out over a falloff around it, or\n"
+      "in a block; or filters them. What is felt is the new surface from then on; see also undo\n"
+      "and revert.");
+  SetFooter(*command, "Example: palpate edit sphere --help");
+  command->require_subcommand(1);
+  command->fallthrough();
+  AddSphere(*command, invocation);
+  AddBox(*command, invocation);
+  AddCapsule(*command, invocation);
+  AddBlock(*command, invocation);
+  AddFilter(*command, invocation);
 }
 
 }  // namespace palpate::cli

@@ -1,55 +1,58 @@
-#include "client/cli/info_command.h"
-
-#include "client/cli/connection.h"
+#include "client/cli/commands.h"
 #include "client/cli/description.h"
 #include "client/cli/device_description.h"
 #include "client/cli/output.h"
-#include "client/sdk/setting_messages.h"
 #include "common/error/one_line.h"
-#include "palpate/v1/device.grpc.pb.h"
-#include "palpate/v1/render.grpc.pb.h"
-#include "palpate/v1/volume.grpc.pb.h"
 
 namespace palpate::cli {
 namespace {
 
-client::Settings GetSettings(const Connection& connection) {
-  const v1::GetSettingsResponse response =
-      connection.Call(*v1::RenderService::NewStub(connection.channel()),
-                      &v1::RenderService::Stub::GetSettings, v1::GetSettingsRequest());
-  return client::FromProto(response.settings(), response.settings_revision());
-}
-
-}  // namespace
-
-void PrintInfo(const Connection& connection, bool json) {
-  const v1::GetDeviceResponse device =
-      connection.Call(*v1::DeviceService::NewStub(connection.channel()),
-                      &v1::DeviceService::Stub::GetDevice, v1::GetDeviceRequest());
-  const v1::VolumeDescription volume =
-      connection
-          .Call(*v1::VolumeService::NewStub(connection.channel()),
-                &v1::VolumeService::Stub::GetVolume, v1::GetVolumeRequest())
-          .volume();
-  const client::Settings settings = GetSettings(connection);
+void PrintInfo(client::Calls& palpated, bool json) {
+  const client::DaemonInfo daemon = palpated.GetDevice();
+  const client::VolumeInfo volume = palpated.GetVolume();
+  const client::Settings settings = palpated.GetSettings();
   if (json) {
-    const Json info = {{"version", device.servo().version()}, {"server", connection.name()},
-                       {"caller", ToJson(device.caller())},   {"device", ToJson(device.device())},
-                       {"health", ToJson(device.health())},   {"forces", ToJson(device.forces())},
-                       {"servo", ToJson(device.servo())},     {"volume", ToJson(volume)},
+    const Json info = {{"version", daemon.servo.version}, {"server", palpated.name()},
+                       {"caller", CallerJson(daemon)},    {"device", ToJson(daemon.device)},
+                       {"health", ToJson(daemon.health)}, {"forces", ToJson(daemon.forces)},
+                       {"servo", ToJson(daemon.servo)},   {"volume", ToJson(volume)},
                        {"settings", ToJson(settings)}};
     WriteOutput(ToText(info, 2));
     return;
   }
-  WriteOutput("palpated " + OneLine(device.servo().version()) + " at " + connection.name() + "\n" +
-              Describe(device.caller()) + Describe(device.device()) + Describe(device.health()) +
-              Describe(device.forces()) + Describe(device.servo()) + Describe(volume) +
+  WriteOutput("palpated " + OneLine(daemon.servo.version) + " at " + palpated.name() + "\n" +
+              DescribeCaller(daemon) + Describe(daemon.device) + Describe(daemon.health) +
+              Describe(daemon.forces) + Describe(daemon.servo) + Describe(volume) +
               DescribeWarnings(volume) + Describe(settings));
 }
 
-void PrintSettings(const Connection& connection, bool json) {
-  const client::Settings settings = GetSettings(connection);
+void PrintSettings(client::Calls& palpated, bool json) {
+  const client::Settings settings = palpated.GetSettings();
   WriteOutput(json ? ToText(ToJson(settings)) : Describe(settings));
+}
+
+void Add(arguments::Command& app, Invocation& invocation, const std::string& name,
+         const std::string& about, const std::string& footer,
+         void (*print)(client::Calls&, bool json)) {
+  arguments::Command* command = app.add_subcommand(name, about);
+  SetFooter(*command, footer);
+  AddJson(*command, invocation);
+  command->callback([&invocation, print] {
+    invocation.command = [&invocation, print](auto& palpated) { print(palpated, invocation.json); };
+  });
+}
+
+}  // namespace
+
+void AddInfo(arguments::Command& app, Invocation& invocation) {
+  Add(app, invocation, "info", "Shows the daemon's version, device, servo, volume and settings",
+      "Example: palpate info --json | jq .servo.missed_ticks", PrintInfo);
+}
+
+void AddSettings(arguments::Command& app, Invocation& invocation) {
+  Add(app, invocation, "settings",
+      "Shows all that `set` changes, with units, and the revision of the settings",
+      "Example: palpate settings --json", PrintSettings);
 }
 
 }  // namespace palpate::cli

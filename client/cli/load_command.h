@@ -1,31 +1,29 @@
-// `palpate load`.
+// `palpate load` and `palpate upload`, and their options where other commands have them too.
+//
+// Threads: main only.
 #pragma once
 
+#include <cstdint>
 #include <string>
+#include <vector>
 
-#include "common/error/error.h"
-#include "palpate/v1/volume.pb.h"
-
-namespace grpc {
-class Status;
-}
+#include "client/cli/invocation.h"
 
 namespace palpate::cli {
 
-class Connection;
+// Where the options put their values.
+struct LoadValues {
+  std::string source;
+  client::LoadOptions options;
+  std::vector<double> spacing_mm;       // three, or none
+  std::vector<std::uint32_t> raw_size;  // three, or none
+  std::string raw_type;
+  client::RawVoxels raw;
+};
 
-// Replaces the volume; shows progress and warnings on stderr and the new volume on
-// stdout. Ctrl-C and SIGTERM cancel.
-// Errors: as Connection::ErrorOf and WriteOutput; kCancelled.
-void LoadVolume(const Connection& connection, v1::LoadVolumeRequest request);
+// All but the source and the frame.
+void AddVolumeOptions(arguments::Command& command, LoadValues& values);
 
-// What its import warned of, on stderr.
-void PrintWarnings(const v1::VolumeDescription& volume);
-
-// The Error to end with after a failed load of any kind; while an Interrupt exists.
-Error ErrorOfLoad(const Connection& connection, const grpc::Status& status);
-
-// As Connection::PathThere; "builtin:..." stays as it is.
-std::string SourceThere(const Connection& connection, const std::string& source);
+client::LoadOptions OptionsOf(const LoadValues& values);
 
 }  // namespace palpate::cli

@@ -4,11 +4,13 @@
 #include <unistd.h>
 
 #include <cerrno>
+#include <cstdio>
 #include <cstdlib>
 #include <cstring>
 
 #include "client/interrupt/interrupt.h"
 #include "common/error/error.h"
+#include "common/error/one_line.h"
 
 namespace palpate::cli {
 
@@ -30,6 +32,19 @@ bool IsTerminal(int file_descriptor) {
   const char* term = std::getenv("TERM");
   return isatty(file_descriptor) == 1 && term != nullptr && *term != '\0' &&
          std::strcmp(term, "dumb") != 0;
+}
+
+StatusLine::StatusLine() : is_terminal_(IsTerminal(STDERR_FILENO)) {}
+
+void StatusLine::Show(const std::string& text) {
+  if (!is_terminal_) return;
+  std::fprintf(stderr, "\r\x1b[K%s", OneLine(text).substr(0, 79).c_str());
+  drawn_ = true;
+}
+
+void StatusLine::Clear() {
+  if (drawn_) std::fputs("\r\x1b[K", stderr);
+  drawn_ = false;
 }
 
 TerminalSize SizeOfTerminal(int file_descriptor) {

@@ -23,6 +23,21 @@ void WriteOutput(std::string_view text);
 // stdout or stderr is a terminal that understands cursor movements.
 bool IsTerminal(int file_descriptor);
 
+// One line in place on a terminal's stderr; nothing elsewhere. Its destructor clears it.
+class StatusLine {
+ public:
+  StatusLine();
+  ~StatusLine() { Clear(); }
+  StatusLine(const StatusLine&) = delete;
+  StatusLine& operator=(const StatusLine&) = delete;
+  void Show(const std::string& text);
+  void Clear();
+
+ private:
+  const bool is_terminal_;
+  bool drawn_ = false;
+};
+
 struct TerminalSize {
   int columns = 80;
   int rows = 24;

@@ -4,21 +4,32 @@
 
 #include <charconv>
 #include <cmath>
+#include <memory>
 #include <numbers>
+#include <vector>
 
-#include "client/cli/connection.h"
+#include "client/cli/commands.h"
 #include "client/cli/description.h"
 #include "client/cli/output.h"
-#include "palpate/v1/registration.grpc.pb.h"
 
 namespace palpate::cli {
 namespace {
 
 constexpr double kDegreesPerRad = 180.0 / std::numbers::pi;
 
+// Where the options put their values.
+struct PlaceValues {
+  client::PlacementChange change;
+  std::vector<double> center_mm;
+  std::vector<double> rotation_wxyz;
+  std::optional<double> cells_per_mm;
+  std::vector<double> move_mm;
+  std::string turn_deg;
+};
+
 // "turned by 90° about (0, 1, 0)".
-std::string DescribeTurn(const v1::Quaternion& q) {
-  const double sine = std::hypot(q.x(), q.y(), q.z());
+std::string DescribeTurn(const client::UnalignedQuaternion& q) {
+  const double sine = q.vec().norm();
   const double degrees = 2.0 * std::atan2(sine, q.w()) * kDegreesPerRad;
   if (!(degrees > 1e-9)) return "not turned";
   // Adding 0 turns a negative zero into a plain one.
@@ -27,92 +38,146 @@ std::string DescribeTurn(const v1::Quaternion& q) {
                      part(q.y()), part(q.z()));
 }
 
+void AddAbsolute(arguments::Command& command, PlaceValues& values) {
+  command.add_flag("--reset", values.change.reset,
+                   "First into the middle of the workspace, fitted, not turned");
+  AddTriple(command, "--center-mm", values.center_mm, "Where the volume's centre is to be");
+  command
+      .add_option("--rotation-wxyz", values.rotation_wxyz,
+                  "Its turn, from the world's axes (LPS) to the device's: a unit quaternion")
+      ->delimiter(',')
+      ->expected(4)
+      ->check(arguments::Finite())
+      ->option_text("W,X,Y,Z");
+  arguments::Option* scale =
+      command.add_option("--device-mm-per-volume-mm", values.change.device_mm_per_volume_mm,
+                         "mm of the device per mm of the volume");
+  arguments::Option* voxel =
+      command.add_option("--device-mm-per-voxel", values.change.device_mm_per_voxel,
+                         "mm of the device per shortest edge of a voxel");
+  arguments::Option* cells =
+      command.add_option("--cells-per-mm", values.cells_per_mm, "The same as 1 mm = N cells");
+  for (arguments::Option* option : {scale, voxel, cells}) option->check(arguments::Positive());
+  voxel->excludes(scale);
+  cells->excludes(scale)->excludes(voxel);
+}
+
+void AddRelative(arguments::Command& command, PlaceValues& values) {
+  AddTriple(command, "--move-mm", values.move_mm, "Then moves it by this much");
+  command
+      .add_option("--turn-deg", values.turn_deg,
+                  "Turns it about an axis of the device through its centre, as in y,90")
+      ->option_text("x|y|z,DEGREES");
+  command.add_option("--scale-by", values.change.scale_by, "Scales it about its centre")
+      ->check(arguments::Positive());
+}
+
+client::PlacementChange ChangeOf(const PlaceValues& values, bool has_turn) {
+  client::PlacementChange change = values.change;
+  if (!values.center_mm.empty()) change.center_mm = VectorOf(values.center_mm);
+  if (!values.rotation_wxyz.empty()) {
+    const std::vector<double>& q = values.rotation_wxyz;
+    change.rotation = client::UnalignedQuaternion(q[0], q[1], q[2], q[3]);
+  }
+  if (values.cells_per_mm) change.device_mm_per_voxel = 1.0 / *values.cells_per_mm;
+  if (!values.move_mm.empty()) change.translate_mm = VectorOf(values.move_mm);
+  if (has_turn) {
+    change.rotate = ParseTurn(values.turn_deg);
+    if (!change.rotate) {
+      throw arguments::UsageError(fmt::format(
+          "--turn-deg cannot be '{}': give an axis and degrees, as in y,90", values.turn_deg));
+    }
+  }
+  return change;
+}
+
+bool IsAny(const client::PlacementChange& c) {
+  return c.reset || c.center_mm || c.rotation || c.device_mm_per_volume_mm ||
+         c.device_mm_per_voxel || c.translate_mm || c.rotate || c.scale_by;
+}
+
+void Print(const client::Placement& placement, std::optional<std::uint64_t> applied_tick,
+           bool json) {
+  if (!json) {
+    const std::string since =
+        applied_tick ? fmt::format("applied at tick {}, ", *applied_tick) : "";
+    WriteOutput(Describe(placement) + fmt::format("          {}settings revision {}\n", since,
+                                                  placement.settings_revision));
+    return;
+  }
+  Json object = ToJson(placement);
+  object["settings_revision"] = placement.settings_revision;
+  if (applied_tick) object["applied_tick"] = *applied_tick;
+  WriteOutput(ToText(object));
+}
+
 }  // namespace
 
-void ShowPlace(const Connection& connection, bool json) {
-  const v1::GetRegistrationResponse response = connection.Call(
-      *v1::RegistrationService::NewStub(connection.channel()),
-      &v1::RegistrationService::Stub::GetRegistration, v1::GetRegistrationRequest());
-  if (!json) {
-    WriteOutput(Describe(response.registration()) +
-                fmt::format("          settings revision {}\n", response.settings_revision()));
-    return;
-  }
-  Json object = ToJson(response.registration());
-  object["settings_revision"] = response.settings_revision();
-  WriteOutput(ToText(object));
+void AddPlace(arguments::Command& app, Invocation& invocation) {
+  arguments::Command* command = app.add_subcommand(
+      "place",
+      "Shows where the volume lies in the device's workspace, or moves it there at one tick.\n"
+      "The device's axes: mm, x right, y up, z towards the user. What is named is changed:\n"
+      "first --reset, then what is absolute, then what is relative. Kept for the volume.");
+  SetFooter(*command,
+            "Examples: palpate place --json\n"
+            "          palpate place --move-mm 10,0,0 --turn-deg y,90\n"
+            "          palpate place --reset --cells-per-mm 2");
+  const auto values = std::make_shared<PlaceValues>();
+  AddAbsolute(*command, *values);
+  AddRelative(*command, *values);
+  command->add_option("--expected-revision", values->change.expected_revision,
+                      "Change it only on top of this settings revision, else exit with 7");
+  AddJson(*command, invocation);
+  command->callback([command, &invocation, values] {
+    const bool has_turn = command->get_option("--turn-deg")->count() > 0;
+    const client::PlacementChange change = ChangeOf(*values, has_turn);
+    if (change.expected_revision && !IsAny(change)) {
+      throw arguments::UsageError("--expected-revision is for a change: name one");
+    }
+    invocation.command = [change, &invocation](client::Calls& palpated) {
+      if (!IsAny(change)) return Print(palpated.GetPlacement(), std::nullopt, invocation.json);
+      const client::PlacementResult result = palpated.Place(change);
+      Print(result.placement, result.applied_tick, invocation.json);
+    };
+  });
 }
 
-void ChangePlace(const Connection& connection, const v1::UpdateRegistrationRequest& request,
-                 bool json) {
-  const v1::UpdateRegistrationResponse response =
-      connection.Call(*v1::RegistrationService::NewStub(connection.channel()),
-                      &v1::RegistrationService::Stub::UpdateRegistration, request);
-  if (!json) {
-    WriteOutput(Describe(response.registration()) +
-                fmt::format("          applied at tick {}, settings revision {}\n",
-                            response.applied_tick(), response.settings_revision()));
-    return;
-  }
-  Json object = ToJson(response.registration());
-  object["settings_revision"] = response.settings_revision();
-  object["applied_tick"] = response.applied_tick();
-  WriteOutput(ToText(object));
-}
-
-std::string Describe(const v1::Registration& registration) {
-  const v1::Vector3& center = registration.center_mm();
+std::string Describe(const client::Placement& placement) {
+  const Vec3& center = placement.center_mm;
   return fmt::format(
       "place     centre at {:.6g}, {:.6g}, {:.6g} mm of the device; {}\n"
       "          {:.6g} mm of the device per mm of the volume, {:.6g} per voxel: 1 mm is {:.6g} "
       "cells\n",
-      center.x(), center.y(), center.z(), DescribeTurn(registration.rotation()),
-      registration.device_mm_per_volume_mm(), registration.device_mm_per_voxel(),
-      1.0 / registration.device_mm_per_voxel());
+      center.x(), center.y(), center.z(), DescribeTurn(placement.rotation),
+      placement.device_mm_per_volume_mm, placement.device_mm_per_voxel,
+      1.0 / placement.device_mm_per_voxel);
 }
 
-Json ToJson(const v1::Registration& registration) {
-  const v1::Quaternion& q = registration.rotation();
-  return {{"center_mm", ToJson(registration.center_mm())},
+Json ToJson(const client::Placement& placement) {
+  const client::UnalignedQuaternion& q = placement.rotation;
+  return {{"center_mm", ToJson(placement.center_mm)},
           {"rotation_wxyz", {q.w(), q.x(), q.y(), q.z()}},
-          {"device_mm_per_volume_mm", registration.device_mm_per_volume_mm()},
-          {"device_mm_per_voxel", registration.device_mm_per_voxel()}};
+          {"device_mm_per_volume_mm", placement.device_mm_per_volume_mm},
+          {"device_mm_per_voxel", placement.device_mm_per_voxel}};
 }
 
-bool ParseTurn(std::string_view text, v1::Quaternion& rotation) {
-  if (text.size() < 3 || text[1] != ',') return false;
+std::optional<client::UnalignedQuaternion> ParseTurn(std::string_view text) {
+  constexpr std::string_view kAxes = "xyz";
+  if (text.size() < 3 || text[1] != ',' || kAxes.find(text[0]) == kAxes.npos) return std::nullopt;
   std::string_view number = text.substr(2);
   if (number.size() > 1 && number[0] == '+' && number[1] != '-') number.remove_prefix(1);
   double degrees = 0.0;
   const auto [end, error] = std::from_chars(number.data(), number.data() + number.size(), degrees);
   if (error != std::errc() || end != number.data() + number.size() || !std::isfinite(degrees)) {
-    return false;
+    return std::nullopt;
   }
   // Whole turns first: huge angles would lose all digits, and more than half a turn
   // is less the other way round.
   const double half_rad = std::remainder(degrees, 360.0) / kDegreesPerRad / 2.0;
-  const double sine = std::sin(half_rad);
-  rotation.Clear();
-  rotation.set_w(std::cos(half_rad));
-  switch (text[0]) {
-    case 'x':
-      rotation.set_x(sine);
-      return true;
-    case 'y':
-      rotation.set_y(sine);
-      return true;
-    case 'z':
-      rotation.set_z(sine);
-      return true;
-    default:
-      return false;
-  }
-}
-
-void Set(const std::vector<double>& values, v1::Vector3& vector) {
-  vector.set_x(values[0]);
-  vector.set_y(values[1]);
-  vector.set_z(values[2]);
+  client::UnalignedQuaternion rotation(std::cos(half_rad), 0.0, 0.0, 0.0);
+  rotation.vec()[static_cast<Eigen::Index>(kAxes.find(text[0]))] = std::sin(half_rad);
+  return rotation;
 }
 
 }  // namespace palpate::cli

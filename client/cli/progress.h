@@ -1,10 +1,13 @@
-// How far a load has come, on stderr.
+// How far a long call has come, on stderr.
 //
 // Threads: main only.
 #pragma once
 
 #include <string>
 #include <string_view>
+
+#include "client/interrupt/interrupt.h"
+#include "client/sdk/progress.h"
 
 namespace palpate::cli {
 
@@ -26,5 +29,17 @@ class ProgressPrinter {
   std::string stage_;
   int quarter_ = -1;
 };
+
+// Runs call(progress), such as Calls::LoadVolume, and shows how far it is; Ctrl-C and SIGTERM
+// cancel it.
+template <class Call>
+auto WithProgress(const Call& call) {
+  const Interrupt interrupt;
+  ProgressPrinter printer;
+  return call(client::ProgressFunction([&printer](const client::Progress& progress) {
+    if (!progress.stage.empty()) printer.Print(progress.stage, progress.fraction, progress.detail);
+    return !Interrupt::IsRaised();
+  }));
+}
 
 }  // namespace palpate::cli

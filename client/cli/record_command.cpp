@@ -1,100 +1,66 @@
 #include "client/cli/record_command.h"
 
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include <chrono>
-#include <cstdio>
-#include <filesystem>
-#include <stop_token>
+#include <memory>
+#include <optional>
 #include <thread>
 
-#include "client/cli/connection.h"
+#include "client/cli/commands.h"
 #include "client/cli/description.h"
 #include "client/cli/output.h"
+#include "client/cli/paths_there.h"
 #include "client/interrupt/interrupt.h"
 #include "common/error/one_line.h"
-#include "palpate/v1/recording.grpc.pb.h"
 
 namespace palpate::cli {
 namespace {
 
-using Stub = v1::RecordingService::Stub;
-
 constexpr std::chrono::milliseconds kPollPeriod(50);
 constexpr std::chrono::milliseconds kShowPeriod(500);
+constexpr const char* kFileHelp = "File on the daemon's machine";
 
-v1::RecordingState Start(const Connection& connection, const RecordOptions& options) {
-  v1::StartRecordingRequest request;
-  request.set_path(connection.PathThere(options.path));
-  request.set_overwrite(options.overwrite);
-  return connection
-      .Call(*v1::RecordingService::NewStub(connection.channel()), &Stub::StartRecording, request)
-      .recording();
-}
-
-v1::RecordingState Stop(const Connection& connection) {
-  return connection
-      .Call(*v1::RecordingService::NewStub(connection.channel()), &Stub::StopRecording,
-            v1::StopRecordingRequest())
-      .recording();
-}
-
-v1::RecordingState Get(const Connection& connection) {
-  return connection
-      .Call(*v1::RecordingService::NewStub(connection.channel()), &Stub::GetRecording,
-            v1::GetRecordingRequest())
-      .recording();
-}
-
-Json ToJson(const v1::RecordingState& state) {
-  return {{"running", state.running()},       {"path", state.path()},
-          {"ticks", state.ticks()},           {"lost_ticks", state.lost_ticks()},
-          {"size_bytes", state.size_bytes()}, {"error", state.error()},
-          {"left_out", state.left_out()}};
-}
-
-void ThrowIfEndedEarly(const v1::RecordingState& state) {
-  if (state.error().empty()) return;
-  throw Error(state.disk_full() ? ErrorKind::kDiskFull : ErrorKind::kFailedPrecondition,
-              "the recording ended early: " + state.error() + "; what it has is kept");
-}
-
-void WarnOfLeftOut(const v1::RecordingState& state) {
-  if (!state.left_out().empty()) fmt::print(stderr, "palpate: {}\n", OneLine(state.left_out()));
-}
-
-// One line in place on a terminal; nothing elsewhere.
-class Line {
- public:
-  ~Line() { Clear(); }
-  void Show(const std::string& text) {
-    if (!is_terminal_) return;
-    fmt::print(stderr, "\r\x1b[K{}", OneLine(text).substr(0, 79));
-    drawn_ = true;
-  }
-  void Clear() {
-    if (drawn_) std::fputs("\r\x1b[K", stderr);
-    drawn_ = false;
-  }
-
- private:
-  const bool is_terminal_ = IsTerminal(STDERR_FILENO);
-  bool drawn_ = false;
+struct RecordOptions {
+  std::string path;  // relative to the working directory, or absolute
+  bool overwrite = false;
+  std::optional<double> seconds;
 };
+using RecordOptionsPtr = std::shared_ptr<RecordOptions>;
+
+client::RecordingState Start(client::Calls& palpated, const RecordOptions& options) {
+  return palpated.StartRecording(PathThere(palpated, options.path), options.overwrite);
+}
+
+Json ToJson(const client::RecordingState& state) {
+  return {{"running", state.running},       {"path", state.path},
+          {"ticks", state.ticks},           {"lost_ticks", state.lost_ticks},
+          {"size_bytes", state.size_bytes}, {"error", state.error},
+          {"left_out", state.left_out}};
+}
+
+void ThrowIfEndedEarly(const client::RecordingState& state) {
+  if (state.error.empty()) return;
+  throw Error(state.disk_full ? ErrorKind::kDiskFull : ErrorKind::kFailedPrecondition,
+              "the recording ended early: " + state.error + "; what it has is kept");
+}
+
+void WarnOfLeftOut(const client::RecordingState& state) {
+  if (!state.left_out.empty()) fmt::print(stderr, "palpate: {}\n", OneLine(state.left_out));
+}
 
 // Until the time is over, a signal comes, or the recording ends by itself.
-void Await(const Connection& connection, const RecordOptions& options) {
+void Await(client::Calls& palpated, const RecordOptions& options) {
   using Clock = std::chrono::steady_clock;
   const Clock::time_point start = Clock::now();
   Clock::time_point show_at = start;
-  Line line;
+  StatusLine line;
   while (!Interrupt::IsRaised()) {
     const std::chrono::duration<double> since = Clock::now() - start;
     if (options.seconds && since.count() >= *options.seconds) return;
     if (Clock::now() >= show_at) {
-      const v1::RecordingState state = Get(connection);
-      if (!state.running()) return;
+      const client::RecordingState state = palpated.GetRecording();
+      if (!state.running) return;
       line.Show("recording: " + DescribeRecording(state));
       show_at += kShowPeriod;
     }
@@ -102,106 +68,161 @@ void Await(const Connection& connection, const RecordOptions& options) {
   }
 }
 
-}  // namespace
-
-std::string DescribeRecording(const v1::RecordingState& state) {
-  const auto ticks = static_cast<double>(state.ticks());
-  const auto bytes = static_cast<double>(state.size_bytes());
-  std::string text = fmt::format("{} ticks ({:.1f} s), {} lost, {:.1f} MB", state.ticks(),
-                                 ticks * 1e-3, state.lost_ticks(), bytes * 1e-6);
-  if (state.ticks() > 0) text += fmt::format(", {:.0f} bytes per tick", bytes / ticks);
-  return text + ", to " + OneLine(state.path());
-}
-
-void RunRecording(const Connection& connection, const RecordOptions& options) {
+// Until the seconds are over or a signal comes; also where our output ends.
+void Run(client::Calls& palpated, const RecordOptions& options) {
   const Interrupt interrupt;
-  WarnOfLeftOut(Start(connection, options));
+  WarnOfLeftOut(Start(palpated, options));
   try {
-    Await(connection, options);
+    Await(palpated, options);
   } catch (...) {
     // Whatever broke on our side, the daemon is not left recording.
     try {
-      Stop(connection);
+      palpated.StopRecording();
     } catch (const Error&) {
     }
     throw;
   }
-  const v1::RecordingState state = Stop(connection);
+  const client::RecordingState state = palpated.StopRecording();
   WriteOutput("recorded " + DescribeRecording(state) + "\n");
   WarnOfLeftOut(state);
   ThrowIfEndedEarly(state);
 }
 
-void StartRecording(const Connection& connection, const RecordOptions& options) {
-  const v1::RecordingState state = Start(connection, options);
-  WriteOutput("recording to " + OneLine(state.path()) + "\n");
-  WarnOfLeftOut(state);
-}
-
-void StopRecording(const Connection& connection, bool json) {
-  const v1::RecordingState state = Stop(connection);
+void Stop(client::Calls& palpated, bool json) {
+  const client::RecordingState state = palpated.StopRecording();
   WriteOutput(json ? ToText(ToJson(state)) : "recorded " + DescribeRecording(state) + "\n");
   WarnOfLeftOut(state);
   ThrowIfEndedEarly(state);
 }
 
-void ShowRecording(const Connection& connection, bool json) {
-  const v1::RecordingState state = Get(connection);
-  if (json) {
-    WriteOutput(ToText(ToJson(state)));
-  } else if (state.running()) {
-    WriteOutput("recording: " + DescribeRecording(state) + "\n");
-  } else if (!state.error().empty()) {
-    WriteOutput("not recording; the last: " + DescribeRecording(state) + "\n");
-  } else if (!state.path().empty()) {
-    WriteOutput("not recording; the last: " + DescribeRecording(state) + "\n");
-  } else {
-    WriteOutput("not recording\n");
-  }
+void Show(client::Calls& palpated, bool json) {
+  const client::RecordingState state = palpated.GetRecording();
+  const std::string what = state.path.empty() ? "" : DescribeRecording(state);
+  WriteOutput(json            ? ToText(ToJson(state))
+              : state.running ? "recording: " + what + "\n"
+              : what.empty()  ? "not recording\n"
+                              : "not recording; the last: " + what + "\n");
   WarnOfLeftOut(state);
-  if (!state.running()) ThrowIfEndedEarly(state);
+  if (!state.running) ThrowIfEndedEarly(state);
 }
 
-void MarkRecording(const Connection& connection, const std::string& text) {
-  v1::MarkRequest request;
-  request.set_text(text);
-  const v1::MarkResponse response =
-      connection.Call(*v1::RecordingService::NewStub(connection.channel()), &Stub::Mark, request);
-  WriteOutput(fmt::format("marked at {} ns\n", response.time_ns()));
-}
-
-void Replay(const Connection& connection, const ReplayOptions& options) {
+void Replay(client::Calls& palpated, const std::string& path, double speed) {
   const Interrupt interrupt;
-  v1::ReplayRequest request;
-  request.set_path(connection.PathThere(options.path));
-  request.set_speed(options.speed);
-  grpc::ClientContext context;
-  const std::jthread canceller([&context](const std::stop_token& stop) {
-    while (!stop.stop_requested()) {
-      if (Interrupt::IsRaised()) return context.TryCancel();
-      std::this_thread::sleep_for(kPollPeriod);
-    }
-  });
-  const auto stub = v1::RecordingService::NewStub(connection.channel());
-  const auto reader = stub->Replay(&context, request);
-  v1::ReplayResponse last;
+  client::ReplayState last;
   {
-    Line line;
-    for (v1::ReplayResponse event; reader->Read(&event); last = event) {
-      if (!event.marker().empty()) {
-        line.Clear();
-        WriteOutput(fmt::format("{:.3f} s: {}\n", static_cast<double>(event.ticks()) * 1e-3,
-                                OneLine(event.marker())));
-      }
-      line.Show(fmt::format("replaying: {} ticks, {} lost", event.ticks(), event.lost_ticks()));
-    }
+    StatusLine line;
+    last = palpated.Replay(
+        PathThere(palpated, path), speed, [&line](const client::ReplayState& state) {
+          if (!state.marker.empty()) {
+            line.Clear();
+            WriteOutput(fmt::format("{:.3f} s: {}\n", static_cast<double>(state.ticks) * 1e-3,
+                                    OneLine(state.marker)));
+          }
+          line.Show(fmt::format("replaying: {} ticks, {} lost", state.ticks, state.lost_ticks));
+          return !Interrupt::IsRaised();
+        });
   }
-  const grpc::Status status = reader->Finish();
-  if (!status.ok() && Interrupt::IsRaised()) {
-    throw Error(ErrorKind::kCancelled, "the replay was cancelled");
-  }
-  if (!status.ok()) throw connection.ErrorOfEnd(status);
-  WriteOutput(fmt::format("replayed {} ticks, {} lost\n", last.ticks(), last.lost_ticks()));
+  WriteOutput(fmt::format("replayed {} ticks, {} lost\n", last.ticks, last.lost_ticks));
+}
+
+arguments::Command* AddFileCommand(arguments::Command& record, const char* name,
+                                   const char* description, RecordOptions& options) {
+  arguments::Command* command = record.add_subcommand(name, description);
+  command->add_option("file", options.path, kFileHelp)->required()->option_text("FILE");
+  command->add_flag("--overwrite", options.overwrite, "Replace the file if it is there");
+  return command;
+}
+
+void AddRunAndStart(arguments::Command& record, Invocation& invocation) {
+  const auto options = std::make_shared<RecordOptions>();
+  arguments::Command* run =
+      AddFileCommand(record, "run", "Records until Ctrl-C, then shows a summary", *options);
+  SetFooter(*run, "Example: palpate record run trial-7.palrec --seconds 60");
+  run->add_option("--seconds", options->seconds, "End after this time, s [default: none]")
+      ->check(arguments::Positive());
+  run->callback([&invocation, options] {
+    invocation.command = [options](client::Calls& palpated) { Run(palpated, *options); };
+  });
+  arguments::Command* start =
+      AddFileCommand(record, "start", "Starts recording and returns", *options);
+  SetFooter(*start, "Example: palpate record start trial-7.palrec");
+  start->callback([&invocation, options] {
+    invocation.command = [options](client::Calls& palpated) {
+      const client::RecordingState state = Start(palpated, *options);
+      WriteOutput("recording to " + OneLine(state.path) + "\n");
+      WarnOfLeftOut(state);
+    };
+  });
+}
+
+}  // namespace
+
+void AddRecord(arguments::Command& app, Invocation& invocation) {
+  arguments::Command* record = app.add_subcommand(
+      "record",
+      "Records every tick of the haptic loop, and what changes settings and voxels.\n"
+      "`palpate-lab replay --recording FILE` computes a recording again, bit for bit;\n"
+      "`palpate-lab export FILE` makes a table of it.");
+  record->require_subcommand(1);
+  AddRunAndStart(*record, invocation);
+  arguments::Command* stop =
+      record->add_subcommand("stop", "Ends the recording and shows a summary");
+  SetFooter(*stop, "Example: palpate record stop --json");
+  AddJson(*stop, invocation);
+  stop->callback([&invocation] {
+    invocation.command = [&invocation](auto& palpated) { Stop(palpated, invocation.json); };
+  });
+  arguments::Command* status =
+      record->add_subcommand("status", "Shows whether and what is recorded");
+  SetFooter(*status, "Example: palpate record status --json | jq .lost_ticks");
+  AddJson(*status, invocation);
+  status->callback([&invocation] {
+    invocation.command = [&invocation](auto& palpated) { Show(palpated, invocation.json); };
+  });
+}
+
+void AddMark(arguments::Command& app, Invocation& invocation) {
+  arguments::Command* command = app.add_subcommand(
+      "mark", "Puts a marker with the time of the call into the recording that runs");
+  SetFooter(*command, "Example: palpate mark 'trial 7 begins'");
+  const auto text = std::make_shared<std::string>();
+  command->add_option("text", *text, "What happened")->required()->option_text("TEXT");
+  command->callback([&invocation, text] {
+    invocation.command = [text](client::Calls& palpated) {
+      WriteOutput(fmt::format("marked at {} ns\n", palpated.Mark(*text)));
+    };
+  });
+}
+
+void AddReplay(arguments::Command& app, Invocation& invocation) {
+  struct Values {
+    std::string path;
+    double speed = 1.0;
+  };
+  arguments::Command* command = app.add_subcommand(
+      "replay",
+      "Plays a recording to all who watch, forces off; the volume that was recorded must be\n"
+      "loaded. What was felt before comes back at its end. Ctrl-C ends it, with exit code 9.");
+  SetFooter(*command, "Example: palpate replay trial-7.palrec --speed 0.25");
+  const auto values = std::make_shared<Values>();
+  command->add_option("file", values->path, kFileHelp)->required()->option_text("FILE");
+  command->add_option("--speed", values->speed, "Times real time, up to 100")
+      ->check(arguments::Positive(100.0))
+      ->capture_default_str();
+  command->callback([&invocation, values] {
+    invocation.command = [values](client::Calls& palpated) {
+      Replay(palpated, values->path, values->speed);
+    };
+  });
+}
+
+std::string DescribeRecording(const client::RecordingState& state) {
+  const auto ticks = static_cast<double>(state.ticks);
+  const auto bytes = static_cast<double>(state.size_bytes);
+  std::string text = fmt::format("{} ticks ({:.1f} s), {} lost, {:.1f} MB", state.ticks,
+                                 ticks * 1e-3, state.lost_ticks, bytes * 1e-6);
+  if (state.ticks > 0) text += fmt::format(", {:.0f} bytes per tick", bytes / ticks);
+  return text + ", to " + OneLine(state.path);
 }
 
 }  // namespace palpate::cli

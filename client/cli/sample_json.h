@@ -1,19 +1,14 @@
 // One tick as a JSON object. Pure; any thread.
 #pragma once
 
-#include <string>
-
 #include "client/cli/description.h"
-#include "palpate/v1/pose.pb.h"
+#include "client/sdk/pose.h"
 
 namespace palpate::cli {
 
 // Keys are those of PoseSample; vectors are [x, y, z], the quaternion is
-// [w, x, y, z], what is absent is null, `mode` is ModeName. Numbers keep their
+// [w, x, y, z], what is absent is null, `mode` is its word. Numbers keep their
 // full precision.
-Json ToJson(const v1::PoseSample& sample);
-
-// "free", "constrained", "ejecting", "fault", "suspended".
-std::string ModeName(v1::ProxyMode mode);
+Json ToJson(const client::Pose& pose);
 
 }  // namespace palpate::cli

@@ -2,17 +2,53 @@
 
 #include <fmt/core.h>
 
-#include "client/cli/connection.h"
+#include <memory>
+
+#include "client/cli/commands.h"
 #include "client/cli/description.h"
 #include "client/cli/output.h"
-#include "client/sdk/setting_messages.h"
-#include "palpate/v1/render.grpc.pb.h"
 
 namespace palpate::cli {
 namespace {
 
-client::Settings SettingsOf(const v1::UpdateSettingsResponse& response) {
-  return client::FromProto(response.settings(), response.settings_revision());
+std::vector<std::string> Names() {
+  std::vector<std::string> names;
+  for (const Setting& setting : client::kSettings) names.emplace_back(setting.name);
+  return names;
+}
+
+// Where the options put their values.
+struct SetValues {
+  std::string key;
+  std::string value;
+  bool normalized = false;
+  client::SettingsUpdate update;
+};
+
+const Setting& TakeSetting(SetValues& values) {
+  const Setting* setting = FindSetting(values.key);
+  if (!setting) throw arguments::UsageError("there is no setting '" + values.key + "'");
+  if (values.normalized) {
+    if (setting != &client::kIsovalue) {
+      throw arguments::UsageError("--normalized is for the isovalue");
+    }
+    setting = &client::kNormalizedIsovalue;
+  }
+  if (!StoreSetting(*setting, values.value, values.update)) {
+    throw arguments::UsageError(
+        fmt::format("{} cannot be '{}': give {}", setting->name, values.value, ValuesOf(*setting)));
+  }
+  return *setting;
+}
+
+void Change(client::Calls& palpated, const Setting& setting, const client::SettingsUpdate& update,
+            bool json) {
+  const client::SettingsResult result = palpated.Set(update);
+  if (!json) return WriteOutput(DescribeChange(setting, result) + "\n");
+  Json object = ToJson(result.settings);
+  object["applied_tick"] = result.applied_tick;
+  object["receipt_to_applied_ns"] = result.receipt_to_applied_ns;
+  WriteOutput(ToText(object));
 }
 
 std::string DescribeValue(const Setting& setting, const client::Settings& settings) {
@@ -25,25 +61,37 @@ std::string DescribeValue(const Setting& setting, const client::Settings& settin
 
 }  // namespace
 
-void ChangeSetting(const Connection& connection, const SetOptions& options) {
-  const v1::UpdateSettingsResponse response =
-      connection.Call(*v1::RenderService::NewStub(connection.channel()),
-                      &v1::RenderService::Stub::UpdateSettings, client::ToProto(options.update));
-  if (!options.json) {
-    WriteOutput(DescribeChange(*options.setting, response) + "\n");
-    return;
-  }
-  Json json = ToJson(SettingsOf(response));
-  json["applied_tick"] = response.applied_tick();
-  json["receipt_to_applied_ns"] = response.receipt_to_applied_ns();
-  WriteOutput(ToText(json));
+void AddSet(arguments::Command& app, Invocation& invocation) {
+  arguments::Command* command = app.add_subcommand("set", "Changes what is felt, at one tick");
+  SetFooter(*command, "KEY, with or without its unit (stiffness, stiffness_n_per_mm):\n" +
+                          ListOfSettings() +
+                          "Examples: palpate set isovalue -200\n"
+                          "          palpate set isovalue --normalized 0.4\n"
+                          "          palpate set stiffness 0.8");
+  const auto values = std::make_shared<SetValues>();
+  command->add_option("key", values->key, "What to change, see below")
+      ->required()
+      ->option_text("KEY")
+      ->suggest(Names());
+  command->add_option("value", values->value, "Its new value")->required()->option_text("VALUE");
+  command->add_flag("--normalized", values->normalized,
+                    "The isovalue is given over the volume's range at load, 0 to 1");
+  command->add_option("--expected-revision", values->update.expected_revision,
+                      "Change it only on top of this settings revision, else exit with 7");
+  AddJson(*command, invocation);
+  command->callback([&invocation, values] {
+    const Setting& setting = TakeSetting(*values);
+    invocation.command = [values, &setting, &invocation](client::Calls& palpated) {
+      Change(palpated, setting, values->update, invocation.json);
+    };
+  });
 }
 
-std::string DescribeChange(const Setting& setting, const v1::UpdateSettingsResponse& response) {
+std::string DescribeChange(const Setting& setting, const client::SettingsResult& result) {
   return fmt::format("{} applied at tick {}, settings revision {}, {:.1f} ms after receipt",
-                     DescribeValue(setting, SettingsOf(response)), response.applied_tick(),
-                     response.settings_revision(),
-                     static_cast<double>(response.receipt_to_applied_ns()) * 1e-6);
+                     DescribeValue(setting, result.settings), result.applied_tick,
+                     result.settings.revision,
+                     static_cast<double>(result.receipt_to_applied_ns) * 1e-6);
 }
 
 }  // namespace palpate::cli

@@ -8,15 +8,12 @@
 #include <memory>
 #include <string>
 
-#include "client/cli/connection.h"
+#include "client/cli/commands.h"
 #include "client/cli/output.h"
-#include "client/cli/pose_stream.h"
 #include "client/cli/sample_json.h"
 #include "client/cli/watch_statistics.h"
 #include "client/cli/watch_view.h"
 #include "client/interrupt/interrupt.h"
-#include "palpate/v1/device.grpc.pb.h"
-#include "palpate/v1/volume.grpc.pb.h"
 
 namespace palpate::cli {
 namespace {
@@ -38,19 +35,16 @@ std::int64_t NowNs() {
 class Sink {
  public:
   virtual ~Sink() = default;
-  // The first `count` samples of a message.
-  virtual void Take(const v1::StreamPosesResponse& message, int count) = 0;
+  virtual void Take(const client::PoseBatch& batch) = 0;
   virtual void Refresh() {}
   virtual void End() {}
 };
 
 class JsonSink : public Sink {
  public:
-  void Take(const v1::StreamPosesResponse& message, int count) override {
+  void Take(const client::PoseBatch& batch) override {
     std::string text;
-    for (int i = 0; i < count; ++i) {
-      text += ToText(ToJson(message.samples(i)));
-    }
+    for (const client::Pose& pose : batch.poses) text += ToText(ToJson(pose));
     WriteOutput(text);
   }
 };
@@ -58,44 +52,35 @@ class JsonSink : public Sink {
 // The isovalue of a sample over the range of its volume, as far as it is known.
 class Normalizer {
  public:
-  explicit Normalizer(const Connection& connection) : connection_(connection) {}
+  explicit Normalizer(client::Calls& palpated) : palpated_(palpated) {}
 
-  std::optional<double> Normalize(const v1::PoseSample& sample, std::int64_t now_ns) {
-    if (sample.volume_revision() != volume_.volume_revision() && now_ns - fetched_ns_ > kSecondNs) {
+  std::optional<double> Normalize(const client::Pose& pose, std::int64_t now_ns) {
+    if (pose.volume_revision != volume_.volume_revision && now_ns - fetched_ns_ > kSecondNs) {
       fetched_ns_ = now_ns;
       Fetch();
     }
-    const double range = volume_.value_max() - volume_.value_min();
-    if (sample.volume_revision() != volume_.volume_revision() || !(range > 0.0)) {
-      return std::nullopt;
-    }
-    return (sample.isovalue() - volume_.value_min()) / range;
+    const double range = volume_.value_max - volume_.value_min;
+    if (pose.volume_revision != volume_.volume_revision || !(range > 0.0)) return std::nullopt;
+    return (pose.isovalue - volume_.value_min) / range;
   }
 
  private:
   void Fetch() {
     try {
-      volume_ = connection_
-                    .Call(*v1::VolumeService::NewStub(connection_.channel()),
-                          &v1::VolumeService::Stub::GetVolume, v1::GetVolumeRequest())
-                    .volume();
+      volume_ = palpated_.GetVolume();
     } catch (const Error&) {
       // An extra in the view; the stream itself tells of real trouble.
     }
   }
 
-  const Connection& connection_;
-  v1::VolumeDescription volume_;
+  client::Calls& palpated_;
+  client::VolumeInfo volume_;
   std::int64_t fetched_ns_ = -2 * kSecondNs;
 };
 
-double MaxForceN(const Connection& connection) {
+double MaxForceN(client::Calls& palpated) {
   try {
-    return connection
-        .Call(*v1::DeviceService::NewStub(connection.channel()),
-              &v1::DeviceService::Stub::GetDevice, v1::GetDeviceRequest())
-        .device()
-        .max_force_n();
+    return palpated.GetDevice().device.max_force_n;
   } catch (const Error&) {
     return 0.0;  // no bar
   }
@@ -103,14 +88,14 @@ double MaxForceN(const Connection& connection) {
 
 class TextSink : public Sink {
  public:
-  explicit TextSink(const Connection& connection)
-      : normalizer_(connection),
+  explicit TextSink(client::Calls& palpated)
+      : normalizer_(palpated),
         is_live_(IsTerminal(STDOUT_FILENO)),
         last_shown_ns_(NowNs()),
-        statistics_(last_shown_ns_, connection.shares_clock()) {
-    status_.server = connection.name();
-    status_.age_is_exact = connection.shares_clock();
-    status_.max_force_n = MaxForceN(connection);
+        statistics_(last_shown_ns_, palpated.shares_clock()) {
+    status_.server = palpated.name();
+    status_.age_is_exact = palpated.shares_clock();
+    status_.max_force_n = MaxForceN(palpated);
   }
 
   ~TextSink() override {
@@ -120,11 +105,9 @@ class TextSink : public Sink {
     }
   }
 
-  void Take(const v1::StreamPosesResponse& message, int count) override {
-    statistics_.Add(message, count, NowNs());
-    if (count > 0) {
-      status_.sample = message.samples(count - 1);
-    }
+  void Take(const client::PoseBatch& batch) override {
+    statistics_.Add(batch, NowNs());
+    if (!batch.poses.empty()) status_.pose = batch.poses.back();
   }
 
   void Refresh() override {
@@ -133,8 +116,8 @@ class TextSink : public Sink {
       return;
     }
     last_shown_ns_ = now_ns;
-    if (status_.sample) {
-      status_.normalized_isovalue = normalizer_.Normalize(*status_.sample, now_ns);
+    if (status_.pose) {
+      status_.normalized_isovalue = normalizer_.Normalize(*status_.pose, now_ns);
     }
     status_.figures = statistics_.Figures(now_ns);
     if (is_live_) {
@@ -173,43 +156,35 @@ class TextSink : public Sink {
 };
 
 // Runs until an end that was asked for; throws on any other.
-void Pump(const Connection& connection, const WatchOptions& options, Sink& sink) {
+void Pump(client::Calls& palpated, const WatchOptions& options, Sink& sink) {
   const double rate_hz = options.rate_hz.value_or(options.json ? 60.0 : 1000.0);
   const std::int64_t start_ns = NowNs();
-  PoseStream stream(connection, rate_hz, BatchFor(options, rate_hz));
+  client::PoseReader reader = palpated.ReadPoses(rate_hz, BatchFor(options, rate_hz));
   std::uint64_t left = options.count.value_or(UINT64_MAX);
-  v1::StreamPosesResponse message;
   while (left > 0 && !Interrupt::IsRaised()) {
     const double seconds = static_cast<double>(NowNs() - start_ns) * 1e-9;
     if (options.seconds && seconds >= *options.seconds) {
       return;
     }
-    const CallEvent event = stream.Next(kPoll, message);
-    if (event == CallEvent::kEnded) {
-      throw connection.ErrorOfEnd(stream.status());
-    }
-    if (event == CallEvent::kMessage) {
-      const auto samples = static_cast<std::uint64_t>(message.samples_size());
-      const std::uint64_t count = std::min(samples, left);
-      left -= count;
-      sink.Take(message, static_cast<int>(count));
+    if (std::optional<client::PoseBatch> batch = reader.Next(kPoll)) {
+      if (batch->poses.size() > left) batch->poses.resize(left);
+      left -= batch->poses.size();
+      sink.Take(*batch);
     }
     sink.Refresh();
   }
 }
 
-}  // namespace
-
-void Watch(const Connection& connection, const WatchOptions& options) {
+void Watch(client::Calls& palpated, const WatchOptions& options) {
   const Interrupt interrupt;
   std::unique_ptr<Sink> sink;
   if (options.json) {
     sink = std::make_unique<JsonSink>();
   } else {
-    sink = std::make_unique<TextSink>(connection);
+    sink = std::make_unique<TextSink>(palpated);
   }
   try {
-    Pump(connection, options, *sink);
+    Pump(palpated, options, *sink);
   } catch (const Error& error) {
     if (error.kind() == ErrorKind::kUnavailable) {
       sink->End();
@@ -217,6 +192,32 @@ void Watch(const Connection& connection, const WatchOptions& options) {
     throw;
   }
   sink->End();
+}
+
+}  // namespace
+
+void AddWatch(arguments::Command& app, Invocation& invocation) {
+  arguments::Command* command = app.add_subcommand(
+      "watch",
+      "Watches the haptic loop: a live view on a terminal, else a line a second; then a summary.\n"
+      "Positions are in the device frame: mm, x right, y up, z towards the user.\n"
+      "Ctrl-C ends it, with exit code 0.");
+  SetFooter(*command,
+            "Examples: palpate watch --seconds 60 > log.txt\n"
+            "          palpate watch --json --rate-hz 1000 --count 5000 > ticks.jsonl");
+  const auto options = std::make_shared<WatchOptions>();
+  command
+      ->add_option("--rate-hz", options->rate_hz,
+                   "Samples per second, above 0, up to 1000 [default: 1000, with --json 60]")
+      ->check(arguments::Positive(1000.0));
+  command->add_option("--count", options->count, "End after this many samples [default: none]")
+      ->check(arguments::Positive());
+  command->add_option("--seconds", options->seconds, "End after this time, s [default: none]")
+      ->check(arguments::Positive());
+  command->add_flag("--json", options->json, "One JSON object per sample and line, no summary");
+  command->callback([&invocation, options] {
+    invocation.command = [options](client::Calls& palpated) { Watch(palpated, *options); };
+  });
 }
 
 std::uint32_t BatchFor(const WatchOptions& options, double rate_hz) {

@@ -1,12 +1,14 @@
 // `palpate watch`.
+//
+// Threads: main only.
 #pragma once
 
 #include <cstdint>
 #include <optional>
 
-namespace palpate::cli {
+#include "client/cli/invocation.h"
 
-class Connection;
+namespace palpate::cli {
 
 struct WatchOptions {
   // Samples per second, in (0, 1000]. Absent: 1000, or 60 with `json`.
@@ -18,12 +20,6 @@ struct WatchOptions {
   // One JSON object per sample instead of text.
   bool json = false;
 };
-
-// Shows the stream until the end that the options name, Ctrl-C or SIGTERM: live
-// on a terminal, else a line a second; then a summary.
-// Errors: as Connection::ErrorOf and WriteOutput; kUnavailable when the daemon
-// goes away.
-void Watch(const Connection& connection, const WatchOptions& options);
 
 // Samples per message: about 31 messages a second of text, 100 of JSON, and
 // never more samples than asked for. Pure.

@@ -55,41 +55,38 @@ double HistogramP99Us(const std::vector<std::uint64_t>& histogram, std::uint64_t
 WatchStatistics::WatchStatistics(std::int64_t now_ns, bool shares_clock)
     : start_ns_(now_ns), shares_clock_(shares_clock), histogram_(kBins) {}
 
-void WatchStatistics::Add(const v1::StreamPosesResponse& message, int count, std::int64_t now_ns) {
-  const std::int64_t delay_ns = now_ns - message.sent_time_ns();
+void WatchStatistics::Add(const client::PoseBatch& batch, std::int64_t now_ns) {
+  const std::int64_t delay_ns = now_ns - batch.sent_time_ns;
   const bool is_first = counts_.samples == 0;
   least_delay_ns_ = is_first ? delay_ns : std::min(least_delay_ns_, delay_ns);
-  counts_.dropped_samples = message.dropped_samples();
-  const int samples = std::min(count, message.samples_size());
-  for (int i = 0; i < samples; ++i) {
-    AddSample(message.samples(i));
-  }
-  recent_arrivals_.push_back({now_ns, samples});
+  counts_.dropped_samples = batch.dropped;
+  for (const client::Pose& pose : batch.poses) AddSample(pose);
+  recent_arrivals_.push_back({now_ns, batch.poses.size()});
   ForgetOld(now_ns);
 }
 
 // The proxy is where it must never be.
-bool IsInside(const v1::PoseSample& sample) {
-  if (sample.mode() != v1::PROXY_MODE_FREE && sample.mode() != v1::PROXY_MODE_CONSTRAINED) {
+bool IsInside(const client::Pose& pose) {
+  if (pose.mode != client::ProxyMode::kFree && pose.mode != client::ProxyMode::kConstrained) {
     return false;
   }
-  return sample.free_side() == v1::FREE_SIDE_ABOVE ? sample.density() < sample.isovalue()
-                                                   : sample.density() > sample.isovalue();
+  return pose.free_side == client::FreeSide::kAbove ? pose.density < pose.isovalue
+                                                    : pose.density > pose.isovalue;
 }
 
-void WatchStatistics::AddSample(const v1::PoseSample& sample) {
-  last_ = {sample.tick(), sample.missed_ticks(), sample.time_ns(), sample.update_ns()};
+void WatchStatistics::AddSample(const client::Pose& pose) {
+  last_ = {pose.tick, pose.missed_ticks, pose.time_ns, pose.update_ns};
   if (counts_.samples == 0) {
     first_ = last_;
   }
   ++counts_.samples;
-  counts_.contact_samples += sample.contact() ? 1 : 0;
-  counts_.inside_samples += IsInside(sample) ? 1 : 0;
-  const auto bin = static_cast<std::size_t>(std::max<std::int64_t>(sample.update_ns(), 0) / kBinNs);
+  counts_.contact_samples += pose.contact ? 1 : 0;
+  counts_.inside_samples += IsInside(pose) ? 1 : 0;
+  const auto bin = static_cast<std::size_t>(std::max<std::int64_t>(pose.update_ns, 0) / kBinNs);
   ++histogram_[std::min(bin, kBins - 1)];
-  update_sum_ns_ += static_cast<double>(sample.update_ns());
+  update_sum_ns_ += static_cast<double>(pose.update_ns);
   counts_.update.max_us =
-      std::max(counts_.update.max_us, static_cast<double>(sample.update_ns()) * 1e-3);
+      std::max(counts_.update.max_us, static_cast<double>(pose.update_ns) * 1e-3);
   recent_ticks_.push_back(last_);
 }
 
@@ -135,7 +132,7 @@ WatchFigures WatchStatistics::Figures(std::int64_t now_ns) const {
   // stream that stands still must not show the rate it once had.
   std::uint64_t arrived = 0;
   for (std::size_t i = 1; i < recent_arrivals_.size(); ++i) {
-    arrived += static_cast<std::uint64_t>(recent_arrivals_[i].samples);
+    arrived += recent_arrivals_[i].samples;
   }
   const Arrival& newest = recent_arrivals_.back();
   const bool stands_still = now_ns - newest.now_ns > kWindowNs;

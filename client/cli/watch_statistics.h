@@ -9,7 +9,7 @@
 #include <deque>
 #include <vector>
 
-#include "palpate/v1/pose.pb.h"
+#include "client/sdk/pose.h"
 
 namespace palpate::cli {
 
@@ -59,8 +59,8 @@ class WatchStatistics {
   // `shares_clock`: the daemon runs on this machine.
   WatchStatistics(std::int64_t now_ns, bool shares_clock);
 
-  // Counts the samples of one message that just came, `count` of them at most.
-  void Add(const v1::StreamPosesResponse& message, int count, std::int64_t now_ns);
+  // Counts the samples of one message that just came.
+  void Add(const client::PoseBatch& batch, std::int64_t now_ns);
 
   WatchFigures Figures(std::int64_t now_ns) const;
 
@@ -73,10 +73,10 @@ class WatchStatistics {
   };
   struct Arrival {
     std::int64_t now_ns = 0;
-    int samples = 0;
+    std::size_t samples = 0;
   };
 
-  void AddSample(const v1::PoseSample& sample);
+  void AddSample(const client::Pose& pose);
   void ForgetOld(std::int64_t now_ns);
 
   const std::int64_t start_ns_;

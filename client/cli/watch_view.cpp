@@ -6,24 +6,21 @@
 #include <cmath>
 
 #include "client/cli/device_description.h"
-#include "client/cli/sample_json.h"
+#include "client/sdk/words.h"
 
 namespace palpate::cli {
 namespace {
 
 constexpr int kBarWidth = 30;
 
-std::string Aligned(bool present, const v1::Vector3& vector) {
-  return present
-             ? fmt::format("{:>10.3f} {:>10.3f} {:>10.3f} mm", vector.x(), vector.y(), vector.z())
-             : fmt::format("{:>10} {:>10} {:>10}", "-", "-", "-");
+std::string Aligned(const std::optional<Vec3>& v) {
+  return v ? fmt::format("{:>10.3f} {:>10.3f} {:>10.3f} mm", v->x(), v->y(), v->z())
+           : fmt::format("{:>10} {:>10} {:>10}", "-", "-", "-");
 }
 
-std::string Compact(bool present, const v1::Vector3& vector) {
-  return present ? fmt::format("({:.3f} {:.3f} {:.3f})", vector.x(), vector.y(), vector.z()) : "-";
+std::string Compact(const std::optional<Vec3>& v) {
+  return v ? fmt::format("({:.3f} {:.3f} {:.3f})", v->x(), v->y(), v->z()) : "-";
 }
-
-double Length(const v1::Vector3& vector) { return std::hypot(vector.x(), vector.y(), vector.z()); }
 
 std::string ForceBar(double force_n, double max_force_n) {
   if (!(max_force_n > 0.0)) {
@@ -36,14 +33,15 @@ std::string ForceBar(double force_n, double max_force_n) {
 
 std::string Isovalue(const WatchStatus& status) {
   return status.normalized_isovalue
-             ? fmt::format("{:.6g} (normalised {:.4f})", status.sample->isovalue(),
+             ? fmt::format("{:.6g} (normalised {:.4f})", status.pose->isovalue,
                            *status.normalized_isovalue)
-             : fmt::format("{:.6g}", status.sample->isovalue());
+             : fmt::format("{:.6g}", status.pose->isovalue);
 }
 
 // A daemon of another version may not tell.
-bool LacksForces(const v1::PoseSample& sample) {
-  return sample.has_forces() && sample.forces().state() != v1::FORCE_STATE_ON;
+bool LacksForces(const client::Pose& pose) {
+  return pose.forces.state != client::ForceState::kUnknown &&
+         pose.forces.state != client::ForceState::kOn;
 }
 
 std::string Age(const WatchStatus& status) {
@@ -78,23 +76,23 @@ std::vector<std::string> LoopLines(const WatchStatus& status) {
 
 std::vector<std::string> LiveView(const WatchStatus& status, int columns, int rows) {
   std::vector<std::string> lines = LoopLines(status);
-  if (!status.sample) {
+  if (!status.pose) {
     lines.resize(1);
     lines.push_back("no sample yet");
   } else {
-    const v1::PoseSample& s = *status.sample;
-    const double force_n = Length(s.force_n());
-    lines.push_back(fmt::format("proxy     {}, {}", ModeName(s.mode()),
-                                s.contact() ? "in contact" : "no contact"));
-    lines.push_back("HIP       " + Aligned(s.has_hip_mm(), s.hip_mm()));
-    lines.push_back("SCP_H     " + Aligned(s.has_scp_h_mm(), s.scp_h_mm()));
-    lines.push_back("SCP_V     " + Aligned(s.has_scp_v_mm(), s.scp_v_mm()));
+    const client::Pose& s = *status.pose;
+    const double force_n = s.force_n.norm();
+    lines.push_back(fmt::format("proxy     {}, {}", client::NameOf(s.mode),
+                                s.contact ? "in contact" : "no contact"));
+    lines.push_back("HIP       " + Aligned(s.hip_mm));
+    lines.push_back("SCP_H     " + Aligned(s.scp_h_mm));
+    lines.push_back("SCP_V     " + Aligned(s.scp_v_mm));
     lines.push_back(
         fmt::format("force     {:>7.3f} N {}", force_n, ForceBar(force_n, status.max_force_n)));
-    if (LacksForces(s)) lines.push_back("forces    " + InWords(s.forces()));
-    lines.push_back(fmt::format("density   {:.6g}   isovalue {}", s.density(), Isovalue(status)));
-    lines.push_back(fmt::format("revision  settings {}   volume {}", s.settings_revision(),
-                                s.volume_revision()));
+    if (LacksForces(s)) lines.push_back("forces    " + InWords(s.forces));
+    lines.push_back(fmt::format("density   {:.6g}   isovalue {}", s.density, Isovalue(status)));
+    lines.push_back(
+        fmt::format("revision  settings {}   volume {}", s.settings_revision, s.volume_revision));
   }
   lines.resize(std::min(lines.size(), static_cast<std::size_t>(std::max(rows, 0))));
   for (std::string& line : lines) {
@@ -105,21 +103,20 @@ std::vector<std::string> LiveView(const WatchStatus& status, int columns, int ro
 
 std::string LogLine(const WatchStatus& status) {
   const WatchFigures& f = status.figures;
-  if (!status.sample) {
+  if (!status.pose) {
     return fmt::format("{:.1f} s: no sample yet", f.seconds);
   }
-  const v1::PoseSample& s = *status.sample;
+  const client::Pose& s = *status.pose;
   return fmt::format(
       "{:.1f} s: {:.1f} samples/s, {:.1f} ticks/s, missed {:.1f}/s, {} in all ({:.3f} %), update "
       "mean {:.1f} µs p99 {:.1f} µs, {}, {}, HIP {} SCP_H {} SCP_V {} mm, force {:.3f} N, "
       "{}density {:.6g}, isovalue {}, settings {}, volume {}, age {}, dropped {}",
       f.seconds, f.recent_samples_per_s, f.recent_ticks_per_s, f.recent_missed_per_s,
       f.total_missed_ticks, f.total_missed_percent, f.recent_update.mean_us, f.recent_update.p99_us,
-      ModeName(s.mode()), s.contact() ? "in contact" : "no contact",
-      Compact(s.has_hip_mm(), s.hip_mm()), Compact(s.has_scp_h_mm(), s.scp_h_mm()),
-      Compact(s.has_scp_v_mm(), s.scp_v_mm()), Length(s.force_n()),
-      LacksForces(s) ? "forces " + NameOf(s.forces()) + ", " : "", s.density(), Isovalue(status),
-      s.settings_revision(), s.volume_revision(), Age(status), f.dropped_samples);
+      client::NameOf(s.mode), s.contact ? "in contact" : "no contact", Compact(s.hip_mm),
+      Compact(s.scp_h_mm), Compact(s.scp_v_mm), s.force_n.norm(),
+      LacksForces(s) ? "forces " + NameOf(s.forces) + ", " : "", s.density, Isovalue(status),
+      s.settings_revision, s.volume_revision, Age(status), f.dropped_samples);
 }
 
 std::string Summary(const WatchFigures& f) {

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "client/cli/watch_statistics.h"
-#include "palpate/v1/pose.pb.h"
+#include "client/sdk/pose.h"
 
 namespace palpate::cli {
 
@@ -14,7 +14,7 @@ struct WatchStatus {
   std::string server;
   WatchFigures figures;
   // Absent before the first one.
-  std::optional<v1::PoseSample> sample;
+  std::optional<client::Pose> pose;
   // Over the volume's range; absent when that is not known.
   std::optional<double> normalized_isovalue;
   // Full length of the force bar; 0: no bar.

@@ -14,7 +14,7 @@
 #include <memory>
 #include <utility>
 
-namespace palpate {
+namespace palpate::client {
 
 enum class CallEvent {
   kMessage,
@@ -162,4 +162,4 @@ class AcknowledgedCall {
   std::unique_ptr<grpc::ClientAsyncReaderWriter<Request, Response>> call_;
 };
 
-}  // namespace palpate
+}  // namespace palpate::client

@@ -17,10 +17,6 @@ namespace {
 constexpr char kCertificate[] = "CERTIFICATE";
 constexpr char kPrivateKey[] = "PRIVATE KEY";
 
-[[noreturn]] void Refuse(const std::string& message) {
-  throw Error(ErrorKind::kInvalidArgument, message);
-}
-
 std::string ReadFile(const std::string& path) {
   std::ifstream file(path, std::ios::binary);
   std::ostringstream text;
@@ -95,11 +91,13 @@ std::shared_ptr<grpc::ChannelCredentials> Route::MakeCredentials() const {
       tls, grpc::AccessTokenCredentials(ReadToken(credentials_.token_file)));
 }
 
-std::shared_ptr<grpc::Channel> Route::MakeChannel(const grpc::ChannelArguments& arguments) const {
+std::shared_ptr<grpc::Channel> Route::MakeChannel(
+    const std::shared_ptr<grpc::ChannelCredentials>& credentials,
+    const grpc::ChannelArguments& arguments) const {
   grpc::ChannelArguments all = arguments;
   // A proxy for web pages has no business between a stylus and its viewer.
   all.SetInt(GRPC_ARG_ENABLE_HTTP_PROXY, 0);
-  return grpc::CreateCustomChannel(target_, MakeCredentials(), all);
+  return grpc::CreateCustomChannel(target_, credentials, all);
 }
 
 Error Route::WhyUnreached(const std::string& details) const {

@@ -30,7 +30,10 @@ class Route {
 
   // Reads the credentials' files anew, so that renewed ones are taken. Errors:
   // kNotFound, kInvalidArgument for such a file.
-  std::shared_ptr<grpc::Channel> MakeChannel(const grpc::ChannelArguments& arguments) const;
+  std::shared_ptr<grpc::ChannelCredentials> MakeCredentials() const;
+  std::shared_ptr<grpc::Channel> MakeChannel(
+      const std::shared_ptr<grpc::ChannelCredentials>& credentials,
+      const grpc::ChannelArguments& arguments) const;
 
   // Of a channel that does not connect, in a line that says what to do. `details`: what gRPC says
   // of a call on it. Of a socket gRPC reports all failures alike: the socket's file tells them
@@ -40,7 +43,6 @@ class Route {
  private:
   std::string WhyServerUnreached(const std::string& details) const;
   Error WhySocketUnreached() const;
-  std::shared_ptr<grpc::ChannelCredentials> MakeCredentials() const;
 
   std::string name_;
   std::string socket_path_;

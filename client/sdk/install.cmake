@@ -4,8 +4,8 @@ include(CMakePackageConfigHelpers)
 
 # None of them includes gRPC or protobuf: unit.include_layers checks it.
 target_sources(palpate_client PUBLIC FILE_SET HEADERS BASE_DIRS ${PROJECT_SOURCE_DIR} FILES
-  client.h connection.h daemon_info.h edit.h pose.h server_choice.h setting.h settings.h
-  volume_update.h
+  calls.h client.h connection.h device.h download.h edit.h nrrd_file.h placement.h pose.h pose_reader.h progress.h
+  recording.h series.h server_choice.h setting.h settings.h volume.h volume_mirror.h volume_update.h words.h
   ${PROJECT_SOURCE_DIR}/common/bricks/brick.h
   ${PROJECT_SOURCE_DIR}/common/bricks/volume_event.h
   ${PROJECT_SOURCE_DIR}/common/error/error.h
@@ -20,7 +20,7 @@ target_compile_features(palpate_client PUBLIC cxx_std_20)
 
 set(names client)
 # What the client is linked with: palpate::client brings them along.
-list(APPEND names bricks error geometry isosurface messages proto sdk setting_list volume_copy volume_mirror wire)
+list(APPEND names bricks error files geometry isosurface messages proto setting_list volume_copy volume_mirror wire)
 foreach(name IN LISTS names)
   set_target_properties(palpate_${name} PROPERTIES EXPORT_NAME ${name})
   list(APPEND targets palpate_${name})

@@ -4,6 +4,7 @@
 
 #include "client/sdk/backoff.h"
 #include "common/wire/status.h"
+#include "palpate/v1/device.grpc.pb.h"
 
 namespace palpate::client {
 namespace {
@@ -18,6 +19,8 @@ grpc::ChannelArguments Arguments() {
   return arguments;
 }
 
+Error ClosedError() { return {ErrorKind::kCancelled, "the connection was closed"}; }
+
 }  // namespace
 
 Link::Link(const Server& server) : route_(server) {
@@ -26,7 +29,10 @@ Link::Link(const Server& server) : route_(server) {
 
 std::pair<std::shared_ptr<grpc::Channel>, std::shared_ptr<grpc::Channel>> Link::MakeChannels()
     const {
-  return {route_.MakeChannel(Arguments()), route_.MakeChannel(Arguments())};
+  // Once: a token may come through a pipe.
+  const auto credentials = route_.MakeCredentials();
+  return {route_.MakeChannel(credentials, Arguments()),
+          route_.MakeChannel(credentials, Arguments())};
 }
 
 std::shared_ptr<grpc::Channel> Link::channel() const {
@@ -56,7 +62,9 @@ Error Link::ErrorOf(const grpc::Status& status) const {
       return {ErrorKind::kUnavailable, "palpated at " + name() + " does not answer"};
     case grpc::StatusCode::UNIMPLEMENTED:
       return {ErrorKind::kUnavailable,
-              name() + " is not palpated, or one of another version than this library"};
+              name() +
+                  " is not palpated, or one of another version: compare its 'palpated "
+                  "--version' with that of this program"};
     case grpc::StatusCode::UNAVAILABLE:
       // The daemon's own line, where there is a daemon.
       if (channel()->GetState(false) == GRPC_CHANNEL_READY) return FromStatus(status);
@@ -64,6 +72,61 @@ Error Link::ErrorOf(const grpc::Status& status) const {
     default:
       return FromStatus(status);
   }
+}
+
+Error Link::ErrorOfEnd(const grpc::Status& status) {
+  {
+    const std::lock_guard lock(mutex_);
+    if (cancelled_) return ClosedError();
+  }
+  switch (status.error_code()) {
+    case grpc::StatusCode::OK:
+    case grpc::StatusCode::CANCELLED:
+      break;
+    case grpc::StatusCode::UNAVAILABLE:
+      // The daemon's own line, where there is a daemon.
+      if (channel()->GetState(false) == GRPC_CHANNEL_READY) return ErrorOf(status);
+      break;
+    default:
+      return ErrorOf(status);
+  }
+  try {
+    Call<v1::DeviceService>(&v1::DeviceService::Stub::GetDevice, v1::GetDeviceRequest());
+  } catch (const Error& error) {
+    if (error.kind() == ErrorKind::kPermissionDenied) return error;
+  }
+  return {ErrorKind::kUnavailable,
+          "palpated at " + name() + " went away: start it again, then repeat this"};
+}
+
+void Link::WaitUntilReached(std::chrono::milliseconds timeout) const {
+  ThrowIfCancelled();
+  const std::shared_ptr<grpc::Channel> reached = channel();
+  const auto deadline = std::chrono::system_clock::now() + timeout;
+  for (grpc_connectivity_state state = reached->GetState(true); state != GRPC_CHANNEL_READY;
+       state = reached->GetState(true)) {
+    if (state == GRPC_CHANNEL_TRANSIENT_FAILURE || state == GRPC_CHANNEL_SHUTDOWN) {
+      throw route_.WhyUnreached(shares_clock() ? "" : WhatGrpcSays(reached));
+    }
+    if (reached->WaitForStateChange(state, deadline)) continue;
+    throw Error(ErrorKind::kUnavailable,
+                "no answer from " + name() + " within " +
+                    std::to_string(std::chrono::ceil<std::chrono::seconds>(timeout).count()) +
+                    " s: a firewall drops what is sent, or it is not palpated");
+  }
+}
+
+// Of a channel that does not connect: a call on it has the reason.
+std::string Link::WhatGrpcSays(const std::shared_ptr<grpc::Channel>& channel) const {
+  grpc::ClientContext context;
+  context.set_deadline(std::chrono::system_clock::now() + kCallTimeout);
+  v1::GetDeviceResponse response;
+  return v1::DeviceService::NewStub(channel)->GetDevice(&context, {}, &response).error_message();
+}
+
+void Link::ThrowIfCancelled() const {
+  const std::lock_guard lock(mutex_);
+  if (cancelled_) throw ClosedError();
 }
 
 void Link::CancelCalls() {
@@ -75,7 +138,7 @@ void Link::CancelCalls() {
 Link::Registered::Registered(Link& link, grpc::ClientContext& context)
     : link_(link), context_(context) {
   const std::lock_guard lock(link_.mutex_);
-  if (link_.cancelled_) throw Error(ErrorKind::kCancelled, "the connection was closed");
+  if (link_.cancelled_) throw ClosedError();
   link_.running_.insert(&context_);
 }
 

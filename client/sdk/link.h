@@ -6,6 +6,8 @@
 #include <grpcpp/grpcpp.h>
 
 #include <chrono>
+#include <exception>
+#include <functional>
 #include <memory>
 #include <mutex>
 #include <set>
@@ -14,6 +16,7 @@
 
 #include "client/sdk/channel.h"
 #include "client/sdk/connection.h"
+#include "client/sdk/polled_call.h"
 #include "common/error/error.h"
 
 namespace palpate::client {
@@ -21,11 +24,6 @@ namespace palpate::client {
 inline constexpr std::chrono::seconds kCallTimeout{5};
 
 class Link {
-  template <typename Message>
-  static Message MessageOfReader(const grpc::ClientReader<Message>*);
-  template <typename Reader>
-  using MessageOf = decltype(MessageOfReader(static_cast<Reader>(nullptr)));
-
  public:
   // Connects nothing yet. Errors: as Client's.
   explicit Link(const Server& server);
@@ -39,6 +37,20 @@ class Link {
   // a pause of gRPC's own is over and it has connected in the background, so that a
   // daemon that is back would be found an attempt or two too late.
   void Renew();
+
+  // A call that CancelCalls ends, while this exists.
+  class Registered {
+   public:
+    // Errors: kCancelled after CancelCalls.
+    Registered(Link& link, grpc::ClientContext& context);
+    ~Registered();
+    Registered(const Registered&) = delete;
+    Registered& operator=(const Registered&) = delete;
+
+   private:
+    Link& link_;
+    grpc::ClientContext& context_;
+  };
 
   // Calls a unary method of a service, for example
   //   Call<v1::RenderService>(&v1::RenderService::Stub::GetSettings, request)
@@ -58,42 +70,55 @@ class Link {
     return response;
   }
 
-  // Calls a method that streams its answer, without a deadline: open(stub, context) begins it.
-  // take(message): false cancels.
-  // Errors: ErrorOf its status.
-  template <typename Service, typename Open, typename Take>
-  void Stream(const Open& open, const Take& take) {
+  // Calls a method that streams its answer, without a deadline: prepare(stub, context, queue) is
+  // such as stub.PrepareAsyncLoadVolume(context, request, queue). take(message) has each message;
+  // goes_on() is asked after each of them and every 50 ms: false cancels.
+  // Errors: ErrorOfEnd its status; kCancelled with the text `cancelled` where goes_on() said so.
+  template <typename Service, typename Message, typename Prepare, typename Take>
+  void Stream(const Prepare& prepare, const Take& take, const std::function<bool()>& goes_on,
+              const std::string& cancelled) {
     const std::unique_ptr<typename Service::Stub> stub = Service::NewStub(channel());
     grpc::ClientContext context;
     const Registered registered(*this, context);
-    const auto reader = open(*stub, context);
-    for (MessageOf<decltype(reader.get())> message; reader->Read(&message);) {
-      if (!take(std::as_const(message))) context.TryCancel();
+    PolledCall polled(context, goes_on);
+    const auto call = prepare(*stub, &context, &polled.queue());
+    call->StartCall(&polled);
+    polled.Wait();
+    std::exception_ptr thrown;
+    Message message;
+    while (call->Read(&message, &polled), polled.Wait()) {
+      try {
+        take(std::as_const(message));
+      } catch (...) {
+        thrown = std::current_exception();
+        context.TryCancel();
+        break;
+      }
+      polled.Ask();
     }
-    if (const grpc::Status status = reader->Finish(); !status.ok()) throw ErrorOf(status);
+    const grpc::Status status = polled.Finish(*call);
+    if (thrown) std::rethrow_exception(thrown);
+    if (status.ok()) return;
+    throw polled.is_cancelled() ? Error(ErrorKind::kCancelled, cancelled) : ErrorOfEnd(status);
   }
 
-  // The Error that a failed call, or an ended stream, stands for.
+  // The Error that a failed call stands for.
   Error ErrorOf(const grpc::Status& status) const;
+  // The Error of a stream that palpated ended. Palpated does not say why it ends the streams of a
+  // client whose token was revoked: another call asks.
+  Error ErrorOfEnd(const grpc::Status& status);
+
+  // Errors: why it is not reached within `timeout`.
+  void WaitUntilReached(std::chrono::milliseconds timeout) const;
 
   // Ends the calls that run, and all later ones at once.
   void CancelCalls();
+  // Throws kCancelled after it.
+  void ThrowIfCancelled() const;
 
  private:
-  class Registered {
-   public:
-    // Errors: kCancelled after CancelCalls.
-    Registered(Link& link, grpc::ClientContext& context);
-    ~Registered();
-    Registered(const Registered&) = delete;
-    Registered& operator=(const Registered&) = delete;
-
-   private:
-    Link& link_;
-    grpc::ClientContext& context_;
-  };
-
   std::pair<std::shared_ptr<grpc::Channel>, std::shared_ptr<grpc::Channel>> MakeChannels() const;
+  std::string WhatGrpcSays(const std::shared_ptr<grpc::Channel>& channel) const;
 
   const Route route_;
 

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <bit>
 
+#include "client/sdk/enum_of.h"
+#include "client/sdk/info_messages.h"
 #include "common/error/error.h"
 #include "common/wire/convert.h"
 #include "common/wire/limits.h"
@@ -10,16 +12,7 @@
 namespace palpate::client {
 namespace {
 
-// Enumerations here have the contract's numbers, 0 for what is unknown.
-template <typename Enum>
-Enum EnumOf(int value, Enum last) {
-  return value < 0 || value > static_cast<int>(last) ? Enum{} : static_cast<Enum>(value);
-}
-static_assert(static_cast<int>(ForceState::kStopped) == v1::FORCE_STATE_STOPPED);
-static_assert(static_cast<int>(ForceReason::kStopButton) == v1::FORCE_REASON_STOP_BUTTON);
-static_assert(static_cast<int>(ForceReason::kDevice) == v1::FORCE_REASON_DEVICE);
 static_assert(static_cast<int>(ProxyMode::kSuspended) == v1::PROXY_MODE_SUSPENDED);
-static_assert(static_cast<int>(VerificationLevel::kSimulated) == v1::VERIFICATION_LEVEL_SIMULATED);
 
 FreeSide SideOf(v1::FreeSide side) {
   return side == v1::FREE_SIDE_ABOVE ? FreeSide::kAbove : FreeSide::kBelow;
@@ -79,11 +72,6 @@ v1::EditOperation ToProto(EditOperation operation) {
 }
 
 }  // namespace
-
-ForceStatus FromProto(const v1::ForceStatus& forces) {
-  return {EnumOf(forces.state(), ForceState::kStopped),
-          EnumOf(forces.reason(), ForceReason::kStopButton), forces.limit_n()};
-}
 
 Pose FromProto(const v1::PoseSample& sample) {
   Pose pose;
@@ -157,50 +145,6 @@ EditResult FromProto(const v1::EditVolumeResponse& response) {
   result.undo_steps = response.undo_steps();
   result.redo_steps = response.redo_steps();
   return result;
-}
-
-DeviceInfo FromProto(const v1::GetDeviceResponse& response) {
-  const v1::DeviceDescription& device = response.device();
-  DeviceInfo info;
-  info.kind = device.kind();
-  info.model = device.model();
-  info.workspace_min_mm = palpate::FromProto(device.workspace_min_mm());
-  info.workspace_max_mm = palpate::FromProto(device.workspace_max_mm());
-  info.max_force_n = device.max_force_n();
-  info.max_stiffness_n_per_mm = device.max_stiffness_n_per_mm();
-  info.button_count = device.button_count();
-  info.verification_level = EnumOf(device.verification_level(), VerificationLevel::kSimulated);
-  info.streaming = response.health().connection() == v1::DEVICE_CONNECTION_STREAMING;
-  info.docked = response.health().docked();
-  info.calibrated = response.health().calibrated();
-  info.problem = response.health().problem();
-  info.forces = FromProto(response.forces());
-  info.daemon_version = response.servo().version();
-  info.loop_rate_hz = response.servo().rate_hz();
-  info.identity = response.caller().identity();
-  info.role = EnumOf(response.caller().role(), Role::kAdmin);
-  info.warnings.assign(response.servo().warnings().begin(), response.servo().warnings().end());
-  return info;
-}
-
-SeriesState FromProto(const v1::SeriesState& state) {
-  return {state.frames(), state.position_frames(), state.playing(),        state.rate_hz(),
-          state.loop(),   state.interpolate(),     state.volume_revision()};
-}
-
-v1::ControlSeriesRequest ToProto(const SeriesControl& control) {
-  v1::ControlSeriesRequest request;
-  if (control.playing) request.set_playing(*control.playing);
-  if (control.position_frames) request.set_position_frames(*control.position_frames);
-  if (control.rate_hz) request.set_rate_hz(*control.rate_hz);
-  if (control.loop) request.set_loop(*control.loop);
-  if (control.interpolate) request.set_interpolate(*control.interpolate);
-  return request;
-}
-
-RecordingState FromProto(const v1::RecordingState& state) {
-  return {state.running(),    state.path(),       state.ticks(),
-          state.lost_ticks(), state.size_bytes(), state.error()};
 }
 
 }  // namespace palpate::client

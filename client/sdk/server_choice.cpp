@@ -19,10 +19,6 @@ constexpr std::size_t kLongestName = 64;
 constexpr char kExample[] =
     "[NAME], server = \"HOST:PORT\", tls_ca = \"FILE\", token_file = \"FILE\"";
 
-[[noreturn]] void Refuse(const std::string& message) {
-  throw Error(ErrorKind::kInvalidArgument, message);
-}
-
 // Set and not empty.
 std::string FromEnvironment(const char* variable) {
   const char* value = std::getenv(variable);

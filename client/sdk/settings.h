@@ -30,8 +30,9 @@ inline bool IsKnown(const Settings& settings, const Setting& setting) {
 }
 
 struct SettingsResult {
-  Settings settings;               // after the update
-  std::uint64_t applied_tick = 0;  // first tick that used them
+  Settings settings;                       // after the update
+  std::uint64_t applied_tick = 0;          // first tick that used them
+  std::int64_t receipt_to_applied_ns = 0;  // from the daemon's receipt to the start of that tick
 };
 
 }  // namespace palpate::client

@@ -2,7 +2,7 @@
 
 #include "common/wire/volume_message.h"
 
-namespace palpate {
+namespace palpate::client {
 namespace {
 
 v1::StreamVolumeRequest Start(std::uint32_t max_unacknowledged,
@@ -23,4 +23,4 @@ VolumeCall::VolumeCall(const std::shared_ptr<grpc::Channel>& channel,
         return stub_->PrepareAsyncStreamVolume(context, queue);
       }) {}
 
-}  // namespace palpate
+}  // namespace palpate::client

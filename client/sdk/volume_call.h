@@ -10,7 +10,7 @@
 #include "common/bricks/volume_event.h"
 #include "palpate/v1/volume.grpc.pb.h"
 
-namespace palpate {
+namespace palpate::client {
 
 class VolumeCall {
  public:
@@ -28,4 +28,4 @@ class VolumeCall {
   AcknowledgedCall<v1::StreamVolumeRequest, v1::StreamVolumeResponse> call_;
 };
 
-}  // namespace palpate
+}  // namespace palpate::client

@@ -12,14 +12,13 @@ bool IsAll(const Brick& brick, float value) {
 
 bool IsSame(const std::optional<VolumePlacement>& a, const std::optional<VolumePlacement>& b) {
   if (!a || !b) return a.has_value() == b.has_value();
-  return a->settings_revision == b->settings_revision && a->X_DI.linear == b->X_DI.linear &&
-         a->X_DI.translation == b->X_DI.translation;
+  return a->settings_revision == b->settings_revision && a->X_DI == b->X_DI;
 }
 
 }  // namespace
 
 bool VolumeCopy::Merge(VolumeMirror& mirror) {
-  const VolumeChanges changes = mirror.TakeChanges();
+  const MirrorChanges changes = mirror.TakeChanges();
   const auto complete = mirror.is_complete() ? mirror.resume() : std::nullopt;
   const std::lock_guard lock(mutex_);
   bool changed = changes.all || !changes.numbers.empty() || update_.complete != complete ||

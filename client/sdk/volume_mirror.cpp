@@ -9,7 +9,7 @@
 #include "common/bricks/float_codec.h"
 #include "common/error/error.h"
 
-namespace palpate {
+namespace palpate::client {
 namespace {
 
 // The contract says 64; a later daemon may send more, but not any number.
@@ -145,12 +145,12 @@ std::span<const float> VolumeMirror::overview() const {
   return overview_;
 }
 
-VolumeChanges VolumeMirror::TakeChanges() {
-  VolumeChanges changes = std::exchange(changes_, {});
+MirrorChanges VolumeMirror::TakeChanges() {
+  MirrorChanges changes = std::exchange(changes_, {});
   auto& numbers = changes.numbers;
   std::sort(numbers.begin(), numbers.end());
   numbers.erase(std::unique(numbers.begin(), numbers.end()), numbers.end());
   return changes;
 }
 
-}  // namespace palpate
+}  // namespace palpate::client

@@ -17,10 +17,10 @@
 
 #include "common/bricks/volume_event.h"
 
-namespace palpate {
+namespace palpate::client {
 
 // What the copy's owner has to take up since it asked last.
-struct VolumeChanges {
+struct MirrorChanges {
   bool all = false;                      // another volume: its lattice, and every brick
   std::vector<std::uint64_t> numbers{};  // of changed bricks, ascending; where not all
 };
@@ -57,7 +57,7 @@ class VolumeMirror {
   std::span<const float> overview() const;
   const Vec3i& overview_size() const { return overview_size_; }
 
-  VolumeChanges TakeChanges();
+  MirrorChanges TakeChanges();
 
  private:
   void Take(const VolumeLattice& lattice);
@@ -80,7 +80,7 @@ class VolumeMirror {
   std::vector<float> overview_;
   std::uint64_t overview_known_ = 0;
 
-  VolumeChanges changes_;
+  MirrorChanges changes_;
 };
 
-}  // namespace palpate
+}  // namespace palpate::client

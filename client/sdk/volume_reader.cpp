@@ -8,7 +8,7 @@
 #include "common/wire/status.h"
 #include "common/wire/volume_message.h"
 
-namespace palpate {
+namespace palpate::client {
 namespace {
 
 // A copy that is damaged this often in a row is not mended by fetching it anew.
@@ -102,4 +102,4 @@ VolumeReader::Event VolumeReader::Lose(const Error& error) {
   return Event::kLost;
 }
 
-}  // namespace palpate
+}  // namespace palpate::client

@@ -20,7 +20,7 @@ class Channel;
 class Status;
 }  // namespace grpc
 
-namespace palpate {
+namespace palpate::client {
 
 class VolumeCall;
 
@@ -80,4 +80,4 @@ class VolumeReader {
   std::uint64_t messages_received_ = 0;
 };
 
-}  // namespace palpate
+}  // namespace palpate::client

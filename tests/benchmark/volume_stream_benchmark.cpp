@@ -36,7 +36,8 @@ struct Bench {
   std::shared_ptr<grpc::Channel> channel;
 };
 
-void CompleteAt(VolumeReader& reader, const VolumeMirror& mirror, std::uint64_t revision) {
+void CompleteAt(client::VolumeReader& reader, const client::VolumeMirror& mirror,
+                std::uint64_t revision) {
   while (!mirror.is_complete() || mirror.resume()->volume_revision != revision) reader.Next(1s);
 }
 
@@ -44,8 +45,8 @@ void FreshCopy(benchmark::State& state, const std::string& source) {
   Bench bench(source);
   std::uint64_t bytes = 0;
   for (auto _ : state) {
-    VolumeMirror mirror;
-    VolumeReader reader(bench.channel, mirror);
+    client::VolumeMirror mirror;
+    client::VolumeReader reader(bench.channel, mirror);
     CompleteAt(reader, mirror, 1);
     bytes = reader.bytes_received();
   }
@@ -54,8 +55,8 @@ void FreshCopy(benchmark::State& state, const std::string& source) {
 
 void Brush(benchmark::State& state) {
   Bench bench("builtin:gyroid:256");
-  VolumeMirror mirror;
-  VolumeReader reader(bench.channel, mirror);
+  client::VolumeMirror mirror;
+  client::VolumeReader reader(bench.channel, mirror);
   CompleteAt(reader, mirror, 1);
   std::mt19937 random(1);
   std::vector<double> times_us;

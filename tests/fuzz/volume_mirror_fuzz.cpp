@@ -111,7 +111,7 @@ class Script {
   }
 
   Input input_;
-  VolumeMirror mirror_{kMostVoxels};
+  client::VolumeMirror mirror_{kMostVoxels};
 };
 
 }  // namespace

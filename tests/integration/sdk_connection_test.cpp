@@ -161,7 +161,7 @@ TEST(SdkConnection, ComesBackAfterEveryKill) {
     ASSERT_TRUE(client.WaitUntilConnected(60s));
     // Of the new daemon, though their revision is lower.
     EXPECT_EQ(client.NewestSettings()->stiffness_n_per_mm, 0.5);
-    EXPECT_EQ(client.GetDevice().loop_rate_hz, 1000.0);
+    EXPECT_EQ(client.GetDevice().servo.rate_hz, 1000.0);
   }
   EXPECT_GE(settings, 4);
   // From connected to lost and back, and never the same state twice without another
@@ -287,7 +287,7 @@ TEST(SdkConnection, ManyThreadsOverTcp) {
         client.Set({.magnet_range_mm = 1.0 + n});
         if (n == 0) client.SetPoseRate({.rate_hz = i % 2 == 0 ? 60.0 : 500.0});
         client.NewestPose();
-        answers += client.GetDevice().kind == "simulated";
+        answers += client.GetDevice().device.kind == "simulated";
       }
     });
   }

@@ -139,7 +139,7 @@ TEST_F(SdkSettings, RefusalsAreTheDaemonsOwnLines) {
 TEST_F(SdkSettings, ForcesStopAndComeBack) {
   Client client(Options());
   ASSERT_TRUE(client.WaitUntilConnected(60s));
-  EXPECT_EQ(client.GetDevice().verification_level, VerificationLevel::kSimulated);
+  EXPECT_EQ(client.GetDevice().device.verification_level, VerificationLevel::kSimulated);
   const ForceResult stopped = client.StopForces();
   EXPECT_EQ(stopped.forces.state, ForceState::kStopped);
   EXPECT_EQ(stopped.forces.reason, ForceReason::kStopCall);

@@ -95,7 +95,7 @@ TEST(ViewQuestions, AreAnsweredInTheBackground) {
   daemon.Start();
   LiveFeed feed({.address = {.socket_path = daemon.socket()}});
   ASSERT_TRUE(Eventually([&] { return feed.device() && feed.recording(); }));
-  EXPECT_EQ(feed.device()->kind, "simulated");
+  EXPECT_EQ(feed.device()->device.kind, "simulated");
   EXPECT_FALSE(feed.series());
   EXPECT_FALSE(feed.recording()->running);
   // Each begins when an answer has just come: the next would come a second later.

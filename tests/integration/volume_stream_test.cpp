@@ -57,7 +57,7 @@ class VolumeStreamTest : public ::testing::Test {
   }
 
   // Reads until the mirror is complete at the newest revision.
-  bool CatchUp(VolumeReader& reader, const VolumeMirror& mirror) const {
+  bool CatchUp(client::VolumeReader& reader, const client::VolumeMirror& mirror) const {
     const auto deadline = std::chrono::steady_clock::now() + kPatience;
     while (std::chrono::steady_clock::now() < deadline) {
       if (mirror.is_complete() && mirror.resume()->volume_revision == data_.volume()->revision()) {
@@ -76,9 +76,9 @@ class VolumeStreamTest : public ::testing::Test {
 };
 
 TEST_F(VolumeStreamTest, ACopyIsEqualAfterTenThousandEditsAndManyReconnects) {
-  VolumeMirror mirror;
+  client::VolumeMirror mirror;
   const auto channel = Channel();
-  auto reader = std::make_unique<VolumeReader>(channel, mirror);
+  auto reader = std::make_unique<client::VolumeReader>(channel, mirror);
   ASSERT_TRUE(CatchUp(*reader, mirror));
   EXPECT_TRUE(mirror.TakeChanges().all);
   std::atomic<bool> done{false}, waits{false};
@@ -99,11 +99,11 @@ TEST_F(VolumeStreamTest, ACopyIsEqualAfterTenThousandEditsAndManyReconnects) {
   });
   int reconnects = 0, messages = 0;
   while (!done) {
-    const VolumeReader::Event event = reader->Next(10ms);
-    completes += event == VolumeReader::Event::kComplete;
-    if (waits || event == VolumeReader::Event::kTimeout || ++messages % 7 != 0) continue;
+    const client::VolumeReader::Event event = reader->Next(10ms);
+    completes += event == client::VolumeReader::Event::kComplete;
+    if (waits || event == client::VolumeReader::Event::kTimeout || ++messages % 7 != 0) continue;
     // In the midst of a revision, as a rule.
-    reader = std::make_unique<VolumeReader>(channel, mirror);
+    reader = std::make_unique<client::VolumeReader>(channel, mirror);
     ++reconnects;
   }
   editor.join();
@@ -123,8 +123,8 @@ TEST_F(VolumeStreamTest, SeveralViewersOfEditsLoadsAndMoves) {
   std::atomic<int> equal{0};
   for (int n = 0; n < 6; ++n) {
     viewers.emplace_back([&, n] {
-      VolumeMirror mirror;
-      VolumeReader reader(Channel(), mirror, {.max_unacknowledged = n == 0 ? 64u : 1u + n});
+      client::VolumeMirror mirror;
+      client::VolumeReader reader(Channel(), mirror, {.max_unacknowledged = n == 0 ? 64u : 1u + n});
       while (!done) {
         reader.Next(10ms);
         if (n == 1) std::this_thread::sleep_for(5ms);
@@ -186,7 +186,7 @@ TEST_F(VolumeStreamTest, AViewerThatReadsNothingCostsNoMemory) {
 #endif
 
   // And then it reads, with what the transport kept for it first.
-  VolumeMirror mirror;
+  client::VolumeMirror mirror;
   v1::StreamVolumeResponse response;
   std::uint64_t messages = 0;
   while (!mirror.is_complete() || mirror.resume()->volume_revision != data_.volume()->revision()) {
@@ -206,8 +206,8 @@ TEST_F(VolumeStreamTest, AViewerThatReadsNothingCostsNoMemory) {
 
 TEST_F(VolumeStreamTest, AViewerThatIsKilledHarmsNobody) {
   data_.Load("builtin:gyroid:128");
-  VolumeMirror mirror;
-  VolumeReader reader(Channel(), mirror);
+  client::VolumeMirror mirror;
+  client::VolumeReader reader(Channel(), mirror);
   for (int n = 0; n < 5; ++n) {
     const std::string file = folder_.path() / "copy.nrrd";
     test::Process viewer({test::kPalpate, "--socket", socket(), "download", file});
@@ -228,9 +228,9 @@ TEST_F(VolumeStreamTest, BadRequestsEndTheStreamWithAReason) {
   good.mutable_start();
   acknowledge.mutable_acknowledgement()->set_message_number(1);
   wide.mutable_start()->set_max_unacknowledged(65);
-  VolumeMirror mirror;
+  client::VolumeMirror mirror;
   {
-    VolumeReader reader(channel, mirror);
+    client::VolumeReader reader(channel, mirror);
     ASSERT_TRUE(CatchUp(reader, mirror));
   }
   VolumeRevision future = *mirror.resume();
@@ -270,9 +270,9 @@ TEST_F(VolumeStreamTest, ClosingTheClientsSideEndsTheStream) {
 }
 
 TEST_F(VolumeStreamTest, ARevisionThatTheDaemonDoesNotHaveIsMendedByAFreshCopy) {
-  VolumeMirror mirror;
+  client::VolumeMirror mirror;
   {
-    VolumeReader reader(Channel(), mirror);
+    client::VolumeReader reader(Channel(), mirror);
     ASSERT_TRUE(CatchUp(reader, mirror));
   }
   // As if the daemon had gone back.
@@ -280,7 +280,7 @@ TEST_F(VolumeStreamTest, ARevisionThatTheDaemonDoesNotHaveIsMendedByAFreshCopy) 
   future.revision.volume_revision += 5;
   mirror.Apply(future);
   mirror.TakeChanges();
-  VolumeReader reader(Channel(), mirror);
+  client::VolumeReader reader(Channel(), mirror);
   ASSERT_TRUE(CatchUp(reader, mirror));
   EXPECT_TRUE(mirror.TakeChanges().all);
   EXPECT_EQ(reader.losses(), 1u);
@@ -295,11 +295,11 @@ TEST_F(VolumeStreamTest, StoppingTheServerEndsStreamsThatReadAndThatDoNot) {
   grpc::ClientContext idle_context;
   const std::unique_ptr<Call> idle = stub->StreamVolume(&idle_context);
   idle->Write(start);
-  VolumeMirror mirror;
-  VolumeReader reader(Channel(), mirror);
+  client::VolumeMirror mirror;
+  client::VolumeReader reader(Channel(), mirror);
   ASSERT_TRUE(CatchUp(reader, mirror));
   std::thread stop([&] { server_.Stop(); });
-  while (reader.Next(100ms) != VolumeReader::Event::kLost) {
+  while (reader.Next(100ms) != client::VolumeReader::Event::kLost) {
   }
   EXPECT_EQ(reader.last_loss()->kind(), ErrorKind::kUnavailable);
   stop.join();
@@ -327,12 +327,12 @@ TEST(VolumeStreamOfADaemon, ACopySurvivesTheDaemon) {
   arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, 500);
   const auto channel =
       grpc::CreateCustomChannel("unix:" + socket, grpc::InsecureChannelCredentials(), arguments);
-  VolumeMirror mirror;
-  VolumeReader reader(channel, mirror, {.longest_pause = 500ms});
+  client::VolumeMirror mirror;
+  client::VolumeReader reader(channel, mirror, {.longest_pause = 500ms});
   const auto read_until_complete = [&] {
     const auto deadline = std::chrono::steady_clock::now() + kPatience;
     while (std::chrono::steady_clock::now() < deadline) {
-      if (reader.Next(100ms) == VolumeReader::Event::kComplete) return true;
+      if (reader.Next(100ms) == client::VolumeReader::Event::kComplete) return true;
     }
     return false;
   };

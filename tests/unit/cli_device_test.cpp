@@ -13,6 +13,7 @@
 #include "client/cli/device_test.h"
 #include "client/cli/doctor_daemon.h"
 #include "client/cli/watch_view.h"
+#include "client/sdk/words.h"
 #include "common/wire/force_words.h"
 #include "tests/support/places.h"
 #include "tests/support/process.h"
@@ -56,40 +57,38 @@ TEST(DeviceWords, EveryReasonHasWordsOfItsOwnOnOneLine) {
 }
 
 TEST(DeviceWords, EveryLevelIsExplained) {
-  for (const auto level : AllOf<v1::VerificationLevel>(v1::VerificationLevel_descriptor())) {
+  for (const auto number : AllOf<v1::VerificationLevel>(v1::VerificationLevel_descriptor())) {
+    const auto level = static_cast<client::VerificationLevel>(number);
     EXPECT_TRUE(Has(InWords(level), ": ")) << InWords(level);
-    EXPECT_NE(NameOf(level), "unspecified");
+    EXPECT_NE(client::NameOf(level), "unknown");
   }
-  EXPECT_EQ(InWords(v1::VERIFICATION_LEVEL_NONE), "none: nothing of it was seen on hardware");
+  EXPECT_EQ(InWords(client::VerificationLevel::kNone), "none: nothing of it was seen on hardware");
 }
 
-v1::ForceStatus Forces(v1::ForceState state, v1::ForceReason reason) {
-  v1::ForceStatus forces;
-  forces.set_state(state);
-  forces.set_reason(reason);
-  forces.set_limit_n(3.3);
-  return forces;
+client::ForceStatus Forces(client::ForceState state, client::ForceReason reason) {
+  return {state, reason, 3.3};
 }
 
 TEST(DeviceWords, ForcesAreToldWithWhatToDo) {
-  EXPECT_EQ(Describe(Forces(v1::FORCE_STATE_ON, v1::FORCE_REASON_NONE)),
+  EXPECT_EQ(Describe(Forces(client::ForceState::kOn, client::ForceReason::kNone)),
             "forces    on\n          at most 3.3 N now\n");
-  const v1::ForceStatus docked = Forces(v1::FORCE_STATE_HELD, v1::FORCE_REASON_DOCKED);
+  const client::ForceStatus docked =
+      Forces(client::ForceState::kHeld, client::ForceReason::kDocked);
   EXPECT_EQ(InWords(docked), "held: the stylus rests in its holder: take it out");
   EXPECT_EQ(NameOf(docked), "held (docked)");
-  EXPECT_EQ(NameOf(Forces(v1::FORCE_STATE_RAMP_IN, v1::FORCE_REASON_NONE)), "ramp in");
+  EXPECT_EQ(NameOf(Forces(client::ForceState::kRampIn, client::ForceReason::kNone)), "ramp in");
 }
 
 TEST(DeviceWords, HealthLeavesOutWhatSaysNothing) {
-  v1::DeviceHealth health;
-  health.set_connection(v1::DEVICE_CONNECTION_STREAMING);
-  health.set_calibrated(true);
+  client::DeviceHealth health;
+  health.connection = client::DeviceConnection::kStreaming;
+  health.calibrated = true;
   EXPECT_EQ(Describe(health), "health    streaming, calibrated\n");
-  health.set_docked(true);
-  health.set_identity("serial 7");
-  health.set_readings(12);
-  health.set_lost_readings(3);
-  health.set_problem("evil\n\x1b[2Jdevice");
+  health.docked = true;
+  health.identity = "serial 7";
+  health.readings = 12;
+  health.lost_readings = 3;
+  health.problem = "evil\n\x1b[2Jdevice";
   const std::string text = Describe(health);
   for (const char* part : {"streaming, calibrated, docked; serial 7", "12 readings, 3 lost",
                            "problem: evil  [2Jdevice\n"}) {
@@ -97,10 +96,10 @@ TEST(DeviceWords, HealthLeavesOutWhatSaysNothing) {
   }
 }
 
-v1::ServoDescription Ticked(std::uint64_t ticks, std::uint64_t missed) {
-  v1::ServoDescription servo;
-  servo.set_ticks(ticks);
-  servo.set_missed_ticks(missed);
+client::ServoInfo Ticked(std::uint64_t ticks, std::uint64_t missed) {
+  client::ServoInfo servo;
+  servo.ticks = ticks;
+  servo.missed_ticks = missed;
   return servo;
 }
 
@@ -116,52 +115,50 @@ TEST(DoctorDaemon, TicksAreCountedWhileItLooks) {
 }
 
 TEST(DoctorDaemon, ADeviceIsFitWhereItStreamsWithoutAProblem) {
-  v1::GetDeviceResponse daemon;
-  daemon.mutable_device()->set_kind("falcon");
-  v1::DeviceHealth& health = *daemon.mutable_health();
-  health.set_connection(v1::DEVICE_CONNECTION_STREAMING);
+  client::DaemonInfo daemon;
+  daemon.device.kind = "falcon";
+  client::DeviceHealth& health = daemon.health;
+  health.connection = client::DeviceConnection::kStreaming;
   EXPECT_EQ(JudgeDevice(daemon).verdict, Verdict::kOk);
   EXPECT_EQ(JudgeDevice(daemon).text, "falcon, streaming");
-  health.set_problem("move it to\nits stops");
+  health.problem = "move it to\nits stops";
   EXPECT_EQ(JudgeDevice(daemon).verdict, Verdict::kWarn);
   EXPECT_EQ(JudgeDevice(daemon).text, "falcon, streaming: move it to its stops");
-  health.set_connection(v1::DEVICE_CONNECTION_ABSENT);
+  health.connection = client::DeviceConnection::kAbsent;
   EXPECT_EQ(JudgeDevice(daemon).verdict, Verdict::kFail);
   EXPECT_NE(JudgeDevice(daemon).advice, "");
 }
 
 TEST(DoctorDaemon, ForcesThatAreNotOnSayWhatToDo) {
-  const std::map<v1::ForceState, Verdict> verdicts = {
-      {v1::FORCE_STATE_ON, Verdict::kOk},        {v1::FORCE_STATE_RAMP_IN, Verdict::kOk},
-      {v1::FORCE_STATE_OFF, Verdict::kWarn},     {v1::FORCE_STATE_HELD, Verdict::kWarn},
-      {v1::FORCE_STATE_STOPPED, Verdict::kWarn}, {v1::FORCE_STATE_FAULT, Verdict::kFail}};
+  const std::map<client::ForceState, Verdict> verdicts = {
+      {client::ForceState::kOn, Verdict::kOk},        {client::ForceState::kRampIn, Verdict::kOk},
+      {client::ForceState::kOff, Verdict::kWarn},     {client::ForceState::kHeld, Verdict::kWarn},
+      {client::ForceState::kStopped, Verdict::kWarn}, {client::ForceState::kFault, Verdict::kFail}};
   for (const auto& [state, verdict] : verdicts) {
-    v1::ForceStatus forces;
-    forces.set_state(state);
-    EXPECT_EQ(JudgeForces(forces).verdict, verdict) << palpate::NameOf(state);
+    client::ForceStatus forces;
+    forces.state = state;
+    EXPECT_EQ(JudgeForces(forces).verdict, verdict) << client::NameOf(state);
     EXPECT_EQ(JudgeForces(forces).advice.empty(), verdict == Verdict::kOk);
-    forces.set_reason(v1::FORCE_REASON_STOP_CALL);
+    forces.reason = client::ForceReason::kStopCall;
     EXPECT_EQ(JudgeForces(forces).advice.empty(), verdict == Verdict::kOk);
     if (verdict == Verdict::kOk) continue;
-    EXPECT_EQ(JudgeForces(forces).advice, palpate::InWords(v1::FORCE_REASON_STOP_CALL));
+    EXPECT_EQ(JudgeForces(forces).advice, client::InWords(client::ForceReason::kStopCall));
   }
 }
 
 TEST(DeviceList, IsATableWithWhatToDo) {
-  v1::ListDevicesResponse list;
+  std::vector<client::ListedDevice> list;
   EXPECT_EQ(Describe(list), "no devices\n");
-  v1::ListedDevice& simulated = *list.add_devices();
-  simulated.set_kind("simulated");
-  simulated.set_model("Simulated Phantom Omni");
-  simulated.set_usable(true);
-  simulated.set_in_use(true);
-  simulated.set_verification_level(v1::VERIFICATION_LEVEL_SIMULATED);
-  v1::ListedDevice& falcon = *list.add_devices();
-  falcon.set_kind("falcon");
-  falcon.set_model("Falcon");
-  falcon.set_port("1-2");
-  falcon.set_problem("no permission:\njoin the group");
-  falcon.set_verification_level(v1::VERIFICATION_LEVEL_NONE);
+  list.push_back({.kind = "simulated",
+                  .model = "Simulated Phantom Omni",
+                  .usable = true,
+                  .verification_level = client::VerificationLevel::kSimulated,
+                  .in_use = true});
+  list.push_back({.kind = "falcon",
+                  .model = "Falcon",
+                  .port = "1-2",
+                  .problem = "no permission:\njoin the group",
+                  .verification_level = client::VerificationLevel::kNone});
   EXPECT_EQ(Describe(list),
             "device     port  verified   state       model\n"
             "simulated  -     simulated  in use      Simulated Phantom Omni\n"
@@ -171,7 +168,7 @@ TEST(DeviceList, IsATableWithWhatToDo) {
 
 TEST(WatchView, ShowsForcesThatAreNotOn) {
   WatchStatus status;
-  status.sample.emplace();
+  status.pose.emplace();
   const auto live = [&] {
     std::string text;
     for (const std::string& line : LiveView(status, 100, 40)) text += line + "\n";
@@ -180,10 +177,10 @@ TEST(WatchView, ShowsForcesThatAreNotOn) {
   // An older daemon does not tell.
   EXPECT_FALSE(Has(LogLine(status), "forces"));
   EXPECT_FALSE(Has(live(), "forces"));
-  *status.sample->mutable_forces() = Forces(v1::FORCE_STATE_ON, v1::FORCE_REASON_NONE);
+  status.pose->forces = Forces(client::ForceState::kOn, client::ForceReason::kNone);
   EXPECT_FALSE(Has(LogLine(status), "forces"));
   EXPECT_FALSE(Has(live(), "forces"));
-  *status.sample->mutable_forces() = Forces(v1::FORCE_STATE_STOPPED, v1::FORCE_REASON_STOP_CALL);
+  status.pose->forces = Forces(client::ForceState::kStopped, client::ForceReason::kStopCall);
   EXPECT_TRUE(Has(LogLine(status), "N, forces stopped (stop call), density")) << LogLine(status);
   EXPECT_TRUE(Has(live(), "forces    stopped: emergency stop")) << live();
 }
@@ -192,25 +189,25 @@ TEST(WatchView, ShowsForcesThatAreNotOn) {
 class JudgeTest : public ::testing::Test {
  protected:
   JudgeTest() {
-    for (v1::GetDeviceResponse* response : {&before_, &after_}) {
-      response->mutable_device()->set_verification_level(v1::VERIFICATION_LEVEL_NONE);
-      response->mutable_health()->set_connection(v1::DEVICE_CONNECTION_STREAMING);
-      response->mutable_servo()->set_rate_hz(1000.0);
+    for (client::DaemonInfo* response : {&before_, &after_}) {
+      response->device.verification_level = client::VerificationLevel::kNone;
+      response->health.connection = client::DeviceConnection::kStreaming;
+      response->servo.rate_hz = 1000.0;
     }
-    before_.mutable_servo()->set_ticks(500);
-    after_.mutable_servo()->set_ticks(500 + 1990);
-    after_.mutable_servo()->set_missed_ticks(10);
-    before_.mutable_health()->set_readings(100);
-    after_.mutable_health()->set_readings(100 + 1980);
+    before_.servo.ticks = 500;
+    after_.servo.ticks = 500 + 1990;
+    after_.servo.missed_ticks = 10;
+    before_.health.readings = 100;
+    after_.health.readings = 100 + 1980;
     for (int n = 0; n < 100; ++n) {
       samples_.emplace_back();
-      test::Set(samples_.back().mutable_hip_mm(), 1e6 + (n % 2) * 0.2, -3.0, 5.0 + n * 1e-3);
+      samples_.back().hip_mm = {1e6 + (n % 2) * 0.2, -3.0, 5.0 + n * 1e-3};
     }
   }
 
   DeviceTestFigures Figures() {
     DeviceTest test(before_);
-    for (const v1::PoseSample& sample : samples_) test.Add(sample);
+    for (const client::Pose& sample : samples_) test.Add(sample);
     return test.Figures(after_);
   }
   // The one failure.
@@ -222,15 +219,15 @@ class JudgeTest : public ::testing::Test {
     return figures.failures.empty() ? "" : figures.failures.front();
   }
 
-  v1::GetDeviceResponse before_;
-  v1::GetDeviceResponse after_;
-  std::vector<v1::PoseSample> samples_;
+  client::DaemonInfo before_;
+  client::DaemonInfo after_;
+  std::vector<client::Pose> samples_;
 };
 
 TEST_F(JudgeTest, AGoodDevicePasses) {
-  samples_[3].set_buttons(1);
-  samples_[7].set_buttons(4);
-  samples_[8].mutable_forces()->set_reason(v1::FORCE_REASON_STALE);
+  samples_[3].buttons = 1;
+  samples_[7].buttons = 4;
+  samples_[8].forces.reason = client::ForceReason::kStale;
   const DeviceTestFigures figures = Figures();
   EXPECT_TRUE(figures.failures.empty()) << figures.failures.front();
   EXPECT_DOUBLE_EQ(figures.seconds, 2.0);
@@ -251,7 +248,7 @@ TEST_F(JudgeTest, AGoodDevicePasses) {
 }
 
 TEST_F(JudgeTest, AMovedStylusHasNoNoise) {
-  samples_[50].mutable_hip_mm()->set_y(9.0);
+  samples_[50].hip_mm.y() = 9.0;
   const DeviceTestFigures figures = Figures();
   EXPECT_FALSE(figures.rested);
   EXPECT_EQ(figures.range_mm[1], 12.0);
@@ -261,46 +258,46 @@ TEST_F(JudgeTest, AMovedStylusHasNoNoise) {
 }
 
 TEST_F(JudgeTest, ADeviceThatIsNotThereFailsWithItsProblem) {
-  after_.mutable_health()->set_connection(v1::DEVICE_CONNECTION_ABSENT);
-  after_.mutable_health()->set_problem("plug it in");
+  after_.health.connection = client::DeviceConnection::kAbsent;
+  after_.health.problem = "plug it in";
   EXPECT_EQ(Failure(), "the device is not streaming: plug it in");
-  after_.mutable_health()->clear_problem();
+  after_.health.problem.clear();
   EXPECT_TRUE(Has(Failure(), "palpate device list"));
   std::swap(before_, after_);
   EXPECT_TRUE(Has(Failure(), "not streaming"));
 }
 
 TEST_F(JudgeTest, FewReadingsFail) {
-  after_.mutable_health()->set_readings(100 + 1799);
+  after_.health.readings = 100 + 1799;
   EXPECT_TRUE(Has(Failure(), "900 readings per s")) << Failure();
-  after_.mutable_health()->set_readings(100 + 1800);
+  after_.health.readings = 100 + 1800;
   EXPECT_TRUE(Figures().failures.empty());
   // A daemon that was started again meanwhile.
-  after_.mutable_health()->set_readings(5);
+  after_.health.readings = 5;
   EXPECT_TRUE(Has(Failure(), "0 readings per s"));
 }
 
 TEST_F(JudgeTest, FewTicksFail) {
-  after_.mutable_servo()->set_ticks(500 + 1700);
-  after_.mutable_servo()->set_missed_ticks(300);
+  after_.servo.ticks = 500 + 1700;
+  after_.servo.missed_ticks = 300;
   EXPECT_TRUE(Has(Failure(), "850 ticks per s")) << Failure();
 }
 
 TEST_F(JudgeTest, LossesAndCorruptFramesFailAboveOnePercent) {
-  after_.mutable_health()->set_lost_readings(20);
-  after_.mutable_health()->set_corrupt_frames(20);
+  after_.health.lost_readings = 20;
+  after_.health.corrupt_frames = 20;
   EXPECT_TRUE(Figures().failures.empty());
-  after_.mutable_health()->set_lost_readings(21);
+  after_.health.lost_readings = 21;
   EXPECT_TRUE(Has(Failure(), "1.0 % of the readings are lost")) << Failure();
-  after_.mutable_health()->set_lost_readings(0);
-  after_.mutable_health()->set_corrupt_frames(21);
+  after_.health.lost_readings = 0;
+  after_.health.corrupt_frames = 21;
   EXPECT_TRUE(Has(Failure(), "frames are corrupt")) << Failure();
 }
 
 TEST_F(JudgeTest, ASimulatedDeviceHasNoBus) {
-  after_.mutable_device()->set_verification_level(v1::VERIFICATION_LEVEL_SIMULATED);
-  after_.mutable_health()->set_readings(0);
-  after_.mutable_servo()->set_missed_ticks(1000);
+  after_.device.verification_level = client::VerificationLevel::kSimulated;
+  after_.health.readings = 0;
+  after_.servo.missed_ticks = 1000;
   EXPECT_TRUE(Figures().failures.empty());
   EXPECT_TRUE(Has(Describe(Figures()), "readings  simulated"));
 }
@@ -312,8 +309,8 @@ TEST_F(JudgeTest, NothingThatCameFails) {
 }
 
 TEST_F(JudgeTest, NoNumberIsNoRest) {
-  samples_[9].mutable_hip_mm()->set_x(std::numeric_limits<double>::quiet_NaN());
-  samples_[9].mutable_hip_mm()->set_y(std::numeric_limits<double>::infinity());
+  samples_[9].hip_mm.x() = std::numeric_limits<double>::quiet_NaN();
+  samples_[9].hip_mm.y() = std::numeric_limits<double>::infinity();
   const DeviceTestFigures figures = Figures();
   EXPECT_FALSE(figures.rested);
   EXPECT_TRUE(Has(Describe(figures), "not at rest"));

@@ -13,10 +13,10 @@
 namespace palpate::cli {
 namespace {
 
-v1::Quaternion Turn(const std::string& text) {
-  v1::Quaternion rotation;
-  EXPECT_TRUE(ParseTurn(text, rotation)) << text;
-  return rotation;
+client::UnalignedQuaternion Turn(const std::string& text) {
+  const std::optional<client::UnalignedQuaternion> rotation = ParseTurn(text);
+  EXPECT_TRUE(rotation) << text;
+  return rotation.value_or(client::UnalignedQuaternion(0.0, 0.0, 0.0, 0.0));
 }
 
 TEST(CliPlace, ParsesTurns) {
@@ -28,44 +28,39 @@ TEST(CliPlace, ParsesTurns) {
   EXPECT_EQ(Turn("x,360").w(), 1.0);
   EXPECT_NEAR(Turn("y,3600000090").y(), std::sqrt(0.5), 1e-12);
   for (const char* text : {"x,90", "y,-7.5", "z,1e300"}) {
-    const v1::Quaternion q = Turn(text);
-    EXPECT_NEAR(q.w() * q.w() + q.x() * q.x() + q.y() * q.y() + q.z() * q.z(), 1.0, 1e-14);
+    EXPECT_NEAR(Turn(text).norm(), 1.0, 1e-14);
   }
 }
 
 TEST(CliPlace, RefusesWhatIsNoTurn) {
-  v1::Quaternion rotation;
   for (const char* text : {"", "x", "x,", "90", "w,90", "x90", "x,nan", "x,inf", "x,90deg", "x, 90",
                            "xy,90", "x,+-9", "x,1e999", "X,90"}) {
-    EXPECT_FALSE(ParseTurn(text, rotation)) << text;
+    EXPECT_FALSE(ParseTurn(text)) << text;
   }
 }
 
-v1::Registration Registration() {
-  v1::Registration registration;
-  Set({1.5, -2.0, 0.1}, *registration.mutable_center_mm());
-  *registration.mutable_rotation() = Turn("y,90");
-  registration.set_device_mm_per_volume_mm(0.5);
-  registration.set_device_mm_per_voxel(0.25);
-  return registration;
+client::Placement Placement() {
+  return {.center_mm = {1.5, -2.0, 0.1},
+          .rotation = Turn("y,90"),
+          .device_mm_per_volume_mm = 0.5,
+          .device_mm_per_voxel = 0.25};
 }
 
 TEST(CliPlace, Wording) {
   EXPECT_EQ(
-      Describe(Registration()),
+      Describe(Placement()),
       "place     centre at 1.5, -2, 0.1 mm of the device; turned by 90° about (0, 1, 0)\n"
       "          0.5 mm of the device per mm of the volume, 0.25 per voxel: 1 mm is 4 cells\n");
-  v1::Registration straight = Registration();
-  straight.mutable_rotation()->Clear();
-  straight.mutable_rotation()->set_w(1.0);
+  client::Placement straight = Placement();
+  straight.rotation = client::UnalignedQuaternion::Identity();
   EXPECT_NE(Describe(straight).find("; not turned\n"), std::string::npos);
-  *straight.mutable_rotation() = Turn("x,-90");
+  straight.rotation = Turn("x,-90");
   EXPECT_NE(Describe(straight).find("90° about (-1, 0, 0)"), std::string::npos)
       << Describe(straight);
 }
 
 TEST(CliPlace, JsonHasEveryFieldWithItsUnit) {
-  const Json json = ToJson(Registration());
+  const Json json = ToJson(Placement());
   EXPECT_EQ(json["center_mm"], Json({1.5, -2.0, 0.1}));
   EXPECT_EQ(json["rotation_wxyz"].size(), 4u);
   EXPECT_EQ(json["device_mm_per_volume_mm"], 0.5);

@@ -10,10 +10,10 @@
 #include <string>
 #include <vector>
 
-#include "client/cli/connection.h"
 #include "client/cli/description.h"
-#include "client/cli/load_command.h"
 #include "client/cli/output.h"
+#include "client/cli/paths_there.h"
+#include "client/cli/reach.h"
 #include "client/cli/record_command.h"
 #include "client/cli/sample_json.h"
 #include "client/cli/set_command.h"
@@ -29,61 +29,53 @@ namespace {
 
 constexpr std::int64_t kMs = 1'000'000;
 
-v1::Vector3 Vector(double x, double y, double z) {
-  v1::Vector3 vector;
-  vector.set_x(x);
-  vector.set_y(y);
-  vector.set_z(z);
-  return vector;
-}
-
 // A message with one sample of the given millisecond, sent `delay_ms` after it.
-v1::StreamPosesResponse Message(std::uint64_t tick, std::uint64_t missed, std::int64_t update_ns,
-                                double delay_ms = 0.0) {
-  v1::StreamPosesResponse message;
-  v1::PoseSample& sample = *message.add_samples();
-  sample.set_tick(tick);
-  sample.set_missed_ticks(missed);
-  sample.set_time_ns(static_cast<std::int64_t>(tick + missed) * kMs);
-  sample.set_update_ns(update_ns);
-  sample.set_mode(v1::PROXY_MODE_FREE);
-  sample.set_density(1.0);
-  sample.set_isovalue(2.0);
-  message.set_sent_time_ns(sample.time_ns() + static_cast<std::int64_t>(delay_ms * kMs));
-  return message;
+client::PoseBatch Message(std::uint64_t tick, std::uint64_t missed, std::int64_t update_ns,
+                          double delay_ms = 0.0) {
+  client::Pose pose;
+  pose.tick = tick;
+  pose.missed_ticks = missed;
+  pose.time_ns = static_cast<std::int64_t>(tick + missed) * kMs;
+  pose.update_ns = update_ns;
+  pose.mode = client::ProxyMode::kFree;
+  pose.density = 1.0;
+  pose.isovalue = 2.0;
+  client::PoseBatch batch;
+  batch.poses = {pose};
+  batch.sent_time_ns = pose.time_ns + static_cast<std::int64_t>(delay_ms * kMs);
+  return batch;
 }
 
-v1::PoseSample ContactSample() {
-  v1::PoseSample sample;
-  sample.set_tick(18446744073709551615u);
-  sample.set_time_ns(9007199254740993);
-  *sample.mutable_hip_mm() = Vector(0.1, 1.0 / 3.0, -2.5);
-  *sample.mutable_scp_h_mm() = Vector(1, 2, 3);
-  *sample.mutable_scp_h_normal() = Vector(0, 0, 1);
-  *sample.mutable_scp_v_mm() = Vector(4, 5, 6);
-  *sample.mutable_scp_v_normal() = Vector(0, 1, 0);
-  sample.mutable_stylus_orientation()->set_w(1.0);
-  *sample.mutable_force_n() = Vector(0, 3, 4);
-  sample.set_mode(v1::PROXY_MODE_CONSTRAINED);
-  sample.set_contact(true);
-  sample.set_density(39.99);
-  sample.set_isovalue(-200.0);
-  sample.set_settings_revision(7);
-  sample.set_volume_revision(3);
-  sample.set_update_ns(3200);
-  sample.set_missed_ticks(11);
-  sample.set_iterations(4);
-  sample.set_buttons(5);
-  return sample;
+client::Pose ContactPose() {
+  client::Pose pose;
+  pose.tick = 18446744073709551615u;
+  pose.time_ns = 9007199254740993;
+  pose.hip_mm = {0.1, 1.0 / 3.0, -2.5};
+  pose.scp_h_mm = {1, 2, 3};
+  pose.scp_h_normal = Vec3(0, 0, 1);
+  pose.scp_v_mm = Vec3(4, 5, 6);
+  pose.scp_v_normal = Vec3(0, 1, 0);
+  pose.force_n = {0, 3, 4};
+  pose.mode = client::ProxyMode::kConstrained;
+  pose.contact = true;
+  pose.density = 39.99;
+  pose.isovalue = -200.0;
+  pose.settings_revision = 7;
+  pose.volume_revision = 3;
+  pose.update_ns = 3200;
+  pose.missed_ticks = 11;
+  pose.iterations = 4;
+  pose.buttons = 5;
+  return pose;
 }
 
 TEST(RecordCommandTest, DescribesARecording) {
-  v1::RecordingState state;
-  state.set_path("/data/a\n.palrec");
+  client::RecordingState state;
+  state.path = "/data/a\n.palrec";
   EXPECT_EQ(DescribeRecording(state), "0 ticks (0.0 s), 0 lost, 0.0 MB, to /data/a .palrec");
-  state.set_ticks(60000);
-  state.set_lost_ticks(7);
-  state.set_size_bytes(6'180'000);
+  state.ticks = 60000;
+  state.lost_ticks = 7;
+  state.size_bytes = 6'180'000;
   EXPECT_EQ(DescribeRecording(state),
             "60000 ticks (60.0 s), 7 lost, 6.2 MB, 103 bytes per tick, to /data/a .palrec");
 }
@@ -101,7 +93,7 @@ TEST(WatchStatisticsTest, RatesFollowTheClockOfTheLoop) {
   // 900 ticks and 100 missed in each second of 5.
   for (std::uint64_t i = 0; i <= 5000; i += 10) {
     const std::uint64_t missed = i / 10;
-    statistics.Add(Message(i - missed, missed, 1000), 1, static_cast<std::int64_t>(i) * kMs);
+    statistics.Add(Message(i - missed, missed, 1000), static_cast<std::int64_t>(i) * kMs);
   }
   const WatchFigures figures = statistics.Figures(5000 * kMs);
   EXPECT_EQ(figures.ticks, 4500u);
@@ -116,8 +108,8 @@ TEST(WatchStatisticsTest, RatesFollowTheClockOfTheLoop) {
 
 TEST(WatchStatisticsTest, MissesBeforeTheWatchCountOnlyInTheTotal) {
   WatchStatistics statistics(0, true);
-  statistics.Add(Message(1000, 1000, 1000), 1, 2000 * kMs);
-  statistics.Add(Message(2000, 1000, 1000), 1, 3000 * kMs);
+  statistics.Add(Message(1000, 1000, 1000), 2000 * kMs);
+  statistics.Add(Message(2000, 1000, 1000), 3000 * kMs);
   const WatchFigures figures = statistics.Figures(3000 * kMs);
   EXPECT_EQ(figures.missed_ticks, 0u);
   EXPECT_EQ(figures.total_missed_ticks, 1000u);
@@ -129,7 +121,7 @@ TEST(WatchStatisticsTest, UpdateTimesOfAllAndOfLate) {
   // One update in fifty takes 1 ms, for 10 s; then all take 2 µs.
   for (std::uint64_t i = 0; i < 20000; ++i) {
     const bool slow = i < 10000 && i % 50 == 0;
-    statistics.Add(Message(i, 0, slow ? kMs : 2000), 1, static_cast<std::int64_t>(i) * kMs);
+    statistics.Add(Message(i, 0, slow ? kMs : 2000), static_cast<std::int64_t>(i) * kMs);
   }
   const WatchFigures figures = statistics.Figures(20000 * kMs);
   EXPECT_NEAR(figures.update.mean_us, 2.0 + 998.0 * 0.01, 1e-6);
@@ -143,7 +135,7 @@ TEST(WatchStatisticsTest, UpdateTimesOfAllAndOfLate) {
 TEST(WatchStatisticsTest, P99SeesWhatMoreThanOneInAHundredTakes) {
   WatchStatistics statistics(0, true);
   for (std::uint64_t i = 0; i < 1000; ++i) {
-    statistics.Add(Message(i, 0, i % 50 == 0 ? 70'050 : 2000), 1, static_cast<std::int64_t>(i));
+    statistics.Add(Message(i, 0, i % 50 == 0 ? 70'050 : 2000), static_cast<std::int64_t>(i));
   }
   const WatchFigures figures = statistics.Figures(1000);
   EXPECT_NEAR(figures.update.p99_us, 70.05, 0.1);
@@ -152,40 +144,39 @@ TEST(WatchStatisticsTest, P99SeesWhatMoreThanOneInAHundredTakes) {
 
 TEST(WatchStatisticsTest, UpdateTimesBeyondTheHistogramAreKept) {
   WatchStatistics statistics(0, true);
-  statistics.Add(Message(0, 0, 40 * kMs), 1, 0);
-  statistics.Add(Message(1, 0, -5), 1, 0);
+  statistics.Add(Message(0, 0, 40 * kMs), 0);
+  statistics.Add(Message(1, 0, -5), 0);
   EXPECT_NEAR(statistics.Figures(0).update.max_us, 40000.0, 1e-9);
 }
 
 TEST(WatchStatisticsTest, DensityMayExceedTheIsovalueOnlyWhileEjecting) {
   WatchStatistics statistics(0, true);
-  v1::StreamPosesResponse message = Message(0, 0, 0);
-  message.mutable_samples(0)->set_density(2.0);  // equal: on the surface
-  statistics.Add(message, 1, 0);
-  message.mutable_samples(0)->set_density(std::nextafter(2.0, 3.0));
-  message.mutable_samples(0)->set_mode(v1::PROXY_MODE_EJECTING);
-  statistics.Add(message, 1, 0);
+  client::PoseBatch message = Message(0, 0, 0);
+  message.poses[0].density = 2.0;  // equal: on the surface
+  statistics.Add(message, 0);
+  message.poses[0].density = std::nextafter(2.0, 3.0);
+  message.poses[0].mode = client::ProxyMode::kEjecting;
+  statistics.Add(message, 0);
   EXPECT_EQ(statistics.Figures(0).inside_samples, 0u);
-  message.mutable_samples(0)->set_mode(v1::PROXY_MODE_CONSTRAINED);
-  message.mutable_samples(0)->set_contact(true);
-  statistics.Add(message, 1, 0);
+  message.poses[0].mode = client::ProxyMode::kConstrained;
+  message.poses[0].contact = true;
+  statistics.Add(message, 0);
   EXPECT_EQ(statistics.Figures(0).inside_samples, 1u);
   EXPECT_EQ(statistics.Figures(0).contact_samples, 1u);
 }
 
-TEST(WatchStatisticsTest, CountsNoMoreSamplesThanAsked) {
+TEST(WatchStatisticsTest, CountsWhatWasDropped) {
   WatchStatistics statistics(0, true);
-  v1::StreamPosesResponse message = Message(0, 0, 0);
-  *message.add_samples() = message.samples(0);
-  message.set_dropped_samples(9);
-  statistics.Add(message, 1, 0);
+  client::PoseBatch message = Message(0, 0, 0);
+  message.dropped = 9;
+  statistics.Add(message, 0);
   EXPECT_EQ(statistics.Figures(0).samples, 1u);
   EXPECT_EQ(statistics.Figures(0).dropped_samples, 9u);
 }
 
 TEST(WatchStatisticsTest, AgeGrowsWhileNothingComes) {
   WatchStatistics statistics(0, true);
-  statistics.Add(Message(1000, 0, 0), 1, 1005 * kMs);
+  statistics.Add(Message(1000, 0, 0), 1005 * kMs);
   EXPECT_NEAR(statistics.Figures(1005 * kMs).age_ms, 5.0, 1e-9);
   EXPECT_NEAR(statistics.Figures(9000 * kMs).age_ms, 8000.0, 1e-9);
   EXPECT_EQ(statistics.Figures(9000 * kMs).recent_samples_per_s, 0.0);
@@ -194,15 +185,15 @@ TEST(WatchStatisticsTest, AgeGrowsWhileNothingComes) {
 TEST(WatchStatisticsTest, AgeBetweenMachinesLeavesTheirClocksOut) {
   WatchStatistics statistics(0, false);
   const std::int64_t offset = 123'456 * kMs;
-  statistics.Add(Message(1000, 0, 0, 2.0), 1, 1010 * kMs + offset);
-  statistics.Add(Message(1001, 0, 0, 2.0), 1, 1006 * kMs + offset);  // least delay: 3 ms
+  statistics.Add(Message(1000, 0, 0, 2.0), 1010 * kMs + offset);
+  statistics.Add(Message(1001, 0, 0, 2.0), 1006 * kMs + offset);  // least delay: 3 ms
   EXPECT_NEAR(statistics.Figures(1006 * kMs + offset).age_ms, 2.0, 1e-9);
 }
 
 WatchStatus FullStatus() {
   WatchStatus status;
   status.server = "unix:/run/palpate/palpated.sock";
-  status.sample = ContactSample();
+  status.pose = ContactPose();
   status.normalized_isovalue = 0.25;
   status.max_force_n = 10.0;
   status.figures.seconds = 12.0;
@@ -246,7 +237,7 @@ TEST(WatchViewTest, LinesFitTheTerminal) {
 
 TEST(WatchViewTest, AbsentProxyIsADash) {
   WatchStatus status = FullStatus();
-  status.sample->clear_scp_v_mm();
+  status.pose->scp_v_mm.reset();
   status.normalized_isovalue.reset();
   EXPECT_NE(LogLine(status).find("SCP_V - mm"), std::string::npos) << LogLine(status);
   EXPECT_EQ(LogLine(status).find("normalised"), std::string::npos);
@@ -275,7 +266,7 @@ TEST(WatchViewTest, SummaryAddsTicksAndMisses) {
 }
 
 TEST(SampleJsonTest, KeepsEveryBit) {
-  const Json json = Json::parse(ToText(ToJson(ContactSample())));
+  const Json json = Json::parse(ToText(ToJson(ContactPose())));
   EXPECT_EQ(json["tick"].get<std::uint64_t>(), 18446744073709551615u);
   EXPECT_EQ(json["time_ns"].get<std::int64_t>(), 9007199254740993);
   EXPECT_EQ(json["hip_mm"][1].get<double>(), 1.0 / 3.0);
@@ -287,60 +278,59 @@ TEST(SampleJsonTest, KeepsEveryBit) {
 }
 
 TEST(SampleJsonTest, AbsentIsNull) {
-  const Json json = ToJson(v1::PoseSample());
-  for (const char* key : {"hip_mm", "scp_h_mm", "scp_v_mm", "scp_h_normal", "scp_v_normal",
-                          "force_n", "stylus_orientation"}) {
+  const Json json = ToJson(client::Pose());
+  for (const char* key : {"scp_v_mm", "scp_h_normal", "scp_v_normal"}) {
     ASSERT_TRUE(json.contains(key)) << key;
     EXPECT_TRUE(json[key].is_null()) << key;
   }
 }
 
 TEST(SampleJsonTest, NoNumberIsNull) {
-  v1::PoseSample sample;
-  sample.set_density(std::numeric_limits<double>::quiet_NaN());
-  EXPECT_TRUE(Json::parse(ToText(ToJson(sample)))["density"].is_null());
+  client::Pose pose;
+  pose.density = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_TRUE(Json::parse(ToText(ToJson(pose)))["density"].is_null());
 }
 
 TEST(DescriptionTest, TextFromElsewhereStaysOnItsLine) {
-  v1::VolumeDescription volume;
-  volume.set_source("evil\n\x1b[2Jname");
+  client::VolumeInfo volume;
+  volume.source = "evil\n\x1b[2Jname";
   const std::string text = Describe(volume);
   EXPECT_EQ(text.find('\x1b'), std::string::npos);
   EXPECT_EQ(std::count(text.begin(), text.end(), '\n'), 4);
 }
 
 TEST(DescriptionTest, PathsThatAreNotUtf8StillGiveJson) {
-  v1::VolumeDescription volume;
-  volume.set_source("/data/\xff.nrrd");
+  client::VolumeInfo volume;
+  volume.source = "/data/\xff.nrrd";
   EXPECT_TRUE(Json::accept(ToText(ToJson(volume))));
 }
 
 TEST(DescriptionTest, UnsetSettingsAreNull) {
-  v1::RenderSettings settings;
-  settings.set_isovalue(0.0);
-  const Json json = ToJson(client::FromProto(settings, 3));
+  v1::RenderSettings message;
+  message.set_isovalue(0.0);
+  const Json json = ToJson(client::FromProto(message, 3));
   EXPECT_EQ(json["isovalue"], 0.0);
   EXPECT_TRUE(json["normalized_isovalue"].is_null());
   EXPECT_EQ(json["settings_revision"], 3);
 }
 
 TEST(SetTest, SaysWhatWasAppliedWhen) {
-  v1::UpdateSettingsResponse response;
-  response.mutable_settings()->set_isovalue(40.8);
-  response.mutable_settings()->set_normalized_isovalue(0.16);
-  response.mutable_settings()->set_method(v1::DECOMPOSITION_METHOD_BCC);
-  response.set_settings_revision(7);
-  response.set_applied_tick(123456);
-  response.set_receipt_to_applied_ns(1'200'000);
-  EXPECT_EQ(DescribeChange(*FindSetting("isovalue"), response),
+  client::SettingsResult result;
+  result.settings.isovalue = 40.8;
+  result.settings.normalized_isovalue = 0.16;
+  result.settings.method = DecompositionMethod::kBcc;
+  result.settings.revision = 7;
+  result.applied_tick = 123456;
+  result.receipt_to_applied_ns = 1'200'000;
+  EXPECT_EQ(DescribeChange(client::kIsovalue, result),
             "isovalue 40.8 applied at tick 123456, settings revision 7, 1.2 ms after receipt");
-  EXPECT_EQ(DescribeChange(*FindSetting("normalized_isovalue"), response)
-                .rfind("isovalue 40.8 (normalised", 0),
-            0u);
-  EXPECT_EQ(DescribeChange(*FindSetting("method"), response).rfind("method bcc applied", 0), 0u);
+  EXPECT_EQ(
+      DescribeChange(client::kNormalizedIsovalue, result).rfind("isovalue 40.8 (normalised", 0),
+      0u);
+  EXPECT_EQ(DescribeChange(*FindSetting("method"), result).rfind("method bcc applied", 0), 0u);
 }
 
-TEST(ConnectionTest, ATokenThatOthersMayReadIsWarnedOf) {
+TEST(ReachTest, ATokenThatOthersMayReadIsWarnedOf) {
   const test::TemporaryFolder folder;
   const std::string path = folder.path() / "token";
   std::ofstream(path) << "palpate_x\n";
@@ -355,7 +345,7 @@ TEST(ConnectionTest, ATokenThatOthersMayReadIsWarnedOf) {
   EXPECT_EQ(TokenFileWarning(path + ".absent"), "");
 }
 
-TEST(LoadTest, RelativePathsBecomeAbsoluteOnTheSameMachineAlone) {
+TEST(PathsTest, RelativePathsBecomeAbsoluteOnTheSameMachineAlone) {
   for (const bool is_here : {true, false}) {
     EXPECT_EQ(PathThere("/data/a.nrrd", is_here, "or-2:7411"), "/data/a.nrrd");
     EXPECT_THROW(PathThere("", is_here, "or-2:7411"), Error);

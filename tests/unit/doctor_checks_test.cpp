@@ -1,5 +1,5 @@
 // `palpate doctor` on machines that are made up.
-#include "client/cli/doctor_ports.h"
+#include "client/doctor/ports.h"
 
 #include <gtest/gtest.h>
 
@@ -8,7 +8,7 @@
 
 #include "tests/support/temporary_folder.h"
 
-namespace palpate::cli {
+namespace palpate::doctor {
 namespace {
 
 class Doctor : public ::testing::Test {
@@ -223,4 +223,4 @@ TEST_F(Doctor, TellsASocketThatIsMissingFromOneThatIsForbidden) {
 }
 
 }  // namespace
-}  // namespace palpate::cli
+}  // namespace palpate::doctor

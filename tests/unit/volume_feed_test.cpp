@@ -107,7 +107,7 @@ class VolumeFeedTest : public ::testing::Test {
   mutable EditableSession data_;
   std::mt19937 random_{1};
   std::map<std::uint64_t, std::shared_ptr<const VolumeSnapshot>> kept_;
-  VolumeMirror mirror_;
+  client::VolumeMirror mirror_;
   Counts counts_;
   std::uint64_t number_ = 0;
   VolumeFeed::Clock::time_point time_{};

@@ -48,14 +48,14 @@ VolumeComplete Complete(const std::vector<float>& values, std::uint64_t revision
   return complete;
 }
 
-VolumeMirror Begun() {
-  VolumeMirror mirror;
+client::VolumeMirror Begun() {
+  client::VolumeMirror mirror;
   mirror.Apply(Lattice());
   return mirror;
 }
 
 // Refused, and the copy is void afterwards.
-void ExpectRefused(VolumeMirror mirror, const VolumeEvent& event,
+void ExpectRefused(client::VolumeMirror mirror, const VolumeEvent& event,
                    ErrorKind kind = ErrorKind::kInvalidArgument) {
   EXPECT_EQ(Refusal([&] { mirror.Apply(event); }), kind);
   EXPECT_FALSE(mirror.lattice());
@@ -65,7 +65,7 @@ void ExpectRefused(VolumeMirror mirror, const VolumeEvent& event,
 }
 
 TEST(VolumeMirror, BecomesTheVolumeThatItIsToldOf) {
-  VolumeMirror mirror = Begun();
+  client::VolumeMirror mirror = Begun();
   EXPECT_FALSE(mirror.is_complete());
   EXPECT_EQ(mirror.Value(9, 7, 16), -5.0f);
   mirror.Apply(Bricks({1, 5}, 2.0f));
@@ -84,12 +84,12 @@ TEST(VolumeMirror, BecomesTheVolumeThatItIsToldOf) {
 }
 
 TEST(VolumeMirror, SaysWhatChanged) {
-  VolumeMirror mirror = Begun();
+  client::VolumeMirror mirror = Begun();
   EXPECT_TRUE(mirror.TakeChanges().all);
   EXPECT_TRUE(mirror.TakeChanges().numbers.empty());
   mirror.Apply(Bricks({3, 4}));
   mirror.Apply(Bricks({0, 4}));
-  const VolumeChanges changes = mirror.TakeChanges();
+  const client::MirrorChanges changes = mirror.TakeChanges();
   EXPECT_FALSE(changes.all);
   EXPECT_EQ(changes.numbers, (std::vector<std::uint64_t>{0, 3, 4}));
   mirror.Apply(Bricks({3}));
@@ -99,7 +99,7 @@ TEST(VolumeMirror, SaysWhatChanged) {
 }
 
 TEST(VolumeMirror, BricksThatWereHandedOutStay) {
-  VolumeMirror mirror = Begun();
+  client::VolumeMirror mirror = Begun();
   const BrickPtr before = mirror.At(2);
   mirror.Apply(Bricks({2}, 3.0f));
   EXPECT_EQ((*before)[0], -5.0f);
@@ -107,7 +107,7 @@ TEST(VolumeMirror, BricksThatWereHandedOutStay) {
 }
 
 TEST(VolumeMirror, AnotherVolumeVoidsTheCopy) {
-  VolumeMirror mirror = Begun();
+  client::VolumeMirror mirror = Begun();
   mirror.Apply(VolumePlacement{});
   mirror.Apply(Overview(0, 30));
   mirror.Apply(Complete({-5, -5, -5, -5, -5, -5}));
@@ -119,7 +119,7 @@ TEST(VolumeMirror, AnotherVolumeVoidsTheCopy) {
 }
 
 TEST(VolumeMirror, TheOverviewIsThereWhenItIsWhole) {
-  VolumeMirror mirror = Begun();
+  client::VolumeMirror mirror = Begun();
   mirror.Apply(Overview(0, 12));
   EXPECT_TRUE(mirror.overview().empty());
   mirror.Apply(Overview(12, 18));
@@ -130,7 +130,7 @@ TEST(VolumeMirror, TheOverviewIsThereWhenItIsWhole) {
 TEST(VolumeMirror, RefusesWhatMakesNoSense) {
   for (const VolumeEvent& early : std::initializer_list<VolumeEvent>{
            Bricks({0}), Overview(0, 30), Complete({}), Complete({-5, -5, -5, -5, -5, -5})}) {
-    ExpectRefused(VolumeMirror(), early);
+    ExpectRefused(client::VolumeMirror(), early);
   }
   ExpectRefused(Begun(), Bricks({}));
   ExpectRefused(Begun(), Bricks({6}));
@@ -176,7 +176,7 @@ TEST(VolumeMirror, RefusesLatticesThatCannotBe) {
   for (const VolumeLattice& thin : {with_size(kMost, 1, 1), with_size(1, 1, 1 << 30)}) {
     ExpectRefused(Begun(), thin, ErrorKind::kTooLarge);
   }
-  VolumeMirror limited(10 * 8 * 17 - 1);
+  client::VolumeMirror limited(10 * 8 * 17 - 1);
   EXPECT_EQ(Refusal([&] { limited.Apply(Lattice()); }), ErrorKind::kTooLarge);
   VolumeLattice endless = Lattice();
   endless.value_min = std::nan("");
@@ -184,7 +184,7 @@ TEST(VolumeMirror, RefusesLatticesThatCannotBe) {
 }
 
 TEST(VolumeMirror, ACopyThatIsNotEqualIsNotComplete) {
-  VolumeMirror mirror = Begun();
+  client::VolumeMirror mirror = Begun();
   mirror.Apply(Bricks({1}, 2.0f));
   ExpectRefused(mirror, Complete({-5, 2, -5, -5, -5, 2}), ErrorKind::kInternal);
   ExpectRefused(mirror, Complete({-5, std::nextafter(2.0f, 3.0f), -5, -5, -5, -5}),
@@ -199,7 +199,7 @@ TEST(VolumeMirror, EveryFlippedBitIsFound) {
   std::vector<float> values(2 * kBrickVoxels);
   for (float& value : values) value = static_cast<float>(random() % 100);
   const VolumeBricks good{{0, 4}, CompressFloats(values), 0};
-  VolumeMirror right = Begun();
+  client::VolumeMirror right = Begun();
   right.Apply(good);
   VolumeComplete complete{{9, 4}, {}};
   for (std::uint64_t n = 0; n < 6; ++n) complete.content_hash += HashOfBrick(*right.At(n), n);
@@ -208,7 +208,7 @@ TEST(VolumeMirror, EveryFlippedBitIsFound) {
   for (std::size_t byte = 0; byte < good.zstd_values.size(); ++byte) {
     VolumeBricks bad = good;
     bad.zstd_values[byte] = static_cast<char>(bad.zstd_values[byte] ^ (1 << (random() % 8)));
-    VolumeMirror mirror = Begun();
+    client::VolumeMirror mirror = Begun();
     const bool refused = Refusal([&] {
                            mirror.Apply(bad);
                            mirror.Apply(complete);

@@ -96,14 +96,14 @@ class Viewer {
   }
   bool Waits() const { return !pipe_->is_empty(); }
   void Leave() { streams_.Unsubscribe(*stream_); }
-  const VolumeMirror& mirror() const { return mirror_; }
+  const client::VolumeMirror& mirror() const { return mirror_; }
   Pipe& pipe() { return *pipe_; }
 
  private:
   VolumeStreams& streams_;
   std::shared_ptr<Pipe> pipe_ = std::make_shared<Pipe>();
   std::shared_ptr<VolumeStreams::Stream> stream_;
-  VolumeMirror mirror_;
+  client::VolumeMirror mirror_;
 };
 
 class VolumeStreamsTest : public ::testing::Test {

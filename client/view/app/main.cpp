@@ -1,11 +1,11 @@
 // palpate-view: shows what palpated makes felt, in a window or into a file.
 #include <csignal>
 #include <cstdio>
-#include <cstdlib>
 #include <exception>
 #include <string>
 
 #include "client/interrupt/interrupt.h"
+#include "client/sdk/calls.h"
 #include "client/view/app/offscreen.h"
 #include "client/view/app/options.h"
 #include "client/view/app/window.h"
@@ -35,8 +35,7 @@ int main(int argc, char** argv) {
   using palpate::ErrorKind;
   // A closed output is an error of write(), not the end of the process.
   std::signal(SIGPIPE, SIG_IGN);
-  // Our one line says it; gRPC's own log would only add to it.
-  setenv("GRPC_VERBOSITY", "NONE", 0);
+  palpate::client::Calls::SilenceTransport();
   int exit_code = 0;
   try {
     if (const auto options = palpate::view::ParseOptions(argc, argv, exit_code)) {

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "client/sdk/server_choice.h"
+#include "client/sdk/words.h"
 #include "client/view/app/panels.h"
 #include "client/view/app/widgets.h"
 #include "common/error/error.h"
@@ -44,7 +45,7 @@ void ShowConnection(const Viewer& viewer) {
   } else if (connection.state == client::ConnectionState::kConnected) {
     const auto device = feed.device();
     const std::string who = device && !device->identity.empty() ? " as " + device->identity : "";
-    Wrapped(kGood, "connected to " + name + who + ", role " + NameOf(feed.role()));
+    Wrapped(kGood, "connected to " + name + who + ", role " + client::NameOf(feed.role()));
   } else if (connection.state == client::ConnectionState::kConnecting) {
     Wrapped(kWarning, "connecting to " + name);
   } else {

@@ -95,7 +95,7 @@ void ConfirmEnable(Viewer& viewer, const client::DeviceInfo& device) {
 }
 
 void EditForces(Viewer& viewer, client::ForceState state,
-                const std::optional<client::DeviceInfo>& device) {
+                const std::optional<client::DaemonInfo>& daemon) {
   if (AreOn(state)) {
     if (ImGui::Button("Disable forces")) {
       viewer.feed().commands().Do("disable forces",
@@ -103,16 +103,16 @@ void EditForces(Viewer& viewer, client::ForceState state,
     }
     return;
   }
-  ImGui::BeginDisabled(!device);
+  ImGui::BeginDisabled(!daemon);
   if (ImGui::Button("Enable forces")) {
-    if (WereVerified(device->verification_level)) {
+    if (WereVerified(daemon->device.verification_level)) {
       Enable(viewer, {});
     } else {
       ImGui::OpenPopup("Enable forces?");
     }
   }
   ImGui::EndDisabled();
-  if (device) ConfirmEnable(viewer, *device);
+  if (daemon) ConfirmEnable(viewer, daemon->device);
 }
 
 // Over the last 10 seconds by the clock: where no poses came, there is no line.
@@ -197,13 +197,13 @@ void EditRecording(Viewer& viewer, const std::optional<client::RecordingState>& 
 void DevicePanel(Viewer& viewer) {
   ImGui::SetNextItemOpen(true, ImGuiCond_Once);
   if (!ImGui::CollapsingHeader("Device and forces")) return;
-  const std::optional<client::DeviceInfo> device = viewer.feed().device();
+  const std::optional<client::DaemonInfo> daemon = viewer.feed().device();
   const auto& pose = viewer.feed().pose();
-  if (device) {
-    ImGui::TextWrapped("%s", device->model.c_str());
-    if (!device->problem.empty()) {
+  if (daemon) {
+    ImGui::TextWrapped("%s", daemon->device.model.c_str());
+    if (!daemon->health.problem.empty()) {
       ImGui::PushStyleColor(ImGuiCol_Text, kBad);
-      ImGui::TextWrapped("%s", device->problem.c_str());
+      ImGui::TextWrapped("%s", daemon->health.problem.c_str());
       ImGui::PopStyleColor();
     }
   }
@@ -216,7 +216,7 @@ void DevicePanel(Viewer& viewer) {
     return;
   }
   const client::ForceStatus forces = pose     ? pose->forces
-                                     : device ? device->forces
+                                     : daemon ? daemon->forces
                                               : client::ForceStatus{};
   const bool on = AreOn(forces.state);
   ImGui::AlignTextToFramePadding();
@@ -225,7 +225,7 @@ void DevicePanel(Viewer& viewer) {
   ImGui::TextColored(on ? kGood : kWarning, "%s", NameOf(forces.state));
   ImGui::SameLine();
   ImGui::BeginDisabled(!viewer.feed().May(client::Role::kOperator));
-  EditForces(viewer, forces.state, device);
+  EditForces(viewer, forces.state, daemon);
   ImGui::EndDisabled();
   const char* why = InWords(forces.reason);
   if (!on && *why != '\0') ImGui::TextColored(kWarning, "%s", why);

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <filesystem>
 
+#include "client/sdk/words.h"
 #include "client/view/app/panels.h"
 #include "client/view/app/widgets.h"
 
@@ -51,7 +52,7 @@ void ConnectionState(Viewer& viewer) {
       if (ImGui::IsItemHovered()) ImGui::SetTooltip("%s", name.c_str());
       if (!viewer.feed().May(client::Role::kAdmin)) {
         ImGui::SameLine();
-        ImGui::TextColored(kDim, "as %s", NameOf(viewer.feed().role()));
+        ImGui::TextColored(kDim, "as %s", client::NameOf(viewer.feed().role()).c_str());
       }
       break;
     case client::ConnectionState::kConnecting:

@@ -89,10 +89,7 @@ std::string Viewer::volume_problem() const {
 void Viewer::TakeUp(std::chrono::milliseconds brick_time) {
   const auto end = Clock::now() + brick_time;
   const ViewVolume& volume = feed_.volume();
-  const auto same = [](const std::optional<AffineMap>& a, const std::optional<AffineMap>& b) {
-    return a ? b && a->linear == b->linear && a->translation == b->translation : !b;
-  };
-  if (bricks_left_ || volume_version_ != volume.version() || !same(taken_X_DI_, volume.X_DI())) {
+  if (bricks_left_ || volume_version_ != volume.version() || taken_X_DI_ != volume.X_DI()) {
     ++taken_version_;
     volume_version_ = volume.version();
     taken_X_DI_ = volume.X_DI();
@@ -243,8 +240,8 @@ void Viewer::DrawAt(const ImageSize& size, const ImageSize& view) {
   const ViewVolume& volume = feed_.volume();
   scene.X_DI = volume.X_DI();
   if (volume.lattice()) scene.lattice_size = volume.lattice()->size;
-  if (const auto device = feed_.device(); device && device->max_force_n > 0.0) {
-    scene.max_force_n = device->max_force_n;
+  if (const auto device = feed_.device(); device && device->device.max_force_n > 0.0) {
+    scene.max_force_n = device->device.max_force_n;
   }
   const Overlay overlay = BuildOverlay(scene, state_.overlay, state_.camera, view);
   const std::uint64_t casts = renderer_.casts();

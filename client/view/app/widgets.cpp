@@ -1,5 +1,7 @@
 #include "client/view/app/widgets.h"
 
+#include "client/sdk/words.h"
+
 #include "common/error/one_line.h"
 
 namespace palpate::view {
@@ -77,27 +79,11 @@ bool HeldChoice(Viewer& viewer, const char* label, std::size_t& place,
   return changed;
 }
 
-const char* NameOf(client::Role role) {
-  switch (role) {
-    case client::Role::kUnknown:
-      return "unknown";
-    case client::Role::kViewer:
-      return "viewer";
-    case client::Role::kEditor:
-      return "editor";
-    case client::Role::kOperator:
-      return "operator";
-    case client::Role::kAdmin:
-      return "admin";
-  }
-  return "unknown";
-}
-
 void BeginAllowed(const Viewer& viewer, client::Role least) {
   const bool may = viewer.feed().May(least);
   if (!may && !viewer.feed().is_disconnected()) {
-    ImGui::TextColored(kDim, "needs the role %s; yours is %s", NameOf(least),
-                       NameOf(viewer.feed().role()));
+    ImGui::TextColored(kDim, "needs the role %s; yours is %s", client::NameOf(least).c_str(),
+                       client::NameOf(viewer.feed().role()).c_str());
   }
   ImGui::BeginDisabled(!may);
 }

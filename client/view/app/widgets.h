@@ -39,9 +39,6 @@ bool HeldCheckbox(Viewer& viewer, const char* label, bool& value);
 bool HeldChoice(Viewer& viewer, const char* label, std::size_t& place,
                 std::span<const std::string_view> words);
 
-// "viewer".
-const char* NameOf(client::Role role);
-
 // What follows may be used by roles from `least` on; for others it is grey, and a line says so.
 // Always followed by EndAllowed.
 void BeginAllowed(const Viewer& viewer, client::Role least);

@@ -16,8 +16,8 @@ void Denoiser::Start(const client::Filter& filter,
   if (commands_.busy()) return;
   progress_ = std::make_shared<Progress>();
   commands_.Do("denoise", [filter, done, progress = progress_](client::Client& client) {
-    done(client.RunFilter(filter, [&](double fraction) {
-      progress->fraction = fraction;
+    done(client.RunFilter(filter, [&](const client::Progress& so_far) {
+      progress->fraction = so_far.fraction;
       return !progress->is_cancelled;
     }));
   });

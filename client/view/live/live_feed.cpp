@@ -49,7 +49,7 @@ class Questions {
   Questions& operator=(const Questions&) = delete;
 
   struct Answers {
-    std::optional<client::DeviceInfo> device{};
+    std::optional<client::DaemonInfo> device{};
     std::optional<client::SeriesState> series{};
     std::optional<client::RecordingState> recording{};
   };
@@ -286,7 +286,7 @@ std::int64_t LiveFeed::plots_end_ns() const {
   return parts_->pose->time_ns + std::chrono::nanoseconds(Clock::now() - parts_->pose_came).count();
 }
 
-std::optional<client::DeviceInfo> LiveFeed::device() const {
+std::optional<client::DaemonInfo> LiveFeed::device() const {
   return parts_->line->questions.answers().device;
 }
 std::optional<client::SeriesState> LiveFeed::series() const {

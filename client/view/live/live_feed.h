@@ -61,7 +61,7 @@ class LiveFeed {
 
   // Asked for in the background about once a second; none where there is none, or the
   // daemon is away.
-  std::optional<client::DeviceInfo> device() const;
+  std::optional<client::DaemonInfo> device() const;
   std::optional<client::SeriesState> series() const;
   std::optional<client::RecordingState> recording() const;
 

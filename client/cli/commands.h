@@ -1,0 +1,28 @@
+// The commands of palpate: each describes itself and, when it was named, puts what to do into the
+// invocation.
+//
+// Threads: main only.
+#pragma once
+
+#include "client/cli/invocation.h"
+
+namespace palpate::cli {
+
+void AddInfo(arguments::Command& app, Invocation& invocation);
+void AddWatch(arguments::Command& app, Invocation& invocation);
+void AddSet(arguments::Command& app, Invocation& invocation);
+void AddSettings(arguments::Command& app, Invocation& invocation);
+void AddLoad(arguments::Command& app, Invocation& invocation);
+void AddUpload(arguments::Command& app, Invocation& invocation);
+void AddDownload(arguments::Command& app, Invocation& invocation);
+void AddSave(arguments::Command& app, Invocation& invocation);
+void AddPlace(arguments::Command& app, Invocation& invocation);
+void AddEdit(arguments::Command& app, Invocation& invocation);
+void AddHistory(arguments::Command& app, Invocation& invocation);  // undo, redo, revert
+void AddSeries(arguments::Command& app, Invocation& invocation);
+void AddRecord(arguments::Command& app, Invocation& invocation);
+void AddMark(arguments::Command& app, Invocation& invocation);
+void AddReplay(arguments::Command& app, Invocation& invocation);
+void AddDevice(arguments::Command& app, Invocation& invocation);
+
+}  // namespace palpate::cli

@@ -1,0 +1,257 @@
+#include "client/doctor/checks.h"
+
+#include <fmt/core.h>
+#include <linux/capability.h>
+#include <sys/statvfs.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <cstdlib>
+#include <fstream>
+#include <sstream>
+
+#include "client/doctor/ports.h"
+
+namespace palpate::doctor {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr int kServoPriority = 80;
+constexpr std::uint64_t kGib = std::uint64_t{1} << 30;
+// An hour of recording takes 360 MB.
+constexpr std::uint64_t kLeastFreeBytes = kGib;
+constexpr std::uint64_t kFreeBytes = 10 * kGib;
+
+// First line of a file below the root; empty where it cannot be read.
+std::string Line(const Workstation& machine, const std::string& path) {
+  std::ifstream file(machine.root / path);
+  std::string line;
+  std::getline(file, line);
+  while (!line.empty() && (line.back() == ' ' || line.back() == '\n')) line.pop_back();
+  return line;
+}
+
+std::vector<fs::path> Entries(const fs::path& folder) {
+  std::error_code error;
+  std::vector<fs::path> entries;
+  for (fs::directory_iterator at(folder, error), end; !error && at != end; at.increment(error)) {
+    entries.push_back(at->path());
+  }
+  std::sort(entries.begin(), entries.end());
+  return entries;
+}
+
+// Soft limit of /proc/self/limits; empty where there is none of that name.
+std::string Limit(const Workstation& machine, const std::string& name) {
+  std::ifstream file(machine.root / "proc/self/limits");
+  for (std::string line; std::getline(file, line);) {
+    if (!line.starts_with(name)) continue;
+    std::istringstream values(line.substr(name.size()));
+    std::string soft;
+    values >> soft;
+    return soft;
+  }
+  return "";
+}
+
+int Number(const std::string& text, int otherwise) {
+  int value = otherwise;
+  std::from_chars(text.data(), text.data() + text.size(), value);
+  return value;
+}
+
+// Of this process, as root has them all, but not in every container.
+bool HasCapability(const Workstation& machine, int number) {
+  std::ifstream file(machine.root / "proc/self/status");
+  for (std::string line; std::getline(file, line);) {
+    if (line.starts_with("CapEff:"))
+      return (std::stoull(line.substr(7), nullptr, 16) >> number) & 1;
+  }
+  return false;
+}
+
+struct KnownDevice {
+  const char* vendor;
+  const char* product;
+  const char* name;
+};
+constexpr std::array<KnownDevice, 4> kKnownDevices = {{
+    {"2988", "0302", "Touch"},
+    {"2988", "0304", "Touch (HID)"},
+    {"0301", "2988", "Touch 3D Stylus"},
+    {"0403", "cb48", "Novint Falcon"},
+}};
+
+// Null: not one of ours.
+const KnownDevice* Known(const std::string& vendor, const std::string& product) {
+  const auto known = std::find_if(kKnownDevices.begin(), kKnownDevices.end(), [&](const auto& d) {
+    return d.vendor == vendor && d.product == product;
+  });
+  return known == kKnownDevices.end() ? nullptr : &*known;
+}
+
+}  // namespace
+
+Workstation ThisMachine() {
+  Workstation machine;
+  const char* home = std::getenv("HOME");
+  std::error_code error;
+  machine.state_folder = "/var/lib/palpate";
+  if (!fs::is_directory(machine.state_folder, error)) machine.state_folder = home ? home : "/";
+  machine.may_write = [](const fs::path& path) { return access(path.c_str(), R_OK | W_OK) == 0; };
+  machine.answers = Answers;
+  machine.free_bytes = [](const fs::path& path) {
+    struct statvfs info {};
+    if (statvfs(path.c_str(), &info) != 0) return std::uint64_t{0};
+    return static_cast<std::uint64_t>(info.f_bavail) * info.f_frsize;
+  };
+  return machine;
+}
+
+Finding CheckKernel(const Workstation& machine) {
+  const std::string release = Line(machine, "proc/sys/kernel/osrelease");
+  const std::string version = Line(machine, "proc/version");
+  if (Line(machine, "sys/kernel/realtime") == "1" ||
+      version.find("PREEMPT_RT") != std::string::npos) {
+    return {"kernel", Verdict::kOk, release + ", real-time (PREEMPT_RT)"};
+  }
+  if (Line(machine, "proc/cmdline").find("preempt=full") != std::string::npos) {
+    return {"kernel", Verdict::kOk, release + ", preempt=full"};
+  }
+  return {"kernel", Verdict::kWarn, release + " is no real-time kernel: ticks are late at times",
+          "install linux-image-rt-amd64, or boot with preempt=full"};
+}
+
+Finding CheckRealtimeRights(const Workstation& machine) {
+  const std::string limit = Limit(machine, "Max realtime priority");
+  if (Number(limit, 0) >= kServoPriority || limit == "unlimited") {
+    return {"rtprio", Verdict::kOk, "real-time priority up to " + limit};
+  }
+  if (HasCapability(machine, CAP_SYS_NICE)) {
+    return {"rtprio", Verdict::kOk, "this shell needs no limit for real-time priority"};
+  }
+  return {"rtprio", Verdict::kWarn,
+          fmt::format("real-time priority up to {} for what this shell starts; the servo takes {}",
+                      limit.empty() ? "0" : limit, kServoPriority),
+          "use the service palpated, which has its own limit, or put `@palpate - rtprio 90` into "
+          "/etc/security/limits.d/palpate.conf and log in again"};
+}
+
+Finding CheckLockedMemory(const Workstation& machine) {
+  const std::string limit = Limit(machine, "Max locked memory");
+  if (limit == "unlimited" || HasCapability(machine, CAP_IPC_LOCK)) {
+    return {"memlock", Verdict::kOk, "memory may be locked"};
+  }
+  return {
+      "memlock", Verdict::kWarn,
+      "what this shell starts may lock " + (limit.empty() ? "no" : limit + " bytes of") + " memory",
+      "use the service palpated, which has its own limit, or put `@palpate - memlock unlimited` "
+      "into "
+      "/etc/security/limits.d/palpate.conf and log in again"};
+}
+
+Finding CheckRealtimeShare(const Workstation& machine) {
+  const int runtime_us = Number(Line(machine, "proc/sys/kernel/sched_rt_runtime_us"), -1);
+  if (runtime_us == 0) {
+    return {"rt-share", Verdict::kFail, "the kernel gives real-time threads no time",
+            "sysctl kernel.sched_rt_runtime_us=950000"};
+  }
+  return {"rt-share", Verdict::kOk,
+          runtime_us < 0
+              ? "real-time threads have no limit"
+              : fmt::format("real-time threads have {} us of each second's million", runtime_us)};
+}
+
+Finding CheckGovernor(const Workstation& machine) {
+  std::string slow;
+  int cores = 0;
+  for (const fs::path& cpu : Entries(machine.root / "sys/devices/system/cpu")) {
+    const fs::path file = cpu.lexically_relative(machine.root) / "cpufreq/scaling_governor";
+    const std::string governor = Line(machine, file.string());
+    if (governor.empty()) continue;
+    ++cores;
+    if (governor != "performance") slow = governor;
+  }
+  if (cores == 0) return {"governor", Verdict::kOk, "the cores' frequency is not scaled here"};
+  if (slow.empty()) return {"governor", Verdict::kOk, "performance, on all cores"};
+  return {"governor", Verdict::kWarn, slow + ": a core that slept wakes up slowly",
+          "cpupower frequency-set --governor performance (package linux-cpupower)"};
+}
+
+Finding CheckClock(const Workstation& machine) {
+  const std::string clock =
+      Line(machine, "sys/devices/system/clocksource/clocksource0/current_clocksource");
+  for (const char* good : {"tsc", "kvm-clock", "hyperv_clocksource_tsc_page", "arch_sys_counter"}) {
+    if (clock == good) return {"clock", Verdict::kOk, clock};
+  }
+  return {"clock", Verdict::kWarn,
+          (clock.empty() ? "unknown" : clock) + ": reading it takes microseconds",
+          "see why the kernel gave up tsc: journalctl -k | grep -i clocksource"};
+}
+
+Finding CheckUdevRule(const Workstation& machine) {
+  for (const char* folder : {"etc/udev/rules.d", "usr/lib/udev/rules.d", "lib/udev/rules.d"}) {
+    std::error_code error;
+    if (fs::exists(machine.root / folder / "70-palpate.rules", error)) {
+      return {"udev", Verdict::kOk, std::string("/") + folder + "/70-palpate.rules"};
+    }
+  }
+  return {"udev", Verdict::kWarn, "no rule gives anybody but root the USB devices",
+          "install palpate-daemon, or copy 70-palpate.rules to /etc/udev/rules.d"};
+}
+
+Finding CheckUsbDevices(const Workstation& machine) {
+  std::string found;
+  for (const fs::path& device : Entries(machine.root / "sys/bus/usb/devices")) {
+    const auto line = [&](const char* name) {
+      return Line(machine, (device.lexically_relative(machine.root) / name).string());
+    };
+    const KnownDevice* known = Known(line("idVendor"), line("idProduct"));
+    if (!known) continue;
+    const fs::path node =
+        machine.root / fmt::format("dev/bus/usb/{:03}/{:03}", Number(line("busnum"), 0),
+                                   Number(line("devnum"), 0));
+    const std::string name = std::string(known->name) + " at " + device.filename().string();
+    if (!machine.may_write(node)) {
+      return {"usb", Verdict::kFail, name + ": this user may not open it",
+              "join the group palpate (usermod --append --groups palpate USER), log in again, "
+              "and plug it in again"};
+    }
+    found += (found.empty() ? "" : ", ") + name;
+  }
+  return {"usb", Verdict::kOk, found.empty() ? "no known device is plugged in" : found};
+}
+
+Finding CheckSpace(const Workstation& machine) {
+  const std::uint64_t bytes = machine.free_bytes(machine.state_folder);
+  const std::string text = fmt::format("{:.1f} GiB free at {}", static_cast<double>(bytes) / kGib,
+                                       machine.state_folder.string());
+  if (bytes >= kFreeBytes) return {"space", Verdict::kOk, text};
+  return {"space", bytes < kLeastFreeBytes ? Verdict::kFail : Verdict::kWarn, text,
+          "an hour of recording takes 0.4 GB, an upload as much as its file: make room"};
+}
+
+Finding CheckSocket(const Workstation& machine, const fs::path& socket) {
+  std::error_code error;
+  if (!fs::exists(machine.root / socket.relative_path(), error)) {
+    return {"socket", Verdict::kWarn,
+            socket.string() + (error ? ": " + error.message() : " is not there"),
+            "start palpated: systemctl start palpated; or name another with --socket"};
+  }
+  if (!machine.may_write(machine.root / socket.relative_path())) {
+    return {"socket", Verdict::kFail, socket.string() + ": this user may not use it",
+            "join the group palpate (usermod --append --groups palpate USER) and log in again"};
+  }
+  return {"socket", Verdict::kOk, socket.string()};
+}
+
+std::vector<Finding> CheckWorkstation(const Workstation& machine) {
+  return {CheckKernel(machine),        CheckRealtimeRights(machine), CheckLockedMemory(machine),
+          CheckRealtimeShare(machine), CheckGovernor(machine),       CheckClock(machine),
+          CheckUdevRule(machine),      CheckUsbDevices(machine),     CheckSpace(machine)};
+}
+
+}  // namespace palpate::doctor

@@ -1,0 +1,161 @@
+#include "client/sdk/calls.h"
+
+#include <cstdlib>
+
+#include "client/sdk/info_messages.h"
+#include "client/sdk/link.h"
+#include "client/sdk/messages.h"
+#include "client/sdk/volume_messages.h"
+#include "palpate/v1/device.grpc.pb.h"
+#include "palpate/v1/recording.grpc.pb.h"
+#include "palpate/v1/registration.grpc.pb.h"
+#include "palpate/v1/render.grpc.pb.h"
+#include "palpate/v1/series.grpc.pb.h"
+
+namespace palpate::client {
+namespace {
+
+using Device = v1::DeviceService;
+using Recording = v1::RecordingService;
+using RegistrationService = v1::RegistrationService;
+
+// Of EnableForces, DisableForces, StopForces.
+template <typename Response>
+ForceResult ForceResultOf(const Response& response) {
+  return {FromProto(response.forces()), response.applied_tick()};
+}
+
+}  // namespace
+
+Calls::Calls(const Server& server) : link_(std::make_unique<Link>(server)) {}
+Calls::~Calls() = default;
+
+void Calls::SilenceTransport() { setenv("GRPC_VERBOSITY", "NONE", 0); }
+
+const std::string& Calls::name() const { return link_->name(); }
+bool Calls::shares_clock() const { return link_->shares_clock(); }
+void Calls::WaitUntilReached(std::chrono::milliseconds timeout) const {
+  link_->WaitUntilReached(timeout);
+}
+void Calls::EndCalls() { link_->CancelCalls(); }
+
+PoseReader Calls::ReadPoses(double rate_hz, std::uint32_t batch) {
+  return PoseReader(*link_, rate_hz, batch);
+}
+
+Settings Calls::GetSettings() {
+  const v1::GetSettingsResponse response = link_->Call<v1::RenderService>(
+      &v1::RenderService::Stub::GetSettings, v1::GetSettingsRequest());
+  return FromProto(response.settings(), response.settings_revision());
+}
+
+SettingsResult Calls::Set(const SettingsUpdate& update) {
+  const v1::UpdateSettingsResponse response =
+      link_->Call<v1::RenderService>(&v1::RenderService::Stub::UpdateSettings, ToProto(update));
+  return {FromProto(response.settings(), response.settings_revision()), response.applied_tick(),
+          response.receipt_to_applied_ns()};
+}
+
+Placement Calls::GetPlacement() {
+  const v1::GetRegistrationResponse response = link_->Call<RegistrationService>(
+      &RegistrationService::Stub::GetRegistration, v1::GetRegistrationRequest());
+  return FromProto(response.registration(), response.settings_revision());
+}
+
+PlacementResult Calls::Place(const PlacementChange& change) {
+  const v1::UpdateRegistrationResponse response = link_->Call<RegistrationService>(
+      &RegistrationService::Stub::UpdateRegistration, ToProto(change));
+  return {FromProto(response.registration(), response.settings_revision()),
+          response.applied_tick()};
+}
+
+SeriesState Calls::GetSeries() {
+  return FromProto(
+      link_->Call<v1::SeriesService>(&v1::SeriesService::Stub::GetSeries, v1::GetSeriesRequest())
+          .series());
+}
+
+SeriesState Calls::ControlSeries(const SeriesControl& control) {
+  return FromProto(
+      link_->Call<v1::SeriesService>(&v1::SeriesService::Stub::ControlSeries, ToProto(control))
+          .series());
+}
+
+DaemonInfo Calls::GetDevice() {
+  return FromProto(link_->Call<Device>(&Device::Stub::GetDevice, v1::GetDeviceRequest()));
+}
+
+std::vector<ListedDevice> Calls::ListDevices() {
+  const v1::ListDevicesResponse response =
+      link_->Call<Device>(&Device::Stub::ListDevices, v1::ListDevicesRequest());
+  std::vector<ListedDevice> devices;
+  for (const v1::ListedDevice& device : response.devices()) devices.push_back(FromProto(device));
+  return devices;
+}
+
+ForceResult Calls::EnableForces(const std::string& device) {
+  v1::EnableForcesRequest request;
+  request.set_device(device);
+  return ForceResultOf(link_->Call<Device>(&Device::Stub::EnableForces, request));
+}
+
+ForceResult Calls::DisableForces() {
+  return ForceResultOf(
+      link_->Call<Device>(&Device::Stub::DisableForces, v1::DisableForcesRequest()));
+}
+
+ForceResult Calls::StopForces() {
+  return ForceResultOf(link_->Call<Device>(&Device::Stub::StopForces, v1::StopForcesRequest()));
+}
+
+DeviceHealth Calls::CalibrateDevice() {
+  return FromProto(
+      link_->Call<Device>(&Device::Stub::CalibrateDevice, v1::CalibrateDeviceRequest()).health());
+}
+
+RecordingState Calls::StartRecording(const std::string& path, bool overwrite) {
+  v1::StartRecordingRequest request;
+  request.set_path(path);
+  request.set_overwrite(overwrite);
+  return FromProto(link_->Call<Recording>(&Recording::Stub::StartRecording, request).recording());
+}
+
+RecordingState Calls::StopRecording() {
+  return FromProto(
+      link_->Call<Recording>(&Recording::Stub::StopRecording, v1::StopRecordingRequest())
+          .recording());
+}
+
+RecordingState Calls::GetRecording() {
+  return FromProto(link_->Call<Recording>(&Recording::Stub::GetRecording, v1::GetRecordingRequest())
+                       .recording());
+}
+
+std::int64_t Calls::Mark(const std::string& text) {
+  v1::MarkRequest request;
+  request.set_text(text);
+  return link_->Call<Recording>(&Recording::Stub::Mark, request).time_ns();
+}
+
+ReplayState Calls::Replay(const std::string& path, double speed, const ReplayFunction& progress) {
+  v1::ReplayRequest request;
+  request.set_path(path);
+  request.set_speed(speed);
+  ReplayState state;
+  link_->Stream<Recording, v1::ReplayResponse>(
+      [&](Recording::Stub& stub, auto* context, auto* queue) {
+        return stub.PrepareAsyncReplay(context, request, queue);
+      },
+      [&](const v1::ReplayResponse& event) {
+        state = {event.ticks(), event.lost_ticks(), event.marker()};
+      },
+      [&] {
+        const bool goes_on = !progress || progress(state);
+        state.marker.clear();
+        return goes_on;
+      },
+      "the replay was cancelled");
+  return state;
+}
+
+}  // namespace palpate::client

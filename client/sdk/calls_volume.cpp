@@ -1,0 +1,158 @@
+// The calls of Calls about voxels.
+#include <algorithm>
+
+#include "client/sdk/calls.h"
+#include "client/sdk/info_messages.h"
+#include "client/sdk/link.h"
+#include "client/sdk/messages.h"
+#include "client/sdk/upload.h"
+#include "client/sdk/volume_messages.h"
+#include "client/sdk/volume_reader.h"
+#include "palpate/v1/series.grpc.pb.h"
+#include "palpate/v1/volume.grpc.pb.h"
+
+namespace palpate::client {
+namespace {
+
+using Volume = v1::VolumeService;
+
+constexpr char kLoadCancelled[] = "loading was cancelled; the volume before it stays";
+constexpr std::chrono::milliseconds kPoll{50};
+// Of a download, without a message between.
+constexpr int kMostLosses = 5;
+
+// Runs a call whose messages are progress and, at the end, one result.
+template <class Service, class Response, class Prepare>
+auto RunToResult(Link& link, const Prepare& prepare, const ProgressFunction& progress,
+                 const char* cancelled) {
+  std::optional<std::decay_t<decltype(std::declval<Response>().result())>> result;
+  Progress state;
+  link.Stream<Service, Response>(
+      prepare,
+      [&](const Response& event) {
+        if (event.has_result()) result = event.result();
+        if (!event.has_progress()) return;
+        state = {event.progress().stage(), event.progress().fraction()};
+      },
+      // What is done cannot be cancelled any more.
+      [&] { return result || !progress || progress(state); }, cancelled);
+  if (!result) {
+    throw Error(ErrorKind::kInternal, "palpated ended the call without a result");
+  }
+  return *result;
+}
+
+Progress ProgressOf(const VolumeMirror& mirror, std::uint64_t& most_left) {
+  most_left = std::max(most_left, mirror.bricks_left());
+  if (most_left == 0) return {"receiving"};
+  const auto all = static_cast<double>(most_left);
+  return {"receiving", 1.0 - static_cast<double>(mirror.bricks_left()) / all,
+          "of " + std::to_string(most_left) + " bricks"};
+}
+
+}  // namespace
+
+VolumeInfo Calls::GetVolume() {
+  return FromProto(link_->Call<Volume>(&Volume::Stub::GetVolume, v1::GetVolumeRequest()).volume());
+}
+
+LoadResult Calls::LoadVolume(const std::string& source, const LoadOptions& options,
+                             const ProgressFunction& progress) {
+  v1::LoadVolumeRequest request = ToProto(options);
+  request.set_source(source);
+  return LoadResultOf(RunToResult<Volume, v1::LoadVolumeResponse>(
+      *link_,
+      [&](Volume::Stub& stub, auto* context, auto* queue) {
+        return stub.PrepareAsyncLoadVolume(context, request, queue);
+      },
+      progress, kLoadCancelled));
+}
+
+LoadResult Calls::UploadVolume(const std::filesystem::path& file, const LoadOptions& options,
+                               const ProgressFunction& progress) {
+  return Upload(*link_, file, options, progress);
+}
+
+DownloadResult Calls::DownloadVolume(const ProgressFunction& progress) {
+  DownloadResult result;
+  VolumeReader reader(link_->volume_channel(), result.volume);
+  std::uint64_t most_left = 0;
+  for (Progress state;;) {
+    const VolumeReader::Event event = reader.Next(kPoll);
+    if (event == VolumeReader::Event::kApplied) state = ProgressOf(result.volume, most_left);
+    if (progress && !progress(state)) {
+      throw Error(ErrorKind::kCancelled, "the download was cancelled; nothing was kept");
+    }
+    link_->ThrowIfCancelled();
+    if (event == VolumeReader::Event::kLost && reader.losses_in_a_row() >= kMostLosses) {
+      const Error loss = *reader.last_loss();
+      if (loss.kind() != ErrorKind::kUnavailable) throw Error(loss);
+      throw link_->ErrorOf({grpc::StatusCode::UNAVAILABLE, loss.what()});
+    }
+    if (event == VolumeReader::Event::kComplete) break;
+  }
+  result.bytes_received = reader.bytes_received();
+  return result;
+}
+
+SaveResult Calls::SaveVolume(const std::string& path, bool overwrite,
+                             const ProgressFunction& progress) {
+  v1::SaveVolumeRequest request;
+  request.set_path(path);
+  request.set_overwrite(overwrite);
+  const v1::SaveVolumeResult result = RunToResult<Volume, v1::SaveVolumeResponse>(
+      *link_,
+      [&](Volume::Stub& stub, auto* context, auto* queue) {
+        return stub.PrepareAsyncSaveVolume(context, request, queue);
+      },
+      progress, "saving was cancelled; there is no new file");
+  return {result.volume_revision(), result.size_bytes()};
+}
+
+EditResult Calls::Apply(const Edit& edit) {
+  return FromProto(link_->Call<Volume>(&Volume::Stub::EditVolume, ToProto(edit)));
+}
+
+EditResult Calls::RunFilter(const Filter& filter, const ProgressFunction& progress) {
+  const v1::FilterVolumeRequest request = ToProto(filter);
+  return FromProto(RunToResult<Volume, v1::FilterVolumeResponse>(
+      *link_,
+      [&](Volume::Stub& stub, auto* context, auto* queue) {
+        return stub.PrepareAsyncFilterVolume(context, request, queue);
+      },
+      progress, "the filter was cancelled; nothing was changed"));
+}
+
+EditResult Calls::Undo(std::optional<std::uint64_t> expected_revision) {
+  v1::UndoEditRequest request;
+  if (expected_revision) request.set_expected_revision(*expected_revision);
+  return FromProto(link_->Call<Volume>(&Volume::Stub::UndoEdit, request));
+}
+
+EditResult Calls::Redo(std::optional<std::uint64_t> expected_revision) {
+  v1::RedoEditRequest request;
+  if (expected_revision) request.set_expected_revision(*expected_revision);
+  return FromProto(link_->Call<Volume>(&Volume::Stub::RedoEdit, request));
+}
+
+EditResult Calls::Revert(std::optional<std::uint64_t> expected_revision) {
+  v1::RevertVolumeRequest request;
+  if (expected_revision) request.set_expected_revision(*expected_revision);
+  return FromProto(link_->Call<Volume>(&Volume::Stub::RevertVolume, request));
+}
+
+SeriesResult Calls::LoadSeries(const std::vector<std::string>& sources, const LoadOptions& options,
+                               const ProgressFunction& progress) {
+  v1::LoadSeriesRequest request;
+  for (const std::string& source : sources) request.add_sources(source);
+  *request.mutable_options() = ToProto(options);
+  const v1::LoadSeriesResult result = RunToResult<v1::SeriesService, v1::LoadSeriesResponse>(
+      *link_,
+      [&](v1::SeriesService::Stub& stub, auto* context, auto* queue) {
+        return stub.PrepareAsyncLoadSeries(context, request, queue);
+      },
+      progress, kLoadCancelled);
+  return {FromProto(result.volume()), FromProto(result.series())};
+}
+
+}  // namespace palpate::client

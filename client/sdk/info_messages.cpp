@@ -1,0 +1,107 @@
+#include "client/sdk/info_messages.h"
+
+#include "client/sdk/enum_of.h"
+#include "common/wire/convert.h"
+
+namespace palpate::client {
+namespace {
+
+static_assert(static_cast<int>(ForceState::kStopped) == v1::FORCE_STATE_STOPPED);
+static_assert(static_cast<int>(ForceReason::kStopButton) == v1::FORCE_REASON_STOP_BUTTON);
+static_assert(static_cast<int>(ForceReason::kDevice) == v1::FORCE_REASON_DEVICE);
+static_assert(static_cast<int>(VerificationLevel::kSimulated) == v1::VERIFICATION_LEVEL_SIMULATED);
+static_assert(static_cast<int>(DeviceConnection::kStreaming) == v1::DEVICE_CONNECTION_STREAMING);
+static_assert(static_cast<int>(Role::kAdmin) == v1::ROLE_ADMIN);
+
+VerificationLevel LevelOf(v1::VerificationLevel level) {
+  return EnumOf(level, VerificationLevel::kSimulated);
+}
+
+DeviceInfo FromProto(const v1::DeviceDescription& device) {
+  DeviceInfo info;
+  info.kind = device.kind();
+  info.model = device.model();
+  info.workspace_min_mm = palpate::FromProto(device.workspace_min_mm());
+  info.workspace_max_mm = palpate::FromProto(device.workspace_max_mm());
+  info.max_force_n = device.max_force_n();
+  info.continuous_force_n = device.continuous_force_n();
+  info.max_stiffness_n_per_mm = device.max_stiffness_n_per_mm();
+  info.position_resolution_mm = device.position_resolution_mm();
+  info.button_count = device.button_count();
+  info.verification_level = LevelOf(device.verification_level());
+  return info;
+}
+
+ServoInfo FromProto(const v1::ServoDescription& servo) {
+  ServoInfo info;
+  info.rate_hz = servo.rate_hz();
+  info.realtime_scheduling = servo.realtime_scheduling();
+  info.memory_locked = servo.memory_locked();
+  info.warnings.assign(servo.warnings().begin(), servo.warnings().end());
+  info.ticks = servo.ticks();
+  info.missed_ticks = servo.missed_ticks();
+  info.faulty_ticks = servo.faulty_ticks();
+  info.scenes_applied = servo.scenes_applied();
+  info.page_faults = servo.page_faults();
+  info.lost_samples = servo.lost_samples();
+  info.version = servo.version();
+  return info;
+}
+
+}  // namespace
+
+ForceStatus FromProto(const v1::ForceStatus& forces) {
+  return {EnumOf(forces.state(), ForceState::kStopped),
+          EnumOf(forces.reason(), ForceReason::kStopButton), forces.limit_n()};
+}
+
+DeviceHealth FromProto(const v1::DeviceHealth& health) {
+  DeviceHealth result;
+  result.connection = EnumOf(health.connection(), DeviceConnection::kStreaming);
+  result.docked = health.docked();
+  result.calibrated = health.calibrated();
+  result.identity = health.identity();
+  result.problem = health.problem();
+  result.readings = health.readings();
+  result.forces_written = health.forces_written();
+  result.lost_readings = health.lost_readings();
+  result.corrupt_frames = health.corrupt_frames();
+  result.transfer_errors = health.transfer_errors();
+  result.connections = health.connections();
+  result.watchdog_zeros = health.watchdog_zeros();
+  return result;
+}
+
+DaemonInfo FromProto(const v1::GetDeviceResponse& response) {
+  return {FromProto(response.device()), FromProto(response.health()),
+          FromProto(response.forces()), FromProto(response.servo()),
+          response.caller().identity(), EnumOf(response.caller().role(), Role::kAdmin)};
+}
+
+ListedDevice FromProto(const v1::ListedDevice& device) {
+  return {device.kind(),   device.model(),   device.port(),
+          device.usable(), device.problem(), LevelOf(device.verification_level()),
+          device.in_use()};
+}
+
+SeriesState FromProto(const v1::SeriesState& state) {
+  return {state.frames(), state.position_frames(), state.playing(),      state.rate_hz(),
+          state.loop(),   state.interpolate(),     state.memory_bytes(), state.volume_revision()};
+}
+
+RecordingState FromProto(const v1::RecordingState& state) {
+  return {state.running(),    state.path(),  state.ticks(),     state.lost_ticks(),
+          state.size_bytes(), state.error(), state.disk_full(), state.left_out()};
+}
+
+v1::ControlSeriesRequest ToProto(const SeriesControl& control) {
+  v1::ControlSeriesRequest request;
+  if (control.playing) request.set_playing(*control.playing);
+  if (control.position_frames) request.set_position_frames(*control.position_frames);
+  if (control.rate_hz) request.set_rate_hz(*control.rate_hz);
+  if (control.loop) request.set_loop(*control.loop);
+  if (control.interpolate) request.set_interpolate(*control.interpolate);
+  return request;
+}
+
+}  // namespace palpate::client

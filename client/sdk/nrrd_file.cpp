@@ -1,0 +1,63 @@
+#include "client/sdk/nrrd_file.h"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <filesystem>
+#include <vector>
+
+#include "common/error/error.h"
+#include "common/files/new_file.h"
+#include "common/files/nrrd_header.h"
+
+namespace palpate::client {
+namespace {
+
+// Slices k .. k + 7 at most, x fastest: the layer of bricks that holds them.
+void FillSlices(const VolumeMirror& volume, int k, std::vector<float>& voxels) {
+  const Vec3i& size = volume.lattice()->size;
+  const int end = std::min(k + kBrickEdge, size.z());
+  voxels.clear();
+  for (; k < end; ++k) {
+    for (int j = 0; j < size.y(); ++j) {
+      for (int i = 0; i < size.x(); ++i) voxels.push_back(volume.Value(i, j, k));
+    }
+  }
+}
+
+}  // namespace
+
+void CheckNrrdPath(const std::string& path, bool overwrite) {
+  const std::filesystem::path file = std::filesystem::absolute(path);
+  std::error_code ignored;
+  if (std::filesystem::is_directory(file, ignored)) {
+    throw Error(ErrorKind::kInvalidArgument, path + " is a folder: name a file");
+  }
+  if (!std::filesystem::is_directory(file.parent_path(), ignored)) {
+    throw Error(ErrorKind::kNotFound, "there is no folder " + file.parent_path().string());
+  }
+  if (!overwrite && std::filesystem::exists(file, ignored)) {
+    throw Error(ErrorKind::kConflict,
+                path + " is there: name another file, or allow to overwrite it (--overwrite)");
+  }
+  if (access(file.parent_path().c_str(), W_OK) != 0) throw CannotWrite(path, errno);
+}
+
+void SaveAsNrrd(const VolumeMirror& volume, const std::string& path, bool overwrite,
+                const std::function<void()>& check) {
+  CheckNrrdPath(path, overwrite);
+  NewFile file(path, overwrite ? IfThere::kReplace : IfThere::kRefuse);
+  const VolumeLattice& lattice = *volume.lattice();
+  file.Write(ToText(
+      NrrdHeader{.type = "float", .encoding = "raw", .size = lattice.size, .X_WI = lattice.X_WI}));
+  std::vector<float> voxels;
+  for (int k = 0; k < lattice.size.z(); k += kBrickEdge) {
+    if (check) check();
+    FillSlices(volume, k, voxels);
+    file.Write({reinterpret_cast<const char*>(voxels.data()), voxels.size() * sizeof(float)});
+  }
+  file.TakeName();
+}
+
+}  // namespace palpate::client

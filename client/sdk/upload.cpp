@@ -1,0 +1,142 @@
+#include "client/sdk/upload.h"
+
+#include <unistd.h>
+#include <zlib.h>
+
+#include <cstdio>
+#include <fstream>
+#include <memory>
+#include <string>
+
+#include "client/sdk/volume_messages.h"
+#include "palpate/v1/volume.grpc.pb.h"
+
+namespace palpate::client {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::size_t kChunkBytes = 1 << 20;
+// What the daemon then does with it cannot be told: the rest.
+constexpr double kSendingShare = 0.5;
+constexpr char kCancelled[] = "loading was cancelled; the volume before it stays";
+
+std::ifstream Open(const fs::path& file) {
+  std::error_code error;
+  const fs::file_status status = fs::status(file, error);
+  if (!fs::exists(status)) {
+    throw Error(ErrorKind::kNotFound, file.string() + ": there is no such file");
+  }
+  if (!fs::is_regular_file(status)) {
+    throw Error(ErrorKind::kInvalidArgument, file.string() + ": this is no file; name one");
+  }
+  if (access(file.c_str(), R_OK) != 0) {
+    throw Error(ErrorKind::kPermissionDenied, file.string() + ": the file may not be read");
+  }
+  std::ifstream in(file, std::ios::binary);
+  if (!in) throw Error(ErrorKind::kNotFound, file.string() + ": the file cannot be opened");
+  return in;
+}
+
+// Bytes of the next chunk; none at the end.
+std::size_t ReadChunk(std::ifstream& in, std::string& chunk) {
+  chunk.resize(kChunkBytes);
+  in.read(chunk.data(), static_cast<std::streamsize>(chunk.size()));
+  chunk.resize(static_cast<std::size_t>(in.gcount()));
+  if (in.bad()) throw Error(ErrorKind::kUnavailable, "the file cannot be read to its end");
+  return chunk.size();
+}
+
+std::string Of(std::uint64_t sent, std::uint64_t size_bytes) {
+  constexpr double kMib = 1024.0 * 1024.0;
+  char text[64];
+  std::snprintf(text, sizeof text, "%.1f of %.1f MiB", static_cast<double>(sent) / kMib,
+                static_cast<double>(size_bytes) / kMib);
+  return text;
+}
+
+class Sending {
+ public:
+  Sending(const fs::path& file, const ProgressFunction& progress)
+      : file_(file), progress_(progress) {}
+
+  bool GoesOn() const { return !progress_ || progress_(state_); }
+
+  // Reads it once: the daemon is told size and checksum in advance.
+  v1::UploadVolumeStart Start(const Link& link) const {
+    std::ifstream in = Open(file_);
+    v1::UploadVolumeStart start;
+    start.set_name(file_.filename());
+    std::uint64_t size = 0;
+    uLong crc = crc32_z(0, nullptr, 0);
+    for (std::string chunk; ReadChunk(in, chunk) > 0;) {
+      link.ThrowIfCancelled();
+      if (!GoesOn()) throw Error(ErrorKind::kCancelled, kCancelled);
+      size += chunk.size();
+      crc = crc32_z(crc, reinterpret_cast<const Bytef*>(chunk.data()), chunk.size());
+    }
+    start.set_size_bytes(size);
+    start.set_crc32(static_cast<std::uint32_t>(crc));
+    return start;
+  }
+
+  // Ends early where the daemon takes no more: the call's status says why.
+  template <class Writer>
+  void Send(Writer& writer, PolledCall& polled, const v1::UploadVolumeRequest& start) {
+    std::ifstream in = Open(file_);
+    const std::uint64_t size = start.start().size_bytes();
+    const auto write = [&](const v1::UploadVolumeRequest& message) {
+      writer.Write(message, &polled);
+      return polled.Wait();
+    };
+    if (!write(start)) return;
+    v1::UploadVolumeRequest message;
+    for (std::uint64_t sent = 0; ReadChunk(in, *message.mutable_data()) > 0;) {
+      sent += message.data().size();
+      if (!write(message)) return;
+      const double share = static_cast<double>(sent) / static_cast<double>(size);
+      state_ = {"sending", kSendingShare * share, Of(sent, size)};
+      polled.Ask();
+    }
+    writer.WritesDone(&polled);
+    polled.Wait();
+    state_ = {"loading", kSendingShare};
+    polled.Ask();
+  }
+
+ private:
+  const fs::path file_;
+  const ProgressFunction& progress_;
+  Progress state_;
+};
+
+}  // namespace
+
+LoadResult Upload(Link& link, const fs::path& file, const LoadOptions& options,
+                  const ProgressFunction& progress) {
+  Sending sending(file, progress);
+  v1::UploadVolumeRequest start;
+  *start.mutable_start() = sending.Start(link);
+  *start.mutable_start()->mutable_options() = ToProto(options);
+  const auto stub = v1::VolumeService::NewStub(link.channel());
+  grpc::ClientContext context;
+  const Link::Registered registered(link, context);
+  v1::UploadVolumeResponse response;
+  PolledCall polled(context, [&sending] { return sending.GoesOn(); });
+  const auto writer = stub->PrepareAsyncUploadVolume(&context, &response, &polled.queue());
+  writer->StartCall(&polled);
+  polled.Wait();
+  std::exception_ptr thrown;
+  try {
+    sending.Send(*writer, polled, start);
+  } catch (...) {
+    thrown = std::current_exception();
+    context.TryCancel();
+  }
+  const grpc::Status status = polled.Finish(*writer);
+  if (thrown) std::rethrow_exception(thrown);
+  if (status.ok()) return LoadResultOf(response);
+  throw polled.is_cancelled() ? Error(ErrorKind::kCancelled, kCancelled) : link.ErrorOfEnd(status);
+}
+
+}  // namespace palpate::client

@@ -1,0 +1,106 @@
+#include "client/sdk/volume_messages.h"
+
+#include "common/error/error.h"
+#include "common/wire/convert.h"
+
+namespace palpate::client {
+namespace {
+
+static_assert(static_cast<int>(VoxelType::kInt8) + 1 == v1::VOXEL_TYPE_INT8);
+static_assert(static_cast<int>(VoxelType::kFloat64) + 1 == v1::VOXEL_TYPE_FLOAT64);
+
+// An older daemon says none.
+AffineMap MapOf(const v1::AffineMap& map) {
+  return map.linear_size() == 9 ? palpate::FromProto(map) : AffineMap();
+}
+
+v1::RawVoxels ToProto(const RawVoxels& raw) {
+  if ((raw.size.array() < 0).any()) {
+    throw Error(ErrorKind::kInvalidArgument, "raw voxels of a negative size");
+  }
+  v1::RawVoxels message;
+  message.set_size_x(static_cast<std::uint32_t>(raw.size.x()));
+  message.set_size_y(static_cast<std::uint32_t>(raw.size.y()));
+  message.set_size_z(static_cast<std::uint32_t>(raw.size.z()));
+  message.set_type(static_cast<v1::VoxelType>(static_cast<int>(raw.type) + 1));
+  message.set_big_endian(raw.big_endian);
+  message.set_offset_bytes(raw.offset_bytes);
+  return message;
+}
+
+v1::Quaternion ToProto(const UnalignedQuaternion& rotation) {
+  return palpate::ToProto(Eigen::Quaterniond(rotation));
+}
+
+}  // namespace
+
+VolumeInfo FromProto(const v1::VolumeDescription& volume) {
+  VolumeInfo info;
+  info.source = volume.source();
+  info.volume_revision = volume.volume_revision();
+  info.loaded_revision = volume.loaded_revision();
+  info.size = Vec3i(static_cast<int>(volume.size_x()), static_cast<int>(volume.size_y()),
+                    static_cast<int>(volume.size_z()));
+  info.spacing_mm = palpate::FromProto(volume.spacing_mm());
+  info.value_min = volume.value_min();
+  info.value_max = volume.value_max();
+  info.unit = volume.unit();
+  info.original_type = volume.original_type();
+  info.is_level_set = volume.is_level_set();
+  info.world_from_index = MapOf(volume.world_from_index());
+  info.device_from_index = MapOf(volume.device_from_index());
+  info.device_mm_per_volume_mm = volume.device_mm_per_volume_mm();
+  info.memory_bytes = volume.memory_bytes();
+  info.frames = volume.frames();
+  info.warnings.assign(volume.warnings().begin(), volume.warnings().end());
+  return info;
+}
+
+v1::LoadVolumeRequest ToProto(const LoadOptions& options) {
+  v1::LoadVolumeRequest request;
+  if (options.isovalue && options.normalized_isovalue) {
+    throw Error(ErrorKind::kInvalidArgument,
+                "give the isovalue in data units or over the range, not both");
+  }
+  if (options.isovalue) request.set_isovalue(*options.isovalue);
+  if (options.normalized_isovalue) request.set_normalized_isovalue(*options.normalized_isovalue);
+  if (options.spacing_mm) *request.mutable_spacing_mm() = palpate::ToProto(*options.spacing_mm);
+  if (options.device_mm_per_volume_mm) {
+    request.set_device_mm_per_volume_mm(*options.device_mm_per_volume_mm);
+  }
+  if (options.raw) *request.mutable_raw() = ToProto(*options.raw);
+  if (options.frame) request.set_frame(*options.frame);
+  request.set_grid(options.grid);
+  request.set_component(options.component);
+  return request;
+}
+
+Placement FromProto(const v1::Registration& registration, std::uint64_t settings_revision) {
+  return {palpate::FromProto(registration.center_mm()),
+          UnalignedQuaternion(palpate::FromProto(registration.rotation())),
+          registration.device_mm_per_volume_mm(), registration.device_mm_per_voxel(),
+          settings_revision};
+}
+
+v1::UpdateRegistrationRequest ToProto(const PlacementChange& change) {
+  if (change.device_mm_per_volume_mm && change.device_mm_per_voxel) {
+    throw Error(ErrorKind::kInvalidArgument, "give the scale per mm or per voxel, not both");
+  }
+  v1::UpdateRegistrationRequest request;
+  request.set_reset(change.reset);
+  if (change.center_mm) *request.mutable_center_mm() = palpate::ToProto(*change.center_mm);
+  if (change.rotation) *request.mutable_rotation() = ToProto(*change.rotation);
+  if (change.device_mm_per_volume_mm) {
+    request.set_device_mm_per_volume_mm(*change.device_mm_per_volume_mm);
+  }
+  if (change.device_mm_per_voxel) request.set_device_mm_per_voxel(*change.device_mm_per_voxel);
+  if (change.translate_mm) {
+    *request.mutable_translate_mm() = palpate::ToProto(*change.translate_mm);
+  }
+  if (change.rotate) *request.mutable_rotate() = ToProto(*change.rotate);
+  if (change.scale_by) request.set_scale_by(*change.scale_by);
+  if (change.expected_revision) request.set_expected_revision(*change.expected_revision);
+  return request;
+}
+
+}  // namespace palpate::client

@@ -1,0 +1,251 @@
+// Every call of the client library against a real palpated, as a program uses it.
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <filesystem>
+#include <fstream>
+#include <set>
+#include <thread>
+
+#include "client/sdk/calls.h"
+#include "client/sdk/nrrd_file.h"
+#include "client/sdk/words.h"
+#include "tests/support/patience.h"
+#include "tests/support/restarted_daemon.h"
+#include "tests/support/temporary_folder.h"
+
+namespace palpate::client {
+namespace {
+
+using namespace std::chrono_literals;
+
+ErrorKind KindOf(const std::function<void()>& call) {
+  try {
+    call();
+  } catch (const Error& error) {
+    EXPECT_EQ(std::string(error.what()).find('\n'), std::string::npos) << error.what();
+    return error.kind();
+  }
+  ADD_FAILURE() << "nothing was thrown";
+  return ErrorKind::kInternal;
+}
+
+class SdkCalls : public ::testing::Test {
+ protected:
+  SdkCalls() : daemon_({"--volume", "builtin:bumps:48", "--config", Config()}) {
+    daemon_.Start();
+    palpated_.emplace(Server{.address = {.socket_path = daemon_.socket()}});
+    palpated_->WaitUntilReached(60s);
+  }
+
+  std::string File(const std::string& name) const { return folder_.path() / name; }
+
+  std::string Config() const {
+    const std::string path = File("palpated.toml");
+    std::ofstream(path) << "[volume]\nload_folders = ['" << folder_.path().string()
+                        << "']\nsave_folders = ['" << folder_.path().string() << "']\n";
+    return path;
+  }
+
+  test::TemporaryFolder folder_;
+  test::RestartedDaemon daemon_;
+  std::optional<Calls> palpated_;
+};
+
+TEST_F(SdkCalls, VolumesAreLoadedSavedSentAndFetched) {
+  Calls& p = *palpated_;
+  std::vector<Progress> told;
+  const LoadResult loaded =
+      p.LoadVolume("builtin:sphere:40", {.normalized_isovalue = 0.4}, [&](const Progress& now) {
+        told.push_back(now);
+        return true;
+      });
+  EXPECT_EQ(loaded.volume.source, "builtin:sphere:40");
+  EXPECT_EQ(loaded.volume.size, Vec3i(40, 40, 40));
+  EXPECT_EQ(p.GetVolume().volume_revision, loaded.volume.volume_revision);
+  EXPECT_DOUBLE_EQ(p.GetSettings().normalized_isovalue, 0.4);
+  ASSERT_FALSE(told.empty());
+  for (std::size_t n = 1; n < told.size(); ++n) EXPECT_GE(told[n].fraction, told[n - 1].fraction);
+
+  const EditResult edited = p.Apply({.shape = Box{Vec3(0, 0, 0), Vec3(7, 7, 7)},
+                                     .frame = EditFrame::kIndex,
+                                     .operation = EditOperation::kSet,
+                                     .value = loaded.volume.value_max});
+  EXPECT_EQ(edited.changed_voxels, 512u);
+  const SaveResult saved = p.SaveVolume(File("edited.nrrd"));
+  EXPECT_EQ(saved.volume_revision, edited.volume_revision);
+  EXPECT_EQ(saved.size_bytes, std::filesystem::file_size(File("edited.nrrd")));
+  EXPECT_EQ(KindOf([&] { p.SaveVolume(File("edited.nrrd")); }), ErrorKind::kConflict);
+  EXPECT_EQ(p.SaveVolume(File("edited.nrrd"), true).size_bytes, saved.size_bytes);
+
+  const DownloadResult copy = p.DownloadVolume();
+  EXPECT_EQ(copy.volume.resume()->volume_revision, edited.volume_revision);
+  EXPECT_FLOAT_EQ(copy.volume.Value(7, 7, 7), static_cast<float>(loaded.volume.value_max));
+  SaveAsNrrd(copy.volume, File("copy.nrrd"));
+
+  // What was fetched goes up again, as it was.
+  told.clear();
+  const LoadResult sent = p.UploadVolume(File("copy.nrrd"), {}, [&](const Progress& now) {
+    told.push_back(now);
+    return true;
+  });
+  EXPECT_EQ(sent.volume.source, "upload:copy.nrrd");
+  std::set<std::string> stages;
+  for (const Progress& now : told) stages.insert(now.stage);
+  EXPECT_TRUE(stages.contains("sending"));
+  const DownloadResult again = p.DownloadVolume();
+  for (int n = 0; n < 40; ++n) {
+    EXPECT_EQ(again.volume.Value(n, 39 - n, n / 2), copy.volume.Value(n, 39 - n, n / 2));
+  }
+}
+
+TEST_F(SdkCalls, WhatIsCancelledChangesNothing) {
+  Calls& p = *palpated_;
+  const VolumeInfo before = p.GetVolume();
+  const auto cancel_at = [](double fraction) {
+    return [fraction](const Progress& now) { return now.fraction < fraction; };
+  };
+  EXPECT_EQ(KindOf([&] { p.LoadVolume("builtin:gyroid:200", {}, cancel_at(0.0)); }),
+            ErrorKind::kCancelled);
+  SaveAsNrrd(p.DownloadVolume().volume, File("a.nrrd"));
+  EXPECT_EQ(KindOf([&] { p.UploadVolume(File("a.nrrd"), {}, cancel_at(0.1)); }),
+            ErrorKind::kCancelled);
+  EXPECT_EQ(KindOf([&] { p.UploadVolume(File("a.nrrd"), {}, [](auto&) { return false; }); }),
+            ErrorKind::kCancelled);
+  EXPECT_EQ(KindOf([&] { p.DownloadVolume([](auto&) { return false; }); }), ErrorKind::kCancelled);
+  // What a callback throws, comes out. The load that was cancelled may take a moment to end.
+  const auto load = [&] {
+    try {
+      p.LoadVolume("builtin:gyroid:200", {},
+                   [](const Progress&) -> bool { throw std::out_of_range("no"); });
+    } catch (const std::out_of_range&) {
+      return true;
+    } catch (const Error& error) {
+      EXPECT_EQ(error.kind(), ErrorKind::kConflict) << error.what();
+    }
+    return false;
+  };
+  EXPECT_TRUE(test::Eventually(load));
+  EXPECT_EQ(p.GetVolume().volume_revision, before.volume_revision);
+}
+
+TEST_F(SdkCalls, ErrorsHaveKinds) {
+  Calls& p = *palpated_;
+  const VolumeInfo before = p.GetVolume();
+  EXPECT_EQ(KindOf([&] { p.LoadVolume(File("absent.nrrd")); }), ErrorKind::kNotFound);
+  EXPECT_EQ(KindOf([&] { p.LoadVolume("builtin:cheese"); }), ErrorKind::kInvalidArgument);
+  EXPECT_EQ(KindOf([&] {
+              p.LoadVolume("builtin:sphere", {.isovalue = 1.0, .normalized_isovalue = 0.5});
+            }),
+            ErrorKind::kInvalidArgument);
+  EXPECT_EQ(KindOf([&] { p.UploadVolume(File("absent.nrrd")); }), ErrorKind::kNotFound);
+  EXPECT_EQ(KindOf([&] { p.UploadVolume(folder_.path()); }), ErrorKind::kInvalidArgument);
+  EXPECT_EQ(KindOf([&] { p.SaveVolume("/nowhere/a.nrrd"); }), ErrorKind::kPermissionDenied);
+  EXPECT_EQ(KindOf([&] { p.Undo(); }), ErrorKind::kConflict);
+  EXPECT_EQ(KindOf([&] { p.GetSeries(); }), ErrorKind::kConflict);
+  EXPECT_EQ(KindOf([&] { p.StopRecording(); }), ErrorKind::kConflict);
+  EXPECT_EQ(KindOf([&] { p.Set({.stiffness_n_per_mm = 99.0}); }), ErrorKind::kInvalidArgument);
+  EXPECT_EQ(KindOf([&] { p.Place({.scale_by = -1.0}); }), ErrorKind::kInvalidArgument);
+  EXPECT_EQ(KindOf([&] { p.CalibrateDevice(); }), ErrorKind::kInvalidArgument);
+  EXPECT_EQ(p.GetVolume().volume_revision, before.volume_revision);
+  Calls nobody(Server{.address = {.socket_path = File("nobody.sock")}});
+  EXPECT_EQ(KindOf([&] { nobody.WaitUntilReached(1s); }), ErrorKind::kUnavailable);
+  EXPECT_EQ(KindOf([&] { nobody.GetVolume(); }), ErrorKind::kUnavailable);
+}
+
+TEST_F(SdkCalls, TheVolumeIsPlacedAndFelt) {
+  Calls& p = *palpated_;
+  const Placement before = p.GetPlacement();
+  const PlacementResult moved = p.Place({.translate_mm = Vec3(3, -2, 1), .scale_by = 2.0});
+  EXPECT_LT((moved.placement.center_mm - before.center_mm - Vec3(3, -2, 1)).norm(), 1e-9);
+  EXPECT_NEAR(moved.placement.device_mm_per_volume_mm, 2.0 * before.device_mm_per_volume_mm, 1e-9);
+  EXPECT_GT(moved.placement.settings_revision, before.settings_revision);
+  EXPECT_EQ(
+      KindOf([&] { p.Place({.reset = true, .expected_revision = before.settings_revision}); }),
+      ErrorKind::kConflict);
+  PoseReader reader = p.ReadPoses(500.0, 5);
+  std::optional<PoseBatch> batch;
+  for (int n = 0; n < 200 && !batch; ++n) batch = reader.Next(50ms);
+  ASSERT_TRUE(batch);
+  EXPECT_EQ(batch->poses.size(), 5u);
+  EXPECT_GE(batch->poses.front().settings_revision, moved.placement.settings_revision);
+}
+
+TEST_F(SdkCalls, ASeriesPlaysAndARecordingOfItIsReplayed) {
+  Calls& p = *palpated_;
+  for (int n = 0; n < 3; ++n) {
+    p.LoadVolume("builtin:sphere:" + std::to_string(24));
+    p.Apply({.shape = Sphere{Vec3(12, 12, 12), 2.0 + n},
+             .frame = EditFrame::kIndex,
+             .operation = EditOperation::kSet,
+             .value = 0.0});
+    p.SaveVolume(File("t" + std::to_string(n) + ".nrrd"));
+  }
+  const SeriesResult series = p.LoadSeries({File("t*.nrrd")});
+  EXPECT_EQ(series.series.frames, 3u);
+  EXPECT_GT(series.series.memory_bytes, 0u);
+  const RecordingState started = p.StartRecording(File("a.palrec"));
+  EXPECT_TRUE(started.running);
+  EXPECT_EQ(KindOf([&] { p.StartRecording(File("b.palrec")); }), ErrorKind::kConflict);
+  EXPECT_EQ(p.ControlSeries({.position_frames = 2.0}).position_frames, 2.0);
+  EXPECT_GT(p.Mark("at the end"), 0);
+  ASSERT_TRUE(test::Eventually([&] { return p.GetRecording().ticks > 300; }));
+  const RecordingState stopped = p.StopRecording();
+  EXPECT_FALSE(stopped.running);
+  EXPECT_EQ(stopped.error, "");
+  std::vector<std::string> markers;
+  const ReplayState last = p.Replay(File("a.palrec"), 10.0, [&](const ReplayState& now) {
+    if (!now.marker.empty()) markers.push_back(now.marker);
+    return true;
+  });
+  EXPECT_EQ(last.ticks, stopped.ticks);
+  EXPECT_EQ(last.lost_ticks, stopped.lost_ticks);
+  EXPECT_EQ(markers, std::vector<std::string>{"at the end"});
+  EXPECT_EQ(KindOf([&] { p.Replay(File("a.palrec"), 0.001, [](auto&) { return false; }); }),
+            ErrorKind::kCancelled);
+}
+
+TEST_F(SdkCalls, TheDeviceIsListedStoppedAndEnabled) {
+  Calls& p = *palpated_;
+  const DaemonInfo info = p.GetDevice();
+  EXPECT_EQ(info.device.kind, "simulated");
+  EXPECT_EQ(info.servo.rate_hz, 1000.0);
+  EXPECT_EQ(info.role, Role::kAdmin);
+  EXPECT_EQ(NameOf(info.health.connection), "streaming");
+  const std::vector<ListedDevice> list = p.ListDevices();
+  EXPECT_EQ(std::count_if(list.begin(), list.end(), [](auto& device) { return device.in_use; }), 1);
+  EXPECT_EQ(p.StopForces().forces.state, ForceState::kStopped);
+  EXPECT_EQ(NameOf(p.GetDevice().forces.reason), "stop_call");
+  EXPECT_NE(p.EnableForces().forces.state, ForceState::kStopped);
+  EXPECT_EQ(p.DisableForces().forces.reason, ForceReason::kOperator);
+}
+
+TEST_F(SdkCalls, FuturesRunBesideEachOtherAndEnd) {
+  Calls& p = *palpated_;
+  auto loading = p.Async([](Calls& c) { return c.LoadVolume("builtin:bumps:64"); });
+  auto device = p.Async([](Calls& c) { return c.GetDevice(); });
+  EXPECT_EQ(device.get().device.kind, "simulated");
+  EXPECT_EQ(loading.get().volume.size, Vec3i(64, 64, 64));
+  std::atomic<bool> runs = false;
+  auto endless = p.Async([&runs](Calls& c) {
+    return c.RunFilter({.kind = FilterKind::kMedian, .width = 3, .iterations = 10},
+                       [&runs](const Progress&) { return runs = true; });
+  });
+  ASSERT_TRUE(test::Eventually([&] { return runs.load(); }));
+  p.EndCalls();
+  EXPECT_EQ(KindOf([&] { endless.get(); }), ErrorKind::kCancelled);
+  EXPECT_EQ(KindOf([&] { p.GetVolume(); }), ErrorKind::kCancelled);
+}
+
+// The daemon goes away under a call that waits for it.
+TEST_F(SdkCalls, ADaemonThatGoesIsSaid) {
+  PoseReader reader = palpated_->ReadPoses(100.0, 1);
+  daemon_.Kill();
+  EXPECT_EQ(KindOf([&] {
+              while (true) reader.Next(50ms);
+            }),
+            ErrorKind::kUnavailable);
+}
+
+}  // namespace
+}  // namespace palpate::client
