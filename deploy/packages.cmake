@@ -89,7 +89,7 @@ install(FILES deploy/systemd/palpated.service
 install(FILES deploy/systemd/palpate.sysusers
   DESTINATION lib/sysusers.d RENAME palpate.conf COMPONENT daemon)
 install(FILES deploy/udev/70-palpate.rules DESTINATION lib/udev/rules.d COMPONENT daemon)
-# The guides lie as in the source, so that their links work.
+# The guides lie as in the source, so that links between them work.
 set(doc ${CMAKE_INSTALL_DATADIR}/doc/palpate-daemon)
 install(FILES README.md DESTINATION ${doc} COMPONENT daemon)
 install(DIRECTORY deploy/guides DESTINATION ${doc}/deploy COMPONENT daemon
@@ -113,6 +113,13 @@ Watches and steers palpated, the daemon that makes a volume's isosurface felt:
 isovalue and other settings, volumes up and down, edits, recordings, devices.
 `palpate doctor` says whether a workstation is fit for the haptic loop.")
 palpate_program(cli palpate "steers and watches palpated")
+set(completion ${manuals_folder}/palpate.bash)
+add_custom_command(OUTPUT ${completion}
+  COMMAND $<TARGET_FILE:palpate> completion > ${completion} DEPENDS palpate VERBATIM)
+add_custom_target(completion_palpate DEPENDS ${completion})
+add_dependencies(manuals completion_palpate)
+install(FILES ${completion} DESTINATION ${CMAKE_INSTALL_DATADIR}/bash-completion/completions
+  RENAME palpate COMPONENT cli)
 set(CPACK_DEBIAN_CLI_PACKAGE_SHLIBDEPS ON)
 
 # --- palpate-viewer ---------------------------------------------------------------

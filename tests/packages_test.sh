@@ -52,7 +52,8 @@ check_contents() {
     /usr/lib/udev/rules.d/70-palpate.rules /etc/palpate/palpated.toml /usr/share/man/man1/palpated.1.gz \
     /usr/share/doc/palpate-daemon/README.md /usr/share/doc/palpate-daemon/deploy/guides/devices.md
   holds palpate-viewer /usr/bin/palpate-view /usr/share/man/man1/palpate-view.1.gz
-  holds palpate-client /usr/bin/palpate /usr/share/man/man1/palpate.1.gz
+  holds palpate-client /usr/bin/palpate /usr/share/man/man1/palpate.1.gz \
+    /usr/share/bash-completion/completions/palpate
   holds python3-palpate /usr/lib/python3/dist-packages/palpate/__init__.py \
     /usr/lib/python3/dist-packages/palpate/_setting_list.py \
     /usr/lib/python3/dist-packages/palpate/v1/pose_pb2_grpc.py

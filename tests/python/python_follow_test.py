@@ -154,6 +154,11 @@ class Follow(DaemonTest):
             seen.add(float(values[0]))
         self.other.series.pause()
         self.assertGreater(len(seen), 1)
+        # It answers at once: a frame may still be on its way.
+        paused = -1
+        while paused != self.other.volume.info().volume_revision:
+            paused = self.other.volume.info().volume_revision
+            time.sleep(0.2)
         self.check()
 
     def test_waiting_has_an_end(self):

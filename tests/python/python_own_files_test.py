@@ -37,6 +37,10 @@ save_folders = ["/"]
         # The last ones are made anew by palpated now and then: a hard link would be to an old one.
         lasting = [cls.daemon.key, cls.daemon.certificate, cls.daemon.token_file,
                    cls.daemon.config, cls.daemon.authority.ca]
+        # Its session comes a moment after its start.
+        end = time.monotonic() + CALL_S
+        while not list((cls.daemon.folder / "state").rglob("*.toml")) and time.monotonic() < end:
+            time.sleep(0.05)
         cls.own = [*lasting, pathlib.Path(cls.daemon.socket + ".tls/pair.pem"),
                    *(path for path in (cls.daemon.folder / "state").rglob("*.toml"))]
         assert len(cls.own) > 6

@@ -1,6 +1,7 @@
 """A volume on its way to the daemon, with progress and cancellation."""
 
 import collections.abc
+import contextlib
 import queue
 import typing
 import zlib
@@ -11,7 +12,8 @@ from palpate.v1 import volume_pb2
 
 _CHUNK_BYTES = 1 << 20
 # As the command line counts it: the daemon still reads the file when all of it was sent.
-_SENDING_SHARE = 0.9
+_SENDING_SHARE = 0.5
+_POLL_S = 0.05
 
 Parts = collections.abc.Sequence[bytes | memoryview]
 
@@ -30,12 +32,16 @@ def send_volume(link: Link, stub: typing.Any, name: str, parts: Parts,
     if progress is None:
         return _volume_of(link.call(stub.UploadVolume, requests, timeout_s=None))
     # gRPC reads the requests on a thread of its own; `progress` is called on this one.
-    news: queue.SimpleQueue[float | None] = queue.SimpleQueue()
+    news: queue.SimpleQueue[tuple[str, float] | None] = queue.SimpleQueue()
     call = link.begin(stub.UploadVolume.future, _counted(requests, size_bytes, news))
     call.add_done_callback(lambda _: news.put(None))
+    told: tuple[str, float] | None = ("sending", 0.0)
     try:
-        while (fraction := news.get()) is not None:
-            tell(progress, "sending" if fraction < _SENDING_SHARE else "loading", fraction)
+        while told is not None:
+            tell(progress, *told)
+            # Nothing comes while the daemon loads: asked again and again, it can be cancelled then.
+            with contextlib.suppress(queue.Empty):
+                told = news.get(timeout=_POLL_S)
     except BaseException:
         call.cancel()
         raise
@@ -55,11 +61,13 @@ def _requests(start: volume_pb2.UploadVolumeStart,
 
 
 def _counted(requests: collections.abc.Iterator[volume_pb2.UploadVolumeRequest], size_bytes: int,
-             news: "queue.SimpleQueue[float | None]"
+             news: "queue.SimpleQueue[tuple[str, float] | None]"
              ) -> collections.abc.Iterator[volume_pb2.UploadVolumeRequest]:
     sent = 0
     for request in requests:
         yield request
         # gRPC asks for the next one when this one is sent.
         sent += len(request.data)
-        news.put(_SENDING_SHARE * sent / size_bytes)
+        if sent < size_bytes:
+            news.put(("sending", _SENDING_SHARE * sent / size_bytes))
+    news.put(("loading", _SENDING_SHARE))
