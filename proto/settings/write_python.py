@@ -7,8 +7,8 @@ from setting_list import Setting, one_of, sentence, text_of, values_of
 HEAD = '''"""The list of settings. Written by proto/settings from palpate/v1/render.proto: change that."""
 
 from palpate._enums import {enums}
-from palpate._setting_kinds import Setting, choice, switch
-from palpate._values import number
+from palpate._setting_kinds import Setting, choice
+from palpate._values import number, switch
 
 
 class SettingList:

@@ -47,13 +47,6 @@ class Setting(typing.Generic[T]):
         settings.update(**change)
 
 
-def switch(name: str, value: typing.Any) -> bool:
-    # Not bool(): that of "off" is True.
-    if not isinstance(value, (bool, np.bool_)):
-        raise InvalidArgument(f"{name} is True or False, not {value!r}")
-    return bool(value)
-
-
 def choice(kind: type[E]) -> collections.abc.Callable[[str, typing.Any], E]:
     def parse(name: str, value: typing.Any) -> E:
         with contextlib.suppress(KeyError, ValueError):
