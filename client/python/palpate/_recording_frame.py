@@ -23,7 +23,7 @@ _CHECKSUM = struct.Struct("<Q")
 
 
 class Damaged(Exception):
-    """What the bytes are not."""
+    """The bytes are no valid part of a recording; the message says why."""
 
 
 class Kind(enum.IntEnum):

@@ -246,7 +246,7 @@ def volume_call(stub: typing.Any,
 
 def messages_of(link: Link, call: AcknowledgedCall) -> collections.abc.Generator[
         volume_stream_pb2.StreamVolumeResponse, None, None]:
-    """Without an end of its own. Errors: palpate.Error."""
+    """The messages of the stream, which never ends by itself. Errors: palpate.Error."""
     link.check_open()
     try:
         with contextlib.closing(iter(call)) as messages:
