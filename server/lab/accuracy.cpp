@@ -9,7 +9,7 @@
 namespace palpate::lab {
 namespace {
 
-// Value at (x, y) and slope along z.
+// The value at (x, y) as a linear function of x and y, and the slope along z.
 struct Linear {
   double constant, x, y, z;
   double At(double px, double py) const { return constant + x * px + y * py; }
@@ -24,7 +24,7 @@ struct Span {
   double low, high;
 };
 
-// Part of a column within a tetrahedron, and the density there.
+// The part of a column within a tetrahedron, and the density there.
 struct Piece {
   Span span;
   double density_at_zero, slope;
@@ -67,7 +67,7 @@ Tetrahedra::Tetrahedra(const Decomposition& cell) {
   }
 }
 
-// Empty where low >= high.
+// Returns an empty span (low >= high) if the column misses the tetrahedron.
 Span Inside(const Tetrahedron& tetrahedron, double x, double y) {
   Span span{0.0, 1.0};
   for (const Linear& theta : tetrahedron.barycentric) {
@@ -83,7 +83,7 @@ Span Inside(const Tetrahedron& tetrahedron, double x, double y) {
   return span;
 }
 
-// Part of [0, 1] where a + b z is above τ.
+// The part of [0, 1] where a + b z is above τ.
 Span Above(double a, double b, double isovalue) {
   const bool at_zero = a > isovalue, at_one = a + b > isovalue;
   const double crossing = (isovalue - a) / b;
@@ -98,7 +98,7 @@ void AddColumn(const Tetrahedra& tetrahedra, const Trilinear& f, double isovalue
                double y, Accuracy& sum) {
   const double bottom = f.Value({x, y, 0.0});
   const Span solid = Above(bottom, f.Value({x, y, 1.0}) - bottom, isovalue);
-  // Between two neighbouring borders nothing changes.
+  // Nothing changes between two neighbouring borders.
   std::array<double, 4 + 3 * kMaxTetrahedra> border{0.0, 1.0, solid.low, solid.high};
   int borders = 4;
   Pieces pieces;
@@ -121,7 +121,7 @@ void AddColumn(const Tetrahedra& tetrahedra, const Trilinear& f, double isovalue
     if (length < kShortest) continue;
     const double z = 0.5 * (border[n] + border[n + 1]);
     int holders = 0;
-    bool above = true;  // in a gap
+    bool above = true;  // a gap counts as inside
     for (int p = 0; p < pieces.count; ++p) {
       const Piece& piece = pieces.piece[p];
       if (!Holds(piece.span, z)) continue;
@@ -139,7 +139,7 @@ Accuracy MeasureAccuracy(const CellDensities& d, double isovalue, const Decompos
                          int columns) {
   const Tetrahedra tetrahedra(cell);
   const Trilinear f(d);
-  // Just off the middles: no column lies within a triangle that is parallel to z.
+  // Samples slightly off the middles: then no column lies within a triangle that is parallel to z.
   constexpr double kOffX = 0.5137, kOffY = 0.4929;
   const auto add_rows = [&](const tbb::blocked_range<int>& rows, Accuracy sum) {
     for (int i = rows.begin(); i < rows.end(); ++i) {

@@ -18,10 +18,10 @@ void PrintTable(const FixedSlide& slide, const ReplaySummary& s, std::ostream& o
       v.iteration_cap_hits, s.mean_ns * 1e-3, static_cast<double>(s.p50_ns) * 1e-3,
       static_cast<double>(s.p99_ns) * 1e-3, static_cast<double>(s.max_ns) * 1e-3,
       100.0 * s.scp_v_share());
-  out.flush();  // the next one takes seconds
+  out.flush();  // the next slide takes seconds
 }
 
-// Counts over all slides; times are means of theirs, and the greatest.
+// Sums the counts of all slides. Times are means over the slides; max_ns is the largest.
 ReplaySummary Total(const std::vector<ReplaySummary>& summaries) {
   ReplaySummary total;
   const auto count = static_cast<double>(summaries.size());
@@ -75,7 +75,7 @@ void RunBench(const BenchOptions& options, std::ostream& out) {
   for (const FixedSlide& slide : kFixedSlides) {
     summaries.push_back(RunFixedSlide(slide, options.passes));
     if (!options.json) PrintTable(slide, summaries.back(), out);
-    // Its name, ahead of the other members.
+    // The slide's name comes first in its object.
     trajectories += fmt::format("{}{{\"name\":\"{}\",{}", trajectories.empty() ? "" : ",",
                                 slide.name, ToJson(summaries.back()).substr(1));
   }

@@ -1,7 +1,7 @@
-// palpate-lab bench: the fixed slides, judged and timed.
+// palpate-lab bench: judges and times the fixed slides.
 //
-// 60 000 ticks each, 1.0 ± 0.2 mm below the surface at 0.5 N/mm, over volumes that
-// are made on the spot, so that the figures of two machines or versions compare.
+// Each slide has 60 000 ticks, 1.0 ± 0.2 mm below the surface at 0.5 N/mm. The volumes are
+// computed, not loaded, so that results from different machines or versions are comparable.
 // Threads: the calling one; H is extracted on all cores. Errors: Error.
 #pragma once
 
@@ -14,7 +14,7 @@ namespace palpate::lab {
 
 struct FixedSlide {
   const char* name;
-  const char* volume;  // builtin; isovalue ½
+  const char* volume;  // a builtin volume; the isovalue is ½
   double spacing_mm;
   double speed_cm_per_s;
 };
@@ -33,7 +33,7 @@ inline constexpr std::array<FixedSlide, 8> kFixedSlides = {{
 ReplaySummary RunFixedSlide(const FixedSlide& slide, int passes);
 
 struct BenchOptions {
-  bool json = false;  // one object on one line, with an object per slide; else a table
+  bool json = false;  // one line with one object that holds an object per slide; false: a table
   int passes = 1;
 };
 

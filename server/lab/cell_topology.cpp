@@ -7,7 +7,7 @@
 namespace palpate::lab {
 namespace {
 
-// Vertices of H, one per crossed edge: numbered 16 low + high.
+// Each crossed edge has one vertex of H, with the number 16 low + high.
 constexpr int kEdges = kMaxVertices * kMaxVertices;
 
 template <int N>

@@ -1,6 +1,6 @@
 // Topology of H in one decomposed cell.
 //
-// Threads: pure function. Some microseconds.
+// Threads: pure function. Takes some microseconds.
 #pragma once
 
 #include "common/isosurface/decomposition.h"
@@ -16,9 +16,8 @@ struct CellTopology {
   bool operator==(const CellTopology&) const = default;
 };
 
-// Of the complex alone, whatever its vertices' positions: in one that overlaps
-// itself or has gaps (kTpbccPublished) the Euler characteristic tells that
-// triangles do not match.
+// Looks only at the complex, not at the positions of its vertices. If the complex overlaps itself
+// or has gaps (kTpbccPublished), the Euler characteristic shows that triangles do not match.
 CellTopology CountCellTopology(const Decomposition& cell, double isovalue);
 
 }  // namespace palpate::lab

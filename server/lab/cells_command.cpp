@@ -39,7 +39,7 @@ std::string_view NextColumn(std::string_view& rest) {
   return column;
 }
 
-// As std::from_chars, but that a number too small for a double is 0.
+// Like std::from_chars, but a number too small for a double becomes 0.
 template <class Number>
 bool Parse(std::string_view column, Number& number) {
   const char* end = column.data() + column.size();
@@ -77,12 +77,13 @@ struct Units {
   double scale = 1.0;
 };
 
-// Normalised over the cell's range, ties resolved. Halved first: the range of
-// huge values of both signs must not overflow.
+// Normalises over the cell's range and resolves ties. Halves the values first, so that the range of
+// huge values of both signs does not overflow.
 CellDensities ResolveAlone(const CellDensities& raw, Units& units) {
   const auto [lo, hi] = std::minmax_element(raw.begin(), raw.end());
   double half_range = *hi / 2 - *lo / 2;
-  // A constant cell: its own size stands in, so that the step stays small to it.
+  // In a constant cell, the size of its value replaces the range, so that the step stays small
+  // compared to the value.
   if (!(half_range > 0.0)) half_range = std::abs(*hi) / 2;
   units = {*lo, half_range > 0.0 ? half_range : 0.5};
   CellDensities d;
@@ -97,8 +98,9 @@ double InUnits(double density, const Units& units) {
   return units.offset + units.scale * density + units.scale * density;
 }
 
-// Densities of the vertices in the input's units. Corners are lowered from the
-// input itself: normalising and back could raise them by a bit.
+// Densities of the vertices in the input's units. Densities of corners are computed from the input
+// itself, by lowering it as ties are resolved: normalising and converting back could raise them by
+// one bit.
 std::array<double, kMaxVertices> DensitiesInUnits(const Decomposition& cell,
                                                   const CellDensities& raw, const Units& units) {
   std::array<double, kMaxVertices> densities{};
@@ -155,7 +157,7 @@ void AppendCell(std::string_view line, std::uint64_t line_number, DecompositionM
   if (!volume) raw = ParseColumns<double, 8>(line, line_number, "8 densities d0..d7");
   const CellDensities d = volume ? ReadCell(*volume, line, line_number) : ResolveAlone(raw, units);
   Decomposition cell = Decompose(d, method);
-  // Of the cell, whatever the method looks at.
+  // The count is for the whole cell, also if the method looks at fewer saddles.
   cell.face_saddle_count = CellSaddles(d).count;
   const int sigma_c = FindBodySaddles(d).count;
   AppendJson(cell, volume ? cell.density : DensitiesInUnits(cell, raw, units), sigma_c, out);
@@ -178,11 +180,11 @@ void DecomposeCells(std::istream& in, std::ostream& out, DecompositionMethod met
       const std::string_view content = SkipBlanks(line);
       if (content.empty() || content.front() == '#') continue;
       AppendCell(content, line_number, method, volume, text);
-      // Somebody may be waiting for this answer before the next line.
+      // The reader may wait for this answer before it sends the next line.
       if (text.size() > kFlushBytes || in.rdbuf()->in_avail() <= 0) flush();
     }
   } catch (const Error&) {
-    flush();  // what came before stands
+    flush();  // keep the output of the lines before the error
     throw;
   }
   flush();

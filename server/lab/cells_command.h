@@ -1,9 +1,10 @@
-// palpate-lab cells: decompositions of single cells as JSON lines.
+// palpate-lab cells: writes decompositions of single cells as JSON lines.
 //
-// Each input line holds 8 densities d0..d7 (or, with a volume, a cell's i, j, k),
-// separated by commas or blanks; further columns are ignored, lines that start
-// with '#' skipped. Ties are resolved as in a volume: over the cell's own range
-// without a volume, whose lattice index is then (0, 0, 0).
+// Each input line holds 8 densities d0..d7, or the indices i, j, k of a cell if a volume is given.
+// Commas or blanks separate the columns. Further columns are ignored, and lines that start with '#'
+// are skipped.
+// Ties are resolved as in a volume. Without a volume, they are resolved over the cell's own range,
+// with the lattice index (0, 0, 0).
 // Errors: Error (kInvalidArgument) with the line's number.
 #pragma once
 
@@ -16,9 +17,10 @@
 
 namespace palpate::lab {
 
-// {"sigma_f":..,"sigma_c":..,"vertices":[[x,y,z,density],..],"tetrahedra":[..]},
-// a line per cell. Densities are in the units of the input; with a volume
-// normalised over its range, as the renderer has them.
+// Writes one line per cell:
+// {"sigma_f":..,"sigma_c":..,"vertices":[[x,y,z,density],..],"tetrahedra":[..]}
+// Without a volume, densities are in the units of the input. With a volume, they are normalised
+// over its range, as in the renderer.
 void DecomposeCells(std::istream& in, std::ostream& out, DecompositionMethod method,
                     const VolumeSnapshot* volume);
 

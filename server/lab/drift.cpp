@@ -13,7 +13,7 @@
 namespace palpate::lab {
 namespace {
 
-constexpr double kHipRadius = 22.5;  // voxels, and mm
+constexpr double kHipRadius = 22.5;  // in voxels and in mm
 constexpr double kStepMm = 0.1;      // 10 cm/s at 1 kHz
 constexpr int kPlotPointsPerLap = 100;
 const Vec3 kAxis(49.5, 49.5, 15.2);

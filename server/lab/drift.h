@@ -1,8 +1,8 @@
-// Fig. 9: a proxy led round a cylinder in contact, ours and a GBID.
+// Fig. 9: leads our proxy and a GBID round a cylinder in contact.
 //
-// builtin:cylinder: density 1 on the axis, falling by 1/50 per voxel; τ = 0.53 in
-// data units, which is radius 23.5. The HIP circles 1 voxel below the surface,
-// spacing 1 mm, 10 cm/s at 1 kHz.
+// builtin:cylinder has density 1 on the axis, falling by 1/50 per voxel. τ is 0.53 in data units,
+// which gives a radius of 23.5. The HIP circles 1 voxel below the surface; the spacing is 1 mm, the
+// speed 10 cm/s at 1 kHz.
 //
 // Threads: any ordinary thread.
 #pragma once
@@ -14,7 +14,7 @@ namespace palpate::lab {
 
 struct DriftLap {
   double seconds = 0.0;   // since contact, at the end of the lap
-  double isovalue = 0.0;  // F at the proxy then, data units
+  double isovalue = 0.0;  // F at the proxy at the end of the lap, data units
   double worst = 0.0;     // largest |F - τ| during the lap
 };
 
@@ -26,8 +26,8 @@ struct DriftCurve {
 
 inline constexpr double kDriftIsovalue = 0.53;
 
-// Ours; ours as its own density sees it (that of H, not of V); a GBID without and
-// with the value's correction.
+// Returns four curves: our proxy; our proxy measured by the density of H instead of V; a GBID
+// without correction of the value; a GBID with that correction.
 std::vector<DriftCurve> MeasureDrift(int laps);
 
 }  // namespace palpate::lab

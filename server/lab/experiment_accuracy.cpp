@@ -69,7 +69,7 @@ void PrintTable1(const ExperimentOptions& options, std::ostream& out) {
         measured.rows.size(), "method", "ours", "ours, published rows", "published");
   for (int m = 0; m < kMethods; ++m) {
     Print(out, "%-16s %8.3f", kMethodNames[m].data(), Mean(measured.difference[m]));
-    // Over the rows for which the paper has a figure, side by side.
+    // Compares only the rows for which the paper has a figure.
     std::vector<double> published, ours;
     for (std::size_t n = 0; n < measured.rows.size(); ++n) {
       const PublishedRow& row = measured.rows[n];

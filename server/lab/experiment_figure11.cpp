@@ -1,4 +1,4 @@
-// Fig. 11: the cells of Table 4, V beside H by each method, as an SVG sheet.
+// Fig. 11: the cells of Table 4 as an SVG sheet, with V beside H for each method.
 #include <algorithm>
 #include <cmath>
 #include <sstream>
@@ -11,14 +11,14 @@ namespace {
 
 constexpr double kPanel = 120;   // pixels
 constexpr double kScale = 62;    // pixels per cell edge
-constexpr int kSubdivision = 8;  // of a cell per axis, to draw V
+constexpr int kSubdivision = 8;  // parts of a cell per axis, to draw V
 
 struct Polygon {
   std::array<Vec3, 4> corner;
   int corners = 0;
 };
 
-// H within a tetrahedron, a triangle or a quadrilateral.
+// H within a tetrahedron: a triangle or a quadrilateral.
 Polygon Cut(const Decomposition& cell, const std::array<std::uint8_t, 4>& v, double isovalue) {
   std::array<int, 4> above, below;
   int above_count = 0, below_count = 0;
@@ -36,7 +36,7 @@ Polygon Cut(const Decomposition& cell, const std::array<std::uint8_t, 4>& v, dou
         cell.position[a] + t * (cell.position[b] - cell.position[a]);
   };
   for (int a = 0; a < above_count; ++a) {
-    // Round the quadrilateral: the second row backwards.
+    // Goes round the quadrilateral, so the second row is in reverse order.
     for (int b = 0; b < below_count; ++b) {
       add(above[a], below[above_count == 2 && a == 1 ? below_count - 1 - b : b]);
     }
@@ -75,7 +75,7 @@ std::vector<Polygon> VisualSurface(const CellDensities& d, double isovalue) {
   return polygons;
 }
 
-// Orthographic, from above one corner: x to the lower right, y up, z to the left.
+// Orthographic view from above one corner: x to the lower right, y up, z to the left.
 const Vec3 kRightward = Vec3(0.87, 0.0, -0.5).normalized();
 const Vec3 kToEye = Vec3(0.45, 0.42, 0.79).normalized();  // to the eye
 const Vec3 kUpward = kToEye.cross(kRightward).normalized();
@@ -95,7 +95,7 @@ void DrawEdges(std::ostream& svg) {
   svg << "'/>\n";
 }
 
-// Back to front, shaded by the slope to the eye.
+// Draws from back to front, shaded by the angle between the normal and the eye.
 void DrawSurface(std::vector<Polygon> polygons, bool outlined, std::ostream& svg) {
   const auto depth = [](const Polygon& p) {
     double sum = 0.0;

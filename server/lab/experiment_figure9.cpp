@@ -1,4 +1,4 @@
-// Fig. 9: drift off a cylinder's isovalue, as a table and a plot.
+// Fig. 9: drift from a cylinder's isovalue, as a table and a plot.
 #include <algorithm>
 #include <sstream>
 

@@ -14,7 +14,7 @@ void PrintTopology(const ExperimentOptions& options, std::ostream& out);
 void PrintFigure9(const ExperimentOptions& options, std::ostream& out);
 void PrintFigure11(const ExperimentOptions& options, std::ostream& out);
 
-// Throws Error where the text cannot be written.
+// Throws Error if the text cannot be written.
 void WriteFigure(const std::filesystem::path& file, const std::string& svg, std::ostream& out);
 
 // printf into a stream, for tables.

@@ -11,12 +11,11 @@ namespace {
 
 struct ExploredVolume {
   const char* name;
-  const char* source;  // builtin, or below the data folder
-  double isovalue;     // normalised; Table 2
+  const char* source;  // builtin name, or path below the data folder
+  double isovalue;     // normalised, from Table 2
 };
 
-// Visible Male and Neuron are not to be had: a CT head and another neuron take
-// their place.
+// Visible Male and Neuron are not available: a CT head and another neuron replace them.
 constexpr ExploredVolume kVolumes[] = {
     {"cylinder", "builtin:cylinder", 0.12},
     {"daisy", "paper/daisy_192x180x168_uint8.nhdr", 0.02},
@@ -34,9 +33,9 @@ struct Resolution {
 constexpr Resolution kResolutions[] = {{"1 mm = 1/2 cell", 2.0, "0.21-0.35"},
                                        {"1 mm = 3 cells", 1.0 / 3.0, "0.33-0.44"}};
 
-// Mean speed of the HIP, cm/s; jumps apart.
+// Mean speed of the HIP in cm/s, without jumps.
 double MeanSpeed(const std::vector<Vec3>& hips_mm) {
-  constexpr double kFastestMm = 1.0;  // in a tick
+  constexpr double kFastestMm = 1.0;  // per tick; faster steps are jumps
   constexpr double kCmPerMm = 0.1;
   double way_mm = 0.0;
   int steps = 0;
@@ -53,7 +52,7 @@ void Explore(const ExploredVolume& volume, const Resolution& resolution,
   const std::filesystem::path source =
       builtin ? std::filesystem::path(volume.source) : options.data_folder / volume.source;
   if (!builtin && !std::filesystem::exists(source)) {
-    Print(out, "%-24s not there; give --data\n", volume.name);
+    Print(out, "%-24s not found; give its folder with --data\n", volume.name);
     return;
   }
   const LoadedSurface loaded = LoadSurface({.volume = source.string(),

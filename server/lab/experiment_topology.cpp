@@ -1,4 +1,4 @@
-// How often H has a wrong topology.
+// Counts how often H has a wrong topology.
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
 
@@ -20,8 +20,8 @@ constexpr int kMethods = static_cast<int>(kMethodNames.size());
 
 struct Case {
   int face_saddles, body_saddles;
-  // The sorted face saddles pair up as parallel faces; only asked of six with a body
-  // saddle.
+  // True if the sorted face saddles pair up as parallel faces. Set only for cells with six face
+  // saddles and a body saddle.
   bool pairs_up;
   auto operator<=>(const Case&) const = default;
 };
@@ -42,7 +42,8 @@ struct Count {
 
 using Counts = std::map<Case, Count>;
 
-// Corners uniform in [0, 1]; alternating: halved, and ½ added on the odd ones.
+// Corners are uniform in [0, 1]. `alternating`: corners are halved, and ½ is added to the odd
+// corners.
 CellDensities RandomCell(std::mt19937_64& random, bool alternating) {
   std::uniform_real_distribution<double> uniform;
   CellDensities d;
@@ -65,7 +66,7 @@ double SumOfVolumes(const Decomposition& cell) {
   return sum;
 }
 
-// One isovalue in every interval in which the topology of V is constant.
+// Returns one isovalue from every interval in which the topology of V is constant.
 std::vector<double> IsovaluesOf(const CellDensities& d, const CellSaddles& saddles,
                                 const BodySaddles& body) {
   std::vector<double> critical(d.begin(), d.end());
@@ -109,7 +110,7 @@ void CountCell(const CellDensities& d, Counts& counts) {
   }
 }
 
-// The same cells on any number of threads: each block has its own generator.
+// Each block has its own generator, so the cells are the same on any number of threads.
 Counts CountCells(const ExperimentOptions& options, bool alternating) {
   constexpr std::int64_t kBlock = 500;
   Counts total;
@@ -156,11 +157,11 @@ void PrintCounts(const char* title, const Counts& counts, std::ostream& out) {
 void PrintTopology(const ExperimentOptions& options, std::ostream& out) {
   Print(out,
         "Cells with a wrong topology for some isovalue, and cells whose tetrahedra overlap or\n"
-        "leave gaps, in %% of the cells. Every interval between critical densities is tried;\n"
-        "components of both sides and of H and the Euler characteristic are compared with those\n"
-        "of tpbcc, which has no fault on any of the 37 000 cells labelled by an exact oracle.\n"
-        "With six face saddles and a body saddle the published rules want the sorted faces to\n"
-        "pair up as parallel ones.\n");
+        "leave gaps, in %% of the cells. Every interval between critical densities is tried.\n"
+        "The components of both sides and of H, and the Euler characteristic, are compared with\n"
+        "the results of tpbcc. tpbcc has no fault on any of the 37 000 cells labelled by an exact\n"
+        "oracle. For six face saddles and a body saddle, the published rules need sorted faces\n"
+        "that pair up as parallel faces.\n");
   PrintCounts("uniform: corners in [0, 1]", CountCells(options, false), out);
   PrintCounts("alternating: odd corners in [0.5, 1], the others in [0, 0.5]",
               CountCells(options, true), out);

@@ -1,11 +1,11 @@
-// palpate-lab experiment: the paper's measurements repeated, its figures beside ours.
+// palpate-lab experiment: repeats the paper's measurements and prints its results beside ours.
 //
 //   table1    means of R_D over the cells of Table 4, Wilcoxon tests between methods
 //   table3    time of a haptic update while a hand explores the paper's volumes
-//   table4    R_D of every cell, published and ours, differences flagged
+//   table4    R_D of every cell, published and ours, with differences marked
 //   topology  share of random cells in which H has a wrong topology for some τ
-//   figure9   drift of the proxy off a cylinder's isovalue, ours and a GBID
-//   figure11  the cells of Table 4 with V and H drawn
+//   figure9   drift of the proxy from a cylinder's isovalue, ours and a GBID
+//   figure11  V and H drawn for the cells of Table 4
 //
 // Threads: any ordinary thread; works on all cores. Errors: Error.
 // Source: Corenthy et al., section 5, Tables 1, 3 and 4, Figs. 9 and 11.
@@ -20,20 +20,20 @@
 namespace palpate::lab {
 
 struct ExperimentOptions {
-  std::string name;                         // ExperimentNames()
-  std::filesystem::path table;              // Table 4 as CSV; the cells of table1, table4, figure11
-  std::int64_t cells = 20000;               // of topology: random ones of each kind
-  int columns = 1000;                       // per axis, for R_D (accuracy.h)
-  int laps = 10;                            // of figure9
-  std::uint64_t seed = 1;                   // of topology and table3
-  std::filesystem::path data_folder = ".";  // of table3: holds the volumes
-  std::filesystem::path output_folder = ".";  // of figures: NAME.svg
+  std::string name;                           // one of ExperimentNames()
+  std::filesystem::path table;                // Table 4 as CSV, for table1, table4 and figure11
+  std::int64_t cells = 20000;                 // for topology: random cells of each kind
+  int columns = 1000;                         // per axis, for R_D (accuracy.h)
+  int laps = 10;                              // for figure9
+  std::uint64_t seed = 1;                     // for topology and table3
+  std::filesystem::path data_folder = ".";    // for table3: holds the volumes
+  std::filesystem::path output_folder = ".";  // for figures: NAME.svg
 };
 
 std::vector<std::string> ExperimentNames();
 
-// Prints a table; figures go to files, whose names it prints. kInvalidArgument for
-// a name that is none, kNotFound for files that cannot be read or written.
+// Prints a table. Writes figures to files and prints the files' names. Throws kInvalidArgument for
+// an unknown name, kNotFound for files that cannot be read or written.
 void RunExperiment(const ExperimentOptions& options, std::ostream& out);
 
 }  // namespace palpate::lab

@@ -10,7 +10,7 @@
 namespace palpate::lab {
 namespace {
 
-// Rounding of positions, relative to the ball.
+// Allowance for rounding of positions, relative to the ball.
 constexpr double kBallTolerance = 1e-9;
 
 struct Node {
@@ -33,7 +33,7 @@ Vec3i Beyond(const Vec3i& cell, int face) {
   return neighbour;
 }
 
-// The same vertex, which lies on `face`, with its number in the cell beyond.
+// Returns the number that a vertex on `face` has in the cell beyond the face.
 int VertexBeyond(int vertex, int face) {
   if (vertex >= kFirstFaceVertex) return kFirstFaceVertex + (face ^ 1);
   auto offset = kCornerOffset[vertex];
@@ -63,8 +63,8 @@ class Search {
     return nodes;
   }
 
-  // From any of `start` to any of `goals`, the nearest to `goal_mm` first. The
-  // outside is not gone through, but noted.
+  // Searches from any of `start` to any of `goals`, nodes nearest to `goal_mm` first. The search
+  // does not go through the outside, but notes that it has reached the outside.
   FreePath Run(const std::vector<Node>& start, const std::vector<Node>& goals, const Vec3& goal_mm,
                int most_nodes) {
     goal_mm_ = goal_mm;
@@ -155,7 +155,8 @@ class Search {
     }
   }
 
-  // Into the cell beyond a face, through one of its triangles; all: 0.
+  // Enters the cell beyond a face through one of the face's triangles; triangle 0: through any of
+  // them.
   void EnterThrough(const Vec3i& from, int face, std::uint16_t triangle) {
     const Vec3i beyond = Beyond(from, face);
     if (!cells_.HasCell(beyond)) {
@@ -180,7 +181,7 @@ class Search {
 
   FreshCells& cells_;
   const Vec3 centre_mm_;
-  double reach_mm_ = 0.0;  // of the middles of cells
+  double reach_mm_ = 0.0;  // largest distance of a cell's middle from the centre
   Vec3 goal_mm_ = Vec3::Zero();
   std::priority_queue<std::pair<double, Node>, std::vector<std::pair<double, Node>>, Farther>
       queue_;
@@ -200,7 +201,8 @@ FreePath FindFreePath(FreshCells& cells, const Vec3& from_mm, const Vec3& to_mm,
   }
   const FreePath found = forth.Run(start, goals, to_mm, most_nodes);
   if (found == FreePath::kFound || !forth.reached_outside()) return found;
-  // The outside has too many neighbours to go through: it is approached from both sides.
+  // The outside has too many neighbours to search through. So the search approaches the outside
+  // from both sides.
   Search back(cells, p_DHip_mm, radius_mm);
   const FreePath outside = back.Run(goals, {Node{}}, from_mm, most_nodes);
   return outside == FreePath::kNone ? found : outside;

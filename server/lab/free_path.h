@@ -1,10 +1,12 @@
-// Whether a proxy can have come from one position to another through free space.
+// Finds out whether a proxy can have come from one position to another through free space.
 //
-// A search over the decomposed volume, independent of the proxy's moves. Nodes are
-// the tetrahedra of crossed cells that have a free vertex, whole free cells, and
-// the outside; neighbours share a face whose free part is not empty. A proxy's
-// distance to the HIP never grows within a tick, so that its way lies in the ball
-// round the HIP that its start lies on: only cells that meet the ball are entered.
+// Searches the decomposed volume, independently of the proxy's moves. The nodes of the search are:
+// - the tetrahedra of crossed cells that have a free vertex,
+// - whole free cells,
+// - the outside.
+// Two nodes are neighbours if they share a face whose free part is not empty. Within a tick, the
+// proxy's distance to the HIP never grows. So the path lies in the ball around the HIP whose
+// surface holds the start, and the search enters only cells that meet this ball.
 //
 // Frame: D (mm). Threads: one per FreshCells. Errors: none.
 #pragma once
@@ -15,7 +17,7 @@ namespace palpate::lab {
 
 enum class FreePath {
   kFound,
-  kNone,       // shown: there is none within the ball
+  kNone,       // there is no path within the ball
   kUnchecked,  // the search was cut off
 };
 

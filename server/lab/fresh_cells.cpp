@@ -8,7 +8,7 @@ namespace {
 
 constexpr std::size_t kMostCells = 50'000;
 
-// Ratios of signed volumes.
+// Barycentric weights, as ratios of signed volumes.
 std::array<double, 4> WeightsOf(const std::array<Vec3, 4>& corner, const Vec3& p) {
   const Vec3 a = corner[1] - corner[0], b = corner[2] - corner[0], c = corner[3] - corner[0];
   const Vec3 q = p - corner[0];
@@ -78,7 +78,7 @@ Holders FreshCells::HoldersOf(const Vec3& p_I) {
   const auto margin = Vec3::Constant(kHoldTolerance).array();
   holders.outside =
       (p_I.array() <= -1.0 + margin).any() || (p_I.array() >= last.array() - margin).any();
-  // Also keeps the cells' numbers representable.
+  // This check also keeps the cells' numbers representable.
   if ((p_I.array() < -1.0 - margin).any() || (p_I.array() > last.array() + margin).any()) {
     return holders;
   }

@@ -1,12 +1,12 @@
-// The decomposed volume evaluated afresh, to judge a proxy by: knows nothing of
-// the proxy's places, caches and moves.
+// Evaluates the decomposed volume afresh, to judge a proxy. Knows nothing of the proxy's places,
+// caches and moves.
 //
-// Which tetrahedra hold a point is told from its position alone. That is rounded,
-// so that a point within kHoldTolerance of a face counts as held by the
-// tetrahedra of both sides; the density is continuous there.
+// Only the position of a point tells which tetrahedra hold the point. Positions are rounded, so a
+// point within kHoldTolerance of a face counts as held by the tetrahedra on both sides. The density
+// is continuous there.
 //
-// Densities are normalised, not felt: on the side FreeSide::kAbove free is what is
-// not below τ. Beyond the padded lattice the density is 0.
+// Densities are normalised, not felt: on the side FreeSide::kAbove, a point is free if its density
+// is not below τ. Beyond the padded lattice the density is 0.
 // Frame: I, voxel index.
 // Threads: one per object. Errors: none.
 #pragma once
@@ -21,13 +21,13 @@
 
 namespace palpate::lab {
 
-// Of barycentric weights, and of index coordinates next to the faces of a cell.
+// A tolerance of barycentric weights, and of index coordinates next to the faces of a cell.
 inline constexpr double kHoldTolerance = 1e-9;
 
 struct FreshCell {
   Decomposition parts;
-  bool crossed = false;  // by τ
-  bool free = false;     // as a whole
+  bool crossed = false;  // the isosurface passes through the cell
+  bool free = false;     // the whole cell is free
 };
 
 // A tetrahedron that holds a point, with the point's barycentric weights.
@@ -42,7 +42,7 @@ struct Holders {
   std::vector<Holder> tetrahedra;
   bool outside = false;  // beyond the padded lattice, or on its border
 
-  // Of the tetrahedron that the point is deepest in; 0 outside, NaN in a gap.
+  // The density in the tetrahedron in which the point lies deepest. 0 outside, NaN in a gap.
   double Density() const;
 };
 
@@ -51,16 +51,16 @@ class FreshCells {
   // Borrows the surface's volume.
   explicit FreshCells(const HapticSurface& surface);
 
-  // Valid until Trim().
+  // The reference is valid until Trim().
   const FreshCell& At(const Vec3i& cell);
-  // Forgets cells where there are very many.
+  // Forgets the cells if there are very many.
   void Trim();
 
   Holders HoldersOf(const Vec3& p_I);
 
   const HapticSurface& surface() const { return surface_; }
   bool HasCell(const Vec3i& cell) const { return surface_.volume->HasCell(cell); }
-  // Not felt.
+  // Normalised, not felt.
   double isovalue() const { return surface_.sign() * surface_.isovalue; }
   // How far a density is inside the object; positive there.
   double Inside(double density) const { return surface_.sign() * density - surface_.isovalue; }

@@ -3,7 +3,7 @@
 namespace palpate::lab {
 namespace {
 
-// On the segment from free space to inside the object.
+// Finds the crossing on the segment from free space to inside the object.
 Vec3 FindCrossing(const VolumeSnapshot& volume, double isovalue, Vec3 free, Vec3 inside) {
   constexpr int kHalvings = 50;
   for (int n = 0; n < kHalvings; ++n) {
@@ -38,7 +38,7 @@ void StepGbid(const VolumeSnapshot& volume, double isovalue, const Vec3& p_IHip,
   const Vec3 normal = -sample.gradient / steepness;  // towards free space
   const Vec3 on_plane = proxy.p_I + correction * (sample.value - isovalue) / steepness * normal;
   const double height = (p_IHip - on_plane).dot(normal);
-  if (height > 0.0) {  // above the plane: let go
+  if (height > 0.0) {  // above the plane: contact ends
     proxy.p_I = p_IHip;
     proxy.in_contact = false;
     return;

@@ -1,13 +1,12 @@
-// A gradient-based implicit proxy (GBID), to compare ours with.
+// A gradient-based implicit proxy (GBID), for comparison with ours.
 //
-// The surface is known by value and gradient of F at one point alone, as in
-// haptic rendering of implicit surfaces (Salisbury and Tarr 1997; Corenthy et al.,
-// Fig. 9). In contact it is taken for the plane through the proxy, normal to the
-// gradient there, and the proxy goes to the HIP's projection on that plane. The
-// plane is a tangent, so that on a curved surface every step leaves the isovalue a
-// little, always to the same side. `correction` brings the value in: the plane is
-// shifted along the normal by that share of (F - τ) / |∇F|. With 0 the error adds
-// up; with 1 it stays, as large as one step makes it.
+// A GBID knows the surface only by the value and gradient of F at one point, as in haptic rendering
+// of implicit surfaces (Salisbury and Tarr 1997; Corenthy et al., Fig. 9). In contact, it replaces
+// the surface by the plane through the proxy, normal to the gradient there. The proxy goes to the
+// HIP's projection on this plane. The plane is a tangent, so on a curved surface every step leaves
+// the isovalue a little, always to the same side.
+// `correction` reduces this error: the plane is shifted along the normal by this share of (F - τ) /
+// |∇F|. With 0 the error adds up. With 1 the error stays as large as one step makes it.
 //
 // Frame: index coordinates. Threads: pure; one thread per proxy.
 #pragma once
@@ -16,7 +15,7 @@
 
 namespace palpate::lab {
 
-// Of V: of the densities as stored, without resolved ties.
+// Samples V: the densities as stored, without resolved ties.
 struct FieldSample {
   double value;
   Vec3 gradient;  // per voxel
@@ -28,7 +27,7 @@ struct Gbid {
   bool in_contact = false;
 };
 
-// One step towards the HIP. `isovalue` normalised. Starts where HIP and proxy are
+// Makes one step towards the HIP. `isovalue`: normalised. At the first step, HIP and proxy must be
 // in free space.
 void StepGbid(const VolumeSnapshot& volume, double isovalue, const Vec3& p_IHip, double correction,
               Gbid& proxy);

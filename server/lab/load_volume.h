@@ -1,4 +1,4 @@
-// Volumes and isovalues as the lab's command lines give them.
+// Loads volumes and isovalues given on the lab's command lines.
 //
 // Threads: any ordinary thread; blocks until done. Errors: Error.
 #pragma once
@@ -16,18 +16,18 @@ namespace palpate::lab {
 
 using StageProgress = std::function<void(std::string_view stage, double fraction)>;
 
-// The palpate-import that lies beside the running program.
+// The palpate-import in the folder of the running program.
 std::filesystem::path ImportProgramBesideThis();
 
-// `source`: a path, relative ones too, or a builtin name. Warnings go to standard
-// error. `progress` may be empty. `spacing_mm`: instead of the volume's own.
+// `source`: a path (absolute or relative) or a builtin name. Warnings go to standard error.
+// `progress` may be empty. `spacing_mm`: replaces the volume's own spacing.
 std::shared_ptr<const VolumeSnapshot> LoadVolume(const std::string& source,
                                                  const std::filesystem::path& import_program,
                                                  const StageProgress& progress = {},
                                                  const std::optional<Vec3>& spacing_mm = {});
 
-// The normalised form of exactly one of an isovalue in data units and a normalised
-// one; kInvalidArgument where it lies outside of the volume's range.
+// Takes an isovalue either in data units or normalised, and returns it normalised. Throws
+// kInvalidArgument unless exactly one is given, and if it lies outside the volume's range.
 double ChooseIsovalue(const VolumeSnapshot& volume, const std::optional<double>& isovalue,
                       const std::optional<double>& normalized_isovalue);
 

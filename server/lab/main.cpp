@@ -32,7 +32,8 @@ struct Options {
   ExportOptions table;
 };
 
-// Beside the folder of the programs, in the build tree as when installed.
+// The table lies in a folder beside the programs' folder, both in the build tree and when
+// installed.
 std::filesystem::path DefaultTable() {
   return std::filesystem::read_symlink("/proc/self/exe").parent_path().parent_path() /
          "share/palpate/table4.csv";
@@ -45,15 +46,16 @@ arguments::Command* AddCells(arguments::Command& app, Options& options) {
   arguments::Command* cells = app.add_subcommand(
       "cells",
       "Decomposes single cells: reads lines of 8 densities d0..d7 from standard input and writes\n"
-      "one JSON object per line. Columns are separated by commas or blanks, further ones are\n"
-      "ignored, lines that start with # skipped. Ties are resolved over the cell's own range");
+      "one JSON object per line. Commas or blanks separate the columns. Further columns are\n"
+      "ignored, and lines that start with # are skipped. Ties are resolved over the cell's own\n"
+      "range");
   cells->add_option("--method", options.method, "decomposition")
       ->check(arguments::IsMember(kMethods))
       ->capture_default_str();
   cells->add_option("--volume", options.volume,
-                    "a volume file or builtin name: the lines are then indices i,j,k of its "
-                    "cells, from -1 (the padding) on, and the densities are normalised over its "
-                    "range, as the renderer has them");
+                    "a volume file or builtin name. Each line then holds the indices i,j,k of a "
+                    "cell, from -1 (the padding) on. Densities are normalised over the volume's "
+                    "range, as in the renderer");
   cells->footer("Example: echo '0 1 0 1 1 0 1 0' | palpate-lab cells");
   return cells;
 }
@@ -74,15 +76,15 @@ arguments::Command* AddMesh(arguments::Command& app, Options& options) {
       ->check(arguments::IsMember(kMethods))
       ->capture_default_str();
   mesh->add_option("--out", options.mesh.output,
-                   "file to write, .ply or .obj, in world mm (LPS); without it only counts");
+                   "file to write, .ply or .obj, in world mm (LPS) [no file, only counts]");
   mesh->footer("Example: palpate-lab mesh --volume head.nrrd --isovalue 300 --out bone.ply");
   return mesh;
 }
 
 arguments::Command* AddExperiment(arguments::Command& app, Options& options) {
   arguments::Command* experiment = app.add_subcommand(
-      "experiment", "Repeats an experiment of the paper and prints its figures beside ours");
-  experiment->add_option("name", options.experiment.name, "which one")
+      "experiment", "Repeats an experiment of the paper and prints its results beside ours");
+  experiment->add_option("name", options.experiment.name, "name of the experiment")
       ->required()
       ->check(arguments::IsMember(ExperimentNames()));
   experiment->add_option("--table", options.experiment.table,
@@ -91,8 +93,7 @@ arguments::Command* AddExperiment(arguments::Command& app, Options& options) {
       ->check(arguments::Range(1, 100'000'000))
       ->capture_default_str();
   experiment
-      ->add_option("--columns", options.experiment.columns,
-                   "columns per axis that R_D is integrated over")
+      ->add_option("--columns", options.experiment.columns, "columns per axis, to integrate R_D")
       ->check(arguments::Range(1, 10'000))
       ->capture_default_str();
   experiment->add_option("--out", options.experiment.output_folder, "folder for the figures (SVG)")
@@ -110,25 +111,23 @@ void AddSurface(arguments::Command& command, SurfaceOptions& options) {
       ->required();
   command.add_option("--isovalue", options.isovalue, "isovalue in data units")->required();
   command.add_flag("--normalized", options.normalized,
-                   "the isovalue is over the volume's range, 0 to 1");
+                   "the isovalue is 0 to 1 over the volume's range, not in data units");
   command
       .add_option("--spacing-mm", options.spacing_mm,
                   "voxel spacing instead of the volume's own: one number, or one per axis")
       ->expected(1, 3);
 }
 
-// What leads along a trajectory and what follows a recording have nothing in common
-// but the volume.
+// A replay of a trajectory and a replay of a recording share only the option --volume.
 void AddRecordingReplay(arguments::Command& replay, RecordingReplayOptions& options) {
   arguments::Option* recording =
       replay.add_option("--recording", options.recording,
-                        "instead of a trajectory: computes the ticks of a recording of palpated "
-                        "again, as recorded, and compares them bit for bit. --volume is then "
-                        "where the recorded volume is to be found now [where it was, or in the "
-                        "recording]");
+                        "replays a recording of palpated instead of a trajectory: computes its "
+                        "ticks again and compares them bit for bit. --volume then names the "
+                        "recorded volume [its place when recorded, or the recording itself]");
   replay
       .add_flag("--allow-missing", options.allow_missing,
-                "with --recording: ticks whose volume is missing are counted, and no error")
+                "with --recording: only counts ticks whose volume is missing, without an error")
       ->needs(recording);
   std::vector<arguments::Option*> needed;
   for (const char* name : {"--isovalue", "--trajectory", "--out"}) {
@@ -161,11 +160,11 @@ arguments::Command* AddExport(arguments::Command& app, ExportOptions& options) {
 arguments::Command* AddReplay(arguments::Command& app, ReplayOptions& options) {
   arguments::Command* replay = app.add_subcommand(
       "replay",
-      "Leads the renderer along a trajectory of the HIP, one position a millisecond in the\n"
-      "volume's world frame (mm), writes what is felt at every tick, and ends with a line of\n"
-      "JSON: what must not happen, counted, and times. Without the column update_ns the output\n"
-      "is the same on every run. Where friction is set, which holds the proxy on purpose,\n"
-      "sticks are not judged: null");
+      "Leads the renderer along a trajectory of the HIP: one position per millisecond, in the\n"
+      "volume's world frame (mm). Writes the proxy and the force of every tick. Ends with a line\n"
+      "of JSON: the counts of errors, and times. Except for the column update_ns, the output is\n"
+      "the same on every run. Friction holds the proxy on purpose, so sticks are null if friction\n"
+      "is set");
   AddSurface(*replay, options.surface);
   replay
       ->add_option("--trajectory", options.trajectory,
@@ -178,7 +177,7 @@ arguments::Command* AddReplay(arguments::Command& app, ReplayOptions& options) {
   replay->add_option("--stiffness", options.stiffness_n_per_mm, "N/mm [0.5]");
   replay
       ->add_option("--passes", options.passes,
-                   "identical passes, of which the least time of each tick counts")
+                   "identical passes; the shortest time of each tick counts")
       ->check(arguments::Range(1, 1000))
       ->capture_default_str();
   replay->add_option("--set", options.settings, "settings of the renderer, as key=value");
@@ -195,17 +194,17 @@ arguments::Command* AddTrajectory(arguments::Command& app, TrajectoryOptions& op
   AddSurface(*trajectory, options.surface);
   trajectory
       ->add_option("--kind", options.kind,
-                   "slide: 1 mm below the surface; freehand: now "
-                   "below, now above; random: an attack")
+                   "slide: 1 mm below the surface; freehand: sometimes below, sometimes above; "
+                   "random: an attack")
       ->check(arguments::IsMember(kTrajectories))
       ->capture_default_str();
-  trajectory->add_option("--speed-cm-per-s", options.speed_cm_per_s, "of slides")
+  trajectory->add_option("--speed-cm-per-s", options.speed_cm_per_s, "speed of slides")
       ->check(arguments::Range(0.0, 1000.0))
       ->capture_default_str();
-  trajectory->add_option("--ticks", options.ticks, "positions, one a millisecond")
+  trajectory->add_option("--ticks", options.ticks, "number of positions, one per millisecond")
       ->check(arguments::Range(1, 100'000'000))
       ->capture_default_str();
-  trajectory->add_option("--seed", options.seed, "another one gives another trajectory")
+  trajectory->add_option("--seed", options.seed, "each seed gives another trajectory")
       ->capture_default_str();
   trajectory->add_option("--out", options.output, "CSV to write")->required();
   return trajectory;
@@ -215,7 +214,7 @@ arguments::Command* AddBench(arguments::Command& app, BenchOptions& options) {
   arguments::Command* bench =
       app.add_subcommand("bench", "Replays the fixed slides: counts and times, as a table");
   bench->add_flag("--json", options.json, "one line of JSON instead");
-  bench->add_option("--passes", options.passes, "as of replay")
+  bench->add_option("--passes", options.passes, "as for replay")
       ->check(arguments::Range(1, 1000))
       ->capture_default_str();
   return bench;

@@ -12,8 +12,8 @@
 namespace palpate::lab {
 namespace {
 
-// Layers of cells in a slab: few enough to keep all cores busy. Fixed, so that
-// the mesh does not depend on their number.
+// Layers of cells in a slab. Thin slabs keep all cores busy. The number is fixed, so that the mesh
+// does not depend on the number of cores.
 constexpr int kLayers = 4;
 
 class Progress {
@@ -37,14 +37,14 @@ std::uint32_t FindInLowerPlane(const MeshSlab& slab, std::uint64_t key) {
   const auto found =
       std::lower_bound(slab.lower.begin(), slab.lower.end(), key,
                        [](const PlaneVertex& l, std::uint64_t k) { return l.key < k; });
-  // Both cells at a face compute it from the same four densities.
+  // Both cells at a face decompose the face from the same four densities, so they must agree.
   if (found == slab.lower.end() || found->key != key) {
     throw Error(ErrorKind::kInternal, "neighbouring cells disagree on their common face");
   }
   return found->index;
 }
 
-// First vertex and triangle of each slab in the whole mesh, and the totals.
+// The first vertex and triangle of each slab in the whole mesh, and the totals.
 struct Offsets {
   std::vector<std::size_t> vertices{0};
   std::vector<std::size_t> triangles{0};
@@ -63,7 +63,7 @@ Offsets MakeOffsets(const std::vector<MeshSlab>& slabs) {
   return offsets;
 }
 
-// Slab n with its vertices numbered as in the whole mesh.
+// Copies slab n and numbers its vertices as in the whole mesh.
 void CopySlab(const std::vector<MeshSlab>& slabs, std::size_t n, const Offsets& offsets,
               SurfaceMesh& mesh) {
   const MeshSlab& slab = slabs[n];

@@ -1,14 +1,13 @@
-// The haptic isosurface H of a whole volume as an indexed triangle mesh.
+// Extracts the haptic isosurface H of a whole volume as an indexed triangle mesh.
 //
-// A vertex of the mesh lies on an edge of the tetrahedral complex and is known by
-// that edge, not by its position: cells that share a face share its vertices, so
-// that the mesh has no seams whatever the densities are. A tetrahedron gives one
-// triangle, or two that split a quadrilateral. Normals (counter-clockwise) point
-// to free space.
+// A vertex of the mesh lies on an edge of the tetrahedral complex. The edge identifies the vertex;
+// the position does not. Cells that share a face share its vertices, so the mesh has no seams,
+// whatever the densities are. A tetrahedron gives one triangle, or two that split a quadrilateral.
+// Normals (counter-clockwise) point to free space.
 //
 // Frame: I, voxel index. Isovalues are normalised.
-// Threads: any ordinary thread; works on all cores. The same mesh comes out for
-// any number of them. Errors: Error.
+// Threads: any ordinary thread; works on all cores. The mesh is the same for any number of cores.
+// Errors: Error.
 #pragma once
 
 #include <array>
@@ -22,13 +21,13 @@
 
 namespace palpate::lab {
 
-// Cells first .. end-1 along each axis; the lattice vertices first .. end.
+// Cells first .. end-1 along each axis. Their lattice vertices are first .. end.
 struct CellRange {
   Vec3i first;
   Vec3i end;
 };
 
-// All cells of the padded lattice. H is closed there for isovalues of 0 and more.
+// All cells of the padded lattice. H is closed there if the isovalue is 0 or more.
 inline CellRange PaddedCells(const VolumeSnapshot& volume) {
   return {Vec3i::Constant(-1), volume.size()};
 }
@@ -36,13 +35,13 @@ inline CellRange PaddedCells(const VolumeSnapshot& volume) {
 struct SurfaceMesh {
   std::vector<Vec3> vertices;  // I
   std::vector<std::array<std::uint32_t, 3>> triangles;
-  CellRange range;  // of the cells it was made of
+  CellRange range;  // the cells that the mesh was made of
 };
 
-// Told the fraction done, from 0 to 1, rising, by one thread at a time.
+// Called with the fraction done, rising from 0 to 1. Only one thread calls at a time.
 using MeshProgress = std::function<void(double fraction)>;
 
-// `progress` may be empty. kTooLarge beyond 2³¹ vertices or 2³² / 3 triangles.
+// `progress` may be empty. Throws kTooLarge above 2³¹ vertices or 2³² / 3 triangles.
 SurfaceMesh ExtractSurface(const VolumeSnapshot& volume, double isovalue,
                            DecompositionMethod method, const CellRange& range,
                            const MeshProgress& progress = {});

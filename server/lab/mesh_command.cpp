@@ -16,7 +16,8 @@
 namespace palpate::lab {
 namespace {
 
-// One line on standard error, rewritten; nothing where that is no terminal.
+// One line on standard error, rewritten in place. Shows nothing if standard error is not a
+// terminal.
 class ProgressBar {
  public:
   ~ProgressBar() {
@@ -42,7 +43,7 @@ DecompositionMethod ParseMethod(const std::string& name) {
   if (const auto method = MethodNamed(name)) return *method;
   std::string known;
   for (std::string_view each : kMethodNames) known += " " + std::string(each);
-  throw Error(ErrorKind::kInvalidArgument, name + ": no such method; there are" + known);
+  throw Error(ErrorKind::kInvalidArgument, name + ": no such method; the methods are" + known);
 }
 
 void PrintCount(const char* name, std::int64_t count) {
@@ -61,7 +62,7 @@ void Print(const MeshStatistics& s, double seconds) {
   if (s.IsManifold()) {
     PrintCount("genus", s.genus());
   } else {
-    std::printf("%-28s undefined: no manifold\n", "genus");
+    std::printf("%-28s undefined: not a manifold\n", "genus");
   }
   std::printf("%-28s %.2f\n", "seconds", seconds);
 }

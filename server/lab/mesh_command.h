@@ -1,4 +1,4 @@
-// palpate-lab mesh: the whole haptic isosurface of a volume, counted and written.
+// palpate-lab mesh: counts and writes the whole haptic isosurface of a volume.
 //
 // Threads: the calling one; works on all cores. Errors: Error.
 #pragma once
@@ -13,16 +13,16 @@ namespace palpate::lab {
 
 struct MeshOptions {
   std::string volume;  // a path, or a builtin name
-  // One of the two: in data units, or 0 to 1 over the volume's range.
+  // Give exactly one: in data units, or 0 to 1 over the volume's range.
   std::optional<double> isovalue{};
   std::optional<double> normalized_isovalue{};
-  std::string method = "tpbcc";  // kMethodNames
-  std::filesystem::path output;  // .ply or .obj; empty: only count
+  std::string method = "tpbcc";  // one of kMethodNames
+  std::filesystem::path output;  // .ply or .obj; empty: no file, only counts
   std::filesystem::path import_program = ImportProgramBesideThis();
 };
 
-// Prints one "name value" per line on standard output, and a progress bar on
-// standard error if that is a terminal. Returns the exit status, 0.
+// Prints one "name value" per line on standard output. Shows a progress bar on standard error if
+// that is a terminal. Returns the exit status, 0.
 int RunMesh(const MeshOptions& options);
 
 }  // namespace palpate::lab

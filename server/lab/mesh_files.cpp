@@ -27,7 +27,7 @@ std::string Ending(const std::filesystem::path& path) {
   return ending;
 }
 
-// Collects what is written: one call of the stream for a lot of triangles.
+// Collects the output, so that many triangles need only one call of the stream.
 class Buffer {
  public:
   explicit Buffer(std::ofstream& out) : out_(out) { text_.reserve(kSize + 1024); }
@@ -37,7 +37,7 @@ class Buffer {
     return *this;
   }
   template <class Number>
-  Buffer& Decimal(Number number) {  // shortest that reads back the same
+  Buffer& Decimal(Number number) {  // the shortest text that reads back as the same number
     char digits[32];
     const auto end = std::to_chars(digits, digits + sizeof digits, number).ptr;
     return Text({digits, static_cast<std::size_t>(end - digits)});

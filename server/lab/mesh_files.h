@@ -1,7 +1,7 @@
-// Writes a mesh as PLY (binary, little-endian) or OBJ, by the file's ending.
+// Writes a mesh as PLY (binary, little-endian) or OBJ, as the file's ending tells.
 //
-// Frame of the files: W, world (mm, LPS as in DICOM). Coordinates keep double
-// precision: in single precision vertices beside a lattice vertex would coincide.
+// Frame of the files: W, world (mm, LPS as in DICOM). Coordinates keep double precision: in single
+// precision, vertices next to a lattice vertex would coincide.
 // Threads: any ordinary thread; blocks. Errors: Error.
 #pragma once
 
@@ -12,12 +12,12 @@
 
 namespace palpate::lab {
 
-// kInvalidArgument unless the ending is .ply or .obj, in either case of letters:
-// to be asked before the work is done.
+// Throws kInvalidArgument unless the ending is .ply or .obj, in upper or lower case. Call it before
+// the long work.
 void CheckMeshFileName(const std::filesystem::path& path);
 
-// Writes beside `path` and renames, so that `path` is either whole or as it was.
-// X_WI: world from index; where it mirrors, the triangles are turned over.
+// Writes a new file beside `path` and renames it, so `path` is either complete or unchanged. X_WI:
+// world from index. If X_WI mirrors, the order of each triangle's vertices is reversed. Throws
 // kInvalidArgument (ending), kUnavailable (cannot write, disk full).
 void WriteMesh(const SurfaceMesh& mesh, const AffineMap& X_WI, const std::filesystem::path& path);
 

@@ -11,24 +11,25 @@ namespace {
 
 constexpr std::uint32_t kNone = ~0u;
 
-// Edges that several cells share lie on a cube edge or in a face. Each belongs to
-// the lattice vertex at the low corner of that cube edge or face:
+// Edges shared by several cells lie on a cube edge or in a face. Each belongs to the lattice vertex
+// at the low corner of this cube edge or face:
 //   0-2    cube edge along an axis
-//   3-14   corner n of the face across an axis to the face's vertex
+//   3-14   from corner n of the face across an axis to the face's vertex
 //   15-17  diagonal of a face (kTptd)
 constexpr int kSlots = 18;
 
 struct EdgeSlot {
-  std::int8_t slot = -1;  // negative: the edge is the cell's own
+  std::int8_t slot = -1;  // negative: no other cell shares the edge
   std::array<std::int8_t, 3> offset{};
-  bool across_x = false;  // lies in a plane of constant x
+  bool across_x = false;  // the edge lies in a plane of constant x
 };
 
 using EdgeSlotTable = std::array<std::array<EdgeSlot, kMaxVertices>, kMaxVertices>;
 
 constexpr EdgeSlotTable MakeEdgeSlots() {
   EdgeSlotTable table{};
-  for (auto& row : table) row.fill(EdgeSlot{});  // gcc 12 forgets the -1 in nested arrays
+  // gcc 12 ignores the default of -1 in nested arrays
+  for (auto& row : table) row.fill(EdgeSlot{});
   const auto set = [&](int u, int v, const EdgeSlot& slot) { table[u][v] = table[v][u] = slot; };
   for (int face = 0; face < 6; ++face) {
     const int axis = face / 2;
@@ -103,7 +104,7 @@ class SlabBuilder {
     }
   }
 
-  // One look per lattice vertex instead of eight.
+  // Reads each lattice vertex's flag, computed once instead of once per cell.
   bool IsCellCrossed(int j, int k) const {
     const std::size_t n = PlaneIndex(j, k), m = n + vertices_z_;
     const auto& [l, u] = above_;
@@ -131,7 +132,7 @@ class SlabBuilder {
   }
 
   void AddTetrahedron(const std::array<std::uint8_t, 4>& vertices, int sign, unsigned above) {
-    std::array<int, 4> place{};  // of the vertices inside, then of those outside
+    std::array<int, 4> place{};  // the vertices inside, then the vertices outside
     int inside = 0, outside = 4;
     for (int n = 0; n < 4; ++n) (above >> vertices[n] & 1 ? place[inside++] : place[--outside]) = n;
     const bool lone_outside = inside == 3;
@@ -155,7 +156,7 @@ class SlabBuilder {
     slab_.triangles.push_back({p, q, r});
   }
 
-  // The mesh's vertex on the edge between two vertices of the current complex.
+  // Returns the mesh's vertex on the edge between two vertices of the current complex.
   std::uint32_t Vertex(int u, int v) {
     std::uint32_t& local = local_[u < v ? u * kMaxVertices + v : v * kMaxVertices + u];
     if (local != kNone) return local;
@@ -180,7 +181,7 @@ class SlabBuilder {
     return index;
   }
 
-  // Interpolated from the free end, whichever cell asks.
+  // Interpolates from the free end, so that every cell gets the same vertex.
   std::uint32_t NewVertex(int u, int v) {
     if (decomposition_.density[u] > decomposition_.density[v]) std::swap(u, v);
     const double low = decomposition_.density[u], high = decomposition_.density[v];
@@ -198,7 +199,7 @@ class SlabBuilder {
   const SlabRequest& request_;
   const Vec3i first_, end_;
   const int vertices_y_, vertices_z_;
-  // Of the lattice planes below and above the current layer of cells.
+  // [0]: the lattice plane below the current layer of cells; [1]: the plane above.
   std::array<std::vector<std::uint8_t>, 2> above_;   // lattice vertices above τ
   std::array<std::vector<std::uint32_t>, 2> slots_;  // mesh vertices of shared edges
   Vec3i cell_ = Vec3i::Zero();

@@ -1,8 +1,7 @@
 // One slab of a mesh: the triangles of a few layers of cells along x.
 //
-// Edges of the complex that lie in the plane between two slabs belong to the
-// upper slab, which has the plane as its lower one; the lower slab refers to them
-// by their key.
+// The plane between two slabs is the lower plane of the upper slab. Edges of the complex in this
+// plane belong to the upper slab; the lower slab refers to them by key.
 //
 // Frame: I, voxel index. Threads: pure; slabs are made in parallel.
 #pragma once
@@ -19,14 +18,14 @@ namespace palpate::lab {
 inline constexpr std::uint32_t kInUpperPlane = 1u << 31;
 
 struct PlaneVertex {
-  std::uint64_t key;    // of the edge, within the plane
-  std::uint32_t index;  // of the vertex in the slab that has it
+  std::uint64_t key;    // identifies the edge within the plane
+  std::uint32_t index;  // index of the vertex in the slab that owns it
 };
 
 struct MeshSlab {
   std::vector<Vec3> vertices;
   std::vector<std::array<std::uint32_t, 3>> triangles;
-  std::vector<PlaneVertex> lower;    // in the plane shared with the slab below, by key
+  std::vector<PlaneVertex> lower;    // in the plane shared with the slab below, sorted by key
   std::vector<std::uint64_t> upper;  // keys in the plane shared with the slab above
 };
 
@@ -34,11 +33,11 @@ struct SlabRequest {
   const VolumeSnapshot& volume;
   double isovalue;
   DecompositionMethod method;
-  CellRange range;      // of the slab
-  bool has_slab_above;  // else the upper plane's vertices are its own
+  CellRange range;      // the cells of the slab
+  bool has_slab_above;  // false: this slab owns the vertices in its upper plane
 };
 
-// kTooLarge beyond 2³¹ vertices in a slab.
+// Throws kTooLarge above 2³¹ vertices in a slab.
 MeshSlab MakeSlab(const SlabRequest& request);
 
 }  // namespace palpate::lab

@@ -14,9 +14,9 @@ namespace {
 
 using Edge = std::pair<std::uint32_t, std::uint32_t>;
 
-// Numbers of the triangles at each vertex.
+// The numbers of the triangles at each vertex.
 struct VertexTriangles {
-  std::vector<std::uint32_t> first;  // of vertex v: first[v] .. first[v + 1]
+  std::vector<std::uint32_t> first;  // triangles of vertex v: first[v] .. first[v + 1]
   std::vector<std::uint32_t> triangle;
 
   explicit VertexTriangles(const SurfaceMesh& mesh)
@@ -37,7 +37,7 @@ struct VertexTriangles {
   }
 };
 
-// Forest over vertex numbers.
+// A forest over vertex numbers: each tree is one component.
 class Components {
  public:
   explicit Components(std::size_t count) : parent_(count) {
@@ -49,7 +49,7 @@ class Components {
     return x;
   }
 
-  // False where they were joined before.
+  // False if both were already in the same component.
   bool Join(std::uint32_t a, std::uint32_t b) {
     a = Find(a);
     b = Find(b);
@@ -62,7 +62,7 @@ class Components {
   std::vector<std::uint32_t> parent_;
 };
 
-// What the triangles around single vertices tell, summed.
+// The summed results of the triangles around single vertices.
 struct Part {
   MeshStatistics counts;
   std::vector<Edge> boundary;
@@ -77,8 +77,8 @@ struct Part {
   }
 };
 
-// Reads off the link of a vertex: an edge from one neighbour to the next for each
-// triangle at it.
+// Reads the link of a vertex: each triangle at the vertex gives one edge from a neighbour to the
+// next.
 class LinkReader {
  public:
   LinkReader(const SurfaceMesh& mesh, const VertexTriangles& at) : mesh_(mesh), at_(at) {}
@@ -109,7 +109,7 @@ class LinkReader {
       for (end = begin; end < neighbours_.size() && neighbours_[end].first == w; ++end) {
         leaving += neighbours_[end].second;
       }
-      if (w < v) continue;  // counted there
+      if (w < v) continue;  // counted at w
       const std::size_t count = end - begin;
       ++part.counts.edges;
       part.counts.non_manifold_edges += count > 2;
@@ -121,7 +121,7 @@ class LinkReader {
     }
   }
 
-  // Pieces of the link, by flooding it from its first edge; links are small.
+  // Counts the pieces of the link by flooding. Links are small, so a simple flood is fast enough.
   int CountFans() {
     int fans = 0;
     while (!link_.empty()) {
@@ -143,7 +143,8 @@ class LinkReader {
   const SurfaceMesh& mesh_;
   const VertexTriangles& at_;
   std::vector<Edge> link_;
-  std::vector<std::pair<std::uint32_t, bool>> neighbours_;  // true: the triangle runs to it
+  // true: the triangle runs to the neighbour
+  std::vector<std::pair<std::uint32_t, bool>> neighbours_;
   std::vector<std::uint32_t> reached_;
 };
 
@@ -163,8 +164,8 @@ Part ReadLinks(const SurfaceMesh& mesh) {
       });
 }
 
-// Both ends lie in one face of the range. Exact: vertices there are interpolated
-// between equal coordinates.
+// True if both ends lie in one face of the range. The comparison is exact: vertices in the face are
+// interpolated between equal coordinates.
 bool LiesInBorder(const SurfaceMesh& mesh, const Edge& edge) {
   for (int axis = 0; axis < 3; ++axis) {
     const double a = mesh.vertices[edge.first][axis], b = mesh.vertices[edge.second][axis];
@@ -187,8 +188,8 @@ MeshStatistics MeasureMesh(const SurfaceMesh& mesh) {
   for (const auto& t : mesh.triangles)
     s.components -= pieces.Join(t[0], t[1]) + pieces.Join(t[0], t[2]);
 
-  // In a manifold every boundary vertex has two boundary edges: an edge that joins
-  // nothing new closes a loop.
+  // In a manifold, every boundary vertex has two boundary edges. So an edge that joins two vertices
+  // of the same component closes a loop.
   if (!part.boundary.empty()) {
     Components loops(mesh.vertices.size());
     for (const Edge& edge : part.boundary) {

@@ -7,7 +7,7 @@
 namespace palpate::lab {
 namespace {
 
-// Corners and centres of faces in their places, the others at the cell's centre.
+// Corners and face vertices get their own positions, all other vertices the cell's centre.
 Vec3 ReferencePosition(int v) {
   Vec3 p = Vec3::Constant(0.5);
   for (int axis = 0; axis < 3; ++axis) {
@@ -17,8 +17,8 @@ Vec3 ReferencePosition(int v) {
   return p;
 }
 
-// A tetrahedron with three vertices in a face of the cell lies on the inner side
-// of it, wherever its fourth vertex is. 0 where there is no such face.
+// If three vertices lie in one face of the cell, the tetrahedron lies on the inner side of this
+// face, wherever its fourth vertex is. Returns 0 if there is no such face.
 int SignAtBorder(const std::array<std::uint8_t, 4>& vertices) {
   for (int apex = 0; apex < 4; ++apex) {
     unsigned faces = 0x3F;
@@ -37,16 +37,16 @@ int SignAtBorder(const std::array<std::uint8_t, 4>& vertices) {
   return 0;
 }
 
-// Sign of tetrahedron `t` from that of `known`, with which it shares a triangle:
-// they lie on opposite sides of it.
+// Derives the sign of tetrahedron `t` from the sign of `known`. The two share a triangle and lie on
+// opposite sides of it.
 int SignAcross(const TetrahedralComplex& complex, int t, int known, int known_sign) {
   const auto& from = complex.vertices[known];
-  std::array<int, 4> place;  // in `known`, of t's vertices
+  std::array<int, 4> place;  // places in `known` of t's vertices
   for (int n = 0; n < 4; ++n) {
     const int v = complex.vertices[t][n];
     const bool is_shared = complex.vertex_mask[known] >> v & 1;
     for (int m = 0; m < 4; ++m) {
-      // The vertex that is not shared stands in for the other's.
+      // t's own vertex takes the place of known's own vertex.
       if (is_shared ? from[m] == v : !(complex.vertex_mask[t] >> from[m] & 1)) place[n] = m;
     }
   }

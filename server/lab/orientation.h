@@ -1,7 +1,7 @@
-// Which tetrahedra of a complex are listed in positive order.
+// Finds the tetrahedra of a complex that are listed in positive order.
 //
-// By their connections alone: around saddles near the border of a cell tetrahedra
-// may be flat, and in kTpbccPublished inverted.
+// Uses only the connections between tetrahedra. Positions cannot tell: around saddles near the
+// border of a cell, tetrahedra may be flat, and in kTpbccPublished inverted.
 //
 // Threads: pure functions.
 #pragma once
@@ -17,7 +17,7 @@ namespace palpate::lab {
 using TetrahedronSigns = std::array<int, kMaxTetrahedra>;
 TetrahedronSigns SignsOf(const TetrahedralComplex& complex);
 
-// Of the permutation that sorts the values, which are distinct.
+// The sign of the permutation that sorts the values. The values are distinct.
 constexpr int PermutationSign(const std::array<int, 4>& values) {
   int sign = 1;
   for (int i = 0; i < 4; ++i) {

@@ -16,7 +16,7 @@
 namespace palpate::lab {
 namespace {
 
-// Recordings of version 2 do not say it.
+// Recordings of version 2 hold no such flag; there, the name tells an upload.
 bool IsReloadable(const RecordedScene& scene) {
   return scene.reloadable && !scene.volume_source.starts_with("upload:");
 }
@@ -24,9 +24,9 @@ bool IsReloadable(const RecordedScene& scene) {
 [[noreturn]] void ThrowNotHeld(const RecordedScene& scene) {
   throw Error(ErrorKind::kNotFound,
               scene.volume_source +
-                  " is not in the recording (it is too large, or the recording is an old one), and "
-                  "was not one volume of one file: if it was uploaded, give the file that was sent "
-                  "with --volume; ticks of series, raw voxels and single frames are lost");
+                  " is not in the recording (it is too large, or the recording is old), and cannot "
+                  "be loaded again: if it was uploaded, give the uploaded file with --volume; "
+                  "ticks of series, raw voxels and single frames cannot be computed again");
 }
 
 RecordedVolumeLoader LoaderOf(const RecordingReplayOptions& options) {
@@ -61,7 +61,7 @@ std::string Report(const ReplayCounts& counts) {
                     counts.without_start, counts.without_scene, counts.without_volume);
 }
 
-// Ticks before a state to start from are no fault: there are a few in any recording.
+// Ticks before the first state cannot be computed, but are no error: any recording has a few.
 void CheckMissing(const Replayer& replayer, bool is_allowed) {
   const ReplayCounts& counts = replayer.counts();
   const std::uint64_t missing = counts.without_volume + counts.without_scene;
@@ -70,7 +70,7 @@ void CheckMissing(const Replayer& replayer, bool is_allowed) {
       replayer.volume_error() ? replayer.volume_error()->what() : "their scene is missing";
   const std::string text =
       fmt::format("{} of {} ticks could not be computed again: {}", missing, counts.ticks, why);
-  if (!is_allowed) throw Error(ErrorKind::kConflict, text + "; --allow-missing accepts that");
+  if (!is_allowed) throw Error(ErrorKind::kConflict, text + "; --allow-missing accepts this");
   std::fprintf(stderr, "palpate-lab: %s\n", text.c_str());
 }
 
@@ -90,7 +90,7 @@ void ReplayRecording(const RecordingReplayOptions& options, std::ostream& out) {
                     counts.differing, first->tick, first->field, first->recorded, first->computed));
   }
   if (counts.differing_keyframes > 0) {
-    throw Error(ErrorKind::kInternal, "the state of the servo differs, though no tick does");
+    throw Error(ErrorKind::kInternal, "the state of the servo differs, although no tick differs");
   }
   if (counts.compared == 0) {
     if (replayer.volume_error()) throw *replayer.volume_error();

@@ -13,20 +13,23 @@ namespace palpate::lab {
 
 struct RecordingReplayOptions {
   std::filesystem::path recording{};
-  // Instead of the first one that the recording names and does not hold; empty: that one.
+  // Loaded instead of the first volume that the recording names but does not hold. Empty: the
+  // volume that the recording names is loaded.
   std::string volume{};
   bool allow_missing = false;
   std::filesystem::path import_program = ImportProgramBesideThis();
 };
 
-// Computes the recording again and prints what it compared. Throws Error: kInternal
-// where a tick differs; what the volume's load threw, or kConflict, where none could be
-// compared; kConflict where the volume or the scene of some is missing and that is not allowed.
+// Computes the recording again and prints the results of the comparison. Throws Error:
+//   kInternal             a tick differs
+//   the load's own error  no tick could be compared because the volume could not be loaded
+//   kConflict             no tick could be compared for another reason, or the volume or the scene
+//                         of some ticks is missing and options.allow_missing is false
 void ReplayRecording(const RecordingReplayOptions& options, std::ostream& out);
 
 struct ExportOptions {
   std::filesystem::path recording{};
-  std::filesystem::path output{};  // empty: `out`
+  std::filesystem::path output{};  // empty: writes to `out`
 };
 
 // Writes the recording's table of ticks.

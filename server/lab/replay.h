@@ -1,7 +1,7 @@
-// Leads the renderer along a trajectory, one HIP a tick, as fast as it goes.
+// Leads the renderer along a trajectory, one HIP per tick, at full speed.
 //
-// D is the volume's world frame: X_DI is its WorldFromIndex. Nothing is judged
-// here, so that update times are those of the renderer alone.
+// D is the volume's world frame: X_DI is its WorldFromIndex. Replay() judges nothing, so the update
+// times are the renderer's alone.
 // Threads: the calling one. Errors: Error.
 #pragma once
 
@@ -16,16 +16,16 @@ namespace palpate::lab {
 inline constexpr double kReplayPeriodS = 1e-3;
 
 struct ReplayTick {
-  Vec3 p_DHip_mm = Vec3::Zero();  // as given; maybe not finite
-  bool placed = false;            // there was a finite HIP already
+  Vec3 p_DHip_mm = Vec3::Zero();  // as given; may be not finite
+  bool placed = false;            // this HIP or an earlier one was finite
   HapticOutput output;
   std::int64_t update_ns = 0;
 };
 
 inline bool IsInContact(const HapticOutput& output) { return !output.proxy.normal_D.isZero(0.0); }
 
-// `passes`, at least 1: identical ones, of which the least time of each tick
-// counts. kInternal where they were not identical.
+// `passes`: number of identical passes, at least 1. For each tick, the shortest time counts. Throws
+// kInternal if the passes give different results.
 std::vector<ReplayTick> Replay(const HapticSurface& surface, const HapticSettings& settings,
                                const std::vector<Vec3>& hips_mm, int passes);
 

@@ -15,11 +15,11 @@
 
 namespace palpate::lab {
 
-// The volume and the surface in it, as both commands are given them.
+// The volume and the surface in it. Both commands take these options.
 struct SurfaceOptions {
   std::string volume;  // a path, or a builtin name
   double isovalue = 0.0;
-  bool normalized = false;           // isovalue over the volume's range, else data units
+  bool normalized = false;  // true: isovalue is 0 to 1 over the volume's range; false: data units
   std::vector<double> spacing_mm{};  // one number or three; empty: the volume's own
   std::filesystem::path import_program = ImportProgramBesideThis();
 };
@@ -28,7 +28,7 @@ struct ReplayOptions {
   SurfaceOptions surface{};
   std::filesystem::path trajectory{};
   std::filesystem::path output{};
-  std::string method = "tpbcc";  // kMethodNames
+  std::string method = "tpbcc";  // one of kMethodNames
   std::optional<double> stiffness_n_per_mm{};
   int passes = 1;
   std::vector<std::string> settings{};  // key=value
@@ -36,14 +36,14 @@ struct ReplayOptions {
 
 struct TrajectoryOptions {
   SurfaceOptions surface{};
-  std::string kind = "slide";  // kTrajectoryNames
+  std::string kind = "slide";  // one of kTrajectoryNames
   double speed_cm_per_s = 10.0;
   int ticks = 60'000;
   std::uint64_t seed = 1;
   std::filesystem::path output{};
 };
 
-// A volume with the normalised isovalue of the surface in it.
+// A volume and the normalised isovalue of the surface in it.
 struct LoadedSurface {
   std::shared_ptr<const VolumeSnapshot> volume;
   double isovalue = 0.0;

@@ -61,11 +61,11 @@ class Judge {
   Verdict Finish() { return std::move(verdict_); }
 
  private:
-  // Of the side that the proxy is on.
+  // The cells as seen from the side that the proxy is on.
   FreshCells& cells() { return side_ == surface_.free_side ? own_side_ : other_side_; }
 
   bool HasFallenThrough(const HapticOutput& output, double density) {
-    // Also NaN, in a gap of the decomposition.
+    // Also true for NaN, the density in a gap of the decomposition.
     if (!(cells().Inside(density) <= kDensityTolerance)) return true;
     if (!last_mm_) return false;
     const FreePath path = FindFreePath(cells(), *last_mm_, output.proxy.p_DH_mm, output.p_DHip_mm);
@@ -84,7 +84,7 @@ class Judge {
     verdict_.excess_off_minimum_ticks += excess && !at_minimum;
   }
 
-  // The distance from which on the force would be right bounds the search.
+  // Searches only up to the distance at which the force would be right.
   bool IsExcessive(const HapticOutput& output) const {
     const double over_n = output.spring_D_n.norm() - kExcessForceN;
     if (!(over_n > 0.0)) return false;
@@ -110,7 +110,7 @@ class Judge {
   const TriangleGrid& triangles_;
   FreshCells own_side_, other_side_;
   FreeSide side_;
-  std::optional<Vec3> last_mm_;  // where the way of this tick began
+  std::optional<Vec3> last_mm_;  // where the path of this tick begins; empty: no path is judged
   Verdict verdict_;
 };
 

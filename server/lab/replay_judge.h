@@ -1,13 +1,14 @@
-// What must never happen to one who feels H, counted over a replay.
+// Counts, over a replay, the errors that a user who feels H must never meet.
 //
-// Judged from positions alone, by the decomposition of each cell made afresh:
-// - fall-through: the density at SCP_H is above τ by more than kDensityTolerance, or
-//   SCP_H is not reached from the last one through free space (free_path.h);
-// - stick: a resting proxy that is no local minimum (rest_judge.h). Friction holds
-//   proxies on purpose: sticks are not judged then;
-// - excess force: a spring force above 2 k d + 0.05 N, d the distance of the HIP to H.
-// Ejecting ticks are apart. After a pop the other side of τ is the object's, and the
-// way is judged from there on.
+// The judge uses only positions and a fresh decomposition of each cell. It counts:
+// - Fall-through: the density at SCP_H is above τ by more than kDensityTolerance, or no path
+//   through free space leads from the last SCP_H to this one (free_path.h).
+// - Stick: a resting proxy is not at a local minimum (rest_judge.h). Friction holds proxies on
+//   purpose, so sticks are not judged if friction is set.
+// - Excess force: the spring force is above 2 k d + 0.05 N. k is the stiffness, d the distance of
+//   the HIP to H.
+// Ejecting ticks are counted separately. After a pop, the other side of τ is the object, and paths
+// are searched only from the pop on.
 //
 // Threads: the calling one. Errors: none.
 #pragma once
@@ -23,7 +24,7 @@ namespace palpate::lab {
 inline constexpr double kDensityTolerance = 1e-9;  // of the range
 inline constexpr double kExcessFactor = 2.0;
 inline constexpr double kExcessForceN = 0.05;
-// Of SCP_V from V: of a voxel, and where V is flat, of the range.
+// How far SCP_V may be off V, in voxels. Where F is flat, kDensityTolerance applies instead.
 inline constexpr double kVisualToleranceVoxels = 1e-6;
 
 struct Verdict {
@@ -35,11 +36,12 @@ struct Verdict {
   int fall_throughs = 0;
   std::optional<int> sticks = 0;  // empty: not judged
   int excess_force_ticks = 0;
-  // Of those, where sticks are judged, the ones whose proxy is at rest in no local minimum.
+  // The part of excess_force_ticks whose proxy is not at rest in a local minimum. Counted only if
+  // sticks are judged.
   int excess_off_minimum_ticks = 0;
-  int unchecked_ticks = 0;  // whose way through free space was too long to search
+  int unchecked_ticks = 0;  // the path through free space was too long to search
   int scp_v_ticks = 0;      // in contact, with SCP_V
-  int scp_v_off_ticks = 0;  // of those, with SCP_V off V
+  int scp_v_off_ticks = 0;  // the part of scp_v_ticks with SCP_V off V
 };
 
 Verdict JudgeReplay(const HapticSurface& surface, const HapticSettings& settings,

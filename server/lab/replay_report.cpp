@@ -13,7 +13,7 @@ constexpr const char* kColumns =
     "tick,hip_x,hip_y,hip_z,scp_h_x,scp_h_y,scp_h_z,scp_v_x,scp_v_y,scp_v_z,scp_v_valid,contact,"
     "force_x,force_y,force_z,density,tetrahedra,iterations,update_ns\n";
 
-// The sign of a NaN depends on how it came about; it must not be seen.
+// The sign of a NaN depends on its origin; the output must not show this sign.
 double Plain(double number) {
   return number == number ? number : std::numeric_limits<double>::quiet_NaN();
 }

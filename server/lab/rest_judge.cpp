@@ -11,7 +11,7 @@ namespace {
 
 using Corners = std::array<Vec3, 4>;
 
-// Between the triangles of a prism, a[n] and b[n] the ends of its edges.
+// Squared distance to a prism between two triangles. a[n] and b[n] are the ends of an edge.
 double SquaredDistanceToPrism(const Vec3& p, const std::array<Vec3, 3>& a,
                               const std::array<Vec3, 3>& b) {
   return std::min({SquaredDistanceToTetrahedron(p, {a[0], a[1], a[2], b[0]}),
@@ -19,8 +19,8 @@ double SquaredDistanceToPrism(const Vec3& p, const std::array<Vec3, 3>& a,
                    SquaredDistanceToTetrahedron(p, {a[2], b[0], b[1], b[2]})});
 }
 
-// From p to where the density of a tetrahedron is free; `inside` is that of its
-// corners, positive in the object.
+// Squared distance from p to the free part of a tetrahedron. `inside`: how far the density at each
+// corner is inside the object (positive there).
 double SquaredDistanceToFreePart(const Vec3& p, const Corners& corner,
                                  const std::array<double, 4>& inside) {
   std::array<int, 4> order = {0, 1, 2, 3};  // free corners first
@@ -48,8 +48,8 @@ double SquaredDistanceToFreePart(const Vec3& p, const Corners& corner,
   }
 }
 
-// A proxy on the border may leave the lattice where the HIP lies beyond, by more
-// than rounding.
+// True if a proxy on the border may leave the lattice because the HIP lies beyond the border by
+// more than rounding.
 bool MayLeave(const FreshCells& cells, const Vec3& p_IH, const Vec3& p_IHip) {
   const Vec3 last = cells.surface().volume->size().cast<double>();
   for (int axis = 0; axis < 3; ++axis) {

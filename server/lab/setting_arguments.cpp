@@ -48,7 +48,7 @@ void ApplySetting(const std::string& argument, HapticSettings& settings) {
   for (const FlagSetting& setting : kFlagSettings) {
     if (key == setting.key) return SetFlag(setting, value, settings);
   }
-  if (key != "free_side") Refuse(key + ": no such setting; there are " + KnownKeys());
+  if (key != "free_side") Refuse(key + ": no such setting; the settings are " + KnownKeys());
   const auto side = FreeSideNamed(value);
   if (!side) Refuse(fmt::format("free_side={}: give below or above", value));
   settings.free_side = *side;

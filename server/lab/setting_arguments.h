@@ -1,4 +1,4 @@
-// Settings of the renderer as a command line gives them: key=value.
+// Settings of the renderer given on a command line: key=value.
 //
 // Threads: pure functions. Errors: Error.
 #pragma once
@@ -9,8 +9,8 @@
 
 namespace palpate::lab {
 
-// Keys are those of server/haptics/settings.h, and free_side. kInvalidArgument for
-// others and for values out of range.
+// The keys are the keys of server/haptics/settings.h, and free_side. Throws kInvalidArgument for
+// other keys and for values out of range.
 void ApplySetting(const std::string& argument, HapticSettings& settings);
 
 }  // namespace palpate::lab

@@ -11,15 +11,16 @@ namespace palpate::lab {
 namespace {
 
 constexpr double kStepVoxels = 0.25;
-constexpr double kNormalVoxels = 1.0;  // length over which the normal is averaged
-// Where it turns round, beyond the lift: a stylus below it must not meet the cut.
+constexpr double kNormalVoxels = 1.0;  // the normal is averaged over this length
+// The margin in which the walk turns round, in addition to the lift: a stylus below the walker must
+// not meet the volume's border.
 constexpr double kMarginVoxels = 4.0;
 constexpr double kOnSurface = 1e-9;  // of the range
 constexpr int kMostCorrections = 12;
 constexpr int kMostStarts = 100'000;
 constexpr int kMostHeadings = 64;
 constexpr int kLiftSamples = 16;
-// The heading turns by up to this much, this often.
+// The heading turns by up to kTurnPerMm (rad per mm), with a period of kTurnLengthMm.
 constexpr double kTurnPerMm = 0.08;
 constexpr double kTurnLengthMm = 37.0;
 
@@ -37,7 +38,7 @@ SurfaceWalker::SurfaceWalker(const VolumeSnapshot& volume, double isovalue, doub
       voxel_mm_(volume.metadata().spacing_mm.minCoeff()),
       random_(seed) {
   const Vec3 lift_voxels = lift_mm * volume.metadata().spacing_mm.cwiseInverse();
-  // A thin volume has its margins too, but not only margins.
+  // In a thin volume, the margins take at most half of the volume.
   margin_voxels_ =
       (lift_voxels.array() + kMarginVoxels).min(volume.size().cast<double>().array() / 4.0);
   Restart();
@@ -54,7 +55,7 @@ bool SurfaceWalker::IsInside(const Vec3& p_mm, const Vec3& margin_voxels) const 
          (p_I.array() <= (last - margin_voxels).array()).all();
 }
 
-// To V along the gradient.
+// Moves p to V along the gradient.
 SurfaceWalker::Foot SurfaceWalker::FindFoot(Vec3 p_mm, double reach_mm) const {
   const Vec3 start_mm = p_mm;
   for (int n = 0; n < kMostCorrections; ++n) {
@@ -79,8 +80,8 @@ bool SurfaceWalker::IsFreeAbove(const Foot& foot) const {
   return true;
 }
 
-// The first crossing on a line from the border inwards: a pocket inside the object,
-// which no stylus reaches, would be no place to start from.
+// Takes the first crossing on a line from the border inwards. A pocket inside the object would be a
+// wrong start: no stylus reaches it.
 std::optional<Vec3> SurfaceWalker::FindFromBorder() {
   const Vec3 last = (volume_.size() - Vec3i::Ones()).cast<double>();
   const int axis = static_cast<int>(Random(0.0, 3.0));

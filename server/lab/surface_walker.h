@@ -1,11 +1,11 @@
 // A point that walks on the trilinear isosurface V, as a fingertip would.
 //
-// It goes along the tangent with a slowly turning heading and comes back to V along
-// the gradient, in steps small to a voxel. Away from the border it turns round.
-// Where V is too rough to go on it stops; Restart() puts it elsewhere.
+// The point moves along the tangent with a slowly turning heading. It returns to V along the
+// gradient, in steps that are small compared to a voxel. It turns round before it reaches the
+// border. If V is too rough to walk on, the point stops; Restart() puts it elsewhere.
 //
 // Frame: W, the volume's world (mm). The same seed gives the same walk.
-// Threads: one. Errors: Error (kInvalidArgument) where no place to start is found.
+// Threads: one. Errors: Error (kInvalidArgument) if no place to start is found.
 #pragma once
 
 #include <cstdint>
@@ -18,16 +18,16 @@ namespace palpate::lab {
 
 class SurfaceWalker {
  public:
-  // Borrows the volume. `isovalue` normalised. lift_mm: how far above V there must
-  // be free space where it starts.
+  // Borrows the volume. `isovalue`: normalised. `lift_mm`: how far above V the space must be free
+  // at the start.
   SurfaceWalker(const VolumeSnapshot& volume, double isovalue, double lift_mm, std::uint64_t seed);
 
-  // Along V. False: stuck.
+  // Walks along V. False if the point is stuck.
   bool Walk(double length_mm);
   void Restart();
 
   const Vec3& p_mm() const { return p_mm_; }
-  // Towards lower density, unit; averaged over about a voxel of the way.
+  // Unit length, towards lower density; averaged over about a voxel of the walk.
   Vec3 normal() const { return normal_.normalized(); }
 
  private:

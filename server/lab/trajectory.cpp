@@ -17,7 +17,7 @@ constexpr double kMmPerCm = 10.0;
 constexpr double kLiftMm = 2.0;
 constexpr int kApproachTicks = 300;
 
-// Goes to and fro between -1 and 1.
+// Oscillates between -1 and 1.
 double Wave(int tick, double period_s, double phase = 0.0) {
   return std::sin(2.0 * std::numbers::pi * (tick * kTickS / period_s + phase));
 }

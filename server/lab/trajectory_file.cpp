@@ -42,7 +42,7 @@ std::vector<std::string_view> Split(std::string_view line) {
   }
 }
 
-// Columns of x, y and z.
+// The columns of x, y and z.
 std::array<std::size_t, 3> FindColumns(const std::filesystem::path& file, std::string_view line) {
   const std::vector<std::string_view> names = Split(line);
   for (const auto& header : kHeaders) {
@@ -109,7 +109,7 @@ void CheckOutputFile(const std::filesystem::path& file) {
   }
   if (std::filesystem::exists(file) && !std::filesystem::is_regular_file(file)) {
     throw Error(ErrorKind::kInvalidArgument,
-                file.string() + ": is no file; give one that can be replaced");
+                file.string() + ": is not a regular file and cannot be replaced");
   }
 }
 

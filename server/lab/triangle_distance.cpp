@@ -24,7 +24,7 @@ bool IsInside(const Vec3& p, const std::array<Vec3, 4>& corner) {
 }  // namespace
 
 double SquaredDistanceToTriangle(const Vec3& p, const Vec3& a, const Vec3& b, const Vec3& c) {
-  // Of a sliver the foot is ill determined, but its edges are then as near.
+  // The foot on a sliver is inexact, but then an edge of the sliver is just as near.
   double nearest = std::min({SquaredDistanceToSegment(p, a, b), SquaredDistanceToSegment(p, b, c),
                              SquaredDistanceToSegment(p, c, a)});
   const Vec3 u = b - a, v = c - a, w = p - a;

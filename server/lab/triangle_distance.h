@@ -1,7 +1,7 @@
 // Distances to triangles and tetrahedra.
 //
-// Exact but for rounding, slivers and degenerate triangles included: what is
-// returned is always the distance to a point of the figure.
+// Exact up to rounding, also for slivers and degenerate triangles: the result is always the
+// distance to some point of the figure.
 // Threads: pure functions.
 #pragma once
 

@@ -11,7 +11,7 @@ namespace {
 constexpr double kEdgeVoxels = 2.0;
 constexpr double kMostBoxes = 1 << 24;
 // A point next to the side of a box may be listed in the next one.
-constexpr double kRounding = 1e-9;  // of the edge of a box
+constexpr double kRounding = 1e-9;  // relative to the edge of a box
 
 // Calls visit(box) for all boxes from low to high.
 template <class Visitor>
@@ -23,7 +23,8 @@ void VisitBoxes(const Vec3i& low, const Vec3i& high, Visitor visit) {
   }
 }
 
-// To the box around a triangle, which is never farther than the triangle, and found faster.
+// Distance to the box around a triangle. It is never larger than the distance to the triangle, and
+// faster to compute.
 double SquaredDistanceToBox(const Vec3& p, const Vec3& a, const Vec3& b, const Vec3& c) {
   const Vec3 below = a.cwiseMin(b).cwiseMin(c) - p, above = p - a.cwiseMax(b).cwiseMax(c);
   return below.cwiseMax(above).cwiseMax(0.0).squaredNorm();
@@ -59,7 +60,7 @@ std::size_t TriangleGrid::IndexOf(const Vec3i& box) const {
          static_cast<std::size_t>(box.z());
 }
 
-// By counting: ends of the lists first, filled from the back.
+// A counting sort: first computes the ends of the lists, then fills each list from the back.
 void TriangleGrid::Sort() {
   const auto visit = [this](const std::array<std::uint32_t, 3>& triangle, auto each) {
     const Vec3 &a = vertices_mm_[triangle[0]], &b = vertices_mm_[triangle[1]],
@@ -102,7 +103,7 @@ double TriangleGrid::NearestOnShell(const Vec3i& middle, int radius, const Vec3&
   const auto look = [&](const Vec3i& box) {
     nearest_squared = NearestInBox(box, p_mm, nearest_squared);
   };
-  // Slabs normal to x, then to y and z between those already looked at.
+  // Visits slabs normal to x, then to y and z; each slab leaves out the boxes already visited.
   Vec3i from = low.cwiseMax(0), to = high.cwiseMin(count_ - Vec3i::Ones());
   for (int axis = 0; axis < 3; ++axis) {
     const int first = from[axis], last = to[axis];
@@ -122,8 +123,8 @@ double TriangleGrid::Distance(const Vec3& p_mm, double limit_mm) const {
   if (triangles_.empty()) return limit_mm;
   const Vec3i middle = BoxAt(p_mm);
   double nearest_squared = limit_mm * limit_mm;
-  // What lies beyond a shell of boxes is at least its radius away, also from a
-  // point outside of the grid, whose foot on the grid is nearer to everything in it.
+  // Everything beyond a shell of boxes is at least the shell's radius away. This also holds for a
+  // point outside the grid: its foot on the grid is nearer to everything in the grid.
   for (int radius = 0; radius < count_.maxCoeff(); ++radius) {
     const double beyond_mm = (radius - 1) * edge_mm_;
     if (radius > 0 && beyond_mm * beyond_mm >= nearest_squared) break;

@@ -1,6 +1,6 @@
-// Distance from a point to the nearest triangle of a mesh: a uniform grid.
+// Finds the distance from a point to the nearest triangle of a mesh, by a uniform grid.
 //
-// Frame: D (mm). Threads: any, once made. Errors: none.
+// Frame: D (mm). Threads: any, after construction. Errors: none.
 #pragma once
 
 #include <array>
@@ -14,10 +14,10 @@ namespace palpate::lab {
 
 class TriangleGrid {
  public:
-  // Takes the mesh to D.
+  // Transforms the mesh to D.
   TriangleGrid(const SurfaceMesh& mesh, const AffineMap& X_DI);
 
-  // limit_mm where no triangle is nearer.
+  // Returns limit_mm if no triangle is nearer.
   double Distance(const Vec3& p_mm, double limit_mm) const;
 
  private:

@@ -13,8 +13,8 @@
 namespace palpate::lab {
 namespace {
 
-// χ of the subcomplex of the octahedron that a set of its vertices spans; bit
-// 2 * axis + side is the vertex on that side of the axis.
+// χ of the subcomplex of the octahedron that a set of its vertices spans. Bit 2 * axis + side is
+// the vertex on this side of the axis.
 constexpr std::array<std::int8_t, 64> kOctahedronEuler = [] {
   std::array<std::int8_t, 64> euler{};
   for (unsigned set = 0; set < 64; ++set) {
@@ -30,7 +30,7 @@ constexpr std::array<std::int8_t, 64> kOctahedronEuler = [] {
 static_assert(kOctahedronEuler[0] == 0 && kOctahedronEuler[1] == 1 && kOctahedronEuler[3] == 2 &&
               kOctahedronEuler[15] == 0 && kOctahedronEuler[63] == 2);
 
-// Counts for the solid {F > τ}, or with `below` for {F < τ}: there "up" is down.
+// Counts for the solid {F > τ}. With `below`, counts for {F < τ}, and "up" means down.
 class Counter {
  public:
   Counter(const VolumeSnapshot& volume, double isovalue, bool below)
@@ -38,7 +38,7 @@ class Counter {
 
   bool IsInside(double density) const { return (density > isovalue_) != below_; }
 
-  // The cell's low corner, its three low faces and its interior.
+  // Adds the cell's low corner, its three low faces and its interior.
   void AddCell(const Vec3i& cell, MorseCount& count) const {
     const CellDensities d = volume_.ResolvedCell(cell);
     if (std::none_of(d.begin(), d.end(), [&](double x) { return IsInside(x); })) return;
@@ -95,7 +95,7 @@ class Counter {
   const bool below_;
 };
 
-// Whether the border is above the isovalue. Throws where it is on both sides.
+// True if the border is above the isovalue, false if below. Throws if parts are on both sides.
 bool IsBorderAbove(const VolumeSnapshot& volume, double isovalue, const CellRange& range) {
   bool above = false, below = false;
   for (int i = range.first.x(); i <= range.end.x(); ++i) {

@@ -9,15 +9,15 @@ using Wide = __float128;
 
 Wide SquareRoot(Wide x) {
   Wide root = std::sqrt(static_cast<double>(x));
-  // Newton: each step doubles the digits.
+  // Newton's method: each step doubles the number of correct digits.
   for (int step = 0; step < 2 && root > 0; ++step) root = (root + x / root) / 2;
   return root;
 }
 
 bool IsWithin(Wide x) { return x > 0 && x < 1; }
 
-// A derivative whose values on the four edges along its axis have one sign has
-// no zero: F has no critical point.
+// A derivative has no zero if its values on the four edges along its axis have the same sign. Then
+// F has no critical point.
 bool IsMonotone(const CellDensities& d) {
   constexpr int kEdges[3][4][2] = {{{0, 3}, {4, 7}, {1, 2}, {5, 6}},
                                    {{0, 4}, {3, 7}, {1, 5}, {2, 6}},
@@ -57,7 +57,7 @@ BodyCriticals FindBodyCriticals(const CellDensities& d, double isovalue) {
   BodyCriticals found;
   if (IsMonotone(d)) return found;
   const WideTrilinear f(d);
-  // Eliminating y and z from ∇F = 0 leaves a quadratic in x, a2 x² + 2 a1 x + a0.
+  // Eliminating y and z from ∇F = 0 leaves a quadratic in x: a2 x² + 2 a1 x + a0.
   const Wide b = f.beta * f.rho - f.epsilon * f.eta;
   const Wide a2 = f.rho * b;
   const Wide a1 = f.nu * b;

@@ -1,12 +1,12 @@
-// Critical points of the trilinear interpolant, judged in quadruple precision.
+// Finds critical points of the trilinear interpolant and judges them in quadruple precision.
 //
-// Resolved ties (ties.h) differ by 1e-8 and less, and what decides at a saddle
-// between them are products of such differences: in double precision a count over
-// a tied volume goes wrong. Densities are taken as exact; only signs come out.
-// Independent of common/isosurface/saddles.h, which it serves to check.
+// Resolved ties (ties.h) differ by 1e-8 and less, and products of such differences decide at a
+// saddle between them. In double precision, a count over a tied volume goes wrong. Densities are
+// taken as exact; the results are only signs. This code is independent of
+// common/isosurface/saddles.h and serves to check it.
 //
-// Frame: index coordinates local to the cell. Threads: pure functions. Slow: some
-// microseconds for a body saddle.
+// Frame: index coordinates local to the cell. Threads: pure functions. Slow: some microseconds for
+// a body saddle.
 #pragma once
 
 #include <array>
@@ -16,7 +16,7 @@
 namespace palpate::lab {
 
 struct BodyCritical {
-  bool above;                 // the isovalue
+  bool above;                 // F there is above the isovalue
   bool positive_determinant;  // of the Hessian
 };
 
@@ -31,11 +31,12 @@ BodyCriticals FindBodyCriticals(const CellDensities& d, double isovalue);
 struct FaceCritical {
   bool exists = false;  // strictly inside the face
   bool above = false;
-  std::array<bool, 2> rises{};  // from the face into the cell behind it, in front of it
+  // F rises from the face into the cell behind it, into the cell in front of it
+  std::array<bool, 2> rises{};
 };
 
-// The saddle of a face with corners p, q, s, t in cyclic order; `behind` and
-// `front` are the corners opposite to them in the cells on the two sides.
+// The saddle of a face with corners p, q, s, t in cyclic order. `behind` and `front` are the
+// opposite corners in the cells on the two sides.
 FaceCritical FindFaceCritical(const std::array<double, 4>& face,
                               const std::array<double, 4>& behind,
                               const std::array<double, 4>& front, double isovalue);

@@ -10,8 +10,7 @@ namespace {
 
 constexpr int kMostExactPairs = 25;
 
-// Share of the 2^n equally likely sign patterns whose positive ranks sum to at
-// most `sum`.
+// The share of the 2^n equally likely sign patterns whose positive ranks sum to at most `sum`.
 double LowerTail(int n, int sum) {
   std::vector<double> ways(n * (n + 1) / 2 + 1, 0.0);
   ways[0] = 1.0;
@@ -36,7 +35,7 @@ SignedRankResult SignedRankTest(std::span<const double> first, std::span<const d
   const std::size_t count = differences.size();
   result.pairs = static_cast<int>(count);
   if (count == 0) return result;
-  double ties = 0.0;  // sum of t³ - t over groups of t equal differences
+  double ties = 0.0;  // sum of t³ - t over all groups of t equal differences
   for (std::size_t begin = 0, end = 0; begin < count; begin = end) {
     while (end < count && std::abs(differences[end]) == std::abs(differences[begin])) ++end;
     const double size = static_cast<double>(end - begin);
