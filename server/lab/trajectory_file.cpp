@@ -108,8 +108,7 @@ void CheckOutputFile(const std::filesystem::path& file) {
     throw Error(ErrorKind::kNotFound, folder.string() + ": there is no such folder to write to");
   }
   if (std::filesystem::exists(file) && !std::filesystem::is_regular_file(file)) {
-    throw Error(ErrorKind::kInvalidArgument,
-                file.string() + ": is not a regular file and cannot be replaced");
+    throw Error(ErrorKind::kInvalidArgument, file.string() + ": is no file that can be replaced");
   }
 }
 

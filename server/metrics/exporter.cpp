@@ -11,7 +11,7 @@
 namespace palpate {
 namespace {
 
-// A reader that hangs frees its thread again.
+// The timeout frees the thread of a reader that hangs.
 const std::vector<std::string> kOptions = {"num_threads", "2", "request_timeout_ms", "2000"};
 
 HostPort Literal(HostPort address) {
@@ -37,9 +37,9 @@ MetricsExporter::MetricsExporter(const HostPort& address) {
   try {
     exposer_ = std::make_unique<prometheus::Exposer>(options);
   } catch (const std::exception&) {
-    // It does not say more than this.
-    throw Error(ErrorKind::kConflict,
-                "cannot listen on " + literal.ToString() + ": the port is in use; name another");
+    // prometheus::Exposer gives no reason; the usual one is a port in use.
+    throw Error(ErrorKind::kConflict, "cannot listen on " + literal.ToString() +
+                                          ": the port is in use; give another port");
   }
 }
 

@@ -1,8 +1,8 @@
-// The port from which Prometheus reads the metrics: HTTP, /metrics, loopback only.
+// Serves the metrics to Prometheus: HTTP, /metrics, loopback only.
 //
-// Threads: main; requests are answered on two threads of its own.
-// Errors: Error: kInvalidArgument for an address that is not loopback, kConflict for a
-// port in use.
+// Threads: main; two threads of its own answer requests.
+// Errors: Error: kInvalidArgument for an address that is not loopback, kConflict if the port is in
+// use.
 #pragma once
 
 #include <memory>
@@ -25,7 +25,8 @@ class MetricsExporter {
   explicit MetricsExporter(const HostPort& address);
   ~MetricsExporter();
 
-  // Shown from now on, for as long as somebody else holds it.
+  // Shows these metrics from now on. The caller keeps them alive: they disappear when the last
+  // owner releases them.
   void Show(const std::shared_ptr<prometheus::Collectable>& metrics);
 
  private:

@@ -1,6 +1,6 @@
-// The histograms, counters and gauges of a registry in one line each.
+// Adds one histogram, counter or gauge to a registry in one line.
 //
-// Threads: any. Ownership: the registry owns what is made, for its own life.
+// Threads: any. Ownership: the registry owns the result until the registry is destroyed.
 #pragma once
 
 #include <prometheus/counter.h>
@@ -17,7 +17,7 @@ prometheus::Counter& AddCounter(prometheus::Registry& registry, const std::strin
                                 const std::string& help);
 prometheus::Gauge& AddGauge(prometheus::Registry& registry, const std::string& name,
                             const std::string& help, const prometheus::Labels& labels = {});
-// bounds: upper ones, ascending; the last bucket, without end, comes by itself.
+// bounds: upper bounds, ascending. The last bucket, which has no bound, is added automatically.
 prometheus::Histogram& AddHistogram(prometheus::Registry& registry, const std::string& name,
                                     const std::string& help, const std::vector<double>& bounds);
 

@@ -8,7 +8,7 @@ namespace {
 const std::vector<double> kLatencyBounds_s = {0.0002, 0.0005, 0.001, 0.002, 0.003, 0.005, 0.01,
                                               0.02,   0.05,   0.1,   0.2,   0.5,   1.0,   5.0};
 
-// The first tick may have begun before the request was read.
+// The time may be negative: the first tick may have begun before the request was read.
 double Seconds(std::int64_t ns) { return ns > 0 ? static_cast<double>(ns) * 1e-9 : 0.0; }
 
 }  // namespace

@@ -1,8 +1,8 @@
-// What the services count for the metrics: who is subscribed, how old poses are when
-// they leave and when they are acknowledged, and how long changes take to be felt.
+// Counters of the services for the metrics: subscribers, the age of poses when they are sent and
+// acknowledged, and the time until a change is felt.
 //
-// Threads: any; nothing allocates, and no lock is held longer than it takes to count.
-// Ownership: owns the registry's contents through the registry that it borrows.
+// Threads: any; nothing allocates. A lock is held only while counting.
+// Ownership: borrows the registry; the registry owns the counters.
 #pragma once
 
 #include <cstdint>
@@ -22,8 +22,7 @@ class ServiceMetrics {
 
   void PoseStreamBegan();
   void PoseStreamEnded();
-  // age_ns: of the message's newest sample; dropped: samples lost since the message
-  // before.
+  // age_ns: the age of the message's newest sample. dropped: samples lost since the last message.
   void PosesSent(std::int64_t age_ns, std::uint64_t dropped);
   void PosesAcknowledged(std::int64_t age_ns);
 

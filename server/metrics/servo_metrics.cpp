@@ -8,10 +8,10 @@ namespace palpate {
 namespace {
 
 constexpr double kSPerNs = 1e-9;
-// Rounding of a clamped force.
+// Allows for rounding of a clamped force.
 constexpr double kAtLimit = 1.0 - 1e-9;
 
-// Narrow around the millisecond, where the servo's wake-ups show.
+// Narrow buckets around 1 ms: they show how exactly the servo wakes up.
 const std::vector<double> kPeriodBounds_s = {
     0.0005,   0.0008, 0.0009,   0.00095,  0.00098, 0.00099, 0.000995,
     0.000998, 0.001,  0.001002, 0.001005, 0.00101, 0.00102, 0.00105,
@@ -23,14 +23,15 @@ const std::vector<double> kForceBounds_n = {0.0, 0.1, 0.25, 0.5, 0.75, 1.0,
 
 double Length(const std::array<double, 3>& v) { return std::hypot(v[0], v[1], v[2]); }
 
-// The proxy is held and yet inside the material, where it must never be.
+// True if the proxy is held on the surface and yet inside the material. This must never happen.
 bool IsContactFault(const TickSample& sample) {
   if (sample.mode != TickMode::kFree && sample.mode != TickMode::kConstrained) return false;
   return sample.free_side == FreeSide::kBelow ? sample.density > sample.isovalue
                                               : sample.density < sample.isovalue;
 }
 
-// By how much a running total has grown. Samples may have been lost: totals have not.
+// By how much a running total has grown since the last sample. Totals also include samples that
+// were lost.
 double Growth(std::uint64_t now, std::uint64_t& before) {
   const std::uint64_t growth = now - before;
   before = now;
@@ -48,7 +49,7 @@ ServoMetrics::ServoMetrics(prometheus::Registry& registry)
       force_(AddHistogram(registry, "palpate_force_newtons",
                           "Magnitude of the force on the hand after every limit, per tick",
                           kForceBounds_n)),
-      ticks_(AddCounter(registry, "palpate_ticks_total", "Ticks that were counted here")),
+      ticks_(AddCounter(registry, "palpate_ticks_total", "Ticks that the metrics have counted")),
       missed_(AddCounter(registry, "palpate_missed_ticks_total",
                          "Ticks that were skipped because their time had passed")),
       contact_(AddCounter(registry, "palpate_contact_ticks_total",
@@ -58,18 +59,18 @@ ServoMetrics::ServoMetrics(prometheus::Registry& registry)
       faulty_(AddCounter(registry, "palpate_faulty_ticks_total",
                          "Ticks with zero force because of the device, a bad position or force")),
       capped_(AddCounter(registry, "palpate_capped_ticks_total",
-                         "Ticks in which the cap on the proxy's moves bit")),
+                         "Ticks in which the proxy reached the limit of its moves")),
       saturated_(AddCounter(registry, "palpate_saturated_ticks_total",
                             "Ticks with a force at the force limit")),
       force_limit_(AddGauge(registry, "palpate_force_limit_newtons",
-                            "Greatest force now: what the motors' warmth leaves")),
+                            "Force limit now, after the limit for warm motors")),
       settings_revision_(AddGauge(registry, "palpate_settings_revision",
                                   "Revision of the settings in use by the servo")),
       volume_revision_(AddGauge(registry, "palpate_volume_revision",
                                 "Revision of the volume in use by the servo")) {}
 
 void ServoMetrics::OnSample(const TickSample& sample) {
-  // A lost sample's period is no period.
+  // The period is known only if no sample was lost in between.
   if (tick_ != 0 && sample.tick == tick_ + 1)
     period_.Observe(static_cast<double>(sample.time_ns - time_ns_) * kSPerNs);
   time_ns_ = sample.time_ns;

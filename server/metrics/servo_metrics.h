@@ -1,10 +1,10 @@
-// What the ticks of the servo add up to, for the metrics.
+// Sums up the servo's ticks for the metrics.
 //
-// It counts on the pump thread, from the samples that are drained anyway: the servo
-// thread does nothing for it.
+// It counts on the pump thread, from samples that the pump drains anyway. The servo thread does no
+// work for it.
 //
-// Threads: OnSample on the pump's; the registry is read on any. OnSample neither
-// allocates nor waits longer than a reader takes to copy one histogram.
+// Threads: OnSample on the pump's; any thread may read the registry. OnSample does not allocate. It
+// waits at most as long as a reader takes to copy one histogram.
 // Ownership: borrows the registry.
 #pragma once
 
@@ -44,7 +44,7 @@ class ServoMetrics final : public SampleSink {
   prometheus::Gauge& settings_revision_;
   prometheus::Gauge& volume_revision_;
 
-  // Of the sample before; 0: none yet.
+  // Of the last sample; 0: no sample yet.
   std::int64_t time_ns_ = 0;
   std::uint64_t tick_ = 0;
   std::uint64_t missed_ticks_ = 0;

@@ -60,8 +60,8 @@ void AddProcess(Families& families, const MeasuredParts& parts) {
         "Memory held by volumes, with what undo, series and streams hold, and uploads, as the "
         "budget counts it",
         parts.budget.held_bytes());
-  Gauge(families, "palpate_volume_memory_budget_bytes", "What they may hold together",
-        parts.budget_bytes);
+  Gauge(families, "palpate_volume_memory_budget_bytes",
+        "Upper limit of palpate_volume_memory_bytes", parts.budget_bytes);
 }
 
 void AddServo(Families& families, const ServoLoop& servo) {
@@ -75,7 +75,8 @@ void AddServo(Families& families, const ServoLoop& servo) {
         servo.grant().memory_locked);
 }
 
-// One series per state, 1 for the present one: what is drawn and alerted on by name.
+// One series per state, with the value 1 for the present state: dashboards and alerts use the
+// state's name.
 void AddForces(Families& families, const ForceWatch& watch) {
   MetricFamily family{"palpate_forces", "1: forces are in this state", MetricType::Gauge, {}};
   const std::optional<ForceTick> newest = watch.newest();
@@ -96,12 +97,12 @@ void AddRecording(Families& families, const RecordingStatus& status) {
 }
 
 void AddDevice(Families& families, const DeviceHealth& health) {
-  Gauge(families, "palpate_device_connected", "1: readings of the device come",
+  Gauge(families, "palpate_device_connected", "1: the device sends readings",
         health.connection == DeviceConnection::kStreaming);
   Counter(families, "palpate_device_connections_total",
           "Times that the device was connected; of hardware", health.connections);
-  Counter(families, "palpate_device_lost_readings_total",
-          "Readings that are missing by their numbers", health.lost_readings);
+  Counter(families, "palpate_device_lost_readings_total", "Readings whose numbers are missing",
+          health.lost_readings);
   Counter(families, "palpate_device_corrupt_frames_total", "Frames of the device that were dropped",
           health.corrupt_frames);
   Counter(families, "palpate_device_transfer_errors_total", "Transfers that failed",

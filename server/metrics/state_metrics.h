@@ -1,7 +1,7 @@
-// What is read when somebody asks for the metrics: process, memory, forces, recording,
-// device.
+// Reads the state of the daemon when Prometheus asks for the metrics: process, memory, forces,
+// recording, device.
 //
-// Threads: Collect on any ordinary thread. Ownership: borrows all that it is given.
+// Threads: Collect on any ordinary thread. Ownership: borrows all parts.
 #pragma once
 
 #include <prometheus/collectable.h>

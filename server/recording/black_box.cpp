@@ -14,7 +14,7 @@
 namespace palpate {
 namespace {
 
-// Of files that wait for a slow disk.
+// The most files that wait for a slow disk.
 constexpr std::size_t kMostWaiting = 4;
 
 bool IsCut(const TickSample& sample) {
@@ -22,7 +22,7 @@ bool IsCut(const TickSample& sample) {
          sample.force_state == ForceState::kStopped;
 }
 
-// Of the tick that cut forces off. `is_faulty`: the safety stage found a fault in it.
+// The reason why this tick cut off forces. `is_faulty`: the safety stage found a fault in the tick.
 std::string ReasonOf(const TickSample& sample, bool is_faulty) {
   const bool is_safety =
       sample.force_state == ForceState::kFault || sample.force_state == ForceState::kStopped;
@@ -30,13 +30,13 @@ std::string ReasonOf(const TickSample& sample, bool is_faulty) {
       sample.force_reason != ForceReason::kNone) {
     return std::string(NameOf(sample.force_reason));
   }
-  // Forces were off already.
+  // The forces' state names no fault here: forces were off already.
   if (sample.device_status == DeviceStatus::kFault) return "device";
-  // Otherwise the surface was moved over the stylus, which did not come out of it.
+  // Without a fault, the surface was moved over the stylus, and the stylus did not come out.
   return is_faulty ? "input" : "buried";
 }
 
-// "20261120T145203.123Z": names in the order of time.
+// Such as "20261120T145203.123Z": the names sort by time.
 std::string UtcNow() {
   const auto now = std::chrono::system_clock::now().time_since_epoch();
   const auto ms = std::chrono::duration_cast<std::chrono::milliseconds>(now).count();
@@ -101,7 +101,7 @@ void BlackBox::OnSample(const TickSample& sample) {
   {
     const std::lock_guard lock(mutex_);
     if (is_again || waiting_.size() == kMostWaiting) {
-      // Once: a cause that flutters must not fill the log.
+      // Reports only once: a cause that comes and goes must not fill the log.
       if (!std::exchange(has_skipped_, true)) skipped_ = reason;
     } else {
       has_skipped_ = false;

@@ -1,14 +1,15 @@
-// Keeps the last ticks, and writes them to a file when forces are cut off by a fault
-// or the emergency stop, so that what led there can be looked at.
+// Keeps the last ticks in memory. When a fault or the emergency stop cuts off forces, writes these
+// ticks to a file, so that the cause can be found.
 //
-// Files are tables as of csv_export.h: FOLDER/fault-TIME-REASON.csv, and stop-TIME-...
-// for the emergency stop, UTC. REASON is that of the forces' state; "buried" where the surface was
-// moved over the stylus and it did not come out. The newest kMostFiles of either are kept. The same
-// reason again within kPauseS is only reported.
+// The files are tables as in csv_export.h: FOLDER/fault-TIME-REASON.csv, and
+// FOLDER/stop-TIME-REASON.csv for the emergency stop. TIME is UTC. REASON is the reason in the
+// forces' state, or "buried" if the surface was moved over the stylus and the stylus did not come
+// out. Of each kind, the newest kMostFiles files are kept. If the same reason comes again within
+// kPauseS, the black box reports it but writes no file.
 //
-// Threads: OnSample on the pump thread, which it costs a copy of the ticks at a fault
-// and never the disk; files are written on a thread of its own; `report` is called
-// there. Stop writes what is due.
+// Threads: OnSample on the pump thread. A fault costs the pump a copy of the ticks, but never a
+// wait for the disk. A thread of its own writes files and calls `report`. Stop writes the waiting
+// files.
 #pragma once
 
 #include <condition_variable>
@@ -29,10 +30,10 @@ class BlackBox final : public SampleSink {
   static constexpr double kPauseS = 5.0;
   static constexpr std::size_t kMostFiles = 20;
 
-  // A line for the log; is_error: nothing could be written.
+  // One line for the log. is_error: the file could not be written.
   using Report = std::function<void(const std::string& text, bool is_error)>;
 
-  // The folder is made when it is needed; empty: nothing is written.
+  // The folder is made when the first file is written. If `folder` is empty, nothing is written.
   BlackBox(std::filesystem::path folder, Report report);
   ~BlackBox() override { Stop(); }
 
@@ -55,19 +56,19 @@ class BlackBox final : public SampleSink {
   const std::filesystem::path folder_;
   const Report report_;
 
-  // The pump thread's.
+  // Used only by the pump thread.
   std::vector<TickSample> ring_;
   std::uint64_t samples_ = 0;
   std::uint64_t faulty_ticks_ = 0;
-  bool was_cut_ = true;  // nothing led to a fault in the first tick
+  bool was_cut_ = true;  // starts true: before the first tick there is nothing to write
   std::string last_reason_;
   std::int64_t last_dump_ns_ = 0;
 
-  std::mutex mutex_;  // guards what follows
+  std::mutex mutex_;  // guards the members below
   std::condition_variable due_;
-  std::vector<Cut> waiting_;  // a few
-  std::string skipped_;       // reason of a cut without a file
-  bool has_skipped_ = false;  // since the last file
+  std::vector<Cut> waiting_;  // at most kMostWaiting
+  std::string skipped_;       // reason of a cut that got no file; empty: none to report
+  bool has_skipped_ = false;  // a cut since the last file got no file
   bool stop_ = false;
   std::thread thread_;
 };

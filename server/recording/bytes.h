@@ -1,8 +1,8 @@
-// Numbers and texts as bytes, little endian, doubles by their bits.
+// Writes and reads numbers and texts as bytes: little endian, doubles by their bits.
 //
 // Threads: one per object. Not for real-time code (allocates).
-// Errors: ByteReader throws DamagedBytes where the bytes end too early; it never
-// allocates more than they hold.
+// Errors: ByteReader throws DamagedBytes if the bytes end too early. It never allocates more than
+// the size of the bytes.
 #pragma once
 
 #include <bit>
@@ -18,7 +18,7 @@ namespace palpate {
 
 static_assert(std::endian::native == std::endian::little, "recordings are little endian");
 
-// What the bytes are not.
+// Thrown if bytes are not valid data. what() completes the sentence "chunk N is ...".
 class DamagedBytes : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;

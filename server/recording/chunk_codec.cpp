@@ -12,13 +12,13 @@
 namespace palpate {
 namespace {
 
-// X_DI column by column, the translation last.
+// Writes the map column by column, the translation last.
 void PutMap(const AffineMap& map, ByteWriter& writer) {
   for (const double number : map.linear.reshaped()) writer.Put(number);
   for (const double number : map.translation) writer.Put(number);
 }
 
-// Any other byte would be no bool.
+// Accepts any byte: a bool may only be 0 or 1 in memory.
 bool GetFlag(ByteReader& reader) { return reader.Get<std::uint8_t>() != 0; }
 
 AffineMap GetMap(ByteReader& reader) {
@@ -28,7 +28,7 @@ AffineMap GetMap(ByteReader& reader) {
   return map;
 }
 
-// Structured bindings: a limit that is added does not compile until it is kept.
+// With structured bindings, the code does not compile until a new limit is stored, too.
 void PutSafety(const SafetyLimits& limits, ByteWriter& writer) {
   const auto& [max_force_n, max_slew, ramp_in_s, continuous_force_n, thermal_time_s, max_speed,
                max_missed_ticks, faults_stay, starts_on, stop_buttons] = limits;
@@ -64,7 +64,7 @@ PassivityDevice GetDevice(ByteReader& reader) {
   PassivityDevice device;
   auto& [resolution_mm, max_force_n, tick_s] = device;
   for (double* number : {&resolution_mm, &max_force_n, &tick_s}) *number = reader.Get<double>();
-  if (!IsDevice(device)) throw DamagedBytes("damaged: of a device that cannot be");
+  if (!IsDevice(device)) throw DamagedBytes("damaged: the values of its device are out of range");
   return device;
 }
 
@@ -129,14 +129,14 @@ RecordedScene DecodeScene(ByteReader& reader) {
   scene.tick_period_s = reader.Get<double>();
   scene.safety = GetSafety(reader);
   scene.forces_off = GetFlag(reader);
-  if (reader.at_end()) return scene;  // of version 2
+  if (reader.at_end()) return scene;  // version 2 ends here
   scene.device = GetDevice(reader);
   scene.reloadable = GetFlag(reader);
   scene.all_voxels_stored = GetFlag(reader);
   for (int& voxels : scene.size) voxels = reader.Get<int>();
   scene.value_min = reader.Get<double>();
   scene.value_max = reader.Get<double>();
-  if (reader.at_end()) return scene;  // of version 3
+  if (reader.at_end()) return scene;  // version 3 ends here
   scene.is_level_set = GetFlag(reader);
   return scene;
 }
@@ -206,7 +206,7 @@ RecordedChunk Decode(ChunkType type, ByteReader& reader) {
   switch (type) {
     case ChunkType::kSamples:
     case ChunkType::kEdit:
-      break;  // have codecs of their own
+      break;  // these chunks have their own codecs
     case ChunkType::kScene:
       return DecodeScene(reader);
     case ChunkType::kMarker:

@@ -1,12 +1,11 @@
-// What a recording's chunks hold, to bytes and back.
+// Converts a recording's chunks to bytes and back.
 //
-// Samples are stored by fields: numbers of one field, each as its difference to
-// the one before, byte by byte of equal weight, so that what changes little
-// becomes long runs of zeros for the packer: 103 bytes per tick of a hand that
-// explores, where plain structs pack to 132 and XOR with the one before to 111.
-// Settings are lines "key=value", with the names of settings.h and numbers in the
-// shortest form that reads back to the same bits, so that a new setting leaves old
-// recordings readable.
+// Samples are stored field by field. Each number is stored as its difference from the one before,
+// and bytes of equal weight are stored together. Fields that change little become long runs of
+// zeros, which pack well. While a hand explores, a tick takes 103 bytes. Plain structs take 132
+// bytes packed, and XOR with the number before takes 111.
+// Settings are lines "key=value", with the names of settings.h. Numbers have the shortest form that
+// reads back to the same bits. A new setting leaves old recordings readable.
 //
 // Threads: pure. Not for real-time code.
 #pragma once
@@ -16,11 +15,11 @@
 
 namespace palpate {
 
-// Ticks of samples are consecutive. kInvalidArgument for more than
-// kSamplesPerChunk samples, or none.
+// The ticks of samples must be consecutive. Throws kInvalidArgument for no sample or more than
+// kSamplesPerChunk samples.
 Payload EncodeChunk(const RecordedChunk& chunk);
 
-// Throws DamagedBytes for bytes that EncodeChunk does not make.
+// Throws DamagedBytes for bytes that EncodeChunk cannot produce.
 RecordedChunk DecodeChunk(const Payload& payload);
 
 }  // namespace palpate

@@ -11,17 +11,17 @@
 namespace palpate {
 namespace {
 
-// No text editor leaves the first byte and the line ends as they are.
+// A text editor would change the first byte or the line end, so damage by an editor is noticed.
 constexpr std::string_view kMagic = "\x89PLPREC\n";
 constexpr std::size_t kHeaderStartBytes = 8 + 4 + 4 + 8;
 constexpr std::size_t kChunkStartBytes = 8 + 8 + 2 + 2 + 4 + 4;
 constexpr std::size_t kChecksumBytes = 8;
-// Level 6 saves 2 % of the bytes for three times the work.
+// Level 6 would save 2 % of the bytes for three times the work.
 constexpr int kCompressionLevel = 1;
 
 std::uint64_t Checksum(std::string_view bytes) { return XXH3_64bits(bytes.data(), bytes.size()); }
 
-// What there is, at most `count` bytes.
+// Reads `count` bytes, or fewer if the stream ends.
 std::string ReadUpTo(std::istream& stream, std::size_t count) {
   std::string bytes(count, '\0');
   stream.read(bytes.data(), static_cast<std::streamsize>(count));

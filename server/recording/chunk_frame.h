@@ -4,11 +4,11 @@
 //   header = magic[8] version:u32 program_size:u32 created_unix_ns:i64 program checksum:u64
 //   chunk  = checksum:u64 number:u64 type:u16 flags:u16 raw_bytes:u32 stored_bytes:u32 payload
 //
-// Little endian. A checksum is XXH3 (64 bits) of all other bytes of its header
-// or chunk; numbers count up from 0; flags are 0. The payload is stored_bytes
-// long, and raw_bytes once unpacked by zstd: of what Debian keeps it is the one
-// that packs samples both small and in microseconds per tick. Lengths are within
-// limits before anything is allocated for them.
+// Little endian. A checksum is XXH3 (64 bits) of all other bytes of its header or chunk. Numbers
+// count up from 0; flags are 0. The payload has stored_bytes bytes; unpacked by zstd, it has
+// raw_bytes bytes. We use zstd because, of the packers in Debian, it alone makes samples small and
+// needs only microseconds per tick. Lengths are checked against limits before anything is allocated
+// for them.
 //
 // Threads: any. Not for real-time code.
 #pragma once
@@ -22,7 +22,8 @@
 
 namespace palpate {
 
-// 3 says more of a scene than 2; both are read.
+// The version that is written. A later version stores more of each scene than an earlier one; all
+// versions from the oldest one on are read.
 inline constexpr std::uint32_t kRecordingVersion = 4;
 inline constexpr std::uint32_t kOldestRecordingVersion = 2;
 inline constexpr std::size_t kMaxPayloadBytes = std::size_t{16} << 20;
@@ -44,15 +45,15 @@ struct Payload {
 };
 
 std::string FrameHeader(const RecordingHeader& header);
-// kTooLarge for a payload above kMaxPayloadBytes.
+// Throws kTooLarge for a payload above kMaxPayloadBytes.
 std::string FrameChunk(const Payload& payload, std::uint64_t number);
 
-// Throws Error(kInvalidArgument), naming `file`, for what is no recording of this
-// version or has a damaged header.
+// Throws Error(kInvalidArgument) if the stream is not a recording, has another version or a damaged
+// header. The message names `file`.
 RecordingHeader ReadHeader(std::istream& stream, const std::string& file);
 
-// False at the end of the stream. Throws DamagedBytes for a chunk that is cut,
-// changed, or not number `number`.
+// Returns false at the end of the stream. Throws DamagedBytes if the chunk is cut, is damaged, or
+// does not have the number `number`.
 bool ReadChunk(std::istream& stream, std::uint64_t number, Payload& payload);
 
 }  // namespace palpate

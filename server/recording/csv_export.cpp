@@ -42,7 +42,7 @@ std::string Header() {
   return row + "markers";
 }
 
-// Within quotes where commas, quotes or line ends would break the table.
+// Adds quotes if commas, quotes or line ends would break the table.
 std::string Quoted(const std::string& text) {
   if (text.find_first_of(",\"\r\n") == std::string::npos) return text;
   std::string quoted = "\"";
@@ -50,7 +50,7 @@ std::string Quoted(const std::string& text) {
   return quoted + '"';
 }
 
-// Holds the last row back: markers after the last tick go on it.
+// Holds back the last row, because markers after the last tick are added to this row.
 class Table {
  public:
   explicit Table(std::ostream& stream) : stream_(stream) { stream_ << Header() << '\n'; }

@@ -1,4 +1,4 @@
-// A recording as a table.
+// Writes a recording as a table.
 //
 // Threads: any. Not for real-time code.
 #pragma once
@@ -10,14 +10,14 @@
 
 namespace palpate {
 
-// One row per tick, with units in the names of the columns; numbers in the
-// shortest form that reads back to the same bits. The last column has the texts
-// of the markers set just before the tick, parted by "; ". Ticks in gaps have no
-// row. Reads to the end: ask the reader then whether the recording was complete.
+// Writes one row per tick, with units in the names of the columns. Numbers have the shortest form
+// that reads back to the same bits. The last column has the texts of the markers set just before
+// the tick, separated by "; ". Ticks in gaps have no row.
+// Reads to the end. Afterwards, ask the reader if the recording was complete.
 //
-// Throws Error(kUnavailable) where the stream takes no more.
+// Throws Error(kUnavailable) if the stream cannot be written.
 void ExportCsv(RecordingReader& reader, std::ostream& stream);
-// The same of ticks that were not recorded.
+// Writes the same table for ticks in memory.
 void ExportCsv(std::span<const TickSample> ticks, std::ostream& stream);
 
 }  // namespace palpate

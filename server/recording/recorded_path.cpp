@@ -19,7 +19,7 @@ constexpr double kUnitTolerance = 1e-3;
   throw Error(ErrorKind::kInvalidArgument, name + " " + what);
 }
 
-// None: the tick had no good position.
+// Returns none if the tick had no good position.
 std::optional<DeviceState> StateOf(const TickSample& sample) {
   const auto& [w, x, y, z] = sample.stylus_orientation;
   const Eigen::Quaterniond R_DS(w, x, y, z);
@@ -41,7 +41,7 @@ class PathBuilder {
 
   void Add(const TickSample& sample) {
     const std::optional<DeviceState> state = StateOf(sample);
-    // Numbers of ticks leave out those that were missed.
+    // Missed ticks have no number, so they are added here.
     const std::uint64_t now_ms = sample.tick + sample.missed_ticks;
     if (path_.empty()) {
       if (!state) return;
@@ -53,7 +53,7 @@ class PathBuilder {
     const std::uint64_t index = now_ms - start_ms_;
     if (index >= longest_) {
       throw Error(ErrorKind::kTooLarge, name_ + " is longer than " + std::to_string(longest_) +
-                                            " ms; record less for a replay");
+                                            " ms; replay a shorter recording");
     }
     if (index > path_.size()) path_.resize(index, path_.back());
     path_.push_back(state ? *state : path_.back());
@@ -81,7 +81,7 @@ std::vector<DeviceState> ReadStylusPath(RecordingReader& reader, const std::stri
   while (const std::optional<RecordedChunk> chunk = reader.Next()) {
     if (const auto* scene = std::get_if<RecordedScene>(&*chunk)) {
       if (!(std::abs(scene->tick_period_s - kTickS) < kTickToleranceS)) {
-        Refuse(name, "was not recorded at 1000 ticks a second; no device replays it");
+        Refuse(name, "was not recorded at 1000 ticks a second; the replay device cannot play it");
       }
     } else if (const auto* samples = std::get_if<RecordedSamples>(&*chunk)) {
       for (const TickSample& sample : *samples) builder.Add(sample);
@@ -89,10 +89,10 @@ std::vector<DeviceState> ReadStylusPath(RecordingReader& reader, const std::stri
   }
   if (!reader.complete()) {
     throw Error(ErrorKind::kInvalidArgument,
-                reader.stopped_because() + "; a replay needs a recording that is whole");
+                reader.stopped_because() + "; a replay needs a complete recording");
   }
   std::vector<DeviceState> path = builder.Take();
-  if (path.empty()) Refuse(name, "holds no position of the stylus; nothing is there to replay");
+  if (path.empty()) Refuse(name, "holds no position of the stylus, so there is nothing to replay");
   return path;
 }
 

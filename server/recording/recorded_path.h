@@ -1,4 +1,4 @@
-// The path of the stylus in a recording, for the replay device.
+// Reads the path of the stylus from a recording, for the replay device.
 //
 // Frame: D (mm). Threads: any. Not for real-time code.
 #pragma once
@@ -13,18 +13,21 @@
 
 namespace palpate {
 
-// An hour: 290 MB.
+// One hour, which takes 290 MB.
 inline constexpr std::size_t kLongestPathStates = 3'600'000;
 
-// One state a millisecond, from the first good position on. Where there is none (a
-// rejected position, ticks that were missed or not recorded) the last good state holds.
+// Returns one state per millisecond, from the first good position on. If a tick has no good
+// position (the position was rejected, or the tick was missed or not recorded), the last good state
+// is repeated.
 //
-// Throws Error: kNotFound; kInvalidArgument for what is no recording, is damaged or was
-// not closed, has another tick than 1 ms, or holds no position; kTooLarge above
-// `longest` states.
+// Throws Error:
+//   kNotFound         no such file
+//   kInvalidArgument  the file is not a recording, is damaged or was not closed, has another tick
+//                     than 1 ms, or holds no position
+//   kTooLarge         more than `longest` states
 std::vector<DeviceState> ReadStylusPath(const std::filesystem::path& file,
                                         std::size_t longest = kLongestPathStates);
-// `name`: for messages.
+// `name`: used in messages.
 std::vector<DeviceState> ReadStylusPath(RecordingReader& reader, const std::string& name,
                                         std::size_t longest = kLongestPathStates);
 

@@ -7,7 +7,8 @@
 namespace palpate {
 namespace {
 
-// Wider than any registration that palpated takes, and what is computed from it stays a number.
+// These limits are wider than any registration that palpated accepts. Within them, all computed
+// numbers stay finite.
 constexpr double kFarthestMm = 1e9;
 constexpr double kMostVoxelsPerMm = 1e9;
 

@@ -1,4 +1,4 @@
-// Scenes of the servo to those of a recording, and back.
+// Converts scenes of the servo to recorded scenes and back.
 //
 // Threads: any ordinary one.
 #pragma once
@@ -10,13 +10,13 @@
 
 namespace palpate {
 
-// `hash`: of the scene's volume. safety, device: of the servo.
+// `hash`: the hash of the scene's volume. `safety`, `device`: the servo's.
 RecordedScene ToRecorded(const Scene& scene, const VolumeHash& hash, double tick_period_s,
                          const SafetyLimits& safety, const PassivityDevice& device);
 
-// A scene in which a tick gives the bits that were recorded. `hash`: of `volume`.
-// Throws Error: kConflict for another volume than the recorded one, or settings
-// that this program does not know.
+// Returns a scene in which a tick gives the recorded bits. `hash`: the hash of `volume`.
+// Throws Error: kConflict if `volume` is not the recorded volume, or if the scene has settings that
+// this program does not know.
 Scene ToScene(const RecordedScene& recorded, std::shared_ptr<const VolumeSnapshot> volume,
               const VolumeHash& hash);
 

@@ -70,7 +70,7 @@ std::shared_ptr<const VolumeSnapshot> WithEdits(const VolumeSnapshot& volume,
                                                 const std::vector<RecordedEdit>& edits) {
   const BrickDirectory& bricks = volume.bricks();
   const auto count = static_cast<std::uint64_t>(bricks.brick_count().cast<std::int64_t>().prod());
-  std::map<std::uint64_t, LeafPtr> changed;  // a damaged recording may name one twice
+  std::map<std::uint64_t, LeafPtr> changed;  // a damaged recording may name a brick twice
   for (const RecordedEdit& edit : edits) {
     for (const RecordedBrick& brick : edit.bricks) {
       CheckBrick(brick, count);
@@ -99,7 +99,7 @@ std::shared_ptr<const VolumeSnapshot> RecordedVolumes::TryFollow(
     const RecordedScene& scene, const std::vector<RecordedEdit>& edits) {
   const bool is_whole = scene.all_voxels_stored;
   if (loaded_revision_ != scene.loaded_revision || (!volume_ && is_whole)) {
-    // Not again where it fails: a series of scenes would load it each time.
+    // Set before the load, so that a failed load is not repeated for every later scene.
     loaded_revision_ = base_revision_ = scene.loaded_revision;
     volume_.reset();
     volume_ = load_(scene);
@@ -107,8 +107,8 @@ std::shared_ptr<const VolumeSnapshot> RecordedVolumes::TryFollow(
   if (!volume_) {
     throw Error(ErrorKind::kNotFound, "the volume " + scene.volume_source + " was not loaded");
   }
-  // Also where the voxels are the same afterwards, as after an edit and its undo:
-  // their bricks have changed.
+  // Applies the edits even if the voxels are the same afterwards, as after an edit and its undo:
+  // the bricks have changed.
   const bool fits = !scene.voxels_missing && !edits.empty() &&
                     edits.front().base_revision == (is_whole ? 0 : base_revision_) &&
                     edits.front().volume_revision == scene.volume_revision;

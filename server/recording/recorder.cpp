@@ -9,11 +9,12 @@
 namespace palpate {
 namespace {
 
-// The ring is looked at this often: a fraction of what it holds.
+// The writer thread drains the ring this often. The ring holds many times more.
 constexpr std::chrono::milliseconds kPollPeriod{20};
-// Samples are written at the latest so long after they came.
+// Samples wait at most this long before they are written.
 constexpr std::int64_t kMaxAgeNs = 2'000'000'000;
-// The next keyframe falls into a chunk's last samples, so that it parts none in two.
+// The next keyframe comes within the last samples of a chunk, so that it does not split a chunk in
+// two.
 constexpr std::uint64_t kKeyframePeriodTicks = kSamplesPerChunk - kKeyframeTicks;
 
 bool IsTooLarge(const RecordedScene& scene, const VolumeSnapshot* volume) {
@@ -27,9 +28,9 @@ std::string WhyLeftOut(const RecordedScene& scene) {
            "cannot be computed again";
   }
   return scene.volume_source +
-         " is too large to be recorded (more than 64 MiB) and is not one volume of one file: keep "
-         "what was uploaded to compute its ticks again; those of a series, raw voxels or a single "
-         "frame cannot be";
+         " is too large to be recorded (more than 64 MiB) and cannot be loaded again: keep the "
+         "uploaded file to compute the ticks again; ticks of series, raw voxels and single frames "
+         "cannot be computed again";
 }
 
 }  // namespace
@@ -63,12 +64,12 @@ void Recorder::NoteScene(const RecordedScene& scene, std::shared_ptr<const Volum
                          std::uint64_t changed_bytes) {
   const std::lock_guard lock(mutex_);
   if (report_.error) return;
-  // Before a sample comes: whoever starts a recording is told at once.
+  // Checked before the first sample, so that the client that starts a recording learns it at once.
   if (IsTooLarge(scene, volume.get())) report_.left_out = WhyLeftOut(scene);
   scenes_.push_back({scene, std::move(volume), changed_bytes});
   waiting_bytes_ += changed_bytes;
-  // So many wait only for a disk that has stopped. Samples without their scene
-  // show by their revision.
+  // So many scenes wait only if the disk has stopped. Samples without their scene can be recognised
+  // by their revision.
   if (scenes_.size() > kMaxWaiting) {
     waiting_bytes_ -= scenes_.front().changed_bytes;
     scenes_.pop_front();
@@ -77,7 +78,7 @@ void Recorder::NoteScene(const RecordedScene& scene, std::shared_ptr<const Volum
   LetOldVolumesGo();
 }
 
-// All but the newest, which is in use anyway.
+// Keeps the newest volume, which is in use anyway.
 void Recorder::LetOldVolumesGo() {
   while (waiting_bytes_ > kMaxWaitingVoxelBytes && let_go_ + 1 < scenes_.size()) {
     WaitingScene& oldest = scenes_[let_go_++];
@@ -128,7 +129,7 @@ void Recorder::Run() {
         std::unique_lock lock(mutex_);
         last = stop_.wait_for(lock, kPollPeriod, [&] { return stopping_; });
       }
-      // The last round is for what came before it.
+      // The last round takes only samples delivered before it.
       if (last) stopped_.store(true, std::memory_order_relaxed);
       Drain();
       if (last) break;
@@ -144,8 +145,8 @@ void Recorder::Run() {
 }
 
 void Recorder::Drain() {
-  // At most a ring of them: where the disk is the slower one, the ring is never
-  // empty, and Stop is to be heard all the same.
+  // Takes at most as many samples as the ring holds. If the disk is slower than the ticks, the ring
+  // is never empty, and Stop must still be noticed.
   TickSample sample;
   for (std::size_t n = 0; n < kQueueTicks && ring_.TryPop(sample); ++n) Take(sample);
   if (!samples_.empty() && now_ns_() - samples_since_ns_ > kMaxAgeNs) WriteSamples();
@@ -169,9 +170,9 @@ void Recorder::Take(const TickSample& sample) {
   if (samples_.size() == kSamplesPerChunk) WriteSamples();
 }
 
-// Scenes before the sample's were never used.
+// No tick used the scenes before the sample's scene.
 std::optional<Recorder::WaitingScene> Recorder::TakeScene(const TickSample& sample) {
-  // Freed after the lock is: a volume takes its time.
+  // Destroyed after the lock is released, because freeing a volume takes time.
   std::vector<WaitingScene> unused;
   const std::lock_guard lock(mutex_);
   while (!scenes_.empty() && scenes_.front().scene.scene_revision <= sample.scene_revision) {
@@ -240,7 +241,7 @@ void Recorder::WriteSamples() {
 void Recorder::WriteRest() {
   const std::uint64_t end = delivered_end_.load(std::memory_order_acquire);
   WriteSamples();
-  // The last ones may have been dropped.
+  // The last samples may have been dropped.
   if (writer_.next_tick() && *writer_.next_tick() < end) writer_.SkipTo(end);
   for (const RecordedMarker& marker : TakeMarkers(writer_.next_tick().value_or(end))) {
     writer_.Append(marker);
@@ -256,7 +257,8 @@ void Recorder::Publish() {
 void Recorder::Fail(const Error& error) {
   stopped_.store(true, std::memory_order_relaxed);
   {
-    // Freed after the lock is, a volume takes its time, and before anybody is told.
+    // Destroyed after the lock is released, because freeing a volume takes time, and before failed_
+    // is called.
     std::deque<WaitingScene> scenes;
     std::deque<WaitingMarker> markers;
     const std::lock_guard lock(mutex_);

@@ -122,22 +122,22 @@ class Recorder final : public SampleSink {
   const std::function<void(const std::string&)> left_out_;
   const std::function<std::int64_t()> now_ns_;
 
-  // The writer thread's own.
+  // Used only by the writer thread.
   RecordingWriter writer_;
   std::vector<TickSample> samples_;
   std::int64_t samples_since_ns_ = 0;
   std::optional<std::uint64_t> scene_revision_;
   VoxelLog voxels_;
-  std::uint64_t left_out_of_ = 0;          // loaded_revision of the volume that was told of last
-  std::optional<ServoKeyframe> keyframe_;  // the next one
-  std::uint64_t keyframe_due_ = 0;         // from this tick on
-  std::uint64_t next_tick_ = 0;            // unless some are lost
+  std::uint64_t left_out_of_ = 0;  // loaded_revision of the volume last reported as left out
+  std::optional<ServoKeyframe> keyframe_;  // the next keyframe to write
+  std::uint64_t keyframe_due_ = 0;         // no keyframe is written before this tick
+  std::uint64_t next_tick_ = 0;            // the tick expected next; another tick means a gap
 
-  mutable std::mutex mutex_;  // guards what follows
+  mutable std::mutex mutex_;  // guards the members below
   std::condition_variable stop_;
   bool stopping_ = false;
   std::deque<WaitingScene> scenes_;
-  std::size_t let_go_ = 0;  // of the scenes, from the front: their volumes
+  std::size_t let_go_ = 0;  // the first let_go_ scenes have released their volumes
   std::uint64_t waiting_bytes_ = 0;
   std::deque<WaitingMarker> markers_;
   RecorderReport report_;

@@ -9,7 +9,7 @@
 namespace palpate {
 namespace {
 
-// What the volume before keeps of memory: its bricks that were changed, or all where another one
+// The memory that the previous volume keeps: its changed bricks, or all bricks if another volume
 // was loaded.
 std::uint64_t KeptBytes(const VolumeSnapshot& before, const VolumeSnapshot& volume,
                         std::span<const BrickChange> changes) {
@@ -23,7 +23,7 @@ std::uint64_t KeptBytes(const VolumeSnapshot& before, const VolumeSnapshot& volu
   return bytes;
 }
 
-// Until its end.
+// Sets the flag until the end of the scope.
 struct Running {
   std::atomic<bool>& flag;
   ~Running() { flag.store(false); }
@@ -45,7 +45,7 @@ RecordingControl::RecordingControl(Session& session, Pump& pump, RecordingPaths 
 void RecordingControl::OnScene(const Scene& scene, std::span<const BrickChange> changes) {
   RecordedScene recorded =
       ToRecorded(scene, HashVolume(*scene.volume), kTickPeriodS, safety_, device_);
-  // Freed after the lock is: a volume takes its time.
+  // Destroyed after the lock is released, because freeing a volume takes time.
   std::shared_ptr<const VolumeSnapshot> before = scene.volume;
   const std::lock_guard lock(mutex_);
   if (recorder_) {
@@ -65,7 +65,7 @@ RecordingStatus RecordingControl::Start(const std::string& path, bool overwrite)
     report("the recording to " + file.string() + " ended early: " + error.what(), true);
   };
   const auto left_out = [report = report_, file](const std::string& why) {
-    if (report) report("the recording to " + file.string() + " has not all: " + why, false);
+    if (report) report("the recording to " + file.string() + " is incomplete: " + why, false);
   };
   const auto recorder =
       std::make_shared<Recorder>(CreateRecordingFile(file, overwrite), program_, failed, left_out);
@@ -131,7 +131,7 @@ void RecordingControl::End() noexcept {
   if (const std::shared_ptr<Recorder> recorder = this->recorder()) recorder->Stop();
 }
 
-// One that ended by an error is out of the way.
+// A recording that ended by an error does not count as running.
 void RecordingControl::CheckIdle() const {
   if (replaying_.load()) {
     throw Error(ErrorKind::kConflict, "a recording is being replayed: wait for its end");

@@ -21,9 +21,9 @@ namespace palpate {
 
 struct RecordingStatus {
   bool running = false;
-  std::string path{};  // of the last one; empty: none yet
+  std::string path{};  // of the last recording; empty: none yet
   RecordingCounts counts{};
-  std::optional<Error> error{};  // it ended early
+  std::optional<Error> error{};  // why the recording ended early
   std::string left_out{};        // why some ticks cannot be computed again; empty: all can
 };
 
@@ -79,11 +79,11 @@ class RecordingControl final : public SceneListener {
   std::mutex commands_;
   std::atomic<bool> replaying_{false};
 
-  mutable std::mutex mutex_;  // guards what follows, briefly
+  mutable std::mutex mutex_;  // guards the members below; held only briefly
   std::optional<RecordedScene> scene_;
   std::shared_ptr<const VolumeSnapshot> volume_;  // the scene's
   std::shared_ptr<Recorder> recorder_;
-  RecordingStatus last_;  // of the previous recording; the path is the present one's
+  RecordingStatus last_;  // of the previous recording, but its path is the present recording's
 
   const Listening listening_{session_, *this};
 };

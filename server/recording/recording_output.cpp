@@ -34,7 +34,7 @@ class RecordingFile final : public RecordingOutput {
         synced_ = now;
       }
     } catch (const Error&) {
-      // One that has its name now is whole, whatever went wrong after.
+      // A file that got its name in this call is complete, even if a later step failed.
       if (had_name || !file_.has_name()) TakeBack();
       throw;
     }
@@ -44,7 +44,7 @@ class RecordingFile final : public RecordingOutput {
   void Sync() override { file_.Sync(); }
 
  private:
-  // Leaves the file with its last whole chunk. Where this fails too, readers see by its checksum
+  // Cuts the file after its last complete chunk. If this fails, too, the checksum shows readers
   // that a chunk is cut.
   void TakeBack() {
     if (ftruncate(file_.descriptor(), size_) == 0) lseek(file_.descriptor(), size_, SEEK_SET);

@@ -1,4 +1,4 @@
-// Where the bytes of a recording go.
+// The destination of a recording's bytes.
 //
 // Threads: one at a time. Not for real-time code (waits for the disk).
 #pragma once
@@ -14,21 +14,21 @@ namespace palpate {
 class RecordingOutput {
  public:
   virtual ~RecordingOutput() = default;
-  // All of the bytes are kept when this returns, also if the program is killed
-  // then. Throws Error, and keeps none of them then.
+  // After the return, all bytes are kept even if the program is killed. Throws Error; then none of
+  // the bytes are kept.
   virtual void Append(std::string_view bytes) = 0;
-  // Also if the power goes.
+  // After the return, the bytes are kept even if the power fails.
   virtual void Sync() = 0;
 };
 
-// A new file. It takes its name with the first Append, so that at any time `path`
-// is as it was or begins with whole bytes of that Append, even when the program
-// is killed. A power cut costs about the last second: to sync every chunk would
-// be too slow for settings that are dragged about.
+// Makes a new file, which takes its name with the first Append. So at any time `path` is either
+// unchanged or begins with all bytes of the first Append, even if the program is killed. A power
+// cut loses about the last second: syncing every chunk would be too slow while a user drags
+// settings.
 //
-// Throws Error: kConflict where `path` is there, unless `overwrite`; as CannotWrite where nothing
-// can be written. Append: kConflict where `path` has come to be in between; kDiskFull. `now`: the
-// clock of the second between two syncs; tests bring their own.
+// Throws Error: kConflict if `path` exists and `overwrite` is false; the errors of CannotWrite if
+// the file cannot be written. Append throws kConflict if `path` was made in the meantime;
+// kDiskFull. `now`: the clock for the second between two syncs; tests pass their own.
 std::unique_ptr<RecordingOutput> CreateRecordingFile(
     const std::filesystem::path& path, bool overwrite,
     std::function<std::chrono::steady_clock::time_point()> now = std::chrono::steady_clock::now);

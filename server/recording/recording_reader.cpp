@@ -14,7 +14,7 @@ namespace palpate {
 namespace {
 
 std::unique_ptr<std::istream> Open(const std::filesystem::path& file) {
-  // Opening a pipe would wait for a writer.
+  // Opening a pipe would block until a writer comes.
   std::error_code unknown;
   const std::filesystem::file_status status = std::filesystem::status(file, unknown);
   if (std::filesystem::exists(status) && !std::filesystem::is_regular_file(status)) {
@@ -54,7 +54,7 @@ std::optional<RecordedChunk> RecordingReader::Next() {
   }
 }
 
-// The order that RecordingWriter keeps.
+// Checks the order that RecordingWriter keeps.
 void RecordingReader::Check(const RecordedChunk& chunk) {
   if (const auto* samples = std::get_if<RecordedSamples>(&chunk)) {
     StartAt(samples->front().tick);

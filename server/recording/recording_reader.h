@@ -1,7 +1,7 @@
 // Reads a recording, chunk by chunk, up to its end or its first damaged chunk.
 //
-// Never gives numbers that were not recorded, and holds one chunk (16 MiB) at a
-// time, whatever the file.
+// Never returns numbers that were not recorded. Holds one chunk (16 MiB) at a time, however large
+// the file is.
 //
 // Threads: one at a time. Not for real-time code.
 #pragma once
@@ -19,21 +19,21 @@ namespace palpate {
 
 class RecordingReader {
  public:
-  // Throws Error: kNotFound; kInvalidArgument for what is no recording.
+  // Throws Error: kNotFound; kInvalidArgument if the file is not a recording.
   explicit RecordingReader(const std::filesystem::path& file);
-  // `name`: for messages.
+  // `name`: used in messages.
   RecordingReader(std::unique_ptr<std::istream> stream, std::string name);
 
   const RecordingHeader& header() const { return header_; }
 
-  // None at the end.
+  // Returns none at the end.
   std::optional<RecordedChunk> Next();
 
   std::uint64_t ticks() const { return ticks_; }            // read so far
   std::uint64_t lost_ticks() const { return lost_ticks_; }  // in the gaps read so far
-  // The recording was closed, and all of it was read.
+  // True if the recording was closed and has been read to its end.
   bool complete() const { return complete_; }
-  // One line: why reading stopped before a complete end; empty otherwise.
+  // One line that says why reading stopped early; empty if it did not.
   const std::string& stopped_because() const { return stopped_because_; }
 
  private:

@@ -10,7 +10,7 @@
 namespace palpate {
 namespace {
 
-// How many samples at the start have consecutive ticks and fit into a chunk.
+// Counts the samples at the start that have consecutive ticks and fit into one chunk.
 std::size_t Consecutive(std::span<const TickSample> samples) {
   std::size_t n = 1;
   while (n < samples.size() && n < kSamplesPerChunk && samples[n].tick == samples[0].tick + n) ++n;

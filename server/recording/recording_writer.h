@@ -1,12 +1,12 @@
-// Writes a recording, chunk by chunk; each is kept when its call returns, even if
-// the program is killed.
+// Writes a recording, chunk by chunk. When a call returns, its chunk is kept even if the program is
+// killed.
 //
-// Calls come in the order of ticks. Ticks between them that were not appended
-// are declared as a gap by the next call.
+// Calls must come in the order of ticks. If ticks between two calls were not appended, the later
+// call declares them as a gap.
 //
 // Threads: one at a time. Not for real-time code.
-// Errors: Error of the output (kUnavailable: the disk is full); what was written
-// before stays readable. kInvalidArgument for a tick before the last one.
+// Errors: Error of the output (kUnavailable: the disk is full); earlier chunks stay readable.
+// kInvalidArgument for a tick before the last one.
 #pragma once
 
 #include <cstdint>
@@ -37,14 +37,14 @@ class RecordingWriter {
   void Append(const RecordedMarker& marker) { AppendEvent(marker.tick, marker); }
   void Append(const RecordedKeyframe& keyframe) { AppendEvent(keyframe.tick, keyframe); }
 
-  // The next tick to append is `tick`: those before it that are missing are lost.
+  // Says that `tick` is the next tick to append. Missing ticks before `tick` are lost.
   void SkipTo(std::uint64_t tick);
 
-  // Nothing may be appended after it.
+  // Writes the end chunk. Do not append anything afterwards.
   void AppendEnd();
 
   const RecordingCounts& counts() const { return counts_; }
-  // The tick after the last one; none before the first call with one.
+  // The tick after the last one; none before the first call with a tick.
   std::optional<std::uint64_t> next_tick() const { return next_tick_; }
 
  private:

@@ -30,16 +30,17 @@ std::string Text(const Field& field) {
   }
 }
 
-// Places and decompositions are kept for as long as a revision says that they hold.
+// Positions and decompositions are kept while a revision stays the same. So equal revisions must
+// mean equal contents.
 void CheckOrder(const RecordedScene& before, const RecordedScene& scene) {
   const bool same_geometry = scene.geometry_revision == before.geometry_revision;
   const bool same_volume = scene.volume_revision == before.volume_revision;
-  const bool good = scene.geometry_revision >= before.geometry_revision &&
-                    scene.volume_revision >= before.volume_revision &&
-                    (!same_geometry ||
-                     (scene.method == before.method && scene.X_DI == before.X_DI &&
-                      scene.loaded_revision == before.loaded_revision)) &&
-                    (!same_volume || scene.volume_hash == before.volume_hash);
+  const bool good =
+      scene.geometry_revision >= before.geometry_revision &&
+      scene.volume_revision >= before.volume_revision &&
+      (!same_geometry || (scene.method == before.method && scene.X_DI == before.X_DI &&
+                          scene.loaded_revision == before.loaded_revision)) &&
+      (!same_volume || scene.volume_hash == before.volume_hash);
   if (good) return;
   throw Error(ErrorKind::kInvalidArgument,
               "the recording is damaged: its scenes contradict each other");
@@ -79,7 +80,7 @@ void Replayer::Begin(const RecordedScene& recorded) {
   }
   try {
     if (recorded.tick_period_s != kTickPeriodS) {
-      throw Error(ErrorKind::kConflict, "recorded at another rate than this program ticks at");
+      throw Error(ErrorKind::kConflict, "the recording has another tick rate than this program");
     }
     scene_ = ToScene(recorded, std::move(volume), recorded.volume_hash);
   } catch (const Error& error) {
@@ -88,7 +89,7 @@ void Replayer::Begin(const RecordedScene& recorded) {
 }
 
 void Replayer::Resume(const RecordedKeyframe& keyframe) {
-  if (!computation_) return;  // nothing can be computed before there is a scene
+  if (!computation_) return;  // nothing can be computed before the first scene
   if (in_step_) {
     ++counts_.keyframes;
     if (computation_->Keyframe().view() == keyframe.bytes) return;
@@ -97,8 +98,8 @@ void Replayer::Resume(const RecordedKeyframe& keyframe) {
   in_step_ = computation_->Resume(keyframe.bytes) && computation_->next_tick() == keyframe.tick;
   if (!in_step_) {
     throw Error(ErrorKind::kConflict,
-                "recorded by another version of Palpate, whose state this one cannot take over: "
-                "use that one");
+                "recorded by another version of Palpate, whose state this version cannot use: "
+                "replay with the other version");
   }
 }
 

@@ -60,8 +60,8 @@ void VisitColumns(Sample& sample, std::size_t count, Visit&& visit) {
   });
 }
 
-// The difference as a number of `bytes` bytes whose low bit is the sign: a small
-// one has zeros above, whichever way it goes.
+// Folds the difference into a number of `bytes` bytes whose low bit is the sign. A small
+// difference, positive or negative, then has zeros in its high bytes.
 std::uint64_t Fold(std::uint64_t difference, std::size_t bytes) {
   const int unused_bits = static_cast<int>(64 - 8 * bytes);
   const auto signed_difference =

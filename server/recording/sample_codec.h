@@ -1,4 +1,4 @@
-// The columns of a chunk of samples; see chunk_codec.h.
+// Encodes the columns of a chunk of samples; see chunk_codec.h.
 //
 // Threads: pure. Not for real-time code.
 #pragma once

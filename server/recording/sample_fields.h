@@ -1,4 +1,4 @@
-// The fields of a TickSample, in one list for the file and for tables.
+// One list of the fields of a TickSample, for recordings and for tables.
 //
 // Threads: pure.
 #pragma once
@@ -7,7 +7,7 @@
 
 namespace palpate {
 
-// Calls visit(name, field) for every field, units in the names as everywhere.
+// Calls visit(name, field) for every field. The names include the units.
 // Sample: TickSample or const TickSample.
 template <class Sample, class Visit>
 constexpr void VisitFields(Sample& sample, Visit&& visit) {
@@ -53,7 +53,7 @@ constexpr void VisitFields(Sample& sample, Visit&& visit) {
   visit("calibrated", sample.calibrated);
 }
 
-// All of a sample is in the list, but for what aligns its end.
+// The list covers the whole sample except for the padding at its end.
 static_assert([] {
   TickSample sample;
   std::size_t bytes = 0;

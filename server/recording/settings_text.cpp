@@ -32,7 +32,7 @@ FreeSide ParseFreeSide(std::string_view text) {
   return *side;
 }
 
-// False where no setting has this name.
+// False if no setting has this name.
 bool Set(HapticSettings& settings, std::string_view key, std::string_view value) {
   if (key == kFreeSideKey) {
     settings.free_side = ParseFreeSide(value);

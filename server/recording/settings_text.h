@@ -1,4 +1,4 @@
-// Settings as lines "key=value", by the names of settings.h.
+// Converts settings to lines "key=value", with the names of settings.h, and back.
 //
 // Threads: pure. Not for real-time code.
 #pragma once
@@ -11,12 +11,12 @@
 
 namespace palpate {
 
-// Numbers in the shortest form that reads back to the same bits.
+// Numbers have the shortest form that reads back to the same bits.
 std::string SettingsText(const HapticSettings& settings);
 
-// Settings that the text does not name keep their defaults, which is how a
-// program felt that did not know them. Names that are no settings here are
-// appended to `unknown`. Throws DamagedBytes for what is no such line.
+// Settings missing in the text keep their defaults: a program that did not know a setting behaved
+// so. Appends names that are not settings here to `unknown`. Throws DamagedBytes for any other
+// line.
 HapticSettings SettingsFromText(std::string_view text, std::vector<std::string>& unknown);
 
 }  // namespace palpate

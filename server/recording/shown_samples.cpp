@@ -9,7 +9,7 @@ TickSample ShownSamples::Shown(const TickSample& live) {
   const std::lock_guard lock(mutex_);
   const std::uint64_t since_ms = live_ms_ ? live_ms - *live_ms_ : 0;
   live_ms_ = live_ms;
-  // Never ahead of what is there: a disk that is too slow makes it wait.
+  // The position never passes the last sample: if the disk is too slow, the replay waits.
   position_ms_ = std::min(position_ms_ + speed_ * static_cast<double>(since_ms), end_ms_);
   while (!waiting_.empty() && waiting_.front().position_ms <= position_ms_) {
     current_ = waiting_.front().sample;

@@ -1,11 +1,11 @@
-// Recorded samples in place of the live ones, at their pace.
+// Shows recorded samples in place of live ones, at the recorded pace.
 //
-// The live ticks are the clock: for each, the recorded sample of that moment is shown
-// under the live tick, time, revisions and counters, so that streams go on without a
-// jump, thin out as ever, and at any speed.
+// The live ticks are the clock. For each live tick, the recorded sample of that moment is shown
+// with the live tick's number, time, revisions and counters. So streams continue without a jump,
+// and can be thinned out as usual, at any speed.
 //
-// Positions: ms of the recording, in which its samples lie 1 ms apart or more.
-// Threads: any. Real-time: none, but nothing waits longer than for a copy.
+// Positions: ms of the recording. Its samples are 1 ms apart or more.
+// Threads: any. Real-time: none, but a call waits at most as long as a copy takes.
 #pragma once
 
 #include <cstdint>
@@ -19,12 +19,12 @@ namespace palpate {
 
 class ShownSamples final : public SampleReplacement {
  public:
-  // speed: ms of the recording per ms, above 0.
+  // speed: ms of the recording per ms of real time, above 0.
   explicit ShownSamples(double speed) : speed_(speed) {}
 
   TickSample Shown(const TickSample& live) override;
 
-  // In the order of positions. Where none is left, the last one stays.
+  // Add samples in the order of positions. When no sample is left, the last one stays shown.
   void Add(const TickSample& sample, double position_ms);
 
   double position_ms() const;
@@ -38,12 +38,12 @@ class ShownSamples final : public SampleReplacement {
   };
 
   const double speed_;
-  mutable std::mutex mutex_;  // guards what follows
+  mutable std::mutex mutex_;  // guards the members below
   std::deque<Placed> waiting_;
   std::optional<TickSample> current_;
-  std::optional<std::uint64_t> live_ms_;  // of the last call
+  std::optional<std::uint64_t> live_ms_;  // of the last live tick
   double position_ms_ = 0.0;
-  double end_ms_ = 0.0;  // of what was added
+  double end_ms_ = 0.0;  // position of the last sample added
   std::uint64_t passed_ = 0;
 };
 

@@ -13,8 +13,8 @@
 #include <vector>
 
 #include "common/error/error.h"
-#include "server/recording/shown_samples.h"
 #include "server/recording/recorded_volumes.h"
+#include "server/recording/shown_samples.h"
 #include "server/recording/voxel_log.h"
 
 namespace palpate {
@@ -22,18 +22,18 @@ namespace {
 
 constexpr std::chrono::milliseconds kPollPeriod{2};
 constexpr std::chrono::milliseconds kReportPeriod{100};
-// Of the recording, that is read ahead.
+// How much of the recording is read ahead.
 constexpr double kAheadMs = 500.0;
 constexpr std::size_t kMaxBricksAhead = (std::size_t{128} << 20) / sizeof(Brick);
 constexpr std::uint64_t kMostChunkBytes = kBricksPerEdit * sizeof(Brick);
-// Times without ticks are not sat out for longer.
+// Longer times without ticks are shortened to this time.
 constexpr std::uint64_t kLongestPauseMs = 1000;
 
-// A recording begins with its scene, or a few ticks later.
+// A recording begins with its scene, or has it a few ticks later.
 constexpr double kLatestSceneMs = 10'000.0;
 constexpr std::size_t kMaxEditParts = VoxelLog::kMaxBricksPerScene / kBricksPerEdit;
 
-// What happens between two samples.
+// An event between two samples.
 struct Event {
   double position_ms = 0.0;
   std::vector<RecordedEdit> edits{};
@@ -85,7 +85,7 @@ class ViewerReplay {
   }
 
  private:
-  // Nothing has changed where this throws.
+  // Changes nothing in the session, so it may throw without a Restore.
   void CheckStart() {
     while (!IsSceneWaiting() && read_ms_ < kLatestSceneMs && ReadOne()) {
     }
@@ -102,10 +102,11 @@ class ViewerReplay {
 
   bool IsSceneWaiting() const { return !events_.empty() && events_.back().scene; }
 
-  // The volume that is there now is the only one that there can be.
+  // The replay can use only the volume that is loaded now.
   std::shared_ptr<const VolumeSnapshot> StartVolume(const RecordedScene& scene) {
     if (std::exchange(started_, true)) {
-      throw Error(ErrorKind::kConflict, "the recording goes on with " + scene.volume_source);
+      throw Error(ErrorKind::kConflict,
+                  "the recording continues with another volume: " + scene.volume_source);
     }
     return before_.volume;
   }
@@ -136,7 +137,7 @@ class ViewerReplay {
 
   // False at the end.
   bool ReadOne() {
-    // Of bricks; they live once they are read.
+    // Memory for the bricks of one chunk. The session counts bricks when they are applied.
     const MemoryClaim claim = session_.loader().budget->Claim("the replay", kMostChunkBytes);
     std::optional<RecordedChunk> chunk = reader_.Next();
     if (!chunk) return false;
@@ -168,7 +169,7 @@ class ViewerReplay {
   }
 
   void ApplyDue() {
-    // The first scene's volume is known to be there.
+    // CheckStart has already found the first scene's volume.
     if (start_) Show(*std::exchange(start_, nullptr));
     while (!events_.empty() &&
            (position_is_end_ || events_.front().position_ms <= shown_->position_ms())) {
@@ -197,13 +198,13 @@ class ViewerReplay {
     const VolumeState live = session_.volume();
     if (live.X_DI == scene.X_DI) return;
     const Registration registration = RegistrationOf(scene, live.volume->metadata());
-    // What was put there before may differ from it by the rounding on the way.
+    // Compares with the last placement, because the live one may differ by rounding.
     if (placed_ == registration.X_DW) return;
     placed_ = registration.X_DW;
     session_.Move([&](const VolumeState&) { return registration; }, {}, /*keep=*/false);
   }
 
-  // What was felt comes back even where the voxels cannot.
+  // Switches forces on again even if the voxels cannot be restored.
   void Restore() {
     pump_.Replace(nullptr);
     try {
@@ -235,10 +236,10 @@ class ViewerReplay {
   RecordedVolumes follower_;
   std::shared_ptr<ShownSamples> shown_;
 
-  // Of what was read.
+  // State of the reading, ahead of the shown position.
   double read_ms_ = 0.0;
   std::optional<std::uint64_t> missed_ticks_;
-  std::vector<RecordedEdit> edits_;  // of the scene to come
+  std::vector<RecordedEdit> edits_;  // the edits before the next scene
   std::deque<Event> events_;
 
   bool started_ = false;

@@ -1,9 +1,13 @@
-// Plays a recording to those who watch a running session.
+// Plays a recording to the viewers of a running session.
 //
-// Forces are off meanwhile; poses are the recorded ones (shown_samples.h); voxels and
-// the place of the volume change as they did, and are at the end as they were before.
-// Volumes cannot be loaded meanwhile; voxels that others change are lost at the end.
-// Where the recording goes on with another volume, or lacks voxels, the last ones stay.
+// During the replay:
+// - Forces are off.
+// - Poses are the recorded ones (shown_samples.h).
+// - Voxels and the place of the volume change as recorded. If the recording continues with another
+//   volume, or lacks voxels, the last voxels stay.
+// - Volumes cannot be loaded.
+// At the end, the voxels and the place are as before the replay. Edits made by others during the
+// replay are lost then.
 //
 // Threads: any ordinary one; blocks until the end.
 #pragma once
@@ -19,16 +23,17 @@ namespace palpate {
 
 struct ViewerReplayState {
   std::uint64_t ticks = 0;       // played so far
-  std::uint64_t lost_ticks = 0;  // likewise, within gaps
-  std::string marker{};          // that was just passed; empty: none
+  std::uint64_t lost_ticks = 0;  // ticks in the gaps played so far
+  std::string marker{};          // the marker just passed; empty: none
 };
 using ViewerReplayProgress = std::function<void(const ViewerReplayState&)>;
 
 inline constexpr double kMaxReplaySpeed = 100.0;
 
-// speed: times real time, above 0 up to kMaxReplaySpeed; gaps take a second at most.
-// Throws Error: kInvalidArgument (speed, a recording without a scene), kConflict
-// (another volume than the recorded one is there, or is being loaded), kCancelled.
+// speed: multiple of real time, above 0, at most kMaxReplaySpeed. A gap takes at most one second of
+// the recording's time.
+// Throws Error: kInvalidArgument (speed, a recording without a scene), kConflict (the loaded volume
+// is not the recorded one, or a volume is being loaded), kCancelled.
 void ReplayToViewers(Session& session, Pump& pump, RecordingReader& reader, double speed,
                      const ViewerReplayProgress& progress, const std::function<bool()>& cancelled);
 

@@ -13,7 +13,7 @@ VolumeHash HashVolume(const VolumeSnapshot& volume) {
   for (int axis = 0; axis < 3; ++axis) bytes.Put(metadata.spacing_mm[axis]);
   bytes.Put(metadata.value_min);
   bytes.Put(metadata.value_max);
-  // Of level sets alone: hashes of other volumes are as they always were.
+  // Added only for level sets, so that the hashes of other volumes stay as in older versions.
   if (metadata.is_level_set) bytes.Put(metadata.is_level_set);
   bytes.Put(volume.bricks().content_hash().high);
   bytes.Put(volume.bricks().content_hash().low);

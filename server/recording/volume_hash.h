@@ -1,9 +1,9 @@
-// A name for the contents of a volume, so that a replay can tell whether it has
-// the volume that was recorded.
+// A hash of the contents of a volume. A replay uses it to tell whether its volume is the recorded
+// one.
 //
-// Of size, spacing, value range and voxels: what is felt depends on nothing else
-// of a volume, wherever it was loaded from. The voxels come in by their content
-// hash, so that this costs nothing.
+// The hash covers size, spacing, value range and voxels: forces depend on nothing else of a volume,
+// wherever it was loaded from. The voxels enter by their content hash, so hashing takes almost no
+// time.
 // Threads: any. Not for real-time code.
 #pragma once
 
@@ -19,8 +19,8 @@ struct VolumeHash {
   friend bool operator==(const VolumeHash&, const VolumeHash&) = default;
 };
 
-// The same on every machine and in every release: xxHash promises that its XXH3
-// does not change. No proof against forgery.
+// The same on every machine and in every release: xxHash promises that XXH3 does not change. Gives
+// no protection against forgery.
 VolumeHash HashVolume(const VolumeSnapshot& volume);
 
 }  // namespace palpate

@@ -15,7 +15,8 @@ std::vector<RecordedEdit> VoxelLog::EditsBefore(RecordedScene& scene,
     loaded_revision_ = scene.loaded_revision;
     written_revision_ = scene.reloadable ? loaded_revision_ : 0;
   }
-  // Edits of a volume too large are of use to whoever still has the file that was uploaded.
+  // The volume is too large to store. Its edits are still useful to a user who keeps the uploaded
+  // file.
   if (written_revision_ == 0 && volume && !HasRoomForAll(*volume)) {
     written_revision_ = loaded_revision_;
   }
@@ -24,7 +25,7 @@ std::vector<RecordedEdit> VoxelLog::EditsBefore(RecordedScene& scene,
   if (!volume) return {};
   const std::vector<std::uint64_t> numbers = volume->bricks().ChangedSince(written_revision_);
   if (numbers.size() > kMaxBricksPerScene) return {};
-  if (numbers.empty()) {  // nothing is written, and what comes leads on from what was
+  if (numbers.empty()) {  // nothing is written; later edits continue from the revision written last
     scene.voxels_missing = false;
     return {};
   }
