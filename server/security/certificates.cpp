@@ -16,7 +16,7 @@
 namespace palpate {
 namespace {
 
-// Chains that were verified; beyond, all are forgotten.
+// The most verified chains that are remembered. If there are more, all are forgotten.
 constexpr std::size_t kMostVerified = 1024;
 constexpr std::size_t kMostFileBytes = 1 << 20;
 
@@ -57,7 +57,7 @@ std::vector<Certificate> ParseCertificates(const std::string& pem) {
   while (X509* one = PEM_read_bio_X509(reader.get(), nullptr, nullptr, nullptr)) {
     all.emplace_back(one);
   }
-  // What ends the loop is no error.
+  // The end of the file, which ends the loop, is no error.
   ERR_clear_error();
   return all;
 }
@@ -70,7 +70,7 @@ CertificateTime ToTime(const ASN1_TIME* time) {
 
 std::string SubjectOf(X509* certificate) {
   const Bio writer(BIO_new(BIO_s_mem()));
-  // Escapes what would break a line of the log.
+  // Escapes characters that would break a line of the log.
   X509_NAME_print_ex(writer.get(), X509_get_subject_name(certificate), 0, XN_FLAG_ONELINE);
   char* text = nullptr;
   const long length = BIO_get_mem_data(writer.get(), &text);
@@ -91,7 +91,7 @@ void CheckKeyIsPrivate(const std::filesystem::path& path) {
   }
 }
 
-// Text that cannot break out of a name: printable ASCII alone.
+// True for text that is safe in a name: only printable ASCII.
 bool IsPlain(const std::string& text) {
   return !text.empty() && text.size() <= 253 &&
          std::all_of(text.begin(), text.end(), [](char c) { return c > ' ' && c < 127; });
@@ -104,7 +104,7 @@ std::vector<std::string> NamesOf(X509* certificate) {
   for (int n = 0; all && n < sk_GENERAL_NAME_num(all.get()); ++n) {
     const GENERAL_NAME* name = sk_GENERAL_NAME_value(all.get(), n);
     if (name->type != GEN_DNS && name->type != GEN_URI && name->type != GEN_EMAIL) continue;
-    // With its length: a NUL inside would cut it short.
+    // Uses the length, because a NUL inside would cut the text short.
     const ASN1_STRING* text = name->d.ia5;
     names.emplace_back(reinterpret_cast<const char*>(ASN1_STRING_get0_data(text)),
                        static_cast<std::size_t>(ASN1_STRING_length(text)));
@@ -121,7 +121,7 @@ CertificateTime EndOf(STACK_OF(X509) * chain) {
   return end;
 }
 
-// By TLS itself: whether keys and signatures are strong enough is its to say. Empty: yes.
+// Asks TLS itself whether keys and signatures are strong enough. Returns an empty text if they are.
 std::string WhyTlsRefuses(const std::vector<Certificate>& chain, EVP_PKEY* key) {
   const TlsContext tls(SSL_CTX_new(TLS_server_method()));
   bool takes = SSL_CTX_use_certificate(tls.get(), chain.front().get()) == 1 &&
@@ -135,7 +135,7 @@ std::string WhyTlsRefuses(const std::vector<Certificate>& chain, EVP_PKEY* key) 
   return std::string("is not fit for TLS: ") + (reason ? reason : "unknown reason");
 }
 
-// What is beside them in their files is left out.
+// Leaves out everything else that the files hold.
 std::string ToPem(const std::vector<Certificate>& chain, EVP_PKEY* key) {
   const Bio writer(BIO_new(BIO_s_mem()));
   PEM_write_bio_PKCS8PrivateKey(writer.get(), key, nullptr, nullptr, 0, nullptr, nullptr);
@@ -154,7 +154,7 @@ std::string ToPem(const std::vector<Certificate>& chain, EVP_PKEY* key) {
 Key LoadKey(const std::filesystem::path& path) {
   CheckKeyIsPrivate(path);
   const std::string pem = ReadFile(path);
-  // Without a question to the terminal for a passphrase.
+  // Never asks the terminal for a passphrase.
   const auto no_passphrase = [](char*, int, int, void*) { return 0; };
   Key key(PEM_read_bio_PrivateKey(Reader(pem).get(), nullptr, no_passphrase, nullptr));
   ERR_clear_error();
@@ -162,7 +162,8 @@ Key LoadKey(const std::filesystem::path& path) {
   return key;
 }
 
-// A server's own certificate, valid at `now`, and those between it and the authority.
+// Loads a server's own certificate, valid at `now`, and the certificates between it and the
+// authority.
 std::vector<Certificate> LoadChain(const std::filesystem::path& path, CertificateTime now) {
   std::vector<Certificate> chain = ParseCertificates(ReadFile(path));
   if (chain.empty()) Refuse(path, "holds no certificate in PEM");
@@ -218,7 +219,7 @@ ClientAuthority::Verdict ClientAuthority::Check(const std::string& chain_pem,
   Verdict verdict = Verify(chain_pem, now);
   const std::lock_guard lock(mutex_);
   verified_.erase(chain_pem);
-  // A refused one may become good, when the clock is set.
+  // A refusal is not remembered: the certificate may become valid when the clock is set.
   if (verdict.problem.empty()) {
     if (verified_.size() >= kMostVerified) verified_.clear();
     verified_.emplace(chain_pem, verdict);

@@ -1,6 +1,6 @@
-// Certificates: the daemon's own pair, checked before it is used, and the clients'.
+// Checks certificates: the daemon's own pair before use, and the clients' certificates.
 //
-// Time is the system clock's, as certificates have it.
+// Times are of the system clock, as in certificates.
 // Threads: any. Errors: Error that names the file and what to do.
 #pragma once
 
@@ -19,17 +19,17 @@ namespace palpate {
 using CertificateTime = std::chrono::system_clock::time_point;
 
 struct CheckedPair {
-  std::string pem{};      // the key, then the certificate and what follows it in its file
+  std::string pem{};      // the key, then all certificates of the certificate's file
   std::string subject{};  // for the log
   CertificateTime valid_until{};
 };
 
-// The pair, if TLS would work with it: both parse, belong together, are valid at `now`,
-// and the key is readable by its owner and group alone.
+// Returns the pair if TLS can use it: both files parse and belong together, the certificate is
+// valid at `now`, and only the key's owner and group can read the key.
 CheckedPair CheckPair(const std::filesystem::path& certificate, const std::filesystem::path& key,
                       CertificateTime now);
 
-// What is wrong with one of the two alone: for those who want to know all that is wrong.
+// Check one of the two alone, for callers that report all problems.
 void CheckKey(const std::filesystem::path& key);
 void CheckCertificate(const std::filesystem::path& certificate, CertificateTime now);
 
@@ -38,16 +38,16 @@ class ClientAuthority {
  public:
   struct Verdict {
     std::string problem{};             // empty: good
-    std::vector<std::string> names{};  // DNS names, URIs and mail addresses it was issued to
+    std::vector<std::string> names{};  // the certificate's DNS names, URIs and mail addresses
     CertificateTime valid_until{};     // of the whole chain
   };
 
-  // Throws for a file without a certificate.
+  // Throws if the file holds no certificate.
   explicit ClientAuthority(const std::filesystem::path& ca_file);
 
-  // `chain_pem`: the client's certificate, and those between it and the authority. That
-  // the client has its key was TLS's to prove. Verified once; then remembered until one
-  // of the chain ends.
+  // `chain_pem`: the client's certificate, and the certificates between it and the authority. TLS
+  // has already proved that the client has its key. A good chain is verified once, and remembered
+  // until one of its certificates expires.
   Verdict Check(const std::string& chain_pem, CertificateTime now) const;
 
  private:

@@ -20,7 +20,7 @@ bool IsOlder(const Group& a, const Group& b) {
   return a.connections.front() < b.connections.front();
 }
 
-// The one with most of `amount`; of several the one with the oldest connection.
+// The group with the most of `amount`. Among equal groups, the one with the oldest connection.
 template <class Amount>
 Group& Greatest(Groups& groups, const Amount& amount) {
   return std::max_element(groups.begin(), groups.end(),
@@ -31,7 +31,7 @@ Group& Greatest(Groups& groups, const Amount& amount) {
       ->second;
 }
 
-// Connections that are left, by prefix.
+// The remaining connections, by prefix.
 class Rest {
  public:
   Rest(std::span<const BoundedConnection> connections, const ConnectionBounds& bounds)
@@ -53,7 +53,7 @@ class Rest {
   std::size_t count() const { return count_; }
   std::vector<ConnectionCut> TakeCuts() { return std::move(cuts_); }
 
-  // That sent most, of the prefix that sent most.
+  // Cuts the connection that sent the most, of the prefix that sent the most.
   void CutGreatest() {
     Group& group = Greatest(groups_, [](const Group& one) { return one.bytes; });
     const auto most = std::max_element(group.connections.begin(), group.connections.end(),
@@ -63,7 +63,7 @@ class Rest {
     Cut(group, most, true);
   }
 
-  // Of the prefix that has most.
+  // Cuts the oldest connection of the prefix that has the most connections.
   void CutOldest() {
     Group& group = Greatest(groups_, [](const Group& one) { return one.connections.size(); });
     Cut(group, group.connections.begin(), false);

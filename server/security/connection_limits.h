@@ -1,18 +1,18 @@
 // Decides which connections of strangers to cut off.
 //
-// A stranger's connection is one over TLS that has not yet made a call that it may make.
-// gRPC 1.51 keeps all headers and messages that a connection sends without an end, before
-// anybody is asked who calls and beyond gRPC's own quotas. A stranger needs a handshake and
-// one first call, of little more than 3 MiB at most.
+// A stranger's connection is a TLS connection that has not yet made an allowed call. gRPC 1.51
+// keeps all unfinished headers and messages of a connection, before anybody checks the caller, and
+// even beyond gRPC's own quotas. An honest stranger needs only a handshake and one first call of
+// little more than 3 MiB.
 //
-// Connections count by their prefix: an IPv6 host has a /64 to itself, and with it more
-// addresses than there are places. A prefix that has most loses first.
+// Connections are counted by prefix: an IPv6 host has a /64 to itself, and so more addresses than
+// the limit allows connections. The prefix with the most loses first.
 //
-// Between equal prefixes the oldest connection goes. An honest client makes its first call
-// within about a second, and is no stranger then. If the youngest went, an attacker with as many
-// prefixes as there are places would keep everybody out by holding idle connections. As it is,
-// the attacker has to open as many connections anew as there are places, in the time of each
-// honest handshake.
+// Among equal prefixes, the oldest connection is cut off. An honest client makes its first call
+// within about a second and is then no stranger. If the youngest connection were cut off, an
+// attacker with as many prefixes as the limit could keep everybody out by holding idle connections.
+// With this rule, the attacker must open as many new connections as the limit during each honest
+// handshake.
 //
 // Pure. Lengths are bytes of TLS over TCP.
 #pragma once
@@ -43,14 +43,14 @@ struct BoundedConnection {
 
 struct ConnectionCut {
   std::size_t connection = 0;  // index
-  bool sent_too_much = false;  // else: too many of them
+  bool sent_too_much = false;  // false: too many connections
 };
 
-// `connections`: the oldest first. The rest keeps within all three bounds.
+// `connections`: the oldest first. The remaining connections are within all three bounds.
 std::vector<ConnectionCut> CutsAmong(std::span<const BoundedConnection> connections,
                                      const ConnectionBounds& bounds);
 
-// What an address counts under: "10.0.0.7", also where it came as IPv4 in IPv6, or
+// The prefix that an address counts for: "10.0.0.7" (also for IPv4 in IPv6), or
 // "2001:db8:0:1::/64".
 std::string PrefixOf(const sockaddr_storage& address);
 

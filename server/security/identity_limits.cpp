@@ -3,7 +3,7 @@
 namespace palpate {
 namespace {
 
-// Each holds one of the threads that gRPC has for calls of all.
+// Each call holds one of the threads that gRPC has for the calls of all clients.
 constexpr int kMostCallsAtOnce = 128;
 
 std::string TooMany(int most, const std::string& what, const std::string& key) {

@@ -10,7 +10,7 @@ using enum Role;
 using enum CallKind;
 
 constexpr auto kRules = std::to_array<MethodRule>({
-    // Who may watch may see all there is to see, and ask how it was made.
+    // Viewers may see all data, and may ask how it was made.
     {"/palpate.v1.PoseService/StreamPoses", kViewer, kPoseStream},
     {"/palpate.v1.VolumeService/StreamVolume", kViewer, kVolumeStream},
     {"/palpate.v1.VolumeService/GetVolume", kViewer, kCall},
@@ -21,11 +21,11 @@ constexpr auto kRules = std::to_array<MethodRule>({
     {"/palpate.v1.DeviceService/ListDevices", kViewer, kCall},
     {"/palpate.v1.RecordingService/GetRecording", kViewer, kCall},
 
-    // Whoever sees that something goes wrong can end it: no force is always safe.
+    // Everybody who sees a problem can stop the forces: no force is always safe.
     {"/palpate.v1.DeviceService/StopForces", kViewer, kStop},
 
-    // What the person at the stylus feels next, within the safety stage's limits. It
-    // can be undone, and touches no file.
+    // These change what the person at the stylus feels next, within the safety stage's limits. They
+    // can be undone and touch no file.
     {"/palpate.v1.RenderService/UpdateSettings", kEditor, kCall},
     {"/palpate.v1.RegistrationService/UpdateRegistration", kEditor, kCall},
     {"/palpate.v1.VolumeService/EditVolume", kEditor, kCall},
@@ -36,23 +36,23 @@ constexpr auto kRules = std::to_array<MethodRule>({
     {"/palpate.v1.SeriesService/ControlSeries", kEditor, kCall},
     {"/palpate.v1.RecordingService/Mark", kEditor, kCall},
 
-    // The device moves a hand: whoever enables it, disables it or sets its zero
-    // answers for the person at it.
+    // The device moves a hand. A caller that enables it, disables it or sets its zero is
+    // responsible for the person at the device.
     {"/palpate.v1.DeviceService/EnableForces", kOperator, kCall},
     {"/palpate.v1.DeviceService/DisableForces", kOperator, kCall},
     {"/palpate.v1.DeviceService/CalibrateDevice", kOperator, kCall},
 
-    // Reads and writes files of the workstation, fills its memory and disk, or puts
-    // another volume under the stylus, for good.
+    // These read and write files of the workstation, fill its memory and disk, or permanently put
+    // another volume under the stylus.
     {"/palpate.v1.VolumeService/LoadVolume", kOperator, kTransfer},
     {"/palpate.v1.VolumeService/UploadVolume", kOperator, kTransfer},
     {"/palpate.v1.VolumeService/SaveVolume", kOperator, kTransfer},
     {"/palpate.v1.SeriesService/LoadSeries", kOperator, kTransfer},
     {"/palpate.v1.RecordingService/StartRecording", kOperator, kCall},
     {"/palpate.v1.RecordingService/StopRecording", kOperator, kCall},
-    // Shows all viewers another time than now.
+    // Shows all viewers the past instead of the present.
     {"/palpate.v1.RecordingService/Replay", kOperator, kTransfer},
-    // Nothing is left to the admin alone yet: identities are changed in files.
+    // No call needs the admin yet: identities are changed in files.
 });
 
 }  // namespace

@@ -1,4 +1,4 @@
-// Every call of palpate.v1: the least role that may make it, and what bounds it.
+// Lists every call of palpate.v1: the lowest role that may make it, and its limits.
 //
 // A test compares this table with the services' descriptors.
 // Threads: constants.
@@ -11,13 +11,13 @@
 
 namespace palpate {
 
-// What is counted per identity.
+// The kinds of calls, counted per identity.
 enum class CallKind {
-  kCall,          // answered at once: so many per second
-  kPoseStream,    // so many at a time, as the next two
+  kCall,          // answered at once; limited per second
+  kPoseStream,    // limited at a time, as are the next two
   kVolumeStream,  //
-  kTransfer,      // loads, saves, uploads, filters, replays: seconds to minutes each
-  kStop,          // the emergency stop: nothing bounds it
+  kTransfer,      // loads, saves, uploads, filters, replays: take seconds to minutes
+  kStop,          // the emergency stop: not limited
 };
 
 struct MethodRule {
@@ -27,7 +27,7 @@ struct MethodRule {
 };
 
 std::span<const MethodRule> MethodRules();
-// Null: there is no such method.
+// Returns null if there is no such method.
 const MethodRule* FindMethodRule(std::string_view method);
 
 }  // namespace palpate

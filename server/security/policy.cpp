@@ -22,7 +22,7 @@ Policy::Policy(const PolicyOptions& options) : options_(options) {
   if (!options.tokens.empty()) tokens_ = ReadTokenFile(options.tokens);
 }
 
-// One by one: a damaged authority must not keep a revoked token alive.
+// Reads each file on its own: a damaged authority must not keep a revoked token valid.
 Policy::Policy(const PolicyOptions& options, const Policy& before,
                std::vector<std::string>& problems)
     : options_(options) {
@@ -37,7 +37,7 @@ Policy::Policy(const PolicyOptions& options, const Policy& before,
   try {
     if (!options.tokens.empty()) tokens_ = ReadTokenFile(options.tokens);
   } catch (const Error& error) {
-    // Who takes the file away means its tokens.
+    // If the file was removed, its tokens are revoked.
     std::error_code unknown;
     if (std::filesystem::exists(options.tokens, unknown) || unknown) tokens_ = before.tokens_;
     problems.push_back((tokens_.empty() ? "no token is known: " : "tokens stay as they were: ") +
@@ -57,7 +57,7 @@ Recognised Policy::Recognise(const Credentials& credentials, CertificateTime now
     }
     return {.identity = Identity{"loopback", options_.loopback_role}};
   }
-  // A token decides alone: a client with a wrong one is to hear of it.
+  // If a token came, only the token counts: a client with a wrong token must learn about it.
   if (!credentials.authorization.empty() || !credentials.token_sha256_hex.empty()) {
     return ByToken(credentials, now);
   }

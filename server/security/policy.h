@@ -1,7 +1,7 @@
-// Who is recognised, by what, and as what.
+// Decides who a client is and which role it has.
 //
-// Threads: a policy is made, and then only read, from any thread. It is replaced as a
-// whole when files or settings change.
+// Threads: a policy is made once and then only read, from any thread. When files or settings
+// change, a new policy replaces it.
 #pragma once
 
 #include <filesystem>
@@ -16,16 +16,16 @@
 
 namespace palpate {
 
-// A name of a client's certificate and what it may do.
+// A name in a client's certificate, and its role.
 struct CertificateRole {
-  std::string san{};  // a DNS name, a URI or a mail address: equal, letter for letter
+  std::string san{};  // a DNS name, a URI or a mail address; must match exactly
   Role role = Role::kViewer;
 };
 
 struct PolicyOptions {
-  // Whoever may open the socket: its file mode is the guard.
+  // The role of everybody who may open the socket. The socket's file mode decides who may.
   Role socket_role = Role::kAdmin;
-  // Of loopback TCP without TLS, which every account of the machine can reach.
+  // The role for loopback TCP without TLS, which every account of the machine can reach.
   Role loopback_role = Role::kViewer;
   std::filesystem::path client_ca{};  // empty: no certificates
   std::vector<CertificateRole> clients{};
@@ -34,30 +34,31 @@ struct PolicyOptions {
 
 enum class Transport { kSocket, kPlain, kTls };
 
-// What a call came with.
+// The credentials that came with a call.
 struct Credentials {
   Transport transport = Transport::kPlain;
   std::string certificate_chain{};  // PEM; empty: none
   std::string authorization{};      // the header; empty: none
-  // Instead of the header, for a call that was admitted before: the hash that its token
-  // was found by, so that the token itself is not kept.
+  // Replaces the header for a call that was already admitted: the hash that found its token. So the
+  // token itself is not kept.
   std::string token_sha256_hex{};
 };
 
 struct Recognised {
   std::optional<Identity> identity{};  // none: a stranger
-  std::string problem{};               // then
-  std::string token_sha256_hex{};      // of a token
+  std::string problem{};               // why the client is a stranger
+  std::string token_sha256_hex{};      // of the token, if a token was used
 };
 
 class Policy {
  public:
-  // Strangers all, but on the socket and on loopback.
+  // Trusts only peers on the socket and on loopback.
   Policy() = default;
   // Reads the files. Errors: Error.
   explicit Policy(const PolicyOptions& options);
-  // The same while the daemon runs: an authority or tokens whose file cannot be used stay
-  // as in `before`, and why is a line of `problems`. Without a file there are no tokens.
+  // Reads the files again while the daemon runs. If an authority's or tokens' file cannot be used,
+  // keeps those of `before` and adds a line to `problems`. If the tokens' file is gone, there are
+  // no tokens.
   Policy(const PolicyOptions& options, const Policy& before, std::vector<std::string>& problems);
 
   Recognised Recognise(const Credentials& credentials, CertificateTime now) const;
@@ -67,7 +68,7 @@ class Policy {
   Recognised ByCertificate(const std::string& chain, CertificateTime now) const;
 
   PolicyOptions options_;
-  std::shared_ptr<const ClientAuthority> authority_;  // null: none
+  std::shared_ptr<const ClientAuthority> authority_;  // null: certificates are not accepted
   std::vector<StoredToken> tokens_;
 };
 

@@ -1,4 +1,4 @@
-// A token bucket: so many events per second, and as many at once as it holds.
+// A token bucket: limits events per second, and the number of events at once.
 //
 // Threads: one, or the caller's lock.
 #pragma once
@@ -10,10 +10,10 @@ namespace palpate {
 
 class RateLimit {
  public:
-  // Full at first.
+  // Starts full. `most`: the most events at once.
   RateLimit(double rate_per_s, double most) : rate_per_s_(rate_per_s), most_(most), left_(most) {}
 
-  // Takes one event at `now_ns` of a clock that does not go back; false: too many.
+  // Takes one event at `now_ns` of a monotonic clock. False if there are too many.
   bool Take(std::int64_t now_ns) {
     if (last_ns_ != 0 && now_ns > last_ns_) {
       left_ = std::min(most_, left_ + static_cast<double>(now_ns - last_ns_) * 1e-9 * rate_per_s_);

@@ -1,8 +1,8 @@
-// Which refusals are worth a line of the log: a flood of them must not fill it, nor
-// hide those of other peers.
+// Decides which refusals are logged: a flood of refusals must not fill the log, nor hide refusals
+// of other peers.
 //
-// Each address gets twenty lines at once and then one every ten seconds, which says how
-// many were left out. Beyond some hundreds of addresses the others share one budget.
+// Each address gets twenty lines at once and then one every ten seconds. Each line says how many
+// were left out. Above kMostPeers addresses, the further addresses share one budget.
 // Threads: any.
 #pragma once
 
@@ -20,8 +20,8 @@ class RefusalLog {
  public:
   static constexpr std::size_t kMostPeers = 256;
 
-  // `peer`: as gRPC names it, "ipv4:10.0.0.7:51312". The number of refusals of that
-  // address that were left out since the last line; none: this one is left out too.
+  // `peer`: as gRPC names it, "ipv4:10.0.0.7:51312". Returns the number of refusals of this address
+  // left out since its last line; none if this refusal is left out, too.
   std::optional<std::uint64_t> Take(const std::string& peer, std::int64_t now_ns);
 
  private:
@@ -35,7 +35,7 @@ class RefusalLog {
   std::map<std::string, Budget> budgets_;
 };
 
-// The address without the port, which is another at each connection.
+// The address without the port, which changes with each connection.
 std::string AddressOf(const std::string& peer);
 
 }  // namespace palpate

@@ -1,4 +1,4 @@
-// Who may do how much: each role may do all that the ones before it may.
+// The roles of clients. Each role may do everything that the earlier roles may do.
 //
 // Threads: plain values.
 #pragma once
@@ -11,10 +11,10 @@
 namespace palpate {
 
 enum class Role {
-  kViewer,    // watches: streams, and all that only asks
-  kEditor,    // changes what is felt and seen: settings, voxels, place
-  kOperator,  // the device, and files of the workstation
-  kAdmin,     // all
+  kViewer,    // watches: streams, and all calls that only read
+  kEditor,    // changes settings, voxels and the volume's place
+  kOperator,  // controls the device, and uses files of the workstation
+  kAdmin,     // may do everything
 };
 
 inline constexpr std::array<std::string_view, 4> kRoleNames = {"viewer", "editor", "operator",
@@ -22,7 +22,7 @@ inline constexpr std::array<std::string_view, 4> kRoleNames = {"viewer", "editor
 
 constexpr std::string_view NameOf(Role role) { return kRoleNames[static_cast<std::size_t>(role)]; }
 
-// None: there is none of that name.
+// None if no role has this name.
 constexpr std::optional<Role> RoleNamed(std::string_view name) {
   for (std::size_t n = 0; n < kRoleNames.size(); ++n) {
     if (kRoleNames[n] == name) return static_cast<Role>(n);
@@ -30,8 +30,8 @@ constexpr std::optional<Role> RoleNamed(std::string_view name) {
   return std::nullopt;
 }
 
-// Somebody who was recognised. The name is unique among all ways of being recognised:
-// "token lab-script", "certificate viewer.lab.example", "local socket".
+// A recognised client. The name is unique among all ways to be recognised: "token lab-script",
+// "certificate viewer.lab.example", "local socket".
 struct Identity {
   std::string name{};
   Role role = Role::kViewer;

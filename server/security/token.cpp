@@ -38,7 +38,7 @@ std::string Hex(const Bytes& bytes) {
   return text;
 }
 
-// Without the padding, which carries nothing.
+// Leaves out the padding, which carries no data.
 template <class Bytes>
 std::string Base64Url(const Bytes& bytes) {
   std::string text(4 * (bytes.size() / 3 + 1) + 1, '\0');
@@ -84,7 +84,7 @@ std::string HashToken(std::string_view salt_hex, std::string_view token) {
 }
 
 const StoredToken* FindToken(const std::vector<StoredToken>& tokens, std::string_view token) {
-  // A client may send any amount: only what may be a token is hashed.
+  // A client may send any amount of data. Only text that may be a token is hashed.
   if (!token.starts_with(kPrefix) || token.size() > kMostTokenLength) return nullptr;
   const StoredToken* found = nullptr;
   for (const StoredToken& stored : tokens) {

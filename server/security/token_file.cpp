@@ -86,7 +86,7 @@ std::string Text(const std::vector<StoredToken>& tokens) {
   return text;
 }
 
-// Who is to own the file, and its mode.
+// The owner and mode that the file must get.
 struct stat Belongs(const std::filesystem::path& path) {
   struct stat status {};
   if (stat(path.c_str(), &status) == 0) return status;
@@ -148,7 +148,7 @@ void WriteTokenFile(const std::filesystem::path& path, const std::vector<StoredT
   NewFile file(path, IfThere::kReplace, 0600);
   file.Write(Text(tokens));
   struct stat written {};
-  // The owner last: one who may not give it away keeps it.
+  // Changes the owner last. A user who may not give the file away keeps it.
   const bool done = fchmod(file.descriptor(), belongs.st_mode & 0777) == 0 &&
                     fstat(file.descriptor(), &written) == 0;
   const bool given = (written.st_uid == belongs.st_uid && written.st_gid == belongs.st_gid) ||

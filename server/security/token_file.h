@@ -1,6 +1,6 @@
-// The file of tokens: TOML, one [[token]] each.
+// Reads and writes the file of tokens: TOML, one [[token]] per token.
 //
-// Threads: any; one writer at a time, which the callers see to.
+// Threads: any. The callers make sure that only one writes at a time.
 // Errors: Error that names the file.
 #pragma once
 
@@ -13,19 +13,20 @@
 
 namespace palpate {
 
-// Refused where anybody but root or this process's user could have written it: whoever
-// writes it makes himself admin.
+// Throws if other users than root and this process's user could have written the file: a user who
+// writes it could become admin.
 std::vector<StoredToken> ReadTokenFile(const std::filesystem::path& path);
 
-// Whole or as it was. A new file gets the mode 0640 and its folder's group, so that a
-// daemon of that group reads what root writes; one that is there keeps owner and mode.
+// Writes the complete file or leaves it unchanged. A new file gets the mode 0640 and its folder's
+// group, so that a daemon of this group can read a file that root writes. An existing file keeps
+// its owner and mode.
 void WriteTokenFile(const std::filesystem::path& path, const std::vector<StoredToken>& tokens);
 
-// "2027-01-31T12:00:00Z".
+// Such as "2027-01-31T12:00:00Z".
 std::string ToText(std::chrono::sys_seconds time);
 
-// Throws kPermissionDenied where others than root and this process's user may write the
-// file at `path`, kNotFound where there is none.
+// Throws kPermissionDenied if users other than root and this process's user may write the file at
+// `path`, kNotFound if there is no file.
 void CheckOnlyOwnerWrites(const std::filesystem::path& path);
 
 }  // namespace palpate
