@@ -23,9 +23,9 @@ namespace {
 
 constexpr int kWaiting = 256;
 constexpr std::int64_t kBetweenLinesNs = 10'000'000'000;
-// The table of files is full: a wait, so that it is not asked again and again.
+// Waits this long if no file number is free, to avoid a busy loop.
 constexpr int kPauseMs = 100;
-// As long as gRPC waits for silent peers.
+// The time that gRPC waits for silent peers.
 constexpr unsigned kSilentPeerMs = 30'000;
 
 [[noreturn]] void FailToListen(int fd, const std::string& name, const std::string& option) {
@@ -75,7 +75,7 @@ void Acceptor::TakeSocket(const std::string& path) {
   address.sun_family = AF_UNIX;
   std::strncpy(address.sun_path, path.c_str(), sizeof(address.sun_path) - 1);
   const int fd = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
-  // Nobody connects before the mode is set: it does not listen yet.
+  // Nobody can connect before the mode is set, because the socket does not listen yet.
   if (fd < 0 || bind(fd, reinterpret_cast<const sockaddr*>(&address), sizeof(address)) != 0 ||
       chmod(path.c_str(), 0660) != 0) {
     FailToListen(fd, path, "--socket");
@@ -90,7 +90,7 @@ void Acceptor::TakePort(const HostPort& address, bool is_watched) {
   const auto [is_v6, v4, v6] = Parse(address);
   const int fd = socket(is_v6 ? AF_INET6 : AF_INET, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
   const int on = 1;
-  // After a restart, in spite of connections of the one before.
+  // Lets a restarted daemon bind while connections of the previous daemon still end.
   setsockopt(fd, SOL_SOCKET, SO_REUSEADDR, &on, sizeof(on));
   const int bound = is_v6 ? bind(fd, reinterpret_cast<const sockaddr*>(&v6), sizeof(v6))
                           : bind(fd, reinterpret_cast<const sockaddr*>(&v4), sizeof(v4));
@@ -153,7 +153,7 @@ void Acceptor::Accept(std::size_t listener) {
   if (peer.ss_family != AF_UNIX) {
     const int on = 1;
     setsockopt(fd, IPPROTO_TCP, TCP_NODELAY, &on, sizeof(on));
-    // gRPC asks after peers that are silent, but not while a message to one waits for room.
+    // gRPC probes silent peers, but not while a message to the peer waits for room.
     setsockopt(fd, IPPROTO_TCP, TCP_USER_TIMEOUT, &kSilentPeerMs, sizeof(kSilentPeerMs));
   }
   if (listeners_[listener] == watched_listener_ && !watch_.Enter(fd, peer)) {

@@ -25,14 +25,14 @@ std::string Joined(const std::vector<grpc::string_ref>& values) {
 std::string AuthorizationOf(const std::multimap<grpc::string_ref, grpc::string_ref>& metadata) {
   const auto [first, last] = metadata.equal_range(kAuthorization);
   if (first == last) return "";
-  // Of two, nobody knows which is meant: a token that nobody has.
+  // Nobody knows which of two tokens is meant. "several" is a token that nobody has.
   if (std::next(first) != last) return "several";
   return {first->second.data(), first->second.size()};
 }
 
 Credentials TlsCredentialsOf(const std::multimap<grpc::string_ref, grpc::string_ref>& metadata,
                              const grpc::AuthContext& context) {
-  // The server's side of OpenSSL leaves the first one out of the chain.
+  // On the server's side, OpenSSL leaves the first certificate out of the chain.
   return {.transport = Transport::kTls,
           .certificate_chain =
               Joined(context.FindPropertyValues(GRPC_X509_PEM_CERT_PROPERTY_NAME)) +
@@ -55,7 +55,7 @@ std::string RoleProblem(const Identity& identity, Role least) {
          std::string(NameOf(identity.role));
 }
 
-// Without its service.
+// The name of the method without its service.
 std::string_view NameOf(std::string_view method) { return method.substr(method.rfind('/') + 1); }
 
 std::string LeftOut(std::uint64_t lines) {
@@ -131,7 +131,7 @@ Admission Access::Admit(grpc::ServerContextBase* context, std::string_view metho
       return Refuse(grpc::StatusCode::PERMISSION_DENIED, peer, call.caller.name, method,
                     RoleProblem(*who.identity, call.rule ? call.rule->least : Role::kAdmin));
     }
-    // In place of the token, which need not be kept.
+    // Replaces the token by its hash, so that the token is not kept.
     call.credentials.token_sha256_hex = who.token_sha256_hex;
     if (!who.token_sha256_hex.empty()) call.credentials.authorization.clear();
     Admission admission = Enter(call, judge);
@@ -139,7 +139,7 @@ Admission Access::Admit(grpc::ServerContextBase* context, std::string_view metho
       connections_->Admitted(peer, call.credentials);
     }
     if (admission.access_ || !admission.ok()) return admission;
-    // The policy was replaced meanwhile: judged again.
+    // The policy was replaced in the meantime: judge again.
   }
 }
 
@@ -149,7 +149,7 @@ Admission Access::Enter(const Admission::Running& call,
   std::unique_lock lock(mutex_);
   if (judge != policy_) return Admission();
   if (const auto problem = limits_.Enter(call.caller.name, kind, MonotonicNowNs())) {
-    lock.unlock();  // a log that nobody reads blocks
+    lock.unlock();  // writing to a log that nobody reads blocks
     return Refuse(grpc::StatusCode::RESOURCE_EXHAUSTED, call.peer, call.caller.name,
                   call.rule->method, *problem);
   }
@@ -163,7 +163,7 @@ Admission Access::Enter(const Admission::Running& call,
   return admission;
 }
 
-// Without this class's lock, under which the review of running calls ends streams.
+// Does not take this class's lock: Review holds it while it ends streams.
 grpc::Status Access::TakeSamples(const Admission& admission, int samples_per_s) {
   const Admission::Running& call = *admission.running_;
   const bool is_local = call.credentials.transport == Transport::kSocket;
@@ -189,7 +189,7 @@ void Access::Review() {
     const auto refused = [this](const Admission::Running& call) {
       return !call.ended && !WhyEnd(call).empty();
     };
-    // From the start after each: ending one may take it out of the list.
+    // Searches from the start after each call: ending a call may remove it from the list.
     for (auto at = running_.begin(); at != running_.end();) {
       at = std::find_if(running_.begin(), running_.end(), refused);
       if (at == running_.end()) break;
@@ -222,7 +222,7 @@ bool Access::Holds(const Admission::Running& call) const {
 }
 
 void Access::LogFailure(const Admission& admission, const char* what) {
-  // Each identity has lines of its own, that strangers at its address do not use up.
+  // Counts by identity, so that strangers at the same address do not use up its lines of the log.
   const auto left_out = refusals_.Take(admission.caller_.name, MonotonicNowNs());
   if (!left_out) return;
   LogWarning("{} of {} at {} failed: {}{}", NameOf(admission.rule_->method), admission.caller_.name,

@@ -1,11 +1,12 @@
-// The door of every call: who calls, may they, and how much do they have already.
+// Judges every call: who calls, whether the caller may make the call, and whether the caller
+// already uses too much.
 //
 // Each service asks first:
 //   const Admission admission = access_.Admit(context, "/palpate.v1.XService/Y");
 //   if (!admission.ok()) return admission.status();
-// and keeps the admission while it works. A stranger gets UNAUTHENTICATED, too low a
-// role PERMISSION_DENIED, too much RESOURCE_EXHAUSTED; each with a line of what to do,
-// and each in the log with its peer.
+// and keeps the admission while it works. A stranger gets UNAUTHENTICATED, a role that is too low
+// PERMISSION_DENIED, too much use RESOURCE_EXHAUSTED. Each refusal says what to do, and is logged
+// with its peer.
 //
 // Threads: any. Ownership: outlives the server and all admissions.
 #pragma once
@@ -32,7 +33,7 @@ namespace palpate {
 
 class Access;
 
-// Not longer than the call's context.
+// An admission must not outlive the call's context.
 class Admission {
  public:
   ~Admission() { Leave(); }
@@ -41,23 +42,24 @@ class Admission {
 
   bool ok() const { return status_.ok(); }
   const grpc::Status& status() const { return status_; }
-  // Of a stream of poses, once, before it begins: OK, or too many samples per second.
+  // Call it once, before a stream of poses begins. Returns OK, or refuses too many samples per
+  // second.
   grpc::Status TakeSamples(int samples_per_s);
-  // A message of a streaming answer, of a call that is kTransfer. Waits until gRPC takes it; a
-  // client that reads nothing for Access::kWritePatience loses its call, and whoever writes goes
-  // on.
+  // Writes a message of a streaming answer; only for calls of kTransfer. Waits until gRPC takes the
+  // message. If the client reads nothing for Access::kWritePatience, its call ends and the writer
+  // continues.
   template <class Message>
   void Write(grpc::ServerWriter<Message>& writer, const Message& message) const {
     Writing(true);
     writer.Write(message);
     Writing(false);
   }
-  // Who calls; the process itself where there is no context.
+  // The caller. Without a context, the caller is this process.
   const Identity& caller() const { return caller_; }
-  // The call is over.
+  // Ends the admission: the call is over.
   void Leave();
-  // The status of a call that was admitted and failed: where that is of a client's doing,
-  // such as the path of a file, it is in the log with its peer.
+  // Returns the status of a call that was admitted and failed, and logs the failure with its peer.
+  // The client may be the cause, for example by the path of a file.
   grpc::Status Failed(const std::exception& error) const;
 
  private:
@@ -69,18 +71,19 @@ class Admission {
     Identity caller{};
     std::string peer{};
     bool ended = false;
-    std::int64_t writing_since_ns = 0;  // a message of its answer; 0: none
+    // since when a message of the answer waits for gRPC; 0: none waits
+    std::int64_t writing_since_ns = 0;
   };
   void Writing(bool begins) const;
 
   explicit Admission(grpc::Status status = {}) : status_(std::move(status)) {}
 
   grpc::Status status_;
-  Access* access_ = nullptr;  // null: nothing to give back
+  Access* access_ = nullptr;  // null: Leave has nothing to give back
   grpc::ServerContextBase* context_ = nullptr;
   const MethodRule* rule_ = nullptr;
   Identity caller_{.name = "palpated", .role = Role::kAdmin};
-  int samples_per_s_ = 0;  // that it has taken
+  int samples_per_s_ = 0;  // the samples that TakeSamples has taken
   bool is_listed_ = false;
   std::list<Running>::iterator running_;
 };
@@ -89,10 +92,10 @@ class Access {
  public:
   static constexpr std::chrono::seconds kWritePatience{10};
 
-  // A policy of strangers but on the socket and on loopback.
+  // Starts with a policy that trusts only peers on the socket and on loopback.
   Access() : Access(LimitOptions{}) {}
-  // connections: told which ones belong to a known client; outlives this one. now: the clock by
-  // which certificates are judged; tests bring their own.
+  // connections: learns which connections belong to a known client; must outlive this object. now:
+  // the clock for the validity of certificates; tests pass their own.
   explicit Access(const LimitOptions& limits, ConnectionWatch* connections = nullptr,
                   std::function<CertificateTime()> now = std::chrono::system_clock::now)
       : limits_(limits), connections_(connections), now_(std::move(now)) {}
@@ -100,10 +103,11 @@ class Access {
   // `method`: as in MethodRules. Without a context, the caller is this process.
   Admission Admit(grpc::ServerContextBase* context, std::string_view method);
 
-  // From the next call on; streams and transfers that it would refuse end now.
+  // Applies from the next call on. Running streams and transfers that the new policy refuses end
+  // now.
   void SetPolicy(std::shared_ptr<const Policy> policy);
-  // Ends those whose certificate has expired meanwhile, and those that read nothing. Every two
-  // seconds.
+  // Ends running calls whose certificate has expired and calls whose client does not read. Call it
+  // every two seconds.
   void Review();
 
  private:
@@ -111,20 +115,20 @@ class Access {
 
   std::shared_ptr<const Policy> policy() const;
   bool Holds(const Admission::Running& call) const;
-  // Why a call is to end; empty: it goes on.
+  // Why a call must end; empty: it may continue.
   std::string WhyEnd(const Admission::Running& call) const;
   void LogFailure(const Admission& admission, const char* what);
   grpc::Status TakeSamples(const Admission& admission, int samples_per_s);
   Admission Refuse(grpc::StatusCode code, const std::string& peer, const std::string& who,
                    std::string_view method, const std::string& problem);
-  // Empty, with neither access nor refusal: `judge` is not the policy any more.
+  // Returns an admission with neither access nor refusal if `judge` is no longer the policy.
   Admission Enter(const Admission::Running& call, const std::shared_ptr<const Policy>& judge);
 
   IdentityLimits limits_;
   ConnectionWatch* const connections_;
   const std::function<CertificateTime()> now_;
   RefusalLog refusals_;
-  // Taken again within TryCancel, which may end a call on the same thread.
+  // Recursive: TryCancel may end a call on the same thread, which locks it again.
   mutable std::recursive_mutex mutex_;
   std::shared_ptr<const Policy> policy_ = std::make_shared<Policy>();
   std::list<Admission::Running> running_;

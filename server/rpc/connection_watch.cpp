@@ -19,11 +19,11 @@
 namespace palpate {
 namespace {
 
-// Of <netinet/tcp.h>, which cannot stand beside <linux/tcp.h>.
+// From <netinet/tcp.h>, which cannot be included together with <linux/tcp.h>.
 constexpr int kEstablished = 1;
 constexpr int kPriority = 1;
 
-// False: it has ended.
+// False if the connection has ended.
 bool AskKernel(int fd, std::int64_t& received_bytes) {
   tcp_info info{};
   socklen_t size = sizeof(info);
@@ -86,7 +86,7 @@ bool ConnectionWatch::Enter(int fd, const sockaddr_storage& peer) {
   }
   if (second_fd < 0) return false;
   Connection& connection = connections_[PeerName(peer)];
-  // One of the same port that has ended, and was not looked at since.
+  // An ended connection of the same port may still be in the list.
   if (connection.fd >= 0) close(connection.fd);
   connection = {.prefix = PrefixOf(peer), .number = entered_++, .fd = second_fd};
   changed_.notify_all();
@@ -97,7 +97,7 @@ void ConnectionWatch::Admitted(const std::string& peer, const Credentials& crede
   const std::lock_guard lock(mutex_);
   const auto found = connections_.find(peer);
   if (found == connections_.end()) return;
-  // One of the same port that has ended, and was not looked at since.
+  // An ended connection of the same port may still be in the list.
   const auto before = known_.find(peer);
   if (before != known_.end()) close(before->second.fd);
   known_[peer] = {
@@ -123,14 +123,14 @@ void ConnectionWatch::EndUnless(const std::function<bool(const Credentials&)>& r
     ForgetEndedKnown();
     asked.assign(known_.begin(), known_.end());
   }
-  // Without the lock, which the acceptor takes.
+  // Called without the lock, because the acceptor needs the lock.
   std::erase_if(asked, [&](const auto& one) { return recognises(one.second.credentials); });
   std::vector<std::string> ended;
   {
     const std::lock_guard lock(mutex_);
     for (const auto& [peer, refused] : asked) {
       const auto found = known_.find(peer);
-      // Another one of the same port may have come.
+      // A new connection of the same port may have replaced it.
       if (found == known_.end() || found->second.number != refused.number) continue;
       Known& known = found->second;
       if (known.refused_ns == 0) known.refused_ns = now_ns;
@@ -145,8 +145,8 @@ void ConnectionWatch::EndUnless(const std::function<bool(const Credentials&)>& r
 }
 
 void ConnectionWatch::Run() {
-  // Far below the servo, and before all that clients keep busy: what they send until the
-  // next look must not depend on it.
+  // The priority is far below the servo's, and above that of all threads that clients keep busy. So
+  // clients cannot delay the next review, and cannot send more before it.
   RealtimeGrant grant;
   SetupRealtimeThread({.priority = kPriority, .lock_memory = false}, grant);
   pthread_setname_np(pthread_self(), "palpate-watch");
@@ -189,7 +189,7 @@ ConnectionWatch::Connections::iterator ConnectionWatch::Forget(Connections::iter
   return connections_.erase(connection);
 }
 
-// The next review sees that it has ended.
+// Only shuts the connection down. The next review notices its end and removes it.
 void ConnectionWatch::CutOff(const Connections::value_type& connection, bool sent_too_much,
                              std::vector<std::string>& lines) {
   const auto& [peer, one] = connection;

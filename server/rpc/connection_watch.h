@@ -41,7 +41,7 @@ class ConnectionWatch {
   ConnectionWatch(const ConnectionWatch&) = delete;
   ConnectionWatch& operator=(const ConnectionWatch&) = delete;
 
-  // Once, before the first connection.
+  // Call it once, before the first connection.
   void Start();
   // Adds a stranger's connection. The caller keeps ownership of `fd`; the watch duplicates it.
   // Returns false if no file number is free: the caller must then close the connection.
@@ -57,15 +57,16 @@ class ConnectionWatch {
  private:
   struct Connection {
     std::string prefix{};
-    std::uint64_t number = 0;  // in the order in which they came
+    std::uint64_t number = 0;  // rises in the order in which connections came
     int fd = -1;               // a duplicate; owned
     std::int64_t received_bytes = 0;
   };
   struct Known {
-    int fd = -1;  // as above
+    int fd = -1;  // a duplicate; owned
     Credentials credentials{};
-    std::uint64_t number = 0;     // as above
-    std::int64_t refused_ns = 0;  // when it was first not accepted; 0: accepted
+    std::uint64_t number = 0;  // as in Connection
+    // time of the first check that did not accept the client; 0: accepted
+    std::int64_t refused_ns = 0;
   };
   using Connections = std::map<std::string, Connection>;  // by their peers
 
@@ -87,7 +88,7 @@ class ConnectionWatch {
   std::thread thread_;
 };
 
-// As gRPC 1.51 names it: "ipv4:10.0.0.7:51312", "ipv6:%5B::1%5D:51312".
+// The peer's name in the form of gRPC 1.51: "ipv4:10.0.0.7:51312", "ipv6:%5B::1%5D:51312".
 std::string PeerName(const sockaddr_storage& address);
 
 }  // namespace palpate

@@ -1,4 +1,4 @@
-// The device's values -> messages of palpate.v1. Any thread.
+// Converts the device's values to messages of palpate.v1. Any thread.
 #pragma once
 
 #include "palpate/v1/device.pb.h"
@@ -11,7 +11,7 @@ namespace palpate {
 
 v1::DeviceDescription ToProto(const DeviceSpec& spec);
 v1::DeviceHealth ToProto(const DeviceHealth& health);
-// Without in_use.
+// Does not set in_use.
 v1::ListedDevice ToProto(const ListedDevice& device);
 v1::CallerDescription ToProto(const Identity& caller);
 v1::ForceStatus ToProto(ForceState state, ForceReason reason, double limit_n);

@@ -26,7 +26,7 @@ bool ForcesAreKnown(const DeviceSpec& spec) {
   return spec.verification_level == VerificationLevel::kForceVerified || !IsHardware(spec);
 }
 
-// Of several devices of one kind the daemon has the one that works.
+// If several devices are of one kind, the daemon uses the one that works.
 int IndexInUse(const std::vector<ListedDevice>& devices, const std::string& kind) {
   const auto is_ours = [&](const ListedDevice& d) { return d.kind == kind; };
   const bool alone = std::count_if(devices.begin(), devices.end(), is_ours) == 1;
@@ -36,7 +36,8 @@ int IndexInUse(const std::vector<ListedDevice>& devices, const std::string& kind
   return -1;
 }
 
-// The tick that runs now may have looked before a command; the next one has not.
+// The present tick may have read the commands before this command. The next tick certainly knows
+// it.
 std::uint64_t FirstTickThatKnows(const ServoLoop& servo) { return servo.ticks() + 1; }
 
 Error NoTick(ForceCommand command, bool holds) {
@@ -52,8 +53,8 @@ void Answer(const ForceTick& forces, Response& response) {
   response.set_applied_tick(forces.since_tick);
 }
 
-// Looks each millisecond for the tick that knows of a stop, on gRPC's own threads, and
-// holds none of them meanwhile.
+// Checks every millisecond for the tick that knows of the stop. Runs on gRPC's own threads and does
+// not hold any of them while it waits.
 class StopAnswer final : public grpc::ServerUnaryReactor {
  public:
   StopAnswer(Admission admission, const ForceWatch& forces, std::uint64_t tick,
@@ -66,7 +67,7 @@ class StopAnswer final : public grpc::ServerUnaryReactor {
 
  private:
   void Look() {
-    // Before the look: a thread that was kept off its core looks once more.
+    // Read before the check, so that a thread that was kept off its core checks once more.
     const bool is_last = std::chrono::steady_clock::now() > end_;
     const auto forces = forces_.newest();
     if (forces && forces->tick >= tick_) {
@@ -75,7 +76,7 @@ class StopAnswer final : public grpc::ServerUnaryReactor {
     } else if (is_last) {
       Finish(ToStatus(NoTick(ForceCommand::kStop, /*holds=*/true)));
     } else {
-      // Another one: this may be the callback of the one before.
+      // A new alarm is needed, because this may be the callback of the last one.
       alarm_ = std::make_unique<grpc::Alarm>();
       alarm_->Set(gpr_time_add(gpr_now(GPR_CLOCK_MONOTONIC), gpr_time_from_millis(1, GPR_TIMESPAN)),
                   [this](bool) { Look(); });
@@ -167,7 +168,7 @@ grpc::ServerUnaryReactor* DeviceService::StopForces(grpc::CallbackServerContext*
                                                     v1::StopForcesResponse* response) {
   Admission admission = access_.Admit(context, "/palpate.v1.DeviceService/StopForces");
   if (!admission.ok()) {
-    // Asked for once: the second time it would be another one.
+    // DefaultReactor is called once: a second call would return another reactor.
     grpc::ServerUnaryReactor* const refused = context->DefaultReactor();
     refused->Finish(admission.status());
     return refused;
@@ -199,7 +200,7 @@ grpc::Status DeviceService::CalibrateDevice(grpc::ServerContext* context,
 
 void DeviceService::CheckName(const std::string& name) const {
   const DeviceSpec& spec = device_.spec();
-  // The name is the client's, of any length and content: it is not told back.
+  // The client may send a name of any length and content, so the message does not repeat it.
   if (!name.empty() && name != spec.kind) {
     throw Error(ErrorKind::kInvalidArgument, "the daemon's device is `" + spec.kind +
                                                  "`, not the one named: 'palpate device " +
@@ -214,20 +215,20 @@ void DeviceService::CheckName(const std::string& name) const {
   }
 }
 
-// The command, and a tick that certainly knows it. Another command may have come
-// between: the tick tells what holds.
+// Gives the command and returns a tick that certainly knows it. Another command may have come in
+// between: the tick tells which command holds.
 ForceTick DeviceService::Command(ForceCommand command) {
   servo_.forces().Set(command);
   if (const auto forces = forces_.WaitForTick(FirstTickThatKnows(servo_), kTickPatience)) {
     return *forces;
   }
-  // Whoever asked for forces may be gone when they would come.
+  // The client that asked for forces may be gone when they would come on.
   const bool holds = command != ForceCommand::kEnable;
   if (!holds) servo_.forces().Withdraw(command);
   throw NoTick(command, holds);
 }
 
-// Positions jump when they get another zero, and forces with them.
+// A new zero makes positions jump, and the forces with them.
 void DeviceService::CheckForcesAreOff() const {
   const std::optional<ForceTick> forces = forces_.newest();
   if (!forces || !IsHardware(device_.spec())) return;

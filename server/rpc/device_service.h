@@ -1,10 +1,9 @@
-// DeviceService: what the device is, how the servo loop runs, and the operator's hand
-// on the forces.
+// DeviceService: describes the device and the servo loop, and lets an operator control the forces.
 //
-// No command to the forces takes a lock of the session, logs (a log that nobody reads
-// blocks), or waits longer than a second: the emergency stop gets through whatever
-// else goes on. It also takes none of the threads that gRPC has for calls, which others
-// can use up by calls that last.
+// No command to the forces takes a lock of the session, writes to the log (a log that nobody reads
+// blocks), or waits longer than a second. So the emergency stop works whatever else the daemon
+// does. The emergency stop also uses none of gRPC's threads for calls, because long calls of other
+// clients can use up these threads.
 #pragma once
 
 #include <functional>
@@ -18,13 +17,13 @@
 
 namespace palpate {
 
-// On any thread.
+// Called on any thread.
 using DeviceList = std::function<std::vector<ListedDevice>()>;
 
 class DeviceService final
     : public v1::DeviceService::WithCallbackMethod_StopForces<v1::DeviceService::Service> {
  public:
-  // Borrows all but the list.
+  // Borrows all arguments except the list.
   DeviceService(Access& access, HapticDevice& device, ServoLoop& servo, const SceneInbox& inbox,
                 const ForceWatch& forces, DeviceList list)
       : access_(access),

@@ -7,7 +7,7 @@
 namespace palpate {
 namespace {
 
-// What the daemon opens besides connections: gRPC's and device's threads, volumes,
+// Files that the daemon opens besides connections: for gRPC's and the device's threads, volumes,
 // recordings, importers. About 60 were seen.
 constexpr int kOwnFiles = 256;
 

@@ -1,21 +1,21 @@
-// How many files this process may have open, and what of them connections may use.
+// Computes how many files this process may have open, and how many of them connections may use.
 //
 // Threads: main, at start.
 #pragma once
 
 namespace palpate {
 
-// Raises the process's own limit as far as the system lets it; returns it.
+// Raises the process's limit as far as the system allows; returns the limit.
 int RaiseOpenFileLimit();
 
-// The number from which on a new connection is refused. The kernel gives the lowest
-// free number, so that a connection's own number tells how many files are open:
-// beyond `most_connections` besides the daemon's own, or where those of the daemon
-// itself, its recordings and imports, would soon find none.
+// New connections with this file number or above are refused. The kernel gives the lowest free
+// number, so a connection's number tells how many files are open. The limit allows
+// `most_connections` in addition to the daemon's own files. If the limit is low, the number also
+// keeps files free for the daemon's own use, recordings and imports.
 int FirstRefusedFile(int open_file_limit, int most_connections);
 
-// The number from which on connections that are watched have a second one, above all
-// those; 0, any, where the limit leaves no room, so that they count twice.
+// The lowest number for the second file of a watched connection. It lies above all first files. If
+// the limit leaves no room, returns 0 (any number), and watched connections count twice.
 int FirstSecondFile(int open_file_limit, int most_connections);
 
 }  // namespace palpate

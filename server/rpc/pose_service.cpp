@@ -18,7 +18,7 @@ class PoseReactor final
       public SampleSink,
       public std::enable_shared_from_this<PoseReactor> {
  public:
-  // The stream lives until OnDone.
+  // The stream keeps itself alive until OnDone.
   void Begin(Pump& pump, ServiceMetrics& metrics, Admission admission,
              std::shared_ptr<PoseReactor> self) {
     pump_ = &pump;
@@ -38,7 +38,7 @@ class PoseReactor final
   void OnReadDone(bool ok) override {
     const grpc::Status asked = ok ? Ask() : grpc::Status::OK;
     const bool started = HandleRead(ok, asked);
-    // Not under the lock: the pump locks its sinks first and this stream then.
+    // Called without the lock: the pump locks its sinks first and this stream afterwards.
     if (started) pump_->Subscribe(weak_from_this(), Pump::Feed::kShown);
   }
 
@@ -58,7 +58,7 @@ class PoseReactor final
   }
 
   void OnDone() override {
-    // The last callback: no lock is needed.
+    // This is the last callback, so it needs no lock.
     if (stream_) metrics_->PoseStreamEnded();
     // The pump may hold this stream a little longer than gRPC its context.
     admission_->Leave();
@@ -66,14 +66,15 @@ class PoseReactor final
   }
 
  private:
-  // A message on its way, and the time of its newest sample.
+  // A message not yet acknowledged, and the time of its newest sample.
   struct Sent {
     std::uint64_t number;
     std::int64_t newest_ns;
   };
 
-  // Of the request that begins the stream: takes what it needs of what all streams have.
-  // Not under the lock: a refusal is a line of the log, which blocks while nobody reads it.
+  // Judges the request that begins the stream, and takes its samples from the budget of all
+  // streams. Called without the lock: a refusal writes to the log, which blocks while nobody reads
+  // it.
   grpc::Status Ask() {
     if (!request_.has_start()) return grpc::Status::OK;
     if (options_) return {grpc::StatusCode::INVALID_ARGUMENT, "`start` comes once"};
@@ -85,13 +86,13 @@ class PoseReactor final
     return admission_->TakeSamples(SamplesPerSecond(*options_));
   }
 
-  // True when this request started the stream. `asked`: the answer of Ask.
+  // Returns true if this request started the stream. `asked`: the answer of Ask.
   bool HandleRead(bool ok, const grpc::Status& asked) {
     const std::lock_guard lock(mutex_);
     if (finished_) return false;
     if (!ok) {
-      // The client has closed its side. A stream without acknowledgements goes
-      // on; with them it would stop for want of credit.
+      // The client has closed its side. A stream without acknowledgements continues. A stream with
+      // them ends, because it would get no more credit.
       if (!stream_ || acknowledges_) FinishOnce(EndStatus());
       return false;
     }
@@ -148,7 +149,7 @@ class PoseReactor final
     const std::int64_t newest_ns = response_.samples().rbegin()->time_ns();
     metrics_->PosesSent(now_ns - newest_ns, response_.dropped_samples() - dropped_samples_);
     dropped_samples_ = response_.dropped_samples();
-    // No longer than the window of unacknowledged messages.
+    // The list is never longer than the window of unacknowledged messages.
     if (acknowledges_) sent_.push_back({response_.message_number(), newest_ns});
   }
 
@@ -163,15 +164,15 @@ class PoseReactor final
   std::optional<Admission> admission_;
   std::shared_ptr<PoseReactor> self_;
   v1::StreamPosesRequest request_;
-  std::optional<PoseStreamOptions> options_;  // of the reads, which come one by one
+  std::optional<PoseStreamOptions> options_;  // used only by reads, which come one at a time
 
-  std::mutex mutex_;  // guards what follows
+  std::mutex mutex_;  // guards the members below
   std::optional<PoseStream> stream_;
   bool acknowledges_ = false;
   bool writing_ = false;
   bool finished_ = false;
-  std::uint64_t dropped_samples_ = 0;  // up to the last message
-  std::deque<Sent> sent_;              // oldest first; with acknowledgements only
+  std::uint64_t dropped_samples_ = 0;  // total up to the last message
+  std::deque<Sent> sent_;              // oldest first; used only with acknowledgements
   v1::StreamPosesResponse response_;
 };
 

@@ -1,10 +1,9 @@
 // PoseService: streams of ticks to any number of subscribers.
 //
-// Each stream is a reactor with one write outstanding. The pump thread adds
-// samples and may start a write; gRPC's threads finish writes and bring
-// acknowledgements. Nothing here blocks.
-// Ownership: the pump holds streams by weak_ptr; a stream holds itself until
-// gRPC is done with it.
+// Each stream is a reactor with at most one write in progress. The pump thread adds samples and may
+// start a write. gRPC's threads finish writes and deliver acknowledgements. No thread blocks here.
+// Ownership: the pump holds streams by weak_ptr. A stream holds itself until gRPC has finished with
+// it.
 #pragma once
 
 #include "palpate/v1/pose.grpc.pb.h"

@@ -14,8 +14,8 @@ constexpr double kTickRateHz = 1000.0;
 constexpr double kDefaultRateHz = 60.0;
 constexpr std::uint32_t kMaxBatch = 256;
 constexpr std::uint32_t kMaxUnacknowledged = 64;
-// Without acknowledgements the transport's window would let a slow client lag
-// ever further; fewer messages keep that within bounds.
+// Without acknowledgements, the transport's buffer would let a slow client fall further and further
+// behind. Fewer messages limit this delay.
 constexpr double kMaxPlainMessagesPerSecond = 100.0;
 
 void SetVector(v1::Vector3* out, const std::array<double, 3>& v) {

@@ -1,5 +1,5 @@
-// What one subscriber of poses gets, apart from the transport: decimation,
-// batches, newest-wins, and the window of unacknowledged messages.
+// The messages for one subscriber of poses, without the transport: decimation, batches, dropping
+// the oldest samples, and the window of unacknowledged messages.
 //
 // Threads: one at a time (the caller locks). Not real-time: it may allocate.
 #pragma once
@@ -21,19 +21,19 @@ struct PoseStreamOptions {
 };
 PoseStreamOptions ParsePoseStreamOptions(const v1::StreamPosesStart& start);
 
-// What it takes of the budget of all streams, rounded up.
+// The samples per second that the stream takes from the budget of all streams, rounded up.
 int SamplesPerSecond(const PoseStreamOptions& options);
 
 class PoseStream {
  public:
   explicit PoseStream(const PoseStreamOptions& options) : options_(options) {}
 
-  // Takes the samples that are due; when the batch is full and not yet taken
-  // away, the oldest is dropped and counted.
+  // Takes the sample if it is due. If a full batch still waits, drops the oldest sample and counts
+  // it.
   void Add(const TickSample& sample);
   void Acknowledge(std::uint64_t message_number);
 
-  // A full batch waits, and the window is open.
+  // True if a full batch waits and the window has room.
   bool HasMessage() const;
   // Empties the batch into a message.
   v1::StreamPosesResponse TakeMessage(std::int64_t now_ns);
@@ -41,7 +41,7 @@ class PoseStream {
  private:
   PoseStreamOptions options_;
   std::deque<TickSample> waiting_;
-  std::optional<std::uint64_t> next_tick_;  // in ticks and missed ticks: loop time
+  std::optional<std::uint64_t> next_tick_;  // loop time: ticks plus missed ticks
   std::uint64_t dropped_ = 0;
   std::uint64_t sent_ = 0;
   std::uint64_t acknowledged_ = 0;

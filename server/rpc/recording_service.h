@@ -1,4 +1,4 @@
-// RecordingService: translates between the wire and the recordings of the session.
+// RecordingService: translates between messages and the session's recordings.
 #pragma once
 
 #include "palpate/v1/recording.grpc.pb.h"
@@ -9,7 +9,7 @@ namespace palpate {
 
 class RecordingService final : public v1::RecordingService::Service {
  public:
-  // Borrows it.
+  // Borrows both.
   RecordingService(Access& access, RecordingControl& control)
       : access_(access), control_(control) {}
 

@@ -1,4 +1,4 @@
-// RegistrationService: translates between the wire and the session.
+// RegistrationService: translates between messages and the session.
 #pragma once
 
 #include "palpate/v1/registration.grpc.pb.h"

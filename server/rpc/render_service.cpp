@@ -20,13 +20,14 @@ FreeSide FromProto(v1::FreeSide side) {
   }
 }
 
-// The fields of haptic settings bear the names that the tables in settings.h
-// have. Null: there is none of that name.
+// The fields of haptic settings have the names of the tables in settings.h. Returns null if no
+// field has this name.
 const google::protobuf::FieldDescriptor* Field(std::string_view name) {
   return v1::RenderSettings::descriptor()->FindFieldByName(std::string(name));
 }
 
-// Takes the value of a field that the tables name. False: they do not.
+// Takes the value of a field that the tables name. Returns false if the tables do not name the
+// field.
 bool TakeListed(const v1::RenderSettings& in, std::string_view name, SettingsUpdate& update) {
   const auto& fields = *in.GetReflection();
   for (const NumberSetting& setting : kNumberSettings) {

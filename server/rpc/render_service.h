@@ -1,4 +1,4 @@
-// RenderService: translates between the wire and the session.
+// RenderService: translates between messages and the session.
 #pragma once
 
 #include "palpate/v1/render.grpc.pb.h"
@@ -26,11 +26,11 @@ class RenderService final : public v1::RenderService::Service {
 };
 
 v1::FreeSide ToProto(FreeSide side);
-// All fields set.
+// Sets all fields.
 v1::RenderSettings ToProto(const RenderSettings& settings);
 
-// Throws Error (kInvalidArgument) for a mask that is empty or names unknown
-// fields, and for named fields without a value. Ranges are the session's.
+// Throws Error (kInvalidArgument) for a mask that is empty or names unknown fields, and for named
+// fields without a value. The session checks the ranges.
 SettingsUpdate FromProto(const v1::UpdateSettingsRequest& request);
 
 }  // namespace palpate

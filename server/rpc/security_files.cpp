@@ -15,7 +15,7 @@ namespace {
 
 constexpr std::chrono::seconds kBetweenLooks{2};
 
-// Changes whenever the file does.
+// A text that changes whenever the file changes.
 std::string StampOf(const std::filesystem::path& path) {
   struct stat status {};
   if (path.empty() || stat(path.c_str(), &status) != 0) return "-;";
@@ -28,7 +28,7 @@ std::string StampOf(const std::filesystem::path& path) {
 void SecurityFiles::Start(const PolicyOptions& policy, const TlsOptions& pair) {
   pair_ = pair;
   options_ = policy;
-  // Before they are read: a change meanwhile is seen afterwards.
+  // Taken before the files are read, so that a change during the reading is noticed afterwards.
   stamps_ = Stamps();
   policy_ = std::make_shared<const Policy>(policy);
   access_.SetPolicy(policy_);
@@ -51,7 +51,7 @@ std::function<void()> SecurityFiles::Prepare(const PolicyOptions& options) {
     options_ = options;
     policy_ = policy;
     access_.SetPolicy(policy);
-    // The next look reads all again: it may have changed since.
+    // Makes the next check read all files again: they may have changed since Prepare.
     stamps_.clear();
     ReadPair();
   };

@@ -1,6 +1,6 @@
-// Keeps the policy and the TLS pair equal to their files while the server runs.
+// Keeps the policy and the TLS pair in step with their files while the server runs.
 //
-// Threads: Start, Stop and Prepare on the main one; it looks at the files on its own.
+// Threads: Start, Stop and Prepare on the main thread. A thread of its own checks the files.
 #pragma once
 
 #include <condition_variable>
@@ -22,12 +22,12 @@ class SecurityFiles {
   SecurityFiles(Access& access, TlsFiles* tls) : access_(access), tls_(tls) {}
   ~SecurityFiles() { Stop(); }
 
-  // Reads the files and looks every two seconds whether they changed. Errors: Error, and
+  // Reads the files, and checks every two seconds whether they have changed. Errors: Error; then
   // nothing has started.
   void Start(const PolicyOptions& policy, const TlsOptions& pair);
   void Stop();
-  // Reads the files of these roles. Errors: Error, and nothing has changed; otherwise what
-  // is returned takes them, and reads the pair again.
+  // Reads the files of these options. Errors: Error; then nothing has changed. Call the returned
+  // function to apply the new policy and read the pair again.
   std::function<void()> Prepare(const PolicyOptions& policy);
 
  private:
@@ -39,7 +39,7 @@ class SecurityFiles {
   Access& access_;
   TlsFiles* const tls_;
   TlsOptions pair_;
-  std::mutex mutex_;  // guards what follows
+  std::mutex mutex_;  // guards the members below
   std::condition_variable changed_;
   PolicyOptions options_;
   std::shared_ptr<const Policy> policy_;

@@ -35,7 +35,7 @@ SeriesControl FromProto(const v1::ControlSeriesRequest& request) {
   return control;
 }
 
-// As in the volume's description.
+// The title in the volume's description.
 std::string Title(const std::vector<std::string>& sources) {
   return sources.size() == 1 ? sources.front() : sources.front() + " ...";
 }

@@ -1,4 +1,4 @@
-// SeriesService: translates between the wire and the player of series.
+// SeriesService: translates between messages and the player of series.
 #pragma once
 
 #include "palpate/v1/series.grpc.pb.h"
@@ -11,7 +11,7 @@ namespace palpate {
 
 class SeriesService final : public v1::SeriesService::Service {
  public:
-  // Borrows all.
+  // Borrows all arguments.
   SeriesService(Access& access, Session& session, SeriesPlayer& player, const PathPolicy& paths)
       : access_(access), session_(session), player_(player), paths_(paths) {}
 

@@ -27,21 +27,22 @@ namespace {
 
 // The largest message of a client is an edit with a block of values.
 constexpr int kMaxMessageBytes = static_cast<int>(kMostBlockBytes) + (64 << 10);
-// HTTP/2 recommends at least 100. gRPC's clients hold back further calls without a word, the
-// emergency stop, too, if it shares the connection.
+// HTTP/2 recommends at least 100. Above the limit, gRPC's clients delay further calls without an
+// error. That includes the emergency stop if it shares the connection.
 constexpr int kMostCallsPerConnection = 100;
 constexpr int kHandshakeTimeoutMs = 10'000;
 constexpr int kKeepaliveMs = 20'000;
 constexpr int kKeepaliveTimeoutMs = 10'000;
 constexpr int kIdleMs = 600'000;
 constexpr int kMostThreads = 256;
-// What gRPC counts for all clients. Above it gRPC ends calls and connections of any client. With
-// 128 MiB, two known clients with endless headers ended streams of others and connections on the
-// socket within 15 s, and the process grew as much as with 512 MiB.
+// The limit for all memory that gRPC counts, for all clients together. Above it, gRPC ends calls
+// and connections of any client. With 128 MiB, two known clients with endless headers ended streams
+// of others and connections on the socket within 15 s, and the process grew as much as with 512
+// MiB.
 constexpr std::size_t kMostBytes = std::size_t{512} << 20;
 constexpr std::chrono::seconds kShutdownPatience{1};
 
-// A socket that a killed daemon left behind; nothing else is removed.
+// Removes a socket that a killed daemon left behind. Removes nothing else.
 void RemoveStaleSocket(const std::string& path) {
   struct stat status {};
   if (lstat(path.c_str(), &status) != 0) return;
@@ -64,8 +65,8 @@ void MakeSocketFolder(const std::filesystem::path& folder) {
   }
 }
 
-// Reflection comes with its library. Like health it is gRPC's own service, which asks nobody
-// who calls.
+// Removes reflection, which its library adds to every server. Used with TLS: reflection, like
+// health, is gRPC's own service and does not check the caller.
 class WithoutPlugins final : public grpc::ServerBuilderOption {
  public:
   void UpdateArguments(grpc::ChannelArguments*) override {}
@@ -74,20 +75,20 @@ class WithoutPlugins final : public grpc::ServerBuilderOption {
   }
 };
 
-// Bounds for what a client may have of gRPC itself, before and besides any call.
+// Limits how much of gRPC itself a client may use, before and besides any call.
 void Bound(grpc::ServerBuilder& builder) {
   builder.SetMaxReceiveMessageSize(kMaxMessageBytes);
-  // A message that grows when it is read would count for more than was sent.
+  // A compressed message grows when it is read, and would exceed the size that was checked.
   builder.SetCompressionAlgorithmSupportStatus(GRPC_COMPRESS_DEFLATE, false);
   builder.SetCompressionAlgorithmSupportStatus(GRPC_COMPRESS_GZIP, false);
   builder.AddChannelArgument(GRPC_ARG_MAX_CONCURRENT_STREAMS, kMostCallsPerConnection);
-  // From the connection to the end of the client's first settings: who dawdles goes.
+  // Limits the time from the connection to the client's first settings. Slower clients are cut off.
   builder.AddChannelArgument(GRPC_ARG_SERVER_HANDSHAKE_TIMEOUT_MS, kHandshakeTimeoutMs);
-  // A peer that vanished without a word is found out, with its streams.
+  // Finds a peer that vanished without closing, and ends its streams.
   builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIME_MS, kKeepaliveMs);
   builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, kKeepaliveTimeoutMs);
   builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_PERMIT_WITHOUT_CALLS, 1);
-  // Those who call nothing; clients come back by themselves.
+  // Closes connections without calls; clients reconnect automatically.
   builder.AddChannelArgument(GRPC_ARG_MAX_CONNECTION_IDLE_MS, kIdleMs);
   grpc::ResourceQuota quota("palpated");
   quota.SetMaxThreads(kMostThreads);
@@ -112,9 +113,9 @@ RpcServer::RpcServer(ServerOptions options, const ServedParts& parts)
       device_(access_, parts.device, parts.servo, parts.inbox, parts.forces, parts.list_devices),
       recording_(access_, parts.recording) {}
 
-// gRPC lets two servers listen on one path, each believing itself alone: a lock
-// file decides. It stays when the daemon ends; removing it would let one daemon
-// lock the old file and another a new one.
+// gRPC lets two servers listen on one path without noticing each other, so a lock file decides. The
+// file stays when the daemon ends: if it were removed, one daemon could lock the old file and
+// another a new one.
 void RpcServer::Reserve() {
   UnixTarget(options_.socket_path);
   if (options_.listen) {
@@ -146,8 +147,8 @@ void RpcServer::ReservePort() {
   if (options_.listen) acceptor_.TakePort(*options_.listen, tls_ != nullptr);
 }
 
-// Whoever reaches another address than loopback is to prove who he is, and to see that
-// it is us.
+// A client on an address other than loopback must prove its identity, and must be able to verify
+// ours.
 void CheckListen(const HostPort& listen, const SecurityOptions& security) {
   const bool knows_clients =
       !security.policy.tokens.empty() ||
@@ -209,7 +210,7 @@ void RpcServer::Stop() noexcept {
     unlink(options_.socket_path.c_str());
   }
   poller_.reset();
-  // While the lock holds: it may be made anew by another daemon.
+  // Destroyed while the lock is held: afterwards another daemon may make the folder anew.
   security_files_.reset();
   tls_.reset();
   lock_ = {};

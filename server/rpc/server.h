@@ -1,7 +1,7 @@
-// The gRPC server: services, health, reflection, and where it listens.
+// The gRPC server: its services, health, reflection, and its addresses.
 //
 // Threads: construct, Start and Stop on the main thread.
-// Errors: Error with what is wrong and what to do.
+// Errors: Error that says what is wrong and what to do.
 #pragma once
 
 #include <grpcpp/grpcpp.h>
@@ -32,24 +32,25 @@ namespace palpate {
 
 struct SecurityOptions {
   PolicyOptions policy{};
-  TlsOptions tls{};  // of `listen`; no certificate: plain
+  TlsOptions tls{};  // for `listen`; without a certificate, `listen` is not encrypted
   LimitOptions limits{};
-  int connections = 1024;  // at most, of all clients
+  int connections = 1024;  // at most, for all clients together
 };
 
-// Throws kInvalidArgument for an address that may not be listened on with this security:
-// beyond loopback only with TLS, and TLS only with a way to know clients; and for a name.
+// Throws kInvalidArgument if the server must not listen on the address with this security.
+// Addresses other than loopback need TLS, TLS needs a way to know clients, and a host name is not
+// allowed.
 void CheckListen(const HostPort& listen, const SecurityOptions& security);
 
 struct ServerOptions {
   std::string socket_path;
-  std::optional<HostPort> listen;  // other than loopback only with TLS
-  PathPolicy paths;                // that clients may name
+  std::optional<HostPort> listen;  // addresses other than loopback need TLS
+  PathPolicy paths;                // paths that clients may name
   UploadOptions uploads;
   SecurityOptions security{};
 };
 
-// What the services work on: all but the list is borrowed.
+// The parts that the services use. All are borrowed except the list.
 struct ServedParts {
   Session& session;
   VolumeEditor& editor;
@@ -60,30 +61,30 @@ struct ServedParts {
   ServoLoop& servo;
   const SceneInbox& inbox;
   const ForceWatch& forces;
-  DeviceList list_devices;  // what the machine has
+  DeviceList list_devices;  // lists the machine's devices
   ServiceMetrics& metrics;
 };
 
 class RpcServer {
  public:
-  // Before the session's first load.
+  // Construct it before the session's first load.
   RpcServer(ServerOptions options, const ServedParts& parts);
   ~RpcServer() { Stop(); }
 
-  // Claims the socket's path, so that a second daemon finds out before it loads a
-  // volume. kConflict when another has it, kInvalidArgument for an address that is not
-  // loopback without TLS, and for files of security that are not fit.
+  // Claims the socket's path, so that a second daemon fails before it loads a volume. Throws
+  // kConflict if another daemon has the path; kInvalidArgument for an address that is not loopback
+  // without TLS, and for unusable security files.
   void Reserve();
-  // After Reserve: the same of the port, where there is one to be.
+  // Call it after Reserve. Claims the port, if one is configured.
   void ReservePort();
-  // After Reserve, with a volume in the session. kConflict when it cannot listen.
+  // Call it after Reserve, with a volume in the session. Throws kConflict if it cannot listen.
   void Start();
-  // As SecurityFiles::Prepare; what it returns is called before Stop.
+  // See SecurityFiles::Prepare. Call the returned function before Stop.
   std::function<void()> PrepareSecurity(const PolicyOptions& policy);
-  // Ends streams and calls; the socket is removed.
+  // Ends streams and calls, and removes the socket.
   void Stop() noexcept;
 
-  // Subscribers of the volume; any thread.
+  // Number of subscribers of the volume; any thread.
   std::size_t volume_streams() const { return volume_streams_.streams(); }
 
  private:

@@ -1,8 +1,8 @@
-// A thread that reads from connections when none of gRPC's own does.
+// A thread that reads from connections when none of gRPC's own threads does.
 //
-// In a server with callback methods, gRPC 1.51 reads from connections on the threads of its
-// callback queue alone. Each of them sleeps for 100 ms after every second without a call of a
-// callback method. Without this poller all of them may sleep at once, and every other call then
+// In a server with callback methods, gRPC 1.51 reads from connections only on the threads of its
+// callback queue. Each of these threads sleeps for 100 ms after every second without a call of a
+// callback method. Without this poller, all of them may sleep at once, and every other call then
 // waits for up to 100 ms.
 //
 // Threads: construct, Start and destroy on one thread.
@@ -18,18 +18,18 @@ namespace palpate {
 
 class StandbyPoller {
  public:
-  // Before the builder builds the server.
+  // Construct it before the builder builds the server.
   explicit StandbyPoller(grpc::ServerBuilder& builder) : queue_(builder.AddCompletionQueue()) {}
-  // After the server was shut down.
+  // Destroy it after the server was shut down.
   ~StandbyPoller();
   StandbyPoller(const StandbyPoller&) = delete;
   StandbyPoller& operator=(const StandbyPoller&) = delete;
 
-  // Once, when the server runs.
+  // Call it once, when the server runs.
   void Start();
 
  private:
-  // No event ever comes to it.
+  // Waits on the queue until its shutdown; the queue gets no events.
   void Drain();
 
   std::unique_ptr<grpc::ServerCompletionQueue> queue_;

@@ -56,8 +56,7 @@ TlsFiles::~TlsFiles() {
 void TlsFiles::Update() {
   const auto now = std::chrono::system_clock::now();
   const CheckedPair pair = CheckPair(options_.certificate, options_.key, now);
-  // One file for both, so that no moment has the key of one and the certificate of
-  // another.
+  // One file holds both, so that the key and the certificate always belong together.
   NewFile next(pair_, IfThere::kReplace, 0600);
   next.Write(pair.pem);
   next.TakeName(Durable::kNo);  // made anew at each start
@@ -80,8 +79,8 @@ std::shared_ptr<grpc::ServerCredentials> TlsFiles::MakeCredentials() const {
   grpc::experimental::TlsServerCredentialsOptions options(provider);
   options.watch_identity_key_cert_pairs();
   options.set_cert_request_type(GRPC_SSL_REQUEST_CLIENT_CERTIFICATE_BUT_DONT_VERIFY);
-  // Without a metadata processor: gRPC 1.51 would write all headers of a call for it, and
-  // aborts at one that only its load balancers send.
+  // Uses no metadata processor: for one, gRPC 1.51 would copy all headers of a call, and it aborts
+  // at a header that only its load balancers send.
   return grpc::experimental::TlsServerCredentials(options);
 }
 

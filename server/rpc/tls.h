@@ -1,15 +1,14 @@
-// TLS of the server: its own certificate, swapped in while it runs.
+// TLS of the server: its own certificate, replaceable while the server runs.
 //
-// gRPC reads the pair again from files by itself, and a pair that does not match
-// refuses every handshake: it is given only pairs that were checked, in a private
-// folder beside the socket.
+// gRPC reads the pair again from files by itself, and refuses every handshake if the pair does not
+// match. So gRPC only gets pairs that were checked. They lie in a private folder beside the socket.
 //
-// Certificates of clients are asked for in the handshake, where TLS makes sure that the
-// client has the key, and are judged at each call (Policy): so that the log and the
-// client learn who was refused and why, and that one that expires or loses its authority
-// is refused also on a connection that is open already.
+// The handshake asks for clients' certificates, and TLS makes sure that the client has the key.
+// Policy judges the certificates at each call. So the log and the client learn who was refused and
+// why. Also, a certificate that expires or loses its authority is refused even on an open
+// connection.
 //
-// Threads: Update from one at a time; the rest of gRPC's own.
+// Threads: Update from one at a time; gRPC's own threads do the rest.
 // Errors: Error that names the file.
 #pragma once
 
@@ -24,24 +23,25 @@
 namespace palpate {
 
 struct TlsOptions {
-  std::filesystem::path certificate{};  // PEM, with those between it and the authority
-  std::filesystem::path key{};          // PEM
+  // PEM, with the certificates between this one and the authority
+  std::filesystem::path certificate{};
+  std::filesystem::path key{};  // PEM
 };
 
 class TlsFiles {
  public:
-  // Makes the folder (mode 0700), which goes with this object, and checks the pair.
+  // Makes the folder (mode 0700) and checks the pair. The destructor removes the folder.
   TlsFiles(const TlsOptions& options, const std::filesystem::path& folder);
   ~TlsFiles();
   TlsFiles(const TlsFiles&) = delete;
   TlsFiles& operator=(const TlsFiles&) = delete;
 
-  // Checks the pair again and gives it to gRPC, which has it within a second or two.
-  // Throws where it is not fit: the old one stays.
+  // Checks the pair again and gives it to gRPC, which uses it within a second or two. Throws if the
+  // pair cannot be used; the old pair stays then.
   void Update();
 
-  // Warns in the log once a day while the certificate nears its end. One thread at a time,
-  // with Update.
+  // Logs a warning once a day while the certificate is about to expire. One thread at a time, also
+  // for Update.
   void WarnBeforeEnd(CertificateTime now);
 
   std::shared_ptr<grpc::ServerCredentials> MakeCredentials() const;

@@ -13,7 +13,7 @@
 namespace palpate {
 namespace {
 
-// 0, 0, 0 is a place too: one that is missing is a mistake.
+// 0, 0, 0 is a valid position, so a missing position must be an error.
 Vec3 Required(bool has, const v1::Vector3& vector, const char* name) {
   if (!has) Refuse(std::string(name) + " is missing");
   return FromProto(vector);
@@ -75,7 +75,7 @@ EditFrame FrameOf(v1::EditFrame frame) {
 }
 
 EditFrame FrameOf(const v1::EditVolumeRequest& request) {
-  // A block has one frame only.
+  // A block always uses the index frame.
   if (request.frame() == v1::EDIT_FRAME_UNSPECIFIED && request.has_block()) {
     return EditFrame::kIndex;
   }
@@ -103,7 +103,7 @@ FilterKind KindOf(v1::FilterKind kind) {
   }
 }
 
-// Numbers that are no int are refused with the rest of those that are too large.
+// Numbers above the range of int are refused later, as too large.
 int Int(std::uint32_t number) {
   return static_cast<int>(std::min<std::uint32_t>(number, std::numeric_limits<int>::max()));
 }

@@ -1,4 +1,4 @@
-// Edits between the wire and the volume's editor.
+// Converts edits between messages and the volume's editor.
 //
 // Pure; any thread.
 #pragma once
@@ -10,9 +10,8 @@
 
 namespace palpate {
 
-// Throws Error (kInvalidArgument; kTooLarge for a block of too many bytes) for a
-// request that says no edit: no shape, no operation, a position that is missing.
-// Numbers are the editor's to check.
+// Throws Error: kInvalidArgument if the request has no shape, no operation or no position;
+// kTooLarge for a block of too many bytes. The editor checks the numbers.
 VolumeEdit FromProto(const v1::EditVolumeRequest& request);
 
 // The same for a filter.

@@ -10,7 +10,7 @@
 namespace palpate {
 namespace {
 
-// As palpate-import names them.
+// The names that palpate-import uses.
 std::string TypeName(v1::VoxelType type) {
   switch (type) {
     case v1::VOXEL_TYPE_INT8:

@@ -8,8 +8,8 @@ namespace palpate {
 
 v1::VolumeDescription ToProto(const VolumeState& state);
 
-// As given, the source not yet judged. Throws Error (kInvalidArgument) for a type
-// of voxels that is unknown; all else is the loader's.
+// Converts the request; the source is not judged yet. Throws Error (kInvalidArgument) for an
+// unknown type of voxels. The loader checks everything else.
 LoadRequest FromProto(const v1::LoadVolumeRequest& request);
 
 }  // namespace palpate

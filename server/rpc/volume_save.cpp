@@ -25,7 +25,7 @@ v1::SaveVolumeResult VolumeSaver::SaveChecked(grpc::ServerContext* context,
                                               const Admission& admission,
                                               const v1::SaveVolumeRequest& request,
                                               grpc::ServerWriter<v1::SaveVolumeResponse>* writer) {
-  // Two that write to one path would mix.
+  // Two saves to one path would mix.
   const std::unique_lock saving(saving_, std::try_to_lock);
   if (!saving) {
     throw Error(ErrorKind::kConflict, "a volume is being saved: try again when it is done");

@@ -1,4 +1,4 @@
-// SaveVolume: the volume as it is now, to a file.
+// SaveVolume: saves the present volume to a file.
 //
 // Threads: any; one save at a time, others are refused.
 #pragma once
@@ -14,8 +14,8 @@
 
 namespace palpate {
 
-// The path to write to for one that a client names. Throws Error where it may not
-// be written to (kPermissionDenied).
+// Returns the path to write for a path that a client names. Throws Error (kPermissionDenied) if the
+// client must not write there.
 using SavePathCheck = std::function<std::filesystem::path(const std::string& path)>;
 
 class VolumeSaver {
@@ -23,7 +23,7 @@ class VolumeSaver {
   VolumeSaver(Session& session, SavePathCheck check)
       : session_(session), check_(std::move(check)) {}
 
-  // As of VolumeService.
+  // Implements VolumeService.SaveVolume.
   grpc::Status Save(grpc::ServerContext* context, const Admission& admission,
                     const v1::SaveVolumeRequest& request,
                     grpc::ServerWriter<v1::SaveVolumeResponse>* writer);

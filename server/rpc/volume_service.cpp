@@ -60,7 +60,7 @@ grpc::Status VolumeService::LoadVolume(grpc::ServerContext* context,
   try {
     LoadRequest load = FromProto(*request);
     load.source = paths_.CheckLoad(request->source());
-    load.title = request->source();  // as it was asked for, links not followed
+    load.title = request->source();  // as the client named it, without following links
     AppliedTick applied;
     const VolumeState state = session_.LoadAndWait(load, progress, cancelled, applied);
     v1::LoadVolumeResponse event;

@@ -1,4 +1,4 @@
-// VolumeService: translates between the wire and the session.
+// VolumeService: translates between messages and the session.
 #pragma once
 
 #include "palpate/v1/volume.grpc.pb.h"
@@ -17,7 +17,7 @@ namespace palpate {
 class VolumeService final
     : public v1::VolumeService::WithCallbackMethod_StreamVolume<v1::VolumeService::Service> {
  public:
-  // Borrows all.
+  // Borrows all arguments.
   VolumeService(Access& access, Session& session, VolumeEditor& editor, const PathPolicy& paths,
                 const UploadOptions& uploads, VolumeStreams& streams, ServiceMetrics& metrics)
       : access_(access),

@@ -18,7 +18,7 @@ class VolumeReactor final : public VolumeStreamReactor,
   VolumeReactor(VolumeStreams& streams, Admission admission)
       : streams_(streams), admission_(std::move(admission)) {}
 
-  // The stream lives until OnDone.
+  // The stream keeps itself alive until OnDone.
   void Begin(std::shared_ptr<VolumeReactor> self) {
     self_ = std::move(self);
     StartRead(&request_);
@@ -72,7 +72,7 @@ class VolumeReactor final : public VolumeStreamReactor,
     return {grpc::StatusCode::INVALID_ARGUMENT, "the first request must be `start`"};
   }
 
-  // Errors: Error for a request that has no place here.
+  // Throws Error for a request that is not allowed now.
   void Take(const v1::StreamVolumeRequest& request) {
     if (request.has_start()) {
       if (stream_) throw Error(ErrorKind::kInvalidArgument, "`start` comes once");
@@ -90,8 +90,8 @@ class VolumeReactor final : public VolumeStreamReactor,
     VolumeFeedOptions options;
     options.max_unacknowledged = start.max_unacknowledged();
     if (start.has_resume_from()) options.resume_from = FromProto(start.resume_from());
-    // The first message may be built before this returns: its write waits for the
-    // lock, and its end finds the stream.
+    // The streams may start the first write before Subscribe returns. The write then waits for the
+    // lock, so its end finds stream_ set.
     const std::lock_guard lock(mutex_);
     stream_ = streams_.Subscribe(options, weak_from_this());
   }
@@ -108,7 +108,7 @@ class VolumeReactor final : public VolumeStreamReactor,
   std::shared_ptr<VolumeReactor> self_;
   v1::StreamVolumeRequest request_;
 
-  std::mutex mutex_;  // guards what follows, and what is started
+  std::mutex mutex_;  // guards the members below, and the start of reads and writes
   bool finished_ = false;
   v1::StreamVolumeResponse response_;
   std::shared_ptr<VolumeStreams::Stream> stream_;

@@ -1,10 +1,9 @@
-// VolumeService.StreamVolume: one reactor per subscriber, with one write
-// outstanding.
+// VolumeService.StreamVolume: one reactor per subscriber, with at most one write in progress.
 //
-// Threads: gRPC's bring requests and end writes; the streams' thread starts
-// writes. Nothing here blocks.
-// Ownership: the streams hold a reactor by weak_ptr; it holds itself until gRPC is
-// done with it.
+// Threads: gRPC's threads deliver requests and finish writes; the streams' thread starts writes. No
+// thread blocks here.
+// Ownership: the streams hold a reactor by weak_ptr. A reactor holds itself until gRPC has finished
+// with it.
 #pragma once
 
 #include <grpcpp/support/server_callback.h>
@@ -18,7 +17,7 @@ namespace palpate {
 using VolumeStreamReactor =
     grpc::ServerBidiReactor<v1::StreamVolumeRequest, v1::StreamVolumeResponse>;
 
-// Borrows the streams, which are to outlive the server.
+// Borrows the streams. They must outlive the server.
 VolumeStreamReactor* StreamVolumeTo(VolumeStreams& streams, Admission admission);
 
 }  // namespace palpate

@@ -15,7 +15,7 @@ namespace {
 
 constexpr std::size_t kMostBytesPerMessage = 1 << 20;
 
-// Takes all messages. A stream that breaks off ends as one with too few bytes.
+// Takes all messages. If the stream breaks off, the upload ends with too few bytes.
 void Receive(grpc::ServerReader<v1::UploadVolumeRequest>& reader, Upload& upload) {
   for (v1::UploadVolumeRequest message; reader.Read(&message);) {
     if (!message.has_data()) Refuse("after the start of an upload there is data alone");
@@ -27,7 +27,7 @@ void Receive(grpc::ServerReader<v1::UploadVolumeRequest>& reader, Upload& upload
   upload.Finish();
 }
 
-// The client knows nothing of the file on this machine.
+// Replaces the file's path by the upload's title: the client does not know the path.
 Error WithTitle(const std::exception& error, const Upload& upload) {
   std::string message = error.what();
   const std::string path = upload.path().string();
@@ -43,7 +43,8 @@ Error WithTitle(const std::exception& error, const Upload& upload) {
 
 VolumeState VolumeService::LoadUpload(const Upload& upload, LoadRequest request,
                                       const LoadCancelled& cancelled, AppliedTick& applied) {
-  request.source = std::filesystem::canonical(upload.path());  // its folder is ours alone
+  // only this user can enter its folder
+  request.source = std::filesystem::canonical(upload.path());
   request.source_stays = false;
   request.title = upload.title();
   const auto quiet = [](std::string_view, double) {};
