@@ -19,7 +19,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// So that a line with it can be sent back.
+// Limited, so that a message can repeat the path.
 constexpr std::size_t kLongestPath = 1024;
 
 bool IsControl(unsigned char c) { return c < 0x20 || c == 0x7f; }
@@ -31,7 +31,7 @@ fs::path ParsePath(const std::string& path) {
   return path;
 }
 
-// Links and ".." followed as far as there is something; what is to come stays.
+// Follows links and ".." in the part of the path that exists; keeps the rest.
 fs::path Resolve(const fs::path& path) {
   std::error_code error;
   fs::path resolved = fs::weakly_canonical(path, error);
@@ -54,7 +54,7 @@ std::vector<fs::path> ResolveFolders(const std::vector<fs::path>& folders) {
   return resolved;
 }
 
-// By components, so that /data does not hold /database.
+// Compares by components, so that /data does not hold /database.
 bool IsWithin(const fs::path& folder, const fs::path& path) {
   return std::mismatch(folder.begin(), folder.end(), path.begin(), path.end()).first ==
          folder.end();
@@ -98,7 +98,7 @@ PathPolicy::PathPolicy(const PathPolicyOptions& options)
       own_files_(options.own_files) {}
 
 void PathPolicy::CheckText(const std::string& path) {
-  // Neither is told back.
+  // These two messages do not repeat the path.
   if (path.size() > kLongestPath) {
     Refuse("the path is longer than " + std::to_string(kLongestPath) + " bytes");
   }
@@ -121,7 +121,7 @@ fs::path PathPolicy::CheckLoad(const std::string& path) const {
 
 std::unique_ptr<std::istream> PathPolicy::OpenToLoad(const std::string& path) const {
   if (IsBuiltin(path)) Refuse(path + ": this is no file; name one");
-  // A pipe is not waited for.
+  // O_NONBLOCK: does not wait for the writer of a pipe.
   const int descriptor = OpenPlain(CheckLoad(path), O_RDONLY | O_NONBLOCK);
   if (descriptor < 0) {
     const std::string why = std::generic_category().message(errno);
@@ -143,7 +143,7 @@ std::unique_ptr<std::istream> PathPolicy::OpenToLoad(const std::string& path) co
 
 fs::path PathPolicy::CheckSave(const std::string& path) const {
   const fs::path resolved = Resolve(ParsePath(path));
-  // First, so that nothing is told of what is elsewhere.
+  // Checked first, so that the messages below tell nothing about other folders.
   CheckWithin(save_folders_, resolved, path, "save", kSaveKey);
   CheckNotOwn(own_files_, resolved, path);
   std::error_code error;
@@ -152,7 +152,7 @@ fs::path PathPolicy::CheckSave(const std::string& path) const {
   if (!fs::is_directory(resolved.parent_path(), error)) {
     throw Error(ErrorKind::kNotFound, path + ": there is no such folder; make it first");
   }
-  // A link that leads nowhere is still a link here.
+  // A link to a missing file is still a link here.
   const fs::file_status status = fs::symlink_status(resolved, error);
   if (fs::exists(status) && !fs::is_regular_file(status)) {
     Refuse(path + ": this is no regular file; name another");

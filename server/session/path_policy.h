@@ -1,11 +1,11 @@
-// Which files clients may have the daemon read and write.
+// Decides which files clients may read and write through the daemon.
 //
-// A client names files on the daemon's machine; the daemon may see more of that
-// machine than the client should. Paths are judged by where they lead: symbolic
-// links and ".." are followed first. Someone who changes links on this machine
-// between the judgement and the use meets the kernel (server/import/confinement.h, OpenToLoad,
-// common/files/new_file.h). Not covered: palpated's own files in a folder that clients may load
-// from, if somebody on this machine renames them while they are looked at.
+// A client names files on the daemon's machine, and the daemon may see more of the machine than the
+// client should. A path is judged by the place to which it leads: symbolic links and ".." are
+// followed first. If somebody on this machine changes links between the judgement and the use, the
+// kernel refuses the use (server/import/confinement.h, OpenToLoad, common/files/new_file.h). One
+// case is not covered: somebody on this machine renames palpated's own files inside a folder that
+// clients may load from, during the check.
 //
 // Threads: any, at once; asks the file system. Ownership: holds its folders.
 #pragma once
@@ -21,48 +21,49 @@
 namespace palpate {
 
 struct PathPolicyOptions {
-  // Absolute paths of folders. Empty: nothing may be loaded, or saved.
+  // Absolute paths of folders. If a list is empty, clients may load nothing, or save nothing.
   std::vector<std::filesystem::path> load_folders{};
   std::vector<std::filesystem::path> save_folders{};
-  // Neither loaded nor saved to, whatever the lists say.
+  // Never loaded or overwritten, whatever the lists say.
   OwnFiles own_files{};
 };
 
-// The folder that the process was started in: where clients load from and save to by default.
+// The folder in which the process was started. By default, clients load from and save to this
+// folder.
 std::filesystem::path CurrentFolder();
 
 class PathPolicy {
  public:
-  // The configuration's names of the lists, for messages.
+  // The names of the lists in the configuration, for messages.
   static constexpr char kLoadKey[] = "volume.load_folders";
   static constexpr char kSaveKey[] = "volume.save_folders";
 
-  // From nowhere, to nowhere.
+  // Allows neither loading nor saving.
   PathPolicy() : PathPolicy(PathPolicyOptions{}) {}
-  // Throws Error (kInvalidArgument) for a path that is not absolute or no folder.
+  // Throws Error (kInvalidArgument) for a path that is not absolute or not a folder.
   explicit PathPolicy(const PathPolicyOptions& options);
 
-  // Whether it can be a path, and be told back in one line. Throws Error
-  // (kInvalidArgument): too long, control characters.
+  // Checks that the text can be a path, and can be printed in one line. Throws Error
+  // (kInvalidArgument) if it is too long or has control characters.
   static void CheckText(const std::string& path);
 
-  // Where a file or folder to load lies, links followed; "builtin:..." stays as it
-  // is. Whether it is there is left to those who open it.
-  // Throws Error: kInvalidArgument (not absolute, as CheckText), kPermissionDenied.
+  // Returns the real path of a file or folder to load, with links followed; "builtin:..." stays
+  // unchanged. Does not check that the file exists.
+  // Throws Error: kInvalidArgument (not absolute, or as CheckText), kPermissionDenied.
   std::filesystem::path CheckLoad(const std::string& path) const;
 
-  // The same, opened: a regular file. Links that have come meanwhile are not followed.
-  // Throws Error: as CheckLoad; kInvalidArgument (no regular file), kNotFound.
+  // Checks the path in the same way, and opens the regular file. Does not follow links that were
+  // made in the meantime.
+  // Throws Error: as CheckLoad; kInvalidArgument (not a regular file), kNotFound.
   std::unique_ptr<std::istream> OpenToLoad(const std::string& path) const;
 
-  // Where a file to write lies, links followed. Its folder is there; it itself is a
-  // regular file or not there.
-  // Throws Error: kInvalidArgument (not absolute, as CheckText, no name, no
-  // regular file),
+  // Returns the real path of a file to write, with links followed. The folder must exist. The file
+  // must be a regular file or not exist.
+  // Throws Error: kInvalidArgument (not absolute, no name, not a regular file, or as CheckText),
   // kNotFound (no such folder), kPermissionDenied.
   std::filesystem::path CheckSave(const std::string& path) const;
 
-  // Links followed.
+  // The real paths, with links followed.
   const std::vector<std::filesystem::path>& load_folders() const { return load_folders_; }
 
  private:

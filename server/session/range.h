@@ -1,6 +1,6 @@
-// Numbers that must lie within a range, and one wording for those that do not.
+// Checks that numbers lie within a range, with one wording for all errors.
 //
-// Threads: any. Errors: RangeError, which says which number it was.
+// Threads: any. Errors: RangeError, which names the number.
 #pragma once
 
 #include <fmt/core.h>
@@ -22,7 +22,7 @@ class RangeError : public Error {
   std::string name_;
 };
 
-// `unit` with a leading blank, or empty. NaN is in no range.
+// `unit`: with a leading blank, or empty. Also refuses NaN.
 inline void CheckRange(std::string_view name, double value, double low, double high,
                        std::string_view unit) {
   if (value >= low && value <= high) return;

@@ -16,7 +16,7 @@ std::string Text(const Vec3i& size) {
   return std::to_string(size.x()) + "x" + std::to_string(size.y()) + "x" + std::to_string(size.z());
 }
 
-// Reads frame after frame.
+// Reads the frames one after the other.
 class Reader {
  public:
   Reader(const VolumeLoader& loader, std::span<const std::filesystem::path> files,
@@ -46,14 +46,14 @@ class Reader {
   }
 
  private:
-  // For all frames to come, and one more on its way, each as large as the largest so far.
+  // Claims memory for all later frames and the one being read, each as large as the largest so far.
   void Claim(const LoadMemory& frame) {
     frame_memory_.volume_bytes = std::max(frame_memory_.volume_bytes, frame.volume_bytes);
     frame_memory_.passing_bytes = std::max(frame_memory_.passing_bytes, frame.passing_bytes);
     ClaimRest(0);
   }
 
-  // Less what the next frame has made.
+  // Reduces the claim by the bytes that the next frame has already made.
   void ClaimRest(std::uint64_t made_bytes) {
     claim_.Resize((count_ - frames_.size() + 1) * frame_memory_.volume_bytes +
                   frame_memory_.passing_bytes - std::min(made_bytes, frame_memory_.volume_bytes));
@@ -78,13 +78,13 @@ class Reader {
                                          CheckSize(request.source, size);
                                          Claim(memory);
                                        });
-    // They are much the same for every frame.
+    // Keeps only the first frame's warnings: all frames have about the same.
     if (frame == 0) warnings_.insert(warnings_.end(), warnings.begin(), warnings.end());
     Take(volume, request.source);
     ClaimRest(0);
   }
 
-  // Before the voxels are read.
+  // Called before the voxels are read.
   void CheckSize(const std::string& source, const Vec3i& size) {
     if (!frames_.empty() && size != metadata_.size) RefuseSize(source, size);
   }
@@ -101,7 +101,8 @@ class Reader {
     }
     if (frames_.empty()) {
       metadata_ = volume.metadata;
-      // Frames share one lattice, and are saved as any other volume.
+      // Frames share one lattice. A frame is saved like a volume that did not come from a .vdb
+      // file.
       metadata_.grid_form = nullptr;
     } else if (volume.metadata.is_level_set != metadata_.is_level_set) {
       Refuse(source + ": level sets and densities cannot be frames of one series");
@@ -110,7 +111,7 @@ class Reader {
     }
     metadata_.value_min = std::min(metadata_.value_min, volume.metadata.value_min);
     metadata_.value_max = std::max(metadata_.value_max, volume.metadata.value_max);
-    // What is beyond the lattice is settled when the range of all frames is known.
+    // Finish sets the final background beyond the lattice, when the range of all frames is known.
     frames_.push_back(pool_->Share(volume.bricks, metadata_.size,
                                    static_cast<float>(volume.metadata.Background())));
     if (cancelled_()) throw Error(ErrorKind::kCancelled, "loading was cancelled");

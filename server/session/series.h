@@ -1,6 +1,6 @@
-// The frames of a time series: loaded, and blended.
+// Loads and blends the frames of a time series.
 //
-// Frame: I, one lattice for all. Values in data units, one range for all.
+// Frame: I; all frames have one lattice. Values in data units; all frames have one range.
 // Threads: LoadSeries on any ordinary thread, blocks until done; Blend is pure.
 #pragma once
 
@@ -18,23 +18,25 @@
 namespace palpate {
 
 struct LoadedSeries {
-  VolumeMetadata metadata;             // of the first frame, but for the range and the frames
-  std::vector<BrickDirectory> frames;  // what is equal in several is shared
+  VolumeMetadata metadata;  // of the first frame; range and number of frames are of all frames
+  std::vector<BrickDirectory> frames;  // frames share equal leaves
   std::uint64_t memory_bytes = 0;      // of all frames
 };
 
-// One file with several frames, or files of one frame each. Of `request` spacing_mm,
-// raw, grid and component are used. The memory of all frames is claimed before the first is read,
-// or right after it where only the file tells how many they are. The claim shrinks as they are
-// made. Throws Error: as VolumeLoader::Load; kInvalidArgument for fewer than two frames, several in
-// one of several files, other sizes, level sets among densities; kTooLarge. `work`: this thread's.
+// Loads one file with several frames, or several files with one frame each. Uses spacing_mm, raw,
+// grid and component of `request`. Claims the memory of all frames before it reads the first frame;
+// if only the file tells the number of frames, right after the first frame. The claim shrinks as
+// frames are made. Throws Error: as VolumeLoader::Load; kInvalidArgument for fewer than two frames,
+// for several frames in one of several files, for different sizes, and for level sets mixed with
+// densities; kTooLarge. `work`: the calling thread's.
 LoadedSeries LoadSeries(const VolumeLoader& loader, std::span<const std::filesystem::path> files,
                         const LoadRequest& request, const LoadProgress& progress,
                         const LoadCancelled& cancelled, std::vector<std::string>& warnings,
                         const BrickWork& work);
 
-// (1 - share) of `from` and `share` of `to`; bricks that both have stay shared. `bytes_known`: told
-// of the memory that the others take, before they are made; what it throws ends the blend.
+// Returns (1 - share) of `from` plus `share` of `to`. Bricks that both have stay shared.
+// `bytes_known`: called with the memory for the other bricks before they are made; an exception
+// from it ends the blend.
 BrickDirectory Blend(const BrickDirectory& from, const BrickDirectory& to, double share,
                      const std::function<void(std::uint64_t bytes)>& bytes_known = {});
 

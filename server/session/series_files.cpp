@@ -15,7 +15,7 @@ namespace fs = std::filesystem;
 
 bool IsPattern(std::string_view name) { return name.find_first_of("*?") != name.npos; }
 
-// fnmatch() knows more than * and ?.
+// Escapes the other special characters of fnmatch().
 std::string OnlyStarsAndQuestionMarks(const std::string& name) {
   std::string pattern;
   for (const char c : name) {
@@ -52,7 +52,7 @@ std::vector<fs::path> Matches(const std::string& source, const PathPolicy& paths
 
 bool IsDigit(char c) { return c >= '0' && c <= '9'; }
 
-// Takes a number off the front, without leading zeros.
+// Takes a number from the front, and drops its leading zeros.
 std::string_view TakeNumber(std::string_view& text) {
   const auto end = std::find_if_not(text.begin(), text.end(), IsDigit);
   std::string_view number = text.substr(0, static_cast<std::size_t>(end - text.begin()));
@@ -61,7 +61,8 @@ std::string_view TakeNumber(std::string_view& text) {
   return number;
 }
 
-// Negative, 0 or positive, for names that may differ in leading zeros alone.
+// Returns a negative number, 0 or a positive number. Names that differ only in leading zeros give
+// 0.
 int CompareByNumbers(std::string_view a, std::string_view b) {
   while (!a.empty() && !b.empty()) {
     if (IsDigit(a.front()) && IsDigit(b.front())) {
@@ -93,7 +94,7 @@ std::vector<fs::path> FindSeriesFiles(std::span<const std::string> sources,
     if (IsBuiltin(source)) {
       throw Error(ErrorKind::kInvalidArgument, source + ": a series is made of files");
     }
-    // What is wrong with the path itself is CheckLoad's to say.
+    // CheckLoad reports other errors of the path.
     const bool is_pattern = source.starts_with('/') && IsPattern(source);
     const std::vector<fs::path> found =
         is_pattern ? Matches(source, paths) : std::vector<fs::path>{paths.CheckLoad(source)};

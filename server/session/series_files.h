@@ -1,4 +1,4 @@
-// The files of a time series, from what a client named.
+// Finds the files of a time series that a client has named.
 //
 // Threads: any; asks the file system.
 #pragma once
@@ -13,19 +13,18 @@
 
 namespace palpate {
 
-// More frames are refused.
+// A series with more frames is refused.
 inline constexpr std::size_t kMostFrames = 10'000;
 
-// Absolute paths, links followed, in the order of time. The last part of a source may
-// be a pattern with * and ?: its matches come in the order of the numbers in their
-// names.
-// Throws Error: kInvalidArgument (no source, a pattern without a match, a builtin
-// volume), kTooLarge (too many), and as PathPolicy::CheckLoad.
+// Returns absolute paths, with links followed, in the order of time. The last part of a source may
+// be a pattern with * and ?. The matches are ordered by the numbers in their names.
+// Throws Error: kInvalidArgument (no source, a pattern without a match, a builtin volume),
+// kTooLarge (too many files), and as PathPolicy::CheckLoad.
 std::vector<std::filesystem::path> FindSeriesFiles(std::span<const std::string> sources,
                                                    const PathPolicy& paths);
 
-// Runs of digits compare as the numbers that they are: t9 comes before t10. A strict
-// order: equal only for equal names.
+// Compares names; runs of digits compare as numbers: t9 comes before t10. A strict order: only
+// equal names are equal.
 bool ComesBefore(std::string_view a, std::string_view b);
 
 }  // namespace palpate

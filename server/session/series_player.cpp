@@ -16,14 +16,14 @@ namespace palpate {
 namespace {
 
 constexpr std::chrono::nanoseconds kInterval{1'000'000'000 / SeriesPlayer::kMostPerSecond};
-// After which a paused player finds out that another volume was loaded.
+// A paused player checks this often whether another volume was loaded.
 constexpr std::chrono::milliseconds kIdleInterval{100};
 
 [[noreturn]] void FailWithoutSeries() {
   throw Error(ErrorKind::kConflict, "no series is loaded: load one first");
 }
 
-// NaN is in no range.
+// The checks also refuse NaN.
 void CheckControl(const SeriesControl& control, std::size_t frames) {
   const auto last = static_cast<double>(frames - 1);
   if (control.position_frames &&
@@ -38,17 +38,17 @@ void CheckControl(const SeriesControl& control, std::size_t frames) {
 
 }  // namespace
 
-// Written by the player's thread alone, but for the atomic.
+// Only the player's thread writes it, except for the atomic.
 struct SeriesPlayer::Series {
-  std::vector<BrickDirectory> loaded;  // as they were loaded
-  std::vector<BrickDirectory> frames;  // with what was edited
+  std::vector<BrickDirectory> loaded;  // the frames as loaded
+  std::vector<BrickDirectory> frames;  // the frames with their edits
   Vec3i size;
   std::uint64_t loaded_revision = 0;
   std::vector<std::uint64_t> edited_bytes;  // of each frame
   std::atomic<std::uint64_t> memory_bytes = 0;
   double shown = 0.0;
-  std::uint64_t shown_revision = 0;  // a later one is an edit
-  bool said_no_room = false;         // for frames in between
+  std::uint64_t shown_revision = 0;  // a later revision is an edit
+  bool said_no_room = false;         // the missing memory for blends was already logged
 };
 
 SeriesPlayer::SeriesPlayer(Session& session) : session_(session), thread_([this] { Run(); }) {}
@@ -82,7 +82,7 @@ VolumeState SeriesPlayer::Load(std::span<const std::filesystem::path> files,
   series->edited_bytes.resize(loaded.frames.size());
   series->frames = loaded.frames;
   series->loaded = std::move(loaded.frames);
-  // Whether it is published or not, what is left over is freed by another thread.
+  // Another thread frees the rest, whether the series is published or not.
   struct Retire {
     ~Retire() { retired.Add(std::move(series)); }
     RetiredVolumes& retired;
@@ -126,7 +126,7 @@ SeriesState SeriesPlayer::Control(const SeriesControl& control) {
   SeriesState state;
   {
     const std::lock_guard lock(mutex_);
-    StateLocked(volume);  // there is a series
+    StateLocked(volume);  // throws if there is no series
     CheckControl(control, series_->loaded.size());
     const Clock::time_point now = Clock::now();
     Advance(now);
@@ -160,7 +160,7 @@ void SeriesPlayer::Advance(Clock::time_point now) {
   if (loop_) {
     position_ = std::fmod(position_, frames);
     if (position_ < 0.0) position_ += frames;
-    // A tiny negative number and the count of frames make the latter.
+    // A tiny negative number plus the number of frames may round to the number of frames.
     if (position_ >= frames) position_ = 0.0;
     return;
   }
@@ -202,7 +202,7 @@ void SeriesPlayer::Run() {
     }
     lock.lock();
     if (!goes_on && series_ == series) session_.retired().Add(std::exchange(series_, nullptr));
-    // However often it is controlled.
+    // Limits the rate of frames, however often a client calls Control.
     wake_.wait_until(lock, started + kInterval, [this] { return stop_; });
   }
 }
@@ -224,7 +224,7 @@ bool SeriesPlayer::KeepEdits(Series& series, const VolumeSnapshot& present) {
   return true;
 }
 
-// None where there is no memory for it: the frame before it is shown then.
+// Returns none if there is no memory for the blend. Then the frame before the blend is shown.
 std::optional<BrickDirectory> SeriesPlayer::TryBlend(Series& series, std::size_t frame,
                                                      double share, MemoryClaim& claim) {
   try {
@@ -254,14 +254,14 @@ bool SeriesPlayer::Show(Series& series, double position) {
   MemoryClaim claim;
   std::optional<BrickDirectory> blended;
   if (share > 0.0) {
-    // Before the frame is blended, and not while: others wait to edit.
+    // Checked before the blend, in a transaction of its own: others can edit during the blend.
     store.Edit([&](const auto& present) {
       look_at(*present);
       return std::vector<BrickChange>();
     });
     if (!is_due) return goes_on;
     blended = TryBlend(series, frame, share, claim);
-    claim = {};  // now its bricks count
+    claim = {};  // the bricks are now counted themselves
   }
   const EditedRevisions shown = store.Edit([&](const auto& present) {
     look_at(*present);

@@ -39,7 +39,7 @@ struct SeriesState {
   bool loop = false;
   bool interpolate = false;
   std::uint64_t memory_bytes = 0;
-  std::uint64_t volume_revision = 0;  // under the stylus now
+  std::uint64_t volume_revision = 0;  // of the volume that the stylus feels now
 };
 
 // Absent fields leave their setting unchanged.
@@ -95,7 +95,7 @@ class SeriesPlayer {
 
   Session& session_;
 
-  mutable std::mutex mutex_;  // guards what follows; never held while publishing
+  mutable std::mutex mutex_;  // guards the members below; never held while publishing
   std::condition_variable wake_;
   bool stop_ = false;
   bool changed_ = false;
@@ -105,7 +105,7 @@ class SeriesPlayer {
   double rate_hz_ = 10.0;
   bool loop_ = false;
   bool interpolate_ = false;
-  Clock::time_point advanced_at_;  // position_ was right then
+  Clock::time_point advanced_at_;  // the time for which position_ was computed
 
   std::thread thread_;
 };

@@ -13,12 +13,11 @@
 namespace palpate {
 namespace {
 
-// A tick takes 1 ms; a servo that needs this long does not run.
+// A tick takes 1 ms. If the servo needs this long, it does not run.
 constexpr std::chrono::milliseconds kServoPatience{2000};
 
-// The normalised density that stands for an isovalue in data units: the largest
-// whose data value is not above it, so that no density at or below it reads back
-// above the isovalue.
+// The normalised density for an isovalue in data units: the largest density whose data value is not
+// above the isovalue. So no density at or below it reads back above the isovalue.
 double DensityOf(const VolumeSnapshot& volume, double isovalue) {
   double density = volume.Normalize(isovalue);
   while (volume.Denormalize(density) > isovalue) {
@@ -27,7 +26,7 @@ double DensityOf(const VolumeSnapshot& volume, double isovalue) {
   return density;
 }
 
-// Takes the isovalue in whichever form it is given; `current` is normalised.
+// Takes the isovalue in the form that was given. `current` is normalised.
 double ChosenIsovalue(const VolumeSnapshot& volume, const std::optional<double>& isovalue,
                       const std::optional<double>& normalized, double current) {
   if (isovalue && normalized) {
@@ -51,8 +50,8 @@ void CheckHaptics(const HapticSettings& haptics) {
   }
 }
 
-// Only some methods promise that the proxy never falls through; a hand is not to
-// find out about the others.
+// Only some methods guarantee that the proxy never falls through. The others must not run on a
+// device that moves a hand.
 void CheckMethod(DecompositionMethod method, const DeviceSpec& device) {
   if (IsSafe(method) || device.verification_level == VerificationLevel::kSimulated) return;
   throw Error(ErrorKind::kInvalidArgument,
@@ -116,7 +115,7 @@ FeltSession Session::Felt() const {
   if (!request.source_stays) request.source.clear();
   const bool is_edited = is_reshaped_ || volume_->revision() != volume_->loaded_revision();
   RenderSettings settings = settings_;
-  // The file has its own range, and refuses an isovalue beyond it.
+  // The file has its own range and would refuse an isovalue outside it.
   settings.isovalue = std::clamp(settings.isovalue, loaded_range_.first, loaded_range_.second);
   return {std::move(request), is_edited, settings, settings_revision_};
 }
@@ -178,7 +177,7 @@ SettingsApplied Session::Update(const SettingsUpdate& update) {
     CheckRevision(update.expected_revision, settings_revision_);
     const RenderSettings changed = Changed(*volume_, settings_, update);
     CheckMethod(changed.method, device_);
-    // Another decomposition is another surface to the proxy.
+    // Another decomposition makes another surface for the proxy.
     if (changed.method != settings_.method) ++geometry_revision_;
     before = std::exchange(settings_, changed);
     ++settings_revision_;
@@ -199,9 +198,8 @@ std::unique_lock<std::mutex> Session::BeginLoad() {
   std::unique_lock loading(load_mutex_, std::try_to_lock);
   if (!loading) {
     throw Error(ErrorKind::kConflict,
-                "another volume is being loaded, a recording replayed, or the volume filtered as a "
-                "whole: try "
-                "again when it is done");
+                "another volume is being loaded, a recording is being replayed, or the whole "
+                "volume is being filtered: try again when it is done");
   }
   return loading;
 }
@@ -213,7 +211,7 @@ VolumeState Session::Load(const LoadRequest& request, const LoadProgress& progre
   MemoryClaim claim = loader_.budget->Claim("the new volume", 0);
   const auto loaded = std::make_shared<const LoadedVolume>(
       LoadBricks(request, progress, cancelled, claim, warnings));
-  retired().Add(loaded);  // also where it is not published
+  retired().Add(loaded);  // also if it is not published
   for (const std::string& warning : warnings) LogWarning("{}", warning);
   VolumeMetadata metadata = loaded->metadata;
   metadata.source = request.title.empty() ? request.source : request.title;
@@ -225,7 +223,7 @@ VolumeState Session::Load(const LoadRequest& request, const LoadProgress& progre
   return PublishVolume(request, metadata, loaded->bricks);
 }
 
-// The claim shrinks as bricks are made, so that nothing counts twice for long.
+// The claim shrinks as bricks are made, so that nothing is counted twice for long.
 LoadedVolume Session::LoadBricks(const LoadRequest& request, const LoadProgress& progress,
                                  const LoadCancelled& cancelled, MemoryClaim& claim,
                                  std::vector<std::string>& warnings) {
@@ -251,7 +249,8 @@ Registration Session::PlaceLoaded(const LoadRequest& request,
   return Apply({.device_mm_per_volume_mm = scale}, metadata, device_, *stored);
 }
 
-// Normalised: where it was, unless that means nothing here.
+// Returns the normalised isovalue to start with: the last one, or a default if the last one has no
+// meaning for this volume.
 double Session::StartingDensity(const VolumeSnapshot& volume) const {
   const VolumeMetadata& metadata = volume.metadata();
   if (metadata.is_level_set) return std::clamp(volume.Normalize(0.0), 0.0, 1.0);
@@ -259,8 +258,8 @@ double Session::StartingDensity(const VolumeSnapshot& volume) const {
   return was_level_set ? RenderSettings().normalized_isovalue : settings_.normalized_isovalue;
 }
 
-// A level set starts to be felt from outside, where its values are above; a density as the one
-// before it.
+// A level set is first felt from outside, where its values are higher. A density keeps the free
+// side of the last density.
 void Session::TakeSideOf(const VolumeMetadata& metadata, const std::optional<FreeSide>& wanted) {
   const bool was_level_set = volume_ && volume_->metadata().is_level_set;
   FreeSide& side = settings_.haptics.free_side;
@@ -323,14 +322,14 @@ std::uint64_t Session::PublishEdited(const std::shared_ptr<const VolumeSnapshot>
   return scene_revision_;
 }
 
-// It stays where it lies, and is felt on.
+// The volume stays in its place and can still be felt.
 void Session::TakeLattice() {
   const VolumeMetadata& metadata = volume_->metadata();
   is_reshaped_ = !metadata.reloadable;
   ++geometry_revision_;
   X_DI_ = registration_.X_DW * metadata.WorldFromIndex();
   registration_.p_DCenter_mm = registration_.X_DW.Apply(VolumeCenterMm(metadata));
-  // One that was held within a range comes back with the range.
+  // If the isovalue was clamped to a range, a wider range brings it back.
   const bool was_held = held_isovalue_ && held_isovalue_->second == settings_.isovalue;
   const double wanted = was_held ? held_isovalue_->first : settings_.isovalue;
   settings_.isovalue = std::clamp(wanted, metadata.value_min, metadata.value_max);
@@ -352,7 +351,8 @@ VolumeState Session::Move(const std::function<Registration(const VolumeState&)>&
   CheckRevision(expected_revision, settings_revision_);
   registration_ = change(VolumeLocked());
   X_DI_ = registration_.X_DW * volume_->metadata().WorldFromIndex();
-  // Another lattice than the file's would take the place of the file's.
+  // After a reshape, the registration is not stored: it would replace the registration of the
+  // file's lattice.
   if (registration_store_ && keep && !is_reshaped_) {
     registration_store_->Keep(volume_->metadata(), registration_);
   }

@@ -1,14 +1,15 @@
-// Owns what is felt: the volume, its registration, the isovalue and settings.
-// Validates every change, publishes it to the servo as one scene, and says at
-// which tick it was first used.
+// Owns everything that is felt: the volume, its registration, the isovalue and the settings.
+// Validates every change, publishes the change to the servo as one scene, and reports the tick that
+// used the change first.
 //
-// Revisions: of the scene, with all that is published; of the settings, with
-// settings, registration and volumes that are loaded; of the volume, with volumes
-// that are loaded and whatever changes voxels.
+// Revisions:
+//   scene     rises with every scene that is published
+//   settings  rises with changes of settings and registration, and with loaded volumes
+//   volume    rises with loaded volumes and with every change of voxels
 //
 // Isovalues: in data units, or normalised over the range of the volume at load.
 // Threads: any ordinary thread; never the servo's. Changes are serialised.
-// Errors: Error; nothing changes then, and what was felt stays.
+// Errors: Error; then nothing changes.
 #pragma once
 
 #include <cstdint>
@@ -34,7 +35,7 @@
 
 namespace palpate {
 
-// What to change; isovalue in one of its two forms.
+// The changes to make. Give the isovalue in at most one of its two forms.
 struct SettingsUpdate {
   std::optional<double> isovalue{};
   std::optional<double> normalized_isovalue{};
@@ -51,28 +52,28 @@ struct SettingsState {
   std::uint64_t settings_revision = 0;
 };
 
-// Told of every scene before the servo can see it, in order.
+// Called for every scene before the servo can see it, in order.
 class SceneListener {
  public:
   SceneListener() = default;
   virtual ~SceneListener() = default;
   SceneListener(const SceneListener&) = delete;
   SceneListener& operator=(const SceneListener&) = delete;
-  // Of a scene with the volume of the one before it but for these bricks; none for
-  // another volume (its revision is its loaded_revision then). On the thread that
-  // publishes; must not block, nor call the session.
+  // `changes`: the bricks in which the scene's volume differs from the last scene's. Empty for
+  // another volume (its revision then equals its loaded revision). Called on the thread that
+  // publishes. Must not block or call the session.
   virtual void OnScene(const Scene& scene, std::span<const BrickChange> changes) = 0;
 };
 
 class Session;
 
-// Has a session tell a listener, for as long as it lives. Before the first Load. The last member
-// of its listener, so that it goes first.
+// Registers a listener with a session during the lifetime of this object. Construct it before the
+// first Load. Make it the last member of its listener, so that it is destroyed first.
 class Listening {
  public:
   // Borrows both.
   Listening(Session& session, SceneListener& listener);
-  // When it returns, the listener is not called any more.
+  // After its return, the listener is not called any more.
   ~Listening();
   Listening(const Listening&) = delete;
   Listening& operator=(const Listening&) = delete;
@@ -99,69 +100,69 @@ class Session {
   friend class Listening;
 
  public:
-  // Borrows all but the loader's options.
+  // Borrows all arguments except the loader's options.
   Session(const DeviceSpec& device, SceneInbox& inbox, Pump& pump, VolumeLoader loader);
   Session(const Session&) = delete;
   Session& operator=(const Session&) = delete;
 
-  // Where volumes lay before and will lie again; before the first Load, borrowed.
+  // Sets the store of earlier registrations. Volumes are placed there again when loaded. Call it
+  // before the first Load; borrowed.
   void SetRegistrationStore(RegistrationStore& store) { registration_store_ = &store; }
 
-  // Once a Load has succeeded.
+  // Call these after the first successful Load.
   SettingsState settings() const;
   VolumeState volume() const;
   FeltSession Felt() const;
 
-  // Waits until the servo has used the change. kInvalidArgument, kConflict,
-  // kUnavailable: what a servo that has just stopped did not use is taken back, unless
-  // somebody else has changed settings since.
+  // Waits until the servo has used the change. Throws kInvalidArgument, kConflict, kUnavailable. If
+  // the servo stops before it uses the change, the change is taken back, unless somebody else has
+  // changed settings since.
   SettingsApplied Update(const SettingsUpdate& update);
 
-  // Settings to start with, but for the isovalue; before the first Load.
+  // Sets the settings to start with, except for the isovalue. Call it before the first Load. Throws
   // kInvalidArgument.
   void SetInitial(const RenderSettings& settings);
 
-  // Loads and publishes without waiting for the servo: at start-up, before it
-  // runs.
+  // Loads and publishes without waiting for the servo. For the start, before the servo runs.
   VolumeState Load(const LoadRequest& request, const LoadProgress& progress,
                    const LoadCancelled& cancelled);
-  // The same for a running servo; `applied` is the first tick with the volume.
-  // kConflict while another load runs.
+  // Loads with a running servo; `applied` is the first tick with the volume. Throws kConflict while
+  // another load runs.
   VolumeState LoadAndWait(const LoadRequest& request, const LoadProgress& progress,
                           const LoadCancelled& cancelled, AppliedTick& applied);
 
-  // For those who load by other ways: held for as long as it takes. kConflict while
-  // another load runs.
+  // Blocks other loads as long as the caller holds the lock; for callers that load without Load().
+  // Throws kConflict while another load runs.
   std::unique_lock<std::mutex> BeginLoad();
-  // Publishes another volume: where it lay when it was felt last, or fitted, with
-  // the request's scale if that names one. `frames_bytes`: of all frames, where it is one of
-  // several that are in memory; for messages.
+  // Publishes another volume. It lies where it was felt last, or is fitted to the workspace. The
+  // request's scale, if given, replaces the scale. `frames_bytes`: the memory of all frames if the
+  // volume is one of several frames; used in messages.
   VolumeState PublishVolume(const LoadRequest& request, const VolumeMetadata& metadata,
                             const BrickDirectory& bricks, std::uint64_t frames_bytes = 0);
 
-  // Voxels are changed there, by Edit.
+  // Change voxels by its Edit.
   VolumeStore& store() { return store_; }
 
-  // Where the volume lies. `change` makes the new one of the present one, under the
-  // session's lock. kInvalidArgument; kConflict for another settings revision than
-  // expected. `keep`: for when the volume is loaded again.
+  // Moves the volume. `change` computes the new registration from the present state, under the
+  // session's lock. Throws kInvalidArgument; kConflict if the settings revision is not the expected
+  // one. `keep`: stores the registration for the next load of the volume.
   VolumeState Move(const std::function<Registration(const VolumeState&)>& change,
                    const std::optional<std::uint64_t>& expected_revision = {}, bool keep = true);
 
-  // Nothing is felt while on.
+  // No force is felt while this is on.
   void SetForcesOff(bool off);
 
-  // The tick at which the servo first used a scene. kUnavailable.
+  // Returns the tick at which the servo first used a scene. Throws kUnavailable.
   AppliedTick WaitForServo(std::uint64_t scene_revision);
 
-  // For volumes, and what else holds many bricks, that nobody shows any more.
+  // Add volumes and other owners of many bricks here when nobody shows them any more.
   RetiredVolumes& retired() { return store_.retired(); }
 
   const DeviceSpec& device() const { return device_; }
   const VolumeLoader& loader() const { return loader_; }
 
  private:
-  // kUnavailable where the servo stands, so that nobody would feel a change.
+  // Throws kUnavailable if the servo does not run, because then nobody would feel a change.
   void RequireServo() const;
   Registration PlaceLoaded(const LoadRequest& request, const VolumeMetadata& metadata) const;
   double StartingDensity(const VolumeSnapshot& volume) const;
@@ -184,26 +185,26 @@ class Session {
   VolumeLoader loader_;
   RegistrationStore* registration_store_ = nullptr;
 
-  // In the order in which they are taken; the store's comes between the two.
+  // Lock order: load_mutex_, the store's mutex, mutex_.
   std::mutex load_mutex_;
-  mutable std::mutex mutex_;  // guards what follows
+  mutable std::mutex mutex_;  // guards the members below
   std::vector<SceneListener*> listeners_;
-  std::shared_ptr<const VolumeSnapshot> volume_;  // of the newest scene
-  LoadRequest request_;                           // which volume_ came of
-  bool is_reshaped_ = false;                      // since then
-  std::pair<double, double> loaded_range_{};      // of values, then
-  // The isovalue that was chosen, and what it became in the range of another lattice.
+  std::shared_ptr<const VolumeSnapshot> volume_;  // the newest scene's volume
+  LoadRequest request_;                           // the request that loaded volume_
+  bool is_reshaped_ = false;                      // the lattice has changed since the load
+  std::pair<double, double> loaded_range_{};      // range of values at the load
+  // The chosen isovalue, and its value after clamping to the range of another lattice.
   std::optional<std::pair<double, double>> held_isovalue_{};
   Registration registration_;
   AffineMap X_DI_;
   RenderSettings settings_;
-  FreeSide side_of_densities_ = FreeSide::kBelow;  // while a level set is felt
+  FreeSide side_of_densities_ = FreeSide::kBelow;  // the free side to restore after a level set
   bool forces_off_ = false;
   std::uint64_t settings_revision_ = 0;
   std::uint64_t geometry_revision_ = 0;
   std::uint64_t scene_revision_ = 0;
 
-  // Its thread ends first.
+  // Last, so that its thread ends before the other members.
   VolumeStore store_{
       loader_.budget, [this] { inbox_.Collect(); },
       [this](const std::shared_ptr<const VolumeSnapshot>& volume,

@@ -7,9 +7,10 @@
 namespace palpate {
 namespace {
 
-// Scenes published faster than the servo takes them up, or while it stands still.
+// The most scenes kept when they are published faster than the servo uses them, or while the servo
+// stands still.
 constexpr std::size_t kMostScenes = 4096;
-// A device's orientation is a turn up to this.
+// An orientation is accepted if its norm differs from 1 by at most this.
 constexpr double kUnitTolerance = 1e-3;
 
 Vec3 ToVector(const std::array<double, 3>& v) { return {v[0], v[1], v[2]}; }
@@ -17,12 +18,12 @@ Vec3 ToVector(const std::array<double, 3>& v) { return {v[0], v[1], v[2]}; }
 std::optional<Eigen::Quaterniond> Orientation(const TickSample& sample) {
   const auto& [w, x, y, z] = sample.stylus_orientation;
   const Eigen::Quaterniond q(w, x, y, z);
-  // False for NaN.
+  // Also refuses NaN: the comparison is false.
   if (!(std::abs(q.norm() - 1.0) <= kUnitTolerance)) return std::nullopt;
   return q.normalized();
 }
 
-// What brings a pose with `from` to `to`.
+// The motion that turns the first pose into the second.
 RigidMotion Between(const Vec3& p_from, const Eigen::Quaterniond& R_from, const Vec3& p_to,
                     const Eigen::Quaterniond& R_to) {
   RigidMotion motion;
@@ -38,7 +39,7 @@ double DistanceToLine(const Vec3& p, const Vec3& from, const Vec3& to) {
   return (from + at * way - p).norm();
 }
 
-// Makes `step` a part of the one before it, where that changes the way by little.
+// Joins `step` to the step before it if this changes the path only a little.
 bool Joined(const CarveStep& step, CarveStep& before) {
   constexpr double kStraightness = 0.125;  // of the radius
   if (step.stroke != before.stroke || step.p_WFrom_mm != before.p_WTo_mm ||
@@ -69,8 +70,7 @@ void ToolStrokes::OnScene(const Scene& scene) {
   tools.value_per_s = settings.carve_rate_per_s * (metadata.value_max - metadata.value_min);
   if (!tools_.empty()) {
     const Tools& last = tools_.back();
-    const bool same =
-        tools.loaded_revision == last.loaded_revision && tools.X_WD == last.X_WD;
+    const bool same = tools.loaded_revision == last.loaded_revision && tools.X_WD == last.X_WD;
     tools.placement = last.placement + !same;
   }
   tools_.push_back(tools);
@@ -87,7 +87,7 @@ const ToolStrokes::Tools* ToolStrokes::ToolsOf(const TickSample& sample) {
 
 bool ToolStrokes::OnSample(const TickSample& sample) {
   const Tools* tools = ToolsOf(sample);
-  // Where samples were lost, buttons may have been released and pressed again.
+  // If samples were lost, a button may have been released and pressed again.
   const bool lost = sample.tick != std::exchange(next_tick_, sample.tick + 1);
   if (lost || !tools) {
     FollowClutch(false, sample);
@@ -146,9 +146,9 @@ void ToolStrokes::FollowCarve(bool held, const Tools& tools, const TickSample& s
   if (began || carve_.placement != tools.placement) {
     BeginCarveStep(tools, p_W_mm, sample.time_ns);
   }
-  // What is away from the stylus's free side is what it feels as material.
+  // The stylus feels the values away from its free side as material.
   const double away = sample.free_side == FreeSide::kBelow ? -1.0 : 1.0;
-  // After a fault no more than a step is made up for.
+  // After a fault, carves at most for the time of one step.
   const std::int64_t since_ns = std::min(sample.time_ns - carve_.until_ns, kToolStepNs);
   carve_.step.value += away * tools.value_per_s * (1e-9 * static_cast<double>(since_ns));
   carve_.step.radius_mm = tools.radius_mm;

@@ -10,8 +10,7 @@
 namespace palpate {
 namespace {
 
-// Whether the box around the step reaches a voxel: the stylus may well carve in thin
-// air.
+// True if the box around the step reaches a voxel: the stylus may carve outside the volume.
 bool Touches(const CarveStep& step, const VolumeMetadata& volume) {
   const AffineMap X_IW = volume.WorldFromIndex().Inverse();
   const Vec3 from_I = X_IW.Apply(step.p_WFrom_mm), to_I = X_IW.Apply(step.p_WTo_mm);
@@ -21,7 +20,7 @@ bool Touches(const CarveStep& step, const VolumeMetadata& volume) {
   return (high.array() >= 0.0).all() && (low.array() <= last.array()).all();
 }
 
-// All of the value along the way of SCP_H, less and less beside it.
+// The full value along the path of SCP_H, and less beside it.
 VolumeEdit ToEdit(const CarveStep& step) {
   const double half_mm = 0.5 * step.radius_mm;
   VolumeEdit edit;
@@ -106,7 +105,7 @@ void StylusTools::Move(const RigidMotion& motion) {
 void StylusTools::Carve(const CarveStep& step) {
   if (step.stroke == failed_stroke_) return;
   const VolumeState state = session_.volume();
-  // Another volume was loaded meanwhile: the stroke was not meant for it.
+  // Another volume was loaded in the meantime: the stroke was not meant for it.
   if (state.volume->loaded_revision() != step.loaded_revision) return;
   if (!Touches(step, state.volume->metadata())) return;
   try {

@@ -1,14 +1,14 @@
-// The tools of the stylus at work: a thread that moves the volume and changes
-// voxels as the samples say (tool_strokes.h).
+// Runs the stylus's tools: a thread that moves the volume and changes voxels as the samples tell
+// (tool_strokes.h).
 //
-// The servo suspends the forces by itself, in the very tick in which the clutch's
-// button is held; here, a moment later, the volume follows. The volume ends exactly
-// where the last held tick had the stylus.
+// The servo itself suspends the forces, in the same tick in which the clutch's button is pressed.
+// The volume follows a moment later, and ends exactly where the stylus was in the last tick with
+// the button held.
 //
-// Threads: OnScene under the session's lock, OnSample on the pump thread, neither of
-// which ever waits for a change; changes are made on the thread that Start starts.
-// Undoing takes back what was carved from a press to the release.
-// Errors: a change that is refused is said in the log, once a stroke.
+// Threads: OnScene under the session's lock, OnSample on the pump thread. Neither waits for a
+// change: the thread started by Start makes the changes.
+// One Undo takes back all carving from a press to its release.
+// Errors: a refused change is logged, once per stroke.
 #pragma once
 
 #include <condition_variable>
@@ -23,18 +23,18 @@ namespace palpate {
 
 class StylusTools final : public SampleSink, public SceneListener {
  public:
-  // Borrows both. The session tells it of every scene: before the first Load.
+  // Borrows both. Listens to the session: construct it before the first Load.
   StylusTools(Session& session, VolumeEditor& editor) : session_(session), editor_(editor) {}
   ~StylusTools() override { Stop(); }
 
   void Start();
-  // What is due is done before.
+  // Finishes the work that is due.
   void Stop() noexcept;
 
   void OnScene(const Scene& scene, std::span<const BrickChange> changes) override;
   void OnSample(const TickSample& sample) override;
 
-  // Does what is due now: the work of the thread, for those who have none.
+  // Does the work that is due now, for callers without the thread.
   void Work() noexcept;
 
  private:
@@ -47,7 +47,7 @@ class StylusTools final : public SampleSink, public SceneListener {
   std::uint64_t failed_stroke_ = 0;
   bool move_failed_ = false;
 
-  std::mutex mutex_;  // guards what follows; not held while the session is called
+  std::mutex mutex_;  // guards the members below; not held while the session is called
   std::condition_variable due_;
   ToolStrokes strokes_;
   bool is_due_ = false;

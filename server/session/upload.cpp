@@ -30,7 +30,7 @@ bool IsPlainName(const std::string& name) {
   });
 }
 
-// In the order in which a client can do something about it.
+// Checks in the order in which a client can correct the errors.
 UploadStart Checked(const UploadStart& start, const UploadOptions& options) {
   if (!IsPlainName(start.name)) {
     Refuse("the name of an upload must be that of a file, without a folder, at most " +
@@ -42,7 +42,7 @@ UploadStart Checked(const UploadStart& start, const UploadOptions& options) {
            ".mha, which hold both");
   }
   if (!start.holds_voxels && !options.vdb && name.ends_with(".vdb")) {
-    throw Error(ErrorKind::kPermissionDenied, start.name + ": .vdb files are not taken here (" +
+    throw Error(ErrorKind::kPermissionDenied, start.name + ": .vdb files are not accepted here (" +
                                                   Upload::kVdbKey +
                                                   "); convert it to .nrrd and send that");
   }

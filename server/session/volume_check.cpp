@@ -19,7 +19,7 @@ void CheckVoxelSpacing(const Vec3& spacing_mm) {
 
 void CheckScale(const std::string& source, const std::optional<Vec3>& spacing_mm,
                 double device_mm_per_volume_mm) {
-  // A file's spacing is unknown: the one that fits best.
+  // The file's spacing is unknown: assumes the spacing that fits best.
   const double of_file =
       std::clamp(1.0 / device_mm_per_volume_mm, kLeastSpacingMm, kGreatestSpacingMm);
   VolumeMetadata volume;

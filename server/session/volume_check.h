@@ -1,5 +1,4 @@
-// What can be wrong with a volume that is to be loaded, before it is; for those who may
-// not know OpenVDB.
+// Checks a request to load a volume before the load. Does not need OpenVDB.
 //
 // Threads: any. Errors: Error (kInvalidArgument).
 #pragma once
@@ -11,12 +10,12 @@
 
 namespace palpate {
 
-// Throws where there is no such builtin volume.
+// Throws if there is no such builtin volume.
 void CheckBuiltinSource(const std::string& source);
 
 void CheckVoxelSpacing(const Vec3& spacing_mm);
 
-// Without a spacing: whether that of a file could make voxels that can be felt.
+// Without `spacing_mm`, checks whether any spacing of a file could give voxels that can be felt.
 void CheckScale(const std::string& source, const std::optional<Vec3>& spacing_mm,
                 double device_mm_per_volume_mm);
 

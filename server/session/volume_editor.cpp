@@ -11,7 +11,7 @@
 namespace palpate {
 namespace {
 
-// To be felt again. Only as it was loaded it can be loaded again.
+// The volume to show again. Only the volume as loaded can be loaded again.
 ReshapedVolume AsItIs(const VolumeSnapshot& volume) {
   ReshapedVolume as_it_is{volume.metadata(), volume.bricks()};
   as_it_is.metadata.reloadable &= volume.revision() == volume.loaded_revision();
@@ -24,16 +24,16 @@ bool HaveSameLattice(const VolumeMetadata& one, const VolumeMetadata& other) {
          one.value_max == other.value_max && one.grid_form == other.grid_form;
 }
 
-// None where the lattice is another one.
+// No changes if the lattice is another one.
 EditResult ChangesTo(const VolumeSnapshot& before, const ReshapedVolume& after) {
   if (!HaveSameLattice(before.metadata(), after.metadata)) return {};
   return CompareBricks(before, before.bricks().ChangesTo(after.bricks));
 }
 
-// Others wait to edit meanwhile.
+// Short, because other editors wait in the meantime.
 constexpr std::chrono::milliseconds kFreeingPatience{200};
 
-// In its turn, and that may be late: for nobody it is not made.
+// An edit may get its turn late. If its client no longer waits, the edit is not made.
 void CheckWanted(const VolumeEditor::Cancelled& cancelled) {
   if (cancelled && cancelled()) throw Error(ErrorKind::kCancelled, "the edit was cancelled");
 }
@@ -51,7 +51,7 @@ VolumeEditor::Made::Made(ReshapedVolume of_all) : whole(std::move(of_all)) {
 
 EditOutcome VolumeEditor::Edit(const VolumeEdit& edit, const Revision& expected,
                                std::uint64_t stroke, const Cancelled& cancelled) {
-  MemoryClaim claim;  // until the edit is published
+  MemoryClaim claim;  // held until the edit is published
   const auto claim_for = [&](const VoxelBox& box) {
     claim = ClaimFor("the edit", MostBrickBytes(box));
   };
@@ -75,7 +75,7 @@ EditOutcome VolumeEditor::Apply(const Change& change, const Revision& expected,
 
 std::optional<EditOutcome> VolumeEditor::Replace(const VolumeSnapshot& before,
                                                  const ReshapedVolume& filtered) {
-  // Not while others wait to edit: it may take seconds.
+  // Compared outside the transaction, because it may take seconds and other editors would wait.
   EditResult changes = ChangesTo(before, filtered);
   bool is_late = false;
   const auto make = [&](const std::shared_ptr<const VolumeSnapshot>& present) -> Made {
@@ -152,7 +152,7 @@ EditOutcome VolumeEditor::Move(Steps& from, Steps& to, const char* empty, const 
     for (const auto& [number, values] : from.back().bricks) {
       changes.push_back({bricks.BrickOf(number), values});
     }
-    // In the order in which an edit would have them.
+    // Sorted as an edit would sort them.
     std::sort(changes.begin(), changes.end(), [&](const BrickChange& a, const BrickChange& b) {
       return bricks.NumberOf(a.brick) < bricks.NumberOf(b.brick);
     });
@@ -216,12 +216,12 @@ void VolumeEditor::Push(Steps& steps, Step step) {
   SayHistoryBytes();
 }
 
-// The last one stays: whoever filters a large volume must be able to take that back.
+// Keeps the last step: a user who filters a large volume must be able to undo it.
 void VolumeEditor::DropOldSteps() {
   while (history_bytes_ > max_history_bytes_ && undo_.size() > 1) Drop(undo_, /*oldest=*/true);
 }
 
-// What the step has of a brick already is older, and stays.
+// If the step already holds a brick, its copy is older and stays.
 void VolumeEditor::Add(const VolumeSnapshot& before, const EditResult& result, Step& step) {
   history_bytes_ -= BytesOf(step);
   for (const BrickChange& change : result.changes) {
@@ -234,7 +234,7 @@ void VolumeEditor::Add(const VolumeSnapshot& before, const EditResult& result, S
   SayHistoryBytes();
 }
 
-// Freed by another thread: it may be large.
+// Another thread frees the step, because it may be large.
 void VolumeEditor::Drop(Steps& steps, bool oldest) {
   Step& step = oldest ? steps.front() : steps.back();
   history_bytes_ -= BytesOf(step);
@@ -257,7 +257,7 @@ MemoryClaim VolumeEditor::ClaimFor(const std::string& holder, std::uint64_t byte
   if (missing > 0) {
     count(redo_);
     count(undo_);
-    if (dropped < missing) missing = 0;  // not even all of them would help
+    if (dropped < missing) missing = 0;  // dropping all of them would not be enough
   }
   while (missing > 0) {
     Steps& steps = redo_.empty() ? undo_ : redo_;
@@ -267,8 +267,8 @@ MemoryClaim VolumeEditor::ClaimFor(const std::string& holder, std::uint64_t byte
   return budget.Claim(holder, bytes, kFreeingPatience);
 }
 
-// What the loaded volume, or somebody else, has too is not freed with the step. How much of another
-// lattice that is, nobody knows.
+// Counts only leaves that nobody else holds: only these are freed with the step. For another
+// lattice the number is unknown, so it counts as 0.
 std::uint64_t VolumeEditor::FreedWith(const Step& step) {
   std::uint64_t bytes = 0;
   for (const auto& [number, leaf] : step.bricks) {
@@ -296,8 +296,8 @@ std::uint64_t VolumeEditor::HistoryBytes() {
   return bytes;
 }
 
-// Other voxels come in a transaction. A scene with the voxels of the one before may come from
-// anyone, at any time.
+// Changed voxels always come in a transaction. A scene with unchanged voxels may come from any
+// caller at any time.
 void VolumeEditor::OnScene(const Scene& scene, std::span<const BrickChange> changes) {
   const bool loaded = scene.volume->loaded_revision() != loaded_revision_;
   loaded_revision_ = scene.volume->loaded_revision();

@@ -12,19 +12,21 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-// If the filter keeps up with the edits, edits wait at most this long.
+// The longest that edits wait if the filter keeps up with them.
 constexpr double kBriefSeconds = 0.2;
-// If it does not: less than the 5 s that clients wait for an answer.
+// The longest that edits wait otherwise. It is less than the 5 s that clients wait for an answer.
 constexpr double kLongSeconds = 4.0;
-// The longest that edits ever wait. One whose client has stopped waiting is not made, nor an undo.
+// The longest that edits ever wait. By then, a client may have stopped waiting; its edit or undo is
+// not made then.
 constexpr double kLongestSeconds = 20.0;
 constexpr int kMostRounds = 8;
-// Of filters of whole volumes, each of which begins again where there were edits meanwhile.
+// The most attempts to filter a whole volume. Each attempt starts again because of an edit.
 constexpr int kMostReshapes = 3;
 // If a round leaves more than this share of its time to the next one, rounds do not help.
 constexpr double kUsefulShare = 0.7;
 
-// Of the progress. Rounds share the rest: nobody knows how many there will be.
+// The first round's share of the progress. The later rounds share the rest, because their number is
+// unknown.
 constexpr double kFirstShare = 0.9;
 
 }  // namespace
@@ -47,7 +49,7 @@ EditOutcome VolumeFilterer::Filter(const VolumeFilter& filter,
   };
   editor_.Apply(begin, expected);
   progress("filtering", 0.0);
-  // Shrinks as bricks are made, so that nothing counts twice for long.
+  // The claim shrinks as bricks are made, so that nothing is counted twice for long.
   const auto tell = [&](std::string_view stage, double fraction) {
     claim.Resize(run->MostBytes() + run->WorkBytes() -
                  std::min(run->MostBytes(), work.most_bytes()));
@@ -87,7 +89,7 @@ EditOutcome VolumeFilterer::Reshape(const VolumeFilter& filter,
   }
   throw Error(
       ErrorKind::kConflict,
-      "the volume was edited while it was filtered as a whole: nothing was filtered; filter "
+      "the volume was edited while the whole of it was filtered: nothing was filtered; filter "
       "it while nobody edits");
 }
 
@@ -115,7 +117,7 @@ EditOutcome VolumeFilterer::Finish(FilterRun& run, const LoadProgress& progress,
                     "the volume is edited faster than it can be filtered: filter a region, or "
                     "while nobody edits");
       }
-      // Without progress: its writing may wait for a client.
+      // Reports no progress: writing it may wait for a client.
       run.Compute([](double) {}, cancelled);
       finished = true;
       return run.Result();
