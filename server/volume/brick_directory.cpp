@@ -25,7 +25,7 @@ void ForEachBrick(const Vec3i& block, const Vec3i& brick_count, const Visit& vis
   }
 }
 
-// Hashes leaves, of which many in a row may be the same.
+// Hashes leaves. Many leaves in a row may be the same object, so the last hash is kept.
 class LeafHasher {
  public:
   ContentHash Of(const LeafPtr& leaf, std::uint64_t number) {
@@ -45,10 +45,10 @@ std::uint64_t BytesAt(const Leaf& leaf) { return leaf.is_constant() ? 0 : leaf.B
 
 }  // namespace
 
-// Blocks of one constant leaf, each made once.
+// Makes each block of one constant leaf only once.
 class ConstantBlocks {
  public:
-  // Counts the leaf once, however many blocks and places it has.
+  // Counts the leaf once, however many blocks and places use it.
   bool IsNew(const LeafPtr& leaf) {
     if (leaf == last_) return false;
     last_ = leaf;
@@ -133,7 +133,7 @@ BrickDirectory BrickDirectory::With(std::span<const BrickChange> changes,
     std::shared_ptr<Block>& copy = copies[BlockOf(change.brick)];
     if (!copy) {
       copy = std::make_shared<Block>(*blocks_[BlockOf(change.brick)]);
-      // From now on it takes room of its own.
+      // The copy takes its own memory.
       if (std::exchange(copy->is_constant, false)) changed.bytes_ += sizeof(Block);
     }
     const std::uint64_t number = NumberOf(change.brick);
@@ -151,7 +151,7 @@ BrickDirectory BrickDirectory::With(std::span<const BrickChange> changes,
 BrickDirectory BrickDirectory::AllChangedAt(std::uint64_t revision) const {
   BrickDirectory changed = *this;
   changed.least_revision_ = revision;
-  // A recording's volume may have seen more revisions than the session that shows it.
+  // A recording's volume may have higher revisions than the session that shows it.
   for (BlockPtr& block : changed.blocks_) {
     if (block->newest <= revision) continue;
     auto copy = std::make_shared<Block>(*block);

@@ -1,17 +1,17 @@
-// The voxels of a volume: leaves of 8³ voxels (leaf.h) in blocks of 8³ leaves, each leaf with the
-// volume revision at which it changed last.
+// The voxels of a volume: leaves of 8³ voxels (leaf.h) in blocks of 8³ leaves. Each leaf has the
+// volume revision of its last change.
 //
-// A directory never changes; a change makes a new one, which shares all that
-// stayed: leaves, and blocks. So a change costs what it touches, any
-// number of readers keep what they read, and "what changed since revision n" is
-// answered without a history: from the revisions that the leaves carry. A block of one value
-// throughout is one object wherever it stands: a sparse volume takes what its leaves take.
+// A directory never changes. A change makes a new directory that shares all unchanged leaves and
+// blocks with the old one. So a change costs only the leaves and blocks that it touches, and any
+// number of readers keep the state that they read. The revisions of the leaves tell which leaves
+// changed since revision n, without a history. A block with one value throughout is one object for
+// all its places, so a sparse volume takes only the memory of its leaves.
 //
-// Frame: I, voxel indices; brick (a, b, c) holds voxels 8a .. 8a + 7 along x and so
-// on, voxel (i, j, k) of a brick at 64 i + 8 j + k. Voxels beyond the lattice are
-// the background. Values in data units.
-// Threads: any, at once. Real-time: Find and RevisionOf are wait-free and do not
-// allocate; the rest is not for real-time code. Ownership: shared.
+// Frame: I, voxel indices. Brick (a, b, c) holds voxels 8a .. 8a + 7 along x, and likewise along y
+// and z. Voxel (i, j, k) of a brick is at 64 i + 8 j + k. Voxels beyond the lattice are the
+// background. Values in data units.
+// Threads: any, at once. Real-time: Find and RevisionOf are wait-free and do not allocate; the rest
+// is not for real-time code. Ownership: shared.
 #pragma once
 
 #include <algorithm>
@@ -30,31 +30,31 @@
 namespace palpate {
 
 struct BrickChange {
-  Vec3i brick;  // its coordinates
+  Vec3i brick;  // the brick's coordinates
   LeafPtr values;
 };
 
 class BrickDirectory {
  public:
-  // leaf(brick) for every brick, none null; all of them changed at revision 1. Asks block by block;
-  // blocks with the smallest z come first.
+  // Makes a directory with leaf(brick), never null, for every brick. All leaves count as changed at
+  // revision 1. Calls `leaf` block by block; blocks with the smallest z come first.
   BrickDirectory(const Vec3i& size_voxels, const std::function<LeafPtr(const Vec3i& brick)>& leaf);
 
-  // This directory with other leaves, which changed at `revision`; none twice.
+  // Returns this directory with other leaves, changed at `revision`. No brick may occur twice.
   BrickDirectory With(std::span<const BrickChange> changes, std::uint64_t revision) const;
 
-  // The same leaves, all of which changed at `revision`.
+  // Returns the same leaves, all changed at `revision`.
   BrickDirectory AllChangedAt(std::uint64_t revision) const;
 
-  // What makes `this` to `other`, which has as many voxels: leaves that are
-  // another object with other values. Blocks that both share cost nothing.
+  // Returns the changes that turn `this` into `other`, which must have the same number of voxels:
+  // leaves that are another object with other values. Shared blocks cost no time.
   std::vector<BrickChange> ChangesTo(const BrickDirectory& other) const;
 
   const Vec3i& brick_count() const { return brick_count_; }
   std::uint64_t NumberOf(const Vec3i& brick) const { return BrickNumber(brick, brick_count_); }
   Vec3i BrickOf(std::uint64_t number) const { return BrickWithNumber(number, brick_count_); }
 
-  // The leaf that holds voxel (i, j, k), which is within the lattice.
+  // The leaf that holds voxel (i, j, k). The voxel must be within the lattice.
   const Leaf& Find(int i, int j, int k) const noexcept {
     const std::size_t block =
         (static_cast<std::size_t>(i >> 6) * block_count_.y() + (j >> 6)) * block_count_.z() +
@@ -70,22 +70,22 @@ class BrickDirectory {
   std::vector<std::uint64_t> ChangedSince(std::uint64_t revision) const;
 
   const ContentHash& content_hash() const { return hash_; }
-  // What leaves and directory take of the heap, as if this directory alone held them. A constant
+  // Heap memory of the leaves and the directory, as if this directory alone held them. A constant
   // leaf counts once if the directory was made with it, and not at all if With() put it there.
   std::uint64_t MemoryBytes() const { return bytes_; }
-  // The most that With() takes for changes in bricks min .. max, both included, beside their
-  // leaves.
+  // The most memory that With() takes for changes in bricks min .. max, both included, without
+  // their leaves.
   static std::uint64_t BlockBytes(const Vec3i& min, const Vec3i& max);
-  // The most that a volume of this size and type can take.
+  // The most memory that a volume of this size and type can take.
   static std::uint64_t MemoryBytes(const Vec3i& size_voxels, LeafType type = LeafType::kFloat);
 
  private:
   // 8³ leaves, in the order of voxels in a brick.
   struct BlockContents {
-    std::array<LeafPtr, kBrickVoxels> leaves;  // none beyond the lattice, but in constant blocks
+    std::array<LeafPtr, kBrickVoxels> leaves;  // null beyond the lattice, except in constant blocks
     std::array<std::uint64_t, kBrickVoxels> revisions{};
     std::uint64_t newest = 0;
-    bool is_constant = false;  // and may stand at many places
+    bool is_constant = false;  // such a block may be used at many places
   };
   // Counts itself (brick_memory.h).
   struct Block : BlockContents {
@@ -105,11 +105,11 @@ class BrickDirectory {
     return VoxelInBrick(brick.x(), brick.y(), brick.z());
   }
 
-  // All bricks of the blocks that are wanted, block by block.
+  // Visits all bricks of the wanted blocks, block by block.
   void ForEachBrickOfBlocks(const std::function<bool(std::size_t block)>& wanted,
                             const std::function<void(std::size_t block, std::size_t place,
                                                      const Vec3i& brick)>& visit) const;
-  // Those of one block, and what they take.
+  // Adds the leaves of one block, and their memory.
   void Add(const Vec3i& block, const std::function<LeafPtr(const Vec3i& brick)>& leaf,
            class ConstantBlocks* constants);
 
@@ -118,7 +118,7 @@ class BrickDirectory {
   Vec3i brick_count_;
   Vec3i block_count_;
   std::vector<BlockPtr> blocks_;
-  std::uint64_t least_revision_ = 1;  // of every leaf
+  std::uint64_t least_revision_ = 1;  // no leaf's revision is lower
   ContentHash hash_;
   std::uint64_t bytes_ = 0;
 };

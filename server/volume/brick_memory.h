@@ -1,11 +1,11 @@
-// How much memory the process holds in bricks: leaves (leaf.h) and blocks of directories
-// (brick_directory.h), each counted once, whoever holds it and however many do.
+// Counts the memory that the process holds in bricks: leaves (leaf.h) and blocks of directories
+// (brick_directory.h). Each object counts once, however many owners it has.
 //
 // So volumes, frames of series, steps to undo, and old states that streams and recordings still
-// read need no bookkeeping of their own.
+// read need no counting of their own.
 //
-// Threads: any, at once. Real-time: reading is wait-free; nothing is counted on the servo's thread,
-// which neither makes nor frees bricks.
+// Threads: any, at once. Real-time: reading is wait-free. Nothing is counted on the servo's thread,
+// which never makes or frees bricks.
 #pragma once
 
 #include <algorithm>
@@ -19,24 +19,24 @@ class BrickWork;
 
 namespace internal {
 inline std::atomic<std::uint64_t> live_brick_bytes{0};
-inline thread_local BrickWork* brick_work = nullptr;  // the innermost of the thread
+inline thread_local BrickWork* brick_work = nullptr;  // the innermost one of this thread
 }  // namespace internal
 
 inline std::uint64_t LiveBrickBytes() noexcept {
   return internal::live_brick_bytes.load(std::memory_order_relaxed);
 }
 
-// For the constructors and destructors of what is counted.
+// Called by the constructors and destructors of leaves and blocks.
 void AddBrickBytes(std::uint64_t bytes) noexcept;
 void SubtractBrickBytes(std::uint64_t bytes) noexcept;
 
-// What the thread that constructed it makes and frees of bricks while it lives. Nested ones hide
-// the outer one.
+// Counts the bricks that its own thread makes and frees during its lifetime. While a nested object
+// lives, the outer one does not count.
 class BrickWork {
  public:
   enum class Freed : std::uint8_t {
-    kGone,     // counts no more
-    kStillIn,  // counts until LetGo: the heap has it, and the system does not
+    kGone,     // freed bricks no longer count
+    kStillIn,  // freed bricks count until LetGo: the heap still holds their memory
   };
   explicit BrickWork(Freed freed = Freed::kGone) noexcept
       : freed_(freed), outer_(std::exchange(internal::brick_work, this)) {}
@@ -47,12 +47,12 @@ class BrickWork {
   BrickWork(const BrickWork&) = delete;
   BrickWork& operator=(const BrickWork&) = delete;
 
-  // Made and not freed; 0 where more was freed. Now, and at most so far.
+  // Bytes made and not freed: now, and at the highest point. 0 if more was freed than made.
   std::uint64_t made_bytes() const noexcept {
     return made_ > 0 ? static_cast<std::uint64_t>(made_) : 0;
   }
   std::uint64_t most_bytes() const noexcept { return static_cast<std::uint64_t>(most_); }
-  // Freed, and counted still.
+  // Bytes freed that still count.
   std::uint64_t kept_bytes() const noexcept { return kept_; }
   void LetGo() noexcept {
     internal::live_brick_bytes.fetch_sub(std::exchange(kept_, 0), std::memory_order_relaxed);

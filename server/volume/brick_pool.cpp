@@ -8,7 +8,7 @@
 namespace palpate {
 namespace {
 
-// With the background beyond the lattice.
+// Returns the leaf with the background beyond the lattice.
 LeafPtr WithBackground(const LeafPtr& leaf, const Vec3i& voxels, float background) {
   Brick filled = leaf->Floats();
   for (int i = 0; i < kBrickEdge; ++i) {
@@ -29,7 +29,7 @@ LeafPtr BrickPool::Share(const LeafPtr& leaf) {
   const std::uint64_t hash = HashOfBrick(leaf->Floats(), 0).low;
   const auto [begin, end] = by_hash_.equal_range(hash);
   for (auto known = begin; known != end; ++known) {
-    // Bits rather than values: -0 is not 0 to a content hash.
+    // Compares bits, not values: a content hash distinguishes -0 and 0.
     if (HaveSameBits(*known->second, *leaf)) return known->second;
   }
   by_hash_.emplace(hash, leaf);
@@ -56,7 +56,7 @@ std::uint64_t MemoryBytes(std::span<const BrickDirectory> directories, const Vec
       if (leaves.insert(leaf.get()).second) leaf_bytes += leaf->Bytes();
     }
   }
-  // What the directories themselves take, at most.
+  // The most memory that the directories themselves take.
   const std::uint64_t places = static_cast<std::uint64_t>(
       directories.empty() ? 0 : directories[0].brick_count().cast<std::int64_t>().prod());
   const std::uint64_t each =

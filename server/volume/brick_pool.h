@@ -1,7 +1,6 @@
-// Leaves of the same values, kept once.
+// Keeps leaves with equal values once.
 //
-// Threads: one at a time. Ownership: the pool keeps what went into it until it is
-// destroyed.
+// Threads: one at a time. Ownership: the pool keeps its leaves until it is destroyed.
 #pragma once
 
 #include <cstdint>
@@ -14,18 +13,19 @@ namespace palpate {
 
 class BrickPool {
  public:
-  // The leaf of these values (the same bits, as floats) that came first: this one, or another.
+  // Returns the first leaf with the same values (the same bits, as floats): this leaf or an earlier
+  // one.
   LeafPtr Share(const LeafPtr& leaf);
 
-  // The same voxels out of shared leaves. Those of the last leaves along an axis that
-  // lie beyond the lattice become `background`.
+  // Returns the same voxels, made of shared leaves. In the last leaves along an axis, voxels beyond
+  // the lattice become `background`.
   BrickDirectory Share(const BrickDirectory& bricks, const Vec3i& size_voxels, float background);
 
  private:
   std::unordered_multimap<std::uint64_t, LeafPtr> by_hash_;
 };
 
-// Of all their leaves, shared ones counted once. All of them of this lattice.
+// Memory of all their leaves; shared leaves count once. All directories must be of this lattice.
 std::uint64_t MemoryBytes(std::span<const BrickDirectory> directories, const Vec3i& size_voxels);
 
 }  // namespace palpate

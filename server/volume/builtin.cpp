@@ -56,7 +56,7 @@ double CylinderField(const Vec3& p) {
   return std::max(0.0, 1.0 - radius / 50.0);
 }
 
-// Parses "name[:N]"; `edge` keeps its value where N is not given.
+// Parses "name[:N]"; without N, `edge` keeps its value.
 std::string_view SplitEdge(std::string_view text, std::string_view source, int& edge) {
   const std::size_t colon = text.find(':');
   if (colon == std::string_view::npos) return text;
@@ -131,7 +131,7 @@ BuiltinVolume MakeBuiltin(std::string_view source, const Vec3& spacing_mm, std::
   volume.metadata.spacing_mm = spacing_mm;
   volume.metadata.original_type = "float32";
   volume.metadata.source = std::string(source);
-  volume.metadata.value_min = 0.0;  // until they are known
+  volume.metadata.value_min = 0.0;  // until the values are known
   volume.metadata.value_max = 1.0;
   CheckVolumeMetadata(volume.metadata);
   volume.grid = Sample(size, field, cancelled);

@@ -34,10 +34,10 @@ class DenseLeaves {
   }
 
  private:
-  // Bit by bit: -0 is not 0.
+  // Compares bit by bit: -0 is not 0.
   static bool Same(T a, T b) { return std::memcmp(&a, &b, sizeof(T)) == 0; }
 
-  // What a row of blocks along x is made of.
+  // Reads the strip for a row of blocks along x.
   void Read(int first_y, int first_z) {
     strip_y_ = first_y;
     strip_z_ = first_z;
@@ -60,14 +60,15 @@ class DenseLeaves {
                              (static_cast<std::size_t>(layer) * strip_rows_ + line) * size_.x() +
                              corner.x();
         for (int i = 0; i < end.x(); ++i) {
-          // A zero has the background's sign, if that is zero: so volumes were always read.
+          // If the background is a zero, every zero gets the background's sign. Older versions read
+          // volumes in this way, too.
           values_[VoxelInBrick(i, j, k)] = row[i] == background_ ? background_ : row[i];
         }
       }
     }
   }
 
-  // One leaf per value, for as long as it is the same bit by bit.
+  // Makes one leaf per value; values count as equal only bit by bit.
   LeafPtr Constant(T value) {
     std::uint32_t bits = 0;
     std::memcpy(&bits, &value, sizeof(T));

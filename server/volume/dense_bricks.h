@@ -1,4 +1,4 @@
-// Leaves out of voxels that lie in a row, as files hold them.
+// Makes leaves from voxels in a row, the order of voxels in files.
 //
 // Not for real-time code. Threads: pure, any.
 #pragma once
@@ -12,18 +12,18 @@
 
 namespace palpate {
 
-// A volume that nobody feels yet.
+// A loaded volume, not yet published.
 struct LoadedVolume {
   VolumeMetadata metadata;
   BrickDirectory bricks;
 };
 
-// Puts rows first_y .. end_y - 1 of layer z, x fastest, to `rows`.
+// Copies rows first_y .. end_y - 1 of layer z, x fastest, to `rows`.
 using ReadRows = std::function<void(int z, int first_y, int end_y, void* rows)>;
 
-// Of size_voxels of the type. Reads each row once, layer by layer within 64 rows of 64 layers, and
-// holds no more than these (StripBytes) beside the leaves. Voxels of other values than `background`
-// are active. What `read` throws ends it.
+// Makes a directory of size_voxels voxels of this type. Reads each row once, layer by layer, in
+// strips of 64 rows by 64 layers. Holds only one strip (StripBytes) besides the leaves. Voxels that
+// differ from `background` are active. An exception from `read` ends the function.
 BrickDirectory MakeBricks(const Vec3i& size_voxels, LeafType type, const ReadRows& read,
                           float background);
 

@@ -11,8 +11,8 @@
 namespace palpate {
 namespace {
 
-// What changed, brick by brick. Places along an axis of a brick are the bits of a
-// mask.
+// Counts changed voxels, brick by brick. A mask holds one bit for each place along an axis of a
+// brick.
 class ChangeCounter {
  public:
   struct Masks {
@@ -42,8 +42,8 @@ class ChangeCounter {
   std::uint64_t voxels_ = 0;
 };
 
-// Has `value(n)` for the voxels of `part`, n their places in the brick, put into
-// `brick`, and says which of them are others than before.
+// Writes `value(n)` to `brick` for the voxels of `part`; n is the place in the brick. Returns which
+// of them have changed.
 template <class Value>
 ChangeCounter::Masks Replace(Brick& brick, const VoxelBox& part, const Value& value) {
   ChangeCounter::Masks masks;
@@ -67,8 +67,8 @@ ChangeCounter::Masks Replace(Brick& brick, const VoxelBox& part, const Value& va
   return masks;
 }
 
-// Means of the 27 voxels around each voxel of a brick. Sums along one axis after
-// the other; within doubles, so that equal values have exactly their own mean.
+// Means of the 27 voxels around each voxel of a brick. Sums along one axis after the other, in
+// doubles, so that the mean of equal values is exactly this value.
 class BrickMeans {
  public:
   BrickMeans(const VolumeSnapshot& volume, const Vec3i& brick) {
@@ -92,7 +92,7 @@ class BrickMeans {
   static constexpr int kStrideI = kEdge * kEdge;
   static constexpr int Place(int i, int j, int k) { return (i * kEdge + j) * kEdge + k; }
 
-  // What lies beyond the lattice adds nothing.
+  // Voxels beyond the lattice add nothing.
   void Fetch(const VolumeSnapshot& volume, const Vec3i& corner) {
     for (int i = 0; i < kEdge; ++i) {
       for (int j = 0; j < kEdge; ++j) {
@@ -106,8 +106,8 @@ class BrickMeans {
     }
   }
 
-  // Ends with the sum around voxel (i, j, k) of the brick at place (i, j, k). In
-  // place: each sum needs only places that are not overwritten yet.
+  // Afterwards, place (i, j, k) holds the sum around voxel (i, j, k) of the brick. Works in place:
+  // each sum needs only places that are not overwritten yet.
   void SumAlongAxes() {
     for (const int stride : {1, kEdge, kStrideI}) {
       for (int n = 0; n + 2 * stride < kEdge * kStrideI; ++n) {
@@ -172,7 +172,7 @@ class Editor {
   }
 
  private:
-  // What the voxels of a brick are led to, where that is not the edit's value.
+  // Fills in the value towards which each voxel changes, if it is not the edit's value.
   void FillTargets(const Vec3i& brick, const VoxelBox& part) {
     if (const auto* block = std::get_if<DenseBlock>(&edit_.shape)) {
       const Vec3i from_block = brick * kBrickEdge - block->min.cast<int>();
@@ -190,17 +190,17 @@ class Editor {
   }
 
   ChangeCounter::Masks Operate(const VoxelBox& part) {
-    // A choice of the operation outside of the loop over voxels.
+    // Chooses the operation outside the loop over voxels.
     const auto with = [&](const auto& result) {
       return Replace(after_, part, [&](std::size_t n) {
         const double weight = weights_[n];
         if (weight == 0.0) return after_[n];
         const double value = result(static_cast<double>(after_[n]), weight, targets_[n]);
-        // A zero without sign: files do not keep it.
+        // Adding 0 removes the sign of a zero: files do not keep it.
         return static_cast<float>(std::clamp(value, least_, greatest_)) + 0.0f;
       });
     };
-    // So that nothing of the old value is left by rounding.
+    // Returns the target exactly at a share of 1, so that rounding leaves nothing of the old value.
     const auto toward = [](double voxel, double share, double target) {
       return share == 1.0 ? target : voxel + share * (target - voxel);
     };

@@ -1,11 +1,11 @@
-// Changes of voxels by shapes, as palpate.v1.EditVolumeRequest explains them.
+// Changes voxels by shapes, as palpate.v1.EditVolumeRequest explains.
 //
-// The weight of a voxel is 1 within the shape and falls, as a smoothstep, to 0 over
-// the distance `falloff` outside of it. Results are held within the range of the
-// metadata. Voxels beyond the lattice are never touched.
+// The weight of a voxel is 1 within the shape. Outside, it falls to 0 over the distance `falloff`,
+// as a smoothstep. Results are clamped to the range of the metadata. Voxels beyond the lattice
+// never change.
 //
-// Frames: W (mm) or I (voxels), as the edit says; distances are those of its frame,
-// whatever spacing and direction the volume has. Values in data units.
+// Frames: W (mm) or I (voxels), as the edit says. Distances are in this frame, whatever spacing and
+// direction the volume has. Values in data units.
 // Threads: pure; any. Not for real-time code. Errors: Error.
 #pragma once
 
@@ -34,20 +34,20 @@ struct SphereShape {
   double radius = 0.0;
 };
 
-// Along the frame's axes, corners included.
+// A box along the frame's axes, including its corners.
 struct BoxShape {
   Vec3 min = Vec3::Zero();
   Vec3 max = Vec3::Zero();
 };
 
-// What a sphere sweeps on a straight way.
+// The space that a sphere sweeps on a straight path.
 struct CapsuleShape {
   Vec3 from = Vec3::Zero();
   Vec3 to = Vec3::Zero();
   double radius = 0.0;
 };
 
-// Voxels min .. min + size - 1 with a value each, x fastest; always of I, without
+// Voxels min .. min + size - 1, with one value each, x fastest. Always in the frame I, without
 // falloff.
 struct DenseBlock {
   Eigen::Matrix<std::int64_t, 3, 1> min = Eigen::Matrix<std::int64_t, 3, 1>::Zero();
@@ -59,8 +59,8 @@ struct VolumeEdit {
   std::variant<SphereShape, BoxShape, CapsuleShape, DenseBlock> shape{};
   EditFrame frame = EditFrame::kIndex;
   EditOperation operation = EditOperation::kSet;
-  double value = 0.0;     // not for smooth, nor for a block
-  double strength = 1.0;  // in (0, 1]; for smooth and paint
+  double value = 0.0;     // not used by smooth, nor by a block
+  double strength = 1.0;  // in (0, 1]; only for smooth and paint
   double falloff = 0.0;   // in the frame's unit
 };
 
@@ -71,27 +71,29 @@ struct VoxelBox {
 };
 
 struct EditResult {
-  std::vector<BrickChange> changes{};  // of the bricks in which a value changed
-  std::optional<VoxelBox> changed{};   // around the voxels that changed
+  std::vector<BrickChange> changes{};  // the bricks in which a value changed
+  std::optional<VoxelBox> changed{};   // the box around the changed voxels
   std::uint64_t changed_voxels = 0;
 };
 
-// Voxels that one edit may look at.
+// The most voxels that one edit may visit.
 inline constexpr std::int64_t kMostEditedVoxels = std::int64_t{1} << 24;
 
-// The changes that `edit` makes to `volume`, which stays as it is. Smoothing reads
-// nothing but that state; its means leave out what lies beyond the lattice.
-// kInvalidArgument: not finite, no extent, a region or a value outside of the
-// volume's; kTooLarge: more than kMostEditedVoxels in the box around the region.
-// `box_known`: told of that box before a brick is made; what it throws ends the edit.
+// Returns the changes that `edit` makes to `volume`; `volume` itself does not change. Smoothing
+// reads only the state before the edit. Its means leave out voxels beyond the lattice.
+// `box_known`: called with the box around the edit's region before a brick is made; an exception
+// from it ends the edit.
+// Throws:
+//   kInvalidArgument  a number is not finite, the shape has no extent, or the region or a value is
+//                     outside the volume's
+//   kTooLarge         more than kMostEditedVoxels in the box around the region
 EditResult ApplyEdit(const VolumeSnapshot& volume, const VolumeEdit& edit,
                      const std::function<void(const VoxelBox& box)>& box_known = {});
 
-// The most memory that other bricks for all voxels of the box take.
+// The most memory that new bricks for all voxels of the box take.
 std::uint64_t MostBrickBytes(const VoxelBox& box);
 
-// The same result for bricks that are already made. Those that differ in no value
-// are left out.
+// Returns the result for bricks that already exist. Leaves out bricks in which no value differs.
 EditResult CompareBricks(const VolumeSnapshot& volume, const std::vector<BrickChange>& changes);
 
 }  // namespace palpate

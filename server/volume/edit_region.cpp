@@ -12,13 +12,13 @@
 namespace palpate {
 namespace {
 
-// Lengths beyond this are cut, so that squares stay finite: no volume is as large.
+// Longer lengths are clamped to this, so that squares stay finite. No volume is as large.
 constexpr double kFarthest = 1e30;
 
-// From a brick's first voxel to its middle, along an axis.
+// Distance from a brick's first voxel to its middle, along an axis.
 constexpr double kHalfBrick = 0.5 * (kBrickEdge - 1);
 
-// A voxel that lies on the boundary of the region may seem to lie beyond it.
+// Allowance for rounding of voxels on the boundary of the region.
 constexpr double kSlackVoxels = 1e-6;
 
 [[noreturn]] void RefuseSize(double voxels) {
@@ -27,7 +27,7 @@ constexpr double kSlackVoxels = 1e-6;
                           voxels, kMostEditedVoxels));
 }
 
-// A sphere, or the end of a capsule.
+// Checks the centre of a sphere, or an end of a capsule.
 void CheckPoint(const Vec3& point) {
   if (!point.allFinite()) Refuse("the shape's position is not finite");
   if (point.cwiseAbs().maxCoeff() > kFarthest) {
@@ -59,7 +59,7 @@ void CheckShape(const CapsuleShape& capsule) {
   CheckRadius(capsule.radius);
 }
 
-// In float, as voxels are. NaN is in no range.
+// Compares as float, the type of voxels. Also refuses NaN.
 void CheckValue(const VolumeMetadata& metadata, double value) {
   const auto stored = static_cast<float>(value);
   if (stored >= static_cast<float>(metadata.value_min) &&
@@ -96,8 +96,8 @@ void CheckBlock(const VolumeMetadata& metadata, const VolumeEdit& edit, const De
   CheckValue(metadata, *greatest);
 }
 
-// Least and greatest coordinate of a shape along `row`, and half the width that a
-// distance of 1 adds to it: the row's length, as shapes grow alike in all
+// The least and greatest coordinate of a shape along `row`, and half the width that a distance of 1
+// adds to the shape. This half width is the row's length, because shapes grow equally in all
 // directions.
 struct Span {
   double low;
@@ -122,8 +122,8 @@ Span SpanOf(const CapsuleShape& capsule, const Vec3& row) {
   return {std::min(a, b), std::max(a, b), std::min(capsule.radius, kFarthest)};
 }
 
-// The distance of a position from a shape as a function: negative within it, and
-// never growing by more than the position moves.
+// Returns a function for the distance of a position from a shape. The distance is negative inside,
+// and never changes by more than the position moves.
 auto DistanceTo(const SphereShape& sphere) {
   return [center = sphere.center, radius = std::min(sphere.radius, kFarthest)](const Vec3& p) {
     return (p - center).norm() - radius;
@@ -232,7 +232,7 @@ EditWeights::EditWeights(const VolumeSnapshot& volume, const VolumeEdit& edit)
                     kHalfBrick);
     farthest = std::max(farthest, (X_FI_.linear * half).norm());
   }
-  // More than it is: where rounding could decide, the voxels are asked one by one.
+  // Slightly too large: if rounding could decide, each voxel is checked by itself.
   brick_radius_ = farthest * (1.0 + 1e-6);
 }
 
@@ -247,8 +247,8 @@ template <class Distance>
 bool EditWeights::Fill(const Vec3i& brick, const Distance& distance, BrickNumbers& weights) const {
   const Vec3 corner = X_FI_.Apply((brick * kBrickEdge).cast<double>());
   const Vec3 middle = corner + X_FI_.linear * Vec3::Constant(kHalfBrick);
-  // No voxel is farther from the middle, nor is its distance from the shape more
-  // different.
+  // No voxel is farther from the middle than brick_radius_, so its distance from the shape differs
+  // by at most brick_radius_.
   const double from_middle = distance(middle);
   if (from_middle - brick_radius_ > edit_.falloff) return false;
   if (from_middle + brick_radius_ <= 0.0) {

@@ -1,5 +1,5 @@
-// Where an edit acts: the checked shape, its weight at every voxel, and the box of
-// voxels that it can reach.
+// Finds where an edit acts: the checked shape, its weight at every voxel, and the box of voxels
+// that it can reach.
 //
 // Frames: positions of voxels in I; the shape in W (mm) or I (voxels).
 // Threads: pure; any. Errors: Error.
@@ -12,13 +12,13 @@
 
 namespace palpate {
 
-// Throws Error (kInvalidArgument) for an edit that makes no sense on `volume`
-// whatever its region. The region is checked by EditedVoxels.
+// Throws Error (kInvalidArgument) for an edit that is invalid for `volume`, whatever its region.
+// EditedVoxels checks the region.
 void CheckEdit(const VolumeSnapshot& volume, const VolumeEdit& edit);
 
-// The voxels that the edit can reach, within the lattice; none where the shape is
-// so small that it lies between them. kInvalidArgument for a region that misses the
-// lattice, or a block that sticks out; kTooLarge for more than `most_voxels`.
+// Returns the voxels of the lattice that the edit can reach; none if the shape is so small that it
+// lies between voxels. Throws kInvalidArgument for a region outside the lattice, or a block that
+// reaches beyond it; kTooLarge for more than `most_voxels`.
 std::optional<VoxelBox> EditedVoxels(const VolumeSnapshot& volume, const VolumeEdit& edit,
                                      std::int64_t most_voxels = kMostEditedVoxels);
 
@@ -30,7 +30,8 @@ class EditWeights {
  public:
   EditWeights(const VolumeSnapshot& volume, const VolumeEdit& edit);
 
-  // Of the voxels of a brick, each in [0, 1]. False: all are 0, and none is set.
+  // Computes the weights of a brick's voxels, each in [0, 1]. If all are 0, returns false and does
+  // not set `weights`.
   bool Of(const Vec3i& brick, BrickNumbers& weights) const;
 
  private:

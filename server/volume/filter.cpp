@@ -25,10 +25,10 @@ namespace {
 using Clock = std::chrono::steady_clock;
 using Node = openvdb::FloatTree::LeafNodeType;
 
-// Parts of the volume, in bricks: larger ones where more is read around them.
+// Edges of parts, in bricks. Parts are larger if more voxels are read around them.
 constexpr int kPartEdge = 8;
 constexpr int kLargePartEdge = 16;
-constexpr int kLargePartReach = 8;  // voxels; more than this
+constexpr int kLargePartReach = 8;  // voxels; a longer reach makes large parts
 
 void CheckNumbers(const VolumeFilter& filter) {
   if (filter.width < 1 || filter.width > kMostFilterWidth) {
@@ -53,7 +53,7 @@ std::optional<VolumeEdit> RegionOf(const VolumeFilter& filter) {
         if constexpr (std::is_same_v<std::decay_t<decltype(shape)>, std::monostate>) {
           return std::nullopt;
         } else {
-          // Smoothing, as that takes no value.
+          // The operation is smoothing only because it takes no value.
           return VolumeEdit{
               .shape = shape, .frame = filter.frame, .operation = EditOperation::kSmooth};
         }
@@ -95,7 +95,8 @@ class FilterRun::Worker {
     if (run.region_) weights_of_.emplace(volume_, *run.region_);
   }
 
-  // The bricks of which a voxel changed. False: none was filtered, as they are all alike.
+  // Finds the bricks in which a voxel changed. Returns false if nothing was filtered because all
+  // voxels are equal.
   bool Filter(const BrickBox& bricks, std::vector<BrickChange>& changes) {
     const VoxelBox read = run_.ReadBy(bricks);
     if (const std::optional<float> value = OnlyValue(bricks, read)) {
@@ -114,7 +115,7 @@ class FilterRun::Worker {
   }
 
  private:
-  // What all voxels of the bricks become, where there is one value only within reach.
+  // Returns the new value of all voxels of the bricks if only one value is within reach.
   std::optional<float> OnlyValue(const BrickBox& bricks, const VoxelBox& read) const {
     const float value = (*volume_.bricks().At(bricks.min))[0];
     bool only = true;
@@ -138,8 +139,8 @@ class FilterRun::Worker {
     return value == background_ || !ReachesBeyond(bricks);
   }
 
-  // The mean of equal values need not be that value: OpenVDB adds up floats, and multiplies the sum
-  // by a float. A mean has a pass along each axis.
+  // The mean of equal values may differ from this value: OpenVDB adds floats and multiplies the sum
+  // by a float. A mean has one pass along each axis.
   float AfterPasses(float value, int passes) const {
     if (run_.filter_.kind == FilterKind::kMedian) return value;
     const int count = 2 * run_.filter_.width + 1;
@@ -152,7 +153,8 @@ class FilterRun::Worker {
     return value;
   }
 
-  // The voxels of `read` are active; others of their bricks are there as they are.
+  // Returns a grid in which the voxels of `read` are active. Other voxels of their bricks are also
+  // there, inactive.
   openvdb::FloatGrid::Ptr GridOf(const VoxelBox& read) const {
     const openvdb::FloatGrid::Ptr grid = openvdb::FloatGrid::create(background_);
     const Vec3i last = volume_.size() - Vec3i::Ones();
@@ -171,7 +173,7 @@ class FilterRun::Worker {
           if ((p.array() >= read.min.array()).all() && (p.array() <= read.max.array()).all()) {
             node->setActiveState(place, true);
           } else if ((p.array() > last.array()).any()) {
-            values[n] = background_;  // whatever the brick holds there
+            values[n] = background_;  // replaces the brick's own value there
           }
         }
       }
@@ -192,7 +194,8 @@ class FilterRun::Worker {
 
   void Means(const BrickBox& bricks, const VoxelBox& read, std::vector<BrickChange>& changes) {
     MeanFilter means(read.max - read.min + Vec3i::Ones(), run_.filter_.width, background_);
-    // Visits the rows along z of the voxels that a brick shares with `read`: first voxel, length.
+    // Visits the rows along z of voxels that are both in a brick and in `read`: first voxel,
+    // length.
     const auto for_each_row = [&](const Vec3i& brick, const auto& visit) {
       const Vec3i low = (brick * kBrickEdge).cwiseMax(read.min);
       const Vec3i high = (brick * kBrickEdge + Vec3i::Constant(kBrickEdge - 1)).cwiseMin(read.max);
@@ -244,7 +247,7 @@ class FilterRun::Worker {
                        std::equal(filtered + 1, filtered + kBrickVoxels, filtered);
     changes.push_back({brick, alike ? ConstantOf(before->type()) : before->With(after_)});
   }
-  // One leaf for all bricks that become this value throughout.
+  // Returns one shared leaf for all bricks that become this value throughout.
   const LeafPtr& ConstantOf(LeafType before) {
     const float value = after_[0];
     const LeafType type = Holds(before, value) ? before : LeafType::kFloat;
@@ -338,7 +341,7 @@ void FilterRun::Compute(const FilterProgress& progress, const FilterCancelled& c
   double done = 0.0;
   FilterInterrupter interrupter(cancelled);
   Worker worker(*this, interrupter);
-  // OpenVDB's median uses all processors unless it is in an arena of one.
+  // OpenVDB's median uses all processors. This arena limits it to one.
   tbb::task_arena arena(1);
   for (Part& part : parts_) {
     if (part.left.empty()) continue;
@@ -361,7 +364,7 @@ void FilterRun::Compute(const FilterProgress& progress, const FilterCancelled& c
 }
 
 double FilterRun::SecondsLeft() const {
-  constexpr double kUnknown = 1e-6;  // per voxel, before anything was filtered
+  constexpr double kUnknown = 1e-6;  // seconds per voxel, before anything was filtered
   return VoxelsLeft() * (voxels_done_ > 0.0 ? seconds_ / voxels_done_ : kUnknown);
 }
 
@@ -370,7 +373,7 @@ std::uint64_t FilterRun::MostBytes() const {
   return MostBrickBytes({bricks_.min * kBrickEdge, bricks_.max * kBrickEdge});
 }
 
-// Two buffers of all voxels of the bricks that the largest part reads.
+// Two buffers for all voxels of the bricks that the largest part reads.
 std::uint64_t FilterRun::WorkBytes() const {
   if (bricks_.empty()) return 0;
   const int reach_bricks = (reach_ + kBrickEdge - 1) / kBrickEdge;
@@ -395,7 +398,7 @@ EditResult FilterRun::Result() const {
     result.changed->min = result.changed->min.cwiseMin(of.changed->min);
     result.changed->max = result.changed->max.cwiseMax(of.changed->max);
   }
-  // In the order in which an edit would have them.
+  // Sorted as an edit would sort them.
   const BrickDirectory& bricks = volume_->bricks();
   std::sort(result.changes.begin(), result.changes.end(),
             [&](const BrickChange& a, const BrickChange& b) {

@@ -1,18 +1,19 @@
-// OpenVDB's filters (openvdb::tools::Filter) of a volume, as edits; those of whole volumes are in
-// reshape.h.
+// OpenVDB's filters (openvdb::tools::Filter) of a volume, as edits. reshape.h has the filters of
+// whole volumes.
 //
-// The result equals OpenVDB's own, bit by bit, on one grid in which every voxel of the lattice is
-// active and the rest is the background (the least value of the range). Medians are OpenVDB's;
-// means are computed in its order, but not in a tree, which takes ten times as long. Then results
-// are held within the range and -0 becomes 0, as in edits. A region says which voxels are replaced;
-// what they become is read from all voxels around.
+// The result equals OpenVDB's own, bit by bit, on a grid in which every voxel of the lattice is
+// active and the rest is the background (the least value of the range). Medians are computed by
+// OpenVDB. Means are computed in OpenVDB's order, but not in a tree, which would take ten times as
+// long. Then results are clamped to the range, and -0 becomes 0, as in edits. A region says which
+// voxels are replaced; their new values are computed from all voxels around them.
 //
-// The volume is filtered in parts, each with as many voxels around it as its result can reach. So
-// progress and cancelling are prompt, and after an edit only the parts near it are filtered again.
+// The volume is filtered in parts. Each part reads as many voxels around it as its result depends
+// on. So progress and cancelling are prompt, and after an edit only the parts near it are filtered
+// again.
 //
 // Frames: as edit.h. Values in data units.
-// Threads: one at a time per run; one processor, on the caller's thread: the others are for the
-// servo and the clients. Not for real-time code. Errors: Error.
+// Threads: one at a time per run. Uses one processor, on the caller's thread; the others are for
+// the servo and the clients. Not for real-time code. Errors: Error.
 #pragma once
 
 #include <cstdint>
@@ -27,62 +28,64 @@
 namespace palpate {
 
 enum class FilterKind {
-  kGaussian,  // four means after each other
-  kMean,      // of the (2·width + 1)³ voxels around each voxel
-  kMedian,    // of the same voxels
-  // Of whole volumes:
-  kOffset,         // of a level set's surface, outwards
+  kGaussian,  // four means one after the other
+  kMean,      // the mean of the (2·width + 1)³ voxels around each voxel
+  kMedian,    // the median of the same voxels
+  // The filters of whole volumes:
+  kOffset,         // moves a level set's surface outwards
   kMeanCurvature,  // flow that smooths a level set's surface
   kResample,       // to another spacing
 };
 
 struct VolumeFilter {
   FilterKind kind = FilterKind::kGaussian;
-  int width = 1;  // of the first three
+  int width = 1;  // for the first three kinds
   int iterations = 1;
-  double distance_mm = 0.0;        // of an offset; inwards where negative
-  Vec3 spacing_mm = Vec3::Zero();  // to resample to
-  // None: all voxels. No falloff.
+  double distance_mm = 0.0;        // for kOffset; negative: inwards
+  Vec3 spacing_mm = Vec3::Zero();  // for kResample: the new spacing
+  // The region, without falloff; none: all voxels.
   std::variant<std::monostate, SphereShape, BoxShape> region{};
-  EditFrame frame = EditFrame::kIndex;  // of the region
+  EditFrame frame = EditFrame::kIndex;  // the region's frame
 };
 
 inline constexpr int kMostFilterWidth = 8;
-// The farthest voxel that a result may depend on, along an axis. It bounds what one part of the
-// volume takes: 192³ voxels in two buffers, 54 MiB.
+// The largest allowed reach of a result, in voxels along an axis. It limits the memory of one part
+// of the volume: 192³ voxels in two buffers, 54 MiB.
 inline constexpr int kMostFilterReach = 32;
 
-// The farthest voxel that a result depends on, along an axis: width · iterations, of a gaussian
-// four times as much.
+// The reach of a result, in voxels along an axis: width · iterations, four times as much for
+// kGaussian.
 std::int64_t FilterReach(const VolumeFilter& filter);
 
 using FilterProgress = std::function<void(double fraction)>;
 using FilterCancelled = std::function<bool()>;
 
-// A filter at work. It follows a volume that is edited meanwhile: MoveTo, Compute, and again.
+// A running filter. If the volume is edited in the meantime, call MoveTo and Compute again.
 class FilterRun {
  public:
-  // kInvalidArgument: a width, a reach or a region that is not possible.
+  // Throws kInvalidArgument for an impossible width, reach or region.
   FilterRun(std::shared_ptr<const VolumeSnapshot> volume, const VolumeFilter& filter);
   ~FilterRun();
   FilterRun(const FilterRun&) = delete;
   FilterRun& operator=(const FilterRun&) = delete;
 
-  // Another state of the same volume. Parts that read what differs are to be computed again.
+  // Moves to another state of the same volume. Parts that depend on changed voxels must be computed
+  // again.
   void MoveTo(std::shared_ptr<const VolumeSnapshot> volume);
 
-  // Filters what is left. kCancelled: `cancelled` said so; Compute can be called again.
+  // Filters the remaining parts. Throws kCancelled if `cancelled` returns true; Compute can be
+  // called again then.
   void Compute(const FilterProgress& progress, const FilterCancelled& cancelled);
 
-  // How long Compute would take, judged by how long it took so far; 0: nothing is left.
+  // Estimates the time that Compute will take, from the time so far; 0: nothing remains.
   double SecondsLeft() const;
 
-  // The most memory that the new leaves take, and what Compute takes beside them.
+  // The most memory that the new leaves take, and the memory that Compute takes besides.
   std::uint64_t MostBytes() const;
   std::uint64_t WorkBytes() const;
 
   const VolumeSnapshot& volume() const { return *volume_; }
-  // What makes volume() the filtered one. Nothing may be left.
+  // Returns the changes that turn volume() into the filtered volume. All parts must be computed.
   EditResult Result() const;
 
  private:
@@ -100,12 +103,12 @@ class FilterRun {
   };
   struct Part {
     BrickBox bricks;
-    BrickBox left;  // to compute
+    BrickBox left;  // the bricks still to compute
     EditResult result;
   };
   class Worker;
 
-  // All the voxels that the results of these bricks depend on, cut at the lattice.
+  // All voxels that the results of these bricks depend on, within the lattice.
   VoxelBox ReadBy(const BrickBox& bricks) const;
   double VoxelsReadBy(const BrickBox& bricks) const;
   double VoxelsLeft() const;
@@ -113,17 +116,17 @@ class FilterRun {
   std::shared_ptr<const VolumeSnapshot> volume_;
   const VolumeFilter filter_;
   int reach_ = 0;
-  std::optional<VolumeEdit> region_;  // its shape and frame; none: all voxels
-  VoxelBox voxels_;                   // around the region
-  BrickBox bricks_;                   // the same; empty: no voxel is in the region
+  std::optional<VolumeEdit> region_;  // the region's shape and frame; none: all voxels
+  VoxelBox voxels_;                   // the box around the region
+  BrickBox bricks_;                   // the bricks of this box; empty: no voxel is in the region
   int part_edge_ = 0;                 // bricks
   Vec3i part_count_ = Vec3i::Zero();
-  std::vector<Part> parts_;   // as voxels in a brick: z fastest
-  double seconds_ = 0.0;      // that Compute took, for
-  double voxels_done_ = 0.0;  // so many voxels, those around included
+  std::vector<Part> parts_;   // ordered like voxels in a brick: z fastest
+  double seconds_ = 0.0;      // the time that Compute took so far
+  double voxels_done_ = 0.0;  // the voxels filtered in this time, with the voxels around them
 };
 
-// The same at once.
+// Runs the whole filter at once.
 EditResult ApplyFilter(std::shared_ptr<const VolumeSnapshot> volume, const VolumeFilter& filter);
 
 }  // namespace palpate

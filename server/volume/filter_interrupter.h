@@ -1,4 +1,5 @@
-// Ends a filter of OpenVDB's by an exception. It asks `cancelled` seldom: the clock is cheaper.
+// Ends a filter of OpenVDB by an exception. Asks `cancelled` only every 20 ms, because reading the
+// clock is cheaper.
 //
 // Threads: one. Not for real-time code. Ownership: borrows. Errors: Error (kCancelled).
 #pragma once
@@ -20,7 +21,7 @@ class FilterInterrupter final : public openvdb::util::NullInterrupter {
     if (cancelled_()) throw Error(ErrorKind::kCancelled, "the filter was cancelled");
     asked_ = Clock::now();
   }
-  // Called for every leaf and pass.
+  // OpenVDB calls this for every leaf and pass.
   bool wasInterrupted(int = -1) override {
     if (Clock::now() - asked_ > std::chrono::milliseconds(20)) Check();
     return false;

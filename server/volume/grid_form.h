@@ -1,12 +1,12 @@
-// What a grid of a .vdb file is besides its voxels: kept from when it is loaded, so that it is
-// saved as it was.
+// The parts of a .vdb file's grid other than the volume's voxels. They are kept from the load on,
+// so that the grid is saved as it was.
 //
-// The daemon's volume begins at a voxel of the grid whose indices are multiples of 8, so that
-// leaves are leaves here and there. Tiles that lie in the lattice are not kept here if they have 8³
-// voxels: the volume holds them, as constant leaves.
+// The daemon's volume begins at a voxel of the grid whose indices are multiples of 8, so that the
+// grid's leaves are the volume's leaves. Tiles of 8³ voxels within the lattice are not kept here:
+// the volume holds them as constant leaves.
 //
 // Frame: the grid's indices; voxel (0,0,0) of the volume is `first`. Values in data units.
-// Plain values, no OpenVDB. Threads: any, once made.
+// Plain values, no OpenVDB. Threads: any, after construction.
 #pragma once
 
 #include <array>
@@ -21,7 +21,7 @@
 
 namespace palpate {
 
-// Types of the grids that are read and written, as OpenVDB names them.
+// Types of grids that can be read and written, with OpenVDB's names.
 inline constexpr std::string_view kGridTypes[] = {"float", "double", "int32", "int64", "bool"};
 
 // OpenVDB's linear maps.
@@ -30,7 +30,7 @@ inline constexpr std::string_view kGridMaps[] = {"UniformScaleMap", "UniformScal
                                                  "TranslationMap",  "UnitaryMap",
                                                  "AffineMap"};
 
-// Bricks along a side of inner nodes, in voxels.
+// Edges of inner nodes, in voxels.
 inline constexpr int kGridNodeEdge = 128, kGridTopNodeEdge = 4096;
 
 // A cube of one value.
@@ -41,7 +41,7 @@ struct GridTile {
   bool is_active = false;
 };
 
-// Types of metadata that are kept, as OpenVDB names them, with their size; 0: any.
+// Types of metadata that are kept, with OpenVDB's names and their sizes in bytes; 0: any size.
 struct GridEntryType {
   std::string_view name;
   std::size_t bytes;
@@ -51,7 +51,7 @@ inline constexpr GridEntryType kGridEntryTypes[] = {
     {"vec2i", 8},  {"vec2s", 8},  {"vec2d", 16}, {"vec3i", 12}, {"vec3s", 12}, {"vec3d", 24},
     {"vec4i", 16}, {"vec4s", 16}, {"vec4d", 32}, {"mat4s", 64}, {"mat4d", 128}};
 
-// A value as it lies in memory.
+// A value, as its bytes in memory.
 struct GridEntry {
   std::string name;
   const GridEntryType* type = nullptr;
@@ -67,16 +67,16 @@ struct GridForm {
   Vec3i first = Vec3i::Zero();  // multiples of 8
   std::string_view type = kGridTypes[0];
   float background = 0.0f;
-  // How index becomes world, of kGridMaps, with OpenVDB's matrix for row vectors, row by row.
-  // Empty: as the volume's metadata say.
+  // The map from index to world, one of kGridMaps, with OpenVDB's matrix for row vectors, row by
+  // row. Empty: the map of the volume's metadata.
   std::string_view map{};
   std::array<double, 16> matrix{};
   std::vector<GridEntry> entries{};
-  std::vector<Vec3i> top_nodes{};  // first voxels
+  std::vector<Vec3i> top_nodes{};  // the first voxels of the nodes
   std::vector<Vec3i> nodes{};
-  // All but those that are as the background and inactive.
+  // All tiles except inactive tiles with the background's value.
   std::vector<GridTile> tiles{};
-  std::vector<GridLeaf> outer_leaves{};  // beyond the lattice
+  std::vector<GridLeaf> outer_leaves{};  // leaves beyond the lattice
 };
 
 }  // namespace palpate

@@ -28,13 +28,13 @@ void ForEachBrick(const BrickDirectory& bricks, const Visit& visit) {
 
 bool HoldsIntegers(const Leaf& leaf) { return leaf.type() != LeafType::kFloat; }
 
-// Whether a value of float is one of T's, which it came from.
+// Converts a float back to the T that it came from.
 template <class T>
 T As(float value) {
   if constexpr (std::is_same_v<T, bool>) {
     return value != 0.0f;
   } else if constexpr (std::is_integral_v<T>) {
-    // A float may have been rounded to the number behind the greatest.
+    // The conversion to float may have rounded up, past the greatest T.
     constexpr T kLeast = std::numeric_limits<T>::min(), kGreatest = std::numeric_limits<T>::max();
     if (value >= -static_cast<float>(kLeast)) return kGreatest;
     return value <= static_cast<float>(kLeast) ? kLeast : static_cast<T>(value);
@@ -98,7 +98,7 @@ class TreeMaker {
     if (top) top->addChild(new Node(ToCoord(first), As<Value>(background_), false));
   }
 
-  // What stands there already, a tile, is left where the brick is the same.
+  // If a tile there already has the brick's value and state, leaves the tile.
   void PutBrick(const Vec3i& brick) {
     const Leaf& leaf = *bricks_.At(brick);
     const Vec3i first = first_ + kBrickEdge * brick;
@@ -106,11 +106,11 @@ class TreeMaker {
     const bool is_whole = form_ || ((brick + Vec3i::Ones()) * kBrickEdge - size_).maxCoeff() <= 0;
     if (leaf.is_constant() && is_whole) {
       const float value = leaf[0];
-      // Of a volume that never was a grid, what is not the background is active.
+      // If the volume did not come from a grid, values other than the background are active.
       const bool is_active = form_ ? leaf.IsActive(0) : value != background_;
       const Value is = As<Value>(value);
       const Value there = tree().getValue(at);
-      // 0 is not -0.
+      // Compares bits: 0 is not -0.
       if (std::memcmp(&there, &is, sizeof is) == 0 && tree().isValueOn(at) == is_active) return;
       tree().addTile(LeafNode::LEVEL + 1, at, is, is_active);
       return;
@@ -135,7 +135,7 @@ class TreeMaker {
     return node;
   }
 
-  // The grid has nothing beyond the lattice, whatever bricks hold there.
+  // Removes voxels beyond the lattice, whatever the bricks hold there.
   void Clip(const Vec3i& brick, LeafNode& node) const {
     const Vec3i end = size_ - kBrickEdge * brick;
     for (int n = 0; n < kBrickVoxels; ++n) {
@@ -158,7 +158,7 @@ class TreeMaker {
 std::string_view GridTypeOf(const BrickDirectory& bricks, const VolumeMetadata& metadata) {
   const std::string_view type = metadata.grid_form ? metadata.grid_form->type : "int32";
   if (type == "float" || type == "double") return type;
-  // One more than the greatest is what that became as a float.
+  // The greatest integer of the type becomes this number as a float, one more than the integer.
   const float most = type == "int64" ? 0x1p63f : 0x1p31f;
   bool is_integer = true, is_bool = true;
   const Leaf* last = nullptr;

@@ -1,4 +1,4 @@
-// A volume as a tree of OpenVDB's, in the type and the form of the grid that it came from.
+// Converts a volume to a tree of OpenVDB, with the type and form of its original grid.
 //
 // Not for real-time code. Threads: any. Ownership: the tree is a copy.
 #pragma once
@@ -12,13 +12,13 @@
 
 namespace palpate {
 
-// The type of kGridTypes that holds what the volume holds: that of the grid it came from, int32 for
-// voxels that are integers in its file, else float.
+// Returns the type of kGridTypes that holds the volume's values. Candidates are the type of the
+// original grid; int32 for voxels that are integers in their file; otherwise float.
 std::string_view GridTypeOf(const BrickDirectory& bricks, const VolumeMetadata& metadata);
 
-// Of type Tree::ValueType. Of a volume out of a .vdb file every value, state, tile and node is as
-// it was, but for what was changed since. Of another one the background is the end of the range
-// that is outside, and what differs from it is active.
+// Makes a grid of type Grid. If the volume came from a .vdb file, every value, state, tile and node
+// is as it was, except for changes made since. Otherwise, the background is the value outside
+// (VolumeMetadata::Background), and voxels that differ from it are active.
 template <class Grid>
 std::shared_ptr<Grid> MakeGrid(const BrickDirectory& bricks, const VolumeMetadata& metadata);
 

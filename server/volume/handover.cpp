@@ -52,7 +52,7 @@ VolumeMetadata MetadataOf(const HandoverHeader& header) {
   return metadata;
 }
 
-// -0 counts as 0, which it equals.
+// -0 counts as 0.
 bool IsOf(LeafType type, double value) {
   return std::abs(value) <= std::numeric_limits<float>::max() &&
          Holds(type, static_cast<float>(value) + 0.0f);
@@ -74,7 +74,7 @@ HandoverHeader ReadHeader(int fd) {
 struct Contents {
   VolumeMetadata metadata;
   LeafType type = LeafType::kFloat;
-  std::int64_t layer_bytes = 0;  // of one z
+  std::int64_t layer_bytes = 0;  // of one layer of z
 };
 
 Contents CheckDense(int fd, const HandoverHeader& header, VolumeMetadata metadata,
@@ -131,13 +131,13 @@ class RangeCheck {
   double greatest_ = -least_;
 };
 
-// A hundred times at most, however many rows there are.
+// Reports progress at most a hundred times, however many rows there are.
 class StepwiseProgress {
  public:
   StepwiseProgress(const std::function<void(double)>& progress, std::int64_t rows)
       : progress_(progress), rows_(rows) {}
 
-  // Before so many more rows are read.
+  // Call it before reading this many more rows.
   void Add(std::int64_t rows) {
     const std::int64_t percent = 100 * done_ / rows_;
     if (progress_ && percent != told_) progress_(static_cast<double>(percent) / 100.0);
@@ -152,7 +152,8 @@ class StepwiseProgress {
   std::int64_t told_ = -1;
 };
 
-// The kernel refuses while anybody may write; for a moment also while it moves pages about itself.
+// The kernel refuses the seal while anybody may write, and also briefly while the kernel itself
+// moves pages.
 bool Seal(int fd) {
   constexpr int kTries = 40;
   for (int n = 0; n < kTries; ++n) {
@@ -240,7 +241,7 @@ LoadedVolume TakeDense(int fd, const Contents& contents, const TakeOptions& opti
 }  // namespace
 
 LoadedVolume TakeHandover(int fd, const TakeOptions& options) {
-  // First: what is looked at stays so. Fails where somebody may still write.
+  // Seals first, so that checked data cannot change afterwards. Fails if somebody may still write.
   if (!Seal(fd)) RefuseHandover("it can still be changed");
   const HandoverHeader header = ReadHeader(fd);
   VolumeMetadata metadata = MetadataOf(header);

@@ -1,7 +1,7 @@
-// How palpate-import hands a volume to the daemon: in a file in memory (memfd) that the daemon made
-// and seals, with a fixed header and voxels in a row, or the leaves and tiles of a tree
-// (handover_layout.h). Nothing is parsed: the daemon checks numbers, and what it takes can be wrong
-// voxels, but nothing worse.
+// Hands a volume from palpate-import to the daemon: in a file in memory (memfd) that the daemon
+// makes and seals. The file has a fixed header, and either voxels in a row, or the leaves and tiles
+// of a tree (handover_layout.h). The daemon parses nothing, it only checks numbers. So the worst
+// that a bad file can cause is wrong voxels.
 //
 // Not for real-time code. Threads: any. Errors: Error.
 #pragma once
@@ -16,30 +16,29 @@
 
 namespace palpate {
 
-// An empty file in memory that can be sealed. Closed on exec.
+// Makes an empty file in memory that can be sealed. It is closed on exec.
 Descriptor MakeHandoverFile();
 
-// Places of a lattice that is a tree's, at most.
+// The most voxels in the lattice of a tree.
 inline constexpr std::int64_t kMostLatticeVoxels = std::int64_t{1} << 36;
 
-// The importer's side: the fixed part, without what a tree adds.
+// The importer's side: makes the fixed part of the header, without the tree's part.
 HandoverHeader MakeHandoverHeader(const VolumeMetadata& metadata, LeafType type);
 
-// Writes metadata and voxels, as many as metadata.size says, in the type,
-// which holds each of them exactly.
+// Writes metadata and voxels; metadata.size says how many. `type` must hold each voxel exactly.
 void WriteHandover(int fd, const VolumeMetadata& metadata, LeafType type, const float* voxels);
 
 struct TakeOptions {
-  // Of a tree: in its leaves.
+  // For a tree: the limit for the voxels in its leaves.
   std::int64_t max_voxels = std::int64_t{1} << 31;
-  // Told of the volume before memory is taken for it; what it throws ends the taking.
+  // Called before memory is taken for the volume; an exception from it ends the take-over.
   std::function<void(const Vec3i& size, const LoadMemory& memory)> on_size{};
-  // Told the fraction that is done; what it throws ends the taking.
+  // Called with the fraction done; an exception from it ends the take-over.
   std::function<void(double fraction)> progress{};
 };
 
-// The daemon's side: seals the file against every change and takes the volume out of it.
-// kInvalidArgument for what no importer of ours writes; kTooLarge beyond max_voxels.
+// The daemon's side: seals the file against every change and takes the volume out of it. Throws
+// kInvalidArgument if the file is not from our importer; kTooLarge above max_voxels.
 LoadedVolume TakeHandover(int fd, const TakeOptions& options = {});
 
 }  // namespace palpate

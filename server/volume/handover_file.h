@@ -1,4 +1,4 @@
-// Reads and writes a hand-over, whatever its form (handover.h): whole pieces, or an Error.
+// Reads and writes complete pieces of a hand-over file (handover.h), or throws an Error.
 //
 // Not for real-time code. Threads: any.
 #pragma once
@@ -9,10 +9,10 @@
 
 namespace palpate {
 
-// kInvalidArgument: what no importer of ours writes.
+// Throws kInvalidArgument: the file is not from our importer.
 [[noreturn]] void RefuseHandover(const std::string& what);
 
-// Of the call that set errno: kTooLarge where there is no room, else kInternal.
+// Throws for the call that set errno: kTooLarge if there is no room, otherwise kInternal.
 [[noreturn]] void FailHandover(const char* what);
 
 void WriteHandoverAt(int fd, const void* data, std::size_t size, std::int64_t offset);

@@ -1,11 +1,11 @@
-// What lies in the file in memory that palpate-import hands over (handover.h).
+// The layout of the file in memory that palpate-import hands over (handover.h).
 //
-// Plain bytes in the machine's own order, since both programs run on it. HandoverHeader at 0; from
-// kHandoverVoxels on either voxels in a row, x fastest, or a tree of OpenVDB's in parts, one behind
-// the other, as many of each as the header says:
-//   entries (bytes), top nodes (int32[3]), tiles (HandoverTile), nodes (HandoverNode),
-//   first voxels of leaves (int32[3]), leaves (64 bytes of states, then 8³ voxels of the type).
-// Not a byte more. Of a tree, all places are the grid's indices.
+// Plain bytes in the machine's own byte order, since both programs run on it. HandoverHeader is at
+// 0. At kHandoverVoxels, there are either voxels in a row, x fastest, or the parts of an OpenVDB
+// tree, one after the other. The header has the number of each part:
+//   entries (bytes), top nodes (int32[3]), tiles (HandoverTile), nodes (HandoverNode), first voxels
+//   of leaves (int32[3]), leaves (64 bytes of states, then 8³ voxels of the type).
+// The file has no further bytes. All positions of a tree are the grid's indices.
 #pragma once
 
 #include <cstdint>
@@ -18,12 +18,12 @@ inline constexpr std::int64_t kHandoverVoxels = 16384;
 
 enum class HandoverForm : std::uint32_t { kDense = 0, kTree = 1 };
 
-// Of a tree only; all 0 otherwise.
+// Only for a tree; otherwise all 0.
 struct HandoverTree {
-  std::int32_t first[3];  // of the lattice
+  std::int32_t first[3];  // first voxel of the lattice
   float background;
-  std::uint32_t grid_type;  // of kGridTypes
-  std::uint32_t map;        // of kGridMaps; their number: none
+  std::uint32_t grid_type;  // index into kGridTypes
+  std::uint32_t map;        // index into kGridMaps; the size of kGridMaps means none
   double matrix[16];
   std::uint32_t is_level_set;
   std::uint32_t reserved;
@@ -45,7 +45,7 @@ struct HandoverHeader {
   double spacing_mm[3];
   double origin_W_mm[3];
   double direction[9];  // row by row
-  double value_min;     // of the voxels, exactly; not stated of a tree
+  double value_min;     // exact least value of the voxels; not set for a tree
   double value_max;
   char unit[kLongestText + 8];  // texts end with a 0
   char original_type[kLongestText + 8];
@@ -61,7 +61,7 @@ struct HandoverTile {
   std::uint32_t is_active;
 };
 
-// 16³ places of 8³ voxels, place (a, b, c) at 256 a + 16 b + c: a leaf, or a tile.
+// 16³ places of 8³ voxels; place (a, b, c) is at 256 a + 16 b + c. Each place is a leaf or a tile.
 struct HandoverNode {
   static constexpr int kPlaces = 4096;
   std::int32_t first[3];
@@ -71,9 +71,9 @@ struct HandoverNode {
   float values[kPlaces];
 };
 
-// Of an entry; name and value follow, and the next entry.
+// Header of an entry. The entry's name and value follow, then the next entry.
 struct HandoverEntry {
-  std::uint32_t type;  // of kGridEntryTypes
+  std::uint32_t type;  // index into kGridEntryTypes
   std::uint32_t name_bytes;
   std::uint32_t value_bytes;
 };

@@ -29,11 +29,11 @@ using Clock = std::chrono::steady_clock;
 constexpr std::size_t kLongestLine = 8192;
 constexpr std::size_t kMostLines = 64;
 constexpr auto kPollInterval = std::chrono::milliseconds(50);
-// The importer ends itself at its timeout; this much later it is killed.
+// The importer ends itself at its timeout. If it does not, it is killed this much later.
 constexpr auto kTimeoutGrace = std::chrono::seconds(2);
 constexpr std::string_view kMessagePrefix = "palpate-import: ";
 constexpr std::string_view kWarningPrefix = "warning: ";
-// Taking the volume over is the rest.
+// The importer's share of the progress. The rest is for taking over the volume.
 constexpr double kImporterShare = 0.9;
 
 struct Pipe {
@@ -49,7 +49,7 @@ Pipe MakePipe() {
   std::array<int, 2> ends{};
   if (pipe2(ends.data(), O_CLOEXEC) != 0) FailInternal("cannot make a pipe", errno);
   Pipe pipe{Descriptor(ends[0]), Descriptor(ends[1])};
-  // Only our end: the importer may block, we may not.
+  // Only our end is non-blocking: the importer may block, we must not.
   fcntl(pipe.read.get(), F_SETFL, O_NONBLOCK);
   return pipe;
 }
@@ -67,7 +67,7 @@ void AddRawArguments(const RawVoxels& raw, std::vector<std::string>* arguments) 
   if (raw.big_endian) arguments->push_back("--raw-big-endian");
 }
 
-// Where the importer finds the file in memory.
+// The importer's descriptor of the file in memory.
 constexpr int kHandoverDescriptor = 3;
 
 std::vector<std::string> Arguments(const ImportRequest& request) {
@@ -81,7 +81,8 @@ std::vector<std::string> Arguments(const ImportRequest& request) {
       "--timeout-s=" + std::to_string(std::max<std::int64_t>(request.timeout.count(), 1)),
   };
   if (request.folders) {
-    // Where there are none, too: what lies beside it, and nothing else.
+    // Also passed if the list of folders is empty: then the importer may read only files beside the
+    // source.
     arguments.push_back("--only-below=" + request.source.string());
     for (const auto& folder : *request.folders) {
       arguments.push_back("--only-below=" + folder.string());
@@ -99,7 +100,7 @@ std::vector<std::string> Arguments(const ImportRequest& request) {
   if (request.raw) AddRawArguments(*request.raw, &arguments);
   if (!request.grid.empty()) arguments.push_back("--grid=" + request.grid);
   if (!request.component.empty()) arguments.push_back("--component=" + request.component);
-  // A path may start with a dash.
+  // "--", because a path may start with a dash.
   arguments.insert(arguments.end(), {"--", request.source.string()});
   return arguments;
 }
@@ -113,7 +114,8 @@ class SpawnSettings {
     posix_spawn_file_actions_adddup2(&actions_, err, 2);
     posix_spawn_file_actions_adddup2(&actions_, handover, kHandoverDescriptor);
     posix_spawnattr_init(&attributes_);
-    // Not our signal mask, and not the terminal's Ctrl-C: we end it ourselves.
+    // The importer does not inherit our signal mask, and does not get the terminal's Ctrl-C: we end
+    // it ourselves.
     sigset_t none;
     sigset_t all;
     sigemptyset(&none);
@@ -138,7 +140,7 @@ class SpawnSettings {
   posix_spawnattr_t attributes_;
 };
 
-// The running importer; killed and reaped if still there at the end.
+// The running importer. The destructor kills and reaps it if it still runs.
 class Process {
  public:
   Process(std::vector<std::string> arguments, int out, int err, int handover) {
@@ -162,7 +164,7 @@ class Process {
   Process(const Process&) = delete;
   Process& operator=(const Process&) = delete;
 
-  // Status as of waitpid once it has ended.
+  // Returns waitpid's status if the process has ended.
   std::optional<int> Poll() {
     int status = 0;
     if (waitpid(pid_, &status, WNOHANG) != pid_) return std::nullopt;
@@ -174,10 +176,10 @@ class Process {
   pid_t pid_ = -1;
 };
 
-// Cuts what arrives on a pipe into lines, of bounded length.
+// Splits the text from a pipe into lines of limited length.
 class Lines {
  public:
-  // False once the pipe has ended.
+  // False if the pipe has ended.
   bool ReadFrom(const Descriptor& pipe, const std::function<void(std::string_view)>& on_line) {
     std::array<char, 4096> buffer;
     const ssize_t count = read(pipe.get(), buffer.data(), buffer.size());
@@ -198,7 +200,7 @@ class Lines {
   std::string line_;
 };
 
-// "progress FRACTION STAGE".
+// Parses "progress FRACTION STAGE".
 void ReportProgress(std::string_view line,
                     const std::function<void(std::string_view, double)>& progress) {
   constexpr std::string_view kWord = "progress ";
@@ -212,7 +214,7 @@ void ReportProgress(std::string_view line,
   progress(line, fraction * kImporterShare);
 }
 
-// "size X Y Z BYTES", of the volume and of a voxel of the file.
+// Parses "size X Y Z BYTES": the volume's size, and the bytes of a voxel in the file.
 void ReportSize(std::string_view line, const SizeKnown& on_size) {
   constexpr std::string_view kWord = "size";
   if (!on_size || !line.starts_with(kWord)) return;
@@ -335,7 +337,7 @@ LoadedVolume ImportVolume(const ImportRequest& request,
     if (cancelled && cancelled()) ThrowCancelled(request);
     if (progress) progress("loading", kImporterShare + (1.0 - kImporterShare) * fraction);
   };
-  bool is_telling = false;  // what a listener throws names the file where it wants to
+  bool is_telling = false;  // during a listener's call; its exceptions name the file themselves
   const auto on_size = [&](const Vec3i& size, const LoadMemory& memory) {
     is_telling = true;
     if (request.on_size) request.on_size(size, memory);

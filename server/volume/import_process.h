@@ -1,8 +1,8 @@
-// Reads a volume of any supported format by running palpate-import, so that a
-// damaged or hostile file can harm only a process of its own.
+// Reads a volume of any supported format by running palpate-import. So a damaged or hostile file
+// can harm only a separate process.
 //
-// Any ordinary thread (blocks for the whole import); never the servo's. Uses
-// posix_spawn, since a fork would make the servo's pages copy-on-write.
+// Any ordinary thread (blocks for the whole import); never the servo's. Uses posix_spawn, because
+// fork would make the servo's pages copy-on-write.
 #pragma once
 
 #include <chrono>
@@ -25,32 +25,33 @@ using SizeKnown = std::function<void(const Vec3i& size, const LoadMemory& memory
 
 struct ImportRequest {
   std::filesystem::path source;       // a file, or the folder of a series
-  std::optional<Vec3> spacing_mm;     // instead of the file's; required for TIFF
-  std::optional<std::int64_t> frame;  // of a 4-D file; the first unless stated
-  std::optional<RawVoxels> raw;       // the file holds nothing but these
-  std::string grid{};                 // of a .vdb file with several
-  std::string component{};            // of a grid of vectors: magnitude, x, y or z
-  // The source, and what it leads to (slices, voxels of a detached header), lie below the source's
-  // folder or one of these when links are followed. All these paths hold no links. None: anywhere.
+  std::optional<Vec3> spacing_mm;     // replaces the file's; required for TIFF
+  std::optional<std::int64_t> frame;  // frame of a 4-D file; default: the first
+  std::optional<RawVoxels> raw;       // set if the file holds only raw voxels
+  std::string grid{};                 // name of the grid, for a .vdb file with several
+  std::string component{};            // for a grid of vectors: magnitude, x, y or z
+  // Folders that limit the files to read. The source, and every file that it names (slices, voxels
+  // of a detached header), must lie below the source's folder or one of these, with links followed.
+  // The paths here must hold no links. None: files may lie anywhere.
   std::optional<std::vector<std::filesystem::path>> folders{};
-  // Nor is it any of these.
+  // Files that must not be read.
   OwnFiles own_files{};
   std::int64_t max_voxels = std::int64_t{1} << 31;
   std::int64_t max_memory_bytes = std::int64_t{16} << 30;
-  // Told of the size and of the memory that the file promises before voxels are read, more than
-  // once for stacks of slices, and of what it has become before it is taken over. Whatever it
-  // throws ends the import.
+  // Called with the size and the expected memory before voxels are read; for stacks of slices more
+  // than once. Called again with the final size before the volume is taken over. An exception from
+  // it ends the import.
   SizeKnown on_size{};
   std::chrono::seconds timeout{300};
   std::filesystem::path import_program;  // palpate-import
 };
 
-// `progress` is told what is done and which fraction of the import is over, on
-// the calling thread; `cancelled` is asked several times a second; either may be
-// empty. Warnings of the importer are appended to `warnings` when given.
+// `progress`: called with the present stage and the fraction done, on the calling thread.
+// `cancelled`: asked several times a second. Both may be empty. `warnings`: the importer's warnings
+// are appended, unless null.
 //
-// Throws Error with the importer's one line; kCancelled when cancelled() returned
-// true; kTooLarge when a limit was hit. No process is left.
+// Throws Error with the importer's one line; kCancelled if cancelled() returned true; kTooLarge if
+// a limit was exceeded. No process remains.
 LoadedVolume ImportVolume(
     const ImportRequest& request,
     const std::function<void(std::string_view stage, double fraction)>& progress,

@@ -12,7 +12,7 @@
 namespace palpate {
 namespace {
 
-// A block of the heap has eight bytes of its own, and is a multiple of 16.
+// A heap block has eight bytes of overhead, and its size is a multiple of 16.
 constexpr std::uint64_t HeapBytes(std::size_t bytes) { return (bytes + 8 + 15) / 16 * 16; }
 
 template <class From, class To>
@@ -69,7 +69,7 @@ LeafPtr Leaf::Constant(LeafType type, float value, bool is_active) {
     node->setValueMask(openvdb::util::NodeMask<3>(is_active));
     return Take(std::move(node));
   });
-  const_cast<Leaf&>(*leaf).is_constant_ = true;  // nobody else holds it yet
+  const_cast<Leaf&>(*leaf).is_constant_ = true;  // no other owner yet
   return leaf;
 }
 
@@ -86,7 +86,7 @@ LeafPtr Leaf::With(const Brick& values) const {
   });
   return VisitType(type, [&](auto voxel) {
     auto node = NodeOf<decltype(voxel)>(values);
-    // Most leaves are, and an edit makes many.
+    // A shortcut: most leaves are all active, and an edit makes many leaves.
     if (is_all_active) return Take(std::move(node));
     for (int n = 0; n < kBrickVoxels; ++n) {
       const auto place = static_cast<openvdb::Index>(n);

@@ -1,11 +1,10 @@
-// A brick of a volume: a leaf node of OpenVDB, 8³ voxels of the file's own type, that never
-// changes.
+// A brick of a volume: an immutable leaf node of OpenVDB, 8³ voxels of the file's own type.
 //
-// A leaf is taken out of a grid without a copy, shared by all that hold it, and freed by the last
-// of them. Whoever wants other voxels makes another leaf.
+// A leaf is taken out of a grid without a copy. All its owners share it, and the last owner frees
+// it. To change voxels, make another leaf.
 //
-// Values in data units; voxel (i, j, k) of a leaf at 64 i + 8 j + k, as in a brick
-// (bricks/brick.h). Threads: any, at once. Real-time: reading is wait-free and allocates nothing;
+// Values in data units. Voxel (i, j, k) of a leaf is at 64 i + 8 j + k, as in a brick
+// (bricks/brick.h). Threads: any, at once. Real-time: reading is wait-free and does not allocate;
 // the rest is not for real-time code. Ownership: counted in the leaf itself (LeafPtr).
 #pragma once
 
@@ -29,19 +28,19 @@ class Leaf : public boost::intrusive_ref_counter<Leaf, boost::thread_safe_counte
   template <class T>
   using Node = openvdb::tree::LeafNode<T, 3>;
 
-  // Defined for the four types. The node's buffer is in memory.
+  // Defined for the four types. The node's buffer must be in memory.
   template <class T>
   static LeafPtr Take(std::unique_ptr<Node<T>> node);
 
-  // The type holds the values exactly. Every voxel is active.
+  // `type` must hold the values exactly. Every voxel becomes active.
   static LeafPtr Of(LeafType type, const Brick& values);
-  // 8³ times the value. Made once for many places: is_constant().
+  // A leaf with one value for all 8³ voxels. Made once for many places: is_constant().
   static LeafPtr Constant(LeafType type, float value, bool is_active = true);
-  // In the smallest type that holds them all.
+  // A leaf of the smallest type that holds all values.
   static LeafPtr Smallest(const Brick& values);
 
-  // Other voxels: in the same type if it holds them exactly, else in float. What differs becomes
-  // active, the rest stays as it is.
+  // Returns a leaf with other voxels: of the same type if it holds them exactly, otherwise of
+  // float. Changed voxels become active; all others keep their state.
   LeafPtr With(const Brick& values) const;
 
   ~Leaf();
@@ -49,26 +48,26 @@ class Leaf : public boost::intrusive_ref_counter<Leaf, boost::thread_safe_counte
   Leaf& operator=(const Leaf&) = delete;
 
   LeafType type() const noexcept { return type_; }
-  // T: that of type().
+  // T must be the type of type().
   template <class T>
   const T* values() const noexcept {
     return static_cast<const T*>(values_);
   }
-  // Every type of a voxel is a float exactly.
+  // A float holds every voxel type's values exactly.
   float operator[](std::size_t n) const noexcept {
     return VisitType(type_,
                      [&](auto voxel) { return static_cast<float>(values<decltype(voxel)>()[n]); });
   }
-  // To kBrickVoxels floats.
+  // Writes kBrickVoxels floats.
   void CopyTo(float* out) const noexcept;
   Brick Floats() const noexcept;
 
   bool IsActive(std::size_t n) const noexcept;
 
-  // Made by Constant(): it stands at many places, and a place of it costs nothing.
+  // True if made by Constant(): many places share the leaf, so a place costs no memory.
   bool is_constant() const noexcept { return is_constant_; }
 
-  // Of the heap.
+  // Bytes on the heap.
   std::uint64_t Bytes() const noexcept { return Bytes(type_); }
   static std::uint64_t Bytes(LeafType type) noexcept;
 
@@ -81,12 +80,12 @@ class Leaf : public boost::intrusive_ref_counter<Leaf, boost::thread_safe_counte
   bool is_constant_ = false;
 };
 
-// As floats: 0 equals -0.
+// Compares as floats: 0 equals -0.
 bool HaveSameValues(const Leaf& one, const Leaf& other) noexcept;
-// As floats, bit by bit: 0 is not -0.
+// Compares as floats, bit by bit: 0 is not -0.
 bool HaveSameBits(const Leaf& one, const Leaf& other) noexcept;
 
-// Whether every value is one of the type's.
+// True if the type holds every value exactly.
 bool Holds(LeafType type, const Brick& values) noexcept;
 
 }  // namespace palpate

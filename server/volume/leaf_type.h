@@ -1,4 +1,4 @@
-// The types of a leaf's voxels: those of most scanners, and float for the rest.
+// The types of a leaf's voxels: the types of most scanners, and float for all others.
 //
 // Threads: pure, any. Real-time: yes.
 #pragma once
@@ -13,13 +13,13 @@
 
 namespace palpate {
 
-// Stable numbers: they are part of the hand-over (handover.h).
+// The numbers must not change: they are part of the hand-over (handover.h).
 enum class LeafType : std::uint8_t { kUint8 = 0, kInt16 = 1, kUint16 = 2, kFloat = 3 };
 
 inline constexpr LeafType kLeafTypes[] = {LeafType::kUint8, LeafType::kInt16, LeafType::kUint16,
                                           LeafType::kFloat};
 
-// visit(T()) with the type's own T.
+// Calls visit(T()), where T is the type's C++ type.
 template <class Visit>
 constexpr decltype(auto) VisitType(LeafType type, Visit&& visit) {
   switch (type) {
@@ -45,7 +45,7 @@ constexpr std::size_t VoxelBytes(LeafType type) {
   return VisitType(type, [](auto voxel) { return sizeof(voxel); });
 }
 
-// Whether a value is one of the type's, bit by bit: -0 is none of an integer's.
+// True if the type holds the value, bit by bit: no integer type holds -0.
 constexpr bool Holds(LeafType type, float value) {
   return VisitType(type, [value](auto voxel) {
     using T = decltype(voxel);
@@ -53,7 +53,7 @@ constexpr bool Holds(LeafType type, float value) {
       return true;
     } else {
       using Limits = std::numeric_limits<T>;
-      // NaN is in no range.
+      // Also false for NaN.
       if (!(value >= static_cast<float>(Limits::min()) &&
             value <= static_cast<float>(Limits::max()))) {
         return false;
@@ -70,7 +70,7 @@ constexpr std::string_view Name(LeafType type) {
   return kNames[static_cast<int>(type)];
 }
 
-// The other way round; none for other names.
+// The type with this name; none for other names.
 constexpr std::optional<LeafType> LeafTypeNamed(std::string_view name) {
   for (const LeafType type : kLeafTypes) {
     if (Name(type) == name) return type;

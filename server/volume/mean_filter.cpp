@@ -5,7 +5,7 @@
 namespace palpate {
 namespace {
 
-// Voxels whose sums are made together: the compiler puts them into vectors.
+// The number of sums computed together, so that the compiler uses vector instructions.
 constexpr int kTogether = 16;
 
 }  // namespace
@@ -18,14 +18,15 @@ MeanFilter::MeanFilter(const Vec3i& size, int width, float around)
       values_(static_cast<std::size_t>(size.x() + 2 * width) * stride_x_, around),
       next_(values_) {}
 
-// OpenVDB's order, which its sums depend on: x, z, y.
+// Uses OpenVDB's order x, z, y, because the sums depend on it.
 void MeanFilter::Run(const std::function<void()>& check) {
   Pass(stride_x_, check);
   Pass(1, check);
   Pass(stride_y_, check);
 }
 
-// As OpenVDB: floats added up from the first voxel to the last, and multiplied by a float.
+// Computes as OpenVDB does: adds floats from the first voxel to the last, and multiplies by a
+// float.
 void MeanFilter::Pass(std::size_t stride, const std::function<void()>& check) {
   const int count = 2 * width_ + 1;
   const float share = 1.0f / static_cast<float>(count);

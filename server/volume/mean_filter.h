@@ -1,5 +1,5 @@
-// Means of the voxels around each voxel, as openvdb::tools::Filter computes them, bit by bit, but
-// in a dense array: ten times as fast as through a tree. Tests compare the two.
+// Means of the voxels around each voxel, equal bit by bit to openvdb::tools::Filter. Works in a
+// dense array, ten times as fast as in a tree. Tests compare the two.
 //
 // Threads: one at a time. Not for real-time code.
 #pragma once
@@ -14,14 +14,14 @@ namespace palpate {
 
 class MeanFilter {
  public:
-  // Of `size` voxels. Those around them have the value `around`, before and after.
+  // Holds `size` voxels. The voxels around them always have the value `around`.
   MeanFilter(const Vec3i& size, int width, float around);
 
-  // Voxel (x, y, 0) and those after it along z.
+  // Points to voxel (x, y, 0), followed by the voxels along z.
   float* Row(int x, int y) { return values_.data() + Place(x, y); }
   const float* Row(int x, int y) const { return values_.data() + Place(x, y); }
 
-  // One mean of (2·width + 1)³ voxels. `check` is called often; it may throw.
+  // Computes one mean of (2·width + 1)³ voxels. `check` is called often; it may throw.
   void Run(const std::function<void()>& check);
 
  private:
@@ -35,7 +35,7 @@ class MeanFilter {
   const int width_;
   const std::size_t stride_y_;
   const std::size_t stride_x_;
-  std::vector<float> values_;  // and `width` voxels around them
+  std::vector<float> values_;  // the voxels, with `width` voxels around them
   std::vector<float> next_;
 };
 

@@ -48,11 +48,11 @@ constexpr const char* NameOf(LeafType type) {
   return "float";
 }
 
-// What is appended to a file, compressed.
+// Appends compressed data to a file.
 class GzipTail {
  public:
   explicit GzipTail(const std::filesystem::path& path)
-      // The fastest level: voxels hardly get smaller at the others.
+      // The fastest level: the other levels hardly make voxels smaller.
       : file_(gzopen(path.c_str(), "ab1")) {
     Check(file_ != nullptr);
     gzbuffer(file_, 1 << 20);
@@ -81,7 +81,7 @@ class GzipTail {
   gzFile file_;
 };
 
-// Slice z, x fastest. T holds every voxel.
+// Fills in slice z, x fastest. T must hold every voxel.
 template <class T>
 void FillSlice(const VolumeSnapshot& volume, int z, std::vector<T>& slice) {
   const Vec3i& size = volume.size();

@@ -1,5 +1,5 @@
-// Volumes as NRRD: one file, in the smallest type of leaves that holds all voxels, gzip, frame LPS
-// in mm.
+// Writes volumes as NRRD: one file, of the smallest leaf type that holds all voxels, gzip, frame
+// LPS in mm.
 //
 // Any thread; not for real-time code.
 #pragma once
@@ -11,8 +11,8 @@
 
 namespace palpate {
 
-// Fills `path` anew. `progress` is told the share that is done, and gives up by
-// throwing. Throws std::ios_base::failure where it cannot write.
+// Writes `path`, replacing its contents. `progress` is called with the share done; it may throw to
+// cancel. Throws std::ios_base::failure if the file cannot be written.
 void WriteNrrd(const std::filesystem::path& path, const VolumeSnapshot& volume,
                const std::function<void(double fraction)>& progress);
 

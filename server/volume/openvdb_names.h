@@ -1,6 +1,6 @@
-// Names of OpenVDB's types for those who pass them on. Its headers take eight seconds to compile;
-// who looks into a grid or a leaf includes <openvdb/openvdb.h>. Where both come together the
-// compiler compares them.
+// Forward declarations of OpenVDB's types: including OpenVDB costs eight seconds per file. Include
+// <openvdb/openvdb.h> where a grid or a leaf is used. If a file includes both, the compiler
+// compares the declarations.
 #pragma once
 
 #include <openvdb/version.h>

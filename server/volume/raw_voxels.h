@@ -1,4 +1,4 @@
-// What must be said of a file that holds nothing but voxels. Plain values.
+// Describes a file that holds only voxels. Plain values.
 #pragma once
 
 #include <array>
@@ -11,7 +11,7 @@ struct RawVoxels {
   std::array<std::int64_t, 3> size{};  // voxels along x (fastest), y, z
   std::string type;  // "int8", "uint8", "int16", "uint16", "int32", "uint32", "float32", "float64"
   bool big_endian = false;
-  std::int64_t offset_bytes = 0;  // of the first voxel
+  std::int64_t offset_bytes = 0;  // position of the first voxel
 };
 
 }  // namespace palpate

@@ -24,19 +24,19 @@ namespace {
 
 using Grid = openvdb::FloatGrid;
 using Node = Grid::TreeType::LeafNodeType;
-// As the library has them.
+// The instance that the library compiles.
 using LevelSetFilter = openvdb::tools::LevelSetFilter<Grid, Grid, openvdb::util::NullInterrupter>;
 
 constexpr int kMostIterations = 1000;
 constexpr double kMostOffsetVoxels = 128.0;
 constexpr double kMostEdge = 1 << 30;  // voxels
-// Between two tellings of progress.
+// Bricks between two reports of progress.
 constexpr std::uint64_t kBricksAtOnce = 1 << 12;
-// Of two sides of a voxel that are alike.
+// Relative difference up to which two sides of a voxel count as equal.
 constexpr double kAlike = 1e-6;
-// A tree that is filtered has two buffers more for each leaf, and grows by a layer at a time.
+// A filtered tree has two more buffers for each leaf, and grows by one layer at a time.
 constexpr std::uint64_t kLevelSetCopies = 4;
-// The tree, a coarser one on the way, and the bricks.
+// For the tree, a temporary coarser tree, and the bricks.
 constexpr double kResampledCopies = 3.0;
 
 Vec3i ToVec(const openvdb::Coord& at) { return {at.x(), at.y(), at.z()}; }
@@ -67,7 +67,7 @@ void CheckLevelSet(const VolumeMetadata& metadata, const VolumeFilter& filter) {
   }
 }
 
-// Of a lattice with this spacing that covers the same voxels' centres.
+// The size of a lattice with this spacing that covers the same voxel centres.
 Vec3 ResampledSize(const VolumeMetadata& metadata, const Vec3& spacing_mm) {
   constexpr double kRounding = 1e-9;  // of a voxel
   const Vec3 extent_mm =
@@ -111,11 +111,11 @@ double BricksOf(const Vec3i& size) {
   return ((size.cast<double>().array() + (kBrickEdge - 1)) / kBrickEdge).floor().prod();
 }
 
-// Makes bricks of a tree, whose voxel `first` is the lattice's (0, 0, 0).
+// Makes bricks from a tree. The tree's voxel `first` becomes voxel (0, 0, 0) of the lattice.
 class BrickMaker {
  public:
-  // keeps_states: of a volume that is a grid of its own kind; else every voxel is one that counts,
-  // and beyond `size` all is background.
+  // keeps_states: true for a volume from a grid, whose states matter. Otherwise every voxel is
+  // active, and all voxels beyond `size` are background.
   BrickMaker(const Grid& grid, const Vec3i& first, const Vec3i& size, bool keeps_states)
       : accessor_(grid.getConstAccessor()),
         background_(grid.background()),
@@ -146,7 +146,7 @@ class BrickMaker {
     return Leaf::Smallest(brick_values);
   }
 
-  // Over all that was made.
+  // The range of all bricks made.
   double least_made() const { return least_made_; }
   double greatest_made() const { return greatest_made_; }
 
@@ -225,7 +225,8 @@ class Reshaper {
       map[3][axis] = before.spacing_mm[axis] * first_[axis];
     }
     out->setTransform(openvdb::math::Transform::createLinearTransform(map));
-    // Only what the library was compiled with: in C++20 the rest of the header does not compile.
+    // Uses only the sampler and interrupter that the library was compiled with: the rest of the
+    // header does not compile in C++20.
     openvdb::util::NullInterrupter& interrupter = interrupter_;
     openvdb::tools::resampleToMatch<openvdb::tools::BoxSampler>(*in, *out, interrupter);
     progress_(kResampleShare);
@@ -252,7 +253,7 @@ class Reshaper {
     if (GrowTo(*grid, metadata)) {
       auto form = std::make_shared<GridForm>(*form_);
       form->first = first_;
-      // Those that are in the lattice now are bricks.
+      // The outer leaves are within the new lattice, and so are bricks now.
       form->outer_leaves.clear();
       metadata.grid_form = std::move(form);
     }
@@ -260,7 +261,7 @@ class Reshaper {
   }
 
  private:
-  // Of the progress; the rest is for bricks.
+  // Shares of the progress; the rest is for making bricks.
   static constexpr double kFilterShare = 0.9;
   static constexpr double kResampleShare = 0.5;
 
@@ -275,8 +276,8 @@ class Reshaper {
   }
 
   struct Bricks {
-    std::uint64_t leaves = 0;  // with voxels of their own
-    std::uint64_t alike = 0;   // of one value, which is not the background
+    std::uint64_t leaves = 0;  // leaves with their own voxels
+    std::uint64_t alike = 0;   // leaves of one value other than the background
   };
   Bricks CountBricks() {
     Bricks found;
@@ -303,8 +304,8 @@ class Reshaper {
     needs_(kLevelSetCopies * Leaf::Bytes(LeafType::kFloat) * (leaves + 1));
   }
 
-  // Each brick may become parts of several; all of them are no more than the lattice has, and a
-  // margin. A level set is made of its surface.
+  // Each brick may end up in several new bricks, but all of them fit into the lattice plus a
+  // margin. A level set is made from its surface.
   void ClaimFor(const VolumeMetadata& after) {
     const Bricks bricks = CountBricks();
     const Vec3 finer = volume_.metadata().spacing_mm.cwiseQuotient(after.spacing_mm);
@@ -319,10 +320,10 @@ class Reshaper {
            BrickDirectory::BlockBytes(Vec3i::Zero(), (after.size - Vec3i::Ones()) / kBrickEdge));
   }
 
-  // As LevelSetFilter::offset does it, in steps of at most half a voxel.
+  // Works like LevelSetFilter::offset, in steps of at most half a voxel.
   void Offset(const Grid& grid, LevelSetFilter& filter) const {
     const float step = 0.5f * static_cast<float>(grid.voxelSize()[0]);
-    // Outwards, values become less.
+    // Moving the surface outwards lowers the values.
     const auto wanted = static_cast<float>(-filter_.distance_mm);
     const float distance = std::abs(wanted);
     for (float done = 0.0f; distance - done > 0.001f * step;) {
@@ -334,7 +335,7 @@ class Reshaper {
     }
   }
 
-  // Makes the lattice large enough for all that is active. False: it was.
+  // Makes the lattice large enough for all active voxels. Returns false if it was already.
   bool GrowTo(const Grid& grid, VolumeMetadata& metadata) {
     const openvdb::CoordBBox active = grid.evalActiveVoxelBoundingBox();
     if (active.empty()) return false;
@@ -345,7 +346,7 @@ class Reshaper {
     if (first == first_ && size == metadata.size) return false;
     if (size.cast<double>().prod() > static_cast<double>(kMostLatticeVoxels)) {
       throw Error(ErrorKind::kTooLarge,
-                  "the result would not fit into the most voxels that a volume has: give a smaller "
+                  "the result would have more voxels than a volume may have: give a smaller "
                   "distance or a "
                   "larger spacing");
     }
@@ -355,7 +356,7 @@ class Reshaper {
     return true;
   }
 
-  // What else the grid is stays, but for where its tiles and nodes were.
+  // Keeps the rest of the grid's form, except for the positions of its tiles and nodes.
   std::shared_ptr<const GridForm> FormOf(float background) const {
     auto form = std::make_shared<GridForm>();
     form->first = first_;
@@ -401,7 +402,7 @@ class Reshaper {
   const FilterProgress& progress_;
   FilterInterrupter interrupter_;
   const GridForm* const form_;
-  Vec3i first_;  // of the lattice, in the grid
+  Vec3i first_;  // the lattice's first voxel, in the grid
 };
 
 }  // namespace
@@ -416,7 +417,7 @@ ReshapedVolume Reshape(const VolumeSnapshot& volume, const VolumeFilter& filter,
                        const FilterProgress& progress, const FilterCancelled& cancelled) {
   Check(volume.metadata(), filter);
   Reshaper reshaper(volume, filter, needs, progress, cancelled);
-  // OpenVDB uses all processors unless it is in an arena of one.
+  // OpenVDB uses all processors. This arena limits it to one.
   tbb::task_arena arena(1);
   return arena.execute([&] {
     return filter.kind == FilterKind::kResample ? reshaper.Resample() : reshaper.FilterLevelSet();

@@ -1,14 +1,15 @@
-// OpenVDB's filters of whole volumes: offsets and mean-curvature flow of level sets
-// (openvdb::tools::LevelSetFilter), and resampling (openvdb::tools::resampleToMatch: densities
-// between the eight voxels around, a level set as a surface that is made anew).
+// OpenVDB's filters of whole volumes:
+// - offsets and mean-curvature flow of level sets (openvdb::tools::LevelSetFilter),
+// - resampling (openvdb::tools::resampleToMatch): densities are interpolated between the eight
+//   voxels around; the surface of a level set is computed anew.
 //
-// The result equals what OpenVDB makes on one thread, bit by bit, but that it stays within the
-// range of the volume. What is resampled begins at the same first voxel. A level set that no longer
-// fits gets a lattice that is larger, by whole bricks on any side; one that is resampled keeps as
-// many voxels of a narrow band, and with it gets another range.
+// The result equals OpenVDB's result on one thread, bit by bit, except that it is clamped to the
+// volume's range. A resampled volume begins at the same first voxel. If a level set no longer fits
+// its lattice, it gets a larger one, by whole bricks on any side. A resampled level set keeps the
+// number of voxels in its narrow band, and so gets another range.
 //
-// Frames: I; the volume stays where it lies in W. Values in data units.
-// Threads: any; on the caller's alone. Not for real-time code. Errors: Error.
+// Frames: I; the volume stays in its place in W. Values in data units.
+// Threads: any; works only on the caller's thread. Not for real-time code. Errors: Error.
 #pragma once
 
 #include <cstdint>
@@ -23,13 +24,13 @@ struct ReshapedVolume {
   BrickDirectory bricks;
 };
 
-// Whether a filter is one of whole volumes.
+// True for the filters of whole volumes.
 bool IsReshape(FilterKind kind);
 
-// Cancelling is heard soon, but while a level set is resampled: its surface is made in one go.
-// `needs`: told what will be taken, in bytes, its own work and the bricks that it makes, before it
-// is; what it throws ends the filter. kInvalidArgument: not possible for this volume; kTooLarge;
-// kCancelled.
+// Cancelling takes effect soon, except while a level set is resampled: its surface is made in one
+// step. `needs`: called before memory is taken, with the bytes for the filter's own work and its
+// bricks; an exception from it ends the filter. Throws kInvalidArgument if the filter is not
+// possible for this volume; kTooLarge; kCancelled.
 ReshapedVolume Reshape(const VolumeSnapshot& volume, const VolumeFilter& filter,
                        const std::function<void(std::uint64_t bytes)>& needs,
                        const FilterProgress& progress, const FilterCancelled& cancelled);

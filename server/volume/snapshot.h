@@ -1,13 +1,12 @@
-// An immutable state of the volume, as the servo thread and viewers read it.
+// An immutable state of the volume, for the servo thread and viewers.
 //
-// Lattice vertices have index coordinates (i, j, k) in [0, size). One virtual
-// layer of the background density (0; a level set's: above 1) surrounds the lattice, so
-// that H is closed: cells -1 .. size-1 along each axis exist, beyond them all is
-// free. Densities are normalised over the range of the metadata.
+// Lattice vertices have index coordinates (i, j, k) in [0, size). One virtual layer of the
+// background density (0; for a level set: above 1) surrounds the lattice, so that H is closed.
+// Cells -1 .. size-1 exist along each axis; everything beyond them is free. Densities are
+// normalised over the range of the metadata.
 //
-// Threads: any, at once. Real-time: what reads vertices and cells is wait-free and
-// does not allocate. Ownership: shared; the bricks live as long as the snapshot
-// does.
+// Threads: any, at once. Real-time: functions that read vertices and cells are wait-free and do not
+// allocate. Ownership: shared; the bricks live as long as the snapshot.
 #pragma once
 
 #include <cstdint>
@@ -21,8 +20,8 @@ namespace palpate {
 
 class VolumeSnapshot {
  public:
-  // loaded_revision: at which this volume was loaded; the snapshots between then
-  // and `revision` were its edits and frames.
+  // loaded_revision: the revision at which this volume was loaded. Snapshots between it and
+  // `revision` were the volume's edits and frames.
   VolumeSnapshot(VolumeMetadata metadata, BrickDirectory bricks, std::uint64_t revision,
                  std::uint64_t loaded_revision);
 
@@ -43,25 +42,25 @@ class VolumeSnapshot {
     return metadata_.is_level_set ? kAboveAllIsovalues : 0.0;
   }
 
-  // Densities of cell (i, j, k) as stored: what V is made of.
+  // Densities of cell (i, j, k) as stored. They define V.
   CellDensities StoredCell(const Vec3i& cell) const noexcept;
-  // The same with ties resolved: what H is made of.
+  // Densities of the cell with ties resolved. They define H.
   CellDensities ResolvedCell(const Vec3i& cell) const noexcept {
     return WithTiesResolved(StoredCell(cell), cell);
   }
   static CellDensities WithTiesResolved(const CellDensities& stored, const Vec3i& cell) noexcept;
-  // Density of a lattice vertex, as stored and with ties resolved; the background
-  // outside.
+  // Density of a lattice vertex, as stored and with ties resolved. Outside the lattice: the
+  // background.
   double StoredVertex(const Vec3i& vertex) const noexcept;
   double ResolvedVertex(const Vec3i& vertex) const noexcept {
     return ResolvedDensity(StoredVertex(vertex), vertex.x(), vertex.y(), vertex.z());
   }
 
-  // Volume revision at which the densities of a cell may have changed last: when a
-  // brick did that has one of its corners. Never less.
+  // The volume revision at which the densities of a cell may have changed last: the last change of
+  // a brick that has one of the cell's corners. Never too low.
   std::uint64_t CellRevision(const Vec3i& cell) const noexcept;
 
-  // The cell is within the padded lattice; all other cells are free space.
+  // True if the cell is within the padded lattice. All other cells are free space.
   bool HasCell(const Vec3i& cell) const noexcept {
     return (cell.array() >= -1).all() && (cell.array() < metadata_.size.array()).all();
   }

@@ -17,7 +17,7 @@ openvdb::Coord CornerOf(const Vec3i& brick) {
   return {brick.x() * kBrickEdge, brick.y() * kBrickEdge, brick.z() * kBrickEdge};
 }
 
-// Those of constant tiles: one per value.
+// The leaves of constant tiles: one per value.
 class ConstantLeaves {
  public:
   const LeafPtr& Of(float value) {

@@ -32,7 +32,7 @@ using Place = std::array<std::int32_t, 3>;
 Vec3i ToVec(const std::int32_t (&place)[3]) { return {place[0], place[1], place[2]}; }
 Vec3i ToVec(const Place& place) { return {place[0], place[1], place[2]}; }
 
-// Of the cube with this edge, a power of two, around a place.
+// The first place of the cube around a place. The cube's edge is a power of two.
 Vec3i CubeOf(const Vec3i& place, int edge) {
   return place.unaryExpr([edge](int n) { return n & -edge; });
 }
@@ -41,7 +41,7 @@ bool IsCube(const Vec3i& first, int edge) { return CubeOf(first, edge) == first;
 
 struct HashOfPlace {
   std::size_t operator()(const Vec3i& place) const {
-    // Another one in each process, so that no file can choose places that collide.
+    // Random in each process, so that no file can choose places that collide.
     static const std::uint64_t seed =
         std::uint64_t{std::random_device()()} << 32 | std::random_device()();
     std::uint64_t hash = seed;
@@ -57,19 +57,19 @@ template <class Value>
 using ByPlace = std::unordered_map<Vec3i, Value, HashOfPlace>;
 using Places = std::unordered_set<Vec3i, HashOfPlace>;
 
-// Where the parts lie.
+// The positions of the parts in the file.
 struct Parts {
   std::int64_t entries, top_nodes, tiles, nodes, leaf_places, leaves, end;
 };
 
 constexpr std::int64_t kStateBytes = kBrickVoxels / 8;
 constexpr std::uint64_t kMostNodes = 1 << 16;
-// Beyond it each place has a leaf of its own.
+// Above this number of values, each place gets its own leaf.
 constexpr std::size_t kMostSharedTiles = 1 << 14;
 constexpr std::size_t kMostTiles = 1 << 20;
-// What a tile takes in all lists and maps, at most.
+// The most memory that a tile takes in all lists and maps.
 constexpr std::uint64_t kTileBytes = 128;
-// Between two tellings of progress.
+// Bricks between two reports of progress.
 constexpr std::uint64_t kBricksAtOnce = 1 << 14;
 
 Parts PartsOf(const HandoverTree& tree, LeafType type, std::int64_t max_voxels) {
@@ -104,7 +104,7 @@ std::vector<Item> ReadItems(int fd, std::int64_t offset, std::uint64_t count) {
   return items;
 }
 
-// One that OpenVDB would not save.
+// Refuses an entry that OpenVDB would not save.
 void CheckEntry(const GridEntry& entry) {
   const bool is_odd_flag =
       entry.type->name == "bool" && static_cast<unsigned char>(entry.bytes[0]) > 1;
@@ -215,7 +215,7 @@ class TreeTaker {
     }
   }
 
-  // It says what the metadata say.
+  // Checks that the map agrees with the metadata.
   void CheckMap() const {
     if (form_.map.empty()) return;
     bool is_same = form_.matrix[3] == 0.0 && form_.matrix[7] == 0.0 && form_.matrix[11] == 0.0 &&
@@ -270,7 +270,8 @@ class TreeTaker {
     if (leaves != tree_.leaves) RefuseHandover("other leaves than the nodes have");
   }
 
-  // Their constants, to be counted; those beyond the lattice are kept.
+  // Checks the tiles of a node. Counts constants for tiles within the lattice, and keeps tiles
+  // beyond the lattice in the form.
   void TakeTilesOf(const Vec3i& first, const HandoverNode& node) {
     for (int place = 0; place < HandoverNode::kPlaces; ++place) {
       if (Bit(node.is_leaf, place)) continue;
@@ -377,7 +378,7 @@ class TreeTaker {
     });
   }
 
-  // Its voxels within the lattice widen the range.
+  // Widens the range by the leaf's voxels within the lattice.
   const LeafPtr& Counted(const LeafPtr& leaf, const Vec3i& brick) {
     if (leaf->is_constant()) {
       Widen((*leaf)[0]);
@@ -404,7 +405,7 @@ class TreeTaker {
     }
   }
 
-  // Null where there are too many.
+  // Returns null if there are too many values.
   LeafPtr SharedConstant(float value, bool is_active) {
     std::uint32_t bits = 0;
     std::memcpy(&bits, &value, sizeof bits);
@@ -438,9 +439,9 @@ class TreeTaker {
   Places top_nodes_;
   ByPlace<LeafPtr> top_tiles_, tiles_;
   ByPlace<std::shared_ptr<HandoverNode>> nodes_;
-  ByPlace<std::uint64_t> leaves_;  // their numbers
+  ByPlace<std::uint64_t> leaves_;  // the leaves' numbers
   std::map<std::pair<std::uint32_t, bool>, LeafPtr> constants_;
-  // Where the last brick was.
+  // The region of the last brick.
   Vec3i region_ = Vec3i::Zero();
   bool region_known_ = false;
   const HandoverNode* node_ = nullptr;

@@ -1,4 +1,4 @@
-// Takes a volume that is handed over as the leaves and tiles of a tree (handover_layout.h).
+// Takes over a volume that is handed over as the leaves and tiles of a tree (handover_layout.h).
 //
 // Not for real-time code. Threads: any. Errors: Error.
 #pragma once
@@ -7,8 +7,8 @@
 
 namespace palpate {
 
-// `metadata`: what the header says, but for the range, which is found. The file is sealed.
-// kInvalidArgument for what is no tree, or no volume; kTooLarge.
+// `metadata`: the header's values, except for the range, which is computed. The file must be
+// sealed. Throws kInvalidArgument if the file holds no valid tree or volume; kTooLarge.
 LoadedVolume TakeTree(int fd, const HandoverHeader& header, VolumeMetadata metadata,
                       const TakeOptions& options);
 

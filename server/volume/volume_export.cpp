@@ -39,7 +39,7 @@ Format CheckedFormat(const ExportRequest& request) {
   if (!std::filesystem::is_directory(path.parent_path(), error)) {
     Refuse("there is no folder " + path.parent_path().string() + ": make it first");
   }
-  // Before the work, and again at its end.
+  // Checked before the work, and again at its end.
   if (!request.overwrite && std::filesystem::exists(path, error)) {
     throw Error(
         ErrorKind::kConflict,
@@ -57,14 +57,14 @@ std::uint64_t ExportBytes(const VolumeSnapshot& volume, const std::filesystem::p
   const VolumeMetadata& metadata = volume.metadata();
   const GridForm* const form = metadata.grid_form.get();
   const auto background = static_cast<float>(metadata.Background());
-  // A leaf of OpenVDB, of a type as wide as the file's.
+  // A leaf of OpenVDB; its type is as wide as the file's.
   const bool is_wide = form && (form->type == "double" || form->type == "int64");
   const std::uint64_t leaf_bytes = Leaf::Bytes(LeafType::kFloat) * (is_wide ? 2 : 1);
   std::uint64_t bytes = form ? leaf_bytes * form->outer_leaves.size() : 0;
   for (std::uint64_t number = 0, end = bricks.brick_count().cast<std::int64_t>().prod();
        number < end; ++number) {
     const Leaf& leaf = *bricks.At(bricks.BrickOf(number));
-    // Of a grid they are tiles.
+    // In a grid, these leaves are tiles.
     const bool is_left_out = leaf.is_constant() && (form || leaf[0] == background);
     if (!is_left_out) bytes += leaf_bytes;
   }
@@ -84,7 +84,7 @@ std::uint64_t ExportVolume(const VolumeSnapshot& volume, const ExportRequest& re
   const IfThere if_there = request.overwrite ? IfThere::kReplace : IfThere::kRefuse;
   if (format == Format::kVdb) {
     const double voxel_bytes = sizeof(float) * volume.size().cast<double>().prod();
-    // How well it compresses is not known before.
+    // The compressed size is not known in advance.
     const auto written = [&](std::uint64_t bytes) {
       tell(std::min(1.0, static_cast<double>(bytes) / voxel_bytes));
     };
@@ -93,7 +93,7 @@ std::uint64_t ExportVolume(const VolumeSnapshot& volume, const ExportRequest& re
   } else {
     const auto write = [&](const std::filesystem::path& partial) {
       WriteNrrd(partial, volume, tell);
-      // Whoever cancelled before the last moment finds no file.
+      // Asks once more, so that a client that cancelled before the last moment finds no file.
       tell(1.0);
     };
     WriteWhole(request.path, write, if_there, Durable::kYes, Links::kRefused);

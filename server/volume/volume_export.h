@@ -1,6 +1,6 @@
-// Saves a volume, with its edits, to a file that LoadVolume reads again.
+// Saves a volume, with its edits, to a file that LoadVolume can read again.
 //
-// Any thread; not for real-time code: reads the snapshot for as long as it takes.
+// Any thread; not for real-time code: reads the snapshot until the file is written.
 // Errors: Error.
 #pragma once
 
@@ -14,22 +14,23 @@
 namespace palpate {
 
 struct ExportRequest {
-  // Absolute, without links on its way; ends with .vdb (as palpate-import writes it) or .nrrd
-  // (gzip, in the smallest type that holds all voxels).
+  // Absolute and without links. Ends with .vdb (as palpate-import writes it) or .nrrd (gzip, in the
+  // smallest type that holds all voxels).
   std::filesystem::path path;
   bool overwrite = false;
 };
 
-// The most memory that it takes beside the volume: a .vdb file is written out of a grid of floats.
+// The most memory that the export takes besides the volume: a .vdb file is written from a grid of
+// floats.
 std::uint64_t ExportBytes(const VolumeSnapshot& volume, const std::filesystem::path& path);
 
 using ExportProgress = std::function<void(std::string_view stage, double fraction)>;
 using ExportCancelled = std::function<bool()>;
 
-// Returns the size of the file, bytes. The file is whole or as it was before, even
-// when the process is killed; "PATH.XXXXXX.partial" may be left then. One export to a path at a
-// time. kInvalidArgument (an unknown format, no file's path), kConflict (the file is there and not
-// to be overwritten), kCancelled, or as WriteWhole.
+// Returns the size of the file in bytes. The file is either complete or as before, even if the
+// process is killed; then "PATH.XXXXXX.partial" may remain. Only one export to a path at a time.
+// Throws kInvalidArgument (an unknown format, or not a file's path), kConflict (the file exists and
+// overwrite is false), kCancelled, or as WriteWhole.
 std::uint64_t ExportVolume(const VolumeSnapshot& volume, const ExportRequest& request,
                            const ExportProgress& progress, const ExportCancelled& cancelled);
 

@@ -26,11 +26,11 @@ openvdb::math::Transform::Ptr GridTransform(const VolumeMetadata& metadata) {
   const AffineMap X_WI = metadata.WorldFromIndex();
   openvdb::Mat4d matrix = openvdb::Mat4d::identity();
   for (int row = 0; row < 3; ++row) {
-    // OpenVDB multiplies row vectors from the left.
+    // OpenVDB multiplies row vectors from the left, so the matrix is transposed.
     for (int col = 0; col < 3; ++col) matrix(col, row) = X_WI.linear(row, col);
     matrix(3, row) = X_WI.translation[row];
   }
-  // The volume's first voxel is another one of the grid.
+  // The volume's first voxel is not voxel (0,0,0) of the grid.
   if (metadata.grid_form) {
     const Vec3 shift = X_WI.linear * metadata.grid_form->first.cast<double>();
     for (int row = 0; row < 3; ++row) matrix(3, row) -= shift[row];
@@ -121,7 +121,7 @@ void InsertEntries(const GridForm& form, openvdb::MetaMap* map) {
   }
 }
 
-// A file that tells how much is written, every MiB.
+// A file that reports every MiB how many bytes it has.
 class ToldFile : public std::filebuf {
  public:
   explicit ToldFile(const std::function<void(std::uint64_t)>& written) : written_(written) {}
@@ -146,7 +146,7 @@ void WriteGrid(const std::filesystem::path& path, const openvdb::GridBase::Ptr& 
                const WriteOptions& options) {
   ToldFile file(options.written);
   std::ostream out(&file);
-  // OpenVDB does not look whether its writes succeeded.
+  // OpenVDB does not check whether its writes succeeded, so the stream throws.
   out.exceptions(std::ios::badbit | std::ios::failbit);
   const auto check = [](const void* done) {
     if (!done) throw std::ios_base::failure("write");

@@ -1,7 +1,7 @@
-// The .vdb file as which a volume is saved: one grid, blosc compressed, whose transform maps voxel
-// index to W (mm, LPS), and whose metadata palpate_* hold VolumeMetadata. A volume out of a .vdb
-// file becomes the grid that it came from (grid_tree.h), with its name and metadata; any other one
-// "density", with voxel (0,0,0) first.
+// Writes a volume as a .vdb file: one grid, blosc compressed. The grid's transform maps voxel index
+// to W (mm, LPS), and its metadata palpate_* hold VolumeMetadata. A volume from a .vdb file becomes
+// its original grid again (grid_tree.h), with its name and metadata. Any other volume becomes a
+// grid "density" that begins with voxel (0,0,0).
 //
 // Any thread; not for real-time code (writes files, allocates).
 #pragma once
@@ -20,12 +20,12 @@ struct WriteOptions {
   IfThere if_there = IfThere::kReplace;
   Durable durable = Durable::kYes;
   Links links = Links::kFollowed;
-  // Told now and then how many bytes there are so far; gives up by throwing.
+  // Called from time to time with the number of bytes so far; it may throw to cancel.
   std::function<void(std::uint64_t bytes)> written{};
 };
 
-// Writes beside `path` and renames, so that `path` is either whole or as it was.
-// Throws Error: kInvalidArgument (metadata), or as WriteWhole.
+// Writes a new file beside `path` and renames it, so `path` is either complete or unchanged. Throws
+// Error: kInvalidArgument (metadata), or as WriteWhole.
 void WriteVolumeFile(const std::filesystem::path& path, const BrickDirectory& bricks,
                      const VolumeMetadata& metadata, const WriteOptions& options = {});
 
