@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
-# build.sh FOLDER TARGET...: builds these targets in a configured build folder, and says how far
-# it is. On a terminal the line is written over; elsewhere there is a new one every ten seconds.
-# What the compiler says of a failure is shown.
+# build.sh FOLDER TARGET...: builds these targets in a configured build folder, and reports the
+# progress. On a terminal, it rewrites one line; elsewhere, it writes a line every ten seconds.
+# If the build fails, it shows the compiler's messages.
 set -euo pipefail
 folder=$1
 shift
@@ -31,7 +31,7 @@ report() {
 
 log=$(mktemp)
 trap 'rm -f "$log"' EXIT
-# A line for each step, also where ninja would write over its own.
+# The pipe makes ninja write a line for each step, also on a terminal.
 if ! NINJA_STATUS='[%f/%t] ' ninja -C "$folder" "$@" 2>&1 | report "$log"; then
   grep -vE '^\[[0-9]+/[0-9]+\]|^ninja: Entering' "$log" | tail -n 60 >&2
   echo "build.sh: the build failed, see above" >&2

@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
-# Palpate's main job on one machine: builds what is missing, starts palpated with
-# the simulated device, and watches it.
+# Demonstrates Palpate on one machine: builds missing programs, starts palpated with the
+# simulated device, and watches it.
 set -euo pipefail
-# From the start, so that Ctrl-C means a clean end at any moment.
+# Set at the start, so that Ctrl-C ends the demo cleanly at any moment.
 interrupted=
 watcher=
 daemon=
@@ -30,9 +30,9 @@ usage() {
   cat <<'TEXT'
 Usage: deploy/demo.sh [--volume FILE] [--isovalue X | --normalized-isovalue X] [--seconds N]
 
-Installs what is missing (Debian 12, as root or a sudo user), builds what it runs into
-build/ (some minutes the first time), starts palpated with the simulated device and attaches `palpate watch`. Ctrl-C, or
-the end of N seconds, stops everything.
+Installs missing packages (Debian 12, as root or a sudo user), builds its programs into
+build/ (some minutes the first time), starts palpated with the simulated device, and runs
+`palpate watch`. Ctrl-C, or the end of N seconds, stops everything.
 
   --volume FILE            NRRD, MetaImage, NIfTI, VDB file, DICOM folder, or
                            builtin:cylinder|sphere|bumps|gyroid[:N] [builtin:bumps]
@@ -57,7 +57,7 @@ while [ $# -gt 0 ]; do
   esac
 done
 
-# What the demo runs, and no more: files need the importer, built-in volumes do not.
+# Builds only the programs that the demo runs. Only files need the importer.
 sections=(demo)
 targets=(palpated palpate)
 options=(-DPALPATE_EVERYTHING=OFF)
@@ -68,7 +68,7 @@ if [[ "$volume" != builtin:* ]]; then
 fi
 "$root/deploy/install-packages.sh" "${sections[@]}"
 [ -z "$interrupted" ] || exit 0
-# The volume's path is meant from where the user stands: no cd.
+# No cd: the volume's path is relative to the user's folder.
 if ! ninja -C "$root/build" -t query "${targets[@]}" >/dev/null 2>&1; then
   echo "configuring"
   (cd "$root" && cmake --preset default "${options[@]}" >/dev/null)
@@ -78,12 +78,12 @@ fi
 
 work=$(mktemp -d "${TMPDIR:-/tmp}/palpate-demo.XXXXXX")
 socket=$work/palpated.sock
-# Sessions of their own: Ctrl-C reaches this script alone, which ends the watch
-# first and then the daemon. Both also end when this script is killed.
+# Both programs run in their own sessions, so Ctrl-C reaches only this script. The script
+# ends the watch first and then the daemon. Both also end when the script is killed.
 setsid setpriv --pdeathsig TERM "$root/build/bin/palpated" --socket "$socket" \
   ${daemon_arguments[@]+"${daemon_arguments[@]}"} &
 daemon=$!
-# The socket is there a moment before it listens: asked is who serves on it.
+# The socket exists a moment before the daemon listens, so a call checks that it answers.
 until "$root/build/bin/palpate" info --socket "$socket" >/dev/null 2>&1 || [ -n "$interrupted" ]; do
   if ! kill -0 "$daemon" 2>/dev/null; then
     code=0
@@ -99,7 +99,7 @@ setsid setpriv --pdeathsig TERM "$root/build/bin/palpate" watch --socket "$socke
 watcher=$!
 wait "$watcher" || code=$?
 if [ -n "$interrupted" ]; then
-  # The trap cut the wait short.
+  # The trap interrupted the first wait.
   wait "$watcher" 2>/dev/null || true
 fi
 exit "$code"

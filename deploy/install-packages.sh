@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
-# install-packages.sh [SECTION...]: installs the Debian packages of these sections of
-# packages.txt that are missing, or of all sections. Does nothing, and needs no network,
-# when all are there.
+# install-packages.sh [SECTION...]: installs the missing Debian packages of these sections of
+# packages.txt. Without a SECTION: of all sections. If all packages are installed, it does
+# nothing and needs no network.
 set -euo pipefail
 here=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
 
@@ -34,6 +34,6 @@ if ! { "${as_root[@]}" apt-get update -q &&
        "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive \
          apt-get install -y -q --no-install-recommends "${missing[@]}"; } >"$log" 2>&1; then
   grep -E '^(E|W|Err):' "$log" >&2 || tail -n 5 "$log" >&2
-  echo "install-packages: apt-get failed: is the network there, and is this Debian 12?" >&2
+  echo "install-packages: apt-get failed: check the network, and that this is Debian 12" >&2
   exit 1
 fi

@@ -1,11 +1,11 @@
 #!/usr/bin/env bash
-# Takes the pictures of the viewer that README shows, from real runs: for each of them
-# a palpated with the simulated device, and palpate-view without a window.
+# Takes the README's pictures of the viewer from real runs. For each picture, it runs palpated
+# with the simulated device, and palpate-view without a window.
 #
 # Usage: deploy/guides/viewer_pictures.sh FOLDER [NAME...]
 #
-# Reads volumes from PALPATE_DATA_DIR (../shared/data unless set), programs from
-# build/bin. NAME: lobster, head, daisy, gyroid, window; all unless named.
+# Reads volumes from PALPATE_DATA_DIR (default: ../shared/data) and programs from build/bin.
+# NAME: lobster, head, daisy, gyroid, window; default: all.
 set -euo pipefail
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/../.." && pwd)
 data=${PALPATE_DATA_DIR:-$root/../shared/data}/paper
@@ -25,7 +25,7 @@ trap 'stop_daemon; rm -rf "$work"' EXIT
 picture() {
   local name=$1 volume=$2 isovalue=$3
   shift 3
-  : >"$work/log"  # of the one before
+  : >"$work/log"  # of the last picture
   "$root/build/bin/palpated" --volume "$volume" --normalized-isovalue "$isovalue" \
     --socket "$work/palpated.sock" --state-folder "$work/state" >"$work/log" 2>&1 &
   daemon=$!
@@ -45,7 +45,7 @@ for name in "${names[@]}"; do
       picture view-lobster "$data/lobster_301x324x56_uint8.nhdr" 0.16 \
         --size 960x640 --color 205,92,66 --camera 25,35,150 --no-box ;;
     head)
-      # Skin at -342 HU, as the stylus feels it; bone at 300 HU, the skin a veil.
+      # Skin at -342 HU, as the stylus feels it; bone at 300 HU, with the skin as a veil.
       picture view-head-skin "$data/SUBST_head_ct_cranium_256x256x108_int16.nrrd" 0.17 \
         --size 640x640 --camera 168,60,190 --no-box --crop 0.2,0.82,0.09,1,0,1 --color 226,178,150
       picture view-head-bone "$data/SUBST_head_ct_cranium_256x256x108_int16.nrrd" 0.33 \
