@@ -186,7 +186,8 @@ grpc::Status DeviceService::CalibrateDevice(grpc::ServerContext* context,
     const DeviceHealth health = device_.health();
     if (health.connection != DeviceConnection::kStreaming) {
       throw Error(ErrorKind::kFailedPrecondition,
-                  "the device `" + device_.spec().kind + "` is not there to be calibrated: " +
+                  "the device `" + device_.spec().kind +
+                      "` is not connected, so it cannot be calibrated: " +
                       (health.problem.empty() ? "it is being set up, try again" : health.problem));
     }
     CheckForcesAreOff();
@@ -209,7 +210,7 @@ void DeviceService::CheckName(const std::string& name) const {
   if (name.empty() && !ForcesAreKnown(spec)) {
     throw Error(ErrorKind::kInvalidArgument,
                 "the forces of `" + spec.kind +
-                    "` were never verified on hardware and may go anywhere: if you take that on, "
+                    "` were never verified on hardware and may push anywhere: to accept this, "
                     "enable them by its name, with 'palpate device enable " +
                     spec.kind + "'");
   }

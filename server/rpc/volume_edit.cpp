@@ -27,7 +27,7 @@ DenseBlock FromProto(const v1::DenseBlock& in) {
   }
   if (bytes.size() % sizeof(float) != 0) {
     Refuse("the block's values are " + std::to_string(bytes.size()) +
-           " bytes, which are no whole float32 numbers");
+           " bytes, which is not a multiple of 4 (float32)");
   }
   DenseBlock block;
   block.min = {in.min_x(), in.min_y(), in.min_z()};

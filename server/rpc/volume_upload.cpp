@@ -18,7 +18,7 @@ constexpr std::size_t kMostBytesPerMessage = 1 << 20;
 // Takes all messages. If the stream breaks off, the upload ends with too few bytes.
 void Receive(grpc::ServerReader<v1::UploadVolumeRequest>& reader, Upload& upload) {
   for (v1::UploadVolumeRequest message; reader.Read(&message);) {
-    if (!message.has_data()) Refuse("after the start of an upload there is data alone");
+    if (!message.has_data()) Refuse("after the start of an upload, only data may follow");
     if (message.data().size() > kMostBytesPerMessage) {
       Refuse("a message of an upload holds at most 1 MiB of data");
     }

@@ -12,7 +12,7 @@ std::string TooMany(int most, const std::string& what, const std::string& key) {
 }
 
 std::string TooManySamples(int asked, int most, int taken, const std::string& whose) {
-  return std::to_string(asked) + " samples per second more are too many: " + std::to_string(taken) +
+  return std::to_string(asked) + " samples per second cannot be added: " + std::to_string(taken) +
          " of the " + std::to_string(most) + " for " + whose +
          " are taken; ask for a lower rate, end other streams of poses, or raise "
          "limits.pose_samples_per_s";

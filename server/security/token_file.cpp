@@ -52,7 +52,7 @@ StoredToken ParseToken(const std::filesystem::path& path, const toml::table& tab
   };
   for (const auto& [key, node] : table) {
     if (key != "name" && key != "role" && key != "salt" && key != "sha256" && key != "expires") {
-      Fail(path, at + std::string(key.str()) + " is no key of a token");
+      Fail(path, at + std::string(key.str()) + " is not a key of a token");
     }
   }
   StoredToken token{text("name"), Role::kViewer, text("salt"), text("sha256")};

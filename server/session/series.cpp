@@ -96,7 +96,7 @@ class Reader {
 
   void Take(const LoadedVolume& volume, const std::string& source) {
     if (files_.size() > 1 && volume.metadata.frames != 1) {
-      Refuse(source + ": there are several frames in it; name that file alone, or files of one " +
+      Refuse(source + ": the file has several frames; give only this file, or files with one " +
              "frame each");
     }
     if (frames_.empty()) {

@@ -89,11 +89,11 @@ std::optional<EditOutcome> VolumeEditor::Replace(const VolumeSnapshot& before,
 }
 
 EditOutcome VolumeEditor::Undo(const Revision& expected, const Cancelled& cancelled) {
-  return Move(undo_, redo_, "there is no edit left to take back", expected, cancelled);
+  return Move(undo_, redo_, "there is no edit left to undo", expected, cancelled);
 }
 
 EditOutcome VolumeEditor::Redo(const Revision& expected, const Cancelled& cancelled) {
-  return Move(redo_, undo_, "there is no edit to do again", expected, cancelled);
+  return Move(redo_, undo_, "there is no edit to redo", expected, cancelled);
 }
 
 EditOutcome VolumeEditor::Revert(const Revision& expected, const Cancelled& cancelled) {
@@ -108,11 +108,11 @@ EditOutcome VolumeEditor::Revert(const Revision& expected, const Cancelled& canc
 void VolumeEditor::CheckLatticeMayChange() const {
   if (session_.store().shows_series()) {
     throw Error(ErrorKind::kConflict,
-                "a frame of a series keeps its lattice: load the frame by itself, as a volume");
+                "the lattice of a series cannot change: load the frame alone, as a volume");
   }
   if (session_.store().is_held()) {
     throw Error(ErrorKind::kConflict,
-                "the lattice does not change while a recording is replayed: try again after it");
+                "the lattice cannot change during a replay of a recording: try again after it");
   }
 }
 
@@ -172,7 +172,7 @@ EditOutcome VolumeEditor::Transact(const Revision& expected, const Make& make) {
   const auto change = [&](const std::shared_ptr<const VolumeSnapshot>& present) {
     if (expected && *expected != present->revision()) {
       throw Error(ErrorKind::kConflict,
-                  fmt::format("the volume is at revision {}, not {}: look at it again",
+                  fmt::format("the volume is at revision {}, not {}: read it again",
                               present->revision(), *expected));
     }
     const auto made = std::make_shared<Made>(make(present));

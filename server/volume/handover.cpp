@@ -96,7 +96,7 @@ Contents CheckDense(int fd, const HandoverHeader& header, VolumeMetadata metadat
   }
   if (!IsOf(contents.type, contents.metadata.value_min) ||
       !IsOf(contents.type, contents.metadata.value_max)) {
-    RefuseHandover("a range that is none of its type");
+    RefuseHandover("a range that its type cannot hold");
   }
   return contents;
 }
@@ -121,7 +121,7 @@ class RangeCheck {
 
   void Finish() const {
     if (least_ != metadata_.value_min || greatest_ != metadata_.value_max) {
-      RefuseHandover("a range that is not that of the voxels");
+      RefuseHandover("a range other than the voxels' range");
     }
   }
 

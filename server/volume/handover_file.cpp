@@ -10,8 +10,8 @@
 namespace palpate {
 
 void RefuseHandover(const std::string& what) {
-  throw Error(ErrorKind::kInvalidArgument, "what the importer made of the file is no volume (" +
-                                               what + "): the file is damaged");
+  throw Error(ErrorKind::kInvalidArgument,
+              "the importer's result is not a valid volume (" + what + "): the file is damaged");
 }
 
 void FailHandover(const char* what) {

@@ -109,7 +109,7 @@ void CheckEntry(const GridEntry& entry) {
   const bool is_odd_flag =
       entry.type->name == "bool" && static_cast<unsigned char>(entry.bytes[0]) > 1;
   if (entry.name.empty() || entry.name.starts_with("palpate_") || is_odd_flag) {
-    RefuseHandover("metadata that no grid has");
+    RefuseHandover("metadata that a grid cannot have");
   }
 }
 
@@ -125,7 +125,8 @@ std::vector<GridEntry> ReadEntries(const std::vector<char>& bytes) {
       RefuseHandover("cut metadata");
     }
     const GridEntryType& type = kGridEntryTypes[entry.type];
-    if (type.bytes != 0 && type.bytes != entry.value_bytes) RefuseHandover("metadata of no type");
+    if (type.bytes != 0 && type.bytes != entry.value_bytes)
+      RefuseHandover("metadata of an unknown type");
     const char* const name = bytes.data() + at;
     const char* const value = name + entry.name_bytes;
     entries.push_back({{name, value}, &type, {value, value + entry.value_bytes}});
@@ -177,7 +178,7 @@ class TreeTaker {
     constexpr std::int64_t kFarthest = std::int64_t{1} << 30;
     if (!IsCube(form_.first, kBrickEdge) || size.minCoeff() < 2 || first.minCoeff() < -kFarthest ||
         (first + size).maxCoeff() > kFarthest) {
-      RefuseHandover("a lattice that is none");
+      RefuseHandover("an invalid lattice");
     }
     std::int64_t voxels = 0;
     if (__builtin_mul_overflow(size.x() * size.y(), size.z(), &voxels) ||
@@ -188,7 +189,7 @@ class TreeTaker {
     }
     if (tree_.grid_type >= std::size(kGridTypes) || tree_.map > std::size(kGridMaps) ||
         !IsValue(tree_.background)) {
-      RefuseHandover("a grid of no type");
+      RefuseHandover("a grid of an unknown type");
     }
   }
 
