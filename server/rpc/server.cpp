@@ -48,7 +48,7 @@ void RemoveStaleSocket(const std::string& path) {
   if (lstat(path.c_str(), &status) != 0) return;
   if (!S_ISSOCK(status.st_mode)) {
     throw Error(ErrorKind::kInvalidArgument,
-                path + " exists and is not a socket: name another path with --socket");
+                path + " exists and is no socket: name another path with --socket");
   }
   unlink(path.c_str());
 }

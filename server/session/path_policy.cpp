@@ -76,7 +76,7 @@ void CheckWithin(const std::vector<fs::path>& folders, const fs::path& resolved,
 
 [[noreturn]] void RefuseOwn(const std::string& path) {
   throw Error(ErrorKind::kPermissionDenied,
-              path + ": this file belongs to palpated or the kernel; name another file");
+              path + ": this is palpated's own file, or the kernel's; name another file");
 }
 
 void CheckNotOwn(const OwnFiles& own, const fs::path& resolved, const std::string& path) {
