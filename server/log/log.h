@@ -1,8 +1,8 @@
-// Lines of the daemon's log. server/app/log.h says where they go.
+// Writes lines to the daemon's log. server/app/log.h says where they go.
 //
-// spdlog's own calls compile fmt's whole formatter into every file that logs: 5 s of CPU each.
-// These format in fmt's library, and hand over a text.
-// Threads: any but the servo thread. Errors: none; a line that cannot be written is dropped.
+// These functions format the text in fmt's library and pass it on. spdlog's own calls would compile
+// fmt's whole formatter into every file that logs, which costs 5 s of CPU per file.
+// Threads: any except the servo thread. Errors: none. A line that cannot be written is dropped.
 #pragma once
 
 #include <fmt/core.h>
