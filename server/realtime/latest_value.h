@@ -1,8 +1,8 @@
-// The newest value from one thread to one other, both of which may be real-time.
+// Hands the newest value from one thread to one other thread. Both threads may be real-time.
 //
-// Three slots: one that the writer fills, one that the reader has, and one between
-// them that is exchanged by a single atomic. What is read is a value that was written
-// whole; older ones are lost unread.
+// There are three slots: the writer fills one, the reader holds one, and a single atomic exchanges
+// the third between them. A value that is read was written completely. Older values are lost
+// unread.
 //
 // Threads: Write on the one writer, Read on the one reader.
 // Real-time: wait-free; T's copy must neither allocate nor throw.
@@ -29,7 +29,7 @@ class LatestValue {
     writing_ = between_.exchange(writing_ | kNew, std::memory_order_acq_rel) & kIndex;
   }
 
-  // The newest value; it stays as it is until the next Read. `is_new`: it was not
+  // Returns the newest value. It stays unchanged until the next Read. `is_new`: this value was not
   // read before.
   const T& Read(bool& is_new) noexcept {
     is_new = (between_.load(std::memory_order_relaxed) & kNew) != 0;

@@ -1,23 +1,20 @@
-// The newest immutable value, from non-real-time publishers to one real-time
-// reader, and the memory of the older ones back.
+// Hands the newest immutable value from non-real-time publishers to one real-time reader, and frees
+// the older values.
 //
-// Threads: Acquire on the one reader; everything else on non-real-time threads,
-// any number of them.
-// Real-time: Acquire is wait-free (one load, one store), without allocation or
-// system calls. The reader never frees anything.
-// Ownership: the handoff owns what was published until the reader has moved on.
-// A pointer from Acquire is valid on the reader's thread until its next Acquire,
-// or until it has stopped.
+// Threads: Acquire on the one reader; everything else on any number of non-real-time threads.
+// Real-time: Acquire is wait-free (one load, one store), without allocation or system calls. The
+// reader never frees anything.
+// Ownership: the handoff owns a published value until the reader has moved on. A pointer from
+// Acquire is valid on the reader's thread until its next Acquire, or until the reader has stopped.
 //
-// Why it is safe. Value and sequence number travel together in one node, so that
-// the reader announces the number of exactly the node it loaded. There is one
-// atomic pointer and its values only ever get newer, so the reader, which reads
-// one atomic variable, never goes backwards (coherence). Thus once the reader has
-// announced n it cannot load a node older than n any more. And its last use of an
-// older node comes before that announcement, which is a release; a publisher
-// that reads n with acquire frees the older nodes after that use. Between its
-// load of node n and its announcement of n the older announcement stands, and
-// that keeps more, never less.
+// Why it is safe. Value and sequence number are in one node, so the reader announces the number of
+// exactly the node that it loaded. The one atomic pointer only ever gets newer values. The reader
+// reads one atomic variable and therefore never goes backwards (coherence). After announcing n, the
+// reader can no longer load a node older than n.
+// The reader's last use of an older node comes before its announcement of n, which is a release. A
+// publisher that reads n with acquire therefore frees the older nodes after that use. Between the
+// reader's load of node n and its announcement of n, the previous announcement stands. It keeps
+// more nodes, never fewer.
 #pragma once
 
 #include <atomic>
@@ -40,8 +37,8 @@ class SnapshotHandoff {
   SnapshotHandoff(const SnapshotHandoff&) = delete;
   SnapshotHandoff& operator=(const SnapshotHandoff&) = delete;
 
-  // Makes `value` (not null) the newest, frees what the reader has left, and
-  // returns the value's sequence number: 1, 2, 3 ...
+  // Makes `value` (not null) the newest, frees values that the reader no longer uses, and returns
+  // the sequence number of `value`: 1, 2, 3 ...
   std::uint64_t Publish(std::unique_ptr<const T> value) {
     assert(value != nullptr);
     std::uint64_t sequence = 0;
@@ -55,7 +52,7 @@ class SnapshotHandoff {
     return sequence;
   }
 
-  // Reader, once a tick: the newest value; null before the first Publish.
+  // For the reader, once a tick. Returns the newest value; null before the first Publish.
   const T* Acquire() noexcept {
     const Node* node = newest_.load(std::memory_order_acquire);
     if (node == nullptr) return nullptr;
@@ -63,13 +60,13 @@ class SnapshotHandoff {
     return node->value.get();
   }
 
-  // Sequence number of the value that the reader acquired last; 0: none yet.
+  // The sequence number of the value that the reader acquired last. 0: none yet.
   std::uint64_t announced() const noexcept { return announced_.load(std::memory_order_acquire); }
 
-  // Frees everything older than what the reader has announced.
+  // Frees all values older than the announced one.
   void Collect() {
-    // Freed after the lock is released: a big value takes its time, and the
-    // other publishers need not wait for it.
+    // Declared before the lock, so freed after its release: freeing a big value takes time, and
+    // other publishers need not wait.
     std::deque<std::unique_ptr<const Node>> retired;
     const std::lock_guard lock(publishers_);
     const std::uint64_t oldest_in_use = reader_stopped_ ? sequence_ : announced();
@@ -79,8 +76,8 @@ class SnapshotHandoff {
     }
   }
 
-  // The reader does not acquire any more and uses nothing that it acquired (its
-  // thread has been joined): all but the newest is freed, now and from now on.
+  // Call it when the reader's thread has been joined: the reader acquires no more and uses nothing
+  // that it acquired. Frees all values except the newest, now and after each Publish.
   void ReaderStopped() {
     {
       const std::lock_guard lock(publishers_);
@@ -89,8 +86,8 @@ class SnapshotHandoff {
     Collect();
   }
 
-  // To be called before a reader acquires again after ReaderStopped (before its
-  // thread is started). Not needed for the first one.
+  // Call it before a reader acquires again after ReaderStopped, that is, before its thread starts.
+  // The first reader does not need it.
   void ReaderRestarts() {
     const std::lock_guard lock(publishers_);
     reader_stopped_ = false;

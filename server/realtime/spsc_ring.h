@@ -1,12 +1,9 @@
-// A bounded queue from one thread to one other.
+// A bounded queue from one thread to one other thread.
 //
-// Threads: TryPush on the one producer, TryPop on the one consumer; overflows()
-// anywhere.
-// Real-time: TryPush and TryPop are wait-free, without allocation or system
-// calls. The slots are written once on construction, so that their memory is
-// there before the first tick.
-// Errors: a full ring drops the new item and counts it; the producer never
-// waits for the consumer.
+// Threads: TryPush on the one producer, TryPop on the one consumer; overflows() on any thread.
+// Real-time: TryPush and TryPop are wait-free, without allocation or system calls. The constructor
+// writes all slots, so that their memory is mapped before the first tick.
+// Errors: a full ring drops the new item and counts it. The producer never waits for the consumer.
 #pragma once
 
 #include <array>
@@ -32,7 +29,7 @@ class SpscRing {
   bool TryPush(const T& item) noexcept {
     const std::uint64_t write = write_.load(std::memory_order_relaxed);
     if (write - read_.load(std::memory_order_acquire) == kCapacity) {
-      // Only the producer writes the counter: no read-modify-write is needed.
+      // Only the producer writes the counter, so no read-modify-write is needed.
       overflows_.store(overflows_.load(std::memory_order_relaxed) + 1, std::memory_order_relaxed);
       return false;
     }
@@ -59,8 +56,7 @@ class SpscRing {
   static constexpr std::size_t kCacheLineBytes = 64;
   static constexpr std::uint64_t kMask = kCapacity - 1;
 
-  // The indices count up for ever; 64 bits do not wrap. Each side writes to
-  // cache lines of its own.
+  // The indices only count up; 64 bits do not wrap. Each side writes to its own cache lines.
   alignas(kCacheLineBytes) std::atomic<std::uint64_t> write_{0};
   std::atomic<std::uint64_t> overflows_{0};
   alignas(kCacheLineBytes) std::atomic<std::uint64_t> read_{0};

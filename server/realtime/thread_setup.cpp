@@ -22,20 +22,20 @@ constexpr char kThreadName[] = "palpate-rt";
 constexpr std::size_t kStackBytes = 256 * 1024;
 constexpr std::size_t kSmallestPageBytes = 4096;
 
-// Guards whether memory is locked.
+// Guards is_locked.
 std::mutex lock_mutex;
 bool is_locked = false;
 
-// Leaves what is in memory there, and locks what is not yet when it is first touched.
+// Pages in memory stay there. Other pages are locked when they are first touched.
 bool LockOnFault() { return mlockall(MCL_CURRENT | MCL_FUTURE | MCL_ONFAULT) == 0; }
 
-// Where malloc's only arena keeps what it gives back.
+// The memory of malloc's only arena, which keeps freed memory.
 struct Heap {
   void* begin = nullptr;
   std::size_t bytes = 0;
 };
 
-// Empty: it is not known.
+// Empty if the heap is not found.
 Heap FindHeap() noexcept {
   FILE* const maps = fopen("/proc/self/maps", "re");
   if (!maps) return {};
@@ -44,7 +44,7 @@ Heap FindHeap() noexcept {
   while (fgets(line, sizeof line, maps)) {
     unsigned long from = 0, to = 0;
     if (!std::strstr(line, "[heap]") || std::sscanf(line, "%lx-%lx", &from, &to) != 2) continue;
-    // The kernel may hold it in several parts.
+    // The kernel may list the heap in several parts.
     first = first == 0 ? from : first;
     end = to;
   }
@@ -52,12 +52,12 @@ Heap FindHeap() noexcept {
   return {reinterpret_cast<void*>(first), end - first};
 }
 
-// strerror is not thread-safe; this is.
+// strerror is not thread-safe; this function is.
 std::string Describe(int error_number) { return std::generic_category().message(error_number); }
 
-// Whether this process may lock more than `limit_bytes`, found by trying: who is
-// exempt (CAP_IPC_LOCK in the initial user namespace) cannot be told from the
-// process's capabilities inside a container. MLOCK_ONFAULT uses no memory.
+// True if this process may lock more than `limit_bytes`. Only a try can tell: inside a container,
+// the process's capabilities do not show whether it is exempt (CAP_IPC_LOCK in the initial user
+// namespace). MLOCK_ONFAULT uses no memory.
 bool MayLockMoreThan(rlim_t limit_bytes) {
   const std::size_t size_bytes = limit_bytes + kSmallestPageBytes;
   void* probe = mmap(nullptr, size_bytes, PROT_READ | PROT_WRITE,
@@ -68,17 +68,17 @@ bool MayLockMoreThan(rlim_t limit_bytes) {
   return locked;
 }
 
-// Touches the stack that the thread will use, so that no tick faults it in.
+// Touches the stack that the thread will use, so that no tick has a page fault there.
 [[gnu::noinline]] void PrefaultStack() {
   char stack[kStackBytes];
-  volatile char* const touched = stack;  // or the writes would be optimised away
+  volatile char* const touched = stack;  // without volatile the writes would be optimised away
   for (std::size_t i = 0; i < kStackBytes; i += kSmallestPageBytes) touched[i] = 0;
 }
 
 void SetPriority(int priority, RealtimeGrant& grant) {
   sched_param parameters{};
   parameters.sched_priority = priority;
-  // Reset on fork: a child of this thread must not start with its priority.
+  // Reset on fork: a child process must not start with this thread's priority.
   if (sched_setscheduler(0, SCHED_FIFO | SCHED_RESET_ON_FORK, &parameters) == 0) {
     grant.fifo = true;
     return;
@@ -91,7 +91,7 @@ void SetPriority(int priority, RealtimeGrant& grant) {
                 ", and check kernel.sched_rt_runtime_us and the container's limits";
   grant.warnings.push_back("no real-time scheduling (SCHED_FIFO " + std::to_string(priority) +
                            " refused: " + Describe(error_number) + "): " + advice +
-                           "; going on with ordinary scheduling, ticks will be late at times");
+                           "; using ordinary scheduling: ticks will be late at times");
 }
 
 void SetCpu(int cpu, RealtimeGrant& grant) {
@@ -106,7 +106,7 @@ void SetCpu(int cpu, RealtimeGrant& grant) {
   grant.warnings.push_back("the real-time thread is not bound to CPU " + std::to_string(cpu) +
                            " (" + Describe(error_number) +
                            "): choose one that this process may use (taskset -p, AllowedCPUs); "
-                           "going on on any CPU");
+                           "the thread runs on any CPU");
 }
 
 }  // namespace
@@ -120,25 +120,26 @@ bool LockProcessMemory(std::vector<std::string>& warnings) noexcept {
              " KiB may be locked, and later allocations would fail at that limit";
   } else {
     const std::lock_guard lock(lock_mutex);
-    // The first brings all that is mapped now into memory, programs and libraries too.
+    // The first call brings everything that is mapped now into memory, including programs and
+    // libraries.
     is_locked = mlockall(MCL_CURRENT) == 0 && LockOnFault();
     if (is_locked) return true;
     reason = "mlockall refused: " + Describe(errno);
   }
   warnings.push_back("memory is not locked (" + reason +
                      "): set LimitMEMLOCK=infinity (ulimit -l unlimited) or grant CAP_IPC_LOCK; "
-                     "going on, ticks will be late when memory has to be paged in");
+                     "until then ticks will be late when memory has to be paged in");
   return false;
 }
 
 void ReturnFreedMemory() noexcept {
   const std::lock_guard lock(lock_mutex);
-  // malloc gives pages back by MADV_DONTNEED, which the kernel refuses for locked ones. All else
-  // that the servo touches, programs and stacks, stays locked.
+  // malloc gives pages back by MADV_DONTNEED, which the kernel refuses for locked pages. So only
+  // the heap is unlocked. The programs and stacks that the servo touches stay locked.
   const Heap before = is_locked ? FindHeap() : Heap();
   if (before.bytes > 0) munlock(before.begin, before.bytes);
   malloc_trim(0);
-  // Others may have made it grow.
+  // Other threads may have made the heap grow.
   const Heap after = is_locked ? FindHeap() : Heap();
   if (after.bytes > 0) mlock2(after.begin, after.bytes, MLOCK_ONFAULT);
 }
@@ -146,14 +147,14 @@ void ReturnFreedMemory() noexcept {
 void SetupRealtimeThread(const RealtimeOptions& options, RealtimeGrant& grant) noexcept {
   if (pthread_setname_np(pthread_self(), kThreadName) != 0) {
     grant.warnings.push_back(std::string("the real-time thread could not be named ") + kThreadName +
-                             "; going on, it shows under the name of the process");
+                             "; the thread keeps the name of the process");
   }
   if (options.cpu >= 0) SetCpu(options.cpu, grant);
   if (options.lock_memory && !grant.memory_locked) {
     grant.memory_locked = LockProcessMemory(grant.warnings);
   }
   PrefaultStack();
-  // Last, so that the preparations do not run at real-time priority.
+  // Last, so that the preparations above do not run at real-time priority.
   SetPriority(options.priority, grant);
 }
 

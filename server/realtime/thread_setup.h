@@ -1,7 +1,7 @@
-// Asks the kernel for what a real-time thread needs, and says what it refused.
+// Asks the kernel for what a real-time thread needs, and reports what the kernel refuses.
 //
-// Nothing here throws or gives up: every refusal adds one line to the warnings,
-// with what to do about it, and the thread goes on with less.
+// No function here throws. Each refusal adds one line to the warnings with what to do about it, and
+// the thread runs on without the refused right.
 #pragma once
 
 #include <string>
@@ -22,26 +22,28 @@ struct RealtimeGrant {
   std::vector<std::string> warnings;  // one line each
 };
 
-// Keeps all memory of the process, present and future, in RAM. Does so only where
-// locked memory is unlimited (RLIMIT_MEMLOCK or CAP_IPC_LOCK): under a finite limit
-// it may succeed now and make any later allocation fail. Any thread, not
-// real-time. False: not locked, and a warning says why.
+// Keeps all memory of the process in RAM, also memory that is mapped later. Works only if locked
+// memory is unlimited (RLIMIT_MEMLOCK or CAP_IPC_LOCK): under a finite limit the call may succeed
+// now and make a later allocation fail. Any thread, not real-time. Returns false if the memory is
+// not locked; a warning says why.
 //
-// What is mapped later is locked when it is first written, not when it is mapped: what the heap
-// only reserves takes no memory. The servo reads nothing that others did not write before.
+// Memory that is mapped later is locked when it is first written, not when it is mapped. Memory
+// that the heap only reserves therefore takes no RAM. The servo reads only memory that another
+// thread has written before.
 bool LockProcessMemory(std::vector<std::string>& warnings) noexcept;
 
-// Gives what was freed back to the system: the heap would keep it, as bricks are small.
+// Gives freed memory back to the system. The heap itself would keep the memory, because bricks are
+// small.
 //
-// Takes milliseconds, with locked memory about 200 for each GiB that the process has; other
-// threads that allocate wait meanwhile. Locked pages cannot be given back, so that the heap, which
-// holds the bricks, is unlocked for that time. Any ordinary thread; a real-time thread that does
-// not allocate is not held up.
+// Takes milliseconds; with locked memory about 200 ms for each GiB of the process. Other threads
+// that allocate wait meanwhile. Locked pages cannot be given back, so the heap, which holds the
+// bricks, is unlocked during the call. Any ordinary thread. Does not hold up a real-time thread
+// that does not allocate.
 void ReturnFreedMemory() noexcept;
 
-// Makes the calling thread a real-time one, before its loop: SCHED_FIFO (children
-// start as ordinary processes), core, memory, the stack that a tick may need, and
-// the thread's name. Not real-time itself.
+// Makes the calling thread a real-time one; call it before the thread's loop. Sets SCHED_FIFO
+// (child processes start with ordinary scheduling), the core, locked memory, the stack that a tick
+// may need, and the thread's name. Not real-time itself.
 void SetupRealtimeThread(const RealtimeOptions& options, RealtimeGrant& grant) noexcept;
 
 // Page faults of the calling thread so far, minor and major. One system call

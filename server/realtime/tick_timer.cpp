@@ -15,12 +15,13 @@ void SleepUntil(std::int64_t time_ns) noexcept {
   timespec time{};
   time.tv_sec = time_ns / kNsPerS;
   time.tv_nsec = time_ns % kNsPerS;
-  // The time is absolute: a signal costs nothing but another call.
+  // The time is absolute, so after a signal the same call continues the wait.
   while (clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &time, nullptr) == EINTR) {
   }
 }
 
-// Tells the core that this is a spin: saves power and the sibling thread's cycles.
+// Tells the core that this is a spin loop, which saves power and gives cycles to the sibling
+// thread.
 void Pause() noexcept {
 #if defined(__x86_64__)
   __builtin_ia32_pause();
@@ -52,7 +53,7 @@ TickTime TickTimer::WaitForNext() noexcept {
   if (now_ns < next_ns_ - spin_ns_) SleepUntil(next_ns_ - spin_ns_);
   while ((now_ns = MonotonicNowNs()) < next_ns_) Pause();
 
-  // Whole periods gone by since the deadline, by a late wake-up or a late call.
+  // Whole periods since the deadline, after a late wake-up or a late call.
   const std::int64_t skipped = (now_ns - next_ns_) / period_ns_;
   missed_ += static_cast<std::uint64_t>(skipped);
   const std::int64_t scheduled_ns = next_ns_ + skipped * period_ns_;
