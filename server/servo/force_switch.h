@@ -1,6 +1,7 @@
-// The operator's hand on the forces: the newest command, from any thread to the servo.
+// Holds the operator's newest command for the forces. Any thread sets the command, the servo takes
+// it.
 //
-// Threads: Set on any, Take on the servo thread. Real-time: Take is wait-free.
+// Threads: Set and Withdraw on any, Take on the servo thread. Real-time: Take is wait-free.
 #pragma once
 
 #include <atomic>
@@ -11,8 +12,8 @@ namespace palpate {
 
 class ForceSwitch {
  public:
-  // The newest wins, but a stop that the servo has not taken yet wins over all; it
-  // takes them within a tick.
+  // The newest command replaces the one that waits. A waiting stop is never replaced. The servo
+  // takes a command within a tick.
   void Set(ForceCommand command) noexcept {
     ForceCommand waiting = command_.load(std::memory_order_relaxed);
     do {
@@ -20,13 +21,13 @@ class ForceSwitch {
     } while (!command_.compare_exchange_weak(waiting, command, std::memory_order_seq_cst));
   }
 
-  // A command that the servo has not taken is not to hold any more.
+  // Cancels this command if the servo has not taken it yet.
   void Withdraw(ForceCommand command) noexcept {
     command_.compare_exchange_strong(command, ForceCommand::kNone, std::memory_order_relaxed);
   }
 
   ForceCommand Take() noexcept {
-    // Nearly always there is none: a load is cheaper than an exchange.
+    // A command is rare, and a load is cheaper than an exchange.
     if (command_.load(std::memory_order_relaxed) == ForceCommand::kNone) return ForceCommand::kNone;
     return command_.exchange(ForceCommand::kNone, std::memory_order_acquire);
   }

@@ -1,9 +1,9 @@
 // The servo thread: 1 kHz ticks between an inbox and an outbox.
 //
-// Threads: construct, Start and Stop on the main thread; grant() after Start;
-// the counters anywhere. Real-time: the thread itself neither locks, allocates,
-// logs nor waits but for its timer. Ownership: borrows device, inbox and outbox,
-// which must outlive it; Stop joins.
+// Threads: construct, Start and Stop on the main thread; grant() after Start; the counters on any
+// thread. Real-time: the servo thread does not lock, allocate or log. It waits only for its timer.
+// Ownership: borrows device, inbox and outbox, which must outlive this object. Stop joins the
+// thread.
 #pragma once
 
 #include <atomic>
@@ -27,13 +27,13 @@ class ServoLoop {
             const RealtimeOptions& options, const SafetyLimits& limits);
   ~ServoLoop() { Stop(); }
 
-  // A scene must have been published. Returns when the thread runs and knows
-  // what it was granted. Throws Error if the device does not start.
+  // Publish a scene first. Returns when the thread runs and knows what the kernel granted. Throws
+  // Error if the device does not start.
   void Start();
-  // Zero force, then the device is stopped. Safe to call twice.
+  // Writes zero force, then stops the device. A second call does nothing.
   void Stop() noexcept;
 
-  // What the operator says; any thread.
+  // Takes the operator's commands. Any thread.
   ForceSwitch& forces() { return forces_; }
 
   const RealtimeGrant& grant() const { return grant_; }
@@ -56,7 +56,7 @@ class ServoLoop {
   SafetyLimits limits_;
   ForceSwitch forces_;
   RealtimeGrant grant_;
-  std::atomic<bool> running_{false};  // the thread knows its rights
+  std::atomic<bool> running_{false};  // the thread knows what the kernel granted
   std::atomic<bool> stop_{false};
   std::atomic<std::uint64_t> ticks_{0};
   std::atomic<std::uint64_t> missed_ticks_{0};

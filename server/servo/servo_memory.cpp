@@ -9,13 +9,13 @@
 namespace palpate {
 namespace {
 
-// Of the bytes. To be raised whenever they mean something else.
+// Version of the byte layout. Raise it whenever the meaning of the bytes changes.
 constexpr std::uint8_t kLayout = 2;
 
 constexpr int kMaxCell = 1 << 30;
 
-// Visits every number. The structured bindings name all members: one that is added
-// does not compile until it is visited, too.
+// Visits every number. The structured bindings name all members: a new member does not compile
+// until it is visited.
 template <class Vector, class Visit>
 void VisitVector(Vector& vector, Visit& visit) {
   for (auto& number : vector.reshaped()) visit(number);
@@ -107,7 +107,7 @@ void VisitMemory(Memory& memory, Visit visit) {
   for (auto* count : {&tick, &missed_ticks, &capped_ticks, &faulty_ticks}) visit(*count);
 }
 
-// The least value of T's that is none, for those that are read as if by name.
+// The first value beyond T's valid ones.
 template <class T>
 constexpr unsigned kEnd = 2;  // bool, FreeSide
 template <>
@@ -117,7 +117,7 @@ constexpr unsigned kEnd<ForceState> = 6;
 template <>
 constexpr unsigned kEnd<ForceReason> = 12;
 
-// False for bytes that are no value.
+// Returns false if the bytes are no valid value of T.
 template <class T>
 bool FromBytes(const char* bytes, T& value) {
   if constexpr (std::is_same_v<T, bool> || std::is_enum_v<T>) {
@@ -131,7 +131,7 @@ bool FromBytes(const char* bytes, T& value) {
   }
 }
 
-// No stylus is as far away, and squares of such lengths are numbers.
+// No stylus is as far away. Squares of such lengths do not overflow.
 constexpr double kFarthestMm = 1e9;
 constexpr double kUnitTolerance = 1e-6;
 
@@ -139,7 +139,7 @@ bool IsPosition(const Vec3& p_mm) {
   return p_mm.allFinite() && p_mm.cwiseAbs().maxCoeff() <= kFarthestMm;
 }
 
-// Positive weights of different vertices that sum to 1.
+// True for positive weights of different vertices with sum 1.
 bool IsCarrier(const Carrier& carrier) {
   if (carrier.count < 1 || carrier.count > 4) return false;
   double sum = 0.0;
@@ -150,7 +150,7 @@ bool IsCarrier(const Carrier& carrier) {
   return std::abs(sum - 1.0) < kUnitTolerance && std::popcount(carrier.Mask()) == carrier.count;
 }
 
-// Within the cell, and on exactly the faces that it is said to be on.
+// True if the place lies within its cell and on exactly the faces that it names.
 bool IsInBox(const Place& place) {
   std::uint8_t faces = 0;
   for (int axis = 0; axis < 3; ++axis) {
@@ -162,7 +162,7 @@ bool IsInBox(const Place& place) {
   return place.faces == faces;
 }
 
-// Whether its vertices are those of its cell, the scene tells (Fits in proxy.h).
+// Fits (proxy.h) checks the vertices against the scene's cell.
 bool IsPlace(const Place& place) {
   if (std::ranges::any_of(place.carrier.vertex, [](int v) { return v >= kMaxVertices; }) ||
       (place.cell.array() < -kMaxCell).any() || (place.cell.array() > kMaxCell).any()) {
@@ -181,8 +181,7 @@ bool IsPlace(const Place& place) {
   return false;
 }
 
-// What indexes arrays and lattices stays within them, and what is computed from
-// lengths is a number.
+// Checks that indices stay within their arrays and lattices, and that lengths are finite.
 bool IsInRange(const ServoMemory& memory) {
   const RendererMemory& renderer = memory.renderer;
   const Proxy& proxy = renderer.proxy;

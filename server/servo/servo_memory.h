@@ -1,5 +1,5 @@
-// What the servo remembers from tick to tick, to the bytes of a keyframe and back. The cache of
-// cells is left out: what it returns depends on the surface alone.
+// Converts what the servo remembers from tick to tick into the bytes of a keyframe, and back. The
+// cell cache is left out: its results depend only on the surface.
 //
 // Threads: plain values. Real-time: Save and Load neither allocate nor lock.
 #pragma once
@@ -16,7 +16,7 @@ namespace palpate {
 struct ServoMemory {
   RendererMemory renderer;
   SafetyMemory safety;
-  std::uint64_t tick = 0;          // the next one
+  std::uint64_t tick = 0;          // the next tick
   std::uint64_t missed_ticks = 0;  // counters as of the last sample
   std::uint64_t capped_ticks = 0;
   std::uint64_t faulty_ticks = 0;
@@ -24,8 +24,8 @@ struct ServoMemory {
 
 ServoKeyframe Save(const ServoMemory& memory) noexcept;
 
-// False, and `memory` is of no use, for what Save does not make: other lengths and
-// layouts, numbers that are no state.
+// Returns false for bytes that Save does not make: another length or layout, or invalid numbers.
+// `memory` is then unusable.
 bool Load(std::string_view bytes, ServoMemory& memory) noexcept;
 
 }  // namespace palpate

@@ -1,7 +1,7 @@
-// One tick: read the device, update the haptics, write the force, report.
+// One tick: reads the device, updates the haptics, writes the force, returns a sample.
 //
-// Threads: the servo thread only. Real-time: no lock, no allocation, no log, no
-// wait; the only system calls are the device's.
+// Threads: the servo thread only. Real-time: no lock, no allocation, no log, no wait. Only the
+// device makes system calls.
 #pragma once
 
 #include "server/device/haptic_device.h"
@@ -14,15 +14,15 @@ namespace palpate {
 
 class ServoTick {
  public:
-  // Borrows both. forces: what the operator says, where there is one.
+  // Borrows both. `forces`: the operator's commands, or null.
   ServoTick(HapticDevice& device, const SafetyLimits& limits, ForceSwitch* forces = nullptr)
       : device_(device), forces_(forces), computation_(limits, PassivityDeviceOf(device.spec())) {}
   explicit ServoTick(HapticDevice& device) : ServoTick(device, LimitsFor(device.spec(), 0)) {}
 
-  // `scene` stays valid until the return.
+  // `scene` must stay valid until Run returns.
   TickSample Run(const Scene& scene, const TickTime& time) noexcept;
 
-  // Before the next tick.
+  // The number of the next tick.
   std::uint64_t next_tick() const { return computation_.next_tick(); }
   ServoKeyframe Keyframe() const noexcept { return computation_.Keyframe(); }
 

@@ -57,7 +57,7 @@ TickSample TickComputation::Run(const Scene& scene, const TickInput& input) noex
   sample.scene_revision = scene.scene_revision;
   sample.volume_revision = scene.volume->revision();
 
-  // Missed ticks lengthen the time over which the stylus has moved.
+  // Missed ticks lengthen the time in which the stylus has moved.
   const std::uint64_t missed = input.missed_ticks - missed_ticks_;
   const double elapsed_s = kTickPeriodS * (1.0 + static_cast<double>(missed));
   missed_ticks_ = input.missed_ticks;

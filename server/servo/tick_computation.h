@@ -1,5 +1,5 @@
-// What one tick computes, apart from the device and the clock: the servo thread and
-// those who compute recorded ticks again share it.
+// Computes one tick, without the device and the clock. The servo thread uses it, and so does code
+// that computes recorded ticks again.
 //
 // Frame: D (mm, N). Threads: one. Real-time: no lock, no allocation, no system call.
 #pragma once
@@ -22,10 +22,10 @@ struct TickInput {
   DeviceState stylus{};
   DeviceStatus device = DeviceStatus::kOk;
   ForceCommand command = ForceCommand::kNone;
-  std::uint64_t missed_ticks = 0;  // so far
+  std::uint64_t missed_ticks = 0;  // in total
 };
 
-// What a device says of itself, at the servo's rate; the Omni's numbers for what it leaves open.
+// The device's data at the servo's rate. Values that the device does not give are the Omni's.
 PassivityDevice PassivityDeviceOf(const DeviceSpec& spec);
 
 class TickComputation {
@@ -35,25 +35,24 @@ class TickComputation {
     renderer_.device = device;
   }
 
-  // All of the sample but its times. `scene` stays valid until the return.
+  // Returns the sample without its times. `scene` must stay valid until Run returns.
   TickSample Run(const Scene& scene, const TickInput& input) noexcept;
 
-  // The input that gave a sample, where this computation is at its tick: what a
-  // sample does not tell of it (how a position was no position) makes no
-  // difference.
+  // Returns the input that gave `sample`, if this computation is at the sample's tick. Details that
+  // a sample does not record (such as which NaN) do not change the result.
   TickInput InputOf(const TickSample& sample) const noexcept;
 
-  // Before the next tick.
+  // The number of the next tick.
   std::uint64_t next_tick() const { return ticks_; }
   ServoKeyframe Keyframe() const noexcept;
-  // Goes on from there; a proxy where the next tick's volume has no place for it begins
-  // anew. False, and nothing has changed, for bytes that are no keyframe of this version.
+  // Continues from `keyframe`. If the next tick's volume has no place for the proxy, the proxy
+  // starts anew. Returns false, and changes nothing, if the bytes are no keyframe of this version.
   bool Resume(std::string_view keyframe) noexcept;
 
  private:
   Safety safety_;
   RendererState renderer_;
-  bool resumed_ = false;  // and not run since
+  bool resumed_ = false;  // resumed, and no tick since
   std::uint64_t ticks_ = 0;
   std::uint64_t missed_ticks_ = 0;
   std::uint64_t capped_ticks_ = 0;
