@@ -1,4 +1,4 @@
-// Names of the safety stage's states for tables and the log.
+// Names of the safety stage's values, for tables and the log.
 #pragma once
 
 #include <array>

@@ -6,21 +6,21 @@
 namespace palpate {
 namespace {
 
-// Hardware's figures. The time in which the Omni's motors warm is not public. With 10 s
-// a push of 3.3 N from cold is shortened after 0.4 s, which errs on the cool side.
+// Values for hardware. The time in which the Omni's motors warm up is not public. With 10 s, a push
+// of 3.3 N from cold is limited after 0.4 s, which errs on the cool side.
 constexpr double kRampInS = 0.5;
 constexpr double kThermalTimeS = 10.0;
-// Twice of what a hand does within a desk's workspace.
+// Twice the speed of a hand within a desk's workspace.
 constexpr double kMaxSpeedMmPerS = 2000.0;
 constexpr double kSpeedTimeS = 4e-3;
-// Missed ticks: one of twenty may be; 20 more in a row or almost ramp forces out, until
-// nearly none are left of them.
+// One tick of twenty may be missed. Forces ramp out at 20 more missed ticks, in a row or nearly so.
+// They return when the count of these falls below kFewMissedTicks.
 constexpr double kMaxMissedTicks = 20.0;
 constexpr double kMissedPerTick = 0.05;
 constexpr double kFewMissedTicks = 1.0;
 
-// Shortened to `length` where it is longer. Scaled first: the norm of a huge
-// vector would overflow.
+// Shortens `v` to `length` if it is longer. Scales first, because the norm of a huge vector would
+// overflow.
 Vec3 Clamp(const Vec3& v, double length) {
   const double scale = v.cwiseAbs().maxCoeff();
   if (!(scale > 0.0)) return Vec3::Zero();
@@ -45,7 +45,7 @@ SafetyLimits LimitsFor(const DeviceSpec& spec, std::uint32_t stop_buttons) {
 }
 
 int RampOutTicks(const SafetyLimits& limits, double dt_s) {
-  // A little less than a tick more: the last step may be a rounding error long.
+  // 1e-6 more, so that a whole ratio rounds up: rounding errors may leave a tiny last step.
   return static_cast<int>(std::ceil(limits.max_force_n / (limits.max_slew_n_per_s * dt_s) + 1e-6));
 }
 
@@ -80,13 +80,13 @@ double Safety::limit_n() const noexcept {
   const double full_n = limits_.max_force_n;
   const double continuous_n = limits_.continuous_force_n;
   if (!(continuous_n > 0.0) || continuous_n >= full_n) return full_n;
-  // Where the heat is that of the continuous force, so is the limit: it cannot rise
-  // above. Half of it is free, so that short strokes have all of the force.
+  // At the heat of the continuous force, the limit is the continuous force, so the heat cannot rise
+  // above it. Half of that heat is free, so that short strokes get all of the force.
   const double heat = memory_.heat_n2 / (continuous_n * continuous_n);
   return full_n - (full_n - continuous_n) * std::clamp(2.0 * heat - 1.0, 0.0, 1.0);
 }
 
-// Speed and missed ticks so far.
+// Updates the speed and the count of missed ticks.
 void Safety::Follow(const SafetyInput& input, double elapsed_s) noexcept {
   memory_.missed_ticks =
       std::clamp(memory_.missed_ticks + static_cast<double>(input.missed_ticks) - kMissedPerTick,
@@ -94,9 +94,9 @@ void Safety::Follow(const SafetyInput& input, double elapsed_s) noexcept {
   memory_.hip_age_s += elapsed_s;
   if (input.device == DeviceStatus::kFault) memory_.has_hip = false;
   if (input.device != DeviceStatus::kOk || input.position_rejected) return;
-  // After an absurd reading: its tick has been a fault.
+  // An absurd reading can make the velocity infinite. Its tick was a fault.
   if (!memory_.velocity_mm_per_s.allFinite()) memory_.velocity_mm_per_s.setZero();
-  // Where it was before it was calibrated is nowhere.
+  // A position from before the calibration has no meaning.
   const bool known = memory_.has_hip && input.calibrated;
   const Vec3 velocity_mm_per_s =
       known ? Vec3((input.p_DHip_mm - memory_.p_DHip_mm) / memory_.hip_age_s) : Vec3::Zero();
@@ -112,8 +112,8 @@ ForceReason Safety::FaultOf(const SafetyInput& input) const noexcept {
   if (input.device == DeviceStatus::kFault) return ForceReason::kDevice;
   if (input.position_rejected) return ForceReason::kPosition;
   if (!input.force_D_n.allFinite()) return ForceReason::kForce;
-  // Written so that what is no number is too fast.
-  // A quick hand is no fault while there are no forces.
+  // The comparison is negated so that NaN counts as too fast. A fast hand is no fault while there
+  // are no forces.
   const double limit = limits_.max_speed_mm_per_s;
   const bool has_forces =
       memory_.state != ForceState::kOff && memory_.state != ForceState::kStopped;
@@ -151,7 +151,7 @@ void Safety::Enter(ForceState state, ForceReason reason) noexcept {
   memory_.reason = reason;
 }
 
-// Where the device's and the hand's condition leads.
+// Changes the state by the condition of the device and the hand.
 void Safety::Change(ForceReason fault, ForceReason hold) noexcept {
   if (memory_.state == ForceState::kOff || memory_.state == ForceState::kStopped) return;
   if (fault != ForceReason::kNone) return Enter(ForceState::kFault, fault);
@@ -166,7 +166,7 @@ void Safety::Change(ForceReason fault, ForceReason hold) noexcept {
   }
 }
 
-// What the force is to become.
+// The force that the slew limit leads to.
 Vec3 Safety::Wanted(const SafetyInput& input, double dt_s) noexcept {
   if (memory_.state == ForceState::kOn) return Clamp(input.force_D_n, limit_n());
   if (memory_.state != ForceState::kRampIn) return Vec3::Zero();

@@ -1,7 +1,7 @@
-// The last stage before the device: whatever was computed, the force on the hand is
-// finite, within what the device bears, gradual, and there only when it may be.
+// The last stage before the device. Whatever was computed, the force on the hand is finite, within
+// the device's limits and gradual, and it is there only while it may be.
 //
-// What a force goes through, in this order:
+// The checks of a force, in this order:
 //
 //   computed force
 //     -> finite?          no: zero at once, a fault
@@ -30,13 +30,13 @@
 //      +------------ kStopped <-------------------------------+  stop: from any state
 //                       | enable -> kRampIn
 //
-// The thermal limit stands before the slew limit, so that a limit which falls is gradual
-// on the hand, too.
+// The thermal limit comes before the slew limit, so that a falling limit is gradual on the hand,
+// too.
 //
-// kOff, kHeld: the force falls to zero by the slew limit, in RampOutTicks at most; a
-// docked or uncalibrated stylus has zero force in the same tick. kFault, kStopped:
-// zero in the same tick. From kOff nothing but enable and stop leads on: where there
-// is no force there is no fault of forces.
+// kOff, kHeld: the force falls to zero by the slew limit, within RampOutTicks. If the stylus is
+// docked or uncalibrated, the force is zero in the same tick. kFault, kStopped: the force is zero
+// in the same tick. Only enable and stop lead out of kOff: without forces there are no faults of
+// forces.
 //
 // Frame: D (mm, N). Threads: one. Real-time: no allocation, no locks; every function
 // is bounded. Same inputs, same bits out.
@@ -66,34 +66,33 @@ enum class ForceReason : std::uint8_t {
   kStopButton,
 };
 
-// What the operator says.
+// The operator's command.
 enum class ForceCommand : std::uint8_t { kNone, kEnable, kDisable, kStop };
 
 struct SafetyLimits {
   double max_force_n = 3.3;
   // 0.2 N per ms: a stroke at 10 cm/s and 0.5 N/mm needs 0.05.
   double max_slew_n_per_s = 200.0;
-  // What follows protects motors and hands: off (0, false) for a simulated device.
+  // The limits below protect motors and hands. For a simulated device they are off (0, false).
   double ramp_in_s = 0.0;
   double continuous_force_n = 0.0;  // 0: no thermal limit
-  double thermal_time_s = 0.0;      // in which motors warm and cool
-  double max_speed_mm_per_s = 0.0;  // 0: none
-  double max_missed_ticks = 0.0;    // beyond one of twenty; 0: any number
-  bool faults_stay = false;         // until forces are enabled again
-  bool starts_on = true;            // without being enabled
-  std::uint32_t stop_buttons = 0;   // held together: stop; 0: none
+  double thermal_time_s = 0.0;      // in which motors warm up and cool down
+  double max_speed_mm_per_s = 0.0;  // 0: no limit
+  double max_missed_ticks = 0.0;    // beyond one of twenty; 0: no limit
+  bool faults_stay = false;         // a fault stays until forces are enabled again
+  bool starts_on = true;            // forces are on without being enabled
+  std::uint32_t stop_buttons = 0;   // all held together: stop; 0: none
 
   bool operator==(const SafetyLimits&) const = default;
 };
 
-// Those of a device: with motors, all of them.
-// stop_buttons: as in SafetyLimits.
+// The limits of a device. A device with motors has all of them. `stop_buttons`: as in SafetyLimits.
 SafetyLimits LimitsFor(const DeviceSpec& spec, std::uint32_t stop_buttons);
 
-// Ticks in which any force falls to zero by the slew limit.
+// The number of ticks in which any force falls to zero by the slew limit.
 int RampOutTicks(const SafetyLimits& limits, double dt_s);
 
-// What one tick brings.
+// The input of one tick.
 struct SafetyInput {
   Vec3 force_D_n = Vec3::Zero();
   Vec3 p_DHip_mm = Vec3::Zero();
@@ -101,13 +100,13 @@ struct SafetyInput {
   bool docked = false;
   bool calibrated = true;
   bool position_rejected = false;
-  bool suspended = false;  // nothing is to be felt now: zero at once, and no fault
+  bool suspended = false;  // nothing is felt now: zero at once, and no fault
   std::uint32_t buttons = 0;
   ForceCommand command = ForceCommand::kNone;
-  std::uint64_t missed_ticks = 0;  // since the last one
+  std::uint64_t missed_ticks = 0;  // since the last tick
 };
 
-// All that the next tick depends on.
+// The state from which the next tick starts.
 struct SafetyMemory {
   ForceState state = ForceState::kOff;
   ForceReason reason = ForceReason::kOperator;
@@ -125,14 +124,14 @@ class Safety {
  public:
   explicit Safety(const SafetyLimits& limits);
 
-  // Force to write. dt_s: period of the loop.
+  // Returns the force to write. `dt_s`: the period of the loop.
   Vec3 Step(const SafetyInput& input, double dt_s) noexcept;
 
   ForceState state() const { return memory_.state; }
   ForceReason reason() const { return memory_.reason; }
-  // The last tick had a fault, or one stays.
+  // True if the last tick had a fault, or if a fault stays.
   bool faulty() const { return faulty_; }
-  // What the motors' warmth leaves of the greatest force.
+  // The greatest force that the motors' warmth allows now.
   double limit_n() const noexcept;
 
   const SafetyMemory& memory() const { return memory_; }
