@@ -15,7 +15,7 @@ std::optional<ForceTick> ForceWatch::WaitForTick(std::uint64_t tick,
                                                  std::chrono::milliseconds timeout) const {
   const auto end = std::chrono::steady_clock::now() + timeout;
   while (true) {
-    // Before the look: a thread that was kept off its core looks once more.
+    // Read the clock before the tick: a thread that lost its core then checks once more.
     const bool is_last = std::chrono::steady_clock::now() >= end;
     const std::optional<ForceTick> now = newest();
     if (now && now->tick >= tick) return now;

@@ -1,9 +1,9 @@
-// What the safety stage did with forces in the newest tick, for those who ask and
-// those who wait for their command to have been taken.
+// Says what the safety stage did with forces in the newest tick, and waits until a command has been
+// taken.
 //
-// Asks the servo's own board, not the samples: those may be late, and an operator who
-// stops forces is not to be told that the loop stands when it runs.
-// Threads: any ordinary one. Ownership: borrows the board.
+// Reads the servo's own board, not the samples. Samples may be late, and an operator who stops
+// forces must not be told that the loop stands while it runs.
+// Threads: any ordinary thread. Ownership: borrows the board.
 #pragma once
 
 #include <chrono>
@@ -19,7 +19,7 @@ struct ForceTick {
   ForceState state = ForceState::kOff;
   ForceReason reason = ForceReason::kOperator;
   double limit_n = 0.0;
-  // First tick with this state and reason.
+  // The first tick with this state and reason.
   std::uint64_t since_tick = 0;
 };
 
@@ -29,8 +29,8 @@ class ForceWatch {
 
   // None before the first tick.
   std::optional<ForceTick> newest() const;
-  // The first tick seen with this number or a greater one; none when it does not come
-  // in time. Looks each millisecond: the servo wakes nobody.
+  // Waits for a tick with this number or a greater one, and returns the first such tick that it
+  // sees. Returns none at the timeout. Polls each millisecond, because the servo wakes nobody.
   std::optional<ForceTick> WaitForTick(std::uint64_t tick, std::chrono::milliseconds timeout) const;
 
  private:

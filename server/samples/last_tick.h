@@ -1,7 +1,7 @@
-// The newest tick, told by the servo itself: whether it runs, what it does with forces and
-// which scene it uses must not depend on how soon somebody carries its samples.
+// Holds the newest tick, written by the servo itself. Whether the servo runs, what it does with
+// forces and which scene it uses can thus be read even if the samples are late.
 //
-// Threads: Tell on the servo's; newest on any ordinary one. Real-time: Tell is wait-free.
+// Threads: Tell on the servo thread; newest on any ordinary thread. Real-time: Tell is wait-free.
 #pragma once
 
 #include <cstdint>
@@ -19,9 +19,9 @@ struct LastTick {
   ForceState force_state = ForceState::kOff;
   ForceReason force_reason = ForceReason::kOperator;
   double force_limit_n = 0.0;
-  std::uint64_t forces_since_tick = 0;  // the first with this state and reason
+  std::uint64_t forces_since_tick = 0;  // the first tick with this state and reason
   std::uint64_t scene_revision = 0;
-  std::uint64_t scene_since_tick = 0;  // the first with this scene
+  std::uint64_t scene_since_tick = 0;  // the first tick with this scene
   std::int64_t scene_since_ns = 0;     // its start, on CLOCK_MONOTONIC
 };
 
@@ -32,8 +32,8 @@ class LastTickBoard {
   std::optional<LastTick> newest() const;
 
  private:
-  std::optional<LastTick> last_;  // the servo's
-  mutable std::mutex readers_;    // for told_, which has one reader at a time
+  std::optional<LastTick> last_;  // the servo thread's
+  mutable std::mutex readers_;    // guards told_, which has one reader at a time
   mutable LatestValue<std::optional<LastTick>> told_;
 };
 

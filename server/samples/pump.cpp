@@ -11,11 +11,10 @@ namespace palpate {
 namespace {
 
 constexpr std::int64_t kPeriodNs = 1'000'000;
-// After the start of the servo's tick: its work takes a few microseconds.
+// Added to the start of the servo's tick. The tick's work takes a few microseconds.
 constexpr std::int64_t kDelayNs = 100'000;
 constexpr std::size_t kRememberedRevisions = 1024;
-// Samples come within a few milliseconds of their tick, unless this machine has too much
-// to do.
+// Samples come within a few milliseconds of their tick, unless the machine is overloaded.
 constexpr std::chrono::milliseconds kSamplePatience{500};
 
 void SleepUntil(std::int64_t time_ns) {
@@ -59,7 +58,7 @@ std::optional<AppliedTick> Pump::WaitForScene(std::uint64_t scene_revision,
     return !first_uses_.empty() && first_uses_.back().scene_revision >= scene_revision;
   };
   while (!revision_seen_.wait_for(lock, std::min(timeout, kSamplePatience), seen)) {
-    // Before the look: a thread that was kept off its core looks once more.
+    // Read the clock before the tick: a thread that lost its core then checks once more.
     const bool is_last = std::chrono::steady_clock::now() >= end;
     const std::optional<LastTick> servo = outbox_.last.newest();
     if (servo && servo->scene_revision >= scene_revision) {
@@ -82,13 +81,13 @@ void Pump::Run() {
     TickSample sample;
     while (outbox_.TryPop(sample)) {
       Deliver(sample);
-      // Keep in step with the servo.
+      // Keeps in step with the servo.
       next_ns = std::max(sample.time_ns + kPeriodNs + kDelayNs, MonotonicNowNs());
     }
   }
 }
 
-// A keyframe after this tick waits for its own.
+// A keyframe of a later tick waits for the sample of its tick.
 void Pump::DeliverKeyframes(std::uint64_t up_to_tick) {
   for (;;) {
     if (!keyframe_) {
@@ -117,7 +116,7 @@ void Pump::Deliver(const TickSample& sample) {
 }
 
 void Pump::NoteRevision(const TickSample& sample) {
-  // Only this thread writes, so that it may look without the lock.
+  // Only this thread writes first_uses_, so it may read without the lock.
   if (!first_uses_.empty() && first_uses_.back().scene_revision == sample.scene_revision) {
     return;
   }

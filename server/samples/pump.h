@@ -1,13 +1,12 @@
-// Carries the servo's samples to those who want them.
+// Carries the servo's samples to the sinks.
 //
-// The pump thread drains the outbox about once a millisecond, shortly after the
-// servo's tick, so that the servo never has to wake anybody. It hands every
-// sample to every sink, in order, and keeps the first tick of each scene
-// revision for those who wait for their change to be felt.
+// The pump thread drains the outbox about once a millisecond, shortly after the servo's tick, so
+// that the servo never has to wake a thread. It hands every sample to every sink, in order. It also
+// keeps the first tick of each scene revision, for callers that wait until their change is felt.
 //
-// Threads: Subscribe and WaitForScene on any ordinary thread;
-// sinks are called on the pump thread and must not block.
-// Ownership: borrows the outbox; sinks are held by weak_ptr.
+// Threads: Subscribe and WaitForScene on any ordinary thread. Sinks are called on the pump thread
+// and must not block.
+// Ownership: borrows the outbox; holds sinks by weak_ptr.
 #pragma once
 
 #include <atomic>
@@ -29,15 +28,15 @@ class SampleSink {
  public:
   virtual ~SampleSink() = default;
   virtual void OnSample(const TickSample& sample) = 0;
-  // Before the sample of its tick.
+  // Called before the sample of the keyframe's tick.
   virtual void OnKeyframe(const ServoKeyframe&) {}
 };
 
-// What viewers are shown instead of the live ticks.
+// Replaces the live ticks for viewers.
 class SampleReplacement {
  public:
   virtual ~SampleReplacement() = default;
-  // On the pump thread, once per live sample; must not block.
+  // Called on the pump thread, once per live sample; must not block.
   virtual TickSample Shown(const TickSample& live) = 0;
 };
 
@@ -56,19 +55,19 @@ class Pump {
   void Stop() noexcept;
 
   enum class Feed : std::uint8_t { kLive, kShown };
-  // kShown: for those who only show the ticks, and get a replacement while there is
-  // one. Keyframes are always live.
+  // kShown: for sinks that only show the ticks. They get the replacement while there is one.
+  // Keyframes are always live.
   void Subscribe(std::weak_ptr<SampleSink> sink, Feed feed = Feed::kLive);
 
-  // Null: none. When it returns, the one before is not called any more.
+  // Null: no replacement. After the return, the previous replacement is not called any more.
   void Replace(std::shared_ptr<SampleReplacement> replacement);
 
-  // Whether the servo made no tick for longer than that, having made some.
+  // True if the servo has ticked before and its last tick is older than this.
   bool ServoStands(std::chrono::milliseconds for_longer_than) const;
 
-  // First tick with this revision or a newer one; none when the servo does not use it
-  // in time. Samples name the tick; where they are late, the servo itself does, and then
-  // it is the first one of its newest scene.
+  // Returns the first tick with this revision or a newer one. Returns none if the servo does not
+  // use the revision in time. Samples tell the tick. If the samples are late, the servo's board
+  // tells it; the tick is then the first one of the servo's newest scene.
   std::optional<AppliedTick> WaitForScene(std::uint64_t scene_revision,
                                           std::chrono::milliseconds timeout);
 
@@ -95,7 +94,7 @@ class Pump {
   std::mutex sinks_mutex_;
   std::vector<Subscriber> sinks_;
   std::shared_ptr<SampleReplacement> replacement_;
-  std::optional<ServoKeyframe> keyframe_;  // the pump thread's: next to deliver
+  std::optional<ServoKeyframe> keyframe_;  // the pump thread's: the next to deliver
 
   std::mutex revisions_mutex_;
   std::condition_variable revision_seen_;

@@ -1,10 +1,9 @@
-// All that the next tick depends on besides scene and input, as bytes: from there the
-// ticks can be computed again, bit for bit. server/servo/servo_memory.h makes and reads them.
+// The servo's state before a tick, as bytes. Ticks can be computed again from a keyframe, the
+// scenes and the inputs, bit for bit. server/servo/servo_memory.h makes and reads the bytes.
 //
-// The servo makes one every kKeyframeTicks ticks, of itself and unasked: 0.1 us a time,
-// no flag and no wait between threads, and every run does the same whether it is
-// recorded or not. Whoever records keeps those that it needs: where it begins, after
-// each gap, and one a second.
+// The servo makes a keyframe every kKeyframeTicks ticks without being asked, in 0.1 us. This needs
+// no flag and no wait between threads, and every run does the same whether it is recorded or not. A
+// recorder keeps only the keyframes that it needs: the first, one after each gap, and one a second.
 //
 // Threads: plain values.
 #pragma once
@@ -23,7 +22,7 @@ inline constexpr std::uint64_t kKeyframeTicks = 64;
 struct ServoKeyframe {
   static constexpr std::size_t kBytes = 986;
 
-  std::uint64_t tick = 0;  // it is the state before this tick
+  std::uint64_t tick = 0;  // the tick that starts from this state
   std::array<char, kBytes> bytes{};
 
   std::string_view view() const { return {bytes.data(), bytes.size()}; }

@@ -1,7 +1,7 @@
-// The servo thread's way out: its samples and keyframes, and its newest tick.
+// The servo thread's output: its samples and keyframes, and its newest tick.
 //
-// Threads: the servo's pushes and tells, the pump's pops; last is read on any ordinary
-// one. Real-time: pushing and telling are wait-free; what does not fit is counted and lost.
+// Threads: the servo thread pushes and tells; the pump thread pops; any ordinary thread reads
+// `last`. Real-time: pushing and telling are wait-free. Items that do not fit are counted and lost.
 #pragma once
 
 #include "server/realtime/spsc_ring.h"
@@ -13,9 +13,9 @@ namespace palpate {
 
 class TickOutbox : public SpscRing<TickSample, 4096> {  // four seconds
  public:
-  // One every kKeyframeTicks; pushed before the sample of its tick.
+  // One keyframe every kKeyframeTicks, pushed before the sample of its tick.
   SpscRing<ServoKeyframe, 64> keyframes;
-  // After each tick; it holds the newest, however full the rings are.
+  // Updated after each tick; holds the newest tick even if the rings are full.
   LastTickBoard last;
 };
 

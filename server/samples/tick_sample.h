@@ -1,8 +1,8 @@
-// What one tick of the servo thread did. Trivially copyable: it goes through
-// the ring to the pump thread.
+// The result of one tick of the servo thread. Trivially copyable: it goes through the ring to the
+// pump thread.
 //
-// Frame: D (mm, N). Times: ns of CLOCK_MONOTONIC. Densities and isovalues: data
-// units. Fields as in palpate.v1.PoseSample, which explains them.
+// Frame: D (mm, N). Times: ns of CLOCK_MONOTONIC. Densities and isovalues: data units.
+// palpate.v1.PoseSample has the same fields and explains them.
 #pragma once
 
 #include <array>
@@ -28,8 +28,8 @@ struct TickSample {
   std::array<double, 3> force_n{};
   double density = 0.0;
   double isovalue = 0.0;
-  double force_limit_n = 0.0;        // what the motors' warmth leaves
-  std::uint64_t scene_revision = 0;  // rises with whatever is published to the servo
+  double force_limit_n = 0.0;        // the greatest force that the motors' warmth allows
+  std::uint64_t scene_revision = 0;  // rises with everything that is published to the servo
   std::uint64_t settings_revision = 0;
   std::uint64_t volume_revision = 0;
   std::int64_t update_ns = 0;
@@ -42,10 +42,10 @@ struct TickSample {
   FreeSide free_side = FreeSide::kBelow;
   bool contact = false;
   bool has_scp_v = false;
-  bool input_rejected = false;  // no position; hip_mm is the last good one
+  bool input_rejected = false;  // invalid position; hip_mm is the last good one
   ForceState force_state = ForceState::kOff;
   ForceReason force_reason = ForceReason::kOperator;
-  // What the safety stage was told.
+  // The input of the safety stage.
   ForceCommand force_command = ForceCommand::kNone;
   DeviceStatus device_status = DeviceStatus::kOk;
   bool docked = false;
