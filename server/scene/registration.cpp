@@ -7,20 +7,20 @@
 namespace palpate {
 namespace {
 
-// What rounding to float leaves of a unit quaternion, and a little more.
+// More than rounding to float changes the norm of a unit quaternion.
 constexpr double kUnitTolerance = 1e-3;
 constexpr double kUnitRounding = 1e-15;
 
 Eigen::Quaterniond CheckedRotation(const Eigen::Quaterniond& rotation) {
   const double norm = rotation.norm();
-  // False for NaN.
+  // The condition is false for NaN.
   if (!(std::abs(norm - 1.0) <= kUnitTolerance)) {
     Refuse("a rotation must be a unit quaternion w, x, y, z");
   }
   Eigen::Quaterniond unit = rotation;
-  // A turn that is one already keeps its bits.
+  // A quaternion that is a unit already keeps its bits.
   if (std::abs(norm - 1.0) > kUnitRounding) unit.coeffs() /= norm;
-  // q and -q are the same turn: one of them, so that equal turns read the same.
+  // q and -q are the same rotation. One of them is used, so that equal rotations read the same.
   if (unit.w() < 0.0) unit.coeffs() = -unit.coeffs();
   return unit;
 }

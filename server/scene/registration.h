@@ -1,8 +1,8 @@
-// Where a volume lies in the device's workspace.
+// Describes where a volume lies in the device's workspace.
 //
-// Frames: D device (mm), W world (mm), I voxel index. X_DW is a similarity: a
-// rotation, one scale and a translation.
-// Threads: pure. Errors: Error (kInvalidArgument); the registration given stays.
+// Frames: D device (mm), W world (mm), I voxel index. X_DW is a similarity: a rotation, one scale
+// and a translation.
+// Threads: pure functions. Errors: Error (kInvalidArgument).
 #pragma once
 
 #include <optional>
@@ -13,34 +13,33 @@
 
 namespace palpate {
 
-// Made by MakeRegistration, which keeps its parts equal to each other.
+// Made by MakeRegistration, which keeps X_DW equal to its parts.
 struct Registration {
   double device_mm_per_volume_mm = 1.0;
   AffineMap X_DW;
-  // The parts that X_DW is made of: kept beside it, so that they are read back as
-  // they were given, and a million small moves leave it a similarity.
+  // The parts of X_DW. They are kept so that clients read back the values that they gave, and so
+  // that X_DW stays a similarity after a million small moves.
   Vec3 p_DCenter_mm = Vec3::Zero();  // of the volume
   Eigen::Quaterniond R_DW = Eigen::Quaterniond::Identity();
 };
 
-// Share of the workspace that a fitted volume fills, so that the stylus can go
-// round it.
+// Share of the workspace that a fitted volume fills. The rest lets the stylus go round the volume.
 inline constexpr double kWorkspaceFill = 0.9;
-// Voxels of other sizes cannot be felt; their arithmetic would overflow one day.
+// Voxels of other sizes cannot be felt, and their arithmetic could overflow.
 inline constexpr double kLeastVoxelMm = 1e-6;
 inline constexpr double kGreatestVoxelMm = 1e6;
 // Greatest distance of the volume's centre from the device's origin, along each axis.
 inline constexpr double kFarthestCenterMm = 1e6;
 
-// What to change of a registration, in this order. What is absent stays.
+// Changes to a registration, applied in this order. Absent fields change nothing.
 struct RegistrationUpdate {
-  bool reset = false;  // as FitToWorkspace has it
+  bool reset = false;  // to what FitToWorkspace returns
   std::optional<Vec3> p_DCenter_mm{};
   std::optional<Eigen::Quaterniond> R_DW{};  // unit, up to rounding
-  // At most one of the two.
+  // At most one of the two scales may be given.
   std::optional<double> device_mm_per_volume_mm{};
-  std::optional<double> device_mm_per_voxel{};  // of the shortest edge
-  // On top of these, in the device's axes, about the volume's centre.
+  std::optional<double> device_mm_per_voxel{};  // for the voxel's shortest edge
+  // Relative changes, in the device's axes and about the volume's centre.
   std::optional<Vec3> translate_D_mm{};
   std::optional<Eigen::Quaterniond> rotate_D{};  // unit, up to rounding
   std::optional<double> scale_by{};
@@ -49,16 +48,16 @@ struct RegistrationUpdate {
 // The middle of the lattice.
 Vec3 VolumeCenterMm(const VolumeMetadata& volume);
 
-// Shortest edge of a voxel in D.
+// The shortest edge of a voxel in D.
 double DeviceMmPerVoxel(const Registration& registration, const VolumeMetadata& volume);
 
-// The volume with its centre at p_DCenter_mm, turned by R_DW (normalised here) and
-// scaled.
+// Puts the volume's centre at p_DCenter_mm. Rotates the volume by R_DW (normalised here) and scales
+// it.
 Registration MakeRegistration(const VolumeMetadata& volume, const Vec3& p_DCenter_mm,
                               const Eigen::Quaterniond& R_DW, double device_mm_per_volume_mm);
 
-// The middle of the volume in the middle of the workspace, axes of W along those
-// of D, uniformly scaled so that its bounding box fits, or by the given scale.
+// Puts the middle of the volume in the middle of the workspace, with W's axes along D's. Without a
+// given scale, scales the volume uniformly so that its bounding box fits.
 Registration FitToWorkspace(const VolumeMetadata& volume, const DeviceSpec& device,
                             std::optional<double> device_mm_per_volume_mm);
 

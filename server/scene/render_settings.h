@@ -1,4 +1,4 @@
-// What clients set of a scene.
+// The settings of a scene that clients may change.
 //
 // Threads: a plain value.
 #pragma once
@@ -10,7 +10,7 @@ namespace palpate {
 
 struct RenderSettings {
   double isovalue = 0.0;             // data units
-  double normalized_isovalue = 0.5;  // the same
+  double normalized_isovalue = 0.5;  // the same isovalue over the volume's range, 0 to 1
   HapticSettings haptics{};
   DecompositionMethod method = DecompositionMethod::kTpbcc;
 };

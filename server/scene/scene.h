@@ -1,12 +1,11 @@
-// All that the servo thread is told: the volume, where it lies, the isovalue and
-// the settings, as one immutable value behind one pointer.
+// The servo thread's input: the volume, its placement, the isovalue and the settings, as one
+// immutable value behind one pointer.
 //
-// One value rather than two (a scene and a box of settings): no tick can mix a
-// new volume with an old isovalue, or a new isovalue with an old stiffness, and
-// one revision names all of it.
+// It is one value, so no tick can mix a new volume with an old isovalue, or a new isovalue with an
+// old stiffness. One revision names all of it.
 //
-// Ownership: the session publishes scenes through a SnapshotHandoff, which frees
-// them when the servo has moved on. The servo never touches the shared_ptr.
+// Ownership: the session publishes scenes through a SnapshotHandoff, which frees them when the
+// servo has moved on. The servo never touches the shared_ptr.
 #pragma once
 
 #include <cstdint>
@@ -24,11 +23,11 @@ struct Scene {
   double isovalue = 0.0;  // data units
   HapticSettings settings;
   std::uint64_t settings_revision = 0;
-  std::uint64_t scene_revision = 0;  // of all of this
-  bool forces_off = false;           // nothing is felt; the proxy starts anew afterwards
+  std::uint64_t scene_revision = 0;  // of the whole scene
+  bool forces_off = false;           // nothing is felt; afterwards the proxy starts anew
 };
 
-// The servo thread's way in.
+// Through this inbox the servo thread gets its scenes.
 using SceneInbox = SnapshotHandoff<Scene>;
 
 }  // namespace palpate
