@@ -1,7 +1,6 @@
-// Folders for files on their way, which nobody else can enter and nobody has to
-// clean up.
+// Temporary folders that no other user can enter. They are removed automatically.
 //
-// Any ordinary thread.
+// Threads: any ordinary thread.
 #pragma once
 
 #include <filesystem>
@@ -9,14 +8,13 @@
 
 namespace palpate {
 
-// $TMPDIR, else /tmp.
+// $TMPDIR, or /tmp if it is not set.
 std::filesystem::path TemporaryFolder();
 
-// Removed with all it holds.
+// The destructor removes the folder with all its files.
 class PrivateFolder {
  public:
-  // PARENT/PREFIX, the process, and what makes it unique. Throws Error
-  // (kUnavailable).
+  // Makes PARENT/PREFIX followed by the process and a unique suffix. Throws Error (kUnavailable).
   PrivateFolder(const std::filesystem::path& parent, std::string_view prefix);
   ~PrivateFolder();
   PrivateFolder(const PrivateFolder&) = delete;
@@ -27,8 +25,8 @@ class PrivateFolder {
   std::filesystem::path path_;
 };
 
-// Removes what processes left that were killed: the name holds the process, and
-// only our own can be removed.
+// Removes folders of processes that were killed. The folder's name tells the process. Only folders
+// of this user can be removed.
 void RemoveAbandonedFolders(const std::filesystem::path& parent, std::string_view prefix);
 
 }  // namespace palpate

@@ -23,7 +23,7 @@ toml::table ToTable(const StoredRegistration& entry) {
   };
 }
 
-// Whether such a registration is one is for MakeRegistration to say.
+// Does not check whether the registration is valid: MakeRegistration does.
 std::optional<StoredRegistration> ToEntry(const toml::node& node) {
   const toml::table* table = node.as_table();
   if (!table) return std::nullopt;
@@ -36,7 +36,7 @@ std::optional<StoredRegistration> ToEntry(const toml::node& node) {
   if (!source || !size || !spacing_mm || !center_mm || !rotation || !scale) return std::nullopt;
   StoredRegistration entry;
   entry.source = *source;
-  // Of any other number no volume is.
+  // No volume has a size outside of this range.
   if ((size->array() >= 1.0).all() && (size->array() <= 1e9).all()) entry.size = size->cast<int>();
   entry.spacing_mm = *spacing_mm;
   entry.p_DCenter_mm = *center_mm;
@@ -78,11 +78,10 @@ void WriteRegistrations(const std::filesystem::path& path,
   }
   toml::table table;
   if (!array.empty()) table.insert(kTable, std::move(array));
-  WriteStateFile(
-      path,
-      "# Where volumes lie in the workspace of the device, the oldest first. Written by\n"
-      "# palpated, which takes up changes when it starts.\n",
-      table);
+  WriteStateFile(path,
+                 "# Where volumes lie in the workspace of the device, the oldest first. palpated\n"
+                 "# writes this file, and reads changes when it starts.\n",
+                 table);
 }
 
 }  // namespace palpate

@@ -1,6 +1,6 @@
-// Where volumes lay when they were felt last, as a TOML file.
+// Stores the last place of each volume in a TOML file.
 //
-// Frames and units as in registration.h. Any thread; not for real-time code.
+// Frames and units as in registration.h. Threads: any; not for real-time code.
 #pragma once
 
 #include <filesystem>
@@ -11,8 +11,8 @@
 
 namespace palpate {
 
-// Of one volume, which its source names: a path, a builtin or an upload. Another
-// size or spacing is another volume.
+// The place of one volume. The source names the volume: a path, a builtin or an upload. A different
+// size or spacing means a different volume.
 struct StoredRegistration {
   std::string source;
   Vec3i size = Vec3i::Zero();
@@ -24,15 +24,15 @@ struct StoredRegistration {
 
 struct RegistrationFile {
   std::vector<StoredRegistration> entries;  // oldest first
-  std::string damage;                       // what could not be read, one line; empty: nothing
+  std::string damage;                       // what could not be read, one line; empty: no damage
 };
 
-// No entries where there is no such file. What is damaged is left out and said.
+// Returns no entries if there is no such file. Leaves out damaged entries and reports them in
+// `damage`.
 RegistrationFile ReadRegistrations(const std::filesystem::path& path);
 
-// The file is whole or as it was; its folder is made where it is missing. Sources
-// that a TOML file cannot hold (a path need not be UTF-8) are left out. Throws
-// Error (kUnavailable).
+// Afterwards the file is either complete or unchanged. Makes the folder if it is missing. Leaves
+// out sources that a TOML file cannot hold (a path need not be UTF-8). Throws Error (kUnavailable).
 void WriteRegistrations(const std::filesystem::path& path,
                         const std::vector<StoredRegistration>& entries);
 

@@ -14,7 +14,7 @@
 namespace palpate {
 namespace {
 
-// One name for a file, however the path to it was written.
+// Gives a file one name, however the path to it is written.
 std::string Key(const VolumeMetadata& volume) {
   const std::string& source = volume.source;
   return source.starts_with('/') ? std::filesystem::path(source).lexically_normal().string()
@@ -27,8 +27,8 @@ bool IsOf(const StoredRegistration& entry, const VolumeMetadata& volume) {
 
 constexpr std::chrono::seconds kLockPatience{10};
 
-// Keeps other daemons of the same user from writing the file meanwhile. Without
-// rights to make it there is nothing to write either.
+// Keeps other daemons of the same user from writing the file meanwhile. If the lock cannot be made
+// for lack of rights, the file cannot be written either.
 FileLock LockBeside(const std::filesystem::path& path) {
   FileLock lock;
   try {
@@ -43,7 +43,7 @@ FileLock LockBeside(const std::filesystem::path& path) {
   return lock;
 }
 
-// As the newest, in place of an older one of the same source.
+// Adds the entry as the newest and removes an older one of the same source.
 void Put(const StoredRegistration& entry, std::vector<StoredRegistration>& entries) {
   std::erase_if(entries, [&](const auto& other) { return other.source == entry.source; });
   entries.push_back(entry);
@@ -81,7 +81,7 @@ std::optional<Registration> RegistrationStore::Find(const VolumeMetadata& volume
     return MakeRegistration(volume, entry->p_DCenter_mm, entry->R_DW,
                             entry->device_mm_per_volume_mm);
   } catch (const Error& error) {
-    LogWarning("where {} lay is not used: {}", key, error.what());
+    LogWarning("the saved place of {} is not used: {}", key, error.what());
     return std::nullopt;
   }
 }
@@ -115,18 +115,18 @@ void RegistrationStore::Save() {
     WriteMerged(changed);
     last_failure_.clear();
   } catch (const Error& error) {
-    // Said once, not at every move.
+    // A failure is logged once, not at every move.
     if (error.what() != last_failure_) {
-      LogWarning("where volumes lie is not kept: {}", error.what());
+      LogWarning("the places of volumes are not saved: {}", error.what());
     }
     last_failure_ = error.what();
     const std::lock_guard lock(mutex_);
-    unsaved_.merge(sources);  // with the next change
+    unsaved_.merge(sources);  // saved with the next change
   }
 }
 
-// On top of what the file holds now: another daemon of the same user may write to
-// it too.
+// Adds the changes to the file's present entries: another daemon of the same user may have written
+// to the file.
 void RegistrationStore::WriteMerged(const std::vector<StoredRegistration>& changed) {
   const FileLock lock = LockBeside(path_);
   std::vector<StoredRegistration> entries;
@@ -153,7 +153,7 @@ void RegistrationStore::Run() {
   std::unique_lock lock(mutex_);
   while (!stop_) {
     changed_.wait(lock, [&] { return stop_ || dirty_; });
-    // What changes from now on is written with it.
+    // Waits, so that further changes are written together with this one.
     changed_.wait_for(lock, save_delay_, [&] { return stop_; });
     if (stop_) return;  // the destructor writes
     dirty_ = false;

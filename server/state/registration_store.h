@@ -1,12 +1,12 @@
-// Remembers where volumes lie, beyond the next volume and the next start.
+// Remembers the places of volumes, also after a restart of the daemon.
 //
-// Kept in memory, and where a folder is given in its registrations.toml: a moment
-// after a change, by a thread of its own, and at the end. A damaged file is set aside
-// as registrations.toml.damaged and said in the log; so is a file that cannot be
-// written. Neither stops anything.
+// Keeps the places in memory. If a folder is given, saves them in its registrations.toml. A thread
+// of its own saves shortly after a change; the destructor saves the rest. A damaged file is set
+// aside as registrations.toml.damaged. Damage and failures to write are logged; neither stops
+// anything.
 //
 // Threads: any ordinary thread; Keep and Find do not touch the disk.
-// Ownership: of its thread.
+// Ownership: owns its thread.
 #pragma once
 
 #include <chrono>
@@ -26,23 +26,23 @@ namespace palpate {
 
 class RegistrationStore {
  public:
-  // The oldest are forgotten.
+  // Beyond this number the oldest entries are forgotten.
   static constexpr std::size_t kMostEntries = 1000;
-  // From a change until it is written, with all that changed meanwhile.
+  // The time from a change until it is written, together with all other changes of that time.
   static constexpr std::chrono::milliseconds kSaveDelay{1000};
 
-  // Empty: nothing is written.
+  // `folder` empty: nothing is written.
   explicit RegistrationStore(std::filesystem::path folder,
                              std::chrono::milliseconds save_delay = kSaveDelay);
   ~RegistrationStore();
   RegistrationStore(const RegistrationStore&) = delete;
   RegistrationStore& operator=(const RegistrationStore&) = delete;
 
-  // Of a volume with this source, size and spacing.
+  // Finds the place of a volume with this source, size and spacing.
   std::optional<Registration> Find(const VolumeMetadata& volume) const;
   void Keep(const VolumeMetadata& volume, const Registration& registration);
 
-  // Writes what is not written yet, now.
+  // Writes all unsaved changes now.
   void Save();
 
  private:
@@ -50,7 +50,7 @@ class RegistrationStore {
   RegistrationFile Read() const;
   void WriteMerged(const std::vector<StoredRegistration>& changed);
 
-  const std::filesystem::path path_;  // empty: none
+  const std::filesystem::path path_;  // empty: nothing is written
   const std::chrono::milliseconds save_delay_;
 
   std::mutex file_mutex_;  // held while the file is written; taken before mutex_
@@ -59,8 +59,8 @@ class RegistrationStore {
   mutable std::mutex mutex_;  // guards what follows
   std::condition_variable changed_;
   std::vector<StoredRegistration> entries_;  // oldest first
-  std::set<std::string> unsaved_;            // their sources
-  bool dirty_ = false;                       // since the thread looked last
+  std::set<std::string> unsaved_;            // sources of the unsaved entries
+  bool dirty_ = false;                       // changed since the thread last checked
   bool stop_ = false;
   std::thread thread_;
 };

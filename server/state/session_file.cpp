@@ -12,7 +12,7 @@ void Put(toml::table& table, std::string_view key, const std::optional<double>& 
   if (value) table.insert(key, *value);
 }
 
-// Where a volume is, and how it is read.
+// Where a volume is, and how to read it.
 toml::table SourceTable(const LoadRequest& request) {
   toml::table table;
   if (HoldsAsToml(request.source)) table.insert("source", request.source);
@@ -36,7 +36,7 @@ std::optional<RawVoxels> RawOf(const toml::table& table) {
   RawVoxels raw;
   for (std::size_t n = 0; n < 3; ++n) {
     const double axis = (*size)[static_cast<Eigen::Index>(n)];
-    // Of any other number no volume is.
+    // No volume has a size outside of this range.
     raw.size[n] = axis >= 1.0 && axis <= 1e15 ? static_cast<std::int64_t>(axis) : 0;
   }
   raw.type = table["type"].value_or(std::string());
@@ -71,7 +71,7 @@ toml::table HapticsTable(const RenderSettings& settings) {
   return table;
 }
 
-// What the file does not name stays as it is by default.
+// Settings that the file does not name get their defaults.
 RenderSettings SettingsOf(const toml::table& table) {
   RenderSettings settings;
   const auto text = [&](std::string_view key) { return table[key].value_or(std::string()); };
@@ -90,7 +90,7 @@ RenderSettings SettingsOf(const toml::table& table) {
 }  // namespace
 
 SessionFile ReadSessionFile(const std::filesystem::path& path) {
-  std::error_code unknown;  // then it is said below that it cannot be read
+  std::error_code unknown;  // an error is reported below as a file that cannot be read
   const auto status = std::filesystem::symlink_status(path, unknown);
   if (status.type() == std::filesystem::file_type::not_found) return {};
   const StateFile file = ReadStateFile(path);
@@ -127,8 +127,8 @@ void WriteSessionFile(const std::filesystem::path& path, const SavedSession& ses
   volume.insert("is_edited", session.felt.is_edited);
   volume.insert("isovalue", session.felt.settings.isovalue);
   WriteStateFile(path,
-                 "# What is felt while palpated runs; taken away when it ends in order. One that\n"
-                 "# was killed leaves it to the next, which goes on with it.\n",
+                 "# The session of the running palpated, which deletes this file at a clean end.\n"
+                 "# If palpated is killed, the next palpated restores the session.\n",
                  toml::table{{"attempts", session.attempts},
                              {"configured", std::move(configured)},
                              {"volume", std::move(volume)},

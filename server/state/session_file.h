@@ -1,6 +1,6 @@
-// What is felt, as a TOML file from which it can be felt again.
+// Stores a session in a TOML file from which it can be restored.
 //
-// Units as in render_settings.h. Any thread; not for real-time code.
+// Units as in render_settings.h. Threads: any; not for real-time code.
 #pragma once
 
 #include <cstdint>
@@ -13,19 +13,19 @@
 
 namespace palpate {
 
-// What is felt, to be felt again.
+// The volume and the settings that are felt.
 struct FeltSession {
-  LoadRequest volume{};    // no source: it cannot be loaded again, as an upload or a series
+  LoadRequest volume{};    // no source: cannot be loaded again (an upload or a series)
   bool is_edited = false;  // since it was loaded
   RenderSettings settings{};
   std::uint64_t settings_revision = 0;
 };
 
 struct SavedSession {
-  // What the configuration had loaded at start: source, spacing, scale and isovalue.
+  // The configuration's values at start: source, spacing, scale and isovalue.
   LoadRequest configured{};
-  RenderSettings configured_settings{};  // but for the isovalue
-  int attempts = 0;                      // to go on with it, none of which lasted
+  RenderSettings configured_settings{};  // without the isovalue
+  int attempts = 0;                      // failed attempts to restore the session
   FeltSession felt{};
 };
 
@@ -36,8 +36,8 @@ struct SessionFile {
 
 SessionFile ReadSessionFile(const std::filesystem::path& path);
 
-// The file is whole or as it was. A source that a TOML file cannot hold (a path need not
-// be UTF-8) is left out. Throws Error (kUnavailable).
+// Afterwards the file is either complete or unchanged. Leaves out a source that a TOML file cannot
+// hold (a path need not be UTF-8). Throws Error (kUnavailable).
 void WriteSessionFile(const std::filesystem::path& path, const SavedSession& session);
 
 }  // namespace palpate

@@ -13,7 +13,7 @@
 namespace palpate {
 namespace {
 
-// run-palpate-palpated.sock.toml
+// For example run-palpate-palpated.sock.toml.
 std::filesystem::path FileFor(const std::filesystem::path& folder,
                               const std::filesystem::path& socket) {
   if (folder.empty()) return {};
@@ -27,7 +27,7 @@ bool IsSame(const LoadRequest& a, const LoadRequest& b) {
          std::tie(b.source, b.spacing_mm, b.device_mm_per_volume_mm, b.grid, b.component);
 }
 
-// What was configured otherwise since then is as it is configured now.
+// Entries whose configured value has changed since the save take the configured value of now.
 void TakeChanges(const SavedSession& saved, const LoadRequest& now,
                  const RenderSettings& settings_now, FeltSession& felt) {
   const LoadRequest& before = saved.configured;
@@ -66,7 +66,7 @@ SessionKeeper::SessionKeeper(const std::filesystem::path& folder,
       configured_settings_(configured_settings),
       felt_(std::move(felt)) {}
 
-// Empty: it comes back.
+// Returns why the session is not restored; "" if it can be restored.
 std::string SessionKeeper::WhyNot(const SessionFile& file) const {
   if (!file.damage.empty()) return path_.string() + " is damaged: " + file.damage;
   if (!IsSame(file.session->configured, configured_)) return "another volume is configured now";
@@ -80,7 +80,7 @@ std::optional<FeltSession> SessionKeeper::TakeLeft() {
   if (!file.session && file.damage.empty()) return std::nullopt;
   const std::string why_not = WhyNot(file);
   if (!why_not.empty()) {
-    LogWarning("what was felt before does not come back: {}", why_not);
+    LogWarning("the previous session does not come back: {}", why_not);
     std::error_code ignored;
     std::filesystem::remove(path_, ignored);
     return std::nullopt;
@@ -90,7 +90,7 @@ std::optional<FeltSession> SessionKeeper::TakeLeft() {
   try {
     WriteSessionFile(path_, saved);
   } catch (const Error& error) {
-    LogWarning("what was felt before does not come back: {}", error.what());
+    LogWarning("the previous session does not come back: {}", error.what());
     return std::nullopt;
   }
   taken_ = saved;
@@ -104,7 +104,7 @@ void SessionKeeper::GiveBack() noexcept {
     --taken_->attempts;
     WriteSessionFile(path_, *taken_);
   } catch (const std::exception& error) {
-    LogWarning("what was felt before may not come back: {}", error.what());
+    LogWarning("the previous session may not come back: {}", error.what());
   }
 }
 
@@ -114,7 +114,7 @@ void SessionKeeper::Start() {
 
 void SessionKeeper::Run() {
   pthread_setname_np(pthread_self(), "palpate-session");
-  // Its revisions and whether it is edited are all that is compared.
+  // Only the revisions and is_edited are compared.
   std::optional<FeltSession> saved;
   const auto lasts_at = std::chrono::steady_clock::now() + kLasting;
   std::unique_lock lock(mutex_);
@@ -138,9 +138,9 @@ void SessionKeeper::Save(const FeltSession& felt) {
     WriteSessionFile(path_, {configured_, configured_settings_, attempts_, felt});
     last_failure_.clear();
   } catch (const Error& error) {
-    // Said once, not at every change.
+    // A failure is logged once, not at every change.
     if (error.what() != last_failure_) {
-      LogWarning("what is felt would not come back: {}", error.what());
+      LogWarning("the session is not saved: {}", error.what());
     }
     last_failure_ = error.what();
   }

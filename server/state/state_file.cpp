@@ -12,11 +12,11 @@
 namespace palpate {
 namespace {
 
-// A thousand entries with the longest paths have 5 MB.
+// A thousand entries with the longest paths take 5 MB.
 constexpr std::uintmax_t kMostBytes = 16 << 20;
 
-// Strings with escapes only: the library's literal and multi-line ones do not hold
-// every path.
+// Writes strings with escapes only. The library's literal and multi-line strings cannot hold every
+// path.
 std::string ToText(const toml::table& table) {
   std::ostringstream text;
   text << toml::toml_formatter{table, toml::format_flags::allow_unicode_strings};
@@ -29,11 +29,11 @@ StateFile ReadStateFile(const std::filesystem::path& path) {
   std::error_code error;
   const std::filesystem::file_status status = std::filesystem::status(path, error);
   if (status.type() == std::filesystem::file_type::not_found) return {};
-  if (status.type() != std::filesystem::file_type::regular) return {{}, "it is no file"};
+  if (status.type() != std::filesystem::file_type::regular) return {{}, "it is not a regular file"};
   if (std::filesystem::file_size(path, error) > kMostBytes) return {{}, "it is too long"};
   std::ifstream file(path, std::ios::binary);
   std::ostringstream text;
-  // An empty file sets the fail bit of the one it is written to.
+  // Copying an empty file would set the fail bit of `text`.
   if (file.peek() != std::ifstream::traits_type::eof()) text << file.rdbuf();
   if (!file.is_open() || file.bad()) return {{}, "it cannot be read"};
   try {

@@ -1,6 +1,6 @@
 // TOML files that the daemon keeps for itself.
 //
-// Any thread; not for real-time code.
+// Threads: any; not for real-time code.
 #pragma once
 
 #include <toml++/toml.h>
@@ -14,18 +14,18 @@ namespace palpate {
 
 struct StateFile {
   toml::table table;
-  std::string damage;  // why nothing could be read, one line; empty: it could
+  std::string damage;  // why the file could not be read, one line; empty: no damage
 };
 
-// Empty where there is no such file.
+// Returns an empty table if there is no such file.
 StateFile ReadStateFile(const std::filesystem::path& path);
 
-// The file is whole or as it was; its folder is made where it is missing. `remark`:
+// Afterwards the file is either complete or unchanged. Makes the folder if it is missing. `remark`:
 // lines that begin with #. Throws Error (kUnavailable).
 void WriteStateFile(const std::filesystem::path& path, const std::string& remark,
                     const toml::table& table);
 
-// A path need not be UTF-8, which a TOML file is.
+// False if `text` is not UTF-8: TOML files are UTF-8, but a path need not be.
 bool HoldsAsToml(const std::string& text);
 
 template <typename Values>
@@ -35,9 +35,9 @@ toml::array ToTomlArray(const Values& values) {
   return array;
 }
 
-// Of a node that is a number. toml++ gives no double for an integer that none holds exactly.
+// `number` must be a number. toml++ gives no double for an integer that no double holds exactly.
 double ToDouble(const toml::node& number);
-// None where it is no number, or not so many of them.
+// Returns none if the value is no number (TomlNumbers: no array of kCount numbers).
 std::optional<double> TomlNumber(const toml::table& table, std::string_view key);
 template <int kCount>
 std::optional<Eigen::Matrix<double, kCount, 1>> TomlNumbers(const toml::table& table,
