@@ -10,7 +10,7 @@ namespace {
 constexpr std::size_t kMostLines = 16;
 constexpr std::size_t kMostBytes = 300;
 
-// Bytes of the UTF-8 character in front; 0 where there is none.
+// The length in bytes of the UTF-8 character at the start; 0 if there is none.
 std::size_t CharacterBytes(std::string_view text) {
   const auto byte = [&](std::size_t k) { return static_cast<unsigned char>(text[k]); };
   const unsigned char lead = byte(0);
@@ -21,13 +21,13 @@ std::size_t CharacterBytes(std::string_view text) {
   for (std::size_t k = 1; k < bytes; ++k) {
     if ((byte(k) & 0xc0) != 0x80) return 0;
   }
-  // Longer than they need be, halves of pairs, and beyond Unicode.
+  // Invalid: overlong forms, surrogates, and values beyond Unicode.
   const bool is_none = (lead == 0xe0 && byte(1) < 0xa0) || (lead == 0xed && byte(1) >= 0xa0) ||
                        (lead == 0xf0 && byte(1) < 0x90) || (lead == 0xf4 && byte(1) >= 0x90);
   return is_none ? 0 : bytes;
 }
 
-// A message with a string that is not UTF-8 would not be read at all.
+// A message with a string that is not UTF-8 could not be decoded at all.
 std::string Fit(std::string_view text) {
   std::string fit;
   while (!text.empty()) {

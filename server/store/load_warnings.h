@@ -1,4 +1,4 @@
-// The warnings of an import, as clients are told them.
+// Prepares the warnings of an import for clients.
 //
 // Threads: any. Errors: none.
 #pragma once
@@ -10,9 +10,9 @@
 
 namespace palpate {
 
-// `warnings` without the name of `source` in front, which clients know under another name. Each is
-// one line of UTF-8 of at most 300 bytes. At most 16 lines: where there are more, the last one
-// counts the rest.
+// Removes the name of `source` from the start of each warning, because clients know the source
+// under another name. Each line is UTF-8 of at most 300 bytes. Returns at most 16 lines; if there
+// are more warnings, the last line counts the rest.
 std::vector<std::string> WarningsForClients(std::span<const std::string> warnings,
                                             std::string_view source);
 

@@ -10,7 +10,7 @@
 namespace palpate {
 namespace {
 
-// Rounded up: what is needed is never said to be less.
+// Rounds up, so that a message never names less than what is needed.
 std::string Mib(std::uint64_t bytes) {
   return std::to_string((bytes >> 20) + ((bytes & 0xfffff) != 0)) + " MiB";
 }
@@ -91,7 +91,7 @@ void MemoryBudget::Change(const std::string& holder, std::uint64_t from, std::ui
   throw Error(ErrorKind::kTooLarge, Refusal(holder, from, to));
 }
 
-// What shrinks always may: it may be too much because bricks live that nobody claimed.
+// Shrinking always succeeds, even above the budget: live bricks that nobody claimed may exceed it.
 bool MemoryBudget::TryChange(const std::string& holder, std::uint64_t from, std::uint64_t to) {
   const std::lock_guard lock(mutex_);
   if (to > from) {

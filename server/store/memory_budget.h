@@ -1,17 +1,17 @@
-// How much memory the volumes of the daemon may take: those who are about to take some claim it
-// first, and are refused in advance where it would be too much.
+// Limits how much memory the daemon's volumes may take. Code that is about to take memory claims it
+// first. A claim beyond the budget is refused in advance.
 //
-// What is held is the bricks that live now, each counted once whoever holds it (brick_memory.h),
-// and the claims. A claim is a promise: of bricks that are about to be made, and of memory that is
-// no brick, such as uploads and the voxels that an importer hands over. It shrinks as the bricks
-// are made, and ends when all are.
+// The budget counts the live bricks, each once, however many holders it has (brick_memory.h), and
+// the claims. A claim promises memory for bricks that are about to be made, and for other data such
+// as uploads and the voxels of an importer. The claim shrinks as the bricks are made, and ends when
+// all of them are made.
 //
-// Not counted are the importer, a process of its own, and what each program has beside volumes:
-// threads, messages on their way to clients, the map of the steps to undo, the blocks that a
-// recording writes. deploy/guides/live-data.md says how much that is.
+// The budget does not count the importer, which is another process. It also does not count what the
+// daemon needs besides volumes: threads, messages on their way to clients, the map of the undo
+// steps, the blocks of a recording. deploy/guides/live-data.md says how much that is.
 //
-// Threads: any, at once. Ownership: a claim keeps its budget alive, and gives its
-// bytes back when it is destroyed.
+// Threads: any, at once. Ownership: a claim keeps its budget alive, and gives its bytes back when
+// it is destroyed.
 #pragma once
 
 #include <chrono>
@@ -29,13 +29,13 @@ class MemoryBudget;
 
 class MemoryClaim {
  public:
-  MemoryClaim() = default;  // of nothing
+  MemoryClaim() = default;  // claims nothing
   MemoryClaim(MemoryClaim&& other) noexcept;
   MemoryClaim& operator=(MemoryClaim&& other) noexcept;
   ~MemoryClaim();
 
-  // Throws Error (kTooLarge) where it would grow beyond the budget; it stays as it
-  // was then. Not of an empty claim.
+  // Throws Error (kTooLarge) if the claim would grow beyond the budget; the claim is unchanged
+  // then. Not for an empty claim.
   void Resize(std::uint64_t bytes);
   std::uint64_t bytes() const { return bytes_; }
 
@@ -51,30 +51,30 @@ class MemoryBudget : public std::enable_shared_from_this<MemoryBudget> {
   static constexpr char kKey[] = "volume.memory_budget_mib";
   static constexpr std::uint64_t kUnlimited = std::numeric_limits<std::uint64_t>::max();
 
-  // Of all bricks that live.
+  // The bytes of all live bricks.
   using LiveBytes = std::uint64_t (*)() noexcept;
-  // Waits, at most that long, for memory that is being freed.
+  // Waits for memory that is being freed, at most `patience`.
   using WaitForFreed = std::function<void(std::chrono::milliseconds patience)>;
 
-  // Without `live` only claims count.
+  // Without `live`, only claims count.
   static std::shared_ptr<MemoryBudget> Make(std::uint64_t bytes = kUnlimited,
                                             LiveBytes live = nullptr) {
     return std::shared_ptr<MemoryBudget>(new MemoryBudget(bytes, live));
   }
 
-  // `holder` such as "the new volume", as messages name it. Before it is refused, waits for what
-  // is being freed. Throws Error (kTooLarge) that says what is needed, left and held.
+  // `holder` names the claim in messages, for example "the new volume". If there is too little
+  // room, waits for memory that is being freed. Throws Error (kTooLarge) that says what is needed,
+  // left and held.
   MemoryClaim Claim(const std::string& holder, std::uint64_t bytes,
                     std::chrono::milliseconds patience = kPatience);
 
-  // What messages say of the bricks that live: that so many bytes are this part's. "other bricks"
-  // are the rest.
+  // Names a part of the live bricks in messages, with its bytes. The rest is called "other bricks".
   void SetPart(const std::string& part, std::uint64_t bytes);
-  // Empty: nothing is being freed that is worth waiting for.
+  // Empty: no wait.
   void SetWait(WaitForFreed wait);
 
   std::uint64_t held_bytes() const;
-  std::uint64_t left_bytes() const;  // 0 where more is held than there is
+  std::uint64_t left_bytes() const;  // 0 if more is held than the budget allows
 
  private:
   friend MemoryClaim;
@@ -84,7 +84,7 @@ class MemoryBudget : public std::enable_shared_from_this<MemoryBudget> {
   void Change(const std::string& holder, std::uint64_t from, std::uint64_t to,
               std::chrono::milliseconds patience);
   bool TryChange(const std::string& holder, std::uint64_t from, std::uint64_t to);
-  // Modulo 2^64.
+  // Adds modulo 2^64.
   void AddLocked(const std::string& holder, std::uint64_t difference);
   std::uint64_t HeldLocked() const;
   std::string Refusal(const std::string& holder, std::uint64_t from, std::uint64_t to) const;

@@ -11,18 +11,18 @@
 namespace palpate {
 namespace {
 
-// Between two looks: while something waits for its last holder, while somebody waits for that, and
-// while there is nothing.
+// The time between two checks: while a volume waits for its last holder, while a caller waits for
+// that (urgent), and while there is nothing to free.
 constexpr std::chrono::milliseconds kPeriod{10};
 constexpr std::chrono::milliseconds kUrgentPeriod{2};
-// Urgent ones, after which those who wait are told that nothing more comes.
+// After this number of urgent checks without success, waiting callers stop waiting.
 constexpr int kMostVainLooks = 50;
 constexpr std::chrono::milliseconds kIdlePeriod{1000};
 
-// Between two times at which memory is given back, unless somebody waits for it.
+// The least time between two returns of memory, unless a caller waits.
 constexpr std::chrono::milliseconds kLeastPause{1000};
 
-// Less is not worth the time that it takes to give it back.
+// Returning less memory is not worth the time.
 constexpr std::uint64_t kWorthGivingBack = std::uint64_t{4} << 20;
 
 }  // namespace
@@ -80,7 +80,7 @@ void RetiredVolumes::WaitForWork(std::unique_lock<std::mutex>& lock) {
   } else if (has_work) {
     wake_.wait_for(lock, kPeriod, [this] { return stop_ || waiting_ > 0; });
   } else {
-    // Bricks may be freed elsewhere, too.
+    // Bricks may also be freed elsewhere.
     wake_.wait_for(lock, kIdlePeriod, [this] { return stop_ || give_back_ || !retired_.empty(); });
   }
 }
@@ -88,7 +88,7 @@ void RetiredVolumes::WaitForWork(std::unique_lock<std::mutex>& lock) {
 void RetiredVolumes::Run() {
   pthread_setname_np(pthread_self(), "palpate-free");
   BrickWork work(BrickWork::Freed::kStillIn);
-  std::uint64_t freed_bytes = 0;  // by others
+  std::uint64_t freed_bytes = 0;  // freed elsewhere
   bool give_back = false;
   std::unique_lock lock(mutex_);
   while (!stop_) {
@@ -120,10 +120,10 @@ void RetiredVolumes::Run() {
 RetiredVolumes::Holders RetiredVolumes::Look(Holders retired) {
   if (retired.empty()) return retired;
   collect_();
-  // What was handed over twice, as a volume and as the one to revert to, has one holder here.
+  // An object that was added twice (as a volume and as the one to revert to) gets one entry.
   std::sort(retired.begin(), retired.end());
   retired.erase(std::unique(retired.begin(), retired.end()), retired.end());
-  // Nobody but this thread can make a second holder of the only one.
+  // With one holder left, only this thread could make a second holder.
   std::erase_if(retired, [](const auto& held) { return held.use_count() == 1; });
   return retired;
 }
@@ -132,8 +132,8 @@ bool RetiredVolumes::GiveBack(std::uint64_t freed_bytes, bool wanted, bool urgen
   const std::uint64_t live = LiveBrickBytes();
   most_bytes_ = std::max(most_bytes_, live);
   const std::uint64_t in_use = live - std::min(live, freed_bytes);
-  // What is made next takes the place of what was freed: while voxels change all the time, there
-  // is little to give back.
+  // New bricks take the place of freed ones. While voxels change all the time, there is little to
+  // return.
   if (!wanted && in_use + kWorthGivingBack > most_bytes_) return true;
   if (!urgent && Clock::now() < given_back_at_ + kLeastPause) return false;
   ReturnFreedMemory();

@@ -54,19 +54,19 @@ class RetiredVolumes {
   using Clock = std::chrono::steady_clock;
 
   const std::function<void()> collect_;
-  // The thread's own.
-  std::uint64_t most_bytes_ = 0;  // in bricks, since memory was given back
+  // Used by the thread only.
+  std::uint64_t most_bytes_ = 0;  // most bytes in bricks since memory was last returned
   Clock::time_point given_back_at_{};
 
   std::mutex mutex_;  // guards what follows
   std::condition_variable wake_;
   std::condition_variable looked_;
   Holders retired_;
-  bool is_done_ = true;  // all that was taken out of retired_ is freed and given back
+  bool is_done_ = true;  // all objects taken out of retired_ are freed and returned
   int waiting_ = 0;
-  int vain_looks_ = 0;  // after each other, while somebody waits
+  int vain_looks_ = 0;  // checks in a row without success, while a caller waits
   bool give_back_ = false;
-  std::uint64_t freed_bytes_ = 0;  // by others; counted as live
+  std::uint64_t freed_bytes_ = 0;  // freed elsewhere; counted as live
   bool stop_ = false;
 
   std::thread thread_;

@@ -11,7 +11,7 @@
 namespace palpate {
 namespace {
 
-// The dense copy and the grid, both of float.
+// Two floats (the dense copy and the grid), and an eighth more.
 constexpr std::int64_t kBytesPerBuiltinVoxel = 9;
 
 }  // namespace
@@ -24,7 +24,8 @@ LoadedVolume VolumeLoader::Load(const LoadRequest& load, const LoadProgress& pro
     if (load.raw || load.frame.value_or(0) != 0 || !load.grid.empty() || !load.component.empty()) {
       throw Error(
           ErrorKind::kInvalidArgument,
-          source + ": a builtin volume has no raw voxels, one frame and one grid; leave them out");
+          source +
+              ": a builtin volume takes no raw voxels, frame, grid or component: leave them out");
     }
     const Vec3i size = BuiltinSize(source);
     if (size_known) {

@@ -1,5 +1,5 @@
-// Gets a volume from its source: a builtin name, or a path that palpate-import
-// reads in a process of its own.
+// Gets a volume from its source: a builtin name, or a path. palpate-import reads the path in a
+// process of its own.
 //
 // Threads: any ordinary thread; blocks until done. Errors: Error.
 #pragma once
@@ -24,37 +24,37 @@ namespace palpate {
 
 struct LoadRequest {
   std::string source;
-  bool source_stays = true;          // false: once it is loaded, it is removed
-  std::string title{};               // as the volume is named; empty: as its source
+  bool source_stays = true;          // false: remove the source after the load
+  std::string title{};               // the volume's name; empty: the source
   std::optional<double> isovalue{};  // data units
   std::optional<double> normalized_isovalue{};
   std::optional<Vec3> spacing_mm{};
   std::optional<double> device_mm_per_volume_mm{};
-  std::optional<RawVoxels> raw{};       // the file holds nothing but these
-  std::optional<std::int64_t> frame{};  // of a file with several
-  std::string grid{};                   // of a .vdb file with several
-  std::string component{};              // of a grid of vectors: magnitude, x, y or z
-  std::optional<FreeSide> free_side{};  // instead of the one that suits the volume
+  std::optional<RawVoxels> raw{};       // the file holds only these, without a header
+  std::optional<std::int64_t> frame{};  // for a file with several frames
+  std::string grid{};                   // for a .vdb file with several grids
+  std::string component{};              // for a grid of vectors: magnitude, x, y or z
+  std::optional<FreeSide> free_side{};  // replaces the default for the volume
 };
 
 using LoadProgress = std::function<void(std::string_view stage, double fraction)>;
 using LoadCancelled = std::function<bool()>;
 
 // Called with the size in the file's header before voxels are read, and again with the imported
-// size and type. What it throws ends the load.
+// size and type. An exception from this function ends the load.
 using LoadSizeKnown = std::function<void(const Vec3i& size, const LoadMemory& memory)>;
 
 struct VolumeLoader {
   std::filesystem::path import_program;
-  // As ImportRequest's.
+  // As in ImportRequest.
   std::optional<std::vector<std::filesystem::path>> folders{};
   OwnFiles own_files{};
   std::int64_t max_voxels = std::int64_t{1} << 31;
   std::int64_t max_memory_bytes = std::int64_t{16} << 30;  // of the importer
   std::shared_ptr<MemoryBudget> budget = MemoryBudget::Make();
 
-  // `warnings`: one line each, for the log. Claims nothing of the budget: that is
-  // `size_known`'s.
+  // `warnings`: one line each, for the log. Claims nothing of the budget; `size_known` must do
+  // that.
   LoadedVolume Load(const LoadRequest& request, const LoadProgress& progress,
                     const LoadCancelled& cancelled, std::vector<std::string>& warnings,
                     const LoadSizeKnown& size_known = {}) const;
