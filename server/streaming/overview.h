@@ -1,4 +1,4 @@
-// A coarse picture of a volume: means of blocks of 4³ voxels.
+// Computes a coarse picture of a volume: the means of blocks of 4³ voxels.
 //
 // Threads: pure. Not real-time.
 #pragma once
@@ -10,11 +10,11 @@
 
 namespace palpate {
 
-// Blocks along each axis.
+// The number of blocks along each axis.
 Vec3i OverviewSize(const Vec3i& size_voxels);
 
-// Means of blocks `first` and those after it, over the voxels that lie within the
-// lattice; block (i, j, k) of (ni, nj, nk) is the one of number (i nj + j) nk + k.
+// Computes the means of block `first` and the blocks after it, over the voxels within the lattice.
+// Block (i, j, k) of (ni, nj, nk) has the number (i nj + j) nk + k.
 void FillOverview(const VolumeSnapshot& volume, std::uint64_t first, std::span<float> means);
 
 }  // namespace palpate

@@ -14,12 +14,12 @@ namespace {
 
 constexpr std::uint64_t kDefaultWindow = 4;
 constexpr std::uint64_t kLargestWindow = 64;
-// Bricks looked at in one step: 8 MiB at most.
+// Bricks checked in one step: 8 MiB at most.
 constexpr std::uint64_t kBricksPerSelection = 4096;
-// Blocks in a message: 256 KiB, means of 16 MiB.
+// Blocks in one message: 256 KiB, the means of 16 MiB of voxels.
 constexpr std::uint64_t kBlocksPerMessage = 65536;
 
-// Bit by bit: what is left out must hash as what the subscriber puts there.
+// Compares bit by bit: a brick that is left out must have the hash of the subscriber's background.
 bool IsBackground(const Leaf& leaf, const Brick& background) {
   if (leaf.is_constant()) {
     const float value = leaf[0];
@@ -52,7 +52,7 @@ VolumeFeed::VolumeFeed(const VolumeFeedOptions& options, std::uint64_t daemon_id
                                                  std::to_string(revision) + ": the newest is " +
                                                  std::to_string(now.volume->revision()));
   }
-  // Of another volume: all is sent.
+  // The subscriber has another volume, so everything is sent.
   if (revision < now.volume->loaded_revision()) return;
   revision_ = revision;
   loaded_revision_ = now.volume->loaded_revision();
@@ -69,7 +69,7 @@ bool VolumeFeed::IsBehind(const VolumeNow& now) const {
   return transfer_ || complete_ || !told_complete_ || revision_ != now.volume->revision();
 }
 
-// The map is from voxels: it means nothing to those who have another volume.
+// The placement maps voxel indices. It means nothing to a subscriber that has another volume.
 bool VolumeFeed::IsMisplaced(const VolumeNow& now) const {
   return loaded_revision_ == now.volume->loaded_revision() && (!X_DI_ || *X_DI_ != now.X_DI);
 }
@@ -98,8 +98,8 @@ void VolumeFeed::LetGo(const VolumeNow& now, Clock::time_point time) {
 void VolumeFeed::KeepPartial() {
   const Transfer& transfer = *transfer_;
   if (transfer.phase != Phase::kBricks || transfer.next == 0) return;
-  // Below an earlier end some bricks are of this revision and some of that one:
-  // what was said of them still holds.
+  // If an earlier partial end lies above `end`, keep it: bricks below `end` have this revision, the
+  // others the earlier one, so the earlier statement still holds.
   const std::uint64_t end = transfer.numbers[transfer.next - 1] + 1;
   if (end >= partial_.end) partial_ = {end, transfer.volume->revision()};
 }
@@ -109,14 +109,15 @@ bool VolumeFeed::HasGot(const BrickDirectory& bricks, std::uint64_t number) cons
 }
 
 std::optional<VolumeEvent> VolumeFeed::NextEvent(const VolumeNow& now) {
-  // In turns, so that bricks come while somebody keeps moving the volume.
+  // Placements and bricks take turns, so that bricks come even while a client keeps moving the
+  // volume.
   if (IsMisplaced(now) && !(placed_last_ && IsBehind(now))) {
     placed_last_ = true;
     X_DI_ = now.X_DI;
     return VolumePlacement{now.X_DI, now.settings_revision};
   }
   placed_last_ = false;
-  // What is left of a volume that is gone would be thrown away.
+  // Drops the rest of a replaced volume: the subscriber would throw it away.
   if (transfer_ && transfer_->volume->loaded_revision() != now.volume->loaded_revision()) {
     transfer_.reset();
   }
@@ -137,7 +138,8 @@ std::optional<VolumeEvent> VolumeFeed::NextEvent(const VolumeNow& now) {
 }
 
 void VolumeFeed::Begin(const VolumeNow& now) {
-  // Not emplace(): clang 14 takes a nested class with defaults for one that has none.
+  // Not emplace(): clang 14 does not see the default constructor of a nested class with default
+  // values.
   transfer_ = Transfer{};
   transfer_->volume = now.volume;
   if (loaded_revision_ != now.volume->loaded_revision()) {

@@ -17,7 +17,7 @@ namespace palpate {
 namespace {
 
 constexpr int kNice = 10;
-// How often held volumes are looked at while nothing else happens.
+// How often the streams check held volumes while nothing else happens.
 constexpr std::chrono::milliseconds kLetGoPeriod{250};
 
 std::uint64_t RandomId() {
@@ -34,13 +34,13 @@ class VolumeStreams::Stream {
   Stream(VolumeFeed made, std::weak_ptr<VolumeSink> to)
       : feed(std::move(made)), sink(std::move(to)) {}
 
-  std::optional<VolumeFeed> feed;  // of the thread of the streams; none at the end
+  std::optional<VolumeFeed> feed;  // used by the streams' thread; none after the end
   const std::weak_ptr<VolumeSink> sink;
-  // Guarded by the streams' mutex.
+  // The streams' mutex guards the members below.
   std::uint64_t acknowledged = 0;
   bool writing = false;
   bool ended = false;
-  std::uint64_t held_revision = 0;  // of the feed, for old_volumes_held; 0: none
+  std::uint64_t held_revision = 0;  // that the feed holds, for old_volumes_held; 0: none
 };
 
 VolumeStreams::VolumeStreams(Session& session, std::function<VolumeFeed::Clock::time_point()> now)
@@ -78,7 +78,7 @@ void VolumeStreams::Unsubscribe(Stream& stream) {
 }
 
 void VolumeStreams::OnScene(const Scene& scene, std::span<const BrickChange>) {
-  // Freed after the lock, if this is the last that holds it.
+  // Freed after the lock is released, if this is the last holder.
   VolumeNow now{scene.volume, scene.surface.X_DI, scene.settings_revision};
   const std::lock_guard lock(mutex_);
   std::swap(now_, now);
@@ -106,14 +106,14 @@ void VolumeStreams::Stop() noexcept {
   streams_.clear();
 }
 
-// What one subscriber's turn needs to know, read under the lock.
+// The data of one subscriber's turn, read under the lock.
 struct VolumeStreams::Turn {
   std::shared_ptr<Stream> stream;
   std::uint64_t acknowledged = 0;
   bool writing = false;
 };
 
-// Destroyed without the lock: it may be the last to hold a volume.
+// Destroyed without the lock: it may be the last holder of a volume.
 struct VolumeStreams::Round {
   VolumeNow now;
   std::vector<Turn> turns;
@@ -122,7 +122,7 @@ struct VolumeStreams::Round {
 
 void VolumeStreams::Run() {
   pthread_setname_np(pthread_self(), "palpate-volume");
-  // Of this thread alone; where it is refused, the thread runs as the others do.
+  // Sets the priority of this thread only. If that is refused, the thread keeps its priority.
   setpriority(PRIO_PROCESS, static_cast<id_t>(gettid()), kNice);
   bool worked = true;
   while (const std::optional<Round> round = NextRound(worked)) {
@@ -131,12 +131,12 @@ void VolumeStreams::Run() {
       try {
         worked |= Take(turn, round->now);
       } catch (const std::exception&) {
-        // Out of memory: this stream ends, the others go on.
+        // Out of memory: this stream ends, the other streams continue.
         if (const auto sink = turn.stream->sink.lock()) sink->End();
         Unsubscribe(*turn.stream);
       }
     }
-    // Whoever keeps the stream does not keep its volume.
+    // A holder of the stream must not keep the feed's volume.
     for (const auto& stream : round->ended) stream->feed.reset();
   }
 }
@@ -179,7 +179,7 @@ bool VolumeStreams::Take(const Turn& turn, const VolumeNow& now) {
   {
     const std::lock_guard lock(mutex_);
     stream.held_revision = stream.feed->held() ? stream.feed->held()->revision() : 0;
-    // Before the write, as WriteDone may come at once.
+    // Set before the write, because WriteDone may come at once.
     stream.writing |= message.has_value();
   }
   if (!message) return works;
