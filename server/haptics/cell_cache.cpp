@@ -10,7 +10,8 @@ std::size_t SlotOf(const Vec3i& cell) {
   return static_cast<std::size_t>((cell.x() & 7) << 4 | (cell.y() & 3) << 2 | (cell.z() & 3));
 }
 
-// From the densities as they are on both sides, so that H is the same to the bit.
+// Decomposes the cell from the densities of side kBelow, so that H is the same to the bit on both
+// sides.
 Decomposition DecomposeFelt(const HapticSurface& surface, const CellDensities& felt) {
   Decomposition parts = Decompose(surface.Felt(felt), surface.method);
   if (surface.free_side == FreeSide::kAbove) {
@@ -34,7 +35,7 @@ int HapticCell::CutEdges(int tetrahedron, double isovalue,
   }
   for (int a = 0; a < above_count; ++a) {
     for (int n = 0; n < below_count; ++n) {
-      // Every second round backwards keeps the order cyclic.
+      // Every second round runs backwards, which keeps the order cyclic.
       const int low = below[a % 2 == 0 ? n : below_count - 1 - n], high = above[a];
       cuts[count++] = {
           low, high, (isovalue - parts.density[low]) / (parts.density[high] - parts.density[low])};
@@ -70,7 +71,8 @@ HapticCell& CellCache::Densities(const HapticSurface& surface, const Vec3i& cell
   HapticCell& entry = cells_[slot];
   const std::uint64_t revision = surface.volume->revision();
   const bool is_filled = filled_[slot] == generation_ && entry.cell == cell;
-  // An edit elsewhere costs a look at the bricks' revisions, not the decomposition.
+  // After an edit elsewhere, only the bricks' revisions are checked; the cell is not decomposed
+  // again.
   const bool is_right = is_filled && (volume_revision_[slot] == revision ||
                                       surface.volume->CellRevision(cell) <= volume_revision_[slot]);
   volume_revision_[slot] = revision;

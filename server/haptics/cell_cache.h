@@ -1,7 +1,7 @@
-// Cells that the proxy visited lately, with their decompositions and the
-// gradients of their tetrahedra.
+// Caches the cells that the proxy visited lately, with their decompositions and the gradients of
+// their tetrahedra.
 //
-// A cache only: what it returns depends on the surface and the cell alone.
+// The results depend only on the surface and the cell, never on the cache's state.
 // Threads: one (the servo's). Real-time: no allocation, no locks; fixed size.
 #pragma once
 
@@ -12,17 +12,17 @@
 
 namespace palpate {
 
-// Linear functions on a tetrahedron: what the paper's A⁻¹ holds (Eqs. 8-10).
+// Gradients of linear functions on a tetrahedron: the contents of the paper's A⁻¹ (Eqs. 8-10).
 struct TetrahedronGradients {
   std::array<Vec3, 4> weight;  // of the barycentric coordinates, 1/mm, in D axes
   Vec3 density;                // of the felt density
 };
 
-// H's triangle or quadrilateral in a tetrahedron.
+// The triangle or quadrilateral of H in a tetrahedron.
 struct SurfacePiece {
   struct Corner {
     Vec3 local;     // index coordinates from d0
-    Vec3 normal_D;  // down V's density, unit
+    Vec3 normal_D;  // towards lower density of V, unit
   };
 
   int tetrahedron = -1;
@@ -31,7 +31,7 @@ struct SurfacePiece {
   std::array<Corner, 4> corners;  // in cyclic order
 };
 
-// A cut of τ through the edge from vertex `low` to `high`, at `share` of the way.
+// The point where τ cuts the edge from vertex `low` to `high`, at `share` of the way.
 struct CutEdge {
   int low = 0, high = 0;
   double share = 0.0;
@@ -43,24 +43,24 @@ struct CutEdge {
 
 struct HapticCell {
   Vec3i cell = Vec3i::Zero();
-  CellDensities stored{};     // felt: V's
-  CellDensities densities{};  // felt, ties resolved: H's
+  CellDensities stored{};     // felt; those of V
+  CellDensities densities{};  // felt, ties resolved; those of H
   double min_density = 0.0;
   double max_density = 0.0;
   Decomposition parts;                       // valid once `decomposed`
-  std::array<Vec3, kMaxVertices> vertex_mm;  // likewise; D axes, relative to d0
-  Vec3 origin_mm = Vec3::Zero();             // likewise; of d0 in D
+  std::array<Vec3, kMaxVertices> vertex_mm;  // valid once `decomposed`; D axes, relative to d0
+  Vec3 origin_mm = Vec3::Zero();             // valid once `decomposed`; position of d0 in D
   bool decomposed = false;
   std::uint32_t known_gradients = 0;  // bit t: gradients[t] is filled
   std::array<TetrahedronGradients, kMaxTetrahedra> gradients;
-  SurfacePiece piece;  // the last one asked for
+  SurfacePiece piece;  // the last requested one
 
   bool IsCrossed(double isovalue) const {
     return min_density <= isovalue && isovalue < max_density;
   }
   bool IsFree(double isovalue) const { return max_density <= isovalue; }
 
-  // Where τ cuts the edges of a tetrahedron: the corners of H's piece there, in
+  // Computes where τ cuts the edges of a tetrahedron. These are the corners of H's piece there, in
   // cyclic order.
   int CutEdges(int tetrahedron, double isovalue, std::array<CutEdge, 4>& cuts) const noexcept;
 
@@ -75,10 +75,10 @@ struct HapticCell {
 
 class CellCache {
  public:
-  // Densities only. The reference is valid until the next call for a cell that
-  // shares its slot: copy what has to last.
+  // Returns a cell with its densities only. The reference is valid until the next call for a cell
+  // in the same slot: copy values that must last.
   HapticCell& Densities(const HapticSurface& surface, const Vec3i& cell) noexcept;
-  // With the decomposition.
+  // Returns a cell with its decomposition.
   HapticCell& Decomposed(const HapticSurface& surface, const Vec3i& cell) noexcept;
 
  private:
@@ -88,7 +88,8 @@ class CellCache {
   std::uint64_t geometry_revision_ = kEmpty;
   FreeSide free_side_ = FreeSide::kBelow;
   std::array<std::uint64_t, kSlots> filled_{};           // generation_ when the slot was filled
-  std::array<std::uint64_t, kSlots> volume_revision_{};  // at which it was right
+  std::array<std::uint64_t, kSlots> volume_revision_{};  // revision for which the slot was last
+                                                         // right
   std::uint64_t generation_ = 0;
   std::array<HapticCell, kSlots> cells_;
 };

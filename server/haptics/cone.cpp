@@ -3,8 +3,8 @@
 namespace palpate {
 namespace {
 
-// A direction counts as inside a half-space up to this share of its length;
-// rounding must not hide the one face of the cone that holds the projection.
+// A direction counts as inside a half-space up to this share of its length. Otherwise rounding
+// could reject the one face of the cone that holds the projection.
 constexpr double kInsideTolerance = 1e-12;
 
 bool IsInside(const Vec3& d, double length2, const Cone& cone, std::uint8_t active) {
@@ -20,9 +20,9 @@ bool IsInside(const Vec3& d, double length2, const Cone& cone, std::uint8_t acti
 
 }  // namespace
 
-// The projection is the longest of the projections on the cone's faces (the
-// inside, planes, edges, apex) that lie in the cone: each of them is orthogonal
-// to what it leaves of w, so that the longest is the closest.
+// The projection is the longest of the projections on the cone's faces (the inside, planes, edges,
+// apex) that lie in the cone. Each of them is orthogonal to its difference from w, so the longest
+// is the closest.
 ConeProjection ProjectOnCone(const Vec3& w, const Cone& cone) noexcept {
   std::uint8_t violated = 0;
   for (int i = 0; i < cone.count; ++i) {

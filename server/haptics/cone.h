@@ -15,8 +15,8 @@ struct Cone {
   std::array<Vec3, 4> normal;
   int count = 0;
 
-  // Adds a half-space; a zero normal constrains nothing and is left out. Returns
-  // its number, -1 where left out.
+  // Adds a half-space and returns its number. A zero normal constrains nothing: it is not added,
+  // and Add returns -1.
   int Add(const Vec3& inward) {
     if (inward.isZero(0.0)) return -1;
     normal[count] = inward;
@@ -29,7 +29,7 @@ struct ConeProjection {
   std::uint8_t active = 0;  // bit i: d lies in the plane of half-space i
 };
 
-// The point of the cone that is closest to `w`.
+// Returns the point of the cone that is closest to `w`.
 ConeProjection ProjectOnCone(const Vec3& w, const Cone& cone) noexcept;
 
 }  // namespace palpate

@@ -5,12 +5,12 @@
 namespace palpate {
 namespace {
 
-// A slope this much steeper is steeper: rounding must not choose.
+// A slope counts as steeper only beyond this factor, so that rounding does not choose.
 constexpr double kSteeper = 1.0 + 1e-12;
-// A slope that is left of a gradient in a pit, as a share of it, is rounding.
+// In a pit, a slope below this share of the gradient is rounding.
 constexpr double kNoSlope = 1e-9;
 
-// Inward normals, in D, of the faces of a cell that hold the point.
+// The half-spaces of the cell's faces that hold the point, with inward normals in D.
 Cone BoxCone(const HapticSurface& surface, std::uint8_t faces) {
   Cone cone;
   for (int axis = 0; axis < 3; ++axis) {
@@ -21,7 +21,7 @@ Cone BoxCone(const HapticSurface& surface, std::uint8_t faces) {
   return cone;
 }
 
-// The place as a simplex of the cell at `offset`.
+// Returns the place as a simplex of the cell at `offset`.
 Carrier CarrierIn(const HapticCell& cell, const Place& place, const Vec3i& offset,
                   std::uint8_t faces) {
   if (place.kind == Place::Kind::kSimplex) return CarrierInNeighbour(place.carrier, offset);
@@ -30,7 +30,7 @@ Carrier CarrierIn(const HapticCell& cell, const Place& place, const Vec3i& offse
 
 struct TetrahedronCone {
   Cone cone;
-  int surface_number = -1;  // of the half-space under H
+  int surface_number = -1;  // number of the half-space under H
 };
 
 TetrahedronCone MakeTetrahedronCone(const HapticCell& cell, int tetrahedron, std::uint16_t mask,
@@ -44,7 +44,7 @@ TetrahedronCone MakeTetrahedronCone(const HapticCell& cell, int tetrahedron, std
   return result;
 }
 
-// From the inside of a tetrahedron only H is in the way.
+// Inside a tetrahedron, only H limits the direction.
 Candidate DirectionInside(const HapticSurface& surface, const Place& place, bool on_surface,
                           const Vec3& w_mm, CellCache& cache) noexcept {
   HapticCell& cell = cache.Decomposed(surface, place.cell);
@@ -65,7 +65,7 @@ Candidate DirectionInside(const HapticSurface& surface, const Place& place, bool
   return candidate;
 }
 
-// Looks at the cells that hold a place, one by one, for the longest projection.
+// Visits the cells that hold a place, one by one, and keeps the longest projection.
 class DirectionSearch {
  public:
   DirectionSearch(const HapticSurface& surface, const Place& place, bool on_surface,
@@ -90,8 +90,8 @@ class DirectionSearch {
   const Candidate& best() const { return best_; }
 
  private:
-  // Free, and convex where it counts: a way out is taken whole. A projection on the apex is
-  // no way, and has no active face either.
+  // The outside is free, and convex here: a direction out of the lattice is taken whole. A
+  // projection on the apex is no direction and has no active face.
   void VisitOutside(const Vec3i& cell, std::uint8_t faces) noexcept {
     if (!surface_.IsFreeOutside()) return;
     if (ProjectOnCone(w_mm_, BoxCone(surface_, faces)).d != w_mm_) return;
@@ -127,7 +127,7 @@ class DirectionSearch {
     if (found) best_.carrier = carrier;
   }
 
-  // Keeps `d` where it is longer than the best.
+  // Keeps `d` if it is longer than the best so far.
   bool IsLonger(const Vec3& d) noexcept {
     if (!(d.squaredNorm() > best_.d_mm.squaredNorm())) return false;
     best_.d_mm = d;
@@ -183,14 +183,14 @@ Candidate SteepestDescent(const HapticSurface& surface, const Place& place,
       const TetrahedronGradients& gradients = cell.Gradients(t);
       const TetrahedronCone tangent = MakeTetrahedronCone(cell, t, mask, gradients, false);
       const Vec3 d = ProjectOnCone(-gradients.density, tangent.cone).d;
-      // d is orthogonal to what the cone cuts off: the slope along it is |d|.
+      // d is orthogonal to the part that the cone cuts off, so the slope along d is |d|.
       const double slope = d.norm();
       if (!(slope > best_slope * kSteeper)) continue;
       if (!(slope > kNoSlope * gradients.density.norm())) continue;
       best_slope = slope;
       best = candidate;
       best.tetrahedron = t;
-      // Long enough to fall by the whole range of densities.
+      // Long enough for the density to fall by its whole range.
       best.d_mm = d / (slope * slope);
     }
   });

@@ -15,7 +15,7 @@ Vec3 ContactForce(const HapticSettings& settings, const ProxyStep& step, const V
                   const Vec3& spring_D_n, const Vec3& velocity_mm_per_s) noexcept {
   const double spring_n = std::max(0.0, spring_D_n.dot(step.normal_D));
   const double damper_n = -settings.damping_n_s_per_m / kMmPerM * velocity_mm_per_s.dot(normal_D);
-  // At most as much as the spring, so that the force stays continuous at contact.
+  // Limited to the spring's force, so that the force stays continuous at contact.
   const Vec3 force = (spring_n + std::clamp(damper_n, -spring_n, spring_n)) * normal_D;
   if (!(settings.static_friction > 0.0 || settings.dynamic_friction > 0.0)) return force;
   const Vec3 lean = spring_D_n - spring_D_n.dot(step.normal_D) * step.normal_D;
@@ -35,7 +35,7 @@ Vec3 MagneticForce(const HapticSurface& surface, const HapticSettings& settings,
   const Vec3 way_mm = *nearest - p_D;
   const double share = way_mm.norm() / range_mm;
   if (!(share > 0.0)) return Vec3::Zero();
-  // 4 share (1 - share) along the unit way.
+  // The force is 4 share (1 - share) along the unit way.
   return way_mm * (settings.magnet_force_n * 4.0 * (1.0 - share) / range_mm);
 }
 

@@ -8,18 +8,18 @@
 
 namespace palpate {
 
-// Spring and damper, the latter along the normal and never pulling inwards.
-// `normal_D`: the contact's, or the shaded one; the spring is turned from the first
-// to the second.
+// Spring and damper. The damper acts along the normal and never pulls inwards. `normal_D`: the
+// normal of the contact, or the shaded one. The spring is turned from the contact's normal to
+// `normal_D`.
 Vec3 ContactForce(const HapticSettings& settings, const ProxyStep& step, const Vec3& normal_D,
                   const Vec3& spring_D_n, const Vec3& velocity_mm_per_s) noexcept;
 
-// Drag against the motion of the stylus.
+// Drag against the stylus's motion.
 Vec3 ViscousForce(const HapticSettings& settings, const Vec3& velocity_mm_per_s) noexcept;
 
-// Pull of a point in free space towards H: zero on it and at the magnet's range,
-// greatest half way. The range is MaxNearestMm() at most. Where the nearest point jumps from one
-// wall to another, so does its direction.
+// Pulls a point in free space towards H. The force is zero on H and at the magnet's range, and
+// greatest half way. The range is at most MaxNearestMm(). Where the nearest point jumps from one
+// wall to another, the direction jumps too.
 Vec3 MagneticForce(const HapticSurface& surface, const HapticSettings& settings, const Vec3& p_D,
                    CellCache& cache) noexcept;
 

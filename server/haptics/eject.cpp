@@ -8,8 +8,8 @@
 namespace palpate {
 namespace {
 
-// Nearest free vertex on the shell of a given Chebyshev radius; its distance is
-// infinite where there is none.
+// Finds the nearest free vertex on the shell of a Chebyshev radius. Returns its distance, or
+// infinity if there is none.
 double NearestOnShell(const HapticSurface& surface, const Vec3i& cell, const Vec3& from_I,
                       int radius, Vec3i& nearest) noexcept {
   double best = std::numeric_limits<double>::infinity();
@@ -27,14 +27,14 @@ double NearestOnShell(const HapticSurface& surface, const Vec3i& cell, const Vec
   return best;
 }
 
-// A vertex of a farther shell can be nearer where voxels are uneven: the search
-// ends when a whole shell is farther than the best.
+// With uneven voxels, a vertex of a farther shell can be nearer. The search ends when a whole shell
+// is farther away than the best vertex.
 bool JumpToNearestVertex(const HapticSurface& surface, double limit_mm, Place& place,
                          CellCache& cache) noexcept {
   double best_mm = std::numeric_limits<double>::infinity();
   Vec3i best = Vec3i::Zero();
-  // Lattice planes are this far apart, along each axis, and the place is up to a
-  // cell away from the middle of the shells.
+  // The least distance between neighbouring lattice planes. The place is up to a cell away from the
+  // middle of the shells.
   const double plane_mm = 1.0 / surface.X_ID.linear.rowwise().norm().maxCoeff();
   const Vec3 from_I = PlaceIndexPosition(surface, place, cache);
   for (int radius = 0; radius <= kMaxSearchRadius; ++radius) {
@@ -54,14 +54,14 @@ bool JumpToNearestVertex(const HapticSurface& surface, double limit_mm, Place& p
 bool Eject(const HapticSurface& surface, double limit_mm, Place& place, bool& on_surface,
            CellCache& cache, int& moves) noexcept {
   on_surface = false;
-  // Beyond the lattice there is no way to follow.
+  // A place outside of the lattice has no density to descend.
   if (place.kind == Place::Kind::kOutside) return surface.IsFreeOutside();
   for (int n = 0; n < kMaxEjectMoves; ++n) {
     const Candidate down = SteepestDescent(surface, place, cache);
     if (down.kind == Candidate::Kind::kNone) break;
     MoveInTetrahedron(surface, down, true, place, on_surface, cache);
     ++moves;
-    // Where rounding allowed no move, it is not down yet.
+    // If rounding allowed no move, the place is not yet below the surface.
     if (on_surface) break;
   }
   if (PlaceDensity(surface, place, cache) <= surface.isovalue) return true;

@@ -11,10 +11,10 @@ namespace palpate {
 inline constexpr int kMaxEjectMoves = 128;
 inline constexpr int kMaxSearchRadius = 6;  // voxels
 
-// Moves `place`, whose density is above τ, to free space: down the
-// piecewise-linear density, and from a pit that stays above τ to the nearest
-// free lattice vertex, looked for up to `limit_mm` away. False where there is none
-// within reach; `place` is then unspecified. Adds the moves made to `moves`.
+// Moves `place`, whose density is above τ, to free space. Descends the piecewise-linear density.
+// From a pit that stays above τ, jumps to the nearest free lattice vertex within `limit_mm`.
+// Returns false if there is none within reach; `place` is then unspecified. Adds the number of
+// moves to `moves`.
 bool Eject(const HapticSurface& surface, double limit_mm, Place& place, bool& on_surface,
            CellCache& cache, int& moves) noexcept;
 

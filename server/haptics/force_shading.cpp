@@ -5,7 +5,8 @@
 namespace palpate {
 namespace {
 
-// Felt density, as stored, of a vertex, by central differences. The padding is flat.
+// Gradient of the felt density, as stored, at a vertex, by central differences. The padding is
+// flat.
 Vec3 VertexGradient(const VolumeSnapshot& volume, const Vec3i& vertex) {
   Vec3 gradient;
   for (int axis = 0; axis < 3; ++axis) {
@@ -16,7 +17,7 @@ Vec3 VertexGradient(const VolumeSnapshot& volume, const Vec3i& vertex) {
   return gradient;
 }
 
-// `wanted` brought to at most kMaxShadingAngleRad from `normal`; both unit.
+// Turns `wanted` to at most kMaxShadingAngleRad from `normal`. Both are unit vectors.
 Vec3 WithinReach(const Vec3& wanted, const Vec3& normal) {
   const double cosine = wanted.dot(normal);
   if (cosine >= std::cos(kMaxShadingAngleRad)) return wanted;

@@ -5,7 +5,7 @@
 namespace palpate {
 namespace {
 
-// A slide this short, as a share of the depth, is none.
+// A slide shorter than this share of the depth counts as no slide.
 constexpr double kNoSlide = 1e-9;
 
 void AddWork(const ProxyStep& other, ProxyStep& step) {
@@ -15,10 +15,10 @@ void AddWork(const ProxyStep& other, ProxyStep& step) {
   if (other.mode == ProxyMode::kEjecting) step.mode = other.mode;
 }
 
-// How the HIP pulls at the proxy.
+// The pull of the HIP on the proxy.
 struct Load {
-  double along_mm = 0.0;   // held by H
-  double across_mm = 0.0;  // not held
+  double along_mm = 0.0;   // the part that H holds
+  double across_mm = 0.0;  // the part that H does not hold
   Vec3 normal_D = Vec3::Zero();
 };
 
@@ -31,7 +31,7 @@ Load LoadOn(const HapticSurface& surface, const Vec3& p_DHip_mm, const Proxy& pr
   return load;
 }
 
-// On H, carried with it where it has moved.
+// Keeps the proxy at its place on H. If H has moved, the proxy moves with H.
 ProxyStep Stay(const HapticSurface& surface, const Vec3& p_DHip_mm, const Vec3& normal_D,
                double eject_limit_mm, Proxy& proxy, CellCache& cache) noexcept {
   const bool was_on_surface = proxy.on_surface;
@@ -46,7 +46,7 @@ ProxyStep Stay(const HapticSurface& surface, const Vec3& p_DHip_mm, const Vec3& 
   return step;
 }
 
-// From `proxy`, which does not stick, as far as friction lets it.
+// Moves `proxy`, which does not stick, as far as friction allows.
 ProxyStep Slide(const HapticSurface& surface, double kinetic, const Vec3& p_DHip_mm,
                 double eject_limit_mm, Proxy& proxy, bool& sticking, CellCache& cache) noexcept {
   const Proxy start = proxy;
@@ -82,7 +82,7 @@ ProxyStep StepWithFriction(const HapticSurface& surface, const HapticSettings& s
   if (!proxy.on_surface) {
     ProxyStep step = StepProxy(surface, p_DHip_mm, eject_limit_mm, proxy, cache);
     AddWork(kept, step);
-    state = {proxy.on_surface, step.normal_D};  // what it touches, it touches at rest
+    state = {proxy.on_surface, step.normal_D};  // a proxy that touches H sticks at first
     return step;
   }
   const Load load = LoadOn(surface, p_DHip_mm, proxy, cache);

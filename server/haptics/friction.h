@@ -1,13 +1,14 @@
 // Coulomb friction of the proxy on H.
 //
-// HIP - SCP_H has a part that H holds, along its normal, and one that it does not.
-// While the second is within the static share of the first, the proxy stays where it
-// is. Beyond that it slides: towards where it would rest without friction, but for
-// the dynamic share of the depth there. Both are steps of the frictionless proxy
-// towards another target, so that all it promises holds with friction too.
+// HIP - SCP_H has a part that H holds, along its normal, and a part that H does not hold. The proxy
+// stays where it is while the second part is within a share of the first: the static share while
+// the proxy sticks, the dynamic share while it slides. Otherwise the proxy slides towards the place
+// where it would rest without friction, and stops short of it by the dynamic share of the depth
+// there. Both cases are steps of the frictionless proxy towards another target, so all its
+// guarantees hold with friction, too.
 //
-// Where the surface moves, a proxy at rest on it is lifted with it, or sinks along the
-// normal until it meets it, and sticks there.
+// If the surface moves, a proxy at rest on it is lifted with it, or sinks along the normal until it
+// meets the surface, and sticks there.
 //
 // Frame: D (mm). Threads: pure; one thread per state. Real-time: no allocation, no
 // locks; at most four proxy steps.
@@ -18,14 +19,14 @@
 
 namespace palpate {
 
-// Carried from step to step.
+// The state between steps.
 struct FrictionState {
   bool sticking = false;
   Vec3 normal_D = Vec3::Zero();  // of the last contact
 };
 
-// As StepProxy. normal_D is the direction in
-// which H pushes at SCP_H; the force leans away from it as friction does.
+// As StepProxy. normal_D is the direction in which H pushes at SCP_H. The friction tilts the force
+// away from it.
 ProxyStep StepWithFriction(const HapticSurface& surface, const HapticSettings& settings,
                            const Vec3& p_DHip_mm, double eject_limit_mm, Proxy& proxy,
                            FrictionState& state, CellCache& cache) noexcept;

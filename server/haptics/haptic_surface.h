@@ -1,10 +1,10 @@
-// What the stylus feels: a volume, an isovalue, the side it is felt from, and
-// where the volume lies.
+// The surface that the stylus feels: a volume, an isovalue, the side from which it is felt, and the
+// volume's place.
 //
-// Densities are normalised over the volume's range. To feel H from the side above
-// τ, densities and isovalue change their sign ("felt" ones): what is above the
-// felt isovalue is material on either side, and H is the same. The padding keeps
-// its density, and what lies beyond it belongs to the side below τ, or above it around a level set.
+// Densities are normalised over the volume's range. To feel H from the side above τ, densities and
+// isovalue change their sign; these are the "felt" values. On either side, material lies above the
+// felt isovalue, and H is the same. The padding keeps its density. The space beyond the padding
+// belongs to the side below τ; around a level set, it belongs to the side above τ.
 //
 // Frames: I voxel index, D device (mm). Distances, projections and normals are taken in D, whatever
 // spacing, shear or mirror the volume's transform has.
@@ -27,26 +27,26 @@ struct HapticSurface {
   DecompositionMethod method = DecompositionMethod::kTpbcc;
   AffineMap X_DI;
   AffineMap X_ID;
-  // Changes whenever anything but the isovalue, the side and voxels does. Which
-  // voxels changed, the volume's revisions tell.
+  // Changes whenever anything changes except the isovalue, the side and voxels. The volume's
+  // revisions say which voxels changed.
   std::uint64_t geometry_revision = 0;
 
-  // Shortest edge of a voxel in D: the scale that tolerances refer to.
+  // Shortest edge of a voxel in D. Tolerances are relative to it.
   double voxel_mm = 1.0;
   double longest_voxel_mm = 1.0;
 
   double sign() const { return free_side == FreeSide::kBelow ? 1.0 : -1.0; }
-  // Felt density of a lattice vertex, ties resolved.
+  // The felt density of a lattice vertex, ties resolved.
   double ResolvedVertex(const Vec3i& vertex) const noexcept {
     return sign() * volume->ResolvedVertex(vertex);
   }
-  // Densities as felt, and back.
+  // Converts densities to felt ones, and back.
   CellDensities Felt(CellDensities densities) const noexcept {
     if (free_side == FreeSide::kBelow) return densities;
     for (double& density : densities) density = -density;
     return densities;
   }
-  // Felt density beyond the padded lattice.
+  // The felt density beyond the padded lattice.
   double DensityOutside() const {
     if (volume->metadata().is_level_set) return sign() * volume->BackgroundDensity();
     return IsFreeOutside() ? 0.0 : 1.0;
@@ -54,7 +54,7 @@ struct HapticSurface {
   bool IsFreeOutside() const {
     return (free_side == FreeSide::kBelow) != volume->metadata().is_level_set;
   }
-  // The other side of the same H.
+  // The same H from its other side.
   HapticSurface Flipped() const {
     HapticSurface other = *this;
     other.free_side = free_side == FreeSide::kBelow ? FreeSide::kAbove : FreeSide::kBelow;

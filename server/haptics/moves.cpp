@@ -8,12 +8,11 @@ namespace palpate {
 namespace {
 
 constexpr int kCorrectionTries = 12;
-// A direction within this share of a face's plane runs along the face.
+// A direction within this share of a face's plane counts as along the face.
 constexpr double kAlongFaceTolerance = 1e-12;
 
-// Takes weight from the densest vertex to the least dense one until the density
-// is at most τ; the simplex stays the same or loses the vertex. False where it
-// cannot.
+// Moves weight from the densest vertex to the least dense one until the density is at most τ. The
+// simplex stays the same or loses the densest vertex. Returns false if the density stays above τ.
 bool LowerToIsovalue(const HapticCell& cell, double isovalue, Carrier& carrier) {
   const auto density = [&](int n) { return cell.parts.density[carrier.vertex[n]]; };
   double excess = DensityAt(cell, carrier) - isovalue;
@@ -37,7 +36,7 @@ bool LowerToIsovalue(const HapticCell& cell, double isovalue, Carrier& carrier) 
   return !(excess > 0.0);
 }
 
-// Barycentric weights of a point in a tetrahedron, and how they change along a move.
+// Barycentric weights of a point in a tetrahedron, and their rates along a move.
 struct Course {
   std::array<double, 4> weight{}, rate{};
 };
@@ -54,7 +53,8 @@ Course CourseOf(const Candidate& candidate, const std::array<std::uint8_t, 4>& v
     course.rate[n] = gradients.weight[n].dot(candidate.d_mm);
   }
   if (candidate.carrier.count == 4) return course;
-  // Along a face the rate is 0 but for rounding, which must not leave the face.
+  // Along a face the rate is 0 except for rounding. Rounding must not make the point leave the
+  // face.
   const double along2 = kAlongFaceTolerance * kAlongFaceTolerance * candidate.d_mm.squaredNorm();
   for (int n = 0; n < 4; ++n) {
     const double rate = course.rate[n];
@@ -64,7 +64,7 @@ Course CourseOf(const Candidate& candidate, const std::array<std::uint8_t, 4>& v
   return course;
 }
 
-// Share of the move after which it meets H; infinite where it does not.
+// Returns the share of the move after which it meets H; infinity if it does not meet H.
 double WayToSurface(const HapticSurface& surface, const HapticCell& cell,
                     const Candidate& candidate, const TetrahedronGradients& gradients,
                     bool descending) {
@@ -103,8 +103,8 @@ MoveEnd MoveInTetrahedron(const HapticSurface& surface, const Candidate& candida
   moved.Normalize();
   const bool on = reached || candidate.along_surface;
   if ((on || !descending) && !LowerToIsovalue(cell, surface.isovalue, moved)) {
-    // Rounding put a face before H although H comes first: stay, and take H
-    // into account next time.
+    // H comes first, but rounding put a face before it. The point stays, and the next move takes H
+    // into account.
     const bool new_constraint = !on_surface;
     SetSimplex(cell, candidate.carrier, candidate.tetrahedron, place);
     on_surface = true;
@@ -112,7 +112,7 @@ MoveEnd MoveInTetrahedron(const HapticSurface& surface, const Candidate& candida
   }
   SetSimplex(cell, moved, candidate.tetrahedron, place);
   on_surface = on;
-  // Inside the tetrahedron, what was left out of the way is across H.
+  // Inside the tetrahedron, the part of the move that was cut off is across H.
   const bool whole = hit < 0 && !reached && place.tetrahedron >= 0;
   return whole ? MoveEnd::kAtRest : MoveEnd::kMore;
 }
@@ -156,7 +156,7 @@ void MoveOut(const HapticSurface& surface, const Candidate& candidate, const Vec
   place.kind = Place::Kind::kOutside;
   place.faces = 0;
   place.p_I = target_I;
-  // Rounding must not leave it inside the lattice.
+  // Rounding must not leave the point inside the lattice.
   for (int axis = 0; axis < 3; ++axis) {
     const int size = surface.volume->size()[axis];
     if (candidate.cell[axis] < -1) place.p_I[axis] = std::min(place.p_I[axis], -1.0);

@@ -8,13 +8,12 @@
 
 namespace palpate {
 
-// What a move leaves to be done: a look for the next one; nothing, as no
-// direction is left that gets closer; nothing, as rounding allowed no move.
+// What remains after a move. kMore: look for the next move. kAtRest: no remaining direction gets
+// closer. kNone: rounding allowed no move.
 enum class MoveEnd : std::uint8_t { kMore, kAtRest, kNone };
 
-// Follows a kTetrahedron candidate to a face, to the end of d, or to H:
-// `descending` false: from below, where the density rises to τ; true: from
-// above, where it falls to τ. Sets on_surface.
+// Follows a kTetrahedron candidate to a face, to the end of d, or to H. `descending` false: meets H
+// from below, where the density rises to τ. True: from above, where it falls to τ. Sets on_surface.
 MoveEnd MoveInTetrahedron(const HapticSurface& surface, const Candidate& candidate, bool descending,
                           Place& place, bool& on_surface, CellCache& cache) noexcept;
 
@@ -22,12 +21,11 @@ MoveEnd MoveInTetrahedron(const HapticSurface& surface, const Candidate& candida
 void MoveInBox(const HapticSurface& surface, const Candidate& candidate, Place& place,
                CellCache& cache) noexcept;
 
-// Follows a kOutside candidate, which leaves the padded lattice for good, to
-// target_I.
+// Follows a kOutside candidate, which leaves the padded lattice and does not return, to target_I.
 void MoveOut(const HapticSurface& surface, const Candidate& candidate, const Vec3& target_I,
              Place& place) noexcept;
 
-// From outside the padded lattice straight to target_I, or to where the way there
+// Moves from outside of the padded lattice straight to target_I, or to the point where that line
 // enters the lattice.
 void MoveOutside(const HapticSurface& surface, const Vec3& target_I, Place& place) noexcept;
 

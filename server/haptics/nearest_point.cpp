@@ -7,7 +7,7 @@
 namespace palpate {
 namespace {
 
-// The point of a segment that is nearest to the origin.
+// Returns the point of a segment that is nearest to the origin.
 Vec3 NearestOnSegment(const Vec3& a, const Vec3& b) {
   const Vec3 along = b - a;
   const double length2 = along.squaredNorm();
@@ -15,7 +15,8 @@ Vec3 NearestOnSegment(const Vec3& a, const Vec3& b) {
   return a + std::clamp(-a.dot(along) / length2, 0.0, 1.0) * along;
 }
 
-// Likewise of a convex flat polygon with `count` corners in cyclic order.
+// Returns the point of a convex flat polygon that is nearest to the origin. The polygon has `count`
+// corners in cyclic order.
 Vec3 NearestOnPolygon(const std::array<Vec3, 4>& corner, int count) {
   Vec3 best = corner[0];
   for (int n = 0; n < count; ++n) {
@@ -42,7 +43,7 @@ double BallOfCell(const Mat3& X) {
   return longest;
 }
 
-// Keeps the nearest point to the origin `p_D` over the cells that it is shown.
+// Visits cells and keeps the nearest point to `p_D`.
 class NearestSearch {
  public:
   NearestSearch(const HapticSurface& surface, const Vec3& p_D, double reach_mm, CellCache& cache)
@@ -65,8 +66,8 @@ class NearestSearch {
   }
 
  private:
-  // The cell is no nearer than the farthest of the slabs that it lies in, nor than
-  // the ball around it.
+  // The cell is at least as far away as the farthest slab that it lies in, and as the ball around
+  // it.
   double DistanceBound(const Vec3i& index) const noexcept {
     const Vec3 low = index.cast<double>() - p_I_;
     const Vec3 gap = low.cwiseMax(-low - Vec3::Ones()).cwiseMax(0.0);
@@ -76,8 +77,8 @@ class NearestSearch {
     return std::max(slab_mm, middle_mm.norm() - ball_mm_);
   }
 
-  // From the stored densities, which the resolved ones are a hair below: most cells
-  // are far from τ, and are left out before they cost more.
+  // Uses the stored densities, which the resolved ones are slightly below. Most cells are far from
+  // τ, so this cheap test excludes them.
   bool MayBeCrossed(const Vec3i& index) const noexcept {
     const CellDensities d = surface_.Felt(surface_.volume->StoredCell(index));
     const auto [low, high] = std::minmax_element(d.begin(), d.end());
@@ -98,7 +99,7 @@ class NearestSearch {
     point_ = p_D_ + nearest;
   }
 
-  // By the ball through the corners around their mean.
+  // Tests the ball around the corners' mean that contains all corners.
   bool MayBeNearer(const std::array<Vec3, 4>& corner, int count) const noexcept {
     Vec3 middle = Vec3::Zero();
     for (int n = 0; n < count; ++n) middle += corner[n];
@@ -112,7 +113,7 @@ class NearestSearch {
 
   const HapticSurface& surface_;
   const Vec3 p_D_, p_I_;
-  const Vec3 plane_mm_;  // between lattice planes, for each axis
+  const Vec3 plane_mm_;  // between lattice planes, along each axis
   const double ball_mm_;
   double best_mm_;
   CellCache& cache_;
@@ -140,7 +141,7 @@ std::optional<Vec3> NearestPointOnSurface(const HapticSurface& surface, const Ve
   const double plane_mm = 1.0 / surface.X_ID.linear.rowwise().norm().maxCoeff();
   NearestSearch search(surface, p_D, std::min(reach_mm, MaxNearestMm(surface)), cache);
   for (int radius = 0; radius <= kMaxNearestVoxels + 1; ++radius) {
-    // All cells of the shell are this far from the middle cell.
+    // All cells of the shell are at least this far from the middle cell.
     if ((radius - 1) * plane_mm > search.best_mm()) break;
     VisitShell(middle, radius, search);
   }

@@ -1,4 +1,4 @@
-// The point of H that is nearest to a point in free space.
+// Finds the point of H that is nearest to a point in free space.
 //
 // Frame: D (mm). Threads: pure. Real-time: no allocation; bounded by the cells
 // within reach, (2 kMaxNearestVoxels + 3)³.
@@ -10,14 +10,14 @@
 
 namespace palpate {
 
-// How far is looked at most, in distances between the closest lattice planes.
+// The farthest search, in distances between the closest lattice planes.
 inline constexpr int kMaxNearestVoxels = 4;
 
 inline double MaxNearestMm(const HapticSurface& surface) {
   return kMaxNearestVoxels / surface.X_ID.linear.rowwise().norm().maxCoeff();
 }
 
-// Nothing where H is farther than `reach_mm` or MaxNearestMm().
+// Returns nothing if H is farther away than `reach_mm` or MaxNearestMm().
 std::optional<Vec3> NearestPointOnSurface(const HapticSurface& surface, const Vec3& p_D,
                                           double reach_mm, CellCache& cache) noexcept;
 

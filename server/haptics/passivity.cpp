@@ -8,18 +8,18 @@ namespace {
 
 using State = PassivityState;
 
-// The full damper is that of a spring which acts this much early: twice the delay
-// of a tick in the device and half a tick of hold.
+// The full damper equals a spring that acts this much earlier: twice the device's delay of a tick,
+// and half a tick of hold.
 constexpr double kLeadTicks = 3.0;
-// More would itself vibrate under a light hand: it acts late, too.
+// A stronger damper would itself vibrate under a light hand, because the damper acts late, too.
 constexpr double kMaxDampingNSPerMm = 2.5e-3;
-// Time in which the stiffness comes back out of contact.
+// Out of contact, the stiffness returns in this time.
 constexpr double kRecoveryS = 0.3;
-// A stylus that kept within a count for so long rests; time in which it is
-// forgiven then, before a sensor that flickers at every tick empties the tank.
+// A stylus that stays within a count for kRestS rests. Missing energy is then forgiven in
+// kForgivingS, before a sensor that flickers at every tick empties the tank.
 constexpr double kRestS = 0.01;
 constexpr double kForgivingS = 0.05;
-// Against rounding where a value meets its limit exactly.
+// Tolerates rounding where a value meets its limit exactly.
 constexpr double kSlack = 1.0 + 1e-6;
 
 int Before(const State& state, int ticks) {
@@ -42,7 +42,7 @@ void Remember(const Vec3& p_DHip_mm, double dt_s, double count_mm, State& state)
   state.started = true;
 }
 
-// Whether the last `ticks` positions lie along a line of this slope.
+// True if the last `ticks` positions lie on a line of this slope, within a count.
 bool IsStraight(const State& state, int ticks, const Vec3& slope_mm_per_s, double count_mm) {
   for (int n = 1; n < ticks; ++n) {
     const int at = Before(state, n);
@@ -65,35 +65,35 @@ Vec3 Velocity(const State& state, double count_mm) {
   return velocity_mm_per_s;
 }
 
-// Energy that the hand surely gave while it moved by `moved_mm`.
+// The least energy that the hand can have given while it moved by `moved_mm`.
 double LeastAbsorbed(const State& state, const Vec3& moved_mm) {
   return -(moved_mm.transpose() * state.written_D_n).maxCoeff();
 }
 
-// Energy that a spring gives back on the way out, its force cut off at the limit.
+// The energy that a spring gives back on the way out, with its force limited to max_force_n.
 double Stored(double stiffness_n_per_mm, double depth_mm, double max_force_n) {
   const double force_n = std::min(stiffness_n_per_mm * depth_mm, max_force_n);
   return force_n > 0.0 ? force_n * (depth_mm - force_n / (2.0 * stiffness_n_per_mm)) : 0.0;
 }
 
-// Share of the stiffness with which no more than `energy_mj` is stored.
+// The share of the stiffness that stores no more than `energy_mj`.
 double Bearable(double stiffness_n_per_mm, double depth_mm, double energy_mj, double max_force_n) {
   if (Stored(stiffness_n_per_mm, depth_mm, max_force_n) <= energy_mj) return 1.0;
   if (!(energy_mj > 0.0)) return 0.0;
-  // Above half the work of the greatest force, the cut-off takes part.
+  // Above half the work of the greatest force, the force limit takes effect.
   const double cut_off_mj = max_force_n * depth_mm - energy_mj;
   const double stiffness = energy_mj <= cut_off_mj ? 2.0 * energy_mj / (depth_mm * depth_mm)
                                                    : max_force_n * max_force_n / (2.0 * cut_off_mj);
   return std::min(1.0, stiffness / stiffness_n_per_mm);
 }
 
-// The stiffness that the tank allows, and the damping that fills it.
+// Sets the stiffness that the tank allows, and the damping that fills the tank.
 void Control(double stiffness_n_per_mm, double depth_mm, double dt_s, double max_force_n,
              State& state) {
   const double spring_mj = Stored(state.scale * stiffness_n_per_mm, depth_mm, max_force_n);
   double forgiven_mj = kForgivenMjPerS * dt_s;
   if (depth_mm > 0.0) {
-    // Not to the full, so that the damping stays.
+    // Forgives not all, so that some damping remains.
     const double missing_mj = std::max(0.0, spring_mj - kFullDampingMj - state.tank_mj);
     const bool is_safe = state.scale * stiffness_n_per_mm <= kSafeNPerMm * kSlack;
     if (is_safe && state.rested_s > kRestS) forgiven_mj += missing_mj * dt_s / kForgivingS;
@@ -128,10 +128,10 @@ Vec3 Limited(const Vec3& force_D_n, double stiffness_n_per_mm, double depth_mm,
   const double full =
       std::min(stiffness_n_per_mm * (kLeadTicks * device.tick_s), kMaxDampingNSPerMm);
   const Vec3 drag_n = -state.damping * full * Velocity(state, device.resolution_mm);
-  // What is scaled is the spring, which is then cut off.
+  // The spring is scaled first and limited afterwards.
   const double spring_n = std::min(state.scale * force_n, max_force_n);
   const double along_n = std::clamp(spring_n + drag_n.dot(direction), 0.0, max_force_n);
-  // Across no more than along, so that the force stays continuous at contact.
+  // Across, at most as much as along, so that the force stays continuous at contact.
   const Vec3 across = drag_n - drag_n.dot(direction) * direction;
   return Shortened(along_n * direction + Shortened(across, along_n), max_force_n);
 }
@@ -159,7 +159,7 @@ Vec3 LimitToPassive(const Vec3& force_D_n, double stiffness_n_per_mm, double dep
   } else {
     state = {};
   }
-  // Finite numbers may overflow.
+  // Finite numbers may overflow in the sums.
   if (!limited_D_n.allFinite() || !std::isfinite(state.tank_mj + state.scale)) {
     state = {};
     limited_D_n.setZero();

@@ -7,7 +7,7 @@
 namespace palpate {
 namespace {
 
-// Barycentric coordinates of p in a tetrahedron with these corners.
+// Barycentric coordinates of p in the tetrahedron with these corners.
 std::array<double, 4> Barycentric(const std::array<Vec3, 4>& corner, const Vec3& p) {
   const Vec3 a = corner[1] - corner[0], b = corner[2] - corner[0], c = corner[3] - corner[0];
   const Vec3 q = p - corner[0];
@@ -46,8 +46,8 @@ Carrier LocateOnEdge(const Vec3& local, std::uint8_t faces) {
   return FromWeights(vertex, weight, 2);
 }
 
-// The triangles into which a face is split: around its vertex, or (kTptd, without
-// a saddle) along a diagonal.
+// The triangles of a face: around the face's vertex, or (kTptd, without a saddle) on both sides of
+// a diagonal.
 int FaceTriangles(const HapticCell& cell, int face,
                   std::array<std::array<std::uint8_t, 3>, 4>& triangles) {
   std::array<std::uint8_t, 4> k;
@@ -229,14 +229,14 @@ double PlaceDensity(const HapticSurface& surface, const Place& place, CellCache&
     return DensityAt(cache.Decomposed(surface, place.cell), place.carrier);
   }
   const HapticCell& cell = cache.Densities(surface, place.cell);
-  // Rounding of the interpolation must not lift it above its corners.
+  // Rounding of the interpolation must not give more than the densest corner.
   return std::min(Trilinear(cell.densities).Value(place.p_I - place.cell.cast<double>()),
                   cell.max_density);
 }
 
 Vec3 PlacePosition(const HapticSurface& surface, const Place& place, CellCache& cache) noexcept {
   if (place.kind != Place::Kind::kSimplex) return surface.X_DI.Apply(place.p_I);
-  // From the cell's own vertices: more digits than by way of the index.
+  // Uses the cell's own vertices: this keeps more digits than the index.
   const HapticCell& cell = cache.Decomposed(surface, place.cell);
   Vec3 p = Vec3::Zero();
   for (int n = 0; n < place.carrier.count; ++n) {

@@ -1,12 +1,12 @@
-// Where a point is in the decomposed volume, exactly.
+// Describes exactly where a point is in the decomposed volume.
 //
-// Tolerances would let a point slip between tetrahedra. So a place is
-// combinatorial: in a crossed cell, the smallest simplex (tetrahedron,
-// triangle, edge or vertex) that holds the point, with positive barycentric
-// weights; in a cell that τ does not cross, the cell and the faces it lies on;
-// or outside the padded lattice, where all is free. A point reaches a face by
-// having its weight or coordinate set to exactly 0 or the face's own, and all
-// cells and tetrahedra that hold the point follow from that.
+// With tolerances, a point could slip between tetrahedra. So a place is combinatorial:
+// - in a crossed cell: the smallest simplex (tetrahedron, triangle, edge or vertex) that holds the
+//   point, with positive barycentric weights;
+// - in a cell that τ does not cross: the cell and the faces that the point lies on;
+// - outside of the padded lattice, where all is free.
+// When a point reaches a face, its weight or coordinate is set to exactly 0 or to the face's own.
+// All cells and tetrahedra that hold the point follow from that.
 //
 // Frame: index coordinates.
 // Threads: pure functions. Real-time: no allocation, bounded.
@@ -19,8 +19,7 @@
 
 namespace palpate {
 
-// Simplex of a decomposed cell with a point in it: weights are positive and
-// sum to 1.
+// A simplex of a decomposed cell with a point in it. The weights are positive and sum to 1.
 struct Carrier {
   int count = 0;
   std::array<std::uint8_t, 4> vertex{};
@@ -31,7 +30,7 @@ struct Carrier {
     for (int n = 0; n < count; ++n) mask |= static_cast<std::uint16_t>(1u << vertex[n]);
     return mask;
   }
-  // Drops vertices without weight and makes the weights sum to 1.
+  // Drops vertices with weight 0 and scales the weights to sum 1.
   void Normalize();
 };
 
@@ -40,21 +39,20 @@ struct Place {
 
   Kind kind = Kind::kOutside;
   Vec3i cell = Vec3i::Zero();  // kBox, kSimplex
-  std::uint8_t faces = 0;      // of the cell, that hold the point: bit 2 * axis + side
-  Vec3 p_I = Vec3::Zero();     // kOutside, kBox: on those faces, exactly
+  std::uint8_t faces = 0;      // faces of the cell that hold the point: bit 2 * axis + side
+  Vec3 p_I = Vec3::Zero();     // kOutside, kBox: exactly on those faces
   Carrier carrier;             // kSimplex
-  int tetrahedron = -1;        // kSimplex: the one whose inside holds the point, if any
+  int tetrahedron = -1;        // kSimplex: the tetrahedron whose inside holds the point, or -1
 };
 
-// Faces of the neighbour at `offset` for a point on `faces` of this cell.
+// Returns the faces of the neighbour at `offset`, for a point on `faces` of this cell.
 std::uint8_t FacesInNeighbour(std::uint8_t faces, const Vec3i& offset);
 
-// The same simplex with the vertex numbers of the neighbour at `offset`; the
-// simplex lies on the shared face.
+// Returns the same simplex with the vertex numbers of the neighbour at `offset`. The simplex must
+// lie on the shared face.
 Carrier CarrierInNeighbour(const Carrier& carrier, const Vec3i& offset);
 
-// Calls visit(offset) for this cell and every neighbour that holds a point on
-// `faces`.
+// Calls visit(offset) for this cell and for every neighbour that holds a point on `faces`.
 template <class Visitor>
 void VisitNeighbours(std::uint8_t faces, Visitor visit) {
   const auto low = [&](int axis) { return faces >> (2 * axis) & 1 ? -1 : 0; };
@@ -66,38 +64,38 @@ void VisitNeighbours(std::uint8_t faces, Visitor visit) {
   }
 }
 
-// Finds the simplex of a decomposed cell that holds the point at `local`
-// (index coordinates from d0), known to lie on `faces`.
+// Finds the simplex of a decomposed cell that holds the point at `local` (index coordinates from
+// d0). The point must lie on `faces`.
 Carrier Locate(const HapticCell& cell, const Vec3& local, std::uint8_t faces);
 
-// Piecewise-linear density at the point.
+// The piecewise-linear density at the point.
 double DensityAt(const HapticCell& cell, const Carrier& carrier);
 
-// Local index coordinates of the point, exact on the faces that hold it.
+// The local index coordinates of the point, exact on the faces that hold it.
 Vec3 LocalPosition(const HapticCell& cell, const Carrier& carrier);
 
-// The tetrahedra that have the whole simplex: bit t, tetrahedron t. No vertices, no
-// tetrahedra: whoever goes on with one counts on a vertex that both share.
+// The tetrahedra that contain the whole simplex: bit t for tetrahedron t. Zero for a carrier
+// without vertices, because callers rely on a shared vertex.
 inline std::uint32_t TetrahedraAt(const TetrahedralComplex& complex, const Carrier& carrier) {
   std::uint32_t tetrahedra = carrier.count > 0 ? ~std::uint32_t{0} : 0;
   for (int n = 0; n < carrier.count; ++n) tetrahedra &= complex.tetrahedra_at[carrier.vertex[n]];
   return tetrahedra;
 }
 
-// Faces that hold the whole simplex; none without vertices.
+// The faces that hold the whole simplex; none for a carrier without vertices.
 std::uint8_t FacesOf(const Carrier& carrier);
 
-// The place of a point of a tetrahedron of a decomposed cell; `carrier` has its
-// vertices, or fewer of them.
+// Sets the place of a point in a tetrahedron of a decomposed cell. `carrier` has the tetrahedron's
+// vertices, or some of them.
 void SetSimplex(const HapticCell& cell, const Carrier& carrier, int tetrahedron, Place& place);
 
-// The place of an index position. Sets `density` (felt); above τ, the place is a
-// simplex all the same.
+// Returns the place of an index position and sets `density` (felt). The place is a simplex also if
+// the density is above τ.
 Place PlaceAt(const HapticSurface& surface, const Vec3& p_I, CellCache& cache,
               double& density) noexcept;
 
-// Felt density and position of a place; of a simplex, in index coordinates, on its
-// cell's faces exactly.
+// The felt density and the position of a place. The index position of a simplex lies exactly on its
+// cell's faces.
 double PlaceDensity(const HapticSurface& surface, const Place& place, CellCache& cache) noexcept;
 Vec3 PlacePosition(const HapticSurface& surface, const Place& place, CellCache& cache) noexcept;
 Vec3 PlaceIndexPosition(const HapticSurface& surface, const Place& place,

@@ -12,7 +12,7 @@ namespace {
 
 // A remaining projection shorter than this share of HIP - SCP_H is rounding.
 constexpr double kRestTolerance = 1e-8;
-// Likewise one shorter than this share of a voxel.
+// So is a remaining projection shorter than this share of a voxel.
 constexpr double kRestTolerancePerVoxel = 1e-11;
 
 bool IsAtRest(const HapticSurface& surface, const Vec3& d_mm, const Vec3& w_mm) {
@@ -20,8 +20,8 @@ bool IsAtRest(const HapticSurface& surface, const Vec3& d_mm, const Vec3& w_mm) 
          std::max(kRestTolerance * w_mm.norm(), kRestTolerancePerVoxel * surface.voxel_mm);
 }
 
-// Puts the proxy at p_D. False where that is inside the object and there is no
-// free space within eject_limit_mm.
+// Puts the proxy at p_D. Returns false if p_D is inside the object and there is no free space
+// within eject_limit_mm.
 bool PutAt(const HapticSurface& surface, const Vec3& p_D, double eject_limit_mm, Proxy& proxy,
            CellCache& cache, ProxyStep& step) noexcept {
   double density = 0.0;
@@ -41,12 +41,13 @@ void SetSurface(const HapticSurface& surface, Proxy& proxy) {
   proxy.isovalue = surface.isovalue;
 }
 
-// As samples have it.
+// The density as samples report it.
 double ReportedDensity(const HapticSurface& surface, const Place& place, double felt) {
   return place.kind == Place::Kind::kOutside ? 0.0 : surface.sign() * felt;
 }
 
-// The place means the same point with the same density: its cell is as it was.
+// True if the place still means the same point with the same density, because its cell is
+// unchanged.
 bool Holds(const HapticSurface& surface, const Proxy& proxy) noexcept {
   if (!proxy.placed || proxy.geometry_revision != surface.geometry_revision) return false;
   return proxy.volume_revision == surface.volume->revision() ||
@@ -54,7 +55,7 @@ bool Holds(const HapticSurface& surface, const Proxy& proxy) noexcept {
          surface.volume->CellRevision(proxy.place.cell) <= proxy.volume_revision;
 }
 
-// Brings the proxy to the surface of this step. False: it is buried.
+// Brings the proxy to the surface of this step. Returns false if the proxy is buried.
 bool Refresh(const HapticSurface& surface, const Vec3& p_DHip_mm, double eject_limit_mm,
              Proxy& proxy, CellCache& cache, ProxyStep& step) noexcept {
   const bool same_geometry = Holds(surface, proxy);
@@ -63,7 +64,7 @@ bool Refresh(const HapticSurface& surface, const Vec3& p_DHip_mm, double eject_l
     proxy.volume_revision = surface.volume->revision();
     return true;
   }
-  // Where τ does not cross a cell on one side, it does not on the other.
+  // A cell that τ does not cross on one side is not crossed on the other side either.
   const bool simplex_holds = same_geometry && proxy.place.kind == Place::Kind::kSimplex;
   const Vec3 from = proxy.placed ? proxy.p_DH_mm : p_DHip_mm;
   SetSurface(surface, proxy);
@@ -78,7 +79,7 @@ bool Refresh(const HapticSurface& surface, const Vec3& p_DHip_mm, double eject_l
   return PutAt(surface, from, eject_limit_mm, proxy, cache, step);
 }
 
-// Nothing is felt until the HIP itself is in free space.
+// While buried, nothing is felt until the HIP itself is in free space.
 ProxyStep StepBuried(const HapticSurface& surface, const Vec3& p_DHip_mm, Proxy& proxy,
                      CellCache& cache) noexcept {
   ProxyStep step;
@@ -89,7 +90,7 @@ ProxyStep StepBuried(const HapticSurface& surface, const Vec3& p_DHip_mm, Proxy&
   proxy.p_DH_mm = step.p_DH_mm = p_DHip_mm;
   step.density = ReportedDensity(surface, proxy.place, density);
   proxy.buried = density > surface.isovalue;
-  constexpr int kMost = std::numeric_limits<int>::max();  // in four weeks
+  constexpr int kMost = std::numeric_limits<int>::max();  // reached after four weeks
   proxy.buried_steps = proxy.buried ? std::min(proxy.buried_steps, kMost - 1) + 1 : 0;
   if (proxy.buried) {
     step.mode = proxy.buried_steps > kMaxEjectSteps ? ProxyMode::kFault : ProxyMode::kEjecting;
@@ -97,7 +98,7 @@ ProxyStep StepBuried(const HapticSurface& surface, const Vec3& p_DHip_mm, Proxy&
   return step;
 }
 
-// Moves until at rest or out of moves; or, where it `stops_on_surface`, on H.
+// Moves the proxy until it is at rest or out of moves. With `stops_on_surface`, also stops on H.
 void Advance(const HapticSurface& surface, const Vec3& p_DHip_mm, bool stops_on_surface,
              Proxy& proxy, CellCache& cache, ProxyStep& step) noexcept {
   const Vec3 p_IHip = surface.X_ID.Apply(p_DHip_mm);
@@ -139,7 +140,7 @@ void Advance(const HapticSurface& surface, const Vec3& p_DHip_mm, bool stops_on_
   }
 }
 
-// The facet of H through a proxy that rests on it without load.
+// The normal of H's facet at a proxy that rests on it without load.
 Vec3 FacetNormal(const HapticSurface& surface, const Proxy& proxy, CellCache& cache) noexcept {
   HapticCell& cell = cache.Decomposed(surface, proxy.place.cell);
   for (std::uint32_t left = TetrahedraAt(cell.parts.complex, proxy.place.carrier); left;
@@ -175,7 +176,7 @@ ProxyStep StepProxy(const HapticSurface& surface, const Vec3& p_DHip_mm, double 
 
 bool Fits(const HapticSurface& surface, const Proxy& proxy, CellCache& cache) noexcept {
   const Place& place = proxy.place;
-  // A place that does not hold is found anew.
+  // A place that no longer holds is found anew.
   if (!Holds(surface, proxy) || place.kind == Place::Kind::kOutside) return true;
   if (!surface.volume->HasCell(place.cell)) return false;
   if (place.kind == Place::Kind::kBox) return true;

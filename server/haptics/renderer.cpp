@@ -12,7 +12,7 @@
 namespace palpate {
 namespace {
 
-// Positions beyond this are no positions.
+// A position beyond this is invalid.
 constexpr double kMaxHipMm = 1e6;
 // The damper must not follow the steps of the device's resolution.
 constexpr double kVelocityCutoffHz = 40.0;
@@ -20,7 +20,7 @@ constexpr double kVelocityCutoffHz = 40.0;
 bool IsPosition(const Vec3& p) { return p.allFinite() && p.cwiseAbs().maxCoeff() < kMaxHipMm; }
 
 void TrackHip(const Vec3& p_DHip_mm, double since_s, RendererState& state) {
-  // Where positions were rejected, the way since the last good one took longer.
+  // If positions were rejected, the way since the last good one took longer.
   const double dt_s = since_s + state.rejected_s;
   state.rejected_s = 0.0;
   if (state.has_hip && dt_s > 0.0) {
@@ -32,7 +32,7 @@ void TrackHip(const Vec3& p_DHip_mm, double since_s, RendererState& state) {
   state.has_hip = true;
 }
 
-// One haptic update on its way.
+// One haptic update in progress.
 class Update {
  public:
   Update(const HapticSurface& surface, const HapticSettings& settings, double dt_s,
@@ -56,7 +56,7 @@ class Update {
   }
 
  private:
-  // A new volume is met from the side that the HIP is on.
+  // The stylus feels a new volume from the side that the HIP is on.
   bool IsOnOwnSideOfNewVolume() noexcept {
     if (!state_.popped || state_.proxy.geometry_revision == surface_.geometry_revision) {
       return false;
@@ -66,8 +66,8 @@ class Update {
     return density <= surface_.isovalue;
   }
 
-  // What the spring gains because the surface has moved: its energy with the HIP where
-  // it was, on the surface of now less on that of then.
+  // The energy that the spring gained because the surface moved: with the HIP at its old place, the
+  // energy on the present surface minus that on the old one.
   double EnergyOfTheMove() noexcept {
     const Proxy& proxy = state_.proxy;
     const bool same = proxy.geometry_revision == felt().geometry_revision &&
@@ -89,7 +89,7 @@ class Update {
                                               : kMaxHipMm;
   }
 
-  // The side that the settings name, or after a pop the other one.
+  // Uses the settings' side, or the other one after a pop.
   void ChooseSide() noexcept {
     flipped_.reset();
     if (state_.popped) flipped_ = surface_.Flipped();
@@ -108,7 +108,7 @@ class Update {
   void StepOnBothSides(bool penetrable) noexcept {
     Step();
     output_.popped = penetrable && output_.spring_D_n.norm() > settings_.pop_force_n;
-    // Without a surface to hold it, the proxy is free on the side that the HIP is on.
+    // Without a surface to hold it, the proxy is free on the HIP's side.
     if (output_.popped || (penetrable && state_.proxy.buried)) {
       const ProxyStep first = output_.proxy;
       state_.popped = !state_.popped;
@@ -127,7 +127,7 @@ class Update {
     return ShadedNormal(felt(), p_IH, output_.proxy.normal_D);
   }
 
-  // What acts against the hand, without what brings energy in by design.
+  // The forces against the hand, without the effects that add energy by design.
   Vec3 LimitedForce(double budget_mj) noexcept {
     Vec3 force = ViscousForce(settings_, state_.velocity_mm_per_s);
     double depth_mm = 0.0;
@@ -145,7 +145,7 @@ class Update {
                           budget_mj, dt_s_, state_.device, state_.passivity);
   }
 
-  // In the tick of the pop the force is what it was; it fades from there.
+  // In the tick of the pop the force stays as it was. It fades from there.
   Vec3 FadingPop() noexcept {
     if (output_.popped) {
       state_.pop_force_D_n = state_.felt_D_n - state_.limited_D_n;
@@ -207,7 +207,7 @@ HapticOutput SuspendRenderer(const Vec3& p_DHip_mm, double dt_s, RendererState& 
 
 void TellWrittenForce(const Vec3& written_D_n, RendererState& state) noexcept {
   if (!state.passivity.started) return;
-  // What a limit took off is taken off both parts, each by its share.
+  // A limit's reduction is split between both parts in proportion.
   const double limited_n = state.limited_D_n.norm(), designed_n = state.by_design_D_n.norm();
   const double share = designed_n > 0.0 ? limited_n / (limited_n + designed_n) : 1.0;
   const Vec3 lost_D_n = state.limited_D_n + state.by_design_D_n - written_D_n;

@@ -1,12 +1,12 @@
-// One haptic update: stylus position in, proxies and force out.
+// One haptic update: from the stylus's position to proxies and force.
 //
 //   HIP -> proxy (with friction) -> spring -> shading -> damper and viscosity
 //       -> passivity control -> magnet, fading force of a pop -> force
 //
-// Penetrability: where the spring exceeds pop_force_n the proxy changes to the
-// other side of H, and moves on towards the HIP until it meets H again, now from
-// within. Every passage through H costs that force, inwards as outwards, as through
-// a membrane. The force of the moment fades out over kPopFadeS.
+// Penetrability: if the spring exceeds pop_force_n, the proxy changes to the other side of H. It
+// moves on towards the HIP until it meets H again, now from within. Every passage through H takes
+// that force, inwards and outwards, as through a membrane. The force of that moment fades out over
+// kPopFadeS.
 //
 // Frame: D (mm, N). Threads: pure; one thread per state.
 // Real-time: no allocation, no locks; bounded by the bounds of the proxy.
@@ -21,30 +21,30 @@
 
 namespace palpate {
 
-// A surface that would need more than this force to be felt is not pulled to
-// when the proxy is brought out of the object.
+// While the proxy is brought out of the object, it is not moved to a surface that would need more
+// than this force.
 inline constexpr double kEjectForceLimitN = 3.3;
 
 inline constexpr double kPopFadeS = 0.03;
 
-// What the next step depends on besides its input; server/servo/servo_memory.h
-// lists it member by member.
+// The state that the next step depends on, besides its input. server/servo/servo_memory.h lists it
+// member by member.
 struct RendererMemory {
   Proxy proxy;
   bool has_hip = false;
-  Vec3 p_DHip_mm = Vec3::Zero();          // last accepted
-  Vec3 p_DLastHip_mm = Vec3::Zero();      // of the last step
+  Vec3 p_DHip_mm = Vec3::Zero();          // the last accepted position
+  Vec3 p_DLastHip_mm = Vec3::Zero();      // the position of the last step
   Vec3 velocity_mm_per_s = Vec3::Zero();  // of the HIP, low-passed
   FrictionState friction;
-  bool popped = false;                // on the other side than the settings'
-  double rejected_s = 0.0;            // since the last accepted HIP
-  double spring_mj = 0.0;             // that the spring held in the last step
-  Vec3 felt_D_n = Vec3::Zero();       // last force without the magnet
-  Vec3 pop_force_D_n = Vec3::Zero();  // what the last pop took away
-  double pop_fade = 0.0;              // share of it that is left
+  bool popped = false;                // on the other side than the settings say
+  double rejected_s = 0.0;            // time since the last accepted HIP
+  double spring_mj = 0.0;             // energy of the spring in the last step
+  Vec3 felt_D_n = Vec3::Zero();       // the last force without the magnet
+  Vec3 pop_force_D_n = Vec3::Zero();  // the force that the last pop took away
+  double pop_fade = 0.0;              // the share of pop_force_D_n that is left
   PassivityState passivity;
-  Vec3 limited_D_n = Vec3::Zero();    // of the last force: what the control let pass
-  Vec3 by_design_D_n = Vec3::Zero();  // the rest of it: magnet and pop
+  Vec3 limited_D_n = Vec3::Zero();    // part of the last force: what the control let pass
+  Vec3 by_design_D_n = Vec3::Zero();  // the other part of the last force: magnet and pop
 };
 
 struct RendererState : RendererMemory {
@@ -53,25 +53,25 @@ struct RendererState : RendererMemory {
 };
 
 struct HapticOutput {
-  Vec3 p_DHip_mm = Vec3::Zero();  // the HIP used: the last good one where the input was not finite
+  Vec3 p_DHip_mm = Vec3::Zero();  // the HIP used; the last good one if the input was invalid
   ProxyStep proxy;
   VisualProxy visual;
   Vec3 spring_D_n = Vec3::Zero();         // k (SCP_H - HIP)
   Vec3 force_D_n = Vec3::Zero();          // with damping and effects; not limited yet
   FreeSide free_side = FreeSide::kBelow;  // of the proxy
-  bool popped = false;                    // in this step
+  bool popped = false;                    // the pop is in this step
   bool input_rejected = false;
 };
 
 HapticOutput StepRenderer(const HapticSurface& surface, const HapticSettings& settings,
                           const Vec3& p_DHip_mm, double dt_s, RendererState& state) noexcept;
 
-// A step in which nothing is felt: the proxy is where the HIP is. The next
-// StepRenderer begins anew there.
+// A step in which nothing is felt: the proxy is at the HIP. The next StepRenderer starts anew
+// there.
 HapticOutput SuspendRenderer(const Vec3& p_DHip_mm, double dt_s, RendererState& state) noexcept;
 
-// After each step, where the force is limited further before it is written: the
-// passivity control accounts for what the hand gets.
+// Call it after each step if the force is limited further before it is written, so that the
+// passivity control accounts for the force that the hand gets.
 void TellWrittenForce(const Vec3& written_D_n, RendererState& state) noexcept;
 
 }  // namespace palpate

@@ -1,5 +1,5 @@
-// What the list of settings (setting_list.h) is made of: the kinds that settings have by the names
-// that configuration files, clients and command lines use.
+// The types of settings in the generated list (setting_list.h), with the names that configuration
+// files, clients and command lines use.
 //
 // Threads: plain values.
 #pragma once
@@ -25,8 +25,8 @@ struct FlagSetting {
   bool HapticSettings::*member;
 };
 
-// The side of H on which the proxy is free: where densities are below τ, or
-// above it, to feel a cavity from the inside.
+// The side of H on which the proxy is free: where densities are below τ, or where they are above τ
+// (to feel a cavity from the inside).
 enum class FreeSide : std::uint8_t { kBelow, kAbove };
 
 inline constexpr std::array<std::string_view, 2> kFreeSideNames = {"below", "above"};

@@ -1,13 +1,14 @@
-// How a surface feels and what the stylus does to it: what users set while they
-// touch.
+// The settings of how a surface feels and what the stylus does to it. Users may change them while
+// they touch.
 //
-// setting_list.h is written from the contract's list (proto/palpate/v1/render.proto). It has
+// setting_list.h is generated from the contract's list (proto/palpate/v1/render.proto). It has
 //   HapticSettings                  a member for each setting, with its default
-//   kNumberSettings, kFlagSettings  the same by their names, with units and ranges
-// Every effect and tool is off by default; stiffness alone is felt then. Surfaces are H, and the
-// stylus is felt at the proxy: static friction holds it while it is the greater of the two, the
-// magnet pulls it from magnet_range_mm on, hardest half way, and a pop takes it through H to the
-// other side. The carve tool works while kCarveButton is held, the clutch while kClutchButton is.
+//   kNumberSettings, kFlagSettings  the same settings by name, with units and ranges
+// Every effect and tool is off by default; only the stiffness is felt. The surface is H. The
+// effects act at the proxy: friction holds it, static friction if that is greater than dynamic
+// friction. The magnet pulls the stylus within magnet_range_mm, hardest half way. A pop takes the
+// proxy through H to the other side. The carve tool works while kCarveButton is held, the clutch
+// while kClutchButton is held.
 //
 // Units: in the names; forces and lengths are those of the device.
 // Threads: plain values.

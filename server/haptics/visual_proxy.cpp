@@ -10,19 +10,19 @@
 namespace palpate {
 namespace {
 
-// A density this close to τ, as a share of the range, is on V.
+// A density within this share of the range from τ counts as on V.
 constexpr double kOnSurface = 1e-12;
-// Likewise where the line only touches V.
+// The same, where the line only touches V.
 constexpr double kTangent = 1e-9;
 // Roots are refined to this many voxels.
 constexpr double kRootTolerance = 1e-10;
-// Unit normals whose mean is shorter than this cancel out.
+// Unit normals with a shorter mean than this cancel out.
 constexpr double kNoDirection = 1e-6;
 constexpr int kMaxRefinements = 80;
 constexpr int kMaxQuickSteps = 6;
 constexpr int kMaxCells = 24;
 
-// Covector of the index frame as a direction in D.
+// Turns a covector of the index frame into a direction in D.
 Vec3 CovectorToDevice(const HapticSurface& surface, const Vec3& gradient_I) {
   return surface.X_ID.linear.transpose() * gradient_I;
 }
@@ -48,7 +48,7 @@ const SurfacePiece& PieceIn(const HapticSurface& surface, HapticCell& cell, int 
   return cell.piece;
 }
 
-// Barycentric weights of p in a triangle; p lies in its plane up to rounding.
+// Barycentric weights of p in a triangle. p must lie in its plane, up to rounding.
 Vec3 TriangleWeights(const Vec3& a, const Vec3& b, const Vec3& c, const Vec3& p) {
   const Vec3 normal = (b - a).cross(c - a);
   const double area2 = normal.squaredNorm();
@@ -72,7 +72,7 @@ Vec3 InterpolatedNormal(const SurfacePiece& piece, const Vec3& local) {
   return best_normal;
 }
 
-// n_E at the proxy; the facet's own normal where the interpolated one vanishes.
+// n_E at the proxy, or the facet's own normal where the interpolated one vanishes.
 Vec3 LineDirection(const HapticSurface& surface, const Place& place, const Vec3& local,
                    HapticCell& cell) {
   Vec3 facet = Vec3::Zero();
@@ -118,7 +118,7 @@ struct LineCubic {
   }
 };
 
-// Root in [a, b] with a change of sign: Newton, kept within the bracket.
+// Finds the root in [a, b], where f changes its sign, with Newton's method kept within the bracket.
 double Refine(const LineCubic& f, double a, double b, double tolerance) {
   const bool rising = f(b) > 0.0;
   double s = 0.5 * (a + b);
@@ -134,7 +134,7 @@ double Refine(const LineCubic& f, double a, double b, double tolerance) {
   return s;
 }
 
-// First root in [0, end]; negative where there is none.
+// Returns the first root in [0, end], or a negative value if there is none.
 double FirstRoot(const LineCubic& f, double end, double tolerance) {
   if (std::abs(f(0.0)) <= kOnSurface) return 0.0;
   double stop[4] = {0.0};
@@ -156,7 +156,7 @@ struct Root {
   Vec3 gradient_I = Vec3::Zero();
 };
 
-// Follows p_I + s u_I, s in [0, reach_mm], from `cell`.
+// Follows p_I + s u_I, with s in [0, reach_mm], starting in `cell`.
 Root FollowLine(const HapticSurface& surface, Vec3i cell, Vec3 p_I, const Vec3& u_I,
                 double reach_mm, CellCache& cache) {
   Root root;
@@ -196,8 +196,8 @@ struct Start {
   double excess;  // F - τ there
 };
 
-// The usual case: the nearest root is in SCP_H's own cell, and F is monotone as far
-// as it on both sides, so that no other is nearer. Negative s: none found so.
+// The usual case: the nearest root is in SCP_H's own cell, and F is monotone up to the root on both
+// sides, so that no other root is nearer. Negative s: this case does not apply.
 Root NearbyRoot(const HapticSurface& surface, const Start& start, const Vec3& u_I) {
   const LineCubic cubic(start.f, start.local, u_I, surface.isovalue);
   const double tolerance = kRootTolerance / u_I.norm();
@@ -213,7 +213,7 @@ Root NearbyRoot(const HapticSurface& surface, const Start& start, const Vec3& u_
   const bool monotone =
       std::abs(cubic.c1) > reach * (2.0 * std::abs(cubic.c2) + reach * 3.0 * std::abs(cubic.c3));
   const Vec3 local = start.local + s * u_I;
-  // False for NaN.
+  // The condition is false for NaN.
   if (!monotone || !((local.array() >= 0.0).all() && (local.array() <= 1.0).all())) return root;
   root.s = reach;
   root.p_I = start.p_I + s * u_I;
@@ -221,8 +221,7 @@ Root NearbyRoot(const HapticSurface& surface, const Start& start, const Vec3& u_
   return root;
 }
 
-// Both ways along the line, first the way that F's value points to; the nearer
-// root.
+// Follows the line both ways, first the way that F's value suggests. Returns the nearer root.
 Root NearestRoot(const HapticSurface& surface, const Start& start, const Vec3& direction_D,
                  CellCache& cache) {
   Vec3 u_I = surface.X_ID.linear * direction_D;
@@ -236,9 +235,9 @@ Root NearestRoot(const HapticSurface& surface, const Start& start, const Vec3& d
   return second.s < 0.0 ? first : second;
 }
 
-// Directions to try after n_E: in a crease of H the normal of one facet can point
-// across a slit of V, and miss it. The normals of V's density in the cells that
-// hold SCP_H, their mean first, and the contact normal are left.
+// Directions to try after n_E. In a crease of H, the normal of one facet can point across a slit of
+// V and miss V. The others are the normals of V's density in the cells that hold SCP_H, their mean
+// first, and the contact normal.
 struct Directions {
   std::array<Vec3, 10> D;
   int count = 0;

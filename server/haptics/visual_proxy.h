@@ -1,14 +1,14 @@
-// The visual proxy SCP_V: where viewers draw the contact on the trilinear
-// isosurface V that they show, while the stylus feels H.
+// The visual proxy SCP_V: the contact point that viewers draw. Viewers show the trilinear
+// isosurface V, while the stylus feels H.
 //
-// SCP_V is where the line through SCP_H along n_E meets V next to SCP_H; n_E is
-// interpolated from the normals of V's density at the corners of the piece of H
-// that holds SCP_H. On that line the density is a cubic in every cell; the line
-// is followed both ways across cells. In a crease, where the line along n_E can
-// miss V, the normals of V's density at SCP_H and the contact normal are tried.
+// SCP_V is the nearest point where the line through SCP_H along n_E meets V. n_E is interpolated
+// from the normals of V's density at the corners of the piece of H that holds SCP_H. The density
+// along the line is a cubic in every cell. The line is followed both ways across cells. In a
+// crease, the line along n_E can miss V; the normals of V's density at SCP_H and the contact normal
+// are then tried.
 //
-// V is that of the densities as stored, H that of the resolved ones (ties.h):
-// where τ is the least value of the volume, V is not there although H is.
+// V comes from the stored densities, H from the resolved ones (ties.h). If τ is the least value of
+// the volume, V does not exist although H does.
 //
 // Frame: D (mm). Threads: pure. Real-time: no allocation, bounded.
 // Source: Corenthy et al., section 4.3. Never used for the force.
@@ -19,7 +19,7 @@
 
 namespace palpate {
 
-// How far from SCP_H the line is followed each way, in longest voxel edges.
+// The length of the line from SCP_H each way, in longest voxel edges.
 inline constexpr double kVisualReachVoxels = 4.0;
 
 struct VisualProxy {
