@@ -10,9 +10,10 @@ namespace {
 
 constexpr double kSlideMmPerS = 60.0;
 constexpr double kSeekMmPerS = 150.0;
-constexpr double kBrakingMm = 15.0;  // before the aim of a seek, from its speed to the slide's
+constexpr double kBrakingMm = 15.0;  // before a seek's aim: the way from the seek's to the slide's
+                                     // speed
 constexpr double kPastAimMm = 4.0;
-// A search has spread over the whole workspace after so many seeks.
+// After this number of seeks without contact, a search covers the whole workspace.
 constexpr double kMissesToLookEverywhere = 12.0;
 
 constexpr double kPressN = 0.6;
@@ -22,37 +23,38 @@ constexpr double kForceFilterS = 0.015;
 constexpr double kContactLostS = 0.03;
 constexpr double kShortestSlideS = 3.0;
 constexpr double kLongestSlideS = 6.0;
-constexpr double kTurnRateRadPerS = 1.0;  // about the largest
+constexpr double kTurnRateRadPerS = 1.0;  // about the greatest rate
 constexpr double kTurnMemoryS = 1.5;
-// Where the surface's normal turns at this rate, the slide has half its speed.
+// At this rate of the surface's normal, the slide has half its speed.
 constexpr double kHalfSpeedRadPerS = 20.0;
 constexpr double kNormalFilterS = 0.1;
 
 constexpr double kStuckMm = 4.0;
 constexpr double kStuckS = 0.3;
 constexpr double kBorderMm = 3.0;
-// A slide along the border may go on; one with more than this share of its
-// heading towards the border ends there.
+// A slide along the border may continue. A slide ends at the border if more than this share of its
+// heading points outwards.
 constexpr double kBorderComponent = 0.2;
 constexpr double kRetreatS = 0.1;
 constexpr double kHopMm = 12.0;
 
-// The lead of the target at which the spring balances the damper at full speed.
+// At this lead of the target, the spring balances the damper at full speed.
 constexpr double kFullLeadMm = kHandDamperNsPerMm * kSlideMmPerS / kHandSpringNPerMm;
 
-// `v` made a unit vector, or `fallback` where it has no direction.
+// Returns `v` as a unit vector, or `fallback` if `v` is too short to have a direction.
 Vec3 UnitOr(const Vec3& v, const Vec3& fallback) {
   const double length = v.norm();
   return length > 1e-9 ? Vec3(v / length) : fallback;
 }
 
-// The part of `v` across `normal`, as a unit vector; some such vector if it has none.
+// Returns the part of `v` across `normal` as a unit vector. Returns any vector across `normal` if
+// there is no such part.
 Vec3 UnitAcross(const Vec3& v, const Vec3& normal) {
   return UnitOr(v - normal * v.dot(normal), normal.unitOrthogonal());
 }
 
-// Point n of a sequence that fills the cube of edge 1 about the origin evenly
-// (Roberts's R3: powers of the root of x⁴ = x + 1).
+// Point n of a sequence that evenly fills the cube of edge 1 about the origin (Roberts's R3: powers
+// of the root of x⁴ = x + 1).
 Vec3 SpreadOut(std::uint32_t n) {
   const Vec3 p = Vec3(0.8191725133961645, 0.6710436067037893, 0.5497004779019703) * n;
   return p.array() - p.array().round();
@@ -66,7 +68,7 @@ ExploreScript::ExploreScript(const Vec3& workspace_min_mm, const Vec3& workspace
       workspace_max_mm_(workspace_max_mm),
       random_state_(seed),
       contact_mm_(Centre()) {
-  // The start is where some line from the middle leaves the workspace.
+  // The start is where a random line from the middle leaves the workspace.
   const Vec3 outwards = RandomDirection();
   double distance_mm = std::numeric_limits<double>::max();
   for (int i = 0; i < 3; ++i) {
@@ -103,7 +105,7 @@ void ExploreScript::BeginSeek(const Vec3& from_mm, const Vec3& aim_mm) {
   left_mm_ = way_mm.norm() + kPastAimMm;
 }
 
-// To the last contact, or at first the middle, and farther off with every miss.
+// Seeks the last contact, or at first the middle. With every miss, the aim moves farther away.
 void ExploreScript::BeginNextSeek(const Vec3& from_mm) {
   const double reach = std::min(1.0, misses_ / kMissesToLookEverywhere);
   const Vec3 offset_mm = SpreadOut(seeks_).cwiseProduct(workspace_max_mm_ - workspace_min_mm_);
@@ -151,7 +153,7 @@ void ExploreScript::Slide(const HandState& hand, const Vec3& felt_force_D_n, dou
   } else {
     without_contact_s_ += dt_s;
   }
-  // A light touch may be a graze: a place to return to, but nothing found yet.
+  // A light touch may be a graze: the hand returns to this place, but the search continues.
   if (felt_n > kFirmN) {
     contact_mm_ = hand.p_DHip_mm;
     misses_ = 0;
@@ -163,8 +165,8 @@ void ExploreScript::Slide(const HandState& hand, const Vec3& felt_force_D_n, dou
   } else if (left_s_ <= 0.0 || IsStuck(hand.p_DHip_mm, dt_s) || RunsIntoBorder(hand.p_DHip_mm)) {
     BeginRetreat();
   } else {
-    // Relative to the hand, so that the spring's force is constant: the hand
-    // presses with it at any depth, and the contact cannot build up a swing.
+    // The target is relative to the hand, so the spring's force is constant. The hand presses with
+    // this force at any depth, and the contact cannot build up a swing.
     target_mm_ = hand.p_DHip_mm - normal_ * (kPressN / kHandSpringNPerMm) + direction_ * LeadMm();
   }
 }
@@ -177,7 +179,7 @@ void ExploreScript::Retreat(const HandState& hand, double dt_s) {
   BeginSeek(from_mm, from_mm + kHopMm * (SidewaysFrom(from_mm) - normal_));
 }
 
-// Waits where the surface has dropped away, so as not to shoot past its edge.
+// Without a lead where contact is lost, so that the hand does not shoot past an edge.
 double ExploreScript::LeadMm() const {
   if (without_contact_s_ > 0.0) return 0.0;
   return kFullLeadMm / (1.0 + normal_rate_rad_s_ / kHalfSpeedRadPerS);
@@ -192,7 +194,7 @@ void ExploreScript::FollowNormal(double dt_s) {
   normal_ = normal;
 }
 
-// The turn rate wanders about 0 and forgets itself; the heading follows the surface.
+// The turn rate is random around 0 with a short memory. The heading follows the surface.
 void ExploreScript::TurnHeading(double dt_s) {
   const double kick = kTurnRateRadPerS * std::sqrt(6.0 * dt_s / kTurnMemoryS) * Random(-1.0, 1.0);
   turn_rate_rad_s_ += kick - turn_rate_rad_s_ * (dt_s / (kTurnMemoryS + dt_s));
@@ -200,7 +202,7 @@ void ExploreScript::TurnHeading(double dt_s) {
   direction_ = UnitAcross(turned, normal_);
 }
 
-// In a pit of the surface, say, the hand circles about a proxy that cannot move.
+// For example in a pit of the surface, where the hand circles about a proxy that cannot move.
 bool ExploreScript::IsStuck(const Vec3& p_mm, double dt_s) {
   if ((p_mm - way_mark_mm_).norm() > kStuckMm) {
     way_mark_mm_ = p_mm;
@@ -210,7 +212,7 @@ bool ExploreScript::IsStuck(const Vec3& p_mm, double dt_s) {
   return at_way_mark_s_ > kStuckS;
 }
 
-// Whether `p` is at a side of the workspace, or beyond it, and the slide leads there.
+// True if `p` is at a side of the workspace or beyond it, and the slide leads outwards there.
 bool ExploreScript::RunsIntoBorder(const Vec3& p_mm) const {
   for (int i = 0; i < 3; ++i) {
     const bool runs_up =
@@ -224,8 +226,7 @@ bool ExploreScript::RunsIntoBorder(const Vec3& p_mm) const {
 
 Vec3 ExploreScript::Centre() const { return 0.5 * (workspace_min_mm_ + workspace_max_mm_); }
 
-// Some unit vector across the normal, rather to the middle of the workspace than
-// to its border.
+// A random unit vector across the normal, biased towards the middle of the workspace.
 Vec3 ExploreScript::SidewaysFrom(const Vec3& p_mm) {
   const Vec3 inwards = UnitOr(Centre() - p_mm, Vec3::Zero());
   return UnitAcross(RandomDirection() + inwards, normal_);
@@ -238,8 +239,7 @@ Vec3 ExploreScript::RandomDirection() {
   return {r * std::cos(angle_rad), r * std::sin(angle_rad), z};
 }
 
-// splitmix64 (Steele, Lea and Flood 2014): the standard distributions differ from
-// library to library.
+// splitmix64 (Steele, Lea and Flood 2014). The standard distributions differ between libraries.
 double ExploreScript::Random(double from, double to) {
   random_state_ += 0x9e3779b97f4a7c15u;
   std::uint64_t bits = random_state_;

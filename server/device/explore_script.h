@@ -1,15 +1,14 @@
-// A script that finds the surface and slides over it by touch alone, as a blind
-// explorer would: it knows its hand, the force it feels and the edges of its
-// workspace, and nothing of the volume.
+// A script that finds the surface and slides over it by touch alone. It knows the hand, the force
+// on the hand and the edges of the workspace. It knows nothing of the volume.
 //
-//   seek     the target moves straight to an aim, slower near it, until the hand
-//            feels contact; aims are the last contact, at first the middle, and
-//            then points spread about it, farther with every miss
-//   slide    the hand presses against the felt normal and moves across it, with
-//            a heading that turns slowly, and slower where the normal turns fast;
-//            where it slips off, it seeks the last contact
-//   retreat  from time to time, or where it is stuck: the hand leaves the surface
-//            and seeks it a hop farther on
+//   seek     The target moves straight to an aim, slower near the aim, until the hand feels
+//            contact. The aim is the last contact, or at first the middle. With every miss, the
+//            aims spread farther about it.
+//   slide    The hand presses against the felt normal and moves across it. The heading turns
+//            slowly. The hand is slower where the normal turns fast. If the hand slips off, it
+//            seeks the last contact.
+//   retreat  From time to time, and where it is stuck, the hand leaves the surface and seeks it
+//            again a hop farther on.
 //
 // Frame D, mm, N, s. Threads and real-time: as StylusScript. The same seed and the
 // same inputs give the same bits.

@@ -1,4 +1,4 @@
-// A device that the daemon's machine has, or could use, for people.
+// A device that the daemon's machine has or could use, described for people.
 #pragma once
 
 #include <string>
@@ -10,9 +10,9 @@ namespace palpate {
 struct ListedDevice {
   std::string kind{};     // configuration name
   std::string model{};    // for people
-  std::string port{};     // where it was found, such as USB port "1-2"; "": needs no finding
-  bool usable = false;    // it is there and may be opened
-  std::string problem{};  // what is missing and what to do; "" when usable
+  std::string port{};     // for example USB port "1-2"; "": the device has no port
+  bool usable = false;    // present, and this user may open it
+  std::string problem{};  // what is missing and what to do; "" if usable
   VerificationLevel verification_level = VerificationLevel::kNone;
 };
 

@@ -21,7 +21,7 @@ PathScript::PathScript(std::vector<Vec3> p_DWaypoints_mm, double speed_mm_s)
 StylusScript::Target PathScript::Next(const HandState& /*hand*/, const Vec3& /*felt_force_D_n*/,
                                       double dt_s) noexcept {
   double left_mm = speed_mm_s_ * dt_s;
-  // At most one round a call: a path of no length would not end otherwise.
+  // At most one round per call: otherwise a path of length zero would never end.
   for (std::size_t i = 0; i < waypoints_mm_.size() && left_mm > 0.0; ++i) {
     const Vec3 ahead_mm = waypoints_mm_[next_] - target_mm_;
     const double distance_mm = ahead_mm.norm();

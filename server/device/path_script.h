@@ -1,5 +1,5 @@
-// A script that follows a closed path of straight lines, whatever it feels; for
-// tests and demonstrations.
+// A script that follows a closed path of straight lines and ignores the force. For tests and
+// demonstrations.
 //
 // Frame D, mm. Threads and real-time: as StylusScript; the constructor is not
 // real-time.
@@ -14,8 +14,8 @@ namespace palpate {
 
 class PathScript final : public StylusScript {
  public:
-  // Starts at the first way point and returns to it from the last. Throws Error
-  // if there is no way point, or a number is not finite, or the speed not above 0.
+  // Starts at the first way point; from the last way point, returns to the first. Throws Error if
+  // there is no way point, a number is not finite, or the speed is not above 0.
   PathScript(std::vector<Vec3> p_DWaypoints_mm, double speed_mm_s);
 
   Target Next(const HandState& hand, const Vec3& felt_force_D_n, double dt_s) noexcept override;
@@ -23,7 +23,7 @@ class PathScript final : public StylusScript {
  private:
   std::vector<Vec3> waypoints_mm_;
   double speed_mm_s_;
-  std::size_t next_ = 0;  // way point ahead
+  std::size_t next_ = 0;  // the next way point
   Vec3 target_mm_;
 };
 

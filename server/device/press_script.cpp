@@ -10,7 +10,8 @@ namespace palpate {
 PressScript::PressScript(std::unique_ptr<StylusScript> script, std::uint32_t buttons)
     : script_(std::move(script)), buttons_(buttons) {
   if (script_ == nullptr) {
-    throw Error(ErrorKind::kInvalidArgument, "there is no script whose hand presses the buttons");
+    throw Error(ErrorKind::kInvalidArgument,
+                "a press script needs another script that moves the hand");
   }
 }
 

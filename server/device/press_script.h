@@ -1,5 +1,5 @@
-// Presses buttons of the stylus now and then, over what another script does: so that
-// the tools of the stylus can be seen at work without hardware.
+// Presses buttons of the stylus from time to time while another script moves the hand. It shows the
+// tools of the stylus without hardware.
 //
 // Threads and real-time: as StylusScript; the constructor is not real-time.
 #pragma once
@@ -10,7 +10,7 @@
 
 namespace palpate {
 
-// Of every kPressPeriodS, the buttons are held for the last kPressedS.
+// The buttons are held for the last kPressedS of every kPressPeriodS.
 inline constexpr double kPressPeriodS = 3.0;
 inline constexpr double kPressedS = 1.0;
 

@@ -46,7 +46,7 @@ DeviceSpec ReplayDeviceSpec() {
 ReplayDevice::ReplayDevice(std::vector<DeviceState> path)
     : spec_(ReplayDeviceSpec()), path_(std::move(path)) {
   Check(path_);
-  // The states at both ends are played once a round.
+  // The states at both ends are played once per round.
   const auto steps = static_cast<std::int64_t>(2 * (path_.size() - 1));
   round_ns_ = std::max<std::int64_t>(steps, 1) * kNsPerState;
 }
@@ -65,7 +65,7 @@ DeviceStatus ReplayDevice::Read(DeviceState& state) noexcept {
   return DeviceStatus::kOk;
 }
 
-// In whole nanoseconds: sums of doubles would miss a state now and then.
+// Counts whole nanoseconds: sums of doubles would miss a state from time to time.
 void ReplayDevice::Write(const Vec3& force_D_n, double dt_s) noexcept {
   if (!started_ || !(dt_s > 0.0)) return;
   last_force_D_n_ = force_D_n;

@@ -1,12 +1,12 @@
-// A device without hardware that plays a recorded path of the stylus, such as one of a
-// real hand, whatever is felt: the same positions, orientations and buttons, one a
+// A device without hardware that plays a recorded path of the stylus, for example of a real hand,
+// and ignores the force. It repeats the recorded positions, orientations and buttons, one state per
 // millisecond.
 //
-// It plays to the end, then backwards to the beginning, and so on, so that the stylus
-// never jumps where the path was smooth.
+// It plays to the end, then backwards to the beginning, and so on, so that the stylus never jumps
+// if the path is smooth.
 //
-// Frame: D, as the path. Threads, real-time and ownership: as HapticDevice; Start and
-// Stop not while the servo runs. The same path and times give the same bits.
+// Frame: D, as the path. Threads, real-time and ownership: as HapticDevice. Call Start and Stop
+// only while the servo does not run. The same path and times give the same bits.
 #pragma once
 
 #include <cstddef>
@@ -17,34 +17,34 @@
 
 namespace palpate {
 
-// As the simulated device's, but for its name.
+// As the simulated device's spec, with another name.
 DeviceSpec ReplayDeviceSpec();
 
 class ReplayDevice final : public HapticDevice {
  public:
-  // One state a millisecond. Throws Error (kInvalidArgument) if there is none, or if
-  // one is not finite or its orientation is no unit quaternion.
+  // `path`: one state per millisecond. Throws Error (kInvalidArgument) if it is empty, if a state
+  // is not finite, or if an orientation is no unit quaternion.
   explicit ReplayDevice(std::vector<DeviceState> path);
 
   const DeviceSpec& spec() const override { return spec_; }
-  // From the first state on.
+  // Starts from the first state.
   void Start() override;
   void Stop() noexcept override { started_ = false; }
 
   // kFault before Start and after Stop.
   DeviceStatus Read(DeviceState& state) noexcept override;
-  // Goes on by the time, whatever the force. A time above 20 ms goes on by 20 ms, as
-  // the simulated device's.
+  // Moves on by dt_s, whatever the force. Above 20 ms, moves on by 20 ms, as the simulated device
+  // does.
   void Write(const Vec3& force_D_n, double dt_s) noexcept override;
 
-  // Of the last Write. Servo thread, or while it does not run.
+  // The force of the last Write. Call it on the servo thread, or while the servo does not run.
   const Vec3& last_force_D_n() const { return last_force_D_n_; }
 
  private:
   DeviceSpec spec_;
   std::vector<DeviceState> path_;
-  std::int64_t round_ns_ = 0;  // there and back
-  std::int64_t time_ns_ = 0;   // within it
+  std::int64_t round_ns_ = 0;  // duration of the path, there and back
+  std::int64_t time_ns_ = 0;   // within the round
   bool started_ = false;
   Vec3 last_force_D_n_ = Vec3::Zero();
 };

@@ -21,8 +21,7 @@ constexpr double kTiltFilterS = 0.2;
 constexpr double kSwayRad = 0.08;
 constexpr double kSwayHz = 0.15;
 
-// As the motors do: no more than the peak. A norm without overflow, for a force
-// of any size.
+// Limits the force to the peak, as motors do. Computes a norm that does not overflow for any force.
 Vec3 Saturated(const Vec3& force_n, double max_force_n) {
   if (!force_n.allFinite()) return Vec3::Zero();
   const double size_n = force_n.stableNorm();
@@ -57,7 +56,7 @@ SimulatedDevice::SimulatedDevice(std::unique_ptr<StylusScript> script, const Dev
 
 DeviceStatus SimulatedDevice::Read(DeviceState& state) noexcept {
   if (!started_) return DeviceStatus::kFault;
-  // Counted from the lower stops, as by an encoder, so that no reading lies beyond one.
+  // Counts from the lower stops, as an encoder does, so that no reading lies beyond a stop.
   const Vec3 counts = (hand_.p_DHip_mm - spec_.workspace_min_mm) / spec_.position_resolution_mm;
   state.p_DHip_mm =
       spec_.workspace_min_mm + Vec3(counts.array().floor()) * spec_.position_resolution_mm;
@@ -76,7 +75,7 @@ void SimulatedDevice::Write(const Vec3& force_D_n, double dt_s) noexcept {
   TiltStylus(move_s);
 }
 
-// Semi-implicit Euler: keeps a stiff spring from gaining energy.
+// Semi-implicit Euler, so that a stiff spring gains no energy.
 void SimulatedDevice::MoveHand(const Vec3& p_DTarget_mm, const Vec3& force_D_n, double dt_s) {
   const int substeps = static_cast<int>(std::ceil(dt_s / kSubstepS));
   const double substep_s = dt_s / substeps;
@@ -89,7 +88,7 @@ void SimulatedDevice::MoveHand(const Vec3& p_DTarget_mm, const Vec3& force_D_n, 
   }
 }
 
-// The device's mechanical stops: they take all of the speed against them.
+// The device's mechanical stops. They take away all speed towards them.
 void SimulatedDevice::StopAtWorkspace() {
   for (int i = 0; i < 3; ++i) {
     double& p_mm = hand_.p_DHip_mm[i];
@@ -104,7 +103,7 @@ void SimulatedDevice::StopAtWorkspace() {
   }
 }
 
-// The barrel points to the user and up, trails the tip's motion and sways a little.
+// The barrel points up and to the user, trails the tip's motion and sways a little.
 void SimulatedDevice::TiltStylus(double dt_s) {
   smooth_velocity_mm_s_ +=
       (hand_.v_DHip_mm_s - smooth_velocity_mm_s_) * (dt_s / (kTiltFilterS + dt_s));

@@ -1,10 +1,10 @@
-// A Phantom Omni without hardware: its workspace, forces and resolution, held by
-// a virtual hand that a script leads and that the device's force pushes about.
+// A Phantom Omni without hardware, with its workspace, forces and resolution. A virtual hand holds
+// the stylus. A script leads the hand, and the device's force moves the hand.
 //
-// Frame D: mm, origin in the middle of the workspace; forces in N. The stylus's z
-// axis runs from the tip along the barrel.
-// Threads, real-time and ownership: as HapticDevice; Start and Stop not while the
-// servo runs. The same script, forces and times give the same bits.
+// Frame D: mm, origin in the middle of the workspace; forces in N. The stylus's z axis runs from
+// the tip along the barrel.
+// Threads, real-time and ownership: as HapticDevice. Call Start and Stop only while the servo does
+// not run. The same script, forces and times give the same bits.
 #pragma once
 
 #include <cstdint>
@@ -15,8 +15,7 @@
 
 namespace palpate {
 
-// What the simulated device states of itself, for those who need its workspace
-// before there is one.
+// The spec of the simulated device, for code that needs its workspace before the device exists.
 DeviceSpec SimulatedDeviceSpec();
 
 class SimulatedDevice final : public HapticDevice {
@@ -30,13 +29,13 @@ class SimulatedDevice final : public HapticDevice {
   void Start() override { started_ = true; }
   void Stop() noexcept override { started_ = false; }
 
-  // The hand, quantised to the device's resolution. kFault before Start and after
-  // Stop.
+  // Reads the hand's position, rounded down to the device's resolution. Returns kFault before Start
+  // and after Stop.
   DeviceStatus Read(DeviceState& state) noexcept override;
 
-  // Moves the hand on. A force above the peak saturates, one that is not finite
-  // counts as zero. A time above 20 ms moves the hand by 20 ms, so that a stall
-  // does not cost the servo more time still.
+  // Moves the hand on. A force above the peak saturates. A force that is not finite counts as zero.
+  // A time above 20 ms moves the hand by 20 ms, so that a stall does not cost the servo further
+  // time.
   void Write(const Vec3& force_D_n, double dt_s) noexcept override;
 
  private:

@@ -1,5 +1,4 @@
-// What the simulated device's hand wants: the seam between the hand and the
-// scripts that lead it.
+// The interface between the simulated device's hand and the scripts that lead the hand.
 //
 // Frame D, mm, N, s. Same inputs, same bits out.
 #pragma once
@@ -10,10 +9,9 @@
 
 namespace palpate {
 
-// The hand is a mass that a spring pulls to the script's target and a damper
-// slows down. It is a little more than critically damped in free space; in
-// contact with 0.5 to 1 N/mm the damper outweighs what the delay of a tick feeds
-// back by a factor of eight.
+// The hand is a mass. A spring pulls it to the script's target, and a damper slows it down. In free
+// space it is a little more than critically damped. In contact with 0.5 to 1 N/mm, the damper takes
+// eight times the energy that the delay of a tick feeds back.
 inline constexpr double kHandMassKg = 0.1;
 inline constexpr double kHandSpringNPerMm = 0.3;
 inline constexpr double kHandDamperNsPerMm = 0.012;
@@ -32,9 +30,9 @@ class StylusScript {
 
   virtual ~StylusScript() = default;
 
-  // The target after `dt_s` (0 or more) more seconds. A script knows the hand and
-  // the force it feels, and nothing of the volume. Servo thread, once a tick; never
-  // locks, allocates, logs, throws or waits.
+  // Returns the target after `dt_s` (0 or more) more seconds. A script knows the hand and the force
+  // that the hand feels. It knows nothing of the volume. Called on the servo thread, once a tick;
+  // must not lock, allocate, log, throw or wait.
   virtual Target Next(const HandState& hand, const Vec3& felt_force_D_n, double dt_s) noexcept = 0;
 };
 

@@ -14,14 +14,14 @@ namespace {
 using Clock = std::chrono::steady_clock;
 using std::chrono::milliseconds;
 
-// Requests of the chip, all of the vendor to the device.
+// Control requests to the FTDI chip, of type vendor, to the device.
 constexpr std::uint8_t kToChip = 0x40;
 constexpr std::uint8_t kReset = 0, kModemControl = 1, kFlowControl = 2, kBaudRate = 3, kData = 4,
                        kLatency = 9;
 constexpr std::uint16_t kPurgeReceived = 1, kPurgeToSend = 2;
 constexpr std::uint16_t kRtsLow = 0x200, kDtrLow = 0x100, kDtrHigh = 0x101;
 constexpr std::uint16_t kEightBits = 8, kNoFlowControl = 0;
-// Divisors of 3 MHz; the upper two bits of the slow one are its fraction.
+// Divisors of 3 MHz. The upper two bits of the 9600 baud divisor are its fraction.
 constexpr std::uint16_t k1500000Baud = 2, k142857Baud = 21, k9600Baud = 0x4138;
 
 constexpr milliseconds kPatience(1000), kPerAnswer(50), kPerGreeting(100);
@@ -29,7 +29,7 @@ constexpr int kGreetings = 20;
 constexpr std::array<std::uint8_t, 3> kGreeting = {0x0a, 0x43, 0x0d};
 constexpr std::array<std::uint8_t, 4> kGreetingAnswer = {0x0a, 0x44, 0x2c, 0x0d};
 constexpr std::uint8_t kBegin = 0x41;
-// Said back as one packet of the chip.
+// The boot loader echoes a chunk as one packet of the chip.
 constexpr std::size_t kChunkBytes = kFtdiPacketBytes - kFtdiStatusBytes;
 
 void Request(UsbLink& link, std::uint8_t request, std::uint16_t value) {
@@ -45,7 +45,7 @@ void ThrowIfStopped(const std::atomic<bool>& stop) {
   if (stop) throw UsbError(UsbFault::kTimeout, "the Falcon was given up: the program stops");
 }
 
-// What came within the patience, once `enough` of it is true.
+// Receives until `enough` is true for the bytes, or until `patience` is over. Returns the bytes.
 template <typename Enough>
 std::vector<std::uint8_t> Receive(UsbLink& link, milliseconds patience,
                                   const std::atomic<bool>& stop, Enough enough) {
@@ -93,7 +93,7 @@ void Greet(UsbLink& link, const std::atomic<bool>& stop) {
                  "and plug them in again");
 }
 
-// Sends bytes and has them said back.
+// Sends bytes and compares the boot loader's echo.
 void SendAndCompare(UsbLink& link, std::span<const std::uint8_t> bytes,
                     const std::atomic<bool>& stop) {
   link.Send(bytes, kPatience);

@@ -1,10 +1,10 @@
-// How a Falcon is brought to where it speaks frames: its FTDI chip's settings, and the
-// firmware, which it forgets without power.
+// Brings a Falcon to the state in which it speaks frames: sets up its FTDI chip, and uploads the
+// firmware, which the Falcon loses without power.
 //
-// Source: libnifalcon (BSD), FalconCommLibUSB.cpp and FalconFirmware.cpp. Verification
-// level: none; we have not seen a device.
-// Threads: the I/O thread. Real-time: none; waits.
-// Errors: UsbError, also soon after `stop` is true.
+// Source: libnifalcon (BSD), FalconCommLibUSB.cpp and FalconFirmware.cpp. Verification level: none;
+// we have not seen a device.
+// Threads: the I/O thread. Not real-time: waits.
+// Errors: UsbError, also soon after `stop` becomes true.
 #pragma once
 
 #include <atomic>
@@ -17,18 +17,18 @@
 
 namespace palpate {
 
-// 1.5 Mbaud, 1 ms of latency, nothing left of before.
+// Sets 1.5 Mbaud and 1 ms of latency, and clears the chip's buffers.
 void SetFalconLineForFrames(UsbLink& link);
 
-// Sends commands without a force until a report comes, `tries` times at most.
+// Sends commands without a force until a report comes, at most `tries` times.
 bool FalconAnswers(UsbLink& link, int tries, const std::atomic<bool>& stop);
 
-// Of a file of the operator: 1 byte to kMaxFalconFirmwareBytes.
+// Reads the operator's file, of 1 byte to kMaxFalconFirmwareBytes.
 inline constexpr std::size_t kMaxFalconFirmwareBytes = 256 * 1024;
 std::vector<std::uint8_t> ReadFalconFirmware(const std::string& file);
 
-// Through the boot loader, which says each byte back. Takes seconds. The line is left
-// as for frames.
+// Uploads through the boot loader, which echoes each byte. Takes seconds. Afterwards the line is
+// set up for frames.
 void UploadFalconFirmware(UsbLink& link, std::span<const std::uint8_t> firmware,
                           const std::atomic<bool>& stop);
 

@@ -10,7 +10,7 @@ namespace palpate {
 namespace {
 
 constexpr UsbMatch::Ids kIds{.vendor = 0x0403, .product = 0xcb48};
-constexpr std::uint8_t kVendorClass = 0xff;  // of the FTDI chip's only interface
+constexpr std::uint8_t kVendorClass = 0xff;  // class of the FTDI chip's only interface
 constexpr int kTries = 10, kTriesAfterUpload = 40;
 constexpr std::chrono::milliseconds kPatience(100);
 
@@ -18,16 +18,16 @@ DeviceSpec FalconSpec() {
   DeviceSpec spec;
   spec.kind = "falcon";
   spec.model = "Novint Falcon";
-  // The datasheet's 4 inch cube. Its corners are out of reach (kinematics.h).
+  // The datasheet's 4 inch cube. The corners of the cube are out of reach (kinematics.h).
   spec.workspace_min_mm = Vec3::Constant(-50.8);
   spec.workspace_max_mm = Vec3::Constant(50.8);
-  // The datasheet says more than 2 lb (8.9 N) and CHAI3D 8 N. Held to 3.3 N, the bound
-  // of all forces here, until somebody has measured what a motor's count gives.
+  // The datasheet says more than 2 lb (8.9 N), CHAI3D says 8 N. We limit it to 3.3 N, as all forces
+  // here, until the force of a motor count is measured.
   spec.max_force_n = 3.3;
-  // Nobody publishes it. As the Touch's, whose motors have a third of the force: a
+  // Not published. We use the value of the Touch, whose motors have a third of the force: a
   // cautious guess.
   spec.continuous_force_n = 0.88;
-  // CHAI3D's figure is 3 N/mm; a third of it, as nobody has tried it with this servo.
+  // CHAI3D uses 3 N/mm. We use a third of it, because the Falcon is untried with this servo.
   spec.max_stiffness_n_per_mm = 1.0;
   spec.position_resolution_mm = 25.4 / 400.0;  // the datasheet's 400 per inch
   spec.button_count = 4;
@@ -94,7 +94,7 @@ void FalconProtocol::Understand(const FalconReport& report, DeviceState& state) 
 
 std::size_t FalconProtocol::Encode(const Vec3& force_D_n, bool forces_on,
                                    std::span<std::uint8_t, kMaxFrameBytes> out) noexcept {
-  // The homing flag stays: libnifalcon's programs never take it back.
+  // The homing flag stays set: libnifalcon's programs never clear it.
   FalconCommand command{.lights = kFalconRedLight, .homing = true};
   if (calibrated_) command.lights = forces_on ? kFalconGreenLight : kFalconBlueLight;
   Mat3 jacobian;
@@ -110,7 +110,7 @@ void FalconProtocol::TearDown(UsbLink& link) noexcept {
   try {
     link.Send(EncodeFalconCommand({.homing = true}), kPatience);
   } catch (const UsbError&) {
-    // It is gone: it has no force either.
+    // The device is gone, and its force with it.
   }
 }
 

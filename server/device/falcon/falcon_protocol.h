@@ -1,15 +1,15 @@
 // The Novint Falcon on USB (0403:cb48).
 //
-// It has no firmware when its power comes on. Novint's is not ours to give: the operator
-// names a file. Its encoders count from where they were then; they are right once the
-// grip was pulled all the way out and pushed all the way in (homing). Until then, and
-// when its angles are none that the arms can have, readings are not calibrated and
-// forces are off. It does not dock and its grip does not turn.
+// After power-on the Falcon has no firmware. We may not distribute Novint's firmware: the operator
+// names a file. The encoders count from their positions at power-on. They become right when the
+// grip is pulled all the way out and pushed all the way in (homing). Readings are not calibrated
+// and forces are off until then, and also while the arms cannot have the angles of a reading. The
+// Falcon does not dock and its grip does not turn.
 //
-// Lights: red until homed, blue without forces, green with them.
-// Threads and real-time: as UsbProtocol. Ownership: none of the link.
-// Source: frames.h, kinematics.h and bring_up.h name theirs. Verification level: none;
-// we have not seen a device.
+// Lights: red until homed, then blue without forces and green with forces.
+// Threads and real-time: as UsbProtocol. Ownership: borrows the link in calls only.
+// Source: see frames.h, kinematics.h and bring_up.h. Verification level: none; we have not seen a
+// device.
 #pragma once
 
 #include <string>
@@ -20,8 +20,8 @@
 namespace palpate {
 
 struct FalconOptions {
-  std::string port{};           // as UsbMatch's
-  std::string firmware_file{};  // "": the Falcon has been given its firmware already
+  std::string port{};           // as in UsbMatch
+  std::string firmware_file{};  // "": the Falcon already has its firmware
 };
 
 class FalconProtocol final : public UsbProtocol {
@@ -46,9 +46,9 @@ class FalconProtocol final : public UsbProtocol {
   const std::string firmware_file_;
 
   FalconFrameFinder finder_{};
-  // Of the newest reading.
+  // Values of the newest reading.
   bool calibrated_ = false;
-  Vec3 p_D_mm_ = Vec3::Zero();  // the last that had a meaning
+  Vec3 p_D_mm_ = Vec3::Zero();  // the last valid position
   Vec3 angles_rad_ = Vec3::Zero();
 };
 

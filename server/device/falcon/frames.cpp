@@ -7,7 +7,7 @@ constexpr std::uint8_t kBegin = '<', kEnd = '>', kBase = 0x41;
 constexpr std::size_t kFlagsAt = 13, kUnusedAt = 14, kEndAt = 15;
 constexpr unsigned kHomingFlag = 1u, kLightsMask = 0xeu, kButtonsMask = 0xfu, kHomedMask = 7u;
 
-// Whether a frame of either direction may have this byte there.
+// True if a frame of either direction may have `byte` at position `at`.
 bool IsPlausible(std::size_t at, std::uint8_t byte) {
   if (at == 0) return byte == kBegin;
   if (at == kEndAt) return byte == kEnd;

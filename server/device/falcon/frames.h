@@ -1,15 +1,15 @@
-// The frames of the Novint Falcon under Novint's firmware: 16 bytes either way, each
-// command answered with one report.
+// The frames of the Novint Falcon with Novint's firmware: 16 bytes in each direction. The Falcon
+// answers each command with one report.
 //
 //   byte   0      1-4  5-8  9-12         13                      14   15
 //         '<'    three 16-bit numbers    flags                   any  '>'
 //
-// A number is two's complement, four nibbles, the lowest first, each with 0x41 added.
-// Flags, with 0x41 added. Command: bit 0 homing, bits 1-3 the lights. Report: bits 0-3
-// the grip's buttons, bits 4-6 which encoders are homed.
+// A number is two's complement, as four nibbles, the lowest first. 0x41 is added to each nibble and
+// to the flags. Flags of a command: bit 0 homing, bits 1-3 lights. Flags of a report: bits 0-3
+// buttons of the grip, bits 4-6 homed encoders.
 //
-// Reports arrive through an FTDI chip, which starts each USB packet of 64 bytes with
-// two status bytes of its own.
+// Reports arrive through an FTDI chip. The chip starts each USB packet of 64 bytes with two status
+// bytes.
 //
 // Source: libnifalcon (BSD), FalconFirmwareNovintSDK.cpp, FalconFirmware.h,
 // FalconCommLibUSB.cpp. Verification level of this layout: none; we have not seen a
@@ -38,7 +38,7 @@ using FalconFrame = std::array<std::uint8_t, kFalconFrameBytes>;
 struct FalconCommand {
   std::array<std::int16_t, 3> motors{};
   std::uint8_t lights = 0;  // kFalcon...Light
-  bool homing = false;      // encoders find their zero when they pass it
+  bool homing = false;      // encoders set their zero when they pass it
 
   bool operator==(const FalconCommand&) const = default;
 };
@@ -46,42 +46,42 @@ struct FalconCommand {
 struct FalconReport {
   std::array<std::int16_t, 3> encoders{};
   std::uint8_t buttons = 0;  // bit n: button n pressed; 0 to 15
-  std::uint8_t homed = 0;    // bit n: encoder n; 0 to 7
+  std::uint8_t homed = 0;    // bit n: encoder n is homed; 0 to 7
 
   bool is_homed() const { return homed == 7; }
   bool operator==(const FalconReport&) const = default;
 };
 
-// What the fields do not hold (lights, buttons, homed beyond their bits) is cut off.
+// Cuts off bits that the fields cannot hold (lights, buttons, homed).
 FalconFrame EncodeFalconCommand(const FalconCommand& command);
 FalconFrame EncodeFalconReport(const FalconReport& report);
 
-// None for other lengths and for bytes that no such frame has. Byte 14 may be all
-// but '<' and '>', so that each of these is an end of a frame and nothing else.
+// Return none for other lengths and for bytes that cannot be in such a frame. Byte 14 may be any
+// byte except '<' and '>', so that these two always mark an end of a frame.
 std::optional<FalconCommand> DecodeFalconCommand(std::span<const std::uint8_t> bytes);
 std::optional<FalconReport> DecodeFalconReport(std::span<const std::uint8_t> bytes);
 
-// Finds frames in a stream of bytes: those of either direction.
+// Finds frames of either direction in a stream of bytes.
 class FalconFrameFinder {
  public:
-  // True: frame() is a whole frame, until the next byte.
+  // Returns true if frame() is now a whole frame. The frame is valid until the next Push.
   bool Push(std::uint8_t byte);
   const FalconFrame& frame() const { return frame_; }
-  // Frames that broke, and runs of bytes outside of frames.
+  // The number of broken frames, and of runs of bytes outside of frames.
   std::uint32_t corrupt_frames() const { return corrupt_frames_; }
 
  private:
-  // Of a whole frame, or of what is left of a broken one that was counted already.
+  // kCounted: the bytes since the last whole frame are already in corrupt_frames_.
   enum class Gap : std::uint8_t { kClean, kCounted };
 
   FalconFrame frame_{};
-  std::size_t length_ = 0;  // of the frame so far; 0: between frames
+  std::size_t length_ = 0;  // bytes of the frame so far; 0: between frames
   Gap gap_ = Gap::kClean;
   std::uint32_t corrupt_frames_ = 0;
 };
 
-// Calls take(byte) for each byte of an IN transfer that is not of the chip's status.
-// The transfer starts with a packet, as all transfers do that hold whole packets.
+// Calls take(byte) for each byte of an IN transfer, without the chip's status bytes. The transfer
+// must start with a packet. Transfers of whole packets do.
 template <typename Take>
 void ForEachFtdiByte(std::span<const std::uint8_t> transfer, Take take) {
   for (std::size_t n = 0; n < transfer.size(); ++n) {

@@ -9,15 +9,15 @@ namespace {
 constexpr double kThighMm = 60.0;
 constexpr double kShinMm = 102.5;
 constexpr double kLinksMm = 2.0 * 11.25;  // at both ends of the shin
-// From the base's axis to the hip less that from the grip's to the ankle: along the
+// The offset between base axis and hip minus the offset between grip axis and ankle: along the
 // arm's plane (r - c in libnifalcon), and across it (s - f).
 constexpr double kAlongMm = 40.0 - 14.43;
 constexpr double kAcrossMm = -23.09 + 25.0;
-// Of the arms' planes about the base's axis: 105°, -15° and -135°.
+// Angles of the arms' planes about the base's axis: 105°, -15° and -135°.
 constexpr double kCos15 = 0.96592582628906829, kSin15 = 0.25881904510252076;
 constexpr std::array<double, 3> kArmCos = {-kSin15, kCos15, -0.5 * std::numbers::sqrt2};
 constexpr std::array<double, 3> kArmSin = {kCos15, -kSin15, -0.5 * std::numbers::sqrt2};
-// Beyond these no arm gets.
+// The range of an arm's angle.
 constexpr double kLowestRad = -0.5 * std::numbers::pi, kHighestRad = 2.0 / 3.0 * std::numbers::pi;
 
 constexpr double kFarMm = 1000.0;
@@ -25,7 +25,7 @@ constexpr double kFarMm = 1000.0;
 constexpr int kMaxSteps = 24;
 constexpr double kLongestStepMm = 30.0, kSolvedMm = 1e-10, kSameAngleRad = 1e-6;
 
-// Of the grip's end of an arm from its hip: along the arm's plane, across it, away
+// Position of the grip's end of an arm, relative to its hip: along the arm's plane, across it, away
 // from the base.
 Vec3 AnkleFromHip(std::size_t arm, const Vec3& p_D_mm) {
   const double c = kArmCos[arm], s = kArmSin[arm];
@@ -33,13 +33,13 @@ Vec3 AnkleFromHip(std::size_t arm, const Vec3& p_D_mm) {
           p_D_mm.z() + kFalconBaseToOriginMm};
 }
 
-// A direction of the arm's frame in D.
+// Turns a direction from the arm's frame into D.
 Vec3 FromArm(std::size_t arm, const Vec3& v) {
   const double c = kArmCos[arm], s = kArmSin[arm];
   return {c * v.x() - s * v.y(), s * v.x() + c * v.y(), v.z()};
 }
 
-// The torus of an arm: `miss` is 0 on it; its derivatives are by the position in D
+// The torus of an arm. `miss` is 0 on the torus. The derivatives of `miss` are by the position in D
 // and by the angle.
 struct Torus {
   double miss = 0.0;
@@ -47,7 +47,7 @@ struct Torus {
   double by_angle = 0.0;
 };
 
-// False at the knee, where there is no direction.
+// Returns false at the knee, where there is no direction.
 bool TorusAt(std::size_t arm, const Vec3& p_D_mm, double angle_rad, Torus& torus) {
   const double s = std::sin(angle_rad), c = std::cos(angle_rad);
   const Vec3 ankle = AnkleFromHip(arm, p_D_mm);
@@ -61,7 +61,7 @@ bool TorusAt(std::size_t arm, const Vec3& p_D_mm, double angle_rad, Torus& torus
   return true;
 }
 
-// All three arms. False where they do not fix the position.
+// The tori of all three arms. ArmsAt returns false if they do not fix the position.
 struct Arms {
   Vec3 miss = Vec3::Zero();
   Mat3 by_position = Mat3::Zero();
@@ -78,7 +78,7 @@ bool ArmsAt(const Vec3& p_D_mm, const Vec3& angles_rad, Arms& arms) {
     arms.by_position.row(row) = torus.by_position.transpose();
     arms.by_angle[row] = torus.by_angle;
   }
-  // Rows are twice a shin long: a share of 10^-3 of the volume that they span.
+  // Rows are two shins long. The limit is 10^-3 of the greatest volume that they can span.
   return std::abs(arms.by_position.determinant()) > 8e-3 * kShinMm * kShinMm * kShinMm;
 }
 
@@ -93,7 +93,7 @@ bool AngleOf(const Vec3& ankle, double& angle_rad) {
   return angle_rad >= kLowestRad && angle_rad <= kHighestRad;
 }
 
-// On the base's axis, where three thighs at their middle angle hold the grip.
+// Starts on the base's axis, where three thighs at their mean angle hold the grip.
 Vec3 FirstGuess(const Vec3& angles_rad) {
   const double middle_rad = angles_rad.mean();
   const double along = -kAlongMm - kThighMm * std::cos(middle_rad);
@@ -129,7 +129,7 @@ bool FalconAnglesAt(const Vec3& p_D_mm, Vec3& angles_rad) {
   return true;
 }
 
-// Newton's method on the three tori. In the ball it takes 3 to 6 steps.
+// Solves the three tori by Newton's method. Within the ball of 50 mm it takes 3 to 6 steps.
 bool FalconPositionAt(const Vec3& angles_rad, Vec3& p_D_mm) {
   if (!(angles_rad.minCoeff() >= kLowestRad && angles_rad.maxCoeff() <= kHighestRad)) return false;
   Vec3 p = FirstGuess(angles_rad);
@@ -142,7 +142,7 @@ bool FalconPositionAt(const Vec3& angles_rad, Vec3& p_D_mm) {
     if (step_mm > kLongestStepMm) step *= kLongestStepMm / step_mm;
     p -= step;
   }
-  // The other crossing of the tori, towards the base, needs other angles.
+  // The tori also cross at a point towards the base. That point needs other angles.
   Vec3 back;
   if (!(step_mm <= kSolvedMm) || !FalconAnglesAt(p, back)) return false;
   if (!((back - angles_rad).cwiseAbs().maxCoeff() <= kSameAngleRad)) return false;

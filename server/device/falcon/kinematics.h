@@ -1,19 +1,18 @@
 // Kinematics of the Novint Falcon: a delta mechanism of three equal arms, 120° apart.
 //
-// Each arm, in a plane of its own: a thigh (60 mm) that its motor turns, a knee, a
-// parallelogram (102.5 mm) between two short links (11.25 mm each), and the grip, which
-// never turns. So the grip is on a torus around each knee:
+// Each arm moves in its own plane. It has a thigh (60 mm), which its motor turns, a knee, and a
+// parallelogram (102.5 mm) between two short links (11.25 mm each), which holds the grip. The grip
+// never turns. The grip is therefore on a torus around each knee:
 //   (distance to the knee in the arm's plane - 22.5)² + (offset from the plane)² = 102.5²
 //
-// Frames: D (mm, x right, y up, z towards the user). Its origin is on the base's axis,
-// 125 mm in front of the base: the middle of the 75 to 175 mm that libnifalcon uses.
-// Angles in rad: of the thighs, 0 along the base, greater outwards; torques in N mm,
-// of the thighs. A ball of 50 mm around the origin is within reach; the corners of
-// the datasheet's cube are not.
+// Frames: D (mm, x right, y up, z towards the user). Its origin is on the base's axis, 125 mm in
+// front of the base: the middle of the 75 to 175 mm that libnifalcon uses.
+// Angles of the thighs in rad: 0 along the base, greater outwards. Torques of the thighs in N mm. A
+// ball of 50 mm around the origin is within reach; the corners of the datasheet's cube are not.
 // Threads: pure functions. Real-time: no allocation, bounded.
-// Source: lengths, angles, encoders and the scale of the motors as in libnifalcon (BSD),
-// FalconGeometry.h, FalconKinematic.h, FalconKinematicStamper.cpp, after R. E. Stamper's
-// thesis; not seen on hardware by us.
+// Source: lengths, angles, encoders and motor scale as in libnifalcon (BSD), FalconGeometry.h,
+// FalconKinematic.h, FalconKinematicStamper.cpp, after R. E. Stamper's thesis. We have not checked
+// them on hardware.
 #pragma once
 
 #include <array>
@@ -26,35 +25,37 @@ namespace palpate {
 
 inline constexpr double kFalconBaseToOriginMm = 125.0;
 
-// Four edges for each of 320 slots, on the motor's shaft; its drum of 14.25 mm drives
-// the thigh's of 110 mm.
+// The motor shaft's encoder has 320 slots of four edges each. The motor's drum of 14.25 mm drives
+// the thigh's drum of 110 mm.
 inline constexpr double kFalconDrumRatio = 14.25 / 110.0;
 inline constexpr double kFalconRadPerCount =
     2.0 * std::numbers::pi / (4.0 * 320.0) * kFalconDrumRatio;
 inline constexpr double kFalconAngleAtZeroRad = 35.0 * std::numbers::pi / 180.0;
 
-// A positive count folds the thigh in. libnifalcon takes its forces for newtons;
-// nobody publishes a measurement, so that forces may be off by a factor.
+// A positive count folds the thigh in. libnifalcon takes its forces for newtons. No measurement is
+// published, so forces may be off by a factor.
 inline constexpr double kFalconMotorCountsPerNmm = -10.0;
-// No document says what the firmware takes. 3.3 N needs no more in all of the ball.
+// The firmware's range is not documented. In the whole ball, 3.3 N needs no more than this.
 inline constexpr int kFalconMotorLimit = 4096;
 
-// Angles of the thighs from counts since the homed zero, and the nearest counts.
+// Angles of the thighs from counts since the homed zero, and the nearest counts to angles.
 Vec3 FalconAnglesFromCounts(const std::array<std::int16_t, 3>& counts);
 std::array<std::int16_t, 3> FalconCountsFromAngles(const Vec3& angles_rad);
 
-// The angles that hold the grip at a position; of the two ways, the one with the knees
-// outside, which is the arms' only one. False, and nothing is set, out of reach.
+// Computes the angles that hold the grip at a position, with the knees outside: the arms cannot
+// fold the other way. Returns false, and sets nothing, if the position is out of reach.
 bool FalconAnglesAt(const Vec3& p_D_mm, Vec3& angles_rad);
 
-// The position of the grip. False, and nothing is set, for angles that no position has.
+// Computes the position of the grip. Returns false, and sets nothing, if no position has these
+// angles.
 bool FalconPositionAt(const Vec3& angles_rad, Vec3& p_D_mm);
 
-// Its derivative, mm per rad. False where the arms could fold either way.
+// Computes the position's derivative by the angles, in mm per rad. Returns false where an arm could
+// fold either way.
 bool FalconJacobianAt(const Vec3& p_D_mm, const Vec3& angles_rad, Mat3& jacobian);
 
-// Counts for torques; all are scaled down where one is beyond the limit, so that the
-// force keeps its direction. Zero for torques that are not finite.
+// Motor counts for torques. If a count exceeds the limit, all are scaled down, so that the force
+// keeps its direction. Returns zero for torques that are not finite.
 std::array<std::int16_t, 3> FalconMotorsFromTorques(const Vec3& torques_n_mm);
 
 }  // namespace palpate

@@ -36,8 +36,7 @@ std::uint8_t CdcInterface(std::span<const std::uint8_t> configuration, std::uint
 }
 
 void CdcLine::Open() {
-  // Nearly always interface 0: a device that does not show its descriptors is taken
-  // for such a one.
+  // Nearly always interface 0. If the device does not give its descriptors, 0 is assumed.
   std::array<std::uint8_t, 512> descriptors{};
   std::size_t bytes = 0;
   try {
@@ -55,7 +54,7 @@ void CdcLine::Open() {
 
 void CdcLine::Break() {
   Request(kSendBreak, kBreakMs, {});
-  // The device ends it by itself; what is sent before that is lost.
+  // The device ends the break by itself. Bytes sent before that are lost.
   std::this_thread::sleep_for(std::chrono::milliseconds(2 * kBreakMs));
 }
 

@@ -1,8 +1,8 @@
-// The serial line of a USB device of class CDC-ACM, as a host sets it.
+// Sets up the serial line of a USB device of class CDC-ACM, as a host does.
 //
 // Threads: the I/O thread of the link. Real-time: none. Ownership: borrows the link.
-// Errors: UsbError. A request that the device refuses (kStall) is passed over: a line
-// that is no wire has no need of it.
+// Errors: UsbError. A request that the device refuses (kStall) is ignored: a line without a real
+// wire does not need it.
 // Source: USB Class Definitions for Communications Devices 1.2, PSTN subclass.
 #pragma once
 
@@ -17,8 +17,8 @@ namespace palpate {
 inline constexpr std::uint8_t kCdcControlClass = 0x02;
 inline constexpr std::uint8_t kCdcDataClass = 0x0a;
 
-// Number of the first interface of a class in a configuration descriptor with all
-// that follows it; `otherwise` where there is none, or the bytes are no descriptors.
+// Returns the number of the first interface of a class in a configuration descriptor (with all
+// descriptors after it). Returns `otherwise` if there is none, or if the bytes are no descriptors.
 std::uint8_t CdcInterface(std::span<const std::uint8_t> configuration, std::uint8_t wanted_class,
                           std::uint8_t otherwise) noexcept;
 
@@ -26,9 +26,9 @@ class CdcLine {
  public:
   explicit CdcLine(UsbLink& link) : link_(link) {}
 
-  // 115200 baud, 8 bits, no parity, 1 stop bit; the terminal is there (DTR, RTS).
+  // Sets 115200 baud, 8 bits, no parity, 1 stop bit, and signals a ready terminal (DTR, RTS).
   void Open();
-  // A break, the serial line's call to order.
+  // Sends a break, which resets the serial line.
   void Break();
 
  private:

@@ -1,12 +1,12 @@
-// The frames of the FireWire Phantom Omni, as two independent open drivers have
-// them: 44 bytes from the device, 16 bytes to it, 1000 times a second.
+// The frames of the FireWire Phantom Omni, taken from two independent open drivers: 44 bytes from
+// the device, 16 bytes to it, 1000 times a second.
 //
-// The USB devices' servo frames are not public. Nothing says that they have this
-// layout: a transport must not use this codec for USB unless the operator names
-// it. Verification level of this layout: none; we have not seen a device.
+// The USB devices' servo frames are not public. We have no evidence that they have this layout: a
+// transport must not use this codec for USB unless the operator asks for it. Verification level of
+// this layout: none; we have not seen a device.
 //
-// Numbers are little-endian. The force in newtons that a count of a motor gives is
-// not public either: motors are in counts here.
+// Numbers are little-endian. The force of a motor count is not public either, so motors are in
+// counts here.
 // Threads: pure functions. Real-time: no allocation.
 #pragma once
 
@@ -24,14 +24,14 @@ inline constexpr int kOmniMotorRange = 0x7ff;  // counts either way
 
 struct OmniState {
   std::array<std::int16_t, 3> encoders{};
-  // Angles of the gimbal by its potentiometers.
+  // Angles of the gimbal from its potentiometers.
   std::array<double, 3> gimbal_rad{};
   std::array<bool, 2> buttons{};
   bool docked = false;
   std::uint32_t counter = 0;  // rises with every frame
 };
 
-// None for a frame of another length, or with a gimbal voltage of 0.
+// Returns none for a frame of another length, or with a gimbal voltage of 0.
 std::optional<OmniState> DecodeOmniState(std::span<const std::uint8_t> bytes);
 
 struct OmniForce {

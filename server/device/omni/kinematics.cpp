@@ -5,7 +5,7 @@
 namespace palpate {
 namespace {
 
-// Of the crossing of the base's and the shoulder's axes from D's origin.
+// Position of the crossing of the base's and the shoulder's axes, from D's origin.
 constexpr double kRiseMm = 23.35;
 constexpr double kBackMm = 168.35;
 
@@ -52,9 +52,8 @@ Vec3 OmniTorques_n_mm(const OmniJoints& joints, const Vec3& force_D_n) {
 
 bool OmniJointsAt(const Vec3& p_D_mm, OmniJoints& joints) {
   const double x = p_D_mm.x(), z = p_D_mm.z() + kBackMm;
-  // In the plane of the arm, in links: (reach, height) = (cos s + sin e, sin s - cos e).
-  // With e = o + 90°, that is the sum of unit vectors at s and o: half of it bisects
-  // them.
+  // In the plane of the arm, in links: (reach, height) = (cos s + sin e, sin s - cos e). With e = o
+  // + 90°, this is the sum of the unit vectors at s and o. The sum's direction bisects the two.
   const double reach = std::hypot(x, z) / kOmniLinkMm;
   const double height = (p_D_mm.y() - kRiseMm) / kOmniLinkMm;
   const double length = std::hypot(reach, height);

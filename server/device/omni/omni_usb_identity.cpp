@@ -15,7 +15,7 @@ using std::chrono::steady_clock;
 
 constexpr milliseconds kAnswerTime(500);
 constexpr int kTries = 2;
-constexpr milliseconds kSlice(50);  // `stop` is looked at that often
+constexpr milliseconds kSlice(50);  // how often `stop` is checked
 // A multiple of every bulk endpoint's packet, so that no packet overflows it.
 constexpr std::size_t kTransferBytes = 512;
 
@@ -28,8 +28,8 @@ std::size_t ReceiveWithin(UsbLink& link, std::span<std::uint8_t> bytes, millisec
   }
 }
 
-// Payload of the answer, as text. What else comes is passed over: a device that was
-// left running may still stream.
+// Returns the answer's payload as text. Ignores other frames: a device that was left running may
+// still stream.
 std::optional<std::string> AwaitAnswer(UsbLink& link, std::uint8_t reply,
                                        const std::atomic<bool>& stop) {
   OmniUsbParser parser;

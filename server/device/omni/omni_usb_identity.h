@@ -1,6 +1,6 @@
-// Asks a Touch on USB who it is.
+// Asks a Touch on USB for its serial number and firmware.
 //
-// Threads: the I/O thread of the link. Real-time: none; waits for 2 s at most.
+// Threads: the I/O thread of the link. Not real-time: waits for at most 2 s.
 #pragma once
 
 #include <atomic>
@@ -12,12 +12,13 @@
 
 namespace palpate {
 
-// "serial ..., firmware ...": of both what is printable, "unknown" where nothing is.
-// Throws UsbError; kTimeout where one of the two questions is not answered, or after
-// `stop` is true.
+// Returns "serial ..., firmware ...", each with its printable characters, or "unknown" if there are
+// none. Throws UsbError: kTimeout if one of the two questions is not answered, or once `stop` is
+// true.
 std::string AskOmniUsbIdentity(UsbLink& link, const std::atomic<bool>& stop);
 
-// The printable characters of a payload; others are one space between them.
+// Returns the printable characters of a payload, with one space for each run of other bytes between
+// them. Returns "unknown" if there are none.
 std::string PrintableText(std::span<const std::uint8_t> payload);
 
 }  // namespace palpate

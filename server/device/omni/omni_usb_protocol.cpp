@@ -14,7 +14,7 @@ namespace {
 constexpr std::chrono::milliseconds kSendTime(500);
 constexpr std::chrono::milliseconds kFarewellTime(20);
 
-// A second: what is further apart is another count, or a damaged one.
+// One second. Counts farther apart belong to another count or are damaged.
 constexpr std::uint32_t kLongestGap = 1000;
 
 constexpr UsbMatch::Ids kHidTouch{0x2988, 0x0304};
@@ -36,11 +36,11 @@ void Check(const OmniUsbOptions& options) {
         "from a capture: see deploy/guides/devices.md");
   }
   if (IsQueryOrStart(*options.force_command)) {
-    refuse("`force_command` is one of the commands that start the device; a force it cannot be");
+    refuse("`force_command` is one of the commands that start the device: it cannot carry a force");
   }
   if (*options.state_command == kOmniUsbFirmwareReply.command ||
       *options.state_command == kOmniUsbSerialReply.command) {
-    refuse("`state_command` is one of the answers to who the device is; a state it cannot be");
+    refuse("`state_command` is one of the device's identity replies: it cannot carry a state");
   }
   if (!options.init_payload) {
     refuse(
@@ -49,7 +49,7 @@ void Check(const OmniUsbOptions& options) {
   }
   for (const double counts : options.motor_counts_per_n_mm.value_or(std::array<double, 3>{})) {
     if (!(std::abs(counts) <= kOmniMaxMotorGain)) {
-      refuse("`motor_counts_per_n_mm` must be from -10 to 10: beyond, the least push is the most");
+      refuse("`motor_counts_per_n_mm` must be from -10 to 10: more saturates the motors at once");
     }
   }
 }
@@ -60,8 +60,7 @@ void SendFrame(UsbLink& link, std::uint8_t command, std::span<const std::uint8_t
   link.Send(std::span(frame).first(EncodeOmniUsbFrame(command, payload, frame)), time);
 }
 
-// A process that ended without a farewell can leave the device deaf; a break has
-// mended that.
+// A process that was killed can leave the device unable to answer. A break has repaired that.
 std::string Identify(UsbLink& link, const std::atomic<bool>& stop) {
   CdcLine line(link);
   line.Open();
@@ -84,7 +83,7 @@ DeviceSpec OmniUsbSpec() {
   spec.workspace_max_mm = Vec3(80.0, 60.0, 35.0);
   spec.max_force_n = 3.3;
   spec.continuous_force_n = 0.88;
-  // CHAI3D takes 0.4 to 0.7 for safe.
+  // CHAI3D regards 0.4 to 0.7 as safe.
   spec.max_stiffness_n_per_mm = 0.5;
   spec.position_resolution_mm = 0.055;
   spec.button_count = 2;
@@ -141,7 +140,7 @@ void OmniUsbProtocol::Forget() noexcept {
 }
 
 void OmniUsbProtocol::StartServo(UsbLink& link) {
-  servo_started_ = true;  // even if it fails half-way
+  servo_started_ = true;  // also set if the start fails half-way
   SendFrame(link, kOmniUsbInit.command, *options_.init_payload, kSendTime);
   SendFrame(link, kOmniUsbServo.command, kOmniUsbServoOn, kSendTime);
 }
@@ -154,7 +153,7 @@ UsbReceived OmniUsbProtocol::Receive(std::span<const std::uint8_t> bytes,
   while (const auto frame = parser_.Next(bytes)) {
     if (frame->command != options_.state_command) continue;
     if (const auto reading = DecodeOmniState(frame->payload)) {
-      // The same frame again is no news: a device that hangs must become stale.
+      // A repeated frame is no new reading: a device that hangs must become stale.
       if (reading->counter == counter_) continue;
       Take(*reading, received);
       state = StateOf(*reading);
@@ -170,20 +169,20 @@ UsbReceived OmniUsbProtocol::Receive(std::span<const std::uint8_t> bytes,
 void OmniUsbProtocol::Take(const OmniState& reading, UsbReceived& received) noexcept {
   ++received.readings;
   if (counter_) {
-    const std::uint32_t gap = reading.counter - *counter_;  // wraps as the counter does
+    const std::uint32_t gap = reading.counter - *counter_;  // wraps together with the counter
     if (gap > 1 && gap <= kLongestGap) received.lost_readings += gap - 1;
   }
   counter_ = reading.counter;
   Calibrate(reading);
   std::array<std::int16_t, 3> counts{};
   for (std::size_t n = 0; n < 3; ++n) {
-    // Right across the encoder's wrap too: no joint turns by half of its range.
+    // Also right if the encoder wraps: no joint turns by half of the encoder's range.
     counts[n] = static_cast<std::int16_t>(reading.encoders[n] - zero_[n]);
   }
   joints_ = OmniJointsFromCounts(counts);
 }
 
-// Not by one frame, which has no checksum, nor while the stylus still slides in.
+// One frame is not enough, because frames have no checksum and the stylus may still be sliding in.
 void OmniUsbProtocol::Calibrate(const OmniState& reading) noexcept {
   if (calibration_wanted_.exchange(false)) calibrated_ = false;
   if (!reading.docked || reading.encoders != docked_at_) rest_readings_ = 0;
@@ -195,7 +194,7 @@ void OmniUsbProtocol::Calibrate(const OmniState& reading) noexcept {
   calibrated_ = true;
 }
 
-// joints_ is of the same reading.
+// Uses joints_, which must belong to this reading.
 DeviceState OmniUsbProtocol::StateOf(const OmniState& reading) const noexcept {
   return {.p_DHip_mm = OmniPosition(joints_),
           .R_DS = OmniOrientation(joints_, reading.gimbal_rad),
@@ -217,7 +216,7 @@ std::size_t OmniUsbProtocol::Encode(const Vec3& force_D_n, bool forces_on,
   return EncodeOmniUsbFrame(*options_.force_command, EncodeOmniForce(force), out);
 }
 
-// Beyond what the motors have, all three are shortened alike: the force keeps its
+// If a count exceeds the motors' range, all three are scaled down, so that the force keeps its
 // direction.
 std::optional<std::array<int, 3>> OmniUsbProtocol::MotorCounts(
     const Vec3& force_D_n) const noexcept {
@@ -234,12 +233,12 @@ std::optional<std::array<int, 3>> OmniUsbProtocol::MotorCounts(
 
 void OmniUsbProtocol::TearDown(UsbLink& link) noexcept {
   if (!servo_started_) return;
-  // The one is tried even where the other fails.
+  // The second frame is sent even if the first fails.
   const auto try_to_send = [&](std::uint8_t command, std::span<const std::uint8_t> payload) {
     try {
       SendFrame(link, command, payload, kFarewellTime);
     } catch (const std::exception&) {
-      // It is gone, or deaf: there is nothing left to do.
+      // The device is gone or does not answer. Nothing more can be done.
     }
   };
   try_to_send(*options_.force_command, EncodeOmniForce({}));

@@ -1,26 +1,24 @@
 // The Phantom Omni / Geomagic Touch on USB.
 //
-// How its serial line is framed, and how it is asked who it is, comes from one
-// published trace (usb_frames.h). Its servo frames over USB are not public. So there
-// are two modes:
+// The framing of the serial line and the identity queries come from one published trace
+// (usb_frames.h). The servo frames over USB are not public. So there are two modes:
 //
-// - kNone: says who the device is, and that there is no more. Nothing is decoded and
-//   nothing sent after the queries.
-// - kFramedFirewire: an ASSUMPTION that the operator makes by naming it, with command
-//   bytes learned from a capture: the payloads are the FireWire model's frames
-//   (firewire_frames.h), framed. No source says so.
+// - kNone: reports the device's identity and that it cannot be driven. Decodes nothing, and sends
+//   nothing after the queries.
+// - kFramedFirewire: assumes that the payloads are the FireWire model's frames (firewire_frames.h).
+//   No source says so. The operator makes this ASSUMPTION by choosing the mode, with command bytes
+//   learned from a capture.
 //
 // Verification level of all of it: none. We have not seen a device.
 //
-// The place of rest: the encoders count from where they were switched on. Where they are
-// while the stylus rests in its dock, the same for kOmniRestReadings docked readings,
-// is 0 for the kinematics; every docking says it anew. Before the first one of a
-// connection, and after each RequestCalibration, positions have no meaning and no force
-// is sent.
-// Frame D: that of kinematics.h, without an offset. The workspace, that of the data
-// sheet about D's origin, is all within reach.
+// The place of rest: the encoders count from their positions at power-on. The zero of the
+// kinematics is the encoders' position while the stylus rests in its dock, after kOmniRestReadings
+// equal docked readings. Every docking sets the zero anew. Before the first docking of a
+// connection, and after each RequestCalibration, positions have no meaning and no force is sent.
+// Frame D: as in kinematics.h, without an offset. The workspace is the data sheet's, about D's
+// origin. All of it is within reach.
 //
-// Threads, real-time: as UsbProtocol; RequestCalibration on any thread.
+// Threads, real-time: as UsbProtocol. RequestCalibration on any thread.
 // Errors: UsbError from SetUp; Error from the constructor.
 #pragma once
 
@@ -37,52 +35,52 @@
 
 namespace palpate {
 
-// What we have seen of this device on hardware. Raised one step at a time, with the
-// evidence that deploy/guides/devices.md asks for.
+// What we have seen of this device on hardware. Raise it one step at a time, with the evidence that
+// deploy/guides/devices.md asks for.
 inline constexpr VerificationLevel kOmniUsbVerification = VerificationLevel::kNone;
 
 enum class OmniUsbFrames : std::uint8_t { kNone, kFramedFirewire };
 
 inline constexpr int kOmniRestReadings = 50;
-// With 10 the motors would be at their greatest from 1 N at the far end of the arm on.
+// With 10, the motors saturate at 1 N with the arm stretched out.
 inline constexpr double kOmniMaxMotorGain = 10.0;
 
 struct OmniUsbOptions {
   std::string port{};  // as in UsbMatch
   OmniUsbFrames frames = OmniUsbFrames::kNone;
-  // All that follows is for kFramedFirewire, and is learned from a capture; the
-  // commands must be given.
+  // The members below are for kFramedFirewire and are learned from a capture. The commands are
+  // required.
   std::optional<std::uint8_t> state_command{};
   std::optional<std::uint8_t> force_command{};
-  // What the device gets before its servo is switched on; must be given. The trace that
-  // we know of does not give the bytes, and what other bytes do is not known.
+  // The payload of the frame before the servo is switched on; required. The known trace does not
+  // give the bytes, and the effect of other bytes is unknown.
   std::optional<std::array<std::uint8_t, kOmniUsbInit.payload_bytes>> init_payload{};
-  // Motor counts per N mm of torque at the base, shoulder and elbow, kOmniMaxMotorGain at
-  // most; negative where a motor's count turns its joint back. Neither sizes nor signs
-  // are public: without them the motors stay at zero, and off.
+  // Motor counts per N mm of torque at the base, shoulder and elbow, at most kOmniMaxMotorGain.
+  // Negative if a positive count turns the joint back. Neither sizes nor signs are public. Without
+  // this member the motors stay off, with zero force.
   std::optional<std::array<double, 3>> motor_counts_per_n_mm{};
 };
 
-// Where the device is, and its forces; before there is one.
+// The spec of the device, also without a device.
 DeviceSpec OmniUsbSpec();
 
-// Ids of all known ones, for finding; and what is wrong with one ("": nothing).
+// OmniUsbIds: the ids of all known devices. OmniUsbProblem: why a device cannot be driven ("": it
+// can).
 const std::vector<UsbMatch::Ids>& OmniUsbIds();
 std::string OmniUsbProblem(const UsbMatch::Ids& ids);
 
 class OmniUsbProtocol final : public UsbProtocol {
  public:
-  // Throws Error (kInvalidArgument) for options that do not fit.
+  // Throws Error (kInvalidArgument) if the options do not fit together.
   explicit OmniUsbProtocol(const OmniUsbOptions& options);
 
   const DeviceSpec& spec() const override { return spec_; }
   const UsbMatch& match() const override { return match_; }
 
-  // In kNone it always ends with kUnsuitable, whose message has the device's identity
-  // and what to do.
+  // With kNone always throws kUnsuitable. The message has the device's identity and what to do.
   std::string SetUp(UsbLink& link, const std::atomic<bool>& stop) override;
   UsbReceived Receive(std::span<const std::uint8_t> bytes, DeviceState& state) noexcept override;
-  // In kNone nothing: 0 bytes.
+  // With kNone returns 0: nothing to send.
   std::size_t Encode(const Vec3& force_D_n, bool forces_on,
                      std::span<std::uint8_t, kMaxFrameBytes> out) noexcept override;
   bool is_request_response() const override { return false; }
@@ -91,10 +89,10 @@ class OmniUsbProtocol final : public UsbProtocol {
   bool RequestCalibration() noexcept override;
 
  private:
-  // As of a connection that begins.
+  // Resets the state for a new connection.
   void Forget() noexcept;
   void StartServo(UsbLink& link);
-  // Keeps what later readings and forces need.
+  // Keeps the values that later readings and forces need.
   void Take(const OmniState& reading, UsbReceived& received) noexcept;
   void Calibrate(const OmniState& reading) noexcept;
   DeviceState StateOf(const OmniState& reading) const noexcept;

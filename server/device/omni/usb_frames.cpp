@@ -37,8 +37,8 @@ std::optional<OmniUsbFrame> OmniUsbParser::Next(std::span<const std::uint8_t>& b
     held_bytes_ = 0;
   }
   for (;;) {
-    // No more than the header before it is known to fit, so that little is searched
-    // again where it does not.
+    // Takes no more bytes than the header is known to announce. If the frame is wrong, only these
+    // few bytes are searched again.
     const bool has_header = held_bytes_ >= kOmniUsbHeaderBytes;
     const std::size_t wanted = has_header ? kOmniUsbHeaderBytes + held_[3] : kOmniUsbHeaderBytes;
     const std::size_t taken = std::min(wanted - held_bytes_, bytes.size());
@@ -61,7 +61,7 @@ std::optional<OmniUsbFrame> OmniUsbParser::Next(std::span<const std::uint8_t>& b
   }
 }
 
-// What is there of a header may be one.
+// True if the bytes so far may begin a header.
 bool OmniUsbParser::HeaderFits() const noexcept {
   for (std::size_t n = 0; n < std::min(held_bytes_, kStart.size()); ++n) {
     if (held_[n] != kStart[n]) return false;
@@ -71,8 +71,8 @@ bool OmniUsbParser::HeaderFits() const noexcept {
   return length == 0 || length == held_[3] + 1;
 }
 
-// Where in a frame of known length the header of another one stands; 0: nowhere. The
-// frame was cut off then, and the next one taken for its rest.
+// Returns where the header of another frame stands within a frame of known length; 0: nowhere. The
+// outer frame was then cut off, and the next frame was taken for its rest.
 std::size_t OmniUsbParser::InnerFrame() const noexcept {
   if (lengths_[held_[2]] == 0) return 0;
   const auto header = held_.begin(), payload = header + kOmniUsbHeaderBytes;

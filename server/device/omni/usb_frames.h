@@ -1,11 +1,11 @@
-// The framing of the Touch's serial line over USB: A5 5A, a command, the length of the
-// payload, the payload. No checksum.
+// The framing of the Touch's serial line over USB: A5 5A, a command, the length of the payload, the
+// payload. There is no checksum.
 //
-// Source: one published trace of one device; verification level none. What the trace
-// has are the queries and the start below. The frames that carry positions and forces
-// are not public: what their command bytes are, and what is in them.
+// Source: one published trace of one device; verification level none. The trace has the queries and
+// the start sequence below. The frames with positions and forces are not public, neither their
+// command bytes nor their contents.
 //
-// Threads: one. Real-time: no allocation, bounded. Errors: none; what is no frame is
+// Threads: one. Real-time: no allocation, bounded. Errors: none; bytes outside of frames are
 // counted.
 #pragma once
 
@@ -26,52 +26,51 @@ struct OmniUsbCommand {
   std::uint8_t payload_bytes = 0;
 };
 
-// Each has been seen once, in the trace; its meaning is the trace's author's reading.
-// To the device: 32 zero bytes, a zero byte, 60 bytes that are not public, and the 7
-// bytes below.
+// The trace shows each of these once; the meaning is as the trace's author reads it. To the device:
+// 32 zero bytes, one zero byte, 60 bytes that are not public, and the 7 bytes below.
 inline constexpr OmniUsbCommand kOmniUsbFirmwareQuery{0x0f, 32};
 inline constexpr OmniUsbCommand kOmniUsbSerialQuery{0x0c, 1};
 inline constexpr OmniUsbCommand kOmniUsbInit{0x04, 60};
 inline constexpr OmniUsbCommand kOmniUsbServo{0x07, 7};
-// From the device. That the text is printable, and where, is our guess.
+// From the device. Our guess: the text is printable, and where it stands.
 inline constexpr OmniUsbCommand kOmniUsbFirmwareReply{0x0e, 32};
 inline constexpr OmniUsbCommand kOmniUsbSerialReply{0x09, 97};
 
 inline constexpr std::array<std::uint8_t, 7> kOmniUsbServoOn = {0x01, 0, 0, 0x80, 0, 0, 0};
-// Our guess: the first byte is the switch. The trace does not show it.
+// Our guess: the first byte switches the servo. The trace does not show it.
 inline constexpr std::array<std::uint8_t, 7> kOmniUsbServoOff = {0x00, 0, 0, 0x80, 0, 0, 0};
 
-// Bytes of the frame; 0, and nothing is written, where the payload is too long or
-// `out` too short.
+// Returns the number of bytes of the frame. Returns 0, and writes nothing, if the payload is too
+// long or `out` is too short.
 std::size_t EncodeOmniUsbFrame(std::uint8_t command, std::span<const std::uint8_t> payload,
                                std::span<std::uint8_t> out) noexcept;
 
 struct OmniUsbFrame {
   std::uint8_t command = 0;
-  std::span<const std::uint8_t> payload{};  // in the parser: valid until its next call
+  std::span<const std::uint8_t> payload{};  // from the parser: valid until its next call
 };
 
-// Frames out of a stream of bytes that is cut anywhere. What it finds depends on the
-// bytes and not on the cuts.
+// Finds frames in a stream of bytes that is cut anywhere. The result depends on the bytes and not
+// on the cuts.
 //
-// Without a checksum a damaged payload passes, and a damaged length takes the frames
-// after it along, at most 255 bytes. Commands whose length is known bound that: with
-// another length their header is taken for garbage, and the search for the next
-// header starts right behind its first byte; and one with its own header in its
-// payload is two, of which the first was cut off.
+// Without a checksum a damaged payload passes, and a damaged length swallows the following frames,
+// at most 255 bytes. Commands of known length limit the damage:
+// - A header with another length counts as garbage. The search for the next header continues right
+//   behind its first byte.
+// - A frame that has its own header in its payload is two frames, of which the first was cut off.
 class OmniUsbParser {
  public:
-  // From now on the command has this length. Others may have any.
+  // Sets the only valid length of a command. Other commands may have any length.
   void Expect(OmniUsbCommand command) noexcept;
 
-  // The next whole frame, with as many of `bytes` as it takes; they are cut off. None:
-  // all are taken.
+  // Returns the next whole frame. Cuts off the bytes that it takes from `bytes`. Returns none if it
+  // has taken all bytes.
   std::optional<OmniUsbFrame> Next(std::span<const std::uint8_t>& bytes) noexcept;
 
-  // Forgets what is left of a frame; the counts and the known lengths stay.
+  // Drops an unfinished frame. Counts and known lengths stay.
   void Reset() noexcept;
 
-  // Bytes that were in no frame, and unbroken runs of such bytes.
+  // The number of bytes outside of frames, and the number of unbroken runs of such bytes.
   std::uint64_t corrupt_bytes() const { return corrupt_bytes_; }
   std::uint64_t corrupt_runs() const { return corrupt_runs_; }
 
@@ -86,7 +85,7 @@ class OmniUsbParser {
   bool in_run_ = false;
   std::uint64_t corrupt_bytes_ = 0;
   std::uint64_t corrupt_runs_ = 0;
-  // Known length + 1 of each command; 0: any.
+  // The known length + 1 of each command; 0: any length.
   std::array<std::uint16_t, 256> lengths_{};
 };
 

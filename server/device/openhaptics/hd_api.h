@@ -1,15 +1,14 @@
-// The part of the HD library's C interface that is used here: types, numbers and
-// functions. Facts only; the vendor's headers are not in this tree.
+// The part of the HD library's C interface that we use: types, numbers and functions. Only facts;
+// the vendor's headers are not in this tree.
 //
-// Units: mm, N, rad. Position, transform and force are in one frame: x right, y up,
-// z towards the user. The transform is column-major: its columns are the stylus's
-// axes and, last, its position.
+// Units: mm, N, rad. Position, transform and force are in one frame: x right, y up, z towards the
+// user. The transform is column-major: its first columns are the stylus's axes, its last column is
+// the stylus's position.
 //
-// Sources, which agree: OpenHaptics Toolkit 3.5.0, API Reference Guide; the bindings
-// pyOpenHaptics (hd_define.py) and ManagedPhantom (HdAPI.cs). Column order and
-// stiffness in N/mm as CHAI3D's and HAPI's drivers use them. The inkwell switch reads 0
-// while the stylus is in the inkwell: HAPI's driver and two others. Not seen on hardware
-// by us.
+// Sources, which agree: OpenHaptics Toolkit 3.5.0, API Reference Guide; the bindings pyOpenHaptics
+// (hd_define.py) and ManagedPhantom (HdAPI.cs). Column order and stiffness in N/mm: CHAI3D's and
+// HAPI's drivers. The inkwell switch reads 0 while the stylus is in the inkwell: HAPI's driver and
+// two others. We have not checked this on hardware.
 #pragma once
 
 #include <cstdint>
@@ -34,18 +33,18 @@ inline constexpr CallbackCode kCallbackContinue = 1;
 inline constexpr std::uint16_t kMaxSchedulerPriority = 0xffff;
 
 inline constexpr Handle kInvalidHandle = 0xffffffff;
-// After one failed hdInitDevice, some versions return garbage from the next and no
-// error; real handles are small numbers (HAPI's driver, after the vendor's advice).
+// After one failed hdInitDevice, some versions return garbage from the next call and report no
+// error. Real handles are small numbers (HAPI's driver, after the vendor's advice).
 inline constexpr Handle kGreatestHandle = 1024;
 
-inline constexpr Enum kCurrentButtons = 0x2000;         // int, a bit a button
+inline constexpr Enum kCurrentButtons = 0x2000;         // int, one bit per button
 inline constexpr Enum kCurrentInkwellSwitch = 0x2002;   // boolean, 0: in the inkwell
 inline constexpr Enum kCurrentPosition = 0x2050;        // 3 doubles
 inline constexpr Enum kCurrentTransform = 0x2052;       // 16 doubles
 inline constexpr Enum kDeviceModelType = 0x2501;        // string
 inline constexpr Enum kDeviceSerialNumber = 0x2504;     // string
 inline constexpr Enum kDeviceFirmwareVersion = 0x2505;  // double
-inline constexpr Enum kCalibrationStyle = 0x2555;       // int, a bit a style
+inline constexpr Enum kCalibrationStyle = 0x2555;       // int, one bit per style
 inline constexpr Enum kNominalMaxForce = 0x2603;        // double
 inline constexpr Enum kCurrentForce = 0x2700;           // 3 doubles
 
@@ -60,7 +59,7 @@ inline constexpr Enum kStyleAuto = 2;
 inline constexpr Enum kStyleInkwell = 4;
 
 struct Functions {
-  Handle (*init_device)(const char* name) = nullptr;  // null: the default one
+  Handle (*init_device)(const char* name) = nullptr;  // null: the default device
   void (*disable_device)(Handle) = nullptr;
   void (*begin_frame)(Handle) = nullptr;
   void (*end_frame)(Handle) = nullptr;
@@ -71,7 +70,7 @@ struct Functions {
   void (*get_doublev)(Enum, double*) = nullptr;
   void (*set_doublev)(Enum, const double*) = nullptr;
   const char* (*get_string)(Enum) = nullptr;
-  ErrorInfo (*get_error)() = nullptr;  // the newest not yet taken; code 0: none
+  ErrorInfo (*get_error)() = nullptr;  // the newest error not yet taken; code 0: none
   Enum (*check_calibration)() = nullptr;
   void (*update_calibration)(Enum style) = nullptr;
   void (*set_scheduler_rate)(unsigned long hz) = nullptr;  // NOLINT(google-runtime-int)

@@ -13,11 +13,11 @@ namespace {
 
 using std::chrono::milliseconds;
 
-constexpr unsigned long kFramesHz = 1000;  // NOLINT(google-runtime-int): as the library's
+constexpr unsigned long kFramesHz = 1000;  // NOLINT(google-runtime-int): as in the library
 constexpr milliseconds kPoll{20};
-// In which a new connection's first reading comes.
+// The time limit for a new connection's first reading.
 constexpr double kFirstReadingMs = 1000.0;
-// A machine that stood still lets the frames go on before it takes them for silent.
+// After the whole machine stood still, frames get a chance to continue before they count as silent.
 constexpr int kSilentPolls = 2;
 constexpr int kZeroFrames = 2;
 constexpr milliseconds kZeroFramesWait{50};
@@ -63,14 +63,14 @@ void HdControl::Run() {
 }
 
 std::optional<HdControl::Session> HdControl::SetUp() {
-  NewestError();  // what others left
+  NewestError();  // takes errors of earlier calls
   const hd::Handle handle = hd_.init_device(device_name_.empty() ? nullptr : device_name_.c_str());
   const hd::ErrorInfo error = NewestError();
   const bool has_handle = handle != hd::kInvalidHandle && handle <= hd::kGreatestHandle;
   if (error.code != 0 || !has_handle) {
     if (has_handle) hd_.disable_device(handle);
     Fail("cannot set up the device: " +
-         (error.code != 0 ? hd::Describe(error) : "the HD library gave none, and no reason"));
+         (error.code != 0 ? hd::Describe(error) : "the HD library gave no device and no reason"));
     return std::nullopt;
   }
   SetConnection(DeviceConnection::kConnecting);
@@ -149,7 +149,8 @@ void HdControl::BeStreaming(const Session& session) {
   ++connections_;
 }
 
-// Also what was only begun: the library refuses what has no use, and is not asked why.
+// Also ends a set-up that failed half-way. The library may refuse calls that have no effect; its
+// errors are ignored.
 void HdControl::TearDown(const Session& session) {
   servo_.End();
   servo_.BeginToStop();
@@ -164,7 +165,7 @@ void HdControl::TearDown(const Session& session) {
   SetConnection(DeviceConnection::kAbsent);
 }
 
-// Takes all of them.
+// Takes all errors from the library and returns the newest.
 hd::ErrorInfo HdControl::NewestError() {
   const hd::ErrorInfo newest = hd_.get_error();
   for (int i = 0; i < kMostErrors && newest.code != 0; ++i) {
@@ -199,7 +200,7 @@ void HdControl::TakeServoErrors() {
   calibrations_ = calibrations;
 }
 
-// The same problem again and again is told once.
+// A repeated problem is reported once.
 void HdControl::Fail(const std::string& problem) {
   {
     const std::lock_guard lock(mutex_);
@@ -220,7 +221,7 @@ bool HdControl::Wait(milliseconds longest) {
 }
 
 void HdControl::RequestStop() {
-  // At once, should the control thread be waiting for the library.
+  // At once, in case the control thread waits for the library.
   servo_.BeginToStop();
   const std::lock_guard lock(mutex_);
   stop_ = true;

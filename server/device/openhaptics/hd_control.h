@@ -1,9 +1,9 @@
-// The control thread of an OpenHapticsDevice: sets the device up, watches its frames,
-// and lets go of it in good order: zero force, scheduler, callback, device.
+// The control thread of an OpenHapticsDevice. It sets the device up, watches its frames, and
+// releases the device in this order: zero force, scheduler, callback, device.
 //
-// Threads: Run on the control thread, alone with the library's functions outside of
-// frames; the others on any ordinary thread. Real-time: none.
-// Errors: Error where the library is missing.
+// Threads: Run on the control thread, which alone calls the library's functions outside of frames.
+// All other functions on any ordinary thread. Not real-time.
+// Errors: Error if the library is missing.
 #pragma once
 
 #include <chrono>
@@ -25,15 +25,15 @@ class HdControl {
  public:
   static constexpr int kRetryMs = 500;
 
-  // max_force_n: of the device's spec; the library may state a lower one.
+  // max_force_n: the spec's limit. If the library states a lower limit, that limit applies.
   HdControl(const std::string& library_path, std::string device_name, double max_force_n);
 
   HdServo& servo() { return servo_; }
 
-  // Until RequestStop.
+  // Runs until RequestStop.
   void Run();
   void RequestStop();
-  // Whether Run has ended by then.
+  // Waits for the end of Run. Returns false at the timeout.
   bool WaitUntilDone(std::chrono::milliseconds longest);
 
   DeviceHealth health() const;
@@ -52,14 +52,14 @@ class HdControl {
 
   std::optional<Session> SetUp();
   Session Identify(hd::Handle handle);
-  // False: the library refuses; `session` is as TearDown wants it.
+  // Returns false if the library refuses. `session` is then ready for TearDown.
   bool StartFrames(Session& session);
   void Stream(const Session& session);
   void TearDown(const Session& session);
   bool IsLost(int& silent_polls);
   void BeStreaming(const Session& session);
 
-  // What the library says of itself.
+  // Queries to the library.
   hd::ErrorInfo NewestError();
   double GetDouble(hd::Enum name, double otherwise);
   std::string GetText(hd::Enum name);
@@ -67,7 +67,7 @@ class HdControl {
   void TakeServoErrors();
   void Fail(const std::string& problem);
   void SetConnection(DeviceConnection connection);
-  // Whether to stop.
+  // Returns true if the thread is to stop.
   bool Wait(std::chrono::milliseconds longest);
 
   HdLibrary library_;
@@ -76,12 +76,12 @@ class HdControl {
   const std::string device_name_;
   const double max_force_n_;
 
-  // The control thread only.
-  std::map<unsigned int, Clock::time_point> told_;  // by error code
+  // Used by the control thread only.
+  std::map<unsigned int, Clock::time_point> told_;  // when each error code was last reported
   std::string last_error_;
   std::uint64_t calibrations_ = 0;
 
-  mutable std::mutex mutex_;  // of what follows
+  mutable std::mutex mutex_;  // guards the members below
   std::condition_variable wake_;
   bool stop_ = false;
   bool done_ = false;

@@ -1,7 +1,7 @@
-// The HD library's error codes: what each means for the device.
+// The HD library's error codes, and what each code means for the device.
 //
 // Threads: pure functions. Real-time: EffectOf does not allocate.
-// Source: as hd_api.h; what follows from a code is our choice.
+// Source: as hd_api.h. The effect of each code is our choice.
 #pragma once
 
 #include <cstdint>
@@ -11,13 +11,13 @@
 
 namespace palpate::hd {
 
-// In the order of their weight.
+// In ascending order of weight.
 enum class ErrorEffect : std::uint8_t {
   kNone,
-  kWarning,  // to be told
+  kWarning,  // only reported
   kCall,     // one call was refused; the rest of the frame is good
   kForce,    // the library refused the force: no forces for a while
-  kFrame,    // nothing of this frame is good; if it goes on, the device is lost
+  kFrame,    // the frame is invalid; if this continues, the device is lost
   kBroken,   // the device is lost
 };
 

@@ -1,10 +1,9 @@
-// The vendor's HD library, loaded at run time: a build needs neither it nor its
-// headers.
+// Loads the vendor's HD library at run time. A build needs neither the library nor its headers.
 //
-// Threads: constructed on one thread; the functions as the vendor says. Real-time: none.
-// Ownership: the library stays in memory until the process ends, because its threads
-// may outlive a device.
-// Errors: Error (kNotFound) where it or one of its functions is missing.
+// Threads: construct on one thread; the functions as the vendor says. Not real-time.
+// Ownership: the library stays in memory until the process ends, because its threads may outlive a
+// device.
+// Errors: Error (kNotFound) if the library or one of its functions is missing.
 #pragma once
 
 #include <string>
@@ -17,7 +16,7 @@ class HdLibrary {
  public:
   static constexpr const char* kDefaultPath = "libHD.so";
 
-  // path: a file, or a name that the loader searches for.
+  // path: a file, or a name for which the loader searches.
   explicit HdLibrary(const std::string& path);
 
   const hd::Functions& functions() const { return functions_; }

@@ -12,11 +12,11 @@ namespace palpate {
 namespace {
 
 constexpr std::int64_t kNsPerMs = 1'000'000;
-// A stack of errors ends; a library that does not say so must not hold the thread.
+// A faulty library might return errors without end. It must not hold up the thread.
 constexpr int kMostErrorsAFrame = 8;
-// Between two requests to the library to calibrate: it may write to the device.
+// The least time between two requests to calibrate, because a request may write to the device.
 constexpr int kCalibrationFrames = 100;
-// What rounding may leave of a rotation's columns; anything else is no rotation.
+// Rounding may leave this much of a rotation's columns. Beyond it the matrix is no rotation.
 constexpr double kRotationTolerance = 0.05;
 
 std::int64_t NowNs() noexcept {
@@ -93,9 +93,9 @@ void HdServo::RunFrame() noexcept {
   has_reading_.store(true, std::memory_order_release);
 }
 
-// Outside of the frame, as the open drivers do. The library says when it can calibrate
-// by itself, such as in the inkwell. Only the operator knows whether the arm is held in
-// the pose that an encoder reset takes for its own.
+// Called outside of the frame, as the open drivers do. The library says when it can calibrate by
+// itself, for example in the inkwell. An encoder reset needs the operator: only the operator knows
+// whether the arm is held in the reset pose.
 void HdServo::Calibrate() noexcept {
   const hd::Enum style = connection_.calibration_style;
   if (style == 0) {
@@ -112,7 +112,7 @@ void HdServo::Calibrate() noexcept {
   frames_to_calibration_ = kCalibrationFrames;
   calibration_requested_.store(false, std::memory_order_relaxed);
   hd_.update_calibration(style);
-  // The position may jump: this frame's has no meaning.
+  // The position may jump, so this frame's position has no meaning.
   calibrated_.store(false, std::memory_order_relaxed);
   Count(counts_.calibrations);
 }
@@ -121,7 +121,7 @@ bool HdServo::TakeReading(Reading& reading) noexcept {
   int buttons = 0;
   hd_.get_integerv(hd::kCurrentButtons, &buttons);
   reading.buttons = static_cast<std::uint32_t>(buttons);
-  // A device without an inkwell may answer anything.
+  // A device without an inkwell may return anything.
   if (connection_.calibration_style == hd::kStyleInkwell) {
     hd::Boolean is_out = 1;
     hd_.get_booleanv(hd::kCurrentInkwellSwitch, &is_out);
@@ -129,7 +129,7 @@ bool HdServo::TakeReading(Reading& reading) noexcept {
   }
   reading.calibrated = calibrated();
 
-  // What a library that fails leaves untouched must not pass for a reading.
+  // If the library fails, it may leave the values untouched. NaN then marks them as no reading.
   constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
   reading.p_DHip_mm.fill(kNan);
   hd_.get_doublev(hd::kCurrentPosition, reading.p_DHip_mm.data());
@@ -161,7 +161,7 @@ std::optional<Vec3> HdServo::NextForce(std::int64_t now_ns) noexcept {
   return Limited(force_D_n, connection_.max_force_n);
 }
 
-// What the library says to it is taken with the frame's errors.
+// Errors of these calls are taken together with the frame's errors.
 void HdServo::SetMotors(bool on) noexcept {
   if (on == motors_on_) return;
   motors_on_ = on;

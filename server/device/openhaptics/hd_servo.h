@@ -1,17 +1,17 @@
-// What happens in the HD library's own 1 kHz thread, and its exchange with the servo:
-// one frame a callback, which takes a reading and puts the newest force on the hand.
+// The code that runs in the HD library's own 1 kHz thread, and its exchange with the servo. Each
+// callback runs one frame, which takes a reading and puts the newest force on the hand.
 //
-// Once the servo has not written for kServoSilentMs, zero force goes out in its place,
-// and Read is kStale, until it writes zero force. The motors are enabled while there may
-// be force, and not before.
-// A force error of the library puts zero on the hand for kForceErrorMs. kLostFrames
-// frames without a reading in a row, or one broken one, and the device is lost: zero
-// goes out until the control thread lets go of it.
+// If the servo does not write for kServoSilentMs, the frames write zero force and Read returns
+// kStale. This lasts until the servo writes zero force. The motors are enabled only while there may
+// be force.
+// After a force error of the library, the force is zero for kForceErrorMs. The device counts as
+// lost after kLostFrames frames in a row without a reading, or after one broken frame. The force is
+// then zero until the control thread releases the device.
 //
-// Frame: D (mm, N). Threads: Frame on the library's thread; Read and Write on the
-// servo; the others on the control thread, Begin only while nothing is scheduled.
-// Real-time: Read and Write are wait-free; Frame neither allocates, locks nor throws
-// apart from what the library does.
+// Frame: D (mm, N). Threads: Frame on the library's thread; Read and Write on the servo thread; the
+// others on the control thread, Begin only while nothing is scheduled.
+// Real-time: Read and Write are wait-free. Frame does not allocate, lock or throw, except inside
+// the library.
 #pragma once
 
 #include <array>
@@ -26,11 +26,11 @@
 
 namespace palpate {
 
-// One that was set up.
+// A connection that is set up.
 struct HdConnection {
   hd::Handle handle = hd::kInvalidHandle;
   double max_force_n = 0.0;
-  hd::Enum calibration_style = 0;  // 0: needs none
+  hd::Enum calibration_style = 0;  // 0: the device needs no calibration
 };
 
 struct HdCounts {
@@ -50,30 +50,30 @@ class HdServo {
   static constexpr int kForceErrorMs = 500;
   static constexpr int kLostFrames = 10;
 
-  // functions: outlive this.
+  // functions: must outlive this object.
   explicit HdServo(const hd::Functions& functions) : hd_(functions) {}
 
-  // A connection begins; readings come from now on.
+  // Starts a connection. Readings come from now on.
   void Begin(const HdConnection& connection) noexcept;
-  // The connection is over: Read is kFault.
+  // Ends the connection. Read then returns kFault.
   void End() noexcept { streaming_.store(false, std::memory_order_release); }
-  // To be scheduled with this object as user data.
+  // The callback for the library's scheduler, with this object as user data.
   static hd::CallbackCode Frame(void* self) noexcept;
 
   DeviceStatus Read(DeviceState& state) noexcept;
   void Write(const Vec3& force_D_n, bool motors_on) noexcept;
 
-  // Zero force from now on, until Begin.
+  // Makes the force zero until Begin.
   void BeginToStop() noexcept { stopping_.store(true, std::memory_order_release); }
-  // Frames that ended with zero force since BeginToStop.
+  // The number of frames with zero force since BeginToStop.
   std::uint64_t zero_frames() const { return zero_frames_.load(std::memory_order_acquire); }
   bool lost() const { return lost_.load(std::memory_order_acquire); }
-  // Since the last frame began or, before the first, since Begin.
+  // The time since the last frame began; before the first frame, the time since Begin.
   double silent_ms() const noexcept;
   bool has_reading() const { return has_reading_.load(std::memory_order_acquire); }
 
   void RequestCalibration() noexcept { calibration_requested_.store(true); }
-  // Errors of the frames, oldest first; those that find no room are dropped.
+  // Takes the oldest error of the frames. Errors beyond the ring's capacity are dropped.
   bool TryPopError(hd::ErrorInfo& error) noexcept { return errors_.TryPop(error); }
 
   const HdCounts& counts() const { return counts_; }
@@ -81,28 +81,28 @@ class HdServo {
   bool calibrated() const { return calibrated_.load(std::memory_order_relaxed); }
 
  private:
-  // Plain numbers, which copy without a throw, as Eigen's types do not promise.
+  // Plain numbers: their copies do not throw. Eigen's types do not promise that.
   struct Reading {
     std::array<double, 3> p_DHip_mm{};
     std::array<double, 4> R_DS_xyzw{};
     std::uint32_t buttons = 0;
     bool docked = false;
     bool calibrated = false;
-    std::int64_t at_ns = 0;  // 0: there was none
+    std::int64_t at_ns = 0;  // 0: no reading yet
   };
   struct Command {
     std::array<double, 3> force_D_n{};
     bool motors_on = false;
-    std::int64_t at_ns = 0;  // 0: there was none
+    std::int64_t at_ns = 0;  // 0: no command yet
   };
 
   void RunFrame() noexcept;
   void Calibrate() noexcept;
   bool TakeReading(Reading& reading) noexcept;
-  // None: the motors are to be off.
+  // None: the motors must be off.
   std::optional<Vec3> NextForce(std::int64_t now_ns) noexcept;
   void SetMotors(bool on) noexcept;
-  // Returns whether the frame's reading is good.
+  // Returns true if the frame's reading is good.
   bool TakeErrors(std::int64_t now_ns) noexcept;
 
   hd::Functions hd_;
@@ -112,7 +112,7 @@ class HdServo {
   SpscRing<hd::ErrorInfo, 64> errors_;
   HdCounts counts_;
 
-  // The library's thread only, while frames come.
+  // Used by the library's thread only, while frames come.
   bool motors_on_ = false;
   int bad_frames_ = 0;             // in a row
   int frames_to_calibration_ = 0;  // until the library may be asked again

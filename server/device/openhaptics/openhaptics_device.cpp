@@ -10,9 +10,8 @@
 namespace palpate {
 namespace {
 
-// Datasheet of the Touch (formerly Phantom Omni). The stiffness is what its library
-// states for it, as a public test program printed it. Origin in the middle of the
-// workspace, as the library has it.
+// Datasheet of the Touch (formerly Phantom Omni). The stiffness is the library's own value, as a
+// public test program printed it. The origin is in the middle of the workspace, as in the library.
 DeviceSpec TouchSpec() {
   DeviceSpec spec;
   spec.kind = "openhaptics";
@@ -57,8 +56,8 @@ void OpenHapticsDevice::Stop() noexcept {
     return;
   }
   control_->hd.AddEvent(DeviceEvent::Level::kError,
-                        "the HD library does not let go of the device: it is left to itself, "
-                        "with zero force; plug the device out and in before its next use");
+                        "the HD library does not release the device; the force on it is "
+                        "zero. Unplug the device and plug it in again before its next use");
   control_->hd.servo().End();
   control_->thread.detach();
 }

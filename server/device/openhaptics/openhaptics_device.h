@@ -1,18 +1,17 @@
-// A HapticDevice over the vendor's OpenHaptics (its HD library and device driver), such
-// as a Phantom Omni or a Touch on a workstation where they are installed.
+// A HapticDevice over the vendor's OpenHaptics (its HD library and device driver), for example a
+// Phantom Omni or a Touch on a workstation with OpenHaptics.
 //
-// The library runs frames on its own 1 kHz thread (hd_servo.h). A control thread sets
-// the device up, watches it, and lets go of it; one that is not there, is lost or
-// silent is looked for again every HdControl::kRetryMs.
+// The library runs frames on its own 1 kHz thread (hd_servo.h). A control thread sets the device
+// up, watches it and releases it. If the device is missing, lost or silent, the control thread
+// looks for it again every HdControl::kRetryMs.
 //
 // Frame D is the library's: mm, x right, y up, z towards the user.
-// Threads: as HapticDevice; of the library's functions, those of a frame are on its
-// own thread, all others on the control thread.
+// Threads: as HapticDevice. Of the library's functions, those of a frame run on the library's
+// thread, all others on the control thread.
 // Real-time: Read and Write are wait-free.
-// Ownership: one such device a process, for the library has one scheduler.
-// Errors: Start throws Error where the library is missing. A device that is not there
-// is no error.
-// Verification level: none; not seen with hardware.
+// Ownership: one such device per process, because the library has one scheduler.
+// Errors: Start throws Error if the library is missing. A missing device is no error.
+// Verification level: none; we have not seen it work with hardware.
 #pragma once
 
 #include <memory>
@@ -30,14 +29,15 @@ struct OpenHapticsOptions {
 
 class OpenHapticsDevice final : public HapticDevice {
  public:
-  // Stop waits no longer for the library. What hangs is left to itself, with zero force.
+  // The longest that Stop waits for the library. A library that hangs is left alone, with zero
+  // force.
   static constexpr int kStopMs = 2000;
 
   explicit OpenHapticsDevice(OpenHapticsOptions options);
   ~OpenHapticsDevice() override;
 
-  // The datasheet's numbers of the Touch. Where the library states a lower greatest
-  // force, that is kept to.
+  // The datasheet's values of the Touch. If the library states a lower maximum force, that one
+  // applies.
   const DeviceSpec& spec() const override { return spec_; }
   void Start() override;
   void Stop() noexcept override;
@@ -46,17 +46,18 @@ class OpenHapticsDevice final : public HapticDevice {
   void SetMotors(bool on) noexcept override { motors_on_ = on; }
   DeviceHealth health() const override;
   std::optional<DeviceEvent> NextEvent() override;
-  // In the inkwell, when the stylus is there next; other devices at once, where they
-  // are. Throws Error (kInvalidArgument) for a device that needs none.
+  // With an inkwell, calibrates when the stylus is next in the inkwell; without one, calibrates at
+  // once at the present position. Throws Error (kInvalidArgument) if the device needs no
+  // calibration.
   void Calibrate() override;
 
  private:
   struct Control;
 
   OpenHapticsOptions options_;
-  bool motors_on_ = false;  // the servo's
+  bool motors_on_ = false;  // the servo thread's
   DeviceSpec spec_;
-  // Shared with the control thread, which may outlive this where the library hangs.
+  // Shared with the control thread, which outlives this object if the library hangs.
   std::shared_ptr<Control> control_;
 };
 

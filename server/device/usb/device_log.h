@@ -1,9 +1,9 @@
-// What a device has to say to people: its problem of the moment, who it says it is, and
-// lines for the log, one per change.
+// Holds a device's reports for people: its present problem, its identity, and lines for the log,
+// one per change.
 //
-// The log is short: where nobody reads it, the oldest lines are lost.
+// The log is short. If it is not read, the oldest lines are lost.
 //
-// Threads: any; a lock that the servo never takes. Real-time: none.
+// Threads: any, with a lock that the servo never takes. Not real-time.
 #pragma once
 
 #include <cstddef>
@@ -20,16 +20,16 @@ class DeviceLog {
  public:
   static constexpr std::size_t kMaxEvents = 64;
 
-  // name: what every line begins with.
+  // name: the start of every line.
   explicit DeviceLog(std::string name);
 
-  // What is wrong now and what to do; a line, unless it was wrong before. "": nothing.
+  // Sets the present problem and what to do; "": none. Adds a log line if the problem is new.
   void SetProblem(const std::string& problem);
   void SetConnected(const std::string& port, const std::string& identity);
   void Add(DeviceEvent::Level level, const std::string& text);
 
   std::optional<DeviceEvent> Next();
-  // Its identity and problem.
+  // Fills in the identity and the problem.
   void FillIn(DeviceHealth& health) const;
 
  private:

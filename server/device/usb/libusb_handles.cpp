@@ -12,7 +12,7 @@ namespace {
 
 constexpr char kUsbFolder[] = "/dev/bus/usb";
 
-// The name that the kernel gives it in /sys/bus/usb/devices.
+// The kernel's name of the device in /sys/bus/usb/devices.
 std::string PortOf(libusb_device* device) {
   std::array<std::uint8_t, 7> ports{};  // USB allows no deeper tree
   const int depth = libusb_get_port_numbers(device, ports.data(), static_cast<int>(ports.size()));

@@ -1,5 +1,5 @@
-// libusb's objects with owners, its devices by port name, and its errors as ours.
-// Private to this folder: nobody else sees libusb.
+// Owners for libusb's objects, a list of its devices by port name, and its errors as UsbErrors.
+// Private to this folder: code outside of it does not see libusb.
 //
 // Threads: as UsbLink.
 #pragma once
@@ -24,7 +24,7 @@ struct LibusbDeleter {
 template <class T>
 using LibusbPtr = std::unique_ptr<T, LibusbDeleter>;
 
-// Throws kAbsent on a system without any USB.
+// Throws kAbsent on a system without USB.
 LibusbPtr<libusb_context> OpenLibusb();
 
 struct PluggedDevice {
@@ -32,11 +32,11 @@ struct PluggedDevice {
   UsbFound found{};
 };
 
-// Of all devices on the buses those with one of the ids, in order of their ports.
+// Returns the devices on all buses with one of the ids, in order of their ports.
 std::vector<PluggedDevice> PluggedDevices(libusb_context* context,
                                           const std::vector<UsbMatch::Ids>& ids);
 
-// As one to throw; `what` was being done, such as "opening it".
+// Returns an error to throw. `what`: the failed action, for example "opening it".
 UsbError ErrorOf(int libusb_error, const std::string& what);
 
 }  // namespace palpate

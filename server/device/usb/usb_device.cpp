@@ -26,14 +26,14 @@ using std::chrono::milliseconds;
 
 constexpr std::int64_t kNsPerMs = 1'000'000;
 constexpr microseconds kLongestWait{1000};
-// Readings come about every ms: this much later none came.
+// Readings come about every ms. If none comes for this long, a frame is sent anyway.
 constexpr std::int64_t kMissingReadingNs = kNsPerMs * 3 / 2;
-// After which a question that was not answered is asked again.
+// After this time, a question without an answer is asked again.
 constexpr std::int64_t kAskAgainNs = 10 * kNsPerMs;
 constexpr std::int64_t kCorruptReportNs = 1000 * kNsPerMs;
 constexpr milliseconds kLastForceTime{50};
 
-// Eigen does not say that copying a few numbers throws nothing.
+// Eigen does not declare that copying a few numbers throws nothing.
 struct TimedReading {
   TimedReading& operator=(const TimedReading&) noexcept = default;
   DeviceState state{};
@@ -44,10 +44,10 @@ struct TimedForce {
   TimedForce& operator=(const TimedForce&) noexcept = default;
   Vec3 force_D_n = Vec3::Zero();
   bool motors_on = false;
-  std::int64_t time_ns = 0;  // 0: the servo has not begun
+  std::int64_t time_ns = 0;  // 0: the servo has not started
 };
 
-// Written by the I/O thread, read by whoever asks.
+// Written by the I/O thread, read by any thread.
 struct Counters {
   std::atomic<bool> docked{false};
   std::atomic<bool> calibrated{false};
@@ -83,16 +83,16 @@ struct UsbDevice::Impl {
   const std::unique_ptr<UsbProtocol> protocol;
   const int priority;
 
-  // Between the servo and the I/O thread.
+  // Exchanged between the servo and the I/O thread.
   LatestValue<TimedReading> readings;
   LatestValue<TimedForce> forces;
   std::atomic<DeviceConnection> connection{DeviceConnection::kAbsent};
   std::atomic<bool> watchdog_holds{false};
 
-  bool motors_on = false;  // the servo's own
+  bool motors_on = false;  // the servo thread's
 
-  // For everybody else. While it streams, the I/O thread only counts: what is to be said of it
-  // is said by who asks for events.
+  // For all other threads. While the device streams, the I/O thread only counts. The caller of
+  // NextEvent makes log lines from the counts.
   DeviceLog log;
   Counters counters;
   std::mutex report_mutex;  // guards the next two
@@ -104,14 +104,14 @@ struct UsbDevice::Impl {
   std::condition_variable stopped;
   std::atomic<bool> stop{false};
 
-  // The I/O thread's own.
+  // Used by the I/O thread only.
   TimedReading reading;
-  bool has_reading = false;    // of this connection
-  bool is_unsuitable = false;  // the device that was found
+  bool has_reading = false;    // in this connection
+  bool is_unsuitable = false;  // the device that was found cannot be used
   bool wants_to_send = false;  // the last frame was still under way
   std::int64_t last_reading_ns = 0;
   std::int64_t last_send_ns = 0;
-  std::uint64_t transfer_errors = 0;  // of connections before
+  std::uint64_t transfer_errors = 0;  // of earlier connections
   std::array<std::uint8_t, UsbProtocol::kMaxFrameBytes> frame{};
 };
 
@@ -138,7 +138,7 @@ void UsbDevice::Impl::SetUpThread() {
   pthread_setname_np(pthread_self(), "palpate-usb");
 }
 
-// From looking for the device to letting go of it.
+// Looks for the device, sets it up, streams, and releases it.
 void UsbDevice::Impl::Connect() {
   bool was_open = false;
   try {
@@ -169,12 +169,12 @@ void UsbDevice::Impl::Stream(UsbLink& link, const std::string& identity) {
   has_reading = false;
   wants_to_send = false;
   reading = {};
-  last_send_ns = 0;  // so that a device which answers is asked at once
+  last_send_ns = 0;  // asks a request-response device at once
   last_reading_ns = MonotonicNowNs();
   while (!stop) {
     link.Wait(kLongestWait);
     const std::int64_t now_ns = MonotonicNowNs();
-    // Once, with its lock and its strings: forces are off until it has.
+    // Runs once, because it takes a lock and makes strings. Forces are off before it.
     if (has_reading && connection != DeviceConnection::kStreaming) {
       BeginStreaming(link, identity);
     }
@@ -186,7 +186,7 @@ void UsbDevice::Impl::Stream(UsbLink& link, const std::string& identity) {
   }
 }
 
-// Within Wait: every reading is answered at once with the newest force.
+// Called during Wait. Answers every reading at once with the newest force.
 void UsbDevice::Impl::TakeBytes(UsbLink& link, std::span<const std::uint8_t> bytes) {
   const UsbReceived received = protocol->Receive(bytes, reading.state);
   counters.readings += received.readings;
@@ -244,13 +244,13 @@ void UsbDevice::Impl::ReportCorruptFrames(std::int64_t now_ns) {
   corrupt_report_ns = now_ns;
 }
 
-// Zero force, motors off.
+// The frame with zero force and motors off.
 std::span<const std::uint8_t> UsbDevice::Impl::SafeFrame() noexcept {
   return {frame.data(), protocol->Encode(Vec3::Zero(), false, frame)};
 }
 
-// Attempted even where the device seems to be gone: motors that keep their last force
-// are worse than a failed transfer.
+// Attempted even if the device seems to be gone: motors that keep their last force are worse than a
+// failed transfer.
 void UsbDevice::Impl::LetGo(UsbLink& link, bool had_stream) noexcept {
   connection = DeviceConnection::kConnecting;
   try {
@@ -260,7 +260,7 @@ void UsbDevice::Impl::LetGo(UsbLink& link, bool had_stream) noexcept {
       ++counters.forces_written;
     }
   } catch (const UsbError&) {
-    // There is nobody left to tell.
+    // Nobody is left to get the error.
   }
   protocol->TearDown(link);
   transfer_errors += link.transfer_errors();
@@ -273,7 +273,7 @@ void UsbDevice::Impl::Explain(const UsbError& error, bool was_open) {
   if (!was_open) {
     DeviceHealth known;
     log.FillIn(known);
-    // That it is not found is no news then.
+    // After an unplugging, "not found" is no news.
     if (error.fault() == UsbFault::kAbsent && known.problem == kUnplugged) return;
     log.SetProblem(error.what());
   } else if (error.fault() == UsbFault::kAbsent) {

@@ -1,5 +1,5 @@
-// A HapticDevice on USB: an I/O thread that looks for the device, sets it up, exchanges
-// newest values between its bus and the servo, and lets go of it in good order.
+// A HapticDevice on USB. Its I/O thread looks for the device, sets it up, exchanges the newest
+// values between bus and servo, and releases the device in order.
 //
 //            found            set up                 unplugged, silent, broken
 //   absent --------> connecting --------> streaming --------------------------> absent
@@ -8,15 +8,15 @@
 //                                             v
 //                                            end
 //
-// Read is kStale when the newest reading is older than kStaleAfterMs and kFault when the
-// device does not stream. Once the servo has not written for kServoSilentMs, zero force
-// is written in its place, and Read is kStale, until it writes zero force. A device that has been
-// silent for kSilentMs is given up, and looked for again every kRetryMs; one that turned out not to
-// be what is driven, every kUnsuitableRetryMs.
+// Read returns kStale if the newest reading is older than kStaleAfterMs, and kFault if the device
+// does not stream. If the servo does not write for kServoSilentMs, the I/O thread writes zero force
+// and Read returns kStale. This lasts until the servo writes zero force. A device that is silent
+// for kSilentMs counts as lost. The I/O thread looks for a device every kRetryMs, or every
+// kUnsuitableRetryMs if the device it found cannot be used.
 //
-// Threads: as HapticDevice; all of libusb is on the I/O thread.
-// Real-time: Read and Write are wait-free. The I/O thread asks for SCHED_FIFO, one
-// below the servo.
+// Threads: as HapticDevice. Only the I/O thread calls libusb.
+// Real-time: Read and Write are wait-free. The I/O thread asks for SCHED_FIFO, one priority below
+// the servo.
 #pragma once
 
 #include <memory>
@@ -34,7 +34,7 @@ class UsbDevice final : public HapticDevice {
   static constexpr int kRetryMs = 500;
   static constexpr int kUnsuitableRetryMs = 5000;
 
-  // realtime_priority: of the I/O thread, 1 to 99; 0: ordinary scheduling.
+  // realtime_priority: the I/O thread's, 1 to 99; 0: ordinary scheduling.
   UsbDevice(std::unique_ptr<UsbProtocol> protocol, int realtime_priority);
   ~UsbDevice() override;
 

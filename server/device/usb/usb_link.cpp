@@ -35,7 +35,7 @@ LibusbPtr<libusb_device> Choose(libusb_context* context, const UsbMatch& match, 
   return std::move(plugged.front().device);
 }
 
-// libusb takes 0 as for ever.
+// libusb takes 0 as no limit.
 unsigned TimeoutMs(milliseconds timeout) {
   return static_cast<unsigned>(std::max<milliseconds::rep>(timeout.count(), 1));
 }
@@ -64,21 +64,22 @@ struct UsbLink::Impl {
   void ClaimInterface(int number);
   void Release() noexcept;
   void FindEndpoints(const libusb_config_descriptor& configuration, std::uint8_t data_class);
-  // Bytes that went, through one of the data endpoints.
+  // Returns the number of bytes transferred through the data endpoint.
   std::size_t Transfer(const UsbEndpoint& endpoint, std::uint8_t* data, std::size_t size,
                        milliseconds timeout, const char* what);
   UsbStream& Stream();
 
-  // In this order: the stream's transfers are the kernel's until the handle is closed.
+  // Declared in this order because the stream's transfers belong to the kernel until the handle is
+  // closed.
   LibusbPtr<libusb_context> context;
   std::unique_ptr<UsbStream> stream;
   LibusbPtr<libusb_device_handle> handle;
   UsbFound found;
   std::vector<int> claimed;   // interfaces
-  std::vector<int> detached;  // interfaces whose kernel drivers get them back
+  std::vector<int> detached;  // interfaces whose kernel drivers are to be attached again
   UsbEndpoint in;
   UsbEndpoint out;
-  std::uint64_t earlier_errors = 0;  // of streams before
+  std::uint64_t earlier_errors = 0;  // of earlier streams
 };
 
 UsbLink::Impl::Impl(const UsbMatch& match) : context(OpenLibusb()) {
@@ -128,7 +129,7 @@ void UsbLink::Impl::ClaimInterface(int number) {
       "claiming interface " + std::to_string(number) + " on USB port " + found.port;
   if (libusb_kernel_driver_active(handle.get(), number) == 1) {
     const int error = libusb_detach_kernel_driver(handle.get(), number);
-    // A driver of two interfaces leaves both.
+    // A driver of two interfaces leaves both at once.
     if (error != LIBUSB_SUCCESS && error != LIBUSB_ERROR_NOT_FOUND) throw ErrorOf(error, what);
     detached.push_back(number);
   }
@@ -137,8 +138,8 @@ void UsbLink::Impl::ClaimInterface(int number) {
   claimed.push_back(number);
 }
 
-// All are released before the first driver gets its own back: one of two interfaces
-// (CDC-ACM) wants both to be free.
+// Releases all interfaces before it attaches the first driver: a driver of two interfaces (CDC-ACM)
+// needs both to be free.
 void UsbLink::Impl::Release() noexcept {
   for (const int number : claimed) libusb_release_interface(handle.get(), number);
   for (const int number : detached) libusb_attach_kernel_driver(handle.get(), number);
@@ -182,7 +183,7 @@ std::size_t UsbLink::Impl::Transfer(const UsbEndpoint& endpoint, std::uint8_t* d
   const int error = transfer(handle.get(), endpoint.address, data, static_cast<int>(size), &went,
                              TimeoutMs(timeout));
   if (error == LIBUSB_ERROR_PIPE) libusb_clear_halt(handle.get(), endpoint.address);
-  // What came before the time was up has come.
+  // A timeout after some bytes is no error: the bytes have arrived.
   if (error != LIBUSB_SUCCESS && (error != LIBUSB_ERROR_TIMEOUT || went == 0)) {
     throw ErrorOf(error, what);
   }
@@ -211,7 +212,7 @@ std::size_t UsbLink::Control(std::uint8_t request_type, std::uint8_t request, st
 }
 
 void UsbLink::Send(std::span<const std::uint8_t> bytes, milliseconds timeout) {
-  // libusb does not change what it sends.
+  // libusb does not change the bytes that it sends.
   const std::size_t went = impl_->Transfer(impl_->out, const_cast<std::uint8_t*>(bytes.data()),
                                            bytes.size(), timeout, "sending to the device");
   if (went < bytes.size()) throw ErrorOf(LIBUSB_ERROR_TIMEOUT, "sending to the device");

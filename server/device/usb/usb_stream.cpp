@@ -14,10 +14,10 @@ using std::chrono::microseconds;
 using std::chrono::milliseconds;
 using std::chrono::steady_clock;
 
-// For the kernel to give back what was cancelled; it takes well under one.
+// The time for the kernel to give back cancelled transfers. It needs well under 1 ms.
 constexpr milliseconds kBringBackTime{100};
 
-// A device that sends more than was asked for fails the transfer; whole packets fit.
+// If a device sends more bytes than were asked for, the transfer fails. Whole packets always fit.
 std::size_t WholePackets(std::size_t bytes, int packet_bytes) {
   const std::size_t packet = static_cast<std::size_t>(std::max(packet_bytes, 1));
   return (bytes + packet - 1) / packet * packet;
@@ -54,7 +54,8 @@ void UsbStream::Prepare(Transfer& transfer, const UsbEndpoint& endpoint, std::si
 void UsbStream::Start() { SubmitIdle(); }
 
 void UsbStream::Wait(microseconds longest) {
-  // What failed is tried again a Wait later: a failing bus must not make this spin.
+  // A failed transfer is tried again one Wait later, so that a failing bus does not make this loop
+  // spin.
   const bool has_idle = HasIdle();
   if (!failure_) HandleEvents(longest);
   if (in_.stalled) Mend(in_);
@@ -90,7 +91,7 @@ void UsbStream::OnIn(libusb_transfer* transfer) {
   if (transfer->actual_length > 0) {
     stream.receive_({transfer->buffer, static_cast<std::size_t>(transfer->actual_length)});
   }
-  // A stalled endpoint is mended first, in Wait: nothing may be under way then.
+  // Wait clears a stalled endpoint first. No transfer may be under way then.
   if (!stream.failure_ && !stream.in_.stalled) stream.Submit(in, stream.in_);
 }
 
@@ -168,7 +169,7 @@ void UsbStream::Mend(Direction& direction) {
   SubmitIdle();
 }
 
-// Attempted whatever has failed: it goes out while other transfers are brought back.
+// Attempted after any failure. The frame goes out while other transfers are brought back.
 void UsbStream::SendSafeFrame() noexcept {
   if (safe_frame_.empty() || out_.stalled || out_transfer_.under_way) return;
   std::copy(safe_frame_.begin(), safe_frame_.end(), out_transfer_.buffer.begin());
@@ -202,7 +203,7 @@ bool UsbStream::BringBack(std::span<Transfer> transfers) noexcept {
     return std::none_of(transfers.begin(), transfers.end(),
                         [](const Transfer& transfer) { return transfer.under_way; });
   };
-  const bool was_ending = std::exchange(ending_, true);  // nothing is submitted anew
+  const bool was_ending = std::exchange(ending_, true);  // no transfer is submitted again
   for (Transfer& transfer : transfers) {
     if (transfer.under_way) libusb_cancel_transfer(transfer.transfer.get());
   }

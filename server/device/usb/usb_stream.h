@@ -1,12 +1,13 @@
-// The asynchronous transfers of a UsbLink: several IN always under way, one OUT at most.
+// The asynchronous transfers of a UsbLink: several IN transfers are always under way, and at most
+// one OUT transfer.
 //
-// An endpoint that stalls is cleared, and the transfers go on; at the third stall in a
-// row without a good transfer in that direction the stream ends.
+// A stalled endpoint is cleared and the transfers continue. The stream ends at the third stall in a
+// row without a good transfer in that direction.
 //
-// Threads: as UsbLink. Ownership: borrows the context and the handle. Transfers that
-// were not brought back by End stay the kernel's until the handle is closed: close it
-// before this dies.
-// Errors: UsbError, out of Wait only.
+// Threads: as UsbLink. Ownership: borrows the context and the handle. Transfers that End could not
+// bring back belong to the kernel until the handle is closed: close the handle before this object
+// is destroyed.
+// Errors: UsbError, thrown by Wait only.
 #pragma once
 
 #include <libusb.h>
@@ -32,13 +33,13 @@ struct UsbEndpoint {
 
 class UsbStream {
  public:
-  // So many that a frame per ms finds one waiting, though this thread be late by three.
+  // Enough for one frame per ms, even if this thread is late by 3 ms.
   static constexpr std::size_t kInTransfers = 4;
   static constexpr std::size_t kMaxOutBytes = 512;
   static constexpr int kMaxStalls = 3;
-  // Other failures for so long, without a good transfer in that direction, end it too.
+  // Other failures end the stream after this time without a good transfer in that direction.
   static constexpr std::chrono::milliseconds kErrorTime{50};
-  // A device that takes no force for so long keeps an old one: the stream ends.
+  // If a device takes no force for this long, it keeps an old one, so the stream ends.
   static constexpr std::chrono::milliseconds kOutTimeout{100};
 
   UsbStream(libusb_context* context, libusb_device_handle* handle, const UsbEndpoint& in,
@@ -51,7 +52,8 @@ class UsbStream {
   // As in UsbLink.
   void Wait(std::chrono::microseconds longest);
   bool TrySend(std::span<const std::uint8_t> bytes);
-  // Cancels, and waits for all to come back, for a bounded time. False: not all did.
+  // Cancels all transfers and waits for a bounded time until they come back. Returns false if some
+  // did not.
   bool End() noexcept;
   std::uint64_t transfer_errors() const { return transfer_errors_; }
 
@@ -74,7 +76,7 @@ class UsbStream {
   void Prepare(Transfer& transfer, const UsbEndpoint& endpoint, std::size_t bytes,
                libusb_transfer_cb_fn done, unsigned timeout_ms);
   void Submit(Transfer& transfer, Direction& direction);
-  // Takes note of how a transfer ended; whether it was a good one.
+  // Notes how a transfer ended. Returns true for a good transfer.
   bool Judge(libusb_transfer_status status, Direction& direction);
   void CountError(Direction& direction);
   void Mend(Direction& direction);
