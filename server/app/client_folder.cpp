@@ -14,7 +14,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// Empty where there is no such file.
+// Returns "" if there is no such file.
 std::string TextOf(const fs::path& path) {
   std::error_code error;
   std::ifstream file(path, std::ios::binary);
@@ -32,8 +32,8 @@ std::string Certificate(const fs::path& path) {
       text.find("PRIVATE KEY-----") != text.npos) {
     throw Error(ErrorKind::kInvalidArgument,
                 path.string() +
-                    " holds no certificate in PEM, or a private key too: name the "
-                    "certificate that clients are to trust");
+                    " must hold a certificate in PEM and no private key: name the "
+                    "certificate that clients must trust");
   }
   return text;
 }

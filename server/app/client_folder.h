@@ -1,5 +1,5 @@
-// What a client needs to reach this daemon, in a folder to hand over: a profile, the token, and
-// the certificate authority.
+// Writes a folder with all that a client needs to reach this daemon: a profile, the token, and the
+// certificate authority. The administrator hands the folder over.
 //
 // Threads: main. Errors: Error.
 #pragma once
@@ -10,16 +10,16 @@
 namespace palpate {
 
 struct ClientFolder {
-  std::filesystem::path folder{};   // made where it is missing
+  std::filesystem::path folder{};   // created if missing
   std::string server{};             // HOST:PORT, as clients reach it
   std::filesystem::path ca_file{};  // copied
   std::string profile{};            // empty: the host's name up to its first dot
 };
 
-// Writes clients.toml (or adds to the one that is there), PROFILE.token of mode 0600 and
-// PROFILE-ca.pem. Returns the profile's name. The files are those of client/sdk/server_choice.h.
-// Errors: kInvalidArgument (an address or a name that is none, no certificate), kConflict (a
-// profile of that name is there), kNotFound, or as NewFile.
+// Writes clients.toml (or adds to an existing one), PROFILE.token with mode 0600, and
+// PROFILE-ca.pem. Returns the profile's name. client/sdk/server_choice.h reads these files.
+// Errors: kInvalidArgument (an invalid address or name, or no certificate), kConflict (a profile of
+// that name exists), kNotFound, and those of NewFile.
 std::string WriteClientFolder(const ClientFolder& client, const std::string& token);
 
 }  // namespace palpate

@@ -25,14 +25,14 @@ using Entry = ConfigEntry;
 
 using Paths = std::vector<std::filesystem::path>;
 
-// A folder that is there.
+// The folder must exist.
 std::filesystem::path ParseFolder(const Entry& entry) {
   const std::filesystem::path folder = entry.Text();
-  PathPolicy({.load_folders = {folder}});  // throws
+  PathPolicy({.load_folders = {folder}});  // throws if the folder is missing
   return folder;
 }
 
-// The same of several.
+// As ParseFolder, for a list.
 Paths ParseFolders(const Entry& entry) {
   const toml::array* array = entry.node.as_array();
   if (!array) Fail("must be a list of paths, [\"/data\"]");
@@ -42,7 +42,7 @@ Paths ParseFolders(const Entry& entry) {
     if (!text) Fail("must be a list of paths, [\"/data\"]");
     folders.emplace_back(*text);
   }
-  PathPolicy({.load_folders = folders});  // throws
+  PathPolicy({.load_folders = folders});  // throws if a folder is missing
   return folders;
 }
 
@@ -67,7 +67,7 @@ SettersByKey HapticsSetters() {
   for (const NumberSetting& setting : kNumberSettings) {
     setters["haptics." + std::string(setting.key)] = [&setting](const Entry& e, Config& c) {
       const double value = e.Number();
-      // False for NaN.
+      // The condition is false for NaN.
       if (!(value >= setting.low && value <= setting.high)) {
         Fail(fmt::format("must be from {} to {}{}", setting.low, setting.high, setting.unit));
       }
@@ -187,7 +187,7 @@ const SettersByKey& Setters() {
   return setters;
 }
 
-// 1 and 1.0 are the same.
+// 1 and 1.0 give the same text.
 std::string Value(const toml::node& node) {
   if (node.is_number()) return fmt::format("{}", ToDouble(node));
   std::ostringstream text;
@@ -195,7 +195,7 @@ std::string Value(const toml::node& node) {
   return text.str();
 }
 
-// "haptics" of "haptics.method"; every one has keys.
+// The tables of all keys: "haptics" for "haptics.method". Every table has keys.
 std::set<std::string> Tables() {
   std::set<std::string> tables;
   for (const auto& [key, set] : Setters()) tables.insert(key.substr(0, key.find('.')));
@@ -231,7 +231,7 @@ void Apply(const toml::table& table, const std::string& prefix, Config& config,
   }
 }
 
-// Whether it makes a sentence with the key before it.
+// True if `what` continues a sentence that begins with the key.
 bool GoesOn(std::string_view what) {
   return what.starts_with("must ") || what.starts_with("is ") || what.starts_with("has ") ||
          what.starts_with("needs ");
@@ -253,10 +253,10 @@ ConfigReading ReadConfig(const std::filesystem::path& path, Config& config) {
   } catch (const toml::parse_error& error) {
     const std::size_t line = error.source().begin.line;
     const std::string what = OneLine(error.description());
-    // It cannot be opened.
+    // Line 0: the file cannot be opened.
     reading.faults.push_back({"", line, line > 0 ? what : path.string() + ": " + what});
   }
-  // Tables are sorted by name; people read lines.
+  // The parser sorts tables by name; people read a file by lines.
   std::stable_sort(reading.faults.begin(), reading.faults.end(),
                    [](const auto& a, const auto& b) { return a.line < b.line; });
   return reading;

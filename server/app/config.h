@@ -1,6 +1,7 @@
-// What palpated is told at start: a TOML file, and the command line over it.
+// The configuration of palpated at start: a TOML file, and the command line, which overrides the
+// file.
 //
-// Threads: main. Errors: faults, each with line and key.
+// Threads: main. Errors: faults, each with its line and key.
 #pragma once
 
 #include <cstdint>
@@ -28,12 +29,12 @@ namespace palpate {
 struct Config {
   std::string volume = "builtin:bumps";
   std::optional<double> isovalue;             // data units
-  std::optional<double> normalized_isovalue;  // 0 to 1; neither: 0.5
+  std::optional<double> normalized_isovalue;  // 0 to 1; without both isovalues: 0.5
   std::optional<Vec3> spacing_mm;
   std::optional<double> device_mm_per_volume_mm;
-  std::string grid;       // of a .vdb file with several
-  std::string component;  // of a grid of vectors
-  // Absent: the folder that palpated is started in.
+  std::string grid;       // for a .vdb file with several grids
+  std::string component;  // for a grid of vectors
+  // Absent: the folder in which palpated was started.
   std::optional<std::vector<std::filesystem::path>> load_folders;
   std::optional<std::vector<std::filesystem::path>> save_folders;
   std::uint64_t memory_budget_bytes = DefaultMemoryBudget();
@@ -46,49 +47,48 @@ struct Config {
   SecurityOptions security;
   std::optional<HostPort> metrics_listen;  // absent: no metrics
   RealtimeOptions realtime;
-  // Where the daemon keeps what outlives it; empty: nowhere. Absent:
-  // DefaultStateFolder().
+  // Where the daemon keeps files for its next start. Empty: nowhere. Absent: DefaultStateFolder().
   std::optional<std::string> state_folder;
-  std::string log_level = "info";  // of kLogLevels
+  std::string log_level = "info";  // one of kLogLevels
 };
 
-// A key that a file gives.
+// A key that stands in the file.
 struct ConfigKey {
   std::size_t line = 0;
   std::string value;  // as TOML
 };
 using ConfigKeys = std::map<std::string, ConfigKey, std::less<>>;
 
-// What is wrong with a key, or with the file where there is none.
+// What is wrong with a key. An empty key: what is wrong with the whole file.
 struct ConfigFault {
   std::string key;
-  std::size_t line = 0;  // 0: it does not stand in the file
+  std::size_t line = 0;  // 0: the key is not in the file
   std::string what;      // "must be from 0 to 3 N", or "cannot read FILE: ..."
   ErrorKind kind = ErrorKind::kInvalidArgument;
 };
 
 struct ConfigReading {
-  ConfigKeys keys;                  // those that were read
+  ConfigKeys keys;                  // the keys that were read
   std::vector<ConfigFault> faults;  // in the file's order
 };
 
-// A configuration, and what of it stands in the file; without keys that the command
-// line overrides.
+// A configuration, and the keys that it takes from the file. Keys that the command line overrides
+// are not in `keys`.
 struct LoadedConfig {
   Config config;
   ConfigKeys keys;
   std::filesystem::path file;  // empty: none
 };
 
-// Reads the keys of `path` into `config`; what the file does not name stays, and what
-// is wrong is left out. Opens no other file.
+// Reads the keys of `path` into `config`. Keys that the file does not name keep their value.
+// Invalid values are left out and reported as faults. Opens no other file.
 ConfigReading ReadConfig(const std::filesystem::path& path, Config& config);
 
-// "FILE:LINE: KEY: WHAT", or "KEY WHAT" where that is a sentence; without the file where no line of
-// it is to blame.
+// Returns "FILE:LINE: KEY: WHAT", or "KEY WHAT" if the two form a sentence. Leaves out FILE:LINE if
+// no line is to blame.
 std::string ToText(const std::filesystem::path& path, const ConfigFault& fault);
 
-// `error` as a fault of that key, if it stands in the file.
+// Returns `error` as a fault of `key` if the key is in the file; otherwise returns `error`.
 Error AtKey(const LoadedConfig& loaded, std::string_view key, const Error& error);
 
 DecompositionMethod ParseMethod(const std::string& name);

@@ -34,7 +34,7 @@ class Check {
     const auto at = keys_.find(key);
     faults_.push_back({key, at == keys_.end() ? 0 : at->second.line, what, kind});
   }
-  // `what` of the Error that `attempt` throws; whether it throws none.
+  // Runs `attempt`. If `attempt` throws an Error, adds a fault with its message and returns false.
   bool Try(const std::string& key, const std::function<void()>& attempt) {
     try {
       attempt();
@@ -54,7 +54,8 @@ class Check {
           error == EACCES ? ErrorKind::kPermissionDenied : ErrorKind::kNotFound);
     return false;
   }
-  // Whether one that begins so is wrong by itself, and its value not that of the file.
+  // True if a key with this prefix is already known to be wrong. Its value in `config` is then not
+  // the file's.
   bool Knows(std::string_view key) const {
     return std::any_of(known_.begin(), known_.end(),
                        [&](const ConfigFault& fault) { return fault.key.starts_with(key); });
@@ -82,12 +83,12 @@ void CheckVolume(const Config& config, Check& check) {
   const bool has_spacing =
       !spacing || check.Try("volume.spacing_mm", [&] { CheckVoxelSpacing(*spacing); });
   if (scale) {
-    // Some are wrong whatever the volume is.
+    // Some scales are wrong for every volume.
     const std::string source = has_source && has_spacing ? config.volume : "";
     check.Try("volume.device_mm_per_volume_mm",
               [&] { CheckScale(source, has_spacing ? spacing : std::nullopt, *scale); });
   }
-  // Its range is that of the volume: known once it is loaded, and another for each.
+  // The valid range depends on the volume, so it is known only after the load.
   if (config.isovalue && !std::isfinite(*config.isovalue)) {
     check.Fault("volume.isovalue", "must be a finite number");
   }
@@ -99,7 +100,7 @@ void CheckVolume(const Config& config, Check& check) {
   });
 }
 
-// Of the command line: those of a file were checked when they were read.
+// Checks values of the command line. Values of a file are checked when the file is read.
 void CheckHaptics(const Config& config, Check& check) {
   for (const NumberSetting& setting : kNumberSettings) {
     check.Try("haptics." + std::string(setting.key), [&] {
@@ -123,7 +124,7 @@ void CheckDevice(const Config& config, Check& check) {
   });
 }
 
-// The files of [tls], as they are used when the daemon starts.
+// Checks the files of [tls] in the same way as the start of the daemon does.
 void CheckTls(const SecurityOptions& security, Check& check) {
   const auto now = std::chrono::system_clock::now();
   const TlsOptions& tls = security.tls;
@@ -146,7 +147,7 @@ void CheckAddresses(const Config& config, Check& check) {
   check.Try("server.socket", [&] {
     if (!config.socket_path.empty()) UnixTarget(config.socket_path);
   });
-  // What of [tls] cannot be read may well allow it.
+  // Skipped if [tls] has a fault: the values that could not be read may allow this address.
   if (config.listen && !check.Knows("tls")) {
     check.Try("server.listen", [&] { CheckListen(*config.listen, config.security); });
   }
@@ -191,7 +192,7 @@ LoadedConfig LoadConfig(const std::filesystem::path& file, const ConfigMerge& me
     loaded.keys = std::move(reading.keys);
     faults = std::move(reading.faults);
   }
-  // One that is no TOML says nothing of its keys.
+  // If the file is not valid TOML, its keys are unknown.
   const bool is_read = std::none_of(faults.begin(), faults.end(),
                                     [](const ConfigFault& fault) { return fault.key.empty(); });
   try {

@@ -1,8 +1,7 @@
-// What can be known to be wrong with a configuration before anything is opened or
-// loaded: at start, for `palpated --check-config`, and for what is taken over while the
-// daemon runs.
+// Finds faults of a configuration before anything is opened or loaded. Used at start, for `palpated
+// --check-config`, and when a running daemon reads its configuration again.
 //
-// Threads: main. Asks the file system, as the user who runs it; opens no device.
+// Threads: main. Asks the file system with the rights of the calling user. Opens no device.
 #pragma once
 
 #include <filesystem>
@@ -15,32 +14,32 @@
 
 namespace palpate {
 
-// A configuration that cannot be used. what() is the first fault, kind() its kind.
+// A configuration that cannot be used. what() is the first fault, kind() is the kind of that fault.
 class ConfigError : public Error {
  public:
   ConfigError(const std::filesystem::path& file, const std::vector<ConfigFault>& faults);
-  // One for each fault, in the file's order.
+  // One line for each fault, in the file's order.
   const std::vector<std::string>& lines() const { return lines_; }
 
  private:
   std::vector<std::string> lines_;
 };
 
-// kReload: volumes and files of devices, which are read at the start alone, may be gone.
+// kReload: volumes and device files may be missing, because only a start reads them.
 enum class ConfigUse { kStart, kReload };
 
-// Faults of whole configurations: files that are not there or not fit, values that do
-// not go together or are out of range. Lines are those of `keys`. `known`: what was found
-// wrong before; what would only follow from that is left out.
+// Returns faults of the whole configuration: files that are missing or invalid, values that
+// contradict each other, values out of range. Takes the line numbers from `keys`. `known`: the
+// faults found so far; consequences of these faults are not reported.
 std::vector<ConfigFault> CheckConfig(const Config& config, const ConfigKeys& keys,
                                      ConfigUse use = ConfigUse::kStart,
                                      const std::vector<ConfigFault>& known = {});
 
-// Lays the command line over what a file says, and takes out the keys that it overrides.
-// May throw Error.
+// Puts the command line over the file's values, and removes the overridden keys from `keys`. May
+// throw Error.
 using ConfigMerge = std::function<void(LoadedConfig&)>;
 
-// Reads and checks `file`; empty: the command line alone. Throws ConfigError.
+// Reads and checks `file`. An empty `file` means the command line alone. Throws ConfigError.
 LoadedConfig LoadConfig(const std::filesystem::path& file, const ConfigMerge& merge,
                         ConfigUse use = ConfigUse::kStart);
 

@@ -1,7 +1,7 @@
 // A value of the configuration file.
 //
-// Threads: main. Errors: Error (kInvalidArgument) that says what is wrong; who reads the
-// file adds its name, the line and the key.
+// Threads: main. Errors: Error (kInvalidArgument) that says what is wrong. The caller adds the
+// file's name, the line and the key.
 #pragma once
 
 #include <fmt/core.h>

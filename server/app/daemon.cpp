@@ -43,7 +43,7 @@ sigset_t Signals() {
   return signals;
 }
 
-// While something is loaded; a reload waits until it is.
+// Used while a volume loads. A reload waits until the load ends.
 bool EndRequested(bool hangup_ends) {
   sigset_t pending;
   sigpending(&pending);
@@ -55,12 +55,12 @@ std::filesystem::path ImportProgram() {
   return std::filesystem::read_symlink("/proc/self/exe").parent_path() / "palpate-import";
 }
 
-// What the daemon keeps to itself.
+// Files of the daemon that clients may neither load nor overwrite.
 OwnFiles OwnFilesOf(const LoadedConfig& loaded, const std::filesystem::path& state_folder,
                     const std::string& socket) {
   const SecurityOptions& security = loaded.config.security;
   std::vector<std::filesystem::path> own{socket + ".tls", socket + ".lock"};
-  // Not the whole folder: recordings may lie below it, as the service's do.
+  // Not the whole folder: recordings may lie below it. The service's recordings do.
   if (!state_folder.empty()) {
     for (const char* name : {"sessions", "faults", "registrations.toml", "registrations.toml.lock",
                              "registrations.toml.damaged"}) {
@@ -88,7 +88,7 @@ void LogBlackBox(const std::string& text, bool is_error) {
   Log(is_error ? LogLevel::kError : LogLevel::kInfo, "{}", text);
 }
 
-// What `attempt` fails with is a fault of that key.
+// Turns an error of `attempt` into a fault of `key`.
 void ForKey(const LoadedConfig& loaded, std::string_view key,
             const std::function<void()>& attempt) {
   try {
@@ -98,7 +98,7 @@ void ForKey(const LoadedConfig& loaded, std::string_view key,
   }
 }
 
-// What there is to say of hardware before it moves.
+// Logs what the operator must know before the hardware moves.
 void ReportDevice(const DeviceSpec& spec) {
   if (!IsHardware(spec)) return;
   LogWarning("device {}: verification level {}; forces are off until `palpate device enable {}`",
@@ -119,7 +119,7 @@ std::string StatusLine(const HapticDevice& device, const ForceWatch& forces,
                      session.volume().volume->metadata().source);
 }
 
-// False where a signal ends the daemon before it is loaded.
+// Returns false if a signal ends the daemon before the volume is loaded.
 bool LoadFirst(const std::function<void()>& load, SessionKeeper& keeper,
                const LoadCancelled& end_requested) {
   try {
@@ -133,7 +133,7 @@ bool LoadFirst(const std::function<void()>& load, SessionKeeper& keeper,
   return false;
 }
 
-// Until a signal that ends the daemon, which it returns.
+// Runs until a signal ends the daemon. Returns the signal.
 int Serve(ServiceManager& manager, const ServoLoop& servo, ConfigReload& reload,
           const std::function<std::string()>& status) {
   ServoWatchdog watchdog(ServiceManager::WatchdogInterval());
@@ -159,16 +159,16 @@ void BlockSignals() {
   const sigset_t signals = Signals();
   pthread_sigmask(SIG_BLOCK, &signals, nullptr);
   std::signal(SIGPIPE, SIG_IGN);
-  // A file that may not grow any more is an error of its write.
+  // A write beyond the file size limit then fails with an error.
   std::signal(SIGXFSZ, SIG_IGN);
-  // Stopped, it would leave the last force on the motors.
+  // A stopped daemon would leave the last force on the motors.
   for (int signal : {SIGTSTP, SIGTTIN, SIGTTOU}) std::signal(signal, SIG_IGN);
 }
 
 void RunDaemon(const LoadedConfig& loaded, const ConfigReader& read) {
   const Config& config = loaded.config;
   ServiceManager manager;
-  // Its thread gives way to the servo, where there is a priority below it.
+  // The device's thread gets a lower priority than the servo, if there is a lower one.
   const std::unique_ptr<HapticDevice> device =
       MakeDevice(config.device, std::max(1, config.realtime.priority - 1));
   const std::filesystem::path state_folder = config.state_folder.value_or(DefaultStateFolder());
@@ -251,7 +251,7 @@ void RunDaemon(const LoadedConfig& loaded, const ConfigReader& read) {
   manager.Ready();
   const int signal =
       Serve(manager, servo, reload, [&] { return StatusLine(*device, forces, session); });
-  // Before all else: a log that nobody reads may block.
+  // The servo stops before the log is written: a log that nobody reads may block.
   servo.Stop();
   manager.Stopping();
   LogInfo("ending on signal {}", signal);

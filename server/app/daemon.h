@@ -8,11 +8,12 @@
 
 namespace palpate {
 
-// Blocks the signals that the daemon waits for; before any thread starts.
+// Blocks the signals that the daemon waits for. Call it before any thread starts.
 void BlockSignals();
 
-// Returns after a clean end: zero force first, then the streams. SIGHUP has the
-// configuration read again by `read`; without it, SIGHUP ends as SIGTERM does.
+// Returns after a clean end. At the end the force is zero first, then the streams stop. On SIGHUP,
+// calls `read` to read the configuration again. Without `read`, SIGHUP ends the daemon as SIGTERM
+// does.
 void RunDaemon(const LoadedConfig& loaded, const ConfigReader& read);
 
 }  // namespace palpate

@@ -11,7 +11,7 @@ namespace {
 
 constexpr std::chrono::milliseconds kPeriod(20);
 constexpr std::uint64_t kPeriodsPerSecond = 50;
-// A device that flutters must not fill the log.
+// Limits the lines of a device whose state changes all the time.
 constexpr int kChangesPerSecond = 10;
 constexpr std::int64_t kSecondNs = 1'000'000'000;
 
@@ -79,14 +79,14 @@ void DeviceMonitor::Say() {
   {
     const std::lock_guard lock(mutex_);
     changes.swap(changes_);
-    // Those of a second together.
+    // Reports the left-out changes once a second.
     if (++periods_ % kPeriodsPerSecond == 0 || stop_) unsaid = std::exchange(unsaid_changes_, 0);
     last = last_unsaid_;
   }
   for (const Change& change : changes) Say(change);
   if (unsaid == 0) return;
   LogWarning("forces: {} more changes", unsaid);
-  // How it ended, a fault above all, is never left out.
+  // The last change, above all a fault, is never left out.
   Say(last);
 }
 

@@ -1,7 +1,7 @@
-// Says in the log what the device and the safety stage do.
+// Logs what the device and the safety stage do.
 //
-// Threads: OnSample on the pump thread, which it never holds up; the log is written on
-// a thread of its own.
+// Threads: OnSample runs on the pump thread and does not block it. A thread of its own writes the
+// log.
 #pragma once
 
 #include <condition_variable>
@@ -21,7 +21,7 @@ class DeviceMonitor final : public SampleSink {
   ~DeviceMonitor() override { Stop(); }
 
   void Start();
-  // Says what is due.
+  // Logs what is still to be logged, then joins the thread.
   void Stop() noexcept;
 
   void OnSample(const TickSample& sample) override;
@@ -39,7 +39,7 @@ class DeviceMonitor final : public SampleSink {
   void Say(const Change& change) const;
 
   HapticDevice& device_;
-  // The pump thread's; the state of a servo that has not ticked.
+  // Used by the pump thread only. Initially the state of a servo that has not ticked.
   ForceState state_ = ForceState::kOff;
   ForceReason reason_ = ForceReason::kOperator;
   std::int64_t second_ns_ = 0;

@@ -94,7 +94,7 @@ ListedDevice ListedOpenHaptics(const DeviceConfig& config) {
   return listed;
 }
 
-// One for each that is plugged in, or one that says that none is.
+// Appends one entry for each device that is plugged in, or one entry that says that there is none.
 template <class Problem>
 void AppendUsb(const DeviceSpec& spec, const std::vector<UsbMatch::Ids>& ids,
                const Problem& problem_of, std::vector<ListedDevice>& devices) {
@@ -152,7 +152,7 @@ std::uint32_t StopButtons(const DeviceConfig& config, const DeviceSpec& spec) {
   if (config.stop_buttons) {
     if (*config.stop_buttons >> spec.button_count != 0) {
       throw Error(ErrorKind::kInvalidArgument, "[device] stop_buttons names a button that " +
-                                                   spec.kind + " has not: it has " +
+                                                   spec.kind + " does not have: it has " +
                                                    std::to_string(spec.button_count));
     }
     return *config.stop_buttons;

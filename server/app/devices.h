@@ -1,4 +1,4 @@
-// The devices that the daemon can drive: made by their configuration names, and listed.
+// Makes devices by their configuration names, and lists the devices that the daemon can drive.
 //
 // Threads: MakeDevice on main; ListDevices on any ordinary thread.
 #pragma once
@@ -12,14 +12,14 @@
 
 namespace palpate {
 
-// Throws Error for an unknown kind, and for options that do not fit it.
+// Throws Error for an unknown kind, or for options that do not fit the kind.
 std::unique_ptr<HapticDevice> MakeDevice(const DeviceConfig& config, int realtime_priority);
 
-// Those of the configuration's kind and all others that this machine has. Opens none.
+// Returns the configured device and all other devices of this machine. Opens none of them.
 std::vector<ListedDevice> ListDevices(const DeviceConfig& config);
 
-// Those that stop forces when they are held together. Throws Error for buttons that the
-// device has not.
+// Returns the buttons that stop the forces while all of them are held. Throws Error if the device
+// lacks one of the buttons.
 std::uint32_t StopButtons(const DeviceConfig& config, const DeviceSpec& spec);
 
 }  // namespace palpate

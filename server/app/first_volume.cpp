@@ -12,7 +12,7 @@ std::string Name(const std::string& volume) {
   return volume.starts_with("builtin:") ? volume : std::filesystem::absolute(volume).string();
 }
 
-// Links followed: whoever starts the daemon may lead anywhere.
+// Follows links: the administrator's configuration may name any file.
 std::string Source(const std::string& volume) {
   std::error_code error;
   const std::filesystem::path real = std::filesystem::canonical(volume, error);
@@ -33,7 +33,7 @@ void Load(const LoadRequest& request, Session& session, const LoadCancelled& can
           settings.normalized_isovalue);
 }
 
-// The configured one; what is wrong with it names its line.
+// Loads the configured volume. An error names the configuration's line.
 void LoadConfigured(const LoadedConfig& loaded, Session& session, const LoadCancelled& cancelled) {
   try {
     Load(ConfiguredVolume(loaded.config), session, cancelled);
@@ -45,7 +45,7 @@ void LoadConfigured(const LoadedConfig& loaded, Session& session, const LoadCanc
   }
 }
 
-// Of clients, whose paths are judged; the configured one is not.
+// The paths of a client's volume are checked against `paths`. The configured volume's are not.
 LoadRequest VolumeLeft(const FeltSession& left, const LoadRequest& configured,
                        const PathPolicy& paths) {
   LoadRequest request = left.volume;
@@ -54,18 +54,18 @@ LoadRequest VolumeLeft(const FeltSession& left, const LoadRequest& configured,
   return request;
 }
 
-// The side may have been that of a level set, which does not come back.
+// The left session's free side may have been that of a level set that is not restored.
 void LeaveSide(const FeltSession& left, const RenderSettings& configured, Session& session) {
   RenderSettings settings = left.settings;
   settings.haptics.free_side = configured.haptics.free_side;
   try {
     session.SetInitial(settings);
   } catch (const Error&) {
-    // Out of range, and said already: what is configured holds.
+    // The value is out of range, which was logged before. The configured value stays.
   }
 }
 
-// False where it does not come back.
+// Returns false if the session's volume is not restored.
 bool BringBack(const FeltSession& left, const LoadRequest& configured,
                const RenderSettings& configured_settings, Session& session, const PathPolicy& paths,
                const LoadCancelled& cancelled) {
@@ -87,7 +87,7 @@ bool BringBack(const FeltSession& left, const LoadRequest& configured,
     LeaveSide(left, configured_settings, session);
     return false;
   }
-  LogWarning("palpated did not end in order before: {} and the settings are back{}", name,
+  LogWarning("the previous palpated did not end cleanly: {} and the settings are back{}", name,
              left.is_edited ? "; edits that were not saved are lost" : "");
   return true;
 }

@@ -1,4 +1,4 @@
-// What is felt when the daemon starts.
+// Loads the volume that is felt when the daemon starts.
 //
 // Threads: main, before the servo runs. Errors: Error.
 #pragma once
@@ -12,9 +12,9 @@ namespace palpate {
 LoadRequest ConfiguredVolume(const Config& config);
 RenderSettings ConfiguredSettings(const Config& config);
 
-// Loads what was felt when the daemon before was killed, or the configured volume with
-// the configured settings. The first may fail, or not be allowed any more by `paths`:
-// then it is said in the log.
+// Restores the session of the previous daemon if that daemon was killed. Otherwise loads the
+// configured volume with the configured settings, also if the restore fails or if `paths` no longer
+// allows the session's volume. The log says why.
 void LoadFirstVolume(const LoadedConfig& loaded, Session& session, SessionKeeper& keeper,
                      const PathPolicy& paths, const LoadCancelled& cancelled);
 

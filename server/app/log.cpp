@@ -26,9 +26,9 @@ namespace palpate {
 namespace {
 
 constexpr std::chrono::seconds kRepeatsLeftOut{5};
-constexpr std::size_t kLongestLine = 2000;  // as written: less than PIPE_BUF (see unread_log.h)
+constexpr std::size_t kLongestLine = 2000;  // as written; less than PIPE_BUF (see unread_log.h)
 
-// "<4>", by which the journal knows a warning.
+// Writes a prefix such as "<4>", from which the journal reads the level (here: warning).
 class PriorityFlag final : public spdlog::custom_flag_formatter {
  public:
   void format(const spdlog::details::log_msg& message, const std::tm&,
@@ -45,8 +45,8 @@ class PriorityFlag final : public spdlog::custom_flag_formatter {
   }
 };
 
-// Texts of clients and of files may hold anything: none breaks a line, looks like another
-// one, or steers a terminal; and none is endless.
+// Texts of clients and of files may hold any bytes. This flag escapes control characters, so that a
+// text cannot break a line, imitate another line or control a terminal. It also cuts long texts.
 class OneLineFlag final : public spdlog::custom_flag_formatter {
  public:
   void format(const spdlog::details::log_msg& message, const std::tm&,
@@ -71,8 +71,8 @@ class OneLineFlag final : public spdlog::custom_flag_formatter {
   }
 };
 
-// Strangers can make gRPC say what they like, and as often: its lines are bounded, and hold
-// nothing but ASCII.
+// Any client can make gRPC log texts of its choice, at any rate. This function limits gRPC's lines
+// and replaces bytes that are not ASCII.
 void LogOfGrpc(gpr_log_func_args* said) {
   // Never destroyed: gRPC's threads may outlive main.
   static auto& lines = *new RefusalLog;

@@ -1,8 +1,8 @@
-// How the log is written: to stderr, with a time and a level; or for the journal of
-// systemd, which has times of its own and reads levels from a prefix (sd-daemon(3)).
+// Sets up the log on stderr. Each line has a time and a level. For systemd's journal, which has its
+// own times, a line has a level prefix instead (sd-daemon(3)).
 //
-// A line that is the same as the one before is left out for five seconds; how often is
-// said with the next one. Threads: main, before others start; SetLogLevel on any.
+// A line that repeats the previous one is left out for five seconds. The next line then says how
+// often. Threads: main, before other threads start; SetLogLevel on any thread.
 #pragma once
 
 #include <array>
@@ -13,12 +13,12 @@ namespace palpate {
 
 inline constexpr std::array<std::string_view, 4> kLogLevels = {"debug", "info", "warning", "error"};
 
-// $JOURNAL_STREAM names what stderr is.
+// True if stderr is the stream that $JOURNAL_STREAM names.
 bool StderrIsJournal();
 
 void SetUpLog(bool to_journal);
 
-// One of kLogLevels; Error (kInvalidArgument).
+// Throws Error (kInvalidArgument) if `name` is not one of kLogLevels.
 void CheckLogLevel(const std::string& name);
 void SetLogLevel(const std::string& name);
 

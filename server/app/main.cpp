@@ -38,24 +38,24 @@ void AddOptions(arguments::Command& app, Options& options) {
                  "TOML file with the settings below; the command line wins")
       ->check(arguments::ExistingFile());
   app.add_flag("--check-config", options.check_config,
-               "say what is wrong with the configuration, a line each, and end: with exit code 0 "
-               "where nothing is. Opens no device and loads no volume. Files are judged as this "
-               "user may read them: run it as the daemon's");
+               "check the configuration, print one line for each fault, and exit (exit code 0: no "
+               "fault). Opens no device and loads no volume. Checks whether the user who runs this "
+               "can read the files: run it as the daemon's user");
   app.add_option("--volume", options.volume,
                  "volume file, DICOM folder, or builtin:cylinder, builtin:sphere[:N], "
                  "builtin:bumps[:N], builtin:gyroid[:N] [builtin:bumps]");
   auto* isovalue =
       app.add_option("--isovalue", options.isovalue, "isovalue to start with, in data units");
   app.add_option("--normalized-isovalue", options.normalized_isovalue,
-                 "the same over the volume's range, 0 to 1 [0.5]")
+                 "isovalue to start with, from 0 to 1 over the volume's range [0.5]")
       ->excludes(isovalue);
   app.add_option("--spacing-mm", options.spacing_mm,
                  "voxel spacing X,Y,Z in mm instead of the file's")
       ->delimiter(',')
       ->expected(3);
   app.add_option("--load-folder", options.load_folders,
-                 "folder that clients may load from, with all below it; may be given again [the "
-                 "folder that palpated is started in]")
+                 "folder from which clients may load, with its subfolders; may be given again "
+                 "[the folder in which palpated is started]")
       ->expected(1)
       ->take_all();
   app.add_option("--device-mm-per-volume-mm", options.scale,
@@ -74,14 +74,14 @@ void AddOptions(arguments::Command& app, Options& options) {
                  "Unix socket to listen on [$PALPATE_SOCKET, /run/palpate/palpated.sock, or the "
                  "user's own]");
   app.add_option("--listen", options.listen,
-                 "also listen on this ADDR:PORT, other than loopback with TLS only");
+                 "also listen on this ADDR:PORT; TLS is required unless the address is loopback");
   app.add_option("--state-folder", options.state_folder,
-                 "where volumes' places are kept; empty: nowhere [$STATE_DIRECTORY, "
+                 "folder for the places of volumes and the session; empty: none [$STATE_DIRECTORY, "
                  "$XDG_STATE_HOME/palpate or ~/.local/state/palpate]");
   app.add_option("--log-level", options.log_level, "debug, info, warning or error [info]");
   app.add_flag("--log-to-journal", options.log_to_journal,
-               "levels as the journal of systemd reads them, without times [where stderr is the "
-               "journal]");
+               "log with the level prefixes of systemd's journal and without times "
+               "[on if stderr is the journal]");
   app.set_version_flag("--version", "palpated " PALPATE_VERSION);
 }
 
@@ -98,7 +98,7 @@ std::vector<std::filesystem::path> LoadFolders(const Options& options) {
   return folders;
 }
 
-// Lays the command line over what the file says.
+// Puts the command line's values over the file's values.
 void Merge(const Options& options, Config& config) {
   // A volume on the command line comes without the file's isovalue, spacing and grid.
   if (options.volume) {
@@ -124,7 +124,8 @@ void Merge(const Options& options, Config& config) {
   if (!options.spacing_mm.empty()) config.spacing_mm = Vec3(options.spacing_mm.data());
 }
 
-// What a change in the file does not reach.
+// Removes the keys that the command line overrides: a change of these keys in the file has no
+// effect.
 void EraseOverridden(const Options& options, ConfigKeys& keys) {
   const auto erase = [&keys](bool overridden, const char* key) {
     if (overridden) keys.erase(key);
@@ -155,19 +156,19 @@ ConfigMerge MergeOf(const Options& options) {
   };
 }
 
-// A terminal that hangs up ends what runs in it; a service has none, and is told so to
-// read its configuration again.
+// SIGHUP ends a program in a terminal that hangs up. A service has no terminal; for a service
+// SIGHUP means to read the configuration again.
 bool HasTerminal() {
   const int terminal = open("/dev/tty", O_RDONLY | O_NOCTTY | O_CLOEXEC);
   if (terminal >= 0) close(terminal);
   return terminal >= 0;
 }
 
-// Tokens, keys and volumes are in this memory: nobody of the same account may look into it, and no
-// core file is left.
+// This process holds tokens, keys and volumes in memory. Other processes of the same account must
+// not read them, and a crash must leave no core file.
 void KeepMemoryPrivate() {
 #ifndef PALPATE_SANITIZED
-  // The leak checker looks at its own process as a debugger does.
+  // Not with a leak checker: it attaches to its own process as a debugger does.
   prctl(PR_SET_DUMPABLE, 0, 0, 0, 0);
 #endif
 }
@@ -184,7 +185,7 @@ void Run(const Options& options) {
   RunDaemon(loaded, read);
 }
 
-// A line for each, which the journal knows for errors.
+// Prints one line each, with the journal's prefix for errors if `to_journal`.
 int Fail(bool to_journal, const std::vector<std::string>& lines, ErrorKind kind) {
   for (const std::string& line : lines) {
     std::fprintf(stderr, "%spalpated: %s\n", to_journal ? "<3>" : "", line.c_str());
@@ -192,9 +193,10 @@ int Fail(bool to_journal, const std::vector<std::string>& lines, ErrorKind kind)
   return ExitCode(kind);
 }
 
-// Before there are threads. A heap for each few threads, malloc's default, keeps what was freed in
-// it from the others: after 20 s of loads and edits it had taken 110 MiB beyond a budget of 300.
-// The servo does not allocate, and so does not wait for others that do.
+// Call it before the first thread. By default malloc makes a heap for every few threads, and memory
+// freed in one heap is not used by another. After 20 s of loads and edits, the heaps took 110 MiB
+// more than a budget of 300 MiB. The servo does not allocate, so it never waits for the heap's
+// lock.
 void UseOneHeap() { mallopt(M_ARENA_MAX, 1); }
 
 int Main(int argc, char** argv) {

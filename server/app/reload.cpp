@@ -29,7 +29,7 @@ bool IsEmpty(const SettingsUpdate& update) {
          update.flags.empty() && !update.free_side && !update.method;
 }
 
-// The live part of `from`.
+// Copies the part that can change while the daemon runs.
 void CopyLive(const LoadedConfig& from, LoadedConfig& to) {
   to.config.haptics = from.config.haptics;
   to.config.method = from.config.method;
@@ -109,15 +109,15 @@ void ConfigReload::TakeOver() {
   std::vector<std::string> live, later;
   std::partition_copy(changed.begin(), changed.end(), std::back_inserter(live),
                       std::back_inserter(later), IsLive);
-  // What may be refused comes first. The policy also where no key changed: certificates
-  // and tokens may have been replaced.
+  // First what may be refused. The policy is read even if no key changed: certificates and tokens
+  // may have been replaced.
   const std::function<void()> take_policy = read_policy_(next.config.security.policy);
   const SettingsUpdate update = UpdateOf(live, next.config);
   if (!IsEmpty(update)) {
     try {
       session_.Update(update);
     } catch (const RangeError& error) {
-      // All other ranges were looked at before; this one is the volume's.
+      // All other ranges were checked before. This range depends on the volume.
       throw AtKey(next, "volume.isovalue", error);
     }
   }

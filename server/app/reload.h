@@ -1,11 +1,12 @@
-// Takes over what changed in the configuration file while the daemon runs (SIGHUP).
+// Applies changes of the configuration file while the daemon runs (SIGHUP).
 //
-// Only keys whose text in the file is another than when it was read last: what clients
-// set meanwhile stays, unless the file now says otherwise. All of a file is taken over,
-// or nothing. Never touches the servo: a changed setting reaches it as a client's does.
+// Applies only the keys whose text in the file has changed since the last read. A value that a
+// client has set meanwhile therefore stays, unless its key has changed in the file. Either all
+// changes of a file are applied, or none. Never calls the servo: a changed setting reaches the
+// servo as a client's does.
 //
-// Threads: main; waits up to 2 s for the servo to use new settings. Errors: none; they
-// are lines in the log.
+// Threads: main. Waits up to 2 s for the servo to use the new settings. Errors: logged, never
+// thrown.
 #pragma once
 
 #include <functional>
@@ -18,23 +19,23 @@
 
 namespace palpate {
 
-// Reads and checks it again; throws ConfigError.
+// Reads and checks the configuration file again. Throws ConfigError.
 using ConfigReader = std::function<LoadedConfig()>;
 
-// Keys that one of the two has and the other one has not, or has otherwise.
+// Returns the keys that only one of the two has, and the keys whose values differ.
 std::vector<std::string> ChangedKeys(const ConfigKeys& before, const ConfigKeys& after);
 
-// A key that can change while the daemon runs: [haptics], isovalues, [log], and who may
-// do what.
-// The rest is what threads, sockets and the device were made from.
+// True if the key can change while the daemon runs: [haptics], isovalues, [log], and access rights.
+// Threads, sockets and the device were made from the other keys.
 bool IsLive(const std::string& key);
 
-// What of these keys is felt, as the configuration has it.
+// Returns those of these keys that change what is felt, with the configuration's values.
 SettingsUpdate UpdateOf(const std::vector<std::string>& keys, const Config& config);
 
 class ConfigReload {
  public:
-  // Reads what a policy needs; throws where it cannot be used. What it returns takes it.
+  // Reads the files of a policy; throws if the policy cannot be used. The returned function puts
+  // the policy into force.
   using PolicyReader = std::function<std::function<void()>(const PolicyOptions&)>;
 
   // Borrows the session.
@@ -46,7 +47,7 @@ class ConfigReload {
  private:
   void TakeOver();
 
-  LoadedConfig current_;  // what runs
+  LoadedConfig current_;  // in force now
   ConfigReader read_;
   Session& session_;
   PolicyReader read_policy_;

@@ -64,7 +64,7 @@ std::map<std::string, std::function<void(const ConfigEntry&, SecurityOptions&)>>
       {"limits.connections", [](E e, S s) { s.connections = e.Integer(1, kMost); }},
       {"limits.calls_per_s", [](E e, S s) { s.limits.calls_per_s = e.Integer(1, kMost); }},
       {"limits.pose_streams", [](E e, S s) { s.limits.pose_streams = e.Integer(1, kMost); }},
-      // At least one stream at 1 kHz of a client over the network, which has half.
+      // At least one stream at 1 kHz of a network client. Network clients get half of the limit.
       {"limits.pose_samples_per_s",
        [](E e, S s) { s.limits.pose_samples_per_s = e.Integer(2000, kMost); }},
       {"limits.volume_streams", [](E e, S s) { s.limits.volume_streams = e.Integer(1, kMost); }},
@@ -75,7 +75,7 @@ std::map<std::string, std::function<void(const ConfigEntry&, SecurityOptions&)>>
 void AppendSecurityFaults(const SecurityOptions& options, ConfigReading& reading) {
   const auto is_tls = [](const ConfigFault& fault) { return fault.key.starts_with("tls"); };
   if (std::any_of(reading.faults.begin(), reading.faults.end(), is_tls)) return;
-  // Of the two keys the one that is there.
+  // Blames the key that is in the file.
   const auto append = [&](const char* key, const char* other, const std::string& what) {
     const char* given = reading.keys.contains(key) ? key : other;
     reading.faults.push_back({given, reading.keys.at(given).line, what});

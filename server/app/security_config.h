@@ -1,6 +1,6 @@
-// The configuration's keys of security: who may do what, TLS, limits.
+// Reads the configuration's keys of security: access rights, TLS and limits.
 //
-// Threads: main. Errors: as of config.h.
+// Threads: main. Errors: as in config.h.
 #pragma once
 
 #include <functional>
@@ -13,10 +13,11 @@
 
 namespace palpate {
 
-// By the whole key, "tls.certificate".
+// By the full key, for example "tls.certificate".
 std::map<std::string, std::function<void(const ConfigEntry&, SecurityOptions&)>> SecuritySetters();
 
-// What no single key can tell. Nothing where one of [tls] is wrong by itself.
+// Adds faults of keys that do not fit each other. Adds nothing if a key of [tls] has a fault
+// already.
 void AppendSecurityFaults(const SecurityOptions& options, ConfigReading& reading);
 
 }  // namespace palpate

@@ -14,7 +14,7 @@ void ServiceManager::Loading(const std::string& source) { Status("loading " + so
 void ServiceManager::Ready() { sd_notify(0, "READY=1"); }
 
 void ServiceManager::Reloading() {
-  // The time tells systemd which of several reloads it is.
+  // From the time, systemd knows which of several reloads is meant.
   sd_notifyf(0, "RELOADING=1\nMONOTONIC_USEC=%lld",
              static_cast<long long>(MonotonicNowNs() / 1000));
 }
@@ -24,7 +24,7 @@ void ServiceManager::Stopping() { sd_notify(0, "STOPPING=1"); }
 void ServiceManager::Status(const std::string& line) {
   if (line == status_) return;
   status_ = line;
-  // A name of a file may hold anything; a line break would begin another variable.
+  // File names may hold any character. A line break would begin another variable.
   std::string text = "STATUS=" + line;
   for (char& c : text) c = c == '\n' ? ' ' : c;
   sd_notify(0, text.c_str());

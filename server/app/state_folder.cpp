@@ -5,8 +5,8 @@
 namespace palpate {
 namespace {
 
-// Empty where the variable is not set or holds no absolute path, which both systemd
-// and the XDG base directory specification ask for.
+// Empty if the variable is not set or holds no absolute path. Both systemd and the XDG base
+// directory specification ask for absolute paths.
 std::string Folder(const char* name) {
   const char* value = std::getenv(name);
   return value != nullptr && value[0] == '/' ? value : "";

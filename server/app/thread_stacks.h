@@ -1,4 +1,4 @@
-// Stacks of threads, where all memory is locked.
+// Sets the stack size of threads. With locked memory, every stack is resident.
 #pragma once
 
 #include <tbb/global_control.h>
@@ -7,24 +7,25 @@
 
 namespace palpate {
 
-// The largest frame of ours is of 19 KiB; a servo's tick has the 256 KiB that
-// SetupRealtimeThread touches.
+// The largest stack frame of our code has 19 KiB. For the servo's tick, SetupRealtimeThread touches
+// 256 KiB.
 inline constexpr std::size_t kThreadStackBytes = 1 << 20;
 
-// Threads that are made from now on, those of a device's library too, get a stack of
-// kThreadStackBytes instead of the usual 8 MiB (TBB's workers, as long as this is there: 4 MiB).
-// Locked memory is resident whether it is used or not: gRPC makes threads as it needs them, each
-// took 8 MiB of RAM for some 20 KiB in use, and together they were most of what the daemon held.
+// While this object lives, new threads get a stack of kThreadStackBytes instead of the usual 8 MiB.
+// This includes threads of a device's library. TBB's workers get 4 MiB.
+// Locked memory is resident whether it is used or not. gRPC makes threads as it needs them. Each
+// thread took 8 MiB of RAM and used some 20 KiB; together their stacks were most of the daemon's
+// memory.
 //
-// One for the process, before its first thread (the four that OpenVDB's log4cplus makes when it
-// is loaded come before, and stay as they are); not real-time. At worst stacks stay as large as
-// they are.
+// Make one for the process, before its first thread. (OpenVDB's log4cplus makes four threads when
+// it is loaded. These four come earlier and keep their stacks.) Not real-time. If the size cannot
+// be set, stacks keep their usual size.
 class SmallThreadStacks {
  public:
   SmallThreadStacks();
 
  private:
-  // TBB also nests tasks on a thread of ours no deeper than half of it.
+  // TBB nests tasks on our threads, too, but no deeper than half of this stack size.
   tbb::global_control workers_;
 };
 

@@ -29,11 +29,11 @@ struct TokenValues {
   std::string file = "/etc/palpate/tokens.toml";
   std::string name;
   std::string role;
-  unsigned days = 0;  // 0: for ever
+  unsigned days = 0;  // 0: no expiry
   ClientFolderValues client;
 };
 
-// Of two commands at a time one waits: each reads the file and writes it anew.
+// Each command reads the file and writes it again. Of two commands at a time, one waits.
 FileLock LockFolderOf(const std::filesystem::path& file) {
   FileLock lock;
   switch (
@@ -43,7 +43,7 @@ FileLock LockFolderOf(const std::filesystem::path& file) {
     case LockResult::kCannotOpen:
       throw Error(ErrorKind::kNotFound, "there is no folder for " + file.string() + ": make it");
     case LockResult::kHeldByAnother:
-      // Whoever may read the folder can hold its lock.
+      // Any user who may read the folder can hold its lock.
       throw Error(ErrorKind::kConflict, "another program holds the lock of the folder of " +
                                             file.string() + ": end it ('fuser' names it)");
   }
@@ -65,7 +65,7 @@ void Tell(const TokenValues& values, const NewToken& token, const std::string& p
   std::fprintf(stderr, "%s is now %s%s.\n", values.name.c_str(), values.role.c_str(),
                until.c_str());
   if (profile.empty()) {
-    // The token alone on stdout, so that it can go into a file.
+    // Only the token goes to stdout, so that it can be redirected into a file.
     std::printf("%s\n", token.text.c_str());
     std::fprintf(stderr,
                  "This token is shown once: give it to the client in a file of mode 0600.\n");
@@ -96,7 +96,7 @@ void Add(const TokenValues& values) {
     token.stored.expires = now + std::chrono::days(values.days);
   }
   tokens.push_back(token.stored);
-  // First, so that a token is known only where the client got it.
+  // The client's folder is written first. If that fails, the daemon does not know the token.
   std::string profile;
   const ClientFolderValues& client = values.client;
   if (!client.folder.empty())
@@ -142,27 +142,30 @@ void AddTokenCommands(arguments::Command& app, std::function<void()>& run) {
     return sub;
   };
   arguments::Command* make = add("add", "Makes a token, stores its hash and prints it once", Add);
-  make->add_option("name", values->name, "Whose it is: letters, digits and ._-")->required();
+  make->add_option("name", values->name, "Name of the token's owner: letters, digits and ._-")
+      ->required();
   make->add_option("--role", values->role, "viewer, editor, operator or admin")->required();
-  make->add_option("--days", values->days, "it expires after so many days [never]")
+  make->add_option("--days", values->days, "days until the token expires [never]")
       ->check(arguments::Range(1u, 3650u));
-  arguments::Option* const folder =
-      make->add_option("--client-folder", values->client.folder,
-                       "instead of printing it, put into this folder all that the client needs: "
-                       "clients.toml with a profile, the token, the certificate authority");
+  arguments::Option* const folder = make->add_option(
+      "--client-folder", values->client.folder,
+      "write all that the client needs into this folder instead of printing the token: "
+      "clients.toml with a profile, the token, the certificate authority");
   arguments::Option* const server =
       make->add_option("--server", values->client.server,
                        "HOST:PORT of this palpated, as the client reaches it")
           ->needs(folder);
   arguments::Option* const ca =
-      make->add_option("--tls-ca", values->client.ca_file,
-                       "the authority that the client is to trust, or tls.certificate itself")
+      make->add_option(
+              "--tls-ca", values->client.ca_file,
+              "certificate authority that the client must trust, or tls.certificate itself")
           ->needs(folder);
   folder->needs(server)->needs(ca);
-  make->add_option("--profile", values->client.profile, "its name [the host's]")->needs(folder);
+  make->add_option("--profile", values->client.profile, "name of the profile [the host's]")
+      ->needs(folder);
   add("list", "Shows names and roles", List);
-  add("revoke", "Takes a token out: its calls are refused, and its streams end, in seconds", Revoke)
-      ->add_option("name", values->name, "Whose it is")
+  add("revoke", "Removes a token: within seconds its calls are refused and its streams end", Revoke)
+      ->add_option("name", values->name, "Name of the token's owner")
       ->required();
 }
 

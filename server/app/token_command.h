@@ -1,4 +1,4 @@
-// palpated token add, list, revoke: the file of clients' tokens.
+// The commands `palpated token` add, list and revoke, which edit the file of clients' tokens.
 //
 // Threads: main, before any other. Errors: Error.
 #pragma once
@@ -9,7 +9,7 @@
 
 namespace palpate {
 
-// `run` gets what to do where one of them was named.
+// Sets `run` if one of the commands is given.
 void AddTokenCommands(arguments::Command& app, std::function<void()>& run);
 
 }  // namespace palpate

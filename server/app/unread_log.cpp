@@ -13,7 +13,7 @@
 namespace palpate {
 namespace {
 
-// A reader may be busy for a moment.
+// A reader may be busy for a short time.
 constexpr int kPatienceMs = 200;
 
 bool StderrTakesMore(int wait_ms) {

@@ -1,9 +1,9 @@
-// Keeps a log that nobody reads from stopping the daemon: a sink in front of another that
-// writes to stderr. While stderr takes nothing (a full pipe, a stopped terminal) lines are
-// dropped, and counted in a line of their own once it takes some again.
+// Keeps a log that nobody reads from blocking the daemon. This sink stands in front of a sink that
+// writes to stderr. While stderr takes nothing (a full pipe, a stopped terminal), this sink drops
+// lines. Once stderr takes lines again, one line says how many were dropped.
 //
-// Lines must be shorter than PIPE_BUF: a pipe with room takes one of them at once.
-// Threads: any. It waits for 200 ms at most when stderr fills up, and not at all after that.
+// Lines must be shorter than PIPE_BUF: a pipe with room takes such a line at once.
+// Threads: any. Waits at most 200 ms when stderr becomes full; later calls do not wait.
 #pragma once
 
 #include <spdlog/common.h>
