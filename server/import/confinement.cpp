@@ -22,13 +22,13 @@
 namespace palpate {
 namespace {
 
-// Newer than Debian 12's headers.
+// Missing in Debian 12's headers.
 constexpr std::uint64_t kTruncate = 1ULL << 14;
 
 constexpr std::uint64_t kReadFile = LANDLOCK_ACCESS_FS_READ_FILE;
 constexpr std::uint64_t kRead = kReadFile | LANDLOCK_ACCESS_FS_READ_DIR;
 
-// All that the kernel's version of Landlock knows; the first has 13 rights.
+// All rights that the kernel's version of Landlock knows. The first version has 13 rights.
 std::uint64_t Handled(long version) {
   std::uint64_t rights = (1ULL << 13) - 1;
   if (version >= 2) rights |= LANDLOCK_ACCESS_FS_REFER;
@@ -41,7 +41,7 @@ std::uint64_t Handled(long version) {
               std::string("cannot confine the importer (") + what + "): " + std::strerror(errno));
 }
 
-// Closes `place`; -1: nothing is allowed.
+// Closes `place`. If `place` is -1, allows nothing.
 void Allow(int rules, int place, std::uint64_t rights) {
   if (place < 0) return;
   struct stat status {};
@@ -54,7 +54,8 @@ void Allow(int rules, int place, std::uint64_t rights) {
 }
 
 #ifdef PALPATE_SANITIZED
-// At the program's end it looks at the process itself, and reads its list of suppressions.
+// At the program's end, the leak checker examines the process itself and reads its list of
+// suppressions.
 void AllowLeakChecker(int rules, std::uint64_t handled) {
   Allow(rules, open("/proc", O_PATH | O_CLOEXEC), kRead & handled);
   const char* options = std::getenv("LSAN_OPTIONS");

@@ -75,7 +75,8 @@ void CheckCompressed(const fs::path& path, std::int64_t length, const ImageHeade
     const auto count = static_cast<std::int64_t>(inflater.Read(sink.data(), sink.size()));
     present += count;
     if (count == 0) break;
-    // The end of the stream carries its checksum; but a bomb is not read to its end.
+    // Reads to the stream's end, which carries the checksum. A decompression bomb is not read to
+    // its end.
     if (present > needed && !header.may_be_longer) RefuseLength(present, needed);
     if (present > 2 * needed + (1 << 20)) break;
   }
@@ -83,7 +84,7 @@ void CheckCompressed(const fs::path& path, std::int64_t length, const ImageHeade
     RefuseLength(present - std::min(present, header.skip_bytes), needed - header.skip_bytes);
 }
 
-// All frames must be there, not only the one that is read.
+// All frames must be there, not only the requested one.
 void CheckData(const fs::path& path, const ImageHeader& header, const ImportLimits& limits) {
   const std::int64_t frame_bytes = CheckedVoxelBytes(header.size, ByteCount(header.type), limits);
   const fs::path data = header.data_file.empty() ? path : path.parent_path() / header.data_file;

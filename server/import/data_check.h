@@ -1,7 +1,7 @@
-// Reads the header of a volume file and checks that all its voxels are there,
-// before ITK opens it.
+// Reads the header of a volume file and checks that all voxels are there, before ITK opens the
+// file.
 //
-// Any thread; reads files, streams through compressed data without keeping them.
+// Threads: any. Reads files; reads through compressed data without keeping them.
 // Errors: palpate::Error without the file's name, see image_header.h.
 #pragma once
 
@@ -14,15 +14,15 @@ namespace palpate {
 
 enum class ImageFormat { kNrrd, kMetaImage, kNifti };
 
-// kNotFound, kPermissionDenied, or kInvalidArgument for what is no regular file.
+// Throws kNotFound, kPermissionDenied, or kInvalidArgument if the path is no regular file.
 void CheckReadable(const std::filesystem::path& path);
 
-// kPermissionDenied for a link that leads out of the folders that files may be read from, and for a
-// file of palpated's own.
+// Throws kPermissionDenied for a link that leads out of the allowed folders, and for a file of
+// palpated's own.
 void CheckPlace(const std::filesystem::path& file, const ImportLimits& limits);
 
-// Throws kInvalidArgument (not this format, not supported, truncated, damaged) or
-// kTooLarge. Unless it throws, size, type and extent of the voxels are as told.
+// Throws kInvalidArgument (not this format, not supported, truncated, damaged) or kTooLarge. After
+// the return, the file has voxels of this size, type and extent.
 ImageHeader ReadCheckedHeader(const std::filesystem::path& path, ImageFormat format,
                               const ImportLimits& limits);
 

@@ -56,7 +56,7 @@ LeafType HeldType(const DenseVolume& volume) {
   const auto holds = [&](LeafType type) {
     return std::all_of(begin, end, [type](float value) { return Holds(type, value); });
   };
-  // Scaled voxels may be none of the file's own type.
+  // Scaled voxels may not fit the file's own type.
   if (own && holds(*own)) return *own;
   return *std::find_if(std::begin(kLeafTypes), std::end(kLeafTypes), holds);
 }

@@ -1,6 +1,6 @@
 // A volume as the readers deliver it, and the last steps that all formats share.
 //
-// One thread. Not for real-time code.
+// Threads: one. Not for real-time code.
 #pragma once
 
 #include <memory>
@@ -14,15 +14,15 @@ namespace palpate {
 
 struct DenseVolume {
   std::unique_ptr<float[]> voxels;  // x fastest, metadata.size of them
-  VolumeMetadata metadata;          // all but the value range and the source
+  VolumeMetadata metadata;          // without the value range and the source
 };
 
-// Replaces voxels that are not finite by the least finite value (with a warning), and
-// sets the value range. Throws Error(kInvalidArgument) for a
-// constant volume or a geometry that is not supported.
+// Replaces voxels that are not finite by the least finite value (with a warning), and sets the
+// value range. Throws Error (kInvalidArgument) for a constant volume or an unsupported geometry.
 void FinishVolume(DenseVolume* volume, const std::optional<Vec3>& spacing_mm, Reporter* reporter);
 
-// The type as which it is held: the file's own, or the smallest that holds each voxel exactly.
+// Returns the type in which the voxels are held: the file's own, or the smallest type that holds
+// each voxel exactly.
 LeafType HeldType(const DenseVolume& volume);
 
 }  // namespace palpate

@@ -34,11 +34,11 @@ struct Encoding {
 
 struct Element {
   std::uint32_t tag = 0;
-  std::string vr;  // empty when implicit
+  std::string vr;  // empty: implicit
   std::uint32_t length = 0;
 };
 
-// What decides how many bytes of pixels there must be.
+// The fields that determine the number of pixel bytes.
 struct PixelShape {
   std::int64_t rows = 0;
   std::int64_t columns = 0;
@@ -62,7 +62,7 @@ class Walker {
         CheckPixels(element);
         return {true, true, at_};
       }
-      // Zeros behind the last element are padding.
+      // Zeros after the last element are padding.
       if (element.tag == 0) break;
       Note(element, encoding);
       SkipValue(element, encoding, 0);
@@ -126,7 +126,7 @@ class Walker {
     return element;
   }
 
-  // The file meta information, which states how the rest is encoded.
+  // Reads the file meta information, which says how the rest is encoded.
   Encoding WalkMeta() {
     std::string syntax;
     while (at_ < length_) {
@@ -154,7 +154,7 @@ class Walker {
 
   void SkipValue(const Element& element, const Encoding& encoding, int depth) {
     if (element.length != kUndefined) return Skip(element.length);
-    // Of unknown content is implicit.
+    // An element of unknown type (UN) has implicit content.
     const Encoding inner = element.vr == "UN" ? Encoding{false, false} : encoding;
     if (depth > kDeepest) RefuseCut();
     for (;;) {
@@ -172,7 +172,7 @@ class Walker {
     }
   }
 
-  // Reads the value and goes back to its start.
+  // Reads the value and returns to its start.
   void Note(const Element& element, const Encoding& encoding) {
     std::int64_t* const field = element.tag == kRows      ? &shape_.rows
                                 : element.tag == kColumns ? &shape_.columns
@@ -207,7 +207,7 @@ class Walker {
     Skip(element.length);
   }
 
-  // Compressed pixels: items up to a delimiter.
+  // Compressed pixels: items until a delimiter.
   void SkipFragments() {
     while (at_ < length_) {
       const Element item = ReadElement(Encoding{});

@@ -1,8 +1,8 @@
-// Walks the elements of a DICOM file and checks that they, above all the pixels,
-// are all there: GDCM reads truncated files as whole ones, and crashes on some.
+// Walks the elements of a DICOM file and checks that all of them are complete, above all the
+// pixels. GDCM reads truncated files as complete ones, and crashes on some of them.
 //
-// Pure but for the stream. One thread per stream. Errors: palpate::Error without
-// the file's name, see image_header.h.
+// Pure except for the stream. Threads: one per stream. Errors: palpate::Error without the file's
+// name, see image_header.h.
 #pragma once
 
 #include <cstdint>
@@ -13,11 +13,11 @@ namespace palpate {
 struct DicomFile {
   bool is_dicom = false;    // has the preamble
   bool has_pixels = false;  // is an image
-  // Bytes up to the end of the pixels, behind which there may be padding; 0 without pixels.
+  // The position of the pixels' end; 0 without pixels. Padding may follow.
   std::int64_t pixels_end = 0;
 };
 
-// `length`: bytes of the stream. Refuses what is cut off or contradicts itself.
+// `length`: the bytes of the stream. Refuses files that are truncated or contradict themselves.
 DicomFile CheckDicomFile(std::istream* in, std::int64_t length);
 
 }  // namespace palpate

@@ -1,5 +1,5 @@
-// The first bytes of a file as a file of their own, in memory: for a library that opens files by
-// name and must not see the rest.
+// Copies the first bytes of a file into a file in memory, for a library that opens files by name
+// and must not see the rest.
 //
 // Threads: any; one object at a time. Errors: palpate::Error without the file's name.
 #pragma once
@@ -11,8 +11,8 @@ namespace palpate {
 
 class FileStart {
  public:
-  // Makes the file in memory that the objects use in turn. Confine() forbids to make one: call this
-  // before it. Without Confine() there is no need to.
+  // Makes the file in memory that all objects use in turn. Call it before Confine(), which forbids
+  // to make one. Without Confine() the call is not needed.
   static void Reserve();
 
   FileStart(const std::filesystem::path& file, std::int64_t bytes);
@@ -20,7 +20,7 @@ class FileStart {
   FileStart(const FileStart&) = delete;
   FileStart& operator=(const FileStart&) = delete;
 
-  // To be opened by this process, for as long as this object lives.
+  // A path that this process can open while this object lives.
   std::filesystem::path path() const;
 };
 

@@ -107,8 +107,8 @@ std::int64_t CheckedVoxelBytes(const std::array<std::int64_t, 3>& size, int byte
                                           std::to_string(limits.max_voxels) +
                                           " voxels; crop or resample the volume");
   }
-  // At the peak there are the file's voxels beside the floats made of them, or
-  // these floats (4 bytes) beside the tree (4.2 bytes) or what is handed over.
+  // The peak is the greater of two: the file's voxels together with the floats made from them; or
+  // these floats (4 bytes) together with the tree (4.2 bytes) or the handed-over data.
   const int peak = std::max(bytes_per_voxel + 4, 9);
   std::int64_t memory = 0;
   if (__builtin_mul_overflow(voxels, peak, &memory) || memory > limits.max_memory_bytes) {

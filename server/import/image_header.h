@@ -1,10 +1,9 @@
-// What the importer must know of a volume file before a library reads it: the
-// size, the scalar type and where the voxels lie. Read by our own parsers, since
-// ITK reports truncated NIfTI and MetaImage files as read, and allocates what a
-// header asks for.
+// The facts of a volume file that the importer needs before a library reads the file: the size, the
+// scalar type and the place of the voxels. Our own parsers read them, because ITK reports truncated
+// NIfTI and MetaImage files as read, and allocates as much as a header asks for.
 //
-// Pure values and functions. Any thread. Not for real-time code. Errors:
-// palpate::Error whose what() says "what is wrong; what to do", without the file.
+// Pure values and functions. Threads: any. Not for real-time code. Errors: palpate::Error whose
+// what() says "what is wrong; what to do", without the file's name.
 #pragma once
 
 #include <array>
@@ -24,23 +23,23 @@ namespace palpate {
 enum class ScalarType { kInt8, kUint8, kInt16, kUint16, kInt32, kUint32, kFloat32, kFloat64 };
 
 int ByteCount(ScalarType type);
-// "int8", ..., "float64".
+// Returns "int8", ..., "float64".
 const char* Name(ScalarType type);
-ScalarType ParseScalarType(std::string_view name);  // of Name()
+ScalarType ParseScalarType(std::string_view name);  // takes the result of Name()
 
-// Where the voxels of a file lie: index to W (mm, LPS).
+// The place of a file's voxels: maps index to W (mm, LPS).
 struct ImageGeometry {
   Vec3 spacing_mm = Vec3::Ones();
   Vec3 origin_W_mm = Vec3::Zero();
-  Mat3 direction = Mat3::Identity();  // columns: unit vectors, unless the file is sheared
+  Mat3 direction = Mat3::Identity();  // columns: unit vectors, except in a sheared file
 };
 
-// The data stream holds `skip_bytes` and then the voxels, x fastest, one frame
-// after the other. It starts at `begin` of its file and may be deflated (gzip or
-// zlib) as a whole. What is felt is intercept + slope * voxel.
+// The data stream holds `skip_bytes` and then the voxels, x fastest, one frame after the other. The
+// stream starts at `begin` of its file. The whole stream may be deflated (gzip or zlib). The value
+// of a voxel is intercept + slope * voxel.
 struct ImageHeader {
-  static constexpr std::int64_t kVoxelsAtEnd = -1;  // as skip_bytes
-  static constexpr std::int64_t kToFileEnd = -1;    // as compressed_bytes
+  static constexpr std::int64_t kVoxelsAtEnd = -1;  // a value of skip_bytes
+  static constexpr std::int64_t kToFileEnd = -1;    // a value of compressed_bytes
 
   std::array<std::int64_t, 3> size{};  // voxels along x, y, z, each at least 2
   std::int64_t frames = 1;
@@ -48,42 +47,43 @@ struct ImageHeader {
   bool big_endian = false;
   double slope = 1.0;
   double intercept = 0.0;
-  ImageGeometry geometry;  // not of MetaImage and TIFF
+  ImageGeometry geometry;  // not set for MetaImage and TIFF
   std::string data_file;   // a name below the header's folder; empty: the header's own file
   std::int64_t begin = 0;
   std::int64_t skip_bytes = 0;
   bool compressed = false;
   std::int64_t compressed_bytes = kToFileEnd;
-  bool may_be_longer = false;  // more bytes after the voxels of a deflated stream are in order
+  bool may_be_longer = false;  // a deflated stream may have more bytes after the voxels
   std::string unit;            // of the values, as the file states it
 };
 
 struct ImportLimits {
-  // Told of a size within the limits, and of the file's voxels, before anything is allocated; of a
-  // stack of slices again and again while it is counted. May be empty.
+  // Called with a size within the limits and the bytes of a file's voxel, before memory is
+  // allocated. For a stack of slices it is called again and again while the slices are counted. May
+  // be empty.
   std::function<void(const std::array<std::int64_t, 3>& size, int bytes_per_voxel)> on_size{};
   std::int64_t max_voxels = std::int64_t{1} << 31;
   std::int64_t max_memory_bytes = std::int64_t{16} << 30;
-  // Real paths. Files that a source leads to, slices and voxels of a detached header,
-  // lie below one of these when links are followed. Empty: anywhere.
+  // Real paths. Files that a source refers to (slices, voxels of a detached header) must lie below
+  // one of these folders after links are followed. Empty: anywhere.
   std::vector<std::filesystem::path> folders{};
-  // Whatever leads to them.
+  // Files that are refused, whatever link leads to them.
   OwnFiles own_files{};
 };
 
-// Takes the axes as a header lists them. When there are frames along the fourth
-// and nothing beyond, sets that axis to 1 and returns their number, otherwise 1.
+// Takes the axes as a header lists them. If the fourth axis has frames and no axis follows, sets
+// the fourth axis to 1 and returns the number of frames; otherwise returns 1.
 std::int64_t TakeFrames(std::vector<std::int64_t>* axes);
 
 // Refuses a frame that the file does not have.
 void CheckFrame(std::int64_t frame, std::int64_t frames);
 
-// Takes the axes as a header lists them: three of at least 2 voxels, then only
+// Takes the axes as a header lists them. Accepts three axes of at least 2 voxels, followed only by
 // axes of size 1.
 std::array<std::int64_t, 3> VolumeSize(const std::vector<std::int64_t>& axes);
 
-// Bytes of the voxels. Refuses (kTooLarge) what is over the limits, before
-// anything is allocated for it.
+// Returns the bytes of the voxels. Throws kTooLarge if they exceed the limits, before memory is
+// allocated for them.
 std::int64_t CheckedVoxelBytes(const std::array<std::int64_t, 3>& size, int bytes_per_voxel,
                                const ImportLimits& limits);
 
@@ -93,13 +93,13 @@ void CheckSpacing(double spacing);
 // Refuses a detached data file that is not below the header's own folder.
 void CheckDataFileName(const std::string& name);
 
-// Of the text formats. `what` names the field in the message.
+// For the text formats. `what` names the field in the message.
 std::string_view Trim(std::string_view text);
 std::string Lower(std::string_view text);
 std::vector<std::string_view> Words(std::string_view text);
 std::int64_t ParseInteger(std::string_view word, std::string_view what);
-double ParseReal(std::string_view word, std::string_view what);  // NaN and infinity pass
-// Text of the file in a message: shortened, without control characters.
+double ParseReal(std::string_view word, std::string_view what);  // accepts NaN and infinity
+// Prepares text of a file for a message: shortened, without control characters.
 std::string Quoted(std::string_view text);
 
 }  // namespace palpate

@@ -1,8 +1,7 @@
-// Inflates a part of a file: gzip (also several members in a row) or zlib, as the
-// data say.
+// Inflates a part of a file. Detects gzip (also several members in a row) or zlib from the data.
 //
-// One thread; reads the file that it was given. Errors: palpate::Error for
-// truncated and damaged data, std::bad_alloc.
+// Threads: one. Reads the given file. Errors: palpate::Error for truncated and damaged data,
+// std::bad_alloc.
 #pragma once
 
 #include <zlib.h>
@@ -15,13 +14,13 @@ namespace palpate {
 
 class Inflater {
  public:
-  // Of `length` bytes of the file from `begin` on; `in` must outlive this object.
+  // Inflates `length` bytes of the file from `begin` on. `in` must outlive this object.
   Inflater(std::ifstream* in, std::int64_t begin, std::int64_t length);
   ~Inflater();
   Inflater(const Inflater&) = delete;
   Inflater& operator=(const Inflater&) = delete;
 
-  // Fills `out` as far as there are data, and returns how many bytes there were.
+  // Fills `out` as far as data exist, and returns the number of bytes.
   std::size_t Read(char* out, std::size_t count);
 
  private:

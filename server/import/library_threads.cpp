@@ -22,7 +22,8 @@ std::ptrdiff_t CountThreads() {
 }  // namespace
 
 void EndLibraryThreads() {
-  // By name: it is a library of OpenVDB's, if OpenVDB was built with it, and not one of ours.
+  // Looks the function up by name: log4cplus comes with OpenVDB only if OpenVDB was built with it,
+  // and we do not link it.
   using Function = void (*)();
   const auto end =
       reinterpret_cast<Function>(dlsym(RTLD_DEFAULT, "_ZN9log4cplus18shutdownThreadPoolEv"));

@@ -1,17 +1,17 @@
-// Threads that libraries start before main(). Landlock would not hold for them: it confines the
-// thread that asks for it, and those that this thread starts.
+// Ends threads that libraries start before main(). Landlock would not confine them: it confines
+// only the calling thread and the threads that this thread starts.
 //
-// One thread.
+// Threads: one.
 #pragma once
 
 namespace palpate {
 
-// Ends those that are known: OpenVDB's log library, log4cplus, starts four, for a kind of log that
-// nothing here uses.
+// Ends the known threads: OpenVDB's log library, log4cplus, starts four for asynchronous logging,
+// which nothing here uses.
 void EndLibraryThreads();
 
-// Whether this thread is the only one. Waits up to a second for threads that are just ending.
-// Also true if there is no /proc to look at.
+// True if this thread is the only one. Waits up to a second for threads that are about to end. Also
+// true without /proc.
 bool IsOnlyThread();
 
 }  // namespace palpate

@@ -54,21 +54,21 @@ void DefineLimits(arguments::Command* app, Options* options) {
       ->type_name("N")
       ->capture_default_str();
   app->add_option("--max-memory-mib", options->max_memory_mib,
-                  "Refuse what needs more memory, in MiB (9 to 12 bytes per voxel)")
+                  "Refuse volumes that need more memory, in MiB (9 to 12 bytes per voxel)")
       ->check(arguments::Range(std::int64_t{1}, std::int64_t{1} << 30))
       ->type_name("N")
       ->capture_default_str();
   app->add_option("--only-below", options->folders,
-                  "INPUT, its slices and data files lie below INPUT's folder or this one, links\n"
-                  "followed; these paths hold no links; may be given again (default: anywhere).\n"
-                  "With --to-descriptor the kernel, too, refuses anything else")
+                  "Read INPUT, its slices and data files only below INPUT's folder or this\n"
+                  "folder, after links are followed. The folders' own paths must hold no links.\n"
+                  "May be given again (default: anywhere). With --to-descriptor the kernel\n"
+                  "enforces this")
       ->expected(1)
       ->take_all()
       ->type_name("FOLDER");
-  app->add_option(
-         "--never", options->own_files,
-         "With --only-below: a file, or folder, that INPUT must not lead to, nor to another\n"
-         "name of it; may be given again")
+  app->add_option("--never", options->own_files,
+                  "With --only-below: refuse this file or folder, also under another name; may be\n"
+                  "given again")
       ->expected(1)
       ->take_all()
       ->type_name("PATH");
@@ -80,7 +80,8 @@ void DefineLimits(arguments::Command* app, Options* options) {
 
 void DefineRawOptions(arguments::Command* app, Options* options) {
   arguments::Option* const size =
-      app->add_option("--raw-size", options->raw_size, "INPUT is raw voxels: so many, x fastest")
+      app->add_option("--raw-size", options->raw_size,
+                      "INPUT is raw voxels: their number along x, y, z; x fastest")
           ->delimiter(',')
           ->expected(3)
           ->type_name("X,Y,Z");
@@ -106,8 +107,8 @@ void DefineOptions(arguments::Command* app, Options* options) {
       "folder with a DICOM series, or raw voxels (--raw-size, --raw-type). Voxels are 8, 16 or 32\n"
       "bit integers, float or double, and 32 bit floats in OUTPUT (integers beyond 2^24 are "
       "rounded).\n"
-      "Three axes of at least 2 voxels, and time in NRRD and NIfTI; lengths are in mm, the frame\n"
-      "is LPS.");
+      "A volume has three axes of at least 2 voxels; NRRD and NIfTI may also have time. Lengths\n"
+      "are in mm, the frame is LPS.");
   app->footer(
       "Exit codes: 0 written; 2 wrong usage; 3 not a volume, damaged or not supported; 4 not "
       "found;\n"
@@ -117,7 +118,7 @@ void DefineOptions(arguments::Command* app, Options* options) {
   arguments::Option* const output =
       app->add_option("OUTPUT", options->output, "File to write; replaced if it is there");
   app->add_option("--to-descriptor", options->descriptor,
-                  "Instead of OUTPUT: hands the volume to palpated, in this open file in memory")
+                  "Instead of OUTPUT: hand the volume to palpated in this open file in memory")
       ->excludes(output)
       ->type_name("FD");
   app->add_option("--spacing-mm", options->spacing_mm,
@@ -125,17 +126,18 @@ void DefineOptions(arguments::Command* app, Options* options) {
       ->delimiter(',')
       ->expected(3)
       ->type_name("X,Y,Z");
-  app->add_option("--frame", options->frame, "Which frame of a 4-D file, from 0 (default: 0)")
+  app->add_option("--frame", options->frame, "Frame of a 4-D file to read, from 0 (default: 0)")
       ->type_name("N");
-  app->add_option("--grid", options->grid, "Which grid of a .vdb file with several")
+  app->add_option("--grid", options->grid, "Grid to read, if the .vdb file has several")
       ->type_name("NAME");
-  app->add_option("--component", options->component, "Of a grid of vectors: magnitude, x, y or z")
+  app->add_option("--component", options->component,
+                  "Component of a grid of vectors: magnitude, x, y or z")
       ->type_name("NAME");
   DefineRawOptions(app, options);
   DefineLimits(app, options);
   app->add_flag("--progress", options->progress,
-                "Lines 'progress FRACTION STAGE' on stdout, FRACTION from 0 to 1, and 'size X Y Z\n"
-                "BYTES' as soon as the size is known, and the bytes of a voxel in the file");
+                "Print lines 'progress FRACTION STAGE' to stdout, with FRACTION from 0 to 1, and\n"
+                "'size X Y Z BYTES' once the size and the bytes of a voxel in the file are known");
 }
 
 // "CT/" and "CT" are the same folder.
@@ -163,7 +165,7 @@ palpate::DenseVolume ReadRaw(const Options& options, const palpate::ImportLimits
   return palpate::ReadRawVolume(options.input, raw, limits, reporter);
 }
 
-// Of the formats that hold one volume only.
+// Reads formats that hold one volume only.
 palpate::DenseVolume ReadSingleFile(const Options& options, const palpate::ImportLimits& limits,
                                     palpate::Reporter* reporter) {
   const std::filesystem::path input = options.input;
@@ -181,7 +183,7 @@ palpate::DenseVolume ReadSingleFile(const Options& options, const palpate::Impor
       ".tif, .tiff, the folder of a series, or --raw-size and --raw-type");
 }
 
-// Of the formats that may hold frames.
+// Returns the format if it may hold frames.
 std::optional<palpate::ImageFormat> SeriesFormat(const std::filesystem::path& input) {
   const std::string name = palpate::Lower(input.filename().string());
   const auto ends = [&name](std::string_view ending) { return name.ends_with(ending); };
@@ -207,7 +209,8 @@ palpate::DenseVolume Read(const Options& options, const palpate::ImportLimits& l
                                       : palpate::ReadDicomVolume(input, limits, reporter);
 }
 
-// As they are named: a link that somebody puts into such a path leads nowhere.
+// The folders as they are named, with links not resolved: a link that is put into such a path later
+// leads nowhere.
 std::vector<std::filesystem::path> FoldersToRead(const Options& options) {
   if (options.folders.empty()) return {};
   const auto plain = [](const std::filesystem::path& path) {
@@ -282,7 +285,7 @@ void Import(const Options& options, palpate::Reporter* reporter) {
   reporter->Progress(1.0, "done");
 }
 
-// The line's end only: ITK puts file, line and object before it.
+// Keeps only the end of the message: ITK puts file, line and object before it.
 std::string Condensed(const itk::ExceptionObject& error) {
   std::string text = error.GetDescription();
   const std::size_t end = text.rfind("): ");

@@ -11,7 +11,8 @@ using Fields = std::map<std::string, std::string, std::less<>>;
 // MetaIO reads lines into buffers of fixed length.
 constexpr std::size_t kLongestLine = 500;
 
-// Fields up to ElementDataFile, always the last; `end` is set behind its line.
+// Reads fields up to ElementDataFile, which is always the last. Sets `end` to the byte after its
+// line.
 Fields ReadFields(std::string_view head, std::int64_t* end) {
   Fields fields;
   std::size_t at = 0;
@@ -60,7 +61,7 @@ std::int64_t Integer(const Fields& fields, std::string_view name, std::int64_t a
 }
 
 ScalarType ParseType(const std::string& type) {
-  // MetaIO's LONG has 32 bits, as on the machines it was made on.
+  // MetaIO's LONG has 32 bits, as on the machines of its time.
   static const std::map<std::string, ScalarType, std::less<>> kTypes = {
       {"MET_CHAR", ScalarType::kInt8},     {"MET_UCHAR", ScalarType::kUint8},
       {"MET_SHORT", ScalarType::kInt16},   {"MET_USHORT", ScalarType::kUint16},
@@ -110,7 +111,7 @@ void ReadDataPlace(const Fields& fields, std::int64_t header_end, ImageHeader* h
   const std::int64_t skip = Integer(fields, "HeaderSize", 0);
   header->compressed = Flag(fields, "CompressedData", false);
   if (header->compressed) {
-    // Without it MetaIO delivers zeros.
+    // Without CompressedDataSize, MetaIO delivers zeros.
     header->compressed_bytes =
         ParseInteger(Required(fields, "CompressedDataSize"), "CompressedDataSize");
     if (header->compressed_bytes < 1)

@@ -1,6 +1,6 @@
-// MetaImage headers (.mha with the voxels behind them, .mhd with a data file).
+// Parses MetaImage headers (.mha with the voxels after the header, .mhd with a data file).
 //
-// Pure. Any thread. Errors: palpate::Error, see image_header.h.
+// Pure. Threads: any. Errors: palpate::Error, see image_header.h.
 #pragma once
 
 #include <string_view>

@@ -1,6 +1,6 @@
-// The numbers of a NIfTI header, from either version and byte order.
+// Reads the numbers of a NIfTI header, of both versions and both byte orders.
 //
-// Pure. Any thread. Errors: palpate::Error, see image_header.h.
+// Pure. Threads: any. Errors: palpate::Error, see image_header.h.
 #pragma once
 
 #include <array>
@@ -11,7 +11,7 @@ namespace palpate {
 
 struct NiftiFields {
   bool big_endian = false;
-  std::int64_t least_vox_offset = 0;  // the header and the four bytes behind it
+  std::int64_t least_vox_offset = 0;  // the header and the four bytes after it
   int datatype = 0;
   int bitpix = 0;
   std::array<std::int64_t, 8> dim{};
@@ -26,7 +26,7 @@ struct NiftiFields {
   int xyzt_units = 0;
 };
 
-// Refuses what is no NIfTI header, too short, or names a second file.
+// Refuses data that are no NIfTI header, are too short, or name a second file.
 NiftiFields ReadNiftiFields(std::string_view head);
 
 }  // namespace palpate

@@ -8,7 +8,7 @@
 namespace palpate {
 namespace {
 
-// Cosine between two axes of an sform that counts as sheared.
+// Above this cosine between two of its axes, an sform counts as sheared.
 constexpr double kSheared = 1e-3;
 
 ScalarType ParseType(int datatype) {
@@ -76,7 +76,7 @@ const Mat3 kLpsFromRas = Vec3(-1.0, -1.0, 1.0).asDiagonal();
 ImageGeometry FromQform(const NiftiFields& fields) {
   const auto& q = fields.quaternion;
   Vec3 bcd(q[0], q[1], q[2]);
-  // Rounded ones may be a little too long.
+  // Rounding may make them a little too long.
   if (bcd.norm() > 1.0) bcd.normalize();
   const double a = std::sqrt(std::max(1.0 - bcd.squaredNorm(), 0.0));
   Mat3 rotation = Eigen::Quaterniond(a, bcd.x(), bcd.y(), bcd.z()).toRotationMatrix();
@@ -124,7 +124,7 @@ ImageGeometry ParseGeometry(const NiftiFields& fields) {
   }
   geometry.spacing_mm *= MillimetresPerUnit(fields);
   geometry.origin_W_mm *= MillimetresPerUnit(fields);
-  // What was finite may have overflowed, or vanished.
+  // Finite values may have overflowed, or become zero.
   for (const double spacing : geometry.spacing_mm) CheckSpacing(spacing);
   CheckFinite(geometry.origin_W_mm, "place");
   return geometry;
@@ -133,7 +133,7 @@ ImageGeometry ParseGeometry(const NiftiFields& fields) {
 void ReadScale(const NiftiFields& fields, ImageHeader* header) {
   CheckFinite(std::array{fields.scl_slope}, "scl_slope");
   CheckFinite(std::array{fields.scl_inter}, "scl_inter");
-  // A slope of zero says that there is no scale, and no intercept either.
+  // A slope of zero means: no scale, and no intercept either.
   if (fields.scl_slope == 0.0) return;
   header->slope = fields.scl_slope;
   header->intercept = fields.scl_inter;

@@ -20,7 +20,7 @@ void AddField(std::string_view line, NrrdFields* fields) {
   if (colon == std::string_view::npos) {
     Refuse("the NRRD header has the line " + Quoted(line) + ", which is no field; correct it");
   }
-  if (line.substr(colon).starts_with(":=")) return;  // a key and value: not ours to read
+  if (line.substr(colon).starts_with(":=")) return;  // a key with a value, which we ignore
   const std::string name = FieldName(Trim(line.substr(0, colon)));
   if (!fields->emplace(name, Trim(line.substr(colon + 1))).second) {
     Refuse("the NRRD header states " + Quoted(name) + " twice; correct it");

@@ -1,6 +1,6 @@
-// The fields of an NRRD header as text.
+// Reads the fields of an NRRD header as text.
 //
-// Pure. Any thread. Errors: palpate::Error, see image_header.h.
+// Pure. Threads: any. Errors: palpate::Error, see image_header.h.
 #pragma once
 
 #include <cstdint>
@@ -11,10 +11,10 @@
 
 namespace palpate {
 
-// By name: lower case, without the blanks, which are optional in some of them.
+// By name, in lower case and without blanks. In some names the blanks are optional.
 using NrrdFields = std::map<std::string, std::string, std::less<>>;
 
-// `whole`: `head` is all of the file. `end` is set behind the header's last line.
+// `whole`: `head` is the whole file. Sets `end` to the byte after the header's last line.
 NrrdFields ReadNrrdFields(std::string_view head, bool whole, std::int64_t* end);
 
 const std::string& RequiredField(const NrrdFields& fields, std::string_view name);

@@ -7,7 +7,8 @@
 namespace palpate {
 namespace {
 
-// "(x,y,z)", blanks allowed; `what` names the field. Empty for "none".
+// Parses "(x,y,z)", with optional blanks. `what` names the field. Returns an empty vector for
+// "none".
 std::vector<double> ParseVector(std::string_view text, const char* what) {
   std::vector<double> numbers;
   if (text == "none") return numbers;
@@ -38,7 +39,7 @@ std::vector<std::vector<double>> ParseVectors(const std::string& text, const cha
   return vectors;
 }
 
-// Spaces may have time as a fourth axis, along which no axis of space moves.
+// A space may have time as a fourth axis. The axes of space must not move along it.
 Vec3 SpaceVector(const std::vector<double>& numbers, const char* what) {
   const bool time = numbers.size() == 4 && numbers[3] == 0.0;
   if (numbers.size() != 3 && !time) {
@@ -89,7 +90,7 @@ double MillimetresPer(std::string_view unit, const char* what) {
          ", which is no known unit of length; correct it, or take the field out for mm");
 }
 
-// Millimetres per unit of the first three axes: "mm" "mm" "mm", with or without quotes.
+// Returns millimetres per unit of the first three axes: "mm" "mm" "mm", with or without quotes.
 Vec3 LengthUnits(const NrrdFields& fields, const char* name, const char* what) {
   Vec3 mm = Vec3::Ones();
   const std::string text = FindField(fields, name).value_or("");
@@ -127,13 +128,13 @@ ImageGeometry FromDirections(const NrrdFields& fields, const std::string& direct
   return geometry;
 }
 
-// Numbers of the first three axes, NaN where the header is silent.
+// Returns the numbers of the first three axes, with NaN where the header gives none.
 Vec3 PerAxis(const NrrdFields& fields, const char* name, const char* what) {
   Vec3 numbers = Vec3::Constant(std::nan(""));
   const std::string text = FindField(fields, name).value_or("");
   int axis = 0;
   for (const std::string_view word : Words(text)) {
-    // Axes behind the third have no place in space ("nan").
+    // Axes after the third have no place in space ("nan").
     if (axis < 3) numbers[axis++] = ParseReal(word, what);
   }
   return numbers;
@@ -158,7 +159,7 @@ ImageGeometry FromSpacings(const NrrdFields& fields, const std::array<std::int64
     const bool ranged = !stated && std::isfinite(from_range) && from_range > 0.0;
     if (stated || ranged) geometry.spacing_mm[k] = stated ? spacings[k] : from_range;
     placed = placed && (stated || ranged);
-    // A cell's sample lies in its middle.
+    // In a cell-centred axis, the sample lies in the middle of the cell.
     if (!node) origin[k] += geometry.spacing_mm[k] / 2;
   }
   if (placed) geometry.origin_W_mm = origin;

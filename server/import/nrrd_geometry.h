@@ -1,6 +1,6 @@
-// Where the voxels of an NRRD file lie.
+// Computes the place of an NRRD file's voxels.
 //
-// Pure. Any thread. Errors: palpate::Error, see image_header.h.
+// Pure. Threads: any. Errors: palpate::Error, see image_header.h.
 #pragma once
 
 #include "server/import/image_header.h"
@@ -8,10 +8,10 @@
 
 namespace palpate {
 
-// Of the first three axes. The frame is turned into LPS where the header's space is
-// RAS or LAS, and taken as it is for any other. Lengths are in the units that it states (space
-// units, or units of axes without a space), in mm if it states none. A header without a space has
-// spacings only, and its axis mins place it.
+// Uses the first three axes. Turns the frame into LPS if the header's space is RAS or LAS, and
+// leaves any other space as it is. Lengths are in the header's units (space units, or units of axes
+// without a space), or in mm if the header has none. A header without a space has only spacings;
+// its axis mins give the place.
 ImageGeometry ParseNrrdGeometry(const NrrdFields& fields, const std::array<std::int64_t, 3>& size);
 
 }  // namespace palpate

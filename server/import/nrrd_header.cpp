@@ -89,7 +89,7 @@ bool IsOneOf(std::string_view word, std::initializer_list<std::string_view> word
   return std::find(words.begin(), words.end(), word) != words.end();
 }
 
-// Sizes alone do not tell a series from voxels of several values: the kinds must.
+// Sizes alone do not distinguish a series from voxels with several values. The kinds must.
 void CheckKinds(const NrrdFields& fields, const std::vector<std::int64_t>& axes) {
   const std::string text = FindField(fields, "kinds").value_or("");
   const auto kinds = Words(text);

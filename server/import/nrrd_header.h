@@ -1,7 +1,7 @@
-// NRRD headers (teem's format definition, NRRD0001 to NRRD0005): attached and
-// detached, encodings raw and gzip, one data file.
+// Parses NRRD headers (teem's format definition, NRRD0001 to NRRD0005): attached and detached,
+// encodings raw and gzip, one data file.
 //
-// Pure. Any thread. Errors: palpate::Error, see image_header.h.
+// Pure. Threads: any. Errors: palpate::Error, see image_header.h.
 #pragma once
 
 #include <string_view>
@@ -11,7 +11,7 @@
 namespace palpate {
 
 // `head`: the first bytes of the file, at least up to the end of the header.
-// `whole`: these are all bytes of the file.
+// `whole`: `head` is the whole file.
 ImageHeader ParseNrrdHeader(std::string_view head, bool whole);
 
 }  // namespace palpate

@@ -1,6 +1,6 @@
-// Files that hold nothing but voxels: what was said of them in place of a header.
+// Files that hold only voxels. The caller describes the voxels in place of a header.
 //
-// Any thread; looks at the file's size. Errors: palpate::Error, see image_header.h.
+// Threads: any. Reads the file's size. Errors: palpate::Error, see image_header.h.
 #pragma once
 
 #include <filesystem>
@@ -10,7 +10,7 @@
 
 namespace palpate {
 
-// Refuses a file whose size is not that of the offset and the voxels.
+// Refuses a file whose size differs from the sum of the offset and the voxels.
 ImageHeader CheckedRawHeader(const std::filesystem::path& path, const RawVoxels& raw,
                              const ImportLimits& limits);
 

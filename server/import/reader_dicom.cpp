@@ -41,12 +41,13 @@ const gdcm::Tag kBits(0x0028, 0x0100);
 const gdcm::Tag kSign(0x0028, 0x0103);
 const gdcm::Tag kRescaleType(0x0028, 0x1054);
 
-// Pitches may differ this much from their median without a word, and at most so.
+// Relative difference of a pitch from the median: up to kEvenPitch without a warning. From
+// kMissingSlice times the median on, a slice is missing.
 constexpr double kEvenPitch = 0.01;
 constexpr double kMissingSlice = 1.5;
-// Of the unit vectors along rows and columns.
+// Tolerance for the unit vectors along rows and columns.
 constexpr double kParallel = 1e-3;
-// Sideways drift of the stack per length: gantry tilt.
+// Sideways drift of the stack per length; more is a gantry tilt.
 constexpr double kStraight = 0.01;
 constexpr std::int64_t kMostCopied = std::int64_t{256} << 20;
 
@@ -61,7 +62,7 @@ struct Slice {
   std::string unit;
 };
 
-// Text of a tag in one file, empty when absent.
+// The text of a tag in one file; empty if the tag is absent.
 class Tags {
  public:
   Tags(const gdcm::Scanner& scanner, std::string file)
@@ -70,7 +71,7 @@ class Tags {
     const char* value = scanner_.GetValue(file_.c_str(), tag);
     return value ? std::string(Trim(value)) : std::string();
   }
-  // "a\b\c"; empty unless there are `count` finite numbers.
+  // Numbers of "a\b\c"; empty unless there are `count` finite numbers.
   std::vector<double> Numbers(const gdcm::Tag& tag, std::size_t count) const {
     std::string text = Text(tag);
     std::replace(text.begin(), text.end(), '\\', ' ');
@@ -132,7 +133,7 @@ Slice ParseSlice(const Tags& tags) {
   }
   slice.row_W.normalize();
   slice.column_W = (slice.column_W - slice.row_W * slice.row_W.dot(slice.column_W)).normalized();
-  // DICOM states the distance of rows first: along y.
+  // DICOM gives the distance of rows first, which is along y.
   slice.spacing_mm = {spacing[1], spacing[0]};
   for (const double mm : slice.spacing_mm) CheckSpacing(mm);
   slice.size = {static_cast<std::int64_t>(tags.Number(kColumns, 0)),
@@ -142,7 +143,7 @@ Slice ParseSlice(const Tags& tags) {
   return slice;
 }
 
-// Refuses damaged DICOM files: GDCM must not see them.
+// Refuses damaged DICOM files, so that GDCM does not see them.
 DicomFile Checked(const fs::path& file) {
   std::ifstream in(file, std::ios::binary);
   if (!in) return {};
@@ -171,7 +172,7 @@ std::vector<std::string> ImageFiles(const fs::path& folder, const ImportLimits& 
   return files;
 }
 
-// Slices of the largest series.
+// Returns the slices of the largest series.
 std::vector<Slice> ScanFolder(const fs::path& folder, const ImportLimits& limits,
                               Reporter* reporter) {
   const std::vector<std::string> files = ImageFiles(folder, limits);
@@ -188,7 +189,7 @@ std::vector<Slice> ScanFolder(const fs::path& folder, const ImportLimits& limits
   for (const std::string& file : files) {
     const Tags tags(*scanner, file);
     if (!scanner->IsKey(file.c_str()) || tags.Text(kRows).empty()) continue;
-    // A file with many frames has no position of its own: not a slice.
+    // A file with many frames has no position of its own, so it is not a slice.
     frames = frames || tags.Number(kFrames, 1) > 1;
     if (!tags.Text(kPosition).empty()) series[tags.Text(kSeries)].push_back(tags);
   }
@@ -209,7 +210,7 @@ std::vector<Slice> ScanFolder(const fs::path& folder, const ImportLimits& limits
   return slices;
 }
 
-// Sorts along the normal of the slices and returns the mean pitch.
+// Sorts the slices along their normal and returns the mean pitch.
 double SortSlices(std::vector<Slice>* slices, Reporter* reporter) {
   const Slice first = slices->front();
   const Vec3 normal_W = first.row_W.cross(first.column_W);
@@ -233,7 +234,7 @@ double SortSlices(std::vector<Slice>* slices, Reporter* reporter) {
   }
   std::vector<double> sorted = pitches;
   std::sort(sorted.begin(), sorted.end());
-  // The lower of two: a gap is found even when it is half of all pitches.
+  // Takes the lower of two middle values, so that a gap is found even if it is half of all pitches.
   const double median = sorted[(sorted.size() - 1) / 2];
   for (std::size_t k = 0; k < pitches.size(); ++k) {
     const std::string pair =
@@ -258,8 +259,8 @@ double SortSlices(std::vector<Slice>* slices, Reporter* reporter) {
   return length / static_cast<double>(pitches.size());
 }
 
-// GDCM takes padding behind the pixels for elements of eight bytes, reads each on its own, and
-// crashes where some bytes are left over. Slices that are larger are no slices of a scanner.
+// GDCM takes padding after the pixels for elements of eight bytes, reads each by itself, and
+// crashes if some bytes remain. Files above kMostCopied are no slices of a scanner.
 std::optional<FileStart> WithoutPadding(const fs::path& file) {
   const std::int64_t end = Checked(file).pixels_end;
   if (end == static_cast<std::int64_t>(fs::file_size(file)) || end > kMostCopied) return {};

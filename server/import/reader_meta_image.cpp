@@ -9,7 +9,7 @@ namespace {
 
 using Image = itk::Image<float, 3>;
 
-// ITK must have understood the header as we did, or the checks were in vain.
+// ITK must read the header as we do; otherwise our checks would be useless.
 void CheckAgreement(const itk::ImageIOBase& io, const ImageHeader& header) {
   bool agrees = io.GetNumberOfComponents() == 1 && io.GetNumberOfDimensions() >= 3;
   for (unsigned k = 0; agrees && k < io.GetNumberOfDimensions(); ++k) {
@@ -50,7 +50,7 @@ DenseVolume ReadMetaImageVolume(const std::filesystem::path& path, const ImportL
   CopyGeometry(*image, &volume.metadata);
   volume.metadata.unit = header.unit;
   volume.metadata.original_type = Name(header.type);
-  // Taken over, not copied: it may be gigabytes.
+  // Ownership moves without a copy: the buffer may have gigabytes.
   volume.voxels.reset(image->GetBufferPointer());
   image->GetPixelContainer()->ContainerManageMemoryOff();
   return volume;

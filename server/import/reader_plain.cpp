@@ -1,4 +1,4 @@
-// Formats whose voxels we read ourselves.
+// Reads the formats whose voxels we read ourselves.
 #include "server/import/raw_header.h"
 #include "server/import/readers.h"
 #include "server/import/tiff_stack.h"

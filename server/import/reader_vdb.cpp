@@ -18,7 +18,7 @@
 namespace palpate {
 namespace {
 
-// OpenVDB multiplies row vectors from the left.
+// OpenVDB multiplies a row vector by a matrix on its right.
 void CopyGeometry(const openvdb::math::Transform& transform, const Vec3i& first,
                   VolumeMetadata* metadata) {
   if (!transform.isLinear()) Refuse("the grid's transform is not linear; resample it first");
@@ -78,7 +78,7 @@ void KeepEntries(const openvdb::MetaMap& map, GridForm* form, Reporter* reporter
   std::size_t bytes = 0;
   for (auto entry = map.beginMeta(); entry != map.endMeta(); ++entry) {
     const std::string& name = entry->first;
-    // What a file has of its own is written anew.
+    // These entries are written anew with each file.
     if (name.starts_with("file_") || name.starts_with("palpate_")) continue;
     const openvdb::Metadata& value = *entry->second;
     const auto* const type =
@@ -100,7 +100,7 @@ struct Box {
   std::array<std::int64_t, 3> size;
 };
 
-// What files of our own say of it.
+// The box that palpated's own files record.
 std::optional<Box> OwnBox(const openvdb::GridBase& grid, const openvdb::CoordBBox& active) {
   const auto size = grid.getMetadata<openvdb::Vec3IMetadata>("palpate_size");
   if (!size) return std::nullopt;
@@ -116,7 +116,7 @@ std::optional<Box> OwnBox(const openvdb::GridBase& grid, const openvdb::CoordBBo
   return box;
 }
 
-// The leaves around what is active: what OpenVDB holds in one of its leaves is held in one here.
+// Rounds the active box out to whole leaves, so that a leaf of OpenVDB becomes one leaf here.
 Box BoxOf(const openvdb::GridBase& grid) {
   const openvdb::CoordBBox active = grid.evalActiveVoxelBoundingBox();
   if (const auto own = OwnBox(grid, active)) return *own;
@@ -124,7 +124,7 @@ Box BoxOf(const openvdb::GridBase& grid) {
   Box box{};
   for (int k = 0; k < 3; ++k) {
     box.first[k] = active.min()[k] & -kBrickEdge;
-    // Not dim(): a box may be wider than its 32 bits.
+    // Not dim(): a box may be larger than dim()'s 32 bits hold.
     const std::int64_t last = active.max()[k] | (kBrickEdge - 1);
     box.size[static_cast<std::size_t>(k)] = last - box.first[k] + 1;
   }
@@ -141,7 +141,7 @@ void CopyOwnEntries(const openvdb::GridBase& grid, VolumeMetadata* metadata) {
   if (frames) metadata->frames = frames->value();
 }
 
-// Of a type of kGridTypes, in which messages and files of other formats name it.
+// Converts a type of kGridTypes to the type name of messages and of other formats.
 std::string OriginalType(std::string_view grid_type) {
   if (grid_type == "float") return "float32";
   return grid_type == "double" ? "float64" : std::string(grid_type);

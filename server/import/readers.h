@@ -1,7 +1,7 @@
 // The readers of palpate-import, one per family of formats.
 //
-// One thread. Not for real-time code. Errors: palpate::Error without the file's
-// name; what the libraries throw passes through.
+// Threads: one. Not for real-time code. Errors: palpate::Error without the file's name. Exceptions
+// of the libraries pass through.
 #pragma once
 
 #include <filesystem>
@@ -16,18 +16,18 @@
 
 namespace palpate {
 
-// NRRD and NIfTI, one frame of it; 0 unless stated, with a warning when there are
-// more. By our own means: ITK reads neither NIfTI-2 nor NRRD series in space, and
-// lets units and a slope of 0 go wrong.
+// NRRD and NIfTI: reads one frame. Without `frame`, reads frame 0, and warns if there are more
+// frames. We use our own code: ITK reads neither NIfTI-2 nor NRRD series in space, and treats units
+// and a slope of 0 wrongly.
 DenseVolume ReadPlainVolume(const std::filesystem::path& path, ImageFormat format,
                             const std::optional<std::int64_t>& frame, const ImportLimits& limits,
                             Reporter* reporter);
 
-// Nothing but voxels; spacing 1 mm.
+// Raw voxels; spacing 1 mm.
 DenseVolume ReadRawVolume(const std::filesystem::path& path, const RawVoxels& raw,
                           const ImportLimits& limits, Reporter* reporter);
 
-// A TIFF stack, see tiff_stack.h; spacing 1 mm, since TIFF states none along z.
+// A TIFF stack, see tiff_stack.h. Spacing 1 mm, because TIFF has none along z.
 DenseVolume ReadTiffVolume(const std::filesystem::path& input, const ImportLimits& limits,
                            Reporter* reporter);
 
@@ -35,20 +35,20 @@ DenseVolume ReadTiffVolume(const std::filesystem::path& input, const ImportLimit
 DenseVolume ReadMetaImageVolume(const std::filesystem::path& path, const ImportLimits& limits,
                                 Reporter* reporter);
 
-// The largest series of a folder: slices sorted by position, which must be
-// parallel and about evenly spaced. CT is in HU.
+// The largest series of a folder. Slices are sorted by position and must be parallel and about
+// evenly spaced. CT is in HU.
 DenseVolume ReadDicomVolume(const std::filesystem::path& folder, const ImportLimits& limits,
                             Reporter* reporter);
 
 struct VdbOptions {
-  std::string source;                // as the volume is named
-  std::string grid{};                // which one of several
-  std::string component{};           // of a grid of vectors: magnitude, x, y or z
-  std::optional<Vec3> spacing_mm{};  // instead of the file's
+  std::string source;                // the volume's name
+  std::string grid{};                // for a file with several grids
+  std::string component{};           // for a grid of vectors: magnitude, x, y or z
+  std::optional<Vec3> spacing_mm{};  // replaces the file's
 };
 
-// A grid of a .vdb file, from anywhere: handed over as it is (server/volume/handover.h). The leaves
-// around its active voxels become the volume; its world unit is taken for mm.
+// Hands over a grid of a .vdb file of any program, without conversion (server/volume/handover.h).
+// The leaves around its active voxels become the volume. The grid's world unit counts as mm.
 void HandOverVdb(const std::filesystem::path& path, const VdbOptions& options, int fd,
                  Reporter* reporter);
 

@@ -29,7 +29,7 @@ extern "C" void ExitOnCrash(int) {
   _exit(ExitCode(ErrorKind::kInternal));
 }
 
-// One line, whatever a library or a file name puts into it.
+// Makes one line of any text from a library or a file name.
 std::string OneLine(std::string_view text) {
   constexpr std::size_t kLongest = 2000;
   std::string line;
@@ -60,7 +60,7 @@ Reporter::Reporter(std::string input, bool show_progress) : input_(std::move(inp
   if (nowhere < 0) return;
   dup2(nowhere, STDOUT_FILENO);
 #ifndef PALPATE_SANITIZED
-  // The sanitizers report here.
+  // The sanitizers report to stderr.
   dup2(nowhere, STDERR_FILENO);
 #endif
   close(nowhere);

@@ -1,8 +1,7 @@
-// What palpate-import says: warnings and the one error line on stderr, progress
-// on stdout. Keeps the libraries' own chatter (nifti_clib, MetaIO and GDCM print
-// from within) off both.
+// Writes palpate-import's output: warnings and the one error line to stderr, progress to stdout.
+// Keeps the libraries' own output (nifti_clib, MetaIO and GDCM print) off both.
 //
-// One thread. Not for real-time code.
+// Threads: one. Not for real-time code.
 #pragma once
 
 #include <array>
@@ -14,23 +13,24 @@ namespace palpate {
 
 class Reporter {
  public:
-  // From here on file descriptors 1 and 2 lead nowhere and only this object
-  // writes to the former ones. `input`: the file, as messages name it.
+  // Redirects file descriptors 1 and 2 to /dev/null (in sanitizer builds only 1). Only this object
+  // writes to the former ones. `input`: the file's name in messages.
   Reporter(std::string input, bool show_progress);
 
-  // "progress FRACTION STAGE"; fraction of the whole import.
+  // Writes "progress FRACTION STAGE", with the fraction of the whole import.
   void Progress(double fraction, std::string_view stage);
-  // "size X Y Z BYTES": so many voxels will be read, of so many bytes; the last one counts.
+  // Writes "size X Y Z BYTES": the number of voxels that will be read, and the bytes of each. The
+  // last line counts.
   void Size(const std::array<std::int64_t, 3>& size, int bytes_per_voxel);
-  // "palpate-import: warning: FILE: MESSAGE".
+  // Writes "palpate-import: warning: FILE: MESSAGE".
   void Warn(std::string_view message);
-  // "palpate-import: FILE: MESSAGE".
+  // Writes "palpate-import: FILE: MESSAGE".
   void Fail(std::string_view message);
-  // After `seconds` of wall clock, or when the limit of processor time is hit:
-  // Fail() and exit with that of kTooLarge.
+  // After `seconds` of wall clock, or at the limit of processor time, writes a failure and exits
+  // with the code of kTooLarge.
   void FailAfter(unsigned seconds);
-  // From here on a crash is a Fail() and exit with that of kInternal: GDCM ends in
-  // an assertion on some damaged files.
+  // From now on a crash writes a failure and exits with the code of kInternal. GDCM ends in an
+  // assertion on some damaged files.
   void FailOnCrash();
 
  private:

@@ -31,7 +31,7 @@ void Limit(__rlimit_resource resource, rlim_t wanted, const char* what) {
 }
 
 #ifndef PALPATE_SANITIZED
-// Stacks of TBB's threads and malloc's arenas are reserved but hardly used.
+// Stacks of TBB's threads and malloc's arenas reserve much address space and use little of it.
 constexpr std::int64_t kReservedPerThread = std::int64_t{80} << 20;
 constexpr std::int64_t kReserved = std::int64_t{256} << 20;
 
@@ -49,7 +49,7 @@ void LimitResources(std::int64_t max_memory_bytes, std::int64_t max_seconds) {
   Limit(RLIMIT_CORE, 0, "core dumps");
   Limit(RLIMIT_NOFILE, kOpenFiles, "open files");
   Limit(RLIMIT_CPU, static_cast<rlim_t>(max_seconds * threads), "processor time");
-  // What is written, a tree or voxels, is no larger than the memory that held it.
+  // A written tree or volume is no larger than the memory that held it.
   signal(SIGXFSZ, SIG_IGN);
   Limit(RLIMIT_FSIZE, static_cast<rlim_t>(max_memory_bytes), "file size");
 #ifndef PALPATE_SANITIZED

@@ -25,8 +25,8 @@
 namespace palpate {
 namespace {
 
-// Names that an architecture does not have are left out there: 32-bit ones have names of their
-// own for what takes 64-bit numbers, newer ones have no open() beside openat().
+// Names that an architecture lacks are skipped there. 32-bit architectures have extra names for
+// calls with 64-bit numbers; newer architectures have only openat() and no open().
 
 constexpr const char* kFiles[] = {
     "_llseek", "access", "arm_fadvise64_64", "close", "dup", "dup2", "dup3", "faccessat",
@@ -34,32 +34,33 @@ constexpr const char* kFiles[] = {
     "fstatat64", "fstatfs", "fstatfs64", "fsync", "ftruncate", "ftruncate64", "getcwd", "getdents",
     "getdents64", "lseek", "lstat", "lstat64", "newfstatat", "pread64", "preadv", "pwrite64",
     "pwritev", "read", "readahead", "readlink", "readlinkat", "readv",
-    // FileStart copies the start of a DICOM file by it.
+    // FileStart copies the start of a DICOM file with sendfile.
     "sendfile", "sendfile64", "stat", "stat64", "statfs", "statfs64", "statx", "write", "writev"};
 
 constexpr const char* kMemoryAndThreads[] = {
     "brk", "exit", "exit_group", "futex", "futex_time64", "mremap", "msync", "munmap",
-    // A new thread registers itself by these.
+    // A new thread registers itself with these calls.
     "rseq", "set_robust_list", "set_tid_address", "sched_getaffinity", "sched_yield"};
 
 constexpr const char* kSignalsAndClocks[] = {
     "clock_getres", "clock_getres_time64", "clock_gettime", "clock_gettime64", "clock_nanosleep",
     "clock_nanosleep_time64", "gettimeofday", "nanosleep",
-    // A sleep that a signal interrupts goes on by it.
+    // Continues a sleep that a signal interrupted.
     "restart_syscall", "rt_sigaction", "rt_sigprocmask", "rt_sigreturn", "sigaltstack", "sigreturn",
     "time", "times"};
 
-// Of the process itself and of the machine. TBB counts the processors, abort() asks for the
+// Facts about the process itself and the machine. TBB counts the processors. abort() asks for the
 // process and the thread.
 constexpr const char* kFacts[] = {"getcpu",     "getegid",  "getegid32", "geteuid",   "geteuid32",
                                   "getgid",     "getgid32", "getpid",    "getrandom", "getrlimit",
                                   "getrusage",  "gettid",   "getuid",    "getuid32",  "sysinfo",
                                   "ugetrlimit", "uname"};
 
-// Their flags lie in memory, where the kernel's filters do not look. glibc falls back to clone().
+// The flags of these calls lie in memory, which the kernel's filters cannot read. The calls appear
+// not to exist. glibc then falls back to clone().
 constexpr const char* kNotThere[] = {"clone3", "openat2"};
 
-// Calls that no reader makes, whatever the file: each is a sign of a process taken over.
+// Calls that no reader makes, whatever the file. Each is a sign that the process was taken over.
 constexpr const char* kAttacks[] = {
     // Other programs and processes.
     "execve", "execveat", "fork", "kcmp", "kill", "pidfd_getfd", "pidfd_open", "pidfd_send_signal",
@@ -73,13 +74,13 @@ constexpr const char* kAttacks[] = {
     "init_module", "ioperm", "iopl", "kexec_file_load", "kexec_load", "mount", "mount_setattr",
     "move_mount", "open_by_handle_at", "name_to_handle_at", "open_tree", "personality",
     "pivot_root", "reboot", "setns", "swapoff", "swapon", "umount", "umount2", "unshare",
-    // Parts of the kernel in which faults are often found.
+    // Kernel interfaces in which faults are often found.
     "add_key", "bpf", "io_uring_enter", "io_uring_register", "io_uring_setup", "keyctl",
     "memfd_create", "memfd_secret", "modify_ldt", "perf_event_open", "request_key", "userfaultfd"};
 
 constexpr std::uint32_t kRefuse = SCMP_ACT_ERRNO(EPERM);
 
-// To read: an access mode of 0, and neither a new nor an emptied file.
+// Opening to read means: an access mode of 0, and the file is neither made nor emptied.
 constexpr unsigned kOpenToWrite = O_ACCMODE | O_CREAT | O_TRUNC;
 
 constexpr unsigned kThread = CLONE_VM | CLONE_SIGHAND | CLONE_THREAD;
@@ -91,7 +92,7 @@ constexpr unsigned kCloneFlags = 1;  // the stack comes first
 constexpr unsigned kCloneFlags = 0;
 #endif
 
-// From here on advice is about the machine's memory: MADV_HWPOISON and MADV_SOFT_OFFLINE.
+// Advice from this number on is about the machine's memory: MADV_HWPOISON and MADV_SOFT_OFFLINE.
 constexpr int kFirstMachineAdvice = 100;
 
 [[noreturn]] void Fail(const std::string& what, int error_number) {
@@ -111,7 +112,7 @@ class Filter {
   Filter() : context_(seccomp_init(kRefuse), seccomp_release) {
     if (!context_) Fail("seccomp_init", ENOMEM);
     Set(SCMP_FLTATR_CTL_TSYNC, 1);
-    // Calls by the numbers of another architecture, such as 32-bit ones.
+    // Calls by the numbers of another architecture, for example 32-bit ones.
     Set(SCMP_FLTATR_ACT_BADARCH, SCMP_ACT_KILL_PROCESS);
   }
 
@@ -120,10 +121,10 @@ class Filter {
     for (const char* name : names) Add(action, name, {});
   }
 
-  // If all of `when` holds.
+  // Adds a rule that applies if all conditions of `when` hold.
   void Add(std::uint32_t action, const char* name, const std::vector<scmp_arg_cmp>& when) {
     const int number = seccomp_syscall_resolve_name(name);
-    if (number == __NR_SCMP_ERROR) return;  // newer than the library
+    if (number == __NR_SCMP_ERROR) return;  // the library does not know it yet
     const int failure = seccomp_rule_add_array(context_.get(), action, number,
                                                static_cast<unsigned>(when.size()), when.data());
     if (failure != 0) Fail(name, -failure);
@@ -155,24 +156,24 @@ void AllowFiles(Filter* filter) {
   filter->Add(SCMP_ACT_ALLOW, kFiles);
   filter->Add(SCMP_ACT_ALLOW, "open", {HasNone(1, kOpenToWrite)});
   filter->Add(SCMP_ACT_ALLOW, "openat", {HasNone(2, kOpenToWrite)});
-  // Without those that send signals to any process (F_SETOWN, F_SETFL with O_ASYNC).
+  // Without the commands that send signals to any process (F_SETOWN, F_SETFL with O_ASYNC).
   for (const int command :
        {F_DUPFD, F_DUPFD_CLOEXEC, F_GETFD, F_SETFD, F_GETFL, F_ADD_SEALS, F_GET_SEALS}) {
     for (const char* name : {"fcntl", "fcntl64"}) {
       filter->Add(SCMP_ACT_ALLOW, name, {Is(1, static_cast<unsigned>(command))});
     }
   }
-  // The standard library asks for terminals, and how much there is to read.
+  // The standard library asks whether a descriptor is a terminal, and how much it can read.
   for (const unsigned request : {TCGETS, FIONREAD}) {
     filter->Add(SCMP_ACT_ALLOW, "ioctl", {Is(1, request)});
   }
 }
 
-// Memory that can be written never becomes code. So a library that is loaded later is refused, too:
-// TBB then goes without its allocator, libtbbmalloc.
+// Writable memory never becomes executable. A library that is loaded later is therefore refused,
+// too: TBB then runs without its allocator, libtbbmalloc.
 void AllowMemory(Filter* filter) {
 #ifdef __s390__
-  // Its arguments lie in memory, where the kernel's filters do not look.
+  // The arguments of this call lie in memory, which the kernel's filters cannot read.
   filter->Add(SCMP_ACT_ALLOW, "mmap", {});
 #elif !defined(__i386__)  // the same there, but glibc uses mmap2
   filter->Add(SCMP_ACT_ALLOW, "mmap", {HasNone(2, PROT_EXEC)});
@@ -191,7 +192,7 @@ void AllowThreads(Filter* filter) {
   const auto own = static_cast<std::uint64_t>(getpid());
   filter->Add(SCMP_ACT_ALLOW, "tgkill", {Is(0, own)});
   filter->Add(SCMP_ACT_KILL_PROCESS, "tgkill", {{0, SCMP_CMP_NE, own, 0}});
-  // To read a limit of its own.
+  // A process may read its own limits.
   filter->Add(SCMP_ACT_ALLOW, "prlimit64", {Is(0, 0), Is(2, 0)});
 }
 

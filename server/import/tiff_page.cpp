@@ -11,7 +11,7 @@
 namespace palpate {
 namespace {
 
-// A tile may be larger than its page, but not so that it harms.
+// A tile may be larger than its page. This limit keeps a huge tile from taking too much memory.
 constexpr std::uint64_t kLargestTileBytes = std::uint64_t{64} << 20;
 
 constexpr char kDamaged[] = "the TIFF data are damaged or truncated; copy or export the file again";
@@ -56,7 +56,7 @@ void CheckGrey(TIFF* tiff) {
   }
 }
 
-// ImageJ and OME put channels and times behind each other as pages.
+// ImageJ and OME store channels and times as successive pages.
 void CheckDescription(TIFF* tiff) {
   const char* text = nullptr;
   if (TIFFGetField(tiff, TIFFTAG_IMAGEDESCRIPTION, &text) != 1 || !text) return;
@@ -97,7 +97,7 @@ void CheckDataPlaces(TIFF* tiff, const TiffPage& page) {
   if (parts == 0 || (plain && stored_bytes < page_bytes)) Refuse(kDamaged);
 }
 
-// Everything is read in libtiff's byte order: ours.
+// libtiff delivers all values in the machine's byte order.
 ImageHeader DecodeHeader(const TiffPage& page) {
   ImageHeader header;
   header.type = page.type;
@@ -150,7 +150,7 @@ TiffFile OpenTiff(const std::filesystem::path& path) {
   CheckReadable(path);
   TIFFSetErrorHandler(nullptr);
   TIFFSetWarningHandler(nullptr);
-  // m: no memory map, where a file that shrinks would be a crash.
+  // m: no memory map, because a shrinking file would cause a crash.
   TiffFile file(TIFFOpen(path.c_str(), "rm"));
   if (!file) Refuse("this is no TIFF file, or its header is damaged or truncated");
   return file;
@@ -173,7 +173,7 @@ TiffPage CheckTiffPage(TIFF* tiff) {
     Refuse("the TIFF compression " + std::to_string(compression) +
            " is not supported; save the file without compression");
   }
-  // Larger than any limit, and beyond what the products below can hold.
+  // Above every limit of voxels, and small enough that the products below do not overflow.
   constexpr std::int64_t kLongestAxis = std::int64_t{1} << 30;
   if (page.width < 1 || page.height < 1 || page.width > kLongestAxis ||
       page.height > kLongestAxis) {

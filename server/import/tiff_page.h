@@ -1,6 +1,6 @@
-// One page of a TIFF file through libtiff, grey, in strips or tiles.
+// Reads one page of a TIFF file with libtiff: grey, in strips or tiles.
 //
-// One thread; reads files. Errors: palpate::Error without the file's name.
+// Threads: one. Reads files. Errors: palpate::Error without the file's name.
 #pragma once
 
 #include <tiffio.h>
@@ -17,11 +17,11 @@ struct TiffCloser {
 };
 using TiffFile = std::unique_ptr<TIFF, TiffCloser>;
 
-// Opens a file at its first page. libtiff's own messages are dropped.
+// Opens a file at its first page. Suppresses libtiff's own messages.
 TiffFile OpenTiff(const std::filesystem::path& path);
 
-// Size along x and y and type of the page that the file is at. Refuses colour, odd
-// types, absurd tiles, and data that lie beyond the file's end.
+// Size along x and y, and type, of the file's current page. CheckTiffPage refuses colour,
+// unsupported types, too large tiles, and data beyond the file's end.
 struct TiffPage {
   std::int64_t width = 0;
   std::int64_t height = 0;
@@ -31,10 +31,10 @@ struct TiffPage {
 };
 TiffPage CheckTiffPage(TIFF* tiff);
 
-// Whether the page is a smaller copy or a mask of another one.
+// True if the page is a smaller copy or a mask of another page.
 bool IsAuxiliaryPage(TIFF* tiff);
 
-// Reads the page that the file is at: width * height floats.
+// Reads the file's current page: width * height floats.
 void ReadTiffPage(TIFF* tiff, const TiffPage& page, float* out);
 
 }  // namespace palpate

@@ -10,10 +10,10 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// More digits are no count of slices, and would not fit a number.
+// A longer number is no slice count and could overflow.
 constexpr std::size_t kMostDigits = 15;
 
-// A name split at its last number.
+// A file name, split at its last number.
 struct SliceName {
   fs::path path;
   std::string before;
@@ -88,7 +88,7 @@ bool IsTiffFolder(const fs::path& folder) {
 std::vector<fs::path> TiffFolderSlices(const fs::path& folder) {
   std::vector<fs::path> files = VisibleFiles(folder);
   std::erase_if(files, [](const fs::path& path) { return !IsTiffName(path); });
-  // Messages do not depend on the order of the folder.
+  // Sorted, so that messages do not depend on the folder's order.
   std::sort(files.begin(), files.end());
   if (files.size() == 1) return files;
   std::vector<SliceName> slices;

@@ -1,6 +1,6 @@
-// Which files are the slices of a TIFF stack.
+// Finds the files that are the slices of a TIFF stack.
 //
-// Any thread; lists folders. Errors: palpate::Error without the folder's name.
+// Threads: any. Lists folders. Errors: palpate::Error without the folder's name.
 #pragma once
 
 #include <filesystem>
@@ -11,16 +11,15 @@ namespace palpate {
 
 bool IsTiffName(const std::filesystem::path& path);
 
-// Whether most files of the folder are TIFF by their names.
+// True if most files of the folder are TIFF by name.
 bool IsTiffFolder(const std::filesystem::path& folder);
 
-// All TIFF files of the folder by their numbers. Refuses several series, missing
+// Returns all TIFF files of the folder, ordered by number. Refuses several series, missing numbers
 // and double numbers.
 std::vector<std::filesystem::path> TiffFolderSlices(const std::filesystem::path& folder);
 
-// The slices of the series that starts with this file: all files of its folder
-// whose names differ from its own in the last number only. The file alone when its
-// name has no number.
+// Returns the slices of the series that starts with this file: all files of its folder whose names
+// differ only in the last number. Returns only this file if its name has no number.
 std::vector<std::filesystem::path> TiffSeriesSlices(const std::filesystem::path& first);
 
 }  // namespace palpate

@@ -15,8 +15,8 @@ std::string Shape(const TiffPage& page) {
   return std::to_string(page.width) + "x" + std::to_string(page.height) + " " + Name(page.type);
 }
 
-// Every slice must be like the first, and all of them within the limits, before
-// the next one is looked at.
+// Checks each slice before the next one is opened: it must match the first slice, and the stack
+// must stay within the limits.
 class StackChecker {
  public:
   StackChecker(TiffStack* stack, const ImportLimits& limits) : stack_(stack), limits_(limits) {}
@@ -57,7 +57,7 @@ void AddPages(TIFF* tiff, StackChecker* checker, TiffStack* stack) {
       stack->pages.push_back(page);
     }
     if (TIFFLastDirectory(tiff) != 0) return;
-    // A damaged page must not end the volume unnoticed.
+    // A damaged page must not end the volume without an error.
     if (TIFFReadDirectory(tiff) == 0) {
       Refuse("page " + std::to_string(page + 2) +
              " cannot be read; the file is damaged or truncated");

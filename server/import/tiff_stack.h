@@ -1,8 +1,8 @@
-// TIFF stacks through libtiff: one file of several pages, or one file per slice.
-// Grey, strips or tiles, any compression that libtiff knows. Values are taken as they
-// are stored, also where 0 means white.
+// Reads TIFF stacks with libtiff: one file of several pages, or one file per slice. Grey, strips or
+// tiles, any compression that libtiff knows. Values are used as they are stored, also if 0 means
+// white.
 //
-// One thread; reads files. Errors: palpate::Error without the input's name.
+// Threads: one. Reads files. Errors: palpate::Error without the input's name.
 #pragma once
 
 #include <filesystem>
@@ -15,16 +15,16 @@
 namespace palpate {
 
 struct TiffStack {
-  std::vector<std::filesystem::path> files;  // of one page each, or one file of all pages
-  std::vector<std::uint32_t> pages;          // of the one file; reduced images are left out
-  ImageHeader header;                        // size and type of the whole
+  std::vector<std::filesystem::path> files;  // files of one page each, or one file with all pages
+  std::vector<std::uint32_t> pages;          // pages of the one file, without reduced images
+  ImageHeader header;                        // size and type of the whole stack
 };
 
-// Reads the headers of all slices of a file or folder and checks that they make a
-// volume, lie within the limits and that their data are there.
+// Reads the headers of all slices of a file or folder. Checks that the slices make a volume, that
+// the volume is within the limits, and that the data are there.
 TiffStack OpenTiffStack(const std::filesystem::path& input, const ImportLimits& limits);
 
-// `progress` is told the fraction of slices that have been read.
+// Calls `progress` with the fraction of slices read so far.
 std::unique_ptr<float[]> ReadTiffVoxels(const TiffStack& stack,
                                         const std::function<void(double)>& progress);
 

@@ -20,7 +20,7 @@ using Place = std::array<std::int32_t, 3>;
 
 Place PlaceOf(const openvdb::Coord& at) { return {at.x(), at.y(), at.z()}; }
 
-// Of all values: what they can be held in, and the least of them.
+// Collects facts about all values: the smallest type that holds them, and the least value.
 template <class Value>
 class Survey {
  public:
@@ -32,9 +32,9 @@ class Survey {
     }
     least_ = std::min(least_, is);
     if (!IsExact(value, is)) ++rounded_;
-    // Other types may hold what no float does.
+    // Other types than float may hold values that no float holds.
     if constexpr (!std::is_same_v<Value, float>) {
-      // The least was held by the type before, and need not be by the next one.
+      // The next type may not hold the least value that the previous type held.
       while (type_ != LeafType::kFloat &&
              !(Holds(type_, is) && Holds(type_, least_) && IsExact(value, is))) {
         type_ = static_cast<LeafType>(static_cast<int>(type_) + 1);
@@ -57,7 +57,7 @@ class Survey {
   std::int64_t rounded_ = 0;
 };
 
-// Buffers what is written in a row.
+// Buffers consecutive writes.
 class Appender {
  public:
   explicit Appender(int fd, std::int64_t offset) : fd_(fd), offset_(offset) {}
@@ -102,7 +102,7 @@ class TreeWriter {
   }
 
  private:
-  // What there is, and how many.
+  // Visits the whole tree: collects the nodes and surveys the values.
   void Look() {
     survey_.Add(tree_.background());
     for (auto tile = tree_.root().cbeginValueAll(); tile; ++tile) survey_.Add(tile.getValue());

@@ -1,6 +1,6 @@
-// Writes a tree of OpenVDB's as a hand-over (server/volume/handover_layout.h).
+// Writes a tree of OpenVDB as a hand-over (server/volume/handover_layout.h).
 //
-// One thread. Errors: palpate::Error.
+// Threads: one. Errors: palpate::Error.
 #pragma once
 
 #include <openvdb/openvdb.h>
@@ -11,9 +11,10 @@
 
 namespace palpate {
 
-// Tree: one of those of kGridTypes. All of `metadata` but the range; of `form` what is no part of
-// the tree. Voxels that are no finite floats become the least one that is (with a warning). Held in
-// the smallest type that holds each voxel exactly; floats stay floats.
+// Tree: one of kGridTypes. `metadata`: complete except for the value range. `form`: only the parts
+// that are not in the tree. Voxels that are no finite floats become the least finite value (with a
+// warning). The voxels are held in the smallest type that holds each voxel exactly; floats stay
+// floats.
 template <class Tree>
 void WriteTree(int fd, const Tree& tree, const VolumeMetadata& metadata, const GridForm& form,
                Reporter* reporter);

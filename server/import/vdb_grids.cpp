@@ -15,13 +15,13 @@ namespace palpate {
 namespace {
 
 struct NamedGrid {
-  std::string name;  // one of a kind
+  std::string name;  // unique
   openvdb::GridBase::Ptr grid;
 };
 
 std::vector<NamedGrid> ReadGrids(const std::filesystem::path& path) {
   std::ifstream in(path, std::ios::binary);
-  // Else a truncated file would be read as if zeros followed.
+  // Without exceptions, a truncated file would be read as if zeros followed.
   in.exceptions(std::ios::badbit | std::ios::failbit);
   openvdb::io::Stream stream(in, /*delayLoad=*/false);
   std::vector<NamedGrid> grids;
@@ -44,7 +44,7 @@ bool HasVectors(const openvdb::GridBase& grid) {
          grid.isType<openvdb::Vec3IGrid>();
 }
 
-// "surface" (level set, float), ...
+// For example: "surface" (level set, float), ...
 std::string List(const std::vector<NamedGrid>& grids) {
   std::string list;
   for (const auto& [name, grid] : grids) {

@@ -1,6 +1,6 @@
-// Which grid of a .vdb file is read.
+// Chooses the grid of a .vdb file to read.
 //
-// One thread. Errors: palpate::Error without the file's name.
+// Threads: one. Errors: palpate::Error without the file's name.
 #pragma once
 
 #include <openvdb/Grid.h>
@@ -10,14 +10,14 @@
 
 namespace palpate {
 
-// As the user asks for it; empty: the only one.
+// The user's choice. Empty: the only grid.
 struct GridChoice {
-  std::string name{};       // of the grid; NAME[K] is the K-th of several of one name
-  std::string component{};  // of a grid of vectors: magnitude, x, y or z
+  std::string name{};       // the grid's; NAME[K] is the K-th of several grids with this name
+  std::string component{};  // for a grid of vectors: magnitude, x, y or z
 };
 
-// Of scalars: a float, double, int32, int64 or bool grid. kInvalidArgument for a file that is none,
-// or a choice that is none: it lists what there is.
+// Returns a grid of scalars: float, double, int32, int64 or bool. Throws kInvalidArgument if the
+// file is no .vdb file, or if the choice does not exist; the message then lists the choices.
 openvdb::GridBase::Ptr ReadChosenGrid(const std::filesystem::path& path, const GridChoice& choice);
 
 }  // namespace palpate

@@ -14,7 +14,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::size_t kChunk = 1 << 18;  // a multiple of every voxel's bytes
+constexpr std::size_t kChunk = 1 << 18;  // a multiple of the bytes of every voxel type
 
 template <typename Number>
 void Decode(const char* bytes, std::size_t count, const ImageHeader& header, float* out) {
@@ -31,7 +31,7 @@ void Decode(const char* bytes, std::size_t count, const ImageHeader& header, flo
   }
 }
 
-// The bytes of the voxels' stream, inflated where they are deflated.
+// The bytes of the voxels' stream, inflated if the stream is deflated.
 class ByteStream {
  public:
   ByteStream(const fs::path& path, std::int64_t begin, const ImageHeader& header)

@@ -1,6 +1,6 @@
 // Reads the voxels of one frame as floats.
 //
-// One thread; reads files. Errors: palpate::Error without the file's name.
+// Threads: one. Reads files. Errors: palpate::Error without the file's name.
 #pragma once
 
 #include <filesystem>
@@ -10,12 +10,12 @@
 
 namespace palpate {
 
-// `count` voxels of the header's type, byte
-// order, slope and intercept at `bytes` become floats at `out`.
+// Converts `count` voxels at `bytes` to floats at `out`, with the header's type, byte order, slope
+// and intercept.
 void DecodeVoxels(const char* bytes, std::size_t count, const ImageHeader& header, float* out);
 
-// Of a file that ReadCheckedHeader() accepted with this header, `frame` one that it
-// has. Memory: the floats and a small buffer. Refuses a file that has changed since.
+// Reads a file that ReadCheckedHeader() accepted with this header. `frame` must exist. Memory: the
+// floats and a small buffer. Refuses a file that has changed since the check.
 std::unique_ptr<float[]> ReadVoxels(const std::filesystem::path& path, const ImageHeader& header,
                                     std::int64_t frame);
 
