@@ -168,7 +168,7 @@ bool HasTerminal() {
 // not read them, and a crash must leave no core file.
 void KeepMemoryPrivate() {
 #ifndef PALPATE_SANITIZED
-  // Not with a leak checker: it attaches to its own process as a debugger does.
+  // Not in sanitizer builds: the leak checker attaches to its own process as a debugger does.
   prctl(PR_SET_DUMPABLE, 0, 0, 0, 0);
 #endif
 }

@@ -109,8 +109,8 @@ void ConfigReload::TakeOver() {
   std::vector<std::string> live, later;
   std::partition_copy(changed.begin(), changed.end(), std::back_inserter(live),
                       std::back_inserter(later), IsLive);
-  // First what may be refused. The policy is read even if no key changed: certificates and tokens
-  // may have been replaced.
+  // Changes that may be refused come first. The policy is read even if no key changed: certificates
+  // and tokens may have been replaced.
   const std::function<void()> take_policy = read_policy_(next.config.security.policy);
   const SettingsUpdate update = UpdateOf(live, next.config);
   if (!IsEmpty(update)) {

@@ -179,7 +179,7 @@ void ExploreScript::Retreat(const HandState& hand, double dt_s) {
   BeginSeek(from_mm, from_mm + kHopMm * (SidewaysFrom(from_mm) - normal_));
 }
 
-// Without a lead where contact is lost, so that the hand does not shoot past an edge.
+// There is no lead while contact is lost, so that the hand does not shoot past an edge.
 double ExploreScript::LeadMm() const {
   if (without_contact_s_ > 0.0) return 0.0;
   return kFullLeadMm / (1.0 + normal_rate_rad_s_ / kHalfSpeedRadPerS);

@@ -53,7 +53,7 @@ class ExploreScript final : public StylusScript {
   Vec3 workspace_max_mm_;
   std::uint64_t random_state_;
   Vec3 contact_mm_;  // the last one; at first the middle, where the data most likely are
-  int misses_ = 0;   // seeks since it was last felt firmly
+  int misses_ = 0;   // seeks since the last firm contact
   std::uint32_t seeks_ = 0;
 
   Phase phase_ = Phase::kSeek;
@@ -64,9 +64,9 @@ class ExploreScript final : public StylusScript {
   double left_s_ = 0.0;              // of the slide or the retreat
   double without_contact_s_ = 0.0;   // in the slide
   Vec3 normal_ = Vec3::UnitZ();      // unit, out of the surface; the last one felt
-  double normal_rate_rad_s_ = 0.0;   // at which it turns, low-passed
+  double normal_rate_rad_s_ = 0.0;   // at which the normal turns, low-passed
   double turn_rate_rad_s_ = 0.0;     // of the heading about the normal
-  Vec3 way_mark_mm_ = Vec3::Zero();  // where the slide was when it last got on
+  Vec3 way_mark_mm_ = Vec3::Zero();  // where the slide last made progress
   double at_way_mark_s_ = 0.0;
 };
 

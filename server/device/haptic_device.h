@@ -63,9 +63,9 @@ struct DeviceState {
 
 enum class DeviceStatus : std::uint8_t {
   kOk,
-  // Either no new reading came for longer than its period, and the state is the last good one. Or
-  // zero force was written because the servo was silent. This lasts until the servo writes zero:
-  // the old force must not come back in one step.
+  // No new reading came for longer than its period; the state is the last good one. Also returned
+  // after zero force was written because the servo was silent, until the servo writes zero: the old
+  // force must not come back in one step.
   kStale,
   kFault,  // the device is gone or broken; forces must stay off
 };

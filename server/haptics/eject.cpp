@@ -61,7 +61,7 @@ bool Eject(const HapticSurface& surface, double limit_mm, Place& place, bool& on
     if (down.kind == Candidate::Kind::kNone) break;
     MoveInTetrahedron(surface, down, true, place, on_surface, cache);
     ++moves;
-    // If rounding allowed no move, the place is not yet below the surface.
+    // Also set if rounding stopped the move above the surface; the density tells.
     if (on_surface) break;
   }
   if (PlaceDensity(surface, place, cache) <= surface.isovalue) return true;

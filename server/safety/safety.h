@@ -1,17 +1,17 @@
 // The last stage before the device. Whatever was computed, the force on the hand is finite, within
 // the device's limits and gradual, and it is there only while it may be.
 //
-// The checks of a force, in this order:
+// Each tick checks, in this order:
 //
-//   computed force
-//     -> finite?          no: zero at once, a fault
-//     -> norm clamp       to the device's greatest force
-//     -> thermal limit    from the greatest force towards the continuous one
-//     -> slew limit       and the ramp-in after forces were enabled
-//     -> speed            faster than a hand: zero at once, a fault
-//     -> docked, uncalibrated: off
-//     -> stale readings, missed deadlines: ramped to zero
-//   (-> zero frames before the device is let go: the device's Stop)
+//   fault           bad device, position or force, or faster than a hand: zero at once
+//   zero at once    stopped, suspended, docked, uncalibrated
+//   ramped to zero  stale readings, missed deadlines
+//   norm clamp      to the device's greatest force
+//   thermal limit   from the greatest force towards the continuous one
+//   ramp-in         after forces were enabled
+//   slew limit      the change of the force per tick
+//
+// At the end the device's Stop writes zero frames before it releases the device.
 //
 // Its states:
 //

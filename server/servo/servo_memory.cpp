@@ -131,7 +131,7 @@ bool FromBytes(const char* bytes, T& value) {
   }
 }
 
-// No stylus is as far away. Squares of such lengths do not overflow.
+// No stylus is this far away. Squares of such lengths do not overflow.
 constexpr double kFarthestMm = 1e9;
 constexpr double kUnitTolerance = 1e-6;
 

@@ -42,7 +42,7 @@ void Purge(UsbLink& link) {
 }
 
 void ThrowIfStopped(const std::atomic<bool>& stop) {
-  if (stop) throw UsbError(UsbFault::kTimeout, "the Falcon was given up: the program stops");
+  if (stop) throw UsbError(UsbFault::kTimeout, "the program stops while it sets up the Falcon");
 }
 
 // Receives until `enough` is true for the bytes, or until `patience` is over. Returns the bytes.

@@ -24,8 +24,8 @@ DeviceSpec FalconSpec() {
   // The datasheet says more than 2 lb (8.9 N), CHAI3D says 8 N. We limit it to 3.3 N, as all forces
   // here, until the force of a motor count is measured.
   spec.max_force_n = 3.3;
-  // Not published. We use the value of the Touch, whose motors have a third of the force: a
-  // cautious guess.
+  // The value is not published. We use the value of the Touch, whose motors have a third of the
+  // force: a cautious guess.
   spec.continuous_force_n = 0.88;
   // CHAI3D uses 3 N/mm. We use a third of it, because the Falcon is untried with this servo.
   spec.max_stiffness_n_per_mm = 1.0;

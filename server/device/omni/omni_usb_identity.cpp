@@ -59,8 +59,9 @@ std::string Ask(UsbLink& link, OmniUsbCommand query, OmniUsbCommand reply, const
     }
     if (auto answer = AwaitAnswer(link, reply.command, stop)) return *answer;
   }
-  throw UsbError(UsbFault::kTimeout, "on USB port " + link.found().port + " it does not tell its " +
-                                         what + ": unplug it and plug it in again");
+  throw UsbError(UsbFault::kTimeout, "on USB port " + link.found().port +
+                                         " the device does not tell its " + what +
+                                         ": unplug it and plug it in again");
 }
 
 }  // namespace
