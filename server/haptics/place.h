@@ -1,10 +1,11 @@
 // Describes exactly where a point is in the decomposed volume.
 //
 // With tolerances, a point could slip between tetrahedra. So a place is combinatorial:
-// - in a crossed cell: the smallest simplex (tetrahedron, triangle, edge or vertex) that holds the
+// - in a free cell (no density above τ): the cell and the faces that the point lies on;
+// - in any other cell: the smallest simplex (tetrahedron, triangle, edge or vertex) that holds the
 //   point, with positive barycentric weights;
-// - in a cell that τ does not cross: the cell and the faces that the point lies on;
-// - outside of the padded lattice, where all is free.
+// - outside of the padded lattice: the position. All of the outside is free, or none of it
+//   (HapticSurface::IsFreeOutside).
 // When a point reaches a face, its weight or coordinate is set to exactly 0 or to the face's own.
 // All cells and tetrahedra that hold the point follow from that.
 //
