@@ -25,7 +25,7 @@ constexpr std::uint64_t kGib = std::uint64_t{1} << 30;
 constexpr std::uint64_t kLeastFreeBytes = kGib;
 constexpr std::uint64_t kFreeBytes = 10 * kGib;
 
-// First line of a file below the root; empty where it cannot be read.
+// Returns the first line of a file below the root, or "" if the file cannot be read.
 std::string Line(const Workstation& machine, const std::string& path) {
   std::ifstream file(machine.root / path);
   std::string line;
@@ -44,7 +44,7 @@ std::vector<fs::path> Entries(const fs::path& folder) {
   return entries;
 }
 
-// Soft limit of /proc/self/limits; empty where there is none of that name.
+// Returns the soft limit from /proc/self/limits, or "" if there is no limit of that name.
 std::string Limit(const Workstation& machine, const std::string& name) {
   std::ifstream file(machine.root / "proc/self/limits");
   for (std::string line; std::getline(file, line);) {
@@ -63,7 +63,7 @@ int Number(const std::string& text, int otherwise) {
   return value;
 }
 
-// Of this process, as root has them all, but not in every container.
+// Checks this process. root has every capability, except in some containers.
 bool HasCapability(const Workstation& machine, int number) {
   std::ifstream file(machine.root / "proc/self/status");
   for (std::string line; std::getline(file, line);) {
@@ -85,7 +85,7 @@ constexpr std::array<KnownDevice, 4> kKnownDevices = {{
     {"0403", "cb48", "Novint Falcon"},
 }};
 
-// Null: not one of ours.
+// Returns null for a device that Palpate does not know.
 const KnownDevice* Known(const std::string& vendor, const std::string& product) {
   const auto known = std::find_if(kKnownDevices.begin(), kKnownDevices.end(), [&](const auto& d) {
     return d.vendor == vendor && d.product == product;

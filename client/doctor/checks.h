@@ -1,7 +1,7 @@
-// What a haptics workstation needs, looked up: kernel, rights, clock, devices, folders.
+// Checks what a haptics workstation needs: kernel, rights, clock, devices, folders.
 //
-// Reads /proc, /sys, /dev and a few files below a root folder, which a test can make
-// up. Threads: any. Errors: none; what cannot be read is said in the finding.
+// Reads /proc, /sys, /dev and a few files below a root folder. A test can make up that folder.
+// Threads: any. Errors: none. If something cannot be read, the finding says so.
 #pragma once
 
 #include <cstdint>
@@ -15,38 +15,39 @@ namespace palpate::doctor {
 enum class Verdict { kOk, kWarn, kFail };
 
 struct Finding {
-  std::string name;  // of what was checked, one word
+  std::string name;  // what was checked, one word
   Verdict verdict = Verdict::kOk;
   std::string text;      // what was found, one line
-  std::string advice{};  // what to do about it; empty where all is well
+  std::string advice{};  // what to do about it; empty if all is well
 };
 
-// The machine that is looked at.
+// The machine to check.
 struct Workstation {
   std::filesystem::path root = "/";
-  // Of the daemon; empty: it has none, or nobody knows it.
+  // The daemon's folder; empty: the daemon has none, or the folder is not known.
   std::filesystem::path state_folder{};
   std::function<bool(const std::filesystem::path&)> may_write;
   std::function<std::uint64_t(const std::filesystem::path&)> free_bytes;
-  // As Answers of ports.h.
+  // See Answers in ports.h.
   std::function<bool(const std::string& host, std::uint16_t port, const std::string& text)> answers;
 };
 Workstation ThisMachine();
 
 Finding CheckKernel(const Workstation& machine);
-// Of this shell: the service has rights of its own.
+// Checks the limits of this shell. The service has limits of its own.
 Finding CheckRealtimeRights(const Workstation& machine);
 Finding CheckLockedMemory(const Workstation& machine);
-Finding CheckRealtimeShare(const Workstation& machine);  // of the kernel
+Finding CheckRealtimeShare(
+    const Workstation& machine);  // checks the kernel's limit for real-time threads
 Finding CheckGovernor(const Workstation& machine);
 Finding CheckClock(const Workstation& machine);
 Finding CheckUdevRule(const Workstation& machine);
 Finding CheckUsbDevices(const Workstation& machine);
 Finding CheckSpace(const Workstation& machine);
-// A socket that is there, and that this user may not use.
+// Checks that the socket exists and that this user may use it.
 Finding CheckSocket(const Workstation& machine, const std::filesystem::path& socket);
 
-// All but the last, and the ports.
+// Runs all checks above except CheckSocket. Does not check the ports.
 std::vector<Finding> CheckWorkstation(const Workstation& machine);
 
 }  // namespace palpate::doctor

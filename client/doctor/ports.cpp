@@ -23,7 +23,7 @@ namespace fs = std::filesystem;
 
 constexpr char kConfig[] = "etc/palpate/palpated.toml";
 constexpr int kPatienceMs = 2000;
-// The beginning of HTTP/2, and settings that are none; TLS answers to it with an alert.
+// The beginning of HTTP/2, with an empty settings frame. A TLS server answers it with an alert.
 const std::string kHttp2{"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n\0\0\0\4\0\0\0\0\0", 33};
 const std::string kHttp = "GET /metrics HTTP/1.0\r\n\r\n";
 
@@ -36,7 +36,7 @@ struct Place {
 };
 
 struct Listener {
-  std::string host;  // as a client on this machine reaches it
+  std::string host;  // as a client on this machine reaches the place
   std::uint16_t port = 0;
   std::string inode;
   std::string user;
@@ -47,11 +47,11 @@ std::optional<std::string> Configured(const Workstation& machine, const std::str
     const toml::table file = toml::parse_file((machine.root / kConfig).string());
     return file[section]["listen"].value<std::string>();
   } catch (const toml::parse_error&) {
-    return std::nullopt;  // not there, or for 'palpated --check-config' to explain
+    return std::nullopt;  // no such file, or a broken one: 'palpated --check-config' explains it
   }
 }
 
-// "0100007F": words of four bytes, each in this machine's order.
+// Reads an address such as "0100007F": words of four bytes, each in this machine's byte order.
 std::string HostOf(const std::string& hexadecimal) {
   std::array<std::uint32_t, 4> words{};
   const std::size_t count = std::min(hexadecimal.size() / 8, words.size());
@@ -64,7 +64,8 @@ std::string HostOf(const std::string& hexadecimal) {
   return count == 1 ? text : "[" + std::string(text) + "]";
 }
 
-// What listens, as /proc/net/tcp has it: addresses and ports are hexadecimal, 0A is listening.
+// Returns the listening sockets of /proc/net/tcp. Addresses and ports are hexadecimal there; state
+// 0A means listening.
 std::vector<Listener> Listeners(const Workstation& machine) {
   std::vector<Listener> listeners;
   for (const char* table : {"proc/net/tcp", "proc/net/tcp6"}) {
@@ -100,7 +101,7 @@ bool Holds(const fs::path& process, const std::string& inode) {
   return false;
 }
 
-// The program's name; empty: it cannot be seen, for it is another user's.
+// Returns the program's name, or "" if the program belongs to another user.
 std::string HolderOf(const Workstation& machine, const std::string& inode) {
   std::error_code error;
   fs::directory_iterator process(machine.root / "proc", error);
@@ -118,7 +119,7 @@ std::string AddressOf(const Workstation& machine, const Place& place) {
   return Configured(machine, place.section).value_or(place.default_address);
 }
 
-// 0: it has none.
+// Returns 0 if the address has no port.
 std::uint16_t PortOf(const std::string& address) {
   const std::size_t colon = address.rfind(':');
   const std::string digits = colon == address.npos ? "" : address.substr(colon + 1);
@@ -167,7 +168,7 @@ Finding Check(const Workstation& machine, const Place& place) {
           "end that, or set another listen in [" + place.section + "] of /" + kConfig};
 }
 
-// Any address means this machine too.
+// A server that listens on all addresses is also reached on this machine's own.
 std::string ReachedBy(std::string host) {
   if (host.starts_with('[') && host.ends_with(']')) host = host.substr(1, host.size() - 2);
   if (host == "0.0.0.0") return "127.0.0.1";

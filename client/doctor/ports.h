@@ -1,6 +1,6 @@
-// The ports of palpated: whether another program has them, and whether palpated answers.
+// Checks the ports of palpated: does another program use them, and does palpated answer there?
 //
-// Threads: any. Errors: none; what cannot be read is said in the finding.
+// Threads: any. Errors: none. If something cannot be read, the finding says so.
 #pragma once
 
 #include <cstdint>
@@ -11,15 +11,15 @@
 
 namespace palpate::doctor {
 
-// Where palpated listens for clients, and for Prometheus: as /etc/palpate/palpated.toml
-// says, and where that says nothing, the port that its comments propose.
+// Checks the ports for clients and for Prometheus. Reads them from /etc/palpate/palpated.toml. A
+// port that the file does not set is the one that the file's comments propose.
 Finding CheckPort(const Workstation& machine);
 Finding CheckMetricsPort(const Workstation& machine);
 
-// Other ports that a palpated has which runs, as by --listen.
+// Checks further ports of a running palpated, such as those of --listen.
 std::vector<Finding> CheckDaemonPorts(const Workstation& machine);
 
-// Sends `text` there; false where no byte comes back within two seconds.
+// Sends `text` to the port. Returns false if no byte comes back within two seconds.
 bool Answers(const std::string& host, std::uint16_t port, const std::string& text);
 
 }  // namespace palpate::doctor

@@ -3,9 +3,9 @@
 
 namespace palpate {
 
-// While one exists, the first SIGINT, SIGTERM and SIGHUP only raise a flag and
-// interrupt blocking calls; a second of the same ends the process as usual.
-// Threads: constructed and destroyed on main; IsRaised anywhere. One at a time.
+// While an object exists, the first SIGINT, SIGTERM or SIGHUP only sets a flag and interrupts
+// blocking calls. A second signal of the same kind ends the process as usual.
+// Threads: construct and destroy on main; call IsRaised on any. One object at a time.
 class Interrupt {
  public:
   Interrupt();

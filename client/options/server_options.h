@@ -1,4 +1,4 @@
-// The options by which every program says which palpated it talks to, and who it is there.
+// The options that every program has to choose a palpated and the credentials for it.
 //
 // Threads: main only.
 #pragma once

@@ -1,10 +1,10 @@
-// One call of a two-way stream whose messages are acknowledged one by one: Request
-// is a oneof of `start` and `acknowledgement`, Response has a message_number.
+// One call of a two-way stream whose messages are acknowledged one by one. Request is a oneof of
+// `start` and `acknowledgement`. Response has a message_number.
 //
-// At most as many messages as `start` allows are on their way to us, so that what
-// comes is fresh however slow the caller is.
+// `start` limits how many messages may be on their way. So messages are fresh, however slow the
+// caller is.
 //
-// Threads: one. Ownership: ends the call in its destructor.
+// Threads: one. Ownership: the destructor ends the call.
 #pragma once
 
 #include <grpcpp/grpcpp.h>
@@ -19,14 +19,14 @@ namespace palpate::client {
 enum class CallEvent {
   kMessage,
   kTimeout,
-  kEnded,  // by the other side; see status()
+  kEnded,  // ended by the other side; see status()
 };
 
 template <class Request, class Response>
 class AcknowledgedCall {
  public:
-  // `prepare(context, queue)`: such as a stub's PrepareAsyncStreamVolume; the stub
-  // outlives the call.
+  // `prepare(context, queue)` starts the call, for example with a stub's PrepareAsyncStreamVolume.
+  // The stub must outlive the call.
   template <class Prepare>
   AcknowledgedCall(Request start, const Prepare& prepare)
       : start_(std::move(start)), call_(prepare(&context_, &queue_)) {
@@ -53,7 +53,7 @@ class AcknowledgedCall {
   AcknowledgedCall(const AcknowledgedCall&) = delete;
   AcknowledgedCall& operator=(const AcknowledgedCall&) = delete;
 
-  // Waits for a message; the call after acknowledges it.
+  // Waits for a message. The next call of Next acknowledges the message.
   CallEvent Next(std::chrono::milliseconds timeout, Response& message) {
     if (ended_) {
       return CallEvent::kEnded;
@@ -85,7 +85,7 @@ class AcknowledgedCall {
     }
   }
 
-  // Of an ended call.
+  // The status of an ended call.
   const grpc::Status& status() const { return status_; }
 
  private:
@@ -113,7 +113,7 @@ class AcknowledgedCall {
         break;
       case kWrite:
         writing_ = false;
-        // The newest acknowledgement stands for all before it.
+        // The newest acknowledgement also acknowledges all messages before.
         if (ok && !finishing_ && acknowledged_number_ != taken_number_) {
           acknowledged_number_ = taken_number_;
           Request request;

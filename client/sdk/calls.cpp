@@ -19,7 +19,7 @@ using Device = v1::DeviceService;
 using Recording = v1::RecordingService;
 using RegistrationService = v1::RegistrationService;
 
-// Of EnableForces, DisableForces, StopForces.
+// Reads the answer of EnableForces, DisableForces or StopForces.
 template <typename Response>
 ForceResult ForceResultOf(const Response& response) {
   return {FromProto(response.forces()), response.applied_tick()};

@@ -18,10 +18,10 @@ using Volume = v1::VolumeService;
 
 constexpr char kLoadCancelled[] = "loading was cancelled; the volume before it stays";
 constexpr std::chrono::milliseconds kPoll{50};
-// Of a download, without a message between.
+// The most losses of a download in a row, with no message in between.
 constexpr int kMostLosses = 5;
 
-// Runs a call whose messages are progress and, at the end, one result.
+// Runs a call that streams progress messages and, at the end, one result.
 template <class Service, class Response, class Prepare>
 auto RunToResult(Link& link, const Prepare& prepare, const ProgressFunction& progress,
                  const char* cancelled) {
@@ -34,7 +34,7 @@ auto RunToResult(Link& link, const Prepare& prepare, const ProgressFunction& pro
         if (!event.has_progress()) return;
         state = {event.progress().stage(), event.progress().fraction()};
       },
-      // What is done cannot be cancelled any more.
+      // After the result, the call cannot be cancelled any more.
       [&] { return result || !progress || progress(state); }, cancelled);
   if (!result) {
     throw Error(ErrorKind::kInternal, "palpated ended the call without a result");

@@ -13,14 +13,14 @@
 namespace palpate::client {
 namespace {
 
-// Of the lines that begin and end them.
+// The word in the first and last line of a PEM certificate.
 constexpr char kCertificate[] = "CERTIFICATE";
 constexpr char kPrivateKey[] = "PRIVATE KEY";
 
 std::string ReadFile(const std::string& path) {
   std::ifstream file(path, std::ios::binary);
   std::ostringstream text;
-  // Unlike iterators, it throws nothing for a folder.
+  // Unlike stream iterators, `<<` throws nothing if the path is a folder.
   text << file.rdbuf();
   if (text.view().empty()) {
     throw Error(ErrorKind::kNotFound, "cannot read " + path + ", or it is empty");
@@ -28,14 +28,14 @@ std::string ReadFile(const std::string& path) {
   return text.str();
 }
 
-// gRPC says nothing of what is wrong with such a text.
+// Checks the text, because gRPC does not say what is wrong with a PEM file.
 std::string ReadPem(const std::string& path, const std::string& what) {
   std::string text = ReadFile(path);
   if (text.find(what + "-----") == text.npos) Refuse(path + " holds no " + what + " in PEM");
   return text;
 }
 
-// One line of it, as 'palpated token add' printed it.
+// Reads the one line that 'palpated token add' printed.
 std::string ReadToken(const std::string& path) {
   std::string token = ReadFile(path);
   while (!token.empty() && (token.back() == '\n' || token.back() == '\r')) token.pop_back();
@@ -58,7 +58,7 @@ Route::Route(const Server& server) : credentials_(server.credentials) {
   if (credentials.certificate_file.empty() != credentials.key_file.empty()) {
     Refuse("a certificate and its key come together: name both, or none");
   }
-  // Without TLS others could read it, and without the daemon's authority anybody could
+  // Without TLS, others could read the token. Without the daemon's authority, another server could
   // pose as the daemon.
   if (!credentials.token_file.empty() && !has_tls_) {
     Refuse("a token is sent over TLS only: name the daemon's certificate authority too");
@@ -77,7 +77,7 @@ Route::Route(const Server& server) : credentials_(server.credentials) {
 std::shared_ptr<grpc::ChannelCredentials> Route::MakeCredentials() const {
   if (!has_tls_) return grpc::InsecureChannelCredentials();
   grpc::SslCredentialsOptions options;
-  // Without one: the authorities that the system trusts.
+  // Without an authority file, gRPC uses the authorities that the system trusts.
   if (!credentials_.ca_file.empty()) {
     options.pem_root_certs = ReadPem(credentials_.ca_file, kCertificate);
   }
@@ -95,7 +95,7 @@ std::shared_ptr<grpc::Channel> Route::MakeChannel(
     const std::shared_ptr<grpc::ChannelCredentials>& credentials,
     const grpc::ChannelArguments& arguments) const {
   grpc::ChannelArguments all = arguments;
-  // A proxy for web pages has no business between a stylus and its viewer.
+  // A proxy for web pages must not carry haptic streams.
   all.SetInt(GRPC_ARG_ENABLE_HTTP_PROXY, 0);
   return grpc::CreateCustomChannel(target_, credentials, all);
 }
@@ -105,7 +105,7 @@ Error Route::WhyUnreached(const std::string& details) const {
   return {ErrorKind::kUnavailable, WhyServerUnreached(details)};
 }
 
-// The causes and lines of client/python/palpate/_unreached.py.
+// client/python/palpate/_unreached.py has the same causes and texts.
 std::string Route::WhyServerUnreached(const std::string& details) const {
   const auto says = [&](const char* part) { return details.find(part) != details.npos; };
   const std::string host = name_.substr(0, name_.rfind(':'));
@@ -113,7 +113,8 @@ std::string Route::WhyServerUnreached(const std::string& details) const {
   if (says("DNS resolution failed")) {
     return none + ": the host " + host + " is not known: check the address";
   }
-  // Of a host with several addresses gRPC tells of the last one alone; another may have refused us.
+  // For a host name with several addresses, gRPC reports only the last address. Another address may
+  // have refused the connection.
   const bool is_name = host.find_first_not_of("0123456789.") != host.npos && host.front() != '[';
   if (says("Connection refused") && !(is_name && has_tls_)) {
     return none + ": nothing listens there: start it there with --listen, or check the address";

@@ -1,6 +1,6 @@
-// Where a palpated is, channels to it, and what keeps it from being reached.
+// The address of a palpated, channels to it, and the reason why it is not reached.
 //
-// Threads: any, at once; a route does not change.
+// Threads: any. A Route does not change.
 #pragma once
 
 #include <grpcpp/grpcpp.h>
@@ -16,8 +16,8 @@ namespace palpate::client {
 
 class Route {
  public:
-  // Connects nothing yet. Errors: kInvalidArgument for an address that is none, and for
-  // credentials that could not be sent safely; kPermissionDenied as DefaultSocketPath.
+  // Does not connect. Errors: kInvalidArgument (a malformed address, or credentials that could not
+  // be sent safely), kPermissionDenied as DefaultSocketPath.
   explicit Route(const Server& server);
 
   // "unix:/run/palpate/palpated.sock" or "localhost:7400", for people.
@@ -28,16 +28,16 @@ class Route {
   // Empty: no token is sent.
   const std::string& token_file() const { return credentials_.token_file; }
 
-  // Reads the credentials' files anew, so that renewed ones are taken. Errors:
-  // kNotFound, kInvalidArgument for such a file.
+  // Reads the files of the credentials again, so that renewed files are used. Errors: kNotFound,
+  // kInvalidArgument for a file.
   std::shared_ptr<grpc::ChannelCredentials> MakeCredentials() const;
   std::shared_ptr<grpc::Channel> MakeChannel(
       const std::shared_ptr<grpc::ChannelCredentials>& credentials,
       const grpc::ChannelArguments& arguments) const;
 
-  // Of a channel that does not connect, in a line that says what to do. `details`: what gRPC says
-  // of a call on it. Of a socket gRPC reports all failures alike: the socket's file tells them
-  // apart.
+  // Explains in one line why a channel does not connect, and what to do. `details`: gRPC's text of
+  // a failed call on the channel. gRPC reports all failures of a socket alike, so the socket's file
+  // is checked, too.
   Error WhyUnreached(const std::string& details) const;
 
  private:

@@ -15,7 +15,8 @@
 namespace palpate::client {
 namespace {
 
-// The threads that call back take an Error for a loss: a callback's own is none.
+// An exception of a callback ends the program. Without this, the threads would take a callback's
+// Error for the loss of a connection.
 template <typename... Arguments>
 std::function<void(Arguments...)> EndingIfItThrows(std::function<void(Arguments...)> callback) {
   if (!callback) return callback;
@@ -42,7 +43,7 @@ class Client::Parts {
     link.CancelCalls();
   }
 
-  // Last, when all is there that the threads touch.
+  // Called last, when all members that the threads use exist.
   void Begin() {
     settings.Begin();
     if (volume) volume->Begin();
@@ -51,7 +52,7 @@ class Client::Parts {
 
   Link& link;
   Monitor monitor;
-  // Their destructors join, the last one first.
+  // The destructors join the threads, in reverse order.
   SettingsFollower settings;
   std::optional<VolumeFollower> volume;
   PoseFollower poses;

@@ -1,19 +1,20 @@
-// A client that keeps up with palpated by itself: newest pose, settings, a copy of the volume. And
-// all calls of Calls.
+// A client that follows palpated by itself: the newest pose, the settings, a copy of the volume. It
+// also has all calls of Calls.
 //
-// It connects by itself, and again after every loss: after 0.1 s at first, then after
-// twice as long each time up to 5 s, each pause shortened at random by up to a half so
-// that many clients do not come back at once. What it followed it follows again; the
-// copy of the volume resumes from its revision.
+// The client connects by itself, and again after every loss. The first pause is 0.1 s. Each later
+// pause is twice as long, up to 5 s. Each pause is shortened at random by up to a half, so that
+// many clients do not come back at once. After a loss the client follows the same things as before.
+// The copy of the volume resumes from its revision.
 //
-// Threads: all methods may be called from any thread, and from callbacks, but for the
-// destructor, which may be called by none of them. Every callback has one thread of its
-// own kind, named below, so that no callback runs beside itself; different ones may.
-// They may come before the constructor has returned. None runs once the destructor
-// has returned, which waits for those that run: they must come back.
-// A callback that throws ends the program.
+// Threads: call all methods from any thread and from callbacks. Exception: no callback may destroy
+// the client.
+// Callbacks: each kind has a thread of its own, named below. So a callback never runs twice at the
+// same time, but different kinds may. Callbacks may run before the constructor has returned. The
+// destructor waits for running callbacks, so they must return. No callback runs after the
+// destructor has returned. A callback that throws ends the program.
 //
-// Errors: as Calls; calls do not wait for a connection. kCancelled: the client is being destroyed.
+// Errors: as Calls, but calls do not wait for a connection. kCancelled: the client is being
+// destroyed.
 #pragma once
 
 #include <chrono>
@@ -30,66 +31,68 @@
 namespace palpate::client {
 
 struct Callbacks {
-  // The pose thread: every change of the connection, also of the reason of a loss.
+  // The pose thread: called for every change of the connection, also when the reason of a loss
+  // changes.
   std::function<void(const Connection&)> on_connection{};
-  // The pose thread: poses as they come. While it runs, no newer one is taken, also not
-  // by NewestPose. A slow one gets at once all that piled up behind it; beyond 16
-  // messages the oldest are lost, and the last is fresh always.
+  // The pose thread: new poses. While the callback runs, the client takes no newer pose, and
+  // NewestPose does not change. A slow callback gets all waiting poses at once. Beyond 16 waiting
+  // messages the oldest are lost. The last pose is always fresh.
   std::function<void(const PoseBatch&)> on_poses{};
-  // The settings thread: settings that are new, whoever changed them; once after
-  // every connection. Changes that follow each other closely come as one.
+  // The settings thread: called when settings are new, whoever changed them, and once after every
+  // connection. Changes in quick succession may arrive as one.
   std::function<void(const Settings&)> on_settings{};
-  // The volume thread: there is something for TakeVolumeUpdate.
+  // The volume thread: TakeVolumeUpdate has something.
   std::function<void()> on_volume{};
 };
 
 struct ClientOptions {
-  // Of clients.toml; empty: what follows, with what the environment adds (server_choice.h).
+  // A profile of clients.toml. If empty: the fields below, completed by the environment
+  // (server_choice.h).
   std::string profile{};
   Address address{};
   Credentials credentials{};
   PoseRate poses{};
-  // Keep a copy of the volume. It travels on a connection of its own, so that poses
-  // do not queue behind voxels.
+  // Keep a copy of the volume. Voxels have a connection of their own, so that poses do not wait for
+  // voxels.
   bool follow_volume = false;
   Callbacks callbacks{};
 };
 
 class Client : public Calls {
  public:
-  // Returns at once and connects meanwhile. Errors: kInvalidArgument for an address,
-  // credentials, a profile or a rate that are none, kNotFound for a profile or files of
-  // credentials, kPermissionDenied as DefaultSocketPath.
+  // Returns at once; connects in the background. Errors: kInvalidArgument (address, credentials,
+  // profile or rate), kNotFound (a profile or a file of the credentials), kPermissionDenied as
+  // DefaultSocketPath.
   explicit Client(ClientOptions options = {});
-  // Ends within a fraction of a second, connected or not.
+  // Returns within a fraction of a second, connected or not.
   ~Client() override;
 
-  // Ends streams, calls and connections, for good: connection() is lost, "disconnected". What was
-  // taken stays. Not from callbacks.
+  // Ends streams, calls and connections for good. connection() is then lost, "disconnected".
+  // Received poses, settings and voxels stay. Do not call it from callbacks.
   void Disconnect();
 
   Connection connection() const;
-  // False where it is not connected within `timeout`; connection() says why. Not from
-  // callbacks.
+  // Returns false if the client is not connected within `timeout`; connection() says why. Do not
+  // call it from callbacks.
   bool WaitUntilConnected(std::chrono::milliseconds timeout) const;
 
-  // The newest that was taken, also after a loss; none before the first. For render
-  // threads: it copies one Pose under a lock that nobody holds for longer.
+  // The newest pose received, also after a loss; none before the first. For render threads: it
+  // copies one Pose under a lock that is never held for longer than such a copy.
   std::optional<Pose> NewestPose() const;
-  // Samples that were lost so far because this client was slow.
+  // Samples lost so far because this client was slow.
   std::uint64_t dropped_poses() const;
-  // From the next message on. Errors: kInvalidArgument.
+  // Takes effect with the next message. Errors: kInvalidArgument.
   void SetPoseRate(const PoseRate& rate);
 
-  // The newest that are known, as on_settings gets them; none before the first
-  // connection. Within about a message of poses of what the daemon has.
+  // The newest settings known, as on_settings gets them; none before the first connection. At most
+  // about one message of poses older than the daemon's settings.
   std::optional<Settings> NewestSettings() const;
-  // As Calls'; NewestSettings is at least as new then.
+  // As Calls::GetSettings. Afterwards NewestSettings is at least as new.
   Settings GetSettings() override;
   SettingsResult Set(const SettingsUpdate& update) override;
 
-  // What came since the last call, merged: newest wins. None where nothing did, and
-  // where the volume is not followed. For one taker, for what is taken is gone.
+  // Returns all changes since the last call, merged; the newest values win. None if nothing changed
+  // or the volume is not followed. Use it from one place only: each change is returned once.
   std::optional<VolumeUpdate> TakeVolumeUpdate();
   VolumeStatus volume_status() const;
 

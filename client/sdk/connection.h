@@ -1,4 +1,4 @@
-// Where palpated is, and whether it is reached.
+// The address of a palpated, credentials for it, and the state of the connection.
 //
 // Threads: plain values.
 #pragma once
@@ -7,7 +7,7 @@
 
 namespace palpate::client {
 
-// At most one of the two; both empty: $PALPATE_SERVER, or else the default socket, that of
+// Set at most one of the two. If both are empty: $PALPATE_SERVER, or else the default socket of
 // DefaultSocketPath in common/wire/address.h ($PALPATE_SOCKET, /run/palpate, the user's own
 // folder).
 struct Address {
@@ -15,26 +15,26 @@ struct Address {
   std::string host_port{};    // "localhost:7400", "[::1]:7400"
 };
 
-// How a client proves who it is, and the daemon that it is the daemon: for TCP with TLS,
-// which is used where an authority or a certificate is given. Files in PEM, read at
-// every attempt to connect. What is empty the environment may fill: server_choice.h.
+// How the client and the daemon prove who they are. For TCP with TLS. TLS is used if an authority
+// or a certificate is given. All files are PEM; they are read at every attempt to connect. The
+// environment may fill empty fields: server_choice.h.
 struct Credentials {
-  std::string ca_file{};           // of the daemon's authority; empty: those of the system
-  std::string certificate_file{};  // ours, with its key, where the daemon knows it
+  std::string ca_file{};           // of the daemon's authority; empty: the system's authorities
+  std::string certificate_file{};  // ours, with its key, if the daemon knows it
   std::string key_file{};
-  // Holds a token, as 'palpated token add' printed it. Never sent without TLS.
+  // File with a token, as 'palpated token add' printed it. Never sent without TLS.
   std::string token_file{};
 };
 
 enum class ConnectionState {
   kConnecting,  // the first attempt is under way
   kConnected,   // palpated answers
-  kLost,        // it does not, or does not yet; it is tried again and again
+  kLost,        // palpated does not answer; the client tries again and again
 };
 
 struct Connection {
   ConnectionState state = ConnectionState::kConnecting;
-  // Where it is lost: one line for people, with what to do where that is known.
+  // If the connection is lost: the reason in one line for people, and what to do if that is known.
   std::string why;
 };
 

@@ -23,11 +23,11 @@ enum class VerificationLevel {
   kSimulated,
 };
 
-// What we may do: each role may do all that the ones before it may.
+// What this client may do. Each role may also do everything that the roles before it may.
 enum class Role {
-  kUnknown,   // of a daemon that does not say
+  kUnknown,   // the daemon does not say
   kViewer,    // watches
-  kEditor,    // changes what is felt and seen: settings, voxels, place
+  kEditor,    // changes settings, voxels and the volume's place
   kOperator,  // drives the device; loads, saves and records
   kAdmin,
 };
@@ -47,7 +47,7 @@ struct DeviceInfo {
   VerificationLevel verification_level = VerificationLevel::kUnknown;
 };
 
-// Counts begin with the daemon.
+// Counts start with the daemon.
 struct DeviceHealth {
   DeviceConnection connection = DeviceConnection::kUnknown;
   bool docked = false;
@@ -67,13 +67,13 @@ struct ServoInfo {
   double rate_hz = 0.0;
   bool realtime_scheduling = false;
   bool memory_locked = false;
-  std::vector<std::string> warnings;  // what the loop could not have, a line each
+  std::vector<std::string> warnings;  // what the loop lacks, one line each
   std::uint64_t ticks = 0;
   std::uint64_t missed_ticks = 0;
   std::uint64_t faulty_ticks = 0;    // with zero force because of device, position or force
   std::uint64_t scenes_applied = 0;  // number of the newest scene in use
   std::int64_t page_faults = 0;
-  std::uint64_t lost_samples = 0;  // that no stream could get
+  std::uint64_t lost_samples = 0;  // samples that no stream could get
   std::string version;             // of the daemon
 };
 
@@ -82,7 +82,8 @@ struct DaemonInfo {
   DeviceHealth health;
   ForceStatus forces;
   ServoInfo servo;
-  // Whom the daemon takes us for: "token or-2", "local socket". Empty: it does not say.
+  // The identity that the daemon has verified: "token or-2", "local socket". Empty: the daemon does
+  // not say.
   std::string identity;
   Role role = Role::kUnknown;
 };
@@ -91,9 +92,9 @@ struct DaemonInfo {
 struct ListedDevice {
   std::string kind{};
   std::string model{};
-  std::string port{};  // such as USB "1-2"; empty for what needs no finding
+  std::string port{};  // such as USB "1-2"; empty if the device has no port
   bool usable = false;
-  std::string problem{};  // what is missing and what to do; empty where it is usable
+  std::string problem{};  // what is missing and what to do; empty if the device is usable
   VerificationLevel verification_level = VerificationLevel::kUnknown;
   bool in_use = false;
 };

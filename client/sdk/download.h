@@ -10,9 +10,9 @@
 namespace palpate::client {
 
 struct DownloadResult {
-  // Complete, and compared with the daemon's by its content hash. It has a lattice.
+  // Complete. Its content hash equals the daemon's. It has a lattice.
   VolumeMirror volume;
-  std::uint64_t bytes_received = 0;  // as they travelled
+  std::uint64_t bytes_received = 0;  // as transferred
 };
 
 }  // namespace palpate::client

@@ -1,8 +1,8 @@
-// Changes of the volume's voxels, as edit.proto explains them: the weight of a voxel
-// is 1 within the shape and falls smoothly to 0 over `falloff` outside of it.
+// Changes of the volume's voxels; edit.proto explains them. A voxel's weight is 1 within the shape
+// and falls smoothly to 0 over `falloff` outside of the shape.
 //
-// Frames: W world (mm, LPS as in DICOM) or I voxel indices, as the edit says. Values
-// in data units.
+// Frames: W world (mm, LPS as in DICOM) or I voxel indices, as the edit says. Values are in data
+// units.
 // Threads: plain values.
 #pragma once
 
@@ -22,19 +22,18 @@ struct Sphere {
   Vec3 center = Vec3::Zero();
   double radius = 0.0;
 };
-// Along the frame's axes, corners included.
+// A box along the frame's axes, corners included.
 struct Box {
   Vec3 min = Vec3::Zero();
   Vec3 max = Vec3::Zero();
 };
-// What a sphere sweeps on its way from one point to the other: a stroke.
+// The volume that a sphere sweeps on its way between two points: a stroke.
 struct Capsule {
   Vec3 from = Vec3::Zero();
   Vec3 to = Vec3::Zero();
   double radius = 0.0;
 };
-// Voxels min .. min + size - 1, all within the volume; always of frame I and without
-// falloff.
+// Voxels min .. min + size - 1, all within the volume. Always in frame I and without falloff.
 struct Block {
   Vec3i min = Vec3i::Zero();
   Vec3i size = Vec3i::Zero();
@@ -45,26 +44,26 @@ struct Edit {
   std::variant<Sphere, Box, Capsule, Block> shape{};
   EditFrame frame = EditFrame::kWorld;
   EditOperation operation = EditOperation::kAdd;
-  double value = 0.0;     // a block has its own
+  double value = 0.0;     // ignored for a block, which has its own values
   double strength = 1.0;  // in (0, 1], for smooth and paint
   double falloff = 0.0;   // in the frame's unit
-  // Refuse with ErrorKind::kConflict unless the volume is at this revision.
+  // Fails with ErrorKind::kConflict unless the volume is at this revision.
   std::optional<std::uint64_t> expected_revision{};
 };
 
 enum class FilterKind { kGaussian, kMean, kMedian, kOffset, kMeanCurvature, kResample };
 
-// A filter of OpenVDB, as edit.proto explains it.
+// A filter of OpenVDB; edit.proto explains it.
 struct Filter {
   FilterKind kind = FilterKind::kGaussian;
-  int width = 1;  // voxels; of the first three
+  int width = 1;  // voxels; for the first three kinds
   int iterations = 1;
-  double distance_mm = 0.0;        // of an offset: outwards
-  Vec3 spacing_mm = Vec3::Zero();  // to resample to
-  // The voxels that are replaced, without falloff; none: all.
+  double distance_mm = 0.0;        // for an offset: outwards
+  Vec3 spacing_mm = Vec3::Zero();  // for resampling
+  // The voxels to replace, without falloff; none: all.
   std::variant<std::monostate, Sphere, Box> region{};
-  EditFrame frame = EditFrame::kWorld;  // of the region
-  // Refuse with ErrorKind::kConflict unless the volume is at this revision at its beginning.
+  EditFrame frame = EditFrame::kWorld;  // the frame of `region`
+  // Fails with ErrorKind::kConflict unless the filter starts with the volume at this revision.
   std::optional<std::uint64_t> expected_revision{};
 };
 
@@ -77,7 +76,7 @@ struct IndexBox {
 struct EditResult {
   std::uint64_t volume_revision = 0;
   std::uint64_t applied_tick = 0;   // first tick that used it
-  std::optional<IndexBox> changed;  // none where no voxel changed
+  std::optional<IndexBox> changed;  // none if no voxel changed
   std::uint64_t changed_voxels = 0;
   // How often Undo and Redo would work now.
   std::uint32_t undo_steps = 0;

@@ -1,4 +1,4 @@
-// Enumerations of the client library have the contract's numbers, 0 for what is unknown.
+// Enumerations of the client library have the numbers of the contract; 0 means unknown.
 #pragma once
 
 namespace palpate::client {

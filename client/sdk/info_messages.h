@@ -1,5 +1,5 @@
-// Device, series and recordings: values of the client library <-> messages of palpate.v1.
-// Enumerators of a later version become kUnknown. Any thread.
+// Converts device, series and recordings between the client library and messages of palpate.v1.
+// Enumerators of a later version become kUnknown. Threads: any.
 #pragma once
 
 #include "client/sdk/device.h"

@@ -11,9 +11,10 @@ namespace {
 
 grpc::ChannelArguments Arguments() {
   grpc::ChannelArguments arguments;
-  // A connection of its own, and not one that channels to the same target share.
+  // Use a connection of its own. By default, channels to the same target share a connection.
   arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
-  // Of the volume's, where only that one breaks: the pose thread knows of nothing then.
+  // gRPC's own pauses. They matter if only the volume's connection breaks, because the pose thread
+  // does not see that loss.
   arguments.SetInt(GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, Backoff::kFirst.count());
   arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, Backoff::kLongest.count());
   return arguments;
@@ -29,7 +30,7 @@ Link::Link(const Server& server) : route_(server) {
 
 std::pair<std::shared_ptr<grpc::Channel>, std::shared_ptr<grpc::Channel>> Link::MakeChannels()
     const {
-  // Once: a token may come through a pipe.
+  // Read the credentials once: a token may come through a pipe.
   const auto credentials = route_.MakeCredentials();
   return {route_.MakeChannel(credentials, Arguments()),
           route_.MakeChannel(credentials, Arguments())};
@@ -52,7 +53,7 @@ void Link::Renew() {
     channel_.swap(channels.first);
     volume_channel_.swap(channels.second);
   } catch (const Error&) {
-    // A file of credentials is being replaced: the next attempt reads it.
+    // A file of the credentials is being replaced; the next attempt reads it again.
   }
 }
 
@@ -66,7 +67,7 @@ Error Link::ErrorOf(const grpc::Status& status) const {
                   " is not palpated, or one of another version: compare its 'palpated "
                   "--version' with that of this program"};
     case grpc::StatusCode::UNAVAILABLE:
-      // The daemon's own line, where there is a daemon.
+      // The daemon answered, so the text is the daemon's.
       if (channel()->GetState(false) == GRPC_CHANNEL_READY) return FromStatus(status);
       return route_.WhyUnreached(status.error_message());
     default:
@@ -84,7 +85,7 @@ Error Link::ErrorOfEnd(const grpc::Status& status) {
     case grpc::StatusCode::CANCELLED:
       break;
     case grpc::StatusCode::UNAVAILABLE:
-      // The daemon's own line, where there is a daemon.
+      // The daemon answered, so the text is the daemon's.
       if (channel()->GetState(false) == GRPC_CHANNEL_READY) return ErrorOf(status);
       break;
     default:
@@ -116,7 +117,7 @@ void Link::WaitUntilReached(std::chrono::milliseconds timeout) const {
   }
 }
 
-// Of a channel that does not connect: a call on it has the reason.
+// Makes a call on a channel that does not connect. The call's error has the reason.
 std::string Link::WhatGrpcSays(const std::shared_ptr<grpc::Channel>& channel) const {
   grpc::ClientContext context;
   context.set_deadline(std::chrono::system_clock::now() + kCallTimeout);

@@ -1,4 +1,4 @@
-// The channels to one palpated, and unary calls on them that one can end from outside.
+// The channels to one palpated, and unary calls that can be cancelled from another thread.
 //
 // Threads: any.
 #pragma once
@@ -25,20 +25,20 @@ inline constexpr std::chrono::seconds kCallTimeout{5};
 
 class Link {
  public:
-  // Connects nothing yet. Errors: as Client's.
+  // Does not connect. Errors: as Client's.
   explicit Link(const Server& server);
 
   const std::string& name() const { return route_.name(); }
   bool shares_clock() const { return !route_.socket_path().empty(); }
-  // For calls and poses; and one for voxels.
+  // channel() is for calls and poses, volume_channel() for voxels.
   std::shared_ptr<grpc::Channel> channel() const;
   std::shared_ptr<grpc::Channel> volume_channel() const;
-  // Both anew, for an attempt to connect. One that has failed refuses all calls until
-  // a pause of gRPC's own is over and it has connected in the background, so that a
-  // daemon that is back would be found an attempt or two too late.
+  // Makes both channels new for an attempt to connect. A channel that has failed refuses all calls
+  // until gRPC's own pause is over and gRPC has connected in the background. With the old channel,
+  // an attempt or two would fail although the daemon is back.
   void Renew();
 
-  // A call that CancelCalls ends, while this exists.
+  // While this object exists, CancelCalls ends the call.
   class Registered {
    public:
     // Errors: kCancelled after CancelCalls.
@@ -54,7 +54,7 @@ class Link {
 
   // Calls a unary method of a service, for example
   //   Call<v1::RenderService>(&v1::RenderService::Stub::GetSettings, request)
-  // Errors: ErrorOf its status.
+  // Errors: the status as ErrorOf returns it.
   template <typename Service, typename Request, typename Response>
   Response Call(grpc::Status (Service::Stub::*method)(grpc::ClientContext*, const Request&,
                                                       Response*),
@@ -70,10 +70,13 @@ class Link {
     return response;
   }
 
-  // Calls a method that streams its answer, without a deadline: prepare(stub, context, queue) is
-  // such as stub.PrepareAsyncLoadVolume(context, request, queue). take(message) has each message;
-  // goes_on() is asked after each of them and every 50 ms: false cancels.
-  // Errors: ErrorOfEnd its status; kCancelled with the text `cancelled` where goes_on() said so.
+  // Calls a method that streams its answer, without a deadline.
+  // prepare(stub, context, queue) starts the call, for example with
+  // stub.PrepareAsyncLoadVolume(context, request, queue).
+  // take(message) gets each message.
+  // goes_on() is asked after each message and every 50 ms; false cancels the call.
+  // Errors: the status as ErrorOfEnd returns it; kCancelled with the text `cancelled` if goes_on()
+  // returned false.
   template <typename Service, typename Message, typename Prepare, typename Take>
   void Stream(const Prepare& prepare, const Take& take, const std::function<bool()>& goes_on,
               const std::string& cancelled) {
@@ -102,18 +105,19 @@ class Link {
     throw polled.is_cancelled() ? Error(ErrorKind::kCancelled, cancelled) : ErrorOfEnd(status);
   }
 
-  // The Error that a failed call stands for.
+  // Returns the Error for the status of a failed call.
   Error ErrorOf(const grpc::Status& status) const;
-  // The Error of a stream that palpated ended. Palpated does not say why it ends the streams of a
-  // client whose token was revoked: another call asks.
+  // Returns the Error of a stream that palpated ended. If a client's token was revoked, palpated
+  // ends the client's streams without a reason. So this function makes another call to learn the
+  // reason.
   Error ErrorOfEnd(const grpc::Status& status);
 
-  // Errors: why it is not reached within `timeout`.
+  // Throws an Error that says why palpated is not reached within `timeout`.
   void WaitUntilReached(std::chrono::milliseconds timeout) const;
 
-  // Ends the calls that run, and all later ones at once.
+  // Cancels the running calls. Later calls fail at once.
   void CancelCalls();
-  // Throws kCancelled after it.
+  // Throws kCancelled after CancelCalls.
   void ThrowIfCancelled() const;
 
  private:

@@ -39,7 +39,7 @@ void Set(v1::EditVolumeRequest& request, const Capsule& capsule) {
   request.mutable_capsule()->set_radius(capsule.radius);
 }
 void Set(v1::EditVolumeRequest& request, const Block& block) {
-  // Here, before it is sent: whoever sends what is refused unread is cut off.
+  // Checked here, before sending: the daemon cuts off a client whose message it refuses unread.
   if (block.values.size() * sizeof(float) > kMostBlockBytes) {
     throw Error(ErrorKind::kTooLarge, "a block has at most 3 MiB of values: send it in parts");
   }
@@ -119,7 +119,7 @@ v1::FilterVolumeRequest ToProto(const Filter& filter) {
                                        v1::FILTER_KIND_MEAN_CURVATURE, v1::FILTER_KIND_RESAMPLE};
   v1::FilterVolumeRequest request;
   request.set_kind(kKinds[static_cast<int>(filter.kind)]);
-  // Negative ones are refused as 0 is.
+  // A negative width is sent as 0. The daemon refuses both.
   request.set_width(static_cast<std::uint32_t>(std::max(0, filter.width)));
   request.set_iterations(static_cast<std::uint32_t>(std::max(0, filter.iterations)));
   request.set_distance_mm(filter.distance_mm);

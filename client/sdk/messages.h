@@ -1,4 +1,5 @@
-// Poses, settings and edits: values of the client library <-> messages of palpate.v1. Any thread.
+// Converts poses, settings and edits between the client library and messages of palpate.v1.
+// Threads: any.
 #pragma once
 
 #include "client/sdk/edit.h"
@@ -14,7 +15,8 @@ namespace palpate::client {
 Pose FromProto(const v1::PoseSample& sample);
 EditResult FromProto(const v1::EditVolumeResponse& response);
 
-// Errors: kInvalidArgument for a block of negative numbers.
+// Errors: kInvalidArgument for a block with negative numbers, kTooLarge for a block of more than 3
+// MiB.
 v1::EditVolumeRequest ToProto(const Edit& edit);
 v1::FilterVolumeRequest ToProto(const Filter& filter);
 

@@ -1,4 +1,4 @@
-// Whether palpated is reached, for all threads of a client to see and to wait for.
+// The state of the connection. All threads of a client can read it and wait for it.
 //
 // Threads: any.
 #pragma once
@@ -20,8 +20,7 @@ class Monitor {
     const std::lock_guard lock(mutex_);
     return connection_;
   }
-  // How often it was connected so far: what belongs to another connection than the
-  // present one is void.
+  // How often the client has connected so far. Values from another epoch are void.
   std::uint64_t epoch() const {
     const std::lock_guard lock(mutex_);
     return epoch_;
@@ -35,7 +34,7 @@ class Monitor {
     return stopping_;
   }
 
-  // False where nothing changed.
+  // Returns false if nothing changed.
   bool Set(Connection connection) {
     {
       const std::lock_guard lock(mutex_);
@@ -54,13 +53,13 @@ class Monitor {
     changed_.notify_all();
   }
 
-  // Until connected: the epoch; 0 where that takes longer, or it is stopped.
+  // Waits until connected and returns the epoch; 0 after `timeout` or Stop.
   std::uint64_t WaitUntilConnected(std::chrono::milliseconds timeout) const {
     std::unique_lock lock(mutex_);
     changed_.wait_for(lock, timeout, [this] { return stopping_ || IsUp(); });
     return !stopping_ && IsUp() ? epoch_ : 0;
   }
-  // Sleeps; less where it is stopped.
+  // Sleeps for the duration, or until Stop.
   void Pause(std::chrono::milliseconds duration) const {
     std::unique_lock lock(mutex_);
     changed_.wait_for(lock, duration, [this] { return stopping_; });

@@ -14,7 +14,7 @@
 namespace palpate::client {
 namespace {
 
-// Slices k .. k + 7 at most, x fastest: the layer of bricks that holds them.
+// Fills the slices k to k + 7 at most, x fastest: one layer of bricks.
 void FillSlices(const VolumeMirror& volume, int k, std::vector<float>& voxels) {
   const Vec3i& size = volume.lattice()->size;
   const int end = std::min(k + kBrickEdge, size.z());

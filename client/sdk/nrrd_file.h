@@ -1,7 +1,7 @@
-// A downloaded volume as an NRRD file: float, raw, in LPS.
+// Writes a downloaded volume as an NRRD file: float, raw, in LPS.
 //
-// Threads: any. Errors: Error with kConflict for a file that is there, kInvalidArgument for a
-// folder, kPermissionDenied, kNotFound for its folder, kDiskFull.
+// Threads: any. Errors: kConflict (the file exists), kInvalidArgument (the path is a folder),
+// kNotFound (no such folder for the file), kPermissionDenied, kDiskFull.
 #pragma once
 
 #include <functional>
@@ -11,11 +11,11 @@
 
 namespace palpate::client {
 
-// Throws what SaveAsNrrd would throw at once: for before a volume travels.
+// Throws what SaveAsNrrd would throw at once. Call it before a download.
 void CheckNrrdPath(const std::string& path, bool overwrite);
 
-// `volume` has a lattice. `check` is called now and then and may throw. The file is
-// written beside its place and moved there whole.
+// `volume` must have a lattice. `check` is called now and then and may throw. The file is written
+// next to its place and then renamed, so that it is always complete.
 void SaveAsNrrd(const VolumeMirror& volume, const std::string& path, bool overwrite = false,
                 const std::function<void()>& check = {});
 

@@ -17,23 +17,23 @@ struct Placement {
   // Turns the axes of W to those of D.
   UnalignedQuaternion rotation = UnalignedQuaternion::Identity();
   double device_mm_per_volume_mm = 0.0;
-  double device_mm_per_voxel = 0.0;  // of the shortest edge of a voxel
+  double device_mm_per_voxel = 0.0;  // for the shortest edge of a voxel
   std::uint64_t settings_revision = 0;
 };
 
-// First `reset`, then what is absolute, then what is relative. What is absent stays.
+// Applied in this order: `reset`, absolute values, relative values. Absent fields change nothing.
 struct PlacementChange {
-  bool reset = false;  // into the middle of the workspace, fitted, not turned
+  bool reset = false;  // into the middle of the workspace, fitted, without a rotation
   std::optional<Vec3> center_mm{};
   std::optional<UnalignedQuaternion> rotation{};
-  // At most one of the two.
+  // Set at most one of the two.
   std::optional<double> device_mm_per_volume_mm{};
   std::optional<double> device_mm_per_voxel{};
-  // In the axes of D; the turn and the scale are about the volume's centre.
+  // In the axes of D. Rotation and scale are about the volume's centre.
   std::optional<Vec3> translate_mm{};
   std::optional<UnalignedQuaternion> rotate{};
   std::optional<double> scale_by{};
-  // Refuse with ErrorKind::kConflict unless the settings are at this revision.
+  // Fails with ErrorKind::kConflict unless the settings are at this revision.
   std::optional<std::uint64_t> expected_revision{};
 };
 

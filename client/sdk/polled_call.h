@@ -1,4 +1,4 @@
-// A call of which every step can be cancelled: while it waits it asks every 50 ms whether to go on.
+// A call whose steps can all be cancelled: while it waits, it asks every 50 ms whether to go on.
 //
 // Threads: one.
 #pragma once
@@ -33,7 +33,7 @@ class PolledCall {
   grpc::CompletionQueue& queue() { return queue_; }
   bool is_cancelled() const { return is_cancelled_; }
 
-  // False when the step failed; Finish says why.
+  // Returns false if the step failed; Finish throws the reason.
   bool Wait() {
     void* tag = nullptr;
     bool ok = false;
@@ -48,14 +48,14 @@ class PolledCall {
     try {
       is_cancelled_ = !goes_on_();
     } catch (...) {
-      // Finish throws it: until then gRPC writes to what this step was given.
+      // Keep the exception for Finish: until then gRPC may write to the arguments of this step.
       thrown_ = std::current_exception();
       is_cancelled_ = true;
     }
     if (is_cancelled_) context_.TryCancel();
   }
 
-  // Throws what goes_on threw.
+  // Throws the exception of goes_on, if there is one.
   template <typename Call>
   grpc::Status Finish(Call& call) {
     grpc::Status status;

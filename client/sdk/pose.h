@@ -1,8 +1,8 @@
-// What one tick of the haptic loop computed.
+// The result of one tick of the haptic loop.
 //
-// Frame: D, the device's: mm and N, x right, y up, z to the user. Densities and
-// isovalues in data units. Times in ns of the daemon's CLOCK_MONOTONIC, which on the
-// same machine is std::chrono::steady_clock.
+// Frame: D, the device's: mm and N, x right, y up, z to the user. Densities and isovalues are in
+// data units. Times are in ns of the daemon's CLOCK_MONOTONIC; on the same machine that is
+// std::chrono::steady_clock.
 // Threads: plain values.
 #pragma once
 
@@ -15,7 +15,7 @@
 
 namespace palpate::client {
 
-// Names and meanings are those of device.proto.
+// device.proto explains the names.
 enum class ForceState { kUnknown, kOff, kRampIn, kOn, kHeld, kFault, kStopped };
 enum class ForceReason {
   kUnknown,
@@ -36,7 +36,8 @@ enum class ForceReason {
 struct ForceStatus {
   ForceState state = ForceState::kUnknown;
   ForceReason reason = ForceReason::kUnknown;
-  double limit_n = 0.0;  // what the motors' warmth leaves of the greatest force
+  double limit_n =
+      0.0;  // greatest force now; less than the device's maximum if the motors are warm
 };
 
 enum class ProxyMode { kUnknown, kFree, kConstrained, kEjecting, kFault, kSuspended };
@@ -44,18 +45,18 @@ enum class ProxyMode { kUnknown, kFree, kConstrained, kEjecting, kFault, kSuspen
 // Side of the isosurface on which the stylus is free.
 enum class FreeSide { kBelow, kAbove };
 
-// A Quaterniond's alignment depends on the compiler's flags, which may be others in
-// the program than they were in the library.
+// The alignment of Eigen::Quaterniond depends on the compiler's flags. The program and the library
+// may have different flags.
 using UnalignedQuaternion = Eigen::Quaternion<double, Eigen::DontAlign>;
 
 struct Pose {
-  std::uint64_t tick = 0;  // ticks executed before it since the daemon started
+  std::uint64_t tick = 0;  // ticks executed before this one since the daemon started
   std::int64_t time_ns = 0;
   Vec3 hip_mm = Vec3::Zero();
   Vec3 scp_h_mm = Vec3::Zero();
-  // Towards free space; none without contact.
+  // Points towards free space; none without contact.
   std::optional<Vec3> scp_h_normal;
-  // None without contact, and where V is out of reach.
+  // None without contact, and if V is out of reach.
   std::optional<Vec3> scp_v_mm;
   std::optional<Vec3> scp_v_normal;
   // Rotates stylus axes into D; the stylus points along its -z.
@@ -69,29 +70,30 @@ struct Pose {
   std::uint64_t settings_revision = 0;
   std::uint64_t volume_revision = 0;
   std::int64_t update_ns = 0;      // duration of the haptic update
-  std::uint64_t missed_ticks = 0;  // so far
+  std::uint64_t missed_ticks = 0;  // since the daemon started
   std::uint32_t iterations = 0;    // proxy moves in this tick
-  std::uint64_t capped_ticks = 0;  // so far, in which the cap on proxy moves bit
+  std::uint64_t capped_ticks =
+      0;  // ticks since the daemon started that reached the cap on proxy moves
   FreeSide free_side = FreeSide::kBelow;
   ForceStatus forces;
 };
 
-// What came in one message; after a slow callback, in all that piled up behind it.
+// The samples of one message, or of all messages that waited during a slow callback.
 struct PoseBatch {
   std::vector<Pose> poses;  // oldest first, at least one
-  // Samples that were lost so far because this client was slow, over all
-  // connections.
+  // Samples lost so far because this client was slow, over all connections.
   std::uint64_t dropped = 0;
   std::int64_t sent_time_ns = 0;  // of the newest message
   std::chrono::steady_clock::time_point received;
 };
 
-// How many samples come, and how.
+// The rate and the batch size of the pose stream.
 struct PoseRate {
-  // Of loop time, 20 to 1000 Hz. Not less, for changes of settings are seen by them.
+  // Samples per second of loop time, 20 to 1000. The minimum is 20, because the client sees changes
+  // of settings only by poses.
   double rate_hz = 60.0;
-  // Samples per message, 1 to 256, and no more than 50 ms of them. 0: as many as
-  // come within 10 ms, and one at least. A larger batch costs less and comes later.
+  // Samples per message: 1 to 256, and at most 50 ms of samples. 0: the samples of 10 ms, at least
+  // one. A larger batch costs less and has more delay.
   int batch = 0;
 };
 

@@ -12,15 +12,16 @@ namespace {
 using std::chrono::milliseconds;
 using Clock = std::chrono::steady_clock;
 
-// Messages on their way: enough that a pause of the machine loses nothing. After a slow
-// callback all of them are taken as one batch, so that it sees what is fresh.
+// The most messages on their way: enough that a pause of the machine loses nothing. After a slow
+// callback, all of them form one batch, so that the callback sees fresh poses.
 constexpr std::uint32_t kMaxUnacknowledged = 16;
-// Those, the one that waits at the daemon, and one that comes meanwhile.
+// The messages on their way, one that waits at the daemon, and one that arrives meanwhile.
 constexpr int kMostMerged = kMaxUnacknowledged + 2;
-constexpr milliseconds kSlow{5};        // a callback that others may have piled up behind
-constexpr milliseconds kPileWait{1};    // for the next of the pile, which is on its way
-constexpr milliseconds kPoll{50};       // for the end and for another rate
-constexpr milliseconds kSilence{2000};  // after which palpated is asked whether it lives
+constexpr milliseconds kSlow{
+    5};  // messages may have piled up behind a callback that takes this long
+constexpr milliseconds kPileWait{1};    // for the next message of the pile, which is on its way
+constexpr milliseconds kPoll{50};       // how often to look for the end and for another rate
+constexpr milliseconds kSilence{2000};  // afterwards, ask palpated whether it still runs
 constexpr milliseconds kProbeTimeout{3000};
 constexpr double kBatchS = 0.010;
 constexpr double kLongestBatchS = 0.050;
@@ -121,8 +122,8 @@ void PoseFollower::Read(Call& call, int rate_number) {
         break;
       case CallEvent::kTimeout:
         if (Clock::now() - heard < kSilence) break;
-        // A loop that stands still sends nothing either; a daemon that is gone does
-        // not answer.
+        // A silent stream has two causes: the loop stands still, or the daemon is gone. A daemon
+        // that is gone does not answer this call.
         AskForSettings();
         heard = Clock::now();
         break;
@@ -146,7 +147,7 @@ void PoseFollower::TakeAll(Call& call, v1::StreamPosesResponse& message) {
     const std::lock_guard lock(mutex_);
     newest_ = batch.poses.back();
   }
-  // Also for the first pose: settings may have changed since they were asked for.
+  // Also ask after the first pose: the settings may have changed since first_settings.
   const std::uint64_t revision = batch.poses.back().settings_revision;
   if (std::exchange(settings_revision_, revision) != revision) events_.settings_changed();
   if (!events_.poses) return;

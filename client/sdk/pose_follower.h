@@ -1,7 +1,7 @@
 // The pose thread: connects, follows the poses, notices losses, and connects again.
 //
-// Threads: one of its own; all methods from any. Ownership: borrows all that it is
-// given. Begin() once; End() before what it borrowed goes.
+// Threads: one of its own; call all methods from any. Ownership: borrows its arguments. Call
+// Begin() once. Call End() before the arguments are destroyed.
 #pragma once
 
 #include <atomic>
@@ -20,7 +20,7 @@
 
 namespace palpate::client {
 
-// The batch to ask for. Errors: kInvalidArgument, as PoseRate says.
+// Returns the batch to ask for. Errors: kInvalidArgument, as PoseRate says.
 int BatchOf(const PoseRate& rate);
 
 class PoseFollower {
@@ -28,9 +28,9 @@ class PoseFollower {
   struct Events {
     std::function<void(const Connection&)> connection{};
     std::function<void(const PoseBatch&)> poses{};
-    // Before `connection` says connected: what the daemon's settings are now.
+    // The daemon's settings; called before `connection` reports kConnected.
     std::function<void(const v1::GetSettingsResponse&)> first_settings{};
-    // A pose was computed with other settings than the one before.
+    // A pose was computed with other settings than the pose before.
     std::function<void()> settings_changed{};
   };
 
@@ -39,7 +39,7 @@ class PoseFollower {
   ~PoseFollower() { End(); }
 
   void Begin();
-  // After Monitor::Stop and Link::CancelCalls: joins.
+  // Joins the thread. Call it after Monitor::Stop and Link::CancelCalls.
   void End();
 
   std::optional<Pose> Newest() const;
@@ -50,11 +50,11 @@ class PoseFollower {
   using Call = AcknowledgedCall<v1::StreamPosesRequest, v1::StreamPosesResponse>;
 
   void Run();
-  // Until it is lost, which it throws, or stopped.
+  // Returns when the follower is stopped. Throws an Error when the connection is lost.
   void Follow();
   v1::GetSettingsResponse AskForSettings();
   void Read(Call& call, int rate_number);
-  // The message, and those that piled up behind it.
+  // Takes the message and all messages that piled up behind it.
   void TakeAll(Call& call, v1::StreamPosesResponse& message);
   void Add(const v1::StreamPosesResponse& message, PoseBatch& batch) const;
   void Report(const Connection& connection);
@@ -64,10 +64,10 @@ class PoseFollower {
   const Events events_;
   Backoff backoff_;
 
-  // Of the pose thread.
+  // Used by the pose thread only.
   std::optional<std::uint64_t> settings_revision_;
-  std::uint64_t dropped_before_ = 0;  // by streams that ended
-  bool is_slow_ = false;              // the last callback was
+  std::uint64_t dropped_before_ = 0;  // by ended streams
+  bool is_slow_ = false;              // the last callback took at least kSlow
 
   mutable std::mutex mutex_;
   std::optional<Pose> newest_;

@@ -1,7 +1,7 @@
-// Poses, message by message, for whoever waits for them: a script, a log. Programs that draw
-// follow them with Client.
+// Reads poses message by message, for programs that wait for them: a script, a log. Programs that
+// draw use Client instead.
 //
-// Threads: one at a time. Ownership: the reader borrows the Calls that it came from.
+// Threads: one at a time. Ownership: borrows the Calls that made it.
 #pragma once
 
 #include <chrono>
@@ -23,10 +23,10 @@ class PoseReader {
   PoseReader(PoseReader&&) noexcept;
   PoseReader& operator=(PoseReader&&) noexcept;
 
-  // The next message within `timeout`; none: nothing came. Samples are fresh however slow the
-  // caller is: what it cannot take is dropped at the daemon, and counted in `dropped`.
-  // Errors: kUnavailable where the daemon went away, kPermissionDenied, kCancelled after
-  // Calls::EndCalls, kInvalidArgument for a rate or a batch out of range.
+  // Returns the next message, or none after `timeout`. Samples are fresh however slow the caller
+  // is: the daemon drops what the caller cannot take, and counts it in `dropped`.
+  // Errors: kUnavailable (the daemon went away), kPermissionDenied, kCancelled (Calls::EndCalls),
+  // kInvalidArgument (rate or batch out of range).
   std::optional<PoseBatch> Next(std::chrono::milliseconds timeout);
 
  private:

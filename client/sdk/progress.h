@@ -1,4 +1,4 @@
-// How far a long call has come.
+// The progress of a long call.
 //
 // Threads: plain values.
 #pragma once
@@ -9,13 +9,13 @@
 namespace palpate::client {
 
 struct Progress {
-  std::string stage;      // what is being done, such as "reading"; empty: it has not begun
+  std::string stage;      // the current step, such as "reading"; empty: not begun
   double fraction = 0.0;  // of the whole, 0 to 1
   std::string detail{};   // "3.0 of 12.5 MiB"; may be empty
 };
 
-// Runs on the thread of the caller: for every message of the daemon and at least every 50 ms in
-// between, then with what it had before. False cancels the call, which throws kCancelled.
+// Called on the caller's thread for every message of the daemon, and at least every 50 ms in
+// between with the last progress. If it returns false, the call is cancelled and throws kCancelled.
 // May be empty.
 using ProgressFunction = std::function<bool(const Progress&)>;
 

@@ -12,7 +12,7 @@ namespace palpate::client {
 
 struct SeriesState {
   std::uint32_t frames = 0;
-  double position_frames = 0.0;  // 0 the first
+  double position_frames = 0.0;  // 0 is the first
   bool playing = false;
   double rate_hz = 0.0;  // frames per second, negative backwards
   bool loop = false;
@@ -21,7 +21,7 @@ struct SeriesState {
   std::uint64_t volume_revision = 0;
 };
 
-// What is absent stays.
+// Absent fields change nothing.
 struct SeriesControl {
   std::optional<bool> playing{};
   std::optional<double> position_frames{};

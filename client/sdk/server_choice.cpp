@@ -19,13 +19,13 @@ constexpr std::size_t kLongestName = 64;
 constexpr char kExample[] =
     "[NAME], server = \"HOST:PORT\", tls_ca = \"FILE\", token_file = \"FILE\"";
 
-// Set and not empty.
+// Returns the variable if it is set and not empty.
 std::string FromEnvironment(const char* variable) {
   const char* value = std::getenv(variable);
   return value ? value : "";
 }
 
-// None where there is no such file.
+// Returns none if the file does not exist.
 std::optional<toml::table> ReadProfiles(const fs::path& path) {
   std::ifstream file(path);
   if (!file) {
@@ -51,7 +51,7 @@ std::string Names(const toml::table& profiles) {
   return names.empty() ? "none" : names;
 }
 
-// One profile of the file.
+// Reads one profile of the file.
 class Reading {
  public:
   Reading(const fs::path& file, const std::string& name, const toml::table& table)
@@ -142,7 +142,7 @@ Server Resolve(const ServerChoice& choice) {
   if (server.address.host_port.empty()) return server;
   Credentials& who = server.credentials;
   if (who.ca_file.empty()) who.ca_file = FromEnvironment("PALPATE_TLS_CA");
-  // Only where it is safe: a token is never sent without TLS.
+  // Only with TLS: a token is never sent without it.
   const bool has_tls = !who.ca_file.empty() || !who.certificate_file.empty();
   if (has_tls && who.token_file.empty()) who.token_file = FromEnvironment("PALPATE_TOKEN_FILE");
   return server;
@@ -166,7 +166,7 @@ std::vector<Profile> ListProfiles() {
       profile.where =
           server.address.host_port.empty() ? server.address.socket_path : server.address.host_port;
     } catch (const Error&) {
-      // Who chooses it is told why.
+      // `where` stays empty. Resolve tells the reason to those who choose this profile.
     }
     profiles.push_back(std::move(profile));
   }

@@ -1,5 +1,5 @@
-// Which palpated a program talks to, and who it is there: by name, or by what its options and the
-// environment say. All clients of Palpate follow these rules.
+// Decides which palpated a program talks to, and with which credentials: by the name of a profile,
+// or by the program's options and the environment. All clients of Palpate follow these rules.
 //
 // Profiles are tables of $XDG_CONFIG_HOME/palpate/clients.toml (else
 // ~/.config/palpate/clients.toml):
@@ -9,9 +9,11 @@
 //   tls_ca = "or-2-ca.pem"             # paths are relative to the file's folder
 //   token_file = "or-2.token"          # or: tls_cert and tls_key
 //
-// A profile is whole: nothing is added to it. Without one the environment fills what is not given:
-// PALPATE_SERVER where neither a server nor a socket is named; and, for a server, PALPATE_TLS_CA,
-// and PALPATE_TOKEN_FILE if TLS is used.
+// A profile is complete: nothing is added to it. Without a profile, the environment fills what is
+// not given:
+//   PALPATE_SERVER      if neither a server nor a socket is named
+//   PALPATE_TLS_CA      for a server
+//   PALPATE_TOKEN_FILE  for a server, if TLS is used
 //
 // Threads: any; reads the environment and files. Errors: Error.
 #pragma once
@@ -25,7 +27,7 @@
 namespace palpate::client {
 
 struct ServerChoice {
-  std::string profile{};  // empty: what follows
+  std::string profile{};  // empty: use the fields below
   Address address{};
   Credentials credentials{};
 };
@@ -35,22 +37,21 @@ struct Server {
   Credentials credentials{};
 };
 
-// Errors: kInvalidArgument (a profile together with anything else, a profile that is not right),
-// kNotFound (no such profile or file).
+// Errors: kInvalidArgument (a broken profile, or a profile together with other fields), kNotFound
+// (no such profile or file).
 Server Resolve(const ServerChoice& choice);
 
-// For people who choose one.
+// One line of a list for people who choose a profile.
 struct Profile {
   std::string name;
-  std::string where;  // "or-2.lab.example:7411" or a socket's path; empty: it is not right
+  std::string where;  // "or-2.lab.example:7411" or a socket's path; empty: the profile is broken
 };
 
 std::filesystem::path ProfilesFile();
-// In the file's order of names; none where there is no file. Errors: kInvalidArgument for a file
-// that is not TOML.
+// Sorted by name; empty if there is no file. Errors: kInvalidArgument if the file is not TOML.
 std::vector<Profile> ListProfiles();
 
-// Whether it can be a profile's name: 1 to 64 letters, digits, '.', '_' or '-'.
+// True if it can be a profile's name: 1 to 64 letters, digits, '.', '_' or '-'.
 bool IsProfileName(const std::string& name);
 
 }  // namespace palpate::client

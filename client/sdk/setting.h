@@ -1,6 +1,6 @@
-// What is known of each setting: its name, unit, range, default and what it does; and how to
-// read and change it. kSettings (settings.h) lists all: panels, command lines and files can be
-// made of it.
+// Describes each setting: its name, unit, range, default and effect, and how to read and change it.
+// kSettings (settings.h) lists all settings. Panels, command lines and files can be made from the
+// list.
 //
 // Threads: plain values.
 #pragma once
@@ -24,7 +24,7 @@ struct SettingsUpdate;
 struct NumberSetting {
   double Settings::*member;
   std::optional<double> SettingsUpdate::*update;
-  double minimum, maximum;  // infinite for the isovalue, whose range is the volume's
+  double minimum, maximum;  // infinite for the isovalue: the volume has its range
   double initial;
 };
 
@@ -34,8 +34,8 @@ struct FlagSetting {
   bool initial;
 };
 
-// One of several words, named by its place among them. palpate.v1 numbers them from 1 in the
-// same order.
+// A choice of several words, numbered from 0. palpate.v1 numbers the same words from 1, in the same
+// order.
 struct ChoiceSetting {
   std::span<const std::string_view> words;
   std::size_t initial;
@@ -46,23 +46,23 @@ struct ChoiceSetting {
 };
 
 struct Setting {
-  // Each ends with \0.
+  // Each text ends with \0.
   std::string_view key;         // with its unit: stiffness_n_per_mm
-  std::string_view name;        // without: stiffness
+  std::string_view name;        // without the unit: stiffness
   std::string_view label;       // for panels: Stiffness
-  std::string_view unit;        // N/mm; empty: a ratio, or no number
-  std::string_view help;        // what it does, in a line that begins with a small letter
-  std::string_view shown_with;  // key of a flag: while that is off, this has no use
+  std::string_view unit;        // N/mm; empty: a ratio, or not a number
+  std::string_view help;        // its effect, in one line that begins with a small letter
+  std::string_view shown_with;  // key of a flag: while the flag is off, this setting has no effect
   std::variant<NumberSetting, FlagSetting, ChoiceSetting> kind;
 };
 
-// The place of `value` among the enumerators of a choice.
+// Returns the index of `value` among the enumerators of a choice.
 template <typename Enum, std::size_t Count>
 constexpr std::size_t PlaceOf(Enum value, const std::array<Enum, Count>& values) {
   return static_cast<std::size_t>(std::find(values.begin(), values.end(), value) - values.begin());
 }
 
-// A choice among `Values`, enumerators in the order of `words`.
+// A choice among `Values`: enumerators, in the order of `words`.
 template <auto Member, auto Update, const auto& Values>
 constexpr ChoiceSetting MakeChoice(std::span<const std::string_view> words, std::size_t initial) {
   return {words,

@@ -12,12 +12,12 @@ namespace {
 using google::protobuf::FieldDescriptor;
 using google::protobuf::Reflection;
 
-// Fields bear the settings' keys: both are written from the same list.
+// The fields have the settings' keys: both are generated from the same list.
 const FieldDescriptor* FieldOf(const Setting& setting) {
   return v1::RenderSettings::descriptor()->FindFieldByName(std::string(setting.key));
 }
 
-// Copies a field into a Settings; false: of a later version.
+// Copies a field into a Settings. Returns false for a choice of a later version.
 struct Read {
   const v1::RenderSettings& from;
   const Reflection& fields;
@@ -40,7 +40,7 @@ struct Read {
   }
 };
 
-// Copies what an update has into a field; false: nothing.
+// Copies a value of an update into a field. Returns false if the update has no value.
 struct Write {
   const SettingsUpdate& from;
   const Reflection& fields;

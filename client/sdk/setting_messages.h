@@ -1,4 +1,4 @@
-// Settings of the client library <-> messages of palpate.v1. Any thread.
+// Converts settings between the client library and messages of palpate.v1. Threads: any.
 #pragma once
 
 #include <cstdint>
@@ -8,7 +8,7 @@
 
 namespace palpate::client {
 
-// What the message does not have, and choices of a later version, are Settings::unknown.
+// Settings::unknown lists what the message does not have, and choices of a later version.
 Settings FromProto(const v1::RenderSettings& settings, std::uint64_t revision);
 
 v1::UpdateSettingsRequest ToProto(const SettingsUpdate& update);

@@ -1,9 +1,9 @@
-// What is felt: isovalue, stiffness, effects, method. Forces and lengths are those of the device.
+// The settings: isovalue, stiffness, effects, method. Forces and lengths are those of the device.
 //
-// setting_list.h is written from the contract's list (proto/palpate/v1/render.proto). It has
+// setting_list.h is generated from the contract's list (proto/palpate/v1/render.proto). It has
 //   Settings        a member for each setting, with its default; what the daemon holds
-//   SettingsUpdate  the same as optionals: what is to change
-//   kSettings       what is known of each: name, unit, range, default, what it does
+//   SettingsUpdate  the same members as optionals: what is to change
+//   kSettings       each setting's name, unit, range, default and effect
 //
 // Threads: plain values.
 #pragma once
@@ -17,14 +17,14 @@
 
 namespace palpate::client {
 
-// Two forms of one value, of which an update has at most one.
+// Two forms of one value. An update has at most one of them.
 inline constexpr const Setting& kIsovalue = kSettings[0];
 inline constexpr const Setting& kNormalizedIsovalue = kSettings[1];
-// All others.
+// All other settings.
 inline constexpr std::span<const Setting> kHapticSettings = std::span(kSettings).subspan(2);
 
-// Whether `settings` has a value of `setting`, which is one of kSettings; false with a daemon of
-// another version that has no such setting, or an unknown choice of it.
+// True if `settings` has a value of `setting`, which is one of kSettings. False if a daemon of
+// another version lacks the setting or has an unknown choice for it.
 inline bool IsKnown(const Settings& settings, const Setting& setting) {
   return !settings.unknown.test(static_cast<std::size_t>(&setting - kSettings.data()));
 }

@@ -88,7 +88,8 @@ void SettingsFollower::Fetch() {
         &v1::RenderService::Stub::GetSettings, v1::GetSettingsRequest());
     Take(FromProto(response.settings(), response.settings_revision()), epoch);
   } catch (const Error&) {
-    // Whoever is not reached is lost soon, and asked after he is found again.
+    // If the daemon is not reached, the pose thread notices the loss soon. After the reconnection
+    // it asks for the settings again.
     monitor_.Pause(kPauseAfterFailure);
     if (monitor_.IsConnected(epoch)) Ask();
   }

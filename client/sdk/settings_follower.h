@@ -1,8 +1,8 @@
-// The settings thread: the daemon does not stream its settings, but every pose names
-// their revision; when it changes they are asked for.
+// The settings thread. The daemon does not stream its settings, but every pose has their revision.
+// When the revision changes, this thread asks for the settings.
 //
-// Threads: one of its own; all methods from any. Ownership: borrows all that it is
-// given. Begin() once; End() before what it borrowed goes.
+// Threads: one of its own; call all methods from any. Ownership: borrows its arguments. Call
+// Begin() once. Call End() before the arguments are destroyed.
 #pragma once
 
 #include <condition_variable>
@@ -25,15 +25,15 @@ class SettingsFollower {
   ~SettingsFollower() { End(); }
 
   void Begin();
-  // After Monitor::Stop and Link::CancelCalls: joins.
+  // Joins the thread. Call it after Monitor::Stop and Link::CancelCalls.
   void End();
 
   std::optional<Settings> Newest() const;
-  // Those of a connection that begins: what was known is void.
+  // Sets the settings of a new connection. Those of the connection before are void.
   void Replace(const Settings& settings);
-  // Those that a call brought in `epoch`; older ones than are known are left.
+  // Takes the settings that a call brought in `epoch`, unless newer ones are known.
   void Take(const Settings& settings, std::uint64_t epoch);
-  // They changed: ask.
+  // Asks for the settings, because they have changed.
   void Ask();
 
  private:
@@ -47,7 +47,7 @@ class SettingsFollower {
   mutable std::mutex mutex_;
   std::condition_variable wake_;
   std::optional<Settings> newest_;
-  bool is_new_ = false;  // newest_ is yet to be reported
+  bool is_new_ = false;  // newest_ is not reported yet
   bool asked_ = false;
   bool ending_ = false;
 

@@ -17,7 +17,8 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::size_t kChunkBytes = 1 << 20;
-// What the daemon then does with it cannot be told: the rest.
+// The share of sending in the progress. The time that the daemon then needs is not known; it has
+// the rest.
 constexpr double kSendingShare = 0.5;
 constexpr char kCancelled[] = "loading was cancelled; the volume before it stays";
 
@@ -38,7 +39,7 @@ std::ifstream Open(const fs::path& file) {
   return in;
 }
 
-// Bytes of the next chunk; none at the end.
+// Reads the next chunk and returns its size; 0 at the end.
 std::size_t ReadChunk(std::ifstream& in, std::string& chunk) {
   chunk.resize(kChunkBytes);
   in.read(chunk.data(), static_cast<std::streamsize>(chunk.size()));
@@ -62,7 +63,7 @@ class Sending {
 
   bool GoesOn() const { return !progress_ || progress_(state_); }
 
-  // Reads it once: the daemon is told size and checksum in advance.
+  // Reads the whole file once, because the daemon needs size and checksum in advance.
   v1::UploadVolumeStart Start(const Link& link) const {
     std::ifstream in = Open(file_);
     v1::UploadVolumeStart start;
@@ -80,7 +81,7 @@ class Sending {
     return start;
   }
 
-  // Ends early where the daemon takes no more: the call's status says why.
+  // Ends early if the daemon takes no more. The call's status then says why.
   template <class Writer>
   void Send(Writer& writer, PolledCall& polled, const v1::UploadVolumeRequest& start) {
     std::ifstream in = Open(file_);

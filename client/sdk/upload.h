@@ -1,7 +1,7 @@
-// A file of this machine on its way to the daemon.
+// Sends a file of this machine to the daemon.
 //
-// Threads: one. Errors: kNotFound, kInvalidArgument (no file), kPermissionDenied,
-// kUnavailable (it cannot be read to its end), and those of the call.
+// Threads: one. Errors: kNotFound, kInvalidArgument (not a file), kPermissionDenied, kUnavailable
+// (the file cannot be read to its end), and those of the call.
 #pragma once
 
 #include <filesystem>

@@ -1,5 +1,4 @@
-// The daemon's volume: what it is, and how another one is loaded. Fields mean what volume.proto
-// says.
+// The daemon's volume, and how to load another one. volume.proto explains the fields.
 //
 // Frames: I voxel indices, W world (mm, LPS as in DICOM), D device (mm); values in data units.
 // Threads: plain values.
@@ -17,44 +16,44 @@ namespace palpate::client {
 struct VolumeInfo {
   std::string source;  // path on the daemon's machine, builtin name, or "upload:NAME"
   std::uint64_t volume_revision = 0;
-  std::uint64_t loaded_revision = 0;  // at which it was loaded; later ones are edits and frames
+  std::uint64_t loaded_revision = 0;  // the load; later revisions are edits and frames
   Vec3i size = Vec3i::Zero();         // voxels
   Vec3 spacing_mm = Vec3::Zero();
   double value_min = 0.0;  // at load
   double value_max = 0.0;
-  std::string unit;           // as the file states it, "HU"; empty: it does not
+  std::string unit;           // as the file states it, such as "HU"; empty: the file states none
   std::string original_type;  // such as "uint8"
   bool is_level_set = false;
   AffineMap world_from_index;
   AffineMap device_from_index;
   double device_mm_per_volume_mm = 0.0;
   std::uint64_t memory_bytes = 0;
-  std::uint32_t frames = 0;  // of the source file, one of which this is
-  // What the import had to assume or leave out, a line each.
+  std::uint32_t frames = 0;  // frames of the source file; this volume is one of them
+  // What the import assumed or left out, one line each.
   std::vector<std::string> warnings;
 };
 
 enum class VoxelType { kInt8, kUint8, kInt16, kUint16, kInt32, kUint32, kFloat32, kFloat64 };
 
-// A file that holds nothing but voxels, x fastest.
+// A file that holds only voxels, x fastest.
 struct RawVoxels {
   Vec3i size = Vec3i::Zero();
   VoxelType type = VoxelType::kUint8;
   bool big_endian = false;
-  std::uint64_t offset_bytes = 0;  // before the first voxel
+  std::uint64_t offset_bytes = 0;  // the bytes before the first voxel
 };
 
-// What is absent is as the file says, or stays.
+// Absent fields: as the file says, or unchanged.
 struct LoadOptions {
-  // At most one of the two; neither: the present normalised one, 0 of a level set.
+  // Set at most one of the two. Neither: the present normalised isovalue, or 0 for a level set.
   std::optional<double> isovalue{};
   std::optional<double> normalized_isovalue{};
   std::optional<Vec3> spacing_mm{};
   std::optional<double> device_mm_per_volume_mm{};  // absent: fits the workspace
   std::optional<RawVoxels> raw{};
-  std::optional<std::uint32_t> frame{};  // of a file with several, 0 the first
-  std::string grid{};                    // of a .vdb file with several: NAME, or NAME[K]
-  std::string component{};               // of a grid of vectors: magnitude, x, y or z
+  std::optional<std::uint32_t> frame{};  // for a file with several frames; 0 is the first
+  std::string grid{};                    // for a .vdb file with several grids: NAME, or NAME[K]
+  std::string component{};               // for a grid of vectors: magnitude, x, y or z
 };
 
 struct LoadResult {
@@ -64,7 +63,7 @@ struct LoadResult {
 };
 
 struct SaveResult {
-  std::uint64_t volume_revision = 0;  // that was written
+  std::uint64_t volume_revision = 0;  // the revision that was written
   std::uint64_t size_bytes = 0;
 };
 

@@ -17,7 +17,7 @@ class VolumeCall {
   VolumeCall(const std::shared_ptr<grpc::Channel>& channel, std::uint32_t max_unacknowledged,
              const std::optional<VolumeRevision>& resume_from);
 
-  // As AcknowledgedCall has them.
+  // See AcknowledgedCall.
   CallEvent Next(std::chrono::milliseconds timeout, v1::StreamVolumeResponse& message) {
     return call_.Next(timeout, message);
   }

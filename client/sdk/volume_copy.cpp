@@ -67,7 +67,7 @@ void VolumeCopy::Begin(const VolumeMirror& mirror) {
   const std::uint64_t count = update_.lattice ? update_.lattice->Bricks() : 0;
   is_marked_.assign(count, false);
   bricks_.reserve(count);
-  // Bricks of background share one, which is looked at once.
+  // Bricks of background share one object. Compare that object only once.
   const Brick* background = nullptr;
   for (std::uint64_t number = 0; number < count; ++number) {
     const BrickPtr& brick = bricks_.emplace_back(mirror.At(number));

@@ -1,7 +1,6 @@
-// What a mirror's thread hands to the thread that draws: all that changed since it was
-// taken last, merged.
+// Collects all changes of a mirror, merged, until the thread that draws takes them.
 //
-// Threads: Merge on the mirror's, Take on any. Errors: none.
+// Threads: Merge on the mirror's thread, Take on any. Errors: none.
 #pragma once
 
 #include <cstdint>
@@ -16,7 +15,7 @@ namespace palpate::client {
 
 class VolumeCopy {
  public:
-  // Takes up what changed in the mirror. False where nothing did.
+  // Collects the mirror's changes. Returns false if nothing changed.
   bool Merge(VolumeMirror& mirror);
   std::optional<VolumeUpdate> Take();
 
@@ -26,11 +25,11 @@ class VolumeCopy {
 
   std::mutex mutex_;
   bool is_new_ = false;
-  VolumeUpdate update_;           // but for the bricks
-  std::vector<BrickPtr> bricks_;  // of the mirror
-  std::vector<bool> is_marked_;   // by number: in marked_
+  VolumeUpdate update_;           // without the bricks
+  std::vector<BrickPtr> bricks_;  // the mirror's
+  std::vector<bool> is_marked_;   // by brick number: listed in marked_
   std::vector<std::uint64_t> marked_;
-  bool has_overview_ = false;  // of this volume, taken or in update_
+  bool has_overview_ = false;  // the overview of this volume was taken, or is in update_
 };
 
 }  // namespace palpate::client

@@ -7,9 +7,9 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr auto kPoll = 50ms;  // for the end
-// After what trying again at once does not mend: a volume that is too large, a daemon
-// of another version.
+constexpr auto kPoll = 50ms;  // how often to look for the end
+// After errors that an immediate retry does not mend: a volume that is too large, a daemon of
+// another version.
 constexpr auto kPauseAfterRefusal = 5000ms;
 
 }  // namespace
@@ -45,8 +45,8 @@ void VolumeFollower::Run() {
   }
 }
 
-// A reader for each connection, so that it does not sit out its own pause when palpated
-// is back. The mirror stays, and with it the revision to resume from.
+// Each connection has its own reader: an old reader would first wait out its pause. The mirror
+// stays, with the revision to resume from.
 void VolumeFollower::Follow(std::uint64_t epoch) {
   VolumeReader reader(link_.volume_channel(), mirror_);
   std::string problem;

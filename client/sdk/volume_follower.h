@@ -1,7 +1,7 @@
 // The volume thread: keeps a copy of the volume while palpated is reached.
 //
-// Threads: one of its own; all methods from any. Ownership: borrows all that it is
-// given. Begin() once; End() before what it borrowed goes.
+// Threads: one of its own; call all methods from any. Ownership: borrows its arguments. Call
+// Begin() once. Call End() before the arguments are destroyed.
 #pragma once
 
 #include <functional>
@@ -23,7 +23,7 @@ class VolumeFollower {
   ~VolumeFollower() { End(); }
 
   void Begin();
-  // After Monitor::Stop: joins.
+  // Joins the thread. Call it after Monitor::Stop.
   void End();
 
   std::optional<VolumeUpdate> Take() { return copy_.Take(); }
@@ -37,8 +37,8 @@ class VolumeFollower {
   Link& link_;
   Monitor& monitor_;
   const std::function<void()> on_volume_;
-  VolumeMirror mirror_;             // of the volume thread
-  std::uint64_t bytes_before_ = 0;  // of readers that ended
+  VolumeMirror mirror_;             // used by the volume thread only
+  std::uint64_t bytes_before_ = 0;  // by ended readers
   VolumeCopy copy_;
 
   mutable std::mutex mutex_;

@@ -9,7 +9,7 @@ namespace {
 static_assert(static_cast<int>(VoxelType::kInt8) + 1 == v1::VOXEL_TYPE_INT8);
 static_assert(static_cast<int>(VoxelType::kFloat64) + 1 == v1::VOXEL_TYPE_FLOAT64);
 
-// An older daemon says none.
+// An older daemon does not send the map.
 AffineMap MapOf(const v1::AffineMap& map) {
   return map.linear_size() == 9 ? palpate::FromProto(map) : AffineMap();
 }

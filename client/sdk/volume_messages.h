@@ -1,4 +1,5 @@
-// Volumes and their place: values of the client library <-> messages of palpate.v1. Any thread.
+// Converts volumes and their place between the client library and messages of palpate.v1. Threads:
+// any.
 #pragma once
 
 #include "client/sdk/placement.h"
@@ -9,9 +10,9 @@
 namespace palpate::client {
 
 VolumeInfo FromProto(const v1::VolumeDescription& volume);
-// Without the source. Errors: kInvalidArgument for raw voxels of a negative size.
+// Leaves the source empty. Errors: kInvalidArgument for raw voxels of a negative size.
 v1::LoadVolumeRequest ToProto(const LoadOptions& options);
-// Of LoadVolumeResult and UploadVolumeResponse, which say the same.
+// Works for LoadVolumeResult and UploadVolumeResponse; both have the same fields.
 template <class Message>
 LoadResult LoadResultOf(const Message& message) {
   return {FromProto(message.volume()), message.applied_tick(), message.settings_revision()};

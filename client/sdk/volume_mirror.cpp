@@ -12,7 +12,7 @@
 namespace palpate::client {
 namespace {
 
-// The contract says 64; a later daemon may send more, but not any number.
+// The contract says 64. A later daemon may send more, but this is the limit.
 constexpr std::size_t kMostBricks = 4096;
 
 void Require(bool holds, const char* what) {
@@ -21,11 +21,11 @@ void Require(bool holds, const char* what) {
               std::string("the stream of the volume makes no sense: ") + what);
 }
 
-// A volume one voxel thick has 64 times as many voxels in its bricks.
+// A volume one voxel thick fills bricks with 64 times as many voxels as it has.
 constexpr double kMostPadding = 8.0;
 constexpr double kAlwaysBricks = 4096.0;
 
-// Rather as floating point: the product of three sizes overflows any integer.
+// Computes in floating point: the product of three sizes can overflow any integer.
 void CheckSize(const Vec3i& size, std::uint64_t max_voxels) {
   Require((size.array() > 0).all(), "a volume without voxels");
   const Vec3 voxels = size.cast<double>();
@@ -88,7 +88,7 @@ void VolumeMirror::Take(const VolumePlacement& placement) { placement_ = placeme
 void VolumeMirror::Take(const VolumeOverview& overview) {
   Require(lattice_.has_value(), "an overview before the lattice");
   Require(overview.size == overview_size_, "an overview of another size");
-  // In one row, so that what is known needs no more than a count.
+  // Blocks come in order, so a count tells which are known.
   Require(overview.first_block == overview_known_, "an overview with a gap");
   const std::uint64_t blocks = overview_size_.cast<std::uint64_t>().prod();
   const std::size_t count = CountFloats(overview.zstd_values, blocks - overview_known_);

@@ -1,13 +1,12 @@
-// A copy of the daemon's volume, kept equal to it by what a stream says.
+// A copy of the daemon's volume. The messages of a stream keep it equal to the daemon's.
 //
-// At every `complete` the content hash of the copy is compared with the daemon's:
-// a copy that claims to be complete is equal, voxel by voxel.
+// At every `complete`, the copy's content hash is compared with the daemon's. So a copy that is
+// complete equals the daemon's volume, voxel by voxel.
 //
 // Frames: I voxel indices, W world and D device frame (mm); values in data units.
-// Threads: one at a time; bricks that were handed out stay as they are, on any
-// thread. Errors: Error with kInvalidArgument for messages that make no sense,
-// kTooLarge for a volume that is larger than allowed, kInternal for a copy that is
-// not equal; the copy is void then, as after Reset.
+// Threads: one at a time. Bricks that were handed out never change; read them on any thread.
+// Errors: kInvalidArgument (messages that make no sense), kTooLarge (the volume is larger than
+// allowed), kInternal (the copy is not equal). After an error the copy is void, as after Reset.
 #pragma once
 
 #include <cstdint>
@@ -19,10 +18,10 @@
 
 namespace palpate::client {
 
-// What the copy's owner has to take up since it asked last.
+// The changes since the copy's owner asked last.
 struct MirrorChanges {
-  bool all = false;                      // another volume: its lattice, and every brick
-  std::vector<std::uint64_t> numbers{};  // of changed bricks, ascending; where not all
+  bool all = false;                      // another volume: the lattice and every brick are new
+  std::vector<std::uint64_t> numbers{};  // of changed bricks, ascending; empty if `all`
 };
 
 class VolumeMirror {
@@ -35,25 +34,25 @@ class VolumeMirror {
   // Forgets the copy.
   void Reset();
 
-  // To resume from: of the last `complete`; none when all is needed. Voxels that
-  // came since are of a newer revision, and will come again.
+  // The revision of the last `complete`, to resume from; none if all voxels are needed. Voxels
+  // received since then are newer, and the daemon will send them again.
   const std::optional<VolumeRevision>& resume() const { return resume_; }
-  // The copy is the volume of revision resume(), rather than on its way to a newer
-  // one.
+  // True if the copy is the volume of revision resume(). False while it changes to a newer
+  // revision.
   bool is_complete() const { return is_complete_; }
-  // Bricks that are still to come, as far as is known.
+  // Bricks still to come, as far as is known.
   std::uint64_t bricks_left() const { return bricks_left_; }
 
   // None before a volume began.
   const std::optional<VolumeLattice>& lattice() const { return lattice_; }
-  // None before it is known for this volume.
+  // None before the stream has sent the placement of this volume.
   const std::optional<VolumePlacement>& placement() const { return placement_; }
 
-  // With a lattice. (i, j, k) is within the lattice, number below its Bricks().
+  // Call it only with a lattice. (i, j, k) is within the lattice, number below its Bricks().
   float Value(int i, int j, int k) const;
   const BrickPtr& At(std::uint64_t number) const { return bricks_[number]; }
-  // Means of blocks of 4³ voxels when the volume began; block (i, j, k) of
-  // overview_size() at (i size_y + j) size_z + k. Empty until all of it has come.
+  // Means of blocks of 4³ voxels from when the volume began. Block (i, j, k) of overview_size() is
+  // at (i size_y + j) size_z + k. Empty until the overview is complete.
   std::span<const float> overview() const;
   const Vec3i& overview_size() const { return overview_size_; }
 
@@ -71,7 +70,7 @@ class VolumeMirror {
   std::optional<VolumeLattice> lattice_;
   std::optional<VolumePlacement> placement_;
   std::vector<BrickPtr> bricks_;  // by number; the background is shared
-  ContentHash hash_;              // of bricks_
+  ContentHash hash_;              // over bricks_
   std::optional<VolumeRevision> resume_;
   bool is_complete_ = false;
   std::uint64_t bricks_left_ = 0;

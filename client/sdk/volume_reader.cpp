@@ -11,7 +11,7 @@
 namespace palpate::client {
 namespace {
 
-// A copy that is damaged this often in a row is not mended by fetching it anew.
+// If the copy is damaged this often in a row, fetching it again does not help.
 constexpr int kMostDamaged = 3;
 
 bool IsWorthTrying(grpc::StatusCode code) {
@@ -83,7 +83,8 @@ VolumeReader::Event VolumeReader::Next(std::chrono::milliseconds timeout) {
 VolumeReader::Event VolumeReader::End(const grpc::Status& status) {
   const Error error = ErrorOf(status);
   if (!IsWorthTrying(status.error_code())) {
-    // Only a resumed stream can be wrong: without the revision it is not.
+    // Only a resumed stream can be refused for its revision. Without the revision, the next stream
+    // is valid.
     const bool resumed =
         status.error_code() == grpc::StatusCode::INVALID_ARGUMENT && mirror_.resume().has_value();
     if (!resumed) throw error;

@@ -1,8 +1,8 @@
-// Keeps a VolumeMirror equal to the daemon's volume: reads the stream, acknowledges
-// what was taken, and after a loss comes back and resumes.
+// Keeps a VolumeMirror equal to the daemon's volume. It reads the stream, acknowledges what it
+// took, and resumes after a loss.
 //
-// Threads: one at a time, the one that calls Next; the mirror is touched in Next
-// only. Ownership: borrows the mirror, shares the channel.
+// Threads: one at a time. Only Next touches the mirror. Ownership: borrows the mirror, shares the
+// channel.
 #pragma once
 
 #include <grpcpp/grpcpp.h>
@@ -25,10 +25,9 @@ namespace palpate::client {
 class VolumeCall;
 
 struct VolumeReaderOptions {
-  // Messages on their way at most, 1 to 64.
+  // The most messages on their way, 1 to 64.
   std::uint32_t max_unacknowledged = 4;
-  // Pause after a loss; doubled by every loss without a message between, up to the
-  // longest.
+  // The pause after a loss. It doubles with every loss in a row, up to longest_pause.
   std::chrono::milliseconds first_pause{100};
   std::chrono::milliseconds longest_pause{5000};
 };
@@ -37,9 +36,9 @@ class VolumeReader {
  public:
   enum class Event {
     kApplied,   // a message went into the mirror
-    kComplete,  // the same, and the mirror is complete
+    kComplete,  // as kApplied, and the mirror is complete
     kTimeout,   // nothing came
-    kLost,      // the stream was lost, see last_loss(); it is tried again
+    kLost,      // the stream was lost, see last_loss(); the reader tries again
   };
 
   VolumeReader(std::shared_ptr<grpc::Channel> channel, VolumeMirror& mirror,
@@ -48,16 +47,16 @@ class VolumeReader {
   VolumeReader(const VolumeReader&) = delete;
   VolumeReader& operator=(const VolumeReader&) = delete;
 
-  // The next event within `timeout`. Errors: Error for what trying again does not
-  // mend: no permission, another version, a copy that is damaged again and again.
+  // Returns the next event within `timeout`. Errors: an Error that a retry does not mend: no
+  // permission, another version, a copy that is damaged again and again.
   Event Next(std::chrono::milliseconds timeout);
 
-  // None before the first.
+  // None before the first loss.
   const std::optional<Error>& last_loss() const { return last_loss_; }
-  // Losses without a message between.
+  // Losses in a row, with no message in between.
   int losses_in_a_row() const { return losses_in_a_row_; }
   std::uint64_t losses() const { return losses_; }
-  // Of all messages so far, as they travel: without the transport's frames.
+  // Bytes of all messages so far, without the transport's frames.
   std::uint64_t bytes_received() const { return bytes_received_; }
   std::uint64_t messages_received() const { return messages_received_; }
 

@@ -1,7 +1,7 @@
-// What changed in the volume since it was asked for last.
+// The changes of the volume since the last update.
 //
-// Frames: I voxel indices, W world, D device (mm); values in data units. Bricks hold
-// 8³ voxels and never change once handed out: common/bricks/brick.h.
+// Frames: I voxel indices, W world, D device (mm); values in data units. Bricks hold 8³ voxels. A
+// brick that was handed out never changes: common/bricks/brick.h.
 // Threads: plain values.
 #pragma once
 
@@ -21,31 +21,31 @@ struct ChangedBrick {
 };
 
 struct VolumeUpdate {
-  // Another volume begins: whatever is had of an earlier one is void, and every
-  // brick that is not in `bricks` is the lattice's background.
+  // Another volume begins. Everything known of the earlier volume is void. Every brick that is not
+  // in `bricks` is the lattice's background.
   bool all = false;
-  // None where the copy was void and no volume has begun since.
+  // None if the copy was void and no volume has begun since.
   std::optional<VolumeLattice> lattice;
-  // None before it is known for this volume.
+  // None before the placement of this volume is known.
   std::optional<VolumePlacement> placement;
-  // Means of blocks of 4³ voxels when the volume began, to show something while
-  // bricks come; block (i, j, k) at (i size_y + j) size_z + k. In one update per
-  // volume; empty in all others.
+  // Means of blocks of 4³ voxels from when the volume began, for a first picture while bricks come.
+  // Block (i, j, k) is at (i size_y + j) size_z + k. One update per volume has the overview; it is
+  // empty in all others.
   Vec3i overview_size = Vec3i::Zero();
   std::vector<float> overview;
   std::vector<ChangedBrick> bricks;  // ascending
-  // With these bricks the copy equals the daemon's volume of this revision, voxel by
-  // voxel, which a hash has shown. None while bricks are still to come.
+  // With these bricks the copy equals the daemon's volume of this revision, voxel by voxel; a hash
+  // has confirmed this. None while bricks are still to come.
   std::optional<VolumeRevision> complete;
   std::uint64_t bricks_left = 0;  // still to come, as far as is known
 };
 
-// How the copy fares.
+// The state of the copy.
 struct VolumeStatus {
   bool complete = false;
   std::uint64_t bricks_left = 0;
-  std::uint64_t bytes_received = 0;  // as they travelled
-  // Why it does not come; empty: nothing is wrong.
+  std::uint64_t bytes_received = 0;  // as transferred
+  // Why no voxels come; empty: nothing is wrong.
   std::string problem;
 };
 

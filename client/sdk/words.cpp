@@ -11,7 +11,7 @@
 namespace palpate::client {
 namespace {
 
-// The rest of a contract's name, in small letters.
+// Returns the rest of a contract's name, in small letters.
 std::string After(std::string_view prefix, const std::string& name) {
   std::string rest = name.substr(std::min(prefix.size(), name.size()));
   std::transform(rest.begin(), rest.end(), rest.begin(),

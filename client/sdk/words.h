@@ -1,5 +1,5 @@
-// Enumerators of the client library as the words that the command line, JSON and logs use, and
-// forces in words for people. Pure; any thread.
+// Enumerators of the client library as words for the command line, JSON and logs. Forces as
+// sentences for people. Pure; any thread.
 #pragma once
 
 #include <string>
@@ -8,8 +8,8 @@
 
 namespace palpate::client {
 
-// Such as "ramp_in", "stop_call", "constrained", "force_verified", "operator"; "unknown" for what
-// a later daemon says.
+// Such as "ramp_in", "stop_call", "constrained", "force_verified", "operator". "unknown" for an
+// enumerator of a later daemon.
 std::string NameOf(ForceState state);
 std::string NameOf(ForceReason reason);
 std::string NameOf(ProxyMode mode);
@@ -18,7 +18,8 @@ std::string NameOf(VerificationLevel level);
 std::string NameOf(DeviceConnection connection);
 std::string NameOf(Role role);
 
-// Why forces are not fully on and what to do, in one line without an end; empty where they are.
+// Says why forces are not fully on and what to do, in one line without a full stop. Empty if forces
+// are on.
 std::string InWords(ForceReason reason);
 
 }  // namespace palpate::client

@@ -1,5 +1,5 @@
-// Connects, prints the newest pose, and sets the isovalue: example [WHERE [ISOVALUE]], where WHERE
-// is the path of a socket, with a slash in it, or a profile of clients.toml.
+// Connects, prints the newest pose, and sets the isovalue: example [WHERE [ISOVALUE]]. WHERE is a
+// profile of clients.toml, or the path of a socket, with a slash in it.
 #include <cstdio>
 #include <cstdlib>
 #include <string>
