@@ -1,5 +1,5 @@
-// The commands of palpate: each describes itself and, when it was named, puts what to do into the
-// invocation.
+// The commands of palpate. Each function describes one command. If the command line names the
+// command, the function's callback stores the action in the invocation.
 //
 // Threads: main only.
 #pragma once

@@ -124,7 +124,7 @@ std::string Describe(const client::Settings& settings) {
   AppendLine(text, "", fmt::format("isovalue {:g}{}", settings.isovalue, normalized));
   std::string off;
   for (const Setting& setting : client::kHapticSettings) {
-    if (SettingJson(setting, settings).is_null()) continue;  // of an older daemon
+    if (SettingJson(setting, settings).is_null()) continue;  // an older daemon does not have it
     if (IsOff(setting, settings)) {
       off += (off.empty() ? "off: " : ", ") + std::string(setting.name);
     } else {

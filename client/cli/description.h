@@ -1,4 +1,4 @@
-// Volume, servo and settings in words and in JSON. Pure, but for PrintWarnings; any thread.
+// Volume, servo and settings as text and as JSON. Pure, except PrintWarnings; any thread.
 #pragma once
 
 #include <nlohmann/json.hpp>
@@ -14,27 +14,27 @@ namespace palpate::cli {
 // Keys keep the order in which they were set.
 using Json = nlohmann::ordered_json;
 
-// [x, y, z].
+// Returns [x, y, z].
 Json ToJson(const Vec3& vector);
 Json ToJson(const client::ServoInfo& servo);
 Json ToJson(const client::VolumeInfo& volume);
 Json ToJson(const client::Settings& settings);
 
-// Appends a line, its content behind a column with its subject.
+// Appends a line: a column with the subject, then the content.
 void AppendLine(std::string& text, std::string_view subject, std::string_view content);
 
-// Lines that end with \n, each behind a column with its subject. Of the settings
-// those that are off share a line.
+// Return lines that end with \n, each with a column for its subject. Settings that are off share
+// one line.
 std::string Describe(const client::ServoInfo& servo);
 std::string Describe(const client::VolumeInfo& volume);
 std::string Describe(const client::Settings& settings);
-// What the import of the volume warned of; empty: of nothing.
+// Returns the warnings of the volume's import, or "" if there are none.
 std::string DescribeWarnings(const client::VolumeInfo& volume);
-// The same on stderr, a line each.
+// Prints the same warnings on stderr, one line each.
 void PrintWarnings(const client::VolumeInfo& volume);
 
-// `json` with a newline at its end; on one line, or indented by `indent` spaces.
-// Bytes that are not UTF-8 (a path may hold any) are replaced.
+// Returns `json` with a newline at its end: on one line, or indented by `indent` spaces. Bytes that
+// are not UTF-8 are replaced, because a path may have any bytes.
 std::string ToText(const Json& json, int indent = -1);
 
 }  // namespace palpate::cli

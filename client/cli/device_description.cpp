@@ -120,7 +120,7 @@ std::string InWords(const client::ForceStatus& forces) {
 
 std::string DescribeCaller(const client::DaemonInfo& daemon) {
   std::string text;
-  if (daemon.identity.empty()) return text;  // of an older daemon
+  if (daemon.identity.empty()) return text;  // an older daemon does not say
   AppendLine(text, "you are", OneLine(daemon.identity) + ", role " + client::NameOf(daemon.role));
   return text;
 }

@@ -1,4 +1,4 @@
-// The device and what the safety stage does, in words and in JSON. Pure; any thread.
+// The device and the state of its forces as text and as JSON. Pure; any thread.
 #pragma once
 
 #include <string>
@@ -13,24 +13,24 @@ Json ToJson(const client::DeviceInfo& device);
 Json ToJson(const client::DeviceHealth& health);
 Json ToJson(const client::ForceStatus& forces);
 Json ToJson(const client::ListedDevice& device);
-// Whom the daemon takes us for.
+// Returns the identity and role that the daemon has verified for this client.
 Json CallerJson(const client::DaemonInfo& daemon);
 
-// Such as "none: nothing of it was seen on hardware".
+// Returns text such as "none: nothing of it was seen on hardware".
 std::string InWords(client::VerificationLevel level);
-// Such as "on", "held (docked)".
+// Returns text such as "on", "held (docked)".
 std::string NameOf(const client::ForceStatus& forces);
-// Such as "held: the stylus rests in its holder: take it out".
+// Returns text such as "held: the stylus rests in its holder: take it out".
 std::string InWords(const client::ForceStatus& forces);
 
-// Lines that end with \n, each behind a column with its subject. Of the health those
-// that say nothing are left out.
+// Return lines that end with \n, each with a column for its subject. Health lines without
+// information are left out.
 std::string DescribeCaller(const client::DaemonInfo& daemon);
 std::string Describe(const client::DeviceInfo& device);
 std::string Describe(const client::DeviceHealth& health);
 std::string Describe(const client::ForceStatus& forces);
 
-// A table; below each device that is not usable, why and what to do.
+// Returns a table. Below each unusable device it says why and what to do.
 std::string Describe(const std::vector<client::ListedDevice>& list);
 
 }  // namespace palpate::cli

@@ -13,11 +13,11 @@ namespace {
 
 constexpr double kLeastPerS = 900.0;
 constexpr double kMostPercent = 1.0;
-// A stylus that is held moves farther.
+// If a hand holds the stylus, the stylus moves farther.
 constexpr double kRestRangeMm = 1.0;
 constexpr int kButtons = 32;
 
-// Counts since the daemon's start; it may have been started again.
+// The rise of a count. If the daemon was restarted in between, the count begins again at 0.
 std::uint64_t Rise(std::uint64_t before, std::uint64_t after) {
   return after > before ? after - before : 0;
 }
@@ -126,7 +126,7 @@ DeviceTestFigures DeviceTest::Figures(const client::DaemonInfo& after) const {
   f.transfer_errors = Rise(first.transfer_errors, last.transfer_errors);
   f.lost_percent = Percent(f.lost_readings, f.readings);
   f.corrupt_percent = Percent(f.corrupt_frames, f.readings);
-  // Ticks, done or missed, are the loop's clock.
+  // The loop's clock: executed and missed ticks.
   if (after.servo.rate_hz > 0.0) {
     f.seconds = static_cast<double>(f.ticks + f.missed_ticks) / after.servo.rate_hz;
   }
@@ -141,7 +141,7 @@ DeviceTestFigures DeviceTest::Figures(const client::DaemonInfo& after) const {
     const double mean_mm = axis.sum_mm / count;
     f.range_mm[n] = axis.high_mm - axis.low_mm;
     f.noise_mm[n] = std::sqrt(std::max(axis.sum_mm2 / count - mean_mm * mean_mm, 0.0));
-    // Written so that what is no number is no rest.
+    // Written so that NaN counts as motion.
     f.rested = f.rested && f.range_mm[n] <= kRestRangeMm;
   }
   AddFailures(first, last, f);

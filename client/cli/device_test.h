@@ -1,5 +1,4 @@
-// `palpate device test`: what the ticks and the device's counts of a few seconds say
-// about it.
+// `palpate device test`: judges the device by the ticks and the counts of a few seconds.
 //
 // Frame D (mm). Pure; one thread.
 #pragma once
@@ -16,7 +15,7 @@ namespace palpate::cli {
 
 struct DeviceTestFigures {
   bool is_simulated = false;
-  double seconds = 0.0;  // of the haptic loop's time
+  double seconds = 0.0;  // of the loop's time
   std::uint64_t ticks = 0;
   double ticks_per_s = 0.0;
   std::uint64_t missed_ticks = 0;
@@ -27,13 +26,13 @@ struct DeviceTestFigures {
   std::uint64_t corrupt_frames = 0;
   double corrupt_percent = 0.0;
   std::uint64_t transfer_errors = 0;
-  // Of the samples that came, those with late readings, and with a fault.
+  // Received samples, those with late readings, and those with a fault.
   std::uint64_t samples = 0;
   std::uint64_t stale_ticks = 0;
   std::uint64_t fault_ticks = 0;
   std::array<double, 3> range_mm{};     // along each axis
   std::array<double, 3> noise_mm{};     // standard deviation along each axis
-  bool rested = false;                  // the stylus, so that the noise is one
+  bool rested = false;                  // the stylus rested, so noise_mm is noise and not motion
   std::uint32_t buttons = 0;            // bit n: button n was seen pressed
   client::ForceStatus forces{};         // at the end
   std::vector<std::string> failures{};  // empty: the device has passed
@@ -47,7 +46,7 @@ class DeviceTest {
   DeviceTestFigures Figures(const client::DaemonInfo& after) const;
 
  private:
-  // Of the positions less the first one, so that no digits are lost.
+  // Sums of the positions relative to the first one: small numbers keep their precision.
   struct Axis {
     double first_mm = 0.0;
     double low_mm = 0.0;
@@ -61,7 +60,7 @@ class DeviceTest {
   std::array<Axis, 3> axes_{};
 };
 
-// Lines that end with \n.
+// Returns lines that end with \n.
 std::string Describe(const DeviceTestFigures& figures);
 Json ToJson(const DeviceTestFigures& figures);
 

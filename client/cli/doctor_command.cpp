@@ -19,7 +19,7 @@
 namespace palpate::cli {
 namespace {
 
-// Some hundreds of ticks.
+// The time between two looks at the daemon: some hundreds of ticks.
 constexpr std::chrono::milliseconds kWatched{300};
 
 constexpr const char* NameOf(Verdict verdict) {
@@ -54,7 +54,7 @@ Finding ServoFinding(const client::ServoInfo& servo) {
       advice};
 }
 
-// What the daemon itself says, where it answers.
+// Adds findings about the daemon, if one answers.
 void AskDaemon(const client::Server& server, std::vector<Finding>& findings) {
   try {
     const std::unique_ptr<client::Calls> palpated = Reach(server);

@@ -1,4 +1,4 @@
-// `palpate doctor`: whether this machine is fit for the haptic loop, and what to do.
+// `palpate doctor`: checks whether this machine is fit for the haptic loop, and says what to do.
 #pragma once
 
 #include "client/sdk/server_choice.h"
@@ -11,12 +11,12 @@ struct DoctorValues {
   bool json = false;
 };
 
-// Needs no daemon, and so is not an Invocation's command.
+// The command needs no daemon, so it is not stored in an Invocation.
 void AddDoctor(arguments::Command& app, DoctorValues& values);
 
-// Prints a finding a line, with what to do below it; returns the exit code: 0, or that
-// of kFailedPrecondition where something does not work at all. Looks at the daemon too
-// where there is one. Errors: as WriteOutput.
+// Prints one finding per line, and below it what to do. Also checks the daemon if one runs. Returns
+// the exit code: 0, or that of kFailedPrecondition if something does not work at all. Errors: as
+// WriteOutput.
 int RunDoctor(const client::Server& server, bool json);
 
 }  // namespace palpate::cli

@@ -10,7 +10,7 @@
 namespace palpate::cli {
 namespace {
 
-// The safety stage holds forces where more are missed for long.
+// The safety stage holds the forces if a larger share of ticks is missed for long.
 constexpr double kMostMissed = 0.05;
 
 }  // namespace

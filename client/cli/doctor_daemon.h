@@ -1,4 +1,4 @@
-// What a running palpated says of itself, judged: its device, its forces, its ticks.
+// Judges what a running palpated reports: its device, its forces, its ticks.
 //
 // Pure; any thread.
 #pragma once
@@ -15,7 +15,7 @@ using doctor::Verdict;
 
 Finding JudgeDevice(const client::DaemonInfo& daemon);
 Finding JudgeForces(const client::ForceStatus& forces);
-// From two answers, one some tenths of a second after the other.
+// Compares two answers. The second comes some tenths of a second after the first.
 Finding JudgeTicks(const client::ServoInfo& before, const client::ServoInfo& after);
 
 }  // namespace palpate::cli

@@ -32,9 +32,9 @@ client::DownloadResult Fetch(client::Calls& palpated, const client::ProgressFunc
   }
 }
 
-// The file is whole or not there (or as it was).
+// Writes the whole file, or leaves the old state.
 void Download(client::Calls& palpated, const std::string& file, bool overwrite) {
-  // Before the volume travels.
+  // Check the path before the volume is transferred.
   client::CheckNrrdPath(file, overwrite);
   WriteOutput(WithProgress([&](const client::ProgressFunction& progress) {
     const auto begin = std::chrono::steady_clock::now();

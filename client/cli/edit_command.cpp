@@ -16,8 +16,8 @@ namespace {
 
 using Numbers = std::vector<double>;
 
-// Positions and lengths of a shape, each as --NAME-mm or as --NAME-voxels: the unit
-// says the frame, and all must agree.
+// Positions and lengths of a shape, each as --NAME-mm or as --NAME-voxels. The unit selects the
+// frame; all must have the same unit.
 template <class Change>
 class FrameOptions {
  public:
@@ -31,7 +31,7 @@ class FrameOptions {
   void AddLength(const std::string& name, const std::string& about, bool required, Store store) {
     Add(name, about, 1, "LENGTH", required, std::move(store));
   }
-  // A whole shape; no two of them at once.
+  // Adds a whole shape as one option. At most one such option may be given.
   void AddShape(const std::string& name, const std::string& about, int count,
                 const std::string& text, Store store) {
     Add(name, about, count, text, false, std::move(store));
@@ -95,7 +95,7 @@ class FrameOptions {
 
 using EditFrameOptions = FrameOptions<client::Edit>;
 
-// What the command line says of an edit; lives as long as its command.
+// The values of an edit's options. Lives as long as its command.
 struct EditValues {
   explicit EditValues(arguments::Command& command) : frame(command) {}
 
@@ -119,7 +119,7 @@ void AddCommon(arguments::Command& command, Invocation& invocation,
   AddJson(command, invocation);
 }
 
-// Options that all shapes share. `is_block`: has its own values.
+// Options that all shapes share. `is_block`: a block has its own values.
 void AddOperation(arguments::Command& command, Invocation& invocation, EditValues& values,
                   bool is_block) {
   std::vector<std::string> names = {"add", "subtract", "set", "paint"};
@@ -153,7 +153,7 @@ void CheckOperation(EditValues& values, bool is_block) {
   values.edit.value = values.value.value_or(0.0);
 }
 
-// `add` describes the positions and lengths of a shape, in `edit.shape`.
+// `add` describes the positions and lengths of a shape and stores them in `edit.shape`.
 void AddShape(arguments::Command& edit, Invocation& invocation, const std::string& name,
               const std::string& about, const std::string& example,
               const std::function<void(EditFrameOptions&)>& add) {
@@ -174,7 +174,7 @@ void AddShape(arguments::Command& edit, Invocation& invocation, const std::strin
   });
 }
 
-// The shape that an edit has, or from now on has.
+// Returns the edit's shape. Sets it first if the edit has none of this type.
 template <class Shape>
 Shape& As(client::Edit& edit) {
   if (!std::holds_alternative<Shape>(edit.shape)) edit.shape = Shape();
@@ -228,7 +228,7 @@ void AddCapsule(arguments::Command& edit, Invocation& invocation) {
            });
 }
 
-// Where the options of `edit block` put their values.
+// The values of `edit block`'s options.
 struct BlockValues {
   explicit BlockValues(arguments::Command& command) : edit(command) {}
   EditValues edit;
@@ -280,7 +280,7 @@ const std::map<std::string, client::FilterKind> kFilterKinds = {
     {"resample", client::FilterKind::kResample},
 };
 
-// What the command line says of a filter; lives as long as its command.
+// The values of a filter's options. Lives as long as its command.
 struct FilterValues {
   explicit FilterValues(arguments::Command& command) : frame(command) {}
 

@@ -1,6 +1,6 @@
-// What an edit did, in words and in JSON; and the values of a block.
+// The result of an edit as text and as JSON, and the values of a block.
 //
-// Threads: main only, but for DescribeEdit, which is pure.
+// Threads: main only, except DescribeEdit, which is pure.
 #pragma once
 
 #include <string>
@@ -12,12 +12,13 @@ namespace palpate::cli {
 
 void PrintEdit(const client::EditResult& result, bool json);
 
-// Such as "515 voxels changed within 15 15 15 to 25 25 25, applied at tick 123,
-// volume revision 7; 1 to undo, 0 to redo". Pure.
+// Returns text such as "515 voxels changed within 15 15 15 to 25 25 25, applied at tick 123, volume
+// revision 7; 1 to undo, 0 to redo". Pure.
 std::string DescribeEdit(const client::EditResult& result);
 
-// The values of a dense block: raw float32, little-endian, of `file`, or of stdin for "-".
-// Errors: kNotFound; kTooLarge for more than a block may have; kInvalidArgument for a part of one.
+// Reads the values of a block: raw float32, little-endian, from `file`, or from stdin for "-".
+// Errors: kNotFound, kTooLarge (more than a block may have), kInvalidArgument (not a whole number
+// of values).
 std::vector<float> ReadBlockValues(const std::string& file);
 
 }  // namespace palpate::cli

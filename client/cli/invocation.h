@@ -1,9 +1,10 @@
-// What the command line asked for, and what the options of all commands share.
+// The action that the command line asked for, and the options that all commands share.
 //
-// Each command has a function Add...(arguments::Command&, Invocation&) that describes it
-// and, when it was named, puts what to do into the invocation.
-// Threads: main only. What a command does may throw Error, as client::Calls does, and what
-// WriteOutput throws.
+// Each command has a function Add...(arguments::Command&, Invocation&). The function describes the
+// command. If the command line names the command, the function's callback stores the action in the
+// invocation.
+// Threads: main only. An action may throw Error, as client::Calls does, and the exceptions of
+// WriteOutput.
 #pragma once
 
 #include <functional>
@@ -20,13 +21,13 @@ struct Invocation {
   std::function<void(client::Calls&)> command;
 };
 
-// Examples, and what holds for every command.
+// Sets the footer: the examples, then the text that is the same for every command.
 void SetFooter(arguments::Command& command, const std::string& examples);
 
-// --json, into invocation.json.
+// Adds --json, stored in invocation.json.
 void AddJson(arguments::Command& command, Invocation& invocation);
 
-// Three numbers, X,Y,Z.
+// Adds an option with three numbers, X,Y,Z.
 arguments::Option* AddTriple(arguments::Command& command, const std::string& name,
                              std::vector<double>& values, const std::string& about);
 inline Vec3 VectorOf(const std::vector<double>& values) {

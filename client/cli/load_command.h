@@ -1,4 +1,4 @@
-// `palpate load` and `palpate upload`, and their options where other commands have them too.
+// `palpate load` and `palpate upload`, and the options that other commands share with them.
 //
 // Threads: main only.
 #pragma once
@@ -11,17 +11,17 @@
 
 namespace palpate::cli {
 
-// Where the options put their values.
+// The values of the options.
 struct LoadValues {
   std::string source;
   client::LoadOptions options;
-  std::vector<double> spacing_mm;       // three, or none
-  std::vector<std::uint32_t> raw_size;  // three, or none
+  std::vector<double> spacing_mm;       // three or none
+  std::vector<std::uint32_t> raw_size;  // three or none
   std::string raw_type;
   client::RawVoxels raw;
 };
 
-// All but the source and the frame.
+// Adds all options except the source and the frame.
 void AddVolumeOptions(arguments::Command& command, LoadValues& values);
 
 client::LoadOptions OptionsOf(const LoadValues& values);

@@ -18,7 +18,7 @@
 namespace palpate::cli {
 namespace {
 
-// The parser takes -200 for a number, but -.5 for an option.
+// Rewrites numbers such as -.5, which the parser takes for options. The parser understands -200.
 std::vector<std::string> Arguments(int argc, char** argv) {
   std::vector<std::string> arguments(argv + 1, argv + argc);
   for (std::string& argument : arguments) {
@@ -97,7 +97,7 @@ int Main(int argc, char** argv) {
 }  // namespace palpate::cli
 
 int main(int argc, char** argv) {
-  // A closed output is an error of write(), not the end of the process.
+  // A write to a closed output must return an error, and not end the process.
   std::signal(SIGPIPE, SIG_IGN);
   palpate::client::Calls::SilenceTransport();
   try {

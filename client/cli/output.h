@@ -1,4 +1,4 @@
-// What the program writes.
+// Output of the program.
 //
 // Threads: main only.
 #pragma once
@@ -9,21 +9,22 @@
 
 namespace palpate::cli {
 
-// The reader of our output has gone away, as after `| head`, or a signal came
-// while it did not read: a quiet end.
+// Ends the program quietly. The reader of our output has closed it, as after `| head`, or a signal
+// arrived while the reader did not read.
 class OutputClosed : public std::runtime_error {
  public:
   OutputClosed() : std::runtime_error("the output was closed") {}
 };
 
-// Writes to stdout at once. Needs SIGPIPE to be ignored.
-// Errors: OutputClosed; Error with kInternal when the output cannot be written.
+// Writes to stdout at once. Call it with SIGPIPE ignored.
+// Errors: OutputClosed; Error with kInternal if the output cannot be written.
 void WriteOutput(std::string_view text);
 
-// stdout or stderr is a terminal that understands cursor movements.
+// True if stdout or stderr is a terminal that understands cursor movements.
 bool IsTerminal(int file_descriptor);
 
-// One line in place on a terminal's stderr; nothing elsewhere. Its destructor clears it.
+// A line on stderr that is rewritten in place. Does nothing if stderr is not a terminal. The
+// destructor clears the line.
 class StatusLine {
  public:
   StatusLine();
@@ -43,7 +44,7 @@ struct TerminalSize {
   int rows = 24;
 };
 
-// Of the terminal behind stdout or stderr; 80 x 24 when it does not say.
+// The size of the terminal behind stdout or stderr; 80 x 24 if the terminal does not tell its size.
 TerminalSize SizeOfTerminal(int file_descriptor);
 
 }  // namespace palpate::cli

@@ -1,4 +1,4 @@
-// Paths for a palpated, whose current folder is another one than ours. Any thread.
+// Makes paths for a palpated, whose current folder is not ours. Any thread.
 #pragma once
 
 #include <string>
@@ -7,11 +7,12 @@
 
 namespace palpate::cli {
 
-// `is_here`: palpated runs on this machine; `name`: of it, for people. Errors: kInvalidArgument for
-// an empty path, and for a relative one where the daemon may be on another machine.
+// `is_here`: palpated runs on this machine. `name`: palpated's name for people. Errors:
+// kInvalidArgument for an empty path, and for a relative path if the daemon may be on another
+// machine.
 std::string PathThere(const std::string& path, bool is_here, const std::string& name);
 std::string PathThere(const client::Calls& palpated, const std::string& path);
-// The same, but for a builtin volume's name.
+// The same for a volume's source. Names of builtin volumes are not changed.
 std::string SourceThere(const client::Calls& palpated, const std::string& source);
 
 }  // namespace palpate::cli

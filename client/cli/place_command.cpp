@@ -17,7 +17,7 @@ namespace {
 
 constexpr double kDegreesPerRad = 180.0 / std::numbers::pi;
 
-// Where the options put their values.
+// The values of the options.
 struct PlaceValues {
   client::PlacementChange change;
   std::vector<double> center_mm;
@@ -27,12 +27,12 @@ struct PlaceValues {
   std::string turn_deg;
 };
 
-// "turned by 90° about (0, 1, 0)".
+// Returns text such as "turned by 90° about (0, 1, 0)".
 std::string DescribeTurn(const client::UnalignedQuaternion& q) {
   const double sine = q.vec().norm();
   const double degrees = 2.0 * std::atan2(sine, q.w()) * kDegreesPerRad;
   if (!(degrees > 1e-9)) return "not turned";
-  // Adding 0 turns a negative zero into a plain one.
+  // Adding 0 turns a negative zero into a positive one.
   const auto part = [&](double component) { return component / sine + 0.0; };
   return fmt::format("turned by {:.6g}° about ({:.4g}, {:.4g}, {:.4g})", degrees, part(q.x()),
                      part(q.y()), part(q.z()));
@@ -172,8 +172,8 @@ std::optional<client::UnalignedQuaternion> ParseTurn(std::string_view text) {
   if (error != std::errc() || end != number.data() + number.size() || !std::isfinite(degrees)) {
     return std::nullopt;
   }
-  // Whole turns first: huge angles would lose all digits, and more than half a turn
-  // is less the other way round.
+  // Remove whole turns first: a huge angle would lose all its digits. More than half a turn becomes
+  // a smaller turn in the other direction.
   const double half_rad = std::remainder(degrees, 360.0) / kDegreesPerRad / 2.0;
   client::UnalignedQuaternion rotation(std::cos(half_rad), 0.0, 0.0, 0.0);
   rotation.vec()[static_cast<Eigen::Index>(kAxes.find(text[0]))] = std::sin(half_rad);

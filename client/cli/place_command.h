@@ -1,6 +1,7 @@
-// `palpate place`: where the volume lies in the device's workspace.
+// `palpate place`: the volume's place in the device's workspace.
 //
-// Frame D (mm, x right, y up, z towards the user). Threads: main only, but the pure functions any.
+// Frame D (mm, x right, y up, z towards the user). Threads: main only, but any for the pure
+// functions.
 #pragma once
 
 #include <nlohmann/json_fwd.hpp>
@@ -12,12 +13,12 @@
 
 namespace palpate::cli {
 
-// Pure:
+// Pure functions:
 
-// Lines that end with \n.
+// Returns lines that end with \n.
 std::string Describe(const client::Placement& placement);
 nlohmann::ordered_json ToJson(const client::Placement& placement);
-// Of "x,90", "y,-7.5": an axis of the device and degrees. None where it is neither.
+// Parses an axis of the device and degrees: "x,90", "y,-7.5". Returns none for any other text.
 std::optional<client::UnalignedQuaternion> ParseTurn(std::string_view text);
 
 }  // namespace palpate::cli

@@ -1,4 +1,4 @@
-// How far a long call has come, on stderr.
+// Shows the progress of a long call on stderr.
 //
 // Threads: main only.
 #pragma once
@@ -11,8 +11,7 @@
 
 namespace palpate::cli {
 
-// On a terminal a bar in place, removed at the end; else a line per stage and per
-// quarter.
+// On a terminal: a bar in place, removed at the end. Otherwise: one line per stage and per quarter.
 class ProgressPrinter {
  public:
   ProgressPrinter();
@@ -20,7 +19,7 @@ class ProgressPrinter {
   ProgressPrinter(const ProgressPrinter&) = delete;
   ProgressPrinter& operator=(const ProgressPrinter&) = delete;
 
-  // `fraction` of the whole, 0 to 1. `detail` alone begins no line.
+  // `fraction`: of the whole, 0 to 1. A change of `detail` alone does not begin a new line.
   void Print(std::string_view stage, double fraction, std::string_view detail = {});
 
  private:
@@ -30,8 +29,8 @@ class ProgressPrinter {
   int quarter_ = -1;
 };
 
-// Runs call(progress), such as Calls::LoadVolume, and shows how far it is; Ctrl-C and SIGTERM
-// cancel it.
+// Runs call(progress), such as Calls::LoadVolume, and shows its progress. Ctrl-C and SIGTERM cancel
+// the call.
 template <class Call>
 auto WithProgress(const Call& call) {
   const Interrupt interrupt;

@@ -1,4 +1,4 @@
-// The way to palpated, or why there is none.
+// Connects to palpated, or explains why that fails.
 //
 // Threads: main only.
 #pragma once
@@ -10,12 +10,12 @@
 
 namespace palpate::cli {
 
-// Connects within 3 s. Warns on stderr of a token file that others may read.
-// Errors: Error saying what to do; kUnavailable when nothing answers there,
-// kPermissionDenied, kInvalidArgument for an address that is none.
+// Connects within 3 s. Warns on stderr if others may read the token file.
+// Errors: an Error whose text says what to do: kUnavailable (nothing answers), kPermissionDenied,
+// kInvalidArgument (a malformed address).
 std::unique_ptr<client::Calls> Reach(const client::Server& server);
 
-// What to warn of where others may read the file with our token; empty: nothing.
+// Returns a warning if others may read the file with our token, else "".
 std::string TokenFileWarning(const std::string& path);
 
 }  // namespace palpate::cli

@@ -49,7 +49,7 @@ void WarnOfLeftOut(const client::RecordingState& state) {
   if (!state.left_out.empty()) fmt::print(stderr, "palpate: {}\n", OneLine(state.left_out));
 }
 
-// Until the time is over, a signal comes, or the recording ends by itself.
+// Waits until the time is over, a signal comes, or the recording ends by itself.
 void Await(client::Calls& palpated, const RecordOptions& options) {
   using Clock = std::chrono::steady_clock;
   const Clock::time_point start = Clock::now();
@@ -68,14 +68,14 @@ void Await(client::Calls& palpated, const RecordOptions& options) {
   }
 }
 
-// Until the seconds are over or a signal comes; also where our output ends.
+// Records until the seconds are over, a signal comes, or our output is closed.
 void Run(client::Calls& palpated, const RecordOptions& options) {
   const Interrupt interrupt;
   WarnOfLeftOut(Start(palpated, options));
   try {
     Await(palpated, options);
   } catch (...) {
-    // Whatever broke on our side, the daemon is not left recording.
+    // After any error on our side, the recording must still be stopped.
     try {
       palpated.StopRecording();
     } catch (const Error&) {

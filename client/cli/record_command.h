@@ -9,8 +9,8 @@
 
 namespace palpate::cli {
 
-// Such as "60000 ticks (60.0 s), 0 lost, 6.2 MB, 103 bytes per tick, to /data/a.palrec".
-// Pure.
+// Returns text such as "60000 ticks (60.0 s), 0 lost, 6.2 MB, 103 bytes per tick, to
+// /data/a.palrec". Pure.
 std::string DescribeRecording(const client::RecordingState& state);
 
 }  // namespace palpate::cli

@@ -9,7 +9,7 @@ Json ToJson(const client::Pose& pose) {
   const auto vector = [](const std::optional<Vec3>& value) {
     return value ? ToJson(*value) : Json();
   };
-  // An older daemon does not tell.
+  // An older daemon does not send the state of the forces.
   const bool is_told = pose.forces.state != client::ForceState::kUnknown;
   const client::UnalignedQuaternion& q = pose.stylus_orientation;
   return {{"tick", pose.tick},

@@ -6,9 +6,8 @@
 
 namespace palpate::cli {
 
-// Keys are those of PoseSample; vectors are [x, y, z], the quaternion is
-// [w, x, y, z], what is absent is null, `mode` is its word. Numbers keep their
-// full precision.
+// Keys are those of PoseSample. Vectors are [x, y, z], the quaternion is [w, x, y, z], an absent
+// value is null, and `mode` is a word. Numbers keep their full precision.
 Json ToJson(const client::Pose& pose);
 
 }  // namespace palpate::cli

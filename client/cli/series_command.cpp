@@ -77,7 +77,7 @@ void AddSeriesLoad(arguments::Command& series, Invocation& invocation,
   });
 }
 
-// A command that changes how the series plays.
+// Adds a command that changes how the series plays.
 arguments::Command* AddControl(arguments::Command& series, Invocation& invocation,
                                const std::string& name, const std::string& about,
                                const std::string& example,

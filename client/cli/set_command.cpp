@@ -17,7 +17,7 @@ std::vector<std::string> Names() {
   return names;
 }
 
-// Where the options put their values.
+// The values of the options.
 struct SetValues {
   std::string key;
   std::string value;

@@ -10,8 +10,8 @@
 
 namespace palpate::cli {
 
-// Such as "isovalue 40.8 applied at tick 123456, settings revision 7, 1.2 ms
-// after receipt". Pure.
+// Returns text such as "isovalue 40.8 applied at tick 123456, settings revision 7, 1.2 ms after
+// receipt". Pure.
 std::string DescribeChange(const Setting& setting, const client::SettingsResult& result);
 
 }  // namespace palpate::cli

@@ -30,7 +30,7 @@ std::optional<bool> ParseFlag(const std::string& text) {
   return std::nullopt;
 }
 
-// Puts a text into an update; false: it is no value.
+// Parses a text into an update. Returns false if the text is not a valid value.
 struct Store {
   const std::string& text;
   client::SettingsUpdate& update;

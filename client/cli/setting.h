@@ -1,4 +1,4 @@
-// Settings in words and in JSON, by the client library's list: what `palpate set` changes and
+// Settings as text and as JSON, from the client library's list: what `palpate set` changes and
 // `palpate settings` shows.
 //
 // Pure; any thread.
@@ -15,29 +15,31 @@ namespace palpate::cli {
 
 using client::Setting;
 
-// By its name or key, the isovalue's included; null: there is none.
+// Finds a setting by its name or key, also the isovalue. Returns null if there is none.
 const Setting* FindSetting(std::string_view name);
 
-// What it may be, where that is one of some words: on and off, below and above. Empty: a number.
+// Returns the words that the setting accepts, such as on and off, or below and above. Empty if the
+// setting is a number.
 std::vector<std::string_view> WordsOf(const Setting& setting);
 
-// What it may be: "0 to 3 N/mm", "on or off".
+// Returns the accepted values as text: "0 to 3 N/mm", "on or off".
 std::string ValuesOf(const Setting& setting);
 
-// A line for each setting: name, what it may be, what it does.
+// One line for each setting: its name, its accepted values, its effect.
 std::string ListOfSettings();
 
-// Puts `text` into the setting's member; false, and nothing is put, where `text` is
-// no value of its kind. The daemon checks the ranges.
+// Parses `text` into the setting's member. Returns false and stores nothing if `text` is not a
+// value of the setting's kind. The daemon checks the ranges.
 bool StoreSetting(const Setting& setting, const std::string& text, client::SettingsUpdate& update);
 
-// Number, true or false, or word; null where the daemon has none that is known here.
+// Returns a number, true or false, or a word. Null if the daemon has no value that this client
+// knows.
 nlohmann::ordered_json SettingJson(const Setting& setting, const client::Settings& settings);
 
-// Such as "stiffness 0.5 N/mm", "force_shading on", "method bcc".
+// Returns text such as "stiffness 0.5 N/mm", "force_shading on", "method bcc".
 std::string DescribeSetting(const Setting& setting, const client::Settings& settings);
 
-// 0 or false.
+// True if the value is 0 or false.
 bool IsOff(const Setting& setting, const client::Settings& settings);
 
 }  // namespace palpate::cli

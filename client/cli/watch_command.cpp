@@ -24,14 +24,14 @@ constexpr std::int64_t kLivePeriodNs = kSecondNs / 10;
 constexpr double kTextMessagesPerSecond = 31.25;
 constexpr double kJsonMessagesPerSecond = 100.0;
 
-// CLOCK_MONOTONIC, the clock of the samples.
+// Reads CLOCK_MONOTONIC, the clock of the samples.
 std::int64_t NowNs() {
   timespec now{};
   clock_gettime(CLOCK_MONOTONIC, &now);
   return now.tv_sec * kSecondNs + now.tv_nsec;
 }
 
-// Takes the stream in; called between messages too, so that time shows.
+// Takes the samples. Also called between messages, so that the display shows the time.
 class Sink {
  public:
   virtual ~Sink() = default;
@@ -49,7 +49,7 @@ class JsonSink : public Sink {
   }
 };
 
-// The isovalue of a sample over the range of its volume, as far as it is known.
+// Returns the isovalue of a sample as a fraction of its volume's range, if the range is known.
 class Normalizer {
  public:
   explicit Normalizer(client::Calls& palpated) : palpated_(palpated) {}
@@ -69,7 +69,7 @@ class Normalizer {
     try {
       volume_ = palpated_.GetVolume();
     } catch (const Error&) {
-      // An extra in the view; the stream itself tells of real trouble.
+      // Ignored: this value is an extra of the view. The stream itself reports real trouble.
     }
   }
 
@@ -82,7 +82,7 @@ double MaxForceN(client::Calls& palpated) {
   try {
     return palpated.GetDevice().device.max_force_n;
   } catch (const Error&) {
-    return 0.0;  // no bar
+    return 0.0;  // no force bar
   }
 }
 
@@ -100,7 +100,7 @@ class TextSink : public Sink {
 
   ~TextSink() override {
     if (shown_lines_ > 0) {
-      // Not WriteOutput, which may throw.
+      // Not WriteOutput: it may throw.
       [[maybe_unused]] const auto written = write(STDOUT_FILENO, "\x1b[?25h", 6);
     }
   }
@@ -132,8 +132,8 @@ class TextSink : public Sink {
  private:
   void ShowLive() {
     const TerminalSize size = SizeOfTerminal(STDOUT_FILENO);
-    // Up to where the last view began, and clear from there; a line below the
-    // view holds the cursor.
+    // Move up to the start of the last view and clear from there. A line below the view holds the
+    // cursor.
     std::string text = "\x1b[?25l\r";
     if (shown_lines_ > 0) {
       text += "\x1b[" + std::to_string(shown_lines_) + "A";
@@ -155,7 +155,7 @@ class TextSink : public Sink {
   std::size_t shown_lines_ = 0;
 };
 
-// Runs until an end that was asked for; throws on any other.
+// Runs until the user ends it. Throws for any other end.
 void Pump(client::Calls& palpated, const WatchOptions& options, Sink& sink) {
   const double rate_hz = options.rate_hz.value_or(options.json ? 60.0 : 1000.0);
   const std::int64_t start_ns = NowNs();

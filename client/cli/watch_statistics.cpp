@@ -7,7 +7,7 @@ namespace palpate::cli {
 namespace {
 
 constexpr std::int64_t kBinNs = 100;
-constexpr std::size_t kBins = 50'000;  // to 5 ms
+constexpr std::size_t kBins = 50'000;  // up to 5 ms
 constexpr auto kWindowNs = static_cast<std::int64_t>(WatchStatistics::kWindowSeconds * 1e9);
 
 double PerSecond(std::uint64_t count, std::int64_t span_ns) {
@@ -19,7 +19,7 @@ double Percent(std::uint64_t part, std::uint64_t rest) {
   return whole > 0.0 ? 100.0 * static_cast<double>(part) / whole : 0.0;
 }
 
-// Position of the 99th percentile among `count` sorted values.
+// Index of the 99th percentile among `count` sorted values.
 std::uint64_t P99Index(std::uint64_t count) { return (count - 1) * 99 / 100; }
 
 UpdateTime Summarise(std::vector<std::int64_t> update_ns) {
@@ -39,7 +39,7 @@ UpdateTime Summarise(std::vector<std::int64_t> update_ns) {
   return result;
 }
 
-// Upper edge of the bin that holds the 99th percentile.
+// Returns the upper edge of the bin that holds the 99th percentile.
 double HistogramP99Us(const std::vector<std::uint64_t>& histogram, std::uint64_t count) {
   std::uint64_t left = P99Index(count) + 1;
   std::size_t bin = 0;
@@ -65,7 +65,7 @@ void WatchStatistics::Add(const client::PoseBatch& batch, std::int64_t now_ns) {
   ForgetOld(now_ns);
 }
 
-// The proxy is where it must never be.
+// True if the proxy is inside the surface, where it must never be.
 bool IsInside(const client::Pose& pose) {
   if (pose.mode != client::ProxyMode::kFree && pose.mode != client::ProxyMode::kConstrained) {
     return false;
@@ -128,8 +128,8 @@ WatchFigures WatchStatistics::Figures(std::int64_t now_ns) const {
   }
   figures.recent_update = Summarise(std::move(update_ns));
 
-  // The first message of the window only marks where the counting starts; a
-  // stream that stands still must not show the rate it once had.
+  // The first message of the window only marks the start of the count. If the stream stands still,
+  // its old rate must not stay on the display.
   std::uint64_t arrived = 0;
   for (std::size_t i = 1; i < recent_arrivals_.size(); ++i) {
     arrived += recent_arrivals_[i].samples;

@@ -1,7 +1,7 @@
-// What a stream of samples says about the loop: rates, update times, checks.
+// Figures of the loop from a stream of samples: rates, update times, checks.
 //
-// Pure: clocks are passed in. `now_ns` is CLOCK_MONOTONIC of this machine;
-// times in samples are that clock of the daemon's machine.
+// Pure: the caller passes the time. `now_ns` is CLOCK_MONOTONIC of this machine. Times in samples
+// are CLOCK_MONOTONIC of the daemon's machine.
 // Threads: one.
 #pragma once
 
@@ -19,17 +19,17 @@ struct UpdateTime {
   double max_us = 0.0;
 };
 
-// Since watching began, unless stated.
+// Counted since watching began, unless stated otherwise.
 struct WatchFigures {
   double seconds = 0.0;
   std::uint64_t samples = 0;
   std::uint64_t contact_samples = 0;
-  // Samples whose density exceeds the isovalue, other than while ejecting. None,
-  // if the proxy does what it promises.
+  // Samples whose density exceeds the isovalue, except while ejecting. Always 0 if the proxy works
+  // as promised.
   std::uint64_t inside_samples = 0;
   std::uint64_t dropped_samples = 0;
-  // From the first sample to the last: ticks executed and missed, and per
-  // second of the loop's clock.
+  // From the first sample to the last: executed ticks, missed ticks, and ticks per second of the
+  // loop's clock.
   std::uint64_t ticks = 0;
   std::uint64_t missed_ticks = 0;
   double ticks_per_s = 0.0;
@@ -47,8 +47,8 @@ struct WatchFigures {
   std::uint64_t total_missed_ticks = 0;
   double total_missed_percent = 0.0;
 
-  // Of the newest sample. Between machines, whose clocks differ, less the
-  // shortest delay seen of any message.
+  // The age of the newest sample. If the daemon runs on another machine, the clocks differ: the
+  // shortest delay of any message is then subtracted.
   double age_ms = 0.0;
 };
 
@@ -59,7 +59,7 @@ class WatchStatistics {
   // `shares_clock`: the daemon runs on this machine.
   WatchStatistics(std::int64_t now_ns, bool shares_clock);
 
-  // Counts the samples of one message that just came.
+  // Counts the samples of one new message.
   void Add(const client::PoseBatch& batch, std::int64_t now_ns);
 
   WatchFigures Figures(std::int64_t now_ns) const;
@@ -85,10 +85,10 @@ class WatchStatistics {
   WatchFigures counts_;
   Tick first_;
   Tick last_;
-  // Samples and messages of the window, oldest first.
+  // The samples and messages of the window, oldest first.
   std::deque<Tick> recent_ticks_;
   std::deque<Arrival> recent_arrivals_;
-  // Update times in bins of 100 ns; the last bin holds the longer ones too.
+  // Update times in bins of 100 ns. The last bin also holds all longer times.
   std::vector<std::uint64_t> histogram_;
   double update_sum_ns_ = 0.0;
 };

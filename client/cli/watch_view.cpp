@@ -38,7 +38,7 @@ std::string Isovalue(const WatchStatus& status) {
              : fmt::format("{:.6g}", status.pose->isovalue);
 }
 
-// A daemon of another version may not tell.
+// A daemon of another version may not send the state of the forces.
 bool LacksForces(const client::Pose& pose) {
   return pose.forces.state != client::ForceState::kUnknown &&
          pose.forces.state != client::ForceState::kOn;

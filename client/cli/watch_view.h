@@ -1,4 +1,4 @@
-// Figures and the newest sample as text. Pure; any thread.
+// The figures and the newest sample as text. Pure; any thread.
 #pragma once
 
 #include <optional>
@@ -13,24 +13,23 @@ namespace palpate::cli {
 struct WatchStatus {
   std::string server;
   WatchFigures figures;
-  // Absent before the first one.
+  // Absent before the first sample.
   std::optional<client::Pose> pose;
-  // Over the volume's range; absent when that is not known.
+  // Fraction of the volume's range; absent if the range is not known.
   std::optional<double> normalized_isovalue;
-  // Full length of the force bar; 0: no bar.
+  // The force of a full bar; 0: no bar.
   double max_force_n = 0.0;
-  // Between machines the age leaves the shortest network delay out.
+  // False between machines: the age then lacks the shortest network delay.
   bool age_is_exact = true;
 };
 
-// The live view: lines without newlines, none wider than `columns` characters,
-// `rows` of them at most.
+// The live view: at most `rows` lines without newlines, each at most `columns` characters wide.
 std::vector<std::string> LiveView(const WatchStatus& status, int columns, int rows);
 
-// The same on one line, for a log.
+// The same figures on one line, for a log.
 std::string LogLine(const WatchStatus& status);
 
-// The end of watching; lines that end with \n.
+// The summary at the end; lines end with \n.
 std::string Summary(const WatchFigures& figures);
 
 }  // namespace palpate::cli

@@ -37,8 +37,8 @@ Finding CheckKernel(const Workstation& machine);
 // Checks the limits of this shell. The service has limits of its own.
 Finding CheckRealtimeRights(const Workstation& machine);
 Finding CheckLockedMemory(const Workstation& machine);
-Finding CheckRealtimeShare(
-    const Workstation& machine);  // checks the kernel's limit for real-time threads
+// Checks the kernel's limit for real-time threads.
+Finding CheckRealtimeShare(const Workstation& machine);
 Finding CheckGovernor(const Workstation& machine);
 Finding CheckClock(const Workstation& machine);
 Finding CheckUdevRule(const Workstation& machine);

@@ -36,8 +36,8 @@ enum class ForceReason {
 struct ForceStatus {
   ForceState state = ForceState::kUnknown;
   ForceReason reason = ForceReason::kUnknown;
-  double limit_n =
-      0.0;  // greatest force now; less than the device's maximum if the motors are warm
+  // The greatest force now. Warm motors lower it below the device's maximum.
+  double limit_n = 0.0;
 };
 
 enum class ProxyMode { kUnknown, kFree, kConstrained, kEjecting, kFault, kSuspended };
@@ -72,8 +72,7 @@ struct Pose {
   std::int64_t update_ns = 0;      // duration of the haptic update
   std::uint64_t missed_ticks = 0;  // since the daemon started
   std::uint32_t iterations = 0;    // proxy moves in this tick
-  std::uint64_t capped_ticks =
-      0;  // ticks since the daemon started that reached the cap on proxy moves
+  std::uint64_t capped_ticks = 0;  // at the cap on proxy moves, since the daemon started
   FreeSide free_side = FreeSide::kBelow;
   ForceStatus forces;
 };

@@ -17,8 +17,7 @@ using Clock = std::chrono::steady_clock;
 constexpr std::uint32_t kMaxUnacknowledged = 16;
 // The messages on their way, one that waits at the daemon, and one that arrives meanwhile.
 constexpr int kMostMerged = kMaxUnacknowledged + 2;
-constexpr milliseconds kSlow{
-    5};  // messages may have piled up behind a callback that takes this long
+constexpr milliseconds kSlow{5};        // callback time behind which messages may pile up
 constexpr milliseconds kPileWait{1};    // for the next message of the pile, which is on its way
 constexpr milliseconds kPoll{50};       // how often to look for the end and for another rate
 constexpr milliseconds kSilence{2000};  // afterwards, ask palpated whether it still runs
