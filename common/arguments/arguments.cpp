@@ -17,7 +17,7 @@ Validator Wrap(const CLI::Validator& validator) {
           validator.get_description()};
 }
 
-// False where there was nothing to do but to print.
+// Returns false if the program only had to print something.
 template <typename Parse>
 bool ParseBy(const CLI::App& app, const Parse& parse) {
   try {
@@ -214,7 +214,7 @@ bool Command::parse(int argc, const char* const* argv) {
 }
 
 bool Command::parse(std::vector<std::string> arguments) {
-  std::reverse(arguments.begin(), arguments.end());  // CLI11 takes them last first
+  std::reverse(arguments.begin(), arguments.end());  // CLI11 expects the last argument first
   return ParseBy(app_, [&] { app_.parse(std::move(arguments)); });
 }
 

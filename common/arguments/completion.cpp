@@ -5,12 +5,13 @@
 namespace palpate::arguments {
 namespace {
 
-// The `case` clauses of the script: a command is its path, as in " edit sphere"; the program is "".
+// The `case` clauses of the script. The path of a command is such as " edit sphere"; that of the
+// program is "".
 struct Clauses {
-  std::string commands;  // which words lead from one to another
-  std::string words;     // what can come next in it: commands, words of its arguments
+  std::string commands;  // which words lead from one command to another
+  std::string words;  // words that may follow a command: its commands, and words of its arguments
   std::string options;
-  std::string values;  // what an option of it can be; empty: names of files
+  std::string values;  // words that an option accepts; empty: file names
 };
 
 std::string Joined(const std::vector<std::string>& words) {
@@ -45,7 +46,7 @@ void Append(const Command& command, const std::string& path, const std::string& 
   }
 }
 
-// Those of the program, which every command takes.
+// The options of the program, which every command accepts, too.
 std::string CommonOptions(const Command& program) {
   std::vector<std::string> names;
   for (const auto& option : program.options()) {

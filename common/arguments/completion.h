@@ -9,8 +9,8 @@
 
 namespace palpate::arguments {
 
-// For bash, and for zsh by its bashcompinit: commands, options, and the words that a value may be;
-// else names of files.
+// For bash, and for zsh with its bashcompinit. Completes commands, options, and the words of a
+// value. Completes file names elsewhere.
 std::string CompletionScript(const Command& program);
 
 }  // namespace palpate::arguments

@@ -1,9 +1,9 @@
-// Bricks of 8³ voxels: how the daemon keeps a volume, and how it travels.
+// Bricks of 8³ voxels: the daemon stores and transfers volumes as bricks.
 //
-// Frame: I, voxel indices; brick (a, b, c) holds voxels 8a .. 8a + 7 along x and so
-// on, voxel (i, j, k) of a brick at 64 i + 8 j + k. With nb and nc bricks along y
-// and z, its number is (a nb + b) nc + c. Voxels beyond the lattice are the
-// background. Values in data units.
+// Frame: I, voxel indices. Brick (a, b, c) holds the voxels 8a to 8a + 7 along x, and likewise
+// along y and z. Voxel (i, j, k) of a brick is at 64 i + 8 j + k. With nb and nc bricks along y and
+// z, the brick's number is (a nb + b) nc + c. Voxels beyond the lattice are the background. Values
+// in data units.
 // Threads: pure.
 #pragma once
 
@@ -22,20 +22,20 @@ inline constexpr int kBrickVoxels = kBrickEdge * kBrickEdge * kBrickEdge;
 using Brick = std::array<float, kBrickVoxels>;
 using BrickPtr = std::shared_ptr<const Brick>;
 
-// Bricks along an axis of `size` voxels.
+// Returns the number of bricks along an axis of `size` voxels.
 constexpr int BrickCount(int size) { return (size + kBrickEdge - 1) / kBrickEdge; }
 
 constexpr std::size_t VoxelInBrick(int i, int j, int k) {
   return static_cast<std::size_t>((i & 7) << 6 | (j & 7) << 3 | (k & 7));
 }
 
-// Number of a brick among `count` bricks, and back.
+// The number of a brick among `count` bricks, and the reverse.
 std::uint64_t BrickNumber(const Vec3i& brick, const Vec3i& count);
 Vec3i BrickWithNumber(std::uint64_t number, const Vec3i& count);
 
-// A name for the voxels of a volume: both halves of the XXH3-128 of every
-// brick, seeded with its number, summed over the bricks modulo 2^64. It follows a
-// change in the time that the changed bricks take. No proof against forgery.
+// Identifies the voxels of a volume. Both halves of the XXH3-128 of every brick, seeded with the
+// brick's number, are summed over the bricks modulo 2^64. Updating the hash takes time only for
+// changed bricks. It does not protect against forgery.
 struct ContentHash {
   std::uint64_t high = 0;
   std::uint64_t low = 0;

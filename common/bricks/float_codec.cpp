@@ -23,7 +23,7 @@ struct Free {
 }  // namespace
 
 std::string CompressFloats(std::span<const float> values) {
-  // Making one costs more than compressing a few bricks.
+  // One context per thread: making one costs more than compressing a few bricks.
   thread_local const std::unique_ptr<ZSTD_CCtx, Free> context(ZSTD_createCCtx());
   std::string bytes(ZSTD_compressBound(values.size_bytes()), '\0');
   const std::size_t size = ZSTD_compressCCtx(context.get(), bytes.data(), bytes.size(),

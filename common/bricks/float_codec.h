@@ -1,6 +1,6 @@
-// Floats as they travel: zstd of little-endian float32.
+// Floats for transfer: zstd of little-endian float32.
 //
-// Threads: any; each keeps its own zstd state. Not real-time.
+// Threads: any; each thread has its own zstd state. Not for real-time code.
 #pragma once
 
 #include <cstddef>
@@ -10,15 +10,14 @@
 
 namespace palpate {
 
-// At level 1: on a local socket the processor is what a viewer waits for.
+// Uses level 1: on a local socket, a viewer waits for the processor and not for the network.
 std::string CompressFloats(std::span<const float> values);
 
-// Floats in `bytes`, by what they say of themselves. Errors: kInvalidArgument where
-// they do not, and for more than `most`.
+// Returns the number of floats that `bytes` claims to hold. Errors: kInvalidArgument if `bytes`
+// states no size, or more than `most` floats.
 std::size_t CountFloats(std::string_view bytes, std::size_t most);
 
-// Fills `values` exactly. Errors: kInvalidArgument for anything but the zstd of as
-// many floats.
+// Fills `values`. Errors: kInvalidArgument if `bytes` is not the zstd of exactly as many floats.
 void DecompressFloats(std::string_view bytes, std::span<float> values);
 
 }  // namespace palpate

@@ -1,5 +1,5 @@
-// What a stream of a volume tells, free of gRPC: volume_stream.proto says what
-// each means and in which order they come; common/wire converts.
+// The messages of a volume stream, without gRPC. volume_stream.proto explains each message and
+// their order. common/wire converts them.
 //
 // Threads: plain values.
 #pragma once
@@ -28,7 +28,7 @@ struct VolumeLattice {
   AffineMap X_WI;
   double value_min = 0.0;  // data units
   double value_max = 0.0;
-  // Of what lies beyond the lattice, and of bricks that do not come; value_min unless stated.
+  // The value beyond the lattice and of bricks that are not sent; value_min unless stated.
   std::optional<double> background{};
   std::string unit;
   std::uint64_t loaded_revision = 0;
@@ -40,7 +40,7 @@ struct VolumeLattice {
   float Background() const { return static_cast<float>(background.value_or(value_min)); }
 };
 
-// Blocks of the overview have this many voxels along each axis.
+// A block of the overview has this many voxels along each axis.
 inline constexpr int kOverviewEdge = 4;
 constexpr int OverviewCount(int size) { return (size + kOverviewEdge - 1) / kOverviewEdge; }
 
@@ -70,7 +70,7 @@ using VolumeEvent =
     std::variant<VolumeLattice, VolumePlacement, VolumeOverview, VolumeBricks, VolumeComplete>;
 
 struct VolumeMessage {
-  std::uint64_t number = 0;  // 1, 2, 3, ... of a stream
+  std::uint64_t number = 0;  // 1, 2, 3, ... within a stream
   VolumeEvent event;
 };
 

@@ -1,7 +1,7 @@
-// The one exception type of start-up and other non-real-time code.
+// The only exception type of start-up and other non-real-time code.
 //
-// what() is one line for the user: what is wrong and what to do about it. The
-// servo thread never throws; it has status enums.
+// what() is one line for the user: what is wrong and what to do about it. The servo thread never
+// throws; it uses status enums.
 #pragma once
 
 #include <stdexcept>
@@ -19,7 +19,7 @@ enum class ErrorKind {
   kUnavailable,
   kCancelled,
   kDiskFull,
-  kFailedPrecondition,  // what it takes is missing; it may be there later
+  kFailedPrecondition,  // a requirement is missing, but may be met later
 };
 
 class Error : public std::runtime_error {
@@ -31,25 +31,35 @@ class Error : public std::runtime_error {
   ErrorKind kind_;
 };
 
-// What somebody gave cannot be used: kInvalidArgument.
+// Throws kInvalidArgument: an input cannot be used.
 [[noreturn]] inline void Refuse(const std::string& message) {
   throw Error(ErrorKind::kInvalidArgument, message);
 }
 
-// Exit code of a program that ends with such an error. 2 is left for wrong
-// usage of the command line, 128 + n for signals.
+// The exit code of a program that ends with such an error. 2 is reserved for a wrong command line,
+// 128 + n for signals.
 constexpr int ExitCode(ErrorKind kind) {
   switch (kind) {
-    case ErrorKind::kInternal: return 1;
-    case ErrorKind::kInvalidArgument: return 3;
-    case ErrorKind::kNotFound: return 4;
-    case ErrorKind::kPermissionDenied: return 5;
-    case ErrorKind::kTooLarge: return 6;
-    case ErrorKind::kConflict: return 7;
-    case ErrorKind::kUnavailable: return 8;
-    case ErrorKind::kCancelled: return 9;
-    case ErrorKind::kFailedPrecondition: return 10;
-    case ErrorKind::kDiskFull: return 11;
+    case ErrorKind::kInternal:
+      return 1;
+    case ErrorKind::kInvalidArgument:
+      return 3;
+    case ErrorKind::kNotFound:
+      return 4;
+    case ErrorKind::kPermissionDenied:
+      return 5;
+    case ErrorKind::kTooLarge:
+      return 6;
+    case ErrorKind::kConflict:
+      return 7;
+    case ErrorKind::kUnavailable:
+      return 8;
+    case ErrorKind::kCancelled:
+      return 9;
+    case ErrorKind::kFailedPrecondition:
+      return 10;
+    case ErrorKind::kDiskFull:
+      return 11;
   }
   return 1;
 }

@@ -1,4 +1,4 @@
-// Text of files and other machines, made fit for a message.
+// Makes text of files and other machines safe for messages.
 #pragma once
 
 #include <string>
@@ -6,8 +6,8 @@
 
 namespace palpate {
 
-// `text` with each control character replaced by a space: names and messages come from files and
-// other machines, and must neither break a line nor steer a terminal.
+// Replaces each control character in `text` by a space. Names and messages from files and other
+// machines must not break a line or control a terminal.
 inline std::string OneLine(std::string_view text) {
   std::string line(text);
   for (char& c : line) {

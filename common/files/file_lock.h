@@ -1,4 +1,4 @@
-// A lock that programs take on a file or a folder, until its owner goes or the program ends.
+// A lock on a file or a folder. It lasts until the owner is destroyed or the program ends.
 //
 // Threads: any.
 #pragma once
@@ -12,7 +12,7 @@
 namespace palpate {
 
 enum class LockOf {
-  kFile,  // which is made if need be, for its owner alone; no symbolic link
+  kFile,  // made if missing, accessible only to its owner; not a symbolic link
   kFolder,
 };
 
@@ -26,7 +26,7 @@ class FileLock {
  public:
   FileLock() = default;
 
-  // Waits for the lock as long as `patience`.
+  // Waits for the lock for at most `patience`.
   LockResult Take(const std::filesystem::path& path, LockOf kind,
                   std::chrono::milliseconds patience = {});
 

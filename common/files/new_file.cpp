@@ -25,7 +25,7 @@ namespace fs = std::filesystem;
                                         "overwrite=True), or name another one");
 }
 
-// Six letters that nobody can foresee.
+// Six letters that cannot be predicted.
 std::string RandomLetters() {
   constexpr std::string_view kLetters = "abcdefghijklmnopqrstuvwxyz234567";
   std::array<unsigned char, 6> random{};
@@ -35,7 +35,7 @@ std::string RandomLetters() {
   return letters;
 }
 
-// -1: one that we may write to but not list, and so not sync.
+// Returns -1 for a folder that we may write to but not read, so that we cannot sync it.
 int OpenFolder(const fs::path& folder, const fs::path& name) {
   const int directory = open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
   if (directory < 0 && errno != EACCES) throw CannotWrite(name, errno);
@@ -125,7 +125,7 @@ void NewFile::Sync() {
 void NewFile::TakeName(Durable durable) {
   if (durable == Durable::kYes) Sync();
   const fs::path folder = fs::absolute(path_).parent_path();
-  // Before the name changes: what cannot be opened fails while all is as it was.
+  // Open the folder before the rename: if this fails, nothing has changed yet.
   const int directory =
       durable == Durable::kYes ? OpenFolder(ByDescriptor(directory_), folder) : -1;
   try {
@@ -153,7 +153,7 @@ void NewFile::Rename() {
   }
 }
 
-// Where the file system (NFS) cannot rename without replacing.
+// For file systems (NFS) that cannot rename without replacing.
 void NewFile::ClaimAndRename() {
   const std::string name = path_.filename();
   const int claim = openat(directory_, name.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
@@ -170,7 +170,7 @@ void WriteWhole(const fs::path& path, const std::function<void(const fs::path& p
   try {
     write(links == Links::kRefused ? ByDescriptor(file.descriptor()) : file.partial());
   } catch (const std::ios_base::failure&) {
-    // Streams do not tell why; the call that failed left its number.
+    // Streams do not report a reason, but errno of the failed call is still set.
     throw CannotWrite(path, errno != 0 ? errno : EIO);
   } catch (const fs::filesystem_error& error) {
     throw CannotWrite(path, error.code().value());

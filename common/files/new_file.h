@@ -1,11 +1,11 @@
-// Files that are whole or as they were, also when the power goes.
+// Writes files that are always complete or unchanged, also after a power failure.
 //
-// What is written goes beside the path first. It takes the path's name once it is on the disk, and
-// the name is on the disk when that returns. A program that is killed before leaves a file
-// "NAME.XXXXXX.partial" behind; what lay there already is never opened, so that a link or a pipe
-// with such a name leads nowhere.
+// The bytes go into a file next to the path first. When they are on the disk, that file is renamed
+// to the path. When the rename returns, the new name is on the disk, too. A killed program leaves a
+// file "NAME.XXXXXX.partial" behind. Existing files are never opened, so a link or a pipe with such
+// a name has no effect.
 //
-// Any thread; not for real-time code (waits for the disk).
+// Any thread. Not for real-time code: waits for the disk.
 #pragma once
 
 #include <sys/types.h>
@@ -20,39 +20,40 @@
 namespace palpate {
 
 enum class IfThere { kReplace, kRefuse };
-// kNo: for what another program reads at once and removes; the disk is not waited for.
+// kNo does not wait for the disk: for files that another program reads at once and removes.
 enum class Durable { kYes, kNo };
-// kRefused: of a path that was judged and holds no links. Somebody may since have put a link into
-// its folder's name; the file is not written then.
+// kRefused: for a checked path without links. If a link has since come into the folder's name, the
+// file is not written.
 enum class Links { kFollowed, kRefused };
 
-// Of a file that cannot be written, by the system's error number: kNotFound (no such folder),
-// kInvalidArgument (it is a folder), kPermissionDenied, kDiskFull, else kUnavailable.
+// The Error for a file that cannot be written, by errno: kNotFound (no such folder),
+// kInvalidArgument (the path is a folder), kPermissionDenied, kDiskFull, otherwise kUnavailable.
 Error CannotWrite(const std::filesystem::path& path, int error_number);
 
 class NewFile {
  public:
-  // Makes the file beside `path`. `mode`: less the process's umask. Throws Error: CannotWrite's;
-  // kConflict where `path` is there and not to be replaced; kPermissionDenied for a link.
+  // Makes the file next to `path`. `mode`: reduced by the process's umask. Throws Error: those of
+  // CannotWrite; kConflict if `path` exists and must not be replaced; kPermissionDenied for a link.
   explicit NewFile(std::filesystem::path path, IfThere if_there = IfThere::kReplace,
                    mode_t mode = 0666, Links links = Links::kFollowed);
-  // Removes the file unless it has its name.
+  // Removes the file unless it has taken its name.
   ~NewFile();
   NewFile(const NewFile&) = delete;
   NewFile& operator=(const NewFile&) = delete;
 
-  // For what writes by itself, and its owner and mode.
+  // For functions that write to a path, and for setting owner and mode.
   const std::filesystem::path& partial() const { return partial_; }
   int descriptor() const { return descriptor_; }
   bool has_name() const { return has_name_; }
 
-  // All of the bytes. Throws CannotWrite; some of them may be there then.
+  // Writes all bytes. Throws CannotWrite; some bytes may be written then.
   void Write(std::string_view bytes);
   // Returns when the bytes are on the disk. Throws CannotWrite.
   void Sync();
-  // Syncs the file, names it, and syncs its folder; only names it if not durable. Throws
-  // CannotWrite, or kConflict where `path` has come to be meanwhile and is not to be replaced:
-  // `path` is as it was then, unless the disk itself fails at the folder: has_name() tells.
+  // Syncs the file, renames it, and syncs its folder; if not durable, only renames it. Throws
+  // CannotWrite, or kConflict if `path` has come to exist meanwhile and must not be replaced. After
+  // an error `path` is unchanged, unless the disk failed while syncing the folder: has_name()
+  // tells.
   void TakeName(Durable durable = Durable::kYes);
 
  private:
@@ -62,7 +63,7 @@ class NewFile {
 
   const std::filesystem::path path_;
   const IfThere if_there_;
-  // All is done in this folder, whatever its name leads to by then.
+  // All operations use this folder, even if its name leads elsewhere by now.
   int directory_ = -1;
   std::string partial_name_;
   std::filesystem::path partial_;
@@ -70,18 +71,18 @@ class NewFile {
   bool has_name_ = false;
 };
 
-// The same for what writes by a path of its own: has `write` fill the partial file. `write` throws
-// std::ios_base::failure where it cannot, or any Error. Throws that Error, or NewFile's.
+// Makes the file for code that writes to a path: `write` fills the partial file. If `write` fails,
+// it throws std::ios_base::failure or any Error. Throws that Error, or one of NewFile's.
 void WriteWhole(const std::filesystem::path& path,
                 const std::function<void(const std::filesystem::path& partial)>& write,
                 IfThere if_there = IfThere::kReplace, Durable durable = Durable::kYes,
                 Links links = Links::kFollowed);
 
-// Makes a folder and those above it where they are missing; their names outlive a loss of power.
-// Throws CannotWrite.
+// Makes a folder and missing folders above it. Their names survive a power failure. Throws
+// CannotWrite.
 void MakeFolders(const std::filesystem::path& folder);
 
-// Makes names in a folder outlive a loss of power, where the file system can do that. Throws
+// Makes the names in a folder survive a power failure, if the file system can do that. Throws
 // CannotWrite.
 void SyncFolder(const std::filesystem::path& folder);
 

@@ -8,7 +8,7 @@ namespace {
 
 static_assert(std::endian::native == std::endian::little, "the header says so");
 
-// In the fewest digits that read back as the same number.
+// Uses the fewest digits that read back as the same number.
 std::string Text(double value) {
   char digits[32];
   return {digits, std::to_chars(digits, std::end(digits), value).ptr};
@@ -17,7 +17,7 @@ std::string Text(const Vec3& v) {
   return "(" + Text(v.x()) + "," + Text(v.y()) + "," + Text(v.z()) + ")";
 }
 
-// A field ends with its line, and a quoted text with its quote.
+// Line ends would end the field, and quotes the quoted text.
 std::string Quotable(std::string text) {
   std::erase_if(text, [](unsigned char c) { return c < 0x20 || c == 0x7f || c == '"'; });
   return text;

@@ -1,4 +1,4 @@
-// The header of an NRRD file of one volume, in LPS; its voxels follow, x fastest, little-endian.
+// The header of an NRRD file of one volume, in LPS. The voxels follow: x fastest, little-endian.
 //
 // Frames: I voxel indices, W world (mm, LPS). Pure; any thread. Format: teem.sourceforge.net/nrrd.
 #pragma once

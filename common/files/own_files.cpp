@@ -11,7 +11,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// By components, so that /data does not hold /database.
+// Compares by components: /data does not contain /database.
 bool IsWithin(const fs::path& folder, const fs::path& path) {
   return std::mismatch(folder.begin(), folder.end(), path.begin(), path.end()).first ==
          folder.end();
@@ -22,7 +22,7 @@ bool IsSame(const fs::path& path, const struct stat& file) {
   return stat(path.c_str(), &own) == 0 && own.st_dev == file.st_dev && own.st_ino == file.st_ino;
 }
 
-// The file itself, or one in the folder.
+// True if `file` is `own`, or lies in the folder `own`.
 bool HoldsSame(const fs::path& own, const struct stat& file) {
   if (IsSame(own, file)) return true;
   std::error_code error;
@@ -40,7 +40,7 @@ OwnFiles::OwnFiles(std::vector<fs::path> paths) : paths_(std::move(paths)) {}
 bool OwnFiles::Hold(const fs::path& file) const {
   std::error_code error;
   const fs::path real = fs::weakly_canonical(file, error);
-  if (error) return false;  // nobody can open it by this name either
+  if (error) return false;  // this name cannot be opened
   struct stat status {};
   if (stat(real.c_str(), &status) != 0) status = {};
   return HoldReal(real, status);

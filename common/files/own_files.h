@@ -1,8 +1,8 @@
-// Files that no client may have read, or written over, wherever they lie: the daemon's keys,
-// tokens, configuration and state, and what the kernel tells of processes.
+// Files that no client may read or overwrite, wherever they are: the daemon's keys, tokens,
+// configuration and state, and the kernel's files about processes.
 //
-// Any thread; asks the file system. A file is known by what it is, not by its name: links and ".."
-// are followed, and another name of the same file (a hard link) is found by its number.
+// Any thread; asks the file system. Files are compared by identity, not by name: links and ".." are
+// followed, and a hard link is found by its inode number.
 #pragma once
 
 #include <sys/stat.h>
@@ -14,12 +14,12 @@ namespace palpate {
 
 class OwnFiles {
  public:
-  // Besides /proc and /sys, which always are: files and folders, there or not yet, absolute.
+  // Absolute paths of files and folders, existing or not. /proc and /sys are always included.
   explicit OwnFiles(std::vector<std::filesystem::path> paths = {});
 
-  // Whether it is one of them, or lies in one.
+  // True if `file` is one of them, or lies in one of them.
   bool Hold(const std::filesystem::path& file) const;
-  // The same of an open file, whatever its name is by now.
+  // The same for an open file, whatever its name is now.
   bool HoldOpen(int descriptor) const;
 
   const std::vector<std::filesystem::path>& paths() const { return paths_; }

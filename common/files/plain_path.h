@@ -1,4 +1,4 @@
-// Opens what was judged, and nothing that somebody has put in its place since.
+// Opens a checked path, and not a link that has since been put in its place.
 //
 // Any thread.
 #pragma once
@@ -7,14 +7,14 @@
 
 namespace palpate {
 
-// As open(), but fails with ELOOP where a link is on the way. Absolute paths. Returns the
-// descriptor, which is the caller's; -1: errno says why.
+// Like open(), but fails with ELOOP if a link is on the way. For absolute paths. Returns a
+// descriptor that the caller owns, or -1; errno then says why.
 int OpenPlain(const std::filesystem::path& path, int flags);
 
-// A path of an open file, wherever its name leads by now.
+// Returns a path that leads to an open file, even if its name now leads elsewhere.
 std::filesystem::path ByDescriptor(int descriptor);
 
-// Where an open file lies now; empty where that is not known.
+// Returns the present path of an open file, or "" if it is not known.
 std::filesystem::path RealPath(int descriptor);
 
 }  // namespace palpate

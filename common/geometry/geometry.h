@@ -32,7 +32,7 @@ struct AffineMap {
     return inverse;
   }
 
-  // The same numbers.
+  // True if all numbers are equal.
   bool operator==(const AffineMap&) const = default;
 
   // (a * b)(p) = a(b(p)).

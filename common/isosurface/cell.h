@@ -4,8 +4,8 @@
 // numbered d0..d7 = 000 001 101 100 010 011 111 110 in (x, y, z).
 // Faces are numbered 2 * axis + side: -x +x -y +y -z +z.
 // Threads: pure functions. Real-time: no allocation, no locks.
-// Source: Corenthy et al., section 3.1; the printed coefficients of xz and yz
-// have their corners mixed up, these are right.
+// Source: Corenthy et al., section 3.1. The printed coefficients of xz and yz use the wrong
+// corners; the coefficients here are right.
 #pragma once
 
 #include <array>
@@ -26,10 +26,9 @@ inline constexpr std::array<int, 8> kCornerAt = {0, 1, 4, 5, 3, 2, 7, 6};
 
 constexpr int CornerAt(int x, int y, int z) { return kCornerAt[4 * x + 2 * y + z]; }
 
-// Corners p, q, s, t of each face in cyclic order. The order depends on the
-// lattice axes alone, so that the cells on both sides of a face compute its
-// vertex with the same bits: with b < c the other two axes, p = (0,0),
-// q = (1,0), s = (1,1), t = (0,1) in (b, c).
+// Corners p, q, s, t of each face in cyclic order. With b < c as the face's two axes,
+// in (b, c): p = (0,0), q = (1,0), s = (1,1), t = (0,1). The order depends only on the lattice
+// axes. So the cells on both sides of a face compute the face vertex with the same bits.
 constexpr std::array<std::array<int, 4>, 6> MakeFaceCorners() {
   std::array<std::array<int, 4>, 6> corners{};
   for (int face = 0; face < 6; ++face) {
@@ -49,8 +48,8 @@ constexpr std::array<std::array<int, 4>, 6> MakeFaceCorners() {
 }
 inline constexpr std::array<std::array<int, 4>, 6> kFaceCorners = MakeFaceCorners();
 
-// τ passes through the cell: densities above τ are inside the object, the
-// others, equal ones included, are free.
+// True if the isosurface τ passes through the cell. Densities above τ are inside the object. All
+// others, also those equal to τ, are free.
 inline bool IsCrossed(const CellDensities& d, double isovalue) {
   int above = 0;
   for (double density : d) above += density > isovalue;
@@ -77,7 +76,7 @@ struct Trilinear {
            rho * x * y * z;
   }
 
-  // With respect to local index coordinates.
+  // The gradient with respect to local index coordinates.
   Vec3 Gradient(const Vec3& p) const {
     const double x = p.x(), y = p.y(), z = p.z();
     return {beta + epsilon * y + eta * z + rho * y * z, gamma + epsilon * x + nu * z + rho * x * z,

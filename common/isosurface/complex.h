@@ -22,7 +22,7 @@ struct TetrahedralComplex {
   int tetrahedron_count = 0;
   std::array<std::array<std::uint8_t, 4>, kMaxTetrahedra> vertices{};
   std::array<std::uint16_t, kMaxTetrahedra> vertex_mask{};  // bit n: vertex n
-  std::uint16_t used_vertices = 0;                          // likewise, of all
+  std::uint16_t used_vertices = 0;                          // vertices of all tetrahedra, likewise
   std::array<std::uint32_t, kMaxVertices> tetrahedra_at{};  // bit t: tetrahedron t has the vertex
 
   constexpr void Add(int a, int b, int c, int d) {
@@ -45,7 +45,7 @@ struct TetrahedralComplex {
   }
 };
 
-// Faces of the cell on which a vertex lies, bit 2 * axis + side.
+// The faces of the cell on which a vertex lies: bit 2 * axis + side.
 inline constexpr std::array<std::uint8_t, kMaxVertices> kVertexFaces = [] {
   std::array<std::uint8_t, kMaxVertices> faces{};
   for (int v = 0; v < 8; ++v) {
@@ -81,16 +81,15 @@ constexpr int OppositeCorner(int corner) {
   return CornerAt(1 - o[0], 1 - o[1], 1 - o[2]);
 }
 
-// One interior vertex, joined to all 24 boundary triangles.
+// Complex with one interior vertex, joined to all 24 boundary triangles.
 constexpr TetrahedralComplex MakeSingleComplex() {
   TetrahedralComplex complex;
   for (int face = 0; face < 6; ++face) complex.AddFacePyramid(kFirstInteriorVertex, face);
   return complex;
 }
 
-// Two interior vertices: the first serves the three faces at `corner`, the second
-// the others; the 6 cube edges that touch neither `corner` nor its opposite are
-// joined to both.
+// Complex with two interior vertices. The first serves the three faces at `corner`, the second the
+// other faces. The 6 cube edges that touch neither `corner` nor its opposite are joined to both.
 constexpr TetrahedralComplex MakeDoubleComplex(int corner) {
   const int a = kFirstInteriorVertex, b = a + 1;
   TetrahedralComplex complex;

@@ -1,4 +1,4 @@
-// Where the vertices of decompositions go: parts shared by the methods.
+// Places the vertices of decompositions: functions that the methods share.
 //
 // Frame: index coordinates local to the cell.
 // Threads: pure functions. Real-time: no allocation, no locks.
@@ -9,7 +9,7 @@
 
 namespace palpate {
 
-// What the methods look at.
+// The saddles of a cell, as the methods need them.
 struct CellSaddles {
   std::array<FaceSaddle, 6> face;
   int count = 0;
@@ -27,23 +27,23 @@ inline double MeanOfCell(const CellDensities& d) {
   return (((d[0] + d[3]) + (d[2] + d[1])) + ((d[4] + d[7]) + (d[6] + d[5]))) * 0.125;
 }
 
-// A point of a face at (b, c) along its two axes, in their order.
+// Returns the point (b, c) of a face; b and c are along the face's two axes, in their order.
 Vec3 OnFace(int face, double b, double c);
 
 void PlaceCorners(const CellDensities& d, Decomposition& out);
 void PlaceFaceCentre(const CellDensities& d, int face, Decomposition& out);
-// Face vertex at the saddle itself.
+// Puts the face vertex at the saddle itself.
 void PlaceAtSaddle(int face, const FaceSaddle& saddle, Decomposition& out);
 
-// Each method; `out` holds the corners already.
+// One function for each method. `out` already has the corners.
 void DecomposeBcc(const CellDensities& d, Decomposition& out);
 void DecomposeTptd(const CellDensities& d, Decomposition& out);
 void DecomposeTpbccPublished(const CellDensities& d, Decomposition& out);
 void DecomposeTpbcc(const CellDensities& d, Decomposition& out);
 
-// Rule 3 of DecomposeTpbcc, for two interior vertices: which corner the first
-// serves, and their densities. `corner` is negative where the three lowest faces
-// share no corner, which exact arithmetic excludes.
+// For rule 3 of DecomposeTpbcc: the corner that the first of two interior vertices serves, and the
+// densities of both. `corner` is negative if the three lowest faces share no corner; with exact
+// arithmetic this cannot happen.
 struct InteriorPair {
   int corner = -1;
   double at_corner = 0.0, opposite = 0.0;
@@ -52,8 +52,8 @@ struct InteriorPair {
 InteriorPair FindInteriorPair(const CellDensities& d, const CellSaddles& saddles,
                               const SaddlePattern& pattern);
 
-// Between the last joining and the first splitting saddle: the densities that an
-// only interior vertex may have without changing the topology.
+// The densities that a single interior vertex may have without changing the topology: between the
+// last joining and the first splitting saddle.
 struct Interval {
   double low, high;
   bool Contains(double x) const { return low < x && x < high; }

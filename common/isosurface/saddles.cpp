@@ -6,13 +6,13 @@
 namespace palpate {
 namespace {
 
-// A gradient below this share of the cell's largest coefficient is a zero. True
-// saddles are polished to 1e-15, false ones were seen at 0.4.
+// A gradient below this share of the cell's largest coefficient counts as zero. True saddles are
+// refined to 1e-15; false ones had 0.4.
 constexpr double kZeroGradient = 1e-7;
 
-// Face saddles below `level` join their two low corners; so do cube edges
-// between two corners below it. Returns the corners connected to `start`, a
-// corner below `level`, as a bit mask.
+// Returns the corners connected to `start`, a corner below `level`, as a bit mask. Two things
+// connect corners: a face saddle below `level` joins its two low corners, and a cube edge joins two
+// corners below `level`.
 std::uint8_t LowComponent(const CellDensities& d, const std::array<FaceSaddle, 6>& saddles,
                           const SaddlePattern& pattern, int below, const SplitDensity& level,
                           int start) {
@@ -49,16 +49,16 @@ std::uint8_t LowComponent(const CellDensities& d, const std::array<FaceSaddle, 6
 FaceSaddle FindFaceSaddle(double p, double q, double s, double t) {
   FaceSaddle saddle;
   const double pq = p - q, pt = p - t, sq = s - q, st = s - t;
-  // (p-t)(s-q) > 0 and (p-q)(s-t) > 0, by signs: products could underflow.
+  // (p-t)(s-q) > 0 and (p-q)(s-t) > 0, computed by signs: products could underflow.
   const bool up = pq > 0 && pt > 0 && sq > 0 && st > 0;
   const bool down = pq < 0 && pt < 0 && sq < 0 && st < 0;
   if (!up && !down) return saddle;
-  const double delta = pq + st;  // p + s - q - t, terms of one sign
+  const double delta = pq + st;  // p + s - q - t; both terms have the same sign
   saddle.exists = true;
   saddle.p_and_s_low = down;
   saddle.b = pt / delta;
   saddle.c = pq / delta;
-  // Distance to each corner: s - p = -(p-q)(p-t)/Δ, and so on round the face.
+  // The distance to each corner: s - p = -(p-q)(p-t)/Δ, and likewise for the other corners.
   const SplitDensity from[4] = {{p, -pq * (pt / delta)},
                                 {q, pq * (sq / delta)},
                                 {s, -sq * (st / delta)},
@@ -71,8 +71,7 @@ FaceSaddle FindFaceSaddle(double p, double q, double s, double t) {
 
 BodySaddles FindBodySaddles(const CellDensities& d) {
   Trilinear f(d);
-  // Scaled to order one, so that the products below neither overflow nor
-  // underflow whatever the densities are.
+  // Scale to order one, so that the products below neither overflow nor underflow.
   const double scale =
       std::max({std::abs(f.beta), std::abs(f.gamma), std::abs(f.delta), std::abs(f.epsilon),
                 std::abs(f.eta), std::abs(f.nu), std::abs(f.rho)});
@@ -101,7 +100,7 @@ BodySaddles FindBodySaddles(const CellDensities& d) {
       const double yz = f.nu + f.rho * p.x();
       Mat3 hessian;
       hessian << 0, xy, xz, xy, 0, yz, xz, yz, 0;
-      // Inverse of a symmetric matrix with a zero diagonal, by cofactors.
+      // The inverse of a symmetric matrix with a zero diagonal, by cofactors.
       const double det = 2.0 * xy * xz * yz;
       Mat3 adjugate;
       adjugate << -yz * yz, xz * yz, xy * yz, xz * yz, -xz * xz, xy * xz, xy * yz, xy * xz,
@@ -110,7 +109,7 @@ BodySaddles FindBodySaddles(const CellDensities& d) {
       if (!next.allFinite()) break;
       p = next;
     }
-    // Between near-tied densities rounding can show a root where there is none.
+    // Between nearly tied densities, rounding can produce a root that does not exist.
     if (!(f.Gradient(p).cwiseAbs().maxCoeff() <= kZeroGradient)) continue;
     if ((p.array() > 0.0).all() && (p.array() < 1.0).all()) {
       if (found.count == 1 && found.saddle[0].position == p) continue;  // a double root
@@ -125,7 +124,7 @@ SaddlePattern ClassifySaddles(const CellDensities& d, const std::array<FaceSaddl
   for (int face = 0; face < 6; ++face) {
     if (!saddles[face].exists) continue;
     int n = pattern.count++;
-    // Insertion keeps equal saddles in the order of their faces.
+    // Insertion sort keeps equal saddles in the order of their faces.
     while (n > 0 && saddles[face].density < saddles[pattern.face[n - 1]].density) {
       pattern.face[n] = pattern.face[n - 1];
       --n;
@@ -138,7 +137,7 @@ SaddlePattern ClassifySaddles(const CellDensities& d, const std::array<FaceSaddl
     const bool even = saddles[face].p_and_s_low;
     const std::uint8_t component =
         LowComponent(d, saddles, pattern, n, saddles[face].density, corners[even ? 0 : 1]);
-    // Already one component: the saddle closes a loop, and what is above is cut.
+    // The corners are already in one component: the saddle closes a loop and cuts the region above.
     pattern.splitting[n] = component >> corners[even ? 2 : 3] & 1;
   }
   return pattern;

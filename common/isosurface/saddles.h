@@ -3,8 +3,8 @@
 // Frame: index coordinates local to the cell. Densities must be free of exact
 // ties (ties.h).
 // Threads: pure functions. Real-time: no allocation, no locks.
-// Source: Corenthy et al., section 3.1, Eqs. 3-7; body saddles by a quadratic
-// that stays accurate for any ρ instead of Eq. 7.
+// Source: Corenthy et al., section 3.1, Eqs. 3-7. Body saddles do not use Eq. 7, but a quadratic
+// that stays accurate for any ρ.
 #pragma once
 
 #include <array>
@@ -14,9 +14,8 @@
 
 namespace palpate {
 
-// A density kept as one of the cell's corner values plus an offset. A saddle
-// close to a corner has that corner's value to rounding; compared this way the
-// two keep their order.
+// A density, stored as a corner value of the cell plus an offset. A saddle close to a corner rounds
+// to the corner's value. With the offset, the order of the two is kept.
 struct SplitDensity {
   double base;
   double offset;
@@ -27,12 +26,13 @@ struct SplitDensity {
   }
 };
 
-// Stationary point of the bilinear interpolant on a face.
+// The stationary point of the bilinear interpolant on a face.
 struct FaceSaddle {
-  bool exists = false;       // strictly inside the face
-  bool p_and_s_low = false;  // corners p and s are below it, q and t above; or the reverse
-  double b = 0.5;            // along p -> q
-  double c = 0.5;            // along p -> t
+  bool exists = false;  // strictly inside the face
+  // True: p and s are below the saddle, q and t above. False: the reverse.
+  bool p_and_s_low = false;
+  double b = 0.5;  // along p -> q
+  double c = 0.5;  // along p -> t
   SplitDensity density{0.0, 0.0};
 };
 
@@ -48,18 +48,18 @@ struct BodySaddles {
   std::array<BodySaddle, 2> saddle;
 };
 
-// Zeros of ∇F strictly inside the cell.
+// Finds the zeros of ∇F strictly inside the cell.
 BodySaddles FindBodySaddles(const CellDensities& d);
 
-// How the face saddles, sorted by density, change the level sets on the
-// cell's boundary: joining, where two components of {F < value} meet, or
-// splitting, where a component of {F > value} separates.
+// How the face saddles, sorted by density, change the level sets on the cell's boundary. At a
+// joining saddle two components of {F < value} meet. At a splitting saddle a component of {F >
+// value} separates.
 struct SaddlePattern {
   int count = 0;                     // face saddles
   std::array<std::uint8_t, 6> face;  // faces in ascending order of density
   std::array<bool, 6> splitting;     // likewise; false: joining
 
-  // JJSJSS: two interior vertices are needed (only six saddles can do this).
+  // True for JJSJSS, which needs two interior vertices. Only six saddles can have this order.
   bool IsInterleavedSix() const {
     return count == 6 && !splitting[0] && !splitting[1] && splitting[2] && !splitting[3] &&
            splitting[4] && splitting[5];

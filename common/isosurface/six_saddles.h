@@ -1,5 +1,5 @@
-// The published rules for cells with six face saddles (Corenthy et al., section
-// 3.4), which Table 4 shows its TPTD to share. Defined in tpbcc_published.cpp.
+// The published rules for cells with six face saddles (Corenthy et al., section 3.4). Table 4 shows
+// that the published TPTD uses the same rules. Defined in tpbcc_published.cpp.
 //
 // Frame: index coordinates local to the cell.
 // Threads: pure functions. Real-time: no allocation, no locks.
@@ -9,13 +9,13 @@
 
 namespace palpate {
 
-// Which face serves as the partner of the n-th lowest.
+// The partner of the n-th lowest face.
 enum class FacePartner : std::uint8_t {
   kByRank,    // as printed: the n-th highest, parallel to it or not
-  kParallel,  // the face across, whatever its rank: nothing overlaps then
+  kParallel,  // the opposite face, whatever its rank; nothing overlaps then
 };
 
-// `out` holds the corners and the six face vertices, at their saddles.
+// `out` already has the corners, and the six face vertices at their saddles.
 void DecomposeSixSaddles(const CellDensities& d, const CellSaddles& saddles, FacePartner partner,
                          Decomposition& out);
 

@@ -1,11 +1,10 @@
 // Resolves ties between lattice densities by simulation of simplicity.
 //
-// Constant regions and 8-bit data tie corner values; a tie would leave H open
-// or let neighbours disagree. So every lattice value is lowered by
-// kTieStep * h(index), h a fixed hash into [1/4, 1), everywhere alike: in the
-// decomposition, in the proxy and in checks. Lowered only, so that a value
-// equal to τ stays free space. The step is relative to the range of the whole
-// volume, never to that of a cell, so that neighbours agree.
+// Constant regions and 8-bit data tie corner values. A tie would leave H open or let neighbours
+// disagree. So every lattice value is lowered by kTieStep * h(index), where h is a fixed hash into
+// [1/4, 1). The decomposition, the proxy and the checks all do the same. Values are only lowered,
+// so that a value equal to τ stays free space. The step is relative to the range of the whole
+// volume, not of a cell, so that neighbours agree.
 //
 // Threads: pure functions. Real-time: no allocation, no locks.
 #pragma once
@@ -14,15 +13,15 @@
 
 namespace palpate {
 
-// Largest lowering, in units of the volume's range. Measured: 1e-6 changes the
-// topology of real cells, 1e-8 does not.
+// The largest lowering, as a fraction of the volume's range. Measured: 1e-6 changes the topology of
+// real cells, 1e-8 does not.
 inline constexpr double kTieStep = 1e-8;
 
-// Density around the lattice of a level set: more than any isovalue, however it is lowered.
+// The density around the lattice of a level set: above every isovalue, however far it is lowered.
 inline constexpr double kAboveAllIsovalues = 1.0 + 2.0 * kTieStep;
 
-// Fixed hash of a lattice index into [1/4, 1): never so small that a value
-// equal to τ would still round to τ.
+// Fixed hash of a lattice index into [1/4, 1). At least 1/4, so that a value equal to τ never
+// rounds back to τ.
 inline double TieHash(std::int32_t i, std::int32_t j, std::int32_t k) {
   std::uint64_t x = (static_cast<std::uint32_t>(i) + 1ull) * 0x9E3779B97F4A7C15ull;
   x ^= static_cast<std::uint32_t>(j) * 0xC2B2AE3D27D4EB4Full;

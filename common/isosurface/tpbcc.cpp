@@ -6,22 +6,24 @@
 //      body saddle's density.
 //   3. Six face saddles in the order JJSJSS: two interior vertices, one for the
 //      faces at each of two opposite corners.
-// Densities decide the topology, so that vertices are placed for shape and
-// accuracy: within [0.3, 0.7] of their face or cell, which keeps needles out.
+// Densities decide the topology, so positions are free. Vertices are placed for shape and accuracy:
+// within [0.3, 0.7] of their face or cell, which avoids needles.
 //
-// Placement, with the mean R_D in % over 6000 uniform cells, 6000 alternating ones
-// (tests/unit/lab_experiments_test.cpp draws them likewise, 20 000 of each) and the
-// rows of table4.csv; each row adds to the last:
+// Placement. The columns are the mean R_D in % over 6000 uniform cells, over 6000 alternating cells
+// (tests/unit/lab_experiments_test.cpp draws them in the same way, 20 000 of each), and over the
+// rows of table4.csv. Each row adds to the row before:
 //   face and body saddles, clamped; centre; ½ ± 0.15       3.04  5.45  6.69
 //   rule 1: off the centre to where edges bend least       2.96  5.40  6.55
 //   rule 2: three quarters of the way to the body saddle   2.94  5.40  6.61
 //   rule 3: 0.1, 0.15 or 0.2, whichever fits F best        2.93  5.38  6.47
-// Tried without gain or not worth it: rule 2 by Newton steps to F's level (3.01 for
-// 3.04 alone, but table4 7.0); by the bend, as rule 1 (6.9); faces nearer their
-// saddles (worse the nearer); vertices clamped to [0.2, 0.8] (2.93, with needles of
-// 0.05); the rule 1 step iterated or over all 14 vertices (the same); rule 1's
-// interior vertex towards the mean of the face vertices (the same); intervals'
-// share 0.05 to 0.5 (within 0.01).
+// Tried, but no better or not worth the cost:
+// - rule 2 by Newton steps to F's level: 3.01 instead of 3.04 by itself, but table4 gets 7.0
+// - rule 2 by the bend, as in rule 1: 6.9
+// - face vertices nearer their saddles: worse the nearer
+// - vertices clamped to [0.2, 0.8]: 2.93, with needles of 0.05
+// - the step of rule 1 iterated, or over all 14 vertices: the same
+// - the interior vertex of rule 1 towards the mean of the face vertices: the same
+// - kIntervalShare from 0.05 to 0.5: within 0.01
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -31,14 +33,14 @@
 namespace palpate {
 namespace {
 
-// Vertices off the corners keep this distance from the border of their face or
-// cell: the smallest altitude of any tetrahedron is then 0.118 of the cell.
+// All vertices except corners keep this distance from the border of their face or cell. The
+// smallest altitude of any tetrahedron is then 0.118 of the cell's edge.
 constexpr double kInset = 0.3;
-// Two interior vertices: ½ ± one of these on a diagonal of the cell.
+// Two interior vertices lie at ½ ± one of these offsets on a diagonal of the cell.
 constexpr double kDiagonalOffsets[] = {0.1, 0.15, 0.2};
-// How far towards the body saddle the only interior vertex goes from the centre.
+// How far a single interior vertex moves from the centre towards the body saddle, as a fraction.
 constexpr double kBodySaddleShare = 0.75;
-// Where in its interval an assigned density lies, from the nearer end.
+// The place of an assigned density in its interval, as a fraction from the nearer end.
 constexpr double kIntervalShare = 0.1;
 constexpr int kNewtonSteps = 4;
 
@@ -46,8 +48,8 @@ double ClampInset(double x) { return std::clamp(x, kInset, 1.0 - kInset); }
 
 Vec3 ClampInset(const Vec3& p) { return {ClampInset(p.x()), ClampInset(p.y()), ClampInset(p.z())}; }
 
-// F is constant along the two lattice lines through the saddle: the nearer of
-// their points to the centre has the saddle's density and a better shape.
+// F is constant along the two lattice lines through the saddle. The point of these lines that is
+// nearest to the centre has the saddle's density and a better shape.
 void PlaceNearSaddle(int face, const FaceSaddle& saddle, Decomposition& out) {
   const int v = kFirstFaceVertex + face;
   const bool keep_b = std::abs(saddle.b - 0.5) <= std::abs(saddle.c - 0.5);
@@ -56,16 +58,16 @@ void PlaceNearSaddle(int face, const FaceSaddle& saddle, Decomposition& out) {
   out.density[v] = saddle.density.value();
 }
 
-// F is a cubic along the edges from the interior vertex p to the corners, H's
-// density linear. Minimises the sum of the squares of the differences in the
-// middle of those edges: one damped Gauss-Newton step from the centre, which has
-// this closed form because F is trilinear about it.
+// F is a cubic along the edges from the interior vertex p to the corners; H's density is linear
+// there. This minimises the sum of the squared differences at the middle of those edges, by one
+// damped Gauss-Newton step from the centre. F is trilinear about the centre, so the step has this
+// closed form.
 Vec3 LeastBentPoint(const Trilinear& f) {
   constexpr double kDamping = 0.2, kMaxStep = 0.2;
   const Vec3 twist(f.nu + 0.5 * f.rho, f.eta + 0.5 * f.rho, f.epsilon + 0.5 * f.rho);
   const double twist2 = twist.squaredNorm(), rho2 = f.rho * f.rho / 16.0;
-  // The normal matrix is diag(rest) + twist twistᵀ, its inverse that of a rank-one
-  // update; without dividing by `rest`, which may vanish.
+  // The normal matrix is diag(rest) + twist twistᵀ, so its inverse is that of a rank-one update.
+  // Written without a division by `rest`, which may be 0.
   const Vec3 squares = twist.cwiseProduct(twist);
   const double shared = (1.0 + 2.0 / 3.0 * kDamping) * twist2 + (1.0 + kDamping) * rho2;
   const Vec3 rest = Vec3::Constant(shared) - 2.0 * squares;
@@ -76,9 +78,9 @@ Vec3 LeastBentPoint(const Trilinear& f) {
   return ClampInset(Vec3(Vec3::Constant(0.5) + step.cwiseMax(-kMaxStep).cwiseMin(kMaxStep)));
 }
 
-// Rule 1. The least bent point or else the centre where F there is within the
-// interval; otherwise a point walked towards it along ∇F, given a density within
-// where F still is not.
+// Rule 1. Takes the least bent point if F there is within the interval, otherwise the centre if F
+// there is. Otherwise moves the least bent point along ∇F towards the interval. If F at the result
+// is still outside the interval, the vertex gets a density within the interval.
 void PlaceInInterval(const CellDensities& d, const Interval& interval, Decomposition& out) {
   const Trilinear f(d);
   Vec3 p = LeastBentPoint(f);
@@ -104,7 +106,7 @@ void PlaceInInterval(const CellDensities& d, const Interval& interval, Decomposi
   out.density[kFirstInteriorVertex] = value;
 }
 
-// Rule 3: on the half diagonal `towards`, where F is closest to the density.
+// Rule 3: returns the point on the half diagonal `towards` where F is closest to `density`.
 Vec3 PlaceOnDiagonal(const Trilinear& f, const Vec3& towards, double density) {
   Vec3 best = Vec3::Constant(0.5);
   double smallest = std::numeric_limits<double>::infinity();
@@ -116,7 +118,7 @@ Vec3 PlaceOnDiagonal(const Trilinear& f, const Vec3& towards, double density) {
   return best;
 }
 
-// Rule 3. False where it does not apply.
+// Rule 3. Returns false if the rule does not apply.
 bool PlaceInteriorPair(const CellDensities& d, const CellSaddles& saddles,
                        const SaddlePattern& pattern, Decomposition& out) {
   const InteriorPair pair = FindInteriorPair(d, saddles, pattern);
@@ -162,7 +164,7 @@ InteriorPair FindInteriorPair(const CellDensities& d, const CellSaddles& saddles
   const Trilinear f(d);
   const auto& o = kCornerOffset[pair.corner];
   const Vec3 towards(2 * o[0] - 1, 2 * o[1] - 1, 2 * o[2] - 1);
-  // O = -(ν, η, ε) / ρ; multiplied by ρ so that a small one does no harm.
+  // O = -(ν, η, ε) / ρ. Multiplied by ρ, so that a small ρ does no harm.
   const Vec3 rho_centre(-f.nu, -f.eta, -f.epsilon);
   for (int n = 0; n < pair.body.count; ++n) {
     const Vec3 rho_offset = f.rho * pair.body.saddle[n].position - rho_centre;

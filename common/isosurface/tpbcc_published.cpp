@@ -9,25 +9,25 @@
 //   4 face saddles          an interior vertex at the body saddle
 //   6 face saddles          the "diamond": the octahedron of the face saddles
 //                           around their mean, 28 tetrahedra
-//   6 and a body saddle     two interior vertices a and b, 30 tetrahedra; relies on
-//                           the sorted faces f1..f6 pairing up as parallel ones,
-//                           f1 with f6 and so on, which half of these cells break
+//   6 and a body saddle     two interior vertices a and b, 30 tetrahedra. Claims that the
+//                           sorted faces f1..f6 pair up as parallel faces (f1 with f6, and
+//                           so on). Half of these cells break the claim.
 //
-// The last case is our reading of a paragraph that leaves the details open. Of those
-// tried it is the one closest to Table 4 (13.5.1 and 13.5.2: 12.53 and 9.44 for 12.40
-// and 9.54; next, with f1 and f6 for type II: 12.27 and 9.60) that keeps the topology
-// where the claim holds. In case 13.1 it does not hold: 10.17 for 10.31 where gaps
-// count as inside, 9.9 where they are left out, 14.4 where they count as free. With
-// parallel faces in place of the ranks (as in kTptd) it is 10.31, every cell is right
-// and nothing overlaps, so that the authors' program may well have done that. a is
-// the body saddle on the side of the corner that f1, f2, f3 share, b the other:
+// The last case is our reading of a paragraph that leaves the details open. Of all readings that
+// keep the topology where the claim holds, this one is closest to Table 4: for 13.5.1 and 13.5.2 we
+// get 12.53 and 9.44, Table 4 has 12.40 and 9.54. The next best reading, with f1 and f6 for type
+// II, gets 12.27 and 9.60. In case 13.1 the claim does not hold. Table 4 has 10.31; we get 10.17 if
+// gaps count as inside, 9.9 if they are left out, and 14.4 if they count as free. With parallel
+// faces instead of ranks (as in kTptd) we get 10.31, every cell is right and nothing overlaps. So
+// the authors' program may well have used parallel faces. a is the body saddle on the side of the
+// corner that f1, f2, f3 share; b is the other body saddle:
 //   pyramids   f1 with apex a, f6 with apex b                         4 tetrahedra
 //   type I     f2 (f5): a pyramid, and a tetrahedron that joins its    5
 //              edge far from f1 (f6) to a and b
 //   type II    f3 (f4): two triangles joined to a, two to b, and two   6
 //              tetrahedra that fill the wedge between them
-// Two triangles of f3 look at f1 and f2, those go to a; likewise f4, f6, f5 and b.
-// Where the claim fails the halves overlap in places and leave gaps in others.
+// Two triangles of f3 face f1 and f2; these are joined to a. The same holds for f4 with f6, f5 and
+// b. Where the claim fails, the halves overlap in places and leave gaps in others.
 #include "common/isosurface/six_saddles.h"
 
 namespace palpate {
@@ -45,7 +45,7 @@ void PlaceAtMeanOfSaddles(const CellSaddles& saddles, Decomposition& out) {
   out.density[kFirstInteriorVertex] = density / saddles.count;
 }
 
-// Face vertices of the faces that hold all these corners.
+// Returns the face vertices of the faces in the bit mask `faces`.
 std::array<int, 3> FaceVerticesAt(unsigned faces) {
   std::array<int, 3> vertices{};
   int count = 0;
@@ -69,10 +69,10 @@ void AddDiamond(TetrahedralComplex& complex) {
   }
 }
 
-// Half of the last case: the polyhedra of the faces `pyramid`, `type_1` and
-// `type_2`, which meet at a corner, around `own`; `other` is the vertex across.
+// Adds half of the last case: the polyhedra of the faces `pyramid`, `type_1` and `type_2` around
+// `own`. The three faces meet at a corner. `other` is the vertex of the other half.
 void AddHalf(int pyramid, int type_1, int type_2, int own, int other, TetrahedralComplex& complex) {
-  // An interior vertex may stand in for a face vertex: no flat tetrahedra then.
+  // An interior vertex may replace a face vertex; some tetrahedra would be flat then.
   const auto add = [&](int a, int b, int c, int d) {
     if (a != c && b != c) complex.Add(a, b, c, d);
   };
@@ -102,8 +102,8 @@ void AddHalf(int pyramid, int type_1, int type_2, int own, int other, Tetrahedra
   }
 }
 
-// Puts an interior vertex at the body saddle of this density; where there is none,
-// the face saddle that has the density stands in. Returns the vertex.
+// Puts an interior vertex at the body saddle with this density, and returns that vertex. If there
+// is no such saddle, returns the vertex of the face saddle with this density.
 int PlaceAtBodySaddle(int v, int face, double density, const BodySaddles& body,
                       Decomposition& out) {
   for (int n = 0; n < body.count; ++n) {

@@ -1,12 +1,13 @@
 // Sohn's decomposition: corners and saddles only (Corenthy et al., section 3.3).
 //
-// Faces with a saddle are split around it, the others along the diagonal from
-// their (0,0) to their (1,1). All boundary triangles are joined to an apex: the
-// diagonal's corner without saddles, the body saddle where there is one, else the
-// face saddle in the middle of the sorted ones. Six face saddles: as kTpbccPublished,
-// whose figures in Table 4 are the same, but the second half of the cell takes the
-// faces across from the first one's instead of trusting their ranks, so that it
-// fills the cell. The "diamond" may still overlap itself.
+// Faces with a saddle are split around it, all others along the diagonal from their (0,0) to their
+// (1,1). All boundary triangles are joined to one apex. The apex is
+// - the diagonal's corner if there are no saddles
+// - the body saddle if there is one
+// - otherwise the face saddle in the middle of the sorted face saddles
+// Six face saddles are handled as in kTpbccPublished, which has the same figures in Table 4. But
+// the second half of the cell uses the faces opposite to those of the first half, instead of
+// trusting their ranks, so that the halves fill the cell. The "diamond" may still overlap itself.
 #include "common/isosurface/six_saddles.h"
 
 namespace palpate {

@@ -1,4 +1,4 @@
-// What files of pure code parse most: see precompiled.cmake. No source includes this.
+// The headers that files of pure code parse most: see precompiled.cmake. No source includes this.
 #pragma once
 
 #include <Eigen/Core>

@@ -1,4 +1,4 @@
-// What files that speak gRPC parse most: see precompiled.cmake. No source includes this.
+// The headers that files with gRPC parse most: see precompiled.cmake. No source includes this.
 #pragma once
 
 #include <grpcpp/grpcpp.h>

@@ -26,7 +26,7 @@ bool IsAlphanumeric(char c) {
   return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9');
 }
 
-// Anybody may create a folder in /tmp: one that is not ours alone is a trap.
+// Any user may create a folder in /tmp. A folder that is not ours alone could be a trap.
 std::string TemporaryFolder() {
   const std::string folder = "/tmp/palpate-" + std::to_string(getuid());
   struct stat info {};
@@ -86,10 +86,10 @@ std::string UnixTarget(const std::string& path) {
   const std::string absolute = std::filesystem::absolute(path).string();
   if (absolute.size() > kMaxSocketPathLength) {
     Refuse("the path of a socket has at most " + std::to_string(kMaxSocketPathLength) +
-                 " bytes, this one has " + std::to_string(absolute.size()) + ": " + absolute);
+           " bytes, this one has " + std::to_string(absolute.size()) + ": " + absolute);
   }
-  // A gRPC client decodes its target as a URI and a gRPC server does not; only
-  // these characters mean the same to both.
+  // A gRPC client decodes its target as a URI, a gRPC server does not. Only these characters mean
+  // the same to both.
   const auto is_plain = [](char c) {
     return IsAlphanumeric(c) || std::string_view("/-._~+=,:@").find(c) != std::string_view::npos;
   };
@@ -135,7 +135,7 @@ bool IsLoopback(const HostPort& address) {
 }
 
 std::string TcpTarget(const HostPort& address) {
-  // The scheme keeps a host called "unix" from being read as one.
+  // With the scheme, a host called "unix" is not taken for a scheme.
   if (address.host.find(':') != std::string::npos) {
     return "ipv6:%5B" + address.host + "%5D:" + std::to_string(address.port);
   }

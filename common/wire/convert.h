@@ -1,5 +1,5 @@
-// Values of common <-> messages of palpate.v1. Units and frames are the caller's;
-// the numbers are copied as they are. Any thread.
+// Converts values of common from and to messages of palpate.v1. Copies the numbers as they are;
+// units and frames are the caller's. Any thread.
 #pragma once
 
 #include "common/geometry/geometry.h"
@@ -15,9 +15,9 @@ v1::AffineMap ToProto(const AffineMap& map);
 v1::DecompositionMethod ToProto(DecompositionMethod method);
 
 Vec3 FromProto(const v1::Vector3& vector);
-// Not normalised.
+// Does not normalise.
 Eigen::Quaterniond FromProto(const v1::Quaternion& rotation);
-// Errors: kInvalidArgument when `linear` does not hold nine values.
+// Errors: kInvalidArgument if `linear` does not have nine values.
 AffineMap FromProto(const v1::AffineMap& map);
 // Errors: kInvalidArgument for a method of another version.
 DecompositionMethod FromProto(v1::DecompositionMethod method);

@@ -7,7 +7,7 @@
 namespace palpate {
 namespace {
 
-// The rest of an enum's name, in small letters.
+// Returns the rest of an enum's name, in small letters.
 std::string After(std::string_view prefix, std::string name) {
   name.erase(0, std::min(prefix.size(), name.size()));
   std::transform(name.begin(), name.end(), name.begin(),

@@ -1,4 +1,4 @@
-// What the safety stage does with forces, in words. Pure; any thread.
+// The state of forces in words. Pure; any thread.
 #pragma once
 
 #include <string>
@@ -9,11 +9,11 @@ namespace palpate {
 
 // "off", "ramp_in", "on", "held", "fault", "stopped".
 std::string NameOf(v1::ForceState state);
-// "none", "operator", "docked", ...: the enum's names.
+// "none", "operator", "docked", ...: the names of the enum.
 std::string NameOf(v1::ForceReason reason);
 
-// Why forces are not fully on and what to do, in one line without an end; empty
-// where they are.
+// Says why forces are not fully on and what to do, in one line without a full stop. Empty if forces
+// are on.
 std::string InWords(v1::ForceReason reason);
 
 }  // namespace palpate

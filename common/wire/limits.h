@@ -1,12 +1,12 @@
-// Lengths that the contract bounds, for those who send and those who refuse.
+// Length limits of the contract, for senders and receivers.
 #pragma once
 
 #include <cstddef>
 
 namespace palpate {
 
-// Of the values of one block of an edit (edit.proto), in bytes. It decides how long a message may
-// be: 64 KiB more, for all else of it.
+// The most bytes of one block's values in an edit (edit.proto). The longest message has 64 KiB
+// more, for everything else in it.
 inline constexpr std::size_t kMostBlockBytes = std::size_t{3} << 20;
 
 }  // namespace palpate

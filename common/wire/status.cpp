@@ -31,8 +31,8 @@ grpc::StatusCode CodeOf(ErrorKind kind) {
   return grpc::StatusCode::INTERNAL;
 }
 
-// google.rpc.Status {code: 8, details: [google.rpc.ErrorInfo {reason: "DISK_FULL",
-// domain: "palpate"}]}, serialised: what gRPC's tools expect as details.
+// The serialised google.rpc.Status {code: 8, details: [google.rpc.ErrorInfo {reason: "DISK_FULL",
+// domain: "palpate"}]}: the form in which gRPC's tools expect details.
 constexpr std::string_view kDiskFullDetails =
     "\x08\x08\x1a\x40\x0a\x28type.googleapis.com/google.rpc.ErrorInfo"
     "\x12\x14\x0a\x09"

@@ -18,15 +18,17 @@
 
 namespace palpate {
 
-// Status to answer with for an exception: by kind for an Error, INTERNAL for any
-// other. The message is what().
+// Returns the status to answer with for an exception: by kind for an Error, INTERNAL for any other
+// exception. The message is what().
 grpc::Status ToStatus(const std::exception& exception);
 
-// The Error that a failed status stands for; the message is the status's own.
-// Codes without a kind of their own go to the nearest: OUT_OF_RANGE to
-// kInvalidArgument, ALREADY_EXISTS to kConflict, UNAUTHENTICATED to
-// kPermissionDenied, DEADLINE_EXCEEDED and UNIMPLEMENTED to kUnavailable, the rest
-// to kInternal.
+// Returns the Error for a failed status, with the status's message. Codes without a kind of their
+// own become the nearest kind:
+//   OUT_OF_RANGE                      kInvalidArgument
+//   ALREADY_EXISTS                    kConflict
+//   UNAUTHENTICATED                   kPermissionDenied
+//   DEADLINE_EXCEEDED, UNIMPLEMENTED  kUnavailable
+//   all others                        kInternal
 Error FromStatus(const grpc::Status& status);
 
 }  // namespace palpate

@@ -1,4 +1,4 @@
-// VolumeMessage <-> v1::StreamVolumeResponse. Any thread.
+// Converts VolumeMessage from and to v1::StreamVolumeResponse. Any thread.
 #pragma once
 
 #include "common/bricks/volume_event.h"
@@ -6,10 +6,10 @@
 
 namespace palpate {
 
-// Voxels are moved, not copied.
+// Moves the voxels instead of copying them.
 v1::StreamVolumeResponse ToProto(VolumeMessage message);
-// Errors: kInvalidArgument for a message without an event, of another version
-// then, and for one whose sizes do not fit an int.
+// Errors: kInvalidArgument for a message without an event (from another version), or with sizes
+// that do not fit an int.
 VolumeMessage FromProto(v1::StreamVolumeResponse message);
 
 v1::VolumeRevision ToProto(const VolumeRevision& revision);
