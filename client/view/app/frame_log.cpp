@@ -9,7 +9,7 @@
 namespace palpate::view {
 namespace {
 
-// The smallest of values that is above this share of them.
+// Returns the smallest value that is greater than this share of the values.
 double Quantile(std::span<const double> values, double share) {
   std::vector<double> sorted(values.begin(), values.end());
   const auto at =

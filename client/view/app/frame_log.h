@@ -1,6 +1,6 @@
-// How many frames a run drew, and how old the poses in them were, for scripts and tests.
+// Counts the frames of a run and the ages of their poses, for scripts and tests.
 //
-// Threads: that of the frames. Takes 8 bytes for each frame: for runs that end.
+// Threads: that of the frames. Uses 8 bytes per frame: for runs that end.
 #pragma once
 
 #include <chrono>
@@ -14,14 +14,15 @@ namespace palpate::view {
 
 class FrameLog {
  public:
-  // The frame of what `viewer` has now is about to be drawn. The first begins the run.
+  // Call it just before a frame with the viewer's present state is drawn. The first call begins the
+  // run.
   void Add(const Viewer& viewer);
 
   int frames() const { return frames_; }
-  double seconds() const;  // since the first frame began; 0 before
+  double seconds() const;  // since the first frame began; 0 before that
 
-  // A line of figures: "20 frames in 0.51 s, 1 casts, ..." Ages are medians where nothing
-  // else is said, in ms.
+  // A line of figures: "20 frames in 0.51 s, 1 casts, ..." Ages are in ms, and medians unless
+  // stated otherwise.
   std::string Line(const Viewer& viewer) const;
 
  private:
@@ -30,7 +31,7 @@ class FrameLog {
   int frames_ = 0;
   Clock::time_point begin_{};
   std::uint64_t casts_before_ = 0;
-  std::vector<double> ages_ms_;  // none over TCP
+  std::vector<double> ages_ms_;  // empty over TCP
 };
 
 }  // namespace palpate::view

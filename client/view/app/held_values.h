@@ -1,5 +1,5 @@
-// A value that the user is changing here and that palpated owns: the control shows the
-// user's until palpated has it, and palpated's again soon after the hand has let go.
+// A value that palpated owns and the user is changing here. The control shows the user's value
+// until palpated has it. Soon after the user has let go, the control shows palpated's value again.
 //
 // Threads: that of the frames.
 #pragma once
@@ -11,11 +11,12 @@ namespace palpate::view {
 
 class HeldValues {
  public:
-  // What control `id` shows while palpated has `told`.
+  // Returns the value that control `id` shows while palpated's value is `told`.
   double Shown(unsigned id, double told) {
     if (id != id_) return told;
     const bool agreed = std::abs(told - value_) <= 1e-9 * (1.0 + std::abs(value_));
-    // Also in the hand: a control that is hidden meanwhile says no more that it was let go.
+    // Checks the time also while in_hand_: a control that is hidden meanwhile never reports that
+    // the user let go.
     if ((agreed && !in_hand_) || Clock::now() > until_) {
       id_ = 0;
       return told;
@@ -23,7 +24,8 @@ class HeldValues {
     return value_;
   }
 
-  // After the control was drawn: whether it was changed, and is in the user's hand.
+  // Call it after the control was drawn. `changed`: the user changed the value. `in_hand`: the user
+  // still holds the control.
   void Update(unsigned id, double value, bool changed, bool in_hand) {
     if (changed) {
       id_ = id;
@@ -36,10 +38,10 @@ class HeldValues {
 
  private:
   using Clock = std::chrono::steady_clock;
-  // Longer than palpated takes to answer, and than a series is asked about.
+  // Longer than palpated takes to answer, and longer than between two questions about a series.
   static constexpr std::chrono::milliseconds kPatience{1500};
 
-  unsigned id_ = 0;  // nothing is held
+  unsigned id_ = 0;  // 0: nothing is held
   double value_ = 0.0;
   bool in_hand_ = false;
   Clock::time_point until_{};

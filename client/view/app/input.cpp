@@ -31,10 +31,10 @@ void TakeKey(Viewer& viewer, const KeyPress& press) {
   if (press.key == "f12") state.window_picture_wanted = true;
 }
 
-// Depths that differ by so many radii are not one surface.
+// Depths that differ by more than this many brush radii belong to different surfaces.
 constexpr double kJump_radii = 3.0;
 
-// Of the screen into the picture.
+// Converts a point of the screen to a pixel of the picture.
 Eigen::Vector2d PixelIn(const ImVec2& min, const Eigen::Vector2d& at) {
   const ImVec2 scale = ImGui::GetIO().DisplayFramebufferScale;
   return {(at.x() - static_cast<double>(min.x)) * static_cast<double>(scale.x),
@@ -46,7 +46,7 @@ Eigen::Vector2d PointerIn(const ImVec2& min) {
   return PixelIn(min, {static_cast<double>(at.x), static_cast<double>(at.y)});
 }
 
-// A mm of the volume, W, in mm of D.
+// The length in D, in mm, of one mm of the volume (W).
 double DeviceMmPerMm(const ViewVolume& volume) {
   if (!volume.lattice() || !volume.X_DI()) return 1.0;
   const double det_D = volume.X_DI()->linear.determinant();
@@ -62,8 +62,8 @@ void BeginStroke(Viewer& viewer, const Eigen::Vector2d& at_px, const ImageSize& 
   viewer.stroke().Begin(viewer.seen_surface(), at_px, size, jump_mm, sink);
 }
 
-// True while the brush has the pointer. A drag that begins beside the surface turns the
-// view.
+// Returns true while the brush has the pointer. A drag that begins beside the surface turns the
+// view instead.
 bool Paint(Viewer& viewer, const ImVec2& min, const ImageSize& size) {
   PointerStroke& stroke = viewer.stroke();
   const bool down = ImGui::IsItemActive() && ImGui::IsMouseDown(ImGuiMouseButton_Left);
@@ -116,7 +116,7 @@ void TakePointer(Viewer& viewer, const ImVec2& min, const ImVec2& size_on_screen
     if (const auto p_D = viewer.SurfaceAt(pointer_px.x(), pointer_px.y(), size))
       camera.LookAt(*p_D);
   }
-  // The way to where the button went down is no drag.
+  // The motion to the place where the button was pressed is not part of the drag.
   if (!ImGui::IsItemActive() || ImGui::IsItemActivated()) return;
   const double right_px = static_cast<double>(io.MouseDelta.x);
   const double down_px = static_cast<double>(io.MouseDelta.y);

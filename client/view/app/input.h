@@ -1,4 +1,4 @@
-// What pointer and keys do to the view.
+// The effects of pointer and keys on the view.
 //
 // Threads: that of the frames.
 #pragma once
@@ -12,17 +12,17 @@
 
 namespace palpate::view {
 
-// A key that was pressed, by what is printed on it: "r", "f1". Not Esc, which waits for no
+// A pressed key, named by what is printed on it: "r", "f1". Never Esc, which does not wait for a
 // frame.
 struct KeyPress {
   std::string key;
   bool ctrl = false;
 };
 
-// Pictures of the window work always, all else not while something is typed.
+// Keys for pictures of the window always work. All others do not work while the user types text.
 void TakeKeys(Viewer& viewer, const std::vector<KeyPress>& keys);
 
-// Of the view that was just laid out as Dear ImGui's current item, at `min`.
+// Handles the pointer in the view, Dear ImGui's current item, laid out at `min`.
 void TakePointer(Viewer& viewer, const ImVec2& min, const ImVec2& size);
 
 void UndoEdit(Viewer& viewer);

@@ -1,6 +1,6 @@
 #include "client/view/app/interface.h"
 
-// Before what brings OpenGL's own header.
+// Must come before headers that include OpenGL's own header.
 #include <epoxy/gl.h>
 
 #include <backends/imgui_impl_opengl3.h>
@@ -18,12 +18,12 @@ namespace palpate::view {
 namespace {
 
 constexpr float kFontPixels = 15.0f;
-// Debian's fonts-dejavu-core; without it Dear ImGui's own font is used.
+// From Debian's fonts-dejavu-core. If it is missing, Dear ImGui's own font is used.
 constexpr const char* kFont = "/usr/share/fonts/truetype/dejavu/DejaVuSans.ttf";
 
 void LoadFont(float scale) {
   ImFontAtlas& fonts = *ImGui::GetIO().Fonts;
-  // Beyond Latin-1 only what the panels use: minus, Greek, times.
+  // Beyond Latin-1, only the characters of the panels: minus, Greek, times.
   static const ImWchar ranges[] = {0x20, 0xff, 0x391, 0x3c9, 0x2013, 0x2026, 0x2212, 0x2212, 0};
   if (std::filesystem::exists(kFont)) {
     fonts.AddFontFromFileTTF(kFont, kFontPixels * scale, nullptr, ranges);
@@ -66,7 +66,7 @@ void DrawPanels(Viewer& viewer, const Layout& layout, float scale) {
 Interface::Interface(float scale) : scale_(scale) {
   IMGUI_CHECKVERSION();
   ImGui::CreateContext();
-  // The layout is fixed: there is nothing to remember.
+  // The layout is fixed, so there is nothing to store.
   ImGui::GetIO().IniFilename = nullptr;
   LoadFont(scale);
   SetStyle(scale);
@@ -97,7 +97,7 @@ void Interface::DrawFrame(Viewer& viewer, const std::vector<KeyPress>& keys,
   glBindFramebuffer(GL_FRAMEBUFFER, framebuffer);
   glViewport(0, 0, pixels.width, pixels.height);
   glDisable(GL_SCISSOR_TEST);
-  // The panels' ground.
+  // The panels' background.
   const ImVec4& ground = ImGui::GetStyle().Colors[ImGuiCol_WindowBg];
   glClearColor(ground.x, ground.y, ground.z, 1.0f);
   glClear(GL_COLOR_BUFFER_BIT);

@@ -1,7 +1,7 @@
-// Everything on the screen: view and panels, by Dear ImGui. A window or an offscreen
-// program feeds it.
+// The whole screen, view and panels, by Dear ImGui. A window or an offscreen program gives it the
+// input.
 //
-// Threads: that of the current OpenGL context, which outlives it. One at a time.
+// Threads: that of the current OpenGL context, which must outlive it. One at a time.
 #pragma once
 
 #include <vector>
@@ -19,11 +19,11 @@ class Interface {
   Interface(const Interface&) = delete;
   Interface& operator=(const Interface&) = delete;
 
-  // One frame, once Dear ImGui knows pointer and size: lays out and draws into the
-  // framebuffer that is 0 (the window) or a name of OpenGL.
+  // Lays out and draws one frame. Call it when Dear ImGui knows pointer and size. Draws into the
+  // given framebuffer: 0 (the window) or an OpenGL name.
   void DrawFrame(Viewer& viewer, const std::vector<KeyPress>& keys, const ImageSize& pixels,
                  unsigned framebuffer);
-  // The view of the last frame.
+  // The size of the view in the last frame.
   const ImageSize& view_pixels() const { return view_pixels_; }
 
  private:
@@ -31,7 +31,7 @@ class Interface {
   ImageSize view_pixels_;
 };
 
-// What was drawn into the framebuffer that is bound for reading.
+// Reads the picture from the framebuffer that is bound for reading.
 Image ReadPixels(const ImageSize& size);
 
 }  // namespace palpate::view

@@ -1,4 +1,4 @@
-// Where the panels are: fixed, so that a hand finds them again, and a test too.
+// The places of the panels. They are fixed, so that users and tests find them again.
 //
 // Pixels of the screen from its upper left corner. Threads: pure.
 #pragma once
@@ -21,8 +21,8 @@ struct Layout {
   Area left;
   Area right;
   Area view;
-  Area series;  // below the view, where there is a series
-  Area slices;  // below that
+  Area series;  // below the view, if there is a series
+  Area slices;  // below the series
 };
 
 struct LayoutParts {
@@ -52,7 +52,7 @@ inline Layout LayOut(const ImVec2& screen, float scale, const LayoutParts& parts
   return layout;
 }
 
-// Of an area, in whole pixels.
+// The size of an area in whole pixels.
 inline ImageSize PixelsOf(const ImVec2& size) {
   const ImVec2 scale = ImGui::GetIO().DisplayFramebufferScale;
   return {std::max(1, static_cast<int>(size.x * scale.x)),

@@ -1,4 +1,4 @@
-// palpate-view: shows what palpated makes felt, in a window or into a file.
+// palpate-view: shows in a window or a file what palpated makes users feel.
 #include <csignal>
 #include <cstdio>
 #include <exception>
@@ -33,7 +33,7 @@ void Main(const Options& options) {
 
 int main(int argc, char** argv) {
   using palpate::ErrorKind;
-  // A closed output is an error of write(), not the end of the process.
+  // A write to a closed output must return an error, and not end the process.
   std::signal(SIGPIPE, SIG_IGN);
   palpate::client::Calls::SilenceTransport();
   int exit_code = 0;

@@ -1,6 +1,6 @@
 #include "client/view/app/offscreen.h"
 
-// Before what brings OpenGL's own header.
+// Must come before headers that include OpenGL's own header.
 #include <epoxy/gl.h>
 
 #include <fmt/format.h>
@@ -27,9 +27,9 @@ using Clock = std::chrono::steady_clock;
 
 constexpr std::chrono::milliseconds kFrame(16);
 constexpr std::chrono::milliseconds kBrickTime(100);
-// Until volume and poses are there, and again until the stylus touches.
+// The longest wait for volume and poses, and again for the stylus to touch.
 constexpr std::chrono::seconds kPatience(60);
-// Frames after which Dear ImGui has the sizes of all that it lays out.
+// After this many frames, Dear ImGui knows the sizes of everything that it lays out.
 constexpr int kPanelFrames = 3;
 
 // A framebuffer that panels are drawn into.
@@ -84,7 +84,7 @@ std::string WhatIsMissing(const Viewer& viewer) {
   return fmt::format("no poses came within {} s", kPatience.count());
 }
 
-// Updates until `holds`; false after the patience.
+// Updates until `holds` returns true. Returns false after kPatience.
 template <typename Condition>
 bool Await(Viewer& viewer, const Condition& holds) {
   const auto end = Clock::now() + kPatience;
@@ -99,7 +99,7 @@ bool Await(Viewer& viewer, const Condition& holds) {
 
 void AwaitScene(Viewer& viewer, const Options& options) {
   const LiveFeed& feed = viewer.feed();
-  // A daemon that is not there at the start is no reason to wait.
+  // If the daemon is absent at the start, do not wait for it.
   const bool here = Await(viewer, [&] {
     return viewer.complete() || feed.connection().state == client::ConnectionState::kLost ||
            !viewer.volume_problem().empty();
@@ -136,7 +136,7 @@ class Offscreen {
     const int most = options_.seconds > 0.0 ? 0 : std::max(1, options_.frames);
     while (!Interrupt::IsRaised()) {
       const auto frame = Clock::now();
-      // The first shows what was waited for.
+      // The first frame shows the state that was waited for.
       if (log.frames() > 0) viewer_.Update(kBrickTime);
       RequireConnection();
       log.Add(viewer_);
@@ -153,7 +153,7 @@ class Offscreen {
   }
 
  private:
-  // What would be drawn is no longer so.
+  // Throws if the connection is lost: the picture would be out of date.
   void RequireConnection() const {
     const client::Connection connection = viewer_.feed().connection();
     if (connection.state == client::ConnectionState::kConnected) return;
@@ -182,7 +182,7 @@ void RunOffscreen(const Options& options) {
   Viewer viewer(options);
   viewer.AllowCoarse(false);
   AwaitScene(viewer, options);
-  // As the stylus is now.
+  // Aim at the stylus as it is now.
   viewer.Aim();
   Offscreen offscreen(options, viewer);
   FrameLog log;

@@ -16,7 +16,7 @@ namespace {
 
 using Text = std::optional<std::string>;
 
-// What stays text while the command line is parsed.
+// Options that stay texts while the command line is parsed.
 struct Texts {
   Text size;
   Text camera;
@@ -37,7 +37,7 @@ struct Texts {
   throw arguments::UsageError(fmt::format("{} cannot be '{}': give {}", name, text, form));
 }
 
-// "1,-2.5,3" with `least` to `most` numbers; empty where it is not that.
+// Parses `least` to `most` numbers such as "1,-2.5,3". Returns an empty list for any other text.
 std::vector<double> Numbers(const std::string& text, std::size_t least, std::size_t most) {
   std::vector<double> numbers;
   std::istringstream parts(text);

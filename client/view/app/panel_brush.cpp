@@ -36,7 +36,7 @@ void EditBrush(Viewer& viewer) {
   ImGui::EndDisabled();
 }
 
-// All voxels; a step of the brush's history.
+// Filters all voxels, as one step of the brush's history.
 void Denoise(Viewer& viewer) {
   static const char* const kinds[] = {"gaussian", "mean", "median"};
   Denoiser& denoiser = viewer.feed().denoiser();

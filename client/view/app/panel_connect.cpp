@@ -35,7 +35,7 @@ void Connect(Viewer& viewer, const client::ServerChoice& server) {
   }
 }
 
-// What is now, and why it is not what it should be.
+// Shows the state of the connection, and the reason if it is lost.
 void ShowConnection(const Viewer& viewer) {
   const LiveFeed& feed = viewer.feed();
   const client::Connection connection = feed.connection();

@@ -17,15 +17,16 @@ void EditCrop(CropBox& crop) {
                                 ImGuiSliderFlags_AlwaysClamp)) {
       continue;
     }
-    // Something is left always.
+    // At least 1 % of the volume stays visible.
     crop.min[axis] = std::min(static_cast<double>(percent[0]) / 100.0, 0.99);
     crop.max[axis] = std::max(static_cast<double>(percent[1]) / 100.0, crop.min[axis] + 0.01);
   }
   if (ImGui::Button("Whole volume")) crop = {};
 }
 
-// Of the lattice with its layer of background along the plane's normal, voxels: at its
-// ends the plane cuts nothing, and everything.
+// The range of the plane's offset in voxels: the extent of the lattice, with its layer of
+// background, along the plane's normal. At one end the plane cuts nothing, at the other end
+// everything.
 std::array<double, 2> Extent(const ClipPlane& plane, const Vec3i& size) {
   const Vec3 one = -plane.normal_I;
   const Vec3 other = plane.normal_I.cwiseProduct(size.cast<double>());
@@ -38,12 +39,12 @@ void Place(ClipPlane& plane, const Vec3& normal_I, const Vec3i& size) {
   plane.offset_voxels = 0.5 * (least + most);
 }
 
-// Across the line of sight: what is nearer is cut away.
+// The normal along the line of sight: the cut removes what is nearer to the viewer.
 Vec3 NormalToViewer(const Viewer& viewer) {
   const Camera& camera = viewer.state().camera;
   const Vec3 normal_D = camera.Eye() - camera.target();
   const auto& X_DI = viewer.feed().volume().X_DI();
-  // Normals are covectors.
+  // Normals transform as covectors.
   return X_DI ? Vec3(X_DI->linear.transpose() * normal_D) : normal_D;
 }
 

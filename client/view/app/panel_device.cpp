@@ -32,7 +32,7 @@ const char* NameOf(client::ForceState state) {
   return "unknown";
 }
 
-// Why forces are not on, as far as it is not said by the state.
+// Says why forces are not on, if the state does not already say it.
 const char* InWords(client::ForceReason reason) {
   switch (reason) {
     case client::ForceReason::kUnknown:
@@ -79,12 +79,12 @@ void Enable(Viewer& viewer, const std::string& kind) {
                               [kind](client::Client& client) { client.EnableForces(kind); });
 }
 
-// A device whose forces nobody has seen is enabled by its name only.
+// If the forces of a device were never verified, it is enabled only by its name.
 void ConfirmEnable(Viewer& viewer, const client::DeviceInfo& device) {
   if (!ImGui::BeginPopupModal("Enable forces?", nullptr, ImGuiWindowFlags_AlwaysAutoResize)) return;
   ImGui::Text("The forces of %s were never verified.", device.model.c_str());
   ImGui::Text("Hold the stylus firmly, and have Esc ready, the emergency stop.");
-  // What Dear ImGui sees after ### is the button; what is before may be anything.
+  // Dear ImGui identifies the button by the text after ###. The text before may be anything.
   if (ImGui::Button(("Enable " + OneLine(device.kind, 60) + "###enable").c_str())) {
     Enable(viewer, device.kind);
     ImGui::CloseCurrentPopup();
@@ -115,7 +115,7 @@ void EditForces(Viewer& viewer, client::ForceState state,
   if (daemon) ConfirmEnable(viewer, daemon->device);
 }
 
-// Over the last 10 seconds by the clock: where no poses came, there is no line.
+// Draws the last 10 seconds by the clock. While no poses came, there is no line.
 void DrawCurve(const PlotHistory& plots, Plot plot, std::int64_t end_ns, const Area& area) {
   constexpr std::int64_t kGap_ns = 250'000'000;
   ImDrawList& list = *ImGui::GetWindowDrawList();
@@ -123,7 +123,7 @@ void DrawCurve(const PlotHistory& plots, Plot plot, std::int64_t end_ns, const A
   list.AddRectFilled(area.min, max, ImGui::GetColorU32(ImGuiCol_FrameBg), 3.0f);
   const std::span<const float> values = plots.Values(plot);
   const std::span<const std::int64_t> times_ns = plots.Times_ns();
-  // Room above the greatest, and a line at the bottom where all are 0.
+  // Leave room above the greatest value. If all values are 0, the line is at the bottom.
   const float top = plots.Greatest(plot) > 0.0f ? 1.1f * plots.Greatest(plot) : 1.0f;
   std::vector<ImVec2> line;
   const auto finish = [&] {
@@ -144,7 +144,7 @@ void Curve(const Viewer& viewer, Plot plot, const char* name, const char* format
   const PlotHistory& plots = viewer.feed().plots();
   std::array<char, 32> newest{"\xE2\x80\x93"};
   std::array<char, 32> greatest{};
-  // What no longer comes has no value now.
+  // If no poses come any more, there is no present value.
   if (!viewer.feed().silent_s()) {
     std::snprintf(newest.data(), newest.size(), format, static_cast<double>(plots.Newest(plot)));
   }

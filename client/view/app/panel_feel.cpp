@@ -9,7 +9,7 @@
 namespace palpate::view {
 namespace {
 
-// Draws the control of a setting; what the user changed is in `update`.
+// Draws the control of a setting, and puts a change by the user into `update`.
 struct Control {
   Viewer& viewer;
   const client::Setting& setting;
@@ -41,7 +41,7 @@ struct Control {
 void EditSetting(Viewer& viewer, const client::Setting& setting, const client::Settings& settings) {
   client::SettingsUpdate update;
   const bool changed = std::visit(Control{viewer, setting, settings, update}, setting.kind);
-  // Not under the hand that drags.
+  // No tooltip while the user drags.
   if (ImGui::IsItemHovered() && !ImGui::IsItemActive()) {
     ImGui::SetTooltip("%s", setting.help.data());
   }

@@ -22,7 +22,7 @@ struct Scale {
   }
 };
 
-// Logarithmic: a skin of few voxels counts as much as the air around it.
+// Logarithmic, so that a thin skin is as visible as the air around it.
 void DrawBars(const Histogram& histogram, const Scale& scale, double isovalue, bool free_above) {
   ImDrawList& list = *ImGui::GetWindowDrawList();
   const auto& counts = histogram.counts();
@@ -51,7 +51,7 @@ void DrawMark(const Scale& scale, double value, ImU32 color, float width) {
   list.AddTriangleFilled({x - 5.0f, top}, {x + 5.0f, top}, {x, top + 7.0f}, color);
 }
 
-// True where the user drags it.
+// Returns true while the user drags.
 bool DragOnHistogram(Viewer& viewer, float scale_of_screen, double& isovalue) {
   const Histogram& histogram = viewer.feed().volume().histogram();
   const Scale scale{

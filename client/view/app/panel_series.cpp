@@ -14,7 +14,7 @@ void DrawSeriesBar(Viewer& viewer, const Area& area) {
   ImGui::SameLine();
   const double last = series.frames > 0 ? static_cast<double>(series.frames - 1) : 0.0;
   ImGui::SetNextItemWidth(0.34f * area.size.x);
-  // From 0, as for other clients: the last is one less than their number.
+  // Counted from 0, as in other clients: the last frame is one less than the number of frames.
   const std::string format = "at %.1f of 0 to " + std::to_string(static_cast<int>(last));
   if (HeldSlider(viewer, "##position", series.position_frames, 0.0, last, format.c_str())) {
     feed.ControlSeries({.position_frames = series.position_frames});

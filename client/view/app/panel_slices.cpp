@@ -10,8 +10,8 @@
 namespace palpate::view {
 namespace {
 
-// Along the slice's axis, and within it, by pointer and wheel; once it is moved by
-// hand, it no longer follows the proxy.
+// Moves the cross-hair with the pointer, and along the slice's axis with the wheel. When the user
+// has moved the cross-hair, it stops following the proxy.
 void MoveCross(Viewer& viewer, const SliceView& view, const ImVec2& min, const Vec3i& lattice) {
   const ImGuiIO& io = ImGui::GetIO();
   ViewState& state = viewer.state();

@@ -23,7 +23,7 @@ void Dot(const ImVec4& color) {
   ImGui::SameLine();
 }
 
-// In the state's colour, with the way to change it.
+// Begins the button that shows the state in this colour and opens the dialog of the connection.
 void BeginState(Viewer& viewer, const ImVec4& color) {
   Dot(color);
   if (ImGui::Button("Connect\xE2\x80\xA6")) OpenConnectDialog(viewer);
@@ -69,7 +69,7 @@ void ConnectionState(Viewer& viewer) {
 void VolumeState(const Viewer& viewer) {
   const client::VolumeStatus status = viewer.feed().volume_status();
   const auto& lattice = viewer.feed().volume().lattice();
-  // Of a lost connection it says the same once more.
+  // If the connection is lost, the button already shows this text.
   const bool connected = viewer.feed().connection().state == client::ConnectionState::kConnected;
   const std::string problem = status.problem.empty() ? viewer.volume_problem() : status.problem;
   if (!problem.empty() && connected) {
@@ -88,7 +88,7 @@ void VolumeState(const Viewer& viewer) {
   ImGui::SameLine();
   ImGui::TextColored(kDim, "%d \xC3\x97 %d \xC3\x97 %d", lattice->size.x(), lattice->size.y(),
                      lattice->size.z());
-  // On their way here, or to the graphics card.
+  // Bricks on their way to this program, or to the graphics card.
   const std::uint64_t left =
       std::max<std::uint64_t>(status.bricks_left, viewer.renderer().waiting_bricks());
   if (left > 0) {
@@ -115,8 +115,8 @@ float ButtonWidth(const char* label) {
   return ImGui::CalcTextSize(label).x + 2.0f * ImGui::GetStyle().FramePadding.x;
 }
 
-// At the right end; returns where they begin. In a narrow window less is said, so that the
-// connection's state has room.
+// Draws buttons at the right end and returns where they begin. In a narrow window the texts are
+// shorter, so that the state of the connection has room.
 float Buttons(Viewer& viewer, float scale) {
   const bool wide = ImGui::GetWindowWidth() > 500.0f * scale;
   const char* stop = wide ? "STOP FORCES (Esc)" : "STOP";
@@ -148,7 +148,7 @@ void DrawTopBar(Viewer& viewer, const Area& area, float scale) {
   const ImVec2 first = ImGui::GetCursorPos();
   const float buttons = Buttons(viewer, scale);
   ImGui::SetCursorPos(first);
-  // No long line is under them.
+  // Clips long lines, so that they do not lie under the buttons.
   ImGui::PushClipRect(p, {p.x + buttons - 8.0f * scale, p.y + ImGui::GetWindowHeight()}, true);
   ConnectionState(viewer);
   VolumeState(viewer);

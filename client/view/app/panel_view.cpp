@@ -35,7 +35,7 @@ void DrawLegend(const Viewer& viewer, const Area& area, float scale) {
   LegendLine(kForceColor, "force", "on the hand");
   ImGui::EndGroup();
   const auto& pose = viewer.feed().pose();
-  // Nothing old, for it looks like now.
+  // Show nothing while disconnected: old values would look like present ones.
   if (!pose || viewer.feed().connection().state != client::ConnectionState::kConnected) return;
   if (viewer.feed().silent_s()) return;
   const std::string line =
@@ -67,7 +67,7 @@ void DrawMessages(const Viewer& viewer, const Area& area, float scale) {
                                               {at.x + text.x + 8.0f, at.y + text.y + 5.0f},
                                               IM_COL32(15, 17, 20, 220), 4.0f);
     ImGui::SetCursorScreenPos(at);
-    // From the window's left border.
+    // Counted from the window's left border.
     ImGui::PushTextWrapPos(at.x - ImGui::GetWindowPos().x + width);
     ImGui::PushStyleColor(ImGuiCol_Text, message.color);
     ImGui::TextUnformatted(line.c_str());

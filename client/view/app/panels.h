@@ -1,7 +1,7 @@
-// The parts of the screen. Each fills its area; those on the left and on the right have
-// several headings, each in a file of its name.
+// The parts of the screen. Each part fills its area. The parts on the left and right have several
+// headings; each heading has a file of its own.
 //
-// Threads: that of the frames, within one of Dear ImGui's.
+// Threads: that of the frames, within a frame of Dear ImGui.
 #pragma once
 
 #include "client/view/app/layout.h"
@@ -9,7 +9,7 @@
 
 namespace palpate::view {
 
-// Connection, volume, emergency stop: always there.
+// Connection, volume, emergency stop: always visible.
 void DrawTopBar(Viewer& viewer, const Area& area, float scale);
 // The picture, with legend and messages.
 void DrawView(Viewer& viewer, const Area& area, float scale);
@@ -18,7 +18,7 @@ void DrawRightPanels(Viewer& viewer, const Area& area, float scale);
 void DrawSeriesBar(Viewer& viewer, const Area& area);
 void DrawSlices(Viewer& viewer, const Area& area);
 void DrawHelp(Viewer& viewer, float scale);
-// Where palpated is and who we are there; shown until it is closed.
+// Opens the dialog for palpated's address and our credentials. It stays until the user closes it.
 void OpenConnectDialog(Viewer& viewer);
 void DrawConnectDialog(Viewer& viewer, float scale);
 

@@ -38,7 +38,7 @@ void WritePng(const Image& image, const std::string& path) {
       throw std::ios_base::failure(png.message);
     }
   };
-  // A window does not wait for the disk.
+  // Not durable: a window must not wait for the disk.
   WriteWhole(path, write, IfThere::kReplace, Durable::kNo);
 }
 

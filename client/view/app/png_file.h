@@ -1,7 +1,6 @@
 // Pictures as PNG files.
 //
-// Threads: any. Errors: Error with kNotFound for a folder that is not there,
-// kPermissionDenied, kInternal (a full disk).
+// Threads: any. Errors: kNotFound (no such folder), kPermissionDenied, kInternal (a full disk).
 #pragma once
 
 #include <string>
@@ -10,15 +9,15 @@
 
 namespace palpate::view {
 
-// The whole file, in place of an earlier one, or none. Alpha is left out: pictures
-// are opaque.
+// Writes the complete file, replacing an earlier one, or nothing. Alpha is left out: pictures are
+// opaque.
 void WritePng(const Image& image, const std::string& path);
 
-// That a file of this name can be begun: as WritePng would say, but before the work.
+// Checks before the work that WritePng could begin a file of this name. Throws its errors.
 void RequireWritable(const std::string& path);
 
-// "palpate-20260131-174502.png" of local time, in the current folder; with "-2" and so
-// on where that is taken.
+// Returns "palpate-20260131-174502.png" with the local time, in the current folder. If the name is
+// taken: with "-2" and so on.
 std::string NewPictureName();
 
 }  // namespace palpate::view

@@ -8,7 +8,7 @@ namespace palpate::view {
 namespace {
 
 constexpr double kStep_px = 2.0;
-// Where depth changes so much more than the place beside it, it is no slope.
+// If the depth changes this many times more than next to it, there is an edge and not a slope.
 constexpr double kSteepest = 4.0;
 
 }  // namespace

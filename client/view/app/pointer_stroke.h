@@ -1,6 +1,6 @@
-// A stroke of the brush by the pointer: along the surface as it was seen when the button
-// went down. The edits of the stroke move the surface; were it followed, a pointer at rest
-// would bore through the volume, and a slow one dig ever deeper.
+// A stroke of the brush with the pointer. It follows the surface as it was when the button was
+// pressed. The stroke's own edits move the surface. If the stroke followed the moved surface, a
+// pointer at rest would bore through the volume, and a slow one would dig ever deeper.
 //
 // Pixels of the view from its upper left corner. Frame: D (mm).
 // Threads: that of the frames.
@@ -14,13 +14,14 @@
 
 namespace palpate::view {
 
-// The surface that a picture shows.
+// The surface in a picture.
 struct SeenSurface {
-  ImageSize size;  // of the picture, which may have fewer pixels than the view
+  ImageSize size;  // of the picture; it may have fewer pixels than the view
   Camera camera;
-  std::vector<float> distances_mm;  // from the eye; infinite where there is none
+  std::vector<float> distances_mm;  // from the eye; infinite where there is no surface
 
-  // Under a point of the view of that size; none beside the surface.
+  // Returns the surface's point under a point of the view, which has the size `view`; none beside
+  // the surface.
   std::optional<Vec3> At(const Eigen::Vector2d& point_px, const ImageSize& view) const;
 };
 
@@ -28,18 +29,18 @@ class PointerStroke {
  public:
   struct Sink {
     std::function<void(const Vec3& p_D)> draw;
-    std::function<void()> lift;  // what comes next is not beside what came before
+    std::function<void()> lift;  // called before a point that does not continue the line
   };
 
-  // The button is held since Begin: the pointer belongs to the stroke, also where it was
-  // broken off.
+  // True from Begin until the button is released, also if the stroke was broken off: the pointer
+  // still belongs to the stroke.
   bool has_pointer() const { return has_pointer_; }
 
-  // False where no surface is under the pointer. `jump_mm`: neighbours that are so much
-  // farther from the eye are another surface.
+  // Returns false if no surface is under the pointer. `jump_mm`: a neighbour that is this much
+  // farther from the eye belongs to another surface.
   bool Begin(SeenSurface surface, const Eigen::Vector2d& at_px, const ImageSize& view,
              double jump_mm, const Sink& sink);
-  // Along a straight line, in steps of pixels.
+  // Moves along a straight line, in steps of pixels.
   void MoveTo(const Eigen::Vector2d& at_px, const ImageSize& view, const Sink& sink);
   // Draws nothing more until the next Begin.
   void BreakOff() { surface_.reset(); }

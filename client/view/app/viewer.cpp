@@ -13,11 +13,11 @@
 namespace palpate::view {
 namespace {
 
-// At a time, so that the clock is looked at often enough.
+// Bricks per step. The clock is checked between the steps.
 constexpr std::size_t kBricksAtOnce = 256;
-// A cast that takes longer than that is felt while the camera moves.
+// The user feels casts above this time while the camera moves.
 constexpr double kSlowCast_ms = 40.0;
-// Nothing moved for so long: all pixels.
+// After this time without motion, draw all pixels.
 constexpr std::chrono::milliseconds kStill(250);
 constexpr std::chrono::seconds kMessageTime(5);
 
@@ -26,7 +26,7 @@ bool SameVolume(const VolumeLattice& a, const VolumeLattice& b) {
          a.value_min == b.value_min && a.value_max == b.value_max;
 }
 
-// What this OpenGL can draw into, in the same shape.
+// Limits the size to what this OpenGL can draw, with the same shape.
 ImageSize Drawable(const ImageSize& size) {
   static const int most = [] {
     GLint texture = 0;
@@ -75,7 +75,7 @@ void Viewer::Update(std::chrono::milliseconds brick_time) {
 }
 
 bool Viewer::complete() const {
-  // Of what was taken up, for the daemon's volume may be further already.
+  // Counts the volume that was received, because the daemon's volume may be newer.
   const bool whole = begun_ && feed_.volume().bricks_left() == 0 && !bricks_left_;
   return feed_.connection().state == client::ConnectionState::kConnected && whole && aimed_ &&
          volume_problem().empty() && feed_.pose() && feed_.settings();
@@ -99,12 +99,12 @@ void Viewer::TakeUp(std::chrono::milliseconds brick_time) {
   } while (bricks_left_ && Clock::now() < end);
 }
 
-// True where nothing is left.
+// Returns true if no brick is left.
 bool Viewer::TakeUpSome() {
   try {
     return renderer_.TakeUp(feed_.volume(), kBricksAtOnce);
   } catch (const Error& error) {
-    // Once, when such a volume begins; the renderer then has none.
+    // Thrown once, when the volume begins. The renderer then has no volume.
     if (error.kind() != ErrorKind::kTooLarge) throw;
     refused_ = error.what();
     refused_size_ = feed_.volume().lattice()->size;
@@ -115,7 +115,7 @@ bool Viewer::TakeUpSome() {
 void Viewer::BeginVolumeIfNew() {
   const ViewVolume& volume = feed_.volume();
   if (!volume.lattice() || !volume.X_DI()) return;
-  // The same volume again, as after a reconnect, keeps the view.
+  // The same volume again, as after a reconnection, keeps the view.
   if (begun_ && SameVolume(*begun_, *volume.lattice())) return;
   const VolumeLattice& lattice = *volume.lattice();
   SurfaceOptions& surface = state_.surface;
@@ -169,7 +169,7 @@ void Viewer::Aim() {
   if (options_.camera && options_.camera->in_profile && aimed_) AimInProfile();
 }
 
-// A little above the surface, for it may curve up on the way.
+// A little above the surface, because the surface may curve up on the way.
 void Viewer::AimInProfile() {
   const client::Pose& pose = *feed_.pose();
   const Vec3 normal = pose.scp_h_normal.value_or(Vec3::UnitY());
@@ -223,7 +223,7 @@ void Viewer::Draw(const ImageSize& size) {
                   .surface = state_.surface,
                   .version = feed_.volume().version()};
   if (seen_ != seen) {
-    // The first picture of a view is no motion.
+    // The first picture of a view does not count as motion.
     if (seen_) changed_at_ = Clock::now();
     seen_ = seen;
   }

@@ -1,9 +1,10 @@
-// The view and what it shows: takes up what comes from palpated, keeps camera, options
-// and cross-hair, and has the picture drawn. Windows and panels read and change it.
+// The view and its state. It takes the data from palpated, keeps camera, options and cross-hair,
+// and draws the picture. Windows and panels read and change it.
 //
 // Frames: D device (mm), I voxels; pixels of the view from its upper left corner.
-// Threads: that of the current OpenGL context. Errors: as LiveFeed and FrameRenderer, but
-// for volumes that are too large: window and emergency stop go on, and the next one comes.
+// Threads: that of the current OpenGL context. Errors: as LiveFeed and FrameRenderer, except for a
+// volume that is too large: then the window and the emergency stop still work, and the next volume
+// is shown.
 #pragma once
 
 #include <array>
@@ -26,25 +27,25 @@ namespace palpate::view {
 struct ConnectForm {
   bool shown = false;
   std::vector<client::Profile> profiles{};
-  std::string profiles_problem{};  // why there are none
+  std::string profiles_problem{};  // why there are no profiles
   client::ServerChoice typed{};
   std::string problem{};  // of the last attempt; empty: none
 };
 
-// What the user sets.
+// Everything that the user sets.
 struct ViewState {
   Camera camera;
-  SurfaceOptions surface;  // isovalue and free side are palpated's
+  SurfaceOptions surface;  // isovalue and free side come from palpated
   OverlayOptions overlay;
   BrushOptions brush;
   client::Filter denoise{};
-  // Where the slices cross.
+  // The point where the slices cross.
   bool cross_follows_proxy = true;
   Vec3 cross_I = Vec3::Zero();
 
-  // Planes that were put somewhere: their offsets mean something.
+  // True for planes that the user has placed: their offsets are valid.
   std::array<bool, std::tuple_size_v<decltype(SurfaceOptions::planes)>> planes_placed{};
-  // The pointer's way since the frame before, pixels of the screen.
+  // The pointer's path since the last frame, in pixels of the screen.
   std::vector<Eigen::Vector2d> pointer_way{};
 
   bool panels_shown = true;
@@ -52,7 +53,7 @@ struct ViewState {
   bool help_shown = false;
   ConnectForm connect{};
   std::string recording_path{};  // on the daemon's machine
-  // Wanted, and fulfilled at the end of the frame.
+  // Requested; done at the end of the frame.
   bool view_picture_wanted = false;
   bool window_picture_wanted = false;
 };
@@ -61,40 +62,40 @@ class Viewer {
  public:
   explicit Viewer(const Options& options);
 
-  // To another palpated. Errors: as LiveFeed's, and nothing has changed.
+  // Connects to another palpated. Errors: as LiveFeed's; nothing has changed then.
   void Connect(const client::ServerChoice& server);
-  // The one that it was told last.
+  // The palpated of the last Connect.
   const client::ServerChoice& server() const { return options_.server; }
 
-  // Takes up what came, and spends about so long on bricks of the volume.
+  // Takes new data, and spends about `brick_time` on bricks of the volume.
   void Update(std::chrono::milliseconds brick_time);
-  // Nothing of the volume is missing, and stylus and settings are known.
+  // True if no part of the volume is missing, and stylus and settings are known.
   bool complete() const;
   // Why the volume cannot be drawn here; empty: it can.
   std::string volume_problem() const;
-  // Turns the camera to where the options want it.
+  // Turns the camera as the options say.
   void Aim();
 
-  // Into renderer().DrawnTexture(). May draw fewer pixels while things move, where a
-  // cast takes long and no picture of it is wanted.
+  // Draws into renderer().DrawnTexture(). If casts are slow, draws fewer pixels while things move,
+  // unless a picture of the view is wanted.
   void Draw(const ImageSize& size);
-  // All of them, always.
+  // Always draws all pixels.
   void DrawFine(const ImageSize& size);
   void AllowCoarse(bool allowed) { coarse_allowed_ = allowed; }
-  // The surface under a point of the view of that size, in D.
+  // Returns the surface under a point of the view, which has the size `size`, in D.
   std::optional<Vec3> SurfaceAt(double x_px, double y_px, const ImageSize& size) const;
 
-  // All of it, as in the last picture.
+  // Returns the whole surface of the last picture.
   SeenSurface seen_surface() const;
-  // The name of its texture. While the slices only follow the proxy, one of them is drawn
-  // anew in each frame, for three would cost more than the view.
+  // Returns the OpenGL name of the slice's texture. While the slices only follow the proxy, each
+  // frame draws only one slice anew: three would cost more than the view.
   unsigned Slice(const SliceRequest& request);
 
-  // Settings of palpated that are changed here: the user's until palpated has them.
+  // Settings of palpated that the user is changing here: the user's value until palpated has it.
   HeldValues& held() { return held_; }
   static constexpr unsigned kIsovalueControl = 1;
 
-  // A line for the user, shown for some seconds.
+  // Shows a line to the user for some seconds.
   void Say(const std::string& message);
   std::string message() const;
 
@@ -111,7 +112,7 @@ class Viewer {
  private:
   using Clock = std::chrono::steady_clock;
 
-  // What a cast depends on.
+  // Everything that a cast depends on.
   struct Seen {
     ImageSize size;
     Camera camera;
@@ -119,7 +120,7 @@ class Viewer {
     std::uint64_t version = 0;
     friend bool operator==(const Seen&, const Seen&) = default;
   };
-  // What the wireframe of H depends on.
+  // Everything that the wireframe of H depends on.
   struct Felt {
     Vec3i cell = Vec3i::Zero();
     double isovalue = 0.0;
@@ -135,7 +136,7 @@ class Viewer {
   void FollowSettings();
   void FollowProxy();
   void UpdateHapticLines(const Vec3& p_I);
-  // `view`: the size on the screen, for what does not change with the picture's pixels.
+  // `view`: the size on the screen, for things whose size does not depend on the picture's pixels.
   void DrawAt(const ImageSize& size, const ImageSize& view);
   std::optional<Bounds> VolumeBounds() const;
   void AimInProfile();
@@ -148,10 +149,10 @@ class Viewer {
   ViewState state_;
   HeldValues held_;
 
-  std::optional<VolumeLattice> begun_;  // the volume that the view was set up for
+  std::optional<VolumeLattice> begun_;  // the volume for which the view was set up
   bool aimed_ = false;
   bool bricks_left_ = true;
-  std::string refused_;  // why, of the volume that the renderer did not take
+  std::string refused_;  // why the renderer refused the volume; empty: it did not
   Vec3i refused_size_ = Vec3i::Zero();
 
   struct DrawnSlice {
@@ -160,7 +161,7 @@ class Viewer {
     unsigned texture = 0;  // 0: not drawn yet
   };
   std::array<DrawnSlice, 3> slices_;
-  // Rises with whatever changes what the renderer has of the volume.
+  // Rises with every change of the renderer's copy of the volume.
   std::uint64_t taken_version_ = 0;
   std::uint64_t volume_version_ = 0;
   std::optional<AffineMap> taken_X_DI_;
@@ -174,7 +175,7 @@ class Viewer {
   ImageSize drawn_size_;
   Camera drawn_camera_;
   bool coarse_allowed_ = true;
-  double last_cast_ms_ = 0.0;  // of all pixels
+  double last_cast_ms_ = 0.0;  // of a cast with all pixels
 
   std::string message_;
   Clock::time_point message_until_{};

@@ -17,34 +17,36 @@
 
 namespace palpate::view {
 
-// A panel that stays where it is, on the ground that the frame was cleared to: to fill it
-// again would cost more than what is in it. Always followed by ImGui::End.
+// Begins a panel that cannot be moved. It has no background of its own: the frame was already
+// cleared to that colour, and filling it again would cost more than the content. Always call
+// ImGui::End afterwards.
 void BeginPanel(const char* name, const Area& area, ImGuiWindowFlags more = 0);
 
 bool DragDouble(const char* label, double& value, double speed, double least, double most,
                 const char* format);
 
-// Text of palpated or of a file, for one line: at most so many bytes, without what would
-// begin another line. Never a format of printf, which formats of Dear ImGui are.
+// Makes one line of at most `most_bytes` from text of palpated or of a file: removes what would
+// begin another line. Do not use the result as a format: Dear ImGui's formats are printf formats.
 std::string OneLine(std::string_view text, std::size_t most_bytes);
 
-// A unit of a volume, beside the number that was just drawn.
+// Draws a volume's unit beside the number just drawn.
 void UnitText(const std::string& unit);
 
-// A setting of palpated: true where the user changed it, `value` then is the user's.
+// Draws a slider for a setting of palpated. Returns true if the user changed it; `value` is then
+// the user's.
 bool HeldSlider(Viewer& viewer, const char* label, double& value, double least, double most,
                 const char* format);
 bool HeldCheckbox(Viewer& viewer, const char* label, bool& value);
-// `place` among `words`.
+// The same for a choice: `place` is the index in `words`.
 bool HeldChoice(Viewer& viewer, const char* label, std::size_t& place,
                 std::span<const std::string_view> words);
 
-// What follows may be used by roles from `least` on; for others it is grey, and a line says so.
-// Always followed by EndAllowed.
+// The controls that follow are for roles from `least` on. For other roles they are grey, and a line
+// says why. Always call EndAllowed afterwards.
 void BeginAllowed(const Viewer& viewer, client::Role least);
 void EndAllowed();
 
-// Choice of one of `names`.
+// Draws a choice of `names`.
 bool Choose(const char* label, int& choice, const char* const* names, int count);
 
 ImVec4 ColorOf(const std::array<std::uint8_t, 4>& rgba);

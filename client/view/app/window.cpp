@@ -1,6 +1,6 @@
 #include "client/view/app/window.h"
 
-// Before what brings OpenGL's own header.
+// Must come before headers that include OpenGL's own header.
 #include <epoxy/gl.h>
 
 #define GLFW_INCLUDE_NONE
@@ -29,17 +29,17 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-// 60 frames per second at most, a little less so that screens of 60 Hz set the pace.
+// At most 60 frames per second. A little shorter than 1/60 s, so that 60 Hz screens set the pace.
 constexpr std::chrono::milliseconds kFrame(16);
 constexpr std::chrono::milliseconds kLongestRest(250);
 constexpr std::chrono::milliseconds kBrickTime(8);
-// With panels at both sides and a view between.
+// Room for the panels on both sides and a view between them.
 constexpr ImageSize kLeast{640, 400};
 
 class Glfw {
  public:
   Glfw() {
-    // Its own line is in the error below.
+    // No callback: the error below has GLFW's text.
     glfwSetErrorCallback(nullptr);
     if (!glfwInit()) Refuse("cannot open a window");
   }
@@ -65,7 +65,7 @@ WindowPtr OpenWindow(const ImageSize& size) {
   glfwWindowHint(GLFW_CONTEXT_VERSION_MINOR, 3);
   glfwWindowHint(GLFW_OPENGL_PROFILE, GLFW_OPENGL_CORE_PROFILE);
   glfwWindowHint(GLFW_SCALE_TO_MONITOR, GLFW_TRUE);
-  // Limits count for what comes after.
+  // The limits hold only for later changes of the size.
   const int width = std::max(size.width, kLeast.width);
   const int height = std::max(size.height, kLeast.height);
   WindowPtr window(glfwCreateWindow(width, height, "Palpate", nullptr, nullptr));
@@ -84,7 +84,7 @@ float ScaleOf(GLFWwindow* window) {
   return std::max({1.0f, x, y});
 }
 
-// Of what is about to be shown.
+// Saves the picture that is about to be shown.
 std::string SaveWindow(const ImageSize& pixels) {
   glBindFramebuffer(GL_FRAMEBUFFER, 0);
   glReadBuffer(GL_BACK);
@@ -115,7 +115,7 @@ void SavePictures(Viewer& viewer, const ImageSize& pixels, const ImageSize& view
   }
 }
 
-// What a task bar shows.
+// The title in the task bar.
 std::string TitleOf(const Viewer& viewer) {
   const auto& lattice = viewer.feed().volume().lattice();
   if (viewer.feed().is_disconnected()) return "Palpate: not connected";
@@ -131,7 +131,7 @@ std::string TitleOf(const Viewer& viewer) {
   return "Palpate: " + OneLine(std::filesystem::path(lattice->source).filename().string(), 200);
 }
 
-// The rest of a frame's time; less where a key or a button wants a frame of its own.
+// Waits for the rest of a frame's time, or until a key or button needs a frame of its own.
 void RestUntil(Clock::time_point end, const WindowInput& input) {
   for (auto now = Clock::now(); now < end && !input.is_urgent(); now = Clock::now()) {
     glfwWaitEventsTimeout(std::chrono::duration<double>(end - now).count());
@@ -179,11 +179,11 @@ void RunWindow(const Options& options) {
     viewer.state().pointer_way = input.way();
     interface.DrawFrame(viewer, input.TakeKeys(), pixels, 0);
     SavePictures(viewer, pixels, interface.view_pixels());
-    // The work is over before the swap, which may wait for the screen.
+    // Finish the work before the swap, which may wait for the screen.
     glFinish();
     const auto worked = Clock::now() - frame;
     glfwSwapBuffers(window.get());
-    // Where frames are slow, as in software, half of the time is left to others.
+    // If frames are slow, as with software OpenGL, half of the time is left to other programs.
     RestUntil(frame + std::max<Clock::duration>(
                           kFrame, worked + std::min<Clock::duration>(worked, kLongestRest)),
               input);

@@ -12,7 +12,7 @@ namespace palpate::view {
 WindowInput::WindowInput(GLFWwindow* window, std::function<void()> stop) : stop_(std::move(stop)) {
   glfwSetWindowUserPointer(window, this);
   glfwGetCursorPos(window, &newest_.x, &newest_.y);
-  // Before Dear ImGui's callbacks, which call them.
+  // Installed before Dear ImGui's callbacks, which then call these.
   glfwSetKeyCallback(window, OnKey);
   glfwSetMouseButtonCallback(window, OnButton);
   glfwSetCursorPosCallback(window, OnMove);
@@ -33,7 +33,7 @@ void WindowInput::BeginFrame() {
   while (!waiting_.empty()) {
     const PointerEvent event = waiting_.front();
     const bool changes = event.down != down_;
-    // Where a drag ends is seen before the button goes up.
+    // Show the end of the pointer's motion before the button is released.
     if (changes && moved) break;
     waiting_.pop_front();
     ++shown_;
@@ -63,7 +63,7 @@ std::vector<KeyPress> WindowInput::TakeKeys() {
   return taken;
 }
 
-// By what is printed on the key, so that ctrl+Z is where it is on every keyboard.
+// Uses the letter printed on the key, so that ctrl+Z works on every keyboard layout.
 void WindowInput::OnKey(GLFWwindow* window, int key, int scancode, int action, int modifiers) {
   if (action != GLFW_PRESS) return;
   KeyPress press{.key = {}, .ctrl = (modifiers & GLFW_MOD_CONTROL) != 0};
@@ -88,7 +88,7 @@ void WindowInput::OnButton(GLFWwindow* window, int button, int action, int) {
   WindowInput& input = Of(window);
   if (button < 0 || button >= static_cast<int>(input.newest_.down.size())) return;
   input.newest_.down[static_cast<std::size_t>(button)] = action == GLFW_PRESS;
-  // Where the last event had the pointer: asked for now, it may be further already.
+  // The pointer's place at the last event. GLFW's present place may already be farther.
   input.waiting_.push_back(input.newest_);
 }
 

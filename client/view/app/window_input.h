@@ -1,11 +1,11 @@
-// Pointer and keys of a window, for Dear ImGui and for us.
+// Pointer and keys of a window, for Dear ImGui and for the viewer.
 //
-// Dear ImGui sees the state at each frame, and would lose a click that begins and ends
-// within a slow one, and the way to where it ends: here each change of a button gets a
-// frame of its own, after that of the way to it.
+// Dear ImGui sees only the state at each frame. In a slow frame it would lose a click that begins
+// and ends within the frame, and the motion before the click. So each change of a button gets a
+// frame of its own here, after the frame with the motion.
 //
-// Threads: main. Ownership: the window and Dear ImGui's context outlive it; takes the
-// window's user pointer.
+// Threads: main. Ownership: the window and Dear ImGui's context must outlive it. Uses the window's
+// user pointer.
 #pragma once
 
 #include <array>
@@ -22,19 +22,19 @@ namespace palpate::view {
 
 class WindowInput {
  public:
-  // `stop`: called from within the key's event, whatever frames do.
+  // `stop`: called from within the key's event, independent of frames.
   WindowInput(GLFWwindow* window, std::function<void()> stop);
   ~WindowInput();
   WindowInput(const WindowInput&) = delete;
   WindowInput& operator=(const WindowInput&) = delete;
 
-  // Tells Dear ImGui what is to be seen in the next frame.
+  // Gives Dear ImGui the input of the next frame.
   void BeginFrame();
-  // A change of a button or a key waits for its frame.
+  // True if a change of a button or a key waits for its frame.
   bool is_urgent() const;
-  // Since the last call; none before clicks that came earlier.
+  // Returns the keys since the last call; none while earlier clicks still wait.
   std::vector<KeyPress> TakeKeys();
-  // Of the pointer, in what BeginFrame told: its places, pixels of the screen.
+  // The pointer's places in the last BeginFrame, in pixels of the screen.
   const std::vector<Eigen::Vector2d>& way() const { return way_; }
 
  private:
@@ -47,7 +47,7 @@ class WindowInput {
 
   struct WaitingKey {
     KeyPress press;
-    std::uint64_t after = 0;  // so many events of the pointer
+    std::uint64_t after = 0;  // the number of pointer events before it
   };
 
   static WindowInput& Of(GLFWwindow* window);
@@ -57,10 +57,10 @@ class WindowInput {
 
   std::function<void()> stop_;
   std::vector<Eigen::Vector2d> way_;
-  Buttons down_{};  // as Dear ImGui has them
+  Buttons down_{};  // as Dear ImGui knows them
   PointerEvent newest_;
   std::deque<PointerEvent> waiting_;
-  std::uint64_t shown_ = 0;  // events of the pointer, so far
+  std::uint64_t shown_ = 0;  // number of pointer events shown so far
   std::vector<WaitingKey> keys_;
 };
 

@@ -22,7 +22,7 @@ client::Edit EditOf(const BrushOptions& options) {
   return edit;
 }
 
-// On to a point that came before the edit was sent.
+// Extends a waiting edit to a further point.
 void Extend(client::Edit& edit, const Vec3& to_W) {
   if (const auto* sphere = std::get_if<Sphere>(&edit.shape)) {
     edit.shape = Capsule{sphere->center, to_W, sphere->radius};
@@ -33,10 +33,10 @@ void Extend(client::Edit& edit, const Vec3& to_W) {
 
 }  // namespace
 
-// The strokes that can be taken back and done again, newest last.
+// The strokes that can be undone and redone, newest last.
 class Brush::History {
  public:
-  // Of a daemon that may have been started again: it counts its revisions anew.
+  // Begins anew after a reconnection: a restarted daemon counts its revisions anew.
   void Begin(std::uint64_t connection) {
     const std::lock_guard lock(mutex_);
     Forget();
@@ -44,7 +44,7 @@ class Brush::History {
     revision_ = 0;
   }
 
-  // `connection`: of the stroke when it was drawn.
+  // `connection`: the connection when the stroke was drawn.
   void Add(std::uint64_t stroke, std::uint64_t connection, const client::EditResult& result) {
     const std::lock_guard lock(mutex_);
     if (connection != connection_) return;
@@ -75,7 +75,7 @@ class Brush::History {
  private:
   struct DoneStroke {
     std::uint64_t number = 0;
-    int edits = 0;  // that changed something
+    int edits = 0;  // number of edits that changed something
   };
   using Strokes = std::vector<DoneStroke>;
 
@@ -88,7 +88,7 @@ class Brush::History {
     redo_.clear();
   }
 
-  // Edit by edit, for that is what the daemon takes back.
+  // Goes edit by edit, because the daemon undoes single edits.
   template <typename Step>
   void Move(Strokes& from, Strokes& to, const Step& step) {
     std::unique_lock lock(mutex_);
@@ -113,7 +113,7 @@ class Brush::History {
     } catch (const Error& error) {
       const std::lock_guard lock(mutex_);
       Forget();
-      // Without an answer it may be done or not: what is counted here may be one off.
+      // Without an answer, the step may be done or not. The count here may then be wrong by one.
       if (error.kind() != ErrorKind::kConflict) throw;
       throw Error(ErrorKind::kConflict,
                   "the volume was changed by others since, so strokes before stay");
@@ -127,10 +127,10 @@ class Brush::History {
   Strokes redo_;
 };
 
-// An edit that grows until its turn comes.
+// An edit that grows until it can be sent.
 struct Brush::Waiting {
   std::mutex mutex;
-  std::optional<client::Edit> edit;  // none: it was sent
+  std::optional<client::Edit> edit;  // none: already sent
 };
 
 Brush::Brush() : history_(std::make_shared<History>()) {}

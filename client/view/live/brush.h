@@ -1,20 +1,21 @@
-// The edit brush: strokes of the pointer over the surface become edits of the volume,
-// and one undo takes back one stroke.
+// The edit brush: strokes of the pointer over the surface become edits of the volume. One undo
+// takes back one stroke.
 //
-// At most one edit of a stroke is under way and one waits, which grows with the pointer
-// until its turn comes. Edits overlap along a stroke: what adds or subtracts builds up,
-// as an airbrush does.
+// At most one edit of a stroke is running, and one waits. The waiting edit grows with the pointer
+// until it can be sent. Edits overlap along a stroke, so adding and subtracting build up, as with
+// an airbrush.
 //
-// The daemon has one history for all. Strokes are counted by the revisions of the volume
-// that their edits made; where another one is found between (another client's edit, a
-// frame of a series, another volume), strokes before it can no longer be taken back alone,
-// and are forgotten; so are all where the daemon was started again, for it counts anew.
-// Nothing of another client is ever taken back. What the daemon itself has forgotten, for
-// want of memory, counts alike; and so does a step without an answer, for it may be done.
+// The daemon has one history for all clients. The brush counts strokes by the volume revisions of
+// their edits. It forgets strokes that it can no longer undo alone:
+// - strokes before a foreign revision (an edit of another client, a frame of a series, another
+//   volume)
+// - all strokes if the daemon was restarted, because it then counts anew
+// - strokes that the daemon itself has forgotten for lack of memory
+// - strokes around a step without an answer, which may or may not be done
+// So the brush never undoes an edit of another client.
 //
-// Frame: D for points of the surface; edits are sent in W, so that a brush is a ball
-// whatever the voxels' spacing is. Lengths are the volume's mm, which a registration
-// may scale to other mm of D.
+// Frame: D for points of the surface. Edits are sent in W, so that a brush is a ball for every
+// voxel spacing. Lengths are the volume's mm; a registration may scale them to other mm of D.
 // Threads: that of the frames. Errors: in Commands::problem().
 #pragma once
 
@@ -31,7 +32,7 @@ namespace palpate::view {
 struct BrushOptions {
   bool on = false;
   client::EditOperation operation = client::EditOperation::kSubtract;
-  double radius_mm = 3.0;   // of the volume's mm, W
+  double radius_mm = 3.0;   // mm of the volume, W
   double falloff_mm = 1.0;  // likewise
   double value = 0.0;       // data units
   double strength = 0.5;    // for smooth and paint
@@ -44,26 +45,26 @@ class Brush {
   Brush(const Brush&) = delete;
   Brush& operator=(const Brush&) = delete;
 
-  // Once per frame: strokes of a daemon that was started again are forgotten. `losses`:
-  // LiveFeed::losses(), for after a loss it is known late, with the volume, which daemon
-  // is back, and until then another one's revisions look like its own.
+  // Call it once per frame. Forgets strokes if the daemon was restarted. `losses`:
+  // LiveFeed::losses(). After a loss, only the volume tells which daemon is back. Until the volume
+  // arrives, revisions of another daemon look like those of the old one.
   void Follow(const ViewVolume& volume, std::uint64_t losses);
 
-  // A point under the pointer while its button is held; sends a sphere, then capsules
-  // from point to point once the way is a third of the radius. Does nothing where the
-  // brush is off, or the volume is not there or not placed yet.
+  // Call it with the point under the pointer while the button is held. Sends a sphere first, then a
+  // capsule from point to point whenever the path is a third of the radius. Does nothing if the
+  // brush is off, or the volume is missing or has no place yet.
   void Stroke(const BrushOptions& options, const Vec3& p_D, const ViewVolume& volume,
               Commands& commands);
-  // The way to the next point is not along the surface: nothing is drawn along it.
+  // The path to the next point leaves the surface: nothing is drawn along it.
   void Lift();
-  // The button was let go.
+  // Call it when the button was released.
   void End();
 
-  // For an edit that is made elsewhere: what it is told counts as a stroke of its own. May be
-  // called on any thread, once, also when the brush is gone.
+  // For an edit made elsewhere: the result given to the returned function counts as a stroke of its
+  // own. The function may be called once, on any thread, also after the brush is destroyed.
   std::function<void(const client::EditResult&)> OtherStroke();
 
-  // Strokes whose edits changed something, of those that are done.
+  // True if there is a finished stroke whose edits changed something.
   bool CanUndo() const;
   void Undo(Commands& commands);  // the last stroke
   bool CanRedo() const;
@@ -77,7 +78,7 @@ class Brush {
   std::uint64_t stroke_ = 1;
   std::uint64_t daemon_id_ = 0;  // 0: not known yet
   std::uint64_t losses_ = 0;
-  std::uint64_t connection_ = 0;      // counted here; rises with every doubt
+  std::uint64_t connection_ = 0;      // counted here; rises whenever the daemon may be another one
   std::optional<Vec3> last_W_;        // where the newest edit of this stroke ends
   std::shared_ptr<Waiting> waiting_;  // the newest edit of this stroke
 };

@@ -8,7 +8,7 @@
 namespace palpate::view {
 namespace {
 
-// Takes over what another update says of a setting.
+// Copies the value of one setting from another update, if it has one.
 struct MergeOne {
   const client::SettingsUpdate& newer;
   client::SettingsUpdate& waiting;
@@ -18,7 +18,7 @@ struct MergeOne {
       choice.update(waiting, *place);
     }
   }
-  // A number or a flag.
+  // For a number or a flag.
   void operator()(const auto& setting) const {
     if (newer.*setting.update) waiting.*setting.update = newer.*setting.update;
   }
@@ -87,8 +87,8 @@ void Commands::Run() {
   }
 }
 
-// Waits for it; none at the end. By turns where settings wait too, so that a slider
-// that moves on and on holds up nothing.
+// Waits for the next command; returns none at the end. If settings wait, too, they take turns with
+// other commands, so that a moving slider does not block them.
 std::optional<Commands::Command> Commands::Next() {
   std::unique_lock lock(mutex_);
   working_ = false;

@@ -1,10 +1,10 @@
-// What the user asks of palpated, done on a thread of its own, so that no frame waits
-// for the network.
+// Sends the user's commands to palpated on a thread of its own, so that no frame waits for the
+// network.
 //
-// Settings: the newest wins; those that were overtaken before they were sent never
-// travel. All else is done in order, one after the other.
+// Settings: the newest value wins. Values that were overtaken before sending are never sent. All
+// other commands run in order, one after the other.
 //
-// Threads: any. Errors: none are thrown; the last one is kept as a line for people.
+// Threads: any. Errors: none are thrown; the last error is kept as a line for people.
 #pragma once
 
 #include <chrono>
@@ -20,28 +20,28 @@
 
 namespace palpate::view {
 
-// What `newer` says replaces it in `waiting`, key by key.
+// Copies the values of `newer` into `waiting`, key by key.
 void Merge(const client::SettingsUpdate& newer, client::SettingsUpdate& waiting);
 
 class Commands {
  public:
-  // `client` outlives it.
+  // `client` must outlive it.
   explicit Commands(client::Client& client);
-  // What is not begun is dropped; what is under way is waited for, which after
-  // Client::EndCalls is at once.
+  // Drops waiting commands and waits for the running one. After Client::EndCalls, the running one
+  // ends at once.
   ~Commands();
   Commands(const Commands&) = delete;
   Commands& operator=(const Commands&) = delete;
 
-  // Merged with what waits, key by key.
+  // Merges the update with waiting settings, key by key.
   void Set(const client::SettingsUpdate& update);
-  // `name`: "undo", for the line of an error.
+  // `name`: for the text of an error, such as "undo".
   void Do(std::string name, std::function<void(client::Client&)> command);
 
-  // Something waits or is under way.
+  // True if a command waits or runs.
   bool busy() const;
-  // "undo: there is nothing to undo", for kProblemTime; empty: the last command went
-  // well, or that was longer ago. Settings are a command.
+  // The error of the last command, such as "undo: there is nothing to undo". Empty if the last
+  // command succeeded, or failed more than kProblemTime ago. Settings count as a command.
   static constexpr std::chrono::seconds kProblemTime{8};
   std::string problem() const;
 

@@ -1,4 +1,4 @@
-// Filters of the whole volume, one at a time, which may take minutes.
+// Filters of the whole volume, one at a time. A filter may take minutes.
 //
 // Threads: that of the frames; the call has a thread of its own (Commands). Errors: in problem().
 #pragma once
@@ -15,14 +15,15 @@ namespace palpate::view {
 
 class Denoiser {
  public:
-  // `commands`: for nothing else, as they wait for the filter; outlives it.
+  // `commands`: used for nothing else, because commands wait for the filter. It must outlive the
+  // denoiser.
   explicit Denoiser(Commands& commands);
 
-  // Does nothing where a filter runs. `done`: on the thread of the call.
+  // Does nothing if a filter runs. `done`: called on the thread of the call.
   void Start(const client::Filter& filter,
              const std::function<void(const client::EditResult&)>& done);
   void Cancel();
-  // The share done, 0 to 1; none: no filter runs.
+  // The finished fraction, 0 to 1; none: no filter runs.
   std::optional<double> fraction() const;
   std::string problem() const { return commands_.problem(); }
 

@@ -1,4 +1,5 @@
-// The emergency stop, and what became of it: said when it is known, not when it is asked.
+// The emergency stop and its result. The result is shown when it is known, not when the stop is
+// requested.
 //
 // Threads: any. Errors: none; a stop that did not reach palpated is a state.
 #pragma once
@@ -13,16 +14,17 @@ namespace palpate::view {
 
 class EmergencyStop {
  public:
-  // `urgent`: commands that wait behind nothing else; outlives it.
+  // `urgent`: no other commands use it, so the stop never waits. It must outlive this object.
   explicit EmergencyStop(Commands& urgent);
 
-  // Takes all forces away. Where one is under way already, at most one more waits.
+  // Removes all forces. If a stop is running already, at most one more waits.
   void Send();
-  // Once per frame: what was said holds for the connection that it was said of.
+  // Call it once per frame. A shown result is valid only for the connection on which it was
+  // received.
   void Follow(client::ConnectionState connection);
 
   struct Line {
-    std::string text{};  // empty: nothing was asked for
+    std::string text{};  // empty: no stop was requested
     bool is_bad = false;
   };
   Line line() const;

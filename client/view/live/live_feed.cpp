@@ -22,7 +22,7 @@ double AgeMs(const client::Pose& pose) {
   return 1e-6 * static_cast<double>(std::chrono::nanoseconds(now).count() - pose.time_ns);
 }
 
-// None where there is none, and where the daemon is away.
+// Returns none if there is no answer, or the daemon is away.
 template <typename Ask>
 auto AnswerTo(const Ask& ask) -> std::optional<decltype(ask())> {
   try {
@@ -32,11 +32,11 @@ auto AnswerTo(const Ask& ask) -> std::optional<decltype(ask())> {
   }
 }
 
-// Asks for what is not streamed, on a thread of its own.
+// Asks in a thread of its own for what palpated does not stream.
 class Questions {
  public:
   explicit Questions(client::Client& client) : client_(client), thread_([this] { Run(); }) {}
-  // After Client::EndCalls it waits for nothing.
+  // After Client::EndCalls, the destructor does not wait.
   ~Questions() {
     {
       const std::lock_guard lock(mutex_);
@@ -57,7 +57,7 @@ class Questions {
     const std::lock_guard lock(mutex_);
     return answers_;
   }
-  // Asks at once, after what is being asked now.
+  // Asks at once, after the present question.
   void Hurry() {
     {
       const std::lock_guard lock(mutex_);
@@ -90,11 +90,11 @@ class Questions {
   std::thread thread_;
 };
 
-// All poses that came, for frames may be slower than they are.
+// Keeps all poses that came, because frames may be slower than poses.
 class PoseInbox {
  public:
-  // On the pose thread. What nobody takes, as while a window is iconified for long, is not
-  // kept for longer than it is shown.
+  // Called on the pose thread. If no frame takes the poses, as while the window is iconified, they
+  // are kept only as long as the plots show them.
   void Put(const client::PoseBatch& batch) {
     const auto received_ns = std::chrono::nanoseconds(batch.received.time_since_epoch()).count();
     const std::lock_guard lock(mutex_);
@@ -105,7 +105,7 @@ class PoseInbox {
   }
   struct Arrived {
     client::Pose pose;
-    double age_ms = 0.0;  // then; where the clock is shared
+    double age_ms = 0.0;  // when it came, if the clock is shared
   };
   std::deque<Arrived> Take() {
     const std::lock_guard lock(mutex_);
@@ -117,10 +117,10 @@ class PoseInbox {
   std::deque<Arrived> arrived_;
 };
 
-// Controls of the series that wait for their turn.
+// Waiting changes of the series.
 class SeriesControls {
  public:
-  // True where nothing waited: a turn is to be asked for.
+  // Returns true if nothing waited: the caller then requests a command.
   bool Put(const client::SeriesControl& newer) {
     const std::lock_guard lock(mutex_);
     const bool is_first = !waiting_;
@@ -162,11 +162,11 @@ client::ClientOptions Follow(const client::ServerChoice& server, PoseInbox& inbo
 
 }  // namespace
 
-// One connection, and what goes over it.
+// One connection and everything that uses it.
 struct LiveFeed::Line {
   Line(const client::ServerChoice& server, std::atomic<std::uint64_t>& losses)
       : client(Follow(server, inbox, losses)) {}
-  // So that the threads below that call it are joined at once.
+  // Ends the calls, so that the threads below can be joined at once.
   ~Line() { client.EndCalls(); }
 
   PoseInbox inbox;
@@ -203,7 +203,7 @@ void LiveFeed::Connect(const client::ServerChoice& server) {
   Parts& p = *parts_;
   auto line = std::make_unique<Line>(server, p.losses);
   p.line = std::move(line);
-  // Strokes, poses and voxels of the one before mean nothing here.
+  // Strokes, poses and voxels of the previous connection are void.
   ++p.losses;
   client::VolumeUpdate nothing;
   nothing.all = true;
@@ -275,7 +275,7 @@ std::uint64_t LiveFeed::dropped_poses() const { return parts_->line->client.drop
 std::optional<double> LiveFeed::silent_s() const {
   const Parts& p = *parts_;
   if (!p.was_connected) return std::nullopt;
-  // Not until now: a frame that takes long is no silence of palpated.
+  // Measured at the last Poll: a slow frame is not a silence of palpated.
   const auto silent = p.polled_at - std::max(p.pose_came, p.connected_at);
   if (silent < kSilence) return std::nullopt;
   return std::chrono::duration<double>(silent).count();
@@ -300,7 +300,7 @@ const Commands& LiveFeed::commands() const { return parts_->line->commands; }
 Commands& LiveFeed::commands() { return parts_->line->commands; }
 
 void LiveFeed::DoAndAsk(std::string name, std::function<void(client::Client&)> command) {
-  // Commands end before the questions do.
+  // The commands end before the questions do.
   parts_->line->commands.Do(
       std::move(name),
       [&questions = parts_->line->questions, command = std::move(command)](client::Client& client) {

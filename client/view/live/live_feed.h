@@ -1,8 +1,7 @@
-// All that the viewer knows of palpated, taken from the client library alone; asked
-// once per frame.
+// Everything that the viewer knows of palpated, from the client library. Asked once per frame.
 //
-// Threads: one, but for what the client library does behind it. Errors: those of
-// client::Client's constructor; a daemon that is away is a state.
+// Threads: one, except inside the client library. Errors: those of client::Client's constructor. An
+// absent daemon is a state.
 #pragma once
 
 #include <chrono>
@@ -26,21 +25,21 @@ class LiveFeed {
   explicit LiveFeed(const client::ServerChoice& server);
   ~LiveFeed();
 
-  // To another palpated, or the same one anew; from then on all is that one's, and
-  // nothing until it comes. Errors: as the
-  // constructor's, and nothing has changed.
+  // Connects to another palpated, or anew to the same one. From then on all data are from the new
+  // connection; until they arrive there are none. Errors: as the constructor's; nothing has changed
+  // then.
   void Connect(const client::ServerChoice& server);
-  // Until Connect. What was shown stays.
+  // Ends the connection until Connect. The shown data stay.
   void Disconnect();
   bool is_disconnected() const;
-  // An emergency stop is under way, which neither of the two may cut short.
+  // True while an emergency stop is running. Do not call Connect or Disconnect then.
   bool is_stopping() const;
 
-  // Takes up what came since the last call. Waits for nothing.
+  // Takes what came since the last call. Does not wait.
   void Poll();
 
   client::Connection connection() const;
-  // How often it was lost so far, also between two calls of Poll.
+  // The number of losses so far, including those between two calls of Poll.
   std::uint64_t losses() const;
   const std::string& name() const;
   const std::optional<client::Pose>& pose() const;
@@ -49,33 +48,33 @@ class LiveFeed {
   const ViewVolume& volume() const;
   ViewVolume& volume();
   const PlotHistory& plots() const;
-  // Of the newest pose; none over TCP, where clocks may differ.
+  // The age of the newest pose; none over TCP, because the clocks may differ.
   std::optional<double> stream_age_ms() const;
   std::uint64_t dropped_poses() const;
-  // Since the newest pose came, where none has come for longer than kSilence although
-  // palpated is connected: it hangs.
+  // The time since the newest pose came, if it is longer than kSilence although palpated is
+  // connected: palpated hangs.
   static constexpr std::chrono::milliseconds kSilence{500};
   std::optional<double> silent_s() const;
-  // Pose::time_ns of now, where plots end; 0 before the first pose.
+  // The time now on the clock of Pose::time_ns; the plots end there. 0 before the first pose.
   std::int64_t plots_end_ns() const;
 
-  // Asked for in the background about once a second; none where there is none, or the
-  // daemon is away.
+  // Asked for in the background about once a second. None if there is no such thing, or the daemon
+  // is away.
   std::optional<client::DaemonInfo> device() const;
   std::optional<client::SeriesState> series() const;
   std::optional<client::RecordingState> recording() const;
 
-  // Of what we are to palpated: kUnknown until it has said so.
+  // Our role at palpated; kUnknown until palpated has sent it.
   client::Role role() const;
-  // False where our role is known to be a lesser one, and while disconnected.
+  // False if our role is known to be less than `least`, and while disconnected.
   bool May(client::Role least) const;
 
   const Commands& commands() const;
   Commands& commands();
-  // As commands().Do, for what changes series or recording: both are asked for again as
-  // soon as it is done.
+  // As commands().Do, for commands that change series or recording. When the command is done, the
+  // state of both is asked for at once.
   void DoAndAsk(std::string name, std::function<void(client::Client&)> command);
-  // Merged with what waits, key by key: of a slider that is moved the newest wins.
+  // Merges the change with waiting changes, key by key: the newest position of a slider wins.
   void ControlSeries(const client::SeriesControl& control);
   Denoiser& denoiser();
   EmergencyStop& emergency_stop();

@@ -9,7 +9,7 @@ void PlotHistory::Add(const client::Pose& pose, double age_ms) {
   EndAt(pose.time_ns);
   if (times_ns_.size() == kMost) Drop(1);
   times_ns_.push_back(pose.time_ns);
-  // Counted anew by a daemon that was started again.
+  // A restarted daemon counts anew.
   const bool goes_on = has_before_ && pose.missed_ticks >= missed_before_;
   const std::uint64_t missed = goes_on ? pose.missed_ticks - missed_before_ : 0;
   missed_before_ = pose.missed_ticks;

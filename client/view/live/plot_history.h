@@ -1,8 +1,8 @@
-// What the plots show: the last 10 seconds of |F|, penetration (from the HIP to SCP_H, in
+// The data of the plots: the last 10 seconds of |F|, penetration (from the HIP to SCP_H, in
 // contact) and the loop's health.
 //
 // Times are Pose::time_ns.
-// Threads: one at a time. Holds at most kMost entries, whatever comes.
+// Threads: one at a time. Holds at most kMost entries.
 #pragma once
 
 #include <array>
@@ -22,18 +22,18 @@ class PlotHistory {
   static constexpr std::int64_t kSpan_ns = 10'000'000'000;
   static constexpr std::size_t kMost = 1200;  // 10 s at 120 Hz
 
-  // `age_ms`: how old the pose was when it came; negative: unknown, and drawn as 0.
-  // One that is older than the one before is of another clock, and begins anew.
+  // `age_ms`: the age of the pose when it came; negative: unknown, and drawn as 0. A pose that is
+  // older than the one before is from another clock, and starts the history anew.
   void Add(const client::Pose& pose, double age_ms);
-  // What is older than the span before this time is dropped, whether new ones come or not.
+  // Drops what is more than the span older than this time.
   void EndAt(std::int64_t time_ns);
 
-  // Of each value.
+  // One time for each value.
   std::span<const std::int64_t> Times_ns() const { return times_ns_; }
   // Oldest first. Missed ticks are those since the sample before.
   std::span<const float> Values(Plot plot) const;
-  float Newest(Plot plot) const;    // 0 where there is none
-  float Greatest(Plot plot) const;  // likewise
+  float Newest(Plot plot) const;    // 0 if there is none
+  float Greatest(Plot plot) const;  // 0 if there is none
 
  private:
   void Drop(std::size_t count);

@@ -1,4 +1,4 @@
-// How a panel shows a setting, by the client library's list.
+// The display of a setting in a panel, from the client library's list.
 //
 // Pure; any thread.
 #pragma once
@@ -9,10 +9,10 @@
 
 namespace palpate::view {
 
-// Whether it has a use now: one that belongs to a tool has none while the tool is off.
+// False while the setting has no effect: it belongs to a tool that is off.
 bool IsShown(const client::Setting& setting, const client::Settings& settings);
 
-// The format of a slider, for printf: "%.2f N/mm". `setting` is a number.
+// The slider's printf format: "%.2f N/mm". `setting` must be a number.
 std::string SliderFormat(const client::Setting& setting);
 
 }  // namespace palpate::view

@@ -7,7 +7,7 @@
 namespace palpate::view {
 namespace {
 
-// The gradient is so quiet that its steps of 1/255 would show as bands without noise.
+// The noise hides bands: the gradient is so weak that single steps of 1/255 would show.
 constexpr char kShader[] = R"(#version 430 core
 uniform sampler2D surface_color;
 uniform sampler2D surface_depth;

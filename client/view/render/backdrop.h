@@ -1,9 +1,7 @@
-// What a frame has before the overlay is drawn: background, surface, veil over it, and
-// the surface's depth. Kept until the surface is cast again, so that a frame in which
-// only the overlay moved begins with a copy.
+// The part of a frame behind the overlay: background, surface, veil, and the surface's depth. It is
+// kept until the surface is cast again. If only the overlay moves, a frame starts with a copy.
 //
-// Threads: that of the current OpenGL 4.3 context. Errors: those of FrameTarget and
-// ShaderProgram.
+// Threads: that of the current OpenGL 4.3 context. Errors: those of FrameTarget and ShaderProgram.
 #pragma once
 
 #include "client/view/render/frame_target.h"
@@ -16,12 +14,12 @@ class Backdrop {
  public:
   Backdrop();
 
-  // `surface` has been cast at this size, or is null: background alone.
+  // `surface` must have been cast at this size. If null, only the background is drawn.
   void Compose(const SurfaceCaster* surface, const ImageSize& size);
 
-  // The depth is the surface's, 1 where there is none.
+  // The depth is the surface's; 1 where there is no surface.
   const FrameTarget& target() const { return target_; }
-  // Depths, 0 to 1 as clip_from_D gives them, the first row the bottom; one pixel of them.
+  // Read all depths or one: 0 to 1 as clip_from_D gives them, the bottom row first.
   std::vector<float> ReadDepths() const;
   float ReadDepth(int x_px, int y_from_bottom_px) const;
 

@@ -1,5 +1,5 @@
-// A colour map on the graphics card, and how shaders read it: the same value has the
-// same colour on a cut and in a slice.
+// A colour map on the graphics card, and shader code to read it. So a value has the same colour on
+// a cut and in a slice.
 //
 // Threads: that of the current OpenGL 4.3 context. Errors: none.
 #pragma once
@@ -10,9 +10,10 @@
 
 namespace palpate::view {
 
-// GLSL: vec3 ColorAt(sampler2D table, float share), from 0, the first colour, to 1, the
-// last; float ShareOf(float above_min, float range), where in a window of values a value
-// is, by what it is above the window's least value. A window of range 0 is a step.
+// Two GLSL functions:
+// - vec3 ColorAt(sampler2D table, float share): share 0 is the first colour, 1 the last
+// - float ShareOf(float above_min, float range): the place of a value in a window of values.
+//   above_min: the value less the window's least value. A window of range 0 is a step.
 extern const char* const kShaderColors;
 
 class ColorTexture {
@@ -22,7 +23,7 @@ class ColorTexture {
   ColorTexture(const ColorTexture&) = delete;
   ColorTexture& operator=(const ColorTexture&) = delete;
 
-  // Uploads it where it shows another. Binds it.
+  // Uploads the map if another one is shown. Binds the texture.
   void Show(ColorMap map);
   unsigned name() const { return name_; }
 

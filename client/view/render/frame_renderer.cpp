@@ -14,7 +14,7 @@
 namespace palpate::view {
 namespace {
 
-// Of the padded lattice, where the surface ends.
+// The bounds of the padded lattice, where the surface ends.
 Bounds BoundsOf(const VolumeTexture& volume) {
   if (volume.voxels() == 0 || !volume.X_DI()) return {};
   constexpr double kFar = std::numeric_limits<double>::infinity();
@@ -31,7 +31,7 @@ Bounds BoundsOf(const VolumeTexture& volume) {
   return bounds;
 }
 
-// The centre of a pixel at a depth, 0 to 1.
+// The centre of a pixel at a depth from 0 to 1.
 Vec3 Unprojected(const Mat4& D_from_clip, const ImageSize& size, int x_px, int y_from_bottom_px,
                  float depth) {
   const Eigen::Vector4d clip = {2.0 * (x_px + 0.5) / size.width - 1.0,
@@ -49,7 +49,7 @@ struct FrameRenderer::Parts {
   FrameTarget frame{FrameTarget::Depth::kFloat};
   OverlayDrawing overlay;
   SliceDrawing slices;
-  // Of the last Draw.
+  // Set by the last Draw.
   Mat4 clip_from_D = Mat4::Identity();
   Vec3 eye_D = Vec3::Zero();
   bool surface_shown = false;

@@ -1,12 +1,12 @@
-// Draws a view of a volume and of what the haptic loop does in it: isosurface, veil,
-// cuts, overlay. The surface with its depth is kept, and cast again only where the
-// camera, the volume or an option changed, so that a moved proxy costs next to nothing.
+// Draws a volume and what the haptic loop does in it: isosurface, veil, cuts, overlay. The surface
+// and its depth are kept. They are cast again only if the camera, the volume or an option has
+// changed. So a moved proxy costs almost nothing.
 //
-// Threads: that of a current OpenGL 4.3 core context, which must outlive it. State of
-// the context that is changed: all but the objects of others.
-// Errors: Error with kTooLarge for volumes beyond the context's 3-D textures, and for
-// pictures beyond its 2-D textures or viewports, which leave the last picture as it is;
-// kInternal where a shader is refused. It can be used further after any.
+// Threads: that of a current OpenGL 4.3 core context, which must outlive the renderer. It may
+// change any state of the context, but no objects of others.
+// Errors: kTooLarge for a volume beyond the context's 3-D textures, and for a picture beyond its
+// 2-D textures or viewports; the last picture then stays. kInternal if the driver refuses a shader.
+// The renderer can be used after any error.
 #pragma once
 
 #include <cstdint>
@@ -28,14 +28,14 @@ struct FrameRequest {
   const Overlay* overlay = nullptr;  // may be null
 };
 
-// A row of a picture is `width` pixels of red, green, blue, alpha; the first is the top.
+// A row of a picture is `width` pixels of red, green, blue, alpha. The top row is first.
 struct Image {
   ImageSize size;
   std::vector<std::uint8_t> rgba;
 };
 
-// A slice across an axis of the lattice, at a voxel coordinate along it. How it lies in
-// its picture, and which point is at a pixel: scene/slice_view.h.
+// A slice across an axis of the lattice, at a voxel coordinate along the axis. scene/slice_view.h
+// maps the slice to its picture.
 struct SliceRequest {
   int axis = 2;  // 0 x, 1 y, 2 z
   double position_voxels = 0.0;
@@ -52,32 +52,32 @@ class FrameRenderer {
   FrameRenderer(const FrameRenderer&) = delete;
   FrameRenderer& operator=(const FrameRenderer&) = delete;
 
-  // Takes up changed bricks, at most `most_bricks` of them, so that a large volume
-  // does not halt the window. True where nothing is left.
-  // Pictures in between show what is up, and what was there before elsewhere.
+  // Uploads at most `most_bricks` changed bricks, so that a large volume does not stop the window.
+  // Returns true if none is left. Pictures in between show the uploaded bricks, and the old state
+  // elsewhere.
   bool TakeUp(ViewVolume& volume, std::size_t most_bricks);
-  // Changed bricks that the last TakeUp left for later.
+  // The changed bricks that the last TakeUp left.
   std::size_t waiting_bricks() const;
 
-  // Into a picture of its own, which DrawnTexture names until the next Draw.
+  // Draws into a picture of its own. DrawnTexture returns it until the next Draw.
   void Draw(const FrameRequest& request);
-  unsigned DrawnTexture() const;  // GL name; RGBA8, its first row is the bottom
+  unsigned DrawnTexture() const;  // OpenGL name; RGBA8, the bottom row is first
   Image ReadBack() const;
-  // Casts since it was made: for tests, and to see what a frame costs.
+  // The number of casts so far, for tests and for the cost of a frame.
   std::uint64_t casts() const;
 
-  // The surface under a pixel of the last Draw, overlays aside; none: background.
-  // Frame: D.
+  // Returns the surface under a pixel of the last Draw, without overlays; none: background. Frame:
+  // D.
   std::optional<Vec3> SurfaceAt(int x_px, int y_px) const;
-  // Depth of all pixels as the distance from the eye in mm, first row the top;
-  // infinite where there is no surface. For tests.
+  // The distance of all pixels from the eye in mm, the top row first; infinite where there is no
+  // surface. For tests.
   std::vector<float> SurfaceDistances() const;
 
-  // Slice into a texture of its own, one per axis; returns its GL name. Drawn again only
-  // where its request or the volume changed.
+  // Draws a slice into the texture of its axis and returns the texture's OpenGL name. Draws only if
+  // the request or the volume has changed.
   unsigned DrawSlice(const SliceRequest& request);
   Image ReadSlice(int axis) const;
-  // Slices drawn since it was made, as casts.
+  // The number of slices drawn so far.
   std::uint64_t slice_casts() const;
 
  private:

@@ -62,7 +62,7 @@ bool FrameTarget::Resize(const ImageSize& size) {
   Release();
   size_ = size;
   if (size.width <= 0 || size.height <= 0) return true;
-  // Errors of others must not be taken for this picture's.
+  // Clear old errors: they must not be taken for errors of this picture.
   HasError();
   glGenFramebuffers(1, &framebuffer_);
   glBindFramebuffer(GL_FRAMEBUFFER, framebuffer_);

@@ -1,8 +1,8 @@
-// A picture on the graphics card: colours, and depth where it has one.
+// A picture on the graphics card: colours, and optionally depth.
 //
-// The first row is the bottom, as OpenGL has it.
-// Threads: that of the current OpenGL 4.3 context. Errors: Error with kTooLarge for a
-// size that the context has no pictures of, or that its memory does not hold.
+// The bottom row is first, as in OpenGL.
+// Threads: that of the current OpenGL 4.3 context. Errors: kTooLarge for a size that the context
+// does not support, or that its memory does not hold.
 #pragma once
 
 #include <cstdint>
@@ -12,10 +12,10 @@
 
 namespace palpate::view {
 
-// Of the framebuffer that is bound: four bytes a pixel, the first row the top.
+// Reads the bound framebuffer: four bytes a pixel, the top row first.
 std::vector<std::uint8_t> ReadRows(const ImageSize& size);
 
-// Throws where the context has no pictures of that size.
+// Throws kTooLarge if the context does not support pictures of this size.
 void RequirePictureSize(const ImageSize& size);
 
 class FrameTarget {
@@ -28,22 +28,23 @@ class FrameTarget {
   FrameTarget(const FrameTarget&) = delete;
   FrameTarget& operator=(const FrameTarget&) = delete;
 
-  // True where it changed; then its contents are undefined. Where the size is refused it
-  // stays as it was, and where the memory does not hold it, it is empty.
+  // Returns true if the size changed; the contents are then undefined. If the context does not
+  // support the size, the picture is unchanged. If the memory does not hold it, the picture is
+  // empty.
   bool Resize(const ImageSize& size);
   const ImageSize& size() const { return size_; }
   bool empty() const { return framebuffer_ == 0; }
 
-  // GL names; 0 where it is empty.
+  // OpenGL names; 0 if the picture is empty.
   unsigned framebuffer() const { return framebuffer_; }
   unsigned color() const { return color_; }  // RGBA8
   unsigned depth() const { return depth_; }  // DEPTH_COMPONENT32F
 
-  // Binds it, with the whole of it as the viewport.
+  // Binds the picture, with all of it as the viewport.
   void Bind() const;
-  // Colours and depths of another of its size.
+  // Copies colours and depths of another picture of the same size.
   void CopyFrom(const FrameTarget& other);
-  // Four bytes a pixel; the first row is the top.
+  // Four bytes a pixel; the top row is first.
   std::vector<std::uint8_t> ReadColors() const;
 
  private:

@@ -24,7 +24,7 @@ void ResetState() {
     glPixelStorei(pixels, 0);
   }
   glPixelStorei(GL_UNPACK_ALIGNMENT, 4);
-  // A sampler object of others overrules how textures are read.
+  // A sampler object of other code would override how textures are read.
   for (GLuint unit = 0; unit < 4; ++unit) glBindSampler(unit, 0);
 }
 

@@ -1,11 +1,12 @@
-// The context's state, which a window's toolkit shares with the renderer.
+// The OpenGL state, which the renderer shares with a window's toolkit.
 //
 // Threads: that of the current OpenGL 4.3 context.
 #pragma once
 
 namespace palpate::view {
 
-// What others may have left behind that would spoil a drawing: back to OpenGL's defaults.
+// Resets to OpenGL's defaults all state that other code may leave changed and that would spoil a
+// drawing.
 void ResetState();
 
 }  // namespace palpate::view

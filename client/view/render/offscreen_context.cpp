@@ -12,7 +12,7 @@ namespace {
 constexpr char kWhatToInstall[] =
     "; install libegl1 and libgl1-mesa-dri, which draw in software where there is no graphics card";
 
-// EGL_NO_DISPLAY where the platform is not there.
+// Returns EGL_NO_DISPLAY if the platform does not exist.
 EGLDisplay Initialized(EGLDisplay display) {
   if (display == EGL_NO_DISPLAY) return EGL_NO_DISPLAY;
   return eglInitialize(display, nullptr, nullptr) ? display : EGL_NO_DISPLAY;
@@ -37,7 +37,7 @@ EGLDisplay DeviceDisplay() {
   return Initialized(eglGetPlatformDisplayEXT(EGL_PLATFORM_DEVICE_EXT, device, nullptr));
 }
 
-// EGL_NO_CONTEXT where the display has no such OpenGL. Leaves it current.
+// Makes a context and makes it current. Returns EGL_NO_CONTEXT if the display has no such OpenGL.
 EGLContext CurrentContext(EGLDisplay display) {
   if (display == EGL_NO_DISPLAY || !eglBindAPI(EGL_OPENGL_API)) return EGL_NO_CONTEXT;
   const EGLint config_wish[] = {EGL_SURFACE_TYPE, EGL_PBUFFER_BIT, EGL_RENDERABLE_TYPE,
@@ -69,7 +69,7 @@ struct OffscreenContext::Handles {
 };
 
 OffscreenContext::OffscreenContext() : handles_(std::make_unique<Handles>()) {
-  // epoxy ends the process when it is asked for a library that is not there.
+  // epoxy would end the process if the library is missing.
   if (!epoxy_has_egl()) {
     throw Error(ErrorKind::kUnavailable,
                 std::string("there is no EGL to draw without a display") + kWhatToInstall);
@@ -84,7 +84,7 @@ OffscreenContext::OffscreenContext() : handles_(std::make_unique<Handles>()) {
 }
 
 OffscreenContext::~OffscreenContext() {
-  // The display belongs to the whole process, so others may still draw with it.
+  // Do not terminate the display: it belongs to the whole process, and other code may use it.
   eglMakeCurrent(handles_->display, EGL_NO_SURFACE, EGL_NO_SURFACE, EGL_NO_CONTEXT);
   eglDestroyContext(handles_->display, handles_->context);
 }

@@ -2,7 +2,7 @@
 // platform, or else on the first device.
 //
 // Threads: current on the thread that made it, until it is destroyed.
-// Errors: Error with kUnavailable where the machine has no such driver.
+// Errors: kUnavailable if the machine has no such driver.
 #pragma once
 
 #include <memory>

@@ -30,7 +30,7 @@ void main() {
 }
 )";
 
-// What the veil's nearest layer lies in front of is seen through it.
+// The veil tints everything behind its nearest layer.
 constexpr char kVeil[] = R"(
 uniform sampler2D veil_color;
 uniform sampler2D veil_depth;
@@ -45,7 +45,7 @@ vec3 Veiled(vec3 seen) {
 }
 )";
 
-// Light from above and to the left of the eye, so that round bodies look round.
+// Light from above and from the left of the eye, so that round bodies look round.
 constexpr char kSolidFragmentShader[] = R"(
 uniform vec3 eye_D;
 uniform vec3 light_D;
@@ -65,7 +65,8 @@ void main() {
 }
 )";
 
-// A line is a rectangle that faces the eye, a pixel wider than the line, whose edge fades.
+// A line is a rectangle that faces the eye. It is a pixel wider than the line, so that its edge can
+// fade.
 constexpr char kLineVertexShader[] = R"(#version 430 core
 layout(location = 0) in vec3 from_D;
 layout(location = 1) in vec4 from_rgba;
@@ -90,7 +91,7 @@ void main() {
   fragment_color = vec4(at_end ? to_rgba.rgb : from_rgba.rgb, alpha);
   across_px = side * (half_width_px + 0.5);
 
-  // What is beside or behind the eye has no place on the screen.
+  // A point beside or behind the eye has no place on the screen.
   const float nearest = 1e-4;
   gl_Position = vec4(2.0, 2.0, 2.0, 1.0);
   if (alpha == 0.0 || max(from.w, to.w) <= nearest) return;
@@ -128,7 +129,7 @@ const void* Offset(std::size_t bytes, int vertex) {
   return reinterpret_cast<const void*>(bytes + vertex * sizeof(Vertex));
 }
 
-// Colour and alpha of a vertex, from attribute `first` on.
+// Colour and alpha of a vertex, starting at attribute `first`.
 template <typename Vertex>
 void ColorAttributes(GLuint first, GLsizei stride, int vertex) {
   glVertexAttribPointer(first, 4, GL_UNSIGNED_BYTE, GL_TRUE, stride,
@@ -149,7 +150,7 @@ void DescribeSolids(GLuint vertices, GLuint buffer) {
   for (GLuint attribute = 0; attribute < 4; ++attribute) glEnableVertexAttribArray(attribute);
 }
 
-// One instance for each line, with the attributes of both ends.
+// One instance per line, with the attributes of both ends.
 void DescribeLines(GLuint vertices, GLuint buffer) {
   glBindVertexArray(vertices);
   glBindBuffer(GL_ARRAY_BUFFER, buffer);
@@ -210,12 +211,12 @@ void OverlayDrawing::Draw(const Overlay& overlay, const OverlayView& view) {
   glActiveTexture(GL_TEXTURE0);
   glBindTexture(GL_TEXTURE_2D, view.veil_color);
   glEnable(GL_DEPTH_TEST);
-  // A stylus reaches farther than the volume; it must not be cut at the far plane.
+  // A stylus may reach beyond the volume. It must not be cut at the far plane.
   glEnable(GL_DEPTH_CLAMP);
   glEnable(GL_BLEND);
   glBlendEquation(GL_FUNC_ADD);
   glBlendFuncSeparate(GL_SRC_ALPHA, GL_ONE_MINUS_SRC_ALPHA, GL_ZERO, GL_ONE);
-  // First, while the depth is that of the surface alone.
+  // Drawn first, while the depth is that of the surface alone.
   DrawSide(Side::kBehind, overlay, view);
   DrawSide(Side::kInFront, overlay, view);
   glDisable(GL_BLEND);
@@ -236,7 +237,7 @@ void OverlayDrawing::DrawSide(Side side, const Overlay& overlay, const OverlayVi
     glFrontFace(GL_CCW);
     SetView(solid_program_, view, behind);
     solid_program_.Set("eye_D", view.eye_D);
-    // Rows of clip_from_D point to the right and up on the screen.
+    // The rows of clip_from_D point right and up on the screen.
     const Vec3 right = view.clip_from_D.row(0).head<3>().normalized();
     const Vec3 up = view.clip_from_D.row(1).head<3>().normalized();
     solid_program_.Set("light_D", Vec3(-0.45 * right + 0.6 * up));
@@ -244,7 +245,7 @@ void OverlayDrawing::DrawSide(Side side, const Overlay& overlay, const OverlayVi
     glDrawArrays(GL_TRIANGLES, 0, static_cast<GLsizei>(overlay.solids.size()));
   }
   if (!overlay.lines.empty()) {
-    // Their faded edges must not hide other lines.
+    // Faded edges must not hide other lines.
     glDepthMask(GL_FALSE);
     glDisable(GL_CULL_FACE);
     SetView(line_program_, view, behind);

@@ -1,8 +1,8 @@
-// Draws an overlay into a frame that has the surface already.
+// Draws an overlay into a frame that already has the surface.
 //
-// In front of the surface it is drawn as it is. Where the surface hides it, as much of
-// it is drawn as its vertices say, so that a proxy behind the surface is never lost. The
-// veil, which the frame has too, tints what lies behind its nearest layer.
+// In front of the surface, the overlay is opaque. Behind the surface, it has the alpha of its
+// vertices, so that a hidden proxy stays visible. The frame's veil tints everything behind the
+// veil's nearest layer.
 //
 // Threads: that of the current OpenGL 4.3 context. Errors: those of ShaderProgram.
 #pragma once
@@ -16,7 +16,7 @@ struct OverlayView {
   ImageSize size;
   Mat4 clip_from_D = Mat4::Identity();
   Vec3 eye_D = Vec3::Zero();
-  // GL names as SurfaceCaster has them; 0: no veil.
+  // OpenGL names, as in SurfaceCaster; 0: no veil.
   unsigned veil_color = 0;
   unsigned veil_depth = 0;
 };
@@ -28,7 +28,7 @@ class OverlayDrawing {
   OverlayDrawing(const OverlayDrawing&) = delete;
   OverlayDrawing& operator=(const OverlayDrawing&) = delete;
 
-  // Into the bound framebuffer, whose depth is tested.
+  // Draws into the bound framebuffer and tests its depth.
   void Draw(const Overlay& overlay, const OverlayView& view);
 
  private:

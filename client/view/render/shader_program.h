@@ -1,7 +1,7 @@
-// A program of shaders on the graphics card.
+// A shader program on the graphics card.
 //
-// Threads: that of the current OpenGL 4.3 context. Errors: Error with kInternal where
-// the driver refuses a shader, with what it says.
+// Threads: that of the current OpenGL 4.3 context. Errors: kInternal if the driver refuses a
+// shader; the text is the driver's.
 #pragma once
 
 #include <string>
@@ -12,17 +12,17 @@ namespace palpate::view {
 
 class ShaderProgram {
  public:
-  // The source of a fragment shader. The vertices are those of one triangle that covers
-  // the viewport; it hands over nothing but gl_FragCoord.
+  // From a fragment shader. The vertices are those of one triangle that covers the viewport. The
+  // fragment shader gets only gl_FragCoord.
   explicit ShaderProgram(const std::string& fragment_source);
-  // With vertices of the caller's, who draws them.
+  // From both shaders. The caller draws the vertices.
   ShaderProgram(const std::string& vertex_source, const std::string& fragment_source);
   ~ShaderProgram();
   ShaderProgram(const ShaderProgram&) = delete;
   ShaderProgram& operator=(const ShaderProgram&) = delete;
 
   void Use() const;
-  // Of the program in use. Names that the driver has dropped as unused are ignored.
+  // Sets a uniform of the program in use. Ignores names that the driver has removed as unused.
   void Set(const char* name, int value) const;
   void Set(const char* name, double value) const;
   void Set(const char* name, const Vec3i& value) const;
@@ -31,12 +31,12 @@ class ShaderProgram {
   void Set(const char* name, const Mat3& value) const;
   void Set(const char* name, const Eigen::Matrix4d& value) const;
   void Set(const char* name, const Eigen::Vector2d& value) const;
-  // The triangle that covers the viewport.
+  // Draws the triangle that covers the viewport.
   void Draw() const;
 
  private:
   unsigned program_ = 0;
-  unsigned no_vertices_ = 0;  // a core context wants a vertex array, even if empty
+  unsigned no_vertices_ = 0;  // a core context needs a vertex array, even an empty one
 };
 
 }  // namespace palpate::view

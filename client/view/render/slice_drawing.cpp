@@ -11,8 +11,8 @@ namespace {
 
 constexpr char kVersion[] = "#version 430 core\n";
 
-// The distance to an isoline is that of the value from the isovalue over the gradient in
-// pixels. Its dark rim shows it on any colour map.
+// The distance to an isoline is the difference of value and isovalue, divided by the gradient per
+// pixel. A dark rim makes the line visible on any colour map.
 constexpr char kShader[] = R"(
 uniform sampler3D voxels;
 uniform sampler2D color_table;
@@ -31,14 +31,14 @@ uniform vec3 empty_color;
 uniform vec2 cross_px;     // pixels from the upper left corner; negative: none
 out vec4 color;
 
-// As volume_texture.h lays voxels out. Above window_min, so that small differences of
-// large values keep their digits.
+// Reads a voxel with the layout of volume_texture.h. The result is relative to window_min, so that
+// small differences of large values keep their digits.
 float At(ivec3 voxel) {
   precise float above = (texelFetch(voxels, voxel.zyx + 1, 0).r - window_min.x) - window_min.y;
   return above;
 }
 
-// The value above window_min, and how it rises along the axes of I.
+// The value relative to window_min, and its gradient along the axes of I.
 vec4 ValueAndGradient(vec3 p) {
   ivec3 cell = clamp(ivec3(floor(p)), ivec3(-1), lattice_size - 1);
   vec3 t = p - vec3(cell);
@@ -75,7 +75,7 @@ void main() {
   }
   if (cross_px.x >= 0.0) {
     vec2 away = abs(at_px - cross_px);
-    // What is at its middle stays visible.
+    // The centre of the cross-hair stays free.
     if (min(away.x, away.y) <= 0.5 && max(away.x, away.y) > 6.0) {
       seen = mix(seen, vec3(0.55, 0.95, 1.0), 0.75);
     }
@@ -123,7 +123,7 @@ void SliceDrawing::SetVolume(const VolumeTexture& volume, const SliceRequest& re
   program_.Set("height_px", static_cast<double>(request.size.height));
   Eigen::Vector2d cross_px = {-1.0, -1.0};
   if (request.cross_I) {
-    // In the middle of a pixel, so that its lines are one pixel wide.
+    // At the centre of a pixel, so that the lines are one pixel wide.
     cross_px = view.PixelOf(*request.cross_I).array().floor() + 0.5;
   }
   program_.Set("cross_px", cross_px);

@@ -1,8 +1,7 @@
-// Draws slices across the axes of the lattice: values through the colour map, isolines,
-// a cross-hair. scene/slice_view.h says how a slice lies in its picture.
+// Draws slices across the axes of the lattice: values through the colour map, isolines, a
+// cross-hair. scene/slice_view.h maps a slice to its picture.
 //
-// Threads: that of the current OpenGL 4.3 context. Errors: those of FrameTarget and
-// ShaderProgram.
+// Threads: that of the current OpenGL 4.3 context. Errors: those of FrameTarget and ShaderProgram.
 #pragma once
 
 #include <array>
@@ -23,15 +22,14 @@ class SliceDrawing {
   SliceDrawing(const SliceDrawing&) = delete;
   SliceDrawing& operator=(const SliceDrawing&) = delete;
 
-  // Without a volume: an empty picture. Does nothing where the picture of that axis is
-  // this one already.
+  // Without a volume, the picture is empty. Does nothing if the axis already has this picture.
   void Draw(const VolumeTexture& volume, const SliceRequest& request);
-  // Of the last request with this axis; the first row is the bottom.
+  // The picture of the last request with this axis; the bottom row is first.
   const FrameTarget& picture(int axis) const { return pictures_[axis]; }
   std::uint64_t casts() const { return casts_; }
 
  private:
-  // What a picture shows.
+  // The state that a picture shows.
   struct Drawn {
     SliceRequest request;
     std::uint64_t version = 0;  // of the volume

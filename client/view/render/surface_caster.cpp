@@ -21,15 +21,15 @@ constexpr GLenum kFormats[kTargets] = {GL_RGBA8, GL_RGBA8, GL_R32F, GL_DEPTH_COM
 constexpr GLenum kAttachments[kTargets] = {GL_COLOR_ATTACHMENT0, GL_COLOR_ATTACHMENT1,
                                            GL_COLOR_ATTACHMENT2, GL_DEPTH_ATTACHMENT};
 
-// Frame P of the shader: voxel (i, j, k) is at (i + 1, j + 1, k + 1).
+// Maps frame P of the shader to D. In P, voxel (i, j, k) is at (i + 1, j + 1, k + 1).
 AffineMap XDP(const AffineMap& X_DI) {
   AffineMap X_IP;
   X_IP.translation = -Vec3::Ones();
   return X_DI * X_IP;
 }
 
-// A ray's direction in P as a linear function of (x, y, 1), pixels right and up of the
-// image's centre: the difference between the point there on the near plane and the eye,
+// Returns a ray's direction in P as a linear function of (x, y, 1): pixels right and up of the
+// image's centre. The direction is the difference between the point on the near plane and the eye,
 // in homogeneous coordinates.
 Mat3 DirectionFromPixel(const CastRequest& request, const AffineMap& X_PD) {
   const Mat4 D_from_clip = request.clip_from_D.inverse();
@@ -59,7 +59,7 @@ void SetCamera(const ShaderProgram& program, const CastRequest& request, const A
   program.Set("up_D", Vec3(request.clip_from_D.row(1).head<3>().normalized()));
 }
 
-// Planes that are off keep everything.
+// Planes that are off cut nothing.
 void SetCuts(const ShaderProgram& program, const SurfaceOptions& surface, const Vec3i& cells) {
   const auto face = [&](const Vec3& fraction) -> Vec3 {
     return fraction.cwiseMax(0.0).cwiseMin(1.0).cwiseProduct(cells.cast<double>());
@@ -123,7 +123,7 @@ struct SurfaceCaster::Parts {
   GLuint targets[kTargets] = {};
   ColorTexture color_map;
 
-  // What the textures show.
+  // The request that the textures show.
   std::optional<CastRequest> request;
   const VolumeTexture* volume = nullptr;
   std::uint64_t version = 0;

@@ -1,18 +1,16 @@
-// Casts a ray per pixel through the volume: the exact trilinear isosurface V, a veil
-// in front of it, and cuts by crop box and planes.
+// Casts a ray per pixel through the volume: the exact trilinear isosurface V, a veil in front of
+// it, and cuts by crop box and planes.
 //
-// A ray walks cell bricks and then cells by integer steps, so that none is missed at a
-// border or along an axis; within a cell F along the ray is a cubic, whose first root is
-// found between the roots of its derivative. The side of the isovalue on which the ray
-// is travels with it from cell to cell: a change of side is a hit, whatever rounding
-// does at the border.
+// A ray goes through cell bricks and then cells by integer steps, so that it misses no cell at a
+// border or along an axis. Within a cell, F along the ray is a cubic. Its first root is searched
+// between the roots of its derivative. The ray carries its side of the isovalue from cell to cell.
+// A change of side is a hit, even with rounding at the border.
 //
-// The result is kept in textures of the image's size, and is cast again only where
-// something of the request or the volume changed.
+// The result is kept in textures of the image's size. It is cast again only if the request or the
+// volume has changed.
 //
-// Threads: that of the current OpenGL 4.3 context. Errors: Error with kTooLarge for a
-// size that the context has no pictures of, before anything changed; kInternal where the
-// driver refuses a shader.
+// Threads: that of the current OpenGL 4.3 context. Errors: kTooLarge for a size that the context
+// does not support (nothing has changed then); kInternal if the driver refuses a shader.
 #pragma once
 
 #include <cstdint>
@@ -39,8 +37,8 @@ class SurfaceCaster {
   SurfaceCaster(const SurfaceCaster&) = delete;
   SurfaceCaster& operator=(const SurfaceCaster&) = delete;
 
-  // False where what it has is that already, or the size is 0. Leaves its own
-  // framebuffer bound. Nothing is shown of a volume that has no place yet.
+  // Returns false if the result is already there, or the size is 0. Leaves its own framebuffer
+  // bound. A volume without a place is not shown.
   bool Cast(const VolumeTexture& volume, const CastRequest& request);
 
   // Names of textures of the last request's size; the first row is the bottom.

@@ -9,8 +9,8 @@ layout(location = 0) out vec4 surface_color;
 layout(location = 1) out vec4 veil_color;
 layout(location = 2) out float veil_depth;
 
-// Values are scaled, as value_scale.h has it. Texel (k, j, i) is lattice point (i, j, k)
-// of P; and (a, b, c) likewise the range of values of a brick of 8^3 cells.
+// Values are scaled as in value_scale.h. In voxels, texel (k, j, i) is lattice point (i, j, k) of
+// P. In ranges, texel (c, b, a) is the range of values of brick (a, b, c), which has 8^3 cells.
 uniform sampler3D voxels;
 uniform sampler3D ranges;
 uniform sampler2D color_map;
@@ -22,13 +22,13 @@ uniform mat3 direction_from_pixel;  // of (x, y, 1) about the image's centre
 uniform vec4 clip_z;  // rows of the map from P to clip coordinates
 uniform vec4 clip_w;
 
-// What is kept.
+// What the cuts leave.
 uniform vec3 crop_min;
 uniform vec3 crop_max;
 uniform vec4 planes[2];  // xyz . p <= w
 
 uniform bool surface_shown;
-uniform vec2 isovalue;  // as a value is split; and so on
+uniform vec2 isovalue;  // all values are split: see value_scale.h
 uniform bool material_above;
 uniform bool caps;
 uniform bool veil_shown;

@@ -3,8 +3,8 @@
 namespace palpate::view {
 
 const char* const kShaderCell = R"(
-// Values at the corners of a cell: `low` at its lower x, `high` at its upper; each at
-// (y, z) = (0, 0), (0, 1), (1, 0), (1, 1).
+// Values at the corners of a cell: `low` at its lower x, `high` at its upper x. Each has (y, z) =
+// (0, 0), (0, 1), (1, 0), (1, 1).
 struct Corners {
   vec4 low;
   vec4 high;
@@ -32,8 +32,8 @@ float Greatest(Corners c) {
   return max(max(m.x, m.y), max(m.z, m.w));
 }
 
-// Exact at both ends, and never positive where a and b are not: so a face whose corners
-// are all at the isovalue or below stays on that side.
+// Exact at both ends, and never positive if a and b are not. So a face whose corners are all at or
+// below the isovalue stays on that side.
 float Between(float a, float b, float u) { return a * (1.0 - u) + b * u; }
 vec4 Between(vec4 a, vec4 b, float u) { return a * (1.0 - u) + b * u; }
 
@@ -47,14 +47,14 @@ float FaceByYZ(vec4 f) { return (f.w - f.z) - (f.y - f.x); }
 
 ivec3 CellAt(vec3 p) { return clamp(ivec3(floor(p)), ivec3(0), cells - 1); }
 
-// F - value, where both are near each other as exact as if of doubles; above 0 just where
-// F is above the value.
+// F - value. If both are near each other, as exact as with doubles. Above 0 exactly where F is
+// above the value.
 vec4 Above(vec4 f, vec2 value) {
   precise vec4 above = (f - value.x) - value.y;
   return above;
 }
 
-// The same within a cell, in the same words as a cubic's value at its start.
+// The same within a cell. The same expressions as for the cubic's value at its start.
 float Above(Corners c, vec2 value, vec3 u) {
   return Face(Between(Above(c.low, value), Above(c.high, value), u.x), u);
 }
@@ -64,8 +64,8 @@ float AboveAt(vec3 p, vec2 value) {
   return Above(CornersOf(cell), value, clamp(p - vec3(cell), 0.0, 1.0));
 }
 
-// F - isovalue along u + s d as powers of s. The isovalue is taken from the corners,
-// which is exact or nearly so, rather than from the sum.
+// F - isovalue along u + s d as powers of s. Subtracts the isovalue from the corners, which is
+// exact or nearly so, and not from the sum.
 vec4 CubicAlong(Corners c, vec2 isovalue, vec3 u, vec3 d) {
   vec4 low = Above(c.low, isovalue);
   vec4 high = Above(c.high, isovalue);
@@ -80,21 +80,21 @@ vec4 CubicAlong(Corners c, vec2 isovalue, vec3 u, vec3 d) {
 
 float Cubic(vec4 c, float s) { return ((c.w * s + c.z) * s + c.y) * s + c.x; }
 
-// Where the cubic turns within [from, to], ascending; `to` where it does not.
+// Where the cubic turns within [from, to], ascending; `to` where it does not turn.
 vec2 Turns(vec4 c, float from, float to) {
   float a = 3.0 * c.w;
   float b = c.z;
   float discriminant = b * b - a * c.y;
   if (!(discriminant > 0.0)) return vec2(to);
-  // The sum without cancellation; the other root by Vieta.
+  // The sum without cancellation; the other root by Vieta's formula.
   float q = -(b + (b < 0.0 ? -1.0 : 1.0) * sqrt(discriminant));
   vec2 turns = vec2(a == 0.0 ? to : q / a, c.y / q);
   return clamp(vec2(min(turns.x, turns.y), max(turns.x, turns.y)), from, to);
 }
 
-// The crossing within [a, b], at whose ends the cubic lies on different sides and
-// between which it is monotone: regula falsi, and bisection where that lingers. The
-// result is on b's side, so that a search can go on from there.
+// The crossing within [a, b]. The cubic must be monotone there and have different sides at the
+// ends. Uses regula falsi, and bisection if that is slow. The result is on b's side, so that a
+// search can continue from it.
 float Refine(vec4 c, float a, float b) {
   const float kEnough = 2e-5;
   float at_a = Cubic(c, a);
@@ -115,7 +115,7 @@ float Refine(vec4 c, float a, float b) {
   return b;
 }
 
-// The first point of [from, to] on the other side than `above`.
+// Finds the first point of [from, to] that is not on the side `above`.
 bool FindCrossing(vec4 c, float from, float to, bool above, out float crossing) {
   crossing = from;
   if ((c.x > 0.0) != above && from == 0.0) return true;

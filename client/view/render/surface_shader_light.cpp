@@ -14,9 +14,9 @@ vec4 SplineSlope(float u) {
   return vec4(-v * v, u * (3.0 * u - 4.0), v * (4.0 - 3.0 * v), u * u) / 2.0;
 }
 
-// The gradient of F in P, for light only. That of the trilinear F jumps from cell to
-// cell, which would show; this one is of the volume's B-spline and has no edges. Values
-// are summed as differences from `level`, one of those around, which loses no digits.
+// The gradient of F in P, used only for light. The gradient of the trilinear F jumps from cell to
+// cell, which would be visible. This gradient is of the volume's B-spline and is smooth. Values are
+// summed as differences from `level`, a value nearby, which loses no digits.
 vec3 Gradient(vec3 p, vec2 level) {
   ivec3 cell = CellAt(p);
   vec3 u = clamp(p - vec3(cell), 0.0, 1.0);
@@ -27,7 +27,7 @@ vec3 Gradient(vec3 p, vec2 level) {
     for (int j = 0; j < 4; ++j) {
       vec4 f;
       for (int k = 0; k < 4; ++k) {
-        // Beyond the outermost layer is more of it.
+        // Beyond the outermost layer, the layer is repeated.
         ivec3 at = clamp(cell + ivec3(i, j, k) - 1, ivec3(0), cells);
         f[k] = texelFetch(voxels, at.zyx, 0).r - level.x;
       }
@@ -39,9 +39,9 @@ vec3 Gradient(vec3 p, vec2 level) {
 
 vec3 ToEye() { return -normalize(D_from_P * direction); }
 
-// In D, on the side from which the ray comes, for both sides of a surface are lit: of
-// higher values where that is `from_above`. This gradient may point away from the eye
-// where the trilinear one does not; then it is turned until it is at right angles.
+// The normal in D, on the side from which the ray comes, because both sides of a surface are lit.
+// `from_above`: that is the side of higher values. This gradient may point away from the eye where
+// the trilinear one does not. It is then turned until it is at right angles to the line of sight.
 vec3 Normal(vec3 gradient, bool from_above) {
   vec3 n = normal_D_from_P * (from_above ? gradient : -gradient);
   float size = length(n);
@@ -57,8 +57,8 @@ vec3 Normal(vec3 gradient, bool from_above) {
 vec3 Linear(vec3 screen) { return pow(screen, vec3(2.2)); }
 vec3 Screen(vec3 linear) { return pow(clamp(linear, 0.0, 1.0), vec3(1.0 / 2.2)); }
 
-// A lamp above the left shoulder, a weak one at the eye, and a sky that is brighter
-// above; sums of light are taken in linear colours.
+// A lamp above the left shoulder, a weak lamp at the eye, and a sky that is brighter above. Light
+// is summed in linear colours.
 vec3 Lit(vec3 screen_color, vec3 n) {
   vec3 to_eye = ToEye();
   vec3 to_lamp = normalize(to_eye + 0.8 * up_D - 0.7 * right_D);
@@ -78,7 +78,7 @@ vec3 SurfaceColor(vec3 p) {
   return Lit(color, Normal(gradient, above));
 }
 
-// Values are to be read off a cut, so light leaves it alone.
+// Without light: users read values off a cut.
 vec3 CapColor(vec3 p) {
   return ColorAt(color_map, ShareOf(AboveAt(p, window_min), window_range));
 }

@@ -3,20 +3,19 @@
 namespace palpate::view {
 
 const char* const kShaderRay = R"(
-// The ray of this pixel, from where it enters what is kept: coordinates near the
-// volume keep their digits however far away the eye is.
+// The ray of this pixel. It begins where it enters what the cuts leave: coordinates near the volume
+// keep their digits however far away the eye is.
 vec3 origin;
-vec3 direction;     // of length 1; components are exactly 0 rather than tiny
-float reach;        // how far what is kept goes
-bool at_cut;        // it enters through the crop box or a plane, rather than from outside
-bool ends_outside;  // it leaves the volume, rather than what is kept of it
+vec3 direction;  // of length 1; tiny components are set to exactly 0
+float reach;  // length of the ray within what the cuts leave
+bool at_cut;  // the ray enters through the crop box or a plane, not from outside
+bool ends_outside;  // the ray ends at the volume's border, not at a cut
 
-// Along an axis on which the ray stands still, a plane is never reached.
+// A ray that does not move along an axis never reaches a plane across that axis.
 const float kNever = 1e30;
 
-// `entry` and `leave` become the distances of the faces through which the ray passes,
-// where those narrow them, and `entry_axis` and `leave_axis` their axes. False where it
-// misses the box.
+// Narrows `entry` and `leave` to the distances of the faces through which the ray passes, and sets
+// `entry_axis` and `leave_axis` to their axes. Returns false if the ray misses the box.
 bool MeetBox(inout float entry, inout float leave, inout int entry_axis, inout int leave_axis) {
   for (int a = 0; a < 3; ++a) {
     if (direction[a] == 0.0) {
@@ -41,7 +40,7 @@ bool IsCut(int axis, bool upper) {
   return upper ? crop_max[axis] < float(cells[axis]) : crop_min[axis] > 0.0;
 }
 
-// The same for the planes; the results say whether it is through them.
+// The same for the planes. The results say whether the ray enters and leaves through them.
 bool MeetPlanes(inout float entry, inout float leave, out bool enters, out bool leaves) {
   enters = false;
   leaves = false;
@@ -61,7 +60,7 @@ bool MeetPlanes(inout float entry, inout float leave, out bool enters, out bool 
   return entry < leave;
 }
 
-// False where nothing of the ray is kept.
+// Returns false if the cuts leave nothing of the ray.
 bool FindRay() {
   vec3 d = normalize(direction_from_pixel * vec3(gl_FragCoord.xy - image_center.xy, 1.0));
   direction = mix(d, vec3(0.0), lessThan(abs(d), vec3(1e-9)));
@@ -84,8 +83,8 @@ bool FindRay() {
   return true;
 }
 
-// Distances of the planes through which the ray leaves the cells low .. high - 1. The
-// same plane is at the same distance, whichever cell or brick asks.
+// Distances of the planes through which the ray leaves the cells low .. high - 1. A plane has the
+// same distance for every cell and brick.
 vec3 LeaveOf(ivec3 low, ivec3 high) {
   vec3 planes_ahead = mix(vec3(low), vec3(high), greaterThan(direction, vec3(0.0)));
   return mix((planes_ahead - origin) / direction, vec3(kNever), equal(direction, vec3(0.0)));

@@ -3,15 +3,15 @@
 namespace palpate::view {
 
 const char* const kShaderWalk = R"(
-// What the ray has met.
+// What the ray has hit.
 bool is_hit = false;
 bool hit_is_cap = false;
 float hit = 0.0;
 int layer_count = 0;
 float layers[MOST_LAYERS];
 
-// The sides on which the ray is. They travel with it: where the next cell begins on the
-// other side, if only by rounding, the surface is in between.
+// The sides on which the ray is. They are carried from cell to cell. If the next cell begins on the
+// other side, even only by rounding, the surface is in between.
 bool above;
 bool veil_above;
 bool veil_begins_above;
@@ -28,7 +28,7 @@ void MeetSurface(float t) {
   hit = t;
 }
 
-// Cells t .. of which all values are within `range`, which holds neither isovalue.
+// Passes cells from t on whose values are all within `range`. `range` contains neither isovalue.
 void PassUniform(float t, vec2 range) {
   if (veil_shown && (range.x > veil_isovalue.x) != veil_above) MeetVeil(t);
   if (surface_shown && (range.x > isovalue.x) != above) MeetSurface(t);
@@ -45,14 +45,14 @@ void PassVeil(Corners corners, vec3 u, float t, float length) {
   vec4 cubic = CubicAlong(corners, veil_isovalue, u, direction);
   float from = 0.0;
   float crossing;
-  // A side that differs at the start, and the cubic's three roots.
+  // At most a different side at the start and the cubic's three roots.
   for (int n = 0; n < 4 && FindCrossing(cubic, from, length, veil_above, crossing); ++n) {
     MeetVeil(t + crossing);
     from = max(crossing, 1e-30);
   }
 }
 
-// The part of the ray from t to t_next, which is in this cell.
+// Passes the part of the ray from t to t_next, which is in this cell.
 void PassCell(ivec3 cell, float t, float t_next) {
   Corners corners = CornersOf(cell);
   vec2 range = vec2(Least(corners), Greatest(corners));
@@ -72,10 +72,10 @@ void PassCell(ivec3 cell, float t, float t_next) {
   if (veil_shown) PassVeil(corners, u, t, length);
 }
 
-// Cells of a brick, from t to t_end.
+// Passes the cells of a brick from t to t_end.
 void WalkCells(ivec3 low, ivec3 high, float t, float t_end) {
-  // Rounding may put the first cell one too far or too near across a border that the
-  // ray is about to pass: then its part is of length 0.
+  // Near a border, rounding may choose the cell before or after the right one. The ray's part in
+  // the wrong cell then has length 0.
   ivec3 cell = clamp(ivec3(floor(origin + t * direction)), low, high - 1);
   while (!is_hit) {
     vec3 leave = LeaveOf(cell, cell + 1);
@@ -89,11 +89,11 @@ void WalkCells(ivec3 low, ivec3 high, float t, float t_end) {
   }
 }
 
-// Of the background, which surrounds the lattice.
+// The range of the background, which surrounds the lattice.
 vec2 OutsideRange() { return texelFetch(voxels, ivec3(0), 0).rr; }
 
-// The sides on which the ray begins. The outermost layer is the background; at a cut
-// or at the eye it is the value there.
+// Sets the sides on which the ray begins: from the background in the outermost layer, or from the
+// value at the start if that is at a cut or at the eye.
 void BeginSides() {
   Corners start = CornersOf(CellAt(origin));
   vec3 u = clamp(origin - vec3(CellAt(origin)), 0.0, 1.0);
@@ -133,7 +133,7 @@ void Walk() {
     return;
   }
   WalkBricks();
-  // A surface that reaches the volume's end is closed there.
+  // A surface that reaches the volume's border is closed there.
   if (!is_hit && ends_outside) PassUniform(reach, OutsideRange());
 }
 )";

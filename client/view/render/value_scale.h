@@ -1,10 +1,9 @@
-// How a volume's values are turned into numbers with which a graphics card can do
-// sums: times a power of two, so that the largest is near 2^32 whatever the data's unit.
-// Their squares then fit a float, and so do those of differences 10^-28 times as large.
+// Scales a volume's values for computations on a graphics card: by a power of two, so that the
+// largest is near 2^32 for any unit. The squares of the values then fit a float, and so do the
+// squares of differences 10^-28 times as large.
 //
-// A power of two changes no digit: what is above a value, equal to it or between is so
-// afterwards as well. Only what is 10^47 times smaller than the largest is lost. Values
-// beyond those that the volume began with are limited to 2^50.
+// A power of two changes no digit, so the order of values stays the same. Only values 10^47 times
+// smaller than the largest are lost. Values beyond the volume's first range are limited to 2^50.
 //
 // Threads: plain values, pure.
 #pragma once
@@ -16,14 +15,15 @@ namespace palpate::view {
 class ValueScale {
  public:
   ValueScale() = default;
-  // Of values between the two, in data units.
+  // For values between the two, in data units.
   ValueScale(double min, double max);
 
   double Scaled(double value) const;
   float Scaled(float value) const { return static_cast<float>(Scaled(static_cast<double>(value))); }
-  // For a value that is compared with others: the greatest float that is not above it,
-  // scaled, and the rest as a float that is not above it. A float is above the value just
-  // where it is above the first; the difference to both is as exact as that of doubles.
+  // Splits a value that is compared with others. The first part is the greatest scaled float that
+  // is not above the value. The second part is the rest, as a float that is not above it. A float
+  // is above the value exactly if it is above the first part. The difference to both parts together
+  // is as exact as with doubles.
   Eigen::Vector2d Split(double value) const;
 
  private:

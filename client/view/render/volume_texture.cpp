@@ -16,7 +16,7 @@ std::string SizeText(const Vec3i& size) {
          std::to_string(size.z()) + " voxels";
 }
 
-// Throws where the lattice and its outer layer exceed what the context has textures for.
+// Throws if the lattice with its outer layer exceeds the context's textures.
 void RequireSize(const Vec3i& size) {
   GLint most = 0;
   glGetIntegerv(GL_MAX_3D_TEXTURE_SIZE, &most);
@@ -27,7 +27,7 @@ void RequireSize(const Vec3i& size) {
                                         " along each axis: load a resampled or cropped volume");
 }
 
-// Axes of the lattice in reverse, as bricks lie in memory.
+// Axes are those of the lattice in reverse, as in the memory of a brick.
 unsigned NewTexture(GLenum format, const Vec3i& size) {
   GLuint texture = 0;
   glGenTextures(1, &texture);
@@ -35,7 +35,7 @@ unsigned NewTexture(GLenum format, const Vec3i& size) {
   glTexParameteri(GL_TEXTURE_3D, GL_TEXTURE_MIN_FILTER, GL_NEAREST);
   glTexParameteri(GL_TEXTURE_3D, GL_TEXTURE_MAG_FILTER, GL_NEAREST);
   while (glGetError() != GL_NO_ERROR) {
-    // Errors of others must not be taken for this texture's.
+    // Clear old errors: they must not be taken for errors of this texture.
   }
   glTexStorage3D(GL_TEXTURE_3D, 1, format, size.z(), size.y(), size.x());
   if (glGetError() == GL_NO_ERROR) return texture;
@@ -43,7 +43,7 @@ unsigned NewTexture(GLenum format, const Vec3i& size) {
   return 0;
 }
 
-// glClearTexImage needs OpenGL 4.4; a layered framebuffer does the same.
+// glClearTexImage would need OpenGL 4.4. A layered framebuffer does the same.
 void Fill(GLuint texture, float value) {
   GLint bound = 0;
   glGetIntegerv(GL_DRAW_FRAMEBUFFER_BINDING, &bound);
@@ -148,8 +148,8 @@ void VolumeTexture::UploadBrick(const Brick& brick, std::uint64_t number) {
   glPixelStorei(GL_UNPACK_IMAGE_HEIGHT, 0);
 }
 
-// While some of the corners' values wait, those on the card are within the old range, and
-// those that came within the volume's.
+// While some corner values wait, the values on the card are within the old range, and new values
+// are within the range of the volume. So the range must hold both.
 void VolumeTexture::WidenRangesAt(std::uint64_t number, const ViewVolume& volume) {
   const Vec3i brick = BrickWithNumber(number, BrickCounts(size_));
   for (int n = 0; n < 8; ++n) {
@@ -178,7 +178,7 @@ bool VolumeTexture::IsWaitingAt(const Vec3i& cell_brick) const {
   return false;
 }
 
-// Row by row, for an upload of one costs about as much as one of a row.
+// Uploads whole rows: one range costs about as much as a row.
 void VolumeTexture::UploadRanges() {
   std::sort(changed_ranges_.begin(), changed_ranges_.end());
   glBindTexture(GL_TEXTURE_3D, ranges_);

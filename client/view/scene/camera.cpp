@@ -12,12 +12,12 @@ constexpr double kMinDistance_mm = 1e-3;
 constexpr double kMaxDistance_mm = 1e6;
 constexpr double kResetAzimuth_deg = 20.0;
 constexpr double kResetElevation_deg = 15.0;
-// The nearest that is drawn, as a share of the distance to the target.
+// The nearest visible distance, as a share of the distance to the target.
 constexpr double kNearShare = 0.01;
 
 double Radians(double degrees) { return degrees * std::numbers::pi / 180.0; }
 
-// Half of what is seen at a distance of 1, across and up.
+// Half of the visible width and height at a distance of 1.
 struct HalfView {
   double across;
   double up;
@@ -46,7 +46,7 @@ DepthRange DepthsOf(const AffineMap& X_VD, double target_mm, const Bounds& bound
     nearest = std::min(nearest, depth);
     farthest = std::max(farthest, depth);
   }
-  // For what sticks out: a stylus, an arrow.
+  // Room for objects that stick out: a stylus, an arrow.
   const double margin = 0.5 * (bounds.max_mm - bounds.min_mm).norm() + 0.1 * target_mm;
   return {std::max(nearest - margin, kNearShare * target_mm), farthest + margin};
 }
@@ -55,7 +55,7 @@ DepthRange DepthsOf(const AffineMap& X_VD, double target_mm, const Bounds& bound
 
 void Camera::Reset(const Bounds& bounds) {
   const double radius_mm = std::max(0.5 * (bounds.max_mm - bounds.min_mm).norm(), kMinDistance_mm);
-  // A sphere around all of it nearly fills the image's shorter side.
+  // A sphere around the bounds nearly fills the image's shorter side.
   Set(0.5 * (bounds.min_mm + bounds.max_mm), kResetAzimuth_deg, kResetElevation_deg,
       1.05 * radius_mm / std::sin(Radians(0.5 * kFieldOfView_deg)));
 }

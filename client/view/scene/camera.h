@@ -1,4 +1,4 @@
-// The camera: it turns about a point that it looks at, y up as in the device's frame.
+// The camera. It turns about the point that it looks at. y is up, as in the device's frame.
 //
 // Frames: D device (mm); V view (mm, x right, y up, z towards the viewer); pixels from
 // the upper left corner, y down, pixel centres at halves.
@@ -22,7 +22,7 @@ struct Ray {
   Vec3 direction = -Vec3::UnitZ();  // of length 1
 };
 
-// What is to be in view when the camera is reset.
+// The region that a reset brings into view.
 struct Bounds {
   Vec3 min_mm = Vec3::Constant(-50.0);
   Vec3 max_mm = Vec3::Constant(50.0);
@@ -32,18 +32,18 @@ class Camera {
  public:
   static constexpr double kFieldOfView_deg = 35.0;  // of the image's shorter side
 
-  // Looks at the middle of `bounds` from the front, slightly from above and the
-  // right, far enough to see all of it in an image of any shape.
+  // Looks at the middle of `bounds` from the front, slightly from above and from the right. Far
+  // enough to see all of `bounds` in an image of any shape.
   void Reset(const Bounds& bounds);
-  // Turns about the target; elevation stays within ±89°.
+  // Turns about the target. The elevation stays within ±89°.
   void Orbit(double azimuth_deg, double elevation_deg);
-  // Above 1 comes closer.
+  // A factor above 1 moves closer.
   void Zoom(double factor);
-  // The target follows a drag of so many pixels.
+  // Moves the target by a drag of this many pixels.
   void Pan(double right_px, double down_px, const ImageSize& size);
   void LookAt(const Vec3& target_D);
 
-  // For scripts: the whole view.
+  // Sets the whole view, for scripts.
   void Set(const Vec3& target_D, double azimuth_deg, double elevation_deg, double distance_mm);
 
   const Vec3& target() const { return target_D_; }
@@ -53,11 +53,11 @@ class Camera {
   Vec3 Eye() const;  // D
 
   AffineMap X_VD() const;
-  // OpenGL clip coordinates, depth in [-1, 1]; near and far planes follow `bounds` and
-  // the target, so that what is near either is never cut.
+  // OpenGL clip coordinates, depth in [-1, 1]. The near and far planes depend on `bounds` and the
+  // target, so that nothing near them is cut.
   Mat4 ClipFromView(const ImageSize& size, const Bounds& bounds) const;
   Mat4 ClipFromD(const ImageSize& size, const Bounds& bounds) const;
-  // Through the centre of a pixel, or any point of it. In D.
+  // The ray through a point of the image, in D. Pixel centres are at halves.
   Ray RayThrough(double x_px, double y_px, const ImageSize& size) const;
 
   friend bool operator==(const Camera&, const Camera&) = default;

@@ -6,7 +6,7 @@
 namespace palpate::view {
 namespace {
 
-// A colour at a place of the map, 0 to 1; straight lines between them.
+// A colour at a place of the map, 0 to 1. Colours between stops are interpolated linearly.
 struct Stop {
   double at;
   std::array<double, 3> rgb;  // 0 to 255
@@ -26,8 +26,8 @@ constexpr Stop kViridis[] = {
     {0.8, {122, 209, 81}}, {0.9, {189, 223, 38}}, {1.0, {253, 231, 37}},
 };
 
-// K. Moreland, "Diverging Color Maps for Scientific Visualization": equal steps to
-// both sides of the middle look equal.
+// K. Moreland, "Diverging Color Maps for Scientific Visualization": equal steps on both sides of
+// the middle look equal.
 constexpr Stop kCoolWarm[] = {
     {0.0, {59, 76, 192}},     {0.125, {98, 130, 234}}, {0.25, {141, 176, 254}},
     {0.375, {184, 208, 249}}, {0.5, {221, 221, 221}},  {0.625, {245, 196, 173}},

@@ -9,7 +9,7 @@
 namespace palpate::view {
 namespace {
 
-// Data units to densities, with the daemon's very steps: H hangs on single bits.
+// Converts data units to densities with exactly the daemon's operations: H depends on single bits.
 class Normalization {
  public:
   explicit Normalization(const VolumeLattice& lattice)
@@ -18,7 +18,7 @@ class Normalization {
         inverse_range_(1.0 / range_) {}
 
   double Density(double value) const { return (value - min_) * inverse_range_; }
-  // The largest density whose data value is not above the isovalue.
+  // Returns the largest density whose data value is not above the isovalue.
   double OfIsovalue(double isovalue) const {
     double density = Density(isovalue);
     while (min_ + density * range_ > isovalue) {
@@ -35,7 +35,7 @@ class Normalization {
 
 CellDensities ResolvedCell(const ViewVolume& volume, const Normalization& normalization,
                            const Vec3i& cell) {
-  // Only a level set has another background than the least value.
+  // Only a level set has a background other than the least value.
   const double outside = volume.lattice()->background ? kAboveAllIsovalues : 0.0;
   CellDensities densities;
   for (int v = 0; v < 8; ++v) {
@@ -48,7 +48,8 @@ CellDensities ResolvedCell(const ViewVolume& volume, const Normalization& normal
   return densities;
 }
 
-// Where H crosses the edge between two vertices; from the free end, whichever cell asks.
+// Where H crosses the edge between two vertices. Computed from the free end, so that every cell
+// gets the same point.
 Vec3 Crossing(const Decomposition& parts, double isovalue, const Vec3& origin, int u, int v) {
   if (parts.density[u] > parts.density[v]) std::swap(u, v);
   const double low = parts.density[u], high = parts.density[v];
@@ -56,8 +57,8 @@ Vec3 Crossing(const Decomposition& parts, double isovalue, const Vec3& origin, i
   return from + (isovalue - low) / (high - low) * (to - from);
 }
 
-// The next cell along an axis, where it is in the patch too, has the same lines in the
-// face between them.
+// True if the next cell along an axis is in the patch, too. Its lines in the common face are the
+// same.
 bool IsLeftToNext(const Decomposition& parts, const std::array<int, 3>& face, const Vec3i& cell,
                   const Vec3i& last) {
   for (int axis = 0; axis < 3; ++axis) {
@@ -67,8 +68,8 @@ bool IsLeftToNext(const Decomposition& parts, const std::array<int, 3>& face, co
   return false;
 }
 
-// H within a tetrahedron is bounded by a line in each of its faces that it crosses:
-// from the two edges at the vertex that is alone on its side. `last`: of the patch.
+// H within a tetrahedron is bounded by one line in each face that it crosses. The line joins the
+// two edges at the vertex that is alone on its side. `last`: the patch's last cell.
 void AddEdges(const Decomposition& parts, double isovalue, const Vec3i& cell, const Vec3i& last,
               std::vector<Vec3>& points) {
   const TetrahedralComplex& complex = parts.complex;
@@ -104,7 +105,7 @@ std::vector<Vec3> HapticPatch(const ViewVolume& volume, double isovalue, Decompo
   if (!volume.lattice() || !center_I.allFinite() || !(radius_voxels >= 0.0)) return points;
   const Normalization normalization(*volume.lattice());
   const double density = normalization.OfIsovalue(isovalue);
-  // As floating point, for what is far away does not fit an int.
+  // In floating point: places far away do not fit an int.
   const Vec3 least = Vec3::Constant(-1.0);
   const Vec3 most = volume.lattice()->size.cast<double>();
   const Vec3 reach = Vec3::Constant(radius_voxels);

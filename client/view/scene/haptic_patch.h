@@ -1,9 +1,9 @@
-// The haptic isosurface H near a point, as a wireframe: what is felt there, beside the
-// isosurface V that is drawn. Computed with the daemon's own decomposition, ties
-// resolved, on stored values normalised over the range fixed at load.
+// The haptic isosurface H near a point, as a wireframe. It shows what is felt, beside the drawn
+// isosurface V. Computed with the daemon's own decomposition, with ties resolved, from stored
+// values normalised over the range fixed at load.
 //
-// Frame: I. Threads: pure. Takes about 0.3 µs for a cell and more for those that the
-// surface crosses.
+// Frame: I. Threads: pure. Takes about 0.3 µs per cell, and more for cells that the surface
+// crosses.
 #pragma once
 
 #include <vector>
@@ -13,8 +13,8 @@
 
 namespace palpate::view {
 
-// Edges of the triangles of H in cells within `radius_voxels` of `center_I`, along
-// each axis, each once; pairs of points.
+// Returns the edges of H's triangles in cells within `radius_voxels` of `center_I` along each axis.
+// Each edge appears once, as a pair of points.
 std::vector<Vec3> HapticPatch(const ViewVolume& volume, double isovalue, DecompositionMethod method,
                               const Vec3& center_I, double radius_voxels);
 

@@ -17,22 +17,22 @@ constexpr Paint kPenBody = {{66, 74, 88, 255}, 0};
 constexpr Paint kPenGrip = {{128, 138, 152, 255}, 0};
 constexpr Paint kPenTip = {{205, 208, 212, 255}, 0};
 
-// Forces below do not show.
+// Shorter arrows would not be visible.
 constexpr double kLeastArrow_px = 1.0;
 // Voxels of this size on the screen leave room between the lines of H.
 constexpr double kSparse_px = 36.0;
 
-// What one pixel covers at a point, in mm.
+// The size of one pixel at a point, in mm.
 class PixelSize {
  public:
   PixelSize(const Camera& camera, const ImageSize& size)
       : X_VD_(camera.X_VD()),
-        // The second row of a perspective turns heights over depths into half pictures.
+        // The second row of a perspective matrix maps height divided by depth to half pictures.
         per_mm_of_depth_(2.0 /
                          (camera.ClipFromView(size, Bounds{})(1, 1) * std::max(size.height, 1))) {}
 
   double At(const Vec3& p_D) const {
-    constexpr double kLeastDepth_mm = 1e-3;  // beside or behind the eye
+    constexpr double kLeastDepth_mm = 1e-3;  // for points beside or behind the eye
     return per_mm_of_depth_ * std::max(-X_VD_.Apply(p_D).z(), kLeastDepth_mm);
   }
 
@@ -82,8 +82,8 @@ void AddForce(const client::Pose& pose, double max_force_n, const PixelSize& pix
   AddTurned(pose.scp_h_mm, pose.force_n / force_n, rings, overlay.solids);
 }
 
-// In mm, for it is a thing of the workspace: its tip is at HIP, and it points along its
-// own -z.
+// Sizes in mm, because the stylus is an object of the workspace. Its tip is at HIP, and it points
+// along its own -z.
 void AddStylus(const client::Pose& pose, Overlay& overlay) {
   static constexpr Ring kRings[] = {
       {0.0, 0.0, kPenTip},   {1.0, 0.35, kPenTip},  {14.0, 2.3, kPenGrip}, {15.0, 2.7, kPenGrip},
@@ -94,11 +94,12 @@ void AddStylus(const client::Pose& pose, Overlay& overlay) {
   AddTurned(pose.hip_mm, away_from_tip, kRings, overlay.solids);
 }
 
-// Where V and H coincide, half of a line's width would lie behind a slanted surface, so
-// lines come nearer to the eye: by half a pixel, for a difference below that does not
-// show anyway, and by so little of a voxel that one between V and H does. Those that V
-// hides by less than a voxel are seen faintly through it; all that lie farther behind
-// would only confuse.
+// Where V and H coincide, half of a line's width would lie behind a slanted surface. So lines move
+// nearer to the eye:
+// - by half a pixel, because a smaller difference is not visible anyway
+// - by a fraction of a voxel, so small that a line between V and H stays between them
+// Lines that V hides by less than a voxel are faintly visible. Lines farther behind V are hidden,
+// because they would only confuse.
 void AddHapticSurface(const OverlayScene& scene, const Camera& camera, const PixelSize& pixel,
                       Overlay& overlay) {
   const Vec3 eye_D = camera.Eye();
@@ -108,7 +109,7 @@ void AddHapticSurface(const OverlayScene& scene, const Camera& camera, const Pix
       const Vec3 p_D = scene.X_DI->Apply(p_I);
       const double px_mm = pixel.At(p_D);
       const double nearer_mm = nearer_voxels * voxel_mm + 0.5 * px_mm;
-      // From afar lines are so dense that they would cover the surface.
+      // From afar, lines are so dense that they would cover the surface.
       const double share = std::clamp(voxel_mm / px_mm / kSparse_px, 0.2, 1.0);
       auto rgba = kHapticSurfaceColor;
       rgba[3] = static_cast<std::uint8_t>(share * alpha);
@@ -120,7 +121,7 @@ void AddHapticSurface(const OverlayScene& scene, const Camera& camera, const Pix
   add(0.02, kHapticSurfaceColor[3]);
 }
 
-// Around the outer faces of the outermost voxels.
+// The box follows the outer faces of the outermost voxels.
 void AddBox(const AffineMap& X_DI, const Vec3i& lattice_size, Overlay& overlay) {
   const Vec3 least = Vec3::Constant(-0.5);
   const Vec3 edges = lattice_size.cast<double>();

@@ -1,5 +1,5 @@
-// What is drawn besides the volume, as triangles and lines: the three points, the
-// force, the stylus, the wireframe of H, the lattice's box.
+// Everything drawn besides the volume, as triangles and lines: the three points, the force, the
+// stylus, the wireframe of H, the lattice's box.
 //
 // Frame: D (mm). Threads: plain values and pure functions.
 #pragma once
@@ -20,12 +20,12 @@ struct SolidVertex {
   Eigen::Vector3f position_D;
   Eigen::Vector3f normal;  // of length 1
   std::array<std::uint8_t, 4> rgba;
-  std::uint8_t alpha_behind = 0;  // where the surface hides it; 0: not seen there
+  std::uint8_t alpha_behind = 0;  // where the surface hides it; 0: invisible there
 };
 struct LineVertex {
   Eigen::Vector3f position_D;
   std::array<std::uint8_t, 4> rgba;
-  std::uint8_t alpha_behind = 0;  // likewise
+  std::uint8_t alpha_behind = 0;  // where the surface hides it; 0: invisible there
 };
 
 struct Overlay {
@@ -33,7 +33,7 @@ struct Overlay {
   std::vector<LineVertex> lines;    // two to a line
 };
 
-// Colours of the three points, in all pictures, plots and panels.
+// Colours of the three points in all pictures, plots and panels.
 inline constexpr std::array<std::uint8_t, 4> kHipColor = {235, 75, 60, 255};
 inline constexpr std::array<std::uint8_t, 4> kScpHColor = {60, 200, 90, 255};
 inline constexpr std::array<std::uint8_t, 4> kScpVColor = {70, 130, 255, 255};
@@ -41,21 +41,21 @@ inline constexpr std::array<std::uint8_t, 4> kForceColor = {255, 205, 60, 255};
 
 inline constexpr std::array<std::uint8_t, 4> kHapticSurfaceColor = {200, 60, 190, 255};
 
-// Sizes on the screen that stay as the camera moves.
+// Sizes on the screen that do not change when the camera moves.
 inline constexpr double kPointRadius_px = 7.0;
 inline constexpr double kGreatestForce_px = 220.0;  // the arrow's length at max_force_n
 
 struct OverlayScene {
   std::optional<client::Pose> pose{};
-  // Wireframe of H, in I: pairs of points; from HapticPatch.
+  // Wireframe of H in I, from HapticPatch: pairs of points.
   std::vector<Vec3> haptic_lines_I{};
   std::optional<AffineMap> X_DI{};
   Vec3i lattice_size = Vec3i::Zero();
   double max_force_n = 3.3;
 };
 
-// `size`: of the view on the screen, also where its picture has fewer pixels.
-// In free motion HIP and SCP_H are one point, which is drawn as HIP.
+// `size`: of the view on the screen, also if the picture has fewer pixels. In free motion HIP and
+// SCP_H are the same point, which is drawn as HIP.
 Overlay BuildOverlay(const OverlayScene& scene, const OverlayOptions& options, const Camera& camera,
                      const ImageSize& size);
 

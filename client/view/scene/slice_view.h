@@ -1,12 +1,11 @@
-// How a slice of the lattice lies in a picture.
+// Maps a slice of the lattice to a picture.
 //
-// Orientation, as image viewers have it: across z, x to the right and y down; across
-// y, x to the right and z up; across x, y to the right and z up. The whole padded
-// lattice is shown, one voxel beyond the outermost on each side, so that isolines
-// close; voxels have their physical shape, and what is left of the picture is empty.
+// Orientation, as in image viewers: across z, x is right and y down; across y, x is right and z up;
+// across x, y is right and z up. The whole padded lattice is shown, one voxel beyond the outermost
+// voxels on each side, so that isolines close. Voxels have their physical shape. The rest of the
+// picture is empty.
 //
-// Frames: I (voxels); pixels from the upper left corner, y down, pixel centres at
-// halves.
+// Frames: I (voxels); pixels from the upper left corner, y down, pixel centres at halves.
 // Threads: plain values.
 #pragma once
 
@@ -28,14 +27,14 @@ class SliceView {
   int axis() const { return axis_; }
   int right_axis() const { return right_axis_; }  // of I, along a row of pixels
   int down_axis() const { return down_axis_; }    // of I, along a column
-  // Pixels for one voxel along them; the second is negative where the axis points up.
+  // Pixels per voxel along the two axes. The second is negative if its axis points up.
   const Eigen::Vector2d& px_per_voxel() const { return px_per_voxel_; }
 
-  // The point of the slice at `position_voxels` that is seen at a point of the
-  // picture; beyond the lattice too.
+  // Returns the point of the slice at `position_voxels` that appears at a point of the picture,
+  // also beyond the lattice.
   Vec3 PointAt(const Eigen::Vector2d& point_px, double position_voxels) const;
   Eigen::Vector2d PixelOf(const Vec3& p_I) const;
-  // Within the part of the picture that shows the lattice.
+  // True within the part of the picture that shows the lattice.
   bool Shows(const Eigen::Vector2d& point_px) const;
 
  private:
@@ -48,8 +47,8 @@ class SliceView {
   Eigen::Vector2d max_px_;
 };
 
-// Edges of a voxel in mm of D, or of the same shape; those of a cube where it is not
-// known where the volume lies.
+// Edges of a voxel in mm of D, or edges of the same shape. Edges of a cube if the volume's place is
+// not known.
 Vec3 VoxelEdges(const std::optional<AffineMap>& X_DI);
 
 }  // namespace palpate::view

@@ -22,7 +22,7 @@ std::vector<Triangle> Octahedron() {
   return triangles;
 }
 
-// Each triangle as four, their corners on the sphere.
+// Splits each triangle into four, with their corners on the sphere.
 std::vector<Triangle> Divided(const std::vector<Triangle>& triangles) {
   std::vector<Triangle> parts;
   for (const auto& [a, b, c] : triangles) {

@@ -1,4 +1,4 @@
-// Round bodies as triangles: spheres, and bodies turned about an axis.
+// Round bodies made of triangles: spheres, and bodies turned about an axis.
 //
 // Frame: D (mm). Threads: pure.
 #pragma once
@@ -14,19 +14,19 @@ struct Paint {
   std::uint8_t alpha_behind = 0;
 };
 
-// For one that is small on the screen: it has corners.
+// For a sphere that is small on the screen: its corners are visible on a large one.
 void AddSphere(const Vec3& center_D, double radius_mm, const Paint& paint,
                std::vector<SolidVertex>& solids);
 
-// A ring of a turned body; its paint is that of the part up to the next ring.
+// A ring of a turned body. Its paint covers the part up to the next ring.
 struct Ring {
   double along_mm = 0.0;
   double radius_mm = 0.0;
   Paint paint{};
 };
 
-// `axis` of length 1; rings by rising `along_mm`, counted from the origin. Open where
-// the first or the last radius is not 0.
+// `axis` has length 1. Rings are sorted by rising `along_mm`, counted from the origin. The body is
+// open if the first or last radius is not 0.
 void AddTurned(const Vec3& origin_D, const Vec3& axis, std::span<const Ring> rings,
                std::vector<SolidVertex>& solids);
 

@@ -1,4 +1,4 @@
-// What of the volume is drawn, and how.
+// Which parts of the volume are drawn, and how.
 //
 // Values in data units, crop in fractions of the lattice, planes in I (voxels).
 // Threads: plain values.
@@ -11,9 +11,9 @@
 
 namespace palpate::view {
 
-using Rgb = Eigen::Vector3f;  // 0 to 1, as a screen has them
+using Rgb = Eigen::Vector3f;  // 0 to 1, in screen colours
 
-// A second isosurface that one looks through.
+// A second, transparent isosurface.
 struct Veil {
   bool shown = false;
   double isovalue = 0.0;
@@ -22,15 +22,15 @@ struct Veil {
   friend bool operator==(const Veil&, const Veil&) = default;
 };
 
-// What is kept: points between the two, 0 to 1 along each axis of the lattice with its
-// layer of background. So 0 and 1 cut nothing.
+// Shows only points between the two corners. 0 to 1 along each axis of the lattice with its layer
+// of background, so 0 and 1 cut nothing.
 struct CropBox {
   Vec3 min = Vec3::Zero();
   Vec3 max = Vec3::Ones();
   friend bool operator==(const CropBox&, const CropBox&) = default;
 };
 
-// Keeps points p with normal · p <= offset.
+// Shows only points p with normal · p <= offset.
 struct ClipPlane {
   bool on = false;
   Vec3 normal_I = Vec3::UnitX();  // of length 1, in voxels
@@ -38,7 +38,7 @@ struct ClipPlane {
   friend bool operator==(const ClipPlane&, const ClipPlane&) = default;
 };
 
-// How a surface is coloured.
+// The colouring of a surface.
 enum class SurfaceColoring {
   kPlain,   // color
   kHeight,  // the colour map along the lattice's z
@@ -53,18 +53,18 @@ struct SurfaceOptions {
   Rgb color{0.87f, 0.80f, 0.70f};
   SurfaceColoring coloring = SurfaceColoring::kPlain;
   ColorMap color_map = ColorMap::kGray;
-  // The colour map's ends, for cut faces and slices.
+  // The ends of the colour map, for cut faces and slices.
   double window_min = 0.0;
   double window_max = 1.0;
   Veil veil{};
   CropBox crop{};
   std::array<ClipPlane, 2> planes{};
-  // Where crop box and planes cut material, the cut shows the values.
+  // Where crop box and planes cut material, the cut faces show the values.
   bool caps = true;
   friend bool operator==(const SurfaceOptions&, const SurfaceOptions&) = default;
 };
 
-// Drawn over the surface.
+// Objects drawn over the surface.
 struct OverlayOptions {
   bool points = true;  // HIP, SCP_H, SCP_V
   bool force = true;   // an arrow from SCP_H

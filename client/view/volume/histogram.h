@@ -1,4 +1,4 @@
-// How often values occur in a volume.
+// Counts how often values occur in a volume.
 //
 // Values in data units. Threads: plain values.
 #pragma once
@@ -14,19 +14,19 @@ class Histogram {
   static constexpr int kBins = 256;
 
   Histogram() = default;
-  // Equal bins over min .. max; values outside count into the first and the last.
+  // Equal bins over min .. max. Values outside count in the first and the last bin.
   Histogram(double min, double max);
 
   void Add(std::span<const float> values);
-  // Values that were added before.
+  // Removes values that were added before.
   void Remove(std::span<const float> values);
-  // One value, so many times.
+  // Adds one value this many times.
   void Add(float value, std::uint64_t times) { counts_[BinOf(value)] += times; }
   void Remove(float value, std::uint64_t times) { counts_[BinOf(value)] -= times; }
 
   int BinOf(float value) const {
     const double bin = (static_cast<double>(value) - min_) * bins_per_unit_;
-    // So that nothing is converted that an int cannot hold.
+    // Check first: the conversion must not exceed an int.
     if (!(bin > 0.0)) return 0;
     return bin < kBins - 1 ? static_cast<int>(bin) : kBins - 1;
   }

@@ -19,12 +19,12 @@ bool IsAll(const Brick& brick, float value) {
   return std::all_of(brick.begin(), brick.end(), [value](float v) { return v == value; });
 }
 
-// Voxels of a brick that are within the lattice, along each axis.
+// Returns how many voxels of a brick are within the lattice, along each axis.
 Vec3i ExtentWithin(const Vec3i& brick, const Vec3i& lattice_size) {
   return (lattice_size - brick * kBrickEdge).cwiseMin(kBrickEdge);
 }
 
-// What the overview says of a brick; background beyond the lattice.
+// Makes a brick from the overview's means; background beyond the lattice.
 BrickPtr StandIn(const Vec3i& brick, const VolumeLattice& lattice, const Vec3i& blocks,
                  std::span<const float> means) {
   auto values = std::make_shared<Brick>();
@@ -44,7 +44,7 @@ BrickPtr StandIn(const Vec3i& brick, const VolumeLattice& lattice, const Vec3i& 
   return values;
 }
 
-// Of the voxels of a brick from `first` on along each axis, 0 or 7.
+// The range of a brick's voxels from `first` on along each axis; `first` is 0 or 7.
 ValueRange RangeOfPart(const Brick& brick, const Vec3i& first) {
   if (first == Vec3i::Zero()) {
     const Eigen::Map<const Eigen::Array<float, kBrickVoxels, 1>> all(brick.data());
@@ -79,7 +79,7 @@ void ViewVolume::Take(const client::VolumeUpdate& update) {
   } else if (!update.overview.empty()) {
     ShowOverview(update.overview_size, update.overview);
   }
-  // The library knows of no bricks before the first of them have come.
+  // The library does not know the number of bricks before the first bricks have come.
   bricks_left_ = update.complete ? 0 : std::max<std::uint64_t>(update.bricks_left, 1);
   UpdateCellRanges();
 }
@@ -110,7 +110,7 @@ void ViewVolume::ShowOverview(const Vec3i& size, std::span<const float> means) {
   }
 }
 
-// Bricks that never came are background, whatever stood in for them.
+// Bricks that never came are background. They replace their stand-ins.
 void ViewVolume::Complete() {
   for (std::uint64_t number = 0; number < is_awaited_.size(); ++number) {
     if (is_awaited_[number]) Put(number, background_);
@@ -156,7 +156,7 @@ void ViewVolume::Count(std::uint64_t number, bool add) {
 void ViewVolume::TouchCellBricksAt(std::uint64_t number) {
   const Vec3i brick = BrickWithNumber(number, lattice_->BrickCounts());
   const Vec3i count = cell_brick_count();
-  // Its last layer is the first of the next cell brick's corners.
+  // The brick's last layer is also a layer of corners of the next cell brick.
   const Vec3i last = (brick + Vec3i::Ones()).cwiseMin(count - Vec3i::Ones());
   for (int a = brick.x(); a <= last.x(); ++a) {
     for (int b = brick.y(); b <= last.y(); ++b) {

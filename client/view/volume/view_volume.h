@@ -1,10 +1,10 @@
-// The viewer's copy of the volume: voxels as the client library hands them out, with
-// what a ray caster and a slider want to know of them.
+// The viewer's copy of the volume: voxels from the client library, with additional data for a ray
+// caster and a slider.
 //
-// One virtual layer of the background surrounds the lattice, as it does for the proxy,
-// so that the surface is closed there. A cell brick holds 8³ cells of this padded
-// lattice: cell brick (a, b, c) the cells (8a - 1 .. 8a + 6, ...), which have the
-// voxels (8a - 1 .. 8a + 7, ...) as corners. Its number is (a nb + b) nc + c.
+// One virtual layer of the background surrounds the lattice, as for the proxy, so that the surface
+// is closed there. A cell brick holds 8³ cells of this padded lattice: cell brick (a, b, c) has the
+// cells (8a - 1 .. 8a + 6, ...), and their corners are the voxels (8a - 1 .. 8a + 7, ...). Its
+// number is (a nb + b) nc + c.
 //
 // Frames: I voxel indices, D device (mm). Values in data units.
 // Threads: one at a time. Errors: none; client/sdk has checked the updates.
@@ -25,9 +25,9 @@ struct ValueRange {
   float max = 0.0f;
 };
 
-// What a texture has to take up since it asked last.
+// The changes that a texture has to upload since it asked last.
 struct VolumeChanges {
-  bool all = false;                     // another lattice: nothing of the old holds
+  bool all = false;                     // another lattice: everything of the old one is void
   std::vector<std::uint64_t> bricks{};  // whose voxels changed, ascending; where all: those
                                         // that are not the background throughout
 };
@@ -38,26 +38,27 @@ class ViewVolume {
 
   // None before a volume began.
   const std::optional<VolumeLattice>& lattice() const { return lattice_; }
-  // Where the volume lies; none before it is known.
+  // The volume's place; none before it is known.
   const std::optional<AffineMap>& X_DI() const { return X_DI_; }
-  // Bricks still to come, as far as is known, until then shown by the overview's means
-  // or as background; 0: complete.
+  // Bricks still to come, as far as is known; 0: complete. Until then the overview's means or the
+  // background stand in for them.
   std::uint64_t bricks_left() const { return bricks_left_; }
-  // The daemon's revision that this is, voxel by voxel; none while bricks are to come.
+  // The daemon's revision that this copy equals, voxel by voxel; none while bricks are still to
+  // come.
   const std::optional<VolumeRevision>& revision() const { return revision_; }
 
-  // The rest with a lattice. Number below lattice()->Bricks().
+  // Call the following functions only with a lattice. Number below lattice()->Bricks().
   const Brick& At(std::uint64_t number) const { return *bricks_[number]; }
-  // The background outside of the lattice.
+  // Returns the background outside of the lattice.
   float Value(const Vec3i& voxel) const;
   // The trilinear interpolant; the background outside of the padded lattice.
   double Interpolate(const Vec3& p_I) const;
 
   Vec3i cell_brick_count() const;
-  // Least and greatest value at the corners of each cell brick, by its number.
+  // The least and greatest value at the corners of each cell brick, by its number.
   std::span<const ValueRange> cell_ranges() const { return cell_ranges_; }
 
-  // Of the voxels within the lattice, those that stand in for others included.
+  // Of all voxels within the lattice, including stand-ins.
   const Histogram& histogram() const { return histogram_; }
 
   // Rises with every change of voxels or lattice.
@@ -66,7 +67,7 @@ class ViewVolume {
 
  private:
   void Begin(const std::optional<VolumeLattice>& lattice);
-  // Blocks of means, as in VolumeUpdate, for the bricks that are awaited.
+  // Uses blocks of means, as in VolumeUpdate, for bricks that are still to come.
   void ShowOverview(const Vec3i& size, std::span<const float> means);
   void Complete();
   void Put(std::uint64_t number, BrickPtr brick);
@@ -79,7 +80,7 @@ class ViewVolume {
   std::optional<AffineMap> X_DI_;
   std::uint64_t bricks_left_ = 0;
   std::optional<VolumeRevision> revision_;
-  BrickPtr background_;           // shared by all bricks that are nothing else
+  BrickPtr background_;           // shared by all bricks that are only background
   std::vector<BrickPtr> bricks_;  // by number
   std::vector<bool> is_awaited_;  // by number, until complete; then empty
   std::vector<ValueRange> cell_ranges_;
