@@ -1,9 +1,9 @@
-"""Builds the package, and with it the messages and stubs of palpate.v1 and the list of settings.
+"""Builds the package with the messages and stubs of palpate.v1 and the list of settings.
 
-protoc names the modules that it writes after the proto package: palpate/v1/
-pose_pb2.py begins with `from palpate.v1 import device_pb2`. So they go where these
-imports look, into the package `palpate` itself: nothing is rewritten, and no second
-top-level package called palpate hides this one.
+protoc names its modules after the proto package: palpate/v1/pose_pb2.py begins with
+`from palpate.v1 import device_pb2`. So the modules go into the package `palpate` itself, where
+these imports look. Nothing is rewritten, and no second top-level package called palpate hides
+this one.
 """
 
 import pathlib
@@ -17,7 +17,7 @@ PROTO = pathlib.Path(__file__).resolve().parents[2] / "proto"
 
 
 def program(name: str, package: str) -> str:
-    """Path of a program that the build needs; says which Debian package has it."""
+    """Returns the path of a program of the build. If it is missing, names its Debian package."""
     path = shutil.which(name)
     if path is None:
         raise SystemExit(f"palpate: {name} is missing: apt-get install {package}")
@@ -25,7 +25,7 @@ def program(name: str, package: str) -> str:
 
 
 class BuildWithStubs(build_py):
-    """Copies the package, then has protoc write palpate/v1 beside it."""
+    """Copies the package, then lets protoc generate palpate/v1 in the copy."""
 
     def run(self) -> None:
         super().run()

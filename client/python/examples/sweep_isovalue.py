@@ -1,7 +1,7 @@
 #!/usr/bin/python3
 """Sweeps the isovalue over the volume's range and plots the force against time.
 
-Wants a running palpated and python3-matplotlib:
+Needs a running palpated and python3-matplotlib:
 
     python3 client/python/examples/sweep_isovalue.py --out sweep.png
 """
@@ -31,10 +31,10 @@ def parse_arguments() -> argparse.Namespace:
 
 
 def felt_at(conn: palpate.Connection, normalized: float, seconds: float) -> palpate.Poses:
-    """Sets the isovalue and returns what was felt from then on, for so long."""
+    """Sets the isovalue and returns the poses of the next seconds."""
     applied = conn.settings.update(normalized_isovalue=normalized)
     batches: list[palpate.Poses] = []
-    # A few batches may wait: every sample is wanted.
+    # Many batches may wait, because every sample is needed.
     with conn.poses(rate_hz=1000, batch=50, waiting=100) as stream:
         for poses in stream:
             if poses.tick[0] >= applied.applied_tick:
@@ -45,7 +45,7 @@ def felt_at(conn: palpate.Connection, normalized: float, seconds: float) -> palp
 
 
 def plot(felt: palpate.Poses, unit: str, out: str) -> None:
-    """Force and isovalue over time, one above the other."""
+    """Plots force and isovalue against time, one above the other."""
     seconds = (felt.time_ns - felt.time_ns[0]) / 1e9
     figure, (above, below) = pyplot.subplots(2, sharex=True, figsize=(9, 5),
                                              height_ratios=(3, 1))

@@ -1,4 +1,4 @@
-"""Client of palpated: feel an isosurface, steer it and record it from Python.
+"""Client of palpated: feel an isosurface from Python, change its settings and record it.
 
     with palpate.connect() as conn:
         conn.settings.isovalue = 300.0

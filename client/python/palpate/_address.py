@@ -1,4 +1,4 @@
-"""Where palpated is reached. The rules are those of common/wire/address.h."""
+"""The address of palpated. The rules are those of common/wire/address.h."""
 
 import os
 import re
@@ -14,7 +14,7 @@ _MAX_SOCKET_PATH_BYTES = 107
 
 
 def default_socket_path() -> str:
-    """$PALPATE_SOCKET, the system's socket, or the user's own."""
+    """Returns $PALPATE_SOCKET, the system's socket, or the user's own."""
     if path := os.environ.get("PALPATE_SOCKET"):
         return path
     system = os.path.join(_SYSTEM_FOLDER, _SOCKET_NAME)
@@ -27,7 +27,7 @@ def default_socket_path() -> str:
 
 
 def _temporary_folder() -> str:
-    # Anybody may create a folder in /tmp: one that is not ours alone is a trap.
+    # Any user may create a folder in /tmp. A folder that is not ours alone could be a trap.
     folder = f"/tmp/palpate-{os.getuid()}"
     try:
         info = os.lstat(folder)
@@ -40,7 +40,7 @@ def _temporary_folder() -> str:
 
 
 def server_of_environment() -> str | None:
-    """$PALPATE_SERVER; None: it names none. Errors: InvalidArgument (it is not HOST:PORT)."""
+    """Returns $PALPATE_SERVER, or None if unset. Errors: InvalidArgument (not HOST:PORT)."""
     server = os.environ.get(_SERVER_VARIABLE)
     if not server:
         return None
@@ -57,7 +57,7 @@ def is_tcp(address: str) -> bool:
 
 
 def target_of(address: str | None) -> tuple[str, str]:
-    """Target of a gRPC channel, and a name for people. None: the default socket."""
+    """Returns a gRPC target and a name for people. None: the default socket."""
     if address is None:
         address = default_socket_path()
     elif is_tcp(address):
@@ -66,7 +66,7 @@ def target_of(address: str | None) -> tuple[str, str]:
 
 
 def check_socket_path(path: str) -> str:
-    """The path as an absolute one. Errors: InvalidArgument (gRPC cannot use it)."""
+    """Returns the absolute path. Errors: InvalidArgument (gRPC cannot use the path)."""
     absolute = os.path.abspath(path.removeprefix("unix:"))
     if len(os.fsencode(absolute)) > _MAX_SOCKET_PATH_BYTES:
         raise InvalidArgument(f"the path of a socket has at most {_MAX_SOCKET_PATH_BYTES} bytes: "
@@ -86,7 +86,7 @@ def _unix_target(path: str) -> tuple[str, str]:
 
 
 def _check_socket(path: str, name: str) -> None:
-    # gRPC reports every failure to connect alike; the file tells them apart.
+    # gRPC reports all failures to connect alike. The socket's file tells the reason.
     try:
         info = os.stat(path)
     except PermissionError:
@@ -102,7 +102,7 @@ def _check_socket(path: str, name: str) -> None:
 
 
 def check_server(address: str) -> tuple[str, str]:
-    """Host and port. Errors: InvalidArgument (it is not HOST:PORT)."""
+    """Returns host and port. Errors: InvalidArgument (not HOST:PORT)."""
     host_port = _host_and_port(address)
     if host_port is None:
         raise InvalidArgument(f"{address!r} is not HOST:PORT, as in localhost:7400")
@@ -125,5 +125,5 @@ def _tcp_target(address: str) -> tuple[str, str]:
     host, port = host_port
     if host.startswith("["):
         return f"ipv6:%5B{host[1:-1]}%5D:{port}", address
-    # The scheme keeps a host called "unix" from being read as one.
+    # With the scheme, a host called "unix" is not taken for a scheme.
     return f"dns:///{address}", address

@@ -20,8 +20,8 @@ from palpate._volume import VolumeAccess
 class Connection:
     """A connection to palpated; connect() makes one. A `with` block closes it.
 
-    When the daemon goes away, calls and streams raise Unavailable; once it is there
-    again, calls and new streams of the same connection work. Any thread.
+    If the daemon goes away, calls and streams raise Unavailable. When the daemon is back, calls
+    and new streams of the same connection work again. Any thread.
     """
 
     def __init__(self, address: str | None, credentials: Credentials = Credentials()) -> None:
@@ -40,12 +40,12 @@ class Connection:
 
     @property
     def address(self) -> str:
-        """Where palpated was found, for people."""
+        """The address of palpated, for people."""
         return self._link.name
 
     @property
     def settings(self) -> Settings:
-        """What is felt: isovalue, stiffness, effects."""
+        """The settings: isovalue, stiffness, effects."""
         return self._settings
 
     @settings.setter
@@ -81,19 +81,19 @@ class Connection:
         """Streams what the servo computes, as an endless iterator of Poses.
 
         rate_hz: samples per second of loop time, above 0 to 1000; one tick in
-        round(1000 / rate_hz) is sampled. batch: samples per Poses, 1 to 256; above 200 Hz
-        choose 8 or more. waiting: batches that wait for a loop that is slower than the
-        stream. Newest wins: with 1 such a loop gets the newest batch each time; what was
-        left out is counted in Poses.dropped_samples. Choose a larger one to get every
-        sample in spite of pauses.
-        Errors, in the iteration: InvalidArgument, Unavailable when the daemon goes away.
+        round(1000 / rate_hz) is sampled.
+        batch: samples per Poses, 1 to 256; above 200 Hz choose 8 or more.
+        waiting: the most batches that wait if your loop is slower than the stream. With 1, the
+        loop always gets the newest batch; Poses.dropped_samples counts the samples in between.
+        Choose a larger number to get every sample in spite of pauses.
+        Errors, in the iteration: InvalidArgument, Unavailable if the daemon goes away.
         """
         if waiting < 1:
             raise InvalidArgument("at least one batch waits")
         return PoseStream(self._link, rate_hz, batch, waiting)
 
     def close(self) -> None:
-        """Closes it; streams of it raise Unavailable."""
+        """Closes the connection. Its streams raise Unavailable."""
         self._link.close()
 
     def __enter__(self) -> "Connection":
@@ -111,7 +111,7 @@ class Connection:
         try:
             device, volume = self._device.info(), self._volume.info()
         except Error as failed:
-            # A notebook that shows an old connection is no place for an exception.
+            # A notebook that shows an old connection must not raise an exception.
             return table("palpate connection", [*rows, ("not reached", failed)])
         rows += [("version", device.version), ("device", device.model),
                  ("forces", f"{device.forces.state} ({device.forces.reason})"),
@@ -125,17 +125,19 @@ def connect(address: str | None = None, *, profile: str | None = None,
             token_file: str | None = None) -> Connection:
     """Connects to palpated.
 
-    address: path of its Unix socket, with a slash in it, or "HOST:PORT"; None:
-    $PALPATE_SERVER, which is HOST:PORT, or else the socket that the daemon and the other
-    clients choose: $PALPATE_SOCKET, /run/palpate/palpated.sock, or the user's own.
+    address: path of a Unix socket, with a slash in it, or "HOST:PORT". None: $PALPATE_SERVER
+    (HOST:PORT), or else the default socket of the daemon and all clients: $PALPATE_SOCKET,
+    /run/palpate/palpated.sock, or the user's own.
     profile: a name in $XDG_CONFIG_HOME/palpate/clients.toml (~/.config/palpate/clients.toml),
-    instead of all the others; profiles() has those that are there. A profile is whole: no
+    instead of all other arguments; profiles() lists the names. A profile is complete: no
     environment variable adds to it.
-    Over TCP, TLS is used where tls_ca or tls_cert is given. tls_ca: the daemon's certificate
-    authority; None: $PALPATE_TLS_CA, or the system's. tls_cert, tls_key: our certificate and
-    its key. token_file: holds a token; None: $PALPATE_TOKEN_FILE, where TLS is used. A token is
-    never sent without TLS; that all accounts may read its file is a UserWarning. All are paths
-    of files, the first three in PEM. For a socket none of these variables is used.
+
+    Over TCP, TLS is used if tls_ca or tls_cert is given. A socket uses none of these:
+    tls_ca: the daemon's certificate authority, PEM; None: $PALPATE_TLS_CA, or the system's.
+    tls_cert, tls_key: our certificate and its key, PEM.
+    token_file: a file with a token; None: $PALPATE_TOKEN_FILE, if TLS is used. A token is never
+    sent without TLS. If all accounts may read the file, there is a UserWarning.
+
     Errors: Unavailable (no palpated there), PermissionDenied (the socket; or palpated does not
     know us), InvalidArgument, NotFound (a file, a profile).
     """

@@ -1,4 +1,4 @@
-"""How a client proves who it is, and the daemon that it is the daemon."""
+"""The credentials with which client and daemon prove who they are."""
 
 import dataclasses
 import os
@@ -15,7 +15,7 @@ _TOKEN_FILE_VARIABLE = "PALPATE_TOKEN_FILE"
 
 
 def _read(path: str) -> tuple[bytes, int]:
-    """What the file holds, and its mode."""
+    """Returns the contents of the file and its mode."""
     try:
         with open(path, "rb") as file:
             return file.read(), os.fstat(file.fileno()).st_mode
@@ -27,7 +27,7 @@ def _read_pem(path: str | None, what: bytes) -> bytes | None:
     if path is None:
         return None
     text, _ = _read(path)
-    # gRPC says nothing of what is wrong with such a text.
+    # Checked here, because gRPC does not say what is wrong with a PEM file.
     if what + b"-----" not in text:
         raise InvalidArgument(f"{path} holds no {what.decode()} in PEM")
     return text
@@ -40,7 +40,7 @@ def _read_token(path: str) -> str:
         raise InvalidArgument(f"{path} holds no token: put into it the line that "
                               "'palpated token add' printed")
     if mode & stat.S_IROTH:
-        # At the caller of palpate.connect.
+        # Reported at the line that called palpate.connect.
         warnings.warn(f"the token file {path} may be read by every account of this machine: "
                       "'chmod 600' it, and ask for a new token where others could have read this "
                       "one", stacklevel=6)
@@ -61,8 +61,8 @@ class Credentials:
         return self.ca_file is not None or self.certificate_file is not None
 
     def with_environment(self) -> "Credentials":
-        """For HOST:PORT: what is not named here is what $PALPATE_TLS_CA and
-        $PALPATE_TOKEN_FILE name, the token only where TLS is used."""
+        """For HOST:PORT: takes absent values from $PALPATE_TLS_CA and $PALPATE_TOKEN_FILE; the
+        token only if TLS is used."""
         ca_file = self.ca_file
         if ca_file is None:
             ca_file = os.environ.get(_CA_VARIABLE) or None
@@ -73,11 +73,11 @@ class Credentials:
         return dataclasses.replace(completed, token_file=token_file)
 
     def check(self, is_tcp: bool) -> None:
-        """Do they fit together? Reads no file. Errors: InvalidArgument."""
+        """Checks that the credentials fit together. Reads no file. Errors: InvalidArgument."""
         if (self.certificate_file is None) != (self.key_file is None):
             raise InvalidArgument("a certificate and its key come together: name both, or none")
-        # Without TLS others could read it, and without the daemon's authority anybody
-        # could pose as the daemon.
+        # Without TLS, others could read the token. Without the daemon's authority, another
+        # server could pose as the daemon.
         if self.token_file is not None and not self.has_tls:
             raise InvalidArgument("a token is sent over TLS only: name the daemon's certificate "
                                   "authority too")
@@ -85,7 +85,7 @@ class Credentials:
             raise InvalidArgument("TLS is for HOST:PORT: the socket has its file mode as guard")
 
     def channel_credentials(self, is_tcp: bool) -> grpc.ChannelCredentials | None:
-        """None: without TLS. Errors: NotFound, InvalidArgument."""
+        """Returns None without TLS. Errors: NotFound, InvalidArgument."""
         self.check(is_tcp)
         if not self.has_tls:
             return None

@@ -14,9 +14,9 @@ from palpate.v1 import device_pb2, device_pb2_grpc
 
 @dataclasses.dataclass(frozen=True)
 class Forces:
-    """What the safety stage does with forces, and why.
+    """The state of the forces, and its reason.
 
-    limit_n: what the motors' warmth leaves of the greatest force, N
+    limit_n: greatest force now, N; less than the device's maximum if the motors are warm
     """
 
     state: ForceState
@@ -26,20 +26,20 @@ class Forces:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class DeviceInfo:
-    """The device, and the servo loop; counts are since the daemon's start.
+    """The device and the servo loop. Counts start with the daemon.
 
     kind: configuration name, such as "simulated"
     model: name for people
     workspace_min_mm: (3,) corner of the workspace box in the device frame, mm
-    workspace_max_mm: (3,) the other corner, mm
-    max_stiffness_n_per_mm: that it renders steadily, N/mm
+    workspace_max_mm: (3,) the opposite corner, mm
+    max_stiffness_n_per_mm: greatest stiffness that the device renders steadily, N/mm
     problem: what is wrong and what to do; empty: nothing
     rate_hz: of the servo loop, Hz
-    warnings: what the servo could not have and what to do about it
+    warnings: what the servo lacks and what to do about it
     version: of the daemon
-    identity: serial number and firmware as the device says; empty: unknown
-    caller: whom the daemon takes this connection for, such as "local socket"
-    role: what it may do: each role may do all that the ones before it may
+    identity: serial number and firmware as the device reports them; empty: unknown
+    caller: the identity that the daemon has verified for this connection, such as "local socket"
+    role: what this connection may do; each role may also do everything of the roles before it
     """
 
     kind: str
@@ -73,8 +73,8 @@ class DeviceInfo:
 class ListedDevice:
     """A device that the daemon could be configured to use.
 
-    port: where it was found; empty for what needs no finding
-    problem: what is missing and what to do; empty when usable
+    port: where the device was found; empty if the device has no port
+    problem: what is missing and what to do; empty if the device is usable
     """
 
     kind: str
@@ -123,23 +123,23 @@ class Device:
             role=Role(answer.caller.role))
 
     def list(self) -> "list[ListedDevice]":
-        """What the daemon's machine has. Opens no device."""
+        """Lists the devices of the daemon's machine. Opens no device."""
         answer = self._link.call(self._stub.ListDevices, device_pb2.ListDevicesRequest())
         return [ListedDevice(device.kind, device.model, device.port, device.usable, device.problem,
                              VerificationLevel(device.verification_level), device.in_use)
                 for device in answer.devices]
 
     def enable(self, kind: str = "") -> Forces:
-        """Lets forces ramp in; also leaves an emergency stop and a fault that has passed.
+        """Enables forces, with a ramp. Also ends an emergency stop, or a fault that has passed.
 
-        kind: configuration name of the device, such as "falcon"; may be empty only where
-        its forces are verified or simulated.
+        kind: configuration name of the device, such as "falcon"; may be empty only if the
+        device's forces are verified, or the device is simulated.
         """
         return self._force_call(self._stub.EnableForces,
                                 device_pb2.EnableForcesRequest(device=kind))
 
     def disable(self) -> Forces:
-        """Ramps forces out, until they are enabled again."""
+        """Ramps forces down to zero. They stay off until they are enabled again."""
         return self._force_call(self._stub.DisableForces, device_pb2.DisableForcesRequest())
 
     def stop(self) -> Forces:
@@ -147,9 +147,9 @@ class Device:
         return self._force_call(self._stub.StopForces, device_pb2.StopForcesRequest())
 
     def calibrate(self) -> DeviceInfo:
-        """Takes the stylus's place of rest as where it is when it is docked next.
+        """Calibrates the device in its place of rest, when the stylus is docked next.
 
-        Errors: InvalidArgument (the device has no such place), FailedPrecondition (the device
+        Errors: InvalidArgument (the device has no place of rest), FailedPrecondition (the device
         is not there).
         """
         self._link.call(self._stub.CalibrateDevice, device_pb2.CalibrateDeviceRequest())

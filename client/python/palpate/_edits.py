@@ -31,12 +31,12 @@ _MOST_BLOCK_VOXELS = 3 * 1024 * 1024 // 4
 
 @dataclasses.dataclass(frozen=True)
 class EditResult:
-    """What an edit did.
+    """The result of an edit.
 
-    volume_revision: at which the volume is now; the same as before where no voxel changed
-    applied_tick: first tick that used it
-    changed: box around the voxels that changed, as an index into Volume.values; None: none
-        did
+    volume_revision: of the volume now; the same as before if no voxel changed
+    applied_tick: first tick that used the edit
+    changed: box around the changed voxels, as an index into Volume.values; None: no voxel
+        changed
     undo_steps: how often undo() would work now
     """
 
@@ -51,17 +51,22 @@ class EditResult:
 class Edits:
     """Edits of the volume under the stylus, each at one tick; Connection.edit.
 
-    The weight w of a voxel is 1 within the shape and falls smoothly to 0 over `falloff`
-    outside of it. With the voxel's value v the operations are "add" (v + w·value),
-    "subtract" (v - w·value), "set" (value, faded by w), "smooth" (towards the mean of the
-    27 voxels around, by w·strength) and "paint" (v + w·strength·(value - v)). `value` is
-    required for all but "smooth", which takes none. Values are in data units, and results
-    stay within the range fixed at load.
+    The weight w of a voxel is 1 within the shape and falls smoothly to 0 over `falloff` outside
+    of the shape. With the voxel's value v, the operations are
 
-    frame "world": positions and lengths in mm, LPS as in DICOM; "index": in voxels,
-    voxel (0, 0, 0) being the first.
+        "add"       v + w·value
+        "subtract"  v - w·value
+        "set"       value, faded by w
+        "smooth"    towards the mean of the 27 voxels around, by w·strength
+        "paint"     v + w·strength·(value - v)
 
-    expected_revision: refuse with Conflict unless the volume is at this one.
+    All except "smooth" need `value`. Values are in data units. Results stay within the range
+    fixed at load.
+
+    frame "world": positions and lengths in mm, LPS as in DICOM; "index": in voxels. The first
+    voxel is (0, 0, 0).
+
+    expected_revision: fail with Conflict unless the volume is at this revision.
     Errors: InvalidArgument, TooLarge (more than 16 777 216 voxels), Conflict, Unavailable.
     """
 
@@ -90,7 +95,7 @@ class Edits:
     def capsule(self, start: Triple, end: Triple, radius: float, operation: Operation,
                 value: float | None = None, *, frame: Frame = "world", falloff: float = 0.0,
                 strength: float | None = None, expected_revision: int | None = None) -> EditResult:
-        """Edits what a sphere of `radius` sweeps from `start` to `end` (x, y, z): a stroke."""
+        """Edits a stroke: what a sphere of `radius` sweeps from `start` to `end` (x, y, z)."""
         shape = edit_pb2.CapsuleShape(**{"from": vector_of("start", start)},
                                       to=vector_of("end", end), radius=number("radius", radius))
         return self._edit(edit_pb2.EditVolumeRequest(capsule=shape), operation, value, frame,
@@ -99,10 +104,10 @@ class Edits:
     def block(self, first: tuple[int, int, int], values: npt.ArrayLike,
               operation: Operation = "set", *, strength: float | None = None,
               expected_revision: int | None = None) -> EditResult:
-        """Edits the voxels from index `first` (i, j, k) on by `values`, each by its own.
+        """Edits a block of voxels from index `first` (i, j, k) on, each with a value of its own.
 
-        values: (nx, ny, nz), indexed [x, y, z] as Volume.values, data units; taken as
-        float32; at most 786 432 of them (3 MiB). Not for "smooth".
+        values: (nx, ny, nz), indexed [x, y, z] as Volume.values, data units. Sent as float32; at
+        most 786 432 values (3 MiB). Not for "smooth".
         """
         array = np.asarray(values, dtype="<f4")
         if array.ndim != 3:
@@ -126,22 +131,28 @@ class Edits:
                progress: Progress | None = None) -> EditResult:
         """Filters all voxels, or those of a region, with a filter of OpenVDB, as one edit.
 
-        kind: "gaussian" (four means), "mean" (of the (2·width + 1)³ voxels around each voxel) or
-        "median" (of the same voxels; slow). width: 1 to 8 voxels. iterations: how often;
-        width·iterations is at most 8 for "gaussian", and at most 32 for the other two.
-        Of level sets: "offset", which moves the surface outwards by distance_mm, and
-        "mean-curvature", which smooths it, `iterations` times. "resample": to spacing_mm, one
-        number or (x, y, z). These three filter the whole volume, and begin again where somebody
-        edits meanwhile, three times at most. "resample", and an "offset" that needs room, give the
-        volume another lattice: read its size again.
+        kind, for voxels:
+            "gaussian"        four means
+            "mean"            of the (2·width + 1)³ voxels around each voxel
+            "median"          of the same voxels; slow
+        kind, for the whole volume:
+            "offset"          moves a level set's surface outwards by distance_mm
+            "mean-curvature"  smooths a level set's surface, `iterations` times
+            "resample"        to spacing_mm, one number or (x, y, z)
+        width: 1 to 8 voxels. iterations: how often; width·iterations is at most 8 for "gaussian",
+        and at most 32 for "mean" and "median".
         box: (least corner, greatest corner), or sphere: (centre, radius), in the frame's unit: the
-        voxels that are replaced, without falloff; neither: all. Beyond the volume is the least
-        value of its range.
-        progress: called with what is done and the share done, 0 to 1; an exception of it cancels,
-        and so does False, which makes this fail with Cancelled.
-        Others can edit meanwhile: their edits are filtered too. expected_revision is that at
-        which the filter begins.
-        Errors: as all edits; Conflict also where another filter runs or another volume is loaded
+        voxels to replace, without falloff. Neither: all voxels. Beyond the volume, voxels count as
+        the least value of its range.
+        progress: called with the current step and the share done, 0 to 1. If it raises an
+        exception, the filter is cancelled and fails with that exception. If it returns False, the
+        filter is cancelled and fails with Cancelled.
+        expected_revision: of the volume when the filter begins.
+
+        Other clients can edit meanwhile; their edits are filtered, too. If they edit during a
+        filter of the whole volume, that filter begins again, at most three times. "resample", and
+        an "offset" that needs room, change the volume's lattice: read its size again.
+        Errors: as all edits; also Conflict if another filter runs, or another volume is loaded
         meanwhile.
         """
         if kind not in _FILTER_KINDS:
@@ -176,17 +187,17 @@ class Edits:
         return _edit_result(result_of(events, progress))
 
     def undo(self, expected_revision: int | None = None) -> EditResult:
-        """Takes back the last edit, of whichever client. Conflict where there is none."""
+        """Undoes the last edit of any client. Conflict if there is none."""
         return self._result(self._stub.UndoEdit,
                             edit_pb2.UndoEditRequest(expected_revision=expected_revision))
 
     def redo(self, expected_revision: int | None = None) -> EditResult:
-        """Does again what was taken back last. Conflict where there is nothing."""
+        """Redoes the edit that was undone last. Conflict if there is none."""
         return self._result(self._stub.RedoEdit,
                             edit_pb2.RedoEditRequest(expected_revision=expected_revision))
 
     def revert(self, expected_revision: int | None = None) -> EditResult:
-        """Takes back all edits since the volume was loaded, as one edit."""
+        """Undoes all edits since the volume was loaded, as one edit."""
         return self._result(self._stub.RevertVolume,
                             edit_pb2.RevertVolumeRequest(expected_revision=expected_revision))
 
@@ -216,7 +227,7 @@ class Edits:
 def _count(name: str, value: int) -> int:
     if not isinstance(value, int) or isinstance(value, bool):
         raise InvalidArgument(f"{name} is a whole number, not {value!r}")
-    # palpated names the bounds.
+    # palpated checks the bounds; its error names them.
     return max(0, min(value, _MOST_FILTER_NUMBER))
 
 

@@ -1,13 +1,13 @@
-"""The enumerations of palpate.v1, by the same numbers; 0 is never sent."""
+"""The enumerations of palpate.v1, with the same numbers. 0 is never sent."""
 
 import enum
 
 
 class Word(enum.IntEnum):
-    """An enumeration whose members read as a word, that of the command line, and equal it.
+    """An enumeration. A member's str() is its word on the command line, and it equals that word.
 
-    The numbers are for arrays, such as Poses.mode. The hash is the number's: as the key of a
-    dictionary, a member stands for its number alone.
+    The numbers are for arrays, such as Poses.mode. The hash is the number's: a dictionary finds a
+    member by its number, but not by its word.
     """
 
     def __str__(self) -> str:
@@ -52,7 +52,7 @@ class DecompositionMethod(Word):
 
 
 class ForceState(Word):
-    """What the safety stage does with forces."""
+    """The state of the forces."""
 
     OFF = 1
     RAMP_IN = 2
@@ -63,7 +63,7 @@ class ForceState(Word):
 
 
 class ForceReason(Word):
-    """Why it does so; device.proto explains each."""
+    """The reason of the state of the forces; device.proto explains each."""
 
     NONE = 1
     OPERATOR = 2
@@ -88,7 +88,7 @@ class DeviceConnection(Word):
 
 
 class VerificationLevel(Word):
-    """What of a device's behaviour has been seen on hardware."""
+    """How much of a device's behaviour has been seen on hardware."""
 
     NONE = 1
     ENUMERATED = 2
@@ -99,7 +99,7 @@ class VerificationLevel(Word):
 
 
 class Role(Word):
-    """What a caller may do: each may do all that the ones before it may.
+    """What a client may do. Each role may also do everything of the roles before it.
 
     A viewer watches. An editor changes settings, voxels and the place. An operator drives the
     device, loads, saves and records.
@@ -112,7 +112,7 @@ class Role(Word):
 
 
 class ForceCommand(Word):
-    """What the safety stage was told in a recorded tick."""
+    """The command that the safety stage got in a recorded tick."""
 
     NONE = 1
     ENABLE = 2
@@ -121,7 +121,7 @@ class ForceCommand(Word):
 
 
 class DeviceStatus(Word):
-    """What the device gave in a recorded tick: a fresh position, an old one, or none."""
+    """The device's position in a recorded tick: fresh, old, or missing."""
 
     OK = 1
     STALE = 2

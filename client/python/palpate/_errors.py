@@ -1,14 +1,14 @@
-"""What goes wrong, by kind; the message is one line for people."""
+"""The errors, by kind. The message is one line for people."""
 
 import grpc
 
 
 class Error(Exception):
-    """Anything that palpated, or the way to it, answers with. str() is one line."""
+    """An error of palpated or of the connection to it. str() is one line."""
 
 
 class InvalidArgument(Error, ValueError):
-    """A value out of range, a file that is no volume, a name that is unknown."""
+    """A value out of range, a file that is not a volume, an unknown name."""
 
 
 class NotFound(Error):
@@ -16,7 +16,7 @@ class NotFound(Error):
 
 
 class PermissionDenied(Error):
-    """A socket that may not be used, a folder that the daemon keeps to itself."""
+    """This user may not use the socket, or the daemon does not give access to the folder."""
 
 
 class TooLarge(Error):
@@ -24,30 +24,30 @@ class TooLarge(Error):
 
 
 class DiskFull(Error):
-    """No space left where palpated was to write; what was there before is whole."""
+    """No space left where palpated writes. An old file there is unchanged."""
 
 
 class Conflict(Error):
-    """Somebody else was first: another revision, a running load, an existing file."""
+    """Another client was first: another revision, a running load, an existing file."""
 
 
 class FailedPrecondition(Error):
-    """Not now: the message says what keeps it from being done."""
+    """Not possible now; the message says why."""
 
 
 class Unavailable(Error, ConnectionError):
-    """No palpated there, or not any more; or its servo does not run."""
+    """palpated is not there, went away, or its servo does not run."""
 
 
 class Cancelled(Error):
-    """Ended by the daemon or by somebody else before it was done."""
+    """The daemon or a client ended the call before it was done."""
 
 
 class Internal(Error):
-    """A fault of the daemon, or bytes that were damaged on their way."""
+    """A fault of the daemon, or bytes that were damaged during transfer."""
 
 
-# As common/wire/status.h has them.
+# The same as in common/wire/status.h.
 _KINDS: dict[grpc.StatusCode, type[Error]] = {
     grpc.StatusCode.INVALID_ARGUMENT: InvalidArgument,
     grpc.StatusCode.OUT_OF_RANGE: InvalidArgument,
@@ -64,7 +64,7 @@ _KINDS: dict[grpc.StatusCode, type[Error]] = {
 
 
 def error_of(name: str, failed: grpc.RpcError) -> Error:
-    """The error that a failed call to the daemon at `name` stands for."""
+    """Returns the error for a failed call to the daemon at `name`."""
     code = failed.code()
     if code == grpc.StatusCode.DEADLINE_EXCEEDED:
         return Unavailable(f"palpated at {name} did not answer in time")

@@ -22,37 +22,37 @@ from palpate.v1 import volume_stream_pb2
 
 _FINISH_TIMEOUT_S = 1.0
 _CANCEL_TIMEOUT_S = 10.0
-# Between attempts to resume.
+# Pause between attempts to resume.
 _RETRY_S = 0.2
 
 
 class _Follower:
-    """A thread that follows the stream, and the copy that it keeps.
+    """The thread that follows the stream, and its copy of the volume.
 
-    Bricks wait until the `complete` after them, and are put together: under the lock there is
-    always the volume of one revision.
+    Bricks wait for the next `complete` and are then put into the copy together. So under the
+    lock the copy always has one revision.
     """
 
     def __init__(self, link: Link, stub: typing.Any) -> None:
         link.check_open()
         self._link, self._stub = link, stub
-        # Taken itself, not by way of `changed`: Ctrl-C between two steps of Python's Condition
-        # would leave it held.
+        # Locked directly, not through `changed`: after Ctrl-C between two steps of Python's
+        # Condition, the lock would stay held.
         self.lock = threading.RLock()
         self.changed = threading.Condition(self.lock)
-        # Under the lock, all that others see.
+        # Guarded by the lock: everything that other threads see.
         self.volume: Volume | None = None
         self.lost: Error | None = None
         self.ended: Error | None = None
-        # Of this thread alone.
+        # Used by this thread only.
         self._copy: VolumeCopy | None = None
         self._waiting: list[Bricks] = []
         self._shown: VolumeCopy | None = None
         self._device_from_index: npt.NDArray[np.float64] | None = None
         self._resume_from: volume_stream_pb2.VolumeRevision | None = None
         self._is_open = True
-        # Holds something when it is to end. Not an Event: finish() may be called by the garbage
-        # collector while this thread holds the Event's lock.
+        # Not empty: the thread must end. Not an Event, because the garbage collector may call
+        # finish() while this thread holds the Event's lock.
         self._end: queue.SimpleQueue[None] = queue.SimpleQueue()
         self._call: AcknowledgedCall | None = None
         self._thread = threading.Thread(target=self._run, name="palpate volume", daemon=True)
@@ -79,7 +79,7 @@ class _Follower:
         _followers.discard(self)
 
     def _follow(self) -> None:
-        """Until the stream ends."""
+        """Runs until the stream ends."""
         call = self._call = volume_call(self._stub, self._resume_from)
         if not self._is_open:
             return
@@ -93,7 +93,7 @@ class _Follower:
     def _lose(self, lost: Error) -> None:
         self._link.check_open()
         if isinstance(lost, Internal):
-            # What came is no good to go on from.
+            # The received data cannot be continued.
             self._copy = self._resume_from = None
         with self.lock:
             self.lost = lost
@@ -105,7 +105,7 @@ class _Follower:
                 self.lost = None
         event = message.WhichOneof("event")
         if event == "lattice":
-            # What is shown stays until the new volume is whole.
+            # The old volume stays visible until the new one is complete.
             self._copy, self._waiting = VolumeCopy(message.lattice), []
             self._device_from_index = self._resume_from = None
         elif event == "placement":
@@ -141,14 +141,14 @@ class _Follower:
         self._resume_from = complete.revision
 
     def finish(self) -> None:
-        """Ends the stream; the thread follows. Waits for nothing."""
+        """Ends the stream; the thread then ends, too. Does not wait."""
         self._is_open = False
         self._end.put(None)
         if (call := self._call) is not None:
             call.finish()
 
     def close(self) -> None:
-        """Ends both, also when the daemon does not answer."""
+        """Ends stream and thread, also if the daemon does not answer."""
         self.finish()
         self._join(_FINISH_TIMEOUT_S)
         if self._thread.is_alive() and (call := self._call) is not None:
@@ -160,13 +160,13 @@ class _Follower:
             self._thread.join(timeout_s)
 
 
-# Those that run, also when nobody holds their copy any more.
+# All running threads, also those whose copy was already released.
 _followers: set[_Follower] = set()
 
 
 @atexit.register
 def _end_all() -> None:
-    # As in _poses.py: a thread that the end of the interpreter stops within gRPC keeps its locks.
+    # As in _poses.py: a thread that the interpreter's end stops within gRPC keeps gRPC's locks.
     for follower in list(_followers):
         follower.close()
 
@@ -175,27 +175,27 @@ class LiveVolume:
     """A copy of the volume that stays equal to the daemon's; VolumeAccess.follow() makes one.
 
     A thread of its own takes what the daemon sends. It changes the copy from one revision to a
-    later one in one step, under a lock. Newest wins: of fast changes it may skip revisions.
+    later one in one step, under a lock. If changes are fast, it may skip revisions.
 
     - `values` is quick: a read-only view of the copy. It changes while you read it.
     - held() keeps the copy still for a `with` block. Keep such a block short.
     - snapshot() copies all voxels. The result never changes.
 
-    When the daemon goes away, the copy stays as it was, `lost` says why, and the thread tries to
-    resume until it is closed. Then only what has changed is sent again. After a restart of the
-    daemon, or when another volume is loaded, all is sent again. The new volume appears when it is
-    whole.
+    If the daemon goes away, the copy stays as it was, `lost` says why, and the thread tries to
+    resume until it is closed. After resuming, the daemon sends only what has changed. After a
+    restart of the daemon, or for another volume, the daemon sends all voxels. The new volume
+    appears when it is complete.
 
-    Any thread. A `with` block closes it; so does the end of the last reference to it.
+    Any thread. A `with` block closes it, and so does the end of the last reference.
     """
 
     def __init__(self, link: Link, stub: typing.Any) -> None:
-        # An object of its own: its thread would keep alive a copy that nobody holds.
+        # A separate object: the thread must not keep this object alive.
         self._follower = _Follower(link, stub)
 
     @property
     def values(self) -> npt.NDArray[np.float32]:
-        """(nx, ny, nz), indexed [x, y, z], data units: read-only, and changing; see LiveVolume.
+        """(nx, ny, nz), indexed [x, y, z], data units. Read-only; it changes, see LiveVolume.
 
         Another volume has another array. Waits for the first copy. Errors: as wait().
         """
@@ -203,28 +203,29 @@ class LiveVolume:
 
     @property
     def volume_revision(self) -> int:
-        """Of the daemon's volume that the copy is equal to. Waits for the first copy."""
+        """The revision of the daemon's volume that the copy equals. Waits for the first copy."""
         return self._now().volume_revision
 
     @property
     def lost(self) -> Error | None:
-        """Why the daemon cannot be followed now; None: it is followed, as far as is known.
+        """Why the daemon cannot be followed now; None: no problem is known.
 
-        After a loss the copy is still the old one when this is None again: wait() for more.
+        When this becomes None again after a loss, the copy is still the old one. Use wait() for
+        the new one.
         """
         with self._follower.lock:
             return self._follower.ended or self._follower.lost
 
     def snapshot(self) -> Volume:
-        """The volume of one revision, copied. Waits for the first copy. Errors: as wait()."""
+        """Copies the volume, of one revision. Waits for the first copy. Errors: as wait()."""
         with self.held() as volume:
             return dataclasses.replace(volume, values=np.array(volume.values, order="C"))
 
     @contextlib.contextmanager
     def held(self) -> collections.abc.Iterator[Volume]:
-        """Keeps the copy as it is for a `with` block, and gives it, without copying voxels.
+        """Returns the volume and keeps it unchanged for a `with` block, without copying voxels.
 
-        Its array is read-only. After the block it changes again. Errors: as wait().
+        The array is read-only. After the block it changes again. Errors: as wait().
         """
         self.wait()
         with self._follower.lock:
@@ -233,11 +234,11 @@ class LiveVolume:
             yield volume
 
     def wait(self, volume_revision: int = 0, timeout_s: float | None = None) -> int:
-        """Waits until the copy has this revision, or a later one; returns which it has.
+        """Waits until the copy has this revision or a later one. Returns the copy's revision.
 
-        volume_revision: such as EditResult.volume_revision; 0: any. timeout_s: None: as long as
-        it takes, also while the daemon is away.
-        Errors: Unavailable (closed; or not within timeout_s: it says why), PermissionDenied,
+        volume_revision: such as EditResult.volume_revision; 0: any. timeout_s: None: no limit,
+        also while the daemon is away.
+        Errors: Unavailable (closed, or not within timeout_s), PermissionDenied,
         TooLarge (more than 2³¹ voxels).
         """
         follower = self._follower
@@ -261,7 +262,7 @@ class LiveVolume:
         return volume
 
     def close(self) -> None:
-        """Ends it. What was copied stays."""
+        """Ends following. The copy stays."""
         self._follower.close()
 
     def __enter__(self) -> "LiveVolume":
@@ -272,7 +273,7 @@ class LiveVolume:
         self.close()
 
     def __del__(self) -> None:
-        # Without waiting: this may be any thread. One that was refused has no follower.
+        # Without waiting: this may be any thread. If __init__ failed, there is no follower.
         if hasattr(self, "_follower"):
             self._follower.finish()
 

@@ -31,7 +31,7 @@ def three(name: str, values: Triple) -> tuple[float, float, float]:
 
 
 def matrix_of_map(affine: geometry_pb2.AffineMap) -> npt.NDArray[np.float64]:
-    """(4, 4): takes column (x, y, z, 1) to where the map leads."""
+    """(4, 4): maps the column (x, y, z, 1)."""
     matrix = np.eye(4)
     matrix[:3, :3] = np.array(affine.linear).reshape(3, 3)
     matrix[:3, 3] = array_of_vector(affine.translation)

@@ -1,4 +1,4 @@
-"""What a notebook shows of an object: a small table, and a picture where there is one."""
+"""The display of an object in a notebook: a small table, and for some objects a picture."""
 
 import base64
 import collections.abc
@@ -16,7 +16,7 @@ Rows = collections.abc.Iterable[tuple[str, object]]
 
 
 def table(title: str, rows: Rows, picture: str = "") -> str:
-    """All is escaped but `picture`, which is a tag that picture_of() made."""
+    """Escapes everything except `picture`, a tag made by picture_of()."""
     cells = "".join(f"<tr><th style='text-align:left'>{_text(name)}</th>"
                     f"<td style='text-align:left'>{_text(value)}</td></tr>"
                     for name, value in rows)
@@ -50,7 +50,7 @@ def _png(gray: npt.NDArray[np.uint8]) -> bytes:
                 + struct.pack(">I", zlib.crc32(kind + data)))
 
     height, width = gray.shape
-    # Each row begins with its filter: 0, none.
+    # Each row begins with the number of its filter; 0: none.
     rows = np.zeros((height, width + 1), np.uint8)
     rows[:, 1:] = gray
     # 8 bits per pixel, gray.

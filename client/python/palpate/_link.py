@@ -16,17 +16,17 @@ from palpate.v1 import device_pb2, device_pb2_grpc
 _CONNECT_TIMEOUT_S = 3.0
 _CALL_TIMEOUT_S = 30.0
 
-# A daemon that was started anew is found within a second.
+# So a restarted daemon is found within a second.
 _OPTIONS = [
     ("grpc.initial_reconnect_backoff_ms", 100),
     ("grpc.max_reconnect_backoff_ms", 1000),
-    # A proxy for web pages has no business between a stylus and its viewer.
+    # A proxy for web pages must not carry haptic streams.
     ("grpc.enable_http_proxy", 0),
 ]
 
 
 class Link:
-    """A channel. Any thread may call; close() ends what runs on it."""
+    """A channel. Any thread may call. close() ends the running calls."""
 
     def __init__(self, address: str | None, credentials: Credentials) -> None:
         target, self.name = target_of(address)
@@ -38,7 +38,7 @@ class Link:
         self._is_open = True
 
     def stub(self, kind: typing.Any) -> typing.Any:
-        """A stub of generated code; its calls go through this class."""
+        """Returns a generated stub for calls through this class."""
         return kind(self._channel)
 
     def close(self) -> None:
@@ -46,9 +46,9 @@ class Link:
         self._channel.close()
 
     def path(self, path: str | os.PathLike[str]) -> str:
-        """A path for the daemon, whose current folder is another one than ours.
+        """Returns a path for the daemon, whose current folder is not ours.
 
-        Errors: InvalidArgument (relative, and the daemon may be on another machine).
+        Errors: InvalidArgument (empty; or relative, and the daemon may be on another machine).
         """
         text = os.fspath(path)
         if os.path.isabs(text):
@@ -61,14 +61,14 @@ class Link:
         return os.path.join(os.getcwd(), text)
 
     def check(self) -> None:
-        """The first call: does palpated answer at all?"""
+        """Checks with a first call that palpated answers."""
         try:
             self._greet()
         except grpc.RpcError as failed:
             raise self._connect_error(failed) from None
 
     def _greet(self) -> None:
-        """A call that is cheap, and that each client may make."""
+        """Makes a cheap call that every client may make."""
         stub = self.stub(device_pb2_grpc.DeviceServiceStub)
         stub.GetDevice(device_pb2.GetDeviceRequest(), timeout=_CONNECT_TIMEOUT_S)
 
@@ -84,7 +84,7 @@ class Link:
 
     def call(self, method: typing.Any, request: typing.Any,
              timeout_s: float | None = _CALL_TIMEOUT_S) -> typing.Any:
-        """The answer to one request, or to a stream of them. Errors: palpate.Error."""
+        """Returns the answer to one request, or to a stream of requests. Errors: palpate.Error."""
         self.check_open()
         try:
             return method(request, timeout=timeout_s)
@@ -95,7 +95,7 @@ class Link:
             raise
 
     def begin(self, method: typing.Any, request: typing.Any) -> typing.Any:
-        """A call that has begun, as gRPC gives it."""
+        """Begins a call and returns gRPC's object."""
         self.check_open()
         try:
             return method(request)
@@ -104,7 +104,7 @@ class Link:
             raise
 
     def result_of(self, call: typing.Any) -> typing.Any:
-        """The answer to a call that begin() gave. Errors: palpate.Error."""
+        """Returns the answer to a call of begin(). Errors: palpate.Error."""
         try:
             return call.result()
         except grpc.RpcError as failed:
@@ -112,7 +112,7 @@ class Link:
 
     def events(self, method: typing.Any, request: typing.Any) -> collections.abc.Generator[
             typing.Any, None, None]:
-        """What the daemon streams as an answer to one request; a break ends the call."""
+        """Yields the daemon's answers to one request. A break ends the call."""
         call = self.begin(method, request)
         try:
             yield from call
@@ -126,14 +126,14 @@ class Link:
             raise Unavailable(f"the connection to {self.name} was closed")
 
     def _raise_if_closed(self) -> None:
-        """gRPC's ValueError for a channel that another thread has closed meanwhile becomes ours."""
+        """gRPC raises ValueError if another thread has closed the channel; this raises ours."""
         if not self._is_open:
             raise Unavailable(f"the connection to {self.name} was closed") from None
 
     def error_of_end(self, failed: grpc.RpcError | None) -> Error:
-        """Of a stream that ended while it was wanted.
+        """Returns the error of a stream that ended although it was still read.
 
-        Even an orderly end is the daemon, or this connection, going away.
+        Even an end without an error means that the daemon or this connection went away.
         """
         gone = (None, grpc.StatusCode.OK, grpc.StatusCode.CANCELLED, grpc.StatusCode.UNAVAILABLE)
         code = None if failed is None else failed.code()
@@ -150,10 +150,10 @@ class Link:
         return error_of(self.name, failed)
 
     def _refusal(self) -> Error | None:
-        """Why the daemon does not serve us any more; None: it does, or does not answer.
+        """Returns why the daemon refuses us now; None: it serves us, or does not answer.
 
-        Without a word it ends the calls that run under a token that is revoked: another call
-        gets the reason.
+        If a token is revoked, the daemon ends the running calls without a reason. So this makes
+        another call to get the reason.
         """
         strangers = (grpc.StatusCode.UNAUTHENTICATED, grpc.StatusCode.PERMISSION_DENIED)
         try:
@@ -163,17 +163,16 @@ class Link:
             if failed.code() in strangers:
                 return error_of(self.name, failed)
         except ValueError:
-            # Closed by another thread meanwhile.
+            # Another thread closed the channel meanwhile.
             pass
         return None
 
 
 class AcknowledgedCall:
-    """A stream of messages, each acknowledged when it is taken.
+    """A stream of messages. Each message is acknowledged when it is taken.
 
-    The daemon sends no more than a few unacknowledged ones, so that what arrives is
-    fresh. The call begins with the iteration, of which there is one; finish() and cancel()
-    on any thread.
+    The daemon sends only a few unacknowledged messages, so messages are fresh. The call begins
+    with the iteration. Iterate only once. Call finish() and cancel() on any thread.
     """
 
     def __init__(self, method: typing.Any, start: typing.Any) -> None:
@@ -184,7 +183,7 @@ class AcknowledgedCall:
         self._call: typing.Any = None
 
     def __iter__(self) -> collections.abc.Generator[typing.Any, None, None]:
-        # gRPC reads the requests on a thread of its own, which ends at the None.
+        # gRPC reads the requests on a thread of its own. None ends that thread.
         self._call = self._method(iter(self._requests.get, None))
         try:
             for message in self._call:
@@ -196,10 +195,10 @@ class AcknowledgedCall:
             self.cancel()
 
     def finish(self) -> None:
-        """Tells the daemon that no more is wanted, and waits for nothing.
+        """Tells the daemon to send no more. Does not wait.
 
-        A single step that no signal divides, fit for __del__: a KeyboardInterrupt within
-        gRPC's cancel() would leave its locks held.
+        This is a single step that no signal can interrupt, so __del__ may call it. After a
+        KeyboardInterrupt within gRPC's cancel(), gRPC's locks would stay held.
         """
         self._requests.put(None)
 

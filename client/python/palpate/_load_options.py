@@ -1,4 +1,4 @@
-"""What a load, an upload and a series may be told of the file."""
+"""The options of loads, uploads and series."""
 
 import dataclasses
 
@@ -15,11 +15,11 @@ _TYPES = {"int8": volume_pb2.VOXEL_TYPE_INT8, "uint8": volume_pb2.VOXEL_TYPE_UIN
 
 @dataclasses.dataclass(frozen=True)
 class Raw:
-    """What must be said of a file that holds nothing but voxels, x fastest.
+    """Describes a file that holds only voxels, x fastest.
 
     size: voxels along x, y, z
     type: "int8", "uint8", "int16", "uint16", "int32", "uint32", "float32" or "float64"
-    big_endian: their bytes come high to low
+    big_endian: the high byte of each voxel comes first
     offset_bytes: bytes before the first voxel
     """
 

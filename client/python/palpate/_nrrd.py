@@ -1,18 +1,18 @@
-"""An array as an NRRD file, which is what the daemon takes uploads in."""
+"""Makes an NRRD file of an array. The daemon accepts uploads in this format."""
 
 import numpy as np
 import numpy.typing as npt
 
 from palpate._errors import InvalidArgument
 
-# What palpate-import reads.
+# The types that palpate-import reads.
 _TYPES = {"i1": "int8", "u1": "uint8", "i2": "int16", "u2": "uint16", "i4": "int32",
           "u4": "uint32", "f4": "float", "f8": "double"}
 
 
 def nrrd_of(values: npt.ArrayLike, world_from_index: npt.NDArray[np.float64],
             unit: str) -> tuple[bytes, memoryview]:
-    """Header and voxels of the file; the voxels are copied only where they have to be.
+    """Returns header and voxels of the file. Copies the voxels only if necessary.
 
     values: (nx, ny, nz), indexed [x, y, z]; world_from_index: (4, 4), mm, LPS.
     """

@@ -1,4 +1,4 @@
-"""Where the volume lies in the device's workspace."""
+"""The volume's place in the device's workspace."""
 
 import collections.abc
 import dataclasses
@@ -21,14 +21,14 @@ Turn = tuple[str, float]
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Placement:
-    """Where the volume lies in the device frame: mm, x right, y up, z towards the user.
+    """The volume's place in the device frame: mm, x right, y up, z towards the user.
 
     center_mm: (3,) the volume's centre, mm
     rotation_wxyz: (4,) unit quaternion w, x, y, z: the world's axes (LPS) to the device's
     device_mm_per_volume_mm: millimetres of device motion per millimetre of the volume
     device_mm_per_voxel: the same per shortest edge of a voxel; 1 mm is 1 / this many cells
-    settings_revision: at which this was so
-    applied_tick: first tick that used it; None: nothing was changed
+    settings_revision: of the settings with this placement
+    applied_tick: first tick that used the placement; None: nothing was changed
     """
 
     center_mm: npt.NDArray[np.float64]
@@ -45,7 +45,7 @@ def update_of(*, reset: bool = False, center_mm: Triple | None = None,
               device_mm_per_voxel: float | None = None, cells_per_mm: float | None = None,
               move_mm: Triple | None = None, turn_deg: Turn | None = None,
               scale_by: float | None = None) -> registration_pb2.UpdateRegistrationRequest:
-    """The change that VolumeAccess.place() describes. Errors: InvalidArgument."""
+    """Makes the request for VolumeAccess.place(). Errors: InvalidArgument."""
     given = [scale for scale in (device_mm_per_volume_mm, device_mm_per_voxel, cells_per_mm)
              if scale is not None]
     if len(given) > 1:
@@ -74,7 +74,7 @@ def update_of(*, reset: bool = False, center_mm: Triple | None = None,
 
 def place(link: Link, request: registration_pb2.UpdateRegistrationRequest,
           expected_revision: int | None) -> Placement:
-    """Moves the volume, or only asks where the request changes nothing."""
+    """Moves the volume. A request without a change only asks for its place."""
     stub = link.stub(registration_pb2_grpc.RegistrationServiceStub)
     if request.ByteSize() > 0:
         if expected_revision is not None:

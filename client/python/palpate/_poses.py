@@ -28,14 +28,14 @@ class Poses(Table):
     """n samples of the servo's ticks, oldest first; len() is n.
 
     Positions, normals and forces are in the device frame: x right, y up, z towards the
-    user. What a tick did not have is NaN.
+    user. A value that a tick does not have is NaN.
 
     tick: (n,) ticks executed before this one since the daemon started
     time_ns: (n,) CLOCK_MONOTONIC of the daemon's machine at the start of the tick, ns
     hip_mm: (n, 3) haptic interface point: the stylus tip, mm
     scp_h_mm: (n, 3) proxy on the free side of, or on, the haptic isosurface H, mm
     scp_h_normal: (n, 3) unit normal of H there, towards free space; NaN without contact
-    scp_v_mm: (n, 3) visual proxy on the trilinear isosurface V, mm; NaN where there is none
+    scp_v_mm: (n, 3) visual proxy on the trilinear isosurface V, mm; NaN if there is none
     scp_v_normal: (n, 3) unit normal of V there; NaN with scp_v_mm
     stylus_orientation: (n, 4) unit quaternion w, x, y, z: stylus axes to the device frame
     buttons: (n,) bit b: button b is pressed
@@ -49,12 +49,11 @@ class Poses(Table):
     update_ns: (n,) duration of the haptic update, ns
     missed_ticks: (n,) ticks skipped since the daemon's start because their time had passed
     iterations: (n,) proxy moves made in the tick
-    capped_ticks: (n,) ticks so far in which the cap on proxy moves bit
-    free_side: (n,) of FreeSide: where the proxy is; after a pop the other one than the
-        settings'
+    capped_ticks: (n,) ticks so far that reached the cap on proxy moves
+    free_side: (n,) of FreeSide: the proxy's side; after a pop not the side of the settings
     force_state: (n,) of ForceState
     force_reason: (n,) of ForceReason
-    force_limit_n: (n,) what the motors' warmth leaves of the greatest force, N
+    force_limit_n: (n,) greatest force in the tick, N; warm motors lower it
     sent_time_ns: time_ns of the daemon when it sent the newest sample, ns
     dropped_samples: samples that this stream has lost so far because it was not read fast
         enough
@@ -91,13 +90,13 @@ class Poses(Table):
         return len(self.tick)
 
     def __repr__(self) -> str:
-        # Short: the arrays would fill the screen.
+        # Without the arrays, which would fill the screen.
         ticks = f", ticks {self.tick[0]} to {self.tick[-1]}" if len(self) else ""
         return f"<palpate poses: {len(self)} samples{ticks}, {self.dropped_samples} dropped>"
 
     @staticmethod
     def concatenate(batches: collections.abc.Sequence["Poses"]) -> "Poses":
-        """One batch of all samples of at least one batch, in the order given."""
+        """Joins at least one batch into one, in the order given."""
         joined: dict[str, typing.Any] = {}
         for field in dataclasses.fields(Poses):
             parts = [getattr(batch, field.name) for batch in batches]
@@ -115,7 +114,7 @@ def _triples(samples: collections.abc.Sequence[pose_pb2.PoseSample],
 
 
 def poses_of(message: pose_pb2.StreamPosesResponse, dropped_samples: int) -> Poses:
-    """The samples of a message; dropped_samples is of the daemon and this client."""
+    """Makes Poses of a message. dropped_samples counts losses at the daemon and in this client."""
     samples = message.samples
 
     def column(name: str, kind: type[typing.Any]) -> npt.NDArray[typing.Any]:
@@ -143,11 +142,10 @@ def poses_of(message: pose_pb2.StreamPosesResponse, dropped_samples: int) -> Pos
 
 
 class _Receiver:
-    """A thread that takes the messages of a call; the oldest make way.
+    """A thread that takes the messages of a call. If too many wait, it drops the oldest.
 
-    All of gRPC is left to it: Ctrl-C interrupts the main thread between any two steps, and
-    within gRPC it would leave locks held. For the same reason what the two threads share
-    has no lock of Python's.
+    Only this thread uses gRPC. Ctrl-C interrupts the main thread between any two steps; within
+    gRPC, locks would stay held. For the same reason the two threads share no Python lock.
     """
 
     def __init__(self, call: AcknowledgedCall, waiting: int) -> None:
@@ -156,7 +154,7 @@ class _Receiver:
             maxlen=waiting)
         self._failed: grpc.RpcError | None = None
         self._has_ended = False
-        # Holds something when there may be a message, or the end.
+        # Not empty: there may be a message, or the end.
         self._news: queue.SimpleQueue[None] = queue.SimpleQueue()
         self._thread = threading.Thread(target=self._receive, name="palpate poses", daemon=True)
         _receivers.add(self)
@@ -182,9 +180,9 @@ class _Receiver:
             self._news.put(None)
 
     def take(self) -> pose_pb2.StreamPosesResponse | None:
-        """Waits for the oldest message that is held; None at the end."""
+        """Waits for the oldest waiting message and returns it; None at the end."""
         while True:
-            # Before the look for messages: none comes after it.
+            # Read before looking for messages: no message comes after the end.
             has_ended = self._has_ended
             if self._messages:
                 return self._messages.popleft()
@@ -194,15 +192,15 @@ class _Receiver:
 
     @property
     def failed(self) -> grpc.RpcError | None:
-        """Why it ended; None where the daemon just ended it."""
+        """Why the call ended; None: the daemon ended it without an error."""
         return self._failed
 
     def finish(self) -> None:
-        """Ends the call; the thread follows. Waits for nothing."""
+        """Ends the call; the thread then ends, too. Does not wait."""
         self._call.finish()
 
     def close(self) -> None:
-        """Ends both, also when the daemon does not answer."""
+        """Ends call and thread, also if the daemon does not answer."""
         self._call.finish()
         self._join(_FINISH_TIMEOUT_S)
         if self._thread.is_alive():
@@ -214,14 +212,14 @@ class _Receiver:
             self._thread.join(timeout_s)
 
 
-# Those that run, also when the stream that began them is gone.
+# All running threads, also those whose stream was already released.
 _receivers: set[_Receiver] = set()
 
 
 @atexit.register
 def _end_all() -> None:
-    # A thread that the end of the interpreter stops within gRPC keeps its locks, and
-    # the end waits for them: Ctrl-C can leave one behind anywhere.
+    # A thread that the interpreter's end stops within gRPC keeps gRPC's locks, and the end then
+    # waits for these locks forever. Ctrl-C can leave such a thread behind at any point.
     for receiver in list(_receivers):
         receiver.close()
 
@@ -229,9 +227,9 @@ def _end_all() -> None:
 class PoseStream:
     """Iterates over batches of poses until it is closed; Connection.poses makes one.
 
-    It ends with a `with` block, with close(), with an exception within next() such as
-    the KeyboardInterrupt of Ctrl-C, and when nobody holds it any more. Iterate on one
-    thread; close() on any.
+    It ends with a `with` block, with close(), with the last reference to it, and with an
+    exception within next(), such as the KeyboardInterrupt of Ctrl-C. Iterate on one thread;
+    call close() on any.
     """
 
     def __init__(self, link: Link, rate_hz: float, batch: int, waiting: int) -> None:
@@ -244,20 +242,20 @@ class PoseStream:
                                           max_unacknowledged=_MAX_UNACKNOWLEDGED)
         stub = link.stub(pose_pb2_grpc.PoseServiceStub)
         call = AcknowledgedCall(stub.StreamPoses, pose_pb2.StreamPosesRequest(start=start))
-        # An object of its own: its thread would keep alive a stream that nobody holds.
+        # A separate object: the thread must not keep this object alive.
         self._receiver = _Receiver(call, waiting)
 
     def __iter__(self) -> "PoseStream":
         return self
 
     def __next__(self) -> Poses:
-        """The next batch; waits for one. Errors: Unavailable when the daemon goes away."""
+        """Waits for the next batch. Errors: Unavailable if the daemon goes away."""
         if not self._is_open:
             raise StopIteration
         try:
             message = self._receiver.take()
             if message is not None:
-                # All messages of a stream hold as many samples.
+                # All messages of a stream have the same number of samples.
                 self._left_out += (message.message_number - self._taken - 1) * len(message.samples)
                 self._taken = message.message_number
                 return poses_of(message, message.dropped_samples + self._left_out)
@@ -269,7 +267,7 @@ class PoseStream:
         raise self._link.error_of_end(self._receiver.failed)
 
     def close(self) -> None:
-        """Ends the stream and its thread; an iteration over it ends too."""
+        """Ends the stream, its thread, and an iteration over it."""
         self._is_open = False
         self._receiver.close()
 
@@ -281,6 +279,6 @@ class PoseStream:
         self.close()
 
     def __del__(self) -> None:
-        # Without waiting: this may be any thread. One that was refused has no receiver.
+        # Without waiting: this may be any thread. If __init__ failed, there is no receiver.
         if hasattr(self, "_receiver"):
             self._receiver.finish()

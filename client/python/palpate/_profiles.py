@@ -1,6 +1,6 @@
-"""Profiles: names for the places where palpated is, with what each of them needs.
+"""Profiles: names for addresses of palpated, with their credentials.
 
-A file of the user's, clients.toml, holds them for all clients.
+The user's file clients.toml has the profiles for all clients.
 """
 
 import dataclasses
@@ -22,8 +22,8 @@ class Profile:
     """A profile of clients.toml.
 
     name: for connect(profile=name)
-    address: HOST:PORT, or the path of a socket; empty where there is a problem
-    problem: what is wrong with it and what to do; empty: nothing
+    address: HOST:PORT, or the path of a socket; empty if there is a problem
+    problem: what is wrong with the profile and what to do; empty: nothing
     """
 
     name: str
@@ -34,8 +34,8 @@ class Profile:
 def profiles() -> dict[str, Profile]:
     """The profiles of $XDG_CONFIG_HOME/palpate/clients.toml, by name; {}: no such file.
 
-    A profile that connect() would refuse is there too, and says what is wrong with it.
-    Errors: InvalidArgument (the file is not TOML), NotFound (it cannot be read).
+    Includes profiles that connect() would refuse; Profile.problem says why.
+    Errors: InvalidArgument (the file is not TOML), NotFound (the file cannot be read).
     """
     path = _file()
     tables = _tables(path) or {}
@@ -43,9 +43,9 @@ def profiles() -> dict[str, Profile]:
 
 
 def place_of_profile(name: str) -> tuple[str, Credentials]:
-    """The address and the credentials of that profile; they are whole.
+    """Returns the profile's address and credentials. Nothing must be added to them.
 
-    Errors: NotFound (no such profile), InvalidArgument (it is wrong).
+    Errors: NotFound (no such profile), InvalidArgument (a broken profile).
     """
     path = _file()
     if not isinstance(name, str) or not _is_name(name):
@@ -81,12 +81,12 @@ def _names(tables: dict[str, typing.Any]) -> list[str]:
 
 
 def _header(name: str) -> str:
-    # Without the quotes, TOML reads a dot as a table within a table.
+    # Without quotes, TOML reads a dot as a table within a table.
     return f'["{name}"]' if "." in name else f"[{name}]"
 
 
 def _tables(path: str, wanted: str | None = None) -> dict[str, typing.Any] | None:
-    """What the file holds at its top level; None: there is no such file."""
+    """Returns the top level of the file; None: there is no such file."""
     try:
         with open(path, "rb") as file:
             return tomllib.load(file)

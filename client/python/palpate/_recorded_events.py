@@ -1,4 +1,4 @@
-"""What a recording holds beside its ticks; server/recording/chunk_codec.cpp has the bytes."""
+"""Everything in a recording except ticks. server/recording/chunk_codec.cpp has the format."""
 
 import dataclasses
 import typing
@@ -14,7 +14,7 @@ from palpate._settings import Settings
 _MOST_BRICKS = 4096
 BRICK_VOXELS = 512
 _FLAGS = {"off": False, "on": True}
-# A scene has them beside its lines.
+# Settings that a scene stores apart from its lines "key=value".
 _APART = ("isovalue", "normalized_isovalue", "method")
 
 
@@ -22,8 +22,8 @@ _APART = ("isovalue", "normalized_isovalue", "method")
 class RecordedMarker:
     """A marker.
 
-    tick: before which it stands in the recording, some ticks from time_ns at most
-    time_ns: when it was set, of the clock of RecordedTicks.time_ns
+    tick: the marker is stored before this tick, at most some ticks from time_ns
+    time_ns: when the marker was set, on the clock of RecordedTicks.time_ns
     """
 
     tick: int
@@ -41,20 +41,20 @@ class RecordedGap:
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class RecordedScene:
-    """What the ticks from `tick` on were computed with, until the next scene.
+    """The inputs of the ticks from `tick` on, until the next scene.
 
-    settings: by the names of Settings, as Settings.all() gives them. A setting that is not there
-        was not known to the program that recorded; it was felt with its default.
-    unknown_settings: by name, as text: settings that this package does not know
-    volume_source: path, builtin name or "upload:NAME" that the volume was loaded from
-    volume_revision: of the volume; loaded_revision: of it before all edits
+    settings: by the names of Settings, as in Settings.all(). A missing setting was unknown to the
+        program that recorded; the ticks used its default.
+    unknown_settings: settings that this package does not know, by name, as text
+    volume_source: path, builtin name or "upload:NAME" from which the volume was loaded
+    volume_revision: of the volume; loaded_revision: of the volume before all edits
     shape: voxels along x, y, z; None: not recorded (version 2)
     spacing_mm: (3,) along x, y, z, mm
     value_min, value_max: range of the volume, data units; None: not recorded (version 2)
     device_from_index: (4, 4) voxel index (x, y, z, 1) to the device frame: mm
-    volume_hash: a name for the contents of the volume; equal ones are equal volumes
-    all_voxels_stored: the recording holds all voxels, not only those that were edited
-    voxels_missing: voxels had changed by more than a recording takes
+    volume_hash: identifies the contents of the volume; equal hashes mean equal volumes
+    all_voxels_stored: the recording has all voxels, not only edited ones
+    voxels_missing: more voxels had changed than a recording stores
     forces_off: no forces were computed
     """
 
@@ -85,10 +85,10 @@ class RecordedScene:
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class RecordedEdit:
-    """Changed voxels: a part of what leads to the volume of the next scene.
+    """Changed voxels. All edits before a scene together lead to the scene's volume.
 
-    base_revision: volume revision that it changes; 0: none, it holds all voxels
-    volume_revision: that all parts together lead to
+    base_revision: volume revision that the edits change; 0: none, they have all voxels
+    volume_revision: after all edits before the next scene
     brick_numbers: (n,) bricks of 8³ voxels; (a, b, c) has the number (a·nb + b)·nc + c, with nb
         and nc = ceil(size / 8) along y and z
     """
@@ -120,7 +120,7 @@ def edit_of(packed: bytes) -> RecordedEdit:
     numbers = np.frombuffer(reader.get_bytes(8 * count), "<u8")
     if np.any(numbers[1:] <= numbers[:-1]):
         raise Damaged("damaged: its bricks are out of order")
-    # Beyond any lattice: as a negative number it would be within one.
+    # Beyond any lattice. As a negative number it would index within a lattice.
     if numbers[-1] >= 1 << 62:
         raise Damaged("damaged: a brick outside of any volume")
     reader.get_bytes(4 * BRICK_VOXELS * count)
@@ -155,7 +155,7 @@ def scene_of(reader: Reader) -> RecordedScene:
     source = reader.get_text()
     spacing_mm = np.array(reader.get("3d"))
     missing, tick_period_s = reader.get("Bd")
-    # What the safety stage was told: its limits, and which buttons stop.
+    # Inputs of the safety stage: its limits, and the buttons for a stop.
     reader.get("7dBBI")
     forces_off, = reader.get("B")
     later = _read_later(reader)
@@ -169,11 +169,11 @@ def scene_of(reader: Reader) -> RecordedScene:
 
 
 def _read_later(reader: Reader) -> dict[str, typing.Any]:
-    """What version 3 and version 4 have more."""
+    """Reads the additions of version 3 and version 4."""
     if reader.at_end:
         return {"all_voxels_stored": False, "shape": None, "value_min": None, "value_max": None,
                 "is_level_set": False}
-    # Of the device, and whether loading the source again gives the volume.
+    # About the device, and whether loading the source again gives the volume.
     reader.get("3dB")
     stored, x, y, z, value_min, value_max = reader.get("B3i2d")
     is_level_set = False if reader.at_end else bool(reader.get("B")[0])
@@ -182,7 +182,7 @@ def _read_later(reader: Reader) -> dict[str, typing.Any]:
 
 
 def _read_settings(text: str, settings: dict[str, typing.Any]) -> dict[str, str]:
-    """Puts the lines "key=value" into `settings`; returns those that are not known."""
+    """Puts the lines "key=value" into `settings`. Returns the unknown settings."""
     unknown: dict[str, str] = {}
     if text and not text.endswith("\n"):
         raise Damaged("damaged: a setting is no line key=value")
@@ -204,7 +204,7 @@ def _read_settings(text: str, settings: dict[str, typing.Any]) -> dict[str, str]
 def _value_of(text: str) -> bool | float | str:
     if text in _FLAGS:
         return _FLAGS[text]
-    # Not all that float() takes: "1_0", "٣" and " 1" are no numbers of a recording.
+    # float() accepts more than a recording may have: "1_0", "٣" and " 1".
     if text.isascii() and "_" not in text and text == text.strip():
         try:
             return float(text)

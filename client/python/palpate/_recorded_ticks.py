@@ -1,4 +1,4 @@
-"""The ticks of a recording as NumPy arrays; server/recording/sample_codec.cpp has the bytes."""
+"""The ticks of a recording as NumPy arrays. server/recording/sample_codec.cpp has the format."""
 
 import collections.abc
 import dataclasses
@@ -17,39 +17,15 @@ _MOST_SAMPLES = 1000
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class RecordedTicks(Table):
-    """n recorded ticks, oldest first; len() is n. Fields of the same name are those of Poses.
+    """n recorded ticks, oldest first; len() is n.
 
-    Positions, normals and forces are in the device frame: x right, y up, z towards the
-    user. What a tick did not have is NaN.
+    The fields of Poses have the same meaning here, but sent_time_ns and dropped_samples are
+    missing. Frames, units and NaN are as in Poses. The further fields are
 
-    tick: (n,) ticks executed before this one since the daemon started
-    time_ns: (n,) CLOCK_MONOTONIC of the daemon's machine at the start of the tick, ns
-    hip_mm: (n, 3) haptic interface point: the stylus tip, mm
-    scp_h_mm: (n, 3) proxy on the free side of, or on, the haptic isosurface H, mm
-    scp_h_normal: (n, 3) unit normal of H there, towards free space; NaN without contact
-    scp_v_mm: (n, 3) visual proxy on the trilinear isosurface V, mm; NaN where there is none
-    scp_v_normal: (n, 3) unit normal of V there; NaN with scp_v_mm
-    stylus_orientation: (n, 4) unit quaternion w, x, y, z: stylus axes to the device frame
-    buttons: (n,) bit b: button b is pressed
-    force_n: (n, 3) force on the hand, after every limit, N
-    mode: (n,) of ProxyMode
-    contact: (n,) SCP_H rests on H
-    density: (n,) piecewise-linear density at SCP_H, data units
-    isovalue: (n,) isovalue used in the tick, data units
-    settings_revision: (n,) revision of the settings used in the tick
-    volume_revision: (n,) revision of the volume used in the tick
-    update_ns: (n,) duration of the haptic update, ns
-    missed_ticks: (n,) ticks skipped since the daemon's start because their time had passed
-    iterations: (n,) proxy moves made in the tick
-    capped_ticks: (n,) ticks so far in which the cap on proxy moves bit
-    free_side: (n,) of FreeSide: where the proxy is
-    force_state: (n,) of ForceState
-    force_reason: (n,) of ForceReason
-    force_limit_n: (n,) what the motors' warmth leaves of the greatest force, N
     input_rejected: (n,) the device gave no position; hip_mm is the last good one
-    scene_revision: (n,) rises with whatever is published to the servo
+    scene_revision: (n,) rises with each scene published to the servo
     faulty_ticks: (n,) ticks so far with zero force because of a fault
-    force_command: (n,) of ForceCommand: what the safety stage was told
+    force_command: (n,) of ForceCommand: the command to the safety stage
     device_status: (n,) of DeviceStatus
     docked: (n,) the stylus is in its place of rest
     calibrated: (n,) the device knows where its stylus is
@@ -95,7 +71,7 @@ class RecordedTicks(Table):
         return f"<palpate recorded ticks: {len(self)}{ticks}>"
 
 
-# Of the file, in its order: type, numbers per tick, and how many values an enumeration has.
+# The file's columns in order: type, numbers per tick, and the number of an enumeration's values.
 _COLUMNS: dict[str, tuple[str, int, int]] = {
     "tick": ("u8", 1, 0), "time_ns": ("i8", 1, 0), "mode": ("u1", 1, len(ProxyMode)),
     "contact": ("u1", 1, 2), "free_side": ("u1", 1, len(FreeSide)),
@@ -117,7 +93,7 @@ Columns = dict[str, npt.NDArray[typing.Any]]
 
 
 def columns_of(payload: bytes) -> Columns:
-    """The columns of a chunk of samples, by name, as the file has them. Errors: Damaged."""
+    """Returns the columns of a chunk of samples by name, as stored. Errors: Damaged."""
     reader = Reader(payload)
     count, = reader.get("I")
     if not 0 < count <= _MOST_SAMPLES:
@@ -142,20 +118,20 @@ def columns_of(payload: bytes) -> Columns:
 
 
 def _numbers(planes: npt.NDArray[np.uint8], kind: str) -> npt.NDArray[typing.Any]:
-    """Of (bytes of a number, n): each number is stored as its difference to the one before, with
-    the sign in the lowest bit, and byte by byte."""
+    """Decodes an array of (bytes of a number, n). Each number is stored byte by byte, as the
+    difference to the number before, with the sign in the lowest bit."""
     size, count = planes.shape
     words = np.zeros((count, 8), np.uint8)
     words[:, :size] = planes.T
     folded = words.view("<u8")[:, 0]
     differences = (folded >> np.uint64(1)) ^ (np.uint64(0) - (folded & np.uint64(1)))
-    # Sums go around at 2^64, and so at every smaller power of two.
+    # Sums are modulo 2^64, and so also modulo every smaller power of two.
     bits = np.cumsum(differences, dtype=np.uint64)
     return bits.astype(f"<u{size}").view("<" + kind)
 
 
 def ticks_of(chunks: collections.abc.Sequence[Columns]) -> RecordedTicks:
-    """All ticks of these chunks, with the numbers of the enumerations and NaN."""
+    """Joins the ticks of the chunks, with the contract's enumerations, and NaN for no value."""
     columns: Columns = {}
     for name, (kind, width, values) in _COLUMNS.items():
         column = (np.concatenate([chunk[name] for chunk in chunks]) if chunks else
@@ -163,7 +139,7 @@ def ticks_of(chunks: collections.abc.Sequence[Columns]) -> RecordedTicks:
         if name in _FLAGS:
             column = column.astype(np.bool_)
         elif values:
-            # As in the messages, whose enumerations begin at 1.
+            # As in the messages, where enumerations begin at 1.
             column = column + np.uint8(1)
         columns[name] = column
     columns["scp_h_normal"][~columns["contact"]] = np.nan

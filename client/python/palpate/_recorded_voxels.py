@@ -1,4 +1,4 @@
-"""The voxels of a recording: what was loaded, with the edits that were recorded."""
+"""The voxels of a recording: the loaded volume with the recorded edits."""
 
 import collections.abc
 import dataclasses
@@ -34,9 +34,10 @@ class Voxels:
 
 
 def voxels_of(steps: collections.abc.Sequence[Step], loaded: npt.ArrayLike | None) -> Voxels | None:
-    """Voxels of the last of these scenes, which are of one volume; None: it takes `loaded`.
+    """Returns the voxels of the last scene; None: `loaded` is needed.
 
-    As server/recording/volume_follower.cpp does. Errors: Damaged, InvalidArgument.
+    All scenes must be of one volume. Works as server/recording/volume_follower.cpp. Errors:
+    Damaged, InvalidArgument.
     """
     copy: VolumeCopy | None = None
     last = steps[-1].scene
@@ -52,7 +53,7 @@ def voxels_of(steps: collections.abc.Sequence[Step], loaded: npt.ArrayLike | Non
         if scene.shape != last.shape:
             raise Damaged("damaged: it is of another volume")
         if scene.all_voxels_stored and step.edits:
-            # These edits hold all voxels.
+            # These edits have all voxels.
             if _brick_count(last.shape) > _MOST_STORED_BRICKS:
                 raise Damaged("damaged: of a volume that no recording holds")
             copy, base_revision = _empty(last), 0
@@ -73,7 +74,7 @@ def _brick_count(shape: tuple[int, int, int]) -> int:
 
 
 def _empty(scene: RecordedScene) -> VolumeCopy:
-    """A volume without its voxels. Errors: Damaged."""
+    """Makes a volume without its voxels. Errors: Damaged."""
     if scene.shape is None or min(scene.shape) < 2 or scene.value_min is None:
         raise Damaged("damaged: of a volume that cannot be")
     x, y, z = scene.shape
@@ -98,7 +99,7 @@ def _put(copy: VolumeCopy, edit: RecordedEdit) -> None:
 
 
 def _hash_of(copy: VolumeCopy, scene: RecordedScene) -> int:
-    """As server/recording/volume_hash.cpp makes it."""
+    """Computes the hash of server/recording/volume_hash.cpp."""
     lattice = copy.lattice
     data = struct.pack("<3i3d2d", lattice.size_x, lattice.size_y, lattice.size_z,
                        *scene.spacing_mm, scene.value_min, scene.value_max)

@@ -14,11 +14,11 @@ from palpate.v1 import recording_pb2, recording_pb2_grpc
 
 @dataclasses.dataclass(frozen=True)
 class RecordingState:
-    """What is being recorded, or was last.
+    """The state of the present recording, or of the last one.
 
-    lost_ticks: ticks that the disk was too slow for
-    error: why it ended early; empty: it did not
-    left_out: why some of its ticks cannot be computed again; empty: all can
+    lost_ticks: ticks lost because the disk was too slow
+    error: why the recording ended early; empty: it did not
+    left_out: why some ticks cannot be computed again; empty: all can
     """
 
     running: bool
@@ -32,11 +32,11 @@ class RecordingState:
 
 @dataclasses.dataclass(frozen=True)
 class ReplayState:
-    """How far a replay is.
+    """The progress of a replay.
 
-    ticks: of the recording, played so far
-    lost_ticks: of these, those that the recording does not have
-    marker: text of a marker that was passed just now; empty: none
+    ticks: ticks of the recording played so far
+    lost_ticks: how many of these ticks the recording does not have
+    marker: text of the marker just passed; empty: none
     """
 
     ticks: int
@@ -62,46 +62,48 @@ class Recording:
     def start(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> RecordingState:
         """Records to a file on the daemon's machine, until stopped.
 
-        path: absolute, or relative as in VolumeAccess.load. Conflict where the file is there,
-        or another recording or a replay runs.
+        path: absolute, or relative as in VolumeAccess.load. Conflict if the file exists, or
+        another recording or a replay runs.
         """
         request = recording_pb2.StartRecordingRequest(path=self._link.path(path),
                                                       overwrite=overwrite)
         return _state_of(self._link.call(self._stub.StartRecording, request).recording)
 
     def stop(self) -> RecordingState:
-        """Ends it, the file being whole. Conflict when nothing is recorded."""
+        """Ends the recording and completes the file. Conflict if nothing is recorded."""
         request = recording_pb2.StopRecordingRequest()
         return _state_of(self._link.call(self._stub.StopRecording, request).recording)
 
     def state(self) -> RecordingState:
-        """What is being recorded, or was last."""
+        """Returns the state of the present recording, or of the last one."""
         request = recording_pb2.GetRecordingRequest()
         return _state_of(self._link.call(self._stub.GetRecording, request).recording)
 
     def mark(self, text: str) -> int:
-        """Puts a marker into the recording; returns its time_ns, of Poses' clock.
+        """Puts a marker into the recording. Returns the marker's time_ns, on Poses' clock.
 
-        text: 1 to 4096 bytes of UTF-8. Conflict when nothing is recorded.
+        text: 1 to 4096 bytes of UTF-8. Conflict if nothing is recorded.
         """
         return int(self._link.call(self._stub.Mark, recording_pb2.MarkRequest(text=text)).time_ns)
 
     def replay(self, path: str | os.PathLike[str], speed: float = 1.0, *,
                progress: collections.abc.Callable[[ReplayState], object] | None = None
                ) -> ReplayState:
-        """Plays a recording to all who watch, forces off; returns its end when it has ended.
+        """Plays a recording to all clients that follow the poses, with forces off.
 
-        The volume that was recorded must be loaded. What was felt before comes back at the end.
-        path: on the daemon's machine, absolute or relative as in VolumeAccess.load. speed: times
-        real time, above 0 up to 100. progress: called with a ReplayState some times a second and
-        for each marker; where it raises an exception, or returns False, the replay ends. It then
-        fails with that exception, or with Cancelled.
-        Errors: InvalidArgument (no recording), NotFound, PermissionDenied (a folder that the
+        Returns the last state when the replay has ended. The recorded volume must be loaded. At
+        the end, settings and voxels are again as before the replay.
+        path: on the daemon's machine, absolute or relative as in VolumeAccess.load.
+        speed: multiple of real time, above 0 up to 100.
+        progress: called with a ReplayState some times a second and for each marker. If it raises
+        an exception, the replay ends with that exception. If it returns False, the replay ends
+        with Cancelled.
+        Errors: InvalidArgument (not a recording), NotFound, PermissionDenied (a folder that the
         daemon does not load from), Conflict (another volume is loaded; a recording or a replay
         runs), Cancelled.
         """
         speed = number("speed", speed)
-        # 0 in the contract is the usual speed, which is not what a caller means by it.
+        # In the contract, 0 means the usual speed. A caller who gives 0 does not mean that.
         if not 0 < speed <= 100:
             raise InvalidArgument(f"speed is above 0 and at most 100, not {speed:g}")
         request = recording_pb2.ReplayRequest(path=self._link.path(path), speed=speed)

@@ -24,15 +24,15 @@ from palpate._recording_frame import (Damaged, Header, Kind, Reader, read_chunks
 class RecordingFile:
     """A recording that open_recording() has read.
 
-    program: that recorded it, such as "palpated 0.1.0"
-    created_unix_ns: when, in nanoseconds since 1970
+    program: the program that recorded it, such as "palpated 0.1.0"
+    created_unix_ns: nanoseconds since 1970
     version: of the format
     ticks: all ticks, as arrays
     markers: in the order of their ticks
-    scenes: settings, place and volume, each with the tick from which on they held
-    edits: of voxels, as they led from scene to scene
+    scenes: settings, place and volume, each with its first tick
+    edits: changes of voxels from scene to scene
     gaps: ticks that were not recorded
-    ends_early: one line: why it ends before that; empty: it is complete
+    ends_early: one line: why the recording ends early; empty: it is complete
     """
 
     path: str
@@ -49,12 +49,12 @@ class RecordingFile:
 
     @property
     def complete(self) -> bool:
-        """The recording was closed, and all of it was read."""
+        """True if the recording was closed and read completely."""
         return not self.ends_early
 
     @property
     def lost_ticks(self) -> int:
-        """How many ticks are within gaps."""
+        """The number of ticks in gaps."""
         return sum(gap.last_tick - gap.first_tick + 1 for gap in self.gaps)
 
     @property
@@ -63,17 +63,17 @@ class RecordingFile:
         return tuple(dict.fromkeys(scene.volume_source for scene in self.scenes))
 
     def scene_at(self, tick: int) -> RecordedScene:
-        """What a tick was computed with. Errors: NotFound (no scene before it)."""
+        """Returns the scene of a tick. Errors: NotFound (no scene before the tick)."""
         return self._steps[self._step_at(tick)].scene
 
     def voxels(self, tick: int, loaded: npt.ArrayLike | None = None) -> npt.NDArray[np.float32]:
-        """(nx, ny, nz), indexed [x, y, z]: the volume that a tick was computed with.
+        """Returns the volume of a tick: (nx, ny, nz), indexed [x, y, z].
 
-        loaded: voxels of the volume as it was loaded, before all edits. They are needed unless
-        the recording holds them itself: scene_at(tick).all_voxels_stored. The result is the
-        recorded volume voxel by voxel: its hash is compared.
-        Errors: NotFound (no scene before the tick), FailedPrecondition (`loaded` is needed; or
-        the recording does not tell enough), Conflict (`loaded` is of another volume, or voxels
+        loaded: voxels of the volume as it was loaded, before all edits. Needed unless the
+        recording has all voxels: scene_at(tick).all_voxels_stored. The result equals the recorded
+        volume, voxel by voxel; its hash is compared.
+        Errors: NotFound (no scene before the tick), FailedPrecondition (`loaded` is needed, or
+        the recording does not say enough), Conflict (`loaded` is of another volume, or voxels
         are missing), InvalidArgument (another shape; damaged).
         """
         last = self._step_at(tick)
@@ -115,7 +115,7 @@ class RecordingFile:
 
 
 class _Contents:
-    """What has been read so far, in the order that the writer keeps."""
+    """Collects the chunks, which must come in the writer's order."""
 
     def __init__(self) -> None:
         self.columns: list[Columns] = []
@@ -129,7 +129,7 @@ class _Contents:
         self._parts: list[RecordedEdit] = []
 
     def take(self, kind: Kind, packed: bytes) -> None:
-        """Takes a chunk, or nothing of it. Errors: Damaged."""
+        """Takes a whole chunk. Errors: Damaged; nothing of the chunk is taken then."""
         if self.is_closed:
             self.is_closed = False
             raise Damaged("behind the end")
@@ -169,7 +169,7 @@ class _Contents:
             self._next_tick = held.last_tick + 1
             self.gaps.append(held)
         elif kind == Kind.KEYFRAME:
-            # The servo's state, from which `palpate-lab replay` computes on.
+            # The servo's state. `palpate-lab replay` continues from it.
             tick, = reader.get("Q")
             reader.get_bytes(reader.get("I")[0])
             reader.expect_end()
@@ -193,9 +193,10 @@ class _Contents:
 def open_recording(path: str | os.PathLike[str]) -> RecordingFile:
     """Reads a recording of palpated on this program's machine, all of it into memory.
 
-    A tick takes about 400 bytes, an hour about 1.5 GB. Of a file that is cut off or damaged, the
-    result has all ticks before that, and RecordingFile.ends_early says why it ends there.
-    Errors: NotFound, PermissionDenied, InvalidArgument (no recording, or of another version).
+    A tick takes about 400 bytes, an hour about 1.5 GB. If the file is cut off or damaged, the
+    result has all ticks before that place, and RecordingFile.ends_early says why it ends there.
+    Errors: NotFound, PermissionDenied, InvalidArgument (not a recording, or of another
+    version).
     """
     name = os.fspath(path)
     try:
@@ -216,7 +217,7 @@ def open_recording(path: str | os.PathLike[str]) -> RecordingFile:
 
 
 def _read(stream: typing.BinaryIO) -> tuple[_Contents, str]:
-    """What there is, and why it ends early."""
+    """Returns the recording, and why it ends early."""
     contents = _Contents()
     number = 0
     chunks: collections.abc.Iterator[tuple[Kind, bytes]] = read_chunks(stream)

@@ -1,4 +1,4 @@
-"""The bytes of a recording around its chunks; server/recording/chunk_frame.h describes them."""
+"""The framing of a recording's chunks. server/recording/chunk_frame.h describes the bytes."""
 
 import collections.abc
 import dataclasses
@@ -14,7 +14,7 @@ from palpate._errors import InvalidArgument
 _MAGIC = b"\x89PLPREC\n"
 _OLDEST_VERSION, _VERSION = 2, 4
 _MOST_PAYLOAD_BYTES = 16 << 20
-# More than zstd makes of that.
+# More than zstd can need for a payload of the greatest size.
 _MOST_STORED_BYTES = _MOST_PAYLOAD_BYTES + (_MOST_PAYLOAD_BYTES >> 8)
 _MOST_PROGRAM_BYTES = 256
 _HEADER = struct.Struct("<8sIIq")
@@ -23,7 +23,7 @@ _CHECKSUM = struct.Struct("<Q")
 
 
 class Damaged(Exception):
-    """The bytes are no valid part of a recording; the message says why."""
+    """The bytes are not a valid part of a recording; the message says why."""
 
 
 class Kind(enum.IntEnum):
@@ -44,13 +44,13 @@ class Header:
 
 
 class Reader:
-    """Numbers and texts of bytes, one after the other. Errors: Damaged."""
+    """Reads numbers and texts from bytes, one after the other. Errors: Damaged."""
 
     def __init__(self, data: bytes) -> None:
         self._data, self._at = data, 0
 
     def get(self, layout: str) -> tuple[typing.Any, ...]:
-        """layout: as of struct, little endian."""
+        """layout: a format of struct, little endian."""
         layout = "<" + layout
         return struct.unpack(layout, self.get_bytes(struct.calcsize(layout)))
 
@@ -73,7 +73,7 @@ class Reader:
 
 
 def read_header(stream: typing.BinaryIO, name: str) -> Header:
-    """Errors: InvalidArgument, naming the file."""
+    """Errors: InvalidArgument; the text names the file."""
     start = stream.read(_HEADER.size)
     if len(start) < _HEADER.size or not start.startswith(_MAGIC):
         raise InvalidArgument(f"{name} is no recording of Palpate")
@@ -93,7 +93,7 @@ def read_header(stream: typing.BinaryIO, name: str) -> Header:
 
 
 def read_chunks(stream: typing.BinaryIO) -> collections.abc.Iterator[tuple[Kind, bytes]]:
-    """Payloads, still packed by zstd; unpack() takes them. Errors: Damaged, for the next one."""
+    """Yields payloads, still packed by zstd, for unpack(). Errors: Damaged, for the next one."""
     number = 0
     while start := stream.read(_CHUNK.size):
         if len(start) < _CHUNK.size:
@@ -110,7 +110,7 @@ def read_chunks(stream: typing.BinaryIO) -> collections.abc.Iterator[tuple[Kind,
             raise Damaged("out of order")
         if flags != 0 or kind not in Kind.__members__.values():
             raise Damaged("of a kind that this package does not know")
-        # zstd allocates what its own header says: that is to be what ours says.
+        # zstd allocates the size in its own header, so that size must be the same as ours.
         try:
             if zstandard.frame_content_size(packed) != raw_bytes:
                 raise Damaged("damaged: of another size")

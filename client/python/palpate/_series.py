@@ -1,4 +1,4 @@
-"""Volumes of one lattice that follow each other under the stylus."""
+"""Time series: volumes of one lattice, played under the stylus."""
 
 import collections.abc
 import dataclasses
@@ -14,9 +14,9 @@ from palpate.v1 import series_pb2, series_pb2_grpc
 
 @dataclasses.dataclass(frozen=True)
 class SeriesState:
-    """A series and where it is.
+    """A series and its position.
 
-    position_frames: 0 the first; between two frames where the series is interpolated
+    position_frames: 0 is the first; between two frames if the series is interpolated
     rate_hz: frames per second, negative backwards
     volume_revision: of the frame under the stylus
     """
@@ -40,7 +40,7 @@ def _state_of(series: series_pb2.SeriesState) -> SeriesState:
 class Series:
     """The time series of the daemon; Connection.series.
 
-    Errors: Conflict where none is loaded, InvalidArgument, Unavailable.
+    Errors: Conflict if none is loaded, InvalidArgument, Unavailable.
     """
 
     def __init__(self, link: Link) -> None:
@@ -54,10 +54,10 @@ class Series:
              raw: Raw | None = None, progress: Progress | None = None) -> SeriesState:
         """Loads all frames, puts the first under the stylus and pauses there.
 
-        sources: paths on the daemon's machine, in the order of time: files of one frame
-        each, or one file with several; a pattern with * and ? comes in the order of the
-        numbers in the names. Relative paths and the rest, which holds for all frames: as in
-        VolumeAccess.load. Errors: as there.
+        sources: paths on the daemon's machine, in the order of time: files of one frame each, or
+        one file with several frames. The matches of a pattern with * and ? are sorted by the
+        numbers in their names. Relative paths, the other arguments (for all frames) and errors:
+        as in VolumeAccess.load.
         """
         if isinstance(sources, (str, os.PathLike)):
             sources = [sources]
@@ -69,16 +69,16 @@ class Series:
         return _state_of(result_of(events, progress).series)
 
     def state(self) -> SeriesState:
-        """The series and where it is."""
+        """Returns the series and its position."""
         answer = self._link.call(self._stub.GetSeries, series_pb2.GetSeriesRequest())
         return _state_of(answer.series)
 
     @property
     def rate_hz(self) -> float:
-        """How fast it plays, in frames per second: -1000 to 1000, not 0, negative backwards.
+        """The speed in frames per second: -1000 to 1000, not 0, negative backwards.
 
-        It can be set while it is paused too. At most 60 volumes are shown per second; frames
-        between them are skipped.
+        Can also be set while paused. At most 60 volumes per second are shown; frames in between
+        are skipped.
         """
         return self.state().rate_hz
 
@@ -87,16 +87,16 @@ class Series:
         self._control(series_pb2.ControlSeriesRequest(rate_hz=number("rate_hz", value)))
 
     def play(self, rate_hz: float | None = None) -> SeriesState:
-        """Plays on, at `rate_hz` frames per second: -1000 to 1000, not 0; None: as before."""
+        """Plays at `rate_hz` frames per second: -1000 to 1000, not 0; None: as before."""
         return self._control(series_pb2.ControlSeriesRequest(
             playing=True, rate_hz=number_or_none("rate_hz", rate_hz)))
 
     def pause(self) -> SeriesState:
-        """Stays at the frame that it is at."""
+        """Pauses at the present frame."""
         return self._control(series_pb2.ControlSeriesRequest(playing=False))
 
     def seek(self, position_frames: float) -> SeriesState:
-        """Goes to a frame, 0 to frames - 1; a fraction where the series is interpolated."""
+        """Goes to a frame, 0 to frames - 1; may be a fraction if the series is interpolated."""
         return self._control(series_pb2.ControlSeriesRequest(
             position_frames=number("position_frames", position_frames)))
 

@@ -1,4 +1,4 @@
-"""The kinds of settings: what _setting_list.py, which is written from the contract, is made of."""
+"""The kinds of settings. _setting_list.py, generated from the contract, uses them."""
 
 import collections.abc
 import contextlib
@@ -14,7 +14,7 @@ E = typing.TypeVar("E", bound=Word)
 
 
 class Held(typing.Protocol):
-    """What holds all settings: palpate.Settings."""
+    """The object with all settings: palpate.Settings."""
 
     def all(self) -> dict[str, typing.Any]: ...
 
@@ -22,7 +22,7 @@ class Held(typing.Protocol):
 
 
 class Setting(typing.Generic[T]):
-    """An attribute of Settings: each access asks the daemon, or tells it."""
+    """An attribute of Settings. Reading asks the daemon; setting tells the daemon."""
 
     def __init__(self, parse: collections.abc.Callable[[str, typing.Any], T], doc: str) -> None:
         self.parse = parse

@@ -1,4 +1,4 @@
-"""What is felt, as attributes that the daemon holds."""
+"""The settings, as attributes that the daemon holds."""
 
 import dataclasses
 import typing
@@ -15,8 +15,8 @@ from palpate.v1 import render_pb2, render_pb2_grpc
 class Applied:
     """When a change of the settings was first felt.
 
-    settings_revision: revision that has the change; Poses.settings_revision names it
-    applied_tick: first tick that used it; Poses.tick counts the same
+    settings_revision: revision with the change; Poses.settings_revision has the same numbers
+    applied_tick: first tick that used the change; Poses.tick has the same numbers
     """
 
     settings_revision: int
@@ -26,11 +26,11 @@ class Applied:
 class Settings(SettingList):
     """The daemon's settings, the same for all clients.
 
-    help(palpate.Settings) lists them with what they do, their units, ranges and defaults.
-    Reading an attribute asks the daemon; setting one changes what is felt and returns
-    when a tick has used it. Forces and lengths are those of the device. An attribute
-    that is none of these is an AttributeError. A choice reads as a member of its enumeration,
-    which equals its word: conn.settings.method == "tpbcc". The member and the word set it.
+    help(palpate.Settings) lists them with their effects, units, ranges and defaults. Reading an
+    attribute asks the daemon. Setting an attribute changes the setting and returns when a tick has
+    used it. Forces and lengths are those of the device. An unknown attribute is an AttributeError.
+    A choice reads as a member of its enumeration, and the member equals its word:
+    conn.settings.method == "tpbcc". Set a choice by the member or the word.
     Errors: InvalidArgument (out of range), Unavailable.
     """
 
@@ -41,7 +41,7 @@ class Settings(SettingList):
         self._stub = link.stub(render_pb2_grpc.RenderServiceStub)
 
     def all(self) -> dict[str, typing.Any]:
-        """All settings of one moment, by name, in the units of the attributes."""
+        """Returns all settings of one moment, by name, in the units of the attributes."""
         answer = self._link.call(self._stub.GetSettings, render_pb2.GetSettingsRequest())
         return {name: setting.parse(name, getattr(answer.settings, name))
                 for name, setting in _SETTINGS.items()}
@@ -49,7 +49,7 @@ class Settings(SettingList):
     def update(self, *, expected_revision: int | None = None, **changes: typing.Any) -> Applied:
         """Changes several settings, by name and in their units, all at one tick.
 
-        expected_revision: refuse with Conflict unless the settings are at this one.
+        expected_revision: fail with Conflict unless the settings are at this revision.
         Errors: AttributeError (no such setting), InvalidArgument (out of range; nothing
         changes then), Unavailable.
         """

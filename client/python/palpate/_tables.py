@@ -1,4 +1,4 @@
-"""Ticks as tables of pandas and data sets of xarray, where these packages are installed."""
+"""Ticks as tables of pandas and data sets of xarray, if these packages are installed."""
 
 import dataclasses
 import importlib
@@ -18,7 +18,7 @@ _UNITS = ("mm", "n", "ns")
 
 
 def package(name: str) -> typing.Any:
-    """Errors: FailedPrecondition where it is not installed."""
+    """Errors: FailedPrecondition if the package is not installed."""
     try:
         return importlib.import_module(name)
     except ImportError:
@@ -27,13 +27,13 @@ def package(name: str) -> typing.Any:
 
 
 def unit_of(name: str) -> str:
-    """Of a field, by its name; empty: none, or data units."""
+    """Returns the unit of a field, from its name; empty: none, or data units."""
     last = name.rpartition("_")[2]
     return {"n": "N"}.get(last, last) if last in _UNITS else ""
 
 
 def _parts(name: str) -> list[str]:
-    """Names of the columns of a vector, as `palpate-lab export` has them."""
+    """Returns the column names of a vector, as in `palpate-lab export`."""
     if name == "stylus_orientation":
         return [f"stylus_{axis}" for axis in "wxyz"]
     stem, _, unit = name.rpartition("_")
@@ -68,7 +68,7 @@ class Table:
     def to_pandas(self) -> typing.Any:
         """A pandas.DataFrame: a row per sample, by tick.
 
-        Its columns have the names of `palpate-lab export`: hip_x_mm, force_z_n, stylus_w ...
+        The columns have the names of `palpate-lab export`: hip_x_mm, force_z_n, stylus_w ...
         Enumerations are their words, as categories. Errors: FailedPrecondition (pandas is not
         installed).
         """

@@ -1,4 +1,4 @@
-"""What gRPC says of a connection that cannot be made, in words that say what to do."""
+"""Explains why gRPC cannot connect, and what to do."""
 
 import contextlib
 import socket
@@ -7,16 +7,16 @@ _PROBE_TIMEOUT_S = 1.0
 
 
 def why_unreached(name: str, details: str, *, has_tls: bool, ca_file: str | None) -> str:
-    """One line. name: the socket or HOST:PORT; details: of gRPC's UNAVAILABLE.
+    """Returns one line. name: the socket or HOST:PORT; details: the text of gRPC's UNAVAILABLE.
 
-    Where gRPC does not tell the cause, the line names all that are possible.
+    If gRPC does not tell the cause, the line names all possible causes.
     """
     if name.startswith("unix:"):
         return f"no palpated at {name}: start it, or name its address"
     host, _, port = name.rpartition(":")
     if "DNS resolution failed" in details:
         return f"no palpated at {name}: the host {host} is not known: check the address"
-    # gRPC tells of the last of the host's addresses; another one may have refused us.
+    # gRPC reports only the host's last address. Another address may have refused us.
     if "Connection refused" in details and not _listens(host.strip("[]"), int(port)):
         return (f"no palpated at {name}: nothing listens there: start it there with --listen, or "
                 "check the address")

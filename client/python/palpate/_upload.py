@@ -1,4 +1,4 @@
-"""A volume on its way to the daemon, with progress and cancellation."""
+"""Uploads a volume, with progress and cancellation."""
 
 import collections.abc
 import contextlib
@@ -11,7 +11,7 @@ from palpate._progress import Progress, tell
 from palpate.v1 import volume_pb2
 
 _CHUNK_BYTES = 1 << 20
-# As the command line counts it: the daemon still reads the file when all of it was sent.
+# As on the command line: after all bytes are sent, the daemon still has to read the file.
 _SENDING_SHARE = 0.5
 _POLL_S = 0.05
 
@@ -21,7 +21,7 @@ Parts = collections.abc.Sequence[bytes | memoryview]
 def send_volume(link: Link, stub: typing.Any, name: str, parts: Parts,
                 options: volume_pb2.LoadVolumeRequest,
                 progress: Progress | None) -> volume_pb2.VolumeDescription:
-    """Sends a file of these parts. Errors: palpate.Error, and what `progress` raises."""
+    """Sends a file made of these parts. Errors: palpate.Error, and exceptions of `progress`."""
     crc32 = 0
     for part in parts:
         crc32 = zlib.crc32(part, crc32)
@@ -31,7 +31,7 @@ def send_volume(link: Link, stub: typing.Any, name: str, parts: Parts,
     requests = _requests(start, parts)
     if progress is None:
         return _volume_of(link.call(stub.UploadVolume, requests, timeout_s=None))
-    # gRPC reads the requests on a thread of its own; `progress` is called on this one.
+    # gRPC reads the requests on a thread of its own. `progress` is called on this thread.
     news: queue.SimpleQueue[tuple[str, float] | None] = queue.SimpleQueue()
     call = link.begin(stub.UploadVolume.future, _counted(requests, size_bytes, news))
     call.add_done_callback(lambda _: news.put(None))
@@ -39,7 +39,7 @@ def send_volume(link: Link, stub: typing.Any, name: str, parts: Parts,
     try:
         while told is not None:
             tell(progress, *told)
-            # Nothing comes while the daemon loads: asked again and again, it can be cancelled then.
+            # While the daemon loads, no news comes. The timeout lets `progress` cancel then, too.
             with contextlib.suppress(queue.Empty):
                 told = news.get(timeout=_POLL_S)
     except BaseException:
@@ -66,7 +66,7 @@ def _counted(requests: collections.abc.Iterator[volume_pb2.UploadVolumeRequest],
     sent = 0
     for request in requests:
         yield request
-        # gRPC asks for the next one when this one is sent.
+        # gRPC asks for the next request when this one is sent.
         sent += len(request.data)
         if sent < size_bytes:
             news.put(("sending", _SENDING_SHARE * sent / size_bytes))

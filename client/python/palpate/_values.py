@@ -1,4 +1,4 @@
-"""What a caller gives, as the daemon takes it."""
+"""Checks values of callers for the daemon."""
 
 import typing
 
@@ -9,7 +9,7 @@ from palpate._errors import InvalidArgument
 
 def number(name: str, value: typing.Any) -> float:
     """Errors: InvalidArgument."""
-    # Not float() alone: that of True is 1, and that of "1" is one too.
+    # float() alone would accept True and "1".
     if not isinstance(value, (str, bytes, bytearray, bool, np.bool_)):
         try:
             return float(value)
@@ -19,13 +19,13 @@ def number(name: str, value: typing.Any) -> float:
 
 
 def number_or_none(name: str, value: typing.Any) -> float | None:
-    """None stays. Errors: InvalidArgument."""
+    """Returns None for None. Errors: InvalidArgument."""
     return None if value is None else number(name, value)
 
 
 def switch(name: str, value: typing.Any) -> bool:
     """Errors: InvalidArgument."""
-    # Not bool(): that of "off" is True.
+    # Not bool(): bool("off") is True.
     if not isinstance(value, (bool, np.bool_)):
         raise InvalidArgument(f"{name} is True or False, not {value!r}")
     return bool(value)

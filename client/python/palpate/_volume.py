@@ -1,4 +1,4 @@
-"""The volume under the stylus: what it is, loading, sending and fetching it."""
+"""The volume under the stylus: its description, load, upload and download."""
 
 import dataclasses
 import os
@@ -25,9 +25,10 @@ from palpate.v1 import volume_pb2, volume_pb2_grpc
 class VolumeInfo:
     """The volume under the stylus, without its voxels.
 
-    source: path, builtin name or "upload:NAME" that it was loaded from
-    volume_revision: rises with each change of the voxels; Poses.volume_revision names it
-    loaded_revision: at which this volume was loaded; later ones are its edits and frames
+    source: path, builtin name or "upload:NAME" from which it was loaded
+    volume_revision: rises with each change of the voxels; Poses.volume_revision has the same
+        numbers
+    loaded_revision: revision of the load; later revisions are edits and frames
     shape: voxels along x, y, z
     spacing_mm: (3,) along x, y, z, mm
     value_min: least value at load, data units
@@ -37,10 +38,10 @@ class VolumeInfo:
     world_from_index: (4, 4) voxel index (x, y, z, 1) to world: mm, LPS as in DICOM
     device_from_index: (4, 4) voxel index (x, y, z, 1) to the device frame: mm
     device_mm_per_volume_mm: millimetres of device motion per millimetre of the volume
-    frames: of the source file, one of which this volume is
+    frames: frames of the source file; this volume is one of them
     is_level_set: values are signed distances from a surface at 0, negative inside
-    warnings: what the import assumed or left out, a line each, such as a spacing that the
-    file does not state
+    warnings: what the import assumed or left out, one line each, such as a spacing that the
+        file does not state
     """
 
     source: str
@@ -87,10 +88,9 @@ def info_of(volume: volume_pb2.VolumeDescription) -> VolumeInfo:
 class VolumeAccess:
     """The volume under the stylus, the same for all clients; Connection.volume.
 
-    Arrays are indexed [x, y, z]: the element [i, j, k] is the voxel (i, j, k) of
-    world_from_index, of edits and of the file, in which x is the fastest axis. NumPy's
-    usual order makes z the fastest in memory; an array indexed [z, y, x], as SimpleITK
-    and pydicom give it, is turned by its .T.
+    Arrays are indexed [x, y, z]: the element [i, j, k] is the voxel (i, j, k) of world_from_index,
+    of edits and of the file. In the file, x is the fastest axis. In NumPy's usual order, z is the
+    fastest axis in memory. SimpleITK and pydicom return arrays indexed [z, y, x]: use their .T.
     """
 
     def __init__(self, link: Link) -> None:
@@ -98,7 +98,7 @@ class VolumeAccess:
         self._stub = link.stub(volume_pb2_grpc.VolumeServiceStub)
 
     def info(self) -> VolumeInfo:
-        """What the volume is, and where it lies."""
+        """Returns the description and the place of the volume."""
         answer = self._link.call(self._stub.GetVolume, volume_pb2.GetVolumeRequest())
         return info_of(answer.volume)
 
@@ -107,19 +107,22 @@ class VolumeAccess:
              device_mm_per_volume_mm: float | None = None, frame: int | None = None,
              grid: str = "", component: str = "", raw: Raw | None = None,
              progress: Progress | None = None) -> VolumeInfo:
-        """Replaces the volume by a file of the daemon's machine; returns when it is felt.
+        """Replaces the volume by a file of the daemon's machine. Returns when the servo uses it.
 
-        source: path of a file or DICOM folder there, or "builtin:NAME[:N]". A relative path
-        is taken from this program's current folder over a socket, and is refused over TCP.
-        isovalue: to start with, data units; or normalized_isovalue, 0 to 1 over the new
-        range; neither: the normalised one is kept; 0 of a level set. spacing_mm: (x, y, z)
-        instead of the file's. device_mm_per_volume_mm: scale instead of the fitted one. frame:
-        of a file with several, from 0. grid: of a .vdb file with several, by name. component:
-        of a grid of vectors, "magnitude", "x", "y" or "z". raw: of a file that holds nothing but
-        voxels. progress: called with what is done, such as "reading", and the share done, 0 to
-        1; where it raises an exception, or returns False, the load is cancelled. It then fails
-        with that exception, or with Cancelled.
-        Errors: InvalidArgument (no volume), NotFound, PermissionDenied (a folder that the
+        source: path of a file or DICOM folder there, or "builtin:NAME[:N]". Over a socket, a
+        relative path is taken from this program's current folder; over TCP it is refused.
+        isovalue: the first isovalue, in data units; or normalized_isovalue, 0 to 1 over the new
+        range. Neither: the normalised isovalue stays, or is 0 for a level set.
+        spacing_mm: (x, y, z) instead of the file's.
+        device_mm_per_volume_mm: scale instead of the fitted one.
+        frame: for a file with several frames; 0 is the first.
+        grid: for a .vdb file with several grids, the name.
+        component: for a grid of vectors: "magnitude", "x", "y" or "z".
+        raw: for a file that holds only voxels.
+        progress: called with the current step, such as "reading", and the share done, 0 to 1. If
+        it raises an exception, the load is cancelled and fails with that exception. If it returns
+        False, the load is cancelled and fails with Cancelled.
+        Errors: InvalidArgument (not a volume), NotFound, PermissionDenied (a folder that the
         daemon does not load from), TooLarge, Conflict (another load runs).
         """
         request = load_options(isovalue, normalized_isovalue, device_mm_per_volume_mm, spacing_mm,
@@ -135,13 +138,12 @@ class VolumeAccess:
                normalized_isovalue: float | None = None,
                device_mm_per_volume_mm: float | None = None,
                progress: Progress | None = None) -> VolumeInfo:
-        """Replaces the volume by an array; returns when it is felt.
+        """Replaces the volume by an array. Returns when the servo uses it.
 
-        values: (nx, ny, nz), indexed [x, y, z], of at most 32-bit integers or floats, data
-        units. spacing_mm: along x, y, z. world_from_index: (4, 4), voxel index to world, mm,
-        LPS, with axes at right angles; it has the spacing in it, and spacing_mm is not
-        used then. unit: of the values, such as "HU". The rest as in load().
-        Errors: as load().
+        values: (nx, ny, nz), indexed [x, y, z], data units; integers of at most 32 bits, or
+        floats. spacing_mm: along x, y, z. world_from_index: (4, 4), voxel index to world, mm,
+        LPS, with axes at right angles. It includes the spacing, so spacing_mm is then ignored.
+        unit: of the values, such as "HU". Other arguments and errors: as load().
         """
         if world_from_index is None:
             matrix = np.diag([*three("spacing_mm", spacing_mm), 1.0])
@@ -159,11 +161,10 @@ class VolumeAccess:
                     device_mm_per_volume_mm: float | None = None, frame: int | None = None,
                     grid: str = "", component: str = "", raw: Raw | None = None,
                     progress: Progress | None = None) -> VolumeInfo:
-        """Replaces the volume by a file of this program's machine; returns when it is felt.
+        """Replaces the volume by a file of this program's machine. Returns when the servo uses it.
 
-        path: of any format of one file that load() reads. All of it is held in memory. The
-        rest, and progress, as in load().
-        Errors: as load().
+        path: a file of any one-file format of load(). The whole file is read into memory. Other
+        arguments and errors: as load().
         """
         options = load_options(isovalue, normalized_isovalue, device_mm_per_volume_mm, spacing_mm,
                                frame, grid, component, raw)
@@ -179,18 +180,17 @@ class VolumeAccess:
                                    options, progress))
 
     def download(self, *, progress: Progress | None = None) -> Volume:
-        """A copy of the volume as it is now, with its edits; voxels as the daemon has them,
-        float32.
+        """Returns a copy of the present volume, with its edits. Voxels are float32.
 
         progress: as in load().
-        Errors: Internal (damaged on its way), Unavailable.
+        Errors: Internal (damaged during transfer), Unavailable.
         """
         return fetch_volume(self._link, self._stub, progress)
 
     def follow(self) -> LiveVolume:
-        """A copy that stays equal to the volume while it is edited, loaded and moved.
+        """Returns a copy that follows the volume through edits, loads and moves.
 
-        It returns at once; LiveVolume.wait() waits for the first copy. Errors: Unavailable (the
+        Returns at once; LiveVolume.wait() waits for the first copy. Errors: Unavailable (the
         connection was closed).
         """
         return LiveVolume(self._link, self._stub)
@@ -202,19 +202,23 @@ class VolumeAccess:
               move_mm: Triple | None = None, turn_deg: Turn | None = None,
               scale_by: float | None = None,
               expected_revision: int | None = None) -> Placement:
-        """Where the volume lies in the device's workspace; moves it there at one tick.
+        """Moves the volume in the device's workspace, at one tick. Returns the placement.
 
-        Without arguments it only asks. What is named is changed: first reset, then what is
-        absolute, then what is relative. The daemon keeps the place for this volume.
-        All in the device's axes: mm, x right, y up, z towards the user.
-        reset: into the middle of the workspace, fitted, not turned.
-        Absolute: center_mm: (x, y, z) of the volume's centre. rotation_wxyz: unit quaternion
-        (w, x, y, z) from the world's axes (LPS) to the device's. One of the scales
-        device_mm_per_volume_mm, device_mm_per_voxel (of its shortest edge) and cells_per_mm
-        (1 mm is so many cells).
-        Relative: move_mm: (x, y, z). turn_deg: an axis and degrees, as in ("y", 90), through the
-        centre. scale_by: about the centre.
-        expected_revision: refuse with Conflict unless the settings are at this one.
+        Without arguments it only returns the placement. Given values are applied in this order:
+        reset, absolute, relative. The daemon stores the placement for this volume. All values are
+        in the device's axes: mm, x right, y up, z towards the user.
+
+        reset: into the middle of the workspace, fitted, without a rotation.
+        Absolute:
+            center_mm: (x, y, z) of the volume's centre.
+            rotation_wxyz: unit quaternion (w, x, y, z) from the world's axes (LPS) to the device's.
+            One of the scales device_mm_per_volume_mm, device_mm_per_voxel (for its shortest edge)
+            and cells_per_mm (the number of cells in 1 mm).
+        Relative:
+            move_mm: (x, y, z).
+            turn_deg: an axis through the centre, and degrees, as in ("y", 90).
+            scale_by: about the centre.
+        expected_revision: fail with Conflict unless the settings are at this revision.
         Errors: InvalidArgument, Conflict, Unavailable.
         """
         request = update_of(
@@ -226,12 +230,11 @@ class VolumeAccess:
 
     def save(self, path: str | os.PathLike[str], *, overwrite: bool = False,
              progress: Progress | None = None) -> int:
-        """Writes the volume as it is now on the daemon's machine; returns its revision.
+        """Writes the present volume to a file of the daemon's machine. Returns its revision.
 
-        path: there, absolute or relative as in load(); ends in .nrrd or .vdb. progress: as in
-        load().
+        path: absolute, or relative as in load(); ends in .nrrd or .vdb. progress: as in load().
         Errors: InvalidArgument, PermissionDenied (a folder that the daemon does not save
-        to), NotFound (no such folder), Conflict (the file is there), DiskFull.
+        to), NotFound (no such folder), Conflict (the file exists), DiskFull.
         """
         request = volume_pb2.SaveVolumeRequest(path=self._link.path(path), overwrite=overwrite)
         events = self._link.events(self._stub.SaveVolume, request)

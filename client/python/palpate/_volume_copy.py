@@ -1,4 +1,4 @@
-"""A copy of the daemon's volume, put together from the bricks that it streams."""
+"""A copy of the daemon's volume, made from the streamed bricks."""
 
 import collections.abc
 import contextlib
@@ -23,10 +23,10 @@ from palpate.v1 import volume_stream_pb2
 _EDGE = 8
 _BRICK_BYTES = 4 * _EDGE**3
 _MAX_UNACKNOWLEDGED = 8
-# The contract says 64 bricks; a later daemon may send more, but not any number.
+# The contract says 64 bricks. A later daemon may send more, but this is the limit.
 _MOST_BRICKS = 4096
 _HALF = 1 << 64
-# 8 GiB: sparse volumes may have more places than a computer has memory.
+# 8 GiB. A sparse volume may have more voxels than fit into memory.
 _MOST_VOXELS = 1 << 31
 
 # Numbers of bricks, (n,), and their voxels, (n, 8, 8, 8).
@@ -44,8 +44,8 @@ class Volume:
     value_min: least value at load, data units
     value_max: greatest value at load, data units
     unit: of the values, as the file states it; may be empty
-    source: path, builtin name or "upload:NAME" that it was loaded from
-    volume_revision: of which this is a copy
+    source: path, builtin name or "upload:NAME" from which it was loaded
+    volume_revision: revision of this copy
     """
 
     values: npt.NDArray[np.float32]
@@ -61,8 +61,8 @@ class Volume:
     def to_xarray(self) -> typing.Any:
         """An xarray.DataArray along "x", "y" and "z".
 
-        The coordinates are mm from the first voxel along the volume's own axes. How these lie in
-        the world is in the attribute "world_from_index". Errors: FailedPrecondition (xarray is
+        The coordinates are mm from the first voxel along the volume's own axes. The attribute
+        "world_from_index" maps voxel indices to the world. Errors: FailedPrecondition (xarray is
         not installed).
         """
         axes = ("x", "y", "z")
@@ -76,7 +76,7 @@ class Volume:
         return package("xarray").DataArray(self.values, coordinates, axes, attrs=attributes)
 
     def __repr__(self) -> str:
-        # Short: the arrays would fill the screen.
+        # Without the arrays, which would fill the screen.
         return (f"<palpate volume: {self.source}, {numbers(self.values.shape)} voxels, revision "
                 f"{self.volume_revision}>")
 
@@ -94,9 +94,9 @@ class Volume:
 
 
 class VolumeCopy:
-    """What of one volume has come so far. ValueError for a message that makes no sense.
+    """The received part of one volume. ValueError for a message that makes no sense.
 
-    Its hashes are of all bricks that have come, its voxels of those that were put.
+    The hashes cover all received bricks. The voxels are those of bricks given to put().
     """
 
     def __init__(self, lattice: volume_stream_pb2.VolumeLattice) -> None:
@@ -111,11 +111,11 @@ class VolumeCopy:
         self._background = np.float32(
             lattice.background if lattice.HasField("background") else lattice.value_min)
         self._voxels = np.full(self._counts * _EDGE, self._background)
-        # Axes: the brick's place, then the voxel's place in it.
+        # Axes: the place of the brick, then the place of the voxel in the brick.
         a, b, c = self._counts
         self._bricks = self._voxels.reshape(a, _EDGE, b, _EDGE, c, _EDGE).transpose(
             0, 2, 4, 1, 3, 5)
-        # Of bricks by number, and their sums. check() adds those that did not come.
+        # Hashes of bricks by number, and their sums. check() adds bricks that were not sent.
         self._hashes: dict[int, int] = {}
         self._high = self._low = 0
 
@@ -124,7 +124,7 @@ class VolumeCopy:
         return int(self._counts.prod())
 
     def bricks_of(self, message: volume_stream_pb2.VolumeBricks) -> Bricks:
-        """The bricks of a message, with their hashes noted. They are put by put()."""
+        """Returns the bricks of a message and stores their hashes. put() stores the voxels."""
         numbers = np.array(message.brick_numbers, dtype=np.uint64)
         if not 0 < len(numbers) <= _MOST_BRICKS or numbers.max() >= self.brick_count:
             raise ValueError("bricks outside of the volume")
@@ -150,7 +150,7 @@ class VolumeCopy:
         self._hashes[number] = digest
 
     def check(self, complete: volume_stream_pb2.VolumeComplete) -> None:
-        """Equal to the daemon's? Bricks that did not come are background."""
+        """Checks that the copy equals the daemon's. Bricks that were not sent are background."""
         if len(self._hashes) < self.brick_count:
             background = np.full(_EDGE**3, self._background, "<f4").tobytes()
             for number in range(self.brick_count):
@@ -161,12 +161,12 @@ class VolumeCopy:
             raise ValueError("the voxels are not the daemon's")
 
     def fill(self, values: npt.NDArray[np.float32]) -> None:
-        """Puts all voxels: an array of the volume's shape."""
+        """Stores all voxels: an array of the volume's shape."""
         x, y, z = self._size
         self._voxels[:x, :y, :z] = values
 
     def content_hash(self) -> tuple[int, int]:
-        """Of all voxels, as VolumeComplete has it."""
+        """Returns the hash of all voxels, as in VolumeComplete."""
         bricks = np.ascontiguousarray(self._bricks, "<f4").reshape(self.brick_count, -1)
         digests = [xxhash.xxh3_128_intdigest(brick, number)
                    for number, brick in enumerate(bricks)]
@@ -202,7 +202,7 @@ class _Fetch:
     def take(self, message: volume_stream_pb2.StreamVolumeResponse) -> Volume | None:
         event = message.WhichOneof("event")
         if event == "lattice":
-            # Another volume was loaded meanwhile: what came of the last one is void.
+            # Another volume was loaded meanwhile. The old one's data are void.
             self._copy = VolumeCopy(message.lattice)
         elif event == "placement":
             self._device_from_index = matrix_of_map(message.placement.device_from_index)
@@ -230,7 +230,7 @@ class _Fetch:
 
 @contextlib.contextmanager
 def making_sense() -> collections.abc.Iterator[None]:
-    """Within it, a message that makes no sense is Internal."""
+    """A message that makes no sense becomes Internal within the block."""
     try:
         yield
     except (ValueError, zstandard.ZstdError) as damaged:
@@ -246,7 +246,7 @@ def volume_call(stub: typing.Any,
 
 def messages_of(link: Link, call: AcknowledgedCall) -> collections.abc.Generator[
         volume_stream_pb2.StreamVolumeResponse, None, None]:
-    """The messages of the stream, which never ends by itself. Errors: palpate.Error."""
+    """Yields the messages of the stream, which never ends by itself. Errors: palpate.Error."""
     link.check_open()
     try:
         with contextlib.closing(iter(call)) as messages:
@@ -254,14 +254,14 @@ def messages_of(link: Link, call: AcknowledgedCall) -> collections.abc.Generator
     except grpc.RpcError as failed:
         raise link.error_of_end(failed) from None
     except ValueError:
-        # gRPC's, for a channel that another thread closed before the call began.
+        # gRPC raises it if another thread closed the channel before the call began.
         link.check_open()
         raise
     raise link.error_of_end(None)
 
 
 def fetch_volume(link: Link, stub: typing.Any, progress: Progress | None) -> Volume:
-    """One complete copy. Errors: Internal, Unavailable; Cancelled by `progress`."""
+    """Returns one complete copy. Errors: Internal, Unavailable; Cancelled by `progress`."""
     fetch = _Fetch()
     with contextlib.closing(messages_of(link, volume_call(stub))) as messages:
         for message in messages:
