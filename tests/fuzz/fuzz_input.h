@@ -1,4 +1,4 @@
-// What a fuzz target makes of its bytes, and how it says that something is wrong.
+// Turns the fuzzer's bytes into values, and reports failures of a fuzz target.
 #pragma once
 
 #include <algorithm>
@@ -11,7 +11,7 @@
 
 #include "common/geometry/geometry.h"
 
-// Ends the program, which is what the fuzzer looks for.
+// Ends the program if the condition is false: the fuzzer looks for such ends.
 #define FUZZ_CHECK(condition)                                                        \
   do {                                                                               \
     if (!(condition)) {                                                              \
@@ -22,7 +22,7 @@
 
 namespace palpate::fuzz {
 
-// Reads from the front; behind the end everything is 0.
+// Reads from the front. After the end, all values are 0.
 class Input {
  public:
   explicit Input(std::span<const std::uint8_t> bytes) : bytes_(bytes) {}
@@ -43,7 +43,7 @@ class Input {
     return bytes;
   }
 
-  // Any bits at all: also infinities and what is no number.
+  // Takes any bits, including infinities and NaN.
   Vec3 TakeVec3() {
     Vec3 v;
     for (int axis = 0; axis < 3; ++axis) v[axis] = Take<double>();

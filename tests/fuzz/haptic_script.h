@@ -1,4 +1,4 @@
-// Volumes, surfaces and strokes for targets that run ticks: small, with flat regions,
+// Volumes, surfaces and strokes for targets that run ticks. They are small and have flat regions,
 // slopes, ties and edges.
 #pragma once
 
@@ -13,7 +13,7 @@
 
 namespace palpate::fuzz {
 
-// 12 x 10 x 9 voxels: eight bricks, most of them beyond the lattice in part.
+// 12 x 10 x 9 voxels: eight bricks, most of them partly beyond the lattice.
 inline std::shared_ptr<const VolumeSnapshot> SmallVolume() {
   static const auto volume = testing::MakeVolume({12, 10, 9}, [](int i, int j, int k) {
     if (i < 3) return j < 5 ? 0.0 : 8.0;
@@ -23,7 +23,7 @@ inline std::shared_ptr<const VolumeSnapshot> SmallVolume() {
   return volume;
 }
 
-// 3 mm voxels, turned and a little sheared, around the origin of D.
+// 3 mm voxels, rotated and slightly sheared, around the origin of D.
 inline AffineMap SmallPlacement() {
   AffineMap X_DI;
   X_DI.linear = Eigen::AngleAxisd(0.4, Vec3(1, 2, 3).normalized()).toRotationMatrix() * 3.0;

@@ -1,4 +1,4 @@
-// What an image file must be once the importer's parsers have taken it.
+// The checks of an image file that the importer's parsers have accepted.
 #pragma once
 
 #include <cmath>
@@ -13,8 +13,8 @@
 
 namespace palpate::fuzz {
 
-// What a header may ask for: more than a corpus has, and little enough for thousands of
-// inputs a second.
+// The most voxels that a header may ask for: more than any file of the corpus has, and few enough
+// for thousands of inputs a second.
 inline constexpr std::int64_t kMostVoxels = 4096;
 inline constexpr std::int64_t kMostFrames = 3;
 
@@ -32,8 +32,8 @@ inline void CheckHeader(const ImageHeader& header) {
   for (const auto& part : data) FUZZ_CHECK(part != "..");
 }
 
-// The file in the way of the importer: its header, that its voxels are there, and the
-// voxels of all frames. A header that `parse` refuses stays out of files.
+// Reads the file as the importer does: the header, the presence of the voxels, and the voxels of
+// all frames. A header that `parse` refuses never reaches a file.
 template <typename Parse>
 void ReadImage(std::span<const std::uint8_t> bytes, ImageFormat format, Parse parse) {
   static const ScratchFile file("image");
@@ -50,7 +50,7 @@ void ReadImage(std::span<const std::uint8_t> bytes, ImageFormat format, Parse pa
       FUZZ_CHECK(ReadVoxels(file.path(), header, frame) != nullptr);
     }
   } catch (const Error&) {
-    // As told; anything else that is thrown ends the program.
+    // An Error is expected. Any other exception ends the program.
   }
 }
 

@@ -1,5 +1,5 @@
-// A script of what a UsbProtocol meets between SetUp and TearDown, from the bytes of a
-// fuzzer: transfers of a device that may send anything, and forces that may be anything.
+// A script for a UsbProtocol between SetUp and TearDown, from the bytes of a fuzzer: transfers of a
+// device that may send anything, and any forces.
 //
 //   step: a byte; even: a transfer of twice as many bytes, which follow;
 //         odd: a force, 3 doubles; bit 1: forces are on
@@ -25,13 +25,13 @@ inline bool IsSame(const DeviceState& a, const DeviceState& b) {
          a.buttons == b.buttons && a.docked == b.docked && a.calibrated == b.calibrated;
 }
 
-// check_frame(bytes, force_D_n, may_push) judges what goes to the device: forces are on
-// and the last reading was calibrated.
+// check_frame(bytes, force_D_n, may_push) checks a frame to the device. may_push: forces are on and
+// the last reading was calibrated.
 template <typename CheckFrame>
 void PlayScript(UsbProtocol& protocol, std::span<const std::uint8_t> bytes,
                 CheckFrame check_frame) {
   Input input(bytes);
-  DeviceState state{.calibrated = false};  // there is none yet
+  DeviceState state{.calibrated = false};  // before the first reading
   while (!input.empty()) {
     const auto step = input.Take<std::uint8_t>();
     if (step % 2 == 0) {

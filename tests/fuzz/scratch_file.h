@@ -1,5 +1,5 @@
-// A file with the bytes of a fuzz target, for code that wants a path. In memory where
-// the system has a folder for that.
+// A file with the bytes of a fuzz target, for code that needs a path. In memory if the system has a
+// folder in memory.
 #pragma once
 
 #include <fcntl.h>
@@ -20,7 +20,8 @@ namespace palpate::fuzz {
 
 class ScratchFile {
  public:
-  // Alone in a folder, which has no number in its name, and is removed at the end.
+  // The file is alone in its folder. The folder has no digits in its name; the destructor removes
+  // it.
   explicit ScratchFile(const std::string& name) {
     std::string folder = std::filesystem::is_directory("/dev/shm") ? "/dev/shm" : P_tmpdir;
     folder += "/palpate-fuzz-XXXXXX";
@@ -35,7 +36,7 @@ class ScratchFile {
   ScratchFile(const ScratchFile&) = delete;
   ScratchFile& operator=(const ScratchFile&) = delete;
 
-  // The only contents from now on.
+  // Replaces the contents.
   void Write(std::span<const std::uint8_t> bytes) const {
     const int file = open(path_.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0600);
     FUZZ_CHECK(file >= 0);

@@ -1,4 +1,4 @@
-// What confined_child tries, and what it tries it on.
+// The attempts of confined_child, and the objects that they use.
 #pragma once
 
 #include <fcntl.h>
@@ -10,7 +10,7 @@
 
 namespace palpate {
 
-// Made before Confine().
+// Set before Confine().
 inline pid_t parent = 0;
 inline int memory_file = -1;
 inline int pipe_to_write = -1;
@@ -25,11 +25,11 @@ inline int Open(const std::string& path, int flags) {
   return open(path.c_str(), flags | O_CLOEXEC, 0600);
 }
 
-// What refuses it. Sanitizer builds have kFiles alone.
+// The guard that refuses an attack. Sanitizer builds have only kFiles.
 enum class Guard { kFiles, kCalls, kBoth };
-// What becomes of the process.
+// The fate of the process.
 enum class End { kLives, kKilled };
-// What happens without Confine() and without privileges.
+// The result without Confine() and without privileges.
 enum class Free { kSucceeds, kUnknown };
 
 struct Attack {
@@ -37,13 +37,13 @@ struct Attack {
   Guard guard;
   End end;
   Free free;
-  long (*attempt)();  // as a system call: -1 and errno
+  long (*attempt)();  // returns -1 and sets errno, as a system call
 };
 
-// What only an attacker does.
+// Attempts that only an attacker makes.
 std::span<const Attack> Attacks();
 
-// What readers do. Throws where it does not succeed.
+// An action of readers. Throws if it fails.
 struct Work {
   const char* name;
   void (*done)();
@@ -51,10 +51,10 @@ struct Work {
 
 std::span<const Work> Works();
 
-// Of Works(): it takes longer than it may.
+// The name of the entry of Works() that exceeds its time limit.
 inline constexpr std::string_view kTimeout = "run_out_of_time";
 
-// Throws with errno.
+// Throws an error with errno if not `done`.
 void Check(bool done, const char* what);
 
 }  // namespace palpate

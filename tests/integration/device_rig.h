@@ -1,6 +1,6 @@
-// A real palpated with emulated USB devices, and the questions that tests ask of both.
+// A real palpated with emulated USB devices, and functions that tests use on both.
 //
-// Declare emulated devices before the rig: its bus must go first.
+// Declare emulated devices before the rig: the rig's bus must be destroyed first.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -22,8 +22,8 @@
 
 namespace palpate::test {
 
-// `[device]` lines for the emulated Touch. The gains are as good as any: no real ones
-// are public.
+// `[device]` lines for the emulated Touch. The gains are arbitrary, because no real ones are
+// public.
 inline const std::string kTouchConfig =
     "kind = \"omni-usb\"\nframes = \"framed-firewire\"\n"
     "state_command = 0x21\nforce_command = 0x22\n"
@@ -38,8 +38,9 @@ inline bool Contains(const std::string& text, const std::string& part) {
   return text.find(part) != std::string::npos;
 }
 
-// From the place of rest to below the sphere within kApproachS, then up into it and back in
-// kPressS, for ever. The sphere's radius is 22 mm: 5 mm of depth. At most 0.2 m/s.
+// The stylus moves from the place of rest to below the sphere within kApproachS. Then it moves up
+// into the sphere and back in kPressS, again and again. The sphere's radius is 22 mm, and the
+// stylus goes 5 mm deep. At most 0.2 m/s.
 inline constexpr double kApproachS = 0.4, kPressS = 0.5;
 inline Vec3 PressFromBelow(double time_s) {
   const Vec3 rest_mm(0.0, -110.0, -35.0), below_mm(0.0, -36.0, 0.0);
@@ -63,8 +64,8 @@ class DeviceRig {
   UsbTestbed& bus() { return bus_; }
   Daemon& daemon() { return *daemon_; }
 
-  // device: lines of the configuration's `[device]`. Its socket and state folder are
-  // those of the daemon before.
+  // device: lines for `[device]` of the configuration. The socket and state folder are those of the
+  // previous daemon.
   void Start(const std::string& device, bool bound_by_modes = false) {
     const std::filesystem::path file = folder_.path() / "device.toml";
     std::ofstream(file) << "[device]\n" << device;
@@ -118,11 +119,11 @@ class DeviceRig {
     EXPECT_TRUE(daemon_->render->GetSettings(&context, {}, &response).ok());
     return response.settings().stiffness_n_per_mm();
   }
-  // By the daemon, for the next one after a kill.
+  // True if the daemon has stored the line for its successor after a kill.
   bool IsKept(const std::string& line) const {
     for (const auto& file :
          std::filesystem::directory_iterator(folder_.path() / "state" / "sessions")) {
-      if (file.path().extension() != ".toml") continue;  // it is being written
+      if (file.path().extension() != ".toml") continue;  // a file that is still being written
       std::ostringstream text;
       text << std::ifstream(file.path()).rdbuf();
       if (Contains(text.str(), line)) return true;
@@ -136,18 +137,19 @@ class DeviceRig {
   bool WaitForForces(v1::ForceState state) {
     return Eventually([&] { return Forces().state() == state; });
   }
-  // On, or on their way: not held, and no fault of them.
+  // True if forces are on or ramp up: not held, and without a fault.
   bool WaitForAnyForce() {
     v1::ForceState state{};
     Eventually([&] { return (state = Forces().state()) != v1::FORCE_STATE_HELD; });
     return state == v1::FORCE_STATE_ON || state == v1::FORCE_STATE_RAMP_IN;
   }
-  // Enabled, and on or on their way: on a busy machine they are held again and again, for
-  // stale readings and missed ticks, before the half second of their ramp is over. False where
-  // a fault ends them: a machine that stops for long makes a device that is silent for 100 ms.
+  // Enables forces and waits until they are on or ramp up. On a busy machine, stale readings and
+  // missed ticks hold the forces again and again, before the half second of the ramp is over.
+  // Returns false if a fault ends the forces: if the machine stops for 100 ms, the device looks
+  // silent.
   bool EnableAndWait(const std::string& device) {
     grpc::Status enabled;
-    // Refused until the fault of before has passed.
+    // Refused until the previous fault has passed.
     if (!Eventually([&] { return (enabled = Enable(device)).ok(); })) {
       std::printf("not enabled: %s\n", enabled.error_message().c_str());
       return false;
@@ -158,17 +160,17 @@ class DeviceRig {
                 v1::ForceReason_Name(forces.reason()).c_str());
     return false;
   }
-  // For what a device that is silent for a moment would fail: the mark, if the bus stood still.
+  // Returns the mark of an excusable failure if the bus stood still: the device then looks silent.
   const char* ExcuseSince(std::int64_t time_ns) const {
     return bus_.HaltedSince(time_ns) ? kBusyMachine : "";
   }
   bool WaitForLog(const std::string& text) { return daemon_->process().WaitFor(text); }
-  // As a crash does.
+  // Kills the daemon, like a crash.
   void Kill() {
     EXPECT_NE(daemon_->End(SIGKILL).exit_code, 0);
     daemon_.reset();
   }
-  // Ends the daemon in order; returns its log.
+  // Ends the daemon in order. Returns the daemon's log.
   std::string End() {
     const ProcessResult result = daemon_->End();
     daemon_.reset();
@@ -182,19 +184,19 @@ class DeviceRig {
   std::unique_ptr<Daemon> daemon_;
 };
 
-// Its stylus rests in its holder.
+// Puts the stylus into its holder.
 inline void Dock(TouchEmulator& touch) {
   touch.SetPath([](double) { return Vec3(0.0, -110.0, -35.0); });
   touch.SetDocked(true);
 }
 
-// A Touch whose stylus has left its holder and presses into the sphere.
+// Takes the stylus out of its holder; it then presses into the sphere.
 inline void Undock(TouchEmulator& touch) {
   touch.SetDocked(false);
   touch.SetPath(PressFromBelow);
 }
 
-// A docked Touch on port 1-2, and a daemon that reads it.
+// Plugs a docked Touch into port 1-2 and starts a daemon that reads it.
 inline bool StartDocked(DeviceRig& rig, TouchEmulator& touch) {
   Dock(touch);
   rig.bus().Plug("1-2", touch);
@@ -211,28 +213,28 @@ inline std::size_t CountForces(const TouchEmulator& touch) {
   return count;
 }
 
-// At most one force comes in a millisecond, so that the stylus has gone at least so far on its
-// path when so many more have come.
+// At most one force comes per millisecond. So when this many forces have come, the stylus has moved
+// at least that far on its path.
 constexpr std::size_t kForcesOfAnApproach = 450, kForcesOfAPress = 600;
 
-// Until so many forces more came, zero or not, however slow the bus.
+// Waits until this many more forces have come, zero or not, however slow the bus is.
 inline bool TakesForces(const TouchEmulator& touch, std::size_t more) {
   const std::size_t before = touch.Forces().size();
   return Eventually([&] { return touch.Forces().size() >= before + more; });
 }
 
-// False where a fault ends the forces: the machine stopped for long.
+// Returns false if a fault ends the forces: the machine stopped for long.
 inline bool WaitForForce(DeviceRig& rig, const TouchEmulator& touch) {
   const std::size_t before = CountForces(touch);
   const auto is_fault = [&] { return rig.Forces().state() == v1::FORCE_STATE_FAULT; };
   return Eventually([&] { return CountForces(touch) > before + 20 || is_fault(); }) && !is_fault();
 }
 
-// Tries that are not judged, as the emulated bus stood still meanwhile: a device that is silent for
-// 100 ms ends the forces. More of them are excusable.
+// The most tries that do not count because the emulated bus stood still meanwhile: a device that is
+// silent for 100 ms ends the forces. If there are more such tries, the failure is excusable.
 constexpr int kMostHaltedTries = 20;
 
-// Success once `attempt` succeeds; a failure is one of a try in which the bus ran.
+// Repeats `attempt` until it succeeds. A failure counts only if the bus ran during the try.
 template <typename Attempt>
 testing::AssertionResult WhereTheBusRuns(const DeviceRig& rig, const Attempt& attempt) {
   for (int tries = 1;; ++tries) {
@@ -245,7 +247,7 @@ testing::AssertionResult WhereTheBusRuns(const DeviceRig& rig, const Attempt& at
   }
 }
 
-// From the holder to a stylus that presses, with forces on.
+// Takes the stylus from the holder to a press, with forces on.
 inline testing::AssertionResult PressWithForces(DeviceRig& rig, TouchEmulator& touch) {
   return WhereTheBusRuns(rig, [&] {
     Dock(touch);

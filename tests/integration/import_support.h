@@ -20,9 +20,9 @@ struct ImportRun {
   std::string err;
 };
 
-// Whether a library crashed on a damaged file, and the importer said so. With
-// AddressSanitizer, whether it ended the importer within OpenVDB or GDCM: those trust
-// their files. An error of ours is none.
+// True if a library crashed on a damaged file and the importer reported that. With
+// AddressSanitizer, true if it ended the importer within OpenVDB or GDCM, which trust their files.
+// False for an error in our own code.
 bool ReaderCrashed(const ImportRun& run);
 
 ImportRun RunImport(const std::vector<std::string>& arguments);
@@ -34,10 +34,10 @@ class ImportTest : public ::testing::Test {
 
   std::filesystem::path Write(const std::string& name, const std::string& bytes) const;
   ImportRun Import(const std::filesystem::path& input, std::vector<std::string> options = {}) const;
-  // Imports and reads the result; fails the test when it does not succeed.
+  // Imports a file and reads the result. The test fails if the import fails.
   VolumeFile Imported(const std::filesystem::path& input,
                       const std::vector<std::string>& options = {}) const;
-  // Expects the exit code and one line with this text on stderr, and no output.
+  // Expects this exit code, one line with this text on stderr, and no output.
   void ExpectRefused(const std::filesystem::path& input, int exit_code, const std::string& text,
                      const std::vector<std::string>& options = {}) const;
 

@@ -1,4 +1,4 @@
-// What the tests of UsbDevice share: a device on the emulated bus, served as the servo serves it.
+// Shared by the tests of UsbDevice: a device on the emulated bus, and a loop like the servo's.
 //
 // The emulation proves behaviour, not timing.
 #pragma once
@@ -45,7 +45,7 @@ inline std::vector<std::string> Log(UsbDevice& device) {
   return lines;
 }
 
-// Reads and writes once a millisecond, as the servo does; the newest statuses.
+// Reads and writes once a millisecond, as the servo does. Returns all statuses, oldest first.
 inline std::vector<DeviceStatus> Serve(UsbDevice& device, milliseconds time, double force_x_n) {
   std::vector<DeviceStatus> statuses;
   DeviceState state;
@@ -54,7 +54,7 @@ inline std::vector<DeviceStatus> Serve(UsbDevice& device, milliseconds time, dou
   while (next < end) {
     statuses.push_back(device.Read(state));
     device.SetMotors(true);
-    // As the safety stage does after a halt of this machine.
+    // The safety stage does the same after a halt of this machine.
     const bool is_held = statuses.back() == DeviceStatus::kStale;
     device.Write({is_held ? 0.0 : force_x_n, 0.0, 0.0}, 0.001);
     next += milliseconds(1);
@@ -73,11 +73,11 @@ inline bool IsHalt(const std::string& line) {
   return line.starts_with("plain: no reading for") || line.starts_with("plain: no force taken for");
 }
 
-// A halt of this machine may look like a device's: such lines and the reconnection after
-// them are taken out. Returns how many.
+// A halt of this machine may look like a halt of the device. Removes such lines and the
+// reconnections after them. Returns the number of removed pairs.
 inline std::uint64_t TakeHalts(std::vector<std::string>& lines) {
   std::uint64_t halts = 0;
-  // Before it was first connected there is nothing to be connected again.
+  // Before the first connection, no reconnection follows.
   while (!lines.empty() && IsHalt(lines.front())) lines.erase(lines.begin());
   for (std::size_t i = 0; i + 1 < lines.size();) {
     if (!IsHalt(lines[i]) || lines[i + 1].find(": connected") == std::string::npos) {

@@ -8,7 +8,8 @@ namespace palpate::test {
 
 std::uint64_t Allocations();
 
-// Of one thread, by its number in /proc/self/task, since it is watched; 0: of none.
+// Counts the allocations of one thread from now on. `thread`: its number in /proc/self/task; 0:
+// none.
 void WatchThread(int thread);
 std::uint64_t WatchedAllocations();
 

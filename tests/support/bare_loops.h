@@ -1,5 +1,5 @@
-// A loop of 1 kHz without work on each processor, to compare the servo's with: what of
-// its ticks the machine took, stopping for milliseconds, these miss too.
+// A loop of 1 kHz without work on each processor, to compare with the servo's loop. If the machine
+// stops for milliseconds, these loops miss ticks, too.
 #pragma once
 
 #include <atomic>
@@ -23,22 +23,22 @@ class BareLoops {
   BareLoops(const BareLoops&) = delete;
   BareLoops& operator=(const BareLoops&) = delete;
 
-  // Ticks missed on all processors together; ends the loops.
+  // Ends the loops. Returns the ticks missed on all processors together.
   std::uint64_t Stop() {
     stop_ = true;
     for (std::thread& thread : threads_) thread.join();
     threads_.clear();
     return missed_;
   }
-  // By the loop that missed most; once they have ended. Where the whole machine stops, each
-  // loop misses the same ticks.
+  // The missed ticks of the loop that missed most; call it after Stop(). If the whole machine
+  // stops, each loop misses the same ticks.
   std::uint64_t most() const { return most_; }
 
  private:
   void Run(int cpu) {
     RealtimeGrant grant;
     SetupRealtimeThread({.cpu = cpu, .lock_memory = false}, grant);
-    // Without a spin: they leave the processors to what they are compared with.
+    // Without a spin: the loops must leave the processors to the servo.
     TickTimer timer(std::chrono::milliseconds(1), std::chrono::nanoseconds(0));
     std::uint64_t missed = 0;
     while (!stop_) missed = timer.WaitForNext().missed;

@@ -1,6 +1,6 @@
-// A surface caster with its context, a volume and a camera, and its pictures as arrays.
+// A surface caster with its context, a volume and a camera. Returns its pictures as arrays.
 //
-// Pixels count from the lower left corner, as OpenGL has them.
+// Pixels count from the lower left corner, as in OpenGL.
 #pragma once
 
 #include <epoxy/gl.h>
@@ -29,7 +29,7 @@ struct Picture {
   friend bool operator==(const Picture&, const Picture&) = default;
 };
 
-// Looks from one point to another, both in I; 35 degrees high.
+// A view from one point to another, both in I; 35 degrees high.
 struct Look {
   Vec3 eye_I = Vec3::Zero();
   Vec3 target_I = Vec3::UnitX();
@@ -76,7 +76,7 @@ inline view::CastRequest RequestFor(const Look& look, const AffineMap& X_DI, con
   return request;
 }
 
-// Of a pixel's centre, in I and not of length 1.
+// The direction to a pixel's centre, in I; its length is not 1.
 inline Vec3 DirectionOf(const Look& look, const AffineMap& X_DI, const view::ImageSize& size, int x,
                         int y) {
   const Mat3 axes = Axes(X_DI.Apply(look.eye_I), X_DI.Apply(look.target_I), look.up_D);
@@ -85,7 +85,7 @@ inline Vec3 DirectionOf(const Look& look, const AffineMap& X_DI, const view::Ima
   return X_DI.linear.inverse() * (axes.transpose() * view);
 }
 
-// The point of I that a depth says.
+// The point in I at a pixel's depth.
 inline Vec3 PointOf(const view::CastRequest& request, const AffineMap& X_DI, std::size_t pixel,
                     float depth) {
   const auto x = static_cast<double>(pixel % static_cast<std::size_t>(request.size.width));

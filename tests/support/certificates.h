@@ -21,12 +21,12 @@ class Certificates {
         "cd " + folder_.path().string() + " && openssl " + arguments + " >/dev/null 2>&1";
     ASSERT_EQ(std::system(command.c_str()), 0) << command;
   }
-  // `name`.pem and .key.
+  // Makes `name`.pem and `name`.key.
   void MakeAuthority(const std::string& name) const {
     Openssl("req -x509 -newkey ec -pkeyopt ec_paramgen_curve:P-256 -nodes -days 30 -keyout " +
             name + ".key -out " + name + ".pem -subj /CN=" + name);
   }
-  // `name`.pem and .key. -1 day: expired.
+  // Makes `name`.pem and `name`.key. -1 day: expired.
   void Issue(const std::string& authority, const std::string& name, const std::string& san,
              int days = 10, const std::string& purpose = "clientAuth,serverAuth") const {
     std::ofstream(In("ext")) << (san.empty() ? "" : "subjectAltName=" + san + "\n")

@@ -1,9 +1,8 @@
-// Rays through a volume in double precision, written for nothing but to be right: what
-// the graphics card draws is compared with it.
+// Casts rays through a volume in double precision. The code is written only to be correct: the
+// graphics card's pictures are compared with it.
 //
-// A ray is cut at every plane of the lattice at once; in each piece F is a cubic, as the
-// sum over the corners of products of three linear functions, and crosses the isovalue
-// between its turning points.
+// A ray is cut at every plane of the lattice. In each piece F is a cubic: the sum over the corners
+// of products of three linear functions. F crosses the isovalue between the cubic's turning points.
 //
 // Frame: I (voxels). One layer of the background surrounds the lattice.
 #pragma once
@@ -45,7 +44,7 @@ inline VoxelArray MakeVoxels(const Vec3i& size, const std::function<float(int, i
   return voxels;
 }
 
-// Keeps points p with normal . p <= offset. What is not a cut is the volume's own end.
+// Keeps points p with normal . p <= offset. is_cut: false for the volume's own border.
 struct HalfSpace {
   Vec3 normal = Vec3::Zero();
   double offset = 0.0;
@@ -73,7 +72,7 @@ class CpuCaster {
     bool begins_at_cut = false;
     bool ends_outside = false;
   };
-  // The part of origin + t direction, t >= 0, that is kept.
+  // Returns the part of origin + t direction, t >= 0, within all half-spaces.
   std::optional<Part> Kept(const Vec3& origin, const Vec3& direction) const {
     Part part{0.0, std::numeric_limits<double>::infinity()};
     for (const HalfSpace& half : kept_) {
@@ -102,8 +101,8 @@ class CpuCaster {
     return Value(origin + part.from * direction) > isovalue;
   }
 
-  // Where F crosses the isovalue, ascending; at most `most`. F is the background
-  // outside, whatever rounding makes of it at the border.
+  // Returns where F crosses the isovalue, ascending, at most `most` places. Outside the lattice F
+  // is exactly the background, without rounding at the border.
   std::vector<double> Crossings(const Vec3& origin, const Vec3& direction, const Part& part,
                                 double isovalue, std::size_t most) const {
     std::vector<double> found;

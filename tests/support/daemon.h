@@ -29,8 +29,8 @@ class Daemon {
  public:
   static constexpr std::chrono::seconds kPatience{120};
 
-  // Starts `program` with `arguments`, a socket and a state folder of its own where they
-  // name none, and waits until it is ready. `patience`, `end_patience`: as Process.
+  // Starts `program` with `arguments` and waits until it is ready. Adds a socket and a state folder
+  // if the arguments name none. `patience`, `end_patience`: see Process.
   Daemon(const std::string& program, std::vector<std::string> arguments,
          const std::vector<std::string>& wrapper = {}, std::chrono::seconds patience = kPatience,
          std::chrono::milliseconds end_patience = Process::kEndPatience)
@@ -52,7 +52,7 @@ class Daemon {
       command.insert(command.end(), {"--load-folder", "/"});
     }
     if (config == arguments.end()) {
-      // Tests load from everywhere, save beside each other's folders, and nowhere else.
+      // Tests may load from everywhere, and save only into the tests' folders.
       std::ofstream(folder_.path() / "palpated.toml")
           << "[volume]\nload_folders = [\"/\"]\nsave_folders = [\""
           << folder_.path().parent_path().string() << "\"]\n";
@@ -70,19 +70,19 @@ class Daemon {
     registration = v1::RegistrationService::NewStub(channel_);
   }
 
-  // In order, unless the test has ended it: a daemon that crashes, leaks or hangs at its end
-  // fails the test.
+  // Ends the daemon in order, unless the test has ended it. The test fails if the daemon crashes,
+  // leaks or hangs at its end.
   ~Daemon() { process_->EndInOrder(); }
   Daemon(const Daemon&) = delete;
   Daemon& operator=(const Daemon&) = delete;
 
-  // Ends it with a signal and returns what it said.
+  // Ends the daemon with a signal. Returns its output.
   ProcessResult End(int signal = SIGTERM) {
     process_->Signal(signal);
     return process_->Wait();
   }
 
-  // Until its loop has made so many ticks more, however slow the machine.
+  // Waits until the daemon's loop has made this many more ticks, however slow the machine is.
   bool WaitForTicks(std::uint64_t more) {
     const std::uint64_t first = Ticks();
     return Eventually([&] { return Ticks() >= first + more; });
@@ -118,7 +118,7 @@ class Daemon {
   std::shared_ptr<grpc::Channel> channel_;
 };
 
-// Reads a stream of poses at full rate on a thread of its own, acknowledging.
+// Reads and acknowledges a stream of poses at full rate, on a thread of its own.
 class PoseCollector {
  public:
   explicit PoseCollector(Daemon& daemon) {
@@ -132,7 +132,7 @@ class PoseCollector {
   }
   ~PoseCollector() { Stop(); }
 
-  // All samples so far, in order; ends the stream.
+  // Ends the stream. Returns all samples in order.
   const std::vector<v1::PoseSample>& Stop() {
     if (thread_.joinable()) {
       context_.TryCancel();

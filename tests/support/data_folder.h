@@ -1,5 +1,5 @@
-// Where the real volumes lie: $PALPATE_DATA_DIR, else the folder set at
-// configuration. Most of them may not be redistributed: tests skip what is absent.
+// The folder of the real volumes: $PALPATE_DATA_DIR, else the folder set at configuration. Most of
+// the volumes may not be redistributed, so tests skip absent ones.
 #pragma once
 
 #include <cstdlib>

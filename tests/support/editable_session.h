@@ -1,4 +1,4 @@
-// A session without a servo, whose volume tests edit at random.
+// A session without a servo. Tests edit its volume at random.
 #pragma once
 
 #include <algorithm>
@@ -31,7 +31,7 @@ class EditableSession {
         {.source = source}, [](std::string_view, double) {}, [] { return false; });
   }
 
-  // value(i, j, k) for each voxel.
+  // Loads a volume with value(i, j, k) for each voxel.
   void LoadMade(const Vec3i& size, const std::function<float(int, int, int)>& value) {
     VolumeMetadata metadata;
     metadata.size = size;
@@ -39,8 +39,8 @@ class EditableSession {
     session_.PublishVolume({}, metadata, MakeBricks(size, value));
   }
 
-  // A box of values, of up to `edge` voxels along each axis; every fourth one is
-  // background. Returns the newest snapshot.
+  // Edits a box of up to `edge` voxels along each axis. Every fourth edit writes background.
+  // Returns the newest snapshot.
   std::shared_ptr<const VolumeSnapshot> RandomEdit(std::mt19937& random, int edge = 16) {
     session_.store().Edit([&](const auto& present) {
       const Vec3i& size = present->size();
@@ -66,7 +66,7 @@ class EditableSession {
   Session session_{device_, inbox_, pump_, VolumeLoader{}};
 };
 
-// Voxels of the lattice whose bits differ.
+// Counts the voxels of the lattice whose bits differ.
 template <typename Mirror>
 std::uint64_t DifferentVoxels(const Mirror& mirror, const VolumeSnapshot& volume) {
   std::uint64_t different = 0;

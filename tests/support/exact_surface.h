@@ -1,19 +1,19 @@
-// What the tests of accuracy share: built-in volumes, whose density next to the
-// surface s = 0 is ½ - s / 8 with s smooth and in voxels, and all facets of their H.
+// Shared by the tests of accuracy: built-in volumes, and all facets of their H. Next to the surface
+// s = 0, the density of these volumes is ½ - s / 8, with s smooth and in voxels.
 //
-// Why facets bound the proxy and its force: a proxy at rest is a local minimum of its
-// distance to the HIP. The directions into free space at x include all that no facet
-// of H through x excludes, and none of them comes closer. So (Farkas) the spring force
-// lies in the cone that the normals of those facets span. The directions within a
-// given angle, below a right one, of a given direction are a convex cone too: where no
-// facet's normal is farther from the exact one, neither is the force.
+// Why facets bound the proxy and its force: a proxy at rest is a local minimum of its distance to
+// the HIP. No direction into free space at the proxy's place x comes closer to the HIP. These
+// directions include all that no facet of H through x excludes. So (Farkas) the spring force lies
+// in the cone that the normals of those facets span. For a given direction, all directions within
+// an angle below 90° also form a convex cone. So the force deviates from the exact normal by no
+// more than the facets' normals do.
 //
-// How far H is from s = 0: its density at a point is a mean of those at the corners of
-// the cell, with weights whose centre is the point; their variance is at most ¼ per axis.
-// So its s is off by 3/8 of the greatest second derivative of s. And where vertices are
-// in the middle of faces and cells, each component of its gradient is a mean of that of
-// ∇s over edges of the cell: H turns away no more than ∇s does across the cell. Both
-// hold for these volumes although saddles move vertices; the tests check it.
+// How far H is from s = 0: the density of H at a point is a weighted mean of the densities at the
+// cell's corners. The centre of the weights is the point, and their variance is at most ¼ per axis.
+// So s is off by at most 3/8 of the greatest second derivative of s. If vertices are in the middle
+// of faces and cells, each component of H's gradient is a mean of that component of ∇s over edges
+// of the cell: H turns away no more than ∇s does across the cell. Both hold for these volumes
+// although saddles move vertices; the tests check this.
 //
 // Frame: index coordinates, in voxels, unless the name says otherwise.
 // Threads: one.
@@ -34,14 +34,14 @@
 namespace palpate::testing {
 
 inline constexpr double kIsovalue = 0.5;
-inline constexpr double kVoxelsPerDensity = 8.0;  // s by density
+inline constexpr double kVoxelsPerDensity = 8.0;  // change of s per density
 inline constexpr double kStepMm = 0.1;            // of the HIP per tick: 10 cm/s
-// Stored as float near ½, and ties lowered: what that moves s by at most.
+// The most that s moves because densities are stored as float near ½, and ties are lowered.
 inline constexpr double kStoredError = kVoxelsPerDensity * (0x1p-25 + kTieStep);
-// What a resting proxy may leave of HIP - SCP_H. The force is then so far from its
-// cone at most, as a sine (Moreau).
+// The greatest allowed residual of HIP - SCP_H at a resting proxy. The force is then at most this
+// far from its cone, as a sine (Moreau).
 inline constexpr double kRestResidual = 1e-6;
-// Steps towards the same HIP until the bound on moves no longer bites.
+// The most steps towards the same HIP, after which the bound on moves no longer matters.
 inline constexpr int kMaxSteps = 8;
 
 enum class Motion { kPath, kTeleports };
@@ -58,7 +58,7 @@ inline HapticSurface Surface(const VolumeSnapshot& volume, double voxels_per_mm)
 
 inline double Degrees(double rad) { return rad * 180.0 / std::numbers::pi; }
 
-// H within a tetrahedron: a flat convex polygon.
+// The part of H within a tetrahedron: a flat convex polygon.
 struct Facet {
   Vec3 normal = Vec3::Zero();  // towards free space, unit
   int count = 0;
@@ -87,8 +87,8 @@ inline Facet FacetIn(const Decomposition& parts, int tetrahedron, const Vec3& or
   return facet;
 }
 
-// Calls visit(facet) for every facet of H. No vertex lies on H, as ties are
-// resolved: every tetrahedron that holds a point of H has a facet.
+// Calls visit(facet) for every facet of H. Ties are resolved, so no vertex lies on H, and every
+// tetrahedron with a point of H has a facet.
 template <class Visitor>
 void VisitFacets(const VolumeSnapshot& volume, Visitor visit) {
   Vec3i cell;
@@ -117,7 +117,7 @@ inline Vec3 RandomDirection(std::mt19937_64& random) {
   }
 }
 
-// A direction that wanders all over the sphere.
+// A direction that wanders over the whole sphere.
 class Wanderer {
  public:
   explicit Wanderer(std::uint64_t seed)

@@ -1,5 +1,5 @@
-// A program in the place of palpate-import, for tests without ITK: its input is
-// what palpate-import would hand over. INPUT.N is frame N, if it is there.
+// A program that replaces palpate-import, for tests without ITK. Its input file has the bytes that
+// palpate-import would hand over. INPUT.N, if it exists, is frame N.
 #pragma once
 
 #include <fcntl.h>
@@ -34,7 +34,7 @@ exit 4
   return path;
 }
 
-// Beside it "size X Y Z BYTES", which the importer says in advance.
+// Also writes a file with "size X Y Z BYTES", which the importer reports in advance.
 inline void WriteFakeVolume(const std::filesystem::path& path, const Vec3i& size,
                             const std::function<float(int, int, int)>& value, int frames = 1) {
   std::vector<float> voxels;

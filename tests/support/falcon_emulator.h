@@ -1,13 +1,16 @@
 // An emulated Novint Falcon (USB 0403:cb48) for the tests: an FT232 serial chip with
 // the arm's controller behind it.
 //
-// Facts: libnifalcon's FalconCommLibUSB and FalconFirmwareNovintSDK. The chip's IN
-// packets begin with two bytes of modem status; it sends them alone when its latency
-// time is up. Without firmware the controller knows two greetings (0A 43 0D at 9600
-// baud, 41 at 140 000 baud) and echoes the firmware it is sent; with it, it answers each
-// 16-byte frame with one of its own. What we assume: DTR's rise begins the greetings
-// again; it runs its firmware as soon as the chip is set to the stream's baud rate, and
-// forgets it when unplugged.
+// Facts, from libnifalcon's FalconCommLibUSB and FalconFirmwareNovintSDK:
+// - The chip's IN packets begin with two bytes of modem status. When its latency time is up, it
+//   sends these bytes alone.
+// - Without firmware, the controller knows two greetings (0A 43 0D at 9600 baud, 41 at 140 000
+//   baud) and echoes the firmware that it gets.
+// - With firmware, it answers each 16-byte frame with a frame of its own.
+// Our assumptions:
+// - A rise of DTR restarts the greetings.
+// - The controller runs its firmware as soon as the chip is set to the stream's baud rate.
+// - It forgets the firmware when unplugged.
 //
 // Threads: as EmulatedUsbDevice.
 #pragma once
@@ -16,7 +19,7 @@
 
 namespace palpate::test {
 
-// A force frame as the device got it.
+// A force frame as the device received it.
 struct FalconForce {
   std::int64_t time_ns = 0;
   std::array<std::int16_t, 3> motors{};
@@ -28,13 +31,13 @@ class FalconEmulator final : public EmulatedUsbDevice {
  public:
   static constexpr std::uint8_t kIn = 0x81, kOut = 0x02;
 
-  // has_firmware: from the start, as when another program has loaded it.
+  // has_firmware: loaded from the start, as if by another program.
   explicit FalconEmulator(bool has_firmware);
 
   void SetEncoders(const std::array<std::int16_t, 3>& encoders);
   void SetButtons(std::uint8_t buttons);  // bits 0 to 3
   void SetHomed(bool homed);              // all three legs
-  // Wrong bytes in the echo of the firmware.
+  // Puts wrong bytes into the echo of the firmware.
   void SetEchoErrors(bool errors);
 
   bool has_firmware() const;

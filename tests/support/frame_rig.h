@@ -1,4 +1,4 @@
-// A frame renderer with its context and a volume in it, and pixels of its pictures.
+// A frame renderer with its context and a volume. Returns pixels of its pictures.
 //
 // Pixels from the upper left corner.
 #pragma once

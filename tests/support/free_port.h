@@ -1,4 +1,4 @@
-// A port of this machine for a server of the test's own.
+// A port of this machine for a test's own server.
 #pragma once
 
 #include <netinet/in.h>
@@ -9,8 +9,8 @@
 
 namespace palpate::test {
 
-// Not one of those that the kernel gives to connections (32768 and up): with other tests
-// at work, such a port may be taken before it is used.
+// Not one of the ports that the kernel gives to connections (32768 and up): another test's
+// connection may take such a port before it is used.
 inline int FreePort() {
   std::random_device random;
   std::uniform_int_distribution<int> ports(10000, 32767);

@@ -1,9 +1,8 @@
-// A hand of little damping on a rendered wall, in closed loop: exact motion
-// between ticks, so that the energy is the true one and not the observed one.
+// A hand with little damping on a rendered wall, in a closed loop. The motion between ticks is
+// exact, so the energy is the true one and not the observed one.
 //
-// The hand is a mass with a damper, pushed with a constant force towards `aim_mm`.
-// Its position is quantised, the force computed from it is held for a tick and
-// may act a tick late.
+// The hand is a mass with a damper, pushed with a constant force towards `aim_mm`. Its position is
+// quantised. The force computed from the position is held for a tick, and may act a tick late.
 #pragma once
 
 #include <algorithm>
@@ -23,7 +22,7 @@ struct Hand {
   double mass_kg = 0.1;
   double damping_n_s_per_m = 0.1;
   double push_n = 1.0;
-  double tremor_n = 0.0;  // added to the push, as a sine
+  double tremor_n = 0.0;  // amplitude of a sine added to the push
   double tremor_hz = 10.0;
   Vec3 start_mm = Vec3(0, 0, 2);
   double speed_mm_per_s = 0.0;  // towards aim_mm
@@ -35,13 +34,13 @@ struct Loop {
   bool is_late = true;         // a tick of delay in the device
   double slew_n = 1e9;         // greatest change of force per tick
   bool falls_at_once = false;  // the slew limit holds for a rising force only
-  int flicker_ticks = 0;       // every so often the sensor is a count off; 0: never
-  int missed_ticks = 0;        // every so often nothing is rendered; 0: never
+  int flicker_ticks = 0;       // interval at which the sensor is a count off; 0: never
+  int missed_ticks = 0;        // interval at which nothing is rendered; 0: never
   double count_mm = kSensorCountMm;
 };
 
 struct LoopResult {
-  double given_mj = -1e9;  // greatest net energy that the hand ever had got
+  double given_mj = -1e9;  // greatest net energy that the hand got up to any time
   double end_mj = 0.0;     // at the end
   // Over the last 2 s:
   double force_swing_n = 0.0;  // peak to peak
@@ -50,8 +49,8 @@ struct LoopResult {
   double depth_swing_mm = 0.0;
 };
 
-// Force from the sensed position, the time since the last call, and the force
-// that was written then.
+// Returns the force for the sensed position, the time since the last call, and the force written at
+// the last call.
 using RenderTick = std::function<Vec3(const Vec3& p_DHip_mm, double dt_s, const Vec3& written_n)>;
 using DepthAt = std::function<double(const Vec3& p_mm)>;
 

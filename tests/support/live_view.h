@@ -1,4 +1,4 @@
-// The live part of a viewer, without one: its feed, and the voxels that it has.
+// The live part of a viewer: its feed, and its copy of the voxels.
 #pragma once
 
 #include <vector>
@@ -8,7 +8,7 @@
 
 namespace palpate::test {
 
-// Polls as frames do.
+// Polls as frames do, until the condition holds.
 template <typename Condition>
 bool Follow(view::LiveFeed& feed, const Condition& holds) {
   return Eventually([&] {
@@ -17,10 +17,10 @@ bool Follow(view::LiveFeed& feed, const Condition& holds) {
   });
 }
 
-// Until all commands are done, and pose and voxels are those after the last edit.
+// Waits until all commands are done, and pose and voxels are those after the last edit.
 inline bool Settle(view::LiveFeed& feed) {
   if (!Follow(feed, [&] { return !feed.commands().busy(); })) return false;
-  // A pose of a tick after the edits', which answered when the servo had used them.
+  // Wait for a pose after the edits: the daemon answered them when the servo had used them.
   const auto since = std::chrono::steady_clock::now().time_since_epoch();
   return Follow(feed, [&] {
     return feed.pose() && std::chrono::nanoseconds(feed.pose()->time_ns) > since &&

@@ -1,5 +1,5 @@
-// Volumes given by a function of the voxel. The loops over all voxels are compiled here once,
-// optimised, whatever the test is.
+// Volumes given by a function of the voxel. The loops over all voxels are compiled only here,
+// optimised for every test.
 #pragma once
 
 #include <cstdint>
@@ -11,15 +11,15 @@
 
 namespace palpate::testing {
 
-// value(i, j, k) for each voxel of the lattice, 0 beyond.
+// Returns value(i, j, k) for each voxel of the lattice, 0 beyond.
 BrickDirectory MakeBricks(const Vec3i& size, const std::function<float(int, int, int)>& value);
 
-// value(i, j, k) for every lattice vertex; the range is that of the values.
+// Returns value(i, j, k) for every lattice vertex. The range is that of the values.
 std::shared_ptr<const VolumeSnapshot> MakeVolume(const Vec3i& size,
                                                  const std::function<double(int, int, int)>& value,
                                                  std::uint64_t revision = 1);
 
-// The bricks of `bricks` in from <= p < end, with value() in place of each voxel there.
+// Returns the bricks that contain voxels from <= p < end, with value() for each of these voxels.
 std::vector<BrickChange> PaintedBox(const BrickDirectory& bricks, const Vec3i& from,
                                     const Vec3i& end, const std::function<float()>& value);
 

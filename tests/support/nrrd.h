@@ -11,7 +11,7 @@
 
 namespace palpate::testing {
 
-// Floats, spacing 1 mm: value(i, j, k).
+// Floats with spacing 1 mm: value(i, j, k).
 inline std::string NrrdBytes(const Vec3i& size, const std::function<float(int, int, int)>& value) {
   std::string bytes = "NRRD0004\ntype: float\ndimension: 3\nsizes: " + std::to_string(size.x()) +
                       " " + std::to_string(size.y()) + " " + std::to_string(size.z()) +

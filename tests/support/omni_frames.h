@@ -1,4 +1,4 @@
-// Frames of an Omni, as the device would send them.
+// Frames as an Omni would send them.
 #pragma once
 
 #include <array>
@@ -13,7 +13,7 @@ namespace palpate::test {
 
 struct OmniReading {
   std::array<int, 3> encoders{};
-  // Of 1000: the gimbal's voltages A, with B = 1000 - A.
+  // The gimbal's voltages A in parts of 1000; B = 1000 - A.
   std::array<int, 3> gimbal_per_mille = {500, 500, 500};
   unsigned pressed = 0;  // bit n: button n
   bool docked = false;

@@ -1,4 +1,4 @@
-// An OpenHapticsDevice over the HD library of tests, PALPATE_FAKE_HD.
+// An OpenHapticsDevice that uses the tests' HD library, PALPATE_FAKE_HD.
 #pragma once
 
 #include <dlfcn.h>
@@ -42,8 +42,8 @@ inline bool WaitFor(const std::function<bool()>& holds) {
   return false;
 }
 
-// Every test runs in a process of its own (ctest); where they share one, the fake
-// starts afresh but for its device, which each test lets go of.
+// With ctest, every test runs in a process of its own. In a shared process, each test releases its
+// device, and the fake starts anew except for the device.
 class OpenHapticsRig : public ::testing::Test {
  protected:
   OpenHapticsRig() {
@@ -91,12 +91,12 @@ class OpenHapticsRig : public ::testing::Test {
     ASSERT_TRUE(WaitFor([&] { return IsStreaming(); }));
   }
   bool IsStreaming() const { return device_->health().connection == DeviceConnection::kStreaming; }
-  // Ticks as the servo does, until it holds; the last state in state_.
+  // Ticks like the servo until the condition holds. The last state is in state_.
   bool Tick(const Vec3& force_n, const std::function<bool()>& holds) {
     return WaitFor([&] {
       status_ = device_->Read(state_);
       device_->SetMotors(true);
-      // As the safety stage does after a halt of this machine.
+      // The safety stage does the same after a halt of this machine.
       device_->Write(status_ == DeviceStatus::kStale ? Vec3::Zero() : force_n, 0.001);
       return holds();
     });

@@ -1,15 +1,15 @@
-// Whether a proxy can have come from one position to the next within a tick.
+// Checks whether a proxy can have moved from one position to the next within a tick.
 //
-// Judged from three positions (before, after, HIP) and the decomposed cells alone. Two rules
-// of the method are enough, whatever the proxy does between:
-// - in free space it goes straight towards the HIP, up to the first point that H holds;
-// - from there its distance to the HIP never grows. So its way lies in the free space within
-//   the ball round the HIP that this point lies on.
-// The second rule is decided exactly: the free part of a tetrahedron is convex, and so is its
-// part within the ball. Two of them are connected where the free part of their common face
-// meets the ball. What lies beyond the padded lattice is six half-spaces.
+// Uses only three positions (before, after, HIP) and the decomposed cells. Two rules of the method
+// are enough, whatever the proxy does in between:
+// - In free space, the proxy goes straight towards the HIP, up to the first point where H stops it.
+// - From there, its distance to the HIP never grows. So its path lies in the free space within the
+//   ball around the HIP through that point.
+// The second rule is decided exactly. The free part of a tetrahedron is convex, and so is its part
+// within the ball. Two such parts are connected if the free part of their common face meets the
+// ball. The space beyond the padded lattice is six half-spaces.
 //
-// Neighbours are found by position. Nothing here knows the proxy's places, cones and moves.
+// Neighbours are found by position. This code does not use the proxy's places, cones and moves.
 // Frame: D (mm). Threads: one per object.
 #pragma once
 
@@ -44,7 +44,7 @@ class PathJudge {
     return (to_mm - hip_mm_).norm() <= radius_mm_ && IsConnected(contact_mm, to_mm);
   }
 
-  // What holds a position; valid until the next but one is asked for.
+  // The parts that contain a position. Valid until the next but one call.
   const lab::Holders& HoldersAt(const Vec3& p_mm) {
     for (const Held& held : held_) {
       if (held.p_mm == p_mm) return held.holders;
@@ -57,15 +57,15 @@ class PathJudge {
   lab::FreshCells& cells() { return cells_; }
 
  private:
-  // Of lengths in voxels, of densities, and of shares of a way.
+  // For lengths in voxels, for densities, and for fractions of a path.
   static constexpr double kTolerance = 1e-9;
-  // Of densities on a straight way: a slight slope must not move its end by much.
+  // For densities on a straight path: a slight slope must not move its end by much.
   static constexpr double kWayTolerance = 1e-12;
-  // Of barycentric weights: a way along a face is in the tetrahedra of both sides.
+  // For barycentric weights: a path along a face is in the tetrahedra of both sides.
   static constexpr double kFaceSlack = 1e-12;
 
-  // The free part of a tetrahedron of a cell, or of the half-space beyond a side of the
-  // lattice: `side` 0 to 5 is 2 * axis + (1 at the upper end).
+  // The free part of a tetrahedron of a cell, or of the half-space beyond a side of the lattice.
+  // `side`: 0 to 5, 2 * axis + (1 at the upper end).
   struct Part {
     std::uint64_t cell = 0;
     int tetrahedron = 0;
@@ -89,7 +89,7 @@ class PathJudge {
 
   const HapticSurface& surface() { return cells_.surface(); }
 
-  // The short way to a verdict: both are in the free part of one tetrahedron, or in free space
+  // A quick check: true if both positions are in the free part of one tetrahedron, or in free space
   // beyond one side.
   bool IsInOnePart(const Vec3& from_mm, const Vec3& to_mm, const Vec3& p_DHip_mm) {
     const double from_hip = (from_mm - p_DHip_mm).norm(), to_hip = (to_mm - p_DHip_mm).norm();
@@ -103,12 +103,13 @@ class PathJudge {
 
   // --- Straight towards the HIP
 
-  // Share of the way to the HIP after which the density is above τ; 1 where it nowhere is.
+  // Returns the fraction of the path to the HIP after which the density is above τ; 1 if there is
+  // no such place.
   double WayToMaterial(const Vec3& from_mm, const Vec3& p_DHip_mm) {
     const Vec3 from = surface().X_ID.Apply(from_mm), hip = surface().X_ID.Apply(p_DHip_mm);
     const Vec3i last = surface().volume->size();
     const Vec3 low = from.cwiseMin(hip), high = from.cwiseMax(hip);
-    // Beyond the lattice is nothing to meet; what is far away has no number.
+    // Beyond the lattice there is nothing to meet, and far places do not fit an integer.
     const auto cell_of = [&](const Vec3& p) -> Vec3i {
       return p.cwiseMax(-1.0)
           .cwiseMin(last.cast<double>() - Vec3::Constant(0.5))
@@ -138,7 +139,7 @@ class PathJudge {
       for (int n = 0; n < 3; ++n) edges.col(n) = corners[n + 1] - corners[0];
       const Mat3 inverse = edges.inverse();
       const Vec3 w = inverse * (from - corners[0]), dw = inverse * (hip - from);
-      // Within all four faces from share `enter` to share `leave` of the way.
+      // The path is within all four faces from fraction `enter` to fraction `leave`.
       double enter = 0.0, leave = nearest;
       const auto cut = [&](double weight, double rate) {
         if (rate > 0.0) enter = std::max(enter, -weight / rate);
@@ -168,7 +169,7 @@ class PathJudge {
 
   bool IsConnected(const Vec3& from_mm, const Vec3& to_mm) {
     const std::vector<Part> goals = PartsAt(to_mm);
-    using Entry = std::pair<double, Part>;  // the nearest to the goal first
+    using Entry = std::pair<double, Part>;  // nearest to the goal first
     std::priority_queue<Entry, std::vector<Entry>, std::greater<>> open;
     std::set<Part> seen;
     const auto enter = [&](const Part& part) {
@@ -200,13 +201,13 @@ class PathJudge {
     return {0, 0, side, at};
   }
 
-  // How far inside the half-space a point is, in voxels.
+  // How far a point is inside the half-space, in voxels.
   double InHalfSpace(const Vec3& p_I, int side) {
     const int axis = side / 2;
     return side % 2 == 0 ? -1.0 - p_I[axis] : p_I[axis] - surface().volume->size()[axis];
   }
 
-  // The free ones that hold a point, wherever it is on their border.
+  // Returns the free parts that contain a point, also on their border.
   std::vector<Part> PartsAt(const Vec3& p_mm) {
     const Vec3 p_I = surface().X_ID.Apply(p_mm);
     std::vector<Part> parts;
@@ -244,7 +245,7 @@ class PathJudge {
                        [&](int v) { return cells_.IsFree(fresh.parts.density[v]); });
   }
 
-  // The free part of a triangle meets the ball.
+  // True if the free part of a triangle meets the ball.
   bool IsWithinReach(const std::vector<Corner>& triangle) {
     Polygon free;
     for (std::size_t n = 0; n < 3; ++n) {
@@ -299,7 +300,7 @@ class PathJudge {
     return neighbours;
   }
 
-  // The tetrahedra of a cell that have a face on this side of the lattice.
+  // Adds the tetrahedra of a cell with a face on this side of the lattice.
   void AddBehind(int side, const Vec3i& cell, std::vector<Part>& neighbours) {
     const lab::FreshCell& fresh = cells_.At(cell);
     for (int t = 0; t < fresh.parts.complex.tetrahedron_count; ++t) {
@@ -316,10 +317,10 @@ class PathJudge {
     }
   }
 
-  // The ball meets the common part of two half-spaces.
+  // True if the ball meets the common part of two half-spaces.
   bool IsEdgeWithinReach(int one, int other) {
     const Vec3 hip = surface().X_ID.Apply(hip_mm_);
-    // Their normals in D, and how far the HIP is from them; of length 1 and in mm.
+    // Their normals in D, of length 1, and their distances from the HIP, in mm.
     const auto plane = [&](int side) {
       const double sign = side % 2 == 0 ? -1.0 : 1.0;
       const Vec3 row = sign * surface().X_ID.linear.row(side / 2).transpose();
@@ -334,7 +335,7 @@ class PathJudge {
     } else if (way_b > 0.0 && way_a <= way_b * cosine) {
       distance_mm = way_b;
     } else if (way_a > 0.0 || way_b > 0.0) {
-      // To the line where both planes meet.
+      // The distance to the line where both planes meet.
       const double sine2 = 1.0 - cosine * cosine;
       distance_mm =
           std::sqrt((way_a * way_a + way_b * way_b - 2.0 * cosine * way_a * way_b) / sine2);

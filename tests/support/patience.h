@@ -1,4 +1,4 @@
-// Waiting for what another thread or process does.
+// Waits for another thread or process.
 #pragma once
 
 #include <chrono>
@@ -6,7 +6,8 @@
 
 namespace palpate::test {
 
-// False where it does not hold within a time that no working machine takes.
+// Returns false if the condition does not hold within a time that is enough on every working
+// machine.
 template <typename Condition>
 bool Eventually(const Condition& holds, std::chrono::seconds patience = std::chrono::seconds(60)) {
   const auto deadline = std::chrono::steady_clock::now() + patience;

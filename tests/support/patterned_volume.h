@@ -7,7 +7,7 @@
 
 namespace palpate::testing {
 
-// With constant bricks of the least value among the others.
+// Has some constant bricks of the least value.
 inline std::shared_ptr<const VolumeSnapshot> ObliqueVolume(const Vec3i& size, unsigned seed) {
   std::mt19937 random(seed);
   const auto plain = MakeVolume(size, [&](int i, int j, int k) {

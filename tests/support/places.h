@@ -1,5 +1,5 @@
-// Where the programs and files lie that tests run and read: absolute paths. One file holds them,
-// so that the tests' own files compile to the same objects in every checkout.
+// Absolute paths of the programs and files that tests use. They are defined in one file, so that
+// all other test files compile to the same objects in every checkout.
 #pragma once
 
 namespace palpate::test {
@@ -9,29 +9,29 @@ extern const char* const kPalpate;
 extern const char* const kPalpateImport;
 extern const char* const kPalpateLab;
 
-// Programs that tests start to see them end.
+// Programs that tests start and end.
 extern const char* const kConfinedChild;
 extern const char* const kHonestyChild;
 extern const char* const kRecordingChild;
 extern const char* const kUsbClientChild;
 extern const char* const kVolumeExportChild;
-// Writes .vdb files, and judges them.
+// Writes and checks .vdb files.
 extern const char* const kVdbTool;
-// A script in palpated's place, that ends badly when told to.
+// A script that replaces palpated and fails when told to.
 extern const char* const kStandIn;
 
-// HD libraries of our own: whole, and without one of its functions.
+// Our own HD libraries: complete, and with one function missing.
 extern const char* const kFakeHd;
 extern const char* const kFakeHdMissing;
 
-// Folders of this project's files.
+// Folders of this project.
 extern const char* const kCaptures;
 extern const char* const kCells;
 extern const char* const kFuzzCorpus;
 // The configuration that the package installs.
 extern const char* const kExampleConfig;
 
-// What is not part of the project: real volumes, and the published cells. Either may be missing.
+// Data outside the project: real volumes, and the published cells. Either may be missing.
 extern const char* const kDataFolder;
 extern const char* const kSharedCells;
 

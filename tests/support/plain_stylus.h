@@ -1,8 +1,8 @@
-// The plainest force-feedback device on USB, for tests of what all of them share: an
-// emulated one, which counts its readings and remembers its forces, and its protocol.
+// The simplest force-feedback device on USB: an emulated device, and its protocol. For tests of the
+// code that all devices share. The device counts its readings and stores its forces.
 //
-// Its frames: a reading is 5a, a number, x in 0.01 mm as int16; a force is a5, whether
-// the motors are on, x in 0.01 N as int16. Requests 1 and 2 start and end the readings.
+// A reading is 5a, a number, x in 0.01 mm as int16. A force is a5, whether the motors are on, x in
+// 0.01 N as int16. Requests 1 and 2 start and end the readings.
 #pragma once
 
 #include <array>
@@ -22,7 +22,7 @@ namespace palpate::test {
 
 constexpr std::uint8_t kPlainIn = 0x81;
 constexpr std::uint8_t kPlainOut = 0x02;
-constexpr std::uint8_t kPlainRequest = 0x40;  // out, of the vendor's own, to the device
+constexpr std::uint8_t kPlainRequest = 0x40;  // a vendor request to the device
 constexpr std::uint8_t kPlainStart = 1;
 constexpr std::uint8_t kPlainEnd = 2;
 
@@ -34,12 +34,12 @@ struct PlainForce {
 
 class PlainStylus final : public EmulatedUsbDevice {
  public:
-  // answers: sends a reading per force, not one every millisecond.
+  // answers: sends a reading for each force, and not one every millisecond.
   explicit PlainStylus(bool answers = false) : EmulatedUsbDevice(Spec()), answers_(answers) {}
 
-  // Readings stop; transfers go on.
+  // Stops the readings; transfers still work.
   void SetMute(bool mute) { mute_ = mute; }
-  // Readings are longer than any transfer, which fails.
+  // Makes readings longer than any transfer, so transfers fail.
   void SetBabble(bool babble) { babble_ = babble; }
   std::vector<PlainForce> Forces() const {
     const std::scoped_lock lock(mutex());

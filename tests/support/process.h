@@ -1,8 +1,8 @@
-// Runs a program and collects what it writes. Threads: one. The test that runs it fails, also in
-// the destructor, if the program
-// - crashes: a signal ends it that the test did not send,
-// - has something to say from a sanitizer, or
-// - does not end in time: it is killed then.
+// Runs a program and collects its output. Threads: one. The test fails, also from the destructor,
+// if the program
+// - crashes: a signal ends it that the test did not send
+// - prints a sanitizer report
+// - does not end in time; it is killed then
 #pragma once
 
 #include <fcntl.h>
@@ -27,7 +27,7 @@ extern char** environ;
 namespace palpate::test {
 
 struct ProcessResult {
-  int exit_code = -1;  // minus the signal, when one ended it
+  int exit_code = -1;  // minus the signal, if a signal ended it
   std::string output;
   std::string error;
 };
@@ -36,8 +36,8 @@ class Process {
  public:
   static constexpr std::chrono::milliseconds kEndPatience{120000};
 
-  // `on_terminal`: stdout is a terminal of 80 x 24. `patience`: how long it may run in all;
-  // `end_patience`: from a signal on.
+  // `on_terminal`: stdout is a terminal of 80 x 24. `patience`: the longest time that it may run.
+  // `end_patience`: the longest time from a signal to its end.
   explicit Process(const std::vector<std::string>& arguments, bool on_terminal = false,
                    std::chrono::seconds patience = std::chrono::seconds(20),
                    std::chrono::milliseconds end_patience = kEndPatience)
@@ -56,7 +56,7 @@ class Process {
     }
     int child_error = -1;
     OpenPipe(error_, child_error);
-    // The child copies these over its own; gRPC's threads allow no fork() here.
+    // The child copies these over its own descriptors. gRPC's threads do not allow fork() here.
     posix_spawn_file_actions_t actions;
     posix_spawn_file_actions_init(&actions);
     posix_spawn_file_actions_adddup2(&actions, child_output, STDOUT_FILENO);
@@ -92,7 +92,7 @@ class Process {
   Process(const Process&) = delete;
   Process& operator=(const Process&) = delete;
 
-  // Nothing after Wait(): pid -1 would be every process there is.
+  // Does nothing after Wait(): with pid -1, kill() would signal every process.
   void Signal(int number) {
     if (pid_ <= 0) return;
     sent_.insert(number);
@@ -103,8 +103,8 @@ class Process {
   }
   pid_t pid() const { return pid_; }
 
-  // Ends it as an operator does, unless the test has awaited or killed it. The test fails if the
-  // exit code is not 0.
+  // Ends the program as an operator does, unless the test has awaited or killed it. The test fails
+  // if the exit code is not 0.
   void EndInOrder() {
     if (pid_ <= 0 || sent_.contains(SIGKILL)) return;
     Signal(SIGTERM);
@@ -115,7 +115,7 @@ class Process {
     }
   }
 
-  // As a reader like `head` does.
+  // Closes the output, as a reader like `head` does.
   void CloseOutput() {
     if (output_ >= 0) {
       close(output_);
@@ -123,7 +123,7 @@ class Process {
     }
   }
 
-  // Collects until stdout or stderr holds `text`; false when it never does.
+  // Collects until stdout or stderr contains `text`. Returns false if it never does.
   bool WaitFor(const std::string& text) {
     while (result_.output.find(text) == std::string::npos &&
            result_.error.find(text) == std::string::npos) {
@@ -175,7 +175,7 @@ class Process {
     return true;
   }
 
-  // Of a program that is gone; a child of its own may still hold the pipe.
+  // Reads the rest after the program's end. A child of the program may still keep the pipe open.
   void TakeLastWords() {
     fcntl(error_, F_SETFL, O_NONBLOCK);
     while (!error_ended_) Take({error_, POLLIN, POLLIN}, result_.error, error_ended_);
@@ -192,7 +192,7 @@ class Process {
     }
   }
 
-  // False when both have ended, or time is up.
+  // Returns false when both outputs have ended, or the time is up.
   bool Collect() {
     if (std::chrono::steady_clock::now() >= deadline_) {
       return false;

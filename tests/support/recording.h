@@ -17,7 +17,7 @@
 
 namespace palpate::testing {
 
-// All fields random bits, NaNs among them, but for the tick.
+// All fields except the tick have random bits, including NaNs.
 inline TickSample RandomSample(std::uint64_t tick) {
   std::mt19937_64 random(tick + 1);
   TickSample sample;
@@ -44,7 +44,7 @@ inline TickSample RandomSample(std::uint64_t tick) {
   return sample;
 }
 
-// Bit for bit.
+// Compares bit for bit.
 inline bool SameSample(const TickSample& a, const TickSample& b) {
   const auto bits = [](const TickSample& sample) {
     std::string bytes;

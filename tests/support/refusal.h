@@ -1,4 +1,4 @@
-// What a call refused: the kind of its Error.
+// The kind of the Error that a call throws.
 #pragma once
 
 #include <functional>
@@ -8,7 +8,7 @@
 
 namespace palpate::testing {
 
-// Empty where the call did not throw an Error.
+// Empty if the call throws no Error.
 inline std::optional<ErrorKind> Refusal(const std::function<void()>& call) {
   try {
     call();

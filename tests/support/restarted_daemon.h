@@ -20,14 +20,14 @@ class RestartedDaemon {
   explicit RestartedDaemon(std::vector<std::string> arguments = {"--volume", "builtin:bumps:48"},
                            std::string program = test::kPalpated)
       : program_(std::move(program)), arguments_(std::move(arguments)) {}
-  // In order, unless the test has killed it.
+  // Ends the daemon in order, unless the test has killed it.
   ~RestartedDaemon() {
     if (process_) process_->EndInOrder();
   }
   RestartedDaemon(const RestartedDaemon&) = delete;
   RestartedDaemon& operator=(const RestartedDaemon&) = delete;
 
-  // Waits until it is ready.
+  // Waits until the daemon is ready.
   void Start() {
     std::vector<std::string> command = {program_};
     command.insert(command.end(), arguments_.begin(), arguments_.end());
@@ -42,7 +42,7 @@ class RestartedDaemon {
     process_->Wait();
     process_.reset();
   }
-  // As a machine that hangs: what is connected stays so, and nothing answers.
+  // Behaves like a machine that hangs: connections stay, and nothing answers.
   void Hang() { process_->Signal(SIGSTOP); }
   void Continue() { process_->Signal(SIGCONT); }
 

@@ -1,4 +1,4 @@
-// How long the numeric loops of tests are.
+// The length of the numeric loops of tests.
 #pragma once
 
 #include <algorithm>
@@ -6,8 +6,8 @@
 
 namespace palpate::test {
 
-// PALPATE_TORTURE=N, which tests/run.sh --long sets, makes them N times as long. A sanitizer slows
-// them down and looks at other things: there a tenth is enough.
+// PALPATE_TORTURE=N, set by tests/run.sh --long, makes loops N times as long. With a sanitizer a
+// tenth is enough: it is slow, and looks for other errors.
 inline int Scaled(int count) {
   const char* factor = std::getenv("PALPATE_TORTURE");
   const int scaled = count * (factor ? std::max(1, std::atoi(factor)) : 1);

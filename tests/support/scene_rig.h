@@ -1,5 +1,5 @@
-// A servo, a recorder and volumes that are edited, tick by tick on one thread: what
-// daemon and session do, without their threads.
+// A servo, a recorder and edited volumes, tick by tick on one thread. It does the work of daemon
+// and session without their threads.
 #pragma once
 
 #include <memory>
@@ -19,7 +19,7 @@
 
 namespace palpate::testing {
 
-// Bricks of `volume` around a middle one, carved by a random amount.
+// Carves bricks of `volume` around a middle brick by a random amount.
 inline std::vector<BrickChange> Carve(const VolumeSnapshot& volume, std::mt19937_64& random) {
   std::vector<BrickChange> changes;
   const Vec3i count = volume.bricks().brick_count();
@@ -50,7 +50,7 @@ class SceneRig {
     Publish(0);
   }
 
-  // Records from here on.
+  // Starts a recording.
   void Record(std::unique_ptr<RecordingOutput> output) {
     recorder_ = std::make_unique<Recorder>(std::move(output), "test");
     Note(0);
@@ -58,7 +58,7 @@ class SceneRig {
   RecorderReport Stop() { return recorder_->Stop(); }
   Recorder& recorder() { return *recorder_; }
 
-  // Ticks; those of a lost one are computed, but not delivered.
+  // Runs ticks. Lost ticks are computed, but not delivered.
   void Run(int ticks, bool lost = false) {
     for (int n = 0; n < ticks; ++n) {
       const ServoKeyframe keyframe = tick_.Keyframe();
@@ -77,7 +77,7 @@ class SceneRig {
                                                      revision, volume_->loaded_revision());
     Publish(changes.size() * sizeof(Brick));
   }
-  // Another volume, whose revision is to be revision().
+  // Loads another volume. Its revision must be revision().
   void Load(std::shared_ptr<const VolumeSnapshot> volume) {
     volume_ = std::move(volume);
     ++revision_;

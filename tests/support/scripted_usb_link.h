@@ -1,7 +1,7 @@
-// UsbLink without USB: a test that links scripted_usb_link.cpp and not palpate::usb
-// answers what a protocol sends.
+// UsbLink without USB. A test links scripted_usb_link.cpp instead of palpate::usb, and answers what
+// a protocol sends.
 //
-// Threads: one. Not for streams: StartStream and what belongs to it do nothing.
+// Threads: one. Not for streams: StartStream and the functions for streams do nothing.
 #pragma once
 
 #include <cstdint>
@@ -25,18 +25,18 @@ struct ScriptedUsb {
   UsbFound found{};
   // Answers a control request: fills `data`, returns its bytes; may throw UsbError.
   std::function<std::size_t(const Request&, std::span<std::uint8_t> data)> control{};
-  // Takes what is sent; may throw UsbError.
+  // Takes sent data; may throw UsbError.
   std::function<void(const std::vector<std::uint8_t>&)> send{};
-  // What comes in, a transfer each; none: a timeout.
+  // Incoming transfers; empty: a timeout.
   std::deque<std::vector<std::uint8_t>> in{};
-  // In its place: a transfer of at most that size; empty: a timeout, at once.
+  // Replaces `in`: returns a transfer of at most this size; an empty one is an immediate timeout.
   std::function<std::vector<std::uint8_t>(std::size_t)> receive{};
 
   std::vector<Request> requests{};
   std::vector<std::vector<std::uint8_t>> sent{};
 };
 
-// The UsbLinks that are made from now on talk to this one.
+// All UsbLinks made from now on use this script.
 void SetScriptedUsb(ScriptedUsb& script);
 
 }  // namespace palpate::test

@@ -24,13 +24,12 @@ namespace palpate::testing {
 
 inline const LoadProgress kQuiet = [](std::string_view, double) {};
 inline const LoadCancelled kNever = [] { return false; };
-// Bricks that are cut off at every side.
+// Bricks are cut off at every side.
 inline const Vec3i kSize(20, 17, 9);
 inline constexpr int kFrames = 5;
 inline constexpr std::uint64_t kBudgetBytes = std::uint64_t{64} << 20;
 
-// A ball that grows, in a slab that stays; the least and greatest value come in
-// different frames.
+// A growing ball in a constant slab. The least and the greatest value come in different frames.
 inline float ValueAt(int frame, int i, int j, int k) {
   if (i >= 16) return 3.0f;
   if (frame == 2 && i == 1 && j == 1 && k == 1) return -7.5f;
@@ -79,7 +78,7 @@ class SeriesPlayerTest : public ::testing::Test {
   ContentHash Hash() const { return session_->volume().volume->bricks().content_hash(); }
   std::uint64_t Revision() const { return session_->volume().volume->revision(); }
 
-  // Of voxels by a formula, with the least value of the whole series beyond them.
+  // Voxels by a formula, with the least value of the whole series beyond them.
   static BrickDirectory Directory(const std::function<float(int, int, int)>& value) {
     return {kSize, [&](const Vec3i& brick) {
               Brick values{};
@@ -93,7 +92,7 @@ class SeriesPlayerTest : public ::testing::Test {
   static ContentHash FrameHash(int frame) {
     return Directory([&](int i, int j, int k) { return ValueAt(frame, i, j, k); }).content_hash();
   }
-  // Within two seconds.
+  // Returns false if the condition does not hold within two seconds.
   static bool Soon(const std::function<bool()>& condition) {
     const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(2);
     while (!condition()) {
@@ -105,12 +104,12 @@ class SeriesPlayerTest : public ::testing::Test {
   bool Shows(int frame) {
     return Soon([&] { return Hash() == FrameHash(frame); });
   }
-  // What is held once all that nobody shows is freed.
+  // Returns the memory held after everything unused is freed.
   std::uint64_t HeldSoon() {
     session_->retired().WaitForFreed(std::chrono::seconds(10));
     return budget_->held_bytes();
   }
-  // As an editor does.
+  // Paints a voxel, as an editor does.
   void Paint(const Vec3i& voxel, float value) {
     session_->store().Edit([&](const auto& present) {
       const Vec3i brick = voxel / 8;

@@ -15,7 +15,7 @@
 
 namespace palpate::testing {
 
-// The servo does not run until somebody starts it. Load before server().Start().
+// The servo does not run until the test starts it. Load before server().Start().
 class ServedSession {
  public:
   explicit ServedSession(const std::string& socket)

@@ -1,6 +1,5 @@
-// The whole loop around a scripted hand without a thread: simulated device, servo
-// tick, session, editor and tools, one millisecond per tick, the same bits in every
-// run.
+// The whole loop around a scripted hand without a thread: simulated device, servo tick, session,
+// editor and tools. One millisecond per tick. Every run has the same bits.
 #pragma once
 
 #include <functional>
@@ -16,7 +15,7 @@
 
 namespace palpate::testing {
 
-// Where the hand is pulled to, and its buttons, at a time.
+// The hand's target and its buttons at a time.
 using HandAt = std::function<StylusScript::Target(double time_s)>;
 
 class HandScript final : public StylusScript {
@@ -48,7 +47,7 @@ class StylusRig {
     device.Start();
   }
 
-  // The tools work `lag_ticks` after they had to.
+  // The tools run `lag_ticks` late.
   TickSample Tick() {
     const std::int64_t now_ns = 1'000'000 * ++ticks_;
     const TickSample sample = tick_.Run(*inbox.Acquire(), {now_ns, now_ns, 0});
@@ -70,7 +69,7 @@ class StylusRig {
   std::unique_ptr<TickOutbox> outbox_;
 
  public:
-  Pump pump;  // does not run
+  Pump pump;  // its thread does not run
   Session session;
   VolumeEditor editor;
   std::shared_ptr<StylusTools> tools;

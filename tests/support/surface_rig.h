@@ -1,6 +1,6 @@
-// What a surface caster draws, pixel by pixel against rays cast in double precision.
+// Compares the pictures of a surface caster, pixel by pixel, with rays cast in double precision.
 //
-// Frame: I (voxels). Pixels count from the lower left corner, as OpenGL has them.
+// Frame: I (voxels). Pixels count from the lower left corner, as in OpenGL.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -19,11 +19,11 @@
 namespace palpate::testing {
 
 inline constexpr view::ImageSize kSize{160, 120};
-// With these the middle column and row are rays in the plane of the camera's axes.
+// With this size, the middle column and row are rays in the planes of the camera's axes.
 inline constexpr view::ImageSize kOddSize{161, 121};
 inline constexpr view::ImageSize kSmallSize{81, 61};
 
-// What a pixel should show.
+// The expected content of a pixel.
 struct Expected {
   bool shows = false;
   bool is_cap = false;
@@ -57,7 +57,7 @@ inline Expected ExpectAt(const Scene& scene, const CpuCaster& cpu, const Vec3& e
   const auto part = cpu.Kept(eye, direction);
   if (!part) return expected;
   const view::SurfaceOptions& options = scene.options;
-  CpuCaster::Part clear = *part;  // before the surface
+  CpuCaster::Part clear = *part;  // the part before the surface
   const auto stop = [&](double t) {
     expected.shows = true;
     expected.point_I = eye + t * direction;
@@ -92,7 +92,7 @@ inline std::vector<Expected> ExpectPicture(const Scene& scene, const Look& look,
   return picture;
 }
 
-// Whether any of the 3 x 3 pixels around `pixel` differs from it.
+// True if any of the 3 x 3 pixels around `pixel` differs from it.
 inline bool AnyAround(const std::vector<Expected>& picture, const view::ImageSize& size,
                       std::size_t pixel,
                       const std::function<bool(const Expected&, const Expected&)>& differs) {
@@ -108,7 +108,7 @@ inline bool AnyAround(const std::vector<Expected>& picture, const view::ImageSiz
   return false;
 }
 
-// Around is another kind of pixel, or another depth.
+// True if a pixel nearby is of another kind or has another depth.
 inline bool NearSilhouette(const std::vector<Expected>& picture, const Vec3& eye,
                            const view::ImageSize& size, std::size_t pixel) {
   return AnyAround(picture, size, pixel, [&](const Expected& here, const Expected& there) {

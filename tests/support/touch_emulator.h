@@ -2,11 +2,11 @@
 //
 // From one published trace: the framing A5 5A command length payload, the firmware
 // query 0F 20 and its answer 0E 20, the serial query 0C 01 and its answer 09 61, the
-// set-up frame 04 3C, and the servo's start 07 07. Everything else is an assumption,
-// because the servo stream over USB is not public: here it is what the configuration
-// names `framed-firewire`, the FireWire device's frames (server/device/omni) in that
-// framing, under command bytes that the test chooses. Endpoints and their addresses are
-// invented. This emulator says nothing about real devices.
+// set-up frame 04 3C, and the servo's start 07 07.
+// Everything else is an assumption, because the servo stream over USB is not public. The emulator
+// uses what the configuration calls `framed-firewire`: the FireWire device's frames
+// (server/device/omni) in that framing, with command bytes that the test chooses. Endpoints and
+// their addresses are invented. This emulator says nothing about real devices.
 //
 // Threads: as EmulatedUsbDevice. Frame D: mm.
 #pragma once
@@ -19,7 +19,7 @@
 
 namespace palpate::test {
 
-// A force frame as the device got it.
+// A force frame as the device received it.
 struct TouchForce {
   std::int64_t time_ns = 0;
   std::array<int, 3> motors{};  // counts; 0: no force
@@ -33,29 +33,29 @@ class TouchEmulator final : public EmulatedUsbDevice {
 
   explicit TouchEmulator(std::uint8_t state_command = 0x21, std::uint8_t force_command = 0x22);
 
-  // Where the gimbal is, by the seconds from now. Places out of the arm's reach leave it
-  // where it was; it begins with all encoders at 0, at (0, -110, -35).
+  // The gimbal's place by the seconds from now. A place out of the arm's reach does not move it. It
+  // begins with all encoders at 0, at (0, -110, -35).
   using Path = std::function<Vec3(double)>;
   void SetPath(Path path);
   void SetDocked(bool docked);
   void SetButtons(bool first, bool second);
-  // Leaves out every nth state frame's number, as if lost on the way; 0: none.
+  // Leaves out every nth state frame, as if lost in transfer; 0: none.
   void SetLossEvery(unsigned n);
-  // Sends each state only after the force that answers the one before, or 20 ms: what is
-  // counted then does not depend on how fast the emulated bus is.
+  // Sends each state only after the force that answers the state before, or after 20 ms. Counts
+  // then do not depend on the speed of the emulated bus.
   void SetWaitsForForces(bool waits);
-  // A wrong first byte in every nth state frame; 0: none.
+  // Makes the first byte of every nth state frame wrong; 0: none.
   void SetBadFrameEvery(unsigned n);
-  // Answers no query.
+  // Stops answering queries.
   void SetMute(bool mute);
 
   bool is_streaming() const;  // the host has started its servo
   std::uint64_t states_sent() const;
-  // Those that were whole, oldest first.
+  // All whole force frames, oldest first.
   std::vector<TouchForce> Forces() const;
-  // Commands of all other whole frames, oldest first.
+  // The commands of all other whole frames, oldest first.
   Bytes Commands() const;
-  // Bytes that were no frame.
+  // The number of bytes that were not part of a frame.
   std::size_t garbage_bytes() const;
 
  private:

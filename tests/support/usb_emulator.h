@@ -1,12 +1,11 @@
-// An emulated USB device: what it is (descriptors), what it does (control requests,
-// data from and to the host), what is wrong with it (faults), and a log of what the host
-// did to it. UsbTestbed plugs it in.
+// An emulated USB device: its descriptors, its behaviour (control requests, data from and to the
+// host), its faults, and a log of the host's actions. UsbTestbed plugs it in.
 //
-// It proves behaviour, not timing, and nothing about hardware: it is as true as our
-// knowledge of a device is.
+// It proves behaviour, not timing, and nothing about hardware: it is only as true as our knowledge
+// of a device.
 //
-// Threads: tests on any thread; the model's own functions (On...) on the testbed's
-// threads, one at a time, with mutex() held.
+// Threads: tests on any thread. The testbed's threads call the model's own functions (On...), one
+// at a time, with mutex() held.
 #pragma once
 
 #include <array>
@@ -50,10 +49,10 @@ struct UsbSpec {
   std::vector<UsbInterfaceSpec> interfaces{};
 };
 
-// The device's descriptor and that of its one configuration, as in sysfs.
+// The descriptors of the device and of its one configuration, as in sysfs.
 Bytes MakeUsbDescriptors(const UsbSpec& spec);
 
-// A control transfer's first eight bytes.
+// The first eight bytes of a control transfer.
 struct UsbSetup {
   std::uint8_t request_type = 0;
   std::uint8_t request = 0;
@@ -64,14 +63,14 @@ struct UsbSetup {
 
 struct UsbFaults {
   bool silent = false;                      // nothing comes from the device
-  bool deaf = false;                        // it takes nothing: OUT transfers never end
+  bool deaf = false;                        // OUT transfers never end
   bool busy = false;                        // another program has claimed the interfaces
   bool control_stall = false;               // every control request is refused
-  std::optional<std::size_t> cut_in_to{};   // IN transfers end after that many bytes
-  std::optional<std::size_t> corrupt_in{};  // this byte of each is wrong
+  std::optional<std::size_t> cut_in_to{};   // IN transfers end after this many bytes
+  std::optional<std::size_t> corrupt_in{};  // this byte of each IN transfer is wrong
 };
 
-// What the host did, in order.
+// The host's actions, in order.
 struct UsbEvent {
   enum class Kind : std::uint8_t {
     kOpen,
@@ -80,9 +79,9 @@ struct UsbEvent {
     kRelease,  // number: interface
     kDetachDriver,
     kAttachDriver,
-    kControl,  // set-up bytes, then those to the device
+    kControl,  // set-up bytes, then data to the device
     kOut,      // number: endpoint
-    kLateOut,  // the same, tried after it was pulled out
+    kLateOut,  // as kOut, but tried after the device was pulled out
     kClearHalt,
     kReset,
   };
@@ -102,29 +101,29 @@ class EmulatedUsbDevice {
   const UsbSpec& spec() const { return spec_; }
 
   void SetFaults(const UsbFaults& faults);
-  // Refuses transfers of an endpoint, until the host clears it, or for ever.
+  // Refuses transfers of an endpoint, until the host clears the halt, or for ever.
   void Stall(std::uint8_t endpoint, bool for_ever);
   void EndStalls();
 
   std::vector<UsbEvent> Events() const;
   std::size_t CountOf(UsbEvent::Kind kind) const;
-  // IN transfers that brought something. What the device sends beyond them is lost on an
-  // emulated bus that is slower than the device.
+  // The number of IN transfers with data. If the emulated bus is slower than the device, it loses
+  // further data of the device.
   std::uint64_t InTransfers() const;
 
  protected:
   std::mutex& mutex() const { return mutex_; }
 
   virtual void OnPlugged() {}
-  // Bytes of the answer, or those taken; none: refused (a stall).
+  // Returns the bytes of the answer, or the number of accepted bytes; none: refused (a stall).
   virtual std::optional<std::size_t> OnControl(const UsbSetup& setup,
                                                std::span<std::uint8_t> data) = 0;
   virtual void OnOut(std::uint8_t endpoint, std::span<const std::uint8_t> bytes) = 0;
-  // Every millisecond while plugged in.
+  // Called every millisecond while plugged in.
   virtual void OnMillisecond() = 0;
 
-  // One IN transfer's bytes. The device's memory is small: without a host that reads,
-  // the oldest are lost.
+  // Queues the bytes of one IN transfer. The device's memory is small: if no host reads, the oldest
+  // are lost.
   void QueueIn(std::uint8_t endpoint, Bytes bytes);
   bool IsInEmpty(std::uint8_t endpoint) const;
 
@@ -137,7 +136,7 @@ class EmulatedUsbDevice {
   const UsbSpec spec_;
   mutable std::mutex mutex_;
   UsbFaults faults_;
-  std::map<std::uint8_t, bool> stalls_;  // endpoint; for ever
+  std::map<std::uint8_t, bool> stalls_;  // by endpoint; true: for ever
   std::map<std::uint8_t, std::deque<Bytes>> in_;
   std::vector<UsbEvent> events_;
   std::uint64_t in_transfers_ = 0;

@@ -1,8 +1,8 @@
-// One plugged device to usbfs: its node, its claimed interfaces, and its transfers
-// (URBs) under way. A part of UsbTestbed.
+// A plugged device as usbfs sees it: its node, its claimed interfaces, and its running transfers
+// (URBs). A part of UsbTestbed.
 //
-// Threads: HandleIoctl on umockdev's thread, Millisecond on the bus's, Pull on the
-// test's; all under the device's mutex.
+// Threads: HandleIoctl on umockdev's thread, Millisecond on the bus's, Pull on the test's. All run
+// under the device's mutex.
 #pragma once
 
 #include <umockdev.h>
@@ -18,7 +18,7 @@ namespace palpate::test {
 
 class UsbPort {
  public:
-  // `node`: path of the pipe to make in place of the device's node.
+  // `node`: path of the pipe that replaces the device's node.
   UsbPort(EmulatedUsbDevice& device, const std::string& node, bool may_open);
   ~UsbPort();
   UsbPort(const UsbPort&) = delete;
@@ -28,7 +28,7 @@ class UsbPort {
   // Answers the ioctl.
   void HandleIoctl(UMockdevIoctlClient* client);
   void Millisecond();
-  // From here on there is no device.
+  // Removes the device: later calls find none.
   void Pull();
 
  private:
@@ -40,7 +40,7 @@ class UsbPort {
     std::span<std::uint8_t> bytes() const;
   };
 
-  // 0, or an error number.
+  // Returns 0 or an error number.
   int Answer(UMockdevIoctlClient* client);
   int Submit(UMockdevIoctlClient* client);
   void LogLateOut(UMockdevIoctlClient* client);
@@ -51,15 +51,15 @@ class UsbPort {
   int BindDriver(std::uint8_t number, bool bind);
   int TellDriver(UMockdevIoctlClient* client);
 
-  // Ends what can end.
+  // Ends all transfers that can end.
   void Progress();
-  // False: it stays under way.
+  // Returns false if the transfer must go on.
   bool TryEnd(Urb& urb);
   void EndControl(Urb& urb);
   bool TryEndIn(Urb& urb);
   bool TryEndOut(Urb& urb);
   void Finish(Urb& urb, int status, std::size_t actual_bytes);
-  // Wakes the host up when something is to be reaped.
+  // Wakes the host if a transfer can be reaped.
   void SetNode();
   void Drop(std::list<Urb>& urbs, UMockdevIoctlClient* client);
 

@@ -1,13 +1,13 @@
-// A USB bus without hardware, by umockdev: a child process started with wrapper() in
-// front of its command sees the plugged devices through an unmodified libusb, and no
-// others. The kernel needs no USB, and the tests no rights.
+// A USB bus without hardware, by umockdev. A child process is started with wrapper() in front of
+// its command. It sees only the plugged devices, through an unmodified libusb. The kernel needs no
+// USB, and the tests need no rights.
 //
-// umockdev's preloaded library sends the child's usbfs ioctls here; transfers end as
-// the EmulatedUsbDevice says. The device's node is a pipe of one page: full while
-// nothing is to be reaped, so that libusb's poll for writing waits as on real usbfs.
-// Isochronous transfers are refused.
+// umockdev's preloaded library sends the child's usbfs ioctls here. Transfers end as the
+// EmulatedUsbDevice says. The device's node is a pipe of one page. It is full while there is
+// nothing to reap, so that libusb's poll for writing waits as on real usbfs. Isochronous transfers
+// are refused.
 //
-// Threads: any one; umockdev's own and the bus's millisecond thread run beside it.
+// Threads: any one. umockdev's own thread and the bus's millisecond thread run beside it.
 // Ownership: plugged devices must outlive the testbed.
 #pragma once
 
@@ -25,18 +25,18 @@ class UsbTestbed {
   UsbTestbed();
   ~UsbTestbed();
 
-  // `port` as in /sys/bus/usb/devices, on bus 1: "1-2". may_open: the node's modes let
-  // its owner in (which does not stop root; see wrapper).
+  // `port`: as in /sys/bus/usb/devices, on bus 1: "1-2". may_open: the node's mode lets its owner
+  // open it (the mode does not stop root; see wrapper).
   void Plug(const std::string& port, EmulatedUsbDevice& device, bool may_open = true);
-  // Pulls it out: transfers under way end, later calls find no device.
+  // Pulls the device out: running transfers end, later calls find no device.
   void Unplug(const std::string& port);
 
-  // Whether the bus stood still for 50 ms after that time (NowNs()), or its threads waited as long
-  // for a processor within 100 ms: a busy machine, which makes any device look silent.
+  // True if the bus stood still for 50 ms after that time (NowNs()), or its threads waited 50 ms
+  // for a processor within 100 ms. The machine is then busy, and any device looks silent.
   bool HaltedSince(std::int64_t time_ns) const;
 
-  // What to put before a command. bound_by_modes: also takes root's right to open any
-  // file away.
+  // Returns what to put before a command. bound_by_modes: also removes root's right to open any
+  // file.
   std::vector<std::string> wrapper(bool bound_by_modes = false) const;
 
  private:

@@ -1,5 +1,5 @@
-// The parts of vdb_tool, a child program that writes .vdb files and judges them. It uses OpenVDB
-// alone: it shares nothing with the code that it judges.
+// The parts of vdb_tool, a child program that writes and checks .vdb files. It uses only OpenVDB,
+// and no code that it checks.
 #pragma once
 
 #include <openvdb/openvdb.h>
@@ -12,7 +12,7 @@
 
 namespace palpate::vdb_tool {
 
-// Wrong usage, or a file that lacks what was asked for; one line.
+// Wrong usage, or something is missing in the file; one line.
 class Failure : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;
@@ -24,26 +24,25 @@ struct MakeOptions {
   unsigned seed = 1;
 };
 
-// The grids of a file of this kind. Throws Failure for an unknown kind.
+// Makes the grids of a file of this kind. Throws Failure for an unknown kind.
 openvdb::GridPtrVec MakeGrids(const std::string& kind, const MakeOptions& options);
 // All kinds, in one line.
 std::string KindNames();
 
 // --- vdb_tool_compare.cpp
 struct Difference {
-  std::int64_t voxels = 0;  // of another value or state
+  std::int64_t voxels = 0;  // with another value or state
   std::int64_t nodes = 0;   // places where one tree has a node and the other has a tile
   openvdb::CoordBBox box;   // of the voxels
-  std::string first;        // what differs first; empty: nothing does
+  std::string first;        // the first difference; empty: there is none
 };
 
-// Of the trees alone. Throws Failure where the grids are of different types.
+// Compares only the trees. Throws Failure if the grids have different types.
 Difference CompareTrees(const openvdb::GridBase& a, const openvdb::GridBase& b);
 
-// One line about what differs first between two grids and their trees; empty: they are equal.
-// `b` may have more metadata than `a` where the names begin with palpate_ or file_.
-// `rounded`: the values of both are rounded to float before they are compared, and the types of
-// the values may differ.
+// Returns one line about the first difference between two grids and their trees; empty: they are
+// equal. `b` may have additional metadata whose names begin with palpate_ or file_. `rounded`:
+// rounds all values to float before comparing them; the types of the values may then differ.
 std::string FirstDifference(const openvdb::GridBase& a, const openvdb::GridBase& b, bool rounded);
 
 // --- vdb_tool_change.cpp
