@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
-# Installs what is missing, builds everything and runs every test; ends with the
-# counts. Real volumes are read from PALPATE_DATA_DIR (../shared/data unless set);
-# tests that need one are skipped where it is not there.
+# Installs missing packages, builds everything, runs every test, and prints the counts at the end.
+# Real volumes are read from PALPATE_DATA_DIR (default: ../shared/data). Tests that need a missing
+# volume are skipped.
 set -euo pipefail
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 
@@ -9,36 +9,36 @@ usage() {
   cat <<'TEXT'
 Usage: tests/run.sh [--sanitizers] [--long] [--packages]
 
-Without options: the optimised build and every test in it, in their short forms, and
-the Debian packages, built and looked at. Tests that judge times run apart.
+Without options: makes the optimised build, runs every test in its short form, and builds and
+checks the Debian packages. Tests that judge times run separately.
 
-A test fails for good unless every assertion that failed in it says that a busy machine may
-explain it (tests/support/excuse.h, excuse.py): a latency, a rate or a count. Such a test is run
-again, alone: once, or twice if it judges times. The host of a virtual machine may give its
-processors to others. A run in which they were gone for a twentieth of the time is not counted, five
-such runs at most. Nothing is run again if more than ten tests would be, unless a tenth was gone.
-The last lines name the tests that passed only then, and count them.
+A failed test may be run again, alone: once, or twice if it judges times. The condition is that
+every failed assertion is marked as one that a busy machine may explain: a latency, a rate or a
+count (tests/support/excuse.h, excuse.py). If more than ten tests would be run again, none is.
 
-  --sanitizers  then a chosen part of the tests under AddressSanitizer and
-           UndefinedBehaviorSanitizer, those with threads under ThreadSanitizer, the fuzz
-           targets, and a check that every header of the last 30 commits compiles by itself
-  --long   the long forms of torture and slide tests (an hour); with --sanitizers all tests
-           but those of times, every header, and ten million inputs for each fuzz target
-           (another hour)
-  --packages  installs the Debian packages in a root of their own as well (as root,
-           minutes); without it they are only built and looked at
+The host of a virtual machine may give the processors to others. A run that lost 5 % of the
+processors' time is not counted, for at most five such runs. After a loss of 10 %, also more than
+ten tests are run again. The last lines name and count the tests that passed only in a later run.
+
+  --sanitizers  afterwards also runs a part of the tests under AddressSanitizer and
+           UndefinedBehaviorSanitizer, tests with threads under ThreadSanitizer, and the fuzz
+           targets; and checks that every header of the last 30 commits compiles by itself
+  --long   runs the long forms of torture and slide tests (an hour); with --sanitizers all tests
+           except those that judge times, every header, and ten million inputs for each fuzz
+           target (another hour)
+  --packages  also installs the Debian packages in a root of their own (as root, minutes)
 TEXT
 }
 
 sanitizers=
 packages=()
-# Under AddressSanitizer in the short form: all unit tests, the daemon's own tests in C++, the
-# readers and the fuzzed calls. The rest walks the same code from outside, with pictures, over
-# real volumes or through Python, and takes most of the time.
+# The short form under AddressSanitizer: all unit tests, the daemon's own tests in C++, the readers
+# and the fuzzed calls. The other tests run the same code from outside, with pictures, on real
+# volumes or through Python, and take most of the time.
 chosen=(--exclude-regex
   '^(offline|(lab_volume|view_render)_test|integration\.(python|remote|view|sdk_install|vdb_tool|sparse_volume|reshape|operations_(budget|demo|faults|guides|metrics|power_loss|restore|soak|unread)))')
 address_tests=address_tests
-# Of the last commits: all take ten minutes.
+# Only headers of the last commits: all headers take ten minutes.
 headers=header_check_recent
 for argument in "$@"; do
   case "$argument" in
@@ -59,7 +59,7 @@ cd "$root"
 results=$(mktemp -d)
 trap 'rm -rf "$results"' EXIT
 
-# stage NAME: a headline, with the time since the start.
+# stage NAME: prints a headline with the time since the start.
 stage() { printf '== %02d:%02d %s\n' $((SECONDS / 60)) $((SECONDS % 60)) "$1"; }
 
 # build PRESET TARGET...
@@ -69,32 +69,32 @@ build() {
   deploy/build.sh "$(folder "$1")" "${@:2}"
 }
 
-# folder PRESET: its build folder
+# folder PRESET: prints its build folder
 folder() { [ "$1" = default ] && echo build || echo "build-$1"; }
 
-# Seconds that may be waited, in all, for a host that gives the processors to others.
+# The most seconds, in all, to wait for a host that gives the processors to others.
 patience_s=600
-# With this share of the processors' time gone, a run is not counted: at most so many of run_tests.
+# A run that lost this share of the processors' time is not counted, at most so many per run_tests.
 stolen_most_percent=5 uncounted_most=5
 
-# stolen: the host's ticks for others, and all ticks, since the machine's start
+# stolen: prints the host's ticks for others, and all ticks, since the machine's start
 stolen() { awk '/^cpu / { print $9, $2 + $3 + $4 + $5 + $6 + $7 + $8 + $9; exit }' /proc/stat; }
 
-# stolen_since TICKS: in percent
+# stolen_since TICKS: prints the percentage since `stolen` printed TICKS
 stolen_since() {
   awk '{ print int(100 * ($3 - $1) / ($4 > $2 ? $4 - $2 : 1)) }' <<<"$1 $(stolen)"
 }
 
-# run_once PRESET NAME [ARGUMENT...]: with these arguments of ctest
+# run_once PRESET NAME [ARGUMENT...]: runs ctest once with these arguments
 run_once() {
   local log=$results/$2.log before
   patience_s=$((patience_s - $(tests/support/await_processors.py "$patience_s")))
   stage "$2: test"
   before=$(stolen)
-  # What failed is counted below; no test at all is an error of its own. Where none failed,
-  # ctest leaves the list as it was.
+  # Failures are counted below. If no test ran, that is an error of its own. If no test failed,
+  # ctest does not change the list.
   [[ "$2" = *again* ]] || rm -f "$(failed_list "$1")"
-  # The counts of cases are at the end of what a program prints.
+  # A program prints the counts of its cases at the end, so the beginning may be cut.
   if ctest --preset "$1" "${@:3}" --output-junit "$results/$2.xml" --test-output-truncation head \
     --test-output-size-failed 4000000 >"$log"; then
     rm -f "$(failed_list "$1")"
@@ -105,20 +105,20 @@ run_once() {
   stolen_percent=$(stolen_since "$before")
   [ "$stolen_percent" -lt "$stolen_most_percent" ] ||
     echo "  others took $stolen_percent % of the processors' time meanwhile"
-  # What failed is shown by judge.py.
+  # judge.py shows the failures.
   sed -n '/^[0-9]*% tests passed/,$p' "$log"
-  # One of a file of Python does not skip the file.
+  # A skipped Python test does not skip its file, so ctest does not show it.
   sed -n "s/^.*\.\.\. skipped '\(.*\)'$/  a Python test was skipped: \1/p" \
     "$(dirname "$(failed_list "$1")")/LastTest.log" 2>/dev/null || true
   grep -q '<testcase ' "$results/$2.xml" || { echo "run.sh: no test was run of $2" >&2; exit 1; }
 }
 
-# failed_list PRESET: where ctest keeps the names of what failed or could not be run
+# failed_list PRESET: prints the path of ctest's list of tests that failed or could not run
 failed_list() { echo "$(folder "$1")/Testing/Temporary/LastTestsFailed.log"; }
 
 tests=0 skipped=0 stolen_percent=0 failed=() excused=()
 
-# run_tests PRESET NAME TRIES [ARGUMENT...]: what a busy machine may explain is run again, alone
+# run_tests PRESET NAME TRIES [ARGUMENT...]: runs tests; runs excusable failures again, alone
 run_tests() {
   local list again ran run=$2 try=1 uncounted=0 without
   list=$(failed_list "$1") again=$results/again
@@ -146,15 +146,15 @@ run_tests() {
   done
 }
 
-# names FILE: of the tests in a list of ctest's
+# names FILE: prints the names of the tests in a list of ctest's
 names() { cut -d: -f2- "$1"; }
 
-# Programs are most of what a build takes on the disk, and linked again in seconds.
+# Deletes programs: they use most of the disk space of a build, and are linked again in seconds.
 drop_programs() { find "$1/bin" "$1/tests" -maxdepth 1 -type f -perm -100 -delete 2>/dev/null || true; }
 
 build default all
 run_tests default default 2 --label-exclude times
-# Those that need the machine for themselves.
+# Tests that need the whole machine.
 run_tests default times 3 --label-regex times
 packages_failed=
 stage packages

@@ -73,11 +73,11 @@ TEST(UsbDevice, GivesASilentDeviceUp) {
   EXPECT_GT(Count(statuses, DeviceStatus::kFault), 50u) << kBusyMachine;
   EXPECT_EQ(statuses.back(), DeviceStatus::kFault);
   ASSERT_FALSE(stylus.Forces().empty());
-  // At once; after a halt of the emulated bus when it is tried again.
+  // Off at once, or after a halt of the emulated bus.
   EXPECT_TRUE(!IsOn(stylus.Forces().back()) || bus.HaltedSince(0));
   EXPECT_TRUE(Eventually([&] { return !IsOn(stylus.Forces().back()); }));
   EXPECT_EQ(device->health().problem, "no reading for 100 ms; connecting again");
-  // It is told once, however often it is tried.
+  // The problem is reported once, however often the device is tried.
   std::this_thread::sleep_for(milliseconds(2 * UsbDevice::kRetryMs));
   stylus.SetMute(false);
   ASSERT_TRUE(Eventually([&] { return Streams(*device); }));
@@ -143,7 +143,7 @@ TEST(UsbDevice, GoesOnAfterFailedTransfers) {
   stylus.SetBabble(false);
   const std::uint64_t readings = device->health().readings;
   EXPECT_TRUE(Eventually([&] { return device->health().readings > readings; }));
-  // Where transfers failed for longer, another connection is right.
+  // If transfers failed for longer, a new connection is right.
   const bool was_brief = NowNs() - began_ns < 40'000'000;
   EXPECT_TRUE(Eventually([&] { return device->health().readings > readings + 100; }));
   EXPECT_EQ(LogWithoutHalts(*device), kConnected) << (was_brief ? "" : kBusyMachine);
@@ -155,7 +155,7 @@ TEST(UsbDevice, GoesOnAfterFailedTransfers) {
   EXPECT_TRUE(Eventually([&] { return Streams(*device); }));
 }
 
-// One whose readings come, and which would keep its last force.
+// The readings come, but the device would keep its last force.
 TEST(UsbDevice, GivesADeviceThatTakesNoForceUp) {
   PlainStylus stylus;
   UsbTestbed bus;
@@ -208,7 +208,7 @@ TEST(UsbDevice, StopsThoughTheDeviceIsDead) {
   stylus.SetFaults({.silent = true, .deaf = true});
   const steady_clock::time_point began = steady_clock::now();
   device->Stop();
-  // One, and the halts of this machine.
+  // One second, and the halts of this machine.
   EXPECT_LT(steady_clock::now() - began, seconds(2)) << kBusyMachine;
 }
 

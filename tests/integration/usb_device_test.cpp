@@ -32,7 +32,7 @@ TEST(UsbDevice, MotorsHaveNoCurrentUntilTheyMay) {
   const std::unique_ptr<UsbDevice> device = MakeDevice();
   device->Start();
   ASSERT_TRUE(Eventually([&] { return Streams(*device); }));
-  // However slow the emulated bus.
+  // Long enough for any slow emulated bus.
   for (int n = 0; n < 300 || (n < 60'000 && stylus.Forces().size() <= 50); ++n) {
     device->Write({1.0, 0.0, 0.0}, 0.001);
     std::this_thread::sleep_for(milliseconds(1));
@@ -86,7 +86,7 @@ TEST(UsbDevice, SetsThePaceOfADeviceThatAnswers) {
   EXPECT_LE(health.readings, health.forces_written);
   EXPECT_LE(health.forces_written, health.readings + health.readings / 10 + 1);
 
-  // A question that got lost is asked again.
+  // A lost question is asked again.
   stylus.SetMute(true);
   std::this_thread::sleep_for(milliseconds(15));
   stylus.SetMute(false);
@@ -107,13 +107,13 @@ TEST(UsbDevice, WritesZeroWhenTheServoDoesNot) {
   }
   EXPECT_EQ(device->health().watchdog_zeros, 0u);
 
-  int in_time = 0;  // others: a halt of this machine just before the last force
+  int in_time = 0;  // not counted: a halt of this machine just before the last force
   for (int i = 0; i < 10; ++i) {
     const std::int64_t began_ns = NowNs();
     Serve(*device, milliseconds(100), 2.0);
     const std::int64_t stopped_ns = NowNs();  // a period after the last force
     std::this_thread::sleep_for(milliseconds(100));
-    // Within the 100 ms; however slow the emulated bus, later.
+    // Off within the 100 ms, or later on a slow emulated bus.
     const bool is_off = !IsOn(stylus.Forces().back());
     EXPECT_TRUE(is_off || bus.HaltedSince(began_ns));
     ASSERT_TRUE(Eventually([&] {
@@ -137,7 +137,7 @@ TEST(UsbDevice, WritesZeroWhenTheServoDoesNot) {
   EXPECT_EQ(LogWithoutHalts(*device), kConnected);
 }
 
-// The servo that comes back with its old force would kick the hand.
+// A servo that resumes with its old force would kick the hand.
 TEST(UsbDevice, AfterASilenceTheOldForceDoesNotComeBackInOneStep) {
   PlainStylus stylus;
   UsbTestbed bus;
@@ -159,14 +159,14 @@ TEST(UsbDevice, AfterASilenceTheOldForceDoesNotComeBackInOneStep) {
   EXPECT_GT(forces.size(), before + 20) << kBusyMachine;
   EXPECT_TRUE(
       std::none_of(forces.begin() + static_cast<std::ptrdiff_t>(before), forces.end(), IsOn));
-  // Once it has said zero, its forces are taken again.
+  // After the servo has written zero, its forces are taken again.
   EXPECT_TRUE(Eventually([&] {
     Serve(*device, milliseconds(20), 2.0);
     return stylus.Forces().back().motors_on;
   }));
 }
 
-// The number of the thread with this name.
+// Returns the number of the thread with this name.
 int ThreadNamed(const std::string& name) {
   for (const auto& task : std::filesystem::directory_iterator("/proc/self/task")) {
     std::string its_name;
@@ -176,7 +176,7 @@ int ThreadNamed(const std::string& name) {
   return 0;
 }
 
-// Whatever comes in: what is to be said is said by who asks.
+// Also for corrupt input: the thread that reads the events makes their texts.
 TEST(UsbDevice, AllocatesNothingWhileItStreams) {
   PlainStylus stylus;
   UsbTestbed bus;
@@ -184,7 +184,7 @@ TEST(UsbDevice, AllocatesNothingWhileItStreams) {
   const std::unique_ptr<UsbDevice> device = MakeDevice();
   device->Start();
   std::uint64_t corrupt = 0;
-  // A halt of the bus makes another connection.
+  // A halt of the bus makes a new connection, which allocates.
   bool is_judged = false;
   for (int round = 0; round < 30 && !is_judged; ++round) {
     ASSERT_TRUE(Eventually([&] { return Streams(*device); }));

@@ -39,7 +39,7 @@ class EditableSession {
     session_.PublishVolume({}, metadata, MakeBricks(size, value));
   }
 
-  // Edits a box of up to `edge` voxels along each axis. Every fourth edit writes background.
+  // Edits a box of up to `edge` voxels along each axis. One edit in four writes background.
   // Returns the newest snapshot.
   std::shared_ptr<const VolumeSnapshot> RandomEdit(std::mt19937& random, int edge = 16) {
     session_.store().Edit([&](const auto& present) {

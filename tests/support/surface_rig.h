@@ -126,9 +126,9 @@ inline bool NearVeilEdge(const std::vector<Expected>& picture, const view::Image
 
 struct Comparison {
   int both = 0;
-  int far = 0;       // both hit, more than 0.05 voxel apart
+  int far = 0;       // both hit, but more than 0.05 voxel apart
   int disagree = 0;  // near a silhouette
-  int wrong = 0;     // disagree elsewhere
+  int wrong = 0;     // disagree, but not near a silhouette
   double worst_voxels = 0.0;
 };
 
@@ -173,15 +173,15 @@ class SurfaceRig : public ::testing::Test {
     }
   }
 
-  // `flicker`: the part of the pixels that may have a layer more or less.
+  // `flicker`: the largest fraction of pixels that may have a layer more or less.
   void ExpectSameVeil(const std::string& name, const Scene& scene, const view::ImageSize& size,
                       double flicker);
 
   view::OffscreenContext context_;
 };
 
-// From all around; exactly and nearly along the axes; with the middle row and column of
-// the picture in planes of the lattice, and in the middle between them.
+// Views from all around: exactly and nearly along the axes, and with the middle row and column of
+// the picture in planes of the lattice or in the middle between planes.
 inline std::vector<Look> LooksAt(const Vec3i& size) {
   const Vec3 middle = (0.5 * (size - Vec3i::Ones()).cast<double>()).array().floor();
   const double away = 1.9 * size.maxCoeff();
@@ -237,7 +237,7 @@ inline VoxelArray Noise(const Vec3i& size) {
                     [&](int, int, int) { return static_cast<float>(random() % 1000) / 1000.0f; });
 }
 
-// 0 below a plane of the lattice, 1 above it, and half of that at it.
+// 0 below a plane of the lattice, 1 above it, and ½ at it.
 inline Scene Slab(int plane) {
   return {MakeVoxels({24, 24, 24}, [=](int, int, int k) {
     return k < plane ? 0.0f : k == plane ? 0.5f : 1.0f;
@@ -247,8 +247,8 @@ inline Scene Slab(int plane) {
 struct VeilComparison {
   int both = 0;
   int far = 0;       // nearest layer more than 0.05 voxel off
-  int layers = 0;    // another number of layers, by the opacity of all
-  int presence = 0;  // a veil where there is none or the reverse, and not at its edge
+  int layers = 0;    // another number of layers, judged by the total opacity
+  int presence = 0;  // a veil where there should be none, or the reverse, away from the veil's edge
 };
 
 inline VeilComparison CompareVeil(const Scene& scene, const view::CastRequest& request,

@@ -1,4 +1,4 @@
-// A folder of a test's own, removed with everything in it at the end.
+// A test's own folder. The destructor removes it with its contents.
 #pragma once
 
 #include <stdlib.h>

@@ -21,13 +21,13 @@ struct TiffLayout {
   std::uint16_t photometric = PHOTOMETRIC_MINISBLACK;
   std::uint16_t compression = COMPRESSION_NONE;
   std::uint32_t rows_per_strip = 2;
-  std::uint32_t tile = 0;   // edge; 0: strips
+  std::uint32_t tile = 0;   // edge of a tile; 0: strips
   const char* mode = "wl";  // b: big endian, 8: BigTIFF
   std::string description{};
   std::uint32_t subfile_type = 0;  // of the last page
 };
 
-// `value(x, y, page)` in the byte count and format of the layout.
+// `value(x, y, page)`: converted to the byte count and format of the layout.
 template <typename Number, typename Value>
 void WriteTiff(const std::filesystem::path& path, const TiffLayout& layout, const Value& value) {
   TIFF* const tiff = TIFFOpen(path.c_str(), layout.mode);

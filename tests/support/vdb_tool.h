@@ -46,13 +46,14 @@ Difference CompareTrees(const openvdb::GridBase& a, const openvdb::GridBase& b);
 std::string FirstDifference(const openvdb::GridBase& a, const openvdb::GridBase& b, bool rounded);
 
 // --- vdb_tool_change.cpp
-// Changes one thing of a grid of floats.
+// Makes one change to a grid of floats.
 void Change(const std::string& what, openvdb::FloatGrid& grid);
 std::string ChangeNames();
-// The bytes of a file, damaged.
+// Returns the bytes of a file with damage.
 std::vector<char> Damaged(std::vector<char> bytes, unsigned seed);
 
-// visit(grid) with the grid's own type, of those that CompareTrees knows; false for others.
+// Calls visit(grid) with the grid's own type. Returns false for types that CompareTrees does not
+// know.
 template <class Visit>
 bool VisitGrid(const openvdb::GridBase& grid, Visit&& visit) {
   using Types = openvdb::TypeList<openvdb::FloatGrid, openvdb::DoubleGrid, openvdb::Int32Grid,

@@ -1,5 +1,5 @@
-// Volumes for tests of the viewer: as the client library hands them out, and real ones
-// from files.
+// Volumes for tests of the viewer: volumes like those of the client library, and real ones from
+// files.
 #pragma once
 
 #include <fcntl.h>
@@ -40,7 +40,7 @@ inline VolumePlacement PlacedAt(const AffineMap& X_DI) {
   return placement;
 }
 
-// A volume that has come completely.
+// A complete volume.
 inline client::VolumeUpdate WholeVolume(const VoxelArray& voxels, const AffineMap& X_DI) {
   client::VolumeUpdate update;
   update.all = true;
@@ -57,8 +57,8 @@ inline client::VolumeUpdate WholeVolume(const VoxelArray& voxels, const AffineMa
   return update;
 }
 
-// Of a function of I; the range, whose least is the background, may be wider than its
-// values.
+// A volume from a function of I. Its range may be wider than the function's values. The background
+// is the range's least value.
 inline client::VolumeUpdate VolumeOf(const Vec3i& size,
                                      const std::function<double(const Vec3&)>& value,
                                      const AffineMap& X_DI, double min, double max) {
@@ -70,7 +70,7 @@ inline client::VolumeUpdate VolumeOf(const Vec3i& size,
   return update;
 }
 
-// Values of a file that begin at byte `offset`, gzipped or not, x fastest.
+// Reads the values of a file from byte `offset` on, gzipped or not, x fastest.
 template <typename Value>
 VoxelArray ReadVoxels(const std::filesystem::path& path, std::int64_t offset, const Vec3i& size) {
   const int file = open(path.c_str(), O_RDONLY);

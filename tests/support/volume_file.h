@@ -1,4 +1,4 @@
-// Reads the .vdb files that palpate-import and palpated write, by nothing but OpenVDB.
+// Reads the .vdb files of palpate-import and palpated with OpenVDB alone.
 #pragma once
 
 #include <filesystem>
@@ -14,7 +14,7 @@ struct VolumeFile {
   VolumeMetadata metadata;
 };
 
-// Throws Error (kInvalidArgument) for a file that lacks something, and what OpenVDB throws.
+// Throws kInvalidArgument for a file that lacks something, and exceptions of OpenVDB.
 VolumeFile ReadVolumeFile(const std::filesystem::path& path);
 
 }  // namespace palpate

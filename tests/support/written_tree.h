@@ -1,4 +1,4 @@
-// The bytes of a small tree that is handed over, part by part, to be changed by tests.
+// The bytes of a small handed-over tree, in parts, for tests to change.
 #pragma once
 
 #include <algorithm>
@@ -20,7 +20,7 @@ struct LeafRecord {
   std::int16_t values[512];
 };
 
-// Two leaves and some tiles around the origin of a grid, whose lattice begins at (-8, 0, 0).
+// Two leaves and some tiles around the origin of a grid. The grid's lattice begins at (-8, 0, 0).
 struct WrittenTree {
   HandoverHeader header{};
   std::string entries;

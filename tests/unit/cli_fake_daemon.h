@@ -1,6 +1,6 @@
 // A palpated with canned answers, for tests of the command line client.
 //
-// Threads: gRPC's own; the public members are set before a call and read after.
+// Threads: gRPC's own. Set the public members before a call and read them after it.
 #pragma once
 
 #include <grpcpp/grpcpp.h>
@@ -47,7 +47,7 @@ class FakeDeviceService final : public v1::DeviceService::Service {
   v1::ForceStatus forces;
   v1::ListDevicesResponse list;
   std::string enabled_name = "none";
-  // By how much they rise from one GetDevice to the next.
+  // The rise of each count from one GetDevice to the next.
   std::uint64_t ticks_per_call = 0;
   std::uint64_t readings_per_call = 0;
   std::uint64_t lost_per_call = 0;
@@ -82,7 +82,7 @@ class FakeDeviceService final : public v1::DeviceService::Service {
     return grpc::Status::OK;
   }
 
-  // "broken" keeps forces off.
+  // For "broken", the forces stay off.
   grpc::Status EnableForces(grpc::ServerContext*, const v1::EnableForcesRequest* request,
                             v1::EnableForcesResponse* response) override {
     enabled_name = request->device();
@@ -183,7 +183,7 @@ class FakeVolumeService final : public v1::VolumeService::Service {
     return grpc::Status::OK;
   }
 
-  // "slow" never ends, "absent" is not found.
+  // "slow" never ends; "absent" is not found.
   grpc::Status LoadVolume(grpc::ServerContext* context, const v1::LoadVolumeRequest* request,
                           grpc::ServerWriter<v1::LoadVolumeResponse>* writer) override {
     last_load = *request;
@@ -213,7 +213,7 @@ class FakeVolumeService final : public v1::VolumeService::Service {
   }
 };
 
-// Sends a message, waits for as many acknowledgements as the window demands.
+// Sends a message, then waits for as many acknowledgements as the window requires.
 class FakePoseService final : public v1::PoseService::Service {
  public:
   v1::StreamPosesStart last_start;
@@ -252,7 +252,7 @@ class FakePoseService final : public v1::PoseService::Service {
     return grpc::Status::OK;
   }
 
-  // In contact on odd ticks.
+  // Odd ticks are in contact.
   static void FillIn(std::uint64_t tick, v1::PoseSample& sample) {
     const bool contact = tick % 2 == 1;
     sample.set_tick(tick);
@@ -279,9 +279,8 @@ class FakePoseService final : public v1::PoseService::Service {
 
 class FakeDaemon {
  public:
-  // Listens on a Unix socket, and on a free port of 127.0.0.1.
-  // `complete` false: a server that offers only one of the services, as one of
-  // another version may.
+  // Listens on a Unix socket, and on a free port of 127.0.0.1. `complete` false: offers only one of
+  // the services, as a server of another version may do.
   explicit FakeDaemon(const std::string& socket_path, bool complete = true) {
     grpc::ServerBuilder builder;
     builder.AddListeningPort(UnixTarget(socket_path), grpc::InsecureServerCredentials());

@@ -228,7 +228,7 @@ TEST_F(CliTest, NoDaemonSaysHowToStartIt) {
                  "at most 107");
 }
 
-// A socket that somebody bound and, unless `accepts`, left.
+// Binds a socket. Without `accepts`, no server listens on it.
 void BindSocket(const std::string& path, int& file, bool accepts) {
   file = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
   sockaddr_un address{};
@@ -262,7 +262,7 @@ TEST_F(CliTest, SocketOfSomebodyElseIsNoPermission) {
   ExpectOneError(Run({"info"}), 5, "no permission");
 }
 
-// Once, before anything is sent, and whether it is named or in the environment.
+// The warning comes once, before anything is sent, for an option and for the environment.
 TEST_F(CliTest, ATokenThatOthersMayReadIsOneLineMore) {
   StartDaemon();
   const Certificates files;
@@ -289,7 +289,7 @@ TEST_F(CliTest, ATokenThatOthersMayReadIsOneLineMore) {
   ExpectOneError(Run(with_token), 8, "TLS");
 }
 
-// One of `palpate doctor --json`.
+// Returns one check of `palpate doctor --json`.
 Json CheckNamed(const Json& doctor, const std::string& name) {
   for (const Json& check : doctor["checks"]) {
     if (check["name"] == name) return check;

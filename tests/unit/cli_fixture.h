@@ -1,4 +1,4 @@
-// The program `palpate` with a palpated with canned answers, for the tests of the command line.
+// Shared by the tests of the command line: runs `palpate` against a palpated with canned answers.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -29,7 +29,7 @@ inline std::vector<std::string> Lines(const std::string& text) {
   return lines;
 }
 
-// One line that begins as all our errors do.
+// Expects one line that begins with "palpate: ", as all errors do.
 inline void ExpectOneError(const ProcessResult& result, int exit_code, const std::string& part) {
   EXPECT_EQ(result.exit_code, exit_code) << result.error;
   EXPECT_EQ(result.error.rfind("palpate: ", 0), 0u) << result.error;

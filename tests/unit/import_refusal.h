@@ -1,4 +1,4 @@
-// What a parser of the importer refuses.
+// The refusals of the importer's parsers.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -9,7 +9,7 @@
 
 namespace palpate::testing {
 
-// The message, empty where nothing was refused. Every refusal is one line.
+// Returns the message, or "" if nothing was refused. Every refusal is one line.
 template <typename Parse>
 std::string Refusal(const Parse& parse) {
   try {

@@ -61,7 +61,7 @@ TEST(Safety, ALongPushGoesDownToTheContinuousForce) {
   EXPECT_NEAR(rig.Tick().norm(), 0.88, 0.01);
   EXPECT_NEAR(rig.safety.limit_n(), 0.88, 0.01);
   EXPECT_STATE(rig, kOn, kNone);
-  // At rest it cools, and all of the force is there again.
+  // At rest the motor cools, and the full force is available again.
   rig.input.force_D_n.setZero();
   rig.Tick(20'000);
   EXPECT_EQ(rig.safety.limit_n(), 3.3);
@@ -78,8 +78,8 @@ TEST(Safety, TheContinuousForceIsNeverShortened) {
 TEST(Safety, AHandsMotionIsNoFault) {
   Rig rig = On();
   for (int n = 0; n < 10'000; ++n) {
-    // 60 mm to and fro at 4 Hz: 1.5 m/s, read with the resolution of the device, and
-    // now and then a reading late.
+    // 60 mm to and fro at 4 Hz: 1.5 m/s, with the resolution of the device. Every seventh reading
+    // is late.
     const double p_mm = 60.0 * std::sin(2 * M_PI * 4.0 * n * kDtS);
     if (n % 7 != 0) rig.input.p_DHip_mm.x() = 0.055 * std::round(p_mm / 0.055);
     rig.Tick();
@@ -143,7 +143,7 @@ TEST(Safety, OneMissedTickOfTwentyIsNoCause) {
     rig.Tick();
   }
   EXPECT_STATE(rig, kOn, kNone);
-  rig.input.missed_ticks = 15;  // a stop of the machine
+  rig.input.missed_ticks = 15;  // the machine stopped
   rig.Tick();
   EXPECT_STATE(rig, kOn, kNone);
   for (int n = 0; n < 100; ++n) {
@@ -153,7 +153,7 @@ TEST(Safety, OneMissedTickOfTwentyIsNoCause) {
   EXPECT_STATE(rig, kHeld, kDeadlines);
 }
 
-// README: more than 20 missed ticks beyond 5 %. One of ten misses 0.05 more in each tick.
+// README: more than 20 missed ticks beyond 5 %. One missed tick in ten is 0.05 more per tick.
 TEST(Safety, OneMissedTickOfTenIsACauseAfterFourHundred) {
   Rig rig = On();
   const auto tick = [&](int from, int to) {

@@ -1,4 +1,4 @@
-// The safety stage with an input that a test changes, for the tests of Safety.
+// Shared by the tests of Safety: the safety stage, with an input that a test changes.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -40,7 +40,7 @@ struct Rig {
     input.command = command;
     return Tick();
   }
-  // Returns the force after every ramp.
+  // Returns the force after every ramp has ended.
   Vec3 Settle() { return Tick(600); }
 
   SafetyLimits limits;

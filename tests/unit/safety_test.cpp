@@ -1,5 +1,5 @@
-// Whatever is computed and whatever the device says, the force on the hand is finite,
-// bounded, gradual, and there only when it may be. safety_limits_test.cpp has the single limits.
+// For all computed forces and all device states, the force on the hand is finite, bounded and
+// gradual, and zero when it must be. safety_limits_test.cpp tests the single limits.
 #include "server/safety/safety.h"
 
 #include <gtest/gtest.h>
@@ -83,7 +83,7 @@ TEST(Safety, EveryCauseReachesZeroInItsTicks) {
   }
 }
 
-// Forces come back by themselves, with a ramp, where the state says so.
+// Forces come back by themselves, with a ramp, if the state is "held".
 TEST(Safety, WhatIsHeldComesBackWithARamp) {
   for (const Cause& cause : Causes()) {
     if (cause.state != ForceState::kHeld) continue;
@@ -102,8 +102,8 @@ TEST(Safety, WhatIsHeldComesBackWithARamp) {
   }
 }
 
-// On hardware nothing but the operator ends a fault or a stop, and no enabling
-// overrules a cause that is still there.
+// On hardware only the operator ends a fault or a stop. Enabling does not work while the cause is
+// still there.
 TEST(Safety, FaultsAndStopsStayUntilForcesAreEnabled) {
   for (const Cause& cause : Causes()) {
     if (cause.state == ForceState::kHeld) continue;
@@ -188,7 +188,7 @@ TEST(Safety, WithoutForcesThereAreNoFaultsOfForces) {
     cause.make(rig.input);
     EXPECT_TRUE(rig.Tick().isZero());
     EXPECT_STATE(rig, kOff, kOperator);
-    // The tick had one all the same; a quick hand is none then.
+    // The tick is faulty all the same, except for a quick hand.
     EXPECT_EQ(rig.safety.faulty(), cause.reason != ForceReason::kSpeed);
   }
 }
