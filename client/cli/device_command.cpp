@@ -94,23 +94,23 @@ arguments::Command* Add(arguments::Command& device, Invocation& invocation, cons
 
 void AddInquiries(arguments::Command& device, Invocation& invocation) {
   Add(device, invocation, "list",
-      "Shows what the daemon's machine has, and what to do about what is not usable.\n"
-      "Nothing is opened. Which one is used: `[device] kind` in palpated.toml.",
+      "Lists the devices of the daemon's machine. Says what to do about unusable ones.\n"
+      "Opens no device. `[device] kind` in palpated.toml selects the device.",
       "Example: palpate device list --json | jq '.devices[] | select(.usable)'", PrintDevices);
   Add(device, invocation, "info",
       "Shows the daemon's device: what it is, what was seen of it on hardware, how it is\n"
       "now, and what its forces do.",
       "Example: palpate device info --json | jq .health.problem", PrintDevice);
   Add(device, invocation, "calibrate",
-      "Takes the stylus's place of rest as where it is when it is docked next.",
+      "Calibrates the device in its place of rest, when the stylus is docked next.",
       "Example: palpate device calibrate", Calibrate);
 }
 
 void AddForces(arguments::Command& device, Invocation& invocation) {
   const auto name = std::make_shared<std::string>();
   Add(device, invocation, "enable",
-      "Lets forces ramp in; also after an emergency stop, and after a fault that has passed.\n"
-      "Hold the stylus. Exit code 10: something keeps the forces off, it says what.",
+      "Enables forces, with a ramp. Also ends an emergency stop, or a fault that has passed.\n"
+      "Hold the stylus. Exit code 10: something keeps the forces off; the error says what.",
       "Example: palpate device enable falcon",
       [name](client::Calls& palpated, bool json) {
         PrintForces(palpated.EnableForces(*name), json);
@@ -119,12 +119,13 @@ void AddForces(arguments::Command& device, Invocation& invocation) {
                    "The device's kind, as `info` shows it. It must be given where its forces were\n"
                    "never verified on hardware: they may go anywhere.")
       ->option_text("[NAME]");
-  Add(device, invocation, "disable", "Ramps forces out, until they are enabled again.",
+  Add(device, invocation, "disable",
+      "Ramps forces down to zero. They stay off until they are enabled again.",
       "Example: palpate device disable",
       [](client::Calls& palpated, bool json) { PrintForces(palpated.DisableForces(), json); });
   Add(device, invocation, "stop",
-      "Emergency stop: no force within a tick, until forces are enabled again. It works at\n"
-      "any time, whatever else goes on.",
+      "Emergency stop: zero force within a tick, until forces are enabled again. It always\n"
+      "works, whatever else the daemon does.",
       "Example: palpate device stop",
       [](client::Calls& palpated, bool json) { PrintForces(palpated.StopForces(), json); });
 }
@@ -142,10 +143,10 @@ void AddDevice(arguments::Command& app, Invocation& invocation) {
   AddForces(*device, invocation);
   const auto seconds = std::make_shared<double>(2.0);
   Add(*device, invocation, "test",
-      "Reads the device and judges what comes: readings per second, losses, noise, buttons.\n"
+      "Reads the device and judges the readings: rate, losses, noise, buttons.\n"
       "Let the stylus rest, or move it and press its buttons. Forces stay as they are.\n"
-      "Exit code 1: it failed; not streaming, fewer than 900 readings or ticks per second,\n"
-      "more than 1 % lost or corrupt.",
+      "Exit code 1: the device failed: it is not streaming, has fewer than 900 readings or\n"
+      "ticks per second, or more than 1 % of them are lost or corrupt.",
       "Example: palpate device test --seconds 10",
       [seconds](client::Calls& palpated, bool json) { Test(palpated, *seconds, json); })
       ->add_option("--seconds", *seconds, "How long, s [default: 2]")

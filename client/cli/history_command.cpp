@@ -47,9 +47,9 @@ void AddHistory(arguments::Command& app, Invocation& invocation) {
       };
     });
   };
-  add("undo", "Takes back the last edit", &client::Calls::Undo);
-  add("redo", "Does again the edit that was taken back last", &client::Calls::Redo);
-  add("revert", "Takes back all edits since the volume was loaded; undo takes that back",
+  add("undo", "Undoes the last edit", &client::Calls::Undo);
+  add("redo", "Redoes the edit that was undone last", &client::Calls::Redo);
+  add("revert", "Undoes all edits since the volume was loaded; undo restores them",
       &client::Calls::Revert);
 }
 

@@ -33,7 +33,7 @@ arguments::Validator VoxelTypeName() {
 void AddRawOptions(arguments::Command& command, LoadValues& values) {
   arguments::Option* size = command
                                 .add_option("--raw-size", values.raw_size,
-                                            "The file holds nothing but so many voxels, x fastest")
+                                            "The file holds only this many voxels, x fastest")
                                 ->delimiter(',')
                                 ->expected(3)
                                 ->check(arguments::Positive())
@@ -47,11 +47,13 @@ void AddRawOptions(arguments::Command& command, LoadValues& values) {
           ->option_text("TYPE");
   size->needs(type);
   type->needs(size);
-  command.add_flag("--raw-big-endian", values.raw.big_endian, "Their bytes come high to low")
+  command
+      .add_flag("--raw-big-endian", values.raw.big_endian,
+                "The high byte of each voxel comes first")
       ->needs(size);
   command
       .add_option("--raw-offset-bytes", values.raw.offset_bytes,
-                  "Bytes before the first of them [default: 0]")
+                  "Bytes before the first voxel [default: 0]")
       ->check(arguments::NonNegativeNumber())
       ->needs(size)
       ->option_text("N");
@@ -60,7 +62,7 @@ void AddRawOptions(arguments::Command& command, LoadValues& values) {
 void AddFrameOption(arguments::Command& command, LoadValues& values) {
   command
       .add_option("--frame", values.options.frame,
-                  "Which volume of a file with several, from 0 [default: 0]")
+                  "For a file with several volumes: which one, from 0 [default: 0]")
       ->option_text("N");
 }
 

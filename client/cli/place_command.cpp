@@ -40,11 +40,11 @@ std::string DescribeTurn(const client::UnalignedQuaternion& q) {
 
 void AddAbsolute(arguments::Command& command, PlaceValues& values) {
   command.add_flag("--reset", values.change.reset,
-                   "First into the middle of the workspace, fitted, not turned");
-  AddTriple(command, "--center-mm", values.center_mm, "Where the volume's centre is to be");
+                   "First puts it into the middle of the workspace, fitted, without a rotation");
+  AddTriple(command, "--center-mm", values.center_mm, "The place of the volume's centre");
   command
       .add_option("--rotation-wxyz", values.rotation_wxyz,
-                  "Its turn, from the world's axes (LPS) to the device's: a unit quaternion")
+                  "Its rotation from the world's axes (LPS) to the device's: a unit quaternion")
       ->delimiter(',')
       ->expected(4)
       ->check(arguments::Finite())
@@ -116,9 +116,9 @@ void Print(const client::Placement& placement, std::optional<std::uint64_t> appl
 void AddPlace(arguments::Command& app, Invocation& invocation) {
   arguments::Command* command = app.add_subcommand(
       "place",
-      "Shows where the volume lies in the device's workspace, or moves it there at one tick.\n"
-      "The device's axes: mm, x right, y up, z towards the user. What is named is changed:\n"
-      "first --reset, then what is absolute, then what is relative. Kept for the volume.");
+      "Shows the volume's place in the device's workspace, or changes it at one tick.\n"
+      "The device's axes: mm, x right, y up, z towards the user. Changes are applied in\n"
+      "this order: --reset, absolute, relative. The daemon keeps the place for this volume.");
   SetFooter(*command,
             "Examples: palpate place --json\n"
             "          palpate place --move-mm 10,0,0 --turn-deg y,90\n"

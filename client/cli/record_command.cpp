@@ -172,8 +172,7 @@ void AddRecord(arguments::Command& app, Invocation& invocation) {
   stop->callback([&invocation] {
     invocation.command = [&invocation](auto& palpated) { Stop(palpated, invocation.json); };
   });
-  arguments::Command* status =
-      record->add_subcommand("status", "Shows whether and what is recorded");
+  arguments::Command* status = record->add_subcommand("status", "Shows the state of the recording");
   SetFooter(*status, "Example: palpate record status --json | jq .lost_ticks");
   AddJson(*status, invocation);
   status->callback([&invocation] {
@@ -201,12 +200,13 @@ void AddReplay(arguments::Command& app, Invocation& invocation) {
   };
   arguments::Command* command = app.add_subcommand(
       "replay",
-      "Plays a recording to all who watch, forces off; the volume that was recorded must be\n"
-      "loaded. What was felt before comes back at its end. Ctrl-C ends it, with exit code 9.");
+      "Plays a recording to all clients that watch, with forces off. The recorded volume must\n"
+      "be loaded. At the end, settings and voxels are again as before. Ctrl-C ends it, with\n"
+      "exit code 9.");
   SetFooter(*command, "Example: palpate replay trial-7.palrec --speed 0.25");
   const auto values = std::make_shared<Values>();
   command->add_option("file", values->path, kFileHelp)->required()->option_text("FILE");
-  command->add_option("--speed", values->speed, "Times real time, up to 100")
+  command->add_option("--speed", values->speed, "Multiple of real time, up to 100")
       ->check(arguments::Positive(100.0))
       ->capture_default_str();
   command->callback([&invocation, values] {
