@@ -93,7 +93,8 @@ ProxyStep StepBuried(const HapticSurface& surface, const Vec3& p_DHip_mm, Proxy&
   constexpr int kMost = std::numeric_limits<int>::max();  // reached after four weeks
   proxy.buried_steps = proxy.buried ? std::min(proxy.buried_steps, kMost - 1) + 1 : 0;
   if (proxy.buried) {
-    step.mode = proxy.buried_steps > kMaxEjectSteps ? ProxyMode::kFault : ProxyMode::kEjecting;
+    const bool fault = proxy.buried_steps > kMaxEjectSteps && !proxy.buried_by_isovalue;
+    step.mode = fault ? ProxyMode::kFault : ProxyMode::kEjecting;
   }
   return step;
 }
@@ -157,8 +158,10 @@ ProxyStep StepProxy(const HapticSurface& surface, const Vec3& p_DHip_mm, double 
                     Proxy& proxy, CellCache& cache) noexcept {
   if (proxy.buried) return StepBuried(surface, p_DHip_mm, proxy, cache);
   ProxyStep step;
+  const bool only_isovalue = Holds(surface, proxy) && proxy.free_side == surface.free_side;
   if (!Refresh(surface, p_DHip_mm, eject_limit_mm, proxy, cache, step)) {
     proxy.buried = true;
+    proxy.buried_by_isovalue = only_isovalue;
     return StepBuried(surface, p_DHip_mm, proxy, cache);
   }
   Advance(surface, p_DHip_mm, false, proxy, cache, step);

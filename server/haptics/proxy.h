@@ -30,7 +30,8 @@
 
 namespace palpate {
 
-// kFault: buried for longer than kMaxEjectSteps. It ends as kEjecting does.
+// kFault: buried for longer than kMaxEjectSteps, and not by a new isovalue. It ends as kEjecting
+// does.
 enum class ProxyMode : std::uint8_t { kFree, kConstrained, kEjecting, kFault };
 
 inline constexpr int kMaxEjectSteps = 50;
@@ -42,6 +43,7 @@ struct Proxy {
   bool placed = false;
   bool on_surface = false;
   bool buried = false;
+  bool buried_by_isovalue = false;  // somebody asked for it: no fault
   int buried_steps = 0;
   Place place;
   Vec3 p_DH_mm = Vec3::Zero();

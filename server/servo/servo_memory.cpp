@@ -10,7 +10,7 @@ namespace palpate {
 namespace {
 
 // Version of the byte layout. Raise it whenever the meaning of the bytes changes.
-constexpr std::uint8_t kLayout = 2;
+constexpr std::uint8_t kLayout = 3;
 
 constexpr int kMaxCell = 1 << 30;
 
@@ -42,11 +42,12 @@ void VisitPlace(PlaceT& place, Visit& visit) {
 
 template <class ProxyT, class Visit>
 void VisitProxy(ProxyT& proxy, Visit& visit) {
-  auto& [placed, on_surface, buried, buried_steps, place, p_DH_mm, geometry_revision,
-         volume_revision, free_side, isovalue] = proxy;
+  auto& [placed, on_surface, buried, buried_by_isovalue, buried_steps, place, p_DH_mm,
+         geometry_revision, volume_revision, free_side, isovalue] = proxy;
   visit(placed);
   visit(on_surface);
   visit(buried);
+  visit(buried_by_isovalue);
   visit(buried_steps);
   VisitPlace(place, visit);
   VisitVector(p_DH_mm, visit);

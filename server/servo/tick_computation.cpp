@@ -3,6 +3,7 @@
 #include <limits>
 #include <utility>
 
+#include "server/haptics/isovalue_glide.h"
 #include "server/servo/servo_memory.h"
 
 namespace palpate {
@@ -68,9 +69,17 @@ TickSample TickComputation::Run(const Scene& scene, const TickInput& input) noex
   const DeviceState& stylus = input.stylus;
   const bool suspended = scene.forces_off || stylus.docked || !stylus.calibrated ||
                          (scene.settings.clutch_tool && (stylus.buttons & kClutchButton) != 0);
-  const HapticOutput output = suspended ? SuspendRenderer(stylus.p_DHip_mm, elapsed_s, renderer_)
-                                        : StepRenderer(scene.surface, scene.settings,
-                                                       stylus.p_DHip_mm, elapsed_s, renderer_);
+  HapticOutput output;
+  if (suspended) {
+    output = SuspendRenderer(stylus.p_DHip_mm, elapsed_s, renderer_);
+  } else {
+    HapticSurface surface = scene.surface;
+    surface.isovalue = GlideIsovalue(scene.surface, elapsed_s, renderer_);
+    if (surface.isovalue != scene.surface.isovalue) {
+      sample.isovalue = scene.volume->Denormalize(surface.sign() * surface.isovalue);
+    }
+    output = StepRenderer(surface, scene.settings, stylus.p_DHip_mm, elapsed_s, renderer_);
+  }
   Describe(scene, output, sample);
   if (suspended) {
     sample.mode = TickMode::kSuspended;
