@@ -4,9 +4,12 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <functional>
 #include <nlohmann/json.hpp>
 #include <numeric>
+#include <random>
 #include <thread>
+#include <utility>
 
 #include "tests/support/bare_loops.h"
 #include "tests/support/daemon.h"
@@ -158,18 +161,23 @@ TEST(Isovalue, IsAppliedAtTheTickThatTheAnswerNames) {
     changes.push_back(change);
     std::this_thread::sleep_for(milliseconds(7));
   }
-  std::this_thread::sleep_for(milliseconds(100));
+  std::this_thread::sleep_for(milliseconds(1000));
   const auto& samples = collector.Stop();
 
+  // Under a stylus that touches, the isovalue begins to move in that tick.
   std::size_t at = 0, checked = 0;
+  double last = samples.front().isovalue();
   for (const v1::PoseSample& sample : samples) {
     while (at < changes.size() && sample.tick() >= changes[at].response.applied_tick()) ++at;
+    const double before = std::exchange(last, sample.isovalue());
     if (at == 0) continue;
     const Change& change = changes[at - 1];
     ASSERT_EQ(sample.settings_revision(), change.response.settings_revision());
-    ASSERT_EQ(sample.isovalue(), change.isovalue);
+    const double left = std::abs(last - change.isovalue);
+    ASSERT_TRUE(left == 0.0 || left < std::abs(before - change.isovalue)) << sample.tick();
     ++checked;
   }
+  EXPECT_EQ(last, changes.back().isovalue);
   std::sort(latency_ms.begin(), latency_ms.end());
   const double p99_ms = latency_ms[latency_ms.size() * 99 / 100];
   const Summary summary = Summarize(samples);
@@ -181,6 +189,57 @@ TEST(Isovalue, IsAppliedAtTheTickThatTheAnswerNames) {
   EXPECT_EQ(summary.jumps, 0u);
   EXPECT_EQ(summary.above, 0u);
   EXPECT_GT(summary.contacts, 100u);
+}
+
+// Greatest force, and what must never be met, of a hand on a head.
+struct Met {
+  std::size_t contacts = 0, faults = 0, jumps = 0;
+  double greatest_n = 0.0;
+};
+
+// next_isovalue: asked every 100 ms.
+Met Feel(Daemon& daemon, int count, const std::function<double()>& next_isovalue) {
+  PoseCollector collector(daemon);
+  for (int n = 0; n < count; ++n) {
+    v1::UpdateSettingsRequest request;
+    request.mutable_settings()->set_normalized_isovalue(next_isovalue());
+    request.mutable_update_mask()->add_paths("normalized_isovalue");
+    grpc::ClientContext context;
+    v1::UpdateSettingsResponse response;
+    EXPECT_TRUE(daemon.render->UpdateSettings(&context, request, &response).ok());
+    std::this_thread::sleep_for(milliseconds(100));
+  }
+  const auto& samples = collector.Stop();
+  Met met;
+  met.jumps = Summarize(samples).jumps;
+  for (const v1::PoseSample& sample : samples) {
+    met.contacts += sample.contact();
+    met.faults += sample.mode() == v1::PROXY_MODE_FAULT;
+    met.greatest_n = std::max(met.greatest_n, Distance(sample.force_n(), {}));
+  }
+  return met;
+}
+
+// 0.1 is skin and what noise there is in the air, 0.33 bone.
+TEST(Isovalue, FromBoneToAirAndBackAtRandomIsCarried) {
+  const auto head = DataFolder() / "paper/SUBST_head_ct_cranium_256x256x108_int16.nrrd";
+  if (!std::filesystem::exists(head)) GTEST_SKIP() << head << " is not there";
+  TemporaryFolder folder;
+  Daemon daemon(test::kPalpated, {"--volume", head.string(), "--normalized-isovalue", "0.33",
+                                  "--state-folder", folder.path().string()});
+  ASSERT_TRUE(WaitForContact(daemon));
+  std::mt19937_64 random(3);
+  std::uniform_real_distribution<double> uniform;
+  const Met bone = Feel(daemon, 30, [] { return 0.33; });
+  const Met moved = Feel(daemon, 60, [&] { return uniform(random) < 0.5 ? 0.05 : 0.33; });
+  const Met air = Feel(daemon, 30, [] { return 0.05; });
+  for (const auto& [name, met] : {std::pair{"bone", bone}, {"moved", moved}, {"air", air}}) {
+    std::printf("%s: %zu in contact, %zu faults, %zu force jumps, at most %.3f N\n", name,
+                met.contacts, met.faults, met.jumps, met.greatest_n);
+  }
+  EXPECT_EQ(moved.faults + air.faults, 0u);
+  EXPECT_EQ(moved.jumps + air.jumps, 0u);
+  EXPECT_GT(moved.contacts, 100u);
 }
 
 TEST(PoseStream, ASlowClientSeesFreshSamplesAndLosesOldOnes) {
