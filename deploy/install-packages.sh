@@ -29,7 +29,7 @@ if [ "$(id -u)" -ne 0 ]; then
 fi
 log=$(mktemp)
 trap 'rm -f "$log"' EXIT
-echo "installing ${#missing[@]} Debian packages: ${missing[*]}"
+echo "installing ${#missing[@]} Debian packages, some minutes: ${missing[*]}"
 if ! { "${as_root[@]}" apt-get update -q &&
        "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive \
          apt-get install -y -q --no-install-recommends "${missing[@]}"; } >"$log" 2>&1; then
