@@ -94,6 +94,7 @@ until "$root/build/bin/palpate" info --socket "$socket" >/dev/null 2>&1 || [ -n 
   sleep 0.05 || true
 done
 [ -z "$interrupted" ] || exit 0
+echo "in another terminal: $root/build/bin/palpate info --socket $socket"
 code=0
 setsid setpriv --pdeathsig TERM "$root/build/bin/palpate" watch --socket "$socket" ${watch_arguments[@]+"${watch_arguments[@]}"} &
 watcher=$!
