@@ -12,6 +12,7 @@ from view_support import OneWindow, Panels, Screen, Window
 # bar, which has the slices' bottom.
 SLICE = (300, 574, 525, 800)  # left, top, right, bottom
 SERIES_Y = 548
+STATE = (300, 40, 980, 72)  # the bar that says whether forces act
 PLAY_X = 335
 POSITION_X = (370, 490, 900)  # before, within and beyond the slider
 
@@ -195,15 +196,22 @@ class RightPanels(OneView):
 
         def says_stopped():
             picture = self.window.picture("F12")
-            part = np.asarray(picture)[60:220, 980:].astype(int)
-            orange = (part[:, :, 0] > 230) & (np.abs(part[:, :, 1] - 184) < 20) & (
-                part[:, :, 2] < 90)
-            found["button"] = centre_of_button(picture, 980, 66, 1280, 220)
-            return orange.any() and found["button"]
+            left, top, right, bottom = STATE
+            part = np.asarray(picture)[top:bottom, left:right].astype(int)
+            red = np.abs(part - (140, 26, 24)).max(axis=2) < 4
+            found["button"] = centre_of_button(picture, left, top, right, bottom)
+            return red.mean() > 0.5 and found["button"]
 
         self.assertTrue(wait_until(says_stopped))
         self.window.click(*found["button"])
         self.assertTrue(wait_until(self.forces_are(palpate.ForceState.ON)))
+
+        def says_on():
+            left, top, right, bottom = STATE
+            part = np.asarray(self.window.picture("F12"))[top:bottom, left:right].astype(int)
+            return (np.abs(part - (22, 92, 48)).max(axis=2) < 4).mean() > 0.5
+
+        self.assertTrue(wait_until(says_on))
 
     def forces_are(self, state):
         return lambda: self.conn.device.info().forces.state == state

@@ -12,7 +12,8 @@ from view_support import OneWindow, Screen, Window, run_view
 # Of the fixed layout on 1280 by 800 pixels: the histogram, and the middle of the view.
 HISTOGRAM_X = (10, 290)
 HISTOGRAM_Y = 130
-VIEW = (640, 306)
+ISOVALUE = (60, 184)  # its number
+VIEW = (640, 322)
 
 
 def histogram_x(share):
@@ -135,6 +136,46 @@ class ViewWindow(OneWindow):
         self.window.do("key", "p")
         self.assertTrue(wait_until(
             lambda: abs((mark_x(self.window.picture()) or 0) - histogram_x(0.7)) <= 2))
+
+    def settings_revision(self):
+        with self.conn.poses() as stream:
+            return int(next(stream).settings_revision[-1])
+
+    def begin_typing(self, text):
+        """Types into the isovalue's field, key by key; the settings' revision before."""
+        before = self.settings_revision()
+        self.window.do("mousemove", *ISOVALUE, "keydown", "ctrl", "click", 1, "keyup", "ctrl")
+        self.window.picture("F12")
+        for key in text:
+            self.window.do("key", "period" if key == "." else key)
+            self.window.picture("F12")
+            self.assertEqual(self.settings_revision(), before, text)
+        return before
+
+    def typed(self, before, isovalue):
+        self.assertTrue(wait_until(lambda: abs(self.conn.settings.isovalue - isovalue) < 1e-6))
+        self.window.picture("F12")
+        self.assertEqual(self.settings_revision(), before + 1)
+
+    def test_a_typed_isovalue_is_one_change_when_enter_is_pressed(self):
+        before = self.begin_typing("0.299")
+        self.window.do("key", "Return")
+        self.typed(before, 0.299)
+
+    def test_a_typed_isovalue_is_one_change_when_the_field_is_left(self):
+        before = self.begin_typing("0.41")
+        self.window.click(20, 700)
+        self.typed(before, 0.41)
+
+    def test_escape_in_a_field_restores_the_field_alone(self):
+        isovalue = self.conn.settings.isovalue
+        before = self.begin_typing("0.77")
+        self.window.do("key", "Escape")
+        for _ in range(3):
+            self.window.picture("F12")
+        self.assertEqual(self.settings_revision(), before)
+        self.assertEqual(self.conn.settings.isovalue, isovalue)
+        self.assertEqual(self.conn.device.info().forces.state, palpate.ForceState.ON)
 
     def test_both_pictures_at_once(self):
         before = set(self.window.folder.glob("palpate-*.png"))

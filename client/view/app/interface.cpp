@@ -50,6 +50,7 @@ void SetStyle(float scale) {
 
 void DrawPanels(Viewer& viewer, const Layout& layout, float scale) {
   DrawTopBar(viewer, layout.top, scale);
+  DrawStateBar(viewer, layout.state, scale);
   DrawView(viewer, layout.view, scale);
   if (viewer.state().panels_shown) {
     DrawLeftPanels(viewer, layout.left, scale);

@@ -20,6 +20,7 @@ struct Layout {
   Area top;
   Area left;
   Area right;
+  Area state;  // above the view
   Area view;
   Area series;  // below the view, if there is a series
   Area slices;  // below the series
@@ -41,14 +42,16 @@ inline Layout LayOut(const ImVec2& screen, float scale, const LayoutParts& parts
       parts.panels && parts.slices ? std::min(middle / 3.0f, screen.y / 3.0f) : 0.0f;
   const float series = parts.series ? 44.0f * scale : 0.0f;
   const float height = std::max(1.0f, screen.y - top);
-  const float view = std::max(1.0f, height - slices - series);
+  const float state = 32.0f * scale;
+  const float view = std::max(1.0f, height - state - slices - series);
   Layout layout;
   layout.top = {{0.0f, 0.0f}, {screen.x, top}};
   layout.left = {{0.0f, top}, {side, height}};
   layout.right = {{screen.x - side, top}, {side, height}};
-  layout.view = {{side, top}, {middle, view}};
-  layout.series = {{side, top + view}, {middle, series}};
-  layout.slices = {{side, top + view + series}, {middle, slices}};
+  layout.state = {{side, top}, {middle, state}};
+  layout.view = {{side, top + state}, {middle, view}};
+  layout.series = {{side, top + state + view}, {middle, series}};
+  layout.slices = {{side, top + state + view + series}, {middle, slices}};
   return layout;
 }
 

@@ -12,109 +12,6 @@
 namespace palpate::view {
 namespace {
 
-const char* NameOf(client::ForceState state) {
-  switch (state) {
-    case client::ForceState::kUnknown:
-      return "unknown";
-    case client::ForceState::kOff:
-      return "off";
-    case client::ForceState::kRampIn:
-      return "ramping in";
-    case client::ForceState::kOn:
-      return "on";
-    case client::ForceState::kHeld:
-      return "held back";
-    case client::ForceState::kFault:
-      return "off after a fault";
-    case client::ForceState::kStopped:
-      return "stopped";
-  }
-  return "unknown";
-}
-
-// Says why forces are not on, if the state does not already say it.
-const char* InWords(client::ForceReason reason) {
-  switch (reason) {
-    case client::ForceReason::kUnknown:
-    case client::ForceReason::kNone:
-      return "";
-    case client::ForceReason::kOperator:
-      return "not enabled";
-    case client::ForceReason::kDocked:
-      return "the stylus is docked: take it out";
-    case client::ForceReason::kUncalibrated:
-      return "the device is not calibrated";
-    case client::ForceReason::kStale:
-      return "readings come late";
-    case client::ForceReason::kDeadlines:
-      return "the loop misses deadlines";
-    case client::ForceReason::kDevice:
-      return "the device is gone or broken";
-    case client::ForceReason::kPosition:
-      return "a position was no number";
-    case client::ForceReason::kForce:
-      return "a force was no number";
-    case client::ForceReason::kSpeed:
-      return "the stylus moved too fast";
-    case client::ForceReason::kStopCall:
-      return "emergency stop";
-    case client::ForceReason::kStopButton:
-      return "emergency stop by the stylus";
-  }
-  return "";
-}
-
-bool AreOn(client::ForceState state) {
-  return state == client::ForceState::kOn || state == client::ForceState::kRampIn ||
-         state == client::ForceState::kHeld;
-}
-
-bool WereVerified(client::VerificationLevel level) {
-  return level == client::VerificationLevel::kForceVerified ||
-         level == client::VerificationLevel::kSimulated;
-}
-
-void Enable(Viewer& viewer, const std::string& kind) {
-  viewer.feed().commands().Do("enable forces",
-                              [kind](client::Client& client) { client.EnableForces(kind); });
-}
-
-// If the forces of a device were never verified, it is enabled only by its name.
-void ConfirmEnable(Viewer& viewer, const client::DeviceInfo& device) {
-  if (!ImGui::BeginPopupModal("Enable forces?", nullptr, ImGuiWindowFlags_AlwaysAutoResize)) return;
-  ImGui::Text("The forces of %s were never verified.", device.model.c_str());
-  ImGui::Text("Hold the stylus firmly, and have Esc ready, the emergency stop.");
-  // Dear ImGui identifies the button by the text after ###. The text before may be anything.
-  if (ImGui::Button(("Enable " + OneLine(device.kind, 60) + "###enable").c_str())) {
-    Enable(viewer, device.kind);
-    ImGui::CloseCurrentPopup();
-  }
-  ImGui::SameLine();
-  if (ImGui::Button("Leave them off")) ImGui::CloseCurrentPopup();
-  ImGui::EndPopup();
-}
-
-void EditForces(Viewer& viewer, client::ForceState state,
-                const std::optional<client::DaemonInfo>& daemon) {
-  if (AreOn(state)) {
-    if (ImGui::Button("Disable forces")) {
-      viewer.feed().commands().Do("disable forces",
-                                  [](client::Client& client) { client.DisableForces(); });
-    }
-    return;
-  }
-  ImGui::BeginDisabled(!daemon);
-  if (ImGui::Button("Enable forces")) {
-    if (WereVerified(daemon->device.verification_level)) {
-      Enable(viewer, {});
-    } else {
-      ImGui::OpenPopup("Enable forces?");
-    }
-  }
-  ImGui::EndDisabled();
-  if (daemon) ConfirmEnable(viewer, daemon->device);
-}
-
 // Draws the last 10 seconds by the clock. While no poses came, there is no line.
 void DrawCurve(const PlotHistory& plots, Plot plot, std::int64_t end_ns, const Area& area) {
   constexpr std::int64_t kGap_ns = 250'000'000;
@@ -196,9 +93,8 @@ void EditRecording(Viewer& viewer, const std::optional<client::RecordingState>& 
 
 void DevicePanel(Viewer& viewer) {
   ImGui::SetNextItemOpen(true, ImGuiCond_Once);
-  if (!ImGui::CollapsingHeader("Device and forces")) return;
+  if (!ImGui::CollapsingHeader("Device")) return;
   const std::optional<client::DaemonInfo> daemon = viewer.feed().device();
-  const auto& pose = viewer.feed().pose();
   if (daemon) {
     ImGui::TextWrapped("%s", daemon->device.model.c_str());
     if (!daemon->health.problem.empty()) {
@@ -207,28 +103,6 @@ void DevicePanel(Viewer& viewer) {
       ImGui::PopStyleColor();
     }
   }
-  if (viewer.feed().connection().state != client::ConnectionState::kConnected) {
-    ImGui::TextColored(kWarning, "unknown: not connected");
-    return;
-  }
-  if (viewer.feed().silent_s()) {
-    ImGui::TextColored(kBad, "unknown: palpated sends nothing");
-    return;
-  }
-  const client::ForceStatus forces = pose     ? pose->forces
-                                     : daemon ? daemon->forces
-                                              : client::ForceStatus{};
-  const bool on = AreOn(forces.state);
-  ImGui::AlignTextToFramePadding();
-  ImGui::Text("Forces");
-  ImGui::SameLine();
-  ImGui::TextColored(on ? kGood : kWarning, "%s", NameOf(forces.state));
-  ImGui::SameLine();
-  ImGui::BeginDisabled(!viewer.feed().May(client::Role::kOperator));
-  EditForces(viewer, forces.state, daemon);
-  ImGui::EndDisabled();
-  const char* why = InWords(forces.reason);
-  if (!on && *why != '\0') ImGui::TextColored(kWarning, "%s", why);
 }
 
 void PlotsPanel(Viewer& viewer, float scale) {

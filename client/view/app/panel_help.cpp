@@ -11,8 +11,9 @@ struct Line {
   const char* does;
 };
 
-constexpr std::array<Line, 24> kLines = {{
+constexpr std::array<Line, 25> kLines = {{
     {"Esc", "emergency stop: no forces until they are enabled again"},
+    {"Esc in a text field", "restore the text"},
     {"", ""},
     {"left drag", "turn"},
     {"right drag, shift + left drag", "move"},

@@ -87,7 +87,7 @@ void EditIsovalue(Viewer& viewer, float scale, const VolumeLattice& lattice,
   DragDouble("##isovalue", isovalue, range / 1000.0, lattice.value_min, lattice.value_max, "%.6g");
   held = held || ImGui::IsItemActive();
   if (ImGui::IsItemHovered())
-    ImGui::SetTooltip("drag, or ctrl+click to type; it changes for everyone");
+    ImGui::SetTooltip("drag, or ctrl+click to type and press Enter; it changes for everyone");
   UnitText(lattice.unit);
   ImGui::SameLine();
   ImGui::TextColored(kDim, "%.1f %% of range",

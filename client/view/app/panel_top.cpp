@@ -111,10 +111,6 @@ void States(const Viewer& viewer) {
   }
 }
 
-float ButtonWidth(const char* label) {
-  return ImGui::CalcTextSize(label).x + 2.0f * ImGui::GetStyle().FramePadding.x;
-}
-
 // Draws buttons at the right end and returns where they begin. In a narrow window the texts are
 // shorter, so that the state of the connection has room.
 float Buttons(Viewer& viewer, float scale) {

@@ -53,9 +53,12 @@ struct Message {
 
 void DrawMessages(const Viewer& viewer, const Area& area, float scale) {
   const EmergencyStop::Line stop = viewer.feed().emergency_stop().line();
-  const std::array<Message, 3> messages = {{{viewer.message(), kPlain},
-                                            {viewer.feed().commands().problem(), kWarning},
-                                            {stop.text, stop.is_bad ? kBad : kGood}}};
+  const std::array<Message, 3> messages = {
+      {{viewer.message(), kPlain},
+       {viewer.feed().commands().problem(), kWarning},
+       // The bar above shows a stop that is done, as long as
+       // palpated sends poses.
+       {stop.is_bad || viewer.feed().silent_s() ? stop.text : "", stop.is_bad ? kBad : kGood}}};
   float y = area.min.y + area.size.y - 30.0f * scale;
   for (const Message& message : messages) {
     const std::string& line = message.text;

@@ -11,6 +11,8 @@ namespace palpate::view {
 
 // Connection, volume, emergency stop: always visible.
 void DrawTopBar(Viewer& viewer, const Area& area, float scale);
+// Whether forces act, why not, and the button that is allowed: always visible.
+void DrawStateBar(Viewer& viewer, const Area& area, float scale);
 // The picture, with legend and messages.
 void DrawView(Viewer& viewer, const Area& area, float scale);
 void DrawLeftPanels(Viewer& viewer, const Area& area, float scale);

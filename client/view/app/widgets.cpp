@@ -1,10 +1,59 @@
 #include "client/view/app/widgets.h"
 
-#include "client/sdk/words.h"
+#include <imgui_internal.h>
 
+#include "client/sdk/words.h"
 #include "common/error/one_line.h"
 
 namespace palpate::view {
+namespace {
+
+// A number that is typed.
+struct Typed {
+  ImGuiID id = 0;
+  int frame = 0;        // last drawn
+  double opened = 0.0;  // when the text field was opened
+  double value = 0.0;   // of the text
+
+  // False for a field that was hidden meanwhile.
+  bool IsOf(ImGuiID field) const { return id == field && frame == ImGui::GetFrameCount() - 1; }
+};
+
+// Draws a number by `draw(double&)`, a Dear ImGui control that reports every key typed into it.
+// Keeps typed text back until the user has finished it. Esc gives back the text that was there.
+template <class Draw>
+bool EditNumber(const char* label, double& value, const Draw& draw) {
+  // One field has the keyboard. The field that had it may be drawn after the one that took it.
+  static Typed typed;
+  static Typed left;
+  const ImGuiID id = ImGui::GetID(label);
+  const Typed before = typed.IsOf(id) ? typed : left.IsOf(id) ? left : Typed{};
+  const bool was_open = before.id == id && ImGui::TempInputIsActive(id);
+  // The control compares its text with this number, whatever palpated has by now.
+  double shown = was_open ? before.opened : value;
+  draw(shown);
+  if (ImGui::TempInputIsActive(id)) {
+    if (typed.id != id) left = typed;
+    typed = {.id = id,
+             .frame = ImGui::GetFrameCount(),
+             .opened = was_open ? before.opened : value,
+             .value = shown};
+    return false;
+  }
+  if (before.id == id) {
+    const double finished = was_open ? shown : before.value;
+    if (typed.id == id) typed = {};
+    if (left.id == id) left = {};
+    if (finished == before.opened) return false;
+    value = finished;
+    return true;
+  }
+  const bool changed = shown != value;
+  value = shown;
+  return changed;
+}
+
+}  // namespace
 
 void BeginPanel(const char* name, const Area& area, ImGuiWindowFlags more) {
   ImGui::SetNextWindowPos(area.min);
@@ -17,8 +66,14 @@ void BeginPanel(const char* name, const Area& area, ImGuiWindowFlags more) {
 
 bool DragDouble(const char* label, double& value, double speed, double least, double most,
                 const char* format) {
-  return ImGui::DragScalar(label, ImGuiDataType_Double, &value, static_cast<float>(speed), &least,
-                           &most, format, ImGuiSliderFlags_AlwaysClamp);
+  return EditNumber(label, value, [&](double& shown) {
+    ImGui::DragScalar(label, ImGuiDataType_Double, &shown, static_cast<float>(speed), &least, &most,
+                      format, ImGuiSliderFlags_AlwaysClamp);
+  });
+}
+
+float ButtonWidth(const char* label) {
+  return ImGui::CalcTextSize(label).x + 2.0f * ImGui::GetStyle().FramePadding.x;
 }
 
 std::string OneLine(std::string_view text, std::size_t most_bytes) {
@@ -48,8 +103,10 @@ bool HeldSlider(Viewer& viewer, const char* label, double& value, double least, 
                 const char* format) {
   const ImGuiID id = ImGui::GetID(label);
   value = viewer.held().Shown(id, value);
-  const bool changed = ImGui::SliderScalar(label, ImGuiDataType_Double, &value, &least, &most,
-                                           format, ImGuiSliderFlags_AlwaysClamp);
+  const bool changed = EditNumber(label, value, [&](double& shown) {
+    ImGui::SliderScalar(label, ImGuiDataType_Double, &shown, &least, &most, format,
+                        ImGuiSliderFlags_AlwaysClamp);
+  });
   viewer.held().Update(id, value, changed, ImGui::IsItemActive());
   return changed;
 }

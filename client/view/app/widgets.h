@@ -22,6 +22,12 @@ namespace palpate::view {
 // ImGui::End afterwards.
 void BeginPanel(const char* name, const Area& area, ImGuiWindowFlags more = 0);
 
+// The width of a button with this text.
+float ButtonWidth(const char* label);
+
+// Draws a number that the user drags, or types after ctrl+click. A dragged number changes at once.
+// A typed number changes when the user presses Enter or leaves the field; Esc restores it. Returns
+// true if the number changed.
 bool DragDouble(const char* label, double& value, double speed, double least, double most,
                 const char* format);
 
@@ -33,7 +39,7 @@ std::string OneLine(std::string_view text, std::size_t most_bytes);
 void UnitText(const std::string& unit);
 
 // Draws a slider for a setting of palpated. Returns true if the user changed it; `value` is then
-// the user's.
+// the user's. A typed value changes as in DragDouble.
 bool HeldSlider(Viewer& viewer, const char* label, double& value, double least, double most,
                 const char* format);
 bool HeldCheckbox(Viewer& viewer, const char* label, bool& value);

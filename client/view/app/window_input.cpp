@@ -4,12 +4,14 @@
 #include <GLFW/glfw3.h>
 #include <backends/imgui_impl_glfw.h>
 #include <imgui.h>
+#include <imgui_internal.h>
 
 #include <algorithm>
 
 namespace palpate::view {
 
-WindowInput::WindowInput(GLFWwindow* window, std::function<void()> stop) : stop_(std::move(stop)) {
+WindowInput::WindowInput(GLFWwindow* window, std::function<void()> stop)
+    : window_(window), stop_(std::move(stop)) {
   glfwSetWindowUserPointer(window, this);
   glfwGetCursorPos(window, &newest_.x, &newest_.y);
   // Installed before Dear ImGui's callbacks, which then call these.
@@ -27,6 +29,8 @@ WindowInput& WindowInput::Of(GLFWwindow* window) {
 
 void WindowInput::BeginFrame() {
   ImGui_ImplGlfw_NewFrame();
+  ShowKeys();
+  if (ImGui::GetActiveID() != escaped_field_) escaped_field_ = 0;
   ImGuiIO& io = ImGui::GetIO();
   bool moved = false;
   way_.clear();
@@ -39,6 +43,7 @@ void WindowInput::BeginFrame() {
     ++shown_;
     io.MousePos = {static_cast<float>(event.x), static_cast<float>(event.y)};
     down_ = event.down;
+    if (changes) io.KeyCtrl = event.ctrl;
     way_.emplace_back(event.x, event.y);
     if (changes) break;
     moved = true;
@@ -47,8 +52,17 @@ void WindowInput::BeginFrame() {
     io.MouseDown[button] = down_[button];
 }
 
+void WindowInput::ShowKeys() {
+  ImGuiIO& io = ImGui::GetIO();
+  const auto is_down = [this](int key) { return glfwGetKey(window_, key) == GLFW_PRESS; };
+  io.KeyCtrl = is_down(GLFW_KEY_LEFT_CONTROL) || is_down(GLFW_KEY_RIGHT_CONTROL);
+  for (const int key : shown_keys_) io.KeysDown[key] = is_down(key);
+  for (const int key : pressed_) io.KeysDown[key] = true;
+  shown_keys_ = std::exchange(pressed_, {});
+}
+
 bool WindowInput::is_urgent() const {
-  return !keys_.empty() ||
+  return !keys_.empty() || !pressed_.empty() ||
          std::any_of(waiting_.begin(), waiting_.end(),
                      [this](const PointerEvent& event) { return event.down != down_; });
 }
@@ -66,10 +80,11 @@ std::vector<KeyPress> WindowInput::TakeKeys() {
 // Uses the letter printed on the key, so that ctrl+Z works on every keyboard layout.
 void WindowInput::OnKey(GLFWwindow* window, int key, int scancode, int action, int modifiers) {
   if (action != GLFW_PRESS) return;
+  if (key >= 0 && key < IM_ARRAYSIZE(ImGuiIO::KeysDown)) Of(window).pressed_.push_back(key);
   KeyPress press{.key = {}, .ctrl = (modifiers & GLFW_MOD_CONTROL) != 0};
   switch (key) {
     case GLFW_KEY_ESCAPE:
-      Of(window).stop_();
+      if (!Of(window).IsForTextField()) Of(window).stop_();
       return;
     case GLFW_KEY_F1:
       press.key = "f1";
@@ -84,10 +99,20 @@ void WindowInput::OnKey(GLFWwindow* window, int key, int scancode, int action, i
   input.keys_.push_back({press, input.shown_ + input.waiting_.size()});
 }
 
-void WindowInput::OnButton(GLFWwindow* window, int button, int action, int) {
+// Asks for the field itself: WantTextInput is a frame old.
+bool WindowInput::IsForTextField() {
+  const ImGuiID field = ImGui::GetActiveID();
+  const bool is_text = field != 0 && ImGui::GetInputTextState(field) != nullptr;
+  const bool is_first = is_text && field != escaped_field_;
+  escaped_field_ = is_text ? field : 0;
+  return is_first;
+}
+
+void WindowInput::OnButton(GLFWwindow* window, int button, int action, int modifiers) {
   WindowInput& input = Of(window);
   if (button < 0 || button >= static_cast<int>(input.newest_.down.size())) return;
   input.newest_.down[static_cast<std::size_t>(button)] = action == GLFW_PRESS;
+  input.newest_.ctrl = (modifiers & GLFW_MOD_CONTROL) != 0;
   // The pointer's place at the last event. GLFW's present place may already be farther.
   input.waiting_.push_back(input.newest_);
 }

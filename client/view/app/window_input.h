@@ -22,7 +22,8 @@ namespace palpate::view {
 
 class WindowInput {
  public:
-  // `stop`: called from within the key's event, independent of frames.
+  // `stop`: called from within the event of Esc, independent of frames. The first Esc in a text
+  // field restores the text instead; the next one stops, even if the field is still open.
   WindowInput(GLFWwindow* window, std::function<void()> stop);
   ~WindowInput();
   WindowInput(const WindowInput&) = delete;
@@ -43,6 +44,7 @@ class WindowInput {
     double x = 0.0;
     double y = 0.0;
     Buttons down{};
+    bool ctrl = false;
   };
 
   struct WaitingKey {
@@ -51,17 +53,25 @@ class WindowInput {
   };
 
   static WindowInput& Of(GLFWwindow* window);
+  bool IsForTextField();
+  void ShowKeys();
   static void OnKey(GLFWwindow* window, int key, int scancode, int action, int modifiers);
   static void OnButton(GLFWwindow* window, int button, int action, int modifiers);
   static void OnMove(GLFWwindow* window, double x, double y);
 
+  GLFWwindow* window_;
   std::function<void()> stop_;
+  unsigned escaped_field_ = 0;  // that the last Esc went to
   std::vector<Eigen::Vector2d> way_;
   Buttons down_{};  // as Dear ImGui knows them
   PointerEvent newest_;
   std::deque<PointerEvent> waiting_;
   std::uint64_t shown_ = 0;  // number of pointer events shown so far
   std::vector<WaitingKey> keys_;
+  // Keys that went down since the last frame, and those that the last frame showed. A key that is
+  // down for less than a frame is shown for one.
+  std::vector<int> pressed_;
+  std::vector<int> shown_keys_;
 };
 
 }  // namespace palpate::view

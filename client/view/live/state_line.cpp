@@ -1,0 +1,102 @@
+#include "client/view/live/state_line.h"
+
+#include <cstdio>
+
+namespace palpate::view {
+namespace {
+
+using client::ConnectionState;
+using client::ForceReason;
+using client::ForceState;
+
+// Says why forces are not on; empty if the state says it already.
+const char* InWords(ForceReason reason) {
+  switch (reason) {
+    case ForceReason::kUnknown:
+    case ForceReason::kNone:
+      return "";
+    case ForceReason::kOperator:
+      return "not enabled";
+    case ForceReason::kDocked:
+      return "the stylus is docked: take it out";
+    case ForceReason::kUncalibrated:
+      return "the device is not calibrated";
+    case ForceReason::kStale:
+      return "readings come late";
+    case ForceReason::kDeadlines:
+      return "the loop misses deadlines";
+    case ForceReason::kDevice:
+      return "the device is gone or broken";
+    case ForceReason::kPosition:
+      return "a position was no number";
+    case ForceReason::kForce:
+      return "a force was no number";
+    case ForceReason::kSpeed:
+      return "the stylus moved too fast";
+    case ForceReason::kStopCall:
+      return "emergency stop";
+    case ForceReason::kStopButton:
+      return "emergency stop by the stylus";
+  }
+  return "";
+}
+
+std::string With(const std::string& state, const std::string& why) {
+  return why.empty() ? state : state + ": " + why;
+}
+
+StateLine OfForces(const client::ForceStatus& forces, const KnownState& known) {
+  const std::string why = forces.reason == ForceReason::kDevice && !known.device_problem.empty()
+                              ? known.device_problem
+                              : InWords(forces.reason);
+  switch (forces.state) {
+    case ForceState::kUnknown:
+      return {Tone::kCaution, "forces unknown"};
+    case ForceState::kOff:
+      return {Tone::kIdle, With("forces off", why), ForceAction::kEnable};
+    case ForceState::kRampIn:
+      return {Tone::kActing, "forces are coming on", ForceAction::kDisable};
+    case ForceState::kOn:
+      if (known.mode == client::ProxyMode::kSuspended) {
+        return {Tone::kIdle, "nothing is felt: the volume is moved or a recording is played",
+                ForceAction::kDisable};
+      }
+      if (known.mode == client::ProxyMode::kFault ||
+          (known.mode == client::ProxyMode::kEjecting && !known.contact)) {
+        return {Tone::kCaution, "nothing is felt: the stylus is inside the object, draw it out",
+                ForceAction::kDisable};
+      }
+      return {Tone::kActing, "forces on", ForceAction::kDisable};
+    case ForceState::kHeld:
+      return {Tone::kCaution, With("forces held back", why), ForceAction::kDisable};
+    case ForceState::kFault:
+      return {Tone::kAlarm, With("forces off after a fault", why), ForceAction::kEnable};
+    case ForceState::kStopped:
+      return {Tone::kAlarm, With("forces stopped", why), ForceAction::kEnable};
+  }
+  return {Tone::kCaution, "forces unknown"};
+}
+
+}  // namespace
+
+StateLine StateOf(const KnownState& known) {
+  if (known.disconnected) return {Tone::kIdle, "not connected"};
+  switch (known.connection) {
+    case ConnectionState::kConnecting:
+      return {Tone::kCaution, "connecting: forces unknown"};
+    case ConnectionState::kLost:
+      return {Tone::kAlarm, "connection lost: forces unknown"};
+    case ConnectionState::kConnected:
+      break;
+  }
+  if (known.silent_s) {
+    char seconds[32];
+    std::snprintf(seconds, sizeof seconds, "%.1f", *known.silent_s);
+    return {Tone::kAlarm,
+            std::string("palpated sends nothing for ") + seconds + " s: forces unknown"};
+  }
+  if (!known.forces) return {Tone::kCaution, "no pose yet: forces unknown"};
+  return OfForces(*known.forces, known);
+}
+
+}  // namespace palpate::view
