@@ -110,7 +110,9 @@ void Add(const TokenValues& values) {
 }
 
 void List(const TokenValues& values) {
-  for (const StoredToken& token : ReadTokenFile(values.file)) {
+  const std::vector<StoredToken> tokens = ReadTokenFile(values.file);
+  if (tokens.empty()) std::fprintf(stderr, "%s has no tokens.\n", values.file.c_str());
+  for (const StoredToken& token : tokens) {
     std::printf("%-24s %-10s%s\n", token.name.c_str(), NameOf(token.role).data(),
                 token.expires ? ("until " + ToText(*token.expires)).c_str() : "");
   }
@@ -125,6 +127,8 @@ void Revoke(const TokenValues& values) {
   }
   tokens.erase(at);
   WriteTokenFile(values.file, tokens);
+  std::fprintf(stderr, "%s is revoked: palpated ends its streams within seconds.\n",
+               values.name.c_str());
 }
 
 }  // namespace
