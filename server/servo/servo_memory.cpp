@@ -182,6 +182,9 @@ bool IsPlace(const Place& place) {
   return false;
 }
 
+// Normalised isovalues lie within 0 and 1, or their negatives. The next one starts there.
+constexpr double kGreatestIsovalue = 2.0;
+
 // Checks that indices stay within their arrays and lattices, and that lengths are finite.
 bool IsInRange(const ServoMemory& memory) {
   const RendererMemory& renderer = memory.renderer;
@@ -189,8 +192,9 @@ bool IsInRange(const ServoMemory& memory) {
   const PassivityState& passivity = renderer.passivity;
   const bool on_simplex = proxy.placed && proxy.place.kind == Place::Kind::kSimplex;
   return IsPlace(proxy.place) && IsPosition(proxy.p_DH_mm) && proxy.buried_steps >= 0 &&
-         (renderer.has_hip || !proxy.placed) && (on_simplex || !proxy.on_surface) &&
-         IsPosition(renderer.p_DHip_mm) && IsPosition(renderer.p_DLastHip_mm) &&
+         std::abs(proxy.isovalue) <= kGreatestIsovalue && (renderer.has_hip || !proxy.placed) &&
+         (on_simplex || !proxy.on_surface) && IsPosition(renderer.p_DHip_mm) &&
+         IsPosition(renderer.p_DLastHip_mm) &&
          renderer.friction.normal_D.norm() < 1.0 + kUnitTolerance && passivity.positions >= 0 &&
          passivity.positions <= PassivityState::kPositionsKept && passivity.newest >= 0 &&
          passivity.newest < PassivityState::kPositionsKept;

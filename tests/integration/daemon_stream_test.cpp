@@ -139,6 +139,13 @@ INSTANTIATE_TEST_SUITE_P(
                           "paper/SUBST_head_ct_cranium_256x256x108_int16.nrrd", 0.33},
                       std::pair<std::string, double>{"medical/dicom_mr_brain_20", 0.22}));
 
+double NewestIsovalue(Daemon& daemon) {
+  PoseCollector collector(daemon);
+  daemon.WaitForTicks(20);
+  const auto& samples = collector.Stop();
+  return samples.empty() ? 0.0 : samples.back().isovalue();
+}
+
 TEST(Isovalue, IsAppliedAtTheTickThatTheAnswerNames) {
   Daemon daemon(test::kPalpated, {"--volume", "builtin:bumps:64"});
   ASSERT_TRUE(WaitForContact(daemon));
@@ -161,23 +168,24 @@ TEST(Isovalue, IsAppliedAtTheTickThatTheAnswerNames) {
     changes.push_back(change);
     std::this_thread::sleep_for(milliseconds(7));
   }
-  std::this_thread::sleep_for(milliseconds(1000));
+  EXPECT_TRUE(Eventually([&] { return NewestIsovalue(daemon) == changes.back().isovalue; }));
   const auto& samples = collector.Stop();
 
   // Under a stylus that touches, the isovalue begins to move in that tick.
   std::size_t at = 0, checked = 0;
   double last = samples.front().isovalue();
+  std::uint64_t last_tick = samples.front().tick();
   for (const v1::PoseSample& sample : samples) {
     while (at < changes.size() && sample.tick() >= changes[at].response.applied_tick()) ++at;
     const double before = std::exchange(last, sample.isovalue());
-    if (at == 0) continue;
+    const bool next = sample.tick() == std::exchange(last_tick, sample.tick()) + 1;
+    if (at == 0 || !next) continue;
     const Change& change = changes[at - 1];
     ASSERT_EQ(sample.settings_revision(), change.response.settings_revision());
     const double left = std::abs(last - change.isovalue);
     ASSERT_TRUE(left == 0.0 || left < std::abs(before - change.isovalue)) << sample.tick();
     ++checked;
   }
-  EXPECT_EQ(last, changes.back().isovalue);
   std::sort(latency_ms.begin(), latency_ms.end());
   const double p99_ms = latency_ms[latency_ms.size() * 99 / 100];
   const Summary summary = Summarize(samples);
@@ -193,7 +201,8 @@ TEST(Isovalue, IsAppliedAtTheTickThatTheAnswerNames) {
 
 // Greatest force, and what must never be met, of a hand on a head.
 struct Met {
-  std::size_t contacts = 0, faults = 0, jumps = 0;
+  std::size_t samples = 0, contacts = 0, faults = 0, jumps = 0;
+  std::size_t lost = 0;  // inside the object, where nothing is felt
   double greatest_n = 0.0;
 };
 
@@ -211,10 +220,12 @@ Met Feel(Daemon& daemon, int count, const std::function<double()>& next_isovalue
   }
   const auto& samples = collector.Stop();
   Met met;
+  met.samples = samples.size();
   met.jumps = Summarize(samples).jumps;
   for (const v1::PoseSample& sample : samples) {
     met.contacts += sample.contact();
     met.faults += sample.mode() == v1::PROXY_MODE_FAULT;
+    met.lost += sample.mode() == v1::PROXY_MODE_EJECTING && !sample.contact();
     met.greatest_n = std::max(met.greatest_n, Distance(sample.force_n(), {}));
   }
   return met;
@@ -234,8 +245,10 @@ TEST(Isovalue, FromBoneToAirAndBackAtRandomIsCarried) {
   const Met moved = Feel(daemon, 60, [&] { return uniform(random) < 0.5 ? 0.05 : 0.33; });
   const Met air = Feel(daemon, 30, [] { return 0.05; });
   for (const auto& [name, met] : {std::pair{"bone", bone}, {"moved", moved}, {"air", air}}) {
-    std::printf("%s: %zu in contact, %zu faults, %zu force jumps, at most %.3f N\n", name,
-                met.contacts, met.faults, met.jumps, met.greatest_n);
+    std::printf(
+        "%s: %zu samples, %zu in contact, %zu lost, %zu faults, %zu force jumps, "
+        "at most %.3f N\n",
+        name, met.samples, met.contacts, met.lost, met.faults, met.jumps, met.greatest_n);
   }
   EXPECT_EQ(moved.faults + air.faults, 0u);
   EXPECT_EQ(moved.jumps + air.jumps, 0u);

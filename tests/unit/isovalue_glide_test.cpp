@@ -140,6 +140,7 @@ TEST(IsovalueGlide, AnotherVolumeOrSideBeginsWithItsOwn) {
 // What a hand meets that goes into the bone and out of the tissue.
 struct Met {
   int touching = 0;
+  int lost = 0;  // inside the object, where nothing is felt
   int faults = 0;
   double greatest_n = 0.0;
   double greatest_step_n = 0.0;
@@ -162,6 +163,7 @@ Met GoInAndOut(bool jumps) {
     const double radius_mm = 10.5 + 3.5 * std::cos(n * 2e-3);
     const TickSample sample = hand.Tick(radius_mm * direction);
     met.touching += sample.contact;
+    met.lost += sample.mode == TickMode::kEjecting && !sample.contact;
     met.greatest_n = std::max(met.greatest_n, hand.last_force_n.norm());
     EXPECT_LE(sample.density, sample.isovalue + 1e-12) << n;
   }

@@ -240,6 +240,16 @@ TEST(ServoKeyframe, CountsOfTicksDoNotOverflow) {
   EXPECT_EQ(after.renderer.proxy.buried_steps, std::numeric_limits<int>::max());
 }
 
+TEST(ServoKeyframe, AnIsovalueThatIsNoneIsRefused) {
+  Touch touch;
+  ServoMemory after;
+  ASSERT_TRUE(Load(Save(touch.memory).view(), after));
+  for (const double bad : {std::numeric_limits<double>::quiet_NaN(), 1e300, -1e300}) {
+    touch.memory.renderer.proxy.isovalue = bad;
+    EXPECT_FALSE(Load(Save(touch.memory).view(), after)) << bad;
+  }
+}
+
 // What is no keyframe is refused, or at least harmless: every byte is tried.
 TEST(ServoKeyframe, DamagedOnesDoNoHarm) {
   const Touch touch;

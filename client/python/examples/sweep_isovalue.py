@@ -31,13 +31,15 @@ def parse_arguments() -> argparse.Namespace:
 
 
 def felt_at(conn: palpate.Connection, normalized: float, seconds: float) -> palpate.Poses:
-    """Sets the isovalue and returns the poses of the next seconds."""
-    applied = conn.settings.update(normalized_isovalue=normalized)
+    """Sets the isovalue and returns the poses of the seconds after it has arrived."""
+    conn.settings.normalized_isovalue = normalized
+    isovalue = conn.settings.isovalue
     batches: list[palpate.Poses] = []
     # Many batches may wait, because every sample is needed.
     with conn.poses(rate_hz=1000, batch=50, waiting=100) as stream:
         for poses in stream:
-            if poses.tick[0] >= applied.applied_tick:
+            # Under a stylus that touches, the isovalue takes a moment.
+            if batches or poses.isovalue[0] == isovalue:
                 batches.append(poses)
             if batches and (poses.time_ns[-1] - batches[0].time_ns[0]) / 1e9 >= seconds:
                 return palpate.Poses.concatenate(batches)

@@ -19,7 +19,7 @@ int main(int argc, char** argv) try {
   std::printf("tick %llu: tip at %.1f %.1f %.1f mm, %.2f N\n",
               static_cast<unsigned long long>(pose.tick), pose.hip_mm.x(), pose.hip_mm.y(),
               pose.hip_mm.z(), pose.force_n.norm());
-  const double isovalue = argc > 2 ? std::atof(argv[2]) : pose.isovalue;
+  const double isovalue = argc > 2 ? std::atof(argv[2]) : client.GetSettings().isovalue;
   const auto set = client.Set({.isovalue = isovalue});
   std::printf("isovalue %g from tick %llu on\n", set.settings.isovalue,
               static_cast<unsigned long long>(set.applied_tick));
