@@ -1,0 +1,287 @@
+#include "server/device/guided_script.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+#include "common/error/error.h"
+
+namespace palpate {
+namespace {
+
+// At most so fast, half way between two strokes.
+constexpr double kArcMmPerS = 130.0;
+constexpr double kShortestArcS = 0.2;
+constexpr double kSlideMmPerS2 = 400.0;
+constexpr double kFollowS = 0.012;
+
+// Felt forces that the hand holds against. It slows down from the first on, and stands still at
+// the second: something is in its way.
+constexpr double kSlowingN = 1.2;
+constexpr double kHeldForceN = 2.0;
+// More than the stroke's depth explains, whatever the friction: the surface holds the proxy
+// somewhere else.
+constexpr double kMostFriction = 2.3;
+constexpr double kUnexplainedN = 0.3;
+constexpr double kCaughtS = 0.3;
+constexpr double kBeyondMm = 3.0;  // so far past the place that holds it
+constexpr int kTimesCaught = 4;    // then the hand explores for a while
+constexpr double kUnguidedS = 3.0;
+constexpr double kAwayMm = 8.0;
+constexpr double kMostAwayMm = 12.0;
+
+// A stroke of a new plan that passes so near goes on where the old one was.
+constexpr double kSameStrokeMm = 3.0;
+constexpr double kLeastLiftMm = 3.0;
+constexpr double kMostLiftMm = 15.0;
+constexpr double kLiftPerMm = 0.3;
+
+constexpr double kMmPerM = 1000.0;
+
+// Rises from 0 to 1 with the least jerk; its steepest slope is 1.875.
+double MinimumJerk(double t) { return t * t * t * (10.0 + t * (6.0 * t - 15.0)); }
+constexpr double kSteepestJerkSlope = 1.875;
+
+Vec3 Limited(const Vec3& v, double length) {
+  const double norm = v.norm();
+  return norm > length ? Vec3(v * (length / norm)) : v;
+}
+
+constexpr std::size_t kEndsOnly = std::numeric_limits<std::size_t>::max();
+constexpr std::size_t kNone = std::numeric_limits<std::size_t>::max();
+
+}  // namespace
+
+struct GuidedScript::Nearest {
+  double distance_mm = std::numeric_limits<double>::max();
+  std::size_t stroke = 0;
+  std::size_t point = 0;
+  bool IsFound() const { return distance_mm < std::numeric_limits<double>::max(); }
+};
+
+// Of the points of each stroke that are `step` apart, and the last one.
+GuidedScript::Nearest GuidedScript::NearestPoint(const TouchPlan& plan, const Vec3& p_mm,
+                                                 std::size_t step, std::size_t other_than) {
+  Nearest nearest;
+  for (std::size_t stroke = 0; stroke < plan.strokes.size(); ++stroke) {
+    if (stroke == other_than) continue;
+    const std::vector<TouchPoint>& points = plan.strokes[stroke].points;
+    const std::size_t last = points.size() - 1;
+    for (std::size_t point = 0;; point += std::min(step, last - point)) {
+      const double distance_mm = (points[point].p_DHand_mm - p_mm).norm();
+      if (distance_mm < nearest.distance_mm) nearest = {distance_mm, stroke, point};
+      if (point == last) break;
+    }
+  }
+  return nearest;
+}
+
+GuidedScript::GuidedScript(std::unique_ptr<StylusScript> unguided, TouchPlanInbox& plans)
+    : unguided_(std::move(unguided)), plans_(plans) {
+  if (unguided_ == nullptr) {
+    throw Error(ErrorKind::kInvalidArgument,
+                "a guided hand needs a script for where it has no plan");
+  }
+}
+
+StylusScript::Target GuidedScript::Next(const HandState& hand, const Vec3& felt_force_D_n,
+                                        double dt_s) noexcept {
+  // Without time, the hand is asked where it begins: it is nowhere yet.
+  if (dt_s > 0.0) TakePlan(plans_.Acquire(), hand);
+  if (phase_ == Phase::kUnguided) {
+    unguided_left_s_ -= dt_s;
+    return unguided_->Next(hand, felt_force_D_n, dt_s);
+  }
+  if (IsCaught(felt_force_D_n, dt_s)) {
+    if (++times_caught_ < kTimesCaught) {
+      BeginFreeing(felt_force_D_n);
+    } else {
+      GiveUp(hand);
+    }
+  }
+  const double pace =
+      std::clamp((kHeldForceN - felt_force_D_n.norm()) / (kHeldForceN - kSlowingN), 0.0, 1.0);
+  hand_.Follow(Goal(phase_ == Phase::kStroke || phase_ == Phase::kArc ? pace * dt_s : dt_s), dt_s);
+  if (phase_ == Phase::kUnguided) return unguided_->Next(hand, felt_force_D_n, dt_s);
+  // Where the spring's end must be for the hand to be at hand_.p_mm.
+  const Vec3 pull_n = kHandDamperNsPerMm * hand_.v_mm_s + (kHandMassKg / kMmPerM) * hand_.a_mm_s2 -
+                      Limited(felt_force_D_n, kHeldForceN);
+  return {.p_DTarget_mm = hand_.p_mm + pull_n / kHandSpringNPerMm, .buttons = 0};
+}
+
+// Two poles, both at 1 / kFollowS.
+void GuidedScript::Follower::Follow(const Vec3& p_DGoal_mm, double dt_s) {
+  const double step_s = std::min(dt_s, kFollowS);
+  a_mm_s2 = ((p_DGoal_mm - p_mm) / kFollowS - 2.0 * v_mm_s) / kFollowS;
+  v_mm_s += a_mm_s2 * step_s;
+  p_mm += v_mm_s * step_s;
+}
+
+void GuidedScript::TakePlan(const TouchPlan* plan, const HandState& hand) {
+  // The handoff keeps a plan until this has acquired the next: two have two addresses.
+  const bool is_new = plan != plan_;
+  plan_ = plan;
+  const bool has_strokes = plan != nullptr && !plan->strokes.empty();
+  const bool is_guided = phase_ != Phase::kUnguided && phase_ != Phase::kReturn;
+  if (!has_strokes) {
+    if (is_guided) GiveUp(hand);
+  } else if (is_new || (phase_ == Phase::kUnguided && unguided_left_s_ <= 0.0)) {
+    BeginPlan(hand);
+  }
+}
+
+void GuidedScript::BeginPlan(const HandState& hand) {
+  if (phase_ == Phase::kUnguided) hand_ = {.p_mm = hand.p_DHip_mm, .v_mm_s = hand.v_DHip_mm_s};
+  constexpr std::size_t kLookStep = 4;
+  const Nearest point = NearestPoint(*plan_, hand_.p_mm, kLookStep);
+  if (phase_ == Phase::kStroke && point.distance_mm < kSameStrokeMm) {
+    stroke_ = point.stroke;
+    place_ = static_cast<double>(point.point);
+    return;
+  }
+  const Nearest end = NearestPoint(*plan_, hand_.p_mm, kEndsOnly);
+  EnterAt(end);
+  BeginArcToStroke(std::clamp(kLiftPerMm * end.distance_mm, kLeastLiftMm, kMostLiftMm));
+}
+
+void GuidedScript::BeginArc(const TouchArc& arc, Phase phase) {
+  arc_ = arc;
+  arc_s_ = 0.0;
+  arc_whole_s_ = std::max(kShortestArcS, kSteepestJerkSlope * arc.FastestMm() / kArcMmPerS);
+  caught_s_ = 0.0;
+  phase_ = phase;
+}
+
+void GuidedScript::BeginStroke() {
+  phase_ = Phase::kStroke;
+  slide_step_ = EntersAtLast() ? -1 : 1;
+  place_ = EntersAtLast() ? static_cast<double>(stroke().points.size() - 1) : 0.0;
+  slide_mm_s_ = 0.0;
+  stroke_s_ = 0.0;
+  caught_s_ = 0.0;
+}
+
+const TouchPoint& GuidedScript::EndOf(std::size_t stroke, bool last) const {
+  const std::vector<TouchPoint>& points = plan_->strokes[stroke].points;
+  return last ? points.back() : points.front();
+}
+
+bool GuidedScript::IsAtTourEnd() const {
+  return tour_step_ > 0 ? stroke_ + 1 == plan_->strokes.size() : stroke_ == 0;
+}
+
+// To the next stroke of the tour; at its end, back along the same one.
+void GuidedScript::LeaveStroke() {
+  if (IsAtTourEnd()) {
+    tour_step_ = -tour_step_;
+    BeginStroke();
+    return;
+  }
+  const std::size_t left = stroke_;
+  stroke_ += static_cast<std::size_t>(tour_step_);
+  BeginArcToStroke(plan_->strokes[std::min(left, stroke_)].lift_to_next_mm);
+}
+
+// To where the proxy is, and out of the surface there.
+void GuidedScript::BeginFreeing(const Vec3& felt_force_D_n) {
+  normal_D_ = felt_force_D_n.normalized();
+  const double away_mm =
+      std::min(felt_force_D_n.norm() / std::max(plan_->stiffness_n_per_mm, 0.1), kMostAwayMm);
+  BeginArc(TouchArc(hand_.p_mm, normal_D_, hand_.p_mm + (away_mm + kBeyondMm) * normal_D_,
+                    normal_D_, 0.0),
+           Phase::kFreeing);
+}
+
+// The nearest stroke that is another one, where there is one.
+void GuidedScript::BeginOtherStroke() {
+  const Nearest end = NearestPoint(*plan_, hand_.p_mm, kEndsOnly, stroke_);
+  if (end.IsFound()) EnterAt(end);
+  BeginArcToStroke(kAwayMm);
+}
+
+void GuidedScript::EnterAt(const Nearest& end) {
+  stroke_ = end.stroke;
+  tour_step_ = end.point == 0 ? 1 : -1;
+}
+
+void GuidedScript::BeginArcToStroke(double lift_mm) {
+  const TouchPoint& to = EndOf(stroke_, EntersAtLast());
+  BeginArc(TouchArc(hand_.p_mm, normal_D_, to.p_DHand_mm, to.normal_D, lift_mm), Phase::kArc);
+}
+
+// Goes, by the straight way, to where the other script is.
+void GuidedScript::GiveUp(const HandState& hand) {
+  times_caught_ = 0;
+  unguided_left_s_ = kUnguidedS;
+  const Vec3 to_mm = unguided_->Next(hand, Vec3::Zero(), 0.0).p_DTarget_mm;
+  BeginArc(TouchArc(hand_.p_mm, Vec3::Zero(), to_mm, Vec3::Zero(), 0.0), Phase::kReturn);
+}
+
+bool GuidedScript::IsCaught(const Vec3& felt_force_D_n, double dt_s) {
+  if (phase_ != Phase::kStroke && phase_ != Phase::kArc) return false;
+  double expected_n = kHeldForceN - kUnexplainedN;
+  if (phase_ == Phase::kStroke) {
+    const auto here = static_cast<std::size_t>(place_);
+    const TouchPoint& point = stroke().points[std::min(here, stroke().points.size() - 1)];
+    const double depth_mm = (point.p_DHand_mm - point.p_D_mm).norm();
+    expected_n = std::min(expected_n, kMostFriction * plan_->stiffness_n_per_mm * depth_mm);
+  }
+  const bool is_more = felt_force_D_n.norm() > expected_n + kUnexplainedN - 0.05;
+  caught_s_ = is_more ? caught_s_ + dt_s : 0.0;
+  return caught_s_ > kCaughtS;
+}
+
+Vec3 GuidedScript::Goal(double dt_s) {
+  return phase_ == Phase::kStroke ? GoalOnStroke(dt_s) : GoalOnArc(dt_s);
+}
+
+Vec3 GuidedScript::GoalOnArc(double dt_s) {
+  arc_s_ += dt_s;
+  if (arc_s_ >= arc_whole_s_) {
+    const Vec3 to_mm = arc_.p_DTo_mm;
+    if (phase_ == Phase::kReturn) {
+      phase_ = Phase::kUnguided;
+      normal_D_ = Vec3::Zero();
+    } else if (phase_ == Phase::kFreeing) {
+      BeginOtherStroke();
+    } else {
+      BeginStroke();
+    }
+    return to_mm;
+  }
+  return arc_.At(MinimumJerk(arc_s_ / arc_whole_s_));
+}
+
+Vec3 GuidedScript::GoalOnStroke(double dt_s) {
+  const std::vector<TouchPoint>& points = stroke().points;
+  stroke_s_ += dt_s;
+  const auto last = static_cast<double>(points.size() - 1);
+  const double left = slide_step_ > 0 ? last - place_ : place_;
+  if (left <= 0.0) {
+    const bool is_exit = points.size() == 1 || (slide_step_ < 0) == EntersAtLast();
+    slide_mm_s_ = 0.0;
+    normal_D_ = EndOf(stroke_, slide_step_ > 0).normal_D;
+    const Vec3 here_mm = EndOf(stroke_, slide_step_ > 0).p_DHand_mm;
+    if (is_exit && stroke_s_ >= stroke().least_s) {
+      times_caught_ = 0;
+      LeaveStroke();
+    } else if (points.size() > 1) {
+      slide_step_ = -slide_step_;
+    }
+    return here_mm;
+  }
+  const auto low = static_cast<std::size_t>(std::min(place_, last - 1e-9));
+  const TouchPoint& a = points[low];
+  const TouchPoint& b = points[low + 1];
+  const Vec3 way_mm = b.p_DHand_mm - a.p_DHand_mm;
+  const double length_mm = std::max(way_mm.norm(), 1e-3);
+  const double braking_mm_s = std::sqrt(2.0 * kSlideMmPerS2 * left * length_mm);
+  slide_mm_s_ = std::min({slide_mm_s_ + kSlideMmPerS2 * dt_s, a.speed_mm_s, braking_mm_s + 1.0});
+  place_ = std::clamp(place_ + slide_step_ * slide_mm_s_ * dt_s / length_mm, 0.0, last);
+  normal_D_ = a.normal_D;
+  const double share = place_ - static_cast<double>(low);
+  return a.p_DHand_mm + std::clamp(share, 0.0, 1.0) * way_mm;
+}
+
+}  // namespace palpate

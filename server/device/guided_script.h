@@ -1,0 +1,89 @@
+// A script whose hand follows a plan of touches, and explores by touch alone while
+// it has none.
+//
+//   stroke  the hand slides along the points of a stroke, to and fro, for its time
+//   arc     the hand lifts off, goes through free space to the next stroke, and
+//           comes down on it; after a new plan, to the nearest stroke
+//   free    where the force says that the proxy is held elsewhere: the hand goes there, lifts
+//           off, and takes another stroke
+//   other   without a plan, or where it is caught again and again: the other script's
+//
+// The hand goes where the plan has it: it knows its own mass, spring and damper, and
+// holds against the force it feels, up to kHeldForceN.
+//
+// Frame D, mm, N, s. Threads and real-time: as StylusScript; plans come by a
+// wait-free handoff. A new plan costs a tick one look at each stroke's points.
+// The same inputs and plans at the same ticks give the same bits.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+
+#include "server/device/stylus_script.h"
+#include "server/device/touch_plan.h"
+
+namespace palpate {
+
+class GuidedScript final : public StylusScript {
+ public:
+  // Borrows the inbox, of which it is the reader. Throws Error without a script.
+  GuidedScript(std::unique_ptr<StylusScript> unguided, TouchPlanInbox& plans);
+
+  Target Next(const HandState& hand, const Vec3& felt_force_D_n, double dt_s) noexcept override;
+
+ private:
+  enum class Phase : std::uint8_t { kUnguided, kReturn, kArc, kStroke, kFreeing };
+  struct Nearest;
+
+  // A smooth point that follows another one, with its derivatives.
+  struct Follower {
+    Vec3 p_mm = Vec3::Zero();
+    Vec3 v_mm_s = Vec3::Zero();
+    Vec3 a_mm_s2 = Vec3::Zero();
+    void Follow(const Vec3& p_DGoal_mm, double dt_s);
+  };
+
+  void TakePlan(const TouchPlan* plan, const HandState& hand);
+  void BeginPlan(const HandState& hand);
+  void BeginArc(const TouchArc& arc, Phase phase);
+  void BeginStroke();
+  bool IsAtTourEnd() const;
+  void LeaveStroke();
+  void BeginFreeing(const Vec3& felt_force_D_n);
+  void BeginOtherStroke();
+  void EnterAt(const Nearest& end);
+  void BeginArcToStroke(double lift_mm);
+  void GiveUp(const HandState& hand);
+  bool IsCaught(const Vec3& felt_force_D_n, double dt_s);
+  static Nearest NearestPoint(const TouchPlan& plan, const Vec3& p_mm, std::size_t step,
+                              std::size_t other_than = static_cast<std::size_t>(-1));
+  Vec3 Goal(double dt_s);
+  Vec3 GoalOnArc(double dt_s);
+  Vec3 GoalOnStroke(double dt_s);
+  const TouchStroke& stroke() const { return plan_->strokes[stroke_]; }
+  const TouchPoint& EndOf(std::size_t stroke, bool last) const;
+  bool EntersAtLast() const { return tour_step_ < 0; }
+
+  std::unique_ptr<StylusScript> unguided_;
+  TouchPlanInbox& plans_;
+  const TouchPlan* plan_ = nullptr;  // valid until the next Acquire
+
+  Phase phase_ = Phase::kUnguided;
+  std::size_t stroke_ = 0;
+  int tour_step_ = 1;  // -1: on the way back
+  TouchArc arc_;
+  double arc_s_ = 0.0;  // time on it
+  double arc_whole_s_ = 0.0;
+  double place_ = 0.0;       // on the stroke, in points
+  int slide_step_ = 1;       // along its points
+  double slide_mm_s_ = 0.0;  // speed
+  double stroke_s_ = 0.0;    // time on it
+  double caught_s_ = 0.0;
+  int times_caught_ = 0;  // since a stroke was done
+  double unguided_left_s_ = 0.0;
+  Vec3 normal_D_ = Vec3::Zero();  // of the surface that was touched last; zero: none
+  Follower hand_;
+};
+
+}  // namespace palpate

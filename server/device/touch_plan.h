@@ -1,0 +1,83 @@
+// Where the simulated hand is to touch the surface, and in which order.
+//
+// A tour of strokes. The hand enters a stroke at one end, slides along its points,
+// leaves at the other end, and goes through free space to the next one. At the end
+// of the tour it goes back the same way, so that every way between two strokes is
+// one that the planner has checked.
+//
+// Frame D (mm). Threads: plain values; made off the servo thread, read on it.
+// Ownership: TouchPlanInbox owns what was published, as SnapshotHandoff says.
+#pragma once
+
+#include <algorithm>
+#include <vector>
+
+#include "common/geometry/geometry.h"
+#include "server/realtime/snapshot_handoff.h"
+
+namespace palpate {
+
+struct TouchPoint {
+  Vec3 p_D_mm = Vec3::Zero();      // on the surface
+  Vec3 normal_D = Vec3::UnitZ();   // unit, towards free space
+  Vec3 p_DHand_mm = Vec3::Zero();  // where the hand is to be: below the surface
+  double speed_mm_s = 0.0;         // of a slide past this point
+};
+
+struct TouchStroke {
+  std::vector<TouchPoint> points;  // at least one; neighbours are less than a millimetre apart
+  double least_s = 0.0;            // the hand stays for so long, going to and fro
+  double lift_to_next_mm = 0.0;    // of the way to the next stroke: see TouchArc
+};
+
+struct TouchPlan {
+  std::vector<TouchStroke> strokes;  // none: there is nothing to touch
+  double stiffness_n_per_mm = 0.0;   // of the surface, for what the hand expects to feel
+};
+
+// The way from one touch to another: a cubic that leaves along one normal and
+// arrives along the other.
+struct TouchArc {
+  Vec3 p_DFrom_mm = Vec3::Zero();
+  Vec3 p_DLeaving_mm = Vec3::Zero();
+  Vec3 p_DArriving_mm = Vec3::Zero();
+  Vec3 p_DTo_mm = Vec3::Zero();
+
+  TouchArc() = default;
+  // `lift_mm`: how far the control points stand off.
+  TouchArc(const Vec3& p_DFrom, const Vec3& leaving_D, const Vec3& p_DTo, const Vec3& arriving_D,
+           double lift_mm)
+      : p_DFrom_mm(p_DFrom),
+        p_DLeaving_mm(p_DFrom + lift_mm * leaving_D),
+        p_DArriving_mm(p_DTo + lift_mm * arriving_D),
+        p_DTo_mm(p_DTo) {}
+
+  // s from 0 to 1.
+  Vec3 At(double s) const {
+    const double r = 1.0 - s;
+    return r * r * r * p_DFrom_mm + 3.0 * r * r * s * p_DLeaving_mm +
+           3.0 * r * s * s * p_DArriving_mm + s * s * s * p_DTo_mm;
+  }
+  // Greatest length of the derivative by s.
+  double FastestMm() const {
+    double fastest_mm = 0.0;
+    constexpr int kLooks = 8;
+    for (int look = 0; look <= kLooks; ++look) {
+      const double s = static_cast<double>(look) / kLooks, r = 1.0 - s;
+      const Vec3 derivative = 3.0 * (r * r * (p_DLeaving_mm - p_DFrom_mm) +
+                                     2.0 * r * s * (p_DArriving_mm - p_DLeaving_mm) +
+                                     s * s * (p_DTo_mm - p_DArriving_mm));
+      fastest_mm = std::max(fastest_mm, derivative.norm());
+    }
+    return fastest_mm;
+  }
+  // At least the arc's own.
+  double LengthMm() const {
+    return (p_DLeaving_mm - p_DFrom_mm).norm() + (p_DArriving_mm - p_DLeaving_mm).norm() +
+           (p_DTo_mm - p_DArriving_mm).norm();
+  }
+};
+
+using TouchPlanInbox = SnapshotHandoff<TouchPlan>;
+
+}  // namespace palpate
