@@ -1,0 +1,215 @@
+#include "server/guide/touch_planner.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <numeric>
+#include <optional>
+
+#include "server/guide/touch_strokes.h"
+
+namespace palpate {
+namespace {
+
+constexpr double kLongMm = 8.0;  // a stroke that shows something
+constexpr std::array kLiftsMm = {2.0, 4.0, 8.0, 16.0, 30.0};
+constexpr std::size_t kNearestTried = 8;
+
+// Whether one gets from the point, at least along one of a few lines, out of the volume.
+bool IsInTheOpen(SurfaceProbe& probe, const SurfacePoint& point, const Vec3& middle_D_mm) {
+  const double step_mm = 0.8 * probe.surface().voxel_mm;
+  const Vec3 outwards = (point.p_D_mm - middle_D_mm).normalized();
+  for (const Vec3& away :
+       {point.normal_D, Vec3(point.normal_D + outwards), Vec3(point.normal_D + Vec3::UnitZ())}) {
+    if (away.norm() < 0.1) continue;
+    const Vec3 step = step_mm * away.normalized();
+    Vec3 p_D_mm = point.p_D_mm + 1.25 * probe.surface().voxel_mm * point.normal_D;
+    while (probe.IsInLattice(p_D_mm) && !probe.IsMaterial(p_D_mm)) p_D_mm += step;
+    if (!probe.IsInLattice(p_D_mm)) return true;
+  }
+  return false;
+}
+
+// Points that are not near a stroke that there is.
+class Coverage {
+ public:
+  void Add(const TouchStroke& stroke) {
+    constexpr std::size_t kEach = 6;
+    for (std::size_t n = 0; n < stroke.points.size(); n += kEach) {
+      covered_mm_.push_back(stroke.points[n].p_D_mm);
+    }
+  }
+  bool Has(const Vec3& p_D_mm, double within_mm) const {
+    return std::any_of(covered_mm_.begin(), covered_mm_.end(), [&](const Vec3& covered) {
+      return (covered - p_D_mm).squaredNorm() < within_mm * within_mm;
+    });
+  }
+
+ private:
+  std::vector<Vec3> covered_mm_;
+};
+
+class StrokeMaker {
+ public:
+  StrokeMaker(SurfaceProbe& probe, const DeviceSpec& device, double depth_mm,
+              const GuideBudget& budget)
+      : probe_(probe), device_(device), depth_mm_(depth_mm), budget_(budget) {}
+
+  std::vector<TouchStroke> Make(const std::vector<SurfacePoint>& points) {
+    const HapticSurface& surface = probe_.surface();
+    const Vec3 middle_I = 0.5 * (surface.volume->size() - Vec3i::Ones()).cast<double>();
+    const Vec3 middle_D_mm = surface.X_DI.Apply(middle_I);
+    std::vector<SurfacePoint> open, hidden;
+    const std::int64_t most_reads = budget_.reads / 3;
+    for (const SurfacePoint& point : points) {
+      if (probe_.reads() > most_reads) break;
+      const bool is_open = surface.IsFreeOutside() && IsInTheOpen(probe_, point, middle_D_mm);
+      (is_open ? open : hidden).push_back(point);
+    }
+    constexpr std::size_t kFew = 8;
+    Spread(open);
+    if (long_.size() + short_.size() < kFew) Spread(hidden);
+    // Dust only where there is little else.
+    if (long_.size() < kFew) long_.insert(long_.end(), short_.begin(), short_.end());
+    return long_.empty() ? std::move(unsteady_) : std::move(long_);
+  }
+
+ private:
+  // First far from each other, then nearer and nearer.
+  void Spread(const std::vector<SurfacePoint>& points) {
+    const Vec3 sizes_mm = device_.workspace_max_mm - device_.workspace_min_mm;
+    std::vector<bool> is_used(points.size(), false);
+    for (double apart_mm = sizes_mm.minCoeff() / 3.0; apart_mm > 2.0; apart_mm *= 0.6) {
+      for (std::size_t n = 0; n < points.size(); ++n) {
+        if (IsEnough()) return;
+        if (is_used[n] || coverage_.Has(points[n].p_D_mm, apart_mm)) continue;
+        is_used[n] = true;
+        TouchStroke stroke = MakeStroke(probe_, points[n], device_, depth_mm_);
+        coverage_.Add(stroke);
+        std::vector<TouchStroke>& kind = !IsSteady(probe_, stroke, device_) ? unsteady_
+                                         : LengthMm(stroke) >= kLongMm      ? long_
+                                                                            : short_;
+        kind.push_back(std::move(stroke));
+      }
+    }
+  }
+  bool IsEnough() const {
+    const auto most = static_cast<std::size_t>(budget_.strokes);
+    return long_.size() >= most || short_.size() >= 2 * most || unsteady_.size() >= 4 * most ||
+           probe_.reads() > budget_.reads * 2 / 3;
+  }
+
+  SurfaceProbe& probe_;
+  const DeviceSpec& device_;
+  double depth_mm_;
+  const GuideBudget& budget_;
+  Coverage coverage_;
+  std::vector<TouchStroke> long_, short_, unsteady_;
+};
+
+// Orders strokes: always on to the nearest end of another one that has a free way to it.
+class TourMaker {
+ public:
+  TourMaker(SurfaceProbe& probe, const DeviceSpec& device, double depth_mm,
+            const GuideBudget& budget)
+      : probe_(probe), device_(device), near_mm_(depth_mm + 1.0), budget_(budget) {}
+
+  std::vector<TouchStroke> Tour(std::vector<TouchStroke> strokes, std::size_t first) {
+    std::vector<TouchStroke> tour;
+    std::swap(strokes[first], strokes.back());
+    tour.push_back(std::move(strokes.back()));
+    strokes.pop_back();
+    const auto most = static_cast<std::size_t>(budget_.strokes);
+    while (tour.size() < most && AppendNext(strokes, tour)) {
+    }
+    return tour;
+  }
+
+ private:
+  struct Next {
+    double distance_mm;
+    std::size_t stroke;
+    bool backwards;
+  };
+
+  bool AppendNext(std::vector<TouchStroke>& strokes, std::vector<TouchStroke>& tour) {
+    const TouchPoint& from = tour.back().points.back();
+    std::vector<Next> ways;
+    for (std::size_t n = 0; n < strokes.size(); ++n) {
+      const std::vector<TouchPoint>& points = strokes[n].points;
+      ways.push_back({(points.front().p_D_mm - from.p_D_mm).norm(), n, false});
+      if (points.size() > 1) {
+        ways.push_back({(points.back().p_D_mm - from.p_D_mm).norm(), n, true});
+      }
+    }
+    const std::size_t tried = std::min(kNearestTried, ways.size());
+    std::partial_sort(ways.begin(), ways.begin() + static_cast<std::ptrdiff_t>(tried), ways.end(),
+                      [](const Next& a, const Next& b) { return a.distance_mm < b.distance_mm; });
+    for (std::size_t n = 0; n < tried; ++n) {
+      TouchStroke& next = strokes[ways[n].stroke];
+      const TouchPoint& to = ways[n].backwards ? next.points.back() : next.points.front();
+      const std::optional<double> lift_mm = FreeLift(from, to);
+      if (!lift_mm) continue;
+      tour.back().lift_to_next_mm = *lift_mm;
+      if (ways[n].backwards) std::reverse(next.points.begin(), next.points.end());
+      tour.push_back(std::move(next));
+      strokes.erase(strokes.begin() + static_cast<std::ptrdiff_t>(ways[n].stroke));
+      return true;
+    }
+    return false;
+  }
+
+  std::optional<double> FreeLift(const TouchPoint& from, const TouchPoint& to) {
+    if (probe_.reads() > budget_.reads) return std::nullopt;
+    for (const double lift_mm : kLiftsMm) {
+      const TouchArc arc(from.p_DHand_mm, from.normal_D, to.p_DHand_mm, to.normal_D, lift_mm);
+      if (IsFree(arc)) return lift_mm;
+    }
+    return std::nullopt;
+  }
+
+  // But for its two ends, which are below the surface.
+  bool IsFree(const TouchArc& arc) {
+    constexpr double kMostLooks = 150.0;
+    const double looks =
+        std::clamp(arc.LengthMm() / (0.7 * probe_.surface().voxel_mm), 8.0, kMostLooks);
+    for (double look = 1.0; look < looks; ++look) {
+      const Vec3 p_D_mm = arc.At(look / looks);
+      if ((p_D_mm - arc.p_DFrom_mm).norm() < near_mm_) continue;
+      if ((p_D_mm - arc.p_DTo_mm).norm() < near_mm_) continue;
+      if (!IsWithinReach(device_, p_D_mm) || probe_.IsMaterial(p_D_mm)) return false;
+    }
+    return true;
+  }
+
+  SurfaceProbe& probe_;
+  const DeviceSpec& device_;
+  double near_mm_;  // to an end, where the arc is in material
+  const GuideBudget& budget_;
+};
+
+}  // namespace
+
+TouchPlan PlanTouches(const HapticSurface& surface, const DeviceSpec& device,
+                      double stiffness_n_per_mm, const GuideBudget& budget, GuideCost* cost) {
+  GuideCost spent;
+  const std::vector<SurfacePoint> points = FindTouchPoints(surface, device, budget, spent);
+  SurfaceProbe probe(surface);
+  const double depth_mm = PressDepthMm(stiffness_n_per_mm);
+  const std::vector<TouchStroke> strokes =
+      StrokeMaker(probe, device, depth_mm, budget).Make(points);
+  TouchPlan plan{.strokes = {}, .stiffness_n_per_mm = stiffness_n_per_mm};
+  // Pieces without a way between them: the tour of the most.
+  constexpr std::size_t kStarts = 3;
+  for (std::size_t first = 0; first < std::min(kStarts, strokes.size()); ++first) {
+    std::vector<TouchStroke> tour = TourMaker(probe, device, depth_mm, budget).Tour(strokes, first);
+    if (tour.size() > plan.strokes.size()) plan.strokes = std::move(tour);
+    if (2 * plan.strokes.size() > strokes.size()) break;
+  }
+  spent.reads += probe.reads();
+  if (cost != nullptr) *cost = spent;
+  return plan;
+}
+
+}  // namespace palpate

@@ -1,0 +1,45 @@
+// Points of the surface that a hand can reach, spread over all of it.
+//
+// The voxels of leaves are looked at in an order that jumps about the volume, so that
+// the first points found are a fair sample, of dust too. A point lies on an edge of the
+// lattice, where the surface that is felt and the trilinear one are the same.
+//
+// Frame D (mm). Threads: pure; not real-time. The same surface gives the same points.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "server/device/haptic_device.h"
+#include "server/haptics/haptic_surface.h"
+
+namespace palpate {
+
+// Bounds of the work, as counts, so that the outcome does not depend on the machine.
+struct GuideBudget {
+  std::int64_t places = 1 << 20;  // of leaves that are visited at all
+  std::int64_t leaves = 1 << 17;  // whose voxels are read
+  int points = 1536;              // that are enough
+  int strokes = 48;
+  std::int64_t reads = 600'000;  // of cells, for all strokes and the ways between them
+};
+
+struct GuideCost {
+  std::int64_t places = 0;
+  std::int64_t leaves = 0;
+  std::int64_t reads = 0;
+};
+
+struct SurfacePoint {
+  Vec3 p_D_mm = Vec3::Zero();
+  Vec3 normal_D = Vec3::UnitZ();  // unit, towards free space
+};
+
+// Whether a hand can be there, with a millimetre to spare.
+bool IsWithinReach(const DeviceSpec& device, const Vec3& p_D_mm);
+
+// Empty where the workspace holds no surface.
+std::vector<SurfacePoint> FindTouchPoints(const HapticSurface& surface, const DeviceSpec& device,
+                                          const GuideBudget& budget, GuideCost& cost);
+
+}  // namespace palpate
