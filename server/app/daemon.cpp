@@ -14,8 +14,10 @@
 #include "server/app/device_monitor.h"
 #include "server/app/devices.h"
 #include "server/app/first_volume.h"
+#include "server/app/hand_guide.h"
 #include "server/app/service_manager.h"
 #include "server/app/state_folder.h"
+#include "server/device/simulated_device.h"
 #include "server/log/log.h"
 #include "server/metrics/exporter.h"
 #include "server/metrics/service_metrics.h"
@@ -168,9 +170,10 @@ void BlockSignals() {
 void RunDaemon(const LoadedConfig& loaded, const ConfigReader& read) {
   const Config& config = loaded.config;
   ServiceManager manager;
+  TouchPlanInbox touch_plans;
   // The device's thread gets a lower priority than the servo, if there is a lower one.
   const std::unique_ptr<HapticDevice> device =
-      MakeDevice(config.device, std::max(1, config.realtime.priority - 1));
+      MakeDevice(config.device, std::max(1, config.realtime.priority - 1), &touch_plans);
   const std::filesystem::path state_folder = config.state_folder.value_or(DefaultStateFolder());
   const std::string socket = config.socket_path.empty() ? DefaultSocketPath() : config.socket_path;
   const OwnFiles own_files = OwnFilesOf(loaded, state_folder, socket);
@@ -186,6 +189,8 @@ void RunDaemon(const LoadedConfig& loaded, const ConfigReader& read) {
                    .budget = MemoryBudget::Make(config.memory_budget_bytes, LiveBrickBytes)});
   RegistrationStore registrations(state_folder);
   session.SetRegistrationStore(registrations);
+  std::optional<HandGuide> hand_guide;
+  if (device->spec().kind == SimulatedDeviceSpec().kind) hand_guide.emplace(session, touch_plans);
   VolumeEditor editor(session);
   const auto tools = std::make_shared<StylusTools>(session, editor);
   pump.Subscribe(tools);
@@ -232,6 +237,7 @@ void RunDaemon(const LoadedConfig& loaded, const ConfigReader& read) {
   tools->Start();
   monitor->Start();
   black_box->Start();
+  if (hand_guide) hand_guide->Start();
   pump.Start();
   servo.Start();
   ReportGrant(servo.grant());
@@ -253,6 +259,7 @@ void RunDaemon(const LoadedConfig& loaded, const ConfigReader& read) {
       Serve(manager, servo, reload, [&] { return StatusLine(*device, forces, session); });
   // The servo stops before the log is written: a log that nobody reads may block.
   servo.Stop();
+  hand_guide.reset();
   manager.Stopping();
   LogInfo("ending on signal {}", signal);
   exporter.reset();

@@ -5,6 +5,7 @@
 #include "common/error/error.h"
 #include "server/device/explore_script.h"
 #include "server/device/falcon/falcon_protocol.h"
+#include "server/device/guided_script.h"
 #include "server/device/omni/omni_usb_protocol.h"
 #include "server/device/openhaptics/openhaptics_device.h"
 #include "server/device/press_script.h"
@@ -18,13 +19,14 @@ namespace {
 
 constexpr std::string_view kKinds = "simulated, replay, omni-usb, falcon or openhaptics";
 
-std::unique_ptr<HapticDevice> MakeSimulated(const DeviceConfig& config) {
+std::unique_ptr<HapticDevice> MakeSimulated(const DeviceConfig& config, TouchPlanInbox* plans) {
   constexpr std::uint64_t kSeed = 1;
   const DeviceSpec spec = SimulatedDeviceSpec();
-  auto explore =
+  std::unique_ptr<StylusScript> hand =
       std::make_unique<ExploreScript>(spec.workspace_min_mm, spec.workspace_max_mm, kSeed);
+  if (plans != nullptr) hand = std::make_unique<GuidedScript>(std::move(hand), *plans);
   return std::make_unique<SimulatedDevice>(std::make_unique<PressScript>(
-      std::move(explore), static_cast<std::uint32_t>(config.pressed_buttons)));
+      std::move(hand), static_cast<std::uint32_t>(config.pressed_buttons)));
 }
 
 std::unique_ptr<HapticDevice> MakeReplay(const DeviceConfig& config) {
@@ -122,8 +124,9 @@ void AppendUsb(const DeviceSpec& spec, const std::vector<UsbMatch::Ids>& ids,
 
 }  // namespace
 
-std::unique_ptr<HapticDevice> MakeDevice(const DeviceConfig& config, int realtime_priority) {
-  if (config.kind == "simulated") return MakeSimulated(config);
+std::unique_ptr<HapticDevice> MakeDevice(const DeviceConfig& config, int realtime_priority,
+                                         TouchPlanInbox* plans) {
+  if (config.kind == "simulated") return MakeSimulated(config, plans);
   if (config.kind == "replay") return MakeReplay(config);
   if (config.kind == "omni-usb") {
     return std::make_unique<UsbDevice>(MakeOmniUsb(config), realtime_priority);

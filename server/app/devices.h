@@ -9,11 +9,14 @@
 #include "server/app/device_config.h"
 #include "server/device/haptic_device.h"
 #include "server/device/listed_device.h"
+#include "server/device/touch_plan.h"
 
 namespace palpate {
 
-// Throws Error for an unknown kind, or for options that do not fit the kind.
-std::unique_ptr<HapticDevice> MakeDevice(const DeviceConfig& config, int realtime_priority);
+// Throws Error for an unknown kind, or for options that do not fit the kind. `plans`: for the hand of
+// the simulated device, which borrows them. Without plans, that hand explores by touch alone.
+std::unique_ptr<HapticDevice> MakeDevice(const DeviceConfig& config, int realtime_priority,
+                                         TouchPlanInbox* plans = nullptr);
 
 // Returns the configured device and all other devices of this machine. Opens none of them.
 std::vector<ListedDevice> ListDevices(const DeviceConfig& config);

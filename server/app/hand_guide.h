@@ -1,0 +1,65 @@
+// Shows the simulated hand where the surface is.
+//
+// One thread, "palpate-hand", makes a plan of touches whenever what is felt has changed: the
+// volume, the isovalue, the free side, the placement or the stiffness. The thread runs at a lower
+// priority (nice) than the others. It rests between two plans, so that a series of edits costs no
+// more than a tenth of a core.
+//
+// Threads: construct, Start and Stop on the main thread; OnScene on those that publish.
+// Ownership: borrows the session, as its listener, and the inbox; a volume is held while it is
+// planned on. Errors: out of memory leaves the hand with the plan before.
+#pragma once
+
+#include <condition_variable>
+#include <cstdint>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <span>
+#include <thread>
+
+#include "server/device/touch_plan.h"
+#include "server/session/session.h"
+
+namespace palpate {
+
+class HandGuide final : public SceneListener {
+ public:
+  // Before the first Load.
+  HandGuide(Session& session, TouchPlanInbox& plans);
+  ~HandGuide() override { Stop(); }
+
+  void Start();
+  void Stop() noexcept;
+
+  void OnScene(const Scene& scene, std::span<const BrickChange> changes) override;
+
+ private:
+  // All that a plan depends on.
+  struct Felt {
+    std::shared_ptr<const VolumeSnapshot> volume;
+    HapticSurface surface;  // borrows *volume
+    double stiffness_n_per_mm = 0.0;
+  };
+
+  void Run();
+  std::optional<Felt> NextFelt();
+  void Plan(const Felt& felt) noexcept;
+
+  const DeviceSpec device_;
+  TouchPlanInbox& plans_;
+
+  std::mutex mutex_;  // guards what follows, briefly
+  std::condition_variable wake_;
+  std::optional<Felt> waiting_;  // for a plan
+  // Of the newest plan, or of what waits; the surface without its volume.
+  std::uint64_t newest_revision_ = 0;
+  HapticSurface newest_surface_;
+  double newest_stiffness_n_per_mm_ = -1.0;
+  bool stop_ = false;
+  std::thread thread_;
+
+  const Listening listening_;
+};
+
+}  // namespace palpate
