@@ -1,0 +1,315 @@
+// The daemon's simulated hand finds whatever there is to feel: 20 s of the servo's own
+// computation for each volume, as fast as it goes, with the plan that the daemon makes.
+#include <gtest/gtest.h>
+
+#include <array>
+#include <chrono>
+#include <cmath>
+#include <cstdint>
+#include <cstdio>
+#include <cstdlib>
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <ostream>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "server/device/explore_script.h"
+#include "server/device/guided_script.h"
+#include "server/device/simulated_device.h"
+#include "server/guide/touch_planner.h"
+#include "server/servo/servo_tick.h"
+#include "server/session/session.h"
+#include "tests/support/data_folder.h"
+#include "tests/support/made_volume.h"
+#include "tests/support/places.h"
+#include "tests/support/scaled.h"
+
+namespace palpate {
+namespace {
+
+constexpr int kTicks = 20'000;
+constexpr double kLeastContactPercent = 60.0;
+
+// What a run on one surface was like.
+struct Touch {
+  double contact_percent = 0.0;
+  double first_contact_s = kTicks * kTickPeriodS;
+  double mean_force_n = 0.0;      // of the ticks in contact
+  double strained_percent = 0.0;  // above 1.2 N
+  double fastest_mm_s = 0.0;      // over 10 ms
+  int inside_ticks = 0;           // of the proxy, while nothing moves but the hand
+  int strokes = 0;
+  double plan_ms = 0.0;
+  GuideCost cost;
+};
+
+class Rig {
+ public:
+  Rig() : session_(device_, inbox_, pump_, VolumeLoader{.import_program = test::kPalpateImport}) {}
+
+  void Load(const LoadRequest& request) {
+    session_.Load(
+        request, [](std::string_view, double) {}, [] { return false; });
+  }
+  void Publish(const VolumeSnapshot& volume, double isovalue,
+               FreeSide free_side = FreeSide::kBelow) {
+    LoadRequest request;
+    request.source = "made";
+    request.isovalue = isovalue;
+    request.free_side = free_side;
+    session_.PublishVolume(request, volume.metadata(), volume.bricks());
+  }
+
+  Touch Run() {
+    const Scene& scene = *inbox_.Acquire();
+    Touch touch;
+    const auto begun = std::chrono::steady_clock::now();
+    auto plan = std::make_unique<TouchPlan>(
+        PlanTouches(scene.surface, device_, scene.settings.stiffness_n_per_mm, {}, &touch.cost));
+    const std::chrono::duration<double, std::milli> took = std::chrono::steady_clock::now() - begun;
+    touch.plan_ms = took.count();
+    touch.strokes = static_cast<int>(plan->strokes.size());
+    TouchPlanInbox plans;
+    if (!std::getenv("PALPATE_UNGUIDED")) plans.Publish(std::move(plan));
+    constexpr std::uint64_t kSeed = 1;  // the daemon's
+    SimulatedDevice device(std::make_unique<GuidedScript>(
+        std::make_unique<ExploreScript>(device_.workspace_min_mm, device_.workspace_max_mm, kSeed),
+        plans));
+    device.Start();
+    Follow(scene, device, touch);
+    return touch;
+  }
+
+ private:
+  static void Follow(const Scene& scene, SimulatedDevice& device, Touch& touch) {
+    ServoTick tick(device);
+    std::vector<Vec3> hips_mm;
+    int contacts = 0;
+    for (int i = 0; i < kTicks; ++i) {
+      const std::int64_t now_ns = std::int64_t{1'000'000} * i;
+      const TickSample sample =
+          tick.Run(scene, TickTime{.scheduled_ns = now_ns, .started_ns = now_ns});
+      if (sample.contact) {
+        if (contacts++ == 0) touch.first_contact_s = i * kTickPeriodS;
+        const double force_n = Vec3(sample.force_n.data()).norm();
+        touch.mean_force_n += force_n;
+        touch.strained_percent += (force_n > 1.2) * 100.0 / kTicks;
+      }
+      const bool is_settled =
+          sample.mode == TickMode::kFree || sample.mode == TickMode::kConstrained;
+      const bool is_above = scene.settings.free_side == FreeSide::kBelow
+                                ? sample.density > sample.isovalue
+                                : sample.density < sample.isovalue;
+      touch.inside_ticks += is_settled && is_above;
+      hips_mm.emplace_back(sample.hip_mm.data());
+      constexpr std::size_t kTicksBetween = 10;
+      if (hips_mm.size() > kTicksBetween) {
+        const Vec3 way = hips_mm.back() - hips_mm[hips_mm.size() - 1 - kTicksBetween];
+        touch.fastest_mm_s =
+            std::max(touch.fastest_mm_s, way.norm() / (kTicksBetween * kTickPeriodS));
+      }
+    }
+    touch.contact_percent = 100.0 * contacts / kTicks;
+    if (contacts > 0) touch.mean_force_n /= contacts;
+  }
+
+  DeviceSpec device_ = SimulatedDeviceSpec();
+  SceneInbox inbox_;
+  std::unique_ptr<TickOutbox> outbox_ = std::make_unique<TickOutbox>();
+  Pump pump_{*outbox_};
+  Session session_;
+};
+
+void Judge(const std::string& name, const Touch& touch) {
+  std::printf(
+      "%-28s contact %5.1f %%, first at %5.2f s, mean %.2f N, strained %4.1f %%, at most %.0f "
+      "mm/s; %d strokes, "
+      "planned in %.1f ms, %d leaves, %d reads\n",
+      name.c_str(), touch.contact_percent, touch.first_contact_s, touch.mean_force_n,
+      touch.strained_percent, touch.fastest_mm_s, touch.strokes, touch.plan_ms,
+      static_cast<int>(touch.cost.leaves), static_cast<int>(touch.cost.reads));
+  EXPECT_GE(touch.contact_percent, kLeastContactPercent);
+  EXPECT_LE(touch.fastest_mm_s, 155.0);
+  EXPECT_EQ(touch.inside_ticks, 0);
+}
+
+// --- Thin things
+
+struct Thin {
+  const char* name;
+  Vec3i size;
+  std::function<double(int, int, int)> value;
+  double isovalue = 0.5;
+  FreeSide free_side = FreeSide::kBelow;
+};
+
+void PrintTo(const Thin& thin, std::ostream* out) { *out << thin.name; }
+
+double Across(double dx, double dy, double dz = 0.0) {
+  return std::sqrt(dx * dx + dy * dy + dz * dz);
+}
+
+// Two voxels wide, round a helix's axis.
+double Stent(int i, int j, int k) {
+  double nearest = 1e9;
+  for (int strand = 0; strand < 6; ++strand) {
+    for (const double turn : {1.0, -1.0}) {
+      const double angle = turn * k * 0.05 + strand * 2.0 * M_PI / 6.0;
+      const double x = 64.0 + 36.0 * std::cos(angle), y = 64.0 + 36.0 * std::sin(angle);
+      nearest = std::min(nearest, 0.8 * Across(i - x, j - y));
+    }
+  }
+  return std::clamp(1.5 - nearest, 0.0, 1.0);
+}
+
+// A tube of two voxels that winds through the volume.
+double Vessel(int i, int j, int k) {
+  const double x = 64.0 + 40.0 * std::sin(0.07 * k), y = 64.0 + 40.0 * std::cos(0.045 * k);
+  return std::clamp(1.5 - 0.6 * Across(i - x, j - y), 0.0, 1.0);
+}
+
+double Tube(int i, int j, int) { return i / 2 == 16 && j / 2 == 16 ? 1.0 : 0.0; }
+
+double Shell(int i, int j, int k) {
+  return std::abs(Across(i - 48, j - 48, k - 48) - 40.0) < 1.0 ? 1.0 : 0.0;
+}
+
+// Whether one in `every` places, spread without order, has a piece.
+bool IsPiece(int i, int j, int k, unsigned every) {
+  const unsigned hash = static_cast<unsigned>(i) * 73856093u ^
+                        static_cast<unsigned>(j) * 19349663u ^ static_cast<unsigned>(k) * 83492791u;
+  return (hash * 2654435761u >> 8) % every == 0;
+}
+
+// Single voxels.
+double Dust(int i, int j, int k) { return IsPiece(i, j, k, 4096) ? 1.0 : 0.0; }
+
+// Of 2³ voxels.
+double Grains(int i, int j, int k) { return IsPiece(i / 2, j / 2, k / 2, 1024) ? 1.0 : 0.0; }
+
+class ThinTest : public ::testing::TestWithParam<Thin> {};
+
+TEST_P(ThinTest, IsTouchedMostOfTheTime) {
+  const Thin& thin = GetParam();
+  Rig rig;
+  rig.Publish(*testing::MakeVolume(thin.size, thin.value), thin.isovalue, thin.free_side);
+  Judge(thin.name, rig.Run());
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Things, ThinTest,
+    ::testing::Values(Thin{"tube", {64, 64, 64}, Tube}, Thin{"vessel", {128, 128, 128}, Vessel},
+                      Thin{"stent", {128, 128, 160}, Stent}, Thin{"shell", {97, 97, 97}, Shell},
+                      Thin{"shell_within", {97, 97, 97}, Shell, 0.5, FreeSide::kAbove},
+                      Thin{"dust", {96, 96, 96}, Dust}, Thin{"grains", {128, 128, 128}, Grains}),
+    [](const auto& thin) { return std::string(thin.param.name); });
+
+// --- Whole volumes
+
+struct Whole {
+  const char* name;
+  const char* source;  // in the data folder, or builtin
+  double isovalue;     // normalised, or in the data's units
+  bool is_absolute = false;
+};
+
+void PrintTo(const Whole& whole, std::ostream* out) { *out << whole.name; }
+
+class WholeTest : public ::testing::TestWithParam<Whole> {};
+
+TEST_P(WholeTest, IsTouchedMostOfTheTime) {
+  const Whole& whole = GetParam();
+  LoadRequest request;
+  request.source = whole.source;
+  if (!request.source.starts_with("builtin:")) {
+    const auto path = std::filesystem::weakly_canonical(testing::DataFolder() / whole.source);
+    if (!std::filesystem::exists(path)) {
+      GTEST_SKIP() << path << " is missing: see PALPATE_DATA_DIR";
+    }
+    request.source = path.string();
+  }
+  (whole.is_absolute ? request.isovalue : request.normalized_isovalue) = whole.isovalue;
+  Rig rig;
+  rig.Load(request);
+  Judge(whole.name, rig.Run());
+}
+
+std::string NameOf(const ::testing::TestParamInfo<Whole>& whole) { return whole.param.name; }
+
+INSTANTIATE_TEST_SUITE_P(Builtin, WholeTest,
+                         ::testing::Values(Whole{"sphere", "builtin:sphere", 0.5},
+                                           Whole{"bumps", "builtin:bumps", 0.5},
+                                           Whole{"gyroid", "builtin:gyroid", 0.5},
+                                           Whole{"cylinder", "builtin:cylinder", 0.5}),
+                         NameOf);
+
+constexpr const char* kDaisy = "paper/daisy_192x180x168_uint8.nhdr";
+constexpr const char* kOrange = "paper/orange_256x256x64_uint8.nhdr";
+constexpr const char* kHead = "paper/SUBST_head_ct_cranium_256x256x108_int16.nrrd";
+constexpr const char* kTooth = "classic/tooth_103x94x161_uint8.nhdr";
+
+// Every volume of the data folder at every isovalue of its README; 0.5 where it gives none.
+INSTANTIATE_TEST_SUITE_P(
+    Paper, WholeTest,
+    ::testing::Values(
+        Whole{"daisy_02", kDaisy, 0.02}, Whole{"daisy_24", kDaisy, 0.24},
+        Whole{"orange_15", kOrange, 0.15}, Whole{"orange_22", kOrange, 0.22},
+        Whole{"orange_30", kOrange, 0.30},
+        Whole{"lobster_16", "paper/lobster_301x324x56_uint8.nhdr", 0.16},
+        Whole{"head_17", kHead, 0.17}, Whole{"head_33", kHead, 0.33},
+        Whole{"neuron_janelia_20", "paper/SUBST_neuron_janelia_511x512x47_uint8.nrrd", 0.20},
+        Whole{"neuron_rivulet_25", "paper/SUBST_neuron_rivulet_409x415x119_uint8.nrrd", 0.25}),
+    NameOf);
+
+INSTANTIATE_TEST_SUITE_P(
+    Classic, WholeTest,
+    ::testing::Values(Whole{"aneurism_25", "classic/aneurism_256x256x256_uint8.nrrd", 0.25},
+                      Whole{"teapot_16", "classic/boston_teapot_256x256x178_uint8.nrrd", 0.16},
+                      Whole{"hydrogen_atom_06", "classic/hydrogen_atom_128x128x128_uint8.nhdr",
+                            0.06},
+                      Whole{"hydrogen_06", "classic/hydrogen_64x64x64_float32.nrrd", 0.06},
+                      Whole{"neghip_35", "classic/neghip_64x64x64_uint8.nhdr", 0.35},
+                      Whole{"fuel_20", "classic/fuel_64x64x64_uint8.nhdr", 0.20},
+                      Whole{"nucleon_50", "classic/nucleon_41x41x41_uint8.nhdr", 0.50},
+                      Whole{"bucky_50", "classic/bucky_32x32x32_uint8.nhdr", 0.50},
+                      Whole{"tooth_42", kTooth, 0.42}, Whole{"tooth_75", kTooth, 0.75},
+                      Whole{"vase_40", "classic/vase_115x101x75_uint8.nrrd", 0.40},
+                      Whole{"walnut_18", "classic/walnut_128x96x114_uint16.nrrd", 0.18}),
+    NameOf);
+
+INSTANTIATE_TEST_SUITE_P(
+    Medical, WholeTest,
+    ::testing::Values(Whole{"avg152T1_38", "medical/avg152T1_RL_nifti.nii.gz", 0.38},
+                      Whole{"CT_pitch_30", "medical/CT_pitch.nii.gz", 0.30},
+                      Whole{"inia19_12", "medical/inia19-t1-brain.nii.gz", 0.12},
+                      Whole{"anatomical_50", "medical/nibabel_anatomical_bigendian.nii", 0.5},
+                      Whole{"example_nifti2_50", "medical/nibabel_example_nifti2.nii.gz", 0.5},
+                      Whole{"LIDC2_25", "medical/LIDC2.mha", 0.25},
+                      Whole{"HeadMRVolume_16", "medical/HeadMRVolume.mhd", 0.16},
+                      Whole{"mr_brain_22", "medical/dicom_mr_brain_20", 0.22}),
+    NameOf);
+
+INSTANTIATE_TEST_SUITE_P(
+    Series, WholeTest,
+    ::testing::Values(
+        Whole{"viscous_t010", "timeseries/viscous_64x64x64_float32_t010.nrrd", 35.0, true},
+        Whole{"viscous_t020", "timeseries/viscous_64x64x64_float32_t020.nrrd", 35.0, true},
+        Whole{"viscous_t030", "timeseries/viscous_64x64x64_float32_t030.nrrd", 35.0, true},
+        Whole{"viscous_t040", "timeseries/viscous_64x64x64_float32_t040.nrrd", 35.0, true},
+        Whole{"viscous_t050", "timeseries/viscous_64x64x64_float32_t050.nrrd", 35.0, true},
+        Whole{"viscous_t060", "timeseries/viscous_64x64x64_float32_t060.nrrd", 35.0, true},
+        Whole{"viscous_t070", "timeseries/viscous_64x64x64_float32_t070.nrrd", 35.0, true},
+        Whole{"viscous_t080", "timeseries/viscous_64x64x64_float32_t080.nrrd", 35.0, true},
+        Whole{"viscous_t090", "timeseries/viscous_64x64x64_float32_t090.nrrd", 35.0, true},
+        Whole{"isabel_t30", "timeseries/isabel_125x125x25_float64_t30.nrrd", 20.0, true},
+        Whole{"isabel_t31", "timeseries/isabel_125x125x25_float64_t31.nrrd", 20.0, true},
+        Whole{"isabel_t32", "timeseries/isabel_125x125x25_float64_t32.nrrd", 20.0, true},
+        Whole{"isabel_t33", "timeseries/isabel_125x125x25_float64_t33.nrrd", 20.0, true},
+        Whole{"functional_50", "timeseries/nibabel_functional.nii", 0.5}),
+    NameOf);
+
+}  // namespace
+}  // namespace palpate
