@@ -97,6 +97,13 @@ StylusScript::Target ExploreScript::Next(const HandState& hand, const Vec3& felt
   return {.p_DTarget_mm = target_mm_, .buttons = 0};
 }
 
+void ExploreScript::ResumeAt(const HandState& hand) noexcept {
+  felt_n_ = Vec3::Zero();
+  contact_mm_ = hand.p_DHip_mm;
+  misses_ = 0;
+  BeginNextSeek(hand.p_DHip_mm);
+}
+
 void ExploreScript::BeginSeek(const Vec3& from_mm, const Vec3& aim_mm) {
   const Vec3 way_mm = aim_mm.cwiseMax(workspace_min_mm_).cwiseMin(workspace_max_mm_) - from_mm;
   phase_ = Phase::kSeek;

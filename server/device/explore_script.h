@@ -27,6 +27,8 @@ class ExploreScript final : public StylusScript {
   ExploreScript(const Vec3& workspace_min_mm, const Vec3& workspace_max_mm, std::uint64_t seed);
 
   Target Next(const HandState& hand, const Vec3& felt_force_D_n, double dt_s) noexcept override;
+  // Seeks the surface from there.
+  void ResumeAt(const HandState& hand) noexcept override;
 
  private:
   enum class Phase : std::uint8_t { kSeek, kSlide, kRetreat };

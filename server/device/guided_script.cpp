@@ -24,12 +24,11 @@ constexpr double kHeldForceN = 2.0;
 // somewhere else.
 constexpr double kMostFriction = 2.3;
 constexpr double kUnexplainedN = 0.3;
+constexpr double kSpareN = 0.05;
 constexpr double kCaughtS = 0.3;
-constexpr double kBeyondMm = 3.0;  // so far past the place that holds it
-constexpr int kTimesCaught = 4;    // then the hand explores for a while
-constexpr double kUnguidedS = 3.0;
-constexpr double kAwayMm = 8.0;
-constexpr double kMostAwayMm = 12.0;
+constexpr double kGoingBackS = 1.5;
+constexpr int kTimesCaught = 2;  // then the hand explores for a while
+constexpr double kUnguidedS = 1.0;
 
 // A stroke of a new plan that passes so near goes on where the old one was.
 constexpr double kSameStrokeMm = 3.0;
@@ -48,8 +47,8 @@ Vec3 Limited(const Vec3& v, double length) {
   return norm > length ? Vec3(v * (length / norm)) : v;
 }
 
-constexpr std::size_t kEndsOnly = std::numeric_limits<std::size_t>::max();
 constexpr std::size_t kNone = std::numeric_limits<std::size_t>::max();
+constexpr std::size_t kEndsOnly = std::numeric_limits<std::size_t>::max();
 
 }  // namespace
 
@@ -57,7 +56,6 @@ struct GuidedScript::Nearest {
   double distance_mm = std::numeric_limits<double>::max();
   std::size_t stroke = 0;
   std::size_t point = 0;
-  bool IsFound() const { return distance_mm < std::numeric_limits<double>::max(); }
 };
 
 // Of the points of each stroke that are `step` apart, and the last one.
@@ -93,17 +91,13 @@ StylusScript::Target GuidedScript::Next(const HandState& hand, const Vec3& felt_
     unguided_left_s_ -= dt_s;
     return unguided_->Next(hand, felt_force_D_n, dt_s);
   }
-  if (IsCaught(felt_force_D_n, dt_s)) {
-    if (++times_caught_ < kTimesCaught) {
-      BeginFreeing(felt_force_D_n);
-    } else {
-      GiveUp(hand);
-    }
-  }
-  const double pace =
-      std::clamp((kHeldForceN - felt_force_D_n.norm()) / (kHeldForceN - kSlowingN), 0.0, 1.0);
-  hand_.Follow(Goal(phase_ == Phase::kStroke || phase_ == Phase::kArc ? pace * dt_s : dt_s), dt_s);
+  if (IsCaught(felt_force_D_n, dt_s)) GoBack(hand);
   if (phase_ == Phase::kUnguided) return unguided_->Next(hand, felt_force_D_n, dt_s);
+  const double pace =
+      goes_back_
+          ? 1.0
+          : std::clamp((kHeldForceN - felt_force_D_n.norm()) / (kHeldForceN - kSlowingN), 0.0, 1.0);
+  hand_.Follow(Goal(pace * dt_s), dt_s);
   // Where the spring's end must be for the hand to be at hand_.p_mm.
   const Vec3 pull_n = kHandDamperNsPerMm * hand_.v_mm_s + (kHandMassKg / kMmPerM) * hand_.a_mm_s2 -
                       Limited(felt_force_D_n, kHeldForceN);
@@ -121,11 +115,11 @@ void GuidedScript::Follower::Follow(const Vec3& p_DGoal_mm, double dt_s) {
 void GuidedScript::TakePlan(const TouchPlan* plan, const HandState& hand) {
   // The handoff keeps a plan until this has acquired the next: two have two addresses.
   const bool is_new = plan != plan_;
+  if (is_new) avoided_ = kNone;
   plan_ = plan;
   const bool has_strokes = plan != nullptr && !plan->strokes.empty();
-  const bool is_guided = phase_ != Phase::kUnguided && phase_ != Phase::kReturn;
   if (!has_strokes) {
-    if (is_guided) GiveUp(hand);
+    if (phase_ != Phase::kUnguided) GiveUp(hand);
   } else if (is_new || (phase_ == Phase::kUnguided && unguided_left_s_ <= 0.0)) {
     BeginPlan(hand);
   }
@@ -134,23 +128,26 @@ void GuidedScript::TakePlan(const TouchPlan* plan, const HandState& hand) {
 void GuidedScript::BeginPlan(const HandState& hand) {
   if (phase_ == Phase::kUnguided) hand_ = {.p_mm = hand.p_DHip_mm, .v_mm_s = hand.v_DHip_mm_s};
   constexpr std::size_t kLookStep = 4;
-  const Nearest point = NearestPoint(*plan_, hand_.p_mm, kLookStep);
+  const Nearest point = NearestPoint(*plan_, hand_.p_mm, kLookStep, kNone);
   if (phase_ == Phase::kStroke && point.distance_mm < kSameStrokeMm) {
     stroke_ = point.stroke;
     place_ = static_cast<double>(point.point);
     return;
   }
-  const Nearest end = NearestPoint(*plan_, hand_.p_mm, kEndsOnly);
-  EnterAt(end);
+  const bool has_others = plan_->strokes.size() > 1;
+  const Nearest end = NearestPoint(*plan_, hand_.p_mm, kEndsOnly, has_others ? avoided_ : kNone);
+  avoided_ = kNone;
+  stroke_ = end.stroke;
+  tour_step_ = end.point == 0 ? 1 : -1;
   BeginArcToStroke(std::clamp(kLiftPerMm * end.distance_mm, kLeastLiftMm, kMostLiftMm));
 }
 
-void GuidedScript::BeginArc(const TouchArc& arc, Phase phase) {
+void GuidedScript::BeginArc(const TouchArc& arc) {
   arc_ = arc;
   arc_s_ = 0.0;
   arc_whole_s_ = std::max(kShortestArcS, kSteepestJerkSlope * arc.FastestMm() / kArcMmPerS);
   caught_s_ = 0.0;
-  phase_ = phase;
+  phase_ = Phase::kArc;
 }
 
 void GuidedScript::BeginStroke() {
@@ -160,6 +157,7 @@ void GuidedScript::BeginStroke() {
   slide_mm_s_ = 0.0;
   stroke_s_ = 0.0;
   caught_s_ = 0.0;
+  was_caught_ = false;
 }
 
 const TouchPoint& GuidedScript::EndOf(std::size_t stroke, bool last) const {
@@ -183,53 +181,55 @@ void GuidedScript::LeaveStroke() {
   BeginArcToStroke(plan_->strokes[std::min(left, stroke_)].lift_to_next_mm);
 }
 
-// To where the proxy is, and out of the surface there.
-void GuidedScript::BeginFreeing(const Vec3& felt_force_D_n) {
-  normal_D_ = felt_force_D_n.normalized();
-  const double away_mm =
-      std::min(felt_force_D_n.norm() / std::max(plan_->stiffness_n_per_mm, 0.1), kMostAwayMm);
-  BeginArc(TouchArc(hand_.p_mm, normal_D_, hand_.p_mm + (away_mm + kBeyondMm) * normal_D_,
-                    normal_D_, 0.0),
-           Phase::kFreeing);
-}
-
-// The nearest stroke that is another one, where there is one.
-void GuidedScript::BeginOtherStroke() {
-  const Nearest end = NearestPoint(*plan_, hand_.p_mm, kEndsOnly, stroke_);
-  if (end.IsFound()) EnterAt(end);
-  BeginArcToStroke(kAwayMm);
-}
-
-void GuidedScript::EnterAt(const Nearest& end) {
-  stroke_ = end.stroke;
-  tour_step_ = end.point == 0 ? 1 : -1;
-}
-
 void GuidedScript::BeginArcToStroke(double lift_mm) {
   const TouchPoint& to = EndOf(stroke_, EntersAtLast());
-  BeginArc(TouchArc(hand_.p_mm, normal_D_, to.p_DHand_mm, to.normal_D, lift_mm), Phase::kArc);
+  BeginArc(TouchArc(hand_.p_mm, normal_D_, to.p_DHand_mm, to.normal_D, lift_mm));
 }
 
-// Goes, by the straight way, to where the other script is.
+// The proxy leaves a pit as it went in: so back along the stroke, and from its end on the way
+// that led there.
+void GuidedScript::GoBack(const HandState& hand) {
+  caught_s_ = 0.0;
+  if (goes_back_ || phase_ != Phase::kStroke || ++times_caught_ >= kTimesCaught) {
+    GiveUp(hand);
+    return;
+  }
+  goes_back_ = was_caught_ = true;
+  slide_step_ = -slide_step_;
+  slide_mm_s_ = 0.0;
+  stroke_s_ = std::max(stroke_s_, stroke().least_s);
+  tour_step_ = slide_step_;
+}
+
 void GuidedScript::GiveUp(const HandState& hand) {
   times_caught_ = 0;
+  goes_back_ = false;
   unguided_left_s_ = kUnguidedS;
-  const Vec3 to_mm = unguided_->Next(hand, Vec3::Zero(), 0.0).p_DTarget_mm;
-  BeginArc(TouchArc(hand_.p_mm, Vec3::Zero(), to_mm, Vec3::Zero(), 0.0), Phase::kReturn);
+  normal_D_ = Vec3::Zero();
+  avoided_ = stroke_;
+  phase_ = Phase::kUnguided;
+  unguided_->ResumeAt(hand);
 }
 
-bool GuidedScript::IsCaught(const Vec3& felt_force_D_n, double dt_s) {
-  if (phase_ != Phase::kStroke && phase_ != Phase::kArc) return false;
-  double expected_n = kHeldForceN - kUnexplainedN;
+bool GuidedScript::IsUnexplained(const Vec3& felt_force_D_n) const {
+  double expected_n = kHeldForceN - kUnexplainedN - kSpareN;
   if (phase_ == Phase::kStroke) {
     const auto here = static_cast<std::size_t>(place_);
     const TouchPoint& point = stroke().points[std::min(here, stroke().points.size() - 1)];
     const double depth_mm = (point.p_DHand_mm - point.p_D_mm).norm();
     expected_n = std::min(expected_n, kMostFriction * plan_->stiffness_n_per_mm * depth_mm);
   }
-  const bool is_more = felt_force_D_n.norm() > expected_n + kUnexplainedN - 0.05;
-  caught_s_ = is_more ? caught_s_ + dt_s : 0.0;
-  return caught_s_ > kCaughtS;
+  return felt_force_D_n.norm() > expected_n + kUnexplainedN;
+}
+
+bool GuidedScript::IsCaught(const Vec3& felt_force_D_n, double dt_s) {
+  if (IsUnexplained(felt_force_D_n)) {
+    caught_s_ += dt_s;
+  } else {
+    caught_s_ = 0.0;
+    goes_back_ = false;
+  }
+  return caught_s_ > (goes_back_ ? kGoingBackS : kCaughtS);
 }
 
 Vec3 GuidedScript::Goal(double dt_s) {
@@ -239,16 +239,8 @@ Vec3 GuidedScript::Goal(double dt_s) {
 Vec3 GuidedScript::GoalOnArc(double dt_s) {
   arc_s_ += dt_s;
   if (arc_s_ >= arc_whole_s_) {
-    const Vec3 to_mm = arc_.p_DTo_mm;
-    if (phase_ == Phase::kReturn) {
-      phase_ = Phase::kUnguided;
-      normal_D_ = Vec3::Zero();
-    } else if (phase_ == Phase::kFreeing) {
-      BeginOtherStroke();
-    } else {
-      BeginStroke();
-    }
-    return to_mm;
+    BeginStroke();
+    return arc_.p_DTo_mm;
   }
   return arc_.At(MinimumJerk(arc_s_ / arc_whole_s_));
 }
@@ -264,7 +256,7 @@ Vec3 GuidedScript::GoalOnStroke(double dt_s) {
     normal_D_ = EndOf(stroke_, slide_step_ > 0).normal_D;
     const Vec3 here_mm = EndOf(stroke_, slide_step_ > 0).p_DHand_mm;
     if (is_exit && stroke_s_ >= stroke().least_s) {
-      times_caught_ = 0;
+      if (!was_caught_) times_caught_ = 0;
       LeaveStroke();
     } else if (points.size() > 1) {
       slide_step_ = -slide_step_;

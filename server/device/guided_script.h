@@ -4,9 +4,9 @@
 //   stroke  the hand slides along the points of a stroke, to and fro, for its time
 //   arc     the hand lifts off, goes through free space to the next stroke, and
 //           comes down on it; after a new plan, to the nearest stroke
-//   free    where the force says that the proxy is held elsewhere: the hand goes there, lifts
-//           off, and takes another stroke
-//   other   without a plan, or where it is caught again and again: the other script's
+//   back    where the force says that the surface holds the proxy elsewhere, in a pit: the hand
+//           goes back the way on which it came, and leaves the stroke there
+//   other   without a plan, or where going back does not help: the other script's
 //
 // The hand goes where the plan has it: it knows its own mass, spring and damper, and
 // holds against the force it feels, up to kHeldForceN.
@@ -33,7 +33,7 @@ class GuidedScript final : public StylusScript {
   Target Next(const HandState& hand, const Vec3& felt_force_D_n, double dt_s) noexcept override;
 
  private:
-  enum class Phase : std::uint8_t { kUnguided, kReturn, kArc, kStroke, kFreeing };
+  enum class Phase : std::uint8_t { kUnguided, kArc, kStroke };
   struct Nearest;
 
   // A smooth point that follows another one, with its derivatives.
@@ -46,18 +46,17 @@ class GuidedScript final : public StylusScript {
 
   void TakePlan(const TouchPlan* plan, const HandState& hand);
   void BeginPlan(const HandState& hand);
-  void BeginArc(const TouchArc& arc, Phase phase);
+  void BeginArc(const TouchArc& arc);
   void BeginStroke();
   bool IsAtTourEnd() const;
   void LeaveStroke();
-  void BeginFreeing(const Vec3& felt_force_D_n);
-  void BeginOtherStroke();
-  void EnterAt(const Nearest& end);
+  void GoBack(const HandState& hand);
   void BeginArcToStroke(double lift_mm);
   void GiveUp(const HandState& hand);
+  bool IsUnexplained(const Vec3& felt_force_D_n) const;
   bool IsCaught(const Vec3& felt_force_D_n, double dt_s);
   static Nearest NearestPoint(const TouchPlan& plan, const Vec3& p_mm, std::size_t step,
-                              std::size_t other_than = static_cast<std::size_t>(-1));
+                              std::size_t other_than);
   Vec3 Goal(double dt_s);
   Vec3 GoalOnArc(double dt_s);
   Vec3 GoalOnStroke(double dt_s);
@@ -80,7 +79,10 @@ class GuidedScript final : public StylusScript {
   double slide_mm_s_ = 0.0;  // speed
   double stroke_s_ = 0.0;    // time on it
   double caught_s_ = 0.0;
-  int times_caught_ = 0;  // since a stroke was done
+  bool goes_back_ = false;                              // until the force is as it should be
+  bool was_caught_ = false;                             // on this stroke
+  int times_caught_ = 0;                                // since a stroke was done without
+  std::size_t avoided_ = static_cast<std::size_t>(-1);  // stroke where it gave up; -1: none
   double unguided_left_s_ = 0.0;
   Vec3 normal_D_ = Vec3::Zero();  // of the surface that was touched last; zero: none
   Follower hand_;

@@ -31,9 +31,12 @@ class StylusScript {
   virtual ~StylusScript() = default;
 
   // Returns the target after `dt_s` (0 or more) more seconds. A script knows the hand and the force
-  // that the hand feels. It knows nothing of the volume. Called on the servo thread, once a tick;
-  // must not lock, allocate, log, throw or wait.
+  // that the hand feels. Of the volume it knows at most a plan that was made elsewhere. Called on the
+  // servo thread, once a tick; must not lock, allocate, log, throw or wait.
   virtual Target Next(const HandState& hand, const Vec3& felt_force_D_n, double dt_s) noexcept = 0;
+
+  // Something else has led the hand; the next target is to be near it. As Next.
+  virtual void ResumeAt(const HandState& /*hand*/) noexcept {}
 };
 
 }  // namespace palpate
