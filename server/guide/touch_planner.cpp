@@ -7,6 +7,7 @@
 #include <numeric>
 #include <optional>
 
+#include "server/guide/rehearsal.h"
 #include "server/guide/touch_strokes.h"
 
 namespace palpate {
@@ -16,8 +17,11 @@ constexpr double kLongMm = 8.0;  // a stroke that shows something
 constexpr std::array kLiftsMm = {2.0, 4.0, 8.0, 16.0, 30.0};
 constexpr std::size_t kNearestTried = 8;
 
+constexpr std::int64_t kReadsPerStep = 8;  // that a step of the proxy is worth
+
 // Whether one gets from the point, at least along one of a few lines, out of the volume.
 bool IsInTheOpen(SurfaceProbe& probe, const SurfacePoint& point, const Vec3& middle_D_mm) {
+  constexpr int kMostSteps = 1000;
   const double step_mm = 0.8 * probe.surface().voxel_mm;
   const Vec3 outwards = (point.p_D_mm - middle_D_mm).normalized();
   for (const Vec3& away :
@@ -25,10 +29,18 @@ bool IsInTheOpen(SurfaceProbe& probe, const SurfacePoint& point, const Vec3& mid
     if (away.norm() < 0.1) continue;
     const Vec3 step = step_mm * away.normalized();
     Vec3 p_D_mm = point.p_D_mm + 1.25 * probe.surface().voxel_mm * point.normal_D;
-    while (probe.IsInLattice(p_D_mm) && !probe.IsMaterial(p_D_mm)) p_D_mm += step;
-    if (!probe.IsInLattice(p_D_mm)) return true;
+    int steps = 0;
+    while (steps < kMostSteps && probe.IsInLattice(p_D_mm) && !probe.IsMaterial(p_D_mm)) {
+      p_D_mm += step;
+      ++steps;
+    }
+    if (steps == kMostSteps || !probe.IsInLattice(p_D_mm)) return true;
   }
   return false;
+}
+
+std::int64_t Work(const SurfaceProbe& probe, const Rehearsal& rehearsal) {
+  return probe.reads() + kReadsPerStep * rehearsal.steps();
 }
 
 // Points that are not near a stroke that there is.
@@ -52,41 +64,48 @@ class Coverage {
 
 class StrokeMaker {
  public:
-  StrokeMaker(SurfaceProbe& probe, const DeviceSpec& device, double depth_mm,
+  StrokeMaker(SurfaceProbe& probe, Rehearsal& rehearsal, const DeviceSpec& device, double depth_mm,
               const GuideBudget& budget)
-      : probe_(probe), device_(device), depth_mm_(depth_mm), budget_(budget) {}
+      : probe_(probe),
+        rehearsal_(rehearsal),
+        device_(device),
+        depth_mm_(depth_mm),
+        budget_(budget) {
+    const HapticSurface& surface = probe.surface();
+    middle_D_mm_ =
+        surface.X_DI.Apply(0.5 * (surface.volume->size() - Vec3i::Ones()).cast<double>());
+  }
 
   std::vector<TouchStroke> Make(const std::vector<SurfacePoint>& points) {
-    const HapticSurface& surface = probe_.surface();
-    const Vec3 middle_I = 0.5 * (surface.volume->size() - Vec3i::Ones()).cast<double>();
-    const Vec3 middle_D_mm = surface.X_DI.Apply(middle_I);
-    std::vector<SurfacePoint> open, hidden;
-    const std::int64_t most_reads = budget_.reads / 3;
-    for (const SurfacePoint& point : points) {
-      if (probe_.reads() > most_reads) break;
-      const bool is_open = surface.IsFreeOutside() && IsInTheOpen(probe_, point, middle_D_mm);
-      (is_open ? open : hidden).push_back(point);
-    }
     constexpr std::size_t kFew = 8;
-    Spread(open);
-    if (long_.size() + short_.size() < kFew) Spread(hidden);
+    std::vector<Access> access(points.size(), Access::kUnknown);
+    if (probe_.surface().IsFreeOutside()) Spread(points, access, true);
+    if (long_.size() + short_.size() < kFew) Spread(points, access, false);
     // Dust only where there is little else.
     if (long_.size() < kFew) long_.insert(long_.end(), short_.begin(), short_.end());
     return long_.empty() ? std::move(unsteady_) : std::move(long_);
   }
 
  private:
+  enum class Access : std::uint8_t { kUnknown, kHidden, kUsed };
+
   // First far from each other, then nearer and nearer.
-  void Spread(const std::vector<SurfacePoint>& points) {
+  void Spread(const std::vector<SurfacePoint>& points, std::vector<Access>& access,
+              bool in_the_open) {
     const Vec3 sizes_mm = device_.workspace_max_mm - device_.workspace_min_mm;
-    std::vector<bool> is_used(points.size(), false);
     for (double apart_mm = sizes_mm.minCoeff() / 3.0; apart_mm > 2.0; apart_mm *= 0.6) {
       for (std::size_t n = 0; n < points.size(); ++n) {
         if (IsEnough()) return;
-        if (is_used[n] || coverage_.Has(points[n].p_D_mm, apart_mm)) continue;
-        is_used[n] = true;
+        if (access[n] == Access::kUsed || (in_the_open && access[n] == Access::kHidden)) continue;
+        if (coverage_.Has(points[n].p_D_mm, apart_mm)) continue;
+        if (in_the_open && !IsInTheOpen(probe_, points[n], middle_D_mm_)) {
+          access[n] = Access::kHidden;
+          continue;
+        }
+        access[n] = Access::kUsed;
         TouchStroke stroke = MakeStroke(probe_, points[n], device_, depth_mm_);
         coverage_.Add(stroke);
+        if (!KeepFollowed(stroke)) continue;
         std::vector<TouchStroke>& kind = !IsSteady(probe_, stroke, device_) ? unsteady_
                                          : LengthMm(stroke) >= kLongMm      ? long_
                                                                             : short_;
@@ -94,16 +113,40 @@ class StrokeMaker {
       }
     }
   }
+
+  // The part of the stroke on which the proxy stays with the hand, there and back.
+  bool KeepFollowed(TouchStroke& stroke) {
+    std::vector<TouchPoint>& points = stroke.points;
+    constexpr std::size_t kSpare = 2;
+    const auto slide = [&](std::size_t from, std::size_t to) {
+      const std::size_t whole = (from < to ? to - from : from - to) + 1;
+      const std::size_t followed = rehearsal_.Slide(points, from, to);
+      return followed == whole ? whole : followed - std::min(kSpare, followed);
+    };
+    const std::size_t middle = points.size() / 2;
+    const std::size_t there = slide(middle, points.size() - 1);
+    if (there == 0) return false;
+    points.resize(middle + there);
+    const std::size_t back = slide(points.size() - 1, 0);
+    if (back == 0) return false;
+    points.erase(points.begin(), points.end() - static_cast<std::ptrdiff_t>(back));
+    const std::size_t again = slide(0, points.size() - 1);
+    points.resize(again);
+    return again > 0;
+  }
+
   bool IsEnough() const {
     const auto most = static_cast<std::size_t>(budget_.strokes);
     return long_.size() >= most || short_.size() >= 2 * most || unsteady_.size() >= 4 * most ||
-           probe_.reads() > budget_.reads * 2 / 3;
+           Work(probe_, rehearsal_) > budget_.reads * 2 / 3;
   }
 
   SurfaceProbe& probe_;
+  Rehearsal& rehearsal_;
   const DeviceSpec& device_;
   double depth_mm_;
   const GuideBudget& budget_;
+  Vec3 middle_D_mm_;  // of the volume
   Coverage coverage_;
   std::vector<TouchStroke> long_, short_, unsteady_;
 };
@@ -111,9 +154,13 @@ class StrokeMaker {
 // Orders strokes: always on to the nearest end of another one that has a free way to it.
 class TourMaker {
  public:
-  TourMaker(SurfaceProbe& probe, const DeviceSpec& device, double depth_mm,
+  TourMaker(SurfaceProbe& probe, Rehearsal& rehearsal, const DeviceSpec& device, double depth_mm,
             const GuideBudget& budget)
-      : probe_(probe), device_(device), near_mm_(depth_mm + 1.0), budget_(budget) {}
+      : probe_(probe),
+        rehearsal_(rehearsal),
+        device_(device),
+        near_mm_(depth_mm + 1.0),
+        budget_(budget) {}
 
   std::vector<TouchStroke> Tour(std::vector<TouchStroke> strokes, std::size_t first) {
     std::vector<TouchStroke> tour;
@@ -161,10 +208,14 @@ class TourMaker {
   }
 
   std::optional<double> FreeLift(const TouchPoint& from, const TouchPoint& to) {
-    if (probe_.reads() > budget_.reads) return std::nullopt;
     for (const double lift_mm : kLiftsMm) {
-      const TouchArc arc(from.p_DHand_mm, from.normal_D, to.p_DHand_mm, to.normal_D, lift_mm);
-      if (IsFree(arc)) return lift_mm;
+      if (Work(probe_, rehearsal_) > budget_.reads) return std::nullopt;
+      const TouchArc there(from.p_DHand_mm, from.normal_D, to.p_DHand_mm, to.normal_D, lift_mm);
+      const TouchArc back(to.p_DHand_mm, to.normal_D, from.p_DHand_mm, from.normal_D, lift_mm);
+      if (IsFree(there) && rehearsal_.Crosses(from, to, there) &&
+          rehearsal_.Crosses(to, from, back)) {
+        return lift_mm;
+      }
     }
     return std::nullopt;
   }
@@ -184,6 +235,7 @@ class TourMaker {
   }
 
   SurfaceProbe& probe_;
+  Rehearsal& rehearsal_;
   const DeviceSpec& device_;
   double near_mm_;  // to an end, where the arc is in material
   const GuideBudget& budget_;
@@ -197,17 +249,25 @@ TouchPlan PlanTouches(const HapticSurface& surface, const DeviceSpec& device,
   const std::vector<SurfacePoint> points = FindTouchPoints(surface, device, budget, spent);
   SurfaceProbe probe(surface);
   const double depth_mm = PressDepthMm(stiffness_n_per_mm);
+  Rehearsal rehearsal(surface);
   const std::vector<TouchStroke> strokes =
-      StrokeMaker(probe, device, depth_mm, budget).Make(points);
+      StrokeMaker(probe, rehearsal, device, depth_mm, budget).Make(points);
   TouchPlan plan{.strokes = {}, .stiffness_n_per_mm = stiffness_n_per_mm};
   // Pieces without a way between them: the tour of the most.
   constexpr std::size_t kStarts = 3;
   for (std::size_t first = 0; first < std::min(kStarts, strokes.size()); ++first) {
-    std::vector<TouchStroke> tour = TourMaker(probe, device, depth_mm, budget).Tour(strokes, first);
+    std::vector<TouchStroke> tour =
+        TourMaker(probe, rehearsal, device, depth_mm, budget).Tour(strokes, first);
     if (tour.size() > plan.strokes.size()) plan.strokes = std::move(tour);
     if (2 * plan.strokes.size() > strokes.size()) break;
   }
-  spent.reads += probe.reads();
+  // A device counts its steps from below: what it reads is half a step less.
+  for (TouchStroke& stroke : plan.strokes) {
+    for (TouchPoint& point : stroke.points) {
+      point.p_DHand_mm += Vec3::Constant(0.5 * device.position_resolution_mm);
+    }
+  }
+  spent.reads += Work(probe, rehearsal);
   if (cost != nullptr) *cost = spent;
   return plan;
 }

@@ -147,6 +147,7 @@ std::vector<SurfacePoint> FindTouchPoints(const HapticSurface& surface, const De
                                           const GuideBudget& budget, GuideCost& cost) {
   LeafOrder order = LeavesWithin(surface, device);
   std::vector<SurfacePoint> points;
+  cost = {};
   if (order.count() == 0) return points;
   const auto most = static_cast<int>(
       std::clamp<std::int64_t>(4 * budget.points / order.count(), 1, kMostPerLeaf));
@@ -157,7 +158,7 @@ std::vector<SurfacePoint> FindTouchPoints(const HapticSurface& surface, const De
     const auto turn = static_cast<std::uint64_t>(cost.places);
     cost.leaves += finder.Look(order.Next(), turn, most, points);
   }
-  cost.reads += finder.reads();
+  cost.reads = finder.reads();
   return points;
 }
 

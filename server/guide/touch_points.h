@@ -19,9 +19,9 @@ namespace palpate {
 struct GuideBudget {
   std::int64_t places = 1 << 20;  // of leaves that are visited at all
   std::int64_t leaves = 1 << 17;  // whose voxels are read
-  int points = 1536;              // that are enough
-  int strokes = 48;
-  std::int64_t reads = 600'000;  // of cells, for all strokes and the ways between them
+  int points = 1024;              // that are enough
+  int strokes = 32;
+  std::int64_t reads = 300'000;  // of cells, for all strokes and the ways between them
 };
 
 struct GuideCost {

@@ -14,7 +14,7 @@ constexpr double kStepVoxels = 0.7;
 constexpr double kLeastStepMm = 0.1;
 constexpr double kMostStepMm = 0.6;
 constexpr double kMostHalfMm = 25.0;  // of a stroke
-constexpr std::size_t kMostHalfPoints = 120;
+constexpr std::size_t kMostHalfPoints = 80;
 constexpr double kSharpestTurn = 0.75;  // cosine between the normals of a step
 constexpr int kDirections = 3;          // in which a stroke is tried, each both ways
 
@@ -38,12 +38,15 @@ class Tracer {
         device_(device),
         step_mm_(std::clamp(kStepVoxels * probe.surface().voxel_mm, kLeastStepMm, kMostStepMm)) {}
 
+  std::size_t most_points() const {
+    return std::min(kMostHalfPoints, static_cast<std::size_t>(kMostHalfMm / step_mm_));
+  }
+
   // From the start on; without the start.
   Line Trace(const SurfacePoint& start, Vec3 heading) {
     Line line;
     SurfacePoint here = start;
-    const auto most = std::min(kMostHalfPoints, static_cast<std::size_t>(kMostHalfMm / step_mm_));
-    while (line.size() < most) {
+    while (line.size() < most_points()) {
       SurfacePoint next{here.p_D_mm + step_mm_ * heading, {}};
       if (!probe_.Project(next.p_D_mm, here.normal_D, step_mm_)) break;
       next.normal_D = probe_.NormalAt(next.p_D_mm);
@@ -85,23 +88,28 @@ Line LongestLine(Tracer& tracer, const SurfacePoint& start) {
     const Line rest = tracer.Trace(start, heading);
     line.insert(line.end(), rest.begin(), rest.end());
     if (line.size() > longest.size()) longest = std::move(line);
+    if (longest.size() > 2 * tracer.most_points()) break;
   }
   return longest;
 }
 
-// A device counts its steps from below: what it reads is half a step less.
-Vec3 BiasMm(const DeviceSpec& device) {
-  return Vec3::Constant(0.5 * device.position_resolution_mm);
-}
-
 // How far material reaches from a point in it, up to `most_mm`.
 double ReachMm(SurfaceProbe& probe, const Vec3& p_D_mm, const Vec3& way_D, double most_mm) {
-  const double step_mm = std::min(0.25 * probe.surface().voxel_mm, 0.25 * most_mm);
-  double reach_mm = 0.0;
-  while (reach_mm < most_mm && probe.IsMaterial(p_D_mm + (reach_mm + step_mm) * way_D)) {
-    reach_mm += step_mm;
+  constexpr double kMostSteps = 40.0;
+  const double step_mm =
+      std::clamp(0.5 * probe.surface().voxel_mm, most_mm / kMostSteps, 0.5 * most_mm);
+  double inside_mm = 0.0, outside_mm = step_mm;
+  while (inside_mm < most_mm && probe.IsMaterial(p_D_mm + outside_mm * way_D)) {
+    inside_mm = outside_mm;
+    outside_mm += step_mm;
   }
-  return std::min(reach_mm, most_mm);
+  if (inside_mm >= most_mm) return most_mm;
+  constexpr int kBisections = 3;
+  for (int n = 0; n < kBisections; ++n) {
+    const double middle_mm = 0.5 * (inside_mm + outside_mm);
+    (probe.IsMaterial(p_D_mm + middle_mm * way_D) ? inside_mm : outside_mm) = middle_mm;
+  }
+  return inside_mm;
 }
 
 // Where the hand is to be below the point: in the middle of what is thinner than twice the depth,
@@ -172,7 +180,7 @@ bool IsSteady(SurfaceProbe& probe, const TouchStroke& stroke, const DeviceSpec& 
   const auto is_held = [&](const TouchPoint& point) {
     for (int side = 0; side < 6; ++side) {
       const Vec3 off = (side & 1 ? step_mm : -step_mm) * Vec3::Unit(side / 2);
-      if (!probe.IsMaterial(point.p_DHand_mm - BiasMm(device) + off)) return false;
+      if (!probe.IsMaterial(point.p_DHand_mm + off)) return false;
     }
     return true;
   };
@@ -193,7 +201,6 @@ TouchStroke MakeStroke(SurfaceProbe& probe, const SurfacePoint& start, const Dev
   Smooth(probe, stroke.points);
   SetSpeeds(stroke.points);
   stroke.least_s = LengthMm(stroke) < kShortStrokeMm ? kShortStrokeS : kLongStrokeS;
-  for (TouchPoint& point : stroke.points) point.p_DHand_mm += BiasMm(device);
   return stroke;
 }
 
