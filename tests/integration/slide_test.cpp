@@ -1,4 +1,4 @@
-// The simulated hand explores whole volumes for 20 s each, as in the daemon but
+// A hand that explores by touch alone, without a plan, goes over whole volumes for 20 s each,
 // as fast as it goes: what is felt, and what never happens to one who feels it.
 #include <gtest/gtest.h>
 

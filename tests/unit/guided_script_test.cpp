@@ -1,0 +1,206 @@
+// A hand that follows plans: where it has one, where it has none, and where one comes or goes.
+#include "server/device/guided_script.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstring>
+#include <limits>
+
+#include "server/device/explore_script.h"
+#include "server/device/simulated_device.h"
+#include "tests/support/allocation_count.h"
+#include "tests/support/refusal.h"
+
+namespace palpate {
+namespace {
+
+constexpr double kTickS = 1e-3;
+constexpr double kStiffness = 0.5;  // N/mm
+
+std::unique_ptr<StylusScript> Explore() {
+  const DeviceSpec spec = SimulatedDeviceSpec();
+  return std::make_unique<ExploreScript>(spec.workspace_min_mm, spec.workspace_max_mm, 1);
+}
+
+// Lines along x on the plane z = 0, 20 mm apart; the hand a millimetre below.
+TouchStroke Line(double y_mm, int points) {
+  TouchStroke stroke{.points = {}, .least_s = 1.5, .lift_to_next_mm = 5.0};
+  for (int n = 0; n < points; ++n) {
+    const Vec3 p_mm(0.5 * n - 10.0, y_mm, 0.0);
+    stroke.points.push_back({.p_D_mm = p_mm,
+                             .normal_D = Vec3::UnitZ(),
+                             .p_DHand_mm = p_mm - Vec3::UnitZ(),
+                             .speed_mm_s = 40.0});
+  }
+  return stroke;
+}
+
+TouchPlan Lines() {
+  return {.strokes = {Line(-20.0, 40), Line(0.0, 1), Line(20.0, 40)},
+          .stiffness_n_per_mm = kStiffness};
+}
+
+class GuidedTest : public ::testing::Test {
+ protected:
+  GuidedTest() : device_(std::make_unique<GuidedScript>(Explore(), plans_)) { device_.Start(); }
+
+  void Publish(TouchPlan plan) { plans_.Publish(std::make_unique<TouchPlan>(std::move(plan))); }
+
+  Vec3 Read() {
+    DeviceState state;
+    EXPECT_EQ(device_.Read(state), DeviceStatus::kOk);
+    return state.p_DHip_mm;
+  }
+
+  // Material below z = 0.
+  struct Run {
+    int contacts = 0;
+    double fastest_mm_s = 0.0;
+    double deepest_mm = 0.0;
+    double least_y_mm = 1e9, most_y_mm = -1e9;  // in contact
+  };
+  Run Feel(int ticks) {
+    Run run;
+    Vec3 last_mm = Read();
+    for (int n = 0; n < ticks; ++n) {
+      const Vec3 p_mm = Read();
+      const double depth_mm = std::max(0.0, -p_mm.z());
+      device_.Write(kStiffness * depth_mm * Vec3::UnitZ(), kTickS);
+      run.deepest_mm = std::max(run.deepest_mm, depth_mm);
+      if (depth_mm > 0.0) {
+        ++run.contacts;
+        run.least_y_mm = std::min(run.least_y_mm, p_mm.y());
+        run.most_y_mm = std::max(run.most_y_mm, p_mm.y());
+      }
+      if (n % 10 == 9) {
+        run.fastest_mm_s = std::max(run.fastest_mm_s, (p_mm - last_mm).norm() / (10.0 * kTickS));
+        last_mm = p_mm;
+      }
+    }
+    return run;
+  }
+
+  TouchPlanInbox plans_;
+  SimulatedDevice device_;
+};
+
+bool SameBits(const Vec3& a, const Vec3& b) { return std::memcmp(&a, &b, sizeof(Vec3)) == 0; }
+
+TEST_F(GuidedTest, WithoutAPlanIsTheOtherScript) {
+  SimulatedDevice plain(Explore());
+  plain.Start();
+  for (int n = 0; n < 5000; ++n) {
+    // One that holds nothing is none.
+    if (n == 2500) Publish({});
+    DeviceState state;
+    plain.Read(state);
+    const Vec3 p_mm = Read();
+    ASSERT_TRUE(SameBits(p_mm, state.p_DHip_mm)) << n;
+    const Vec3 force_n = p_mm.norm() < 25.0 ? Vec3(0.5 * (25.0 - p_mm.norm()) * p_mm.normalized())
+                                            : Vec3(Vec3::Zero());
+    plain.Write(force_n, kTickS);
+    device_.Write(force_n, kTickS);
+  }
+}
+
+TEST_F(GuidedTest, TouchesEveryStrokeAtItsDepth) {
+  Publish(Lines());
+  Feel(3000);
+  const Run run = Feel(12'000);
+  EXPECT_GT(run.contacts, 9000);
+  EXPECT_LT(run.fastest_mm_s, 150.0);
+  EXPECT_LT(run.least_y_mm, -19.9);
+  EXPECT_GT(run.most_y_mm, 19.9);
+  // Against the force, too, it is where the plan has it.
+  EXPECT_LT(run.deepest_mm, 1.15);
+}
+
+TEST_F(GuidedTest, StaysOnASingleGrain) {
+  Publish({.strokes = {Line(3.0, 1)}, .stiffness_n_per_mm = kStiffness});
+  Feel(3000);
+  EXPECT_EQ(Feel(5000).contacts, 5000);
+}
+
+TEST_F(GuidedTest, TakesANewPlanWithoutALeap) {
+  Publish(Lines());
+  Feel(4000);
+  for (int n = 0; n < 20; ++n) {
+    TouchPlan plan = Lines();
+    for (TouchStroke& stroke : plan.strokes) {
+      for (TouchPoint& point : stroke.points) {
+        point.p_D_mm.x() += 0.05 * n;
+        point.p_DHand_mm.x() += 0.05 * n;
+      }
+    }
+    Publish(std::move(plan));
+    const Run run = Feel(200);
+    EXPECT_LT(run.fastest_mm_s, 150.0);
+  }
+  Feel(2000);
+  EXPECT_GT(Feel(6000).contacts, 4000);
+}
+
+TEST_F(GuidedTest, ExploresOnWhenThePlanIsTakenAway) {
+  Publish(Lines());
+  Feel(4000);
+  Publish({});
+  const Run run = Feel(3000);
+  EXPECT_LT(run.fastest_mm_s, 180.0);
+  Eigen::AlignedBox3d seen;
+  for (int n = 0; n < 10'000; ++n) {
+    seen.extend(Read());
+    device_.Write(Vec3::Zero(), kTickS);
+  }
+  EXPECT_GT(seen.sizes().minCoeff(), 20.0);
+  Publish(Lines());
+  Feel(3000);
+  EXPECT_GT(Feel(6000).contacts, 4000);
+}
+
+// A wall that the plan does not know: the hand stops, tries another stroke, and explores.
+TEST_F(GuidedTest, DoesNotPushThroughWhatIsInTheWay) {
+  Publish(Lines());
+  Feel(500);
+  double most_n = 0.0;
+  for (int n = 0; n < 20'000; ++n) {
+    const Vec3 p_mm = Read();
+    const double depth_mm = std::max(0.0, 15.0 - p_mm.z());
+    const Vec3 force_n = kStiffness * depth_mm * Vec3::UnitZ();
+    if (n > 1000) most_n = std::max(most_n, force_n.norm());
+    device_.Write(force_n, kTickS);
+  }
+  EXPECT_LT(most_n, 3.3);
+}
+
+TEST_F(GuidedTest, StaysFiniteWhateverIsWritten) {
+  Publish(Lines());
+  const double infinity = std::numeric_limits<double>::infinity();
+  for (int n = 0; n < 20'000; ++n) {
+    const double force_n = n % 7 == 0 ? infinity : n % 5 == 0 ? std::nan("") : n % 40 - 20.0;
+    const double dt_s = n % 11 == 0 ? 0.0 : n % 13 == 0 ? 10.0 : n % 17 == 0 ? -1.0 : kTickS;
+    device_.Write(Vec3(force_n, -force_n, 0.3 * force_n), dt_s);
+    ASSERT_TRUE(Read().allFinite());
+  }
+}
+
+TEST_F(GuidedTest, NeverAllocates) {
+  Publish(Lines());
+  auto other = std::make_unique<TouchPlan>(Lines());
+  std::uint64_t during = test::Allocations();
+  Feel(6000);
+  during = test::Allocations() - during;
+  EXPECT_EQ(during, 0u);
+  plans_.Publish(std::move(other));
+  during = test::Allocations();
+  Feel(6000);
+  EXPECT_EQ(test::Allocations() - during, 0u);
+}
+
+TEST(GuidedScript, NeedsAnotherScript) {
+  TouchPlanInbox plans;
+  EXPECT_EQ(testing::Refusal([&] { GuidedScript(nullptr, plans); }), ErrorKind::kInvalidArgument);
+}
+
+}  // namespace
+}  // namespace palpate

@@ -1,0 +1,95 @@
+// The thread that plans for the simulated hand: a plan for every surface, and no other.
+#include "server/app/hand_guide.h"
+
+#include <gtest/gtest.h>
+
+#include <functional>
+#include <memory>
+
+#include "server/device/simulated_device.h"
+#include "tests/support/patience.h"
+
+namespace palpate {
+namespace {
+
+class HandGuideTest : public ::testing::Test {
+ protected:
+  HandGuideTest() : session_(device_, inbox_, pump_, VolumeLoader{}), guide_(session_, plans_) {}
+
+  void Load(const char* source, double isovalue = 0.5) {
+    LoadRequest request;
+    request.source = source;
+    request.normalized_isovalue = isovalue;
+    session_.Load(
+        request, [](std::string_view, double) {}, [] { return false; });
+  }
+  // The plan that comes after `change`.
+  const TouchPlan* Next(const std::function<void()>& change) {
+    const TouchPlan* const before = plans_.Acquire();
+    change();
+    const bool has_come = test::Eventually([&] { return plans_.Acquire() != before; });
+    return has_come ? plans_.Acquire() : nullptr;
+  }
+
+  DeviceSpec device_ = SimulatedDeviceSpec();
+  SceneInbox inbox_;
+  std::unique_ptr<TickOutbox> outbox_ = std::make_unique<TickOutbox>();
+  Pump pump_{*outbox_};
+  Session session_;
+  TouchPlanInbox plans_;
+  HandGuide guide_;
+};
+
+TEST_F(HandGuideTest, PlansWhateverIsLoadedOrMoved) {
+  Load("builtin:sphere:32");
+  const TouchPlan* plan = Next([&] { guide_.Start(); });
+  ASSERT_NE(plan, nullptr);
+  ASSERT_FALSE(plan->strokes.empty());
+  const Vec3 first_mm = plan->strokes[0].points[0].p_D_mm;
+
+  plan = Next([&] {
+    session_.Move([](const VolumeState& now) {
+      Registration moved = now.registration;
+      moved.X_DW.translation += Vec3(0.0, 7.0, 0.0);
+      return moved;
+    });
+  });
+  ASSERT_NE(plan, nullptr);
+  EXPECT_NEAR((plan->strokes[0].points[0].p_D_mm - first_mm - Vec3(0.0, 7.0, 0.0)).norm(), 0.0,
+              1e-6);
+
+  // Nothing is above the greatest value.
+  plan = Next([&] { Load("builtin:bumps:32", 1.0); });
+  ASSERT_NE(plan, nullptr);
+  EXPECT_TRUE(plan->strokes.empty());
+}
+
+TEST_F(HandGuideTest, MakesNoPlanForWhatChangesNoSurface) {
+  Load("builtin:sphere:32");
+  ASSERT_NE(Next([&] { guide_.Start(); }), nullptr);
+  const TouchPlan* const plan = plans_.Acquire();
+  session_.SetForcesOff(true);
+  session_.SetForcesOff(false);
+  std::this_thread::sleep_for(std::chrono::milliseconds(300));
+  EXPECT_EQ(plans_.Acquire(), plan);
+}
+
+TEST_F(HandGuideTest, StopsWithoutHavingStarted) {
+  Load("builtin:sphere:16");
+  guide_.Stop();
+  EXPECT_EQ(plans_.Acquire(), nullptr);
+}
+
+// The hand keeps no volume: the last one that does frees it.
+TEST_F(HandGuideTest, LetsAVolumeGoOnceItIsPlanned) {
+  Load("builtin:sphere:32");
+  const std::weak_ptr<const VolumeSnapshot> volume = session_.volume().volume;
+  ASSERT_NE(Next([&] { guide_.Start(); }), nullptr);
+  Load("builtin:bumps:32");
+  inbox_.Acquire();
+  inbox_.Collect();
+  EXPECT_TRUE(test::Eventually([&] { return volume.expired(); }));
+}
+
+}  // namespace
+}  // namespace palpate
