@@ -22,7 +22,7 @@ constexpr double kSlowingN = 1.2;
 constexpr double kHeldForceN = 2.0;
 // More than the stroke's depth explains, whatever the friction: the surface holds the proxy
 // somewhere else.
-constexpr double kMostFriction = 2.3;
+constexpr double kMostFriction = 1.9;
 constexpr double kUnexplainedN = 0.3;
 constexpr double kSpareN = 0.05;
 constexpr double kCaughtS = 0.3;
