@@ -150,7 +150,7 @@ TEST(Lifecycle, BadStartsGiveOneLineAndACode) {
            {{"--device", "replay"}, 3, "set [device] replay_file"},
            {{"--device", "openhaptics"}, 4, "install the vendor's OpenHaptics"},
            {{"--config", guessed}, 3, "needs `state_command` and `force_command`"},
-           {{"--config", buttons}, 3, "stop_buttons names a button that simulated has not"},
+           {{"--config", buttons}, 3, "stop_buttons names a button that simulated does not have"},
            {{"--method", "mc33"}, 3, "unknown method mc33"},
            {{"--listen", "somewhere"}, 3, "somewhere"},
            {{"--config", config}, 3, "bad.toml:2: haptics.stiffness_n_per_mm must be a number"}}) {

@@ -145,7 +145,6 @@ class ViewWindow(OneWindow):
         """Types into the isovalue's field, key by key; the settings' revision before."""
         before = self.settings_revision()
         self.window.do("mousemove", *ISOVALUE, "keydown", "ctrl", "click", 1, "keyup", "ctrl")
-        self.window.picture("F12")
         for key in text:
             self.window.do("key", "period" if key == "." else key)
             self.window.picture("F12")

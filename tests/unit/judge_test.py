@@ -137,7 +137,7 @@ class Tries(unittest.TestCase):
     def tried(self, runs):
         """What comes of runs, each "PERCENT_STOLEN:fails|crashes|passes"."""
         script = (SUPPORT.parent / "run.sh").read_text()
-        function = script[script.index("run_tests() {"):script.index("# Programs are most of")]
+        function = script[script.index("run_tests() {"):script.index("# Deletes programs")]
         numbers = next(line for line in script.splitlines() if line.startswith("stolen_most_"))
         with tempfile.TemporaryDirectory() as folder:
             run = subprocess.run(

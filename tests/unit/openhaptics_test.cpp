@@ -404,7 +404,7 @@ TEST_F(OpenHapticsTest, ALibraryThatHangsDoesNotHoldStop) {
   With([](FakeHd& hd) { return hd.hangs_in_stop = true; });
   device_->Stop();
   EXPECT_EQ(device_->Read(state_), DeviceStatus::kFault);
-  EXPECT_EQ(CountEvents(Events(), "does not let go"), 1);
+  EXPECT_EQ(CountEvents(Events(), "does not release the device"), 1);
   device_->Write(Vec3(1, 0, 0), 0.001);
   EXPECT_TRUE(WaitFor([&] { return Force().isZero(0.0); }));
   device_.reset();

@@ -19,6 +19,8 @@ WindowInput::WindowInput(GLFWwindow* window, std::function<void()> stop)
   glfwSetMouseButtonCallback(window, OnButton);
   glfwSetCursorPosCallback(window, OnMove);
   ImGui_ImplGlfw_InitForOpenGL(window, true);
+  // Instead of Dear ImGui's own, which does not wait for clicks.
+  glfwSetCharCallback(window, OnCharacter);
 }
 
 WindowInput::~WindowInput() { ImGui_ImplGlfw_Shutdown(); }
@@ -29,10 +31,11 @@ WindowInput& WindowInput::Of(GLFWwindow* window) {
 
 void WindowInput::BeginFrame() {
   ImGui_ImplGlfw_NewFrame();
-  ShowKeys();
+  ReleaseKeys();
   if (ImGui::GetActiveID() != escaped_field_) escaped_field_ = 0;
   ImGuiIO& io = ImGui::GetIO();
   bool moved = false;
+  bool clicked = false;
   way_.clear();
   while (!waiting_.empty()) {
     const PointerEvent event = waiting_.front();
@@ -45,24 +48,51 @@ void WindowInput::BeginFrame() {
     down_ = event.down;
     if (changes) io.KeyCtrl = event.ctrl;
     way_.emplace_back(event.x, event.y);
+    clicked = changes;
     if (changes) break;
     moved = true;
   }
+  if (!clicked) ShowTyped();
   for (std::size_t button = 0; button < down_.size(); ++button)
     io.MouseDown[button] = down_[button];
 }
 
-void WindowInput::ShowKeys() {
+// Keys are as they are, but for those whose press still waits.
+void WindowInput::ReleaseKeys() {
   ImGuiIO& io = ImGui::GetIO();
   const auto is_down = [this](int key) { return glfwGetKey(window_, key) == GLFW_PRESS; };
   io.KeyCtrl = is_down(GLFW_KEY_LEFT_CONTROL) || is_down(GLFW_KEY_RIGHT_CONTROL);
   for (const int key : shown_keys_) io.KeysDown[key] = is_down(key);
-  for (const int key : pressed_) io.KeysDown[key] = true;
-  shown_keys_ = std::exchange(pressed_, {});
+  shown_keys_.clear();
+  for (const Typed& typed : typed_) {
+    if (typed.key >= 0) io.KeysDown[typed.key] = false;
+  }
+}
+
+void WindowInput::ShowTyped() {
+  ImGuiIO& io = ImGui::GetIO();
+  while (!typed_.empty() && typed_.front().after <= shown_) {
+    const Typed typed = typed_.front();
+    // The second press of a key gets a frame of its own, after one without it.
+    if (typed.key >= 0 && (io.KeysDown[typed.key] || io.KeysDownDuration[typed.key] >= 0.0f))
+      return;
+    typed_.pop_front();
+    if (typed.key < 0) {
+      io.AddInputCharacter(typed.character);
+    } else {
+      io.KeysDown[typed.key] = true;
+      shown_keys_.push_back(typed.key);
+    }
+  }
+}
+
+void WindowInput::Wait(Typed typed) {
+  typed.after = shown_ + waiting_.size();
+  typed_.push_back(typed);
 }
 
 bool WindowInput::is_urgent() const {
-  return !keys_.empty() || !pressed_.empty() ||
+  return !keys_.empty() || !typed_.empty() ||
          std::any_of(waiting_.begin(), waiting_.end(),
                      [this](const PointerEvent& event) { return event.down != down_; });
 }
@@ -80,7 +110,7 @@ std::vector<KeyPress> WindowInput::TakeKeys() {
 // Uses the letter printed on the key, so that ctrl+Z works on every keyboard layout.
 void WindowInput::OnKey(GLFWwindow* window, int key, int scancode, int action, int modifiers) {
   if (action != GLFW_PRESS) return;
-  if (key >= 0 && key < IM_ARRAYSIZE(ImGuiIO::KeysDown)) Of(window).pressed_.push_back(key);
+  if (key >= 0 && key < IM_ARRAYSIZE(ImGuiIO::KeysDown)) Of(window).Wait({.key = key});
   KeyPress press{.key = {}, .ctrl = (modifiers & GLFW_MOD_CONTROL) != 0};
   switch (key) {
     case GLFW_KEY_ESCAPE:
@@ -97,6 +127,10 @@ void WindowInput::OnKey(GLFWwindow* window, int key, int scancode, int action, i
   }
   WindowInput& input = Of(window);
   input.keys_.push_back({press, input.shown_ + input.waiting_.size()});
+}
+
+void WindowInput::OnCharacter(GLFWwindow* window, unsigned character) {
+  Of(window).Wait({.character = character});
 }
 
 // Asks for the field itself: WantTextInput is a frame old.

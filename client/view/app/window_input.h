@@ -52,10 +52,21 @@ class WindowInput {
     std::uint64_t after = 0;  // the number of pointer events before it
   };
 
+  // A key that went down, or a character. A key that is down for less than a frame is shown for
+  // one. What is typed after a click waits for the click, which may open a text field.
+  struct Typed {
+    int key = -1;
+    unsigned character = 0;
+    std::uint64_t after = 0;  // the number of pointer events before it
+  };
+
   static WindowInput& Of(GLFWwindow* window);
   bool IsForTextField();
-  void ShowKeys();
+  void ReleaseKeys();
+  void ShowTyped();
+  void Wait(Typed typed);
   static void OnKey(GLFWwindow* window, int key, int scancode, int action, int modifiers);
+  static void OnCharacter(GLFWwindow* window, unsigned character);
   static void OnButton(GLFWwindow* window, int button, int action, int modifiers);
   static void OnMove(GLFWwindow* window, double x, double y);
 
@@ -68,10 +79,8 @@ class WindowInput {
   std::deque<PointerEvent> waiting_;
   std::uint64_t shown_ = 0;  // number of pointer events shown so far
   std::vector<WaitingKey> keys_;
-  // Keys that went down since the last frame, and those that the last frame showed. A key that is
-  // down for less than a frame is shown for one.
-  std::vector<int> pressed_;
-  std::vector<int> shown_keys_;
+  std::deque<Typed> typed_;      // that no frame has shown yet
+  std::vector<int> shown_keys_;  // whose press the last frame showed
 };
 
 }  // namespace palpate::view
