@@ -17,10 +17,11 @@ namespace {
 constexpr int kNice = 10;
 constexpr int kRestPerWork = 9;
 constexpr std::chrono::milliseconds kLeastRest(20);
-constexpr std::chrono::milliseconds kMostRest(1000);
+constexpr std::chrono::seconds kMostRest(10);
 
 bool HaveSameSurface(const HapticSurface& a, const HapticSurface& b) {
-  return a.isovalue == b.isovalue && a.free_side == b.free_side && a.X_DI == b.X_DI;
+  return a.isovalue == b.isovalue && a.free_side == b.free_side && a.method == b.method &&
+         a.X_DI == b.X_DI;
 }
 
 }  // namespace
@@ -43,7 +44,7 @@ void HandGuide::Stop() noexcept {
 }
 
 void HandGuide::OnScene(const Scene& scene, std::span<const BrickChange> /*changes*/) {
-  // What waited is freed after the lock.
+  // The scene that waited before is freed after the lock.
   std::optional<Felt> felt = Felt{scene.volume, scene.surface, scene.settings.stiffness_n_per_mm};
   {
     const std::lock_guard lock(mutex_);
@@ -70,7 +71,7 @@ std::optional<HandGuide::Felt> HandGuide::NextFelt() {
 
 void HandGuide::Run() {
   pthread_setname_np(pthread_self(), "palpate-hand");
-  // Of this thread alone; where it is refused, the thread runs as the others do.
+  // For this thread only. If the system refuses, the thread runs with the priority of the others.
   setpriority(PRIO_PROCESS, static_cast<id_t>(gettid()), kNice);
   while (std::optional<Felt> felt = NextFelt()) {
     const auto begun = std::chrono::steady_clock::now();

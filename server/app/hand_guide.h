@@ -1,13 +1,13 @@
 // Shows the simulated hand where the surface is.
 //
 // One thread, "palpate-hand", makes a plan of touches whenever what is felt has changed: the
-// volume, the isovalue, the free side, the placement or the stiffness. The thread runs at a lower
-// priority (nice) than the others. It rests between two plans, so that a series of edits costs no
-// more than a tenth of a core.
+// volume, the isovalue, the free side, the method, the placement or the stiffness. The thread runs
+// at a lower priority (nice) than the others. It rests between two plans, so that a series of edits
+// costs no more than a tenth of a core.
 //
 // Threads: construct, Start and Stop on the main thread; OnScene on those that publish.
 // Ownership: borrows the session, as its listener, and the inbox; a volume is held while it is
-// planned on. Errors: out of memory leaves the hand with the plan before.
+// planned on. Errors: without memory for a new plan, the hand keeps the last one.
 #pragma once
 
 #include <condition_variable>
@@ -52,7 +52,7 @@ class HandGuide final : public SceneListener {
   std::mutex mutex_;  // guards what follows, briefly
   std::condition_variable wake_;
   std::optional<Felt> waiting_;  // for a plan
-  // Of the newest plan, or of what waits; the surface without its volume.
+  // What the newest plan depends on, or the plan to come. The surface is without its volume.
   std::uint64_t newest_revision_ = 0;
   HapticSurface newest_surface_;
   double newest_stiffness_n_per_mm_ = -1.0;

@@ -104,16 +104,17 @@ StylusScript::Target GuidedScript::Next(const HandState& hand, const Vec3& felt_
   return {.p_DTarget_mm = hand_.p_mm + pull_n / kHandSpringNPerMm, .buttons = 0};
 }
 
-// Two poles, both at 1 / kFollowS.
+// Two poles, both at 1 / kFollowS. Steps beyond 0.82 of kFollowS would swing up.
 void GuidedScript::Follower::Follow(const Vec3& p_DGoal_mm, double dt_s) {
-  const double step_s = std::min(dt_s, kFollowS);
+  const double step_s = std::min(dt_s, 0.5 * kFollowS);
   a_mm_s2 = ((p_DGoal_mm - p_mm) / kFollowS - 2.0 * v_mm_s) / kFollowS;
   v_mm_s += a_mm_s2 * step_s;
   p_mm += v_mm_s * step_s;
 }
 
 void GuidedScript::TakePlan(const TouchPlan* plan, const HandState& hand) {
-  // The handoff keeps a plan until this has acquired the next: two have two addresses.
+  // The handoff keeps a plan until this script has acquired the next one. So a new plan has a new
+  // address.
   const bool is_new = plan != plan_;
   if (is_new) avoided_ = kNone;
   plan_ = plan;
@@ -128,11 +129,13 @@ void GuidedScript::TakePlan(const TouchPlan* plan, const HandState& hand) {
 void GuidedScript::BeginPlan(const HandState& hand) {
   if (phase_ == Phase::kUnguided) hand_ = {.p_mm = hand.p_DHip_mm, .v_mm_s = hand.v_DHip_mm_s};
   constexpr std::size_t kLookStep = 4;
-  const Nearest point = NearestPoint(*plan_, hand_.p_mm, kLookStep, kNone);
-  if (phase_ == Phase::kStroke && point.distance_mm < kSameStrokeMm) {
-    stroke_ = point.stroke;
-    place_ = static_cast<double>(point.point);
-    return;
+  if (phase_ == Phase::kStroke) {
+    const Nearest point = NearestPoint(*plan_, hand_.p_mm, kLookStep, kNone);
+    if (point.distance_mm < kSameStrokeMm) {
+      stroke_ = point.stroke;
+      place_ = static_cast<double>(point.point);
+      return;
+    }
   }
   const bool has_others = plan_->strokes.size() > 1;
   const Nearest end = NearestPoint(*plan_, hand_.p_mm, kEndsOnly, has_others ? avoided_ : kNone);

@@ -2,8 +2,10 @@
 //
 // A tour of strokes. The hand enters a stroke at one end, slides along its points,
 // leaves at the other end, and goes through free space to the next one. At the end
-// of the tour it goes back the same way, so that every way between two strokes is
-// one that the planner has checked.
+// of the tour it goes back the same way. So the planner has checked every way between two strokes,
+// but not the way to the first one.
+//
+// All numbers are finite, and no stroke is empty.
 //
 // Frame D (mm). Threads: plain values; made off the servo thread, read on it.
 // Ownership: TouchPlanInbox owns what was published, as SnapshotHandoff says.

@@ -1,9 +1,9 @@
 // A tour of strokes over the surface, for the simulated hand.
 //
-// Strokes from points all over the surface, those in the open first and long ones before dust;
-// in an order of short ways through free space.
+// The strokes begin at points all over the surface. Strokes in the open come before those in narrow
+// places, and long ones before dust. Their order makes the ways through free space short.
 //
-// Frame D (mm). Threads: pure; not real-time: some ten milliseconds, whatever the volume's size.
+// Frame D (mm). Threads: pure; not real-time: tens of milliseconds for the volumes that were tried.
 // The same surface gives the same plan, bit for bit.
 #pragma once
 

@@ -17,9 +17,9 @@ namespace palpate {
 
 // Bounds of the work, as counts, so that the outcome does not depend on the machine.
 struct GuideBudget {
-  std::int64_t places = 1 << 20;  // of leaves that are visited at all
+  std::int64_t places = 1 << 20;  // of leaves: visits
   std::int64_t leaves = 1 << 17;  // whose voxels are read
-  int points = 1024;              // that are enough
+  int points = 1024;              // the search ends with so many
   int strokes = 32;
   std::int64_t reads = 300'000;  // of cells, for all strokes and the ways between them
 };

@@ -2,6 +2,7 @@
 // searches by touch alone meets once in minutes.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 
@@ -12,7 +13,7 @@
 namespace palpate::test {
 namespace {
 
-constexpr std::size_t kSamples = 8000;  // eight seconds of a servo that misses no tick
+constexpr std::size_t kSamples = 4000;  // four seconds of a servo that misses no tick
 constexpr double kLeastShare = 0.6;
 
 float VesselAt(int i, int j, int k) {
@@ -55,13 +56,12 @@ TEST(DaemonHand, TouchesAThinVesselMostOfTheTime) {
   Daemon daemon(kPalpated, {"--volume", file, "--isovalue", "0.5"});
   EXPECT_GE(ContactShare(daemon), kLeastShare);
 
-  // Another surface of the same volume: another plan.
-  v1::UpdateSettingsRequest update;
-  update.mutable_settings()->set_normalized_isovalue(0.3);
-  update.mutable_update_mask()->add_paths("normalized_isovalue");
+  // The vessel is somewhere else, many times its width from where it was: another plan.
+  v1::UpdateRegistrationRequest update;
+  update.mutable_translate_mm()->set_x(15.0);
   grpc::ClientContext context;
-  v1::UpdateSettingsResponse updated;
-  ASSERT_TRUE(daemon.render->UpdateSettings(&context, update, &updated).ok());
+  v1::UpdateRegistrationResponse updated;
+  ASSERT_TRUE(daemon.registration->UpdateRegistration(&context, update, &updated).ok());
   EXPECT_GE(ContactShare(daemon), kLeastShare);
 }
 

@@ -184,6 +184,16 @@ TEST_F(GuidedTest, StaysFiniteWhateverIsWritten) {
   }
 }
 
+TEST_F(GuidedTest, LongTicksDoNotSwingItUp) {
+  Publish(Lines());
+  for (int n = 0; n < 2000; ++n) {
+    device_.Write(Vec3::Zero(), 0.012);
+    ASSERT_TRUE(Read().allFinite()) << n;
+  }
+  // It still touches afterwards.
+  EXPECT_LT(Read().norm(), 200.0);
+}
+
 TEST_F(GuidedTest, NeverAllocates) {
   Publish(Lines());
   auto other = std::make_unique<TouchPlan>(Lines());
