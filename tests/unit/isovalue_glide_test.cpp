@@ -15,7 +15,6 @@
 namespace palpate {
 namespace {
 
-constexpr double kTickS = 1e-3;
 constexpr double kSlewN = 0.2 + 1e-9;
 constexpr int kEdge = 36;
 const Vec3 kCentre = Vec3::Constant((kEdge - 1) / 2.0);
