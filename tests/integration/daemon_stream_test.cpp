@@ -253,6 +253,7 @@ TEST(Isovalue, FromBoneToAirAndBackAtRandomIsCarried) {
   EXPECT_EQ(moved.faults + air.faults, 0u);
   EXPECT_EQ(moved.jumps + air.jumps, 0u);
   EXPECT_GT(moved.contacts, 100u);
+  EXPECT_LE(moved.lost, moved.samples / 50);
 }
 
 TEST(PoseStream, ASlowClientSeesFreshSamplesAndLosesOldOnes) {
