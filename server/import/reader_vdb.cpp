@@ -7,13 +7,12 @@
 #include <string_view>
 #include <utility>
 
-#include <openvdb/openvdb.h>
-
 #include "common/error/error.h"
 #include "server/import/readers.h"
 #include "server/import/tree_writer.h"
 #include "server/import/vdb_grids.h"
 #include "server/volume/handover_layout.h"
+#include "server/volume/openvdb_grids.h"
 
 namespace palpate {
 namespace {

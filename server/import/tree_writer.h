@@ -3,10 +3,9 @@
 // Threads: one. Errors: palpate::Error.
 #pragma once
 
-#include <openvdb/openvdb.h>
-
 #include "server/import/reporter.h"
 #include "server/volume/grid_form.h"
+#include "server/volume/openvdb_grids.h"
 #include "server/volume/volume_metadata.h"
 
 namespace palpate {

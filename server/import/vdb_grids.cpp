@@ -1,7 +1,6 @@
 #include "server/import/vdb_grids.h"
 
 #include <openvdb/io/Stream.h>
-#include <openvdb/openvdb.h>
 
 #include <algorithm>
 #include <fstream>
@@ -10,6 +9,7 @@
 #include <vector>
 
 #include "server/import/image_header.h"
+#include "server/volume/openvdb_grids.h"
 
 namespace palpate {
 namespace {

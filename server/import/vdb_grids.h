@@ -3,10 +3,10 @@
 // Threads: one. Errors: palpate::Error without the file's name.
 #pragma once
 
-#include <openvdb/Grid.h>
-
 #include <filesystem>
 #include <string>
+
+#include "server/volume/openvdb_grids.h"
 
 namespace palpate {
 

@@ -1,6 +1,5 @@
 #include "server/volume/builtin.h"
 
-#include <openvdb/openvdb.h>
 #include <openvdb/tools/Dense.h>
 #include <tbb/parallel_for.h>
 
@@ -13,6 +12,7 @@
 #include <vector>
 
 #include "common/error/error.h"
+#include "server/volume/openvdb_grids.h"
 #include "server/volume/snapshot_builder.h"
 
 namespace palpate {

@@ -1,7 +1,6 @@
 #include "server/volume/filter.h"
 
 #include <fmt/core.h>
-#include <openvdb/openvdb.h>
 #include <openvdb/tools/Filter.h>
 #include <tbb/task_arena.h>
 
@@ -18,6 +17,7 @@
 #include "server/volume/edit_region.h"
 #include "server/volume/filter_interrupter.h"
 #include "server/volume/mean_filter.h"
+#include "server/volume/openvdb_grids.h"
 
 namespace palpate {
 namespace {

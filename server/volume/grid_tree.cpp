@@ -1,7 +1,5 @@
 #include "server/volume/grid_tree.h"
 
-#include <openvdb/openvdb.h>
-
 #include <algorithm>
 #include <cmath>
 #include <cstring>
@@ -10,6 +8,7 @@
 #include <utility>
 
 #include "server/volume/grid_form.h"
+#include "server/volume/openvdb_grids.h"
 
 namespace palpate {
 namespace {

@@ -1,5 +1,5 @@
 // Forward declarations of OpenVDB's types: including OpenVDB costs eight seconds per file. Include
-// <openvdb/openvdb.h> where a grid or a leaf is used. If a file includes both, the compiler
+// openvdb_grids.h where a grid or a leaf is used. If a file includes both, the compiler
 // compares the declarations.
 #pragma once
 

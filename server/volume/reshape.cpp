@@ -1,7 +1,6 @@
 #include "server/volume/reshape.h"
 
 #include <fmt/core.h>
-#include <openvdb/openvdb.h>
 #include <openvdb/tools/GridTransformer.h>
 #include <openvdb/tools/LevelSetFilter.h>
 #include <tbb/task_arena.h>
@@ -18,6 +17,7 @@
 #include "server/volume/grid_form.h"
 #include "server/volume/grid_tree.h"
 #include "server/volume/handover.h"
+#include "server/volume/openvdb_grids.h"
 
 namespace palpate {
 namespace {

@@ -1,12 +1,11 @@
 #include "server/volume/snapshot_builder.h"
 
-#include <openvdb/openvdb.h>
-
 #include <algorithm>
 #include <map>
 #include <utility>
 
 #include "common/error/error.h"
+#include "server/volume/openvdb_grids.h"
 
 namespace palpate {
 namespace {

@@ -11,10 +11,10 @@
 #include <system_error>
 
 #include <openvdb/io/Stream.h>
-#include <openvdb/openvdb.h>
 
 #include "server/volume/grid_form.h"
 #include "server/volume/grid_tree.h"
+#include "server/volume/openvdb_grids.h"
 
 namespace palpate {
 namespace {

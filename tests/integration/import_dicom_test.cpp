@@ -1,5 +1,4 @@
 // palpate-import on DICOM series written here.
-#include <openvdb/openvdb.h>
 
 #include <algorithm>
 #include <chrono>
@@ -9,6 +8,7 @@
 #include <random>
 
 #include "common/error/error.h"
+#include "server/volume/openvdb_grids.h"
 #include "tests/integration/import_support.h"
 #include "tests/support/excuse.h"
 

@@ -1,7 +1,7 @@
 #include "tests/integration/import_support.h"
+#include "server/volume/openvdb_grids.h"
 #include "tests/support/places.h"
 
-#include <openvdb/openvdb.h>
 #include <sys/wait.h>
 
 #include <cstdio>

@@ -1,5 +1,4 @@
 // palpate-import on small files: every format and type, and attacks.
-#include <openvdb/openvdb.h>
 #include <zlib.h>
 
 #include <cmath>
@@ -11,6 +10,7 @@
 #include <random>
 
 #include "common/error/error.h"
+#include "server/volume/openvdb_grids.h"
 #include "tests/integration/import_support.h"
 
 namespace palpate {

@@ -1,6 +1,5 @@
 // palpate-import on .vdb files that it did not write.
 #include <openvdb/io/File.h>
-#include <openvdb/openvdb.h>
 
 #include <algorithm>
 #include <fstream>
@@ -8,6 +7,7 @@
 #include <random>
 
 #include "common/error/error.h"
+#include "server/volume/openvdb_grids.h"
 #include "tests/integration/import_support.h"
 
 namespace palpate {

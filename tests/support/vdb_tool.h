@@ -2,13 +2,13 @@
 // and no code that it checks.
 #pragma once
 
-#include <openvdb/openvdb.h>
-
 #include <cstdint>
 #include <stdexcept>
 #include <string>
 #include <utility>
 #include <vector>
+
+#include "server/volume/openvdb_grids.h"
 
 namespace palpate::vdb_tool {
 

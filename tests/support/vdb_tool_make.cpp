@@ -7,6 +7,7 @@
 #include <map>
 #include <random>
 
+#include "server/volume/openvdb_grids.h"
 #include "tests/support/vdb_tool.h"
 
 namespace palpate::vdb_tool {

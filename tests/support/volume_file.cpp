@@ -5,9 +5,9 @@
 #include <string>
 
 #include <openvdb/io/Stream.h>
-#include <openvdb/openvdb.h>
 
 #include "common/error/error.h"
+#include "server/volume/openvdb_grids.h"
 
 namespace palpate {
 namespace {

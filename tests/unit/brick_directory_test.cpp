@@ -1,8 +1,8 @@
 // The bricks of a volume: changes, revisions, hash, memory, and grids made of them.
 #include "server/volume/brick_directory.h"
+#include "server/volume/openvdb_grids.h"
 
 #include <gtest/gtest.h>
-#include <openvdb/openvdb.h>
 
 #include <map>
 #include <optional>

@@ -1,8 +1,8 @@
 // Filters against OpenVDB's own on one grid of the whole volume, bit by bit.
 #include "server/volume/filter.h"
+#include "server/volume/openvdb_grids.h"
 
 #include <gtest/gtest.h>
-#include <openvdb/openvdb.h>
 #include <openvdb/tools/Filter.h>
 
 #include <algorithm>

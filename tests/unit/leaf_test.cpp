@@ -1,9 +1,9 @@
 // Leaves: every type's values and limits, copies, states, and what they take of the heap.
 #include "server/volume/leaf.h"
+#include "server/volume/openvdb_grids.h"
 
 #include <gtest/gtest.h>
 #include <malloc.h>
-#include <openvdb/openvdb.h>
 
 #include <bit>
 #include <cmath>

@@ -1,8 +1,8 @@
 // Filters of whole volumes against OpenVDB's own on the grid that the volume was made of.
 #include "server/volume/reshape.h"
+#include "server/volume/openvdb_grids.h"
 
 #include <gtest/gtest.h>
-#include <openvdb/openvdb.h>
 #include <openvdb/tools/GridTransformer.h>
 #include <openvdb/tools/LevelSetFilter.h>
 #include <openvdb/tools/LevelSetSphere.h>

@@ -1,8 +1,8 @@
 // Snapshots of OpenVDB grids, and the builtin volumes.
 #include "server/volume/snapshot.h"
+#include "server/volume/openvdb_grids.h"
 
 #include <gtest/gtest.h>
-#include <openvdb/openvdb.h>
 
 #include <cmath>
 #include <numbers>

@@ -1,4 +1,5 @@
 #include "server/volume/volume_file.h"
+#include "server/volume/openvdb_grids.h"
 
 #include <unistd.h>
 
