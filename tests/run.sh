@@ -7,7 +7,7 @@ root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 
 usage() {
   cat <<'TEXT'
-Usage: tests/run.sh [--sanitizers] [--long] [--packages]
+Usage: tests/run.sh [--sanitizers] [--long] [--packages] [--within MINUTES]
 
 Without options: makes the optimised build, runs every test in its short form, and builds and
 checks the Debian packages. Tests that judge times run separately.
@@ -27,10 +27,12 @@ ten tests are run again. The last lines name and count the tests that passed onl
            except those that judge times, every header, and ten million inputs for each fuzz
            target (another hour)
   --packages  also installs the Debian packages in a root of their own (as root, minutes)
+  --within MINUTES  leaves out a sanitizer if building for it would take longer than the whole run
+           may. The last lines name what was left out. What was built is in ccache for the next run.
 TEXT
 }
 
-sanitizers=
+sanitizers= within_min= left_out=()
 packages=()
 # The short form under AddressSanitizer: all unit tests, the daemon's own tests in C++, the readers
 # and the fuzzed calls. The other tests run the same code from outside, with pictures, on real
@@ -40,18 +42,24 @@ chosen=(--exclude-regex
 address_tests=address_tests
 # Only headers of the last commits: all headers take ten minutes.
 headers=header_check_recent
-for argument in "$@"; do
-  case "$argument" in
+while [ $# -gt 0 ]; do
+  case "$1" in
     --sanitizers) sanitizers=yes ;;
     --packages) packages=(--install) ;;
+    --within)
+      [[ "${2-}" =~ ^[1-9][0-9]*$ ]] || { echo "run.sh: --within needs minutes" >&2; exit 2; }
+      within_min=$2
+      shift
+      ;;
     --long)
       export PALPATE_TORTURE=${PALPATE_TORTURE:-100}
       export PALPATE_FUZZ_RUNS=${PALPATE_FUZZ_RUNS:-10000000}
       chosen=() address_tests=all headers=header_check
       ;;
     -h | --help) usage; exit 0 ;;
-    *) echo "run.sh: unknown argument $argument (see --help)" >&2; exit 2 ;;
+    *) echo "run.sh: unknown argument $1 (see --help)" >&2; exit 2 ;;
   esac
+  shift
 done
 
 "$root/deploy/install-packages.sh"
@@ -67,6 +75,24 @@ build() {
   stage "$1: build"
   cmake --preset "$1" >"$results/build.log" || { cat "$results/build.log"; exit 1; }
   deploy/build.sh "$(folder "$1")" "${@:2}"
+}
+
+# sanitize PRESET TARGET TEST_MINUTES TRIES [ARGUMENT...]: builds for a sanitizer and runs its tests,
+# which take up to TEST_MINUTES, if the time is enough
+sanitize() {
+  local left_s=$((within_min * 60 - $3 * 60 - SECONDS)) rc=0
+  if [ -z "$within_min" ]; then
+    build "$1" "$2"
+  elif [ "$left_s" -le 0 ]; then
+    rc=124
+  else
+    stage "$1: build, for at most $((left_s / 60)) min"
+    cmake --preset "$1" >"$results/build.log" || { cat "$results/build.log"; exit 1; }
+    timeout "$left_s" deploy/build.sh "$(folder "$1")" "$2" || rc=$?
+    [ "$rc" = 0 ] || [ "$rc" = 124 ] || exit 1
+  fi
+  if [ "$rc" = 0 ]; then run_tests "$1" "$1" "$4" "${@:5}"; else left_out+=("$1"); fi
+  drop_programs "$(folder "$1")"
 }
 
 # folder PRESET: prints its build folder
@@ -161,17 +187,15 @@ stage packages
 tests/packages_test.sh ${packages[@]+"${packages[@]}"} || packages_failed=yes
 if [ -n "$sanitizers" ]; then
   build default "$headers"
-  build asan "$address_tests"
-  run_tests asan asan 2 ${chosen[@]+"${chosen[@]}"}
-  drop_programs build-asan
-  build tsan thread_tests
-  run_tests tsan tsan 1
-  drop_programs build-tsan
-  build fuzz all
-  run_tests fuzz fuzz 1
-  sed -n 's/^\(.*_fuzz: [0-9]* inputs in [0-9]* s\)$/  \1/p' build-fuzz/Testing/Temporary/LastTest.log
+  # The longest comes last: if the time is not enough, only that one is left out.
+  sanitize tsan thread_tests 4 1
+  sanitize fuzz all 4 1
+  sed -n 's/^\(.*_fuzz: [0-9]* inputs in [0-9]* s\)$/  \1/p' build-fuzz/Testing/Temporary/LastTest.log \
+    2>/dev/null || true
+  sanitize asan "$address_tests" 14 2 ${chosen[@]+"${chosen[@]}"}
 fi
 stage done
+[ ${#left_out[@]} -eq 0 ] || printf 'left out, not enough time to build: %s\n' "${left_out[@]}"
 [ ${#excused[@]} -eq 0 ] || printf 'excused by a busy machine: %s\n' "${excused[@]}"
 [ ${#failed[@]} -eq 0 ] || printf 'failed: %s\n' "${failed[@]}"
 printf '%d passed, %d failed, %d skipped (%d excused)\n' \
