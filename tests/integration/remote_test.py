@@ -18,7 +18,7 @@ from support import PALPATED, PATIENCE_S, Daemon, wait_until
 from view_support import PALPATE_VIEW, Screen, Window
 
 PALPATE = os.environ["PALPATE"]
-EXAMPLE = os.environ["PALPATE_EXAMPLE"]
+EXAMPLE = os.environ["PALPATE_SDK_EXAMPLE"]
 PORT = 7411
 # Of the window's fixed layout: a place on the histogram, one at its upper end, the panels' ground;
 # a column of the dialog through its buttons, and their colours, at rest and under the pointer.
