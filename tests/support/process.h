@@ -39,7 +39,7 @@ class Process {
   // `on_terminal`: stdout is a terminal of 80 x 24. `patience`: the longest time that it may run.
   // `end_patience`: the longest time from a signal to its end.
   explicit Process(const std::vector<std::string>& arguments, bool on_terminal = false,
-                   std::chrono::seconds patience = std::chrono::seconds(20),
+                   std::chrono::seconds patience = std::chrono::seconds(120),
                    std::chrono::milliseconds end_patience = kEndPatience)
       : end_patience_(end_patience), deadline_(std::chrono::steady_clock::now() + patience) {
     int child_output = -1;

@@ -1,145 +1,276 @@
-// `palpate watch` against a palpated with canned answers: output, exit codes, signals.
+// `palpate watch` and what it shows: statistics, views, JSON.
+#include "client/cli/watch_command.h"
+
 #include <gtest/gtest.h>
 
-#include <csignal>
-#include <cstdlib>
-#include <nlohmann/json.hpp>
+#include <algorithm>
+#include <cmath>
+#include <limits>
 #include <string>
-#include <thread>
 #include <vector>
 
-#include "tests/support/process.h"
-#include "tests/unit/cli_fixture.h"
+#include "client/cli/output.h"
+#include "client/cli/sample_json.h"
+#include "client/cli/watch_statistics.h"
+#include "client/cli/watch_view.h"
 
-namespace palpate::test {
+namespace palpate::cli {
 namespace {
 
-TEST_F(CliTest, WatchJsonGivesOneObjectPerSample) {
-  StartDaemon();
-  const ProcessResult result = Run({"watch", "--json", "--rate-hz", "500", "--count", "23"});
-  EXPECT_EQ(result.exit_code, 0) << result.error;
-  EXPECT_EQ(result.error, "");
-  EXPECT_EQ(daemon_->pose.last_start.rate_hz(), 500.0);
-  EXPECT_EQ(daemon_->pose.last_start.batch(), 5u);
-  EXPECT_EQ(daemon_->pose.last_start.max_unacknowledged(), 4u);
-  const std::vector<std::string> lines = Lines(result.output);
-  ASSERT_EQ(lines.size(), 23u);
-  const Json sample = Json::parse(lines[1]);
-  EXPECT_EQ(sample["tick"], 2);
-  EXPECT_EQ(sample["hip_mm"], Json({0.1, 1.0 / 3.0, 2.0}));
-  EXPECT_EQ(sample["mode"], "free");
-  EXPECT_TRUE(sample["scp_v_mm"].is_null());
-  for (const char* key :
-       {"time_ns", "scp_h_mm", "scp_h_normal", "scp_v_normal", "force_n", "contact", "density",
-        "isovalue", "settings_revision", "volume_revision", "update_ns", "missed_ticks",
-        "iterations", "buttons", "stylus_orientation"}) {
-    EXPECT_TRUE(sample.contains(key)) << key;
+constexpr std::int64_t kMs = 1'000'000;
+
+// A message with one sample of the given millisecond, sent `delay_ms` after it.
+client::PoseBatch Message(std::uint64_t tick, std::uint64_t missed, std::int64_t update_ns,
+                          double delay_ms = 0.0) {
+  client::Pose pose;
+  pose.tick = tick;
+  pose.missed_ticks = missed;
+  pose.time_ns = static_cast<std::int64_t>(tick + missed) * kMs;
+  pose.update_ns = update_ns;
+  pose.mode = client::ProxyMode::kFree;
+  pose.density = 1.0;
+  pose.isovalue = 2.0;
+  client::PoseBatch batch;
+  batch.poses = {pose};
+  batch.sent_time_ns = pose.time_ns + static_cast<std::int64_t>(delay_ms * kMs);
+  return batch;
+}
+
+client::Pose ContactPose() {
+  client::Pose pose;
+  pose.tick = 18446744073709551615u;
+  pose.time_ns = 9007199254740993;
+  pose.hip_mm = {0.1, 1.0 / 3.0, -2.5};
+  pose.scp_h_mm = {1, 2, 3};
+  pose.scp_h_normal = Vec3(0, 0, 1);
+  pose.scp_v_mm = Vec3(4, 5, 6);
+  pose.scp_v_normal = Vec3(0, 1, 0);
+  pose.force_n = {0, 3, 4};
+  pose.mode = client::ProxyMode::kConstrained;
+  pose.contact = true;
+  pose.density = 39.99;
+  pose.isovalue = -200.0;
+  pose.settings_revision = 7;
+  pose.volume_revision = 3;
+  pose.update_ns = 3200;
+  pose.missed_ticks = 11;
+  pose.iterations = 4;
+  pose.buttons = 5;
+  return pose;
+}
+
+class WatchStatisticsTest : public ::testing::Test {
+ protected:
+  // At the time of its sample, or `after_ms` later.
+  void Add(const client::PoseBatch& message, std::int64_t after_ms = 0) {
+    statistics_.Add(message, message.poses[0].time_ns + after_ms * kMs);
+  }
+  WatchFigures At(std::int64_t ms) const { return statistics_.Figures(ms * kMs); }
+
+  WatchStatistics statistics_{0, true};
+};
+
+TEST_F(WatchStatisticsTest, NothingSeenGivesNoFigures) {
+  EXPECT_EQ(At(2000).seconds, 2.0);
+  EXPECT_EQ(At(2000).samples, 0u);
+  EXPECT_EQ(At(2000).missed_percent, 0.0);
+}
+
+TEST_F(WatchStatisticsTest, RatesFollowTheClockOfTheLoop) {
+  // 900 ticks and 100 missed in each second of 5.
+  for (std::uint64_t i = 0; i <= 5000; i += 10) Add(Message(i - i / 10, i / 10, 1000));
+  const WatchFigures figures = At(5000);
+  EXPECT_EQ(figures.ticks, 4500u);
+  EXPECT_EQ(figures.missed_ticks, 500u);
+  EXPECT_NEAR(figures.ticks_per_s, 900.0, 1e-9);
+  EXPECT_NEAR(figures.missed_per_s, 100.0, 1e-9);
+  EXPECT_NEAR(figures.missed_percent, 10.0, 1e-9);
+  EXPECT_NEAR(figures.recent_ticks_per_s, 900.0, 1e-9);
+  EXPECT_NEAR(figures.recent_samples_per_s, 100.0, 1e-9);
+  EXPECT_EQ(figures.total_missed_ticks, 500u);
+}
+
+TEST_F(WatchStatisticsTest, MissesBeforeTheWatchCountOnlyInTheTotal) {
+  Add(Message(1000, 1000, 1000));
+  Add(Message(2000, 1000, 1000));
+  EXPECT_EQ(At(3000).missed_ticks, 0u);
+  EXPECT_EQ(At(3000).total_missed_ticks, 1000u);
+  EXPECT_NEAR(At(3000).total_missed_percent, 100.0 / 3.0, 1e-9);
+}
+
+TEST_F(WatchStatisticsTest, UpdateTimesOfAllAndOfLate) {
+  // One update in fifty takes 1 ms, for 10 s; then all take 2 µs.
+  for (std::uint64_t i = 0; i < 20000; ++i) {
+    Add(Message(i, 0, i < 10000 && i % 50 == 0 ? kMs : 2000));
+  }
+  const WatchFigures figures = At(20000);
+  EXPECT_NEAR(figures.update.mean_us, 2.0 + 998.0 * 0.01, 1e-6);
+  EXPECT_NEAR(figures.update.max_us, 1000.0, 1e-9);
+  // Exactly one in a hundred is slow: the 99th percentile is the last fast one.
+  EXPECT_NEAR(figures.update.p99_us, 2.0, 0.11);
+  EXPECT_NEAR(figures.recent_update.mean_us, 2.0, 1e-9);
+  EXPECT_NEAR(figures.recent_update.max_us, 2.0, 1e-9);
+}
+
+TEST_F(WatchStatisticsTest, P99SeesWhatMoreThanOneInAHundredTakes) {
+  for (std::uint64_t i = 0; i < 1000; ++i) Add(Message(i, 0, i % 50 == 0 ? 70'050 : 2000));
+  EXPECT_NEAR(At(1000).update.p99_us, 70.05, 0.1);
+  EXPECT_NEAR(At(1000).recent_update.p99_us, 70.05, 1e-9);
+}
+
+TEST_F(WatchStatisticsTest, UpdateTimesBeyondTheHistogramAreKept) {
+  Add(Message(0, 0, 40 * kMs));
+  Add(Message(1, 0, -5));
+  EXPECT_NEAR(At(1).update.max_us, 40000.0, 1e-9);
+}
+
+TEST_F(WatchStatisticsTest, DensityMayExceedTheIsovalueOnlyWhileEjecting) {
+  client::PoseBatch message = Message(0, 0, 0);
+  message.poses[0].density = 2.0;  // equal: on the surface
+  Add(message);
+  message.poses[0].density = std::nextafter(2.0, 3.0);
+  message.poses[0].mode = client::ProxyMode::kEjecting;
+  Add(message);
+  EXPECT_EQ(At(0).inside_samples, 0u);
+  message.poses[0].mode = client::ProxyMode::kConstrained;
+  message.poses[0].contact = true;
+  message.dropped = 9;
+  Add(message);
+  EXPECT_EQ(At(0).inside_samples, 1u);
+  EXPECT_EQ(At(0).contact_samples, 1u);
+  EXPECT_EQ(At(0).samples, 3u);
+  EXPECT_EQ(At(0).dropped_samples, 9u);
+}
+
+TEST_F(WatchStatisticsTest, AgeGrowsWhileNothingComes) {
+  Add(Message(1000, 0, 0), 5);
+  EXPECT_NEAR(At(1005).age_ms, 5.0, 1e-9);
+  EXPECT_NEAR(At(9000).age_ms, 8000.0, 1e-9);
+  EXPECT_EQ(At(9000).recent_samples_per_s, 0.0);
+}
+
+TEST_F(WatchStatisticsTest, AgeBetweenMachinesLeavesTheirClocksOut) {
+  WatchStatistics elsewhere(0, false);
+  const std::int64_t offset = 123'456 * kMs;
+  elsewhere.Add(Message(1000, 0, 0, 2.0), 1010 * kMs + offset);
+  elsewhere.Add(Message(1001, 0, 0, 2.0), 1006 * kMs + offset);  // least delay: 3 ms
+  EXPECT_NEAR(elsewhere.Figures(1006 * kMs + offset).age_ms, 2.0, 1e-9);
+}
+
+WatchStatus FullStatus() {
+  WatchStatus status;
+  status.server = "unix:/run/palpate/palpated.sock";
+  status.pose = ContactPose();
+  status.normalized_isovalue = 0.25;
+  status.max_force_n = 10.0;
+  status.figures.seconds = 12.0;
+  status.figures.recent_samples_per_s = 1000.0;
+  status.figures.total_missed_ticks = 11;
+  return status;
+}
+
+std::string Live(const WatchStatus& status) {
+  std::string text;
+  for (const std::string& line : LiveView(status, 79, 23)) text += line + "\n";
+  return text;
+}
+
+bool Shows(const std::string& text, const std::string& part) {
+  return text.find(part) != std::string::npos;
+}
+
+TEST(WatchViewTest, LiveViewShowsAllThatIsKnown) {
+  const std::string text = Live(FullStatus());
+  EXPECT_LE(std::count(text.begin(), text.end(), '\n'), 23);
+  for (const char* part :
+       {"constrained, in contact", "5.000 N [###############               ] of 10 N",
+        "isovalue -200 (normalised 0.2500)", "settings 7", "volume 3", "11 in all", "SCP_V"}) {
+    EXPECT_TRUE(Shows(text, part)) << part << "\n" << text;
   }
 }
 
-TEST_F(CliTest, WatchJsonDefaultsTo60Hz) {
-  StartDaemon();
-  EXPECT_EQ(Run({"watch", "--json", "--count", "2"}).exit_code, 0);
-  EXPECT_EQ(daemon_->pose.last_start.rate_hz(), 60.0);
-  EXPECT_EQ(daemon_->pose.last_start.batch(), 1u);
+TEST(WatchViewTest, LinesFitTheTerminal) {
+  for (int columns : {0, 1, 10, 40, 79}) {
+    for (const std::string& line : LiveView(FullStatus(), columns, 23)) {
+      int width = 0;
+      for (const char c : line) {
+        width += (static_cast<unsigned char>(c) & 0xc0) != 0x80;
+      }
+      EXPECT_LE(width, columns) << line;
+    }
+  }
+  EXPECT_EQ(LiveView(FullStatus(), 79, 3).size(), 3u);
+  EXPECT_TRUE(LiveView(FullStatus(), 79, -1).empty());
 }
 
-TEST_F(CliTest, WatchInALogGivesALineASecondAndASummary) {
-  StartDaemon();
-  const ProcessResult result = Run({"watch", "--seconds", "2.3"});
-  EXPECT_EQ(result.exit_code, 0) << result.error;
-  EXPECT_EQ(daemon_->pose.last_start.rate_hz(), 1000.0);
-  EXPECT_EQ(daemon_->pose.last_start.batch(), 32u);
-  EXPECT_GE(daemon_->pose.acknowledged.load(), 3u);
-  const std::vector<std::string> lines = Lines(result.output);
-  ASSERT_EQ(lines.size(), 2u + 7u) << result.output;
-  EXPECT_NE(lines[0].find("samples/s"), std::string::npos);
-  EXPECT_NE(lines[1].find("isovalue 40.8 (normalised 0.1600)"), std::string::npos) << lines[1];
-  EXPECT_EQ(result.output.find('\x1b'), std::string::npos);
-  EXPECT_NE(result.output.find("contact         50.0 %"), std::string::npos) << result.output;
-  EXPECT_NE(result.output.find("inside surface  0 samples"), std::string::npos);
+TEST(WatchViewTest, TheLogHasALineForEachStatus) {
+  WatchStatus status = FullStatus();
+  EXPECT_FALSE(Shows(LogLine(status), "\n"));
+  EXPECT_TRUE(Shows(LogLine(status), "HIP (0.100 0.333 -2.500)"));
+  status.pose->scp_v_mm.reset();
+  status.normalized_isovalue.reset();
+  EXPECT_TRUE(Shows(LogLine(status), "SCP_V - mm")) << LogLine(status);
+  EXPECT_FALSE(Shows(LogLine(status), "normalised"));
+  EXPECT_TRUE(Shows(LogLine({}), "no sample yet"));
+  EXPECT_EQ(LiveView({}, 79, 23).size(), 2u);
 }
 
-TEST_F(CliTest, WatchCountsInTextToo) {
-  StartDaemon();
-  const ProcessResult result = Run({"watch", "--count", "40"});
-  EXPECT_EQ(result.exit_code, 0) << result.error;
-  EXPECT_NE(result.output.find("samples         40,"), std::string::npos) << result.output;
+TEST(WatchViewTest, ShowsForcesThatAreNotOn) {
+  WatchStatus status;
+  status.pose.emplace();
+  // An older daemon does not tell.
+  EXPECT_FALSE(Shows(LogLine(status) + Live(status), "forces"));
+  status.pose->forces = {client::ForceState::kOn, client::ForceReason::kNone, 3.3};
+  EXPECT_FALSE(Shows(LogLine(status) + Live(status), "forces"));
+  status.pose->forces = {client::ForceState::kStopped, client::ForceReason::kStopCall, 3.3};
+  EXPECT_TRUE(Shows(LogLine(status), "forces stopped (stop call)")) << LogLine(status);
+  EXPECT_TRUE(Shows(Live(status), "forces    stopped: ")) << Live(status);
 }
 
-TEST_F(CliTest, WatchOnATerminalIsLiveAndGivesTheCursorBack) {
-  StartDaemon();
-  Process process(Command({"watch", "--seconds", "1"}), true);
-  const ProcessResult result = process.Wait();
-  EXPECT_EQ(result.exit_code, 0) << result.error;
-  EXPECT_NE(result.output.find("\x1b[?25l"), std::string::npos);
-  EXPECT_NE(result.output.find("\x1b[11A\x1b[J"), std::string::npos) << result.output;
-  EXPECT_NE(result.output.find("] of 3.3 N"), std::string::npos);
-  EXPECT_GT(result.output.rfind("\x1b[?25h") + 1, result.output.rfind("\x1b[?25l"));
+TEST(WatchViewTest, SummaryAddsTicksAndMisses) {
+  WatchFigures figures;
+  figures.samples = 4;
+  figures.contact_samples = 1;
+  figures.ticks_per_s = 998.9;
+  figures.missed_per_s = 1.1;
+  const std::string text = Summary(figures);
+  EXPECT_TRUE(Shows(text, "= 1000.0/s")) << text;
+  EXPECT_TRUE(Shows(text, "25.0 % of samples")) << text;
 }
 
-TEST_F(CliTest, WatchOnADumbTerminalIsALog) {
-  StartDaemon();
-  setenv("TERM", "dumb", 1);
-  EXPECT_EQ(Process(Command({"watch", "--count", "64"}), true).Wait().output.find('\x1b'),
-            std::string::npos);
+TEST(SampleJsonTest, KeepsEveryBit) {
+  const Json json = Json::parse(ToText(ToJson(ContactPose())));
+  EXPECT_EQ(json["tick"].get<std::uint64_t>(), 18446744073709551615u);
+  EXPECT_EQ(json["time_ns"].get<std::int64_t>(), 9007199254740993);
+  EXPECT_EQ(json["hip_mm"][1].get<double>(), 1.0 / 3.0);
+  EXPECT_EQ(json["mode"], "constrained");
+  EXPECT_EQ(json["contact"], true);
+  EXPECT_EQ(json["stylus_orientation"], Json({1.0, 0.0, 0.0, 0.0}));
+  EXPECT_EQ(json["scp_v_normal"], Json({0.0, 1.0, 0.0}));
+  EXPECT_EQ(json["buttons"], 5);
 }
 
-TEST_F(CliTest, SignalsEndTheWatchWithItsSummary) {
-  StartDaemon();
-  for (const int signal_number : {SIGINT, SIGTERM}) {
-    Process process(Command({"watch"}));
-    ASSERT_TRUE(process.WaitFor("samples/s"));
-    process.Signal(signal_number);
-    const ProcessResult result = process.Wait();
-    EXPECT_EQ(result.exit_code, 0);
-    EXPECT_EQ(result.error, "");
+TEST(SampleJsonTest, AbsentAndNoNumberAreNull) {
+  client::Pose pose;
+  pose.density = std::numeric_limits<double>::quiet_NaN();
+  const Json json = Json::parse(ToText(ToJson(pose)));
+  for (const char* key : {"scp_v_mm", "scp_h_normal", "scp_v_normal", "density"}) {
+    ASSERT_TRUE(json.contains(key)) << key;
+    EXPECT_TRUE(json[key].is_null()) << key;
   }
 }
 
-TEST_F(CliTest, SignalEndsJsonOnAWholeLine) {
-  StartDaemon();
-  Process process(Command({"watch", "--json", "--rate-hz", "1000"}));
-  ASSERT_TRUE(process.WaitFor("\"tick\":100,"));
-  process.Signal(SIGINT);
-  const ProcessResult result = process.Wait();
-  EXPECT_EQ(result.exit_code, 0);
-  EXPECT_TRUE(Json::accept(Lines(result.output).back()));
-}
-
-TEST_F(CliTest, SignalEndsAWatchThatNobodyReads) {
-  StartDaemon();
-  Process process(Command({"watch", "--json", "--rate-hz", "1000"}));
-  ASSERT_TRUE(process.WaitFor("\"tick\":"));
-  // The pipe is full after about 150 samples.
-  std::this_thread::sleep_for(std::chrono::seconds(1));
-  process.Signal(SIGINT);
-  EXPECT_EQ(process.Wait().exit_code, 0);
-}
-
-TEST_F(CliTest, ClosedOutputEndsQuietly) {
-  StartDaemon();
-  Process process(Command({"watch", "--json", "--rate-hz", "1000"}));
-  ASSERT_TRUE(process.WaitFor("\"tick\":10,"));
-  process.CloseOutput();
-  const ProcessResult result = process.Wait();
-  EXPECT_EQ(result.exit_code, 0);
-  EXPECT_EQ(result.error, "");
-}
-
-TEST_F(CliTest, DaemonGoingAwayEndsTheWatchWithExitCode8) {
-  StartDaemon();
-  for (const std::vector<std::string>& arguments :
-       std::vector<std::vector<std::string>>{{"watch"}, {"watch", "--json"}}) {
-    Process process(Command(arguments));
-    ASSERT_TRUE(process.WaitFor(arguments.size() == 1 ? "samples/s" : "\"tick\""));
-    daemon_->Die();
-    const ProcessResult result = process.Wait();
-    ExpectOneError(result, 8, "went away");
-    daemon_.reset();
-    StartDaemon();
-  }
+TEST(WatchTest, BatchKeepsMessagesFew) {
+  WatchOptions text;
+  EXPECT_EQ(BatchFor(text, 1000.0), 32u);
+  EXPECT_EQ(BatchFor(text, 10.0), 1u);
+  text.count = 5;
+  EXPECT_EQ(BatchFor(text, 1000.0), 5u);
+  WatchOptions json;
+  json.json = true;
+  EXPECT_EQ(BatchFor(json, 60.0), 1u);
+  EXPECT_EQ(BatchFor(json, 1000.0), 10u);
 }
 
 }  // namespace
-}  // namespace palpate::test
+}  // namespace palpate::cli

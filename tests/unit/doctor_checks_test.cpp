@@ -11,9 +11,9 @@
 namespace palpate::doctor {
 namespace {
 
-class Doctor : public ::testing::Test {
+class DoctorTest : public ::testing::Test {
  protected:
-  Doctor() {
+  DoctorTest() {
     machine_.root = folder_.path();
     machine_.state_folder = "/var/lib/palpate";
     machine_.may_write = [this](const std::filesystem::path& path) {
@@ -58,13 +58,15 @@ class Doctor : public ::testing::Test {
   std::uint64_t free_bytes_ = std::uint64_t{100} << 30;
 };
 
-void ExpectAdvice(const Finding& finding, Verdict verdict) {
+// What is not ok says what to do.
+void ExpectAdvice(const Finding& finding, Verdict verdict, const std::string& part = "") {
   EXPECT_EQ(finding.verdict, verdict) << finding.text;
   EXPECT_EQ(finding.advice.empty(), verdict == Verdict::kOk) << finding.text;
   EXPECT_FALSE(finding.text.empty());
+  EXPECT_NE(finding.text.find(part), std::string::npos) << finding.text;
 }
 
-TEST_F(Doctor, AGoodMachineIsOk) {
+TEST_F(DoctorTest, AGoodMachineIsOk) {
   Put("proc/sys/kernel/osrelease", "6.1.0-rt-amd64");
   Put("proc/version", "Linux version 6.1.0-rt-amd64 #1 SMP PREEMPT_RT Debian");
   Put("proc/self/limits",
@@ -82,63 +84,71 @@ TEST_F(Doctor, AGoodMachineIsOk) {
   for (const Finding& finding : findings) ExpectAdvice(finding, Verdict::kOk);
 }
 
-TEST_F(Doctor, AnEmptyMachineIsSurvived) {
+TEST_F(DoctorTest, AnEmptyMachineIsSurvived) {
   for (const Finding& finding : CheckWorkstation(machine_)) {
     EXPECT_EQ(finding.advice.empty(), finding.verdict == Verdict::kOk) << finding.name;
   }
 }
 
-TEST_F(Doctor, KnowsKernels) {
+TEST_F(DoctorTest, ReadsTheMachinesFiles) {
+  using Check = Finding (*)(const Workstation&);
+  struct Case {
+    std::string path, text;
+    Check check;
+    Verdict verdict;
+    std::string part;
+  };
+  constexpr Verdict kOk = Verdict::kOk, kWarn = Verdict::kWarn, kFail = Verdict::kFail;
   Put("proc/sys/kernel/osrelease", "6.1.0-amd64");
   Put("proc/version", "Linux version 6.1.0-amd64 #1 SMP PREEMPT_DYNAMIC Debian");
-  Put("proc/cmdline", "root=/dev/sda1 quiet");
-  ExpectAdvice(CheckKernel(machine_), Verdict::kWarn);
-  Put("proc/cmdline", "root=/dev/sda1 preempt=full quiet");
-  ExpectAdvice(CheckKernel(machine_), Verdict::kOk);
-  Put("proc/cmdline", "");
-  Put("sys/kernel/realtime", "1");
-  ExpectAdvice(CheckKernel(machine_), Verdict::kOk);
+  const std::string memory = "Max locked memory   8388608   unlimited   bytes\n";
+  const std::string governor = "sys/devices/system/cpu/cpu1/cpufreq/scaling_governor";
+  const std::string clock = "sys/devices/system/clocksource/clocksource0/current_clocksource";
+  // One after the other: what was put stays.
+  for (const auto& [path, text, check, verdict, part] : std::vector<Case>{
+           {"proc/cmdline", "root=/dev/sda1 quiet", CheckKernel, kWarn, ""},
+           {"proc/cmdline", "root=/dev/sda1 preempt=full quiet", CheckKernel, kOk, ""},
+           {"proc/cmdline", "", CheckKernel, kWarn, ""},
+           {"sys/kernel/realtime", "1", CheckKernel, kOk, ""},
+           {"proc/sys/kernel/sched_rt_runtime_us", "0", CheckRealtimeShare, kFail, ""},
+           {"proc/sys/kernel/sched_rt_runtime_us", "-1", CheckRealtimeShare, kOk, ""},
+           // One slow core is enough.
+           {"sys/devices/system/cpu/cpu0/cpufreq/scaling_governor", "performance", CheckGovernor,
+            kOk, ""},
+           {governor, "powersave", CheckGovernor, kWarn, "powersave"},
+           {clock, "hpet", CheckClock, kWarn, "hpet"},
+           // The soft limits count.
+           {"proc/self/limits", memory + "Max realtime priority   79   90", CheckRealtimeRights,
+            kWarn, "79"},
+           {"proc/self/limits", memory + "Max realtime priority   80   80", CheckRealtimeRights,
+            kOk, ""},
+           {"proc/self/limits", memory, CheckLockedMemory, kWarn, "8388608"},
+           // Root needs no limits; some containers have SYS_NICE alone.
+           {"proc/self/limits", memory + "Max realtime priority   0   0", CheckRealtimeRights,
+            kWarn, ""},
+           {"proc/self/status", "CapPrm:\t000001ffffffffff\nCapEff:\t0000000000000000",
+            CheckRealtimeRights, kWarn, ""},
+           {"proc/self/status", "CapEff:\t0000000000800000", CheckRealtimeRights, kOk, ""},
+           {"proc/self/status", "CapEff:\t0000000000800000", CheckLockedMemory, kWarn, ""},
+           {"proc/self/status", "CapEff:\t000001ffffffffff", CheckLockedMemory, kOk, ""}}) {
+    Put(path, text);
+    SCOPED_TRACE(path + ": " + text);
+    ExpectAdvice(check(machine_), verdict, part);
+  }
 }
 
-TEST_F(Doctor, ReadsTheSoftLimits) {
-  Put("proc/self/limits",
-      "Max locked memory         8388608              unlimited            bytes\n"
-      "Max realtime priority     79                   90");
-  ExpectAdvice(CheckRealtimeRights(machine_), Verdict::kWarn);
-  ExpectAdvice(CheckLockedMemory(machine_), Verdict::kWarn);
-  EXPECT_NE(CheckLockedMemory(machine_).text.find("8388608"), std::string::npos);
-  Put("proc/self/limits", "Max realtime priority     80                   80");
-  ExpectAdvice(CheckRealtimeRights(machine_), Verdict::kOk);
-}
-
-TEST_F(Doctor, RootNeedsNoLimits) {
-  Put("proc/self/limits",
-      "Max locked memory         8388608              8388608              bytes\n"
-      "Max realtime priority     0                    0");
-  Put("proc/self/status", "Name:\tpalpate\nCapPrm:\t000001ffffffffff\nCapEff:\t0000000000000000");
-  ExpectAdvice(CheckRealtimeRights(machine_), Verdict::kWarn);
-  ExpectAdvice(CheckLockedMemory(machine_), Verdict::kWarn);
-  // SYS_NICE alone, as some containers have; and all of them.
-  Put("proc/self/status", "Name:\tpalpate\nCapEff:\t0000000000800000");
-  ExpectAdvice(CheckRealtimeRights(machine_), Verdict::kOk);
-  ExpectAdvice(CheckLockedMemory(machine_), Verdict::kWarn);
-  Put("proc/self/status", "Name:\tpalpate\nCapEff:\t000001ffffffffff");
-  ExpectAdvice(CheckLockedMemory(machine_), Verdict::kOk);
-}
-
-TEST_F(Doctor, APortIsFreeOrPalpateds) {
+TEST_F(DoctorTest, APortIsFreeOrPalpateds) {
   ExpectAdvice(CheckPort(machine_), Verdict::kOk);
   ExpectAdvice(CheckMetricsPort(machine_), Verdict::kOk);
   // 7400; the connection with that port in the table is no listener.
   PutListener("1CE8", "palpated");
   ExpectAdvice(CheckPort(machine_), Verdict::kFail);
   answering_ = {"127.0.0.1:7400"};
-  ExpectAdvice(CheckPort(machine_), Verdict::kOk);
-  EXPECT_EQ(CheckPort(machine_).text, "127.0.0.1:7400: palpated answers");
-  EXPECT_NE(CheckMetricsPort(machine_).text.find("9464 is free"), std::string::npos);
+  ExpectAdvice(CheckPort(machine_), Verdict::kOk, "127.0.0.1:7400: ");
+  ExpectAdvice(CheckMetricsPort(machine_), Verdict::kOk, "9464 is free");
 }
 
-TEST_F(Doctor, PortsOfTheDaemonThatRunsAreLookedAt) {
+TEST_F(DoctorTest, PortsOfTheDaemonThatRunsAreLookedAt) {
   EXPECT_TRUE(CheckDaemonPorts(machine_).empty());
   PutListener("1CF3", "palpated");  // 7411, which no configuration names
   ASSERT_EQ(CheckDaemonPorts(machine_).size(), 1u);
@@ -151,19 +161,17 @@ TEST_F(Doctor, PortsOfTheDaemonThatRunsAreLookedAt) {
       "00000000:00000000 00:00000000 00000000   117        0 4711 1");
   answering_ = {"127.0.0.1:7411", "[2001:db8::1]:7412"};
   ASSERT_EQ(CheckDaemonPorts(machine_).size(), 2u);
-  EXPECT_EQ(CheckDaemonPorts(machine_)[1].text, "[2001:db8::1]:7412: palpated answers");
-  ExpectAdvice(CheckDaemonPorts(machine_)[1], Verdict::kOk);
+  ExpectAdvice(CheckDaemonPorts(machine_)[1], Verdict::kOk, "[2001:db8::1]:7412: ");
   std::filesystem::remove(folder_.path() / "proc/net/tcp6");
   Put("etc/palpate/palpated.toml", "[server]\nlisten = \"127.0.0.1:7411\"\n");
   EXPECT_TRUE(CheckDaemonPorts(machine_).empty());  // CheckPort has it
 }
 
-TEST_F(Doctor, APortThatAnotherProgramHasFailsWhereItIsWanted) {
+TEST_F(DoctorTest, APortThatAnotherProgramHasFailsWhereItIsWanted) {
   PutListener("1CE9", "nginx");
   ExpectAdvice(CheckPort(machine_), Verdict::kOk);
   Put("etc/palpate/palpated.toml", "[server]\nlisten = \"0.0.0.0:7401\"\n");
-  ExpectAdvice(CheckPort(machine_), Verdict::kFail);
-  EXPECT_EQ(CheckPort(machine_).text, "0.0.0.0:7401 is taken by nginx");
+  ExpectAdvice(CheckPort(machine_), Verdict::kFail, "nginx");
   Put("etc/palpate/palpated.toml", "[metrics]\nlisten = \"[::1]:7401\"\n");
   ExpectAdvice(CheckPort(machine_), Verdict::kOk);
   ExpectAdvice(CheckMetricsPort(machine_), Verdict::kFail);
@@ -171,42 +179,21 @@ TEST_F(Doctor, APortThatAnotherProgramHasFailsWhereItIsWanted) {
   ExpectAdvice(CheckMetricsPort(machine_), Verdict::kFail);
 }
 
-TEST_F(Doctor, APortOfAnotherUserMayBePalpateds) {
+TEST_F(DoctorTest, APortOfAnotherUserMayBePalpateds) {
   PutListener("1CE8", "");
-  ExpectAdvice(CheckPort(machine_), Verdict::kWarn);
-  EXPECT_NE(CheckPort(machine_).text.find("117"), std::string::npos);
+  ExpectAdvice(CheckPort(machine_), Verdict::kWarn, "117");
 }
 
-TEST_F(Doctor, AKernelWithoutRealTimeShareCannotWork) {
-  Put("proc/sys/kernel/sched_rt_runtime_us", "0");
-  ExpectAdvice(CheckRealtimeShare(machine_), Verdict::kFail);
-  Put("proc/sys/kernel/sched_rt_runtime_us", "-1");
-  ExpectAdvice(CheckRealtimeShare(machine_), Verdict::kOk);
-}
-
-TEST_F(Doctor, OneSlowCoreIsEnough) {
-  Put("sys/devices/system/cpu/cpu0/cpufreq/scaling_governor", "performance");
-  Put("sys/devices/system/cpu/cpu1/cpufreq/scaling_governor", "powersave");
-  ExpectAdvice(CheckGovernor(machine_), Verdict::kWarn);
-  EXPECT_NE(CheckGovernor(machine_).text.find("powersave"), std::string::npos);
-}
-
-TEST_F(Doctor, SlowClocksAreNamed) {
-  Put("sys/devices/system/clocksource/clocksource0/current_clocksource", "hpet");
-  ExpectAdvice(CheckClock(machine_), Verdict::kWarn);
-}
-
-TEST_F(Doctor, ADeviceThatMayNotBeOpenedFails) {
+TEST_F(DoctorTest, ADeviceThatMayNotBeOpenedFails) {
   PutTouch();
-  ExpectAdvice(CheckUsbDevices(machine_), Verdict::kFail);
-  EXPECT_NE(CheckUsbDevices(machine_).text.find("Touch at 1-2"), std::string::npos);
+  ExpectAdvice(CheckUsbDevices(machine_), Verdict::kFail, "Touch at 1-2");
   writable_ = {"dev/bus/usb/001/007"};
   ExpectAdvice(CheckUsbDevices(machine_), Verdict::kOk);
   PutTouch("9999");
-  EXPECT_EQ(CheckUsbDevices(machine_).text, "no known device is plugged in");
+  ExpectAdvice(CheckUsbDevices(machine_), Verdict::kOk, "no known device");
 }
 
-TEST_F(Doctor, SpaceRunsOutInSteps) {
+TEST_F(DoctorTest, SpaceRunsOutInSteps) {
   ExpectAdvice(CheckSpace(machine_), Verdict::kOk);
   free_bytes_ = std::uint64_t{5} << 30;
   ExpectAdvice(CheckSpace(machine_), Verdict::kWarn);
@@ -214,7 +201,7 @@ TEST_F(Doctor, SpaceRunsOutInSteps) {
   ExpectAdvice(CheckSpace(machine_), Verdict::kFail);
 }
 
-TEST_F(Doctor, TellsASocketThatIsMissingFromOneThatIsForbidden) {
+TEST_F(DoctorTest, TellsASocketThatIsMissingFromOneThatIsForbidden) {
   ExpectAdvice(CheckSocket(machine_, "/run/palpate/palpated.sock"), Verdict::kWarn);
   Put("run/palpate/palpated.sock", "");
   ExpectAdvice(CheckSocket(machine_, "/run/palpate/palpated.sock"), Verdict::kFail);

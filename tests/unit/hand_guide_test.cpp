@@ -23,6 +23,13 @@ class HandGuideTest : public ::testing::Test {
     session_.Load(
         request, [](std::string_view, double) {}, [] { return false; });
   }
+  void MoveUp(double mm) {
+    session_.Move([mm](const VolumeState& now) {
+      Registration moved = now.registration;
+      moved.X_DW.translation += Vec3(0.0, mm, 0.0);
+      return moved;
+    });
+  }
   // The plan that comes after `change`.
   const TouchPlan* Next(const std::function<void()>& change) {
     const TouchPlan* const before = plans_.Acquire();
@@ -47,13 +54,7 @@ TEST_F(HandGuideTest, PlansWhateverIsLoadedOrMoved) {
   ASSERT_FALSE(plan->strokes.empty());
   const Vec3 first_mm = plan->strokes[0].points[0].p_D_mm;
 
-  plan = Next([&] {
-    session_.Move([](const VolumeState& now) {
-      Registration moved = now.registration;
-      moved.X_DW.translation += Vec3(0.0, 7.0, 0.0);
-      return moved;
-    });
-  });
+  plan = Next([&] { MoveUp(7.0); });
   ASSERT_NE(plan, nullptr);
   EXPECT_NEAR((plan->strokes[0].points[0].p_D_mm - first_mm - Vec3(0.0, 7.0, 0.0)).norm(), 0.0,
               1e-6);
@@ -67,11 +68,19 @@ TEST_F(HandGuideTest, PlansWhateverIsLoadedOrMoved) {
 TEST_F(HandGuideTest, MakesNoPlanForWhatChangesNoSurface) {
   Load("builtin:sphere:32");
   ASSERT_NE(Next([&] { guide_.Start(); }), nullptr);
-  const TouchPlan* const plan = plans_.Acquire();
+  // Stopped, it holds the volume that it would plan on.
+  guide_.Stop();
+  const auto holders = [&] {
+    inbox_.Acquire();
+    inbox_.Collect();
+    return session_.volume().volume.use_count();
+  };
+  const long before = holders();
   session_.SetForcesOff(true);
   session_.SetForcesOff(false);
-  std::this_thread::sleep_for(std::chrono::milliseconds(300));
-  EXPECT_EQ(plans_.Acquire(), plan);
+  EXPECT_EQ(holders(), before);
+  MoveUp(7.0);
+  EXPECT_EQ(holders(), before + 1);
 }
 
 TEST_F(HandGuideTest, StopsWithoutHavingStarted) {

@@ -6,14 +6,16 @@
 namespace palpate::test {
 namespace {
 
-// With what messages a program that does this makes a test fail that sends it the signal.
-std::string FailuresOf(const std::string& script, bool awaited, int signal = 0) {
-  testing::TestPartResultArray failures;
+// Whether the test that runs the script as a program fails with this; "": does not fail.
+// `signal`: what the test sends it once it says that it has begun.
+::testing::AssertionResult Says(const std::string& said, const std::string& script, bool awaited,
+                                int signal = 0,
+                                std::chrono::milliseconds end_patience = Process::kEndPatience) {
+  ::testing::TestPartResultArray failures;
   {
-    const testing::ScopedFakeTestPartResultReporter reporter(
-        testing::ScopedFakeTestPartResultReporter::INTERCEPT_ONLY_CURRENT_THREAD, &failures);
-    Process process({"/bin/sh", "-c", script}, false, std::chrono::seconds(20),
-                    std::chrono::milliseconds(300));
+    const ::testing::ScopedFakeTestPartResultReporter reporter(
+        ::testing::ScopedFakeTestPartResultReporter::INTERCEPT_ONLY_CURRENT_THREAD, &failures);
+    Process process({"/bin/sh", "-c", script}, false, std::chrono::seconds(120), end_patience);
     EXPECT_TRUE(process.WaitFor("begun"));
     if (signal != 0) process.Signal(signal);
     if (awaited) {
@@ -26,48 +28,34 @@ std::string FailuresOf(const std::string& script, bool awaited, int signal = 0) 
   }
   std::string messages;
   for (int n = 0; n < failures.size(); ++n) messages += failures.GetTestPartResult(n).message();
-  return messages;
+  const bool right = said.empty() ? messages.empty() : messages.find(said) != std::string::npos;
+  return (right ? ::testing::AssertionSuccess() : ::testing::AssertionFailure()) << messages;
 }
 
-bool Says(const std::string& text, const std::string& part) {
-  return text.find(part) != std::string::npos;
-}
-
-TEST(Process, ACrashFailsTheTestWithTheLastWords) {
+TEST(Process, WhatFailsTheTest) {
   for (const bool awaited : {true, false}) {
     for (const std::string end : {"kill -SEGV $$", "kill -ABRT $$", "kill -KILL $$"}) {
-      const std::string failures = FailuresOf("echo begun; echo last words >&2; " + end, awaited);
-      EXPECT_TRUE(Says(failures, "a program crashed")) << failures;
-      EXPECT_TRUE(Says(failures, "last words")) << failures;
+      const std::string script = "echo begun; echo last words >&2; " + end;
+      EXPECT_TRUE(Says("a program crashed", script, awaited)) << end;
+      EXPECT_TRUE(Says("last words", script, awaited)) << end;
     }
-    const std::string found = FailuresOf("echo begun; echo x.cpp:1: runtime error: y >&2", awaited);
-    EXPECT_TRUE(Says(found, "a sanitizer found something")) << found;
+    EXPECT_TRUE(
+        Says("a sanitizer found", "echo begun; echo x.cpp:1: runtime error: y >&2", awaited));
+    EXPECT_TRUE(Says("does not", "trap '' TERM; echo begun; while :; do sleep 0.1; done", awaited,
+                     SIGTERM, std::chrono::milliseconds(300)));
   }
-}
-
-TEST(Process, WhoDoesNotEndFailsTheTest) {
-  for (const bool awaited : {true, false}) {
-    const std::string failures =
-        FailuresOf("trap '' TERM; echo begun; while :; do sleep 0.1; done", awaited, SIGTERM);
-    EXPECT_TRUE(Says(failures, "was told to end, and does not")) << failures;
-  }
-  testing::TestPartResultArray failures;
-  {
-    const testing::ScopedFakeTestPartResultReporter reporter(
-        testing::ScopedFakeTestPartResultReporter::INTERCEPT_ONLY_CURRENT_THREAD, &failures);
-    Process({"/bin/sh", "-c", "exec sleep 60"}, false, std::chrono::seconds(1)).Wait();
-  }
-  ASSERT_EQ(failures.size(), 1);
-  EXPECT_TRUE(Says(failures.GetTestPartResult(0).message(), "longer than its patience"));
+  EXPECT_NONFATAL_FAILURE(
+      Process({"/bin/sh", "-c", "exec sleep 60"}, false, std::chrono::seconds(1)).Wait(),
+      "longer than its patience");
 }
 
 TEST(Process, AnyOtherEndFailsNothing) {
   for (const bool awaited : {true, false}) {
     for (const std::string end : {"exit 0", "exit 3"}) {
-      EXPECT_EQ(FailuresOf("echo begun; echo oh >&2; " + end, awaited), "") << end;
+      EXPECT_TRUE(Says("", "echo begun; echo oh >&2; " + end, awaited)) << end;
     }
     for (const int signal : {SIGKILL, SIGTERM, SIGABRT}) {
-      EXPECT_EQ(FailuresOf("echo begun; exec sleep 60", awaited, signal), "") << signal;
+      EXPECT_TRUE(Says("", "echo begun; exec sleep 60", awaited, signal)) << signal;
     }
   }
 }

@@ -1,14 +1,17 @@
-// What systemd is told, over a socket as systemd has it.
+// What systemd is told, over a socket as systemd has it; and small stacks of threads.
 #include "server/app/service_manager.h"
 
 #include <gtest/gtest.h>
 #include <poll.h>
+#include <pthread.h>
 #include <sys/socket.h>
 #include <sys/un.h>
 #include <unistd.h>
 
 #include <cstdlib>
+#include <thread>
 
+#include "server/app/thread_stacks.h"
 #include "tests/support/temporary_folder.h"
 
 namespace palpate::test {
@@ -78,94 +81,116 @@ TEST(WithoutSystemd, NothingIsSaid) {
   EXPECT_FALSE(ServiceManager::WatchdogInterval());
 }
 
+// A servo and its watchdog, on a clock of their own.
+class WatchedServo {
+ public:
+  explicit WatchedServo(std::optional<milliseconds> interval) : watchdog_(interval) {}
+
+  // Whether the watchdog is fed after so many more ticks in this time.
+  bool IsFed(std::uint64_t ticks, milliseconds time) {
+    now_ += time;
+    ticks_ += ticks;
+    return watchdog_.IsDue(ticks_, now_);
+  }
+  milliseconds now() const {
+    return std::chrono::duration_cast<milliseconds>(now_.time_since_epoch());
+  }
+
+ private:
+  ServoWatchdog watchdog_;
+  ServoWatchdog::Time now_{std::chrono::hours(1)};
+  std::uint64_t ticks_ = 0;
+};
+
+constexpr milliseconds kLook = ServoWatchdog::kLookPeriod;
+constexpr milliseconds kNow{0};
+
 TEST(Watchdog, IsFedOnlyWhileTheServoTicks) {
-  ServoWatchdog watchdog(milliseconds(400));
-  ServoWatchdog::Time now{std::chrono::hours(1)};
-  EXPECT_TRUE(watchdog.IsDue(1, now));
+  WatchedServo servo(milliseconds(400));
+  EXPECT_TRUE(servo.IsFed(1, kNow));
   // Ticks, but it was fed just now.
-  EXPECT_FALSE(watchdog.IsDue(50, now += milliseconds(50)));
-  EXPECT_TRUE(watchdog.IsDue(100, now += milliseconds(50)));
+  EXPECT_FALSE(servo.IsFed(49, milliseconds(50)));
+  EXPECT_TRUE(servo.IsFed(50, milliseconds(50)));
   // Stuck: for however long.
-  for (int n = 0; n < 100; ++n) EXPECT_FALSE(watchdog.IsDue(100, now += milliseconds(100)));
+  for (int n = 0; n < 100; ++n) EXPECT_FALSE(servo.IsFed(0, milliseconds(100)));
   // One tick is not yet a servo that runs.
-  EXPECT_FALSE(watchdog.IsDue(101, now));
-  EXPECT_FALSE(watchdog.IsDue(102, now += milliseconds(100)));
-  EXPECT_TRUE(watchdog.IsDue(202, now += milliseconds(100)));
+  EXPECT_FALSE(servo.IsFed(1, kNow));
+  EXPECT_FALSE(servo.IsFed(1, milliseconds(100)));
+  EXPECT_TRUE(servo.IsFed(100, milliseconds(100)));
+}
+
+TEST(Watchdog, IsNotFedBeforeTheFirstTickNorWhereThereIsNone) {
+  EXPECT_FALSE(WatchedServo(milliseconds(400)).IsFed(0, kNow));
+  EXPECT_FALSE(WatchedServo(std::nullopt).IsFed(1000, kNow));
 }
 
 TEST(Watchdog, AServoRunsWithHalfOfItsTicks) {
-  EXPECT_TRUE(ServoRan(1000, std::chrono::seconds(1)));
   EXPECT_TRUE(ServoRan(500, std::chrono::seconds(1)));
   EXPECT_FALSE(ServoRan(499, std::chrono::seconds(1)));
   EXPECT_FALSE(ServoRan(1, milliseconds(100)));
-  EXPECT_FALSE(ServoRan(0, milliseconds(0)));
-  // Of no time that was judged.
-  EXPECT_TRUE(ServoRan(1, milliseconds(0)));
+  EXPECT_FALSE(ServoRan(0, kNow));
+  EXPECT_TRUE(ServoRan(1, kNow));  // of no time that was judged
 }
 
-// How often a watchdog of 5 s is fed in 20 s by a servo that makes `ticks` of every 100.
-int FeedsOf(std::uint64_t ticks) {
-  ServoWatchdog watchdog(std::chrono::seconds(5));
-  ServoWatchdog::Time now{std::chrono::hours(1)};
-  int feeds = -1;  // the first one is for its start
-  for (std::uint64_t look = 0; look <= 200; ++look) {
-    feeds += watchdog.IsDue(1 + look * ticks, now);
-    now += ServoWatchdog::kLookPeriod;
-  }
-  return feeds;
-}
-
+// One that makes `ticks` of every 100, with a watchdog of 5 s, looked at for 20 s.
 TEST(Watchdog, AServoThatLimpsStarvesIt) {
-  EXPECT_EQ(FeedsOf(100), 15);  // every 1.3 s: looks are 0.1 s apart
-  EXPECT_EQ(FeedsOf(60), 15);
-  EXPECT_EQ(FeedsOf(40), 0);
-  EXPECT_EQ(FeedsOf(1), 0);
+  const auto feeds_of = [](std::uint64_t ticks) {
+    WatchedServo servo(std::chrono::seconds(5));
+    EXPECT_TRUE(servo.IsFed(1, kNow));
+    int feeds = 0;
+    for (int look = 0; look < 200; ++look) feeds += servo.IsFed(ticks, kLook);
+    return feeds;
+  };
+  EXPECT_EQ(feeds_of(100), 15);  // every 1.3 s: looks are 0.1 s apart
+  EXPECT_EQ(feeds_of(60), 15);
+  EXPECT_EQ(feeds_of(40), 0);
+  EXPECT_EQ(feeds_of(1), 0);
 }
 
 // Four quarters at most are judged within an interval, so that one of them suffices.
 TEST(Watchdog, AServoThatRecoversIsFedInTime) {
-  ServoWatchdog watchdog(std::chrono::seconds(5));
-  ServoWatchdog::Time now{std::chrono::hours(1)};
-  std::uint64_t ticks = 1;
-  ASSERT_TRUE(watchdog.IsDue(ticks, now));
-  const ServoWatchdog::Time fed = now;
-  for (int look = 0; look < 20; ++look) {
-    EXPECT_FALSE(watchdog.IsDue(ticks, now += ServoWatchdog::kLookPeriod));
+  WatchedServo servo(std::chrono::seconds(5));
+  ASSERT_TRUE(servo.IsFed(1, kNow));
+  const milliseconds fed = servo.now();
+  for (int look = 0; look < 20; ++look) EXPECT_FALSE(servo.IsFed(0, kLook));
+  while (!servo.IsFed(100, kLook)) {
   }
-  while (!watchdog.IsDue(ticks += 100, now += ServoWatchdog::kLookPeriod)) {
-  }
-  EXPECT_LE(now - fed, std::chrono::seconds(4));
+  EXPECT_LE(servo.now() - fed, std::chrono::seconds(4));
 }
 
 // Neither the servo nor who looks at it ran: it is judged by the rest.
 TEST(Watchdog, AMachineThatStoodStillIsForgiven) {
-  ServoWatchdog watchdog(std::chrono::seconds(5));
-  ServoWatchdog::Time now{std::chrono::hours(1)};
-  std::uint64_t ticks = 1;
-  ASSERT_TRUE(watchdog.IsDue(ticks, now));
+  constexpr std::chrono::seconds kStill(3);
+  WatchedServo servo(std::chrono::seconds(5));
+  ASSERT_TRUE(servo.IsFed(1, kNow));
   for (int n = 0; n < 10; ++n) {
-    for (int look = 0; look < 10; ++look) {
-      EXPECT_FALSE(watchdog.IsDue(ticks += 60, now += ServoWatchdog::kLookPeriod));
-    }
-    EXPECT_TRUE(watchdog.IsDue(ticks += 1, now += std::chrono::seconds(3)));
+    for (int look = 0; look < 10; ++look) EXPECT_FALSE(servo.IsFed(60, kLook));
+    EXPECT_TRUE(servo.IsFed(1, kStill));
   }
   // It hardly does anything else.
-  for (int n = 0; n < 10; ++n) {
-    EXPECT_TRUE(watchdog.IsDue(ticks += 1, now += std::chrono::seconds(3)));
-  }
+  for (int n = 0; n < 10; ++n) EXPECT_TRUE(servo.IsFed(1, kStill));
   // But a servo that does not tick is stuck, whatever the machine does.
   for (int n = 0; n < 10; ++n) {
-    EXPECT_FALSE(watchdog.IsDue(ticks, now += std::chrono::seconds(3)));
-    for (int look = 0; look < 30; ++look) {
-      EXPECT_FALSE(watchdog.IsDue(ticks, now += ServoWatchdog::kLookPeriod));
-    }
+    EXPECT_FALSE(servo.IsFed(0, kStill));
+    for (int look = 0; look < 30; ++look) EXPECT_FALSE(servo.IsFed(0, kLook));
   }
 }
 
-TEST(Watchdog, IsNotFedBeforeTheFirstTickNorWhereThereIsNone) {
-  ServoWatchdog::Time now{std::chrono::hours(1)};
-  EXPECT_FALSE(ServoWatchdog(milliseconds(400)).IsDue(0, now));
-  EXPECT_FALSE(ServoWatchdog(std::nullopt).IsDue(1000, now));
+TEST(ThreadStacks, AreSmallFromThenOn) {
+  const auto stack_bytes = [] {
+    pthread_attr_t attributes;
+    std::size_t bytes = 0;
+    pthread_getattr_np(pthread_self(), &attributes);
+    pthread_attr_getstacksize(&attributes, &bytes);
+    pthread_attr_destroy(&attributes);
+    return bytes;
+  };
+  const SmallThreadStacks stacks;
+  std::size_t bytes = 0;
+  std::thread([&] { bytes = stack_bytes(); }).join();
+  EXPECT_EQ(bytes, kThreadStackBytes);
+  EXPECT_EQ(tbb::global_control::active_value(tbb::global_control::thread_stack_size),
+            kThreadStackBytes);
 }
 
 }  // namespace

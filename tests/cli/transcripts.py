@@ -1,0 +1,172 @@
+"""Command lines of `palpate`, and what they do. Each transcript is a test of its server's class in
+transcripts_test.py; its steps are played in their order.
+
+Words in a command line:
+    $FOLDER, $SOCKET, $SERVER, $LONG   of the test
+    $REVISION                          the settings_revision printed last
+    PALPATE_SOCKET= in front           no socket in the environment"""
+
+import dataclasses
+
+
+@dataclasses.dataclass
+class Step:
+    run: str | list   # a command line, or several that do the same
+    exit: int = 0     # the exit code; with any other than 0, all errors are one line ...
+    error: str = ""   # ... that names this
+    has: list = ()    # parts of the output
+    lines: int = 0    # how many lines the output has; the first one is then the JSON
+    json: dict = dataclasses.field(default_factory=dict)  # values of the JSON, by their paths
+    keys: list = ()   # paths that the JSON has
+
+
+NO_DAEMON = {
+    "wrong_usage": [
+        Step(exit=2, error="--help", run=[
+            "", "touch", "info extra", "info --socket a --server b:1",
+            "set", "set isovalue", "set isovalue 1 2", "set stiffness 1 --normalized",
+            "watch --rate-hz 0", "watch --rate-hz 1001", "watch --count 0", "watch --count -1",
+            "watch --seconds -1",
+            "load", "load a --spacing-mm 1,2", "load a --spacing-mm 1,2,-3",
+            "load a --isovalue 1 --normalized-isovalue 0.5", "load a --raw-size 4,4,4",
+            "load a --raw-type int8", "load a --raw-size 4,4,4 --raw-type int9",
+            "load a --raw-size 4,4 --raw-type int8", "load a --raw-big-endian",
+            "load a --raw-size 4,4,4 --raw-type int8 --raw-offset-bytes -1",
+            "load a --frame -1", "load a --frame first",
+            "device", "device start", "device stop now", "device enable a b", "device list x",
+            "device test --seconds 0", "device test --seconds -1", "device test --seconds nan",
+            "place extra", "place --move-mm", "place --move-mm 1,2", "place --move-mm 1,2,x",
+            "place --center-mm 1,nan,2", "place --center-mm inf,0,0", "place --scale-by 0",
+            "place --rotation-wxyz 1,0,0", "place --turn-deg 90", "place --turn-deg y,ninety",
+            "place --scale-by -1", "place --cells-per-mm 0", "place --expected-revision 3",
+            "place --cells-per-mm 2 --device-mm-per-voxel 0.5",
+            "place --cells-per-mm 2 --device-mm-per-volume-mm 0.5",
+            "place --device-mm-per-voxel 2 --device-mm-per-volume-mm 0.5",
+        ]),
+        Step("touch", exit=2, error="'touch'"),
+        Step("set friction 1", exit=2, error="'friction'"),
+        Step(["set stiffness x", "set stiffness_n_per_mm x"], exit=2, error="0 to 3 N/mm"),
+        Step("set free_side left", exit=2, error="below or above"),
+    ],
+    "help": [
+        Step(has=["Example"], run=[
+            "--help", "info --help", "watch --help", "set --help", "set stiffness --help",
+            "settings --help", "load --help", "upload --help", "series --help",
+            "series load --help", "series play --help", "series seek --help",
+            "series loop --help", "series info --help", "device --help", "device list --help",
+            "device info --help", "device calibrate --help", "device enable --help",
+            "device disable --help", "device stop --help", "device test --help",
+        ]),
+        Step("--help", has=["Emergency stop: palpate device stop"]),
+        Step("set --help", has=["--normalized", "  stiffness ", "0 to 3 N/mm", "below or above"]),
+        Step("--version", has=["palpate "]),
+    ],
+    "no_daemon": [
+        Step("info", exit=8, error="$SOCKET"),
+        Step("watch --server 127.0.0.1:1", exit=8, error="127.0.0.1:1"),
+        Step("info --server nonsense", exit=3, error="nonsense"),
+        Step("info --socket $LONG", exit=3, error="107"),
+    ],
+}
+
+# A palpated with the simulated device and a sphere of 32 voxels.
+DAEMON = {
+    "info": [
+        Step("info", has=[
+            "palpated ", " at unix:", "device    simulated", "verification level: simulated",
+            "1000 Hz", " ticks, ", "32 x 32 x 32 voxels", "values ", "scale ", "isovalue ",
+            "stiffness 0.5 N/mm", "method tpbcc", "off: damping",
+        ]),
+        Step("info --json", keys=[
+            "version", "server", "caller.role", "health.connection", "forces.state",
+            "servo.warnings", "servo.missed_ticks", "volume.spacing_mm.2",
+            "settings.settings_revision",
+        ], json={"device.verification_level": "simulated", "volume.size": [32, 32, 32]}),
+    ],
+    "settings": [
+        Step("set isovalue 0.25", has=["isovalue 0.25 ", " tick ", "settings revision "]),
+        Step("set stiffness 0.75 --json", json={"isovalue": 0.25, "stiffness_n_per_mm": 0.75},
+             keys=["applied_tick", "settings_revision", "receipt_to_applied_ns"]),
+        Step("set --json force_shading on", json={"isovalue": 0.25, "force_shading": True}),
+        Step("set free_side above --json", json={"free_side": "above"}),
+        Step("set method bcc --json", json={"method": "bcc"}),
+        Step("settings --json", json={"isovalue": 0.25, "free_side": "above", "method": "bcc"}),
+        Step(["set isovalue --normalized 0.5 --json", "set isovalue 0.5 --normalized --json"],
+             json={"normalized_isovalue": 0.5}),
+    ],
+    "refusals": [
+        Step(["set stiffness 99", "set stiffness_n_per_mm -.5"], exit=3, error="stiffness"),
+        # Negative numbers are values, too: the daemon refuses them for this volume.
+        Step(["set isovalue -200", "set isovalue -2e2 --json"], exit=3, error="isovalue -200 "),
+        Step(["set isovalue -.5", "set isovalue -0.5"], exit=3, error="isovalue -0.5 "),
+        Step("settings --json"),
+        Step("set isovalue 0.4 --expected-revision $REVISION --json", json={"isovalue": 0.4}),
+        Step("set --expected-revision 0 isovalue 0.4", exit=7, error="$REVISION"),
+        Step("load /absent.nrrd", exit=4, error="/absent.nrrd"),
+    ],
+    "servers": [
+        Step(has=["settings  revision "], run=[
+            "PALPATE_SOCKET= --socket $SOCKET settings",
+            "PALPATE_SOCKET= settings --socket $SOCKET",
+            "PALPATE_SOCKET= settings --server $SERVER",
+        ]),
+        Step("PALPATE_SOCKET= watch --count 3 --json --server $SERVER", lines=3),
+    ],
+    "watch": [
+        Step("watch --json --rate-hz 500 --count 23", lines=23, keys=[
+            "tick", "time_ns", "hip_mm.2", "mode", "scp_h_mm", "scp_h_normal", "scp_v_mm",
+            "scp_v_normal", "force_n", "contact", "density", "isovalue", "settings_revision",
+            "volume_revision", "update_ns", "missed_ticks", "iterations", "buttons",
+            "stylus_orientation.3",
+        ]),
+        Step("watch --count 40", has=["samples         40,"]),
+    ],
+    "device": [
+        Step("device list --json", keys=["devices.0.usable", "devices.0.problem"],
+             json={"devices.0.kind": "simulated", "devices.0.in_use": True}),
+        Step("device info", has=["device    simulated", "streaming", "forces  ", "force at most "]),
+        Step("device info --json", keys=["device.verification_level", "forces.limit_n"],
+             json={"health.connection": "streaming"}),
+        Step("device calibrate", exit=3, error="`simulated`"),
+    ],
+    "forces": [
+        Step("device disable --json", json={"reason": "operator"}, keys=["applied_tick"]),
+        Step(["device enable --json", "device enable simulated --json"], json={"reason": "none"},
+             keys=["state", "limit_n", "applied_tick"]),
+        Step("device enable other", exit=3, error="simulated"),
+        Step("device stop", has=["forces    stopped: ", "since tick "]),
+        Step("device stop --json", json={"state": "stopped", "reason": "stop_call"}),
+        Step("device enable", has=["forces    ", "since tick "]),
+    ],
+    "load": [
+        Step("load builtin:sphere:16 --isovalue 0.125 --spacing-mm 1,2,3.5", has=[
+            "16 x 16 x 16 voxels of 1 x 2 x 3.5 mm", "applied at tick ", "settings revision ",
+        ]),
+        Step("settings --json", json={"isovalue": 0.125}),
+        Step("load $FOLDER/two.nrrd --normalized-isovalue 0 --frame 1",
+             has=["2 x 3 x 4 voxels", "values 10 to 33"]),
+        Step("settings --json", json={"isovalue": 10, "normalized_isovalue": 0}),
+        Step("load two.nrrd --device-mm-per-volume-mm 0.25", has=["scale 0.25 mm"]),
+        Step("load big.raw --raw-size 2,3,4 --raw-type uint16 --raw-big-endian "
+             "--raw-offset-bytes 6", has=["2 x 3 x 4 voxels", "values 0 to 23"]),
+    ],
+}
+
+# A palpated whose device is not plugged in.
+NO_DEVICE = {
+    "device": [
+        Step("device info --json", keys=["health.problem"],
+             json={"health.connection": "absent", "device.kind": "falcon"}),
+        Step("device enable", exit=3, error="falcon"),
+        Step("device enable falcon", exit=10),
+        Step("device test --seconds 1 --json", exit=1, error="not streaming",
+             json={"passed": False}),
+    ],
+}
+
+# A server that has one of palpated's services.
+OTHER_SERVICE = {
+    "other_service": [
+        Step(["settings", "watch --json"], exit=8, error="palpated"),
+    ],
+}

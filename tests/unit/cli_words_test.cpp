@@ -1,0 +1,258 @@
+// What the command line reads and says: settings, places, volumes, paths.
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+#include <sys/stat.h>
+
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <map>
+
+#include "client/cli/description.h"
+#include "client/cli/output.h"
+#include "client/cli/paths_there.h"
+#include "client/cli/place_command.h"
+#include "client/cli/reach.h"
+#include "client/cli/record_command.h"
+#include "client/cli/set_command.h"
+#include "client/cli/setting.h"
+#include "client/sdk/setting_messages.h"
+#include "common/error/one_line.h"
+#include "common/isosurface/decomposition.h"
+#include "server/haptics/settings.h"
+#include "tests/support/temporary_folder.h"
+
+namespace palpate::cli {
+namespace {
+
+using client::kSettings;
+
+// As a daemon with these settings tells them.
+client::Settings Told(const v1::RenderSettings& settings) { return client::FromProto(settings, 3); }
+
+client::Settings Told(const client::SettingsUpdate& update) {
+  return Told(client::ToProto(update).settings());
+}
+
+TEST(CliSetting, EveryFieldIsListed) {
+  const auto* fields = v1::RenderSettings::descriptor();
+  EXPECT_EQ(fields->field_count(), static_cast<int>(kSettings.size()));
+  const std::string list = ListOfSettings();
+  for (int n = 0; n < fields->field_count(); ++n) {
+    const Setting* setting = FindSetting(fields->field(n)->name());
+    ASSERT_NE(setting, nullptr) << fields->field(n)->name();
+    EXPECT_EQ(setting->key, fields->field(n)->name());
+    EXPECT_EQ(FindSetting(setting->name), setting);
+    EXPECT_TRUE(setting->key.starts_with(setting->name));
+    EXPECT_NE(list.find(fmt::format("  {} ", setting->name)), std::string::npos) << setting->name;
+    EXPECT_NE(list.find(ValuesOf(*setting)), std::string::npos) << setting->name;
+  }
+  EXPECT_EQ(FindSetting("friction"), nullptr);
+  EXPECT_EQ(FindSetting(""), nullptr);
+}
+
+TEST(CliSetting, UnitsRangesAndDefaultsAreTheDaemons) {
+  const client::Settings ours;
+  const HapticSettings theirs;
+  for (const NumberSetting& setting : kNumberSettings) {
+    const Setting* told = FindSetting(setting.key);
+    ASSERT_NE(told, nullptr) << setting.key;
+    EXPECT_EQ(ValuesOf(*told),
+              fmt::format("{:g} to {:g}{}", setting.low, setting.high, setting.unit));
+    EXPECT_EQ(SettingJson(*told, ours), theirs.*setting.member) << setting.key;
+  }
+  for (const FlagSetting& setting : kFlagSettings) {
+    EXPECT_EQ(SettingJson(*FindSetting(setting.key), ours), theirs.*setting.member) << setting.key;
+  }
+  EXPECT_EQ(SettingJson(*FindSetting("free_side"), ours),
+            std::string(FreeSideName(theirs.free_side)));
+}
+
+TEST(CliSetting, NamesOfValuesAreTheDaemons) {
+  client::SettingsUpdate update;
+  const auto takes_all = [&update](std::string_view key, const auto& names) {
+    const Setting& setting = *FindSetting(key);
+    EXPECT_EQ(WordsOf(setting).size(), names.size());
+    for (const std::string_view name : names) {
+      EXPECT_TRUE(StoreSetting(setting, std::string(name), update)) << name;
+      EXPECT_EQ(SettingJson(setting, Told(update)), std::string(name));
+      EXPECT_NE(ValuesOf(setting).find(name), std::string::npos) << name;
+    }
+  };
+  takes_all("method", kMethodNames);
+  EXPECT_EQ(update.method, DecompositionMethod::kTpbcc);
+  takes_all("free_side", kFreeSideNames);
+  EXPECT_EQ(update.free_side, client::FreeSide::kAbove);
+}
+
+TEST(CliSetting, NumbersFlagsAndNamesAreTold) {
+  for (const auto& [name, value, told] : std::vector<std::array<std::string, 3>>{
+           {"pop_force", "2.50", "pop_force 2.5 N"},
+           {"damping", "1e-3", "damping 0.001 N·s/m"},
+           {"static_friction", "-0.5", "static_friction -0.5"},  // the daemon's to refuse
+           {"force_shading", "true", "force_shading on"},
+           {"passivity_control", "off", "passivity_control off"},
+           {"free_side", "above", "free_side above"},
+           {"method", "tpbcc-published", "method tpbcc-published"}}) {
+    client::SettingsUpdate update;
+    const Setting& setting = *FindSetting(name);
+    EXPECT_TRUE(StoreSetting(setting, value, update)) << name;
+    EXPECT_EQ(DescribeSetting(setting, Told(update)), told);
+    // Nothing else is sent.
+    ASSERT_EQ(client::ToProto(update).update_mask().paths_size(), 1) << name;
+    EXPECT_EQ(client::ToProto(update).update_mask().paths(0), setting.key);
+  }
+}
+
+TEST(CliSetting, AnythingElseIsNotStored) {
+  const std::map<std::string, std::vector<std::string>> wrong = {
+      {"stiffness", {"", "nan", "inf", "-inf", "1e999", "1 ", "1N", "on"}},
+      {"force_shading", {"1", "2", ""}},
+      {"free_side", {"unspecified", "BELOW", "1", "left"}},
+      {"method", {"FREE_SIDE_BELOW", "cubes"}}};
+  client::SettingsUpdate update;
+  for (const auto& [name, values] : wrong) {
+    for (const std::string& value : values) {
+      EXPECT_FALSE(StoreSetting(*FindSetting(name), value, update)) << name << " " << value;
+    }
+  }
+  EXPECT_EQ(client::ToProto(update).update_mask().paths_size(), 0);
+}
+
+TEST(CliSetting, WhatIsOffSharesALine) {
+  v1::RenderSettings settings;
+  settings.set_isovalue(0.0);
+  settings.set_stiffness_n_per_mm(0.5);
+  settings.set_damping_n_s_per_m(0.0);
+  settings.set_pop_force_n(2.0);
+  settings.set_force_shading(false);
+  settings.set_free_side(v1::FREE_SIDE_BELOW);
+  EXPECT_EQ(Describe(Told(settings)),
+            "settings  revision 3\n"
+            "          isovalue 0\n"
+            "          stiffness 0.5 N/mm\n"
+            "          pop_force 2 N\n"
+            "          free_side below\n"
+            "          off: damping, force_shading\n");
+}
+
+TEST(CliSetting, JsonHasAllByTheirKeys) {
+  v1::RenderSettings settings;
+  settings.set_isovalue(0.0);
+  settings.set_force_shading(false);
+  settings.set_free_side(static_cast<v1::FreeSide>(17));  // of a newer daemon
+  const Json json = ToJson(Told(settings));
+  for (const Setting& setting : kSettings) {
+    EXPECT_TRUE(json.contains(std::string(setting.key))) << setting.key;
+  }
+  EXPECT_EQ(json["settings_revision"], 3);
+  EXPECT_EQ(json["isovalue"], 0.0);
+  EXPECT_EQ(json["force_shading"], false);
+  EXPECT_TRUE(json["free_side"].is_null());
+  EXPECT_TRUE(json["normalized_isovalue"].is_null());  // of an older daemon
+}
+
+TEST(CliSetting, SaysWhatWasAppliedWhen) {
+  client::SettingsResult result;
+  result.settings.isovalue = 40.8;
+  result.settings.normalized_isovalue = 0.16;
+  result.settings.method = DecompositionMethod::kBcc;
+  result.settings.revision = 7;
+  result.applied_tick = 123456;
+  result.receipt_to_applied_ns = 1'200'000;
+  EXPECT_EQ(DescribeChange(client::kIsovalue, result),
+            "isovalue 40.8 applied at tick 123456, settings revision 7, 1.2 ms after receipt");
+  EXPECT_TRUE(DescribeChange(client::kNormalizedIsovalue, result)
+                  .starts_with("isovalue 40.8 (normalised 0.16)"));
+  EXPECT_TRUE(DescribeChange(*FindSetting("method"), result).starts_with("method bcc applied"));
+}
+
+client::UnalignedQuaternion Turn(const std::string& text) {
+  const std::optional<client::UnalignedQuaternion> rotation = ParseTurn(text);
+  EXPECT_TRUE(rotation) << text;
+  return rotation.value_or(client::UnalignedQuaternion(0.0, 0.0, 0.0, 0.0));
+}
+
+TEST(CliPlace, ParsesTurns) {
+  EXPECT_NEAR(Turn("x,90").x(), std::sqrt(0.5), 1e-15);
+  EXPECT_NEAR(Turn("y,-90").y(), -std::sqrt(0.5), 1e-15);
+  EXPECT_NEAR(Turn("z,+180").z(), 1.0, 1e-15);
+  EXPECT_NEAR(Turn("z,1e1").w(), std::cos(10.0 / 360.0 * 3.14159265358979323846), 1e-15);
+  EXPECT_EQ(Turn("x,360").w(), 1.0);
+  EXPECT_NEAR(Turn("y,3600000090").y(), std::sqrt(0.5), 1e-12);
+  EXPECT_NEAR(Turn("z,1e300").norm(), 1.0, 1e-14);
+  for (const char* text : {"", "x", "x,", "90", "w,90", "x90", "x,nan", "x,inf", "x,90deg", "x, 90",
+                           "xy,90", "x,+-9", "x,1e999", "X,90"}) {
+    EXPECT_FALSE(ParseTurn(text)) << text;
+  }
+}
+
+TEST(CliPlace, TextAndJsonHaveEveryField) {
+  client::Placement placement = {.center_mm = {1.5, -2.0, 0.1},
+                                 .rotation = Turn("y,90"),
+                                 .device_mm_per_volume_mm = 0.5,
+                                 .device_mm_per_voxel = 0.25};
+  EXPECT_EQ(
+      Describe(placement),
+      "place     centre at 1.5, -2, 0.1 mm of the device; turned by 90° about (0, 1, 0)\n"
+      "          0.5 mm of the device per mm of the volume, 0.25 per voxel: 1 mm is 4 cells\n");
+  const Json json = ToJson(placement);
+  EXPECT_EQ(json["center_mm"], Json({1.5, -2.0, 0.1}));
+  EXPECT_EQ(json["rotation_wxyz"].size(), 4u);
+  EXPECT_EQ(json["device_mm_per_volume_mm"], 0.5);
+  EXPECT_EQ(json["device_mm_per_voxel"], 0.25);
+  placement.rotation = Turn("x,-90");
+  EXPECT_NE(Describe(placement).find("90° about (-1, 0, 0)"), std::string::npos);
+  placement.rotation = client::UnalignedQuaternion::Identity();
+  EXPECT_NE(Describe(placement).find("; not turned\n"), std::string::npos);
+}
+
+TEST(CliVolume, TextFromElsewhereStaysOnItsLine) {
+  EXPECT_EQ(OneLine("a\nb\tc\x7f"), "a b c ");
+  EXPECT_EQ(OneLine("N·s"), "N·s");
+  client::VolumeInfo volume;
+  volume.source = "evil\n\x1b[2Jname";
+  const std::string text = Describe(volume);
+  EXPECT_EQ(text.find('\x1b'), std::string::npos);
+  EXPECT_EQ(std::count(text.begin(), text.end(), '\n'), 4);
+  volume.source = "/data/\xff.nrrd";  // no UTF-8
+  EXPECT_TRUE(Json::accept(ToText(ToJson(volume))));
+}
+
+TEST(CliVolume, ARecordingIsDescribed) {
+  client::RecordingState state;
+  state.path = "/data/a\n.palrec";
+  EXPECT_EQ(DescribeRecording(state), "0 ticks (0.0 s), 0 lost, 0.0 MB, to /data/a .palrec");
+  state.ticks = 60000;
+  state.lost_ticks = 7;
+  state.size_bytes = 6'180'000;
+  EXPECT_EQ(DescribeRecording(state),
+            "60000 ticks (60.0 s), 7 lost, 6.2 MB, 103 bytes per tick, to /data/a .palrec");
+}
+
+TEST(CliPaths, RelativePathsBecomeAbsoluteOnTheSameMachineAlone) {
+  for (const bool is_here : {true, false}) {
+    EXPECT_EQ(PathThere("/data/a.nrrd", is_here, "or-2:7411"), "/data/a.nrrd");
+    EXPECT_THROW(PathThere("", is_here, "or-2:7411"), Error);
+  }
+  EXPECT_EQ(PathThere("a.nrrd", true, "unix:/s"),
+            (std::filesystem::current_path() / "a.nrrd").string());
+  EXPECT_THROW(PathThere("a.nrrd", false, "or-2:7411"), Error);
+}
+
+TEST(CliPaths, ATokenThatOthersMayReadIsWarnedOf) {
+  const test::TemporaryFolder folder;
+  const std::string path = folder.path() / "token";
+  std::ofstream(path) << "palpate_x\n";
+  for (const auto& [mode, warns] : std::map<mode_t, bool>{
+           {0600, false}, {0640, false}, {0660, false}, {0644, true}, {0604, true}}) {
+    ASSERT_EQ(chmod(path.c_str(), mode), 0);
+    EXPECT_EQ(TokenFileWarning(path).find(path) != std::string::npos, warns) << mode;
+    EXPECT_EQ(TokenFileWarning(path).empty(), !warns) << mode;
+  }
+  EXPECT_EQ(TokenFileWarning(""), "");
+  EXPECT_EQ(TokenFileWarning(path + ".absent"), "");
+}
+
+}  // namespace
+}  // namespace palpate::cli
