@@ -19,6 +19,8 @@ void WriteOutput(std::string_view text) {
     const ssize_t written = write(STDOUT_FILENO, text.data(), text.size());
     if (written >= 0) {
       text.remove_prefix(static_cast<std::size_t>(written));
+      // A signal came when a part was written: nobody may ever read the rest.
+      if (!text.empty() && Interrupt::IsRaised()) throw OutputClosed();
     } else if (errno == EPIPE || (errno == EINTR && Interrupt::IsRaised())) {
       throw OutputClosed();
     } else if (errno != EINTR) {

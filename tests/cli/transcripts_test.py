@@ -219,16 +219,19 @@ class WithDaemon(CommandLine):
             json.loads(line)
 
     def test_a_signal_ends_a_watch_that_nobody_reads(self):
-        # One sample in each write: the pipe takes it whole or not at all.
-        process = self.start("watch --json --rate-hz 100", pipesize=os.sysconf("SC_PAGESIZE"))
+        # A write that the pipe takes whole or not at all, and one of which it takes a part.
+        for rate_hz in (100, 1000):
+            with self.subTest(rate_hz=rate_hz):
+                process = self.start(f"watch --json --rate-hz {rate_hz}",
+                                     pipesize=os.sysconf("SC_PAGESIZE"))
 
-        def is_stuck():
-            waiting = fcntl.ioctl(process.stdout, termios.FIONREAD, b"1234")
-            call = pathlib.Path(f"/proc/{process.pid}/syscall").read_text().split()
-            return struct.unpack("i", waiting)[0] > 2048 and call[1:2] == ["0x1"]
-        self.assertTrue(wait_until(is_stuck, PATIENCE_S))
-        process.send_signal(signal.SIGINT)
-        self.assertEqual(process.wait(PATIENCE_S), 0)
+                def is_stuck():
+                    waiting = fcntl.ioctl(process.stdout, termios.FIONREAD, b"1234")
+                    call = pathlib.Path(f"/proc/{process.pid}/syscall").read_text().split()
+                    return struct.unpack("i", waiting)[0] > 2048 and call[1:2] == ["0x1"]
+                self.assertTrue(wait_until(is_stuck, PATIENCE_S))
+                process.send_signal(signal.SIGINT)
+                self.assertEqual(process.wait(PATIENCE_S), 0)
 
     def test_a_closed_output_ends_quietly(self):
         process, _ = self.watch("--json --rate-hz 1000", '"tick"')
