@@ -146,10 +146,8 @@ class Recorded(RecordingTest):
         text, time_ns = self.expected["marker"]
         marker, = self.recording.markers
         self.assertEqual((marker.text, marker.time_ns), (text, time_ns))
-        ticks = self.recording.ticks
-        # The recorder has the samples of a tick a little later than the tick was.
-        first = ticks.tick[np.searchsorted(ticks.time_ns, time_ns)]
-        self.assertLess(abs(int(first) - marker.tick), 200)
+        self.assertIn(marker.tick, self.recording.ticks.tick)
+        self.assertLessEqual(marker.tick, self.expected["settings"][1][1])
 
     def test_settings_of_each_state(self):
         for settings, tick in self.expected["settings"]:
@@ -201,40 +199,32 @@ class Damage(RecordingTest):
                          [m.text for m in self.recording.markers][:len(recording.markers)])
         self.assertLessEqual(len(recording.scenes), len(self.recording.scenes))
 
-    def test_a_file_that_is_cut(self):
-        data = self.path.read_bytes()
-        places = {*range(80), *range(len(data) - 60, len(data)),
-                  *random.Random(2).sample(range(len(data)), 80)}
+    def test_what_is_whole_before_the_damage_is_read(self):
+        data, choose = self.path.read_bytes(), random.Random(2)
         lengths = set()
-        for place in sorted(places):
+        for place in {*range(80), *range(len(data) - 60, len(data)),
+                      *choose.sample(range(len(data)), 80)}:
             recording = self.opened(data[:place])
             self.assertEqual(recording is None, place < 24 + len(self.recording.program) + 8)
             if recording:
                 self.check_prefix(recording)
                 lengths.add(len(recording.ticks))
         self.assertGreater(len(lengths), 2)
-
-    def test_a_byte_that_is_another(self):
-        data = self.path.read_bytes()
-        for place in [*range(40), *random.Random(3).sample(range(len(data)), 60)]:
+        for place in [*range(40), *choose.sample(range(len(data)), 60)]:
             changed = bytearray(data)
             changed[place] ^= 1 << place % 8
-            recording = self.opened(changed)
-            if recording:
+            if recording := self.opened(changed):
                 self.check_prefix(recording)
-
-    def test_more_behind_the_end(self):
-        data = self.path.read_bytes()
         for more in (b"x", data[60:]):
             self.check_prefix(self.opened(data + more))
 
     def test_what_is_no_recording(self):
         for data in (b"", b"PNG", b"\x89PLPREC\n", os.urandom(1000)):
             self.assertIsNone(self.opened(data))
-        with self.assertRaisesRegex(palpate.NotFound, "there is no file"):
-            palpate.open_recording(self.folder / "none.palrec")
-        for path in (self.folder, "/dev/null"):
-            with self.assertRaisesRegex(palpate.InvalidArgument, "is no file"):
+        for path, error in ((self.folder / "none.palrec", palpate.NotFound),
+                            (self.folder, palpate.InvalidArgument),
+                            ("/dev/null", palpate.InvalidArgument)):
+            with self.assertRaisesRegex(error, str(path)):
                 palpate.open_recording(path)
 
 
@@ -270,13 +260,7 @@ class Made(unittest.TestCase):
                 for cut in range(0, len(payload), max(1, len(payload) // 40)):
                     self.opened(framed((kind, payload[:cut])))
 
-    def test_random_bytes_of_each_kind(self):
-        choose = random.Random(5)
-        for kind in range(1, 9):
-            for _ in range(40):
-                self.opened(framed((kind, choose.randbytes(choose.randrange(300)))))
-
-    def test_changed_bytes_in_chunks_whose_checksums_fit(self):
+    def test_changed_and_random_bytes_in_chunks_whose_checksums_fit(self):
         choose = random.Random(7)
         known = list(corpus_recordings.chunks().values())
 
@@ -287,17 +271,17 @@ class Made(unittest.TestCase):
                 "<3dBB3i2dB", 0.05, 3.3, 0.001, 1, choose.randrange(2), *shape, 0.0, 1.0,
                 choose.randrange(2))
 
+        def chunk():
+            kind, payload = choose.choice((
+                scene, lambda: (3, corpus_recordings.edit(tick=0)), lambda: choose.choice(known),
+                lambda: (choose.randrange(1, 9), choose.randbytes(choose.randrange(300)))))()
+            payload = bytearray(payload)
+            for _ in range(choose.choice((0, 0, 1, 3)) if payload else 0):
+                payload[choose.randrange(len(payload))] = choose.randrange(256)
+            return kind, bytes(payload)
+
         for _ in range(400):
-            chunks = []
-            for _ in range(choose.randrange(1, 6)):
-                kind, payload = choose.choice((scene, lambda: (3, corpus_recordings.edit(tick=0)),
-                                               lambda: choose.choice(known)))()
-                payload = bytearray(payload)
-                for _ in range(choose.choice((0, 0, 1, 3))):
-                    if payload:
-                        payload[choose.randrange(len(payload))] = choose.randrange(256)
-                chunks.append((kind, bytes(payload)))
-            recording = self.opened(framed(*chunks))
+            recording = self.opened(framed(*(chunk() for _ in range(choose.randrange(1, 6)))))
             for edit in recording.edits:
                 edit.voxels()
             for scene_read in recording.scenes:
