@@ -8,7 +8,6 @@ const char* const kPalpateImport = PALPATE_IMPORT;
 const char* const kPalpateLab = PALPATE_LAB;
 
 const char* const kConfinedChild = CONFINED_CHILD;
-const char* const kHonestyChild = HONESTY_CHILD;
 const char* const kRecordingChild = RECORDING_CHILD;
 const char* const kUsbClientChild = USB_CLIENT_CHILD;
 const char* const kVdbTool = VDB_TOOL;

@@ -11,7 +11,6 @@ extern const char* const kPalpateLab;
 
 // Programs that tests start and end.
 extern const char* const kConfinedChild;
-extern const char* const kHonestyChild;
 extern const char* const kRecordingChild;
 extern const char* const kUsbClientChild;
 extern const char* const kVolumeExportChild;
