@@ -6,7 +6,6 @@ import gzip
 import os
 import pathlib
 import random
-import resource
 import socket
 import subprocess
 import sys
@@ -144,42 +143,6 @@ class ClientFaults(unittest.TestCase):
         self.assertIsNone(good.error)
         good.stop()
         self.served_as_before()
-
-
-class ManyConnections(unittest.TestCase):
-    def test_ten_thousand_connections(self):
-        soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
-        if hard < 4096:
-            self.skipTest("needs 4096 file descriptors")
-        resource.setrlimit(resource.RLIMIT_NOFILE, (hard, hard))
-        self.addCleanup(resource.setrlimit, resource.RLIMIT_NOFILE, (soft, hard))
-        with Daemon(listen=True) as daemon, Client(daemon) as client:
-            client.servo()
-            before = daemon.open_files()
-            good = PoseReader(client)
-            preface = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n\0\0\0\4\0\0\0\0\0"
-            held = []
-            for n in range(10000):
-                connection = socket.create_connection(("127.0.0.1", daemon.port), timeout=30)
-                if n % 2:
-                    connection.sendall(preface)
-                if n % 10 == 0:
-                    held.append(connection)
-                else:
-                    connection.close()
-            self.assertTrue(wait_until(lambda: good.samples > 60))
-            self.assertIsNone(good.error)
-            # Beside the thousand that are held.
-            with Client(daemon, tcp=True) as late:
-                self.assertEqual(len(late.read_poses(5)), 5)
-            self.assertLess(daemon.threads(), 200)
-            for connection in held:
-                connection.close()
-            good.stop()
-            self.assertTrue(wait_until(lambda: daemon.open_files() <= before + 2),
-                            f"{before} files before, {daemon.open_files()} now")
-            with Client(daemon, tcp=True) as late:
-                self.assertEqual(len(late.read_poses(5)), 5)
 
 
 class DiskFaults(unittest.TestCase):
@@ -333,7 +296,6 @@ class Endings(unittest.TestCase):
                                      daemon.folder / "load.palrec"],
                                     capture_output=True, text=True, timeout=PATIENCE_S)
             self.assertEqual(replay.returncode, 0, replay.stdout + replay.stderr)
-
 
 
 if __name__ == "__main__":

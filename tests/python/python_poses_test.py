@@ -85,19 +85,16 @@ class Arrays(DaemonTest):
             for _, poses in zip(range(30), stream):
                 self.assertEqual(len(poses), 1)
                 ticks.append(int(poses.tick[0]))
-        # Of 1000 Hz. A machine that is busy may lose some.
-        self.assertEqual(np.diff(ticks).min(), 17)
+        # Of 1000 Hz. Where the machine is busy, some steps are longer.
+        self.assertIn(np.diff(ticks).min(), (16, 17))
 
     def test_a_slow_loop_sees_fresh_samples(self):
-        def passes(ticks):
-            begin = self.conn.device.info().servo.ticks
-            return wait_until(lambda: self.conn.device.info().servo.ticks > begin + ticks)
-
         dropped = []
-        with self.conn.poses(rate_hz=1000, batch=10) as stream:
+        with self.conn.poses(rate_hz=1000, batch=10) as stream, self.conn.poses(100) as clock:
             for _ in range(10):
                 dropped.append(next(stream).dropped_samples)
-                self.assertTrue(passes(200))
+                begin = next(clock).tick[0]
+                self.assertTrue(wait_until(lambda: next(clock).tick[0] > begin + 200))
         # One that takes what is waiting in a row would have lost nothing yet.
         self.assertGreater(dropped[-1], 1000)
         self.assertTrue((np.diff(dropped) >= 0).all())
