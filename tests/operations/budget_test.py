@@ -19,7 +19,6 @@ import random
 import subprocess
 import sys
 import tempfile
-import threading
 import time
 import zlib
 
@@ -265,8 +264,8 @@ def run(daemon, folder, full_folder, seconds):
     sampler.worker.stop()
     limit_mib = BUDGET_MIB + idle_mib + OVERHEAD_MIB
     print(f"idle {idle_mib:.1f} MiB; at most {sampler.most_mib:.1f} of {limit_mib:.1f} MiB in "
-          f"{sampler.worker.calls} looks; with a small volume {before_mib:.1f}, then {after_mib:.1f} MiB,"
-          f" as the daemon counts {held_mib:.1f} MiB; "
+          f"{sampler.worker.calls} looks; with a small volume {before_mib:.1f}, then "
+          f"{after_mib:.1f} MiB, as the daemon counts {held_mib:.1f} MiB; "
           f"{metrics['palpate_missed_ticks_total']:.0f} of {metrics['palpate_ticks_total']:.0f} "
           "ticks missed")
     print("done: " + ", ".join(f"{n} {name}" for name, n in sorted(script.done.items())))

@@ -46,20 +46,17 @@ class ClientFaults(unittest.TestCase):
 
     def test_a_client_that_is_killed_in_a_stream(self):
         good = PoseReader(self.client)
-        code = ("import sys; sys.path[:0] = sys.argv[3:]\n"
-                "import os; os.environ['PALPATED'] = sys.argv[1]\n"
-                "from support import *\n"
-                "class D: socket = sys.argv[2]\n"
+        code = ("import sys, time\n"
+                "from support import Client, PoseReader, wait_until\n"
+                "class D: socket = sys.argv[1]\n"
                 "client = Client(D)\n"
                 "readers = [PoseReader(client, 1000, 10) for _ in range(4)]\n"
                 "wait_until(lambda: all(r.samples > 50 for r in readers))\n"
                 "print('streaming', flush=True)\n"
                 "time.sleep(600)\n")
         for _ in range(3):
-            child = subprocess.Popen(
-                [sys.executable, "-c", code, os.environ["PALPATED"], self.daemon.socket,
-                 *sys.path[:1], *os.environ["PYTHONPATH"].split(":")],
-                stdout=subprocess.PIPE, text=True)
+            child = subprocess.Popen([sys.executable, "-c", code, self.daemon.socket],
+                                     stdout=subprocess.PIPE, text=True)
             self.assertEqual(child.stdout.readline().strip(), "streaming")
             child.kill()
             child.wait()

@@ -38,7 +38,8 @@ def damaged(data, rng):
         if kind < 0.5:
             data[place] ^= 1 << rng.randrange(8)
         elif kind < 0.7:
-            data[place:place + 4] = rng.choice((b"\xff" * 4, bytes(4), b"\x7f" + b"\xff" * 3, b"9999"))
+            data[place:place + 4] = rng.choice(
+                (b"\xff" * 4, bytes(4), b"\x7f" + b"\xff" * 3, b"9999"))
         elif kind < 0.8:
             data[place:place] = rng.randbytes(rng.choice((1, 7, 400)))
         elif kind < 0.9:

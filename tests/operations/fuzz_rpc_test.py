@@ -164,7 +164,8 @@ class FuzzedServices(unittest.TestCase):
         state = self.state()
         for number in range(MESSAGES):
             method = make.method()
-            made = [make.bytes(method.input_type) for _ in range(3 if method.client_streaming else 1)]
+            made = [make.bytes(method.input_type)
+                    for _ in range(3 if method.client_streaming else 1)]
             code, words = call(method, [data for data, _ in made])
             said = f"message {number}, {method.full_name}: {code} {words}; {made!r:.500}"
             self.assertIsNone(self.daemon.process.poll(), said + "".join(self.daemon.said[-3:]))

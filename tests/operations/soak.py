@@ -121,12 +121,10 @@ class Soak:
         grown = memory[1] - memory[0]
         print(f"{end_s:.0f} s, {last['palpate_ticks_total']:.0f} ticks, "
               + ", ".join(f"{w.calls} {w.name}" for w in self.workers))
-        print(f"memory {memory[0] / 1e6:.2f} MB, then {grown / 1e6:+.2f} MB; "
-              f"files {files[0]:.0f}, then {files[1]:.0f}; threads {threads[0]}, then {threads[1]}; "
-              f"missed ticks {last['palpate_missed_ticks_total']:.0f}, samples not drained "
-              f"{last['palpate_lost_samples_total']:.0f}, contact faults "
-              f"{last['palpate_contact_faults_total']:.0f}, contact ticks "
-              f"{last['palpate_contact_ticks_total']:.0f}")
+        print(f"memory {memory[0] / 1e6:.2f} MB, then {grown / 1e6:+.2f} MB; files {files[0]:.0f}, "
+              f"then {files[1]:.0f}; threads {threads[0]}, then {threads[1]}; " + ", ".join(
+                  f"{name} {last[f'palpate_{name}_total']:.0f}" for name in
+                  ("missed_ticks", "lost_samples", "contact_faults", "contact_ticks")))
         if grown > max(FLAT * memory[0], SHORT_FLAT_BYTES * (end_s < SHORT_S)) and not SANITIZED:
             found.append(f"memory grew by {grown / memory[0]:.2%}")
         if files[1] > files[0]:

@@ -230,8 +230,8 @@ class Ends(DaemonTest):
                   "conn = palpate.connect(sys.argv[1])\n"
                   "print('begun', flush=True)\n"
                   "while True: next(conn.poses(200))\n")
-        for n in range(5):
-            code, _, err = self.interrupted(script, 0.05 + 0.0337 * n)
+        for n in range(3):
+            code, _, err = self.interrupted(script, 0.05 + 0.0637 * n)
             self.assertEqual(code, -signal.SIGINT, err)
 
     def test_a_program_may_end_with_an_open_stream(self):

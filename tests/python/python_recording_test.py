@@ -1,14 +1,11 @@
-"""Recordings are read as they were written: every tick, marker, setting and voxel; and of damaged
+"""Recordings are read as they were written: ticks, markers, settings and voxels; and of damaged
 ones what is whole."""
 
-import csv
-import io
 import os
 import pathlib
 import random
 import shutil
 import struct
-import subprocess
 import sys
 import tempfile
 import unittest
@@ -22,9 +19,6 @@ from support import Daemon
 
 sys.path.append(str(pathlib.Path(__file__).parents[1] / "fuzz"))
 import corpus_recordings  # noqa: E402
-
-PALPATE_LAB = os.environ["PALPATE_LAB"]
-AXES = ("x", "y", "z")
 
 
 def record(daemon, conn, path):
@@ -59,7 +53,7 @@ def record(daemon, conn, path):
     conn.settings.isovalue = 0.25
     now()
     for _ in range(3):
-        next(conn.poses(1000, 256))
+        expected["poses"] = next(conn.poses(1000, 256))
     expected["state"] = conn.recording.stop()
     return expected
 
@@ -91,49 +85,7 @@ class Recorded(RecordingTest):
         self.assertGreater(recording.created_unix_ns, 1_600_000_000 * 10**9)
         self.assertIn(f"{state.ticks} ticks", repr(recording))
 
-    def test_every_tick_is_that_of_the_table(self):
-        said = subprocess.run([PALPATE_LAB, "export", self.path], check=True, text=True,
-                              capture_output=True).stdout
-        rows = list(csv.DictReader(io.StringIO(said)))
-        ticks = self.recording.ticks
-        self.assertEqual(len(rows), len(ticks))
-        compared = {"markers"}
-
-        def column(name, kind=float):
-            compared.add(name)
-            return np.array([kind(row[name]) for row in rows])
-
-        for name in ("tick", "time_ns", "buttons", "scene_revision", "settings_revision",
-                     "volume_revision", "update_ns", "iterations", "missed_ticks", "capped_ticks",
-                     "faulty_ticks"):
-            np.testing.assert_array_equal(getattr(ticks, name), column(name, int), name)
-        for name in ("density", "isovalue", "force_limit_n"):
-            np.testing.assert_array_equal(getattr(ticks, name), column(name), name)
-        for name in ("contact", "input_rejected", "docked", "calibrated"):
-            np.testing.assert_array_equal(getattr(ticks, name), column(name, int) == 1, name)
-        for name, kind in (("mode", palpate.ProxyMode), ("free_side", palpate.FreeSide),
-                           ("force_state", palpate.ForceState),
-                           ("force_reason", palpate.ForceReason),
-                           ("force_command", palpate.ForceCommand),
-                           ("device_status", palpate.DeviceStatus)):
-            self.assertEqual([str(kind(n)) for n in getattr(ticks, name)],
-                             column(name, str).tolist(), name)
-        has_v = column("has_scp_v", int) == 1
-        for name, stem, unit, there in (
-                ("hip_mm", "hip", "_mm", True), ("scp_h_mm", "scp_h", "_mm", True),
-                ("force_n", "force", "_n", True), ("scp_v_mm", "scp_v", "_mm", has_v),
-                ("scp_h_normal", "scp_h_normal", "", ticks.contact),
-                ("scp_v_normal", "scp_v_normal", "", has_v)):
-            expected = np.stack([column(f"{stem}_{axis}{unit}") for axis in AXES], axis=1)
-            expected[~(there | np.zeros(len(ticks), bool))] = np.nan
-            np.testing.assert_array_equal(getattr(ticks, name), expected, name)
-        np.testing.assert_array_equal(
-            ticks.stylus_orientation,
-            np.stack([column(f"stylus_{part}") for part in "wxyz"], axis=1))
-        self.assertEqual(compared, set(rows[0]))
-        self.assertTrue(ticks.contact.any() and has_v.any())
-
-    def test_names_are_those_of_poses(self):
+    def test_names_and_values_are_those_of_poses(self):
         for name, array in vars(self.recording.ticks).items():
             self.assertEqual(len(array), len(self.recording.ticks), name)
         shared = set(palpate.Poses.__dataclass_fields__) - {"sent_time_ns", "dropped_samples"}
@@ -141,6 +93,13 @@ class Recorded(RecordingTest):
         for name in shared:
             self.assertEqual(palpate.Poses.__annotations__[name],
                              palpate.RecordedTicks.__annotations__[name], name)
+        # python_tables_test compares all that is recorded.
+        ticks, poses = self.recording.ticks, self.expected["poses"]
+        _, at, streamed = np.intersect1d(ticks.tick, poses.tick, return_indices=True)
+        self.assertGreater(len(at), 0)
+        for name in shared:
+            np.testing.assert_array_equal(getattr(ticks, name)[at],
+                                          getattr(poses, name)[streamed], name)
 
     def test_markers(self):
         text, time_ns = self.expected["marker"]

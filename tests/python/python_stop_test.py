@@ -21,7 +21,7 @@ STOPS = 20
 class StopTest(unittest.TestCase):
     def setUp(self):
         folder = self.enterContext(tempfile.TemporaryDirectory(prefix="palpate-stop-"))
-        self.daemon = self.enterContext(SecuredDaemon(folder, volume="builtin:sphere:256"))
+        self.daemon = self.enterContext(SecuredDaemon(folder, volume="builtin:sphere:128"))
         self.stack = self.enterContext(contextlib.ExitStack())
         self.ended = threading.Event()
         self.addCleanup(self.ended.set)
@@ -79,13 +79,13 @@ class StopTest(unittest.TestCase):
             request = edit_pb2.EditVolumeRequest(frame=edit_pb2.EDIT_FRAME_INDEX, value=value,
                                                  operation=operation)
             request.sphere.radius = radius
-            request.sphere.center.x = request.sphere.center.y = request.sphere.center.z = 128
+            request.sphere.center.x = request.sphere.center.y = request.sphere.center.z = 64
             return request
 
         stubs = [volume_pb2_grpc.VolumeServiceStub(self.channel("editor")) for _ in range(4)]
         before = stubs[0].GetVolume(volume_pb2.GetVolumeRequest(),
                                     timeout=PATIENCE_S).volume.volume_revision
-        smooth = edit(edit_pb2.EDIT_OPERATION_SMOOTH, 100)
+        smooth = edit(edit_pb2.EDIT_OPERATION_SMOOTH, 50)
         calls = [stubs[n % 4].EditVolume.future(smooth) for n in range(CROWD)]
         self.stack.callback(lambda: [call.cancel() for call in calls])
         tasks = f"/proc/{self.daemon.process.pid}/task"

@@ -21,7 +21,8 @@ def dicom_slice(z, size_x, size_y, voxels, spacing_z_mm=2):
     meta = b"".join((element(2, 1, "OB", b"\0\1"), element(2, 2, "UI", CT_IMAGE),
                      element(2, 3, "UI", name), element(2, 0x10, "UI", "1.2.840.10008.1.2.1"),
                      element(2, 0x12, "UI", "1.2.3")))
-    return bytes(128) + b"DICM" + element(2, 0, "UL", struct.pack("<I", len(meta))) + meta + b"".join(
+    meta = element(2, 0, "UL", struct.pack("<I", len(meta))) + meta
+    return bytes(128) + b"DICM" + meta + b"".join(
         element(*each) for each in (
             (8, 0x16, "UI", CT_IMAGE), (8, 0x18, "UI", name), (8, 0x60, "CS", "CT"),
             (0x20, 0xd, "UI", SERIES), (0x20, 0xe, "UI", f"{SERIES}.0"),

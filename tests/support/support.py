@@ -15,8 +15,8 @@ import grpc
 import numpy as np
 
 import palpate
-from palpate.v1 import (device_pb2, device_pb2_grpc, edit_pb2, pose_pb2, pose_pb2_grpc, recording_pb2,
-                        recording_pb2_grpc, render_pb2, render_pb2_grpc, volume_pb2,
+from palpate.v1 import (device_pb2, device_pb2_grpc, edit_pb2, pose_pb2, pose_pb2_grpc,
+                        recording_pb2, recording_pb2_grpc, render_pb2, render_pb2_grpc,
                         volume_pb2_grpc)
 
 from crash import end_in_order
@@ -288,7 +288,8 @@ def scrape(port):
 
 _SAMPLE = re.compile(r"^([a-zA-Z_:][a-zA-Z0-9_:]*)"
                      r"(\{(?:[a-zA-Z_][a-zA-Z0-9_]*=\"(?:[^\"\\\n]|\\[\\n\"])*\",?)*\})? "
-                     r"([-+]?(?:\d+(?:\.\d*)?(?:[eE][-+]?\d+)?|Inf)|N[aA][nN])( \d+)?$")  # Go, too, takes Nan
+                     # Go, too, takes Nan.
+                     r"([-+]?(?:\d+(?:\.\d*)?(?:[eE][-+]?\d+)?|Inf)|N[aA][nN])( \d+)?$")
 
 
 def parse_metrics(text):
