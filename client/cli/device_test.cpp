@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "client/cli/device_description.h"
+#include "client/cli/watch_statistics.h"
 
 namespace palpate::cli {
 namespace {
@@ -20,11 +21,6 @@ constexpr int kButtons = 32;
 // The rise of a count. If the daemon was restarted in between, the count begins again at 0.
 std::uint64_t Rise(std::uint64_t before, std::uint64_t after) {
   return after > before ? after - before : 0;
-}
-
-double Percent(std::uint64_t part, std::uint64_t rest) {
-  const double whole = static_cast<double>(part) + static_cast<double>(rest);
-  return whole > 0.0 ? 100.0 * static_cast<double>(part) / whole : 0.0;
 }
 
 std::vector<int> Buttons(std::uint32_t bits) {

@@ -12,7 +12,7 @@
 namespace palpate::cli {
 namespace {
 
-constexpr int kBarWidth = 30;
+constexpr int kProgressWidth = 30;
 
 }  // namespace
 
@@ -27,8 +27,8 @@ void ProgressPrinter::Print(std::string_view stage, double fraction, std::string
   const std::string name = OneLine(stage);
   const std::string text = name + (detail.empty() ? "" : " " + OneLine(detail));
   if (is_terminal_) {
-    const auto filled = static_cast<std::size_t>(fraction * kBarWidth);
-    fmt::print(stderr, "\r\x1b[K[{:<{}}] {:3.0f} % {:.36}", std::string(filled, '#'), kBarWidth,
+    const auto filled = static_cast<std::size_t>(fraction * kProgressWidth);
+    fmt::print(stderr, "\r\x1b[K[{:<{}}] {:3.0f} % {:.36}", std::string(filled, '#'), kProgressWidth,
                100.0 * fraction, text);
     bar_drawn_ = true;
     return;

@@ -14,11 +14,6 @@ double PerSecond(std::uint64_t count, std::int64_t span_ns) {
   return span_ns > 0 ? static_cast<double>(count) * 1e9 / static_cast<double>(span_ns) : 0.0;
 }
 
-double Percent(std::uint64_t part, std::uint64_t rest) {
-  const double whole = static_cast<double>(part) + static_cast<double>(rest);
-  return whole > 0.0 ? 100.0 * static_cast<double>(part) / whole : 0.0;
-}
-
 // Index of the 99th percentile among `count` sorted values.
 std::uint64_t P99Index(std::uint64_t count) { return (count - 1) * 99 / 100; }
 
@@ -51,6 +46,11 @@ double HistogramP99Us(const std::vector<std::uint64_t>& histogram, std::uint64_t
 }
 
 }  // namespace
+
+double Percent(std::uint64_t part, std::uint64_t rest) {
+  const double whole = static_cast<double>(part) + static_cast<double>(rest);
+  return whole > 0.0 ? 100.0 * static_cast<double>(part) / whole : 0.0;
+}
 
 WatchStatistics::WatchStatistics(std::int64_t now_ns, bool shares_clock)
     : start_ns_(now_ns), shares_clock_(shares_clock), histogram_(kBins) {}

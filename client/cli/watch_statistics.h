@@ -13,6 +13,9 @@
 
 namespace palpate::cli {
 
+// The share of `part` in part + rest; 0 of nothing.
+double Percent(std::uint64_t part, std::uint64_t rest);
+
 struct UpdateTime {
   double mean_us = 0.0;
   double p99_us = 0.0;

@@ -14,12 +14,12 @@ using Clock = std::chrono::steady_clock;
 
 // The most messages on their way: enough that a pause of the machine loses nothing. After a slow
 // callback, all of them form one batch, so that the callback sees fresh poses.
-constexpr std::uint32_t kMaxUnacknowledged = 16;
+constexpr std::uint32_t kFollowWindow = 16;
 // The messages on their way, one that waits at the daemon, and one that arrives meanwhile.
-constexpr int kMostMerged = kMaxUnacknowledged + 2;
+constexpr int kMostMerged = kFollowWindow + 2;
 constexpr milliseconds kSlow{5};        // callback time behind which messages may pile up
 constexpr milliseconds kPileWait{1};    // for the next message of the pile, which is on its way
-constexpr milliseconds kPoll{50};       // how often to look for the end and for another rate
+constexpr milliseconds kPosePoll{50};       // how often to look for the end and for another rate
 constexpr milliseconds kSilence{2000};  // afterwards, ask palpated whether it still runs
 constexpr milliseconds kProbeTimeout{3000};
 constexpr double kBatchS = 0.010;
@@ -29,7 +29,7 @@ v1::StreamPosesRequest Start(const PoseRate& rate) {
   v1::StreamPosesRequest request;
   request.mutable_start()->set_rate_hz(rate.rate_hz);
   request.mutable_start()->set_batch(static_cast<std::uint32_t>(BatchOf(rate)));
-  request.mutable_start()->set_max_unacknowledged(kMaxUnacknowledged);
+  request.mutable_start()->set_max_unacknowledged(kFollowWindow);
   return request;
 }
 
@@ -113,7 +113,7 @@ void PoseFollower::Read(Call& call, int rate_number) {
   v1::StreamPosesResponse message;
   auto heard = Clock::now();
   while (!monitor_.stopping() && rate_number == rate_number_) {
-    switch (call.Next(kPoll, message)) {
+    switch (call.Next(kPosePoll, message)) {
       case CallEvent::kMessage:
         backoff_.Reset();
         TakeAll(call, message);

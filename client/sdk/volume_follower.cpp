@@ -7,7 +7,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr auto kPoll = 50ms;  // how often to look for the end
+constexpr auto kVolumePoll = 50ms;  // how often to look for the end
 // After errors that an immediate retry does not mend: a volume that is too large, a daemon of
 // another version.
 constexpr auto kPauseAfterRefusal = 5000ms;
@@ -51,7 +51,7 @@ void VolumeFollower::Follow(std::uint64_t epoch) {
   VolumeReader reader(link_.volume_channel(), mirror_);
   std::string problem;
   while (!monitor_.stopping() && monitor_.IsConnected(epoch)) {
-    switch (reader.Next(kPoll)) {
+    switch (reader.Next(kVolumePoll)) {
       case VolumeReader::Event::kTimeout:
         continue;
       case VolumeReader::Event::kLost:

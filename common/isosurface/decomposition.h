@@ -33,6 +33,7 @@ enum class DecompositionMethod : std::uint8_t { kBcc, kTptd, kTpbccPublished, kT
 // The names in settings and command lines.
 inline constexpr std::array<std::string_view, 4> kMethodNames = {"bcc", "tptd", "tpbcc-published",
                                                                  "tpbcc"};
+inline constexpr int kMethodCount = static_cast<int>(kMethodNames.size());
 constexpr std::string_view MethodName(DecompositionMethod method) {
   return kMethodNames[static_cast<std::size_t>(method)];
 }

@@ -9,6 +9,15 @@ namespace {
 
 constexpr double kMmPerM = 1000.0;
 
+// Turns v as the least rotation from one unit vector to another does (Rodrigues). The two vectors
+// are not opposite: a shaded normal is at most kMaxShadingAngleRad away. Eigen's
+// Quaternion::FromTwoVectors also handles opposite ones, and takes 15 s to compile for them.
+Vec3 TurnedFromTo(const Vec3& from, const Vec3& to, const Vec3& v) {
+  const Vec3 axis = from.cross(to);
+  const double cosine = from.dot(to);
+  return cosine * v + axis.cross(v) + axis.dot(v) / (1.0 + cosine) * axis;
+}
+
 }  // namespace
 
 Vec3 ContactForce(const HapticSettings& settings, const ProxyStep& step, const Vec3& normal_D,
@@ -19,7 +28,7 @@ Vec3 ContactForce(const HapticSettings& settings, const ProxyStep& step, const V
   const Vec3 force = (spring_n + std::clamp(damper_n, -spring_n, spring_n)) * normal_D;
   if (!(settings.static_friction > 0.0 || settings.dynamic_friction > 0.0)) return force;
   const Vec3 lean = spring_D_n - spring_D_n.dot(step.normal_D) * step.normal_D;
-  return force + Eigen::Quaterniond::FromTwoVectors(step.normal_D, normal_D) * lean;
+  return force + TurnedFromTo(step.normal_D, normal_D, lean);
 }
 
 Vec3 ViscousForce(const HapticSettings& settings, const Vec3& velocity_mm_per_s) noexcept {

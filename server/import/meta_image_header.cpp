@@ -60,7 +60,7 @@ std::int64_t Integer(const Fields& fields, std::string_view name, std::int64_t a
   return field == fields.end() ? absent : ParseInteger(field->second, name);
 }
 
-ScalarType ParseType(const std::string& type) {
+ScalarType ParseElementType(const std::string& type) {
   // MetaIO's LONG has 32 bits, as on the machines of its time.
   static const std::map<std::string, ScalarType, std::less<>> kTypes = {
       {"MET_CHAR", ScalarType::kInt8},     {"MET_UCHAR", ScalarType::kUint8},
@@ -105,7 +105,7 @@ void CheckGeometry(const Fields& fields, std::size_t dimension) {
   }
 }
 
-void ReadDataPlace(const Fields& fields, std::int64_t header_end, ImageHeader* header) {
+void ReadElementDataPlace(const Fields& fields, std::int64_t header_end, ImageHeader* header) {
   const std::string& name = Required(fields, "ElementDataFile");
   const std::string lower = Lower(name);
   const std::int64_t skip = Integer(fields, "HeaderSize", 0);
@@ -156,10 +156,10 @@ ImageHeader ParseMetaImageHeader(std::string_view head) {
     Refuse("MetaImage voxels as text are not supported; save them as BinaryData = True");
   }
   ImageHeader header;
-  header.type = ParseType(Required(fields, "ElementType"));
+  header.type = ParseElementType(Required(fields, "ElementType"));
   header.size = VolumeSize(axes);
   CheckGeometry(fields, axes.size());
-  ReadDataPlace(fields, header_end, &header);
+  ReadElementDataPlace(fields, header_end, &header);
   return header;
 }
 

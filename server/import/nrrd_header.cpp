@@ -106,7 +106,7 @@ void CheckKinds(const NrrdFields& fields, const std::vector<std::int64_t>& axes)
   }
 }
 
-void ReadExtent(const NrrdFields& fields, ImageHeader* header) {
+void ReadSizes(const NrrdFields& fields, ImageHeader* header) {
   const std::int64_t dimension = ParseInteger(RequiredField(fields, "dimension"), "dimension");
   std::vector<std::int64_t> axes;
   for (const std::string_view word : Words(RequiredField(fields, "sizes"))) {
@@ -132,7 +132,7 @@ ImageHeader ParseNrrdHeader(std::string_view head, bool whole) {
 
   ImageHeader header;
   header.type = ParseType(RequiredField(fields, "type"));
-  ReadExtent(fields, &header);
+  ReadSizes(fields, &header);
   header.geometry = ParseNrrdGeometry(fields, header.size);
   ReadEncoding(fields, &header);
   ReadDataPlace(fields, header_end, &header);

@@ -7,17 +7,16 @@
 namespace palpate::lab {
 namespace {
 
-constexpr int kMethods = static_cast<int>(kMethodNames.size());
 
 struct Measured {
   std::vector<PublishedRow> rows;
-  std::array<std::vector<double>, kMethods> difference;  // per method and row
+  std::array<std::vector<double>, kMethodCount> difference;  // per method and row
 };
 
 Measured Measure(const ExperimentOptions& options) {
   Measured measured{ReadPublishedTable(options.table), {}};
   for (const PublishedRow& row : measured.rows) {
-    for (int m = 0; m < kMethods; ++m) {
+    for (int m = 0; m < kMethodCount; ++m) {
       const auto method = static_cast<DecompositionMethod>(m);
       measured.difference[m].push_back(
           DifferenceOf(DensitiesFor(row, method), row.isovalue, method, options.columns));
@@ -67,7 +66,7 @@ void PrintTable1(const ExperimentOptions& options, std::ostream& out) {
   const Measured measured = Measure(options);
   Print(out, "Table 1: mean R_D in %% of the cell over %zu cells\n\n%-16s %8s %22s %10s\n",
         measured.rows.size(), "method", "ours", "ours, published rows", "published");
-  for (int m = 0; m < kMethods; ++m) {
+  for (int m = 0; m < kMethodCount; ++m) {
     Print(out, "%-16s %8.3f", kMethodNames[m].data(), Mean(measured.difference[m]));
     // Compares only the rows for which the paper has a figure.
     std::vector<double> published, ours;
@@ -83,8 +82,8 @@ void PrintTable1(const ExperimentOptions& options, std::ostream& out) {
     out << "\n";
   }
   Print(out, "\nWilcoxon's signed-rank test, two-sided: W+ where the first has the larger R_D\n");
-  for (int a = 0; a < kMethods; ++a) {
-    for (int b = a + 1; b < kMethods; ++b) {
+  for (int a = 0; a < kMethodCount; ++a) {
+    for (int b = a + 1; b < kMethodCount; ++b) {
       const SignedRankResult test = SignedRankTest(measured.difference[a], measured.difference[b]);
       Print(out, "%-16s %-16s pairs %2d  W+ %6.1f  W- %6.1f  p %.4f%s\n", kMethodNames[a].data(),
             kMethodNames[b].data(), test.pairs, test.w_plus, test.w_minus, test.p_value,

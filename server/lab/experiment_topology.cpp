@@ -16,7 +16,6 @@
 namespace palpate::lab {
 namespace {
 
-constexpr int kMethods = static_cast<int>(kMethodNames.size());
 
 struct Case {
   int face_saddles, body_saddles;
@@ -28,12 +27,12 @@ struct Case {
 
 struct Count {
   std::int64_t cells = 0;
-  std::array<std::int64_t, kMethods> wrong{};
-  std::array<std::int64_t, kMethods> not_filled{};
+  std::array<std::int64_t, kMethodCount> wrong{};
+  std::array<std::int64_t, kMethodCount> not_filled{};
 
   void Add(const Count& other) {
     cells += other.cells;
-    for (int m = 0; m < kMethods; ++m) {
+    for (int m = 0; m < kMethodCount; ++m) {
       wrong[m] += other.wrong[m];
       not_filled[m] += other.not_filled[m];
     }
@@ -99,7 +98,7 @@ void CountCell(const CellDensities& d, Counts& counts) {
   for (double isovalue : isovalues) expected.push_back(CountCellTopology(right, isovalue));
   Count& count = counts[CaseOf(d, saddles, body)];
   ++count.cells;
-  for (int m = 0; m < kMethods; ++m) {
+  for (int m = 0; m < kMethodCount; ++m) {
     const Decomposition cell = Decompose(d, static_cast<DecompositionMethod>(m));
     bool wrong = false;
     for (std::size_t n = 0; n < isovalues.size() && !wrong; ++n) {
@@ -131,7 +130,7 @@ Counts CountCells(const ExperimentOptions& options, bool alternating) {
 void PrintCount(const std::string& name, const Count& count, std::ostream& out) {
   Print(out, "%-14s %9lld |", name.c_str(), static_cast<long long>(count.cells));
   const double percent = 100.0 / static_cast<double>(std::max<std::int64_t>(count.cells, 1));
-  for (int m = 0; m < kMethods; ++m) {
+  for (int m = 0; m < kMethodCount; ++m) {
     Print(out, " %7.2f %7.2f |", percent * static_cast<double>(count.wrong[m]),
           percent * static_cast<double>(count.not_filled[m]));
   }

@@ -20,7 +20,7 @@
 namespace palpate {
 namespace {
 
-constexpr std::chrono::milliseconds kPollPeriod{2};
+constexpr std::chrono::milliseconds kReplayPollPeriod{2};
 constexpr std::chrono::milliseconds kReportPeriod{100};
 // How much of the recording is read ahead.
 constexpr double kAheadMs = 500.0;
@@ -122,7 +122,7 @@ class ViewerReplay {
         Report("");
         report_at += kReportPeriod;
       }
-      std::this_thread::sleep_for(kPollPeriod);
+      std::this_thread::sleep_for(kReplayPollPeriod);
     }
     Report("");
   }

@@ -16,7 +16,7 @@ namespace {
 openvdb::Coord ToCoord(const Vec3i& at) { return {at.x(), at.y(), at.z()}; }
 
 template <class Visit>
-void ForEachBrick(const BrickDirectory& bricks, const Visit& visit) {
+void ForEachBrickOf(const BrickDirectory& bricks, const Visit& visit) {
   const Vec3i& count = bricks.brick_count();
   for (int a = 0; a < count.x(); ++a) {
     for (int b = 0; b < count.y(); ++b) {
@@ -62,7 +62,7 @@ class TreeMaker {
 
   typename Grid::Ptr Make() {
     if (form_) PutForm();
-    ForEachBrick(bricks_, [this](const Vec3i& brick) { PutBrick(brick); });
+    ForEachBrickOf(bricks_, [this](const Vec3i& brick) { PutBrick(brick); });
     return std::move(grid_);
   }
 
@@ -161,7 +161,7 @@ std::string_view GridTypeOf(const BrickDirectory& bricks, const VolumeMetadata& 
   const float most = type == "int64" ? 0x1p63f : 0x1p31f;
   bool is_integer = true, is_bool = true;
   const Leaf* last = nullptr;
-  ForEachBrick(bricks, [&](const Vec3i& brick) {
+  ForEachBrickOf(bricks, [&](const Vec3i& brick) {
     const Leaf& leaf = *bricks.At(brick);
     if (&leaf == last || !is_integer) return;
     last = &leaf;

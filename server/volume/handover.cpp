@@ -34,7 +34,7 @@ std::string TextOf(const char (&text)[kSize]) {
   return {text, end};
 }
 
-VolumeMetadata MetadataOf(const HandoverHeader& header) {
+VolumeMetadata MetadataOfHeader(const HandoverHeader& header) {
   VolumeMetadata metadata;
   metadata.frames = header.frames;
   for (int row = 0; row < 3; ++row) {
@@ -244,7 +244,7 @@ LoadedVolume TakeHandover(int fd, const TakeOptions& options) {
   // Seals first, so that checked data cannot change afterwards. Fails if somebody may still write.
   if (!Seal(fd)) RefuseHandover("it can still be changed");
   const HandoverHeader header = ReadHeader(fd);
-  VolumeMetadata metadata = MetadataOf(header);
+  VolumeMetadata metadata = MetadataOfHeader(header);
   switch (static_cast<HandoverForm>(header.form)) {
     case HandoverForm::kDense:
       return TakeDense(fd, CheckDense(fd, header, std::move(metadata), options.max_voxels),

@@ -1,8 +1,8 @@
 // OpenVDB with its usual grids of numbers, to be included instead of <openvdb/openvdb.h>.
 //
-// A grid's class is virtual: each file that uses it compiles all of it and everything that it
-// calls, for up to two minutes. Here these classes are declared as compiled elsewhere:
-// openvdb_grids.cpp compiles them once.
+// A grid's class is virtual: each file that uses it would compile all of it and everything that it
+// calls, for up to two minutes. OpenVDB's library holds these classes compiled, since it reads such
+// grids from files. Here they are declared as compiled elsewhere.
 #pragma once
 
 #include <openvdb/openvdb.h>

@@ -31,7 +31,7 @@ constexpr int kMostIterations = 1000;
 constexpr double kMostOffsetVoxels = 128.0;
 constexpr double kMostEdge = 1 << 30;  // voxels
 // Bricks between two reports of progress.
-constexpr std::uint64_t kBricksAtOnce = 1 << 12;
+constexpr std::uint64_t kBricksPerReport = 1 << 12;
 // Relative difference up to which two sides of a voxel count as equal.
 constexpr double kAlike = 1e-6;
 // A filtered tree has two more buffers for each leaf, and grows by one layer at a time.
@@ -374,7 +374,7 @@ class Reshaper {
     const double all = BricksOf(metadata.size);
     std::uint64_t done = 0;
     BrickDirectory bricks(metadata.size, [&](const Vec3i& brick) {
-      if (done % kBricksAtOnce == 0) {
+      if (done % kBricksPerReport == 0) {
         interrupter_.wasInterrupted();
         progress_(begun + (1.0 - begun) * static_cast<double>(done) / all);
       }

@@ -12,7 +12,7 @@ namespace {
 
 using Node = openvdb::FloatTree::LeafNodeType;
 
-openvdb::Coord CornerOf(const Vec3i& brick) {
+openvdb::Coord FirstVoxelOf(const Vec3i& brick) {
   return {brick.x() * kBrickEdge, brick.y() * kBrickEdge, brick.z() * kBrickEdge};
 }
 
@@ -37,7 +37,7 @@ std::shared_ptr<const VolumeSnapshot> MakeSnapshot(openvdb::FloatGrid::ConstPtr 
   const openvdb::FloatGrid::ConstAccessor accessor = grid->getConstAccessor();
   ConstantLeaves constants;
   const BrickDirectory bricks(metadata.size, [&](const Vec3i& brick) {
-    const openvdb::Coord corner = CornerOf(brick);
+    const openvdb::Coord corner = FirstVoxelOf(brick);
     const Node* node = accessor.probeConstLeaf(corner);
     return node ? Leaf::Take(std::make_unique<Node>(*node))
                 : constants.Of(accessor.getValue(corner));
@@ -50,7 +50,7 @@ BrickDirectory TakeBricks(openvdb::FloatGrid& grid, const Vec3i& size_voxels) {
   openvdb::FloatTree& tree = grid.tree();
   ConstantLeaves constants;
   return {size_voxels, [&](const Vec3i& brick) {
-            const openvdb::Coord corner = CornerOf(brick);
+            const openvdb::Coord corner = FirstVoxelOf(brick);
             std::unique_ptr<Node> node(tree.stealNode<Node>(corner, tree.background(), false));
             return node ? Leaf::Take(std::move(node)) : constants.Of(tree.getValue(corner));
           }};

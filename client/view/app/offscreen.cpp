@@ -25,8 +25,8 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-constexpr std::chrono::milliseconds kFrame(16);
-constexpr std::chrono::milliseconds kBrickTime(100);
+constexpr std::chrono::milliseconds kRunFrame(16);
+constexpr std::chrono::milliseconds kRunBrickTime(100);
 // The longest wait for volume and poses, and again for the stylus to touch.
 constexpr std::chrono::seconds kPatience(60);
 // After this many frames, Dear ImGui knows the sizes of everything that it lays out.
@@ -89,7 +89,7 @@ template <typename Condition>
 bool Await(Viewer& viewer, const Condition& holds) {
   const auto end = Clock::now() + kPatience;
   while (true) {
-    viewer.Update(kBrickTime);
+    viewer.Update(kRunBrickTime);
     if (holds()) return true;
     if (Interrupt::IsRaised()) throw Cancelled();
     if (Clock::now() > end) return false;
@@ -137,12 +137,12 @@ class Offscreen {
     while (!Interrupt::IsRaised()) {
       const auto frame = Clock::now();
       // The first frame shows the state that was waited for.
-      if (log.frames() > 0) viewer_.Update(kBrickTime);
+      if (log.frames() > 0) viewer_.Update(kRunBrickTime);
       RequireConnection();
       log.Add(viewer_);
       DrawFrame();
       if (most > 0 ? log.frames() >= most : log.seconds() >= options_.seconds) break;
-      std::this_thread::sleep_until(frame + kFrame);
+      std::this_thread::sleep_until(frame + kRunFrame);
     }
   }
 

@@ -14,14 +14,14 @@
 namespace palpate::view {
 namespace {
 
-constexpr std::size_t kLongestLine = 300;  // bytes
+constexpr std::size_t kLongestText = 300;  // bytes
 constexpr ImGuiWindowFlags kDialog = ImGuiWindowFlags_NoCollapse |
                                      ImGuiWindowFlags_NoSavedSettings |
                                      ImGuiWindowFlags_AlwaysAutoResize;
 
 void Wrapped(const ImVec4& color, const std::string& text) {
   ImGui::PushStyleColor(ImGuiCol_Text, color);
-  ImGui::TextWrapped("%s", OneLine(text, kLongestLine).c_str());
+  ImGui::TextWrapped("%s", OneLine(text, kLongestText).c_str());
   ImGui::PopStyleColor();
 }
 
@@ -71,11 +71,11 @@ void ChooseProfile(Viewer& viewer, float scale) {
     if (ImGui::Button("Connect")) Connect(viewer, {.profile = profile.name});
     ImGui::SameLine();
     ImGui::AlignTextToFramePadding();
-    ImGui::Text("%s", OneLine(profile.name, kLongestLine).c_str());
+    ImGui::Text("%s", OneLine(profile.name, kLongestText).c_str());
     ImGui::SameLine(200.0f * scale);
     const bool is_right = !profile.where.empty();
     ImGui::TextColored(is_right ? kDim : kBad, "%s",
-                       is_right ? OneLine(profile.where, kLongestLine).c_str() : "is not right");
+                       is_right ? OneLine(profile.where, kLongestText).c_str() : "is not right");
     ImGui::PopID();
   }
 }

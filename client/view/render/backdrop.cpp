@@ -8,7 +8,7 @@ namespace palpate::view {
 namespace {
 
 // The noise hides bands: the gradient is so weak that single steps of 1/255 would show.
-constexpr char kShader[] = R"(#version 430 core
+constexpr char kBackdropShader[] = R"(#version 430 core
 uniform sampler2D surface_color;
 uniform sampler2D surface_depth;
 uniform sampler2D veil_color;
@@ -40,7 +40,7 @@ void BindTexture(int unit, GLuint texture) {
 
 }  // namespace
 
-Backdrop::Backdrop() : program_(kShader) {}
+Backdrop::Backdrop() : program_(kBackdropShader) {}
 
 void Backdrop::Compose(const SurfaceCaster* surface, const ImageSize& size) {
   target_.Resize(size);

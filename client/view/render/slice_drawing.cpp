@@ -13,7 +13,7 @@ constexpr char kVersion[] = "#version 430 core\n";
 
 // The distance to an isoline is the difference of value and isovalue, divided by the gradient per
 // pixel. A dark rim makes the line visible on any colour map.
-constexpr char kShader[] = R"(
+constexpr char kSliceShader[] = R"(
 uniform sampler3D voxels;
 uniform sampler2D color_table;
 uniform ivec3 lattice_size;
@@ -86,7 +86,7 @@ void main() {
 
 }  // namespace
 
-SliceDrawing::SliceDrawing() : program_(std::string(kVersion) + kShaderColors + kShader) {}
+SliceDrawing::SliceDrawing() : program_(std::string(kVersion) + kShaderColors + kSliceShader) {}
 
 void SliceDrawing::Draw(const VolumeTexture& volume, const SliceRequest& request) {
   std::optional<Drawn>& drawn = drawn_[request.axis];

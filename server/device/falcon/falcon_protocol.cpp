@@ -12,7 +12,7 @@ namespace {
 constexpr UsbMatch::Ids kIds{.vendor = 0x0403, .product = 0xcb48};
 constexpr std::uint8_t kVendorClass = 0xff;  // class of the FTDI chip's only interface
 constexpr int kTries = 10, kTriesAfterUpload = 40;
-constexpr std::chrono::milliseconds kPatience(100);
+constexpr std::chrono::milliseconds kSendPatience(100);
 
 DeviceSpec FalconSpec() {
   DeviceSpec spec;
@@ -108,7 +108,7 @@ std::size_t FalconProtocol::Encode(const Vec3& force_D_n, bool forces_on,
 
 void FalconProtocol::TearDown(UsbLink& link) noexcept {
   try {
-    link.Send(EncodeFalconCommand({.homing = true}), kPatience);
+    link.Send(EncodeFalconCommand({.homing = true}), kSendPatience);
   } catch (const UsbError&) {
     // The device is gone, and its force with it.
   }
