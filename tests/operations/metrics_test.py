@@ -112,7 +112,7 @@ class LiveMetrics(unittest.TestCase):
         self.assertEqual(sum(value for key, value in values.items()
                              if key.startswith("palpate_forces{")), 1)
         self.client.device.StopForces(device_pb2.StopForcesRequest(), timeout=CALL_S)
-        self.assertTrue(forces("stopped"))
+        self.assertTrue(wait_until(lambda: forces("stopped")))
         self.client.device.EnableForces(device_pb2.EnableForcesRequest(device="simulated"),
                                         timeout=CALL_S)
         self.assertTrue(wait_until(lambda: forces("on")))
@@ -136,26 +136,27 @@ class LiveMetrics(unittest.TestCase):
         first.start.rate_hz = 1000
         first.start.batch = 10
         first.start.max_unacknowledged = 1
-        go = threading.Event()
+        acknowledges, ends = threading.Event(), threading.Event()
 
         def requests():
             yield first
-            go.wait(CALL_S)
+            acknowledges.wait()
             late = pose_pb2.StreamPosesRequest()
             late.acknowledgement.message_number = 1
             yield late
-            go.clear()
-            go.wait(CALL_S)
+            ends.wait()
+
+        self.addCleanup(ends.set)
+        self.addCleanup(acknowledges.set)
         call = self.client.poses.StreamPoses(requests())
         next(call)
         tick = self.client.servo().ticks
         self.assertTrue(wait_until(lambda: self.client.servo().ticks > tick + 300))
-        go.set()
+        acknowledges.set()
         message = next(call)  # it says how many it lost
         self.assertGreater(message.dropped_samples, 200)
         self.assertEqual(self.value("palpate_dropped_samples_total") - before,
                          message.dropped_samples)
-        go.set()
         call.cancel()
 
     def test_changes_show_their_revision_and_latency(self):

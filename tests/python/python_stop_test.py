@@ -14,14 +14,14 @@ from secured import SecuredDaemon, wait_for
 from support import PATIENCE_S
 
 # More than the daemon has threads for calls.
-CROWD = 400
+CROWD = 300
 STOPS = 20
 
 
 class StopTest(unittest.TestCase):
-    def setUp(self):
+    def start(self, volume):
         folder = self.enterContext(tempfile.TemporaryDirectory(prefix="palpate-stop-"))
-        self.daemon = self.enterContext(SecuredDaemon(folder, volume="builtin:sphere:128"))
+        self.daemon = self.enterContext(SecuredDaemon(folder, volume=volume))
         self.stack = self.enterContext(contextlib.ExitStack())
         self.ended = threading.Event()
         self.addCleanup(self.ended.set)
@@ -65,6 +65,7 @@ class StopTest(unittest.TestCase):
         return answers
 
     def test_while_viewers_stream(self):
+        self.start("builtin:sphere:16")
         start = pose_pb2.StreamPosesRequest()
         start.start.rate_hz = 20
         self.assertIn(grpc.StatusCode.OK,
@@ -75,6 +76,8 @@ class StopTest(unittest.TestCase):
         self.check_stops()
 
     def test_while_edits_queue_up(self):
+        self.start("builtin:sphere:128")
+
         def edit(operation, radius, value=None):
             request = edit_pb2.EditVolumeRequest(frame=edit_pb2.EDIT_FRAME_INDEX, value=value,
                                                  operation=operation)
