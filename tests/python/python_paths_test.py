@@ -41,18 +41,21 @@ class PathCalls:
     """The calls that take a path."""
 
     def __init__(self, channel):
-        self.volume = volume_pb2_grpc.VolumeServiceStub(channel)
+        self._volume = volume_pb2_grpc.VolumeServiceStub(channel)
         self._series = series_pb2_grpc.SeriesServiceStub(channel)
         self._recording = recording_pb2_grpc.RecordingServiceStub(channel)
-        self.loads = {"LoadVolume": self.load, "LoadVolume of raw voxels": self.load_raw,
+        self.loads = {"LoadVolume": self.load, "LoadVolume-raw": self.load_raw,
                       "LoadSeries": self.load_series, "Replay": self.play}
         self.saves = {"SaveVolume": self.save, "StartRecording": self.record}
+
+    def felt(self):
+        return self._volume.GetVolume(volume_pb2.GetVolumeRequest(), timeout=CALL_S)
 
     def load(self, path):
         request = volume_pb2.LoadVolumeRequest(source=path)
         if "tif" in path:
             request.spacing_mm.x = request.spacing_mm.y = request.spacing_mm.z = 1.0
-        return list(self.volume.LoadVolume(request, timeout=CALL_S))
+        return list(self._volume.LoadVolume(request, timeout=CALL_S))
 
     def raw_request(self, path):
         """As many bytes as any file of the daemon's has at least."""
@@ -62,7 +65,7 @@ class PathCalls:
         return request
 
     def load_raw(self, path):
-        return list(self.volume.LoadVolume(self.raw_request(path), timeout=CALL_S))
+        return list(self._volume.LoadVolume(self.raw_request(path), timeout=CALL_S))
 
     def load_series(self, path):
         request = series_pb2.LoadSeriesRequest(sources=[path])
@@ -73,7 +76,7 @@ class PathCalls:
         return list(self._recording.Replay(recording_pb2.ReplayRequest(path=path), timeout=CALL_S))
 
     def save(self, path):
-        return list(self.volume.SaveVolume(
+        return list(self._volume.SaveVolume(
             volume_pb2.SaveVolumeRequest(path=path, overwrite=True), timeout=CALL_S))
 
     def record(self, path):
@@ -145,45 +148,63 @@ class Outside(SecuredTest):
                   str(root / "load/link.nrrd"))
         (root / "gone").rmdir()  # as when a disk is taken away
 
-    def felt(self):
-        return self.calls.volume.GetVolume(volume_pb2.GetVolumeRequest(), timeout=CALL_S)
-
-    def refused_paths(self, folder):
-        """Those that lead out of the folder, or to no plain file in it; and those that are none,
-        or would do something to the log."""
+    def outside(self, folder):
+        """Paths that lead out of the folder, or to no plain file in it."""
         root, inside = str(self.root), str(self.root / folder)
         return [f"{root}/outside/secret.nrrd", f"{inside}/../outside/secret.nrrd",
                 f"{inside}/deep/../../outside/secret.nrrd", f"{inside}/way_out/secret.nrrd",
                 f"{inside}/link.nrrd", f"{inside}/circle.nrrd", f"{inside}s/x.nrrd",
                 "/etc/passwd", "/dev/zero", "/proc/self/mem", f"/proc/self/root{root}/outside/x",
-                f"{inside}/zero.nrrd", f"{inside}/pipe.nrrd", "relative.nrrd", "../outside/x", "",
-                f"{inside}/good.nrrd\0.vdb", "/" + "a" * 5000, inside + "/x" * 5000,
+                f"{inside}/zero.nrrd", f"{inside}/pipe.nrrd", "relative.nrrd", "../outside/x", ""]
+
+    def odd(self, folder):
+        """Paths that are none, or would do something to the log."""
+        inside = str(self.root / folder)
+        return [f"{inside}/good.nrrd\0.vdb", "/" + "a" * 5000, inside + "/x" * 5000,
                 "/" + "b" * 3_000_000, f"{inside}/x\nforged: ready on everything",
                 f"{inside}/\x1b[2J\rx"]
 
-    def check_refused(self, method, ask, paths):
+    def calls_of(self, name):
+        """Of an identity of its own: how many lines each gets in the log is limited."""
+        channel = self.daemon.channel(self.daemon.add_token(name, "operator"))
+        self.addCleanup(channel.close)
+        calls = PathCalls(channel)
+
+        def is_known():
+            try:
+                return calls.felt() is not None
+            except grpc.RpcError:
+                return False
+
+        self.assertTrue(wait_until(is_known))
+        return calls
+
+    def check_refused(self, method, who, ask, paths):
         """Each is refused in one short line, and is logged."""
         for path in paths:
             line = self.refusal(ask, path).details()
             self.assertTrue(0 < len(line) < 1000 and "\n" not in line, line[:200])
             # A line that repeats itself is there once.
-            parts = (f"{method} of token operator at ipv4:127.0.0.1:", f"failed: {line}")
+            parts = (f"{method} of token {who} at ipv4:127.0.0.1:", f"failed: {line}")
             self.assertTrue(wait_until(lambda: any(all(part in said for part in parts)
                                                    for said in self.daemon.said)), parts)
 
     def test_every_call_refuses_what_is_outside(self):
         root, load, save = self.root, self.root / "load", self.root / "save"
-        before = tree(save), tree(root / "outside"), self.felt()
+        before = tree(save), tree(root / "outside"), self.calls.felt()
         more = {"LoadVolume": [f"{load}/climbs.nhdr", f"{load}/absolute.nhdr"],
                 "LoadSeries": [f"{root}/outside/*.nrrd", f"{load}/way_out/*",
                                f"{load}/../*/secret.nrrd"],
                 "SaveVolume": [str(save), f"{save}/dangling.nrrd"],
                 "StartRecording": [f"{save}/dangling.nrrd"]}
-        for folder, asks in (("load", self.calls.loads), ("save", self.calls.saves)):
-            for name, ask in asks.items():
-                self.check_refused(name.partition(" ")[0], ask,
-                                   self.refused_paths(folder) + more.get(name, []))
-        self.assertEqual((tree(save), tree(root / "outside"), self.felt()), before)
+        for folder, names in (("load", self.calls.loads), ("save", self.calls.saves)):
+            for name in names:
+                for who, paths in ((f"{name}-outside", self.outside(folder) + more.get(name, [])),
+                                   (f"{name}-odd", self.odd(folder))):
+                    calls = self.calls_of(who)
+                    self.check_refused(name.partition("-")[0], who,
+                                       {**calls.loads, **calls.saves}[name], paths)
+        self.assertEqual((tree(save), tree(root / "outside"), self.calls.felt()), before)
         self.assertLess(max(map(len, self.daemon.said)), 3000)
         self.assertFalse([line for line in self.daemon.said
                           if line.startswith("forged") or "\x1b" in line])
