@@ -286,42 +286,15 @@ def scrape(port):
         return answer.read().decode()
 
 
-_SAMPLE = re.compile(r"^([a-zA-Z_:][a-zA-Z0-9_:]*)"
-                     r"(\{(?:[a-zA-Z_][a-zA-Z0-9_]*=\"(?:[^\"\\\n]|\\[\\n\"])*\",?)*\})? "
-                     # Go, too, takes Nan.
-                     r"([-+]?(?:\d+(?:\.\d*)?(?:[eE][-+]?\d+)?|Inf)|N[aA][nN])( \d+)?$")
-
-
 def parse_metrics(text):
-    """({name: (type, help)}, {name with labels: value}). Strict: ValueError for anything
-    that is not in the format, or out of order."""
-    families, values, current = {}, {}, None
-    for line in text.splitlines():
-        if line.startswith("# HELP "):
-            name, _, words = line[7:].partition(" ")
-            if name in families or not words:
-                raise ValueError(f"HELP twice or empty: {line}")
-            families[name], current = ("", words), name
-        elif line.startswith("# TYPE "):
-            name, kind = line[7:].split(" ")
-            if name != current or families[name][0]:
-                raise ValueError(f"TYPE out of place: {line}")
-            if kind not in ("counter", "gauge", "histogram", "summary"):
-                raise ValueError(f"unknown type: {line}")
-            families[name] = (kind, families[name][1])
-        else:
-            match = _SAMPLE.match(line)
-            if not match:
-                raise ValueError(f"no sample: {line!r}")
-            base = match[1]
-            if families[current][0] in ("histogram", "summary"):
-                base = re.sub(r"_(bucket|sum|count)$", "", base)
-            if base != current:
-                raise ValueError(f"a sample outside of its family: {line}")
-            key = match[1] + (match[2] or "")
-            if key in values:
-                raise ValueError(f"twice: {line}")
-            values[key] = float(match[3])
+    """({name: (type, help)}, {name with labels: value})."""
+    helps = dict(re.findall(r"^# HELP (\S+) (.+)$", text, re.MULTILINE))
+    families = {name: (kind, helps[name])
+                for name, kind in re.findall(r"^# TYPE (\S+) (\w+)$", text, re.MULTILINE)}
+    samples = re.findall(r"^(\w+(?:\{.*\})?) (\S+)$", text, re.MULTILINE)
+    values = {key: float(value) for key, value in samples}
+    if len(values) != len(samples):
+        raise ValueError("a sample is there twice")
     return families, values
 
 
