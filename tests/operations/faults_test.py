@@ -6,6 +6,7 @@ import gzip
 import os
 import pathlib
 import random
+import signal
 import socket
 import subprocess
 import sys
@@ -44,28 +45,44 @@ class ClientFaults(unittest.TestCase):
         self.assertTrue(wait_until(lambda: self.daemon.open_files() <= self.files + 2),
                         f"{self.files} files before, {self.daemon.open_files()} now")
 
-    def test_a_client_that_is_killed_in_a_stream(self):
-        good = PoseReader(self.client)
+    def streaming_child(self):
+        """A program that follows poses over TCP."""
         code = ("import sys, time\n"
                 "from support import Client, PoseReader, wait_until\n"
-                "class D: socket = sys.argv[1]\n"
-                "client = Client(D)\n"
+                "client = Client(None, target=sys.argv[1])\n"
                 "readers = [PoseReader(client, 1000, 10) for _ in range(4)]\n"
                 "wait_until(lambda: all(r.samples > 50 for r in readers))\n"
                 "print('streaming', flush=True)\n"
                 "time.sleep(600)\n")
+        child = subprocess.Popen([sys.executable, "-c", code, f"127.0.0.1:{self.daemon.port}"],
+                                 stdout=subprocess.PIPE, text=True)
+        self.addCleanup(child.stdout.close)
+        self.addCleanup(child.wait)
+        self.addCleanup(child.kill)
+        self.assertEqual(child.stdout.readline(), "streaming\n")
+        self.assertGreater(self.daemon.open_files(), self.files)
+        return child
+
+    def test_a_client_that_is_killed_in_a_stream(self):
+        good = PoseReader(self.client)
         for _ in range(3):
-            child = subprocess.Popen([sys.executable, "-c", code, self.daemon.socket],
-                                     stdout=subprocess.PIPE, text=True)
-            self.assertEqual(child.stdout.readline().strip(), "streaming")
-            child.kill()
-            child.wait()
-            child.stdout.close()
+            self.streaming_child().kill()
         seen = good.samples
         self.assertTrue(wait_until(lambda: good.samples > seen + 30))
         self.assertIsNone(good.error)
         good.stop()
         self.served_as_before()
+
+    def test_a_connection_that_is_half_open(self):
+        # The connection is there, and nobody answers any more: only asking finds out.
+        child = self.streaming_child()
+        child.send_signal(signal.SIGSTOP)
+        good = PoseReader(self.client)
+        self.assertTrue(wait_until(lambda: good.samples > 60))
+        self.assertIsNone(good.error)
+        good.stop()
+        self.served_as_before()
+        self.assertIsNone(child.poll())
 
     def test_a_client_that_never_reads(self):
         # It asks for all that there is, and takes none of it.
