@@ -12,10 +12,10 @@
 namespace palpate::cli {
 namespace {
 
-Json ToJson(const AffineMap& map) {
+Json MapJson(const AffineMap& map) {
   Json linear = Json::array();
   for (int n = 0; n < 9; ++n) linear.push_back(map.linear(n / 3, n % 3));
-  return {{"linear", linear}, {"translation", cli::ToJson(map.translation)}};
+  return {{"linear", linear}, {"translation", ToJson(map.translation)}};
 }
 
 std::string YesOrNo(bool value) { return value ? "yes" : "no"; }
@@ -48,8 +48,8 @@ Json ToJson(const client::VolumeInfo& volume) {
           {"unit", volume.unit},
           {"original_type", volume.original_type},
           {"is_level_set", volume.is_level_set},
-          {"world_from_index", ToJson(volume.world_from_index)},
-          {"device_from_index", ToJson(volume.device_from_index)},
+          {"world_from_index", MapJson(volume.world_from_index)},
+          {"device_from_index", MapJson(volume.device_from_index)},
           {"device_mm_per_volume_mm", volume.device_mm_per_volume_mm},
           {"memory_bytes", volume.memory_bytes},
           {"warnings", volume.warnings}};

@@ -14,7 +14,7 @@
 namespace palpate::cli {
 namespace {
 
-Json ToJson(const client::EditResult& result) {
+Json ResultJson(const client::EditResult& result) {
   Json json = {{"volume_revision", result.volume_revision},
                {"applied_tick", result.applied_tick},
                {"changed", nullptr},
@@ -32,7 +32,7 @@ Json ToJson(const client::EditResult& result) {
 }  // namespace
 
 void PrintEdit(const client::EditResult& result, bool json) {
-  WriteOutput(json ? ToText(ToJson(result)) : DescribeEdit(result) + "\n");
+  WriteOutput(json ? ToText(ResultJson(result)) : DescribeEdit(result) + "\n");
 }
 
 std::string DescribeEdit(const client::EditResult& result) {

@@ -32,7 +32,7 @@ client::RecordingState Start(client::Calls& palpated, const RecordOptions& optio
   return palpated.StartRecording(PathThere(palpated, options.path), options.overwrite);
 }
 
-Json ToJson(const client::RecordingState& state) {
+Json RecordingJson(const client::RecordingState& state) {
   return {{"running", state.running},       {"path", state.path},
           {"ticks", state.ticks},           {"lost_ticks", state.lost_ticks},
           {"size_bytes", state.size_bytes}, {"error", state.error},
@@ -90,7 +90,7 @@ void Run(client::Calls& palpated, const RecordOptions& options) {
 
 void Stop(client::Calls& palpated, bool json) {
   const client::RecordingState state = palpated.StopRecording();
-  WriteOutput(json ? ToText(ToJson(state)) : "recorded " + DescribeRecording(state) + "\n");
+  WriteOutput(json ? ToText(RecordingJson(state)) : "recorded " + DescribeRecording(state) + "\n");
   WarnOfLeftOut(state);
   ThrowIfEndedEarly(state);
 }
@@ -98,7 +98,7 @@ void Stop(client::Calls& palpated, bool json) {
 void Show(client::Calls& palpated, bool json) {
   const client::RecordingState state = palpated.GetRecording();
   const std::string what = state.path.empty() ? "" : DescribeRecording(state);
-  WriteOutput(json            ? ToText(ToJson(state))
+  WriteOutput(json            ? ToText(RecordingJson(state))
               : state.running ? "recording: " + what + "\n"
               : what.empty()  ? "not recording\n"
                               : "not recording; the last: " + what + "\n");

@@ -13,7 +13,7 @@
 namespace palpate::cli {
 namespace {
 
-Json ToJson(const client::SeriesState& series) {
+Json SeriesJson(const client::SeriesState& series) {
   return {{"frames", series.frames},
           {"position_frames", series.position_frames},
           {"playing", series.playing},
@@ -32,8 +32,8 @@ std::string DescribeSeries(const client::SeriesState& series) {
                      static_cast<double>(series.memory_bytes) / (1024.0 * 1024.0));
 }
 
-void Print(const client::SeriesState& series, bool json) {
-  WriteOutput(json ? ToText(ToJson(series)) : DescribeSeries(series));
+void PrintSeries(const client::SeriesState& series, bool json) {
+  WriteOutput(json ? ToText(SeriesJson(series)) : DescribeSeries(series));
 }
 
 struct SeriesValues {
@@ -87,7 +87,7 @@ arguments::Command* AddControl(arguments::Command& series, Invocation& invocatio
   AddJson(*command, invocation);
   command->callback([&invocation, control] {
     invocation.command = [&invocation, control](client::Calls& palpated) {
-      Print(palpated.ControlSeries(control()), invocation.json);
+      PrintSeries(palpated.ControlSeries(control()), invocation.json);
     };
   });
   return command;
@@ -150,7 +150,7 @@ void AddSeries(arguments::Command& app, Invocation& invocation) {
   AddJson(*info, invocation);
   info->callback([&invocation] {
     invocation.command = [&invocation](client::Calls& palpated) {
-      Print(palpated.GetSeries(), invocation.json);
+      PrintSeries(palpated.GetSeries(), invocation.json);
     };
   });
 }

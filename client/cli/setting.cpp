@@ -53,7 +53,7 @@ struct Store {
   }
 };
 
-struct ToJson {
+struct KindToJson {
   const client::Settings& settings;
 
   nlohmann::ordered_json operator()(const NumberSetting& number) const {
@@ -113,7 +113,7 @@ bool StoreSetting(const Setting& setting, const std::string& text, client::Setti
 
 nlohmann::ordered_json SettingJson(const Setting& setting, const client::Settings& settings) {
   if (!client::IsKnown(settings, setting)) return nullptr;
-  return std::visit(ToJson{settings}, setting.kind);
+  return std::visit(KindToJson{settings}, setting.kind);
 }
 
 std::string DescribeSetting(const Setting& setting, const client::Settings& settings) {

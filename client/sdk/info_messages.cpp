@@ -17,7 +17,7 @@ VerificationLevel LevelOf(v1::VerificationLevel level) {
   return EnumOf(level, VerificationLevel::kSimulated);
 }
 
-DeviceInfo FromProto(const v1::DeviceDescription& device) {
+DeviceInfo DeviceOf(const v1::DeviceDescription& device) {
   DeviceInfo info;
   info.kind = device.kind();
   info.model = device.model();
@@ -32,7 +32,7 @@ DeviceInfo FromProto(const v1::DeviceDescription& device) {
   return info;
 }
 
-ServoInfo FromProto(const v1::ServoDescription& servo) {
+ServoInfo ServoOf(const v1::ServoDescription& servo) {
   ServoInfo info;
   info.rate_hz = servo.rate_hz();
   info.realtime_scheduling = servo.realtime_scheduling();
@@ -73,8 +73,8 @@ DeviceHealth FromProto(const v1::DeviceHealth& health) {
 }
 
 DaemonInfo FromProto(const v1::GetDeviceResponse& response) {
-  return {FromProto(response.device()), FromProto(response.health()),
-          FromProto(response.forces()), FromProto(response.servo()),
+  return {DeviceOf(response.device()),  FromProto(response.health()),
+          FromProto(response.forces()), ServoOf(response.servo()),
           response.caller().identity(), EnumOf(response.caller().role(), Role::kAdmin)};
 }
 

@@ -55,7 +55,7 @@ void Set(v1::EditVolumeRequest& request, const Block& block) {
                                  block.values.size() * sizeof(float));
 }
 
-v1::EditOperation ToProto(EditOperation operation) {
+v1::EditOperation OperationOf(EditOperation operation) {
   switch (operation) {
     case EditOperation::kAdd:
       return v1::EDIT_OPERATION_ADD;
@@ -105,7 +105,7 @@ v1::EditVolumeRequest ToProto(const Edit& edit) {
   std::visit([&](const auto& shape) { Set(request, shape); }, edit.shape);
   const bool is_index = edit.frame == EditFrame::kIndex || request.has_block();
   request.set_frame(is_index ? v1::EDIT_FRAME_INDEX : v1::EDIT_FRAME_WORLD);
-  request.set_operation(ToProto(edit.operation));
+  request.set_operation(OperationOf(edit.operation));
   request.set_value(edit.value);
   request.set_strength(edit.strength);
   request.set_falloff(edit.falloff);

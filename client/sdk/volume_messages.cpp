@@ -14,7 +14,7 @@ AffineMap MapOf(const v1::AffineMap& map) {
   return map.linear_size() == 9 ? palpate::FromProto(map) : AffineMap();
 }
 
-v1::RawVoxels ToProto(const RawVoxels& raw) {
+v1::RawVoxels RawOf(const RawVoxels& raw) {
   if ((raw.size.array() < 0).any()) {
     throw Error(ErrorKind::kInvalidArgument, "raw voxels of a negative size");
   }
@@ -28,7 +28,7 @@ v1::RawVoxels ToProto(const RawVoxels& raw) {
   return message;
 }
 
-v1::Quaternion ToProto(const UnalignedQuaternion& rotation) {
+v1::Quaternion RotationOf(const UnalignedQuaternion& rotation) {
   return palpate::ToProto(Eigen::Quaterniond(rotation));
 }
 
@@ -68,7 +68,7 @@ v1::LoadVolumeRequest ToProto(const LoadOptions& options) {
   if (options.device_mm_per_volume_mm) {
     request.set_device_mm_per_volume_mm(*options.device_mm_per_volume_mm);
   }
-  if (options.raw) *request.mutable_raw() = ToProto(*options.raw);
+  if (options.raw) *request.mutable_raw() = RawOf(*options.raw);
   if (options.frame) request.set_frame(*options.frame);
   request.set_grid(options.grid);
   request.set_component(options.component);
@@ -89,7 +89,7 @@ v1::UpdateRegistrationRequest ToProto(const PlacementChange& change) {
   v1::UpdateRegistrationRequest request;
   request.set_reset(change.reset);
   if (change.center_mm) *request.mutable_center_mm() = palpate::ToProto(*change.center_mm);
-  if (change.rotation) *request.mutable_rotation() = ToProto(*change.rotation);
+  if (change.rotation) *request.mutable_rotation() = RotationOf(*change.rotation);
   if (change.device_mm_per_volume_mm) {
     request.set_device_mm_per_volume_mm(*change.device_mm_per_volume_mm);
   }
@@ -97,7 +97,7 @@ v1::UpdateRegistrationRequest ToProto(const PlacementChange& change) {
   if (change.translate_mm) {
     *request.mutable_translate_mm() = palpate::ToProto(*change.translate_mm);
   }
-  if (change.rotate) *request.mutable_rotate() = ToProto(*change.rotate);
+  if (change.rotate) *request.mutable_rotate() = RotationOf(*change.rotate);
   if (change.scale_by) request.set_scale_by(*change.scale_by);
   if (change.expected_revision) request.set_expected_revision(*change.expected_revision);
   return request;

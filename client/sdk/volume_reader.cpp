@@ -68,7 +68,7 @@ VolumeReader::Event VolumeReader::Next(std::chrono::milliseconds timeout) {
   bytes_received_ += response.ByteSizeLong();
   ++messages_received_;
   try {
-    const VolumeMessage message = FromProto(std::move(response));
+    const VolumeMessage message = palpate::FromProto(std::move(response));
     mirror_.Apply(message.event);
     if (!std::holds_alternative<VolumeComplete>(message.event)) return Event::kApplied;
     damaged_in_a_row_ = 0;

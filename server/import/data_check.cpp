@@ -17,7 +17,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::size_t kLongestTextHeader = 1 << 20;
-constexpr std::size_t kChunk = 1 << 18;
+constexpr std::size_t kCheckedBytes = 1 << 18;
 constexpr std::int64_t kLongestData = std::int64_t{1} << 60;
 
 std::ifstream Open(const fs::path& path) {
@@ -69,7 +69,7 @@ void CheckCompressed(const fs::path& path, std::int64_t length, const ImageHeade
                      std::int64_t needed) {
   std::ifstream in = Open(path);
   Inflater inflater(&in, header.begin, length);
-  std::vector<char> sink(kChunk);
+  std::vector<char> sink(kCheckedBytes);
   std::int64_t present = 0;
   for (;;) {
     const auto count = static_cast<std::int64_t>(inflater.Read(sink.data(), sink.size()));

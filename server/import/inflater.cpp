@@ -8,12 +8,12 @@
 namespace palpate {
 namespace {
 
-constexpr std::size_t kChunk = 1 << 18;
+constexpr std::size_t kInputBytes = 1 << 18;
 
 }  // namespace
 
 Inflater::Inflater(std::ifstream* in, std::int64_t begin, std::int64_t length)
-    : in_(in), left_(length), input_(kChunk) {
+    : in_(in), left_(length), input_(kInputBytes) {
   in_->seekg(begin);
   // 32: detects gzip or zlib from the data.
   if (inflateInit2(&stream_, 15 + 32) != Z_OK) throw std::bad_alloc();

@@ -9,7 +9,7 @@ namespace {
 using Fields = std::map<std::string, std::string, std::less<>>;
 
 // MetaIO reads lines into buffers of fixed length.
-constexpr std::size_t kLongestLine = 500;
+constexpr std::size_t kLongestFieldLine = 500;
 
 // Reads fields up to ElementDataFile, which is always the last. Sets `end` to the byte after its
 // line.
@@ -23,7 +23,7 @@ Fields ReadFields(std::string_view head, std::int64_t* end) {
         Trim(head.substr(at, last ? std::string_view::npos : newline - at));
     at = last ? head.size() : newline + 1;
     const std::size_t separator = line.find_first_of("=:");
-    if (line.size() > kLongestLine || line.find('\0') != std::string_view::npos ||
+    if (line.size() > kLongestFieldLine || line.find('\0') != std::string_view::npos ||
         (!line.empty() && separator == std::string_view::npos)) {
       Refuse("this is no MetaImage file: " + Quoted(line) + " is not 'Name = value'");
     }

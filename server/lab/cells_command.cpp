@@ -19,7 +19,7 @@ namespace {
 
 constexpr std::size_t kFlushBytes = 1 << 20;
 
-[[noreturn]] void Refuse(std::uint64_t line_number, const std::string& what) {
+[[noreturn]] void RefuseLine(std::uint64_t line_number, const std::string& what) {
   throw Error(ErrorKind::kInvalidArgument, fmt::format("line {}: {}", line_number, what));
 }
 
@@ -59,13 +59,13 @@ std::array<Number, kCount> ParseColumns(std::string_view rest, std::uint64_t lin
   std::array<Number, kCount> numbers{};
   for (Number& number : numbers) {
     std::string_view column = NextColumn(rest);
-    if (column.empty()) Refuse(line_number, fmt::format("{} are needed", expected));
+    if (column.empty()) RefuseLine(line_number, fmt::format("{} are needed", expected));
     if (column.front() == '+') column.remove_prefix(1);
     if (!Parse(column, number)) {
-      Refuse(line_number, fmt::format("'{}' is no number; {} are needed", column, expected));
+      RefuseLine(line_number, fmt::format("'{}' is no number; {} are needed", column, expected));
     }
     if (!std::isfinite(static_cast<double>(number))) {
-      Refuse(line_number, "every density must be finite");
+      RefuseLine(line_number, "every density must be finite");
     }
   }
   return numbers;
@@ -142,10 +142,10 @@ CellDensities ReadCell(const VolumeSnapshot& volume, std::string_view line,
   const auto index = ParseColumns<int, 3>(line, line_number, "three cell indices i, j, k");
   const Vec3i cell(index[0], index[1], index[2]);
   if (!volume.HasCell(cell)) {
-    Refuse(line_number,
-           fmt::format("cell {},{},{} is outside of the volume: -1 to {}, {}, {} are its cells",
-                       cell.x(), cell.y(), cell.z(), volume.size().x() - 1, volume.size().y() - 1,
-                       volume.size().z() - 1));
+    RefuseLine(line_number,
+               fmt::format("cell {},{},{} is outside of the volume: -1 to {}, {}, {} are its cells",
+                           cell.x(), cell.y(), cell.z(), volume.size().x() - 1,
+                           volume.size().y() - 1, volume.size().z() - 1));
   }
   return volume.ResolvedCell(cell);
 }

@@ -19,8 +19,8 @@ namespace {
 constexpr std::array<std::array<std::string_view, 3>, 2> kHeaders = {
     {{"x_mm", "y_mm", "z_mm"}, {"hip_x", "hip_y", "hip_z"}}};
 
-[[noreturn]] void Refuse(const std::filesystem::path& file, std::uint64_t line_number,
-                         const std::string& what) {
+[[noreturn]] void RefuseRow(const std::filesystem::path& file, std::uint64_t line_number,
+                            const std::string& what) {
   throw Error(ErrorKind::kInvalidArgument,
               fmt::format("{}: line {}: {}", file.string(), line_number, what));
 }
@@ -53,7 +53,7 @@ std::array<std::size_t, 3> FindColumns(const std::filesystem::path& file, std::s
     }
     if (*std::max_element(columns.begin(), columns.end()) < names.size()) return columns;
   }
-  Refuse(file, 1, "a header with the columns x_mm,y_mm,z_mm is needed");
+  RefuseRow(file, 1, "a header with the columns x_mm,y_mm,z_mm is needed");
 }
 
 double ParseNumber(const std::filesystem::path& file, std::uint64_t line_number,
@@ -63,7 +63,7 @@ double ParseNumber(const std::filesystem::path& file, std::uint64_t line_number,
   double number = 0.0;
   const auto [stop, status] = std::from_chars(digits.data(), digits.data() + digits.size(), number);
   if (status != std::errc() || stop != digits.data() + digits.size()) {
-    Refuse(file, line_number, fmt::format("'{}' is no number", field));
+    RefuseRow(file, line_number, fmt::format("'{}' is no number", field));
   }
   return number;
 }
@@ -84,13 +84,13 @@ std::vector<Vec3> ReadTrajectory(const std::filesystem::path& file) {
     const std::vector<std::string_view> fields = Split(line);
     Vec3 hip_mm;
     for (int axis = 0; axis < 3; ++axis) {
-      if (columns[axis] >= fields.size()) Refuse(file, line_number, "a column is missing");
+      if (columns[axis] >= fields.size()) RefuseRow(file, line_number, "a column is missing");
       hip_mm[axis] = ParseNumber(file, line_number, fields[columns[axis]]);
     }
     hips_mm.push_back(hip_mm);
   }
   if (in.bad()) throw Error(ErrorKind::kUnavailable, file.string() + ": cannot be read to its end");
-  if (hips_mm.empty()) Refuse(file, 2, "a position is needed; there is none");
+  if (hips_mm.empty()) RefuseRow(file, 2, "a position is needed; there is none");
   return hips_mm;
 }
 

@@ -46,7 +46,7 @@ std::string Decompress(const std::string& packed, std::size_t raw_bytes) {
   return bytes;
 }
 
-[[noreturn]] void Refuse(const std::string& file, const std::string& why) {
+[[noreturn]] void RefuseFile(const std::string& file, const std::string& why) {
   throw Error(ErrorKind::kInvalidArgument, file + " " + why);
 }
 
@@ -87,28 +87,28 @@ std::string FrameChunk(const Payload& payload, std::uint64_t number) {
 RecordingHeader ReadHeader(std::istream& stream, const std::string& file) {
   std::string bytes = ReadUpTo(stream, kHeaderStartBytes);
   if (!bytes.starts_with(kMagic) || bytes.size() < kHeaderStartBytes) {
-    Refuse(file, "is no recording of Palpate");
+    RefuseFile(file, "is no recording of Palpate");
   }
   ByteReader start(std::string_view(bytes).substr(kMagic.size()));
   const auto version = start.Get<std::uint32_t>();
   if (version < kOldestRecordingVersion || version > kRecordingVersion) {
-    Refuse(file, "is a recording of version " + std::to_string(version) +
-                     ", or damaged; this program reads versions " +
-                     std::to_string(kOldestRecordingVersion) + " to " +
-                     std::to_string(kRecordingVersion));
+    RefuseFile(file, "is a recording of version " + std::to_string(version) +
+                         ", or damaged; this program reads versions " +
+                         std::to_string(kOldestRecordingVersion) + " to " +
+                         std::to_string(kRecordingVersion));
   }
   const auto program_bytes = start.Get<std::uint32_t>();
   RecordingHeader header;
   header.created_unix_ns = start.Get<std::int64_t>();
-  if (program_bytes > kMaxProgramBytes) Refuse(file, "has a damaged header");
+  if (program_bytes > kMaxProgramBytes) RefuseFile(file, "has a damaged header");
   bytes += ReadUpTo(stream, program_bytes + kChecksumBytes);
   if (bytes.size() != kHeaderStartBytes + program_bytes + kChecksumBytes) {
-    Refuse(file, "ends within its header");
+    RefuseFile(file, "ends within its header");
   }
   ByteReader rest(std::string_view(bytes).substr(kHeaderStartBytes));
   header.program = rest.GetBytes(program_bytes);
   const std::string_view checked(bytes.data(), bytes.size() - kChecksumBytes);
-  if (rest.Get<std::uint64_t>() != Checksum(checked)) Refuse(file, "has a damaged header");
+  if (rest.Get<std::uint64_t>() != Checksum(checked)) RefuseFile(file, "has a damaged header");
   return header;
 }
 

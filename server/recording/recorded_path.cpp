@@ -15,10 +15,6 @@ constexpr double kTickS = 0.001;
 constexpr double kTickToleranceS = 1e-9;
 constexpr double kUnitTolerance = 1e-3;
 
-[[noreturn]] void Refuse(const std::string& name, const std::string& what) {
-  throw Error(ErrorKind::kInvalidArgument, name + " " + what);
-}
-
 // Returns none if the tick had no good position.
 std::optional<DeviceState> StateOf(const TickSample& sample) {
   const auto& [w, x, y, z] = sample.stylus_orientation;
@@ -48,7 +44,7 @@ class PathBuilder {
       start_ms_ = now_ms;
     }
     if (now_ms < start_ms_ || now_ms - start_ms_ < path_.size()) {
-      Refuse(name_, "is damaged: its ticks run backwards");
+      Refuse(name_ + " is damaged: its ticks run backwards");
     }
     const std::uint64_t index = now_ms - start_ms_;
     if (index >= longest_) {
@@ -81,7 +77,7 @@ std::vector<DeviceState> ReadStylusPath(RecordingReader& reader, const std::stri
   while (const std::optional<RecordedChunk> chunk = reader.Next()) {
     if (const auto* scene = std::get_if<RecordedScene>(&*chunk)) {
       if (!(std::abs(scene->tick_period_s - kTickS) < kTickToleranceS)) {
-        Refuse(name, "was not recorded at 1000 ticks a second; the replay device cannot play it");
+        Refuse(name + " was not recorded at 1000 ticks a second; the replay device cannot play it");
       }
     } else if (const auto* samples = std::get_if<RecordedSamples>(&*chunk)) {
       for (const TickSample& sample : *samples) builder.Add(sample);
@@ -92,7 +88,8 @@ std::vector<DeviceState> ReadStylusPath(RecordingReader& reader, const std::stri
                 reader.stopped_because() + "; a replay needs a complete recording");
   }
   std::vector<DeviceState> path = builder.Take();
-  if (path.empty()) Refuse(name, "holds no position of the stylus, so there is nothing to replay");
+  if (path.empty())
+    Refuse(name + " holds no position of the stylus, so there is nothing to replay");
   return path;
 }
 

@@ -16,19 +16,19 @@ v1::Registration ToProto(const VolumeState& state) {
   return out;
 }
 
-RegistrationUpdate FromProto(const v1::UpdateRegistrationRequest& request) {
+RegistrationUpdate UpdateOf(const v1::UpdateRegistrationRequest& request) {
   RegistrationUpdate update;
   update.reset = request.reset();
-  if (request.has_center_mm()) update.p_DCenter_mm = palpate::FromProto(request.center_mm());
-  if (request.has_rotation()) update.R_DW = palpate::FromProto(request.rotation());
+  if (request.has_center_mm()) update.p_DCenter_mm = FromProto(request.center_mm());
+  if (request.has_rotation()) update.R_DW = FromProto(request.rotation());
   if (request.has_device_mm_per_volume_mm()) {
     update.device_mm_per_volume_mm = request.device_mm_per_volume_mm();
   }
   if (request.has_device_mm_per_voxel()) update.device_mm_per_voxel = request.device_mm_per_voxel();
   if (request.has_translate_mm()) {
-    update.translate_D_mm = palpate::FromProto(request.translate_mm());
+    update.translate_D_mm = FromProto(request.translate_mm());
   }
-  if (request.has_rotate()) update.rotate_D = palpate::FromProto(request.rotate());
+  if (request.has_rotate()) update.rotate_D = FromProto(request.rotate());
   if (request.has_scale_by()) update.scale_by = request.scale_by();
   return update;
 }
@@ -54,7 +54,7 @@ grpc::Status RegistrationService::UpdateRegistration(grpc::ServerContext* contex
       access_.Admit(context, "/palpate.v1.RegistrationService/UpdateRegistration");
   if (!admission.ok()) return admission.status();
   try {
-    const RegistrationUpdate update = FromProto(*request);
+    const RegistrationUpdate update = UpdateOf(*request);
     const auto change = [&](const VolumeState& state) {
       return Apply(update, state.volume->metadata(), session_.device(), state.registration);
     };

@@ -8,7 +8,7 @@
 namespace palpate {
 namespace {
 
-FreeSide FromProto(v1::FreeSide side) {
+FreeSide SideOf(v1::FreeSide side) {
   switch (side) {
     case v1::FREE_SIDE_BELOW:
       return FreeSide::kBelow;
@@ -53,9 +53,9 @@ void Take(const v1::RenderSettings& in, const std::string& name, SettingsUpdate&
   } else if (name == "normalized_isovalue") {
     update.normalized_isovalue = in.normalized_isovalue();
   } else if (name == "free_side") {
-    update.free_side = FromProto(in.free_side());
+    update.free_side = SideOf(in.free_side());
   } else if (name == "method") {
-    update.method = palpate::FromProto(in.method());
+    update.method = FromProto(in.method());
   } else if (!TakeListed(in, name, update)) {
     throw Error(ErrorKind::kInvalidArgument, "update_mask names an unknown field: " + name);
   }

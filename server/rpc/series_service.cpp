@@ -25,7 +25,7 @@ v1::SeriesState ToProto(const SeriesState& state) {
   return out;
 }
 
-SeriesControl FromProto(const v1::ControlSeriesRequest& request) {
+SeriesControl ControlOf(const v1::ControlSeriesRequest& request) {
   SeriesControl control;
   if (request.has_playing()) control.playing = request.playing();
   if (request.has_position_frames()) control.position_frames = request.position_frames();
@@ -57,7 +57,7 @@ grpc::Status SeriesService::LoadSeries(grpc::ServerContext* context,
   try {
     const std::vector<std::string> sources(request->sources().begin(), request->sources().end());
     const auto files = FindSeriesFiles(sources, paths_);
-    LoadRequest load = palpate::FromProto(request->options());
+    LoadRequest load = FromProto(request->options());
     load.title = Title(sources);
     const VolumeState state = player_.Load(files, load, progress, cancelled);
     const AppliedTick applied = session_.WaitForServo(state.scene_revision);
@@ -91,7 +91,7 @@ grpc::Status SeriesService::ControlSeries(grpc::ServerContext* context,
   const Admission admission = access_.Admit(context, "/palpate.v1.SeriesService/ControlSeries");
   if (!admission.ok()) return admission.status();
   try {
-    *response->mutable_series() = ToProto(player_.Control(FromProto(*request)));
+    *response->mutable_series() = ToProto(player_.Control(ControlOf(*request)));
     return grpc::Status::OK;
   } catch (const std::exception& error) {
     return ToStatus(error);

@@ -19,7 +19,7 @@ Vec3 Required(bool has, const v1::Vector3& vector, const char* name) {
   return FromProto(vector);
 }
 
-DenseBlock FromProto(const v1::DenseBlock& in) {
+DenseBlock BlockOf(const v1::DenseBlock& in) {
   static_assert(std::endian::native == std::endian::little, "as on the wire");
   const std::string& bytes = in.values();
   if (bytes.size() > kMostBlockBytes) {
@@ -37,27 +37,27 @@ DenseBlock FromProto(const v1::DenseBlock& in) {
   return block;
 }
 
-SphereShape FromProto(const v1::SphereShape& in) {
+SphereShape SphereOf(const v1::SphereShape& in) {
   return {Required(in.has_center(), in.center(), "sphere.center"), in.radius()};
 }
 
-BoxShape FromProto(const v1::BoxShape& in) {
+BoxShape BoxOf(const v1::BoxShape& in) {
   return {Required(in.has_min(), in.min(), "box.min"), Required(in.has_max(), in.max(), "box.max")};
 }
 
 decltype(VolumeEdit::shape) ShapeOf(const v1::EditVolumeRequest& request) {
   switch (request.shape_case()) {
     case v1::EditVolumeRequest::kSphere:
-      return FromProto(request.sphere());
+      return SphereOf(request.sphere());
     case v1::EditVolumeRequest::kBox:
-      return FromProto(request.box());
+      return BoxOf(request.box());
     case v1::EditVolumeRequest::kCapsule: {
       const v1::CapsuleShape& in = request.capsule();
       return CapsuleShape{Required(in.has_from(), in.from(), "capsule.from"),
                           Required(in.has_to(), in.to(), "capsule.to"), in.radius()};
     }
     case v1::EditVolumeRequest::kBlock:
-      return FromProto(request.block());
+      return BlockOf(request.block());
     default:
       Refuse("the edit has no shape: give sphere, box, capsule or block");
   }
@@ -147,8 +147,8 @@ VolumeFilter FromProto(const v1::FilterVolumeRequest& request) {
   if (request.has_iterations()) filter.iterations = Int(request.iterations());
   filter.distance_mm = request.distance_mm();
   filter.spacing_mm = FromProto(request.spacing_mm());
-  if (request.has_sphere()) filter.region = FromProto(request.sphere());
-  if (request.has_box()) filter.region = FromProto(request.box());
+  if (request.has_sphere()) filter.region = SphereOf(request.sphere());
+  if (request.has_box()) filter.region = BoxOf(request.box());
   if (request.region_case() != v1::FilterVolumeRequest::REGION_NOT_SET) {
     filter.frame = FrameOf(request.frame());
   }

@@ -147,7 +147,7 @@ std::string ToPem(const std::vector<Certificate>& chain, EVP_PKEY* key) {
   return {text, static_cast<std::size_t>(length)};
 }
 
-[[noreturn]] void Refuse(const std::filesystem::path& path, const std::string& what) {
+[[noreturn]] void RefuseCertificate(const std::filesystem::path& path, const std::string& what) {
   throw Error(ErrorKind::kInvalidArgument, path.string() + " " + what);
 }
 
@@ -158,7 +158,7 @@ Key LoadKey(const std::filesystem::path& path) {
   const auto no_passphrase = [](char*, int, int, void*) { return 0; };
   Key key(PEM_read_bio_PrivateKey(Reader(pem).get(), nullptr, no_passphrase, nullptr));
   ERR_clear_error();
-  if (!key) Refuse(path, "holds no key in PEM, or one with a passphrase");
+  if (!key) RefuseCertificate(path, "holds no key in PEM, or one with a passphrase");
   return key;
 }
 
@@ -166,14 +166,15 @@ Key LoadKey(const std::filesystem::path& path) {
 // authority.
 std::vector<Certificate> LoadChain(const std::filesystem::path& path, CertificateTime now) {
   std::vector<Certificate> chain = ParseCertificates(ReadFile(path));
-  if (chain.empty()) Refuse(path, "holds no certificate in PEM");
+  if (chain.empty()) RefuseCertificate(path, "holds no certificate in PEM");
   X509* own = chain.front().get();
-  if (now < ToTime(X509_get0_notBefore(own))) Refuse(path, "is not valid yet: check the clock");
+  if (now < ToTime(X509_get0_notBefore(own)))
+    RefuseCertificate(path, "is not valid yet: check the clock");
   if (now > ToTime(X509_get0_notAfter(own))) {
-    Refuse(path, "has expired: put a new one in its place");
+    RefuseCertificate(path, "has expired: put a new one in its place");
   }
   if (X509_check_purpose(own, X509_PURPOSE_SSL_SERVER, 0) != 1) {
-    Refuse(path, "is not one for servers");
+    RefuseCertificate(path, "is not one for servers");
   }
   return chain;
 }
@@ -187,10 +188,11 @@ CheckedPair CheckPair(const std::filesystem::path& certificate, const std::files
   X509* own = chain.front().get();
   if (X509_check_private_key(own, private_key.get()) != 1) {
     ERR_clear_error();
-    Refuse(key, "is not the key of " + certificate.string() + ": set the two that belong together");
+    RefuseCertificate(
+        key, "is not the key of " + certificate.string() + ": set the two that belong together");
   }
   const std::string problem = WhyTlsRefuses(chain, private_key.get());
-  if (!problem.empty()) Refuse(certificate, problem);
+  if (!problem.empty()) RefuseCertificate(certificate, problem);
   return {ToPem(chain, private_key.get()), SubjectOf(own), ToTime(X509_get0_notAfter(own))};
 }
 

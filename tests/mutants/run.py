@@ -2,7 +2,7 @@
 """Changes one line of Palpate at a time, and shows that a test notices.
 
 Each change of mutants.toml is applied to a copy of the tree. The test program that is named for
-it is built and run. A change is caught when that program fails, crashes or hangs. The unchanged
+it is built and run, or the file of Python tests. A change is caught when that program fails, crashes or hangs. The unchanged
 tree has to pass the same tests first: a test that always fails catches nothing.
 
 Exit status: 0 when all are caught; 1 when one survives, no longer applies or does not compile,
@@ -62,16 +62,26 @@ def copy_tree(target):
             copy.unlink()
 
 
+def is_python(program):
+    return program.startswith("python_")
+
+
+def targets_of(program):
+    """What is built to run it."""
+    return ["palpate", "palpate_python", "palpated"] if is_python(program) else [program]
+
+
 class Tree:
     """The copy and its build folder."""
 
-    def __init__(self, folder, jobs):
+    def __init__(self, folder, jobs, tier):
         self.folder = folder
         self.jobs = jobs
         folder.mkdir(parents=True, exist_ok=True)
         copy_tree(folder)
         data = os.environ.get("PALPATE_DATA_DIR", ROOT.parent / "shared" / "data")
-        self._call(["cmake", "--preset", "default", f"-DPALPATE_DATA_DIR={data}"], "configure")
+        self._call(["cmake", "--preset", "default", f"-DPALPATE_DATA_DIR={data}",
+                    f"-DPALPATE_TESTS={tier}"], "configure")
 
     def _call(self, command, what):
         done = subprocess.run(command, cwd=self.folder, capture_output=True, text=True)
@@ -79,19 +89,27 @@ class Tree:
             raise RuntimeError(f"{what} failed:\n" + (done.stdout + done.stderr)[-3000:])
 
     def build(self, programs):
+        programs = sorted({target for program in programs for target in targets_of(program)})
         self._call(["nice", "ninja", "-C", "build", f"-j{self.jobs}", *programs], "the build")
 
     def test(self, program, tests, patience_s):
         """How many tests ran, and which failed; `hangs` or `crashes` is a failure too."""
+        if is_python(program):
+            command = ["ctest", "--test-dir", "build", "--tests-regex", f"^{program}", "--verbose"]
+        else:
+            command = [f"build/tests/{program}", f"--gtest_filter={tests}"]
         try:
             # The core file of a crash would be of no use.
             done = subprocess.run(
-                ["sh", "-c", 'ulimit -c 0; exec "$@"', "sh", f"build/tests/{program}",
-                 f"--gtest_filter={tests}"],
+                ["sh", "-c", 'ulimit -c 0; exec "$@"', "sh", *command],
                 cwd=self.folder, capture_output=True, text=True, errors="replace",
                 timeout=patience_s)
         except subprocess.TimeoutExpired:
             return 0, ["hangs"]
+        if is_python(program):
+            failed = sorted(set(re.findall(r"^\d+: (?:FAIL|ERROR): (\w+)", done.stdout, re.M)))
+            ran = sum(map(int, re.findall(r"^\d+: Ran (\d+) tests? in", done.stdout, re.M)))
+            return ran, failed or ([f"ends with {done.returncode}"] if done.returncode else [])
         failed = sorted(set(re.findall(r"^\[  FAILED  \] (\w+[./]\S+?),? ", done.stdout, re.M)))
         if done.returncode != 0 and not failed:
             failed = [f"crashes with {done.returncode}"]
@@ -171,6 +189,9 @@ def main():
                              "otherwise a temporary folder")
     parser.add_argument("--jobs", metavar="N", type=int, default=os.cpu_count(),
                         help="compilers at a time (default: one per processor)")
+    parser.add_argument("--tier", choices=["core", "all"], default="core",
+                        help="core: only changes that the core of the tests must catch; all: "
+                             "those marked tier = \"all\", too (default: %(default)s)")
     parser.add_argument("--mutants", metavar="FILE", type=pathlib.Path,
                         default=here / "mutants.toml", help="the changes (default: %(default)s)")
     arguments = parser.parse_args()
@@ -180,6 +201,8 @@ def main():
         parser.error(f"no change is called {', '.join(sorted(unknown))}; see --list")
     if arguments.only:
         changes = [change for change in changes if change["name"] in arguments.only]
+    if arguments.tier == "core":
+        changes = [change for change in changes if change.get("tier", "core") == "core"]
     if arguments.list:
         for change in changes:
             print(f"{change['name']}: {change['why']}\n    {change['file']}: {change['program']} "
@@ -189,7 +212,7 @@ def main():
         folder = arguments.work or pathlib.Path(
             stack.enter_context(tempfile.TemporaryDirectory(prefix="palpate-mutants-")))
         try:
-            tree = Tree(folder.resolve() / "tree", arguments.jobs)
+            tree = Tree(folder.resolve() / "tree", arguments.jobs, arguments.tier)
             seconds = check_unchanged(tree, changes)
         except RuntimeError as error:
             print(f"unchanged: {error}")

@@ -33,7 +33,7 @@ struct Texts {
   bool panels = false;
 };
 
-[[noreturn]] void Refuse(const std::string& name, const std::string& text, const char* form) {
+[[noreturn]] void RefuseOption(const std::string& name, const std::string& text, const char* form) {
   throw arguments::UsageError(fmt::format("{} cannot be '{}': give {}", name, text, form));
 }
 
@@ -64,7 +64,7 @@ void TakeSize(const Text& text, Options& options) {
   char rest = 0;
   if (std::sscanf(text->c_str(), "%5dx%5d%c", &width, &height, &rest) != 2 || width < 16 ||
       height < 16 || width > 8192 || height > 8192) {
-    Refuse("--size", *text, "WIDTHxHEIGHT, each 16 to 8192 pixels");
+    RefuseOption("--size", *text, "WIDTHxHEIGHT, each 16 to 8192 pixels");
   }
   options.size = {width, height};
 }
@@ -73,16 +73,16 @@ void TakeCamera(const Text& text, Options& options) {
   if (!text) return;
   if (text->starts_with("profile,")) {
     const std::vector<double> n = Numbers(text->substr(8), 1, 1);
-    if (n.empty() || n[0] <= 0.0) Refuse("--camera", *text, "profile,DISTANCE in mm");
+    if (n.empty() || n[0] <= 0.0) RefuseOption("--camera", *text, "profile,DISTANCE in mm");
     options.camera = CameraStart{.in_profile = true, .distance_mm = n[0]};
     options.target = TargetStart::kProxy;
     return;
   }
   const std::vector<double> n = Numbers(*text, 2, 3);
   if (n.empty() || std::abs(n[1]) > 89.0 || (n.size() == 3 && n[2] <= 0.0)) {
-    Refuse("--camera", *text,
-           "AZIMUTH,ELEVATION[,DISTANCE]: degrees, the second -89 to 89, and mm; or "
-           "profile,DISTANCE");
+    RefuseOption("--camera", *text,
+                 "AZIMUTH,ELEVATION[,DISTANCE]: degrees, the second -89 to 89, and mm; or "
+                 "profile,DISTANCE");
   }
   options.camera = CameraStart{.azimuth_deg = n[0], .elevation_deg = n[1]};
   if (n.size() == 3) options.camera->distance_mm = n[2];
@@ -95,7 +95,7 @@ void TakeTarget(const Text& text, Options& options) {
     return;
   }
   const std::vector<double> n = Numbers(*text, 3, 3);
-  if (n.empty()) Refuse("--target", *text, "X,Y,Z in mm of the device, scp, or volume");
+  if (n.empty()) RefuseOption("--target", *text, "X,Y,Z in mm of the device, scp, or volume");
   options.target = TargetStart::kPoint;
   options.target_D = {n[0], n[1], n[2]};
 }
@@ -104,7 +104,7 @@ void TakeVeil(const Text& text, Options& options) {
   if (!text) return;
   const std::vector<double> n = Numbers(*text, 1, 2);
   if (n.empty() || (n.size() == 2 && (n[1] <= 0.0 || n[1] > 1.0))) {
-    Refuse("--veil", *text, "ISOVALUE[,OPACITY]: in data units, and above 0 to 1");
+    RefuseOption("--veil", *text, "ISOVALUE[,OPACITY]: in data units, and above 0 to 1");
   }
   options.surface.veil.shown = true;
   options.surface.veil.isovalue = n[0];
@@ -114,7 +114,8 @@ void TakeVeil(const Text& text, Options& options) {
 void TakeColors(const Texts& texts, Options& options) {
   if (texts.color) {
     const std::vector<double> n = Numbers(*texts.color, 3, 3);
-    if (!Within(n, 0.0, 255.0)) Refuse("--color", *texts.color, "RED,GREEN,BLUE, each 0 to 255");
+    if (!Within(n, 0.0, 255.0))
+      RefuseOption("--color", *texts.color, "RED,GREEN,BLUE, each 0 to 255");
     options.surface.color = Eigen::Vector3d(n[0], n[1], n[2]).cast<float>() / 255.0f;
   }
   for (std::size_t i = 0; i < kColorMapNames.size(); ++i) {
@@ -125,7 +126,7 @@ void TakeColors(const Texts& texts, Options& options) {
   if (texts.window) {
     const std::vector<double> n = Numbers(*texts.window, 2, 2);
     if (n.empty() || n[0] >= n[1])
-      Refuse("--window", *texts.window, "LEAST,GREATEST in data units");
+      RefuseOption("--window", *texts.window, "LEAST,GREATEST in data units");
     options.window = Eigen::Vector2d(n[0], n[1]);
   }
 }
@@ -134,7 +135,8 @@ void TakeCrop(const Text& text, Options& options) {
   if (!text) return;
   const std::vector<double> n = Numbers(*text, 6, 6);
   if (!Within(n, 0.0, 1.0) || n[0] >= n[1] || n[2] >= n[3] || n[4] >= n[5]) {
-    Refuse("--crop", *text, "X0,X1,Y0,Y1,Z0,Z1: shares of the volume, 0 to 1, each pair rising");
+    RefuseOption("--crop", *text,
+                 "X0,X1,Y0,Y1,Z0,Z1: shares of the volume, 0 to 1, each pair rising");
   }
   options.surface.crop = {.min = {n[0], n[2], n[4]}, .max = {n[1], n[3], n[5]}};
 }
