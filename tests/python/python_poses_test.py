@@ -85,8 +85,10 @@ class Arrays(DaemonTest):
             for _, poses in zip(range(30), stream):
                 self.assertEqual(len(poses), 1)
                 ticks.append(int(poses.tick[0]))
-        # Of 1000 Hz. Where the machine is busy, some steps are longer.
-        self.assertIn(np.diff(ticks).min(), (16, 17))
+        # Every 16.7 ticks. Where the machine is busy, some steps are longer, and the next is shorter.
+        steps = np.diff(ticks)
+        self.assertLessEqual(steps.min(), 17)
+        self.assertGreater(steps.mean(), 12)
 
     def test_a_slow_loop_sees_fresh_samples(self):
         dropped = []
