@@ -44,14 +44,8 @@ class ServerDaemon(Daemon):
     """palpated on the server's machine; its socket is on this one's disk too."""
 
     def __init__(self, network, config):
-        self._there = network.server
-        super().__init__("builtin:sphere:48", listen=f"0.0.0.0:{PORT}",
+        super().__init__("builtin:sphere:48", listen=f"0.0.0.0:{PORT}", wrapper=network.server,
                          more=["--config", str(config)])
-
-    def start(self):
-        if self._command[:len(self._there)] != self._there:
-            self._command = [*self._there, *self._command]
-        super().start()
 
 
 class Remote(unittest.TestCase):

@@ -11,6 +11,7 @@ and connections that stay."""
 
 import argparse
 import array
+import functools
 import itertools
 import os
 import pathlib
@@ -18,15 +19,14 @@ import random
 import subprocess
 import sys
 import tempfile
-import threading
 import time
 import zlib
 
 import grpc
 
 import crash
-from palpate.v1 import (edit_pb2, recording_pb2, series_pb2, series_pb2_grpc, volume_pb2,
-                        volume_stream_pb2)
+from crowd import VolumeReader, Worker, faults
+from palpate.v1 import edit_pb2, recording_pb2, series_pb2, series_pb2_grpc, volume_pb2
 from support import PATIENCE_S, SANITIZED, Client, Daemon, parse_metrics, scrape
 
 BUDGET_MIB = 300
@@ -65,63 +65,14 @@ def noise(edge, kind, seed):
 
 
 class Sampler:
-    """The greatest memory so far, and what was going on then."""
+    """The greatest memory so far."""
 
     def __init__(self, pid):
-        self._pid, self.most_mib, self.samples = pid, 0.0, 0
-        self._stop = threading.Event()
-        self._thread = threading.Thread(target=self._run)
-        self._thread.start()
+        self._pid, self.most_mib = pid, 0.0
+        self.worker = Worker("looks", 1 / PERIOD_S, self._look)
 
-    def _run(self):
-        while not self._stop.wait(PERIOD_S):
-            try:
-                self.most_mib = max(self.most_mib, own_mib(self._pid))
-            except (OSError, KeyError):  # it has ended: that is for others to say
-                return
-            self.samples += 1
-
-    def stop(self):
-        self._stop.set()
-        self._thread.join(PATIENCE_S)
-
-
-class VolumeReader:
-    """Follows the voxels; `stands`: reads a few messages, and then none."""
-
-    def __init__(self, client, stands):
-        self.messages, self.error, self._stopped, self._stands = 0, None, False, stands
-        self._take = threading.Semaphore(0)
-        self._call = client.volume.StreamVolume(self._requests())
-        self._thread = threading.Thread(target=self._read)
-        self._thread.start()
-
-    def _requests(self):
-        start = volume_stream_pb2.StreamVolumeRequest()
-        start.start.SetInParent()
-        yield start
-        while not self._stopped:
-            self._take.acquire()
-            request = volume_stream_pb2.StreamVolumeRequest()
-            request.acknowledgement.message_number = self.messages
-            yield request
-
-    def _read(self):
-        try:
-            for message in self._call:
-                self.messages = message.message_number
-                if self._stands and self.messages > 3:
-                    return
-                self._take.release()
-        except grpc.RpcError as error:
-            if not self._stopped:
-                self.error = error
-
-    def stop(self):
-        self._stopped = True
-        self._call.cancel()
-        self._take.release()
-        self._thread.join(PATIENCE_S)
+    def _look(self):
+        self.most_mib = max(self.most_mib, own_mib(self._pid))
 
 
 class Script:
@@ -152,8 +103,7 @@ class Script:
             code, text = error.code(), error.details()
             if code == grpc.StatusCode.RESOURCE_EXHAUSTED:
                 self.refused[name] = self.refused.get(name, 0) + 1
-                clear = (f"of the memory budget of {BUDGET_MIB} MiB" in text
-                         and "volume.memory_budget_mib" in text and "needs" in text)
+                clear = f"{BUDGET_MIB} MiB" in text and "volume.memory_budget_mib" in text
                 other = "voxels" in text or "No space left" in text  # an edit's limit; the disk's
                 if not clear and not other:
                     self.wrong.append(f"{name}: refused unclearly: {text}")
@@ -256,31 +206,6 @@ class Script:
         self.record(client)
 
 
-class Workers:
-    """Each call again and again, with its pause, on a thread and a connection of its own."""
-
-    def __init__(self, script, pauses):
-        self._stop = threading.Event()
-        self._threads = [threading.Thread(target=self._run, args=(script, name, pause))
-                         for name, pause in pauses]
-        for thread in self._threads:
-            thread.start()
-
-    def _run(self, script, name, pause):
-        with Client(script.daemon) as client:
-            while not self._stop.wait(pause):
-                try:
-                    getattr(script, name)(client)
-                except Exception as error:  # whatever it is, it is the result
-                    script.wrong.append(f"{name}: {error}")
-                    return
-
-    def stop(self):
-        self._stop.set()
-        for thread in self._threads:
-            thread.join(PATIENCE_S)
-
-
 def settled_mib(daemon, script, client):
     """With a small volume and no history, once what was freed is back: the least of two seconds
     without a change of more than a hundredth."""
@@ -302,9 +227,11 @@ def everything(script, seconds):
     clients = [Client(script.daemon) for _ in range(READERS)]
     readers = [VolumeReader(client, stands=n < STANDING_READERS)
                for n, client in enumerate(clients)]
-    workers = Workers(script, [("load_something", 0.5), ("edit", 0.05), ("edit", 0.2),
-                               ("take_back", 0.3), ("filter", 1.0), ("save", 5.0),
-                               ("record", 0.5)])
+    rates_hz = [("load_something", 2), ("edit", 20), ("edit", 5), ("take_back", 3), ("filter", 1),
+                ("save", 0.2), ("record", 2)]
+    callers = [Client(script.daemon) for _ in rates_hz]
+    workers = [Worker(name, rate_hz, functools.partial(getattr(script, name), caller))
+               for (name, rate_hz), caller in zip(rates_hz, callers)]
     end = time.monotonic() + seconds
     while time.monotonic() < end and not script.wrong:
         time.sleep(0.2)
@@ -313,12 +240,10 @@ def everything(script, seconds):
             if n < STANDING_READERS and random.random() < 0.02:
                 reader.stop()
                 readers[n] = VolumeReader(clients[n], stands=True)
-    workers.stop()
-    for reader in readers:
-        reader.stop()
-        if reader.error:
-            script.wrong.append(f"a stream: {reader.error}")
-    for client in clients:
+    for one in [*workers, *readers]:
+        one.stop()
+    script.wrong += faults(workers, readers)
+    for client in [*clients, *callers]:
         client.channel.close()
 
 
@@ -336,11 +261,11 @@ def run(daemon, folder, full_folder, seconds):
         after_mib = settled_mib(daemon, script, client)
     metrics = parse_metrics(scrape(daemon.metrics_port))[1]
     held_mib = metrics["palpate_volume_memory_bytes"] / (1 << 20)
-    sampler.stop()
+    sampler.worker.stop()
     limit_mib = BUDGET_MIB + idle_mib + OVERHEAD_MIB
     print(f"idle {idle_mib:.1f} MiB; at most {sampler.most_mib:.1f} of {limit_mib:.1f} MiB in "
-          f"{sampler.samples} looks; with a small volume {before_mib:.1f}, then {after_mib:.1f} MiB,"
-          f" as the daemon counts {held_mib:.1f} MiB; "
+          f"{sampler.worker.calls} looks; with a small volume {before_mib:.1f}, then "
+          f"{after_mib:.1f} MiB, as the daemon counts {held_mib:.1f} MiB; "
           f"{metrics['palpate_missed_ticks_total']:.0f} of {metrics['palpate_ticks_total']:.0f} "
           "ticks missed")
     print("done: " + ", ".join(f"{n} {name}" for name, n in sorted(script.done.items())))
@@ -376,7 +301,7 @@ def main():
                 found = run(daemon, pathlib.Path(folder), pathlib.Path(full), options.seconds)
                 status = daemon.end()
                 if status:
-                    found.append(f"palpated ended with {status}: {''.join(daemon.log[-5:])}")
+                    found.append(f"palpated ended with {status}: {''.join(daemon.said[-5:])}")
         finally:
             if mounted:
                 subprocess.run(["umount", "-q", "-l", full], check=False)

@@ -9,7 +9,6 @@ refused has changed nothing."""
 import math
 import os
 import random
-import time
 import unittest
 
 import grpc
@@ -18,8 +17,7 @@ from google.protobuf.descriptor import FieldDescriptor as Field
 
 from palpate.v1 import (device_pb2, pose_pb2, recording_pb2, registration_pb2, render_pb2,
                         series_pb2, volume_pb2)
-from excuse import busy_machine_may_explain
-from support import CALL_S, Client, Daemon, wait_until
+from support import CALL_S, Client, Daemon
 
 MESSAGES = 2000 * int(os.environ.get("PALPATE_TORTURE", "1"))
 SEED = 8
@@ -160,21 +158,17 @@ class FuzzedServices(unittest.TestCase):
         return (client.settings().SerializeToString(deterministic=True),
                 volume.SerializeToString(deterministic=True), recording.running, recording.path)
 
-    def check_finite(self):
-        for field, value in self.client.settings().settings.ListFields():
-            if field.cpp_type == Field.CPPTYPE_DOUBLE:
-                self.assertTrue(math.isfinite(value), field.name)
-
     def test_every_call(self):
         make, call = Maker(SEED, self.daemon.folder), Caller(self.client)
         codes, called = {}, set()
-        state, began = self.state(), self.client.servo()
+        state = self.state()
         for number in range(MESSAGES):
             method = make.method()
-            made = [make.bytes(method.input_type) for _ in range(3 if method.client_streaming else 1)]
+            made = [make.bytes(method.input_type)
+                    for _ in range(3 if method.client_streaming else 1)]
             code, words = call(method, [data for data, _ in made])
             said = f"message {number}, {method.full_name}: {code} {words}; {made!r:.500}"
-            self.assertIsNone(self.daemon.process.poll(), said + "".join(self.daemon.log[-3:]))
+            self.assertIsNone(self.daemon.process.poll(), said + "".join(self.daemon.said[-3:]))
             allowed = ANSWERS if all(whole for _, whole in made) else ANSWERS | MALFORMED
             if code in MALFORMED:
                 self.assertEqual(words, "", said)  # gRPC says so; we would say why
@@ -193,18 +187,15 @@ class FuzzedServices(unittest.TestCase):
         # Refusals by us, and calls that were taken: neither alone would test much.
         self.assertGreater(codes["INVALID_ARGUMENT"], 0.1 * MESSAGES)
         self.assertGreater(codes["OK"], 0.05 * MESSAGES)
-        self.check_served(began)
+        self.check_served()
 
-    def check_served(self, began):
-        self.check_finite()
+    def check_served(self):
+        for field, value in self.client.settings().settings.ListFields():
+            if field.cpp_type == Field.CPPTYPE_DOUBLE:
+                self.assertTrue(math.isfinite(value), field.name)
         with Client(self.daemon, target=f"unix:{self.daemon.socket}") as good:
             self.assertAlmostEqual(good.set_stiffness(0.7).settings.stiffness_n_per_mm, 0.7)
             self.assertEqual(len(good.read_poses(5)), 5)
-        servo = self.client.servo()
-        with busy_machine_may_explain():
-            self.assertLess(servo.missed_ticks - began.missed_ticks,
-                            0.5 * (servo.ticks - began.ticks))
-            self.assertEqual(servo.lost_samples, 0)
         self.assertEqual(self.daemon.end(), 0)
 
 

@@ -1,22 +1,24 @@
-"""README.md and deploy/guides: every command block runs, and every link leads somewhere.
+"""README.md and deploy/guides: every command block runs, and every link leads somewhere; and
+deploy/demo.sh, the README's first command.
 
 A page's blocks run in order, in one shell (```sh) and one Python (```python), in a folder that has
-the files which the pages name: a DICOM folder `scan`, `head.nrrd`, `t*.nrrd`, palpated.toml. A block
-that cannot run here says why on the line above it: <!-- not run: REASON -->."""
+the files which the pages name: a DICOM folder `scan`, `head.nrrd`, `t*.nrrd`, palpated.toml. A
+block that cannot run here says why on the line above it: <!-- not run: REASON -->."""
 
 import concurrent.futures
-import math
 import os
 import pathlib
 import re
 import shutil
 import signal
-import struct
 import subprocess
 import sys
 import tempfile
 import unittest
 
+import numpy as np
+
+from dicom_series import dicom_slice
 from free_port import free_port
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
@@ -78,62 +80,29 @@ def anchors(page):
 
 def ball(size, number=0):
     """Densities of a ball, x fastest, from -1000 outside to 1000 inside."""
-    middle = (size - 1) / 2
-    return [max(-1000, min(1000, int(200 * (size / 3 + number - math.dist((x, y, z), (middle,) * 3)))))
-            for z in range(size) for y in range(size) for x in range(size)]
+    k, j, i = np.indices((size,) * 3) - (size - 1) / 2
+    values = 200 * (size / 3 + number - np.sqrt(i**2 + j**2 + k**2))
+    return values.clip(-1000, 1000).astype("<i2")
 
 
-def write_nrrd(file, values, size):
+def write_nrrd(file, values):
+    size = len(values)
     file.write_bytes(f"NRRD0004\ntype: int16\ndimension: 3\nsizes: {size} {size} {size}\n"
                      "space: left-posterior-superior\nspace directions: (3,0,0) (0,3,0) (0,0,3)\n"
                      "space origin: (-48,-48,-48)\nencoding: raw\nendian: little\n\n"
-                     .encode() + struct.pack(f"<{len(values)}h", *values))
-
-
-def dicom_element(group, number, kind, value):
-    """In the explicit little-endian encoding."""
-    if isinstance(value, str):
-        value = value.encode() + (b"\0" if kind == "UI" else b" ") * (len(value) % 2)
-    elif isinstance(value, int):
-        value = struct.pack("<H", value)
-    long = kind in ("OB", "OW")
-    return (struct.pack("<HH", group, number) + kind.encode() +
-            struct.pack("<HI" if long else "<H", *((0, len(value)) if long else (len(value),))) +
-            value)
-
-
-def write_dicom(folder, values, size):
-    """A CT series: a file for each slice."""
-    folder.mkdir()
-    kind, series = "1.2.840.10008.5.1.4.1.1.2", "1.2.826.0.1.3680043.8.498.1"
-    for z in range(size):
-        name = f"{series}.{z + 1}"
-        elements = [
-            (0x8, 0x16, "UI", kind), (0x8, 0x18, "UI", name), (0x8, 0x60, "CS", "CT"),
-            (0x20, 0xd, "UI", series), (0x20, 0xe, "UI", f"{series}.0"),
-            (0x20, 0x13, "IS", str(z + 1)), (0x20, 0x32, "DS", f"0\\0\\{2 * z}"),
-            (0x20, 0x37, "DS", "1\\0\\0\\0\\1\\0"), (0x28, 0x2, "US", 1),
-            (0x28, 0x4, "CS", "MONOCHROME2"), (0x28, 0x10, "US", size), (0x28, 0x11, "US", size),
-            (0x28, 0x30, "DS", "2\\2"), (0x28, 0x100, "US", 16), (0x28, 0x101, "US", 16),
-            (0x28, 0x102, "US", 15), (0x28, 0x103, "US", 1), (0x28, 0x1052, "DS", "0"),
-            (0x28, 0x1053, "DS", "1"),
-            (0x7fe0, 0x10, "OW", struct.pack(f"<{size * size}h",
-                                             *values[z * size * size:(z + 1) * size * size]))]
-        meta = b"".join(dicom_element(*element) for element in [
-            (0x2, 0x1, "OB", b"\0\1"), (0x2, 0x2, "UI", kind), (0x2, 0x3, "UI", name),
-            (0x2, 0x10, "UI", "1.2.840.10008.1.2.1"), (0x2, 0x12, "UI", "1.2.3")])
-        (folder / f"slice_{z:03}.dcm").write_bytes(
-            bytes(128) + b"DICM" + dicom_element(2, 0, "UL", struct.pack("<I", len(meta))) + meta +
-            b"".join(dicom_element(*element) for element in elements))
+                     .encode() + values.tobytes())
 
 
 def make_files(folder):
     """What the pages call by name."""
     size = 32
-    write_dicom(folder / "scan", ball(size), size)
-    write_nrrd(folder / "head.nrrd", ball(size), size)
+    (folder / "scan").mkdir()
+    for z, values in enumerate(ball(size)):
+        (folder / f"scan/slice_{z:03}.dcm").write_bytes(
+            dicom_slice(z, size, size, values.tobytes()))
+    write_nrrd(folder / "head.nrrd", ball(size))
     for number in range(3):
-        write_nrrd(folder / f"t{number}.nrrd", ball(size, number), size)
+        write_nrrd(folder / f"t{number}.nrrd", ball(size, number))
     shutil.copy(ROOT / "deploy/config/palpated.toml", folder)
 
 
@@ -213,6 +182,24 @@ class Guides(unittest.TestCase):
                     self.assertTrue(target.exists(), "there is no such file")
                     if anchor:
                         self.assertIn(anchor, anchors(target), "there is no such heading")
+
+
+@unittest.skipUnless(PROGRAMS == ROOT / "build/bin", "the demo runs what is in build/")
+class Demo(unittest.TestCase):
+    def test_the_watch_begins_when_the_daemon_serves(self):
+        # Who never sleeps sees the socket before anybody listens on it.
+        with tempfile.TemporaryDirectory(prefix="palpate-demo-test-") as folder:
+            sleep = pathlib.Path(folder) / "sleep"
+            sleep.write_text("#!/bin/sh\n")
+            sleep.chmod(0o755)
+            environment = os.environ | {"PATH": f"{folder}:{os.environ['PATH']}",
+                                        "TMPDIR": folder}
+            for _ in range(3):
+                run = subprocess.run([ROOT / "deploy/demo.sh", "--seconds", "3"], text=True,
+                                     env=environment, capture_output=True, timeout=PATIENCE_S)
+                self.assertEqual(run.returncode, 0, run.stdout + run.stderr)
+                self.assertRegex(run.stdout, r"samples +[1-9]\d*, \d+ dropped")
+            self.assertEqual(os.listdir(folder), ["sleep"])
 
 
 if __name__ == "__main__":

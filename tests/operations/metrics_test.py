@@ -7,8 +7,11 @@ import pathlib
 import re
 import socket
 import subprocess
+import tempfile
+import threading
 import unittest
 
+from palpate.v1 import device_pb2, pose_pb2, recording_pb2
 from support import (CALL_S, PALPATED, Client, Daemon, PoseReader, metric, parse_metrics, scrape,
                      wait_until)
 
@@ -95,30 +98,24 @@ class LiveMetrics(unittest.TestCase):
         self.assertTrue(wait_until(
             lambda: self.value("palpate_ticks_total") >= servo.ticks - lost - 1))
         self.assertLessEqual(self.value("palpate_ticks_total"), self.client.servo().ticks)
-        # About a millisecond each, missed ones aside.
-        _, values = self.scrape()
-        mean_s = (values["palpate_tick_period_seconds_sum"]
-                  / values["palpate_tick_period_seconds_count"])
-        missed = values["palpate_missed_ticks_total"] / values["palpate_ticks_total"]
-        self.assertAlmostEqual(mean_s, 0.001 * (1 + missed), delta=0.0002 * (1 + missed))
 
-    def test_nothing_is_wrong_and_a_force_is_felt(self):
+    def test_forces_show(self):
+        def forces(state):
+            return self.value(f'palpate_forces{{state="{state}"}}') == 1
+
         self.assertTrue(wait_until(lambda: self.value("palpate_contact_ticks_total") > 0))
+        self.assertTrue(wait_until(lambda: forces("on")))
         _, values = self.scrape()
         self.assertEqual(values["palpate_contact_faults_total"], 0)
         self.assertEqual(values["palpate_faulty_ticks_total"], 0)
         self.assertGreater(values["palpate_force_limit_newtons"], 0)
-        self.assertEqual(values['palpate_forces{state="on"}'], 1)
         self.assertEqual(sum(value for key, value in values.items()
                              if key.startswith("palpate_forces{")), 1)
-
-    def test_forces_that_are_stopped_show(self):
-        from palpate.v1 import device_pb2
         self.client.device.StopForces(device_pb2.StopForcesRequest(), timeout=CALL_S)
-        self.assertEqual(self.value('palpate_forces{state="stopped"}'), 1)
+        self.assertTrue(wait_until(lambda: forces("stopped")))
         self.client.device.EnableForces(device_pb2.EnableForcesRequest(device="simulated"),
                                         timeout=CALL_S)
-        self.assertTrue(wait_until(lambda: self.value('palpate_forces{state="on"}') == 1))
+        self.assertTrue(wait_until(lambda: forces("on")))
 
     def test_subscribers_and_the_age_of_what_they_see(self):
         self.assertTrue(wait_until(lambda: self.value("palpate_pose_streams") == 0))
@@ -134,32 +131,32 @@ class LiveMetrics(unittest.TestCase):
         self.assertTrue(wait_until(lambda: self.value("palpate_pose_streams") == 0))
 
     def test_drops_of_one_who_does_not_acknowledge(self):
-        from palpate.v1 import pose_pb2
         before = self.value("palpate_dropped_samples_total")
         first = pose_pb2.StreamPosesRequest()
         first.start.rate_hz = 1000
         first.start.batch = 10
         first.start.max_unacknowledged = 1
-        go = __import__("threading").Event()
+        acknowledges, ends = threading.Event(), threading.Event()
 
         def requests():
             yield first
-            go.wait(CALL_S)
+            acknowledges.wait()
             late = pose_pb2.StreamPosesRequest()
             late.acknowledgement.message_number = 1
             yield late
-            go.clear()
-            go.wait(CALL_S)
+            ends.wait()
+
+        self.addCleanup(ends.set)
+        self.addCleanup(acknowledges.set)
         call = self.client.poses.StreamPoses(requests())
         next(call)
         tick = self.client.servo().ticks
         self.assertTrue(wait_until(lambda: self.client.servo().ticks > tick + 300))
-        go.set()
+        acknowledges.set()
         message = next(call)  # it says how many it lost
         self.assertGreater(message.dropped_samples, 200)
         self.assertEqual(self.value("palpate_dropped_samples_total") - before,
                          message.dropped_samples)
-        go.set()
         call.cancel()
 
     def test_changes_show_their_revision_and_latency(self):
@@ -176,7 +173,6 @@ class LiveMetrics(unittest.TestCase):
             self.assertGreater(values[name + "_sum"], before[name + "_sum"])
 
     def test_a_recording_shows(self):
-        from palpate.v1 import recording_pb2
         self.assertEqual(self.value("palpate_recording"), 0)
         self.client.record(self.daemon.folder / "shown.palrec")
         self.assertEqual(self.value("palpate_recording"), 1)
@@ -215,7 +211,6 @@ class LiveMetrics(unittest.TestCase):
 
 class Addresses(unittest.TestCase):
     def refusal(self, address):
-        import tempfile
         with tempfile.TemporaryDirectory() as folder:
             config = pathlib.Path(folder) / "palpated.toml"
             config.write_text(f'[metrics]\nlisten = "{address}"\n')
@@ -223,24 +218,19 @@ class Addresses(unittest.TestCase):
                 [PALPATED, "--volume", "builtin:sphere:16", "--socket", f"{folder}/s.sock",
                  "--state-folder", "", "--config", str(config)],
                 capture_output=True, text=True, timeout=CALL_S)
-        lines = [line for line in run.stderr.splitlines() if line.startswith("palpated: ")]
-        self.assertEqual(len(lines), 1, run.stderr)
-        self.assertIn("palpated.toml:2: metrics.listen: ", lines[0])
-        return run.returncode, lines[0]
+        line, = (line for line in run.stderr.splitlines() if line.startswith("palpated: "))
+        self.assertIn("palpated.toml:2: metrics.listen: ", line)
+        return run.returncode
 
     def test_others_than_loopback_are_refused(self):
         for address in ("0.0.0.0:9464", "[::]:9464", "192.168.1.1:9464", "example.org:9464"):
-            code, line = self.refusal(address)
-            self.assertEqual(code, 3, line)
-            self.assertIn("only loopback", line)
+            self.assertEqual(self.refusal(address), 3, address)
 
     def test_a_port_in_use_is_one_line(self):
         with socket.socket() as taken:
             taken.bind(("127.0.0.1", 0))
             taken.listen()
-            code, line = self.refusal(f"127.0.0.1:{taken.getsockname()[1]}")
-        self.assertEqual(code, 7, line)
-        self.assertIn("in use", line)
+            self.assertEqual(self.refusal(f"127.0.0.1:{taken.getsockname()[1]}"), 7)
 
     def test_none_unless_asked_for(self):
         with Daemon() as daemon:

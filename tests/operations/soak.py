@@ -16,17 +16,16 @@ import itertools
 import os
 import random
 import statistics
-import struct
 import sys
-import threading
 import time
 
-import grpc
-
 import crash
-from palpate.v1 import (recording_pb2, series_pb2, series_pb2_grpc, volume_stream_pb2)
-from support import (CALL_S, PATIENCE_S, SANITIZED, Client, Daemon, PoseReader, parse_metrics,
-                     scrape)
+import numpy as np
+
+from crowd import VolumeReader, Worker, faults
+from palpate.v1 import recording_pb2, series_pb2, series_pb2_grpc
+from support import (CALL_S, PATIENCE_S, SANITIZED, Client, Daemon, PoseReader, nrrd,
+                     parse_metrics, scrape)
 
 EDGE = 48
 FRAMES = 4
@@ -39,81 +38,10 @@ WARM_UP = 1 / 3
 
 def write_frames(folder):
     """Balls of growing radius."""
+    distance = np.linalg.norm(np.indices((EDGE,) * 3) - (EDGE - 1) / 2, axis=0)
     for frame in range(FRAMES):
-        radius = 14.0 + 2.0 * frame
-        middle = (EDGE - 1) / 2
-        values = [max(0.0, 1.0 - ((x - middle) ** 2 + (y - middle) ** 2 + (z - middle) ** 2) ** 0.5
-                      / (2 * radius))
-                  for z in range(EDGE) for y in range(EDGE) for x in range(EDGE)]
-        (folder / f"t{frame}.nrrd").write_bytes(
-            b"NRRD0004\ntype: float\ndimension: 3\nsizes: %d %d %d\nspacings: 1 1 1\n"
-            b"endian: little\nencoding: raw\n\n" % (EDGE, EDGE, EDGE)
-            + struct.pack(f"<{len(values)}f", *values))
-
-
-class Worker:
-    """Calls one thing at a rate, on a thread, until it is stopped."""
-
-    def __init__(self, name, rate_hz, call):
-        self.name, self.calls, self.error = name, 0, None
-        self._period_s, self._call = 1.0 / rate_hz, call
-        self._stop = threading.Event()
-        self._thread = threading.Thread(target=self._run)
-        self._thread.start()
-
-    def _run(self):
-        next_s = time.monotonic()
-        while not self._stop.is_set():
-            try:
-                self._call()
-                self.calls += 1
-            except Exception as error:  # whatever it is, it is the soak's result
-                self.error = error
-                return
-            next_s = max(next_s + self._period_s, time.monotonic() - 0.2)
-            self._stop.wait(max(0.0, next_s - time.monotonic()))
-
-    def stop(self):
-        self._stop.set()
-        self._thread.join(PATIENCE_S)
-
-
-class VolumeReader:
-    """Follows the voxels, acknowledging what comes."""
-
-    def __init__(self, client):
-        self.messages, self.error, self._stopped = 0, None, False
-        self._take = threading.Semaphore(0)
-        self._call = client.volume.StreamVolume(self._requests())
-        self._thread = threading.Thread(target=self._read)
-        self._thread.start()
-
-    def _requests(self):
-        start = volume_stream_pb2.StreamVolumeRequest()
-        start.start.SetInParent()
-        yield start
-        while True:
-            self._take.acquire()
-            if self._stopped:
-                return
-            request = volume_stream_pb2.StreamVolumeRequest()
-            request.acknowledgement.message_number = self.messages
-            yield request
-
-    def _read(self):
-        try:
-            for message in self._call:
-                self.messages = message.message_number
-                self._take.release()
-        except grpc.RpcError as error:
-            if not self._stopped:
-                self.error = error
-
-    def stop(self):
-        self._stopped = True
-        self._call.cancel()
-        self._take.release()
-        self._thread.join(PATIENCE_S)
+        values = (1.0 - distance / (28.0 + 4.0 * frame)).clip(0.0)
+        (folder / f"t{frame}.nrrd").write_bytes(nrrd(values))
 
 
 class Soak:
@@ -176,8 +104,7 @@ class Soak:
 
     def failures(self):
         """What was wrong, in words; prints the figures."""
-        found = [f"{w.name}: {w.error}" for w in self.workers if w.error]
-        found += [f"a stream: {r.error}" for r in self.readers if r.error]
+        found = faults(self.workers, self.readers)
         found += [f"{w.name}: none" for w in self.workers if not w.calls]
         end_s = self.readings[-1][0]
         warm = [r for r in self.readings if r[0] > WARM_UP * end_s]
@@ -194,12 +121,10 @@ class Soak:
         grown = memory[1] - memory[0]
         print(f"{end_s:.0f} s, {last['palpate_ticks_total']:.0f} ticks, "
               + ", ".join(f"{w.calls} {w.name}" for w in self.workers))
-        print(f"memory {memory[0] / 1e6:.2f} MB, then {grown / 1e6:+.2f} MB; "
-              f"files {files[0]:.0f}, then {files[1]:.0f}; threads {threads[0]}, then {threads[1]}; "
-              f"missed ticks {last['palpate_missed_ticks_total']:.0f}, samples not drained "
-              f"{last['palpate_lost_samples_total']:.0f}, contact faults "
-              f"{last['palpate_contact_faults_total']:.0f}, contact ticks "
-              f"{last['palpate_contact_ticks_total']:.0f}")
+        print(f"memory {memory[0] / 1e6:.2f} MB, then {grown / 1e6:+.2f} MB; files {files[0]:.0f}, "
+              f"then {files[1]:.0f}; threads {threads[0]}, then {threads[1]}; " + ", ".join(
+                  f"{name} {last[f'palpate_{name}_total']:.0f}" for name in
+                  ("missed_ticks", "lost_samples", "contact_faults", "contact_ticks")))
         if grown > max(FLAT * memory[0], SHORT_FLAT_BYTES * (end_s < SHORT_S)) and not SANITIZED:
             found.append(f"memory grew by {grown / memory[0]:.2%}")
         if files[1] > files[0]:
@@ -229,7 +154,7 @@ def main():
         found = soak.failures()
         status = daemon.end()
         if status:
-            found.append(f"palpated ended with {status}: {''.join(daemon.log[-5:])}")
+            found.append(f"palpated ended with {status}: {''.join(daemon.said[-5:])}")
     found += crash.found
     for line in found:
         print(f"FAILED: {line}")

@@ -14,7 +14,7 @@ import zlib
 import numpy as np
 
 import palpate
-from support import Daemon, DaemonTest
+from support import PATIENCE_S, Daemon, DaemonTest
 
 NOTEBOOK = pathlib.Path(__file__).resolve().parents[2] / "client/python/examples/first_steps.ipynb"
 EVIL = "<script>alert(1)</script>&'\""
@@ -124,8 +124,10 @@ class Notebook(unittest.TestCase):
             environment |= {"PALPATE_SOCKET": daemon.socket, "HOME": str(daemon.folder),
                             "JUPYTER_RUNTIME_DIR": str(daemon.folder / "jupyter"),
                             "IPYTHONDIR": str(daemon.folder / "ipython")}
-            nbclient.NotebookClient(notebook, timeout=120, kernel_name="python3").execute(
-                env=environment)
+            client = nbclient.NotebookClient(notebook, timeout=120, kernel_name="python3")
+            # It ends by itself, also where the machine is busy.
+            client.create_kernel_manager().shutdown_wait_time = PATIENCE_S
+            client.execute(env=environment)
         shown = {cell["id"]: [output["data"] for output in cell["outputs"] if "data" in output]
                  for cell in notebook["cells"] if cell["cell_type"] == "code"}
         for name in ("connect", "volume", "poses", "edit"):

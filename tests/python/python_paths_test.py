@@ -1,5 +1,5 @@
-"""Clients that name files which they should not reach, over TLS with a token that may
-load, save and record: nothing gets in or out, and the log has each with its peer."""
+"""Clients that name files which they should not reach: nothing gets in or out, and the log has each
+with its peer. What a path leads to is judged in path_policy_test; here, that every call asks."""
 
 import os
 import pathlib
@@ -9,9 +9,12 @@ import unittest
 
 import grpc
 
+import palpate
+from free_port import free_port
 from palpate.v1 import (recording_pb2, recording_pb2_grpc, series_pb2, series_pb2_grpc, volume_pb2,
                         volume_pb2_grpc)
-from secured import SecuredDaemon, wait_for
+from secured import SecuredDaemon
+from support import CALL_S, Daemon, wait_until
 
 SECRET = bytes(range(1, 65)) * 64
 HEADER = b"NRRD0004\ntype: uchar\ndimension: 3\nsizes: 16 16 16\nspacings: 1 1 1\nencoding: raw\n"
@@ -34,66 +37,116 @@ def tree(folder):
     return state
 
 
-class PathsTest(unittest.TestCase):
+class PathCalls:
+    """The calls that take a path."""
+
+    def __init__(self, channel):
+        self._volume = volume_pb2_grpc.VolumeServiceStub(channel)
+        self._series = series_pb2_grpc.SeriesServiceStub(channel)
+        self._recording = recording_pb2_grpc.RecordingServiceStub(channel)
+        self.loads = {"LoadVolume": self.load, "LoadVolume-raw": self.load_raw,
+                      "LoadSeries": self.load_series, "Replay": self.play}
+        self.saves = {"SaveVolume": self.save, "StartRecording": self.record}
+
+    def felt(self):
+        return self._volume.GetVolume(volume_pb2.GetVolumeRequest(), timeout=CALL_S)
+
+    def load(self, path):
+        request = volume_pb2.LoadVolumeRequest(source=path)
+        if "tif" in path:
+            request.spacing_mm.x = request.spacing_mm.y = request.spacing_mm.z = 1.0
+        return list(self._volume.LoadVolume(request, timeout=CALL_S))
+
+    def raw_request(self, path):
+        """As many bytes as any file of the daemon's has at least."""
+        request = volume_pb2.LoadVolumeRequest(source=path)
+        request.raw.size_x, request.raw.size_y, request.raw.size_z = 2, 2, 10
+        request.raw.type = volume_pb2.VOXEL_TYPE_UINT8
+        return request
+
+    def load_raw(self, path):
+        return list(self._volume.LoadVolume(self.raw_request(path), timeout=CALL_S))
+
+    def load_series(self, path):
+        request = series_pb2.LoadSeriesRequest(sources=[path])
+        request.options.raw.CopyFrom(self.raw_request(path).raw)
+        return list(self._series.LoadSeries(request, timeout=CALL_S))
+
+    def play(self, path):
+        return list(self._recording.Replay(recording_pb2.ReplayRequest(path=path), timeout=CALL_S))
+
+    def save(self, path):
+        return list(self._volume.SaveVolume(
+            volume_pb2.SaveVolumeRequest(path=path, overwrite=True), timeout=CALL_S))
+
+    def record(self, path):
+        return self._recording.StartRecording(
+            recording_pb2.StartRecordingRequest(path=path, overwrite=True), timeout=CALL_S)
+
+    def stop_recording(self):
+        self._recording.StopRecording(recording_pb2.StopRecordingRequest(), timeout=CALL_S)
+
+
+class SecuredTest(unittest.TestCase):
+    """A daemon over TLS, and the calls of one who may load, save and record."""
+
+    REFUSALS = (grpc.StatusCode.PERMISSION_DENIED, grpc.StatusCode.INVALID_ARGUMENT)
+
+    @classmethod
+    def start(cls, volume_section, volume="builtin:sphere:48"):
+        (cls.root / "security").mkdir()
+        cls.daemon = cls.enterClassContext(SecuredDaemon(
+            cls.root / "security", f"[volume]\n{volume_section}\n", volume))
+        channel = cls.daemon.channel(cls.daemon.tokens["operator"])
+        cls.addClassCleanup(channel.close)
+        cls.calls = PathCalls(channel)
+
     @classmethod
     def setUpClass(cls):
         cls.root = pathlib.Path(cls.enterClassContext(
             tempfile.TemporaryDirectory(prefix="palpate-paths-"))).resolve()
-        for name in ("security", "load", "load/deep", "gone", "save", "outside"):
-            (cls.root / name).mkdir()
-        good = HEADER + b"\n" + SECRET
+
+    def refusal(self, ask, path):
+        with self.subTest(call=ask.__name__, path=str(path)[:80]):
+            with self.assertRaises(grpc.RpcError) as refused:
+                ask(str(path))
+            self.assertIn(refused.exception.code(), self.REFUSALS, refused.exception.details())
+            return refused.exception
+
+
+class Outside(SecuredTest):
+    REFUSALS = (*SecuredTest.REFUSALS, grpc.StatusCode.NOT_FOUND)
+
+    @classmethod
+    def setUpClass(cls):
+        super().setUpClass()
+        root = cls.root
+        for name in ("load", "load/deep", "gone", "save", "outside"):
+            (root / name).mkdir()
         for name in ("load/good.nrrd", "outside/secret.nrrd"):
-            (cls.root / name).write_bytes(good)
-        (cls.root / "outside/secret.raw").write_bytes(SECRET)
-        (cls.root / "load/climbs.nhdr").write_bytes(HEADER + b"data file: ../outside/secret.raw\n")
-        (cls.root / "load/absolute.nhdr").write_bytes(
-            HEADER + b"data file: " + os.fsencode(cls.root) + b"/outside/secret.raw\n")
-        for name, leads_to in (("linked", "../outside/secret.raw"), ("kept", "deep/voxels.raw")):
-            (cls.root / f"load/{name}.nhdr").write_bytes(
-                HEADER + b"data file: " + name.encode() + b".raw\n")
-            (cls.root / f"load/{name}.raw").symlink_to(leads_to)
-        (cls.root / "load/deep/voxels.raw").write_bytes(SECRET)
+            (root / name).write_bytes(HEADER + b"\n" + SECRET)
+        for name in ("outside/secret.raw", "load/deep/voxels.raw"):
+            (root / name).write_bytes(SECRET)
+        for name, data_file in (("climbs", "../outside/secret.raw"), ("linked", "linked.raw"),
+                                ("absolute", f"{root}/outside/secret.raw"), ("kept", "kept.raw")):
+            (root / f"load/{name}.nhdr").write_bytes(HEADER + f"data file: {data_file}\n".encode())
+        (root / "load/linked.raw").symlink_to("../outside/secret.raw")
+        (root / "load/kept.raw").symlink_to("deep/voxels.raw")
         for kind, first in (("tif", tiff_slice()), ("dcm", b"")):
-            folder = cls.root / f"load/{kind}"
-            folder.mkdir()
-            (folder / f"slice_1.{kind}").write_bytes(first)
-            (folder / f"slice_2.{kind}").symlink_to("../../outside/secret.raw")
+            (root / f"load/{kind}").mkdir()
+            (root / f"load/{kind}/slice_1.{kind}").write_bytes(first)
+            (root / f"load/{kind}/slice_2.{kind}").symlink_to("../../outside/secret.raw")
         for folder in ("load", "save"):
-            (cls.root / folder / "way_out").symlink_to(cls.root / "outside")
-            (cls.root / folder / "link.nrrd").symlink_to("../outside/secret.nrrd")
-            (cls.root / folder / "zero.nrrd").symlink_to("/dev/zero")
-            (cls.root / folder / "circle.nrrd").symlink_to("circle.nrrd")
-            os.mkfifo(cls.root / folder / "pipe.nrrd")
-        (cls.root / "save/dangling.nrrd").symlink_to(cls.root / "outside/new.nrrd")
-        (cls.root / "save/partial.palrec.partial").symlink_to(cls.root / "outside/secret.raw")
-        cls.daemon = cls.enterClassContext(SecuredDaemon(cls.root / "security", f"""
-[volume]
-load_folders = ["{cls.root}/gone", "{cls.root}/load"]
-save_folders = ["{cls.root}/save"]
-""", str(cls.root / "load/link.nrrd")))  # whoever starts it may lead anywhere
-        # As when a disk is taken away.
-        (cls.root / "gone").rmdir()
-
-    def setUp(self):
-        # An identity of its own, for its own lines in the log.
-        self.name = self.id().rpartition("test_")[2]
-        self.channel = self.daemon.channel(self.daemon.add_token(self.name, "operator"))
-        self.addCleanup(self.channel.close)
-        self.volume = volume_pb2_grpc.VolumeServiceStub(self.channel)
-        self.series = series_pb2_grpc.SeriesServiceStub(self.channel)
-        self.recording = recording_pb2_grpc.RecordingServiceStub(self.channel)
-        wait_for(self.is_known, "the new token")
-        self.before = tree(self.root / "save"), tree(self.root / "outside"), self.felt()
-        self.since = len(self.daemon.said)
-
-    def is_known(self):
-        try:
-            return self.felt() is not None
-        except grpc.RpcError:
-            return False
-
-    def felt(self):
-        return self.volume.GetVolume(volume_pb2.GetVolumeRequest(), timeout=20.0)
+            (root / folder / "way_out").symlink_to(root / "outside")
+            (root / folder / "link.nrrd").symlink_to("../outside/secret.nrrd")
+            (root / folder / "zero.nrrd").symlink_to("/dev/zero")
+            (root / folder / "circle.nrrd").symlink_to("circle.nrrd")
+            os.mkfifo(root / folder / "pipe.nrrd")
+        (root / "save/dangling.nrrd").symlink_to(root / "outside/new.nrrd")
+        # Whoever starts it may lead anywhere.
+        cls.start(f'load_folders = ["{root}/gone", "{root}/load"]\nsave_folders = ["{root}/save"]',
+                  str(root / "load/link.nrrd"))
+        (root / "gone").rmdir()  # as when a disk is taken away
 
     def outside(self, folder):
         """Paths that lead out of the folder, or to no plain file in it."""
@@ -111,126 +164,143 @@ save_folders = ["{cls.root}/save"]
                 "/" + "b" * 3_000_000, f"{inside}/x\nforged: ready on everything",
                 f"{inside}/\x1b[2J\rx"]
 
-    def check_refused(self, what, ask, paths):
-        """Each is refused in one short line, changes nothing, and is logged."""
+    def calls_of(self, name):
+        """Of an identity of its own: how many lines each gets in the log is limited."""
+        channel = self.daemon.channel(self.daemon.add_token(name, "operator"))
+        self.addCleanup(channel.close)
+        calls = PathCalls(channel)
+
+        def is_known():
+            try:
+                return calls.felt() is not None
+            except grpc.RpcError:
+                return False
+
+        self.assertTrue(wait_until(is_known))
+        return calls
+
+    def check_refused(self, method, who, ask, paths):
+        """Each is refused in one short line, and is logged."""
         for path in paths:
-            with self.subTest(path=path[:80]):
-                with self.assertRaises(grpc.RpcError) as refused:
-                    ask(path)
-                self.assertIn(refused.exception.code(), (
-                    grpc.StatusCode.PERMISSION_DENIED, grpc.StatusCode.INVALID_ARGUMENT,
-                    grpc.StatusCode.NOT_FOUND), refused.exception.details())
-                line = refused.exception.details()
-                self.assertTrue(0 < len(line) < 1000 and "\n" not in line, line[:200])
-                # A line that repeats itself is there once.
-                parts = (f"{what} of token {self.name} at ipv4:127.0.0.1:", f"failed: {line}")
-                wait_for(lambda: any(all(part in said for part in parts)
-                                     for said in self.daemon.said[self.since:]), f"{parts}", 20.0)
-        self.assertEqual(tree(self.root / "save"), self.before[0])
-        self.assertEqual(tree(self.root / "outside"), self.before[1])
-        self.assertEqual(self.felt(), self.before[2])
-        said = self.daemon.said[self.since:]
-        self.assertLess(max(map(len, said)), 3000)
-        self.assertFalse([line for line in said if line.startswith("forged") or "\x1b" in line])
+            line = self.refusal(ask, path).details()
+            self.assertTrue(0 < len(line) < 1000 and "\n" not in line, line[:200])
+            # A line that repeats itself is there once.
+            parts = (f"{method} of token {who} at ipv4:127.0.0.1:", f"failed: {line}")
+            self.assertTrue(wait_until(lambda: any(all(part in said for part in parts)
+                                                   for said in self.daemon.said)), parts)
 
-    def load(self, path):
-        request = volume_pb2.LoadVolumeRequest(source=path)
-        if "tif" in path:
-            request.spacing_mm.x = request.spacing_mm.y = request.spacing_mm.z = 1.0
-        return list(self.volume.LoadVolume(request, timeout=60.0))
-
-    def load_raw(self, path):
-        request = volume_pb2.LoadVolumeRequest(source=path)
-        request.raw.size_x = request.raw.size_y = request.raw.size_z = 16
-        request.raw.type = volume_pb2.VOXEL_TYPE_UINT8
-        return list(self.volume.LoadVolume(request, timeout=60.0))
-
-    def save(self, path):
-        return list(self.volume.SaveVolume(
-            volume_pb2.SaveVolumeRequest(path=path, overwrite=True), timeout=60.0))
-
-    def record(self, path):
-        return self.recording.StartRecording(
-            recording_pb2.StartRecordingRequest(path=path, overwrite=True), timeout=60.0)
-
-    def play(self, path):
-        return list(self.recording.Replay(recording_pb2.ReplayRequest(path=path), timeout=60.0))
-
-    def load_series(self, path):
-        return list(self.series.LoadSeries(series_pb2.LoadSeriesRequest(sources=[path]),
-                                           timeout=60.0))
-
-    def test_loads(self):
-        more = [str(self.root / "load" / name) for name in ("climbs.nhdr", "absolute.nhdr")]
-        self.check_refused("LoadVolume", self.load, self.outside("load") + more)
+    def test_every_call_refuses_what_is_outside(self):
+        root, load, save = self.root, self.root / "load", self.root / "save"
+        before = tree(save), tree(root / "outside"), self.calls.felt()
+        more = {"LoadVolume": [f"{load}/climbs.nhdr", f"{load}/absolute.nhdr"],
+                "LoadSeries": [f"{root}/outside/*.nrrd", f"{load}/way_out/*",
+                               f"{load}/../*/secret.nrrd"],
+                "SaveVolume": [str(save), f"{save}/dangling.nrrd"],
+                "StartRecording": [f"{save}/dangling.nrrd"]}
+        for folder, names in (("load", self.calls.loads), ("save", self.calls.saves)):
+            for name in names:
+                for who, paths in ((f"{name}-outside", self.outside(folder) + more.get(name, [])),
+                                   (f"{name}-odd", self.odd(folder))):
+                    calls = self.calls_of(who)
+                    self.check_refused(name.partition("-")[0], who,
+                                       {**calls.loads, **calls.saves}[name], paths)
+        self.assertEqual((tree(save), tree(root / "outside"), self.calls.felt()), before)
+        self.assertLess(max(map(len, self.daemon.said)), 3000)
+        self.assertFalse([line for line in self.daemon.said
+                          if line.startswith("forged") or "\x1b" in line])
 
     def test_links_beside_what_is_loaded(self):
         # The source may be loaded; what it leads to may not.
-        load = self.root / "load"
-        for source, link in ((load / "linked.nhdr", "linked.raw"), (load / "tif", "slice_2.tif"),
-                             (load / "tif/slice_1.tif", "slice_2.tif"),
-                             (load / "dcm", "slice_2.dcm")):
-            self.check_refused("LoadVolume", self.load, [str(source)])
-            with self.assertRaises(grpc.RpcError) as refused:
-                self.load(str(source))
-            self.assertEqual(refused.exception.code(), grpc.StatusCode.PERMISSION_DENIED, source)
-            self.assertIn(f"{link} is a link", refused.exception.details())
-            self.assertIn("volume.load_folders", refused.exception.details())
-
-    def test_odd_loads(self):
-        self.check_refused("LoadVolume", self.load, self.odd("load"))
-
-    def test_raw_loads(self):
-        self.check_refused("LoadVolume", self.load_raw, self.outside("load"))
-
-    def test_saves(self):
-        more = [str(self.root / "save"), str(self.root / "save/dangling.nrrd")]
-        self.check_refused("SaveVolume", self.save, self.outside("save") + more)
-
-    def test_odd_saves(self):
-        self.check_refused("SaveVolume", self.save, self.odd("save"))
-
-    def test_recordings(self):
-        more = [str(self.root / "save/dangling.nrrd")]
-        self.check_refused("StartRecording", self.record, self.outside("save") + more)
+        for source, link in (("linked.nhdr", "linked.raw"), ("tif", "slice_2.tif"),
+                             ("tif/slice_1.tif", "slice_2.tif"), ("dcm", "slice_2.dcm")):
+            refusal = self.refusal(self.calls.load, self.root / "load" / source)
+            self.assertEqual(refusal.code(), grpc.StatusCode.PERMISSION_DENIED, source)
+            for named in (link, "volume.load_folders"):
+                self.assertIn(named, refusal.details())
 
     def test_what_lies_beside_a_recording_is_not_opened(self):
         # Under the name that unfinished files had once: a link, and a pipe that nobody reads.
-        save = self.root / "save"
-        secret = (self.root / "outside/secret.raw").read_bytes()
+        save, secret = self.root / "save", self.root / "outside/secret.raw"
+        (save / "link.palrec.partial").symlink_to(secret)
         os.mkfifo(save / "pipe.palrec.partial")
-        for name in ("partial.palrec", "pipe.palrec"):
-            self.record(str(save / name))
-            self.recording.StopRecording(recording_pb2.StopRecordingRequest(), timeout=20.0)
+        for name in ("link.palrec", "pipe.palrec"):
+            self.calls.record(str(save / name))
+            self.calls.stop_recording()
             self.assertGreater((save / name).stat().st_size, 0)
-            (save / name).unlink()
-        self.assertEqual((self.root / "outside/secret.raw").read_bytes(), secret)
-        (save / "pipe.palrec.partial").unlink()
-
-    def test_odd_recordings(self):
-        self.check_refused("StartRecording", self.record, self.odd("save"))
-
-    def test_replays(self):
-        self.check_refused("Replay", self.play, self.outside("load"))
-
-    def test_odd_replays(self):
-        self.check_refused("Replay", self.play, self.odd("load"))
-
-    def test_series(self):
-        more = [f"{self.root}/outside/*.nrrd", f"{self.root}/load/way_out/*",
-                f"{self.root}/load/../*/secret.nrrd"]
-        self.check_refused("LoadSeries", self.load_series, self.outside("load") + more)
-
-    def test_odd_series(self):
-        stars = [path + "*" for path in self.odd("load")]
-        self.check_refused("LoadSeries", self.load_series, self.odd("load") + stars)
+        self.assertEqual(secret.read_bytes(), SECRET)
 
     def test_what_may_be_loaded_and_saved_still_may(self):
-        self.load(str(self.root / "load/deep/../good.nrrd"))
-        # A link that stays below the folder.
-        self.load(str(self.root / "load/kept.nhdr"))
-        self.save(str(self.root / "save/ours.vdb"))
-        (self.root / "save/ours.vdb").unlink()
+        self.calls.load(str(self.root / "load/deep/../good.nrrd"))
+        self.calls.load(str(self.root / "load/kept.nhdr"))  # a link that stays below the folder
+        self.calls.save(str(self.root / "save/ours.vdb"))
+
+
+class OwnFiles(SecuredTest):
+    """The daemon's own files, whatever its lists allow, and by whatever name."""
+
+    @classmethod
+    def setUpClass(cls):
+        super().setUpClass()
+        cls.start('load_folders = ["/"]\nsave_folders = ["/"]')
+        daemon, pid = cls.daemon, cls.daemon.process.pid
+        state = daemon.folder / "state"
+        # Its session comes a moment after its start.
+        if not wait_until(lambda: list(state.rglob("*.toml"))):
+            raise AssertionError("no session is stored")
+        lasting = [daemon.key, daemon.certificate, daemon.token_file, daemon.config,
+                   daemon.authority.ca]
+        cls.own = [*lasting, pathlib.Path(daemon.socket + ".tls/pair.pem"), *state.rglob("*.toml")]
+        cls.lasting = {path: path.read_bytes() for path in lasting}
+        cls.names = list(cls.own)
+        for number, path in enumerate(cls.own):
+            name = cls.root / f"other-{number}.raw"
+            # palpated makes the others anew now and then: a hard link would be to an old one.
+            os.link(path, name) if path in lasting else name.symlink_to(path)
+            header = cls.root / f"detached-{number}.nhdr"
+            header.write_text("NRRD0004\ntype: uchar\ndimension: 3\nsizes: 2 2 10\n"
+                              f"spacings: 1 1 1\nencoding: raw\ndata file: {name.name}\n")
+            cls.names += [name, header]
+        cls.names += [f"/proc/{name}" for name in (
+            "self/environ", f"{pid}/environ", f"{pid}/cmdline", f"{pid}/maps", "version",
+            f"{pid}/root{daemon.key}")]
+        cls.names += [f"/proc/{pid}/fd/{fd}" for fd in os.listdir(f"/proc/{pid}/fd")
+                      if os.readlink(f"/proc/{pid}/fd/{fd}").startswith("/")]
+
+    def test_they_are_not_loaded(self):
+        for name in self.names:
+            is_header = str(name).endswith(".nhdr")
+            asks = [self.calls.load] if is_header else self.calls.loads.values()
+            for ask in asks:
+                self.assertNotIn("bytes", self.refusal(ask, name).details())
+
+    def test_they_are_not_written_over(self):
+        for name in [*self.own, self.daemon.folder / "state/sessions/new.nrrd"]:
+            for ask in self.calls.saves.values():
+                self.refusal(ask, name)
+        for path, content in self.lasting.items():
+            self.assertEqual(path.read_bytes(), content, path)
+
+
+class Defaults(unittest.TestCase):
+    def test_clients_reach_the_folder_that_it_was_started_in_and_loopback_only_watches(self):
+        root = pathlib.Path(self.enterContext(tempfile.TemporaryDirectory(prefix="palpate-own-")))
+        (root / "palpated.toml").write_text("")
+        (root / "outside.nrrd").write_bytes(HEADER + b"\n" + SECRET)
+        daemon = self.enterContext(Daemon(listen=f"127.0.0.1:{free_port()}",
+                                          more=["--config", str(root / "palpated.toml")]))
+        inside = daemon.folder / "inside.nrrd"
+        inside.write_bytes(HEADER + b"\n" + SECRET)
+        with palpate.connect(daemon.socket) as conn:
+            conn.volume.load(inside)
+            for load in (conn.volume.load, conn.recording.start):
+                with self.assertRaisesRegex(palpate.PermissionDenied, str(daemon.folder)):
+                    load(str(root / "outside.nrrd"))
+        with palpate.connect(f"127.0.0.1:{daemon.port}") as conn:
+            next(iter(conn.poses()))
+            with self.assertRaisesRegex(palpate.PermissionDenied, "editor"):
+                conn.settings.stiffness_n_per_mm = 0.1
+            with self.assertRaisesRegex(palpate.PermissionDenied, "operator"):
+                conn.volume.load(inside)
 
 
 if __name__ == "__main__":

@@ -1,14 +1,11 @@
-"""Recordings are read as they were written: every tick, marker, setting and voxel; and of damaged
+"""Recordings are read as they were written: ticks, markers, settings and voxels; and of damaged
 ones what is whole."""
 
-import csv
-import io
 import os
 import pathlib
 import random
 import shutil
 import struct
-import subprocess
 import sys
 import tempfile
 import unittest
@@ -22,9 +19,6 @@ from support import Daemon
 
 sys.path.append(str(pathlib.Path(__file__).parents[1] / "fuzz"))
 import corpus_recordings  # noqa: E402
-
-PALPATE_LAB = os.environ["PALPATE_LAB"]
-AXES = ("x", "y", "z")
 
 
 def record(daemon, conn, path):
@@ -59,7 +53,7 @@ def record(daemon, conn, path):
     conn.settings.isovalue = 0.25
     now()
     for _ in range(3):
-        next(conn.poses(1000, 256))
+        expected["poses"] = next(conn.poses(1000, 256))
     expected["state"] = conn.recording.stop()
     return expected
 
@@ -91,49 +85,7 @@ class Recorded(RecordingTest):
         self.assertGreater(recording.created_unix_ns, 1_600_000_000 * 10**9)
         self.assertIn(f"{state.ticks} ticks", repr(recording))
 
-    def test_every_tick_is_that_of_the_table(self):
-        said = subprocess.run([PALPATE_LAB, "export", self.path], check=True, text=True,
-                              capture_output=True).stdout
-        rows = list(csv.DictReader(io.StringIO(said)))
-        ticks = self.recording.ticks
-        self.assertEqual(len(rows), len(ticks))
-        compared = {"markers"}
-
-        def column(name, kind=float):
-            compared.add(name)
-            return np.array([kind(row[name]) for row in rows])
-
-        for name in ("tick", "time_ns", "buttons", "scene_revision", "settings_revision",
-                     "volume_revision", "update_ns", "iterations", "missed_ticks", "capped_ticks",
-                     "faulty_ticks"):
-            np.testing.assert_array_equal(getattr(ticks, name), column(name, int), name)
-        for name in ("density", "isovalue", "force_limit_n"):
-            np.testing.assert_array_equal(getattr(ticks, name), column(name), name)
-        for name in ("contact", "input_rejected", "docked", "calibrated"):
-            np.testing.assert_array_equal(getattr(ticks, name), column(name, int) == 1, name)
-        for name, kind in (("mode", palpate.ProxyMode), ("free_side", palpate.FreeSide),
-                           ("force_state", palpate.ForceState),
-                           ("force_reason", palpate.ForceReason),
-                           ("force_command", palpate.ForceCommand),
-                           ("device_status", palpate.DeviceStatus)):
-            self.assertEqual([str(kind(n)) for n in getattr(ticks, name)],
-                             column(name, str).tolist(), name)
-        has_v = column("has_scp_v", int) == 1
-        for name, stem, unit, there in (
-                ("hip_mm", "hip", "_mm", True), ("scp_h_mm", "scp_h", "_mm", True),
-                ("force_n", "force", "_n", True), ("scp_v_mm", "scp_v", "_mm", has_v),
-                ("scp_h_normal", "scp_h_normal", "", ticks.contact),
-                ("scp_v_normal", "scp_v_normal", "", has_v)):
-            expected = np.stack([column(f"{stem}_{axis}{unit}") for axis in AXES], axis=1)
-            expected[~(there | np.zeros(len(ticks), bool))] = np.nan
-            np.testing.assert_array_equal(getattr(ticks, name), expected, name)
-        np.testing.assert_array_equal(
-            ticks.stylus_orientation,
-            np.stack([column(f"stylus_{part}") for part in "wxyz"], axis=1))
-        self.assertEqual(compared, set(rows[0]))
-        self.assertTrue(ticks.contact.any() and has_v.any())
-
-    def test_names_are_those_of_poses(self):
+    def test_names_and_values_are_those_of_poses(self):
         for name, array in vars(self.recording.ticks).items():
             self.assertEqual(len(array), len(self.recording.ticks), name)
         shared = set(palpate.Poses.__dataclass_fields__) - {"sent_time_ns", "dropped_samples"}
@@ -141,15 +93,20 @@ class Recorded(RecordingTest):
         for name in shared:
             self.assertEqual(palpate.Poses.__annotations__[name],
                              palpate.RecordedTicks.__annotations__[name], name)
+        # python_tables_test compares all that is recorded.
+        ticks, poses = self.recording.ticks, self.expected["poses"]
+        _, at, streamed = np.intersect1d(ticks.tick, poses.tick, return_indices=True)
+        self.assertGreater(len(at), 0)
+        for name in shared:
+            np.testing.assert_array_equal(getattr(ticks, name)[at],
+                                          getattr(poses, name)[streamed], name)
 
     def test_markers(self):
         text, time_ns = self.expected["marker"]
         marker, = self.recording.markers
         self.assertEqual((marker.text, marker.time_ns), (text, time_ns))
-        ticks = self.recording.ticks
-        # The recorder has the samples of a tick a little later than the tick was.
-        first = ticks.tick[np.searchsorted(ticks.time_ns, time_ns)]
-        self.assertLess(abs(int(first) - marker.tick), 200)
+        self.assertIn(marker.tick, self.recording.ticks.tick)
+        self.assertLessEqual(marker.tick, self.expected["settings"][1][1])
 
     def test_settings_of_each_state(self):
         for settings, tick in self.expected["settings"]:
@@ -201,40 +158,32 @@ class Damage(RecordingTest):
                          [m.text for m in self.recording.markers][:len(recording.markers)])
         self.assertLessEqual(len(recording.scenes), len(self.recording.scenes))
 
-    def test_a_file_that_is_cut(self):
-        data = self.path.read_bytes()
-        places = {*range(80), *range(len(data) - 60, len(data)),
-                  *random.Random(2).sample(range(len(data)), 80)}
+    def test_what_is_whole_before_the_damage_is_read(self):
+        data, choose = self.path.read_bytes(), random.Random(2)
         lengths = set()
-        for place in sorted(places):
+        for place in {*range(80), *range(len(data) - 60, len(data)),
+                      *choose.sample(range(len(data)), 80)}:
             recording = self.opened(data[:place])
             self.assertEqual(recording is None, place < 24 + len(self.recording.program) + 8)
             if recording:
                 self.check_prefix(recording)
                 lengths.add(len(recording.ticks))
         self.assertGreater(len(lengths), 2)
-
-    def test_a_byte_that_is_another(self):
-        data = self.path.read_bytes()
-        for place in [*range(40), *random.Random(3).sample(range(len(data)), 60)]:
+        for place in [*range(40), *choose.sample(range(len(data)), 60)]:
             changed = bytearray(data)
             changed[place] ^= 1 << place % 8
-            recording = self.opened(changed)
-            if recording:
+            if recording := self.opened(changed):
                 self.check_prefix(recording)
-
-    def test_more_behind_the_end(self):
-        data = self.path.read_bytes()
         for more in (b"x", data[60:]):
             self.check_prefix(self.opened(data + more))
 
     def test_what_is_no_recording(self):
         for data in (b"", b"PNG", b"\x89PLPREC\n", os.urandom(1000)):
             self.assertIsNone(self.opened(data))
-        with self.assertRaisesRegex(palpate.NotFound, "there is no file"):
-            palpate.open_recording(self.folder / "none.palrec")
-        for path in (self.folder, "/dev/null"):
-            with self.assertRaisesRegex(palpate.InvalidArgument, "is no file"):
+        for path, error in ((self.folder / "none.palrec", palpate.NotFound),
+                            (self.folder, palpate.InvalidArgument),
+                            ("/dev/null", palpate.InvalidArgument)):
+            with self.assertRaisesRegex(error, str(path)):
                 palpate.open_recording(path)
 
 
@@ -270,13 +219,7 @@ class Made(unittest.TestCase):
                 for cut in range(0, len(payload), max(1, len(payload) // 40)):
                     self.opened(framed((kind, payload[:cut])))
 
-    def test_random_bytes_of_each_kind(self):
-        choose = random.Random(5)
-        for kind in range(1, 9):
-            for _ in range(40):
-                self.opened(framed((kind, choose.randbytes(choose.randrange(300)))))
-
-    def test_changed_bytes_in_chunks_whose_checksums_fit(self):
+    def test_changed_and_random_bytes_in_chunks_whose_checksums_fit(self):
         choose = random.Random(7)
         known = list(corpus_recordings.chunks().values())
 
@@ -287,17 +230,17 @@ class Made(unittest.TestCase):
                 "<3dBB3i2dB", 0.05, 3.3, 0.001, 1, choose.randrange(2), *shape, 0.0, 1.0,
                 choose.randrange(2))
 
+        def chunk():
+            kind, payload = choose.choice((
+                scene, lambda: (3, corpus_recordings.edit(tick=0)), lambda: choose.choice(known),
+                lambda: (choose.randrange(1, 9), choose.randbytes(choose.randrange(300)))))()
+            payload = bytearray(payload)
+            for _ in range(choose.choice((0, 0, 1, 3)) if payload else 0):
+                payload[choose.randrange(len(payload))] = choose.randrange(256)
+            return kind, bytes(payload)
+
         for _ in range(400):
-            chunks = []
-            for _ in range(choose.randrange(1, 6)):
-                kind, payload = choose.choice((scene, lambda: (3, corpus_recordings.edit(tick=0)),
-                                               lambda: choose.choice(known)))()
-                payload = bytearray(payload)
-                for _ in range(choose.choice((0, 0, 1, 3))):
-                    if payload:
-                        payload[choose.randrange(len(payload))] = choose.randrange(256)
-                chunks.append((kind, bytes(payload)))
-            recording = self.opened(framed(*chunks))
+            recording = self.opened(framed(*(chunk() for _ in range(choose.randrange(1, 6)))))
             for edit in recording.edits:
                 edit.voxels()
             for scene_read in recording.scenes:

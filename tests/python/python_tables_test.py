@@ -1,4 +1,4 @@
-"""Ticks as tables of pandas, and ticks and volumes as xarray has them."""
+"""Ticks as palpate-lab exports them; as tables of pandas; ticks and volumes as xarray has them."""
 
 import csv
 import io
@@ -10,6 +10,7 @@ import unittest.mock
 import numpy as np
 
 import palpate
+from python_recording_test import RecordingTest
 from support import DaemonTest, pattern
 
 try:
@@ -20,6 +21,54 @@ try:
     import xarray
 except ImportError:
     xarray = None
+
+
+def exported(path):
+    """The rows of the command line's table."""
+    said = subprocess.run([os.environ["PALPATE_LAB"], "export", path], check=True, text=True,
+                          capture_output=True).stdout
+    return list(csv.DictReader(io.StringIO(said)))
+
+
+class Ticks(RecordingTest):
+    def test_every_tick_is_that_of_the_table(self):
+        rows, ticks = exported(self.path), self.recording.ticks
+        self.assertEqual(len(rows), len(ticks))
+        compared = {"markers"}
+
+        def column(name, kind=float):
+            compared.add(name)
+            return np.array([kind(row[name]) for row in rows])
+
+        for name in ("tick", "time_ns", "buttons", "scene_revision", "settings_revision",
+                     "volume_revision", "update_ns", "iterations", "missed_ticks", "capped_ticks",
+                     "faulty_ticks"):
+            np.testing.assert_array_equal(getattr(ticks, name), column(name, int), name)
+        for name in ("density", "isovalue", "force_limit_n"):
+            np.testing.assert_array_equal(getattr(ticks, name), column(name), name)
+        for name in ("contact", "input_rejected", "docked", "calibrated"):
+            np.testing.assert_array_equal(getattr(ticks, name), column(name, int) == 1, name)
+        for name, kind in (("mode", palpate.ProxyMode), ("free_side", palpate.FreeSide),
+                           ("force_state", palpate.ForceState),
+                           ("force_reason", palpate.ForceReason),
+                           ("force_command", palpate.ForceCommand),
+                           ("device_status", palpate.DeviceStatus)):
+            self.assertEqual([str(kind(n)) for n in getattr(ticks, name)],
+                             column(name, str).tolist(), name)
+        has_v = column("has_scp_v", int) == 1
+        for name, stem, unit, there in (
+                ("hip_mm", "hip", "_mm", True), ("scp_h_mm", "scp_h", "_mm", True),
+                ("force_n", "force", "_n", True), ("scp_v_mm", "scp_v", "_mm", has_v),
+                ("scp_h_normal", "scp_h_normal", "", ticks.contact),
+                ("scp_v_normal", "scp_v_normal", "", has_v)):
+            expected = np.stack([column(f"{stem}_{axis}{unit}") for axis in "xyz"], axis=1)
+            expected[~(there | np.zeros(len(ticks), bool))] = np.nan
+            np.testing.assert_array_equal(getattr(ticks, name), expected, name)
+        np.testing.assert_array_equal(
+            ticks.stylus_orientation,
+            np.stack([column(f"stylus_{part}") for part in "wxyz"], axis=1))
+        self.assertEqual(compared, set(rows[0]))
+        self.assertTrue(ticks.contact.any() and has_v.any())
 
 
 class Tables(DaemonTest):
@@ -35,9 +84,7 @@ class Tables(DaemonTest):
     @unittest.skipUnless(pandas, "pandas is not installed")
     def test_pandas_has_the_columns_of_the_command_line(self):
         frame = self.recording.ticks.to_pandas()
-        said = subprocess.run([os.environ["PALPATE_LAB"], "export", self.path], check=True,
-                              text=True, capture_output=True).stdout
-        rows = list(csv.DictReader(io.StringIO(said)))
+        rows = exported(self.path)
         self.assertEqual({*frame.columns, "tick"}, set(rows[0]) - {"has_scp_v", "markers"})
         self.assertEqual(frame.index.tolist(), [int(row["tick"]) for row in rows])
         for name in ("mode", "force_state", "device_status"):

@@ -1,4 +1,4 @@
-"""Programs under test that crash or do not end: they fail the run, and nothing excuses them.
+"""Programs under test that crash or do not end: they fail the run.
 
 Importing this watches every subprocess, also those of subprocess.run. What they do wrong is printed
 and kept in `found`; run_tests.py fails where there is any.
@@ -12,7 +12,7 @@ found = []
 
 
 class BadEnd(AssertionError):
-    """Of a program; never excused (excuse.py)."""
+    """Of a program."""
 
 
 def report(fault):

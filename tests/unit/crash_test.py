@@ -2,10 +2,12 @@
 
 import contextlib
 import io
+import os
 import pathlib
 import signal
 import subprocess
 import sys
+import tempfile
 import unittest
 
 sys.path.insert(0, str(pathlib.Path(__file__).parents[1] / "support"))
@@ -83,6 +85,18 @@ class Crash(unittest.TestCase):
         deaf.terminate()
         with self.assertRaises(AssertionError):
             end_in_order(deaf, 60.0, [])
+
+    def test_a_crash_fails_a_run_whose_tests_pass(self):
+        support = str(pathlib.Path(__file__).parents[1] / "support")
+        for command, status in (("kill -SEGV $$", 1), ("exit 3", 0)):
+            with tempfile.TemporaryDirectory() as folder:
+                pathlib.Path(folder, "it_test.py").write_text(
+                    "import subprocess, unittest\nclass It(unittest.TestCase):\n"
+                    f"    def test_it(self): subprocess.run({command!r}, shell=True)\n")
+                run = subprocess.run([sys.executable, "-m", "run_tests", "it_test"], cwd=folder,
+                                     env={**os.environ, "PYTHONPATH": support}, text=True,
+                                     capture_output=True, check=False)
+            self.assertEqual(run.returncode, status, run.stdout + run.stderr)
 
     def test_any_other_end_is_none(self):
         def sent(number):

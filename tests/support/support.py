@@ -1,4 +1,4 @@
-"""A palpated of a test's own, its metrics and processes, and plain clients."""
+"""What Python tests share: a palpated of their own, plain clients, its metrics, and volumes."""
 
 import os
 import pathlib
@@ -8,25 +8,29 @@ import subprocess
 import tempfile
 import threading
 import time
+import unittest
 import urllib.request
 
 import grpc
+import numpy as np
 
-from palpate.v1 import (device_pb2, device_pb2_grpc, edit_pb2, pose_pb2, pose_pb2_grpc, recording_pb2,
-                        recording_pb2_grpc, render_pb2, render_pb2_grpc, volume_pb2,
+import palpate
+from palpate.v1 import (device_pb2, device_pb2_grpc, edit_pb2, pose_pb2, pose_pb2_grpc,
+                        recording_pb2, recording_pb2_grpc, render_pb2, render_pb2_grpc,
                         volume_pb2_grpc)
 
 from crash import end_in_order
 from free_port import free_port
 
 PALPATED = os.environ["PALPATED"]
+PALPATE = os.environ.get("PALPATE", "")
 # AddressSanitizer keeps what was freed for a while: its builds say nothing about memory.
 SANITIZED = "PALPATE_SANITIZED" in os.environ
 PATIENCE_S = 120.0
-CALL_S = 30.0
+CALL_S = 60.0
 
 
-def wait_until(holds, seconds=60.0):
+def wait_until(holds, seconds=PATIENCE_S):
     """Whether it held within that time."""
     end = time.monotonic() + seconds
     while not holds():
@@ -37,56 +41,75 @@ def wait_until(holds, seconds=60.0):
 
 
 class Daemon:
-    """Runs until end() or the end of a `with` block. `config`: more lines of TOML, by
-    section; `wrapper`: a command that runs it; the process is the wrapper's then."""
+    """Runs until end() or the end of a `with` block.
 
-    def __init__(self, volume="builtin:sphere:48", config=None, wrapper=(), listen=False,
+    listen: an address, or True for a port of this machine whose clients are operators.
+    more: more arguments. config: more lines of TOML by section; without `--config` in `more`,
+    clients load from everywhere and save to the daemon's folder. wrapper: a command that runs
+    the daemon; `process` is the wrapper's then."""
+
+    def __init__(self, volume="builtin:sphere:48", listen=None, more=(), config=None, wrapper=(),
                  metrics=False, folder=None, state=None):
-        self._temporary = tempfile.TemporaryDirectory(prefix="palpate-operations-")
+        self._temporary = tempfile.TemporaryDirectory(prefix="palpate-test-")
         self.folder = pathlib.Path(folder or self._temporary.name)
         self.socket = str(self.folder / "palpated.sock")
-        self.port = free_port() if listen else None
         self.metrics_port = free_port() if metrics else None
-        sections = {"volume": []}
-        for key, default in (("save_folders", self.folder), ("load_folders", "/")):
-            if not any(key in line for line in (config or {}).get("volume", ())):
-                sections["volume"].append(f'{key} = ["{default}"]')
-        for section, lines in (config or {}).items():
-            sections.setdefault(section, []).extend(lines)
-        if listen:
+        sections = {name: list(lines) for name, lines in (config or {}).items()}
+        if listen is True:
+            listen = f"127.0.0.1:{free_port()}"
             sections.setdefault("server", []).append('loopback_role = "operator"')
         if metrics:
             sections["metrics"] = [f'listen = "127.0.0.1:{self.metrics_port}"']
-        text = "".join(f"[{name}]\n" + "\n".join(lines) + "\n" for name, lines in sections.items())
-        (self.folder / "palpated.toml").write_text(text)
         self.command = [*wrapper, PALPATED, "--volume", str(volume), "--socket", self.socket,
-                        "--config", str(self.folder / "palpated.toml"),
-                        "--state-folder", str(state or self.folder / "state")]
+                        "--state-folder", str(state or self.folder / "state"), *more]
         if listen:
-            self.command += ["--listen", f"127.0.0.1:{self.port}"]
-        self.log = []
+            self.port = int(listen.rpartition(":")[2])
+            self.command += ["--listen", listen]
+        if "--config" not in more:
+            self.command += ["--config", str(self._write_config(sections))]
         self.start()
+
+    def _write_config(self, sections):
+        for key, default in (("save_folders", self.folder), ("load_folders", "/")):
+            lines = sections.setdefault("volume", [])
+            if not any(key in line for line in lines):
+                lines.append(f'{key} = ["{default}"]')
+        path = self.folder / "palpated.toml"
+        path.write_text("".join(f"[{name}]\n" + "\n".join(lines) + "\n"
+                                for name, lines in sections.items()))
+        return path
 
     def start(self):
         """Starts it, again after end(), and waits until it is ready."""
         self.process = subprocess.Popen(self.command, cwd=self.folder, stdout=subprocess.DEVNULL,
                                         stderr=subprocess.PIPE, text=True)
+        said = self.said = []
         ready = threading.Event()
-        log = self.log = []
 
         def read(lines):
             # To the end: a daemon whose log nobody reads stands still.
             for line in lines:
-                log.append(line)
+                said.append(line)
                 if "ready on" in line:
                     ready.set()
             ready.set()
 
         self._reader = threading.Thread(target=read, args=(self.process.stderr,), daemon=True)
         self._reader.start()
-        if not ready.wait(PATIENCE_S) or not any("ready on" in line for line in log):
+        if not ready.wait(PATIENCE_S) or not any("ready on" in line for line in said):
             self.end(signal.SIGKILL)
-            raise RuntimeError("palpated did not start: " + "".join(log))
+            raise RuntimeError("palpated did not start: " + "".join(said))
+
+    def stand_still(self):
+        """Until SIGCONT. The signal is there before the last thread has stopped."""
+        self.process.send_signal(signal.SIGSTOP)
+        tasks = pathlib.Path(f"/proc/{self.process.pid}/task")
+
+        def stands():
+            return all(stat.read_text().rpartition(")")[2].split()[0] == "T"
+                       for stat in tasks.glob("*/stat"))
+        if not wait_until(stands):
+            raise RuntimeError("palpated does not stop")
 
     def end(self, number=signal.SIGTERM):
         """The exit status."""
@@ -98,7 +121,7 @@ class Daemon:
             self._reader.join(PATIENCE_S)
             self.process.stderr.close()
 
-        return end_in_order(self.process, PATIENCE_S, self.log, close)
+        return end_in_order(self.process, PATIENCE_S, self.said, close)
 
     @property
     def pid(self):
@@ -117,12 +140,26 @@ class Daemon:
     def threads(self):
         return len(os.listdir(f"/proc/{self.pid}/task"))
 
+    def connect(self):
+        return palpate.connect(self.socket)
+
     def __enter__(self):
         return self
 
     def __exit__(self, *_):
         self.end()
         self._temporary.cleanup()
+
+
+class DaemonTest(unittest.TestCase):
+    """One daemon and one connection for all tests of a class."""
+
+    volume = "builtin:sphere:48"
+
+    @classmethod
+    def setUpClass(cls):
+        cls.daemon = cls.enterClassContext(Daemon(cls.volume))
+        cls.conn = cls.enterClassContext(cls.daemon.connect())
 
 
 class Client:
@@ -249,43 +286,34 @@ def scrape(port):
         return answer.read().decode()
 
 
-_SAMPLE = re.compile(r"^([a-zA-Z_:][a-zA-Z0-9_:]*)"
-                     r"(\{(?:[a-zA-Z_][a-zA-Z0-9_]*=\"(?:[^\"\\\n]|\\[\\n\"])*\",?)*\})? "
-                     r"([-+]?(?:\d+(?:\.\d*)?(?:[eE][-+]?\d+)?|Inf)|N[aA][nN])( \d+)?$")  # Go, too, takes Nan
-
-
 def parse_metrics(text):
-    """({name: (type, help)}, {name with labels: value}). Strict: ValueError for anything
-    that is not in the format, or out of order."""
-    families, values, current = {}, {}, None
-    for line in text.splitlines():
-        if line.startswith("# HELP "):
-            name, _, words = line[7:].partition(" ")
-            if name in families or not words:
-                raise ValueError(f"HELP twice or empty: {line}")
-            families[name], current = ("", words), name
-        elif line.startswith("# TYPE "):
-            name, kind = line[7:].split(" ")
-            if name != current or families[name][0]:
-                raise ValueError(f"TYPE out of place: {line}")
-            if kind not in ("counter", "gauge", "histogram", "summary"):
-                raise ValueError(f"unknown type: {line}")
-            families[name] = (kind, families[name][1])
-        else:
-            match = _SAMPLE.match(line)
-            if not match:
-                raise ValueError(f"no sample: {line!r}")
-            base = match[1]
-            if families[current][0] in ("histogram", "summary"):
-                base = re.sub(r"_(bucket|sum|count)$", "", base)
-            if base != current:
-                raise ValueError(f"a sample outside of its family: {line}")
-            key = match[1] + (match[2] or "")
-            if key in values:
-                raise ValueError(f"twice: {line}")
-            values[key] = float(match[3])
+    """({name: (type, help)}, {name with labels: value})."""
+    helps = dict(re.findall(r"^# HELP (\S+) (.+)$", text, re.MULTILINE))
+    families = {name: (kind, helps[name])
+                for name, kind in re.findall(r"^# TYPE (\S+) (\w+)$", text, re.MULTILINE)}
+    samples = re.findall(r"^(\w+(?:\{.*\})?) (\S+)$", text, re.MULTILINE)
+    values = {key: float(value) for key, value in samples}
+    if len(values) != len(samples):
+        raise ValueError("a sample is there twice")
     return families, values
 
 
 def metric(port, key):
     return parse_metrics(scrape(port))[1][key]
+
+
+def pattern(shape, kind=np.float32):
+    """(nx, ny, nz): a value that names its own place, so that no two axes can be confused."""
+    i, j, k = np.indices(shape)
+    return (10000 * i + 100 * j + k).astype(kind)
+
+
+def nrrd(values, directions=((1, 0, 0), (0, 1, 0), (0, 0, 1)), origin=(0, 0, 0)):
+    """Bytes of an NRRD file of float32, written without the package: x fastest."""
+    vectors = " ".join(f"({d[0]!r},{d[1]!r},{d[2]!r})" for d in directions)
+    header = ("NRRD0004\ntype: float\ndimension: 3\nspace: left-posterior-superior\n"
+              f"sizes: {values.shape[0]} {values.shape[1]} {values.shape[2]}\n"
+              f"space directions: {vectors}\n"
+              f"space origin: ({origin[0]!r},{origin[1]!r},{origin[2]!r})\n"
+              "endian: little\nencoding: raw\n\n")
+    return header.encode() + values.astype("<f4").tobytes(order="F")
