@@ -208,23 +208,5 @@ TEST(FaceVertices, AgreeBitForBitFromBothSides) {
   }
 }
 
-// The published diamond: six face saddles, no body saddle. What happens with body
-// saddles is counted by the lab's tests.
-TEST(PublishedDecomposition, OverlapsAsMeasured) {
-  std::mt19937_64 random(14);
-  int cells = 0, overlapping = 0;
-  for (int n = 0; n < 400000; ++n) {
-    const CellDensities d = MakeCell(Kind::kRandom, random);
-    if (CellSaddles(d).count != 6 || FindBodySaddles(d).count > 0) continue;
-    const Decomposition cell = Decompose(d, DecompositionMethod::kTpbccPublished);
-    ++cells;
-    overlapping += AbsoluteVolumes(cell) > 1.0 + 1e-9;
-  }
-  const double share = 100.0 * overlapping / cells;
-  std::printf("tpbcc-published: %.1f %% of %d diamonds overlap\n", share, cells);
-  // Measured before by other means: about 29 %.
-  EXPECT_NEAR(share, 29.0, 6.0);
-}
-
 }  // namespace
 }  // namespace palpate

@@ -188,6 +188,9 @@ TEST(LabReplay, CountsWhatIsNoPosition) {
   EXPECT_EQ(judged.summary.verdict.rejected_ticks, 2);
   EXPECT_EQ(judged.summary.verdict.fall_throughs, 0);
   const std::string csv = ToCsv(judged.ticks, judged.summary.verdict.density);
+  EXPECT_TRUE(csv.starts_with(
+      "tick,hip_x,hip_y,hip_z,scp_h_x,scp_h_y,scp_h_z,scp_v_x,scp_v_y,scp_v_z,scp_v_valid,contact,"
+      "force_x,force_y,force_z,density,tetrahedra,iterations,update_ns\n0,"));
   EXPECT_NE(csv.find("\n0,nan,nan,nan,nan,nan,nan,nan,nan,nan,0,0,0,0,0,nan,0,0,"),
             std::string::npos)
       << csv;

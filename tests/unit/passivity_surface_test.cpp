@@ -9,9 +9,8 @@
 #include "server/haptics/passivity.h"
 #include "server/haptics/renderer.h"
 #include "server/safety/safety.h"
-#include "server/volume/builtin.h"
-#include "server/volume/snapshot_builder.h"
 #include "tests/support/hand_loop.h"
+#include "tests/support/tick_rig.h"
 
 namespace palpate {
 namespace {
@@ -19,105 +18,26 @@ namespace {
 using testing::Hand;
 using testing::HandLoop;
 using testing::kLoopTickS;
-using testing::Loop;
 using testing::LoopResult;
-
-// A built-in volume of 64 voxels an edge, its middle at the origin.
-class Surface {
- public:
-  Surface(const char* source, double mm_per_voxel) {
-    const BuiltinVolume builtin = MakeBuiltin(source);
-    volume_ = MakeSnapshot(builtin.grid, builtin.metadata, 1);
-    const Vec3 middle = 0.5 * mm_per_voxel * (builtin.metadata.size.cast<double>() - Vec3::Ones());
-    surface_ = MakeHapticSurface(*volume_, {Mat3::Identity() * mm_per_voxel, -middle}, 0.5,
-                                 DecompositionMethod::kTpbcc, 1);
-  }
-  // SCP_H.
-  Vec3 Follow(const Vec3& p_DHip_mm) {
-    return StepProxy(surface_, p_DHip_mm, 1e9, proxy_, *cache_).p_DH_mm;
-  }
-
- private:
-  std::shared_ptr<const VolumeSnapshot> volume_;
-  HapticSurface surface_;
-  Proxy proxy_;
-  std::unique_ptr<CellCache> cache_ = std::make_unique<CellCache>();
-};
-
-LoopResult TouchSphere(const Hand& hand, double stiffness, bool is_controlled, const Loop& loop) {
-  Surface sphere("builtin:sphere:64", 0.5), measured("builtin:sphere:64", 0.5);
-  PassivityState state;
-  const auto render = [&](const Vec3& p, double dt_s, const Vec3& written) -> Vec3 {
-    const Vec3 push_mm = sphere.Follow(p) - p;
-    const Vec3 plain_n = stiffness * push_mm;
-    if (!is_controlled) return plain_n;
-    state.written_D_n.col(0) = written;
-    return LimitToPassive(plain_n, stiffness, push_mm.norm(), p, 0.0, dt_s, {}, state);
-  };
-  return HandLoop(hand, loop).Run(render, [&](const Vec3& p) {
-    return (measured.Follow(p) - p).norm();
-  });
-}
-
-TEST(PassivitySurface, OnASphereNoHandGainsEnergyOrIsShaken) {
-  double worst_mj = -1e9, worst_n = 0.0, plain_mj = 1e9;
-  for (bool is_late : {false, true}) {
-    for (double stiffness : {0.5, 2.0, 3.0}) {
-      for (double mass_kg : {0.03, 0.2}) {
-        for (double share : {0.05, 0.9}) {
-          const Hand hand{.mass_kg = mass_kg,
-                          .damping_n_s_per_m = share * stiffness / 2.0,
-                          .push_n = 1.0,
-                          .start_mm = Vec3(6.0, 7.0, 14.0),
-                          .aim_mm = Vec3::Zero()};
-          const Loop loop{.seconds = 5.0, .is_late = is_late};
-          const LoopResult result = TouchSphere(hand, stiffness, true, loop);
-          worst_mj = std::max(worst_mj, result.given_mj);
-          worst_n = std::max(worst_n, result.force_swing_n);
-          EXPECT_NEAR(result.force_n, hand.push_n, 0.05)
-              << stiffness << " N/mm, " << mass_kg << " kg, share " << share;
-          if (stiffness != 2.0) continue;
-          plain_mj = std::min(plain_mj, TouchSphere(hand, stiffness, false, loop).given_mj);
-        }
-      }
-    }
-  }
-  std::printf("[ figures  ] sphere: given %.3f mJ, swing %.3f N; without, at 2 N/mm, %.1f mJ\n",
-              worst_mj, worst_n, plain_mj);
-  EXPECT_GT(plain_mj, 2.0);
-  EXPECT_LE(worst_mj, 1.0);
-  EXPECT_LE(worst_n, 0.2);
-}
 
 // The whole chain as the servo runs it: renderer, force limit, slew limit.
 struct Chain {
-  Chain(const char* source, double mm_per_voxel) {
-    const BuiltinVolume builtin = MakeBuiltin(source);
-    volume = MakeSnapshot(builtin.grid, builtin.metadata, 1);
-    const Vec3 middle = 0.5 * mm_per_voxel * (builtin.metadata.size.cast<double>() - Vec3::Ones());
-    surface = MakeHapticSurface(*volume, {Mat3::Identity() * mm_per_voxel, -middle}, 0.5,
-                                DecompositionMethod::kTpbcc, 1);
-  }
   Vec3 Tick(const Vec3& p_DHip_mm, double dt_s) {
     const HapticOutput output = StepRenderer(surface, settings, p_DHip_mm, dt_s, *state);
     const Vec3 written_n = safety.Step({.force_D_n = output.force_D_n}, kLoopTickS);
     TellWrittenForce(written_n, *state);
-    spring_n = output.spring_D_n.norm();
-    pops += output.popped;
     return written_n;
   }
 
-  std::shared_ptr<const VolumeSnapshot> volume;
-  HapticSurface surface;
+  testing::PlacedVolume sphere = testing::PlaceBuiltin("builtin:sphere:64", 0.5);
+  HapticSurface& surface = sphere.surface;
   HapticSettings settings;
   std::unique_ptr<RendererState> state = std::make_unique<RendererState>();
   Safety safety{SafetyLimits{}};
-  double spring_n = 0.0;
-  int pops = 0;
 };
 
 LoopResult TouchThroughChain(const Hand& hand, const HapticSettings& settings) {
-  Chain chain("builtin:sphere:64", 0.5);
+  Chain chain;
   chain.settings = settings;
   return HandLoop(hand, {.seconds = 5.0})
       .Run([&](const Vec3& p, double dt_s, const Vec3&) { return chain.Tick(p, dt_s); },
@@ -150,7 +70,7 @@ TEST(PassivitySurface, TheWholeChainGivesNoEnergy) {
 
 // A wall that swells and sinks works on the hand; that is not the spring's debt.
 TEST(PassivitySurface, AMovingSurfaceAndAMagnetAreNotTakenForDebts) {
-  Chain chain("builtin:sphere:64", 0.5);
+  Chain chain;
   chain.settings = {.stiffness_n_per_mm = 0.5,
                     .magnet_force_n = 0.5,
                     .magnet_range_mm = 2.0,
@@ -183,7 +103,7 @@ TEST(PassivitySurface, AMovingSurfaceAndAMagnetAreNotTakenForDebts) {
 // tick: that must not switch the control off.
 TEST(PassivitySurface, NoTrembleOfTheSurfaceFeedsAHand) {
   for (const int tremble : {0, 1, 2}) {
-    Chain chain("builtin:sphere:64", 0.5);
+    Chain chain;
     chain.settings = {.stiffness_n_per_mm = 2.0, .passivity_control = true};
     const Hand hand{.mass_kg = 0.1,
                     .damping_n_s_per_m = 0.1,
@@ -219,7 +139,9 @@ struct SlideResult {
 };
 
 SlideResult SlideOnBumps(double stiffness, double mm_per_voxel, bool is_quantised) {
-  Surface bumps("builtin:bumps:64", mm_per_voxel);
+  const testing::PlacedVolume bumps = testing::PlaceBuiltin("builtin:bumps:64", mm_per_voxel);
+  Proxy proxy;
+  CellCache cache;
   PassivityState state;
   SlideResult result;
   const double radius_mm = 0.39 * 64.0 * mm_per_voxel - 1.0;
@@ -231,7 +153,7 @@ SlideResult SlideOnBumps(double stiffness, double mm_per_voxel, bool is_quantise
     if (is_quantised) {
       hip = (hip / testing::kSensorCountMm).array().round() * testing::kSensorCountMm;
     }
-    const Vec3 push_mm = bumps.Follow(hip) - hip;
+    const Vec3 push_mm = StepProxy(bumps.surface, hip, 1e9, proxy, cache).p_DH_mm - hip;
     const Vec3 plain_n = stiffness * push_mm;
     const Vec3 force_n =
         LimitToPassive(plain_n, stiffness, push_mm.norm(), hip, 0.0, kLoopTickS, {}, state);
