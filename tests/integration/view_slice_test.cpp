@@ -18,19 +18,20 @@ using testing::FrameRig;
 using testing::PixelOf;
 using testing::Rgb8;
 
-const Vec3i kLattice = {17, 9, 23};
-const Vec3 kVoxel_mm = {1.0, 2.5, 0.7};
-constexpr ImageSize kSize = {173, 140};
+const Vec3i kSliceLattice = {17, 9, 23};
+const Vec3 kSliceVoxel_mm = {1.0, 2.5, 0.7};
+constexpr ImageSize kSliceSize = {173, 140};
 
 AffineMap Placement() {
   AffineMap X_DI;
-  X_DI.linear = Eigen::AngleAxisd(0.6, Vec3(1.0, 2.0, -1.0).normalized()) * kVoxel_mm.asDiagonal();
+  X_DI.linear =
+      Eigen::AngleAxisd(0.6, Vec3(1.0, 2.0, -1.0).normalized()) * kSliceVoxel_mm.asDiagonal();
   X_DI.translation = {4.0, 5.0, 6.0};
   return X_DI;
 }
 
 // Nothing that symmetry could hide.
-double Waves(const Vec3& p) {
+double SliceWaves(const Vec3& p) {
   return 50.0 * std::sin(0.9 * p.x()) + 30.0 * std::cos(1.3 * p.y()) +
          20.0 * std::sin(0.7 * p.z() + 0.2 * p.x());
 }
@@ -39,7 +40,7 @@ SliceRequest Across(int axis, double position_voxels) {
   SliceRequest request;
   request.axis = axis;
   request.position_voxels = position_voxels;
-  request.size = kSize;
+  request.size = kSliceSize;
   request.surface.window_min = -70.0;
   request.surface.window_max = 80.0;
   request.surface.isovalue = 1e6;
@@ -47,7 +48,7 @@ SliceRequest Across(int axis, double position_voxels) {
 }
 
 SliceView ViewOf(const SliceRequest& request) {
-  return {request.axis, kLattice, kVoxel_mm, request.size};
+  return {request.axis, kSliceLattice, kSliceVoxel_mm, request.size};
 }
 
 // Not rounded, 0 to 255.
@@ -66,7 +67,9 @@ std::array<double, 3> Mapped(double value, const SurfaceOptions& surface) {
 
 class ViewSlice : public ::testing::Test {
  protected:
-  ViewSlice() { rig.Take(testing::VolumeOf(kLattice, Waves, Placement(), -100.0, 100.0)); }
+  ViewSlice() {
+    rig.Take(testing::VolumeOf(kSliceLattice, SliceWaves, Placement(), -100.0, 100.0));
+  }
   ~ViewSlice() override { EXPECT_EQ(glGetError(), static_cast<GLenum>(GL_NO_ERROR)); }
 
   Image Draw(const SliceRequest& request) {
@@ -86,10 +89,10 @@ TEST_F(ViewSlice, EqualsInterpolationThroughTheColourMap) {
       SliceRequest request = Across(axis, position);
       request.surface.color_map = map;
       const Image image = Draw(request);
-      ASSERT_EQ(image.size, kSize);
+      ASSERT_EQ(image.size, kSliceSize);
       const SliceView view = ViewOf(request);
-      for (int y = 0; y < kSize.height; y += 3) {
-        for (int x = 0; x < kSize.width; x += 3) {
+      for (int y = 0; y < kSliceSize.height; y += 3) {
+        for (int x = 0; x < kSliceSize.width; x += 3) {
           const Eigen::Vector2d at_px = {x + 0.5, y + 0.5};
           const Rgb8 seen = PixelOf(image, x, y);
           if (!view.Shows(at_px)) {
@@ -119,7 +122,7 @@ TEST(ViewSliceMagnitude, IsNoneOfTheSlices) {
   FrameRig rig;
   const auto draw = [&](double factor, double offset) {
     rig.Take(testing::VolumeOf(
-        kLattice, [=](const Vec3& p) { return offset + factor * Waves(p); }, Placement(),
+        kSliceLattice, [=](const Vec3& p) { return offset + factor * SliceWaves(p); }, Placement(),
         offset - 100.0 * factor, offset + 100.0 * factor));
     SliceRequest scaled = request;
     for (double* value : {&scaled.surface.isovalue, &scaled.surface.veil.isovalue,
@@ -147,8 +150,8 @@ TEST_F(ViewSlice, OneBeyondThePaddedLatticeIsEmpty) {
   for (const double position : {-1.5, 24.0}) {
     const Image image = Draw(Across(2, position));
     const Rgb8 corner = PixelOf(image, 0, 0);
-    for (int y = 0; y < kSize.height; y += 5) {
-      for (int x = 0; x < kSize.width; x += 5) EXPECT_EQ(PixelOf(image, x, y), corner);
+    for (int y = 0; y < kSliceSize.height; y += 5) {
+      for (int x = 0; x < kSliceSize.width; x += 5) EXPECT_EQ(PixelOf(image, x, y), corner);
     }
     EXPECT_EQ(Difference(corner, {15, 17, 21}), 0);
   }
@@ -200,8 +203,8 @@ TEST_F(ViewSlice, TheCrossHairIsAtItsPoint) {
     const Image with = Draw(request);
     const Eigen::Vector2d cross_px = ViewOf(request).PixelOf(*request.cross_I);
     const int cross_x = static_cast<int>(cross_px.x()), cross_y = static_cast<int>(cross_px.y());
-    for (int y = 0; y < kSize.height; ++y) {
-      for (int x = 0; x < kSize.width; ++x) {
+    for (int y = 0; y < kSliceSize.height; ++y) {
+      for (int x = 0; x < kSliceSize.width; ++x) {
         const int away = std::max(std::abs(x - cross_x), std::abs(y - cross_y));
         const bool on_line = (x == cross_x || y == cross_y) && away > 6;
         const bool changed = PixelOf(with, x, y) != PixelOf(without, x, y);
@@ -240,7 +243,7 @@ TEST(ViewSliceColor, IsThatOfACut) {
   for (int n = 0; n < 20; ++n) {
     const double value = 0.0717 * n - 0.2;
     rig.Take(testing::VolumeOf(
-        kLattice, [=](const Vec3&) { return value; }, {}, -100.0, 100.0));
+        kSliceLattice, [=](const Vec3&) { return value; }, {}, -100.0, 100.0));
     for (const auto& [min, max] : {std::pair{0.0, 1.0}, {1.0, 0.0}, {value, value}, {0.5, 0.5}}) {
       SliceRequest across = Across(0, 8.3);
       across.surface.window_min = min;
@@ -255,7 +258,8 @@ TEST(ViewSliceColor, IsThatOfACut) {
       cut.surface.planes[0] = {true, Vec3::UnitX(), 8.3};
       cut.camera.Set({8.3, 4.0, 11.0}, 90.0, 10.0, 12.0);
       const Rgb8 cap = PixelOf(rig.Draw(cut), 20, 15);
-      EXPECT_EQ(PixelOf(rig.renderer.ReadSlice(0), kSize.width / 2, kSize.height / 2), cap)
+      EXPECT_EQ(PixelOf(rig.renderer.ReadSlice(0), kSliceSize.width / 2, kSliceSize.height / 2),
+                cap)
           << value << " in " << min << " .. " << max;
     }
   }
@@ -290,7 +294,7 @@ TEST_F(ViewSlice, IsDrawnAgainOnlyAfterAChange) {
   EXPECT_EQ(rig.renderer.slice_casts(), 2 + changes.size());
 
   rig.Take(testing::VolumeOf(
-      kLattice, [](const Vec3& p) { return p.x(); }, Placement(), -100.0, 100.0));
+      kSliceLattice, [](const Vec3& p) { return p.x(); }, Placement(), -100.0, 100.0));
   EXPECT_NE(Draw(request).rgba, last.rgba);
   EXPECT_EQ(rig.renderer.slice_casts(), 3 + changes.size());
 }

@@ -28,29 +28,24 @@ using testing::Slab;
 
 class Surface : public testing::SurfaceRig {};
 
-TEST_F(Surface, SphereIsExact) {
-  Scene scene{testing::Sphere(26, 9.0)};
-  ExpectSame("sphere", scene, LooksAt(scene.voxels.size));
-  scene.X_DI = Mirrored();
-  ExpectSame("mirrored sphere", scene, LooksAt(scene.voxels.size));
-}
-
-TEST_F(Surface, GyroidIsExact) {
-  Scene scene{testing::Gyroid({30, 25, 34})};
-  scene.options.isovalue = 0.2;
-  ExpectSame("gyroid", scene, LooksAt(scene.voxels.size));
-  scene.X_DI = testing::Sheared();
-  ExpectSame("sheared gyroid", scene, LooksAt(scene.voxels.size));
-}
-
-TEST_F(Surface, NoiseIsExact) {
-  Scene scene{testing::Noise({16, 16, 16})};
-  for (const double isovalue : {0.5, 0.8, 0.9}) {
-    scene.options.isovalue = isovalue;
-    ExpectSame("noise", scene, LooksAt(scene.voxels.size));
+TEST_F(Surface, IsExactWhateverItIsAndHoweverItIsPlaced) {
+  struct Case {
+    const char* name;
+    testing::VoxelArray voxels;
+    double isovalue;
+    AffineMap placed;
+  };
+  const Case cases[] = {{"sphere", testing::Sphere(26, 9.0), 0.0, Mirrored()},
+                        {"gyroid", testing::Gyroid({30, 25, 34}), 0.2, testing::Sheared()},
+                        {"noise", testing::Noise({16, 16, 16}), 0.5, Mirrored()},
+                        {"thin noise", testing::Noise({16, 16, 16}), 0.9, Mirrored()}};
+  for (const Case& one : cases) {
+    Scene scene{one.voxels};
+    scene.options.isovalue = one.isovalue;
+    ExpectSame(one.name, scene, LooksAt(scene.voxels.size));
+    scene.X_DI = one.placed;
+    ExpectSame(one.name, scene, LooksAt(scene.voxels.size));
   }
-  scene.X_DI = Mirrored();
-  ExpectSame("mirrored noise", scene, LooksAt(scene.voxels.size));
 }
 
 TEST_F(Surface, IsExactFromWithinAndFromTheOtherSide) {
