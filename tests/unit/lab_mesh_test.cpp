@@ -111,15 +111,6 @@ TEST(LabMesh, TorusHasOneHole) {
   EXPECT_EQ(CountTrilinearTopology(*torus, isovalue, PaddedCells(*torus)).surface(), 0);
 }
 
-TEST(LabMesh, GyroidIsClosedByTheBorder) {
-  const auto gyroid = MakeGyroid(33);
-  for (double isovalue : {0.3, 0.5, 0.7}) {
-    const MeshStatistics s = MeasureMesh(Extract(*gyroid, isovalue));
-    ExpectClosed(s);
-    EXPECT_EQ(s.euler, CountTrilinearTopology(*gyroid, isovalue, PaddedCells(*gyroid)).surface());
-  }
-}
-
 TEST(LabMesh, WithoutPaddingOpensAtTheBorderOnly) {
   const auto gyroid = MakeGyroid(20);
   const CellRange inner{Vec3i::Zero(), gyroid->size() - Vec3i::Ones()};

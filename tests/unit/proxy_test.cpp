@@ -135,6 +135,8 @@ TEST(Proxy, IsCarriedWithTheSurface) {
     ASSERT_LE(step.density, surface.isovalue);
     ASSERT_NE(step.mode, ProxyMode::kFree);
     ASSERT_NEAR((step.p_DH_mm - centre).norm(), radius(surface.isovalue), 0.1);
+    // It stays above the HIP, but for the facets' edges.
+    ASSERT_GT((step.p_DH_mm - centre).normalized().dot((hip - centre).normalized()), 0.99);
   }
 }
 
