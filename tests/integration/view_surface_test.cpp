@@ -85,12 +85,17 @@ TEST_F(Surface, RealVolumesAreExact) {
 
 // The surface is in a border of cells and of bricks; voxels are at the isovalue, or
 // so near that rounding decides on which side a cell's border is.
-TEST_F(Surface, HasNoHolesAtBorders) {
+TEST_F(Surface, HasNoHolesAtBordersNorHasItsVeil) {
   for (const int plane : {6, 7, 8, 15}) {
     for (const double isovalue : {0.0, 1e-7, 0.5 - 3e-8, 0.5, 1.0 - 1e-7}) {
       Scene scene = Slab(plane);
       scene.options.isovalue = isovalue;
       ExpectSame("slab", scene, LooksAt(scene.voxels.size), kSmallSize);
+      scene.options.shown = false;
+      scene.options.veil.shown = true;
+      scene.options.veil.isovalue = isovalue;
+      // Where F stays within a rounding error of the isovalue, so do the layers.
+      ExpectSameVeil("slab", scene, kSmallSize, 0.02);
     }
   }
   const Scene sphere{testing::Sphere(64, 30.0)};
@@ -119,10 +124,7 @@ TEST_F(Surface, IsCutByTheCropBoxAndByPlanes) {
     scene.options.free_above = true;
     ExpectSame("free above, crop and planes", scene, LooksAt(scene.voxels.size));
   }
-}
-
-// A cut in a plane of the lattice, which is a border of bricks as well.
-TEST_F(Surface, IsCutInAPlaneOfTheLattice) {
+  // In a plane of the lattice, which is a border of bricks as well.
   Scene scene = CutScene();
   scene.options.planes[0] = {true, Vec3::UnitZ(), 15.0};
   scene.options.planes[1] = {true, -Vec3::UnitX(), -7.0};
@@ -178,19 +180,6 @@ TEST_F(Surface, BlendsNoMoreLayersThanItSays) {
   scene.options.veil.isovalue = 0.4;
   scene.options.veil.opacity = 0.08;
   ExpectSameVeil("layers", scene, kSmallSize, 0.01);
-}
-
-TEST_F(Surface, HasAVeilWithoutHolesAtBorders) {
-  for (const int plane : {7, 8, 15}) {
-    for (const double isovalue : {0.0, 1e-7, 0.5 - 3e-8, 0.5, 1.0 - 1e-7}) {
-      Scene scene = Slab(plane);
-      scene.options.shown = false;
-      scene.options.veil.shown = true;
-      scene.options.veil.isovalue = isovalue;
-      // Where F stays within a rounding error of the isovalue, so do the layers.
-      ExpectSameVeil("slab", scene, kSmallSize, 0.02);
-    }
-  }
 }
 
 }  // namespace
