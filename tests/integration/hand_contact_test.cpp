@@ -260,9 +260,9 @@ constexpr const char* kOrange = "paper/orange_256x256x64_uint8.nhdr";
 constexpr const char* kHead = "paper/SUBST_head_ct_cranium_256x256x108_int16.nrrd";
 constexpr const char* kTooth = "classic/tooth_103x94x161_uint8.nhdr";
 
-// Every volume of the data folder at every isovalue of its README; 0.5 where it gives none.
+// The volumes of the data folder at the isovalues of its README; 0.5 where it gives none.
 INSTANTIATE_TEST_SUITE_P(
-    Paper, WholeTest,
+    Files, WholeTest,
     ::testing::Values(
         Whole{"daisy_02", kDaisy, 0.02}, Whole{"daisy_24", kDaisy, 0.24},
         Whole{"orange_15", kOrange, 0.15}, Whole{"orange_22", kOrange, 0.22},
@@ -270,40 +270,26 @@ INSTANTIATE_TEST_SUITE_P(
         Whole{"lobster_16", "paper/lobster_301x324x56_uint8.nhdr", 0.16},
         Whole{"head_17", kHead, 0.17}, Whole{"head_33", kHead, 0.33},
         Whole{"neuron_janelia_20", "paper/SUBST_neuron_janelia_511x512x47_uint8.nrrd", 0.20},
-        Whole{"neuron_rivulet_25", "paper/SUBST_neuron_rivulet_409x415x119_uint8.nrrd", 0.25}),
-    NameOf);
-
-INSTANTIATE_TEST_SUITE_P(
-    Classic, WholeTest,
-    ::testing::Values(Whole{"aneurism_25", "classic/aneurism_256x256x256_uint8.nrrd", 0.25},
-                      Whole{"teapot_16", "classic/boston_teapot_256x256x178_uint8.nrrd", 0.16},
-                      Whole{"hydrogen_atom_06", "classic/hydrogen_atom_128x128x128_uint8.nhdr",
-                            0.06},
-                      Whole{"hydrogen_06", "classic/hydrogen_64x64x64_float32.nrrd", 0.06},
-                      Whole{"neghip_35", "classic/neghip_64x64x64_uint8.nhdr", 0.35},
-                      Whole{"fuel_20", "classic/fuel_64x64x64_uint8.nhdr", 0.20},
-                      Whole{"nucleon_50", "classic/nucleon_41x41x41_uint8.nhdr", 0.50},
-                      Whole{"bucky_50", "classic/bucky_32x32x32_uint8.nhdr", 0.50},
-                      Whole{"tooth_42", kTooth, 0.42}, Whole{"tooth_75", kTooth, 0.75},
-                      Whole{"vase_40", "classic/vase_115x101x75_uint8.nrrd", 0.40},
-                      Whole{"walnut_18", "classic/walnut_128x96x114_uint16.nrrd", 0.18}),
-    NameOf);
-
-INSTANTIATE_TEST_SUITE_P(
-    Medical, WholeTest,
-    ::testing::Values(Whole{"avg152T1_38", "medical/avg152T1_RL_nifti.nii.gz", 0.38},
-                      Whole{"CT_pitch_30", "medical/CT_pitch.nii.gz", 0.30},
-                      Whole{"inia19_12", "medical/inia19-t1-brain.nii.gz", 0.12},
-                      Whole{"anatomical_50", "medical/nibabel_anatomical_bigendian.nii", 0.5},
-                      Whole{"example_nifti2_50", "medical/nibabel_example_nifti2.nii.gz", 0.5},
-                      Whole{"LIDC2_25", "medical/LIDC2.mha", 0.25},
-                      Whole{"HeadMRVolume_16", "medical/HeadMRVolume.mhd", 0.16},
-                      Whole{"mr_brain_22", "medical/dicom_mr_brain_20", 0.22}),
-    NameOf);
-
-INSTANTIATE_TEST_SUITE_P(
-    Series, WholeTest,
-    ::testing::Values(
+        Whole{"neuron_rivulet_25", "paper/SUBST_neuron_rivulet_409x415x119_uint8.nrrd", 0.25},
+        Whole{"aneurism_25", "classic/aneurism_256x256x256_uint8.nrrd", 0.25},
+        Whole{"teapot_16", "classic/boston_teapot_256x256x178_uint8.nrrd", 0.16},
+        Whole{"hydrogen_atom_06", "classic/hydrogen_atom_128x128x128_uint8.nhdr", 0.06},
+        Whole{"hydrogen_06", "classic/hydrogen_64x64x64_float32.nrrd", 0.06},
+        Whole{"neghip_35", "classic/neghip_64x64x64_uint8.nhdr", 0.35},
+        Whole{"fuel_20", "classic/fuel_64x64x64_uint8.nhdr", 0.20},
+        Whole{"nucleon_50", "classic/nucleon_41x41x41_uint8.nhdr", 0.50},
+        Whole{"bucky_50", "classic/bucky_32x32x32_uint8.nhdr", 0.50},
+        Whole{"tooth_42", kTooth, 0.42}, Whole{"tooth_75", kTooth, 0.75},
+        Whole{"vase_40", "classic/vase_115x101x75_uint8.nrrd", 0.40},
+        Whole{"walnut_18", "classic/walnut_128x96x114_uint16.nrrd", 0.18},
+        Whole{"avg152T1_38", "medical/avg152T1_RL_nifti.nii.gz", 0.38},
+        Whole{"CT_pitch_30", "medical/CT_pitch.nii.gz", 0.30},
+        Whole{"inia19_12", "medical/inia19-t1-brain.nii.gz", 0.12},
+        Whole{"anatomical_50", "medical/nibabel_anatomical_bigendian.nii", 0.5},
+        Whole{"example_nifti2_50", "medical/nibabel_example_nifti2.nii.gz", 0.5},
+        Whole{"LIDC2_25", "medical/LIDC2.mha", 0.25},
+        Whole{"HeadMRVolume_16", "medical/HeadMRVolume.mhd", 0.16},
+        Whole{"mr_brain_22", "medical/dicom_mr_brain_20", 0.22},
         Whole{"viscous_t010", "timeseries/viscous_64x64x64_float32_t010.nrrd", 35.0, true},
         Whole{"viscous_t050", "timeseries/viscous_64x64x64_float32_t050.nrrd", 35.0, true},
         Whole{"viscous_t090", "timeseries/viscous_64x64x64_float32_t090.nrrd", 35.0, true},
