@@ -412,6 +412,7 @@ class BumpsRun {
       Press(p, 1.0);
     }
   }
+
   const Angles& flat() const { return flat_; }
   const Angles& shaded() const { return shaded_; }
   double worst_share_of_shaded() const { return worst_share_of_shaded_; }
