@@ -34,6 +34,7 @@
 #include "server/haptics/renderer.h"
 #include "server/volume/builtin.h"
 #include "server/volume/snapshot_builder.h"
+#include "tests/support/scaled.h"
 
 namespace palpate {
 namespace {
@@ -277,17 +278,17 @@ TEST(Accuracy, OfTheDepthOnASphere) {
   // As much as the radius turns across the diagonal of a cell.
   EXPECT_LE(std::acos(h.cos_tilt), std::numbers::sqrt3 / nearest);
 
-  constexpr int kHips = 15'000;
+  const int hips = test::Scaled(3000);
   for (double voxels_per_mm : {0.5, 3.0}) {
     SphereRun run(*volume, h, voxels_per_mm);
-    const Excess excess = run.Run(kHips);
+    const Excess excess = run.Run(hips);
     if (HasFatalFailure()) return;
     std::printf("%.1f voxels/mm: %.0f%% of the bound, gap up to %.5f mm, %d redrawn\n",
                 voxels_per_mm, 100.0 * excess.worst_share, excess.greatest_gap_mm, excess.redrawn);
     EXPECT_GT(excess.worst_share, 0.05);
     // Every proxy would break the bound if it were 0.1 mm farther from its HIP.
     EXPECT_LT(excess.greatest_gap_mm, 0.1);
-    EXPECT_LT(excess.redrawn, 0.01 * kHips);
+    EXPECT_LT(excess.redrawn, 0.01 * hips);
   }
 }
 
@@ -474,7 +475,7 @@ TEST(Accuracy, OfTheDirectionOnBumps) {
   EXPECT_LE(tilt_rad, std::numbers::sqrt3 * Bumps::SecondBound() / Bumps::kLeastGradient);
   for (double voxels_per_mm : {0.5, 3.0}) {
     BumpsRun run(*volume, tilt_rad, voxels_per_mm);
-    run.Slide(20'000);
+    run.Slide(test::Scaled(5000));
     if (HasFatalFailure()) return;
     std::printf("%.1f voxels/mm: flat mean %.3f, worst %.3f of %.3f degrees; shaded mean %.3f\n",
                 voxels_per_mm, Degrees(run.flat().Mean()), Degrees(run.flat().worst_rad),

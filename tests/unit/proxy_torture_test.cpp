@@ -140,7 +140,7 @@ void TortureGrid(std::mt19937_64& random, int levels, int steps, Torture& result
 }
 
 TEST(ProxyTorture, NeverFallsThroughAndAlwaysRests) {
-  const int grids = test::Scaled(60);
+  const int grids = test::Scaled(15);
   std::mt19937_64 random(6);
   for (int levels : {0, 256, 16, 4, 2}) {
     Torture result;
@@ -203,7 +203,7 @@ void ChangeGrid(std::mt19937_64& random, int levels, int steps, Ejections& resul
 }
 
 TEST(ProxyTorture, ChangesOfIsovalueAndSideNeverLeaveItInside) {
-  const int grids = test::Scaled(100);
+  const int grids = test::Scaled(30);
   std::mt19937_64 random(7);
   for (int levels : {2, 3, 4, 16, 0}) {
     Ejections result;
