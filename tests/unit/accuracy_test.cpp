@@ -278,7 +278,7 @@ TEST(Accuracy, OfTheDepthOnASphere) {
   // As much as the radius turns across the diagonal of a cell.
   EXPECT_LE(std::acos(h.cos_tilt), std::numbers::sqrt3 / nearest);
 
-  const int hips = test::Scaled(3000);
+  const int hips = std::max(2000, test::Scaled(3000));
   for (double voxels_per_mm : {0.5, 3.0}) {
     SphereRun run(*volume, h, voxels_per_mm);
     const Excess excess = run.Run(hips);
