@@ -1,5 +1,5 @@
-// palpate-lab trajectory and replay as users run them, on a real volume: what is
-// written, that it holds against the program's own cells, and what is refused.
+// palpate-lab trajectory and replay as users run them: what is written, that it holds against the
+// program's own cells, and what is refused.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -11,7 +11,6 @@
 
 #include "common/error/error.h"
 #include "server/lab/load_volume.h"
-#include "tests/support/data_folder.h"
 #include "tests/support/places.h"
 #include "tests/support/process.h"
 #include "tests/support/temporary_folder.h"
@@ -24,7 +23,9 @@ using test::Process;
 using test::ProcessResult;
 
 constexpr std::chrono::seconds kPatience{60};
-constexpr int kTicks = 1500;
+constexpr int kReplayTicks = 1500;
+constexpr const char* kVolume = "builtin:bumps:64";
+constexpr const char* kIsovalue = "0.4";
 
 ProcessResult Lab(const std::vector<std::string>& arguments) {
   std::vector<std::string> command = {test::kPalpateLab};
@@ -32,15 +33,8 @@ ProcessResult Lab(const std::vector<std::string>& arguments) {
   return Process(command, false, kPatience).Wait();
 }
 
-std::string ReadFile(const std::filesystem::path& path) {
-  std::ifstream in(path);
-  std::ostringstream text;
-  text << in.rdbuf();
-  return text.str();
-}
-
 // Rows as numbers, without the header.
-std::vector<std::vector<double>> ReadRows(const std::filesystem::path& path) {
+std::vector<std::vector<double>> ReadReplay(const std::filesystem::path& path) {
   std::ifstream in(path);
   std::vector<std::vector<double>> rows;
   std::string line;
@@ -55,76 +49,21 @@ std::vector<std::vector<double>> ReadRows(const std::filesystem::path& path) {
   return rows;
 }
 
-std::string WithoutTimes(const std::string& csv) {
-  std::istringstream in(csv);
-  std::string out;
-  for (std::string line; std::getline(in, line);) out += line.substr(0, line.rfind(',')) + "\n";
-  return out;
-}
-
 class LabReplayProgram : public ::testing::Test {
  protected:
-  void SetUp() override {
-    volume_ = std::filesystem::weakly_canonical(palpate::testing::DataFolder() /
-                                                "paper/lobster_301x324x56_uint8.nhdr");
-    if (!std::filesystem::exists(volume_)) {
-      GTEST_SKIP() << volume_ << " is missing: see PALPATE_DATA_DIR";
-    }
-    trajectory_ = folder_.path() / "t.csv";
-    out_ = folder_.path() / "o.csv";
-  }
-
-  void WriteTrajectory() {
-    const ProcessResult made =
-        Lab({"trajectory", "--volume", volume_, "--isovalue", "41", "--speed-cm-per-s", "20",
-             "--ticks", std::to_string(kTicks), "--out", trajectory_});
-    ASSERT_EQ(made.exit_code, 0) << made.error;
-  }
-
   ProcessResult Replay(const std::filesystem::path& trajectory, const std::filesystem::path& out,
                        const std::vector<std::string>& more = {}) {
-    std::vector<std::string> arguments = {"replay",       "--volume", volume_, "--isovalue", "41",
-                                          "--trajectory", trajectory, "--out", out};
+    std::vector<std::string> arguments = {"replay",     "--volume", kVolume,
+                                          "--isovalue", kIsovalue,  "--trajectory",
+                                          trajectory,   "--out",    out};
     arguments.insert(arguments.end(), more.begin(), more.end());
     return Lab(arguments);
   }
 
   test::TemporaryFolder folder_;
-  std::filesystem::path volume_, trajectory_, out_;
+  const std::filesystem::path trajectory_ = folder_.path() / "t.csv";
+  const std::filesystem::path out_ = folder_.path() / "o.csv";
 };
-
-TEST_F(LabReplayProgram, WritesATableAndALineOfJson) {
-  WriteTrajectory();
-  const ProcessResult replay = Replay(trajectory_, out_, {"--passes", "2"});
-  ASSERT_EQ(replay.exit_code, 0) << replay.error;
-  const Json json = Json::parse(replay.output);
-  EXPECT_EQ(json["ticks"], kTicks);
-  EXPECT_GT(json["contact_ticks"], kTicks / 2);
-  for (const char* key : {"fall_throughs", "sticks", "iteration_cap_hits", "rejected_ticks",
-                          "unchecked_ticks", "ejecting_ticks", "excess_off_minimum_ticks"}) {
-    EXPECT_EQ(json[key], 0) << key;
-  }
-  for (const char* key : {"excess_force_ticks", "mean_ns", "p50_ns", "p99_ns", "max_ns"}) {
-    EXPECT_TRUE(json[key].is_number()) << key;
-  }
-  const std::string csv = ReadFile(out_);
-  EXPECT_TRUE(csv.starts_with(
-      "tick,hip_x,hip_y,hip_z,scp_h_x,scp_h_y,scp_h_z,scp_v_x,scp_v_y,scp_v_z,scp_v_valid,contact,"
-      "force_x,force_y,force_z,density,tetrahedra,iterations,update_ns\n0,"));
-  EXPECT_EQ(std::count(csv.begin(), csv.end(), '\n'), kTicks + 1);
-  EXPECT_EQ(csv.find('\0'), std::string::npos);
-}
-
-TEST_F(LabReplayProgram, TakesItsOutputAndGivesTheSameBytes) {
-  WriteTrajectory();
-  ASSERT_EQ(Replay(trajectory_, out_).exit_code, 0);
-  const std::filesystem::path again = folder_.path() / "again.csv";
-  ASSERT_EQ(Replay(out_, again).exit_code, 0);
-  EXPECT_EQ(WithoutTimes(ReadFile(out_)), WithoutTimes(ReadFile(again)));
-  const ProcessResult rubbed = Replay(out_, again, {"--set", "dynamic_friction=0.3"});
-  ASSERT_EQ(rubbed.exit_code, 0) << rubbed.error;
-  EXPECT_TRUE(Json::parse(rubbed.output)["sticks"].is_null());
-}
 
 // Density at a point of a decomposed cell as `cells` writes it: in the tetrahedron
 // that the point is deepest in.
@@ -148,17 +87,36 @@ double DensityIn(const Json& cell, const Vec3& local) {
   return density;
 }
 
-TEST_F(LabReplayProgram, DensityIsThatOfTheProgramsOwnCells) {
-  WriteTrajectory();
+TEST_F(LabReplayProgram, JudgesTheSlideAndHasTheDensityOfItsOwnCells) {
+  const ProcessResult made =
+      Lab({"trajectory", "--volume", kVolume, "--isovalue", kIsovalue, "--speed-cm-per-s", "20",
+           "--ticks", std::to_string(kReplayTicks), "--out", trajectory_});
+  ASSERT_EQ(made.exit_code, 0) << made.error;
+  const ProcessResult replay = Replay(trajectory_, out_);
+  ASSERT_EQ(replay.exit_code, 0) << replay.error;
+  const Json json = Json::parse(replay.output);
+  EXPECT_EQ(json["ticks"], kReplayTicks);
+  EXPECT_GT(json["contact_ticks"], kReplayTicks / 2);
+  for (const char* key : {"fall_throughs", "sticks", "iteration_cap_hits", "rejected_ticks",
+                          "unchecked_ticks", "ejecting_ticks", "excess_off_minimum_ticks"}) {
+    EXPECT_EQ(json[key], 0) << key;
+  }
+  for (const char* key : {"excess_force_ticks", "mean_ns", "p50_ns", "p99_ns", "max_ns"}) {
+    EXPECT_TRUE(json[key].is_number()) << key;
+  }
+  // Friction holds the proxy on purpose.
+  const ProcessResult rubbed = Replay(trajectory_, out_, {"--set", "dynamic_friction=0.3"});
+  EXPECT_TRUE(Json::parse(rubbed.output)["sticks"].is_null());
   ASSERT_EQ(Replay(trajectory_, out_).exit_code, 0);
   const auto volume = LoadVolume(
-      volume_, std::filesystem::path(test::kPalpateLab).parent_path() / "palpate-import");
+      kVolume, std::filesystem::path(test::kPalpateLab).parent_path() / "palpate-import");
+  const double isovalue = std::stod(kIsovalue);
   const AffineMap X_IW = volume->metadata().WorldFromIndex().Inverse();
   // A cell a tick, in order.
   std::ofstream input(folder_.path() / "cells.csv");
   std::vector<Vec3> locals;
-  const auto rows = ReadRows(out_);
-  ASSERT_EQ(rows.size(), static_cast<std::size_t>(kTicks));
+  const auto rows = ReadReplay(out_);
+  ASSERT_EQ(rows.size(), static_cast<std::size_t>(kReplayTicks));
   for (const auto& row : rows) {
     const Vec3 p_I = X_IW.Apply(Vec3(row[4], row[5], row[6]));
     const Vec3 cell = p_I.array().floor();
@@ -166,9 +124,9 @@ TEST_F(LabReplayProgram, DensityIsThatOfTheProgramsOwnCells) {
     input << cell.x() << "," << cell.y() << "," << cell.z() << "\n";
   }
   input.close();
-  const std::string command = std::string(test::kPalpateLab) + " cells --volume " +
-                              volume_.string() + " < " + (folder_.path() / "cells.csv").string() +
-                              " > " + (folder_.path() / "cells.json").string();
+  const std::string command =
+      std::string(test::kPalpateLab) + " cells --volume " + std::string(kVolume) + " < " +
+      (folder_.path() / "cells.csv").string() + " > " + (folder_.path() / "cells.json").string();
   ASSERT_EQ(Process({"/bin/sh", "-c", command}, false, kPatience).Wait().exit_code, 0);
   std::ifstream cells(folder_.path() / "cells.json");
   int on_surface = 0;
@@ -176,14 +134,14 @@ TEST_F(LabReplayProgram, DensityIsThatOfTheProgramsOwnCells) {
     std::string line;
     ASSERT_TRUE(std::getline(cells, line));
     const double density = volume->Denormalize(DensityIn(Json::parse(line), locals[n]));
-    ASSERT_NEAR(rows[n][15], density, 1e-9 * 255.0) << "tick " << n;
-    ASSERT_LE(density, 41.0 + 1e-9 * 255.0) << "tick " << n;
-    on_surface += rows[n][11] == 1.0 && std::abs(density - 41.0) < 1e-6;
+    ASSERT_NEAR(rows[n][15], density, 1e-9) << "tick " << n;
+    ASSERT_LE(density, isovalue + 1e-9) << "tick " << n;
+    on_surface += rows[n][11] == 1.0 && std::abs(density - isovalue) < 1e-6;
   }
-  EXPECT_GT(on_surface, kTicks / 2);
+  EXPECT_GT(on_surface, kReplayTicks / 2);
 }
 
-TEST_F(LabReplayProgram, RefusesInOneLineAndWritesNothing) {
+TEST_F(LabReplayProgram, RefusesAndWritesNothing) {
   std::ofstream(trajectory_) << "x_mm,y_mm,z_mm\n1,2,3\n";
   std::ofstream(folder_.path() / "bad.csv") << "1,2,3\n";
   struct Case {
@@ -202,15 +160,11 @@ TEST_F(LabReplayProgram, RefusesInOneLineAndWritesNothing) {
                          {trajectory_, out_, {"--set", "viscosity_n_s_per_m=99"}, invalid},
                          {trajectory_, out_, {"--stiffness", "-1"}, invalid},
                          {trajectory_, out_, {"--spacing-mm", "1", "2"}, invalid},
-                         {trajectory_, out_, {"--normalized"}, invalid},
                          {trajectory_, out_, {"--method", "marching"}, kUsageExitCode},
                          {trajectory_, out_, {"--passes", "0"}, kUsageExitCode}}) {
     const ProcessResult refused = Replay(c.trajectory, c.out, c.more);
     EXPECT_EQ(refused.exit_code, c.exit_code) << refused.error;
     EXPECT_TRUE(refused.output.empty()) << refused.output;
-    if (c.exit_code != kUsageExitCode) {
-      EXPECT_EQ(std::count(refused.error.begin(), refused.error.end(), '\n'), 1) << refused.error;
-    }
   }
   EXPECT_FALSE(std::filesystem::exists(out_));
   EXPECT_FALSE(std::filesystem::exists(out_.string() + ".partial"));

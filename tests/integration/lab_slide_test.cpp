@@ -10,36 +10,21 @@
 #include "server/lab/bench.h"
 #include "server/lab/trajectory.h"
 #include "tests/support/data_folder.h"
-#include "tests/support/excuse.h"
 #include "tests/support/places.h"
 
 namespace palpate::lab {
 namespace {
 
-#if defined(NDEBUG) && !defined(PALPATE_SANITIZED)
-constexpr bool kIsTimed = true;
-#else
-constexpr bool kIsTimed = false;
-#endif
-
-void Print(const char* name, const ReplaySummary& s) {
+void ExpectSound(const char* name, const ReplaySummary& s) {
   const Verdict& v = s.verdict;
-  std::printf(
-      "%-17s contact %5.1f %%, through %d, sticks %d, excess %d, capped %d, unchecked %d, update "
-      "%.2f us (median %.2f, p99 %.2f), SCP_V %.3f %% (%d off)\n",
-      name, 100.0 * s.contact_share(), v.fall_throughs, *v.sticks, v.excess_force_ticks,
-      v.iteration_cap_hits, v.unchecked_ticks, s.mean_ns * 1e-3,
-      static_cast<double>(s.p50_ns) * 1e-3, static_cast<double>(s.p99_ns) * 1e-3,
-      100.0 * s.scp_v_share(), v.scp_v_off_ticks);
-}
-
-void ExpectSound(const ReplaySummary& s) {
-  const Verdict& v = s.verdict;
+  std::printf("%-17s contact %5.1f %%, excess %d, SCP_V %.3f %%\n", name, 100.0 * s.contact_share(),
+              v.excess_force_ticks, 100.0 * s.scp_v_share());
   EXPECT_EQ(s.ticks, 60'000);
   EXPECT_EQ(v.fall_throughs, 0);
   EXPECT_EQ(v.sticks, 0);
   EXPECT_EQ(v.unchecked_ticks, 0);
   EXPECT_EQ(v.ejecting_ticks, 0);
+  EXPECT_EQ(v.iteration_cap_hits, 0);
   // Where a force is above the expected one, the surface is why.
   EXPECT_EQ(v.excess_off_minimum_ticks, 0);
   EXPECT_EQ(v.scp_v_off_ticks, 0);
@@ -51,16 +36,10 @@ class FixedSlideTest : public ::testing::TestWithParam<std::size_t> {};
 TEST_P(FixedSlideTest, IsFeltWithoutFault) {
   const FixedSlide& slide = kFixedSlides[GetParam()];
   const ReplaySummary s = RunFixedSlide(slide, 1);
-  Print(slide.name, s);
-  ExpectSound(s);
+  ExpectSound(slide.name, s);
   EXPECT_EQ(s.verdict.excess_force_ticks, 0);
-  EXPECT_EQ(s.verdict.iteration_cap_hits, 0);
   EXPECT_GE(s.contact_share(), 0.99);
   EXPECT_GE(s.scp_v_share(), 0.999);
-  // With room for other work on the machine.
-  if (kIsTimed) {
-    EXPECT_LT(s.p50_ns, 8'000) << test::kBusyMachine;
-  }
 }
 
 INSTANTIATE_TEST_SUITE_P(Volumes, FixedSlideTest,
@@ -69,13 +48,19 @@ INSTANTIATE_TEST_SUITE_P(Volumes, FixedSlideTest,
                            return std::string(kFixedSlides[slide.param].name);
                          });
 
+// Judged apart from the others, with nothing beside it: with room for other work on the machine.
+TEST(SlideTime, AnUpdateTakesMicroseconds) {
+  for (const FixedSlide& slide : kFixedSlides) {
+    EXPECT_LT(RunFixedSlide(slide, 3).p50_ns, 8'000) << slide.name;
+  }
+}
+
 // Noise, folds and thin walls: a proxy may be left behind by the HIP, which goes
 // round a rim inside the material, and rest far from it.
 struct RealSlide {
   const char* name;
   const char* source;  // in the data folder
   double isovalue;     // normalised
-  double speed_cm_per_s;
 };
 
 void PrintTo(const RealSlide& slide, std::ostream* out) { *out << slide.name; }
@@ -93,31 +78,24 @@ TEST_P(RealSlideTest, IsFeltWithoutFault) {
                                             .isovalue = slide.isovalue,
                                             .normalized = true,
                                             .import_program = test::kPalpateImport});
-  const auto hips_mm = MakeTrajectory(
-      *loaded.volume, {.isovalue = loaded.isovalue, .speed_cm_per_s = slide.speed_cm_per_s});
-  const ReplaySummary s =
-      ReplayAndJudge(loaded, DecompositionMethod::kTpbcc, HapticSettings{}, hips_mm, 1).summary;
-  Print(slide.name, s);
-  ExpectSound(s);
-  EXPECT_EQ(s.verdict.iteration_cap_hits, 0);
-  EXPECT_GE(s.contact_share(), 0.5);
+  for (const double speed_cm_per_s : {10.0, 50.0}) {
+    const auto hips_mm = MakeTrajectory(
+        *loaded.volume, {.isovalue = loaded.isovalue, .speed_cm_per_s = speed_cm_per_s});
+    const ReplaySummary s =
+        ReplayAndJudge(loaded, DecompositionMethod::kTpbcc, HapticSettings{}, hips_mm, 1).summary;
+    ExpectSound(slide.name, s);
+    EXPECT_GE(s.contact_share(), 0.5);
+  }
 }
 
-constexpr const char* kDaisy = "paper/daisy_192x180x168_uint8.nhdr";
-constexpr const char* kOrange = "paper/orange_256x256x64_uint8.nhdr";
-constexpr const char* kLobster = "paper/lobster_301x324x56_uint8.nhdr";
-constexpr const char* kHead = "paper/SUBST_head_ct_cranium_256x256x108_int16.nrrd";
-
-INSTANTIATE_TEST_SUITE_P(Volumes, RealSlideTest,
-                         ::testing::Values(RealSlide{"daisy_10", kDaisy, 0.02, 10.0},
-                                           RealSlide{"daisy_50", kDaisy, 0.02, 50.0},
-                                           RealSlide{"orange_10", kOrange, 0.22, 10.0},
-                                           RealSlide{"orange_50", kOrange, 0.22, 50.0},
-                                           RealSlide{"lobster_10", kLobster, 0.16, 10.0},
-                                           RealSlide{"lobster_50", kLobster, 0.16, 50.0},
-                                           RealSlide{"head_10", kHead, 0.33, 10.0},
-                                           RealSlide{"head_50", kHead, 0.33, 50.0}),
-                         [](const auto& slide) { return std::string(slide.param.name); });
+INSTANTIATE_TEST_SUITE_P(
+    Volumes, RealSlideTest,
+    ::testing::Values(RealSlide{"daisy", "paper/daisy_192x180x168_uint8.nhdr", 0.02},
+                      RealSlide{"orange", "paper/orange_256x256x64_uint8.nhdr", 0.22},
+                      RealSlide{"lobster", "paper/lobster_301x324x56_uint8.nhdr", 0.16},
+                      RealSlide{"head", "paper/SUBST_head_ct_cranium_256x256x108_int16.nrrd",
+                                0.33}),
+    [](const auto& slide) { return std::string(slide.param.name); });
 
 }  // namespace
 }  // namespace palpate::lab

@@ -28,29 +28,24 @@ using testing::Slab;
 
 class Surface : public testing::SurfaceRig {};
 
-TEST_F(Surface, SphereIsExact) {
-  Scene scene{testing::Sphere(26, 9.0)};
-  ExpectSame("sphere", scene, LooksAt(scene.voxels.size));
-  scene.X_DI = Mirrored();
-  ExpectSame("mirrored sphere", scene, LooksAt(scene.voxels.size));
-}
-
-TEST_F(Surface, GyroidIsExact) {
-  Scene scene{testing::Gyroid({30, 25, 34})};
-  scene.options.isovalue = 0.2;
-  ExpectSame("gyroid", scene, LooksAt(scene.voxels.size));
-  scene.X_DI = testing::Sheared();
-  ExpectSame("sheared gyroid", scene, LooksAt(scene.voxels.size));
-}
-
-TEST_F(Surface, NoiseIsExact) {
-  Scene scene{testing::Noise({16, 16, 16})};
-  for (const double isovalue : {0.5, 0.8, 0.9}) {
-    scene.options.isovalue = isovalue;
-    ExpectSame("noise", scene, LooksAt(scene.voxels.size));
+TEST_F(Surface, IsExactWhateverItIsAndHoweverItIsPlaced) {
+  struct Case {
+    const char* name;
+    testing::VoxelArray voxels;
+    double isovalue;
+    AffineMap placed;
+  };
+  const Case cases[] = {{"sphere", testing::Sphere(26, 9.0), 0.0, Mirrored()},
+                        {"gyroid", testing::Gyroid({30, 25, 34}), 0.2, testing::Sheared()},
+                        {"noise", testing::Noise({16, 16, 16}), 0.5, Mirrored()},
+                        {"thin noise", testing::Noise({16, 16, 16}), 0.9, Mirrored()}};
+  for (const Case& one : cases) {
+    Scene scene{one.voxels};
+    scene.options.isovalue = one.isovalue;
+    ExpectSame(one.name, scene, LooksAt(scene.voxels.size));
+    scene.X_DI = one.placed;
+    ExpectSame(one.name, scene, LooksAt(scene.voxels.size));
   }
-  scene.X_DI = Mirrored();
-  ExpectSame("mirrored noise", scene, LooksAt(scene.voxels.size));
 }
 
 TEST_F(Surface, IsExactFromWithinAndFromTheOtherSide) {
@@ -90,12 +85,17 @@ TEST_F(Surface, RealVolumesAreExact) {
 
 // The surface is in a border of cells and of bricks; voxels are at the isovalue, or
 // so near that rounding decides on which side a cell's border is.
-TEST_F(Surface, HasNoHolesAtBorders) {
+TEST_F(Surface, HasNoHolesAtBordersNorHasItsVeil) {
   for (const int plane : {6, 7, 8, 15}) {
     for (const double isovalue : {0.0, 1e-7, 0.5 - 3e-8, 0.5, 1.0 - 1e-7}) {
       Scene scene = Slab(plane);
       scene.options.isovalue = isovalue;
       ExpectSame("slab", scene, LooksAt(scene.voxels.size), kSmallSize);
+      scene.options.shown = false;
+      scene.options.veil.shown = true;
+      scene.options.veil.isovalue = isovalue;
+      // Where F stays within a rounding error of the isovalue, so do the layers.
+      ExpectSameVeil("slab", scene, kSmallSize, 0.02);
     }
   }
   const Scene sphere{testing::Sphere(64, 30.0)};
@@ -124,10 +124,7 @@ TEST_F(Surface, IsCutByTheCropBoxAndByPlanes) {
     scene.options.free_above = true;
     ExpectSame("free above, crop and planes", scene, LooksAt(scene.voxels.size));
   }
-}
-
-// A cut in a plane of the lattice, which is a border of bricks as well.
-TEST_F(Surface, IsCutInAPlaneOfTheLattice) {
+  // In a plane of the lattice, which is a border of bricks as well.
   Scene scene = CutScene();
   scene.options.planes[0] = {true, Vec3::UnitZ(), 15.0};
   scene.options.planes[1] = {true, -Vec3::UnitX(), -7.0};
@@ -183,19 +180,6 @@ TEST_F(Surface, BlendsNoMoreLayersThanItSays) {
   scene.options.veil.isovalue = 0.4;
   scene.options.veil.opacity = 0.08;
   ExpectSameVeil("layers", scene, kSmallSize, 0.01);
-}
-
-TEST_F(Surface, HasAVeilWithoutHolesAtBorders) {
-  for (const int plane : {7, 8, 15}) {
-    for (const double isovalue : {0.0, 1e-7, 0.5 - 3e-8, 0.5, 1.0 - 1e-7}) {
-      Scene scene = Slab(plane);
-      scene.options.shown = false;
-      scene.options.veil.shown = true;
-      scene.options.veil.isovalue = isovalue;
-      // Where F stays within a rounding error of the isovalue, so do the layers.
-      ExpectSameVeil("slab", scene, kSmallSize, 0.02);
-    }
-  }
 }
 
 }  // namespace

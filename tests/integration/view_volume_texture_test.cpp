@@ -21,10 +21,10 @@ using testing::MakeVoxels;
 using testing::Picture;
 using testing::VoxelArray;
 
-constexpr ImageSize kSize{120, 90};
+constexpr ImageSize kCastSize{120, 90};
 
 // No multiple of a brick along any axis.
-VoxelArray Waves() {
+VoxelArray CastWaves() {
   return MakeVoxels({30, 25, 33}, [](int i, int j, int k) {
     return static_cast<float>(std::sin(0.4 * i) + std::sin(0.5 * j) * std::cos(0.3 * k));
   });
@@ -32,7 +32,7 @@ VoxelArray Waves() {
 
 CastRequest RequestFor(const VoxelArray& voxels) {
   const Look look{Vec3(45.0, 40.0, 70.0), Vec3(15.0, 12.0, 16.0)};
-  CastRequest request = testing::RequestFor(look, {}, voxels.size, kSize);
+  CastRequest request = testing::RequestFor(look, {}, voxels.size, kCastSize);
   request.surface.isovalue = 0.3;
   request.surface.veil.shown = true;
   request.surface.veil.isovalue = -0.5;
@@ -55,62 +55,6 @@ class VolumeOnTheCard : public ::testing::Test {
  protected:
   OffscreenContext context_;
 };
-
-TEST_F(VolumeOnTheCard, LooksTheSameTwice) {
-  const VoxelArray voxels = Waves();
-  const CastRequest request = RequestFor(voxels);
-  const Picture first = CastRig(voxels).Cast(request);
-  EXPECT_EQ(CastRig(voxels).Cast(request), first);
-}
-
-TEST_F(VolumeOnTheCard, LooksAfterAnEditAsIfUploadedAfresh) {
-  VoxelArray voxels = Waves();
-  const CastRequest request = RequestFor(voxels);
-  CastRig rig(voxels);
-  const Picture before = rig.Cast(request);
-
-  // A ball across borders of bricks, near the lattice's end.
-  voxels = MakeVoxels(voxels.size, [old = voxels](int i, int j, int k) {
-    const double away = (Vec3(i, j, k) - Vec3(24.0, 23.0, 31.0)).norm();
-    return away < 5.0 ? static_cast<float>(5.0 - away) : old.At(i, j, k);
-  });
-  std::vector<Vec3i> bricks;
-  for (int a = 2; a < 4; ++a) {
-    for (int b = 2; b < 4; ++b) {
-      for (int c = 3; c < 5; ++c) bricks.emplace_back(a, b, c);
-    }
-  }
-  rig.volume.Take(Edit(voxels, bricks));
-  EXPECT_TRUE(rig.texture.TakeUp(rig.volume, SIZE_MAX));
-  const Picture after = rig.Cast(request);
-  EXPECT_NE(after.color, before.color);
-  EXPECT_EQ(after, CastRig(voxels).Cast(request));
-}
-
-TEST_F(VolumeOnTheCard, IsTakenUpInPartsToTheSameEnd) {
-  const VoxelArray voxels = Waves();
-  const CastRequest request = RequestFor(voxels);
-  CastRig whole(voxels);
-  const auto bricks = whole.volume.lattice()->Bricks();
-
-  ViewVolume volume;
-  VolumeTexture texture;
-  volume.Take(testing::WholeVolume(voxels, {}));
-  std::uint64_t calls = 1;
-  while (!texture.TakeUp(volume, 3) && calls < 1000) ++calls;
-  EXPECT_GE(calls, bricks / 3);
-  EXPECT_LE(calls, bricks / 3 + 1);
-  const auto version = texture.version();
-  EXPECT_TRUE(texture.TakeUp(volume, 0));
-  EXPECT_EQ(texture.version(), version);
-
-  const Picture expected = whole.Cast(request);
-  whole.caster.Cast(texture, request);
-  std::vector<float> depth(expected.pixels());
-  glBindTexture(GL_TEXTURE_2D, whole.caster.depth());
-  glGetTexImage(GL_TEXTURE_2D, 0, GL_DEPTH_COMPONENT, GL_FLOAT, depth.data());
-  EXPECT_EQ(depth, expected.depth);
-}
 
 // What the card holds, whatever the volume is.
 VoxelArray Held(const VolumeTexture& texture, float background) {
@@ -164,14 +108,14 @@ void ExpectTrueSurfacesOnTheWay(CastRig& rig, const CastRequest& request, float 
 }
 
 // In the middle of which are bricks that no surface passes.
-VoxelArray Ball(const Vec3& middle, double radius) {
+VoxelArray CastBall(const Vec3& middle, double radius) {
   return MakeVoxels({30, 25, 33}, [=](int i, int j, int k) {
     return static_cast<float>(std::max(-1.0, radius - (Vec3(i, j, k) - middle).norm()));
   });
 }
 
 TEST_F(VolumeOnTheCard, ShowsATrueSurfaceWhileItIsTakenUp) {
-  VoxelArray voxels = Ball({15.0, 12.0, 16.0}, 18.0);
+  VoxelArray voxels = CastBall({15.0, 12.0, 16.0}, 18.0);
   const CastRequest request = RequestFor(voxels);
   const float background = voxels.background;
   CastRig rig(MakeVoxels({3, 3, 3}, [](int, int, int) { return 0.0f; }));
@@ -181,7 +125,7 @@ TEST_F(VolumeOnTheCard, ShowsATrueSurfaceWhileItIsTakenUp) {
   ExpectTrueSurfacesOnTheWay(rig, request, background, 5);
 
   // Other values, of which half come while the first wait.
-  voxels = Ball({4.0, 20.0, 3.0}, 21.0);
+  voxels = CastBall({4.0, 20.0, 3.0}, 21.0);
   std::vector<Vec3i> even, all;
   for (std::uint64_t n = 0; n < rig.volume.lattice()->Bricks(); ++n) {
     all.push_back(BrickWithNumber(n, rig.volume.lattice()->BrickCounts()));
@@ -202,7 +146,7 @@ TEST_F(VolumeOnTheCard, ShowsATrueSurfaceWhileItIsTakenUp) {
 
 // A volume that replaces another leaves nothing of it, though its bricks be few.
 TEST_F(VolumeOnTheCard, BeginsAnew) {
-  CastRig rig(Waves());
+  CastRig rig(CastWaves());
   const VoxelArray ball = MakeVoxels({20, 20, 20}, [](int i, int j, int k) {
     return static_cast<float>(std::max(0.0, 5.0 - (Vec3(i, j, k) - Vec3(9.0, 9.0, 9.0)).norm()));
   });
@@ -222,7 +166,7 @@ TEST_F(VolumeOnTheCard, BeginsAnew) {
 }
 
 TEST_F(VolumeOnTheCard, IsNotShownBeforeItHasAPlace) {
-  const VoxelArray voxels = Waves();
+  const VoxelArray voxels = CastWaves();
   client::VolumeUpdate update = testing::WholeVolume(voxels, {});
   update.placement.reset();
   ViewVolume volume;
@@ -231,14 +175,14 @@ TEST_F(VolumeOnTheCard, IsNotShownBeforeItHasAPlace) {
   volume.Take(update);
   texture.TakeUp(volume, SIZE_MAX);
   EXPECT_TRUE(caster.Cast(texture, RequestFor(voxels)));
-  std::vector<float> depth(static_cast<std::size_t>(kSize.width * kSize.height));
+  std::vector<float> depth(static_cast<std::size_t>(kCastSize.width * kCastSize.height));
   glBindTexture(GL_TEXTURE_2D, caster.depth());
   glGetTexImage(GL_TEXTURE_2D, 0, GL_DEPTH_COMPONENT, GL_FLOAT, depth.data());
   EXPECT_EQ(depth, std::vector<float>(depth.size(), 1.0f));
 }
 
 TEST_F(VolumeOnTheCard, IsCastAgainOnlyAfterAChange) {
-  const VoxelArray voxels = Waves();
+  const VoxelArray voxels = CastWaves();
   CastRig rig(voxels);
   CastRequest request = RequestFor(voxels);
   EXPECT_TRUE(rig.caster.Cast(rig.texture, request));
@@ -313,7 +257,7 @@ TEST_F(VolumeOnTheCard, IsRefusedWhereItIsTooLarge) {
   volume.Take(Edit(voxels, {Vec3i(0, 0, 0)}));
   EXPECT_TRUE(texture.TakeUp(volume, SIZE_MAX));
   EXPECT_EQ(texture.voxels(), 0u);
-  const VoxelArray small = Waves();
+  const VoxelArray small = CastWaves();
   volume.Take(testing::WholeVolume(small, {}));
   EXPECT_TRUE(texture.TakeUp(volume, SIZE_MAX));
   EXPECT_NE(texture.voxels(), 0u);

@@ -6,50 +6,16 @@
 #include <thread>
 
 #include "server/servo/servo_tick.h"
-#include "server/volume/builtin.h"
-#include "server/volume/snapshot_builder.h"
+#include "tests/support/patience.h"
+#include "tests/support/tick_rig.h"
 
 namespace palpate {
 namespace {
 
-class FakeMotors final : public HapticDevice {
- public:
-  FakeMotors() {
-    spec_.kind = "fake";
-    spec_.max_force_n = 3.3;
-    spec_.continuous_force_n = 0.88;
-    spec_.verification_level = VerificationLevel::kNone;
-  }
-  const DeviceSpec& spec() const override { return spec_; }
-  void Start() override {}
-  void Stop() noexcept override {}
-  DeviceStatus Read(DeviceState& state) noexcept override {
-    state = reading;
-    return status;
-  }
-  void Write(const Vec3& force_D_n, double) noexcept override { written_D_n = force_D_n; }
-  void SetMotors(bool on) noexcept override { motors_on = on; }
-
-  DeviceState reading;
-  DeviceStatus status = DeviceStatus::kOk;
-  Vec3 written_D_n = Vec3::Zero();
-  bool motors_on = false;
-
- private:
-  DeviceSpec spec_;
-};
-
-// A sphere of radius 12 mm about the origin, touched from above.
+// A sphere, touched from above.
 class HardwareTick : public ::testing::Test {
  protected:
   HardwareTick() {
-    const BuiltinVolume builtin = MakeBuiltin("builtin:sphere:64");
-    scene_.volume = MakeSnapshot(builtin.grid, builtin.metadata, 1);
-    const Vec3 middle = 0.25 * (builtin.metadata.size.cast<double>() - Vec3::Ones());
-    scene_.surface = MakeHapticSurface(*scene_.volume, {Mat3::Identity() * 0.5, -middle}, 0.5,
-                                       DecompositionMethod::kTpbcc, 1);
-    scene_.isovalue = 0.5;
-    device_.reading.p_DHip_mm = Vec3(0, 0, 11.6);
     // From outside: a proxy inside would be ejected.
     for (double z = 14.0; z > 10.0; z -= 0.1) {
       device_.reading.p_DHip_mm.z() = z;
@@ -68,10 +34,10 @@ class HardwareTick : public ::testing::Test {
   }
   double Force(int count = 1) { return Vec3(Tick(count).force_n.data()).norm(); }
 
-  FakeMotors device_;
-  Scene scene_;
+  testing::FakeDevice device_{VerificationLevel::kNone};
+  const Scene scene_ = testing::SphereScene();
   ForceSwitch forces_;
-  ServoTick tick_{device_, LimitsFor(FakeMotors().spec(), 3), &forces_};
+  ServoTick tick_{device_, LimitsFor(device_.spec(), 3), &forces_};
   std::int64_t ticks_ = 0;
 };
 
@@ -174,13 +140,8 @@ TEST(ForceSwitch, AStopIsNeverLost) {
   }
   for (int n = 0; n < 500; ++n) {
     std::thread stopper([&] { forces.Set(ForceCommand::kStop); });
-    bool taken = false;
-    const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(60);
-    while (!taken && std::chrono::steady_clock::now() < deadline) {
-      taken = forces.Take() == ForceCommand::kStop;
-    }
+    EXPECT_TRUE(test::Eventually([&] { return forces.Take() == ForceCommand::kStop; })) << n;
     stopper.join();
-    ASSERT_TRUE(taken) << n;
   }
   end = true;
   for (auto& thread : others) thread.join();

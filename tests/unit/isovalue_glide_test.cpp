@@ -11,17 +11,17 @@
 
 #include "server/servo/tick_computation.h"
 #include "tests/support/made_volume.h"
+#include "tests/support/tick_rig.h"
 
 namespace palpate {
 namespace {
 
-constexpr double kSlewN = 0.2 + 1e-9;
-constexpr int kEdge = 36;
-const Vec3 kCentre = Vec3::Constant((kEdge - 1) / 2.0);
+constexpr int kHeadEdge = 36;
+const Vec3 kHeadCentre = Vec3::Constant((kHeadEdge - 1) / 2.0);
 
-// A ball whose density falls by 1/32 per mm: its surface is at RadiusAt(isovalue).
+// A ball whose density falls by 1/32 per mm: its surface is at EvenRadiusAt(isovalue).
 double Even(double r_mm) { return 0.5 - (r_mm - 11.0) / 32.0; }
-double RadiusAt(double isovalue) { return 11.0 + 32.0 * (0.5 - isovalue); }
+double EvenRadiusAt(double isovalue) { return 11.0 + 32.0 * (0.5 - isovalue); }
 
 // Bone, soft tissue that is the same all over, air.
 double Head(double r_mm) {
@@ -29,13 +29,13 @@ double Head(double r_mm) {
   return std::clamp(0.4 - 0.4 * (r_mm - 12.0), 0.0, 0.4);
 }
 
-struct Hand {
-  explicit Hand(double (*density)(double))
-      : volume(testing::MakeVolume(Vec3i::Constant(kEdge), [density](int i, int j, int k) {
+struct GlideHand {
+  explicit GlideHand(double (*density)(double))
+      : volume(testing::MakeVolume(Vec3i::Constant(kHeadEdge), [density](int i, int j, int k) {
           // Corners that fix the range.
           if (i + j + k == 0) return 0.0;
-          if (i + j + k == 3 * (kEdge - 1)) return 1.0;
-          return std::clamp(density((Vec3(i, j, k) - kCentre).norm()), 0.0, 1.0);
+          if (i + j + k == 3 * (kHeadEdge - 1)) return 1.0;
+          return std::clamp(density((Vec3(i, j, k) - kHeadCentre).norm()), 0.0, 1.0);
         })) {
     scene.volume = volume;
     Set(0.6);
@@ -51,7 +51,7 @@ struct Hand {
 
   TickSample Tick(const Vec3& from_centre) {
     TickInput input;
-    input.stylus.p_DHip_mm = kCentre + from_centre;
+    input.stylus.p_DHip_mm = kHeadCentre + from_centre;
     const TickSample sample = computation.Run(scene, input);
     const Vec3 force_n(sample.force_n.data());
     greatest_step_n = std::max(greatest_step_n, (force_n - last_force_n).norm());
@@ -74,11 +74,11 @@ struct Hand {
 };
 
 double RadiusOf(const TickSample& sample) {
-  return (Vec3(sample.scp_h_mm.data()) - kCentre).norm();
+  return (Vec3(sample.scp_h_mm.data()) - kHeadCentre).norm();
 }
 
 TEST(IsovalueGlide, TheSurfacePassesTheStylusAtItsSpeedBothWays) {
-  Hand hand(Even);
+  GlideHand hand(Even);
   hand.Set(0.5);
   hand.Tick(Vec3(15, 0, 0));
   TickSample last = hand.Ticks(50, Vec3(8, 0.3, 0.2));
@@ -89,7 +89,7 @@ TEST(IsovalueGlide, TheSurfacePassesTheStylusAtItsSpeedBothWays) {
       const TickSample next = hand.Tick(Vec3(8, 0.3, 0.2));
       ASSERT_NEAR(std::abs(next.isovalue - last.isovalue), 50e-3 / 32.0, 4e-4) << ticks;
       ASSERT_LE(std::abs(RadiusOf(next) - RadiusOf(last)), 0.075) << ticks;
-      ASSERT_NEAR(RadiusOf(next), RadiusAt(next.isovalue), 0.1) << ticks;
+      ASSERT_NEAR(RadiusOf(next), EvenRadiusAt(next.isovalue), 0.1) << ticks;
       last = next;
       if (std::abs(last.isovalue - wanted) < 2e-3) break;
     }
@@ -99,11 +99,11 @@ TEST(IsovalueGlide, TheSurfacePassesTheStylusAtItsSpeedBothWays) {
     EXPECT_LT(ticks, 200);
   }
   EXPECT_EQ(hand.faults, 0);
-  EXPECT_LE(hand.greatest_step_n, kSlewN);
+  EXPECT_LE(hand.greatest_step_n, testing::kMaxStepN);
 }
 
 TEST(IsovalueGlide, AFreeStylusHasItAtOnce) {
-  Hand hand(Head);
+  GlideHand hand(Head);
   hand.Ticks(10, Vec3(15, 0, 0));
   for (const double wanted : {0.2, 0.8, 0.5}) {
     hand.Set(wanted);
@@ -112,7 +112,7 @@ TEST(IsovalueGlide, AFreeStylusHasItAtOnce) {
 }
 
 TEST(IsovalueGlide, AFreeStylusThatWouldBeInsideIsCarriedOut) {
-  Hand hand(Head);
+  GlideHand hand(Head);
   hand.Tick(Vec3(15, 0, 0));
   hand.Ticks(10, Vec3(10, 0, 0));  // within soft tissue, above bone
   hand.Set(0.2);
@@ -122,11 +122,11 @@ TEST(IsovalueGlide, AFreeStylusThatWouldBeInsideIsCarriedOut) {
   EXPECT_EQ(sample.isovalue, 0.2);
   EXPECT_NEAR(RadiusOf(sample), 12.5, 0.2);
   EXPECT_EQ(sample.mode, TickMode::kConstrained);
-  EXPECT_LE(hand.greatest_step_n, kSlewN);
+  EXPECT_LE(hand.greatest_step_n, testing::kMaxStepN);
 }
 
 TEST(IsovalueGlide, AnotherVolumeOrSideBeginsWithItsOwn) {
-  Hand hand(Even);
+  GlideHand hand(Even);
   hand.Tick(Vec3(15, 0, 0));
   hand.Ticks(10, Vec3(6, 0, 0));
   ++hand.geometry_revision;
@@ -149,7 +149,7 @@ struct Met {
 Met GoInAndOut(bool jumps) {
   std::mt19937_64 random(5);
   std::uniform_real_distribution<double> uniform;
-  Hand hand(Head);
+  GlideHand hand(Head);
   hand.Set(0.02);
   Met met;
   Vec3 direction(1, 0, 0);
@@ -180,12 +180,12 @@ TEST(IsovalueGlide, FromBoneToAirAndBackAtRandom) {
   EXPECT_EQ(moved.faults, 0);
   // The surface carries the stylus: hardly a tick is inside.
   EXPECT_LT(moved.lost, 60);
-  EXPECT_LE(moved.greatest_step_n, kSlewN);
+  EXPECT_LE(moved.greatest_step_n, testing::kMaxStepN);
   EXPECT_LE(moved.greatest_n, 1.02 * still.greatest_n);
 }
 
 TEST(IsovalueGlide, ANewIsovalueThatBuriesIsNoFault) {
-  Hand hand(Even);
+  GlideHand hand(Even);
   hand.Set(0.5);
   hand.Tick(Vec3(15, 0, 0));
   hand.Ticks(50, Vec3(0, 0, 0.5));
@@ -200,12 +200,12 @@ TEST(IsovalueGlide, ANewIsovalueThatBuriesIsNoFault) {
 }
 
 TEST(IsovalueGlide, GoesOnFromAKeyframe) {
-  Hand hand(Head);
+  GlideHand hand(Head);
   hand.Tick(Vec3(15, 0, 0));
   hand.Ticks(50, Vec3(7, 0, 0));
   hand.Set(0.1);
   hand.Ticks(100, Vec3(7, 0, 0));
-  Hand other(Head);
+  GlideHand other(Head);
   other.scene = hand.scene;
   ASSERT_TRUE(other.computation.Resume(hand.computation.Keyframe().view()));
   for (int n = 0; n < 2000; ++n) {

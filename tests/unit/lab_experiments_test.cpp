@@ -20,7 +20,6 @@
 #include "server/lab/experiments.h"
 #include "server/lab/published_table.h"
 #include "server/lab/wilcoxon.h"
-#include "tests/support/cell_topology.h"
 #include "tests/support/places.h"
 #include "tests/support/scaled.h"
 #include "tests/support/temporary_folder.h"
@@ -177,30 +176,6 @@ TEST(MeanDifference, OfTpbccKeepsItsBounds) {
   EXPECT_LE(alternating, 5.55 + room);
 }
 
-TEST(Decomposition, OfTpbccHasNoNeedles) {
-  std::mt19937_64 random(5);
-  std::uniform_real_distribution<double> uniform;
-  double smallest = 1.0;
-  for (int n = 0; n < test::Scaled(30000); ++n) {
-    CellDensities d;
-    for (int v = 0; v < 8; ++v) {
-      const auto& o = kCornerOffset[v];
-      d[v] = uniform(random) + n % 2 * ((o[0] + o[1] + o[2]) % 2);
-    }
-    const Decomposition cell = Decompose(d, DecompositionMethod::kTpbcc);
-    for (int t = 0; t < cell.complex.tetrahedron_count; ++t) {
-      const auto& v = cell.complex.vertices[t];
-      Mat3 edges;
-      for (int k = 0; k < 3; ++k) edges.col(k) = cell.position[v[k + 1]] - cell.position[v[0]];
-      const Mat3 inverse = edges.inverse();  // rows: gradients, 1 / altitude long
-      smallest = std::min(smallest, 1.0 / inverse.rowwise().norm().maxCoeff());
-      smallest = std::min(smallest, 1.0 / inverse.colwise().sum().norm());
-    }
-  }
-  std::printf("smallest altitude %.4f\n", smallest);
-  EXPECT_GE(smallest, 0.05);
-}
-
 // For six face saddles: kTptd takes parallel faces, and is then right and fills the
 // cell; kTpbccPublished trusts ranks, and overlaps where they mislead.
 TEST(SixFaceSaddles, FaultsOfThePublishedRules) {
@@ -226,25 +201,6 @@ TEST(SixFaceSaddles, FaultsOfThePublishedRules) {
   std::printf("published rules overlap in %d of %d cells\n", overlaps, cells);
   EXPECT_GT(overlaps, cells * 4 / 10);
   EXPECT_LT(overlaps, cells * 7 / 10);
-}
-
-TEST(CellTopology, AgreesWithTheOtherCount) {
-  std::mt19937_64 random(7);
-  std::uniform_real_distribution<double> uniform;
-  for (int n = 0; n < 3000; ++n) {
-    CellDensities d;
-    for (double& x : d) x = uniform(random);
-    const double isovalue = uniform(random);
-    for (DecompositionMethod method : kAllMethods) {
-      const Decomposition cell = Decompose(d, method);
-      const CellTopology ours = CountCellTopology(cell, isovalue);
-      const palpate::testing::CellTopology other = palpate::testing::TopologyOf(cell, isovalue);
-      EXPECT_EQ(ours.above, other.above);
-      EXPECT_EQ(ours.below, other.below);
-      EXPECT_EQ(ours.surface, other.surface);
-      EXPECT_EQ(ours.euler, other.euler);
-    }
-  }
 }
 
 TEST(Drift, GbidDriftsAndOursDoesNot) {

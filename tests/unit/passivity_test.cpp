@@ -5,9 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
-#include <cstdio>
 #include <limits>
 #include <numbers>
 #include <random>
@@ -138,22 +136,14 @@ Hand LightHand(double mass_kg, double share, double push_n, double stiffness, Ap
   return hand;
 }
 
-// Under a sanitizer, which looks at other things, a few of the hands are enough.
-#ifdef PALPATE_SANITIZED
-constexpr std::array kMassesKg = {0.08};
-constexpr std::array kPushesN = {1.0};
-#else
-constexpr std::array kMassesKg = {0.03, 0.08, 0.2};
-constexpr std::array kPushesN = {0.3, 1.0, 2.0};
-#endif
-
+// The extremes. NeitherDoRandomHands tests what is between them.
 template <typename Visit>
 void ForEachLightHand(Visit visit) {
   for (bool is_late : {false, true}) {
-    for (double stiffness : {0.5, 1.0, 2.0, 3.0}) {
-      for (double mass_kg : kMassesKg) {
-        for (double share : {0.05, 0.3, 0.9}) {
-          for (double push_n : kPushesN) {
+    for (double stiffness : {0.5, 2.0, 3.0}) {
+      for (double mass_kg : {0.03, 0.2}) {
+        for (double share : {0.05, 0.9}) {
+          for (double push_n : {0.3, 2.0}) {
             for (Approach approach :
                  {Approach::kFall, Approach::kRest, Approach::kThrow, Approach::kTremor}) {
               visit(LightHand(mass_kg, share, push_n, stiffness, approach), stiffness, is_late);
@@ -165,23 +155,6 @@ void ForEachLightHand(Visit visit) {
   }
 }
 
-struct Worst {
-  double given_mj = -1e9;
-  double swing_n = 0.0;
-  double stiffness_n_per_mm = 1e9;  // force over depth, at rest
-
-  void Add(const Hand& hand, const LoopResult& result) {
-    given_mj = std::max(given_mj, result.given_mj);
-    if (hand.tremor_n > 0.0) return;
-    swing_n = std::max(swing_n, result.force_swing_n);
-    stiffness_n_per_mm = std::min(stiffness_n_per_mm, result.force_n / result.depth_mm);
-  }
-  void Print(const char* what) const {
-    std::printf("[ figures  ] %s: given %.3f mJ, swing %.3f N, stiffness %.2f N/mm\n", what,
-                given_mj, swing_n, stiffness_n_per_mm);
-  }
-};
-
 // The control of the tests below: without passivity control the hand is shaken.
 TEST(Passivity, WithoutItAHandOfLittleDampingGainsEnergy) {
   double least_mj = 1e9, least_swing_n = 1e9;
@@ -192,19 +165,15 @@ TEST(Passivity, WithoutItAHandOfLittleDampingGainsEnergy) {
     least_mj = std::min(least_mj, result.given_mj);
     least_swing_n = std::min(least_swing_n, result.force_swing_n);
   });
-  std::printf("[ figures  ] without control, at 2 N/mm: given %.1f mJ or more, swing %.2f N\n",
-              least_mj, least_swing_n);
   EXPECT_GT(least_mj, 1.5);
   EXPECT_GT(least_swing_n, 0.5);
 }
 
 TEST(Passivity, NoHandGainsEnergyOrIsShakenAndTheWallHolds) {
-  Worst worst;
   ForEachLightHand([&](const Hand& hand, double stiffness, bool is_late) {
     const Wall wall{.stiffness_n_per_mm = stiffness};
     const Loop loop{.is_late = is_late};
     const LoopResult result = Touch(hand, wall, loop);
-    worst.Add(hand, result);
     EXPECT_LE(result.given_mj, 0.15) << Words(hand, wall, loop);
     if (hand.tremor_n > 0.0) return;
     // Twice the amplitude.
@@ -212,7 +181,6 @@ TEST(Passivity, NoHandGainsEnergyOrIsShakenAndTheWallHolds) {
     EXPECT_NEAR(result.force_n, hand.push_n, 0.05) << Words(hand, wall, loop);
     EXPECT_GT(result.force_n / result.depth_mm, 0.9 * kSafeNPerMm) << Words(hand, wall, loop);
   });
-  worst.Print("with control");
 }
 
 TEST(Passivity, NeitherDoRandomHands) {
@@ -221,7 +189,6 @@ TEST(Passivity, NeitherDoRandomHands) {
   const auto between = [&](double low, double high) {
     return std::uniform_real_distribution<double>(low, high)(random);
   };
-  Worst worst;
   int shaken = 0;
   for (int n = 0; n < hands; ++n) {
     const Wall wall{.stiffness_n_per_mm = between(0.3, 3.0)};
@@ -232,7 +199,6 @@ TEST(Passivity, NeitherDoRandomHands) {
                           wall.stiffness_n_per_mm, static_cast<Approach>(random() % 4));
     hand.start_mm.z() += between(0.0, kSensorCountMm);
     const LoopResult result = Touch(hand, wall, loop);
-    worst.Add(hand, result);
     EXPECT_LE(result.given_mj, 1.0) << Words(hand, wall, loop);
     if (hand.tremor_n > 0.0) continue;
     shaken += result.force_swing_n > 0.2;
@@ -240,47 +206,38 @@ TEST(Passivity, NeitherDoRandomHands) {
   }
   // Not one in a thousand, at 2 N/mm and more, keeps a swing of a few counts.
   EXPECT_LE(shaken, hands / 1000);
-  worst.Print("random hands");
 }
 
 TEST(Passivity, TheDamperIsCoveredToo) {
-  Worst worst;
   ForEachLightHand([&](const Hand& hand, double stiffness, bool is_late) {
     const Wall wall{
         .stiffness_n_per_mm = stiffness, .damping_n_s_per_m = 5.0, .viscosity_n_s_per_m = 2.0};
     const Loop loop{.is_late = is_late};
     const LoopResult result = Touch(hand, wall, loop);
-    worst.Add(hand, result);
     EXPECT_LE(result.given_mj, 1.0) << Words(hand, wall, loop);
   });
-  worst.Print("damping 5 N s/m, viscosity 2 N s/m");
 }
 
 // A slew limit makes the force act later still.
 TEST(Passivity, ASlewLimitIsBorneIfTheWrittenForceIsTold) {
-  Worst rise, both, untold;
+  double untold_mj = 0.0;
   ForEachLightHand([&](const Hand& hand, double stiffness, bool is_late) {
     if (!is_late) return;
     Loop loop{.is_late = is_late, .slew_n = 0.2, .falls_at_once = true};
     Wall wall{.stiffness_n_per_mm = stiffness};
     const LoopResult result = Touch(hand, wall, loop);
-    rise.Add(hand, result);
     EXPECT_LE(result.given_mj, 1.0) << Words(hand, wall, loop);
     loop.falls_at_once = false;
     const LoopResult slow = Touch(hand, wall, loop);
-    both.Add(hand, slow);
     EXPECT_LE(slow.given_mj, 1.0) << Words(hand, wall, loop);
     wall.tells_written = false;
-    untold.Add(hand, Touch(hand, wall, loop));
+    untold_mj = std::max(untold_mj, Touch(hand, wall, loop).given_mj);
   });
-  rise.Print("slew limit, rise only");
-  both.Print("slew limit");
-  untold.Print("slew limit, not told");
-  EXPECT_GT(untold.given_mj, 10.0);
+  EXPECT_GT(untold_mj, 10.0);
 }
 
 TEST(Passivity, ADampedHandFeelsTheSpringAsItIs) {
-  for (double stiffness : {0.3, 0.5, 1.0, 2.0}) {
+  for (double stiffness : {0.3, 0.5}) {  // up to kSafeNPerMm
     Change change;
     for (bool is_late : {false, true}) {
       for (double mass_kg : {0.03, 0.1, 0.2}) {
@@ -292,10 +249,6 @@ TEST(Passivity, ADampedHandFeelsTheSpringAsItIs) {
         }
       }
     }
-    std::printf("[ figures  ] damped hand, %.1f N/mm: %.2f %% of ticks changed, mean %.2f %%\n",
-                stiffness, 100.0 * change.changed / change.ticks,
-                100.0 * change.share / change.ticks);
-    if (stiffness > kSafeNPerMm) continue;
     EXPECT_LT(change.changed, 0.01 * change.ticks) << stiffness;
     EXPECT_LT(change.share, 0.01 * change.ticks) << stiffness;
   }
@@ -333,8 +286,6 @@ TEST(Passivity, TheCountIsTheDevicesOwn) {
       other_mm = std::max(other_mm, beyond_mm(omni));
     }
   }
-  std::printf("[ figures  ] a Falcon's flicker: wall %.3f mm too deep, as an Omni's %.3f mm\n",
-              own_mm, other_mm);
   EXPECT_LT(own_mm, kFalconCountMm);
   EXPECT_GT(other_mm, 2.0 * kFalconCountMm);
 }

@@ -2,6 +2,7 @@
 // is, whether it can have come there, and whether it may rest there.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
@@ -140,7 +141,7 @@ void TortureGrid(std::mt19937_64& random, int levels, int steps, Torture& result
 }
 
 TEST(ProxyTorture, NeverFallsThroughAndAlwaysRests) {
-  const int grids = test::Scaled(60);
+  const int grids = std::max(6, test::Scaled(15));
   std::mt19937_64 random(6);
   for (int levels : {0, 256, 16, 4, 2}) {
     Torture result;
@@ -203,7 +204,7 @@ void ChangeGrid(std::mt19937_64& random, int levels, int steps, Ejections& resul
 }
 
 TEST(ProxyTorture, ChangesOfIsovalueAndSideNeverLeaveItInside) {
-  const int grids = test::Scaled(100);
+  const int grids = std::max(10, test::Scaled(30));
   std::mt19937_64 random(7);
   for (int levels : {2, 3, 4, 16, 0}) {
     Ejections result;

@@ -13,7 +13,7 @@
 namespace palpate {
 namespace {
 
-constexpr double kDtS = 1e-3;
+constexpr double kTickS = 1e-3;
 
 class RendererTest : public ::testing::Test {
  protected:
@@ -26,7 +26,7 @@ class RendererTest : public ::testing::Test {
     state_ = std::make_unique<RendererState>();
   }
   HapticOutput Step(const Vec3& hip) {
-    return StepRenderer(surface_, settings_, hip, kDtS, *state_);
+    return StepRenderer(surface_, settings_, hip, kTickS, *state_);
   }
 
   std::shared_ptr<const VolumeSnapshot> volume_;
@@ -69,7 +69,7 @@ TEST_F(RendererTest, TheVelocityFollowsTheHandInMilliseconds) {
   for (int n = 0; n < 50; ++n) Step(Vec3(x, 2, 3));
   std::vector<double> share;
   for (int n = 0; n < 10; ++n) {
-    x += speed_mm_per_s * kDtS;
+    x += speed_mm_per_s * kTickS;
     share.push_back(Step(Vec3(x, 2, 3)).force_D_n.norm() / settled_n);
   }
   EXPECT_GT(share[3], 0.6);  // after 4 ms
@@ -102,7 +102,7 @@ TEST_F(RendererTest, TheSameInputGivesTheSameBits) {
   for (int n = 0; n < 500; ++n) {
     const Vec3 hip(2 + std::sin(n * 0.1), 2 + std::cos(n * 0.13), 2.0 + 0.5 * std::sin(n * 0.05));
     const HapticOutput a = Step(hip);
-    const HapticOutput b = StepRenderer(surface_, settings_, hip, kDtS, other);
+    const HapticOutput b = StepRenderer(surface_, settings_, hip, kTickS, other);
     ASSERT_EQ(a.force_D_n, b.force_D_n);
     ASSERT_EQ(a.visual.p_DV_mm, b.visual.p_DV_mm);
   }

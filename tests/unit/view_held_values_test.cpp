@@ -3,20 +3,13 @@
 
 #include <gtest/gtest.h>
 
-#include <thread>
+#include "tests/support/patience.h"
 
 namespace palpate::view {
 namespace {
 
-using namespace std::chrono_literals;
-
 bool SoonShows(HeldValues& held, unsigned id, double told) {
-  const auto end = std::chrono::steady_clock::now() + 20s;
-  while (held.Shown(id, told) != told) {
-    if (std::chrono::steady_clock::now() > end) return false;
-    std::this_thread::sleep_for(10ms);
-  }
-  return true;
+  return test::Eventually([&] { return held.Shown(id, told) == told; });
 }
 
 TEST(HeldValues, ShowsTheUsersUntilItIsAgreed) {

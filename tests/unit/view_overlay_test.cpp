@@ -271,14 +271,5 @@ TEST(ViewOverlay, AnEmptyImageOrAnEyeAtThePointGivesFiniteBodies) {
   }
 }
 
-TEST(ViewOverlay, TheSamePoseGivesTheSameBits) {
-  const auto build = [] { return BuildOverlay({.pose = InContact()}, {}, {}, kSize); };
-  const Overlay a = build(), b = build();
-  ASSERT_EQ(a.solids.size(), b.solids.size());
-  for (std::size_t n = 0; n < a.solids.size(); ++n) {
-    ASSERT_EQ(a.solids[n].position_D, b.solids[n].position_D);
-  }
-}
-
 }  // namespace
 }  // namespace palpate::view

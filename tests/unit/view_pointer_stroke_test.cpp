@@ -12,7 +12,7 @@ using Eigen::Vector2d;
 
 constexpr ImageSize kView{800, 600};
 constexpr double kJump_mm = 6.0;
-constexpr float kNothing = std::numeric_limits<float>::infinity();
+constexpr float kNoDistance = std::numeric_limits<float>::infinity();
 
 // What a brush gets: points of D, and a gap where it was lifted.
 struct Drawn {
@@ -42,7 +42,7 @@ SeenSurface Wall(const Distances& distances) {
 TEST(PointerStroke, BeginsOnTheSurfaceOnly) {
   PointerStroke stroke;
   Drawn drawn;
-  const SeenSurface wall = Wall([](double x) { return x < 40 ? 300.0f : kNothing; });
+  const SeenSurface wall = Wall([](double x) { return x < 40 ? 300.0f : kNoDistance; });
   EXPECT_FALSE(stroke.Begin(wall, Vector2d(500, 300), kView, kJump_mm, drawn.sink()));
   EXPECT_FALSE(stroke.Begin(wall, Vector2d(-1, 300.0), kView, kJump_mm, drawn.sink()));
   EXPECT_FALSE(stroke.Begin({}, Vector2d(500, 300), kView, kJump_mm, drawn.sink()));
@@ -82,14 +82,14 @@ TEST(PointerStroke, FollowsTheSurfaceBetweenTheFrames) {
 }
 
 TEST(PointerStroke, IsLiftedBesideTheSurfaceAndWhereItJumps) {
-  for (const float beyond : {kNothing, 300.0f + 2.0f * static_cast<float>(kJump_mm), 280.0f}) {
+  for (const float beyond : {kNoDistance, 300.0f + 2.0f * static_cast<float>(kJump_mm), 280.0f}) {
     PointerStroke stroke;
     Drawn drawn;
     const SeenSurface surface =
         Wall([beyond](double x) { return x >= 30 && x < 50 ? beyond : 300.0f; });
     ASSERT_TRUE(stroke.Begin(surface, Vector2d(100, 300), kView, kJump_mm, drawn.sink()));
     stroke.MoveTo(Vector2d(700, 300), kView, drawn.sink());
-    EXPECT_EQ(drawn.gaps(), beyond == kNothing ? 1 : 2);
+    EXPECT_EQ(drawn.gaps(), beyond == kNoDistance ? 1 : 2);
     // Between gaps neighbours are near each other.
     for (std::size_t n = 1; n < drawn.points.size(); ++n) {
       if (!drawn.points[n] || !drawn.points[n - 1]) continue;

@@ -7,13 +7,13 @@ namespace {
 
 using Eigen::Vector2d;
 
-constexpr ImageSize kSize = {301, 200};
+constexpr ImageSize kSliceSize = {301, 200};
 const Vec3i kLattice = {40, 30, 20};
 const Vec3 kVoxel_mm = {0.5, 1.0, 2.5};
 
 TEST(ViewSliceView, PixelsAndPointsAreInverse) {
   for (int axis = 0; axis < 3; ++axis) {
-    const SliceView view(axis, kLattice, kVoxel_mm, kSize);
+    const SliceView view(axis, kLattice, kVoxel_mm, kSliceSize);
     for (const Vector2d& px : {Vector2d(0.5, 0.5), Vector2d(150.0, 99.25), Vector2d(-7.0, 230.0)}) {
       const Vec3 p_I = view.PointAt(px, 7.25);
       EXPECT_EQ(p_I[axis], 7.25);
@@ -26,7 +26,7 @@ TEST(ViewSliceView, PixelsAndPointsAreInverse) {
 
 TEST(ViewSliceView, RightAndDownAreAsImageViewersHaveThem) {
   const auto step = [](int axis, int along) {
-    const SliceView view(axis, kLattice, kVoxel_mm, kSize);
+    const SliceView view(axis, kLattice, kVoxel_mm, kSliceSize);
     return Vector2d(view.PixelOf(Vec3::Unit(along)) - view.PixelOf(Vec3::Zero()));
   };
   EXPECT_GT(step(2, 0).x(), 0.0);
@@ -40,7 +40,7 @@ TEST(ViewSliceView, RightAndDownAreAsImageViewersHaveThem) {
 
 TEST(ViewSliceView, VoxelsHaveTheirPhysicalShape) {
   for (int axis = 0; axis < 3; ++axis) {
-    const SliceView view(axis, kLattice, kVoxel_mm, kSize);
+    const SliceView view(axis, kLattice, kVoxel_mm, kSliceSize);
     const Vector2d px_per_mm = {view.px_per_voxel().x() / kVoxel_mm[view.right_axis()],
                                 std::abs(view.px_per_voxel().y()) / kVoxel_mm[view.down_axis()]};
     EXPECT_NEAR(px_per_mm.x(), px_per_mm.y(), 1e-12) << axis;

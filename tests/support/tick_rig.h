@@ -1,0 +1,70 @@
+// For tests of ticks: a built-in volume around the origin of D, and a device that says what the
+// test wants it to say.
+#pragma once
+
+#include <memory>
+
+#include "server/device/haptic_device.h"
+#include "server/haptics/haptic_surface.h"
+#include "server/scene/scene.h"
+#include "server/volume/builtin.h"
+#include "server/volume/snapshot_builder.h"
+
+namespace palpate::testing {
+
+// The most that the force of a simulated device changes in a tick.
+inline constexpr double kMaxStepN = 0.2 + 1e-9;
+
+struct PlacedVolume {
+  std::shared_ptr<const VolumeSnapshot> volume;
+  HapticSurface surface;  // at ½
+};
+
+// The middle of the volume is at the origin of D.
+inline PlacedVolume PlaceBuiltin(const char* source, double mm_per_voxel) {
+  const BuiltinVolume builtin = MakeBuiltin(source);
+  PlacedVolume placed{MakeSnapshot(builtin.grid, builtin.metadata, 1), {}};
+  const Vec3 middle = 0.5 * mm_per_voxel * (builtin.metadata.size.cast<double>() - Vec3::Ones());
+  placed.surface = MakeHapticSurface(*placed.volume, {Mat3::Identity() * mm_per_voxel, -middle},
+                                     0.5, DecompositionMethod::kTpbcc, 1);
+  return placed;
+}
+
+// A sphere of radius 12 mm about the origin.
+inline Scene SphereScene() {
+  const PlacedVolume sphere = PlaceBuiltin("builtin:sphere:64", 0.5);
+  Scene scene;
+  scene.volume = sphere.volume;
+  scene.surface = sphere.surface;
+  scene.isovalue = 0.5;
+  return scene;
+}
+
+class FakeDevice final : public HapticDevice {
+ public:
+  explicit FakeDevice(VerificationLevel level) {
+    spec_.kind = "fake";
+    spec_.max_force_n = 3.3;
+    spec_.continuous_force_n = 0.88;
+    spec_.verification_level = level;
+  }
+  const DeviceSpec& spec() const override { return spec_; }
+  void Start() override {}
+  void Stop() noexcept override {}
+  DeviceStatus Read(DeviceState& state) noexcept override {
+    if (status != DeviceStatus::kFault) state = reading;
+    return status;
+  }
+  void Write(const Vec3& force_D_n, double) noexcept override { written_D_n = force_D_n; }
+  void SetMotors(bool on) noexcept override { motors_on = on; }
+
+  DeviceState reading;
+  DeviceStatus status = DeviceStatus::kOk;
+  Vec3 written_D_n = Vec3::Zero();
+  bool motors_on = false;
+
+ private:
+  DeviceSpec spec_;
+};
+
+}  // namespace palpate::testing
