@@ -1,7 +1,6 @@
 """Image files in the formats that palpate-import reads: 2 to 4 voxels along an axis."""
 
 import gzip
-import itertools
 import struct
 import zlib
 
@@ -324,7 +323,9 @@ def raw_voxels():
 
 
 def corpora():
-    named = {"nrrd_fuzz": nrrds(), "meta_image_fuzz": meta_images(), "nifti_fuzz": niftis(),
-             "tiff_fuzz": tiffs(), "dicom_fuzz": dicoms(), "raw_fuzz": raw_voxels()}
-    return itertools.chain.from_iterable(
-        ((target, name, data) for name, data in files.items()) for target, files in named.items())
+    # In the order of image_fuzz.cpp.
+    formats = (nrrds(), meta_images(), niftis(), tiffs(), dicoms(), raw_voxels())
+    names = ("nrrd", "meta", "nifti", "tiff", "dicom", "raw")
+    for number, (prefix, files) in enumerate(zip(names, formats)):
+        for name, data in files.items():
+            yield "image_fuzz", f"{prefix}_{name}", bytes([number]) + data

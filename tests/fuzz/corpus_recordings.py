@@ -287,45 +287,8 @@ def replays():
     return results
 
 
-def strokes():
-    """Scripts of servo_keyframe_fuzz."""
-    def stroke(x, y, z, count=5):
-        return step(0, struct.pack("<B3h", count - 1, x, y, z))
-
-    def changes(*patches):
-        return step(1, bytes([len(patches) - 1]) + b"".join(struct.pack("<H", at) + data for at, data in patches))
-
-    def byte(at, value):
-        return step(2, struct.pack("<BHB", 0, at, value))
-    double = lambda number: struct.pack("<d", number)
-    start = lambda bits=0, method=3, isovalue=128: bytes([bits, method, isovalue])
-    press = stroke(-900, 0, 0, 2) + stroke(0, 0, 0) + stroke(300, 200, -100)
-    after = stroke(100, -200, 200) + stroke(-300, 100, 300)
-    results = {"nothing": start(), "press": start() + press + after}
-    for bit in range(8):
-        results[f"press_settings_{bit}"] = start(1 << bit) + press + after + byte(0, 2) + after
-    for method in range(3):
-        results[f"press_method_{method}"] = start(0, method) + press + byte(0, 2) + after
-    layout = {"on_surface": 2, "kind": 8, "faces": 21, "count": 46, "vertex": 50, "tetrahedron": 86, "side": 130,
-              "has_hip": 139, "state": 847}
-    for name, at in layout.items():
-        for value in (0, 1, 2, 7):
-            results[f"{name}_{value}"] = start(31) + press + byte(at, value) + after
-    for name, at in {"p_I": 22, "weight": 54, "p_DH": 90, "isovalue": 131, "hip": 140, "normal": 213}.items():
-        for word, number in {"nan": NAN, "negative": -1.0, "huge": 1e308, "small": 1e-9}.items():
-            results[f"{name}_{word}"] = start(31) + press + changes((at, double(number))) + after
-    results |= {
-        "cell_elsewhere": start() + press + changes((9, struct.pack("<ii", 3, 3))) + after,
-        "cell_far": start() + press + changes((9, struct.pack("<ii", 1 << 30, -1))) + after,
-        "weights_below_0": start() + press + changes(*((54 + 8 * n, double(-0.25)) for n in range(4))) + after,
-        "scene_moves": start(31) + press + b"".join(step(4, bytes([iso, bits])) + after for iso, bits in
-                                                    ((90, 0), (200, 4), (128, 12), (100, 1), (100, 2), (60, 0))),
-        "any_bytes": start() + press + step(3, struct.pack("<H", 986) + keyframe()) + after,
-    }
-    return results
-
-
 def texts():
+    """Settings of a scene."""
     return {
         "all": settings(carve_radius_mm="2", carve_rate_per_s="-20", viscosity_n_s_per_m="1", carve_tool="off",
                         clutch_tool="on"),
@@ -340,11 +303,9 @@ def texts():
 def corpora():
     for name, (kind, payload) in chunks().items():
         yield "recording_chunk_fuzz", name, struct.pack("<H", kind) + payload
+    for name, words in texts().items():
+        yield "recording_chunk_fuzz", f"settings_{name}", struct.pack("<H", SCENE) + scene(words=words)
     for name, data in files().items():
         yield "recording_file_fuzz", name, data
     for name, data in replays().items():
         yield "recording_replay_fuzz", name, data
-    for name, data in strokes().items():
-        yield "servo_keyframe_fuzz", name, data
-    for name, words in texts().items():
-        yield "settings_text_fuzz", name, words.encode()

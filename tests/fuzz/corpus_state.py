@@ -1,4 +1,4 @@
-"""Files that the daemon keeps, positions for palpate-lab, and the stream of a volume."""
+"""Files that the daemon keeps, and the stream of a volume."""
 
 import struct
 
@@ -93,15 +93,6 @@ def tokens():
     }
 
 
-def trajectories():
-    return {
-        "positions": "x_mm,y_mm,z_mm\n1,2,3\n-4.5,+1e3,0\n", "of_a_replay": "tick, hip_x,hip_y,hip_z\r\n0,1,2,3\r\n",
-        "empty": "", "no_header": "1,2,3\n", "missing_column": "x_mm,y_mm,z_mm\n1,2\n", "no_number": "x_mm,y_mm,z_mm\na,b,c\n",
-        "not_finite": "x_mm,y_mm,z_mm\nnan,inf,-inf\n", "blank_lines": "x_mm,y_mm,z_mm\n\n \t\n1,2,3\n",
-        "column_twice": "x_mm,x_mm,y_mm,z_mm,\n1,2,3,4,\n", "no_positions": "x_mm,y_mm,z_mm\n",
-    }
-
-
 def lattice(*size, low=-1.0, high=1.0):
     return b"\0" + struct.pack("<3i2d", *size, low, high)
 
@@ -149,8 +140,11 @@ def streams():
 
 
 def corpora():
-    named = {"session_file_fuzz": sessions(), "registration_file_fuzz": registrations(), "token_file_fuzz": tokens(),
-             "trajectory_fuzz": trajectories(), "volume_mirror_fuzz": streams()}
-    for target, files in named.items():
+    # In the order of state_file_fuzz.cpp.
+    kinds = {"session": sessions(), "registration": registrations(), "token": tokens()}
+    for number, (kind, files) in enumerate(kinds.items()):
         for name, data in files.items():
-            yield target, name, data.encode() if isinstance(data, str) else data
+            data = data.encode() if isinstance(data, str) else data
+            yield "state_file_fuzz", f"{kind}_{name}", bytes([number]) + data
+    for name, data in streams().items():
+        yield "volume_mirror_fuzz", name, data

@@ -20,6 +20,15 @@
     }                                                                                \
   } while (false)
 
+// Begins the function that takes an input (data, size) and returns 0. libFuzzer wants one name for
+// all; in fuzz_replay each target has its own.
+#ifdef PALPATE_FUZZ_ALONE
+#define FUZZ_TARGET(name) \
+  extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size)
+#else
+#define FUZZ_TARGET(name) extern "C" int name(const std::uint8_t* data, std::size_t size)
+#endif
+
 namespace palpate::fuzz {
 
 // Reads from the front. After the end, all values are 0.
@@ -42,6 +51,8 @@ class Input {
     bytes_ = bytes_.subspan(bytes.size());
     return bytes;
   }
+
+  std::span<const std::uint8_t> TakeRest() { return TakeBytes(bytes_.size()); }
 
   // Takes any bits, including infinities and NaN.
   Vec3 TakeVec3() {

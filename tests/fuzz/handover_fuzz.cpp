@@ -11,9 +11,10 @@
 
 #include "common/error/error.h"
 #include "server/volume/handover.h"
+#include "tests/fuzz/fuzz_input.h"
 #include "tests/support/written_tree.h"
 
-namespace palpate {
+namespace palpate::fuzz {
 namespace {
 
 std::string DenseBytes() {
@@ -47,14 +48,14 @@ void Overlay(const std::uint8_t* data, std::size_t size, std::string& bytes) {
 }
 
 }  // namespace
-}  // namespace palpate
+}  // namespace palpate::fuzz
 
-extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+FUZZ_TARGET(handover_fuzz) {
   using namespace palpate;
   if (size == 0) return 0;
-  static const std::string dense = DenseBytes(), tree = TreeBytes();
+  static const std::string dense = fuzz::DenseBytes(), tree = fuzz::TreeBytes();
   std::string bytes = data[0] % 2 ? tree : dense;
-  Overlay(data + 1, size - 1, bytes);
+  fuzz::Overlay(data + 1, size - 1, bytes);
   const Descriptor file = MakeHandoverFile();
   if (write(file.get(), bytes.data(), bytes.size()) < 0) return 0;
   try {

@@ -11,7 +11,7 @@
 namespace palpate::fuzz {
 namespace {
 
-void Check(const Payload& payload) {
+void CheckChunk(const Payload& payload) {
   const RecordedChunk chunk = DecodeChunk(payload);
   const Payload once = EncodeChunk(chunk);
   FUZZ_CHECK(once.type == payload.type);
@@ -28,14 +28,14 @@ void Check(const Payload& payload) {
 }  // namespace
 }  // namespace palpate::fuzz
 
-extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+FUZZ_TARGET(recording_chunk_fuzz) {
   using namespace palpate;
   fuzz::Input input({data, size});
   Payload payload{static_cast<ChunkType>(input.Take<std::uint16_t>())};
-  const auto bytes = input.TakeBytes(size);
+  const auto bytes = input.TakeRest();
   payload.bytes.assign(bytes.begin(), bytes.end());
   try {
-    fuzz::Check(payload);
+    fuzz::CheckChunk(payload);
   } catch (const DamagedBytes&) {
   }
   return 0;

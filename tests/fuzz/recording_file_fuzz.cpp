@@ -51,7 +51,7 @@ void MakeChecksumsFit(std::string& file) {
   }
 }
 
-void Read(const std::string& file) {
+void ReadRecording(const std::string& file) {
   RecordingReader reader(std::make_unique<std::istringstream>(file), "file");
   std::uint64_t ticks = 0;
   while (const auto chunk = reader.Next()) {
@@ -72,15 +72,15 @@ void ReadPath(const std::string& file) {
 }  // namespace
 }  // namespace palpate::fuzz
 
-extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+FUZZ_TARGET(recording_file_fuzz) {
   using namespace palpate;
   fuzz::Input input({data, size});
   const bool repairs = input.Take<std::uint8_t>() % 2 == 0;
-  const auto bytes = input.TakeBytes(size);
+  const auto bytes = input.TakeRest();
   std::string file(bytes.begin(), bytes.end());
   if (repairs) fuzz::MakeChecksumsFit(file);
   try {
-    fuzz::Read(file);
+    fuzz::ReadRecording(file);
     fuzz::ReadPath(file);
   } catch (const Error&) {
   }

@@ -10,12 +10,16 @@
 //     edit      3  brick u8, 4 x f32, over and over
 //     samples   4  size u16, payload of a chunk
 //     gap       5  first u64, last u64
+#include <array>
+#include <cmath>
+#include <memory>
 #include <string>
 
 #include "server/recording/bytes.h"
 #include "server/recording/chunk_codec.h"
 #include "server/recording/replayer.h"
-#include "tests/fuzz/haptic_script.h"
+#include "tests/fuzz/fuzz_input.h"
+#include "tests/support/made_volume.h"
 
 namespace palpate::fuzz {
 namespace {
@@ -23,11 +27,21 @@ namespace {
 constexpr int kMostTicks = 6;
 constexpr int kMostSteps = 24;
 
+// Eight bricks, most of them partly beyond the lattice, with flat regions, slopes, ties and edges.
+std::shared_ptr<const VolumeSnapshot> SmallVolume() {
+  static const auto volume = testing::MakeVolume({12, 10, 9}, [](int i, int j, int k) {
+    if (i < 3) return j < 5 ? 0.0 : 8.0;
+    if (k > 6) return static_cast<double>((i * 7 + j * 5 + k * 3) % 9);
+    return 4.0 + 4.0 * std::sin(0.9 * i) * std::cos(0.8 * j) + 0.5 * k;
+  });
+  return volume;
+}
+
 std::shared_ptr<const VolumeSnapshot> Load(const RecordedScene&) { return SmallVolume(); }
 
-class Script {
+class ReplayScript {
  public:
-  explicit Script(std::span<const std::uint8_t> bytes) : input_(bytes) {}
+  explicit ReplayScript(std::span<const std::uint8_t> bytes) : input_(bytes) {}
 
   void Run() {
     for (int step = 0; step < kMostSteps && !input_.empty(); ++step) {
@@ -145,11 +159,11 @@ class Script {
 }  // namespace
 }  // namespace palpate::fuzz
 
-extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+FUZZ_TARGET(recording_replay_fuzz) {
   using namespace palpate;
   try {
     // Too large for a stack.
-    std::make_unique<fuzz::Script>(std::span(data, size))->Run();
+    std::make_unique<fuzz::ReplayScript>(std::span(data, size))->Run();
   } catch (const Error&) {
   } catch (const DamagedBytes&) {
   }

@@ -1,5 +1,5 @@
-// The corpora of all fuzz targets without a fuzzer: each file whole, and beginnings of
-// it. A wrong result ends the program; the last line says which file it was.
+// The corpora of all fuzz targets without a fuzzer: each file whole, beginnings of it, and copies
+// with a few changed bytes. A wrong result ends the program; the last line says which file it was.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -9,6 +9,7 @@
 #include <iostream>
 #include <iterator>
 #include <ostream>
+#include <random>
 #include <set>
 #include <string>
 #include <vector>
@@ -24,6 +25,9 @@ namespace {
 
 // All beginnings of a short file; of a long one as many.
 constexpr int kMostBeginnings = 600;
+constexpr int kChangedCopies = 100;
+
+using Bytes = std::vector<std::uint8_t>;
 
 struct Target {
   std::string name;
@@ -39,25 +43,45 @@ std::vector<Target> Targets() {
   };
 }
 
-class FuzzCorpus : public testing::TestWithParam<Target> {};
+class FuzzCorpus : public testing::TestWithParam<Target> {
+ protected:
+  // A copy on the heap, of this size, so that AddressSanitizer sees what is behind.
+  static void Run(const Bytes& input) { EXPECT_EQ(GetParam().run(input.data(), input.size()), 0); }
+
+  static void RunBeginnings(const Bytes& whole) {
+    const auto beginnings = static_cast<std::size_t>(palpate::test::Scaled(kMostBeginnings));
+    const std::size_t step = std::max<std::size_t>(1, whole.size() / beginnings);
+    for (std::size_t size = 0; size < whole.size(); size += step) {
+      Run(Bytes(whole.begin(), whole.begin() + static_cast<std::ptrdiff_t>(size)));
+    }
+  }
+
+  // One to four bytes, half of them where a file's header is.
+  static void RunChanged(const Bytes& whole) {
+    if (whole.empty()) return;
+    std::mt19937 random(static_cast<unsigned>(whole.size()));
+    for (int copy = palpate::test::Scaled(kChangedCopies); copy > 0; --copy) {
+      Bytes changed = whole;
+      for (unsigned changes = 1 + random() % 4; changes > 0; --changes) {
+        const std::size_t end =
+            random() % 2 ? whole.size() : std::min<std::size_t>(whole.size(), 60);
+        changed[random() % end] = static_cast<std::uint8_t>(random());
+      }
+      Run(changed);
+    }
+  }
+};
 
 TEST_P(FuzzCorpus, IsTakenWithoutAComplaint) {
   const std::filesystem::path corpus(palpate::test::kFuzzCorpus);
   int files = 0;
   for (const auto& entry : std::filesystem::directory_iterator(corpus / GetParam().name)) {
     std::ifstream in(entry.path(), std::ios::binary);
-    const std::vector<char> bytes{std::istreambuf_iterator<char>(in), {}};
+    const Bytes whole{std::istreambuf_iterator<char>(in), {}};
     std::cout << entry.path().filename().string() << std::endl;
-    const auto run = [&](std::size_t size) {
-      // On the heap and of this size, so that AddressSanitizer sees what is behind.
-      const std::vector<std::uint8_t> part(bytes.begin(),
-                                           bytes.begin() + static_cast<std::ptrdiff_t>(size));
-      EXPECT_EQ(GetParam().run(part.data(), part.size()), 0);
-    };
-    const auto beginnings = static_cast<std::size_t>(palpate::test::Scaled(kMostBeginnings));
-    const std::size_t step = std::max<std::size_t>(1, bytes.size() / beginnings);
-    for (std::size_t size = 0; size < bytes.size(); size += step) run(size);
-    run(bytes.size());
+    RunBeginnings(whole);
+    RunChanged(whole);
+    Run(whole);
     ++files;
   }
   EXPECT_GT(files, 0);

@@ -20,15 +20,15 @@
 namespace palpate::fuzz {
 namespace {
 
-constexpr std::uint64_t kMostVoxels = 16 << 10;
-constexpr int kMostSteps = 30;
+constexpr std::uint64_t kMostMirroredVoxels = 16 << 10;
+constexpr int kMostEvents = 30;
 
-class Script {
+class StreamScript {
  public:
-  explicit Script(std::span<const std::uint8_t> bytes) : input_(bytes) {}
+  explicit StreamScript(std::span<const std::uint8_t> bytes) : input_(bytes) {}
 
   void Run() {
-    for (int step = 0; step < kMostSteps && !input_.empty(); ++step) {
+    for (int step = 0; step < kMostEvents && !input_.empty(); ++step) {
       try {
         mirror_.Apply(Event());
       } catch (const Error&) {
@@ -111,13 +111,13 @@ class Script {
   }
 
   Input input_;
-  client::VolumeMirror mirror_{kMostVoxels};
+  client::VolumeMirror mirror_{kMostMirroredVoxels};
 };
 
 }  // namespace
 }  // namespace palpate::fuzz
 
-extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
-  palpate::fuzz::Script({data, size}).Run();
+FUZZ_TARGET(volume_mirror_fuzz) {
+  palpate::fuzz::StreamScript({data, size}).Run();
   return 0;
 }

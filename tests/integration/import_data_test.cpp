@@ -1,9 +1,8 @@
 // palpate-import on real volumes, described in the README of their folder. Skipped
 // where the folder is missing: most of them may not be redistributed.
-#include <cstdlib>
 #include <ostream>
+#include <set>
 
-#include "common/error/error.h"
 #include "tests/integration/import_support.h"
 #include "tests/support/data_folder.h"
 
@@ -25,20 +24,22 @@ struct RealVolume {
 
 void PrintTo(const RealVolume& volume, std::ostream* out) { *out << volume.file; }
 
+using RealDataTest = ImportTest;
+
 class RealVolumeTest : public ImportTest, public ::testing::WithParamInterface<RealVolume> {};
 
 TEST_P(RealVolumeTest, IsImported) {
   const RealVolume& expected = GetParam();
   const fs::path path = DataFolder() / expected.file;
   if (!fs::exists(path)) GTEST_SKIP() << path << " is missing; set PALPATE_DATA_DIR";
-  const VolumeFile file = Imported(path);
-  EXPECT_EQ(file.metadata.size, expected.size);
-  EXPECT_TRUE(file.metadata.spacing_mm.isApprox(expected.spacing_mm, 1e-4))
-      << file.metadata.spacing_mm.transpose();
-  EXPECT_NEAR(file.metadata.value_min, expected.value_min, 1e-3);
-  EXPECT_NEAR(file.metadata.value_max, expected.value_max, 1e-3);
-  EXPECT_EQ(file.metadata.original_type, expected.type);
-  EXPECT_EQ(file.metadata.source, path.filename().string());
+  const VolumeMetadata metadata = Imported(path).metadata;
+  EXPECT_EQ(metadata.size, expected.size);
+  EXPECT_TRUE(metadata.spacing_mm.isApprox(expected.spacing_mm, 1e-4))
+      << metadata.spacing_mm.transpose();
+  EXPECT_NEAR(metadata.value_min, expected.value_min, 1e-3);
+  EXPECT_NEAR(metadata.value_max, expected.value_max, 1e-3);
+  EXPECT_EQ(metadata.original_type, expected.type);
+  EXPECT_EQ(metadata.source, path.filename().string());
 }
 
 INSTANTIATE_TEST_SUITE_P(
@@ -98,40 +99,36 @@ INSTANTIATE_TEST_SUITE_P(
     });
 
 // Both are 4-D; the affine of the first is published with nibabel.
-TEST_F(ImportTest, RealSeries) {
+TEST_F(RealDataTest, Series) {
   const fs::path nifti2 = DataFolder() / "medical" / "nibabel_example_nifti2.nii.gz";
   const fs::path functional = DataFolder() / "timeseries" / "nibabel_functional.nii";
   if (!fs::exists(nifti2) || !fs::exists(functional)) {
     GTEST_SKIP() << nifti2 << " is missing; set PALPATE_DATA_DIR";
   }
-  VolumeFile file = Imported(nifti2, {"--frame", "1"});
-  EXPECT_EQ(file.metadata.frames, 2);
-  EXPECT_EQ(file.metadata.size, Vec3i(32, 20, 12));
-  EXPECT_TRUE(file.metadata.spacing_mm.isApprox(Vec3(2, 2, 2.2), 1e-4));
-  EXPECT_TRUE(file.metadata.origin_W_mm.isApprox(Vec3(-117.855, 35.7229, -7.24880), 1e-4));
-  EXPECT_NEAR(file.metadata.direction(1, 1), -0.98686, 1e-4);
-  std::vector<double> greatest;
-  for (const char* frame : {"0", "7", "19"}) {
-    file = Imported(functional, {"--frame", frame});
-    EXPECT_EQ(file.metadata.frames, 20);
-    EXPECT_EQ(file.metadata.size, Vec3i(17, 21, 3));
-    EXPECT_GE(file.metadata.value_min, 629);
-    EXPECT_LE(file.metadata.value_max, 5572);
-    greatest.push_back(file.metadata.value_max);
+  const VolumeMetadata metadata = Imported({.path = nifti2, .frame = 1}).metadata;
+  EXPECT_EQ(metadata.frames, 2);
+  EXPECT_EQ(metadata.size, Vec3i(32, 20, 12));
+  EXPECT_TRUE(metadata.spacing_mm.isApprox(Vec3(2, 2, 2.2), 1e-4));
+  EXPECT_TRUE(metadata.origin_W_mm.isApprox(Vec3(-117.855, 35.7229, -7.24880), 1e-4));
+  EXPECT_NEAR(metadata.direction(1, 1), -0.98686, 1e-4);
+  std::set<double> greatest;
+  for (const int frame : {0, 7, 19}) {
+    const VolumeMetadata of_frame = Imported({.path = functional, .frame = frame}).metadata;
+    EXPECT_EQ(of_frame.frames, 20);
+    EXPECT_EQ(of_frame.size, Vec3i(17, 21, 3));
+    EXPECT_GE(of_frame.value_min, 629);
+    EXPECT_LE(of_frame.value_max, 5572);
+    greatest.insert(of_frame.value_max);
   }
-  EXPECT_NE(greatest[0], greatest[1]);
-  ExpectRefused(functional, ExitCode(ErrorKind::kInvalidArgument), "from 0 to 19",
-                {"--frame", "20"});
+  EXPECT_GT(greatest.size(), 1u);
+  ExpectRefused({.path = functional, .frame = 20}, ErrorKind::kInvalidArgument, "from 0 to 19");
 }
 
-TEST_F(ImportTest, RealFilesThatAreRefused) {
-  const fs::path medical = DataFolder() / "medical";
-  if (!fs::exists(medical)) GTEST_SKIP() << medical << " is missing; set PALPATE_DATA_DIR";
-  const int invalid = ExitCode(ErrorKind::kInvalidArgument);
-  // One slice in six encodings, after a warning about a second series.
-  const ImportRun run = Import(medical / "dicom_single");
-  EXPECT_EQ(run.exit_code, invalid);
-  EXPECT_NE(run.err.find("same place"), std::string::npos) << run.err;
+// One slice in six encodings, after a warning about a second series.
+TEST_F(RealDataTest, OneSliceIsRefused) {
+  const fs::path slices = DataFolder() / "medical" / "dicom_single";
+  if (!fs::exists(slices)) GTEST_SKIP() << slices << " is missing; set PALPATE_DATA_DIR";
+  ExpectRefused(slices, ErrorKind::kInvalidArgument, "same place");
 }
 
 }  // namespace

@@ -18,14 +18,12 @@ namespace {
 
 namespace fs = std::filesystem;
 using std::chrono::seconds;
-using Clock = std::chrono::steady_clock;
 
 class ImportProcessTest : public ImportTest {
  protected:
   void SetUp() override {
-    ImportTest::SetUp();
-    fs::create_directory(folder_ / "tmp");
-    setenv("TMPDIR", (folder_ / "tmp").c_str(), 1);
+    fs::create_directory(Path("tmp"));
+    setenv("TMPDIR", Path("tmp").c_str(), 1);
     request_.import_program = test::kPalpateImport;
     request_.source = Write("a.nrrd",
                             "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 7 5 4\n"
@@ -35,14 +33,13 @@ class ImportProcessTest : public ImportTest {
 
   // Neither files nor processes are left, whatever happened.
   void TearDown() override {
-    EXPECT_TRUE(fs::is_empty(folder_ / "tmp"));
+    EXPECT_TRUE(fs::is_empty(Path("tmp")));
     EXPECT_TRUE(waitpid(-1, nullptr, WNOHANG) < 0 && errno == ECHILD);
     unsetenv("TMPDIR");
-    ImportTest::TearDown();
   }
 
   void UseScript(const std::string& script) {
-    const fs::path path = folder_ / "importer.sh";
+    const fs::path path = Path("importer.sh");
     std::ofstream(path) << "#!/bin/sh\n" << script << "\n";
     fs::permissions(path, fs::perms::owner_all);
     request_.import_program = path;
@@ -81,26 +78,9 @@ TEST_F(ImportProcessTest, ReturnsTheVolumeAndReportsProgress) {
 
 TEST_F(ImportProcessTest, SpacingAndPathsWithDashesAndBlanks) {
   request_.spacing_mm = Vec3(0.1, 2.5, 1e-3);
-  fs::rename(request_.source, folder_ / "- a'b.nrrd");
-  request_.source = folder_ / "- a'b.nrrd";
+  fs::rename(request_.source, Path("- a'b.nrrd"));
+  request_.source = Path("- a'b.nrrd");
   EXPECT_EQ(ImportVolume(request_, nullptr, nullptr).metadata.spacing_mm, *request_.spacing_mm);
-}
-
-TEST_F(ImportProcessTest, RawVoxelsAndFrames) {
-  request_.source = Write("a.dat", "head" + PatternBytes<std::int16_t>(true));
-  request_.raw =
-      RawVoxels{.size = {7, 5, 4}, .type = "int16", .big_endian = true, .offset_bytes = 4};
-  request_.spacing_mm = Vec3(1, 2, 3);
-  ExpectPattern(ImportVolume(request_, nullptr, nullptr));
-  request_.raw->size = {7, -5, 4};
-  EXPECT_EQ(Failure().kind(), ErrorKind::kInvalidArgument);
-  request_.raw->size = {7, 5, 4};
-  request_.frame = 1;
-  EXPECT_EQ(Failure().kind(), ErrorKind::kInvalidArgument);
-  request_.frame = -1;
-  EXPECT_EQ(Failure().kind(), ErrorKind::kInvalidArgument);
-  request_.frame = 0;
-  ExpectPattern(ImportVolume(request_, nullptr, nullptr));
 }
 
 TEST_F(ImportProcessTest, TellsTheSizeInAdvanceAndEndsWhereThatThrows) {
@@ -115,11 +95,9 @@ TEST_F(ImportProcessTest, TellsTheSizeInAdvanceAndEndsWhereThatThrows) {
     throw Error(ErrorKind::kTooLarge, "no room");
   };
   EXPECT_EQ(Failure().what(), std::string("no room"));
-  // It is not waited for.
-  UseScript("echo 'size 7 5 4 1'\nexec sleep 60");
-  const auto start = Clock::now();
+  // An importer that goes on is killed.
+  UseScript("echo 'size 7 5 4 1'\nexec sleep 100000");
   EXPECT_EQ(Failure().kind(), ErrorKind::kTooLarge);
-  EXPECT_LT(Clock::now() - start, seconds(20));
 }
 
 TEST_F(ImportProcessTest, SizesThatAreNoneAreIgnored) {
@@ -138,43 +116,19 @@ TEST_F(ImportProcessTest, SizesThatAreNoneAreIgnored) {
                                    DenseLoadMemory({3, 4, 5}, LeafType::kInt16).passing_bytes)}));
 }
 
-TEST_F(ImportProcessTest, PassesTheImportersErrorOn) {
-  request_.source = folder_ / "none.nrrd";
-  const Error missing = Failure();
-  EXPECT_EQ(missing.kind(), ErrorKind::kNotFound);
-  EXPECT_EQ(std::string(missing.what()).rfind(request_.source.string() + ": ", 0), 0u)
-      << missing.what();
-  request_.source = Write("b.nrrd", "text");
-  EXPECT_EQ(Failure().kind(), ErrorKind::kInvalidArgument);
-  request_.source = folder_ / "a.nrrd";
-  request_.max_voxels = 100;
-  EXPECT_EQ(Failure().kind(), ErrorKind::kTooLarge);
-}
-
 TEST_F(ImportProcessTest, MissingProgram) {
-  request_.import_program = folder_ / "none";
+  request_.import_program = Path("none");
   EXPECT_EQ(Failure().kind(), ErrorKind::kInternal);
 }
 
-TEST_F(ImportProcessTest, CancelKillsTheImporter) {
-  UseScript("trap '' TERM INT\nexec sleep 60");
-  const auto start = Clock::now();
+TEST_F(ImportProcessTest, CancelAndTimeoutKillTheImporter) {
+  UseScript("trap '' TERM INT\nexec sleep 100000");
   int asked = 0;
   EXPECT_EQ(Failure([&] { return ++asked > 3; }).kind(), ErrorKind::kCancelled);
-  EXPECT_LT(Clock::now() - start, seconds(10));
-}
-
-TEST_F(ImportProcessTest, TimeoutKillsTheImporter) {
-  UseScript("exec sleep 60");
   request_.timeout = seconds(0);
-  const auto start = Clock::now();
   EXPECT_EQ(Failure().kind(), ErrorKind::kTooLarge);
-  EXPECT_LT(Clock::now() - start, seconds(20));
-}
-
-TEST_F(ImportProcessTest, ClosedPipesDoNotEndTheTimeout) {
-  UseScript("exec sleep 60 >&- 2>&-");
-  request_.timeout = seconds(0);
+  // Closed pipes do not end the timeout.
+  UseScript("exec sleep 100000 >&- 2>&-");
   EXPECT_EQ(Failure().kind(), ErrorKind::kTooLarge);
 }
 
@@ -190,16 +144,13 @@ TEST_F(ImportProcessTest, SilentFailureAndStrangeCodes) {
   EXPECT_EQ(Failure().kind(), ErrorKind::kInvalidArgument);
   UseScript("exit 77");
   EXPECT_EQ(Failure().kind(), ErrorKind::kInternal);
+  UseScript("exit 0");  // without a volume
+  EXPECT_EQ(Failure().kind(), ErrorKind::kInvalidArgument);
   UseScript(
       "echo 'palpate-import: warning: x: odd' >&2\necho 'palpate-import: x: bad' >&2\nexit 5");
   const Error error = Failure();
   EXPECT_EQ(error.kind(), ErrorKind::kPermissionDenied);
   EXPECT_STREQ(error.what(), "x: bad");
-}
-
-TEST_F(ImportProcessTest, SuccessWithoutAVolumeIsAnError) {
-  UseScript("exit 0");
-  EXPECT_EQ(Failure().kind(), ErrorKind::kInvalidArgument);
 }
 
 TEST_F(ImportProcessTest, FloodsAreBounded) {
@@ -211,9 +162,10 @@ TEST_F(ImportProcessTest, FloodsAreBounded) {
 
 TEST_F(ImportProcessTest, StdinIsEmptyAndNoDescriptorLeaks) {
   UseScript("cat; ls /proc/self/fd | wc -l | sed 's/^/palpate-import: /' >&2; exit 3");
-  // ls has 0, 1, 2 and the folder it lists, and what this test got from its parent.
-  int expected = 4;
-  for (int fd = 3; fd < 1024; ++fd) {
+  // ls has 0, 1, 2, the hand-over (3) and the folder it lists, and what this test got from its
+  // parent.
+  int expected = 5;
+  for (int fd = 4; fd < 1024; ++fd) {
     const int flags = fcntl(fd, F_GETFD);
     expected += flags >= 0 && !(flags & FD_CLOEXEC);
   }

@@ -1,53 +1,59 @@
-// Runs palpate-import on files that a test writes.
+// Imports files that a test writes, with palpate-import, as the daemon does.
 #pragma once
 
 #include <cstdint>
 #include <cstring>
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include <gtest/gtest.h>
 
-#include "server/volume/dense_bricks.h"
-#include "tests/support/volume_file.h"
+#include "common/error/error.h"
+#include "server/volume/import_process.h"
+#include "tests/support/temporary_folder.h"
 
 namespace palpate {
 
-struct ImportRun {
-  int exit_code = -1;  // -1: killed by a signal
-  std::string out;
-  std::string err;
+// What a test says of an ImportRequest.
+struct Source {
+  std::filesystem::path path{};
+  std::optional<Vec3> spacing_mm{};
+  std::optional<std::int64_t> frame{};
+  std::optional<RawVoxels> raw{};
+  std::string grid{};
+  std::string component{};
+  std::int64_t max_voxels = std::int64_t{1} << 31;
+
+  ImportRequest Request() const;
 };
-
-// True if a library crashed on a damaged file and the importer reported that. With
-// AddressSanitizer, true if it ended the importer within OpenVDB or GDCM, which trust their files.
-// False for an error in our own code.
-bool ReaderCrashed(const ImportRun& run);
-
-ImportRun RunImport(const std::vector<std::string>& arguments);
 
 class ImportTest : public ::testing::Test {
  protected:
-  void SetUp() override;
-  void TearDown() override;
-
+  std::filesystem::path Path(const std::string& name) const { return folder_.path() / name; }
   std::filesystem::path Write(const std::string& name, const std::string& bytes) const;
-  ImportRun Import(const std::filesystem::path& input, std::vector<std::string> options = {}) const;
-  // Imports a file and reads the result. The test fails if the import fails.
-  VolumeFile Imported(const std::filesystem::path& input,
-                      const std::vector<std::string>& options = {}) const;
-  // Expects this exit code, one line with this text on stderr, and no output.
-  void ExpectRefused(const std::filesystem::path& input, int exit_code, const std::string& text,
-                     const std::vector<std::string>& options = {}) const;
+  // The test fails if the import fails. The warnings are kept.
+  LoadedVolume Imported(const Source& source);
+  LoadedVolume Imported(const std::filesystem::path& path) {
+    return Imported(Source{.path = path});
+  }
+  // Expects this error: one line about the source, which holds `text`.
+  static void ExpectRefused(const Source& source, ErrorKind kind, const std::string& text);
+  static void ExpectRefused(const std::filesystem::path& path, ErrorKind kind,
+                            const std::string& text) {
+    ExpectRefused(Source{.path = path}, kind, text);
+  }
 
-  std::filesystem::path folder_;
+  test::TemporaryFolder folder_;
+  std::vector<std::string> warnings_;  // of the last import
 };
+
+float At(const LoadedVolume& volume, int x, int y, int z);
 
 // The test pattern: every voxel differs from its neighbours, within 0..120.
 constexpr int kPatternSize[3] = {7, 5, 4};
 int PatternValue(int x, int y, int z);
-void ExpectPattern(const VolumeFile& file);
 void ExpectPattern(const LoadedVolume& volume);
 
 template <typename Number>

@@ -9,19 +9,21 @@
 #include <bit>
 #include <chrono>
 #include <fstream>
+#include <functional>
+#include <limits>
 #include <random>
 #include <thread>
 #include <utility>
 #include <vector>
 
-#include "server/volume/edit.h"
 #include "server/volume/import_process.h"
-#include "server/volume/snapshot_builder.h"
+#include "server/volume/volume_file.h"
 #include "tests/support/patterned_volume.h"
 #include "tests/support/places.h"
 #include "tests/support/process.h"
 #include "tests/support/refusal.h"
 #include "tests/support/temporary_folder.h"
+#include "tests/support/vdb_grids.h"
 
 namespace palpate {
 namespace {
@@ -85,6 +87,10 @@ void ExpectSame(const VolumeSnapshot& a, const VolumeSnapshot& b) {
   EXPECT_EQ(m.unit, n.unit);
 }
 
+VolumeSnapshot WithMetadata(const VolumeSnapshot& volume, const VolumeMetadata& metadata) {
+  return {metadata, volume.bricks(), 1, 1};
+}
+
 TEST_F(VolumeExportTest, LoadsAgainBitForBit) {
   unsigned seed = 0;
   for (const char* name : kNames) {
@@ -135,17 +141,52 @@ TEST_F(VolumeExportTest, AnNrrdFileHasTheSmallestTypeThatHoldsAll) {
   }
 }
 
-TEST_F(VolumeExportTest, WithEdits) {
-  auto volume = ObliqueVolume(Vec3i(40, 40, 40), 9);
-  const EditResult edit = ApplyEdit(*volume, {.shape = SphereShape{Vec3(20, 20, 20), 9.0},
-                                              .operation = EditOperation::kSmooth,
-                                              .falloff = 4.0});
-  ASSERT_GT(edit.changed_voxels, 1000u);
-  volume = std::make_shared<VolumeSnapshot>(volume->metadata(),
-                                            volume->bricks().With(edit.changes, 2), 2, 1);
-  for (const char* name : kNames) {
-    Save(*volume, Path(name));
-    ExpectSame(*volume, *Loaded(Path(name)));
+TEST_F(VolumeExportTest, AVdbFileKeepsAllThatIsKnownOfTheVolume) {
+  const auto plain = ObliqueVolume(Vec3i(20, 11, 9), 3);
+  VolumeMetadata metadata = plain->metadata();
+  metadata.spacing_mm = kLeastSpacingMm * Vec3(1.01, 1.01, 2.0);
+  metadata.frames = 20;
+  metadata.original_type = "int16";
+  const VolumeSnapshot volume = WithMetadata(*plain, metadata);
+  Save(volume, Path("a.vdb"));
+  const auto loaded = Loaded(Path("a.vdb"));
+  ExpectSame(volume, *loaded);
+  EXPECT_EQ(loaded->metadata().frames, 20);
+  EXPECT_EQ(loaded->metadata().original_type, "int16");
+  // What other programs find.
+  const auto grid = openvdb::gridPtrCast<openvdb::FloatGrid>(testing::ReadVdb(Path("a.vdb")));
+  ASSERT_NE(grid, nullptr);
+  EXPECT_EQ(grid->getName(), "density");
+  for (const Vec3i& p : {Vec3i(0, 0, 0), Vec3i(3, 4, 5), Vec3i(19, 10, 8)}) {
+    EXPECT_EQ(grid->tree().getValue({p.x(), p.y(), p.z()}),
+              volume.bricks().Find(p.x(), p.y(), p.z())[VoxelInBrick(p.x(), p.y(), p.z())]);
+    const Vec3 expected = metadata.WorldFromIndex().Apply(p.cast<double>());
+    const openvdb::Vec3d p_W = grid->indexToWorld(openvdb::Vec3d(p.x(), p.y(), p.z()));
+    for (int k = 0; k < 3; ++k) EXPECT_NEAR(p_W[k], expected[k], 1e-12);
+  }
+}
+
+TEST_F(VolumeExportTest, WhatIsNoVolumeIsNotWritten) {
+  const auto volume = ObliqueVolume(Vec3i(20, 11, 9), 3);
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  const std::function<void(VolumeMetadata&)> attacks[] = {
+      [](VolumeMetadata& m) { m.size.x() = 1; },
+      [](VolumeMetadata& m) { m.size.y() = -5; },
+      [](VolumeMetadata& m) { m.spacing_mm.x() = 0.0; },
+      [nan](VolumeMetadata& m) { m.spacing_mm.z() = nan; },
+      [nan](VolumeMetadata& m) { m.origin_W_mm.z() = nan; },
+      [nan](VolumeMetadata& m) { m.direction(1, 1) = nan; },
+      [](VolumeMetadata& m) { m.direction(0, 1) = 0.3; },  // sheared
+      [](VolumeMetadata& m) { m.direction.setZero(); },
+      [](VolumeMetadata& m) { m.value_max = m.value_min; },
+      [](VolumeMetadata& m) { m.source.assign(5000, 'x'); },
+  };
+  for (const auto& attack : attacks) {
+    VolumeMetadata metadata = volume->metadata();
+    attack(metadata);
+    EXPECT_EQ(Refusal([&] { WriteVolumeFile(Path("a.vdb"), volume->bricks(), metadata); }),
+              ErrorKind::kInvalidArgument);
+    EXPECT_EQ(FileCount(), 0u);
   }
 }
 
@@ -167,8 +208,7 @@ TEST_F(VolumeExportTest, TextsOfTheFileDoNotBreakTheHeader) {
   const auto plain = ObliqueVolume(Vec3i(9, 9, 9), 4);
   VolumeMetadata metadata = plain->metadata();
   metadata.unit = "a\"b\n\ndata file: /etc/passwd";
-  const VolumeSnapshot volume(metadata, plain->bricks(), 1, 1);
-  Save(volume, Path("a.nrrd"));
+  Save(WithMetadata(*plain, metadata), Path("a.nrrd"));
   EXPECT_EQ(Loaded(Path("a.nrrd"))->metadata().unit, "abdata file: /etc/passwd");
 }
 
@@ -254,7 +294,7 @@ TEST_F(VolumeExportTest, KilledAtAnyMomentTheFileIsOneOfTheTwo) {
   for (const char* name : kNames) {
     int of_a = 0, of_b = 0, cut_off = 0;
     for (int round = 0; round < 30; ++round) {
-      test::Process child({test::kVolumeExportChild, Path(name).string()});
+      test::Process child({test::kVdbTool, "save", Path(name)});
       ASSERT_TRUE(child.WaitFor("saved"));
       std::this_thread::sleep_for(std::chrono::microseconds(random() % 60000));
       child.Signal(SIGKILL);

@@ -11,7 +11,6 @@ const char* const kConfinedChild = CONFINED_CHILD;
 const char* const kRecordingChild = RECORDING_CHILD;
 const char* const kUsbClientChild = USB_CLIENT_CHILD;
 const char* const kVdbTool = VDB_TOOL;
-const char* const kVolumeExportChild = VOLUME_EXPORT_CHILD;
 const char* const kStandIn = PALPATE_TESTS "/support/stand_in.sh";
 
 const char* const kFakeHd = FAKE_LIBHD;
@@ -19,7 +18,7 @@ const char* const kFakeHdMissing = FAKE_LIBHD_MISSING;
 
 const char* const kCaptures = PALPATE_TESTS "/data/captures";
 const char* const kCells = PALPATE_TESTS "/data/cells";
-const char* const kFuzzCorpus = PALPATE_TESTS "/fuzz/corpus";
+const char* const kFuzzCorpus = PALPATE_FUZZ_CORPUS;
 const char* const kExampleConfig = PALPATE_TESTS "/../deploy/config/palpated.toml";
 
 const char* const kDataFolder = PALPATE_DATA_DIR;

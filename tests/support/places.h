@@ -13,8 +13,7 @@ extern const char* const kPalpateLab;
 extern const char* const kConfinedChild;
 extern const char* const kRecordingChild;
 extern const char* const kUsbClientChild;
-extern const char* const kVolumeExportChild;
-// Writes and checks .vdb files.
+// Writes .vdb files.
 extern const char* const kVdbTool;
 // A script that replaces palpated and fails when told to.
 extern const char* const kStandIn;

@@ -1,6 +1,5 @@
 #include <cstring>
 #include <limits>
-#include <random>
 #include <string>
 #include <vector>
 
@@ -9,7 +8,6 @@
 #include "server/import/image_header.h"
 #include "server/import/meta_image_header.h"
 #include "server/import/nrrd_header.h"
-#include "tests/support/scaled.h"
 #include "tests/unit/import_refusal.h"
 
 namespace palpate {
@@ -40,6 +38,24 @@ TEST(NrrdHeader, AttachedRaw) {
   EXPECT_EQ(header.begin, static_cast<std::int64_t>(std::strlen(kNrrd)));
   EXPECT_FALSE(header.compressed);
   EXPECT_TRUE(header.data_file.empty());
+}
+
+TEST(NrrdHeader, EveryTypeHasItsNames) {
+  const std::pair<ScalarType, std::vector<const char*>> types[] = {
+      {ScalarType::kInt8, {"int8", "signed char"}},
+      {ScalarType::kUint8, {"uint8", "uchar"}},
+      {ScalarType::kInt16, {"int16", "short"}},
+      {ScalarType::kUint16, {"uint16_t", "unsigned short"}},
+      {ScalarType::kInt32, {"int32", "int"}},
+      {ScalarType::kUint32, {"uint", "unsigned int"}},
+      {ScalarType::kFloat32, {"float"}},
+      {ScalarType::kFloat64, {"double"}},
+  };
+  for (const auto& [type, names] : types) {
+    for (const char* name : names) {
+      EXPECT_EQ(Nrrd(Replaced(kNrrd, "type: int16", std::string("type: ") + name)).type, type);
+    }
+  }
 }
 
 TEST(NrrdHeader, CarriageReturnsAndUnit) {
@@ -244,15 +260,6 @@ TEST(NrrdHeader, VectorsAndUnnamedSeriesAreRefused) {
             std::string::npos);
 }
 
-TEST(NrrdHeader, EveryPrefixIsHandled) {
-  for (const std::string text : {kNrrd, kSeries}) {
-    for (std::size_t length = 0; length < text.size(); ++length) {
-      Refusal([&] { Nrrd(text.substr(0, length)); });
-      Refusal([&] { ParseNrrdHeader(text.substr(0, length), false); });
-    }
-  }
-}
-
 // ---------------------------------------------------------------- MetaImage
 
 const char kMeta[] =
@@ -320,13 +327,6 @@ TEST(MetaImageHeader, AttacksAreRefused) {
   }
 }
 
-TEST(MetaImageHeader, EveryPrefixIsHandled) {
-  const std::string text = kMeta;
-  for (std::size_t length = 0; length < text.size(); ++length) {
-    Refusal([&] { ParseMetaImageHeader(text.substr(0, length)); });
-  }
-}
-
 // ---------------------------------------------------------------- all
 
 TEST(ImageHeader, LimitsRefuseBeforeAllocation) {
@@ -344,22 +344,6 @@ TEST(ImageHeader, LimitsRefuseBeforeAllocation) {
   }
   limits.max_memory_bytes = 1 << 20;
   EXPECT_THROW(CheckedVoxelBytes({100, 100, 100}, 1, limits), Error);
-}
-
-// Whatever the bytes, parsing ends in a header or an Error.
-TEST(ImageHeader, FlippedBytesNeverEscapeAsAnythingElse) {
-  std::mt19937 random(1);
-  for (int run = 0; run < test::Scaled(20000); ++run) {
-    std::string texts[] = {kNrrd, kSeries, kMeta};
-    for (std::string& text : texts) {
-      for (unsigned flips = 1 + random() % 4; flips > 0; --flips) {
-        text[random() % text.size()] = static_cast<char>(random());
-      }
-    }
-    Refusal([&] { ParseNrrdHeader(texts[0], random() % 2 == 0); });
-    Refusal([&] { ParseNrrdHeader(texts[1], random() % 2 == 0); });
-    Refusal([&] { ParseMetaImageHeader(texts[2]); });
-  }
 }
 
 }  // namespace

@@ -1,0 +1,119 @@
+"""What devices on USB send: transfers of a Falcon and frames of a Touch, in scripts of
+usb_protocol_fuzz."""
+
+import struct
+
+FALCON, TOUCH = b"\0", b"\1"
+NAN, INFINITY = float("nan"), float("inf")
+
+
+def falcon_frame(numbers, flags):
+    body = b"".join(bytes(0x41 + (n >> 4 * k & 0xF) for k in range(4)) for n in numbers)
+    return b"<" + body + bytes([0x41 + flags, 0x41]) + b">"
+
+
+def transfer(data):
+    """As an FTDI chip sends it: two bytes of status before every 62."""
+    packets = [data[at:at + 62] for at in range(0, len(data), 62)] or [b""]
+    return b"".join(b"\x31\x60" + packet for packet in packets)
+
+
+def force(vector, forces_on=True):
+    return bytes([3 if forces_on else 1]) + struct.pack("<3d", *vector)
+
+
+def received(data):
+    """A step of a script: half the length must be even."""
+    data += b"\x00" * (-len(data) % 4)
+    return bytes([len(data) // 2]) + data
+
+
+HOMED = 0x70
+CENTRE = falcon_frame([-200, -200, -200], HOMED)
+ASIDE = falcon_frame([300, -800, 700], HOMED | 0x5)
+UNHOMED = falcon_frame([12, -7, 0], 0x10)
+NO_POSE = falcon_frame([32767, -32768, 0], HOMED)
+PUSH = force((1.0, -0.5, 3.0))
+
+
+def falcon():
+    streams = {
+        "status_only": b"",
+        "one_frame": CENTRE,
+        "unhomed": UNHOMED,
+        "angles_that_no_pose_has": NO_POSE,
+        "five_frames": CENTRE + ASIDE + UNHOMED + NO_POSE + CENTRE,
+        "cut_frame_then_whole": CENTRE[:9] + ASIDE,
+        "tail_then_whole": CENTRE[5:] + ASIDE,
+        "garbage_between": CENTRE + b"\x00xyz>>" + ASIDE,
+        "byte_doubled": CENTRE[:4] + b"A" + CENTRE[4:] + ASIDE,
+        "many_begins": b"<" * 20 + CENTRE,
+        "many_ends": b">" * 20 + CENTRE,
+        "nibble_too_great": CENTRE[:3] + b"Q" + CENTRE[4:] + ASIDE,
+    }
+    whole = received(transfer(CENTRE))
+    scripts = {name: received(transfer(stream)) + PUSH for name, stream in streams.items()}
+    return scripts | {
+        "frame_without_status": received(CENTRE) + PUSH,
+        "force_before_reading": force((1.0, 1.0, 1.0)) + whole,
+        "forces_off": whole + force((1.0, 1.0, 1.0), False),
+        "force_not_a_number": whole + force((NAN, 0.0, 1.0)),
+        "force_infinite": whole + force((0.0, INFINITY, 1.0)),
+        "force_huge": whole + force((1e308, -1e308, 1.0)),
+        "frame_in_two": received(transfer(CENTRE[:6])) + received(transfer(CENTRE[6:])),
+        "homing_lost": whole + received(transfer(UNHOMED)) + force((1.0, 0.0, 0.0)),
+    }
+
+
+def omni_state(encoders, gimbal_a, gimbal_b, status, counter):
+    frame = bytearray(44)
+    struct.pack_into("<3h", frame, 4, *encoders)
+    struct.pack_into("<3H", frame, 10, *gimbal_a)
+    frame[19] = status
+    struct.pack_into("<3H", frame, 22, *gimbal_b)
+    struct.pack_into("<I", frame, 32, counter)
+    return bytes(frame)
+
+
+def touch_frame(command, payload):
+    return b"\xa5\x5a" + bytes([command, len(payload)]) + payload
+
+
+def touch():
+    middle, none, most = (2048,) * 3, (0,) * 3, (65535,) * 3
+
+    def state(*fields):
+        return touch_frame(0x10, omni_state(*fields))
+    docked = state((10, -20, 30), middle, middle, 0xFB, 1)
+    moved = state((900, -1500, 2000), (100, 4000, 65535), (4000, 100, 1), 0xFC, 2)
+    streams = {
+        "docked": docked,
+        "docked_then_moved": docked + moved,
+        "counter_gap": moved + state((5, 5, 5), middle, middle, 0xFF, 40),
+        "gimbal_without_voltage": docked + state((5, 5, 5), none, none, 0xFF, 41),
+        "greatest": state((32767, -32768, -1), most, most, 0xFF, 2**32 - 1),
+        "firmware_reply": touch_frame(0x0E, b"FW 1.2".ljust(32, b"\x00")),
+        "unknown_command": touch_frame(0x33, b"abc") + docked,
+        "empty_payload": touch_frame(0x22, b""),
+        "longest_payload": touch_frame(0x44, bytes(range(255))),
+        "wrong_length": touch_frame(0x10, bytes(43)) + docked,
+        "cut_then_whole": docked[:20] + moved,
+        "start_twice": b"\xa5" + docked,
+        "header_in_payload": touch_frame(0x44, b"\xa5\x5a\x10\x2c" + bytes(8)) + docked,
+        "garbage": b"\x00\xff\x5a\xa5" * 5 + moved,
+    }
+    rest = received(docked)
+    scripts = {name: received(stream) + PUSH for name, stream in streams.items()}
+    return scripts | {
+        "forces_off": rest + force((1.0, 1.0, 1.0), False),
+        "force_not_a_number": rest + force((NAN, 0.0, 1.0)),
+        "force_huge": rest + force((1e308, -1e308, 1.0)),
+        "frame_in_two": received(docked[:20]) + received(docked[20:]),
+    }
+
+
+def corpora():
+    for name, script in falcon().items():
+        yield "usb_protocol_fuzz", f"falcon_{name}", FALCON + script
+    for name, script in touch().items():
+        yield "usb_protocol_fuzz", f"touch_{name}", TOUCH + script
