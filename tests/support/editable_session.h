@@ -7,6 +7,8 @@
 #include <functional>
 #include <memory>
 #include <random>
+#include <string>
+#include <utility>
 #include <vector>
 
 #include "server/device/simulated_device.h"
@@ -15,9 +17,15 @@
 
 namespace palpate::testing {
 
+inline const LoadProgress kQuiet = [](std::string_view, double) {};
+inline const LoadCancelled kNever = [] { return false; };
+
 class EditableSession {
  public:
-  EditableSession() { inbox_.ReaderStopped(); }
+  explicit EditableSession(VolumeLoader loader = {})
+      : session_(device_, inbox_, pump_, std::move(loader)) {
+    inbox_.ReaderStopped();
+  }
 
   Session& session() { return session_; }
   SceneInbox& inbox() { return inbox_; }
@@ -25,11 +33,9 @@ class EditableSession {
   Pump& pump() { return pump_; }
   const DeviceSpec& device() const { return device_; }
   std::shared_ptr<const VolumeSnapshot> volume() const { return session_.volume().volume; }
+  ContentHash hash() const { return volume()->bricks().content_hash(); }
 
-  void Load(const std::string& source) {
-    session_.Load(
-        {.source = source}, [](std::string_view, double) {}, [] { return false; });
-  }
+  void Load(const std::string& source) { session_.Load({.source = source}, kQuiet, kNever); }
 
   // Loads a volume with value(i, j, k) for each voxel.
   void LoadMade(const Vec3i& size, const std::function<float(int, int, int)>& value) {
@@ -63,7 +69,7 @@ class EditableSession {
   SceneInbox inbox_;
   std::unique_ptr<TickOutbox> outbox_ = std::make_unique<TickOutbox>();
   Pump pump_{*outbox_};
-  Session session_{device_, inbox_, pump_, VolumeLoader{}};
+  Session session_;
 };
 
 // Counts the voxels of the lattice whose bits differ.
