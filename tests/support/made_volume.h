@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <span>
 #include <vector>
 
 #include "server/volume/snapshot.h"
@@ -22,6 +23,10 @@ std::shared_ptr<const VolumeSnapshot> MakeVolume(const Vec3i& size,
 // Returns the bricks that contain voxels from <= p < end, with value() for each of these voxels.
 std::vector<BrickChange> PaintedBox(const BrickDirectory& bricks, const Vec3i& from,
                                     const Vec3i& end, const std::function<float()>& value);
+
+// The volume after the changes, at one revision more.
+std::shared_ptr<const VolumeSnapshot> WithChanges(const VolumeSnapshot& volume,
+                                                  std::span<const BrickChange> changes);
 
 // A cube with surfaces everywhere.
 std::shared_ptr<const VolumeSnapshot> Gyroid(int size = 48, std::uint64_t revision = 1);

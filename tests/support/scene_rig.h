@@ -77,10 +77,8 @@ class SceneRig {
   }
 
   void Edit(const std::vector<BrickChange>& changes) {
-    const std::uint64_t revision = ++revision_;
-    volume_ = std::make_shared<const VolumeSnapshot>(volume_->metadata(),
-                                                     volume_->bricks().With(changes, revision),
-                                                     revision, volume_->loaded_revision());
+    volume_ = WithChanges(*volume_, changes);
+    revision_ = volume_->revision();
     Publish(changes.size() * sizeof(Brick));
   }
   // Loads another volume. Its revision must be revision().

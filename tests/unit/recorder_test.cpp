@@ -106,7 +106,7 @@ struct Recorded {
   bool complete = false;
 };
 
-Recorded Read(const std::string& bytes) {
+Recorded ReadRecorded(const std::string& bytes) {
   RecordingReader reader = ReadBytes(bytes);
   const std::vector<RecordedChunk> chunks = testing::ReadAll(reader);
   return {testing::SamplesIn(chunks), testing::Only<RecordedScene>(chunks),
@@ -139,7 +139,7 @@ TEST_F(RecorderTest, RecordsEveryTickFromWhereverItStarts) {
   EXPECT_FALSE(report.error);
   Feed(recorder, 5'003'500, 5'003'600);  // late ones are no part of it
   EXPECT_EQ(recorder.Stop().counts.ticks, 3500u);
-  const Recorded recorded = Read(*bytes_);
+  const Recorded recorded = ReadRecorded(*bytes_);
   ASSERT_EQ(recorded.samples.size(), 3500u);
   for (std::size_t n = 0; n < 3500; ++n) {
     ASSERT_TRUE(SameSample(recorded.samples[n], SampleOf(5'000'000 + n)));
@@ -181,7 +181,7 @@ TEST_F(RecorderTest, ScenesAndMarkersAreHeldToTheirTick) {
   recorder.Stop();
   EXPECT_EQ(Refusal([&] { recorder.Mark("late"); }), ErrorKind::kUnavailable);
 
-  const Recorded recorded = Read(*bytes_);
+  const Recorded recorded = ReadRecorded(*bytes_);
   EXPECT_EQ(recorded.samples.size(), 70u);
   ASSERT_EQ(recorded.scenes.size(), 2u);
   EXPECT_EQ(recorded.scenes[0].tick, 100u);
@@ -201,7 +201,7 @@ TEST_F(RecorderTest, TicksThatNeverCameAreAGap) {
   recorder.NoteScene({.scene_revision = 2});
   Feed(recorder, 15, 20, 2);
   EXPECT_EQ(recorder.Stop().counts.lost_ticks, 5u);
-  const Recorded recorded = Read(*bytes_);
+  const Recorded recorded = ReadRecorded(*bytes_);
   ASSERT_EQ(recorded.gaps.size(), 1u);
   EXPECT_EQ(recorded.gaps[0].first_tick, 10u);
   EXPECT_EQ(recorded.gaps[0].last_tick, 14u);
@@ -235,7 +235,7 @@ TEST_F(RecorderTest, ASlowDiskLosesTicksAndSaysSo) {
   disk.Release();
   const RecorderReport report = recorder.Stop();
 
-  const Recorded recorded = Read(*bytes_);
+  const Recorded recorded = ReadRecorded(*bytes_);
   EXPECT_EQ(recorded.samples.size(), report.counts.ticks);
   EXPECT_EQ(report.counts.ticks + report.counts.lost_ticks, kSecond + 2 * kHeld + 2 * kRing);
   ASSERT_EQ(recorded.gaps.size(), 2u);
@@ -258,7 +258,7 @@ TEST_F(RecorderTest, StopIsHeardThoughTheRingIsNeverEmpty) {
   const RecorderReport report = recorder.Stop();
   EXPECT_FALSE(report.error);
   EXPECT_GT(report.counts.lost_ticks, 0u);
-  const Recorded recorded = Read(*bytes_);
+  const Recorded recorded = ReadRecorded(*bytes_);
   EXPECT_EQ(recorded.samples.size(), report.counts.ticks);
   EXPECT_TRUE(recorded.complete);
 }
@@ -283,7 +283,7 @@ TEST_F(RecorderTest, WhatWaitsIsBounded) {
   Feed(recorder, kSamplesPerChunk + 1, kSamplesPerChunk + 2, 3);
   disk.Release();
   recorder.Stop();
-  const Recorded recorded = Read(*bytes_);
+  const Recorded recorded = ReadRecorded(*bytes_);
   EXPECT_EQ(recorded.markers.size(), Recorder::kMaxWaiting);
   ASSERT_EQ(recorded.scenes.size(), 1u);
   EXPECT_EQ(recorded.scenes[0].scene_revision, 3u);
@@ -297,7 +297,7 @@ TEST_F(RecorderTest, AFullDiskEndsTheRecordingAndKeepsWhatWasWritten) {
   const RecorderReport report = recorder.Stop();
   ASSERT_TRUE(report.error);
   EXPECT_EQ(report.error->kind(), ErrorKind::kUnavailable);
-  const Recorded recorded = Read(*bytes_);
+  const Recorded recorded = ReadRecorded(*bytes_);
   EXPECT_EQ(recorded.samples.size(), report.counts.ticks);
   EXPECT_FALSE(recorded.complete);
 }
@@ -309,7 +309,7 @@ TEST_F(RecorderTest, ARestartedLoopEndsTheRecording) {
   const RecorderReport report = recorder.Stop();
   ASSERT_TRUE(report.error);
   EXPECT_EQ(report.error->kind(), ErrorKind::kInvalidArgument);
-  EXPECT_EQ(Read(*bytes_).samples.size(), 10u);
+  EXPECT_EQ(ReadRecorded(*bytes_).samples.size(), 10u);
 }
 
 // Where it begins, after each gap, and about one a second.
@@ -360,8 +360,7 @@ TEST_F(RecorderTest, VoxelsThatWaitAreBounded) {
   for (std::uint64_t n = 2; n < 2 + kEdits; ++n) {
     const std::vector<BrickChange> change = {
         {Vec3i(0, n % 2, n / 2 % 2), testing::FilledLeaf(static_cast<float>(n))}};
-    volume = std::make_shared<const VolumeSnapshot>(
-        volume->metadata(), volume->bricks().With(change, n), n, loaded->revision());
+    volume = testing::WithChanges(*volume, change);
     volumes.push_back(volume);
     recorder.NoteScene({.scene_revision = n,
                         .volume_revision = n,
@@ -448,7 +447,7 @@ TEST_F(RecorderTest, ManyThreadsAtOnce) {
   std::thread other([&] { recorder.Stop(); });
   recorder.Stop();
   other.join();
-  const Recorded recorded = Read(*bytes_);
+  const Recorded recorded = ReadRecorded(*bytes_);
   EXPECT_EQ(recorded.samples.size(), kTicks);
   EXPECT_EQ(recorded.scenes.size(), kTicks);
   EXPECT_EQ(recorded.markers.size(), 100u);

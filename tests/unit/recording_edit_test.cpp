@@ -23,14 +23,7 @@ using testing::Carve;
 using testing::FilledLeaf;
 using testing::Gyroid;
 using testing::Refusal;
-
-std::shared_ptr<const VolumeSnapshot> Edited(const VolumeSnapshot& volume,
-                                             const std::vector<BrickChange>& changes) {
-  const std::uint64_t revision = volume.revision() + 1;
-  return std::make_shared<const VolumeSnapshot>(volume.metadata(),
-                                                volume.bricks().With(changes, revision), revision,
-                                                volume.loaded_revision());
-}
+using testing::WithChanges;
 
 RecordedScene SceneOf(const VolumeSnapshot& volume) {
   RecordedScene scene;
@@ -61,8 +54,8 @@ TEST(EditCodec, RefusesWhatIsNoEdit) {
 TEST(VoxelLog, WritesWhatTheRecordingLacks) {
   std::mt19937_64 random(1);
   const auto loaded = Gyroid();
-  const auto once = Edited(*loaded, Carve(*loaded, random));
-  const auto twice = Edited(*once, Carve(*once, random));
+  const auto once = WithChanges(*loaded, Carve(*loaded, random));
+  const auto twice = WithChanges(*once, Carve(*once, random));
   VoxelLog log;
   RecordedScene scene = SceneOf(*twice);
   const std::vector<RecordedEdit> edits = log.EditsBefore(scene, twice.get());
@@ -75,8 +68,8 @@ TEST(VoxelLog, WritesWhatTheRecordingLacks) {
   EXPECT_TRUE(log.EditsBefore(scene, twice.get()).empty());
   EXPECT_FALSE(scene.voxels_missing);
   // Its volume was let go: the next one brings both.
-  const auto third = Edited(*twice, Carve(*twice, random));
-  const auto fourth = Edited(*third, Carve(*third, random));
+  const auto third = WithChanges(*twice, Carve(*twice, random));
+  const auto fourth = WithChanges(*third, Carve(*third, random));
   scene = SceneOf(*third);
   EXPECT_TRUE(log.EditsBefore(scene, nullptr).empty());
   EXPECT_TRUE(scene.voxels_missing);
@@ -97,7 +90,7 @@ TEST(VoxelLog, PartsALargeChange) {
   for (std::uint64_t n = 0; n < 17 * 17 * 17; ++n) {
     all.push_back({loaded->bricks().BrickOf(n), FilledLeaf(static_cast<float>(n))});
   }
-  const auto changed = Edited(*loaded, all);
+  const auto changed = WithChanges(*loaded, all);
   VoxelLog log;
   RecordedScene scene = SceneOf(*changed);
   const std::vector<RecordedEdit> edits = log.EditsBefore(scene, changed.get());
@@ -151,7 +144,7 @@ TEST(RecordedVolumes, RefusesEditsThatDoNotFit) {
 TEST(RecordedVolumes, TrustsHashesOnly) {
   std::mt19937_64 random(1);
   const auto loaded = Gyroid();
-  const auto edited = Edited(*loaded, Carve(*loaded, random));
+  const auto edited = WithChanges(*loaded, Carve(*loaded, random));
   VoxelLog log;
   RecordedScene scene = SceneOf(*edited);
   const RecordedEdit good = log.EditsBefore(scene, edited.get()).front();

@@ -46,7 +46,7 @@ SavedSession Session1() {
   return session;
 }
 
-void ExpectSame(const FeltSession& read, const FeltSession& written) {
+void ExpectSameSession(const FeltSession& read, const FeltSession& written) {
   EXPECT_EQ(read.volume.source, written.volume.source);
   EXPECT_EQ(read.volume.title, written.volume.title);
   EXPECT_EQ(read.volume.spacing_mm, written.volume.spacing_mm);
@@ -98,7 +98,7 @@ TEST_F(SessionFileTest, HoldsAllToTheBit) {
   EXPECT_EQ(read.session->configured_settings.method, DecompositionMethod::kBcc);
   EXPECT_EQ(read.session->configured_settings.haptics.stiffness_n_per_mm, 0.7);
   EXPECT_EQ(read.session->attempts, 2);
-  ExpectSame(read.session->felt, written.felt);
+  ExpectSameSession(read.session->felt, written.felt);
 }
 
 TEST_F(SessionFileTest, WhatIsNotGivenStaysSo) {
@@ -109,7 +109,7 @@ TEST_F(SessionFileTest, WhatIsNotGivenStaysSo) {
   ASSERT_TRUE(read.session) << read.damage;
   EXPECT_FALSE(read.session->configured.spacing_mm);
   EXPECT_FALSE(read.session->configured.device_mm_per_volume_mm);
-  ExpectSame(read.session->felt, written.felt);
+  ExpectSameSession(read.session->felt, written.felt);
 }
 
 // Such a path cannot be loaded again: better none than another one.
@@ -200,7 +200,7 @@ TEST_F(SessionKeeperTest, WhatIsLeftComesBackWithItsIsovalue) {
   Leave();
   const std::optional<FeltSession> left = Make()->TakeLeft();
   ASSERT_TRUE(left);
-  ExpectSame(*left, data_.session().Felt());
+  ExpectSameSession(*left, data_.session().Felt());
   EXPECT_EQ(left->volume.source, "builtin:sphere:24");
   EXPECT_EQ(left->volume.isovalue, left->settings.isovalue);
 }

@@ -4,15 +4,12 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <limits>
 #include <numbers>
 
 #include "tests/support/made_volume.h"
 
 namespace palpate {
 namespace {
-
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
 class ToolStrokesTest : public ::testing::Test {
  protected:
@@ -128,7 +125,7 @@ TEST_F(ToolStrokesTest, FaultsAndOrientationsThatAreNoneArePassedOver) {
   fault.mode = TickMode::kFault;
   strokes_.OnSample(fault);
   for (const Eigen::Quaterniond& bad :
-       {Eigen::Quaterniond(kNan, 0, 0, 0), Eigen::Quaterniond(0, 0, 0, 0),
+       {Eigen::Quaterniond(NAN, 0, 0, 0), Eigen::Quaterniond(0, 0, 0, 0),
         Eigen::Quaterniond(2, 0, 0, 0), Eigen::Quaterniond(1, HUGE_VAL, 0, 0)}) {
     Tick(kClutchButton, Vec3(300, 0, 0), bad);
   }

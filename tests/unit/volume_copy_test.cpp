@@ -12,23 +12,23 @@
 namespace palpate::client {
 namespace {
 
-constexpr int kSize = 40;
+constexpr int kCopySize = 40;
 
-VolumeLattice Lattice() {
+VolumeLattice CubeLattice() {
   VolumeLattice lattice;
   lattice.source = "test";
-  lattice.size = Vec3i::Constant(kSize);
+  lattice.size = Vec3i::Constant(kCopySize);
   lattice.value_max = 100.0;
   return lattice;
 }
 
-VolumeBricks Bricks(const std::vector<std::uint64_t>& numbers, float value,
-                    std::uint64_t left = 0) {
+VolumeBricks ConstantBricks(const std::vector<std::uint64_t>& numbers, float value,
+                            std::uint64_t left = 0) {
   return {numbers, CompressFloats(std::vector<float>(numbers.size() * kBrickVoxels, value)), left};
 }
 
 // What a viewer makes of the updates.
-struct Viewer {
+struct CopyViewer {
   std::vector<BrickPtr> bricks;
   bool complete = false;
 
@@ -53,7 +53,7 @@ TEST(VolumeCopy, SaysNothingWhereNothingChanged) {
   VolumeCopy copy;
   EXPECT_FALSE(copy.Merge(mirror));
   EXPECT_FALSE(copy.Take());
-  mirror.Apply(Lattice());
+  mirror.Apply(CubeLattice());
   EXPECT_TRUE(copy.Merge(mirror));
   EXPECT_FALSE(copy.Merge(mirror));
   EXPECT_TRUE(copy.Take());
@@ -63,8 +63,8 @@ TEST(VolumeCopy, SaysNothingWhereNothingChanged) {
 TEST(VolumeCopy, BackgroundIsNotListed) {
   VolumeMirror mirror;
   VolumeCopy copy;
-  mirror.Apply(Lattice());
-  mirror.Apply(Bricks({3, 7}, 5.0f));
+  mirror.Apply(CubeLattice());
+  mirror.Apply(ConstantBricks({3, 7}, 5.0f));
   copy.Merge(mirror);
   const auto update = copy.Take();
   ASSERT_TRUE(update);
@@ -77,11 +77,11 @@ TEST(VolumeCopy, BackgroundIsNotListed) {
 TEST(VolumeCopy, ManyChangesOfABrickAreOneAndTheNewest) {
   VolumeMirror mirror;
   VolumeCopy copy;
-  mirror.Apply(Lattice());
+  mirror.Apply(CubeLattice());
   copy.Merge(mirror);
   copy.Take();
   for (int n = 1; n <= 1000; ++n) {
-    mirror.Apply(Bricks({4}, static_cast<float>(n)));
+    mirror.Apply(ConstantBricks({4}, static_cast<float>(n)));
     copy.Merge(mirror);
   }
   const auto update = copy.Take();
@@ -94,10 +94,10 @@ TEST(VolumeCopy, ManyChangesOfABrickAreOneAndTheNewest) {
 TEST(VolumeCopy, AnotherVolumeVoidsWhatWasNotTaken) {
   VolumeMirror mirror;
   VolumeCopy copy;
-  mirror.Apply(Lattice());
-  mirror.Apply(Bricks({100}, 5.0f));
+  mirror.Apply(CubeLattice());
+  mirror.Apply(ConstantBricks({100}, 5.0f));
   copy.Merge(mirror);
-  VolumeLattice smaller = Lattice();
+  VolumeLattice smaller = CubeLattice();
   smaller.size = Vec3i::Constant(8);
   mirror.Apply(smaller);
   copy.Merge(mirror);
@@ -118,17 +118,17 @@ TEST(VolumeCopy, AnotherVolumeVoidsWhatWasNotTaken) {
 TEST(VolumeCopy, TheOverviewComesOncePerVolume) {
   VolumeMirror mirror;
   VolumeCopy copy;
-  mirror.Apply(Lattice());
-  const Vec3i size = Vec3i::Constant(OverviewCount(kSize));
+  mirror.Apply(CubeLattice());
+  const Vec3i size = Vec3i::Constant(OverviewCount(kCopySize));
   mirror.Apply(VolumeOverview{size, 0, CompressFloats(std::vector<float>(size.prod(), 2.0f))});
   copy.Merge(mirror);
-  mirror.Apply(Bricks({1}, 3.0f));
+  mirror.Apply(ConstantBricks({1}, 3.0f));
   copy.Merge(mirror);
   const auto first = copy.Take();
   ASSERT_TRUE(first);
   EXPECT_EQ(first->overview.size(), static_cast<std::size_t>(size.prod()));
   EXPECT_EQ(first->overview_size, size);
-  mirror.Apply(Bricks({1}, 4.0f));
+  mirror.Apply(ConstantBricks({1}, 4.0f));
   copy.Merge(mirror);
   EXPECT_TRUE(copy.Take()->overview.empty());
 }
@@ -136,7 +136,7 @@ TEST(VolumeCopy, TheOverviewComesOncePerVolume) {
 TEST(VolumeCopy, APlaceIsAChange) {
   VolumeMirror mirror;
   VolumeCopy copy;
-  mirror.Apply(Lattice());
+  mirror.Apply(CubeLattice());
   copy.Merge(mirror);
   copy.Take();
   VolumePlacement placement;
@@ -154,7 +154,7 @@ TEST(VolumeCopy, APlaceIsAChange) {
 TEST(VolumeCopy, WhatIsTakenAddsUpWhileItChanges) {
   VolumeMirror mirror;
   VolumeCopy copy;
-  Viewer viewer;
+  CopyViewer viewer;
   std::atomic<bool> done{false};
   std::thread drawer([&] {
     while (!done) {
@@ -163,9 +163,9 @@ TEST(VolumeCopy, WhatIsTakenAddsUpWhileItChanges) {
   });
   std::mt19937 random(5);
   for (int n = 0; n < 3000; ++n) {
-    if (n % 500 == 0) mirror.Apply(Lattice());
+    if (n % 500 == 0) mirror.Apply(CubeLattice());
     std::uint64_t first = random() % 120;
-    mirror.Apply(Bricks({first, first + 2, first + 5}, static_cast<float>(n)));
+    mirror.Apply(ConstantBricks({first, first + 2, first + 5}, static_cast<float>(n)));
     copy.Merge(mirror);
   }
   done = true;
