@@ -76,16 +76,10 @@ class EditableSession {
 template <typename Mirror>
 std::uint64_t DifferentVoxels(const Mirror& mirror, const VolumeSnapshot& volume) {
   std::uint64_t different = 0;
-  const Vec3i size = volume.size();
-  for (int i = 0; i < size.x(); ++i) {
-    for (int j = 0; j < size.y(); ++j) {
-      for (int k = 0; k < size.z(); ++k) {
-        const float theirs = volume.bricks().Find(i, j, k)[VoxelInBrick(i, j, k)];
-        different += std::bit_cast<std::uint32_t>(mirror.Value(i, j, k)) !=
-                     std::bit_cast<std::uint32_t>(theirs);
-      }
-    }
-  }
+  ForEachVoxel(volume.size(), [&](const Vec3i& p) {
+    different += std::bit_cast<std::uint32_t>(mirror.Value(p.x(), p.y(), p.z())) !=
+                 std::bit_cast<std::uint32_t>(ValueAt(volume, p));
+  });
   return different;
 }
 
