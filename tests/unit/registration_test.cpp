@@ -255,8 +255,7 @@ TEST(Registration, BadInputIsRefused) {
       {.scale_by = kNan},
       {.scale_by = kInf},
       {.scale_by = 1e-12},
-      {.reset = true, .rotate_D = identity, .scale_by = 1e12},
-  };
+      {.reset = true, .rotate_D = identity, .scale_by = 1e12}};
   for (std::size_t n = 0; n < bad.size(); ++n) {
     EXPECT_EQ(Refusal([&] { Change(Fit(), bad[n]); }), ErrorKind::kInvalidArgument) << n;
   }
