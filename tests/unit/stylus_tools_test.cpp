@@ -4,22 +4,80 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <functional>
 #include <memory>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "server/servo/servo_tick.h"
 #include "tests/support/running_session.h"
-#include "tests/support/stylus_rig.h"
 
 namespace palpate {
 namespace {
 
-using testing::Force;
-using testing::HandAt;
-using testing::StylusRig;
-using testing::ToVec3;
+// The hand's target and its buttons at a time.
+using HandAt = std::function<StylusScript::Target(double time_s)>;
+
+class HandScript final : public StylusScript {
+ public:
+  explicit HandScript(HandAt hand) : hand_(std::move(hand)) {}
+  Target Next(const HandState&, const Vec3&, double dt_s) noexcept override {
+    time_s_ += dt_s;
+    return hand_(time_s_);
+  }
+
+ private:
+  HandAt hand_;
+  double time_s_ = 0.0;
+};
+
+// The loop around a scripted hand without a thread, one millisecond per tick. Every run has the
+// same bits.
+class StylusRig : public testing::EditableSession {
+ public:
+  StylusRig(const std::string& source, const HapticSettings& settings, HandAt hand)
+      : stylus_(std::make_unique<HandScript>(std::move(hand))), editor(session()) {
+    inbox().ReaderRestarts();
+    session().SetInitial({.haptics = settings});
+    Load(source);
+    stylus_.Start();
+  }
+
+  // The tools run `lag_ticks` late.
+  TickSample Tick() {
+    const std::int64_t now_ns = 1'000'000 * ++ticks_;
+    const TickSample sample = tick_.Run(*inbox().Acquire(), {now_ns, now_ns, 0});
+    tools_->OnSample(sample);
+    if (lag_ticks == 0 || ticks_ % lag_ticks == 0) tools_->Work();
+    return sample;
+  }
+  std::vector<TickSample> Run(double seconds) {
+    std::vector<TickSample> samples;
+    for (int n = 0; n < static_cast<int>(seconds * 1e3 + 0.5); ++n) samples.push_back(Tick());
+    return samples;
+  }
+  std::uint64_t revision() const { return volume()->revision(); }
+  Registration registration() { return session().volume().registration; }
+
+  int lag_ticks = 0;
+
+ private:
+  SimulatedDevice stylus_;
+
+ public:
+  VolumeEditor editor;
+
+ private:
+  std::shared_ptr<StylusTools> tools_ = std::make_shared<StylusTools>(session(), editor);
+  ServoTick tick_{stylus_};
+  std::int64_t ticks_ = 0;
+};
+
+Vec3 ToVec3(const std::array<double, 3>& v) { return {v[0], v[1], v[2]}; }
+Vec3 Force(const TickSample& sample) { return ToVec3(sample.force_n); }
 
 // What Safety lets the force change by per tick.
 constexpr double kSlewN = 0.2 + 1e-9;
@@ -132,34 +190,34 @@ TEST(Carve, MovesTheSurfaceSmoothlyAndTheProxyStaysOutside) {
 TEST(Carve, EditsSixtyTimesASecondUntilTheRelease) {
   StylusRig rig("builtin:sphere:32", kCarving, Resting(kCarveButton, 3.0));
   rig.Run(1.0);
-  const std::uint64_t revision = rig.session.volume().volume->revision();
+  const std::uint64_t revision = rig.revision();
   EXPECT_EQ(Ticks(rig.Run(2.0), TickMode::kEjecting), 0);
-  const std::uint64_t carved = rig.session.volume().volume->revision();
+  const std::uint64_t carved = rig.revision();
   EXPECT_GT(carved, revision + 100);
   EXPECT_LE(carved, revision + 121);
   rig.Run(0.5);
-  EXPECT_LE(rig.session.volume().volume->revision(), carved + 1);
+  EXPECT_LE(rig.revision(), carved + 1);
 }
 
 TEST(Carve, APressIsOneStepToUndo) {
   StylusRig rig("builtin:sphere:32", kCarving, Resting(kCarveButton, 1.5));
   rig.Run(0.9);
-  const auto before = rig.session.volume().volume;
+  const auto before = rig.volume();
   rig.Run(1.0);
-  const auto after = rig.session.volume().volume;
+  const auto after = rig.volume();
   ASSERT_GT(after->revision(), before->revision() + 20);
   const EditOutcome undone = rig.editor.Undo();
   EXPECT_EQ(undone.undo_steps, 0u);
-  const auto restored = rig.session.volume().volume;
+  const auto restored = rig.volume();
   EXPECT_EQ(restored->bricks().content_hash(), before->bricks().content_hash());
 }
 
 TEST(Carve, ChangesNothingBeyondItsRadius) {
   StylusRig rig("builtin:sphere:32", kCarving, Resting(kCarveButton, 3.0));
   const std::vector<TickSample> approach = rig.Run(1.0);
-  const VolumeState before = rig.session.volume();
+  const VolumeState before = rig.session().volume();
   const std::vector<TickSample> carved = rig.Run(2.1);
-  const VolumeState after = rig.session.volume();
+  const VolumeState after = rig.session().volume();
   int changed = 0;
   for (int i = 0; i < 32 * 32 * 32; ++i) {
     const Vec3i at(i & 31, i >> 5 & 31, i >> 10);
@@ -177,28 +235,11 @@ TEST(Carve, ChangesNothingBeyondItsRadius) {
   EXPECT_GT(changed, 10);
 }
 
-TEST(Carve, DoesNothingInThinAirOrWithTheToolOffOrAnotherButton) {
-  HapticSettings off = kCarving;
-  off.carve_tool = false;
-  HapticSettings still = kCarving;
-  still.carve_rate_per_s = 0.0;
-  // Farther from any voxel than the radius.
-  StylusRig rigs[] = {{"builtin:sphere:32", kCarving, Resting(kCarveButton, 3.0, Vec3(78, 0, 0))},
-                      {"builtin:sphere:32", off, Resting(kCarveButton, 3.0)},
-                      {"builtin:sphere:32", still, Resting(kCarveButton, 3.0)},
-                      {"builtin:sphere:32", kCarving, Resting(kClutchButton | 4u, 3.0)}};
-  for (StylusRig& rig : rigs) {
-    rig.Run(1.5);
-    EXPECT_EQ(rig.session.volume().volume->revision(), 1u);
-  }
-}
-
 // The loop cannot be hurt by a volume that is exchanged in mid-stroke.
 TEST(Carve, AnotherVolumeIsAnotherStroke) {
   StylusRig rig("builtin:sphere:32", kCarving, Resting(kCarveButton, 3.0));
   rig.Run(1.5);
-  rig.session.Load(
-      {.source = "builtin:gyroid:32"}, [](std::string_view, double) {}, [] { return false; });
+  rig.Load("builtin:gyroid:32");
   const std::vector<TickSample> after = rig.Run(1.0);
   EXPECT_EQ(TicksInside(after), 0);
   EXPECT_LE(GreatestJump(after), kSlewN);
@@ -262,7 +303,7 @@ TEST(Clutch, MovesTheVolumeRigidlyWithTheStylusAndWithoutForce) {
     rig.lag_ticks = lag_ticks;
     std::vector<TickSample> samples = rig.Run(0.9);
     ASSERT_TRUE(samples.back().contact);
-    const Registration before = rig.session.volume().registration;
+    const Registration before = rig.registration();
     samples = rig.Run(1.2);
     const Held held = HeldTicks(samples);
     ASSERT_TRUE(held.first && held.last);
@@ -276,12 +317,12 @@ TEST(Clutch, MovesTheVolumeRigidlyWithTheStylusAndWithoutForce) {
     const RigidMotion motion = MotionBetween(*held.first, *held.last);
     EXPECT_GT(motion.t_mm.norm(), 1.0);
     EXPECT_GT(Eigen::AngleAxisd(motion.R).angle(), 0.01);
-    const Registration after = rig.session.volume().registration;
+    const Registration after = rig.registration();
     EXPECT_LT(Distance(after, Moved(motion, before)), 1e-9) << lag_ticks;
     EXPECT_EQ(after.device_mm_per_volume_mm, before.device_mm_per_volume_mm);
     // It stays.
     const std::vector<TickSample> later = rig.Run(0.5);
-    EXPECT_EQ(Distance(rig.session.volume().registration, after), 0.0);
+    EXPECT_EQ(Distance(rig.registration(), after), 0.0);
     samples.insert(samples.end(), later.begin(), later.end());
     const auto release = std::find_if(samples.begin(), samples.end(), [&](const TickSample& s) {
       return s.tick == held.last->tick;
@@ -295,20 +336,20 @@ TEST(Clutch, AVolumeThatIsMovedMeanwhileKeepsThatMove) {
   StylusRig rig("builtin:bumps:32", kClutching, Sweeping(kClutchButton));
   std::vector<TickSample> samples = rig.Run(1.5);
   const Vec3 aside_mm(3, 0, 0);
-  const Registration half = rig.session.volume().registration;
+  const Registration half = rig.registration();
   const TickSample* at = nullptr;  // of the last step
   for (const TickSample& s : samples) {
     if (s.mode == TickMode::kSuspended) at = &s;
   }
   ASSERT_TRUE(at != nullptr);
-  rig.session.Move([&](const VolumeState& state) {
-    return Apply({.translate_D_mm = aside_mm}, state.volume->metadata(), rig.session.device(),
+  rig.session().Move([&](const VolumeState& state) {
+    return Apply({.translate_D_mm = aside_mm}, state.volume->metadata(), rig.device(),
                  state.registration);
   });
-  const Vec3 moved = rig.session.volume().registration.p_DCenter_mm - half.p_DCenter_mm;
+  const Vec3 moved = rig.registration().p_DCenter_mm - half.p_DCenter_mm;
   EXPECT_LT((moved - aside_mm).norm(), 1e-12);
   rig.Run(0.7);
-  EXPECT_GT((rig.session.volume().registration.p_DCenter_mm - half.p_DCenter_mm).norm(), 3.0);
+  EXPECT_GT((rig.registration().p_DCenter_mm - half.p_DCenter_mm).norm(), 3.0);
 }
 
 TEST(Clutch, ReleasedInsideTheMaterialTheForceComesGently) {
@@ -323,9 +364,9 @@ TEST(Clutch, ReleasedInsideTheMaterialTheForceComesGently) {
       return target;
     };
     StylusRig rig("builtin:sphere:32", settings, hand);
-    rig.session.SetForcesOff(true);
+    rig.session().SetForcesOff(true);
     std::vector<TickSample> samples = rig.Run(1.2);
-    rig.session.SetForcesOff(false);
+    rig.session().SetForcesOff(false);
     std::vector<TickSample> released = rig.Run(2.0);
     EXPECT_EQ(Ticks(samples, TickMode::kSuspended), 1200);
     EXPECT_EQ(Ticks(released, TickMode::kFault), 0);
@@ -335,14 +376,21 @@ TEST(Clutch, ReleasedInsideTheMaterialTheForceComesGently) {
   }
 }
 
-TEST(Clutch, DoesNothingWithTheToolOffOrAnotherButton) {
-  StylusRig rigs[] = {{"builtin:bumps:32", {}, Sweeping(kClutchButton)},
+TEST(Tools, DoNothingInThinAirOrSwitchedOffOrForAnotherButton) {
+  HapticSettings off = kCarving;
+  off.carve_tool = false;
+  // Farther from any voxel than the radius.
+  StylusRig rigs[] = {{"builtin:sphere:32", kCarving, Resting(kCarveButton, 3.0, Vec3(78, 0, 0))},
+                      {"builtin:sphere:32", off, Resting(kCarveButton, 3.0)},
+                      {"builtin:sphere:32", CarvingAt(0.0), Resting(kCarveButton, 3.0)},
+                      {"builtin:sphere:32", kCarving, Resting(kClutchButton | 4u, 3.0)},
+                      {"builtin:bumps:32", {}, Sweeping(kClutchButton)},
                       {"builtin:bumps:32", kClutching, Sweeping(kCarveButton)}};
   for (StylusRig& rig : rigs) {
-    const Registration before = rig.session.volume().registration;
-    const std::vector<TickSample> samples = rig.Run(1.5);
-    EXPECT_EQ(Ticks(samples, TickMode::kSuspended), 0);
-    EXPECT_EQ(Distance(rig.session.volume().registration, before), 0.0);
+    const Registration before = rig.registration();
+    EXPECT_EQ(Ticks(rig.Run(1.5), TickMode::kSuspended), 0);
+    EXPECT_EQ(rig.revision(), 1u);
+    EXPECT_EQ(Distance(rig.registration(), before), 0.0);
   }
 }
 
@@ -350,10 +398,10 @@ TEST(Tools, BothButtonsAtOnceMoveAndDoNotCarve) {
   HapticSettings settings = kCarving;
   settings.clutch_tool = true;
   StylusRig rig("builtin:bumps:32", settings, Sweeping(kCarveButton | kClutchButton));
-  const Registration before = rig.session.volume().registration;
+  const Registration before = rig.registration();
   rig.Run(1.9);
-  EXPECT_EQ(rig.session.volume().volume->revision(), 1u);
-  EXPECT_GT(Distance(rig.session.volume().registration, before), 1.0);
+  EXPECT_EQ(rig.revision(), 1u);
+  EXPECT_GT(Distance(rig.registration(), before), 1.0);
 }
 
 // With the threads of the daemon.
@@ -367,7 +415,7 @@ TEST(Tools, TheServoGoesOnWhileTheToolsWork) {
     target.buttons = phase < 0.25 ? kCarveButton : phase < 0.4 ? kClutchButton : 0u;
     return target;
   };
-  testing::RunningSession running({}, std::make_unique<testing::HandScript>(hand));
+  testing::RunningSession running({}, std::make_unique<HandScript>(hand));
   VolumeEditor editor(running.session());
   const auto tools = std::make_shared<StylusTools>(running.session(), editor);
   running.pump().Subscribe(tools);

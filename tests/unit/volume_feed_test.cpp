@@ -198,21 +198,17 @@ TEST_F(VolumeFeedTest, TheLatticeAndOverviewAreThoseOfTheVolume) {
   EXPECT_EQ(mirror_.lattice()->X_WI.linear, metadata.WorldFromIndex().linear);
   ASSERT_EQ(mirror_.overview_size(), Vec3i(10, 9, 13));
   std::size_t n = 0;
-  for (int i = 0; i < 10; ++i) {
-    for (int j = 0; j < 9; ++j) {
-      for (int k = 0; k < 13; ++k, ++n) {
-        double sum = 0.0;
-        int count = 0;
-        for (int v = 0; v < 64; ++v) {
-          const Vec3i p(4 * i + v / 16, 4 * j + v / 4 % 4, 4 * k + v % 4);
-          if ((p.array() >= kSize.array()).any()) continue;
-          sum += mirror_.Value(p.x(), p.y(), p.z());
-          ++count;
-        }
-        ASSERT_EQ(mirror_.overview()[n], static_cast<float>(sum / count));
-      }
+  testing::ForEachVoxel(mirror_.overview_size(), [&](const Vec3i& block) {
+    double sum = 0.0;
+    int count = 0;
+    for (int v = 0; v < 64; ++v) {
+      const Vec3i p = 4 * block + Vec3i(v / 16, v / 4 % 4, v % 4);
+      if ((p.array() >= kSize.array()).any()) continue;
+      sum += mirror_.Value(p.x(), p.y(), p.z());
+      ++count;
     }
-  }
+    ASSERT_EQ(mirror_.overview()[n++], static_cast<float>(sum / count));
+  });
 }
 
 TEST_F(VolumeFeedTest, AnOverviewOfManyBlocksComesInPieces) {
@@ -288,13 +284,12 @@ TEST_F(VolumeFeedTest, ARevisionWithoutChangesIsOnlyAComplete) {
   PassAll(feed);
   counts_ = {};
   VolumeNow now = Now();
-  const std::uint64_t revision = now.volume->revision() + 1;
-  now.volume = kept_[revision] = std::make_shared<const VolumeSnapshot>(
-      now.volume->metadata(), now.volume->bricks(), revision, now.volume->loaded_revision());
+  now.volume = testing::WithChanges(*now.volume, {});
+  kept_[now.volume->revision()] = now.volume;
   while (feed.HasWork(now)) {
     if (const auto message = feed.Step(now, time_)) Take(message->event);
   }
-  EXPECT_EQ(mirror_.resume()->volume_revision, revision);
+  EXPECT_EQ(mirror_.resume()->volume_revision, now.volume->revision());
   EXPECT_EQ(counts_.bricks, 0u);
   EXPECT_EQ(counts_.completes, 1);
 }

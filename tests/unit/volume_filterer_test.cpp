@@ -10,6 +10,7 @@
 #include <memory>
 #include <random>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include "common/error/error.h"
@@ -77,6 +78,9 @@ class VolumeFiltererTest : public ::testing::Test,
   }
 
   VolumeFilter filter_{.kind = FilterKind::kMean};
+  const VolumeEdit everywhere_{.shape = BoxShape{Vec3(0, 0, 0), Vec3(71, 71, 71)},
+                               .operation = EditOperation::kAdd,
+                               .value = 0.01};
   VolumeEditor editor_{session()};
   VolumeFilterer filterer_{session(), editor_};
   std::shared_ptr<const VolumeSnapshot> loaded_;
@@ -257,8 +261,6 @@ TEST_F(VolumeFiltererTest, OneAtATime) {
 
 TEST_F(VolumeFiltererTest, TheExpectedRevisionIsThatOfItsBeginning) {
   const std::uint64_t revision = volume()->revision();
-  EXPECT_EQ(Refusal([&] { Filter(kQuiet, kNever, revision + 1); }), ErrorKind::kConflict);
-  EXPECT_EQ(volume()->revision(), revision);
   int n = 0;
   const EditOutcome outcome = Filter(
       [&](std::string_view, double) {
@@ -298,14 +300,11 @@ TEST_F(VolumeFiltererTest, TheBudgetHoldsWhatEditsAndFiltersMake) {
 
 TEST_F(VolumeFiltererTest, AnEditThatDoesNotFitIntoMemoryChangesNothing) {
   Dig(20, 20, 20);
-  VolumeEdit edit{.shape = BoxShape{Vec3(0, 0, 0), Vec3(71, 71, 71)},
-                  .operation = EditOperation::kAdd,
-                  .value = 0.01};
   const ContentHash before = hash();
   const std::uint64_t held = HeldSoon();
   {
     const MemoryClaim rest = LeaveOnly(100'000);
-    EXPECT_EQ(Refusal([&] { editor_.Edit(edit); }), ErrorKind::kTooLarge);
+    EXPECT_EQ(Refusal([&] { editor_.Edit(everywhere_); }), ErrorKind::kTooLarge);
     EXPECT_EQ(hash(), before);
     EXPECT_EQ(HeldSoon(), held + rest.bytes());
     // Nothing that can be undone was given up in vain, and undoing needs no room.
@@ -315,20 +314,17 @@ TEST_F(VolumeFiltererTest, AnEditThatDoesNotFitIntoMemoryChangesNothing) {
     EXPECT_EQ(editor_.Redo().undo_steps, 1u);
     EXPECT_EQ(hash(), before);
   }
-  EXPECT_EQ(editor_.Edit(edit).undo_steps, 2u);
+  EXPECT_EQ(editor_.Edit(everywhere_).undo_steps, 2u);
 }
 
 TEST_F(VolumeFiltererTest, TheOldestStepsMakeRoomForAnEdit) {
-  VolumeEdit edit{.shape = BoxShape{Vec3(0, 0, 0), Vec3(71, 71, 71)},
-                  .operation = EditOperation::kAdd,
-                  .value = 0.01};
   // From the second one on each step has leaves that are nobody else's.
-  for (int n = 0; n < 4; ++n) editor_.Edit(edit);
-  EXPECT_EQ(editor_.Edit(edit).undo_steps, 5u);
+  for (int n = 0; n < 4; ++n) editor_.Edit(everywhere_);
+  EXPECT_EQ(editor_.Edit(everywhere_).undo_steps, 5u);
   HeldSoon();
   {
     const MemoryClaim rest = LeaveOnly(100'000);
-    const EditOutcome outcome = editor_.Edit(edit);
+    const EditOutcome outcome = editor_.Edit(everywhere_);
     EXPECT_LT(outcome.undo_steps, 5u);
     EXPECT_GT(outcome.undo_steps, 1u);
     EXPECT_GT(outcome.changed_voxels, 0u);
@@ -336,14 +332,6 @@ TEST_F(VolumeFiltererTest, TheOldestStepsMakeRoomForAnEdit) {
   // The volume as it was loaded can still be had.
   editor_.Revert();
   EXPECT_EQ(hash(), loaded_->bricks().content_hash());
-}
-
-TEST_F(VolumeFiltererTest, ABadFilterChangesNothing) {
-  filter_.width = 99;
-  EXPECT_EQ(Refusal([&] { Filter(); }), ErrorKind::kInvalidArgument);
-  filter_ = {.region = SphereShape{Vec3(999, 0, 0), 1.0}};
-  EXPECT_EQ(Refusal([&] { Filter(); }), ErrorKind::kInvalidArgument);
-  EXPECT_EQ(volume(), loaded_);
 }
 
 class WholeVolumes : public VolumeFiltererTest {
@@ -377,43 +365,42 @@ TEST_F(WholeVolumes, ResamplingIsOneRevisionAndOneStep) {
   EXPECT_LT((moved.X_DI.Apply(Vec3(1, 2, 3)) - after.X_DI.Apply(Vec3(1, 2, 3))).norm(), 1e-9);
   EXPECT_TRUE(session().Felt().is_edited);
   EXPECT_FALSE(after.volume->metadata().reloadable);
+  // What was loaded is that again.
+  editor_.Undo();
+  EXPECT_TRUE(volume()->metadata().reloadable);
+  EXPECT_FALSE(session().Felt().is_edited);
 }
 
 TEST_F(WholeVolumes, StepsBeforeAndAfterAreTakenBackAndDoneAgain) {
-  std::vector<ContentHash> hashes{hash()};
-  std::vector<Vec3i> sizes{volume()->size()};
-  const auto note = [&] {
-    hashes.push_back(hash());
-    sizes.push_back(volume()->size());
-  };
-  Dig(20, 20, 20);
-  note();
-  Filter();
-  note();
-  Dig(40, 40, 40);
-  note();
-  filter_.spacing_mm = Vec3(1.0, 0.7, 2.0);
-  Filter();
-  note();
-  for (int round = 0; round < 3; ++round) {
-    for (std::size_t n = 3; n + 1 > 0; --n) {
+  using State = std::pair<ContentHash, Vec3i>;
+  const auto now = [&] { return State(hash(), volume()->size()); };
+  std::vector<State> states{now()};
+  const std::function<void()> steps[] = {[&] { Dig(20, 20, 20); }, [&] { Filter(); },
+                                         [&] { Dig(40, 40, 40); },
+                                         [&] {
+                                           filter_.spacing_mm = Vec3(1.0, 0.7, 2.0);
+                                           Filter();
+                                         }};
+  for (const auto& step : steps) {
+    step();
+    states.push_back(now());
+  }
+  for (int round = 0; round < 2; ++round) {
+    for (std::size_t n = 4; n-- > 0;) {
       EXPECT_EQ(editor_.Undo().undo_steps, n);
-      EXPECT_EQ(hash(), hashes[n]);
-      EXPECT_EQ(volume()->size(), sizes[n]);
+      EXPECT_TRUE(now() == states[n]) << n;
     }
     EXPECT_EQ(Refusal([&] { editor_.Undo(); }), ErrorKind::kConflict);
     for (std::size_t n = 1; n <= 4; ++n) {
       EXPECT_EQ(editor_.Redo().undo_steps, n);
-      EXPECT_EQ(hash(), hashes[n]);
-      EXPECT_EQ(volume()->size(), sizes[n]);
+      EXPECT_TRUE(now() == states[n]) << n;
     }
     EXPECT_EQ(Refusal([&] { editor_.Redo(); }), ErrorKind::kConflict);
   }
   EXPECT_EQ(editor_.Revert().undo_steps, 5u);
-  EXPECT_EQ(hash(), hashes[0]);
-  EXPECT_EQ(volume()->size(), sizes[0]);
+  EXPECT_TRUE(now() == states[0]);
   editor_.Undo();
-  EXPECT_EQ(hash(), hashes[4]);
+  EXPECT_TRUE(now() == states[4]);
   // What is edited after a step was taken back ends what could be done again.
   editor_.Undo();
   EXPECT_EQ(Dig(5, 5, 5).redo_steps, 0u);
@@ -431,14 +418,6 @@ TEST_F(WholeVolumes, AnEditMeanwhileIsFilteredToo) {
       *volume, filter_, [](std::uint64_t) {}, [](double) {}, kNever);
   EXPECT_EQ(filtered, expected.bricks.content_hash());
   EXPECT_EQ(volume->bricks().Find(30, 30, 30)[VoxelInBrick(30, 30, 30)], 0.25f);
-}
-
-TEST_F(WholeVolumes, WhatWasLoadedIsThatAgain) {
-  Filter();
-  EXPECT_FALSE(volume()->metadata().reloadable);
-  editor_.Undo();
-  EXPECT_TRUE(volume()->metadata().reloadable);
-  EXPECT_FALSE(session().Felt().is_edited);
 }
 
 TEST_F(WholeVolumes, TheLatticeStaysWhileARecordingIsReplayed) {
@@ -462,26 +441,32 @@ TEST_F(WholeVolumes, EditsWithoutEndRefuseIt) {
   EXPECT_GE(told, 3);
 }
 
+// Of voxels, and of whole volumes.
 TEST_F(WholeVolumes, WhatIsInTheWayIsRefusedAndChangesNothing) {
-  const ContentHash before = hash();
-  const std::uint64_t revision = volume()->revision();
-  EXPECT_EQ(Refusal([&] { Filter(kQuiet, kNever, revision + 1); }), ErrorKind::kConflict);
-  EXPECT_EQ(Refusal([&] { Filter(kQuiet, [] { return true; }); }), ErrorKind::kCancelled);
+  const VolumeFilter resample = filter_;
+  for (const FilterKind kind : {FilterKind::kMean, FilterKind::kResample}) {
+    filter_ = resample;
+    filter_.kind = kind;
+    EXPECT_EQ(Refusal([&] { Filter(kQuiet, kNever, loaded_->revision() + 1); }),
+              ErrorKind::kConflict);
+    EXPECT_EQ(Refusal([&] { Filter(kQuiet, [] { return true; }); }), ErrorKind::kCancelled);
+    {
+      const MemoryClaim most = LeaveOnly(1 << 16);
+      EXPECT_EQ(Refusal([&] { Filter(); }), ErrorKind::kTooLarge);
+    }
+    filter_.width = 99;
+    filter_.spacing_mm = Vec3::Zero();
+    EXPECT_EQ(Refusal([&] { Filter(); }), ErrorKind::kInvalidArgument);
+    EXPECT_EQ(volume(), loaded_);
+  }
+  filter_ = resample;
   {
     const auto loading = session().BeginLoad();
     EXPECT_EQ(Refusal([&] { Filter(); }), ErrorKind::kConflict);
   }
-  {
-    const MemoryClaim most = LeaveOnly(1 << 20);
-    EXPECT_EQ(Refusal([&] { Filter(); }), ErrorKind::kTooLarge);
-  }
-  filter_.spacing_mm = Vec3::Zero();
-  EXPECT_EQ(Refusal([&] { Filter(); }), ErrorKind::kInvalidArgument);
-  EXPECT_EQ(hash(), before);
-  EXPECT_EQ(volume()->revision(), revision);
+  EXPECT_EQ(volume(), loaded_);
   // Of a series.
   session().PublishVolume({}, loaded_->metadata(), loaded_->bricks(), 1000);
-  filter_.spacing_mm = Vec3::Constant(2.0);
   EXPECT_EQ(Refusal([&] { Filter(); }), ErrorKind::kConflict);
   EXPECT_EQ(volume()->size(), Vec3i(72, 72, 72));
 }
