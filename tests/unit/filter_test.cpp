@@ -294,7 +294,7 @@ TEST(Filter, ItFollowsEdits) {
       for (int round = 0; round < 3; ++round) {
         for (int n = 0; n < 3; ++n) {
           const auto place = [&](int size) { return static_cast<double>(random() % size); };
-          volume = After(
+          volume = AfterChanges(
               volume,
               ApplyEdit(*volume, {.shape = SphereShape{Vec3(place(73), place(25), place(71)), 2.0},
                                   .value = 10.0 * n}));

@@ -72,7 +72,7 @@ class LazyOutput final : public MemoryOutput {
   using MemoryOutput::MemoryOutput;
   void Append(std::string_view bytes) override {
     MemoryOutput::Append(bytes);
-    for (int n = 0; recorder && n < 2000; ++n, ++sample.tick) recorder->OnSample(sample);
+    for (int n = 0; recorder && n < 2000; ++n, ++sample.tick) recorder.load()->OnSample(sample);
   }
   std::atomic<Recorder*> recorder = nullptr;
   TickSample sample = RandomSample(1);

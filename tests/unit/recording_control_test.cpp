@@ -103,12 +103,7 @@ class RecordingControlTest : public ::testing::Test, protected testing::RunningS
           [&](const auto& present) { return present->bricks().ChangesTo(before->bricks()); });
     }
     RecordingReader reader(File(name));
-    std::vector<TickSample> samples;
-    while (const std::optional<RecordedChunk> chunk = reader.Next()) {
-      if (const auto* some = std::get_if<RecordedSamples>(&*chunk)) {
-        samples.insert(samples.end(), some->begin(), some->end());
-      }
-    }
+    const std::vector<TickSample> samples = testing::SamplesIn(testing::ReadAll(reader));
     EXPECT_TRUE(reader.complete());
     return samples;
   }
@@ -199,19 +194,15 @@ TEST_F(RecordingControlTest, BadReplaysAreRefusedAndChangeNothing) {
     EXPECT_EQ(refusal("a", bad), ErrorKind::kInvalidArgument);
   }
   std::ofstream(File("text")) << "no recording";
-  EXPECT_EQ(refusal("text"), ErrorKind::kInvalidArgument);
-  {
-    RecordingWriter writer(CreateRecordingFile(File("empty"), false), "test");
+  const RecordedEdit edit{.bricks = {{0, Leaf::Constant(LeafType::kFloat, 0.0f)}}};
+  for (const auto& [name, edits] : {std::pair("empty", 0), std::pair("huge", 100)}) {
+    RecordingWriter writer(CreateRecordingFile(File(name), false), "test");
+    for (int n = 0; n < edits; ++n) writer.Append(edit);
     writer.AppendEnd();
   }
-  EXPECT_EQ(refusal("empty"), ErrorKind::kInvalidArgument);
-  {
-    RecordingWriter writer(CreateRecordingFile(File("huge"), false), "test");
-    const RecordedEdit edit{.bricks = {{0, Leaf::Constant(LeafType::kFloat, 0.0f)}}};
-    for (int n = 0; n < 100; ++n) writer.Append(edit);
-    writer.AppendEnd();
+  for (const char* name : {"text", "empty", "huge"}) {
+    EXPECT_EQ(refusal(name), ErrorKind::kInvalidArgument) << name;
   }
-  EXPECT_EQ(refusal("huge"), ErrorKind::kInvalidArgument);
   {
     const auto loading = session().BeginLoad();
     EXPECT_EQ(refusal("a"), ErrorKind::kConflict);
@@ -253,14 +244,11 @@ TEST_F(RecordingControlTest, ViewersSeeEveryRecordedTickInPlaceOfTheLiveOnes) {
 
   std::vector<TickSample> shown = viewer->Take(), live = tool->Take();
   // They were subscribed one after the other: a tick may have come between.
-  const auto keep_common = [](std::vector<TickSample>& samples, std::uint64_t first,
-                              std::uint64_t last) {
-    std::erase_if(samples, [&](const auto& s) { return s.tick < first || s.tick > last; });
-  };
   const std::uint64_t first = std::max(shown.front().tick, live.front().tick);
   const std::uint64_t last = std::min(shown.back().tick, live.back().tick);
-  keep_common(shown, first, last);
-  keep_common(live, first, last);
+  for (auto* samples : {&shown, &live}) {
+    std::erase_if(*samples, [&](const auto& s) { return s.tick < first || s.tick > last; });
+  }
   ASSERT_EQ(shown.size(), live.size());
   const auto is_same = [](const TickSample& a, const TickSample& b) {
     return a.hip_mm == b.hip_mm && a.force_n == b.force_n && a.isovalue == b.isovalue &&

@@ -191,10 +191,9 @@ TEST_F(SeriesPlayerTest, WhatIsEqualIsSharedAndCountedOnce) {
 TEST_F(SeriesPlayerTest, HalfWayIsTheMean) {
   Load();
   player_.Control({.position_frames = 2.5, .interpolate = true});
-  const ContentHash mean =
-      Directory([](int i, int j, int k) {
-        return static_cast<float>(0.5 * ValueAt(2, i, j, k) + 0.5 * ValueAt(3, i, j, k));
-      }).content_hash();
+  const ContentHash mean = HashOf([](int i, int j, int k) {
+    return static_cast<float>(0.5 * ValueAt(2, i, j, k) + 0.5 * ValueAt(3, i, j, k));
+  });
   EXPECT_TRUE(Eventually([&] { return hash() == mean; }));
   EXPECT_EQ(player_.state().position_frames, 2.5);
   player_.Control({.position_frames = 3.25});
@@ -435,9 +434,10 @@ TEST_F(SeriesPlayerTest, AtMostSixtyVolumesPerSecondHoweverFast) {
   for (const bool seeking : {false, true}) {
     const std::uint64_t before = Revision();
     const auto start = std::chrono::steady_clock::now();
-    EXPECT_TRUE(Eventually([&, n = 0]() mutable {
+    int frame = 0;
+    EXPECT_TRUE(Eventually([&] {
       Pass(1);
-      if (seeking) player_.Control({.playing = false, .position_frames = ++n % kFrames});
+      if (seeking) player_.Control({.playing = false, .position_frames = ++frame % kFrames});
       return Revision() >= before + 12;
     }));
     EXPECT_GE(std::chrono::steady_clock::now() - start, milliseconds(10 * 1000 / 60));

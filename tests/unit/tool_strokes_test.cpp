@@ -75,7 +75,10 @@ TEST_F(ToolStrokesTest, AReleaseGivesTheMotionSinceThePress) {
   EXPECT_LT((motion->Apply(Vec3(1, 0, 0)) - Vec3(4, 5, 6)).norm(), 1e-14);
   EXPECT_LT(motion->R.angularDistance(Turn(0.3)), 1e-14);
   EXPECT_FALSE(strokes_.TakeMotion().has_value());
+  // A stylus at rest moves nothing.
+  for (int n = 0; n < 100; ++n) EXPECT_FALSE(Tick(kClutchButton, Vec3(1, 2, 3), Turn(1.0)));
   EXPECT_FALSE(Tick(0));
+  EXPECT_FALSE(strokes_.TakeMotion().has_value());
 }
 
 TEST_F(ToolStrokesTest, PressesThatWereNotTakenAddUp) {
@@ -110,12 +113,6 @@ TEST_F(ToolStrokesTest, StepsAddUpToTheWholeMotion) {
             1e-10);
   EXPECT_LT(whole.R.angularDistance(Turn(end)), 1e-10);
   EXPECT_NEAR(whole.R.norm(), 1.0, 1e-14);
-}
-
-TEST_F(ToolStrokesTest, AStylusAtRestMovesNothing) {
-  for (int n = 0; n < 100; ++n) EXPECT_FALSE(Tick(kClutchButton, Vec3(1, 2, 3), Turn(1.0)));
-  EXPECT_FALSE(Tick(0));
-  EXPECT_FALSE(strokes_.TakeMotion().has_value());
 }
 
 TEST_F(ToolStrokesTest, FaultsAndOrientationsThatAreNoneArePassedOver) {
@@ -201,6 +198,16 @@ TEST_F(ToolStrokesTest, CarvesAtItsRate) {
   Tick(0);
   value += Carved();
   EXPECT_NEAR(value, -2.0 * 70.0 * 1.001, 2.0 * 70.0 * 0.02);
+  // A fault does not save it up.
+  Tick(kCarveButton);
+  for (int n = 0; n < 3000; ++n) {
+    TickSample fault = Sample(kCarveButton, Vec3::Zero());
+    fault.mode = TickMode::kFault;
+    EXPECT_FALSE(strokes_.OnSample(fault));
+  }
+  Tick(kCarveButton);
+  Tick(0);
+  EXPECT_GE(Carved(), -2.0 * 70.0 * 0.0167);
 }
 
 TEST_F(ToolStrokesTest, AStepIsTheWayOfTheProxyInTheWorld) {
@@ -306,18 +313,6 @@ TEST_F(ToolStrokesTest, BentStepsThatWaitDoNot) {
   // Nor do those of two presses.
   for (const std::uint32_t buttons : {1u, 1u, 1u, 0u, 1u, 1u, 1u, 0u}) Tick(buttons);
   EXPECT_EQ(strokes_.TakeCarving().size(), 2u);
-}
-
-TEST_F(ToolStrokesTest, AFaultDoesNotSaveUpCarving) {
-  Tick(kCarveButton);
-  for (int n = 0; n < 3000; ++n) {
-    TickSample fault = Sample(kCarveButton, Vec3::Zero());
-    fault.mode = TickMode::kFault;
-    EXPECT_FALSE(strokes_.OnSample(fault));
-  }
-  Tick(kCarveButton);
-  Tick(0);
-  EXPECT_GE(Carved(), -2.0 * 70.0 * 0.0167);
 }
 
 }  // namespace

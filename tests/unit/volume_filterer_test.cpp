@@ -29,6 +29,11 @@ constexpr std::uint64_t kFilterBudgetBytes = std::uint64_t{64} << 20;
 
 struct FilterBudget {
   const std::shared_ptr<MemoryBudget> budget_;
+  VolumeLoader Loader() const {
+    VolumeLoader loader;
+    loader.budget = budget_;
+    return loader;
+  }
 };
 
 class VolumeFiltererTest : public ::testing::Test,
@@ -36,8 +41,7 @@ class VolumeFiltererTest : public ::testing::Test,
                            protected testing::EditableSession {
  protected:
   explicit VolumeFiltererTest(std::uint64_t budget_bytes = kFilterBudgetBytes)
-      : FilterBudget{MemoryBudget::Make(budget_bytes, LiveBrickBytes)},
-        EditableSession({.budget = budget_}) {
+      : FilterBudget{MemoryBudget::Make(budget_bytes, LiveBrickBytes)}, EditableSession(Loader()) {
     Load("builtin:bumps:72");
     loaded_ = volume();
   }
@@ -284,11 +288,11 @@ TEST_F(VolumeFiltererTest, WhatDoesNotFitIntoMemoryIsRefused) {
 
 TEST_F(VolumeFiltererTest, TheBudgetHoldsWhatEditsAndFiltersMake) {
   const std::uint64_t loaded = HeldSoon();
-  const std::uint64_t volume = volume()->bricks().MemoryBytes();
+  const std::uint64_t bytes = volume()->bricks().MemoryBytes();
   const EditOutcome outcome = Filter();
   EXPECT_GT(outcome.changed_voxels, 0u);
   // The volume that was loaded stays, so that the filter can be undone, and the new one beside it.
-  EXPECT_GE(HeldSoon(), loaded + volume()->bricks().MemoryBytes() - volume);
+  EXPECT_GE(HeldSoon(), loaded + volume()->bricks().MemoryBytes() - bytes);
   const std::uint64_t filtered = HeldSoon();
   editor_.Undo();
   editor_.Redo();
@@ -413,11 +417,10 @@ TEST_F(WholeVolumes, AnEditMeanwhileIsFilteredToo) {
   });
   const ContentHash filtered = hash();
   editor_.Undo();
-  const auto volume = volume();
   const ReshapedVolume expected = Reshape(
-      *volume, filter_, [](std::uint64_t) {}, [](double) {}, kNever);
+      *volume(), filter_, [](std::uint64_t) {}, [](double) {}, kNever);
   EXPECT_EQ(filtered, expected.bricks.content_hash());
-  EXPECT_EQ(volume->bricks().Find(30, 30, 30)[VoxelInBrick(30, 30, 30)], 0.25f);
+  EXPECT_EQ(testing::ValueAt(*volume(), Vec3i(30, 30, 30)), 0.25f);
 }
 
 TEST_F(WholeVolumes, TheLatticeStaysWhileARecordingIsReplayed) {

@@ -195,8 +195,9 @@ TEST_F(VolumeStreamsTest, WhoLeavesInTheMidstHoldsNothing) {
     dies->Pass();
     dies.reset();
     data_.RandomEdit(random_);
-    // The one whose transport is gone is found out by the next write, or never has
-    // one and loses its hold.
+    // The one whose transport is gone is found out by the next write, or never has one and loses
+    // its hold.
+    time_ms_ = 10'000;
     EXPECT_TRUE(Eventually([&] { return first.expired(); }));
   }
 }
