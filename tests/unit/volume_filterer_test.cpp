@@ -89,15 +89,6 @@ class VolumeFiltererTest : public ::testing::Test,
   VolumeFilterer filterer_{session(), editor_};
   std::shared_ptr<const VolumeSnapshot> loaded_;
 };
-SceneInbox inbox_;
-TickOutbox outbox_;
-Pump pump_{outbox_};
-const std::shared_ptr<MemoryBudget> budget_;
-std::unique_ptr<Session> session_;
-std::unique_ptr<VolumeEditor> editor_;
-std::unique_ptr<VolumeFilterer> filterer_;
-std::shared_ptr<const VolumeSnapshot> loaded_;
-};
 
 TEST_F(VolumeFiltererTest, AFilterIsOneRevisionAndOneStep) {
   const ContentHash before = hash();
