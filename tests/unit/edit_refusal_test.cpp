@@ -13,7 +13,7 @@ namespace {
 
 using testing::Refusal;
 
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+constexpr double kNotANumber = std::numeric_limits<double>::quiet_NaN();
 constexpr double kInf = std::numeric_limits<double>::infinity();
 
 class EditRefusalTest : public ::testing::Test {
@@ -46,7 +46,7 @@ class EditRefusalTest : public ::testing::Test {
 
 TEST_F(EditRefusalTest, NumbersThatAreNotFinite) {
   EXPECT_EQ(KindOf(good_), std::nullopt);
-  for (const double bad : {kNan, kInf, -kInf}) {
+  for (const double bad : {kNotANumber, kInf, -kInf}) {
     std::vector<VolumeEdit> edits(5, good_);
     edits[0].value = bad;
     edits[1].strength = bad;

@@ -201,11 +201,11 @@ TEST(RecordedPath, SkipsRejectedPositions) {
   std::vector<TickSample> samples;
   for (std::uint64_t tick = 0; tick < 8; ++tick) samples.push_back(Sample(tick));
   samples[0].input_rejected = true;
-  samples[1].hip_mm[2] = NAN;
+  samples[1].hip_mm[2] = std::nan("");
   samples[4].input_rejected = true;
   samples[4].buttons = 1;
   samples[5].stylus_orientation = {0, 0, 0, 0};
-  samples[6].stylus_orientation[1] = NAN;
+  samples[6].stylus_orientation[1] = std::nan("");
   const std::vector<DeviceState> path = PathOf(Record(samples));
   EXPECT_EQ(XOf(path), (std::vector<double>{2, 3, 3, 3, 3, 7}));
   EXPECT_EQ(path[2].buttons, 0u);
@@ -241,7 +241,7 @@ TEST(RecordedPath, IsBoundedWhateverTheNumbers) {
 }
 
 TEST(RecordedPath, RefusesAnotherRate) {
-  for (const double period_s : {0.001, 0.0005, 0.0, NAN}) {
+  for (const double period_s : {0.001, 0.0005, 0.0, std::nan("")}) {
     const std::string bytes = Record([&](RecordingWriter& writer) {
       RecordedScene scene;
       scene.tick = 1;

@@ -242,14 +242,14 @@ TEST(Reshape, WhatIsNotPossibleIsRefused) {
   EXPECT_EQ(refusal(density, offset(1.0)), ErrorKind::kInvalidArgument);
   EXPECT_EQ(refusal(density, {.kind = FilterKind::kMeanCurvature}), ErrorKind::kInvalidArgument);
   // Nothing is left of a sphere of 3 mm.
-  for (const double mm : {0.0, NAN, 65.0, -65.0, -3.5}) {
+  for (const double mm : {0.0, std::nan(""), 65.0, -65.0, -3.5}) {
     EXPECT_EQ(refusal(sphere, offset(mm)), ErrorKind::kInvalidArgument) << mm;
   }
   for (const int iterations : {0, -1, 1001}) {
     EXPECT_EQ(refusal(sphere, {.kind = FilterKind::kMeanCurvature, .iterations = iterations}),
               ErrorKind::kInvalidArgument);
   }
-  for (const Vec3& mm : {Vec3(0, 0, 0), Vec3(1, -1, 1), Vec3(1, 1, NAN), Vec3(1, 9, 1),
+  for (const Vec3& mm : {Vec3(0, 0, 0), Vec3(1, -1, 1), Vec3(1, 1, std::nan("")), Vec3(1, 9, 1),
                          Vec3(1e-5, 1, 1), Vec3(1, 1, 1e7)}) {
     EXPECT_EQ(refusal(density, resample(mm)), ErrorKind::kInvalidArgument) << mm.transpose();
   }

@@ -394,6 +394,10 @@ TEST_F(SeriesPlayerTest, OneLoadAtATime) {
 TEST_F(SeriesPlayerTest, PlaysToEitherEndAndStopsAndBeginsAnew) {
   Load();
   for (const double rate_hz : {10.0, 10.0, -10.0, -10.0}) {
+    if (rate_hz < 0.0) {
+      player_.Control({.position_frames = 0.0});
+      ASSERT_TRUE(Shows(0));
+    }
     player_.Control({.playing = true, .rate_hz = rate_hz});
     for (int n = 0; n < kFrames; ++n) {
       EXPECT_TRUE(Shows(rate_hz > 0.0 ? n : kFrames - 1 - n)) << rate_hz << ", " << n;

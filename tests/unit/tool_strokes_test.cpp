@@ -122,7 +122,7 @@ TEST_F(ToolStrokesTest, FaultsAndOrientationsThatAreNoneArePassedOver) {
   fault.mode = TickMode::kFault;
   strokes_.OnSample(fault);
   for (const Eigen::Quaterniond& bad :
-       {Eigen::Quaterniond(NAN, 0, 0, 0), Eigen::Quaterniond(0, 0, 0, 0),
+       {Eigen::Quaterniond(std::nan(""), 0, 0, 0), Eigen::Quaterniond(0, 0, 0, 0),
         Eigen::Quaterniond(2, 0, 0, 0), Eigen::Quaterniond(1, HUGE_VAL, 0, 0)}) {
     Tick(kClutchButton, Vec3(300, 0, 0), bad);
   }
