@@ -51,7 +51,8 @@ struct SeriesPlayer::Series {
   bool said_no_room = false;         // the missing memory for blends was already logged
 };
 
-SeriesPlayer::SeriesPlayer(Session& session) : session_(session), thread_([this] { Run(); }) {}
+SeriesPlayer::SeriesPlayer(Session& session, std::function<Clock::time_point()> now)
+    : session_(session), now_(std::move(now)), thread_([this] { Run(); }) {}
 
 void SeriesPlayer::Stop() noexcept {
   {
@@ -128,7 +129,7 @@ SeriesState SeriesPlayer::Control(const SeriesControl& control) {
     const std::lock_guard lock(mutex_);
     StateLocked(volume);  // throws if there is no series
     CheckControl(control, series_->loaded.size());
-    const Clock::time_point now = Clock::now();
+    const Clock::time_point now = now_();
     Advance(now);
     const bool starts = control.playing.value_or(false) && !playing_;
     rate_hz_ = control.rate_hz.value_or(rate_hz_);
@@ -190,7 +191,7 @@ void SeriesPlayer::Run() {
   while (!stop_) {
     const std::shared_ptr<Series> series = WaitForWork(lock);
     if (!series) continue;
-    Advance(Clock::now());
+    Advance(now_());
     const double position = ShownPosition();
     lock.unlock();
     const Clock::time_point started = Clock::now();

@@ -20,6 +20,7 @@
 #include <condition_variable>
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -56,7 +57,10 @@ class SeriesPlayer {
   static constexpr int kMostPerSecond = 60;
   static constexpr double kGreatestRateHz = 1000.0;
 
-  explicit SeriesPlayer(Session& session);
+  using Clock = std::chrono::steady_clock;
+
+  // now: the clock by which the series plays; tests pass their own.
+  explicit SeriesPlayer(Session& session, std::function<Clock::time_point()> now = Clock::now);
   ~SeriesPlayer() { Stop(); }
 
   // Joins the thread; no frame is shown afterwards. Call it before the session's listeners end.
@@ -76,7 +80,6 @@ class SeriesPlayer {
   SeriesState Control(const SeriesControl& control);
 
  private:
-  using Clock = std::chrono::steady_clock;
   struct Series;
 
   void Run();
@@ -94,6 +97,7 @@ class SeriesPlayer {
   bool KeepEdits(Series& series, const VolumeSnapshot& present);
 
   Session& session_;
+  const std::function<Clock::time_point()> now_;
 
   mutable std::mutex mutex_;  // guards the members below; never held while publishing
   std::condition_variable wake_;

@@ -7,6 +7,8 @@
 #include <functional>
 #include <memory>
 #include <random>
+#include <string>
+#include <utility>
 #include <vector>
 
 #include "server/device/simulated_device.h"
@@ -15,9 +17,15 @@
 
 namespace palpate::testing {
 
+inline const LoadProgress kQuiet = [](std::string_view, double) {};
+inline const LoadCancelled kNever = [] { return false; };
+
 class EditableSession {
  public:
-  EditableSession() { inbox_.ReaderStopped(); }
+  explicit EditableSession(VolumeLoader loader = {})
+      : session_(device_, inbox_, pump_, std::move(loader)) {
+    inbox_.ReaderStopped();
+  }
 
   Session& session() { return session_; }
   SceneInbox& inbox() { return inbox_; }
@@ -25,11 +33,9 @@ class EditableSession {
   Pump& pump() { return pump_; }
   const DeviceSpec& device() const { return device_; }
   std::shared_ptr<const VolumeSnapshot> volume() const { return session_.volume().volume; }
+  ContentHash hash() const { return volume()->bricks().content_hash(); }
 
-  void Load(const std::string& source) {
-    session_.Load(
-        {.source = source}, [](std::string_view, double) {}, [] { return false; });
-  }
+  void Load(const std::string& source) { session_.Load({.source = source}, kQuiet, kNever); }
 
   // Loads a volume with value(i, j, k) for each voxel.
   void LoadMade(const Vec3i& size, const std::function<float(int, int, int)>& value) {
@@ -63,23 +69,17 @@ class EditableSession {
   SceneInbox inbox_;
   std::unique_ptr<TickOutbox> outbox_ = std::make_unique<TickOutbox>();
   Pump pump_{*outbox_};
-  Session session_{device_, inbox_, pump_, VolumeLoader{}};
+  Session session_;
 };
 
 // Counts the voxels of the lattice whose bits differ.
 template <typename Mirror>
 std::uint64_t DifferentVoxels(const Mirror& mirror, const VolumeSnapshot& volume) {
   std::uint64_t different = 0;
-  const Vec3i size = volume.size();
-  for (int i = 0; i < size.x(); ++i) {
-    for (int j = 0; j < size.y(); ++j) {
-      for (int k = 0; k < size.z(); ++k) {
-        const float theirs = volume.bricks().Find(i, j, k)[VoxelInBrick(i, j, k)];
-        different += std::bit_cast<std::uint32_t>(mirror.Value(i, j, k)) !=
-                     std::bit_cast<std::uint32_t>(theirs);
-      }
-    }
-  }
+  ForEachVoxel(volume.size(), [&](const Vec3i& p) {
+    different += std::bit_cast<std::uint32_t>(mirror.Value(p.x(), p.y(), p.z())) !=
+                 std::bit_cast<std::uint32_t>(ValueAt(volume, p));
+  });
   return different;
 }
 

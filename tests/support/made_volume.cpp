@@ -55,6 +55,14 @@ std::vector<BrickChange> PaintedBox(const BrickDirectory& bricks, const Vec3i& f
   return changes;
 }
 
+std::shared_ptr<const VolumeSnapshot> WithChanges(const VolumeSnapshot& volume,
+                                                  std::span<const BrickChange> changes) {
+  const std::uint64_t revision = volume.revision() + 1;
+  return std::make_shared<const VolumeSnapshot>(volume.metadata(),
+                                                volume.bricks().With(changes, revision), revision,
+                                                volume.loaded_revision());
+}
+
 std::shared_ptr<const VolumeSnapshot> Gyroid(int size, std::uint64_t revision) {
   return MakeVolume(
       {size, size, size},

@@ -2,14 +2,38 @@
 // optimised for every test.
 #pragma once
 
+#include <gtest/gtest.h>
+
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <span>
 #include <vector>
 
 #include "server/volume/snapshot.h"
 
 namespace palpate::testing {
+
+// Calls visit(voxel) for each voxel of the lattice, until an ASSERT of the test fails.
+template <typename Visit>
+void ForEachVoxel(const Vec3i& size, const Visit& visit) {
+  Vec3i p;
+  for (p.x() = 0; p.x() < size.x(); ++p.x()) {
+    for (p.y() = 0; p.y() < size.y(); ++p.y()) {
+      for (p.z() = 0; p.z() < size.z(); ++p.z()) {
+        visit(p);
+        if (::testing::Test::HasFatalFailure()) return;
+      }
+    }
+  }
+}
+
+inline float ValueAt(const BrickDirectory& bricks, const Vec3i& p) {
+  return bricks.Find(p.x(), p.y(), p.z())[VoxelInBrick(p.x(), p.y(), p.z())];
+}
+inline float ValueAt(const VolumeSnapshot& volume, const Vec3i& p) {
+  return ValueAt(volume.bricks(), p);
+}
 
 // Returns value(i, j, k) for each voxel of the lattice, 0 beyond.
 BrickDirectory MakeBricks(const Vec3i& size, const std::function<float(int, int, int)>& value);
@@ -22,6 +46,10 @@ std::shared_ptr<const VolumeSnapshot> MakeVolume(const Vec3i& size,
 // Returns the bricks that contain voxels from <= p < end, with value() for each of these voxels.
 std::vector<BrickChange> PaintedBox(const BrickDirectory& bricks, const Vec3i& from,
                                     const Vec3i& end, const std::function<float()>& value);
+
+// The volume after the changes, at one revision more.
+std::shared_ptr<const VolumeSnapshot> WithChanges(const VolumeSnapshot& volume,
+                                                  std::span<const BrickChange> changes);
 
 // A cube with surfaces everywhere.
 std::shared_ptr<const VolumeSnapshot> Gyroid(int size = 48, std::uint64_t revision = 1);

@@ -4,12 +4,15 @@
 #include <cstdint>
 #include <cstring>
 #include <memory>
+#include <optional>
 #include <random>
 #include <sstream>
 #include <string>
 #include <string_view>
 #include <type_traits>
 #include <utility>
+#include <variant>
+#include <vector>
 
 #include "server/recording/recording_output.h"
 #include "server/recording/recording_reader.h"
@@ -66,8 +69,45 @@ class MemoryOutput : public RecordingOutput {
   std::shared_ptr<std::string> bytes_;
 };
 
+// All fields except the tick have random bits.
+inline std::vector<TickSample> RandomSamples(std::uint64_t first, std::size_t count) {
+  std::vector<TickSample> samples;
+  for (std::size_t n = 0; n < count; ++n) samples.push_back(RandomSample(first + n));
+  return samples;
+}
+
 inline RecordingReader ReadBytes(const std::string& bytes) {
   return RecordingReader(std::make_unique<std::istringstream>(bytes), "test");
+}
+
+inline std::vector<RecordedChunk> ReadAll(RecordingReader& reader) {
+  std::vector<RecordedChunk> chunks;
+  while (std::optional<RecordedChunk> chunk = reader.Next()) chunks.push_back(std::move(*chunk));
+  return chunks;
+}
+
+// The chunks of one kind, in their order.
+template <typename Chunk>
+std::vector<Chunk> Only(const std::vector<RecordedChunk>& chunks) {
+  std::vector<Chunk> only;
+  for (const RecordedChunk& chunk : chunks) {
+    if (const auto* one = std::get_if<Chunk>(&chunk)) only.push_back(*one);
+  }
+  return only;
+}
+
+inline std::vector<TickSample> SamplesIn(const std::vector<RecordedChunk>& chunks) {
+  std::vector<TickSample> samples;
+  for (const RecordedSamples& some : Only<RecordedSamples>(chunks)) {
+    samples.insert(samples.end(), some.begin(), some.end());
+  }
+  return samples;
+}
+
+inline LeafPtr FilledLeaf(float value) {
+  Brick brick{};
+  brick.fill(value);
+  return Leaf::Of(LeafType::kFloat, brick);
 }
 
 }  // namespace palpate::testing

@@ -2,6 +2,8 @@
 // and session without their threads.
 #pragma once
 
+#include <gtest/gtest.h>
+
 #include <memory>
 #include <random>
 #include <span>
@@ -15,6 +17,7 @@
 #include "server/recording/recorder.h"
 #include "server/servo/servo_tick.h"
 #include "tests/support/made_volume.h"
+#include "tests/support/patience.h"
 #include "tests/support/recording.h"
 
 namespace palpate::testing {
@@ -58,6 +61,8 @@ class SceneRig {
   RecorderReport Stop() { return recorder_->Stop(); }
   Recorder& recorder() { return *recorder_; }
 
+  // One tick at a time of the test's.
+  TickSample Tick(const TickTime& time) { return tick_.Run(scene_, time); }
   // Runs ticks. Lost ticks are computed, but not delivered.
   void Run(int ticks, bool lost = false) {
     for (int n = 0; n < ticks; ++n) {
@@ -67,14 +72,13 @@ class SceneRig {
       if (!recorder_ || lost) continue;
       if (due) recorder_->OnKeyframe(keyframe);
       recorder_->OnSample(sample);
+      if (++delivered_ % kSamplesPerChunk == 0) AwaitRecorder();
     }
   }
 
   void Edit(const std::vector<BrickChange>& changes) {
-    const std::uint64_t revision = ++revision_;
-    volume_ = std::make_shared<const VolumeSnapshot>(volume_->metadata(),
-                                                     volume_->bricks().With(changes, revision),
-                                                     revision, volume_->loaded_revision());
+    volume_ = WithChanges(*volume_, changes);
+    revision_ = volume_->revision();
     Publish(changes.size() * sizeof(Brick));
   }
   // Loads another volume. Its revision must be revision().
@@ -100,6 +104,13 @@ class SceneRig {
   SimulatedDevice& device() { return device_; }
 
  private:
+  // Only what a test loses on purpose is lost, however slow the recorder's thread is.
+  void AwaitRecorder() const {
+    EXPECT_TRUE(test::Eventually([&] {
+      const RecorderReport report = recorder_->report();
+      return report.error || report.counts.ticks + Recorder::kQueueTicks / 2 > delivered_;
+    }));
+  }
   void Publish(std::uint64_t changed_bytes) {
     ++scene_.scene_revision;
     scene_.volume = volume_;
@@ -125,6 +136,7 @@ class SceneRig {
   double tau_ = 0.5;
   Scene scene_;
   std::uint64_t missed_ = 0;
+  std::uint64_t delivered_ = 0;
   std::unique_ptr<Recorder> recorder_;
 };
 

@@ -64,21 +64,18 @@ TEST(BrickDirectoryTest, NumbersAndCoordinatesAreOneToOne) {
 TEST(BrickDirectoryTest, FindsEveryVoxel) {
   std::mt19937 random(2);
   const BrickDirectory bricks = RandomDirectory(random);
-  for (int i = 0; i < kSize.x(); ++i) {
-    for (int j = 0; j < kSize.y(); ++j) {
-      for (int k = 0; k < kSize.z(); ++k) {
-        ASSERT_EQ(&bricks.Find(i, j, k), bricks.At(Vec3i(i / 8, j / 8, k / 8)).get());
-      }
-    }
-  }
+  testing::ForEachVoxel(kSize, [&](const Vec3i& p) {
+    ASSERT_EQ(&bricks.Find(p.x(), p.y(), p.z()), bricks.At(p / 8).get());
+  });
 }
 
 // Against a plain map of bricks and revisions.
-TEST(BrickDirectoryTest, RandomChangesAreSeenAndOldCopiesStay) {
+TEST(BrickDirectoryTest, RandomChangesAreSeenAndHashedAndOldCopiesStay) {
   std::mt19937 random(3);
   BrickDirectory bricks = RandomDirectory(random);
   std::map<std::uint64_t, std::pair<LeafPtr, std::uint64_t>> model;
   for (std::uint64_t n = 0; n < CountOf(bricks); ++n) model[n] = {bricks.At(bricks.BrickOf(n)), 1};
+  const BrickDirectory first = bricks;
   for (std::uint64_t revision = 2; revision < 40; ++revision) {
     const BrickDirectory before = bricks;
     const BrickDirectory before_copy = Copied(before);
@@ -100,24 +97,13 @@ TEST(BrickDirectoryTest, RandomChangesAreSeenAndOldCopiesStay) {
     }
     ASSERT_TRUE(before.ChangesTo(before_copy).empty());
     ASSERT_EQ(before.content_hash(), before_copy.content_hash());
-  }
-}
-
-TEST(BrickDirectoryTest, TheHashFollowsChangesAsIfMadeAnew) {
-  std::mt19937 random(4);
-  BrickDirectory bricks = RandomDirectory(random);
-  const ContentHash first = bricks.content_hash();
-  std::vector<BrickDirectory> states{bricks};
-  for (std::uint64_t revision = 2; revision < 30; ++revision) {
-    bricks = bricks.With(RandomChanges(bricks, random, 5), revision);
     ASSERT_EQ(bricks.content_hash(), Copied(bricks).content_hash());
-    ASSERT_NE(bricks.content_hash(), states.back().content_hash());
-    states.push_back(bricks);
+    ASSERT_NE(bricks.content_hash(), before.content_hash());
   }
   // And back, by differences.
-  bricks = bricks.With(bricks.ChangesTo(states.front()), 31);
-  EXPECT_EQ(bricks.content_hash(), first);
-  EXPECT_TRUE(bricks.ChangesTo(states.front()).empty());
+  bricks = bricks.With(bricks.ChangesTo(first), 40);
+  EXPECT_EQ(bricks.content_hash(), first.content_hash());
+  EXPECT_TRUE(bricks.ChangesTo(first).empty());
 }
 
 TEST(BrickDirectoryTest, TheHashSeesOneBitAndTheOrderOfBricks) {
@@ -139,6 +125,8 @@ TEST(BrickDirectoryTest, DifferencesAreOfValuesNotOfObjects) {
   std::mt19937 random(6);
   const BrickDirectory bricks = RandomDirectory(random);
   EXPECT_TRUE(bricks.ChangesTo(Copied(bricks)).empty());
+  EXPECT_EQ(bricks.With({}, 5).content_hash(), bricks.content_hash());
+  EXPECT_TRUE(bricks.With({}, 5).ChangedSince(1).empty());
   const auto changes = RandomChanges(bricks, random, 9);
   const BrickDirectory changed = bricks.With(changes, 2);
   const auto found = bricks.ChangesTo(changed);
@@ -149,26 +137,19 @@ TEST(BrickDirectoryTest, DifferencesAreOfValuesNotOfObjects) {
   }
 }
 
+// Also at an earlier revision, as of a recording, whose session saw more revisions than ours.
 TEST(BrickDirectoryTest, AllChangedAtLeavesBricksAndHash) {
   std::mt19937 random(7);
-  const BrickDirectory bricks = RandomDirectory(random);
-  const BrickDirectory later = bricks.AllChangedAt(9);
-  EXPECT_EQ(later.content_hash(), bricks.content_hash());
-  EXPECT_EQ(later.ChangedSince(8).size(), CountOf(bricks));
-  EXPECT_TRUE(later.ChangedSince(9).empty());
-  EXPECT_TRUE(bricks.ChangedSince(1).empty());
-}
-
-// As of a recording, whose session saw more revisions than ours.
-TEST(BrickDirectoryTest, AllChangedAtAnEarlierRevisionForgetsLaterOnes) {
-  std::mt19937 random(13);
-  const BrickDirectory bricks = RandomDirectory(random);
-  const auto changes = RandomChanges(bricks, random, 30);
-  const BrickDirectory earlier = bricks.With(changes, 50).AllChangedAt(9);
-  EXPECT_TRUE(earlier.ChangedSince(9).empty());
-  EXPECT_EQ(earlier.ChangedSince(8).size(), CountOf(bricks));
-  for (const BrickChange& change : changes) EXPECT_EQ(earlier.RevisionOf(change.brick), 9u);
-  EXPECT_EQ(earlier.content_hash(), bricks.With(changes, 2).content_hash());
+  const BrickDirectory first = RandomDirectory(random);
+  const BrickDirectory bricks = first.With(RandomChanges(first, random, 30), 50);
+  for (const std::uint64_t revision : {9u, 60u}) {
+    const BrickDirectory all = bricks.AllChangedAt(revision);
+    EXPECT_EQ(all.content_hash(), bricks.content_hash());
+    EXPECT_EQ(all.ChangedSince(revision - 1).size(), CountOf(bricks));
+    EXPECT_TRUE(all.ChangedSince(revision).empty());
+    EXPECT_EQ(all.RevisionOf(Vec3i::Zero()), revision);
+  }
+  EXPECT_TRUE(first.ChangedSince(1).empty());
 }
 
 TEST(BrickDirectoryTest, MemoryFollowsChangesAndTheirUndo) {
@@ -210,14 +191,6 @@ TEST(BrickDirectoryTest, WhatLivesCountsOnceInHowManyDirectoriesItIs) {
   EXPECT_EQ(LiveBrickBytes(), before);
 }
 
-TEST(BrickDirectoryTest, NoChangesAreNoChange) {
-  std::mt19937 random(8);
-  const BrickDirectory bricks = RandomDirectory(random);
-  const BrickDirectory same = bricks.With({}, 5);
-  EXPECT_EQ(same.content_hash(), bricks.content_hash());
-  EXPECT_TRUE(same.ChangedSince(1).empty());
-}
-
 TEST(BrickDirectoryTest, MemoryIsThatOfTheVoxels) {
   std::mt19937 random(9);
   const Vec3i size(128, 128, 64);
@@ -246,14 +219,9 @@ TEST(BrickDirectoryTest, AGridAndBackIsTheSame) {
     const openvdb::FloatGrid::Ptr grid =
         MakeGrid<openvdb::FloatGrid>(volume->bricks(), volume->metadata());
     const BrickDirectory back = TakeBricks(*grid, volume->size());
-    for (int i = 0; i < 37; ++i) {
-      for (int j = 0; j < 24; ++j) {
-        for (int k = 0; k < 19; ++k) {
-          const std::size_t n = VoxelInBrick(i, j, k);
-          ASSERT_EQ(back.Find(i, j, k)[n], volume->bricks().Find(i, j, k)[n]);
-        }
-      }
-    }
+    testing::ForEachVoxel(volume->size(), [&](const Vec3i& p) {
+      ASSERT_EQ(testing::ValueAt(back, p), testing::ValueAt(*volume, p));
+    });
     EXPECT_EQ(back.content_hash(), volume->bricks().content_hash());
   }
 }

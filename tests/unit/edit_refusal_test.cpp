@@ -13,7 +13,7 @@ namespace {
 
 using testing::Refusal;
 
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+constexpr double kNotANumber = std::numeric_limits<double>::quiet_NaN();
 constexpr double kInf = std::numeric_limits<double>::infinity();
 
 class EditRefusalTest : public ::testing::Test {
@@ -46,7 +46,7 @@ class EditRefusalTest : public ::testing::Test {
 
 TEST_F(EditRefusalTest, NumbersThatAreNotFinite) {
   EXPECT_EQ(KindOf(good_), std::nullopt);
-  for (const double bad : {kNan, kInf, -kInf}) {
+  for (const double bad : {kNotANumber, kInf, -kInf}) {
     std::vector<VolumeEdit> edits(5, good_);
     edits[0].value = bad;
     edits[1].strength = bad;
@@ -104,7 +104,7 @@ TEST_F(EditRefusalTest, ValuesOutOfTheRangeNameItAndTheUnit) {
       good_.operation = operation;
       good_.value = bad;
       EXPECT_EQ(KindOf(good_), ErrorKind::kInvalidArgument);
-      EXPECT_NE(TextOf(good_).find("is not within -5 to 10 HU"), std::string::npos);
+      EXPECT_NE(TextOf(good_).find("-5 to 10 HU"), std::string::npos);
     }
     for (const double edge : {-5.0, 10.0}) {
       good_.value = edge;
@@ -171,28 +171,23 @@ TEST_F(EditRefusalTest, BlocksThatDoNotFit) {
   };
   EXPECT_EQ(KindOf(block({18, 16, 14}, {2, 2, 2}, 8)), std::nullopt);
   const std::int64_t huge = 4294967295;
+  VolumeEdit smooth = block({0, 0, 0}, {2, 2, 2}, 8), soft = smooth, world = smooth;
+  smooth.operation = EditOperation::kSmooth;
+  soft.falloff = 1.0;
+  world.frame = EditFrame::kWorld;
   for (const VolumeEdit& bad :
        {block({19, 16, 14}, {2, 2, 2}, 8), block({18, 17, 14}, {2, 2, 2}, 8),
         block({18, 16, 15}, {2, 2, 2}, 8), block({20, 0, 0}, {1, 1, 1}, 1),
         block({0, 0, 0}, {0, 2, 2}, 0), block({0, 0, 0}, {2, 2, 2}, 7),
         block({0, 0, 0}, {2, 2, 2}, 9), block({huge, huge, huge}, {1, 1, 1}, 1),
         block({0, 0, 0}, {huge, huge, huge}, 1), block({1, 0, 0}, {huge, 1, 1}, 1),
-        block({-1, 0, 0}, {2, 2, 2}, 8)}) {
+        block({-1, 0, 0}, {2, 2, 2}, 8), smooth, soft, world}) {
     EXPECT_EQ(KindOf(bad), ErrorKind::kInvalidArgument);
   }
-  VolumeEdit edit = block({0, 0, 0}, {2, 2, 2}, 8);
-  edit.operation = EditOperation::kSmooth;
-  EXPECT_EQ(KindOf(edit), ErrorKind::kInvalidArgument);
-  edit = block({0, 0, 0}, {2, 2, 2}, 8);
-  edit.falloff = 1.0;
-  EXPECT_EQ(KindOf(edit), ErrorKind::kInvalidArgument);
-  edit = block({0, 0, 0}, {2, 2, 2}, 8);
-  edit.frame = EditFrame::kWorld;
-  EXPECT_EQ(KindOf(edit), ErrorKind::kInvalidArgument);
   for (const float bad : {NAN, HUGE_VALF, -6.0f, 11.0f}) {
     for (const EditOperation operation :
          {EditOperation::kSet, EditOperation::kPaint, EditOperation::kAdd}) {
-      edit = block({0, 0, 0}, {2, 2, 2}, 8);
+      VolumeEdit edit = block({0, 0, 0}, {2, 2, 2}, 8);
       std::get<DenseBlock>(edit.shape).values[5] = bad;
       edit.operation = operation;
       const bool refused = operation != EditOperation::kAdd || !std::isfinite(bad);

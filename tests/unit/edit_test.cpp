@@ -3,7 +3,6 @@
 
 #include <gtest/gtest.h>
 
-#include <chrono>
 #include <cmath>
 #include <random>
 
@@ -31,14 +30,11 @@ VolumePtr RandomVolume(const Vec3i& size, unsigned seed) {
   });
 }
 
-float At(const VolumeSnapshot& volume, int i, int j, int k) {
-  return volume.bricks().Find(i, j, k)[VoxelInBrick(i, j, k)];
-}
+using testing::ForEachVoxel;
+using testing::ValueAt;
 
-VolumePtr After(const VolumePtr& volume, const EditResult& result) {
-  return std::make_shared<VolumeSnapshot>(
-      volume->metadata(), volume->bricks().With(result.changes, volume->revision() + 1),
-      volume->revision() + 1, 1);
+VolumePtr After(const VolumePtr& volume, const VolumeEdit& edit) {
+  return testing::WithChanges(*volume, ApplyEdit(*volume, edit).changes);
 }
 
 double DistanceTo(const VolumeEdit& edit, const Vec3& p) {
@@ -61,27 +57,21 @@ double DistanceTo(const VolumeEdit& edit, const Vec3& p) {
   return std::max(0.0, (p - (capsule.from + share * way)).norm() - capsule.radius);
 }
 
-double Mean(const VolumeSnapshot& volume, int i, int j, int k) {
+double Mean(const VolumeSnapshot& volume, const Vec3i& p) {
   double sum = 0.0;
   int count = 0;
-  for (int di = -1; di <= 1; ++di) {
-    for (int dj = -1; dj <= 1; ++dj) {
-      for (int dk = -1; dk <= 1; ++dk) {
-        const Vec3i q(i + di, j + dj, k + dk);
-        if ((q.array() < 0).any() || (q.array() >= volume.size().array()).any()) continue;
-        sum += At(volume, q.x(), q.y(), q.z());
-        ++count;
-      }
-    }
+  for (int n = 0; n < 27; ++n) {
+    const Vec3i q = p + Vec3i(n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1);
+    if ((q.array() < 0).any() || (q.array() >= volume.size().array()).any()) continue;
+    sum += ValueAt(volume, q);
+    ++count;
   }
   return sum / count;
 }
 
-double Expected(const VolumeSnapshot& volume, const VolumeEdit& edit, double w, int i, int j,
-                int k) {
-  const double v = At(volume, i, j, k);
-  const double toward =
-      edit.operation == EditOperation::kSmooth ? Mean(volume, i, j, k) : edit.value;
+double Expected(const VolumeSnapshot& volume, const VolumeEdit& edit, double w, const Vec3i& p) {
+  const double v = ValueAt(volume, p);
+  const double toward = edit.operation == EditOperation::kSmooth ? Mean(volume, p) : edit.value;
   double result = 0.0;
   switch (edit.operation) {
     case EditOperation::kAdd:
@@ -104,30 +94,26 @@ double Expected(const VolumeSnapshot& volume, const VolumeEdit& edit, double w, 
 // Values, locality, changed box and count, and that no brick is changed in vain.
 void CheckAgainstOracle(const VolumePtr& volume, const VolumeEdit& edit) {
   const EditResult result = ApplyEdit(*volume, edit);
-  const VolumePtr after = After(volume, result);
+  const VolumePtr after = testing::WithChanges(*volume, result.changes);
   const AffineMap X_FI =
       edit.frame == EditFrame::kWorld ? volume->metadata().WorldFromIndex() : AffineMap();
   Vec3i low = volume->size(), high = -Vec3i::Ones();
   std::uint64_t count = 0;
-  for (int i = 0; i < volume->size().x(); ++i) {
-    for (int j = 0; j < volume->size().y(); ++j) {
-      for (int k = 0; k < volume->size().z(); ++k) {
-        const double distance = DistanceTo(edit, X_FI.Apply(Vec3(i, j, k)));
-        const double t = edit.falloff > 0.0 ? 1.0 - distance / edit.falloff : -1.0;
-        const double w = distance == 0.0 ? 1.0 : t <= 0.0 ? 0.0 : t * t * (3.0 - 2.0 * t);
-        const float was = At(*volume, i, j, k), is = At(*after, i, j, k);
-        if (distance > edit.falloff + 1e-9) {
-          ASSERT_EQ(was, is) << i << ' ' << j << ' ' << k;
-        } else if (distance == 0.0 || edit.falloff > 1e-3) {
-          ASSERT_NEAR(is, Expected(*volume, edit, w, i, j, k), 2e-3) << i << ' ' << j << ' ' << k;
-        }
-        if (was == is) continue;
-        ++count;
-        low = low.cwiseMin(Vec3i(i, j, k));
-        high = high.cwiseMax(Vec3i(i, j, k));
-      }
+  ForEachVoxel(volume->size(), [&](const Vec3i& p) {
+    const double distance = DistanceTo(edit, X_FI.Apply(p.cast<double>()));
+    const double t = edit.falloff > 0.0 ? 1.0 - distance / edit.falloff : -1.0;
+    const double w = distance == 0.0 ? 1.0 : t <= 0.0 ? 0.0 : t * t * (3.0 - 2.0 * t);
+    const float was = ValueAt(*volume, p), is = ValueAt(*after, p);
+    if (distance > edit.falloff + 1e-9) {
+      ASSERT_EQ(was, is) << p.transpose();
+    } else if (distance == 0.0 || edit.falloff > 1e-3) {
+      ASSERT_NEAR(is, Expected(*volume, edit, w, p), 2e-3) << p.transpose();
     }
-  }
+    if (was == is) return;
+    ++count;
+    low = low.cwiseMin(p);
+    high = high.cwiseMax(p);
+  });
   ASSERT_EQ(result.changed_voxels, count);
   ASSERT_EQ(result.changed.has_value(), count > 0);
   if (count > 0) {
@@ -233,40 +219,31 @@ TEST(EditTest, BlocksAgreeWithTheOracle) {
     std::uniform_real_distribution<float> value(-1000, 2000);
     for (std::int64_t v = 0; v < block.size.prod(); ++v) block.values.push_back(value(random));
     VolumeEdit edit{.shape = block, .operation = kOperations[random() % 3], .strength = 0.5};
-    const EditResult result = ApplyEdit(*volume, edit);
-    CheckPaddingStays(volume, result);
-    const VolumePtr after = After(volume, result);
-    for (int i = 0; i < volume->size().x(); ++i) {
-      for (int j = 0; j < volume->size().y(); ++j) {
-        for (int k = 0; k < volume->size().z(); ++k) {
-          const auto place = (Vec3i(i, j, k).cast<std::int64_t>() - block.min).eval();
-          float expected = At(*volume, i, j, k);
-          if ((place.array() >= 0).all() && (place.array() < block.size.array()).all()) {
-            edit.value = block.values[static_cast<std::size_t>(
-                place.x() + block.size.x() * (place.y() + block.size.y() * place.z()))];
-            expected = static_cast<float>(Expected(*volume, edit, 1.0, i, j, k));
-            if (edit.operation == EditOperation::kSet) expected = static_cast<float>(edit.value);
-          }
-          ASSERT_EQ(At(*after, i, j, k), expected);
-        }
+    CheckPaddingStays(volume, ApplyEdit(*volume, edit));
+    const VolumePtr after = After(volume, edit);
+    ForEachVoxel(volume->size(), [&](const Vec3i& p) {
+      const auto place = (p.cast<std::int64_t>() - block.min).eval();
+      float expected = ValueAt(*volume, p);
+      if ((place.array() >= 0).all() && (place.array() < block.size.array()).all()) {
+        edit.value = block.values[static_cast<std::size_t>(
+            place.x() + block.size.x() * (place.y() + block.size.y() * place.z()))];
+        expected = static_cast<float>(Expected(*volume, edit, 1.0, p));
+        if (edit.operation == EditOperation::kSet) expected = static_cast<float>(edit.value);
       }
-    }
+      ASSERT_EQ(ValueAt(*after, p), expected);
+    });
   }
 }
 
 TEST(EditTest, SetIsExactWithinAndUntouchedOutside) {
   const VolumePtr volume = RandomVolume(Vec3i(24, 24, 24), 4);
-  const VolumeEdit edit{.shape = SphereShape{Vec3(12, 12, 12), 5.0}, .value = 0.1, .strength = 0.2};
-  const VolumePtr after = After(volume, ApplyEdit(*volume, edit));
-  for (int i = 0; i < 24; ++i) {
-    for (int j = 0; j < 24; ++j) {
-      for (int k = 0; k < 24; ++k) {
-        // In whole numbers: the boundary belongs to the sphere.
-        const int square = (Vec3i(i, j, k) - Vec3i(12, 12, 12)).squaredNorm();
-        ASSERT_EQ(At(*after, i, j, k), square <= 25 ? 0.1f : At(*volume, i, j, k));
-      }
-    }
-  }
+  const VolumePtr after =
+      After(volume, {.shape = SphereShape{Vec3(12, 12, 12), 5.0}, .value = 0.1, .strength = 0.2});
+  ForEachVoxel(volume->size(), [&](const Vec3i& p) {
+    // In whole numbers: the boundary belongs to the sphere.
+    const int square = (p - Vec3i(12, 12, 12)).squaredNorm();
+    ASSERT_EQ(ValueAt(*after, p), square <= 25 ? 0.1f : ValueAt(*volume, p));
+  });
 }
 
 TEST(EditTest, ABoxHoldsItsCorners) {
@@ -288,73 +265,58 @@ TEST(EditTest, TheFalloffIsASmoothstep) {
                         .operation = EditOperation::kPaint,
                         .value = 1.0,
                         .falloff = 4.0};
-  const VolumePtr after = After(volume, ApplyEdit(*volume, edit));
+  const VolumePtr after = After(volume, edit);
   // x mm beyond the box at voxel 4 + 2x.
-  EXPECT_EQ(At(*after, 4, 4, 4), 1.0f);
-  EXPECT_FLOAT_EQ(At(*after, 6, 4, 4), 0.84375f);
-  EXPECT_FLOAT_EQ(At(*after, 8, 4, 4), 0.5f);
-  EXPECT_FLOAT_EQ(At(*after, 10, 4, 4), 0.15625f);
-  EXPECT_EQ(At(*after, 12, 4, 4), 0.0f);
+  EXPECT_EQ(ValueAt(*after, Vec3i(4, 4, 4)), 1.0f);
+  EXPECT_FLOAT_EQ(ValueAt(*after, Vec3i(6, 4, 4)), 0.84375f);
+  EXPECT_FLOAT_EQ(ValueAt(*after, Vec3i(8, 4, 4)), 0.5f);
+  EXPECT_FLOAT_EQ(ValueAt(*after, Vec3i(10, 4, 4)), 0.15625f);
+  EXPECT_EQ(ValueAt(*after, Vec3i(12, 4, 4)), 0.0f);
 }
 
 TEST(EditTest, ResultsAreHeldWithinTheRange) {
   const VolumePtr volume = RandomVolume(Vec3i(20, 20, 20), 6);
   for (const double value : {5000.0, -5000.0, 1e308, -1e308}) {
     for (const EditOperation operation : {EditOperation::kAdd, EditOperation::kSubtract}) {
-      const VolumePtr after =
-          After(volume, ApplyEdit(*volume, {.shape = SphereShape{Vec3(10, 10, 10), 5.0},
-                                            .operation = operation,
-                                            .value = value,
-                                            .falloff = 3.0}));
+      const VolumePtr after = After(volume, {.shape = SphereShape{Vec3(10, 10, 10), 5.0},
+                                             .operation = operation,
+                                             .value = value,
+                                             .falloff = 3.0});
       const bool up = (value > 0) == (operation == EditOperation::kAdd);
-      EXPECT_EQ(At(*after, 10, 10, 10), up ? 2000.0f : -1000.0f);
+      EXPECT_EQ(ValueAt(*after, Vec3i(10, 10, 10)), up ? 2000.0f : -1000.0f);
     }
   }
 }
 
-TEST(EditTest, SmoothingReadsTheStateBefore) {
+TEST(EditTest, SmoothingReadsTheStateBeforeAndLeavesOutWhatLiesBeyondTheLattice) {
   // An impulse on a corner where eight bricks meet: every neighbour gets the same.
-  const VolumePtr volume = testing::MakeVolume(Vec3i(24, 24, 24), [](int i, int j, int k) {
-    return i == 8 && j == 8 && k == 8 ? 27.0 : 0.0;
-  });
-  const EditResult result = ApplyEdit(*volume, {.shape = BoxShape{Vec3(0, 0, 0), Vec3(23, 23, 23)},
-                                                .operation = EditOperation::kSmooth});
-  EXPECT_EQ(result.changed_voxels, 27u);
-  EXPECT_EQ(result.changes.size(), 8u);
-  const VolumePtr after = After(volume, result);
-  for (int i = 7; i <= 9; ++i) {
-    for (int j = 7; j <= 9; ++j) {
-      for (int k = 7; k <= 9; ++k) EXPECT_EQ(At(*after, i, j, k), 1.0f);
-    }
-  }
-}
-
-TEST(EditTest, SmoothingLeavesOutWhatLiesBeyondTheLattice) {
-  const VolumePtr volume = testing::MakeVolume(
-      Vec3i(9, 9, 9), [](int i, int j, int k) { return i + j + k == 0 ? 8.0 : 0.0; });
-  const VolumePtr after =
-      After(volume, ApplyEdit(*volume, {.shape = SphereShape{Vec3(0, 0, 0), 0.5},
-                                        .operation = EditOperation::kSmooth}));
-  EXPECT_EQ(At(*after, 0, 0, 0), 1.0f);  // of eight voxels
-}
-
-TEST(EditTest, SmoothingAConstantChangesNothing) {
-  const VolumePtr volume = testing::MakeVolume(
-      Vec3i(20, 20, 20), [](int i, int, int) { return i < 2 ? 0.0 : 0.1234567; });
-  const EditResult result = ApplyEdit(*volume, {.shape = BoxShape{Vec3(4, 0, 0), Vec3(19, 19, 19)},
-                                                .operation = EditOperation::kSmooth});
-  EXPECT_EQ(result.changed_voxels, 0u);
-  EXPECT_TRUE(result.changes.empty());
+  const Vec3i size(24, 24, 24);
+  const VolumePtr impulse = testing::MakeVolume(
+      size, [](int i, int j, int k) { return i == 8 && j == 8 && k == 8 ? 27.0 : 0.0; });
+  const VolumeEdit smooth{.shape = BoxShape{Vec3(0, 0, 0), Vec3(23, 23, 23)},
+                          .operation = EditOperation::kSmooth};
+  EXPECT_EQ(ApplyEdit(*impulse, smooth).changed_voxels, 27u);
+  EXPECT_EQ(ApplyEdit(*impulse, smooth).changes.size(), 8u);
+  const VolumePtr after = After(impulse, smooth);
+  ForEachVoxel(Vec3i(3, 3, 3),
+               [&](const Vec3i& p) { ASSERT_EQ(ValueAt(*after, p + Vec3i(7, 7, 7)), 1.0f); });
+  const VolumePtr corner =
+      testing::MakeVolume(size, [](int i, int j, int k) { return i + j + k == 0 ? 8.0 : 0.0; });
+  EXPECT_EQ(ValueAt(*After(corner, smooth), Vec3i::Zero()), 1.0f);  // of eight voxels
 }
 
 TEST(EditTest, WhatChangesNothingMakesNoBricks) {
-  const VolumePtr volume =
-      testing::MakeVolume(Vec3i(20, 20, 20), [](int i, int, int) { return i < 10 ? 0.0 : 1.0; });
+  const VolumePtr volume = testing::MakeVolume(Vec3i(20, 20, 20), [](int i, int, int) {
+    return i < 10 ? 0.0 : i < 19 ? 0.1234567f : 1.0;
+  });
   for (const VolumeEdit& edit :
-       {VolumeEdit{.shape = BoxShape{Vec3(10, 0, 0), Vec3(19, 19, 19)}, .value = 1.0},
+       {VolumeEdit{.shape = BoxShape{Vec3(10, 0, 0), Vec3(18, 19, 19)}, .value = 0.1234567f},
         VolumeEdit{.shape = BoxShape{Vec3(0, 0, 0), Vec3(9, 19, 19)}, .value = -0.0},
         VolumeEdit{.shape = SphereShape{Vec3(5, 5, 5), 3.0}, .operation = EditOperation::kAdd},
-        VolumeEdit{.shape = SphereShape{Vec3(4.5, 4.5, 4.5), 0.1}, .value = 1.0}}) {
+        // The mean of equal values.
+        VolumeEdit{.shape = BoxShape{Vec3(12, 0, 0), Vec3(17, 19, 19)},
+        .operation = EditOperation::kSmooth},
+        VolumeEdit{.shape = SphereShape{Vec3(4.5, 4.5, 4.5), 0.1}, .value = 0.1}}) {
     const EditResult result = ApplyEdit(*volume, edit);
     EXPECT_TRUE(result.changes.empty());
     EXPECT_FALSE(result.changed.has_value());
@@ -367,7 +329,7 @@ TEST(EditTest, ComparedBricksAreCountedAsTheEditWas) {
   RandomEdits edits(volume, 8);
   for (const EditOperation operation : kOperations) {
     const EditResult result = ApplyEdit(*volume, edits.Next(operation));
-    const VolumePtr after = After(volume, result);
+    const VolumePtr after = testing::WithChanges(*volume, result.changes);
     std::vector<BrickChange> back;
     for (const BrickChange& change : result.changes) {
       back.push_back({change.brick, volume->bricks().At(change.brick)});

@@ -22,22 +22,14 @@ using VolumePtr = std::shared_ptr<const VolumeSnapshot>;
 
 constexpr FilterKind kKinds[] = {FilterKind::kGaussian, FilterKind::kMean, FilterKind::kMedian};
 
-const FilterProgress kQuiet = [](double) {};
-const FilterCancelled kNever = [] { return false; };
+const FilterProgress kUntold = [](double) {};
+const FilterCancelled kUncancelled = [] { return false; };
 
-float At(const VolumeSnapshot& volume, const Vec3i& p) {
-  return volume.bricks().Find(p.x(), p.y(), p.z())[VoxelInBrick(p.x(), p.y(), p.z())];
-}
+using testing::ForEachVoxel;
+using testing::ValueAt;
 
-VolumePtr With(const VolumePtr& volume, std::span<const BrickChange> changes) {
-  const std::uint64_t revision = volume->revision() + 1;
-  return std::make_shared<VolumeSnapshot>(volume->metadata(),
-                                          volume->bricks().With(changes, revision), revision,
-                                          volume->loaded_revision());
-}
-
-VolumePtr After(const VolumePtr& volume, const EditResult& result) {
-  return With(volume, result.changes);
+VolumePtr AfterChanges(const VolumePtr& volume, const EditResult& result) {
+  return testing::WithChanges(*volume, result.changes);
 }
 
 // Noise, so that any voxel that is read from a wrong place shows.
@@ -72,14 +64,9 @@ openvdb::FloatGrid::Ptr PlainGrid(const VolumeSnapshot& volume) {
   const auto background = static_cast<float>(volume.metadata().value_min);
   const auto grid = openvdb::FloatGrid::create(background);
   auto accessor = grid->getAccessor();
-  Vec3i p;
-  for (p.x() = 0; p.x() < volume.size().x(); ++p.x()) {
-    for (p.y() = 0; p.y() < volume.size().y(); ++p.y()) {
-      for (p.z() = 0; p.z() < volume.size().z(); ++p.z()) {
-        accessor.setValueOn(openvdb::Coord(p.x(), p.y(), p.z()), At(volume, p));
-      }
-    }
-  }
+  ForEachVoxel(volume.size(), [&](const Vec3i& p) {
+    accessor.setValueOn(openvdb::Coord(p.x(), p.y(), p.z()), ValueAt(volume, p));
+  });
   return grid;
 }
 
@@ -119,29 +106,25 @@ bool InRegion(const VolumeSnapshot& volume, const VolumeFilter& filter, const Ve
 void CheckResult(const VolumePtr& before, const VolumeFilter& filter, const EditResult& result) {
   const auto grid = FilteredByOpenVdb(*before, filter);
   const auto accessor = grid->getConstAccessor();
-  const VolumePtr after = After(before, result);
+  const VolumePtr after = AfterChanges(before, result);
   const auto least = static_cast<float>(before->metadata().value_min);
   const auto greatest = static_cast<float>(before->metadata().value_max);
-  Vec3i low = before->size(), high = -Vec3i::Ones(), p;
+  Vec3i low = before->size(), high = -Vec3i::Ones();
   std::uint64_t count = 0;
   std::set<std::uint64_t> bricks;
-  for (p.x() = 0; p.x() < before->size().x(); ++p.x()) {
-    for (p.y() = 0; p.y() < before->size().y(); ++p.y()) {
-      for (p.z() = 0; p.z() < before->size().z(); ++p.z()) {
-        const float was = At(*before, p), is = At(*after, p);
-        const float raw = accessor.getValue(openvdb::Coord(p.x(), p.y(), p.z()));
-        const float filtered = std::clamp(raw, least, greatest) + 0.0f;
-        const float expected = InRegion(*before, filter, p) && filtered != was ? filtered : was;
-        ASSERT_EQ(std::bit_cast<std::uint32_t>(is), std::bit_cast<std::uint32_t>(expected))
-            << p.transpose() << ": " << is << ", not " << expected;
-        if (is == was) continue;
-        low = low.cwiseMin(p);
-        high = high.cwiseMax(p);
-        ++count;
-        bricks.insert(before->bricks().NumberOf(p / kBrickEdge));
-      }
-    }
-  }
+  ForEachVoxel(before->size(), [&](const Vec3i& p) {
+    const float was = ValueAt(*before, p), is = ValueAt(*after, p);
+    const float raw = accessor.getValue(openvdb::Coord(p.x(), p.y(), p.z()));
+    const float filtered = std::clamp(raw, least, greatest) + 0.0f;
+    const float expected = InRegion(*before, filter, p) && filtered != was ? filtered : was;
+    ASSERT_EQ(std::bit_cast<std::uint32_t>(is), std::bit_cast<std::uint32_t>(expected))
+        << p.transpose() << ": " << is << ", not " << expected;
+    if (is == was) return;
+    low = low.cwiseMin(p);
+    high = high.cwiseMax(p);
+    ++count;
+    bricks.insert(before->bricks().NumberOf(p / kBrickEdge));
+  });
   EXPECT_EQ(result.changed_voxels, count);
   EXPECT_EQ(result.changes.size(), bricks.size());
   ASSERT_EQ(result.changed.has_value(), count > 0);
@@ -192,9 +175,10 @@ TEST(Filter, TypedVoxelsAreFilteredAsFloats) {
     const VolumePtr volume = Typed(Vec3i(19, 66, 21), type, 4);
     for (const FilterKind kind : kKinds) Check(volume, {.kind = kind});
     // A median has the values of its voxels: it stays in their type, but for the background.
-    const VolumePtr after = After(volume, ApplyFilter(volume, {.kind = FilterKind::kMedian}));
+    const VolumePtr after =
+        AfterChanges(volume, ApplyFilter(volume, {.kind = FilterKind::kMedian}));
     EXPECT_EQ(after->bricks().At(Vec3i(1, 3, 1))->type(), type);
-    const VolumePtr mean = After(volume, ApplyFilter(volume, {.kind = FilterKind::kMean}));
+    const VolumePtr mean = AfterChanges(volume, ApplyFilter(volume, {.kind = FilterKind::kMean}));
     EXPECT_EQ(mean->bricks().At(Vec3i(1, 3, 1))->type(), LeafType::kFloat);
   }
 }
@@ -273,8 +257,8 @@ TEST(Filter, ARegionBetweenVoxelsIsNoChange) {
   FilterRun run(volume, filter);
   EXPECT_EQ(run.SecondsLeft(), 0.0);
   EXPECT_EQ(run.MostBytes(), 0u);
-  run.Compute(kQuiet, kNever);
-  run.MoveTo(After(volume, ApplyFilter(volume, {})));
+  run.Compute(kUntold, kUncancelled);
+  run.MoveTo(AfterChanges(volume, ApplyFilter(volume, {})));
   EXPECT_EQ(run.SecondsLeft(), 0.0);
   EXPECT_TRUE(run.Result().changes.empty());
   EXPECT_FALSE(run.Result().changed.has_value());
@@ -305,30 +289,30 @@ TEST(Filter, ItFollowsEdits) {
       VolumePtr volume = loaded;
       FilterRun run(volume, filter);
       EXPECT_GT(run.SecondsLeft(), 0.0);
-      run.Compute(kQuiet, kNever);
+      run.Compute(kUntold, kUncancelled);
       EXPECT_EQ(run.SecondsLeft(), 0.0);
       for (int round = 0; round < 3; ++round) {
         for (int n = 0; n < 3; ++n) {
           const auto place = [&](int size) { return static_cast<double>(random() % size); };
-          volume = After(
+          volume = AfterChanges(
               volume,
               ApplyEdit(*volume, {.shape = SphereShape{Vec3(place(73), place(25), place(71)), 2.0},
                                   .value = 10.0 * n}));
         }
         run.MoveTo(volume);
         EXPECT_GT(run.SecondsLeft(), 0.0);
-        run.Compute(kQuiet, kNever);
+        run.Compute(kUntold, kUncancelled);
         EXPECT_EQ(run.SecondsLeft(), 0.0);
       }
       CheckResult(volume, filter, run.Result());
       // Back to what it was: as if nothing had been.
       run.MoveTo(loaded);
-      run.Compute(kQuiet, kNever);
+      run.Compute(kUntold, kUncancelled);
       CheckResult(loaded, filter, run.Result());
       // The same values in other leaves change nothing.
       const LeafPtr copy =
           Leaf::Of(LeafType::kFloat, loaded->bricks().At(Vec3i(3, 2, 3))->Floats());
-      run.MoveTo(With(loaded, std::vector<BrickChange>{{Vec3i(3, 2, 3), copy}}));
+      run.MoveTo(testing::WithChanges(*loaded, std::vector<BrickChange>{{Vec3i(3, 2, 3), copy}}));
       EXPECT_EQ(run.SecondsLeft(), 0.0);
     }
   }
@@ -339,10 +323,10 @@ TEST(Filter, AnEditOutOfReachLeavesNothingToDo) {
   const VolumeFilter filter{
       .kind = FilterKind::kMean, .width = 2, .region = BoxShape{Vec3(0, 0, 0), Vec3(31, 15, 15)}};
   FilterRun run(volume, filter);
-  run.Compute(kQuiet, kNever);
+  run.Compute(kUntold, kUncancelled);
   const auto touched = [&](double x) {
-    return After(volume, ApplyEdit(*volume, {.shape = BoxShape{Vec3(x, 3, 3), Vec3(x, 3, 3)},
-                                             .value = 123.0}));
+    return AfterChanges(volume, ApplyEdit(*volume, {.shape = BoxShape{Vec3(x, 3, 3), Vec3(x, 3, 3)},
+                                                    .value = 123.0}));
   };
   run.MoveTo(touched(48));
   EXPECT_EQ(run.SecondsLeft(), 0.0);
@@ -355,12 +339,12 @@ TEST(Filter, CancellingIsPromptAndCanBeGoneOnWith) {
   const VolumeFilter filter{.kind = FilterKind::kMedian, .width = 2};
   FilterRun run(volume, filter);
   int asked = 0;
-  EXPECT_EQ(Refusal([&] { run.Compute(kQuiet, [&] { return ++asked == 2; }); }),
+  EXPECT_EQ(Refusal([&] { run.Compute(kUntold, [&] { return ++asked == 2; }); }),
             ErrorKind::kCancelled);
   EXPECT_EQ(asked, 2);
   EXPECT_GT(run.SecondsLeft(), 0.0);
   std::vector<double> fractions;
-  run.Compute([&](double fraction) { fractions.push_back(fraction); }, kNever);
+  run.Compute([&](double fraction) { fractions.push_back(fraction); }, kUncancelled);
   ASSERT_FALSE(fractions.empty());
   EXPECT_TRUE(std::is_sorted(fractions.begin(), fractions.end()));
   EXPECT_GT(fractions.front(), 0.0);
@@ -371,30 +355,20 @@ TEST(Filter, CancellingIsPromptAndCanBeGoneOnWith) {
 TEST(Filter, WhatIsRefused) {
   const VolumePtr volume = Noise(Vec3i(20, 20, 20), 11);
   const double nan = std::nan("");
-  const VolumeFilter refused[] = {
-      {.width = 0},
-      {.width = -3},
-      {.kind = FilterKind::kMean, .width = 9},
-      {.iterations = 0},
-      {.iterations = -1},
-      {.width = 1, .iterations = 9},
-      {.kind = FilterKind::kMean, .width = 8, .iterations = 5},
-      {.kind = FilterKind::kMedian, .width = 1, .iterations = 33},
-      {.kind = FilterKind::kMean, .width = 2, .iterations = 2147483647},
-      {.region = SphereShape{Vec3(5, 5, 5), 0.0}},
-      {.region = SphereShape{Vec3(5, nan, 5), 3.0}},
-      {.region = SphereShape{Vec3(90, 5, 5), 3.0}},
-      {.region = BoxShape{Vec3(5, 5, 5), Vec3(4, 9, 9)}},
-      {.region = BoxShape{Vec3(-9, -9, -9), Vec3(-3, 9, 9)}},
-  };
-  for (std::size_t n = 0; n < std::size(refused); ++n) {
-    try {
-      ApplyFilter(volume, refused[n]);
-      ADD_FAILURE() << n << " is done";
-    } catch (const Error& error) {
-      EXPECT_EQ(error.kind(), ErrorKind::kInvalidArgument) << n;
-      EXPECT_EQ(std::string(error.what()).find('\n'), std::string::npos) << n;
-    }
+  for (const VolumeFilter& bad :
+       {VolumeFilter{.width = 0}, VolumeFilter{.width = -3},
+        VolumeFilter{.kind = FilterKind::kMean, .width = 9}, VolumeFilter{.iterations = 0},
+        VolumeFilter{.iterations = -1}, VolumeFilter{.width = 1, .iterations = 9},
+        VolumeFilter{.kind = FilterKind::kMean, .width = 8, .iterations = 5},
+        VolumeFilter{.kind = FilterKind::kMedian, .width = 1, .iterations = 33},
+        VolumeFilter{.kind = FilterKind::kMean, .width = 2, .iterations = 2147483647},
+        VolumeFilter{.region = SphereShape{Vec3(5, 5, 5), 0.0}},
+        VolumeFilter{.region = SphereShape{Vec3(5, nan, 5), 3.0}},
+        VolumeFilter{.region = SphereShape{Vec3(90, 5, 5), 3.0}},
+        VolumeFilter{.region = BoxShape{Vec3(5, 5, 5), Vec3(4, 9, 9)}},
+        VolumeFilter{.region = BoxShape{Vec3(-9, -9, -9), Vec3(-3, 9, 9)}}}) {
+    EXPECT_EQ(Refusal([&] { ApplyFilter(volume, bad); }), ErrorKind::kInvalidArgument)
+        << bad.width << ' ' << bad.iterations;
   }
   for (const VolumeFilter& possible :
        {VolumeFilter{.width = 8}, VolumeFilter{.width = 1, .iterations = 8},

@@ -11,7 +11,9 @@
 #include <vector>
 
 #include "server/volume/brick_memory.h"
+#include "server/volume/brick_pool.h"
 #include "server/volume/dense_bricks.h"
+#include "tests/support/made_volume.h"
 
 namespace palpate {
 namespace {
@@ -162,24 +164,19 @@ TEST(MakeBricks, HasTheVoxelsOfARow) {
   for (const LeafType type : kLeafTypes) {
     VisitType(type, [&](auto voxel) {
       std::vector<decltype(voxel)> voxels;
-      for (int k = 0; k < size.z(); ++k) {
-        for (int j = 0; j < size.y(); ++j) {
-          for (int i = 0; i < size.x(); ++i) {
-            voxels.push_back(static_cast<decltype(voxel)>(value(i, j, k)));
-          }
-        }
-      }
+      // x runs fastest.
+      testing::ForEachVoxel({size.z(), size.y(), size.x()}, [&](const Vec3i& p) {
+        voxels.push_back(static_cast<decltype(voxel)>(value(p.z(), p.y(), p.x())));
+      });
       const BrickDirectory bricks = BricksOf(size, voxels, 3.0f);
-      for (int i = 0; i < size.x(); ++i) {
-        for (int j = 0; j < size.y(); ++j) {
-          for (int k = 0; k < size.z(); ++k) {
-            const Leaf& leaf = bricks.Find(i, j, k);
-            ASSERT_EQ(leaf.type(), type);
-            ASSERT_EQ(leaf[VoxelInBrick(i, j, k)], static_cast<float>(value(i, j, k)));
-            ASSERT_EQ(leaf.IsActive(VoxelInBrick(i, j, k)), value(i, j, k) != 3);
-          }
-        }
-      }
+      testing::ForEachVoxel(size, [&](const Vec3i& p) {
+        const int expected = value(p.x(), p.y(), p.z());
+        const Leaf& leaf = bricks.Find(p.x(), p.y(), p.z());
+        const std::size_t n = VoxelInBrick(p.x(), p.y(), p.z());
+        ASSERT_EQ(leaf.type(), type);
+        ASSERT_EQ(leaf[n], static_cast<float>(expected));
+        ASSERT_EQ(leaf.IsActive(n), expected != 3);
+      });
       EXPECT_EQ(bricks.Find(69, 74, 130)[VoxelInBrick(6, 74, 130)], 3.0f) << "beyond the lattice";
     });
   }
@@ -206,6 +203,24 @@ TEST(MakeBricks, ZerosHaveTheBackgroundsSign) {
   // Above another background they stay as they are.
   EXPECT_FALSE(std::signbit(BricksOf(size, voxels, -1.0f).Find(0, 0, 0)[0]));
   EXPECT_TRUE(std::signbit(BricksOf(size, voxels, -1.0f).Find(8, 0, 0)[0]));
+}
+
+TEST(BrickPool, KeepsEveryBitPatternOnce) {
+  BrickPool pool;
+  const auto filled = [](float value) {
+    Brick brick;
+    brick.fill(value);
+    return Leaf::Of(LeafType::kFloat, brick);
+  };
+  BrickPool pool;
+  const std::vector<BrickDirectory> shared = {pool.Share(directory(10.0f), size, 0.0f),
+                                              pool.Share(directory(20.0f), size, 0.0f)};
+  EXPECT_EQ(MemoryBytes(shared, size),
+            2 * BrickDirectory::MemoryBytes(size) - 3 * Leaf::Bytes(LeafType::kFloat));
+  EXPECT_EQ(shared[0].ChangesTo(shared[1]).size(), 1u);
+  EXPECT_EQ(MemoryBytes(std::vector{directory(1.0f), directory(1.0f)}, size),
+            2 * BrickDirectory::MemoryBytes(size));
+  EXPECT_EQ(shared[0].MemoryBytes(), BrickDirectory::MemoryBytes(size));
 }
 
 }  // namespace

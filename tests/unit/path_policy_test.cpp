@@ -21,7 +21,7 @@ namespace {
 namespace fs = std::filesystem;
 
 // The line of an Error of this kind.
-std::string Refusal(ErrorKind kind, const std::function<void()>& call) {
+std::string RefusalLine(ErrorKind kind, const std::function<void()>& call) {
   try {
     call();
   } catch (const Error& error) {
@@ -53,11 +53,11 @@ class PathPolicyTest : public ::testing::Test {
   std::string In(const std::string& name) const { return root_ / name; }
   std::string LoadRefusal(const std::string& path, ErrorKind kind = ErrorKind::kPermissionDenied) {
     SCOPED_TRACE(path);
-    return Refusal(kind, [&] { policy_.CheckLoad(path); });
+    return RefusalLine(kind, [&] { policy_.CheckLoad(path); });
   }
   std::string SaveRefusal(const std::string& path, ErrorKind kind = ErrorKind::kPermissionDenied) {
     SCOPED_TRACE(path);
-    return Refusal(kind, [&] { policy_.CheckSave(path); });
+    return RefusalLine(kind, [&] { policy_.CheckSave(path); });
   }
 
   test::TemporaryFolder folder_;
@@ -87,16 +87,19 @@ TEST_F(PathPolicyTest, RefusesToLoadFromElsewhere) {
 }
 
 TEST_F(PathPolicyTest, NamesTheFoldersAndTheKeyButNotWhatIsThere) {
-  const std::string present = LoadRefusal(In("outside/secret.nrrd"));
-  EXPECT_NE(present.find("below " + In("load") + " (volume.load_folders"), std::string::npos)
-      << present;
+  const std::string to_load = LoadRefusal(In("outside/secret.nrrd"));
+  const std::string to_save = SaveRefusal(In("load/a.nrrd"));
+  for (const std::string& name : {In("load"), std::string("volume.load_folders")}) {
+    EXPECT_NE(to_load.find(name), std::string::npos) << to_load;
+  }
+  for (const std::string& name : {In("save"), std::string("volume.save_folders")}) {
+    EXPECT_NE(to_save.find(name), std::string::npos) << to_save;
+  }
   // Nothing but the path itself tells a file that is there from one that is not.
   const auto load = [&](const std::string& path) { return WithoutPath(LoadRefusal(path), path); };
   const auto save = [&](const std::string& path) { return WithoutPath(SaveRefusal(path), path); };
   EXPECT_EQ(load(In("outside/absent.nrrd")), load(In("outside/secret.nrrd")));
   EXPECT_EQ(load(In("none/secret.nrrd")), load(In("outside/secret.nrrd")));
-  EXPECT_NE(SaveRefusal(In("load/a.nrrd")).find(In("save") + " (volume.save_folders"),
-            std::string::npos);
   EXPECT_EQ(save(In("outside/absent.nrrd")), save(In("outside/secret.nrrd")));
   EXPECT_EQ(save(In("outside/none/x")), save(In("outside/x")));
   EXPECT_EQ(save(In("outside/secret.nrrd/x")), save(In("outside/x")));
@@ -160,15 +163,13 @@ TEST_F(PathPolicyTest, SavesToNothingButRegularFiles) {
   ASSERT_EQ(mkfifo(In("save/pipe").c_str(), 0600), 0);
   fs::create_symlink(root_ / "save/folder", root_ / "save/to_folder");
   fs::create_symlink(root_ / "outside/to_come.vdb", root_ / "save/dangling.vdb");
-  for (const char* path : {"save", "save/", "save/.", "save/..", "save/folder", "save/folder/",
-                           "save/new.vdb/", "save/pipe", "save/to_folder", "save/dangling.vdb"}) {
-    const std::string text = In(path);
-    SCOPED_TRACE(text);
-    EXPECT_THROW(policy_.CheckSave(text), Error);
+  for (const char* path :
+       {"save", "save/", "save/.", "save/..", "save/folder/", "save/new.vdb/", "save/to_folder"}) {
+    EXPECT_THROW(policy_.CheckSave(In(path)), Error) << path;
   }
-  SaveRefusal(In("save/pipe"), ErrorKind::kInvalidArgument);
-  SaveRefusal(In("save/folder"), ErrorKind::kInvalidArgument);
-  SaveRefusal(In("save/dangling.vdb"), ErrorKind::kInvalidArgument);
+  for (const char* path : {"save/pipe", "save/folder", "save/dangling.vdb"}) {
+    SaveRefusal(In(path), ErrorKind::kInvalidArgument);
+  }
   SaveRefusal(In("save/none/x.vdb"), ErrorKind::kNotFound);
   SaveRefusal(In("save/old.vdb/x.vdb"), ErrorKind::kNotFound);
 }
@@ -176,8 +177,8 @@ TEST_F(PathPolicyTest, SavesToNothingButRegularFiles) {
 TEST_F(PathPolicyTest, FoldersAreCheckedAtStart) {
   for (const fs::path& bad : {fs::path("relative"), fs::path(""), root_ / "absent",
                               root_ / "load/a.nrrd", fs::path(std::string("/tmp\0x", 6))}) {
-    Refusal(ErrorKind::kInvalidArgument, [&] { PathPolicy({.load_folders = {bad}}); });
-    Refusal(ErrorKind::kInvalidArgument, [&] { PathPolicy({.save_folders = {bad}}); });
+    RefusalLine(ErrorKind::kInvalidArgument, [&] { PathPolicy({.load_folders = {bad}}); });
+    RefusalLine(ErrorKind::kInvalidArgument, [&] { PathPolicy({.save_folders = {bad}}); });
   }
 }
 
@@ -202,8 +203,7 @@ TEST_F(PathPolicyTest, FilesOfItsOwnAreNeitherLoadedNorSavedTo) {
                         .own_files = OwnFiles({root_ / "save/key.pem", root_ / "load/state"})});
   for (const char* own : {"save/key.pem", "load/hard.raw", "save/hard.raw", "load/soft.raw",
                           "load/state/deep/a.toml", "load/state/new.vdb", "load/state"}) {
-    const std::string line = LoadRefusal(In(own));
-    EXPECT_NE(line.find("palpated's own"), std::string::npos) << line;
+    LoadRefusal(In(own));
     SaveRefusal(In(own));
   }
   LoadRefusal("/proc/self/environ");
@@ -214,13 +214,9 @@ TEST_F(PathPolicyTest, FilesOfItsOwnAreNeitherLoadedNorSavedTo) {
 }
 
 TEST_F(PathPolicyTest, ByDefaultLoadsAndSavesNothing) {
-  const PathPolicy policy;
-  EXPECT_NE(Refusal(ErrorKind::kPermissionDenied, [&] { policy.CheckLoad(In("load/a.nrrd")); })
-                .find("volume.load_folders"),
-            std::string::npos);
-  EXPECT_NE(Refusal(ErrorKind::kPermissionDenied, [&] { policy.CheckSave(In("save/x.vdb")); })
-                .find("volume.save_folders"),
-            std::string::npos);
+  policy_ = PathPolicy();
+  EXPECT_NE(LoadRefusal(In("load/a.nrrd")).find("volume.load_folders"), std::string::npos);
+  EXPECT_NE(SaveRefusal(In("save/x.vdb")).find("volume.save_folders"), std::string::npos);
   EXPECT_EQ(CurrentFolder(), fs::current_path());
 }
 
@@ -229,7 +225,7 @@ TEST_F(PathPolicyTest, OpensWhatMayBeLoaded) {
   *policy_.OpenToLoad(In("load/a.nrrd")) >> text;
   EXPECT_EQ(text, "x");
   const auto refusal = [&](ErrorKind kind, const std::string& name) {
-    return Refusal(kind, [&] { policy_.OpenToLoad(In(name)); });
+    return RefusalLine(kind, [&] { policy_.OpenToLoad(In(name)); });
   };
   refusal(ErrorKind::kPermissionDenied, "outside/secret.nrrd");
   refusal(ErrorKind::kNotFound, "load/absent");

@@ -8,8 +8,8 @@
 #include <thread>
 
 #include "common/error/error.h"
-#include "server/device/simulated_device.h"
-#include "server/session/session.h"
+#include "tests/support/editable_session.h"
+#include "tests/support/patience.h"
 #include "tests/support/temporary_folder.h"
 
 namespace palpate {
@@ -17,7 +17,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-VolumeMetadata Volume(const std::string& source) {
+VolumeMetadata VolumeOf(const std::string& source) {
   VolumeMetadata metadata;
   metadata.size = Vec3i(31, 42, 6);
   metadata.spacing_mm = Vec3(0.1 / 3.0, 1.0, 2.5);
@@ -32,7 +32,7 @@ Registration At(const VolumeMetadata& volume, double x_mm) {
                           2.0 / 3.0);
 }
 
-void ExpectSame(const std::optional<Registration>& found, const Registration& kept) {
+void ExpectSamePlace(const std::optional<Registration>& found, const Registration& kept) {
   ASSERT_TRUE(found.has_value());
   EXPECT_EQ(found->p_DCenter_mm, kept.p_DCenter_mm);
   EXPECT_EQ(found->R_DW.coeffs(), kept.R_DW.coeffs());
@@ -60,29 +60,29 @@ class RegistrationStoreTest : public ::testing::Test {
 };
 
 TEST_F(RegistrationStoreTest, IsThereAgainToTheLastBit) {
-  const VolumeMetadata head = Volume("/data/head.nrrd"), bumps = Volume("builtin:bumps");
+  const VolumeMetadata head = VolumeOf("/data/head.nrrd"), bumps = VolumeOf("builtin:bumps");
   {
     RegistrationStore store(state_);
     EXPECT_FALSE(store.Find(head).has_value());
     store.Keep(head, At(head, 1.0));
     store.Keep(bumps, At(bumps, 2.0));
     store.Keep(head, At(head, 0.1));
-    ExpectSame(store.Find(head), At(head, 0.1));
+    ExpectSamePlace(store.Find(head), At(head, 0.1));
     EXPECT_FALSE(std::filesystem::exists(path_)) << "written at once";
   }
   RegistrationStore store(state_);
-  ExpectSame(store.Find(head), At(head, 0.1));
-  ExpectSame(store.Find(bumps), At(bumps, 2.0));
+  ExpectSamePlace(store.Find(head), At(head, 0.1));
+  ExpectSamePlace(store.Find(bumps), At(bumps, 2.0));
   EXPECT_EQ(Entries(), 2u);
   EXPECT_FALSE(std::filesystem::exists(path_.string() + ".partial"));
 }
 
 TEST_F(RegistrationStoreTest, NothingIsWrittenWithoutAFolderOrAChange) {
-  const VolumeMetadata volume = Volume("builtin:bumps");
+  const VolumeMetadata volume = VolumeOf("builtin:bumps");
   {
     RegistrationStore store("");
     store.Keep(volume, At(volume, 1.0));
-    ExpectSame(store.Find(volume), At(volume, 1.0));
+    ExpectSamePlace(store.Find(volume), At(volume, 1.0));
     store.Save();
     RegistrationStore unchanged(state_);
   }
@@ -91,7 +91,7 @@ TEST_F(RegistrationStoreTest, NothingIsWrittenWithoutAFolderOrAChange) {
 
 TEST_F(RegistrationStoreTest, AnotherSizeOrSpacingIsAnotherVolume) {
   RegistrationStore store("");
-  const VolumeMetadata volume = Volume("/data/head.nrrd");
+  const VolumeMetadata volume = VolumeOf("/data/head.nrrd");
   store.Keep(volume, At(volume, 1.0));
   VolumeMetadata other = volume;
   other.size.z() = 7;
@@ -106,33 +106,34 @@ TEST_F(RegistrationStoreTest, AnotherSizeOrSpacingIsAnotherVolume) {
 
 TEST_F(RegistrationStoreTest, IsWrittenAMomentAfterTheFirstChange) {
   RegistrationStore store(state_, 20ms);
-  const VolumeMetadata volume = Volume("builtin:bumps");
+  const VolumeMetadata volume = VolumeOf("builtin:bumps");
   for (int n = 0; n < 100; ++n) store.Keep(volume, At(volume, n));
-  for (int n = 0; n < 500 && Entries() == 0; ++n) std::this_thread::sleep_for(20ms);
+  EXPECT_TRUE(test::Eventually([&] {
+    const auto found = RegistrationStore(state_).Find(volume);
+    return found && found->p_DCenter_mm.x() == 99.0;
+  }));
   EXPECT_EQ(Entries(), 1u);
-  RegistrationStore other(state_);
-  ExpectSame(other.Find(volume), At(volume, 99.0));
 }
 
 TEST_F(RegistrationStoreTest, TheOldestIsForgotten) {
   const std::size_t most = RegistrationStore::kMostEntries;
   RegistrationStore store(state_);
   for (std::size_t n = 0; n < most; ++n) {
-    const VolumeMetadata volume = Volume("/data/" + std::to_string(n));
+    const VolumeMetadata volume = VolumeOf("/data/" + std::to_string(n));
     store.Keep(volume, At(volume, 1.0));
   }
-  store.Keep(Volume("/data/0"), At(Volume("/data/0"), 2.0));  // the newest now
-  store.Keep(Volume("/data/new"), At(Volume("/data/new"), 3.0));
+  store.Keep(VolumeOf("/data/0"), At(VolumeOf("/data/0"), 2.0));  // the newest now
+  store.Keep(VolumeOf("/data/new"), At(VolumeOf("/data/new"), 3.0));
   store.Save();
-  EXPECT_TRUE(store.Find(Volume("/data/0")).has_value());
-  EXPECT_FALSE(store.Find(Volume("/data/1")).has_value());
-  EXPECT_TRUE(store.Find(Volume("/data/2")).has_value());
+  EXPECT_TRUE(store.Find(VolumeOf("/data/0")).has_value());
+  EXPECT_FALSE(store.Find(VolumeOf("/data/1")).has_value());
+  EXPECT_TRUE(store.Find(VolumeOf("/data/2")).has_value());
   EXPECT_EQ(Entries(), most);
 }
 
 TEST_F(RegistrationStoreTest, AnotherDaemonsEntriesStay) {
   RegistrationStore a(state_), b(state_);
-  const VolumeMetadata first = Volume("builtin:bumps"), second = Volume("builtin:gyroid");
+  const VolumeMetadata first = VolumeOf("builtin:bumps"), second = VolumeOf("builtin:gyroid");
   a.Keep(first, At(first, 1.0));
   a.Save();
   b.Keep(second, At(second, 2.0));
@@ -148,7 +149,7 @@ TEST_F(RegistrationStoreTest, ManyDaemonsWriteAtOnce) {
     daemons.emplace_back([this, d] {
       RegistrationStore store(state_, 1h);
       for (int n = 0; n < 25; ++n) {
-        const VolumeMetadata volume = Volume(std::to_string(d) + " " + std::to_string(n));
+        const VolumeMetadata volume = VolumeOf(std::to_string(d) + " " + std::to_string(n));
         store.Keep(volume, At(volume, n));
         store.Save();
       }
@@ -166,48 +167,47 @@ TEST_F(RegistrationStoreTest, NamesOfAnyKindAreKeptOrLeftOut) {
   const std::string not_utf8 = "/data/\xff\xfe.nrrd", split = "/data/\xc3";
   {
     RegistrationStore store(state_);
-    for (const std::string& name : names) store.Keep(Volume(name), At(Volume(name), 1.0));
+    for (const std::string& name : names) store.Keep(VolumeOf(name), At(VolumeOf(name), 1.0));
     for (const std::string& name : {not_utf8, split}) {
-      store.Keep(Volume(name), At(Volume(name), 1.0));
-      EXPECT_TRUE(store.Find(Volume(name)).has_value());
+      store.Keep(VolumeOf(name), At(VolumeOf(name), 1.0));
+      EXPECT_TRUE(store.Find(VolumeOf(name)).has_value());
     }
   }
   RegistrationStore store(state_);
   EXPECT_FALSE(std::filesystem::exists(damaged_)) << Text();
   EXPECT_EQ(Entries(), names.size());
   for (const std::string& name : names) {
-    EXPECT_TRUE(store.Find(Volume(name)).has_value()) << name.substr(0, 30);
+    EXPECT_TRUE(store.Find(VolumeOf(name)).has_value()) << name.substr(0, 30);
   }
-  EXPECT_FALSE(store.Find(Volume(not_utf8)).has_value());
+  EXPECT_FALSE(store.Find(VolumeOf(not_utf8)).has_value());
 }
 
-TEST_F(RegistrationStoreTest, ADamagedFileIsSetAsideAndStopsNothing) {
-  const VolumeMetadata volume = Volume("builtin:bumps");
-  const std::string good =
+// The entry of VolumeOf("builtin:bumps"), with one line changed.
+std::string Entry(const std::string& part = "", const std::string& instead = "") {
+  std::string text =
       "[[registration]]\nsource = 'builtin:bumps'\nsize = [31, 42, 6]\n"
       "spacing_mm = [0.03333333333333333, 1, 2.5]\ncenter_mm = [1, 2, 3]\n"
       "rotation_wxyz = [1, 0, 0, 0]\ndevice_mm_per_volume_mm = 1\n";
-  const auto without = [&](const std::string& part, const std::string& instead) {
-    std::string text = good;
-    return text.replace(text.find(part), part.size(), instead);
-  };
-  Write(good);
+  return text.replace(text.find(part), part.size(), instead);
+}
+
+TEST_F(RegistrationStoreTest, ADamagedFileIsSetAsideAndStopsNothing) {
+  const VolumeMetadata volume = VolumeOf("builtin:bumps");
+  Write(Entry());
   {
     RegistrationStore store(state_);
     ASSERT_TRUE(store.Find(volume).has_value());
     EXPECT_EQ(store.Find(volume)->p_DCenter_mm, Vec3(1, 2, 3));
     EXPECT_FALSE(std::filesystem::exists(damaged_));
   }
-  std::string deep = "x = ";
-  for (int n = 0; n < 100'000; ++n) deep += "[";
   for (const std::string& text :
-       {std::string("no toml"), std::string("\0\0\0\0", 4), good.substr(0, good.size() / 2),
+       {std::string("no toml"), std::string("\0\0\0\0", 4), Entry().substr(0, 80),
         std::string("[registration]\n"), std::string("registration = 3\n"),
-        std::string("registration = [1, 2]\n"), std::string("other = 1\n"), deep,
-        std::string((16 << 20) + 1, '#'), std::string("x = '\xff'\n"),
-        without("size = [31, 42, 6]", "size = [31, 42]"), without("[1, 2, 3]", "['1', 2, 3]"),
-        without("'builtin:bumps'", "7"), without("= 1\n", "= true\n"),
-        without("rotation_wxyz = [1, 0, 0, 0]\n", "")}) {
+        std::string("registration = [1, 2]\n"), std::string("other = 1\n"),
+        "x = " + std::string(100'000, '['), std::string((16 << 20) + 1, '#'),
+        std::string("x = '\xff'\n"), Entry("[31, 42, 6]", "[31, 42]"),
+        Entry("[1, 2, 3]", "['1', 2, 3]"), Entry("'builtin:bumps'", "7"),
+        Entry("= 1\n", "= true\n"), Entry("rotation_wxyz = [1, 0, 0, 0]\n")}) {
     std::filesystem::remove(damaged_);
     Write(text);
     RegistrationStore store(state_);
@@ -218,50 +218,33 @@ TEST_F(RegistrationStoreTest, ADamagedFileIsSetAsideAndStopsNothing) {
     store.Save();
     EXPECT_EQ(Entries(), 1u);
   }
-}
-
-TEST_F(RegistrationStoreTest, GoodEntriesBesideABadOneAreKept) {
-  {
-    RegistrationStore store(state_);
-    store.Keep(Volume("a"), At(Volume("a"), 1.0));
-    store.Keep(Volume("b"), At(Volume("b"), 2.0));
-  }
-  Write(Text() + "\n[[registration]]\nsource = 'c'\n");
+  // Good entries beside a bad one are kept.
+  std::filesystem::remove(damaged_);
+  Write(Entry() + "\n[[registration]]\nsource = 'c'\n");
   RegistrationStore store(state_);
   EXPECT_TRUE(std::filesystem::exists(damaged_));
-  EXPECT_TRUE(store.Find(Volume("a")).has_value());
-  EXPECT_TRUE(store.Find(Volume("b")).has_value());
+  EXPECT_TRUE(store.Find(volume).has_value());
 }
 
 TEST_F(RegistrationStoreTest, EntriesThatAreNoRegistrationAreNotUsed) {
-  for (const char* bad :
-       {"center_mm = [nan, 0, 0]\nrotation_wxyz = [1, 0, 0, 0]\ndevice_mm_per_volume_mm = 1\n",
-        "center_mm = [0, 0, 1e9]\nrotation_wxyz = [1, 0, 0, 0]\ndevice_mm_per_volume_mm = 1\n",
-        "center_mm = [0, 0, 0]\nrotation_wxyz = [0, 0, 0, 0]\ndevice_mm_per_volume_mm = 1\n",
-        "center_mm = [0, 0, 0]\nrotation_wxyz = [1, 0, 0, 0]\ndevice_mm_per_volume_mm = inf\n",
-        "center_mm = [0, 0, 0]\nrotation_wxyz = [1, 0, 0, 0]\ndevice_mm_per_volume_mm = 0\n",
-        "center_mm = [0, 0, 0]\nrotation_wxyz = [1, 0, 0, 0]\ndevice_mm_per_volume_mm = -1\n"}) {
-    Write(
-        "[[registration]]\nsource = 'a'\nsize = [31, 42, 6]\n"
-        "spacing_mm = [0.03333333333333333, 1, 2.5]\n" +
-        std::string(bad));
+  for (const std::string& bad :
+       {Entry("[1, 2, 3]", "[nan, 0, 0]"), Entry("[1, 2, 3]", "[0, 0, 1e9]"),
+        Entry("[1, 0, 0, 0]", "[0, 0, 0, 0]"), Entry("_mm = 1\n", "_mm = inf\n"),
+        Entry("_mm = 1\n", "_mm = 0\n"), Entry("_mm = 1\n", "_mm = -1\n"),
+        Entry("[31, 42, 6]", "[1e30, nan, -1]"), Entry("[0.03333333333333333,", "[nan,")}) {
+    Write(bad);
     RegistrationStore store(state_);
-    EXPECT_FALSE(store.Find(Volume("a")).has_value()) << bad;
+    EXPECT_FALSE(store.Find(VolumeOf("builtin:bumps")).has_value()) << bad;
   }
-  Write(
-      "[[registration]]\nsource = 'a'\nsize = [1e30, nan, -1]\nspacing_mm = [nan, inf, 0]\n"
-      "center_mm = [0, 0, 0]\nrotation_wxyz = [1, 0, 0, 0]\ndevice_mm_per_volume_mm = 1\n");
-  RegistrationStore store(state_);
-  EXPECT_FALSE(store.Find(Volume("a")).has_value());
 }
 
 TEST_F(RegistrationStoreTest, AFolderThatCannotBeWrittenStopsNothing) {
   std::ofstream(folder_.path() / "file") << "no folder";
-  const VolumeMetadata volume = Volume("builtin:bumps");
+  const VolumeMetadata volume = VolumeOf("builtin:bumps");
   RegistrationStore store(folder_.path() / "file" / "state", 1ms);
   store.Keep(volume, At(volume, 1.0));
   store.Save();
-  ExpectSame(store.Find(volume), At(volume, 1.0));
+  ExpectSamePlace(store.Find(volume), At(volume, 1.0));
   // What is in the way of the file is set aside, a folder too.
   std::filesystem::create_directories(path_);
   RegistrationStore beside(state_);
@@ -273,7 +256,7 @@ TEST_F(RegistrationStoreTest, AFolderThatCannotBeWrittenStopsNothing) {
 
 TEST_F(RegistrationStoreTest, AFailedSaveIsMadeUpFor) {
   std::ofstream(folder_.path() / "not") << "in the way";
-  const VolumeMetadata volume = Volume("builtin:bumps"), other = Volume("builtin:gyroid");
+  const VolumeMetadata volume = VolumeOf("builtin:bumps"), other = VolumeOf("builtin:gyroid");
   RegistrationStore store(state_, 1h);
   store.Keep(volume, At(volume, 1.0));
   store.Save();
@@ -284,44 +267,39 @@ TEST_F(RegistrationStoreTest, AFailedSaveIsMadeUpFor) {
 }
 
 TEST_F(RegistrationStoreTest, ASessionUsesIt) {
-  const DeviceSpec device = SimulatedDeviceSpec();
-  const auto load = [](Session& session, const LoadRequest& request) {
-    return session
-        .Load(
-            request, [](std::string_view, double) {}, [] { return false; })
-        .registration;
-  };
-  const auto outbox = std::make_unique<TickOutbox>();
-  Pump pump(*outbox);
   const Vec3 center_mm(7, 8, 9);
   for (const bool restarted : {false, true}) {
-    SceneInbox inbox;
     RegistrationStore store(state_);
-    Session session(device, inbox, pump, VolumeLoader{});
+    testing::EditableSession data;
+    Session& session = data.session();
     session.SetRegistrationStore(store);
-    const Registration first = load(session, {.source = "builtin:bumps:16"});
+    const auto load = [&](const LoadRequest& request) {
+      return session.Load(request, testing::kQuiet, testing::kNever).registration;
+    };
+    const auto move = [&](const RegistrationUpdate& update) {
+      session.Move([&](const VolumeState& state) {
+        return Apply(update, state.volume->metadata(), data.device(), state.registration);
+      });
+    };
+    const LoadRequest bumps{.source = "builtin:bumps:16"};
+    const Registration first = load(bumps);
     EXPECT_EQ(first.p_DCenter_mm, restarted ? center_mm : Vec3::Zero());
-    session.Move([&](const VolumeState& state) {
-      return Apply({.p_DCenter_mm = center_mm}, state.volume->metadata(), device,
-                   state.registration);
-    });
+    move({.p_DCenter_mm = center_mm});
     // A move that is refused is not kept.
-    EXPECT_THROW(session.Move([&](const VolumeState& state) {
-      return Apply({.scale_by = 0.0}, state.volume->metadata(), device, state.registration);
-    }),
-                 Error);
-    EXPECT_EQ(load(session, {.source = "builtin:gyroid:16"}).p_DCenter_mm, Vec3::Zero());
-    const Registration again = load(session, {.source = "builtin:bumps:16"});
+    EXPECT_THROW(move({.scale_by = 0.0}), Error);
+    EXPECT_EQ(load({.source = "builtin:gyroid:16"}).p_DCenter_mm, Vec3::Zero());
+    const Registration again = load(bumps);
     EXPECT_EQ(again.p_DCenter_mm, center_mm);
     EXPECT_EQ(again.device_mm_per_volume_mm, first.device_mm_per_volume_mm);
     // The scale that is asked for wins; the rest stays.
-    const LoadRequest scaled{.source = "builtin:bumps:16", .device_mm_per_volume_mm = 0.5};
-    EXPECT_EQ(load(session, scaled).device_mm_per_volume_mm, 0.5);
-    EXPECT_EQ(load(session, {.source = "builtin:bumps:16"}).p_DCenter_mm, center_mm);
-    EXPECT_EQ(load(session, {.source = "builtin:bumps:16"}).device_mm_per_volume_mm, 0.5);
+    LoadRequest scaled = bumps;
+    scaled.device_mm_per_volume_mm = 0.5;
+    EXPECT_EQ(load(scaled).device_mm_per_volume_mm, 0.5);
+    EXPECT_EQ(load(bumps).p_DCenter_mm, center_mm);
+    EXPECT_EQ(load(bumps).device_mm_per_volume_mm, 0.5);
     // A scale that makes no volume changes nothing.
-    const LoadRequest bad{.source = "builtin:bumps:16", .device_mm_per_volume_mm = -1.0};
-    EXPECT_THROW(load(session, bad), Error);
+    scaled.device_mm_per_volume_mm = -1.0;
+    EXPECT_THROW(load(scaled), Error);
     EXPECT_EQ(session.volume().registration.device_mm_per_volume_mm, 0.5);
   }
 }
@@ -331,7 +309,7 @@ TEST_F(RegistrationStoreTest, ManyThreadsMayKeepAndFind) {
   std::vector<std::thread> threads;
   for (int t = 0; t < 4; ++t) {
     threads.emplace_back([&store, t] {
-      const VolumeMetadata volume = Volume("/data/" + std::to_string(t));
+      const VolumeMetadata volume = VolumeOf("/data/" + std::to_string(t));
       for (int n = 0; n < 200; ++n) {
         store.Keep(volume, At(volume, n));
         const auto found = store.Find(volume);

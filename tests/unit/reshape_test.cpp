@@ -26,14 +26,17 @@ using testing::Refusal;
 using Grid = openvdb::FloatGrid;
 using VolumePtr = std::shared_ptr<const VolumeSnapshot>;
 
-const FilterProgress kQuiet = [](double) {};
-const FilterCancelled kNever = [] { return false; };
+using testing::ForEachVoxel;
+using testing::ValueAt;
+
+const auto kQuietly = [](double) {};
+const auto kGoOn = [] { return false; };
 const auto kFree = [](std::uint64_t) {};
 
 openvdb::Coord ToCoord(const Vec3i& p) { return {p.x(), p.y(), p.z()}; }
 
 ReshapedVolume Reshaped(const VolumeSnapshot& volume, const VolumeFilter& filter) {
-  return Reshape(volume, filter, kFree, kQuiet, kNever);
+  return Reshape(volume, filter, kFree, kQuietly, kGoOn);
 }
 
 // In whole leaves around what is active, as a file is loaded.
@@ -67,32 +70,23 @@ Grid::Ptr Sphere(float radius_mm = 6.0f, float voxel_mm = 0.5f) {
                                                     voxel_mm);
 }
 
-float At(const BrickDirectory& bricks, const Vec3i& p) {
-  return bricks.Find(p.x(), p.y(), p.z())[VoxelInBrick(p.x(), p.y(), p.z())];
-}
-
 // Every voxel and, of a grid, its state; and nothing of the grid's is beyond the lattice.
 void CheckEqual(const ReshapedVolume& made, const Grid& expected, double least, double greatest) {
   const GridForm* const form = made.metadata.grid_form.get();
   const Vec3i first = form ? form->first : Vec3i::Zero();
   ASSERT_EQ(made.bricks.brick_count(), (made.metadata.size + Vec3i::Constant(7)) / 8);
   const auto accessor = expected.getConstAccessor();
-  Vec3i p;
   std::uint64_t active = 0;
-  for (p.x() = 0; p.x() < made.metadata.size.x(); ++p.x()) {
-    for (p.y() = 0; p.y() < made.metadata.size.y(); ++p.y()) {
-      for (p.z() = 0; p.z() < made.metadata.size.z(); ++p.z()) {
-        const openvdb::Coord at = ToCoord(first + p);
-        const float raw = accessor.getValue(at);
-        const float is = std::clamp(raw, static_cast<float>(least), static_cast<float>(greatest));
-        ASSERT_EQ(At(made.bricks, p), is) << p.transpose();
-        if (!form) continue;
-        const Leaf& leaf = made.bricks.Find(p.x(), p.y(), p.z());
-        ASSERT_EQ(leaf.IsActive(VoxelInBrick(p.x(), p.y(), p.z())), accessor.isValueOn(at));
-        active += accessor.isValueOn(at);
-      }
-    }
-  }
+  ForEachVoxel(made.metadata.size, [&](const Vec3i& p) {
+    const openvdb::Coord at = ToCoord(first + p);
+    const float raw = accessor.getValue(at);
+    const float is = std::clamp(raw, static_cast<float>(least), static_cast<float>(greatest));
+    ASSERT_EQ(ValueAt(made.bricks, p), is) << p.transpose();
+    if (!form) return;
+    const Leaf& leaf = made.bricks.Find(p.x(), p.y(), p.z());
+    ASSERT_EQ(leaf.IsActive(VoxelInBrick(p.x(), p.y(), p.z())), accessor.isValueOn(at));
+    active += accessor.isValueOn(at);
+  });
   if (form) {
     EXPECT_EQ(active, expected.activeVoxelCount());
   }
@@ -104,8 +98,8 @@ double CrossingAlongX(const ReshapedVolume& made, const Vec3& from_mm) {
   const Vec3i start =
       ((from_mm - metadata.origin_W_mm) / metadata.spacing_mm.x()).array().round().cast<int>();
   Vec3i p = start;
-  while (p.x() + 1 < metadata.size.x() && At(made.bricks, p + Vec3i(1, 0, 0)) < 0.0f) ++p.x();
-  const double low = At(made.bricks, p), high = At(made.bricks, p + Vec3i(1, 0, 0));
+  while (p.x() + 1 < metadata.size.x() && ValueAt(made.bricks, p + Vec3i(1, 0, 0)) < 0.0f) ++p.x();
+  const double low = ValueAt(made.bricks, p), high = ValueAt(made.bricks, p + Vec3i(1, 0, 0));
   const Vec3 voxel = p.cast<double>() + Vec3(low / (low - high), 0, 0);
   return metadata.WorldFromIndex().Apply(voxel).x() - from_mm.x();
 }
@@ -177,14 +171,9 @@ TEST(Reshape, ResamplingEqualsOpenVdbsOnAPlainGrid) {
   const VolumeSnapshot volume(metadata, made->bricks(), 1, 1);
   const auto grid = Grid::create(static_cast<float>(metadata.value_min));
   grid->setTransform(Resampled(metadata.spacing_mm, Vec3::Zero()));
-  Vec3i p;
-  for (p.x() = 0; p.x() < 21; ++p.x()) {
-    for (p.y() = 0; p.y() < 30; ++p.y()) {
-      for (p.z() = 0; p.z() < 17; ++p.z()) {
-        grid->tree().setValueOn(ToCoord(p), At(volume.bricks(), p));
-      }
-    }
-  }
+  ForEachVoxel(volume.size(), [&](const Vec3i& p) {
+    grid->tree().setValueOn(ToCoord(p), ValueAt(volume.bricks(), p));
+  });
   for (const Vec3& spacing_mm : {Vec3(0.25, 0.4, 1.0), Vec3(0.7, 0.7, 0.7), Vec3(1.9, 1.3, 4.0)}) {
     SCOPED_TRACE(spacing_mm.transpose());
     const ReshapedVolume resampled =
@@ -241,7 +230,6 @@ TEST(Reshape, WhatIsNotPossibleIsRefused) {
   const VolumePtr density = testing::MakeVolume(Vec3i(9, 9, 9), [](int i, int, int) { return i; });
   const Grid::Ptr grid = Sphere(3.0f);
   const VolumePtr sphere = VolumeOf(*grid);
-  constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
   const auto refusal = [](const VolumePtr& volume, const VolumeFilter& filter) {
     return Refusal([&] { Reshaped(*volume, filter); });
   };
@@ -254,14 +242,14 @@ TEST(Reshape, WhatIsNotPossibleIsRefused) {
   EXPECT_EQ(refusal(density, offset(1.0)), ErrorKind::kInvalidArgument);
   EXPECT_EQ(refusal(density, {.kind = FilterKind::kMeanCurvature}), ErrorKind::kInvalidArgument);
   // Nothing is left of a sphere of 3 mm.
-  for (const double mm : {0.0, kNan, 65.0, -65.0, -3.5}) {
+  for (const double mm : {0.0, std::nan(""), 65.0, -65.0, -3.5}) {
     EXPECT_EQ(refusal(sphere, offset(mm)), ErrorKind::kInvalidArgument) << mm;
   }
   for (const int iterations : {0, -1, 1001}) {
     EXPECT_EQ(refusal(sphere, {.kind = FilterKind::kMeanCurvature, .iterations = iterations}),
               ErrorKind::kInvalidArgument);
   }
-  for (const Vec3& mm : {Vec3(0, 0, 0), Vec3(1, -1, 1), Vec3(1, 1, kNan), Vec3(1, 9, 1),
+  for (const Vec3& mm : {Vec3(0, 0, 0), Vec3(1, -1, 1), Vec3(1, 1, std::nan("")), Vec3(1, 9, 1),
                          Vec3(1e-5, 1, 1), Vec3(1, 1, 1e7)}) {
     EXPECT_EQ(refusal(density, resample(mm)), ErrorKind::kInvalidArgument) << mm.transpose();
   }
@@ -284,14 +272,14 @@ TEST(Reshape, MemoryIsClaimedFirstAndCancellingEndsIt) {
   for (const VolumeFilter& filter : filters) {
     const VolumePtr& volume = filter.kind == FilterKind::kResample ? density : sphere;
     const auto full = [](std::uint64_t) { throw Error(ErrorKind::kTooLarge, "full"); };
-    EXPECT_EQ(Refusal([&] { Reshape(*volume, filter, full, kQuiet, kNever); }),
+    EXPECT_EQ(Refusal([&] { Reshape(*volume, filter, full, kQuietly, kGoOn); }),
               ErrorKind::kTooLarge);
-    EXPECT_EQ(Refusal([&] { Reshape(*volume, filter, kFree, kQuiet, [] { return true; }); }),
+    EXPECT_EQ(Refusal([&] { Reshape(*volume, filter, kFree, kQuietly, [] { return true; }); }),
               ErrorKind::kCancelled);
     std::uint64_t claimed = 0;
     const ReshapedVolume made = Reshape(
-        *volume, filter, [&](std::uint64_t bytes) { claimed = std::max(claimed, bytes); }, kQuiet,
-        kNever);
+        *volume, filter, [&](std::uint64_t bytes) { claimed = std::max(claimed, bytes); }, kQuietly,
+        kGoOn);
     EXPECT_GE(claimed, made.bricks.MemoryBytes());
   }
 }

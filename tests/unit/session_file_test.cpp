@@ -6,6 +6,8 @@
 #include <fstream>
 #include <random>
 #include <sstream>
+#include <string>
+#include <tuple>
 
 #include "server/state/session_keeper.h"
 #include "tests/support/editable_session.h"
@@ -46,30 +48,31 @@ SavedSession Session1() {
   return session;
 }
 
-void ExpectSame(const FeltSession& read, const FeltSession& written) {
+auto Members(const RawVoxels& raw) {
+  return std::tie(raw.size, raw.type, raw.big_endian, raw.offset_bytes);
+}
+
+void ExpectSameSettings(const RenderSettings& read, const RenderSettings& written) {
+  EXPECT_EQ(read.isovalue, written.isovalue);
+  EXPECT_EQ(read.method, written.method);
+  EXPECT_EQ(read.haptics.free_side, written.haptics.free_side);
+  for (const NumberSetting& setting : kNumberSettings) {
+    EXPECT_EQ(read.haptics.*setting.member, written.haptics.*setting.member) << setting.key;
+  }
+  for (const FlagSetting& setting : kFlagSettings) {
+    EXPECT_EQ(read.haptics.*setting.member, written.haptics.*setting.member) << setting.key;
+  }
+}
+
+void ExpectSameSession(const FeltSession& read, const FeltSession& written) {
   EXPECT_EQ(read.volume.source, written.volume.source);
   EXPECT_EQ(read.volume.title, written.volume.title);
   EXPECT_EQ(read.volume.spacing_mm, written.volume.spacing_mm);
   EXPECT_EQ(read.volume.frame, written.volume.frame);
   ASSERT_EQ(read.volume.raw.has_value(), written.volume.raw.has_value());
-  if (read.volume.raw) {
-    EXPECT_EQ(read.volume.raw->size, written.volume.raw->size);
-    EXPECT_EQ(read.volume.raw->type, written.volume.raw->type);
-    EXPECT_EQ(read.volume.raw->big_endian, written.volume.raw->big_endian);
-    EXPECT_EQ(read.volume.raw->offset_bytes, written.volume.raw->offset_bytes);
-  }
+  EXPECT_TRUE(!read.volume.raw || Members(*read.volume.raw) == Members(*written.volume.raw));
   EXPECT_EQ(read.is_edited, written.is_edited);
-  EXPECT_EQ(read.settings.isovalue, written.settings.isovalue);
-  EXPECT_EQ(read.settings.method, written.settings.method);
-  EXPECT_EQ(read.settings.haptics.free_side, written.settings.haptics.free_side);
-  for (const NumberSetting& setting : kNumberSettings) {
-    EXPECT_EQ(read.settings.haptics.*setting.member, written.settings.haptics.*setting.member)
-        << setting.key;
-  }
-  for (const FlagSetting& setting : kFlagSettings) {
-    EXPECT_EQ(read.settings.haptics.*setting.member, written.settings.haptics.*setting.member)
-        << setting.key;
-  }
+  ExpectSameSettings(read.settings, written.settings);
 }
 
 class SessionFileTest : public ::testing::Test {
@@ -79,6 +82,12 @@ class SessionFileTest : public ::testing::Test {
     text << std::ifstream(path_).rdbuf();
     return text.str();
   }
+  SavedSession WriteAndRead(const SavedSession& written) const {
+    WriteSessionFile(path_, written);
+    const SessionFile read = ReadSessionFile(path_);
+    EXPECT_TRUE(read.session) << read.damage;
+    return read.session.value_or(SavedSession());
+  }
   void Write(const std::string& text) const { std::ofstream(path_, std::ios::binary) << text; }
 
   test::TemporaryFolder folder_;
@@ -87,45 +96,33 @@ class SessionFileTest : public ::testing::Test {
 
 TEST_F(SessionFileTest, HoldsAllToTheBit) {
   const SavedSession written = Session1();
-  WriteSessionFile(path_, written);
-  const SessionFile read = ReadSessionFile(path_);
-  ASSERT_TRUE(read.session) << read.damage;
-  EXPECT_EQ(read.session->configured.source, written.configured.source);
-  EXPECT_EQ(read.session->configured.spacing_mm, written.configured.spacing_mm);
-  EXPECT_EQ(read.session->configured.device_mm_per_volume_mm,
-            written.configured.device_mm_per_volume_mm);
-  EXPECT_EQ(read.session->configured.isovalue, written.configured.isovalue);
-  EXPECT_EQ(read.session->configured_settings.method, DecompositionMethod::kBcc);
-  EXPECT_EQ(read.session->configured_settings.haptics.stiffness_n_per_mm, 0.7);
-  EXPECT_EQ(read.session->attempts, 2);
-  ExpectSame(read.session->felt, written.felt);
+  const SavedSession read = WriteAndRead(written);
+  EXPECT_EQ(read.configured.source, written.configured.source);
+  EXPECT_EQ(read.configured.spacing_mm, written.configured.spacing_mm);
+  EXPECT_EQ(read.configured.device_mm_per_volume_mm, written.configured.device_mm_per_volume_mm);
+  EXPECT_EQ(read.configured.isovalue, written.configured.isovalue);
+  EXPECT_EQ(read.configured_settings.method, DecompositionMethod::kBcc);
+  EXPECT_EQ(read.configured_settings.haptics.stiffness_n_per_mm, 0.7);
+  EXPECT_EQ(read.attempts, 2);
+  ExpectSameSession(read.felt, written.felt);
 }
 
 TEST_F(SessionFileTest, WhatIsNotGivenStaysSo) {
+  EXPECT_FALSE(ReadSessionFile(path_).session);
+  EXPECT_EQ(ReadSessionFile(path_).damage, "");
   SavedSession written;
   written.configured.source = written.felt.volume.source = "builtin:bumps";
-  WriteSessionFile(path_, written);
-  const SessionFile read = ReadSessionFile(path_);
-  ASSERT_TRUE(read.session) << read.damage;
-  EXPECT_FALSE(read.session->configured.spacing_mm);
-  EXPECT_FALSE(read.session->configured.device_mm_per_volume_mm);
-  ExpectSame(read.session->felt, written.felt);
+  const SavedSession read = WriteAndRead(written);
+  EXPECT_FALSE(read.configured.spacing_mm);
+  EXPECT_FALSE(read.configured.device_mm_per_volume_mm);
+  ExpectSameSession(read.felt, written.felt);
 }
 
 // Such a path cannot be loaded again: better none than another one.
 TEST_F(SessionFileTest, APathThatIsNoUtf8IsLeftOut) {
   SavedSession written = Session1();
   written.felt.volume.source = "/data/\xff\xfe.nrrd";
-  WriteSessionFile(path_, written);
-  const SessionFile read = ReadSessionFile(path_);
-  ASSERT_TRUE(read.session) << read.damage;
-  EXPECT_EQ(read.session->felt.volume.source, "");
-}
-
-TEST_F(SessionFileTest, NoFileIsNoDamage) {
-  const SessionFile read = ReadSessionFile(path_);
-  EXPECT_FALSE(read.session);
-  EXPECT_EQ(read.damage, "");
+  EXPECT_EQ(WriteAndRead(written).felt.volume.source, "");
 }
 
 TEST_F(SessionFileTest, DamagedFilesAreSaidOrHoldASession) {
@@ -133,7 +130,7 @@ TEST_F(SessionFileTest, DamagedFilesAreSaidOrHoldASession) {
   const std::string whole = Text();
   std::mt19937 random(7);
   int damaged = 0;
-  for (int round = 0; round < 2000; ++round) {
+  for (int round = 0; round < 600; ++round) {
     std::string text = whole;
     switch (round % 3) {
       case 0:
@@ -151,26 +148,18 @@ TEST_F(SessionFileTest, DamagedFilesAreSaidOrHoldASession) {
     EXPECT_TRUE(read.session || !read.damage.empty()) << text;
     damaged += !read.damage.empty();
   }
-  EXPECT_GT(damaged, 200);
+  EXPECT_GT(damaged, 60);
 }
 
 TEST_F(SessionFileTest, ASizeThatNoVolumeHasIsNone) {
-  LoadRequest request;
-  request.source = "/data/voxels.raw";
-  request.raw = RawVoxels{.size = {64, 1234567, 2}, .type = "int16"};
-  SavedSession session = Session1();
-  session.felt.volume = request;
-  WriteSessionFile(path_, session);
-  std::string text = Text();
-  const std::string number = "1234567";
+  WriteSessionFile(path_, Session1());
+  const std::string text = Text(), number = "1000000007";
   for (const char* other : {"1e300", "-1e300", "nan", "inf", "-5", "9223372036854775807"}) {
     std::string changed = text;
-    changed.replace(changed.find(number), number.size(), other);
-    Write(changed);
+    Write(changed.replace(changed.find(number), number.size(), other));
     const SessionFile read = ReadSessionFile(path_);
     ASSERT_TRUE(read.session && read.session->felt.volume.raw) << read.damage;
-    EXPECT_EQ(read.session->felt.volume.raw->size, (std::array<std::int64_t, 3>{64, 0, 2}))
-        << other;
+    EXPECT_EQ(read.session->felt.volume.raw->size, (std::array<std::int64_t, 3>{1, 0, 3})) << other;
   }
 }
 
@@ -197,10 +186,13 @@ class SessionKeeperTest : public ::testing::Test {
 
 TEST_F(SessionKeeperTest, WhatIsLeftComesBackWithItsIsovalue) {
   EXPECT_FALSE(Make()->TakeLeft());
+  std::mt19937 random(1);
+  data_.RandomEdit(random);
   Leave();
   const std::optional<FeltSession> left = Make()->TakeLeft();
   ASSERT_TRUE(left);
-  ExpectSame(*left, data_.session().Felt());
+  ExpectSameSession(*left, data_.session().Felt());
+  EXPECT_TRUE(left->is_edited);
   EXPECT_EQ(left->volume.source, "builtin:sphere:24");
   EXPECT_EQ(left->volume.isovalue, left->settings.isovalue);
 }
@@ -229,9 +221,8 @@ TEST_F(SessionKeeperTest, WhatIsConfiguredOtherwiseNowIsAsConfigured) {
   ASSERT_TRUE(left);
   EXPECT_EQ(left->volume.source, "builtin:sphere:24");
   EXPECT_EQ(left->volume.isovalue, 0.25);
-  EXPECT_EQ(left->settings.haptics.stiffness_n_per_mm, 0.125);
-  EXPECT_TRUE(left->settings.haptics.force_shading);
-  EXPECT_EQ(left->settings.method, DecompositionMethod::kBcc);
+  settings.isovalue = left->settings.isovalue;
+  ExpectSameSettings(left->settings, settings);
 }
 
 // Readers of the state alone, or nobody.
@@ -242,23 +233,11 @@ TEST_F(SessionKeeperTest, AFolderThatCannotBeReadStopsNothing) {
   EXPECT_FALSE(Make()->TakeLeft());
 }
 
-TEST_F(SessionKeeperTest, AnEndInOrderLeavesNothing) {
+TEST_F(SessionKeeperTest, AnEndInOrderOrAnotherConfiguredVolumeLeavesNothing) {
   const auto keeper = Make();
   keeper->Start();
   keeper->End();
   EXPECT_FALSE(IsThere());
-}
-
-TEST_F(SessionKeeperTest, AnEditIsKeptAsAnEdit) {
-  std::mt19937 random(1);
-  data_.RandomEdit(random);
-  Leave();
-  const std::optional<FeltSession> left = Make()->TakeLeft();
-  ASSERT_TRUE(left);
-  EXPECT_TRUE(left->is_edited);
-}
-
-TEST_F(SessionKeeperTest, ForAnotherConfiguredVolumeNothingComesBack) {
   Leave();
   EXPECT_FALSE(Make({.source = "builtin:gyroid"})->TakeLeft());
   EXPECT_FALSE(IsThere());

@@ -4,15 +4,12 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <limits>
 #include <numbers>
 
 #include "tests/support/made_volume.h"
 
 namespace palpate {
 namespace {
-
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
 class ToolStrokesTest : public ::testing::Test {
  protected:
@@ -78,7 +75,10 @@ TEST_F(ToolStrokesTest, AReleaseGivesTheMotionSinceThePress) {
   EXPECT_LT((motion->Apply(Vec3(1, 0, 0)) - Vec3(4, 5, 6)).norm(), 1e-14);
   EXPECT_LT(motion->R.angularDistance(Turn(0.3)), 1e-14);
   EXPECT_FALSE(strokes_.TakeMotion().has_value());
+  // A stylus at rest moves nothing.
+  for (int n = 0; n < 100; ++n) EXPECT_FALSE(Tick(kClutchButton, Vec3(1, 2, 3), Turn(1.0)));
   EXPECT_FALSE(Tick(0));
+  EXPECT_FALSE(strokes_.TakeMotion().has_value());
 }
 
 TEST_F(ToolStrokesTest, PressesThatWereNotTakenAddUp) {
@@ -115,12 +115,6 @@ TEST_F(ToolStrokesTest, StepsAddUpToTheWholeMotion) {
   EXPECT_NEAR(whole.R.norm(), 1.0, 1e-14);
 }
 
-TEST_F(ToolStrokesTest, AStylusAtRestMovesNothing) {
-  for (int n = 0; n < 100; ++n) EXPECT_FALSE(Tick(kClutchButton, Vec3(1, 2, 3), Turn(1.0)));
-  EXPECT_FALSE(Tick(0));
-  EXPECT_FALSE(strokes_.TakeMotion().has_value());
-}
-
 TEST_F(ToolStrokesTest, FaultsAndOrientationsThatAreNoneArePassedOver) {
   Tick(kClutchButton, Vec3(0, 0, 0));
   Tick(kClutchButton, Vec3(1, 0, 0));
@@ -128,7 +122,7 @@ TEST_F(ToolStrokesTest, FaultsAndOrientationsThatAreNoneArePassedOver) {
   fault.mode = TickMode::kFault;
   strokes_.OnSample(fault);
   for (const Eigen::Quaterniond& bad :
-       {Eigen::Quaterniond(kNan, 0, 0, 0), Eigen::Quaterniond(0, 0, 0, 0),
+       {Eigen::Quaterniond(std::nan(""), 0, 0, 0), Eigen::Quaterniond(0, 0, 0, 0),
         Eigen::Quaterniond(2, 0, 0, 0), Eigen::Quaterniond(1, HUGE_VAL, 0, 0)}) {
     Tick(kClutchButton, Vec3(300, 0, 0), bad);
   }
@@ -204,6 +198,16 @@ TEST_F(ToolStrokesTest, CarvesAtItsRate) {
   Tick(0);
   value += Carved();
   EXPECT_NEAR(value, -2.0 * 70.0 * 1.001, 2.0 * 70.0 * 0.02);
+  // A fault does not save it up.
+  Tick(kCarveButton);
+  for (int n = 0; n < 3000; ++n) {
+    TickSample fault = Sample(kCarveButton, Vec3::Zero());
+    fault.mode = TickMode::kFault;
+    EXPECT_FALSE(strokes_.OnSample(fault));
+  }
+  Tick(kCarveButton);
+  Tick(0);
+  EXPECT_GE(Carved(), -2.0 * 70.0 * 0.0167);
 }
 
 TEST_F(ToolStrokesTest, AStepIsTheWayOfTheProxyInTheWorld) {
@@ -309,18 +313,6 @@ TEST_F(ToolStrokesTest, BentStepsThatWaitDoNot) {
   // Nor do those of two presses.
   for (const std::uint32_t buttons : {1u, 1u, 1u, 0u, 1u, 1u, 1u, 0u}) Tick(buttons);
   EXPECT_EQ(strokes_.TakeCarving().size(), 2u);
-}
-
-TEST_F(ToolStrokesTest, AFaultDoesNotSaveUpCarving) {
-  Tick(kCarveButton);
-  for (int n = 0; n < 3000; ++n) {
-    TickSample fault = Sample(kCarveButton, Vec3::Zero());
-    fault.mode = TickMode::kFault;
-    EXPECT_FALSE(strokes_.OnSample(fault));
-  }
-  Tick(kCarveButton);
-  Tick(0);
-  EXPECT_GE(Carved(), -2.0 * 70.0 * 0.0167);
 }
 
 }  // namespace

@@ -1,18 +1,25 @@
-// The viewer's copy: messages that make no sense, damage, limits, what changed.
-#include "client/sdk/volume_mirror.h"
-
+// The copy of a client: messages that make no sense, damage, what changed; and reconnecting.
 #include <gtest/gtest.h>
 
+#include <atomic>
 #include <cmath>
 #include <cstring>
 #include <limits>
+#include <memory>
+#include <optional>
 #include <random>
+#include <set>
+#include <thread>
+#include <vector>
 
+#include "client/sdk/backoff.h"
+#include "client/sdk/volume_copy.h"
+#include "client/sdk/volume_mirror.h"
 #include "common/bricks/float_codec.h"
 #include "common/error/error.h"
 #include "tests/support/refusal.h"
 
-namespace palpate {
+namespace palpate::client {
 namespace {
 
 using testing::Refusal;
@@ -106,25 +113,19 @@ TEST(VolumeMirror, BricksThatWereHandedOutStay) {
   EXPECT_EQ((*mirror.At(2))[0], 3.0f);
 }
 
-TEST(VolumeMirror, AnotherVolumeVoidsTheCopy) {
+TEST(VolumeMirror, TheOverviewIsThereWhenItIsWholeUntilAnotherVolumeVoidsTheCopy) {
   client::VolumeMirror mirror = Begun();
   mirror.Apply(VolumePlacement{});
-  mirror.Apply(Overview(0, 30));
-  mirror.Apply(Complete({-5, -5, -5, -5, -5, -5}));
-  EXPECT_EQ(mirror.overview().size(), 30u);
-  mirror.Apply(Lattice());
-  EXPECT_FALSE(mirror.resume());
-  EXPECT_FALSE(mirror.placement());
-  EXPECT_TRUE(mirror.overview().empty());
-}
-
-TEST(VolumeMirror, TheOverviewIsThereWhenItIsWhole) {
-  client::VolumeMirror mirror = Begun();
   mirror.Apply(Overview(0, 12));
   EXPECT_TRUE(mirror.overview().empty());
   mirror.Apply(Overview(12, 18));
   ASSERT_EQ(mirror.overview().size(), 30u);
   EXPECT_EQ(mirror.overview()[29], 0.5f);
+  mirror.Apply(Complete({-5, -5, -5, -5, -5, -5}));
+  mirror.Apply(Lattice());
+  EXPECT_FALSE(mirror.resume());
+  EXPECT_FALSE(mirror.placement());
+  EXPECT_TRUE(mirror.overview().empty());
 }
 
 TEST(VolumeMirror, RefusesWhatMakesNoSense) {
@@ -194,33 +195,6 @@ TEST(VolumeMirror, ACopyThatIsNotEqualIsNotComplete) {
   mirror.Apply(Complete({-5, 2, -5, -5, -5, -5}));
 }
 
-TEST(VolumeMirror, EveryFlippedBitIsFound) {
-  std::mt19937 random(1);
-  std::vector<float> values(2 * kBrickVoxels);
-  for (float& value : values) value = static_cast<float>(random() % 100);
-  const VolumeBricks good{{0, 4}, CompressFloats(values), 0};
-  client::VolumeMirror right = Begun();
-  right.Apply(good);
-  VolumeComplete complete{{9, 4}, {}};
-  for (std::uint64_t n = 0; n < 6; ++n) complete.content_hash += HashOfBrick(*right.At(n), n);
-  right.Apply(complete);
-  int found = 0, harmless = 0;
-  for (std::size_t byte = 0; byte < good.zstd_values.size(); ++byte) {
-    VolumeBricks bad = good;
-    bad.zstd_values[byte] = static_cast<char>(bad.zstd_values[byte] ^ (1 << (random() % 8)));
-    client::VolumeMirror mirror = Begun();
-    const bool refused = Refusal([&] {
-                           mirror.Apply(bad);
-                           mirror.Apply(complete);
-                         }).has_value();
-    found += refused;
-    // A bit that zstd does not read: the copy is equal all the same.
-    harmless += !refused && *mirror.At(0) == *right.At(0) && *mirror.At(4) == *right.At(4);
-  }
-  EXPECT_EQ(found + harmless, static_cast<int>(good.zstd_values.size()));
-  EXPECT_GT(found, 9 * harmless);
-}
-
 TEST(FloatCodec, RoundTripsAnyBits) {
   const float nan = std::numeric_limits<float>::quiet_NaN();
   const float infinity = std::numeric_limits<float>::infinity();
@@ -243,5 +217,188 @@ TEST(FloatCodec, RoundTripsAnyBits) {
   EXPECT_EQ(Refusal([&] { CountFloats("", 8); }), ErrorKind::kInvalidArgument);
 }
 
+constexpr int kCopySize = 40;
+
+VolumeLattice CubeLattice() {
+  VolumeLattice lattice;
+  lattice.source = "test";
+  lattice.size = Vec3i::Constant(kCopySize);
+  lattice.value_max = 100.0;
+  return lattice;
+}
+
+VolumeBricks ConstantBricks(const std::vector<std::uint64_t>& numbers, float value,
+                            std::uint64_t left = 0) {
+  return {numbers, CompressFloats(std::vector<float>(numbers.size() * kBrickVoxels, value)), left};
+}
+
+// What a viewer makes of the updates.
+struct CopyViewer {
+  std::vector<BrickPtr> bricks;
+  bool complete = false;
+
+  void Take(const VolumeUpdate& update) {
+    if (update.all) {
+      const float background = update.lattice ? update.lattice->Background() : 0.0f;
+      auto brick = std::make_shared<Brick>();
+      brick->fill(background);
+      bricks.assign(update.lattice ? update.lattice->Bricks() : 0, brick);
+    }
+    for (const ChangedBrick& changed : update.bricks) bricks[changed.number] = changed.brick;
+    complete = update.complete.has_value();
+  }
+  void ExpectEqual(const VolumeMirror& mirror) const {
+    ASSERT_EQ(bricks.size(), mirror.lattice()->Bricks());
+    for (std::uint64_t n = 0; n < bricks.size(); ++n) ASSERT_EQ(*bricks[n], *mirror.At(n)) << n;
+  }
+};
+
+class VolumeCopyTest : public ::testing::Test {
+ protected:
+  VolumeCopyTest() { mirror_.Apply(CubeLattice()); }
+  VolumeUpdate Take() {
+    copy_.Merge(mirror_);
+    std::optional<VolumeUpdate> update = copy_.Take();
+    EXPECT_TRUE(update);
+    return update.value_or(VolumeUpdate());
+  }
+
+  VolumeMirror mirror_;
+  VolumeCopy copy_;
+};
+
+TEST_F(VolumeCopyTest, SaysNothingWhereNothingChanged) {
+  VolumeMirror empty;
+  VolumeCopy copy;
+  EXPECT_FALSE(copy.Merge(empty));
+  EXPECT_FALSE(copy.Take());
+  EXPECT_TRUE(copy_.Merge(mirror_));
+  EXPECT_FALSE(copy_.Merge(mirror_));
+  EXPECT_TRUE(copy_.Take());
+  EXPECT_FALSE(copy_.Take());
+}
+
+TEST_F(VolumeCopyTest, BackgroundIsNotListed) {
+  mirror_.Apply(ConstantBricks({3, 7}, 5.0f));
+  const VolumeUpdate update = Take();
+  EXPECT_TRUE(update.all);
+  ASSERT_EQ(update.bricks.size(), 2u);
+  EXPECT_EQ(update.bricks[0].number, 3u);
+  EXPECT_EQ(update.bricks[1].number, 7u);
+}
+
+TEST_F(VolumeCopyTest, ManyChangesOfABrickAreOneAndTheNewest) {
+  Take();
+  for (int n = 1; n <= 1000; ++n) {
+    mirror_.Apply(ConstantBricks({4}, static_cast<float>(n)));
+    copy_.Merge(mirror_);
+  }
+  const VolumeUpdate update = Take();
+  EXPECT_FALSE(update.all);
+  ASSERT_EQ(update.bricks.size(), 1u);
+  EXPECT_EQ(update.bricks[0].brick->front(), 1000.0f);
+}
+
+TEST_F(VolumeCopyTest, AnotherVolumeVoidsWhatWasNotTaken) {
+  mirror_.Apply(ConstantBricks({100}, 5.0f));
+  copy_.Merge(mirror_);
+  VolumeLattice smaller = CubeLattice();
+  smaller.size = Vec3i::Constant(8);
+  mirror_.Apply(smaller);
+  const VolumeUpdate update = Take();
+  ASSERT_TRUE(update.lattice);
+  EXPECT_TRUE(update.all);
+  EXPECT_EQ(update.lattice->size, Vec3i::Constant(8));
+  EXPECT_TRUE(update.bricks.empty());
+  // A copy that is void names no volume at all.
+  mirror_.Reset();
+  const VolumeUpdate none = Take();
+  EXPECT_TRUE(none.all);
+  EXPECT_FALSE(none.lattice || none.complete);
+}
+
+TEST_F(VolumeCopyTest, TheOverviewComesOncePerVolume) {
+  const Vec3i size = Vec3i::Constant(OverviewCount(kCopySize));
+  mirror_.Apply(VolumeOverview{size, 0, CompressFloats(std::vector<float>(size.prod(), 2.0f))});
+  copy_.Merge(mirror_);
+  mirror_.Apply(ConstantBricks({1}, 3.0f));
+  const VolumeUpdate first = Take();
+  EXPECT_EQ(first.overview.size(), static_cast<std::size_t>(size.prod()));
+  EXPECT_EQ(first.overview_size, size);
+  mirror_.Apply(ConstantBricks({1}, 4.0f));
+  EXPECT_TRUE(Take().overview.empty());
+}
+
+TEST_F(VolumeCopyTest, APlaceIsAChange) {
+  Take();
+  VolumePlacement placement;
+  placement.settings_revision = 2;
+  mirror_.Apply(placement);
+  const VolumeUpdate update = Take();
+  ASSERT_TRUE(update.placement);
+  EXPECT_EQ(update.placement->settings_revision, 2u);
+  mirror_.Apply(placement);
+  EXPECT_FALSE(copy_.Merge(mirror_));
+}
+
+// One thread changes volumes and bricks, another takes; at the end both are equal.
+TEST_F(VolumeCopyTest, WhatIsTakenAddsUpWhileItChanges) {
+  CopyViewer viewer;
+  std::atomic<bool> done{false};
+  std::thread drawer([&] {
+    while (!done) {
+      if (const auto update = copy_.Take()) viewer.Take(*update);
+    }
+  });
+  std::mt19937 random(5);
+  for (int n = 0; n < 3000; ++n) {
+    if (n % 500 == 0) mirror_.Apply(CubeLattice());
+    std::uint64_t first = random() % 120;
+    mirror_.Apply(ConstantBricks({first, first + 2, first + 5}, static_cast<float>(n)));
+    copy_.Merge(mirror_);
+  }
+  done = true;
+  drawer.join();
+  if (const auto update = copy_.Take()) viewer.Take(*update);
+  viewer.ExpectEqual(mirror_);
+}
+
+TEST(Backoff, DoublesUpToTheLongest) {
+  for (std::uint64_t seed = 0; seed < 1000; ++seed) {
+    Backoff backoff(seed);
+    for (const int longest_ms : {100, 200, 400, 800, 1600, 3200, 5000, 5000, 5000}) {
+      const auto pause_ms = backoff.Next().count();
+      EXPECT_LE(pause_ms, longest_ms);
+      EXPECT_GT(pause_ms, longest_ms / 2);
+    }
+  }
+}
+
+TEST(Backoff, NeverGrowsBeyondTheLongest) {
+  Backoff backoff(1);
+  for (int n = 0; n < 100000; ++n) {
+    const auto pause = backoff.Next();
+    ASSERT_LE(pause, Backoff::kLongest);
+    ASSERT_GT(pause.count(), 0);
+  }
+}
+
+TEST(Backoff, BeginsAnewAfterASuccess) {
+  Backoff backoff(7);
+  for (int n = 0; n < 9; ++n) backoff.Next();
+  backoff.Reset();
+  EXPECT_LE(backoff.Next(), Backoff::kFirst);
+}
+
+TEST(Backoff, ManyClientsDoNotComeBackAtOnce) {
+  std::set<std::int64_t> pauses_ms;
+  for (std::uint64_t seed = 0; seed < 200; ++seed) {
+    Backoff backoff(seed);
+    for (int n = 0; n < 8; ++n) backoff.Next();
+    pauses_ms.insert(backoff.Next().count());
+  }
+  EXPECT_GT(pauses_ms.size(), 150u);
+}
+
 }  // namespace
-}  // namespace palpate
+}  // namespace palpate::client
