@@ -1,5 +1,5 @@
 // UsbLink against emulated devices in this process: which device it takes, and how it
-// takes and leaves it.
+// takes and leaves it. And the log of a device.
 #include "server/device/usb/usb_link.h"
 
 #include <gtest/gtest.h>
@@ -14,6 +14,8 @@
 #include <thread>
 #include <vector>
 
+#include "server/device/usb/device_log.h"
+#include "tests/support/patience.h"
 #include "tests/support/plain_stylus.h"
 #include "tests/support/usb_testbed.h"
 
@@ -24,6 +26,7 @@ using std::chrono::milliseconds;
 using Kind = UsbEvent::Kind;
 
 const UsbMatch kMatch = PlainProtocol().match();
+constexpr milliseconds kPatience{60'000};
 
 struct Refusal {
   std::optional<UsbFault> fault{};
@@ -142,7 +145,7 @@ TEST(UsbLink, WhatIsKnownToBeNoneIsNotOpened) {
   match.problem_of = [](const UsbMatch::Ids&) { return std::string("it speaks in tongues"); };
   const Refusal refusal = RefusalOf(match);
   EXPECT_EQ(refusal.fault, UsbFault::kUnsuitable);
-  EXPECT_EQ(refusal.message, "found on USB port 1-1, but it speaks in tongues");
+  EXPECT_TRUE(refusal.Says("1-1") && refusal.Says("it speaks in tongues")) << refusal.message;
   EXPECT_EQ(stylus.CountOf(Kind::kClaim), 0u);
 }
 
@@ -152,7 +155,8 @@ TEST(UsbLink, SendsAndReceives) {
   bus.Plug("1-1", stylus);
   UsbLink link(kMatch);
   std::array<std::uint8_t, 64> bytes{};
-  const auto receive = [&] { return link.Receive(bytes, milliseconds(50)); };
+  milliseconds timeout{50};
+  const auto receive = [&] { return link.Receive(bytes, timeout); };
   const auto fault_of = [](const auto& call) {
     try {
       call();
@@ -162,14 +166,15 @@ TEST(UsbLink, SendsAndReceives) {
     return std::optional<UsbFault>();
   };
   EXPECT_EQ(fault_of(receive), UsbFault::kTimeout);
-  EXPECT_EQ(link.Control(kPlainRequest, kPlainStart, 0, 0, {}, milliseconds(200)), 0u);
+  timeout = kPatience;
+  EXPECT_EQ(link.Control(kPlainRequest, kPlainStart, 0, 0, {}, kPatience), 0u);
   EXPECT_EQ(receive(), 4u);
   EXPECT_EQ(bytes[0], 0x5a);
-  link.Send(std::array<std::uint8_t, 4>{0xa5, 1, 100, 0}, milliseconds(200));
+  link.Send(std::array<std::uint8_t, 4>{0xa5, 1, 100, 0}, kPatience);
   ASSERT_EQ(stylus.Forces().size(), 1u);
   EXPECT_EQ(stylus.Forces()[0].x_n, 1.0);
 
-  const auto refused = [&] { link.Control(kPlainRequest, 77, 0, 0, {}, milliseconds(200)); };
+  const auto refused = [&] { link.Control(kPlainRequest, 77, 0, 0, {}, kPatience); };
   EXPECT_EQ(fault_of(refused), UsbFault::kStall);
   stylus.Stall(kPlainIn, false);
   EXPECT_EQ(fault_of(receive), UsbFault::kStall);
@@ -183,20 +188,58 @@ TEST(UsbLink, SendsAndReceivesAgainAfterAStream) {
   UsbTestbed bus;
   bus.Plug("1-1", stylus);
   UsbLink link(kMatch);
-  link.Control(kPlainRequest, kPlainStart, 0, 0, {}, milliseconds(200));
+  link.Control(kPlainRequest, kPlainStart, 0, 0, {}, kPatience);
   for (int round = 0; round < 3; ++round) {
     std::size_t received = 0;
     link.StartStream(10, [&](std::span<const std::uint8_t> bytes) { received += bytes.size(); },
                      {});
     EXPECT_TRUE(link.TrySend(std::array<std::uint8_t, 4>{0xa5, 0, 0, 0}));
     EXPECT_FALSE(link.TrySend(std::array<std::uint8_t, 4>{0xa5, 0, 0, 0}));  // under way
-    for (int i = 0; i < 1000 && received < 40; ++i) link.Wait(milliseconds(10));
-    EXPECT_GE(received, 40u);
+    EXPECT_TRUE(Eventually([&] {
+      link.Wait(milliseconds(10));
+      return received >= 40;
+    }));
     link.EndStream();
     std::array<std::uint8_t, 64> bytes{};
-    EXPECT_EQ(link.Receive(bytes, milliseconds(200)), 4u);
+    EXPECT_EQ(link.Receive(bytes, kPatience), 4u);
   }
   EXPECT_EQ(link.transfer_errors(), 0u);
+}
+
+std::vector<std::string> LinesOf(DeviceLog& log) {
+  std::vector<std::string> lines;
+  while (const std::optional<DeviceEvent> event = log.Next()) lines.push_back(event->text);
+  return lines;
+}
+
+std::string ProblemOf(const DeviceLog& log) {
+  DeviceHealth health;
+  log.FillIn(health);
+  return health.problem;
+}
+
+TEST(DeviceLog, HasOneLinePerChange) {
+  DeviceLog log("falcon");
+  for (int i = 0; i < 3; ++i) log.SetProblem("not found: plug it in");
+  EXPECT_EQ(ProblemOf(log), "not found: plug it in");
+  log.SetProblem("in use");
+  log.SetConnected("1-2.3", "");
+  EXPECT_EQ(ProblemOf(log), "");
+  log.SetConnected("1-2", "serial 7");
+  log.SetProblem("in use");
+  EXPECT_EQ(LinesOf(log), (std::vector<std::string>{
+                              "falcon: not found: plug it in", "falcon: in use",
+                              "falcon on USB port 1-2.3: connected",
+                              "falcon on USB port 1-2: connected, serial 7", "falcon: in use"}));
+  EXPECT_FALSE(log.Next().has_value());
+}
+
+TEST(DeviceLog, LosesTheOldestWhereNobodyReads) {
+  DeviceLog log("falcon");
+  for (int i = 0; i < 1000; ++i) log.Add(DeviceEvent::Level::kInfo, std::to_string(i));
+  const std::vector<std::string> lines = LinesOf(log);
+  ASSERT_EQ(lines.size(), DeviceLog::kMaxEvents);
+  EXPECT_EQ(lines.back(), "falcon: 999");
 }
 
 }  // namespace

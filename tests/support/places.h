@@ -13,7 +13,6 @@ extern const char* const kPalpateLab;
 extern const char* const kConfinedChild;
 extern const char* const kHonestyChild;
 extern const char* const kRecordingChild;
-extern const char* const kUsbClientChild;
 extern const char* const kVolumeExportChild;
 // Writes and checks .vdb files.
 extern const char* const kVdbTool;

@@ -4,13 +4,13 @@
 #include <array>
 #include <cmath>
 #include <cstdlib>
-#include <limits>
 #include <random>
 #include <vector>
 
 #include "common/error/error.h"
 #include "server/device/omni/omni_usb_protocol.h"
 #include "tests/support/allocation_count.h"
+#include "tests/support/device_numbers.h"
 #include "tests/support/omni_frames.h"
 #include "tests/support/scaled.h"
 
@@ -19,29 +19,21 @@ namespace {
 
 using Bytes = std::vector<std::uint8_t>;
 using test::Framed;
+using test::kInfinity;
+using test::kNan;
+using test::kOmniForce;
+using test::kOmniState;
+using test::NamedOmniUsbOptions;
 using test::OmniReading;
 
-constexpr std::uint8_t kState = 0x21, kForce = 0x22;
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
-
-OmniUsbOptions Named() {
-  OmniUsbOptions options;
-  options.frames = OmniUsbFrames::kFramedFirewire;
-  options.state_command = kState;
-  options.force_command = kForce;
-  options.init_payload.emplace();
-  return options;
-}
-
 OmniUsbOptions WithMotors(std::array<double, 3> counts_per_n_mm = {2.0, 2.0, 2.0}) {
-  OmniUsbOptions options = Named();
+  OmniUsbOptions options = NamedOmniUsbOptions();
   options.motor_counts_per_n_mm = counts_per_n_mm;
   return options;
 }
 
 Bytes StateFrame(const OmniReading& reading) {
-  return Framed(kState, test::OmniStatePayload(reading));
+  return Framed(kOmniState, test::OmniStatePayload(reading));
 }
 
 // A docked one so often that it counts; with a counter of its own unless it has one.
@@ -64,7 +56,7 @@ struct SentForce {
 SentForce Encoded(OmniUsbProtocol& protocol, const Vec3& force_D_n, bool forces_on = true) {
   std::array<std::uint8_t, UsbProtocol::kMaxFrameBytes> out{};
   EXPECT_EQ(protocol.Encode(force_D_n, forces_on, out), kOmniUsbHeaderBytes + kOmniForceBytes);
-  EXPECT_EQ(out[2], kForce);
+  EXPECT_EQ(out[2], kOmniForce);
   SentForce sent;
   for (std::size_t n = 0; n < 3; ++n) {
     sent.motors[n] = (out[4 + 2 * n] | out[5 + 2 * n] << 8) - 0x7ff;
@@ -87,7 +79,7 @@ Vec3 Published(const std::array<double, 3>& t) {
 }
 
 TEST(OmniUsbState, APositionIsThatOfThePublishedFormulas) {
-  OmniUsbProtocol protocol(Named());
+  OmniUsbProtocol protocol(NamedOmniUsbOptions());
   DeviceState state;
   Receive(protocol, {.encoders = {100, -200, 300}, .docked = true}, state);
   EXPECT_NEAR((state.p_DHip_mm - Vec3(0, -110, -35)).norm(), 0.0, 1e-9);
@@ -110,7 +102,7 @@ TEST(OmniUsbState, APositionIsThatOfThePublishedFormulas) {
 }
 
 TEST(OmniUsbState, TheNewestOfATransferCounts) {
-  OmniUsbProtocol protocol(Named());
+  OmniUsbProtocol protocol(NamedOmniUsbOptions());
   Bytes bytes = {1, 2, 3};  // the end of a frame of before
   for (std::uint32_t n = 1; n <= 5; ++n) {
     const Bytes frame = StateFrame({.pressed = n == 5 ? 2u : 1u, .docked = true, .counter = n});
@@ -125,7 +117,7 @@ TEST(OmniUsbState, TheNewestOfATransferCounts) {
 }
 
 TEST(OmniUsbState, WithoutAReadingTheStateIsLeftAlone) {
-  OmniUsbProtocol protocol(Named());
+  OmniUsbProtocol protocol(NamedOmniUsbOptions());
   DeviceState state;
   state.p_DHip_mm = Vec3(1, 2, 3);
   const Bytes frame = StateFrame({});
@@ -136,7 +128,7 @@ TEST(OmniUsbState, WithoutAReadingTheStateIsLeftAlone) {
 }
 
 TEST(OmniUsbState, ButtonsAreActiveLow) {
-  OmniUsbProtocol protocol(Named());
+  OmniUsbProtocol protocol(NamedOmniUsbOptions());
   DeviceState state;
   for (unsigned pressed = 0; pressed < 4; ++pressed) {
     for (const bool docked : {false, true}) {
@@ -148,7 +140,7 @@ TEST(OmniUsbState, ButtonsAreActiveLow) {
 }
 
 TEST(OmniUsbState, GapsInTheCounterAreLostReadings) {
-  OmniUsbProtocol protocol(Named());
+  OmniUsbProtocol protocol(NamedOmniUsbOptions());
   DeviceState state;
   const auto lost = [&](std::uint32_t counter) {
     return protocol.Receive(StateFrame({.counter = counter}), state).lost_readings;
@@ -167,15 +159,15 @@ TEST(OmniUsbState, GapsInTheCounterAreLostReadings) {
 }
 
 TEST(OmniUsbState, WithoutAGimbalVoltageAFrameIsCorrupt) {
-  OmniUsbProtocol protocol(Named());
+  OmniUsbProtocol protocol(NamedOmniUsbOptions());
   DeviceState state;
-  const UsbReceived received = protocol.Receive(Framed(kState, Bytes(44, 0)), state);
+  const UsbReceived received = protocol.Receive(Framed(kOmniState, Bytes(44, 0)), state);
   EXPECT_FALSE(received.has_reading);
   EXPECT_EQ(received.corrupt_frames, 1u);
 }
 
 TEST(OmniUsbState, TheStylussAxes) {
-  OmniUsbProtocol protocol(Named());
+  OmniUsbProtocol protocol(NamedOmniUsbOptions());
   DeviceState state;
   Receive(protocol, {.docked = true}, state);
   // Everything at 0: the barrel points to the user.
@@ -197,39 +189,6 @@ TEST(OmniUsbState, TheStylussAxes) {
   EXPECT_LT((state.R_DS * Vec3::UnitZ() - Vec3::UnitY()).norm(), 1e-9);
 }
 
-TEST(OmniUsbState, OneFrameInAnyPartsIsTheSameReading) {
-  const Bytes frame = StateFrame({.encoders = {10, 20, 30}, .docked = true, .counter = 7});
-  for (std::size_t cut = 0; cut <= frame.size(); ++cut) {
-    OmniUsbProtocol protocol(Named());
-    DeviceState state;
-    const UsbReceived first = protocol.Receive(std::span(frame).first(cut), state);
-    const UsbReceived second = protocol.Receive(std::span(frame).subspan(cut), state);
-    EXPECT_EQ(first.readings + second.readings, 1u);
-    EXPECT_EQ(first.corrupt_frames + second.corrupt_frames, 0u);
-  }
-}
-
-// No byte of a frame that is damaged, whatever it becomes, does more than spoil its own
-// frame; the one after the next is right.
-TEST(OmniUsbState, EverySingleDamagedByteIsSurvived) {
-  const Bytes good = StateFrame({.encoders = {10, 20, 30}, .counter = 1});
-  for (std::size_t at = 0; at < good.size(); ++at) {
-    for (unsigned value = 0; value < 256; ++value) {
-      OmniUsbProtocol protocol(WithMotors());
-      DeviceState state;
-      Receive(protocol, {.docked = true}, state);
-      Bytes bytes = good;
-      bytes[at] = static_cast<std::uint8_t>(value);
-      const UsbReceived spoilt = protocol.Receive(bytes, state);
-      ASSERT_TRUE(state.p_DHip_mm.allFinite() && state.R_DS.coeffs().allFinite());
-      ASSERT_LE(spoilt.lost_readings, 1000u);
-      Encoded(protocol, Vec3(1, 1, 1));
-      for (std::uint32_t n = 2; n < 9; ++n) Receive(protocol, {.counter = n}, state);
-      ASSERT_LT((state.p_DHip_mm - Vec3(0, -110, -35)).norm(), 1e-9) << at << " " << value;
-    }
-  }
-}
-
 TEST(OmniUsbState, RandomBytesDoNoHarm) {
   std::mt19937 random(5);
   OmniUsbProtocol protocol(WithMotors());
@@ -239,7 +198,7 @@ TEST(OmniUsbState, RandomBytesDoNoHarm) {
     for (auto& byte : bytes) byte = static_cast<std::uint8_t>(random());
     if (n % 2) {
       bytes.resize(kOmniStateBytes, 3);
-      bytes = Framed(kState, bytes);
+      bytes = Framed(kOmniState, bytes);
     }
     protocol.Receive(bytes, state);
     ASSERT_TRUE(state.p_DHip_mm.allFinite() && state.R_DS.coeffs().allFinite());
@@ -263,7 +222,7 @@ TEST(OmniUsbCalibration, UntilTheFirstDockPositionsHaveNoMeaning) {
 }
 
 TEST(OmniUsbCalibration, WaitsUntilTheStylusRests) {
-  OmniUsbProtocol protocol(Named());
+  OmniUsbProtocol protocol(NamedOmniUsbOptions());
   DeviceState state;
   std::uint32_t counter = 1;
   const auto docked = [&](std::int16_t at) {
@@ -284,7 +243,7 @@ TEST(OmniUsbCalibration, WaitsUntilTheStylusRests) {
 }
 
 TEST(OmniUsbState, TheSameFrameAgainIsNoReading) {
-  OmniUsbProtocol protocol(Named());
+  OmniUsbProtocol protocol(NamedOmniUsbOptions());
   DeviceState state;
   EXPECT_TRUE(Receive(protocol, {.counter = 7}, state).has_reading);
   for (int n = 0; n < 10; ++n) EXPECT_FALSE(Receive(protocol, {.counter = 7}, state).has_reading);
@@ -292,7 +251,7 @@ TEST(OmniUsbState, TheSameFrameAgainIsNoReading) {
 }
 
 TEST(OmniUsbCalibration, OnRequestTheNextDockIsThePlaceOfRest) {
-  OmniUsbProtocol protocol(Named());
+  OmniUsbProtocol protocol(NamedOmniUsbOptions());
   DeviceState state;
   Receive(protocol, {.docked = true}, state);
   EXPECT_TRUE(protocol.RequestCalibration());
@@ -303,11 +262,11 @@ TEST(OmniUsbCalibration, OnRequestTheNextDockIsThePlaceOfRest) {
 }
 
 TEST(OmniUsbCalibration, TheEncodersMayWrap) {
-  OmniUsbProtocol protocol(Named());
+  OmniUsbProtocol protocol(NamedOmniUsbOptions());
   DeviceState near_wrap, far_from_it;
   Receive(protocol, {.encoders = {32760, -32760, 32767}, .docked = true}, near_wrap);
   Receive(protocol, {.encoders = {32760 + 100, -32760 - 100, 32767 + 100}}, near_wrap);
-  OmniUsbProtocol other(Named());
+  OmniUsbProtocol other(NamedOmniUsbOptions());
   Receive(other, {.docked = true}, far_from_it);
   Receive(other, {.encoders = {100, -100, 100}}, far_from_it);
   EXPECT_EQ(near_wrap.p_DHip_mm, far_from_it.p_DHip_mm);
@@ -379,7 +338,7 @@ TEST(OmniUsbForce, IsOffUnlessEverythingIsThere) {
   for (const double bad : {kNan, kInfinity, -kInfinity}) {
     EXPECT_TRUE(IsZeroAndOff(Encoded(protocol, Vec3(0, bad, 0))));
   }
-  OmniUsbProtocol without_motors(Named());
+  OmniUsbProtocol without_motors(NamedOmniUsbOptions());
   Receive(without_motors, {.docked = true}, state);
   EXPECT_TRUE(IsZeroAndOff(Encoded(without_motors, Vec3(1, 1, 1))));
 }
@@ -418,11 +377,11 @@ TEST(OmniUsbOptionsCheck, WhatDoesNotFitIsRefused) {
   OmniUsbOptions options;
   options.frames = OmniUsbFrames::kFramedFirewire;
   EXPECT_THROW(OmniUsbProtocol{options}, Error);
-  options.state_command = kState;
+  options.state_command = kOmniState;
   EXPECT_THROW(OmniUsbProtocol{options}, Error);
   options.force_command = kOmniUsbServo.command;  // a force would switch the servo
   EXPECT_THROW(OmniUsbProtocol{options}, Error);
-  options.force_command = kForce;
+  options.force_command = kOmniForce;
   options.init_payload.emplace();
   EXPECT_NO_THROW(OmniUsbProtocol{options});
   options.motor_counts_per_n_mm = {1.0, kNan, 1.0};

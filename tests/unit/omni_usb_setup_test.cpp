@@ -19,22 +19,8 @@ namespace {
 
 using Bytes = std::vector<std::uint8_t>;
 using test::Framed;
-
-constexpr std::uint8_t kState = 0x21, kForce = 0x22;
-
-OmniUsbOptions Named() {
-  OmniUsbOptions options;
-  options.frames = OmniUsbFrames::kFramedFirewire;
-  options.init_payload.emplace();
-  options.state_command = kState;
-  options.force_command = kForce;
-  return options;
-}
-
-UsbReceived Receive(OmniUsbProtocol& protocol, const test::OmniReading& reading,
-                    DeviceState& state) {
-  return protocol.Receive(Framed(kState, test::OmniStatePayload(reading)), state);
-}
+using test::kOmniForce;
+using test::NamedOmniUsbOptions;
 
 // Answers as the published trace's device.
 struct FakeTouch {
@@ -100,7 +86,7 @@ struct FakeTouch {
   int ignored_queries = 0;
 };
 
-UsbError FailureOf(OmniUsbProtocol& protocol, bool stopping = false) {
+UsbError SetUpFailureOf(OmniUsbProtocol& protocol, bool stopping = false) {
   UsbLink link(protocol.match());
   const std::atomic<bool> stop = stopping;
   try {
@@ -114,7 +100,7 @@ UsbError FailureOf(OmniUsbProtocol& protocol, bool stopping = false) {
 
 TEST(OmniUsbSetUp, ItSaysWhoItIsAndStreams) {
   FakeTouch touch;
-  OmniUsbOptions options = Named();
+  OmniUsbOptions options = NamedOmniUsbOptions();
   (*options.init_payload)[3] = 17;
   OmniUsbProtocol protocol(options);
   UsbLink link(protocol.match());
@@ -135,20 +121,19 @@ TEST(OmniUsbSetUp, ItSaysWhoItIsAndStreams) {
 
   touch.usb.sent.clear();
   protocol.TearDown(link);
-  EXPECT_EQ(touch.Commands(), (Bytes{kForce, 0x07}));
-  EXPECT_EQ(touch.usb.sent[0], Framed(kForce, EncodeOmniForce({})));
+  EXPECT_EQ(touch.Commands(), (Bytes{kOmniForce, 0x07}));
+  EXPECT_EQ(touch.usb.sent[0], Framed(kOmniForce, EncodeOmniForce({})));
   EXPECT_EQ(touch.usb.sent[1][4], 0);
 }
 
 TEST(OmniUsbSetUp, WithoutNamedFramesItEndsWithWhoItIsAndWhatToDo) {
   FakeTouch touch;
   OmniUsbProtocol protocol({});
-  const UsbError error = FailureOf(protocol);
+  const UsbError error = SetUpFailureOf(protocol);
   EXPECT_EQ(error.fault(), UsbFault::kUnsuitable);
-  EXPECT_STREQ(error.what(),
-               "on USB port 1-2 is serial 00123 [31mB, firmware Touch v5.18; its servo frames "
-               "over USB are not public: see deploy/guides/devices.md to capture them and set "
-               "`frames`");
+  for (const char* part : {"1-2", "serial 00123 [31mB", "Touch v5.18", "devices.md", "`frames`"}) {
+    EXPECT_NE(std::string(error.what()).find(part), std::string::npos) << error.what();
+  }
   // Nothing but the questions.
   EXPECT_EQ(touch.Commands(), (Bytes{0x0f, 0x0c}));
   UsbLink link(protocol.match());
@@ -157,7 +142,7 @@ TEST(OmniUsbSetUp, WithoutNamedFramesItEndsWithWhoItIsAndWhatToDo) {
 }
 
 TEST(OmniUsbSetUp, AHidTouchIsKnownAndRefused) {
-  OmniUsbProtocol protocol(Named());
+  OmniUsbProtocol protocol(NamedOmniUsbOptions());
   EXPECT_NE(protocol.match().problem_of({0x2988, 0x0304}).find("HID"), std::string::npos);
   EXPECT_TRUE(OmniUsbProblem({0x2988, 0x0302}).empty());
   EXPECT_EQ(OmniUsbIds().size(), 3u);
@@ -166,7 +151,7 @@ TEST(OmniUsbSetUp, AHidTouchIsKnownAndRefused) {
 TEST(OmniUsbSetUp, AQueryIsAskedTwice) {
   FakeTouch touch;
   touch.ignored_queries = 1;
-  OmniUsbProtocol protocol(Named());
+  OmniUsbProtocol protocol(NamedOmniUsbOptions());
   UsbLink link(protocol.match());
   EXPECT_FALSE(protocol.SetUp(link, false).empty());
   EXPECT_EQ(touch.Commands(), (Bytes{0x0f, 0x0f, 0x0c, 0x04, 0x07}));
@@ -177,7 +162,7 @@ TEST(OmniUsbSetUp, ADeafDeviceGetsABreakOnce) {
   FakeTouch touch;
   touch.deaf = true;
   touch.break_mends = true;
-  OmniUsbProtocol protocol(Named());
+  OmniUsbProtocol protocol(NamedOmniUsbOptions());
   UsbLink link(protocol.match());
   EXPECT_FALSE(protocol.SetUp(link, false).empty());
   EXPECT_EQ(touch.Breaks(), 1u);
@@ -185,7 +170,7 @@ TEST(OmniUsbSetUp, ADeafDeviceGetsABreakOnce) {
   touch.deaf = true;
   touch.break_mends = false;
   touch.usb.requests.clear();
-  const UsbError error = FailureOf(protocol);
+  const UsbError error = SetUpFailureOf(protocol);
   EXPECT_EQ(error.fault(), UsbFault::kTimeout);
   EXPECT_NE(std::string(error.what()).find("unplug"), std::string::npos);
   EXPECT_EQ(touch.Breaks(), 1u);
@@ -194,8 +179,8 @@ TEST(OmniUsbSetUp, ADeafDeviceGetsABreakOnce) {
 TEST(OmniUsbSetUp, StopIsHeeded) {
   FakeTouch touch;
   touch.deaf = true;
-  OmniUsbProtocol protocol(Named());
-  EXPECT_EQ(FailureOf(protocol, true).fault(), UsbFault::kTimeout);
+  OmniUsbProtocol protocol(NamedOmniUsbOptions());
+  EXPECT_EQ(SetUpFailureOf(protocol, true).fault(), UsbFault::kTimeout);
   EXPECT_TRUE(touch.usb.sent.empty());
   EXPECT_EQ(touch.Breaks(), 0u);
 }
@@ -204,7 +189,7 @@ TEST(OmniUsbSetUp, ALineThatCannotBeSetIsNoLine) {
   FakeTouch touch;
   touch.refuses_line = true;
   touch.shows_descriptors = false;
-  OmniUsbProtocol protocol(Named());
+  OmniUsbProtocol protocol(NamedOmniUsbOptions());
   UsbLink link(protocol.match());
   EXPECT_FALSE(protocol.SetUp(link, false).empty());
   EXPECT_EQ(touch.usb.requests[1].index, 0);
@@ -212,13 +197,16 @@ TEST(OmniUsbSetUp, ALineThatCannotBeSetIsNoLine) {
 
 TEST(OmniUsbSetUp, ANewConnectionForgetsTheLast) {
   FakeTouch touch;
-  OmniUsbProtocol protocol(Named());
+  OmniUsbProtocol protocol(NamedOmniUsbOptions());
   DeviceState state;
-  Receive(protocol, {.docked = true, .counter = 5}, state);
-  protocol.Receive(Bytes{0xa5, 0x5a, kState}, state);
+  const auto receive = [&](const test::OmniReading& reading) {
+    return protocol.Receive(Framed(test::kOmniState, test::OmniStatePayload(reading)), state);
+  };
+  receive({.docked = true, .counter = 5});
+  protocol.Receive(Bytes{0xa5, 0x5a, test::kOmniState}, state);
   UsbLink link(protocol.match());
   protocol.SetUp(link, false);
-  const UsbReceived received = Receive(protocol, {.counter = 100}, state);
+  const UsbReceived received = receive({.counter = 100});
   EXPECT_EQ(received.readings, 1u);
   EXPECT_EQ(received.lost_readings, 0u);
   EXPECT_EQ(received.corrupt_frames, 0u);
@@ -227,21 +215,21 @@ TEST(OmniUsbSetUp, ANewConnectionForgetsTheLast) {
 
 TEST(OmniUsbSetUp, AFarewellToADeviceThatIsGoneIsQuiet) {
   FakeTouch touch;
-  OmniUsbProtocol protocol(Named());
+  OmniUsbProtocol protocol(NamedOmniUsbOptions());
   UsbLink link(protocol.match());
   protocol.SetUp(link, false);
   touch.usb.send = [](const Bytes&) { throw UsbError(UsbFault::kAbsent, "gone"); };
   touch.usb.sent.clear();
   protocol.TearDown(link);
-  EXPECT_EQ(touch.Commands(), (Bytes{kForce, 0x07}));  // both are tried
+  EXPECT_EQ(touch.Commands(), (Bytes{kOmniForce, 0x07}));  // both are tried
 }
 
 // Who did not say who it is gets no frame of a Touch.
 TEST(OmniUsbSetUp, ThereIsNoFarewellWithoutAStart) {
   FakeTouch touch;
   touch.deaf = true;
-  OmniUsbProtocol protocol(Named());
-  FailureOf(protocol);
+  OmniUsbProtocol protocol(NamedOmniUsbOptions());
+  SetUpFailureOf(protocol);
   touch.usb.sent.clear();
   UsbLink link(protocol.match());
   protocol.TearDown(link);

@@ -1,12 +1,10 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <bit>
 #include <cmath>
 #include <cstdint>
 #include <cstdio>
 #include <functional>
-#include <limits>
 #include <memory>
 #include <utility>
 #include <vector>
@@ -16,13 +14,15 @@
 #include "server/device/path_script.h"
 #include "server/device/simulated_device.h"
 #include "tests/support/allocation_count.h"
+#include "tests/support/device_numbers.h"
 
 namespace palpate {
 namespace {
 
-constexpr double kTickS = 0.001;
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+using test::kInfinity;
+using test::kNan;
+using test::kTickS;
+using test::SameBits;
 
 using Surface = std::function<Vec3(const Vec3&)>;  // position in mm to force in N
 
@@ -162,13 +162,6 @@ void ExpectExploresWell(const Feel& feel) {
               100.0 * feel.contact_share, feel.contacts_per_s, feel.slow_speed_mm_s,
               feel.median_speed_mm_s, feel.fast_speed_mm_s, feel.median_force_n,
               feel.median_buzz_n);
-}
-
-bool SameBits(const Vec3& a, const Vec3& b) {
-  for (int i = 0; i < 3; ++i) {
-    if (std::bit_cast<std::uint64_t>(a[i]) != std::bit_cast<std::uint64_t>(b[i])) return false;
-  }
-  return true;
 }
 
 TEST(SimulatedDevice, StatesWhatItIs) {
@@ -350,22 +343,6 @@ TEST(SimulatedDevice, ReadAndWriteDoNotAllocate) {
   const std::uint64_t before = test::Allocations();
   const auto something = std::make_unique<std::vector<int>>(100);
   EXPECT_GT(test::Allocations(), before);
-}
-
-TEST(PathScript, RefusesWhatIsNoPath) {
-  EXPECT_THROW(PathScript({}, 10.0), Error);
-  EXPECT_THROW(PathScript({Vec3::Zero()}, 0.0), Error);
-  EXPECT_THROW(PathScript({Vec3::Zero()}, kNan), Error);
-  EXPECT_THROW(PathScript({Vec3(0.0, kInfinity, 0.0)}, 10.0), Error);
-}
-
-TEST(PathScript, KeepsItsSpeedRoundCorners) {
-  PathScript path({Vec3::Zero(), Vec3(3.0, 0.0, 0.0), Vec3(3.0, 4.0, 0.0)}, 12.0);
-  const HandState hand;
-  // The round is 3 + 4 + 5 mm: one second.
-  EXPECT_LT((path.Next(hand, Vec3::Zero(), 0.5).p_DTarget_mm - Vec3(3.0, 3.0, 0.0)).norm(), 1e-9);
-  EXPECT_LT((path.Next(hand, Vec3::Zero(), 0.5).p_DTarget_mm - Vec3::Zero()).norm(), 1e-9);
-  EXPECT_LT((path.Next(hand, Vec3::Zero(), 0.25).p_DTarget_mm - Vec3(3.0, 0.0, 0.0)).norm(), 1e-9);
 }
 
 TEST(Explore, FindsASphereAndSlidesOverIt) {
