@@ -2,6 +2,7 @@
 // device, whose servo frames are our assumption too. It proves nothing of a real one.
 #include <gtest/gtest.h>
 
+#include <cstdio>
 #include <functional>
 #include <memory>
 
@@ -101,6 +102,22 @@ TEST_F(OmniUsbDeviceTest, LostAndDamagedFramesAreCountedAndSurvived) {
   const double all = static_cast<double>(health.readings) + lost;
   // The emulated device also drops what is not fetched in time.
   EXPECT_GT(lost / all, 1.0 / 10 + 1.0 / 7 - 1.0 / 70 - 0.02);
+}
+
+// A device that waits for its forces gets one for each state.
+using OmniUsbTimes = OmniUsbDeviceTest;
+TEST_F(OmniUsbTimes, EachStateIsAnsweredByAForce) {
+  touch_.SetWaitsForForces(true);
+  Start();
+  ASSERT_TRUE(Serve(Vec3::Zero(), [&] { return device_->health().readings > 100; }));
+  const DeviceHealth before = device_->health();
+  ASSERT_TRUE(Serve(Vec3::Zero(), [&] { return device_->health().readings > 2000; }));
+  const DeviceHealth after = device_->health();
+  const auto forces = static_cast<double>(after.forces_written - before.forces_written);
+  const double share = forces / static_cast<double>(after.readings - before.readings);
+  std::printf("forces for each state %.3f\n", share);
+  EXPECT_GT(share, 0.9);
+  EXPECT_LT(share, 1.1);
 }
 
 }  // namespace

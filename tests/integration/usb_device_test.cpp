@@ -256,10 +256,11 @@ TEST_F(UsbDeviceTest, IsLookedForUntilItIsPluggedInAndAgainWhenItWasPulledOut) {
     bus_.Unplug(port);
     ASSERT_TRUE(Eventually([&] { return HasProblem("unplugged"); }));
     EXPECT_EQ(device_->Read(state_), DeviceStatus::kFault);
-    std::this_thread::sleep_for(milliseconds(2 * UsbDevice::kRetryMs));
     EXPECT_EQ(TakeLines("unplugged"), 1u);
-    EXPECT_TRUE(HasProblem("unplugged"));
   }
+  std::this_thread::sleep_for(milliseconds(2 * UsbDevice::kRetryMs));
+  EXPECT_TRUE(HasProblem("unplugged"));
+  EXPECT_EQ(TakeLines("unplugged"), 0u);
   EXPECT_EQ(TakeLines("not found"), 0u);
   // Whether it is really gone is more than the host can know: zero force was tried.
   std::vector<UsbEvent> late = stylus_.Events();
@@ -366,7 +367,7 @@ class UsbTimes : public UsbDeviceTest {};
 
 TEST_F(UsbTimes, KeepsUpWithTheBus) {
   StartStreaming();
-  std::vector<double> read, answered;
+  std::vector<double> read, sent;
   for (int half_second = 0; half_second < 8; ++half_second) {
     const DeviceHealth before = device_->health();
     const double brought = -static_cast<double>(stylus_.InTransfers());
@@ -374,14 +375,12 @@ TEST_F(UsbTimes, KeepsUpWithTheBus) {
     const DeviceHealth after = device_->health();
     const auto readings = static_cast<double>(after.readings - before.readings);
     read.push_back(readings / (brought + static_cast<double>(stylus_.InTransfers())));
-    answered.push_back(static_cast<double>(after.forces_written - before.forces_written) /
-                       readings);
+    sent.push_back(static_cast<double>(after.forces_written - before.forces_written) / readings);
   }
-  std::printf("of what the bus brought read %.3f, of it answered %.3f\n", MedianOf(read),
-              MedianOf(answered));
+  std::printf("of what the bus brought read %.3f, forces for each %.3f\n", MedianOf(read),
+              MedianOf(sent));
   EXPECT_GT(MedianOf(read), 0.95);
-  EXPECT_GT(MedianOf(answered), 0.9);
-  EXPECT_LT(MedianOf(answered), 1.2);
+  EXPECT_LT(MedianOf(sent), 1.2);
 }
 
 TEST_F(UsbTimes, TheForceEndsSoonAfterTheServo) {

@@ -159,7 +159,7 @@ TEST(FalconKinematics, AnyAnglesGiveTheirPositionOrNone) {
 TEST(FalconKinematics, ForcesWithinTheBoundNeedNoScaling) {
   std::mt19937 random(8);
   double greatest = 0.0;
-  for (int n = 0; n < 100'000; ++n) {
+  for (int n = 0; n < test::Scaled(20'000); ++n) {
     const Vec3 p = InBall(random), force = 3.3 * InBall(random, 1.0).normalized();
     Vec3 angles;
     Mat3 jacobian;

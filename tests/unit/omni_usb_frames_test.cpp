@@ -7,6 +7,7 @@
 
 #include "server/device/omni/usb_frames.h"
 #include "tests/support/omni_frames.h"
+#include "tests/support/scaled.h"
 
 namespace palpate {
 namespace {
@@ -87,7 +88,7 @@ TEST(OmniUsbFrames, WhatDoesNotFitIsNotEncoded) {
 
 TEST(OmniUsbFrames, CutsDoNotMatter) {
   std::mt19937 random(1);
-  for (int n = 0; n < 300; ++n) {
+  for (int n = 0; n < test::Scaled(100); ++n) {
     // Any payload, with starts in it too: within a frame they mean nothing.
     std::vector<Frame> frames = PlainFrames(random, 30);
     for (Frame& frame : frames) {

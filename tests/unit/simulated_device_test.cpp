@@ -15,6 +15,7 @@
 #include "server/device/simulated_device.h"
 #include "tests/support/allocation_count.h"
 #include "tests/support/device_numbers.h"
+#include "tests/support/scaled.h"
 
 namespace palpate {
 namespace {
@@ -345,6 +346,9 @@ TEST(SimulatedDevice, ReadAndWriteDoNotAllocate) {
   EXPECT_GT(test::Allocations(), before);
 }
 
+// Eight in the long form: each feels for 20 s.
+std::uint64_t Seeds() { return static_cast<std::uint64_t>(std::min(test::Scaled(2), 8)); }
+
 // Ticks until it touches; `longest`: it does not.
 int SearchMs(SimulatedDevice& device, const Surface& surface, int longest) {
   int search_ms = 0;
@@ -355,7 +359,7 @@ int SearchMs(SimulatedDevice& device, const Surface& surface, int longest) {
 TEST(Explore, FindsWhatIsRoundOrFlatAndSlidesOverIt) {
   const Surface sphere = Sphere(Vec3::Zero(), 25.0, 0.5);
   const Surface plane = Plane(Vec3(0.0, 0.0, -5.0), Vec3(0.2, 0.1, 1.0), 0.5);
-  for (std::uint64_t seed = 1; seed <= 8; ++seed) {
+  for (std::uint64_t seed = 1; seed <= Seeds(); ++seed) {
     SCOPED_TRACE(seed);
     ExpectExploresWell(Felt(Loop(*Exploring(seed), sphere, 20'000)));
     // A plane can be missed for a while by seeks along it: what counts is how it is felt then.
@@ -370,7 +374,7 @@ TEST(Explore, FindsWhatIsRoundOrFlatAndSlidesOverIt) {
 
 // From these it slips off all the time, and comes back.
 TEST(Explore, KeepsToThingsThatAreSmallOrHaveSharpEdges) {
-  for (std::uint64_t seed = 1; seed <= 8; ++seed) {
+  for (std::uint64_t seed = 1; seed <= Seeds(); ++seed) {
     SCOPED_TRACE(seed);
     const Surface box = Box(Vec3(6.0, -9.0, 4.0), Vec3(20.0, 10.0, 6.0), 0.5);
     const Feel edges = Felt(Loop(*Exploring(seed), box, 20'000));
