@@ -54,14 +54,17 @@ void BeBoundByModes() {
   syscall(SYS_capset, &header, rights.data());
 }
 
-TEST(UsbLink, FindsWhatIsPluggedIn) {
-  PlainStylus one;
-  PlainStylus two;
-  UsbTestbed bus;
+class UsbLinkTest : public ::testing::Test {
+ protected:
+  PlainStylus stylus_, other_;
+  UsbTestbed bus_;
+};
+
+TEST_F(UsbLinkTest, FindsWhatIsPluggedIn) {
   EXPECT_TRUE(FindUsbDevices(kMatch.ids).empty());
   EXPECT_EQ(RefusalOf(kMatch).fault, UsbFault::kAbsent);
-  bus.Plug("1-2", two);
-  bus.Plug("1-1", one);
+  bus_.Plug("1-2", other_);
+  bus_.Plug("1-1", stylus_);
   const std::vector<UsbFound> found = FindUsbDevices(kMatch.ids);
   ASSERT_EQ(found.size(), 2u);
   EXPECT_EQ(found[0].port, "1-1");
@@ -69,15 +72,12 @@ TEST(UsbLink, FindsWhatIsPluggedIn) {
   EXPECT_EQ(found[0].ids, kMatch.ids[0]);
   EXPECT_TRUE(found[0].may_open);
   EXPECT_TRUE(FindUsbDevices({{.vendor = 0x1209, .product = 0x0002}}).empty());
-  EXPECT_EQ(one.CountOf(Kind::kOpen) + two.CountOf(Kind::kOpen), 0u);
+  EXPECT_EQ(stylus_.CountOf(Kind::kOpen) + other_.CountOf(Kind::kOpen), 0u);
 }
 
-TEST(UsbLink, TakesTheOneThatIsMeant) {
-  PlainStylus one;
-  PlainStylus two;
-  UsbTestbed bus;
-  bus.Plug("1-1", one);
-  bus.Plug("1-2", two);
+TEST_F(UsbLinkTest, TakesTheOneThatIsMeant) {
+  bus_.Plug("1-1", stylus_);
+  bus_.Plug("1-2", other_);
   const Refusal several = RefusalOf(kMatch);
   EXPECT_EQ(several.fault, UsbFault::kAmbiguous);
   EXPECT_TRUE(several.Says("1-1") && several.Says("1-2")) << several.message;
@@ -85,18 +85,16 @@ TEST(UsbLink, TakesTheOneThatIsMeant) {
   UsbMatch named = kMatch;
   named.port = "1-2";
   EXPECT_EQ(UsbLink(named).found().port, "1-2");
-  EXPECT_EQ(one.CountOf(Kind::kOpen), 0u);
-  EXPECT_EQ(two.CountOf(Kind::kOpen), 1u);
+  EXPECT_EQ(stylus_.CountOf(Kind::kOpen), 0u);
+  EXPECT_EQ(other_.CountOf(Kind::kOpen), 1u);
   named.port = "1-3";
   const Refusal absent = RefusalOf(named);
   EXPECT_EQ(absent.fault, UsbFault::kAbsent);
   EXPECT_TRUE(absent.Says("1-3")) << absent.message;
 }
 
-TEST(UsbLink, SaysWhatToDoWithoutPermission) {
-  PlainStylus stylus;
-  UsbTestbed bus;
-  bus.Plug("1-1", stylus, false);
+TEST_F(UsbLinkTest, SaysWhatToDoWithoutPermission) {
+  bus_.Plug("1-1", stylus_, false);
   std::thread([] {
     BeBoundByModes();
     const std::vector<UsbFound> found = FindUsbDevices(kMatch.ids);
@@ -109,27 +107,23 @@ TEST(UsbLink, SaysWhatToDoWithoutPermission) {
   }).join();
 }
 
-TEST(UsbLink, TakesTheKernelsDriverOffAndGivesItBack) {
-  PlainStylus stylus;
-  UsbTestbed bus;
-  bus.Plug("1-1", stylus);
+TEST_F(UsbLinkTest, TakesTheKernelsDriverOffAndGivesItBack) {
+  bus_.Plug("1-1", stylus_);
   {
     const UsbLink link(kMatch);
-    EXPECT_EQ(stylus.CountOf(Kind::kDetachDriver), 1u);
-    EXPECT_EQ(stylus.CountOf(Kind::kClaim), 2u);
+    EXPECT_EQ(stylus_.CountOf(Kind::kDetachDriver), 1u);
+    EXPECT_EQ(stylus_.CountOf(Kind::kClaim), 2u);
   }
-  EXPECT_EQ(stylus.CountOf(Kind::kRelease), 2u);
-  EXPECT_EQ(stylus.CountOf(Kind::kAttachDriver), 1u);
+  EXPECT_EQ(stylus_.CountOf(Kind::kRelease), 2u);
+  EXPECT_EQ(stylus_.CountOf(Kind::kAttachDriver), 1u);
 
-  stylus.SetFaults({.busy = true});
+  stylus_.SetFaults({.busy = true});
   EXPECT_EQ(RefusalOf(kMatch).fault, UsbFault::kBusy);
-  EXPECT_EQ(stylus.CountOf(Kind::kDetachDriver), stylus.CountOf(Kind::kAttachDriver));
+  EXPECT_EQ(stylus_.CountOf(Kind::kDetachDriver), stylus_.CountOf(Kind::kAttachDriver));
 }
 
-TEST(UsbLink, WantsDataEndpointsOfTheClass) {
-  PlainStylus stylus;
-  UsbTestbed bus;
-  bus.Plug("1-1", stylus);
+TEST_F(UsbLinkTest, WantsDataEndpointsOfTheClass) {
+  bus_.Plug("1-1", stylus_);
   for (const std::uint8_t data_class : {std::uint8_t{2}, std::uint8_t{3}}) {
     UsbMatch match = kMatch;
     match.data_class = data_class;  // one endpoint only, or no such interface
@@ -137,22 +131,18 @@ TEST(UsbLink, WantsDataEndpointsOfTheClass) {
   }
 }
 
-TEST(UsbLink, WhatIsKnownToBeNoneIsNotOpened) {
-  PlainStylus stylus;
-  UsbTestbed bus;
-  bus.Plug("1-1", stylus);
+TEST_F(UsbLinkTest, WhatIsKnownToBeNoneIsNotOpened) {
+  bus_.Plug("1-1", stylus_);
   UsbMatch match = kMatch;
   match.problem_of = [](const UsbMatch::Ids&) { return std::string("it speaks in tongues"); };
   const Refusal refusal = RefusalOf(match);
   EXPECT_EQ(refusal.fault, UsbFault::kUnsuitable);
   EXPECT_TRUE(refusal.Says("1-1") && refusal.Says("it speaks in tongues")) << refusal.message;
-  EXPECT_EQ(stylus.CountOf(Kind::kClaim), 0u);
+  EXPECT_EQ(stylus_.CountOf(Kind::kClaim), 0u);
 }
 
-TEST(UsbLink, SendsAndReceives) {
-  PlainStylus stylus;
-  UsbTestbed bus;
-  bus.Plug("1-1", stylus);
+TEST_F(UsbLinkTest, SendsAndReceives) {
+  bus_.Plug("1-1", stylus_);
   UsbLink link(kMatch);
   std::array<std::uint8_t, 64> bytes{};
   milliseconds timeout{50};
@@ -171,22 +161,20 @@ TEST(UsbLink, SendsAndReceives) {
   EXPECT_EQ(receive(), 4u);
   EXPECT_EQ(bytes[0], 0x5a);
   link.Send(std::array<std::uint8_t, 4>{0xa5, 1, 100, 0}, kPatience);
-  ASSERT_EQ(stylus.Forces().size(), 1u);
-  EXPECT_EQ(stylus.Forces()[0].x_n, 1.0);
+  ASSERT_EQ(stylus_.Forces().size(), 1u);
+  EXPECT_EQ(stylus_.Forces()[0].x_n, 1.0);
 
   const auto refused = [&] { link.Control(kPlainRequest, 77, 0, 0, {}, kPatience); };
   EXPECT_EQ(fault_of(refused), UsbFault::kStall);
-  stylus.Stall(kPlainIn, false);
+  stylus_.Stall(kPlainIn, false);
   EXPECT_EQ(fault_of(receive), UsbFault::kStall);
   EXPECT_EQ(receive(), 4u);  // it was cleared
-  bus.Unplug("1-1");
+  bus_.Unplug("1-1");
   EXPECT_EQ(fault_of(receive), UsbFault::kAbsent);
 }
 
-TEST(UsbLink, SendsAndReceivesAgainAfterAStream) {
-  PlainStylus stylus;
-  UsbTestbed bus;
-  bus.Plug("1-1", stylus);
+TEST_F(UsbLinkTest, SendsAndReceivesAgainAfterAStream) {
+  bus_.Plug("1-1", stylus_);
   UsbLink link(kMatch);
   link.Control(kPlainRequest, kPlainStart, 0, 0, {}, kPatience);
   for (int round = 0; round < 3; ++round) {
