@@ -1,5 +1,5 @@
 // UsbLink against emulated devices in this process: which device it takes, and how it
-// takes and leaves it.
+// takes and leaves it. And the log of a device.
 #include "server/device/usb/usb_link.h"
 
 #include <gtest/gtest.h>
@@ -14,6 +14,8 @@
 #include <thread>
 #include <vector>
 
+#include "server/device/usb/device_log.h"
+#include "tests/support/patience.h"
 #include "tests/support/plain_stylus.h"
 #include "tests/support/usb_testbed.h"
 
@@ -24,6 +26,7 @@ using std::chrono::milliseconds;
 using Kind = UsbEvent::Kind;
 
 const UsbMatch kMatch = PlainProtocol().match();
+constexpr milliseconds kPatience{60'000};
 
 struct Refusal {
   std::optional<UsbFault> fault{};
@@ -51,14 +54,17 @@ void BeBoundByModes() {
   syscall(SYS_capset, &header, rights.data());
 }
 
-TEST(UsbLink, FindsWhatIsPluggedIn) {
-  PlainStylus one;
-  PlainStylus two;
-  UsbTestbed bus;
+class UsbLinkTest : public ::testing::Test {
+ protected:
+  PlainStylus stylus_, other_;
+  UsbTestbed bus_;
+};
+
+TEST_F(UsbLinkTest, FindsWhatIsPluggedIn) {
   EXPECT_TRUE(FindUsbDevices(kMatch.ids).empty());
   EXPECT_EQ(RefusalOf(kMatch).fault, UsbFault::kAbsent);
-  bus.Plug("1-2", two);
-  bus.Plug("1-1", one);
+  bus_.Plug("1-2", other_);
+  bus_.Plug("1-1", stylus_);
   const std::vector<UsbFound> found = FindUsbDevices(kMatch.ids);
   ASSERT_EQ(found.size(), 2u);
   EXPECT_EQ(found[0].port, "1-1");
@@ -66,15 +72,12 @@ TEST(UsbLink, FindsWhatIsPluggedIn) {
   EXPECT_EQ(found[0].ids, kMatch.ids[0]);
   EXPECT_TRUE(found[0].may_open);
   EXPECT_TRUE(FindUsbDevices({{.vendor = 0x1209, .product = 0x0002}}).empty());
-  EXPECT_EQ(one.CountOf(Kind::kOpen) + two.CountOf(Kind::kOpen), 0u);
+  EXPECT_EQ(stylus_.CountOf(Kind::kOpen) + other_.CountOf(Kind::kOpen), 0u);
 }
 
-TEST(UsbLink, TakesTheOneThatIsMeant) {
-  PlainStylus one;
-  PlainStylus two;
-  UsbTestbed bus;
-  bus.Plug("1-1", one);
-  bus.Plug("1-2", two);
+TEST_F(UsbLinkTest, TakesTheOneThatIsMeant) {
+  bus_.Plug("1-1", stylus_);
+  bus_.Plug("1-2", other_);
   const Refusal several = RefusalOf(kMatch);
   EXPECT_EQ(several.fault, UsbFault::kAmbiguous);
   EXPECT_TRUE(several.Says("1-1") && several.Says("1-2")) << several.message;
@@ -82,18 +85,16 @@ TEST(UsbLink, TakesTheOneThatIsMeant) {
   UsbMatch named = kMatch;
   named.port = "1-2";
   EXPECT_EQ(UsbLink(named).found().port, "1-2");
-  EXPECT_EQ(one.CountOf(Kind::kOpen), 0u);
-  EXPECT_EQ(two.CountOf(Kind::kOpen), 1u);
+  EXPECT_EQ(stylus_.CountOf(Kind::kOpen), 0u);
+  EXPECT_EQ(other_.CountOf(Kind::kOpen), 1u);
   named.port = "1-3";
   const Refusal absent = RefusalOf(named);
   EXPECT_EQ(absent.fault, UsbFault::kAbsent);
   EXPECT_TRUE(absent.Says("1-3")) << absent.message;
 }
 
-TEST(UsbLink, SaysWhatToDoWithoutPermission) {
-  PlainStylus stylus;
-  UsbTestbed bus;
-  bus.Plug("1-1", stylus, false);
+TEST_F(UsbLinkTest, SaysWhatToDoWithoutPermission) {
+  bus_.Plug("1-1", stylus_, false);
   std::thread([] {
     BeBoundByModes();
     const std::vector<UsbFound> found = FindUsbDevices(kMatch.ids);
@@ -106,27 +107,23 @@ TEST(UsbLink, SaysWhatToDoWithoutPermission) {
   }).join();
 }
 
-TEST(UsbLink, TakesTheKernelsDriverOffAndGivesItBack) {
-  PlainStylus stylus;
-  UsbTestbed bus;
-  bus.Plug("1-1", stylus);
+TEST_F(UsbLinkTest, TakesTheKernelsDriverOffAndGivesItBack) {
+  bus_.Plug("1-1", stylus_);
   {
     const UsbLink link(kMatch);
-    EXPECT_EQ(stylus.CountOf(Kind::kDetachDriver), 1u);
-    EXPECT_EQ(stylus.CountOf(Kind::kClaim), 2u);
+    EXPECT_EQ(stylus_.CountOf(Kind::kDetachDriver), 1u);
+    EXPECT_EQ(stylus_.CountOf(Kind::kClaim), 2u);
   }
-  EXPECT_EQ(stylus.CountOf(Kind::kRelease), 2u);
-  EXPECT_EQ(stylus.CountOf(Kind::kAttachDriver), 1u);
+  EXPECT_EQ(stylus_.CountOf(Kind::kRelease), 2u);
+  EXPECT_EQ(stylus_.CountOf(Kind::kAttachDriver), 1u);
 
-  stylus.SetFaults({.busy = true});
+  stylus_.SetFaults({.busy = true});
   EXPECT_EQ(RefusalOf(kMatch).fault, UsbFault::kBusy);
-  EXPECT_EQ(stylus.CountOf(Kind::kDetachDriver), stylus.CountOf(Kind::kAttachDriver));
+  EXPECT_EQ(stylus_.CountOf(Kind::kDetachDriver), stylus_.CountOf(Kind::kAttachDriver));
 }
 
-TEST(UsbLink, WantsDataEndpointsOfTheClass) {
-  PlainStylus stylus;
-  UsbTestbed bus;
-  bus.Plug("1-1", stylus);
+TEST_F(UsbLinkTest, WantsDataEndpointsOfTheClass) {
+  bus_.Plug("1-1", stylus_);
   for (const std::uint8_t data_class : {std::uint8_t{2}, std::uint8_t{3}}) {
     UsbMatch match = kMatch;
     match.data_class = data_class;  // one endpoint only, or no such interface
@@ -134,25 +131,22 @@ TEST(UsbLink, WantsDataEndpointsOfTheClass) {
   }
 }
 
-TEST(UsbLink, WhatIsKnownToBeNoneIsNotOpened) {
-  PlainStylus stylus;
-  UsbTestbed bus;
-  bus.Plug("1-1", stylus);
+TEST_F(UsbLinkTest, WhatIsKnownToBeNoneIsNotOpened) {
+  bus_.Plug("1-1", stylus_);
   UsbMatch match = kMatch;
   match.problem_of = [](const UsbMatch::Ids&) { return std::string("it speaks in tongues"); };
   const Refusal refusal = RefusalOf(match);
   EXPECT_EQ(refusal.fault, UsbFault::kUnsuitable);
-  EXPECT_EQ(refusal.message, "found on USB port 1-1, but it speaks in tongues");
-  EXPECT_EQ(stylus.CountOf(Kind::kClaim), 0u);
+  EXPECT_TRUE(refusal.Says("1-1") && refusal.Says("it speaks in tongues")) << refusal.message;
+  EXPECT_EQ(stylus_.CountOf(Kind::kClaim), 0u);
 }
 
-TEST(UsbLink, SendsAndReceives) {
-  PlainStylus stylus;
-  UsbTestbed bus;
-  bus.Plug("1-1", stylus);
+TEST_F(UsbLinkTest, SendsAndReceives) {
+  bus_.Plug("1-1", stylus_);
   UsbLink link(kMatch);
   std::array<std::uint8_t, 64> bytes{};
-  const auto receive = [&] { return link.Receive(bytes, milliseconds(50)); };
+  milliseconds timeout{50};
+  const auto receive = [&] { return link.Receive(bytes, timeout); };
   const auto fault_of = [](const auto& call) {
     try {
       call();
@@ -162,41 +156,78 @@ TEST(UsbLink, SendsAndReceives) {
     return std::optional<UsbFault>();
   };
   EXPECT_EQ(fault_of(receive), UsbFault::kTimeout);
-  EXPECT_EQ(link.Control(kPlainRequest, kPlainStart, 0, 0, {}, milliseconds(200)), 0u);
+  timeout = kPatience;
+  EXPECT_EQ(link.Control(kPlainRequest, kPlainStart, 0, 0, {}, kPatience), 0u);
   EXPECT_EQ(receive(), 4u);
   EXPECT_EQ(bytes[0], 0x5a);
-  link.Send(std::array<std::uint8_t, 4>{0xa5, 1, 100, 0}, milliseconds(200));
-  ASSERT_EQ(stylus.Forces().size(), 1u);
-  EXPECT_EQ(stylus.Forces()[0].x_n, 1.0);
+  link.Send(std::array<std::uint8_t, 4>{0xa5, 1, 100, 0}, kPatience);
+  ASSERT_EQ(stylus_.Forces().size(), 1u);
+  EXPECT_EQ(stylus_.Forces()[0].x_n, 1.0);
 
-  const auto refused = [&] { link.Control(kPlainRequest, 77, 0, 0, {}, milliseconds(200)); };
+  const auto refused = [&] { link.Control(kPlainRequest, 77, 0, 0, {}, kPatience); };
   EXPECT_EQ(fault_of(refused), UsbFault::kStall);
-  stylus.Stall(kPlainIn, false);
+  stylus_.Stall(kPlainIn, false);
   EXPECT_EQ(fault_of(receive), UsbFault::kStall);
   EXPECT_EQ(receive(), 4u);  // it was cleared
-  bus.Unplug("1-1");
+  bus_.Unplug("1-1");
   EXPECT_EQ(fault_of(receive), UsbFault::kAbsent);
 }
 
-TEST(UsbLink, SendsAndReceivesAgainAfterAStream) {
-  PlainStylus stylus;
-  UsbTestbed bus;
-  bus.Plug("1-1", stylus);
+TEST_F(UsbLinkTest, SendsAndReceivesAgainAfterAStream) {
+  bus_.Plug("1-1", stylus_);
   UsbLink link(kMatch);
-  link.Control(kPlainRequest, kPlainStart, 0, 0, {}, milliseconds(200));
+  link.Control(kPlainRequest, kPlainStart, 0, 0, {}, kPatience);
   for (int round = 0; round < 3; ++round) {
     std::size_t received = 0;
     link.StartStream(10, [&](std::span<const std::uint8_t> bytes) { received += bytes.size(); },
                      {});
     EXPECT_TRUE(link.TrySend(std::array<std::uint8_t, 4>{0xa5, 0, 0, 0}));
     EXPECT_FALSE(link.TrySend(std::array<std::uint8_t, 4>{0xa5, 0, 0, 0}));  // under way
-    for (int i = 0; i < 1000 && received < 40; ++i) link.Wait(milliseconds(10));
-    EXPECT_GE(received, 40u);
+    EXPECT_TRUE(Eventually([&] {
+      link.Wait(milliseconds(10));
+      return received >= 40;
+    }));
     link.EndStream();
     std::array<std::uint8_t, 64> bytes{};
-    EXPECT_EQ(link.Receive(bytes, milliseconds(200)), 4u);
+    EXPECT_EQ(link.Receive(bytes, kPatience), 4u);
   }
   EXPECT_EQ(link.transfer_errors(), 0u);
+}
+
+std::vector<std::string> LinesOf(DeviceLog& log) {
+  std::vector<std::string> lines;
+  while (const std::optional<DeviceEvent> event = log.Next()) lines.push_back(event->text);
+  return lines;
+}
+
+std::string ProblemOf(const DeviceLog& log) {
+  DeviceHealth health;
+  log.FillIn(health);
+  return health.problem;
+}
+
+TEST(DeviceLog, HasOneLinePerChange) {
+  DeviceLog log("falcon");
+  for (int i = 0; i < 3; ++i) log.SetProblem("not found: plug it in");
+  EXPECT_EQ(ProblemOf(log), "not found: plug it in");
+  log.SetProblem("in use");
+  log.SetConnected("1-2.3", "");
+  EXPECT_EQ(ProblemOf(log), "");
+  log.SetConnected("1-2", "serial 7");
+  log.SetProblem("in use");
+  EXPECT_EQ(LinesOf(log), (std::vector<std::string>{
+                              "falcon: not found: plug it in", "falcon: in use",
+                              "falcon on USB port 1-2.3: connected",
+                              "falcon on USB port 1-2: connected, serial 7", "falcon: in use"}));
+  EXPECT_FALSE(log.Next().has_value());
+}
+
+TEST(DeviceLog, LosesTheOldestWhereNobodyReads) {
+  DeviceLog log("falcon");
+  for (int i = 0; i < 1000; ++i) log.Add(DeviceEvent::Level::kInfo, std::to_string(i));
+  const std::vector<std::string> lines = LinesOf(log);
+  ASSERT_EQ(lines.size(), DeviceLog::kMaxEvents);
+  EXPECT_EQ(lines.back(), "falcon: 999");
 }
 
 }  // namespace

@@ -98,7 +98,6 @@ void hdEndFrame(unsigned int which) {
   in_frame = false;
   fake.force = next_force;
   const bool is_zero = next_force == std::array<double, 3>{};
-  fake.frames_with_force += is_zero ? 0 : 1;
   fake.zero_frames_at_end = is_zero ? fake.zero_frames_at_end + 1 : 0;
   if (fake.unplugged_error != 0) fake.error_stack.push_back(fake.unplugged_error);
   fake.error_stack.insert(fake.error_stack.end(), fake.errors.begin(), fake.errors.end());

@@ -13,12 +13,7 @@
 
 namespace palpate {
 
-struct FakeHd {
-  static constexpr const char* kInstance = "FakeHdInstance";
-  using Instance = FakeHd* (*)();
-
-  std::mutex mutex;
-
+struct FakeHdRecord {
   // Its behaviour, set by the test.
   unsigned int init_error = 0;
   bool init_gives_handle = false;  // although there is an error
@@ -46,9 +41,15 @@ struct FakeHd {
   std::uint64_t frames = 0;
   std::uint64_t inits = 0;
   std::uint64_t calibration_updates = 0;
-  std::array<double, 3> force{};  // of the newest finished frame
-  std::uint64_t frames_with_force = 0;
+  std::array<double, 3> force{};         // of the newest finished frame
   std::uint64_t zero_frames_at_end = 0;  // in a row until now
+};
+
+struct FakeHd : FakeHdRecord {
+  static constexpr const char* kInstance = "FakeHdInstance";
+  using Instance = FakeHd* (*)();
+
+  std::mutex mutex;
 };
 
 }  // namespace palpate

@@ -6,7 +6,7 @@ namespace palpate::test {
 namespace {
 
 constexpr std::size_t kFrameBytes = 16, kPacketBytes = 64, kStatusBytes = 2;
-constexpr std::uint8_t kNibbleBase = 0x41;
+constexpr std::uint8_t kNibbleBase = 0x41, kHomed = 7 << 4;  // all three legs, no button
 
 // FTDI's vendor requests.
 constexpr std::uint8_t kReset = 0, kModemControl = 1, kSetBaudRate = 3, kSetLatency = 9;
@@ -29,32 +29,12 @@ UsbSpec FalconSpec() {
 
 }  // namespace
 
-FalconEmulator::FalconEmulator(bool has_firmware)
-    : EmulatedUsbDevice(FalconSpec()), has_firmware_from_the_start_(has_firmware) {}
+FalconEmulator::FalconEmulator() : EmulatedUsbDevice(FalconSpec()) {}
 
-void FalconEmulator::SetEncoders(const std::array<std::int16_t, 3>& encoders) {
+void FalconEmulator::SetPath(Path path) {
   const std::scoped_lock lock(mutex());
-  encoders_ = encoders;
-}
-
-void FalconEmulator::SetButtons(std::uint8_t buttons) {
-  const std::scoped_lock lock(mutex());
-  buttons_ = buttons & 0x0f;
-}
-
-void FalconEmulator::SetHomed(bool homed) {
-  const std::scoped_lock lock(mutex());
-  homed_ = homed;
-}
-
-void FalconEmulator::SetEchoErrors(bool errors) {
-  const std::scoped_lock lock(mutex());
-  echo_errors_ = errors;
-}
-
-bool FalconEmulator::has_firmware() const {
-  const std::scoped_lock lock(mutex());
-  return stage_ == Stage::kRunning;
+  path_ = std::move(path);
+  path_answers_ = 0;
 }
 
 Bytes FalconEmulator::firmware() const {
@@ -67,13 +47,8 @@ std::vector<FalconForce> FalconEmulator::Forces() const {
   return forces_;
 }
 
-std::uint64_t FalconEmulator::answers() const {
-  const std::scoped_lock lock(mutex());
-  return answers_;
-}
-
 void FalconEmulator::OnPlugged() {
-  stage_ = has_firmware_from_the_start_ ? Stage::kRunning : Stage::kDumb;
+  stage_ = Stage::kDumb;
   to_device_.clear();
   from_device_.clear();
   firmware_.clear();
@@ -124,14 +99,12 @@ void FalconEmulator::OnOut(std::uint8_t endpoint, std::span<const std::uint8_t> 
 
 void FalconEmulator::Load(std::span<const std::uint8_t> bytes) {
   firmware_.insert(firmware_.end(), bytes.begin(), bytes.end());
-  const std::size_t at = from_device_.size();
   from_device_.insert(from_device_.end(), bytes.begin(), bytes.end());
-  if (echo_errors_ && !bytes.empty()) from_device_[at] ^= 0xff;
 }
 
 void FalconEmulator::TakeFrame(std::span<const std::uint8_t> frame) {
   if (frame.front() != '<' || frame.back() != '>') return;
-  FalconForce force{.time_ns = NowNs()};
+  FalconForce force;
   for (std::size_t motor = 0; motor < 3; ++motor) {
     unsigned word = 0;
     for (std::size_t n = 0; n < 4; ++n) {
@@ -143,19 +116,18 @@ void FalconEmulator::TakeFrame(std::span<const std::uint8_t> frame) {
   forces_.push_back(force);
   const Bytes answer = Answer();
   from_device_.insert(from_device_.end(), answer.begin(), answer.end());
-  ++answers_;
 }
 
-Bytes FalconEmulator::Answer() const {
+Bytes FalconEmulator::Answer() {
   Bytes frame = {'<'};
-  for (const std::int16_t encoder : encoders_) {
+  for (const std::int16_t encoder :
+       path_ ? path_(path_answers_++) : std::array<std::int16_t, 3>{}) {
     for (unsigned n = 0; n < 4; ++n) {
       const unsigned nibble = static_cast<std::uint16_t>(encoder) >> (4 * n) & 0x0fu;
       frame.push_back(static_cast<std::uint8_t>(kNibbleBase + nibble));
     }
   }
-  const unsigned status = buttons_ | (homed_ ? 7u << 4 : 0u);
-  frame.push_back(static_cast<std::uint8_t>(kNibbleBase + status));
+  frame.push_back(kNibbleBase + kHomed);
   frame.push_back(kNibbleBase);
   frame.push_back('>');
   return frame;

@@ -15,13 +15,14 @@
 // Threads: as EmulatedUsbDevice.
 #pragma once
 
+#include <functional>
+
 #include "tests/support/usb_emulator.h"
 
 namespace palpate::test {
 
 // A force frame as the device received it.
 struct FalconForce {
-  std::int64_t time_ns = 0;
   std::array<std::int16_t, 3> motors{};
   std::uint8_t lights = 0;  // LEDs, and the homing bit 0
   bool IsZero() const { return motors == std::array<std::int16_t, 3>{}; }
@@ -31,19 +32,15 @@ class FalconEmulator final : public EmulatedUsbDevice {
  public:
   static constexpr std::uint8_t kIn = 0x81, kOut = 0x02;
 
-  // has_firmware: loaded from the start, as if by another program.
-  explicit FalconEmulator(bool has_firmware);
+  FalconEmulator();
 
-  void SetEncoders(const std::array<std::int16_t, 3>& encoders);
-  void SetButtons(std::uint8_t buttons);  // bits 0 to 3
-  void SetHomed(bool homed);              // all three legs
-  // Puts wrong bytes into the echo of the firmware.
-  void SetEchoErrors(bool errors);
+  // The encoders, by the number of the answer from now. A slow bus thus makes the arm slow, and
+  // never makes it leap. They begin at 0.
+  using Path = std::function<std::array<std::int16_t, 3>(int)>;
+  void SetPath(Path path);
 
-  bool has_firmware() const;
   Bytes firmware() const;  // as it was loaded
   std::vector<FalconForce> Forces() const;
-  std::uint64_t answers() const;
 
  private:
   enum class Stage : std::uint8_t { kDumb, kGreeted, kLoading, kRunning };
@@ -56,19 +53,16 @@ class FalconEmulator final : public EmulatedUsbDevice {
 
   void TakeFrame(std::span<const std::uint8_t> frame);
   void Load(std::span<const std::uint8_t> bytes);
-  Bytes Answer() const;
+  Bytes Answer();
 
-  const bool has_firmware_from_the_start_;
-  std::array<std::int16_t, 3> encoders_{};
-  std::uint8_t buttons_ = 0;
-  bool homed_ = true, echo_errors_ = false;
+  Path path_;
+  int path_answers_ = 0;
 
   Stage stage_ = Stage::kDumb;
   Bytes to_device_, from_device_, firmware_;
   int latency_ms_ = 16, quiet_ms_ = 0;
   std::uint16_t baud_divisor_ = 0;
   std::vector<FalconForce> forces_;
-  std::uint64_t answers_ = 0;
 };
 
 }  // namespace palpate::test

@@ -9,7 +9,6 @@ const char* const kPalpateLab = PALPATE_LAB;
 
 const char* const kConfinedChild = CONFINED_CHILD;
 const char* const kRecordingChild = RECORDING_CHILD;
-const char* const kUsbClientChild = USB_CLIENT_CHILD;
 const char* const kVdbTool = VDB_TOOL;
 const char* const kStandIn = PALPATE_TESTS "/support/stand_in.sh";
 

@@ -12,7 +12,6 @@ extern const char* const kPalpateLab;
 // Programs that tests start and end.
 extern const char* const kConfinedChild;
 extern const char* const kRecordingChild;
-extern const char* const kUsbClientChild;
 // Writes .vdb files.
 extern const char* const kVdbTool;
 // A script that replaces palpated and fails when told to.

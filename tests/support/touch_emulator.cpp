@@ -49,15 +49,12 @@ std::int16_t Counts(double angle_rad) {
 
 }  // namespace
 
-TouchEmulator::TouchEmulator(std::uint8_t state_command, std::uint8_t force_command)
-    : EmulatedUsbDevice(TouchSpec()),
-      state_command_(state_command),
-      force_command_(force_command) {}
+TouchEmulator::TouchEmulator() : EmulatedUsbDevice(TouchSpec()) {}
 
 void TouchEmulator::SetPath(Path path) {
   const std::scoped_lock lock(mutex());
   path_ = std::move(path);
-  path_begin_ns_ = NowNs();
+  path_begin_ = counter_;
 }
 
 void TouchEmulator::SetDocked(bool docked) {
@@ -86,19 +83,9 @@ void TouchEmulator::SetBadFrameEvery(unsigned n) {
   bad_every_ = n;
 }
 
-void TouchEmulator::SetMute(bool mute) {
-  const std::scoped_lock lock(mutex());
-  mute_ = mute;
-}
-
 bool TouchEmulator::is_streaming() const {
   const std::scoped_lock lock(mutex());
   return streaming_;
-}
-
-std::uint64_t TouchEmulator::states_sent() const {
-  const std::scoped_lock lock(mutex());
-  return states_sent_;
 }
 
 std::vector<TouchForce> TouchEmulator::Forces() const {
@@ -119,7 +106,7 @@ std::size_t TouchEmulator::garbage_bytes() const {
 void TouchEmulator::OnPlugged() {
   received_.clear();
   streaming_ = false;
-  counter_ = 0;
+  counter_ = path_begin_ = 0;
 }
 
 std::optional<std::size_t> TouchEmulator::OnControl(const UsbSetup& setup,
@@ -150,8 +137,8 @@ void TouchEmulator::OnOut(std::uint8_t endpoint, std::span<const std::uint8_t> b
 }
 
 void TouchEmulator::TakeFrame(std::uint8_t command, std::span<const std::uint8_t> payload) {
-  if (command == force_command_ && payload.size() == kOmniForceBytes) {
-    TouchForce force{.time_ns = NowNs(), .enabled = (Word(payload, 6) & 1u << 3) != 0};
+  if (command == kForceCommand && payload.size() == kOmniForceBytes) {
+    TouchForce force{.enabled = (Word(payload, 6) & 1u << 3) != 0};
     for (std::size_t n = 0; n < 3; ++n) {
       force.motors[n] = static_cast<int>(Word(payload, 2 * n)) - kOmniMotorRange;
     }
@@ -160,7 +147,6 @@ void TouchEmulator::TakeFrame(std::uint8_t command, std::span<const std::uint8_t
     return;
   }
   commands_.push_back(command);
-  if (mute_) return;
   if (command == kFirmwareQuery) {
     Bytes answer(kFirmwareBytes);
     const std::string version = "emulated 1.0";
@@ -190,14 +176,13 @@ void TouchEmulator::OnMillisecond() {
   ++counter_;
   if (loss_every_ != 0 && counter_ % loss_every_ == 0) return;
   const bool bad = bad_every_ != 0 && counter_ % bad_every_ == 0;
-  Send(state_command_, StateFrame(), bad);
-  ++states_sent_;
+  Send(kStateCommand, StateFrame(), bad);
 }
 
 Bytes TouchEmulator::StateFrame() {
   if (path_) {
     OmniJoints joints;
-    const double time_s = 1e-9 * static_cast<double>(NowNs() - path_begin_ns_);
+    const double time_s = 1e-3 * (counter_ - path_begin_);
     if (OmniJointsAt(path_(time_s), joints)) {
       encoders_ = {Counts(joints.base_rad), Counts(-joints.shoulder_rad), Counts(joints.elbow_rad)};
     }

@@ -5,7 +5,7 @@
 // set-up frame 04 3C, and the servo's start 07 07.
 // Everything else is an assumption, because the servo stream over USB is not public. The emulator
 // uses what the configuration calls `framed-firewire`: the FireWire device's frames
-// (server/device/omni) in that framing, with command bytes that the test chooses. Endpoints and
+// (server/device/omni) in that framing, with command bytes of our choice. Endpoints and
 // their addresses are invented. This emulator says nothing about real devices.
 //
 // Threads: as EmulatedUsbDevice. Frame D: mm.
@@ -21,7 +21,6 @@ namespace palpate::test {
 
 // A force frame as the device received it.
 struct TouchForce {
-  std::int64_t time_ns = 0;
   std::array<int, 3> motors{};  // counts; 0: no force
   bool enabled = false;
   bool IsZero() const { return motors == std::array<int, 3>{}; }
@@ -29,12 +28,14 @@ struct TouchForce {
 
 class TouchEmulator final : public EmulatedUsbDevice {
  public:
+  static constexpr std::uint8_t kStateCommand = 0x21, kForceCommand = 0x22;
   static constexpr std::uint8_t kNotify = 0x81, kDataIn = 0x82, kDataOut = 0x03;
 
-  explicit TouchEmulator(std::uint8_t state_command = 0x21, std::uint8_t force_command = 0x22);
+  TouchEmulator();
 
-  // The gimbal's place by the seconds from now. A place out of the arm's reach does not move it. It
-  // begins with all encoders at 0, at (0, -110, -35).
+  // The gimbal's place, by the seconds from now; each state takes a millisecond. A slow bus thus
+  // makes the stylus slow, and never makes it leap. A place out of the arm's reach does not move
+  // it. It begins with all encoders at 0, at (0, -110, -35).
   using Path = std::function<Vec3(double)>;
   void SetPath(Path path);
   void SetDocked(bool docked);
@@ -46,11 +47,8 @@ class TouchEmulator final : public EmulatedUsbDevice {
   void SetWaitsForForces(bool waits);
   // Makes the first byte of every nth state frame wrong; 0: none.
   void SetBadFrameEvery(unsigned n);
-  // Stops answering queries.
-  void SetMute(bool mute);
 
   bool is_streaming() const;  // the host has started its servo
-  std::uint64_t states_sent() const;
   // All whole force frames, oldest first.
   std::vector<TouchForce> Forces() const;
   // The commands of all other whole frames, oldest first.
@@ -69,10 +67,9 @@ class TouchEmulator final : public EmulatedUsbDevice {
   void Send(std::uint8_t command, std::span<const std::uint8_t> payload, bool bad = false);
   Bytes StateFrame();
 
-  const std::uint8_t state_command_, force_command_;
   Path path_;
-  std::int64_t path_begin_ns_ = 0;
-  bool docked_ = false, mute_ = false, waits_for_forces_ = false;
+  std::uint32_t path_begin_ = 0;  // of counter_
+  bool docked_ = false, waits_for_forces_ = false;
   unsigned waited_ms_ = 0;
   std::array<bool, 2> buttons_{};
   unsigned loss_every_ = 0, bad_every_ = 0;
@@ -81,7 +78,6 @@ class TouchEmulator final : public EmulatedUsbDevice {
   bool streaming_ = false;
   std::uint32_t counter_ = 0;
   std::array<std::int16_t, 3> encoders_{};
-  std::uint64_t states_sent_ = 0;
   std::vector<TouchForce> forces_;
   Bytes commands_;
   std::size_t garbage_bytes_ = 0;

@@ -96,10 +96,7 @@ bool EmulatedUsbDevice::IsInEmpty(std::uint8_t endpoint) const {
 
 void EmulatedUsbDevice::Log(UsbEvent::Kind kind, std::uint8_t number,
                             std::span<const std::uint8_t> bytes) {
-  events_.push_back({.kind = kind,
-                     .time_ns = NowNs(),
-                     .number = number,
-                     .bytes = Bytes(bytes.begin(), bytes.end())});
+  events_.push_back({.kind = kind, .number = number, .bytes = Bytes(bytes.begin(), bytes.end())});
 }
 
 }  // namespace palpate::test

@@ -65,7 +65,6 @@ struct UsbFaults {
   bool silent = false;                      // nothing comes from the device
   bool deaf = false;                        // OUT transfers never end
   bool busy = false;                        // another program has claimed the interfaces
-  bool control_stall = false;               // every control request is refused
   std::optional<std::size_t> cut_in_to{};   // IN transfers end after this many bytes
   std::optional<std::size_t> corrupt_in{};  // this byte of each IN transfer is wrong
 };
@@ -86,7 +85,6 @@ struct UsbEvent {
     kReset,
   };
   Kind kind = Kind::kOpen;
-  std::int64_t time_ns = 0;
   std::uint8_t number = 0;
   Bytes bytes{};
 };

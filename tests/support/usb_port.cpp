@@ -300,7 +300,6 @@ void UsbPort::EndControl(Urb& urb) {
   const std::span<std::uint8_t> data = bytes.subspan(kSetupBytes);
   device_.Log(UsbEvent::Kind::kControl, setup.request,
               setup.request_type & kIn ? bytes.first(kSetupBytes) : bytes);
-  if (device_.faults_.control_stall) return Finish(urb, -EPIPE, 0);
   const auto answered = device_.OnControl(setup, data);
   if (!answered) return Finish(urb, -EPIPE, 0);
   Finish(urb, 0, std::min(*answered, data.size()));

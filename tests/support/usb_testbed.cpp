@@ -14,7 +14,6 @@
 #include <chrono>
 #include <cstring>
 #include <filesystem>
-#include <fstream>
 #include <list>
 #include <mutex>
 #include <stdexcept>
@@ -27,11 +26,9 @@ namespace palpate::test {
 namespace {
 
 constexpr const char* kPreload = "libumockdev-preload.so.0";
-constexpr const char* kSetpriv = "/usr/bin/setpriv";
 // MurmurHash2 of "usb" and "usb_device".
 constexpr std::uint32_t kSubsystemHash = 0x0577c5e5, kDeviceTypeHash = 0x27f8f50c;
-constexpr std::int64_t kMillisecondNs = 1'000'000, kHaltNs = 50 * kMillisecondNs,
-                       kLookNs = 100 * kMillisecondNs;
+constexpr std::int64_t kMillisecondNs = 1'000'000;
 
 std::string Hex(const Bytes& bytes) {
   constexpr char kDigits[] = "0123456789ABCDEF";
@@ -116,16 +113,6 @@ class RealtimeStart {
   sched_param before_{};
 };
 
-// The threads of this process together, so far: ready to run, and without a processor.
-std::int64_t WaitedForProcessorNs() {
-  std::int64_t sum_ns = 0;
-  for (const auto& task : std::filesystem::directory_iterator("/proc/self/task")) {
-    std::int64_t ran_ns = 0, waited_ns = 0;
-    if (std::ifstream(task.path() / "schedstat") >> ran_ns >> waited_ns) sum_ns += waited_ns;
-  }
-  return sum_ns;
-}
-
 // Of all testbeds; those of failed opens too.
 std::atomic<int> g_clients = 0;
 
@@ -173,20 +160,11 @@ struct UsbTestbed::Impl {
   }
 
   void RunMilliseconds() {
-    std::int64_t due_ns = NowNs(), turn_ns = due_ns, look_ns = due_ns;
-    std::int64_t waited_ns = WaitedForProcessorNs();
+    std::int64_t due_ns = NowNs();
     while (!stop) {
       due_ns = std::max(due_ns + kMillisecondNs, NowNs() - 10 * kMillisecondNs);
       const timespec due{due_ns / 1'000'000'000, due_ns % 1'000'000'000};
       clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &due, nullptr);
-      const std::int64_t now_ns = NowNs();
-      if (now_ns - turn_ns >= kHaltNs) last_halt_ns = now_ns;
-      turn_ns = now_ns;
-      if (now_ns - look_ns >= kLookNs) {
-        const std::int64_t before_ns = std::exchange(waited_ns, WaitedForProcessorNs());
-        if (waited_ns - before_ns >= kHaltNs) last_halt_ns = now_ns;
-        look_ns = now_ns;
-      }
       const std::scoped_lock lock(mutex);
       for (Plugged& one : plugged) {
         if (!one.gone) one.usb->Millisecond();
@@ -200,7 +178,6 @@ struct UsbTestbed::Impl {
   std::mutex mutex{};  // of `plugged`
   std::list<Plugged> plugged{};
   std::atomic<bool> stop = false;
-  std::atomic<std::int64_t> last_halt_ns = -1;
   std::thread milliseconds{};
 };
 
@@ -269,16 +246,9 @@ void UsbTestbed::Unplug(const std::string& port) {
   throw std::logic_error("nothing is plugged into " + port);
 }
 
-bool UsbTestbed::HaltedSince(std::int64_t time_ns) const { return impl_->last_halt_ns >= time_ns; }
-
-std::vector<std::string> UsbTestbed::wrapper(bool bound_by_modes) const {
-  std::vector<std::string> command;
-  if (bound_by_modes && geteuid() == 0) {
-    command = {kSetpriv, "--bounding-set=-dac_override,-dac_read_search"};
-  }
-  command.insert(command.end(), {"/usr/bin/env", std::string("LD_PRELOAD=").append(kPreload),
-                                 "UMOCKDEV_DIR=" + impl_->root});
-  return command;
+std::vector<std::string> UsbTestbed::wrapper() const {
+  return {"/usr/bin/env", std::string("LD_PRELOAD=").append(kPreload),
+          "UMOCKDEV_DIR=" + impl_->root};
 }
 
 }  // namespace palpate::test

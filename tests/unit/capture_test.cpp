@@ -129,18 +129,23 @@ const std::map<std::string, Decoder>& Decoders() {
   return decoders;
 }
 
+constexpr const char* kNoFrames = "over 1 % of the bytes are in no frame";
+constexpr const char* kNumbersStand = "the readings' numbers do not rise";
+constexpr const char* kNeverDocked = "no reading is docked: begin with the stylus in its dock";
+constexpr const char* kFarOff = "positions far off the workspace";
+
 // What is wrong with it; "": nothing.
 std::string ProblemOf(const Judgement& judgement) {
   const auto most = [](std::size_t part, std::size_t all) { return part >= 0.99 * all; };
   if (judgement.in_bytes == 0) return "nothing came in";
   if (!most(judgement.in_bytes - judgement.corrupt_bytes, judgement.in_bytes)) {
-    return "over 1 % of the bytes are in no frame";
+    return kNoFrames;
   }
   if (!judgement.names_frames) return "";
   if (judgement.readings == 0) return "no frame is a reading";
-  if (!most(judgement.rises, judgement.readings)) return "the readings' numbers do not rise";
-  if (judgement.calibrated == 0) return "no reading is docked: begin with the stylus in its dock";
-  if (!most(judgement.within_box, judgement.calibrated)) return "positions far off the workspace";
+  if (!most(judgement.rises, judgement.readings)) return kNumbersStand;
+  if (judgement.calibrated == 0) return kNeverDocked;
+  if (!most(judgement.within_box, judgement.calibrated)) return kFarOff;
   return "";
 }
 
@@ -284,20 +289,14 @@ std::string JudgeSynthetic(int linktype, const Flaws& flaws = {}) {
   return ProblemOf(Judge("omni-usb", files.at(0)));
 }
 
-TEST(SyntheticCapture, IsDecodedInBothLinktypes) {
-  for (const int linktype : {DLT_USB_LINUX, DLT_USB_LINUX_MMAPPED}) {
-    EXPECT_EQ(JudgeSynthetic(linktype), "");
-  }
-}
-
-TEST(SyntheticCapture, WhatIsWrongIsSeen) {
+TEST(SyntheticCapture, IsDecodedInBothLinktypesAndWhatIsWrongIsSeen) {
   constexpr int kType = DLT_USB_LINUX_MMAPPED;
-  EXPECT_EQ(JudgeSynthetic(kType, {.numbers_stand = true}), "the readings' numbers do not rise");
-  EXPECT_EQ(JudgeSynthetic(kType, {.never_docked = true}),
-            "no reading is docked: begin with the stylus in its dock");
-  EXPECT_EQ(JudgeSynthetic(kType, {.far_off = true}), "positions far off the workspace");
-  EXPECT_EQ(JudgeSynthetic(kType, {.garbage_per_mille = 100}),
-            "over 1 % of the bytes are in no frame");
+  EXPECT_EQ(JudgeSynthetic(DLT_USB_LINUX), "");
+  EXPECT_EQ(JudgeSynthetic(kType), "");
+  EXPECT_EQ(JudgeSynthetic(kType, {.numbers_stand = true}), kNumbersStand);
+  EXPECT_EQ(JudgeSynthetic(kType, {.never_docked = true}), kNeverDocked);
+  EXPECT_EQ(JudgeSynthetic(kType, {.far_off = true}), kFarOff);
+  EXPECT_EQ(JudgeSynthetic(kType, {.garbage_per_mille = 100}), kNoFrames);
 }
 
 TEST(SyntheticCapture, WithoutTheTextFileItsFramesAreListed) {

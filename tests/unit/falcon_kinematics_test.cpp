@@ -28,7 +28,7 @@ Vec3 TurnedByThird(const Vec3& p) {
 TEST(FalconKinematics, ForwardLeadsBackAllOverTheBall) {
   std::mt19937 random(1);
   double worst_mm = 0.0;
-  for (int n = 0; n < test::Scaled(200'000); ++n) {
+  for (int n = 0; n < test::Scaled(50'000); ++n) {
     const Vec3 p = InBall(random);
     Vec3 angles, back;
     ASSERT_TRUE(FalconAnglesAt(p, angles)) << p.transpose();
@@ -37,23 +37,6 @@ TEST(FalconKinematics, ForwardLeadsBackAllOverTheBall) {
   }
   EXPECT_LT(worst_mm, 1e-9);
   RecordProperty("worst_mm", std::to_string(worst_mm));
-}
-
-TEST(FalconKinematics, ForwardLeadsBackWhereverTheArmsReachInTheCube) {
-  std::mt19937 random(2);
-  std::uniform_real_distribution<double> any(-50.8, 50.8);
-  int reached = 0, back_again = 0;
-  for (int n = 0; n < 100'000; ++n) {
-    const Vec3 p(any(random), any(random), any(random));
-    Vec3 angles, back;
-    if (!FalconAnglesAt(p, angles)) continue;
-    ++reached;
-    if (!FalconPositionAt(angles, back)) continue;
-    ++back_again;
-    ASSERT_LT((back - p).norm(), 1e-6) << p.transpose();
-  }
-  EXPECT_GT(reached, 80'000);
-  EXPECT_GT(back_again, reached * 99 / 100);
 }
 
 TEST(FalconKinematics, TheBaseIsBehindAndOutwardsIsTowardsTheUser) {
@@ -97,21 +80,6 @@ TEST(FalconKinematics, TheJacobianIsTheDerivative) {
       const Vec3 slope = (after - before) / (2.0 * kStepRad);
       ASSERT_LT((jacobian.col(arm) - slope).norm(), 1e-4) << p.transpose();
     }
-  }
-}
-
-TEST(FalconKinematics, WhatTheMotorsDoIsWhatTheHandGets) {
-  std::mt19937 random(5);
-  for (int n = 0; n < test::Scaled(10'000); ++n) {
-    const Vec3 p = InBall(random), force = InBall(random, 3.3);
-    const Vec3 q = p + InBall(random, 1e-4);
-    Vec3 angles, moved;
-    Mat3 jacobian;
-    ASSERT_TRUE(FalconAnglesAt(p, angles));
-    ASSERT_TRUE(FalconAnglesAt(q, moved));
-    ASSERT_TRUE(FalconJacobianAt(p, angles, jacobian));
-    const Vec3 torques = jacobian.transpose() * force;
-    ASSERT_NEAR(torques.dot(moved - angles), force.dot(q - p), 1e-7);
   }
 }
 
@@ -191,7 +159,7 @@ TEST(FalconKinematics, AnyAnglesGiveTheirPositionOrNone) {
 TEST(FalconKinematics, ForcesWithinTheBoundNeedNoScaling) {
   std::mt19937 random(8);
   double greatest = 0.0;
-  for (int n = 0; n < 100'000; ++n) {
+  for (int n = 0; n < test::Scaled(20'000); ++n) {
     const Vec3 p = InBall(random), force = 3.3 * InBall(random, 1.0).normalized();
     Vec3 angles;
     Mat3 jacobian;

@@ -5,6 +5,7 @@
 #include <atomic>
 #include <cmath>
 #include <fstream>
+#include <optional>
 #include <random>
 #include <string>
 #include <vector>
@@ -121,14 +122,6 @@ FalconReport HomedAt(const Vec3& p_D_mm) {
   return {.encoders = FalconCountsFromAngles(angles), .buttons = 0, .homed = 7};
 }
 
-FalconCommand Encoded(FalconProtocol& protocol, const Vec3& force_D_n, bool forces_on) {
-  std::array<std::uint8_t, UsbProtocol::kMaxFrameBytes> out{};
-  const std::size_t size = protocol.Encode(force_D_n, forces_on, out);
-  const auto command = DecodeFalconCommand(std::span(out).first(size));
-  EXPECT_TRUE(command);
-  return command.value_or(FalconCommand{});
-}
-
 // The force that the motors' counts put on the hand.
 Vec3 ForceOf(const FalconCommand& command, const Vec3& p_D_mm) {
   Vec3 angles;
@@ -139,230 +132,208 @@ Vec3 ForceOf(const FalconCommand& command, const Vec3& p_D_mm) {
   return jacobian.transpose().inverse() * (counts / kFalconMotorCountsPerNmm);
 }
 
-UsbFault FaultOfSetUp(FalconProtocol& protocol, FakeFalcon& falcon, std::string& what,
-                      bool stopped = false) {
-  test::SetScriptedUsb(falcon.usb);
-  UsbLink link(protocol.match());
-  const std::atomic<bool> stop(stopped);
-  try {
-    protocol.SetUp(link, stop);
-  } catch (const UsbError& error) {
-    what = error.what();
-    return error.fault();
+class FalconProtocolTest : public ::testing::Test {
+ protected:
+  FalconProtocolTest() { test::SetScriptedUsb(falcon_.usb); }
+
+  UsbReceived Receive(const FalconReport& report) {
+    return protocol_->Receive(Transfer(report), state_);
   }
-  ADD_FAILURE() << "set up";
-  return UsbFault::kBroken;
+  FalconCommand Encoded(const Vec3& force_D_n, bool forces_on = true) {
+    std::array<std::uint8_t, UsbProtocol::kMaxFrameBytes> out{};
+    const std::size_t size = protocol_->Encode(force_D_n, forces_on, out);
+    const auto command = DecodeFalconCommand(std::span(out).first(size));
+    EXPECT_TRUE(command);
+    return command.value_or(FalconCommand{});
+  }
+  UsbFault FaultOfSetUp(std::string& what, bool stopped = false) {
+    UsbLink link(protocol_->match());
+    const std::atomic<bool> stop(stopped);
+    try {
+      protocol_->SetUp(link, stop);
+    } catch (const UsbError& error) {
+      what = error.what();
+      return error.fault();
+    }
+    ADD_FAILURE() << "set up";
+    return UsbFault::kBroken;
+  }
+
+  static constexpr std::array<std::int16_t, 3> kMotorsOff{};
+  FakeFalcon falcon_;
+  std::optional<FalconProtocol> protocol_{FalconOptions{}};
+  DeviceState state_;
+};
+
+TEST_F(FalconProtocolTest, SaysWhatItIs) {
+  protocol_.emplace(FalconOptions{.port = "1-4"});
+  EXPECT_EQ(protocol_->spec().kind, "falcon");
+  EXPECT_EQ(protocol_->spec().verification_level, VerificationLevel::kNone);
+  EXPECT_LE(protocol_->spec().max_force_n, 3.3);
+  EXPECT_LE(protocol_->spec().continuous_force_n, protocol_->spec().max_force_n);
+  EXPECT_EQ(protocol_->match().ids, (std::vector<UsbMatch::Ids>{{0x0403, 0xcb48}}));
+  EXPECT_EQ(protocol_->match().port, "1-4");
+  EXPECT_TRUE(protocol_->is_request_response());
 }
 
-TEST(FalconProtocol, SaysWhatItIs) {
-  const FalconProtocol protocol(FalconOptions{.port = "1-4"});
-  EXPECT_EQ(protocol.spec().kind, "falcon");
-  EXPECT_EQ(protocol.spec().verification_level, VerificationLevel::kNone);
-  EXPECT_LE(protocol.spec().max_force_n, 3.3);
-  EXPECT_LE(protocol.spec().continuous_force_n, protocol.spec().max_force_n);
-  EXPECT_EQ(protocol.match().ids, (std::vector<UsbMatch::Ids>{{0x0403, 0xcb48}}));
-  EXPECT_EQ(protocol.match().port, "1-4");
-  EXPECT_TRUE(protocol.is_request_response());
-}
-
-TEST(FalconProtocol, ARunningDeviceIsAskedToHome) {
-  FakeFalcon falcon;
-  falcon.silent_reads = 1;
-  test::SetScriptedUsb(falcon.usb);
-  FalconProtocol protocol({});
-  UsbLink link(protocol.match());
+TEST_F(FalconProtocolTest, ARunningDeviceIsAskedToHomeAndForgetsTheConnectionBefore) {
+  Receive(HomedAt(Vec3(5.0, 5.0, 5.0)));
+  falcon_.silent_reads = 1;
+  UsbLink link(protocol_->match());
   const std::atomic<bool> stop(false);
-  EXPECT_EQ(protocol.SetUp(link, stop), "Novint Falcon at USB port 1-2");
-  ASSERT_FALSE(falcon.commands.empty());
-  for (const auto& command : falcon.commands) EXPECT_EQ(command, FalconCommand{});
-  EXPECT_NE(std::string(protocol.calibration_hint()).find("pull its grip"), std::string::npos);
-  EXPECT_EQ(Encoded(protocol, Vec3(1.0, 1.0, 1.0), true),
+  EXPECT_NE(protocol_->SetUp(link, stop).find("1-2"), std::string::npos);
+  ASSERT_FALSE(falcon_.commands.empty());
+  for (const auto& command : falcon_.commands) EXPECT_EQ(command, FalconCommand{});
+  EXPECT_NE(std::string(protocol_->calibration_hint()).find("pull its grip"), std::string::npos);
+  EXPECT_EQ(Encoded(Vec3(1.0, 1.0, 1.0)),
             (FalconCommand{.lights = kFalconRedLight, .homing = true}));
-  protocol.TearDown(link);
-  EXPECT_EQ(falcon.commands.back(), (FalconCommand{.homing = true}));
+  protocol_->TearDown(link);
+  EXPECT_EQ(falcon_.commands.back(), (FalconCommand{.homing = true}));
 }
 
-TEST(FalconProtocol, WithoutFirmwareItSaysWhereThatIs) {
-  FakeFalcon falcon;
-  falcon.state = FakeFalcon::State::kBare;
-  FalconProtocol protocol({});
+TEST_F(FalconProtocolTest, WithoutFirmwareItSaysWhereThatIs) {
+  falcon_.state = FakeFalcon::State::kBare;
   std::string what;
-  EXPECT_EQ(FaultOfSetUp(protocol, falcon, what), UsbFault::kUnsuitable);
-  EXPECT_NE(what.find("Novint's firmware"), std::string::npos) << what;
+  EXPECT_EQ(FaultOfSetUp(what), UsbFault::kUnsuitable);
+  EXPECT_NE(what.find("falcon_firmware"), std::string::npos) << what;
   EXPECT_EQ(what.find('\n'), std::string::npos);
 }
 
-class FalconFirmwareTest : public ::testing::Test {
+class FalconFirmwareTest : public FalconProtocolTest {
  protected:
-  void SetUp() {
+  FalconFirmwareTest() {
     std::mt19937 random(1);
     for (int n = 0; n < 5'000; ++n) firmware_.push_back(static_cast<std::uint8_t>(random()));
-    std::ofstream(file_, std::ios::binary)
-        .write(reinterpret_cast<const char*>(firmware_.data()),
-               static_cast<std::streamsize>(firmware_.size()));
+    std::ofstream(file_, std::ios::binary) << std::string(firmware_.begin(), firmware_.end());
     falcon_.state = FakeFalcon::State::kBare;
     falcon_.firmware_bytes = firmware_.size();
+    protocol_.emplace(FalconOptions{.firmware_file = file_});
   }
 
   test::TemporaryFolder folder_{};
   const std::string file_ = folder_.path() / "firmware.bin";
   Bytes firmware_{};
-  FakeFalcon falcon_{};
+  std::string what_{};
 };
 
 TEST_F(FalconFirmwareTest, IsUploadedWhole) {
-  test::SetScriptedUsb(falcon_.usb);
-  FalconProtocol protocol({.firmware_file = file_});
-  UsbLink link(protocol.match());
-  const std::atomic<bool> stop(false);
-  protocol.SetUp(link, stop);
+  UsbLink link(protocol_->match());
+  protocol_->SetUp(link, false);
   EXPECT_EQ(falcon_.loaded, firmware_);
   EXPECT_EQ(falcon_.commands.size(), 1u);
 }
 
 TEST_F(FalconFirmwareTest, ThatComesBackWrongIsRefused) {
   falcon_.spoils_echo = true;
-  FalconProtocol protocol({.firmware_file = file_});
-  std::string what;
-  EXPECT_EQ(FaultOfSetUp(protocol, falcon_, what), UsbFault::kCorrupt);
-  EXPECT_NE(what.find("plug them in again"), std::string::npos) << what;
+  EXPECT_EQ(FaultOfSetUp(what_), UsbFault::kCorrupt);
+  EXPECT_NE(what_.find("plug them in again"), std::string::npos) << what_;
 }
 
 TEST_F(FalconFirmwareTest, ThatDoesNotRunIsNamed) {
   falcon_.firmware_bytes = firmware_.size() + 1;
-  FalconProtocol protocol({.firmware_file = file_});
-  std::string what;
-  EXPECT_EQ(FaultOfSetUp(protocol, falcon_, what), UsbFault::kTimeout);
-  EXPECT_NE(what.find(file_), std::string::npos) << what;
+  EXPECT_EQ(FaultOfSetUp(what_), UsbFault::kTimeout);
+  EXPECT_NE(what_.find(file_), std::string::npos) << what_;
 }
 
 TEST_F(FalconFirmwareTest, FileIsReadWithinLimits) {
   EXPECT_EQ(ReadFalconFirmware(file_), firmware_);
-  EXPECT_THROW(ReadFalconFirmware(folder_.path() / "none"), UsbError);
-  EXPECT_THROW(ReadFalconFirmware(folder_.path()), UsbError);
   const std::string empty = folder_.path() / "empty", huge = folder_.path() / "huge";
   std::ofstream{empty};
-  EXPECT_THROW(ReadFalconFirmware(empty), UsbError);
   std::ofstream(huge) << std::string(kMaxFalconFirmwareBytes + 1, 'x');
-  EXPECT_THROW(ReadFalconFirmware(huge), UsbError);
+  for (const std::string& bad :
+       {std::string(folder_.path() / "none"), folder_.path().string(), empty, huge}) {
+    EXPECT_THROW(ReadFalconFirmware(bad), UsbError) << bad;
+  }
 }
 
 TEST_F(FalconFirmwareTest, AStopOrAnUnplugEndsTheSetUp) {
-  FalconProtocol protocol({.firmware_file = file_});
-  std::string what;
-  EXPECT_EQ(FaultOfSetUp(protocol, falcon_, what, true), UsbFault::kTimeout);
+  EXPECT_EQ(FaultOfSetUp(what_, true), UsbFault::kTimeout);
   falcon_.gone_after = 30;
-  EXPECT_EQ(FaultOfSetUp(protocol, falcon_, what), UsbFault::kAbsent);
+  EXPECT_EQ(FaultOfSetUp(what_), UsbFault::kAbsent);
 }
 
-TEST(FalconProtocol, AHomedReadingIsAPosition) {
-  FalconProtocol protocol({});
+TEST_F(FalconProtocolTest, AHomedReadingIsAPosition) {
   std::mt19937 random(1);
   std::uniform_real_distribution<double> any(-28.0, 28.0);
   for (int n = 0; n < 1'000; ++n) {
     const Vec3 p(any(random), any(random), any(random));
     FalconReport report = HomedAt(p);
     report.buttons = static_cast<std::uint8_t>(n % 16);
-    DeviceState state;
-    state.docked = true;
-    const UsbReceived received = protocol.Receive(Transfer(report), state);
+    state_.docked = true;
+    const UsbReceived received = Receive(report);
     ASSERT_TRUE(received.has_reading);
-    ASSERT_TRUE(state.calibrated);
-    ASSERT_FALSE(state.docked);
-    ASSERT_EQ(state.buttons, report.buttons);
+    ASSERT_TRUE(state_.calibrated);
+    ASSERT_FALSE(state_.docked);
+    ASSERT_EQ(state_.buttons, report.buttons);
     // Rounded to counts, of which the motions of three arms add up.
-    ASSERT_LT((state.p_DHip_mm - p).norm(), 0.0635);
+    ASSERT_LT((state_.p_DHip_mm - p).norm(), 0.0635);
   }
 }
 
-TEST(FalconProtocol, TheNewestOfManyReadingsCounts) {
-  FalconProtocol protocol({});
+TEST_F(FalconProtocolTest, TheNewestOfManyReadingsCounts) {
   Bytes transfer = {0x31, 0x60};
   for (int n = 0; n < 3; ++n) {
     const FalconFrame frame = EncodeFalconReport(HomedAt(Vec3(0.0, 0.0, 10.0 * n)));
     transfer.insert(transfer.end(), frame.begin(), frame.end());
   }
   transfer.insert(transfer.end(), {'<', 'A', 'A'});
-  DeviceState state;
-  UsbReceived received = protocol.Receive(transfer, state);
+  UsbReceived received = protocol_->Receive(transfer, state_);
   EXPECT_EQ(received.readings, 3u);
   EXPECT_EQ(received.corrupt_frames, 0u);
-  EXPECT_NEAR(state.p_DHip_mm.z(), 20.0, 0.1);
+  EXPECT_NEAR(state_.p_DHip_mm.z(), 20.0, 0.1);
   // The chip's status alone is no reading; what was begun is kept.
-  received = protocol.Receive(Bytes{0x31, 0x60}, state);
+  received = protocol_->Receive(Bytes{0x31, 0x60}, state_);
   EXPECT_FALSE(received.has_reading);
   const FalconFrame rest = EncodeFalconReport({});
   Bytes last = {0x31, 0x60};
   last.insert(last.end(), rest.begin() + 3, rest.end());
-  EXPECT_TRUE(protocol.Receive(last, state).has_reading);
+  EXPECT_TRUE(protocol_->Receive(last, state_).has_reading);
 }
 
-TEST(FalconProtocol, WithoutHomingThereIsNoPositionAndNoForce) {
-  FalconProtocol protocol({});
-  DeviceState state;
-  protocol.Receive(Transfer(HomedAt(Vec3(1.0, 2.0, 3.0))), state);
-  const Vec3 last = state.p_DHip_mm;
+TEST_F(FalconProtocolTest, WithoutHomingThereIsNoPositionAndNoForce) {
+  Receive(HomedAt(Vec3(1.0, 2.0, 3.0)));
+  const Vec3 last = state_.p_DHip_mm;
   FalconReport half_homed = HomedAt(Vec3(30.0, 0.0, 0.0));
   half_homed.homed = 5;
-  EXPECT_TRUE(protocol.Receive(Transfer(half_homed), state).has_reading);
-  EXPECT_FALSE(state.calibrated);
-  EXPECT_EQ(state.p_DHip_mm, last);
-  const FalconCommand command = Encoded(protocol, Vec3(3.0, 0.0, 0.0), true);
+  EXPECT_TRUE(Receive(half_homed).has_reading);
+  EXPECT_FALSE(state_.calibrated);
+  EXPECT_EQ(state_.p_DHip_mm, last);
+  const FalconCommand command = Encoded(Vec3(3.0, 0.0, 0.0), true);
   EXPECT_EQ(command, (FalconCommand{.lights = kFalconRedLight, .homing = true}));
 }
 
-TEST(FalconProtocol, AnglesThatNoPoseHasAreNotCalibrated) {
-  FalconProtocol protocol({});
-  DeviceState state;
-  EXPECT_TRUE(
-      protocol.Receive(Transfer({.encoders = {32767, -32768, 0}, .homed = 7}), state).has_reading);
-  EXPECT_FALSE(state.calibrated);
-  EXPECT_TRUE(state.p_DHip_mm.allFinite());
-  EXPECT_EQ(Encoded(protocol, Vec3(3.0, 0.0, 0.0), true).motors, (std::array<std::int16_t, 3>{}));
+TEST_F(FalconProtocolTest, AnglesThatNoPoseHasAreNotCalibrated) {
+  EXPECT_TRUE(Receive({.encoders = {32767, -32768, 0}, .homed = 7}).has_reading);
+  EXPECT_FALSE(state_.calibrated);
+  EXPECT_TRUE(state_.p_DHip_mm.allFinite());
+  EXPECT_EQ(Encoded(Vec3(3.0, 0.0, 0.0), true).motors, kMotorsOff);
 }
 
-TEST(FalconProtocol, AForceIsOnTheHandWhereItWasRead) {
-  FalconProtocol protocol({});
+TEST_F(FalconProtocolTest, AForceIsOnTheHandWhereItWasRead) {
   std::mt19937 random(2);
   std::uniform_real_distribution<double> any(-28.0, 28.0);
   for (int n = 0; n < 1'000; ++n) {
-    DeviceState state;
-    protocol.Receive(Transfer(HomedAt(Vec3(any(random), any(random), any(random)))), state);
+    Receive(HomedAt(Vec3(any(random), any(random), any(random))));
     const Vec3 force = Vec3(any(random), any(random), any(random)) / 16.0;
-    const FalconCommand command = Encoded(protocol, force, true);
+    const FalconCommand command = Encoded(force, true);
     ASSERT_EQ(command.lights, kFalconGreenLight);
-    ASSERT_LT((ForceOf(command, state.p_DHip_mm) - force).norm(), 0.01);
+    ASSERT_LT((ForceOf(command, state_.p_DHip_mm) - force).norm(), 0.01);
   }
   // Towards the user: all three thighs outwards, which is the negative count.
-  DeviceState state;
-  protocol.Receive(Transfer(HomedAt(Vec3::Zero())), state);
-  for (const std::int16_t motor : Encoded(protocol, Vec3(0.0, 0.0, 1.0), true).motors) {
+  Receive(HomedAt(Vec3::Zero()));
+  for (const std::int16_t motor : Encoded(Vec3(0.0, 0.0, 1.0), true).motors) {
     EXPECT_LT(motor, 0);
   }
 }
 
-TEST(FalconProtocol, WithForcesOffOrWithoutANumberTheMotorsAreOff) {
-  FalconProtocol protocol({});
-  DeviceState state;
-  protocol.Receive(Transfer(HomedAt(Vec3::Zero())), state);
-  EXPECT_EQ(Encoded(protocol, Vec3(1.0, 1.0, 1.0), false),
+TEST_F(FalconProtocolTest, WithForcesOffOrWithoutANumberTheMotorsAreOff) {
+  Receive(HomedAt(Vec3::Zero()));
+  EXPECT_EQ(Encoded(Vec3(1.0, 1.0, 1.0), false),
             (FalconCommand{.lights = kFalconBlueLight, .homing = true}));
   const Vec3 bad(0.0, std::nan(""), 1.0);
-  EXPECT_EQ(Encoded(protocol, bad, true).motors, (std::array<std::int16_t, 3>{}));
+  EXPECT_EQ(Encoded(bad, true).motors, kMotorsOff);
   const Vec3 endless(0.0, HUGE_VAL, 1.0);
-  EXPECT_EQ(Encoded(protocol, endless, true).motors, (std::array<std::int16_t, 3>{}));
-}
-
-TEST(FalconProtocol, ANewConnectionForgetsTheOldOne) {
-  FalconProtocol protocol({});
-  DeviceState state;
-  protocol.Receive(Transfer(HomedAt(Vec3(5.0, 5.0, 5.0))), state);
-  FakeFalcon falcon;
-  test::SetScriptedUsb(falcon.usb);
-  UsbLink link(protocol.match());
-  const std::atomic<bool> stop(false);
-  protocol.SetUp(link, stop);
-  EXPECT_EQ(Encoded(protocol, Vec3(1.0, 1.0, 1.0), true).motors, (std::array<std::int16_t, 3>{}));
+  EXPECT_EQ(Encoded(endless, true).motors, kMotorsOff);
 }
 
 }  // namespace

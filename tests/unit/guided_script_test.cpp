@@ -1,21 +1,27 @@
-// A hand that follows plans: where it has one, where it has none, and where one comes or goes.
+// Scripts of the simulated hand: that which follows plans (where it has one, where it has none, and
+// where one comes or goes), that along a path, and that which presses buttons.
 #include "server/device/guided_script.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <cstring>
-#include <limits>
 
 #include "server/device/explore_script.h"
+#include "server/device/path_script.h"
+#include "server/device/press_script.h"
 #include "server/device/simulated_device.h"
 #include "tests/support/allocation_count.h"
+#include "tests/support/device_numbers.h"
 #include "tests/support/refusal.h"
 
 namespace palpate {
 namespace {
 
-constexpr double kTickS = 1e-3;
+using test::kInfinity;
+using test::kNan;
+using test::kTickS;
+using test::SameBits;
+
 constexpr double kStiffness = 0.5;  // N/mm
 
 std::unique_ptr<StylusScript> Explore() {
@@ -84,8 +90,6 @@ class GuidedTest : public ::testing::Test {
   TouchPlanInbox plans_;
   SimulatedDevice device_;
 };
-
-bool SameBits(const Vec3& a, const Vec3& b) { return std::memcmp(&a, &b, sizeof(Vec3)) == 0; }
 
 TEST_F(GuidedTest, WithoutAPlanIsTheOtherScript) {
   SimulatedDevice plain(Explore());
@@ -175,9 +179,8 @@ TEST_F(GuidedTest, DoesNotPushThroughWhatIsInTheWay) {
 
 TEST_F(GuidedTest, StaysFiniteWhateverIsWritten) {
   Publish(Lines());
-  const double infinity = std::numeric_limits<double>::infinity();
   for (int n = 0; n < 20'000; ++n) {
-    const double force_n = n % 7 == 0 ? infinity : n % 5 == 0 ? std::nan("") : n % 40 - 20.0;
+    const double force_n = n % 7 == 0 ? kInfinity : n % 5 == 0 ? kNan : n % 40 - 20.0;
     const double dt_s = n % 11 == 0 ? 0.0 : n % 13 == 0 ? 10.0 : n % 17 == 0 ? -1.0 : kTickS;
     device_.Write(Vec3(force_n, -force_n, 0.3 * force_n), dt_s);
     ASSERT_TRUE(Read().allFinite());
@@ -210,6 +213,53 @@ TEST_F(GuidedTest, NeverAllocates) {
 TEST(GuidedScript, NeedsAnotherScript) {
   TouchPlanInbox plans;
   EXPECT_EQ(testing::Refusal([&] { GuidedScript(nullptr, plans); }), ErrorKind::kInvalidArgument);
+}
+
+TEST(PathScript, RefusesWhatIsNoPath) {
+  const auto refuses = [](const std::vector<Vec3>& waypoints_mm, double speed_mm_s) {
+    return testing::Refusal([&] { PathScript(waypoints_mm, speed_mm_s); }) ==
+           ErrorKind::kInvalidArgument;
+  };
+  EXPECT_TRUE(refuses({}, 10.0));
+  EXPECT_TRUE(refuses({Vec3::Zero()}, 0.0));
+  EXPECT_TRUE(refuses({Vec3::Zero()}, kNan));
+  EXPECT_TRUE(refuses({Vec3(0.0, kInfinity, 0.0)}, 10.0));
+}
+
+TEST(PathScript, KeepsItsSpeedRoundCorners) {
+  PathScript path({Vec3::Zero(), Vec3(3.0, 0.0, 0.0), Vec3(3.0, 4.0, 0.0)}, 12.0);
+  const HandState hand;
+  // The round is 3 + 4 + 5 mm: one second.
+  EXPECT_LT((path.Next(hand, Vec3::Zero(), 0.5).p_DTarget_mm - Vec3(3.0, 3.0, 0.0)).norm(), 1e-9);
+  EXPECT_LT((path.Next(hand, Vec3::Zero(), 0.5).p_DTarget_mm - Vec3::Zero()).norm(), 1e-9);
+  EXPECT_LT((path.Next(hand, Vec3::Zero(), 0.25).p_DTarget_mm - Vec3(3.0, 0.0, 0.0)).norm(), 1e-9);
+}
+
+std::unique_ptr<StylusScript> PressedPath() {
+  return std::make_unique<PathScript>(std::vector<Vec3>{Vec3(0, 0, 0), Vec3(100, 0, 0)}, 50.0);
+}
+
+TEST(PressScript, HoldsTheButtonsForAThirdOfTheTimeAndLeavesTheWay) {
+  PressScript script(PressedPath(), 2u);
+  const auto plain = PressedPath();
+  int pressed = 0, presses = 0;
+  std::uint32_t last = 0;
+  for (int n = 0; n < 30'000; ++n) {
+    const StylusScript::Target target = script.Next({}, Vec3::Zero(), 1e-3);
+    EXPECT_EQ(target.p_DTarget_mm, plain->Next({}, Vec3::Zero(), 1e-3).p_DTarget_mm);
+    EXPECT_EQ(target.buttons & ~2u, 0u);
+    pressed += target.buttons == 2u;
+    presses += target.buttons != 0 && last == 0;
+    last = target.buttons;
+  }
+  EXPECT_NEAR(pressed, 10'000, 20);
+  EXPECT_EQ(presses, 10);
+}
+
+TEST(PressScript, WithoutButtonsOrAScript) {
+  PressScript script(PressedPath(), 0);
+  for (int n = 0; n < 5000; ++n) EXPECT_EQ(script.Next({}, Vec3::Zero(), 1e-3).buttons, 0u);
+  EXPECT_EQ(testing::Refusal([] { PressScript(nullptr, 1); }), ErrorKind::kInvalidArgument);
 }
 
 }  // namespace

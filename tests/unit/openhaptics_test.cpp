@@ -1,47 +1,129 @@
-// The device over a library of our own: its order of calls, its forces and its
-// troubles. What a real device does is not shown here.
+// The device over a library of our own: its order of calls, and what it does about the library's
+// troubles. openhaptics_frame_test.cpp has the frames. What a real device does is not shown here.
+#include <dlfcn.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <array>
 #include <chrono>
+#include <functional>
 #include <limits>
+#include <memory>
+#include <mutex>
+#include <optional>
 #include <string>
 #include <thread>
 #include <vector>
 
 #include "server/device/openhaptics/hd_errors.h"
-#include "server/device/openhaptics/hd_servo.h"
 #include "server/device/openhaptics/openhaptics_device.h"
 #include "tests/support/fake_hd.h"
-#include "tests/support/openhaptics_rig.h"
+#include "tests/support/patience.h"
 #include "tests/support/places.h"
+#include "tests/support/refusal.h"
 
 namespace palpate {
 namespace {
 
 using std::chrono::milliseconds;
-using testing::Contains;
-using testing::ErrorOf;
-using testing::OpenHapticsRig;
-using testing::WaitFor;
+using test::Eventually;
+using testing::Refusal;
 using Clock = std::chrono::steady_clock;
+using Texts = std::vector<std::string>;
 
 constexpr unsigned int kCommError = 0x0302;
 
-class OpenHapticsTest : public OpenHapticsRig {};
-
-TEST_F(OpenHapticsTest, AMissingLibraryIsSaidWithWhatToDo) {
-  OpenHapticsDevice device({.library = "libHD-not-there.so", .device_name = ""});
-  const std::string error = ErrorOf([&] { device.Start(); });
-  EXPECT_TRUE(Contains(error, "libHD-not-there.so")) << error;
-  EXPECT_TRUE(Contains(error, "[device] openhaptics_library")) << error;
-  device.Stop();
-  EXPECT_EQ(device.health().connection, DeviceConnection::kAbsent);
+bool HasText(const std::string& text, const std::string& part) {
+  return text.find(part) != std::string::npos;
 }
 
-TEST_F(OpenHapticsTest, AMissingFunctionIsNamed) {
-  OpenHapticsDevice device({.library = test::kFakeHdMissing, .device_name = ""});
-  const std::string error = ErrorOf([&] { device.Start(); });
-  EXPECT_TRUE(Contains(error, "hdScheduleAsynchronous")) << error;
+std::string MessageOf(const std::function<void()>& act) {
+  try {
+    act();
+  } catch (const Error& error) {
+    return error.what();
+  }
+  return "";
+}
+
+// Each test releases its device, and the fake starts anew.
+class OpenHapticsTest : public ::testing::Test {
+ protected:
+  OpenHapticsTest() {
+    void* library = dlopen(test::kFakeHd, RTLD_NOW | RTLD_LOCAL | RTLD_NODELETE);
+    EXPECT_NE(library, nullptr) << dlerror();
+    hd_ = reinterpret_cast<FakeHd::Instance>(dlsym(library, FakeHd::kInstance))();
+    Set([](FakeHdRecord& hd) { hd = {}; });
+  }
+  ~OpenHapticsTest() override {
+    device_.reset();
+    EXPECT_EQ(Get(&FakeHd::breaches), Texts{});
+  }
+
+  void Set(const std::function<void(FakeHdRecord&)>& change) {
+    const std::lock_guard lock(hd_->mutex);
+    change(*hd_);
+  }
+  template <class Value>
+  Value Get(Value FakeHdRecord::*member) {
+    const std::lock_guard lock(hd_->mutex);
+    return hd_->*member;
+  }
+  bool HasForce(const Vec3& force_n) { return Vec3(Get(&FakeHd::force).data()).isApprox(force_n); }
+
+  void Start() {
+    device_ = std::make_unique<OpenHapticsDevice>(
+        OpenHapticsOptions{.library = test::kFakeHd, .device_name = ""});
+    device_->Start();
+  }
+  void StartStreaming() {
+    Start();
+    ASSERT_TRUE(Eventually([&] { return IsStreaming(); }));
+  }
+  bool IsStreaming() const { return device_->health().connection == DeviceConnection::kStreaming; }
+  bool HasProblem(const std::string& part) {
+    return Eventually([&] { return HasText(device_->health().problem, part); });
+  }
+  // Ticks like the servo until it is so. The last state is in state_.
+  bool Tick(const Vec3& force_n, const std::function<bool()>& is_so) {
+    return Eventually([&] {
+      status_ = device_->Read(state_);
+      device_->SetMotors(true);
+      // The safety stage does the same after a halt of this machine.
+      device_->Write(status_ == DeviceStatus::kStale ? Vec3::Zero() : force_n, 0.001);
+      return is_so();
+    });
+  }
+  bool TickUntil(DeviceStatus status) {
+    return Tick(Vec3(1, 0, 0), [&] { return status_ == status; });
+  }
+  bool TickUntilForce() {
+    return Tick(Vec3(1, 0, 0), [&] { return HasForce(Vec3(1, 0, 0)); });
+  }
+  int CountEvents(const std::string& part) {
+    while (const std::optional<DeviceEvent> event = device_->NextEvent()) {
+      events_.push_back(event->text);
+    }
+    return static_cast<int>(std::ranges::count_if(
+        events_, [&](const std::string& text) { return HasText(text, part); }));
+  }
+
+  FakeHd* hd_ = nullptr;
+  std::unique_ptr<OpenHapticsDevice> device_;
+  DeviceState state_;
+  DeviceStatus status_ = DeviceStatus::kFault;
+  Texts events_;
+};
+
+TEST_F(OpenHapticsTest, AMissingLibraryOrFunctionIsNamed) {
+  OpenHapticsDevice device({.library = "libHD-not-there.so", .device_name = ""});
+  const std::string error = MessageOf([&] { device.Start(); });
+  EXPECT_TRUE(HasText(error, "libHD-not-there.so")) << error;
+  EXPECT_TRUE(HasText(error, "openhaptics_library")) << error;
+  device.Stop();
+  EXPECT_EQ(device.health().connection, DeviceConnection::kAbsent);
+  OpenHapticsDevice other({.library = test::kFakeHdMissing, .device_name = ""});
+  EXPECT_TRUE(HasText(MessageOf([&] { other.Start(); }), "hdScheduleAsynchronous"));
 }
 
 TEST_F(OpenHapticsTest, ADeviceThatWasNeverStartedIsAtFault) {
@@ -51,380 +133,219 @@ TEST_F(OpenHapticsTest, ADeviceThatWasNeverStartedIsAtFault) {
   device.Stop();
   device.Stop();
   EXPECT_FALSE(device.NextEvent().has_value());
-  EXPECT_TRUE(Contains(ErrorOf([&] { device.Calibrate(); }), "not started"));
-  EXPECT_TRUE(Calls().empty());
+  EXPECT_EQ(Refusal([&] { device.Calibrate(); }), ErrorKind::kUnavailable);
+  EXPECT_TRUE(Get(&FakeHd::calls).empty());
   EXPECT_EQ(device.spec().kind, "openhaptics");
   EXPECT_EQ(device.spec().verification_level, VerificationLevel::kNone);
   EXPECT_TRUE(IsHardware(device.spec()));
 }
 
-TEST_F(OpenHapticsTest, StartTwiceIsRefused) {
-  StartStreaming();
-  EXPECT_TRUE(Contains(ErrorOf([&] { device_->Start(); }), "already"));
-  EXPECT_TRUE(IsStreaming());
-}
-
-TEST_F(OpenHapticsTest, AThousandFramesCarryPosesInAndForcesOut) {
-  With([](FakeHd& hd) {
+TEST_F(OpenHapticsTest, FramesCarryPosesInAndForcesOut) {
+  Set([](FakeHdRecord& hd) {
     hd.counts_in_position = true;
     hd.buttons = 2;
-    return 0;
   });
   StartStreaming();
+  EXPECT_EQ(Refusal([&] { device_->Start(); }), ErrorKind::kConflict);
   double last_mm = 0.0;
-  int ok = 0;
-  int reads = 0;
   ASSERT_TRUE(Tick(Vec3(0.5, -0.25, 1.0), [&] {
-    ++reads;
-    ok += status_ == DeviceStatus::kOk ? 1 : 0;
-    EXPECT_EQ(state_.p_DHip_mm.x(), state_.p_DHip_mm.y());
+    EXPECT_EQ(state_.p_DHip_mm.x(), state_.p_DHip_mm.y());  // none is torn
     EXPECT_EQ(state_.p_DHip_mm.x(), state_.p_DHip_mm.z());
     EXPECT_GE(state_.p_DHip_mm.x(), last_mm);
     last_mm = state_.p_DHip_mm.x();
-    return device_->health().readings >= 1000;
+    return device_->health().readings >= 1000 && HasForce(Vec3(0.5, -0.25, 1.0));
   }));
-  EXPECT_GT(ok, reads / 2);
   EXPECT_EQ(state_.buttons, 2u);
   EXPECT_FALSE(state_.docked);
   EXPECT_TRUE(state_.calibrated);
-  EXPECT_GE(With([](FakeHd& hd) { return hd.frames_with_force; }), 500u);
   const DeviceHealth health = device_->health();
   EXPECT_EQ(health.identity, "Fake Touch, serial number 12345, firmware 1.25");
-  EXPECT_EQ(health.problem, "");
-  EXPECT_EQ(health.connections, 1u);
   EXPECT_EQ(health.corrupt_frames, 0u);
   EXPECT_EQ(health.transfer_errors, 0u);
-  EXPECT_EQ(With([](FakeHd& hd) { return hd.device_name; }), "");
+  EXPECT_EQ(Get(&FakeHd::device_name), "");
 }
 
-TEST_F(OpenHapticsTest, TheForceKeepsItsDirectionAndTheLowerOfTheLimits) {
-  With([](FakeHd& hd) { return hd.max_force_n = 2.0; });
-  StartStreaming();
-  ASSERT_TRUE(Tick(Vec3(0.5, -0.25, 1.0), [&] { return Force() == Vec3(0.5, -0.25, 1.0); }));
-  const Vec3 too_much(30.0, -40.0, 0.0);
-  ASSERT_TRUE(Tick(too_much, [&] { return Force().isApprox(Vec3(1.2, -1.6, 0.0)); }));
-  constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
-  ASSERT_TRUE(Tick(Vec3(kNan, 1.0, 0.0), [&] { return Force().isZero(0.0); }));
+TEST_F(OpenHapticsTest, TheLimitIsTheLowerOfTheLibrarysAndTheDatasheets) {
+  const double infinity = std::numeric_limits<double>::infinity();
+  const std::vector<std::array<double, 2>> cases = {{2.0, 2.0}, {8.5, 3.3}, {infinity, 3.3}};
+  for (const auto& stated_and_limit_n : cases) {
+    Set([&](FakeHdRecord& hd) { hd.max_force_n = stated_and_limit_n[0]; });
+    StartStreaming();
+    EXPECT_TRUE(Tick(Vec3(0, 100, 0), [&] { return HasForce({0, stated_and_limit_n[1], 0}); }));
+    device_->Stop();
+  }
   EXPECT_EQ(device_->spec().max_force_n, 3.3);
 }
 
-TEST_F(OpenHapticsTest, ALimitAboveTheDatasheetsOrNoneDoesNotRaiseIt) {
-  With([](FakeHd& hd) { return hd.max_force_n = std::numeric_limits<double>::infinity(); });
-  StartStreaming();
-  ASSERT_TRUE(Tick(Vec3(0, 100, 0), [&] { return Force().isApprox(Vec3(0, 3.3, 0)); }));
-  device_->Stop();
-  With([](FakeHd& hd) { return hd.max_force_n = 8.5; });
-  StartStreaming();
-  ASSERT_TRUE(Tick(Vec3(0, 100, 0), [&] { return Force().isApprox(Vec3(0, 3.3, 0)); }));
-}
-
-// A quarter turn about y, by columns: x goes to -z, z to x. By rows it is its inverse.
-TEST_F(OpenHapticsTest, TheColumnsOfTheTransformAreTheStylussAxes) {
-  With([](FakeHd& hd) {
-    hd.transform = {0, 0, -1, 0, 0, 1, 0, 0, 1, 0, 0, 0, 10, 20, 30, 1};
-    hd.position = {10, 20, 30};
-    return 0;
-  });
-  StartStreaming();
-  ASSERT_TRUE(Tick(Vec3::Zero(), [&] { return status_ == DeviceStatus::kOk; }));
-  EXPECT_TRUE((state_.R_DS * Vec3::UnitX()).isApprox(-Vec3::UnitZ(), 1e-9));
-  EXPECT_TRUE((state_.R_DS * Vec3::UnitZ()).isApprox(Vec3::UnitX(), 1e-9));
-  EXPECT_EQ(state_.p_DHip_mm, Vec3(10, 20, 30));
-}
-
-TEST_F(OpenHapticsTest, WhatIsNoPoseIsDroppedAndTheLastOneGrowsStale) {
-  StartStreaming();
-  ASSERT_TRUE(Tick(Vec3::Zero(), [&] { return status_ == DeviceStatus::kOk; }));
-  With([](FakeHd& hd) { return hd.position[1] = std::numeric_limits<double>::quiet_NaN(); });
-  ASSERT_TRUE(Tick(Vec3::Zero(), [&] { return status_ == DeviceStatus::kStale; }));
-  EXPECT_EQ(state_.p_DHip_mm, Vec3(1, 2, 3));
-  ASSERT_TRUE(Tick(Vec3::Zero(), [&] { return status_ == DeviceStatus::kFault; }));
-  EXPECT_GT(device_->health().corrupt_frames, 3u);
-  With([](FakeHd& hd) { return hd.position[1] = 5.0; });
-  ASSERT_TRUE(Tick(Vec3::Zero(), [&] { return status_ == DeviceStatus::kOk; }));
-  for (const auto& bad :
-       {std::array<double, 16>{},
-        std::array<double, 16>{2, 0, 0, 0, 0, 2, 0, 0, 0, 0, 2, 0, 0, 0, 0, 1},
-        std::array<double, 16>{-1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1}}) {
-    With([&](FakeHd& hd) { return hd.transform = bad; });
-    EXPECT_TRUE(Tick(Vec3::Zero(), [&] { return status_ == DeviceStatus::kFault; }));
-    With([](FakeHd& hd) { return hd.transform = FakeHd().transform; });
-    EXPECT_TRUE(Tick(Vec3::Zero(), [&] { return status_ == DeviceStatus::kOk; }));
-  }
-}
-
-TEST_F(OpenHapticsTest, AServoThatDoesNotTickLeavesNoForce) {
-  StartStreaming();
-  EXPECT_EQ(device_->health().watchdog_zeros, 0u);
-  ASSERT_TRUE(Tick(Vec3(1, 0, 0), [&] { return Force() == Vec3(1, 0, 0); }));
-  EXPECT_TRUE(WaitFor([&] { return Force().isZero(0.0); }));
-  EXPECT_TRUE(WaitFor([&] { return device_->health().watchdog_zeros > 10; }));
-  EXPECT_TRUE(Tick(Vec3(1, 0, 0), [&] { return Force() == Vec3(1, 0, 0); }));
-}
-
 TEST_F(OpenHapticsTest, ADeviceThatIsNotThereIsLookedForAgain) {
-  With([](FakeHd& hd) { return hd.init_error = kCommError; });
+  Set([](FakeHdRecord& hd) { hd.init_error = kCommError; });
   Start();
-  ASSERT_TRUE(WaitFor([&] { return With([](FakeHd& hd) { return hd.inits; }) >= 3; }));
+  ASSERT_TRUE(Eventually([&] { return Get(&FakeHd::inits) >= 3; }));
   EXPECT_EQ(device_->Read(state_), DeviceStatus::kFault);
-  const DeviceHealth health = device_->health();
-  EXPECT_EQ(health.connection, DeviceConnection::kAbsent);
-  EXPECT_TRUE(Contains(health.problem, "HD_COMM_ERROR (0x302, internal 7)")) << health.problem;
-  EXPECT_EQ(CountEvents(Events(), "HD_COMM_ERROR"), 1);
-  With([](FakeHd& hd) { return hd.init_error = 0; });
-  ASSERT_TRUE(WaitFor([&] { return IsStreaming(); }));
+  EXPECT_EQ(device_->health().connection, DeviceConnection::kAbsent);
+  EXPECT_TRUE(HasProblem("HD_COMM_ERROR")) << device_->health().problem;
+  EXPECT_EQ(CountEvents("HD_COMM_ERROR"), 1);
+  Set([](FakeHdRecord& hd) { hd.init_error = 0; });
+  ASSERT_TRUE(Eventually([&] { return IsStreaming(); }));
   EXPECT_EQ(device_->health().problem, "");
 }
 
-TEST_F(OpenHapticsTest, ADeviceThatComesWithAnErrorIsLetGoOf) {
-  With([](FakeHd& hd) {
+TEST_F(OpenHapticsTest, ADeviceThatComesWithAnErrorIsLetGoOfAndAGarbageHandleIsNone) {
+  Set([](FakeHdRecord& hd) {
     hd.init_error = 0x0301;
     hd.init_gives_handle = true;
-    return 0;
   });
   Start();
-  ASSERT_TRUE(WaitFor([&] { return !device_->health().problem.empty(); }));
-  EXPECT_EQ(Calls(), (std::vector<std::string>{"hdInitDevice", "hdDisableDevice"}));
-}
-
-TEST_F(OpenHapticsTest, AGarbageHandleIsNoDevice) {
-  With([](FakeHd& hd) { return hd.init_handle = 0xdeadbeef; });
+  ASSERT_TRUE(Eventually([&] { return !device_->health().problem.empty(); }));
+  device_->Stop();
+  EXPECT_EQ(Get(&FakeHd::calls), (Texts{"hdInitDevice", "hdDisableDevice"}));
+  Set([](FakeHdRecord& hd) {
+    hd = {};
+    hd.init_handle = 0xdeadbeef;
+  });
   Start();
-  ASSERT_TRUE(WaitFor([&] { return !device_->health().problem.empty(); }));
-  EXPECT_EQ(Calls(), std::vector<std::string>{"hdInitDevice"});
+  ASSERT_TRUE(Eventually([&] { return !device_->health().problem.empty(); }));
+  device_->Stop();
+  EXPECT_EQ(Get(&FakeHd::calls), Texts{"hdInitDevice"});
 }
 
 TEST_F(OpenHapticsTest, ALoopThatDoesNotStartIsTakenDownAndTriedAgain) {
-  With([](FakeHd& hd) { return hd.start_error = 0x0304; });
+  Set([](FakeHdRecord& hd) {
+    hd.start_error = 0x0304;
+    hd.rate_error = 0x0101;  // no matter
+  });
   Start();
-  ASSERT_TRUE(WaitFor([&] { return Contains(device_->health().problem, "HD_TIMER_ERROR"); }));
-  ASSERT_TRUE(WaitFor([&] { return Calls().size() >= 8 && Calls().back() == "hdDisableDevice"; }));
-  With([](FakeHd& hd) { return hd.start_error = 0; });
-  ASSERT_TRUE(WaitFor([&] { return IsStreaming(); }));
-}
-
-TEST_F(OpenHapticsTest, ARateThatIsRefusedIsNoMatter) {
-  With([](FakeHd& hd) { return hd.rate_error = 0x0101; });
-  StartStreaming();
-  EXPECT_EQ(CountEvents(Events(), "its own rate"), 1);
+  ASSERT_TRUE(HasProblem("HD_TIMER_ERROR"));
+  ASSERT_TRUE(Eventually([&] {
+    const Texts calls = Get(&FakeHd::calls);
+    return calls.size() >= 8 && calls.back() == "hdDisableDevice";
+  }));
+  Set([](FakeHdRecord& hd) { hd.start_error = 0; });
+  ASSERT_TRUE(Eventually([&] { return IsStreaming(); }));
+  EXPECT_GE(CountEvents("rate"), 1);
 }
 
 TEST_F(OpenHapticsTest, APluggedOutDeviceIsAFaultAndComesBack) {
   StartStreaming();
-  ASSERT_TRUE(Tick(Vec3(1, 0, 0), [&] { return Force() == Vec3(1, 0, 0); }));
-  With([](FakeHd& hd) { return hd.init_error = hd.unplugged_error = kCommError; });
-  ASSERT_TRUE(Tick(Vec3(1, 0, 0), [&] { return status_ == DeviceStatus::kFault; }));
+  ASSERT_TRUE(TickUntilForce());
+  const std::uint64_t connections = device_->health().connections;
+  Set([](FakeHdRecord& hd) { hd.init_error = hd.unplugged_error = kCommError; });
+  ASSERT_TRUE(TickUntil(DeviceStatus::kFault));
   ASSERT_TRUE(Tick(Vec3(1, 0, 0),
                    [&] { return device_->health().connection == DeviceConnection::kAbsent; }));
-  EXPECT_TRUE(Force().isZero(0.0));
-  EXPECT_GE(CountEvents(Events(), "lost"), 1);
+  EXPECT_TRUE(HasForce(Vec3::Zero()));
+  EXPECT_GE(CountEvents("lost"), 1);
   EXPECT_GE(device_->health().transfer_errors, 10u);
-  With([](FakeHd& hd) { return hd.init_error = hd.unplugged_error = 0; });
-  ASSERT_TRUE(Tick(Vec3(1, 0, 0), [&] {
-    return status_ == DeviceStatus::kOk && Force() == Vec3(1, 0, 0) && IsStreaming();
-  }));
-  EXPECT_EQ(device_->health().connections, 2u);
-}
-
-TEST_F(OpenHapticsTest, OneBadFrameIsNoLoss) {
-  StartStreaming();
-  ASSERT_TRUE(Tick(Vec3::Zero(), [&] { return status_ == DeviceStatus::kOk; }));
-  With([](FakeHd& hd) {
-    hd.errors = {kCommError};
-    return 0;
-  });
-  ASSERT_TRUE(Tick(Vec3::Zero(), [&] { return device_->health().transfer_errors == 1; }));
-  ASSERT_TRUE(Tick(Vec3::Zero(), [&] { return device_->health().readings > 100; }));
-  EXPECT_EQ(device_->health().connections, 1u);
-  EXPECT_TRUE(IsStreaming());
+  Set([](FakeHdRecord& hd) { hd.init_error = hd.unplugged_error = 0; });
+  ASSERT_TRUE(TickUntilForce());
+  ASSERT_TRUE(TickUntil(DeviceStatus::kOk));
+  EXPECT_TRUE(Eventually([&] { return device_->health().connections > connections; }));
 }
 
 TEST_F(OpenHapticsTest, WarmMotorsAreAWarningAndNoFault) {
+  const Clock::time_point began = Clock::now();
   StartStreaming();
   for (int i = 0; i < 5; ++i) {
-    With([](FakeHd& hd) {
-      hd.errors = {0x0200};
-      return 0;
-    });
-    ASSERT_TRUE(
-        Tick(Vec3(1, 0, 0), [&] { return With([](FakeHd& hd) { return hd.errors.empty(); }); }));
+    Set([](FakeHdRecord& hd) { hd.errors = {0x0200}; });
+    ASSERT_TRUE(Tick(Vec3(1, 0, 0), [&] { return Get(&FakeHd::errors).empty(); }));
   }
-  ASSERT_TRUE(Tick(Vec3(1, 0, 0), [&] { return Force() == Vec3(1, 0, 0); }));
-  std::vector<std::string> all;
-  ASSERT_TRUE(Tick(Vec3(1, 0, 0), [&] {
-    for (std::string& text : Events()) all.push_back(std::move(text));
-    return CountEvents(all, "HD_WARM_MOTORS") == 1;
-  }));
-  EXPECT_TRUE(IsStreaming());
+  ASSERT_TRUE(TickUntilForce());
+  ASSERT_TRUE(Eventually([&] { return CountEvents("HD_WARM_MOTORS") >= 1; }));
+  EXPECT_LE(CountEvents("HD_WARM_MOTORS"), 1 + (Clock::now() - began) / std::chrono::seconds(10));
   EXPECT_EQ(device_->health().transfer_errors, 0u);
-}
-
-TEST_F(OpenHapticsTest, AForceErrorTakesTheForceAwayForAWhile) {
-  for (const unsigned int code : {0x0201u, 0x0202u, 0x0203u, 0x0204u}) {
-    EXPECT_EQ(hd::EffectOf(code), hd::ErrorEffect::kForce);
-  }
-  StartStreaming();
-  ASSERT_TRUE(Tick(Vec3(1, 0, 0), [&] { return Force() == Vec3(1, 0, 0); }));
-  const Clock::time_point begin = Clock::now();
-  With([](FakeHd& hd) {
-    hd.errors = {0x0203};
-    return 0;
-  });
-  ASSERT_TRUE(
-      Tick(Vec3(1, 0, 0), [&] { return Force().isZero(0.0) && status_ == DeviceStatus::kFault; }));
-  ASSERT_TRUE(Tick(Vec3(1, 0, 0),
-                   [&] { return Force() == Vec3(1, 0, 0) && status_ == DeviceStatus::kOk; }));
-  EXPECT_GE(Clock::now() - begin, milliseconds(HdServo::kForceErrorMs));
-  EXPECT_EQ(device_->health().connections, 1u);
-}
-
-TEST_F(OpenHapticsTest, AStackOfErrorsWithoutEndDoesNotHoldAFrame) {
-  StartStreaming();
-  With([](FakeHd& hd) {
-    hd.errors.assign(10000, 0x0100);
-    return 0;
-  });
-  const std::uint64_t before = With([](FakeHd& hd) { return hd.frames; });
-  ASSERT_TRUE(WaitFor([&] { return With([](FakeHd& hd) { return hd.frames; }) > before + 200; }));
-  EXPECT_TRUE(IsStreaming());
-  EXPECT_LE(CountEvents(Events(), "HD_INVALID_ENUM"), 1);
 }
 
 TEST_F(OpenHapticsTest, ALoopThatStandsStillIsGivenUpAndStartedAgain) {
   StartStreaming();
-  ASSERT_TRUE(Tick(Vec3(1, 0, 0), [&] { return status_ == DeviceStatus::kOk; }));
-  With([](FakeHd& hd) { return hd.stands_still = true; });
-  ASSERT_TRUE(Tick(Vec3(1, 0, 0), [&] { return status_ == DeviceStatus::kStale; }));
-  ASSERT_TRUE(Tick(Vec3(1, 0, 0), [&] { return status_ == DeviceStatus::kFault; }));
-  ASSERT_TRUE(WaitFor([&] { return Contains(device_->health().problem, "stands still"); }));
-  With([](FakeHd& hd) { return hd.stands_still = false; });
-  ASSERT_TRUE(Tick(Vec3(1, 0, 0), [&] {
-    return status_ == DeviceStatus::kOk && device_->health().connections >= 2;
-  }));
-}
-
-TEST_F(OpenHapticsTest, TheInkwellSwitchReadsZeroInside) {
-  StartStreaming();
-  With([](FakeHd& hd) { return hd.inkwell_switch = 0; });
-  ASSERT_TRUE(Tick(Vec3::Zero(), [&] { return state_.docked; }));
-  EXPECT_TRUE(device_->health().docked);
-  With([](FakeHd& hd) { return hd.inkwell_switch = 1; });
-  ASSERT_TRUE(Tick(Vec3::Zero(), [&] { return !state_.docked; }));
-}
-
-TEST_F(OpenHapticsTest, ADeviceWithoutAnInkwellIsNeverDocked) {
-  With([](FakeHd& hd) {
-    hd.calibration_style = 1;
-    hd.inkwell_switch = 0;
-    return 0;
-  });
-  StartStreaming();
-  ASSERT_TRUE(Tick(Vec3::Zero(), [&] { return status_ == DeviceStatus::kOk; }));
-  EXPECT_FALSE(state_.docked);
-}
-
-TEST_F(OpenHapticsTest, TheInkwellCalibratesByItselfWhenTheLibrarySaysSo) {
-  With([](FakeHd& hd) { return hd.calibration = 0x5002; });
-  StartStreaming();
-  ASSERT_TRUE(Tick(Vec3::Zero(), [&] { return status_ == DeviceStatus::kOk; }));
-  EXPECT_FALSE(state_.calibrated);
-  EXPECT_FALSE(device_->health().calibrated);
-  EXPECT_TRUE(Contains(device_->health().problem, "inkwell"));
-  EXPECT_EQ(With([](FakeHd& hd) { return hd.calibration_updates; }), 0u);
-  With([](FakeHd& hd) { return hd.calibration = 0x5001; });
-  ASSERT_TRUE(Tick(Vec3::Zero(), [&] { return state_.calibrated; }));
-  EXPECT_EQ(With([](FakeHd& hd) { return hd.calibration_updates; }), 1u);
-  EXPECT_EQ(device_->health().problem, "");
+  ASSERT_TRUE(TickUntil(DeviceStatus::kOk));
+  const std::uint64_t connections = device_->health().connections;
+  Set([](FakeHdRecord& hd) { hd.stands_still = true; });
+  ASSERT_TRUE(TickUntil(DeviceStatus::kFault));
+  ASSERT_TRUE(HasProblem("stands still"));
+  Set([](FakeHdRecord& hd) { hd.stands_still = false; });
+  ASSERT_TRUE(TickUntil(DeviceStatus::kOk));
+  EXPECT_TRUE(Eventually([&] { return device_->health().connections > connections; }));
 }
 
 TEST_F(OpenHapticsTest, CalibrateWaitsForTheInkwell) {
   StartStreaming();
   device_->Calibrate();
-  std::this_thread::sleep_for(milliseconds(50));
-  EXPECT_EQ(With([](FakeHd& hd) { return hd.calibration_updates; }), 0u);
-  With([](FakeHd& hd) { return hd.inkwell_switch = 0; });
-  ASSERT_TRUE(
-      WaitFor([&] { return With([](FakeHd& hd) { return hd.calibration_updates; }) == 1; }));
-  ASSERT_TRUE(WaitFor([&] { return CountEvents(Events(), "was calibrated") == 1; }));
+  const std::uint64_t readings = device_->health().readings;
+  ASSERT_TRUE(Eventually([&] { return device_->health().readings > readings + 200; }));
+  EXPECT_EQ(Get(&FakeHd::calibration_updates), 0u);
+  Set([](FakeHdRecord& hd) { hd.inkwell_switch = 0; });
+  ASSERT_TRUE(Eventually([&] { return Get(&FakeHd::calibration_updates) == 1; }));
+  ASSERT_TRUE(Eventually([&] { return CountEvents("was calibrated") == 1; }));
+  EXPECT_TRUE(device_->health().docked);
 }
 
-// Any pose would be taken for the arm's reset pose.
-TEST_F(OpenHapticsTest, AnEncoderResetIsTheOperatorsOnly) {
-  With([](FakeHd& hd) {
-    hd.calibration_style = 1;
-    hd.calibration = 0x5001;
-    return 0;
-  });
-  StartStreaming();
-  std::this_thread::sleep_for(milliseconds(50));
-  EXPECT_EQ(With([](FakeHd& hd) { return hd.calibration_updates; }), 0u);
-  EXPECT_TRUE(Contains(device_->health().problem, "reset pose"));
-  device_->Calibrate();
-  ASSERT_TRUE(
-      WaitFor([&] { return With([](FakeHd& hd) { return hd.calibration_updates; }) == 1; }));
-}
-
-TEST_F(OpenHapticsTest, ADeviceWithoutCalibrationSaysSo) {
-  With([](FakeHd& hd) { return hd.calibration_style = 0; });
-  StartStreaming();
+TEST_F(OpenHapticsTest, HowToCalibrateDependsOnTheStyle) {
+  const auto start = [&](int style) {
+    Set([&](FakeHdRecord& hd) {
+      hd.calibration_style = style;
+      hd.calibration = 0x5002;
+    });
+    StartStreaming();
+  };
+  start(4);
+  EXPECT_FALSE(device_->health().calibrated);
+  EXPECT_TRUE(HasProblem("inkwell"));
+  device_->Stop();
+  start(1);
+  EXPECT_TRUE(HasProblem("reset pose"));
+  device_->Stop();
+  start(0);
   EXPECT_TRUE(device_->health().calibrated);
-  EXPECT_TRUE(Contains(ErrorOf([&] { device_->Calibrate(); }), "no calibration"));
+  EXPECT_EQ(Refusal([&] { device_->Calibrate(); }), ErrorKind::kInvalidArgument);
 }
 
 TEST_F(OpenHapticsTest, StopEndsWithZeroForceAndInOrder) {
   StartStreaming();
-  ASSERT_TRUE(Tick(Vec3(1, 0, 0), [&] { return Force() == Vec3(1, 0, 0); }));
+  ASSERT_TRUE(TickUntilForce());
+  const Clock::time_point began = Clock::now();
   device_->Stop();
-  EXPECT_GE(With([](FakeHd& hd) { return hd.zero_frames_at_end; }), 1u);
-  const std::vector<std::string> expected = {
-      "hdInitDevice",     "hdSetSchedulerRate", "hdScheduleAsynchronous",
-      "hdStartScheduler", "hdEnable",           "hdDisable",
-      "hdStopScheduler",  "hdUnschedule",       "hdDisableDevice"};
-  EXPECT_EQ(Calls(), expected);
-  const std::uint64_t frames = With([](FakeHd& hd) { return hd.frames; });
+  // It waits for frames with zero force, but not for ever.
+  EXPECT_TRUE(Get(&FakeHd::zero_frames_at_end) >= 1 || Clock::now() - began >= milliseconds(50));
+  Texts calls = Get(&FakeHd::calls);
+  // On a busy machine the motors may have been off meanwhile, and the device connected again.
+  std::erase_if(calls, [](const auto& call) { return call == "hdEnable" || call == "hdDisable"; });
+  ASSERT_GE(calls.size(), 7u);
+  calls.erase(calls.begin(), calls.end() - 7);
+  EXPECT_EQ(calls,
+            (Texts{"hdInitDevice", "hdSetSchedulerRate", "hdScheduleAsynchronous",
+                   "hdStartScheduler", "hdStopScheduler", "hdUnschedule", "hdDisableDevice"}));
+  const std::uint64_t frames = Get(&FakeHd::frames);
   device_->Write(Vec3(1, 0, 0), 0.001);
   EXPECT_EQ(device_->Read(state_), DeviceStatus::kFault);
   device_->Stop();
-  std::this_thread::sleep_for(milliseconds(20));
-  EXPECT_EQ(With([](FakeHd& hd) { return hd.frames; }), frames);
-  EXPECT_EQ(Calls(), expected);
-}
-
-TEST_F(OpenHapticsTest, StopBeforeADeviceIsFoundIsQuick) {
-  With([](FakeHd& hd) { return hd.init_error = kCommError; });
-  Start();
-  ASSERT_TRUE(WaitFor([&] { return !device_->health().problem.empty(); }));
-  device_->Stop();
-  EXPECT_EQ(Calls(), std::vector<std::string>{"hdInitDevice"});
+  EXPECT_EQ(Get(&FakeHd::frames), frames);
+  device_->Start();
+  EXPECT_TRUE(TickUntilForce());
 }
 
 TEST_F(OpenHapticsTest, ALibraryThatHangsDoesNotHoldStop) {
   StartStreaming();
-  ASSERT_TRUE(Tick(Vec3(1, 0, 0), [&] { return Force() == Vec3(1, 0, 0); }));
-  With([](FakeHd& hd) { return hd.hangs_in_stop = true; });
+  ASSERT_TRUE(TickUntilForce());
+  Set([](FakeHdRecord& hd) { hd.hangs_in_stop = true; });
   device_->Stop();
   EXPECT_EQ(device_->Read(state_), DeviceStatus::kFault);
-  EXPECT_EQ(CountEvents(Events(), "does not release the device"), 1);
+  EXPECT_EQ(CountEvents("does not release the device"), 1);
   device_->Write(Vec3(1, 0, 0), 0.001);
-  EXPECT_TRUE(WaitFor([&] { return Force().isZero(0.0); }));
+  EXPECT_TRUE(Eventually([&] { return HasForce(Vec3::Zero()); }));
   device_.reset();
-  With([](FakeHd& hd) { return hd.hangs_in_stop = false; });
-  EXPECT_TRUE(WaitFor([&] { return Calls().back() == "hdDisableDevice"; }));
+  Set([](FakeHdRecord& hd) { hd.hangs_in_stop = false; });
+  EXPECT_TRUE(Eventually([&] { return Get(&FakeHd::calls).back() == "hdDisableDevice"; }));
 }
 
-TEST_F(OpenHapticsTest, ADeviceStartsAgainAfterStop) {
-  StartStreaming();
-  device_->Stop();
-  device_->Start();
-  ASSERT_TRUE(Tick(Vec3(1, 0, 0),
-                   [&] { return status_ == DeviceStatus::kOk && Force() == Vec3(1, 0, 0); }));
-}
-
-TEST(HdErrors, UnknownOnesHaveTheirNumberAndDoNoHarm) {
-  EXPECT_EQ(hd::EffectOf(0x7777), hd::ErrorEffect::kCall);
-  EXPECT_TRUE(Contains(hd::Describe({.code = 0x7777}), "0x7777"));
+TEST(HdErrors, HaveTheirEffectAndUnknownOnesDoNoHarm) {
   EXPECT_EQ(hd::EffectOf(0), hd::ErrorEffect::kNone);
+  EXPECT_EQ(hd::EffectOf(0x0200), hd::ErrorEffect::kWarning);
+  for (const unsigned int code : {0x0201u, 0x0202u, 0x0203u, 0x0204u}) {
+    EXPECT_EQ(hd::EffectOf(code), hd::ErrorEffect::kForce);
+  }
   EXPECT_EQ(hd::EffectOf(0x0300), hd::ErrorEffect::kBroken);
+  EXPECT_EQ(hd::EffectOf(0x7777), hd::ErrorEffect::kCall);
+  EXPECT_TRUE(HasText(hd::Describe({.code = 0x7777}), "0x7777"));
 }
 
 }  // namespace

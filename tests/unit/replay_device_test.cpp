@@ -2,22 +2,21 @@
 
 #include <gtest/gtest.h>
 
-#include <limits>
 #include <numbers>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "server/device/simulated_device.h"
+#include "tests/support/device_numbers.h"
 #include "tests/support/refusal.h"
 
 namespace palpate {
 namespace {
 
+using test::kNan;
+using test::kTickS;
 using testing::Refusal;
-
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
-constexpr double kTickS = 0.001;
 
 // State n is at x = n mm.
 std::vector<DeviceState> Path(int states) {
@@ -107,11 +106,11 @@ TEST(ReplayDevice, OneStateRests) {
 TEST(ReplayDevice, TimesThatAreNoneDoNotMoveIt) {
   ReplayDevice device(Path(1000));
   device.Start();
-  for (const double dt_s : {0.0, -1.0, kNan, -std::numeric_limits<double>::infinity()}) {
+  for (const double dt_s : {0.0, -1.0, kNan, -test::kInfinity}) {
     device.Write(Vec3::Zero(), dt_s);
     EXPECT_EQ(ReadX(device), 0.0);
   }
-  device.Write(Vec3::Zero(), std::numeric_limits<double>::infinity());
+  device.Write(Vec3::Zero(), test::kInfinity);
   EXPECT_EQ(ReadX(device), 20.0);
 }
 

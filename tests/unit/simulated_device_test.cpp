@@ -1,12 +1,10 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <bit>
 #include <cmath>
 #include <cstdint>
 #include <cstdio>
 #include <functional>
-#include <limits>
 #include <memory>
 #include <utility>
 #include <vector>
@@ -16,13 +14,16 @@
 #include "server/device/path_script.h"
 #include "server/device/simulated_device.h"
 #include "tests/support/allocation_count.h"
+#include "tests/support/device_numbers.h"
+#include "tests/support/scaled.h"
 
 namespace palpate {
 namespace {
 
-constexpr double kTickS = 0.001;
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+using test::kInfinity;
+using test::kNan;
+using test::kTickS;
+using test::SameBits;
 
 using Surface = std::function<Vec3(const Vec3&)>;  // position in mm to force in N
 
@@ -162,13 +163,6 @@ void ExpectExploresWell(const Feel& feel) {
               100.0 * feel.contact_share, feel.contacts_per_s, feel.slow_speed_mm_s,
               feel.median_speed_mm_s, feel.fast_speed_mm_s, feel.median_force_n,
               feel.median_buzz_n);
-}
-
-bool SameBits(const Vec3& a, const Vec3& b) {
-  for (int i = 0; i < 3; ++i) {
-    if (std::bit_cast<std::uint64_t>(a[i]) != std::bit_cast<std::uint64_t>(b[i])) return false;
-  }
-  return true;
 }
 
 TEST(SimulatedDevice, StatesWhatItIs) {
@@ -352,81 +346,53 @@ TEST(SimulatedDevice, ReadAndWriteDoNotAllocate) {
   EXPECT_GT(test::Allocations(), before);
 }
 
-TEST(PathScript, RefusesWhatIsNoPath) {
-  EXPECT_THROW(PathScript({}, 10.0), Error);
-  EXPECT_THROW(PathScript({Vec3::Zero()}, 0.0), Error);
-  EXPECT_THROW(PathScript({Vec3::Zero()}, kNan), Error);
-  EXPECT_THROW(PathScript({Vec3(0.0, kInfinity, 0.0)}, 10.0), Error);
+// Eight in the long form: each feels for 20 s.
+std::uint64_t Seeds() { return static_cast<std::uint64_t>(std::min(test::Scaled(2), 8)); }
+
+// Ticks until it touches; `longest`: it does not.
+int SearchMs(SimulatedDevice& device, const Surface& surface, int longest) {
+  int search_ms = 0;
+  while (search_ms < longest && Loop(device, surface, 1).back().force_n.isZero()) ++search_ms;
+  return search_ms;
 }
 
-TEST(PathScript, KeepsItsSpeedRoundCorners) {
-  PathScript path({Vec3::Zero(), Vec3(3.0, 0.0, 0.0), Vec3(3.0, 4.0, 0.0)}, 12.0);
-  const HandState hand;
-  // The round is 3 + 4 + 5 mm: one second.
-  EXPECT_LT((path.Next(hand, Vec3::Zero(), 0.5).p_DTarget_mm - Vec3(3.0, 3.0, 0.0)).norm(), 1e-9);
-  EXPECT_LT((path.Next(hand, Vec3::Zero(), 0.5).p_DTarget_mm - Vec3::Zero()).norm(), 1e-9);
-  EXPECT_LT((path.Next(hand, Vec3::Zero(), 0.25).p_DTarget_mm - Vec3(3.0, 0.0, 0.0)).norm(), 1e-9);
-}
-
-TEST(Explore, FindsASphereAndSlidesOverIt) {
-  for (std::uint64_t seed = 1; seed <= 8; ++seed) {
-    SCOPED_TRACE(seed);
-    const auto device = Exploring(seed);
-    ExpectExploresWell(Felt(Loop(*device, Sphere(Vec3::Zero(), 25.0, 0.5), 20'000)));
-  }
-}
-
-// A plane can be missed for a while by seeks along it: what counts is how the
-// script feels it once it has found it.
-TEST(Explore, FindsAPlaneAndSlidesOverIt) {
+TEST(Explore, FindsWhatIsRoundOrFlatAndSlidesOverIt) {
+  const Surface sphere = Sphere(Vec3::Zero(), 25.0, 0.5);
   const Surface plane = Plane(Vec3(0.0, 0.0, -5.0), Vec3(0.2, 0.1, 1.0), 0.5);
-  for (std::uint64_t seed = 1; seed <= 8; ++seed) {
+  for (std::uint64_t seed = 1; seed <= Seeds(); ++seed) {
     SCOPED_TRACE(seed);
+    ExpectExploresWell(Felt(Loop(*Exploring(seed), sphere, 20'000)));
+    // A plane can be missed for a while by seeks along it: what counts is how it is felt then.
     const auto device = Exploring(seed);
-    int search_ms = 0;
-    while (search_ms < 20'000 && Loop(*device, plane, 1).back().force_n.norm() == 0.0) ++search_ms;
-    EXPECT_LT(search_ms, 20'000);
+    EXPECT_LT(SearchMs(*device, plane, 20'000), 20'000);
     ExpectExploresWell(Felt(Loop(*device, plane, 20'000)));
   }
+  // A stiffer one that answers a tick late.
+  ExpectExploresWell(
+      Felt(Loop(*Exploring(4), Sphere(Vec3(5.0, -8.0, 2.0), 25.0, 1.0), 20'000, true)));
 }
 
-// In these it slips off all the time, and comes back.
-TEST(Explore, KeepsToThingsWithSharpEdges) {
-  for (std::uint64_t seed = 1; seed <= 8; ++seed) {
+// From these it slips off all the time, and comes back.
+TEST(Explore, KeepsToThingsThatAreSmallOrHaveSharpEdges) {
+  for (std::uint64_t seed = 1; seed <= Seeds(); ++seed) {
     SCOPED_TRACE(seed);
-    const auto device = Exploring(seed);
     const Surface box = Box(Vec3(6.0, -9.0, 4.0), Vec3(20.0, 10.0, 6.0), 0.5);
-    const Feel feel = Felt(Loop(*device, box, 20'000));
-    EXPECT_GE(feel.contact_share, 0.6);
-    EXPECT_GE(feel.median_speed_mm_s, 30.0);
-    EXPECT_LE(feel.fast_speed_mm_s, 150.0);
-    EXPECT_LE(feel.median_buzz_n, 0.1);
-  }
-}
-
-TEST(Explore, KeepsToSmallThings) {
-  for (std::uint64_t seed = 1; seed <= 8; ++seed) {
-    SCOPED_TRACE(seed);
-    const auto device = Exploring(seed);
-    const Feel feel = Felt(Loop(*device, Sphere(Vec3(3.0, 2.0, -4.0), 5.0, 0.5), 20'000));
-    EXPECT_GE(feel.contact_share, 0.6);
-    EXPECT_LE(feel.median_buzz_n, 0.1);
+    const Feel edges = Felt(Loop(*Exploring(seed), box, 20'000));
+    EXPECT_GE(edges.contact_share, 0.6);
+    EXPECT_GE(edges.median_speed_mm_s, 30.0);
+    EXPECT_LE(edges.fast_speed_mm_s, 150.0);
+    EXPECT_LE(edges.median_buzz_n, 0.1);
+    const Surface grain = Sphere(Vec3(3.0, 2.0, -4.0), 5.0, 0.5);
+    const Feel small = Felt(Loop(*Exploring(seed), grain, 20'000));
+    EXPECT_GE(small.contact_share, 0.6);
+    EXPECT_LE(small.median_buzz_n, 0.1);
   }
 }
 
 TEST(Explore, FindsWhatIsInTheMiddleAtOnce) {
   for (std::uint64_t seed = 1; seed <= 20; ++seed) {
-    const auto device = Exploring(seed);
-    const Surface sphere = Sphere(Vec3::Zero(), 10.0, 0.5);
-    int search_ms = 0;
-    while (search_ms < 1000 && Loop(*device, sphere, 1).back().force_n.norm() == 0.0) ++search_ms;
-    EXPECT_LT(search_ms, 1000) << seed;
+    EXPECT_LT(SearchMs(*Exploring(seed), Sphere(Vec3::Zero(), 10.0, 0.5), 1000), 1000) << seed;
   }
-}
-
-TEST(Explore, DoesNotBuzzOnAStifferSurfaceThatAnswersATickLate) {
-  const auto device = Exploring(4);
-  ExpectExploresWell(Felt(Loop(*device, Sphere(Vec3(5.0, -8.0, 2.0), 25.0, 1.0), 20'000, true)));
 }
 
 TEST(Explore, LooksEverywhereWhenThereIsNothing) {
