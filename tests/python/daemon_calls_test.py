@@ -584,7 +584,7 @@ class Memory(CallsTest):
             self.conn.volume.load(path, raw=raw)
             # The volume before is freed on a thread that the load does not wait for. The sanitizers
             # keep what was freed for a while.
-            self.assertTrue("PALPATE_SANITIZE" in os.environ or wait_until(
+            self.assertTrue("PALPATE_SANITIZED" in os.environ or wait_until(
                 lambda: self.resident() - before <= 1.3 * grid_bytes, 60))
 
     def test_too_much_is_refused_in_advance_and_the_volume_stays(self):
