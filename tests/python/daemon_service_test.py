@@ -333,7 +333,7 @@ class SystemdService(ServiceTest):
                     (CONFLICT, 4, "server.socket", f'[server]\nsocket = "{first.socket}"\n',
                      "builtin:sphere:16"),
                     (INVALID, 3, "volume.isovalue", "isovalue = 0.99\n", "builtin:cylinder"),
-                    (INVALID, 2, "volume.source", "", self.config)):
+                    (PERMISSION, 2, "volume.source", "", self.config)):
                 self.configure(text, source)
                 self.assert_complaint(code, f"{self.config}:{line}: {key}: ", "--config",
                                       self.config)
