@@ -91,8 +91,7 @@ class Calls(TimesTest):
 class Strangers(TimesTest):
     def test_dawdlers_do_not_hinder_the_servo(self):
         folder = self.enterContext(tempfile.TemporaryDirectory(prefix="palpate-servo-"))
-        daemon = SecuredDaemon(folder)
-        self.addCleanup(daemon.end)
+        daemon = self.enterContext(SecuredDaemon(folder))
         local = device_pb2_grpc.DeviceServiceStub(
             self.enterContext(grpc.insecure_channel("unix:" + daemon.socket)))
 
