@@ -118,11 +118,11 @@ class RecordingTest(unittest.TestCase):
         self.wait_for_ticks(200)
         self.conn.recording.stop()
         self.replayed()
+        self.replayed("--volume", "builtin:bumps", code=CONFLICT)
+        self.replayed("--isovalue", "1", code=USAGE)
         path.unlink()
         self.assertIn("--allow-missing", self.replayed(code=CONFLICT)[1])
         self.assertGreater(self.replayed("--allow-missing")[0]["compared"], 300)
-        self.replayed("--volume", "builtin:bumps", code=CONFLICT)
-        self.replayed("--isovalue", "1", code=USAGE)
         # More than 64 MiB of voxels that no file gives again.
         large = self.daemon.folder / "large.dat"
         np.repeat(np.arange(264) // 3, 264**2).astype(np.uint8).tofile(large)
