@@ -6,13 +6,15 @@ set -euo pipefail
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 case "${1:-}" in
   -h | --help)
-    echo "Usage: tests/load.sh [--seconds N] [--counts-only]"
+    echo "Usage: tests/load.sh [--seconds N]"
     exit 0
     ;;
+  --seconds) seconds=$2 ;;
+  *) seconds=120 ;;
 esac
 cd "$root"
 log=$(mktemp)
 trap 'rm -f "$log"' EXIT
-{ cmake --preset default && cmake --build --preset default --target servo_load; } >"$log" 2>&1 ||
-  { tail -n 30 "$log" >&2; exit 2; }
-exec build/tests/servo_load "$@"
+{ cmake --preset default -DPALPATE_TESTS=all && cmake --build --preset default --target times_test; } \
+  >"$log" 2>&1 || { tail -n 30 "$log" >&2; exit 2; }
+PALPATE_LOAD_SECONDS=$seconds exec build/tests/times_test --gtest_filter='LoadTest.Many*'

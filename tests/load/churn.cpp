@@ -36,10 +36,7 @@ void SteadyCaller::Run() {
   auto next = Clock::now();
   while (!stop_) {
     const grpc::Status status = call_(calls_++);
-    if (!status.ok()) {
-      ++failures_;
-      error_ = status.error_message();
-    }
+    if (!status.ok()) error_ = status.error_message();
     next = std::max(next + period, Clock::now() - kLongestBacklog);
     std::this_thread::sleep_until(next);
   }
@@ -65,10 +62,11 @@ std::function<grpc::Status(std::uint64_t)> SettingsCalls(const std::string& targ
   };
 }
 
-std::function<grpc::Status(std::uint64_t)> EditCalls(const std::string& target, int edge) {
+std::function<grpc::Status(std::uint64_t)> EditCalls(const std::string& target, int edge,
+                                                     unsigned seed) {
   std::shared_ptr<v1::VolumeService::Stub> stub =
       v1::VolumeService::NewStub(grpc::CreateChannel(target, grpc::InsecureChannelCredentials()));
-  auto random = std::make_shared<std::mt19937>(1);
+  auto random = std::make_shared<std::mt19937>(seed);
   return [stub, random, edge](std::uint64_t) {
     std::uniform_real_distribution<double> place(0.0, edge - 1.0), amount(-0.05, 0.05);
     v1::EditVolumeRequest request;

@@ -20,9 +20,9 @@ class SteadyCaller {
   ~SteadyCaller() { Stop(); }
 
   void Stop();
+  double rate_hz() const { return rate_hz_; }
   std::uint64_t calls() const { return calls_; }
-  std::uint64_t failures() const { return failures_; }
-  const std::string& error() const { return error_; }  // the last one
+  const std::string& error() const { return error_; }  // of the last call that failed
 
  private:
   void Run();
@@ -31,7 +31,6 @@ class SteadyCaller {
   const std::function<grpc::Status(std::uint64_t)> call_;
   std::atomic<bool> stop_{false};
   std::uint64_t calls_ = 0;
-  std::uint64_t failures_ = 0;
   std::string error_;
   std::thread thread_;
 };
@@ -39,6 +38,7 @@ class SteadyCaller {
 // Stiffness and isovalue in turn, small steps around the middle.
 std::function<grpc::Status(std::uint64_t)> SettingsCalls(const std::string& target);
 // Spheres of 11 voxels across, anywhere in a volume of edge³ voxels.
-std::function<grpc::Status(std::uint64_t)> EditCalls(const std::string& target, int edge);
+std::function<grpc::Status(std::uint64_t)> EditCalls(const std::string& target, int edge,
+                                                     unsigned seed);
 
 }  // namespace palpate::load

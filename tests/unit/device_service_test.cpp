@@ -7,10 +7,10 @@
 #include <memory>
 #include <mutex>
 #include <string>
-#include <thread>
 
 #include "common/error/error.h"
 #include "tests/support/editable_session.h"
+#include "tests/support/patience.h"
 
 namespace palpate {
 namespace {
@@ -64,15 +64,15 @@ class FakeDevice : public HapticDevice {
 
 constexpr std::uint32_t kBothButtons = 3;
 
-class Rig {
+class DeviceServiceRig {
  public:
-  explicit Rig(VerificationLevel level = VerificationLevel::kNone, bool ticks = true)
+  explicit DeviceServiceRig(VerificationLevel level = VerificationLevel::kNone, bool ticks = true)
       : device(level) {
     data_.Load("builtin:sphere:16");
     data_.pump().Start();
     if (ticks) servo_.Start();
   }
-  ~Rig() {
+  ~DeviceServiceRig() {
     servo_.Stop();
     data_.pump().Stop();
   }
@@ -98,12 +98,8 @@ class Rig {
     EXPECT_TRUE(service.GetDevice(nullptr, nullptr, &response).ok());
     return response;
   }
-  // The state that comes within 10 s; the machine may be slow.
   bool Becomes(v1::ForceState state) {
-    for (int n = 0; n < 10000 && Get().forces().state() != state; ++n) {
-      std::this_thread::sleep_for(std::chrono::milliseconds(1));
-    }
-    return Get().forces().state() == state;
+    return test::Eventually([&] { return Get().forces().state() == state; });
   }
 
   ServoLoop& servo() { return servo_; }
@@ -143,17 +139,16 @@ bool Has(const grpc::Status& status, const std::string& part) {
 }
 
 TEST(DeviceService, UnverifiedForcesAreOffAndWantTheName) {
-  Rig rig;
+  DeviceServiceRig rig;
   ASSERT_TRUE(rig.Becomes(v1::FORCE_STATE_OFF));
   EXPECT_EQ(rig.Get().forces().reason(), v1::FORCE_REASON_OPERATOR);
   const grpc::Status nameless = rig.Enable("");
   EXPECT_EQ(nameless.error_code(), StatusCode::INVALID_ARGUMENT);
-  EXPECT_TRUE(Has(nameless, "palpate device enable fake-usb")) << nameless.error_message();
-  EXPECT_TRUE(Has(nameless, "never verified on hardware")) << nameless.error_message();
+  EXPECT_TRUE(Has(nameless, "fake-usb")) << nameless.error_message();
   for (const char* name : {"falcon", "fake-usb ", "FAKE-USB", "simulated"}) {
     const grpc::Status other = rig.Enable(name);
     EXPECT_EQ(other.error_code(), StatusCode::INVALID_ARGUMENT) << name;
-    EXPECT_TRUE(Has(other, "`fake-usb`")) << other.error_message();
+    EXPECT_TRUE(Has(other, "fake-usb")) << other.error_message();
     EXPECT_EQ(other.error_message().find('\n'), std::string::npos);
   }
   EXPECT_EQ(rig.Get().forces().state(), v1::FORCE_STATE_OFF);
@@ -172,18 +167,18 @@ TEST(DeviceService, EveryLevelBelowVerifiedWantsTheName) {
   for (const VerificationLevel level :
        {VerificationLevel::kNone, VerificationLevel::kEnumerated, VerificationLevel::kIdentified,
         VerificationLevel::kStateRead}) {
-    EXPECT_EQ(Rig(level).Enable("").error_code(), StatusCode::INVALID_ARGUMENT);
+    EXPECT_EQ(DeviceServiceRig(level).Enable("").error_code(), StatusCode::INVALID_ARGUMENT);
   }
   for (const VerificationLevel level :
        {VerificationLevel::kForceVerified, VerificationLevel::kSimulated}) {
-    EXPECT_TRUE(Rig(level).Enable("").ok());
-    EXPECT_TRUE(Rig(level).Enable("fake-usb").ok());
-    EXPECT_EQ(Rig(level).Enable("falcon").error_code(), StatusCode::INVALID_ARGUMENT);
+    EXPECT_TRUE(DeviceServiceRig(level).Enable("").ok());
+    EXPECT_TRUE(DeviceServiceRig(level).Enable("fake-usb").ok());
+    EXPECT_EQ(DeviceServiceRig(level).Enable("falcon").error_code(), StatusCode::INVALID_ARGUMENT);
   }
 }
 
 TEST(DeviceService, StopHoldsUntilEnabled) {
-  Rig rig;
+  DeviceServiceRig rig;
   ASSERT_TRUE(rig.Enable("fake-usb").ok());
   ASSERT_TRUE(rig.Stop().ok());
   EXPECT_EQ(rig.answer.state(), v1::FORCE_STATE_STOPPED);
@@ -204,15 +199,12 @@ TEST(DeviceService, StopHoldsUntilEnabled) {
 }
 
 TEST(DeviceService, ADeviceThatIsGoneSaysWhatIsWrong) {
-  Rig rig;
+  DeviceServiceRig rig;
   rig.device.status = DeviceStatus::kFault;
-  grpc::Status status = rig.Enable("fake-usb");
-  EXPECT_EQ(status.error_code(), StatusCode::FAILED_PRECONDITION);
-  EXPECT_TRUE(Has(status, "check its cable")) << status.error_message();
+  EXPECT_EQ(rig.Enable("fake-usb").error_code(), StatusCode::FAILED_PRECONDITION);
   rig.device.SetHealth({.problem = "no fake on any port: plug it in"});
-  status = rig.Enable("fake-usb");
+  const grpc::Status status = rig.Enable("fake-usb");
   EXPECT_EQ(status.error_code(), StatusCode::FAILED_PRECONDITION);
-  EXPECT_TRUE(Has(status, "a fault")) << status.error_message();
   EXPECT_TRUE(Has(status, "no fake on any port: plug it in")) << status.error_message();
   EXPECT_EQ(rig.Get().health().problem(), "no fake on any port: plug it in");
   EXPECT_EQ(rig.Get().health().connection(), v1::DEVICE_CONNECTION_ABSENT);
@@ -221,17 +213,15 @@ TEST(DeviceService, ADeviceThatIsGoneSaysWhatIsWrong) {
 }
 
 TEST(DeviceService, HeldStopButtonsWinOverEnable) {
-  Rig rig;
+  DeviceServiceRig rig;
   rig.device.buttons = kBothButtons;
-  const grpc::Status status = rig.Enable("fake-usb");
-  EXPECT_EQ(status.error_code(), StatusCode::FAILED_PRECONDITION);
-  EXPECT_TRUE(Has(status, "buttons: let them go")) << status.error_message();
+  EXPECT_EQ(rig.Enable("fake-usb").error_code(), StatusCode::FAILED_PRECONDITION);
   rig.device.buttons = 0;
   EXPECT_TRUE(rig.Enable("fake-usb").ok());
 }
 
 TEST(DeviceService, ADockedStylusIsHeldAndThatIsNoError) {
-  Rig rig;
+  DeviceServiceRig rig;
   rig.device.docked = true;
   ASSERT_TRUE(rig.Enable("fake-usb").ok());
   EXPECT_EQ(rig.answer.state(), v1::FORCE_STATE_HELD);
@@ -241,11 +231,9 @@ TEST(DeviceService, ADockedStylusIsHeldAndThatIsNoError) {
 }
 
 TEST(DeviceService, AStopOfAServoThatStandsStaysSet) {
-  Rig rig(VerificationLevel::kNone, false);
+  DeviceServiceRig rig(VerificationLevel::kNone, false);
   EXPECT_FALSE(rig.Get().has_forces());
-  const grpc::Status stop = rig.Stop();
-  EXPECT_EQ(stop.error_code(), StatusCode::UNAVAILABLE);
-  EXPECT_TRUE(Has(stop, "holds from its next tick on")) << stop.error_message();
+  EXPECT_EQ(rig.Stop().error_code(), StatusCode::UNAVAILABLE);
   // What comes after the stop does not undo it.
   EXPECT_EQ(rig.Enable("fake-usb").error_code(), StatusCode::UNAVAILABLE);
   rig.servo().Start();
@@ -255,7 +243,7 @@ TEST(DeviceService, AStopOfAServoThatStandsStaysSet) {
 
 // Samples that nobody carries say nothing about the loop.
 TEST(DeviceService, AnswersWhileThePumpStandsStill) {
-  Rig rig;
+  DeviceServiceRig rig;
   ASSERT_TRUE(rig.Enable("fake-usb").ok());
   rig.pump().Stop();
   for (int n = 0; n < 3; ++n) {
@@ -273,7 +261,7 @@ TEST(DeviceService, AnswersWhileThePumpStandsStill) {
 }
 
 TEST(DeviceService, GetDeviceTellsAll) {
-  Rig rig;
+  DeviceServiceRig rig;
   rig.device.SetHealth({.connection = DeviceConnection::kConnecting,
                         .docked = true,
                         .calibrated = true,
@@ -302,7 +290,7 @@ TEST(DeviceService, GetDeviceTellsAll) {
 }
 
 TEST(DeviceService, TheListMarksTheOneInUse) {
-  Rig rig;
+  DeviceServiceRig rig;
   const auto in_use = [&] {
     v1::ListDevicesResponse response;
     EXPECT_TRUE(rig.service.ListDevices(nullptr, nullptr, &response).ok());
@@ -342,7 +330,7 @@ TEST(DeviceService, AFailedSearchIsTold) {
 }
 
 TEST(DeviceService, CalibratesOnlyWhatIsThere) {
-  Rig rig;
+  DeviceServiceRig rig;
   v1::CalibrateDeviceResponse response;
   rig.device.SetHealth({.problem = "plug it in"});
   grpc::Status status = rig.service.CalibrateDevice(nullptr, nullptr, &response);

@@ -1,0 +1,352 @@
+"""The daemon's calls as any client may make them: messages that the client libraries do not send, and
+what a call leaves behind."""
+
+import os
+import pathlib
+import resource
+import threading
+import unittest
+import zlib
+
+import grpc
+import numpy as np
+
+import palpate
+from calls import ABORTED, BAD, EXHAUSTED, UNTURNED, CallsTest, spoilt, stubs_of, vector
+from free_port import free_port
+from palpate.v1 import edit_pb2, geometry_pb2, pose_pb2, registration_pb2, series_pb2, volume_pb2
+from support import PATIENCE_S, nrrd, pattern, wait_until
+
+NAN, INFINITY = float("nan"), float("inf")
+DATA = pathlib.Path(os.environ["PALPATE_DATA_DIR"])
+
+
+class Requests(CallsTest):
+    def test_health_and_reflection(self):
+        channel = self.stubs.channel
+        # A response whose field 1 is SERVING, 1; and list_services, field 7.
+        self.assertEqual(channel.unary_unary("/grpc.health.v1.Health/Check")(b""), b"\x08\x01")
+        reflect = channel.stream_stream(
+            "/grpc.reflection.v1alpha.ServerReflection/ServerReflectionInfo")
+        self.assertIn(b"palpate.v1.PoseService", next(reflect(iter([b"\x3a\x01*"]))))
+
+    def test_a_stream_of_poses_begins_with_its_start(self):
+        good = pose_pb2.StreamPosesRequest(start=pose_pb2.StreamPosesStart(rate_hz=5000))
+        acknowledged = pose_pb2.StreamPosesRequest(
+            acknowledgement=pose_pb2.StreamPosesAcknowledgement(message_number=1))
+        for first in (good, acknowledged, pose_pb2.StreamPosesRequest()):
+            self.refused(BAD, self.stubs.poses.StreamPoses, iter([first]))
+
+    def test_bad_places_and_series_are_refused(self):
+        place, control = registration_pb2.UpdateRegistrationRequest, series_pb2.ControlSeriesRequest
+        turn = geometry_pb2.Quaternion
+        before = self.conn.volume.place().settings_revision
+        for bad in (place(device_mm_per_volume_mm=0), place(device_mm_per_voxel=-1),
+                    place(device_mm_per_voxel=2e6), place(scale_by=NAN),
+                    place(center_mm=vector(0, 2e6, 0)), place(translate_mm=vector(0, 0, INFINITY)),
+                    place(rotation=turn(w=2)), place(rotate=turn()),
+                    place(reset=True, scale_by=-1)):
+            self.refused(BAD, self.stubs.registration.UpdateRegistration, bad)
+        self.refused(ABORTED, self.stubs.registration.UpdateRegistration,
+                     place(reset=True, expected_revision=99))
+        self.assertEqual(self.conn.volume.place().settings_revision, before)
+        for bad in ([], ["builtin:bumps:16"], ["relative.nrrd"] * 2):
+            self.refused(BAD, self.stubs.series.LoadSeries,
+                         series_pb2.LoadSeriesRequest(sources=bad))
+        self.refused(ABORTED, self.stubs.series.ControlSeries, control())
+
+
+class Edits(CallsTest):
+    def setUp(self):
+        self.conn.volume.load("builtin:bumps:64")
+        self.good = edit_pb2.EditVolumeRequest(
+            frame=edit_pb2.EDIT_FRAME_INDEX, operation=edit_pb2.EDIT_OPERATION_SET, value=0.5,
+            sphere=edit_pb2.SphereShape(center=vector(20, 20, 20), radius=5))
+
+    def block(self, low, size, values):
+        block = edit_pb2.DenseBlock(min_x=low, min_y=low, min_z=low, size_x=size, size_y=size,
+                                    size_z=size, values=np.float32(values).tobytes())
+        return spoilt(self.good, block=block)
+
+    def test_bad_edits_have_their_status_and_change_nothing(self):
+        before = self.conn.volume.info().volume_revision
+        eight = np.full(8, 0.5)
+        cube, box = self.block(1, 2, eight), edit_pb2.BoxShape
+        world = edit_pb2.EDIT_FRAME_WORLD
+        refused = [edit_pb2.EditVolumeRequest(),
+                   *(spoilt(self.good, **change) for change in (
+                       {"sphere": None}, {"frame": 0}, {"frame": 9}, {"operation": 0},
+                       {"operation": 77}, {"sphere__center": None}, {"sphere__radius": 0},
+                       {"sphere__radius": NAN}, {"sphere__center__y": NAN},
+                       {"sphere__center__x": -500}, {"value": NAN}, {"value": 1.5},
+                       {"strength": 0}, {"strength": 1.5}, {"falloff": -1}, {"box": box()},
+                       {"box": box(min=vector(30, 30, 30), max=vector(20, 20, 20))},
+                       {"capsule": edit_pb2.CapsuleShape(to=vector(5, 5, 5), radius=1)})),
+                   *(spoilt(cube, **change) for change in (
+                       {"block__values": cube.block.values[:-1]}, {"frame": world},
+                       {"operation": edit_pb2.EDIT_OPERATION_SMOOTH}, {"falloff": 1})),
+                   self.block(63, 2, eight), self.block(1, 0, []), self.block(1, 3, eight),
+                   self.block(4294967295, 4294967295, eight), self.block(1, 2, eight * 4),
+                   self.block(1, 2, eight * NAN)]
+        for n, request in enumerate(refused):
+            with self.subTest(n):
+                self.refused(BAD, self.stubs.volume.EditVolume, request)
+        self.refused(EXHAUSTED, self.stubs.volume.EditVolume,
+                     self.block(0, 64, np.full((3 << 18) + 1, 0.5)))
+        for stale, call in ((self.good, self.stubs.volume.EditVolume),
+                            (edit_pb2.UndoEditRequest(), self.stubs.volume.UndoEdit),
+                            (edit_pb2.RedoEditRequest(), self.stubs.volume.RedoEdit),
+                            (edit_pb2.RevertVolumeRequest(), self.stubs.volume.RevertVolume)):
+            said = self.refused(ABORTED, call, spoilt(stale, expected_revision=before + 1))
+            self.assertIn(str(before), said)
+        self.assertEqual(self.conn.volume.info().volume_revision, before)
+        self.assertEqual(self.stubs.volume.EditVolume(self.good).undo_steps, 1)
+
+    def test_the_largest_block_is_taken(self):
+        self.conn.volume.load("builtin:bumps:96")
+        whole = self.block(0, 96, np.full(96 * 96 * 85, 0.25))
+        answer = self.stubs.volume.EditVolume(spoilt(whole, block__size_z=85))
+        self.assertGreater(answer.changed_voxels, 500_000)
+        self.assertEqual(answer.changed.max_z, 84)
+
+    def test_a_save_is_of_one_revision_while_edits_go_on(self):
+        self.conn.volume.load("builtin:gyroid:128")
+        paths = (str(self.daemon.folder / f"{n}.nrrd") for n in range(60))
+        for path in paths:
+            save = self.stubs.volume.SaveVolume(volume_pb2.SaveVolumeRequest(path=path))
+            next(save)  # it is under way
+            second = self.stubs.volume.SaveVolume(volume_pb2.SaveVolumeRequest(path=next(paths)))
+            try:
+                list(second)
+            except grpc.RpcError as error:
+                self.assertEqual(error.code(), ABORTED)
+            edited = self.stubs.volume.EditVolume(
+                spoilt(self.good, operation=edit_pb2.EDIT_OPERATION_SUBTRACT, value=0.01))
+            *_, last = save
+            self.assertEqual(last.result.volume_revision, edited.volume_revision - 1)
+            self.assertEqual(last.result.size_bytes, pathlib.Path(path).stat().st_size)
+            if second.code() == ABORTED:
+                return
+        self.fail("no save met another one")
+
+    def test_a_full_disk_leaves_no_file(self):
+        process = self.daemon.process.pid
+        before = resource.prlimit(process, resource.RLIMIT_FSIZE)
+        resource.prlimit(process, resource.RLIMIT_FSIZE, (100, before[1]))
+        self.addCleanup(resource.prlimit, process, resource.RLIMIT_FSIZE, before)
+        path = self.daemon.folder / "full.vdb"
+        self.refused(EXHAUSTED, self.stubs.volume.SaveVolume,
+                     volume_pb2.SaveVolumeRequest(path=str(path)))
+        self.assertEqual(list(self.daemon.folder.glob("*full*")), [])
+
+
+class Loads(CallsTest):
+    volume = "builtin:sphere:16"
+
+    def test_a_client_that_does_not_read_holds_nobody(self):
+        # Its answer has five bytes of room.
+        channel = self.enterContext(grpc.insecure_channel(
+            "unix:" + self.daemon.socket,
+            options=[("grpc.use_local_subchannel_pool", 1), ("grpc.http2.lookahead_bytes", 5),
+                     ("grpc.http2.bdp_probe", 0)]))
+        unread = stubs_of(channel).volume.LoadVolume(
+            volume_pb2.LoadVolumeRequest(source="builtin:sphere:64"))
+        self.addCleanup(unread.cancel)
+        self.assertTrue(wait_until(
+            lambda: any("it does not read its answer" in line for line in self.daemon.said), 120))
+
+        def loads():
+            try:
+                return self.conn.volume.load("builtin:sphere:32")
+            except palpate.Conflict:
+                return None
+        self.assertTrue(wait_until(loads, 120))
+
+    def test_bad_statements_about_raw_voxels_are_refused(self):
+        path = self.root / "a.dat"
+        path.write_bytes(np.arange(24, dtype="<u2").tobytes())
+        good = volume_pb2.LoadVolumeRequest(source=str(path), raw=volume_pb2.RawVoxels(
+            size_x=4, size_y=3, size_z=2, type=volume_pb2.VOXEL_TYPE_UINT16))
+        before = self.conn.volume.info().volume_revision
+        for change in ({"raw__type": 0}, {"raw__type": 77},
+                       {"raw__type": volume_pb2.VOXEL_TYPE_UINT8}, {"raw__size_z": 3},
+                       {"raw__size_x": 0}, {"raw__offset_bytes": 1}, {"raw__offset_bytes": 1 << 63},
+                       {"frame": 1}, {"source": "builtin:bumps:16"}, {"raw": None}):
+            with self.subTest(change):
+                self.refused(BAD, self.stubs.volume.LoadVolume, spoilt(good, **change))
+        self.assertEqual(self.conn.volume.info().volume_revision, before)
+        *_, last = self.stubs.volume.LoadVolume(good)
+        self.assertEqual((last.result.volume.size_x, last.result.volume.value_max), (4, 23.0))
+
+    def test_one_frame_of_a_file(self):
+        path = DATA / "timeseries/nibabel_functional.nii"
+        if not path.exists():
+            self.skipTest(f"{path} is missing")
+        request = volume_pb2.LoadVolumeRequest(source=str(path))
+        greatest = set()
+        for frame in (0, 19):
+            *_, last = self.stubs.volume.LoadVolume(spoilt(request, frame=frame))
+            self.assertEqual(last.result.volume.frames, 20)
+            greatest.add(last.result.volume.value_max)
+        self.assertEqual(len(greatest), 2)
+        for frame in (20, 0xffffffff):
+            self.refused(BAD, self.stubs.volume.LoadVolume, spoilt(request, frame=frame))
+
+    def test_a_file_that_is_no_volume_keeps_what_is_there(self):
+        whole = nrrd(pattern((4, 4, 4)), UNTURNED, (0.0, 0.0, 0.0))
+        before = self.conn.volume.info().volume_revision
+        for content in (whole[:-9], b"no volume", b""):
+            path = self.root / "bad.nrrd"
+            path.write_bytes(content)
+            self.refused(BAD, self.stubs.volume.LoadVolume,
+                         volume_pb2.LoadVolumeRequest(source=str(path)))
+        self.assertEqual(self.conn.volume.info().volume_revision, before)
+
+
+class Uploads(CallsTest):
+    volume = "builtin:sphere:16"
+    config = '[volume]\nmax_upload_mib = 1\nupload_folder = "{root}"\n'
+    file = nrrd(pattern((9, 8, 7)), UNTURNED, (0.0, 0.0, 0.0))
+
+    def setUp(self):
+        self.start = volume_pb2.UploadVolumeStart(name="a.nrrd", size_bytes=len(self.file),
+                                                  crc32=zlib.crc32(self.file))
+        # Whatever happened, nothing is left.
+        self.addCleanup(lambda: self.assertTrue(wait_until(self.is_empty, 60)))
+
+    def is_empty(self):
+        return [path.name for path in self.root.iterdir()] == ["palpated.toml"]
+
+    def upload(self, *messages):
+        """Each is a start, or data."""
+        return self.stubs.volume.UploadVolume(
+            volume_pb2.UploadVolumeRequest(data=one) if isinstance(one, bytes)
+            else volume_pb2.UploadVolumeRequest(start=one) for one in messages)
+
+    def test_the_start_says_what_comes_and_how_it_is_loaded(self):
+        start = spoilt(self.start, options__isovalue=321.0, options__source="/ignored")
+        answer = self.upload(start, *(self.file[n:n + 1000]
+                                      for n in range(0, len(self.file), 1000)))
+        self.assertEqual((answer.volume.source, answer.volume.size_x), ("upload:a.nrrd", 9))
+        self.assertEqual(self.conn.settings.isovalue, 321.0)
+        self.assertGreater(answer.applied_tick, 0)
+
+    def test_what_does_not_fit_is_refused(self):
+        before = self.conn.volume.info().volume_revision
+        large = bytes((1 << 20) + 1)
+        for messages in ([], [self.file], [self.start, self.start],
+                         [spoilt(self.start, size_bytes=1 << 20), large],
+                         [self.start, self.file + b"x"], [self.start, self.file[1:]],
+                         [spoilt(self.start, crc32=self.start.crc32 + 1), self.file],
+                         [spoilt(self.start, name="../a.nrrd"), self.file],
+                         [spoilt(self.start, name="a.txt"), self.file],
+                         [spoilt(self.start, options__frame=1), self.file]):
+            said = self.refused(BAD, self.upload, *messages)
+            # Where it lay is nothing to a client.
+            self.assertNotIn(str(self.root), said)
+        self.assertEqual(self.conn.volume.info().volume_revision, before)
+
+    def unfinished(self, start, *data):
+        """An upload that sends this and no more. Nothing tells that it has ended."""
+        held = threading.Event()
+        self.addCleanup(held.set)
+
+        def messages():
+            yield volume_pb2.UploadVolumeRequest(start=start)
+            for one in data:
+                yield volume_pb2.UploadVolumeRequest(data=one)
+            held.wait()
+        return self.stubs.volume.UploadVolume.future(messages())
+
+    def test_too_large_is_refused_before_it_is_sent(self):
+        call = self.unfinished(spoilt(self.start, size_bytes=(1 << 20) + 1))
+        self.assertIn("volume.max_upload_mib", self.refused(EXHAUSTED, call.result, PATIENCE_S))
+
+    def test_one_that_breaks_off_leaves_nothing(self):
+        before = self.conn.volume.info().volume_revision
+        call = self.unfinished(self.start, self.file[:100])
+        self.assertTrue(wait_until(lambda: not self.is_empty(), 60))
+        call.cancel()
+        self.assertTrue(wait_until(self.is_empty, 60))
+        self.assertEqual(self.conn.volume.info().volume_revision, before)
+
+
+class PoseBudget(CallsTest):
+    config = "[limits]\npose_samples_per_s = 4000\n"
+    address = f"127.0.0.1:{free_port()}"
+    more = ("--listen", address)
+
+    def test_one_over_the_network_has_half_of_the_samples(self):
+        channel = self.enterContext(grpc.insecure_channel(self.address))
+        ended = threading.Event()
+        self.addCleanup(ended.set)
+
+        def requests():
+            yield pose_pb2.StreamPosesRequest(
+                start=pose_pb2.StreamPosesStart(rate_hz=1000, batch=1, max_unacknowledged=64))
+            ended.wait()
+
+        def ask():
+            call = stubs_of(channel).poses.StreamPoses(requests())
+            try:
+                next(call)
+            except grpc.RpcError as error:
+                self.assertEqual(error.code(), EXHAUSTED)
+                self.assertIn("limits.pose_samples_per_s", error.details())
+                return None
+            return call
+
+        held = [ask() for _ in range(6)]
+        self.assertEqual([call is not None for call in held], [True] * 2 + [False] * 4)
+        # Another client is served, and what is given back can be had again.
+        with self.conn.poses(1000) as stream:
+            next(stream)
+        for call in filter(None, held):
+            call.cancel()
+        self.assertTrue(wait_until(ask, 60))
+
+
+class Memory(CallsTest):
+    volume = "builtin:sphere:64"
+    # Locked memory would count what is reserved, too.
+    config = "[realtime]\nlock_memory = false\n[volume]\nmemory_budget_mib = 400\n"
+
+    def resident(self):
+        status = pathlib.Path(f"/proc/{self.daemon.process.pid}/status").read_text()
+        return 1024 * int(status.partition("VmRSS:")[2].split()[0])
+
+    def test_a_dense_volume_costs_little_more_than_its_voxels(self):
+        edge = 256
+        path = self.root / "noise.raw"
+        np.random.default_rng(1).random(edge**3, np.float32).tofile(path)
+        grid_bytes = 4.22 * edge**3  # a dense float tree of OpenVDB
+        before = self.resident()
+        raw = palpate.Raw((edge,) * 3, "float32")
+        for _ in range(2):  # the second frees the first
+            self.conn.volume.load(path, raw=raw)
+            # The volume before is freed on a thread that the load does not wait for. The sanitizers
+            # keep what was freed for a while.
+            self.assertTrue("PALPATE_SANITIZED" in os.environ or wait_until(
+                lambda: self.resident() - before <= 1.3 * grid_bytes, 60))
+
+    def test_too_much_is_refused_in_advance_and_the_volume_stays(self):
+        self.conn.volume.load("builtin:sphere:64")
+        before = self.conn.volume.info().volume_revision
+        # Sparse: its size alone is known.
+        path = self.root / "sparse.raw"
+        with open(path, "wb") as file:
+            file.truncate(1 << 30)
+        raw = volume_pb2.RawVoxels(size_x=1024, size_y=1024, size_z=1024,
+                                   type=volume_pb2.VOXEL_TYPE_UINT8)
+        for request in (volume_pb2.LoadVolumeRequest(source=str(path), raw=raw),
+                        volume_pb2.LoadVolumeRequest(source="builtin:bumps:512")):
+            said = self.refused(EXHAUSTED, self.stubs.volume.LoadVolume, request)
+            self.assertIn("volume.memory_budget_mib", said)
+            self.assertIn("400 MiB", said)
+        self.assertEqual(self.conn.volume.info().volume_revision, before)
+        for _ in range(4):  # what fits goes in, again and again
+            self.conn.volume.load("builtin:bumps:200")
+
+
+if __name__ == "__main__":
+    unittest.main()

@@ -1,0 +1,166 @@
+"""Recordings of a real daemon, as scripts make them and palpate-lab computes them again."""
+
+import json
+import os
+import re
+import signal
+import subprocess
+import unittest
+
+import numpy as np
+
+import palpate
+from support import PALPATE, PATIENCE_S, Daemon, nrrd, wait_until
+
+PALPATE_LAB = os.environ["PALPATE_LAB"]
+CONFLICT, NOT_FOUND, CANCELLED, USAGE = 7, 4, 9, 2
+
+
+class RecordingTest(unittest.TestCase):
+    def setUp(self):
+        self.daemon = self.enterContext(Daemon("builtin:gyroid:64"))
+        self.conn = self.enterContext(self.daemon.connect())
+        self.file = self.daemon.folder / "a.palrec"
+
+    def palpate(self, *arguments, code=0):
+        ran = subprocess.run([PALPATE, *map(str, arguments), "--socket", self.daemon.socket],
+                             capture_output=True, text=True, timeout=PATIENCE_S, check=False)
+        self.assertEqual(ran.returncode, code, ran.stderr)
+        return ran
+
+    def begun(self, *arguments):
+        """A client that runs on."""
+        client = self.enterContext(subprocess.Popen(
+            [PALPATE, *map(str, arguments), "--socket", self.daemon.socket],
+            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True))
+        self.addCleanup(client.kill)
+        return client
+
+    def replayed(self, *more, code=0):
+        """What palpate-lab says of the recording: its figures by name, and its complaints."""
+        ran = subprocess.run([PALPATE_LAB, "replay", "--recording", self.file, *more],
+                             capture_output=True, text=True, timeout=PATIENCE_S, check=False)
+        self.assertEqual(ran.returncode, code, ran.stdout + ran.stderr)
+        figures = {name: int(number) for name, number
+                   in re.findall(r"^ *([a-z]+) +(\d+)", ran.stdout, re.MULTILINE)}
+        if code == 0:
+            self.assertEqual(figures["differing"], 0)
+        return figures, ran.stderr
+
+    def wait_for_ticks(self, more):
+        end = self.conn.recording.state().ticks + more
+        self.assertTrue(wait_until(lambda: self.conn.recording.state().ticks >= end, PATIENCE_S))
+
+    def test_it_comes_back_bit_for_bit_from_the_recording_alone(self):
+        i, j, k = np.indices((30, 28, 26))
+        away = np.sqrt((i - 14.5)**2 + (j - 13.5)**2 + (k - 12.5)**2)
+        files = [self.daemon.folder / f"t{n}.nrrd" for n in range(4)]
+        for n, path in enumerate(files):
+            path.write_bytes(nrrd((away + n * np.sin(0.5 * i)).astype(np.float32),
+                                  np.eye(3).tolist(), (0.0, 0.0, 0.0)))
+        self.palpate("record", "start", self.file)
+        for n in range(10):
+            self.conn.settings.update(normalized_isovalue=0.4 + 0.02 * n,
+                                      passivity_control=n % 2 == 1)
+            self.wait_for_ticks(100)
+        self.conn.recording.mark('half, "way"')
+        self.palpate("load", "builtin:bumps:48", "--spacing-mm", "1,1,0.5")
+        self.wait_for_ticks(300)
+        self.conn.series.load(files, normalized_isovalue=0.4)
+        self.conn.series.configure(interpolate=True, loop=True)
+        self.conn.series.play(7)
+        self.wait_for_ticks(700)
+        self.conn.volume.upload((away + 0.5 * np.sin(0.5 * i)).astype(np.float32),
+                                normalized_isovalue=0.4)
+        self.wait_for_ticks(200)
+        self.conn.edit.sphere((14, 14, 3), 4, "set", 20.0)
+        self.wait_for_ticks(200)
+        state = json.loads(self.palpate("record", "stop", "--json").stdout)
+        self.assertEqual((state["lost_ticks"], state["left_out"]), (0, ""))
+        self.assertEqual(state["size_bytes"], self.file.stat().st_size)
+        # The files are gone: the recording has their voxels.
+        for path in files:
+            path.unlink()
+        figures, _ = self.replayed()
+        self.assertEqual((figures["ticks"], figures["markers"]), (state["ticks"], 1))
+        self.assertGreaterEqual(figures["compared"] + 70, state["ticks"])
+        self.assertGreaterEqual(figures["scenes"], 12)
+
+    def test_a_killed_daemon_leaves_all_but_the_last_seconds(self):
+        self.conn.recording.start(self.file)
+        self.wait_for_ticks(3000)
+        written = self.conn.recording.state().ticks
+        self.daemon.end(signal.SIGKILL)
+        killed, said = self.replayed()
+        self.assertIn("was not closed", said)
+        self.assertGreaterEqual(killed["ticks"], written)
+        self.assertGreaterEqual(killed["compared"] + 70, killed["ticks"])
+        # Cut within a chunk, as by a power failure.
+        os.truncate(self.file, self.file.stat().st_size - 1000)
+        cut, said = self.replayed()
+        self.assertIn("is cut", said)
+        self.assertLess(cut["ticks"], killed["ticks"])
+
+    def test_a_daemon_that_ends_closes_it(self):
+        self.conn.recording.start(self.file)
+        self.wait_for_ticks(1000)
+        self.daemon.end()
+        self.assertEqual(self.replayed()[1], "")
+
+    def test_what_cannot_be_computed_again_is_said(self):
+        # A load of a file is named and not held: where the file is gone, that is an error.
+        path = self.daemon.folder / "a.nrrd"
+        i, j, k = np.indices((20, 20, 20))
+        path.write_bytes(nrrd((i * j + k).astype(np.float32), np.eye(3).tolist(), (0.0, 0.0, 0.0)))
+        self.conn.recording.start(self.file)
+        self.wait_for_ticks(500)
+        self.conn.volume.load(path)
+        self.wait_for_ticks(200)
+        self.conn.recording.stop()
+        self.replayed()
+        self.replayed("--volume", "builtin:bumps", code=CONFLICT)
+        self.replayed("--isovalue", "1", code=USAGE)
+        path.unlink()
+        self.assertIn("--allow-missing", self.replayed(code=CONFLICT)[1])
+        self.assertGreater(self.replayed("--allow-missing")[0]["compared"], 300)
+        # More than 64 MiB of voxels that no file gives again.
+        large = self.daemon.folder / "large.dat"
+        np.repeat(np.arange(264) // 3, 264**2).astype(np.uint8).tofile(large)
+        self.conn.volume.upload_file(large, raw=palpate.Raw((264,) * 3, "uint8"))
+        self.assertIn("upload:large.dat",
+                      self.palpate("record", "start", self.file, "--overwrite").stderr)
+        self.wait_for_ticks(300)
+        self.assertNotEqual(self.conn.recording.stop().left_out, "")
+        self.assertIn("--volume", self.replayed(code=NOT_FOUND)[1])
+
+    def test_the_client_records_and_replays_until_it_is_interrupted(self):
+        self.palpate("record", "run", self.file, "--seconds", "0.5")
+        client = self.begun("record", "run", self.daemon.folder / "b.palrec")
+        self.assertTrue(wait_until(lambda: self.conn.recording.state().running, PATIENCE_S))
+        self.palpate("replay", self.file, code=CONFLICT)
+        client.send_signal(signal.SIGINT)
+        self.assertEqual(client.wait(PATIENCE_S), 0)
+        self.assertFalse(self.conn.recording.state().running)
+
+        self.conn.recording.start(self.file, overwrite=True)
+        self.conn.recording.mark("begun")
+        self.wait_for_ticks(1000)
+        self.conn.recording.stop()
+
+        def replay_slowly():
+            client = self.begun("replay", self.file, "--speed", "0.1")
+            self.assertTrue(any("begun" in line for line in client.stdout))
+            return client
+        client = replay_slowly()
+        with self.assertRaises(palpate.Conflict):
+            self.conn.recording.start(self.daemon.folder / "c.palrec")
+        client.send_signal(signal.SIGINT)
+        self.assertEqual(client.wait(PATIENCE_S), CANCELLED)
+        # The daemon ends though one runs.
+        client = replay_slowly()
+        self.daemon.end()
+        self.assertNotEqual(client.wait(PATIENCE_S), 0)
+
+
+if __name__ == "__main__":
+    unittest.main()
