@@ -208,9 +208,26 @@ TEST(MakeBricks, ZerosHaveTheBackgroundsSign) {
 TEST(BrickPool, KeepsEveryBitPatternOnce) {
   BrickPool pool;
   const auto filled = [](float value) {
-    Brick brick;
+    Brick brick{};
     brick.fill(value);
     return Leaf::Of(LeafType::kFloat, brick);
+  };
+  const LeafPtr zero = pool.Share(filled(0.0f));
+  EXPECT_EQ(pool.Share(filled(0.0f)), zero);
+  EXPECT_NE(pool.Share(filled(-0.0f)), zero);
+  EXPECT_NE(pool.Share(filled(1.0f)), zero);
+  const LeafPtr nan = pool.Share(filled(std::numeric_limits<float>::quiet_NaN()));
+  EXPECT_EQ(pool.Share(filled(std::numeric_limits<float>::quiet_NaN())), nan);
+}
+
+TEST(BrickPool, CountsTheMemoryOfSharedBricksOnce) {
+  const Vec3i size(32, 8, 8);
+  const auto directory = [&](float first) {
+    return BrickDirectory(size, [&](const Vec3i& brick) {
+      Brick values{};
+      values.fill(static_cast<float>(brick.x()) + (brick.x() == 0 ? first : 0.0f));
+      return Leaf::Of(LeafType::kFloat, values);
+    });
   };
   BrickPool pool;
   const std::vector<BrickDirectory> shared = {pool.Share(directory(10.0f), size, 0.0f),
