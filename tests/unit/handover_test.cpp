@@ -121,7 +121,7 @@ void ExpectHeaderRefused(const char* what, const std::function<void(HandoverHead
 
 TEST(Handover, LiesOfTheHeaderAreRefused) {
   using Header = HandoverHeader;
-  constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+  constexpr double kNoNumber = std::numeric_limits<double>::quiet_NaN();
   constexpr std::int32_t kMost = std::numeric_limits<std::int32_t>::max();
   ExpectHeaderRefused("magic", [](Header& h) { h.magic[7] = '1'; });
   ExpectHeaderRefused("type", [](Header& h) { h.type = 4; });
@@ -142,12 +142,12 @@ TEST(Handover, LiesOfTheHeaderAreRefused) {
       "overflow", [](Header& h) { h.size[0] = h.size[1] = h.size[2] = 1 << 22; },
       ErrorKind::kTooLarge);
   ExpectHeaderRefused("spacing", [](Header& h) { h.spacing_mm[1] = 0.0; });
-  ExpectHeaderRefused("spacing", [](Header& h) { h.spacing_mm[2] = kNan; });
-  ExpectHeaderRefused("origin", [](Header& h) { h.origin_W_mm[0] = kNan; });
+  ExpectHeaderRefused("spacing", [](Header& h) { h.spacing_mm[2] = kNoNumber; });
+  ExpectHeaderRefused("origin", [](Header& h) { h.origin_W_mm[0] = kNoNumber; });
   ExpectHeaderRefused("direction", [](Header& h) { h.direction[4] = 0.5; });
   ExpectHeaderRefused("frames", [](Header& h) { h.frames = 0; });
   ExpectHeaderRefused("range", [](Header& h) { h.value_max = h.value_min; });
-  ExpectHeaderRefused("range", [](Header& h) { h.value_min = kNan; });
+  ExpectHeaderRefused("range", [](Header& h) { h.value_min = kNoNumber; });
   ExpectHeaderRefused("not the least", [](Header& h) { h.value_min = -1.0; });
   ExpectHeaderRefused("not the greatest", [](Header& h) { h.value_max = 99.0; });
   ExpectHeaderRefused("unit without an end",

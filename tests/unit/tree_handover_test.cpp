@@ -90,7 +90,7 @@ void ExpectTreeRefused(const char* what, const std::function<void(WrittenTree&)>
 }
 
 TEST(TreeHandover, LiesOfTheHeaderAreRefused) {
-  constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
+  constexpr float kNoNumber = std::numeric_limits<float>::quiet_NaN();
   constexpr std::uint64_t kMost = std::numeric_limits<std::uint64_t>::max();
   ExpectTreeRefused("form", [](WrittenTree& w) { w.header.form = 2; });
   ExpectTreeRefused("type", [](WrittenTree& w) { w.header.type = 4; });
@@ -100,11 +100,11 @@ TEST(TreeHandover, LiesOfTheHeaderAreRefused) {
   ExpectTreeRefused(
       "large", [](WrittenTree& w) { w.header.size[0] = w.header.size[1] = 1 << 20; },
       ErrorKind::kTooLarge);
-  ExpectTreeRefused("background", [](WrittenTree& w) { w.header.tree.background = kNan; });
+  ExpectTreeRefused("background", [](WrittenTree& w) { w.header.tree.background = kNoNumber; });
   ExpectTreeRefused("not of its type", [](WrittenTree& w) { w.header.tree.background = 0.5f; });
   ExpectTreeRefused("grid", [](WrittenTree& w) { w.header.tree.grid_type = 5; });
   ExpectTreeRefused("map", [](WrittenTree& w) { w.header.tree.map = 8; });
-  ExpectTreeRefused("matrix", [](WrittenTree& w) { w.header.tree.matrix[3] = kNan; });
+  ExpectTreeRefused("matrix", [](WrittenTree& w) { w.header.tree.matrix[3] = kNoNumber; });
   ExpectTreeRefused("spacing", [](WrittenTree& w) { w.header.spacing_mm[0] = 0.0; });
   for (std::uint64_t HandoverTree::*const count :
        {&HandoverTree::entry_bytes, &HandoverTree::top_nodes, &HandoverTree::tiles,
