@@ -11,13 +11,17 @@ namespace palpate::view {
 
 class HeldValues {
  public:
+  using Clock = std::chrono::steady_clock;
+  // Longer than palpated takes to answer, and longer than between two questions about a series.
+  static constexpr std::chrono::milliseconds kPatience{1500};
+
   // Returns the value that control `id` shows while palpated's value is `told`.
-  double Shown(unsigned id, double told) {
+  double Shown(unsigned id, double told, Clock::time_point now = Clock::now()) {
     if (id != id_) return told;
     const bool agreed = std::abs(told - value_) <= 1e-9 * (1.0 + std::abs(value_));
     // Checks the time also while in_hand_: a control that is hidden meanwhile never reports that
     // the user let go.
-    if ((agreed && !in_hand_) || Clock::now() > until_) {
+    if ((agreed && !in_hand_) || now > until_) {
       id_ = 0;
       return told;
     }
@@ -26,21 +30,18 @@ class HeldValues {
 
   // Call it after the control was drawn. `changed`: the user changed the value. `in_hand`: the user
   // still holds the control.
-  void Update(unsigned id, double value, bool changed, bool in_hand) {
+  void Update(unsigned id, double value, bool changed, bool in_hand,
+              Clock::time_point now = Clock::now()) {
     if (changed) {
       id_ = id;
       value_ = value;
     }
     if (id != id_) return;
     in_hand_ = in_hand;
-    if (changed || in_hand) until_ = Clock::now() + kPatience;
+    if (changed || in_hand) until_ = now + kPatience;
   }
 
  private:
-  using Clock = std::chrono::steady_clock;
-  // Longer than palpated takes to answer, and longer than between two questions about a series.
-  static constexpr std::chrono::milliseconds kPatience{1500};
-
   unsigned id_ = 0;  // 0: nothing is held
   double value_ = 0.0;
   bool in_hand_ = false;
