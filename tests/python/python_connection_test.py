@@ -165,7 +165,7 @@ class Ending(DaemonTest):
             except BaseException as error:  # what a user would not expect
                 failures.append(error)
 
-        for _ in range(30):
+        for _ in range(12):
             conn = self.daemon.connect()
             users = [threading.Thread(target=use, args=(conn,)) for _ in range(4)]
             for user in users:

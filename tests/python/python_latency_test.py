@@ -110,12 +110,11 @@ class EmergencyStop(unittest.TestCase):
         def attack_on(address):
             while not end.is_set():
                 try:
-                    stranger = Stranger(self.daemon, address)
+                    stranger = Stranger(self.daemon, address, patience_s=10.0)
                 except OSError:
                     time.sleep(0.01)  # cut off within its handshake
                     continue
                 try:
-                    stranger.socket.settimeout(10.0)
                     endless_headers(stranger, 400 << 20)
                 except OSError:
                     pass
@@ -136,7 +135,7 @@ class EmergencyStop(unittest.TestCase):
         lines = sum("it sent too much" in line for line in self.daemon.said)
         p98 = np.percentile(attacked, 98)
         attacked_s, alone_s = statistics.median(attacked), statistics.median(alone)
-        print(f"100 emergency stops while ten strangers attack: median {attacked_s * 1e3:.1f} ms, "
+        print(f"emergency stops while ten strangers attack: median {attacked_s * 1e3:.1f} ms, "
               f"p98 {p98 * 1e3:.0f} ms; without, median {alone_s * 1e3:.1f} ms; {lines} lines")
         self.assertLess(attacked_s, 10 * alone_s)
         self.assertLess(p98, 2.0)

@@ -359,7 +359,7 @@ class Download(DaemonTest):
         self.conn.edit.sphere((9, 9, 9), 5, "set", 7.0, frame="index")
         volume = self.conn.volume.download()
         code, said, problem = self.download(self.file)
-        self.assertEqual((code, problem), (0, ""))
+        self.assertEqual(code, 0, problem)
         self.assertIn(str(volume.volume_revision), said)
         self.conn.volume.load(self.file)
         again = self.conn.volume.download()

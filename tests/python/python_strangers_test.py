@@ -30,10 +30,10 @@ FAR_BEYOND = 4096 * MIB
 class Stranger:
     """Speaks TLS and HTTP/2 from an address of its own, and follows none of its rules."""
 
-    def __init__(self, daemon, address):
+    def __init__(self, daemon, address, patience_s=PATIENCE_S):
         context = ssl.create_default_context(cafile=str(daemon.authority.ca))
         context.set_alpn_protocols(["h2"])
-        plain = socket.create_connection(("127.0.0.1", daemon.port), timeout=PATIENCE_S,
+        plain = socket.create_connection(("127.0.0.1", daemon.port), timeout=patience_s,
                                          source_address=(address, 0))
         try:
             self.socket = context.wrap_socket(plain, server_hostname="localhost")
@@ -120,7 +120,7 @@ class AttackTest(unittest.TestCase):
 
     def attack(self, how, address, token=None, most_bytes=400 * MIB, patience_s=10.0):
         """What it sent before it was cut off, and noticed."""
-        stranger = Stranger(self.daemon, address)
+        stranger = Stranger(self.daemon, address, patience_s=20.0)
         with contextlib.closing(stranger):
             if token is not None:
                 stranger.become_known(token)
