@@ -1,5 +1,5 @@
-"""Which call of the contract each client can make: the table in deploy/guides/clients.md, against the
-services' descriptors and what the clients really have."""
+"""Which call of the contract each client can make: the table in deploy/guides/clients.md, against
+the services' descriptors and what the clients really have."""
 
 import importlib
 import pathlib

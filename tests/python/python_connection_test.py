@@ -15,7 +15,6 @@ import unittest.mock
 import numpy as np
 
 import palpate
-from free_port import free_port
 from support import PATIENCE_S, Daemon, DaemonTest, wait_until
 
 
@@ -24,18 +23,6 @@ class Finding(unittest.TestCase):
         with self.assertRaisesRegex(kind, text) as caught:
             palpate.connect(address)
         self.assertNotIn("\n", str(caught.exception))
-
-    def test_by_environment_path_and_port(self):
-        port = free_port()
-        with Daemon(listen=f"127.0.0.1:{port}") as daemon:
-            for address in (daemon.socket, f"127.0.0.1:{port}", f"localhost:{port}",
-                            os.path.relpath(daemon.socket)):
-                with palpate.connect(address) as conn:
-                    self.assertEqual(conn.volume.info().source, "builtin:sphere:48")
-                    self.assertEqual(conn.volume.download().values.shape, (48, 48, 48))
-            with unittest.mock.patch.dict(os.environ, {"PALPATE_SOCKET": daemon.socket}):
-                with palpate.connect() as conn:
-                    self.assertEqual(conn.address, f"unix:{daemon.socket}")
 
     def test_the_users_own_socket(self):
         if os.path.isdir("/run/palpate"):

@@ -150,12 +150,15 @@ class Plain(PlacesTest):
                 with palpate.connect(profile=profile) as conn:
                     self.assertEqual(conn.address, address)
             # A socket has no use for the variables of TLS.
-            palpate.connect(daemon.socket).close()
+            for path in (daemon.socket, os.path.relpath(daemon.socket)):
+                palpate.connect(path).close()
             self.set(PALPATE_SERVER="", PALPATE_SOCKET=daemon.socket)
-            palpate.connect().close()
+            with palpate.connect() as conn:
+                self.assertEqual(conn.address, f"unix:{daemon.socket}")
             self.set(PALPATE_SERVER=f"localhost:{port}", PALPATE_SOCKET=nowhere, PALPATE_TLS_CA="")
             with palpate.connect() as conn:
                 self.assertEqual(conn.address, f"localhost:{port}")
+                self.assertEqual(conn.volume.download().values.shape, (48, 48, 48))
                 self.check_relative_paths_are_refused(conn)
 
     def test_relative_paths_are_those_of_our_folder(self):
