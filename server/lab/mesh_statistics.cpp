@@ -38,9 +38,9 @@ struct VertexTriangles {
 };
 
 // A forest over vertex numbers: each tree is one component.
-class Components {
+class MeshComponents {
  public:
-  explicit Components(std::size_t count) : parent_(count) {
+  explicit MeshComponents(std::size_t count) : parent_(count) {
     std::iota(parent_.begin(), parent_.end(), 0u);
   }
 
@@ -184,14 +184,14 @@ MeshStatistics MeasureMesh(const SurfaceMesh& mesh) {
   s.euler = s.vertices - s.edges + s.triangles;
 
   s.components = s.vertices;
-  Components pieces(mesh.vertices.size());
+  MeshComponents pieces(mesh.vertices.size());
   for (const auto& t : mesh.triangles)
     s.components -= pieces.Join(t[0], t[1]) + pieces.Join(t[0], t[2]);
 
   // In a manifold, every boundary vertex has two boundary edges. So an edge that joins two vertices
   // of the same component closes a loop.
   if (!part.boundary.empty()) {
-    Components loops(mesh.vertices.size());
+    MeshComponents loops(mesh.vertices.size());
     for (const Edge& edge : part.boundary) {
       s.boundary_loops += !loops.Join(edge.first, edge.second);
       s.boundary_edges_off_border += !LiesInBorder(mesh, edge);

@@ -2,10 +2,13 @@
 //
 // A grid's class is virtual: each file that uses it would compile all of it and everything that it
 // calls, for up to two minutes. OpenVDB's library holds these classes compiled, since it reads such
-// grids from files. Here they are declared as compiled elsewhere.
+// grids from files. Here they are declared as compiled elsewhere, for gcc when it optimises: the
+// library has the virtual functions only, and the others have to be inlined.
 #pragma once
 
 #include <openvdb/openvdb.h>
+
+#if defined(__OPTIMIZE__) && !defined(__clang__)
 
 // PALPATE_FOR_EACH_OPENVDB_TREE(F): F(Tree) for the tree of each such grid.
 #define PALPATE_FOR_EACH_OPENVDB_TREE(F) \
@@ -27,3 +30,5 @@ PALPATE_FOR_EACH_OPENVDB_TREE(PALPATE_COMPILED_ELSEWHERE)
 
 }  // namespace OPENVDB_VERSION_NAME
 }  // namespace openvdb
+
+#endif

@@ -11,6 +11,7 @@
 #include "client/sdk/nrrd_file.h"
 #include "client/sdk/words.h"
 #include "tests/support/patience.h"
+#include "tests/support/refusal.h"
 #include "tests/support/restarted_daemon.h"
 #include "tests/support/temporary_folder.h"
 
@@ -18,17 +19,7 @@ namespace palpate::client {
 namespace {
 
 using namespace std::chrono_literals;
-
-ErrorKind KindOf(const std::function<void()>& call) {
-  try {
-    call();
-  } catch (const Error& error) {
-    EXPECT_EQ(std::string(error.what()).find('\n'), std::string::npos) << error.what();
-    return error.kind();
-  }
-  ADD_FAILURE() << "nothing was thrown";
-  return ErrorKind::kInternal;
-}
+using testing::Refusal;
 
 class SdkCalls : public ::testing::Test {
  protected:
@@ -75,7 +66,7 @@ TEST_F(SdkCalls, VolumesAreLoadedSavedSentAndFetched) {
   const SaveResult saved = p.SaveVolume(File("edited.nrrd"));
   EXPECT_EQ(saved.volume_revision, edited.volume_revision);
   EXPECT_EQ(saved.size_bytes, std::filesystem::file_size(File("edited.nrrd")));
-  EXPECT_EQ(KindOf([&] { p.SaveVolume(File("edited.nrrd")); }), ErrorKind::kConflict);
+  EXPECT_EQ(Refusal([&] { p.SaveVolume(File("edited.nrrd")); }), ErrorKind::kConflict);
   EXPECT_EQ(p.SaveVolume(File("edited.nrrd"), true).size_bytes, saved.size_bytes);
 
   const DownloadResult copy = p.DownloadVolume();
@@ -105,14 +96,14 @@ TEST_F(SdkCalls, WhatIsCancelledChangesNothing) {
   const auto cancel_at = [](double fraction) {
     return [fraction](const Progress& now) { return now.fraction < fraction; };
   };
-  EXPECT_EQ(KindOf([&] { p.LoadVolume("builtin:gyroid:200", {}, cancel_at(0.0)); }),
+  EXPECT_EQ(Refusal([&] { p.LoadVolume("builtin:gyroid:200", {}, cancel_at(0.0)); }),
             ErrorKind::kCancelled);
   SaveAsNrrd(p.DownloadVolume().volume, File("a.nrrd"));
-  EXPECT_EQ(KindOf([&] { p.UploadVolume(File("a.nrrd"), {}, cancel_at(0.1)); }),
+  EXPECT_EQ(Refusal([&] { p.UploadVolume(File("a.nrrd"), {}, cancel_at(0.1)); }),
             ErrorKind::kCancelled);
-  EXPECT_EQ(KindOf([&] { p.UploadVolume(File("a.nrrd"), {}, [](auto&) { return false; }); }),
+  EXPECT_EQ(Refusal([&] { p.UploadVolume(File("a.nrrd"), {}, [](auto&) { return false; }); }),
             ErrorKind::kCancelled);
-  EXPECT_EQ(KindOf([&] { p.DownloadVolume([](auto&) { return false; }); }), ErrorKind::kCancelled);
+  EXPECT_EQ(Refusal([&] { p.DownloadVolume([](auto&) { return false; }); }), ErrorKind::kCancelled);
   // What a callback throws, comes out. The load that was cancelled may take a moment to end.
   const auto load = [&] {
     try {
@@ -132,25 +123,29 @@ TEST_F(SdkCalls, WhatIsCancelledChangesNothing) {
 TEST_F(SdkCalls, ErrorsHaveKinds) {
   Calls& p = *palpated_;
   const VolumeInfo before = p.GetVolume();
-  EXPECT_EQ(KindOf([&] { p.LoadVolume(File("absent.nrrd")); }), ErrorKind::kNotFound);
-  EXPECT_EQ(KindOf([&] { p.LoadVolume("builtin:cheese"); }), ErrorKind::kInvalidArgument);
-  EXPECT_EQ(KindOf([&] {
-              p.LoadVolume("builtin:sphere", {.isovalue = 1.0, .normalized_isovalue = 0.5});
-            }),
-            ErrorKind::kInvalidArgument);
-  EXPECT_EQ(KindOf([&] { p.UploadVolume(File("absent.nrrd")); }), ErrorKind::kNotFound);
-  EXPECT_EQ(KindOf([&] { p.UploadVolume(folder_.path()); }), ErrorKind::kInvalidArgument);
-  EXPECT_EQ(KindOf([&] { p.SaveVolume("/nowhere/a.nrrd"); }), ErrorKind::kPermissionDenied);
-  EXPECT_EQ(KindOf([&] { p.Undo(); }), ErrorKind::kConflict);
-  EXPECT_EQ(KindOf([&] { p.GetSeries(); }), ErrorKind::kConflict);
-  EXPECT_EQ(KindOf([&] { p.StopRecording(); }), ErrorKind::kConflict);
-  EXPECT_EQ(KindOf([&] { p.Set({.stiffness_n_per_mm = 99.0}); }), ErrorKind::kInvalidArgument);
-  EXPECT_EQ(KindOf([&] { p.Place({.scale_by = -1.0}); }), ErrorKind::kInvalidArgument);
-  EXPECT_EQ(KindOf([&] { p.CalibrateDevice(); }), ErrorKind::kInvalidArgument);
-  EXPECT_EQ(p.GetVolume().volume_revision, before.volume_revision);
   Calls nobody(Server{.address = {.socket_path = File("nobody.sock")}});
-  EXPECT_EQ(KindOf([&] { nobody.WaitUntilReached(1s); }), ErrorKind::kUnavailable);
-  EXPECT_EQ(KindOf([&] { nobody.GetVolume(); }), ErrorKind::kUnavailable);
+  using Call = std::function<void()>;
+  const std::vector<std::pair<ErrorKind, std::vector<Call>>> refused = {
+      {ErrorKind::kInvalidArgument,
+       {[&] { p.LoadVolume("builtin:cheese"); },
+        [&] { p.LoadVolume("builtin:sphere", {.isovalue = 1.0, .normalized_isovalue = 0.5}); },
+        [&] { p.UploadVolume(folder_.path()); }, [&] { p.Set({.stiffness_n_per_mm = 99.0}); },
+        [&] { p.Set({}); }, [&] { p.Place({.scale_by = -1.0}); }, [&] { p.CalibrateDevice(); },
+        [&] { p.EnableForces("falcon"); }, [&] { p.StartRecording("relative"); }}},
+      {ErrorKind::kConflict,
+       {[&] { p.Set({.isovalue = 0.5, .expected_revision = 999999}); }, [&] { p.Undo(); },
+        [&] { p.GetSeries(); }, [&] { p.StopRecording(); }}},
+      {ErrorKind::kNotFound,
+       {[&] { p.LoadVolume(File("absent.nrrd")); }, [&] { p.UploadVolume(File("absent.nrrd")); }}},
+      {ErrorKind::kPermissionDenied, {[&] { p.SaveVolume("/nowhere/a.nrrd"); }}},
+      {ErrorKind::kUnavailable,
+       {[&] { nobody.WaitUntilReached(1s); }, [&] { nobody.GetVolume(); }}}};
+  for (const auto& [kind, calls] : refused) {
+    for (std::size_t n = 0; n < calls.size(); ++n) {
+      EXPECT_EQ(Refusal(calls[n]), kind) << n;
+    }
+  }
+  EXPECT_EQ(p.GetVolume().volume_revision, before.volume_revision);
 }
 
 TEST_F(SdkCalls, TheVolumeIsPlacedAndFelt) {
@@ -161,12 +156,11 @@ TEST_F(SdkCalls, TheVolumeIsPlacedAndFelt) {
   EXPECT_NEAR(moved.placement.device_mm_per_volume_mm, 2.0 * before.device_mm_per_volume_mm, 1e-9);
   EXPECT_GT(moved.placement.settings_revision, before.settings_revision);
   EXPECT_EQ(
-      KindOf([&] { p.Place({.reset = true, .expected_revision = before.settings_revision}); }),
+      Refusal([&] { p.Place({.reset = true, .expected_revision = before.settings_revision}); }),
       ErrorKind::kConflict);
   PoseReader reader = p.ReadPoses(500.0, 5);
   std::optional<PoseBatch> batch;
-  for (int n = 0; n < 200 && !batch; ++n) batch = reader.Next(50ms);
-  ASSERT_TRUE(batch);
+  ASSERT_TRUE(test::Eventually([&] { return (batch = reader.Next(50ms)).has_value(); }));
   EXPECT_EQ(batch->poses.size(), 5u);
   EXPECT_GE(batch->poses.front().settings_revision, moved.placement.settings_revision);
 }
@@ -186,7 +180,7 @@ TEST_F(SdkCalls, ASeriesPlaysAndARecordingOfItIsReplayed) {
   EXPECT_GT(series.series.memory_bytes, 0u);
   const RecordingState started = p.StartRecording(File("a.palrec"));
   EXPECT_TRUE(started.running);
-  EXPECT_EQ(KindOf([&] { p.StartRecording(File("b.palrec")); }), ErrorKind::kConflict);
+  EXPECT_EQ(Refusal([&] { p.StartRecording(File("b.palrec")); }), ErrorKind::kConflict);
   EXPECT_EQ(p.ControlSeries({.position_frames = 2.0}).position_frames, 2.0);
   EXPECT_GT(p.Mark("at the end"), 0);
   ASSERT_TRUE(test::Eventually([&] { return p.GetRecording().ticks > 300; }));
@@ -201,7 +195,7 @@ TEST_F(SdkCalls, ASeriesPlaysAndARecordingOfItIsReplayed) {
   EXPECT_EQ(last.ticks, stopped.ticks);
   EXPECT_EQ(last.lost_ticks, stopped.lost_ticks);
   EXPECT_EQ(markers, std::vector<std::string>{"at the end"});
-  EXPECT_EQ(KindOf([&] { p.Replay(File("a.palrec"), 0.001, [](auto&) { return false; }); }),
+  EXPECT_EQ(Refusal([&] { p.Replay(File("a.palrec"), 0.001, [](auto&) { return false; }); }),
             ErrorKind::kCancelled);
 }
 
@@ -214,8 +208,18 @@ TEST_F(SdkCalls, TheDeviceIsListedStoppedAndEnabled) {
   EXPECT_EQ(NameOf(info.health.connection), "streaming");
   const std::vector<ListedDevice> list = p.ListDevices();
   EXPECT_EQ(std::count_if(list.begin(), list.end(), [](auto& device) { return device.in_use; }), 1);
-  EXPECT_EQ(p.StopForces().forces.state, ForceState::kStopped);
+  EXPECT_EQ(info.device.verification_level, VerificationLevel::kSimulated);
+  const ForceResult stopped = p.StopForces();
+  EXPECT_EQ(stopped.forces.state, ForceState::kStopped);
   EXPECT_EQ(NameOf(p.GetDevice().forces.reason), "stop_call");
+  PoseReader reader = p.ReadPoses(1000.0, 1);
+  std::optional<PoseBatch> batch;
+  ASSERT_TRUE(test::Eventually([&] {
+    batch = reader.Next(50ms);
+    return batch && batch->poses.front().tick >= stopped.applied_tick;
+  }));
+  EXPECT_EQ(batch->poses.front().forces.state, ForceState::kStopped);
+  EXPECT_EQ(batch->poses.front().force_n.norm(), 0.0);
   EXPECT_NE(p.EnableForces().forces.state, ForceState::kStopped);
   EXPECT_EQ(p.DisableForces().forces.reason, ForceReason::kOperator);
 }
@@ -233,15 +237,15 @@ TEST_F(SdkCalls, FuturesRunBesideEachOtherAndEnd) {
   });
   ASSERT_TRUE(test::Eventually([&] { return runs.load(); }));
   p.EndCalls();
-  EXPECT_EQ(KindOf([&] { endless.get(); }), ErrorKind::kCancelled);
-  EXPECT_EQ(KindOf([&] { p.GetVolume(); }), ErrorKind::kCancelled);
+  EXPECT_EQ(Refusal([&] { endless.get(); }), ErrorKind::kCancelled);
+  EXPECT_EQ(Refusal([&] { p.GetVolume(); }), ErrorKind::kCancelled);
 }
 
 // The daemon goes away under a call that waits for it.
 TEST_F(SdkCalls, ADaemonThatGoesIsSaid) {
   PoseReader reader = palpated_->ReadPoses(100.0, 1);
   daemon_.Kill();
-  EXPECT_EQ(KindOf([&] {
+  EXPECT_EQ(Refusal([&] {
               while (true) reader.Next(50ms);
             }),
             ErrorKind::kUnavailable);

@@ -43,9 +43,11 @@ class ViewBrush : public ::testing::Test {
   std::uint64_t daemon_id() const {
     return feed_->volume().revision() ? feed_->volume().revision()->daemon_id : 0;
   }
-  // Until the volume is that of a daemon after `killed`, whose revisions say the same again.
-  bool FollowAnotherThan(std::uint64_t killed) {
-    return Follow(*feed_, [&] { return daemon_id() != 0 && daemon_id() != killed; });
+  client::EditResult EditBy(client::Client& other, double x) const {
+    return other.Apply({.shape = client::Sphere{Vec3(x, 10, 10), 3.0},
+                        .frame = client::EditFrame::kIndex,
+                        .operation = client::EditOperation::kSet,
+                        .value = 0.5 * options_.value});
   }
   // As a frame of the viewer does before the rest.
   void Frame() {
@@ -193,56 +195,26 @@ TEST_F(ViewBrush, AHandThatRestsSendsNothing) {
 TEST_F(ViewBrush, NothingOfAnotherClientIsTakenBack) {
   client::Client other({.address = {.socket_path = daemon_.socket()}});
   ASSERT_TRUE(other.WaitUntilConnected(60s));
-  const auto edit_by_other = [&](double x) {
-    client::Edit edit;
-    edit.shape = client::Sphere{Vec3(x, 10, 10), 3.0};
-    edit.frame = client::EditFrame::kIndex;
-    edit.operation = client::EditOperation::kSet;
-    edit.value = 0.5 * options_.value;
-    return other.Apply(edit);
-  };
   DrawLine(16, 20);
   EXPECT_TRUE(Settle(*feed_));
-  ASSERT_TRUE(edit_by_other(30).changed);
+  ASSERT_TRUE(EditBy(other, 30).changed);
   const Bricks both = Voxels();
   EXPECT_TRUE(brush_.CanUndo());
   brush_.Undo(feed_->commands());
   EXPECT_EQ(CountDifferent(Voxels(), both), 0u);
-  EXPECT_NE(feed_->commands().problem().find("others"), std::string::npos)
-      << feed_->commands().problem();
+  EXPECT_NE(feed_->commands().problem(), "");
   EXPECT_FALSE(brush_.CanUndo() || brush_.CanRedo());
 
   // Found by the next stroke, which is taken back alone.
   DrawLine(16, 34);
   EXPECT_TRUE(Settle(*feed_));
-  ASSERT_TRUE(edit_by_other(38).changed);
+  ASSERT_TRUE(EditBy(other, 38).changed);
   const Bricks before = Voxels();
   DrawLine(30, 34);
   EXPECT_GT(CountDifferent(Voxels(), before), 0u);
   brush_.Undo(feed_->commands());
   EXPECT_EQ(CountDifferent(Voxels(), before), 0u);
   EXPECT_FALSE(brush_.CanUndo());
-}
-
-TEST_F(ViewBrush, AStrokeThroughARestartIsNoTrouble) {
-  DrawLine(16, 20);
-  EXPECT_TRUE(Settle(*feed_));
-  const std::uint64_t killed = daemon_id();
-  daemon_.Kill();
-  MoveTo(Vec3(20, 20, 20));
-  brush_.End();
-  EXPECT_TRUE(Follow(*feed_, [&] { return !feed_->commands().busy(); }));
-  EXPECT_EQ(feed_->commands().problem().rfind("brush: ", 0), 0u);
-  daemon_.Start();
-  ASSERT_TRUE(FollowAnotherThan(killed));
-  const Bricks anew = Voxels();
-  brush_.Undo(feed_->commands());
-  EXPECT_EQ(CountDifferent(Voxels(), anew), 0u);
-  EXPECT_FALSE(brush_.CanUndo());
-  DrawLine(16, 20);
-  EXPECT_GT(CountDifferent(Voxels(), anew), 0u);
-  brush_.Undo(feed_->commands());
-  EXPECT_EQ(CountDifferent(Voxels(), anew), 0u);
 }
 
 // It counts its revisions from 1 again: they alone do not say whose edit is the last.
@@ -256,25 +228,30 @@ TEST_F(ViewBrush, OfADaemonThatWasStartedAgainNothingIsTakenBack) {
   const std::uint64_t killed = daemon_id();
   const std::uint64_t losses = feed_->losses();
   daemon_.Kill();
+  // A stroke meanwhile is said to have failed.
+  MoveTo(Vec3(20, 20, 20));
+  brush_.End();
+  EXPECT_TRUE(Follow(*feed_, [&] { return !feed_->commands().busy(); }));
+  EXPECT_EQ(feed_->commands().problem().rfind("brush: ", 0), 0u);
   daemon_.Start();
   client::Client other({.address = {.socket_path = daemon_.socket()}});
   ASSERT_TRUE(other.WaitUntilConnected(60s));
-  client::Edit edit;
-  edit.shape = client::Sphere{Vec3(30, 30, 24), 4.0};
-  edit.frame = client::EditFrame::kIndex;
-  edit.operation = client::EditOperation::kSet;
-  edit.value = options_.value;
-  ASSERT_EQ(other.Apply(edit).volume_revision, edited);
+  ASSERT_EQ(EditBy(other, 30).volume_revision, edited);
   // Also before the volume has come again.
   ASSERT_TRUE(Follow(*feed_, [&] { return feed_->losses() > losses; }));
   Frame();
   brush_.Undo(feed_->commands());
-  ASSERT_TRUE(FollowAnotherThan(killed));
+  // Until the volume is the new daemon's, whose revisions say the same again.
+  ASSERT_TRUE(Follow(*feed_, [&] { return daemon_id() != 0 && daemon_id() != killed; }));
   const Bricks of_other = Voxels();
   EXPECT_FALSE(brush_.CanUndo());
   brush_.Undo(feed_->commands());
   EXPECT_EQ(CountDifferent(Voxels(), of_other), 0u);
   EXPECT_NE(feed_->commands().problem(), "");
+  DrawLine(16, 20);
+  EXPECT_GT(CountDifferent(Voxels(), of_other), 0u);
+  brush_.Undo(feed_->commands());
+  EXPECT_EQ(CountDifferent(Voxels(), of_other), 0u);
 }
 
 // The daemon may have done it or not: nothing that may be another's is taken back then.
@@ -289,12 +266,6 @@ TEST_F(ViewBrush, AnUndoWithoutAnAnswerEndsTheHistory) {
   daemon_.Continue();
   ASSERT_TRUE(Settle(*feed_));
   EXPECT_FALSE(brush_.CanUndo() || brush_.CanRedo());
-  const Bricks before = Voxels();
-  DrawLine(30, 34);
-  EXPECT_GT(CountDifferent(Voxels(), before), 0u);
-  brush_.Undo(feed_->commands());
-  EXPECT_EQ(CountDifferent(Voxels(), before), 0u);
-  EXPECT_FALSE(brush_.CanUndo());
 }
 
 // The pointer left the surface, or went on far behind: one stroke, with a gap.

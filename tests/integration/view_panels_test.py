@@ -4,9 +4,8 @@ import unittest
 
 import numpy as np
 import palpate
-from free_port import free_port
-from support import Daemon, nrrd, pattern, wait_until
-from view_support import OneWindow, Panels, Screen, Window
+from support import nrrd, pattern, wait_until
+from view_support import OneWindow, Panels
 
 # Of the fixed layout on 1280 by 800 pixels: the first slice, and below the view the series
 # bar, which has the slices' bottom.
@@ -247,20 +246,6 @@ class SeriesBar(OneView):
         part = np.asarray(self.window.picture("F12"))[536:562, 310:368].astype(int)
         columns = np.flatnonzero((part.min(axis=2) > 200).any(axis=0))
         return columns.size and (columns[-1] - columns[0] > 32) == playing
-
-
-class OverTheNetwork(unittest.TestCase):
-    def test_server(self):
-        address = f"127.0.0.1:{free_port()}"
-        with Daemon(listen=address) as daemon, daemon.connect() as conn, Screen() as screen:
-            window = Window(screen, daemon.folder, "--server", address)
-            self.addCleanup(window.end)
-            window.wait_for_title("Palpate: builtin:sphere:48")
-            self.assertEqual(conn.device.info().forces.state, palpate.ForceState.ON)
-            window.do("key", "Escape")
-            self.assertTrue(wait_until(
-                lambda: conn.device.info().forces.state == palpate.ForceState.STOPPED))
-            self.assertEqual(window.end(), (0, ""))
 
 
 if __name__ == "__main__":

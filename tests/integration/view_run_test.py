@@ -12,7 +12,7 @@ import subprocess
 import time
 import unittest
 
-from excuse import busy_machine_may_explain
+from stolen import stolen_share
 from support import PATIENCE_S, Daemon
 from view_support import PALPATE_VIEW, Screen
 
@@ -87,35 +87,21 @@ class ViewRun(unittest.TestCase):
         # up to 256 MiB.
         if "PALPATE_SANITIZED" not in os.environ:
             self.assertLess(end, (1.04 if SECONDS >= 60 else 1.08) * third)
-        with busy_machine_may_explain():
-            self.assertLess(figures["last"], 3.0 * figures["first"] + 20.0)
+        self.assertLess(figures["last"], 3.0 * figures["first"] + 20.0)
         # In software, and beside other work, frames are slow.
-        with busy_machine_may_explain():
-            self.assertGreater(figures["frames"], SECONDS / 2)
-        self.assertGreater(figures["seconds"], 0.5 * SECONDS)
-
-    def test_offscreen_while_only_the_stylus_moves(self):
-        figures = self.run_view("--offscreen", "--panels", "--haptic-surface")
-        self.assertEqual(figures["casts"], 1)
+        self.assertGreater(figures["frames"], SECONDS / 2)
 
     def test_offscreen_while_others_edit(self):
-        figures = self.run_view("--offscreen", "--panels", "--haptic-surface", "--size", "800x500",
-                                edits=True)
-        with busy_machine_may_explain():
-            self.assertGreater(figures["casts"], 3)
+        with stolen_share():
+            figures = self.run_view("--offscreen", "--panels", "--haptic-surface", "--size",
+                                    "800x500", edits=True)
+        self.assertGreater(figures["casts"], 3)
 
     def test_window_while_only_the_stylus_moves(self):
-        with Screen() as screen:
+        with Screen() as screen, stolen_share():
             figures = self.run_view("--haptic-surface", env=screen.env)
         # Of the last bricks, first with fewer pixels where casts are slow.
         self.assertLessEqual(figures["casts"], 3)
-
-    def test_window_while_others_edit(self):
-        with Screen() as screen:
-            figures = self.run_view("--haptic-surface", "--size", "800x500", env=screen.env,
-                                    edits=True)
-        with busy_machine_may_explain():
-            self.assertGreater(figures["casts"], 3)
 
 
 if __name__ == "__main__":

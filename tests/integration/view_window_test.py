@@ -28,12 +28,6 @@ def mark_x(picture):
 
 
 class ViewWindow(OneWindow):
-    def answers(self):
-        try:
-            return self.conn.volume.info() is not None
-        except palpate.Unavailable:
-            return False
-
     def revision(self):
         return self.conn.volume.info().volume_revision
 
@@ -41,7 +35,8 @@ class ViewWindow(OneWindow):
         info = self.conn.volume.info()
 
         def share():
-            return (self.conn.settings.isovalue - info.value_min) / (info.value_max - info.value_min)
+            extent = info.value_max - info.value_min
+            return (self.conn.settings.isovalue - info.value_min) / extent
 
         self.window.do("mousemove", histogram_x(0.5), HISTOGRAM_Y, "mousedown", 1)
         for wanted in (0.3, 0.7, 0.55):
@@ -57,6 +52,12 @@ class ViewWindow(OneWindow):
             self.assertTrue(wait_until(
                 lambda at=share: abs((mark_x(self.window.picture()) or 0) - histogram_x(at)) <= 2))
 
+    def key_makes(self, key, expected):
+        """A key of the history, after which the voxels are these."""
+        self.window.do("key", key)
+        self.assertTrue(wait_until(
+            lambda: np.array_equal(self.conn.volume.download().values, expected)))
+
     def test_a_stroke_on_the_surface_edits_and_is_taken_back_as_one(self):
         before = self.conn.volume.download().values
         first = self.revision()
@@ -70,72 +71,13 @@ class ViewWindow(OneWindow):
         def settled():
             # The last edit of a stroke may still be on its way.
             seen, changed["at"] = changed.get("at"), self.revision()
-            return seen == changed["at"] and not np.array_equal(
-                self.conn.volume.download().values, before)
+            changed["values"] = self.conn.volume.download().values
+            return seen == changed["at"] and not np.array_equal(changed["values"], before)
 
         self.assertTrue(wait_until(settled))
-        self.window.do("key", "ctrl+z")
-        self.assertTrue(wait_until(
-            lambda: np.array_equal(self.conn.volume.download().values, before)))
-        self.window.do("key", "ctrl+y")
-        self.assertTrue(wait_until(
-            lambda: not np.array_equal(self.conn.volume.download().values, before)))
-        self.window.do("key", "ctrl+z")
-        self.assertTrue(wait_until(
-            lambda: np.array_equal(self.conn.volume.download().values, before)))
-
-    def take_back(self, before):
-        self.window.do("key", "ctrl+z")
-        self.assertTrue(wait_until(
-            lambda: np.array_equal(self.conn.volume.download().values, before)))
-
-    def test_a_brush_at_rest_edits_once(self):
-        before = self.conn.volume.download().values
-        first = self.revision()
-        self.window.do("key", "b", "mousemove", *VIEW, "mousedown", 1)
-        self.assertTrue(wait_until(lambda: self.revision() > first), "no edit came")
-        # Frames that show the edit, and more of them.
-        for _ in range(4):
-            self.window.picture("F12")
-        self.assertEqual(self.revision(), first + 1)
-        self.window.do("mouseup", 1, "key", "b")
-        self.take_back(before)
-
-    def test_a_slow_stroke_stays_at_the_surface_that_it_began_on(self):
-        before = self.conn.volume.download().values
-        first = self.revision()
-        x, y = VIEW
-        self.window.do("key", "b", "mousemove", x - 30, y, "mousedown", 1)
-        for step in range(-30, 31, 2):
-            self.window.do("mousemove", x + step, y)
-        self.assertTrue(wait_until(lambda: self.revision() > first), "no edit came")
-        self.window.do("mouseup", 1, "key", "b")
-        self.window.picture("F12")
-        changed = np.argwhere(self.conn.volume.download().values != before)
-        self.assertGreater(len(changed), 20)
-        # The ball's middle is 24 voxels from all sides, and its surface half of that at most.
-        self.assertGreater(np.linalg.norm(changed - 23.5, axis=1).min(), 6.0)
-        self.take_back(before)
-
-    def test_a_hidden_panel_holds_no_value(self):
-        info = self.conn.volume.info()
-
-        def at(share):
-            return info.value_min + share * (info.value_max - info.value_min)
-
-        self.window.do("mousemove", histogram_x(0.5), HISTOGRAM_Y, "mousedown", 1)
-        self.window.do("mousemove", histogram_x(0.45), HISTOGRAM_Y)
-        self.assertTrue(wait_until(lambda: abs(self.conn.settings.isovalue - at(0.45)) < 0.02))
-        # What is hidden while it is in the hand does not hear that it was let go.
-        self.window.do("key", "p", "mouseup", 1)
-        self.assertTrue(wait_until(lambda: self.window.picture("s").width == 1280))
-        before = np.asarray(self.window.picture("s"))
-        self.conn.settings.isovalue = at(0.7)
-        self.assertTrue(wait_until(
-            lambda: not np.array_equal(before, np.asarray(self.window.picture("s")))))
-        self.window.do("key", "p")
-        self.assertTrue(wait_until(
-            lambda: abs((mark_x(self.window.picture()) or 0) - histogram_x(0.7)) <= 2))
+        self.key_makes("ctrl+z", before)
+        self.key_makes("ctrl+y", changed["values"])
+        self.key_makes("ctrl+z", before)
 
     def settings_revision(self):
         with self.conn.poses() as stream:
@@ -151,20 +93,15 @@ class ViewWindow(OneWindow):
             self.assertEqual(self.settings_revision(), before, text)
         return before
 
-    def typed(self, before, isovalue):
-        self.assertTrue(wait_until(lambda: abs(self.conn.settings.isovalue - isovalue) < 1e-6))
-        self.window.picture("F12")
-        self.assertEqual(self.settings_revision(), before + 1)
-
-    def test_a_typed_isovalue_is_one_change_when_enter_is_pressed(self):
-        before = self.begin_typing("0.299")
-        self.window.do("key", "Return")
-        self.typed(before, 0.299)
-
-    def test_a_typed_isovalue_is_one_change_when_the_field_is_left(self):
-        before = self.begin_typing("0.41")
-        self.window.click(20, 700)
-        self.typed(before, 0.41)
+    def test_a_typed_isovalue_is_one_change_when_the_field_is_done(self):
+        for text, end in (("0.299", ("key", "Return")),
+                          ("0.41", ("mousemove", 20, 700, "click", 1))):
+            before = self.begin_typing(text)
+            self.window.do(*end)
+            self.assertTrue(wait_until(
+                lambda at=float(text): abs(self.conn.settings.isovalue - at) < 1e-6))
+            self.window.picture("F12")
+            self.assertEqual(self.settings_revision(), before + 1)
 
     def test_escape_in_a_field_restores_the_field_alone(self):
         isovalue = self.conn.settings.isovalue
@@ -213,14 +150,6 @@ class ViewWindow(OneWindow):
             lambda: self.conn.device.info().forces.state == palpate.ForceState.STOPPED))
         self.conn.device.enable()
 
-    def test_a_daemon_that_comes_back_is_found_again(self):
-        self.daemon.end()
-        self.window.wait_for_title("Palpate: reconnecting")
-        self.daemon.start()
-        self.window.wait_for_title("Palpate: builtin:sphere:48")
-        self.assertTrue(wait_until(self.answers))
-        self.test_a_dragged_isovalue_is_felt_by_others_while_it_is_dragged()
-
 
 class ViewWindowAtItsLimits(unittest.TestCase):
     def test_a_small_window_has_room_for_all_that_matters(self):
@@ -263,7 +192,7 @@ class ViewWindowEnds(unittest.TestCase):
                if key not in ("DISPLAY", "WAYLAND_DISPLAY")}
         code, _, said = run_view(env=env)
         self.assertEqual(code, 8)
-        self.assertRegex(said, r"^palpate-view: .*--offscreen\n$")
+        self.assertIn("--offscreen", said)
 
     def test_it_ends_in_order_without_a_daemon(self):
         with Daemon() as daemon, Screen() as screen:

@@ -1,37 +1,28 @@
-"""Finding the daemon, losing it, and finding it again."""
+"""Finding the daemon, losing it, and finding it again: calls, streams and live copies."""
 
 import os
 import pathlib
 import signal
 import socket
+import subprocess
+import sys
 import tempfile
 import threading
 import time
 import unittest
 import unittest.mock
 
+import numpy as np
+
 import palpate
-from free_port import free_port
-from support import Daemon, DaemonTest, wait_until
+from support import PATIENCE_S, Daemon, DaemonTest, wait_until
 
 
 class Finding(unittest.TestCase):
-    def refused(self, kind, address, text):
+    def refused(self, kind, address, text="."):
         with self.assertRaisesRegex(kind, text) as caught:
             palpate.connect(address)
         self.assertNotIn("\n", str(caught.exception))
-
-    def test_by_environment_path_and_port(self):
-        port = free_port()
-        with Daemon(listen=f"127.0.0.1:{port}") as daemon:
-            for address in (daemon.socket, f"127.0.0.1:{port}", f"localhost:{port}",
-                            os.path.relpath(daemon.socket)):
-                with palpate.connect(address) as conn:
-                    self.assertEqual(conn.volume.info().source, "builtin:sphere:48")
-                    self.assertEqual(conn.volume.download().values.shape, (48, 48, 48))
-            with unittest.mock.patch.dict(os.environ, {"PALPATE_SOCKET": daemon.socket}):
-                with palpate.connect() as conn:
-                    self.assertEqual(conn.address, f"unix:{daemon.socket}")
 
     def test_the_users_own_socket(self):
         if os.path.isdir("/run/palpate"):
@@ -44,78 +35,104 @@ class Finding(unittest.TestCase):
     def test_nobody_is_there(self):
         with tempfile.TemporaryDirectory() as name:
             folder = pathlib.Path(name)
-            self.refused(palpate.Unavailable, str(folder / "no.sock"), "no palpated at")
             (folder / "file").write_text("")
-            self.refused(palpate.Unavailable, str(folder / "file"), "not a socket")
-            with socket.socket(socket.AF_UNIX) as dead:
+            with socket.socket(socket.AF_UNIX) as dead, socket.socket(socket.AF_UNIX) as silent:
                 dead.bind(str(folder / "dead.sock"))
-            self.refused(palpate.Unavailable, str(folder / "dead.sock"), "no palpated at")
-            with socket.socket(socket.AF_UNIX) as silent:
                 silent.bind(str(folder / "silent.sock"))
                 silent.listen()
-                self.refused(palpate.Unavailable, str(folder / "silent.sock"), "palpated")
-        self.refused(palpate.Unavailable, f"localhost:{free_port()}", "no palpated at localhost")
+                for path in ("no.sock", "file", "dead.sock", "silent.sock"):
+                    self.refused(palpate.Unavailable, str(folder / path), path)
 
     def test_bad_addresses(self):
         for address in ("", "localhost", "localhost:", "localhost:0", "localhost:99999", "a b:1",
                         "::1:7400", "/tmp/a b.sock", "/" + "x" * 200, "-x:7"):
-            self.refused(palpate.InvalidArgument, address, ".")
+            self.refused(palpate.InvalidArgument, address)
 
 
 class Losing(unittest.TestCase):
-    def test_everything_says_so_and_works_again(self):
-        with Daemon() as daemon, daemon.connect() as conn:
-            for number in (signal.SIGTERM, signal.SIGKILL):
-                stream = conn.poses(100)
-                next(stream)
-                daemon.end(number)
-                with self.assertRaisesRegex(palpate.Unavailable, "went away"):
-                    for _ in stream:
-                        pass
-                # Once more: it stays so.
-                with self.assertRaises(palpate.Unavailable):
-                    next(stream)
-                stream.close()
-                for call in (conn.volume.info, conn.volume.download, conn.device.stop,
-                             lambda: conn.settings.isovalue, lambda: next(conn.poses())):
-                    with self.assertRaises(palpate.Unavailable) as caught:
-                        call()
-                    self.assertNotIn("\n", str(caught.exception))
-                daemon.start()
-                self.assertTrue(wait_until(lambda: self.answers(conn)))
-                self.assertEqual(len(next(conn.poses(100))), 1)
-                self.assertEqual(conn.volume.download().values.shape, (48, 48, 48))
+    def setUp(self):
+        self.daemon = self.enterContext(Daemon("builtin:sphere:32"))
+        self.conn = self.enterContext(self.daemon.connect())
 
-    @staticmethod
-    def answers(conn):
+    def refused(self, call):
+        with self.assertRaises(palpate.Unavailable) as caught:
+            call()
+        self.assertNotIn("\n", str(caught.exception))
+
+    def test_everything_says_so_and_works_again(self):
+        conn = self.conn
+        live = self.enterContext(conn.volume.follow())
+        for number in (signal.SIGTERM, signal.SIGKILL):
+            edited = conn.edit.sphere((16, 16, 16), 5, "set", 0.1, frame="index").volume_revision
+            self.assertTrue(wait_until(lambda: live.volume_revision == edited, PATIENCE_S))
+            values = live.snapshot().values
+            stream = conn.poses(100)
+            next(stream)
+            self.daemon.end(number)
+            with self.assertRaises(palpate.Unavailable):
+                for _ in stream:
+                    pass
+            # Once more: it stays so.
+            self.refused(lambda: next(stream))
+            stream.close()
+            for call in (conn.volume.info, conn.volume.download, conn.device.stop,
+                         lambda: conn.settings.isovalue, lambda: next(conn.poses())):
+                self.refused(call)
+            self.assertTrue(wait_until(lambda: live.lost is not None, PATIENCE_S))
+            self.assertIsInstance(live.lost, palpate.Unavailable)
+            self.assertIn("lost", repr(live))
+            # What came stays.
+            np.testing.assert_array_equal(live.snapshot().values, values)
+            self.daemon.start()
+            self.assertTrue(wait_until(self.answers, PATIENCE_S))
+            self.assertEqual(len(next(conn.poses(100))), 1)
+            original = conn.volume.download()
+            self.assertTrue((original.values != values).any())
+            self.assertTrue(wait_until(
+                lambda: live.lost is None and live.volume_revision == original.volume_revision,
+                PATIENCE_S))
+            np.testing.assert_array_equal(live.snapshot().values, original.values)
+
+    def answers(self):
         try:
-            conn.settings.isovalue
-            return True
+            return self.conn.settings.isovalue is not None
         except palpate.Unavailable:
             return False
 
-    def test_a_daemon_that_stands_still(self):
-        with Daemon() as daemon, daemon.connect() as conn:
-            stream = conn.poses(100)
-            next(stream)
-            daemon.stand_still()
-            try:
-                begun = time.monotonic()
-                stream.close()
-                with self.assertRaisesRegex(palpate.Unavailable, "within 3 s"):
-                    daemon.connect()
-                self.assertLess(time.monotonic() - begun, 30)
-            finally:
-                daemon.process.send_signal(signal.SIGCONT)
+    def test_a_daemon_that_stands_still_holds_nothing(self):
+        stream = self.conn.poses(100)
+        live = self.conn.volume.follow()
+        next(stream)
+        live.wait(timeout_s=PATIENCE_S)
+        self.daemon.stand_still()
+        try:
+            stream.close()
+            live.close()
+            self.refused(self.daemon.connect)
+        finally:
+            self.daemon.process.send_signal(signal.SIGCONT)
+
+    def test_a_copy_of_one_that_is_away_when_it_begins(self):
+        self.daemon.end()
+        with self.conn.volume.follow() as live:
+            with self.assertRaises(palpate.Unavailable):
+                live.wait(timeout_s=0.5)
+            self.daemon.start()
+            live.wait(timeout_s=PATIENCE_S)
+            self.assertEqual(live.values.shape, (32, 32, 32))
 
 
-class Using(DaemonTest):
+class Ending(DaemonTest):
+    """Connections and programs that end at any moment."""
+
     def test_it_may_be_closed_twice(self):
         conn = self.daemon.connect()
+        live = conn.volume.follow()
+        live.wait(timeout_s=PATIENCE_S)
         conn.close()
         conn.close()
-        for call in (conn.volume.info, conn.volume.download, conn.edit.undo,
-                     lambda: conn.volume.load("builtin:sphere:16")):
+        for call in (conn.volume.info, conn.volume.download, conn.edit.undo, conn.volume.follow,
+                     lambda: live.wait(1 << 60), lambda: conn.volume.load("builtin:sphere:16")):
             with self.assertRaisesRegex(palpate.Unavailable, "closed"):
                 call()
 
@@ -135,7 +152,7 @@ class Using(DaemonTest):
             except BaseException as error:  # what a user would not expect
                 failures.append(error)
 
-        for _ in range(30):
+        for _ in range(12):
             conn = self.daemon.connect()
             users = [threading.Thread(target=use, args=(conn,)) for _ in range(4)]
             for user in users:
@@ -147,11 +164,45 @@ class Using(DaemonTest):
         self.assertEqual(failures, [])
 
     def test_errors_are_of_one_family(self):
-        for name in ("InvalidArgument", "NotFound", "PermissionDenied", "TooLarge", "Conflict", "DiskFull",
-                     "FailedPrecondition", "Unavailable", "Cancelled", "Internal"):
+        for name in ("InvalidArgument", "NotFound", "PermissionDenied", "TooLarge", "Conflict",
+                     "DiskFull", "FailedPrecondition", "Unavailable", "Cancelled", "Internal"):
             self.assertTrue(issubclass(getattr(palpate, name), palpate.Error), name)
-        with self.assertRaises(ConnectionError):
-            palpate.connect("/nowhere/palpated.sock")
+        self.assertTrue(issubclass(palpate.Unavailable, ConnectionError))
+
+    def run_script(self, script):
+        return subprocess.Popen([sys.executable, "-c", script, self.daemon.socket], text=True,
+                                stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+
+    def test_a_program_may_end_with_an_open_copy(self):
+        for end in ("", "conn.close()", "raise SystemExit"):
+            with self.run_script("import palpate, sys\n"
+                                 "conn = palpate.connect(sys.argv[1])\n"
+                                 "live = conn.volume.follow()\n"
+                                 "live.wait()\n" + end) as program:
+                _, err = program.communicate(timeout=PATIENCE_S)
+                self.assertEqual(program.returncode, 0, err)
+
+    def test_ctrl_c_at_any_moment_ends_the_program(self):
+        script = ("import palpate, sys\n"
+                  "try:\n"
+                  "    conn = palpate.connect(sys.argv[1])\n"
+                  "    live = conn.volume.follow()\n"
+                  "    live.wait()\n"
+                  "    print('followed', flush=True)\n"
+                  "    while True:\n"
+                  "        edit = conn.edit.sphere((16, 16, 16), 9, 'add', 0.1, frame='index')\n"
+                  "        live.wait(edit.volume_revision)\n"
+                  "        live.snapshot()\n"
+                  "        conn.edit.revert()\n"
+                  "except KeyboardInterrupt:\n"
+                  "    sys.exit(7)\n")
+        for n in range(5):
+            with self.run_script(script) as program:
+                self.assertEqual(program.stdout.readline(), "followed\n")
+                time.sleep(0.05 + 0.0237 * n)
+                program.send_signal(signal.SIGINT)
+                _, err = program.communicate(timeout=PATIENCE_S)
+                self.assertEqual(program.returncode, 7, err)
 
 
 if __name__ == "__main__":

@@ -7,6 +7,7 @@ import socket
 import tempfile
 import unittest
 import unittest.mock
+import warnings
 
 import palpate
 from palpate._unreached import why_unreached
@@ -35,19 +36,19 @@ class PlacesTest(unittest.TestCase):
     def set(self, **variables):
         os.environ.update({name: str(value) for name, value in variables.items()})
 
-    def refused(self, kind, text, *arguments, **named):
-        with self.assertRaisesRegex(kind, text) as caught:
+    def refused(self, kind, parts, *arguments, **named):
+        """By a line that names these."""
+        with self.assertRaises(kind) as caught:
             palpate.connect(*arguments, **named).close()
+        for part in [parts] if isinstance(parts, str) else parts:
+            self.assertIn(part, str(caught.exception))
         self.assertNotIn("\n", str(caught.exception))
-        return str(caught.exception)
 
 
 class Files(PlacesTest):
     def test_no_file(self):
         self.assertEqual(palpate.profiles(), {})
-        line = self.refused(palpate.NotFound, "there is no", profile="lab")
-        for part in (str(self.file), "[lab]", 'server = "HOST:PORT"', 'socket = "PATH"'):
-            self.assertIn(part, line)
+        self.refused(palpate.NotFound, [str(self.file), "[lab]"], profile="lab")
         self.file.parent.rmdir()
         self.assertEqual(palpate.profiles(), {})
         # Below what is no folder.
@@ -56,11 +57,8 @@ class Files(PlacesTest):
 
     def test_an_unknown_profile_names_those_that_are_there(self):
         self.file.write_text('stray = 1\n[b]\nserver = "h:1"\n[a]\nserver = 7\n')
-        line = self.refused(palpate.NotFound, "has no profile 'x'; it has: a, b$", profile="x")
-        self.assertIn(str(self.file), line)
-        self.refused(palpate.NotFound, r'\["a.x"\]', profile="a.x")
-        self.file.write_text("")
-        self.refused(palpate.NotFound, "has no profile 'x'; it has none", profile="x")
+        self.refused(palpate.NotFound, [str(self.file), "'x'", "a, b"], profile="x")
+        self.refused(palpate.NotFound, '["a.x"]', profile="a.x")
 
     def test_the_list(self):
         self.file.write_text('[two]\nsocket = "deep/p.sock"\n[one]\nserver = "lab-1.example:7400"\n'
@@ -70,66 +68,58 @@ class Files(PlacesTest):
         self.assertEqual({name: held.address for name, held in found.items()},
                          {"bad": "", "one": "lab-1.example:7400", "with.dot": "[::1]:7",
                           "two": str(self.file.parent / "deep/p.sock")})
-        self.assertIn("exactly one of server and socket", found["bad"].problem)
-        self.assertEqual({held.problem for held in found.values() if held.name != "bad"}, {""})
+        self.assertEqual([name for name, held in found.items() if held.problem], ["bad"])
         with self.assertRaises(AttributeError):
             found["one"].address = "other:1"
 
     def test_what_is_wrong_is_one_line_with_the_file_and_the_profile(self):
         server = 'server = "h:1"\n'
         for text, what in (
-                ("", "exactly one"), (server + 'socket = "s"\n', "exactly one"),
-                ('tls_ca = "ca.pem"\n', "exactly one"), (server + 'tls_cat = "x"\n', "'tls_cat'"),
-                (server + "[lab.more]\n", "'more'"), ("server = 7400\n", "server is no text"),
-                (server + "tls_ca = true\n", "tls_ca is no text"), ('server = ""\n', "is empty"),
+                ("", "socket"), (server + 'socket = "s"\n', "socket"),
+                ('tls_ca = "ca.pem"\n', "server"), (server + 'tls_cat = "x"\n', "tls_cat"),
+                (server + "[lab.more]\n", "more"), ("server = 7400\n", "server"),
+                (server + "tls_ca = true\n", "tls_ca"), ('server = ""\n', "server"),
                 ('server = "h"\n', "HOST:PORT"), ('server = "/run/p.sock"\n', "HOST:PORT"),
-                ('server = "h:99999"\n', "HOST:PORT"), ('socket = "a b"\n', "the path of a socket"),
-                ('socket = "a\\nb"\n', "cannot be seen"),
-                (server + 'tls_cert = "c"\n', "come together"),
-                (server + 'token_file = "t"\n', "over TLS only"),
-                ('socket = "s"\ntls_ca = "c"\n', "TLS is for HOST:PORT")):
+                ('server = "h:99999"\n', "HOST:PORT"), ('socket = "a b"\n', "socket"),
+                ('socket = "a\\nb"\n', "socket"), (server + 'tls_cert = "c"\n', "key"),
+                (server + 'token_file = "t"\n', "TLS"),
+                ('socket = "s"\ntls_ca = "c"\n', "HOST:PORT")):
             with self.subTest(text):
                 self.file.write_text("[lab]\n" + text)
-                line = self.refused(palpate.InvalidArgument, what, profile="lab")
-                self.assertIn(str(self.file), line)
-                self.assertIn("'lab'", line)
-
-    def test_what_is_no_table(self):
+                self.refused(palpate.InvalidArgument, [str(self.file), "'lab'", what],
+                             profile="lab")
+        # No table at all.
         self.file.write_text('lab = "h:1"\n')
-        self.refused(palpate.InvalidArgument, r"'lab'.*\[lab\]", profile="lab")
+        self.refused(palpate.InvalidArgument, "[lab]", profile="lab")
         self.assertEqual(palpate.profiles(), {})
 
-    def test_what_is_not_toml(self):
+    def test_what_is_not_toml_or_cannot_be_read(self):
         for text in (b'[lab]\nserver = "h:1\n', b"[lab]\n\xff = 1\n", b"[lab]\n[lab]\n",
                      b"a = " + b"[" * 100_000):
             self.file.write_bytes(text)
-            line = self.refused(palpate.InvalidArgument, "is not TOML", profile="lab")
-            self.assertIn(str(self.file), line)
-            self.assertIn("'lab'", line)
-            with self.assertRaisesRegex(palpate.InvalidArgument, "is not TOML"):
-                palpate.profiles()
-
-    def test_what_cannot_be_read(self):
+            self.refused(palpate.InvalidArgument, [str(self.file), "TOML", "'lab'"], profile="lab")
+            self.assertRaises(palpate.InvalidArgument, palpate.profiles)
+        self.file.unlink()
         self.file.mkdir()
-        self.refused(palpate.NotFound, "cannot read .*clients.toml", profile="lab")
+        self.refused(palpate.NotFound, "clients.toml", profile="lab")
 
     def test_names(self):
         name = "aZ09._-" + "x" * 57
         self.file.write_text(f'["{name}"]\nserver = "h"\n')
         self.refused(palpate.InvalidArgument, "HOST:PORT", profile=name)
         for wrong in ("", "x" * 65, "a b", "a\nb", "é", "a/b", 7):
-            self.refused(palpate.InvalidArgument, "1 to 64 letters", profile=wrong)
+            self.refused(palpate.InvalidArgument, "letters", profile=wrong)
 
     def test_only_the_wanted_profile_must_be_right(self):
         path = self.home / "none.sock"
         self.file.write_text(f'stray = 1\n[bad]\nserver = 1\n[good]\nsocket = "{path}"\n')
-        self.refused(palpate.Unavailable, f"no palpated at unix:{path}", profile="good")
+        self.refused(palpate.Unavailable, str(path), profile="good")
 
     def test_a_profile_comes_alone(self):
         self.file.write_text('[lab]\nserver = "localhost:1"\n')
         for more in ({"address": "localhost:1"}, {"tls_ca": "c"}, {"tls_cert": "c"},
                      {"tls_key": "k"}, {"token_file": "t"}):
-            self.refused(palpate.InvalidArgument, "a profile is whole", profile="lab", **more)
+            self.refused(palpate.InvalidArgument, "profile", profile="lab", **more)
 
     def test_the_folder_of_the_file(self):
         below = self.home / ".config/palpate"
@@ -160,12 +150,15 @@ class Plain(PlacesTest):
                 with palpate.connect(profile=profile) as conn:
                     self.assertEqual(conn.address, address)
             # A socket has no use for the variables of TLS.
-            palpate.connect(daemon.socket).close()
+            for path in (daemon.socket, os.path.relpath(daemon.socket)):
+                palpate.connect(path).close()
             self.set(PALPATE_SERVER="", PALPATE_SOCKET=daemon.socket)
-            palpate.connect().close()
+            with palpate.connect() as conn:
+                self.assertEqual(conn.address, f"unix:{daemon.socket}")
             self.set(PALPATE_SERVER=f"localhost:{port}", PALPATE_SOCKET=nowhere, PALPATE_TLS_CA="")
             with palpate.connect() as conn:
                 self.assertEqual(conn.address, f"localhost:{port}")
+                self.assertEqual(conn.volume.download().values.shape, (48, 48, 48))
                 self.check_relative_paths_are_refused(conn)
 
     def test_relative_paths_are_those_of_our_folder(self):
@@ -183,43 +176,39 @@ class Plain(PlacesTest):
             self.assertEqual(conn.recording.stop().path, str(here / "c.palrec"))
             for call in (conn.volume.load, conn.volume.save, conn.recording.start,
                          conn.series.load):
-                with self.assertRaisesRegex(palpate.InvalidArgument, "the path is empty"):
+                with self.assertRaises(palpate.InvalidArgument):
                     call("")
 
     def check_relative_paths_are_refused(self, conn):
         for call in (conn.volume.load, conn.volume.save, conn.recording.start, conn.series.load):
-            with self.assertRaisesRegex(palpate.InvalidArgument, "'a.nrrd' is a relative path"):
+            with self.assertRaisesRegex(palpate.InvalidArgument, "a.nrrd"):
                 call("a.nrrd")
         # A builtin volume is no path: it is asked for, and refused to who only watches.
-        with self.assertRaisesRegex(palpate.PermissionDenied, "needs the role operator"):
+        with self.assertRaises(palpate.PermissionDenied):
             conn.volume.load("builtin:sphere:16")
 
     def test_a_server_that_is_none(self):
         for server in ("localhost", "/run/palpate/palpated.sock", "localhost:x", " "):
             self.set(PALPATE_SERVER=server)
-            self.refused(palpate.InvalidArgument, r"\$PALPATE_SERVER: .* is not HOST:PORT")
+            self.refused(palpate.InvalidArgument, ["$PALPATE_SERVER", "HOST:PORT"])
 
     def test_nothing_listens(self):
         address = f"localhost:{free_port()}"
-        ca = str(Authority(self.home, "lab").ca)
-        for more in ({}, {"tls_ca": ca}):
-            self.refused(palpate.Unavailable, f"no palpated at {address}: nothing listens", address,
-                         **more)
+        for more in ({}, {"tls_ca": str(Authority(self.home, "lab").ca)}):
+            self.refused(palpate.Unavailable, address, address, **more)
 
-    def test_an_unknown_host(self):
-        # gRPC's line, without the wait for a name server.
+    def test_what_grpc_says_becomes_a_reason(self):
+        # Its own line, without the wait for a name server.
         said = why_unreached("nobody.invalid:7400",
                              "DNS resolution failed for nobody.invalid:7400: C-ares status is not "
                              "ARES_SUCCESS", has_tls=False, ca_file=None)
-        self.assertIn("the host nobody.invalid is not known: check the address", said)
-
-    def test_another_address_of_the_host_refused_us(self):
-        # gRPC tells of the last one only.
+        self.assertIn("nobody.invalid", said)
+        self.assertNotIn("ARES", said)
+        # gRPC tells of the last address of the host only: another one refused us.
         with socket.create_server(("127.0.0.1", 0)) as server:
-            name = f"localhost:{server.getsockname()[1]}"
-            said = why_unreached(name, "ipv6:[::1]:7: Connection refused", has_tls=True,
-                                 ca_file="ca.pem")
-        self.assertIn("check the address, that its certificate names this host", said)
+            said = why_unreached(f"localhost:{server.getsockname()[1]}",
+                                 "ipv6:[::1]:7: Connection refused", has_tls=True, ca_file="ca.pem")
+        self.assertIn("its certificate", said)
 
 
 class Secured(PlacesTest):
@@ -245,16 +234,16 @@ class Secured(PlacesTest):
         # Not used, nor looked at.
         self.set(PALPATE_TOKEN_FILE=self.home / "none", PALPATE_TLS_CA=self.home / "none")
         with palpate.connect(profile="token") as conn:
-            with self.assertRaisesRegex(palpate.PermissionDenied, "needs the role editor"):
+            with self.assertRaises(palpate.PermissionDenied):
                 conn.settings.stiffness_n_per_mm = 0.4
         with palpate.connect(profile="certificate") as conn:
             conn.settings.stiffness_n_per_mm = 0.4
         self.set(PALPATE_TOKEN_FILE=self.viewer)
-        self.refused(palpate.PermissionDenied, "neither a token", profile="alone")
+        self.refused(palpate.PermissionDenied, "token", profile="alone")
 
     def test_variables(self):
         self.set(PALPATE_TLS_CA=self.ca)
-        self.refused(palpate.PermissionDenied, "neither a token", self.daemon.address)
+        self.refused(palpate.PermissionDenied, "token", self.daemon.address)
         palpate.connect(self.daemon.address, token_file=self.viewer).close()
         self.set(PALPATE_TOKEN_FILE=self.viewer)
         palpate.connect(self.daemon.address).close()
@@ -263,40 +252,48 @@ class Secured(PlacesTest):
         # An argument goes before its variable.
         self.set(PALPATE_TLS_CA=self.home / "none", PALPATE_TOKEN_FILE=self.home / "none")
         palpate.connect(tls_ca=self.ca, token_file=self.viewer).close()
-        self.refused(palpate.NotFound, "cannot read .*none")
+        self.refused(palpate.NotFound, str(self.home / "none"))
         self.set(PALPATE_TLS_CA="")
-        self.refused(palpate.Unavailable, "that answers without TLS")
+        self.refused(palpate.Unavailable, "TLS")
 
-    def test_the_wrong_authority(self):
+    def test_who_is_refused_is_told_why(self):
         other = str(Authority(self.home, "other").ca)
-        self.refused(palpate.Unavailable, "proves itself: .* not signed by the authority in "
-                     f"{other}.*give tls_ca", self.daemon.address, tls_ca=other)
         certificate, key = self.daemon.authority.issue("c", "DNS:viewer.lab.example")
-        self.refused(palpate.Unavailable, "an authority that this machine trusts",
-                     self.daemon.address, tls_cert=str(certificate), tls_key=str(key))
-
-    def test_a_certificate_of_another_host(self):
-        self.refused(palpate.Unavailable,
-                     "proves itself: its certificate does not name 127.0.0.2: ",
-                     f"127.0.0.2:{self.daemon.port}", tls_ca=self.ca)
-
-    def test_no_tls_there(self):
+        old_certificate, old_key = self.daemon.authority.issue("old", "DNS:viewer.lab.example",
+                                                               days=-1)
+        wrong = self.home / "wrong.token"
+        wrong.write_text("palpate_" + "A" * 43)
+        wrong.chmod(0o600)
+        here = self.daemon.address
+        for kind, parts, address, given in (
+                # It does not prove itself: another authority, the machine's, another host.
+                (palpate.Unavailable, [other, "tls_ca"], here, {"tls_ca": other}),
+                (palpate.Unavailable, "authority", here, {"tls_cert": certificate, "tls_key": key}),
+                (palpate.Unavailable, "127.0.0.2", f"127.0.0.2:{self.daemon.port}",
+                 {"tls_ca": self.ca}),
+                # It does not know us.
+                (palpate.PermissionDenied, ["expired", "operator"], here,
+                 {"tls_ca": self.ca, "tls_cert": old_certificate, "tls_key": old_key}),
+                (palpate.PermissionDenied, ["unknown", "operator"], here,
+                 {"tls_ca": self.ca, "token_file": wrong}),
+                # Ours cannot be used.
+                (palpate.InvalidArgument, "PRIVATE KEY", here,
+                 {"tls_ca": self.ca, "tls_cert": certificate, "tls_key": certificate}),
+                (palpate.InvalidArgument, "TLS", here, {"token_file": self.viewer})):
+            with self.subTest(parts):
+                self.refused(kind, parts, address,
+                             **{name: str(value) for name, value in given.items()})
         with Daemon(listen=f"127.0.0.1:{(port := free_port())}"):
             self.refused(palpate.Unavailable, "TLS", f"localhost:{port}", tls_ca=self.ca)
 
-    def test_an_expired_certificate_of_ours(self):
-        certificate, key = self.daemon.authority.issue("old", "DNS:viewer.lab.example", days=-1)
-        self.refused(palpate.PermissionDenied, "expired.*ask the operator for a new certificate",
-                     self.daemon.address, tls_ca=self.ca, tls_cert=str(certificate),
-                     tls_key=str(key))
-
-    def test_a_token_that_is_unknown(self):
-        path = self.home / "wrong.token"
-        path.write_text("palpate_" + "A" * 43)
-        path.chmod(0o600)
-        self.refused(palpate.PermissionDenied, "token is unknown, or was revoked: ask the operator "
-                     r"for a new token \('palpated token add'\)$", self.daemon.address,
-                     tls_ca=self.ca, token_file=str(path))
+    def test_a_token_that_others_may_read_is_warned_of(self):
+        os.chmod(self.viewer, 0o644)
+        with self.assertWarns(UserWarning) as warned:
+            palpate.connect(self.daemon.address, tls_ca=self.ca, token_file=self.viewer).close()
+        self.assertEqual(warned.filename, __file__)
+        os.chmod(self.viewer, 0o640)
+        with warnings.catch_warnings(action="error"):
+            palpate.connect(self.daemon.address, tls_ca=self.ca, token_file=self.viewer).close()
 
     def with_new_token(self, name, role):
         token = self.daemon.add_token(name, role)
@@ -312,22 +309,19 @@ class Secured(PlacesTest):
         wait_for(connects, "the new token")
         return self.enterContext(found[0])
 
-    def test_a_revoked_token_ends_streams_with_the_reason(self):
-        reason = r"was revoked: ask the operator for a new token \('palpated token add'\)$"
+    def test_a_revoked_token_ends_streams_and_loads_with_the_reason(self):
         conn = self.with_new_token("leaver", "viewer")
         with conn.poses() as stream:
             next(stream)
             self.daemon.revoke_token("leaver")
-            with self.assertRaisesRegex(palpate.PermissionDenied, reason) as ended:
+            with self.assertRaisesRegex(palpate.PermissionDenied, "revoked") as ended:
                 for _ in stream:
                     pass
         self.assertNotIn("\n", str(ended.exception))
         for call in (conn.device.info, conn.volume.download, lambda: next(conn.poses())):
-            with self.assertRaisesRegex(palpate.PermissionDenied, reason):
+            with self.assertRaisesRegex(palpate.PermissionDenied, "revoked"):
                 call()
 
-    def test_a_revoked_token_ends_a_load_with_the_reason(self):
-        conn = self.with_new_token("loader", "operator")
         begun = []
 
         def progress(*what):
@@ -336,8 +330,8 @@ class Secured(PlacesTest):
             begun.append(what)
 
         # Not at the start of the call, but while it runs.
-        with self.assertRaisesRegex(palpate.PermissionDenied,
-                                    "refuses GetDevice: .* was revoked: ask the operator"):
+        conn = self.with_new_token("loader", "operator")
+        with self.assertRaisesRegex(palpate.PermissionDenied, "revoked"):
             conn.volume.load("builtin:gyroid:512", progress=progress)
         self.assertTrue(begun)
 

@@ -2,7 +2,7 @@
 tells its progress and can be cancelled."""
 
 import json
-import pathlib
+import signal
 import subprocess
 import threading
 import time
@@ -11,21 +11,7 @@ import unittest
 import numpy as np
 
 import palpate
-from palpate.v1 import (device_pb2, pose_pb2, recording_pb2, registration_pb2, render_pb2,
-                        series_pb2, volume_pb2)
-from support import PALPATE, PATIENCE_S, Daemon, DaemonTest, nrrd, pattern
-
-
-class Contract(unittest.TestCase):
-    def test_every_call_is_used(self):
-        source = "".join(path.read_text() for path in
-                         pathlib.Path(palpate.__file__).parent.glob("*.py"))
-        for module in (device_pb2, pose_pb2, recording_pb2, registration_pb2, render_pb2,
-                       series_pb2, volume_pb2):
-            self.assertTrue(module.DESCRIPTOR.services_by_name, module)
-            for service in module.DESCRIPTOR.services_by_name.values():
-                for method in service.methods:
-                    self.assertRegex(source, rf"stub\.{method.name}\b", method.full_name)
+from support import PALPATE, PATIENCE_S, Daemon, DaemonTest, nrrd, pattern, wait_until
 
 
 def shown(daemon):
@@ -82,7 +68,7 @@ class Place(DaemonTest):
 class Findings(DaemonTest):
     def test_a_value_is_required(self):
         for operation in ("set", "add", "subtract", "paint"):
-            with self.assertRaisesRegex(palpate.InvalidArgument, "value is required"):
+            with self.assertRaises(palpate.InvalidArgument):
                 self.conn.edit.sphere((24, 24, 24), 5, operation)
 
     def test_true_is_no_isovalue(self):
@@ -99,15 +85,7 @@ class Findings(DaemonTest):
     def test_an_upload_says_what_it_assumed(self):
         values = pattern((9, 9, 9))
         values[0, 0, 0] = np.nan
-        self.assertRegex(" ".join(self.conn.volume.upload(values).warnings), "not finite")
-
-    def test_who_we_are(self):
-        info = self.conn.device.info()
-        self.assertEqual((info.caller, info.role), ("local socket", "admin"))
-
-    def test_the_simulated_device_has_no_place_of_rest(self):
-        with self.assertRaises(palpate.Error):
-            self.conn.device.calibrate()
+        self.assertTrue(self.conn.volume.upload(values).warnings)
 
 
 class Told:
@@ -238,12 +216,16 @@ class Replay(unittest.TestCase):
         next(cls.conn.poses(20, 10))
         recording.mark("here")
         next(cls.conn.poses(20, 10))
-        cls.ticks = recording.stop().ticks
+        cls.state = recording.stop()
 
     def test_it_plays_to_its_end(self):
+        self.assertEqual((self.state.running, self.state.error), (False, ""))
+        self.assertEqual((self.state.path, self.state.size_bytes),
+                         (str(self.file), self.file.stat().st_size))
         told = Told()
         state = self.conn.recording.replay(self.file, 4.0, progress=told)
-        self.assertEqual(state, palpate.ReplayState(self.ticks, 0, ""))
+        self.assertEqual((state.ticks, state.lost_ticks, state.marker),
+                         (self.state.ticks, self.state.lost_ticks, ""))
         self.assertEqual([told.marker for (told,) in told.told if told.marker], ["here"])
 
     def test_it_is_cancelled(self):
@@ -276,6 +258,139 @@ class Replay(unittest.TestCase):
             self.conn.recording.replay(self.daemon.folder / "none.palrec")
         with self.assertRaises(palpate.InvalidArgument):
             self.conn.recording.replay(__file__)
+        with self.assertRaises(palpate.Conflict):
+            self.conn.recording.start(self.file)
+        with self.assertRaises(palpate.Conflict):
+            self.conn.recording.mark("too early")
+
+
+class Forces(DaemonTest):
+    def test_device_is_told_and_stopped(self):
+        info = self.conn.device.info()
+        self.assertEqual((info.kind, info.rate_hz), ("simulated", 1000.0))
+        self.assertEqual(info.workspace_min_mm.shape, (3,))
+        self.assertTrue((info.workspace_min_mm < info.workspace_max_mm).all())
+        self.assertIs(info.verification_level, palpate.VerificationLevel.SIMULATED)
+        # A machine that missed ticks dropped them for a while.
+        self.assertTrue(wait_until(
+            lambda: self.conn.device.info().forces.state is palpate.ForceState.ON, PATIENCE_S))
+        self.assertRegex(info.version, r"^\d+\.\d+")
+        stopped = self.conn.device.stop()
+        self.assertIs(stopped.state, palpate.ForceState.STOPPED)
+        self.assertIs(stopped.reason, palpate.ForceReason.STOP_CALL)
+        with self.conn.poses(1000, 20) as stream:
+            poses = next(stream)
+        self.assertTrue((poses.force_state == palpate.ForceState.STOPPED).all())
+        self.assertTrue((poses.force_n == 0).all())
+        self.conn.device.enable()
+        self.assertTrue(wait_until(
+            lambda: self.conn.device.info().forces.state is palpate.ForceState.ON, PATIENCE_S))
+        self.assertIs(self.conn.device.disable().reason, palpate.ForceReason.OPERATOR)
+        self.conn.device.enable("simulated")
+
+    def test_which_devices_there_are(self):
+        listed = self.conn.device.list()
+        self.assertEqual([device.kind for device in listed if device.in_use], ["simulated"])
+        info = self.conn.device.info()
+        self.assertEqual((info.caller, info.role), ("local socket", "admin"))
+        with self.assertRaises(palpate.InvalidArgument):
+            self.conn.device.enable("falcon")
+        # It has no place of rest.
+        with self.assertRaises(palpate.Error):
+            self.conn.device.calibrate()
+
+
+class Series(DaemonTest):
+    def test_series(self):
+        with self.assertRaises(palpate.Conflict):
+            self.conn.series.state()
+        frames = [pattern((12, 10, 9)) + 1000.0 * n for n in range(3)]
+        for n, frame in enumerate(frames):
+            path = self.daemon.folder / f"frame{n}.nrrd"
+            path.write_bytes(nrrd(frame, np.eye(3).tolist(), (0.0, 0.0, 0.0)))
+        state = self.conn.series.load(self.daemon.folder / "frame*.nrrd")
+        self.assertEqual((state.frames, state.playing, state.position_frames), (3, False, 0.0))
+        for n in (2, 0, 1):
+            self.conn.series.seek(n)
+            self.assertTrue(wait_until(lambda: np.array_equal(
+                self.conn.volume.download().values, frames[n]), PATIENCE_S))
+        self.conn.series.configure(loop=True, interpolate=False)
+        state = self.conn.series.play(rate_hz=-20)
+        self.assertEqual((state.playing, state.rate_hz, state.loop), (True, -20.0, True))
+        self.assertEqual(self.conn.series.rate_hz, -20.0)
+        revisions = set()
+        with self.conn.poses(100) as stream:
+            for poses in stream:
+                revisions.add(int(poses.volume_revision[0]))
+                if len(revisions) > 5:
+                    break
+        self.assertFalse(self.conn.series.pause().playing)
+        # Set while it is paused: it stays so.
+        self.conn.series.rate_hz = 12.5
+        state = self.conn.series.state()
+        self.assertEqual((state.playing, state.rate_hz), (False, 12.5))
+        self.assertEqual(self.conn.series.play().rate_hz, 12.5)
+        for call in (lambda: self.conn.series.seek(99), lambda: self.conn.series.seek(True),
+                     lambda: self.conn.series.play(rate_hz="fast"),
+                     lambda: setattr(self.conn.series, "rate_hz", 0.0),
+                     lambda: setattr(self.conn.series, "rate_hz", 1001.0),
+                     lambda: setattr(self.conn.series, "rate_hz", True)):
+            with self.assertRaises(palpate.InvalidArgument):
+                call()
+        self.assertEqual(self.conn.series.rate_hz, 12.5)
+
+
+class Download(DaemonTest):
+    """`palpate download`: what it writes is the volume."""
+
+    def download(self, *arguments):
+        done = subprocess.run([PALPATE, "--socket", self.daemon.socket, "download",
+                               *map(str, arguments)], capture_output=True, text=True,
+                              timeout=PATIENCE_S, check=False)
+        return done.returncode, done.stdout, done.stderr
+
+    def setUp(self):
+        self.folder = self.daemon.folder / self._testMethodName
+        self.folder.mkdir()
+        self.file = self.folder / "copy.nrrd"
+
+    def test_the_file_is_the_volume_with_its_edits(self):
+        self.conn.volume.upload(pattern((20, 21, 22)), (0.5, 1, 2))
+        self.conn.edit.sphere((9, 9, 9), 5, "set", 7.0, frame="index")
+        volume = self.conn.volume.download()
+        code, said, problem = self.download(self.file)
+        self.assertEqual(code, 0, problem)
+        self.assertIn(str(volume.volume_revision), said)
+        self.conn.volume.load(self.file)
+        again = self.conn.volume.download()
+        np.testing.assert_array_equal(again.values, volume.values)
+        np.testing.assert_allclose(again.world_from_index, volume.world_from_index, atol=1e-12)
+        self.assertEqual(list(self.folder.iterdir()), [self.file])
+
+    def test_what_cannot_be_written_is_refused_in_one_line(self):
+        self.file.write_text("mine")
+        for path, expected in ((self.file, 7), (self.folder / "missing" / "copy.nrrd", 4),
+                               (self.folder, 3)):
+            code, said, problem = self.download(path)
+            self.assertEqual((code, said, problem.count("\n")), (expected, "", 1), problem)
+        self.assertEqual(self.file.read_text(), "mine")
+        self.assertEqual(self.download(self.file, "--overwrite")[0], 0)
+        self.assertGreater(self.file.stat().st_size, 5000)
+        self.assertEqual(list(self.folder.iterdir()), [self.file])
+
+    def test_a_signal_leaves_no_file(self):
+        self.conn.volume.load("builtin:gyroid:200")
+        process = self.enterContext(subprocess.Popen(
+            [PALPATE, "--socket", self.daemon.socket, "download", str(self.file)],
+            stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True))
+        # Its progress, or its end.
+        process.stderr.read(1)
+        process.send_signal(signal.SIGINT)
+        process.communicate(timeout=PATIENCE_S)
+        if process.returncode == 0:
+            self.skipTest("too fast to be interrupted")
+        self.assertEqual(process.returncode, 9)
+        self.assertEqual(list(self.folder.iterdir()), [])
 
 
 if __name__ == "__main__":

@@ -12,17 +12,14 @@ import grpc
 from palpate.v1 import device_pb2, device_pb2_grpc
 from authority import Authority
 from free_port import free_port
-from support import PALPATED, Daemon
+from support import PALPATED, PATIENCE_S, Daemon, wait_until
 
 ROLES = ["viewer", "editor", "operator", "admin"]
 
 
-def wait_for(condition, what, patience_s=60.0):
-    deadline = time.monotonic() + patience_s
-    while not condition():
-        if time.monotonic() > deadline:
-            raise AssertionError(f"waited {patience_s} s for {what}")
-        time.sleep(0.05)
+def wait_for(condition, what, patience_s=PATIENCE_S):
+    if not wait_until(condition, patience_s):
+        raise AssertionError(f"waited {patience_s} s for {what}")
 
 
 def dawdle(stack, port):
@@ -97,11 +94,13 @@ role = "operator"
         """As a client that follows no rules of ours would make it."""
         key = None if certificate is None else certificate[1].read_bytes()
         chain = None if certificate is None else certificate[0].read_bytes()
-        tls = grpc.ssl_channel_credentials((authority or self.authority).ca.read_bytes(), key, chain)
+        ca = (authority or self.authority).ca.read_bytes()
+        tls = grpc.ssl_channel_credentials(ca, key, chain)
         if token is not None:
             tls = grpc.composite_channel_credentials(
                 tls, grpc.access_token_call_credentials(token.read_text().strip()))
-        return grpc.secure_channel(self.address, tls, options=[("grpc.enable_http_proxy", 0), *options])
+        return grpc.secure_channel(self.address, tls,
+                                   options=[("grpc.enable_http_proxy", 0), *options])
 
     def send_call(self, headers):
         """A call of a stranger, with headers that no library would send."""
@@ -114,7 +113,7 @@ role = "operator"
                 context.wrap_socket(plain, server_hostname="localhost") as peer:
             peer.sendall(b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n" + frame(4, 0, 0, b"")
                          + frame(1, 5, 1, b"".join(header(*field) for field in fields)))
-            peer.settimeout(20.0)
+            peer.settimeout(PATIENCE_S)
             # Its settings, and more: until it says something of the call, or hangs up.
             try:
                 while (answer := peer.recv(65536)) and b"\x00\x00\x00\x01" not in answer:
@@ -122,7 +121,10 @@ role = "operator"
             except OSError:
                 pass
 
+    def local_channel(self):
+        return grpc.insecure_channel(f"unix:{self.socket}")
+
     def ticks(self):
-        with grpc.insecure_channel(f"unix:{self.socket}") as channel:
+        with self.local_channel() as channel:
             stub = device_pb2_grpc.DeviceServiceStub(channel)
-            return stub.GetDevice(device_pb2.GetDeviceRequest(), timeout=20.0).servo.ticks
+            return stub.GetDevice(device_pb2.GetDeviceRequest(), timeout=PATIENCE_S).servo.ticks

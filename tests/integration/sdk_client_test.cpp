@@ -1,0 +1,384 @@
+// The client that follows palpated by itself: found, lost, found again, and ended at any moment;
+// the voxels that it follows.
+#include <gtest/gtest.h>
+#include <netinet/in.h>
+#include <sys/socket.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <fstream>
+
+#include "client/sdk/client.h"
+#include "tests/support/free_port.h"
+#include "tests/support/heard.h"
+#include "tests/support/patience.h"
+#include "tests/support/refusal.h"
+#include "tests/support/restarted_daemon.h"
+#include "tests/support/stolen.h"
+#include "tests/support/temporary_folder.h"
+
+namespace palpate::client {
+namespace {
+
+using namespace std::chrono_literals;
+using test::Eventually;
+using test::Heard;
+using test::RestartedDaemon;
+using testing::Refusal;
+using Clock = std::chrono::steady_clock;
+
+ClientOptions OnSocket(const std::string& path) { return {.address = {.socket_path = path}}; }
+
+bool IsLost(const Client& client) {
+  return Eventually([&] { return client.connection().state == ConnectionState::kLost; });
+}
+
+// Accepts connections and says nothing.
+class MuteServer {
+ public:
+  MuteServer() : listener_(socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0)) {
+    sockaddr_in address{};
+    address.sin_family = AF_INET;
+    address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+    socklen_t length = sizeof(address);
+    EXPECT_EQ(bind(listener_, reinterpret_cast<sockaddr*>(&address), length), 0);
+    EXPECT_EQ(listen(listener_, 8), 0);
+    getsockname(listener_, reinterpret_cast<sockaddr*>(&address), &length);
+    host_port_ = "127.0.0.1:" + std::to_string(ntohs(address.sin_port));
+  }
+  ~MuteServer() { close(listener_); }
+  MuteServer(const MuteServer&) = delete;
+  MuteServer& operator=(const MuteServer&) = delete;
+
+  ClientOptions options() const {
+    return {.address = {.host_port = host_port_}, .follow_volume = true};
+  }
+
+ private:
+  const int listener_;
+  std::string host_port_;
+};
+
+// What a viewer keeps of the updates of a volume.
+class Viewer {
+ public:
+  // True where the copy is complete, and that of `revision` at least.
+  bool Take(Client& client, std::uint64_t revision) {
+    while (const auto update = client.TakeVolumeUpdate()) {
+      anew_ += update->all && update->lattice;
+      if (update->all) {
+        auto background = std::make_shared<Brick>();
+        background->fill(update->lattice ? update->lattice->Background() : 0.0f);
+        bricks_.assign(update->lattice ? update->lattice->Bricks() : 0, background);
+      }
+      for (const ChangedBrick& changed : update->bricks) bricks_[changed.number] = changed.brick;
+      received_ += update->bricks.size();
+      complete_ = update->complete;
+      placed_ = update->placement.has_value();
+    }
+    return complete_ && complete_->volume_revision >= revision;
+  }
+  // A client that comes anew holds the daemon's volume: its hash has shown that.
+  bool IsTheVolumeOf(const RestartedDaemon& daemon, std::uint64_t revision) const {
+    ClientOptions options = OnSocket(daemon.socket());
+    options.follow_volume = true;
+    Client fresh(options);
+    Viewer truth;
+    if (!Eventually([&] { return truth.Take(fresh, revision); })) return false;
+    return std::equal(bricks_.begin(), bricks_.end(), truth.bricks_.begin(), truth.bricks_.end(),
+                      [](const BrickPtr& a, const BrickPtr& b) { return *a == *b; });
+  }
+  std::size_t bricks() const { return bricks_.size(); }
+  float Value(std::uint64_t number, int i, int j, int k) const {
+    return (*bricks_[number])[VoxelInBrick(i, j, k)];
+  }
+  std::size_t received() const { return received_; }
+  int anew() const { return anew_; }
+  bool placed() const { return placed_; }
+
+ private:
+  std::vector<BrickPtr> bricks_;
+  std::optional<VolumeRevision> complete_;
+  std::size_t received_ = 0;
+  int anew_ = 0;
+  bool placed_ = false;
+};
+
+Edit Dab(int n) {
+  return {.shape = Sphere{Vec3(6 + n * 7 % 36, 6 + n * 11 % 36, 6 + n * 13 % 36), 4.0},
+          .frame = EditFrame::kIndex,
+          .operation = EditOperation::kSet,
+          .value = 0.1 + 0.8 * (n % 10) / 10,
+          .falloff = 1.0};
+}
+
+TEST(SdkOptions, BadAddressesAndRatesAreRefusedAtOnce) {
+  std::vector<ClientOptions> bad = {
+      {.address = {.host_port = "nonsense"}},
+      {.address = {.socket_path = "/tmp/a b"}},
+      {.address = {.socket_path = "/tmp/a", .host_port = "localhost:7400"}},
+      {.address = {.socket_path = "/tmp/a"}, .poses = {.rate_hz = 60, .batch = 4}}};
+  for (const double rate_hz : {0.0, 19.9, 1000.1, -1.0, std::nan("")}) {
+    bad.push_back({.address = {.socket_path = "/tmp/a"}, .poses = {.rate_hz = rate_hz}});
+  }
+  for (const ClientOptions& options : bad) {
+    EXPECT_EQ(Refusal([&] { const Client client(options); }), ErrorKind::kInvalidArgument);
+  }
+}
+
+TEST(SdkOptions, AClientEndsAtAnyMomentWithoutAnAnswer) {
+  const test::TemporaryFolder folder;
+  const MuteServer mute;
+  for (const ClientOptions& options : {OnSocket(folder.path() / "none.sock"), mute.options()}) {
+    for (const auto pause : {0ms, 1ms, 20ms, 300ms}) {
+      const Client client(options);
+      EXPECT_FALSE(client.WaitUntilConnected(pause));
+    }
+  }
+}
+
+class SdkClient : public ::testing::Test {
+ protected:
+  ClientOptions Options() const { return OnSocket(daemon_.socket()); }
+  ClientOptions Following() const {
+    ClientOptions options = Options();
+    options.follow_volume = true;
+    return options;
+  }
+
+  RestartedDaemon daemon_;
+};
+
+TEST_F(SdkClient, FindsALaterDaemonAndComesBackAfterEveryKill) {
+  Heard<Connection> connections;
+  std::atomic<int> settings{0};
+  ClientOptions options = Following();
+  options.callbacks.on_connection = connections.Callback();
+  options.callbacks.on_settings = [&](const Settings&) { ++settings; };
+  Client client(options);
+  ASSERT_TRUE(IsLost(client));
+  EXPECT_NE(client.connection().why.find(client.name()), std::string::npos);
+  EXPECT_FALSE(client.NewestPose() || client.NewestSettings());
+  EXPECT_EQ(Refusal([&] { client.Set({.isovalue = 1.0}); }), ErrorKind::kUnavailable);
+  Viewer viewer;
+  for (int n = 1; n <= 3; ++n) {
+    daemon_.Start();
+    ASSERT_TRUE(client.WaitUntilConnected(60s));
+    // Of the new daemon, though their revision is lower.
+    EXPECT_EQ(client.NewestSettings()->stiffness_n_per_mm, 0.5);
+    EXPECT_EQ(client.GetDevice().servo.rate_hz, 1000.0);
+    ASSERT_TRUE(Eventually([&] { return client.NewestPose().has_value(); }));
+    // Its voxels are those before the edit, which it never saw.
+    ASSERT_TRUE(Eventually([&] { return viewer.Take(client, 1) && viewer.anew() == n; }));
+    EXPECT_TRUE(viewer.IsTheVolumeOf(daemon_, 1));
+    if (n == 3) break;
+    // Anything but the start values, so that what is forgotten is seen.
+    client.Set({.stiffness_n_per_mm = 0.7});
+    const EditResult edited = client.Apply(Dab(n));
+    ASSERT_TRUE(Eventually([&] { return viewer.Take(client, edited.volume_revision); }));
+    daemon_.Kill();
+    ASSERT_TRUE(IsLost(client));
+    EXPECT_NE(client.connection().why, "");
+    EXPECT_TRUE(client.NewestPose());
+  }
+  EXPECT_TRUE(Eventually([&] { return settings >= 3; }));
+  // Never the same state twice without another reason.
+  const std::vector<Connection> seen = connections.all();
+  for (std::size_t n = 1; n < seen.size(); ++n) {
+    EXPECT_TRUE(seen[n].state != seen[n - 1].state || seen[n].why != seen[n - 1].why);
+  }
+  EXPECT_EQ(std::count_if(seen.begin(), seen.end(),
+                          [](auto& c) { return c.state == ConnectionState::kConnected; }),
+            3);
+}
+
+TEST_F(SdkClient, ResumesFromItsRevisionAfterAHang) {
+  daemon_.Start();
+  Client client(Following());
+  Viewer viewer;
+  ASSERT_TRUE(Eventually([&] { return viewer.Take(client, 1); }));
+  const std::size_t first = viewer.received();
+  daemon_.Hang();
+  ASSERT_TRUE(IsLost(client));
+  EXPECT_NE(client.connection().why.find(client.name()), std::string::npos);
+  daemon_.Continue();
+  ASSERT_TRUE(client.WaitUntilConnected(60s));
+  const EditResult edited = client.Apply(Dab(5));
+  ASSERT_TRUE(Eventually([&] { return viewer.Take(client, edited.volume_revision); }));
+  // The same volume of the same daemon: only what changed came.
+  EXPECT_EQ(viewer.anew(), 1);
+  EXPECT_LT(viewer.received(), first + 40);
+  EXPECT_TRUE(viewer.IsTheVolumeOf(daemon_, edited.volume_revision));
+}
+
+TEST_F(SdkClient, NoCallbackRunsAfterTheEnd) {
+  daemon_.Start();
+  int ended_with_poses = 0;
+  for (int n = 0; n < 16; ++n) {
+    std::atomic<bool> ended{false};
+    std::atomic<int> late{0}, poses{0};
+    const auto note = [&](const auto&...) { late += ended; };
+    ClientOptions options = Following();
+    options.poses.rate_hz = 1000.0;
+    options.callbacks = {.on_connection = note,
+                         .on_poses =
+                             [&](const PoseBatch&) {
+                               std::this_thread::sleep_for(3ms);
+                               late += ended;
+                               ++poses;
+                             },
+                         .on_settings = note,
+                         .on_volume = note};
+    auto client = std::make_unique<Client>(options);
+    if (n % 2) {
+      EXPECT_TRUE(Eventually([&] { return poses > 0; }));
+    }
+    std::this_thread::sleep_for(std::chrono::milliseconds(n * 7));
+    client.reset();
+    ended = true;
+    std::this_thread::sleep_for(10ms);
+    EXPECT_EQ(late, 0);
+    ended_with_poses += poses > 0;
+  }
+  EXPECT_GE(ended_with_poses, 8);
+}
+
+TEST_F(SdkClient, CallsFromCallbacksWork) {
+  daemon_.Start();
+  std::atomic<Client*> self{nullptr};
+  std::atomic<int> answers{0};
+  ClientOptions options = Options();
+  const auto ask = [&](const auto&...) {
+    if (Client* client = self) answers += client->GetSettings().stiffness_n_per_mm > 0.0;
+  };
+  options.callbacks.on_poses = ask;
+  options.callbacks.on_settings = ask;
+  Client client(options);
+  self = &client;
+  ASSERT_TRUE(client.WaitUntilConnected(60s));
+  client.Set({.viscosity_n_s_per_m = 1.0});
+  EXPECT_TRUE(Eventually([&] { return answers > 10; }));
+  self = nullptr;
+}
+
+TEST(SdkClientOverTcp, ServesManyThreads) {
+  const std::string host_port = "127.0.0.1:" + std::to_string(test::FreePort());
+  const test::TemporaryFolder folder;
+  const std::string config = folder.path() / "palpated.toml";
+  std::ofstream(config) << "[server]\nloopback_role = \"editor\"\n";
+  RestartedDaemon daemon(
+      {"--volume", "builtin:bumps:32", "--listen", host_port, "--config", config});
+  daemon.Start();
+  Client client({.address = {.host_port = host_port}});
+  ASSERT_TRUE(client.WaitUntilConnected(60s)) << client.connection().why;
+  EXPECT_EQ(client.name(), host_port);
+  EXPECT_FALSE(client.shares_clock());
+  std::atomic<int> answers{0};
+  std::vector<std::thread> threads;
+  for (int n = 0; n < 6; ++n) {
+    threads.emplace_back([&, n] {
+      for (int i = 0; i < 20; ++i) {
+        client.Set({.magnet_range_mm = 1.0 + n});
+        if (n == 0) client.SetPoseRate({.rate_hz = i % 2 == 0 ? 60.0 : 500.0});
+        client.NewestPose();
+        answers += client.GetDevice().device.kind == "simulated";
+      }
+    });
+  }
+  for (std::thread& thread : threads) thread.join();
+  EXPECT_EQ(answers, 120);
+  EXPECT_EQ(client.connection().state, ConnectionState::kConnected);
+}
+
+TEST_F(SdkClient, FollowsEditsAndUndo) {
+  daemon_.Start();
+  std::atomic<int> notices{0};
+  ClientOptions options = Following();
+  options.callbacks.on_volume = [&] { ++notices; };
+  Client client(options);
+  Client editor(Options());
+  ASSERT_TRUE(client.WaitUntilConnected(60s) && editor.WaitUntilConnected(60s));
+  Viewer viewer;
+  ASSERT_TRUE(Eventually([&] { return viewer.Take(client, 1); }));
+  EXPECT_EQ(viewer.bricks(), 216u);
+  EXPECT_TRUE(viewer.placed());
+  EXPECT_TRUE(client.volume_status().complete);
+  EXPECT_EQ(client.volume_status().problem, "");
+  EXPECT_GT(client.volume_status().bytes_received, 1000u);
+  EXPECT_FALSE(editor.TakeVolumeUpdate());  // it follows no volume
+  const std::size_t first = viewer.received();
+  const int noticed = notices;
+
+  Edit block;
+  block.shape = Block{Vec3i(8, 0, 0), Vec3i(1, 1, 2), {0.25f, 0.5f}};
+  block.operation = EditOperation::kSet;
+  const EditResult one = editor.Apply(block);
+  ASSERT_TRUE(one.changed);
+  EXPECT_EQ(one.changed->min, Vec3i(8, 0, 0));
+  ASSERT_TRUE(Eventually([&] { return viewer.Take(client, one.volume_revision); }));
+  EXPECT_GT(notices, noticed);
+  EXPECT_EQ(viewer.received(), first + 1);
+  EXPECT_EQ(viewer.Value(36, 0, 0, 0), 0.25f);
+  block.shape = Block{Vec3i(0, 0, 0), Vec3i(16, 16, 4096), std::vector<float>(1 << 20)};
+  EXPECT_EQ(Refusal([&] { editor.Apply(block); }), ErrorKind::kTooLarge);
+
+  EditResult last;
+  for (int n = 0; n < 100; ++n) last = editor.Apply(Dab(n));
+  EXPECT_EQ(last.undo_steps, 101u);
+  editor.Undo();
+  editor.Redo();
+  last = editor.Undo();
+  EXPECT_EQ(last.redo_steps, 1u);
+  ASSERT_TRUE(Eventually([&] { return viewer.Take(client, last.volume_revision); }));
+  EXPECT_TRUE(viewer.IsTheVolumeOf(daemon_, last.volume_revision));
+  last = editor.Revert();
+  ASSERT_TRUE(Eventually([&] { return viewer.Take(client, last.volume_revision); }));
+  EXPECT_TRUE(viewer.IsTheVolumeOf(daemon_, last.volume_revision));
+  EXPECT_EQ(viewer.anew(), 1);
+}
+
+// --- What is about time
+
+template <typename Work>
+double SecondsOf(const Work& work) {
+  const auto begin = Clock::now();
+  work();
+  return std::chrono::duration<double>(Clock::now() - begin).count();
+}
+
+// The end waits for no call and no pause: a call of the same client waits for its whole deadline.
+TEST(SdkClientTimes, TheEndIsFarSoonerThanACallThatNobodyAnswers) {
+  const test::StolenShare stolen;
+  const MuteServer mute;
+  auto client = std::make_unique<Client>(mute.options());
+  const double call_s = SecondsOf([&] { EXPECT_THROW(client->GetSettings(), Error); });
+  const double end_s = SecondsOf([&] { client.reset(); });
+  std::printf("a call %.2f s, the end %.2f s\n", call_s, end_s);
+  EXPECT_LT(end_s, 0.2 * call_s);
+}
+
+// No attempt is in vain: gRPC's own channels keep failing for a while after the daemon
+// is back. Pauses double and are shortened by a half at most, so that the one that runs
+// lasts no longer than twice the time without a daemon, and 0.1 s.
+TEST(SdkClientTimes, IsBackAfterThePauseThatRuns) {
+  const test::StolenShare stolen;
+  RestartedDaemon daemon;
+  daemon.Start();
+  const Client client(OnSocket(daemon.socket()));
+  ASSERT_TRUE(client.WaitUntilConnected(60s));
+  // Poses have come, after which the pauses begin anew.
+  ASSERT_TRUE(Eventually([&] { return client.NewestPose().has_value(); }));
+  daemon.Kill();
+  ASSERT_TRUE(IsLost(client));
+  const double down_s = SecondsOf([&] {
+    std::this_thread::sleep_for(1s);
+    daemon.Start();
+  });
+  const double back_s = SecondsOf([&] { ASSERT_TRUE(client.WaitUntilConnected(60s)); });
+  std::printf("down for %.2f s, back after %.2f s\n", down_s, back_s);
+  EXPECT_LT(back_s, 2.0 * down_s + 0.4);
+}
+
+}  // namespace
+}  // namespace palpate::client
