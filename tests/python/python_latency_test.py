@@ -69,20 +69,24 @@ class IsovalueInOtherClients(DaemonTest):
             stream.close()
             for thread in threads:
                 thread.join()
-        for name, latencies_ms in zip(("Python", "C++"), zip(*found_ms)):
-            p50, p99 = np.percentile(latencies_ms, [50, 99])
-            print(f"isovalue, Python to {name}: p50 {p50:.1f} ms, p99 {p99:.1f} ms of {CHANGES}")
-            self.assertLess(p99, BOUND_MS, name)
+        p99_ms = {}
+        for name, latencies_ms in zip(("its own call", "Python", "C++"), zip(*found_ms)):
+            p50, p99_ms[name] = np.percentile(latencies_ms, [50, 99])
+            print(f"isovalue, {name}: p50 {p50:.1f} ms, p99 {p99_ms[name]:.1f} ms of {CHANGES}")
+        # What the machine does to the call itself it may do to the daemon and to who watches.
+        bound_ms = max(BOUND_MS, 3 * p99_ms.pop("its own call"))
+        for name, p99 in p99_ms.items():
+            self.assertLess(p99, bound_ms, name)
 
     def change(self, number, others):
-        """Milliseconds until each of the others has seen it."""
+        """Milliseconds until the call has returned, and until each of the others has seen it."""
         isovalue = 0.2 + 0.6 * number / CHANGES
         begun = time.monotonic()
         self.conn.settings.isovalue = isovalue
-        found = [(arrivals.wait(isovalue) - begun) * 1e3 for arrivals in others]
+        found = [time.monotonic(), *(arrivals.wait(isovalue) for arrivals in others)]
         # Not in step with the samples.
         time.sleep(0.003 * (number % 7))
-        return found
+        return [(at - begun) * 1e3 for at in found]
 
 
 class EmergencyStop(unittest.TestCase):
