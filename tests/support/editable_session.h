@@ -14,6 +14,7 @@
 #include "server/device/simulated_device.h"
 #include "server/session/session.h"
 #include "tests/support/made_volume.h"
+#include "tests/support/voxels.h"
 
 namespace palpate::testing {
 

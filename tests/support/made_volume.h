@@ -2,8 +2,6 @@
 // optimised for every test.
 #pragma once
 
-#include <gtest/gtest.h>
-
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -13,20 +11,6 @@
 #include "server/volume/snapshot.h"
 
 namespace palpate::testing {
-
-// Calls visit(voxel) for each voxel of the lattice, until an ASSERT of the test fails.
-template <typename Visit>
-void ForEachVoxel(const Vec3i& size, const Visit& visit) {
-  Vec3i p;
-  for (p.x() = 0; p.x() < size.x(); ++p.x()) {
-    for (p.y() = 0; p.y() < size.y(); ++p.y()) {
-      for (p.z() = 0; p.z() < size.z(); ++p.z()) {
-        visit(p);
-        if (::testing::Test::HasFatalFailure()) return;
-      }
-    }
-  }
-}
 
 inline float ValueAt(const BrickDirectory& bricks, const Vec3i& p) {
   return bricks.Find(p.x(), p.y(), p.z())[VoxelInBrick(p.x(), p.y(), p.z())];

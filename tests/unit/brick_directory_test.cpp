@@ -13,6 +13,7 @@
 #include "server/volume/grid_tree.h"
 #include "server/volume/snapshot_builder.h"
 #include "tests/support/made_volume.h"
+#include "tests/support/voxels.h"
 
 namespace palpate {
 namespace {

@@ -7,6 +7,7 @@
 #include <random>
 
 #include "tests/support/made_volume.h"
+#include "tests/support/voxels.h"
 
 namespace palpate {
 namespace {

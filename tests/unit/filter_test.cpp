@@ -13,6 +13,7 @@
 
 #include "tests/support/made_volume.h"
 #include "tests/support/refusal.h"
+#include "tests/support/voxels.h"
 
 namespace palpate {
 namespace {

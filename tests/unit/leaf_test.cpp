@@ -14,6 +14,7 @@
 #include "server/volume/brick_pool.h"
 #include "server/volume/dense_bricks.h"
 #include "tests/support/made_volume.h"
+#include "tests/support/voxels.h"
 
 namespace palpate {
 namespace {

@@ -18,6 +18,7 @@
 #include "server/volume/grid_form.h"
 #include "tests/support/made_volume.h"
 #include "tests/support/refusal.h"
+#include "tests/support/voxels.h"
 
 namespace palpate {
 namespace {

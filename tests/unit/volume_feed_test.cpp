@@ -12,6 +12,7 @@
 #include "tests/support/editable_session.h"
 #include "tests/support/patience.h"
 #include "tests/support/refusal.h"
+#include "tests/support/voxels.h"
 
 namespace palpate {
 namespace {
