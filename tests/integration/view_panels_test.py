@@ -151,11 +151,12 @@ class RightPanels(OneView):
     def test_a_recording_is_begun_and_ended(self):
         path = self.daemon.folder / "trial.palrec"
         self.right.only("Recording")
-        # Letters do not wait for clicks as other keys do.
+        # Letters do not wait for clicks as other keys do, and each takes a frame.
         self.window.click(1100, self.right.row(0))
         self.window.picture()
-        self.window.do("type", str(path))
-        self.window.picture()
+        for letter in str(path):
+            self.window.do("type", letter)
+            self.window.picture()
         self.window.click(1010, self.right.row(1))
         self.assertTrue(wait_until(lambda: self.conn.recording.state().running))
         self.assertEqual(self.conn.recording.state().path, str(path))
