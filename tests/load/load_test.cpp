@@ -16,12 +16,12 @@
 #include "server/realtime/tick_timer.h"
 #include "tests/load/churn.h"
 #include "tests/load/servo_figures.h"
-#include "tests/load/steal.h"
 #include "tests/load/subscriber.h"
 #include "tests/support/daemon.h"
 #include "tests/support/free_port.h"
 #include "tests/support/nrrd.h"
 #include "tests/support/places.h"
+#include "tests/support/stolen.h"
 
 namespace palpate::load {
 namespace {
@@ -80,7 +80,7 @@ class LoadTest : public ::testing::Test {
   // begin() starts the load of a window and returns what ends it, called as end(window).
   template <typename Begin>
   void Run(const Begin& begin) {
-    const StealReport steal;
+    const test::StolenShare steal;
     Subscriber observer(socket_, kObserver);
     ASSERT_TRUE(Eventually([&] { return observer.received_so_far() > 0; }));
     std::function<void(const Window&)> end;
@@ -315,7 +315,7 @@ class CrowdTest : public LoadTest {
   }
 
   void Attack(const std::string& target) {
-    const StealReport steal;
+    const test::StolenShare steal;
     Subscriber viewer(socket_, kViewer);
     ASSERT_TRUE(Eventually([&] { return viewer.received_so_far() > 0; }));
     const auto pass = [&](bool with_load, std::vector<double>& call_ms) {

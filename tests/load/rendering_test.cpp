@@ -11,11 +11,11 @@
 #include "prometheus/registry.h"
 #include "server/metrics/servo_metrics.h"
 #include "tests/load/servo_figures.h"
-#include "tests/load/steal.h"
 #include "tests/support/bare_loops.h"
 #include "tests/support/daemon.h"
 #include "tests/support/data_folder.h"
 #include "tests/support/places.h"
+#include "tests/support/stolen.h"
 
 namespace palpate::load {
 namespace {
@@ -81,7 +81,7 @@ class RenderingTest : public ::testing::Test {
   }
   void JudgeAtOneKilohertz();
 
-  const StealReport steal_;
+  const test::StolenShare steal_;
   std::unique_ptr<Daemon> daemon_;
 };
 
@@ -153,7 +153,7 @@ TEST_F(RenderingTest, AnIsovalueIsAppliedWithinMilliseconds) {
 // The pump has a millisecond for each.
 TEST(MetricsCost, ASampleIsCountedInLittleTime) {
   constexpr int kSamples = 100'000;
-  const StealReport steal;
+  const test::StolenShare steal;
   prometheus::Registry registry;
   ServoMetrics metrics(registry);
   TickSample sample;
