@@ -32,7 +32,8 @@ class Collected:
             self._poses.append(poses)
 
     def all(self):
-        return palpate.Poses.concatenate(self._poses)
+        # A copy: the thread goes on.
+        return palpate.Poses.concatenate(self._poses[:])
 
     def has(self, tick):
         return self._poses[-1].tick[-1] >= tick
