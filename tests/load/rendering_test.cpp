@@ -11,7 +11,6 @@
 #include "prometheus/registry.h"
 #include "server/metrics/servo_metrics.h"
 #include "tests/load/servo_figures.h"
-#include "tests/load/steal.h"
 #include "tests/support/bare_loops.h"
 #include "tests/support/daemon.h"
 #include "tests/support/data_folder.h"
