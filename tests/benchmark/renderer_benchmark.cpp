@@ -58,21 +58,29 @@ Scene ChessBoard() {
                    0.5);
 }
 
-// Steps through `hips` again and again; moves and tetrahedra per step are counted.
-void Run(benchmark::State& state, const Scene& scene, const std::vector<Vec3>& hips,
-         const HapticSettings& settings = {}) {
+// Steps through `hips` again and again, after change(surface, n); moves and contacts per step are
+// counted.
+template <typename Change>
+void Run(benchmark::State& state, HapticSurface surface, const std::vector<Vec3>& hips,
+         const HapticSettings& settings, const Change& change) {
   auto renderer = std::make_unique<RendererState>();
   std::size_t n = 0;
   double moves = 0.0, contacts = 0.0;
   for (auto _ : state) {
+    change(surface, n);
     const HapticOutput output =
-        StepRenderer(scene.surface, settings, hips[n++ % hips.size()], kDtS, *renderer);
+        StepRenderer(surface, settings, hips[n++ % hips.size()], kDtS, *renderer);
     benchmark::DoNotOptimize(output.force_D_n.data());
     moves += output.proxy.moves;
     contacts += output.proxy.mode == ProxyMode::kConstrained;
   }
   state.counters["moves"] = benchmark::Counter(moves, benchmark::Counter::kAvgIterations);
   state.counters["contact"] = benchmark::Counter(contacts, benchmark::Counter::kAvgIterations);
+}
+
+void Run(benchmark::State& state, const Scene& scene, const std::vector<Vec3>& hips,
+         const HapticSettings& settings = {}) {
+  Run(state, scene.surface, hips, settings, [](HapticSurface&, std::size_t) {});
 }
 
 std::vector<Vec3> SlideOver(const Scene& scene, double speed_cm_per_s) {
@@ -122,16 +130,9 @@ BENCHMARK_CAPTURE(FreeSpace, magnet_near, 2.0, kMagnet);
 BENCHMARK_CAPTURE(FreeSpace, magnet_out_of_reach, 7.0, kMagnet);
 
 // Every step finds an empty cache: the data have a new revision.
-void RunCold(benchmark::State& state, Scene scene) {
-  const std::vector<Vec3> hips = SlideOver(scene, 10.0);
-  auto renderer = std::make_unique<RendererState>();
-  std::size_t n = 0;
-  for (auto _ : state) {
-    ++scene.surface.geometry_revision;
-    const HapticOutput output =
-        StepRenderer(scene.surface, {}, hips[n++ % hips.size()], kDtS, *renderer);
-    benchmark::DoNotOptimize(output.force_D_n.data());
-  }
+void RunCold(benchmark::State& state, const Scene& scene) {
+  Run(state, scene.surface, SlideOver(scene, 10.0), {},
+      [](HapticSurface& surface, std::size_t) { ++surface.geometry_revision; });
 }
 void ColdCache(benchmark::State& state) { RunCold(state, Builtin("builtin:bumps:128", 1.0 / 3.0)); }
 BENCHMARK(ColdCache);
@@ -146,17 +147,10 @@ BENCHMARK(SixSaddles);
 
 // τ moves the surface by a voxel to and fro, each step.
 void IsovalueChange(benchmark::State& state) {
-  Scene scene = Builtin("builtin:bumps:128", 1.0 / 3.0);
-  const std::vector<Vec3> hips = SlideOver(scene, 10.0);
-  const double isovalue = scene.surface.isovalue;
-  auto renderer = std::make_unique<RendererState>();
-  std::size_t n = 0;
-  for (auto _ : state) {
-    scene.surface.isovalue = isovalue + (n % 2 ? 1.0 : -1.0) / 16.0;
-    const HapticOutput output =
-        StepRenderer(scene.surface, {}, hips[n++ % hips.size()], kDtS, *renderer);
-    benchmark::DoNotOptimize(output.force_D_n.data());
-  }
+  const Scene& scene = Builtin("builtin:bumps:128", 1.0 / 3.0);
+  Run(state, scene.surface, SlideOver(scene, 10.0), {}, [&](HapticSurface& surface, std::size_t n) {
+    surface.isovalue = scene.surface.isovalue + (n % 2 ? 1.0 : -1.0) / 16.0;
+  });
 }
 BENCHMARK(IsovalueChange);
 

@@ -14,9 +14,8 @@
 
 #include "palpate/v1/series.grpc.pb.h"
 #include "server/realtime/tick_timer.h"
-#include "tests/load/churn.h"
+#include "tests/load/clients.h"
 #include "tests/load/servo_figures.h"
-#include "tests/load/subscriber.h"
 #include "tests/support/daemon.h"
 #include "tests/support/free_port.h"
 #include "tests/support/nrrd.h"

@@ -2,8 +2,9 @@
 """Changes one line of Palpate at a time, and shows that a test notices.
 
 Each change of mutants.toml is applied to a copy of the tree. The test program that is named for
-it is built and run, or the file of Python tests. A change is caught when that program fails, crashes or hangs. The unchanged
-tree has to pass the same tests first: a test that always fails catches nothing.
+it is built and run, or the file of Python tests. A change is caught when that program fails,
+crashes or hangs. The unchanged tree has to pass the same tests first: a test that always fails
+catches nothing.
 
 Exit status: 0 when all are caught; 1 when one survives, no longer applies or does not compile,
 or when the unchanged tree fails.
@@ -130,26 +131,12 @@ class Tree:
             path.write_text(original)
 
 
-class Progress:
-    def __init__(self, count):
-        self.count = count
-        self.done = 0
-        self.began = time.monotonic()
-
-    def line(self, text):
-        self.done += 1
-        left_s = (time.monotonic() - self.began) / self.done * (self.count - self.done)
-        left = f"; about {left_s / 60:.0f} min left" if self.done < self.count else ""
-        print(f"[{self.done}/{self.count}] {text}{left}", flush=True)
-
-
 def check_unchanged(tree, changes):
     """Seconds that each group of tests takes; none where one fails."""
     groups = {(change["program"], change["tests"]) for change in changes}
     programs = sorted({program for program, _ in groups})
     print(f"building {len(programs)} test programs of the unchanged tree", flush=True)
     tree.build(programs)
-    progress = Progress(len(groups))
     seconds = {}
     for program, tests in sorted(groups):
         began = time.monotonic()
@@ -158,7 +145,7 @@ def check_unchanged(tree, changes):
         if failed or ran == 0:
             print(f"unchanged: {program} {tests}: {', '.join(failed) or 'no such test'}")
             return None
-        progress.line(f"unchanged: {program}: {ran} pass")
+        print(f"unchanged: {program}: {ran} pass", flush=True)
     return seconds
 
 
@@ -219,11 +206,10 @@ def main():
             return 1
         if seconds is None:
             return 1
-        progress = Progress(len(changes))
         missed = []
-        for change in changes:
+        for number, change in enumerate(changes, 1):
             caught, line = try_change(tree, change, seconds)
-            progress.line(line)
+            print(f"[{number}/{len(changes)}] {line}", flush=True)
             if not caught:
                 missed.append(change["name"])
     print(f"{len(changes) - len(missed)} of {len(changes)} caught"

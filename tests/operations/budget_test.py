@@ -10,7 +10,7 @@ and OVERHEAD_MIB. "Back" is compared with a first round of the same calls, which
 and connections that stay."""
 
 import argparse
-import array
+import contextlib
 import functools
 import itertools
 import os
@@ -20,14 +20,13 @@ import subprocess
 import sys
 import tempfile
 import time
-import zlib
 
-import grpc
+import numpy as np
 
 import crash
+import palpate
 from crowd import VolumeReader, Worker, faults
-from palpate.v1 import edit_pb2, recording_pb2, series_pb2, series_pb2_grpc, volume_pb2
-from support import PATIENCE_S, SANITIZED, Client, Daemon, parse_metrics, scrape
+from support import SANITIZED, Client, Daemon, nrrd, parse_metrics, scrape
 
 BUDGET_MIB = 300
 OVERHEAD_MIB = 64
@@ -39,13 +38,10 @@ STANDING_READERS = 4
 EDGE = 96  # of the volume that is there at the start and at the end
 FRAMES = 6
 # Refusals that are right while others load, edit or end streams at the same time.
-BUSY = (grpc.StatusCode.ABORTED, grpc.StatusCode.FAILED_PRECONDITION,
-        grpc.StatusCode.INVALID_ARGUMENT)
-TYPES = {"B": volume_pb2.VOXEL_TYPE_UINT8, "h": volume_pb2.VOXEL_TYPE_INT16,
-         "f": volume_pb2.VOXEL_TYPE_FLOAT32}
+BUSY = (palpate.Conflict, palpate.FailedPrecondition, palpate.InvalidArgument)
 # Edge and type; the last two never fit.
-LOADS = [(96, "B"), (128, "f"), (160, "h"), (200, "f"), (224, "B"), (256, "h"), (256, "f"),
-         (384, "f"), (640, "B")]
+LOADS = [(96, "uint8"), (128, "float32"), (160, "int16"), (200, "float32"), (224, "uint8"),
+         (256, "int16"), (256, "float32"), (384, "float32"), (640, "uint8")]
 
 
 def own_mib(pid):
@@ -57,11 +53,8 @@ def own_mib(pid):
 
 def noise(edge, kind, seed):
     """Voxels no two of which are alike in a row, quickly."""
-    block = random.Random(seed).randbytes(1 << 16)
-    if kind == "f":
-        block = array.array("f", [byte + n % 7 for n, byte in enumerate(block)]).tobytes()
-    size = edge ** 3 * array.array(kind).itemsize
-    return (block * (size // len(block) + 1))[:size]
+    values = np.random.default_rng(seed).integers(0, 127, 1 << 16).astype(kind)
+    return np.resize(values, (edge,) * 3)
 
 
 class Sampler:
@@ -84,134 +77,94 @@ class Script:
         self._random = random.Random(1)
         self._numbers = itertools.count()
         for edge, kind in LOADS[:-2]:
-            (folder / f"{edge}{kind}.raw").write_bytes(noise(edge, kind, edge))
+            noise(edge, kind, edge).tofile(folder / f"{edge}{kind}.raw")
         for edge, kind in LOADS[-2:]:
             # Sparse: nobody reads them.
             with open(folder / f"{edge}{kind}.raw", "wb") as file:
-                file.truncate(edge ** 3 * array.array(kind).itemsize)
+                file.truncate(edge ** 3 * np.dtype(kind).itemsize)
         for frame in range(FRAMES):
-            (folder / f"t{frame}.nrrd").write_bytes(
-                b"NRRD0004\ntype: float\ndimension: 3\nsizes: 96 96 96\nspacings: 1 1 1\n"
-                b"endian: little\nencoding: raw\n\n" + noise(96, "f", 1000 + frame))
+            (folder / f"t{frame}.nrrd").write_bytes(nrrd(noise(EDGE, "float32", 1000 + frame)))
 
-    def call(self, name, make):
+    def call(self, name, make, *arguments, **options):
         """Makes a call and judges how it ended."""
         try:
-            make()
+            make(*arguments, **options)
             self.done[name] = self.done.get(name, 0) + 1
-        except grpc.RpcError as error:
-            code, text = error.code(), error.details()
-            if code == grpc.StatusCode.RESOURCE_EXHAUSTED:
-                self.refused[name] = self.refused.get(name, 0) + 1
-                clear = f"{BUDGET_MIB} MiB" in text and "volume.memory_budget_mib" in text
-                other = "voxels" in text or "No space left" in text  # an edit's limit; the disk's
-                if not clear and not other:
-                    self.wrong.append(f"{name}: refused unclearly: {text}")
-            elif code not in BUSY:
-                self.wrong.append(f"{name}: {code.name}: {text}")
+        except (palpate.TooLarge, palpate.DiskFull) as error:
+            self.refused[name] = self.refused.get(name, 0) + 1
+            text = str(error)
+            clear = f"{BUDGET_MIB} MiB" in text and "volume.memory_budget_mib" in text
+            other = "voxels" in text or "No space left" in text  # an edit's limit; the disk's
+            if not clear and not other:
+                self.wrong.append(f"{name}: refused unclearly: {text}")
+        except BUSY:
+            pass
+        except palpate.Error as error:
+            self.wrong.append(f"{name}: {error!r}")
 
-    def load(self, client, edge, kind):
-        request = volume_pb2.LoadVolumeRequest(source=str(self.folder / f"{edge}{kind}.raw"))
-        request.raw.size_x = request.raw.size_y = request.raw.size_z = edge
-        request.raw.type = TYPES[kind]
-        self.call("load", lambda: list(client.volume.LoadVolume(request, timeout=PATIENCE_S)))
+    def load(self, conn, edge, kind):
+        self.call("load", conn.volume.load, self.folder / f"{edge}{kind}.raw",
+                  raw=palpate.Raw((edge,) * 3, kind))
 
-    def upload(self, client, edge):
-        voxels = noise(edge, "f", edge)
+    def upload(self, conn, edge):
+        self.call("upload", conn.volume.upload, noise(edge, "float32", edge))
 
-        def requests():
-            start = volume_pb2.UploadVolumeRequest()
-            start.start.name = "noise.raw"
-            start.start.size_bytes = len(voxels)
-            start.start.crc32 = zlib.crc32(voxels)
-            raw = start.start.options.raw
-            raw.size_x = raw.size_y = raw.size_z = edge
-            raw.type = volume_pb2.VOXEL_TYPE_FLOAT32
-            yield start
-            for at in range(0, len(voxels), 1 << 20):
-                yield volume_pb2.UploadVolumeRequest(data=voxels[at:at + (1 << 20)])
-        self.call("upload", lambda: client.volume.UploadVolume(requests(), timeout=PATIENCE_S))
+    def edit(self, conn):
+        self.call("edit", conn.edit.sphere, [self._random.uniform(0, 95) for _ in range(3)],
+                  self._random.choice([4.0, 8.0, 40.0, 110.0]),
+                  self._random.choice(["add", "subtract"]), self._random.uniform(0.5, 20.0),
+                  frame="index")
 
-    def edit(self, client):
-        request = edit_pb2.EditVolumeRequest(
-            frame=edit_pb2.EDIT_FRAME_INDEX, value=self._random.uniform(0.5, 20.0),
-            operation=self._random.choice([edit_pb2.EDIT_OPERATION_ADD,
-                                           edit_pb2.EDIT_OPERATION_SUBTRACT]))
-        center = request.sphere.center
-        center.x, center.y, center.z = (self._random.uniform(0, 95) for _ in range(3))
-        request.sphere.radius = self._random.choice([4.0, 8.0, 40.0, 110.0])
-        self.call("edit", lambda: client.volume.EditVolume(request, timeout=PATIENCE_S))
-
-    def take_back(self, client):
-        calls = {"undo": lambda: client.volume.UndoEdit(edit_pb2.UndoEditRequest(),
-                                                        timeout=PATIENCE_S),
-                 "redo": lambda: client.volume.RedoEdit(edit_pb2.RedoEditRequest(),
-                                                        timeout=PATIENCE_S),
-                 "revert": lambda: client.volume.RevertVolume(edit_pb2.RevertVolumeRequest(),
-                                                              timeout=PATIENCE_S)}
+    def take_back(self, conn):
         name = self._random.choice(["undo", "undo", "redo", "redo", "revert"])
-        self.call(name, calls[name])
+        self.call(name, getattr(conn.edit, name))
 
-    def filter(self, client):
-        kind = self._random.choice([edit_pb2.FILTER_KIND_GAUSSIAN, edit_pb2.FILTER_KIND_MEAN])
-        self.call("filter", lambda: list(client.volume.FilterVolume(
-            edit_pb2.FilterVolumeRequest(kind=kind, width=1), timeout=PATIENCE_S)))
+    def filter(self, conn):
+        self.call("filter", conn.edit.filter, self._random.choice(["gaussian", "mean"]))
 
-    def save(self, client):
-        path = self.folder / "saved.vdb"
-        self.call("save", lambda: list(client.volume.SaveVolume(
-            volume_pb2.SaveVolumeRequest(path=str(path), overwrite=True), timeout=PATIENCE_S)))
+    def save(self, conn):
+        self.call("save", conn.volume.save, self.folder / "saved.vdb", overwrite=True)
 
-    def series(self, client):
-        series = series_pb2_grpc.SeriesServiceStub(client.channel)
-        self.call("series", lambda: list(series.LoadSeries(series_pb2.LoadSeriesRequest(
-            sources=[str(self.folder / "t*.nrrd")]), timeout=PATIENCE_S)))
-        self.call("play", lambda: series.ControlSeries(series_pb2.ControlSeriesRequest(
-            playing=True, rate_hz=7.3, loop=True, interpolate=True), timeout=PATIENCE_S))
+    def series(self, conn):
+        self.call("series", conn.series.load, self.folder / "t*.nrrd")
+        self.call("configure", conn.series.configure, loop=True, interpolate=True)
+        self.call("play", conn.series.play, 7.3)
 
-    def record(self, client):
+    def record(self, conn):
         """Anew, as the disk is full after a moment."""
-        running = client.recording.GetRecording(recording_pb2.GetRecordingRequest(),
-                                                timeout=PATIENCE_S).recording.running
-        if running:
-            return
-        self.call("record", lambda: client.recording.StartRecording(
-            recording_pb2.StartRecordingRequest(path=str(self.full / "r.palrec"), overwrite=True),
-            timeout=PATIENCE_S))
+        if not conn.recording.state().running:
+            self.call("record", conn.recording.start, self.full / "r.palrec", overwrite=True)
 
-    def load_something(self, client):
+    def load_something(self, conn):
         number = next(self._numbers)
         if number % 4 == 3:
-            self.series(client)
+            self.series(conn)
             time.sleep(1.0)  # so that it plays
         elif number % 4 == 1:
-            self.upload(client, self._random.choice([64, 128, 192, 256]))
+            self.upload(conn, self._random.choice([64, 128, 192, 256]))
         else:
-            self.load(client, *self._random.choice(LOADS))
+            self.load(conn, *self._random.choice(LOADS))
 
-    def first_round(self, client):
+    def first_round(self, conn):
         """One of each."""
         for load in LOADS:
-            self.load(client, *load)
-            self.edit(client)
-        self.upload(client, 128)
-        self.series(client)
+            self.load(conn, *load)
+            self.edit(conn)
+        self.upload(conn, 128)
+        self.series(conn)
         time.sleep(0.5)
-        self.load(client, 128, "f")
+        self.load(conn, 128, "float32")
         for _ in range(3):
-            self.edit(client)
-        self.take_back(client)
-        self.filter(client)
-        self.save(client)
-        self.record(client)
+            self.edit(conn)
+        for call in (self.take_back, self.filter, self.save, self.record):
+            call(conn)
 
 
-def settled_mib(daemon, script, client):
+def settled_mib(daemon, script, conn):
     """With a small volume and no history, once what was freed is back: the least of two seconds
     without a change of more than a hundredth."""
-    script.load(client, EDGE, "B")
-    script.call("stop", lambda: client.recording.StopRecording(
-        recording_pb2.StopRecordingRequest(), timeout=PATIENCE_S))
+    script.load(conn, EDGE, "uint8")
+    script.call("stop", conn.recording.stop)
     last, since = own_mib(daemon.pid), time.monotonic()
     end = since + 30
     while time.monotonic() < min(since + 3.0, end):
@@ -229,9 +182,10 @@ def everything(script, seconds):
                for n, client in enumerate(clients)]
     rates_hz = [("load_something", 2), ("edit", 20), ("edit", 5), ("take_back", 3), ("filter", 1),
                 ("save", 0.2), ("record", 2)]
-    callers = [Client(script.daemon) for _ in rates_hz]
-    workers = [Worker(name, rate_hz, functools.partial(getattr(script, name), caller))
-               for (name, rate_hz), caller in zip(rates_hz, callers)]
+    callers = contextlib.ExitStack()
+    workers = [Worker(name, rate_hz, functools.partial(
+        getattr(script, name), callers.enter_context(script.daemon.connect())))
+               for name, rate_hz in rates_hz]
     end = time.monotonic() + seconds
     while time.monotonic() < end and not script.wrong:
         time.sleep(0.2)
@@ -243,7 +197,8 @@ def everything(script, seconds):
     for one in [*workers, *readers]:
         one.stop()
     script.wrong += faults(workers, readers)
-    for client in [*clients, *callers]:
+    callers.close()
+    for client in clients:
         client.channel.close()
 
 
@@ -253,12 +208,12 @@ def run(daemon, folder, full_folder, seconds):
     idle_mib = own_mib(daemon.pid)
     sampler = Sampler(daemon.pid)
     script = Script(daemon, folder, full_folder)
-    with Client(daemon) as client:
-        script.first_round(client)
+    with daemon.connect() as conn:
+        script.first_round(conn)
         everything(script, min(10.0, 0.25 * seconds))
-        before_mib = settled_mib(daemon, script, client)
+        before_mib = settled_mib(daemon, script, conn)
         everything(script, seconds)
-        after_mib = settled_mib(daemon, script, client)
+        after_mib = settled_mib(daemon, script, conn)
     metrics = parse_metrics(scrape(daemon.metrics_port))[1]
     held_mib = metrics["palpate_volume_memory_bytes"] / (1 << 20)
     sampler.worker.stop()

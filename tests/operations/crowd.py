@@ -3,10 +3,8 @@
 import threading
 import time
 
-import grpc
-
 from palpate.v1 import volume_stream_pb2
-from support import PATIENCE_S
+from support import PATIENCE_S, StreamReader
 
 
 class Worker:
@@ -36,44 +34,17 @@ class Worker:
         self._thread.join(PATIENCE_S)
 
 
-class VolumeReader:
-    """Follows the voxels, acknowledging what comes; `stands`: reads a few messages, then none."""
+class VolumeReader(StreamReader):
+    """Of the voxels; `stands`: reads a few messages, then none."""
 
     def __init__(self, client, stands=False):
-        self.messages, self.error, self._stopped, self._stands = 0, None, False, stands
-        self._take = threading.Semaphore(0)
-        self._call = client.volume.StreamVolume(self._requests())
-        self._thread = threading.Thread(target=self._read)
-        self._thread.start()
-
-    def _requests(self):
+        self._stands = stands
         start = volume_stream_pb2.StreamVolumeRequest()
         start.start.SetInParent()
-        yield start
-        while True:
-            self._take.acquire()
-            if self._stopped:
-                return
-            request = volume_stream_pb2.StreamVolumeRequest()
-            request.acknowledgement.message_number = self.messages
-            yield request
+        super().__init__(client.volume.StreamVolume, start)
 
-    def _read(self):
-        try:
-            for message in self._call:
-                self.messages = message.message_number
-                if self._stands and self.messages > 3:
-                    return
-                self._take.release()
-        except grpc.RpcError as error:
-            if not self._stopped:
-                self.error = error
-
-    def stop(self):
-        self._stopped = True
-        self._call.cancel()
-        self._take.release()
-        self._thread.join(PATIENCE_S)
+    def take(self, message):
+        return not self._stands or self.messages <= 3
 
 
 def faults(workers, readers):

@@ -96,35 +96,20 @@ class FuzzedFiles(unittest.TestCase):
         print(f"{name}: {codes}")
         self.assertGreater(sum(codes.get(code, 0) for code in (INVALID, TOO_LARGE, FAILED)), 0)
 
-    def file(self, name):
-        def write(data):
-            (self.folder / name).write_bytes(data)
-            return self.folder / name
-        return write
-
-    def test_nrrd(self):
-        self.check("nrrd", self.file("a.nrrd"), corpus_images.nrrds()["lps"])
-
-    def test_nrrd_gzip(self):
-        self.check("nrrd gzip", self.file("a.nrrd"), corpus_images.nrrds()["gzip"])
-
-    def test_meta_image(self):
-        self.check("meta image", self.file("a.mha"), corpus_images.meta_image())
-
-    def test_nifti(self):
-        self.check("nifti", self.file("a.nii"), corpus_images.nifti1())
-
-    def test_nifti_gzip(self):
-        self.check("nifti gzip", self.file("a.nii.gz"), gzip.compress(corpus_images.nifti1()))
-
-    def test_tiff(self):
-        self.check("tiff", self.file("a.tif"), corpus_images.tiffs()["two_pages"],
-                   ["--spacing-mm", "1,1,1"])
-
-    def test_vdb(self):
-        (self.folder / "a.nrrd").write_bytes(corpus_images.nrrds()["lps"])
-        self.run_import(self.folder / "a.nrrd")
-        self.check("vdb", self.file("a.vdb"), self.output.read_bytes())
+    def test_files(self):
+        nrrds, nifti = corpus_images.nrrds(), corpus_images.nifti1()
+        (self.folder / "seed.nrrd").write_bytes(nrrds["lps"])
+        self.run_import(self.folder / "seed.nrrd")
+        for name, seed in {"lps.nrrd": nrrds["lps"], "gzip.nrrd": nrrds["gzip"],
+                           "a.mha": corpus_images.meta_image(), "a.nii": nifti,
+                           "a.nii.gz": gzip.compress(nifti), "a.vdb": self.output.read_bytes(),
+                           "a.tif": corpus_images.tiffs()["two_pages"]}.items():
+            def write(data, path=self.folder / name):
+                path.write_bytes(data)
+                return path
+            with self.subTest(name):
+                self.check(name, write, seed,
+                           ["--spacing-mm", "1,1,1"] if name.endswith("tif") else [])
 
     def test_dicom(self):
         def write(third):

@@ -6,6 +6,7 @@ the files which the pages name: a DICOM folder `scan`, `head.nrrd`, `t*.nrrd`, p
 block that cannot run here says why on the line above it: <!-- not run: REASON -->."""
 
 import concurrent.futures
+import dataclasses
 import os
 import pathlib
 import re
@@ -20,6 +21,7 @@ import numpy as np
 
 from dicom_series import dicom_slice
 from free_port import free_port
+from support import nrrd
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "deploy/guides").glob("*.md"))]
@@ -42,10 +44,13 @@ done
 """
 
 
+@dataclasses.dataclass
 class Block:
-    def __init__(self, page, line, language, reason, text):
-        self.page, self.line, self.language = page, line, language
-        self.reason, self.text = reason, text
+    page: pathlib.Path
+    line: int
+    language: str
+    reason: str | None
+    text: str
 
     def __str__(self):
         return f"{self.page.relative_to(ROOT)}:{self.line}"
@@ -85,14 +90,6 @@ def ball(size, number=0):
     return values.clip(-1000, 1000).astype("<i2")
 
 
-def write_nrrd(file, values):
-    size = len(values)
-    file.write_bytes(f"NRRD0004\ntype: int16\ndimension: 3\nsizes: {size} {size} {size}\n"
-                     "space: left-posterior-superior\nspace directions: (3,0,0) (0,3,0) (0,0,3)\n"
-                     "space origin: (-48,-48,-48)\nencoding: raw\nendian: little\n\n"
-                     .encode() + values.tobytes())
-
-
 def make_files(folder):
     """What the pages call by name."""
     size = 32
@@ -100,9 +97,9 @@ def make_files(folder):
     for z, values in enumerate(ball(size)):
         (folder / f"scan/slice_{z:03}.dcm").write_bytes(
             dicom_slice(z, size, size, values.tobytes()))
-    write_nrrd(folder / "head.nrrd", ball(size))
-    for number in range(3):
-        write_nrrd(folder / f"t{number}.nrrd", ball(size, number))
+    for name, number in (("head", 0), ("t0", 0), ("t1", 1), ("t2", 2)):
+        (folder / f"{name}.nrrd").write_bytes(
+            nrrd(ball(size, number), np.diag([3, 3, 3]).tolist(), (-48, -48, -48)))
     shutil.copy(ROOT / "deploy/config/palpated.toml", folder)
 
 

@@ -7,8 +7,7 @@ import sys
 import tempfile
 import unittest
 
-from palpate.v1 import recording_pb2, registration_pb2, registration_pb2_grpc, volume_pb2
-from support import CALL_S, PALPATED, Client, Daemon, wait_until
+from support import PALPATED, Daemon, wait_until
 
 PRELOAD = os.environ["PALPATE_POWER_LOSS"]
 
@@ -49,11 +48,9 @@ class PowerLoss(unittest.TestCase):
     def test_the_state(self):
         state = self.watched / "deep" / "state"
         with Daemon(folder=self.watched, state=state, wrapper=self.wrapper) as daemon:
-            with Client(daemon) as client:
-                client.set_stiffness(0.625)
-                move = registration_pb2.UpdateRegistrationRequest(scale_by=0.75)
-                registration_pb2_grpc.RegistrationServiceStub(client.channel).UpdateRegistration(
-                    move, timeout=CALL_S)
+            with daemon.connect() as conn:
+                conn.settings.stiffness_n_per_mm = 0.625
+                conn.volume.place(scale_by=0.75)
 
                 def kept(name, text):
                     return any(text in file.read_text() for file in self.names.rglob(name))
@@ -62,21 +59,19 @@ class PowerLoss(unittest.TestCase):
         for file in state.rglob("*.toml"):
             self.assert_outlives(file)
         after = self.names / "deep" / "state"
-        with Daemon(folder=self.watched, state=after) as daemon, Client(daemon) as client:
-            self.assertEqual(client.settings().settings.stiffness_n_per_mm, 0.625)
+        with Daemon(folder=self.watched, state=after) as daemon, daemon.connect() as conn:
+            self.assertEqual(conn.settings.stiffness_n_per_mm, 0.625)
 
     def test_what_is_saved_and_recorded(self):
-        with Daemon(folder=self.watched, wrapper=self.wrapper) as daemon, Client(daemon) as client:
+        with Daemon(folder=self.watched, wrapper=self.wrapper) as daemon, daemon.connect() as conn:
             for name in ("a.vdb", "a.nrrd", "a.vdb"):
-                client.carve(20, 20, 20)
-                list(client.volume.SaveVolume(volume_pb2.SaveVolumeRequest(
-                    path=str(self.watched / name), overwrite=True), timeout=CALL_S))
+                conn.edit.sphere((20, 20, 20), 3, "add", 0.01, frame="index")
+                conn.volume.save(self.watched / name, overwrite=True)
                 self.assertTrue(self.outlives(self.watched / name), name)
             recording = self.watched / "a.palrec"
-            client.record(recording)
-            self.assertTrue(wait_until(lambda: client.recorded_ticks() > 100))
-            client.recording.StopRecording(recording_pb2.StopRecordingRequest(),
-                                           timeout=CALL_S)
+            conn.recording.start(recording)
+            self.assertTrue(wait_until(lambda: conn.recording.state().ticks > 100))
+            conn.recording.stop()
             self.assertTrue(self.outlives(recording))
 
     def test_tokens(self):

@@ -23,9 +23,7 @@ import crash
 import numpy as np
 
 from crowd import VolumeReader, Worker, faults
-from palpate.v1 import recording_pb2, series_pb2, series_pb2_grpc
-from support import (CALL_S, PATIENCE_S, SANITIZED, Client, Daemon, PoseReader, nrrd,
-                     parse_metrics, scrape)
+from support import SANITIZED, Client, Daemon, PoseReader, nrrd, parse_metrics, scrape
 
 EDGE = 48
 FRAMES = 4
@@ -48,13 +46,14 @@ class Soak:
     def __init__(self, daemon):
         self.daemon = daemon
         self.readings = []  # (seconds, metrics, threads)
-        self._clients = [Client(daemon) for _ in range(8)]
+        self._clients = [Client(daemon) for _ in range(7)]
+        self._conn = daemon.connect()
         self._began_s = time.monotonic()
         random.seed(1)
 
     def start(self):
         clients = self._clients
-        self._play_series(clients[0])
+        self._play_series()
         settings, edits, recordings = itertools.count(), itertools.count(), itertools.count()
         # In time for the 16 messages that may be under way; each costs Python a millisecond.
         sparing = {"acknowledge_every": 4}
@@ -66,24 +65,21 @@ class Soak:
                 0.4 + 0.01 * (next(settings) % 20))),
             Worker("edits", 20, lambda: next(edits) + clients[2].carve(
                 place(), place(), place(), 4.0).volume_revision),
-            Worker("recordings", 0.2, lambda: self._record_anew(clients[3], next(recordings))),
+            Worker("recordings", 0.2, lambda: self._record_anew(next(recordings))),
             Worker("scrapes", 1, self._scrape),
             # Viewers come and go; not in step with the scrapes, which would see each of them.
             Worker("visits", 0.73, self._visit)]
 
-    def _play_series(self, client):
+    def _play_series(self):
         write_frames(self.daemon.folder)
-        series = series_pb2_grpc.SeriesServiceStub(client.channel)
-        list(series.LoadSeries(series_pb2.LoadSeriesRequest(
-            sources=[str(self.daemon.folder / "t*.nrrd")]), timeout=PATIENCE_S))
-        series.ControlSeries(series_pb2.ControlSeriesRequest(playing=True, rate_hz=10, loop=True),
-                             timeout=CALL_S)
+        self._conn.series.load(self.daemon.folder / "t*.nrrd")
+        self._conn.series.configure(loop=True)
+        self._conn.series.play(10)
 
-    def _record_anew(self, client, number):
+    def _record_anew(self, number):
         if number:
-            client.recording.StopRecording(recording_pb2.StopRecordingRequest(), timeout=CALL_S)
-        client.recording.StartRecording(recording_pb2.StartRecordingRequest(
-            path=str(self.daemon.folder / "soak.palrec"), overwrite=True), timeout=CALL_S)
+            self._conn.recording.stop()
+        self._conn.recording.start(self.daemon.folder / "soak.palrec", overwrite=True)
 
     def _visit(self):
         with Client(self.daemon) as visitor:
@@ -101,6 +97,7 @@ class Soak:
             reader.stop()
         for client in self._clients:
             client.channel.close()
+        self._conn.close()
 
     def failures(self):
         """What was wrong, in words; prints the figures."""

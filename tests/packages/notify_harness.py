@@ -1,36 +1,18 @@
 """systemd's part for an installed palpated, where no systemd runs: the unit's user, environment and
-command, readiness, and the end. Meanwhile the installed clients use it: COMMAND... is run in
-between. Run as root in the root to test. Watchdog and reload: see daemon_service_test."""
+command, and the end. Meanwhile the installed clients use it: COMMAND... is run in between. Run as
+root in the root to test. Readiness, watchdog and reload: see daemon_service_test."""
 
 import os
 import pathlib
 import pwd
 import re
 import shlex
-import socket
 import subprocess
 import sys
 
-from checks import check, check_run, check_settings, edit_config
+from checks import check, check_run, check_settings, comes_true, edit_config, run
 
 UNIT = "/lib/systemd/system/palpated.service"
-NOTIFY = "/run/palpate-notify"
-
-
-class Manager:
-    """systemd's end of the notifications."""
-
-    def __init__(self):
-        pathlib.Path(NOTIFY).unlink(missing_ok=True)
-        self.socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
-        self.socket.bind(NOTIFY)
-        self.socket.settimeout(60)
-        os.chmod(NOTIFY, 0o666)
-
-    def hears(self, text):
-        while not (said := self.socket.recv(4096).decode()).startswith(text):
-            print("      " + said.replace("\n", " "), flush=True)
-        return True
 
 
 def read_unit():
@@ -56,7 +38,7 @@ def make_folders(unit):
 
 
 def start(unit, environment):
-    environment = dict(environment, PATH=os.environ["PATH"], NOTIFY_SOCKET=NOTIFY,
+    environment = dict(environment, PATH=os.environ["PATH"],
                        STATE_DIRECTORY="/var/lib/" + unit["StateDirectory"].split()[0])
     return subprocess.Popen(
         ["setsid", "setpriv", "--reuid", unit["User"], "--regid", unit["Group"], "--init-groups",
@@ -65,14 +47,12 @@ def start(unit, environment):
 
 
 def main():
-    manager = Manager()
     unit, environment = read_unit()
     make_folders(unit)
     # An upgrade keeps it.
     edit_config("stiffness_n_per_mm = 0.5", "stiffness_n_per_mm = 0.7")
     daemon = start(unit, environment)
-    check("STATUS while loading", manager.hears("STATUS=loading"))
-    check("READY", manager.hears("READY=1"))
+    check("it serves", comes_true(lambda: run("palpate", "info")[0] == 0, 60))
     check_settings("stiffness_n_per_mm", "0.7")
     user = pwd.getpwnam(unit["User"]).pw_uid
     status = pathlib.Path(f"/proc/{daemon.pid}/status").read_text()
@@ -82,7 +62,6 @@ def main():
     if len(sys.argv) > 1:
         check(" ".join(sys.argv[1:]), subprocess.run(sys.argv[1:], check=False).returncode == 0)
     daemon.terminate()
-    check("STOPPING", manager.hears("STOPPING=1"))
     check("a clean end", daemon.wait(30) == 0)
 
 

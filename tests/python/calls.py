@@ -2,19 +2,15 @@
 
 import pathlib
 import tempfile
-import types
 import unittest
 
 import grpc
-import numpy as np
 
-from palpate.v1 import (device_pb2, device_pb2_grpc, geometry_pb2, pose_pb2_grpc,
-                        registration_pb2_grpc, series_pb2_grpc, volume_pb2_grpc)
-from support import Daemon
+from palpate.v1 import device_pb2, geometry_pb2
+from support import Client, Daemon
 
 BAD, ABORTED = grpc.StatusCode.INVALID_ARGUMENT, grpc.StatusCode.ABORTED
 EXHAUSTED = grpc.StatusCode.RESOURCE_EXHAUSTED
-UNTURNED = np.eye(3).tolist()
 
 
 def vector(x, y, z):
@@ -40,16 +36,6 @@ def spoilt(message, **changes):
     return copy
 
 
-def stubs_of(channel):
-    return types.SimpleNamespace(
-        channel=channel,
-        device=device_pb2_grpc.DeviceServiceStub(channel),
-        poses=pose_pb2_grpc.PoseServiceStub(channel),
-        registration=registration_pb2_grpc.RegistrationServiceStub(channel),
-        series=series_pb2_grpc.SeriesServiceStub(channel),
-        volume=volume_pb2_grpc.VolumeServiceStub(channel))
-
-
 class CallsTest(unittest.TestCase):
     """One daemon for all tests of a class, with a configuration of `config`."""
 
@@ -66,8 +52,7 @@ class CallsTest(unittest.TestCase):
         cls.daemon = cls.enterClassContext(
             Daemon(cls.volume, more=["--config", str(config), "--load-folder", "/", *cls.more]))
         cls.conn = cls.enterClassContext(cls.daemon.connect())
-        cls.stubs = stubs_of(cls.enterClassContext(
-            grpc.insecure_channel("unix:" + cls.daemon.socket)))
+        cls.stubs = cls.enterClassContext(Client(cls.daemon))
 
     def refused(self, code, call, *arguments):
         """Makes a call that is refused so, in one line, which it returns."""

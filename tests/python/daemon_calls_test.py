@@ -1,5 +1,5 @@
-"""The daemon's calls as any client may make them: messages that the client libraries do not send, and
-what a call leaves behind."""
+"""The daemon's calls as any client may make them: messages that the client libraries do not send,
+and what a call leaves behind."""
 
 import os
 import pathlib
@@ -12,10 +12,10 @@ import grpc
 import numpy as np
 
 import palpate
-from calls import ABORTED, BAD, EXHAUSTED, UNTURNED, CallsTest, spoilt, stubs_of, vector
+from calls import ABORTED, BAD, EXHAUSTED, CallsTest, spoilt, vector
 from free_port import free_port
 from palpate.v1 import edit_pb2, geometry_pb2, pose_pb2, registration_pb2, series_pb2, volume_pb2
-from support import PATIENCE_S, nrrd, pattern, wait_until
+from support import PATIENCE_S, Client, nrrd, pattern, wait_until
 
 NAN, INFINITY = float("nan"), float("inf")
 DATA = pathlib.Path(os.environ["PALPATE_DATA_DIR"])
@@ -30,22 +30,15 @@ class Requests(CallsTest):
             "/grpc.reflection.v1alpha.ServerReflection/ServerReflectionInfo")
         self.assertIn(b"palpate.v1.PoseService", next(reflect(iter([b"\x3a\x01*"]))))
 
-    def test_a_stream_of_poses_begins_with_its_start(self):
-        good = pose_pb2.StreamPosesRequest(start=pose_pb2.StreamPosesStart(rate_hz=5000))
-        acknowledged = pose_pb2.StreamPosesRequest(
-            acknowledgement=pose_pb2.StreamPosesAcknowledgement(message_number=1))
-        for first in (good, acknowledged, pose_pb2.StreamPosesRequest()):
-            self.refused(BAD, self.stubs.poses.StreamPoses, iter([first]))
-
     def test_bad_places_and_series_are_refused(self):
+        """registration_test has more of the first."""
         place, control = registration_pb2.UpdateRegistrationRequest, series_pb2.ControlSeriesRequest
-        turn = geometry_pb2.Quaternion
         before = self.conn.volume.place().settings_revision
         for bad in (place(device_mm_per_volume_mm=0), place(device_mm_per_voxel=-1),
-                    place(device_mm_per_voxel=2e6), place(scale_by=NAN),
-                    place(center_mm=vector(0, 2e6, 0)), place(translate_mm=vector(0, 0, INFINITY)),
-                    place(rotation=turn(w=2)), place(rotate=turn()),
-                    place(reset=True, scale_by=-1)):
+                    place(scale_by=NAN), place(center_mm=vector(0, 2e6, 0)),
+                    place(translate_mm=vector(0, 0, INFINITY)),
+                    place(rotation=geometry_pb2.Quaternion(w=2)),
+                    place(rotate=geometry_pb2.Quaternion()), place(reset=True, scale_by=-1)):
             self.refused(BAD, self.stubs.registration.UpdateRegistration, bad)
         self.refused(ABORTED, self.stubs.registration.UpdateRegistration,
                      place(reset=True, expected_revision=99))
@@ -54,6 +47,13 @@ class Requests(CallsTest):
             self.refused(BAD, self.stubs.series.LoadSeries,
                          series_pb2.LoadSeriesRequest(sources=bad))
         self.refused(ABORTED, self.stubs.series.ControlSeries, control())
+
+    def test_a_stream_of_poses_begins_with_its_start(self):
+        good = pose_pb2.StreamPosesRequest(start=pose_pb2.StreamPosesStart(rate_hz=5000))
+        acknowledged = pose_pb2.StreamPosesRequest(
+            acknowledgement=pose_pb2.StreamPosesAcknowledgement(message_number=1))
+        for first in (good, acknowledged, pose_pb2.StreamPosesRequest()):
+            self.refused(BAD, self.stubs.poses.StreamPoses, iter([first]))
 
 
 class Edits(CallsTest):
@@ -71,23 +71,20 @@ class Edits(CallsTest):
     def test_bad_edits_have_their_status_and_change_nothing(self):
         before = self.conn.volume.info().volume_revision
         eight = np.full(8, 0.5)
-        cube, box = self.block(1, 2, eight), edit_pb2.BoxShape
-        world = edit_pb2.EDIT_FRAME_WORLD
+        cube, world = self.block(1, 2, eight), edit_pb2.EDIT_FRAME_WORLD
+        # Of each kind one: edit_refusal_test has the others.
         refused = [edit_pb2.EditVolumeRequest(),
                    *(spoilt(self.good, **change) for change in (
                        {"sphere": None}, {"frame": 0}, {"frame": 9}, {"operation": 0},
-                       {"operation": 77}, {"sphere__center": None}, {"sphere__radius": 0},
-                       {"sphere__radius": NAN}, {"sphere__center__y": NAN},
-                       {"sphere__center__x": -500}, {"value": NAN}, {"value": 1.5},
-                       {"strength": 0}, {"strength": 1.5}, {"falloff": -1}, {"box": box()},
-                       {"box": box(min=vector(30, 30, 30), max=vector(20, 20, 20))},
+                       {"operation": 77}, {"sphere__center": None}, {"sphere__radius": NAN},
+                       {"value": NAN}, {"strength": 0}, {"falloff": -1},
+                       {"box": edit_pb2.BoxShape()},
                        {"capsule": edit_pb2.CapsuleShape(to=vector(5, 5, 5), radius=1)})),
                    *(spoilt(cube, **change) for change in (
                        {"block__values": cube.block.values[:-1]}, {"frame": world},
                        {"operation": edit_pb2.EDIT_OPERATION_SMOOTH}, {"falloff": 1})),
-                   self.block(63, 2, eight), self.block(1, 0, []), self.block(1, 3, eight),
-                   self.block(4294967295, 4294967295, eight), self.block(1, 2, eight * 4),
-                   self.block(1, 2, eight * NAN)]
+                   self.block(63, 2, eight), self.block(1, 3, eight),
+                   self.block(4294967295, 4294967295, eight)]
         for n, request in enumerate(refused):
             with self.subTest(n):
                 self.refused(BAD, self.stubs.volume.EditVolume, request)
@@ -145,12 +142,9 @@ class Loads(CallsTest):
 
     def test_a_client_that_does_not_read_holds_nobody(self):
         # Its answer has five bytes of room.
-        channel = self.enterContext(grpc.insecure_channel(
-            "unix:" + self.daemon.socket,
-            options=[("grpc.use_local_subchannel_pool", 1), ("grpc.http2.lookahead_bytes", 5),
-                     ("grpc.http2.bdp_probe", 0)]))
-        unread = stubs_of(channel).volume.LoadVolume(
-            volume_pb2.LoadVolumeRequest(source="builtin:sphere:64"))
+        client = self.enterContext(Client(self.daemon, options=[
+            ("grpc.http2.lookahead_bytes", 5), ("grpc.http2.bdp_probe", 0)]))
+        unread = client.volume.LoadVolume(volume_pb2.LoadVolumeRequest(source="builtin:sphere:64"))
         self.addCleanup(unread.cancel)
         self.assertTrue(wait_until(
             lambda: any("it does not read its answer" in line for line in self.daemon.said), 120))
@@ -192,21 +186,11 @@ class Loads(CallsTest):
         for frame in (20, 0xffffffff):
             self.refused(BAD, self.stubs.volume.LoadVolume, spoilt(request, frame=frame))
 
-    def test_a_file_that_is_no_volume_keeps_what_is_there(self):
-        whole = nrrd(pattern((4, 4, 4)), UNTURNED, (0.0, 0.0, 0.0))
-        before = self.conn.volume.info().volume_revision
-        for content in (whole[:-9], b"no volume", b""):
-            path = self.root / "bad.nrrd"
-            path.write_bytes(content)
-            self.refused(BAD, self.stubs.volume.LoadVolume,
-                         volume_pb2.LoadVolumeRequest(source=str(path)))
-        self.assertEqual(self.conn.volume.info().volume_revision, before)
-
 
 class Uploads(CallsTest):
     volume = "builtin:sphere:16"
     config = '[volume]\nmax_upload_mib = 1\nupload_folder = "{root}"\n'
-    file = nrrd(pattern((9, 8, 7)), UNTURNED, (0.0, 0.0, 0.0))
+    file = nrrd(pattern((9, 8, 7)))
 
     def setUp(self):
         self.start = volume_pb2.UploadVolumeStart(name="a.nrrd", size_bytes=len(self.file),
@@ -277,7 +261,7 @@ class PoseBudget(CallsTest):
     more = ("--listen", address)
 
     def test_one_over_the_network_has_half_of_the_samples(self):
-        channel = self.enterContext(grpc.insecure_channel(self.address))
+        client = self.enterContext(Client(self.daemon, target=self.address))
         ended = threading.Event()
         self.addCleanup(ended.set)
 
@@ -287,7 +271,7 @@ class PoseBudget(CallsTest):
             ended.wait()
 
         def ask():
-            call = stubs_of(channel).poses.StreamPoses(requests())
+            call = client.poses.StreamPoses(requests())
             try:
                 next(call)
             except grpc.RpcError as error:

@@ -8,7 +8,7 @@ import unittest
 
 import numpy as np
 
-from calls import UNTURNED, CallsTest
+from calls import CallsTest
 from support import PALPATE, PATIENCE_S, nrrd, pattern
 
 
@@ -65,7 +65,7 @@ class Commands(CallsTest):
 
     def test_files_are_sent(self):
         file = self.daemon.folder / "sent.nrrd"
-        file.write_bytes(nrrd(pattern((9, 8, 7)), UNTURNED, (0.0, 0.0, 0.0)))
+        file.write_bytes(nrrd(pattern((9, 8, 7))))
         self.palpate("upload @sent.nrrd --normalized-isovalue 0.25")
         self.assertEqual(self.conn.volume.info().source, "upload:sent.nrrd")
         (self.daemon.folder / "empty.nrrd").touch()
@@ -79,7 +79,7 @@ class Commands(CallsTest):
     def test_a_series_plays(self):
         for n in range(3):
             (self.daemon.folder / f"t{8 + n}.nrrd").write_bytes(
-                nrrd(pattern((9, 8, 7)) + n, UNTURNED, (0.0, 0.0, 0.0)))
+                nrrd(pattern((9, 8, 7)) + n))
         self.palpate("series load @t*.nrrd")
         for line in ("rate -.5", "loop on", "interpolate on", "seek 1.5", "play"):
             self.palpate("series " + line)

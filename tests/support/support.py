@@ -16,8 +16,8 @@ import numpy as np
 
 import palpate
 from palpate.v1 import (device_pb2, device_pb2_grpc, edit_pb2, pose_pb2, pose_pb2_grpc,
-                        recording_pb2, recording_pb2_grpc, render_pb2, render_pb2_grpc,
-                        volume_pb2_grpc)
+                        recording_pb2, recording_pb2_grpc, registration_pb2_grpc, render_pb2,
+                        render_pb2_grpc, series_pb2_grpc, volume_pb2_grpc)
 
 from crash import end_in_order
 from free_port import free_port
@@ -165,17 +165,19 @@ class DaemonTest(unittest.TestCase):
 class Client:
     """Stubs on a connection of their own."""
 
-    def __init__(self, daemon, tcp=False, target=None):
+    def __init__(self, daemon, tcp=False, target=None, options=()):
         self.channel = grpc.insecure_channel(
             target or (f"127.0.0.1:{daemon.port}" if tcp else f"unix:{daemon.socket}"),
             options=[("grpc.use_local_subchannel_pool", 1),
                      ("grpc.initial_reconnect_backoff_ms", 100),
-                     ("grpc.max_reconnect_backoff_ms", 1000)])
+                     ("grpc.max_reconnect_backoff_ms", 1000), *options])
         self.render = render_pb2_grpc.RenderServiceStub(self.channel)
         self.volume = volume_pb2_grpc.VolumeServiceStub(self.channel)
         self.device = device_pb2_grpc.DeviceServiceStub(self.channel)
         self.poses = pose_pb2_grpc.PoseServiceStub(self.channel)
         self.recording = recording_pb2_grpc.RecordingServiceStub(self.channel)
+        self.registration = registration_pb2_grpc.RegistrationServiceStub(self.channel)
+        self.series = series_pb2_grpc.SeriesServiceStub(self.channel)
 
     def __enter__(self):
         return self
@@ -228,25 +230,24 @@ class Client:
         return messages
 
 
-class PoseReader:
-    """Follows poses on a thread of its own, acknowledging each message, or every so many, until
-    stop()."""
+class StreamReader:
+    """Follows a stream on a thread of its own, acknowledging each message, or every so many, until
+    stop(). `start`: its first request."""
 
-    def __init__(self, client, rate_hz=60.0, batch=1, acknowledge_every=1):
-        self.samples = 0
-        self.newest = None
+    def __init__(self, stream, start, acknowledge_every=1):
+        self.messages = 0
         self.error = None
         self._next = threading.Semaphore(0)
-        self._number = 0
+        self._start = start
         self._acknowledge_every = acknowledge_every
         self._stopped = self._over = False
-        self._start = pose_pb2.StreamPosesRequest()
-        self._start.start.rate_hz = rate_hz
-        self._start.start.batch = batch
-        self._start.start.max_unacknowledged = 16
-        self._call = client.poses.StreamPoses(self._requests())
+        self._call = stream(self._requests())
         self._thread = threading.Thread(target=self._read, daemon=True)
         self._thread.start()
+
+    def take(self, message):
+        """Of each message; whether it goes on."""
+        return True
 
     def _requests(self):
         yield self._start
@@ -254,30 +255,50 @@ class PoseReader:
             self._next.acquire()
             if self._over:
                 return
-            request = pose_pb2.StreamPosesRequest()
-            request.acknowledgement.message_number = self._number
+            request = type(self._start)()
+            request.acknowledgement.message_number = self.messages
             yield request
 
     def _read(self):
         try:
             for message in self._call:
-                self.samples += len(message.samples)
-                self.newest = message.samples[-1]
-                self._number = message.message_number
-                if self._number % self._acknowledge_every == 0:
+                self.messages = message.message_number
+                if not self.take(message):
+                    return
+                if self.messages % self._acknowledge_every == 0:
                     self._next.release()
+            self._end_requests()
         except grpc.RpcError as error:
             if not self._stopped:
                 self.error = error
-        finally:
-            # gRPC waits for the end of the requests.
-            self._over = True
-            self._next.release()
+            self._end_requests()
+
+    def _end_requests(self):
+        """gRPC waits for their end."""
+        self._over = True
+        self._next.release()
 
     def stop(self):
         self._stopped = True
         self._call.cancel()
+        self._end_requests()
         self._thread.join(PATIENCE_S)
+
+
+class PoseReader(StreamReader):
+    def __init__(self, client, rate_hz=60.0, batch=1, acknowledge_every=1):
+        self.samples = 0
+        self.newest = None
+        start = pose_pb2.StreamPosesRequest()
+        start.start.rate_hz = rate_hz
+        start.start.batch = batch
+        start.start.max_unacknowledged = 16
+        super().__init__(client.poses.StreamPoses, start, acknowledge_every)
+
+    def take(self, message):
+        self.samples += len(message.samples)
+        self.newest = message.samples[-1]
+        return True
 
 
 def scrape(port):

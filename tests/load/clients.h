@@ -1,21 +1,53 @@
-// A subscriber of poses on a connection of its own, without a thread of its own: gRPC
-// calls it back. It acknowledges, as the client library does.
+// Clients that load a daemon: that change settings and voxels at a steady rate, on a thread each;
+// and subscribers of poses on connections of their own, without threads: gRPC calls them back. They
+// acknowledge, as the client library does.
 //
-// Threads: Begin, Stop and the results on the one that made it; the results after Stop.
+// Threads: begin, Stop and the results on the one that made it; the results after Stop.
 #pragma once
 
 #include <grpcpp/grpcpp.h>
 
+#include <atomic>
 #include <condition_variable>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <mutex>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include "palpate/v1/pose.grpc.pb.h"
 
 namespace palpate::load {
+
+class SteadyCaller {
+ public:
+  // call(n): the n-th call, which blocks until it is answered.
+  SteadyCaller(double rate_hz, std::function<grpc::Status(std::uint64_t n)> call);
+  ~SteadyCaller() { Stop(); }
+
+  void Stop();
+  double rate_hz() const { return rate_hz_; }
+  std::uint64_t calls() const { return calls_; }
+  const std::string& error() const { return error_; }  // of the last call that failed
+
+ private:
+  void Run();
+
+  const double rate_hz_;
+  const std::function<grpc::Status(std::uint64_t)> call_;
+  std::atomic<bool> stop_{false};
+  std::uint64_t calls_ = 0;
+  std::string error_;
+  std::thread thread_;
+};
+
+// Stiffness and isovalue in turn, small steps around the middle.
+std::function<grpc::Status(std::uint64_t)> SettingsCalls(const std::string& target);
+// Spheres of 11 voxels across, anywhere in a volume of edge³ voxels.
+std::function<grpc::Status(std::uint64_t)> EditCalls(const std::string& target, int edge,
+                                                     unsigned seed);
 
 struct SubscriberKind {
   const char* name;
