@@ -353,6 +353,7 @@ TEST_F(UsbDeviceTest, CorruptFramesAreCountedAndReportedAtMostOnceASecond) {
         Eventually([&] { return device_->health().corrupt_frames > before.corrupt_frames; }));
     stylus_.SetFaults({});
     ASSERT_TRUE(Eventually([&] { return device_->health().readings > before.readings + 5; }));
+    EXPECT_GT(device_->health().lost_readings, before.lost_readings);
     reports += TakeLines("dropped");
   }
   EXPECT_GE(reports, 1u);
@@ -383,6 +384,20 @@ TEST_F(UsbTimes, KeepsUpWithTheBus) {
               MedianOf(sent));
   EXPECT_GT(MedianOf(read), 0.95);
   EXPECT_LT(MedianOf(sent), 1.2);
+}
+
+TEST_F(UsbTimes, EachReadingIsAnsweredByAForce) {
+  stylus_.SetWaitsForForces(true);
+  StartStreaming();
+  ASSERT_TRUE(Serve(0.0, [&] { return device_->health().readings > 100; }));
+  const DeviceHealth before = device_->health();
+  ASSERT_TRUE(Serve(0.0, [&] { return device_->health().readings > 2000; }));
+  const DeviceHealth after = device_->health();
+  const auto forces = static_cast<double>(after.forces_written - before.forces_written);
+  const double share = forces / static_cast<double>(after.readings - before.readings);
+  std::printf("forces for each reading %.3f\n", share);
+  EXPECT_GT(share, 0.9);
+  EXPECT_LT(share, 1.1);
 }
 
 TEST_F(UsbTimes, TheForceEndsSoonAfterTheServo) {

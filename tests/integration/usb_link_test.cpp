@@ -17,6 +17,7 @@
 #include "server/device/usb/device_log.h"
 #include "tests/support/patience.h"
 #include "tests/support/plain_stylus.h"
+#include "tests/support/usb_error.h"
 #include "tests/support/usb_testbed.h"
 
 namespace palpate::test {
@@ -28,19 +29,8 @@ using Kind = UsbEvent::Kind;
 const UsbMatch kMatch = PlainProtocol().match();
 constexpr milliseconds kPatience{60'000};
 
-struct Refusal {
-  std::optional<UsbFault> fault{};
-  std::string message{};
-  bool Says(const std::string& text) const { return message.find(text) != std::string::npos; }
-};
-
-Refusal RefusalOf(const UsbMatch& match) {
-  try {
-    const UsbLink link(match);
-  } catch (const UsbError& error) {
-    return {.fault = error.fault(), .message = error.what()};
-  }
-  return {};
+UsbError RefusalOf(const UsbMatch& match) {
+  return UsbErrorOf([&] { const UsbLink link(match); });
 }
 
 // File modes hold for root too, on this thread from here on.
@@ -62,7 +52,7 @@ class UsbLinkTest : public ::testing::Test {
 
 TEST_F(UsbLinkTest, FindsWhatIsPluggedIn) {
   EXPECT_TRUE(FindUsbDevices(kMatch.ids).empty());
-  EXPECT_EQ(RefusalOf(kMatch).fault, UsbFault::kAbsent);
+  EXPECT_EQ(RefusalOf(kMatch).fault(), UsbFault::kAbsent);
   bus_.Plug("1-2", other_);
   bus_.Plug("1-1", stylus_);
   const std::vector<UsbFound> found = FindUsbDevices(kMatch.ids);
@@ -78,9 +68,9 @@ TEST_F(UsbLinkTest, FindsWhatIsPluggedIn) {
 TEST_F(UsbLinkTest, TakesTheOneThatIsMeant) {
   bus_.Plug("1-1", stylus_);
   bus_.Plug("1-2", other_);
-  const Refusal several = RefusalOf(kMatch);
-  EXPECT_EQ(several.fault, UsbFault::kAmbiguous);
-  EXPECT_TRUE(several.Says("1-1") && several.Says("1-2")) << several.message;
+  const UsbError several = RefusalOf(kMatch);
+  EXPECT_EQ(several.fault(), UsbFault::kAmbiguous);
+  EXPECT_TRUE(Says(several, "1-1") && Says(several, "1-2")) << several.what();
 
   UsbMatch named = kMatch;
   named.port = "1-2";
@@ -88,9 +78,9 @@ TEST_F(UsbLinkTest, TakesTheOneThatIsMeant) {
   EXPECT_EQ(stylus_.CountOf(Kind::kOpen), 0u);
   EXPECT_EQ(other_.CountOf(Kind::kOpen), 1u);
   named.port = "1-3";
-  const Refusal absent = RefusalOf(named);
-  EXPECT_EQ(absent.fault, UsbFault::kAbsent);
-  EXPECT_TRUE(absent.Says("1-3")) << absent.message;
+  const UsbError absent = RefusalOf(named);
+  EXPECT_EQ(absent.fault(), UsbFault::kAbsent);
+  EXPECT_TRUE(Says(absent, "1-3")) << absent.what();
 }
 
 TEST_F(UsbLinkTest, SaysWhatToDoWithoutPermission) {
@@ -100,10 +90,10 @@ TEST_F(UsbLinkTest, SaysWhatToDoWithoutPermission) {
     const std::vector<UsbFound> found = FindUsbDevices(kMatch.ids);
     ASSERT_EQ(found.size(), 1u);
     EXPECT_FALSE(found[0].may_open);
-    const Refusal refusal = RefusalOf(kMatch);
-    EXPECT_EQ(refusal.fault, UsbFault::kPermission);
-    EXPECT_TRUE(refusal.Says("1-1") && refusal.Says("deploy/udev/70-palpate.rules"))
-        << refusal.message;
+    const UsbError refusal = RefusalOf(kMatch);
+    EXPECT_EQ(refusal.fault(), UsbFault::kPermission);
+    EXPECT_TRUE(Says(refusal, "1-1") && Says(refusal, "deploy/udev/70-palpate.rules"))
+        << refusal.what();
   }).join();
 }
 
@@ -118,7 +108,7 @@ TEST_F(UsbLinkTest, TakesTheKernelsDriverOffAndGivesItBack) {
   EXPECT_EQ(stylus_.CountOf(Kind::kAttachDriver), 1u);
 
   stylus_.SetFaults({.busy = true});
-  EXPECT_EQ(RefusalOf(kMatch).fault, UsbFault::kBusy);
+  EXPECT_EQ(RefusalOf(kMatch).fault(), UsbFault::kBusy);
   EXPECT_EQ(stylus_.CountOf(Kind::kDetachDriver), stylus_.CountOf(Kind::kAttachDriver));
 }
 
@@ -127,7 +117,7 @@ TEST_F(UsbLinkTest, WantsDataEndpointsOfTheClass) {
   for (const std::uint8_t data_class : {std::uint8_t{2}, std::uint8_t{3}}) {
     UsbMatch match = kMatch;
     match.data_class = data_class;  // one endpoint only, or no such interface
-    EXPECT_EQ(RefusalOf(match).fault, UsbFault::kUnsuitable);
+    EXPECT_EQ(RefusalOf(match).fault(), UsbFault::kUnsuitable);
   }
 }
 
@@ -135,9 +125,9 @@ TEST_F(UsbLinkTest, WhatIsKnownToBeNoneIsNotOpened) {
   bus_.Plug("1-1", stylus_);
   UsbMatch match = kMatch;
   match.problem_of = [](const UsbMatch::Ids&) { return std::string("it speaks in tongues"); };
-  const Refusal refusal = RefusalOf(match);
-  EXPECT_EQ(refusal.fault, UsbFault::kUnsuitable);
-  EXPECT_TRUE(refusal.Says("1-1") && refusal.Says("it speaks in tongues")) << refusal.message;
+  const UsbError refusal = RefusalOf(match);
+  EXPECT_EQ(refusal.fault(), UsbFault::kUnsuitable);
+  EXPECT_TRUE(Says(refusal, "1-1") && Says(refusal, "it speaks in tongues")) << refusal.what();
   EXPECT_EQ(stylus_.CountOf(Kind::kClaim), 0u);
 }
 
@@ -147,15 +137,7 @@ TEST_F(UsbLinkTest, SendsAndReceives) {
   std::array<std::uint8_t, 64> bytes{};
   milliseconds timeout{50};
   const auto receive = [&] { return link.Receive(bytes, timeout); };
-  const auto fault_of = [](const auto& call) {
-    try {
-      call();
-    } catch (const UsbError& error) {
-      return std::optional(error.fault());
-    }
-    return std::optional<UsbFault>();
-  };
-  EXPECT_EQ(fault_of(receive), UsbFault::kTimeout);
+  EXPECT_EQ(UsbErrorOf(receive).fault(), UsbFault::kTimeout);
   timeout = kPatience;
   EXPECT_EQ(link.Control(kPlainRequest, kPlainStart, 0, 0, {}, kPatience), 0u);
   EXPECT_EQ(receive(), 4u);
@@ -165,12 +147,12 @@ TEST_F(UsbLinkTest, SendsAndReceives) {
   EXPECT_EQ(stylus_.Forces()[0].x_n, 1.0);
 
   const auto refused = [&] { link.Control(kPlainRequest, 77, 0, 0, {}, kPatience); };
-  EXPECT_EQ(fault_of(refused), UsbFault::kStall);
+  EXPECT_EQ(UsbErrorOf(refused).fault(), UsbFault::kStall);
   stylus_.Stall(kPlainIn, false);
-  EXPECT_EQ(fault_of(receive), UsbFault::kStall);
+  EXPECT_EQ(UsbErrorOf(receive).fault(), UsbFault::kStall);
   EXPECT_EQ(receive(), 4u);  // it was cleared
   bus_.Unplug("1-1");
-  EXPECT_EQ(fault_of(receive), UsbFault::kAbsent);
+  EXPECT_EQ(UsbErrorOf(receive).fault(), UsbFault::kAbsent);
 }
 
 TEST_F(UsbLinkTest, SendsAndReceivesAgainAfterAStream) {

@@ -5,8 +5,7 @@
 namespace palpate::test {
 namespace {
 
-constexpr std::size_t kFrameBytes = 16, kPacketBytes = 64, kStatusBytes = 2;
-constexpr std::uint8_t kNibbleBase = 0x41, kHomed = 7 << 4;  // all three legs, no button
+constexpr std::uint8_t kAllHomed = 7;
 
 // FTDI's vendor requests.
 constexpr std::uint8_t kReset = 0, kModemControl = 1, kSetBaudRate = 3, kSetLatency = 9;
@@ -14,7 +13,7 @@ constexpr std::uint16_t kPurgeFromDevice = 1, kPurgeToDevice = 2;
 constexpr std::uint16_t kDtrHigh = 0x101;
 constexpr std::uint16_t k9600Baud = 0x4138, k140000Baud = 0x15, kStreamBaud = 2;
 
-const Bytes kGreeting = {0x0a, 0x43, 0x0d}, kGreetingAnswer = {0x0a, 0x44, 0x2c, 0x0d};
+const Bytes kGreeting = {0x0a, 0x43, 0x0d}, kGreetingAnswer = {0x00, 0x0a, 0x44, 0x2c, 0x0d};
 constexpr std::uint8_t kSecondGreeting = 0x41;
 
 UsbSpec FalconSpec() {
@@ -37,12 +36,17 @@ void FalconEmulator::SetPath(Path path) {
   path_answers_ = 0;
 }
 
+void FalconEmulator::SetFirmware(Bytes firmware) {
+  const std::scoped_lock lock(mutex());
+  firmware_ = std::move(firmware);
+}
+
 Bytes FalconEmulator::firmware() const {
   const std::scoped_lock lock(mutex());
   return firmware_;
 }
 
-std::vector<FalconForce> FalconEmulator::Forces() const {
+std::vector<FalconCommand> FalconEmulator::Forces() const {
   const std::scoped_lock lock(mutex());
   return forces_;
 }
@@ -69,14 +73,16 @@ std::optional<std::size_t> FalconEmulator::OnControl(const UsbSetup& setup,
   if (setup.request == kSetBaudRate) {
     baud_divisor_ = setup.value;
     to_device_.clear();
-    if (baud_divisor_ == kStreamBaud && !firmware_.empty()) stage_ = Stage::kRunning;
+    if (baud_divisor_ == kStreamBaud && !firmware_.empty()) {
+      stage_ = cannot_run ? Stage::kDumb : Stage::kRunning;
+    }
   }
   return data.size();
 }
 
 void FalconEmulator::OnOut(std::uint8_t endpoint, std::span<const std::uint8_t> bytes) {
   if (endpoint != kOut) return;
-  if (stage_ == Stage::kLoading) return Load(bytes);
+  if (stage_ == Stage::kLoading) return Load({bytes.begin(), bytes.end()});
   to_device_.insert(to_device_.end(), bytes.begin(), bytes.end());
   if (stage_ == Stage::kDumb && baud_divisor_ == k9600Baud && to_device_ == kGreeting) {
     from_device_ = kGreetingAnswer;
@@ -88,49 +94,29 @@ void FalconEmulator::OnOut(std::uint8_t endpoint, std::span<const std::uint8_t> 
     stage_ = Stage::kLoading;
     to_device_.clear();
   } else if (stage_ == Stage::kRunning && baud_divisor_ == kStreamBaud) {
-    while (to_device_.size() >= kFrameBytes) {
-      TakeFrame(std::span(to_device_).first(kFrameBytes));
-      to_device_.erase(to_device_.begin(), to_device_.begin() + kFrameBytes);
+    while (to_device_.size() >= kFalconFrameBytes) {
+      const auto command = DecodeFalconCommand(std::span(to_device_).first(kFalconFrameBytes));
+      if (command) TakeCommand(*command);
+      to_device_.erase(to_device_.begin(), to_device_.begin() + kFalconFrameBytes);
     }
   } else {
     to_device_.clear();  // not understood
   }
 }
 
-void FalconEmulator::Load(std::span<const std::uint8_t> bytes) {
+void FalconEmulator::Load(Bytes bytes) {
   firmware_.insert(firmware_.end(), bytes.begin(), bytes.end());
+  if (spoils_echo && firmware_.size() > 1000) bytes[0] ^= 1;
   from_device_.insert(from_device_.end(), bytes.begin(), bytes.end());
 }
 
-void FalconEmulator::TakeFrame(std::span<const std::uint8_t> frame) {
-  if (frame.front() != '<' || frame.back() != '>') return;
-  FalconForce force;
-  for (std::size_t motor = 0; motor < 3; ++motor) {
-    unsigned word = 0;
-    for (std::size_t n = 0; n < 4; ++n) {
-      word |= ((frame[1 + 4 * motor + n] - kNibbleBase) & 0x0fu) << (4 * n);
-    }
-    force.motors[motor] = static_cast<std::int16_t>(word);
-  }
-  force.lights = static_cast<std::uint8_t>(frame[13] - kNibbleBase);
-  forces_.push_back(force);
-  const Bytes answer = Answer();
+void FalconEmulator::TakeCommand(const FalconCommand& command) {
+  forces_.push_back(command);
+  if (commands_without_answer-- > 0) return;
+  FalconReport report{.homed = kAllHomed};
+  if (path_) report.encoders = path_(path_answers_++);
+  const FalconFrame answer = EncodeFalconReport(report);
   from_device_.insert(from_device_.end(), answer.begin(), answer.end());
-}
-
-Bytes FalconEmulator::Answer() {
-  Bytes frame = {'<'};
-  for (const std::int16_t encoder :
-       path_ ? path_(path_answers_++) : std::array<std::int16_t, 3>{}) {
-    for (unsigned n = 0; n < 4; ++n) {
-      const unsigned nibble = static_cast<std::uint16_t>(encoder) >> (4 * n) & 0x0fu;
-      frame.push_back(static_cast<std::uint8_t>(kNibbleBase + nibble));
-    }
-  }
-  frame.push_back(kNibbleBase + kHomed);
-  frame.push_back(kNibbleBase);
-  frame.push_back('>');
-  return frame;
 }
 
 void FalconEmulator::OnMillisecond() {
@@ -138,7 +124,7 @@ void FalconEmulator::OnMillisecond() {
   if (from_device_.empty() && (quiet_ms_ < latency_ms_ || !IsInEmpty(kIn))) return;
   quiet_ms_ = 0;
   do {
-    const std::size_t count = std::min(from_device_.size(), kPacketBytes - kStatusBytes);
+    const std::size_t count = std::min(from_device_.size(), kFtdiPacketBytes - kFtdiStatusBytes);
     Bytes packet = {0x01, 0x60};
     packet.insert(packet.end(), from_device_.begin(),
                   from_device_.begin() + static_cast<std::ptrdiff_t>(count));

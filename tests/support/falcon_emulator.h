@@ -15,18 +15,13 @@
 // Threads: as EmulatedUsbDevice.
 #pragma once
 
+#include <atomic>
 #include <functional>
 
+#include "server/device/falcon/frames.h"
 #include "tests/support/usb_emulator.h"
 
 namespace palpate::test {
-
-// A force frame as the device received it.
-struct FalconForce {
-  std::array<std::int16_t, 3> motors{};
-  std::uint8_t lights = 0;  // LEDs, and the homing bit 0
-  bool IsZero() const { return motors == std::array<std::int16_t, 3>{}; }
-};
 
 class FalconEmulator final : public EmulatedUsbDevice {
  public:
@@ -39,8 +34,14 @@ class FalconEmulator final : public EmulatedUsbDevice {
   using Path = std::function<std::array<std::int16_t, 3>(int)>;
   void SetPath(Path path);
 
+  void SetFirmware(Bytes firmware);
   Bytes firmware() const;  // as it was loaded
-  std::vector<FalconForce> Forces() const;
+  // The commands as the device received them, oldest first.
+  std::vector<FalconCommand> Forces() const;
+
+  std::atomic<bool> spoils_echo = false;  // of the firmware's later part
+  std::atomic<bool> cannot_run = false;   // the firmware is not for it
+  std::atomic<int> commands_without_answer = 0;
 
  private:
   enum class Stage : std::uint8_t { kDumb, kGreeted, kLoading, kRunning };
@@ -51,9 +52,8 @@ class FalconEmulator final : public EmulatedUsbDevice {
   void OnOut(std::uint8_t endpoint, std::span<const std::uint8_t> bytes) override;
   void OnMillisecond() override;
 
-  void TakeFrame(std::span<const std::uint8_t> frame);
-  void Load(std::span<const std::uint8_t> bytes);
-  Bytes Answer();
+  void Load(Bytes bytes);
+  void TakeCommand(const FalconCommand& command);
 
   Path path_;
   int path_answers_ = 0;
@@ -62,7 +62,7 @@ class FalconEmulator final : public EmulatedUsbDevice {
   Bytes to_device_, from_device_, firmware_;
   int latency_ms_ = 16, quiet_ms_ = 0;
   std::uint16_t baud_divisor_ = 0;
-  std::vector<FalconForce> forces_;
+  std::vector<FalconCommand> forces_;
 };
 
 }  // namespace palpate::test

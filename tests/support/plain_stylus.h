@@ -39,6 +39,8 @@ class PlainStylus final : public EmulatedUsbDevice {
 
   // Stops the readings; transfers still work.
   void SetMute(bool mute) { mute_ = mute; }
+  // Sends each reading only after the force that answers the one before, or after 20 ms.
+  void SetWaitsForForces(bool waits) { waits_ = waits; }
   // Makes readings longer than any transfer, so transfers fail.
   void SetBabble(bool babble) { babble_ = babble; }
   std::vector<PlainForce> Forces() const {
@@ -67,10 +69,13 @@ class PlainStylus final : public EmulatedUsbDevice {
     if (bytes.size() != 4 || bytes[0] != 0xa5) return;
     const auto x = static_cast<std::int16_t>(bytes[2] | bytes[3] << 8);
     forces_.push_back({.time_ns = NowNs(), .motors_on = bytes[1] != 0, .x_n = x / 100.0});
+    waited_ms_ = kMostWaitMs;
     if (answers_) Answer();
   }
   void OnMillisecond() override {
-    if (!answers_) Answer();
+    if (answers_ || (waits_ && waited_ms_++ < kMostWaitMs)) return;
+    waited_ms_ = 0;
+    Answer();
   }
   void Answer() {
     if (!streams_ || mute_) return;
@@ -81,7 +86,10 @@ class PlainStylus final : public EmulatedUsbDevice {
     x_ = static_cast<std::int16_t>((x_ + 1) % 1000);
   }
 
+  static constexpr int kMostWaitMs = 20;
   const bool answers_;
+  int waited_ms_ = 0;
+  std::atomic<bool> waits_ = false;
   std::atomic<bool> mute_ = false;
   std::atomic<bool> babble_ = false;
   bool streams_ = false;
@@ -108,7 +116,9 @@ class PlainProtocol final : public UsbProtocol {
   UsbReceived Receive(std::span<const std::uint8_t> bytes, DeviceState& state) noexcept override {
     if (bytes.size() != 4 || bytes[0] != 0x5a) return {.corrupt_frames = 1};
     state.p_DHip_mm.x() = static_cast<std::int16_t>(bytes[2] | bytes[3] << 8) / 100.0;
-    return {.has_reading = true, .readings = 1};
+    const auto lost = static_cast<std::uint8_t>(bytes[1] - last_number_ - 1);
+    last_number_ = bytes[1];
+    return {.has_reading = true, .readings = 1, .lost_readings = lost};
   }
   std::size_t Encode(const Vec3& force_D_n, bool forces_on,
                      std::span<std::uint8_t, kMaxFrameBytes> out) noexcept override {
@@ -131,6 +141,7 @@ class PlainProtocol final : public UsbProtocol {
 
  private:
   const bool answers_;
+  std::uint8_t last_number_ = 0;
   DeviceSpec spec_;
   UsbMatch match_;
 };

@@ -6,15 +6,17 @@
 // Everything else is an assumption, because the servo stream over USB is not public. The emulator
 // uses what the configuration calls `framed-firewire`: the FireWire device's frames
 // (server/device/omni) in that framing, with command bytes of our choice. Endpoints and
-// their addresses are invented. This emulator says nothing about real devices.
+// their addresses are invented, and so is the order of its interfaces. This emulator says nothing
+// about real devices.
 //
 // Threads: as EmulatedUsbDevice. Frame D: mm.
 #pragma once
 
+#include <atomic>
 #include <functional>
 
 #include "common/geometry/geometry.h"
-#include "server/device/omni/firewire_frames.h"
+#include "server/device/omni/usb_frames.h"
 #include "tests/support/usb_emulator.h"
 
 namespace palpate::test {
@@ -23,13 +25,12 @@ namespace palpate::test {
 struct TouchForce {
   std::array<int, 3> motors{};  // counts; 0: no force
   bool enabled = false;
-  bool IsZero() const { return motors == std::array<int, 3>{}; }
 };
 
 class TouchEmulator final : public EmulatedUsbDevice {
  public:
-  static constexpr std::uint8_t kStateCommand = 0x21, kForceCommand = 0x22;
   static constexpr std::uint8_t kNotify = 0x81, kDataIn = 0x82, kDataOut = 0x03;
+  static constexpr std::uint8_t kControlInterface = 1;
 
   TouchEmulator();
 
@@ -38,21 +39,18 @@ class TouchEmulator final : public EmulatedUsbDevice {
   // it. It begins with all encoders at 0, at (0, -110, -35).
   using Path = std::function<Vec3(double)>;
   void SetPath(Path path);
-  void SetDocked(bool docked);
-  void SetButtons(bool first, bool second);
-  // Leaves out every nth state frame, as if lost in transfer; 0: none.
-  void SetLossEvery(unsigned n);
+
+  std::atomic<bool> docked = false;
+  std::atomic<unsigned> buttons = 0;  // bit n: button n is pressed
   // Sends each state only after the force that answers the state before, or after 20 ms. Counts
   // then do not depend on the speed of the emulated bus.
-  void SetWaitsForForces(bool waits);
-  // Makes the first byte of every nth state frame wrong; 0: none.
-  void SetBadFrameEvery(unsigned n);
+  std::atomic<bool> waits_for_forces = false;
+  std::atomic<int> queries_without_answer = 0;
+  std::atomic<bool> break_mends = false;  // a device that is silent
 
-  bool is_streaming() const;  // the host has started its servo
+  bool is_streaming() const { return streaming_; }  // the host has started its servo
   // All whole force frames, oldest first.
   std::vector<TouchForce> Forces() const;
-  // The commands of all other whole frames, oldest first.
-  Bytes Commands() const;
   // The number of bytes that were not part of a frame.
   std::size_t garbage_bytes() const;
 
@@ -64,23 +62,16 @@ class TouchEmulator final : public EmulatedUsbDevice {
   void OnMillisecond() override;
 
   void TakeFrame(std::uint8_t command, std::span<const std::uint8_t> payload);
-  void Send(std::uint8_t command, std::span<const std::uint8_t> payload, bool bad = false);
-  Bytes StateFrame();
+  void Answer(OmniUsbCommand reply, const std::string& text);
 
   Path path_;
   std::uint32_t path_begin_ = 0;  // of counter_
-  bool docked_ = false, waits_for_forces_ = false;
   unsigned waited_ms_ = 0;
-  std::array<bool, 2> buttons_{};
-  unsigned loss_every_ = 0, bad_every_ = 0;
-
-  Bytes received_;  // not yet a whole frame
-  bool streaming_ = false;
+  OmniUsbParser parser_;
+  std::atomic<bool> streaming_ = false;
   std::uint32_t counter_ = 0;
-  std::array<std::int16_t, 3> encoders_{};
+  std::array<int, 3> encoders_{};
   std::vector<TouchForce> forces_;
-  Bytes commands_;
-  std::size_t garbage_bytes_ = 0;
 };
 
 }  // namespace palpate::test

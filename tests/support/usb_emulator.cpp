@@ -94,6 +94,43 @@ bool EmulatedUsbDevice::IsInEmpty(std::uint8_t endpoint) const {
   return queue == in_.end() || queue->second.empty();
 }
 
+std::optional<std::size_t> EmulatedUsbDevice::Control(const UsbSetup& setup,
+                                                      std::span<std::uint8_t> data) {
+  Bytes bytes = {setup.request_type, setup.request};
+  for (const unsigned word : {setup.value, setup.index, setup.length}) PutWord(word, bytes);
+  if (!(setup.request_type & 0x80)) bytes.insert(bytes.end(), data.begin(), data.end());
+  Log(UsbEvent::Kind::kControl, setup.request, bytes);
+  if (faults_.refuses_requests) return std::nullopt;
+  if (setup.request_type != 0x80 || setup.request != 6 || setup.value != 0x0200) {
+    return OnControl(setup, data);
+  }
+  constexpr std::size_t kDeviceDescriptorBytes = 18;
+  const Bytes descriptors = MakeUsbDescriptors(spec_);
+  const auto configuration = std::span(descriptors).subspan(kDeviceDescriptorBytes);
+  const std::size_t count = std::min(configuration.size(), data.size());
+  std::copy_n(configuration.begin(), count, data.begin());
+  return count;
+}
+
+bool EmulatedUsbDevice::Out(std::uint8_t endpoint, std::span<const std::uint8_t> bytes) {
+  if (faults_.deaf) return false;
+  Log(UsbEvent::Kind::kOut, endpoint, bytes);
+  OnOut(endpoint, bytes);
+  return true;
+}
+
+std::optional<Bytes> EmulatedUsbDevice::TakeIn(std::uint8_t endpoint) {
+  std::deque<Bytes>& queue = in_[endpoint];
+  if (faults_.silent) queue.clear();
+  if (queue.empty()) return std::nullopt;
+  Bytes packet = std::move(queue.front());
+  queue.pop_front();
+  ++in_transfers_;
+  if (faults_.cut_in_to) packet.resize(std::min(packet.size(), *faults_.cut_in_to));
+  if (const auto at = faults_.corrupt_in; at && *at < packet.size()) packet[*at] ^= 0xff;
+  return packet;
+}
+
 void EmulatedUsbDevice::Log(UsbEvent::Kind kind, std::uint8_t number,
                             std::span<const std::uint8_t> bytes) {
   events_.push_back({.kind = kind, .number = number, .bytes = Bytes(bytes.begin(), bytes.end())});

@@ -1,5 +1,6 @@
 // An emulated USB device: its descriptors, its behaviour (control requests, data from and to the
-// host), its faults, and a log of the host's actions. UsbTestbed plugs it in.
+// host), its faults, and a log of the host's actions. UsbTestbed plugs it into a bus;
+// direct_usb_link.h does without one.
 //
 // It proves behaviour, not timing, and nothing about hardware: it is only as true as our knowledge
 // of a device.
@@ -19,6 +20,10 @@
 #include <span>
 #include <string>
 #include <vector>
+
+namespace palpate {
+class UsbLink;
+}
 
 namespace palpate::test {
 
@@ -67,6 +72,8 @@ struct UsbFaults {
   bool busy = false;                        // another program has claimed the interfaces
   std::optional<std::size_t> cut_in_to{};   // IN transfers end after this many bytes
   std::optional<std::size_t> corrupt_in{};  // this byte of each IN transfer is wrong
+  bool refuses_requests = false;            // stalls all control requests
+  std::optional<int> outs_until_gone{};     // then pulled out; without a bus only
 };
 
 // The host's actions, in order.
@@ -82,7 +89,6 @@ struct UsbEvent {
     kOut,      // number: endpoint
     kLateOut,  // as kOut, but tried after the device was pulled out
     kClearHalt,
-    kReset,
   };
   Kind kind = Kind::kOpen;
   std::uint8_t number = 0;
@@ -124,10 +130,19 @@ class EmulatedUsbDevice {
   // are lost.
   void QueueIn(std::uint8_t endpoint, Bytes bytes);
   bool IsInEmpty(std::uint8_t endpoint) const;
+  void EndFaults() { faults_ = {}; }
 
  private:
+  // These hold the mutex. A UsbLink without a bus has the device for itself.
   friend class UsbPort;
+  friend class palpate::UsbLink;
 
+  // As the device and its faults have it. None: refused (a stall).
+  std::optional<std::size_t> Control(const UsbSetup& setup, std::span<std::uint8_t> data);
+  // Returns false if it does not end.
+  bool Out(std::uint8_t endpoint, std::span<const std::uint8_t> bytes);
+  // None: nothing comes.
+  std::optional<Bytes> TakeIn(std::uint8_t endpoint);
   void Log(UsbEvent::Kind kind, std::uint8_t number = 0, std::span<const std::uint8_t> bytes = {});
   bool IsStalled(std::uint8_t endpoint) const { return stalls_.contains(endpoint); }
 

@@ -163,8 +163,6 @@ int UsbPort::Answer(UMockdevIoctlClient* client) {
       return 0;
     }
     case USBDEVFS_RESET:
-      device_.Log(UsbEvent::Kind::kReset);
-      return 0;
     case USBDEVFS_SETCONFIGURATION:
     case USBDEVFS_SETINTERFACE:
     case USBDEVFS_RESETEP:
@@ -296,39 +294,25 @@ bool UsbPort::TryEnd(Urb& urb) {
 void UsbPort::EndControl(Urb& urb) {
   const std::span<std::uint8_t> bytes = urb.bytes();
   if (bytes.size() < kSetupBytes) return Finish(urb, -EINVAL, 0);
-  const UsbSetup setup = ReadSetup(bytes);
   const std::span<std::uint8_t> data = bytes.subspan(kSetupBytes);
-  device_.Log(UsbEvent::Kind::kControl, setup.request,
-              setup.request_type & kIn ? bytes.first(kSetupBytes) : bytes);
-  const auto answered = device_.OnControl(setup, data);
+  const auto answered = device_.Control(ReadSetup(bytes), data);
   if (!answered) return Finish(urb, -EPIPE, 0);
   Finish(urb, 0, std::min(*answered, data.size()));
 }
 
 bool UsbPort::TryEndIn(Urb& urb) {
-  std::deque<Bytes>& queue = device_.in_[urb.fields().endpoint];
-  if (device_.faults_.silent) queue.clear();
-  if (queue.empty()) return false;
-  Bytes packet = std::move(queue.front());
-  queue.pop_front();
-  if (device_.faults_.cut_in_to) {
-    packet.resize(std::min(packet.size(), *device_.faults_.cut_in_to));
-  }
-  if (const auto at = device_.faults_.corrupt_in; at && *at < packet.size()) packet[*at] ^= 0xff;
+  const auto packet = device_.TakeIn(urb.fields().endpoint);
+  if (!packet) return false;
   const std::span<std::uint8_t> bytes = urb.bytes();
-  const std::size_t count = std::min(packet.size(), bytes.size());
-  std::copy_n(packet.begin(), count, bytes.begin());
-  ++device_.in_transfers_;
-  Finish(urb, count < packet.size() ? -EOVERFLOW : 0, count);
+  const std::size_t count = std::min(packet->size(), bytes.size());
+  std::copy_n(packet->begin(), count, bytes.begin());
+  Finish(urb, count < packet->size() ? -EOVERFLOW : 0, count);
   return true;
 }
 
 bool UsbPort::TryEndOut(Urb& urb) {
-  if (device_.faults_.deaf) return false;
-  const std::span<const std::uint8_t> bytes = urb.bytes();
-  device_.Log(UsbEvent::Kind::kOut, urb.fields().endpoint, bytes);
-  device_.OnOut(urb.fields().endpoint, bytes);
-  Finish(urb, 0, bytes.size());
+  if (!device_.Out(urb.fields().endpoint, urb.bytes())) return false;
+  Finish(urb, 0, urb.bytes().size());
   return true;
 }
 

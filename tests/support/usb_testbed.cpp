@@ -1,24 +1,17 @@
 #include "tests/support/usb_testbed.h"
 
-#include <arpa/inet.h>
 #include <sched.h>
-#include <sys/socket.h>
 #include <sys/stat.h>
-#include <sys/un.h>
 #include <time.h>
 #include <umockdev.h>
-#include <unistd.h>
 
-#include <array>
 #include <atomic>
 #include <chrono>
-#include <cstring>
 #include <filesystem>
 #include <list>
 #include <mutex>
 #include <stdexcept>
 #include <thread>
-#include <utility>
 
 #include "tests/support/usb_port.h"
 
@@ -26,8 +19,6 @@ namespace palpate::test {
 namespace {
 
 constexpr const char* kPreload = "libumockdev-preload.so.0";
-// MurmurHash2 of "usb" and "usb_device".
-constexpr std::uint32_t kSubsystemHash = 0x0577c5e5, kDeviceTypeHash = 0x27f8f50c;
 constexpr std::int64_t kMillisecondNs = 1'000'000;
 
 std::string Hex(const Bytes& bytes) {
@@ -59,34 +50,6 @@ std::string Description(const std::string& path, int number, const UsbSpec& spec
          "A: bNumConfigurations=1\\n\nA: speed=480\\n\nA: idVendor=" + Hex(spec.vendor) +
          "\\n\nA: idProduct=" + Hex(spec.product) +
          "\\n\nH: descriptors=" + Hex(MakeUsbDescriptors(spec)) + "\n";
-}
-
-// As udev tells its listeners: a header of ten words, then NAME=value strings. Two of
-// the words are hashes, which listeners have the kernel compare.
-Bytes MakeUevent(const std::vector<std::pair<std::string, std::string>>& properties) {
-  std::string text;
-  for (const auto& [name, value] : properties) text += name + "=" + value + '\0';
-  constexpr std::uint32_t kHeaderBytes = 40;
-  const std::array<std::uint32_t, 6> words = {
-      htonl(0xfeedcafe),     kHeaderBytes,
-      kHeaderBytes,          static_cast<std::uint32_t>(text.size()),
-      htonl(kSubsystemHash), htonl(kDeviceTypeHash)};
-  Bytes message(kHeaderBytes);
-  std::memcpy(message.data(), "libudev", 8);
-  std::memcpy(message.data() + 8, words.data(), sizeof(words));
-  message.insert(message.end(), text.begin(), text.end());
-  return message;
-}
-
-// A listener that is gone hears nothing.
-void Send(const Bytes& message, const std::string& socket_path) {
-  sockaddr_un address{};
-  address.sun_family = AF_UNIX;
-  socket_path.copy(address.sun_path, sizeof(address.sun_path) - 1);
-  const int file = socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0);
-  sendto(file, message.data(), message.size(), 0, reinterpret_cast<const sockaddr*>(&address),
-         sizeof(address));
-  close(file);
 }
 
 gboolean OnIoctl(UMockdevIoctlBase*, UMockdevIoctlClient* client, gpointer port) {
@@ -146,19 +109,6 @@ struct UsbTestbed::Impl {
     }
   }
 
-  // umockdev's own way to tell udev's listeners works in a preloaded process only.
-  void Announce(const std::string& action, const Plugged& one) {
-    const Bytes message = MakeUevent({{"ACTION", action},
-                                      {"DEVPATH", one.path},
-                                      {"SUBSYSTEM", "usb"},
-                                      {"DEVTYPE", "usb_device"},
-                                      {"DEVNAME", one.node},
-                                      {"SEQNUM", std::to_string(next_event++)}});
-    for (const auto& entry : std::filesystem::directory_iterator(root)) {
-      if (entry.path().filename().string().starts_with("event")) Send(message, entry.path());
-    }
-  }
-
   void RunMilliseconds() {
     std::int64_t due_ns = NowNs();
     while (!stop) {
@@ -174,7 +124,7 @@ struct UsbTestbed::Impl {
 
   UMockdevTestbed* testbed = nullptr;
   std::string root{};
-  int next_number = 2, next_event = 1;
+  int next_number = 2;
   std::mutex mutex{};  // of `plugged`
   std::list<Plugged> plugged{};
   std::atomic<bool> stop = false;
@@ -229,7 +179,6 @@ void UsbTestbed::Plug(const std::string& port, EmulatedUsbDevice& device, bool m
   }
   impl_->Add(Description(one.path, number, device.spec()));
   const std::scoped_lock lock(impl_->mutex);
-  impl_->Announce("add", one);
   impl_->plugged.push_back(std::move(one));
 }
 
@@ -240,7 +189,6 @@ void UsbTestbed::Unplug(const std::string& port) {
     one.gone = true;
     one.usb->Pull();
     umockdev_testbed_remove_device(impl_->testbed, ("/sys" + one.path).c_str());
-    impl_->Announce("remove", one);
     return;
   }
   throw std::logic_error("nothing is plugged into " + port);

@@ -1,6 +1,6 @@
-// Captures of real devices, decoded: those in tests/data/captures/<kind>/ and in
-// $PALPATE_CAPTURES/<kind>/. deploy/guides/devices.md says how they are made, and what
-// they prove. A synthetic capture, written here, proves that this test can tell.
+// Captures of a real Touch, decoded: those in tests/data/captures/omni-usb/ and in
+// $PALPATE_CAPTURES/omni-usb/. deploy/guides/devices.md says how they are made, and what they
+// prove. A synthetic capture, written here, proves that this test can tell.
 #include <gtest/gtest.h>
 #include <pcap/pcap.h>
 #include <pcap/usb.h>
@@ -9,58 +9,115 @@
 #include <cstdlib>
 #include <cstring>
 #include <fstream>
-#include <functional>
 #include <iostream>
 #include <map>
+#include <memory>
 #include <optional>
-#include <random>
 #include <sstream>
 
-#include "server/device/omni/omni_usb_protocol.h"
 #include "tests/support/omni_frames.h"
 #include "tests/support/places.h"
 #include "tests/support/temporary_folder.h"
-#include "tests/support/usb_capture.h"
 
 namespace palpate {
 namespace {
 
 using Bytes = std::vector<std::uint8_t>;
-using test::UsbTransfer;
 using Settings = std::map<std::string, int>;
+using CapturePath = std::filesystem::path;
 
-// What a decoder made of one capture.
-struct Judgement {
-  std::size_t in_bytes = 0;
-  std::size_t corrupt_bytes = 0;  // in no frame
-  bool names_frames = false;      // the capture's text file says which they are
-  std::size_t readings = 0;
-  std::size_t rises = 0;  // readings whose number is a little above the last one's
-  std::size_t calibrated = 0;
-  std::size_t within_box = 0;  // of the calibrated ones
-  std::string summary{};       // for whoever looks for command bytes
+// Incoming data at completion, outgoing data at submission, of a bulk or interrupt transfer.
+struct CapturedTransfer {
+  double time_s = 0.0;
+  int device = 0;    // its address on the bus
+  int endpoint = 0;  // with the direction: 0x80 and above come in
+  Bytes payload{};
 };
+using Transfers = std::vector<CapturedTransfer>;
 
-// Within the workspace, larger by half of its size at each side: the dock is there too.
-bool IsNearWorkspace(const DeviceSpec& spec, const Vec3& p_mm) {
-  const Vec3 margin_mm = 0.5 * (spec.workspace_max_mm - spec.workspace_min_mm);
-  return ((p_mm - spec.workspace_min_mm + margin_mm).array() >= 0.0).all() &&
-         ((spec.workspace_max_mm + margin_mm - p_mm).array() >= 0.0).all();
+// Both headers of usbmon begin alike, and libpcap has put the numbers into this machine's order.
+std::optional<CapturedTransfer> TransferOf(std::span<const std::uint8_t> event,
+                                           std::size_t header_bytes) {
+  if (event.size() < header_bytes) throw std::runtime_error("an event without its header");
+  pcap_usb_header header;
+  std::memcpy(&header, event.data(), sizeof header);
+  const bool in = (header.endpoint_number & URB_TRANSFER_IN) != 0;
+  const bool carries = header.event_type == (in ? URB_COMPLETE : URB_SUBMIT);
+  const bool is_data = header.transfer_type == URB_BULK || header.transfer_type == URB_INTERRUPT;
+  if (!carries || !is_data || header.data_flag != 0 || header.data_len == 0) return std::nullopt;
+  event = event.subspan(header_bytes);
+  if (event.size() < header.data_len) {
+    throw std::runtime_error("its events are cut off: capture with `tcpdump -s 0`");
+  }
+  return CapturedTransfer{.time_s = static_cast<double>(header.ts_sec) + 1e-6 * header.ts_usec,
+                          .device = header.device_address,
+                          .endpoint = header.endpoint_number,
+                          .payload = {event.begin(), event.begin() + header.data_len}};
 }
 
-OmniUsbParser ParserFor(const Settings& settings) {
-  OmniUsbParser parser;
-  if (settings.contains("state_command")) {
-    parser.Expect({static_cast<std::uint8_t>(settings.at("state_command")), kOmniStateBytes});
+// A pcap or pcapng file of Linux's usbmon.
+Transfers ReadCapture(const CapturePath& file) {
+  char problem[PCAP_ERRBUF_SIZE] = "";
+  const std::unique_ptr<pcap_t, decltype(&pcap_close)> capture(
+      pcap_open_offline(file.c_str(), problem), pcap_close);
+  if (!capture) throw std::runtime_error(problem);
+  const int linktype = pcap_datalink(capture.get());
+  if (linktype != DLT_USB_LINUX && linktype != DLT_USB_LINUX_MMAPPED) {
+    throw std::runtime_error(file.string() + " is no capture of usbmon");
   }
-  return parser;
+  const std::size_t header_bytes =
+      linktype == DLT_USB_LINUX ? sizeof(pcap_usb_header) : sizeof(pcap_usb_header_mmapped);
+  Transfers transfers;
+  pcap_pkthdr* header = nullptr;
+  const std::uint8_t* event = nullptr;
+  int found = 0;
+  while ((found = pcap_next_ex(capture.get(), &header, &event)) == 1) {
+    auto transfer = TransferOf({event, header->caplen}, header_bytes);
+    if (transfer) transfers.push_back(std::move(*transfer));
+  }
+  if (found != PCAP_ERROR_BREAK) throw std::runtime_error(pcap_geterr(capture.get()));
+  return transfers;
+}
+
+// Those whose device or endpoint is `wanted`; 0: the one that carries most in this direction.
+Transfers Only(const Transfers& transfers, bool in, int CapturedTransfer::*of, int wanted = 0) {
+  std::map<int, std::size_t> bytes;
+  for (const CapturedTransfer& transfer : transfers) {
+    if ((transfer.endpoint >= 0x80) == in) bytes[transfer.*of] += transfer.payload.size();
+  }
+  std::size_t most = 0;
+  for (const auto& [key, count] : bytes) {
+    if (wanted == 0 || (most > 0 && count > most)) {
+      wanted = key;
+      most = count;
+    }
+  }
+  Transfers those;
+  std::ranges::copy_if(transfers, std::back_inserter(those),
+                       [&](const auto& transfer) { return transfer.*of == wanted; });
+  return those;
+}
+
+// The text file beside a capture has lines "name = value". # begins a comment.
+Settings ReadSettings(const CapturePath& capture) {
+  Settings settings;
+  std::ifstream file(CapturePath(capture).replace_extension(".txt"));
+  for (std::string line; std::getline(file, line);) {
+    line.erase(std::min(line.find('#'), line.size()));
+    const std::size_t equals = line.find('=');
+    std::string name;
+    if (!(std::istringstream(line.substr(0, equals)) >> name)) continue;
+    if (equals == std::string::npos) throw std::runtime_error("no value: " + line);
+    settings[name] = std::stoi(line.substr(equals + 1), nullptr, 0);
+  }
+  return settings;
 }
 
 // Which frames there are, of what length and how often: "in 0x21: 44 bytes, 1000/s".
-std::string FrameTable(const std::vector<UsbTransfer>& transfers, const char* direction) {
+std::string FrameTable(const Transfers& transfers, const char* direction) {
   std::map<std::pair<int, std::size_t>, int> counts;
   OmniUsbParser parser;
-  for (const UsbTransfer& transfer : transfers) {
+  for (const CapturedTransfer& transfer : transfers) {
     std::span<const std::uint8_t> bytes = transfer.payload;
     while (const auto frame = parser.Next(bytes)) ++counts[{frame->command, frame->payload.size()}];
   }
@@ -76,109 +133,95 @@ std::string FrameTable(const std::vector<UsbTransfer>& transfers, const char* di
   return table.str();
 }
 
-void JudgeReadings(const std::vector<UsbTransfer>& in, const Settings& settings,
-                   Judgement& judgement) {
-  OmniUsbOptions options;
-  options.frames = OmniUsbFrames::kFramedFirewire;
-  options.init_payload.emplace();
-  options.state_command = static_cast<std::uint8_t>(settings.at("state_command"));
-  options.force_command = static_cast<std::uint8_t>(
-      settings.contains("force_command") ? settings.at("force_command") : 0);
-  OmniUsbProtocol protocol(options);
-  OmniUsbParser parser = ParserFor(settings);
-  std::optional<std::uint32_t> counter;
-  for (const UsbTransfer& transfer : in) {
-    std::span<const std::uint8_t> bytes = transfer.payload;
-    while (const auto frame = parser.Next(bytes)) {
-      if (frame->command != options.state_command) continue;
-      const auto omni = DecodeOmniState(frame->payload);
-      if (!omni) continue;
-      ++judgement.readings;
-      judgement.rises += !counter || omni->counter - *counter - 1 < 100;
-      counter = omni->counter;
-    }
-    DeviceState state;
-    if (!protocol.Receive(transfer.payload, state).has_reading || !state.calibrated) continue;
-    ++judgement.calibrated;
-    judgement.within_box += IsNearWorkspace(protocol.spec(), state.p_DHip_mm);
-  }
+// Within the workspace, larger by half of its size at each side: the dock is there too.
+bool IsNearWorkspace(const DeviceSpec& spec, const Vec3& p_mm) {
+  const Vec3 margin_mm = 0.5 * (spec.workspace_max_mm - spec.workspace_min_mm);
+  return ((p_mm - spec.workspace_min_mm + margin_mm).array() >= 0.0).all() &&
+         ((spec.workspace_max_mm + margin_mm - p_mm).array() >= 0.0).all();
 }
 
-Judgement JudgeOmniUsb(const std::vector<UsbTransfer>& transfers, const Settings& settings) {
-  const auto in = test::OfBusiestEndpoint(transfers, true);
-  Judgement judgement;
-  OmniUsbParser parser = ParserFor(settings);
-  for (const UsbTransfer& transfer : in) {
-    std::span<const std::uint8_t> bytes = transfer.payload;
-    judgement.in_bytes += bytes.size();
-    while (parser.Next(bytes)) {
-    }
-  }
-  judgement.corrupt_bytes = parser.corrupt_bytes();
-  judgement.summary =
-      FrameTable(in, "in ") + FrameTable(test::OfBusiestEndpoint(transfers, false), "out");
-  judgement.names_frames = settings.contains("state_command");
-  if (judgement.names_frames) JudgeReadings(in, settings, judgement);
-  return judgement;
-}
-
-// Kind: its decoder.
-using Decoder = std::function<Judgement(const std::vector<UsbTransfer>&, const Settings&)>;
-const std::map<std::string, Decoder>& Decoders() {
-  static const std::map<std::string, Decoder> decoders = {{"omni-usb", JudgeOmniUsb}};
-  return decoders;
-}
+bool AreMost(std::size_t part, std::size_t all) { return part >= 0.99 * all; }
 
 constexpr const char* kNoFrames = "over 1 % of the bytes are in no frame";
 constexpr const char* kNumbersStand = "the readings' numbers do not rise";
 constexpr const char* kNeverDocked = "no reading is docked: begin with the stylus in its dock";
 constexpr const char* kFarOff = "positions far off the workspace";
 
-// What is wrong with it; "": nothing.
-std::string ProblemOf(const Judgement& judgement) {
-  const auto most = [](std::size_t part, std::size_t all) { return part >= 0.99 * all; };
-  if (judgement.in_bytes == 0) return "nothing came in";
-  if (!most(judgement.in_bytes - judgement.corrupt_bytes, judgement.in_bytes)) {
-    return kNoFrames;
+std::string ProblemOfReadings(const Transfers& in, std::uint8_t state_command) {
+  OmniUsbOptions options = test::NamedOmniUsbOptions();
+  options.state_command = state_command;
+  options.force_command = static_cast<std::uint8_t>(state_command + 1);  // not used here
+  OmniUsbProtocol protocol(options);
+  OmniUsbParser parser;
+  parser.Expect({state_command, kOmniStateBytes});
+  std::size_t in_bytes = 0, readings = 0, rises = 0, calibrated = 0, near_workspace = 0;
+  std::optional<std::uint32_t> counter;
+  for (const CapturedTransfer& transfer : in) {
+    in_bytes += transfer.payload.size();
+    std::span<const std::uint8_t> bytes = transfer.payload;
+    while (const auto frame = parser.Next(bytes)) {
+      const auto omni = DecodeOmniState(frame->payload);
+      if (frame->command != state_command || !omni) continue;
+      ++readings;
+      rises += !counter || omni->counter - *counter - 1 < 100;
+      counter = omni->counter;
+    }
+    DeviceState state;
+    if (!protocol.Receive(transfer.payload, state).has_reading || !state.calibrated) continue;
+    ++calibrated;
+    near_workspace += IsNearWorkspace(protocol.spec(), state.p_DHip_mm);
   }
-  if (!judgement.names_frames) return "";
-  if (judgement.readings == 0) return "no frame is a reading";
-  if (!most(judgement.rises, judgement.readings)) return kNumbersStand;
-  if (judgement.calibrated == 0) return kNeverDocked;
-  if (!most(judgement.within_box, judgement.calibrated)) return kFarOff;
-  return "";
+  if (!AreMost(in_bytes - parser.corrupt_bytes(), in_bytes)) return kNoFrames;
+  if (readings == 0) return "no frame is a reading";
+  if (!AreMost(rises, readings)) return kNumbersStand;
+  if (calibrated == 0) return kNeverDocked;
+  return AreMost(near_workspace, calibrated) ? "" : kFarOff;
 }
 
-Judgement Judge(const std::string& kind, const std::filesystem::path& file) {
-  const Settings settings = test::CaptureSettings(file);
-  const auto device = settings.contains("device") ? settings.at("device") : 0;
-  return Decoders().at(kind)(
-      test::OfDevice(test::ReadUsbCapture(file), static_cast<std::uint8_t>(device)), settings);
-}
+struct Judgement {
+  std::string problem{};  // "": none
+  std::string frames{};   // for whoever looks for command bytes
+};
 
-std::vector<std::filesystem::path> Captures(const std::filesystem::path& folder) {
-  std::vector<std::filesystem::path> files;
-  if (!std::filesystem::is_directory(folder)) return files;
-  for (const auto& entry : std::filesystem::directory_iterator(folder)) {
-    const auto extension = entry.path().extension();
-    if (extension == ".pcap" || extension == ".pcapng") files.push_back(entry.path());
+Judgement Judge(const CapturePath& file) {
+  Settings settings = ReadSettings(file);
+  const Transfers transfers =
+      Only(ReadCapture(file), true, &CapturedTransfer::device, settings["device"]);
+  const Transfers in = Only(transfers, true, &CapturedTransfer::endpoint);
+  const Transfers out = Only(transfers, false, &CapturedTransfer::endpoint);
+  Judgement judgement{.frames = FrameTable(in, "in ") + FrameTable(out, "out")};
+  OmniUsbParser parser;
+  std::size_t in_bytes = 0;
+  for (const CapturedTransfer& transfer : in) {
+    std::span<const std::uint8_t> bytes = transfer.payload;
+    in_bytes += bytes.size();
+    while (parser.Next(bytes)) {
+    }
   }
-  return files;
+  if (in_bytes == 0) {
+    judgement.problem = "nothing came in";
+  } else if (settings.contains("state_command")) {
+    const int state_command = settings["state_command"];
+    judgement.problem = ProblemOfReadings(in, static_cast<std::uint8_t>(state_command));
+  } else if (!AreMost(in_bytes - parser.corrupt_bytes(), in_bytes)) {
+    judgement.problem = kNoFrames;
+  }
+  return judgement;
 }
 
 TEST(Captures, OfRealDevicesAreDecoded) {
-  std::vector<std::filesystem::path> roots = {test::kCaptures};
+  std::vector<CapturePath> roots = {test::kCaptures};
   if (const char* folder = std::getenv("PALPATE_CAPTURES")) roots.emplace_back(folder);
   int count = 0;
-  for (const auto& root : roots) {
-    for (const auto& [kind, decoder] : Decoders()) {
-      for (const auto& file : Captures(root / kind)) {
-        SCOPED_TRACE(file.string());
-        ++count;
-        const Judgement judgement = Judge(kind, file);
-        std::cout << file.string() << "\n" << judgement.summary;
-        EXPECT_EQ(ProblemOf(judgement), "");
-      }
+  for (const CapturePath& root : roots) {
+    if (!std::filesystem::is_directory(root / "omni-usb")) continue;
+    for (const auto& entry : std::filesystem::directory_iterator(root / "omni-usb")) {
+      const CapturePath& file = entry.path();
+      if (file.extension() != ".pcap" && file.extension() != ".pcapng") continue;
+      ++count;
+      const Judgement judgement = Judge(file);
+      std::cout << file.string() << "\n" << judgement.frames;
+      EXPECT_EQ(judgement.problem, "") << file;
     }
   }
   if (count == 0) GTEST_SKIP() << "there are none yet";
@@ -187,9 +230,8 @@ TEST(Captures, OfRealDevicesAreDecoded) {
 // Writes events as usbmon does.
 class CaptureWriter {
  public:
-  CaptureWriter(const std::filesystem::path& file, int linktype)
-      : linktype_(linktype),
-        capture_(pcap_open_dead(linktype, 65535)),
+  explicit CaptureWriter(const CapturePath& file)
+      : capture_(pcap_open_dead(DLT_USB_LINUX_MMAPPED, 65535)),
         dumper_(pcap_dump_open(capture_, file.c_str())) {
     if (!dumper_) throw std::runtime_error(pcap_geterr(capture_));
   }
@@ -203,149 +245,104 @@ class CaptureWriter {
   // Both events of one transfer, a ms after the last.
   void Transfer(std::uint8_t device, std::uint8_t endpoint, const Bytes& payload,
                 std::uint8_t type = URB_BULK) {
-    const bool in = (endpoint & 0x80) != 0;
-    Event(device, endpoint, type, URB_SUBMIT, in ? Bytes() : payload);
-    Event(device, endpoint, type, URB_COMPLETE, in ? payload : Bytes());
-    ++time_ms_;
-  }
-
- private:
-  void Event(std::uint8_t device, std::uint8_t endpoint, std::uint8_t type, char event,
-             const Bytes& payload) {
     pcap_usb_header_mmapped header{};
-    header.event_type = static_cast<std::uint8_t>(event);
     header.transfer_type = type;
     header.endpoint_number = endpoint;
     header.device_address = device;
-    header.bus_id = 1;
-    header.data_flag = payload.empty() ? '<' : 0;
     header.ts_sec = time_ms_ / 1000;
-    header.ts_usec = static_cast<std::int32_t>(1000 * (time_ms_ % 1000));
-    header.data_len = static_cast<std::uint32_t>(payload.size());
-    Bytes bytes(linktype_ == DLT_USB_LINUX ? sizeof(pcap_usb_header) : sizeof header);
-    std::memcpy(bytes.data(), &header, bytes.size());
-    bytes.insert(bytes.end(), payload.begin(), payload.end());
-    pcap_pkthdr packet{};
-    packet.caplen = packet.len = static_cast<std::uint32_t>(bytes.size());
-    pcap_dump(reinterpret_cast<u_char*>(dumper_), &packet, bytes.data());
+    header.ts_usec = static_cast<std::int32_t>(1000 * (time_ms_++ % 1000));
+    for (const char event : {URB_SUBMIT, URB_COMPLETE}) {
+      const bool carries = (event == URB_COMPLETE) == (endpoint >= 0x80);
+      header.event_type = static_cast<std::uint8_t>(event);
+      header.data_flag = carries ? 0 : '<';
+      header.data_len = carries ? static_cast<std::uint32_t>(payload.size()) : 0;
+      Bytes bytes(sizeof header + header.data_len);
+      std::memcpy(bytes.data(), &header, sizeof header);
+      std::copy_n(payload.begin(), header.data_len, bytes.begin() + sizeof header);
+      pcap_pkthdr packet{};
+      packet.caplen = packet.len = static_cast<std::uint32_t>(bytes.size());
+      pcap_dump(reinterpret_cast<u_char*>(dumper_), &packet, bytes.data());
+    }
   }
 
-  int linktype_;
+ private:
   pcap_t* capture_;
   pcap_dumper_t* dumper_;
   long time_ms_ = 0;
 };
 
-struct Flaws {
-  bool numbers_stand = false;
-  bool never_docked = false;
-  bool far_off = false;
-  unsigned garbage_per_mille = 0;
-};
+class SyntheticCapture : public ::testing::Test {
+ protected:
+  struct Flaws {
+    std::uint32_t counter_step = 1;
+    bool never_docked = false;
+    double way = 0.2;
+    bool garbage = false;  // a byte between frames
+  };
 
-// Three seconds of a Touch as our assumption has it, in transfers of 64 bytes, among
-// other traffic.
-void WriteSynthetic(const std::filesystem::path& file, int linktype, const Flaws& flaws = {}) {
-  std::mt19937 random(1);
-  CaptureWriter writer(file, linktype);
-  Bytes stream;
-  for (int n = 0; n < 3000; ++n) {
-    const double way = flaws.far_off ? 1.0 : 0.2;
-    const auto turn = [&](double share) {
-      return n < 100 ? 0 : static_cast<int>(way * 7000 * std::sin(share * (n - 100)));
-    };
-    const Bytes frame = test::Framed(
-        0x21, test::OmniStatePayload(
-                  {.encoders = {turn(0.003), 0, std::abs(turn(0.002))},
-                   .docked = n < 100 && !flaws.never_docked,
-                   .counter = flaws.numbers_stand ? 7 : 0xfffffff0u + static_cast<unsigned>(n)}));
-    stream.insert(stream.end(), frame.begin(), frame.end());
-    for (unsigned i = 0; i < frame.size(); ++i) {
-      if (random() % 1000 < flaws.garbage_per_mille) stream.push_back(0x11);
-    }
-    while (stream.size() >= 64) {
-      writer.Transfer(5, 0x82, Bytes(stream.begin(), stream.begin() + 64));
-      stream.erase(stream.begin(), stream.begin() + 64);
-    }
-    writer.Transfer(5, 0x03, test::Framed(0x22, EncodeOmniForce({})));
-    if (n % 10 == 0) {
+  // Three seconds of a Touch as our assumption has it, in transfers of 64 bytes, among other
+  // traffic.
+  void Write(const Flaws& flaws) {
+    CaptureWriter writer(file_);
+    Bytes stream;
+    for (int n = 0; n < 3000; ++n) {
+      const auto turn = [&](double share) {
+        return n < 100 ? 0 : static_cast<int>(flaws.way * 7000 * std::sin(share * (n - 100)));
+      };
+      const auto number = static_cast<unsigned>(n);
+      const Bytes frame = test::Framed(
+          test::kOmniState,
+          test::OmniStatePayload({.encoders = {turn(0.003), 0, std::abs(turn(0.002))},
+                                  .docked = n < 100 && !flaws.never_docked,
+                                  .counter = 0xfffffff0u + flaws.counter_step * number}));
+      stream.insert(stream.end(), frame.begin(), frame.end());
+      if (flaws.garbage) stream.push_back(0x11);
+      while (stream.size() >= 64) {
+        writer.Transfer(5, 0x82, Bytes(stream.begin(), stream.begin() + 64));
+        stream.erase(stream.begin(), stream.begin() + 64);
+      }
+      writer.Transfer(5, 0x03, test::Framed(test::kOmniForce, EncodeOmniForce({})));
+      if (n % 10 != 0) continue;
       writer.Transfer(5, 0x81, {0xa1, 0x20}, URB_INTERRUPT);
       writer.Transfer(5, 0x00, {1, 2, 3}, URB_CONTROL);
       writer.Transfer(9, 0x81, Bytes(300, 0xee));  // another device
     }
   }
-  std::ofstream(std::filesystem::path(file).replace_extension(".txt"))
-      << "# learned from nothing: this one is synthetic\nstate_command = 0x21\n"
-         "force_command = 34  # 0x22\n\ndevice=5\n";
-}
-
-std::string JudgeSynthetic(int linktype, const Flaws& flaws = {}) {
-  const test::TemporaryFolder folder;
-  const auto kind = folder.path() / "omni-usb";
-  std::filesystem::create_directory(kind);
-  WriteSynthetic(kind / "synthetic-touch.pcap", linktype, flaws);
-  const auto files = Captures(kind);
-  EXPECT_EQ(files.size(), 1u);
-  return ProblemOf(Judge("omni-usb", files.at(0)));
-}
-
-TEST(SyntheticCapture, IsDecodedInBothLinktypesAndWhatIsWrongIsSeen) {
-  constexpr int kType = DLT_USB_LINUX_MMAPPED;
-  EXPECT_EQ(JudgeSynthetic(DLT_USB_LINUX), "");
-  EXPECT_EQ(JudgeSynthetic(kType), "");
-  EXPECT_EQ(JudgeSynthetic(kType, {.numbers_stand = true}), kNumbersStand);
-  EXPECT_EQ(JudgeSynthetic(kType, {.never_docked = true}), kNeverDocked);
-  EXPECT_EQ(JudgeSynthetic(kType, {.far_off = true}), kFarOff);
-  EXPECT_EQ(JudgeSynthetic(kType, {.garbage_per_mille = 100}), kNoFrames);
-}
-
-TEST(SyntheticCapture, WithoutTheTextFileItsFramesAreListed) {
-  const test::TemporaryFolder folder;
-  const auto file = folder.path() / "synthetic-touch.pcap";
-  WriteSynthetic(file, DLT_USB_LINUX_MMAPPED);
-  std::filesystem::remove(folder.path() / "synthetic-touch.txt");
-  const Judgement judgement = Judge("omni-usb", file);
-  EXPECT_EQ(ProblemOf(judgement), "");
-  EXPECT_EQ(judgement.readings, 0u);
-  EXPECT_NE(judgement.summary.find("in  0x21: 44 bytes, "), std::string::npos);
-  EXPECT_NE(judgement.summary.find("out 0x22: 16 bytes, 3000 times"), std::string::npos)
-      << judgement.summary;
-}
-
-TEST(UsbCapture, TransfersAreTakenOnceWithTheirEndpoint) {
-  const test::TemporaryFolder folder;
-  const auto file = folder.path() / "synthetic.pcap";
-  {
-    CaptureWriter writer(file, DLT_USB_LINUX);
-    writer.Transfer(3, 0x81, {1, 2});
-    writer.Transfer(3, 0x02, {3});
-    writer.Transfer(3, 0x00, {4}, URB_CONTROL);
-    writer.Transfer(3, 0x83, {5}, URB_INTERRUPT);
-    writer.Transfer(3, 0x81, {});
+  void WriteSettings(const char* text) { std::ofstream(folder_.path() / "touch.txt") << text; }
+  std::string ProblemWith(const Flaws& flaws) {
+    Write(flaws);
+    return Judge(file_).problem;
   }
-  const auto transfers = test::ReadUsbCapture(file);
-  ASSERT_EQ(transfers.size(), 3u);
-  EXPECT_EQ(transfers[0].endpoint, 0x81);
-  EXPECT_EQ(transfers[0].payload, (Bytes{1, 2}));
-  EXPECT_EQ(transfers[1].endpoint, 0x02);
-  EXPECT_EQ(transfers[2].payload, Bytes{5});
-  EXPECT_DOUBLE_EQ(transfers[2].time_s, 0.003);
-  EXPECT_EQ(test::OfBusiestEndpoint(transfers, true).size(), 1u);
+
+  const test::TemporaryFolder folder_{};
+  const CapturePath file_ = folder_.path() / "touch.pcap";
+};
+
+TEST_F(SyntheticCapture, IsDecodedAndWhatIsWrongIsSeen) {
+  WriteSettings("# synthetic\nstate_command = 0x21\nforce_command = 34  # 0x22\n\ndevice=5\n");
+  EXPECT_EQ(ProblemWith({}), "");
+  EXPECT_EQ(ProblemWith({.counter_step = 0}), kNumbersStand);
+  EXPECT_EQ(ProblemWith({.never_docked = true}), kNeverDocked);
+  EXPECT_EQ(ProblemWith({.way = 1.0}), kFarOff);
+  EXPECT_EQ(ProblemWith({.garbage = true}), kNoFrames);
 }
 
-TEST(UsbCapture, OtherFilesAreRefused) {
-  const test::TemporaryFolder folder;
-  EXPECT_THROW(test::ReadUsbCapture(folder.path() / "none.pcap"), std::runtime_error);
-  std::ofstream(folder.path() / "text.pcap") << "no capture";
-  EXPECT_THROW(test::ReadUsbCapture(folder.path() / "text.pcap"), std::runtime_error);
-  { CaptureWriter ethernet(folder.path() / "ethernet.pcap", DLT_EN10MB); }
-  EXPECT_THROW(test::ReadUsbCapture(folder.path() / "ethernet.pcap"), std::runtime_error);
-  const auto cut = folder.path() / "cut.pcap";
-  WriteSynthetic(cut, DLT_USB_LINUX);
-  std::filesystem::resize_file(cut, 5000);
-  EXPECT_THROW(test::ReadUsbCapture(cut), std::runtime_error);
-  std::ofstream(folder.path() / "cut.txt") << "state_command = many\n";
-  EXPECT_THROW(test::CaptureSettings(cut), std::runtime_error);
+TEST_F(SyntheticCapture, WithoutSettingsItsFramesAreListedOnce) {
+  Write({});
+  const Judgement judgement = Judge(file_);
+  EXPECT_EQ(judgement.problem, "");
+  EXPECT_NE(judgement.frames.find("in  0x21: 44 bytes, "), std::string::npos);
+  EXPECT_NE(judgement.frames.find("out 0x22: 16 bytes, 3000 times"), std::string::npos)
+      << judgement.frames;
+}
+
+TEST_F(SyntheticCapture, OtherFilesAreRefused) {
+  EXPECT_THROW(ReadCapture(file_), std::runtime_error);
+  std::ofstream(file_) << "no capture";
+  EXPECT_THROW(ReadCapture(file_), std::runtime_error);
+  Write({});
+  std::filesystem::resize_file(file_, 5000);
+  EXPECT_THROW(ReadCapture(file_), std::runtime_error);
 }
 
 }  // namespace

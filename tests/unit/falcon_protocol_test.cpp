@@ -1,7 +1,6 @@
 // The Novint Falcon as UsbDevice sees it, without a device and without USB.
 #include <gtest/gtest.h>
 
-#include <algorithm>
 #include <atomic>
 #include <cmath>
 #include <fstream>
@@ -13,101 +12,15 @@
 #include "server/device/falcon/bring_up.h"
 #include "server/device/falcon/falcon_protocol.h"
 #include "server/device/falcon/kinematics.h"
-#include "tests/support/scripted_usb_link.h"
+#include "tests/support/direct_usb_link.h"
+#include "tests/support/falcon_emulator.h"
 #include "tests/support/temporary_folder.h"
+#include "tests/support/usb_error.h"
 
 namespace palpate {
 namespace {
 
-using Bytes = std::vector<std::uint8_t>;
-
-// A Falcon with its FTDI chip and its boot loader, as libnifalcon describes them.
-class FakeFalcon final {
- public:
-  FakeFalcon() {
-    usb.found = {.ids = {0x0403, 0xcb48}, .port = "1-2", .may_open = true};
-    usb.control = [this](const test::ScriptedUsb::Request& request, std::span<std::uint8_t>) {
-      Control(request.request_type, request.request, request.value);
-      return std::size_t{0};
-    };
-    usb.send = [this](const Bytes& bytes) { Written(bytes); };
-    usb.receive = [this](std::size_t size) { return Read(size); };
-  }
-  FakeFalcon(const FakeFalcon&) = delete;
-  FakeFalcon& operator=(const FakeFalcon&) = delete;
-
-  test::ScriptedUsb usb{};
-  enum class State { kBare, kGreeted, kLoading, kRunning };
-
-  State state = State::kRunning;
-  FalconReport report{};
-  Bytes loaded{};
-  std::size_t firmware_bytes = 0;  // after which it runs
-  bool spoils_echo = false;
-  std::vector<FalconCommand> commands{};
-  int gone_after = -1;  // writes; then the device is unplugged
-
-  void Control(std::uint8_t request_type, std::uint8_t request, std::uint16_t value) {
-    EXPECT_EQ(request_type, 0x40);
-    if (request == 3) divisor_ = value;
-    if (request == 0) answer_.clear();
-    if (request == 1 && value == 0x101 && state != State::kRunning) state = State::kBare;
-  }
-
-  void Written(std::span<const std::uint8_t> bytes) {
-    if (gone_after == 0) throw UsbError(UsbFault::kAbsent, "gone");
-    --gone_after;
-    if (state == State::kRunning && divisor_ == 2) return Command(bytes);
-    if (state == State::kBare && divisor_ == 0x4138) return Greet(bytes);
-    if (state == State::kGreeted && divisor_ == 21) return Begin(bytes);
-    if (state == State::kLoading && divisor_ == 21) return Load(bytes);
-  }
-
-  // Its status, and up to 62 bytes, as a chip with a latency does.
-  Bytes Read(std::size_t size) {
-    EXPECT_GE(size, kFtdiPacketBytes);
-    if (silent_reads-- > 0) return {};
-    Bytes packet = {0x31, 0x60};
-    const std::size_t take = std::min(answer_.size(), kFtdiPacketBytes - kFtdiStatusBytes);
-    const auto end = answer_.begin() + static_cast<std::ptrdiff_t>(take);
-    packet.insert(packet.end(), answer_.begin(), end);
-    answer_.erase(answer_.begin(), end);
-    return packet;
-  }
-
-  int silent_reads = 0;
-
- private:
-  void Say(std::span<const std::uint8_t> bytes) {
-    answer_.insert(answer_.end(), bytes.begin(), bytes.end());
-  }
-  void Command(std::span<const std::uint8_t> bytes) {
-    const auto command = DecodeFalconCommand(bytes);
-    ASSERT_TRUE(command);
-    commands.push_back(*command);
-    Say(EncodeFalconReport(report));
-  }
-  void Greet(std::span<const std::uint8_t> bytes) {
-    if (!std::ranges::equal(bytes, Bytes{0x0a, 0x43, 0x0d})) return;
-    Say(Bytes{0x00, 0x0a, 0x44, 0x2c, 0x0d});
-    state = State::kGreeted;
-  }
-  void Begin(std::span<const std::uint8_t> bytes) {
-    if (!std::ranges::equal(bytes, Bytes{0x41})) return;
-    Say(bytes);
-    state = State::kLoading;
-  }
-  void Load(std::span<const std::uint8_t> bytes) {
-    Bytes echo(bytes.begin(), bytes.end());
-    loaded.insert(loaded.end(), bytes.begin(), bytes.end());
-    if (spoils_echo && loaded.size() > 1000) echo[0] ^= 1;
-    Say(echo);
-    if (loaded.size() == firmware_bytes) state = State::kRunning;
-  }
-
-  unsigned divisor_ = 0;
-  Bytes answer_{};
-};
+using test::Bytes;
 
 Bytes Transfer(const FalconReport& report) {
   Bytes bytes = {0x31, 0x60};
@@ -134,7 +47,7 @@ Vec3 ForceOf(const FalconCommand& command, const Vec3& p_D_mm) {
 
 class FalconProtocolTest : public ::testing::Test {
  protected:
-  FalconProtocolTest() { test::SetScriptedUsb(falcon_.usb); }
+  FalconProtocolTest() { test::SetDirectUsb(falcon_); }
 
   UsbReceived Receive(const FalconReport& report) {
     return protocol_->Receive(Transfer(report), state_);
@@ -146,31 +59,21 @@ class FalconProtocolTest : public ::testing::Test {
     EXPECT_TRUE(command);
     return command.value_or(FalconCommand{});
   }
-  UsbFault FaultOfSetUp(std::string& what, bool stopped = false) {
+  UsbError FailureOfSetUp(bool stopped = false) {
     UsbLink link(protocol_->match());
     const std::atomic<bool> stop(stopped);
-    try {
-      protocol_->SetUp(link, stop);
-    } catch (const UsbError& error) {
-      what = error.what();
-      return error.fault();
-    }
-    ADD_FAILURE() << "set up";
-    return UsbFault::kBroken;
+    return test::UsbErrorOf([&] { protocol_->SetUp(link, stop); });
   }
 
   static constexpr std::array<std::int16_t, 3> kMotorsOff{};
-  FakeFalcon falcon_;
+  test::FalconEmulator falcon_;  // without firmware
   std::optional<FalconProtocol> protocol_{FalconOptions{}};
   DeviceState state_;
 };
 
 TEST_F(FalconProtocolTest, SaysWhatItIs) {
   protocol_.emplace(FalconOptions{.port = "1-4"});
-  EXPECT_EQ(protocol_->spec().kind, "falcon");
   EXPECT_EQ(protocol_->spec().verification_level, VerificationLevel::kNone);
-  EXPECT_LE(protocol_->spec().max_force_n, 3.3);
-  EXPECT_LE(protocol_->spec().continuous_force_n, protocol_->spec().max_force_n);
   EXPECT_EQ(protocol_->match().ids, (std::vector<UsbMatch::Ids>{{0x0403, 0xcb48}}));
   EXPECT_EQ(protocol_->match().port, "1-4");
   EXPECT_TRUE(protocol_->is_request_response());
@@ -178,25 +81,24 @@ TEST_F(FalconProtocolTest, SaysWhatItIs) {
 
 TEST_F(FalconProtocolTest, ARunningDeviceIsAskedToHomeAndForgetsTheConnectionBefore) {
   Receive(HomedAt(Vec3(5.0, 5.0, 5.0)));
-  falcon_.silent_reads = 1;
+  falcon_.SetFirmware({1});
+  falcon_.commands_without_answer = 1;
   UsbLink link(protocol_->match());
-  const std::atomic<bool> stop(false);
-  EXPECT_NE(protocol_->SetUp(link, stop).find("1-2"), std::string::npos);
-  ASSERT_FALSE(falcon_.commands.empty());
-  for (const auto& command : falcon_.commands) EXPECT_EQ(command, FalconCommand{});
+  EXPECT_NE(protocol_->SetUp(link, false).find("1-2"), std::string::npos);
+  EXPECT_GE(falcon_.Forces().size(), 2u);
+  for (const auto& command : falcon_.Forces()) EXPECT_EQ(command, FalconCommand{});
   EXPECT_NE(std::string(protocol_->calibration_hint()).find("pull its grip"), std::string::npos);
   EXPECT_EQ(Encoded(Vec3(1.0, 1.0, 1.0)),
             (FalconCommand{.lights = kFalconRedLight, .homing = true}));
   protocol_->TearDown(link);
-  EXPECT_EQ(falcon_.commands.back(), (FalconCommand{.homing = true}));
+  EXPECT_EQ(falcon_.Forces().back(), (FalconCommand{.homing = true}));
 }
 
 TEST_F(FalconProtocolTest, WithoutFirmwareItSaysWhereThatIs) {
-  falcon_.state = FakeFalcon::State::kBare;
-  std::string what;
-  EXPECT_EQ(FaultOfSetUp(what), UsbFault::kUnsuitable);
-  EXPECT_NE(what.find("falcon_firmware"), std::string::npos) << what;
-  EXPECT_EQ(what.find('\n'), std::string::npos);
+  const UsbError error = FailureOfSetUp();
+  EXPECT_EQ(error.fault(), UsbFault::kUnsuitable);
+  EXPECT_TRUE(test::Says(error, "falcon_firmware")) << error.what();
+  EXPECT_FALSE(test::Says(error, "\n"));
 }
 
 class FalconFirmwareTest : public FalconProtocolTest {
@@ -205,34 +107,33 @@ class FalconFirmwareTest : public FalconProtocolTest {
     std::mt19937 random(1);
     for (int n = 0; n < 5'000; ++n) firmware_.push_back(static_cast<std::uint8_t>(random()));
     std::ofstream(file_, std::ios::binary) << std::string(firmware_.begin(), firmware_.end());
-    falcon_.state = FakeFalcon::State::kBare;
-    falcon_.firmware_bytes = firmware_.size();
     protocol_.emplace(FalconOptions{.firmware_file = file_});
   }
 
   test::TemporaryFolder folder_{};
   const std::string file_ = folder_.path() / "firmware.bin";
   Bytes firmware_{};
-  std::string what_{};
 };
 
 TEST_F(FalconFirmwareTest, IsUploadedWhole) {
   UsbLink link(protocol_->match());
   protocol_->SetUp(link, false);
-  EXPECT_EQ(falcon_.loaded, firmware_);
-  EXPECT_EQ(falcon_.commands.size(), 1u);
+  EXPECT_EQ(falcon_.firmware(), firmware_);
+  EXPECT_FALSE(falcon_.Forces().empty());
 }
 
 TEST_F(FalconFirmwareTest, ThatComesBackWrongIsRefused) {
   falcon_.spoils_echo = true;
-  EXPECT_EQ(FaultOfSetUp(what_), UsbFault::kCorrupt);
-  EXPECT_NE(what_.find("plug them in again"), std::string::npos) << what_;
+  const UsbError error = FailureOfSetUp();
+  EXPECT_EQ(error.fault(), UsbFault::kCorrupt);
+  EXPECT_TRUE(test::Says(error, "plug them in again")) << error.what();
 }
 
 TEST_F(FalconFirmwareTest, ThatDoesNotRunIsNamed) {
-  falcon_.firmware_bytes = firmware_.size() + 1;
-  EXPECT_EQ(FaultOfSetUp(what_), UsbFault::kTimeout);
-  EXPECT_NE(what_.find(file_), std::string::npos) << what_;
+  falcon_.cannot_run = true;
+  const UsbError error = FailureOfSetUp();
+  EXPECT_EQ(error.fault(), UsbFault::kTimeout);
+  EXPECT_TRUE(test::Says(error, file_)) << error.what();
 }
 
 TEST_F(FalconFirmwareTest, FileIsReadWithinLimits) {
@@ -247,9 +148,9 @@ TEST_F(FalconFirmwareTest, FileIsReadWithinLimits) {
 }
 
 TEST_F(FalconFirmwareTest, AStopOrAnUnplugEndsTheSetUp) {
-  EXPECT_EQ(FaultOfSetUp(what_, true), UsbFault::kTimeout);
-  falcon_.gone_after = 30;
-  EXPECT_EQ(FaultOfSetUp(what_), UsbFault::kAbsent);
+  EXPECT_EQ(FailureOfSetUp(true).fault(), UsbFault::kTimeout);
+  falcon_.SetFaults({.outs_until_gone = 30});
+  EXPECT_EQ(FailureOfSetUp().fault(), UsbFault::kAbsent);
 }
 
 TEST_F(FalconProtocolTest, AHomedReadingIsAPosition) {

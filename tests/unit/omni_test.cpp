@@ -22,18 +22,6 @@ OmniJoints RandomJoints(std::mt19937& random) {
   return joints;
 }
 
-TEST(OmniKinematics, HomeIsWhereTheFormulasSay) {
-  const Vec3 home = OmniPosition({});
-  EXPECT_NEAR(home.x(), 0.0, 1e-12);
-  EXPECT_NEAR(home.y(), -kOmniLinkMm + 23.35, 1e-12);
-  EXPECT_NEAR(home.z(), kOmniLinkMm - 168.35, 1e-12);
-  // Both links level: the longest reach.
-  const Vec3 out = OmniPosition({0.0, 0.0, 0.5 * std::numbers::pi});
-  EXPECT_NEAR(out.z(), 2.0 * kOmniLinkMm - 168.35, 1e-9);
-  // The base turned to the left takes the tip to the left.
-  EXPECT_LT(OmniPosition({0.3, 0.5, 0.5}).x(), 0.0);
-}
-
 TEST(OmniKinematics, TheJacobianIsTheDerivative) {
   std::mt19937 random(1);
   constexpr double kStepRad = 1e-6;
@@ -124,27 +112,14 @@ TEST(OmniKinematics, ACountIsTheDatasheetsResolution) {
   EXPECT_DOUBLE_EQ(q.shoulder_rad, std::numbers::pi / 4);
 }
 
-std::vector<std::uint8_t> RawOmniState() {
-  std::vector<std::uint8_t> bytes(kOmniStateBytes, 0);
-  const auto put = [&](std::size_t at, unsigned word) {
-    bytes[at] = static_cast<std::uint8_t>(word);
-    bytes[at + 1] = static_cast<std::uint8_t>(word >> 8);
-  };
-  put(4, 0xfffe);  // -2
-  put(6, 300);
-  put(8, 0x8000);  // -32768
-  for (std::size_t n = 0; n < 3; ++n) {
-    put(10 + 2 * n, 100);
-    put(22 + 2 * n, 100);
-  }
-  bytes[19] = 0b101;  // button 1 pressed, not docked
-  put(32, 0x5678);
-  put(34, 0x1234);
-  return bytes;
-}
+// Encoders -2, 300 and -32768, the gimbal in its middle, button 1 pressed, number 0x12345678.
+const std::vector<std::uint8_t> kRawOmniState = {
+    0, 0, 0,    0,    0xfe,  0xff, 0x2c, 1,   0, 0x80, 100, 0,   100, 0, 100,
+    0, 0, 0,    0,    0b101, 0,    0,    100, 0, 100,  0,   100, 0,   0, 0,
+    0, 0, 0x78, 0x56, 0x34,  0x12, 0,    0,   0, 0,    0,   0,   0,   0};
 
 TEST(OmniFrames, AStateIsDecoded) {
-  const auto state = DecodeOmniState(RawOmniState());
+  const auto state = DecodeOmniState(kRawOmniState);
   ASSERT_TRUE(state);
   EXPECT_EQ(state->encoders, (std::array<std::int16_t, 3>{-2, 300, -32768}));
   for (const double angle : state->gimbal_rad) EXPECT_NEAR(angle, 0.0, 1e-12);
@@ -154,7 +129,7 @@ TEST(OmniFrames, AStateIsDecoded) {
 }
 
 TEST(OmniFrames, WhatIsNoStateIsRefused) {
-  auto bytes = RawOmniState();
+  auto bytes = kRawOmniState;
   bytes.pop_back();
   EXPECT_FALSE(DecodeOmniState(bytes));
   bytes.resize(kOmniStateBytes + 1);

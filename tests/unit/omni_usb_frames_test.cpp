@@ -161,15 +161,6 @@ TEST(OmniUsbFrames, ACutOffFrameIsNotFilledUpWithTheNext) {
   }
 }
 
-TEST(OmniUsbFrames, ACutOffFrameIsForgottenAtTheNextConnection) {
-  OmniUsbParser parser;
-  const Bytes frame = Framed(0x21, Bytes{1, 2, 3});
-  EXPECT_TRUE(ParseAll(parser, std::span(frame).first(5)).empty());
-  parser.Reset();
-  EXPECT_EQ(ParseAll(parser, frame), (std::vector<Frame>{{0x21, {1, 2, 3}}}));
-  EXPECT_EQ(parser.corrupt_bytes(), 0u);
-}
-
 // Every byte of the stream with every other value: at most two frames are lost, and
 // those behind are all there.
 TEST(OmniUsbFrames, EverySingleDamagedByteIsSurvived) {

@@ -104,12 +104,6 @@ TEST_F(HdFrameTest, AllocatesNothingWhateverComes) {
   EXPECT_EQ(test::Allocations(), before);
 }
 
-TEST_F(HdFrameTest, NoForceBeforeTheServosFirst) {
-  Frame();
-  EXPECT_EQ(frame_library.force_n, Vec3::Zero());
-  EXPECT_EQ(servo_.counts().watchdog_zeros, 0u);
-}
-
 TEST_F(HdFrameTest, ForcesAreFiniteAndLimitedByTheirNorm) {
   EXPECT_EQ(ForceOf(Vec3(0.3, 0.4, -0.5)), Vec3(0.3, 0.4, -0.5));
   EXPECT_TRUE(ForceOf(Vec3(-3, 0, 4)).isApprox(Vec3(-1.2, 0, 1.6)));
@@ -136,17 +130,22 @@ TEST_F(HdFrameTest, AnOldForceIsZeroAndANewOneBeginsAtZero) {
   EXPECT_TRUE(frame_library.motors_on);
 }
 
-TEST_F(HdFrameTest, MotorsAreOffUntilTheyMayPush) {
+TEST_F(HdFrameTest, MotorsAreOffUntilTheyMayPushAndWhileItStops) {
+  Frame();  // before the servo's first
+  EXPECT_EQ(frame_library.force_n, Vec3::Zero());
+  EXPECT_EQ(servo_.counts().watchdog_zeros, 0u);
   servo_.Write(Vec3(1, 0, 0), false);
   Frame();
   EXPECT_FALSE(frame_library.motors_on);
   EXPECT_EQ(frame_library.force_n, Vec3::Zero());
   EXPECT_EQ(ForceOf(Vec3(1, 0, 0)), Vec3(1, 0, 0));
   EXPECT_TRUE(frame_library.motors_on);
+  EXPECT_EQ(servo_.zero_frames(), 0u);
   servo_.BeginToStop();
   Frame();
   EXPECT_FALSE(frame_library.motors_on);
   EXPECT_EQ(frame_library.force_n, Vec3::Zero());
+  EXPECT_EQ(servo_.zero_frames(), 1u);
 }
 
 TEST_F(HdFrameTest, ReadingsOfTheConnectionBeforeAreAFault) {
@@ -230,7 +229,7 @@ TEST_F(HdFrameTest, TheInkwellCalibratesByItselfAndAnEncoderResetIsTheOperatorsO
   EXPECT_TRUE(servo_.calibrated());
 }
 
-TEST_F(HdFrameTest, TenBadFramesInARowAreTheLossAndNineAreNot) {
+TEST_F(HdFrameTest, TenBadFramesInARowAreTheLossOrOneOfABrokenDevice) {
   for (int round = 0; round < 2; ++round) {
     frame_library.error = 0x0302;
     for (int i = 0; i < HdServo::kLostFrames - 1; ++i) Frame();
@@ -246,9 +245,10 @@ TEST_F(HdFrameTest, TenBadFramesInARowAreTheLossAndNineAreNot) {
   EXPECT_EQ(ForceOf(Vec3(1, 0, 0)), Vec3::Zero());
   EXPECT_EQ(servo_.Read(state_), DeviceStatus::kFault);
   EXPECT_EQ(servo_.counts().readings, readings);
-}
 
-TEST_F(HdFrameTest, ABrokenDeviceIsLostAtOnce) {
+  Begin(hd::kStyleInkwell);
+  Frame();
+  EXPECT_FALSE(servo_.lost());
   frame_library.one_error = 0x0300;
   Frame();
   EXPECT_TRUE(servo_.lost());
@@ -280,14 +280,6 @@ TEST_F(HdFrameTest, ALibraryThatIsNeverWithoutErrorsIsAskedEightTimes) {
   Frame();
   EXPECT_EQ(frame_library.calls_of_get_error, 8);
   EXPECT_EQ(servo_.counts().readings, 1u);
-}
-
-TEST_F(HdFrameTest, StoppingCountsFramesOfZeroOnly) {
-  EXPECT_EQ(ForceOf(Vec3(1, 0, 0)), Vec3(1, 0, 0));
-  EXPECT_EQ(servo_.zero_frames(), 0u);
-  servo_.BeginToStop();
-  EXPECT_EQ(ForceOf(Vec3(1, 0, 0)), Vec3::Zero());
-  EXPECT_EQ(servo_.zero_frames(), 1u);
 }
 
 TEST_F(HdFrameTest, ALibraryThatStaysUncalibratedIsNotAskedEveryFrame) {

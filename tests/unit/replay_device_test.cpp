@@ -7,7 +7,6 @@
 #include <utility>
 #include <vector>
 
-#include "server/device/simulated_device.h"
 #include "tests/support/device_numbers.h"
 #include "tests/support/refusal.h"
 
@@ -48,20 +47,15 @@ std::vector<double> Play(ReplayDevice& device, int ticks, double dt_s) {
   return x_mm;
 }
 
-TEST(ReplayDevice, IsASimulatedOne) {
-  const ReplayDevice device(Path(1));
-  EXPECT_EQ(device.spec().kind, "replay");
-  EXPECT_FALSE(IsHardware(device.spec()));
-  EXPECT_EQ(device.spec().max_force_n, SimulatedDeviceSpec().max_force_n);
-  EXPECT_EQ(device.spec().workspace_max_mm, SimulatedDeviceSpec().workspace_max_mm);
-  EXPECT_TRUE(device.health().calibrated);
-}
-
-TEST(ReplayDevice, PlaysThereAndBackWithoutAJump) {
+TEST(ReplayDevice, PlaysThereAndBackWithoutAJumpAndRestsInOneState) {
   ReplayDevice device(Path(4));
   device.Start();
   EXPECT_EQ(Play(device, 14, kTickS),
             (std::vector<double>{0, 1, 2, 3, 2, 1, 0, 1, 2, 3, 2, 1, 0, 1}));
+  ReplayDevice one(Path(1));
+  EXPECT_FALSE(IsHardware(one.spec()));
+  one.Start();
+  EXPECT_EQ(Play(one, 5, kTickS), std::vector<double>(5, 0.0));
 }
 
 TEST(ReplayDevice, GivesAllOfAState) {
@@ -95,12 +89,6 @@ TEST(ReplayDevice, AMillionTicksLoseNone) {
   EXPECT_EQ(ReadX(device), 0.0);
   device.Write(Vec3::Zero(), kTickS);
   EXPECT_EQ(ReadX(device), 1.0);
-}
-
-TEST(ReplayDevice, OneStateRests) {
-  ReplayDevice device(Path(1));
-  device.Start();
-  EXPECT_EQ(Play(device, 5, kTickS), std::vector<double>(5, 0.0));
 }
 
 TEST(ReplayDevice, TimesThatAreNoneDoNotMoveIt) {
@@ -140,15 +128,13 @@ TEST(ReplayDevice, IsAtFaultUnlessStartedAndBeginsAgainAtTheBeginning) {
 }
 
 TEST(ReplayDevice, RefusesWhatIsNoPath) {
-  EXPECT_EQ(Refusal([] { ReplayDevice({}); }), ErrorKind::kInvalidArgument);
-  std::vector<DeviceState> path = Path(3);
-  path[1].p_DHip_mm.z() = kNan;
-  EXPECT_EQ(Refusal([&] { ReplayDevice device(path); }), ErrorKind::kInvalidArgument);
-  path = Path(3);
-  path[2].R_DS.coeffs() *= 1.1;
-  EXPECT_EQ(Refusal([&] { ReplayDevice device(path); }), ErrorKind::kInvalidArgument);
-  path[2].R_DS.coeffs().setConstant(kNan);
-  EXPECT_EQ(Refusal([&] { ReplayDevice device(path); }), ErrorKind::kInvalidArgument);
+  std::vector<std::vector<DeviceState>> paths = {{}, Path(3), Path(3), Path(3)};
+  paths[1][1].p_DHip_mm.z() = kNan;
+  paths[2][2].R_DS.coeffs() *= 1.1;
+  paths[3][2].R_DS.coeffs().setConstant(kNan);
+  for (const std::vector<DeviceState>& path : paths) {
+    EXPECT_EQ(Refusal([&] { ReplayDevice device(path); }), ErrorKind::kInvalidArgument);
+  }
 }
 
 }  // namespace

@@ -27,6 +27,8 @@ using test::SameBits;
 
 using Surface = std::function<Vec3(const Vec3&)>;  // position in mm to force in N
 
+Vec3 Nothing(const Vec3&) { return Vec3::Zero(); }
+
 // A solid ball: the proxy is on its surface, right outside the stylus.
 Surface Sphere(const Vec3& centre_mm, double radius_mm, double stiffness_n_per_mm) {
   return [=](const Vec3& p_mm) -> Vec3 {
@@ -165,20 +167,10 @@ void ExpectExploresWell(const Feel& feel) {
               feel.median_buzz_n);
 }
 
-TEST(SimulatedDevice, StatesWhatItIs) {
-  const auto device = Following({Vec3::Zero()}, 10.0);
-  const DeviceSpec& spec = device->spec();
-  EXPECT_EQ(spec.kind, "simulated");
-  EXPECT_EQ(Vec3(spec.workspace_max_mm - spec.workspace_min_mm), Vec3(160.0, 120.0, 70.0));
-  EXPECT_EQ(spec.max_force_n, 3.3);
-  EXPECT_EQ(spec.continuous_force_n, 0.88);
-  EXPECT_EQ(spec.button_count, 2);
-  EXPECT_EQ(spec.verification_level, VerificationLevel::kSimulated);
-  EXPECT_THROW(SimulatedDevice(nullptr), Error);
-}
-
 TEST(SimulatedDevice, AnswersBetweenStartAndStopOnly) {
+  EXPECT_THROW(SimulatedDevice(nullptr), Error);
   SimulatedDevice device(std::make_unique<PathScript>(std::vector<Vec3>{Vec3::Zero()}, 10.0));
+  EXPECT_FALSE(IsHardware(device.spec()));
   DeviceState state;
   EXPECT_EQ(device.Read(state), DeviceStatus::kFault);
   device.Start();
@@ -192,7 +184,7 @@ TEST(SimulatedDevice, AnswersBetweenStartAndStopOnly) {
 TEST(SimulatedDevice, ReadsInStepsOfItsResolution) {
   const auto device = Following({Vec3(-30.0, 10.0, 0.0), Vec3(40.0, -20.0, 13.0)}, 37.0);
   const DeviceSpec& spec = device->spec();
-  for (const Tick& tick : Loop(*device, Plane(Vec3::Zero(), Vec3::UnitZ(), 0.0), 3000)) {
+  for (const Tick& tick : Loop(*device, Nothing, 3000)) {
     for (int i = 0; i < 3; ++i) {
       const double counts = (tick.state.p_DHip_mm[i] - spec.workspace_min_mm[i]) / 0.055;
       ASSERT_NEAR(counts, std::round(counts), 1e-6);
@@ -204,13 +196,12 @@ TEST(SimulatedDevice, TheHandFollowsItsPathAndComesRound) {
   const Vec3 a_mm(-20.0, 0.0, 0.0), b_mm(20.0, 0.0, 0.0);
   const auto device = Following({a_mm, b_mm}, 40.0);
   EXPECT_LT((ReadOk(*device).p_DHip_mm - a_mm).norm(), 0.1);
-  const Surface nothing = [](const Vec3&) -> Vec3 { return Vec3::Zero(); };
-  Loop(*device, nothing, 500);
+  Loop(*device, Nothing, 500);
   // Half way, behind the target by damper * speed / spring = 1.6 mm.
   EXPECT_NEAR(ReadOk(*device).p_DHip_mm.x(), -1.6, 0.2);
-  Loop(*device, nothing, 500);
+  Loop(*device, Nothing, 500);
   EXPECT_LT((ReadOk(*device).p_DHip_mm - b_mm).norm(), 2.0);
-  Loop(*device, nothing, 1000);
+  Loop(*device, Nothing, 1000);
   EXPECT_LT((ReadOk(*device).p_DHip_mm - a_mm).norm(), 2.0);
 }
 
@@ -220,8 +211,7 @@ TEST(SimulatedDevice, AForceMovesTheHandAndItComesBack) {
   Loop(
       *device, [&](const Vec3&) { return force_n; }, 1000);
   EXPECT_LT((ReadOk(*device).p_DHip_mm - force_n / kHandSpringNPerMm).norm(), 0.1);
-  Loop(
-      *device, [](const Vec3&) -> Vec3 { return Vec3::Zero(); }, 1000);
+  Loop(*device, Nothing, 1000);
   EXPECT_LT(ReadOk(*device).p_DHip_mm.norm(), 0.1);
 }
 
@@ -275,8 +265,7 @@ TEST(SimulatedDevice, ReachesItsStopsAndLeavesThem) {
 
   const auto outside = Following({Vec3(200.0, 0.0, 0.0), Vec3::Zero()}, 200.0);
   EXPECT_NEAR(ReadOk(*outside).p_DHip_mm.x(), 80.0, 0.06);
-  Loop(
-      *outside, [](const Vec3&) -> Vec3 { return Vec3::Zero(); }, 1000);
+  Loop(*outside, Nothing, 1000);
   EXPECT_LT(ReadOk(*outside).p_DHip_mm.x(), 10.0);
 }
 
@@ -327,15 +316,13 @@ TEST(SimulatedDevice, TheStylusTurnsSlowlyAndSmoothly) {
 TEST(SimulatedDevice, ReadAndWriteDoNotAllocate) {
   const auto exploring = Exploring(1);
   const auto following = Following({Vec3::Zero(), Vec3(10.0, 0.0, 0.0)}, 50.0);
+  const Surface sphere = Sphere(Vec3::Zero(), 25.0, 0.5);
   DeviceState state;
   std::uint64_t during = test::Allocations();
   for (int i = 0; i < 20'000; ++i) {  // long enough to seek, slide and retreat
     for (SimulatedDevice* device : {exploring.get(), following.get()}) {
       device->Read(state);
-      const double depth_mm = 25.0 - state.p_DHip_mm.norm();
-      const Vec3 force_n = depth_mm > 0.0 ? Vec3(state.p_DHip_mm.normalized() * (0.5 * depth_mm))
-                                          : Vec3(Vec3::Zero());
-      device->Write(force_n, kTickS);
+      device->Write(sphere(state.p_DHip_mm), kTickS);
     }
   }
   during = test::Allocations() - during;
@@ -397,8 +384,7 @@ TEST(Explore, FindsWhatIsInTheMiddleAtOnce) {
 
 TEST(Explore, LooksEverywhereWhenThereIsNothing) {
   const auto device = Exploring(9);
-  const std::vector<Tick> log = Loop(
-      *device, [](const Vec3&) -> Vec3 { return Vec3::Zero(); }, 60'000);
+  const std::vector<Tick> log = Loop(*device, Nothing, 60'000);
   Eigen::AlignedBox3d seen;
   for (const Tick& tick : log) seen.extend(tick.state.p_DHip_mm);
   const Vec3 share = seen.sizes().cwiseQuotient(Vec3(160.0, 120.0, 70.0));
@@ -409,8 +395,7 @@ TEST(Explore, SeeksAgainWhenTheSurfaceGoesAway) {
   const auto device = Exploring(6);
   const Surface sphere = Sphere(Vec3::Zero(), 25.0, 0.5);
   Loop(*device, sphere, 5000);
-  Loop(
-      *device, [](const Vec3&) -> Vec3 { return Vec3::Zero(); }, 3000);
+  Loop(*device, Nothing, 3000);
   ExpectExploresWell(Felt(Loop(*device, sphere, 20'000)));
 }
 
