@@ -18,30 +18,35 @@ std::vector<BoundedConnection> Strangers(std::size_t count, const std::string& p
   return std::vector<BoundedConnection>(count, {prefix, bytes});
 }
 
+std::vector<std::size_t> CutOff(const std::vector<BoundedConnection>& all) {
+  std::vector<std::size_t> cut;
+  for (const ConnectionCut& one : CutsAmong(all, kStrangerBounds)) cut.push_back(one.connection);
+  return cut;
+}
+
+using Numbers = std::vector<std::size_t>;
+
 TEST(ConnectionLimits, AClientWithAFullFirstCallIsLeftAlone) {
-  EXPECT_TRUE(CutsAmong({}, kStrangerBounds).empty());
-  EXPECT_TRUE(CutsAmong(Strangers(1, "a", 5 * kMiB), kStrangerBounds).empty());
-  EXPECT_TRUE(
-      CutsAmong(Strangers(kStrangerBounds.connections, "a", kMiB), kStrangerBounds).empty());
+  EXPECT_EQ(CutOff({}), Numbers());
+  EXPECT_EQ(CutOff(Strangers(1, "a", 5 * kMiB)), Numbers());
+  EXPECT_EQ(CutOff(Strangers(kStrangerBounds.connections, "a", kMiB)), Numbers());
 }
 
 TEST(ConnectionLimits, WhoSendsTooMuchGoes) {
   auto all = Strangers(3, "a", 1000);
   all[1].bytes = kStrangerBounds.bytes_of_one + 1;
-  const auto cuts = CutsAmong(all, kStrangerBounds);
-  ASSERT_EQ(cuts.size(), 1u);
-  EXPECT_EQ(cuts[0].connection, 1u);
-  EXPECT_TRUE(cuts[0].sent_too_much);
+  EXPECT_EQ(CutOff(all), Numbers{1});
+  EXPECT_TRUE(CutsAmong(all, kStrangerBounds)[0].sent_too_much);
 }
 
 TEST(ConnectionLimits, OfThoseThatSendTooMuchTogetherTheGreatestGo) {
   auto all = Strangers(12, "a", 6 * kMiB);
   all[7].bytes = 7 * kMiB;
   all.push_back({"b", 1000});
-  const auto cuts = CutsAmong(all, kStrangerBounds);
-  ASSERT_EQ(cuts.size(), 2u);
-  EXPECT_EQ(cuts[0].connection, 7u);
-  EXPECT_LT(cuts[1].connection, 12u);
+  const auto cut = CutOff(all);
+  ASSERT_EQ(cut.size(), 2u);
+  EXPECT_EQ(cut[0], 7u);
+  EXPECT_LT(cut[1], 12u);
 }
 
 sockaddr_storage Address(const std::string& text) {
@@ -74,11 +79,9 @@ TEST(ConnectionLimits, OfManyPrefixesWithOneEachTheOldestGoes) {
     for (std::size_t n = 1; n <= kStrangerBounds.connections; ++n) {
       all.push_back(From("2001:db8:" + std::to_string(100 + n % 7 * 100 + n) + "::1"));
     }
-    EXPECT_TRUE(CutsAmong(all, kStrangerBounds).empty());
+    EXPECT_EQ(CutOff(all), Numbers());
     all.push_back(From(newcomer));
-    const auto cuts = CutsAmong(all, kStrangerBounds);
-    ASSERT_EQ(cuts.size(), 1u) << newcomer;
-    EXPECT_EQ(cuts[0].connection, 0u) << newcomer;
+    EXPECT_EQ(CutOff(all), Numbers{0}) << newcomer;
   }
 }
 
@@ -88,11 +91,9 @@ TEST(ConnectionLimits, ManyAddressesOfOnePrefixTakeOnlyItsOwnPlaces) {
     all.push_back(From("2001:db8:0:1::" + std::to_string(n)));
   }
   all.push_back(From("2001:db8:0:2::1"));
-  std::vector<std::size_t> cut;
-  for (const ConnectionCut& one : CutsAmong(all, kStrangerBounds)) cut.push_back(one.connection);
-  std::vector<std::size_t> oldest(all.size() - kStrangerBounds.connections);
+  Numbers oldest(all.size() - kStrangerBounds.connections);
   std::iota(oldest.begin(), oldest.end(), std::size_t{2});
-  EXPECT_EQ(cut, oldest);
+  EXPECT_EQ(CutOff(all), oldest);
 }
 
 TEST(ConnectionLimits, OfThoseThatSendTooMuchTogetherThePrefixThatSentMostLoses) {
@@ -101,20 +102,17 @@ TEST(ConnectionLimits, OfThoseThatSendTooMuchTogetherThePrefixThatSentMostLoses)
     all.push_back(From("2001:db8:0:1::" + std::to_string(n), kMiB));
   }
   all.push_back(From("2001:db8:0:2::1", 4 * kMiB));  // a large first call
-  const auto cuts = CutsAmong(all, kStrangerBounds);
-  ASSERT_EQ(cuts.size(), 3u);
-  for (const ConnectionCut& one : cuts) EXPECT_LT(one.connection, 63u);
+  const auto cut = CutOff(all);
+  EXPECT_EQ(cut.size(), 3u);
+  for (const std::size_t one : cut) EXPECT_LT(one, 63u);
 }
 
 TEST(ConnectionLimits, OfTooManyTheOldestOfTheAddressWithMostGoes) {
   auto all = Strangers(1, "b", 1000);
   const auto flood = Strangers(kStrangerBounds.connections + 1, "a", 1000);
   all.insert(all.end(), flood.begin(), flood.end());
-  const auto cuts = CutsAmong(all, kStrangerBounds);
-  ASSERT_EQ(cuts.size(), 2u);
-  EXPECT_EQ(cuts[0].connection, 1u);
-  EXPECT_EQ(cuts[1].connection, 2u);
-  EXPECT_FALSE(cuts[0].sent_too_much);
+  EXPECT_EQ(CutOff(all), (Numbers{1, 2}));
+  EXPECT_FALSE(CutsAmong(all, kStrangerBounds)[0].sent_too_much);
 }
 
 TEST(ConnectionLimits, WhateverComesTheRestKeepsWithinTheBounds) {
@@ -126,10 +124,10 @@ TEST(ConnectionLimits, WhateverComesTheRestKeepsWithinTheBounds) {
              static_cast<std::int64_t>(random() % (std::uint64_t{1} << (random() % 26)))};
     }
     std::vector<bool> is_cut(all.size(), false);
-    for (const ConnectionCut& cut : CutsAmong(all, kStrangerBounds)) {
-      ASSERT_LT(cut.connection, all.size());
-      ASSERT_FALSE(is_cut[cut.connection]);
-      is_cut[cut.connection] = true;
+    for (const std::size_t cut : CutOff(all)) {
+      ASSERT_LT(cut, all.size());
+      ASSERT_FALSE(is_cut[cut]);
+      is_cut[cut] = true;
     }
     std::size_t count = 0;
     std::int64_t bytes = 0;

@@ -3,7 +3,6 @@
 #include <sys/stat.h>
 
 #include <fstream>
-#include <sstream>
 
 #include "common/error/error.h"
 #include "server/security/policy.h"
@@ -24,11 +23,6 @@ class CertificatesTest : public ::testing::Test, protected test::Certificates {
     Issue("lab", "server", "DNS:localhost");
   }
 
-  std::string Read(const std::string& name) const {
-    std::ostringstream text;
-    text << std::ifstream(In(name)).rdbuf();
-    return text.str();
-  }
   std::string PairRefusal(const std::string& certificate, const std::string& key,
                           CertificateTime now = kNow) const {
     try {
@@ -58,36 +52,36 @@ TEST_F(CertificatesTest, WhatElseIsInTheFilesIsLeftOut) {
             Read("server.key") + Read("server.pem") + Read("lab.pem"));
 }
 
-TEST_F(CertificatesTest, AWeakPairOrOneOfAClientIsRefused) {
-  Issue("lab", "viewer", "DNS:localhost", 10, "clientAuth");
-  EXPECT_NE(PairRefusal("viewer.pem", "viewer.key").find("is not one for servers"),
-            std::string::npos);
-  Openssl("req -x509 -newkey rsa:1024 -nodes -days 30 -keyout weak.key -out weak.pem -subj /CN=w");
-  chmod(In("weak.key").c_str(), 0600);
-  EXPECT_NE(PairRefusal("weak.pem", "weak.key").find("is not fit for TLS"), std::string::npos);
-}
-
 TEST_F(CertificatesTest, APairThatTlsWouldNotTakeIsRefused) {
+  Issue("lab", "viewer", "DNS:localhost", 10, "clientAuth");
   Issue("lab", "other", "DNS:localhost");
-  EXPECT_NE(PairRefusal("server.pem", "other.key").find("is not the key of"), std::string::npos);
-  EXPECT_NE(PairRefusal("server.pem", "server.key", kNow + 11 * kDay).find("has expired"),
-            std::string::npos);
-  EXPECT_NE(PairRefusal("server.pem", "server.key", kNow - kDay).find("is not valid yet"),
-            std::string::npos);
-  EXPECT_NE(PairRefusal("server.key", "server.key").find("holds no certificate"),
-            std::string::npos);
-  EXPECT_NE(PairRefusal("absent.pem", "server.key").find("cannot read"), std::string::npos);
-  EXPECT_NE(PairRefusal("server.pem", "absent.key").find("cannot read"), std::string::npos);
-  // Cut short, as while it is being copied; and with a passphrase.
+  Openssl("req -x509 -newkey rsa:1024 -nodes -days 30 -keyout weak.key -out weak.pem -subj /CN=w");
+  Openssl("ec -aes256 -passout pass:x -in server.key -out locked.key");
+  for (const char* key : {"weak.key", "locked.key"}) chmod(In(key).c_str(), 0600);
+  struct Case {
+    std::string certificate, key, problem;
+    CertificateTime now = kNow;
+  };
+  for (const auto& [certificate, key, problem, now] :
+       std::vector<Case>{{"viewer.pem", "viewer.key", "is not one for servers"},
+                         {"weak.pem", "weak.key", "is not fit for TLS"},
+                         {"server.pem", "other.key", "is not the key of"},
+                         {"server.pem", "server.key", "has expired", kNow + 11 * kDay},
+                         {"server.pem", "server.key", "is not valid yet", kNow - kDay},
+                         {"server.key", "server.key", "holds no certificate"},
+                         {"absent.pem", "server.key", "cannot read"},
+                         {"server.pem", "absent.key", "cannot read"},
+                         {"server.pem", "locked.key", "passphrase"}}) {
+    EXPECT_NE(PairRefusal(certificate, key, now).find(problem), std::string::npos)
+        << certificate << " " << key << ": " << problem;
+  }
+  // Cut short, as while it is being copied.
   const std::string key = Read("server.key");
   for (std::size_t length : {std::size_t{0}, std::size_t{1}, key.size() / 2, key.size() - 30}) {
     std::ofstream(In("cut.key")) << key.substr(0, length);
     chmod(In("cut.key").c_str(), 0600);
     EXPECT_NE(PairRefusal("server.pem", "cut.key"), "accepted") << length;
   }
-  Openssl("ec -aes256 -passout pass:x -in server.key -out locked.key");
-  chmod(In("locked.key").c_str(), 0600);
-  EXPECT_NE(PairRefusal("server.pem", "locked.key").find("passphrase"), std::string::npos);
 }
 
 TEST_F(CertificatesTest, AKeyThatOthersReadIsRefused) {

@@ -5,7 +5,6 @@
 #include <chrono>
 #include <fstream>
 #include <set>
-#include <sstream>
 
 #include "common/error/error.h"
 #include "server/security/policy.h"
@@ -77,9 +76,7 @@ TEST(Token, ExpiresInItsFileAndForThePolicy) {
   using std::chrono::seconds;
   EXPECT_TRUE(recognise(guest, end - seconds(1)).identity);
   EXPECT_FALSE(recognise(guest, end).identity);
-  EXPECT_EQ(recognise(guest, end).problem,
-            "its token expired at 2027-01-31T12:00:00Z: ask the operator for a new token "
-            "('palpated token add')");
+  EXPECT_NE(recognise(guest, end).problem.find("2027-01-31T12:00:00Z"), std::string::npos);
   EXPECT_TRUE(recognise(staff, end).identity);
   // A stream that was admitted is judged again by the hash.
   const Credentials admitted{.transport = Transport::kTls,
@@ -93,24 +90,19 @@ TEST(Token, OnlyATimeEndsIt) {
   const std::filesystem::path file = folder.path() / "tokens.toml";
   NewToken guest = MakeToken("guest", Role::kEditor);
   guest.stored.expires = std::chrono::sys_days(std::chrono::year(2027) / 1 / 31);
+  WriteTokenFile(file, {guest.stored});
+  const std::string written = test::TextOf(file);
+  const std::size_t at = written.find("2027-01-31T00:00:00Z");
+  ASSERT_NE(at, written.npos);
+  const auto write_end = [&](const char* end) {
+    std::ofstream(file) << std::string(written).replace(at, 20, end);
+  };
   for (const char* bad : {"2027-01-31", "\"2027-01-31T12:00:00Z\"", "2027-01-31T12:00:00", "1"}) {
-    std::filesystem::remove(file);
-    WriteTokenFile(file, {guest.stored});
-    std::ostringstream text;
-    text << std::ifstream(file).rdbuf();
-    std::string changed = text.str();
-    const std::size_t at = changed.find("2027-01-31T00:00:00Z");
-    ASSERT_NE(at, changed.npos);
-    std::ofstream(file) << changed.replace(at, 20, bad);
+    write_end(bad);
     EXPECT_THROW(ReadTokenFile(file), Error) << bad;
   }
   // With another offset it is the same moment.
-  WriteTokenFile(file, {guest.stored});
-  std::ostringstream text;
-  text << std::ifstream(file).rdbuf();
-  std::string changed = text.str();
-  std::ofstream(file) << changed.replace(changed.find("2027-01-31T00:00:00Z"), 20,
-                                         "2027-01-31T02:30:00+02:30");
+  write_end("2027-01-31T02:30:00+02:30");
   EXPECT_EQ(ReadTokenFile(file).at(0).expires, guest.stored.expires);
 }
 
@@ -138,9 +130,7 @@ TEST_F(TokenFileTest, KeepsWhatItWasGivenAndNotTheToken) {
   ASSERT_EQ(read.size(), 2u);
   EXPECT_EQ(FindToken(read, a.text)->name, "lab-script");
   EXPECT_EQ(FindToken(read, b.text)->role, Role::kAdmin);
-  std::ostringstream text;
-  text << std::ifstream(file_).rdbuf();
-  EXPECT_EQ(text.str().find(a.text.substr(8)), std::string::npos);
+  EXPECT_EQ(test::TextOf(file_).find(a.text.substr(8)), std::string::npos);
   struct stat status {};
   ASSERT_EQ(stat(file_.c_str(), &status), 0);
   EXPECT_EQ(status.st_mode & 0777, 0640u);
