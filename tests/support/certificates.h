@@ -16,6 +16,8 @@ class Certificates {
  public:
   std::filesystem::path In(const std::string& name) const { return folder_.path() / name; }
 
+  std::string Read(const std::string& name) const { return TextOf(In(name)); }
+
   void Openssl(const std::string& arguments) const {
     const std::string command =
         "cd " + folder_.path().string() + " && openssl " + arguments + " >/dev/null 2>&1";

@@ -59,18 +59,19 @@ TEST(DeviceWords, EveryLevelIsExplained) {
   }
 }
 
-client::ForceStatus Forces(client::ForceState state, client::ForceReason reason) {
+client::ForceStatus Forces(client::ForceState state,
+                           client::ForceReason reason = client::ForceReason::kNone) {
   return {state, reason, 3.3};
 }
 
 TEST(DeviceWords, ForcesAreToldWithWhatToDo) {
-  EXPECT_EQ(Describe(Forces(client::ForceState::kOn, client::ForceReason::kNone)),
+  EXPECT_EQ(Describe(Forces(client::ForceState::kOn)),
             "forces    on\n          at most 3.3 N now\n");
   const client::ForceStatus docked =
       Forces(client::ForceState::kHeld, client::ForceReason::kDocked);
   EXPECT_EQ(InWords(docked), "held: " + client::InWords(client::ForceReason::kDocked));
   EXPECT_EQ(NameOf(docked), "held (docked)");
-  EXPECT_EQ(NameOf(Forces(client::ForceState::kRampIn, client::ForceReason::kNone)), "ramp in");
+  EXPECT_EQ(NameOf(Forces(client::ForceState::kRampIn)), "ramp in");
 }
 
 TEST(DeviceWords, HealthLeavesOutWhatSaysNothing) {
@@ -129,14 +130,11 @@ TEST(DoctorDaemon, ForcesThatAreNotOnSayWhatToDo) {
       {client::ForceState::kOff, Verdict::kWarn},     {client::ForceState::kHeld, Verdict::kWarn},
       {client::ForceState::kStopped, Verdict::kWarn}, {client::ForceState::kFault, Verdict::kFail}};
   for (const auto& [state, verdict] : verdicts) {
-    client::ForceStatus forces;
-    forces.state = state;
-    EXPECT_EQ(JudgeForces(forces).verdict, verdict) << client::NameOf(state);
-    EXPECT_EQ(JudgeForces(forces).advice.empty(), verdict == Verdict::kOk);
-    forces.reason = client::ForceReason::kStopCall;
-    EXPECT_EQ(JudgeForces(forces).advice.empty(), verdict == Verdict::kOk);
-    if (verdict == Verdict::kOk) continue;
-    EXPECT_EQ(JudgeForces(forces).advice, client::InWords(client::ForceReason::kStopCall));
+    const bool is_ok = verdict == Verdict::kOk;
+    EXPECT_EQ(JudgeForces(Forces(state)).verdict, verdict) << client::NameOf(state);
+    EXPECT_EQ(JudgeForces(Forces(state)).advice.empty(), is_ok);
+    EXPECT_EQ(JudgeForces(Forces(state, client::ForceReason::kStopCall)).advice,
+              is_ok ? "" : client::InWords(client::ForceReason::kStopCall));
   }
 }
 

@@ -8,7 +8,6 @@
 #include <algorithm>
 #include <csignal>
 #include <fstream>
-#include <sstream>
 
 #include "common/error/error.h"
 #include "server/session/series_files.h"
@@ -23,12 +22,15 @@ namespace fs = std::filesystem;
 using testing::Refusal;
 
 TEST(ComesBefore, OrdersByTheNumbersInTheNames) {
-  EXPECT_TRUE(ComesBefore("t9", "t10"));
-  EXPECT_TRUE(ComesBefore("t010", "t20"));
-  EXPECT_TRUE(ComesBefore("t2_9", "t2_11"));
-  EXPECT_TRUE(ComesBefore("a99999999999999999998", "a99999999999999999999"));
-  EXPECT_TRUE(ComesBefore("t1", "t1x"));
-  EXPECT_TRUE(ComesBefore("a01b3", "a2"));
+  for (const auto& [first, second] : std::vector<std::pair<std::string, std::string>>{
+           {"t9", "t10"},
+           {"t010", "t20"},
+           {"t2_9", "t2_11"},
+           {"t1", "t1x"},
+           {"a01b3", "a2"},
+           {"a99999999999999999998", "a99999999999999999999"}}) {
+    EXPECT_TRUE(ComesBefore(first, second)) << first;
+  }
 }
 
 TEST(ComesBefore, IsAStrictOrder) {
@@ -149,9 +151,7 @@ TEST_F(UploadTest, IsAFileOfItsNameThatNobodyElseCanReach) {
   upload.Finish();
   EXPECT_EQ(upload.path().filename(), "a b.nrrd");
   EXPECT_EQ(upload.title(), "upload:a b.nrrd");
-  std::ostringstream text;
-  text << std::ifstream(upload.path()).rdbuf();
-  EXPECT_EQ(text.str(), "123456789");
+  EXPECT_EQ(test::TextOf(upload.path()), "123456789");
   struct stat status {};
   stat(upload.path().parent_path().c_str(), &status);
   EXPECT_EQ(status.st_mode & 0777, 0700u);

@@ -110,23 +110,26 @@ TEST_F(ConfigCheckTest, WhatOnlyFollowsIsLeftOut) {
   ExpectFaults(Faults("[volume\nsource = \"/no\"\n"), {"f.toml:1: "});
 }
 
-TEST_F(ConfigCheckTest, ANameIsNoAddressToListenOn) {
+TEST_F(ConfigCheckTest, AddressesToListenOn) {
   MakeGoodFiles();
   const std::string tls = Tls("server.pem", "server.key", "", "tokens.toml");
-  ExpectFaults(Faults("[server]\nlisten = \"lab.example:7400\"\n" + tls),
-               {"f.toml:2: server.listen: ... lab.example:7400"});
+  const auto server = [&](const std::string& address) {
+    return Faults("[server]\nlisten = \"" + address + "\"\n" + tls);
+  };
+  ExpectFaults(server("lab.example:7400"), {"f.toml:2: server.listen: ... lab.example:7400"});
   for (const char* address : {"localhost:7400", "[::]:7400", "192.0.2.1:7400"}) {
-    EXPECT_EQ(Faults("[server]\nlisten = \"" + std::string(address) + "\"\n" + tls), Keys());
+    EXPECT_EQ(server(address), Keys());
   }
-}
-
-TEST_F(ConfigCheckTest, MetricsAreForLoopbackAlone) {
-  for (const char* address : {"0.0.0.0:9464", "[::]:9464", "192.0.2.1:9464", "example.org:9464"}) {
-    ExpectFaults(Faults("[metrics]\nlisten = \"" + std::string(address) + "\"\n"),
-                 {"f.toml:2: metrics.listen: ... " + std::string(address)});
+  // Metrics are for loopback alone.
+  const auto metrics = [&](const std::string& address) {
+    return Faults("[metrics]\nlisten = \"" + address + "\"\n");
+  };
+  for (const std::string address :
+       {"0.0.0.0:9464", "[::]:9464", "192.0.2.1:9464", "example.org:9464"}) {
+    ExpectFaults(metrics(address), {"f.toml:2: metrics.listen: ... " + address});
   }
   for (const char* address : {"127.0.0.1:9464", "[::1]:9464", "localhost:9464"}) {
-    EXPECT_EQ(Faults("[metrics]\nlisten = \"" + std::string(address) + "\"\n"), Keys());
+    EXPECT_EQ(metrics(address), Keys());
   }
 }
 
@@ -169,12 +172,28 @@ TEST_F(ConfigCheckTest, AScaleIsJudgedBySpacing) {
   EXPECT_FALSE(fits(file, "device_mm_per_volume_mm = 1e-9\nspacing_mm = [1, 1, 1]\n"));
 }
 
-TEST_F(ConfigCheckTest, ARecordingToReplayMustBeThere) {
-  const std::string text = "[device]\nkind = \"replay\"\nreplay_file = ";
-  ExpectFaults(Faults(text + "\"/no/such\"\n"), {"f.toml:3: device.replay_file: ... /no/such"});
-  // It is there, and none.
-  ExpectFaults(Faults(text + "\"" + In("f.toml").string() + "\"\n"),
-               {"f.toml:3: device.replay_file: "});
+// One fault each, at its line and key.
+TEST_F(ConfigCheckTest, LooksAtTheWhole) {
+  EXPECT_EQ(Faults(""), Keys());
+  const std::string replay = "[device]\nkind = \"replay\"\nreplay_file = \"";
+  for (const auto& [text, fault] : std::vector<std::pair<std::string, std::string>>{
+           {"[volume]\nsource = \"/no/such.nrrd\"\n", "2: volume.source: "},
+           {"[volume]\nsource = \"builtin:cube\"\n", "2: volume.source: "},
+           {"[volume]\nisovalue = 1\nnormalized_isovalue = 0.1\n",
+            "3: volume.normalized_isovalue: "},
+           {"[volume]\nnormalized_isovalue = 1.5\n", "2: volume.normalized_isovalue: "},
+           {"[device]\n\nkind = \"omni\"\n", "3: device.kind: "},
+           {"[device]\nkind = \"replay\"\n", "2: device.kind: "},
+           {replay + "/no/such\"\n", "3: device.replay_file: ... /no/such"},
+           // It is there, and no recording.
+           {replay + In("f.toml").string() + "\"\n", "3: device.replay_file: "},
+           {"[device]\nfalcon_firmware = \"/no/such\"\n", "2: device.falcon_firmware: "},
+           {"[device]\nkind = \"falcon\"\nstop_buttons = 0\n[haptics]\nmethod = \"tptd\"\n",
+            "5: haptics.method: "},
+           {"[server]\nsocket = \"/tmp/a b\"\n", "2: server.socket: "},
+           {"[realtime]\ncpu = 1023\n", "2: realtime.cpu: "}}) {
+    ExpectFaults(Faults(text), {"f.toml:" + fault});
+  }
 }
 
 TEST_F(ConfigCheckTest, TheCommandLineIsJudgedBesideTheFile) {
@@ -231,34 +250,6 @@ TEST(ConfigCheck, SaysEveryFaultInTheOrderOfLines) {
   EXPECT_EQ(config.realtime.cpu, 0);
 }
 
-TEST(ConfigCheck, LooksAtTheWhole) {
-  EXPECT_TRUE(CheckConfig(Config{}, {}).empty());
-  struct Case {
-    std::string text, key;
-    std::size_t line;
-  };
-  for (const auto& [text, key, line] : std::vector<Case>{
-           {"[volume]\nsource = \"/no/such.nrrd\"\n", "volume.source", 2},
-           {"[volume]\nsource = \"builtin:cube\"\n", "volume.source", 2},
-           {"[volume]\nisovalue = 1\nnormalized_isovalue = 0.1\n", "volume.normalized_isovalue", 3},
-           {"[volume]\nnormalized_isovalue = 1.5\n", "volume.normalized_isovalue", 2},
-           {"[device]\n\nkind = \"omni\"\n", "device.kind", 3},
-           {"[device]\nkind = \"replay\"\n", "device.kind", 2},
-           {"[device]\nfalcon_firmware = \"/no/such\"\n", "device.falcon_firmware", 2},
-           {"[device]\nkind = \"falcon\"\nstop_buttons = 0\n[haptics]\nmethod = \"tptd\"\n",
-            "haptics.method", 5},
-           {"[server]\nsocket = \"/tmp/a b\"\n", "server.socket", 2},
-           {"[realtime]\ncpu = 1023\n", "realtime.cpu", 2}}) {
-    Config config;
-    const ConfigReading reading = ReadTextOf(text, config);
-    EXPECT_TRUE(reading.faults.empty()) << text;
-    const std::vector<ConfigFault> faults = CheckConfig(config, reading.keys);
-    ASSERT_EQ(faults.size(), 1u) << text;
-    EXPECT_EQ(faults[0].key, key) << text;
-    EXPECT_EQ(faults[0].line, line) << text;
-  }
-}
-
 ConfigKeys KeysOf(const std::string& text) {
   Config config;
   return ReadTextOf(text, config).keys;
@@ -306,15 +297,11 @@ TEST(ConfigReload, UpdatesOnlyTheKeysThatAreNamed) {
   ASSERT_EQ(update.flags.size(), 1u);
   EXPECT_TRUE(update.flags[0].second);
   EXPECT_FALSE(update.isovalue || update.normalized_isovalue || update.free_side || update.method);
-}
-
-TEST(ConfigReload, AnIsovalueThatIsTakenOutIsTheDefaultOne) {
-  EXPECT_EQ(UpdateOf({"volume.isovalue"}, Config{}).normalized_isovalue, 0.5);
-  Config config;
+  // An isovalue that is taken out is the default one.
+  EXPECT_EQ(UpdateOf({"volume.isovalue"}, config).normalized_isovalue, 0.5);
   config.isovalue = 300.0;
-  const SettingsUpdate update = UpdateOf({"volume.isovalue"}, config);
-  EXPECT_EQ(update.isovalue, 300.0);
-  EXPECT_FALSE(update.normalized_isovalue);
+  EXPECT_EQ(UpdateOf({"volume.isovalue"}, config).isovalue, 300.0);
+  EXPECT_FALSE(UpdateOf({"volume.isovalue"}, config).normalized_isovalue);
 }
 
 }  // namespace

@@ -4,8 +4,9 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include <array>
 #include <fstream>
-#include <sstream>
+#include <functional>
 
 #include "tests/support/places.h"
 #include "tests/support/temporary_folder.h"
@@ -39,117 +40,115 @@ class ConfigTest : public ::testing::Test {
   test::TemporaryFolder folder_;
 };
 
+// But those of what is felt.
 TEST_F(ConfigTest, ReadsEveryKey) {
-  const Config config = Read(R"(
-[volume]
-source = "/data/head.nrrd"
-isovalue = 300
-spacing_mm = [1, 1.0, 2.5]
-device_mm_per_volume_mm = 0.5
-load_folders = ["/tmp", "/"]
-save_folders = []
-memory_budget_mib = 300
-max_upload_mib = 200
-upload_vdb = false
-upload_folder = "/tmp"
-[metrics]
-listen = "127.0.0.1:9464"
-[haptics]
-free_side = "above"
-method = "bcc"
-[server]
-socket = "/tmp/s.sock"
-listen = "127.0.0.1:7400"
-socket_role = "editor"
-loopback_role = "viewer"
-[realtime]
-priority = 70
-cpu = 1
-lock_memory = false
-[state]
-folder = "/var/lib/palpate"
-[log]
-level = "warning"
-)");
-  EXPECT_EQ(config.volume, "/data/head.nrrd");
-  EXPECT_EQ(config.isovalue, 300.0);
-  EXPECT_EQ(*config.spacing_mm, Vec3(1.0, 1.0, 2.5));
-  EXPECT_EQ(config.device_mm_per_volume_mm, 0.5);
-  EXPECT_EQ(*config.load_folders, (std::vector<std::filesystem::path>{"/tmp", "/"}));
-  EXPECT_TRUE(config.save_folders && config.save_folders->empty());
-  EXPECT_EQ(config.memory_budget_bytes, std::uint64_t{300} << 20);
-  EXPECT_EQ(config.uploads.max_bytes, std::uint64_t{200} << 20);
-  EXPECT_EQ(config.uploads.folder, "/tmp");
-  EXPECT_FALSE(config.uploads.vdb);
-  EXPECT_EQ(config.metrics_listen->port, 9464);
-  EXPECT_EQ(config.haptics.free_side, FreeSide::kAbove);
-  EXPECT_EQ(config.method, DecompositionMethod::kBcc);
-  EXPECT_EQ(config.socket_path, "/tmp/s.sock");
-  EXPECT_EQ(config.listen->port, 7400);
-  EXPECT_EQ(config.security.policy.socket_role, Role::kEditor);
-  EXPECT_EQ(config.security.policy.loopback_role, Role::kViewer);
-  EXPECT_EQ(config.realtime.priority, 70);
-  EXPECT_EQ(config.realtime.cpu, 1);
-  EXPECT_FALSE(config.realtime.lock_memory);
-  EXPECT_EQ(config.state_folder, "/var/lib/palpate");
-  EXPECT_EQ(config.log_level, "warning");
+  using Paths = std::vector<std::filesystem::path>;
+  using Bytes = std::vector<std::uint8_t>;
+  struct Key {
+    std::string text;
+    std::function<bool(const Config&)> is_read;
+  };
+  const Key keys[] = {
+      {"volume.source = '/data/a.nrrd'", [](auto& c) { return c.volume == "/data/a.nrrd"; }},
+      {"volume.isovalue = 300", [](auto& c) { return c.isovalue == 300.0; }},
+      {"volume.spacing_mm = [1, 1.0, 2.5]",
+       [](auto& c) { return c.spacing_mm == Vec3(1, 1, 2.5); }},
+      {"volume.device_mm_per_volume_mm = 0.5",
+       [](auto& c) { return c.device_mm_per_volume_mm == 0.5; }},
+      {"volume.load_folders = ['/tmp', '/']",
+       [](auto& c) {
+         return c.load_folders == Paths{"/tmp", "/"};
+       }},
+      {"volume.save_folders = []", [](auto& c) { return c.save_folders == Paths(); }},
+      {"volume.memory_budget_mib = 300",
+       [](auto& c) { return c.memory_budget_bytes == std::uint64_t{300} << 20; }},
+      {"volume.max_upload_mib = 200",
+       [](auto& c) { return c.uploads.max_bytes == std::uint64_t{200} << 20; }},
+      {"volume.upload_vdb = false", [](auto& c) { return !c.uploads.vdb; }},
+      {"volume.upload_folder = '/tmp'", [](auto& c) { return c.uploads.folder == "/tmp"; }},
+      {"metrics.listen = '127.0.0.1:9464'", [](auto& c) { return c.metrics_listen->port == 9464; }},
+      {"haptics.free_side = 'above'",
+       [](auto& c) { return c.haptics.free_side == FreeSide::kAbove; }},
+      {"haptics.method = 'bcc'", [](auto& c) { return c.method == DecompositionMethod::kBcc; }},
+      {"server.socket = '/tmp/s.sock'", [](auto& c) { return c.socket_path == "/tmp/s.sock"; }},
+      {"server.listen = '127.0.0.1:7400'", [](auto& c) { return c.listen->port == 7400; }},
+      {"server.socket_role = 'editor'",
+       [](auto& c) { return c.security.policy.socket_role == Role::kEditor; }},
+      {"server.loopback_role = 'viewer'",
+       [](auto& c) { return c.security.policy.loopback_role == Role::kViewer; }},
+      {"realtime.priority = 70", [](auto& c) { return c.realtime.priority == 70; }},
+      {"realtime.cpu = 1", [](auto& c) { return c.realtime.cpu == 1; }},
+      {"realtime.lock_memory = false", [](auto& c) { return !c.realtime.lock_memory; }},
+      {"state.folder = '/var/a'", [](auto& c) { return c.state_folder == "/var/a"; }},
+      {"log.level = 'warning'", [](auto& c) { return c.log_level == "warning"; }},
+      {"device.kind = 'simulated'", [](auto& c) { return c.device.kind == "simulated"; }},
+      {"device.pressed_buttons = 3", [](auto& c) { return c.device.pressed_buttons == 3; }},
+      {"device.stop_buttons = 2", [](auto& c) { return c.device.stop_buttons == 2u; }},
+      {"device.replay_file = '/a.palrec'",
+       [](auto& c) { return c.device.replay_file == "/a.palrec"; }},
+      {"device.usb_port = '1-2'", [](auto& c) { return c.device.usb_port == "1-2"; }},
+      {"device.frames = 'framed-firewire'", [](auto& c) { return c.device.framed_firewire; }},
+      {"device.state_command = 0x21", [](auto& c) { return c.device.state_command == 0x21; }},
+      {"device.force_command = 34", [](auto& c) { return c.device.force_command == 34; }},
+      {"device.init_payload = [0x01, 0xff]",
+       [](auto& c) {
+         return c.device.init_payload == Bytes{1, 255};
+       }},
+      {"device.motor_counts_per_n_mm = [1, -2.5, 3]",
+       [](auto& c) {
+         return c.device.motor_counts_per_n_mm == std::array<double, 3>{1.0, -2.5, 3.0};
+       }},
+      {"device.falcon_firmware = '/f.bin'",
+       [](auto& c) { return c.device.falcon_firmware == "/f.bin"; }},
+      {"device.openhaptics_library = '/h.so'",
+       [](auto& c) { return c.device.openhaptics_library == "/h.so"; }},
+      {"device.openhaptics_name = 'Left'",
+       [](auto& c) { return c.device.openhaptics_name == "Left"; }},
+      {"tls.certificate = '/c.pem'",
+       [](auto& c) { return c.security.tls.certificate == "/c.pem"; }},
+      {"tls.key = '/k.pem'", [](auto& c) { return c.security.tls.key == "/k.pem"; }},
+      {"tls.client_ca = '/ca.pem'",
+       [](auto& c) { return c.security.policy.client_ca == "/ca.pem"; }},
+      {"tls.tokens = '/t.toml'", [](auto& c) { return c.security.policy.tokens == "/t.toml"; }},
+      {"tls.client = [{san = 'a', role = 'operator'}, {san = 'spiffe://b', role = 'admin'}]",
+       [](auto& c) {
+         const auto& clients = c.security.policy.clients;
+         return clients.size() == 2 && clients[1].san == "spiffe://b" &&
+                clients[1].role == Role::kAdmin;
+       }},
+      {"limits.connections = 1", [](auto& c) { return c.security.connections == 1; }},
+      {"limits.calls_per_s = 2", [](auto& c) { return c.security.limits.calls_per_s == 2; }},
+      {"limits.pose_streams = 3", [](auto& c) { return c.security.limits.pose_streams == 3; }},
+      {"limits.pose_samples_per_s = 2000",
+       [](auto& c) { return c.security.limits.pose_samples_per_s == 2000; }},
+      {"limits.volume_streams = 4", [](auto& c) { return c.security.limits.volume_streams == 4; }},
+      {"limits.transfers = 5", [](auto& c) { return c.security.limits.transfers == 5; }},
+  };
+  std::string text;
+  for (const Key& key : keys) text += key.text + "\n";
+  const Config config = Read(text);
+  for (const Key& key : keys) EXPECT_TRUE(key.is_read(config)) << key.text;
 }
 
 TEST_F(ConfigTest, ReadsEveryKeyOfWhatIsFelt) {
+  const auto read = [this](std::string_view key, auto value) {
+    return Read(fmt::format("[haptics]\n{} = {}\n", key, value)).haptics;
+  };
   for (const NumberSetting& setting : kNumberSettings) {
     const double value = setting.low + 0.25 * (setting.high - setting.low);
-    const Config config = Read(fmt::format("[haptics]\n{} = {}\n", setting.key, value));
-    EXPECT_EQ(config.haptics.*setting.member, value) << setting.key;
+    EXPECT_EQ(read(setting.key, value).*setting.member, value) << setting.key;
   }
   for (const FlagSetting& setting : kFlagSettings) {
-    for (const bool value : {true, false}) {
-      const Config config = Read(fmt::format("[haptics]\n{} = {}\n", setting.key, value));
-      EXPECT_EQ(config.haptics.*setting.member, value) << setting.key;
-    }
+    EXPECT_TRUE(read(setting.key, true).*setting.member) << setting.key;
+    EXPECT_FALSE(read(setting.key, false).*setting.member) << setting.key;
   }
-}
-
-TEST_F(ConfigTest, ReadsEveryKeyOfTheDevice) {
-  const DeviceConfig device = Read(R"(
-[device]
-kind = "simulated"
-pressed_buttons = 3
-stop_buttons = 2
-replay_file = "/data/path.palpate"
-usb_port = "1-2"
-frames = "framed-firewire"
-state_command = 0x21
-force_command = 34
-init_payload = [0x01, 0xff]
-motor_counts_per_n_mm = [1, -2.5, 3]
-falcon_firmware = "/opt/falcon.bin"
-openhaptics_library = "/opt/libHD.so"
-openhaptics_name = "Left"
-)")
-                                  .device;
-  EXPECT_EQ(device.kind, "simulated");
-  EXPECT_EQ(device.pressed_buttons, 3);
-  EXPECT_EQ(device.stop_buttons, 2u);
-  EXPECT_EQ(device.replay_file, "/data/path.palpate");
-  EXPECT_EQ(device.usb_port, "1-2");
-  EXPECT_TRUE(device.framed_firewire);
-  EXPECT_EQ(device.state_command, 0x21);
-  EXPECT_EQ(device.force_command, 34);
-  EXPECT_EQ(device.init_payload, (std::vector<std::uint8_t>{1, 255}));
-  EXPECT_EQ(device.motor_counts_per_n_mm, (std::array<double, 3>{1.0, -2.5, 3.0}));
-  EXPECT_EQ(device.falcon_firmware, "/opt/falcon.bin");
-  EXPECT_EQ(device.openhaptics_library, "/opt/libHD.so");
-  EXPECT_EQ(device.openhaptics_name, "Left");
 }
 
 // The file that users start from: every key of [haptics], with its default.
 TEST_F(ConfigTest, TheShippedFileHasEverySettingAtItsDefault) {
-  std::ostringstream text;
-  text << std::ifstream(test::kExampleConfig).rdbuf();
-  const Config config = Read(text.str());
-  const auto has = [&text](const std::string& part) {
-    return text.str().find(part) != std::string::npos;
-  };
+  const std::string text = test::TextOf(test::kExampleConfig);
+  const Config config = Read(text);
+  const auto has = [&text](const std::string& part) { return text.find(part) != text.npos; };
   const HapticSettings defaults;
   for (const NumberSetting& setting : kNumberSettings) {
     EXPECT_EQ(config.haptics.*setting.member, defaults.*setting.member) << setting.key;
@@ -163,43 +162,6 @@ TEST_F(ConfigTest, TheShippedFileHasEverySettingAtItsDefault) {
   }
   EXPECT_TRUE(has("\nfree_side = \"below\""));
   EXPECT_EQ(config.haptics.free_side, defaults.free_side);
-}
-
-TEST_F(ConfigTest, ReadsSecurity) {
-  const SecurityOptions security = Read(R"(
-[tls]
-certificate = "/c.pem"
-key = "/k.pem"
-client_ca = "/ca.pem"
-tokens = "/t.toml"
-[[tls.client]]
-san = "a.example"
-role = "operator"
-[[tls.client]]
-san = "spiffe://b"
-role = "admin"
-[limits]
-connections = 1
-calls_per_s = 2
-pose_streams = 3
-pose_samples_per_s = 2000
-volume_streams = 4
-transfers = 5
-)")
-                                       .security;
-  EXPECT_EQ(security.tls.certificate, "/c.pem");
-  EXPECT_EQ(security.tls.key, "/k.pem");
-  EXPECT_EQ(security.policy.client_ca, "/ca.pem");
-  EXPECT_EQ(security.policy.tokens, "/t.toml");
-  ASSERT_EQ(security.policy.clients.size(), 2u);
-  EXPECT_EQ(security.policy.clients[1].san, "spiffe://b");
-  EXPECT_EQ(security.policy.clients[1].role, Role::kAdmin);
-  EXPECT_EQ(security.connections, 1);
-  EXPECT_EQ(security.limits.calls_per_s, 2);
-  EXPECT_EQ(security.limits.pose_streams, 3);
-  EXPECT_EQ(security.limits.pose_samples_per_s, 2000);
-  EXPECT_EQ(security.limits.volume_streams, 4);
-  EXPECT_EQ(security.limits.transfers, 5);
 }
 
 TEST_F(ConfigTest, AFaultNamesItsLineAndKey) {
@@ -220,6 +182,7 @@ TEST_F(ConfigTest, AFaultNamesItsLineAndKey) {
       {"[server\n", "1 "},
       // Security that cannot work.
       {"[server]\nsocket_role = \"root\"\n", "2 server.socket_role"},
+      {"[tls]\nkey = \"/k\"\n", "2 tls.key"},
       {"[tls]\nkey = \"k.pem\"\n", "2 tls.key"},
       {"[tls]\nclient = 3\n", "2 tls.client"},
       {pair + "[[tls.client]]\nname = \"a\"\n", "4 tls.client"},
@@ -227,7 +190,6 @@ TEST_F(ConfigTest, AFaultNamesItsLineAndKey) {
       {"[limits]\npose_streams = 0\n", "2 limits.pose_streams"},
       {"[limits]\npose_samples_per_s = 1999\n", "2 limits.pose_samples_per_s"},
       // Of keys that come together, the one that is there.
-      {"[tls]\nkey = \"/k\"\n", "2 tls.key"},
       {"[tls]\ncertificate = \"/c\"\n", "2 tls.certificate"},
       {"[tls]\n\ntokens = \"/t\"\n", "3 tls.tokens"},
       {pair + "client_ca = \"/ca\"\n", "4 tls.client_ca"},

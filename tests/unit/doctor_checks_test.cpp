@@ -102,7 +102,7 @@ TEST_F(DoctorTest, ReadsTheMachinesFiles) {
   Put("proc/sys/kernel/osrelease", "6.1.0-amd64");
   Put("proc/version", "Linux version 6.1.0-amd64 #1 SMP PREEMPT_DYNAMIC Debian");
   const std::string memory = "Max locked memory   8388608   unlimited   bytes\n";
-  const std::string governor = "sys/devices/system/cpu/cpu1/cpufreq/scaling_governor";
+  const std::string cpus = "sys/devices/system/cpu/cpu";
   const std::string clock = "sys/devices/system/clocksource/clocksource0/current_clocksource";
   // One after the other: what was put stays.
   for (const auto& [path, text, check, verdict, part] : std::vector<Case>{
@@ -113,9 +113,8 @@ TEST_F(DoctorTest, ReadsTheMachinesFiles) {
            {"proc/sys/kernel/sched_rt_runtime_us", "0", CheckRealtimeShare, kFail, ""},
            {"proc/sys/kernel/sched_rt_runtime_us", "-1", CheckRealtimeShare, kOk, ""},
            // One slow core is enough.
-           {"sys/devices/system/cpu/cpu0/cpufreq/scaling_governor", "performance", CheckGovernor,
-            kOk, ""},
-           {governor, "powersave", CheckGovernor, kWarn, "powersave"},
+           {cpus + "0/cpufreq/scaling_governor", "performance", CheckGovernor, kOk, ""},
+           {cpus + "1/cpufreq/scaling_governor", "powersave", CheckGovernor, kWarn, "powersave"},
            {clock, "hpet", CheckClock, kWarn, "hpet"},
            // The soft limits count.
            {"proc/self/limits", memory + "Max realtime priority   79   90", CheckRealtimeRights,
@@ -140,6 +139,9 @@ TEST_F(DoctorTest, ReadsTheMachinesFiles) {
 TEST_F(DoctorTest, APortIsFreeOrPalpateds) {
   ExpectAdvice(CheckPort(machine_), Verdict::kOk);
   ExpectAdvice(CheckMetricsPort(machine_), Verdict::kOk);
+  // Of another user: it may be palpated's.
+  PutListener("1CE8", "");
+  ExpectAdvice(CheckPort(machine_), Verdict::kWarn, "117");
   // 7400; the connection with that port in the table is no listener.
   PutListener("1CE8", "palpated");
   ExpectAdvice(CheckPort(machine_), Verdict::kFail);
@@ -177,11 +179,6 @@ TEST_F(DoctorTest, APortThatAnotherProgramHasFailsWhereItIsWanted) {
   ExpectAdvice(CheckMetricsPort(machine_), Verdict::kFail);
   Put("etc/palpate/palpated.toml", "[metrics]\nlisten = \"nonsense\"\n");
   ExpectAdvice(CheckMetricsPort(machine_), Verdict::kFail);
-}
-
-TEST_F(DoctorTest, APortOfAnotherUserMayBePalpateds) {
-  PutListener("1CE8", "");
-  ExpectAdvice(CheckPort(machine_), Verdict::kWarn, "117");
 }
 
 TEST_F(DoctorTest, ADeviceThatMayNotBeOpenedFails) {

@@ -94,9 +94,7 @@ TEST(RenderService, UnknownNamesAndValuesAreRefused) {
     request.mutable_settings()->set_free_side(static_cast<v1::FreeSide>(side));
     EXPECT_EQ(Refusal([&] { FromProto(request); }), ErrorKind::kInvalidArgument) << side;
   }
-}
-
-TEST(RenderService, OneUnknownNameSpoilsTheRequest) {
+  // One unknown name spoils the request.
   v1::UpdateSettingsRequest request = RequestOf({}, "pop_force_n");
   EXPECT_FALSE(Refusal([&] { FromProto(request); }).has_value());
   request.mutable_update_mask()->add_paths("colour");

@@ -4,9 +4,7 @@
 
 #include <atomic>
 #include <chrono>
-#include <fstream>
 #include <memory>
-#include <sstream>
 #include <string>
 #include <utility>
 
@@ -74,11 +72,6 @@ class SecurityExpiry : public ::testing::Test, protected test::Certificates {
     files_->Stop();
   }
 
-  std::string Read(const std::string& name) const {
-    std::ostringstream text;
-    text << std::ifstream(In(name)).rdbuf();
-    return text.str();
-  }
   std::unique_ptr<v1::PoseService::Stub> Viewer() const {
     const auto credentials =
         grpc::SslCredentials({Read("lab.pem"), Read("viewer.key"), Read("viewer.pem")});

@@ -106,6 +106,9 @@ constexpr milliseconds kLook = ServoWatchdog::kLookPeriod;
 constexpr milliseconds kNow{0};
 
 TEST(Watchdog, IsFedOnlyWhileTheServoTicks) {
+  // Neither before the first tick, nor where there is no watchdog.
+  EXPECT_FALSE(WatchedServo(milliseconds(400)).IsFed(0, kNow));
+  EXPECT_FALSE(WatchedServo(std::nullopt).IsFed(1000, kNow));
   WatchedServo servo(milliseconds(400));
   EXPECT_TRUE(servo.IsFed(1, kNow));
   // Ticks, but it was fed just now.
@@ -117,11 +120,6 @@ TEST(Watchdog, IsFedOnlyWhileTheServoTicks) {
   EXPECT_FALSE(servo.IsFed(1, kNow));
   EXPECT_FALSE(servo.IsFed(1, milliseconds(100)));
   EXPECT_TRUE(servo.IsFed(100, milliseconds(100)));
-}
-
-TEST(Watchdog, IsNotFedBeforeTheFirstTickNorWhereThereIsNone) {
-  EXPECT_FALSE(WatchedServo(milliseconds(400)).IsFed(0, kNow));
-  EXPECT_FALSE(WatchedServo(std::nullopt).IsFed(1000, kNow));
 }
 
 TEST(Watchdog, AServoRunsWithHalfOfItsTicks) {

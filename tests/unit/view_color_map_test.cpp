@@ -35,22 +35,19 @@ TEST(ViewColorMap, EveryMapHasANameAnd256OpaqueEntries) {
 }
 
 TEST(ViewColorMap, EndsAreThoseOfTheMap) {
+  struct Ends {
+    ColorMap map;
+    Color first, last;
+  };
   const Color black = {0, 0, 0}, white = {255, 255, 255};
-  for (const ColorMap map : {ColorMap::kGray, ColorMap::kBone, ColorMap::kHot}) {
-    EXPECT_EQ(Entry(ColorTable(map), 0), black);
-    EXPECT_EQ(Entry(ColorTable(map), 255), white);
+  for (const auto& [map, first, last] :
+       {Ends{ColorMap::kGray, black, white}, Ends{ColorMap::kBone, black, white},
+        Ends{ColorMap::kHot, black, white}, Ends{ColorMap::kViridis, {68, 1, 84}, {253, 231, 37}},
+        Ends{ColorMap::kCoolWarm, {59, 76, 192}, {180, 4, 38}}}) {
+    EXPECT_EQ(Entry(ColorTable(map), 0), first);
+    EXPECT_EQ(Entry(ColorTable(map), 255), last);
   }
-  EXPECT_EQ(Entry(ColorTable(ColorMap::kViridis), 0), (Color{68, 1, 84}));
-  EXPECT_EQ(Entry(ColorTable(ColorMap::kViridis), 255), (Color{253, 231, 37}));
-  EXPECT_EQ(Entry(ColorTable(ColorMap::kCoolWarm), 0), (Color{59, 76, 192}));
-  EXPECT_EQ(Entry(ColorTable(ColorMap::kCoolWarm), 255), (Color{180, 4, 38}));
-}
-
-TEST(ViewColorMap, GrayIsTheValue) {
-  const auto table = ColorTable(ColorMap::kGray);
-  for (int entry = 0; entry < 256; ++entry) {
-    EXPECT_EQ(Entry(table, entry), (Color{entry, entry, entry}));
-  }
+  for (int n = 0; n < 256; ++n) EXPECT_EQ(Entry(ColorTable(ColorMap::kGray), n), (Color{n, n, n}));
 }
 
 // Also the two branches of kCoolWarm, which is brightest in the middle.

@@ -55,6 +55,11 @@ double DensityOf(const VolumeSnapshot& volume, double isovalue) {
   return density;
 }
 
+// The daemon's surface at an isovalue in data units.
+lab::SurfaceMesh MeshOf(const VolumeSnapshot& volume, double isovalue, DecompositionMethod method) {
+  return lab::ExtractSurface(volume, DensityOf(volume, isovalue), method, lab::PaddedCells(volume));
+}
+
 // levels: 0 for continuous values.
 std::shared_ptr<const VolumeSnapshot> RandomVolume(const Vec3i& size, int levels, unsigned seed) {
   std::mt19937 random(seed);
@@ -78,8 +83,7 @@ TEST(HapticPatch, HasTheVerticesOfTheDaemonsSurface) {
       for (const auto method :
            {DecompositionMethod::kBcc, DecompositionMethod::kTptd,
             DecompositionMethod::kTpbccPublished, DecompositionMethod::kTpbcc}) {
-        const auto mesh = lab::ExtractSurface(*snapshot, DensityOf(*snapshot, isovalue), method,
-                                              lab::PaddedCells(*snapshot));
+        const auto mesh = MeshOf(*snapshot, isovalue, method);
         const auto patch = HapticPatch(volume, isovalue, method, Vec3(5, 4, 8), 40.0);
         ASSERT_GT(mesh.vertices.size(), 100u);
         ASSERT_EQ(patch.size() % 2, 0u);
@@ -100,11 +104,9 @@ TEST(HapticPatch, RoundsTheIsovalueAsTheDaemonDoes) {
   int stepped = 0;
   for (int n = 0; n < 100; ++n) {
     const double isovalue = uniform(random);
-    const double density = DensityOf(*snapshot, isovalue);
-    stepped += density != snapshot->Normalize(isovalue);
-    const auto mesh = lab::ExtractSurface(*snapshot, density, method, lab::PaddedCells(*snapshot));
+    stepped += DensityOf(*snapshot, isovalue) != snapshot->Normalize(isovalue);
     ASSERT_EQ(Distinct(HapticPatch(volume, isovalue, method, Vec3(3, 3, 3), 9.0)),
-              Distinct(mesh.vertices));
+              Distinct(MeshOf(*snapshot, isovalue, method).vertices));
   }
   EXPECT_GT(stepped, 10);
 }
@@ -147,8 +149,7 @@ TEST(HapticPatch, ConsistsOfEdgesOfTheSurface) {
   const ViewVolume volume = CopyOf(*snapshot);
   const double isovalue = 600.0;
   const auto method = DecompositionMethod::kTpbcc;
-  const auto mesh = lab::ExtractSurface(*snapshot, DensityOf(*snapshot, isovalue), method,
-                                        lab::PaddedCells(*snapshot));
+  const auto mesh = MeshOf(*snapshot, isovalue, method);
   const auto lines = HapticPatch(volume, isovalue, method, Vec3(4, 4, 4), 40.0);
   EXPECT_EQ(CountForeignLines(lines, mesh), 0u);
   // Each edge but the diagonals once: those of a closed surface are 1.5 per triangle.

@@ -13,8 +13,14 @@ namespace {
 using Rgba = std::array<std::uint8_t, 4>;
 
 constexpr ImageSize kSize = {800, 600};
-const OverlayOptions kNothing = {
-    .points = false, .force = false, .stylus = false, .haptic_surface = false, .box = false};
+
+// Draws nothing but this.
+OverlayOptions Only(bool OverlayOptions::*drawn) {
+  OverlayOptions options = {
+      .points = false, .force = false, .stylus = false, .haptic_surface = false, .box = false};
+  options.*drawn = true;
+  return options;
+}
 
 client::Pose InContact() {
   client::Pose pose;
@@ -79,8 +85,7 @@ TEST(ViewOverlay, WithoutAPoseThereAreNoPoints) {
 }
 
 TEST(ViewOverlay, SpheresAreAroundTheirPoints) {
-  OverlayOptions options = kNothing;
-  options.points = true;
+  const OverlayOptions options = Only(&OverlayOptions::points);
   const client::Pose pose = InContact();
   const Overlay overlay = BuildOverlay({.pose = pose}, options, {}, kSize);
   const std::pair<Rgba, Vec3> points[] = {
@@ -108,8 +113,7 @@ TEST(ViewOverlay, SpheresAreAroundTheirPoints) {
 }
 
 TEST(ViewOverlay, InFreeMotionOnePointIsDrawnOnce) {
-  OverlayOptions options = kNothing;
-  options.points = true;
+  const OverlayOptions options = Only(&OverlayOptions::points);
   client::Pose pose;
   pose.hip_mm = pose.scp_h_mm = {1.0, 2.0, 3.0};
   const Overlay overlay = BuildOverlay({.pose = pose}, options, {}, kSize);
@@ -120,8 +124,7 @@ TEST(ViewOverlay, InFreeMotionOnePointIsDrawnOnce) {
 
 // The image's shorter side has the field of view, so both shapes are tried.
 TEST(ViewOverlay, PointsKeepTheirSizeOnTheScreen) {
-  OverlayOptions options = kNothing;
-  options.points = true;
+  const OverlayOptions options = Only(&OverlayOptions::points);
   const client::Pose pose = InContact();
   for (const ImageSize& size : {kSize, ImageSize{300, 900}, ImageSize{1600, 400}}) {
     for (const double zoom : {0.3, 1.0, 4.0, 40.0}) {
@@ -137,8 +140,7 @@ TEST(ViewOverlay, PointsKeepTheirSizeOnTheScreen) {
 }
 
 TEST(ViewOverlay, TheArrowIsAlongTheForceAndAsLongAsItIsStrong) {
-  OverlayOptions options = kNothing;
-  options.force = true;
+  const OverlayOptions options = Only(&OverlayOptions::force);
   Camera camera;
   camera.Set(Vec3::Zero(), 0.0, 0.0, 250.0);  // along -z: x and y are seen at full length
   for (const double force_n : {0.2, 1.0, 3.3}) {
@@ -159,21 +161,15 @@ TEST(ViewOverlay, TheArrowIsAlongTheForceAndAsLongAsItIsStrong) {
     EXPECT_LT((across.greatest - across.least) / along.greatest * length_px, 13.0);
     EXPECT_NEAR(across.greatest, -across.least, 1e-4);
   }
-}
-
-TEST(ViewOverlay, WithoutForceThereIsNoArrow) {
-  OverlayOptions options = kNothing;
-  options.force = true;
-  client::Pose pose = InContact();
-  pose.force_n.setZero();
-  EXPECT_TRUE(BuildOverlay({.pose = pose}, options, {}, kSize).solids.empty());
-  pose.force_n = {0.0, 0.0, 1e-9};
-  EXPECT_TRUE(BuildOverlay({.pose = pose}, options, {}, kSize).solids.empty());
+  client::Pose weak = InContact();
+  for (const double force_n : {0.0, 1e-9}) {
+    weak.force_n = {0.0, 0.0, force_n};
+    EXPECT_TRUE(BuildOverlay({.pose = weak}, options, {}, kSize).solids.empty());
+  }
 }
 
 TEST(ViewOverlay, TheStylusHasItsTipAtHipAndPointsAlongItsMinusZ) {
-  OverlayOptions options = kNothing;
-  options.stylus = true;
+  const OverlayOptions options = Only(&OverlayOptions::stylus);
   client::Pose pose = InContact();
   pose.stylus_orientation =
       Eigen::Quaterniond(Eigen::AngleAxisd(1.1, Vec3(1.0, -2.0, 0.5).normalized()));
@@ -203,8 +199,7 @@ TEST(ViewOverlay, BodiesFaceOutwards) {
 }
 
 TEST(ViewOverlay, TheBoxIsAroundTheOutermostVoxels) {
-  OverlayOptions options = kNothing;
-  options.box = true;
+  const OverlayOptions options = Only(&OverlayOptions::box);
   OverlayScene scene;
   scene.X_DI = AffineMap{Mat3(Vec3(1.0, 2.0, 4.0).asDiagonal()), Vec3(10.0, 20.0, 30.0)};
   scene.lattice_size = {4, 5, 6};
@@ -227,8 +222,7 @@ TEST(ViewOverlay, TheBoxIsAroundTheOutermostVoxels) {
 // What a line comes nearer to the eye is less than what V and H differ by, seen closely;
 // before those lines come faint ones that a voxel of V does not hide.
 TEST(ViewOverlay, TheWireframeOfHComesALittleNearerToTheEye) {
-  OverlayOptions options = kNothing;
-  options.haptic_surface = true;
+  const OverlayOptions options = Only(&OverlayOptions::haptic_surface);
   OverlayScene scene;
   scene.X_DI = AffineMap{0.5 * Mat3::Identity(), Vec3(1.0, 2.0, 3.0)};
   scene.haptic_lines_I = {{0.0, 0.0, 0.0}, {1.0, 0.0, 0.0}, {0.0, 1.0, 0.0}, {0.0, 1.0, 1.0}};

@@ -82,11 +82,7 @@ TEST(PlotHistory, RunsEmptyWhereNothingComes) {
   plots.EndAt(21 * kSecond_ns);
   EXPECT_TRUE(plots.Times_ns().empty());
   EXPECT_EQ(plots.Greatest(Plot::kForce_n), 0.0f);
-}
-
-// A clock that begins anew, as that of a machine that was started again.
-TEST(PlotHistory, BeginsAnewWithAnotherClock) {
-  PlotHistory plots;
+  // A clock that begins anew, as that of a machine that was started again.
   plots.Add(PoseWith(3, 0, 50 * kSecond_ns), 0);
   plots.Add(PoseWith(2, 0, kSecond_ns), 0);
   EXPECT_EQ(plots.Times_ns().size(), 1u);

@@ -39,95 +39,92 @@ SeenSurface Wall(const Distances& distances) {
   return surface;
 }
 
-TEST(PointerStroke, BeginsOnTheSurfaceOnly) {
-  PointerStroke stroke;
-  Drawn drawn;
+class PointerStrokeTest : public ::testing::Test {
+ protected:
+  bool Begin(const SeenSurface& surface, double x, double y = 300.0) {
+    return stroke_.Begin(surface, Vector2d(x, y), kView, kJump_mm, drawn_.sink());
+  }
+  void MoveTo(double x) { stroke_.MoveTo(Vector2d(x, 300), kView, drawn_.sink()); }
+
+  PointerStroke stroke_;
+  Drawn drawn_;
+  const SeenSurface flat_ = Wall([](double) { return 300.0f; });
+};
+
+TEST_F(PointerStrokeTest, BeginsOnTheSurfaceOnly) {
   const SeenSurface wall = Wall([](double x) { return x < 40 ? 300.0f : kNoDistance; });
-  EXPECT_FALSE(stroke.Begin(wall, Vector2d(500, 300), kView, kJump_mm, drawn.sink()));
-  EXPECT_FALSE(stroke.Begin(wall, Vector2d(-1, 300.0), kView, kJump_mm, drawn.sink()));
-  EXPECT_FALSE(stroke.Begin({}, Vector2d(500, 300), kView, kJump_mm, drawn.sink()));
-  EXPECT_FALSE(stroke.has_pointer());
-  EXPECT_TRUE(drawn.points.empty());
-  EXPECT_TRUE(stroke.Begin(wall, Vector2d(205.5, 305.5), kView, kJump_mm, drawn.sink()));
-  EXPECT_TRUE(stroke.has_pointer());
-  ASSERT_EQ(drawn.points.size(), 1u);
+  EXPECT_FALSE(Begin(wall, 500));
+  EXPECT_FALSE(Begin(wall, -1));
+  EXPECT_FALSE(Begin({}, 500));
+  EXPECT_FALSE(stroke_.has_pointer());
+  EXPECT_TRUE(drawn_.points.empty());
+  EXPECT_TRUE(Begin(wall, 205.5, 305.5));
+  EXPECT_TRUE(stroke_.has_pointer());
+  ASSERT_EQ(drawn_.points.size(), 1u);
   const Ray ray = wall.camera.RayThrough(205.5, 305.5, kView);
-  EXPECT_NEAR((*drawn.points[0] - (ray.origin + 300.0 * ray.direction)).norm(), 0.0, 1e-4);
+  EXPECT_NEAR((*drawn_.points[0] - (ray.origin + 300.0 * ray.direction)).norm(), 0.0, 1e-4);
 }
 
-TEST(PointerStroke, APointerAtRestDrawsNothingMore) {
-  PointerStroke stroke;
-  Drawn drawn;
-  ASSERT_TRUE(stroke.Begin(Wall([](double) { return 300.0f; }), Vector2d(200, 300), kView, kJump_mm,
-                           drawn.sink()));
-  for (int n = 0; n < 100; ++n) stroke.MoveTo(Vector2d(200, 300), kView, drawn.sink());
-  EXPECT_EQ(drawn.points.size(), 1u);
+TEST_F(PointerStrokeTest, APointerAtRestDrawsNothingMore) {
+  ASSERT_TRUE(Begin(flat_, 200));
+  for (int n = 0; n < 100; ++n) MoveTo(200);
+  EXPECT_EQ(drawn_.points.size(), 1u);
 }
 
 // However far the pointer gets from one frame to the next.
-TEST(PointerStroke, FollowsTheSurfaceBetweenTheFrames) {
-  PointerStroke stroke;
-  Drawn drawn;
+TEST_F(PointerStrokeTest, FollowsTheSurfaceBetweenTheFrames) {
   const SeenSurface ridge =
       Wall([](double x) { return 300.0f + static_cast<float>(std::abs(x - 40)); });
-  ASSERT_TRUE(stroke.Begin(ridge, Vector2d(100, 300), kView, kJump_mm, drawn.sink()));
-  stroke.MoveTo(Vector2d(700, 300), kView, drawn.sink());
-  EXPECT_GE(drawn.points.size(), 300u);
-  EXPECT_EQ(drawn.gaps(), 0);
+  ASSERT_TRUE(Begin(ridge, 100));
+  MoveTo(700);
+  EXPECT_GE(drawn_.points.size(), 300u);
+  EXPECT_EQ(drawn_.gaps(), 0);
   double nearest_mm = 1e9;
-  for (const auto& point : drawn.points) {
+  for (const auto& point : drawn_.points) {
     nearest_mm = std::min(nearest_mm, (*point - ridge.camera.Eye()).norm());
   }
   EXPECT_LE(nearest_mm, 302.0);
 }
 
-TEST(PointerStroke, IsLiftedBesideTheSurfaceAndWhereItJumps) {
+TEST_F(PointerStrokeTest, IsLiftedBesideTheSurfaceAndWhereItJumps) {
   for (const float beyond : {kNoDistance, 300.0f + 2.0f * static_cast<float>(kJump_mm), 280.0f}) {
-    PointerStroke stroke;
-    Drawn drawn;
-    const SeenSurface surface =
-        Wall([beyond](double x) { return x >= 30 && x < 50 ? beyond : 300.0f; });
-    ASSERT_TRUE(stroke.Begin(surface, Vector2d(100, 300), kView, kJump_mm, drawn.sink()));
-    stroke.MoveTo(Vector2d(700, 300), kView, drawn.sink());
-    EXPECT_EQ(drawn.gaps(), beyond == kNoDistance ? 1 : 2);
+    stroke_ = {};
+    drawn_ = {};
+    ASSERT_TRUE(
+        Begin(Wall([beyond](double x) { return x >= 30 && x < 50 ? beyond : 300.0f; }), 100));
+    MoveTo(700);
+    EXPECT_EQ(drawn_.gaps(), beyond == kNoDistance ? 1 : 2);
     // Between gaps neighbours are near each other.
-    for (std::size_t n = 1; n < drawn.points.size(); ++n) {
-      if (!drawn.points[n] || !drawn.points[n - 1]) continue;
-      EXPECT_LT((*drawn.points[n] - *drawn.points[n - 1]).norm(), 2.0 * kJump_mm);
+    for (std::size_t n = 1; n < drawn_.points.size(); ++n) {
+      if (!drawn_.points[n] || !drawn_.points[n - 1]) continue;
+      EXPECT_LT((*drawn_.points[n] - *drawn_.points[n - 1]).norm(), 2.0 * kJump_mm);
     }
   }
 }
 
-TEST(PointerStroke, ASlopeIsNoJump) {
-  PointerStroke stroke;
-  Drawn drawn;
-  const SeenSurface slope = Wall([](double x) { return 300.0f + 6.0f * static_cast<float>(x); });
-  ASSERT_TRUE(stroke.Begin(slope, Vector2d(50, 300), kView, kJump_mm, drawn.sink()));
-  stroke.MoveTo(Vector2d(750, 300), kView, drawn.sink());
-  EXPECT_EQ(drawn.gaps(), 0);
+TEST_F(PointerStrokeTest, ASlopeIsNoJump) {
+  ASSERT_TRUE(Begin(Wall([](double x) { return 300.0f + 6.0f * static_cast<float>(x); }), 50));
+  MoveTo(750);
+  EXPECT_EQ(drawn_.gaps(), 0);
 }
 
-TEST(PointerStroke, KeepsThePointerAfterItWasBrokenOff) {
-  PointerStroke stroke;
-  Drawn drawn;
-  ASSERT_TRUE(stroke.Begin(Wall([](double) { return 300.0f; }), Vector2d(200, 300), kView, kJump_mm,
-                           drawn.sink()));
-  stroke.BreakOff();
-  stroke.MoveTo(Vector2d(600, 300), kView, drawn.sink());
-  EXPECT_EQ(drawn.points.size(), 1u);
-  EXPECT_TRUE(stroke.has_pointer());
-  stroke.Release();
-  EXPECT_FALSE(stroke.has_pointer());
+TEST_F(PointerStrokeTest, KeepsThePointerAfterItWasBrokenOff) {
+  ASSERT_TRUE(Begin(flat_, 200));
+  stroke_.BreakOff();
+  MoveTo(600);
+  EXPECT_EQ(drawn_.points.size(), 1u);
+  EXPECT_TRUE(stroke_.has_pointer());
+  stroke_.Release();
+  EXPECT_FALSE(stroke_.has_pointer());
 }
 
 // A picture of fewer pixels than the view has, as while things move.
-TEST(PointerStroke, KnowsThePlaceInACoarsePicture) {
-  const SeenSurface wall = Wall([](double) { return 300.0f; });
+TEST_F(PointerStrokeTest, KnowsThePlaceInACoarsePicture) {
   const ImageSize view{1600, 1200};
-  const Vec3 p_D = *wall.At(Vector2d(1200, 400), view);
-  const Ray ray = wall.camera.RayThrough(1200, 400, view);
+  const Vec3 p_D = *flat_.At(Vector2d(1200, 400), view);
+  const Ray ray = flat_.camera.RayThrough(1200, 400, view);
   EXPECT_LT((p_D - (ray.origin + 300.0 * ray.direction)).norm(), 4.0);
-  EXPECT_FALSE(wall.At(Vector2d(1610, 400), view));
+  EXPECT_FALSE(flat_.At(Vector2d(1610, 400), view));
 }
 
 }  // namespace

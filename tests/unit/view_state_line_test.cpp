@@ -33,12 +33,11 @@ TEST(StateLine, FollowsTheForces) {
 
 // Whatever the last pose said, it is not known to hold.
 TEST(StateLine, ClaimsNothingWhenNothingIsHeard) {
-  std::vector<KnownState> unknown(4, Connected(ForceState::kOn));
+  std::vector<KnownState> unknown(5, Connected(ForceState::kOn));
   unknown[0].disconnected = true;
   unknown[1].connection = ConnectionState::kLost;
   unknown[2].connection = ConnectionState::kConnecting;
   unknown[3].silent_s = 0.7;
-  unknown.push_back(Connected(ForceState::kOn));
   unknown[4].forces.reset();
   for (const KnownState& known : unknown) {
     const StateLine line = StateOf(known);
