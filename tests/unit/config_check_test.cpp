@@ -180,7 +180,7 @@ TEST_F(ConfigCheckTest, LooksAtTheWhole) {
            {"[volume]\nsource = \"/no/such.nrrd\"\n", "2: volume.source: "},
            {"[volume]\nsource = \"builtin:cube\"\n", "2: volume.source: "},
            {"[volume]\nisovalue = 1\nnormalized_isovalue = 0.1\n",
-            "3: volume.normalized_isovalue: "},
+            "3: volume.normalized_isovalue "},
            {"[volume]\nnormalized_isovalue = 1.5\n", "2: volume.normalized_isovalue: "},
            {"[device]\n\nkind = \"omni\"\n", "3: device.kind: "},
            {"[device]\nkind = \"replay\"\n", "2: device.kind: "},
@@ -189,9 +189,9 @@ TEST_F(ConfigCheckTest, LooksAtTheWhole) {
            {replay + In("f.toml").string() + "\"\n", "3: device.replay_file: "},
            {"[device]\nfalcon_firmware = \"/no/such\"\n", "2: device.falcon_firmware: "},
            {"[device]\nkind = \"falcon\"\nstop_buttons = 0\n[haptics]\nmethod = \"tptd\"\n",
-            "5: haptics.method: "},
+            "5: haptics.method "},
            {"[server]\nsocket = \"/tmp/a b\"\n", "2: server.socket: "},
-           {"[realtime]\ncpu = 1023\n", "2: realtime.cpu: "}}) {
+           {"[realtime]\ncpu = 1023\n", "2: realtime.cpu "}}) {
     ExpectFaults(Faults(text), {"f.toml:" + fault});
   }
 }

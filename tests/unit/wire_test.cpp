@@ -191,6 +191,7 @@ TEST(VolumeMessage, EveryEventComesBackAsItWas) {
                     .X_WI = Map(),
                     .value_min = -1024,
                     .value_max = 3071,
+                    .background = 3072.5,
                     .unit = "HU",
                     .loaded_revision = 7},
       VolumePlacement{Map(), 11},
