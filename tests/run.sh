@@ -69,6 +69,7 @@ ran=0 skipped=0 failed=() summary=()
 # run_tests NAME PRESET [ARGUMENT...]: runs tests, and shows the output of those that fail
 run_tests() {
   local name=$1 preset=$2 began=$SECONDS before log=$results/$1.log cases without line
+  local failed_before=${#failed[@]}
   stage "$name: test"
   before=$(stolen)
   # Whole outputs: the counts of a program's cases are read from them.
@@ -83,6 +84,8 @@ run_tests() {
     cat "$log"
     while IFS= read -r line; do failed+=("$name: $line"); done < \
       <(sed -n '/^The following tests FAILED:/,$s/^\t *[0-9]* - //p' "$log" | grep -v '(Skipped)$')
+    # Also where ctest itself failed, and named no test.
+    [ ${#failed[@]} -gt "$failed_before" ] || failed+=("$name: ctest")
   fi
   ran=$((ran + cases)) skipped=$((skipped + without))
   summary+=("$(printf '%-11s %5d tests in %2d min %02d s; the host took %s %% of the processors' \
