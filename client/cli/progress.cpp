@@ -28,8 +28,8 @@ void ProgressPrinter::Print(std::string_view stage, double fraction, std::string
   const std::string text = name + (detail.empty() ? "" : " " + OneLine(detail));
   if (is_terminal_) {
     const auto filled = static_cast<std::size_t>(fraction * kProgressWidth);
-    fmt::print(stderr, "\r\x1b[K[{:<{}}] {:3.0f} % {:.36}", std::string(filled, '#'), kProgressWidth,
-               100.0 * fraction, text);
+    fmt::print(stderr, "\r\x1b[K[{:<{}}] {:3.0f} % {:.36}", std::string(filled, '#'),
+               kProgressWidth, 100.0 * fraction, text);
     bar_drawn_ = true;
     return;
   }

@@ -36,8 +36,6 @@ constexpr double kLeastLiftMm = 3.0;
 constexpr double kMostLiftMm = 15.0;
 constexpr double kLiftPerMm = 0.3;
 
-constexpr double kMmPerMetre = 1000.0;
-
 // Rises from 0 to 1 with the least jerk; its steepest slope is 1.875.
 double MinimumJerk(double t) { return t * t * t * (10.0 + t * (6.0 * t - 15.0)); }
 constexpr double kSteepestJerkSlope = 1.875;
@@ -99,7 +97,7 @@ StylusScript::Target GuidedScript::Next(const HandState& hand, const Vec3& felt_
           : std::clamp((kHeldForceN - felt_force_D_n.norm()) / (kHeldForceN - kSlowingN), 0.0, 1.0);
   hand_.Follow(Goal(pace * dt_s), dt_s);
   // Where the spring's end must be for the hand to be at hand_.p_mm.
-  const Vec3 pull_n = kHandDamperNsPerMm * hand_.v_mm_s + (kHandMassKg / kMmPerMetre) * hand_.a_mm_s2 -
+  const Vec3 pull_n = kHandDamperNsPerMm * hand_.v_mm_s + (kHandMassKg / kMmPerM) * hand_.a_mm_s2 -
                       Limited(felt_force_D_n, kHeldForceN);
   return {.p_DTarget_mm = hand_.p_mm + pull_n / kHandSpringNPerMm, .buttons = 0};
 }

@@ -11,7 +11,6 @@
 namespace palpate {
 namespace {
 
-constexpr double kLongestReplayMoveS = 0.02;
 constexpr double kNsPerS = 1e9;
 constexpr std::int64_t kNsPerState = 1'000'000;
 constexpr double kUnitTolerance = 1e-3;
@@ -69,7 +68,7 @@ DeviceStatus ReplayDevice::Read(DeviceState& state) noexcept {
 void ReplayDevice::Write(const Vec3& force_D_n, double dt_s) noexcept {
   if (!started_ || !(dt_s > 0.0)) return;
   last_force_D_n_ = force_D_n;
-  time_ns_ += std::llround(std::min(dt_s, kLongestReplayMoveS) * kNsPerS);
+  time_ns_ += std::llround(std::min(dt_s, kLongestMoveS) * kNsPerS);
   time_ns_ %= round_ns_;
 }
 

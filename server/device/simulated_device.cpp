@@ -10,9 +10,7 @@
 namespace palpate {
 namespace {
 
-constexpr double kLongestMoveS = 0.02;
 constexpr double kSubstepS = 1e-4;
-constexpr double kMmPerM = 1000.0;
 
 constexpr double kRestTiltRad = 0.6;  // barrel up from the user's direction
 constexpr double kTiltRadPerMmS = 0.003;

@@ -18,6 +18,9 @@ namespace palpate {
 // The spec of the simulated device, for code that needs its workspace before the device exists.
 DeviceSpec SimulatedDeviceSpec();
 
+// A longer tick moves a hand without hardware only so far, also a recorded one.
+inline constexpr double kLongestMoveS = 0.02;
+
 class SimulatedDevice final : public HapticDevice {
  public:
   // The hand starts at rest at the script's first target. Throws Error without a

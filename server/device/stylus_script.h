@@ -15,6 +15,7 @@ namespace palpate {
 inline constexpr double kHandMassKg = 0.1;
 inline constexpr double kHandSpringNPerMm = 0.3;
 inline constexpr double kHandDamperNsPerMm = 0.012;
+inline constexpr double kMmPerM = 1000.0;
 
 struct HandState {
   Vec3 p_DHip_mm = Vec3::Zero();
@@ -31,8 +32,8 @@ class StylusScript {
   virtual ~StylusScript() = default;
 
   // Returns the target after `dt_s` (0 or more) more seconds. A script knows the hand and the force
-  // that the hand feels. Of the volume it knows at most a plan that was made elsewhere. Called on the
-  // servo thread, once a tick; must not lock, allocate, log, throw or wait.
+  // that the hand feels. Of the volume it knows at most a plan that was made elsewhere. Called on
+  // the servo thread, once a tick; must not lock, allocate, log, throw or wait.
   virtual Target Next(const HandState& hand, const Vec3& felt_force_D_n, double dt_s) noexcept = 0;
 
   // Something else has led the hand; the next target is to be near it. As Next.

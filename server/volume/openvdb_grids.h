@@ -1,14 +1,14 @@
 // OpenVDB with its usual grids of numbers, to be included instead of <openvdb/openvdb.h>.
 //
 // A grid's class is virtual: each file that uses it would compile all of it and everything that it
-// calls, for up to two minutes. OpenVDB's library holds these classes compiled, since it reads such
-// grids from files. Here they are declared as compiled elsewhere, for gcc when it optimises: the
-// library has the virtual functions only, and the others have to be inlined.
+// calls, for up to two minutes. OpenVDB's library holds their virtual functions compiled, since it
+// reads such grids from files. So these classes are declared as compiled elsewhere, but only where
+// gcc optimises and no sanitizer is on: the functions that the library lacks must be inlined.
 #pragma once
 
 #include <openvdb/openvdb.h>
 
-#if defined(__OPTIMIZE__) && !defined(__clang__)
+#if defined(__OPTIMIZE__) && !defined(__clang__) && !defined(PALPATE_SANITIZED)
 
 // PALPATE_FOR_EACH_OPENVDB_TREE(F): F(Tree) for the tree of each such grid.
 #define PALPATE_FOR_EACH_OPENVDB_TREE(F) \

@@ -15,6 +15,7 @@ import numpy as np
 
 from palpate.v1 import device_pb2, device_pb2_grpc, render_pb2, render_pb2_grpc
 from secured import SecuredDaemon, dawdle
+from stolen import stolen_share
 from support import Daemon
 
 CALLS = 5000
@@ -23,22 +24,9 @@ BETWEEN_CALLS_S = 0.0006
 SLOW_MS = 20.0
 
 
-def processor_times():
-    """(stolen by the host, all) of all processors since the start, in the kernel's ticks."""
-    with open("/proc/stat", encoding="ascii") as stat:
-        fields = [int(word) for word in stat.readline().split()[1:9]]
-    return np.array([fields[7], sum(fields)])
-
-
 class TimesTest(unittest.TestCase):
     def setUp(self):
-        begin = processor_times()
-
-        def report():
-            stolen, everything = processor_times() - begin
-            print(f"the host took {100 * stolen / max(1, everything):.1f} % of the processors "
-                  "meanwhile")
-        self.addCleanup(report)
+        self.enterContext(stolen_share())
 
 
 def serve_bare(path):
