@@ -12,9 +12,8 @@ import unittest
 import numpy as np
 from authority import Authority
 from network import Network
-from PIL import Image
 from support import PALPATED, PATIENCE_S, Daemon, wait_until
-from view_support import PALPATE_VIEW, Screen, Window
+from view_support import Screen, Window
 
 PALPATE = os.environ["PALPATE"]
 EXAMPLE = os.environ["PALPATE_SDK_EXAMPLE"]
@@ -128,14 +127,6 @@ class Remote(unittest.TestCase):
         code, _, err = self.there(EXAMPLE, "viewer", wanted)
         self.assertEqual(code, 1)
         self.assertIn("editor", err)
-
-    def test_the_viewer_without_a_window(self):
-        picture = self.folder / "view.png"
-        self.must(PALPATE_VIEW, "--profile", "viewer", "--offscreen", "--screenshot", picture,
-                  "--size", "200x150", "--no-overlay", "--no-box")
-        pixels = np.asarray(Image.open(picture).convert("RGB")).astype(int)
-        # The sphere, in the middle, on the ground.
-        self.assertGreater(np.abs(pixels[75, 100] - pixels[5, 5]).sum(), 60)
 
     def test_the_window_steers(self):
         window = self.open_window("--profile", "editor")

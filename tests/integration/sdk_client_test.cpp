@@ -1,8 +1,6 @@
 // The client that follows palpated by itself: found, lost, found again, and ended at any moment;
 // the voxels that it follows.
 #include <gtest/gtest.h>
-#include <netinet/in.h>
-#include <sys/socket.h>
 
 #include <algorithm>
 #include <atomic>
@@ -29,36 +27,13 @@ using testing::Refusal;
 using Clock = std::chrono::steady_clock;
 
 ClientOptions OnSocket(const std::string& path) { return {.address = {.socket_path = path}}; }
+ClientOptions FollowingOn(const std::string& path) {
+  return {.address = {.socket_path = path}, .follow_volume = true};
+}
 
 bool IsLost(const Client& client) {
   return Eventually([&] { return client.connection().state == ConnectionState::kLost; });
 }
-
-// Accepts connections and says nothing.
-class MuteServer {
- public:
-  MuteServer() : listener_(socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0)) {
-    sockaddr_in address{};
-    address.sin_family = AF_INET;
-    address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-    socklen_t length = sizeof(address);
-    EXPECT_EQ(bind(listener_, reinterpret_cast<sockaddr*>(&address), length), 0);
-    EXPECT_EQ(listen(listener_, 8), 0);
-    getsockname(listener_, reinterpret_cast<sockaddr*>(&address), &length);
-    host_port_ = "127.0.0.1:" + std::to_string(ntohs(address.sin_port));
-  }
-  ~MuteServer() { close(listener_); }
-  MuteServer(const MuteServer&) = delete;
-  MuteServer& operator=(const MuteServer&) = delete;
-
-  ClientOptions options() const {
-    return {.address = {.host_port = host_port_}, .follow_volume = true};
-  }
-
- private:
-  const int listener_;
-  std::string host_port_;
-};
 
 // What a viewer keeps of the updates of a volume.
 class Viewer {
@@ -81,9 +56,7 @@ class Viewer {
   }
   // A client that comes anew holds the daemon's volume: its hash has shown that.
   bool IsTheVolumeOf(const RestartedDaemon& daemon, std::uint64_t revision) const {
-    ClientOptions options = OnSocket(daemon.socket());
-    options.follow_volume = true;
-    Client fresh(options);
+    Client fresh(FollowingOn(daemon.socket()));
     Viewer truth;
     if (!Eventually([&] { return truth.Take(fresh, revision); })) return false;
     return std::equal(bricks_.begin(), bricks_.end(), truth.bricks_.begin(), truth.bricks_.end(),
@@ -127,28 +100,24 @@ TEST(SdkOptions, BadAddressesAndRatesAreRefusedAtOnce) {
   }
 }
 
-TEST(SdkOptions, AClientEndsAtAnyMomentWithoutAnAnswer) {
-  const test::TemporaryFolder folder;
-  const MuteServer mute;
-  for (const ClientOptions& options : {OnSocket(folder.path() / "none.sock"), mute.options()}) {
+class SdkClient : public ::testing::Test {
+ protected:
+  ClientOptions Options() const { return OnSocket(daemon_.socket()); }
+  ClientOptions Following() const { return FollowingOn(daemon_.socket()); }
+
+  RestartedDaemon daemon_;
+};
+
+TEST_F(SdkClient, EndsAtAnyMomentWithoutAnAnswer) {
+  daemon_.Start();
+  daemon_.Hang();  // it accepts connections still, and says nothing
+  for (const ClientOptions& options : {OnSocket(daemon_.folder() / "none.sock"), Following()}) {
     for (const auto pause : {0ms, 1ms, 20ms, 300ms}) {
       const Client client(options);
       EXPECT_FALSE(client.WaitUntilConnected(pause));
     }
   }
 }
-
-class SdkClient : public ::testing::Test {
- protected:
-  ClientOptions Options() const { return OnSocket(daemon_.socket()); }
-  ClientOptions Following() const {
-    ClientOptions options = Options();
-    options.follow_volume = true;
-    return options;
-  }
-
-  RestartedDaemon daemon_;
-};
 
 TEST_F(SdkClient, FindsALaterDaemonAndComesBackAfterEveryKill) {
   Heard<Connection> connections;
@@ -347,11 +316,14 @@ double SecondsOf(const Work& work) {
   return std::chrono::duration<double>(Clock::now() - begin).count();
 }
 
+class SdkClientTimes : public SdkClient {};
+
 // The end waits for no call and no pause: a call of the same client waits for its whole deadline.
-TEST(SdkClientTimes, TheEndIsFarSoonerThanACallThatNobodyAnswers) {
+TEST_F(SdkClientTimes, TheEndIsFarSoonerThanACallThatNobodyAnswers) {
   const test::StolenShare stolen;
-  const MuteServer mute;
-  auto client = std::make_unique<Client>(mute.options());
+  daemon_.Start();
+  daemon_.Hang();
+  auto client = std::make_unique<Client>(Following());
   const double call_s = SecondsOf([&] { EXPECT_THROW(client->GetSettings(), Error); });
   const double end_s = SecondsOf([&] { client.reset(); });
   std::printf("a call %.2f s, the end %.2f s\n", call_s, end_s);
@@ -361,19 +333,18 @@ TEST(SdkClientTimes, TheEndIsFarSoonerThanACallThatNobodyAnswers) {
 // No attempt is in vain: gRPC's own channels keep failing for a while after the daemon
 // is back. Pauses double and are shortened by a half at most, so that the one that runs
 // lasts no longer than twice the time without a daemon, and 0.1 s.
-TEST(SdkClientTimes, IsBackAfterThePauseThatRuns) {
+TEST_F(SdkClientTimes, IsBackAfterThePauseThatRuns) {
   const test::StolenShare stolen;
-  RestartedDaemon daemon;
-  daemon.Start();
-  const Client client(OnSocket(daemon.socket()));
+  daemon_.Start();
+  const Client client(Options());
   ASSERT_TRUE(client.WaitUntilConnected(60s));
   // Poses have come, after which the pauses begin anew.
   ASSERT_TRUE(Eventually([&] { return client.NewestPose().has_value(); }));
-  daemon.Kill();
+  daemon_.Kill();
   ASSERT_TRUE(IsLost(client));
   const double down_s = SecondsOf([&] {
     std::this_thread::sleep_for(1s);
-    daemon.Start();
+    daemon_.Start();
   });
   const double back_s = SecondsOf([&] { ASSERT_TRUE(client.WaitUntilConnected(60s)); });
   std::printf("down for %.2f s, back after %.2f s\n", down_s, back_s);

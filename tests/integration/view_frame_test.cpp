@@ -215,9 +215,14 @@ TEST_F(ViewFrame, TheVeilTintsWhatIsBehindItAndNothingElse) {
   EXPECT_GT(Difference(veiled, surface), 20);
 }
 
+// Under an overlay, too. Distances have the points' rows, from the top.
 TEST_F(ViewFrame, SurfaceAtIsOnTheBallAndOnThePixelsRay) {
   const FrameRequest request = Looking();
-  rig.renderer.Draw(request);
+  const Vec3 hit_D = Before(0.0);
+  DrawWith(request, PointAt(Before(8.0)));
+  EXPECT_EQ(rig.renderer.SurfaceAt(kX, kY), hit_D);
+  const auto distances = rig.renderer.SurfaceDistances();
+  ASSERT_EQ(distances.size(), static_cast<std::size_t>(kFrameSize.width) * kFrameSize.height);
   int hits = 0;
   for (int y = 0; y < kFrameSize.height; y += 7) {
     for (int x = 0; x < kFrameSize.width; x += 7) {
@@ -230,8 +235,11 @@ TEST_F(ViewFrame, SurfaceAtIsOnTheBallAndOnThePixelsRay) {
       if (nearest > kRadius_voxels + 0.5) {
         ASSERT_FALSE(p_D) << x << ' ' << y;
       }
+      const float distance = distances[static_cast<std::size_t>(y) * kFrameSize.width + x];
+      EXPECT_EQ(std::isinf(distance), !p_D);
       if (!p_D) continue;
       ++hits;
+      EXPECT_NEAR(distance, (*p_D - request.camera.Eye()).norm(), 1e-3);
       EXPECT_NEAR(p_D->norm() / kBallVoxel_mm, kRadius_voxels, 0.05);
       EXPECT_LT(ray.direction.cross(*p_D - ray.origin).norm(), 0.01);
       EXPECT_LT(p_D->dot(ray.direction), 0.0);  // the near side
@@ -241,30 +249,6 @@ TEST_F(ViewFrame, SurfaceAtIsOnTheBallAndOnThePixelsRay) {
   EXPECT_FALSE(rig.renderer.SurfaceAt(-1, 0));
   EXPECT_FALSE(rig.renderer.SurfaceAt(kFrameSize.width, 0));
   EXPECT_FALSE(rig.renderer.SurfaceAt(0, kFrameSize.height));
-}
-
-TEST_F(ViewFrame, TheOverlayDoesNotChangeWhereTheSurfaceIs) {
-  const Vec3 hit_D = Before(0.0);
-  DrawWith(Looking(), PointAt(Before(8.0)));
-  const auto p_D = rig.renderer.SurfaceAt(kX, kY);
-  ASSERT_TRUE(p_D);
-  EXPECT_EQ(*p_D, hit_D);
-}
-
-TEST_F(ViewFrame, DistancesAreThoseOfThePointsRowsFromTheTop) {
-  const FrameRequest request = Looking();
-  rig.renderer.Draw(request);
-  const auto distances = rig.renderer.SurfaceDistances();
-  ASSERT_EQ(distances.size(), static_cast<std::size_t>(kFrameSize.width) * kFrameSize.height);
-  for (const auto& [x, y] : {std::pair{kX, kY}, {120, 70}, {200, 150}, {2, 3}}) {
-    const auto p_D = rig.renderer.SurfaceAt(x, y);
-    const float distance = distances[static_cast<std::size_t>(y) * kFrameSize.width + x];
-    if (p_D) {
-      EXPECT_NEAR(distance, (*p_D - request.camera.Eye()).norm(), 1e-3);
-    } else {
-      EXPECT_TRUE(std::isinf(distance));
-    }
-  }
 }
 
 TEST_F(ViewFrame, ASurfaceThatIsNotShownIsNotCast) {
@@ -324,9 +308,7 @@ std::vector<ImageSize> TooLarge() {
 
 TEST_F(ViewFrame, WhatIsTooLargeIsRefusedAndChangesNothing) {
   const Image frame = rig.Draw(Looking());
-  SliceRequest across;
-  across.size = {60, 50};
-  across.position_voxels = 20.0;
+  SliceRequest across{.position_voxels = 20.0, .size = {60, 50}, .surface = {}};
   rig.renderer.DrawSlice(across);
   const Image slice = rig.renderer.ReadSlice(2);
   const unsigned texture = rig.renderer.DrawnTexture();
@@ -378,9 +360,7 @@ TEST_F(ViewFrame, StateThatOthersLeaveBehindDoesNoHarm) {
   spoil();
   rig.Take(FrameBall());
   EXPECT_EQ(DrawWith(Looking(), overlay).rgba, first.rgba);
-  SliceRequest across;
-  across.size = {60, 50};
-  across.position_voxels = 20.0;
+  SliceRequest across{.position_voxels = 20.0, .size = {60, 50}, .surface = {}};
   rig.renderer.DrawSlice(across);
   const Image slice = rig.renderer.ReadSlice(2);
   across.surface.isovalue = 1.0;

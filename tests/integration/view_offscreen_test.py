@@ -11,7 +11,26 @@ import unittest
 import numpy as np
 from PIL import Image
 from support import PATIENCE_S, Daemon, DaemonTest, nrrd, wait_until
-from view_support import PALPATE_VIEW, run_view
+from view_support import PALPATE_VIEW, WITHOUT_DISPLAY, run_view
+
+
+def begin_endless(test, daemon):
+    """A run that is under way: it follows the volume."""
+    process = subprocess.Popen(
+        [PALPATE_VIEW, "--socket", daemon.socket, "--offscreen", "--seconds", "600", "--size",
+         "64x64", "--screenshot", daemon.folder / "never.png"],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    test.addCleanup(process.kill)
+    test.assertTrue(wait_until(lambda: len(os.listdir(f"/proc/{process.pid}/task")) > 3))
+    return process
+
+
+def end_of(process, daemon):
+    """Exit code, what it printed, and the lines of its complaint; it left no picture."""
+    said, problem = process.communicate(timeout=PATIENCE_S)
+    if not problem.startswith("palpate-view: ") or (daemon.folder / "never.png").exists():
+        raise AssertionError(problem)
+    return process.returncode, said, problem.count("\n")
 
 
 class Drawn(DaemonTest):
@@ -21,10 +40,8 @@ class Drawn(DaemonTest):
         """The picture, and what was said."""
         path = pathlib.Path(self.daemon.folder) / "picture.png"
         path.unlink(missing_ok=True)
-        env = {key: value for key, value in os.environ.items()
-               if key not in ("DISPLAY", "WAYLAND_DISPLAY")}
         code, said, problem = run_view("--socket", self.daemon.socket, "--offscreen",
-                                       "--screenshot", path, *arguments, env=env)
+                                       "--screenshot", path, *arguments, env=WITHOUT_DISPLAY)
         self.assertEqual((code, problem), (0, ""))
         self.assertEqual([p.name for p in path.parent.glob("picture*")], ["picture.png"])
         return np.asarray(Image.open(path)), said
@@ -33,26 +50,19 @@ class Drawn(DaemonTest):
 class Offscreen(Drawn):
     volume = "builtin:gyroid:64"
 
-    def test_the_same_view_is_the_same_picture(self):
-        view = ("--size", "400x300", "--no-overlay", "--camera", "-30,20")
-        first, _ = self.draw(*view)
-        second, _ = self.draw(*view)
-        self.assertEqual(first.shape, (300, 400, 3))
-        self.assertTrue(np.array_equal(first, second))
-        other, _ = self.draw("--size", "400x300", "--no-overlay", "--camera", "-31,20")
-        self.assertFalse(np.array_equal(first, other))
-
     def test_each_option_of_the_view_changes_it(self):
-        plain, _ = self.draw("--size", "200x150", "--no-overlay")
-        again, _ = self.draw("--size", "200x150", "--no-overlay")
-        self.assertTrue(np.array_equal(plain, again))
+        def look(*options):
+            return self.draw("--size", "200x150", "--no-overlay", *options)[0]
+
+        plain = look()
+        self.assertEqual(plain.shape, (150, 200, 3))
+        self.assertTrue(np.array_equal(plain, look()))
         for options in (("--no-box",), ("--veil", "0.2,0.5"), ("--color", "255,0,0"),
                         ("--coloring", "slope", "--color-map", "viridis"),
                         ("--crop", "0,0.5,0,1,0,1"), ("--target", "20,0,0"),
                         ("--camera", "20,15,100")):
             with self.subTest(options=options):
-                picture, _ = self.draw("--size", "200x150", "--no-overlay", *options)
-                self.assertFalse(np.array_equal(plain, picture))
+                self.assertFalse(np.array_equal(plain, look(*options)))
 
     def test_frames_of_a_moving_stylus_cost_one_cast(self):
         _, said = self.draw("--size", "200x150", "--frames", "20")
@@ -67,16 +77,9 @@ class Offscreen(Drawn):
 
     def test_a_signal_ends_it(self):
         for number in (signal.SIGTERM, signal.SIGINT):
-            process = subprocess.Popen(
-                [PALPATE_VIEW, "--socket", self.daemon.socket, "--offscreen", "--seconds", "600",
-                 "--screenshot", self.daemon.folder / "never.png", "--size", "64x64"],
-                stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-            # It follows the volume: it is under way.
-            self.assertTrue(wait_until(lambda p=process: threads_of(p.pid) > 3))
+            process = begin_endless(self, self.daemon)
             process.send_signal(number)
-            said, problem = process.communicate(timeout=PATIENCE_S)
-            self.assertEqual((process.returncode, said, problem.count("\n")), (9, "", 1))
-            self.assertFalse((self.daemon.folder / "never.png").exists())
+            self.assertEqual(end_of(process, self.daemon), (9, "", 1))
 
 
 # Convex, so that nothing hides the proxy from the side.
@@ -91,10 +94,6 @@ class OfASphere(Drawn):
         middle = picture[75:225, 100:300].reshape(-1, 3).astype(int)
         pink = (middle[:, 0] > middle[:, 1] + 60) & (middle[:, 2] > middle[:, 1] + 60)
         self.assertGreater(int(pink.sum()), 20)
-
-
-def threads_of(pid):
-    return len(os.listdir(f"/proc/{pid}/task"))
 
 
 def ball(shape, radius):
@@ -147,19 +146,11 @@ class OffscreenAlone(unittest.TestCase):
 
     def test_a_daemon_that_goes_away(self):
         with Daemon() as daemon:
-            process = subprocess.Popen(
-                [PALPATE_VIEW, "--socket", daemon.socket, "--offscreen", "--seconds", "600",
-                 "--size", "64x64", "--screenshot", daemon.folder / "never.png"],
-                stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-            self.addCleanup(process.kill)
-            self.assertTrue(wait_until(lambda: threads_of(process.pid) > 3))
+            process = begin_endless(self, daemon)
             # Frames are drawn, or soon would be: of what is no longer there.
             time.sleep(1.0)
             daemon.end(signal.SIGKILL)
-            said, problem = process.communicate(timeout=PATIENCE_S)
-            self.assertEqual((process.returncode, said), (8, ""), problem)
-            self.assertRegex(problem, r"^palpate-view: [^\n]+\n$")
-            self.assertFalse((daemon.folder / "never.png").exists())
+            self.assertEqual(end_of(process, daemon), (8, "", 1))
 
     def test_bad_options_are_refused_with_one_line(self):
         for options in ("--offscreen", "--screenshot a.png", "--frames 3", "--wait-contact",

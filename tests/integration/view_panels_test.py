@@ -16,11 +16,6 @@ PLAY_X = 335
 POSITION_X = (370, 490, 900)  # before, within and beyond the slider
 
 
-def slice_of(picture):
-    left, top, right, bottom = SLICE
-    return np.asarray(picture)[top:bottom, left:right].astype(int)
-
-
 def centre_of_button(picture, left, top, right, bottom):
     """Of the uppermost button that is there, by its colour."""
     part = np.asarray(picture)[top:bottom, left:right].astype(int)
@@ -33,8 +28,17 @@ def centre_of_button(picture, left, top, right, bottom):
 
 
 class OneView(OneWindow):
+    @classmethod
+    def setUpClass(cls):
+        super().setUpClass()
+        cls.left, cls.right = (Panels(cls.window, side) for side in (Panels.LEFT, Panels.RIGHT))
+
     def view(self):
         return np.asarray(self.window.picture("s"))
+
+    def slice(self):
+        left, top, right, bottom = SLICE
+        return np.asarray(self.window.picture())[top:bottom, left:right].astype(int)
 
     def becomes(self, picture):
         """Whether the view is soon the same as that."""
@@ -43,84 +47,65 @@ class OneView(OneWindow):
     def changes_from(self, picture):
         return wait_until(lambda: not np.array_equal(self.view(), picture))
 
-
-class LeftPanels(OneView):
-    @classmethod
-    def setUpClass(cls):
-        super().setUpClass()
-        cls.left = Panels(cls.window, Panels.LEFT)
-        cls.left.only("Crop and cut")
-
-    def settled(self):
-        """The view when it is at rest, of all bricks."""
-        seen = {}
+    def settled(self, look):
+        """What it shows at rest, of all bricks."""
+        seen = [look()]
 
         def still():
-            before, seen["now"] = seen.get("now"), self.view()
-            return before is not None and np.array_equal(before, seen["now"])
+            seen.append(look())
+            return np.array_equal(*seen[-2:])
 
         self.assertTrue(wait_until(still))
-        return seen["now"]
+        return seen[-1]
+
+
+class InOneWindow(OneView):
+    """Each leaves volume, cross-hair and cuts as they were."""
 
     def test_crop_and_the_whole_volume_again(self):
-        whole = self.settled()
+        self.left.only("Crop and cut")
+        whole = self.settled(self.view)
         seen = []
         # The lower ends of x, y and z: the left half of the slider.
         for axis in range(3):
             y = self.left.row(axis)
             self.window.drag([(50 + step, y) for step in range(0, 141, 20)])
             self.assertTrue(self.changes_from(whole), axis)
-            seen.append(self.settled())
+            seen.append(self.settled(self.view))
             self.window.click(60, self.left.row(3))
             self.assertTrue(self.becomes(whole), axis)
         # Each axis cuts something else.
         self.assertFalse(np.array_equal(seen[0], seen[1]) or np.array_equal(seen[1], seen[2]))
 
     def test_a_clip_plane_and_its_ends(self):
-        whole = self.settled()
+        self.left.only("Crop and cut")
+        whole = self.settled(self.view)
         plane = self.left.row(4)
         offset = self.left.row(5)
         self.window.click(20, plane)
         self.assertTrue(self.changes_from(whole))
-        half = self.settled()
+        half = self.settled(self.view)
         # At one end it cuts nothing, at the other everything.
         self.window.drag([(90, offset), (290, offset)])
         self.assertTrue(self.becomes(whole))
         self.window.drag([(90, offset), (0, offset)])
         self.assertTrue(self.changes_from(whole))
-        nothing = self.settled()
+        nothing = self.settled(self.view)
         self.assertFalse(np.array_equal(nothing, half))
         self.window.click(20, plane)
         self.assertTrue(self.becomes(whole))
 
-
-class Denoising(OneView):
     def test_a_click_filters_the_volume_as_one_step(self):
-        left = Panels(self.window, Panels.LEFT)
-        left.only("Brush")
+        self.left.only("Brush")
         before = self.conn.volume.download().values
-        revision = self.conn.volume.info().volume_revision
-        self.window.click(60, left.row(6))
-        self.assertTrue(wait_until(
-            lambda: self.conn.volume.info().volume_revision == revision + 1))
+        revision = self.revision()
+        self.window.click(60, self.left.row(6))
+        self.assertTrue(wait_until(lambda: self.revision() == revision + 1))
         self.assertTrue((self.conn.volume.download().values != before).any())
         # The brush's own undo takes it back.
         self.window.do("key", "ctrl+z")
-        self.assertTrue(wait_until(
-            lambda: self.conn.volume.info().volume_revision == revision + 2))
+        self.assertTrue(wait_until(lambda: self.revision() == revision + 2))
         np.testing.assert_array_equal(self.conn.volume.download().values, before)
-
-
-class Slices(OneView):
-    def settled_slice(self):
-        seen = {}
-
-        def still():
-            before, seen["now"] = seen.get("now"), slice_of(self.window.picture("F12"))
-            return before is not None and np.array_equal(before, seen["now"])
-
-        self.assertTrue(wait_until(still))
-        return seen["now"]
 
     def test_a_click_moves_the_cross_hair_and_ends_following(self):
         left, top, _, _ = SLICE
@@ -128,7 +113,7 @@ class Slices(OneView):
         pictures = []
         for place in places:
             self.window.click(*place)
-            pictures.append(self.settled_slice())
+            pictures.append(self.settled(self.slice))
         # The stylus moves, but the cross-hair does not; nothing but its lines has changed.
         rows, columns = np.nonzero(np.abs(pictures[0] - pictures[1]).sum(axis=2))
         self.assertGreater(rows.size, 200)
@@ -138,15 +123,7 @@ class Slices(OneView):
         self.assertTrue(near[0].any() and near[1].any())
         # It follows again.
         self.window.do("key", "c")
-        self.assertTrue(wait_until(lambda: not np.array_equal(
-            slice_of(self.window.picture("F12")), pictures[1])))
-
-
-class RightPanels(OneView):
-    @classmethod
-    def setUpClass(cls):
-        super().setUpClass()
-        cls.right = Panels(cls.window, Panels.RIGHT)
+        self.assertTrue(wait_until(lambda: not np.array_equal(self.slice(), pictures[1])))
 
     def test_a_recording_is_begun_and_ended(self):
         path = self.daemon.folder / "trial.palrec"
@@ -192,29 +169,21 @@ class RightPanels(OneView):
         self.assertTrue(wait_until(self.forces_are(palpate.ForceState.ON)))
         self.window.do("key", "Escape")
         self.assertTrue(wait_until(self.forces_are(palpate.ForceState.STOPPED)))
-        found = {}
-
-        def says_stopped():
-            picture = self.window.picture("F12")
-            left, top, right, bottom = STATE
-            part = np.asarray(picture)[top:bottom, left:right].astype(int)
-            red = np.abs(part - (140, 26, 24)).max(axis=2) < 4
-            found["button"] = centre_of_button(picture, left, top, right, bottom)
-            return red.mean() > 0.5 and found["button"]
-
-        self.assertTrue(wait_until(says_stopped))
-        self.window.click(*found["button"])
+        self.assertTrue(wait_until(lambda: self.bar_is((140, 26, 24)) and self.bar_button()))
+        self.window.click(*self.bar_button())
         self.assertTrue(wait_until(self.forces_are(palpate.ForceState.ON)))
-
-        def says_on():
-            left, top, right, bottom = STATE
-            part = np.asarray(self.window.picture("F12"))[top:bottom, left:right].astype(int)
-            return (np.abs(part - (22, 92, 48)).max(axis=2) < 4).mean() > 0.5
-
-        self.assertTrue(wait_until(says_on))
+        self.assertTrue(wait_until(lambda: self.bar_is((22, 92, 48))))
 
     def forces_are(self, state):
         return lambda: self.conn.device.info().forces.state == state
+
+    def bar_is(self, color):
+        left, top, right, bottom = STATE
+        part = np.asarray(self.window.picture())[top:bottom, left:right].astype(int)
+        return (np.abs(part - color).max(axis=2) < 4).mean() > 0.5
+
+    def bar_button(self):
+        return centre_of_button(self.window.picture(), *STATE)
 
 
 class SeriesBar(OneView):
@@ -227,7 +196,7 @@ class SeriesBar(OneView):
         self.conn.series.configure(loop=True)
 
         def bar_is_there():
-            return centre_of_button(self.window.picture("F12"), 300, 532, 400, 572)
+            return centre_of_button(self.window.picture(), 300, 532, 400, 572)
 
         self.assertTrue(wait_until(bar_is_there))
         before, within, beyond = POSITION_X
@@ -244,7 +213,7 @@ class SeriesBar(OneView):
 
     def bar_says(self, playing):
         """Whether the button's text is as wide as that of Pause, or of Play."""
-        part = np.asarray(self.window.picture("F12"))[536:562, 310:368].astype(int)
+        part = np.asarray(self.window.picture())[536:562, 310:368].astype(int)
         columns = np.flatnonzero((part.min(axis=2) > 200).any(axis=0))
         return columns.size and (columns[-1] - columns[0] > 32) == playing
 

@@ -14,6 +14,8 @@ from PIL import Image
 from support import PATIENCE_S, Daemon, wait_until
 
 PALPATE_VIEW = os.environ["PALPATE_VIEW"]
+WITHOUT_DISPLAY = {key: value for key, value in os.environ.items()
+                   if key not in ("DISPLAY", "WAYLAND_DISPLAY")}
 
 
 def run_view(*arguments, env=None):
@@ -137,6 +139,9 @@ class Panels:
 
 class OneWindow(unittest.TestCase):
     """One daemon and one window for all tests of a class."""
+
+    def revision(self):
+        return self.conn.volume.info().volume_revision
 
     @classmethod
     def setUpClass(cls):

@@ -127,11 +127,13 @@ class Ending(DaemonTest):
 
     def test_it_may_be_closed_twice(self):
         conn = self.daemon.connect()
-        live = conn.volume.follow()
+        live, stream = conn.volume.follow(), conn.poses(100)
         live.wait(timeout_s=PATIENCE_S)
+        next(stream)
         conn.close()
         conn.close()
         for call in (conn.volume.info, conn.volume.download, conn.edit.undo, conn.volume.follow,
+                     conn.poses, lambda: conn.settings.isovalue, lambda: list(stream),
                      lambda: live.wait(1 << 60), lambda: conn.volume.load("builtin:sphere:16")):
             with self.assertRaisesRegex(palpate.Unavailable, "closed"):
                 call()
@@ -173,14 +175,15 @@ class Ending(DaemonTest):
         return subprocess.Popen([sys.executable, "-c", script, self.daemon.socket], text=True,
                                 stdout=subprocess.PIPE, stderr=subprocess.PIPE)
 
-    def test_a_program_may_end_with_an_open_copy(self):
-        for end in ("", "conn.close()", "raise SystemExit"):
+    def test_a_program_may_end_with_an_open_copy_or_stream(self):
+        copy = "live = conn.volume.follow()\nlive.wait()\n"
+        stream = "stream = conn.poses(1000)\nnext(stream)\n"
+        for body in (copy, copy + "conn.close()", copy + "raise SystemExit", stream):
             with self.run_script("import palpate, sys\n"
-                                 "conn = palpate.connect(sys.argv[1])\n"
-                                 "live = conn.volume.follow()\n"
-                                 "live.wait()\n" + end) as program:
+                                 "conn = palpate.connect(sys.argv[1])\n" + body) as program:
                 _, err = program.communicate(timeout=PATIENCE_S)
                 self.assertEqual(program.returncode, 0, err)
+        self.assertEqual(err, "")  # of the stream
 
     def test_ctrl_c_at_any_moment_ends_the_program(self):
         script = ("import palpate, sys\n"

@@ -32,11 +32,7 @@ class Arrays(DaemonTest):
             self.assertEqual(getattr(poses, name).shape, (n,), name)
         self.assertTrue((poses.isovalue == self.conn.settings.isovalue).all())
         self.assertTrue((np.diff(poses.time_ns) > 0).all())
-
-    def test_its_text_is_short(self):
-        with self.conn.poses(rate_hz=1000, batch=100) as stream:
-            poses = next(stream)
-        self.assertRegex(repr(poses), rf"^<palpate poses: 100 samples, ticks {poses.tick[0]} to "
+        self.assertRegex(repr(poses), rf"^<palpate poses: 20 samples, ticks {poses.tick[0]} to "
                          rf"{poses.tick[-1]}, \d+ dropped>$")
         self.assertEqual(str(poses), repr(poses))
 
@@ -155,19 +151,6 @@ class Ends(DaemonTest):
         self.assertTrue(ended.wait(PATIENCE_S))
         thread.join()
 
-    def test_closing_the_connection_ends_its_streams(self):
-        conn = self.daemon.connect()
-        stream = conn.poses(100)
-        next(stream)
-        conn.close()
-        with self.assertRaisesRegex(palpate.Unavailable, "closed"):
-            for _ in stream:
-                pass
-        with self.assertRaisesRegex(palpate.Unavailable, "closed"):
-            conn.settings.isovalue
-        with self.assertRaisesRegex(palpate.Unavailable, "closed"):
-            conn.poses()
-
     def interrupted(self, script, seconds=0.3):
         """Runs it, sends SIGINT some time after it said "begun"; its code, output and error."""
         child = subprocess.Popen([sys.executable, "-c", script, self.daemon.socket],
@@ -210,15 +193,6 @@ class Ends(DaemonTest):
             code, _, err = self.interrupted(begin + body, seconds)
             self.assertEqual(code, -signal.SIGINT, err)
             self.assertTrue(err.endswith("KeyboardInterrupt\n"), err)
-
-    def test_a_program_may_end_with_an_open_stream(self):
-        script = ("import palpate, sys\n"
-                  "conn = palpate.connect(sys.argv[1])\n"
-                  "stream = conn.poses(1000)\n"
-                  "next(stream)\n")
-        run = subprocess.run([sys.executable, "-c", script, self.daemon.socket], timeout=PATIENCE_S,
-                             capture_output=True, text=True)
-        self.assertEqual((run.returncode, run.stderr), (0, ""))
 
 
 if __name__ == "__main__":

@@ -150,36 +150,6 @@ inline Comparison Compare(const Scene& scene, const Look& look, const view::Cast
   return result;
 }
 
-class SurfaceRig : public ::testing::Test {
- protected:
-  view::CastRequest RequestOf(const Scene& scene, const Look& look, const view::ImageSize& size) {
-    view::CastRequest request = RequestFor(look, scene.X_DI, scene.voxels.size, size);
-    request.surface = scene.options;
-    return request;
-  }
-
-  void ExpectSame(const std::string& name, const Scene& scene, const std::vector<Look>& looks,
-                  const view::ImageSize& size = kOddSize) {
-    CastRig rig(scene.voxels, scene.X_DI);
-    for (std::size_t n = 0; n < looks.size(); ++n) {
-      const view::CastRequest request = RequestOf(scene, looks[n], size);
-      const auto expected = ExpectPicture(scene, looks[n], size);
-      const Comparison c = Compare(scene, looks[n], request, rig.Cast(request), expected);
-      std::printf("%s %zu: both %d, apart %d, disagree %d, wrong %d, worst %.4f voxel\n",
-                  name.c_str(), n, c.both, c.far, c.disagree, c.wrong, c.worst_voxels);
-      EXPECT_GT(c.both, 200) << name << " " << n;
-      EXPECT_LE(c.far, 0.001 * c.both) << name << " " << n;
-      EXPECT_EQ(c.wrong, 0) << name << " " << n;
-    }
-  }
-
-  // `flicker`: the largest fraction of pixels that may have a layer more or less.
-  void ExpectSameVeil(const std::string& name, const Scene& scene, const view::ImageSize& size,
-                      double flicker);
-
-  view::OffscreenContext context_;
-};
-
 // Views from all around: exactly and nearly along the axes, and with the middle row and column of
 // the picture in planes of the lattice or in the middle between planes.
 inline std::vector<Look> LooksAt(const Vec3i& size) {
@@ -203,10 +173,7 @@ inline std::vector<Look> LooksAt(const Vec3i& size) {
 }
 
 inline AffineMap Mirrored() {
-  AffineMap map;
-  map.linear = Vec3(-0.7, 1.3, 0.5).asDiagonal();
-  map.translation = Vec3(3.0, -8.0, 100.0);
-  return map;
+  return {Mat3(Vec3(-0.7, 1.3, 0.5).asDiagonal()), Vec3(3.0, -8.0, 100.0)};
 }
 
 inline AffineMap Sheared() {
@@ -273,22 +240,49 @@ inline VeilComparison CompareVeil(const Scene& scene, const view::CastRequest& r
   return result;
 }
 
-inline void SurfaceRig::ExpectSameVeil(const std::string& name, const Scene& scene,
-                                       const view::ImageSize& size, double flicker) {
-  CastRig rig(scene.voxels, scene.X_DI);
-  for (const Look& look : LooksAt(scene.voxels.size)) {
-    const view::CastRequest request = RequestOf(scene, look, size);
-    const Picture drawn = rig.Cast(request);
-    const auto expected = ExpectPicture(scene, look, size);
-    const VeilComparison c = CompareVeil(scene, request, drawn, expected);
-    std::printf("%s: both %d, apart %d, presence %d, layers %d\n", name.c_str(), c.both, c.far,
-                c.presence, c.layers);
-    EXPECT_GT(c.both, 200);
-    EXPECT_LE(c.far, 0.001 * c.both);
-    EXPECT_EQ(c.presence, 0);
-    EXPECT_LE(c.layers, flicker * c.both);
-    EXPECT_EQ(Compare(scene, look, request, drawn, expected).wrong, 0);
+class SurfaceRig : public ::testing::Test {
+ protected:
+  view::CastRequest RequestOf(const Scene& scene, const Look& look, const view::ImageSize& size) {
+    view::CastRequest request = RequestFor(look, scene.X_DI, scene.voxels.size, size);
+    request.surface = scene.options;
+    return request;
   }
-}
+
+  void ExpectSame(const std::string& name, const Scene& scene, const std::vector<Look>& looks,
+                  const view::ImageSize& size = kOddSize) {
+    CastRig rig(scene.voxels, scene.X_DI);
+    for (std::size_t n = 0; n < looks.size(); ++n) {
+      const view::CastRequest request = RequestOf(scene, looks[n], size);
+      const auto expected = ExpectPicture(scene, looks[n], size);
+      const Comparison c = Compare(scene, looks[n], request, rig.Cast(request), expected);
+      std::printf("%s %zu: both %d, apart %d, disagree %d, wrong %d, worst %.4f voxel\n",
+                  name.c_str(), n, c.both, c.far, c.disagree, c.wrong, c.worst_voxels);
+      EXPECT_GT(c.both, 200) << name << " " << n;
+      EXPECT_LE(c.far, 0.001 * c.both) << name << " " << n;
+      EXPECT_EQ(c.wrong, 0) << name << " " << n;
+    }
+  }
+
+  // `flicker`: the largest fraction of pixels that may have a layer more or less.
+  void ExpectSameVeil(const std::string& name, const Scene& scene, const view::ImageSize& size,
+                      double flicker) {
+    CastRig rig(scene.voxels, scene.X_DI);
+    for (const Look& look : LooksAt(scene.voxels.size)) {
+      const view::CastRequest request = RequestOf(scene, look, size);
+      const Picture drawn = rig.Cast(request);
+      const auto expected = ExpectPicture(scene, look, size);
+      const VeilComparison c = CompareVeil(scene, request, drawn, expected);
+      std::printf("%s: both %d, apart %d, presence %d, layers %d\n", name.c_str(), c.both, c.far,
+                  c.presence, c.layers);
+      EXPECT_GT(c.both, 200);
+      EXPECT_LE(c.far, 0.001 * c.both);
+      EXPECT_EQ(c.presence, 0);
+      EXPECT_LE(c.layers, flicker * c.both);
+      EXPECT_EQ(Compare(scene, look, request, drawn, expected).wrong, 0);
+    }
+  }
+
+  view::OffscreenContext context_;
+};
 
 }  // namespace palpate::testing

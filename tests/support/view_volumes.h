@@ -1,20 +1,10 @@
-// Volumes for tests of the viewer: volumes like those of the client library, and real ones from
-// files.
+// Volumes for tests of the viewer, like those of the client library.
 #pragma once
-
-#include <fcntl.h>
-#include <unistd.h>
-#include <zlib.h>
 
 #include <algorithm>
 #include <cstdint>
-#include <filesystem>
 #include <functional>
 #include <memory>
-#include <stdexcept>
-#include <string>
-#include <utility>
-#include <vector>
 
 #include "client/sdk/volume_update.h"
 #include "tests/support/cpu_caster.h"
@@ -68,23 +58,6 @@ inline client::VolumeUpdate VolumeOf(const Vec3i& size,
   client::VolumeUpdate update = WholeVolume(voxels, X_DI);
   update.lattice->value_max = max;
   return update;
-}
-
-// Reads the values of a file from byte `offset` on, gzipped or not, x fastest.
-template <typename Value>
-VoxelArray ReadVoxels(const std::filesystem::path& path, std::int64_t offset, const Vec3i& size) {
-  const int file = open(path.c_str(), O_RDONLY);
-  lseek(file, offset, SEEK_SET);
-  const gzFile stream = gzdopen(file, "rb");
-  std::vector<Value> values(static_cast<std::size_t>(size.prod()));
-  const auto bytes = static_cast<unsigned>(values.size() * sizeof(Value));
-  const int read = gzread(stream, values.data(), bytes);
-  gzclose(stream);
-  if (read != static_cast<int>(bytes)) throw std::runtime_error("cannot read " + path.string());
-  return MakeVoxels(size, [&](int i, int j, int k) {
-    const std::size_t at = (static_cast<std::size_t>(k) * size.y() + j) * size.x() + i;
-    return static_cast<float>(values[at]);
-  });
 }
 
 }  // namespace palpate::testing

@@ -158,23 +158,9 @@ class Editor {
     const Vec3i high = (low + Vec3i::Constant(edge)).cwiseMin(kEdge);
     const bool noise = random_() % 2 == 0;
     const auto flat = static_cast<float>(Share());
-    std::vector<BrickChange> changes;
-    for (int a = low.x() >> 3; a <= (high.x() - 1) >> 3; ++a) {
-      for (int b = low.y() >> 3; b <= (high.y() - 1) >> 3; ++b) {
-        for (int c = low.z() >> 3; c <= (high.z() - 1) >> 3; ++c) {
-          Brick brick = volume.bricks().At({a, b, c})->Floats();
-          for (int n = 0; n < kBrickVoxels; ++n) {
-            const Vec3i p = Vec3i(a, b, c) * kBrickEdge + Vec3i(n >> 6, n >> 3 & 7, n & 7);
-            if ((p.array() < low.array()).any() || (p.array() >= high.array()).any()) continue;
-            brick[n] = noise ? static_cast<float>(Share()) : flat;
-          }
-          changes.push_back({{a, b, c}, Leaf::Of(LeafType::kFloat, brick)});
-        }
-      }
-    }
-    const std::uint64_t revision = volume.revision() + 1;
-    return std::make_shared<VolumeSnapshot>(volume.metadata(),
-                                            volume.bricks().With(changes, revision), revision, 1);
+    return testing::WithChanges(volume, testing::PaintedBox(volume.bricks(), low, high, [&] {
+                                  return noise ? static_cast<float>(Share()) : flat;
+                                }));
   }
 
   double Share() { return std::uniform_real_distribution<double>(0.0, 1.0)(random_); }
@@ -182,7 +168,6 @@ class Editor {
     std::uniform_int_distribution<int> any(0, kEdge - 1);
     return {any(random_), any(random_), any(random_)};
   }
-  std::mt19937_64& random() { return random_; }
 
  private:
   std::mt19937_64 random_;

@@ -10,6 +10,7 @@
 
 #include "server/lab/mesh.h"
 #include "tests/support/made_volume.h"
+#include "tests/support/view_volumes.h"
 
 namespace palpate::view {
 namespace {
@@ -27,24 +28,11 @@ Points Distinct(const std::vector<Vec3>& points) {
 
 // The viewer's copy of the daemon's volume, as the client library would hand it out.
 ViewVolume CopyOf(const VolumeSnapshot& snapshot) {
-  client::VolumeUpdate update;
-  update.all = true;
-  VolumeLattice& lattice = update.lattice.emplace();
-  lattice.size = snapshot.size();
-  lattice.value_min = snapshot.metadata().value_min;
-  lattice.value_max = snapshot.metadata().value_max;
-  for (std::uint64_t n = 0; n < lattice.Bricks(); ++n) {
-    const Vec3i brick = BrickWithNumber(n, lattice.BrickCounts());
-    auto values = std::make_shared<Brick>(snapshot.bricks().At(brick)->Floats());
-    for (int v = 0; v < kBrickVoxels; ++v) {
-      const Vec3i p = brick * kBrickEdge + Vec3i(v >> 6, v >> 3 & 7, v & 7);
-      if ((p.array() >= lattice.size.array()).any()) (*values)[v] = lattice.Background();
-    }
-    update.bricks.push_back({n, values});
-  }
-  update.complete.emplace();
+  const auto voxels = testing::MakeVoxels(snapshot.size(), [&](int i, int j, int k) {
+    return testing::ValueAt(snapshot, {i, j, k});
+  });
   ViewVolume volume;
-  volume.Take(update);
+  volume.Take(testing::WholeVolume(voxels, {}));
   return volume;
 }
 

@@ -8,6 +8,8 @@
 #include <limits>
 #include <random>
 
+#include "tests/support/view_volumes.h"
+
 namespace palpate::view {
 namespace {
 
@@ -37,50 +39,45 @@ VolumeUpdate Beginning(const Vec3i& size) {
 // Voxels one by one, and what follows from them by looking at all of them.
 class Model {
  public:
-  explicit Model(const Vec3i& size) : size_(size), values_(size.prod(), static_cast<float>(kMin)) {}
+  explicit Model(const Vec3i& size)
+      : voxels_(testing::MakeVoxels(size, [](int, int, int) { return kMin; })) {}
 
-  float Value(const Vec3i& v) const {
-    if ((v.array() < 0).any() || (v.array() >= size_.array()).any()) return kMin;
-    return values_[At(v)];
-  }
+  float Value(const Vec3i& v) const { return voxels_.At(v.x(), v.y(), v.z()); }
   // A brick as the daemon would send it after `change` of each of its voxels.
   template <typename Change>
   BrickPtr Set(const Vec3i& brick, const Change& change) {
-    auto values = std::make_shared<Brick>();
-    values->fill(static_cast<float>(kMin));
     for (int n = 0; n < kBrickVoxels; ++n) {
       const Vec3i v = brick * kBrickEdge + Vec3i(n >> 6, n >> 3 & 7, n & 7);
-      if ((v.array() >= size_.array()).any()) continue;
-      (*values)[n] = values_[At(v)] = change(v, values_[At(v)]);
+      if ((v.array() >= size().array()).any()) continue;
+      const std::size_t at = (static_cast<std::size_t>(v.x()) * size().y() + v.y()) * size().z();
+      float& value = voxels_.values[at + v.z()];
+      value = change(v, value);
     }
-    return values;
+    return testing::BrickOf(voxels_, brick);
   }
   void ExpectEqual(const ViewVolume& volume) const {
     std::array<std::uint64_t, Histogram::kBins> counts{};
-    for (const float value : values_) {
+    for (const float value : voxels_.values) {
       const double bin = (value - kMin) / (kMax - kMin) * Histogram::kBins;
       ++counts[static_cast<std::size_t>(std::clamp(bin, 0.0, Histogram::kBins - 1.0))];
     }
     ASSERT_EQ(volume.histogram().counts(), counts);
-    for (int i = -1; i <= size_.x(); ++i) {
-      for (int j = -1; j <= size_.y(); ++j) {
-        for (int k = -1; k <= size_.z(); ++k) {
+    for (int i = -1; i <= size().x(); ++i) {
+      for (int j = -1; j <= size().y(); ++j) {
+        for (int k = -1; k <= size().z(); ++k) {
           ASSERT_EQ(volume.Value({i, j, k}), Value({i, j, k})) << i << ' ' << j << ' ' << k;
         }
       }
     }
     ExpectRanges(volume);
   }
-  const Vec3i& size() const { return size_; }
+  const Vec3i& size() const { return voxels_.size; }
 
  private:
-  std::size_t At(const Vec3i& v) const {
-    return (static_cast<std::size_t>(v.x()) * size_.y() + v.y()) * size_.z() + v.z();
-  }
   void ExpectRanges(const ViewVolume& volume) const {
     const Vec3i count = volume.cell_brick_count();
     // Cells -1 .. size - 1 along each axis.
-    ASSERT_EQ(count, (size_.array() + 8).matrix() / 8);
+    ASSERT_EQ(count, (size().array() + 8).matrix() / 8);
     ASSERT_EQ(volume.cell_ranges().size(), static_cast<std::size_t>(count.prod()));
     for (int n = 0; n < count.prod(); ++n) {
       const Vec3i first = BrickWithNumber(n, count) * 8 - Vec3i::Ones();
@@ -94,8 +91,7 @@ class Model {
     }
   }
 
-  Vec3i size_;
-  std::vector<float> values_;
+  testing::VoxelArray voxels_;
 };
 
 // What a texture would hold that takes up nothing but the changes.
