@@ -316,7 +316,7 @@ class ImportProgramTest : public ImportTest {
  protected:
   static test::ProcessResult Run(std::vector<std::string> arguments) {
     arguments.insert(arguments.begin(), test::kPalpateImport);
-    return test::Process(arguments, false, std::chrono::seconds(120)).Wait();
+    return test::Process(arguments, std::chrono::seconds(120)).Wait();
   }
 };
 

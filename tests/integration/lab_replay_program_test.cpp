@@ -30,7 +30,7 @@ constexpr const char* kIsovalue = "0.4";
 ProcessResult Lab(const std::vector<std::string>& arguments) {
   std::vector<std::string> command = {test::kPalpateLab};
   command.insert(command.end(), arguments.begin(), arguments.end());
-  return Process(command, false, kPatience).Wait();
+  return Process(command, kPatience).Wait();
 }
 
 // Rows as numbers, without the header.
@@ -127,7 +127,7 @@ TEST_F(LabReplayProgram, JudgesTheSlideAndHasTheDensityOfItsOwnCells) {
   const std::string command =
       std::string(test::kPalpateLab) + " cells --volume " + std::string(kVolume) + " < " +
       (folder_.path() / "cells.csv").string() + " > " + (folder_.path() / "cells.json").string();
-  ASSERT_EQ(Process({"/bin/sh", "-c", command}, false, kPatience).Wait().exit_code, 0);
+  ASSERT_EQ(Process({"/bin/sh", "-c", command}, kPatience).Wait().exit_code, 0);
   std::ifstream cells(folder_.path() / "cells.json");
   int on_surface = 0;
   for (std::size_t n = 0; n < rows.size(); ++n) {

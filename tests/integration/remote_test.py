@@ -183,7 +183,3 @@ class Remote(unittest.TestCase):
         # That one is grey now.
         self.press(window, 0)
         window.wait_for_title("Palpate: builtin:sphere:48")
-
-
-if __name__ == "__main__":
-    unittest.main()

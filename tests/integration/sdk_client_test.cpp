@@ -10,7 +10,7 @@
 #include "client/sdk/client.h"
 #include "tests/support/free_port.h"
 #include "tests/support/heard.h"
-#include "tests/support/patience.h"
+#include "tests/support/live_view.h"
 #include "tests/support/refusal.h"
 #include "tests/support/restarted_daemon.h"
 #include "tests/support/stolen.h"
@@ -20,6 +20,7 @@ namespace palpate::client {
 namespace {
 
 using namespace std::chrono_literals;
+using test::BricksOf;
 using test::Eventually;
 using test::Heard;
 using test::RestartedDaemon;
@@ -42,40 +43,26 @@ class Viewer {
   bool Take(Client& client, std::uint64_t revision) {
     while (const auto update = client.TakeVolumeUpdate()) {
       anew_ += update->all && update->lattice;
-      if (update->all) {
-        auto background = std::make_shared<Brick>();
-        background->fill(update->lattice ? update->lattice->Background() : 0.0f);
-        bricks_.assign(update->lattice ? update->lattice->Bricks() : 0, background);
-      }
-      for (const ChangedBrick& changed : update->bricks) bricks_[changed.number] = changed.brick;
       received_ += update->bricks.size();
-      complete_ = update->complete;
-      placed_ = update->placement.has_value();
+      volume_.Take(*update);
     }
-    return complete_ && complete_->volume_revision >= revision;
+    return volume_.revision() && volume_.revision()->volume_revision >= revision;
   }
   // A client that comes anew holds the daemon's volume: its hash has shown that.
   bool IsTheVolumeOf(const RestartedDaemon& daemon, std::uint64_t revision) const {
     Client fresh(FollowingOn(daemon.socket()));
     Viewer truth;
-    if (!Eventually([&] { return truth.Take(fresh, revision); })) return false;
-    return std::equal(bricks_.begin(), bricks_.end(), truth.bricks_.begin(), truth.bricks_.end(),
-                      [](const BrickPtr& a, const BrickPtr& b) { return *a == *b; });
+    return Eventually([&] { return truth.Take(fresh, revision); }) &&
+           BricksOf(volume_) == BricksOf(truth.volume_);
   }
-  std::size_t bricks() const { return bricks_.size(); }
-  float Value(std::uint64_t number, int i, int j, int k) const {
-    return (*bricks_[number])[VoxelInBrick(i, j, k)];
-  }
+  const view::ViewVolume& volume() const { return volume_; }
   std::size_t received() const { return received_; }
   int anew() const { return anew_; }
-  bool placed() const { return placed_; }
 
  private:
-  std::vector<BrickPtr> bricks_;
-  std::optional<VolumeRevision> complete_;
+  view::ViewVolume volume_;
   std::size_t received_ = 0;
   int anew_ = 0;
-  bool placed_ = false;
 };
 
 Edit Dab(int n) {
@@ -270,8 +257,8 @@ TEST_F(SdkClient, FollowsEditsAndUndo) {
   ASSERT_TRUE(client.WaitUntilConnected(60s) && editor.WaitUntilConnected(60s));
   Viewer viewer;
   ASSERT_TRUE(Eventually([&] { return viewer.Take(client, 1); }));
-  EXPECT_EQ(viewer.bricks(), 216u);
-  EXPECT_TRUE(viewer.placed());
+  EXPECT_EQ(viewer.volume().lattice()->Bricks(), 216u);
+  EXPECT_TRUE(viewer.volume().X_DI());
   EXPECT_TRUE(client.volume_status().complete);
   EXPECT_EQ(client.volume_status().problem, "");
   EXPECT_GT(client.volume_status().bytes_received, 1000u);
@@ -288,7 +275,7 @@ TEST_F(SdkClient, FollowsEditsAndUndo) {
   ASSERT_TRUE(Eventually([&] { return viewer.Take(client, one.volume_revision); }));
   EXPECT_GT(notices, noticed);
   EXPECT_EQ(viewer.received(), first + 1);
-  EXPECT_EQ(viewer.Value(36, 0, 0, 0), 0.25f);
+  EXPECT_EQ(viewer.volume().Value({8, 0, 0}), 0.25f);
   block.shape = Block{Vec3i(0, 0, 0), Vec3i(16, 16, 4096), std::vector<float>(1 << 20)};
   EXPECT_EQ(Refusal([&] { editor.Apply(block); }), ErrorKind::kTooLarge);
 

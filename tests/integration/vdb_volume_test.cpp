@@ -206,8 +206,7 @@ double ResidentBytes() {
 
 // Another process makes the file: what it frees here would hide a part.
 TEST_F(VdbTest, TakesTheMemoryThatItTakesInOpenVdb) {
-  test::Process({test::kVdbTool, "make", "cloud", "400", Path("a.vdb")}, false,
-                std::chrono::seconds(300))
+  test::Process({test::kVdbTool, "make", "cloud", "400", Path("a.vdb")}, std::chrono::seconds(300))
       .Wait();
   const double before = ResidentBytes();
   const LoadedVolume volume = Imported(Path("a.vdb"));

@@ -77,6 +77,11 @@ class ViewBrush : public ::testing::Test {
     }
     brush_.End();
   }
+  void ExpectVoxels(const Bricks& expected) { EXPECT_EQ(CountDifferent(Voxels(), expected), 0u); }
+  void ExpectUndoneTo(const Bricks& expected) {
+    brush_.Undo(feed_->commands());
+    ExpectVoxels(expected);
+  }
   // Nothing else runs until it is let go.
   std::promise<void> HoldCommands() {
     std::promise<void> go;
@@ -102,29 +107,24 @@ TEST_F(ViewBrush, AStrokeIsTakenBackByOneUndo) {
   const Bricks two = Voxels();
   EXPECT_GT(CountDifferent(one, two), 300u);
 
-  brush_.Undo(feed_->commands());
-  EXPECT_EQ(CountDifferent(Voxels(), one), 0u);
+  ExpectUndoneTo(one);
   EXPECT_TRUE(brush_.CanUndo() && brush_.CanRedo());
-  brush_.Undo(feed_->commands());
-  EXPECT_EQ(CountDifferent(Voxels(), loaded), 0u);
+  ExpectUndoneTo(loaded);
   EXPECT_FALSE(brush_.CanUndo());
-  brush_.Undo(feed_->commands());
-  EXPECT_EQ(CountDifferent(Voxels(), loaded), 0u);
+  ExpectUndoneTo(loaded);
   EXPECT_NE(feed_->commands().problem(), "");
 
   brush_.Redo(feed_->commands());
-  EXPECT_EQ(CountDifferent(Voxels(), one), 0u);
+  ExpectVoxels(one);
   brush_.Redo(feed_->commands());
-  EXPECT_EQ(CountDifferent(Voxels(), two), 0u);
+  ExpectVoxels(two);
   EXPECT_FALSE(brush_.CanRedo());
-  brush_.Undo(feed_->commands());
-  EXPECT_EQ(CountDifferent(Voxels(), one), 0u);
+  ExpectUndoneTo(one);
   // What is drawn now takes the place of what was taken back.
   DrawLine(24, 36);
   EXPECT_TRUE(Settle(*feed_));
   EXPECT_FALSE(brush_.CanRedo());
-  brush_.Undo(feed_->commands());
-  EXPECT_EQ(CountDifferent(Voxels(), one), 0u);
+  ExpectUndoneTo(one);
 }
 
 TEST_F(ViewBrush, ADabIsABallInTheVolumesMillimetres) {
@@ -152,8 +152,7 @@ TEST_F(ViewBrush, OneEditWaitsAtMostAndGrows) {
   const auto& volume = feed_->volume();
   const auto drawn = static_cast<float>(options_.value);
   for (int z = 4; z <= 44; ++z) EXPECT_EQ(volume.Value({20, 24, z}), drawn) << z;
-  brush_.Undo(feed_->commands());
-  EXPECT_EQ(CountDifferent(Voxels(), loaded), 0u);
+  ExpectUndoneTo(loaded);
 
   // Two strokes do not become one, however long they wait.
   go = HoldCommands();
@@ -200,8 +199,7 @@ TEST_F(ViewBrush, NothingOfAnotherClientIsTakenBack) {
   ASSERT_TRUE(EditBy(other, 30).changed);
   const Bricks both = Voxels();
   EXPECT_TRUE(brush_.CanUndo());
-  brush_.Undo(feed_->commands());
-  EXPECT_EQ(CountDifferent(Voxels(), both), 0u);
+  ExpectUndoneTo(both);
   EXPECT_NE(feed_->commands().problem(), "");
   EXPECT_FALSE(brush_.CanUndo() || brush_.CanRedo());
 
@@ -212,8 +210,7 @@ TEST_F(ViewBrush, NothingOfAnotherClientIsTakenBack) {
   const Bricks before = Voxels();
   DrawLine(30, 34);
   EXPECT_GT(CountDifferent(Voxels(), before), 0u);
-  brush_.Undo(feed_->commands());
-  EXPECT_EQ(CountDifferent(Voxels(), before), 0u);
+  ExpectUndoneTo(before);
   EXPECT_FALSE(brush_.CanUndo());
 }
 
@@ -245,13 +242,11 @@ TEST_F(ViewBrush, OfADaemonThatWasStartedAgainNothingIsTakenBack) {
   ASSERT_TRUE(Follow(*feed_, [&] { return daemon_id() != 0 && daemon_id() != killed; }));
   const Bricks of_other = Voxels();
   EXPECT_FALSE(brush_.CanUndo());
-  brush_.Undo(feed_->commands());
-  EXPECT_EQ(CountDifferent(Voxels(), of_other), 0u);
+  ExpectUndoneTo(of_other);
   EXPECT_NE(feed_->commands().problem(), "");
   DrawLine(16, 20);
   EXPECT_GT(CountDifferent(Voxels(), of_other), 0u);
-  brush_.Undo(feed_->commands());
-  EXPECT_EQ(CountDifferent(Voxels(), of_other), 0u);
+  ExpectUndoneTo(of_other);
 }
 
 // The daemon may have done it or not: nothing that may be another's is taken back then.
@@ -288,8 +283,7 @@ TEST_F(ViewBrush, AGapInAStrokeIsNotDrawnAlong) {
     for (const int x : {10, 12, 14, 36, 38, 40}) EXPECT_EQ(volume.Value({x, 24, 24}), drawn) << x;
     for (int x = 19; x <= 31; ++x) EXPECT_NE(volume.Value({x, 24, 24}), drawn) << x;
     EXPECT_GT(CountDifferent(all, loaded), 300u);
-    brush_.Undo(feed_->commands());
-    EXPECT_EQ(CountDifferent(Voxels(), loaded), 0u);
+    ExpectUndoneTo(loaded);
   }
 }
 

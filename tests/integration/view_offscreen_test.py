@@ -173,7 +173,3 @@ class OffscreenAlone(unittest.TestCase):
         self.assertEqual(code, 0)
         for word in ("mm", "1280x800", "Exit codes"):
             self.assertIn(word, said)
-
-
-if __name__ == "__main__":
-    unittest.main(verbosity=1)

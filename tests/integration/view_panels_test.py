@@ -216,7 +216,3 @@ class SeriesBar(OneView):
         part = np.asarray(self.window.picture())[536:562, 310:368].astype(int)
         columns = np.flatnonzero((part.min(axis=2) > 200).any(axis=0))
         return columns.size and (columns[-1] - columns[0] > 32) == playing
-
-
-if __name__ == "__main__":
-    unittest.main(verbosity=1)

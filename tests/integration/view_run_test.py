@@ -102,7 +102,3 @@ class ViewRun(unittest.TestCase):
             figures = self.run_view("--haptic-surface", env=screen.env)
         # Of the last bricks, first with fewer pixels where casts are slow.
         self.assertLessEqual(figures["casts"], 3)
-
-
-if __name__ == "__main__":
-    unittest.main(verbosity=1)

@@ -169,16 +169,12 @@ TEST_F(VolumeOnTheCard, IsNotShownBeforeItHasAPlace) {
   const VoxelArray voxels = CastWaves();
   client::VolumeUpdate update = testing::WholeVolume(voxels, {});
   update.placement.reset();
-  ViewVolume volume;
-  VolumeTexture texture;
-  SurfaceCaster caster;
-  volume.Take(update);
-  texture.TakeUp(volume, SIZE_MAX);
-  EXPECT_TRUE(caster.Cast(texture, RequestFor(voxels)));
-  std::vector<float> depth(static_cast<std::size_t>(kCastSize.width * kCastSize.height));
-  glBindTexture(GL_TEXTURE_2D, caster.depth());
-  glGetTexImage(GL_TEXTURE_2D, 0, GL_DEPTH_COMPONENT, GL_FLOAT, depth.data());
-  EXPECT_EQ(depth, std::vector<float>(depth.size(), 1.0f));
+  CastRig rig(voxels);
+  rig.volume.Take(update);
+  rig.texture.TakeUp(rig.volume, SIZE_MAX);
+  const Picture nothing = rig.Cast(RequestFor(voxels));
+  EXPECT_EQ(nothing.depth, std::vector<float>(nothing.pixels(), 1.0f));
+  EXPECT_EQ(rig.caster.casts(), 1u);
 }
 
 TEST_F(VolumeOnTheCard, IsCastAgainOnlyAfterAChange) {

@@ -166,7 +166,3 @@ class ViewWindowAtItsLimits(unittest.TestCase):
         window = self.open(socket="nobody.sock")
         window.wait_for_title("Palpate: reconnecting")
         self.assertEqual(window.end(), (0, ""))
-
-
-if __name__ == "__main__":
-    unittest.main(verbosity=1)

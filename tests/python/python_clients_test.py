@@ -81,7 +81,3 @@ class Clients(unittest.TestCase):
         for call, (*_, viewer) in CALLS.items():
             if not viewer.startswith("no:"):
                 self.assertRegex(source, rf"(\.|->|::){viewer}(\(| = )", call)
-
-
-if __name__ == "__main__":
-    unittest.main()

@@ -206,7 +206,3 @@ class Ending(DaemonTest):
                 program.send_signal(signal.SIGINT)
                 _, err = program.communicate(timeout=PATIENCE_S)
                 self.assertEqual(program.returncode, 7, err)
-
-
-if __name__ == "__main__":
-    unittest.main()

@@ -159,7 +159,3 @@ class Follow(DaemonTest):
         with self.assertRaisesRegex(palpate.Unavailable, "closed"):
             self.live.wait(copy.volume_revision + 1)
         self.live.close()
-
-
-if __name__ == "__main__":
-    unittest.main()

@@ -124,7 +124,3 @@ class Notebook(unittest.TestCase):
         for name in ("connect", "volume", "poses", "edit"):
             self.assertIn("palpate", shown[name][-1]["text/html"], name)
         self.assertIn("data:image/png", shown["volume"][-1]["text/html"])
-
-
-if __name__ == "__main__":
-    unittest.main()

@@ -148,7 +148,3 @@ class Example(unittest.TestCase):
             with daemon.connect() as conn:
                 # As it was before.
                 self.assertEqual(conn.settings.isovalue, 0.5)
-
-
-if __name__ == "__main__":
-    unittest.main()

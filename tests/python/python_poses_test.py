@@ -193,7 +193,3 @@ class Ends(DaemonTest):
             code, _, err = self.interrupted(begin + body, seconds)
             self.assertEqual(code, -signal.SIGINT, err)
             self.assertTrue(err.endswith("KeyboardInterrupt\n"), err)
-
-
-if __name__ == "__main__":
-    unittest.main()

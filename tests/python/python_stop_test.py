@@ -110,7 +110,3 @@ class StopTest(unittest.TestCase):
                        for call in calls)
         # One is under way, and some end while they are cancelled.
         self.assertLess(made - answered, CROWD / 4)
-
-
-if __name__ == "__main__":
-    unittest.main()

@@ -234,7 +234,3 @@ class EmergencyStop(TimesTest):
         self.assertLess(attacked_s, 10 * alone_s)
         self.assertLess(p98, 2.0)
         self.assertGreater(lines, 9)
-
-
-if __name__ == "__main__":
-    unittest.main()

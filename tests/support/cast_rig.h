@@ -105,16 +105,13 @@ class CastRig {
 
   Picture Cast(const view::CastRequest& request) {
     caster.Cast(texture, request);
-    Picture picture{request.size, {}, {}, {}, {}};
     const auto pixels = static_cast<std::size_t>(request.size.width * request.size.height);
-    picture.color.resize(4 * pixels);
-    picture.veil_color.resize(4 * pixels);
-    picture.depth.resize(pixels);
-    picture.veil_depth.resize(pixels);
-    Read(caster.color(), GL_RGBA, GL_UNSIGNED_BYTE, picture.color.data());
-    Read(caster.veil_color(), GL_RGBA, GL_UNSIGNED_BYTE, picture.veil_color.data());
-    Read(caster.depth(), GL_DEPTH_COMPONENT, GL_FLOAT, picture.depth.data());
-    Read(caster.veil_depth(), GL_RED, GL_FLOAT, picture.veil_depth.data());
+    const auto colors = [&](GLuint name) {
+      return Read<std::uint8_t>(name, GL_RGBA, GL_UNSIGNED_BYTE, 4 * pixels);
+    };
+    const Picture picture{request.size, colors(caster.color()), colors(caster.veil_color()),
+                          Read<float>(caster.depth(), GL_DEPTH_COMPONENT, GL_FLOAT, pixels),
+                          Read<float>(caster.veil_depth(), GL_RED, GL_FLOAT, pixels)};
     EXPECT_EQ(glGetError(), static_cast<GLenum>(GL_NO_ERROR));
     return picture;
   }
@@ -124,10 +121,13 @@ class CastRig {
   view::SurfaceCaster caster;
 
  private:
-  static void Read(GLuint name, GLenum format, GLenum type, void* into) {
+  template <typename Value>
+  static std::vector<Value> Read(GLuint name, GLenum format, GLenum type, std::size_t count) {
+    std::vector<Value> values(count);
     glBindTexture(GL_TEXTURE_2D, name);
     glPixelStorei(GL_PACK_ALIGNMENT, 1);
-    glGetTexImage(GL_TEXTURE_2D, 0, format, type, into);
+    glGetTexImage(GL_TEXTURE_2D, 0, format, type, values.data());
+    return values;
   }
 };
 

@@ -30,10 +30,9 @@ class Daemon {
   static constexpr std::chrono::seconds kPatience{120};
 
   // Starts `program` with `arguments` and waits until it is ready. Adds a socket and a state folder
-  // if the arguments name none. `patience`, `end_patience`: see Process.
+  // if the arguments name none. `patience`: see Process.
   Daemon(const std::string& program, std::vector<std::string> arguments,
-         const std::vector<std::string>& wrapper = {}, std::chrono::seconds patience = kPatience,
-         std::chrono::milliseconds end_patience = Process::kEndPatience)
+         const std::vector<std::string>& wrapper = {}, std::chrono::seconds patience = kPatience)
       : socket_(folder_.path() / "palpated.sock") {
     std::vector<std::string> command = wrapper;
     command.push_back(program);
@@ -58,7 +57,7 @@ class Daemon {
           << folder_.path().parent_path().string() << "\"]\n";
       command.insert(command.end(), {"--config", folder_.path() / "palpated.toml"});
     }
-    process_ = std::make_unique<Process>(command, false, patience, end_patience);
+    process_ = std::make_unique<Process>(command, patience);
     if (!process_->WaitFor("ready on")) {
       throw std::runtime_error("palpated did not start: " + process_->Wait().error);
     }

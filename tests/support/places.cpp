@@ -3,14 +3,12 @@
 namespace palpate::test {
 
 const char* const kPalpated = PALPATED;
-const char* const kPalpate = PALPATE;
 const char* const kPalpateImport = PALPATE_IMPORT;
 const char* const kPalpateLab = PALPATE_LAB;
 
 const char* const kConfinedChild = CONFINED_CHILD;
 const char* const kRecordingChild = RECORDING_CHILD;
 const char* const kVdbTool = VDB_TOOL;
-const char* const kStandIn = PALPATE_TESTS "/support/stand_in.sh";
 
 const char* const kFakeHd = FAKE_LIBHD;
 const char* const kFakeHdMissing = FAKE_LIBHD_MISSING;

@@ -5,7 +5,6 @@
 namespace palpate::test {
 
 extern const char* const kPalpated;
-extern const char* const kPalpate;
 extern const char* const kPalpateImport;
 extern const char* const kPalpateLab;
 
@@ -14,8 +13,6 @@ extern const char* const kConfinedChild;
 extern const char* const kRecordingChild;
 // Writes .vdb files.
 extern const char* const kVdbTool;
-// A script that replaces palpated and fails when told to.
-extern const char* const kStandIn;
 
 // Our own HD libraries: complete, and with one function missing.
 extern const char* const kFakeHd;

@@ -10,8 +10,6 @@
 #include <poll.h>
 #include <signal.h>
 #include <spawn.h>
-#include <stdlib.h>
-#include <sys/ioctl.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -36,25 +34,14 @@ class Process {
  public:
   static constexpr std::chrono::milliseconds kEndPatience{120000};
 
-  // `on_terminal`: stdout is a terminal of 80 x 24. `patience`: the longest time that it may run.
-  // `end_patience`: the longest time from a signal to its end.
-  explicit Process(const std::vector<std::string>& arguments, bool on_terminal = false,
+  // `patience`: the longest time that it may run. `end_patience`: the longest time from a signal to
+  // its end.
+  explicit Process(const std::vector<std::string>& arguments,
                    std::chrono::seconds patience = std::chrono::seconds(120),
                    std::chrono::milliseconds end_patience = kEndPatience)
       : end_patience_(end_patience), deadline_(std::chrono::steady_clock::now() + patience) {
-    int child_output = -1;
-    if (on_terminal) {
-      output_ = posix_openpt(O_RDWR | O_NOCTTY | O_CLOEXEC);
-      grantpt(output_);
-      unlockpt(output_);
-      child_output = open(ptsname(output_), O_RDWR | O_NOCTTY | O_CLOEXEC);
-      if (child_output < 0) throw std::runtime_error("cannot open a terminal: is /dev/pts there?");
-      const winsize size{24, 80, 0, 0};
-      ioctl(child_output, TIOCSWINSZ, &size);
-    } else {
-      OpenPipe(output_, child_output);
-    }
-    int child_error = -1;
+    int child_output = -1, child_error = -1;
+    OpenPipe(output_, child_output);
     OpenPipe(error_, child_error);
     // The child copies these over its own descriptors. gRPC's threads do not allow fork() here.
     posix_spawn_file_actions_t actions;
@@ -70,9 +57,7 @@ class Process {
     posix_spawn_file_actions_destroy(&actions);
     close(child_output);
     close(child_error);
-    if (failure != 0) {
-      throw std::runtime_error("cannot start " + arguments[0]);
-    }
+    if (failure != 0) throw std::runtime_error("cannot start " + arguments[0]);
   }
 
   ~Process() {
@@ -86,7 +71,7 @@ class Process {
       TakeLastWords();
       FailOnACrash(status);
     }
-    CloseOutput();
+    close(output_);
     close(error_);
   }
   Process(const Process&) = delete;
@@ -115,21 +100,11 @@ class Process {
     }
   }
 
-  // Closes the output, as a reader like `head` does.
-  void CloseOutput() {
-    if (output_ >= 0) {
-      close(output_);
-      output_ = -1;
-    }
-  }
-
   // Collects until stdout or stderr contains `text`. Returns false if it never does.
   bool WaitFor(const std::string& text) {
     while (result_.output.find(text) == std::string::npos &&
            result_.error.find(text) == std::string::npos) {
-      if (!Collect()) {
-        return false;
-      }
+      if (!Collect()) return false;
     }
     return true;
   }
@@ -156,9 +131,7 @@ class Process {
  private:
   static void OpenPipe(int& read_end, int& write_end) {
     int ends[2] = {-1, -1};
-    if (pipe2(ends, O_CLOEXEC) != 0) {
-      throw std::runtime_error("cannot open a pipe");
-    }
+    if (pipe2(ends, O_CLOEXEC) != 0) throw std::runtime_error("cannot open a pipe");
     read_end = ends[0];
     write_end = ends[1];
   }
@@ -194,27 +167,23 @@ class Process {
 
   // Returns false when both outputs have ended, or the time is up.
   bool Collect() {
-    if (std::chrono::steady_clock::now() >= deadline_) {
-      return false;
-    }
+    if (std::chrono::steady_clock::now() >= deadline_) return false;
     pollfd files[2] = {{output_ended_ ? -1 : output_, POLLIN, 0},
                        {error_ended_ ? -1 : error_, POLLIN, 0}};
     poll(files, 2, 100);
     Take(files[0], result_.output, output_ended_);
     Take(files[1], result_.error, error_ended_);
-    return !error_ended_ || (output_ >= 0 && !output_ended_);
+    return !error_ended_ || !output_ended_;
   }
 
   static void Take(const pollfd& file, std::string& text, bool& ended) {
-    if (file.fd < 0 || file.revents == 0) {
-      return;
-    }
+    if (file.fd < 0 || file.revents == 0) return;
     char buffer[65536];
     const ssize_t count = read(file.fd, buffer, sizeof(buffer));
     if (count > 0) {
       text.append(buffer, static_cast<std::size_t>(count));
     } else {
-      ended = true;  // a terminal ends with EIO
+      ended = true;
     }
   }
 

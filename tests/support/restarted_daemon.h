@@ -17,9 +17,8 @@ namespace palpate::test {
 
 class RestartedDaemon {
  public:
-  explicit RestartedDaemon(std::vector<std::string> arguments = {"--volume", "builtin:bumps:48"},
-                           std::string program = test::kPalpated)
-      : program_(std::move(program)), arguments_(std::move(arguments)) {}
+  explicit RestartedDaemon(std::vector<std::string> arguments = {"--volume", "builtin:bumps:48"})
+      : arguments_(std::move(arguments)) {}
   // Ends the daemon in order, unless the test has killed it.
   ~RestartedDaemon() {
     if (process_) process_->EndInOrder();
@@ -29,10 +28,10 @@ class RestartedDaemon {
 
   // Waits until the daemon is ready.
   void Start() {
-    std::vector<std::string> command = {program_};
+    std::vector<std::string> command = {kPalpated};
     command.insert(command.end(), arguments_.begin(), arguments_.end());
     command.insert(command.end(), {"--socket", socket(), "--state-folder", folder_.path() / "s"});
-    process_ = std::make_unique<Process>(command, false, std::chrono::seconds(120));
+    process_ = std::make_unique<Process>(command);
     if (!process_->WaitFor("ready on")) {
       throw std::runtime_error("palpated did not start: " + process_->Wait().error);
     }
@@ -51,7 +50,6 @@ class RestartedDaemon {
 
  private:
   TemporaryFolder folder_;
-  std::string program_;
   std::vector<std::string> arguments_;
   std::unique_ptr<Process> process_;
 };

@@ -41,7 +41,7 @@ std::string Completed(const Command& program, const std::string& words) {
   const std::string script =
       CompletionScript(program) + "COMP_WORDS=(" + words +
       ")\nCOMP_CWORD=$((${#COMP_WORDS[@]} - 1))\n_program_words\necho \"${COMPREPLY[@]}\"\n";
-  return test::Process({"/bin/bash", "-c", script}, false, std::chrono::seconds(120)).Wait().output;
+  return test::Process({"/bin/bash", "-c", script}, std::chrono::seconds(120)).Wait().output;
 }
 
 TEST(Arguments, ShellsCompleteCommandsOptionsAndWords) {

@@ -15,7 +15,7 @@ namespace {
   {
     const ::testing::ScopedFakeTestPartResultReporter reporter(
         ::testing::ScopedFakeTestPartResultReporter::INTERCEPT_ONLY_CURRENT_THREAD, &failures);
-    Process process({"/bin/sh", "-c", script}, false, std::chrono::seconds(120), end_patience);
+    Process process({"/bin/sh", "-c", script}, std::chrono::seconds(120), end_patience);
     EXPECT_TRUE(process.WaitFor("begun"));
     if (signal != 0) process.Signal(signal);
     if (awaited) {
@@ -45,7 +45,7 @@ TEST(Process, WhatFailsTheTest) {
                      SIGTERM, std::chrono::milliseconds(300)));
   }
   EXPECT_NONFATAL_FAILURE(
-      Process({"/bin/sh", "-c", "exec sleep 60"}, false, std::chrono::seconds(1)).Wait(),
+      Process({"/bin/sh", "-c", "exec sleep 60"}, std::chrono::seconds(1)).Wait(),
       "longer than its patience");
 }
 
