@@ -130,14 +130,12 @@ BENCHMARK_CAPTURE(FreeSpace, magnet_near, 2.0, kMagnet);
 BENCHMARK_CAPTURE(FreeSpace, magnet_out_of_reach, 7.0, kMagnet);
 
 // Every step finds an empty cache: the data have a new revision.
-void RunCold(benchmark::State& state, const Scene& scene) {
+void ColdCache(benchmark::State& state, const Scene& scene) {
   Run(state, scene.surface, SlideOver(scene, 10.0), {},
       [](HapticSurface& surface, std::size_t) { ++surface.geometry_revision; });
 }
-void ColdCache(benchmark::State& state) { RunCold(state, Builtin("builtin:bumps:128", 1.0 / 3.0)); }
-BENCHMARK(ColdCache);
-void ColdCacheSixSaddles(benchmark::State& state) { RunCold(state, ChessBoard()); }
-BENCHMARK(ColdCacheSixSaddles);
+BENCHMARK_CAPTURE(ColdCache, bumps, Builtin("builtin:bumps:128", 1.0 / 3.0));
+BENCHMARK_CAPTURE(ColdCache, six_saddles, ChessBoard());
 
 void SixSaddles(benchmark::State& state) {
   const Scene scene = ChessBoard();

@@ -38,14 +38,6 @@ with palpate.connect(profile=sys.argv[1]) as conn:
 """
 
 
-class ServerDaemon(Daemon):
-    """palpated on the server's machine; its socket is on this one's disk too."""
-
-    def __init__(self, network, config):
-        super().__init__("builtin:sphere:48", listen=f"0.0.0.0:{PORT}", wrapper=network.server,
-                         more=["--config", str(config)])
-
-
 class Remote(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
@@ -66,7 +58,10 @@ class Remote(unittest.TestCase):
         config = cls.folder / "palpated.toml"
         config.write_text(f'[tls]\ncertificate = "{certificate}"\nkey = "{key}"\n'
                           f'tokens = "{cls.tokens}"\n')
-        cls.daemon = cls.enterClassContext(ServerDaemon(cls.network, config))
+        # Its socket is on this machine's disk too.
+        cls.daemon = cls.enterClassContext(Daemon(
+            "builtin:sphere:48", listen=f"0.0.0.0:{PORT}", wrapper=cls.network.server,
+            more=["--config", str(config)]))
         cls.local = cls.enterClassContext(cls.daemon.connect())
         cls.env = {**os.environ, "XDG_CONFIG_HOME": str(cls.profiles.parent),
                    "GRPC_VERBOSITY": "NONE"}
@@ -110,23 +105,16 @@ class Remote(unittest.TestCase):
         self.must(PALPATE, "--profile", "editor", "set", "isovalue", wanted)
         self.assertAlmostEqual(self.local.settings.isovalue, wanted)
 
-    def test_python(self):
-        wanted = self.isovalue_of(0.45)
-        said = self.must(sys.executable, "-c", SCRIPT, "editor", wanted)
-        self.assertIn("(48, 48, 48)", said)
-        self.assertAlmostEqual(self.local.settings.isovalue, wanted)
-        code, _, err = self.there(sys.executable, "-c", SCRIPT, "viewer", wanted)
-        self.assertEqual(code, 1)
-        self.assertIn("PermissionDenied", err)
-
-    def test_the_library(self):
-        wanted = self.isovalue_of(0.35)
-        said = self.must(EXAMPLE, "editor", wanted)
-        self.assertRegex(said, r"tick \d+: tip at")
-        self.assertAlmostEqual(self.local.settings.isovalue, wanted)
-        code, _, err = self.there(EXAMPLE, "viewer", wanted)
-        self.assertEqual(code, 1)
-        self.assertIn("editor", err)
+    def test_python_and_the_library(self):
+        for share, command, says, refuses in (
+                (0.45, (sys.executable, "-c", SCRIPT), r"\(48, 48, 48\)", "PermissionDenied"),
+                (0.35, (EXAMPLE,), r"tick \d+: tip at", "editor")):
+            wanted = self.isovalue_of(share)
+            self.assertRegex(self.must(*command, "editor", wanted), says)
+            self.assertAlmostEqual(self.local.settings.isovalue, wanted)
+            code, _, err = self.there(*command, "viewer", wanted)
+            self.assertEqual(code, 1)
+            self.assertIn(refuses, err)
 
     def test_the_window_steers(self):
         window = self.open_window("--profile", "editor")

@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <atomic>
 #include <filesystem>
-#include <fstream>
 #include <thread>
 
 #include "client/sdk/calls.h"
@@ -13,7 +12,6 @@
 #include "tests/support/patience.h"
 #include "tests/support/refusal.h"
 #include "tests/support/restarted_daemon.h"
-#include "tests/support/temporary_folder.h"
 
 namespace palpate::client {
 namespace {
@@ -23,22 +21,14 @@ using testing::Refusal;
 
 class SdkCalls : public ::testing::Test {
  protected:
-  SdkCalls() : daemon_({"--volume", "builtin:bumps:48", "--config", Config()}) {
+  SdkCalls() {
     daemon_.Start();
     palpated_.emplace(Server{.address = {.socket_path = daemon_.socket()}});
     palpated_->WaitUntilReached(60s);
   }
 
-  std::string File(const std::string& name) const { return folder_.path() / name; }
+  std::string File(const std::string& name) const { return daemon_.folder() / name; }
 
-  std::string Config() const {
-    const std::string path = File("palpated.toml");
-    std::ofstream(path) << "[volume]\nload_folders = ['" << folder_.path().string()
-                        << "']\nsave_folders = ['" << folder_.path().string() << "']\n";
-    return path;
-  }
-
-  test::TemporaryFolder folder_;
   test::RestartedDaemon daemon_;
   std::optional<Calls> palpated_;
 };
@@ -125,7 +115,7 @@ TEST_F(SdkCalls, ErrorsHaveKinds) {
       {ErrorKind::kInvalidArgument,
        {[&] { p.LoadVolume("builtin:cheese"); },
         [&] { p.LoadVolume("builtin:sphere", {.isovalue = 1.0, .normalized_isovalue = 0.5}); },
-        [&] { p.UploadVolume(folder_.path()); }, [&] { p.Set({.stiffness_n_per_mm = 99.0}); },
+        [&] { p.UploadVolume(daemon_.folder()); }, [&] { p.Set({.stiffness_n_per_mm = 99.0}); },
         [&] { p.Set({}); }, [&] { p.Place({.scale_by = -1.0}); }, [&] { p.CalibrateDevice(); },
         [&] { p.EnableForces("falcon"); }, [&] { p.StartRecording("relative"); }}},
       {ErrorKind::kConflict,

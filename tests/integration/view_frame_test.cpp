@@ -13,6 +13,7 @@
 #include "client/view/scene/solids.h"
 #include "common/error/error.h"
 #include "tests/support/frame_rig.h"
+#include "tests/support/refusal.h"
 
 namespace palpate::view {
 namespace {
@@ -20,6 +21,7 @@ namespace {
 using testing::Difference;
 using testing::FrameRig;
 using testing::PixelOf;
+using testing::Refusal;
 using testing::Rgb8;
 
 constexpr ImageSize kFrameSize = {320, 240};
@@ -284,16 +286,6 @@ TEST_F(ViewFrame, SizesMayChangeAndBeZero) {
   EXPECT_EQ(rig.Draw(Looking()).rgba, first.rgba);
 }
 
-template <typename Action>
-void ExpectTooLarge(const Action& action) {
-  try {
-    action();
-    ADD_FAILURE() << "not refused";
-  } catch (const Error& error) {
-    EXPECT_EQ(error.kind(), ErrorKind::kTooLarge) << error.what();
-  }
-}
-
 // More pixels than a texture or a viewport has, and than any memory.
 std::vector<ImageSize> TooLarge() {
   GLint texture = 0;
@@ -318,13 +310,13 @@ TEST_F(ViewFrame, WhatIsTooLargeIsRefusedAndChangesNothing) {
     FrameRequest request = Looking();
     request.size = size;
     request.camera.Orbit(10.0, 0.0);
-    ExpectTooLarge([&] { rig.renderer.Draw(request); });
+    EXPECT_EQ(Refusal([&] { rig.renderer.Draw(request); }), ErrorKind::kTooLarge);
     EXPECT_EQ(rig.renderer.DrawnTexture(), texture);
     EXPECT_EQ(rig.renderer.ReadBack().rgba, frame.rgba);
     EXPECT_EQ(rig.renderer.SurfaceAt(kX, kY), at);
     SliceRequest large = across;
     large.size = size;
-    ExpectTooLarge([&] { rig.renderer.DrawSlice(large); });
+    EXPECT_EQ(Refusal([&] { rig.renderer.DrawSlice(large); }), ErrorKind::kTooLarge);
     EXPECT_EQ(rig.renderer.ReadSlice(2).rgba, slice.rgba);
     EXPECT_EQ(rig.Draw(Looking()).rgba, frame.rgba);
     rig.renderer.DrawSlice(across);

@@ -2,7 +2,6 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <fstream>
 #include <future>
 #include <numeric>
 
@@ -81,20 +80,11 @@ TEST_F(ViewLive, DisconnectsAndGoesToAnotherDaemon) {
   EXPECT_TRUE(feed.May(client::Role::kOperator));
 }
 
-// With a folder for recordings.
-class ViewQuestions : public ::testing::Test {
+class ViewQuestions : public ViewLive {
  protected:
-  ViewQuestions() : daemon_({"--volume", "builtin:bumps:48", "--config", Config()}) {
-    daemon_.Start();
-  }
-  std::string Config() const {
-    const std::string path = folder_.path() / "palpated.toml";
-    std::ofstream(path) << "[volume]\nsave_folders = [\"" << folder_.path().string() << "\"]\n";
-    return path;
-  }
   // Begins and ends a recording, and waits until the feed knows both.
   void Record(const std::string& name) {
-    const std::string path = folder_.path() / name;
+    const std::string path = daemon_.folder() / name;
     feed_.DoAndAsk("record", [path](client::Client& client) { client.StartRecording(path); });
     ASSERT_TRUE(Eventually([&] { return feed_.recording() && feed_.recording()->running; }));
     EXPECT_EQ(feed_.recording()->path, path);
@@ -103,9 +93,7 @@ class ViewQuestions : public ::testing::Test {
     EXPECT_EQ(feed_.commands().problem(), "");
   }
 
-  test::TemporaryFolder folder_;
-  RestartedDaemon daemon_;
-  LiveFeed feed_{{.address = {.socket_path = daemon_.socket()}}};
+  LiveFeed feed_{server()};
 };
 
 TEST_F(ViewQuestions, AreAnsweredInTheBackground) {

@@ -116,7 +116,7 @@ class OddVolumes(unittest.TestCase):
         return code, problem, picture
 
     def test_a_unit_is_text_whatever_it_is(self):
-        whole = nrrd(ball((24, 24, 24), 8), np.eye(3), (0, 0, 0))
+        whole = nrrd(ball((24, 24, 24), 8))
         for unit in ("%s%s%s%n", "HU", "%" * 300, "a\tb" * 80):
             with self.subTest(unit=unit[:20]):
                 content = whole.replace(b"encoding: raw\n",
@@ -127,7 +127,7 @@ class OddVolumes(unittest.TestCase):
 
     def test_a_volume_beyond_the_graphics_card_is_refused_in_words(self):
         # Longer than 3-D textures are anywhere.
-        code, problem, picture = self.look(nrrd(ball((20000, 4, 4), 2), np.eye(3), (0, 0, 0)))
+        code, problem, picture = self.look(nrrd(ball((20000, 4, 4), 2)))
         self.assertEqual(code, 6, problem)
         self.assertRegex(problem, r"^palpate-view: .*20000.*\n$")
         self.assertFalse(picture.exists())

@@ -10,10 +10,9 @@ import re
 import statistics
 import subprocess
 import time
-import unittest
 
 from stolen import stolen_share
-from support import PATIENCE_S, Daemon
+from support import PATIENCE_S, SANITIZED, DaemonTest
 from view_support import PALPATE_VIEW, Screen
 
 SECONDS = 60 if "PALPATE_TORTURE" in os.environ else 12
@@ -30,13 +29,8 @@ def resident_mib(pid):
     return None  # it has just ended
 
 
-class ViewRun(unittest.TestCase):
-    """One daemon, with a stylus that moves, for all runs."""
-
-    @classmethod
-    def setUpClass(cls):
-        cls.daemon = cls.enterClassContext(Daemon("builtin:gyroid:64"))
-        cls.conn = cls.enterClassContext(cls.daemon.connect())
+class ViewRun(DaemonTest):
+    volume = "builtin:gyroid:64"
 
     def run_view(self, *arguments, env=None, edits=False):
         """Its figures; `edits`: another client changes volume and isovalue meanwhile."""
@@ -46,15 +40,13 @@ class ViewRun(unittest.TestCase):
         self.addCleanup(process.kill)
         begin = time.monotonic()
         sizes = []  # (s, MiB)
-        changes = 0
         while process.poll() is None:
             self.assertLess(time.monotonic() - begin, SECONDS + PATIENCE_S)
             size = resident_mib(process.pid)
             if size is not None:
                 sizes.append((time.monotonic() - begin, size))
             if edits:
-                changes += 1
-                self.change(changes)
+                self.change(len(sizes))
             time.sleep(0.25)
         said, problem = process.communicate()
         self.assertEqual((process.returncode, problem), (0, ""))
@@ -85,7 +77,7 @@ class ViewRun(unittest.TestCase):
               f"{end:.1f} MiB", flush=True)
         # The allocator's pools still fill in a short run. AddressSanitizer keeps what was freed,
         # up to 256 MiB.
-        if "PALPATE_SANITIZED" not in os.environ:
+        if not SANITIZED:
             self.assertLess(end, (1.04 if SECONDS >= 60 else 1.08) * third)
         self.assertLess(figures["last"], 3.0 * figures["first"] + 20.0)
         # In software, and beside other work, frames are slow.

@@ -7,11 +7,10 @@ import os
 import pathlib
 import signal
 import subprocess
-import unittest
 
 from PIL import Image
 
-from support import PATIENCE_S, Daemon, wait_until
+from support import PATIENCE_S, wait_until
 
 PALPATE_VIEW = os.environ["PALPATE_VIEW"]
 WITHOUT_DISPLAY = {key: value for key, value in os.environ.items()
@@ -135,21 +134,3 @@ class Panels:
     def row(self, number):
         """The y of a line below the one heading that is open, from 0."""
         return self._y(self._names.index(self._open[0]) + 1 + number)
-
-
-class OneWindow(unittest.TestCase):
-    """One daemon and one window for all tests of a class."""
-
-    def revision(self):
-        return self.conn.volume.info().volume_revision
-
-    @classmethod
-    def setUpClass(cls):
-        cls.daemon = cls.enterClassContext(Daemon("builtin:sphere:48"))
-        cls.conn = cls.enterClassContext(cls.daemon.connect())
-        cls.screen = cls.enterClassContext(Screen())
-        # Without the stylus a view that nobody turns stays the same.
-        cls.window = Window(cls.screen, cls.daemon.folder, "--socket", cls.daemon.socket,
-                            "--no-overlay")
-        cls.addClassCleanup(cls.window.end)
-        cls.window.wait_for_title("Palpate: builtin:sphere:48")

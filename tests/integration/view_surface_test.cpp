@@ -88,14 +88,13 @@ VoxelArray ReadVoxels(const std::filesystem::path& path, const Vec3i& size) {
 
 TEST_F(Surface, RealVolumesAreExact) {
   const auto folder = testing::DataFolder() / "paper";
-  AffineMap lobster_place;
-  lobster_place.linear = Vec3(1.0, 1.0, -1.4).asDiagonal();
   const auto lobster = folder / "lobster_301x324x56_uint8.raw.gz";
   const auto daisy = folder / "daisy_192x180x168_uint8.raw.gz";
   if (!std::filesystem::exists(lobster) || !std::filesystem::exists(daisy)) {
     GTEST_SKIP() << "no real volumes at " << folder;
   }
-  Scene scene{ReadVoxels(lobster, {301, 324, 56}), lobster_place};
+  Scene scene{ReadVoxels(lobster, {301, 324, 56}),
+              {Mat3(Vec3(1.0, 1.0, -1.4).asDiagonal()), Vec3::Zero()}};
   scene.options.isovalue = 0.16 * 255;
   ExpectSame("lobster", scene, LooksAt(scene.voxels.size));
   scene = {ReadVoxels(daisy, {192, 180, 168})};

@@ -1,17 +1,24 @@
-"""palpate-view in a window: what pointer and keys do, seen by another client."""
+"""palpate-view in a window: what pointer, keys and panels do, seen by another client and in its
+pictures."""
 
 import unittest
 
 import numpy as np
 import palpate
-from support import Daemon, wait_until
-from view_support import OneWindow, Screen, Window, run_view
+from support import Daemon, DaemonTest, nrrd, pattern, wait_until
+from view_support import WITHOUT_DISPLAY, Panels, Screen, Window, run_view
 
-# Of the fixed layout on 1280 by 800 pixels: the histogram, and the middle of the view.
+# Of the fixed layout on 1280 by 800 pixels: the histogram, and the middle of the view; the first
+# slice, and below the view the series bar, which has the slices' bottom.
 HISTOGRAM_X = (10, 290)
 HISTOGRAM_Y = 130
 ISOVALUE = (60, 184)  # its number
 VIEW = (640, 322)
+SLICE = (300, 574, 525, 800)  # left, top, right, bottom
+SERIES_Y = 548
+STATE = (300, 40, 980, 72)  # the bar that says whether forces act
+PLAY_X = 335
+POSITION_X = (370, 490, 900)  # before, within and beyond the slider
 
 
 def histogram_x(share):
@@ -23,6 +30,48 @@ def mark_x(picture):
     row = np.asarray(picture)[HISTOGRAM_Y, HISTOGRAM_X[0]:HISTOGRAM_X[1]].astype(int)
     yellow = np.flatnonzero((row[:, 0] > 240) & (row[:, 1] > 220) & (row[:, 2] < 160))
     return HISTOGRAM_X[0] + float(yellow.mean()) if yellow.size else None
+
+
+class OneWindow(DaemonTest):
+    """One daemon and one window for all tests of a class."""
+
+    @classmethod
+    def setUpClass(cls):
+        super().setUpClass()
+        # Without the stylus a view that nobody turns stays the same.
+        cls.window = Window(cls.enterClassContext(Screen()), cls.daemon.folder, "--socket",
+                            cls.daemon.socket, "--no-overlay")
+        cls.addClassCleanup(cls.window.end)
+        cls.window.wait_for_title("Palpate: builtin:sphere:48")
+        cls.left, cls.right = (Panels(cls.window, side) for side in (Panels.LEFT, Panels.RIGHT))
+
+    def revision(self):
+        return self.conn.volume.info().volume_revision
+
+    def view(self):
+        return np.asarray(self.window.picture("s"))
+
+    def slice(self):
+        left, top, right, bottom = SLICE
+        return np.asarray(self.window.picture())[top:bottom, left:right].astype(int)
+
+    def becomes(self, picture):
+        """Whether the view is soon the same as that."""
+        return wait_until(lambda: np.array_equal(self.view(), picture))
+
+    def changes_from(self, picture):
+        return wait_until(lambda: not np.array_equal(self.view(), picture))
+
+    def settled(self, look):
+        """What it shows at rest, of all bricks."""
+        seen = [look()]
+
+        def still():
+            seen.append(look())
+            return np.array_equal(*seen[-2:])
+
+        self.assertTrue(wait_until(still))
+        return seen[-1]
 
 
 class ViewWindow(OneWindow):
@@ -109,22 +158,20 @@ class ViewWindow(OneWindow):
         self.assertEqual(self.conn.device.info().forces.state, palpate.ForceState.ON)
 
     def test_without_the_brush_a_drag_turns_the_view_and_edits_nothing(self):
-        before = np.asarray(self.window.picture("s"))
-        self.assertTrue(np.array_equal(before, np.asarray(self.window.picture("s"))))
+        before = self.view()
+        self.assertTrue(np.array_equal(before, self.view()))
         first = self.revision()
         x, y = VIEW
         self.window.drag([(x + step, y) for step in range(-40, 41, 5)])
-        self.assertTrue(wait_until(
-            lambda: not np.array_equal(before, np.asarray(self.window.picture("s")))))
+        self.assertTrue(self.changes_from(before))
         self.assertEqual(self.revision(), first)
         # Nor does the way to a click move it.
-        turned = np.asarray(self.window.picture("s"))
+        turned = self.view()
         self.window.do("mousemove", 20, 700, "mousemove", *VIEW, "click", 3)
         self.window.do("mousemove", 20, 700, "mousemove", *VIEW, "click", 1)
-        self.assertTrue(np.array_equal(turned, np.asarray(self.window.picture("s"))))
+        self.assertTrue(np.array_equal(turned, self.view()))
         self.window.do("key", "r")
-        self.assertTrue(wait_until(
-            lambda: np.array_equal(before, np.asarray(self.window.picture("s")))))
+        self.assertTrue(self.becomes(before))
 
     def test_pictures_of_window_and_view(self):
         self.assertEqual(self.window.picture("F12").size, (1280, 800))
@@ -136,6 +183,175 @@ class ViewWindow(OneWindow):
         self.window.do("key", "s", "key", "F12")
         self.assertTrue(wait_until(
             lambda: len(set(self.window.folder.glob("palpate-*.png")) - before) == 2))
+
+
+def centre_of_button(picture, left, top, right, bottom):
+    """Of the uppermost button that is there, by its colour."""
+    part = np.asarray(picture)[top:bottom, left:right].astype(int)
+    blue = np.abs(part - (43, 79, 121)).max(axis=2) <= 4
+    rows = np.flatnonzero(blue.sum(axis=1) > 40)
+    if not rows.size:
+        return None
+    columns = np.flatnonzero(blue[rows[0]])
+    return left + int(columns.mean()), top + int(rows[0]) + 8
+
+
+class ViewPanels(OneWindow):
+    """Each leaves volume, cross-hair and cuts as they were."""
+
+    def test_crop_and_the_whole_volume_again(self):
+        self.left.only("Crop and cut")
+        whole = self.settled(self.view)
+        seen = []
+        # The lower ends of x, y and z: the left half of the slider.
+        for axis in range(3):
+            y = self.left.row(axis)
+            self.window.drag([(50 + step, y) for step in range(0, 141, 20)])
+            self.assertTrue(self.changes_from(whole), axis)
+            seen.append(self.settled(self.view))
+            self.window.click(60, self.left.row(3))
+            self.assertTrue(self.becomes(whole), axis)
+        # Each axis cuts something else.
+        self.assertFalse(np.array_equal(seen[0], seen[1]) or np.array_equal(seen[1], seen[2]))
+
+    def test_a_clip_plane_and_its_ends(self):
+        self.left.only("Crop and cut")
+        whole = self.settled(self.view)
+        plane = self.left.row(4)
+        offset = self.left.row(5)
+        self.window.click(20, plane)
+        self.assertTrue(self.changes_from(whole))
+        half = self.settled(self.view)
+        # At one end it cuts nothing, at the other everything.
+        self.window.drag([(90, offset), (290, offset)])
+        self.assertTrue(self.becomes(whole))
+        self.window.drag([(90, offset), (0, offset)])
+        self.assertTrue(self.changes_from(whole))
+        nothing = self.settled(self.view)
+        self.assertFalse(np.array_equal(nothing, half))
+        self.window.click(20, plane)
+        self.assertTrue(self.becomes(whole))
+
+    def test_a_click_filters_the_volume_as_one_step(self):
+        self.left.only("Brush")
+        before = self.conn.volume.download().values
+        revision = self.revision()
+        self.window.click(60, self.left.row(6))
+        self.assertTrue(wait_until(lambda: self.revision() == revision + 1))
+        self.assertTrue((self.conn.volume.download().values != before).any())
+        # The brush's own undo takes it back.
+        self.window.do("key", "ctrl+z")
+        self.assertTrue(wait_until(lambda: self.revision() == revision + 2))
+        np.testing.assert_array_equal(self.conn.volume.download().values, before)
+
+    def test_a_click_moves_the_cross_hair_and_ends_following(self):
+        left, top, _, _ = SLICE
+        places = [(left + 70, top + 90), (left + 150, top + 140)]
+        pictures = []
+        for place in places:
+            self.window.click(*place)
+            pictures.append(self.settled(self.slice))
+        # The stylus moves, but the cross-hair does not; nothing but its lines has changed.
+        rows, columns = np.nonzero(np.abs(pictures[0] - pictures[1]).sum(axis=2))
+        self.assertGreater(rows.size, 200)
+        near = [(np.abs(columns + left - x) <= 1) | (np.abs(rows + top - y) <= 1)
+                for x, y in places]
+        self.assertTrue((near[0] | near[1]).all())
+        self.assertTrue(near[0].any() and near[1].any())
+        # It follows again.
+        self.window.do("key", "c")
+        self.assertTrue(wait_until(lambda: not np.array_equal(self.slice(), pictures[1])))
+
+    def test_a_recording_is_begun_and_ended(self):
+        path = self.daemon.folder / "trial.palrec"
+        self.right.only("Recording")
+        # Letters do not wait for clicks as other keys do, and each takes a frame.
+        self.window.click(1100, self.right.row(0))
+        self.window.picture()
+        for letter in str(path):
+            self.window.do("type", letter)
+            self.window.picture()
+        self.window.click(1010, self.right.row(1))
+        self.assertTrue(wait_until(lambda: self.conn.recording.state().running))
+        self.assertEqual(self.conn.recording.state().path, str(path))
+        self.assertTrue(wait_until(lambda: self.conn.recording.state().ticks > 100))
+
+        def ended():
+            # Where the button to end it is not there yet, the click is on nothing else.
+            self.window.click(1010, self.right.row(0))
+            return wait_until(lambda: not self.conn.recording.state().running, 1.0)
+
+        self.assertTrue(wait_until(ended))
+        state = self.conn.recording.state()
+        self.assertEqual((state.error, state.lost_ticks), ("", 0))
+        self.assertEqual(path.stat().st_size, state.size_bytes)
+
+    def test_stiffness_is_felt_by_others_while_it_is_dragged(self):
+        self.right.only("Feel")
+        y = self.right.row(0)
+        self.window.do("mousemove", 1080, y, "mousedown", 1)
+        # The slider's grab, 12 pixels wide, goes from x = 992 to 1128, for 0 to 3 N/mm.
+        for x in (1010, 1100, 1060):
+            self.window.do("mousemove", x, y)
+            wanted = 3.0 * (x - 998) / 124
+            self.assertTrue(wait_until(
+                lambda at=wanted: abs(self.conn.settings.stiffness_n_per_mm - at) < 0.15), x)
+        self.window.do("mousemove", 900, y)
+        self.assertTrue(wait_until(lambda: self.conn.settings.stiffness_n_per_mm == 0.0))
+        self.window.do("mouseup", 1)
+
+    def test_forces_are_enabled_after_the_emergency_stop(self):
+        self.right.only("Device")
+        self.conn.device.enable()
+        self.assertTrue(wait_until(self.forces_are(palpate.ForceState.ON)))
+        self.window.do("key", "Escape")
+        self.assertTrue(wait_until(self.forces_are(palpate.ForceState.STOPPED)))
+        self.assertTrue(wait_until(lambda: self.bar_is((140, 26, 24)) and self.bar_button()))
+        self.window.click(*self.bar_button())
+        self.assertTrue(wait_until(self.forces_are(palpate.ForceState.ON)))
+        self.assertTrue(wait_until(lambda: self.bar_is((22, 92, 48))))
+
+    def forces_are(self, state):
+        return lambda: self.conn.device.info().forces.state == state
+
+    def bar_is(self, color):
+        left, top, right, bottom = STATE
+        part = np.asarray(self.window.picture())[top:bottom, left:right].astype(int)
+        return (np.abs(part - color).max(axis=2) < 4).mean() > 0.5
+
+    def bar_button(self):
+        return centre_of_button(self.window.picture(), *STATE)
+
+
+class SeriesBar(OneWindow):
+    def test_play_pause_and_position(self):
+        for n in range(4):
+            path = self.daemon.folder / f"frame{n}.nrrd"
+            path.write_bytes(nrrd(pattern((12, 10, 9)) + 1000.0 * n))
+        self.conn.series.load(self.daemon.folder / "frame*.nrrd")
+        self.conn.series.configure(loop=True)
+
+        def bar_is_there():
+            return centre_of_button(self.window.picture(), 300, 532, 400, 572)
+
+        self.assertTrue(wait_until(bar_is_there))
+        before, within, beyond = POSITION_X
+        for end, position in ((beyond, 3.0), (before, 0.0), (beyond, 3.0)):
+            self.window.drag([(within, SERIES_Y), (end, SERIES_Y)])
+            self.assertTrue(wait_until(
+                lambda at=position: self.conn.series.state().position_frames == at))
+        # Each press is of what the button says: the answer to the one before came.
+        for playing in (True, False, True, False):
+            self.window.click(PLAY_X, SERIES_Y)
+            self.assertTrue(wait_until(
+                lambda wanted=playing: self.conn.series.state().playing == wanted), playing)
+            self.assertTrue(wait_until(lambda wanted=playing: self.bar_says(wanted)))
+
+    def bar_says(self, playing):
+        """Whether the button's text is as wide as that of Pause, or of Play."""
+        part = np.asarray(self.window.picture())[536:562, 310:368].astype(int)
+        columns = np.flatnonzero((part.min(axis=2) > 200).any(axis=0))
+        return columns.size and (columns[-1] - columns[0] > 32) == playing
 
 
 class ViewWindowAtItsLimits(unittest.TestCase):

@@ -43,12 +43,6 @@ def offline():
     return environment | {"PIP_NO_INDEX": "1", "https_proxy": "http://127.0.0.1:9"}
 
 
-def new_venv(folder):
-    """Its interpreter, which has the packages of Debian too."""
-    run([sys.executable, "-m", "venv", "--system-site-packages", folder / "venv"])
-    return folder / "venv/bin/python3"
-
-
 def examples():
     """The lines of Python in the package's README, by block."""
     return re.findall(r"```python\n(.*?)```", (PACKAGE / "README.md").read_text(), re.DOTALL)
@@ -74,7 +68,9 @@ class Wheel(unittest.TestCase):
             self.assertLessEqual({"palpate/py.typed", "palpate/v1/pose_pb2.py",
                                   "palpate/v1/pose_pb2.pyi", "palpate/v1/pose_pb2_grpc.py"}, held)
             self.assertFalse([name for name in held if name.endswith((".so", ".proto"))])
-            python = new_venv(folder)
+            # With the packages of Debian, too.
+            run([sys.executable, "-m", "venv", "--system-site-packages", folder / "venv"])
+            python = folder / "venv/bin/python3"
             # Neither protoc nor a compiler is found.
             environment["PATH"] = str(python.parent)
             run([python, "-m", "pip", "install", "--no-deps", wheel], env=environment)

@@ -35,6 +35,10 @@ class TimesTest(unittest.TestCase):
     def setUp(self):
         self.enterContext(stolen_share())
 
+    def start_secured(self):
+        folder = self.enterContext(tempfile.TemporaryDirectory(prefix="palpate-times-"))
+        return self.enterContext(SecuredDaemon(folder))
+
 
 class Arrivals:
     """When each isovalue was first seen, s of the monotonic clock."""
@@ -154,8 +158,7 @@ class Calls(TimesTest):
 
 class Strangers(TimesTest):
     def test_dawdlers_do_not_hinder_the_servo(self):
-        folder = self.enterContext(tempfile.TemporaryDirectory(prefix="palpate-servo-"))
-        daemon = self.enterContext(SecuredDaemon(folder))
+        daemon = self.start_secured()
         local = device_pb2_grpc.DeviceServiceStub(
             self.enterContext(grpc.insecure_channel("unix:" + daemon.socket)))
 
@@ -180,11 +183,6 @@ class Strangers(TimesTest):
 
 
 class EmergencyStop(TimesTest):
-    def setUp(self):
-        super().setUp()
-        folder = self.enterContext(tempfile.TemporaryDirectory(prefix="palpate-python-"))
-        self.daemon = self.enterContext(SecuredDaemon(folder))
-
     def stop_often(self, count):
         """Over TLS and on the socket; what each took, s."""
         taken = []
@@ -200,6 +198,7 @@ class EmergencyStop(TimesTest):
         return taken
 
     def test_it_works_while_strangers_attack(self):
+        self.daemon = self.start_secured()
         end = threading.Event()
 
         def attack_on(address):

@@ -1,8 +1,10 @@
-// A palpated that can be killed and started again on the same socket.
+// A palpated that can be killed and started again on the same socket. It loads from everywhere, and
+// saves into its own folder.
 #pragma once
 
 #include <csignal>
 #include <filesystem>
+#include <fstream>
 #include <memory>
 #include <stdexcept>
 #include <string>
@@ -17,8 +19,14 @@ namespace palpate::test {
 
 class RestartedDaemon {
  public:
-  explicit RestartedDaemon(std::vector<std::string> arguments = {"--volume", "builtin:bumps:48"})
-      : arguments_(std::move(arguments)) {}
+  // `config`: more lines of its configuration.
+  explicit RestartedDaemon(std::vector<std::string> arguments = {"--volume", "builtin:bumps:48"},
+                           const std::string& config = "")
+      : arguments_(std::move(arguments)) {
+    std::ofstream(folder() / "palpated.toml")
+        << "[volume]\nload_folders = [\"/\"]\nsave_folders = [\"" << folder().string() << "\"]\n"
+        << config;
+  }
   // Ends the daemon in order, unless the test has killed it.
   ~RestartedDaemon() {
     if (process_) process_->EndInOrder();
@@ -30,7 +38,8 @@ class RestartedDaemon {
   void Start() {
     std::vector<std::string> command = {kPalpated};
     command.insert(command.end(), arguments_.begin(), arguments_.end());
-    command.insert(command.end(), {"--socket", socket(), "--state-folder", folder_.path() / "s"});
+    command.insert(command.end(), {"--socket", socket(), "--state-folder", folder() / "s",
+                                   "--config", folder() / "palpated.toml"});
     process_ = std::make_unique<Process>(command);
     if (!process_->WaitFor("ready on")) {
       throw std::runtime_error("palpated did not start: " + process_->Wait().error);
@@ -45,7 +54,7 @@ class RestartedDaemon {
   void Hang() { process_->Signal(SIGSTOP); }
   void Continue() { process_->Signal(SIGCONT); }
 
-  std::string socket() const { return folder_.path() / "palpated.sock"; }
+  std::string socket() const { return folder() / "palpated.sock"; }
   const std::filesystem::path& folder() const { return folder_.path(); }
 
  private:

@@ -24,12 +24,6 @@ inline BrickPtr BrickOf(const VoxelArray& voxels, const Vec3i& brick) {
   return values;
 }
 
-inline VolumePlacement PlacedAt(const AffineMap& X_DI) {
-  VolumePlacement placement;
-  placement.X_DI = X_DI;
-  return placement;
-}
-
 // A complete volume.
 inline client::VolumeUpdate WholeVolume(const VoxelArray& voxels, const AffineMap& X_DI) {
   client::VolumeUpdate update;
@@ -39,7 +33,7 @@ inline client::VolumeUpdate WholeVolume(const VoxelArray& voxels, const AffineMa
   lattice.value_min = voxels.background;
   lattice.value_max = *std::max_element(voxels.values.begin(), voxels.values.end());
   update.lattice = lattice;
-  update.placement = PlacedAt(X_DI);
+  update.placement.emplace().X_DI = X_DI;
   for (std::uint64_t number = 0; number < lattice.Bricks(); ++number) {
     update.bricks.push_back(
         {number, BrickOf(voxels, BrickWithNumber(number, lattice.BrickCounts()))});

@@ -73,9 +73,13 @@ TEST_F(RendererTest, TheVelocityFollowsTheHandInMilliseconds) {
 }
 
 TEST_F(RendererTest, InputThatIsNoPositionIsRejected) {
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  // Nothing is felt before the first position.
+  const HapticOutput none = Step(Vec3::Constant(nan));
+  EXPECT_TRUE(none.input_rejected);
+  EXPECT_TRUE(none.force_D_n.isZero());
   Step(Vec3(2, 2, 3));
   const HapticOutput before = Step(Vec3(2, 2, 1.15));
-  const double nan = std::numeric_limits<double>::quiet_NaN();
   const double inf = std::numeric_limits<double>::infinity();
   for (const Vec3& bad : {Vec3(nan, 2, 1), Vec3(2, inf, 1), Vec3(2, 2, -1e300)}) {
     const HapticOutput output = Step(bad);
@@ -84,12 +88,6 @@ TEST_F(RendererTest, InputThatIsNoPositionIsRejected) {
     EXPECT_EQ(output.proxy.p_DH_mm, before.proxy.p_DH_mm);
     EXPECT_TRUE(output.force_D_n.allFinite());
   }
-}
-
-TEST_F(RendererTest, NothingIsFeltBeforeTheFirstPosition) {
-  const HapticOutput output = Step(Vec3::Constant(std::numeric_limits<double>::quiet_NaN()));
-  EXPECT_TRUE(output.input_rejected);
-  EXPECT_TRUE(output.force_D_n.isZero());
 }
 
 }  // namespace

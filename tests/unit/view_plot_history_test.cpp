@@ -17,17 +17,13 @@ client::Pose PoseWith(double force_n, std::uint64_t missed_ticks, std::int64_t t
   return pose;
 }
 
-TEST(PlotHistory, IsEmptyAtFirst) {
-  const PlotHistory plots;
+TEST(PlotHistory, TakesWhatThePoseSays) {
+  PlotHistory plots;
   for (int n = 0; n < kPlots; ++n) {
     EXPECT_TRUE(plots.Values(static_cast<Plot>(n)).empty());
     EXPECT_EQ(plots.Newest(static_cast<Plot>(n)), 0.0f);
     EXPECT_EQ(plots.Greatest(static_cast<Plot>(n)), 0.0f);
   }
-}
-
-TEST(PlotHistory, TakesWhatThePoseSays) {
-  PlotHistory plots;
   client::Pose pose = PoseWith(2.0, 0);
   pose.hip_mm = Vec3(1, 2, 3);
   pose.scp_h_mm = Vec3(1, 5, 7);
