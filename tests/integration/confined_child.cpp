@@ -94,12 +94,9 @@ int RunConfined(std::string_view how, std::string_view what, const fs::path& fol
 }
 
 void List() {
+  constexpr const char* kGuards[] = {"files", "calls", "both", "kills"};
   for (const Attack& attack : Attacks()) {
-    std::printf("%s %s %s %s\n", attack.name,
-                attack.guard == Guard::kFiles   ? "files"
-                : attack.guard == Guard::kCalls ? "calls"
-                                                : "both",
-                attack.end == End::kKilled ? "killed" : "lives",
+    std::printf("%s %s %s\n", attack.name, kGuards[static_cast<int>(attack.guard)],
                 attack.free == Free::kSucceeds ? "succeeds" : "unknown");
   }
 }

@@ -4,6 +4,7 @@
 #include <fcntl.h>
 #include <sys/types.h>
 
+#include <functional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -25,19 +26,17 @@ inline int Open(const std::string& path, int flags) {
   return open(path.c_str(), flags | O_CLOEXEC, 0600);
 }
 
-// The guard that refuses an attack. Sanitizer builds have only kFiles.
-enum class Guard { kFiles, kCalls, kBoth };
-// The fate of the process.
-enum class End { kLives, kKilled };
+// The guard that refuses an attack: Landlock, the filter of system calls, or both. kKills: the
+// filter, which ends the process. Sanitizer builds have only kFiles.
+enum class Guard { kFiles, kCalls, kBoth, kKills };
 // The result without Confine() and without privileges.
 enum class Free { kSucceeds, kUnknown };
 
 struct Attack {
   const char* name;
   Guard guard;
-  End end;
   Free free;
-  long (*attempt)();  // returns -1 and sets errno, as a system call
+  std::function<long()> attempt;  // returns -1 and sets errno, as a system call
 };
 
 // Attempts that only an attacker makes.

@@ -64,18 +64,15 @@ class EditsTest(DaemonTest):
     def test_undo_redo_and_revert(self):
         first = self.edit.box((0, 0, 0), (5, 5, 5), "set", 99.0, frame="index")
         edited = self.conn.volume.download().values
-        second = self.edit.block((8, 8, 8), np.full((2, 2, 2), 3.0))
-        self.assertEqual((second.undo_steps, second.redo_steps), (first.undo_steps + 1, 0))
-        self.edit.undo()
-        np.testing.assert_array_equal(self.conn.volume.download().values, edited)
-        self.edit.undo()
-        np.testing.assert_array_equal(self.conn.volume.download().values, self.values)
+        for call, expected, steps in ((self.edit.undo, self.values, (0, 1)),
+                                      (self.edit.redo, edited, (1, 0)),
+                                      (self.edit.revert, self.values, (2, 0))):
+            result = call()
+            self.assertEqual((result.undo_steps, result.redo_steps), steps)
+            self.assertEqual(result.changed, first.changed)
+            np.testing.assert_array_equal(self.conn.volume.download().values, expected)
         with self.assertRaises(palpate.Conflict):
-            self.edit.undo()
-        self.edit.redo()
-        np.testing.assert_array_equal(self.conn.volume.download().values, edited)
-        self.edit.revert()
-        np.testing.assert_array_equal(self.conn.volume.download().values, self.values)
+            self.edit.redo()
 
     def test_smooth_paint_and_falloff_change_something(self):
         # Smoothing last: the pattern is linear, and equals its mean.

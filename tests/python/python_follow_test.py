@@ -10,32 +10,16 @@ from support import PATIENCE_S, DaemonTest, wait_until
 
 
 def edit_at_random(conn, random, count):
-    """The revision after the last of so many edits."""
+    """Blocks of noise, some of them undone; the revision after the last one. A copy gets bricks,
+    whatever changed them."""
     shape = np.array(conn.volume.info().shape)
-    revision = 0
     for _ in range(count):
-        center = random.uniform(0, shape)
-        kind = random.integers(5)
-        if kind == 0:
-            revision = conn.edit.sphere(center, random.uniform(1, 12), "add",
-                                        random.uniform(-1, 1), frame="index", falloff=2)
-        elif kind == 1:
-            corner = np.minimum(center + random.uniform(1, 9, 3), shape - 1)
-            revision = conn.edit.box(np.minimum(center, corner), corner, "set",
-                                     random.uniform(0, 1), frame="index")
-        elif kind == 2:
-            size = np.minimum(random.integers(1, 9, 3), shape)
-            first = random.integers(0, shape - size + 1)
-            revision = conn.edit.block(tuple(map(int, first)), random.uniform(0, 1, size))
-        elif kind == 3:
-            revision = conn.edit.sphere(center, 7, "smooth", frame="index")
-        else:
-            try:
-                revision = conn.edit.undo()
-            except palpate.Conflict:
-                continue
-        revision = revision.volume_revision
-    return revision
+        size = np.minimum(random.integers(1, 20, 3), shape)
+        first = random.integers(0, shape - size + 1)
+        edit = conn.edit.block(tuple(map(int, first)), random.uniform(0, 1, size))
+        if random.integers(5) == 0:
+            edit = conn.edit.undo()
+    return edit.volume_revision
 
 
 class Follow(DaemonTest):
@@ -48,13 +32,9 @@ class Follow(DaemonTest):
 
     def check(self):
         """That the copy, at the daemon's revision, equals a download."""
-        for _ in range(100):
-            volume = self.other.volume.download()
-            self.live.wait(volume.volume_revision, PATIENCE_S)
-            copy = self.live.snapshot()
-            # Else a frame came that was on its way.
-            if copy.volume_revision == volume.volume_revision:
-                break
+        volume = self.other.volume.download()
+        self.live.wait(volume.volume_revision, PATIENCE_S)
+        copy = self.live.snapshot()
         for name in ("volume_revision", "source", "unit", "value_min", "value_max"):
             self.assertEqual(getattr(copy, name), getattr(volume, name), name)
         for name in ("values", "spacing_mm", "world_from_index", "device_from_index"):

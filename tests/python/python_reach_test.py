@@ -65,29 +65,6 @@ class Place(DaemonTest):
         self.assertEqual(self.place().settings_revision, before.settings_revision)
 
 
-class Findings(DaemonTest):
-    def test_a_value_is_required(self):
-        for operation in ("set", "add", "subtract", "paint"):
-            with self.assertRaises(palpate.InvalidArgument):
-                self.conn.edit.sphere((24, 24, 24), 5, operation)
-
-    def test_true_is_no_isovalue(self):
-        with self.assertRaises(palpate.InvalidArgument):
-            self.conn.settings.isovalue = True
-        with self.assertRaises(palpate.InvalidArgument):
-            self.conn.volume.load("builtin:sphere:32", isovalue=True)
-        with self.assertRaises(palpate.InvalidArgument):
-            self.conn.series.configure(loop="off")
-
-    def test_a_batch_reads_short(self):
-        self.assertLess(len(repr(next(self.conn.poses(1000, 200)))), 100)
-
-    def test_an_upload_says_what_it_assumed(self):
-        values = pattern((9, 9, 9))
-        values[0, 0, 0] = np.nan
-        self.assertTrue(self.conn.volume.upload(values).warnings)
-
-
 class Told:
     """A progress that keeps what it is told, and may end the call at the first."""
 
@@ -148,8 +125,14 @@ class Progress(DaemonTest):
 
     def test_each_can_be_cancelled_and_changes_nothing(self):
         self.conn.volume.load(self.file)
+        recording, trial = self.conn.recording, self.daemon.folder / "trial.palrec"
+        recording.start(trial)
+        next(self.conn.poses(20, 10))
+        recording.stop()
+        calls = self.calls() | {
+            "replay": lambda progress: recording.replay(trial, 0.01, progress=progress)}
         before = self.conn.volume.info().volume_revision
-        for name, call in self.calls().items():
+        for name, call in calls.items():
             for ends, raised in ((False, palpate.Cancelled), (ValueError("mine"), ValueError),
                                  (KeyboardInterrupt(), KeyboardInterrupt)):
                 with self.subTest(name, ends=ends):
@@ -161,6 +144,7 @@ class Progress(DaemonTest):
                     self.assertEqual(len(told.told), 1)
         self.assertEqual(self.conn.volume.info().volume_revision, before)
         # None of them left anything running.
+        in_turn(recording.replay, trial, 100)
         in_turn(self.conn.volume.load, "builtin:sphere:32")
 
     def test_a_refused_upload_with_progress(self):
@@ -227,15 +211,6 @@ class Replay(unittest.TestCase):
         self.assertEqual((state.ticks, state.lost_ticks, state.marker),
                          (self.state.ticks, self.state.lost_ticks, ""))
         self.assertEqual([told.marker for (told,) in told.told if told.marker], ["here"])
-
-    def test_it_is_cancelled(self):
-        for ends, raised in ((False, palpate.Cancelled), (ValueError("mine"), ValueError),
-                             (KeyboardInterrupt(), KeyboardInterrupt)):
-            with self.assertRaises(raised):
-                in_turn(lambda: self.conn.recording.replay(self.file, 0.01,
-                                                           progress=Told(ends)))
-        # It has ended there too.
-        in_turn(self.conn.recording.replay, self.file, 100)
 
     def test_a_second_one_has_to_wait(self):
         begun, refused = threading.Event(), []
@@ -332,6 +307,7 @@ class Series(DaemonTest):
         self.assertEqual(self.conn.series.play().rate_hz, 12.5)
         for call in (lambda: self.conn.series.seek(99), lambda: self.conn.series.seek(True),
                      lambda: self.conn.series.play(rate_hz="fast"),
+                     lambda: self.conn.series.configure(loop="off"),
                      lambda: setattr(self.conn.series, "rate_hz", 0.0),
                      lambda: setattr(self.conn.series, "rate_hz", 1001.0),
                      lambda: setattr(self.conn.series, "rate_hz", True)):

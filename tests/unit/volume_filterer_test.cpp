@@ -114,12 +114,19 @@ TEST_F(VolumeFiltererTest, AFilterThatChangesNothingIsNoStep) {
 }
 
 TEST_F(VolumeFiltererTest, ProgressRisesToTheEnd) {
-  std::vector<double> fractions;
-  Filter([&](std::string_view, double fraction) { fractions.push_back(fraction); });
-  ASSERT_GE(fractions.size(), 3u);
-  EXPECT_TRUE(std::is_sorted(fractions.begin(), fractions.end()));
-  EXPECT_EQ(fractions.front(), 0.0);
-  EXPECT_LE(fractions.back(), 1.0);
+  filter_.spacing_mm = Vec3::Constant(1.5);
+  for (const FilterKind kind : {FilterKind::kMean, FilterKind::kResample}) {
+    filter_.kind = kind;
+    std::vector<double> fractions;
+    Filter([&](std::string_view stage, double fraction) {
+      EXPECT_EQ(stage, "filtering");
+      fractions.push_back(fraction);
+    });
+    ASSERT_GE(fractions.size(), 3u);
+    EXPECT_TRUE(std::is_sorted(fractions.begin(), fractions.end()));
+    EXPECT_EQ(fractions.front(), 0.0);
+    EXPECT_LE(fractions.back(), 1.0);
+  }
 }
 
 TEST_F(VolumeFiltererTest, EditsMeanwhileAreFilteredToo) {
