@@ -1,9 +1,9 @@
 """Damaged files of every format through palpate-import: each is a volume or a refusal of
 one line, within its limit of memory, and nothing is left where it was refused.
 
-The import tests damage headers of known files; here every byte may change. OpenVDB trusts its files:
-a crash of the reader is caught. A fixed seed; PALPATE_TORTURE times as many files in the long
-run."""
+The import tests damage headers of known files; here every byte may change. OpenVDB trusts its
+files: a crash of the reader is caught. A fixed seed; PALPATE_TORTURE times as many files in the
+long run."""
 
 import gzip
 import os
@@ -41,7 +41,7 @@ def damaged(data, rng):
         if kind < 0.5:
             data[place] ^= 1 << rng.randrange(8)
         elif kind < 0.7:  # what may be a length
-            number = rng.choice((b"9999", *(struct.pack("<q", n) for n in (
+            number = rng.choice((b"9999", b"\x7f" + b"\xff" * 7, *(struct.pack("<q", n) for n in (
                 0, 1, -1, 0x7fffffff, 0x80000000, 0x10000, 1 << 40, 1 << 62))))
             number = number[:rng.choice((4, 8))]
             data[place:place + len(number)] = number

@@ -5,6 +5,12 @@
 
 namespace palpate::testing {
 
+LeafPtr FilledLeaf(float value) {
+  Brick brick;
+  brick.fill(value);
+  return Leaf::Of(LeafType::kFloat, brick);
+}
+
 BrickDirectory MakeBricks(const Vec3i& size, const std::function<float(int, int, int)>& value) {
   return BrickDirectory(size, [&](const Vec3i& brick) {
     Brick made{};

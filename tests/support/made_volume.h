@@ -19,6 +19,9 @@ inline float ValueAt(const VolumeSnapshot& volume, const Vec3i& p) {
   return ValueAt(volume.bricks(), p);
 }
 
+// All its voxels are stored, unlike those of Leaf::Constant().
+LeafPtr FilledLeaf(float value);
+
 // Returns value(i, j, k) for each voxel of the lattice, 0 beyond.
 BrickDirectory MakeBricks(const Vec3i& size, const std::function<float(int, int, int)>& value);
 

@@ -42,6 +42,10 @@ class TiffStackTest : public ::testing::Test {
   std::string RefusalOf(const fs::path& input) const {
     return Refusal([&] { Read(input); });
   }
+  void ExpectRefused(const std::string& name, const std::string& text) const {
+    const std::string what = RefusalOf(folder_.path() / name);
+    EXPECT_NE(what.find(text), std::string::npos) << name << ": " << what;
+  }
 
   static std::unique_ptr<float[]> Read(const fs::path& input) {
     ImportLimits limits;
@@ -123,7 +127,7 @@ TEST_F(TiffStackTest, NumberedFiles) {
   ExpectPattern(folder_.path() / "s" / "ct2_8_raw.tif");
   Slice("s/other_1.tif", 0);
   ExpectPattern(folder_.path() / "s" / "ct2_8_raw.tif");
-  EXPECT_NE(RefusalOf(folder_.path() / "s").find("different series"), std::string::npos);
+  ExpectRefused("s", "different series");
 }
 
 TEST_F(TiffStackTest, AFolderWithOneStack) {
@@ -147,41 +151,35 @@ TEST_F(TiffStackTest, GapsAndDoubleNumbers) {
   Slice("s/a002.tif", 1);
   Slice("s/a005.tif", 2);
   for (const char* input : {"s", "s/a001.tif"}) {
-    const std::string what = RefusalOf(folder_.path() / input);
-    EXPECT_NE(what.find("2 slices are missing between 'a002.tif' and 'a005.tif'"),
-              std::string::npos)
-        << what;
+    ExpectRefused(input, "2 slices are missing between 'a002.tif' and 'a005.tif'");
   }
   Slice("d/a1.tif", 0);
   Slice("d/a01.tif", 1);
-  EXPECT_NE(RefusalOf(folder_.path() / "d").find("same number"), std::string::npos);
+  ExpectRefused("d", "same number");
   Slice("e/a1.tif", 0);
   Slice("e/a2.tif", 1);
-  EXPECT_NE(RefusalOf(folder_.path() / "e" / "a2.tif").find("give 'a1.tif'"), std::string::npos);
+  ExpectRefused("e/a2.tif", "give 'a1.tif'");
   Slice("f/first.tif", 0);
   Slice("f/second.tif", 1);
-  EXPECT_NE(RefusalOf(folder_.path() / "f").find("number"), std::string::npos);
-  EXPECT_NE(RefusalOf(folder_.path() / "f" / "first.tif").find("one slice"), std::string::npos);
+  ExpectRefused("f", "number");
+  ExpectRefused("f/first.tif", "one slice");
 }
 
 TEST_F(TiffStackTest, MixedSlices) {
   Slice("s/a1.tif", 0);
   Slice("s/a2.tif", 1, {.width = 8});
-  EXPECT_NE(
-      RefusalOf(folder_.path() / "s").find("'a2.tif': it is 8x5 uint16 where the first is 7x5"),
-      std::string::npos)
-      << RefusalOf(folder_.path() / "s");
+  ExpectRefused("s", "'a2.tif': it is 8x5 uint16 where the first is 7x5");
   Slice("s/a2.tif", 1, {.format = SAMPLEFORMAT_INT});
-  EXPECT_NE(RefusalOf(folder_.path() / "s").find("one size and type"), std::string::npos);
+  ExpectRefused("s", "one size and type");
   fs::remove(folder_.path() / "s" / "a2.tif");
   Stack("s/a2.tif");
-  EXPECT_NE(RefusalOf(folder_.path() / "s").find("several pages"), std::string::npos);
+  ExpectRefused("s", "several pages");
 }
 
 TEST_F(TiffStackTest, ColourAndOddTypes) {
   const auto refused = [this](const TiffLayout& layout, const std::string& text) {
-    const std::string what = RefusalOf(Stack<std::uint32_t>("a.tif", layout));
-    EXPECT_NE(what.find(text), std::string::npos) << what;
+    Stack<std::uint32_t>("a.tif", layout);
+    ExpectRefused("a.tif", text);
   };
   refused({.bits = 8, .samples = 3, .photometric = PHOTOMETRIC_RGB}, "colour");
   refused({.bits = 16, .samples = 2}, "colour");
@@ -247,8 +245,7 @@ TEST_F(TiffStackTest, DamagedLinksBetweenPagesAreRefused) {
     std::string bytes = whole;
     bytes.replace(link, 4, next);
     std::ofstream(folder_.path() / "b.tif", std::ios::binary) << bytes;
-    const std::string what = RefusalOf(folder_.path() / "b.tif");
-    EXPECT_NE(what.find("page 5"), std::string::npos) << what;
+    ExpectRefused("b.tif", "page 5");
   }
 }
 

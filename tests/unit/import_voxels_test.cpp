@@ -1,7 +1,5 @@
 // Frames of files as floats: every type and order of bytes, deflated or not, and
 // raw voxels.
-#include <zlib.h>
-
 #include <cstring>
 #include <fstream>
 #include <limits>
@@ -11,6 +9,7 @@
 
 #include "server/import/raw_header.h"
 #include "server/import/voxel_reader.h"
+#include "tests/support/deflated.h"
 #include "tests/support/temporary_folder.h"
 #include "tests/unit/import_refusal.h"
 
@@ -19,6 +18,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
+using testing::Deflated;
 using testing::Refusal;
 
 constexpr int kVoxels = 7 * 5 * 4;
@@ -38,38 +38,6 @@ std::string Frames(int frames, bool big_endian) {
   return bytes;
 }
 
-std::string FramesOf(ScalarType type, int frames, bool big_endian) {
-  switch (type) {
-    case ScalarType::kInt8:
-      return Frames<std::int8_t>(frames, big_endian);
-    case ScalarType::kUint8:
-      return Frames<std::uint8_t>(frames, big_endian);
-    case ScalarType::kInt16:
-      return Frames<std::int16_t>(frames, big_endian);
-    case ScalarType::kUint16:
-      return Frames<std::uint16_t>(frames, big_endian);
-    case ScalarType::kInt32:
-      return Frames<std::int32_t>(frames, big_endian);
-    case ScalarType::kUint32:
-      return Frames<std::uint32_t>(frames, big_endian);
-    case ScalarType::kFloat32:
-      return Frames<float>(frames, big_endian);
-    case ScalarType::kFloat64:
-      return Frames<double>(frames, big_endian);
-  }
-  return {};
-}
-
-std::string Deflated(const std::string& bytes) {
-  uLongf size = compressBound(bytes.size());
-  std::string out(size, '\0');
-  EXPECT_EQ(compress(reinterpret_cast<Bytef*>(out.data()), &size,
-                     reinterpret_cast<const Bytef*>(bytes.data()), bytes.size()),
-            Z_OK);
-  out.resize(size);
-  return out;
-}
-
 class Voxels : public ::testing::Test {
  protected:
   fs::path Write(const std::string& name, const std::string& bytes) const {
@@ -85,8 +53,12 @@ void ExpectFrame(const fs::path& path, const ImageHeader& header, int frame) {
 }
 
 TEST_F(Voxels, EveryTypeOrderAndFrame) {
-  for (const char* name :
-       {"int8", "uint8", "int16", "uint16", "int32", "uint32", "float32", "float64"}) {
+  const std::pair<const char*, std::string (*)(int, bool)> types[] = {
+      {"int8", Frames<std::int8_t>},   {"uint8", Frames<std::uint8_t>},
+      {"int16", Frames<std::int16_t>}, {"uint16", Frames<std::uint16_t>},
+      {"int32", Frames<std::int32_t>}, {"uint32", Frames<std::uint32_t>},
+      {"float32", Frames<float>},      {"float64", Frames<double>}};
+  for (const auto& [name, frames] : types) {
     for (const bool big : {false, true}) {
       SCOPED_TRACE(std::string(name) + (big ? " big" : ""));
       ImageHeader header;
@@ -95,7 +67,7 @@ TEST_F(Voxels, EveryTypeOrderAndFrame) {
       header.size = {7, 5, 4};
       header.frames = 3;
       header.big_endian = big;
-      const std::string data = FramesOf(header.type, 3, big);
+      const std::string data = frames(3, big);
       for (int frame = 0; frame < 3; ++frame) {
         header.compressed = false;
         header.skip_bytes = 9;
@@ -104,7 +76,7 @@ TEST_F(Voxels, EveryTypeOrderAndFrame) {
         ExpectFrame(Write("b", "whatever is before it" + data), header, frame);
         header.compressed = true;
         header.skip_bytes = 9;
-        ExpectFrame(Write("c", Deflated("before it" + data)), header, frame);
+        ExpectFrame(Write("c", Deflated("before it" + data, /*gzip=*/false)), header, frame);
       }
     }
   }

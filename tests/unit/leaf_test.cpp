@@ -120,9 +120,7 @@ TEST(Leaf, IsTakenWithoutACopy) {
 
 TEST(Leaf, ComparesValuesAndBits) {
   const LeafPtr zero = Leaf::Of(LeafType::kFloat, Counted(0.0f, 0.0f));
-  Brick negative;
-  negative.fill(-0.0f);
-  const LeafPtr minus = Leaf::Of(LeafType::kFloat, negative);
+  const LeafPtr minus = testing::FilledLeaf(-0.0f);
   const LeafPtr byte = Leaf::Of(LeafType::kUint8, Counted(0.0f, 0.0f));
   EXPECT_TRUE(HaveSameValues(*zero, *minus));
   EXPECT_FALSE(HaveSameBits(*zero, *minus));
@@ -207,27 +205,21 @@ TEST(MakeBricks, ZerosHaveTheBackgroundsSign) {
 }
 
 TEST(BrickPool, KeepsEveryBitPatternOnce) {
+  using testing::FilledLeaf;
   BrickPool pool;
-  const auto filled = [](float value) {
-    Brick brick{};
-    brick.fill(value);
-    return Leaf::Of(LeafType::kFloat, brick);
-  };
-  const LeafPtr zero = pool.Share(filled(0.0f));
-  EXPECT_EQ(pool.Share(filled(0.0f)), zero);
-  EXPECT_NE(pool.Share(filled(-0.0f)), zero);
-  EXPECT_NE(pool.Share(filled(1.0f)), zero);
-  const LeafPtr nan = pool.Share(filled(std::numeric_limits<float>::quiet_NaN()));
-  EXPECT_EQ(pool.Share(filled(std::numeric_limits<float>::quiet_NaN())), nan);
+  const LeafPtr zero = pool.Share(FilledLeaf(0.0f));
+  EXPECT_EQ(pool.Share(FilledLeaf(0.0f)), zero);
+  EXPECT_NE(pool.Share(FilledLeaf(-0.0f)), zero);
+  EXPECT_NE(pool.Share(FilledLeaf(1.0f)), zero);
+  const LeafPtr nan = pool.Share(FilledLeaf(std::numeric_limits<float>::quiet_NaN()));
+  EXPECT_EQ(pool.Share(FilledLeaf(std::numeric_limits<float>::quiet_NaN())), nan);
 }
 
 TEST(BrickPool, CountsTheMemoryOfSharedBricksOnce) {
   const Vec3i size(32, 8, 8);
   const auto directory = [&](float first) {
     return BrickDirectory(size, [&](const Vec3i& brick) {
-      Brick values{};
-      values.fill(static_cast<float>(brick.x()) + (brick.x() == 0 ? first : 0.0f));
-      return Leaf::Of(LeafType::kFloat, values);
+      return testing::FilledLeaf(static_cast<float>(brick.x()) + (brick.x() == 0 ? first : 0.0f));
     });
   };
   BrickPool pool;

@@ -46,6 +46,11 @@ VolumePtr Cube(const std::function<double(int, int, int)>& value) {
   return testing::MakeVolume(Vec3i::Constant(64), value);
 }
 
+const VolumeSnapshot& Ball() {
+  static const VolumePtr ball = Cube(BallAt);
+  return *ball;
+}
+
 // --- Points
 
 // Each on the surface, its normal towards free space, within reach.
@@ -66,8 +71,7 @@ std::vector<SurfacePoint> ExpectGood(const HapticSurface& surface) {
 }
 
 TEST(TouchPoints, AreAllOverABall) {
-  const VolumePtr ball = Cube(BallAt);
-  const HapticSurface surface = Fitted(*ball, 0.5);
+  const HapticSurface surface = Fitted(Ball(), 0.5);
   const std::vector<SurfacePoint> points = ExpectGood(surface);
   EXPECT_GT(points.size(), 200u);
   int octants = 0;
@@ -81,8 +85,7 @@ TEST(TouchPoints, AreAllOverABall) {
 }
 
 TEST(TouchPoints, OfTheOtherSideHaveTheOtherNormal) {
-  const VolumePtr ball = Cube(BallAt);
-  const HapticSurface surface = Fitted(*ball, 0.5, FreeSide::kAbove);
+  const HapticSurface surface = Fitted(Ball(), 0.5, FreeSide::kAbove);
   const std::vector<SurfacePoint> points = ExpectGood(surface);
   EXPECT_GT(points.size(), 200u);
   int inwards = 0, near_border = 0;
@@ -135,13 +138,13 @@ TEST(TouchPoints, OfALevelSet) {
 }
 
 TEST(TouchPoints, AreNoneWithoutASurface) {
-  const VolumePtr ball = Cube(BallAt);
   GuideCost cost;
-  EXPECT_TRUE(FindTouchPoints(Fitted(*ball, 1.0), SimulatedDeviceSpec(), {}, cost).empty());
+  EXPECT_TRUE(FindTouchPoints(Fitted(Ball(), 1.0), SimulatedDeviceSpec(), {}, cost).empty());
+  EXPECT_TRUE(PlanTouches(Fitted(Ball(), 1.0), SimulatedDeviceSpec(), kStiffness).strokes.empty());
   // Nor where the volume lies beyond the workspace.
-  HapticSurface away = Fitted(*ball, 0.5);
+  HapticSurface away = Fitted(Ball(), 0.5);
   away.X_DI.translation += Vec3(500.0, 0.0, 0.0);
-  away = MakeHapticSurface(*ball, away.X_DI, 0.5, DecompositionMethod::kTpbcc, 2);
+  away = MakeHapticSurface(Ball(), away.X_DI, 0.5, DecompositionMethod::kTpbcc, 2);
   GuideCost none;
   EXPECT_TRUE(FindTouchPoints(away, SimulatedDeviceSpec(), {}, none).empty());
   EXPECT_EQ(none.places, 0);
@@ -220,8 +223,7 @@ void ExpectSound(const TouchPlan& plan, const HapticSurface& surface) {
 }
 
 TEST(TouchPlanner, StrokesOverABall) {
-  const VolumePtr ball = Cube(BallAt);
-  const HapticSurface surface = Fitted(*ball, 0.5);
+  const HapticSurface surface = Fitted(Ball(), 0.5);
   const TouchPlan plan = PlanTouches(surface, SimulatedDeviceSpec(), kStiffness);
   ExpectSound(plan, surface);
   EXPECT_GE(plan.strokes.size(), 8u);
@@ -249,14 +251,8 @@ TEST(TouchPlanner, PressesAsTheStiffnessAllows) {
   EXPECT_NEAR(PressDepthMm(0.0), 1.5, 1e-9);
 }
 
-TEST(TouchPlanner, IsEmptyWithoutASurface) {
-  const VolumePtr ball = Cube(BallAt);
-  EXPECT_TRUE(PlanTouches(Fitted(*ball, 1.0), SimulatedDeviceSpec(), kStiffness).strokes.empty());
-}
-
 TEST(TouchPlanner, KeepsToTheWorkspaceOfAMagnifiedVolume) {
-  const VolumePtr ball = Cube(BallAt);
-  const HapticSurface surface = Fitted(*ball, 0.5, FreeSide::kBelow, 2.5);
+  const HapticSurface surface = Fitted(Ball(), 0.5, FreeSide::kBelow, 2.5);
   const TouchPlan plan = PlanTouches(surface, SimulatedDeviceSpec(), kStiffness);
   ASSERT_FALSE(plan.strokes.empty());
   for (const TouchStroke& stroke : plan.strokes) {
@@ -267,8 +263,7 @@ TEST(TouchPlanner, KeepsToTheWorkspaceOfAMagnifiedVolume) {
 }
 
 TEST(TouchPlanner, TheSameSurfaceGivesTheSameBits) {
-  const VolumePtr ball = Cube(BallAt);
-  const HapticSurface surface = Fitted(*ball, 0.5);
+  const HapticSurface surface = Fitted(Ball(), 0.5);
   const TouchPlan one = PlanTouches(surface, SimulatedDeviceSpec(), kStiffness);
   const TouchPlan other = PlanTouches(surface, SimulatedDeviceSpec(), kStiffness);
   ASSERT_EQ(one.strokes.size(), other.strokes.size());

@@ -141,6 +141,13 @@ TEST(TreeHandover, LiesOfThePartsAreRefused) {
   ExpectTreeRefused("entry's type", [](WrittenTree& w) { w.entries[0] = 77; });
   ExpectTreeRefused("entry's name", [](WrittenTree& w) { w.entries[7] = 1; });
   ExpectTreeRefused("entry's value", [](WrittenTree& w) { w.entries[11] = 1; });
+  ExpectTreeRefused("a constant volume", [](WrittenTree& w) {
+    w.tiles.clear();
+    w.nodes.clear();
+    w.leaves.clear();
+    w.leaf_places.clear();
+    w.Count();
+  });
 }
 
 TEST(TreeHandover, FloatsThatAreNoneAreRefused) {
@@ -154,16 +161,6 @@ TEST(TreeHandover, FloatsThatAreNoneAreRefused) {
   EXPECT_NO_THROW(Take(bytes));
   std::memcpy(bytes.data() + bytes.size() - sizeof nan, &nan, sizeof nan);
   EXPECT_EQ(Refusal([&] { Take(bytes); }), ErrorKind::kInvalidArgument);
-}
-
-TEST(TreeHandover, AConstantVolumeIsRefused) {
-  ExpectTreeRefused("nothing to feel", [](WrittenTree& w) {
-    w.tiles.clear();
-    w.nodes.clear();
-    w.leaves.clear();
-    w.leaf_places.clear();
-    w.Count();
-  });
 }
 
 TEST(TreeHandover, TooManyVoxelsAreRefusedAndManyTilesAreNot) {

@@ -156,14 +156,10 @@ TEST_F(VolumeEditorTest, ABadEditChangesNothing) {
   editor_.Edit(Touch(0, 0.7));
   editor_.Undo();
   const VolumeState before = session().volume();
-  EXPECT_EQ(Refusal([&] {
-              editor_.Edit({.shape = SphereShape{Vec3(99, 0, 0), 3.0}});
-            }),
-            ErrorKind::kInvalidArgument);
-  EXPECT_EQ(Refusal([&] {
-              editor_.Edit({.shape = SphereShape{Vec3(9, 9, 9), 0.0}});
-            }),
-            ErrorKind::kInvalidArgument);
+  for (const SphereShape& bad :
+       {SphereShape{Vec3(99, 0, 0), 3.0}, SphereShape{Vec3(9, 9, 9), 0.0}}) {
+    EXPECT_EQ(Refusal([&] { editor_.Edit({.shape = bad}); }), ErrorKind::kInvalidArgument);
+  }
   EXPECT_EQ(session().volume().scene_revision, before.scene_revision);
   EXPECT_EQ(editor_.Redo().undo_steps, 1u);
 }
@@ -246,12 +242,7 @@ TEST_F(VolumeEditorTest, WhatNobodyWaitsForIsNotTakenBack) {
 // README: 256 MiB of replaced bricks are kept for undo.
 TEST_F(VolumeEditorTest, TheHistoryHoldsAQuarterOfAGigabyte) {
   // Two bricks for all places and steps, so that the steps cost no memory here.
-  const auto filled = [](float value) {
-    Brick brick{};
-    brick.fill(value);
-    return Leaf::Of(LeafType::kFloat, brick);
-  };
-  const LeafPtr values[] = {filled(0.25f), filled(0.75f)};
+  const LeafPtr values[] = {testing::FilledLeaf(0.25f), testing::FilledLeaf(0.75f)};
   constexpr std::size_t kSteps = 1200, kBricks = 125;
   std::size_t undo_steps = 0;
   for (std::size_t n = 0; n < kSteps; ++n) {
@@ -290,9 +281,7 @@ TEST_F(VolumeEditorTest, AnotherVolumeEndsTheHistoryAndIsNotKept) {
 TEST_F(VolumeEditorTest, BricksOfOthersEndTheHistoryAndAreWhatRevertLeadsTo) {
   editor_.Edit(Touch(0, 0.7));
   session().store().Edit([](const auto&) {
-    Brick brick{};
-    brick.fill(0.25f);
-    return std::vector<BrickChange>{{Vec3i(2, 2, 2), Leaf::Of(LeafType::kFloat, brick)}};
+    return std::vector<BrickChange>{{Vec3i(2, 2, 2), testing::FilledLeaf(0.25f)}};
   });
   const ContentHash frame = hash();
   EXPECT_EQ(Refusal([&] { editor_.Undo(); }), ErrorKind::kConflict);

@@ -33,13 +33,16 @@ class VolumeFeedTest : public ::testing::Test {
  protected:
   void SetUp() override { LoadBall(); }
 
+  void Load(const Vec3i& size, const std::function<float(int, int, int)>& value) {
+    data_.LoadMade(size, value);
+    Keep();
+  }
   // A ball in the background.
   void LoadBall(const Vec3i& size = kSize) {
-    data_.LoadMade(size, [](int i, int j, int k) {
+    Load(size, [](int i, int j, int k) {
       const float r = (Vec3(i, j, k) - Vec3(16, 16, 16)).norm();
       return r < 14.0f ? 1.0f - r / 14.0f : 0.0f;
     });
-    Keep();
   }
   void Edit(int edge = 16) {
     data_.RandomEdit(random_, edge);
@@ -213,8 +216,7 @@ TEST_F(VolumeFeedTest, TheLatticeAndOverviewAreThoseOfTheVolume) {
 }
 
 TEST_F(VolumeFeedTest, AnOverviewOfManyBlocksComesInPieces) {
-  data_.LoadMade(Vec3i(2, 3, 4 * 140000), [](int, int, int k) { return (k / 4 % 7) / 7.0f; });
-  Keep();
+  Load(Vec3i(2, 3, 4 * 140000), [](int, int, int k) { return (k / 4 % 7) / 7.0f; });
   PassAllOfNew();
   EXPECT_EQ(counts_.overviews, 3);
   ASSERT_EQ(mirror_.overview().size(), 140000u);
@@ -222,8 +224,7 @@ TEST_F(VolumeFeedTest, AnOverviewOfManyBlocksComesInPieces) {
 }
 
 TEST_F(VolumeFeedTest, NothingIsSentBeyondTheWindow) {
-  data_.LoadMade(Vec3i(64, 64, 64), [](int, int, int) { return 0.5f; });
-  Keep();
+  Load(Vec3i(64, 64, 64), [](int, int, int) { return 0.5f; });
   for (const std::uint64_t asked : {1, 3, 0}) {
     const std::uint64_t window = asked == 0 ? 4 : asked;  // as VolumeFeedOptions says
     VolumeFeed feed = MakeFeed({}, asked);
@@ -326,8 +327,7 @@ TEST_F(VolumeFeedTest, WhoReadsNothingHoldsAnOldVolumeForTwoSeconds) {
 // A message every three seconds, while somebody edits all the time: each belongs to a revision of
 // its own.
 TEST_F(VolumeFeedTest, WhoReadsVerySlowlyGetsThereAllTheSame) {
-  data_.LoadMade(Vec3i(128, 64, 64), [](int, int, int) { return 0.5f; });
-  Keep();
+  Load(Vec3i(128, 64, 64), [](int, int, int) { return 0.5f; });
   VolumeFeed feed = MakeFeed({}, 1);
   for (int round = 0; round < 2; ++round) {
     const int before = counts_.completes;
@@ -373,8 +373,7 @@ TEST_F(VolumeFeedTest, AnotherVolumeLetsGoOfTheOldOneAtOnce) {
 
 TEST_F(VolumeFeedTest, ATransferGivenUpLeavesNothingBehind) {
   // All bricks have values; half of the copy comes, and then all is cleared.
-  data_.LoadMade(Vec3i(64, 64, 64), [](int, int, int) { return 0.5f; });
-  Keep();
+  Load(Vec3i(64, 64, 64), [](int, int, int) { return 0.5f; });
   VolumeFeed feed = MakeFeed();
   while (counts_.bricks < 256) Pass(feed);
   Paint(Vec3i::Zero(), Vec3i(64, 64, 64), 0.0f);
@@ -439,8 +438,7 @@ TEST_F(VolumeFeedTest, BricksComeWhileTheVolumeIsMovedAllTheTime) {
 }
 
 TEST_F(VolumeFeedTest, NegativeZeroIsNoBackground) {
-  data_.LoadMade(Vec3i(16, 16, 16), [](int i, int, int) { return i < 8 ? -0.0f : 0.0f; });
-  Keep();
+  Load(Vec3i(16, 16, 16), [](int i, int, int) { return i < 8 ? -0.0f : 0.0f; });
   PassAllOfNew();
   EXPECT_EQ(counts_.bricks, 4u);
 }

@@ -153,39 +153,6 @@ TEST_F(VolumeFiltererTest, AnEditThatIsUndoneMeanwhileLeavesNoTrace) {
   CheckFiltered(outcome);
 }
 
-// Threads that edit while they live. What they edit must fit into the history, however long the
-// filters take.
-class Editors {
- public:
-  static constexpr int kMostEdits = 1500;  // of each
-
-  explicit Editors(const std::function<bool(std::mt19937& random)>& edit) {
-    for (unsigned t = 0; t < 4; ++t) {
-      threads_.emplace_back([this, edit, t] {
-        std::mt19937 random(t);
-        for (int n = 0; n < kMostEdits && !stop_; ++n) edits_ += edit(random);
-      });
-    }
-  }
-  ~Editors() { Join(); }
-  Editors(const Editors&) = delete;
-  Editors& operator=(const Editors&) = delete;
-
-  // How many edits changed something.
-  std::uint64_t Join() {
-    stop_ = true;
-    for (std::thread& thread : threads_) {
-      if (thread.joinable()) thread.join();
-    }
-    return edits_;
-  }
-
- private:
-  std::atomic<bool> stop_{false};
-  std::atomic<std::uint64_t> edits_{0};
-  std::vector<std::thread> threads_;
-};
-
 // The history of all edits takes more than the budget of the other tests.
 class VolumeFiltererInPlenty : public VolumeFiltererTest {
  protected:
@@ -194,14 +161,25 @@ class VolumeFiltererInPlenty : public VolumeFiltererTest {
 
 // Whoever changes everything all the time has to wait in the end, and is not lost.
 TEST_F(VolumeFiltererInPlenty, EditorsThatNeverPauseAreFilteredToo) {
+  // What they edit must fit into the history, however long the filters take.
+  constexpr int kMostEdits = 1500;  // of each
   filter_ = {.kind = FilterKind::kGaussian};
-  Editors editors([&](std::mt19937& random) { return DigSomewhere(random).changed_voxels > 0; });
+  std::atomic<std::uint64_t> edits{0};
+  std::vector<std::jthread> editors;
+  for (unsigned t = 0; t < 4; ++t) {
+    editors.emplace_back([&, t](const std::stop_token& stop) {
+      std::mt19937 random(t);
+      for (int n = 0; n < kMostEdits && !stop.stop_requested(); ++n) {
+        edits += DigSomewhere(random).changed_voxels > 0;
+      }
+    });
+  }
   EditOutcome outcome;
   for (int n = 0; n < 3; ++n) {
     outcome = Filter();
     EXPECT_EQ(outcome.undo_steps, outcome.volume_revision - loaded_->revision());
   }
-  const std::uint64_t edits = editors.Join();
+  editors.clear();
   // Every edit and every filter is one revision; none got lost.
   EXPECT_EQ(volume()->revision(), loaded_->revision() + edits + 3);
   while (editor_.Undo().undo_steps > 0) {

@@ -55,14 +55,14 @@ VolumeComplete Complete(const std::vector<float>& values, std::uint64_t revision
   return complete;
 }
 
-client::VolumeMirror Begun() {
-  client::VolumeMirror mirror;
+VolumeMirror Begun() {
+  VolumeMirror mirror;
   mirror.Apply(Lattice());
   return mirror;
 }
 
 // Refused, and the copy is void afterwards.
-void ExpectRefused(client::VolumeMirror mirror, const VolumeEvent& event,
+void ExpectRefused(VolumeMirror mirror, const VolumeEvent& event,
                    ErrorKind kind = ErrorKind::kInvalidArgument) {
   EXPECT_EQ(Refusal([&] { mirror.Apply(event); }), kind);
   EXPECT_FALSE(mirror.lattice());
@@ -72,7 +72,7 @@ void ExpectRefused(client::VolumeMirror mirror, const VolumeEvent& event,
 }
 
 TEST(VolumeMirror, BecomesTheVolumeThatItIsToldOf) {
-  client::VolumeMirror mirror = Begun();
+  VolumeMirror mirror = Begun();
   EXPECT_FALSE(mirror.is_complete());
   EXPECT_EQ(mirror.Value(9, 7, 16), -5.0f);
   mirror.Apply(Bricks({1, 5}, 2.0f));
@@ -91,12 +91,12 @@ TEST(VolumeMirror, BecomesTheVolumeThatItIsToldOf) {
 }
 
 TEST(VolumeMirror, SaysWhatChanged) {
-  client::VolumeMirror mirror = Begun();
+  VolumeMirror mirror = Begun();
   EXPECT_TRUE(mirror.TakeChanges().all);
   EXPECT_TRUE(mirror.TakeChanges().numbers.empty());
   mirror.Apply(Bricks({3, 4}));
   mirror.Apply(Bricks({0, 4}));
-  const client::MirrorChanges changes = mirror.TakeChanges();
+  const MirrorChanges changes = mirror.TakeChanges();
   EXPECT_FALSE(changes.all);
   EXPECT_EQ(changes.numbers, (std::vector<std::uint64_t>{0, 3, 4}));
   mirror.Apply(Bricks({3}));
@@ -106,7 +106,7 @@ TEST(VolumeMirror, SaysWhatChanged) {
 }
 
 TEST(VolumeMirror, BricksThatWereHandedOutStay) {
-  client::VolumeMirror mirror = Begun();
+  VolumeMirror mirror = Begun();
   const BrickPtr before = mirror.At(2);
   mirror.Apply(Bricks({2}, 3.0f));
   EXPECT_EQ((*before)[0], -5.0f);
@@ -114,7 +114,7 @@ TEST(VolumeMirror, BricksThatWereHandedOutStay) {
 }
 
 TEST(VolumeMirror, TheOverviewIsThereWhenItIsWholeUntilAnotherVolumeVoidsTheCopy) {
-  client::VolumeMirror mirror = Begun();
+  VolumeMirror mirror = Begun();
   mirror.Apply(VolumePlacement{});
   mirror.Apply(Overview(0, 12));
   EXPECT_TRUE(mirror.overview().empty());
@@ -131,7 +131,7 @@ TEST(VolumeMirror, TheOverviewIsThereWhenItIsWholeUntilAnotherVolumeVoidsTheCopy
 TEST(VolumeMirror, RefusesWhatMakesNoSense) {
   for (const VolumeEvent& early : std::initializer_list<VolumeEvent>{
            Bricks({0}), Overview(0, 30), Complete({}), Complete({-5, -5, -5, -5, -5, -5})}) {
-    ExpectRefused(client::VolumeMirror(), early);
+    ExpectRefused(VolumeMirror(), early);
   }
   ExpectRefused(Begun(), Bricks({}));
   ExpectRefused(Begun(), Bricks({6}));
@@ -177,7 +177,7 @@ TEST(VolumeMirror, RefusesLatticesThatCannotBe) {
   for (const VolumeLattice& thin : {with_size(kMost, 1, 1), with_size(1, 1, 1 << 30)}) {
     ExpectRefused(Begun(), thin, ErrorKind::kTooLarge);
   }
-  client::VolumeMirror limited(10 * 8 * 17 - 1);
+  VolumeMirror limited(10 * 8 * 17 - 1);
   EXPECT_EQ(Refusal([&] { limited.Apply(Lattice()); }), ErrorKind::kTooLarge);
   VolumeLattice endless = Lattice();
   endless.value_min = std::nan("");
@@ -185,7 +185,7 @@ TEST(VolumeMirror, RefusesLatticesThatCannotBe) {
 }
 
 TEST(VolumeMirror, ACopyThatIsNotEqualIsNotComplete) {
-  client::VolumeMirror mirror = Begun();
+  VolumeMirror mirror = Begun();
   mirror.Apply(Bricks({1}, 2.0f));
   ExpectRefused(mirror, Complete({-5, 2, -5, -5, -5, 2}), ErrorKind::kInternal);
   ExpectRefused(mirror, Complete({-5, std::nextafter(2.0f, 3.0f), -5, -5, -5, -5}),
@@ -219,37 +219,23 @@ TEST(FloatCodec, RoundTripsAnyBits) {
 
 constexpr int kCopySize = 40;
 
-VolumeLattice CubeLattice() {
-  VolumeLattice lattice;
-  lattice.source = "test";
-  lattice.size = Vec3i::Constant(kCopySize);
-  lattice.value_max = 100.0;
+VolumeLattice CubeLattice(int edge = kCopySize) {
+  VolumeLattice lattice = Lattice();
+  lattice.size = Vec3i::Constant(edge);
   return lattice;
-}
-
-VolumeBricks ConstantBricks(const std::vector<std::uint64_t>& numbers, float value,
-                            std::uint64_t left = 0) {
-  return {numbers, CompressFloats(std::vector<float>(numbers.size() * kBrickVoxels, value)), left};
 }
 
 // What a viewer makes of the updates.
 struct CopyViewer {
   std::vector<BrickPtr> bricks;
-  bool complete = false;
 
   void Take(const VolumeUpdate& update) {
     if (update.all) {
-      const float background = update.lattice ? update.lattice->Background() : 0.0f;
-      auto brick = std::make_shared<Brick>();
-      brick->fill(background);
-      bricks.assign(update.lattice ? update.lattice->Bricks() : 0, brick);
+      auto background = std::make_shared<Brick>();
+      background->fill(update.lattice ? update.lattice->Background() : 0.0f);
+      bricks.assign(update.lattice ? update.lattice->Bricks() : 0, background);
     }
     for (const ChangedBrick& changed : update.bricks) bricks[changed.number] = changed.brick;
-    complete = update.complete.has_value();
-  }
-  void ExpectEqual(const VolumeMirror& mirror) const {
-    ASSERT_EQ(bricks.size(), mirror.lattice()->Bricks());
-    for (std::uint64_t n = 0; n < bricks.size(); ++n) ASSERT_EQ(*bricks[n], *mirror.At(n)) << n;
   }
 };
 
@@ -279,7 +265,7 @@ TEST_F(VolumeCopyTest, SaysNothingWhereNothingChanged) {
 }
 
 TEST_F(VolumeCopyTest, BackgroundIsNotListed) {
-  mirror_.Apply(ConstantBricks({3, 7}, 5.0f));
+  mirror_.Apply(Bricks({3, 7}, 5.0f));
   const VolumeUpdate update = Take();
   EXPECT_TRUE(update.all);
   ASSERT_EQ(update.bricks.size(), 2u);
@@ -290,7 +276,7 @@ TEST_F(VolumeCopyTest, BackgroundIsNotListed) {
 TEST_F(VolumeCopyTest, ManyChangesOfABrickAreOneAndTheNewest) {
   Take();
   for (int n = 1; n <= 1000; ++n) {
-    mirror_.Apply(ConstantBricks({4}, static_cast<float>(n)));
+    mirror_.Apply(Bricks({4}, static_cast<float>(n)));
     copy_.Merge(mirror_);
   }
   const VolumeUpdate update = Take();
@@ -300,11 +286,9 @@ TEST_F(VolumeCopyTest, ManyChangesOfABrickAreOneAndTheNewest) {
 }
 
 TEST_F(VolumeCopyTest, AnotherVolumeVoidsWhatWasNotTaken) {
-  mirror_.Apply(ConstantBricks({100}, 5.0f));
+  mirror_.Apply(Bricks({100}, 5.0f));
   copy_.Merge(mirror_);
-  VolumeLattice smaller = CubeLattice();
-  smaller.size = Vec3i::Constant(8);
-  mirror_.Apply(smaller);
+  mirror_.Apply(CubeLattice(8));
   const VolumeUpdate update = Take();
   ASSERT_TRUE(update.lattice);
   EXPECT_TRUE(update.all);
@@ -321,11 +305,11 @@ TEST_F(VolumeCopyTest, TheOverviewComesOncePerVolume) {
   const Vec3i size = Vec3i::Constant(OverviewCount(kCopySize));
   mirror_.Apply(VolumeOverview{size, 0, CompressFloats(std::vector<float>(size.prod(), 2.0f))});
   copy_.Merge(mirror_);
-  mirror_.Apply(ConstantBricks({1}, 3.0f));
+  mirror_.Apply(Bricks({1}, 3.0f));
   const VolumeUpdate first = Take();
   EXPECT_EQ(first.overview.size(), static_cast<std::size_t>(size.prod()));
   EXPECT_EQ(first.overview_size, size);
-  mirror_.Apply(ConstantBricks({1}, 4.0f));
+  mirror_.Apply(Bricks({1}, 4.0f));
   EXPECT_TRUE(Take().overview.empty());
 }
 
@@ -354,16 +338,19 @@ TEST_F(VolumeCopyTest, WhatIsTakenAddsUpWhileItChanges) {
   for (int n = 0; n < 3000; ++n) {
     if (n % 500 == 0) mirror_.Apply(CubeLattice());
     std::uint64_t first = random() % 120;
-    mirror_.Apply(ConstantBricks({first, first + 2, first + 5}, static_cast<float>(n)));
+    mirror_.Apply(Bricks({first, first + 2, first + 5}, static_cast<float>(n)));
     copy_.Merge(mirror_);
   }
   done = true;
   drawer.join();
   if (const auto update = copy_.Take()) viewer.Take(*update);
-  viewer.ExpectEqual(mirror_);
+  ASSERT_EQ(viewer.bricks.size(), mirror_.lattice()->Bricks());
+  for (std::uint64_t n = 0; n < viewer.bricks.size(); ++n) {
+    ASSERT_EQ(*viewer.bricks[n], *mirror_.At(n)) << n;
+  }
 }
 
-TEST(Backoff, DoublesUpToTheLongest) {
+TEST(Backoff, DoublesUpToTheLongestAndBeginsAnewAfterASuccess) {
   for (std::uint64_t seed = 0; seed < 1000; ++seed) {
     Backoff backoff(seed);
     for (const int longest_ms : {100, 200, 400, 800, 1600, 3200, 5000, 5000, 5000}) {
@@ -371,23 +358,14 @@ TEST(Backoff, DoublesUpToTheLongest) {
       EXPECT_LE(pause_ms, longest_ms);
       EXPECT_GT(pause_ms, longest_ms / 2);
     }
+    for (int n = 0; n < 100; ++n) {
+      const auto pause = backoff.Next();
+      ASSERT_LE(pause, Backoff::kLongest);
+      ASSERT_GT(pause, Backoff::kLongest / 2);
+    }
+    backoff.Reset();
+    EXPECT_LE(backoff.Next(), Backoff::kFirst);
   }
-}
-
-TEST(Backoff, NeverGrowsBeyondTheLongest) {
-  Backoff backoff(1);
-  for (int n = 0; n < 100000; ++n) {
-    const auto pause = backoff.Next();
-    ASSERT_LE(pause, Backoff::kLongest);
-    ASSERT_GT(pause.count(), 0);
-  }
-}
-
-TEST(Backoff, BeginsAnewAfterASuccess) {
-  Backoff backoff(7);
-  for (int n = 0; n < 9; ++n) backoff.Next();
-  backoff.Reset();
-  EXPECT_LE(backoff.Next(), Backoff::kFirst);
 }
 
 TEST(Backoff, ManyClientsDoNotComeBackAtOnce) {
