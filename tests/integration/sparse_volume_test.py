@@ -11,12 +11,12 @@ import tempfile
 import numpy as np
 
 import palpate
-from support import PALPATE, PALPATED, PATIENCE_S, DaemonTest
+from support import PALPATED, PATIENCE_S, DaemonTest
 
 # Of the sphere that vdb_tool makes, 64 voxels' edge: centre, world, and radius.
 CENTER_MM = 0.5 * np.array((3.3, -5.7, 23.9))
 RADIUS_MM = 14.4
-USAGE = 2
+USAGE, INVALID = 2, 3
 
 
 class SparseTest(DaemonTest):
@@ -29,18 +29,8 @@ class SparseTest(DaemonTest):
         subprocess.run([os.environ["PALPATE_VDB_TOOL"], "make", kind, "64", path], check=True)
         return path
 
-    def command(self, *arguments):
-        return subprocess.run([PALPATE, *map(str, arguments), "--socket", self.daemon.socket],
-                              capture_output=True, text=True, timeout=5 * PATIENCE_S, check=False)
-
-    def palpate(self, *arguments):
-        """What a command that must succeed said."""
-        ran = self.command(*arguments)
-        self.assertEqual(ran.returncode, 0, f"palpate {arguments}: {ran.stderr}")
-        return ran.stdout
-
     def settings(self):
-        return json.loads(self.palpate("settings", "--json"))
+        return json.loads(self.daemon.palpate("settings", "--json").stdout)
 
 
 class LevelSets(SparseTest):
@@ -49,23 +39,23 @@ class LevelSets(SparseTest):
     def test_a_level_set_starts_at_its_surface_and_is_free_outside(self):
         sphere, cloud = self.made("sphere"), self.made("cloud")
         for other in (cloud, "builtin:sphere:48"):
-            self.palpate("load", sphere)
+            self.daemon.palpate("load", sphere)
             settings = self.settings()
             self.assertEqual((settings["isovalue"], settings["free_side"]), (0.0, "above"))
-            self.palpate("load", other)
+            self.daemon.palpate("load", other)
             settings = self.settings()
             self.assertEqual(settings["free_side"], "below")
             self.assertGreater(settings["isovalue"], 0.0)
         # What is asked for wins.
-        self.palpate("load", sphere, "--isovalue", "0.5")
+        self.daemon.palpate("load", sphere, "--isovalue", "0.5")
         self.assertEqual(self.settings()["isovalue"], 0.5)
 
     def test_grids_and_components_are_named(self):
         path, before = self.made("vector"), self.conn.volume.info().volume_revision
-        ran = self.command("load", path)
+        ran = self.daemon.palpate("load", path, code=INVALID)
         self.assertIn("--component", ran.stderr)
         self.assertEqual(self.conn.volume.info().volume_revision, before)
-        self.palpate("load", path, "--component", "magnitude", "--grid", "velocity")
+        self.daemon.palpate("load", path, "--component", "magnitude", "--grid", "velocity")
         self.assertAlmostEqual(self.conn.volume.info().value_max, 1.0, places=5)
 
     def require_felt(self, radius_mm):
@@ -94,18 +84,18 @@ class LevelSets(SparseTest):
                     return
 
     def test_a_sphere_is_felt_where_filters_move_it(self):
-        self.palpate("load", self.made("sphere"), "--device-mm-per-volume-mm", "0.9")
+        self.daemon.palpate("load", self.made("sphere"), "--device-mm-per-volume-mm", "0.9")
         values = self.conn.volume.download().values
         self.require_felt(RADIUS_MM)
-        self.palpate("edit", "filter", "--kind", "offset", "--distance-mm", "4")
+        self.daemon.palpate("edit", "filter", "--kind", "offset", "--distance-mm", "4")
         self.require_felt(RADIUS_MM + 4)
-        self.palpate("undo")
+        self.daemon.palpate("undo")
         np.testing.assert_array_equal(self.conn.volume.download().values, values)
-        self.palpate("redo")
+        self.daemon.palpate("redo")
         self.require_felt(RADIUS_MM + 4)
         self.assertGreater(
             self.conn.edit.filter("mean-curvature", iterations=1).changed_voxels, 1000)
-        self.palpate("edit", "filter", "--kind", "resample", "--spacing-mm", "0.8")
+        self.daemon.palpate("edit", "filter", "--kind", "resample", "--spacing-mm", "0.8")
         info = self.conn.volume.info()
         np.testing.assert_allclose(info.spacing_mm, 0.8)
         self.assertTrue(info.is_level_set)
@@ -129,13 +119,13 @@ class Resampling(SparseTest):
 
     def test_it_is_recorded_and_replayed_bit_for_bit(self):
         recording = self.folder / "resampled.palrec"
-        self.palpate("record", "start", recording)
+        self.daemon.palpate("record", "start", recording)
         for spacing_mm in (0.7, 1.1, 0.9):
             self.conn.edit.filter("resample", spacing_mm=spacing_mm)
             self.conn.edit.sphere((0, 0, 0), 5.0, "set", 0.1)
             self.conn.edit.undo()
         self.conn.edit.undo()
-        self.palpate("record", "stop")
+        self.daemon.palpate("record", "stop")
         lab = pathlib.Path(PALPATED).with_name("palpate-lab")
         if not lab.exists():
             self.skipTest("palpate-lab is not built")
@@ -148,8 +138,7 @@ class Resampling(SparseTest):
                           ("--kind", "mean", "--spacing-mm", "1"),
                           ("--kind", "gaussian", "--distance-mm", "1"),
                           ("--kind", "resample", "--spacing-mm", "1,2")):
-            ran = self.command("edit", "filter", *arguments)
-            self.assertEqual(ran.returncode, USAGE, ran.stderr)
+            ran = self.daemon.palpate("edit", "filter", *arguments, code=USAGE)
             self.assertIn("-mm", ran.stderr)
         for arguments in ({"kind": "offset"}, {"kind": "mean", "spacing_mm": 1.0},
                           {"kind": "resample"}, {"kind": "resample", "spacing_mm": 1000.0},

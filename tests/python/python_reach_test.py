@@ -2,8 +2,6 @@
 tells its progress and can be cancelled."""
 
 import json
-import signal
-import subprocess
 import threading
 import time
 import unittest
@@ -11,12 +9,7 @@ import unittest
 import numpy as np
 
 import palpate
-from support import PALPATE, PATIENCE_S, Daemon, DaemonTest, nrrd, pattern, wait_until
-
-
-def shown(daemon):
-    return json.loads(subprocess.run([PALPATE, "--socket", daemon.socket, "place", "--json"],
-                                     check=True, capture_output=True, text=True).stdout)
+from support import PATIENCE_S, Daemon, DaemonTest, nrrd, pattern, wait_until
 
 
 class Place(DaemonTest):
@@ -28,7 +21,7 @@ class Place(DaemonTest):
         placed = self.place(center_mm=(1, 2, 3), rotation_wxyz=(0.5, 0.5, 0.5, 0.5),
                             cells_per_mm=2, move_mm=np.array([10, 0, 0]), turn_deg=("y", 90),
                             scale_by=0.5)
-        said = shown(self.daemon)
+        said = json.loads(self.daemon.palpate("place", "--json").stdout)
         np.testing.assert_allclose(placed.center_mm, (11, 2, 3), atol=1e-12)
         self.assertEqual(placed.center_mm.tolist(), said["center_mm"])
         self.assertEqual(placed.rotation_wxyz.tolist(), said["rotation_wxyz"])
@@ -293,12 +286,6 @@ class Series(DaemonTest):
         state = self.conn.series.play(rate_hz=-20)
         self.assertEqual((state.playing, state.rate_hz, state.loop), (True, -20.0, True))
         self.assertEqual(self.conn.series.rate_hz, -20.0)
-        revisions = set()
-        with self.conn.poses(100) as stream:
-            for poses in stream:
-                revisions.add(int(poses.volume_revision[0]))
-                if len(revisions) > 5:
-                    break
         self.assertFalse(self.conn.series.pause().playing)
         # Set while it is paused: it stays so.
         self.conn.series.rate_hz = 12.5
@@ -319,12 +306,6 @@ class Series(DaemonTest):
 class Download(DaemonTest):
     """`palpate download`: what it writes is the volume."""
 
-    def download(self, *arguments):
-        done = subprocess.run([PALPATE, "--socket", self.daemon.socket, "download",
-                               *map(str, arguments)], capture_output=True, text=True,
-                              timeout=PATIENCE_S, check=False)
-        return done.returncode, done.stdout, done.stderr
-
     def setUp(self):
         self.folder = self.daemon.folder / self._testMethodName
         self.folder.mkdir()
@@ -334,9 +315,8 @@ class Download(DaemonTest):
         self.conn.volume.upload(pattern((20, 21, 22)), (0.5, 1, 2))
         self.conn.edit.sphere((9, 9, 9), 5, "set", 7.0, frame="index")
         volume = self.conn.volume.download()
-        code, said, problem = self.download(self.file)
-        self.assertEqual(code, 0, problem)
-        self.assertIn(str(volume.volume_revision), said)
+        self.assertIn(str(volume.volume_revision),
+                      self.daemon.palpate("download", self.file).stdout)
         self.conn.volume.load(self.file)
         again = self.conn.volume.download()
         np.testing.assert_array_equal(again.values, volume.values)
@@ -345,28 +325,14 @@ class Download(DaemonTest):
 
     def test_what_cannot_be_written_is_refused_in_one_line(self):
         self.file.write_text("mine")
-        for path, expected in ((self.file, 7), (self.folder / "missing" / "copy.nrrd", 4),
-                               (self.folder, 3)):
-            code, said, problem = self.download(path)
-            self.assertEqual((code, said, problem.count("\n")), (expected, "", 1), problem)
+        for path, code in ((self.file, 7), (self.folder / "missing" / "copy.nrrd", 4),
+                           (self.folder, 3)):
+            ran = self.daemon.palpate("download", path, code=code)
+            self.assertEqual((ran.stdout, ran.stderr.count("\n")), ("", 1), ran.stderr)
         self.assertEqual(self.file.read_text(), "mine")
-        self.assertEqual(self.download(self.file, "--overwrite")[0], 0)
+        self.daemon.palpate("download", self.file, "--overwrite")
         self.assertGreater(self.file.stat().st_size, 5000)
         self.assertEqual(list(self.folder.iterdir()), [self.file])
-
-    def test_a_signal_leaves_no_file(self):
-        self.conn.volume.load("builtin:gyroid:200")
-        process = self.enterContext(subprocess.Popen(
-            [PALPATE, "--socket", self.daemon.socket, "download", str(self.file)],
-            stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True))
-        # Its progress, or its end.
-        process.stderr.read(1)
-        process.send_signal(signal.SIGINT)
-        process.communicate(timeout=PATIENCE_S)
-        if process.returncode == 0:
-            self.skipTest("too fast to be interrupted")
-        self.assertEqual(process.returncode, 9)
-        self.assertEqual(list(self.folder.iterdir()), [])
 
 
 if __name__ == "__main__":

@@ -1,13 +1,12 @@
 """Volumes as arrays: down, up, and from files; which axis is which."""
 
 import json
-import subprocess
 import unittest
 
 import numpy as np
 
 import palpate
-from support import PALPATE, PATIENCE_S, Daemon, DaemonTest, nrrd, pattern
+from support import Daemon, DaemonTest, nrrd, pattern
 
 # At right angles, with a spacing of its own along each.
 TURN = np.array([[0.8, -0.6, 0.0], [0.6, 0.8, 0.0], [0.0, 0.0, 1.0]])
@@ -146,10 +145,6 @@ class Warnings(DaemonTest):
         raw.write_bytes(values.astype("<f4").tobytes(order="F"))
         cls.raw = (raw, "--raw-size", "8,8,8", "--raw-type", "float32")
 
-    def palpate(self, *arguments):
-        return subprocess.run([PALPATE, *map(str, arguments), "--socket", self.daemon.socket],
-                              capture_output=True, text=True, check=True, timeout=PATIENCE_S)
-
     def check(self, warnings, count=1):
         """The first `count` of EXPECTED, and no others."""
         self.assertEqual(len(warnings), count, warnings)
@@ -173,13 +168,13 @@ class Warnings(DaemonTest):
         for count, command in ((2, ("load", *self.raw)), (2, ("upload", *self.raw)),
                                (1, ("series", "load", self.path, self.path))):
             with self.subTest(command[0]):
-                ran = self.palpate(*command)
+                ran = self.daemon.palpate(*command)
                 lines = [line for line in ran.stderr.splitlines() if "warning" in line]
                 self.check([line.removeprefix("palpate: warning: ") for line in lines], count)
                 self.assertNotIn("warning", ran.stdout)
-                volume = json.loads(self.palpate("info", "--json").stdout)["volume"]
+                volume = json.loads(self.daemon.palpate("info", "--json").stdout)["volume"]
                 self.check(volume["warnings"], count)
-                lines = self.palpate("info").stdout.splitlines()
+                lines = self.daemon.palpate("info").stdout.splitlines()
                 self.check([line.strip().removeprefix("warning: ") for line in lines
                             if any(words in line for words in self.EXPECTED)], count)
 

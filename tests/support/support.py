@@ -143,6 +143,14 @@ class Daemon:
     def connect(self):
         return palpate.connect(self.socket)
 
+    def palpate(self, *arguments, code=0):
+        """A command against it, which ends with this code."""
+        ran = subprocess.run([PALPATE, *map(str, arguments), "--socket", self.socket],
+                             capture_output=True, text=True, timeout=5 * PATIENCE_S, check=False)
+        if ran.returncode != code:
+            raise AssertionError(f"palpate {arguments}: {ran.returncode} {ran.stderr}")
+        return ran
+
     def __enter__(self):
         return self
 
