@@ -67,9 +67,8 @@ def meta_image(data=SHORTS, **other):
     fields = {"ObjectType": "Image", "NDims": "3", "BinaryData": "True", "DimSize": "4 3 2",
               "ElementType": "MET_SHORT", "ElementSpacing": "0.5 0.5 2", "Offset": "-3 4 100",
               "TransformMatrix": "1 0 0 0 1 0 0 0 1", "ElementDataFile": "LOCAL"}
-    last = fields.pop("ElementDataFile")
-    fields.update({"ElementDataFile": last} | other)
-    fields["ElementDataFile"] = fields.pop("ElementDataFile")
+    fields.update(other)
+    fields["ElementDataFile"] = fields.pop("ElementDataFile")  # the last one
     lines = [f"{name} = {value}\n" for name, value in fields.items() if value is not None]
     return "".join(lines).encode() + data
 
@@ -169,11 +168,9 @@ def niftis():
 
 def tiff(pages, order="<", big=False):
     """pages: lists of (tag, type, values), and the data that STRIPS stands for."""
-    size = {1: 1, 2: 1, 3: 2, 4: 4, 16: 8}
     code = {1: "B", 2: "B", 3: "H", 4: "I", 16: "Q"}
     start = 16 if big else 8
     word = "Q" if big else "I"
-    body = b""
     head = (b"II" if order == "<" else b"MM") + struct.pack(
         order + ("HHHQ" if big else "HI"), *((43, 8, 0) if big else (42,)), 0)
     chain = start - (8 if big else 4)
@@ -196,12 +193,11 @@ def tiff(pages, order="<", big=False):
             else:
                 entries += struct.pack(order + word, after + len(tails))
                 tails += packed
-            assert size[kind]
         struct.pack_into(order + word, blob, chain, extra)
         blob += struct.pack(order + ("Q" if big else "H"), len(tags)) + entries
         chain = len(blob)
         blob += bytes(word_bytes) + tails
-    return bytes(blob + body)
+    return bytes(blob)
 
 
 def page(width=4, height=3, bits=16, kind=1, compression=1, samples=1, photometric=1, rows=3,

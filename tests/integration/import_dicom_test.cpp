@@ -178,29 +178,25 @@ TEST_F(DicomTest, PaddingCostsNoTime) {
 }
 
 TEST_F(DicomTest, AttacksAreRefused) {
-  const auto refused = [this](const std::string& text,
+  // Of one slice, or of each.
+  const auto refused = [this](const std::string& text, std::optional<int> z,
                               const std::function<void(SliceFile*)>& change) {
-    ExpectRefused(WriteSeries(change), ErrorKind::kInvalidArgument, text);
+    const fs::path folder = WriteSeries([&](SliceFile* s) {
+      if (!z || s->z == *z) change(s);
+    });
+    ExpectRefused(folder, ErrorKind::kInvalidArgument, text);
   };
-  refused("missing", [](SliceFile* s) {
-    if (s->z == 3) s->height_mm += 2.0;
-  });
-  refused("same place", [](SliceFile* s) {
-    if (s->z == 3) s->height_mm -= 2.0;
-  });
-  refused("same place", [](SliceFile* s) { s->height_mm = 7.0; });
-  refused("differ", [](SliceFile* s) {
-    if (s->z == 2) s->columns = 6;
-  });
-  refused("differ", [](SliceFile* s) {
-    if (s->z == 2) s->orientation = "0\\1\\0\\1\\0\\0";
-  });
-  refused("unit vectors", [](SliceFile* s) { s->orientation = "2\\0\\0\\0\\1\\0"; });
-  refused("unit vectors", [](SliceFile* s) { s->orientation = "0\\0\\0\\0\\0\\0"; });
-  refused("position", [](SliceFile* s) { s->orientation = "1\\0\\0"; });
-  refused("position", [](SliceFile* s) { s->shift = "nan\\0\\"; });
-  refused("number", [](SliceFile* s) { s->shift = "abc\\0\\"; });
-  refused("tilt", [](SliceFile* s) { s->shift = std::to_string(s->z) + "\\0\\"; });
+  refused("missing", 3, [](SliceFile* s) { s->height_mm += 2.0; });
+  refused("same place", 3, [](SliceFile* s) { s->height_mm -= 2.0; });
+  refused("same place", {}, [](SliceFile* s) { s->height_mm = 7.0; });
+  refused("differ", 2, [](SliceFile* s) { s->columns = 6; });
+  refused("differ", 2, [](SliceFile* s) { s->orientation = "0\\1\\0\\1\\0\\0"; });
+  refused("unit vectors", {}, [](SliceFile* s) { s->orientation = "2\\0\\0\\0\\1\\0"; });
+  refused("unit vectors", {}, [](SliceFile* s) { s->orientation = "0\\0\\0\\0\\0\\0"; });
+  refused("position", {}, [](SliceFile* s) { s->orientation = "1\\0\\0"; });
+  refused("position", {}, [](SliceFile* s) { s->shift = "nan\\0\\"; });
+  refused("number", {}, [](SliceFile* s) { s->shift = "abc\\0\\"; });
+  refused("tilt", {}, [](SliceFile* s) { s->shift = std::to_string(s->z) + "\\0\\"; });
   WriteSeries();
   for (const char* name : {"series/6.dcm", "series/7.dcm", "series/8.dcm"}) fs::remove(Path(name));
   ExpectRefused(Path("series"), ErrorKind::kInvalidArgument, "single");

@@ -25,6 +25,9 @@ class ImportProcessTest : public ImportTest {
     fs::create_directory(Path("tmp"));
     setenv("TMPDIR", Path("tmp").c_str(), 1);
     request_.import_program = test::kPalpateImport;
+    request_.on_size = [this](const Vec3i& size, const LoadMemory& memory) {
+      sizes_.emplace_back(size, memory.passing_bytes);
+    };
     request_.source = Write("a.nrrd",
                             "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 7 5 4\n"
                             "spacings: 1 1 1\nencoding: raw\n\n" +
@@ -57,6 +60,7 @@ class ImportProcessTest : public ImportTest {
   }
 
   ImportRequest request_;
+  std::vector<std::pair<Vec3i, std::uint64_t>> sizes_;  // told, with the bytes on their way
 };
 
 TEST_F(ImportProcessTest, ReturnsTheVolumeAndReportsProgress) {
@@ -84,13 +88,9 @@ TEST_F(ImportProcessTest, SpacingAndPathsWithDashesAndBlanks) {
 }
 
 TEST_F(ImportProcessTest, TellsTheSizeInAdvanceAndEndsWhereThatThrows) {
-  std::vector<std::pair<Vec3i, std::uint64_t>> sizes;  // with the bytes on their way
-  request_.on_size = [&](const Vec3i& size, const LoadMemory& memory) {
-    sizes.emplace_back(size, memory.passing_bytes);
-  };
   ImportVolume(request_, nullptr, nullptr);
   const std::pair told(Vec3i(7, 5, 4), DenseLoadMemory({7, 5, 4}, LeafType::kUint8).passing_bytes);
-  EXPECT_EQ(sizes, (std::vector{told, told}));  // before it is read, and before it is taken
+  EXPECT_EQ(sizes_, (std::vector{told, told}));  // before it is read, and before it is taken
   request_.on_size = [](const Vec3i&, const LoadMemory&) {
     throw Error(ErrorKind::kTooLarge, "no room");
   };
@@ -101,17 +101,13 @@ TEST_F(ImportProcessTest, TellsTheSizeInAdvanceAndEndsWhereThatThrows) {
 }
 
 TEST_F(ImportProcessTest, SizesThatAreNoneAreIgnored) {
-  std::vector<std::pair<Vec3i, std::uint64_t>> sizes;  // with the bytes on their way
-  request_.on_size = [&](const Vec3i& size, const LoadMemory& memory) {
-    sizes.emplace_back(size, memory.passing_bytes);
-  };
   UseScript(
       "for s in 'size' 'size ' 'size 1 2 3' 'size 1 2 3 4 5' 'size 1 2 3 4 ' 'size 0 2 3 1' 'size "
       "-1 2 3 1' 'size 1 2 3 0' 'size 1 2 99999999999 1' 'size a b c d' 'size  1 2 3 1' "
       "'sizes 1 2 3 1' 'size 3 4 5 2'; do\n"
       "echo \"$s\"; done; exit 3");
   EXPECT_EQ(Failure().kind(), ErrorKind::kInvalidArgument);
-  EXPECT_EQ(sizes,
+  EXPECT_EQ(sizes_,
             (std::vector{std::pair(Vec3i(3, 4, 5),
                                    DenseLoadMemory({3, 4, 5}, LeafType::kInt16).passing_bytes)}));
 }

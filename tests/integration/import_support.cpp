@@ -3,6 +3,7 @@
 #include <fstream>
 
 #include "tests/support/places.h"
+#include "tests/support/voxels.h"
 
 namespace palpate {
 
@@ -57,13 +58,9 @@ int PatternValue(int x, int y, int z) { return (11 * x + 23 * y + 37 * z) % 121;
 
 void ExpectPattern(const LoadedVolume& volume) {
   ASSERT_EQ(volume.metadata.size, Vec3i(kPatternSize[0], kPatternSize[1], kPatternSize[2]));
-  for (int z = 0; z < kPatternSize[2]; ++z) {
-    for (int y = 0; y < kPatternSize[1]; ++y) {
-      for (int x = 0; x < kPatternSize[0]; ++x) {
-        ASSERT_EQ(At(volume, x, y, z), PatternValue(x, y, z)) << x << " " << y << " " << z;
-      }
-    }
-  }
+  testing::ForEachVoxel(volume.metadata.size, [&](const Vec3i& p) {
+    ASSERT_EQ(At(volume, p.x(), p.y(), p.z()), PatternValue(p.x(), p.y(), p.z())) << p.transpose();
+  });
 }
 
 }  // namespace palpate

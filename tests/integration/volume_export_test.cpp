@@ -101,13 +101,9 @@ TEST_F(VolumeExportTest, LoadsAgainBitForBit) {
 }
 
 // Bricks of these types by turns.
-VolumeSnapshot Typed(const std::vector<LeafType>& types) {
-  VolumeMetadata metadata;
-  metadata.size = Vec3i(21, 16, 9);
-  metadata.value_min = -30000.0;
-  metadata.value_max = 60000.0;
+std::shared_ptr<const VolumeSnapshot> Typed(const std::vector<LeafType>& types) {
   std::size_t count = 0;
-  const BrickDirectory bricks(metadata.size, [&](const Vec3i&) {
+  const auto leaf = [&](const Vec3i&) {
     const LeafType type = types[count++ % types.size()];
     Brick values;
     for (std::size_t n = 0; n < values.size(); ++n) values[n] = static_cast<float>(n % 251);
@@ -115,8 +111,8 @@ VolumeSnapshot Typed(const std::vector<LeafType>& types) {
     if (type == LeafType::kUint16) values[0] = 60000.0f;
     if (type == LeafType::kFloat) values[0] = 0.25f;
     return Leaf::Of(type, values);
-  });
-  return {metadata, bricks, 1, 1};
+  };
+  return testing::VolumeOfLeaves(Vec3i(21, 16, 9), leaf, -30000.0, 60000.0);
 }
 
 TEST_F(VolumeExportTest, AnNrrdFileHasTheSmallestTypeThatHoldsAll) {
@@ -127,10 +123,10 @@ TEST_F(VolumeExportTest, AnNrrdFileHasTheSmallestTypeThatHoldsAll) {
       {{kInt16, kUint16}, kFloat}, {{kUint8, kFloat}, kFloat},
   };
   for (const auto& [types, type] : kCases) {
-    const VolumeSnapshot volume = Typed(types);
-    Save(volume, Path("a.nrrd"), true);
+    const auto volume = Typed(types);
+    Save(*volume, Path("a.nrrd"), true);
     const auto loaded = Loaded(Path("a.nrrd"));
-    ExpectSame(volume, *loaded);
+    ExpectSame(*volume, *loaded);
     EXPECT_EQ(loaded->bricks().At(Vec3i(0, 0, 0))->type(), type) << static_cast<int>(type);
   }
 }

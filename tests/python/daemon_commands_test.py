@@ -3,13 +3,12 @@ commands: tests/cli."""
 
 import json
 import shlex
-import subprocess
 import unittest
 
 import numpy as np
 
 from calls import CallsTest
-from support import PALPATE, PATIENCE_S, nrrd, pattern
+from support import nrrd, pattern
 
 
 class Commands(CallsTest):
@@ -17,10 +16,8 @@ class Commands(CallsTest):
 
     def palpate(self, line, code=0):
         """What it prints; of --json, the values. `@` is the daemon's folder."""
-        ran = subprocess.run(
-            [PALPATE, *shlex.split(line.replace("@", f"{self.daemon.folder}/")), "--socket",
-             self.daemon.socket], capture_output=True, text=True, timeout=PATIENCE_S, check=False)
-        self.assertEqual(ran.returncode, code, line + ran.stderr)
+        ran = self.daemon.palpate(
+            *shlex.split(line.replace("@", f"{self.daemon.folder}/")), code=code)
         if code:
             self.assertEqual(ran.stderr.count("palpate: "), 1, ran.stderr)
         return json.loads(ran.stdout) if "--json" in line and not code else ran.stdout

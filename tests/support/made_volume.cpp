@@ -41,6 +41,16 @@ std::shared_ptr<const VolumeSnapshot> MakeVolume(const Vec3i& size,
                                           revision);
 }
 
+std::shared_ptr<const VolumeSnapshot> VolumeOfLeaves(
+    const Vec3i& size, const std::function<LeafPtr(const Vec3i&)>& leaf, double value_min,
+    double value_max) {
+  VolumeMetadata metadata;
+  metadata.size = size;
+  metadata.value_min = value_min;
+  metadata.value_max = value_max;
+  return std::make_shared<VolumeSnapshot>(metadata, BrickDirectory(size, leaf), 1, 1);
+}
+
 std::vector<BrickChange> PaintedBox(const BrickDirectory& bricks, const Vec3i& from,
                                     const Vec3i& end, const std::function<float()>& value) {
   std::vector<BrickChange> changes;

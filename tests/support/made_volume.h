@@ -30,6 +30,11 @@ std::shared_ptr<const VolumeSnapshot> MakeVolume(const Vec3i& size,
                                                  const std::function<double(int, int, int)>& value,
                                                  std::uint64_t revision = 1);
 
+// A volume of these leaves, each by the place of its brick.
+std::shared_ptr<const VolumeSnapshot> VolumeOfLeaves(
+    const Vec3i& size, const std::function<LeafPtr(const Vec3i&)>& leaf, double value_min = 0.0,
+    double value_max = 1.0);
+
 // Returns the bricks that contain voxels from <= p < end, with value() for each of these voxels.
 std::vector<BrickChange> PaintedBox(const BrickDirectory& bricks, const Vec3i& from,
                                     const Vec3i& end, const std::function<float()>& value);

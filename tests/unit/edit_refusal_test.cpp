@@ -198,11 +198,10 @@ TEST_F(EditRefusalTest, BlocksThatDoNotFit) {
 
 // Bricks are shared, so that so many voxels cost little.
 TEST(EditLimitTest, MoreVoxelsThanAtOnceAreTooMany) {
-  VolumeMetadata metadata;
-  metadata.size = Vec3i(257, 256, 256);
   const LeafPtr zero = Leaf::Constant(LeafType::kFloat, 0.0f);
-  const VolumeSnapshot volume(
-      metadata, BrickDirectory(metadata.size, [&](const Vec3i&) { return zero; }), 1, 1);
+  const auto made =
+      testing::VolumeOfLeaves(Vec3i(257, 256, 256), [&](const Vec3i&) { return zero; });
+  const VolumeSnapshot& volume = *made;
   VolumeEdit edit{.shape = BoxShape{Vec3(0, 0, 0), Vec3(256, 255, 255)}, .value = 1.0};
   EXPECT_EQ(Refusal([&] { ApplyEdit(volume, edit); }), ErrorKind::kTooLarge);
   edit.shape = SphereShape{Vec3(99, 99, 99), 1e300};

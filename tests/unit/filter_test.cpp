@@ -47,18 +47,14 @@ VolumePtr Typed(const Vec3i& size, LeafType type, unsigned seed) {
   std::mt19937 random(seed);
   const int low = type == LeafType::kInt16 ? -1024 : 3,
             high = type == LeafType::kUint8 ? 250 : 3071;
-  const BrickDirectory bricks(size, [&](const Vec3i&) {
+  const auto leaf = [&](const Vec3i&) {
     Brick values;
     for (float& value : values) {
       value = static_cast<float>(std::uniform_int_distribution<int>(low, high)(random));
     }
     return Leaf::Of(type, values);
-  });
-  VolumeMetadata metadata;
-  metadata.size = size;
-  metadata.value_min = low;
-  metadata.value_max = high;
-  return std::make_shared<VolumeSnapshot>(metadata, bricks, 1, 1);
+  };
+  return testing::VolumeOfLeaves(size, leaf, low, high);
 }
 
 openvdb::FloatGrid::Ptr PlainGrid(const VolumeSnapshot& volume) {
@@ -184,14 +180,9 @@ TEST(Filter, ConstantBricksBecomeWhatOpenVdbMakesOfThem) {
       other.fill(rest);
       other[77] = 40.0f;
       const LeafPtr edge = Leaf::Of(LeafType::kFloat, other);
-      const BrickDirectory bricks(
-          size, [&](const Vec3i& brick) { return brick.z() == 11 ? edge : constant; });
-      VolumeMetadata metadata;
-      metadata.size = size;
-      metadata.value_max = 200.0;
+      const auto leaf = [&](const Vec3i& brick) { return brick.z() == 11 ? edge : constant; };
       for (const double least : {-0.3, -5.0, static_cast<double>(value)}) {
-        metadata.value_min = least;
-        const auto volume = std::make_shared<VolumeSnapshot>(metadata, bricks, 1, 1);
+        const VolumePtr volume = testing::VolumeOfLeaves(size, leaf, least, 200.0);
         SCOPED_TRACE(::testing::Message() << value << ' ' << rest << ' ' << least);
         Check(volume, {.kind = FilterKind::kMean, .width = 1});
         Check(volume, {.kind = FilterKind::kGaussian, .width = 2});
@@ -204,11 +195,7 @@ TEST(Filter, ConstantBricksInTheMiddleAreShared) {
   // 3 x 24 bricks: the parts in the middle see one value only.
   const Vec3i size(192, 192, 192);
   const LeafPtr constant = Leaf::Constant(LeafType::kFloat, 0.1f);
-  VolumeMetadata metadata;
-  metadata.size = size;
-  metadata.value_max = 1.0;
-  const auto volume = std::make_shared<VolumeSnapshot>(
-      metadata, BrickDirectory(size, [&](const Vec3i&) { return constant; }), 1, 1);
+  const VolumePtr volume = testing::VolumeOfLeaves(size, [&](const Vec3i&) { return constant; });
   const VolumeFilter filter{.kind = FilterKind::kMean,
                             .region = BoxShape{Vec3(64, 64, 64), Vec3(127, 127, 127)}};
   const EditResult result = ApplyFilter(volume, filter);

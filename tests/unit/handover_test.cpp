@@ -208,20 +208,16 @@ TEST(Handover, FilesThatCannotBeSealedAreRefused) {
 }
 
 TEST(Handover, TheLimitAndTheListenerComeBeforeTheMemory) {
-  EXPECT_EQ(Refusal([] { TakeHandover(WrittenFile().get(), {.max_voxels = kX * kY * kZ - 1}); }),
-            ErrorKind::kTooLarge);
-  EXPECT_EQ(Refusal([] {
-              TakeHandover(WrittenFile().get(), {.on_size = [](const Vec3i&, const LoadMemory&) {
-                             throw Error(ErrorKind::kTooLarge, "no room");
-                           }});
-            }),
-            ErrorKind::kTooLarge);
-  EXPECT_EQ(Refusal([] {
-              TakeHandover(WrittenFile().get(), {.progress = [](double) {
-                             throw Error(ErrorKind::kCancelled, "enough");
-                           }});
-            }),
-            ErrorKind::kCancelled);
+  const auto refusal = [](const TakeOptions& options) {
+    return Refusal([&] { TakeHandover(WrittenFile().get(), options); });
+  };
+  const auto no_room = [](const Vec3i&, const LoadMemory&) {
+    throw Error(ErrorKind::kTooLarge, "no room");
+  };
+  const auto enough = [](double) { throw Error(ErrorKind::kCancelled, "enough"); };
+  EXPECT_EQ(refusal({.max_voxels = kX * kY * kZ - 1}), ErrorKind::kTooLarge);
+  EXPECT_EQ(refusal({.on_size = no_room}), ErrorKind::kTooLarge);
+  EXPECT_EQ(refusal({.progress = enough}), ErrorKind::kCancelled);
 }
 
 }  // namespace

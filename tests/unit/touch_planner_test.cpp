@@ -152,9 +152,7 @@ TEST(TouchPoints, AreNoneWithoutASurface) {
 
 // 512³ voxels that take no memory: few leaves, which stand at many places.
 VolumePtr Big(const std::function<LeafPtr(const Vec3i&)>& leaf) {
-  VolumeMetadata metadata;
-  metadata.size = Vec3i::Constant(512);
-  return std::make_shared<VolumeSnapshot>(metadata, BrickDirectory(metadata.size, leaf), 1, 1);
+  return testing::VolumeOfLeaves(Vec3i::Constant(512), leaf);
 }
 
 LeafPtr LeafWith(float value) {

@@ -280,22 +280,6 @@ TEST_F(VolumeFeedTest, SkipsWhatLiesBetween) {
   EXPECT_LE(counts_.bricks, mirror_.lattice()->Bricks());
 }
 
-// None that a store publishes.
-TEST_F(VolumeFeedTest, ARevisionWithoutChangesIsOnlyAComplete) {
-  VolumeFeed feed = MakeFeed();
-  PassAll(feed);
-  counts_ = {};
-  VolumeNow now = Now();
-  now.volume = testing::WithChanges(*now.volume, {});
-  kept_[now.volume->revision()] = now.volume;
-  while (feed.HasWork(now)) {
-    if (const auto message = feed.Step(now, time_)) Take(message->event);
-  }
-  EXPECT_EQ(mirror_.resume()->volume_revision, now.volume->revision());
-  EXPECT_EQ(counts_.bricks, 0u);
-  EXPECT_EQ(counts_.completes, 1);
-}
-
 TEST_F(VolumeFeedTest, WhoReadsNothingHoldsAnOldVolumeForTwoSeconds) {
   VolumeFeed feed = MakeFeed({}, 2);
   Pass(feed, false);

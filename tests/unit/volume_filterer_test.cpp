@@ -54,10 +54,6 @@ class VolumeFiltererTest : public ::testing::Test,
   EditOutcome Dig(double x, double y, double z, double radius = 3.0) {
     return editor_.Edit({.shape = SphereShape{Vec3(x, y, z), radius}, .value = 0.25});
   }
-  EditOutcome DigSomewhere(std::mt19937& random) {
-    std::uniform_real_distribution<double> place(0.0, 71.0);
-    return Dig(place(random), place(random), place(random));
-  }
 
   // What is held once all that nobody shows is freed.
   std::uint64_t HeldSoon() {
@@ -169,8 +165,9 @@ TEST_F(VolumeFiltererInPlenty, EditorsThatNeverPauseAreFilteredToo) {
   for (unsigned t = 0; t < 4; ++t) {
     editors.emplace_back([&, t](const std::stop_token& stop) {
       std::mt19937 random(t);
+      std::uniform_real_distribution<double> place(0.0, 71.0);
       for (int n = 0; n < kMostEdits && !stop.stop_requested(); ++n) {
-        edits += DigSomewhere(random).changed_voxels > 0;
+        edits += Dig(place(random), place(random), place(random)).changed_voxels > 0;
       }
     });
   }
