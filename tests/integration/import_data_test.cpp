@@ -90,12 +90,5 @@ TEST_F(RealDataTest, Series) {
   ExpectRefused({.path = functional, .frame = 20}, ErrorKind::kInvalidArgument, "from 0 to 19");
 }
 
-// One slice in six encodings, after a warning about a second series.
-TEST_F(RealDataTest, OneSliceIsRefused) {
-  const fs::path slices = DataFolder() / "medical" / "dicom_single";
-  if (!fs::exists(slices)) GTEST_SKIP() << slices << " is missing; set PALPATE_DATA_DIR";
-  ExpectRefused(slices, ErrorKind::kInvalidArgument, "same place");
-}
-
 }  // namespace
 }  // namespace palpate

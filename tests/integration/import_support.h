@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <cstring>
 #include <filesystem>
+#include <fstream>
 #include <optional>
 #include <string>
 #include <vector>
@@ -12,7 +13,9 @@
 
 #include "common/error/error.h"
 #include "server/volume/import_process.h"
+#include "tests/support/places.h"
 #include "tests/support/temporary_folder.h"
+#include "tests/support/voxels.h"
 
 namespace palpate {
 
@@ -26,20 +29,55 @@ struct Source {
   std::string component{};
   std::int64_t max_voxels = std::int64_t{1} << 31;
 
-  ImportRequest Request() const;
+  ImportRequest Request() const {
+    ImportRequest request;
+    request.source = path;
+    request.spacing_mm = spacing_mm;
+    request.frame = frame;
+    request.raw = raw;
+    request.grid = grid;
+    request.component = component;
+    request.max_voxels = max_voxels;
+    request.import_program = test::kPalpateImport;
+    return request;
+  }
 };
 
 class ImportTest : public ::testing::Test {
  protected:
   std::filesystem::path Path(const std::string& name) const { return folder_.path() / name; }
-  std::filesystem::path Write(const std::string& name, const std::string& bytes) const;
+  std::filesystem::path Write(const std::string& name, const std::string& bytes) const {
+    std::ofstream(Path(name), std::ios::binary) << bytes;
+    return Path(name);
+  }
   // The test fails if the import fails. The warnings are kept.
-  LoadedVolume Imported(const Source& source);
+  LoadedVolume Imported(const Source& source) {
+    warnings_.clear();
+    try {
+      return ImportVolume(source.Request(), nullptr, nullptr, &warnings_);
+    } catch (const Error& error) {
+      ADD_FAILURE() << error.what();
+      return {VolumeMetadata{}, BrickDirectory(Vec3i(2, 2, 2), [](const Vec3i&) {
+                return Leaf::Constant(LeafType::kUint8, 0.0f);
+              })};
+    }
+  }
   LoadedVolume Imported(const std::filesystem::path& path) {
     return Imported(Source{.path = path});
   }
   // Expects this error: one line about the source, which holds `text`.
-  static void ExpectRefused(const Source& source, ErrorKind kind, const std::string& text);
+  static void ExpectRefused(const Source& source, ErrorKind kind, const std::string& text) {
+    try {
+      ImportVolume(source.Request(), nullptr, nullptr);
+      ADD_FAILURE() << source.path << " was imported";
+    } catch (const Error& error) {
+      const std::string line = error.what();
+      EXPECT_EQ(error.kind(), kind) << line;
+      EXPECT_NE(line.find(text), std::string::npos) << line;
+      EXPECT_EQ(line.rfind(source.path.string() + ": ", 0), 0u) << line;
+      EXPECT_EQ(line.find('\n'), std::string::npos) << line;
+    }
+  }
   static void ExpectRefused(const std::filesystem::path& path, ErrorKind kind,
                             const std::string& text) {
     ExpectRefused(Source{.path = path}, kind, text);
@@ -49,12 +87,19 @@ class ImportTest : public ::testing::Test {
   std::vector<std::string> warnings_;  // of the last import
 };
 
-float At(const LoadedVolume& volume, int x, int y, int z);
+inline float At(const LoadedVolume& volume, int x, int y, int z) {
+  return volume.bricks.Find(x, y, z)[VoxelInBrick(x, y, z)];
+}
 
 // The test pattern: every voxel differs from its neighbours, within 0..120.
 constexpr int kPatternSize[3] = {7, 5, 4};
-int PatternValue(int x, int y, int z);
-void ExpectPattern(const LoadedVolume& volume);
+inline int PatternValue(int x, int y, int z) { return (11 * x + 23 * y + 37 * z) % 121; }
+inline void ExpectPattern(const LoadedVolume& volume) {
+  ASSERT_EQ(volume.metadata.size, Vec3i(kPatternSize[0], kPatternSize[1], kPatternSize[2]));
+  testing::ForEachVoxel(volume.metadata.size, [&](const Vec3i& p) {
+    ASSERT_EQ(At(volume, p.x(), p.y(), p.z()), PatternValue(p.x(), p.y(), p.z())) << p.transpose();
+  });
+}
 
 template <typename Number>
 std::string BytesOf(Number number, bool big_endian = false) {

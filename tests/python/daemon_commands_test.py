@@ -1,4 +1,5 @@
-"""What `palpate` does to a daemon's volume: edits, saves, uploads, series and places. Its other
+"""What `palpate` does to a daemon's volume: edits, saves, uploads, downloads, series
+and places. Its other
 commands: tests/cli."""
 
 import json
@@ -72,6 +73,19 @@ class Commands(CallsTest):
         np.arange(48, dtype=np.uint8).tofile(self.daemon.folder / "b.dat")
         self.palpate("upload @b.dat --raw-size 4,4,3 --raw-type uint8")
         self.assertEqual(self.conn.volume.info().shape, (4, 4, 3))
+
+    def test_what_is_downloaded_is_the_volume_with_its_edits(self):
+        self.conn.volume.upload(pattern((20, 21, 22)), (0.5, 1, 2))
+        self.conn.edit.sphere((9, 9, 9), 5, "set", 7.0, frame="index")
+        volume = self.conn.volume.download()
+        self.assertIn(str(volume.volume_revision), self.palpate("download @copy.nrrd"))
+        self.conn.volume.load(self.daemon.folder / "copy.nrrd")
+        again = self.conn.volume.download()
+        np.testing.assert_array_equal(again.values, volume.values)
+        np.testing.assert_allclose(again.world_from_index, volume.world_from_index, atol=1e-12)
+        self.refuse({"download @copy.nrrd": 7, "download @missing/copy.nrrd": 4,
+                     f"download {self.daemon.folder}": 3})
+        self.palpate("download @copy.nrrd --overwrite")
 
     def test_a_series_plays(self):
         for n in range(3):

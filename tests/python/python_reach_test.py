@@ -303,37 +303,5 @@ class Series(DaemonTest):
         self.assertEqual(self.conn.series.rate_hz, 12.5)
 
 
-class Download(DaemonTest):
-    """`palpate download`: what it writes is the volume."""
-
-    def setUp(self):
-        self.folder = self.daemon.folder / self._testMethodName
-        self.folder.mkdir()
-        self.file = self.folder / "copy.nrrd"
-
-    def test_the_file_is_the_volume_with_its_edits(self):
-        self.conn.volume.upload(pattern((20, 21, 22)), (0.5, 1, 2))
-        self.conn.edit.sphere((9, 9, 9), 5, "set", 7.0, frame="index")
-        volume = self.conn.volume.download()
-        self.assertIn(str(volume.volume_revision),
-                      self.daemon.palpate("download", self.file).stdout)
-        self.conn.volume.load(self.file)
-        again = self.conn.volume.download()
-        np.testing.assert_array_equal(again.values, volume.values)
-        np.testing.assert_allclose(again.world_from_index, volume.world_from_index, atol=1e-12)
-        self.assertEqual(list(self.folder.iterdir()), [self.file])
-
-    def test_what_cannot_be_written_is_refused_in_one_line(self):
-        self.file.write_text("mine")
-        for path, code in ((self.file, 7), (self.folder / "missing" / "copy.nrrd", 4),
-                           (self.folder, 3)):
-            ran = self.daemon.palpate("download", path, code=code)
-            self.assertEqual((ran.stdout, ran.stderr.count("\n")), ("", 1), ran.stderr)
-        self.assertEqual(self.file.read_text(), "mine")
-        self.daemon.palpate("download", self.file, "--overwrite")
-        self.assertGreater(self.file.stat().st_size, 5000)
-        self.assertEqual(list(self.folder.iterdir()), [self.file])
-
-
 if __name__ == "__main__":
     unittest.main()

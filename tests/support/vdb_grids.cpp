@@ -77,10 +77,12 @@ typename Grid::Ptr NewGrid(const std::string& name, typename Grid::ValueType bac
   return grid;
 }
 
+openvdb::Vec3d SphereCenter(int edge) { return {3.3, -5.7, 0.2 * edge + 11.1}; }  // voxels
+
 openvdb::GridBase::Ptr Sphere(int edge, unsigned) {
   const openvdb::Vec3d center = kVoxelMm * SphereCenter(edge);
   const auto grid = openvdb::tools::createLevelSetSphere<openvdb::FloatGrid>(
-      static_cast<float>(kVoxelMm * SphereRadius(edge)), openvdb::Vec3f(center),
+      static_cast<float>(kVoxelMm * 0.45 * edge), openvdb::Vec3f(center),
       static_cast<float>(kVoxelMm));
   grid->setName("surface");
   AddMetadata(*grid);
@@ -272,9 +274,6 @@ bool IsSame(const Transform& a, const Transform& b) {
 
 }  // namespace
 
-openvdb::Vec3d SphereCenter(int edge) { return {3.3, -5.7, 0.2 * edge + 11.1}; }
-double SphereRadius(int edge) { return 0.45 * edge; }
-
 openvdb::GridBase::Ptr MakeVdbGrid(const std::string& kind, int edge, unsigned seed) {
   using openvdb::Int32Grid;
   openvdb::initialize();
@@ -305,15 +304,13 @@ void WriteVdb(const std::filesystem::path& path, const openvdb::GridCPtrVec& gri
   file.close();
 }
 
-openvdb::GridBase::Ptr ReadVdb(const std::filesystem::path& path, const std::string& name) {
+openvdb::GridBase::Ptr ReadVdb(const std::filesystem::path& path) {
   openvdb::initialize();
   openvdb::io::File file(path.string());
   file.open(/*delayLoad=*/false);
   const openvdb::GridPtrVecPtr grids = file.getGrids();
-  for (const openvdb::GridBase::Ptr& grid : *grids) {
-    if (name.empty() ? grids->size() == 1 : grid->getName() == name) return grid;
-  }
-  throw std::runtime_error(path.string() + " does not hold that grid");
+  if (grids->size() != 1) throw std::runtime_error(path.string() + " does not hold one grid");
+  return grids->front();
 }
 
 std::string VdbDifference(const openvdb::GridBase& expected, const openvdb::GridBase& is,

@@ -10,7 +10,7 @@
 namespace palpate::testing {
 
 // A grid with metadata of every type that we keep, an edge of so many voxels:
-//   sphere                 level set, SphereCenter(), SphereRadius(), voxels of 0.5 mm
+//   sphere                 level set, voxels of 0.5 mm
 //   cloud                  scattered leaves and tiles of all levels, inactive values, odd nodes
 //   negative               background -1000, turned, with three spacings
 //   uint8 int16 int32      integers within and beyond the range of these types
@@ -19,12 +19,9 @@ namespace palpate::testing {
 //   frustum                a transform that is not linear
 openvdb::GridBase::Ptr MakeVdbGrid(const std::string& kind, int edge = 64, unsigned seed = 1);
 
-openvdb::Vec3d SphereCenter(int edge);  // voxels
-double SphereRadius(int edge);          // voxels
-
 void WriteVdb(const std::filesystem::path& path, const openvdb::GridCPtrVec& grids);
-// The only grid of the file, or that of the name.
-openvdb::GridBase::Ptr ReadVdb(const std::filesystem::path& path, const std::string& name = "");
+// The only grid of the file.
+openvdb::GridBase::Ptr ReadVdb(const std::filesystem::path& path);
 
 // One line about the first difference between two grids and their trees, bit by bit; empty: they
 // are equal. `is` may have more metadata whose names begin with palpate_ or file_. `rounded`:

@@ -63,14 +63,6 @@ TEST(BrickDirectoryTest, NumbersAndCoordinatesAreOneToOne) {
   }
 }
 
-TEST(BrickDirectoryTest, FindsEveryVoxel) {
-  std::mt19937 random(2);
-  const BrickDirectory bricks = RandomDirectory(random);
-  testing::ForEachVoxel(kSize, [&](const Vec3i& p) {
-    ASSERT_EQ(&bricks.Find(p.x(), p.y(), p.z()), bricks.At(p / 8).get());
-  });
-}
-
 // Against a plain map of bricks and revisions.
 TEST(BrickDirectoryTest, RandomChangesAreSeenAndHashedAndOldCopiesStay) {
   std::mt19937 random(3);
