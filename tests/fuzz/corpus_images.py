@@ -54,7 +54,6 @@ def nrrds():
         "truncated": nrrd(nrrd_fields(), SHORTS[:-1]),
         "size_that_overflows": nrrd(nrrd_fields(sizes="4611686018427387904 4 2")),
         "frames_that_overflow": nrrd(series | {"sizes": "2 2 2 2147483647"}),
-        "spacing_not_a_number": nrrd(nrrd_fields(spacings="nan 1 1")),
         "direction_that_overflows": nrrd(nrrd_fields() | directions | {
             "space directions": "(1e200,1e200,0) (0,1,0) (0,0,1e-200)"}),
         "units": nrrd(nrrd_fields(**{"sample_units": '"HU"'})),
@@ -79,7 +78,6 @@ def meta_images():
         "plain": meta_image(),
         "compressed": meta_image(packed, CompressedData="True", CompressedDataSize=len(packed)),
         "compressed_cut": meta_image(packed[:-5], CompressedData="True", CompressedDataSize=len(packed)),
-        "compressed_without_size": meta_image(packed, CompressedData="True"),
         "detached": meta_image(b"", ElementDataFile="voxels.raw"),
         "detached_with_header": meta_image(b"", ElementDataFile="voxels.raw", HeaderSize="-1"),
         "detached_above": meta_image(b"", ElementDataFile="a/../../voxels.raw"),
@@ -90,32 +88,28 @@ def meta_images():
         "double": meta_image(struct.pack("<24d", *range(24)), ElementType="MET_DOUBLE"),
         "colons": meta_image().replace(b" = ", b":"),
         "carriage_returns": meta_image(b"").replace(b"\n", b"\r\n") + SHORTS,
-        "flat": meta_image(DimSize="4 3 1"),
         "four_axes": meta_image(NDims="4", DimSize="4 3 2 1", ElementSpacing="1 1 1 1", Offset="0 0 0 0",
                                 TransformMatrix=None),
-        "spacing_of_zero": meta_image(ElementSpacing="0 1 1"),
-        "offset_not_a_number": meta_image(Offset="nan 1 1"),
         "truncated": meta_image(SHORTS[:-1]),
         "header_size_that_overflows": meta_image(b"", ElementDataFile="voxels.raw",
                                                  HeaderSize="9223372036854775807"),
-        "no_data_file": meta_image(ElementDataFile=None),
     }
 
 
-def nifti1(data=SHORTS, dim=(3, 4, 3, 2, 1, 1, 1, 1), datatype=4, bitpix=16,
+def nifti1(data=SHORTS, dim=(3, 4, 3, 2, 1, 1, 1, 1),
            pixdim=(1, 0.5, 0.5, 2, 0, 0, 0, 0), offset=352.0, slope=(0.0, 0.0), units=2, codes=(0, 0),
-           quaternion=(0,) * 6, srow=(0,) * 12, magic=b"n+1\0", order="<"):
+           quaternion=(0,) * 6, srow=(0,) * 12, order="<"):
     head = bytearray(352)
     struct.pack_into(order + "i", head, 0, 348)
     struct.pack_into(order + "8h", head, 40, *dim)
-    struct.pack_into(order + "2h", head, 70, datatype, bitpix)
+    struct.pack_into(order + "2h", head, 70, 4, 16)
     struct.pack_into(order + "8f", head, 76, *pixdim)
     struct.pack_into(order + "3f", head, 108, offset, *slope)
     head[123] = units
     struct.pack_into(order + "2h", head, 252, *codes)
     struct.pack_into(order + "6f", head, 256, *quaternion)
     struct.pack_into(order + "12f", head, 280, *srow)
-    head[344:348] = magic
+    head[344:348] = b"n+1\0"
     return bytes(head) + data
 
 
@@ -140,14 +134,11 @@ def niftis():
         "qform_too_long": nifti1(codes=(1, 0), quaternion=(3, 4, 5, 1, 2, 3), pixdim=(-1, 1, 1, 1, 0, 0, 0, 0)),
         "sform": nifti1(codes=(0, 2), srow=sform),
         "sform_sheared": nifti1(codes=(1, 1), srow=(1, 1, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0)),
-        "sform_of_zeros": nifti1(codes=(0, 1)),
         "series": nifti1(dim=(4, 2, 2, 2, 3, 1, 1, 1)),
         "metres": nifti1(units=1),
         "metres_that_overflow": nifti2(units=1, pixdim=(1, 1e307, 1, 1, 0, 0, 0, 0)),
         "origin_that_overflows": nifti2(units=1, quaternion=(0, 0, 0, 1e307, 1, 1)),
         "quaternion_that_overflows": nifti2(quaternion=(1e200, 1e200, 1e308, 0, 0, 0)),
-        "colour": nifti1(datatype=128, bitpix=24),
-        "pair": nifti1(magic=b"ni1\0"),
         "deflated": deflated(nifti1()),
         "deflated_longer": deflated(nifti1() + bytes(500)),
         "deflated_cut": deflated(nifti1())[:-9],
@@ -158,9 +149,6 @@ def niftis():
         "offset_not_a_number": nifti1(offset=nan),
         "offset_infinite": nifti1(offset=infinity),
         "scale_infinite": nifti1(slope=(infinity, 0.0)),
-        "no_axes": nifti1(dim=(0, 4, 3, 2, 1, 1, 1, 1)),
-        "negative_axis": nifti1(dim=(3, -4, 3, 2, 1, 1, 1, 1)),
-        "nine_axes": nifti1(dim=(9, 4, 3, 2, 1, 1, 1, 1)),
         "huge": nifti2(dim=(3, 1 << 40, 1 << 40, 2, 1, 1, 1, 1)),
         "truncated": nifti1(SHORTS[:-1]),
     }
@@ -231,17 +219,13 @@ def tiffs():
         "predictor": tiff([page(compression=8, data=zlib.compress(SHORTS[:24]), t317=(3, [2]))] * 2),
         "jpeg": tiff([page(bits=8, compression=7, data=b"\xff\xd8\xff\xd9")] * 2),
         "fax": tiff([page(bits=8, compression=4, data=bytes(12))] * 2),
-        "colour": tiff([page(samples=3, photometric=2, data=bytes(72))] * 2),
         "white_is_zero": tiff([page(photometric=0)] * 2),
-        "one_page": tiff([page()]),
         "thumbnail": tiff([page(), page(), page(width=2, height=1, rows=1, t254=(4, [1]))]),
-        "other_size": tiff([page(), page(width=3)]),
         "channels": tiff([page(t270=(2, list(text)))] * 2),
         "data_behind_the_end": tiff([page(t273=(4, [100000]))] * 2),
         "size_beyond_the_end": tiff([page(t279=(4, [0xffffffff]))] * 2),
         "huge": tiff([page(t256=(4, [0x40000000]), t257=(4, [0x40000000]), t278=(4, [1]))] * 2),
         "no_rows": tiff([page(rows=0)] * 2),
-        "odd_bits": tiff([page(bits=12)] * 2),
         "loop": tiff([page(), page()])[:-4] + struct.pack("<I", 8),
     }
 
@@ -309,10 +293,7 @@ def raw_voxels():
         "doubles": described((2, 2, 2), 0, 7, 0, struct.pack("<8d", *range(8))),
         "doubles_that_overflow": described((2, 2, 2), 0, 7, 0, struct.pack("<8d", *[1e300, -1e300] * 4)),
         "no_numbers": described((2, 2, 2), 0, 6, 0, struct.pack("<8f", *[float("nan"), float("inf")] * 4)),
-        "no_type": described((4, 3, 2), 0, 8, 0, SHORTS),
         "too_short": described((4, 3, 2), 0, 2, 0, SHORTS[:-1]),
-        "flat": described((4, 6, 1), 0, 1, 0, BYTES),
-        "negative": described((-4, -3, 2), 0, 1, 0, BYTES),
         "offset_that_overflows": described((4, 3, 2), 2**63 - 1, 1, 0, BYTES),
         "size_that_overflows": described((2**62, 4, 2), 0, 1, 0, BYTES),
     }

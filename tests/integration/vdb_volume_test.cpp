@@ -6,7 +6,6 @@
 #include <cmath>
 #include <cstdio>
 #include <fstream>
-#include <iterator>
 #include <limits>
 #include <random>
 
@@ -284,13 +283,8 @@ TEST_F(VdbEditTest, ChangesItsVoxelsAndNothingElse) {
   Check(volume, *cloud, (nowhere & ~7).offsetBy(4), 3.2);
 }
 
-std::string FileBytes(const fs::path& path) {
-  std::ifstream in(path, std::ios::binary);
-  return {std::istreambuf_iterator<char>(in), {}};
-}
-
 TEST_F(VdbTest, TruncatedFilesAreRefused) {
-  const std::string whole = FileBytes(Written({MakeVdbGrid("cloud", 8)}));
+  const std::string whole = test::TextOf(Written({MakeVdbGrid("cloud", 8)}));
   for (std::size_t part = 0; part < 8; ++part) {
     ExpectRefused(Write("cut.vdb", whole.substr(0, whole.size() * part / 8)),
                   ErrorKind::kInvalidArgument, "");

@@ -268,7 +268,7 @@ const char kMeta[] =
     "ElementSpacing = 1 1 1.5\nDimSize = 20 11 9\nElementType = MET_SHORT\n"
     "ElementDataFile = LOCAL\n";
 
-TEST(MetaImageHeader, LocalAndDetached) {
+TEST(MetaImageHeader, LocalDetachedAndCompressed) {
   const ImageHeader local = ParseMetaImageHeader(std::string(kMeta) + "\x01\x02");
   EXPECT_EQ(local.size, (Size{20, 11, 9}));
   EXPECT_EQ(local.type, ScalarType::kInt16);
@@ -278,13 +278,10 @@ TEST(MetaImageHeader, LocalAndDetached) {
   EXPECT_EQ(detached.data_file, "volume.raw");
   // The data file ends the header.
   EXPECT_EQ(detached.skip_bytes, 0);
-}
-
-TEST(MetaImageHeader, Compressed) {
-  const ImageHeader header = ParseMetaImageHeader(
+  const ImageHeader packed = ParseMetaImageHeader(
       Replaced(kMeta, "CompressedData = False", "CompressedData = True\nCompressedDataSize = 77"));
-  EXPECT_TRUE(header.compressed);
-  EXPECT_EQ(header.compressed_bytes, 77);
+  EXPECT_TRUE(packed.compressed);
+  EXPECT_EQ(packed.compressed_bytes, 77);
 }
 
 TEST(MetaImageHeader, AttacksAreRefused) {

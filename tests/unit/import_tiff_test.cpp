@@ -2,7 +2,6 @@
 #include "server/import/tiff_stack.h"
 
 #include <fstream>
-#include <iterator>
 
 #include <gtest/gtest.h>
 
@@ -130,16 +129,11 @@ TEST_F(TiffStackTest, NumberedFiles) {
   ExpectRefused("s", "different series");
 }
 
-TEST_F(TiffStackTest, AFolderWithOneStack) {
-  fs::create_directory(folder_.path() / "s");
-  Stack("s/a.tif");
-  ExpectPattern(folder_.path() / "s");
-}
-
-TEST_F(TiffStackTest, OtherFoldersAreNotTiff) {
+TEST_F(TiffStackTest, FoldersWithAndWithoutAStack) {
   fs::create_directory(folder_.path() / "s");
   EXPECT_FALSE(IsTiffFolder(folder_.path() / "s"));
-  Slice("s/preview.tif", 0);
+  Stack("s/a.tif");
+  ExpectPattern(folder_.path() / "s");
   std::ofstream(folder_.path() / "s" / "IM0001") << "x";
   EXPECT_FALSE(IsTiffFolder(folder_.path() / "s"));
 }
@@ -204,14 +198,9 @@ TEST_F(TiffStackTest, LimitsHoldForTheWholeStack) {
   EXPECT_NE(Refusal([&] { OpenTiffStack(path, limits); }).find("limit"), std::string::npos);
 }
 
-std::string Contents(const fs::path& path) {
-  std::ifstream in(path, std::ios::binary);
-  return {std::istreambuf_iterator<char>(in), {}};
-}
-
 TEST_F(TiffStackTest, EveryTruncationIsRefused) {
   for (const std::uint16_t compression : {COMPRESSION_NONE, COMPRESSION_LZW}) {
-    const std::string whole = Contents(Stack("a.tif", {.compression = compression}));
+    const std::string whole = test::TextOf(Stack("a.tif", {.compression = compression}));
     const fs::path cut = folder_.path() / "cut.tif";
     for (std::size_t length = 0; length < whole.size(); ++length) {
       std::ofstream(cut, std::ios::binary) << whole.substr(0, length);
@@ -238,7 +227,7 @@ std::size_t LastLink(const std::string& bytes) {
 }
 
 TEST_F(TiffStackTest, DamagedLinksBetweenPagesAreRefused) {
-  const std::string whole = Contents(Stack("a.tif"));
+  const std::string whole = test::TextOf(Stack("a.tif"));
   const std::size_t link = LastLink(whole);
   const std::string to_first = whole.substr(4, 4);
   for (const std::string& next : {to_first, std::string("\xff\xff\xff\x7f"), std::string(4, 1)}) {

@@ -18,12 +18,8 @@ namespace palpate {
 namespace {
 
 namespace fs = std::filesystem;
+using test::TextOf;
 using testing::Refusal;
-
-std::string Text(const fs::path& path) {
-  std::ifstream file(path);
-  return {std::istreambuf_iterator<char>(file), {}};
-}
 
 class NewFileTest : public ::testing::Test {
  protected:
@@ -41,14 +37,14 @@ TEST_F(NewFileTest, TakesItsNameWithAllOfItsBytes) {
   file.Write("text");
   EXPECT_FALSE(fs::exists(path_));
   file.TakeName();
-  EXPECT_EQ(Text(path_), "new text");
+  EXPECT_EQ(TextOf(path_), "new text");
   EXPECT_EQ(Files(), 1);
 }
 
 TEST_F(NewFileTest, LeavesWhatWasThereWithoutIt) {
   std::ofstream(path_) << "old";
   { NewFile(path_).Write("new"); }
-  EXPECT_EQ(Text(path_), "old");
+  EXPECT_EQ(TextOf(path_), "old");
   EXPECT_EQ(Refusal([&] {
               WriteWhole(path_, [](const fs::path& partial) {
                 std::ofstream(partial) << "half";
@@ -56,7 +52,7 @@ TEST_F(NewFileTest, LeavesWhatWasThereWithoutIt) {
               });
             }),
             ErrorKind::kUnavailable);
-  EXPECT_EQ(Text(path_), "old");
+  EXPECT_EQ(TextOf(path_), "old");
   EXPECT_EQ(Files(), 1);
 }
 
@@ -68,7 +64,7 @@ TEST_F(NewFileTest, RefusesToReplaceWhereItMayNot) {
   file.Write("new");
   std::ofstream(path_) << "meanwhile";
   EXPECT_EQ(Refusal([&] { file.TakeName(); }), ErrorKind::kConflict);
-  EXPECT_EQ(Text(path_), "meanwhile");
+  EXPECT_EQ(TextOf(path_), "meanwhile");
 }
 
 // A link that leads nowhere is there, too.
@@ -81,7 +77,7 @@ TEST_F(NewFileTest, FollowsNoLink) {
   NewFile file(path_);
   file.Write("new");
   file.TakeName();
-  EXPECT_EQ(Text(folder_.path() / "victim"), "precious");
+  EXPECT_EQ(TextOf(folder_.path() / "victim"), "precious");
   EXPECT_TRUE(fs::is_regular_file(fs::symlink_status(path_)));
 }
 
@@ -91,7 +87,7 @@ TEST_F(NewFileTest, OpensNothingThatLayThere) {
   NewFile file(path_);
   file.Write("new");
   file.TakeName();
-  EXPECT_EQ(Text(path_), "new");
+  EXPECT_EQ(TextOf(path_), "new");
 }
 
 TEST_F(NewFileTest, SaysWhyItCannotWrite) {
