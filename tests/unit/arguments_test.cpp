@@ -24,18 +24,6 @@ TEST(Arguments, NumbersAreReadWholeAndWithinTheirRange) {
   EXPECT_NE(Positive(100.0).complaint("101"), "");
 }
 
-TEST(Arguments, AnOptionIsFoundByItsNameAndCounted) {
-  Command program("about", "program");
-  double value = 0.0;
-  const Option* option = program.add_option("--value", value, "");
-  EXPECT_EQ(program.get_option("--value"), option);
-  EXPECT_THROW(program.get_option("--other"), std::logic_error);
-  EXPECT_TRUE(program.parse({}));
-  EXPECT_EQ(option->count(), 0u);
-  EXPECT_TRUE(program.parse({"--value", "1"}));
-  EXPECT_EQ(option->count(), 1u);
-}
-
 // What bash would offer for the last word.
 std::string Completed(const Command& program, const std::string& words) {
   const std::string script =

@@ -336,14 +336,5 @@ TEST_F(SyntheticCapture, WithoutSettingsItsFramesAreListedOnce) {
       << judgement.frames;
 }
 
-TEST_F(SyntheticCapture, OtherFilesAreRefused) {
-  EXPECT_THROW(ReadCapture(file_), std::runtime_error);
-  std::ofstream(file_) << "no capture";
-  EXPECT_THROW(ReadCapture(file_), std::runtime_error);
-  Write({});
-  std::filesystem::resize_file(file_, 5000);
-  EXPECT_THROW(ReadCapture(file_), std::runtime_error);
-}
-
 }  // namespace
 }  // namespace palpate

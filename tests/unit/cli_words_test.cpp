@@ -52,23 +52,6 @@ TEST(CliSetting, EveryFieldIsListed) {
   EXPECT_EQ(FindSetting(""), nullptr);
 }
 
-TEST(CliSetting, UnitsRangesAndDefaultsAreTheDaemons) {
-  const client::Settings ours;
-  const HapticSettings theirs;
-  for (const NumberSetting& setting : kNumberSettings) {
-    const Setting* told = FindSetting(setting.key);
-    ASSERT_NE(told, nullptr) << setting.key;
-    EXPECT_EQ(ValuesOf(*told),
-              fmt::format("{:g} to {:g}{}", setting.low, setting.high, setting.unit));
-    EXPECT_EQ(SettingJson(*told, ours), theirs.*setting.member) << setting.key;
-  }
-  for (const FlagSetting& setting : kFlagSettings) {
-    EXPECT_EQ(SettingJson(*FindSetting(setting.key), ours), theirs.*setting.member) << setting.key;
-  }
-  EXPECT_EQ(SettingJson(*FindSetting("free_side"), ours),
-            std::string(FreeSideName(theirs.free_side)));
-}
-
 TEST(CliSetting, NamesOfValuesAreTheDaemons) {
   client::SettingsUpdate update;
   const auto takes_all = [&update](std::string_view key, const auto& names) {

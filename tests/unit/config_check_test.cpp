@@ -233,26 +233,11 @@ TEST_F(ConfigCheckTest, AReloadDoesNotNeedWhatWasReadAtTheStart) {
   EXPECT_NE(Faults("[tls]\nkey = " + gone, nothing, ConfigUse::kReload), Keys());
 }
 
-ConfigReading ReadTextOf(const std::string& text, Config& config) {
+ConfigKeys KeysOf(const std::string& text) {
   const test::TemporaryFolder folder;
   std::ofstream(folder.path() / "f.toml") << text;
-  return ReadConfig(folder.path() / "f.toml", config);
-}
-
-TEST(ConfigCheck, SaysEveryFaultInTheOrderOfLines) {
   Config config;
-  const ConfigReading reading = ReadTextOf(
-      "[realtime]\npriority = 100\ncpu = 0\n[haptics]\nstiff = 1\npop_force_n = 9\n", config);
-  ASSERT_EQ(reading.faults.size(), 3u);
-  EXPECT_EQ(reading.faults[0].line, 2u);
-  EXPECT_EQ(reading.faults[1].line, 5u);
-  EXPECT_TRUE(ToText("f.toml", reading.faults[2]).starts_with("f.toml:6: haptics.pop_force_n "));
-  EXPECT_EQ(config.realtime.cpu, 0);
-}
-
-ConfigKeys KeysOf(const std::string& text) {
-  Config config;
-  return ReadTextOf(text, config).keys;
+  return ReadConfig(folder.path() / "f.toml", config).keys;
 }
 
 TEST(ConfigReload, SeesKeysThatChangedCameAndWent) {

@@ -19,10 +19,13 @@
 #include "server/lab/trajectory.h"
 #include "server/lab/trajectory_file.h"
 #include "server/lab/triangle_grid.h"
+#include "tests/support/refusal.h"
 #include "tests/support/temporary_folder.h"
 
 namespace palpate::lab {
 namespace {
+
+using palpate::testing::Refusal;
 
 std::string Complaint(const std::function<void()>& call) {
   try {
@@ -33,18 +36,9 @@ std::string Complaint(const std::function<void()>& call) {
   return "accepted";
 }
 
-std::optional<ErrorKind> KindOf(const std::function<void()>& call) {
-  try {
-    call();
-  } catch (const Error& error) {
-    return error.kind();
-  }
-  return std::nullopt;
-}
-
 class LabTrajectoryFile : public ::testing::Test {
  protected:
-  std::string Refusal(const std::string& text) {
+  std::string ComplaintAbout(const std::string& text) {
     std::ofstream(file_) << text;
     return Complaint([&] { ReadTrajectory(file_); });
   }
@@ -83,18 +77,18 @@ TEST_F(LabTrajectoryFile, NamesTheLineOfAnError) {
                                                        {"x_mm,y_mm,z_mm\n1,2,3mm\n", "'3mm'"},
                                                        {"x_mm,y_mm,z_mm\n1,,3\n", "line 2"}};
   for (const auto& [text, named] : cases) {
-    const std::string refusal = Refusal(text);
+    const std::string refusal = ComplaintAbout(text);
     EXPECT_NE(refusal.find(named), std::string::npos) << refusal;
     EXPECT_EQ(refusal.find('\n'), std::string::npos);
   }
-  EXPECT_EQ(KindOf([&] { ReadTrajectory(folder_.path() / "none.csv"); }), ErrorKind::kNotFound);
-  EXPECT_EQ(KindOf([&] { ReadTrajectory(folder_.path()); }), ErrorKind::kNotFound);
+  EXPECT_EQ(Refusal([&] { ReadTrajectory(folder_.path() / "none.csv"); }), ErrorKind::kNotFound);
+  EXPECT_EQ(Refusal([&] { ReadTrajectory(folder_.path()); }), ErrorKind::kNotFound);
 }
 
 TEST_F(LabTrajectoryFile, OutputIsLookedAtBeforeTheWork) {
-  EXPECT_EQ(KindOf([] { CheckOutputFile("/no/such/folder/o.csv"); }), ErrorKind::kNotFound);
+  EXPECT_EQ(Refusal([] { CheckOutputFile("/no/such/folder/o.csv"); }), ErrorKind::kNotFound);
   for (const std::filesystem::path& bad : {folder_.path(), std::filesystem::path("/dev/null")}) {
-    EXPECT_EQ(KindOf([&] { CheckOutputFile(bad); }), ErrorKind::kInvalidArgument) << bad;
+    EXPECT_EQ(Refusal([&] { CheckOutputFile(bad); }), ErrorKind::kInvalidArgument) << bad;
   }
   EXPECT_EQ(Complaint([&] { CheckOutputFile(file_); }), "accepted");
 }

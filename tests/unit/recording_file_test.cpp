@@ -86,21 +86,6 @@ TEST(RecordingFile, IsNotOverwrittenUnlessAsked) {
   EXPECT_EQ(FilesIn(folder.path()), 1u);
 }
 
-// Between the question and the first bytes somebody else took the name.
-TEST(RecordingFile, LosesARaceForItsName) {
-  const TemporaryFolder folder;
-  const auto path = folder.path() / "a.palpate";
-  const std::unique_ptr<RecordingOutput> output = CreateRecordingFile(path, false);
-  std::ofstream(path) << "other";
-  EXPECT_EQ(Refusal([&] { output->Append("header"); }), ErrorKind::kConflict);
-  EXPECT_EQ(std::filesystem::file_size(path), 5u);
-}
-
-TEST(RecordingFile, ThatCannotBeMadeIsRefused) {
-  EXPECT_EQ(Refusal([] { CreateRecordingFile("/nowhere/a.palpate", false); }),
-            ErrorKind::kNotFound);
-}
-
 // A power cut costs about the last second, and not every chunk waits for the disk.
 TEST(RecordingFile, IsSyncedOnceASecond) {
   const TemporaryFolder folder;

@@ -4,7 +4,6 @@
 #include <gtest/gtest.h>
 
 #include <fstream>
-#include <sstream>
 #include <thread>
 
 #include "common/error/error.h"
@@ -42,11 +41,6 @@ void ExpectSamePlace(const std::optional<Registration>& found, const Registratio
 
 class RegistrationStoreTest : public ::testing::Test {
  protected:
-  std::string Text() const {
-    std::ostringstream text;
-    text << std::ifstream(path_).rdbuf();
-    return text.str();
-  }
   void Write(const std::string& text) const {
     std::filesystem::create_directories(state_);
     std::ofstream(path_, std::ios::binary) << text;
@@ -174,7 +168,7 @@ TEST_F(RegistrationStoreTest, NamesOfAnyKindAreKeptOrLeftOut) {
     }
   }
   RegistrationStore store(state_);
-  EXPECT_FALSE(std::filesystem::exists(damaged_)) << Text();
+  EXPECT_FALSE(std::filesystem::exists(damaged_)) << test::TextOf(path_);
   EXPECT_EQ(Entries(), names.size());
   for (const std::string& name : names) {
     EXPECT_TRUE(store.Find(VolumeOf(name)).has_value()) << name.substr(0, 30);

@@ -3,7 +3,6 @@
 #include <sys/stat.h>
 
 #include <fstream>
-#include <sstream>
 
 #include "common/error/error.h"
 #include "server/security/policy.h"
@@ -24,11 +23,6 @@ class CertificatesTest : public ::testing::Test, protected test::Certificates {
     Issue("lab", "server", "DNS:localhost");
   }
 
-  std::string Read(const std::string& name) const {
-    std::ostringstream text;
-    text << std::ifstream(In(name)).rdbuf();
-    return text.str();
-  }
   // A refusal names one of the two files.
   bool IsTaken(const std::string& certificate, const std::string& key,
                CertificateTime now = kNow) const {

@@ -5,7 +5,6 @@
 #include <chrono>
 #include <fstream>
 #include <set>
-#include <sstream>
 
 #include "common/error/error.h"
 #include "server/security/policy.h"
@@ -97,11 +96,7 @@ class TokenFileTest : public ::testing::Test {
       return false;
     }
   }
-  std::string Read() const {
-    std::ostringstream text;
-    text << std::ifstream(file_).rdbuf();
-    return text.str();
-  }
+  std::string Read() const { return test::TextOf(file_); }
   void Write(const std::string& text) const { std::ofstream(file_) << text; }
 
   test::TemporaryFolder folder_;

@@ -309,11 +309,6 @@ TEST_F(SeriesPlayerTest, ASeriesReplacesASeries) {
   EXPECT_TRUE(HoldsAtMost(player_.state().memory_bytes));
 }
 
-TEST_F(SeriesPlayerTest, WithoutASeriesThereIsNothingToControl) {
-  EXPECT_EQ(Refusal([&] { player_.state(); }), ErrorKind::kConflict);
-  EXPECT_EQ(Refusal([&] { player_.Control({.playing = true}); }), ErrorKind::kConflict);
-}
-
 TEST_F(SeriesPlayerTest, BadControlsChangeNothing) {
   Load();
   player_.Control({.position_frames = 1, .rate_hz = -3.0});
