@@ -142,6 +142,7 @@ DAEMON = {
         Step("load $FOLDER/two.nrrd --normalized-isovalue 0 --frame 1",
              has=["2 x 3 x 4 voxels", "values 10 to 33"]),
         Step("settings --json", json={"isovalue": 10, "normalized_isovalue": 0}),
+        Step("load two.nrrd --frame 2", exit=3, error="frame"),
         Step("load two.nrrd --device-mm-per-volume-mm 0.25", has=["scale 0.25 mm"]),
         Step("load big.raw --raw-size 2,3,4 --raw-type uint16 --raw-big-endian "
              "--raw-offset-bytes 6", has=["2 x 3 x 4 voxels", "values 0 to 23"]),

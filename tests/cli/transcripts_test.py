@@ -174,22 +174,6 @@ class WithDaemon(CommandLine):
         self.addCleanup(os.chmod, self.daemon.socket, 0o600)
         self.check_error(self.run_line("info"), 5, "permission")
 
-    def test_a_token_that_others_may_read_is_one_line_more(self):
-        """Once, before anything is sent, for an option and for the environment."""
-        subprocess.run(shlex.split("openssl req -x509 -newkey ec -pkeyopt ec_paramgen_curve:P-256 "
-                                   "-nodes -keyout key -out ca.pem -subj /CN=lab"),
-                       cwd=self.folder, capture_output=True, check=True)
-        token = pathlib.Path(self.folder, "token")
-        token.write_text("palpate_x\n")
-        line = "info --server $SERVER --tls-ca ca.pem"
-        token.chmod(0o644)
-        for code, _, errors in (self.run_line(line, env={"PALPATE_TOKEN_FILE": str(token)}),
-                                self.run_line(f"{line} --token-file {token}")):
-            self.assertEqual(code, 8)  # the daemon has no TLS
-            self.assertRegex(errors, rf"\Apalpate: warning: .*{token}.*\npalpate: .*\n\Z")
-        token.chmod(0o600)
-        self.check_error(self.run_line(f"{line} --token-file {token}"), 8, "TLS")
-
     def watch(self, options, until):
         """`palpate watch` that has printed `until`, and what it has printed."""
         process = self.start(f"watch {options}")

@@ -93,7 +93,7 @@ class ClientFaults(unittest.TestCase):
             self.assertTrue(wait_until(lambda: self.client.servo().ticks > ticks + 12000))
             # 16 streams of 250 bytes a tick would be 48 MB more.
             if not SANITIZED:
-                self.assertLess(self.resident() - before, 8 << 20)
+                self.assertLess(self.daemon.resident_bytes() - before, 8 << 20)
             self.assertTrue(wait_until(lambda: good.samples > seen + 60))
             self.assertIsNone(good.error)
             for call in calls:
@@ -103,19 +103,15 @@ class ClientFaults(unittest.TestCase):
 
     def settled(self):
         """The resident set, once the streams have what they get at their start."""
-        sizes = [self.resident()]
+        sizes = [self.daemon.resident_bytes()]
 
         def stays():
             time.sleep(0.5)
-            sizes.append(self.resident())
+            sizes.append(self.daemon.resident_bytes())
             return sizes[-1] - sizes[-2] < 1 << 18
 
         self.assertTrue(wait_until(stays))
         return sizes[-1]
-
-    def resident(self):
-        pages = int(pathlib.Path(f"/proc/{self.daemon.pid}/statm").read_text().split()[1])
-        return pages * os.sysconf("SC_PAGESIZE")
 
     def test_garbage_on_the_port(self):
         random_bytes = random.Random(1).randbytes

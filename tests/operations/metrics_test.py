@@ -2,7 +2,6 @@
 Addresses that are refused: config_check_test and daemon_service_test."""
 
 import json
-import os
 import pathlib
 import re
 import socket
@@ -162,12 +161,10 @@ class LiveMetrics(unittest.TestCase):
         self.assertEqual(self.value("palpate_recording"), 0)
 
     def test_memory_and_files_are_those_of_the_process(self):
-        statm = pathlib.Path(f"/proc/{self.daemon.pid}/statm")
-
         def agrees():
             # Both move while connections of others end.
             _, values = self.scrape()
-            resident = int(statm.read_text().split()[1]) * os.sysconf("SC_PAGESIZE")
+            resident = self.daemon.resident_bytes()
             return (abs(values["palpate_resident_memory_bytes"] - resident) < 0.2 * resident
                     and abs(values["palpate_open_files"] - self.daemon.open_files()) <= 4)
         self.assertTrue(wait_until(agrees))

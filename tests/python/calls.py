@@ -41,7 +41,6 @@ class CallsTest(unittest.TestCase):
 
     volume = "builtin:bumps:64"
     config = ""
-    more = ()
 
     @classmethod
     def setUpClass(cls):
@@ -50,7 +49,7 @@ class CallsTest(unittest.TestCase):
         config = cls.root / "palpated.toml"
         config.write_text(cls.config.format(root=cls.root))
         cls.daemon = cls.enterClassContext(
-            Daemon(cls.volume, more=["--config", str(config), "--load-folder", "/", *cls.more]))
+            Daemon(cls.volume, more=["--config", str(config), "--load-folder", "/"]))
         cls.conn = cls.enterClassContext(cls.daemon.connect())
         cls.stubs = cls.enterClassContext(Client(cls.daemon))
 

@@ -12,7 +12,6 @@ import numpy as np
 
 import palpate
 from calls import ABORTED, BAD, EXHAUSTED, CallsTest, spoilt, vector
-from free_port import free_port
 from palpate.v1 import edit_pb2, geometry_pb2, pose_pb2, registration_pb2, series_pb2, volume_pb2
 from support import PATIENCE_S, Client, nrrd, pattern, wait_until
 
@@ -230,63 +229,24 @@ class Uploads(CallsTest):
         self.assertEqual(self.conn.volume.info().volume_revision, before)
 
 
-class PoseBudget(CallsTest):
-    config = "[limits]\npose_samples_per_s = 4000\n"
-    address = f"127.0.0.1:{free_port()}"
-    more = ("--listen", address)
-
-    def test_one_over_the_network_has_half_of_the_samples(self):
-        client = self.enterContext(Client(self.daemon, target=self.address))
-        ended = threading.Event()
-        self.addCleanup(ended.set)
-
-        def requests():
-            yield pose_pb2.StreamPosesRequest(
-                start=pose_pb2.StreamPosesStart(rate_hz=1000, batch=1, max_unacknowledged=64))
-            ended.wait()
-
-        def ask():
-            call = client.poses.StreamPoses(requests())
-            try:
-                next(call)
-            except grpc.RpcError as error:
-                self.assertEqual(error.code(), EXHAUSTED)
-                self.assertIn("limits.pose_samples_per_s", error.details())
-                return None
-            return call
-
-        held = [ask() for _ in range(6)]
-        self.assertEqual([call is not None for call in held], [True] * 2 + [False] * 4)
-        # Another client is served, and what is given back can be had again.
-        with self.conn.poses(1000) as stream:
-            next(stream)
-        for call in filter(None, held):
-            call.cancel()
-        self.assertTrue(wait_until(ask, 60))
-
-
 class Memory(CallsTest):
     volume = "builtin:sphere:64"
     # Locked memory would count what is reserved, too.
     config = "[realtime]\nlock_memory = false\n[volume]\nmemory_budget_mib = 400\n"
-
-    def resident(self):
-        status = pathlib.Path(f"/proc/{self.daemon.process.pid}/status").read_text()
-        return 1024 * int(status.partition("VmRSS:")[2].split()[0])
 
     def test_a_dense_volume_costs_little_more_than_its_voxels(self):
         edge = 256
         path = self.root / "noise.raw"
         np.random.default_rng(1).random(edge**3, np.float32).tofile(path)
         grid_bytes = 4.22 * edge**3  # a dense float tree of OpenVDB
-        before = self.resident()
+        before = self.daemon.resident_bytes()
         raw = palpate.Raw((edge,) * 3, "float32")
         for _ in range(2):  # the second frees the first
             self.conn.volume.load(path, raw=raw)
             # The volume before is freed on a thread that the load does not wait for. The sanitizers
             # keep what was freed for a while.
             self.assertTrue("PALPATE_SANITIZED" in os.environ or wait_until(
-                lambda: self.resident() - before <= 1.3 * grid_bytes, 60))
+                lambda: self.daemon.resident_bytes() - before <= 1.3 * grid_bytes, 60))
 
     def test_too_much_is_refused_in_advance_and_the_volume_stays(self):
         self.conn.volume.load("builtin:sphere:64")

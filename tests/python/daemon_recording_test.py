@@ -85,12 +85,6 @@ class RecordingTest(unittest.TestCase):
         self.assertGreaterEqual(figures["compared"] + 70, state["ticks"])
         self.assertGreaterEqual(figures["scenes"], 12)
 
-    def test_a_daemon_that_ends_closes_it(self):
-        self.conn.recording.start(self.file)
-        self.wait_for_ticks(1000)
-        self.daemon.end()
-        self.assertEqual(self.replayed()[1], "")
-
     def test_what_cannot_be_computed_again_is_said(self):
         # A load of a file is named and not held: where the file is gone, that is an error.
         path = self.daemon.folder / "a.nrrd"

@@ -214,10 +214,8 @@ class Plain(PlacesTest):
 class Secured(PlacesTest):
     @classmethod
     def setUpClass(cls):
-        cls.folder = pathlib.Path(cls.enterClassContext(
-            tempfile.TemporaryDirectory(prefix="palpate-profiles-")))
         # Every address of the machine: the certificate does not name them all.
-        cls.daemon = cls.enterClassContext(SecuredDaemon(cls.folder, host="0.0.0.0"))
+        cls.daemon = cls.enterClassContext(SecuredDaemon(host="0.0.0.0"))
         cls.ca = str(cls.daemon.authority.ca)
         cls.viewer = str(cls.daemon.tokens["viewer"])
         for token in cls.daemon.tokens.values():

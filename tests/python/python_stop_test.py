@@ -2,7 +2,6 @@
 
 import contextlib
 import os
-import tempfile
 import threading
 import unittest
 
@@ -20,8 +19,7 @@ STOPS = 20
 
 class StopTest(unittest.TestCase):
     def start(self, volume):
-        folder = self.enterContext(tempfile.TemporaryDirectory(prefix="palpate-stop-"))
-        self.daemon = self.enterContext(SecuredDaemon(folder, volume=volume))
+        self.daemon = self.enterContext(SecuredDaemon(volume=volume))
         self.stack = self.enterContext(contextlib.ExitStack())
         self.ended = threading.Event()
         self.addCleanup(self.ended.set)

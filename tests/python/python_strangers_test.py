@@ -5,10 +5,8 @@ connection_door_test's and connection_limits_test's."""
 import concurrent.futures
 import contextlib
 import os
-import pathlib
 import socket
 import ssl
-import tempfile
 import threading
 import unittest
 
@@ -101,19 +99,11 @@ def endless_messages(stranger, most_bytes):
         call += 1
 
 
-def resident_bytes(daemon):
-    for line in pathlib.Path(f"/proc/{daemon.process.pid}/status").read_text().splitlines():
-        if line.startswith("VmRSS:"):
-            return int(line.split()[1]) << 10
-    raise AssertionError("no VmRSS")
-
-
 class AttackTest(unittest.TestCase):
     """A daemon of its own for each test: the lines are counted."""
 
     def setUp(self):
-        self.folder = self.enterContext(tempfile.TemporaryDirectory(prefix="palpate-python-"))
-        self.daemon = self.enterContext(SecuredDaemon(self.folder))
+        self.daemon = self.enterContext(SecuredDaemon())
 
     def said(self, what):
         return "".join(self.daemon.said).count(what)
@@ -148,12 +138,12 @@ class AttackTest(unittest.TestCase):
 
 class Strangers(AttackTest):
     def assert_cut_off(self, how):
-        before = resident_bytes(self.daemon)
+        before = self.daemon.resident_bytes()
         self.attack_in_turn(how)
         # AddressSanitizer keeps what was freed for a while.
         if "PALPATE_SANITIZED" not in os.environ:
             # gRPC takes a moment to let go of what the last one sent.
-            wait_for(lambda: resident_bytes(self.daemon) - before < 110 * MIB, "the memory")
+            wait_for(lambda: self.daemon.resident_bytes() - before < 110 * MIB, "the memory")
         wait_for(lambda: self.said("it sent too much") == ATTACKS, "the lines")
         self.assertEqual(self.said("cut off ipv4:127.0.0.2:"), 1)
 
@@ -173,7 +163,7 @@ class Strangers(AttackTest):
                 with contextlib.suppress(OSError):
                     sent.append(self.attack(endless_headers, "127.0.0.1", patience_s=0.1))
 
-        before = most = resident_bytes(self.daemon)
+        before = most = self.daemon.resident_bytes()
         attacker = threading.Thread(target=attack_on)
         attacker.start()
         served = 0
@@ -187,7 +177,7 @@ class Strangers(AttackTest):
                     stub.GetDevice(device_pb2.GetDeviceRequest(), timeout=PATIENCE_S)
                     stub.StopForces(device_pb2.StopForcesRequest(), timeout=PATIENCE_S)
                 served += 1
-                most = max(most, resident_bytes(self.daemon))
+                most = max(most, self.daemon.resident_bytes())
         finally:
             end.set()
             attacker.join()
@@ -211,14 +201,14 @@ class KnownAttackers(AttackTest):
         wait_for(lambda: self.said("no longer allowed") == 1, "its line")
 
     def test_endless_messages_are_ended(self):
-        before = resident_bytes(self.daemon)
+        before = self.daemon.resident_bytes()
         sent = self.attack(endless_messages, "127.0.0.2", self.daemon.tokens["viewer"],
                            most_bytes=FAR_BEYOND)
         # gRPC drops what comes until it closes the connection.
         self.assertLess(sent, FAR_BEYOND)
         if "PALPATE_SANITIZED" not in os.environ:
             # gRPC takes a moment to let go of what was sent last.
-            wait_for(lambda: resident_bytes(self.daemon) - before < 200 * MIB, "the memory")
+            wait_for(lambda: self.daemon.resident_bytes() - before < 200 * MIB, "the memory")
         self.assertEqual(self.said("cut off"), 0)
 
 
@@ -229,8 +219,7 @@ class Known(unittest.TestCase):
         values = np.random.default_rng(1).random((128, 128, 128), dtype=np.float32)
         # Clients are told from strangers by their addresses, which are of two kinds.
         for host in ("127.0.0.1", "[::1]") if socket.has_ipv6 else ("127.0.0.1",):
-            with tempfile.TemporaryDirectory(prefix="palpate-python-") as folder, \
-                    SecuredDaemon(folder, host=host) as daemon, \
+            with SecuredDaemon(host=host) as daemon, \
                     palpate.connect(daemon.address, tls_ca=str(daemon.authority.ca),
                                     token_file=str(daemon.tokens["operator"])) as operator:
                 for _ in range(2):
@@ -239,8 +228,7 @@ class Known(unittest.TestCase):
 
     def test_compressed_messages_are_refused(self):
         # They would count for more than was sent.
-        with tempfile.TemporaryDirectory(prefix="palpate-python-") as folder, \
-                SecuredDaemon(folder) as daemon, \
+        with SecuredDaemon() as daemon, \
                 daemon.channel(token=daemon.tokens["viewer"]) as channel:
             stub = device_pb2_grpc.DeviceServiceStub(channel)
             for compression in (grpc.Compression.Gzip, grpc.Compression.Deflate):

@@ -9,7 +9,6 @@ import multiprocessing
 import socket
 import statistics
 import subprocess
-import tempfile
 import threading
 import time
 import unittest
@@ -34,10 +33,6 @@ SLOW_MS = 20.0
 class TimesTest(unittest.TestCase):
     def setUp(self):
         self.enterContext(stolen_share())
-
-    def start_secured(self):
-        folder = self.enterContext(tempfile.TemporaryDirectory(prefix="palpate-times-"))
-        return self.enterContext(SecuredDaemon(folder))
 
 
 class Arrivals:
@@ -158,7 +153,7 @@ class Calls(TimesTest):
 
 class Strangers(TimesTest):
     def test_dawdlers_do_not_hinder_the_servo(self):
-        daemon = self.start_secured()
+        daemon = self.enterContext(SecuredDaemon())
         local = device_pb2_grpc.DeviceServiceStub(
             self.enterContext(grpc.insecure_channel("unix:" + daemon.socket)))
 
@@ -198,7 +193,7 @@ class EmergencyStop(TimesTest):
         return taken
 
     def test_it_works_while_strangers_attack(self):
-        self.daemon = self.start_secured()
+        self.daemon = self.enterContext(SecuredDaemon())
         end = threading.Event()
 
         def attack_on(address):

@@ -2,9 +2,11 @@
 
 import contextlib
 import pathlib
+import shutil
 import socket
 import ssl
 import subprocess
+import tempfile
 import time
 
 import grpc
@@ -48,12 +50,12 @@ def frame(kind, flags, stream, content):
 
 
 class SecuredDaemon(Daemon):
-    """With TLS on a port, tokens of every role, and certificates of two names. `more`:
-    lines of its configuration."""
+    """With TLS on a port, tokens of every role, and certificates of two names; their files are in
+    the folder `security`. `more`: lines of its configuration."""
 
-    def __init__(self, folder, more="", volume="builtin:sphere:48", host="127.0.0.1"):
-        self.security = pathlib.Path(folder)
-        self.authority = Authority(folder, "lab")
+    def __init__(self, more="", volume="builtin:sphere:48", host="127.0.0.1"):
+        self.security = pathlib.Path(tempfile.mkdtemp(prefix="palpate-security-"))
+        self.authority = Authority(self.security, "lab")
         self.certificate, self.key = self.authority.issue(
             "server", "DNS:localhost,IP:127.0.0.1", purpose="serverAuth")
         self.token_file = self.security / "tokens.toml"
@@ -77,6 +79,10 @@ role = "operator"
 """)
         super().__init__(volume, listen=f"{host}:{self.port}",
                          more=["--config", str(self.config)])
+
+    def __exit__(self, *error):
+        super().__exit__(*error)
+        shutil.rmtree(self.security)
 
     def add_token(self, name, role):
         made = subprocess.run([PALPATED, "token", "add", name, "--role", role,

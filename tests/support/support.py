@@ -137,6 +137,10 @@ class Daemon:
     def open_files(self):
         return len(os.listdir(f"/proc/{self.pid}/fd"))
 
+    def resident_bytes(self):
+        pages = int(pathlib.Path(f"/proc/{self.pid}/statm").read_text().split()[1])
+        return pages * os.sysconf("SC_PAGESIZE")
+
     def threads(self):
         return len(os.listdir(f"/proc/{self.pid}/task"))
 

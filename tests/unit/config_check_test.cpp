@@ -120,6 +120,14 @@ TEST_F(ConfigCheckTest, AddressesToListenOn) {
   for (const char* address : {"localhost:7400", "[::]:7400", "192.0.2.1:7400"}) {
     EXPECT_EQ(server(address), Keys());
   }
+  // A name may resolve to anything, whatever it starts with.
+  for (const std::string address :
+       {"0.0.0.0:7400", "127.example:7400", "[::]:7400", "10.0.0.1:7400"}) {
+    const std::string listen = "[server]\nlisten = \"" + address + "\"\n";
+    ExpectFaults(Faults(listen), {"f.toml:2: server.listen: ... on " + address + ": without TLS"});
+    ExpectFaults(Faults(listen + Tls("server.pem", "server.key")),
+                 {"f.toml:2: server.listen: ... tls.tokens"});
+  }
   // Metrics are for loopback alone.
   const auto metrics = [&](const std::string& address) {
     return Faults("[metrics]\nlisten = \"" + address + "\"\n");
@@ -184,6 +192,9 @@ TEST_F(ConfigCheckTest, LooksAtTheWhole) {
            {"[volume]\nnormalized_isovalue = 1.5\n", "2: volume.normalized_isovalue: "},
            {"[device]\n\nkind = \"omni\"\n", "3: device.kind: "},
            {"[device]\nkind = \"replay\"\n", "2: device.kind: "},
+           {"[device]\nkind = \"omni-usb\"\nframes = \"framed-firewire\"\n",
+            "2: device.kind: ... state_command"},
+           {"[device]\nstop_buttons = 12\n", "2: device.stop_buttons: "},
            {replay + "/no/such\"\n", "3: device.replay_file: ... /no/such"},
            // It is there, and no recording.
            {replay + In("f.toml").string() + "\"\n", "3: device.replay_file: "},

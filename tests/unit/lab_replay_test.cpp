@@ -25,8 +25,6 @@
 namespace palpate::lab {
 namespace {
 
-using palpate::testing::Refusal;
-
 std::string Complaint(const std::function<void()>& call) {
   try {
     call();
@@ -81,14 +79,16 @@ TEST_F(LabTrajectoryFile, NamesTheLineOfAnError) {
     EXPECT_NE(refusal.find(named), std::string::npos) << refusal;
     EXPECT_EQ(refusal.find('\n'), std::string::npos);
   }
-  EXPECT_EQ(Refusal([&] { ReadTrajectory(folder_.path() / "none.csv"); }), ErrorKind::kNotFound);
-  EXPECT_EQ(Refusal([&] { ReadTrajectory(folder_.path()); }), ErrorKind::kNotFound);
+  EXPECT_EQ(testing::Refusal([&] { ReadTrajectory(folder_.path() / "none.csv"); }),
+            ErrorKind::kNotFound);
+  EXPECT_EQ(testing::Refusal([&] { ReadTrajectory(folder_.path()); }), ErrorKind::kNotFound);
 }
 
 TEST_F(LabTrajectoryFile, OutputIsLookedAtBeforeTheWork) {
-  EXPECT_EQ(Refusal([] { CheckOutputFile("/no/such/folder/o.csv"); }), ErrorKind::kNotFound);
+  EXPECT_EQ(testing::Refusal([] { CheckOutputFile("/no/such/folder/o.csv"); }),
+            ErrorKind::kNotFound);
   for (const std::filesystem::path& bad : {folder_.path(), std::filesystem::path("/dev/null")}) {
-    EXPECT_EQ(Refusal([&] { CheckOutputFile(bad); }), ErrorKind::kInvalidArgument) << bad;
+    EXPECT_EQ(testing::Refusal([&] { CheckOutputFile(bad); }), ErrorKind::kInvalidArgument) << bad;
   }
   EXPECT_EQ(Complaint([&] { CheckOutputFile(file_); }), "accepted");
 }

@@ -47,8 +47,20 @@ std::size_t Column(const std::string& header, const std::string& name) {
   return static_cast<std::size_t>(std::find(names.begin(), names.end(), name) - names.begin());
 }
 
-std::string Table(const std::shared_ptr<std::string>& bytes) {
-  RecordingReader reader = ReadBytes(*bytes);
+std::string Record(const std::function<void(RecordingWriter&)>& write, bool end = true) {
+  auto bytes = std::make_shared<std::string>();
+  RecordingWriter writer(std::make_unique<MemoryOutput>(bytes), "test");
+  write(writer);
+  if (end) writer.AppendEnd();
+  return *bytes;
+}
+
+std::string Record(const std::vector<TickSample>& samples, bool end = true) {
+  return Record([&](RecordingWriter& writer) { writer.AppendSamples(samples); }, end);
+}
+
+std::string Table(const std::string& bytes) {
+  RecordingReader reader = ReadBytes(bytes);
   std::ostringstream table;
   ExportCsv(reader, table);
   EXPECT_TRUE(reader.complete());
@@ -56,13 +68,8 @@ std::string Table(const std::shared_ptr<std::string>& bytes) {
 }
 
 TEST(CsvExport, NumbersReadBackBitForBit) {
-  const auto bytes = std::make_shared<std::string>();
-  RecordingWriter writer(std::make_unique<MemoryOutput>(bytes), "test");
-  std::vector<TickSample> samples;
-  for (std::uint64_t tick = 40; tick < 540; ++tick) samples.push_back(RandomSample(tick));
-  writer.AppendSamples(samples);
-  writer.AppendEnd();
-  const std::vector<std::string> lines = Split(Table(bytes), '\n');
+  const std::vector<TickSample> samples = testing::RandomSamples(40, 500);
+  const std::vector<std::string> lines = Split(Table(Record(samples)), '\n');
   ASSERT_EQ(lines.size(), 501u);
   const std::size_t force = Column(lines[0], "force_y_n"), mode = Column(lines[0], "mode");
   const std::size_t columns = Split(lines[0], ',').size();
@@ -81,18 +88,17 @@ TEST(CsvExport, NumbersReadBackBitForBit) {
 }
 
 TEST(CsvExport, MarkersStandOnTheirTick) {
-  const auto bytes = std::make_shared<std::string>();
-  RecordingWriter writer(std::make_unique<MemoryOutput>(bytes), "test");
-  writer.AppendSamples(std::vector<TickSample>(1));
-  writer.Append(RecordedMarker{.tick = 1, .text = "trial \"7\""});
-  writer.Append(RecordedMarker{.tick = 1, .text = "left"});
-  for (std::uint64_t tick = 1; tick < 3; ++tick) {
-    TickSample sample;
-    sample.tick = tick;
-    writer.AppendSamples(std::vector{sample});
-  }
-  writer.Append(RecordedMarker{.tick = 3, .text = "end, of it"});
-  writer.AppendEnd();
+  const std::string bytes = Record([](RecordingWriter& writer) {
+    writer.AppendSamples(std::vector<TickSample>(1));
+    writer.Append(RecordedMarker{.tick = 1, .text = "trial \"7\""});
+    writer.Append(RecordedMarker{.tick = 1, .text = "left"});
+    for (std::uint64_t tick = 1; tick < 3; ++tick) {
+      TickSample sample;
+      sample.tick = tick;
+      writer.AppendSamples(std::vector{sample});
+    }
+    writer.Append(RecordedMarker{.tick = 3, .text = "end, of it"});
+  });
   const std::vector<std::string> lines = Split(Table(bytes), '\n');
   ASSERT_EQ(lines.size(), 4u);
   EXPECT_TRUE(lines[1].ends_with(",off,operator,none,0,ok,0,1,"));
@@ -101,10 +107,7 @@ TEST(CsvExport, MarkersStandOnTheirTick) {
 }
 
 TEST(CsvExport, AFullStreamIsAnError) {
-  const auto bytes = std::make_shared<std::string>();
-  RecordingWriter writer(std::make_unique<MemoryOutput>(bytes), "test");
-  writer.AppendEnd();
-  RecordingReader reader = ReadBytes(*bytes);
+  RecordingReader reader = ReadBytes(Record([](RecordingWriter&) {}));
   std::ostringstream table;
   table.setstate(std::ios::badbit);
   EXPECT_EQ(testing::Refusal([&] { ExportCsv(reader, table); }), ErrorKind::kUnavailable);
@@ -143,18 +146,6 @@ TickSample Sample(std::uint64_t tick, std::uint64_t missed = 0) {
   sample.missed_ticks = missed;
   sample.hip_mm = {static_cast<double>(tick), 2.0, 3.0};
   return sample;
-}
-
-std::string Record(const std::function<void(RecordingWriter&)>& write, bool end = true) {
-  auto bytes = std::make_shared<std::string>();
-  RecordingWriter writer(std::make_unique<MemoryOutput>(bytes), "test");
-  write(writer);
-  if (end) writer.AppendEnd();
-  return *bytes;
-}
-
-std::string Record(const std::vector<TickSample>& samples, bool end = true) {
-  return Record([&](RecordingWriter& writer) { writer.AppendSamples(samples); }, end);
 }
 
 std::vector<DeviceState> PathOf(const std::string& bytes,

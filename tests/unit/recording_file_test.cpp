@@ -48,10 +48,15 @@ using testing::RandomSample;
 using testing::Refusal;
 using testing::SameSample;
 
-void Write(const std::filesystem::path& path, bool overwrite, std::size_t ticks) {
+void Write(const std::filesystem::path& path, bool overwrite,
+           const std::vector<TickSample>& samples) {
   RecordingWriter writer(CreateRecordingFile(path, overwrite), "test");
-  writer.AppendSamples(testing::RandomSamples(0, ticks));
+  writer.AppendSamples(samples);
   writer.AppendEnd();
+}
+
+void Write(const std::filesystem::path& path, bool overwrite, std::size_t ticks) {
+  Write(path, overwrite, testing::RandomSamples(0, ticks));
 }
 
 struct FileContents {
@@ -189,16 +194,7 @@ TEST(RecordingFile, AMinuteIsCompact) {
   EXPECT_GT(contacts, ticks / 2);
   const TemporaryFolder folder;
   const auto path = folder.path() / "a.palpate";
-  RecordingWriter writer(CreateRecordingFile(path, false), "test");
-  writer.AppendSamples(samples);
-  writer.AppendEnd();
-  RecordingReader reader(path);
-  const std::vector<TickSample> read = testing::SamplesIn(testing::ReadAll(reader));
-  EXPECT_TRUE(reader.complete());
-  ASSERT_EQ(read.size(), ticks);
-  for (std::size_t tick = 0; tick < ticks; ++tick) {
-    ASSERT_TRUE(SameSample(read[tick], samples[tick]));
-  }
+  Write(path, false, samples);
   const double bytes = static_cast<double>(std::filesystem::file_size(path));
   EXPECT_LT(bytes / static_cast<double>(ticks), 130.0);  // of 268 in memory
 }

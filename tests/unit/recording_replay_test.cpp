@@ -34,13 +34,33 @@ class RecordingReplay : public ::testing::Test {
  protected:
   std::unique_ptr<RecordingOutput> Output() { return std::make_unique<MemoryOutput>(bytes_); }
 
-  // Every load gives `volume`, whatever it is.
-  Replayer Replay(std::shared_ptr<const VolumeSnapshot> volume) {
-    Replayer replayer([volume](const RecordedScene&) { return volume; });
+  using Change = std::function<void(RecordedChunk&)>;
+
+  // Hands over all chunks, changed by `change`.
+  Replayer ReplayLoading(const RecordedVolumeLoader& load, const Change& change = AsItIs) {
+    Replayer replayer(load);
     RecordingReader reader = testing::ReadBytes(*bytes_);
-    while (const std::optional<RecordedChunk> chunk = reader.Next()) replayer.Take(*chunk);
+    while (std::optional<RecordedChunk> chunk = reader.Next()) {
+      change(*chunk);
+      replayer.Take(*chunk);
+    }
     EXPECT_TRUE(reader.complete()) << reader.stopped_because();
     return replayer;
+  }
+  // Every load gives `volume`, whatever it is.
+  Replayer Replay(std::shared_ptr<const VolumeSnapshot> volume, const Change& change = AsItIs) {
+    return ReplayLoading([volume](const RecordedScene&) { return volume; }, change);
+  }
+  static void AsItIs(RecordedChunk&) {}
+
+  // That of a recording which begins with it.
+  RecordedScene SceneOf(const std::shared_ptr<const VolumeSnapshot>& volume) {
+    SceneRig rig(volume);
+    rig.Record(Output());
+    rig.Run(100);
+    rig.Stop();
+    RecordingReader reader = testing::ReadBytes(*bytes_);
+    return std::get<RecordedScene>(*reader.Next());
   }
   static void ExpectNoDifference(const Replayer& replayer) {
     EXPECT_EQ(replayer.counts().differing, 0u);
@@ -153,12 +173,10 @@ TEST_F(RecordingReplay, FollowsAnotherVolumeThatIsLoaded) {
   rig.Run(1000);
   rig.Stop();
   int loads = 0;
-  Replayer replayer([&](const RecordedScene& scene) {
+  const Replayer replayer = ReplayLoading([&](const RecordedScene& scene) {
     ++loads;
     return scene.loaded_revision == 1 ? first : second;
   });
-  RecordingReader reader = testing::ReadBytes(*bytes_);
-  while (const std::optional<RecordedChunk> chunk = reader.Next()) replayer.Take(*chunk);
   ExpectNoDifference(replayer);
   EXPECT_EQ(loads, 2);
   EXPECT_EQ(replayer.counts().compared, 2000u);
@@ -223,16 +241,13 @@ TEST_F(RecordingReplay, SeesWhatWasChanged) {
   rig.Record(Output());
   rig.Run(3000);
   rig.Stop();
-  Replayer replayer([&](const RecordedScene&) { return volume; });
-  RecordingReader reader = testing::ReadBytes(*bytes_);
-  while (std::optional<RecordedChunk> chunk = reader.Next()) {
-    if (auto* samples = std::get_if<RecordedSamples>(&*chunk)) {
-      for (TickSample& sample : *samples) {
-        if (sample.tick == 1234) sample.force_n[1] = std::nextafter(sample.force_n[1], 100.0);
-      }
+  const Replayer replayer = Replay(volume, [](RecordedChunk& chunk) {
+    auto* samples = std::get_if<RecordedSamples>(&chunk);
+    if (!samples) return;
+    for (TickSample& sample : *samples) {
+      if (sample.tick == 1234) sample.force_n[1] = std::nextafter(sample.force_n[1], 100.0);
     }
-    replayer.Take(*chunk);
-  }
+  });
   EXPECT_EQ(replayer.counts().differing, 1u);
   ASSERT_TRUE(replayer.first_difference());
   EXPECT_EQ(replayer.first_difference()->tick, 1234u);
@@ -241,52 +256,29 @@ TEST_F(RecordingReplay, SeesWhatWasChanged) {
 
 TEST_F(RecordingReplay, ScenesThatCannotBeAreRefused) {
   const auto volume = Gyroid();
-  SceneRig rig(volume);
-  rig.Record(Output());
-  rig.Run(100);
-  rig.Stop();
-  RecordingReader reader = testing::ReadBytes(*bytes_);
-  const RecordedScene good = std::get<RecordedScene>(*reader.Next());
-  const VolumeHash hash = HashVolume(*volume);
-  EXPECT_EQ(testing::Refusal([&] { ToScene(good, volume, hash); }), std::nullopt);
-  EXPECT_EQ(testing::Refusal([&] {
-              ToScene(good, volume, {hash.high, hash.low + 1});
-            }),
+  const RecordedScene good = SceneOf(volume);
+  const VolumeHash hash = HashVolume(*volume), other{hash.high, hash.low + 1};
+  const auto refusal_of = [&](const std::function<void(RecordedScene&)>& change) {
+    RecordedScene scene = good;
+    change(scene);
+    return testing::Refusal([&] { ToScene(scene, volume, hash); });
+  };
+  const auto invalid = ErrorKind::kInvalidArgument;
+  EXPECT_EQ(refusal_of([](RecordedScene&) {}), std::nullopt);
+  EXPECT_EQ(testing::Refusal([&] { ToScene(good, volume, other); }), ErrorKind::kConflict);
+  EXPECT_EQ(refusal_of([](RecordedScene& bad) { bad.unknown_settings = {"texture_mm"}; }),
             ErrorKind::kConflict);
-  RecordedScene bad = good;
-  bad.unknown_settings = {"texture_mm"};
-  EXPECT_EQ(testing::Refusal([&] { ToScene(bad, volume, hash); }), ErrorKind::kConflict);
-  bad = good;
-  bad.X_DI.linear.setZero();
-  EXPECT_EQ(testing::Refusal([&] { ToScene(bad, volume, hash); }), ErrorKind::kInvalidArgument);
-  for (const double scale : {1e-140, 1e140}) {
-    bad = good;
-    bad.X_DI.linear *= scale;
-    EXPECT_EQ(testing::Refusal([&] { ToScene(bad, volume, hash); }), ErrorKind::kInvalidArgument);
+  for (const double scale : {0.0, 1e-140, 1e140}) {
+    EXPECT_EQ(refusal_of([&](RecordedScene& bad) { bad.X_DI.linear *= scale; }), invalid) << scale;
   }
-  bad = good;
-  bad.X_DI.translation.y() = -1e10;
-  EXPECT_EQ(testing::Refusal([&] { ToScene(bad, volume, hash); }), ErrorKind::kInvalidArgument);
-  bad = good;
+  EXPECT_EQ(refusal_of([](RecordedScene& bad) { bad.X_DI.translation.y() = -1e10; }), invalid);
+  RecordedScene bad = good;
   bad.tick_period_s = 2e-3;
   Replayer replayer([&](const RecordedScene&) { return volume; });
   replayer.Take(bad);
   EXPECT_TRUE(replayer.volume_error());
   EXPECT_EQ(testing::Refusal([&] { replayer.Take(RecordedKeyframe{.tick = 0, .bytes = "old"}); }),
             ErrorKind::kConflict);
-}
-
-// Hands over all chunks, changed by `change`.
-Replayer ReplayChanged(const std::string& bytes, std::shared_ptr<const VolumeSnapshot> volume,
-                       const std::function<void(RecordedChunk&)>& change) {
-  Replayer replayer([volume](const RecordedScene&) { return volume; });
-  RecordingReader reader = testing::ReadBytes(bytes);
-  while (std::optional<RecordedChunk> chunk = reader.Next()) {
-    change(*chunk);
-    replayer.Take(*chunk);
-  }
-  EXPECT_TRUE(reader.complete()) << reader.stopped_because();
-  return replayer;
 }
 
 // Passivity control as that device needs it, and not as an Omni does.
@@ -306,7 +298,7 @@ TEST_F(RecordingReplay, GivesTheSameBitsOfAnotherDevice) {
   const Replayer replayer = Replay(volume);
   ExpectNoDifference(replayer);
   EXPECT_EQ(replayer.counts().compared, 6000u);
-  const Replayer as_omni = ReplayChanged(*bytes_, volume, [](RecordedChunk& chunk) {
+  const Replayer as_omni = Replay(volume, [](RecordedChunk& chunk) {
     if (auto* scene = std::get_if<RecordedScene>(&chunk)) scene->device = {};
   });
   EXPECT_GT(as_omni.counts().differing, 100u);
@@ -378,12 +370,10 @@ TEST_F(RecordingReplay, HoldsVolumesThatNoFileGives) {
   rig.Run(500);
   const RecorderReport report = rig.Stop();
   EXPECT_EQ(report.left_out, "");
-  Replayer replayer([](const RecordedScene& scene) {
+  const Replayer replayer = ReplayLoading([](const RecordedScene& scene) {
     EXPECT_TRUE(scene.all_voxels_stored);
     return WithoutVoxels(scene);
   });
-  RecordingReader reader = testing::ReadBytes(*bytes_);
-  while (const std::optional<RecordedChunk> chunk = reader.Next()) replayer.Take(*chunk);
   ExpectNoDifference(replayer);
   const ReplayCounts& counts = replayer.counts();
   EXPECT_EQ(counts.without_volume + counts.without_scene, 0u);
@@ -435,18 +425,15 @@ TEST_F(RecordingReplay, StatesThatNoServoHasAreRefused) {
   rig.Run(3000);
   rig.Stop();
   const auto replay = [&](const std::function<void(Place&)>& attack) {
-    Replayer replayer([&](const RecordedScene&) { return volume; });
-    RecordingReader reader = testing::ReadBytes(*bytes_);
-    while (std::optional<RecordedChunk> chunk = reader.Next()) {
-      if (auto* keyframe = std::get_if<RecordedKeyframe>(&*chunk)) {
-        ServoMemory memory;
-        EXPECT_TRUE(Load(keyframe->bytes, memory));
-        Proxy& proxy = memory.renderer.proxy;
-        if (proxy.placed && proxy.place.kind == Place::Kind::kSimplex) attack(proxy.place);
-        keyframe->bytes = Save(memory).view();
-      }
-      replayer.Take(*chunk);
-    }
+    Replay(volume, [&](RecordedChunk& chunk) {
+      auto* keyframe = std::get_if<RecordedKeyframe>(&chunk);
+      if (!keyframe) return;
+      ServoMemory memory;
+      EXPECT_TRUE(Load(keyframe->bytes, memory));
+      Proxy& proxy = memory.renderer.proxy;
+      if (proxy.placed && proxy.place.kind == Place::Kind::kSimplex) attack(proxy.place);
+      keyframe->bytes = Save(memory).view();
+    });
   };
   const std::vector<std::pair<const char*, std::function<void(Place&)>>> attacks = {
       {"weights below 0", [](Place& place) { place.carrier.weight.fill(-1.0); }},
@@ -466,12 +453,7 @@ TEST_F(RecordingReplay, StatesThatNoServoHasAreRefused) {
 // The servo keeps places and cells for as long as their revisions are the same.
 TEST_F(RecordingReplay, ScenesThatContradictEachOtherAreRefused) {
   const auto volume = Gyroid();
-  SceneRig rig(volume);
-  rig.Record(Output());
-  rig.Run(100);
-  rig.Stop();
-  RecordingReader reader = testing::ReadBytes(*bytes_);
-  const RecordedScene good = std::get<RecordedScene>(*reader.Next());
+  const RecordedScene good = SceneOf(volume);
   const auto refusal_of = [&](const std::function<void(RecordedScene&)>& change) {
     Replayer replayer([&](const RecordedScene&) { return volume; });
     replayer.Take(good);
