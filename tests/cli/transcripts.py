@@ -149,6 +149,75 @@ DAEMON = {
     ],
 }
 
+# A palpated whose volumes are edited, saved, sent, played and placed; uploads of 1 MiB at most.
+SPHERE = "edit sphere --center-voxels 9,9,9 "
+BLOCK = "edit block absent.f32 --operation set --size-voxels 2,2,2 --min-voxels "
+VOLUMES = {
+    "edits": [
+        Step("load builtin:bumps:64"),
+        Step("edit box --min-voxels 10,10,10 --max-voxels 12,12,12 --operation set --value 0.75 "
+             "--json", json={"changed_voxels": 27, "changed.max": [12, 12, 12]}),
+        Step("edit capsule --from-mm -1,2,3 --to-mm 9,2,3 --radius-mm 2 --falloff-mm 1 "
+             "--operation paint --value 1 --strength .5"),
+        Step("undo --json", json={"redo_steps": 1}),
+        Step("redo --json", json={"undo_steps": 2}),
+        Step("undo --expected-revision 1", exit=7),
+        Step("revert"),
+        Step("edit block block.f32 --min-voxels 1,2,3 --size-voxels 2,2,2 --operation set --json",
+             json={"changed.min": [1, 2, 3]}),
+        Step("save a.nrrd --json", keys=["size_bytes"]),
+        Step("save a.nrrd", exit=7),
+        Step("save a.nrrd --overwrite"),
+    ],
+    "edits_that_make_no_sense": [
+        Step("load builtin:bumps:64"),
+        Step(SPHERE + "--radius-voxels 2 --operation set --value 0.5"),
+        Step(exit=2, run=[
+            "edit", BLOCK + "-1,1,1", SPHERE + "--radius-mm 2 --operation set --value 0.5",
+            SPHERE + "--operation set --value 0.5", *(SPHERE + "--radius-voxels " + end for end in (
+                "2 --operation set", "2 --value 0.5", "2 --operation cut --value 0.5",
+                "2 --operation smooth --value 0.5", "nan --operation smooth",
+                "2 --operation smooth --strength 2")),
+        ]),
+        Step(SPHERE + "--radius-voxels -2 --operation smooth", exit=3),
+        Step(BLOCK + "1,1,1", exit=4),
+    ],
+    "uploads": [
+        Step("upload sent.nrrd --normalized-isovalue 0.25"),
+        Step("info --json", json={"volume.source": "upload:sent.nrrd"}),
+        Step("upload", exit=2),
+        Step("upload absent.nrrd", exit=4),
+        Step(["upload $FOLDER", "upload empty.nrrd"], exit=3),
+        Step("upload large.nrrd", exit=6),
+        Step("upload b.dat --raw-size 4,4,3 --raw-type uint8"),
+        Step("info --json", json={"volume.size": [4, 4, 3]}),
+    ],
+    "series": [
+        Step("series load $FOLDER/t*.nrrd"),
+        Step(["series rate -.5", "series loop on", "series interpolate on", "series seek 1.5",
+              "series play"]),
+        Step("series info --json", json={"frames": 3, "playing": True, "rate_hz": -0.5,
+                                         "loop": True, "interpolate": True}),
+        Step("series pause"),
+        Step("series info --json", json={"playing": False}),
+        Step("series seek 7", exit=3),
+        Step(exit=2, run=["series", *(f"series {line}" for line in (
+            "load", "seek", "seek x", "rate", "loop", "loop maybe", "play x", "stop"))]),
+        Step("load builtin:sphere:16"),
+        Step("series info", exit=7),
+    ],
+    "place": [
+        Step("load builtin:bumps:32"),
+        Step("place --center-mm -.5,1,0 --turn-deg z,-90 --cells-per-mm 4 --json",
+             keys=["applied_tick"], json={"center_mm": [-0.5, 1, 0], "device_mm_per_voxel": 0.25}),
+        Step("place", has=["turned by 90° about (0, 0, -1)"]),
+        Step("place --device-mm-per-voxel 1e7", exit=3),
+        Step("place --reset --expected-revision 1", exit=7),
+        Step("place --reset --expected-revision $REVISION"),
+        Step("place --json", json={"center_mm": [0, 0, 0]}),
+    ],
+}
+
 # A palpated whose device is not plugged in.
 NO_DEVICE = {
     "device": [

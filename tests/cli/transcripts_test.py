@@ -24,7 +24,7 @@ import transcripts
 from crash import require_no_crash
 from free_port import free_port
 from palpate.v1 import volume_pb2, volume_pb2_grpc
-from support import PALPATE, PATIENCE_S, Daemon, wait_until
+from support import PALPATE, PATIENCE_S, Daemon, nrrd, pattern, wait_until
 
 
 def value_at(held, path):
@@ -247,6 +247,22 @@ class WithDaemon(CommandLine):
             self.assertIn(b"] of 3.3 N", shown)
             self.assertRegex(shown, rb"\x1b\[\d+A\x1b\[J")
             self.assertGreater(shown.rfind(b"\x1b[?25h"), shown.rfind(b"\x1b[?25l"))
+
+
+@plays(transcripts.VOLUMES)
+class WithVolumes(CommandLine):
+    @classmethod
+    def setUpClass(cls):
+        super().setUpClass()
+        cls.daemon = cls.enterClassContext(Daemon("builtin:sphere:16", config={
+            "volume": ["max_upload_mib = 1", f'save_folders = ["{cls.folder}"]']}))
+        cls.words["SOCKET"] = cls.daemon.socket
+        files = {f"t{8 + n}.nrrd": nrrd(pattern((9, 8, 7)) + n) for n in range(3)} | {
+            "sent.nrrd": nrrd(pattern((9, 8, 7))), "empty.nrrd": b"",
+            "large.nrrd": bytes((1 << 20) + 1), "b.dat": bytes(range(48)),
+            "block.f32": struct.pack("<8f", *[0.125] * 8)}
+        for name, content in files.items():
+            pathlib.Path(cls.folder, name).write_bytes(content)
 
 
 class DaemonThatDies(CommandLine):

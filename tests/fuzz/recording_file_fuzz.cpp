@@ -6,7 +6,6 @@
 #include <memory>
 #include <sstream>
 #include <string>
-#include <utility>
 
 #include "common/error/error.h"
 #include "server/recording/recorded_path.h"

@@ -2,7 +2,6 @@
 // program's own cells, and what is refused.
 #include <gtest/gtest.h>
 
-#include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <fstream>

@@ -15,17 +15,12 @@ import grpc
 from google.protobuf import message_factory
 from google.protobuf.descriptor import FieldDescriptor as Field
 
-from palpate.v1 import (device_pb2, pose_pb2, recording_pb2, registration_pb2, render_pb2,
-                        series_pb2, volume_pb2)
-from support import CALL_S, Client, Daemon
+from palpate.v1 import recording_pb2, volume_pb2
+from support import CALL_S, METHODS, Client, Daemon, bare_call
 
 MESSAGES = 2000 * int(os.environ.get("PALPATE_TORTURE", "1"))
 SEED = 8
 STREAM_S = 0.2
-
-FILES = (device_pb2, pose_pb2, recording_pb2, registration_pb2, render_pb2, series_pb2, volume_pb2)
-METHODS = [method for file in FILES for service in file.DESCRIPTOR.services_by_name.values()
-           for method in service.methods]
 
 DOUBLES = [0.0, -0.0, 1.0, -1.0, 0.5, 1e-308, 5e-324, 1e308, -1e308, math.inf, -math.inf, math.nan,
            1e9, -1e9, 3.3, 24.0]
@@ -117,13 +112,10 @@ class Maker:
 
 def call(channel, method, requests):
     """Sends bytes to a method, whatever they are. The status code and its words."""
-    path = f"/{method.containing_service.full_name}/{method.name}"
-    kind = (("stream" if method.client_streaming else "unary") + "_"
-            + ("stream" if method.server_streaming else "unary"))
     endless = method.client_streaming and method.server_streaming
     sent = iter(requests) if method.client_streaming else requests[0]
     try:
-        answer = getattr(channel, kind)(path)(sent, timeout=STREAM_S if endless else CALL_S)
+        answer = bare_call(channel, method)(sent, timeout=STREAM_S if endless else CALL_S)
         if method.server_streaming:
             for _, _ in zip(range(50), answer):
                 pass

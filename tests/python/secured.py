@@ -39,16 +39,6 @@ def dawdle(stack, port):
     return dawdlers
 
 
-def header(name, value):
-    """A field of HTTP/2, as it is."""
-    return b"\x00" + bytes([len(name)]) + name + bytes([len(value)]) + value
-
-
-def frame(kind, flags, stream, content):
-    return (len(content).to_bytes(3, "big") + bytes([kind, flags]) + stream.to_bytes(4, "big")
-            + content)
-
-
 class SecuredDaemon(Daemon):
     """With TLS on a port, tokens of every role, and certificates of two names; their files are in
     the folder `security`. `more`: lines of its configuration."""
@@ -108,24 +98,11 @@ role = "operator"
         return grpc.secure_channel(self.address, tls,
                                    options=[("grpc.enable_http_proxy", 0), *options])
 
-    def send_call(self, headers):
-        """A call of a stranger, with headers that no library would send."""
+    def tls(self):
+        """Of a client of HTTP/2 that is no library."""
         context = ssl.create_default_context(cafile=str(self.authority.ca))
         context.set_alpn_protocols(["h2"])
-        fields = [(b":method", b"POST"), (b":scheme", b"https"), (b":authority", b"localhost"),
-                  (b":path", b"/palpate.v1.DeviceService/GetDevice"), (b"te", b"trailers"),
-                  (b"content-type", b"application/grpc"), *headers]
-        with socket.create_connection(("localhost", self.port)) as plain, \
-                context.wrap_socket(plain, server_hostname="localhost") as peer:
-            peer.sendall(b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n" + frame(4, 0, 0, b"")
-                         + frame(1, 5, 1, b"".join(header(*field) for field in fields)))
-            peer.settimeout(PATIENCE_S)
-            # Its settings, and more: until it says something of the call, or hangs up.
-            try:
-                while (answer := peer.recv(65536)) and b"\x00\x00\x00\x01" not in answer:
-                    pass
-            except OSError:
-                pass
+        return context
 
     def local_channel(self):
         return grpc.insecure_channel(f"unix:{self.socket}")

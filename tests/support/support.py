@@ -16,8 +16,9 @@ import numpy as np
 
 import palpate
 from palpate.v1 import (device_pb2, device_pb2_grpc, edit_pb2, pose_pb2, pose_pb2_grpc,
-                        recording_pb2, recording_pb2_grpc, registration_pb2_grpc, render_pb2,
-                        render_pb2_grpc, series_pb2_grpc, volume_pb2_grpc)
+                        recording_pb2, recording_pb2_grpc, registration_pb2, registration_pb2_grpc,
+                        render_pb2, render_pb2_grpc, series_pb2, series_pb2_grpc, volume_pb2,
+                        volume_pb2_grpc)
 
 from crash import end_in_order
 from free_port import free_port
@@ -28,6 +29,18 @@ PALPATE = os.environ.get("PALPATE", "")
 SANITIZED = "PALPATE_SANITIZED" in os.environ
 PATIENCE_S = 120.0
 CALL_S = 60.0
+# Every method of every service.
+METHODS = [method
+           for file in (device_pb2, pose_pb2, recording_pb2, registration_pb2, render_pb2,
+                        series_pb2, volume_pb2)
+           for service in file.DESCRIPTOR.services_by_name.values() for method in service.methods]
+
+
+def bare_call(channel, method):
+    """One of METHODS, which takes and gives bytes."""
+    kind = "_".join("stream" if streams else "unary"
+                    for streams in (method.client_streaming, method.server_streaming))
+    return getattr(channel, kind)(f"/{method.containing_service.full_name}/{method.name}")
 
 
 def wait_until(holds, seconds=PATIENCE_S):

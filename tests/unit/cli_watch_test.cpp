@@ -8,7 +8,6 @@
 #include <cmath>
 #include <limits>
 #include <string>
-#include <vector>
 
 #include "client/cli/output.h"
 #include "client/cli/sample_json.h"

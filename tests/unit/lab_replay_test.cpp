@@ -7,7 +7,6 @@
 #include <fstream>
 #include <functional>
 #include <limits>
-#include <optional>
 #include <sstream>
 #include <utility>
 

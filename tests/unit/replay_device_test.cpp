@@ -2,9 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include <numbers>
-#include <string>
-#include <utility>
 #include <vector>
 
 #include "tests/support/device_numbers.h"

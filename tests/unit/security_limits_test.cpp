@@ -3,7 +3,6 @@
 #include <gtest/gtest.h>
 #include <netinet/in.h>
 
-#include <algorithm>
 #include <numeric>
 #include <random>
 #include <string>
