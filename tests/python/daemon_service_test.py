@@ -27,10 +27,10 @@ CONFLICT, INVALID, NOT_FOUND, PERMISSION = 7, 3, 4, 5
 class Palpated:
     """palpated as a service: without a terminal. Its log is a file."""
 
-    def __init__(self, test, *arguments, prefix=(), more_environment=None, socket_path=None):
+    def __init__(self, test, *arguments, prefix=(), more_environment=None):
         self.folder = pathlib.Path(test.enterContext(
             tempfile.TemporaryDirectory(prefix="palpate-service-")))
-        self.socket = socket_path or str(self.folder / "s.sock")
+        self.socket = str(self.folder / "s.sock")
         self._log = self.folder / "log"
         with open(self._log, "wb") as log:
             self.process = subprocess.Popen(

@@ -219,10 +219,6 @@ class LogTest(SecuredTest):
                  "is refused"),
                 ({"certificate": lab.issue("old", "DNS:viewer.lab.example", days=-1)},
                  "a stranger", "expired"),
-                ({"certificate": lab.issue("unknown", "DNS:nobody.lab.example")}, "a stranger",
-                 "nobody.lab.example"),
-                ({"certificate": lab.issue("web", "DNS:viewer.lab.example", purpose="serverAuth")},
-                 "a stranger", "purpose"),
                 ({"certificate": lab.issue("viewer", "DNS:viewer.lab.example")},
                  "certificate viewer.lab.example", "operator"),
                 ({"token": self.daemon.tokens["editor"]}, "token editor", "operator")):

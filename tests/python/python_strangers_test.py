@@ -196,7 +196,6 @@ class Strangers(AttackTest):
         if "PALPATE_SANITIZED" not in os.environ:
             self.assertLess(most - before, 150 * MIB)
 
-
     def test_headers_of_grpcs_own_do_not_end_it(self):
         # gRPC 1.51 aborts where it writes the first of them for a metadata processor.
         ticks = self.daemon.ticks()

@@ -35,23 +35,6 @@ client::Settings Told(const client::SettingsUpdate& update) {
   return Told(client::ToProto(update).settings());
 }
 
-TEST(CliSetting, EveryFieldIsListed) {
-  const auto* fields = v1::RenderSettings::descriptor();
-  EXPECT_EQ(fields->field_count(), static_cast<int>(kSettings.size()));
-  const std::string list = ListOfSettings();
-  for (int n = 0; n < fields->field_count(); ++n) {
-    const Setting* setting = FindSetting(fields->field(n)->name());
-    ASSERT_NE(setting, nullptr) << fields->field(n)->name();
-    EXPECT_EQ(setting->key, fields->field(n)->name());
-    EXPECT_EQ(FindSetting(setting->name), setting);
-    EXPECT_TRUE(setting->key.starts_with(setting->name));
-    EXPECT_NE(list.find(fmt::format("  {} ", setting->name)), std::string::npos) << setting->name;
-    EXPECT_NE(list.find(ValuesOf(*setting)), std::string::npos) << setting->name;
-  }
-  EXPECT_EQ(FindSetting("friction"), nullptr);
-  EXPECT_EQ(FindSetting(""), nullptr);
-}
-
 TEST(CliSetting, NamesOfValuesAreTheDaemons) {
   client::SettingsUpdate update;
   const auto takes_all = [&update](std::string_view key, const auto& names) {

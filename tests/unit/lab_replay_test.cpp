@@ -24,14 +24,7 @@
 namespace palpate::lab {
 namespace {
 
-std::string Complaint(const std::function<void()>& call) {
-  try {
-    call();
-  } catch (const Error& error) {
-    return error.what();
-  }
-  return "accepted";
-}
+using testing::Complaint;
 
 class LabTrajectoryFile : public ::testing::Test {
  protected:
@@ -89,7 +82,7 @@ TEST_F(LabTrajectoryFile, OutputIsLookedAtBeforeTheWork) {
   for (const std::filesystem::path& bad : {folder_.path(), std::filesystem::path("/dev/null")}) {
     EXPECT_EQ(testing::Refusal([&] { CheckOutputFile(bad); }), ErrorKind::kInvalidArgument) << bad;
   }
-  EXPECT_EQ(Complaint([&] { CheckOutputFile(file_); }), "accepted");
+  EXPECT_EQ(Complaint([&] { CheckOutputFile(file_); }), "");
 }
 
 TEST(LabSettings, AreThoseOfTheRenderer) {
@@ -109,7 +102,7 @@ TEST(LabSettings, RefusesWhatTheyCannotBe) {
         "free_side=left", "free_side="}) {
     HapticSettings settings;
     const std::string complaint = Complaint([&] { ApplySetting(argument, settings); });
-    EXPECT_NE(complaint, "accepted") << argument;
+    EXPECT_NE(complaint, "") << argument;
     EXPECT_EQ(complaint.find('\n'), std::string::npos);
   }
   HapticSettings settings;
@@ -154,7 +147,7 @@ TEST(LabTrajectory, RefusesASurfaceThatIsNotThere) {
   const LoadedSurface bumps = Bumps();
   EXPECT_NE(Complaint([&] { MakeTrajectory(*bumps.volume, {.isovalue = 0.0}); }).find("no place"),
             std::string::npos);
-  EXPECT_NE(Complaint([&] { MakeTrajectory(*bumps.volume, {.ticks = 0}); }), "accepted");
+  EXPECT_NE(Complaint([&] { MakeTrajectory(*bumps.volume, {.ticks = 0}); }), "");
 }
 
 // All but the last column.
@@ -208,7 +201,7 @@ TEST(LabReplay, SpacingIsOneNumberOrThree) {
   EXPECT_EQ(load({1, 2, 3}).volume->metadata().spacing_mm, Vec3(1, 2, 3));
   EXPECT_EQ(load({0.25}).volume->metadata().spacing_mm, Vec3::Constant(0.25));
   for (const auto& bad : std::vector<std::vector<double>>{{1, 2}, {0}, {-1}, {NAN}, {1e9}}) {
-    EXPECT_NE(Complaint([&] { load(bad); }), "accepted");
+    EXPECT_NE(Complaint([&] { load(bad); }), "");
   }
 }
 

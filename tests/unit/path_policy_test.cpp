@@ -13,6 +13,7 @@
 
 #include "common/error/error.h"
 #include "common/files/new_file.h"
+#include "tests/support/refusal.h"
 #include "tests/support/temporary_folder.h"
 
 namespace palpate {
@@ -22,15 +23,10 @@ namespace fs = std::filesystem;
 
 // The line of an Error of this kind.
 std::string RefusalLine(ErrorKind kind, const std::function<void()>& call) {
-  try {
-    call();
-  } catch (const Error& error) {
-    EXPECT_EQ(error.kind(), kind) << error.what();
-    EXPECT_EQ(std::string(error.what()).find('\n'), std::string::npos);
-    return error.what();
-  }
-  ADD_FAILURE() << "accepted";
-  return "";
+  const std::string line = testing::Complaint(call);
+  EXPECT_EQ(testing::Refusal(call), kind) << line;
+  EXPECT_EQ(line.find('\n'), std::string::npos);
+  return line;
 }
 
 // What a refusal says besides the path, which it begins with.

@@ -9,6 +9,7 @@
 #include <string>
 
 #include "common/error/error.h"
+#include "tests/support/refusal.h"
 #include "tests/support/temporary_folder.h"
 
 namespace palpate::client {
@@ -34,13 +35,10 @@ class ServerChoiceTest : public ::testing::Test {
   std::string In(const std::string& name) const { return Folder() / name; }
   // Whether it is refused as this, on one line that names `part`.
   static bool Refuses(const ServerChoice& choice, ErrorKind kind, const std::string& part) {
-    try {
-      Resolve(choice);
-    } catch (const Error& error) {
-      const std::string what = error.what();
-      return error.kind() == kind && what.find('\n') == what.npos && what.find(part) != what.npos;
-    }
-    return false;
+    const auto resolve = [&] { Resolve(choice); };
+    const std::string what = testing::Complaint(resolve);
+    return testing::Refusal(resolve) == kind && what.find('\n') == what.npos &&
+           what.find(part) != what.npos;
   }
 
   const test::TemporaryFolder folder_;
