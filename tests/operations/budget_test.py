@@ -23,9 +23,8 @@ import time
 
 import numpy as np
 
-import crash
 import palpate
-from crowd import VolumeReader, Worker, faults
+from crowd import VolumeReader, Worker, faults, verdict
 from support import SANITIZED, Client, Daemon, nrrd, parse_metrics, scrape
 
 BUDGET_MIB = 300
@@ -253,17 +252,11 @@ def main():
                   "realtime": [f"lock_memory = {lock}"]}
         try:
             with Daemon("builtin:sphere:16", config=config, metrics=True) as daemon:
-                found = run(daemon, pathlib.Path(folder), pathlib.Path(full), options.seconds)
-                status = daemon.end()
-                if status:
-                    found.append(f"palpated ended with {status}: {''.join(daemon.said[-5:])}")
+                return verdict(daemon, run(daemon, pathlib.Path(folder), pathlib.Path(full),
+                                           options.seconds))
         finally:
             if mounted:
                 subprocess.run(["umount", "-q", "-l", full], check=False)
-    found += crash.found
-    for line in found[:20]:
-        print(f"FAILED: {line}")
-    return 1 if found else 0
 
 
 if __name__ == "__main__":

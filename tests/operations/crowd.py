@@ -3,6 +3,7 @@
 import threading
 import time
 
+import crash
 from palpate.v1 import volume_stream_pb2
 from support import PATIENCE_S, StreamReader
 
@@ -45,6 +46,17 @@ class VolumeReader(StreamReader):
 
     def take(self, message):
         return not self._stands or self.messages <= 3
+
+
+def verdict(daemon, found):
+    """Ends the daemon, and prints what was found wrong: the script's exit status."""
+    status = daemon.end()
+    if status:
+        found.append(f"palpated ended with {status}: {''.join(daemon.said[-5:])}")
+    found += crash.found
+    for line in found[:20]:
+        print(f"FAILED: {line}")
+    return 1 if found else 0
 
 
 def faults(workers, readers):

@@ -19,10 +19,9 @@ import statistics
 import sys
 import time
 
-import crash
 import numpy as np
 
-from crowd import VolumeReader, Worker, faults
+from crowd import VolumeReader, Worker, faults, verdict
 from support import SANITIZED, Client, Daemon, PoseReader, nrrd, parse_metrics, scrape
 
 EDGE = 48
@@ -148,14 +147,7 @@ def main():
         while time.monotonic() < end_s and not any(w.error for w in soak.workers):
             time.sleep(0.2)
         soak.stop()
-        found = soak.failures()
-        status = daemon.end()
-        if status:
-            found.append(f"palpated ended with {status}: {''.join(daemon.said[-5:])}")
-    found += crash.found
-    for line in found:
-        print(f"FAILED: {line}")
-    return 1 if found else 0
+        return verdict(daemon, soak.failures())
 
 
 if __name__ == "__main__":

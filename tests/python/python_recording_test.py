@@ -46,7 +46,8 @@ def record(daemon, conn, path):
     now()
     # A volume that no file gives again: its voxels are stored.
     values = np.random.default_rng(1).uniform(-3, 5, (20, 33, 18)).astype(np.float32)
-    conn.volume.upload(values, (0.5, 1, 2), name="mine")
+    conn.volume.upload(values, (0.5, 1, 2), name="mine", unit="HU")
+    expected["volume"] = conn.volume.download()
     expected["loaded"].append(values)
     now()
     conn.edit.box((3, 3, 3), (12, 12, 12), "set", 1.5, frame="index")

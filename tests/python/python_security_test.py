@@ -11,10 +11,9 @@ import unittest
 
 import grpc
 
-from palpate.v1 import (device_pb2, device_pb2_grpc, pose_pb2, pose_pb2_grpc, render_pb2,
-                        render_pb2_grpc)
+from palpate.v1 import device_pb2, pose_pb2, pose_pb2_grpc, render_pb2, render_pb2_grpc
 from authority import Authority
-from secured import ROLES, SecuredDaemon, dawdle, wait_for
+from secured import ROLES, SecuredDaemon, dawdle, stop_forces, wait_for
 from support import METHODS, PALPATE, PATIENCE_S, bare_call
 
 ENABLE = device_pb2.DESCRIPTOR.services_by_name["DeviceService"].methods_by_name["EnableForces"]
@@ -35,11 +34,6 @@ def call(channel, method, metadata=None):
         return grpc.StatusCode.OK, ""
     except grpc.RpcError as failed:
         return failed.code(), failed.details()
-
-
-def stop_forces(channel):
-    return device_pb2_grpc.DeviceServiceStub(channel).StopForces(device_pb2.StopForcesRequest(),
-                                                                 timeout=PATIENCE_S)
 
 
 class PoseStreams:

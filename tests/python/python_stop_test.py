@@ -9,7 +9,7 @@ import grpc
 
 from palpate.v1 import (device_pb2, device_pb2_grpc, edit_pb2, pose_pb2, pose_pb2_grpc,
                         volume_pb2, volume_pb2_grpc, volume_stream_pb2)
-from secured import SecuredDaemon, wait_for
+from secured import SecuredDaemon, stop_forces, wait_for
 from support import PATIENCE_S
 
 # More than the daemon has threads for calls.
@@ -34,9 +34,7 @@ class StopTest(unittest.TestCase):
         early = self.channel("operator")
         for n in range(STOPS):
             channel = early if n % 5 else self.channel("viewer")
-            answer = device_pb2_grpc.DeviceServiceStub(channel).StopForces(
-                device_pb2.StopForcesRequest(), timeout=PATIENCE_S)
-            self.assertEqual(answer.forces.state, device_pb2.FORCE_STATE_STOPPED)
+            self.assertEqual(stop_forces(channel).forces.state, device_pb2.FORCE_STATE_STOPPED)
 
     def hold(self, open_stream, request):
         """So many streams that answered once, whoever lets them."""

@@ -15,7 +15,7 @@ import numpy as np
 
 import palpate
 from palpate.v1 import device_pb2, device_pb2_grpc
-from secured import SecuredDaemon, wait_for
+from secured import SecuredDaemon, stop_forces, wait_for
 from support import PATIENCE_S
 
 MIB = 1 << 20
@@ -186,7 +186,7 @@ class Strangers(AttackTest):
                         options=[("grpc.use_local_subchannel_pool", 1)]) as channel:
                     stub = device_pb2_grpc.DeviceServiceStub(channel)
                     stub.GetDevice(device_pb2.GetDeviceRequest(), timeout=PATIENCE_S)
-                    stub.StopForces(device_pb2.StopForcesRequest(), timeout=PATIENCE_S)
+                    stop_forces(channel)
                 served += 1
                 most = max(most, self.daemon.resident_bytes())
         finally:

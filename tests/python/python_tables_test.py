@@ -11,7 +11,6 @@ import numpy as np
 
 import palpate
 from python_recording_test import RecordingTest
-from support import DaemonTest, pattern
 
 try:
     import pandas
@@ -71,16 +70,7 @@ class Ticks(RecordingTest):
         self.assertTrue(ticks.contact.any() and has_v.any())
 
 
-class Tables(DaemonTest):
-    @classmethod
-    def setUpClass(cls):
-        super().setUpClass()
-        cls.path = cls.daemon.folder / "table.palrec"
-        cls.conn.recording.start(cls.path)
-        cls.poses = next(cls.conn.poses(1000, 250))
-        cls.conn.recording.stop()
-        cls.recording = palpate.open_recording(cls.path)
-
+class Tables(RecordingTest):
     @unittest.skipUnless(pandas, "pandas is not installed")
     def test_pandas_has_the_columns_of_the_command_line(self):
         frame = self.recording.ticks.to_pandas()
@@ -94,15 +84,16 @@ class Tables(DaemonTest):
 
     @unittest.skipUnless(pandas, "pandas is not installed")
     def test_pandas_of_poses(self):
-        frame = self.poses.to_pandas()
-        self.assertEqual(len(frame), 250)
-        np.testing.assert_array_equal(frame["force_y_n"], self.poses.force_n[:, 1])
-        self.assertEqual(set(frame["mode"]), {str(palpate.ProxyMode(n)) for n in self.poses.mode})
+        poses = self.expected["poses"]
+        frame = poses.to_pandas()
+        self.assertEqual(len(frame), len(poses))
+        np.testing.assert_array_equal(frame["force_y_n"], poses.force_n[:, 1])
+        self.assertEqual(set(frame["mode"]), {str(palpate.ProxyMode(n)) for n in poses.mode})
         self.assertTrue(frame.groupby("mode", observed=True)["update_ns"].mean().gt(0).all())
 
     @unittest.skipUnless(xarray, "xarray is not installed")
     def test_xarray_of_ticks(self):
-        for ticks in (self.poses, self.recording.ticks):
+        for ticks in (self.expected["poses"], self.recording.ticks):
             data = ticks.to_xarray()
             tick = int(ticks.tick[len(ticks) // 2])
             np.testing.assert_array_equal(data.hip_mm.sel(tick=tick, axis="z"),
@@ -115,15 +106,16 @@ class Tables(DaemonTest):
 
     @unittest.skipUnless(xarray, "xarray is not installed")
     def test_xarray_of_a_volume(self):
-        self.conn.volume.upload(pattern((4, 5, 6)), (0.5, 1, 2), unit="HU")
-        data = self.conn.volume.download().to_xarray()
-        self.assertEqual((data.dims, data.shape), (("x", "y", "z"), (4, 5, 6)))
-        self.assertEqual(float(data.sel(x=1.5, y=2, z=10)), 30205)
+        volume = self.expected["volume"]
+        data = volume.to_xarray()
+        self.assertEqual((data.dims, data.shape), (("x", "y", "z"), (20, 33, 18)))
+        self.assertEqual(float(data.sel(x=1.5, y=2, z=10)), volume.values[3, 2, 5])
         self.assertEqual(data.attrs["units"], "HU")
 
     def test_a_package_that_is_not_there_is_named(self):
-        for name, call in (("pandas", self.poses.to_pandas), ("xarray", self.poses.to_xarray),
-                           ("xarray", self.conn.volume.download().to_xarray)):
+        poses = self.expected["poses"]
+        for name, call in (("pandas", poses.to_pandas), ("xarray", poses.to_xarray),
+                           ("xarray", self.expected["volume"].to_xarray)):
             with unittest.mock.patch.dict("sys.modules", {name: None}), \
                     self.assertRaisesRegex(palpate.FailedPrecondition,
                                            f"apt-get install python3-{name}"):

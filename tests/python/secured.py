@@ -39,6 +39,11 @@ def dawdle(stack, port):
     return dawdlers
 
 
+def stop_forces(channel):
+    return device_pb2_grpc.DeviceServiceStub(channel).StopForces(device_pb2.StopForcesRequest(),
+                                                                 timeout=PATIENCE_S)
+
+
 class SecuredDaemon(Daemon):
     """With TLS on a port, tokens of every role, and certificates of two names; their files are in
     the folder `security`. `more`: lines of its configuration."""

@@ -1,8 +1,9 @@
-// Waits for another thread or process.
+// Waits for other threads or processes.
 #pragma once
 
 #include <chrono>
 #include <thread>
+#include <vector>
 
 namespace palpate::test {
 
@@ -16,6 +17,14 @@ bool Eventually(const Condition& holds, std::chrono::seconds patience = std::chr
     std::this_thread::sleep_for(std::chrono::milliseconds(2));
   }
   return true;
+}
+
+// Calls work(0) to work(count - 1), each on a thread of its own, and waits for their ends.
+template <typename Work>
+void OnThreads(int count, const Work& work) {
+  std::vector<std::thread> threads;
+  for (int n = 0; n < count; ++n) threads.emplace_back([&work, n] { work(n); });
+  for (std::thread& thread : threads) thread.join();
 }
 
 }  // namespace palpate::test

@@ -147,13 +147,18 @@ constexpr const char* kNumbersStand = "the readings' numbers do not rise";
 constexpr const char* kNeverDocked = "no reading is docked: begin with the stylus in its dock";
 constexpr const char* kFarOff = "positions far off the workspace";
 
-std::string ProblemOfReadings(const Transfers& in, std::uint8_t state_command) {
+// "": none. Readings are judged where the settings say which frames they are.
+std::string ProblemOf(const Transfers& in, const Settings& settings) {
+  const bool knows_readings = settings.contains("state_command");
+  const int state_command = knows_readings ? settings.at("state_command") : 0;
   OmniUsbOptions options = test::NamedOmniUsbOptions();
-  options.state_command = state_command;
-  options.force_command = static_cast<std::uint8_t>(state_command + 1);  // not used here
-  OmniUsbProtocol protocol(options);
   OmniUsbParser parser;
-  parser.Expect({state_command, kOmniStateBytes});
+  if (knows_readings) {
+    options.state_command = static_cast<std::uint8_t>(state_command);
+    options.force_command = static_cast<std::uint8_t>(state_command + 1);  // not used here
+    parser.Expect({*options.state_command, kOmniStateBytes});
+  }
+  OmniUsbProtocol protocol(options);
   std::size_t in_bytes = 0, readings = 0, rises = 0, calibrated = 0, near_workspace = 0;
   std::optional<std::uint32_t> counter;
   for (const CapturedTransfer& transfer : in) {
@@ -171,7 +176,9 @@ std::string ProblemOfReadings(const Transfers& in, std::uint8_t state_command) {
     ++calibrated;
     near_workspace += IsNearWorkspace(protocol.spec(), state.p_DHip_mm);
   }
+  if (in_bytes == 0) return "nothing came in";
   if (!AreMost(in_bytes - parser.corrupt_bytes(), in_bytes)) return kNoFrames;
+  if (!knows_readings) return "";
   if (readings == 0) return "no frame is a reading";
   if (!AreMost(rises, readings)) return kNumbersStand;
   if (calibrated == 0) return kNeverDocked;
@@ -189,24 +196,8 @@ Judgement Judge(const CapturePath& file) {
       Only(ReadCapture(file), true, &CapturedTransfer::device, settings["device"]);
   const Transfers in = Only(transfers, true, &CapturedTransfer::endpoint);
   const Transfers out = Only(transfers, false, &CapturedTransfer::endpoint);
-  Judgement judgement{.frames = FrameTable(in, "in ") + FrameTable(out, "out")};
-  OmniUsbParser parser;
-  std::size_t in_bytes = 0;
-  for (const CapturedTransfer& transfer : in) {
-    std::span<const std::uint8_t> bytes = transfer.payload;
-    in_bytes += bytes.size();
-    while (parser.Next(bytes)) {
-    }
-  }
-  if (in_bytes == 0) {
-    judgement.problem = "nothing came in";
-  } else if (settings.contains("state_command")) {
-    const int state_command = settings["state_command"];
-    judgement.problem = ProblemOfReadings(in, static_cast<std::uint8_t>(state_command));
-  } else if (!AreMost(in_bytes - parser.corrupt_bytes(), in_bytes)) {
-    judgement.problem = kNoFrames;
-  }
-  return judgement;
+  return {.problem = ProblemOf(in, settings),
+          .frames = FrameTable(in, "in ") + FrameTable(out, "out")};
 }
 
 TEST(Captures, OfRealDevicesAreDecoded) {

@@ -1,5 +1,4 @@
 // What the command line reads and says: settings, places, volumes, paths.
-#include <fmt/format.h>
 #include <gtest/gtest.h>
 #include <sys/stat.h>
 

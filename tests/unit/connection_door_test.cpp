@@ -19,6 +19,7 @@
 #include <utility>
 #include <vector>
 
+#include "common/files/descriptor.h"
 #include "server/rpc/acceptor.h"
 #include "server/rpc/connection_watch.h"
 #include "tests/support/free_port.h"
@@ -33,27 +34,9 @@ using test::Eventually;
 // Files of these tests have numbers from here on, out of the way of what is counted.
 constexpr int kOwnFiles = 600;
 
-// A file that closes itself.
-class OwnedFile {
- public:
-  explicit OwnedFile(int fd = -1) : fd_(fd) {}
-  ~OwnedFile() {
-    if (fd_ >= 0) close(fd_);
-  }
-  OwnedFile(OwnedFile&& other) noexcept : fd_(std::exchange(other.fd_, -1)) {}
-  OwnedFile& operator=(OwnedFile&& other) noexcept {
-    std::swap(fd_, other.fd_);
-    return *this;
-  }
-  int get() const { return fd_; }
-
- private:
-  int fd_;
-};
-
-OwnedFile Moved(int fd) {
-  OwnedFile low(fd);
-  return OwnedFile(fcntl(low.get(), F_DUPFD_CLOEXEC, kOwnFiles));
+Descriptor Moved(int fd) {
+  Descriptor low(fd);
+  return Descriptor(fcntl(low.get(), F_DUPFD_CLOEXEC, kOwnFiles));
 }
 
 sockaddr_in Loopback(int port, const std::string& host = "127.0.0.1") {
@@ -64,8 +47,8 @@ sockaddr_in Loopback(int port, const std::string& host = "127.0.0.1") {
   return address;
 }
 
-OwnedFile ConnectTo(int port, const std::string& from = "127.0.0.1") {
-  OwnedFile file = Moved(socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0));
+Descriptor ConnectTo(int port, const std::string& from = "127.0.0.1") {
+  Descriptor file = Moved(socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0));
   const sockaddr_in own = Loopback(0, from);
   EXPECT_EQ(bind(file.get(), reinterpret_cast<const sockaddr*>(&own), sizeof own), 0);
   const sockaddr_in address = Loopback(port);
@@ -73,8 +56,8 @@ OwnedFile ConnectTo(int port, const std::string& from = "127.0.0.1") {
   return file;
 }
 
-OwnedFile ConnectTo(const std::string& path) {
-  OwnedFile file = Moved(socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0));
+Descriptor ConnectTo(const std::string& path) {
+  Descriptor file = Moved(socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0));
   sockaddr_un address{};
   address.sun_family = AF_UNIX;
   std::strncpy(address.sun_path, path.c_str(), sizeof address.sun_path - 1);
@@ -83,7 +66,7 @@ OwnedFile ConnectTo(const std::string& path) {
 }
 
 // Whether the other side has hung up.
-bool IsClosed(const OwnedFile& file) {
+bool IsClosed(const Descriptor& file) {
   char byte = 0;
   const ssize_t read = recv(file.get(), &byte, 1, MSG_DONTWAIT);
   return read == 0 || (read < 0 && errno == ECONNRESET);
@@ -92,7 +75,8 @@ bool IsClosed(const OwnedFile& file) {
 // Keeps what the acceptor gives it, as gRPC would.
 class KeepingSink final : public grpc::experimental::ExternalConnectionAcceptor {
  public:
-  KeepingSink(std::atomic<int>& count, std::vector<OwnedFile>& kept) : count_(count), kept_(kept) {}
+  KeepingSink(std::atomic<int>& count, std::vector<Descriptor>& kept)
+      : count_(count), kept_(kept) {}
   void HandleNewConnection(NewConnectionParameters* connection) override {
     kept_.emplace_back(connection->fd);
     ++count_;
@@ -100,7 +84,7 @@ class KeepingSink final : public grpc::experimental::ExternalConnectionAcceptor 
 
  private:
   std::atomic<int>& count_;
-  std::vector<OwnedFile>& kept_;
+  std::vector<Descriptor>& kept_;
 };
 
 TEST(Acceptor, AFullPortLeavesTheSocketSixtyFourPlaces) {
@@ -114,7 +98,7 @@ TEST(Acceptor, AFullPortLeavesTheSocketSixtyFourPlaces) {
   const int port = test::FreePort();
   ConnectionWatch watch(kOwnFiles);
   std::atomic<int> on_socket{0}, on_port{0};
-  std::vector<OwnedFile> kept, clients, fillers;
+  std::vector<Descriptor> kept, clients, fillers;
   Acceptor acceptor(kFirstRefused, watch);
   acceptor.TakeSocket(path);
   acceptor.TakePort({"127.0.0.1", static_cast<std::uint16_t>(port)}, false);
@@ -146,7 +130,7 @@ TEST(Acceptor, AFullPortLeavesTheSocketSixtyFourPlaces) {
 class ConnectionWatchTest : public ::testing::Test {
  protected:
   struct Pair {
-    OwnedFile client{}, server{};
+    Descriptor client{}, server{};
     sockaddr_storage peer{};
   };
 
@@ -192,7 +176,7 @@ class ConnectionWatchTest : public ::testing::Test {
   static constexpr std::int64_t kMiB = 1 << 20;
   ConnectionWatch watch_{kOwnFiles};
   int port_ = 0;
-  OwnedFile listener_;
+  Descriptor listener_;
 };
 
 // deploy/README: 8 MiB on each connection. The review that cuts one off has seen both.
@@ -243,7 +227,7 @@ TEST_F(ConnectionWatchTest, AKnownClientIsNotWatchedAndEndsOnceItIsKnownNoMore) 
   const auto is_known = [](const Credentials&) { return true; };
   watch_.EndUnless(is_known, 1);  // forgets the one that it cut off
   const std::ptrdiff_t before = OpenFiles();
-  other.client = OwnedFile();
+  other.client = Descriptor();
   watch_.EndUnless([](const Credentials&) { return true; }, 1);
   EXPECT_TRUE(Eventually([&] {
     watch_.EndUnless(is_known, 1);

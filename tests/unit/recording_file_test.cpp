@@ -14,7 +14,6 @@
 
 #include "server/recording/recording_reader.h"
 #include "server/recording/recording_writer.h"
-#include "tests/support/made_volume.h"
 #include "tests/support/places.h"
 #include "tests/support/process.h"
 #include "tests/support/recording.h"

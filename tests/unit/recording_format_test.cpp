@@ -288,13 +288,6 @@ TEST(SettingsText, ComesBackBitForBit) {
   }
 }
 
-// A member that is in none of the lists of settings.h would be lost.
-TEST(SettingsText, HoldsEverySetting) {
-  constexpr std::size_t kBytes =
-      kNumberSettings.size() * sizeof(double) + kFlagSettings.size() + sizeof(FreeSide);
-  EXPECT_EQ(sizeof(HapticSettings), (kBytes + 7) / 8 * 8);
-}
-
 TEST(SettingsText, OfOtherVersionsIsRead) {
   std::vector<std::string> unknown;
   const HapticSettings read =

@@ -4,7 +4,6 @@
 #include <gtest/gtest.h>
 
 #include <fstream>
-#include <thread>
 
 #include "common/error/error.h"
 #include "tests/support/editable_session.h"
@@ -138,18 +137,14 @@ TEST_F(RegistrationStoreTest, AnotherDaemonsEntriesStay) {
 }
 
 TEST_F(RegistrationStoreTest, ManyDaemonsWriteAtOnce) {
-  std::vector<std::thread> daemons;
-  for (int d = 0; d < 4; ++d) {
-    daemons.emplace_back([this, d] {
-      RegistrationStore store(state_, 1h);
-      for (int n = 0; n < 25; ++n) {
-        const VolumeMetadata volume = VolumeOf(std::to_string(d) + " " + std::to_string(n));
-        store.Keep(volume, At(volume, n));
-        store.Save();
-      }
-    });
-  }
-  for (std::thread& daemon : daemons) daemon.join();
+  test::OnThreads(4, [&](int d) {
+    RegistrationStore store(state_, 1h);
+    for (int n = 0; n < 25; ++n) {
+      const VolumeMetadata volume = VolumeOf(std::to_string(d) + " " + std::to_string(n));
+      store.Keep(volume, At(volume, n));
+      store.Save();
+    }
+  });
   EXPECT_EQ(Entries(), 100u);
   EXPECT_FALSE(std::filesystem::exists(damaged_));
 }
@@ -300,19 +295,15 @@ TEST_F(RegistrationStoreTest, ASessionUsesIt) {
 
 TEST_F(RegistrationStoreTest, ManyThreadsMayKeepAndFind) {
   RegistrationStore store(state_, 1ms);
-  std::vector<std::thread> threads;
-  for (int t = 0; t < 4; ++t) {
-    threads.emplace_back([&store, t] {
-      const VolumeMetadata volume = VolumeOf("/data/" + std::to_string(t));
-      for (int n = 0; n < 200; ++n) {
-        store.Keep(volume, At(volume, n));
-        const auto found = store.Find(volume);
-        EXPECT_TRUE(found && found->p_DCenter_mm.x() == n);
-        if (n % 50 == 0) store.Save();
-      }
-    });
-  }
-  for (std::thread& thread : threads) thread.join();
+  test::OnThreads(4, [&](int t) {
+    const VolumeMetadata volume = VolumeOf("/data/" + std::to_string(t));
+    for (int n = 0; n < 200; ++n) {
+      store.Keep(volume, At(volume, n));
+      const auto found = store.Find(volume);
+      EXPECT_TRUE(found && found->p_DCenter_mm.x() == n);
+      if (n % 50 == 0) store.Save();
+    }
+  });
   store.Save();
   EXPECT_EQ(Entries(), 4u);
 }

@@ -142,21 +142,17 @@ TEST(MemoryBudget, ThreadsNeverHoldMoreThanThereIs) {
   const auto budget = MemoryBudget::Make(10);
   std::atomic<int> refused = 0;
   std::atomic<int> too_much = 0;
-  std::vector<std::thread> threads;
-  for (int n = 0; n < 4; ++n) {
-    threads.emplace_back([&] {
-      for (int round = 0; round < 2000; ++round) {
-        try {
-          MemoryClaim claim = budget->Claim("a", 4);
-          too_much += budget->held_bytes() > 10;
-          claim.Resize(5);
-        } catch (const Error&) {
-          ++refused;
-        }
+  test::OnThreads(4, [&](int) {
+    for (int round = 0; round < 2000; ++round) {
+      try {
+        MemoryClaim claim = budget->Claim("a", 4);
+        too_much += budget->held_bytes() > 10;
+        claim.Resize(5);
+      } catch (const Error&) {
+        ++refused;
       }
-    });
-  }
-  for (std::thread& thread : threads) thread.join();
+    }
+  });
   EXPECT_EQ(too_much, 0);
   EXPECT_EQ(budget->held_bytes(), 0u);
 }
@@ -283,16 +279,12 @@ TEST_F(VolumeStoreTest, WhatIsRefusedChangesNothing) {
 TEST_F(VolumeStoreTest, OneTransactionAtATime) {
   Load();
   constexpr int kThreads = 4, kEdits = 200;
-  std::vector<std::thread> threads;
-  for (int n = 0; n < kThreads; ++n) {
-    threads.emplace_back([&] {
-      for (int k = 0; k < kEdits; ++k) {
-        const VolumeStore::Hold hold(store_);
-        store_.Edit([](const auto& present) { return Paint(*present); });
-      }
-    });
-  }
-  for (std::thread& thread : threads) thread.join();
+  test::OnThreads(kThreads, [&](int) {
+    for (int k = 0; k < kEdits; ++k) {
+      const VolumeStore::Hold hold(store_);
+      store_.Edit([](const auto& present) { return Paint(*present); });
+    }
+  });
   ASSERT_EQ(published_.size(), 1u + kThreads * kEdits);
   for (std::size_t n = 0; n < published_.size(); ++n) EXPECT_EQ(published_[n]->revision(), n + 1);
 }
@@ -397,17 +389,13 @@ TEST(RetiredVolumes, TheEndLeavesNothing) {
 TEST(RetiredVolumes, ManyThreadsHandOver) {
   const std::uint64_t before = LiveBrickBytes();
   RetiredVolumes retired([] {});
-  std::vector<std::thread> threads;
-  for (int n = 0; n < 4; ++n) {
-    threads.emplace_back([&] {
-      std::shared_ptr<const Leaves> shown = MakeLeaves(3);
-      for (int round = 0; round < 200; ++round) {
-        retired.Add(std::exchange(shown, MakeLeaves(3)));
-        if (round % 50 == 0) retired.WaitForFreed(milliseconds(5));
-      }
-    });
-  }
-  for (std::thread& thread : threads) thread.join();
+  test::OnThreads(4, [&](int) {
+    std::shared_ptr<const Leaves> shown = MakeLeaves(3);
+    for (int round = 0; round < 200; ++round) {
+      retired.Add(std::exchange(shown, MakeLeaves(3)));
+      if (round % 50 == 0) retired.WaitForFreed(milliseconds(5));
+    }
+  });
   retired.WaitForFreed(kLong);
   EXPECT_EQ(LiveBrickBytes(), before);
 }
