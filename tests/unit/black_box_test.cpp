@@ -73,7 +73,7 @@ class BlackBoxTest : public ::testing::Test {
 
 TEST_F(BlackBoxTest, KeepsTheLastTwoSecondsUpToTheFault) {
   Ticks(5000);
-  Fault();
+  for (int n = 0; n < 20'000; ++n) Fault();  // it goes on, and is one
   Ticks(10);
   const auto files = Files();
   ASSERT_EQ(files.size(), 1u);
@@ -102,12 +102,6 @@ TEST_F(BlackBoxTest, AStylusThatTheSurfaceMovedOverIsBuried) {
 TEST_F(BlackBoxTest, NothingLeadsToAFaultInTheFirstTick) {
   for (int n = 0; n < 100; ++n) Fault();
   EXPECT_EQ(Files().size(), 0u);
-}
-
-TEST_F(BlackBoxTest, AFaultThatGoesOnIsOneFile) {
-  Ticks(10);
-  for (int n = 0; n < 20'000; ++n) Fault();
-  EXPECT_EQ(Files().size(), 1u);
 }
 
 TEST_F(BlackBoxTest, AFaultThatComesAndGoesIsAFileEveryFiveSeconds) {
