@@ -182,6 +182,13 @@ VOLUMES = {
         Step(SPHERE + "--radius-voxels -2 --operation smooth", exit=3),
         Step(BLOCK + "1,1,1", exit=4),
     ],
+    "downloads": [
+        Step("download copy.nrrd"),
+        Step("download copy.nrrd", exit=7),
+        Step("download missing/copy.nrrd", exit=4),
+        Step("download $FOLDER", exit=3),
+        Step("download copy.nrrd --overwrite"),
+    ],
     "uploads": [
         Step("upload sent.nrrd --normalized-isovalue 0.25"),
         Step("info --json", json={"volume.source": "upload:sent.nrrd"}),

@@ -125,6 +125,17 @@ class Upload(DaemonTest):
             self.conn.volume.save(path)
         self.conn.volume.save(path, overwrite=True)
 
+    def test_what_the_command_line_downloads_is_the_volume_with_its_edits(self):
+        self.conn.volume.upload(pattern((20, 21, 22)), (0.5, 1, 2))
+        self.conn.edit.sphere((9, 9, 9), 5, "set", 7.0, frame="index")
+        volume = self.conn.volume.download()
+        path = self.daemon.folder / "copy.nrrd"
+        self.assertIn(str(volume.volume_revision), self.daemon.palpate("download", path).stdout)
+        self.conn.volume.load(path)
+        again = self.conn.volume.download()
+        np.testing.assert_array_equal(again.values, volume.values)
+        np.testing.assert_allclose(again.world_from_index, volume.world_from_index, atol=1e-12)
+
 
 class Warnings(DaemonTest):
     """What an import assumed reaches whoever asked for it, and those who come later."""
