@@ -7,7 +7,6 @@
 #include <cmath>
 #include <cstdint>
 #include <cstdio>
-#include <filesystem>
 #include <functional>
 #include <memory>
 #include <ostream>
@@ -20,9 +19,8 @@
 #include "server/device/simulated_device.h"
 #include "server/guide/touch_planner.h"
 #include "server/servo/servo_tick.h"
-#include "server/session/session.h"
 #include "tests/support/data_folder.h"
-#include "tests/support/made_volume.h"
+#include "tests/support/editable_session.h"
 #include "tests/support/places.h"
 #include "tests/support/tick_rig.h"
 
@@ -43,38 +41,26 @@ struct Touch {
   bool is_capped = false, is_finite = true;
 };
 
-class HandRig {
+class HandRig : public testing::EditableSession {
  public:
-  HandRig()
-      : session_(device_, inbox_, pump_, VolumeLoader{.import_program = test::kPalpateImport}) {}
-
-  void Load(const LoadRequest& request) {
-    session_.Load(
-        request, [](std::string_view, double) {}, [] { return false; });
-  }
-  void Publish(const VolumeSnapshot& volume, double isovalue,
-               FreeSide free_side = FreeSide::kBelow) {
-    LoadRequest request;
-    request.source = "made";
-    request.isovalue = isovalue;
-    request.free_side = free_side;
-    session_.PublishVolume(request, volume.metadata(), volume.bricks());
+  HandRig() : EditableSession({.import_program = test::kPalpateImport}) {
+    inbox().ReaderRestarts();
   }
 
   // The hand follows the plan that the daemon makes.
   Touch Guided() {
-    const Scene& scene = *inbox_.Acquire();
+    const Scene& scene = *inbox().Acquire();
     TouchPlanInbox plans;
     plans.Publish(std::make_unique<TouchPlan>(
-        PlanTouches(scene.surface, device_, scene.settings.stiffness_n_per_mm)));
+        PlanTouches(scene.surface, device(), scene.settings.stiffness_n_per_mm)));
     return Follow(scene, std::make_unique<GuidedScript>(Explorer(), plans));
   }
-  Touch Unguided() { return Follow(*inbox_.Acquire(), Explorer()); }
+  Touch Unguided() { return Follow(*inbox().Acquire(), Explorer()); }
 
  private:
   std::unique_ptr<ExploreScript> Explorer() const {
     constexpr std::uint64_t kSeed = 1;  // the daemon's
-    return std::make_unique<ExploreScript>(device_.workspace_min_mm, device_.workspace_max_mm,
+    return std::make_unique<ExploreScript>(device().workspace_min_mm, device().workspace_max_mm,
                                            kSeed);
   }
 
@@ -124,12 +110,6 @@ class HandRig {
     }
     return std::isfinite(sample.density);
   }
-
-  DeviceSpec device_ = SimulatedDeviceSpec();
-  SceneInbox inbox_;
-  std::unique_ptr<TickOutbox> outbox_ = std::make_unique<TickOutbox>();
-  Pump pump_{*outbox_};
-  Session session_;
 };
 
 void Judge(const std::string& name, const Touch& touch) {
@@ -146,7 +126,6 @@ struct Thin {
   const char* name;
   Vec3i size;
   std::function<double(int, int, int)> value;
-  double isovalue = 0.5;
   FreeSide free_side = FreeSide::kBelow;
 };
 
@@ -180,7 +159,9 @@ class ThinTest : public ::testing::TestWithParam<Thin> {};
 TEST_P(ThinTest, IsTouchedMostOfTheTime) {
   const Thin& thin = GetParam();
   HandRig rig;
-  rig.Publish(*testing::MakeVolume(thin.size, thin.value), thin.isovalue, thin.free_side);
+  const auto volume = testing::MakeVolume(thin.size, thin.value);
+  rig.session().PublishVolume({.source = "made", .isovalue = 0.5, .free_side = thin.free_side},
+                              volume->metadata(), volume->bricks());
   Judge(thin.name, rig.Guided());
 }
 
@@ -188,7 +169,7 @@ INSTANTIATE_TEST_SUITE_P(
     Things, ThinTest,
     ::testing::Values(Thin{"tube", {64, 64, 64}, Tube}, Thin{"vessel", {128, 128, 128}, Vessel},
                       Thin{"shell", {97, 97, 97}, Shell},
-                      Thin{"shell_within", {97, 97, 97}, Shell, 0.5, FreeSide::kAbove},
+                      Thin{"shell_within", {97, 97, 97}, Shell, FreeSide::kAbove},
                       Thin{"dust", {96, 96, 96}, Dust}),
     [](const auto& thin) { return std::string(thin.param.name); });
 
@@ -210,17 +191,10 @@ class WholeTest : public ::testing::TestWithParam<Whole> {
   // Loads the volume as the daemon does.
   void SetUp() override {
     const Whole& whole = GetParam();
-    LoadRequest request;
-    request.source = whole.source;
-    if (!whole.IsBuiltin()) {
-      const auto path = std::filesystem::weakly_canonical(testing::DataFolder() / whole.source);
-      if (!std::filesystem::exists(path)) {
-        GTEST_SKIP() << path << " is missing: see PALPATE_DATA_DIR";
-      }
-      request.source = path.string();
-    }
+    LoadRequest request{.source = testing::PlaceOf(whole.source)};
+    if (request.source.empty()) GTEST_SKIP() << whole.source << testing::kMissing;
     (whole.is_absolute ? request.isovalue : request.normalized_isovalue) = whole.isovalue;
-    rig_.Load(request);
+    rig_.session().Load(request, testing::kQuiet, testing::kNever);
   }
 
   HandRig rig_;
@@ -260,15 +234,22 @@ constexpr const char* kOrange = "paper/orange_256x256x64_uint8.nhdr";
 constexpr const char* kHead = "paper/SUBST_head_ct_cranium_256x256x108_int16.nrrd";
 constexpr const char* kTooth = "classic/tooth_103x94x161_uint8.nhdr";
 
+const Whole kFeltUnguided[] = {{"lobster_16", "paper/lobster_301x324x56_uint8.nhdr", 0.16},
+                               {"daisy_02", kDaisy, 0.02},
+                               {"daisy_24", kDaisy, 0.24},
+                               {"orange_22", kOrange, 0.22},
+                               {"head_17", kHead, 0.17},
+                               {"head_33", kHead, 0.33},
+                               {"mr_brain_22", "medical/dicom_mr_brain_20", 0.22},
+                               {"LIDC2_25", "medical/LIDC2.mha", 0.25}};
+INSTANTIATE_TEST_SUITE_P(FeltUnguided, WholeTest, ::testing::ValuesIn(kFeltUnguided), NameOf);
+INSTANTIATE_TEST_SUITE_P(Files, UnguidedTest, ::testing::ValuesIn(kFeltUnguided), NameOf);
+
 // The volumes of the data folder at the isovalues of its README; 0.5 where it gives none.
 INSTANTIATE_TEST_SUITE_P(
     Files, WholeTest,
     ::testing::Values(
-        Whole{"daisy_02", kDaisy, 0.02}, Whole{"daisy_24", kDaisy, 0.24},
-        Whole{"orange_15", kOrange, 0.15}, Whole{"orange_22", kOrange, 0.22},
-        Whole{"orange_30", kOrange, 0.30},
-        Whole{"lobster_16", "paper/lobster_301x324x56_uint8.nhdr", 0.16},
-        Whole{"head_17", kHead, 0.17}, Whole{"head_33", kHead, 0.33},
+        Whole{"orange_15", kOrange, 0.15}, Whole{"orange_30", kOrange, 0.30},
         Whole{"neuron_janelia_20", "paper/SUBST_neuron_janelia_511x512x47_uint8.nrrd", 0.20},
         Whole{"neuron_rivulet_25", "paper/SUBST_neuron_rivulet_409x415x119_uint8.nrrd", 0.25},
         Whole{"aneurism_25", "classic/aneurism_256x256x256_uint8.nrrd", 0.25},
@@ -287,9 +268,7 @@ INSTANTIATE_TEST_SUITE_P(
         Whole{"inia19_12", "medical/inia19-t1-brain.nii.gz", 0.12},
         Whole{"anatomical_50", "medical/nibabel_anatomical_bigendian.nii", 0.5},
         Whole{"example_nifti2_50", "medical/nibabel_example_nifti2.nii.gz", 0.5},
-        Whole{"LIDC2_25", "medical/LIDC2.mha", 0.25},
         Whole{"HeadMRVolume_16", "medical/HeadMRVolume.mhd", 0.16},
-        Whole{"mr_brain_22", "medical/dicom_mr_brain_20", 0.22},
         Whole{"viscous_t010", "timeseries/viscous_64x64x64_float32_t010.nrrd", 35.0, true},
         Whole{"viscous_t050", "timeseries/viscous_64x64x64_float32_t050.nrrd", 35.0, true},
         Whole{"viscous_t090", "timeseries/viscous_64x64x64_float32_t090.nrrd", 35.0, true},
@@ -297,19 +276,12 @@ INSTANTIATE_TEST_SUITE_P(
         Whole{"functional_50", "timeseries/nibabel_functional.nii", 0.5}),
     NameOf);
 
-INSTANTIATE_TEST_SUITE_P(
-    Volumes, UnguidedTest,
-    ::testing::Values(Whole{"sphere", "builtin:sphere", 0.53, true},
-                      Whole{"bumps", "builtin:bumps", 0.53, true},
-                      Whole{"gyroid", "builtin:gyroid", 0.53, true},
-                      Whole{"cylinder", "builtin:cylinder", 0.53, true},
-                      Whole{"lobster_16", "paper/lobster_301x324x56_uint8.nhdr", 0.16},
-                      Whole{"daisy_02", kDaisy, 0.02}, Whole{"daisy_24", kDaisy, 0.24},
-                      Whole{"orange_22", kOrange, 0.22}, Whole{"head_17", kHead, 0.17},
-                      Whole{"head_33", kHead, 0.33},
-                      Whole{"mr_brain_22", "medical/dicom_mr_brain_20", 0.22},
-                      Whole{"lidc2_25", "medical/LIDC2.mha", 0.25}),
-    NameOf);
+INSTANTIATE_TEST_SUITE_P(Builtin, UnguidedTest,
+                         ::testing::Values(Whole{"sphere", "builtin:sphere", 0.53, true},
+                                           Whole{"bumps", "builtin:bumps", 0.53, true},
+                                           Whole{"gyroid", "builtin:gyroid", 0.53, true},
+                                           Whole{"cylinder", "builtin:cylinder", 0.53, true}),
+                         NameOf);
 
 }  // namespace
 }  // namespace palpate

@@ -3,7 +3,6 @@
 #include <gtest/gtest.h>
 
 #include <cstdio>
-#include <filesystem>
 #include <ostream>
 #include <string>
 
@@ -69,12 +68,9 @@ class RealSlideTest : public ::testing::TestWithParam<RealSlide> {};
 
 TEST_P(RealSlideTest, IsFeltWithoutFault) {
   const RealSlide& slide = GetParam();
-  const auto path =
-      std::filesystem::weakly_canonical(palpate::testing::DataFolder() / slide.source);
-  if (!std::filesystem::exists(path)) {
-    GTEST_SKIP() << path << " is missing: see PALPATE_DATA_DIR";
-  }
-  const LoadedSurface loaded = LoadSurface({.volume = path.string(),
+  const std::string place = palpate::testing::PlaceOf(slide.source);
+  if (place.empty()) GTEST_SKIP() << slide.source << palpate::testing::kMissing;
+  const LoadedSurface loaded = LoadSurface({.volume = place,
                                             .isovalue = slide.isovalue,
                                             .normalized = true,
                                             .import_program = test::kPalpateImport});

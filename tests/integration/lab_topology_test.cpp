@@ -89,13 +89,8 @@ class WholeVolumeTest : public ::testing::TestWithParam<WholeVolume> {};
 
 TEST_P(WholeVolumeTest, HasTheTopologyOfTheTrilinearSurface) {
   const WholeVolume& param = GetParam();
-  std::string source = param.source;
-  if (!source.starts_with("builtin:")) {
-    source = (testing::DataFolder() / source).string();
-    if (!std::filesystem::exists(source)) {
-      GTEST_SKIP() << source << " is missing: see PALPATE_DATA_DIR";
-    }
-  }
+  const std::string source = testing::PlaceOf(param.source);
+  if (source.empty()) GTEST_SKIP() << param.source << testing::kMissing;
   const auto volume = LoadVolume(source, test::kPalpateImport);
   const MeshStatistics s =
       MeasureMesh(ExtractSurface(*volume, param.isovalue, kTpbcc, PaddedCells(*volume)));

@@ -7,6 +7,7 @@
 #include <map>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <string>
 
 #include "common/error/error.h"
@@ -108,6 +109,7 @@ class DeviceServiceRig {
 
   FakeDevice device;
   std::vector<ListedDevice> list;
+  std::optional<Error> no_list;  // thrown in its place
   v1::ForceStatus answer;
   std::uint64_t applied_tick = 0;
 
@@ -126,7 +128,10 @@ class DeviceServiceRig {
 
  public:
   Access access_;
-  DeviceService service{access_, device, servo_, data_.inbox(), forces_, [this] { return list; }};
+  DeviceService service{access_, device, servo_, data_.inbox(), forces_, [this] {
+                          if (no_list) throw Error(*no_list);
+                          return list;
+                        }};
 
  private:
   std::unique_ptr<grpc::Server> server_ =
@@ -293,7 +298,7 @@ TEST(DeviceService, GetDeviceTellsAll) {
   EXPECT_GT(response.forces().limit_n(), 0.0);
 }
 
-TEST(DeviceService, TheListMarksTheOneInUse) {
+TEST(DeviceService, TheListMarksTheOneInUseAndTellsWhyThereIsNone) {
   DeviceServiceRig rig;
   const auto in_use = [&] {
     v1::ListDevicesResponse response;
@@ -305,7 +310,6 @@ TEST(DeviceService, TheListMarksTheOneInUse) {
   const ListedDevice other{.kind = "falcon", .usable = true};
   const ListedDevice broken{.kind = "fake-usb", .port = "1-1", .problem = "no permission"};
   const ListedDevice works{.kind = "fake-usb", .port = "1-2", .usable = true};
-  rig.list = {};
   EXPECT_EQ(in_use(), "");
   rig.list = {other};
   EXPECT_EQ(in_use(), "0");
@@ -315,20 +319,10 @@ TEST(DeviceService, TheListMarksTheOneInUse) {
   EXPECT_EQ(in_use(), "0010");
   rig.list = {broken, broken};
   EXPECT_EQ(in_use(), "00");
-}
 
-TEST(DeviceService, AFailedSearchIsTold) {
-  testing::EditableSession data;
-  FakeDevice device(VerificationLevel::kNone);
-  ServoLoop servo(device, data.inbox(), data.outbox(), {}, {});
-  const ForceWatch forces(data.outbox().last);
-  Access access;
-  DeviceService service(access, device, servo, data.inbox(), forces,
-                        []() -> std::vector<ListedDevice> {
-                          throw Error(ErrorKind::kPermissionDenied, "no USB here: mount it");
-                        });
+  rig.no_list.emplace(ErrorKind::kPermissionDenied, "no USB here: mount it");
   v1::ListDevicesResponse response;
-  const grpc::Status status = service.ListDevices(nullptr, nullptr, &response);
+  const grpc::Status status = rig.service.ListDevices(nullptr, nullptr, &response);
   EXPECT_EQ(status.error_code(), StatusCode::PERMISSION_DENIED);
   EXPECT_EQ(status.error_message(), "no USB here: mount it");
 }

@@ -6,25 +6,18 @@
 #include <functional>
 #include <memory>
 
-#include "server/device/simulated_device.h"
+#include "tests/support/editable_session.h"
 #include "tests/support/patience.h"
 
 namespace palpate {
 namespace {
 
-class HandGuideTest : public ::testing::Test {
+class HandGuideTest : public ::testing::Test, public testing::EditableSession {
  protected:
-  HandGuideTest() : session_(device_, inbox_, pump_, VolumeLoader{}), guide_(session_, plans_) {}
+  HandGuideTest() : guide_(session(), plans_) { inbox().ReaderRestarts(); }
 
-  void Load(const char* source, double isovalue = 0.5) {
-    LoadRequest request;
-    request.source = source;
-    request.normalized_isovalue = isovalue;
-    session_.Load(
-        request, [](std::string_view, double) {}, [] { return false; });
-  }
   void MoveUp(double mm) {
-    session_.Move([mm](const VolumeState& now) {
+    session().Move([mm](const VolumeState& now) {
       Registration moved = now.registration;
       moved.X_DW.translation += Vec3(0.0, mm, 0.0);
       return moved;
@@ -38,11 +31,6 @@ class HandGuideTest : public ::testing::Test {
     return has_come ? plans_.Acquire() : nullptr;
   }
 
-  DeviceSpec device_ = SimulatedDeviceSpec();
-  SceneInbox inbox_;
-  std::unique_ptr<TickOutbox> outbox_ = std::make_unique<TickOutbox>();
-  Pump pump_{*outbox_};
-  Session session_;
   TouchPlanInbox plans_;
   HandGuide guide_;
 };
@@ -62,7 +50,10 @@ TEST_F(HandGuideTest, PlansWhateverIsLoadedOrMoved) {
               1e-6);
 
   // Nothing is above the greatest value.
-  plan = Next([&] { Load("builtin:bumps:32", 1.0); });
+  plan = Next([&] {
+    session().Load({.source = "builtin:bumps:32", .normalized_isovalue = 1.0}, testing::kQuiet,
+                   testing::kNever);
+  });
   ASSERT_NE(plan, nullptr);
   EXPECT_TRUE(plan->strokes.empty());
 }
@@ -73,13 +64,13 @@ TEST_F(HandGuideTest, MakesNoPlanForWhatChangesNoSurface) {
   // Stopped, it holds the volume that it would plan on.
   guide_.Stop();
   const auto holders = [&] {
-    inbox_.Acquire();
-    inbox_.Collect();
-    return session_.volume().volume.use_count();
+    inbox().Acquire();
+    inbox().Collect();
+    return volume().use_count();
   };
   const long before = holders();
-  session_.SetForcesOff(true);
-  session_.SetForcesOff(false);
+  session().SetForcesOff(true);
+  session().SetForcesOff(false);
   EXPECT_EQ(holders(), before);
   MoveUp(7.0);
   EXPECT_EQ(holders(), before + 1);
@@ -88,12 +79,12 @@ TEST_F(HandGuideTest, MakesNoPlanForWhatChangesNoSurface) {
 // The hand keeps no volume: the last one that does frees it.
 TEST_F(HandGuideTest, LetsAVolumeGoOnceItIsPlanned) {
   Load("builtin:sphere:32");
-  const std::weak_ptr<const VolumeSnapshot> volume = session_.volume().volume;
+  const std::weak_ptr<const VolumeSnapshot> before = volume();
   ASSERT_NE(Next([&] { guide_.Start(); }), nullptr);
   Load("builtin:bumps:32");
-  inbox_.Acquire();
-  inbox_.Collect();
-  EXPECT_TRUE(test::Eventually([&] { return volume.expired(); }));
+  inbox().Acquire();
+  inbox().Collect();
+  EXPECT_TRUE(test::Eventually([&] { return before.expired(); }));
 }
 
 }  // namespace

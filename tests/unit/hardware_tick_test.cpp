@@ -2,7 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <atomic>
-#include <memory>
+#include <functional>
 #include <thread>
 
 #include "server/servo/servo_tick.h"
@@ -54,48 +54,40 @@ TEST_F(HardwareTick, NoForceAndNoCurrentUntilForcesAreEnabled) {
   EXPECT_GT(Force(600), 0.5);
 }
 
-TEST_F(HardwareTick, ADockedOrUncalibratedStylusFeelsNothing) {
-  forces_.Set(ForceCommand::kEnable);
-  EXPECT_GT(Force(600), 0.5);
-  for (bool DeviceState::*member : {&DeviceState::docked, &DeviceState::calibrated}) {
-    device_.reading.*member = !(device_.reading.*member);
-    const TickSample sample = Tick();
-    EXPECT_EQ(sample.mode, TickMode::kSuspended);
-    EXPECT_EQ(sample.force_state, ForceState::kHeld);
-    EXPECT_TRUE(device_.written_D_n.isZero());
-    EXPECT_FALSE(device_.motors_on);
-    device_.reading.*member = !(device_.reading.*member);
+// safety_test.cpp has how the forces come back.
+TEST_F(HardwareTick, WhatTheDeviceSaysIsHeededInItsTick) {
+  struct Case {
+    std::function<void(testing::FakeDevice&)> say;
+    TickMode mode;
+    ForceState state;
+    ForceReason reason;
+  };
+  const Case cases[] = {{[](auto& device) { device.reading.docked = true; }, TickMode::kSuspended,
+                         ForceState::kHeld, ForceReason::kDocked},
+                        {[](auto& device) { device.reading.calibrated = false; },
+                         TickMode::kSuspended, ForceState::kHeld, ForceReason::kUncalibrated},
+                        {[](auto& device) { device.status = DeviceStatus::kFault; },
+                         TickMode::kFault, ForceState::kFault, ForceReason::kDevice},
+                        {[](auto& device) { device.reading.buttons = 3; }, TickMode::kConstrained,
+                         ForceState::kStopped, ForceReason::kStopButton}};
+  const DeviceState usual = device_.reading;
+  for (const Case& c : cases) {
+    SCOPED_TRACE(static_cast<int>(c.reason));
+    forces_.Set(ForceCommand::kEnable);
+    EXPECT_GT(Force(600), 0.5);
+    c.say(device_);
+    for (int n = 0; n < 500; ++n) {
+      const TickSample sample = Tick();
+      ASSERT_EQ(sample.mode, c.mode);
+      ASSERT_EQ(sample.force_state, c.state);
+      ASSERT_EQ(sample.force_reason, c.reason);
+      ASSERT_TRUE(device_.written_D_n.isZero());
+      ASSERT_FALSE(device_.motors_on);
+    }
+    device_.reading = usual;
+    device_.status = DeviceStatus::kOk;
     EXPECT_LT(Force(), 0.01);
-    // The proxy has begun anew, inside: it is brought out.
-    Tick(600);
-    EXPECT_EQ(Tick().force_state, ForceState::kOn);
   }
-}
-
-TEST_F(HardwareTick, AFaultStaysAndTheLoopGoesOn) {
-  forces_.Set(ForceCommand::kEnable);
-  Tick(600);
-  device_.status = DeviceStatus::kFault;
-  EXPECT_EQ(Force(), 0.0);
-  EXPECT_FALSE(device_.motors_on);
-  EXPECT_EQ(Tick(500).mode, TickMode::kFault);
-  device_.status = DeviceStatus::kOk;
-  EXPECT_EQ(Force(1000), 0.0);
-  EXPECT_EQ(Tick().force_reason, ForceReason::kDevice);
-  forces_.Set(ForceCommand::kEnable);
-  Tick();
-  EXPECT_EQ(Tick().force_state, ForceState::kRampIn);
-}
-
-TEST_F(HardwareTick, BothButtonsStop) {
-  forces_.Set(ForceCommand::kEnable);
-  EXPECT_GT(Force(600), 0.5);
-  device_.reading.buttons = 3;
-  EXPECT_EQ(Force(), 0.0);
-  device_.reading.buttons = 0;
-  const TickSample sample = Tick(1000);
-  EXPECT_EQ(sample.force_state, ForceState::kStopped);
-  EXPECT_EQ(sample.force_reason, ForceReason::kStopButton);
 }
 
 TEST_F(HardwareTick, ComputedAgainFromTheirSamplesTicksAreTheSame) {
