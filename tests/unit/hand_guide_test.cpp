@@ -69,8 +69,10 @@ TEST_F(HandGuideTest, MakesNoPlanForWhatChangesNoSurface) {
     return volume().use_count();
   };
   const long before = holders();
-  session().SetForcesOff(true);
-  session().SetForcesOff(false);
+  for (const bool off : {true, false}) {
+    session().SetForcesOff(off);
+    EXPECT_EQ(inbox().Acquire()->forces_off, off);
+  }
   EXPECT_EQ(holders(), before);
   MoveUp(7.0);
   EXPECT_EQ(holders(), before + 1);

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <memory>
 
 #include "server/haptics/passivity.h"
@@ -19,13 +20,31 @@ using testing::HandLoop;
 using testing::kLoopTickS;
 using testing::LoopResult;
 
-// The whole chain as the servo runs it: renderer, force limit, slew limit.
+// The whole chain as the servo runs it: renderer, force limit, slew limit. Next to a sphere.
 struct Chain {
-  Vec3 Tick(const Vec3& p_DHip_mm, double dt_s) {
-    const HapticOutput output = StepRenderer(surface, settings, p_DHip_mm, dt_s, *state);
-    const Vec3 written_n = safety.Step({.force_D_n = output.force_D_n}, kLoopTickS);
+  explicit Chain(const HapticSettings& of_chain) : settings(of_chain) {}
+
+  Vec3 Tick(const Vec3& p_DHip_mm, double dt_s, bool suspended = false) {
+    const HapticOutput output = suspended
+                                    ? SuspendRenderer(p_DHip_mm, dt_s, *state)
+                                    : StepRenderer(surface, settings, p_DHip_mm, dt_s, *state);
+    const Vec3 written_n =
+        safety.Step({.force_D_n = output.force_D_n, .suspended = suspended}, kLoopTickS);
     TellWrittenForce(written_n, *state);
     return written_n;
+  }
+  // before_tick(time_s) says whether the tick is suspended.
+  LoopResult Touch(
+      const Hand& hand, double seconds,
+      const std::function<bool(double)>& before_tick = [](double) { return false; }) {
+    double time_s = 0.0;
+    return HandLoop(hand, {.seconds = seconds})
+        .Run(
+            [&](const Vec3& p, double dt_s, const Vec3&) {
+              time_s += dt_s;
+              return Tick(p, dt_s, before_tick(time_s));
+            },
+            [](const Vec3& p) { return p.norm(); });
   }
 
   testing::PlacedVolume sphere = testing::PlaceBuiltin("builtin:sphere:64", 0.5);
@@ -35,27 +54,23 @@ struct Chain {
   Safety safety{SafetyLimits{}};
 };
 
-LoopResult TouchThroughChain(const Hand& hand, const HapticSettings& settings) {
-  Chain chain;
-  chain.settings = settings;
-  return HandLoop(hand, {.seconds = 5.0})
-      .Run([&](const Vec3& p, double dt_s, const Vec3&) { return chain.Tick(p, dt_s); },
-           [&](const Vec3& p) { return p.norm(); });
+Hand TowardsTheMiddle(double damping_n_s_per_m, double push_n,
+                      const Vec3& start_mm = Vec3(6.0, 7.0, 14.0)) {
+  return {.mass_kg = 0.1,
+          .damping_n_s_per_m = damping_n_s_per_m,
+          .push_n = push_n,
+          .start_mm = start_mm,
+          .aim_mm = Vec3::Zero()};
 }
 
 TEST(PassivitySurface, TheWholeChainGivesNoEnergy) {
   for (const double push_n : {0.5, 1.0, 2.0}) {
-    for (const double share : {0.05, 0.9}) {
-      const Hand hand{.mass_kg = 0.1,
-                      .damping_n_s_per_m = share,  // K T / 2 is 1 N s/m
-                      .push_n = push_n,
-                      .start_mm = Vec3(6.0, 7.0, 14.0),
-                      .aim_mm = Vec3::Zero()};
+    for (const double share : {0.05, 0.9}) {  // K T / 2 is 1 N s/m
+      const Hand hand = TowardsTheMiddle(share, push_n);
       HapticSettings settings{.stiffness_n_per_mm = 2.0};
-      const double plain_mj = TouchThroughChain(hand, settings).given_mj;
+      EXPECT_GT(Chain(settings).Touch(hand, 5.0).given_mj, 2.0);
       settings.passivity_control = true;
-      const LoopResult result = TouchThroughChain(hand, settings);
-      EXPECT_GT(plain_mj, 2.0);
+      const LoopResult result = Chain(settings).Touch(hand, 5.0);
       EXPECT_LE(result.given_mj, 1.0);
       EXPECT_LE(0.5 * result.force_swing_n, 0.1);  // its amplitude
       EXPECT_NEAR(result.force_n, push_n, 0.05);
@@ -65,28 +80,16 @@ TEST(PassivitySurface, TheWholeChainGivesNoEnergy) {
 
 // A wall that swells and sinks works on the hand; that is not the spring's debt.
 TEST(PassivitySurface, AMovingSurfaceAndAMagnetAreNotTakenForDebts) {
-  Chain chain;
-  chain.settings = {.stiffness_n_per_mm = 0.5,
-                    .magnet_force_n = 0.5,
-                    .magnet_range_mm = 2.0,
-                    .passivity_control = true};
-  const Hand hand{.mass_kg = 0.1,
-                  .damping_n_s_per_m = 4.0,
-                  .push_n = 0.6,
-                  .start_mm = Vec3(6.0, 7.0, 14.0),
-                  .aim_mm = Vec3::Zero()};
-  long tick = 0;
+  Chain chain({.stiffness_n_per_mm = 0.5,
+               .magnet_force_n = 0.5,
+               .magnet_range_mm = 2.0,
+               .passivity_control = true});
   double least_scale = 1.0;
-  const LoopResult result =
-      HandLoop(hand, {.seconds = 8.0})
-          .Run(
-              [&](const Vec3& p, double dt_s, const Vec3&) {
-                chain.surface.isovalue = 0.5 + 0.06 * std::sin(2e-3 * static_cast<double>(++tick));
-                const Vec3 force_n = chain.Tick(p, dt_s);
-                least_scale = std::min(least_scale, chain.state->passivity.scale);
-                return force_n;
-              },
-              [](const Vec3& p) { return p.norm(); });
+  const LoopResult result = chain.Touch(TowardsTheMiddle(4.0, 0.6), 8.0, [&](double time_s) {
+    least_scale = std::min(least_scale, chain.state->passivity.scale);
+    chain.surface.isovalue = 0.5 + 0.06 * std::sin(2.0 * time_s);
+    return false;
+  });
   EXPECT_GT(result.given_mj, 0.05);  // the surface did move it
   EXPECT_GT(least_scale, 0.9);
 }
@@ -95,28 +98,35 @@ TEST(PassivitySurface, AMovingSurfaceAndAMagnetAreNotTakenForDebts) {
 // tick: that must not switch the control off.
 TEST(PassivitySurface, NoTrembleOfTheSurfaceFeedsAHand) {
   for (const int tremble : {0, 1, 2}) {
-    Chain chain;
-    chain.settings = {.stiffness_n_per_mm = 2.0, .passivity_control = true};
-    const Hand hand{.mass_kg = 0.1,
-                    .damping_n_s_per_m = 0.1,
-                    .push_n = 1.0,
-                    .start_mm = Vec3(6.0, 7.0, 14.0),
-                    .aim_mm = Vec3::Zero()};
-    long tick = 0;
-    const auto render = [&](const Vec3& p, double dt_s, const Vec3&) {
-      ++tick;
-      if (tremble == 0) chain.surface.isovalue = 0.5 + (tick % 2 ? 1e-9 : -1e-9);
-      if (tremble == 1) {
-        chain.surface.isovalue = 0.5 + 1e-5 * std::sin(0.01 * static_cast<double>(tick));
-      }
+    Chain chain({.stiffness_n_per_mm = 2.0, .passivity_control = true});
+    int tick = 0;
+    const LoopResult result = chain.Touch(TowardsTheMiddle(0.1, 1.0), 5.0, [&](double time_s) {
+      if (tremble == 0) chain.surface.isovalue = 0.5 + (++tick % 2 ? 1e-9 : -1e-9);
+      if (tremble == 1) chain.surface.isovalue = 0.5 + 1e-5 * std::sin(10.0 * time_s);
       if (tremble == 2) ++chain.surface.geometry_revision;
-      return chain.Tick(p, dt_s);
-    };
-    const LoopResult result =
-        HandLoop(hand, {.seconds = 5.0}).Run(render, [](const Vec3& p) { return p.norm(); });
+      return false;
+    });
     EXPECT_LE(result.given_mj, 1.0);
     EXPECT_LE(0.5 * result.force_swing_n, 0.1);
   }
+}
+
+// Let go deep in the material, a hand gets no more energy than the credit.
+TEST(PassivitySurface, AResumeGivesAHandNoMoreThanTheCredit) {
+  const auto given_mj = [](double stiffness_n_per_mm, double depth_mm, bool is_controlled) {
+    Chain chain({.stiffness_n_per_mm = stiffness_n_per_mm, .passivity_control = is_controlled});
+    const Hand hand = TowardsTheMiddle(0.1, 1e-6, Vec3(0.2, 0.1, 12.5 - depth_mm));
+    return chain.Touch(hand, 3.0, [](double time_s) { return time_s < 0.1; }).given_mj;
+  };
+  double plain_mj = 0.0;
+  for (const double stiffness : {0.5, 2.0, 3.0}) {
+    for (const double depth_mm : {0.5, 2.0, 5.0}) {
+      EXPECT_LE(given_mj(stiffness, depth_mm, true), 1.0)
+          << stiffness << " N/mm, " << depth_mm << " mm";
+      plain_mj = std::max(plain_mj, given_mj(stiffness, depth_mm, false));
+    }
+  }
+  EXPECT_GT(plain_mj, 2.0);
 }
 
 // The HIP is led along a circle 1 mm below the mean sphere, at 10 cm/s.

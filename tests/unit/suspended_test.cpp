@@ -1,13 +1,10 @@
 // Ticks in which nothing is felt, and the first ones after them: bad readings, missed
-// ticks, resumes inside the material, passivity control.
+// ticks, resumes inside the material. passivity_surface_test.cpp has the energy of a resume.
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <memory>
 
-#include "server/haptics/renderer.h"
 #include "server/servo/servo_tick.h"
-#include "tests/support/hand_loop.h"
 #include "tests/support/tick_rig.h"
 
 namespace palpate {
@@ -218,46 +215,6 @@ TEST_F(SuspendedTest, AResumeAtAnyDepthKeepsTheSlewAndTheLimit) {
       }
     }
   }
-}
-
-// Energy that a hand gets which was let go deep in the material.
-double GivenAfterResume(double stiffness_n_per_mm, double depth_mm, bool passivity) {
-  const testing::PlacedVolume sphere = testing::PlaceBuiltin("builtin:sphere:64", 0.5);
-  const HapticSettings settings{.stiffness_n_per_mm = stiffness_n_per_mm,
-                                .passivity_control = passivity};
-  auto state = std::make_unique<RendererState>();
-  Safety safety{SafetyLimits{}};
-  double time_s = 0.0;
-  const auto render = [&](const Vec3& p, double dt_s, const Vec3&) {
-    time_s += dt_s;
-    const bool suspended = time_s < 0.1;
-    const HapticOutput output = suspended ? SuspendRenderer(p, dt_s, *state)
-                                          : StepRenderer(sphere.surface, settings, p, dt_s, *state);
-    const Vec3 written_n =
-        safety.Step({.force_D_n = output.force_D_n, .suspended = suspended}, testing::kLoopTickS);
-    TellWrittenForce(written_n, *state);
-    return written_n;
-  };
-  const testing::Hand hand{.mass_kg = 0.1,
-                           .damping_n_s_per_m = 0.1,
-                           .push_n = 1e-6,
-                           .start_mm = Vec3(0.2, 0.1, 12.5 - depth_mm),
-                           .aim_mm = Vec3::Zero()};
-  return testing::HandLoop(hand, {.seconds = 3.0})
-      .Run(render, [](const Vec3& p) { return p.norm(); })
-      .given_mj;
-}
-
-TEST(SuspendedEnergy, WithPassivityControlAResumeGivesAHandNoMoreThanTheCredit) {
-  double plain_mj = 0.0;
-  for (const double stiffness : {0.5, 2.0, 3.0}) {
-    for (const double depth_mm : {0.5, 2.0, 5.0}) {
-      const double given_mj = GivenAfterResume(stiffness, depth_mm, true);
-      EXPECT_LE(given_mj, 1.0) << stiffness << " N/mm, " << depth_mm << " mm";
-      plain_mj = std::max(plain_mj, GivenAfterResume(stiffness, depth_mm, false));
-    }
-  }
-  EXPECT_GT(plain_mj, 2.0);
 }
 
 }  // namespace

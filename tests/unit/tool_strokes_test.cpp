@@ -4,7 +4,6 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <numbers>
 
 #include "tests/support/made_volume.h"
 
@@ -79,6 +78,13 @@ TEST_F(ToolStrokesTest, AReleaseGivesTheMotionSinceThePress) {
   for (int n = 0; n < 100; ++n) EXPECT_FALSE(Tick(kClutchButton, Vec3(1, 2, 3), Turn(1.0)));
   EXPECT_FALSE(Tick(0));
   EXPECT_FALSE(strokes_.TakeMotion().has_value());
+}
+
+TEST_F(ToolStrokesTest, BothButtonsAtOnceMoveAndDoNotCarve) {
+  for (int n = 0; n <= 100; ++n) Tick(kCarveButton | kClutchButton, Vec3(n, 0, 0));
+  EXPECT_TRUE(Tick(0));
+  EXPECT_LT((strokes_.TakeMotion()->t_mm - Vec3(100, 0, 0)).norm(), 1e-12);
+  EXPECT_EQ(Carved(), 0.0);
 }
 
 TEST_F(ToolStrokesTest, PressesThatWereNotTakenAddUp) {
