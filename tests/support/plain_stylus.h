@@ -5,7 +5,6 @@
 // 0.01 N as int16. Requests 1 and 2 start and end the readings.
 #pragma once
 
-#include <array>
 #include <atomic>
 #include <chrono>
 #include <cmath>

@@ -8,6 +8,7 @@
 #include <umockdev.h>
 
 #include <list>
+#include <set>
 #include <string>
 
 #include "tests/support/usb_emulator.h"

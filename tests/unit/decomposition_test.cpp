@@ -4,7 +4,6 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <cstdio>
 #include <map>
 #include <random>
 #include <set>
@@ -19,12 +18,6 @@ namespace {
 enum class Kind { kRandom, kAlternating, kTied, kNearTied, kHugeRange, kSubnormal };
 constexpr Kind kKinds[] = {Kind::kRandom,   Kind::kAlternating, Kind::kTied,
                            Kind::kNearTied, Kind::kHugeRange,   Kind::kSubnormal};
-const char* Name(Kind kind) {
-  constexpr const char* kNames[] = {"random",    "alternating", "tied",
-                                    "near-tied", "huge range",  "subnormal"};
-  return kNames[static_cast<int>(kind)];
-}
-
 CellDensities MakeCell(Kind kind, std::mt19937_64& random) {
   std::uniform_real_distribution<double> uniform;
   std::uniform_int_distribution<int> level(0, 3);
@@ -149,6 +142,7 @@ class Decompositions : public ::testing::TestWithParam<DecompositionMethod> {};
 TEST_P(Decompositions, FillTheCell) {
   const DecompositionMethod method = GetParam();
   for (Kind kind : kKinds) {
+    SCOPED_TRACE(static_cast<int>(kind));
     std::mt19937_64 random(13);
     double worst = 0.0, altitude = 1.0;
     int checked = 0;
@@ -168,8 +162,6 @@ TEST_P(Decompositions, FillTheCell) {
       altitude = std::min(altitude, SmallestAltitude(cell));
       ++checked;
     }
-    std::printf("%-15s %-11s %d cells, volume off by at most %.1e, smallest altitude %.3f\n",
-                std::string(MethodName(method)).c_str(), Name(kind), checked, worst, altitude);
     // All alternating cells have six saddles.
     const bool all_left_out = method == DecompositionMethod::kTptd && kind == Kind::kAlternating;
     EXPECT_GT(checked, all_left_out ? -1 : kCellsOfAKind / 2);

@@ -37,6 +37,13 @@ class Effects : public ::testing::Test {
                             [](int, int, int k) { return k >= 5 && k <= 8 ? 1.0 : 0.0; }),
         0.5);
   }
+  void PopIntoPlate() {
+    UsePlate();
+    settings_.pop_force_n = 0.5;
+    Step(Vec3(4.2, 4.1, 11));
+    for (int n = 0; n < 100; ++n) Step(Vec3(4.2, 4.1, 7.0));
+    EXPECT_TRUE(state_->popped);
+  }
   void UseSphere() {
     Use(testing::MakeVolume(Vec3i::Constant(kBallEdge),
                             [](int i, int j, int k) {
@@ -274,11 +281,7 @@ TEST_F(Effects, APopIsSmoothWithEverythingOn) {
 }
 
 TEST_F(Effects, ANewVolumeIsMetFromTheSideOfTheStylus) {
-  UsePlate();
-  settings_.pop_force_n = 0.5;
-  Step(Vec3(4.2, 4.1, 11));
-  for (int n = 0; n < 100; ++n) Step(Vec3(4.2, 4.1, 7.0));
-  EXPECT_TRUE(state_->popped);
+  PopIntoPlate();
   // The plate is a mm farther down now, and the stylus above it.
   const auto lower = testing::MakeVolume(
       Vec3i(9, 9, 14), [](int, int, int k) { return k >= 1 && k <= 4 ? 1.0 : 0.0; });
@@ -294,11 +297,7 @@ TEST_F(Effects, ANewVolumeIsMetFromTheSideOfTheStylus) {
 }
 
 TEST_F(Effects, TurningPopsOffBringsTheProxyBack) {
-  UsePlate();
-  settings_.pop_force_n = 0.5;
-  Step(Vec3(4.2, 4.1, 11));
-  for (int n = 0; n < 100; ++n) Step(Vec3(4.2, 4.1, 7.0));
-  EXPECT_TRUE(state_->popped);
+  PopIntoPlate();
   settings_.pop_force_n = 0.0;
   HapticOutput output = Step(Vec3(4.2, 4.1, 7.0));
   EXPECT_EQ(output.proxy.mode, ProxyMode::kEjecting);
@@ -409,8 +408,6 @@ TEST_F(Effects, ShadingSmoothsTheForceAndKeepsItsMagnitude) {
     return largest;
   };
   const double flat = largest_turn(false), shaded = largest_turn(true);
-  std::printf("largest turn of the force in a step of 0.0005 rad: %.5f rad flat, %.5f shaded\n",
-              flat, shaded);
   // At an edge of H the proxy, 1 mm off the HIP, jumps by `flat` mm: on a sphere of
   // kBallRadius mm that turns the true normal by flat / kBallRadius.
   EXPECT_LT(shaded, 1.1 * flat / kBallRadius + 0.001);
@@ -458,7 +455,6 @@ TEST_F(Effects, NoMixOfThemFallsThroughOrIsNotFinite) {
       ASSERT_LE(sign * output.proxy.density, sign * isovalue_);
     }
   }
-  std::printf("%ld steps, %ld in contact, %ld pops\n", steps, contacts, pops);
   EXPECT_GT(contacts, steps / 10);
   EXPECT_GT(pops, 100);
 }

@@ -36,7 +36,6 @@ TEST(FalconKinematics, ForwardLeadsBackAllOverTheBall) {
     worst_mm = std::max(worst_mm, (back - p).norm());
   }
   EXPECT_LT(worst_mm, 1e-9);
-  RecordProperty("worst_mm", std::to_string(worst_mm));
 }
 
 TEST(FalconKinematics, TheBaseIsBehindAndOutwardsIsTowardsTheUser) {
@@ -160,7 +159,6 @@ TEST(FalconKinematics, ForcesWithinTheBoundNeedNoScaling) {
   }
   EXPECT_LT(greatest, kFalconMotorLimit);
   EXPECT_GT(greatest, kFalconMotorLimit / 4.0);
-  RecordProperty("greatest_counts", std::to_string(greatest));
 }
 
 TEST(FalconKinematics, GreatTorquesKeepTheirDirection) {

@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
@@ -126,10 +125,6 @@ TEST(Table4, PublishedFiguresAreMet) {
       const DecompositionMethod method = kAllMethods[m];
       const double ours = DifferenceOf(row.d, row.isovalue, method, 200);
       const bool met = MeetsPublished(method, *row.difference[m], ours);
-      if (!met) {
-        std::printf("%-7s %s: published %.2f, ours %.2f\n", row.name.c_str(),
-                    kMethodNames[m].data(), *row.difference[m], ours);
-      }
       if (method == DecompositionMethod::kTptd) {
         tptd_met += met;
       } else {
@@ -138,14 +133,13 @@ TEST(Table4, PublishedFiguresAreMet) {
     }
     sum += DifferenceOf(row.resolved, row.isovalue, DecompositionMethod::kTpbcc, 200);
   }
-  std::printf("tptd met in %d rows; tpbcc mean %.3f\n", tptd_met, sum / 29.0);
   EXPECT_GE(tptd_met, 22);
   EXPECT_LE(sum / 29.0, 6.8);
 }
 
 // Corners uniform in [0, 1]; alternating: halved, and ½ added on the odd corners.
 // τ uniform in [0.2, 0.8] and within the cell's range.
-double MeanDifference(bool alternating, DecompositionMethod method) {
+double MeanDifference(bool alternating) {
   constexpr int kColumns = 20;
   const int cells = test::Scaled(20000);
   std::mt19937_64 random(1);
@@ -160,7 +154,7 @@ double MeanDifference(bool alternating, DecompositionMethod method) {
     }
     const double isovalue = 0.2 + 0.6 * uniform(random);
     if (!IsCrossed(d, isovalue)) continue;
-    sum += DifferenceOf(d, isovalue, method, kColumns);
+    sum += DifferenceOf(d, isovalue, DecompositionMethod::kTpbcc, kColumns);
     ++n;
   }
   return sum / cells;
@@ -169,11 +163,8 @@ double MeanDifference(bool alternating, DecompositionMethod method) {
 TEST(MeanDifference, OfTpbccKeepsItsBounds) {
   // A tenth of the cells says the mean less exactly.
   const double room = test::Scaled(20000) < 20000 ? 0.3 : 0.0;
-  const double uniform = MeanDifference(false, DecompositionMethod::kTpbcc);
-  const double alternating = MeanDifference(true, DecompositionMethod::kTpbcc);
-  std::printf("mean R_D of tpbcc: uniform %.3f, alternating %.3f\n", uniform, alternating);
-  EXPECT_LE(uniform, 3.0 + room);
-  EXPECT_LE(alternating, 5.55 + room);
+  EXPECT_LE(MeanDifference(false), 3.0 + room);
+  EXPECT_LE(MeanDifference(true), 5.55 + room);
 }
 
 // For six face saddles: kTptd takes parallel faces, and is then right and fills the
@@ -198,7 +189,6 @@ TEST(SixFaceSaddles, FaultsOfThePublishedRules) {
         MeasureAccuracy(d, 0.5, Decompose(d, DecompositionMethod::kTpbccPublished), 12);
     overlaps += published.overlap > 1e-9;
   }
-  std::printf("published rules overlap in %d of %d cells\n", overlaps, cells);
   EXPECT_GT(overlaps, cells * 4 / 10);
   EXPECT_LT(overlaps, cells * 7 / 10);
 }
@@ -257,11 +247,6 @@ class LabExperiment : public ::testing::Test {
     }
     ADD_FAILURE() << "no row " << name;
     return {};
-  }
-  std::string ReadFile(const std::string& name) const {
-    std::ostringstream text;
-    text << std::ifstream(folder_.path() / name).rdbuf();
-    return text.str();
   }
   static std::size_t CountOf(const std::string& text, const std::string& part) {
     std::size_t count = 0;
@@ -352,23 +337,18 @@ TEST_F(LabExperiment, Figure9HasALineForEachLap) {
       EXPECT_NEAR(std::stod(row[c + 1]), curves[c].laps[lap - 1].isovalue, 1e-6);
     }
   }
-  const std::string svg = ReadFile("figure9.svg");
+  const std::string svg = test::TextOf(folder_.path() / "figure9.svg");
   EXPECT_EQ(CountOf(svg, "<polyline"), curves.size());
   EXPECT_TRUE(svg.ends_with("</svg>\n"));
 }
 
 TEST_F(LabExperiment, Figure11HasAPanelForEachCellAndMethod) {
   EXPECT_NE(Run("figure11").find("V and H by 4 methods for 29 cells"), std::string::npos);
-  const std::string svg = ReadFile("figure11.svg");
+  const std::string svg = test::TextOf(folder_.path() / "figure11.svg");
   EXPECT_EQ(CountOf(svg, "<g transform"), 29u * 5u);
   // The edges of the cell, and polygons of a surface, in each.
   EXPECT_GT(CountOf(svg, "<path"), 2u * 29u * 5u);
   EXPECT_TRUE(svg.ends_with("</svg>\n"));
-}
-
-TEST_F(LabExperiment, ThereAreSix) {
-  EXPECT_EQ(ExperimentNames(), (std::vector<std::string>{"table1", "table3", "table4", "figure9",
-                                                         "topology", "figure11"}));
 }
 
 TEST_F(LabExperiment, ErrorsAreClear) {

@@ -226,8 +226,6 @@ TEST(LabAttack, FindsNoFaultWithPops) {
     pops += tick.output.popped;
     above += tick.output.free_side == FreeSide::kAbove;
   }
-  std::printf("%d pops, %d ticks above tau, %d in contact, %d ejecting\n", pops, above,
-              v.contact_ticks, v.ejecting_ticks);
   EXPECT_GT(pops, 100);
   EXPECT_GT(above, 200);
   EXPECT_EQ(v.fall_throughs, 0);

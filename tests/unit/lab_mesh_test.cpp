@@ -1,14 +1,10 @@
 // Meshes of H, and the Euler characteristic of V that they are judged by.
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
-#include <unistd.h>
 
 #include <array>
 #include <cmath>
-#include <cstdio>
 #include <filesystem>
-#include <fstream>
-#include <iterator>
 #include <memory>
 #include <numbers>
 #include <random>
@@ -22,6 +18,7 @@
 #include "server/lab/mesh_statistics.h"
 #include "server/lab/trilinear_topology.h"
 #include "tests/support/made_volume.h"
+#include "tests/support/temporary_folder.h"
 
 namespace palpate::lab {
 namespace {
@@ -126,7 +123,6 @@ TEST(LabMesh, WithoutPaddingOpensAtTheBorderOnly) {
 }
 
 struct Tally {
-  int grids = 0;
   int wrong = 0;
   int open = 0;
   int misoriented = 0;
@@ -143,7 +139,6 @@ Tally TallyRandomGrids(DecompositionMethod method, int levels, int grids) {
     if (levels > 1 && n % 2 == 0) isovalue = static_cast<double>(n % levels) / (levels - 1);
     const MeshStatistics s = MeasureMesh(Extract(*volume, isovalue, method));
     const MorseCount morse = CountTrilinearTopology(*volume, isovalue, PaddedCells(*volume));
-    ++tally.grids;
     tally.wrong += s.euler != morse.surface();
     tally.open += s.boundary_edges != 0 || s.non_manifold_edges != 0;
     tally.misoriented += s.misoriented_edges != 0;
@@ -154,7 +149,6 @@ Tally TallyRandomGrids(DecompositionMethod method, int levels, int grids) {
 TEST(LabMesh, RandomGridsHaveTheTopologyOfTheTrilinearSurface) {
   for (int levels : {0, 2, 3, 5, 16, 256}) {
     const Tally tally = TallyRandomGrids(kTpbcc, levels, 500);
-    std::printf("tpbcc, %3d levels: %d wrong of %d\n", levels, tally.wrong, tally.grids);
     EXPECT_EQ(tally.wrong, 0);
     EXPECT_EQ(tally.open, 0);
     EXPECT_EQ(tally.misoriented, 0);
@@ -164,9 +158,6 @@ TEST(LabMesh, RandomGridsHaveTheTopologyOfTheTrilinearSurface) {
 TEST(LabMesh, OtherMethodsAreClosedButMayDiffer) {
   for (DecompositionMethod method : {DecompositionMethod::kBcc, DecompositionMethod::kTptd}) {
     const Tally tally = TallyRandomGrids(method, 0, 300);
-    const auto name = MethodName(method);
-    std::printf("%.*s: %d wrong of %d\n", static_cast<int>(name.size()), name.data(), tally.wrong,
-                tally.grids);
     EXPECT_EQ(tally.open, 0);
     EXPECT_EQ(tally.misoriented, 0);
     if (method == DecompositionMethod::kBcc) {
@@ -257,16 +248,8 @@ TEST(LabMeshStatistics, SeesWhatIsWrong) {
 
 class LabMeshFiles : public ::testing::Test {
  protected:
-  void SetUp() override { std::filesystem::create_directories(folder_); }
-  void TearDown() override { std::filesystem::remove_all(folder_); }
-
-  std::string Read(const std::filesystem::path& path) const {
-    std::ifstream in(path, std::ios::binary);
-    return {std::istreambuf_iterator<char>(in), {}};
-  }
-
-  const std::filesystem::path folder_ =
-      std::filesystem::temp_directory_path() / ("lab_mesh_test-" + std::to_string(getpid()));
+  test::TemporaryFolder temporary_;
+  const std::filesystem::path folder_ = temporary_.path();
 };
 
 TEST_F(LabMeshFiles, ObjIsInWorldMm) {
@@ -275,11 +258,11 @@ TEST_F(LabMeshFiles, ObjIsInWorldMm) {
   mesh.triangles = {{0, 1, 2}};
   AffineMap X_WI{Vec3(2, 2, 3).asDiagonal(), Vec3(10, 0, -5)};
   WriteMesh(mesh, X_WI, folder_ / "a.obj");
-  EXPECT_EQ(Read(folder_ / "a.obj"),
+  EXPECT_EQ(test::TextOf(folder_ / "a.obj"),
             "# palpate-lab: world mm, LPS\nv 10 0 -5\nv 12 0 -5\nv 10 3 -5\nf 1 2 3\n");
   X_WI.linear(2, 2) = -3;  // a mirror turns the triangles over
   WriteMesh(mesh, X_WI, folder_ / "a.OBJ");
-  EXPECT_NE(Read(folder_ / "a.OBJ").find("f 1 3 2"), std::string::npos);
+  EXPECT_NE(test::TextOf(folder_ / "a.OBJ").find("f 1 3 2"), std::string::npos);
 }
 
 TEST_F(LabMeshFiles, PlyIsBinary) {
@@ -287,7 +270,7 @@ TEST_F(LabMeshFiles, PlyIsBinary) {
   mesh.vertices = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}};
   mesh.triangles = {{0, 1, 2}};
   WriteMesh(mesh, AffineMap{}, folder_ / "a.ply");
-  const std::string text = Read(folder_ / "a.ply");
+  const std::string text = test::TextOf(folder_ / "a.ply");
   const std::string end = "end_header\n";
   EXPECT_TRUE(text.starts_with("ply\nformat binary_little_endian 1.0\n"));
   EXPECT_NE(text.find("element vertex 3\n"), std::string::npos);

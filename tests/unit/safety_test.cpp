@@ -141,33 +141,25 @@ TEST(Safety, EnablingWhatIsOnChangesNothing) {
   EXPECT_STATE(rig, kOn, kNone);
 }
 
-TEST(Safety, DisablingLeadsFromEveryStateToOff) {
+TEST(Safety, DisablingAndTheStopWorkInEveryStateAndAStopOutlastsFaults) {
   for (const Cause& cause : Causes()) {
-    Rig rig = On();
-    cause.make(rig.input);
-    rig.Tick();
-    rig.input.buttons = 0;
-    rig.Tell(ForceCommand::kDisable);
-    EXPECT_STATE(rig, kOff, kOperator);
+    Rig off = On();
+    cause.make(off.input);
+    off.Tick();
+    off.input.buttons = 0;
+    Rig stopped = off;
+    off.Tell(ForceCommand::kDisable);
+    EXPECT_STATE(off, kOff, kOperator);
+    EXPECT_TRUE(stopped.Tell(ForceCommand::kStop).isZero());
+    EXPECT_STATE(stopped, kStopped, kStopCall);
+    stopped.input.device = DeviceStatus::kFault;
+    stopped.Tick();
+    EXPECT_STATE(stopped, kStopped, kStopCall);
   }
   Rig rig(LimitsFor(Hardware(), 0));
   rig.Tell(ForceCommand::kEnable);
   rig.Tell(ForceCommand::kDisable);
   EXPECT_STATE(rig, kOff, kOperator);
-}
-
-TEST(Safety, TheStopWorksInEveryStateAndOutlastsFaults) {
-  for (const Cause& cause : Causes()) {
-    Rig rig = On();
-    cause.make(rig.input);
-    rig.Tick();
-    rig.input.buttons = 0;
-    EXPECT_TRUE(rig.Tell(ForceCommand::kStop).isZero());
-    EXPECT_STATE(rig, kStopped, kStopCall);
-    rig.input.device = DeviceStatus::kFault;
-    rig.Tick();
-    EXPECT_STATE(rig, kStopped, kStopCall);
-  }
 }
 
 TEST(Safety, HeldStopButtonsWinOverTheEnabling) {

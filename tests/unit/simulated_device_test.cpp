@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
-#include <cstdio>
 #include <functional>
 #include <memory>
 #include <utility>
@@ -13,7 +12,6 @@
 #include "server/device/explore_script.h"
 #include "server/device/path_script.h"
 #include "server/device/simulated_device.h"
-#include "tests/support/allocation_count.h"
 #include "tests/support/device_numbers.h"
 #include "tests/support/scaled.h"
 
@@ -161,10 +159,6 @@ void ExpectExploresWell(const Feel& feel) {
   EXPECT_GE(feel.median_force_n, 0.3);
   EXPECT_LE(feel.median_force_n, 1.2);
   EXPECT_LE(feel.median_buzz_n, 0.1);
-  std::printf("contact %.0f %%, %.2f contacts/s, speed %.0f/%.0f/%.0f mm/s, %.2f N, buzz %.3f N\n",
-              100.0 * feel.contact_share, feel.contacts_per_s, feel.slow_speed_mm_s,
-              feel.median_speed_mm_s, feel.fast_speed_mm_s, feel.median_force_n,
-              feel.median_buzz_n);
 }
 
 TEST(SimulatedDevice, AnswersBetweenStartAndStopOnly) {
@@ -311,26 +305,6 @@ TEST(SimulatedDevice, TheStylusTurnsSlowlyAndSmoothly) {
     ASSERT_GT(barrel.y(), 0.0);
   }
   EXPECT_GT(largest_rad, 0.05);
-}
-
-TEST(SimulatedDevice, ReadAndWriteDoNotAllocate) {
-  const auto exploring = Exploring(1);
-  const auto following = Following({Vec3::Zero(), Vec3(10.0, 0.0, 0.0)}, 50.0);
-  const Surface sphere = Sphere(Vec3::Zero(), 25.0, 0.5);
-  DeviceState state;
-  std::uint64_t during = test::Allocations();
-  for (int i = 0; i < 20'000; ++i) {  // long enough to seek, slide and retreat
-    for (SimulatedDevice* device : {exploring.get(), following.get()}) {
-      device->Read(state);
-      device->Write(sphere(state.p_DHip_mm), kTickS);
-    }
-  }
-  during = test::Allocations() - during;
-  EXPECT_EQ(during, 0u);
-  // The counter counts.
-  const std::uint64_t before = test::Allocations();
-  const auto something = std::make_unique<std::vector<int>>(100);
-  EXPECT_GT(test::Allocations(), before);
 }
 
 // Eight in the long form: each feels for 20 s.
