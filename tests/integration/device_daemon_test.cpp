@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <cmath>
 #include <fstream>
-#include <functional>
 #include <string>
 #include <vector>
 
@@ -144,6 +143,14 @@ class ArmOf : public Arm {
         std::ranges::count_if(forces, [](const auto& force) { return !IsZero(force); }));
   }
   bool EndsWithZero() const { return IsZero(emulator.Forces().back()); }
+  // The daemon ends.
+  void ExpectLetGo(UsbDaemon& daemon) {
+    daemon.End();
+    ASSERT_TRUE(Eventually([&] { return emulator.CountOf(Kind::kClose) > 0; }));
+    EXPECT_TRUE(EndsWithZero());
+    EXPECT_EQ(emulator.CountOf(Kind::kRelease), emulator.CountOf(Kind::kClaim));
+    EXPECT_EQ(emulator.CountOf(Kind::kAttachDriver), emulator.CountOf(Kind::kDetachDriver));
+  }
   Emulator emulator;
 
  private:
@@ -212,15 +219,10 @@ TEST(DeviceDaemon, ATouchIsIdentifiedPushesWhenEnabledAndIsLetGoOf) {
   EXPECT_EQ(rig.Get().forces().state(), v1::FORCE_STATE_OFF);
   EXPECT_TRUE(touch.Pushes(rig));
 
-  rig.End();
-  ASSERT_TRUE(Eventually([&] { return touch.emulator.CountOf(Kind::kClose) > 0; }));
-  EXPECT_TRUE(touch.EndsWithZero());
+  touch.ExpectLetGo(rig);
   EXPECT_FALSE(touch.emulator.Forces().back().enabled);
   EXPECT_FALSE(touch.emulator.is_streaming());
   EXPECT_EQ(touch.emulator.garbage_bytes(), 0u);
-  EXPECT_EQ(touch.emulator.CountOf(Kind::kRelease), touch.emulator.CountOf(Kind::kClaim));
-  EXPECT_EQ(touch.emulator.CountOf(Kind::kAttachDriver),
-            touch.emulator.CountOf(Kind::kDetachDriver));
 }
 
 TEST(DeviceDaemon, ATouchThatWasPulledOutOrADaemonThatWasKilledWaitsForTheOperator) {
@@ -276,12 +278,7 @@ TEST(DeviceDaemon, AFalconGetsItsFirmwarePushesFallsSilentAndIsLetGoOf) {
   EXPECT_EQ(rig.Get().forces().state(), v1::FORCE_STATE_FAULT);
   EXPECT_TRUE(falcon.Pushes(rig));
 
-  rig.End();
-  ASSERT_TRUE(Eventually([&] { return falcon.emulator.CountOf(Kind::kClose) > 0; }));
-  EXPECT_TRUE(falcon.EndsWithZero());
-  EXPECT_EQ(falcon.emulator.CountOf(Kind::kRelease), falcon.emulator.CountOf(Kind::kClaim));
-  EXPECT_EQ(falcon.emulator.CountOf(Kind::kAttachDriver),
-            falcon.emulator.CountOf(Kind::kDetachDriver));
+  falcon.ExpectLetGo(rig);
 }
 
 }  // namespace

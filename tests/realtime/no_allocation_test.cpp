@@ -5,8 +5,6 @@
 
 #include <atomic>
 #include <cerrno>
-#include <cmath>
-#include <cstdlib>
 #include <memory>
 #include <vector>
 

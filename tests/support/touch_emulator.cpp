@@ -1,6 +1,5 @@
 #include "tests/support/touch_emulator.h"
 
-#include <algorithm>
 #include <cmath>
 
 #include "server/device/omni/kinematics.h"

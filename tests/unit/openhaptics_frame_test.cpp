@@ -4,18 +4,18 @@
 
 #include <chrono>
 #include <cstdint>
-#include <limits>
 #include <numbers>
 #include <thread>
 
 #include "server/device/openhaptics/hd_servo.h"
 #include "tests/support/allocation_count.h"
+#include "tests/support/device_numbers.h"
 #include "tests/support/patience.h"
 
 namespace palpate {
 namespace {
 
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+using test::kNan;
 
 struct FrameLibrary {
   double x_mm = 0.0;
@@ -109,7 +109,7 @@ TEST_F(HdFrameTest, ForcesAreFiniteAndLimitedByTheirNorm) {
   EXPECT_TRUE(ForceOf(Vec3(-3, 0, 4)).isApprox(Vec3(-1.2, 0, 1.6)));
   EXPECT_TRUE(ForceOf(Vec3(1e300, 0, 0)).isApprox(Vec3(2, 0, 0)));
   EXPECT_EQ(ForceOf(Vec3(0, kNan, 0)), Vec3::Zero());
-  EXPECT_EQ(ForceOf(Vec3(0, 0, std::numeric_limits<double>::infinity())), Vec3::Zero());
+  EXPECT_EQ(ForceOf(Vec3(0, 0, test::kInfinity)), Vec3::Zero());
 }
 
 TEST_F(HdFrameTest, AnOldForceIsZeroAndANewOneBeginsAtZero) {

@@ -4,19 +4,18 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <array>
 #include <chrono>
 #include <functional>
-#include <limits>
 #include <memory>
 #include <mutex>
 #include <optional>
 #include <string>
-#include <thread>
+#include <utility>
 #include <vector>
 
 #include "server/device/openhaptics/hd_errors.h"
 #include "server/device/openhaptics/openhaptics_device.h"
+#include "tests/support/device_numbers.h"
 #include "tests/support/fake_hd.h"
 #include "tests/support/patience.h"
 #include "tests/support/places.h"
@@ -166,12 +165,11 @@ TEST_F(OpenHapticsTest, FramesCarryPosesInAndForcesOut) {
 }
 
 TEST_F(OpenHapticsTest, TheLimitIsTheLowerOfTheLibrarysAndTheDatasheets) {
-  const double infinity = std::numeric_limits<double>::infinity();
-  const std::vector<std::array<double, 2>> cases = {{2.0, 2.0}, {8.5, 3.3}, {infinity, 3.3}};
-  for (const auto& stated_and_limit_n : cases) {
-    Set([&](FakeHdRecord& hd) { hd.max_force_n = stated_and_limit_n[0]; });
+  const std::pair<double, double> cases[] = {{2.0, 2.0}, {8.5, 3.3}, {test::kInfinity, 3.3}};
+  for (const auto& [stated_n, limit_n] : cases) {
+    Set([&](FakeHdRecord& hd) { hd.max_force_n = stated_n; });
     StartStreaming();
-    EXPECT_TRUE(Tick(Vec3(0, 100, 0), [&] { return HasForce({0, stated_and_limit_n[1], 0}); }));
+    EXPECT_TRUE(Tick(Vec3(0, 100, 0), [&] { return HasForce({0, limit_n, 0}); }));
     device_->Stop();
   }
   EXPECT_EQ(device_->spec().max_force_n, 3.3);

@@ -3,7 +3,6 @@
 
 #include <gtest/gtest.h>
 
-#include <cmath>
 #include <cstring>
 #include <functional>
 #include <initializer_list>
@@ -12,11 +11,11 @@
 #include <random>
 #include <string>
 #include <utility>
-#include <vector>
 
 #include "server/device/explore_script.h"
 #include "server/device/simulated_device.h"
 #include "server/servo/servo_tick.h"
+#include "tests/support/device_numbers.h"
 #include "tests/support/made_volume.h"
 #include "tests/support/recording.h"
 
@@ -129,8 +128,8 @@ void SetBox(Touch& touch, double y_mm = 20.5, std::uint8_t faces = 0x21) {
 }
 
 TEST(ServoKeyframe, StatesThatNoServoHasAreRefused) {
-  constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
-  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  using test::kInfinity;
+  using test::kNan;
   const Touch touch;
   ServoMemory loaded;
   const auto refuses = [&](const std::function<void(Touch&)>& attack) {

@@ -276,7 +276,8 @@ Held HeldTicks(const std::vector<TickSample>& samples) {
   return held;
 }
 
-TEST(Clutch, MovesTheVolumeRigidlyWithTheStylusAndWithoutForce) {
+// suspended_test.cpp has that nothing is felt meanwhile.
+TEST(Clutch, MovesTheVolumeRigidlyWithTheStylus) {
   for (const int lag_ticks : {0, 1, 7, 50}) {
     StylusRig rig("builtin:bumps:32", kClutching, Sweeping(kClutchButton));
     rig.lag_ticks = lag_ticks;
@@ -287,12 +288,6 @@ TEST(Clutch, MovesTheVolumeRigidlyWithTheStylusAndWithoutForce) {
     const Held held = HeldTicks(samples);
     ASSERT_TRUE(held.first && held.last);
     EXPECT_GT(held.last->tick - held.first->tick, 950u);
-    for (const TickSample& s : samples) {
-      if ((s.buttons & kClutchButton) == 0) continue;
-      EXPECT_EQ(s.mode, TickMode::kSuspended);
-      EXPECT_EQ(Force(s), Vec3::Zero());
-      EXPECT_FALSE(s.contact);
-    }
     const RigidMotion motion = MotionBetween(*held.first, *held.last);
     EXPECT_GT(motion.t_mm.norm(), 1.0);
     EXPECT_GT(Eigen::AngleAxisd(motion.R).angle(), 0.01);

@@ -44,6 +44,7 @@ TEST_F(SuspendedTest, TheForceIsZeroInTheVeryTickOfThePress) {
   Clutch(true);
   const TickSample sample = Tick();
   EXPECT_EQ(sample.mode, TickMode::kSuspended);
+  EXPECT_EQ(sample.force_state, ForceState::kOn);
   EXPECT_EQ(ForceOf(sample), Vec3::Zero());
   EXPECT_EQ(sample.scp_h_mm, sample.hip_mm);
   EXPECT_FALSE(sample.contact);

@@ -48,9 +48,6 @@ def known_ids():
 
 
 class UdevRules(unittest.TestCase):
-    def test_every_line_is_a_rule(self):
-        self.assertGreater(len(rules()), 5)
-
     def test_every_jump_has_its_label(self):
         tokens = [token for rule in rules() for token in rule]
         jumps = {value for key, _, value in tokens if key == "GOTO"}
@@ -64,12 +61,9 @@ class UdevRules(unittest.TestCase):
                 let_in.add((values["ATTR{idVendor}"], values["ATTR{idProduct}"]))
                 self.assertEqual((values["GROUP"], values["MODE"], values["TAG"]),
                                  ("palpate", "0660", "uaccess"))
-        self.assertEqual(known_ids() - let_in, set())
+        self.assertEqual(let_in, known_ids())
         self.assertEqual(let_in, {("2988", "0302"), ("2988", "0304"), ("0301", "2988"),
                                   ("0403", "cb48")})
-
-    def test_the_ids_in_the_sources_are_found(self):
-        self.assertIn(("2988", "0302"), known_ids())
 
     def test_what_is_no_rule_is_seen(self):
         for line in ('ATTR{idVendor}="2988"', 'GROUP=="palpate"', 'MODE="0660', 'FOO="1"'):
