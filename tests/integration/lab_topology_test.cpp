@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cstdio>
 #include <filesystem>
 #include <fstream>
 #include <map>
@@ -62,12 +63,15 @@ TEST(LabTopology, PublishedClosedGrids) {
     const std::int64_t components = std::stoi(row[1]), genus = std::stoi(row[2]);
     const auto morse = CountTrilinearTopology(*grid, isovalue, range);
     miscounted += morse.surface() != 2 * (components - genus);
-    for (const auto method : {kTpbcc, DecompositionMethod::kBcc}) {
+    for (const auto method :
+         {kTpbcc, DecompositionMethod::kBcc, DecompositionMethod::kTpbccPublished}) {
       const MeshStatistics s = MeasureMesh(ExtractSurface(*grid, isovalue, method, range));
       const bool closed = s.boundary_edges == 0 && s.IsManifold();
       wrong[method] += !closed || s.components != components || s.genus() != genus;
     }
   }
+  std::printf("%zu grids, wrong: tpbcc %d, bcc %d, published %d\n", rows.size(), wrong[kTpbcc],
+              wrong[DecompositionMethod::kBcc], wrong[DecompositionMethod::kTpbccPublished]);
   EXPECT_EQ(wrong[kTpbcc], 0);
   EXPECT_GT(wrong[DecompositionMethod::kBcc], 0);  // the control
   EXPECT_EQ(miscounted, 0);

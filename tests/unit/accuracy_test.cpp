@@ -24,6 +24,7 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <cstdio>
 #include <limits>
 #include <memory>
 #include <numbers>
@@ -58,6 +59,8 @@ HapticSurface Surface(const VolumeSnapshot& volume, double voxels_per_mm) {
   return MakeHapticSurface(volume, {Mat3::Identity() / voxels_per_mm, Vec3::Zero()}, kIsovalue,
                            DecompositionMethod::kTpbcc, 1);
 }
+
+double Degrees(double rad) { return rad * 180.0 / std::numbers::pi; }
 
 // The part of H within a tetrahedron: a flat convex polygon.
 struct Facet {
@@ -280,6 +283,8 @@ TEST(Accuracy, OfTheDepthOnASphere) {
     SphereRun run(*volume, h, voxels_per_mm);
     const Excess excess = run.Run(hips);
     if (HasFatalFailure()) return;
+    std::printf("%.1f voxels/mm: %.0f%% of the bound, gap up to %.5f mm, %d redrawn\n",
+                voxels_per_mm, 100.0 * excess.worst_share, excess.greatest_gap_mm, excess.redrawn);
     EXPECT_GT(excess.worst_share, 0.05);
     // Every proxy would break the bound if it were 0.1 mm farther from its HIP.
     EXPECT_LT(excess.greatest_gap_mm, 0.1);
@@ -472,6 +477,9 @@ TEST(Accuracy, OfTheDirectionOnBumps) {
     BumpsRun run(*volume, tilt_rad, voxels_per_mm);
     run.Slide(test::Scaled(5000));
     if (HasFatalFailure()) return;
+    std::printf("%.1f voxels/mm: flat mean %.3f, worst %.3f of %.3f degrees; shaded mean %.3f\n",
+                voxels_per_mm, Degrees(run.flat().Mean()), Degrees(run.flat().worst_rad),
+                Degrees(tilt_rad), Degrees(run.shaded().Mean()));
     EXPECT_GT(run.flat().worst_rad, 0.05 * tilt_rad);
     EXPECT_GT(run.worst_share_of_shaded(), 0.05);
     EXPECT_GT(run.flat().Mean(), 0.5 / Bumps::kFrequency * run.shaded().Mean());

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
@@ -133,6 +134,7 @@ TEST(Table4, PublishedFiguresAreMet) {
     }
     sum += DifferenceOf(row.resolved, row.isovalue, DecompositionMethod::kTpbcc, 200);
   }
+  std::printf("tptd met in %d rows; tpbcc mean %.3f\n", tptd_met, sum / 29.0);
   EXPECT_GE(tptd_met, 22);
   EXPECT_LE(sum / 29.0, 6.8);
 }
@@ -163,8 +165,11 @@ double MeanDifference(bool alternating) {
 TEST(MeanDifference, OfTpbccKeepsItsBounds) {
   // A tenth of the cells says the mean less exactly.
   const double room = test::Scaled(20000) < 20000 ? 0.3 : 0.0;
-  EXPECT_LE(MeanDifference(false), 3.0 + room);
-  EXPECT_LE(MeanDifference(true), 5.55 + room);
+  const double uniform = MeanDifference(false);
+  const double alternating = MeanDifference(true);
+  std::printf("mean R_D of tpbcc: uniform %.3f, alternating %.3f\n", uniform, alternating);
+  EXPECT_LE(uniform, 3.0 + room);
+  EXPECT_LE(alternating, 5.55 + room);
 }
 
 // For six face saddles: kTptd takes parallel faces, and is then right and fills the
