@@ -168,26 +168,15 @@ INSTANTIATE_TEST_SUITE_P(
                       Thin{"shell", {97, 97, 97}, Shell},
                       Thin{"shell_within", {97, 97, 97}, Shell, FreeSide::kAbove},
                       Thin{"dust", {96, 96, 96}, Dust}),
-    [](const auto& thin) { return std::string(thin.param.name); });
+    testing::kNameOf);
 
 // --- Whole volumes
 
-struct Whole {
-  const char* name;
-  const char* source;  // in the data folder, or builtin
-  double isovalue;     // normalised, or in the data's units
-  bool is_absolute = false;
-
-  bool IsBuiltin() const { return std::string_view(source).starts_with("builtin:"); }
-};
-
-void PrintTo(const Whole& whole, std::ostream* out) { *out << whole.name; }
-
-class WholeTest : public ::testing::TestWithParam<Whole> {
+class WholeTest : public ::testing::TestWithParam<testing::KnownSurface> {
  protected:
   // Loads the volume as the daemon does.
   void SetUp() override {
-    const Whole& whole = GetParam();
+    const testing::KnownSurface& whole = GetParam();
     LoadRequest request{.source = testing::PlaceOf(whole.source)};
     if (request.source.empty()) GTEST_SKIP() << whole.source << testing::kMissing;
     (whole.is_absolute ? request.isovalue : request.normalized_isovalue) = whole.isovalue;
@@ -209,42 +198,39 @@ TEST_P(UnguidedTest, IsFeltAndNeverFallenThrough) {
   EXPECT_FALSE(touch.is_capped);
   EXPECT_LE(touch.greatest_step_n, testing::kMaxStepN);
   EXPECT_LE(touch.greatest_n, SimulatedDeviceSpec().max_force_n + 1e-9);
-  EXPECT_GE(touch.contact_percent, GetParam().IsBuiltin() ? 60.0 : 40.0);
-  if (GetParam().IsBuiltin()) {
+  const bool is_builtin = std::string_view(GetParam().source).starts_with("builtin:");
+  EXPECT_GE(touch.contact_percent, is_builtin ? 60.0 : 40.0);
+  if (is_builtin) {
     EXPECT_GE(touch.scp_v_percent, 99.0);
   }
 }
 
-std::string NameOf(const ::testing::TestParamInfo<Whole>& whole) { return whole.param.name; }
+using Whole = testing::KnownSurface;
+using testing::kNameOf;
 
 INSTANTIATE_TEST_SUITE_P(Builtin, WholeTest,
                          ::testing::Values(Whole{"sphere", "builtin:sphere", 0.5},
                                            Whole{"bumps", "builtin:bumps", 0.5},
                                            Whole{"gyroid", "builtin:gyroid", 0.5},
                                            Whole{"cylinder", "builtin:cylinder", 0.5}),
-                         NameOf);
+                         kNameOf);
 
-constexpr const char* kDaisy = "paper/daisy_192x180x168_uint8.nhdr";
-constexpr const char* kOrange = "paper/orange_256x256x64_uint8.nhdr";
-constexpr const char* kHead = "paper/SUBST_head_ct_cranium_256x256x108_int16.nrrd";
 constexpr const char* kTooth = "classic/tooth_103x94x161_uint8.nhdr";
 
-const Whole kFeltUnguided[] = {{"lobster_16", "paper/lobster_301x324x56_uint8.nhdr", 0.16},
-                               {"daisy_02", kDaisy, 0.02},
-                               {"daisy_24", kDaisy, 0.24},
-                               {"orange_22", kOrange, 0.22},
-                               {"head_17", kHead, 0.17},
-                               {"head_33", kHead, 0.33},
-                               {"mr_brain_22", "medical/dicom_mr_brain_20", 0.22},
-                               {"LIDC2_25", "medical/LIDC2.mha", 0.25}};
-INSTANTIATE_TEST_SUITE_P(FeltUnguided, WholeTest, ::testing::ValuesIn(kFeltUnguided), NameOf);
-INSTANTIATE_TEST_SUITE_P(Files, UnguidedTest, ::testing::ValuesIn(kFeltUnguided), NameOf);
+// Felt by touch alone too.
+constexpr Whole kMedical[] = {{"mr_brain_22", "medical/dicom_mr_brain_20", 0.22},
+                              {"LIDC2_25", "medical/LIDC2.mha", 0.25}};
+INSTANTIATE_TEST_SUITE_P(Paper, WholeTest, ::testing::ValuesIn(testing::kPaperSurfaces), kNameOf);
+INSTANTIATE_TEST_SUITE_P(Paper, UnguidedTest, ::testing::ValuesIn(testing::kPaperSurfaces),
+                         kNameOf);
+INSTANTIATE_TEST_SUITE_P(Medical, WholeTest, ::testing::ValuesIn(kMedical), kNameOf);
+INSTANTIATE_TEST_SUITE_P(Medical, UnguidedTest, ::testing::ValuesIn(kMedical), kNameOf);
 
 // The volumes of the data folder at the isovalues of its README; 0.5 where it gives none.
 INSTANTIATE_TEST_SUITE_P(
     Files, WholeTest,
     ::testing::Values(
-        Whole{"orange_15", kOrange, 0.15}, Whole{"orange_30", kOrange, 0.30},
+        Whole{"orange_15", testing::kOrange, 0.15}, Whole{"orange_30", testing::kOrange, 0.30},
         Whole{"neuron_janelia_20", "paper/SUBST_neuron_janelia_511x512x47_uint8.nrrd", 0.20},
         Whole{"neuron_rivulet_25", "paper/SUBST_neuron_rivulet_409x415x119_uint8.nrrd", 0.25},
         Whole{"aneurism_25", "classic/aneurism_256x256x256_uint8.nrrd", 0.25},
@@ -269,14 +255,14 @@ INSTANTIATE_TEST_SUITE_P(
         Whole{"viscous_t090", "timeseries/viscous_64x64x64_float32_t090.nrrd", 35.0, true},
         Whole{"isabel_t30", "timeseries/isabel_125x125x25_float64_t30.nrrd", 20.0, true},
         Whole{"functional_50", "timeseries/nibabel_functional.nii", 0.5}),
-    NameOf);
+    kNameOf);
 
 INSTANTIATE_TEST_SUITE_P(Builtin, UnguidedTest,
                          ::testing::Values(Whole{"sphere", "builtin:sphere", 0.53, true},
                                            Whole{"bumps", "builtin:bumps", 0.53, true},
                                            Whole{"gyroid", "builtin:gyroid", 0.53, true},
                                            Whole{"cylinder", "builtin:cylinder", 0.53, true}),
-                         NameOf);
+                         kNameOf);
 
 }  // namespace
 }  // namespace palpate

@@ -2,7 +2,6 @@
 // volumes: no fall-through, no stick, no force that the surface does not explain.
 #include <gtest/gtest.h>
 
-#include <ostream>
 #include <string>
 
 #include "server/lab/bench.h"
@@ -53,20 +52,12 @@ TEST(SlideTime, AnUpdateTakesMicroseconds) {
 
 // Noise, folds and thin walls: a proxy may be left behind by the HIP, which goes
 // round a rim inside the material, and rest far from it.
-struct RealSlide {
-  const char* name;
-  const char* source;  // in the data folder
-  double isovalue;     // normalised
-};
-
-void PrintTo(const RealSlide& slide, std::ostream* out) { *out << slide.name; }
-
-class RealSlideTest : public ::testing::TestWithParam<RealSlide> {};
+class RealSlideTest : public ::testing::TestWithParam<testing::KnownSurface> {};
 
 TEST_P(RealSlideTest, IsFeltWithoutFault) {
-  const RealSlide& slide = GetParam();
-  const std::string place = palpate::testing::PlaceOf(slide.source);
-  if (place.empty()) GTEST_SKIP() << slide.source << palpate::testing::kMissing;
+  const testing::KnownSurface& slide = GetParam();
+  const std::string place = testing::PlaceOf(slide.source);
+  if (place.empty()) GTEST_SKIP() << slide.source << testing::kMissing;
   const LoadedSurface loaded = LoadSurface({.volume = place,
                                             .isovalue = slide.isovalue,
                                             .normalized = true,
@@ -81,14 +72,13 @@ TEST_P(RealSlideTest, IsFeltWithoutFault) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(
-    Volumes, RealSlideTest,
-    ::testing::Values(RealSlide{"daisy", "paper/daisy_192x180x168_uint8.nhdr", 0.02},
-                      RealSlide{"orange", "paper/orange_256x256x64_uint8.nhdr", 0.22},
-                      RealSlide{"lobster", "paper/lobster_301x324x56_uint8.nhdr", 0.16},
-                      RealSlide{"head", "paper/SUBST_head_ct_cranium_256x256x108_int16.nrrd",
-                                0.33}),
-    [](const auto& slide) { return std::string(slide.param.name); });
+using testing::KnownSurface;
+INSTANTIATE_TEST_SUITE_P(Volumes, RealSlideTest,
+                         ::testing::Values(KnownSurface{"daisy", testing::kDaisy, 0.02},
+                                           KnownSurface{"orange", testing::kOrange, 0.22},
+                                           KnownSurface{"lobster", testing::kLobster, 0.16},
+                                           KnownSurface{"head", testing::kHead, 0.33}),
+                         testing::kNameOf);
 
 }  // namespace
 }  // namespace palpate::lab

@@ -9,7 +9,6 @@
 #include <fstream>
 #include <map>
 #include <memory>
-#include <ostream>
 #include <sstream>
 #include <string>
 #include <vector>
@@ -77,18 +76,10 @@ TEST(LabTopology, PublishedClosedGrids) {
   EXPECT_EQ(miscounted, 0);
 }
 
-struct WholeVolume {
-  const char* name;
-  const char* source;  // in the data folder, or builtin
-  double isovalue;     // normalised
-};
-
-void PrintTo(const WholeVolume& volume, std::ostream* out) { *out << volume.name; }
-
-class WholeVolumeTest : public ::testing::TestWithParam<WholeVolume> {};
+class WholeVolumeTest : public ::testing::TestWithParam<testing::KnownSurface> {};
 
 TEST_P(WholeVolumeTest, HasTheTopologyOfTheTrilinearSurface) {
-  const WholeVolume& param = GetParam();
+  const testing::KnownSurface& param = GetParam();
   const std::string source = testing::PlaceOf(param.source);
   if (source.empty()) GTEST_SKIP() << param.source << testing::kMissing;
   const auto volume = LoadVolume(source, test::kPalpateImport);
@@ -103,17 +94,12 @@ TEST_P(WholeVolumeTest, HasTheTopologyOfTheTrilinearSurface) {
   EXPECT_EQ(s.euler, morse.surface());
 }
 
-INSTANTIATE_TEST_SUITE_P(
-    Volumes, WholeVolumeTest,
-    ::testing::Values(
-        WholeVolume{"daisy_02", "paper/daisy_192x180x168_uint8.nhdr", 0.02},
-        WholeVolume{"daisy_24", "paper/daisy_192x180x168_uint8.nhdr", 0.24},
-        WholeVolume{"orange_22", "paper/orange_256x256x64_uint8.nhdr", 0.22},
-        WholeVolume{"lobster_16", "paper/lobster_301x324x56_uint8.nhdr", 0.16},
-        WholeVolume{"head_17", "paper/SUBST_head_ct_cranium_256x256x108_int16.nrrd", 0.17},
-        WholeVolume{"head_33", "paper/SUBST_head_ct_cranium_256x256x108_int16.nrrd", 0.33},
-        WholeVolume{"gyroid_50", "builtin:gyroid:128", 0.5}),
-    [](const auto& volume) { return std::string(volume.param.name); });
+INSTANTIATE_TEST_SUITE_P(Volumes, WholeVolumeTest, ::testing::ValuesIn(testing::kPaperSurfaces),
+                         testing::kNameOf);
+INSTANTIATE_TEST_SUITE_P(Builtin, WholeVolumeTest,
+                         ::testing::Values(testing::KnownSurface{"gyroid_50", "builtin:gyroid:128",
+                                                                 0.5}),
+                         testing::kNameOf);
 
 }  // namespace
 }  // namespace palpate::lab
