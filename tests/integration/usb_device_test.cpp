@@ -141,11 +141,11 @@ TEST_F(AnsweringUsbDeviceTest, IsAskedForEachReadingAndAgainWhereAQuestionIsLost
   bool was_asked_again = false;
   for (int tries = 0; tries < 50 && !was_asked_again; ++tries) {
     ASSERT_TRUE(Eventually([&] { return Streams(); }));
-    stylus_.SetMute(true);
+    stylus_.mute = true;
     const std::size_t before = stylus_.Forces().size();
     ASSERT_TRUE(Eventually([&] { return stylus_.Forces().size() > before + 3; }));
     was_asked_again = device_->health().problem.empty();  // and not given up
-    stylus_.SetMute(false);
+    stylus_.mute = false;
   }
   EXPECT_TRUE(was_asked_again);
   const std::uint64_t readings = device_->health().readings;
@@ -281,12 +281,12 @@ TEST_F(UsbDeviceTest, IsGivenUpAfterAFaultThatStaysAndConnectedAgain) {
   };
   const Case cases[] = {
       {"silent", [&] { stylus_.SetFaults({.silent = true}); }, "no reading"},
-      {"mute", [&] { stylus_.SetMute(true); }, "no reading"},
+      {"mute", [&] { stylus_.mute = true; }, "no reading"},
       {"cut", [&] { stylus_.SetFaults({.cut_in_to = 3}); }, "no reading"},
       {"corrupt", [&] { stylus_.SetFaults({.corrupt_in = 0}); }, "no reading"},
       {"stalled in", [&] { stylus_.Stall(kPlainIn, true); }, "stalled"},
       {"stalled out", [&] { stylus_.Stall(kPlainOut, true); }, "stalled", false},
-      {"babbling", [&] { stylus_.SetBabble(true); }, "transfers fail"},
+      {"babbling", [&] { stylus_.babbles = true; }, "transfers fail"},
       // The readings come, but the device would keep its last force.
       {"deaf", [&] { stylus_.SetFaults({.deaf = true}); }, "no force taken", false}};
   StartStreaming();
@@ -300,8 +300,8 @@ TEST_F(UsbDeviceTest, IsGivenUpAfterAFaultThatStaysAndConnectedAgain) {
       EXPECT_TRUE(Eventually([&] { return !IsOn(stylus_.Forces().back()); }));
     }
     stylus_.SetFaults({});
-    stylus_.SetMute(false);
-    stylus_.SetBabble(false);
+    stylus_.mute = false;
+    stylus_.babbles = false;
     stylus_.EndStalls();
     ASSERT_TRUE(Eventually([&] { return StreamsWell(); }));
   }
@@ -332,9 +332,9 @@ TEST_F(UsbDeviceTest, GoesOnAfterAFewFailedTransfers) {
     ASSERT_TRUE(Eventually([&] { return Streams(); }));
     TakeLines("transfers fail");
     const std::uint64_t errors = device_->health().transfer_errors;
-    stylus_.SetBabble(true);
+    stylus_.babbles = true;
     ASSERT_TRUE(Eventually([&] { return device_->health().transfer_errors > errors; }));
-    stylus_.SetBabble(false);
+    stylus_.babbles = false;
     const std::uint64_t readings = device_->health().readings;
     ASSERT_TRUE(Eventually([&] { return device_->health().readings > readings + 20; }));
     went_on = TakeLines("transfers fail") == 0;  // on a busy machine they fail for longer
@@ -387,7 +387,7 @@ TEST_F(UsbTimes, KeepsUpWithTheBus) {
 }
 
 TEST_F(UsbTimes, EachReadingIsAnsweredByAForce) {
-  stylus_.SetWaitsForForces(true);
+  stylus_.waits_for_forces = true;
   StartStreaming();
   ASSERT_TRUE(Serve(0.0, [&] { return device_->health().readings > 100; }));
   const DeviceHealth before = device_->health();
@@ -424,9 +424,9 @@ TEST_F(UsbTimes, AReadingIsStaleBeforeItIsAFault) {
   int stale_first = 0;
   for (int i = 0; i < 5; ++i) {
     ASSERT_TRUE(Serve(1.0, [&] { return status_ == DeviceStatus::kOk; }));
-    stylus_.SetMute(true);
+    stylus_.mute = true;
     const std::vector<DeviceStatus> statuses = ServeFor(milliseconds(300), 1.0);
-    stylus_.SetMute(false);
+    stylus_.mute = false;
     stale_first += std::ranges::count(statuses, DeviceStatus::kStale) > 20 &&
                    std::ranges::count(statuses, DeviceStatus::kFault) > 50 &&
                    statuses.back() == DeviceStatus::kFault;

@@ -36,12 +36,11 @@ class PlainStylus final : public EmulatedUsbDevice {
   // answers: sends a reading for each force, and not one every millisecond.
   explicit PlainStylus(bool answers = false) : EmulatedUsbDevice(Spec()), answers_(answers) {}
 
-  // Stops the readings; transfers still work.
-  void SetMute(bool mute) { mute_ = mute; }
+  std::atomic<bool> mute = false;  // no readings come; transfers still work
   // Sends each reading only after the force that answers the one before, or after 20 ms.
-  void SetWaitsForForces(bool waits) { waits_ = waits; }
-  // Makes readings longer than any transfer, so transfers fail.
-  void SetBabble(bool babble) { babble_ = babble; }
+  std::atomic<bool> waits_for_forces = false;
+  std::atomic<bool> babbles = false;  // readings are longer than any transfer, so transfers fail
+
   std::vector<PlainForce> Forces() const {
     const std::scoped_lock lock(mutex());
     return forces_;
@@ -72,13 +71,13 @@ class PlainStylus final : public EmulatedUsbDevice {
     if (answers_) Answer();
   }
   void OnMillisecond() override {
-    if (answers_ || (waits_ && waited_ms_++ < kMostWaitMs)) return;
+    if (answers_ || (waits_for_forces && waited_ms_++ < kMostWaitMs)) return;
     waited_ms_ = 0;
     Answer();
   }
   void Answer() {
-    if (!streams_ || mute_) return;
-    if (babble_) return QueueIn(kPlainIn, Bytes(1000));
+    if (!streams_ || mute) return;
+    if (babbles) return QueueIn(kPlainIn, Bytes(1000));
     ++number_;
     QueueIn(kPlainIn,
             {0x5a, number_, static_cast<std::uint8_t>(x_), static_cast<std::uint8_t>(x_ >> 8)});
@@ -88,9 +87,6 @@ class PlainStylus final : public EmulatedUsbDevice {
   static constexpr int kMostWaitMs = 20;
   const bool answers_;
   int waited_ms_ = 0;
-  std::atomic<bool> waits_ = false;
-  std::atomic<bool> mute_ = false;
-  std::atomic<bool> babble_ = false;
   bool streams_ = false;
   std::uint8_t number_ = 0;
   std::int16_t x_ = 0;

@@ -93,16 +93,6 @@ TEST(Accuracy, EqualsAnAnalyticVolume) {
   EXPECT_NEAR(DifferenceOf(d, 0.25, DecompositionMethod::kTptd, 1000), expected, 2e-3);
 }
 
-TEST(Accuracy, ColumnsConverge) {
-  for (const PublishedRow& row :
-       ReadPublishedTable(std::filesystem::path(test::kCells) / "table4.csv")) {
-    const double coarse =
-        DifferenceOf(row.resolved, row.isovalue, DecompositionMethod::kTpbcc, 100);
-    const double fine = DifferenceOf(row.resolved, row.isovalue, DecompositionMethod::kTpbcc, 400);
-    EXPECT_NEAR(coarse, fine, 0.1) << row.name;
-  }
-}
-
 TEST(Accuracy, SeesOverlapsAndGaps) {
   // Case 13.1: six face saddles that do not pair up.
   const CellDensities d = {0.95, 0.05, 0.81, 0.02, 0.11, 0.91, 0.06, 0.88};
