@@ -9,7 +9,6 @@
 #include <limits>
 #include <numbers>
 #include <random>
-#include <string>
 
 #include "tests/support/hand_loop.h"
 #include "tests/support/scaled.h"
@@ -108,15 +107,6 @@ LoopResult Touch(const Hand& hand, const Wall& wall, const Loop& loop, Change* c
   return result;
 }
 
-std::string Words(const Hand& hand, const Wall& wall, const Loop& loop) {
-  return std::to_string(hand.mass_kg) + " kg, " + std::to_string(hand.damping_n_s_per_m) +
-         " N s/m, push " + std::to_string(hand.push_n) + " N, tremor " +
-         std::to_string(hand.tremor_n) + " N, " + std::to_string(hand.speed_mm_per_s) +
-         " mm/s, missed " + std::to_string(loop.missed_ticks) + " from " +
-         std::to_string(hand.start_mm.z()) + " mm, " + std::to_string(wall.stiffness_n_per_mm) +
-         " N/mm, late " + std::to_string(loop.is_late);
-}
-
 // What a sampled spring needs of a hand not to shake it: half of it times the tick.
 double NeededDamping(double stiffness_n_per_mm) {
   return stiffness_n_per_mm * kMmPerM * kLoopTickS / 2.0;
@@ -146,6 +136,10 @@ void ForEachLightHand(Visit visit) {
           for (double push_n : {0.3, 2.0}) {
             for (Approach approach :
                  {Approach::kFall, Approach::kRest, Approach::kThrow, Approach::kTremor}) {
+              SCOPED_TRACE(::testing::Message()
+                           << mass_kg << " kg, " << share << " of the damping, " << push_n << " N, "
+                           << stiffness << " N/mm, late " << is_late << ", approach "
+                           << static_cast<int>(approach));
               visit(LightHand(mass_kg, share, push_n, stiffness, approach), stiffness, is_late);
             }
           }
@@ -174,15 +168,15 @@ TEST(Passivity, NoHandGainsEnergyOrIsShakenAndTheWallHolds) {
     const Wall wall{.stiffness_n_per_mm = stiffness};
     const Loop loop{.is_late = is_late};
     const LoopResult result = Touch(hand, wall, loop);
-    EXPECT_LE(result.given_mj, 0.15) << Words(hand, wall, loop);
+    EXPECT_LE(result.given_mj, 0.15);
     const Wall damped{
         .stiffness_n_per_mm = stiffness, .damping_n_s_per_m = 5.0, .viscosity_n_s_per_m = 2.0};
-    EXPECT_LE(Touch(hand, damped, loop).given_mj, 1.0) << Words(hand, damped, loop);
+    EXPECT_LE(Touch(hand, damped, loop).given_mj, 1.0);
     if (hand.tremor_n > 0.0) return;
     // Twice the amplitude.
-    EXPECT_LE(result.force_swing_n, 0.15) << Words(hand, wall, loop);
-    EXPECT_NEAR(result.force_n, hand.push_n, 0.05) << Words(hand, wall, loop);
-    EXPECT_GT(result.force_n / result.depth_mm, 0.9 * kSafeNPerMm) << Words(hand, wall, loop);
+    EXPECT_LE(result.force_swing_n, 0.15);
+    EXPECT_NEAR(result.force_n, hand.push_n, 0.05);
+    EXPECT_GT(result.force_n / result.depth_mm, 0.9 * kSafeNPerMm);
   });
 }
 
@@ -194,6 +188,7 @@ TEST(Passivity, NeitherDoRandomHands) {
   };
   int shaken = 0;
   for (int n = 0; n < hands; ++n) {
+    SCOPED_TRACE(n);
     const Wall wall{.stiffness_n_per_mm = between(0.3, 3.0)};
     const Loop loop{.seconds = 10.0,
                     .is_late = random() % 2 == 0,
@@ -202,10 +197,10 @@ TEST(Passivity, NeitherDoRandomHands) {
                           wall.stiffness_n_per_mm, static_cast<Approach>(random() % 4));
     hand.start_mm.z() += between(0.0, kSensorCountMm);
     const LoopResult result = Touch(hand, wall, loop);
-    EXPECT_LE(result.given_mj, 1.0) << Words(hand, wall, loop);
+    EXPECT_LE(result.given_mj, 1.0);
     if (hand.tremor_n > 0.0) continue;
     shaken += result.force_swing_n > 0.2;
-    EXPECT_NEAR(result.force_n, hand.push_n, 0.05) << Words(hand, wall, loop);
+    EXPECT_NEAR(result.force_n, hand.push_n, 0.05);
   }
   // Not one in a thousand, at 2 N/mm and more, keeps a swing of a few counts.
   EXPECT_LE(shaken, hands / 1000);
@@ -219,10 +214,10 @@ TEST(Passivity, ASlewLimitIsBorneIfTheWrittenForceIsTold) {
     Loop loop{.is_late = is_late, .slew_n = 0.2, .falls_at_once = true};
     Wall wall{.stiffness_n_per_mm = stiffness};
     const LoopResult result = Touch(hand, wall, loop);
-    EXPECT_LE(result.given_mj, 1.0) << Words(hand, wall, loop);
+    EXPECT_LE(result.given_mj, 1.0);
     loop.falls_at_once = false;
     const LoopResult slow = Touch(hand, wall, loop);
-    EXPECT_LE(slow.given_mj, 1.0) << Words(hand, wall, loop);
+    EXPECT_LE(slow.given_mj, 1.0);
     wall.tells_written = false;
     untold_mj = std::max(untold_mj, Touch(hand, wall, loop).given_mj);
   });

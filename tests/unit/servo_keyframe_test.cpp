@@ -3,7 +3,6 @@
 
 #include <gtest/gtest.h>
 
-#include <cstring>
 #include <functional>
 #include <initializer_list>
 #include <limits>
@@ -37,18 +36,6 @@ Scene SceneWithEverything(std::shared_ptr<const VolumeSnapshot> volume, double t
   scene.isovalue = volume->Denormalize(tau);
   scene.volume = std::move(volume);
   return scene;
-}
-
-TEST(ServoKeyframe, HasASizeThatFits) {
-  ServoMemory memory;
-  memory.faulty_ticks = 0x0102030405060708;  // the last one
-  const ServoKeyframe keyframe = Save(memory);
-  std::uint64_t last = 0;
-  std::memcpy(&last, &keyframe.bytes[ServoKeyframe::kBytes - sizeof last], sizeof last);
-  EXPECT_EQ(last, memory.faulty_ticks);
-  ServoMemory loaded;
-  ASSERT_TRUE(Load(keyframe.view(), loaded));
-  EXPECT_EQ(loaded.faulty_ticks, memory.faulty_ticks);
 }
 
 // From a keyframe on, in each of many states, and a cold cache of cells.

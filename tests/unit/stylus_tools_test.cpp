@@ -262,7 +262,7 @@ HandAt Sweeping(std::uint32_t buttons) {
   };
 }
 
-// suspended_test.cpp has that nothing is felt meanwhile.
+// servo_tick_test.cpp has that nothing is felt meanwhile.
 TEST(Clutch, MovesTheVolumeRigidlyWithTheStylus) {
   for (const int lag_ticks : {0, 1, 7, 50}) {
     StylusRig rig("builtin:bumps:32", kClutching, Sweeping(kClutchButton));
