@@ -88,15 +88,22 @@ Vec3 PressFromBelow(const Vec3& rest_mm, const Vec3& below_mm, double time_s) {
 constexpr std::size_t kForcesOfAnApproach = 450, kForcesOfAPress = 600;
 
 // What the tests do with an emulated device of any kind.
+template <class Emulator>
 class Arm {
  public:
   virtual ~Arm() = default;
   virtual std::string name() const = 0;
   virtual void Rest() = 0;   // where it is calibrated
   virtual void Press() = 0;  // from there, into the sphere and back
-  virtual std::size_t CountFrames() const = 0;
-  virtual std::size_t CountForces() const = 0;  // of the frames, those that are not zero
 
+  std::size_t CountFrames() const { return emulator.Forces().size(); }
+  // Of the frames, those that are not zero.
+  std::size_t CountForces() const {
+    const auto forces = emulator.Forces();
+    return static_cast<std::size_t>(
+        std::ranges::count_if(forces, [](const auto& force) { return !IsZero(force); }));
+  }
+  bool EndsWithZero() const { return IsZero(emulator.Forces().back()); }
   bool TakesFrames(std::size_t more) const {
     const std::size_t before = CountFrames();
     return Eventually([&] { return CountFrames() >= before + more; });
@@ -131,18 +138,6 @@ class Arm {
     }
     return false;
   }
-};
-
-template <class Emulator>
-class ArmOf : public Arm {
- public:
-  std::size_t CountFrames() const override { return emulator.Forces().size(); }
-  std::size_t CountForces() const override {
-    const auto forces = emulator.Forces();
-    return static_cast<std::size_t>(
-        std::ranges::count_if(forces, [](const auto& force) { return !IsZero(force); }));
-  }
-  bool EndsWithZero() const { return IsZero(emulator.Forces().back()); }
   // The daemon ends.
   void ExpectLetGo(UsbDaemon& daemon) {
     daemon.End();
@@ -157,7 +152,7 @@ class ArmOf : public Arm {
   static bool IsZero(const auto& force) { return force.motors == decltype(force.motors){}; }
 };
 
-class Touch final : public ArmOf<TouchEmulator> {
+class Touch final : public Arm<TouchEmulator> {
  public:
   // The gains are arbitrary, because no real ones are public.
   static std::string Config() {
@@ -183,7 +178,7 @@ class Touch final : public ArmOf<TouchEmulator> {
   inline static const Vec3 kRestMm{0.0, -110.0, -35.0};
 };
 
-class Falcon final : public ArmOf<FalconEmulator> {
+class Falcon final : public Arm<FalconEmulator> {
  public:
   std::string name() const override { return "falcon"; }
   void Rest() override {

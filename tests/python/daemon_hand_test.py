@@ -47,6 +47,10 @@ def newtons(poses):
     return np.linalg.norm(poses.force_n, axis=1)
 
 
+def suspended(poses):
+    return poses.mode == palpate.ProxyMode.SUSPENDED
+
+
 class Forces(CallsTest):
     """What an operator's calls do to the forces: counted in ticks, as the samples tell."""
 
@@ -137,15 +141,10 @@ class Tools(CallsTest):
         collected = Collected(self.conn)
         self.addCleanup(collected.end)
         self.assertTrue(wait_until(lambda: self.conn.volume.place().center_mm[0] != 0
-                                   and self.suspended(collected).sum() > 100, 120))
+                                   and suspended(collected.all()).sum() > 100, 120))
         poses = collected.end()
-        suspended = poses.mode == palpate.ProxyMode.SUSPENDED
-        self.assertTrue((newtons(poses)[suspended] == 0).all())
-        self.assertTrue((poses.buttons[suspended] & 2 != 0).all())
-
-    @staticmethod
-    def suspended(collected):
-        return collected.all().mode == palpate.ProxyMode.SUSPENDED
+        self.assertTrue((newtons(poses)[suspended(poses)] == 0).all())
+        self.assertTrue((poses.buttons[suspended(poses)] & 2 != 0).all())
 
 
 if __name__ == "__main__":

@@ -145,8 +145,12 @@ int UsbPort::Answer(UMockdevIoctlClient* client) {
       return Discard(client);
     case USBDEVFS_CLAIMINTERFACE:
       return Claim(static_cast<std::uint8_t>(ArgumentValue<unsigned>(client)));
-    case USBDEVFS_RELEASEINTERFACE:
-      return Release(static_cast<std::uint8_t>(ArgumentValue<unsigned>(client)));
+    case USBDEVFS_RELEASEINTERFACE: {
+      const auto number = static_cast<std::uint8_t>(ArgumentValue<unsigned>(client));
+      if (claimed_.erase(number) == 0) return EINVAL;
+      device_.Log(UsbEvent::Kind::kRelease, number);
+      return 0;
+    }
     case USBDEVFS_GETDRIVER:
       return TellDriver(client);
     case USBDEVFS_IOCTL: {
@@ -233,12 +237,6 @@ int UsbPort::Claim(std::uint8_t number) {
   if (device_.faults_.busy || !drivers_[number].empty()) return EBUSY;
   claimed_.insert(number);
   device_.Log(UsbEvent::Kind::kClaim, number);
-  return 0;
-}
-
-int UsbPort::Release(std::uint8_t number) {
-  if (claimed_.erase(number) == 0) return EINVAL;
-  device_.Log(UsbEvent::Kind::kRelease, number);
   return 0;
 }
 

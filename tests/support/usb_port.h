@@ -48,7 +48,6 @@ class UsbPort {
   int Reap(UMockdevIoctlClient* client);
   int Discard(UMockdevIoctlClient* client);
   int Claim(std::uint8_t number);
-  int Release(std::uint8_t number);
   int BindDriver(std::uint8_t number, bool bind);
   int TellDriver(UMockdevIoctlClient* client);
 

@@ -189,22 +189,16 @@ TEST_F(OpenHapticsTest, ADeviceThatIsNotThereIsLookedForAgain) {
 }
 
 TEST_F(OpenHapticsTest, ADeviceThatComesWithAnErrorIsLetGoOfAndAGarbageHandleIsNone) {
-  Set([](FakeHdRecord& hd) {
-    hd.init_error = 0x0301;
-    hd.init_gives_handle = true;
-  });
-  Start();
-  ASSERT_TRUE(Eventually([&] { return !device_->health().problem.empty(); }));
-  device_->Stop();
-  EXPECT_EQ(Get(&FakeHd::calls), (Texts{"hdInitDevice", "hdDisableDevice"}));
-  Set([](FakeHdRecord& hd) {
-    hd = {};
-    hd.init_handle = 0xdeadbeef;
-  });
-  Start();
-  ASSERT_TRUE(Eventually([&] { return !device_->health().problem.empty(); }));
-  device_->Stop();
-  EXPECT_EQ(Get(&FakeHd::calls), Texts{"hdInitDevice"});
+  const auto calls_of = [&](const FakeHdRecord& behaviour) {
+    Set([&](FakeHdRecord& hd) { hd = behaviour; });
+    Start();
+    EXPECT_TRUE(Eventually([&] { return !device_->health().problem.empty(); }));
+    device_->Stop();
+    return Get(&FakeHd::calls);
+  };
+  EXPECT_EQ(calls_of({.init_error = 0x0301, .init_gives_handle = true}),
+            (Texts{"hdInitDevice", "hdDisableDevice"}));
+  EXPECT_EQ(calls_of({.init_handle = 0xdeadbeef}), Texts{"hdInitDevice"});
 }
 
 TEST_F(OpenHapticsTest, ALoopThatDoesNotStartIsTakenDownAndTriedAgain) {
