@@ -28,6 +28,15 @@ def received(data):
     return bytes([len(data) // 2]) + data
 
 
+def forces(reading):
+    """Scripts that push after a reading."""
+    return {
+        "forces_off": reading + force((1.0, 1.0, 1.0), False),
+        "force_not_a_number": reading + force((NAN, 0.0, 1.0)),
+        "force_huge": reading + force((1e308, -1e308, 1.0)),
+    }
+
+
 HOMED = 0x70
 CENTRE = falcon_frame([-200, -200, -200], HOMED)
 ASIDE = falcon_frame([300, -800, 700], HOMED | 0x5)
@@ -53,13 +62,10 @@ def falcon():
     }
     whole = received(transfer(CENTRE))
     scripts = {name: received(transfer(stream)) + PUSH for name, stream in streams.items()}
-    return scripts | {
+    return scripts | forces(whole) | {
         "frame_without_status": received(CENTRE) + PUSH,
         "force_before_reading": force((1.0, 1.0, 1.0)) + whole,
-        "forces_off": whole + force((1.0, 1.0, 1.0), False),
-        "force_not_a_number": whole + force((NAN, 0.0, 1.0)),
         "force_infinite": whole + force((0.0, INFINITY, 1.0)),
-        "force_huge": whole + force((1e308, -1e308, 1.0)),
         "frame_in_two": received(transfer(CENTRE[:6])) + received(transfer(CENTRE[6:])),
         "homing_lost": whole + received(transfer(UNHOMED)) + force((1.0, 0.0, 0.0)),
     }
@@ -102,14 +108,9 @@ def touch():
         "header_in_payload": touch_frame(0x44, b"\xa5\x5a\x10\x2c" + bytes(8)) + docked,
         "garbage": b"\x00\xff\x5a\xa5" * 5 + moved,
     }
-    rest = received(docked)
     scripts = {name: received(stream) + PUSH for name, stream in streams.items()}
-    return scripts | {
-        "forces_off": rest + force((1.0, 1.0, 1.0), False),
-        "force_not_a_number": rest + force((NAN, 0.0, 1.0)),
-        "force_huge": rest + force((1e308, -1e308, 1.0)),
-        "frame_in_two": received(docked[:20]) + received(docked[20:]),
-    }
+    in_two = received(docked[:20]) + received(docked[20:])
+    return scripts | forces(received(docked)) | {"frame_in_two": in_two}
 
 
 def corpora():

@@ -1,9 +1,10 @@
-#include "tests/support/direct_usb_link.h"
+// UsbLink without USB: see SetDirectUsb.
+#include "server/device/usb/usb_link.h"
 
 #include <algorithm>
 #include <thread>
 
-#include "server/device/usb/usb_link.h"
+#include "tests/support/usb_emulator.h"
 
 namespace palpate {
 namespace {

@@ -30,27 +30,6 @@ UsbSpec FalconSpec() {
 
 FalconEmulator::FalconEmulator() : EmulatedUsbDevice(FalconSpec()) {}
 
-void FalconEmulator::SetPath(Path path) {
-  const std::scoped_lock lock(mutex());
-  path_ = std::move(path);
-  path_answers_ = 0;
-}
-
-void FalconEmulator::SetFirmware(Bytes firmware) {
-  const std::scoped_lock lock(mutex());
-  firmware_ = std::move(firmware);
-}
-
-Bytes FalconEmulator::firmware() const {
-  const std::scoped_lock lock(mutex());
-  return firmware_;
-}
-
-std::vector<FalconCommand> FalconEmulator::Forces() const {
-  const std::scoped_lock lock(mutex());
-  return forces_;
-}
-
 void FalconEmulator::OnPlugged() {
   stage_ = Stage::kDumb;
   to_device_.clear();

@@ -17,6 +17,7 @@
 
 #include <atomic>
 #include <functional>
+#include <utility>
 
 #include "server/device/falcon/frames.h"
 #include "tests/support/usb_emulator.h"
@@ -32,12 +33,26 @@ class FalconEmulator final : public EmulatedUsbDevice {
   // The encoders, by the number of the answer from now. A slow bus thus makes the arm slow, and
   // never makes it leap. They begin at 0.
   using Path = std::function<std::array<std::int16_t, 3>(int)>;
-  void SetPath(Path path);
+  void SetPath(Path path) {
+    const std::scoped_lock lock(mutex());
+    path_ = std::move(path);
+    path_answers_ = 0;
+  }
 
-  void SetFirmware(Bytes firmware);
-  Bytes firmware() const;  // as it was loaded
+  void SetFirmware(Bytes firmware) {
+    const std::scoped_lock lock(mutex());
+    firmware_ = std::move(firmware);
+  }
+  // As it was loaded.
+  Bytes firmware() const {
+    const std::scoped_lock lock(mutex());
+    return firmware_;
+  }
   // The commands as the device received them, oldest first.
-  std::vector<FalconCommand> Forces() const;
+  std::vector<FalconCommand> Forces() const {
+    const std::scoped_lock lock(mutex());
+    return forces_;
+  }
 
   std::atomic<bool> spoils_echo = false;  // of the firmware's later part
   std::atomic<bool> cannot_run = false;   // the firmware is not for it

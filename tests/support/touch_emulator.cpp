@@ -40,22 +40,6 @@ int Counts(double angle_rad) { return static_cast<int>(std::lround(angle_rad / k
 
 TouchEmulator::TouchEmulator() : EmulatedUsbDevice(TouchSpec()) {}
 
-void TouchEmulator::SetPath(Path path) {
-  const std::scoped_lock lock(mutex());
-  path_ = std::move(path);
-  path_begin_ = counter_;
-}
-
-std::vector<TouchForce> TouchEmulator::Forces() const {
-  const std::scoped_lock lock(mutex());
-  return forces_;
-}
-
-std::size_t TouchEmulator::garbage_bytes() const {
-  const std::scoped_lock lock(mutex());
-  return parser_.corrupt_bytes();
-}
-
 void TouchEmulator::OnPlugged() {
   parser_.Reset();
   streaming_ = false;

@@ -14,6 +14,7 @@
 
 #include <atomic>
 #include <functional>
+#include <utility>
 
 #include "common/geometry/geometry.h"
 #include "server/device/omni/usb_frames.h"
@@ -38,7 +39,11 @@ class TouchEmulator final : public EmulatedUsbDevice {
   // makes the stylus slow, and never makes it leap. A place out of the arm's reach does not move
   // it. It begins with all encoders at 0, at (0, -110, -35).
   using Path = std::function<Vec3(double)>;
-  void SetPath(Path path);
+  void SetPath(Path path) {
+    const std::scoped_lock lock(mutex());
+    path_ = std::move(path);
+    path_begin_ = counter_;
+  }
 
   std::atomic<bool> docked = false;
   std::atomic<unsigned> buttons = 0;  // bit n: button n is pressed
@@ -50,9 +55,15 @@ class TouchEmulator final : public EmulatedUsbDevice {
 
   bool is_streaming() const { return streaming_; }  // the host has started its servo
   // All whole force frames, oldest first.
-  std::vector<TouchForce> Forces() const;
+  std::vector<TouchForce> Forces() const {
+    const std::scoped_lock lock(mutex());
+    return forces_;
+  }
   // The number of bytes that were not part of a frame.
-  std::size_t garbage_bytes() const;
+  std::size_t garbage_bytes() const {
+    const std::scoped_lock lock(mutex());
+    return parser_.corrupt_bytes();
+  }
 
  private:
   void OnPlugged() override;

@@ -50,39 +50,6 @@ Bytes MakeUsbDescriptors(const UsbSpec& spec) {
   return device;
 }
 
-EmulatedUsbDevice::EmulatedUsbDevice(UsbSpec spec) : spec_(std::move(spec)) {}
-
-void EmulatedUsbDevice::SetFaults(const UsbFaults& faults) {
-  const std::scoped_lock lock(mutex_);
-  faults_ = faults;
-}
-
-void EmulatedUsbDevice::Stall(std::uint8_t endpoint, bool for_ever) {
-  const std::scoped_lock lock(mutex_);
-  stalls_[endpoint] = for_ever;
-}
-
-void EmulatedUsbDevice::EndStalls() {
-  const std::scoped_lock lock(mutex_);
-  stalls_.clear();
-}
-
-std::vector<UsbEvent> EmulatedUsbDevice::Events() const {
-  const std::scoped_lock lock(mutex_);
-  return events_;
-}
-
-std::size_t EmulatedUsbDevice::CountOf(UsbEvent::Kind kind) const {
-  const std::scoped_lock lock(mutex_);
-  return static_cast<std::size_t>(std::count_if(
-      events_.begin(), events_.end(), [&](const UsbEvent& event) { return event.kind == kind; }));
-}
-
-std::uint64_t EmulatedUsbDevice::InTransfers() const {
-  const std::scoped_lock lock(mutex_);
-  return in_transfers_;
-}
-
 void EmulatedUsbDevice::QueueIn(std::uint8_t endpoint, Bytes bytes) {
   std::deque<Bytes>& queue = in_[endpoint];
   queue.push_back(std::move(bytes));

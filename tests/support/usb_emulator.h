@@ -1,6 +1,6 @@
 // An emulated USB device: its descriptors, its behaviour (control requests, data from and to the
 // host), its faults, and a log of the host's actions. UsbTestbed plugs it into a bus;
-// direct_usb_link.h does without one.
+// SetDirectUsb does without one.
 //
 // It proves behaviour, not timing, and nothing about hardware: it is only as true as our knowledge
 // of a device.
@@ -9,6 +9,7 @@
 // at a time, with mutex() held.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <cstdint>
@@ -18,6 +19,7 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace palpate {
@@ -96,23 +98,40 @@ struct UsbEvent {
 
 class EmulatedUsbDevice {
  public:
-  explicit EmulatedUsbDevice(UsbSpec spec);
+  explicit EmulatedUsbDevice(UsbSpec spec) : spec_(std::move(spec)) {}
   virtual ~EmulatedUsbDevice() = default;
   EmulatedUsbDevice(const EmulatedUsbDevice&) = delete;
   EmulatedUsbDevice& operator=(const EmulatedUsbDevice&) = delete;
 
   const UsbSpec& spec() const { return spec_; }
 
-  void SetFaults(const UsbFaults& faults);
+  void SetFaults(const UsbFaults& faults) {
+    const std::scoped_lock lock(mutex_);
+    faults_ = faults;
+  }
   // Refuses transfers of an endpoint, until the host clears the halt, or for ever.
-  void Stall(std::uint8_t endpoint, bool for_ever);
-  void EndStalls();
+  void Stall(std::uint8_t endpoint, bool for_ever) {
+    const std::scoped_lock lock(mutex_);
+    stalls_[endpoint] = for_ever;
+  }
+  void EndStalls() {
+    const std::scoped_lock lock(mutex_);
+    stalls_.clear();
+  }
 
-  std::vector<UsbEvent> Events() const;
-  std::size_t CountOf(UsbEvent::Kind kind) const;
+  std::vector<UsbEvent> Events() const {
+    const std::scoped_lock lock(mutex_);
+    return events_;
+  }
+  std::size_t CountOf(UsbEvent::Kind kind) const {
+    return static_cast<std::size_t>(std::ranges::count(Events(), kind, &UsbEvent::kind));
+  }
   // The number of IN transfers with data. If the emulated bus is slower than the device, it loses
   // further data of the device.
-  std::uint64_t InTransfers() const;
+  std::uint64_t InTransfers() const {
+    const std::scoped_lock lock(mutex_);
+    return in_transfers_;
+  }
 
  protected:
   std::mutex& mutex() const { return mutex_; }
@@ -153,5 +172,10 @@ class EmulatedUsbDevice {
   std::vector<UsbEvent> events_;
   std::uint64_t in_transfers_ = 0;
 };
+
+// UsbLink without USB, for a test that links direct_usb_link.cpp instead of palpate::usb: all links
+// made from now on lead straight to this device, on port 1-2. Its milliseconds pass when a link
+// receives. For one thread, and not for streams: their functions do nothing.
+void SetDirectUsb(EmulatedUsbDevice& device);
 
 }  // namespace palpate::test

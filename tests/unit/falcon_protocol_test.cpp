@@ -12,7 +12,6 @@
 #include "server/device/falcon/bring_up.h"
 #include "server/device/falcon/falcon_protocol.h"
 #include "server/device/falcon/kinematics.h"
-#include "tests/support/direct_usb_link.h"
 #include "tests/support/falcon_emulator.h"
 #include "tests/support/temporary_folder.h"
 #include "tests/support/usb_error.h"

@@ -10,7 +10,6 @@
 #include "server/device/omni/cdc_line.h"
 #include "server/device/omni/omni_usb_identity.h"
 #include "server/device/omni/omni_usb_protocol.h"
-#include "tests/support/direct_usb_link.h"
 #include "tests/support/omni_frames.h"
 #include "tests/support/scaled.h"
 #include "tests/support/touch_emulator.h"
