@@ -237,7 +237,7 @@ TEST(LabAttack, FindsNoFaultWithPops) {
   EXPECT_EQ(v.sticks, 0);
 }
 
-// A slide just below the surface: whole volumes are in integration/lab_slide_test.cpp.
+// A slide just below the surface: whole volumes are in integration/lab_volumes_test.cpp.
 TEST(LabSlide, IsFeltWithoutFault) {
   const auto volume = palpate::testing::Gyroid();
   const HapticSurface surface = SurfaceOf(*volume, 0.5);

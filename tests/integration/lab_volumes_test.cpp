@@ -1,6 +1,11 @@
+// The lab on whole volumes.
+//
 // The promise of the decompositions: H has the topology of the trilinear surface. Held against
 // published grids, and over whole volumes against a count that knows no decomposition.
 // unit/isosurface_test.cpp has the single cells.
+//
+// A minute of sliding below the surface, at two speeds and two scales and on real volumes: no
+// fall-through, no stick, no force that the surface does not explain.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -13,9 +18,11 @@
 #include <string>
 #include <vector>
 
+#include "server/lab/bench.h"
 #include "server/lab/load_volume.h"
 #include "server/lab/mesh.h"
 #include "server/lab/mesh_statistics.h"
+#include "server/lab/trajectory.h"
 #include "server/lab/trilinear_topology.h"
 #include "tests/support/data_folder.h"
 #include "tests/support/made_volume.h"
@@ -23,6 +30,8 @@
 
 namespace palpate::lab {
 namespace {
+
+using testing::KnownSurface;
 
 constexpr auto kTpbcc = DecompositionMethod::kTpbcc;
 // Rows without comments, split at commas and blanks.
@@ -76,10 +85,10 @@ TEST(LabTopology, PublishedClosedGrids) {
   EXPECT_EQ(miscounted, 0);
 }
 
-class WholeVolumeTest : public ::testing::TestWithParam<testing::KnownSurface> {};
+class WholeVolumeTest : public ::testing::TestWithParam<KnownSurface> {};
 
 TEST_P(WholeVolumeTest, HasTheTopologyOfTheTrilinearSurface) {
-  const testing::KnownSurface& param = GetParam();
+  const KnownSurface& param = GetParam();
   const std::string source = testing::PlaceOf(param.source);
   if (source.empty()) GTEST_SKIP() << param.source << testing::kMissing;
   const auto volume = LoadVolume(source, test::kPalpateImport);
@@ -97,8 +106,76 @@ TEST_P(WholeVolumeTest, HasTheTopologyOfTheTrilinearSurface) {
 INSTANTIATE_TEST_SUITE_P(Volumes, WholeVolumeTest, ::testing::ValuesIn(testing::kPaperSurfaces),
                          testing::kNameOf);
 INSTANTIATE_TEST_SUITE_P(Builtin, WholeVolumeTest,
-                         ::testing::Values(testing::KnownSurface{"gyroid_50", "builtin:gyroid:128",
-                                                                 0.5}),
+                         ::testing::Values(KnownSurface{"gyroid_50", "builtin:gyroid:128", 0.5}),
+                         testing::kNameOf);
+
+// --- Slides
+
+void ExpectSound(const ReplaySummary& s) {
+  const Verdict& v = s.verdict;
+  EXPECT_EQ(s.ticks, 60'000);
+  EXPECT_EQ(v.fall_throughs, 0);
+  EXPECT_EQ(v.sticks, 0);
+  EXPECT_EQ(v.unchecked_ticks, 0);
+  EXPECT_EQ(v.ejecting_ticks, 0);
+  EXPECT_EQ(v.iteration_cap_hits, 0);
+  // Where a force is above the expected one, the surface is why.
+  EXPECT_EQ(v.excess_off_minimum_ticks, 0);
+  EXPECT_EQ(v.scp_v_off_ticks, 0);
+}
+
+// By its number in kFixedSlides.
+class FixedSlideTest : public ::testing::TestWithParam<std::size_t> {};
+
+TEST_P(FixedSlideTest, IsFeltWithoutFault) {
+  const FixedSlide& slide = kFixedSlides[GetParam()];
+  const ReplaySummary s = RunFixedSlide(slide, 1);
+  ExpectSound(s);
+  EXPECT_EQ(s.verdict.excess_force_ticks, 0);
+  EXPECT_GE(s.contact_share(), 0.99);
+  EXPECT_GE(s.scp_v_share(), 0.999);
+}
+
+INSTANTIATE_TEST_SUITE_P(Volumes, FixedSlideTest,
+                         ::testing::Range(std::size_t{0}, kFixedSlides.size()),
+                         [](const auto& slide) {
+                           return std::string(kFixedSlides[slide.param].name);
+                         });
+
+// Judged apart from the others, with nothing beside it: with room for other work on the machine.
+TEST(SlideTime, AnUpdateTakesMicroseconds) {
+  for (const FixedSlide& slide : kFixedSlides) {
+    EXPECT_LT(RunFixedSlide(slide, 3).p50_ns, 8'000) << slide.name;
+  }
+}
+
+// Noise, folds and thin walls: a proxy may be left behind by the HIP, which goes
+// round a rim inside the material, and rest far from it.
+class RealSlideTest : public ::testing::TestWithParam<KnownSurface> {};
+
+TEST_P(RealSlideTest, IsFeltWithoutFault) {
+  const KnownSurface& slide = GetParam();
+  const std::string place = testing::PlaceOf(slide.source);
+  if (place.empty()) GTEST_SKIP() << slide.source << testing::kMissing;
+  const LoadedSurface loaded = LoadSurface({.volume = place,
+                                            .isovalue = slide.isovalue,
+                                            .normalized = true,
+                                            .import_program = test::kPalpateImport});
+  for (const double speed_cm_per_s : {10.0, 50.0}) {
+    const auto hips_mm = MakeTrajectory(
+        *loaded.volume, {.isovalue = loaded.isovalue, .speed_cm_per_s = speed_cm_per_s});
+    const ReplaySummary s =
+        ReplayAndJudge(loaded, DecompositionMethod::kTpbcc, HapticSettings{}, hips_mm, 1).summary;
+    ExpectSound(s);
+    EXPECT_GE(s.contact_share(), 0.5);
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Volumes, RealSlideTest,
+                         ::testing::Values(KnownSurface{"daisy", testing::kDaisy, 0.02},
+                                           KnownSurface{"orange", testing::kOrange, 0.22},
+                                           KnownSurface{"lobster", testing::kLobster, 0.16},
+                                           KnownSurface{"head", testing::kHead, 0.33}),
                          testing::kNameOf);
 
 }  // namespace
