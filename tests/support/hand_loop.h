@@ -46,7 +46,6 @@ struct LoopResult {
   double force_swing_n = 0.0;  // peak to peak
   double force_n = 0.0;        // means
   double depth_mm = 0.0;
-  double depth_swing_mm = 0.0;
 };
 
 // Returns the force for the sensed position, the time since the last call, and the force written at
@@ -63,22 +62,18 @@ class HandLoop {
   LoopResult Run(const RenderTick& render, const DepthAt& true_depth_mm) {
     const int ticks = static_cast<int>(std::lround(loop_.seconds / kLoopTickS));
     const int tail = std::min(ticks, 2000);
-    double low_n = 1e9, high_n = -1e9, shallow_mm = 1e9, deep_mm = -1e9;
+    double low_n = 1e9, high_n = -1e9;
     for (int n = 0; n < ticks; ++n) {
       Tick(n, render);
       result_.given_mj = std::max(result_.given_mj, result_.end_mj);
       if (n < ticks - tail) continue;
-      const double depth_mm = true_depth_mm(p_mm_);
       const double acting_n = acting_n_.norm();
       low_n = std::min(low_n, acting_n);
       high_n = std::max(high_n, acting_n);
-      shallow_mm = std::min(shallow_mm, depth_mm);
-      deep_mm = std::max(deep_mm, depth_mm);
       result_.force_n += acting_n / tail;
-      result_.depth_mm += depth_mm / tail;
+      result_.depth_mm += true_depth_mm(p_mm_) / tail;
     }
     result_.force_swing_n = high_n - low_n;
-    result_.depth_swing_mm = deep_mm - shallow_mm;
     return result_;
   }
 

@@ -99,8 +99,7 @@ void TouchEmulator::OnMillisecond() {
   if (path_ && OmniJointsAt(path_(1e-3 * (counter_ - path_begin_)), joints)) {
     encoders_ = {Counts(joints.base_rad), Counts(-joints.shoulder_rad), Counts(joints.elbow_rad)};
   }
-  const OmniReading reading{
-      .encoders = encoders_, .pressed = buttons, .docked = docked, .counter = counter_};
+  const OmniReading reading{.encoders = encoders_, .docked = docked, .counter = counter_};
   QueueIn(kDataIn, Framed(kOmniState, OmniStatePayload(reading)));
 }
 

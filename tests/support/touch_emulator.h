@@ -46,7 +46,6 @@ class TouchEmulator final : public EmulatedUsbDevice {
   }
 
   std::atomic<bool> docked = false;
-  std::atomic<unsigned> buttons = 0;  // bit n: button n is pressed
   // Sends each state only after the force that answers the state before, or after 20 ms. Counts
   // then do not depend on the speed of the emulated bus.
   std::atomic<bool> waits_for_forces = false;

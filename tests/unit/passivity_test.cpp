@@ -46,7 +46,7 @@ struct Change {
 
 class PlaneRenderer {
  public:
-  explicit PlaneRenderer(const Wall& wall) : wall_(wall) {}
+  PlaneRenderer(const Wall& wall, Change& change) : wall_(wall), change_(change) {}
 
   Vec3 Render(const Vec3& p_DHip_mm, double dt_s, const Vec3& written_n) {
     const Vec3 plain_n = PlainForce(p_DHip_mm, dt_s);
@@ -58,7 +58,6 @@ class PlaneRenderer {
     if (time_s_ > 1.0 && plain_n.norm() > 0.0) Note(plain_n, force_n);
     return force_n;
   }
-  const Change& change() const { return change_; }
 
  private:
   // As the renderer computes it: a low-passed velocity, a damper within the spring.
@@ -85,26 +84,23 @@ class PlaneRenderer {
 
   Wall wall_;
   PassivityState state_;
-  Change change_;
+  Change& change_;
   Vec3 last_mm_ = Vec3::Zero();
   Vec3 v_mm_per_s_ = Vec3::Zero();
   bool has_last_ = false;
   double time_s_ = 0.0;
 };
 
-LoopResult Touch(const Hand& hand, const Wall& wall, const Loop& loop, Change* change = nullptr) {
-  PlaneRenderer renderer(wall);
-  const LoopResult result =
-      HandLoop(hand, loop)
-          .Run([&](const Vec3& p, double dt_s,
-                   const Vec3& written) { return renderer.Render(p, dt_s, written); },
-               Depth);
-  if (change) {
-    change->ticks += renderer.change().ticks;
-    change->changed += renderer.change().changed;
-    change->share += renderer.change().share;
-  }
-  return result;
+LoopResult Touch(const Hand& hand, const Wall& wall, const Loop& loop, Change& change) {
+  PlaneRenderer renderer(wall, change);
+  return HandLoop(hand, loop)
+      .Run([&](const Vec3& p, double dt_s,
+               const Vec3& written) { return renderer.Render(p, dt_s, written); },
+           Depth);
+}
+LoopResult Touch(const Hand& hand, const Wall& wall, const Loop& loop) {
+  Change unused;
+  return Touch(hand, wall, loop, unused);
 }
 
 // What a sampled spring needs of a hand not to shake it: half of it times the tick.
@@ -232,7 +228,7 @@ TEST(Passivity, ADampedHandFeelsTheSpringAsItIs) {
         for (double times : {4.0, 8.0}) {
           for (double push_n : {0.3, 1.0, 2.0}) {
             Hand hand = LightHand(mass_kg, times, push_n, stiffness, Approach::kRest);
-            Touch(hand, {.stiffness_n_per_mm = stiffness}, {.is_late = is_late}, &change);
+            Touch(hand, {.stiffness_n_per_mm = stiffness}, {.is_late = is_late}, change);
           }
         }
       }

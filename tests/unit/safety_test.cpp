@@ -374,35 +374,30 @@ TEST(Safety, CalibratingIsNoMotion) {
 
 // --- Deadlines
 
-TEST(Safety, OneMissedTickOfTwentyIsNoCause) {
-  Rig rig = On();
-  for (int n = 0; n < 20'000; ++n) {
-    rig.input.missed_ticks = n % 20 == 0;
+void MissOneOf(int every, int from, int to, Rig& rig) {
+  for (int n = from; n < to; ++n) {
+    rig.input.missed_ticks = n % every == 0;
     rig.Tick();
   }
+}
+
+TEST(Safety, OneMissedTickOfTwentyIsNoCause) {
+  Rig rig = On();
+  MissOneOf(20, 0, 20'000, rig);
   EXPECT_STATE(rig, kOn, kNone);
   rig.input.missed_ticks = 15;  // the machine stopped
   rig.Tick();
   EXPECT_STATE(rig, kOn, kNone);
-  for (int n = 0; n < 100; ++n) {
-    rig.input.missed_ticks = 1;
-    rig.Tick();
-  }
+  MissOneOf(1, 0, 100, rig);
   EXPECT_STATE(rig, kHeld, kDeadlines);
 }
 
 // README: more than 20 missed ticks beyond 5 %. One missed tick in ten is 0.05 more per tick.
 TEST(Safety, OneMissedTickOfTenIsACauseAfterFourHundred) {
   Rig rig = On();
-  const auto tick = [&](int from, int to) {
-    for (int n = from; n < to; ++n) {
-      rig.input.missed_ticks = n % 10 == 0;
-      rig.Tick();
-    }
-  };
-  tick(0, 350);
+  MissOneOf(10, 0, 350, rig);
   EXPECT_STATE(rig, kOn, kNone);
-  tick(350, 450);
+  MissOneOf(10, 350, 450, rig);
   EXPECT_STATE(rig, kHeld, kDeadlines);
 }
 

@@ -188,23 +188,13 @@ TEST(Carve, MovesTheSurfaceSmoothlyAndTheProxyStaysOutside) {
   }
 }
 
-TEST(Carve, EditsSixtyTimesASecondUntilTheRelease) {
-  StylusRig rig("builtin:sphere:32", kCarving, Resting(kCarveButton, 3.0));
-  rig.Run(1.0);
-  const std::uint64_t revision = rig.revision();
-  EXPECT_EQ(Ticks(rig.Run(2.0), TickMode::kEjecting), 0);
-  const std::uint64_t carved = rig.revision();
-  EXPECT_GT(carved, revision + 100);
-  EXPECT_LE(carved, revision + 121);
-  rig.Run(0.5);
-  EXPECT_LE(rig.revision(), carved + 1);
-}
-
+// Sixty edits a second, until the release.
 TEST(Carve, APressChangesNothingBeyondItsRadiusAndIsOneStepToUndo) {
   StylusRig rig("builtin:sphere:32", kCarving, Resting(kCarveButton, 3.0));
   rig.Run(1.0);
   const VolumeState before = rig.session().volume();
-  const std::vector<TickSample> carved = rig.Run(2.1);
+  const std::vector<TickSample> carved = rig.Run(2.5);
+  EXPECT_EQ(Ticks(carved, TickMode::kEjecting), 0);
   const VolumeState after = rig.session().volume();
   int changed = 0;
   for (int i = 0; i < 32 * 32 * 32; ++i) {
@@ -221,7 +211,8 @@ TEST(Carve, APressChangesNothingBeyondItsRadiusAndIsOneStepToUndo) {
     EXPECT_LT(nearest_mm, kCarving.carve_radius_mm + 0.01);
   }
   EXPECT_GT(changed, 10);
-  ASSERT_GT(after.volume->revision(), before.volume->revision() + 20);
+  EXPECT_GT(after.volume->revision(), before.volume->revision() + 100);
+  EXPECT_LE(after.volume->revision(), before.volume->revision() + 122);
   EXPECT_EQ(rig.editor.Undo().undo_steps, 0u);
   EXPECT_EQ(rig.hash(), before.volume->bricks().content_hash());
 }
