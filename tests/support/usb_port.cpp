@@ -286,7 +286,10 @@ bool UsbPort::TryEnd(Urb& urb) {
     Finish(urb, -EPIPE, 0);
     return true;
   }
-  return urb.fields().endpoint & kIn ? TryEndIn(urb) : TryEndOut(urb);
+  if (urb.fields().endpoint & kIn) return TryEndIn(urb);
+  if (!device_.Out(urb.fields().endpoint, urb.bytes())) return false;
+  Finish(urb, 0, urb.bytes().size());
+  return true;
 }
 
 void UsbPort::EndControl(Urb& urb) {
@@ -305,12 +308,6 @@ bool UsbPort::TryEndIn(Urb& urb) {
   const std::size_t count = std::min(packet->size(), bytes.size());
   std::copy_n(packet->begin(), count, bytes.begin());
   Finish(urb, count < packet->size() ? -EOVERFLOW : 0, count);
-  return true;
-}
-
-bool UsbPort::TryEndOut(Urb& urb) {
-  if (!device_.Out(urb.fields().endpoint, urb.bytes())) return false;
-  Finish(urb, 0, urb.bytes().size());
   return true;
 }
 

@@ -57,7 +57,6 @@ class UsbPort {
   bool TryEnd(Urb& urb);
   void EndControl(Urb& urb);
   bool TryEndIn(Urb& urb);
-  bool TryEndOut(Urb& urb);
   void Finish(Urb& urb, int status, std::size_t actual_bytes);
   // Wakes the host if a transfer can be reaped.
   void SetNode();

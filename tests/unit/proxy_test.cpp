@@ -19,8 +19,6 @@ using testing::MakeVolume;
 
 constexpr double kFarMm = 1e9;  // an eject limit that never bites
 
-AffineMap Scaled(double mm_per_voxel) { return {Mat3::Identity() * mm_per_voxel, Vec3::Zero()}; }
-
 // A proxy, and what it is on.
 struct Prober {
   Prober(std::shared_ptr<const VolumeSnapshot> volume, double isovalue,
@@ -43,7 +41,7 @@ std::shared_ptr<const VolumeSnapshot> PlaneVolume() {
   return MakeVolume(Vec3i(9, 9, 9), [](int, int, int k) { return (8.0 - k) / 8.0; });
 }
 Prober OnPlane(double mm_per_voxel = 1.0) {
-  return Prober(PlaneVolume(), (8.0 - 4.3) / 8.0, Scaled(mm_per_voxel));
+  return Prober(PlaneVolume(), (8.0 - 4.3) / 8.0, {Mat3::Identity() * mm_per_voxel, Vec3::Zero()});
 }
 
 TEST(Proxy, OnAPlaneItIsTheClosestPoint) {

@@ -16,37 +16,49 @@
 namespace palpate {
 namespace {
 
-// A sphere, touched from above.
-class HardwareTick : public ::testing::Test {
+// Above a sphere.
+class Ticking : public ::testing::Test {
  protected:
-  HardwareTick() {
-    // From outside: a proxy inside would be ejected.
-    for (double z = 14.0; z > 10.0; z -= 0.1) {
-      device_.reading.p_DHip_mm.z() = z;
-      Tick();
-    }
-  }
+  Ticking(VerificationLevel level, std::uint32_t stop_buttons)
+      : device_(level), tick_(device_, LimitsFor(device_.spec(), stop_buttons), &forces_) {}
 
-  TickSample Tick(int count = 1) {
-    TickSample sample;
-    for (int n = 0; n < count; ++n) {
-      sample = tick_.Run(scene_, {++ticks_, ticks_, 0});
-      EXPECT_EQ(device_.written_D_n, Vec3(sample.force_n.data()));
-      EXPECT_TRUE(device_.motors_on || device_.written_D_n.isZero());
-    }
+  TickSample Tick(std::uint64_t missed_more = 0) {
+    missed_ += missed_more;
+    const std::int64_t now_ns = 1'000'000 * ++ticks_;
+    const TickSample sample = tick_.Run(scene_, {now_ns, now_ns, missed_});
+    EXPECT_EQ(device_.written_D_n, Vec3(sample.force_n.data()));
+    EXPECT_TRUE(device_.motors_on || device_.written_D_n.isZero());
     return sample;
   }
-  double Force(int count = 1) { return Vec3(Tick(count).force_n.data()).norm(); }
+  TickSample TickAt(const Vec3& p_mm) {
+    device_.reading.p_DHip_mm = p_mm;
+    return Tick();
+  }
 
-  testing::FakeDevice device_{VerificationLevel::kNone};
-  const Scene scene_ = testing::SphereScene();
+  testing::FakeDevice device_;
+  Scene scene_ = testing::SphereScene();
   ForceSwitch forces_;
-  ServoTick tick_{device_, LimitsFor(device_.spec(), 3), &forces_};
+  ServoTick tick_;
   std::int64_t ticks_ = 0;
+  std::uint64_t missed_ = 0;
+};
+
+class HardwareTick : public Ticking {
+ protected:
+  HardwareTick() : Ticking(VerificationLevel::kNone, 3) {
+    // From outside: a proxy inside would be ejected.
+    for (double z = 14.0; z > 10.0; z -= 0.1) TickAt(Vec3(0, 0, z));
+  }
+
+  double Force(int count = 1) {
+    for (int n = 1; n < count; ++n) Tick();
+    return Vec3(Tick().force_n.data()).norm();
+  }
 };
 
 TEST_F(HardwareTick, NoForceAndNoCurrentUntilForcesAreEnabled) {
-  const TickSample before = Tick(1000);
+  Force(999);
+  const TickSample before = Tick();
   EXPECT_TRUE(before.contact);
   EXPECT_EQ(before.force_state, ForceState::kOff);
   EXPECT_EQ(before.mode, TickMode::kConstrained);
@@ -145,32 +157,15 @@ TEST(ForceSwitch, AStopIsNeverLost) {
 
 // --- Suspended
 
-class SuspendedTest : public ::testing::Test {
+class SuspendedTest : public Ticking {
  protected:
-  void SetUp() override {
+  SuspendedTest() : Ticking(VerificationLevel::kSimulated, 0) {
     scene_.settings.clutch_tool = true;
     device_.reading.p_DHip_mm = Vec3(0, 0, 20);
   }
 
-  TickSample Tick(std::uint64_t missed_more = 0) {
-    missed_ += missed_more;
-    const std::int64_t now_ns = 1'000'000 * ++ticks_;
-    const TickSample sample = tick_.Run(scene_, {now_ns, now_ns, missed_});
-    EXPECT_EQ(device_.written_D_n, Vec3(sample.force_n.data()));
-    return sample;
-  }
-  TickSample TickAt(const Vec3& p_mm) {
-    device_.reading.p_DHip_mm = p_mm;
-    return Tick();
-  }
   void Clutch(bool held) { device_.reading.buttons = held ? kClutchButton : 0; }
   static Vec3 ForceOf(const TickSample& sample) { return Vec3(sample.force_n.data()); }
-
-  testing::FakeDevice device_{VerificationLevel::kSimulated};
-  Scene scene_ = testing::SphereScene();
-  ServoTick tick_{device_};
-  std::int64_t ticks_ = 0;
-  std::uint64_t missed_ = 0;
 };
 
 TEST_F(SuspendedTest, TheForceIsZeroInTheVeryTickOfThePress) {

@@ -18,18 +18,14 @@ ASSIGNMENTS = {"GROUP": "=", "MODE": "=", "TAG": "+=", "ENV{ID_MM_DEVICE_IGNORE}
 
 def parse(line):
     """Tokens (key, operator, value) of a rule; ValueError where it is none."""
-    tokens, at = [], 0
-    while at < len(line):
-        match = TOKEN.match(line, at)
-        if not match:
-            raise ValueError(f"cannot read: {line[at:]}")
-        key, operator, value = match.groups()
+    matches = list(TOKEN.finditer(line))
+    if "".join(match.group() for match in matches) != line:
+        raise ValueError(f"cannot read: {line}")
+    for key, operator, _ in (match.groups() for match in matches):
         good = operator in ("==", "!=") if key in MATCHES else ASSIGNMENTS.get(key) == operator
         if not good:
             raise ValueError(f"{key} {operator} is no match or assignment of ours")
-        tokens.append((key, operator, value))
-        at = match.end()
-    return tokens
+    return [match.groups() for match in matches]
 
 
 def rules():
