@@ -1,9 +1,10 @@
 #!/bin/sh
 # ccache.sh SOURCE_FOLDER COMPILER ARGUMENT...: compiles with ccache.
 #
-# Checkouts in different folders have the same objects. The compiler's own list of what a file
-# includes tells what it depends on, so that nothing is preprocessed twice. The sloppiness is what
-# ccache's manual asks for with precompiled headers; no file of ours uses __TIME__.
+# Checkouts in different folders share the objects of files that are compiled alone; a unity file
+# names its sources by their folder. The compiler's own list of what a file includes tells what it
+# depends on, so that nothing is preprocessed twice. The sloppiness is what ccache's manual asks for
+# with precompiled headers; no file of ours uses __TIME__.
 #
 # A precompiled header differs whenever it is made, even from the same headers. So ccache looks at a
 # checksum beside it instead: of the command and of all headers in it, with the source folder's name

@@ -1,6 +1,8 @@
 """palpate-view in a window: what pointer, keys and panels do, seen by another client and in its
 pictures."""
 
+import os
+import signal
 import unittest
 
 import numpy as np
@@ -310,6 +312,19 @@ class ViewPanels(OneWindow):
         self.window.click(*self.bar_button())
         self.assertTrue(wait_until(self.forces_are(palpate.ForceState.ON)))
         self.assertTrue(wait_until(lambda: self.bar_is((22, 92, 48))))
+        # Of a daemon that hangs it claims nothing, long before it counts as lost.
+        os.kill(self.daemon.process.pid, signal.SIGSTOP)
+        try:
+            self.assertTrue(wait_until(lambda: not self.bar_is((22, 92, 48)) and self.dot_is_red()))
+            self.assertEqual(self.window.title(), "Palpate: builtin:sphere:48")
+        finally:
+            os.kill(self.daemon.process.pid, signal.SIGCONT)
+        self.assertTrue(wait_until(
+            lambda: self.bar_is((22, 92, 48)) and not self.dot_is_red()))
+
+    def dot_is_red(self):
+        dot = np.asarray(self.window.picture())[8:32, 8:30].reshape(-1, 3).astype(int)
+        return bool(((dot[:, 0] > 200) & (dot[:, 1] < 110)).any())
 
     def forces_are(self, state):
         return lambda: self.conn.device.info().forces.state == state

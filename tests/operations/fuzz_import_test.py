@@ -103,7 +103,7 @@ class FuzzedFiles(unittest.TestCase):
                 self.assertLess(mib, MEMORY_MIB + BASE_MIB + reserved_mib, said)
             codes[code] = codes.get(code, 0) + 1
         print(f"{name}: {codes}")
-        self.assertGreater(sum(codes.get(code, 0) for code in (INVALID, TOO_LARGE, FAILED)), 0)
+        self.assertGreater(FILES - codes.get(WRITTEN, 0), FILES // 10)
 
     def check_file(self, name, seed, options):
         def write(data):

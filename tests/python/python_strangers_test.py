@@ -1,6 +1,6 @@
 """Strangers who attack gRPC itself, before it asks who calls: they are cut off, and nobody else
 notices. And what a known client may send. The bounds themselves, and who goes first in a crowd, are
-connection_door_test's and connection_limits_test's."""
+connection_door_test's and security_limits_test's."""
 
 import concurrent.futures
 import contextlib

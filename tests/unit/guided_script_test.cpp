@@ -191,6 +191,7 @@ TEST_F(GuidedTest, StaysFiniteWhateverIsWritten) {
     }
     ASSERT_TRUE(Read().allFinite());
   }
+  EXPECT_LT(Read().norm(), 200.0);
 }
 
 TEST_F(GuidedTest, NeverAllocates) {

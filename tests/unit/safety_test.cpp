@@ -412,6 +412,14 @@ TEST(Safety, ForcesComeBackOnceNearlyNoMissedTickIsLeft) {
   EXPECT_STATE(rig, kRampIn, kNone);
 }
 
+TEST(Safety, SuspendedTicksHaveNoForceAndAreNoFault) {
+  Rig rig = On();
+  rig.input.suspended = true;
+  EXPECT_TRUE(rig.Tick().isZero());
+  EXPECT_STATE(rig, kOn, kNone);
+  EXPECT_FALSE(rig.safety.faulty());
+}
+
 // --- All at once
 
 double RandomNumber(std::mt19937_64& random) {

@@ -254,7 +254,6 @@ HandAt Sweeping(std::uint32_t buttons) {
   };
 }
 
-// servo_tick_test.cpp has that nothing is felt meanwhile.
 TEST(Clutch, MovesTheVolumeRigidlyWithTheStylus) {
   for (const int lag_ticks : {0, 1, 7, 50}) {
     StylusRig rig("builtin:bumps:32", kClutching, Sweeping(kClutchButton));
@@ -267,6 +266,11 @@ TEST(Clutch, MovesTheVolumeRigidlyWithTheStylus) {
     const auto press = std::ranges::find_if(samples, is_held);
     const auto release = std::find_if_not(press, samples.end(), is_held);
     ASSERT_GT(release - press, 950);
+    for (auto s = press; s != release; ++s) {
+      ASSERT_EQ(s->mode, TickMode::kSuspended);
+      ASSERT_EQ(Force(*s), Vec3::Zero());
+      ASSERT_FALSE(s->contact);
+    }
     const RigidMotion motion = MotionBetween(*press, release[-1]);
     EXPECT_GT(motion.t_mm.norm(), 1.0);
     EXPECT_GT(Eigen::AngleAxisd(motion.R).angle(), 0.01);
