@@ -216,8 +216,8 @@ TEST(Scripts, RefuseWhatTheyCannotFollow) {
                                                            {{Vec3::Zero()}, 0.0},
                                                            {{Vec3::Zero()}, kNan},
                                                            {{Vec3(0.0, kInfinity, 0.0)}, 10.0}};
-  for (const auto& [waypoints_mm, speed_mm_s] : no_paths) {
-    EXPECT_EQ(testing::Refusal([&] { PathScript(waypoints_mm, speed_mm_s); }),
+  for (const auto& path : no_paths) {
+    EXPECT_EQ(testing::Refusal([&] { PathScript(path.first, path.second); }),
               ErrorKind::kInvalidArgument);
   }
 }
