@@ -194,11 +194,13 @@ TEST_F(PathPolicyTest, FilesOfItsOwnAreNeitherLoadedNorSavedTo) {
   fs::create_hard_link(root_ / "save/key.pem", root_ / "load/hard.raw");
   fs::create_hard_link(root_ / "load/state/deep/a.toml", root_ / "save/hard.raw");
   fs::create_symlink(root_ / "save/key.pem", root_ / "load/soft.raw");
+  fs::create_directory_symlink(root_ / "load/state", root_ / "load/soft");
   policy_ = PathPolicy({.load_folders = {"/"},
                         .save_folders = {"/"},
                         .own_files = OwnFiles({root_ / "save/key.pem", root_ / "load/state"})});
-  for (const char* own : {"save/key.pem", "load/hard.raw", "save/hard.raw", "load/soft.raw",
-                          "load/state/deep/a.toml", "load/state/new.vdb", "load/state"}) {
+  for (const char* own :
+       {"save/key.pem", "load/hard.raw", "save/hard.raw", "load/soft.raw", "load/state/deep/a.toml",
+        "load/state/new.vdb", "load/soft/new.vdb", "load/state"}) {
     LoadRefusal(In(own));
     SaveRefusal(In(own));
   }

@@ -54,8 +54,10 @@ TEST_F(SessionTest, BadUpdatesChangeNothing) {
         .free_side = FreeSide::kAbove}}) {
     EXPECT_EQ(Refusal([&] { session().Update(bad); }), ErrorKind::kInvalidArgument);
   }
-  EXPECT_EQ(Refusal([&] { session().Update({.isovalue = 0.5, .expected_revision = 99}); }),
-            ErrorKind::kConflict);
+  for (const std::uint64_t other : {before.settings_revision - 1, before.settings_revision + 1}) {
+    EXPECT_EQ(Refusal([&] { session().Update({.isovalue = 0.5, .expected_revision = other}); }),
+              ErrorKind::kConflict);
+  }
   EXPECT_EQ(session().settings().settings_revision, before.settings_revision);
   EXPECT_EQ(session().settings().settings.isovalue, before.settings.isovalue);
   EXPECT_EQ(session().settings().settings.haptics.damping_n_s_per_m, 0.0);

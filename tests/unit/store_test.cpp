@@ -289,6 +289,23 @@ TEST_F(VolumeStoreTest, OneTransactionAtATime) {
   for (std::size_t n = 0; n < published_.size(); ++n) EXPECT_EQ(published_[n]->revision(), n + 1);
 }
 
+TEST_F(VolumeStoreTest, AnEditDoesNotFreeTheVolumeThatItReplaces) {
+  std::atomic<bool> may_free = false;
+  std::vector<std::weak_ptr<const VolumeSnapshot>> seen;
+  const VolumeStore::Publish publish = [&](const auto& volume, const auto&) {
+    seen.emplace_back(volume);
+    return seen.size();
+  };
+  VolumeStore store(
+      MemoryBudget::Make(), [&] { may_free.wait(false); }, publish);
+  store.Replace(metadata_, bricks_, 0, publish);
+  store.Edit([](const auto& present) { return Paint(*present); });
+  EXPECT_FALSE(seen.at(0).expired());
+  may_free = true;
+  may_free.notify_all();
+  EXPECT_TRUE(test::Eventually([&] { return seen[0].expired(); }));
+}
+
 constexpr milliseconds kLong{60'000};
 
 // Says which thread freed it.
