@@ -135,7 +135,8 @@ class SecurityTest(SecuredTest):
         os.chmod(viewer, 0o644)
         for warned in (run(0, "info", *ca, "--token-file", viewer),
                        run(0, "info", *ca, PALPATE_TOKEN_FILE=viewer)):
-            self.assertRegex(warned, rf"\Apalpate: warning: .*{viewer}.*chmod 600.*\n\Z")
+            self.assertRegex(warned, rf"\Apalpate: warning: .*{viewer}.*chmod 600.*\n")
+            self.assertEqual(warned.count("palpate: "), 1)
         os.chmod(viewer, 0o600)
         self.assertEqual(run(0, "info", *ca, "--token-file", viewer), "")
         self.assertIn("TLS", run(3, "info", *ca[:2], "--token-file", viewer))

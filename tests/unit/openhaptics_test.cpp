@@ -166,10 +166,10 @@ TEST_F(OpenHapticsTest, FramesCarryPosesInAndForcesOut) {
 
 TEST_F(OpenHapticsTest, TheLimitIsTheLowerOfTheLibrarysAndTheDatasheets) {
   const std::pair<double, double> cases[] = {{2.0, 2.0}, {8.5, 3.3}, {test::kInfinity, 3.3}};
-  for (const auto& [stated_n, limit_n] : cases) {
-    Set([&](FakeHdRecord& hd) { hd.max_force_n = stated_n; });
+  for (const auto& limits_n : cases) {
+    Set([&](FakeHdRecord& hd) { hd.max_force_n = limits_n.first; });
     StartStreaming();
-    EXPECT_TRUE(Tick(Vec3(0, 100, 0), [&] { return HasForce({0, limit_n, 0}); }));
+    EXPECT_TRUE(Tick(Vec3(0, 100, 0), [&] { return HasForce({0, limits_n.second, 0}); }));
     device_->Stop();
   }
   EXPECT_EQ(device_->spec().max_force_n, 3.3);
