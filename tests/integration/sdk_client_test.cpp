@@ -120,7 +120,7 @@ TEST_F(SdkClient, FindsALaterDaemonAndComesBackAfterEveryKill) {
     daemon_.Start();
     ASSERT_TRUE(client.WaitUntilConnected(60s));
     // Of the new daemon, though their revision is lower.
-    EXPECT_EQ(client.NewestSettings()->stiffness_n_per_mm, 0.5);
+    EXPECT_TRUE(Eventually([&] { return client.NewestSettings()->stiffness_n_per_mm == 0.5; }));
     EXPECT_EQ(client.GetDevice().servo.rate_hz, 1000.0);
     ASSERT_TRUE(Eventually([&] { return client.NewestPose().has_value(); }));
     // Its voxels are those before the edit, which it never saw.
