@@ -49,6 +49,8 @@ class RestartedDaemon {
     process_->Signal(SIGKILL);
     process_->Wait();
     process_.reset();
+    // The session, which is saved twice a second: the next daemon starts as the first did.
+    std::filesystem::remove_all(folder() / "s");
   }
   // Behaves like a machine that hangs: connections stay, and nothing answers.
   void Hang() { process_->Signal(SIGSTOP); }
