@@ -31,14 +31,14 @@ void Limit(__rlimit_resource resource, rlim_t wanted, const char* what) {
 }
 
 #ifndef PALPATE_SANITIZED
-// Stacks of TBB's threads and malloc's arenas reserve much address space and use little of it.
-constexpr std::int64_t kReservedPerThread = std::int64_t{80} << 20;
-constexpr std::int64_t kReserved = std::int64_t{256} << 20;
+// The stacks of TBB's threads, and what malloc keeps for each of them.
+constexpr std::int64_t kPerThread = std::int64_t{16} << 20;
 
-std::int64_t AddressSpaceNow() {
-  std::int64_t pages = 0;
-  std::ifstream("/proc/self/statm") >> pages;
-  return pages * sysconf(_SC_PAGESIZE);
+std::int64_t PrivateMemoryNow() {
+  std::int64_t pages[6] = {};  // size, resident, shared, text, lib, data
+  std::ifstream file("/proc/self/statm");
+  for (std::int64_t& number : pages) file >> number;
+  return pages[5] * sysconf(_SC_PAGESIZE);
 }
 #endif
 
@@ -53,10 +53,11 @@ void LimitResources(std::int64_t max_memory_bytes, std::int64_t max_seconds) {
   signal(SIGXFSZ, SIG_IGN);
   Limit(RLIMIT_FSIZE, static_cast<rlim_t>(max_memory_bytes), "file size");
 #ifndef PALPATE_SANITIZED
-  Limit(RLIMIT_AS,
-        static_cast<rlim_t>(AddressSpaceNow() + kReserved + threads * kReservedPerThread +
-                            max_memory_bytes),
-        "address space");
+  // Not the address space: malloc reserves much of it for each thread, so that its limit would have
+  // to be hundreds of MiB larger than what may be used.
+  Limit(RLIMIT_DATA,
+        static_cast<rlim_t>(PrivateMemoryNow() + threads * kPerThread + max_memory_bytes),
+        "memory");
 #endif
   setpriority(PRIO_PROCESS, 0, kNiceness);
 }
