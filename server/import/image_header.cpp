@@ -113,7 +113,7 @@ std::int64_t CheckedVoxelBytes(const std::array<std::int64_t, 3>& size, int byte
   std::int64_t memory = 0;
   if (__builtin_mul_overflow(voxels, peak, &memory) || memory > limits.max_memory_bytes) {
     throw Error(ErrorKind::kTooLarge, listed + " need about " +
-                                          std::to_string(voxels / (1 << 20) * peak) +
+                                          std::to_string(voxels / 1024 * peak / 1024 + 1) +
                                           " MiB of memory, the limit is " +
                                           std::to_string(limits.max_memory_bytes >> 20) +
                                           " MiB; crop or resample the volume, or raise the limit");
