@@ -6,7 +6,7 @@
 
 namespace palpate::test {
 
-// PALPATE_TORTURE=N, set by tests/run.sh --long, makes loops N times as long. With a sanitizer a
+// PALPATE_TORTURE=N, set by tests/run.sh --wide, makes loops N times as long. With a sanitizer a
 // tenth is enough: it is slow, and looks for other errors.
 inline int Scaled(int count) {
   const char* factor = std::getenv("PALPATE_TORTURE");
