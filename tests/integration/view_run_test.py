@@ -1,7 +1,7 @@
 """palpate-view for a while against a moving stylus: neither memory nor the age of what it
 shows grows.
 
-12 s for each run; 60 s with PALPATE_TORTURE set (tests/run.sh --long).
+12 s for each run; 60 s with PALPATE_TORTURE set (tests/run.sh --wide).
 """
 
 import os
