@@ -1,5 +1,6 @@
 #include "client/sdk/client.h"
 
+#include <exception>
 #include <functional>
 #include <utility>
 
@@ -16,12 +17,19 @@ namespace palpate::client {
 namespace {
 
 // An exception of a callback ends the program. Without this, the threads would take a callback's
-// Error for the loss of a connection.
+// Error for the loss of a connection. While the client ends, the callback's own calls fail: no
+// fault of the program.
 template <typename... Arguments>
-std::function<void(Arguments...)> EndingIfItThrows(std::function<void(Arguments...)> callback) {
+std::function<void(Arguments...)> EndingIfItThrows(std::function<void(Arguments...)> callback,
+                                                   const Monitor& monitor) {
   if (!callback) return callback;
-  return
-      [callback = std::move(callback)](Arguments... arguments) noexcept { callback(arguments...); };
+  return [callback = std::move(callback), &monitor](Arguments... arguments) noexcept {
+    try {
+      callback(arguments...);
+    } catch (const Error&) {
+      if (!monitor.stopping()) std::terminate();
+    }
+  };
 }
 
 }  // namespace
@@ -30,17 +38,27 @@ class Client::Parts {
  public:
   Parts(Link& link_of_calls, ClientOptions options)
       : link(link_of_calls),
-        settings(link, monitor, EndingIfItThrows(std::move(options.callbacks.on_settings))),
+        settings(link, monitor,
+                 EndingIfItThrows(std::move(options.callbacks.on_settings), monitor)),
         poses(link, monitor, options.poses, Events(options.callbacks)) {
     if (options.follow_volume) {
-      volume.emplace(link, monitor, EndingIfItThrows(std::move(options.callbacks.on_volume)));
+      volume.emplace(link, monitor,
+                     EndingIfItThrows(std::move(options.callbacks.on_volume), monitor));
     }
   }
-  ~Parts() { End(); }
+  ~Parts() { Join(); }
 
   void End() {
     monitor.Stop();
     link.CancelCalls();
+  }
+
+  // Until the last callback has returned, callbacks may use all of this.
+  void Join() {
+    End();
+    poses.End();
+    if (volume) volume->End();
+    settings.End();
   }
 
   // Called last, when all members that the threads use exist.
@@ -52,15 +70,14 @@ class Client::Parts {
 
   Link& link;
   Monitor monitor;
-  // The destructors join the threads, in reverse order.
   SettingsFollower settings;
   std::optional<VolumeFollower> volume;
   PoseFollower poses;
 
  private:
   PoseFollower::Events Events(Callbacks& callbacks) {
-    return {.connection = EndingIfItThrows(std::move(callbacks.on_connection)),
-            .poses = EndingIfItThrows(std::move(callbacks.on_poses)),
+    return {.connection = EndingIfItThrows(std::move(callbacks.on_connection), monitor),
+            .poses = EndingIfItThrows(std::move(callbacks.on_poses), monitor),
             .first_settings =
                 [this](const v1::GetSettingsResponse& response) {
                   settings.Replace(FromProto(response.settings(), response.settings_revision()));
@@ -75,7 +92,7 @@ Client::Client(ClientOptions options)
   parts_->Begin();
 }
 
-Client::~Client() = default;
+Client::~Client() { parts_->Join(); }
 
 void Client::Disconnect() {
   parts_->End();

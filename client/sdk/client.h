@@ -11,7 +11,8 @@
 // Callbacks: each kind has a thread of its own, named below. So a callback never runs twice at the
 // same time, but different kinds may. Callbacks may run before the constructor has returned. The
 // destructor waits for running callbacks, so they must return. No callback runs after the
-// destructor has returned. A callback that throws ends the program.
+// destructor has returned. A callback that throws ends the program, unless its client is ending
+// and it throws the Error of a call.
 //
 // Errors: as Calls, but calls do not wait for a connection. kCancelled: the client is being
 // destroyed.

@@ -213,7 +213,32 @@ TEST_F(SdkClient, CallsFromCallbacksWork) {
   ASSERT_TRUE(client.WaitUntilConnected(60s));
   client.Set({.viscosity_n_s_per_m = 1.0});
   EXPECT_TRUE(Eventually([&] { return answers > 10; }));
-  self = nullptr;
+}
+
+// A call that the end cancels is the callback's to report, and no reason to end the program.
+TEST_F(SdkClient, EndsUnderTheCallsOfItsCallbacks) {
+  daemon_.Start();
+  std::atomic<int> cancelled{0};
+  for (int n = 0; n < 30; ++n) {
+    std::atomic<Client*> self{nullptr};
+    std::atomic<int> calls{0};
+    ClientOptions options = Options();
+    options.callbacks.on_poses = [&](const PoseBatch&) {
+      while (Client* client = self) {
+        ++calls;
+        try {
+          client->GetSettings();
+        } catch (const Error&) {
+          ++cancelled;
+          throw;
+        }
+      }
+    };
+    Client client(options);
+    self = &client;
+    ASSERT_TRUE(Eventually([&] { return calls > 3; }));
+  }
+  EXPECT_GT(cancelled, 0);
 }
 
 TEST(SdkClientOverTcp, ServesManyThreads) {
