@@ -58,7 +58,7 @@ def main():
     status = pathlib.Path(f"/proc/{daemon.pid}/status").read_text()
     check("it is not root", re.search(rf"^Uid:(\t{user}){{4}}$", status, re.M) is not None)
     # What the kernel gives to root, others of that account may not look into.
-    check("its memory is its own", pathlib.Path(f"/proc/{daemon.pid}").owner() == "root")
+    check("its memory is its own", pathlib.Path(f"/proc/{daemon.pid}/mem").owner() == "root")
     if len(sys.argv) > 1:
         check(" ".join(sys.argv[1:]), subprocess.run(sys.argv[1:], check=False).returncode == 0)
     daemon.terminate()
