@@ -44,7 +44,9 @@ class Restore(unittest.TestCase):
         self.wait_for_disk("isovalue = 7.25")
         registrations = self.daemon.folder / "state" / "registrations.toml"
         self.assertTrue(wait_until(
-            lambda: registrations.exists() and "ball.nrrd" in registrations.read_text()))
+            # Written after the load, and again once the volume is placed.
+            lambda: registrations.exists()
+            and "device_mm_per_volume_mm = 1.5" in registrations.read_text()))
         return self.felt()
 
     def wait_for_disk(self, text):
