@@ -158,7 +158,7 @@ palpate_package(palpate-client libpalpate-client-dev libdevel
 Static library, headers and CMake configuration for programs that show or steer
 what palpated makes felt: find_package(palpate-client).")
 set(CPACK_DEBIAN_PALPATE-CLIENT_PACKAGE_DEPENDS
-  "libgrpc++-dev, libprotobuf-dev, protobuf-compiler-grpc, libeigen3-dev, libxxhash-dev, libzstd-dev, pkg-config")
+  "libgrpc++-dev, libprotobuf-dev, protobuf-compiler-grpc, libeigen3-dev, libtomlplusplus-dev, libxxhash-dev, libzstd-dev, zlib1g-dev, pkg-config")
 # Its debug information holds the build machine's paths, and is most of its size.
 install(CODE "
   file(GLOB archives \"\$ENV{DESTDIR}\${CMAKE_INSTALL_PREFIX}/${CMAKE_INSTALL_LIBDIR}/palpate/*.a\")
