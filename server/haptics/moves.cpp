@@ -122,33 +122,29 @@ void MoveInBox(const HapticSurface& surface, const Candidate& candidate, Place& 
   const Vec3 d = surface.X_ID.linear * candidate.d_mm;
   const Vec3 from = PlaceIndexPosition(surface, place, cache);
   const Vec3 lo = candidate.cell.cast<double>(), hi = lo + Vec3::Ones();
+  const auto stays = [&](int axis) {
+    const int on = candidate.faces >> (2 * axis) & 3;
+    return (on == 1 && d[axis] <= 0.0) || (on == 2 && d[axis] >= 0.0) || d[axis] == 0.0;
+  };
   double end = 1.0;
   int hit = -1;
   for (int axis = 0; axis < 3; ++axis) {
-    const int on = candidate.faces >> (2 * axis) & 3;
-    if ((on == 1 && d[axis] <= 0.0) || (on == 2 && d[axis] >= 0.0) || d[axis] == 0.0) continue;
+    if (stays(axis)) continue;
     const double t = ((d[axis] > 0.0 ? hi : lo)[axis] - from[axis]) / d[axis];
     if (t < end) {
       end = t;
       hit = axis;
     }
   }
-  place.kind = Place::Kind::kBox;
-  place.cell = candidate.cell;
-  place.p_I = from;
-  place.faces = 0;
+  Vec3 to = from;
   for (int axis = 0; axis < 3; ++axis) {
-    const int on = candidate.faces >> (2 * axis) & 3;
-    const bool stays = (on == 1 && d[axis] <= 0.0) || (on == 2 && d[axis] >= 0.0);
-    double& p = place.p_I[axis];
     if (axis == hit) {
-      p = d[axis] > 0.0 ? hi[axis] : lo[axis];
-    } else if (!stays) {
-      p = std::clamp(from[axis] + end * d[axis], lo[axis], hi[axis]);
+      to[axis] = d[axis] > 0.0 ? hi[axis] : lo[axis];
+    } else if (!stays(axis)) {
+      to[axis] = std::clamp(from[axis] + end * d[axis], lo[axis], hi[axis]);
     }
-    if (p == lo[axis]) place.faces |= static_cast<std::uint8_t>(1u << (2 * axis));
-    if (p == hi[axis]) place.faces |= static_cast<std::uint8_t>(2u << (2 * axis));
   }
+  SetBox(candidate.cell, to, place);
 }
 
 void MoveOut(const HapticSurface& surface, const Candidate& candidate, const Vec3& target_I,
@@ -187,17 +183,10 @@ void MoveOutside(const HapticSurface& surface, const Vec3& target_I, Place& plac
     place.faces = 0;
     return;
   }
-  place.kind = Place::Kind::kBox;
-  place.faces = 0;
-  for (int axis = 0; axis < 3; ++axis) {
-    double& p = place.p_I[axis];
-    p = std::clamp(from[axis] + enter * d[axis], lo[axis], hi[axis]);
-    if (axis == axis_in) p = d[axis] > 0.0 ? lo[axis] : hi[axis];
-    const double top = hi[axis] - 1.0;
-    place.cell[axis] = static_cast<int>(std::min(std::floor(p), top));
-    if (p == place.cell[axis]) place.faces |= static_cast<std::uint8_t>(1u << (2 * axis));
-    if (p == place.cell[axis] + 1.0) place.faces |= static_cast<std::uint8_t>(2u << (2 * axis));
-  }
+  Vec3 p = (from + enter * d).cwiseMax(lo).cwiseMin(hi);
+  p[axis_in] = d[axis_in] > 0.0 ? lo[axis_in] : hi[axis_in];
+  const Vec3 cell = p.array().floor().matrix().cwiseMin(hi - Vec3::Ones());
+  SetBox(cell.cast<int>(), p, place);
 }
 
 }  // namespace palpate

@@ -1,8 +1,9 @@
 #include "server/haptics/nearest_point.h"
 
 #include <algorithm>
-#include <bit>
 #include <cmath>
+
+#include "server/haptics/place.h"
 
 namespace palpate {
 namespace {
@@ -120,17 +121,6 @@ class NearestSearch {
   std::optional<Vec3> point_;
 };
 
-void VisitShell(const Vec3i& middle, int radius, NearestSearch& search) noexcept {
-  for (int x = -radius; x <= radius; ++x) {
-    for (int y = -radius; y <= radius; ++y) {
-      const bool side = std::max(std::abs(x), std::abs(y)) == radius;
-      for (int z = -radius; z <= radius; z += side || radius == 0 ? 1 : 2 * radius) {
-        search.Visit(middle + Vec3i(x, y, z));
-      }
-    }
-  }
-}
-
 }  // namespace
 
 std::optional<Vec3> NearestPointOnSurface(const HapticSurface& surface, const Vec3& p_D,
@@ -143,7 +133,7 @@ std::optional<Vec3> NearestPointOnSurface(const HapticSurface& surface, const Ve
   for (int radius = 0; radius <= kMaxNearestVoxels + 1; ++radius) {
     // All cells of the shell are at least this far from the middle cell.
     if ((radius - 1) * plane_mm > search.best_mm()) break;
-    VisitShell(middle, radius, search);
+    VisitShell(middle, radius, [&](const Vec3i& cell) { search.Visit(cell); });
   }
   return search.point();
 }

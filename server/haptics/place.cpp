@@ -1,6 +1,7 @@
 #include "server/haptics/place.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <limits>
 
@@ -18,91 +19,16 @@ std::array<double, 4> Barycentric(const std::array<Vec3, 4>& corner, const Vec3&
   return {1.0 - u - v - w, u, v, w};
 }
 
-Carrier FromWeights(const std::uint8_t* vertices, const double* weights, int count) {
-  Carrier carrier;
-  carrier.count = count;
-  for (int n = 0; n < count; ++n) {
-    carrier.vertex[n] = vertices[n];
-    carrier.weight[n] = std::max(0.0, weights[n]);
-  }
-  carrier.Normalize();
-  return carrier;
-}
+// A weight or a distance from a cell's face below this is rounding.
+constexpr double kRounding = 1e-12;
 
-Carrier LocateOnEdge(const Vec3& local, std::uint8_t faces) {
-  int o[3] = {0, 0, 0};
-  int free_axis = 0;
-  for (int axis = 0; axis < 3; ++axis) {
-    const int on = faces >> (2 * axis) & 3;
-    if (on) o[axis] = on >> 1;
-    if (!on) free_axis = axis;
+// The vertices that lie on all of `faces`.
+std::uint16_t VerticesOn(std::uint8_t faces) {
+  std::uint16_t vertices = 0;
+  for (int v = 0; v < kMaxVertices; ++v) {
+    if ((kVertexFaces[v] & faces) == faces) vertices |= static_cast<std::uint16_t>(1u << v);
   }
-  std::uint8_t vertex[2];
-  double weight[2] = {1.0 - local[free_axis], local[free_axis]};
-  for (int side = 0; side < 2; ++side) {
-    o[free_axis] = side;
-    vertex[side] = static_cast<std::uint8_t>(CornerAt(o[0], o[1], o[2]));
-  }
-  return FromWeights(vertex, weight, 2);
-}
-
-// The triangles of a face: around the face's vertex, or (kTptd, without a saddle) on both sides of
-// a diagonal.
-int FaceTriangles(const HapticCell& cell, int face,
-                  std::array<std::array<std::uint8_t, 3>, 4>& triangles) {
-  std::array<std::uint8_t, 4> k;
-  for (int n = 0; n < 4; ++n) k[n] = static_cast<std::uint8_t>(kFaceCorners[face][n]);
-  const auto centre = static_cast<std::uint8_t>(kFirstFaceVertex + face);
-  if (cell.parts.complex.used_vertices >> centre & 1) {
-    for (int n = 0; n < 4; ++n) triangles[n] = {centre, k[n], k[(n + 1) % 4]};
-    return 4;
-  }
-  triangles[0] = {k[0], k[1], k[2]};
-  triangles[1] = {k[0], k[2], k[3]};
-  return 2;
-}
-
-Carrier LocateOnFace(const HapticCell& cell, const Vec3& local, int face) {
-  const int axis = face / 2, b = axis == 0 ? 1 : 0, c = axis == 2 ? 1 : 2;
-  const auto flat = [&](const Vec3& p) { return Eigen::Vector2d(p[b], p[c]); };
-  std::array<std::array<std::uint8_t, 3>, 4> triangles{};
-  const int count = FaceTriangles(cell, face, triangles);
-  double best = -std::numeric_limits<double>::infinity();
-  int found = 0;
-  std::array<double, 3> weight{};
-  for (int n = 0; n < count; ++n) {
-    const Eigen::Vector2d o = flat(cell.parts.position[triangles[n][0]]);
-    const Eigen::Vector2d e0 = flat(cell.parts.position[triangles[n][1]]) - o;
-    const Eigen::Vector2d e1 = flat(cell.parts.position[triangles[n][2]]) - o;
-    const Eigen::Vector2d q = flat(local) - o;
-    const double det = e0.x() * e1.y() - e0.y() * e1.x();
-    const double u = (q.x() * e1.y() - q.y() * e1.x()) / det;
-    const double v = (e0.x() * q.y() - e0.y() * q.x()) / det;
-    const double least = std::min({u, v, 1.0 - u - v});
-    if (least <= best) continue;
-    best = least;
-    found = n;
-    weight = {1.0 - u - v, u, v};
-  }
-  return FromWeights(triangles[found].data(), weight.data(), 3);
-}
-
-Carrier LocateInside(const HapticCell& cell, const Vec3& local) {
-  const TetrahedralComplex& complex = cell.parts.complex;
-  double best = -std::numeric_limits<double>::infinity();
-  std::array<double, 4> weight{};
-  int found = 0;
-  for (int t = 0; t < complex.tetrahedron_count; ++t) {
-    std::array<Vec3, 4> corner;
-    for (int n = 0; n < 4; ++n) corner[n] = cell.parts.position[complex.vertices[t][n]];
-    const std::array<double, 4> candidate = Barycentric(corner, local);
-    const double least = *std::min_element(candidate.begin(), candidate.end());
-    if (least <= best) continue;
-    best = least;
-    weight = candidate;
-    found = t;
-  }
-  return FromWeights(complex.vertices[found].data(), weight.data(), 4);
+  return vertices;
 }
 
 }  // namespace
@@ -111,7 +37,7 @@ void Carrier::Normalize() {
   int kept = 0;
   double sum = 0.0;
   for (int n = 0; n < count; ++n) {
-    if (!(weight[n] > 0.0)) continue;
+    if (!(weight[n] > kRounding)) continue;
     vertex[kept] = vertex[n];
     weight[kept] = weight[n];
     sum += weight[n];
@@ -148,21 +74,31 @@ Carrier CarrierInNeighbour(const Carrier& carrier, const Vec3i& offset) {
 }
 
 Carrier Locate(const HapticCell& cell, const Vec3& local, std::uint8_t faces) {
-  int axes = 0, face = 0, corner[3] = {0, 0, 0};
-  for (int axis = 0; axis < 3; ++axis) {
-    const int on = faces >> (2 * axis) & 3;
-    if (!on) continue;
-    ++axes;
-    corner[axis] = on >> 1;
-    face = 2 * axis + (on >> 1);
+  const TetrahedralComplex& complex = cell.parts.complex;
+  const std::uint16_t candidates = VerticesOn(faces);
+  const int needed = 4 - std::popcount(faces);  // of a triangle on a face, of an edge, ...
+  double best = -std::numeric_limits<double>::infinity();
+  std::array<double, 4> weight{};
+  int found = 0;
+  for (int t = 0; t < complex.tetrahedron_count; ++t) {
+    if (std::popcount<std::uint16_t>(complex.vertex_mask[t] & candidates) < needed) continue;
+    std::array<Vec3, 4> corner;
+    for (int n = 0; n < 4; ++n) corner[n] = cell.parts.position[complex.vertices[t][n]];
+    const std::array<double, 4> candidate = Barycentric(corner, local);
+    const double least = *std::min_element(candidate.begin(), candidate.end());
+    if (least <= best) continue;
+    best = least;
+    weight = candidate;
+    found = t;
   }
-  if (axes == 0) return LocateInside(cell, local);
-  if (axes == 1) return LocateOnFace(cell, local, face);
-  if (axes == 2) return LocateOnEdge(local, faces);
   Carrier carrier;
-  carrier.count = 1;
-  carrier.vertex[0] = static_cast<std::uint8_t>(CornerAt(corner[0], corner[1], corner[2]));
-  carrier.weight[0] = 1.0;
+  for (int n = 0; n < 4; ++n) {
+    const std::uint8_t v = complex.vertices[found][n];
+    if (!(candidates >> v & 1)) continue;
+    carrier.vertex[carrier.count] = v;
+    carrier.weight[carrier.count++] = weight[n];
+  }
+  carrier.Normalize();
   return carrier;
 }
 
@@ -201,6 +137,21 @@ void SetSimplex(const HapticCell& cell, const Carrier& carrier, int tetrahedron,
   place.tetrahedron = carrier.count == 4 ? tetrahedron : -1;
 }
 
+void SetBox(const Vec3i& cell, const Vec3& p_I, Place& place) {
+  place.kind = Place::Kind::kBox;
+  place.cell = cell;
+  place.p_I = p_I;
+  place.faces = 0;
+  for (int axis = 0; axis < 3; ++axis) {
+    for (int side = 0; side < 2; ++side) {
+      const double face = cell[axis] + side;
+      if (std::abs(p_I[axis] - face) > kRounding) continue;
+      place.p_I[axis] = face;
+      place.faces |= static_cast<std::uint8_t>(1u << (2 * axis + side));
+    }
+  }
+}
+
 Place PlaceAt(const HapticSurface& surface, const Vec3& p_I, CellCache& cache,
               double& density) noexcept {
   Place place;
@@ -208,17 +159,13 @@ Place PlaceAt(const HapticSurface& surface, const Vec3& p_I, CellCache& cache,
   density = surface.DensityOutside();
   const Vec3 lo = Vec3::Constant(-1.0), hi = surface.volume->size().cast<double>();
   if (!((p_I.array() > lo.array()).all() && (p_I.array() < hi.array()).all())) return place;
-  for (int axis = 0; axis < 3; ++axis) {
-    place.cell[axis] = static_cast<int>(std::floor(p_I[axis]));
-    if (p_I[axis] == place.cell[axis]) place.faces |= static_cast<std::uint8_t>(1u << (2 * axis));
-  }
-  place.kind = Place::Kind::kBox;
+  SetBox(p_I.array().floor().matrix().cast<int>(), p_I, place);
   if (cache.Densities(surface, place.cell).IsFree(surface.isovalue)) {
     density = PlaceDensity(surface, place, cache);
     return place;
   }
   const HapticCell& cell = cache.Decomposed(surface, place.cell);
-  SetSimplex(cell, Locate(cell, p_I - place.cell.cast<double>(), place.faces), -1, place);
+  SetSimplex(cell, Locate(cell, place.p_I - place.cell.cast<double>(), place.faces), -1, place);
   density = DensityAt(cell, place.carrier);
   return place;
 }

@@ -6,15 +6,18 @@
 //   point, with positive barycentric weights;
 // - outside of the padded lattice: the position. All of the outside is free, or none of it
 //   (HapticSurface::IsFreeOutside).
-// When a point reaches a face, its weight or coordinate is set to exactly 0 or to the face's own.
-// All cells and tetrahedra that hold the point follow from that.
+// When a point reaches a face, its weight or coordinate is set to exactly 0 or to the face's own,
+// also where rounding leaves it beside the face. All cells and tetrahedra that hold the point follow
+// from that.
 //
 // Frame: index coordinates.
 // Threads: pure functions. Real-time: no allocation, bounded.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
+#include <cstdlib>
 
 #include "server/haptics/cell_cache.h"
 
@@ -31,7 +34,7 @@ struct Carrier {
     for (int n = 0; n < count; ++n) mask |= static_cast<std::uint16_t>(1u << vertex[n]);
     return mask;
   }
-  // Drops vertices with weight 0 and scales the weights to sum 1.
+  // Drops vertices with weight 0, or so near 0 that it is rounding. Scales the weights to sum 1.
   void Normalize();
 };
 
@@ -65,6 +68,19 @@ void VisitNeighbours(std::uint8_t faces, Visitor visit) {
   }
 }
 
+// Calls visit(index) for all indices with the greatest difference `radius` from `middle`.
+template <class Visitor>
+void VisitShell(const Vec3i& middle, int radius, Visitor visit) {
+  for (int x = -radius; x <= radius; ++x) {
+    for (int y = -radius; y <= radius; ++y) {
+      const bool side = std::max(std::abs(x), std::abs(y)) == radius;
+      for (int z = -radius; z <= radius; z += side || radius == 0 ? 1 : 2 * radius) {
+        visit(Vec3i(middle + Vec3i(x, y, z)));
+      }
+    }
+  }
+}
+
 // Finds the simplex of a decomposed cell that holds the point at `local` (index coordinates from
 // d0). The point must lie on `faces`.
 Carrier Locate(const HapticCell& cell, const Vec3& local, std::uint8_t faces);
@@ -89,6 +105,9 @@ std::uint8_t FacesOf(const Carrier& carrier);
 // Sets the place of a point in a tetrahedron of a decomposed cell. `carrier` has the tetrahedron's
 // vertices, or some of them.
 void SetSimplex(const HapticCell& cell, const Carrier& carrier, int tetrahedron, Place& place);
+
+// Sets the place of a point in a free cell. A point that rounding leaves beside a face is put on it.
+void SetBox(const Vec3i& cell, const Vec3& p_I, Place& place);
 
 // Returns the place of an index position and sets `density` (felt). The place is a simplex also if
 // the density is above τ.
