@@ -1,6 +1,7 @@
 #include "server/lab/triangle_distance.h"
 
 #include <algorithm>
+#include <cmath>
 
 namespace palpate::lab {
 namespace {
@@ -12,11 +13,16 @@ double SquaredDistanceToSegment(const Vec3& p, const Vec3& a, const Vec3& b) {
   return (p - a - share * along).squaredNorm();
 }
 
+// False for a sliver whose sides cannot be told from rounding: its faces are as near.
 bool IsInside(const Vec3& p, const std::array<Vec3, 4>& corner) {
+  constexpr double kRounding = 1e-14;
   for (int n = 0; n < 4; ++n) {
-    const Vec3 &a = corner[(n + 1) % 4], &b = corner[(n + 2) % 4], &c = corner[(n + 3) % 4];
-    const Vec3 normal = (b - a).cross(c - a);
-    if (!((p - a).dot(normal) * (corner[n] - a).dot(normal) > 0.0)) return false;
+    const Vec3& a = corner[(n + 1) % 4];
+    const Vec3 b = corner[(n + 2) % 4] - a, c = corner[(n + 3) % 4] - a, d = corner[n] - a;
+    const Vec3 normal = b.cross(c);
+    const double volume = d.dot(normal);
+    if (!(std::abs(volume) > kRounding * b.norm() * c.norm() * d.norm())) return false;
+    if (!((p - a).dot(normal) * volume > 0.0)) return false;
   }
   return true;
 }

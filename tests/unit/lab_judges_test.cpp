@@ -50,6 +50,19 @@ TEST(LabTriangleDistance, IsZeroInsideATetrahedron) {
   EXPECT_DOUBLE_EQ(SquaredDistanceToTetrahedron(Vec3(0.2, 0.2, -0.5), corner), 0.25);
 }
 
+// As thin as free space between voxels that are nearly equal.
+TEST(LabTriangleDistance, NothingIsInsideANeedle) {
+  std::mt19937_64 random(4);
+  std::uniform_real_distribution<double> uniform(-1.0, 1.0);
+  const auto vector = [&] { return Vec3(uniform(random), uniform(random), uniform(random)); };
+  for (int n = 0; n < 10'000; ++n) {
+    const Vec3 a = vector(), b = vector(), p = vector();
+    const std::array<Vec3, 4> needle = {a, a + 1e-8 * vector(), a + 1e-8 * vector(), b};
+    ASSERT_NEAR(std::sqrt(SquaredDistanceToTetrahedron(p, needle)),
+                std::sqrt(SquaredDistanceToTriangle(p, a, b, b)), 1e-7);
+  }
+}
+
 TEST(LabTriangleGrid, IsTheNearestOfAllTriangles) {
   std::mt19937_64 random(5);
   std::uniform_real_distribution<double> uniform(-6.0, 18.0), value(0.0, 1.0);
