@@ -170,15 +170,22 @@ void AllowFiles(Filter* filter) {
 }
 
 // Writable memory never becomes executable. A library that is loaded later is therefore refused,
-// too: TBB then runs without its allocator, libtbbmalloc.
+// too: TBB then runs without its allocator, libtbbmalloc. Memory without a file is private, since
+// RLIMIT_DATA does not count shared memory.
+void AllowMapping(Filter* filter, const char* name) {
+  filter->Add(SCMP_ACT_ALLOW, name, {HasNone(2, PROT_EXEC), HasNone(3, MAP_ANONYMOUS)});
+  filter->Add(SCMP_ACT_ALLOW, name,
+              {HasNone(2, PROT_EXEC), {3, SCMP_CMP_MASKED_EQ, MAP_TYPE, MAP_PRIVATE}});
+}
+
 void AllowMemory(Filter* filter) {
 #ifdef __s390__
   // The arguments of this call lie in memory, which the kernel's filters cannot read.
   filter->Add(SCMP_ACT_ALLOW, "mmap", {});
 #elif !defined(__i386__)  // the same there, but glibc uses mmap2
-  filter->Add(SCMP_ACT_ALLOW, "mmap", {HasNone(2, PROT_EXEC)});
+  AllowMapping(filter, "mmap");
 #endif
-  filter->Add(SCMP_ACT_ALLOW, "mmap2", {HasNone(2, PROT_EXEC)});
+  AllowMapping(filter, "mmap2");
   filter->Add(SCMP_ACT_ALLOW, "mprotect", {HasNone(2, PROT_EXEC)});
   filter->Add(SCMP_ACT_ALLOW, "madvise", {{2, SCMP_CMP_LT, kFirstMachineAdvice, 0}});
 }

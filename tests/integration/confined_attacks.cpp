@@ -202,12 +202,15 @@ const Attack kAttacks[] = {
     {"sendmsg", kKills, kUnknown, [] { return sendmsg(-1, nullptr, 0); }},
     {"recvmsg", kKills, kUnknown, [] { return recvmsg(-1, nullptr, 0); }},
 
-    // Memory that is code
+    // Memory
     {"make_code", kCalls, kSucceeds, MakeCode},
     {"map_code", kCalls, kSucceeds,
      [] { return Map(PROT_READ | PROT_WRITE | PROT_EXEC, MAP_PRIVATE | MAP_ANONYMOUS, -1); }},
     {"map_code_of_memory_file", kCalls, kSucceeds,
      [] { return Map(PROT_READ | PROT_EXEC, MAP_SHARED, memory_file); }},
+    // The limit of memory does not count it.
+    {"shared_memory", kCalls, kSucceeds,
+     [] { return Map(PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1); }},
     {"pkey_mprotect", kCalls, kUnknown,
      [] { return Call(SYS_pkey_mprotect, nullptr, 0, PROT_READ | PROT_EXEC, -1); }},
     {"memfd_create", kKills, kSucceeds, [] { return memfd_create("x", 0); }},
