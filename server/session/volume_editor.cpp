@@ -30,9 +30,6 @@ EditResult ChangesTo(const VolumeSnapshot& before, const ReshapedVolume& after) 
   return CompareBricks(before, before.bricks().ChangesTo(after.bricks));
 }
 
-// Short, because other editors wait in the meantime.
-constexpr std::chrono::milliseconds kFreeingPatience{200};
-
 // An edit may get its turn late. If its client no longer waits, the edit is not made.
 void CheckWanted(const VolumeEditor::Cancelled& cancelled) {
   if (cancelled && cancelled()) throw Error(ErrorKind::kCancelled, "the edit was cancelled");
@@ -264,7 +261,7 @@ MemoryClaim VolumeEditor::ClaimFor(const std::string& holder, std::uint64_t byte
     missing -= std::min(missing, FreedWith(steps.front()));
     Drop(steps, /*oldest=*/true);
   }
-  return budget.Claim(holder, bytes, kFreeingPatience);
+  return budget.Claim(holder, bytes);
 }
 
 // Counts only leaves that nobody else holds: only these are freed with the step. For another

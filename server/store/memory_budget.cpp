@@ -27,17 +27,16 @@ MemoryClaim& MemoryClaim::operator=(MemoryClaim&& other) noexcept {
 }
 
 MemoryClaim::~MemoryClaim() {
-  if (budget_) budget_->Change(holder_, bytes_, 0, {});
+  if (budget_) budget_->Change(holder_, bytes_, 0);
 }
 
 void MemoryClaim::Resize(std::uint64_t bytes) {
-  budget_->Change(holder_, bytes_, bytes, MemoryBudget::kPatience);
+  budget_->Change(holder_, bytes_, bytes);
   bytes_ = bytes;
 }
 
-MemoryClaim MemoryBudget::Claim(const std::string& holder, std::uint64_t bytes,
-                                std::chrono::milliseconds patience) {
-  Change(holder, 0, bytes, patience);
+MemoryClaim MemoryBudget::Claim(const std::string& holder, std::uint64_t bytes) {
+  Change(holder, 0, bytes);
   MemoryClaim claim;
   claim.budget_ = shared_from_this();
   claim.holder_ = holder;
@@ -75,8 +74,7 @@ std::uint64_t MemoryBudget::HeldLocked() const {
   return sum;
 }
 
-void MemoryBudget::Change(const std::string& holder, std::uint64_t from, std::uint64_t to,
-                          std::chrono::milliseconds patience) {
+void MemoryBudget::Change(const std::string& holder, std::uint64_t from, std::uint64_t to) {
   if (TryChange(holder, from, to)) return;
   WaitForFreed wait;
   {
@@ -84,7 +82,7 @@ void MemoryBudget::Change(const std::string& holder, std::uint64_t from, std::ui
     wait = wait_;
   }
   if (wait) {
-    wait(patience);
+    wait(kPatience);
     if (TryChange(holder, from, to)) return;
   }
   const std::lock_guard lock(mutex_);

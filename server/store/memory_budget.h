@@ -65,8 +65,7 @@ class MemoryBudget : public std::enable_shared_from_this<MemoryBudget> {
   // `holder` names the claim in messages, for example "the new volume". If there is too little
   // room, waits for memory that is being freed. Throws Error (kTooLarge) that says what is needed,
   // left and held.
-  MemoryClaim Claim(const std::string& holder, std::uint64_t bytes,
-                    std::chrono::milliseconds patience = kPatience);
+  MemoryClaim Claim(const std::string& holder, std::uint64_t bytes);
 
   // Names a part of the live bricks in messages, with its bytes. The rest is called "other bricks".
   void SetPart(const std::string& part, std::uint64_t bytes);
@@ -81,8 +80,7 @@ class MemoryBudget : public std::enable_shared_from_this<MemoryBudget> {
   static constexpr std::chrono::milliseconds kPatience{1000};
 
   MemoryBudget(std::uint64_t bytes, LiveBytes live) : bytes_(bytes), live_(live) {}
-  void Change(const std::string& holder, std::uint64_t from, std::uint64_t to,
-              std::chrono::milliseconds patience);
+  void Change(const std::string& holder, std::uint64_t from, std::uint64_t to);
   bool TryChange(const std::string& holder, std::uint64_t from, std::uint64_t to);
   // Adds modulo 2^64.
   void AddLocked(const std::string& holder, std::uint64_t difference);
