@@ -17,8 +17,8 @@ namespace palpate::client {
 namespace {
 
 // An exception of a callback ends the program. Without this, the threads would take a callback's
-// Error for the loss of a connection. While the client ends, the callback's own calls fail: no
-// fault of the program.
+// Error for the loss of a connection. While the client ends, the callback's own calls fail. That is
+// no fault of the program.
 template <typename... Arguments>
 std::function<void(Arguments...)> EndingIfItThrows(std::function<void(Arguments...)> callback,
                                                    const Monitor& monitor) {

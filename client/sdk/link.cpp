@@ -67,8 +67,10 @@ Error Link::ErrorOf(const grpc::Status& status) const {
                   " is not palpated, or one of another version: compare its 'palpated "
                   "--version' with that of this program"};
     case grpc::StatusCode::UNAVAILABLE:
-      // The daemon answered, so the text is the daemon's.
-      if (channel()->GetState(false) == GRPC_CHANNEL_READY) return FromStatus(status);
+      // The daemon answered, so the text is the daemon's; or the channel has not noticed its end yet.
+      if (channel()->GetState(false) == GRPC_CHANNEL_READY) {
+        return {ErrorKind::kUnavailable, "palpated at " + name() + ": " + status.error_message()};
+      }
       return route_.WhyUnreached(status.error_message());
     default:
       return FromStatus(status);
