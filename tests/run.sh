@@ -64,30 +64,32 @@ folder() { [ "$1" = default ] && echo build || echo "build-$1"; }
 # stolen: prints the ticks that the host of a virtual machine gave to others, and all ticks
 stolen() { awk '/^cpu / { print $9, $2 + $3 + $4 + $5 + $6 + $7 + $8 + $9; exit }' /proc/stat; }
 
-ran=0 skipped=0 failed=() summary=()
+passed=0 skipped=0 cases_failed=0 failed=() summary=()
 
 # run_tests NAME PRESET [ARGUMENT...]: runs tests, and shows the output of those that fail
 run_tests() {
-  local name=$1 preset=$2 began=$SECONDS before log=$results/$1.log cases without line
-  local failed_before=${#failed[@]}
+  local name=$1 preset=$2 began=$SECONDS before log=$results/$1.log line
+  local cases cases_skipped failures failed_before=${#failed[@]}
   stage "$name: test"
   before=$(stolen)
   # Whole outputs: the counts of a program's cases are read from them.
   ctest --preset "$preset" "${@:3}" --output-junit "$results/$name.xml" \
     --test-output-size-passed 4000000 --test-output-size-failed 4000000 >"$log" || true
-  # A skipped Python test does not skip its file, so ctest does not show it.
-  sed -n "s/^.*\.\.\. skipped '\(.*\)'$/  a Python test was skipped: \1/p" \
+  # Why cases were skipped, of Python's tests and of GoogleTest's.
+  sed -n -e "s/^.*\.\.\. skipped '\(.*\)'$/  skipped: \1/p" -e '/: Skipped$/{n;s/^/  skipped: /p;}' \
     "$(folder "$preset")/Testing/Temporary/LastTest.log" 2>/dev/null || true
-  read -r cases without < <(tests/support/count_cases.py "$results/$name.xml")
+  read -r cases cases_skipped failures < <(tests/support/count_cases.py "$results/$name.xml")
   [ "$cases" -gt 0 ] || { cat "$log"; echo "run.sh: no test was run of $name" >&2; exit 1; }
   if ! grep -q '^100% tests passed' "$log"; then
     cat "$log"
     while IFS= read -r line; do failed+=("$name: $line"); done < \
       <(sed -n '/^The following tests FAILED:/,$s/^\t *[0-9]* - //p' "$log" | grep -v '(Skipped)$')
     # Also where ctest itself failed, and named no test.
-    [ ${#failed[@]} -gt "$failed_before" ] || failed+=("$name: ctest")
+    [ ${#failed[@]} -gt "$failed_before" ] ||
+      { failed+=("$name: ctest"); cases_failed=$((cases_failed + 1)); }
   fi
-  ran=$((ran + cases)) skipped=$((skipped + without))
+  passed=$((passed + cases - cases_skipped - failures))
+  skipped=$((skipped + cases_skipped)) cases_failed=$((cases_failed + failures))
   summary+=("$(printf '%-11s %5d tests in %2d min %02d s; the host took %s %% of the processors' \
     "$name" "$cases" $(((SECONDS - began) / 60)) $(((SECONDS - began) % 60)) \
     "$(awk '{ print int(100 * ($3 - $1) / ($4 > $2 ? $4 - $2 : 1)) }' <<<"$before $(stolen)")")")
@@ -97,7 +99,7 @@ run_tests() {
 run_alone() {
   local name=$1 began=$SECONDS
   stage "$name"
-  "${@:2}" || failed+=("$name")
+  "${@:2}" || { failed+=("$name"); cases_failed=$((cases_failed + 1)); }
   summary+=("$(printf '%-11s in %2d min %02d s' \
     "$name" $(((SECONDS - began) / 60)) $(((SECONDS - began) % 60)))")
 }
@@ -135,6 +137,5 @@ if has sanitizers; then run_sanitizers; fi
 stage done
 printf '%s\n' "${summary[@]}"
 [ ${#failed[@]} -eq 0 ] || printf 'failed: %s\n' "${failed[@]}"
-printf '%d passed, %d failed, %d skipped\n' \
-  $((ran - ${#failed[@]} - skipped)) "${#failed[@]}" "$skipped"
+printf '%d passed, %d failed, %d skipped\n' "$passed" "$cases_failed" "$skipped"
 [ ${#failed[@]} -eq 0 ]

@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
-"""count_cases.py JUNIT_XML: how many cases a run of ctest ran, and how many of them were skipped.
+"""count_cases.py JUNIT_XML: how many cases a run of ctest ran, how many of them were skipped, and
+how many failed.
 
 One test of ctest's may be a whole program of GoogleTest or a file of Python: their own counts are
 read from what they printed. A test that prints none is one case."""
@@ -10,22 +11,33 @@ import xml.etree.ElementTree
 
 
 def cases(test):
-    """(cases, skipped) of one <testcase>."""
+    """(cases, skipped, failed) of one <testcase>."""
     said = test.findtext("system-out") or ""
+
+    def lines(pattern):
+        return len(re.findall(pattern, said, re.MULTILINE))
+
+    has_failed = test.get("status") == "fail"
     ran = re.search(r"^\[=+\] Running (\d+) tests? from", said, re.MULTILINE)
     if ran:
-        skipped = re.search(r"^\[  SKIPPED \] (\d+) tests?, listed below", said, re.MULTILINE)
-        return int(ran[1]), int(skipped[1]) if skipped else 0
-    ran = re.search(r"^Ran (\d+) tests? in ", said, re.MULTILINE)
-    if ran:
-        skipped = re.search(r"^(?:OK|FAILED) \(.*\bskipped=(\d+)", said, re.MULTILINE)
-        return int(ran[1]), int(skipped[1]) if skipped else 0
-    return 1, 0 if test.get("status") in ("run", "fail") else 1
+        # One that crashes has no last lines.
+        skipped = lines(r"^\[  SKIPPED \] .* \(\d+ ms\)$")
+        failed = int(ran[1]) - skipped - lines(r"^\[       OK \] ")
+    elif ran := re.search(r"^Ran (\d+) tests? in ", said, re.MULTILINE):
+        skipped, failures, errors = (
+            sum(map(int, re.findall(rf"^(?:OK|FAILED) \(.*\b{name}=(\d+)", said, re.MULTILINE)))
+            for name in ("skipped", "failures", "errors"))
+        failed = failures + errors
+    else:
+        return 1, int(test.get("status") not in ("run", "fail")), int(has_failed)
+    # A test may fail at its end where none of its cases does. One that passes may have failed in
+    # an earlier try.
+    return int(ran[1]), skipped, max(failed, 1) if has_failed else 0
 
 
 def main():
     tests = xml.etree.ElementTree.parse(sys.argv[1]).iter("testcase")
-    print(*(sum(column) for column in zip((0, 0), *map(cases, tests))))
+    print(*(sum(column) for column in zip((0, 0, 0), *map(cases, tests))))
 
 
 if __name__ == "__main__":
