@@ -141,11 +141,14 @@ TEST_F(ViewLive, CommandsKeepTheirOrderAndSayWhatWentWrong) {
   {
     Commands commands(client);
     EXPECT_FALSE(commands.busy());
+    std::promise<void> go;
+    commands.Do("wait", [&go](client::Client&) { go.get_future().wait(); });
     for (int n = 0; n < 100; ++n) {
       commands.Set({.viscosity_n_s_per_m = 0.01 * n});
       commands.Do("count", [&order, n](client::Client&) { order.push_back(n); });
     }
     EXPECT_TRUE(commands.busy());
+    go.set_value();
     ASSERT_TRUE(Eventually([&] { return !commands.busy(); }));
     EXPECT_EQ(commands.problem(), "");
     commands.Do("undo", [](client::Client& c) { c.Undo(); });

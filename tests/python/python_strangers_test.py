@@ -8,6 +8,7 @@ import os
 import socket
 import ssl
 import threading
+import time
 import unittest
 
 import grpc
@@ -119,9 +120,9 @@ class AttackTest(unittest.TestCase):
     def said(self, what):
         return "".join(self.daemon.said).count(what)
 
-    def attack(self, how, address, token=None, most_bytes=400 * MIB, patience_s=10.0):
+    def attack(self, how, address, token=None, most_bytes=400 * MIB, patience_s=PATIENCE_S):
         """What it sent before it was cut off, and noticed."""
-        stranger = Stranger(self.daemon, address, patience_s=20.0)
+        stranger = Stranger(self.daemon, address)
         with contextlib.closing(stranger):
             if token is not None:
                 stranger.become_known(token)
@@ -145,6 +146,8 @@ class AttackTest(unittest.TestCase):
                 address = f"127.0.0.{2 + n}"
                 attack = pool.submit(self.attack, how, address)
                 wait_for(lambda: is_cut_off(address) or attack.done(), "its end")
+                if attack.done():
+                    attack.result()
 
 
 class Strangers(AttackTest):
@@ -171,7 +174,7 @@ class Strangers(AttackTest):
         def attack_on():
             while not end.is_set():
                 with contextlib.suppress(OSError):
-                    self.attack(endless_headers, "127.0.0.1", patience_s=1.0)
+                    self.attack(endless_headers, "127.0.0.1", patience_s=10.0)
 
         def cut_off():
             return self.said("cut off ipv4:127.0.0.1:")
@@ -181,7 +184,9 @@ class Strangers(AttackTest):
         attacker.start()
         served = 0
         try:
+            deadline_s = time.monotonic() + 5 * PATIENCE_S
             while served < 50 or cut_off() < 5:
+                self.assertLess(time.monotonic(), deadline_s, "the attacker is not cut off")
                 # Each on a connection of its own; the emergency stop, too.
                 with self.daemon.channel(
                         token=self.daemon.tokens["viewer"],

@@ -11,6 +11,7 @@
 #include <utility>
 #include <vector>
 
+#include "tests/support/patience.h"
 #include "tests/support/places.h"
 #include "tests/support/process.h"
 #include "tests/support/temporary_folder.h"
@@ -52,8 +53,20 @@ class RestartedDaemon {
     // The session, which is saved twice a second: the next daemon starts as the first did.
     std::filesystem::remove_all(folder() / "s");
   }
-  // Behaves like a machine that hangs: connections stay, and nothing answers.
-  void Hang() { process_->Signal(SIGSTOP); }
+  // Behaves like a machine that hangs: connections stay, and nothing answers. Waits until its last
+  // thread stands still.
+  void Hang() {
+    process_->Signal(SIGSTOP);
+    const std::filesystem::path tasks = "/proc/" + std::to_string(process_->pid()) + "/task";
+    EXPECT_TRUE(Eventually([&] {
+      for (const auto& task : std::filesystem::directory_iterator(tasks)) {
+        std::string stat;
+        std::getline(std::ifstream(task.path() / "stat"), stat);
+        if (stat.find(") T ") == std::string::npos) return false;
+      }
+      return true;
+    }));
+  }
   void Continue() { process_->Signal(SIGCONT); }
 
   std::string socket() const { return folder() / "palpated.sock"; }

@@ -77,13 +77,14 @@ class HdFrameTest : public ::testing::Test {
     Frame();
     return frame_library.force_n;
   }
-  // Once more if this machine stood still between the two, which looks like a silent servo.
+  // Once more if this machine stood still meanwhile, which looks like a silent servo. A force that
+  // follows such a silence is held at zero until one of zero.
   Vec3 ForceOf(const Vec3& force_n) {
     for (;;) {
+      FrameWith(Vec3::Zero());
       const std::uint64_t zeros = servo_.counts().watchdog_zeros;
       const Vec3 written_n = FrameWith(force_n);
       if (servo_.counts().watchdog_zeros == zeros) return written_n;
-      FrameWith(Vec3::Zero());
     }
   }
 
