@@ -262,7 +262,7 @@ TEST_F(LoadTest, LiveDataDoesNotReachTheServo) {
 
 // A crowd that asks for more poses than there are to give: what the others get meanwhile, against
 // what they get while the same crowd is at another daemon and takes the same processors. How many
-// it is refused: security_limits_test and daemon_calls_test.
+// it is refused: python_security_test.
 class CrowdTest : public LoadTest {
  protected:
   static constexpr int kCrowd = 256;

@@ -75,14 +75,13 @@ def targets_of(program):
 class Tree:
     """The copy and its build folder."""
 
-    def __init__(self, folder, jobs, tier):
+    def __init__(self, folder, jobs):
         self.folder = folder
         self.jobs = jobs
         folder.mkdir(parents=True, exist_ok=True)
         copy_tree(folder)
         data = os.environ.get("PALPATE_DATA_DIR", ROOT.parent / "shared" / "data")
-        self._call(["cmake", "--preset", "default", f"-DPALPATE_DATA_DIR={data}",
-                    f"-DPALPATE_TESTS={tier}"], "configure")
+        self._call(["cmake", "--preset", "default", f"-DPALPATE_DATA_DIR={data}"], "configure")
 
     def _call(self, command, what):
         done = subprocess.run(command, cwd=self.folder, capture_output=True, text=True)
@@ -176,9 +175,6 @@ def main():
                              "otherwise a temporary folder")
     parser.add_argument("--jobs", metavar="N", type=int, default=os.cpu_count(),
                         help="compilers at a time (default: one per processor)")
-    parser.add_argument("--tier", choices=["core", "all"], default="core",
-                        help="core: only changes that the core of the tests must catch; all: "
-                             "those marked tier = \"all\", too (default: %(default)s)")
     parser.add_argument("--mutants", metavar="FILE", type=pathlib.Path,
                         default=here / "mutants.toml", help="the changes (default: %(default)s)")
     arguments = parser.parse_args()
@@ -188,8 +184,6 @@ def main():
         parser.error(f"no change is called {', '.join(sorted(unknown))}; see --list")
     if arguments.only:
         changes = [change for change in changes if change["name"] in arguments.only]
-    if arguments.tier == "core":
-        changes = [change for change in changes if change.get("tier", "core") == "core"]
     if arguments.list:
         for change in changes:
             print(f"{change['name']}: {change['why']}\n    {change['file']}: {change['program']} "
@@ -199,7 +193,7 @@ def main():
         folder = arguments.work or pathlib.Path(
             stack.enter_context(tempfile.TemporaryDirectory(prefix="palpate-mutants-")))
         try:
-            tree = Tree(folder.resolve() / "tree", arguments.jobs, arguments.tier)
+            tree = Tree(folder.resolve() / "tree", arguments.jobs)
             seconds = check_unchanged(tree, changes)
         except RuntimeError as error:
             print(f"unchanged: {error}")

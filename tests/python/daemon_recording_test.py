@@ -85,6 +85,16 @@ class RecordingTest(unittest.TestCase):
         self.assertGreaterEqual(figures["compared"] + 70, state["ticks"])
         self.assertGreaterEqual(figures["scenes"], 12)
 
+    def test_resampled_volumes_come_back(self):
+        self.palpate("record", "start", self.file)
+        for spacing_mm in (0.7, 1.1, 0.9):
+            self.conn.edit.filter("resample", spacing_mm=spacing_mm)
+            self.conn.edit.sphere((0, 0, 0), 5.0, "set", 0.5)
+            self.conn.edit.undo()
+        self.conn.edit.undo()
+        self.palpate("record", "stop")
+        self.replayed()
+
     def test_what_cannot_be_computed_again_is_said(self):
         # A load of a file is named and not held: where the file is gone, that is an error.
         path = self.daemon.folder / "a.nrrd"

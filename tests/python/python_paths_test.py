@@ -82,9 +82,6 @@ class PathCalls:
         return self._recording.StartRecording(
             recording_pb2.StartRecordingRequest(path=path, overwrite=True), timeout=CALL_S)
 
-    def stop_recording(self):
-        self._recording.StopRecording(recording_pb2.StopRecordingRequest(), timeout=CALL_S)
-
 
 class SecuredTest(unittest.TestCase):
     """A daemon over TLS, and the calls of one who may load, save and record."""

@@ -239,7 +239,6 @@ class Forces(DaemonTest):
         self.assertEqual(info.workspace_min_mm.shape, (3,))
         self.assertTrue((info.workspace_min_mm < info.workspace_max_mm).all())
         self.assertIs(info.verification_level, palpate.VerificationLevel.SIMULATED)
-        # A machine that missed ticks dropped them for a while.
         self.assertTrue(wait_until(
             lambda: self.conn.device.info().forces.state is palpate.ForceState.ON, PATIENCE_S))
         self.assertRegex(info.version, r"^\d+\.\d+")
