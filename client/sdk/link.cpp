@@ -67,7 +67,7 @@ Error Link::ErrorOf(const grpc::Status& status) const {
                   " is not palpated, or one of another version: compare its 'palpated "
                   "--version' with that of this program"};
     case grpc::StatusCode::UNAVAILABLE:
-      // The daemon answered, so the text is the daemon's; or the channel has not noticed its end yet.
+      // The text is the daemon's, or that of a channel that has not noticed its end yet.
       if (channel()->GetState(false) == GRPC_CHANNEL_READY) {
         return {ErrorKind::kUnavailable, "palpated at " + name() + ": " + status.error_message()};
       }

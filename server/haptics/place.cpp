@@ -19,8 +19,8 @@ std::array<double, 4> Barycentric(const std::array<Vec3, 4>& corner, const Vec3&
   return {1.0 - u - v - w, u, v, w};
 }
 
-// A weight or a distance from a cell's face below this is rounding. The steps between ties make true
-// pits that are not much larger.
+// A weight or a distance from a cell's face below this is rounding. The steps between ties make
+// true pits that are not much larger.
 constexpr double kRounding = 5e-12;
 
 // The vertices that lie on all of `faces`.

@@ -7,8 +7,8 @@
 // - outside of the padded lattice: the position. All of the outside is free, or none of it
 //   (HapticSurface::IsFreeOutside).
 // When a point reaches a face, its weight or coordinate is set to exactly 0 or to the face's own,
-// also where rounding leaves it beside the face. All cells and tetrahedra that hold the point follow
-// from that.
+// also where rounding leaves it beside the face. All cells and tetrahedra that hold the point
+// follow from that.
 //
 // Frame: index coordinates.
 // Threads: pure functions. Real-time: no allocation, bounded.
@@ -106,7 +106,7 @@ std::uint8_t FacesOf(const Carrier& carrier);
 // vertices, or some of them.
 void SetSimplex(const HapticCell& cell, const Carrier& carrier, int tetrahedron, Place& place);
 
-// Sets the place of a point in a free cell. A point that rounding leaves beside a face is put on it.
+// Sets the place of a point in a free cell. One that rounding leaves beside a face is put on it.
 void SetBox(const Vec3i& cell, const Vec3& p_I, Place& place);
 
 // Returns the place of an index position and sets `density` (felt). The place is a simplex also if
