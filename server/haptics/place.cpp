@@ -19,8 +19,8 @@ std::array<double, 4> Barycentric(const std::array<Vec3, 4>& corner, const Vec3&
   return {1.0 - u - v - w, u, v, w};
 }
 
-// A weight or a distance from a cell's face below this is rounding. The steps between ties make
-// true pits that are not much larger.
+// A weight or a distance from a cell's face below this is rounding, or one of the smallest true
+// pits that the steps between ties make.
 constexpr double kRounding = 5e-12;
 
 // The vertices that lie on all of `faces`.
@@ -87,7 +87,7 @@ Carrier Locate(const HapticCell& cell, const Vec3& local, std::uint8_t faces) {
     for (int n = 0; n < 4; ++n) corner[n] = cell.parts.position[complex.vertices[t][n]];
     const std::array<double, 4> candidate = Barycentric(corner, local);
     const double least = *std::min_element(candidate.begin(), candidate.end());
-    if (least <= best) continue;
+    if (!(least > best)) continue;  // also where a flat tetrahedron gives no number
     best = least;
     weight = candidate;
     found = t;

@@ -12,12 +12,12 @@ namespace {
 
 // A remaining projection shorter than this share of HIP - SCP_H is rounding.
 constexpr double kRestTolerance = 1e-8;
-// So is a remaining projection shorter than this share of a voxel.
+// So is a remaining projection shorter than this share of a voxel: more than what Place sets to 0.
 constexpr double kRestTolerancePerVoxel = 1e-11;
 
 bool IsAtRest(const HapticSurface& surface, const Vec3& d_mm, const Vec3& w_mm) {
   return d_mm.norm() <=
-         std::max(kRestTolerance * w_mm.norm(), kRestTolerancePerVoxel * surface.voxel_mm);
+         std::max(kRestTolerance * w_mm.norm(), kRestTolerancePerVoxel * surface.longest_voxel_mm);
 }
 
 // Puts the proxy at p_D. Returns false if p_D is inside the object and there is no free space

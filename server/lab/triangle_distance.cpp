@@ -13,7 +13,8 @@ double SquaredDistanceToSegment(const Vec3& p, const Vec3& a, const Vec3& b) {
   return (p - a - share * along).squaredNorm();
 }
 
-// False for a sliver whose sides cannot be told from rounding: its faces are as near.
+// Returns false for a sliver whose volume is no more than rounding. Its faces are then as near as
+// its inside.
 bool IsInside(const Vec3& p, const std::array<Vec3, 4>& corner) {
   constexpr double kRounding = 1e-14;
   for (int n = 0; n < 4; ++n) {

@@ -25,8 +25,9 @@ constexpr double kDensityTolerance = 1e-9;
 // What a resting proxy may still come nearer, as a share of its distance and in voxels.
 constexpr double kApproachShare = 1e-12;
 constexpr double kApproachVoxels = 2e-11;
-// Farther away than this, in barycentric weights, a tetrahedron does not touch the proxy: the steps
-// between ties make true pits of a few 1e-12. Positions are rounded to less.
+// Farther away than this, in barycentric weights, a tetrahedron does not touch the proxy. The proxy
+// lies exactly on what is nearer than 5e-12, since the steps between ties make pits as small.
+// Positions are rounded to less.
 constexpr double kTouchTolerance = 3e-12;
 
 // Random values on 5³ lattices of `levels` values; 0: continuous.
