@@ -170,12 +170,13 @@ void AllowFiles(Filter* filter) {
 }
 
 // Writable memory never becomes executable. A library that is loaded later is therefore refused,
-// too: TBB then runs without its allocator, libtbbmalloc. Memory without a file is private, since
-// RLIMIT_DATA does not count shared memory.
+// too: TBB then runs without its allocator, libtbbmalloc. Memory without a file is private and no
+// stack: RLIMIT_DATA counts neither shared memory nor a mapping that grows down.
 void AllowMapping(Filter* filter, const char* name) {
   filter->Add(SCMP_ACT_ALLOW, name, {HasNone(2, PROT_EXEC), HasNone(3, MAP_ANONYMOUS)});
-  filter->Add(SCMP_ACT_ALLOW, name,
-              {HasNone(2, PROT_EXEC), {3, SCMP_CMP_MASKED_EQ, MAP_TYPE, MAP_PRIVATE}});
+  filter->Add(
+      SCMP_ACT_ALLOW, name,
+      {HasNone(2, PROT_EXEC), {3, SCMP_CMP_MASKED_EQ, MAP_TYPE | MAP_GROWSDOWN, MAP_PRIVATE}});
 }
 
 void AllowMemory(Filter* filter) {

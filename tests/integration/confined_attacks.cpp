@@ -208,9 +208,11 @@ const Attack kAttacks[] = {
      [] { return Map(PROT_READ | PROT_WRITE | PROT_EXEC, MAP_PRIVATE | MAP_ANONYMOUS, -1); }},
     {"map_code_of_memory_file", kCalls, kSucceeds,
      [] { return Map(PROT_READ | PROT_EXEC, MAP_SHARED, memory_file); }},
-    // The limit of memory does not count it.
+    // The limit of memory counts neither.
     {"shared_memory", kCalls, kSucceeds,
      [] { return Map(PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1); }},
+    {"growing_memory", kCalls, kSucceeds,
+     [] { return Map(PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS | MAP_GROWSDOWN, -1); }},
     {"pkey_mprotect", kCalls, kUnknown,
      [] { return Call(SYS_pkey_mprotect, nullptr, 0, PROT_READ | PROT_EXEC, -1); }},
     {"memfd_create", kKills, kSucceeds, [] { return memfd_create("x", 0); }},
