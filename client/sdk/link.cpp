@@ -87,7 +87,6 @@ Error Link::ErrorOfEnd(const grpc::Status& status) {
     case grpc::StatusCode::CANCELLED:
       break;
     case grpc::StatusCode::UNAVAILABLE:
-      // The daemon answered, so the text is the daemon's.
       if (channel()->GetState(false) == GRPC_CHANNEL_READY) return ErrorOf(status);
       break;
     default:

@@ -1,5 +1,5 @@
-"""Sparse .vdb files and filters of whole volumes through the daemon: what is felt, chosen, undone
-and recorded. How files are read and saved is tested in vdb_volume_test.cpp, how filters compute in
+"""Sparse .vdb files and filters of whole volumes through the daemon: what is felt, chosen and
+undone. How files are read and saved is tested in vdb_volume_test.cpp, how filters compute in
 reshape_test.cpp."""
 
 import json

@@ -23,7 +23,8 @@ sys.path.append(str(pathlib.Path(__file__).parents[1] / "fuzz"))
 import corpus_images  # noqa: E402
 
 IMPORT = pathlib.Path(os.environ["PALPATED"]).with_name("palpate-import")
-FILES = 10 * int(os.environ.get("PALPATE_TORTURE", "1"))  # of each format
+# Of each format. Twice as many took 20 minutes in the long run.
+FILES = 10 * int(os.environ.get("PALPATE_TORTURE", "1"))
 MEMORY_MIB = 512
 # The importer's own code and libraries.
 BASE_MIB = 300
@@ -81,14 +82,16 @@ class FuzzedFiles(unittest.TestCase):
         code, text, _ = self.run_import(source, options)
         self.assertEqual(code, WRITTEN, f"{name} is no seed: {text}")
         rng, codes = random.Random(f"{name} 8"), {}
+        allowed = {WRITTEN, INVALID, TOO_LARGE, FAILED}
+        if name.endswith((".nrrd", ".mha")):
+            allowed.add(NOT_FOUND)  # the header names another file
         for number in range(FILES):
             source = write(damaged(seed, rng))
             code, text, mib = self.run_import(source, options)
             said = f"{name} {number}: {code} {text}"
             lines = [line for line in text.splitlines() if ": warning: " not in line]
             # Readers that are not ours may crash: the importer says so itself.
-            # A header may name another file, which is not there.
-            self.assertIn(code, (WRITTEN, INVALID, NOT_FOUND, TOO_LARGE, FAILED), said)
+            self.assertIn(code, allowed, said)
             if SANITIZED and "requested allocation size" in text:
                 continue  # new throws elsewhere: AddressSanitizer ends the program
             self.assertNotIn("Sanitizer", text, said)

@@ -153,9 +153,9 @@ class FuzzedServices(unittest.TestCase):
     def test_every_call(self):
         make = Maker(SEED, self.daemon.folder)
         codes, called = {}, set()
-        state = self.state()
+        played, state = self.plays(), self.state()
         for number in range(MESSAGES):
-            method, played = make.method(), self.plays()
+            method = make.method()
             made = [make.bytes(method.input_type)
                     for _ in range(3 if method.client_streaming else 1)]
             code, words = call(self.client.channel, method, [data for data, _ in made])
@@ -170,7 +170,7 @@ class FuzzedServices(unittest.TestCase):
                 # A series plays on by itself: only what calls change is compared.
                 if not played and method.name not in ("LoadSeries", "Replay"):
                     self.assertEqual(self.state(), state, said)
-            state = self.state()
+            played, state = self.plays(), self.state()
             codes[code.name] = codes.get(code.name, 0) + 1
             called.add(method.full_name)
         print(f"{MESSAGES} messages to {len(called)} calls: {codes}")

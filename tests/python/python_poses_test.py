@@ -62,8 +62,8 @@ class Arrays(DaemonTest):
         with self.conn.poses() as stream:
             batches = [poses for _, poses in zip(range(30), stream)]
         self.assertEqual({len(poses) for poses in batches}, {1})
-        # Every 16.7 ticks, missed ones too. On a busy machine some steps are longer, and the next is
-        # shorter.
+        # Every 16.7 ticks, missed ones too. On a busy machine some steps are longer, and the next
+        # is shorter.
         poses = palpate.Poses.concatenate(batches)
         steps = np.diff((poses.tick + poses.missed_ticks).astype(np.int64))
         self.assertLessEqual(steps.min(), 17)
