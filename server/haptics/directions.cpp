@@ -44,6 +44,27 @@ TetrahedronCone MakeTetrahedronCone(const HapticCell& cell, int tetrahedron, std
   return result;
 }
 
+// Inside a tetrahedron, only H limits the direction.
+Candidate DirectionInside(const HapticSurface& surface, const Place& place, bool on_surface,
+                          const Vec3& w_mm, CellCache& cache) noexcept {
+  HapticCell& cell = cache.Decomposed(surface, place.cell);
+  Candidate candidate;
+  candidate.kind = Candidate::Kind::kTetrahedron;
+  candidate.cell = place.cell;
+  candidate.carrier = place.carrier;
+  candidate.tetrahedron = place.tetrahedron;
+  candidate.d_mm = w_mm;
+  candidate.full = true;
+  if (!on_surface) return candidate;
+  const Vec3& gradient = cell.Gradients(place.tetrahedron).density;
+  const double into = gradient.dot(w_mm);
+  if (into <= 0.0) return candidate;
+  candidate.d_mm = w_mm - (into / gradient.squaredNorm()) * gradient;
+  candidate.full = false;
+  candidate.along_surface = true;
+  return candidate;
+}
+
 // Visits the cells that hold a place, one by one, and keeps the longest projection.
 class DirectionSearch {
  public:
@@ -134,6 +155,10 @@ class DirectionSearch {
 
 Candidate BestDirection(const HapticSurface& surface, const Place& place, bool on_surface,
                         const Vec3& w_mm, CellCache& cache, int& tetrahedra) noexcept {
+  if (place.kind == Place::Kind::kSimplex && place.tetrahedron >= 0) {
+    ++tetrahedra;
+    return DirectionInside(surface, place, on_surface, w_mm, cache);
+  }
   DirectionSearch search(surface, place, on_surface, w_mm, cache, tetrahedra);
   VisitNeighbours(place.faces, [&](const Vec3i& offset) { search.Visit(offset); });
   return search.best();
