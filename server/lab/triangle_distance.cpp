@@ -23,7 +23,12 @@ bool IsInside(const Vec3& p, const std::array<Vec3, 4>& corner) {
     const Vec3 normal = b.cross(c);
     const double volume = d.dot(normal);
     if (!(std::abs(volume) > kRounding * b.norm() * c.norm() * d.norm())) return false;
-    if (!((p - a).dot(normal) * volume > 0.0)) return false;
+    // From the nearest corner: where the face is thin, its normal is inexact.
+    const Vec3 q = p - a;
+    const Vec3 way = std::min({q, Vec3(q - b), Vec3(q - c)}, [](const Vec3& l, const Vec3& r) {
+      return l.squaredNorm() < r.squaredNorm();
+    });
+    if (!(way.dot(normal) * volume > 0.0)) return false;
   }
   return true;
 }

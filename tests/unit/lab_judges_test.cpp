@@ -63,6 +63,20 @@ TEST(LabTriangleDistance, NothingIsInsideANeedle) {
   }
 }
 
+// Far from the origin, rounding turns a thin face. A corner that is cut off stays outside.
+TEST(LabTriangleDistance, ACornerThatIsCutOffIsOutside) {
+  std::mt19937_64 random(4);
+  std::uniform_real_distribution<double> uniform(-0.01, 0.01);
+  const auto vector = [&] { return Vec3(uniform(random), uniform(random), uniform(random)); };
+  for (int n = 0; n < 10'000; ++n) {
+    const Vec3 corner = Vec3(3, -7, 11) + vector();
+    const Vec3 along = vector(), to_b = vector(), to_c = vector();
+    const std::array<Vec3, 4> rest = {corner + 3e-9 * along, corner + 3e-9 * to_b, corner + to_b,
+                                      corner + to_c};
+    ASSERT_GT(SquaredDistanceToTetrahedron(corner, rest), 0.0) << n;
+  }
+}
+
 TEST(LabTriangleGrid, IsTheNearestOfAllTriangles) {
   std::mt19937_64 random(5);
   std::uniform_real_distribution<double> uniform(-6.0, 18.0), value(0.0, 1.0);
