@@ -54,9 +54,10 @@ void Allow(int rules, int place, std::uint64_t rights) {
 }
 
 #ifdef PALPATE_SANITIZED
-// At the program's end, the leak checker examines the process itself and reads its list of
-// suppressions.
+// At the program's end, the leak checker examines the process itself, starts a program that finds
+// the names of functions, and reads its list of suppressions.
 void AllowLeakChecker(int rules, std::uint64_t handled) {
+  Allow(rules, open("/usr", O_PATH | O_CLOEXEC), (kRead | LANDLOCK_ACCESS_FS_EXECUTE) & handled);
   Allow(rules, open("/proc", O_PATH | O_CLOEXEC), kRead & handled);
   const char* options = std::getenv("LSAN_OPTIONS");
   const std::string_view text = options ? options : "";
