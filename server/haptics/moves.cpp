@@ -8,28 +8,36 @@ namespace palpate {
 namespace {
 
 constexpr int kCorrectionTries = 12;
+// A density below τ by less than this, of the greatest of the simplex, is τ but for rounding.
+constexpr double kDensityRounding = 1e-15;
+// Moving weight onto H leaves each vertex more than this, so that Normalize drops none.
+constexpr double kLeastWeight = 1e-11;
 // A direction within this share of a face's plane counts as along the face.
 constexpr double kAlongFaceTolerance = 1e-12;
 
-// Moves weight from the densest vertex to the least dense one until the density is at most τ. The
-// simplex stays the same or loses the densest vertex. Returns false if the density stays above τ.
-bool LowerToIsovalue(const HapticCell& cell, double isovalue, Carrier& carrier) {
+// Moves weight from the densest vertex to the least dense one until the density is at most τ. If
+// `on_surface`, moves weight back at first where Normalize took the point off H. The simplex stays
+// the same or loses a vertex. Returns false if the density stays above τ.
+bool CorrectDensity(const HapticCell& cell, double isovalue, bool on_surface, Carrier& carrier) {
   const auto density = [&](int n) { return cell.parts.density[carrier.vertex[n]]; };
   double excess = DensityAt(cell, carrier) - isovalue;
-  for (int tries = 0; tries < kCorrectionTries && excess > 0.0; ++tries) {
+  for (int tries = 0; tries < kCorrectionTries; ++tries) {
+    if (!(excess > 0.0) && (!on_surface || tries > 0)) return true;
     int lo = 0, hi = 0;
     for (int n = 1; n < carrier.count; ++n) {
       if (density(n) < density(lo)) lo = n;
       if (density(n) > density(hi)) hi = n;
     }
-    if (!(density(hi) > density(lo))) return false;
-    const double wanted = excess * (1 << tries) / (density(hi) - density(lo));
+    double &less = carrier.weight[hi], &more = carrier.weight[lo];
+    double shift = excess * (1 << tries) / (density(hi) - density(lo));
+    const double rounding =
+        kDensityRounding * std::max(std::abs(density(lo)), std::abs(density(hi)));
+    if (!(excess > 0.0) && !(excess < -rounding && more + shift > kLeastWeight)) return true;
     // At least the last bit: a smaller shift would change nothing.
-    const double less =
-        std::min(carrier.weight[hi] - wanted, std::nextafter(carrier.weight[hi], 0.0));
-    const double shift = carrier.weight[hi] - std::max(less, 0.0);
-    carrier.weight[hi] -= shift;
-    carrier.weight[lo] += shift;
+    if (excess > 0.0) shift = std::max(shift, less - std::nextafter(less, 0.0));
+    shift = std::clamp(shift, -more, less);
+    less -= shift;
+    more += shift;
     carrier.Normalize();
     excess = DensityAt(cell, carrier) - isovalue;
   }
@@ -102,7 +110,7 @@ MoveEnd MoveInTetrahedron(const HapticSurface& surface, const Candidate& candida
   }
   moved.Normalize();
   const bool on = reached || candidate.along_surface;
-  if ((on || !descending) && !LowerToIsovalue(cell, surface.isovalue, moved)) {
+  if ((on || !descending) && !CorrectDensity(cell, surface.isovalue, on, moved)) {
     // H comes first, but rounding put a face before it. The point stays, and the next move takes H
     // into account.
     const bool new_constraint = !on_surface;
