@@ -34,11 +34,6 @@ void JoinToApex(int apex, const CellSaddles& saddles, Decomposition& out) {
   }
 }
 
-void PlaceInterior(int v, const Vec3& position, double density, Decomposition& out) {
-  out.position[v] = position;
-  out.density[v] = density;
-}
-
 }  // namespace
 
 void DecomposeTptd(const CellDensities& d, Decomposition& out) {
@@ -56,7 +51,8 @@ void DecomposeTptd(const CellDensities& d, Decomposition& out) {
   int apex = 0;
   if (body.count > 0) {
     apex = kFirstInteriorVertex;
-    PlaceInterior(apex, body.saddle[0].position, body.saddle[0].density, out);
+    out.position[apex] = body.saddle[0].position;
+    out.density[apex] = body.saddle[0].density;
   } else if (saddles.count > 0) {
     apex = kFirstFaceVertex + ClassifySaddles(d, saddles.face).face[(saddles.count - 1) / 2];
   }

@@ -47,21 +47,15 @@ TetrahedronCone MakeTetrahedronCone(const HapticCell& cell, int tetrahedron, std
 // Inside a tetrahedron, only H limits the direction.
 Candidate DirectionInside(const HapticSurface& surface, const Place& place, bool on_surface,
                           const Vec3& w_mm, CellCache& cache) noexcept {
-  HapticCell& cell = cache.Decomposed(surface, place.cell);
-  Candidate candidate;
-  candidate.kind = Candidate::Kind::kTetrahedron;
-  candidate.cell = place.cell;
-  candidate.carrier = place.carrier;
-  candidate.tetrahedron = place.tetrahedron;
-  candidate.d_mm = w_mm;
-  candidate.full = true;
-  if (!on_surface) return candidate;
-  const Vec3& gradient = cell.Gradients(place.tetrahedron).density;
-  const double into = gradient.dot(w_mm);
-  if (into <= 0.0) return candidate;
-  candidate.d_mm = w_mm - (into / gradient.squaredNorm()) * gradient;
-  candidate.full = false;
-  candidate.along_surface = true;
+  Candidate candidate{.kind = Candidate::Kind::kTetrahedron,
+                      .cell = place.cell,
+                      .carrier = place.carrier,
+                      .tetrahedron = place.tetrahedron,
+                      .d_mm = w_mm};
+  const Vec3& gradient = cache.Decomposed(surface, place.cell).Gradients(place.tetrahedron).density;
+  candidate.along_surface = on_surface && gradient.dot(w_mm) > 0.0;
+  candidate.full = !candidate.along_surface;
+  if (!candidate.full) candidate.d_mm -= (gradient.dot(w_mm) / gradient.squaredNorm()) * gradient;
   return candidate;
 }
 
@@ -109,7 +103,6 @@ class DirectionSearch {
     HapticCell& cell = cache_.Decomposed(surface_, index);
     const Carrier carrier = CarrierIn(cell, place_, offset, faces);
     const std::uint16_t mask = carrier.Mask();
-    bool found = false;
     for (std::uint32_t left = TetrahedraAt(cell.parts.complex, carrier); left && !best_.full;
          left &= left - 1) {
       const int t = std::countr_zero(left);
@@ -119,12 +112,11 @@ class DirectionSearch {
       const ConeProjection projection = ProjectOnCone(w_mm_, tangent.cone);
       if (!IsLonger(projection.d)) continue;
       Take(Candidate::Kind::kTetrahedron, index, faces, projection.active == 0);
+      best_.carrier = carrier;
       best_.tetrahedron = t;
       best_.along_surface =
           tangent.surface_number >= 0 && (projection.active >> tangent.surface_number & 1);
-      found = true;
     }
-    if (found) best_.carrier = carrier;
   }
 
   // Keeps `d` if it is longer than the best so far.

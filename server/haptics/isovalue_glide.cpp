@@ -12,20 +12,8 @@ constexpr double kFarthestIndex = 1e6;
 double GradientPerMm(const HapticSurface& surface, const Vec3& p_I) {
   if (!(p_I.cwiseAbs().maxCoeff() < kFarthestIndex)) return 0.0;
   const Vec3i cell = p_I.array().floor().cast<int>();
-  const Vec3 local = p_I - cell.cast<double>();
-  Vec3 gradient_I = Vec3::Zero();
-  for (const auto& o : kCornerOffset) {
-    const double density = surface.volume->StoredVertex(cell + Vec3i(o[0], o[1], o[2]));
-    Vec3 share, slope;
-    for (int axis = 0; axis < 3; ++axis) {
-      share[axis] = o[axis] ? local[axis] : 1.0 - local[axis];
-      slope[axis] = o[axis] ? 1.0 : -1.0;
-    }
-    gradient_I +=
-        density * Vec3(slope.x() * share.y() * share.z(), share.x() * slope.y() * share.z(),
-                       share.x() * share.y() * slope.z());
-  }
-  return (surface.X_ID.linear.transpose() * gradient_I).norm();
+  const Trilinear f(surface.volume->StoredCell(cell));
+  return (surface.X_ID.linear.transpose() * f.Gradient(p_I - cell.cast<double>())).norm();
 }
 
 // From `last` towards the isovalue of `surface`, both felt on the proxy's side.
