@@ -86,10 +86,14 @@ BodySaddles FindBodySaddles(const CellDensities& d) {
   const double a1 = f.nu * big_b;  // half of the linear coefficient
   const double a0 = f.nu * f.nu * f.beta + f.gamma * f.delta * f.rho -
                     f.nu * (f.gamma * f.eta + f.delta * f.epsilon);
-  const double discriminant = a1 * a1 - a2 * a0;
+  // a1² - a2 a0. As a product it keeps its sign where two saddles are close to each other.
+  const double discriminant =
+      -big_b * (f.gamma * f.rho - f.epsilon * f.nu) * (f.delta * f.rho - f.eta * f.nu);
   if (discriminant < 0.0) return found;
-  const double q = -(a1 + std::copysign(std::sqrt(discriminant), a1));
-  const double roots[2] = {q / a2, a0 / q};
+  const double root = std::copysign(std::sqrt(discriminant), a1), q = -(a1 + root);
+  // a0 / q would lose the difference of two roots that are close to each other.
+  const bool close = std::abs(root) < 0.5 * std::abs(a1);
+  const double roots[2] = {q / a2, close ? (root - a1) / a2 : a0 / q};
   for (double x : roots) {
     const double denominator = f.nu + f.rho * x;
     Vec3 p(x, -(f.delta + f.eta * x) / denominator, -(f.gamma + f.epsilon * x) / denominator);

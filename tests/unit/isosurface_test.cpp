@@ -23,6 +23,7 @@
 #include "server/lab/cell_topology.h"
 #include "tests/support/places.h"
 #include "tests/support/scaled.h"
+#include "tests/support/trilinear_cell.h"
 
 namespace palpate {
 namespace {
@@ -282,6 +283,14 @@ TEST_P(Topology, EqualsTheLabels) {
   if (!std::filesystem::exists(path)) GTEST_SKIP() << path << " is missing";
   const std::vector<LabelledCell> cells = ReadCells(file, path);
   ASSERT_GE(cells.size(), file.least_rows);
+  // The oracle of fresh cells, too.
+  std::size_t oracle_wrong = 0;
+  for (const LabelledCell& cell : cells) {
+    CellTopology found = testing::TrilinearCell(cell.d).At(cell.isovalue);
+    if (file.above == 0) found.above = found.below = 0;
+    oracle_wrong += found != cell.expected;
+  }
+  EXPECT_EQ(oracle_wrong, 0u);
   for (const auto method : {DecompositionMethod::kTpbcc, DecompositionMethod::kBcc}) {
     std::size_t wrong = 0;
     for (const LabelledCell& cell : cells) {
@@ -344,6 +353,22 @@ TEST(BodySaddle, IsAZeroOfTheGradientInsideTheCell) {
     }
   }
   EXPECT_GT(found, 1000);
+}
+
+// Cells between tied voxels. In the first, two saddles are 2e-4 apart, on the two sides of a face.
+// In the second, both are inside.
+TEST(BodySaddle, IsFoundNextToAnother) {
+  const CellDensities one_inside = {
+      2.0000007611208468,     1.0000004368917481, 1.0000008008163432, 4.8667257801311332e-07,
+      4.2827892274475639e-07, 1.000000621165906,  1.0000005997242616, 2.0000009156259173};
+  EXPECT_EQ(FindBodySaddles(one_inside).count, 1);
+  const CellDensities two_inside = {1.8125010710783746e-09, 1.0000000052767859,
+                                    2.8164311338029619e-09, 1.0000000028477793,
+                                    1.0000000055450855,     5.5610337811471066e-10,
+                                    1.0000000040775514,     2.5356795648106878e-09};
+  const BodySaddles two = FindBodySaddles(two_inside);
+  ASSERT_EQ(two.count, 2);
+  EXPECT_GT((two.saddle[0].position - two.saddle[1].position).norm(), 1e-6);
 }
 
 TEST(BodySaddle, IsNotSeenWhereNearTiesHideThatThereIsNone) {
