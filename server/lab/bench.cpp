@@ -13,11 +13,12 @@ namespace {
 void PrintTable(const FixedSlide& slide, const ReplaySummary& s, std::ostream& out) {
   const Verdict& v = s.verdict;
   out << fmt::format(
-      "{:<17} {:>5.1f} {:>7} {:>6} {:>6} {:>6} {:>7.2f} {:>7.2f} {:>7.2f} {:>8.1f} {:>8.3f}\n",
+      "{:<17} {:>5.1f} {:>7} {:>6} {:>6} {:>6} {:>7.2f} {:>7.2f} {:>7.2f} {:>8.1f} {:>8.3f} "
+      "{:>8.4f} {:>6.2f}\n",
       slide.name, 100.0 * s.contact_share(), v.fall_throughs, *v.sticks, v.excess_force_ticks,
       v.iteration_cap_hits, s.mean_ns * 1e-3, static_cast<double>(s.p50_ns) * 1e-3,
       static_cast<double>(s.p99_ns) * 1e-3, static_cast<double>(s.max_ns) * 1e-3,
-      100.0 * s.scp_v_share());
+      100.0 * s.scp_v_share(), s.mean_scp_hv_voxels(), s.mean_force_angle_deg());
   out.flush();  // the next slide takes seconds
 }
 
@@ -41,6 +42,8 @@ ReplaySummary Total(const std::vector<ReplaySummary>& summaries) {
     sum.unchecked_ticks += v.unchecked_ticks;
     sum.scp_v_ticks += v.scp_v_ticks;
     sum.scp_v_off_ticks += v.scp_v_off_ticks;
+    sum.scp_hv_voxels += v.scp_hv_voxels;
+    sum.force_angle_deg += v.force_angle_deg;
     total.mean_ns += s.mean_ns / count;
     p50_ns += static_cast<double>(s.p50_ns) / count;
     p99_ns += static_cast<double>(s.p99_ns) / count;
@@ -66,9 +69,10 @@ ReplaySummary RunFixedSlide(const FixedSlide& slide, int passes) {
 
 void RunBench(const BenchOptions& options, std::ostream& out) {
   if (!options.json) {
-    out << fmt::format("{:<17} {:>5} {:>7} {:>6} {:>6} {:>6} {:>7} {:>7} {:>7} {:>8} {:>8}\n",
-                       "slide", "felt%", "through", "stick", "excess", "capped", "mean_us",
-                       "p50_us", "p99_us", "max_us", "SCP_V%");
+    out << fmt::format(
+        "{:<17} {:>5} {:>7} {:>6} {:>6} {:>6} {:>7} {:>7} {:>7} {:>8} {:>8} {:>8} {:>6}\n", "slide",
+        "felt%", "through", "stick", "excess", "capped", "mean_us", "p50_us", "p99_us", "max_us",
+        "SCP_V%", "HV_voxel", "deg");
   }
   std::vector<ReplaySummary> summaries;
   std::string trajectories;

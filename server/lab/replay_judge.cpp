@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numbers>
 #include <utility>
 
 #include "server/lab/free_path.h"
@@ -47,7 +48,7 @@ class Judge {
     verdict_.density.push_back(surface_.volume->Denormalize(density));
     verdict_.contact_ticks += IsInContact(output);
     verdict_.iteration_cap_hits += output.proxy.capped;
-    if (IsInContact(output)) JudgeVisual(output.visual);
+    if (IsInContact(output)) JudgeVisual(output.proxy, output.visual);
     if (IsEjecting(output.proxy)) {
       ++verdict_.ejecting_ticks;
       last_mm_ = std::nullopt;
@@ -92,9 +93,12 @@ class Judge {
     return triangles_.Distance(output.p_DHip_mm, expected_mm) < expected_mm;
   }
 
-  void JudgeVisual(const VisualProxy& visual) {
+  void JudgeVisual(const ProxyStep& proxy, const VisualProxy& visual) {
     if (!visual.found) return;
     ++verdict_.scp_v_ticks;
+    verdict_.scp_hv_voxels += (visual.p_DV_mm - proxy.p_DH_mm).norm() / surface_.voxel_mm;
+    const double cosine = std::clamp(visual.normal_D.dot(proxy.normal_D), -1.0, 1.0);
+    verdict_.force_angle_deg += std::acos(cosine) * 180.0 / std::numbers::pi;
     const Vec3 p_IV = surface_.X_ID.Apply(visual.p_DV_mm);
     const Vec3i cell = p_IV.array().floor().matrix().cast<int>();
     const Trilinear f(surface_.Felt(surface_.volume->StoredCell(cell)));

@@ -42,6 +42,10 @@ struct Verdict {
   int unchecked_ticks = 0;  // the path through free space was too long to search
   int scp_v_ticks = 0;      // in contact, with SCP_V
   int scp_v_off_ticks = 0;  // the part of scp_v_ticks with SCP_V off V
+  // Sums over scp_v_ticks: the distance from SCP_H to SCP_V, and the angle from the spring's force
+  // (without force shading) to V's normal at SCP_V.
+  double scp_hv_voxels = 0.0;
+  double force_angle_deg = 0.0;
 };
 
 Verdict JudgeReplay(const HapticSurface& surface, const HapticSettings& settings,

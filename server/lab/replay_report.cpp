@@ -38,6 +38,14 @@ double ReplaySummary::scp_v_share() const {
              : 1.0;
 }
 
+double ReplaySummary::mean_scp_hv_voxels() const {
+  return verdict.scp_hv_voxels / std::max(verdict.scp_v_ticks, 1);
+}
+
+double ReplaySummary::mean_force_angle_deg() const {
+  return verdict.force_angle_deg / std::max(verdict.scp_v_ticks, 1);
+}
+
 ReplaySummary Summarise(const std::vector<ReplayTick>& ticks, Verdict verdict) {
   ReplaySummary summary;
   summary.ticks = static_cast<int>(ticks.size());
@@ -64,11 +72,11 @@ std::string ToJson(const ReplaySummary& s) {
       "\"excess_force_ticks\":{},\"iteration_cap_hits\":{},\"mean_ns\":{:.1f},\"p50_ns\":{},"
       "\"p99_ns\":{},\"max_ns\":{},\"ejecting_ticks\":{},\"rejected_ticks\":{},"
       "\"unchecked_ticks\":{},\"excess_off_minimum_ticks\":{},\"scp_v_share\":{:.6f},"
-      "\"scp_v_off_ticks\":{}}}",
+      "\"scp_v_off_ticks\":{},\"mean_scp_hv_voxels\":{:.6f},\"mean_force_angle_deg\":{:.4f}}}",
       s.ticks, v.contact_ticks, v.fall_throughs, OrNull(v.sticks), v.excess_force_ticks,
       v.iteration_cap_hits, s.mean_ns, s.p50_ns, s.p99_ns, s.max_ns, v.ejecting_ticks,
       v.rejected_ticks, v.unchecked_ticks, v.excess_off_minimum_ticks, s.scp_v_share(),
-      v.scp_v_off_ticks);
+      v.scp_v_off_ticks, s.mean_scp_hv_voxels(), s.mean_force_angle_deg());
 }
 
 std::string ToCsv(const std::vector<ReplayTick>& ticks, const std::vector<double>& density) {

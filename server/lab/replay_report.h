@@ -23,6 +23,9 @@ struct ReplaySummary {
   double contact_share() const;
   // The share of the ticks in contact that have SCP_V; 1 if no tick is in contact.
   double scp_v_share() const;
+  // Means over the ticks with SCP_V.
+  double mean_scp_hv_voxels() const;
+  double mean_force_angle_deg() const;
 };
 
 ReplaySummary Summarise(const std::vector<ReplayTick>& ticks, Verdict verdict);

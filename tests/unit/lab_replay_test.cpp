@@ -9,11 +9,13 @@
 #include <limits>
 #include <sstream>
 #include <utility>
+#include <vector>
 
 #include "common/error/error.h"
 #include "server/lab/gbid.h"
 #include "server/lab/mesh.h"
 #include "server/lab/replay_command.h"
+#include "server/lab/replay_report.h"
 #include "server/lab/setting_arguments.h"
 #include "server/lab/trajectory.h"
 #include "server/lab/trajectory_file.h"
@@ -189,6 +191,16 @@ TEST(LabReplay, CountsWhatIsNoPosition) {
             std::string::npos)
       << csv;
   EXPECT_NE(csv.find("\n2,nan,nan,nan,1,1,1,"), std::string::npos) << csv;
+}
+
+TEST(LabReplay, MeansAreOfTheTicksWithAVisualProxy) {
+  Verdict verdict;
+  verdict.scp_v_ticks = 4;
+  verdict.scp_hv_voxels = 1.0;
+  verdict.force_angle_deg = 6.0;
+  const ReplaySummary summary = Summarise(std::vector<ReplayTick>(9), verdict);
+  EXPECT_EQ(summary.mean_scp_hv_voxels(), 0.25);
+  EXPECT_EQ(summary.mean_force_angle_deg(), 1.5);
 }
 
 TEST(LabReplay, SpacingIsOneNumberOrThree) {
