@@ -1,13 +1,13 @@
 // The tetrahedra of a decomposed cell, as vertex numbers.
 //
-// Vertices are numbered 0-7 corners, 8-13 face vertices (8 + face), 14 and 15
-// interior vertices.
+// Vertices: 0 to 7 corners, 8 to 13 of faces (8 + face), 14 and 15 in the inside.
 //
 // Threads: plain values. Real-time: no allocation, no locks.
 #pragma once
 
 #include <array>
 #include <cstdint>
+#include <utility>
 
 #include "common/isosurface/cell.h"
 
@@ -27,13 +27,11 @@ struct TetrahedralComplex {
 
   constexpr void Add(int a, int b, int c, int d) {
     const int n = tetrahedron_count++;
-    const int corner[4] = {a, b, c, d};
-    for (int v = 0; v < 4; ++v) {
-      vertices[n][v] = static_cast<std::uint8_t>(corner[v]);
-      vertex_mask[n] |= static_cast<std::uint16_t>(1u << corner[v]);
-      tetrahedra_at[corner[v]] |= std::uint32_t{1} << n;
-    }
+    vertices[n] = {static_cast<std::uint8_t>(a), static_cast<std::uint8_t>(b),
+                   static_cast<std::uint8_t>(c), static_cast<std::uint8_t>(d)};
+    vertex_mask[n] = static_cast<std::uint16_t>(1u << a | 1u << b | 1u << c | 1u << d);
     used_vertices |= vertex_mask[n];
+    for (const int v : {a, b, c, d}) tetrahedra_at[v] |= std::uint32_t{1} << n;
   }
 
   // Joins `apex` to the 4 triangles around the vertex of a face.
@@ -59,32 +57,92 @@ inline constexpr std::array<std::uint8_t, kMaxVertices> kVertexFaces = [] {
   return faces;
 }();
 
-// The 12 edges of the cube, as pairs of corners.
-inline constexpr std::array<std::array<std::uint8_t, 2>, 12> kCubeEdges = [] {
-  std::array<std::array<std::uint8_t, 2>, 12> edges{};
+// Returns the face vertices of the `count` faces in the bit mask `faces`.
+template <std::size_t count>
+constexpr std::array<std::uint8_t, count> FaceVerticesAt(unsigned faces) {
+  std::array<std::uint8_t, count> vertices{};
+  for (int face = 0, n = 0; face < 6; ++face) {
+    if (faces >> face & 1) vertices[n++] = static_cast<std::uint8_t>(kFirstFaceVertex + face);
+  }
+  return vertices;
+}
+
+// An edge of the cube: its corners, u at the lower end, and the vertices of its faces.
+struct CubeEdge {
+  std::uint8_t u, v, f, g;
+};
+inline constexpr std::array<CubeEdge, 12> kCubeEdges = [] {
+  std::array<CubeEdge, 12> edges{};
   int count = 0;
   for (int u = 0; u < 8; ++u) {
     for (int axis = 0; axis < 3; ++axis) {
       auto o = kCornerOffset[u];
       if (o[axis] == 1) continue;
       o[axis] = 1;
-      edges[count++] = {static_cast<std::uint8_t>(u),
-                        static_cast<std::uint8_t>(CornerAt(o[0], o[1], o[2]))};
+      const int v = CornerAt(o[0], o[1], o[2]);
+      auto [f, g] = FaceVerticesAt<2>(kVertexFaces[u] & kVertexFaces[v]);
+      // (u, v, f, g) is in positive order.
+      if ((o[0] + o[1] + o[2] + axis) % 2 == 1) std::swap(f, g);
+      edges[count++] = {static_cast<std::uint8_t>(u), static_cast<std::uint8_t>(v), f, g};
     }
   }
   return edges;
 }();
 
-// The corner diagonally across the cell.
-constexpr int OppositeCorner(int corner) {
-  const auto& o = kCornerOffset[corner];
-  return CornerAt(1 - o[0], 1 - o[1], 1 - o[2]);
+// The vertices of the three faces at each corner: in positive order behind the corner.
+inline constexpr std::array<std::array<std::uint8_t, 3>, 8> kFacesAtCorner = [] {
+  std::array<std::array<std::uint8_t, 3>, 8> faces{};
+  for (int corner = 0; corner < 8; ++corner) {
+    const auto& o = kCornerOffset[corner];
+    faces[corner] = FaceVerticesAt<3>(kVertexFaces[corner]);
+    if ((o[0] + o[1] + o[2]) % 2 == 1) std::swap(faces[corner][0], faces[corner][1]);
+  }
+  return faces;
+}();
+
+// Complex with one interior vertex O, joined to all 24 boundary triangles, and then flipped:
+// - at the cube edges in `edges`: two tetrahedra around the triangle of O and the edge become three
+//   around a new edge between the vertices of the edge's faces
+// - at the corners in `corners`, whose three edges must be flipped: three tetrahedra around the
+//   edge from O to the corner become two, with a new triangle of the three face vertices between
+// All tetrahedra are in positive order: det(b - a, c - a, d - a) > 0.
+constexpr TetrahedralComplex MakeFlippedComplex(unsigned edges, unsigned corners) {
+  constexpr int o = kFirstInteriorVertex;
+  TetrahedralComplex complex;
+  for (std::size_t n = 0; n < kCubeEdges.size(); ++n) {
+    const auto& [u, v, f, g] = kCubeEdges[n];
+    if (!(edges >> n & 1)) {
+      complex.Add(o, v, u, f);
+      complex.Add(o, u, v, g);
+      continue;
+    }
+    complex.Add(u, v, f, g);
+    if (!(corners >> u & 1)) complex.Add(u, o, g, f);
+    if (!(corners >> v & 1)) complex.Add(o, v, g, f);
+  }
+  for (int corner = 0; corner < 8; ++corner) {
+    if (!(corners >> corner & 1)) continue;
+    const auto& [f, g, h] = kFacesAtCorner[corner];
+    complex.Add(corner, f, g, h);
+    complex.Add(o, f, h, g);
+  }
+  return complex;
 }
 
-// Complex with one interior vertex, joined to all 24 boundary triangles.
-constexpr TetrahedralComplex MakeSingleComplex() {
+// Complex without an interior vertex: all edges and corners are flipped, and the octahedron of the
+// face vertices is cut around its diagonal along `axis`. 24 tetrahedra.
+constexpr TetrahedralComplex MakeDiamondComplex(int axis) {
   TetrahedralComplex complex;
-  for (int face = 0; face < 6; ++face) complex.AddFacePyramid(kFirstInteriorVertex, face);
+  for (const auto& [u, v, f, g] : kCubeEdges) complex.Add(u, v, f, g);
+  for (int corner = 0; corner < 8; ++corner) {
+    const auto& [f, g, h] = kFacesAtCorner[corner];
+    complex.Add(corner, f, g, h);
+  }
+  const int low = kFirstFaceVertex + 2 * axis, high = low + 1;
+  for (const auto& [u, v, f, g] : kCubeEdges) {
+    const bool along = (kVertexFaces[u] ^ kVertexFaces[v]) == 3 << (2 * axis);
+    if (along) complex.Add(low, high, g, f);
+  }
   return complex;
 }
 
@@ -92,19 +150,18 @@ constexpr TetrahedralComplex MakeSingleComplex() {
 // other faces. The 6 cube edges that touch neither `corner` nor its opposite are joined to both.
 constexpr TetrahedralComplex MakeDoubleComplex(int corner) {
   const int a = kFirstInteriorVertex, b = a + 1;
+  const auto apex = [&](int face) { return kVertexFaces[corner] >> face & 1 ? a : b; };
   TetrahedralComplex complex;
-  for (int face = 0; face < 6; ++face) {
-    complex.AddFacePyramid(kVertexFaces[corner] >> face & 1 ? a : b, face);
-  }
-  const int opposite = OppositeCorner(corner);
-  for (const auto& [u, v] : kCubeEdges) {
-    if (u == corner || v == corner || u == opposite || v == opposite) continue;
-    complex.Add(a, b, u, v);
+  for (int face = 0; face < 6; ++face) complex.AddFacePyramid(apex(face), face);
+  for (const auto& [u, v, f, g] : kCubeEdges) {
+    if (apex(f - kFirstFaceVertex) != apex(g - kFirstFaceVertex)) complex.Add(a, b, u, v);
   }
   return complex;
 }
 
-inline constexpr TetrahedralComplex kSingleComplex = MakeSingleComplex();
+inline constexpr TetrahedralComplex kSingleComplex = MakeFlippedComplex(0, 0);
+inline constexpr std::array<TetrahedralComplex, 3> kDiamondComplexes = {
+    MakeDiamondComplex(0), MakeDiamondComplex(1), MakeDiamondComplex(2)};
 inline constexpr std::array<TetrahedralComplex, 8> kDoubleComplexes = [] {
   std::array<TetrahedralComplex, 8> complexes{};
   for (int corner = 0; corner < 8; ++corner) complexes[corner] = MakeDoubleComplex(corner);

@@ -14,10 +14,8 @@ CellSaddles::CellSaddles(const CellDensities& d) {
 
 Vec3 OnFace(int face, double b, double c) {
   const int axis = face / 2;
-  Vec3 p;
+  Vec3 p(b, axis == 2 ? c : b, c);
   p[axis] = face % 2;
-  p[axis == 0 ? 1 : 0] = b;
-  p[axis == 2 ? 1 : 2] = c;
   return p;
 }
 

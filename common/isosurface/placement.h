@@ -41,11 +41,12 @@ void DecomposeTptd(const CellDensities& d, Decomposition& out);
 void DecomposeTpbccPublished(const CellDensities& d, Decomposition& out);
 void DecomposeTpbcc(const CellDensities& d, Decomposition& out);
 
-// For rule 3 of DecomposeTpbcc: the corner that the first of two interior vertices serves, and the
+// For rule 2 of DecomposeTpbcc: the corner that the first of two interior vertices serves, and the
 // densities of both. `corner` is negative if the three lowest faces share no corner; with exact
 // arithmetic this cannot happen.
 struct InteriorPair {
   int corner = -1;
+  Vec3 towards;  // from the centre to the corner, doubled
   double at_corner = 0.0, opposite = 0.0;
   BodySaddles body;
 };
@@ -56,7 +57,6 @@ InteriorPair FindInteriorPair(const CellDensities& d, const CellSaddles& saddles
 // last joining and the first splitting saddle.
 struct Interval {
   double low, high;
-  bool Contains(double x) const { return low < x && x < high; }
 };
 Interval InteriorInterval(const CellDensities& d, const CellSaddles& saddles,
                           const SaddlePattern& pattern);

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <span>
 
 namespace palpate {
 namespace {
@@ -10,35 +11,35 @@ namespace {
 // refined to 1e-15; false ones had 0.4.
 constexpr double kZeroGradient = 1e-7;
 
-// Returns the corners connected to `start`, a corner below `level`, as a bit mask. Two things
-// connect corners: a face saddle below `level` joins its two low corners, and a cube edge joins two
-// corners below `level`.
-std::uint8_t LowComponent(const CellDensities& d, const std::array<FaceSaddle, 6>& saddles,
-                          const SaddlePattern& pattern, int below, const SplitDensity& level,
-                          int start) {
-  std::uint8_t low = 0;
+// Sets of corners are bit masks. The corners 0 to 3 form a ring, the corners 4 to 7 another, and
+// the corners n and n + 4 share an edge.
+unsigned WithNeighbours(unsigned corners) {
+  const unsigned next = (corners << 1 & 0xEE) | (corners >> 3 & 0x11);
+  const unsigned previous = (corners >> 1 & 0x77) | (corners << 3 & 0x88);
+  const unsigned across = (corners << 4 | corners >> 4) & 0xFF;
+  return corners | next | previous | across;
+}
+
+// The two corners of the saddle's face that are below the saddle.
+unsigned LowCorners(const FaceSaddle& saddle, int face) {
+  const auto& corners = kFaceCorners[face];
+  const int first = saddle.p_and_s_low ? 0 : 1;
+  return 1u << corners[first] | 1u << corners[first + 2];
+}
+
+// Returns the corners connected to `component`, corners below `level`. Two things connect corners:
+// a cube edge joins two corners below `level`, and so does each face saddle below it.
+unsigned LowComponent(const CellDensities& d, std::span<const unsigned> joined,
+                      const SplitDensity& level, unsigned component) {
+  unsigned low = 0;
   for (int corner = 0; corner < 8; ++corner) {
-    if (SplitDensity{d[corner], 0.0} < level) low |= static_cast<std::uint8_t>(1u << corner);
+    if (SplitDensity{d[corner], 0.0} < level) low |= 1u << corner;
   }
-  std::uint8_t component = static_cast<std::uint8_t>(1u << start);
-  for (bool grown = true; grown;) {
-    grown = false;
-    for (int corner = 0; corner < 8; ++corner) {
-      if (!(component >> corner & 1)) continue;
-      const auto& o = kCornerOffset[corner];
-      const int neighbours[3] = {CornerAt(1 - o[0], o[1], o[2]), CornerAt(o[0], 1 - o[1], o[2]),
-                                 CornerAt(o[0], o[1], 1 - o[2])};
-      for (int n : neighbours) {
-        const auto bit = static_cast<std::uint8_t>(1u << n);
-        if ((low & bit) && !(component & bit)) component |= bit, grown = true;
-      }
-    }
-    for (int n = 0; n < below; ++n) {
-      const auto& corners = kFaceCorners[pattern.face[n]];
-      const bool even = saddles[pattern.face[n]].p_and_s_low;
-      const auto pair =
-          static_cast<std::uint8_t>(1u << corners[even ? 0 : 1] | 1u << corners[even ? 2 : 3]);
-      if ((component & pair) && (component & pair) != pair) component |= pair, grown = true;
+  for (unsigned before = 0; component != before;) {
+    before = component;
+    component |= WithNeighbours(component) & low;
+    for (const unsigned pair : joined) {
+      if (component & pair) component |= pair;
     }
   }
   return component;
@@ -102,9 +103,7 @@ BodySaddles FindBodySaddles(const CellDensities& d) {
       const double xy = f.epsilon + f.rho * p.z();
       const double xz = f.eta + f.rho * p.y();
       const double yz = f.nu + f.rho * p.x();
-      Mat3 hessian;
-      hessian << 0, xy, xz, xy, 0, yz, xz, yz, 0;
-      // The inverse of a symmetric matrix with a zero diagonal, by cofactors.
+      // The inverse of the Hessian, which is symmetric with a zero diagonal, by cofactors.
       const double det = 2.0 * xy * xz * yz;
       Mat3 adjugate;
       adjugate << -yz * yz, xz * yz, xy * yz, xz * yz, -xz * xz, xy * xz, xy * yz, xy * xz,
@@ -135,14 +134,14 @@ SaddlePattern ClassifySaddles(const CellDensities& d, const std::array<FaceSaddl
     }
     pattern.face[n] = static_cast<std::uint8_t>(face);
   }
+  std::array<unsigned, 6> low_corners{};
   for (int n = 0; n < pattern.count; ++n) {
     const int face = pattern.face[n];
-    const auto& corners = kFaceCorners[face];
-    const bool even = saddles[face].p_and_s_low;
-    const std::uint8_t component =
-        LowComponent(d, saddles, pattern, n, saddles[face].density, corners[even ? 0 : 1]);
+    const unsigned low = low_corners[n] = LowCorners(saddles[face], face);
+    const unsigned component =
+        LowComponent(d, std::span(low_corners).first(n), saddles[face].density, low & -low);
     // The corners are already in one component: the saddle closes a loop and cuts the region above.
-    pattern.splitting[n] = component >> corners[even ? 2 : 3] & 1;
+    pattern.splitting[n] = (component & low) == low;
   }
   return pattern;
 }

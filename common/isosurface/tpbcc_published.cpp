@@ -45,30 +45,6 @@ void PlaceAtMeanOfSaddles(const CellSaddles& saddles, Decomposition& out) {
   out.density[kFirstInteriorVertex] = density / saddles.count;
 }
 
-// Returns the face vertices of the faces in the bit mask `faces`.
-std::array<int, 3> FaceVerticesAt(unsigned faces) {
-  std::array<int, 3> vertices{};
-  int count = 0;
-  for (int face = 0; face < 6; ++face) {
-    if (faces >> face & 1) vertices[count++] = kFirstFaceVertex + face;
-  }
-  return vertices;
-}
-
-constexpr int kCentre = kFirstInteriorVertex;
-
-void AddDiamond(TetrahedralComplex& complex) {
-  for (int corner = 0; corner < 8; ++corner) {
-    const auto [a, b, c] = FaceVerticesAt(kVertexFaces[corner]);
-    complex.Add(kCentre, a, b, c);
-    complex.Add(corner, a, b, c);
-  }
-  for (const auto& [u, v] : kCubeEdges) {
-    const auto faces = FaceVerticesAt(kVertexFaces[u] & kVertexFaces[v]);
-    complex.Add(u, v, faces[0], faces[1]);
-  }
-}
-
 // Adds half of the last case: the polyhedra of the faces `pyramid`, `type_1` and `type_2` around
 // `own`. The three faces meet at a corner. `other` is the vertex of the other half.
 void AddHalf(int pyramid, int type_1, int type_2, int own, int other, TetrahedralComplex& complex) {
@@ -86,7 +62,7 @@ void AddHalf(int pyramid, int type_1, int type_2, int own, int other, Tetrahedra
     add_triangle(own, pyramid, n);
     add_triangle(own, type_1, n);
   }
-  for (const auto& [u, v] : kCubeEdges) {
+  for (const auto& [u, v, f, g] : kCubeEdges) {
     if ((kVertexFaces[u] & kVertexFaces[v]) == (1u << type_1 | 1u << (pyramid ^ 1))) {
       complex.Add(own, other, u, v);
     }
@@ -125,7 +101,7 @@ void DecomposeSixSaddles(const CellDensities& d, const CellSaddles& saddles, Fac
   out.body_saddle_count = pair.body.count;
   if (pair.body.count == 0) {
     PlaceAtMeanOfSaddles(saddles, out);
-    AddDiamond(out.complex);
+    out.complex = MakeFlippedComplex(0xfff, 0xff);
     return;
   }
   const auto& f = pattern.face;

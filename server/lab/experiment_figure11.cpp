@@ -3,14 +3,14 @@
 #include <cmath>
 #include <sstream>
 
+#include "server/lab/cell_view.h"
 #include "server/lab/experiment_parts.h"
 #include "server/lab/published_table.h"
 
 namespace palpate::lab {
 namespace {
 
-constexpr double kPanel = 120;   // pixels
-constexpr double kScale = 62;    // pixels per cell edge
+const CellView kView{120};
 constexpr int kSubdivision = 8;  // parts of a cell per axis, to draw V
 
 struct Polygon {
@@ -75,31 +75,11 @@ std::vector<Polygon> VisualSurface(const CellDensities& d, double isovalue) {
   return polygons;
 }
 
-// Orthographic view from above one corner: x to the lower right, y up, z to the left.
-const Vec3 kRightward = Vec3(0.87, 0.0, -0.5).normalized();
-const Vec3 kToEye = Vec3(0.45, 0.42, 0.79).normalized();  // to the eye
-const Vec3 kUpward = kToEye.cross(kRightward).normalized();
-
-double PixelX(const Vec3& p) {
-  return kPanel / 2 + kScale * kRightward.dot(p - Vec3::Constant(0.5));
-}
-double PixelY(const Vec3& p) { return kPanel / 2 - kScale * kUpward.dot(p - Vec3::Constant(0.5)); }
-
-void DrawEdges(std::ostream& svg) {
-  svg << "<path stroke='#999' stroke-width='0.7' fill='none' d='";
-  for (const auto& [u, v] : kCubeEdges) {
-    const Vec3 a(kCornerOffset[u][0], kCornerOffset[u][1], kCornerOffset[u][2]);
-    const Vec3 b(kCornerOffset[v][0], kCornerOffset[v][1], kCornerOffset[v][2]);
-    svg << "M" << PixelX(a) << " " << PixelY(a) << "L" << PixelX(b) << " " << PixelY(b);
-  }
-  svg << "'/>\n";
-}
-
 // Draws from back to front, shaded by the angle between the normal and the eye.
 void DrawSurface(std::vector<Polygon> polygons, bool outlined, std::ostream& svg) {
   const auto depth = [](const Polygon& p) {
     double sum = 0.0;
-    for (int n = 0; n < p.corners; ++n) sum += kToEye.dot(p.corner[n]);
+    for (int n = 0; n < p.corners; ++n) sum += kView.to_eye.dot(p.corner[n]);
     return sum / p.corners;
   };
   std::sort(polygons.begin(), polygons.end(),
@@ -108,14 +88,15 @@ void DrawSurface(std::vector<Polygon> polygons, bool outlined, std::ostream& svg
     const Vec3 normal = (polygon.corner[1] - polygon.corner[0])
                             .cross(polygon.corner[2] - polygon.corner[0])
                             .normalized();
-    const int light = static_cast<int>(80 + 150 * std::abs(normal.dot(kToEye)));
+    const int light = static_cast<int>(80 + 150 * std::abs(normal.dot(kView.to_eye)));
     char colour[16];
     std::snprintf(colour, sizeof colour, "#%02x%02x%02x", outlined ? light : light * 3 / 4,
                   light * 7 / 8, outlined ? light * 3 / 5 : light);
     svg << "<path fill='" << colour << "' stroke='" << (outlined ? "#333" : colour)
         << "' stroke-width='0.4' d='";
     for (int n = 0; n < polygon.corners; ++n) {
-      svg << (n == 0 ? "M" : "L") << PixelX(polygon.corner[n]) << " " << PixelY(polygon.corner[n]);
+      svg << (n == 0 ? "M" : "L") << kView.PixelX(polygon.corner[n]) << " "
+          << kView.PixelY(polygon.corner[n]);
     }
     svg << "Z'/>\n";
   }
@@ -124,7 +105,7 @@ void DrawSurface(std::vector<Polygon> polygons, bool outlined, std::ostream& svg
 void DrawPanel(double x, double y, const std::string& label, const std::vector<Polygon>& polygons,
                bool outlined, std::ostream& svg) {
   svg << "<g transform='translate(" << x << " " << y << ")'>\n";
-  DrawEdges(svg);
+  DrawEdges(kView, svg);
   DrawSurface(polygons, outlined, svg);
   svg << "<text x='4' y='10'>" << label << "</text></g>\n";
 }
@@ -134,7 +115,8 @@ void DrawPanel(double x, double y, const std::string& label, const std::vector<P
 void PrintFigure11(const ExperimentOptions& options, std::ostream& out) {
   const std::vector<PublishedRow> rows = ReadPublishedTable(options.table);
   constexpr int kPanels = 1 + static_cast<int>(kMethodNames.size());
-  const double width = kPanels * kPanel, height = static_cast<double>(rows.size()) * kPanel;
+  const double width = kPanels * kView.panel,
+               height = static_cast<double>(rows.size()) * kView.panel;
   std::ostringstream svg;
   svg.precision(5);
   svg << "<svg xmlns='http://www.w3.org/2000/svg' width='" << width << "' height='" << height
@@ -147,9 +129,9 @@ void PrintFigure11(const ExperimentOptions& options, std::ostream& out) {
       std::vector<Polygon> polygons;
       const auto method = static_cast<DecompositionMethod>(m);
       AddSurface(DensitiesFor(row, method), row.isovalue, method, Vec3::Zero(), 1.0, polygons);
-      DrawPanel((m + 1) * kPanel, y, std::string(kMethodNames[m]), polygons, true, svg);
+      DrawPanel((m + 1) * kView.panel, y, std::string(kMethodNames[m]), polygons, true, svg);
     }
-    y += kPanel;
+    y += kView.panel;
   }
   svg << "</svg>\n";
   Print(out, "Fig. 11: V and H by %zu methods for %zu cells\n", kMethodNames.size(), rows.size());

@@ -1,6 +1,7 @@
 #include "server/lab/mesh_slab.h"
 
 #include <algorithm>
+#include <map>
 #include <utility>
 
 #include "common/error/error.h"
@@ -44,7 +45,7 @@ constexpr EdgeSlotTable MakeEdgeSlots() {
     entry.slot = static_cast<std::int8_t>(15 + axis);
     set(corners[0], corners[2], entry);
   }
-  for (const auto& [u, v] : kCubeEdges) {  // u is the low end
+  for (const auto& [u, v, f, g] : kCubeEdges) {  // u is the low end
     EdgeSlot entry;
     for (int axis = 0; axis < 3; ++axis) {
       entry.offset[axis] = static_cast<std::int8_t>(kCornerOffset[u][axis]);
@@ -57,8 +58,6 @@ constexpr EdgeSlotTable MakeEdgeSlots() {
   return table;
 }
 constexpr EdgeSlotTable kEdgeSlots = MakeEdgeSlots();
-
-const TetrahedronSigns kSingleSigns = SignsOf(kSingleComplex);
 
 class SlabBuilder {
  public:
@@ -116,8 +115,9 @@ class SlabBuilder {
     cell_ = cell;
     decomposition_ = Decompose(request_.volume.ResolvedCell(cell), request_.method);
     const TetrahedralComplex& complex = decomposition_.complex;
-    const bool is_single = complex.vertices == kSingleComplex.vertices;
-    const TetrahedronSigns signs = is_single ? kSingleSigns : SignsOf(complex);
+    const auto [known, is_new] = signs_.try_emplace(complex.vertices);
+    if (is_new) known->second = SignsOf(complex);
+    const TetrahedronSigns& signs = known->second;
     local_.fill(kNone);
     unsigned above = 0;
     for (int v = 0; v < kMaxVertices; ++v) {
@@ -204,6 +204,8 @@ class SlabBuilder {
   std::array<std::vector<std::uint32_t>, 2> slots_;  // mesh vertices of shared edges
   Vec3i cell_ = Vec3i::Zero();
   Decomposition decomposition_;
+  // Of every complex that was met; these are few.
+  std::map<decltype(TetrahedralComplex::vertices), TetrahedronSigns> signs_;
   std::array<std::uint32_t, kMaxVertices * kMaxVertices> local_;
   MeshSlab slab_;
 };

@@ -183,7 +183,7 @@ TEST_P(Decompositions, FillTheCell) {
     EXPECT_GT(checked, all_left_out ? -1 : kCellsOfAKind / 2);
     EXPECT_LE(worst, 1e-12);
     if (IsSafe(method)) {
-      EXPECT_GE(altitude, 0.05);
+      EXPECT_GE(altitude, 0.11);
     }
   }
 }
