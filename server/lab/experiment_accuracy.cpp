@@ -7,7 +7,6 @@
 namespace palpate::lab {
 namespace {
 
-
 struct Measured {
   std::vector<PublishedRow> rows;
   std::array<std::vector<double>, kMethodCount> difference;  // per method and row

@@ -2,7 +2,9 @@
 #pragma once
 
 #include <ostream>
+#include <random>
 
+#include "common/isosurface/cell.h"
 #include "server/lab/experiments.h"
 
 namespace palpate::lab {
@@ -10,9 +12,14 @@ namespace palpate::lab {
 void PrintTable1(const ExperimentOptions& options, std::ostream& out);
 void PrintTable3(const ExperimentOptions& options, std::ostream& out);
 void PrintTable4(const ExperimentOptions& options, std::ostream& out);
+void PrintDiamond(const ExperimentOptions& options, std::ostream& out);
 void PrintTopology(const ExperimentOptions& options, std::ostream& out);
 void PrintFigure9(const ExperimentOptions& options, std::ostream& out);
 void PrintFigure11(const ExperimentOptions& options, std::ostream& out);
+
+// Corners are uniform in [0, 1]. `alternating`: corners are halved, and ½ is added to the odd
+// corners.
+CellDensities RandomCell(std::mt19937_64& random, bool alternating);
 
 // Throws Error if the text cannot be written.
 void WriteFigure(const std::filesystem::path& file, const std::string& svg, std::ostream& out);

@@ -16,7 +16,6 @@
 namespace palpate::lab {
 namespace {
 
-
 struct Case {
   int face_saddles, body_saddles;
   // True if the sorted face saddles pair up as parallel faces. Set only for cells with six face
@@ -40,19 +39,6 @@ struct Count {
 };
 
 using Counts = std::map<Case, Count>;
-
-// Corners are uniform in [0, 1]. `alternating`: corners are halved, and ½ is added to the odd
-// corners.
-CellDensities RandomCell(std::mt19937_64& random, bool alternating) {
-  std::uniform_real_distribution<double> uniform;
-  CellDensities d;
-  for (int v = 0; v < 8; ++v) {
-    const auto& o = kCornerOffset[v];
-    d[v] = uniform(random);
-    if (alternating) d[v] = 0.5 * (d[v] + (o[0] + o[1] + o[2]) % 2);
-  }
-  return d;
-}
 
 double SumOfVolumes(const Decomposition& cell) {
   double sum = 0.0;

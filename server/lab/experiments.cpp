@@ -15,11 +15,23 @@ struct Experiment {
   void (*run)(const ExperimentOptions&, std::ostream&);
 };
 
-constexpr Experiment kExperiments[] = {{"table1", PrintTable1},     {"table3", PrintTable3},
-                                       {"table4", PrintTable4},     {"figure9", PrintFigure9},
-                                       {"topology", PrintTopology}, {"figure11", PrintFigure11}};
+constexpr Experiment kExperiments[] = {{"table1", PrintTable1},    {"table3", PrintTable3},
+                                       {"table4", PrintTable4},    {"figure9", PrintFigure9},
+                                       {"diamond", PrintDiamond},  {"topology", PrintTopology},
+                                       {"figure11", PrintFigure11}};
 
 }  // namespace
+
+CellDensities RandomCell(std::mt19937_64& random, bool alternating) {
+  std::uniform_real_distribution<double> uniform;
+  CellDensities d;
+  for (int v = 0; v < 8; ++v) {
+    const auto& o = kCornerOffset[v];
+    d[v] = uniform(random);
+    if (alternating) d[v] = 0.5 * (d[v] + (o[0] + o[1] + o[2]) % 2);
+  }
+  return d;
+}
 
 void Print(std::ostream& out, const char* format, ...) {
   char text[512];

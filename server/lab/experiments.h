@@ -4,6 +4,7 @@
 //   table3    time of a haptic update while a hand explores the paper's volumes
 //   table4    R_D of every cell, published and ours, with differences marked
 //   topology  share of random cells in which H has a wrong topology for some τ
+//   diamond   what is inside of cells, mean R_D on random cells and on volumes, and a picture
 //   figure9   drift of the proxy from a cylinder's isovalue, ours and a GBID
 //   figure11  V and H drawn for the cells of Table 4
 //
@@ -22,11 +23,11 @@ namespace palpate::lab {
 struct ExperimentOptions {
   std::string name;                           // one of ExperimentNames()
   std::filesystem::path table;                // Table 4 as CSV, for table1, table4 and figure11
-  std::int64_t cells = 20000;                 // for topology: random cells of each kind
+  std::int64_t cells = 20000;                 // for topology and diamond: cells of each kind
   int columns = 1000;                         // per axis, for R_D (accuracy.h)
   int laps = 10;                              // for figure9
-  std::uint64_t seed = 1;                     // for topology and table3
-  std::filesystem::path data_folder = ".";    // for table3: holds the volumes
+  std::uint64_t seed = 1;                     // for topology, diamond and table3
+  std::filesystem::path data_folder = ".";    // for table3 and diamond: holds the volumes
   std::filesystem::path output_folder = ".";  // for figures: NAME.svg
 };
 

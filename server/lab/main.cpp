@@ -89,7 +89,9 @@ arguments::Command* AddExperiment(arguments::Command& app, Options& options) {
       ->check(arguments::IsMember(ExperimentNames()));
   experiment->add_option("--table", options.experiment.table,
                          "the paper's Table 4 as CSV [the one that comes with the program]");
-  experiment->add_option("--cells", options.experiment.cells, "random cells of `topology`")
+  experiment
+      ->add_option("--cells", options.experiment.cells,
+                   "cells of each kind, for `topology` and `diamond`")
       ->check(arguments::Range(1, 100'000'000))
       ->capture_default_str();
   experiment
@@ -100,7 +102,8 @@ arguments::Command* AddExperiment(arguments::Command& app, Options& options) {
       ->capture_default_str();
   experiment
       ->add_option("--data", options.experiment.data_folder,
-                   "folder of the volumes of `table3`: paper/daisy_192x180x168_uint8.nhdr, ...")
+                   "folder of the volumes of `table3` and `diamond`: "
+                   "paper/daisy_192x180x168_uint8.nhdr, ...")
       ->capture_default_str();
   experiment->footer("Example: palpate-lab experiment table4");
   return experiment;
