@@ -28,6 +28,7 @@ bool CorrectDensity(const HapticCell& cell, double isovalue, bool on_surface, Ca
       if (density(n) < density(lo)) lo = n;
       if (density(n) > density(hi)) hi = n;
     }
+    if (lo == hi) return !(excess > 0.0);  // all are equally dense
     double &less = carrier.weight[hi], &more = carrier.weight[lo];
     double shift = excess * (1 << tries) / (density(hi) - density(lo));
     const double rounding =

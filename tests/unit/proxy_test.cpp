@@ -212,6 +212,42 @@ TEST(Proxy, WhereNothingIsFreeItIsBuried) {
 
 // From a vertex of a crossed cell along the edge of a free one: what the move leaves as
 // it is, is where the vertex lies, and nothing that the place was before.
+// Where all vertices but one are nearly equal, the least weight of that one moves H a long way. A
+// point on H whose weight there is dropped as rounding is put back on H.
+TEST(MoveInTetrahedron, KeepsAPointOnHThatLosesAVertex) {
+  const auto volume = MakeVolume(Vec3i::Constant(4), [](int i, int j, int k) {
+    return i == 1 && j == 1 && k == 1 ? 1.0 : 0.0;
+  });
+  Prober prober(volume, 0.0);
+  const HapticCell& cell = prober.cache.Decomposed(prober.surface, Vec3i(1, 1, 1));
+  int moved = 0;
+  for (int t = 0; t < cell.parts.complex.tetrahedron_count; ++t) {
+    const auto& v = cell.parts.complex.vertices[t];
+    Candidate candidate{.kind = Candidate::Kind::kTetrahedron,
+                        .cell = cell.cell,
+                        .carrier = {4, v, {0.3, 0.3, 0.3, 0.3}},
+                        .tetrahedron = t,
+                        .along_surface = true};
+    int dense = 0;
+    for (int n = 0; n < 4; ++n) {
+      if (!(cell.parts.density[v[n]] > 0.01)) continue;
+      candidate.carrier.weight[n] = 3e-12;
+      ++dense;
+    }
+    if (dense != 1) continue;
+    for (double& weight : candidate.carrier.weight) weight /= 0.9 + 3e-12;
+    prober.surface.isovalue = DensityAt(cell, candidate.carrier);
+    Place place;
+    bool on_surface = true;
+    MoveInTetrahedron(prober.surface, candidate, false, place, on_surface, prober.cache);
+    EXPECT_EQ(place.carrier.count, 3);
+    EXPECT_LE(DensityAt(cell, place.carrier), prober.surface.isovalue);
+    EXPECT_NEAR(DensityAt(cell, place.carrier), prober.surface.isovalue, 1e-20);
+    ++moved;
+  }
+  EXPECT_GT(moved, 3);
+}
+
 TEST(MoveInBox, BeginsWhereTheSimplexIs) {
   Prober prober(MakeVolume({8, 8, 8}, [](int i, int j, int k) { return i + 0.1 * j + 0.01 * k; }),
                 0.5);
