@@ -93,9 +93,8 @@ class TrilinearCell {
     const int b = 1 << (axis + 1) % 3, c = 1 << (axis + 2) % 3, o = side << axis;
     const std::array<int, 4> v = {o, o | b, o | b | c, o | c};
     const auto at = [&](int n) { return d_[v[n]] - isovalue; };
-    const bool first_is_up = at(0) > 0;
     for (int n = 1; n < 4; ++n) {
-      if ((at(n) > 0) == (n % 2 == 0 ? !first_is_up : first_is_up)) return;
+      if ((at(n) > 0) == (at(n - 1) > 0)) return;
     }
     const int n = at(0) * at(2) > at(1) * at(3) ? 0 : 1;
     (at(n) > 0 ? up : down).Join(v[n], v[n + 2]);

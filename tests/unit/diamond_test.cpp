@@ -13,8 +13,8 @@
 
 #include "common/isosurface/decomposition.h"
 #include "common/isosurface/placement.h"
-#include "common/isosurface/ties.h"
 #include "server/lab/cell_topology.h"
+#include "tests/support/random_cell.h"
 #include "tests/support/scaled.h"
 #include "tests/support/trilinear_cell.h"
 
@@ -58,53 +58,7 @@ TEST(Flip, ChangesALevelSetOnlyIfItsEndsAreApartFromTheOthers) {
 
 // --- Cells
 
-enum class CellKind {
-  kUniform,
-  kAlternating,
-  kSmooth,
-  kHeavyTailed,
-  kFourLevels,
-  kTwoLevels,
-  kTiedAlternating
-};
-constexpr CellKind kCellKinds[] = {CellKind::kUniform,        CellKind::kAlternating,
-                                   CellKind::kSmooth,         CellKind::kHeavyTailed,
-                                   CellKind::kFourLevels,     CellKind::kTwoLevels,
-                                   CellKind::kTiedAlternating};
-
-CellDensities RandomCell(CellKind kind, std::mt19937_64& random) {
-  std::uniform_real_distribution<double> uniform;
-  const Vec3 slope(uniform(random), uniform(random), uniform(random));
-  CellDensities d;
-  for (int v = 0; v < 8; ++v) {
-    const auto& o = kCornerOffset[v];
-    const double u = uniform(random);
-    switch (kind) {
-      case CellKind::kUniform:
-        d[v] = u;
-        break;
-      case CellKind::kAlternating:
-        d[v] = 0.5 * (u + (o[0] + o[1] + o[2]) % 2);
-        break;
-      case CellKind::kSmooth:
-        d[v] = slope.dot(Vec3(o[0], o[1], o[2])) + 0.5 * u;
-        break;
-      case CellKind::kHeavyTailed:
-        d[v] = std::pow(u, 8.0);
-        break;
-      case CellKind::kFourLevels:
-        d[v] = std::floor(4.0 * u) + kTieStep * uniform(random);
-        break;
-      case CellKind::kTiedAlternating:
-        d[v] = (o[0] + o[1] + o[2]) % 2 + kTieStep * u;
-        break;
-      case CellKind::kTwoLevels:
-        d[v] = std::floor(2.0 * u) + kTieStep * uniform(random);
-        break;
-    }
-  }
-  return d;
-}
+using testing::CellKind, testing::kExactCells, testing::RandomCell;
 
 // Between densities that are nearer to each other, rounding decides.
 constexpr double kRounding = 1e-12;
@@ -142,7 +96,7 @@ TEST(FreshCells, HaveTheTopologyOfV) {
   std::mt19937_64 random(20);
   std::array<int, 3> vertices_inside{};
   int cells = 0, pairs = 0, wrong = 0;
-  for (const CellKind kind : kCellKinds) {
+  for (const CellKind kind : kExactCells) {
     for (int n = 0; n < test::Scaled(8000); ++n, ++cells) {
       const Cut cut(RandomCell(kind, random));
       const unsigned inside = cut.cell.complex.used_vertices >> kO;  // 0, 1, 3
@@ -201,7 +155,7 @@ TEST(Flip, ThatIsNeutralKeepsTheTopologyOfV) {
   std::mt19937_64 random(21);
   std::uniform_real_distribution<double> uniform;
   int compared = 0, whole = 0;
-  for (const CellKind kind : kCellKinds) {
+  for (const CellKind kind : kExactCells) {
     for (int n = 0; n < test::Scaled(4000); ++n) {
       const Cut cut(RandomCell(kind, random));
       if (cut.body.count > 0 || cut.saddles.count == 6) continue;
@@ -228,7 +182,7 @@ TEST(Flip, ThatIsNeutralKeepsTheTopologyOfV) {
 TEST(Diamond, WithoutFaceSaddlesEveryDiagonalHasDiscsOnly) {
   std::mt19937_64 random(22);
   int cells = 0;
-  for (const CellKind kind : kCellKinds) {
+  for (const CellKind kind : kExactCells) {
     for (int n = 0; n < test::Scaled(20'000); ++n) {
       const Cut cut(RandomCell(kind, random));
       if (cut.saddles.count > 0) continue;

@@ -17,6 +17,7 @@
 #include "server/lab/accuracy.h"
 #include "server/lab/cell_topology.h"
 #include "server/lab/drift.h"
+#include "server/lab/experiment_parts.h"
 #include "server/lab/experiments.h"
 #include "server/lab/published_table.h"
 #include "server/lab/wilcoxon.h"
@@ -128,7 +129,6 @@ TEST(Table4, PublishedFiguresAreMet) {
   EXPECT_LE(sum / 29.0, 5.3);
 }
 
-// Corners uniform in [0, 1]; alternating: halved, and ½ added on the odd corners.
 // τ uniform in [0.2, 0.8] and within the cell's range.
 double MeanDifference(bool alternating) {
   constexpr int kColumns = 20;
@@ -137,12 +137,7 @@ double MeanDifference(bool alternating) {
   std::uniform_real_distribution<double> uniform;
   double sum = 0.0;
   for (int n = 0; n < cells;) {
-    CellDensities d;
-    for (int v = 0; v < 8; ++v) {
-      const auto& o = kCornerOffset[v];
-      d[v] = uniform(random);
-      if (alternating) d[v] = 0.5 * (d[v] + (o[0] + o[1] + o[2]) % 2);
-    }
+    const CellDensities d = RandomCell(random, alternating);
     const double isovalue = 0.2 + 0.6 * uniform(random);
     if (!IsCrossed(d, isovalue)) continue;
     sum += DifferenceOf(d, isovalue, DecompositionMethod::kTpbcc, kColumns);
