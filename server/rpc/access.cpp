@@ -58,13 +58,10 @@ std::string RoleProblem(const Identity& identity, Role least) {
 // The name of the method without its service.
 std::string_view NameOf(std::string_view method) { return method.substr(method.rfind('/') + 1); }
 
+std::int64_t After(std::chrono::nanoseconds time) { return MonotonicNowNs() + time.count(); }
+
 std::string LeftOut(std::uint64_t lines) {
   return lines == 0 ? "" : " (and " + std::to_string(lines) + " more since)";
-}
-
-bool IsListed(CallKind kind) {
-  return kind == CallKind::kPoseStream || kind == CallKind::kVolumeStream ||
-         kind == CallKind::kTransfer;
 }
 
 }  // namespace
@@ -77,8 +74,9 @@ Admission& Admission::operator=(Admission&& other) noexcept {
   context_ = other.context_;
   rule_ = other.rule_;
   caller_ = std::move(other.caller_);
+  request_bytes_ = other.request_bytes_;
   samples_per_s_ = other.samples_per_s_;
-  is_listed_ = other.is_listed_;
+  is_answered_ = other.is_answered_;
   running_ = other.running_;
   return *this;
 }
@@ -86,9 +84,8 @@ Admission& Admission::operator=(Admission&& other) noexcept {
 void Admission::Leave() {
   Access* const access = std::exchange(access_, nullptr);
   if (!access) return;
-  access->limits_.Leave(caller_.name, rule_->kind);
+  if (!is_answered_) access->limits_.Leave(caller_.name, rule_->kind, request_bytes_);
   if (samples_per_s_ > 0) access->limits_.LeaveSamples(caller_.name, samples_per_s_);
-  if (!is_listed_) return;
   const std::lock_guard lock(access->mutex_);
   access->running_.erase(running_);
 }
@@ -100,15 +97,34 @@ grpc::Status Admission::TakeSamples(int samples_per_s) {
   return status;
 }
 
-grpc::Status Admission::Failed(const std::exception& error) const {
-  if (access_) access_->LogFailure(*this, error.what());
-  return ToStatus(error);
+void Admission::Answered() {
+  if (!access_) return;
+  is_answered_ = true;
+  access_->limits_.Leave(caller_.name, rule_->kind, request_bytes_);
+  SetPatience(After(access_->options_.read_patience), "it does not read its answer");
 }
 
-void Admission::Writing(bool begins) const {
-  if (!access_ || !is_listed_) return;
+void Admission::WaitForMore(bool begins) {
+  if (!access_) return;
+  SetPatience(begins ? After(access_->options_.send_patience) : 0, "it sends nothing");
+}
+
+void Admission::SetPatience(std::int64_t ends_ns, const char* with) const {
   const std::lock_guard lock(access_->mutex_);
-  running_->writing_since_ns = begins ? MonotonicNowNs() : 0;
+  running_->patience_ends_ns = ends_ns;
+  running_->patience_with = with;
+}
+
+grpc::Status Admission::Failed(const std::exception& error) const {
+  // Counts by identity, so that strangers at the same address do not use up its lines of the log.
+  const bool is_logged = rule_->kind == CallKind::kTransfer || rule_->least >= Role::kOperator;
+  const auto left_out =
+      is_logged ? access_->refusals_.Take(caller_.name, MonotonicNowNs()) : std::nullopt;
+  if (left_out) {
+    LogWarning("{} of {} at {} failed: {}{}", NameOf(rule_->method), caller_.name, context_->peer(),
+               error.what(), LeftOut(*left_out));
+  }
+  return ToStatus(error);
 }
 
 std::shared_ptr<const Policy> Access::policy() const {
@@ -116,10 +132,11 @@ std::shared_ptr<const Policy> Access::policy() const {
   return policy_;
 }
 
-Admission Access::Admit(grpc::ServerContextBase* context, std::string_view method) {
-  if (!context) return Admission();
+Admission Access::Admit(grpc::ServerContextBase* context, std::string_view method,
+                        std::size_t request_bytes) {
   const std::string peer = context->peer();
-  Admission::Running call{context, FindMethodRule(method), CredentialsOf(*context, peer), {}, peer};
+  Admission::Running call{context, FindMethodRule(method), CredentialsOf(*context, peer), {},
+                          peer,    request_bytes};
   while (true) {
     const std::shared_ptr<const Policy> judge = policy();
     const Recognised who = judge->Recognise(call.credentials, now_());
@@ -148,7 +165,8 @@ Admission Access::Enter(const Admission::Running& call,
   const CallKind kind = call.rule->kind;
   std::unique_lock lock(mutex_);
   if (judge != policy_) return Admission();
-  if (const auto problem = limits_.Enter(call.caller.name, kind, MonotonicNowNs())) {
+  if (const auto problem =
+          limits_.Enter(call.caller.name, kind, call.request_bytes, MonotonicNowNs())) {
     lock.unlock();  // writing to a log that nobody reads blocks
     return Refuse(grpc::StatusCode::RESOURCE_EXHAUSTED, call.peer, call.caller.name,
                   call.rule->method, *problem);
@@ -158,8 +176,8 @@ Admission Access::Enter(const Admission::Running& call,
   admission.context_ = call.context;
   admission.rule_ = call.rule;
   admission.caller_ = call.caller;
-  admission.is_listed_ = IsListed(kind);
-  if (admission.is_listed_) admission.running_ = running_.insert(running_.end(), call);
+  admission.request_bytes_ = call.request_bytes;
+  admission.running_ = running_.insert(running_.end(), call);
   return admission;
 }
 
@@ -209,24 +227,14 @@ void Access::Review() {
 }
 
 std::string Access::WhyEnd(const Admission::Running& call) const {
-  constexpr std::int64_t kPatienceNs = std::chrono::nanoseconds(kWritePatience).count();
   if (!Holds(call)) return "it is no longer allowed";
-  const bool is_stalled =
-      call.writing_since_ns != 0 && MonotonicNowNs() - call.writing_since_ns > kPatienceNs;
-  return is_stalled ? "it does not read its answer" : "";
+  const bool is_over = call.patience_ends_ns != 0 && MonotonicNowNs() > call.patience_ends_ns;
+  return is_over ? call.patience_with : "";
 }
 
 bool Access::Holds(const Admission::Running& call) const {
   const Recognised who = policy_->Recognise(call.credentials, now_());
   return who.identity && who.identity->role >= call.rule->least;
-}
-
-void Access::LogFailure(const Admission& admission, const char* what) {
-  // Counts by identity, so that strangers at the same address do not use up its lines of the log.
-  const auto left_out = refusals_.Take(admission.caller_.name, MonotonicNowNs());
-  if (!left_out) return;
-  LogWarning("{} of {} at {} failed: {}{}", NameOf(admission.rule_->method), admission.caller_.name,
-             admission.context_->peer(), what, LeftOut(*left_out));
 }
 
 Admission Access::Refuse(grpc::StatusCode code, const std::string& peer, const std::string& who,

@@ -1,12 +1,12 @@
 // Judges every call: who calls, whether the caller may make the call, and whether the caller
 // already uses too much.
 //
-// Each service asks first:
+// Each call asks first:
 //   const Admission admission = access_.Admit(context, "/palpate.v1.XService/Y");
 //   if (!admission.ok()) return admission.status();
-// and keeps the admission while it works. A stranger gets UNAUTHENTICATED, a role that is too low
-// PERMISSION_DENIED, too much use RESOURCE_EXHAUSTED. Each refusal says what to do, and is logged
-// with its peer.
+// and keeps the admission until gRPC has finished with the call. A stranger gets UNAUTHENTICATED, a
+// role that is too low PERMISSION_DENIED, too much use RESOURCE_EXHAUSTED. Each refusal says what
+// to do, and is logged with its peer.
 //
 // Threads: any. Ownership: outlives the server and all admissions.
 #pragma once
@@ -14,6 +14,7 @@
 #include <grpcpp/grpcpp.h>
 
 #include <chrono>
+#include <cstdint>
 #include <exception>
 #include <functional>
 #include <list>
@@ -45,21 +46,16 @@ class Admission {
   // Call it once, before a stream of poses begins. Returns OK, or refuses too many samples per
   // second.
   grpc::Status TakeSamples(int samples_per_s);
-  // Writes a message of a streaming answer; only for calls of kTransfer. Waits until gRPC takes the
-  // message. If the client reads nothing for Access::kWritePatience, its call ends and the writer
-  // continues.
-  template <class Message>
-  void Write(grpc::ServerWriter<Message>& writer, const Message& message) const {
-    Writing(true);
-    writer.Write(message);
-    Writing(false);
-  }
-  // The caller. Without a context, the caller is this process.
+  // The call's work is done: it no longer counts against its caller's limits, and its client has
+  // read_patience to read the answer.
+  void Answered();
+  // While an upload waits for its client: the client has send_patience to send more.
+  void WaitForMore(bool begins);
   const Identity& caller() const { return caller_; }
   // Ends the admission: the call is over.
   void Leave();
-  // Returns the status of a call that was admitted and failed, and logs the failure with its peer.
-  // The client may be the cause, for example by the path of a file.
+  // Returns the status of an admitted call that failed. Logs the failures of transfers and of
+  // operators' calls, with their peer: the client may be the cause, for example by a path.
   grpc::Status Failed(const std::exception& error) const;
 
  private:
@@ -70,11 +66,13 @@ class Admission {
     Credentials credentials{};
     Identity caller{};
     std::string peer{};
+    std::size_t request_bytes = 0;
     bool ended = false;
-    // since when a message of the answer waits for gRPC; 0: none waits
-    std::int64_t writing_since_ns = 0;
+    // when the call ends unless its client reads or sends; 0: the daemon does not wait for it
+    std::int64_t patience_ends_ns = 0;
+    const char* patience_with = "";
   };
-  void Writing(bool begins) const;
+  void SetPatience(std::int64_t ends_ns, const char* with) const;
 
   explicit Admission(grpc::Status status = {}) : status_(std::move(status)) {}
 
@@ -82,32 +80,31 @@ class Admission {
   Access* access_ = nullptr;  // null: Leave has nothing to give back
   grpc::ServerContextBase* context_ = nullptr;
   const MethodRule* rule_ = nullptr;
-  Identity caller_{.name = "palpated", .role = Role::kAdmin};
+  Identity caller_{};
+  std::size_t request_bytes_ = 0;
   int samples_per_s_ = 0;  // the samples that TakeSamples has taken
-  bool is_listed_ = false;
+  bool is_answered_ = false;
   std::list<Running>::iterator running_;
 };
 
 class Access {
  public:
-  static constexpr std::chrono::seconds kWritePatience{10};
-
   // Starts with a policy that trusts only peers on the socket and on loopback.
   Access() : Access(LimitOptions{}) {}
   // connections: learns which connections belong to a known client; must outlive this object. now:
   // the clock for the validity of certificates; tests pass their own.
   explicit Access(const LimitOptions& limits, ConnectionWatch* connections = nullptr,
                   std::function<CertificateTime()> now = std::chrono::system_clock::now)
-      : limits_(limits), connections_(connections), now_(std::move(now)) {}
+      : options_(limits), limits_(limits), connections_(connections), now_(std::move(now)) {}
 
-  // `method`: as in MethodRules. Without a context, the caller is this process.
-  Admission Admit(grpc::ServerContextBase* context, std::string_view method);
+  // `method`: as in MethodRules. request_bytes: held until the call is answered.
+  Admission Admit(grpc::ServerContextBase* context, std::string_view method,
+                  std::size_t request_bytes = 0);
 
-  // Applies from the next call on. Running streams and transfers that the new policy refuses end
-  // now.
+  // Applies from the next call on. Running calls that the new policy refuses end now.
   void SetPolicy(std::shared_ptr<const Policy> policy);
-  // Ends running calls whose certificate has expired and calls whose client does not read. Call it
-  // every two seconds.
+  // Ends running calls whose certificate has expired, and calls whose client lets the daemon wait.
+  // Call it every two seconds.
   void Review();
 
  private:
@@ -117,13 +114,13 @@ class Access {
   bool Holds(const Admission::Running& call) const;
   // Why a call must end; empty: it may continue.
   std::string WhyEnd(const Admission::Running& call) const;
-  void LogFailure(const Admission& admission, const char* what);
   grpc::Status TakeSamples(const Admission& admission, int samples_per_s);
   Admission Refuse(grpc::StatusCode code, const std::string& peer, const std::string& who,
                    std::string_view method, const std::string& problem);
   // Returns an admission with neither access nor refusal if `judge` is no longer the policy.
   Admission Enter(const Admission::Running& call, const std::shared_ptr<const Policy>& judge);
 
+  const LimitOptions options_;
   IdentityLimits limits_;
   ConnectionWatch* const connections_;
   const std::function<CertificateTime()> now_;

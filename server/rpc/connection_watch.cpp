@@ -96,9 +96,14 @@ bool ConnectionWatch::Enter(int fd, const sockaddr_storage& peer) {
 void ConnectionWatch::Admitted(const std::string& peer, const Credentials& credentials) {
   const std::lock_guard lock(mutex_);
   const auto found = connections_.find(peer);
-  if (found == connections_.end()) return;
-  // An ended connection of the same port may still be in the list.
   const auto before = known_.find(peer);
+  if (found == connections_.end()) {
+    if (before == known_.end()) return;
+    before->second.credentials = credentials;
+    before->second.refused_ns = 0;
+    return;
+  }
+  // An ended connection of the same port may still be in the list.
   if (before != known_.end()) close(before->second.fd);
   known_[peer] = {
       .fd = found->second.fd, .credentials = credentials, .number = found->second.number};
@@ -124,17 +129,22 @@ void ConnectionWatch::EndUnless(const std::function<bool(const Credentials&)>& r
     asked.assign(known_.begin(), known_.end());
   }
   // Called without the lock, because the acceptor needs the lock.
-  std::erase_if(asked, [&](const auto& one) { return recognises(one.second.credentials); });
+  for (auto& [peer, known] : asked) {
+    if (recognises(known.credentials)) {
+      known.refused_ns = 0;
+    } else if (known.refused_ns == 0) {
+      known.refused_ns = now_ns;
+    }
+  }
   std::vector<std::string> ended;
   {
     const std::lock_guard lock(mutex_);
-    for (const auto& [peer, refused] : asked) {
+    for (const auto& [peer, known] : asked) {
       const auto found = known_.find(peer);
       // A new connection of the same port may have replaced it.
-      if (found == known_.end() || found->second.number != refused.number) continue;
-      Known& known = found->second;
-      if (known.refused_ns == 0) known.refused_ns = now_ns;
-      if (now_ns - known.refused_ns < kGraceNs) continue;
+      if (found == known_.end() || found->second.number != known.number) continue;
+      found->second.refused_ns = known.refused_ns;
+      if (known.refused_ns == 0 || now_ns - known.refused_ns < kGraceNs) continue;
       shutdown(known.fd, SHUT_RDWR);
       ended.push_back(peer);
     }

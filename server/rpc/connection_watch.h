@@ -46,7 +46,8 @@ class ConnectionWatch {
   // Adds a stranger's connection. The caller keeps ownership of `fd`; the watch duplicates it.
   // Returns false if no file number is free: the caller must then close the connection.
   bool Enter(int fd, const sockaddr_storage& peer);
-  // The client of this connection is now known by `credentials`. `peer`: the name in gRPC's form.
+  // A call on this connection was allowed by `credentials`. The newest count. `peer`: the name in
+  // gRPC's form.
   void Admitted(const std::string& peer, const Credentials& credentials);
   // Cuts off connections whose client `recognises` no longer accepts, kGrace after the first call
   // that noticed it. During kGrace the client's calls still get an answer with the reason.

@@ -94,82 +94,68 @@ class StopAnswer final : public grpc::ServerUnaryReactor {
 
 }  // namespace
 
-grpc::Status DeviceService::GetDevice(grpc::ServerContext* context, const v1::GetDeviceRequest*,
-                                      v1::GetDeviceResponse* response) {
-  const Admission admission = access_.Admit(context, "/palpate.v1.DeviceService/GetDevice");
-  if (!admission.ok()) return admission.status();
-  *response->mutable_device() = palpate::ToProto(device_.spec());
-  *response->mutable_caller() = palpate::ToProto(admission.caller());
-  *response->mutable_health() = palpate::ToProto(device_.health());
-  if (const auto forces = forces_.newest()) *response->mutable_forces() = ToProto(*forces);
-  v1::ServoDescription* servo = response->mutable_servo();
-  servo->set_rate_hz(ServoLoop::kRateHz);
-  servo->set_realtime_scheduling(servo_.grant().fifo);
-  servo->set_memory_locked(servo_.grant().memory_locked);
-  for (const std::string& warning : servo_.grant().warnings) servo->add_warnings(warning);
-  servo->set_ticks(servo_.ticks());
-  servo->set_missed_ticks(servo_.missed_ticks());
-  servo->set_scenes_applied(inbox_.announced());
-  servo->set_version(PALPATE_VERSION);
-  servo->set_faulty_ticks(servo_.faulty_ticks());
-  servo->set_page_faults(servo_.page_faults());
-  servo->set_lost_samples(servo_.lost_samples());
-  return grpc::Status::OK;
+Reply* DeviceService::GetDevice(CallContext* context, const v1::GetDeviceRequest* request,
+                                v1::GetDeviceResponse* response) {
+  return calls_.Answer(context, "/palpate.v1.DeviceService/GetDevice", *request,
+                       [=, this](const Admission& admission) {
+                         *response->mutable_device() = palpate::ToProto(device_.spec());
+                         *response->mutable_caller() = palpate::ToProto(admission.caller());
+                         *response->mutable_health() = palpate::ToProto(device_.health());
+                         if (const auto forces = forces_.newest())
+                           *response->mutable_forces() = ToProto(*forces);
+                         v1::ServoDescription* servo = response->mutable_servo();
+                         servo->set_rate_hz(ServoLoop::kRateHz);
+                         servo->set_realtime_scheduling(servo_.grant().fifo);
+                         servo->set_memory_locked(servo_.grant().memory_locked);
+                         for (const std::string& warning : servo_.grant().warnings)
+                           servo->add_warnings(warning);
+                         servo->set_ticks(servo_.ticks());
+                         servo->set_missed_ticks(servo_.missed_ticks());
+                         servo->set_scenes_applied(inbox_.announced());
+                         servo->set_version(PALPATE_VERSION);
+                         servo->set_faulty_ticks(servo_.faulty_ticks());
+                         servo->set_page_faults(servo_.page_faults());
+                         servo->set_lost_samples(servo_.lost_samples());
+                       });
 }
 
-grpc::Status DeviceService::ListDevices(grpc::ServerContext* context, const v1::ListDevicesRequest*,
-                                        v1::ListDevicesResponse* response) {
-  const Admission admission = access_.Admit(context, "/palpate.v1.DeviceService/ListDevices");
-  if (!admission.ok()) return admission.status();
-  try {
-    const std::vector<ListedDevice> devices = list_();
-    for (const ListedDevice& device : devices) {
-      *response->add_devices() = palpate::ToProto(device);
-    }
-    const int in_use = IndexInUse(devices, device_.spec().kind);
-    if (in_use >= 0) response->mutable_devices(in_use)->set_in_use(true);
-    return grpc::Status::OK;
-  } catch (const std::exception& error) {
-    return ToStatus(error);
-  }
+Reply* DeviceService::ListDevices(CallContext* context, const v1::ListDevicesRequest* request,
+                                  v1::ListDevicesResponse* response) {
+  return calls_.Answer(context, "/palpate.v1.DeviceService/ListDevices", *request,
+                       [=, this](const Admission&) {
+                         const std::vector<ListedDevice> devices = list_();
+                         for (const ListedDevice& device : devices) {
+                           *response->add_devices() = palpate::ToProto(device);
+                         }
+                         const int in_use = IndexInUse(devices, device_.spec().kind);
+                         if (in_use >= 0) response->mutable_devices(in_use)->set_in_use(true);
+                       });
 }
 
-grpc::Status DeviceService::EnableForces(grpc::ServerContext* context,
-                                         const v1::EnableForcesRequest* request,
-                                         v1::EnableForcesResponse* response) {
-  const Admission admission = access_.Admit(context, "/palpate.v1.DeviceService/EnableForces");
-  if (!admission.ok()) return admission.status();
-  try {
-    CheckName(request->device());
-    const ForceTick forces = Command(ForceCommand::kEnable);
-    CheckEnabled(forces);
-    Answer(forces, *response);
-    return grpc::Status::OK;
-  } catch (const std::exception& error) {
-    return ToStatus(error);
-  }
+Reply* DeviceService::EnableForces(CallContext* context, const v1::EnableForcesRequest* request,
+                                   v1::EnableForcesResponse* response) {
+  return calls_.Answer(context, "/palpate.v1.DeviceService/EnableForces", *request,
+                       [=, this](const Admission&) {
+                         CheckName(request->device());
+                         const ForceTick forces = Command(ForceCommand::kEnable);
+                         CheckEnabled(forces);
+                         Answer(forces, *response);
+                       });
 }
 
-grpc::Status DeviceService::DisableForces(grpc::ServerContext* context,
-                                          const v1::DisableForcesRequest*,
-                                          v1::DisableForcesResponse* response) {
-  const Admission admission = access_.Admit(context, "/palpate.v1.DeviceService/DisableForces");
-  if (!admission.ok()) return admission.status();
-  try {
-    Answer(Command(ForceCommand::kDisable), *response);
-    return grpc::Status::OK;
-  } catch (const std::exception& error) {
-    return ToStatus(error);
-  }
+Reply* DeviceService::DisableForces(CallContext* context, const v1::DisableForcesRequest* request,
+                                    v1::DisableForcesResponse* response) {
+  return calls_.Answer(
+      context, "/palpate.v1.DeviceService/DisableForces", *request,
+      [=, this](const Admission&) { Answer(Command(ForceCommand::kDisable), *response); });
 }
 
-grpc::ServerUnaryReactor* DeviceService::StopForces(grpc::CallbackServerContext* context,
-                                                    const v1::StopForcesRequest*,
-                                                    v1::StopForcesResponse* response) {
-  Admission admission = access_.Admit(context, "/palpate.v1.DeviceService/StopForces");
+Reply* DeviceService::StopForces(CallContext* context, const v1::StopForcesRequest*,
+                                 v1::StopForcesResponse* response) {
+  Admission admission = calls_.access().Admit(context, "/palpate.v1.DeviceService/StopForces");
   if (!admission.ok()) {
     // DefaultReactor is called once: a second call would return another reactor.
-    grpc::ServerUnaryReactor* const refused = context->DefaultReactor();
+    Reply* const refused = context->DefaultReactor();
     refused->Finish(admission.status());
     return refused;
   }
@@ -177,26 +163,23 @@ grpc::ServerUnaryReactor* DeviceService::StopForces(grpc::CallbackServerContext*
   return new StopAnswer(std::move(admission), forces_, FirstTickThatKnows(servo_), *response);
 }
 
-grpc::Status DeviceService::CalibrateDevice(grpc::ServerContext* context,
-                                            const v1::CalibrateDeviceRequest*,
-                                            v1::CalibrateDeviceResponse* response) {
-  const Admission admission = access_.Admit(context, "/palpate.v1.DeviceService/CalibrateDevice");
-  if (!admission.ok()) return admission.status();
-  try {
-    const DeviceHealth health = device_.health();
-    if (health.connection != DeviceConnection::kStreaming) {
-      throw Error(ErrorKind::kFailedPrecondition,
-                  "the device `" + device_.spec().kind +
-                      "` is not connected, so it cannot be calibrated: " +
-                      (health.problem.empty() ? "it is being set up, try again" : health.problem));
-    }
-    CheckForcesAreOff();
-    device_.Calibrate();
-    *response->mutable_health() = palpate::ToProto(device_.health());
-    return grpc::Status::OK;
-  } catch (const std::exception& error) {
-    return ToStatus(error);
-  }
+Reply* DeviceService::CalibrateDevice(CallContext* context,
+                                      const v1::CalibrateDeviceRequest* request,
+                                      v1::CalibrateDeviceResponse* response) {
+  return calls_.Answer(
+      context, "/palpate.v1.DeviceService/CalibrateDevice", *request, [=, this](const Admission&) {
+        const DeviceHealth health = device_.health();
+        if (health.connection != DeviceConnection::kStreaming) {
+          throw Error(
+              ErrorKind::kFailedPrecondition,
+              "the device `" + device_.spec().kind +
+                  "` is not connected, so it cannot be calibrated: " +
+                  (health.problem.empty() ? "it is being set up, try again" : health.problem));
+        }
+        CheckForcesAreOff();
+        device_.Calibrate();
+        *response->mutable_health() = palpate::ToProto(device_.health());
+      });
 }
 
 void DeviceService::CheckName(const std::string& name) const {

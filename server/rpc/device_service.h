@@ -11,7 +11,7 @@
 
 #include "palpate/v1/device.grpc.pb.h"
 #include "server/device/listed_device.h"
-#include "server/rpc/access.h"
+#include "server/rpc/calls.h"
 #include "server/samples/force_watch.h"
 #include "server/servo/servo_loop.h"
 
@@ -20,33 +20,30 @@ namespace palpate {
 // Called on any thread.
 using DeviceList = std::function<std::vector<ListedDevice>()>;
 
-class DeviceService final
-    : public v1::DeviceService::WithCallbackMethod_StopForces<v1::DeviceService::Service> {
+class DeviceService final : public v1::DeviceService::CallbackService {
  public:
   // Borrows all arguments except the list.
-  DeviceService(Access& access, HapticDevice& device, ServoLoop& servo, const SceneInbox& inbox,
+  DeviceService(Calls& calls, HapticDevice& device, ServoLoop& servo, const SceneInbox& inbox,
                 const ForceWatch& forces, DeviceList list)
-      : access_(access),
+      : calls_(calls),
         device_(device),
         servo_(servo),
         inbox_(inbox),
         forces_(forces),
         list_(std::move(list)) {}
 
-  grpc::Status GetDevice(grpc::ServerContext* context, const v1::GetDeviceRequest* request,
-                         v1::GetDeviceResponse* response) override;
-  grpc::Status ListDevices(grpc::ServerContext* context, const v1::ListDevicesRequest* request,
-                           v1::ListDevicesResponse* response) override;
-  grpc::Status EnableForces(grpc::ServerContext* context, const v1::EnableForcesRequest* request,
-                            v1::EnableForcesResponse* response) override;
-  grpc::Status DisableForces(grpc::ServerContext* context, const v1::DisableForcesRequest* request,
-                             v1::DisableForcesResponse* response) override;
-  grpc::ServerUnaryReactor* StopForces(grpc::CallbackServerContext* context,
-                                       const v1::StopForcesRequest* request,
-                                       v1::StopForcesResponse* response) override;
-  grpc::Status CalibrateDevice(grpc::ServerContext* context,
-                               const v1::CalibrateDeviceRequest* request,
-                               v1::CalibrateDeviceResponse* response) override;
+  Reply* GetDevice(CallContext* context, const v1::GetDeviceRequest* request,
+                   v1::GetDeviceResponse* response) override;
+  Reply* ListDevices(CallContext* context, const v1::ListDevicesRequest* request,
+                     v1::ListDevicesResponse* response) override;
+  Reply* EnableForces(CallContext* context, const v1::EnableForcesRequest* request,
+                      v1::EnableForcesResponse* response) override;
+  Reply* DisableForces(CallContext* context, const v1::DisableForcesRequest* request,
+                       v1::DisableForcesResponse* response) override;
+  Reply* StopForces(CallContext* context, const v1::StopForcesRequest* request,
+                    v1::StopForcesResponse* response) override;
+  Reply* CalibrateDevice(CallContext* context, const v1::CalibrateDeviceRequest* request,
+                         v1::CalibrateDeviceResponse* response) override;
 
  private:
   void CheckName(const std::string& name) const;
@@ -54,7 +51,7 @@ class DeviceService final
   void CheckForcesAreOff() const;
   void CheckEnabled(const ForceTick& forces) const;
 
-  Access& access_;
+  Calls& calls_;
   HapticDevice& device_;
   ServoLoop& servo_;
   const SceneInbox& inbox_;

@@ -24,86 +24,67 @@ v1::RecordingState ToProto(const RecordingStatus& status) {
 
 }  // namespace
 
-grpc::Status RecordingService::StartRecording(grpc::ServerContext* context,
-                                              const v1::StartRecordingRequest* request,
-                                              v1::StartRecordingResponse* response) {
-  const Admission admission = access_.Admit(context, "/palpate.v1.RecordingService/StartRecording");
-  if (!admission.ok()) return admission.status();
-  try {
-    const RecordingStatus status = control_.Start(request->path(), request->overwrite());
-    LogInfo("recording to {}", status.path);
-    *response->mutable_recording() = ToProto(status);
-    return grpc::Status::OK;
-  } catch (const std::exception& error) {
-    return admission.Failed(error);
-  }
+Reply* RecordingService::StartRecording(CallContext* context,
+                                        const v1::StartRecordingRequest* request,
+                                        v1::StartRecordingResponse* response) {
+  return calls_.Answer(context, "/palpate.v1.RecordingService/StartRecording", *request,
+                       [=, this](const Admission&) {
+                         const RecordingStatus status =
+                             control_.Start(request->path(), request->overwrite());
+                         LogInfo("recording to {}", status.path);
+                         *response->mutable_recording() = ToProto(status);
+                       });
 }
 
-grpc::Status RecordingService::StopRecording(grpc::ServerContext* context,
-                                             const v1::StopRecordingRequest*,
-                                             v1::StopRecordingResponse* response) {
-  const Admission admission = access_.Admit(context, "/palpate.v1.RecordingService/StopRecording");
-  if (!admission.ok()) return admission.status();
-  try {
-    const RecordingStatus status = control_.Stop();
-    if (status.error) {
-      LogWarning("recording to {} had ended: {}", status.path, status.error->what());
-    } else {
-      LogInfo("recorded {} ticks to {}, {} lost, {} bytes", status.counts.ticks, status.path,
-              status.counts.lost_ticks, status.counts.bytes);
-    }
-    *response->mutable_recording() = ToProto(status);
-    return grpc::Status::OK;
-  } catch (const std::exception& error) {
-    return ToStatus(error);
-  }
+Reply* RecordingService::StopRecording(CallContext* context,
+                                       const v1::StopRecordingRequest* request,
+                                       v1::StopRecordingResponse* response) {
+  return calls_.Answer(
+      context, "/palpate.v1.RecordingService/StopRecording", *request, [=, this](const Admission&) {
+        const RecordingStatus status = control_.Stop();
+        if (status.error) {
+          LogWarning("recording to {} had ended: {}", status.path, status.error->what());
+        } else {
+          LogInfo("recorded {} ticks to {}, {} lost, {} bytes", status.counts.ticks, status.path,
+                  status.counts.lost_ticks, status.counts.bytes);
+        }
+        *response->mutable_recording() = ToProto(status);
+      });
 }
 
-grpc::Status RecordingService::GetRecording(grpc::ServerContext* context,
-                                            const v1::GetRecordingRequest*,
-                                            v1::GetRecordingResponse* response) {
-  const Admission admission = access_.Admit(context, "/palpate.v1.RecordingService/GetRecording");
-  if (!admission.ok()) return admission.status();
-  *response->mutable_recording() = ToProto(control_.status());
-  return grpc::Status::OK;
+Reply* RecordingService::GetRecording(CallContext* context, const v1::GetRecordingRequest* request,
+                                      v1::GetRecordingResponse* response) {
+  return calls_.Answer(
+      context, "/palpate.v1.RecordingService/GetRecording", *request,
+      [=, this](const Admission&) { *response->mutable_recording() = ToProto(control_.status()); });
 }
 
-grpc::Status RecordingService::Mark(grpc::ServerContext* context, const v1::MarkRequest* request,
-                                    v1::MarkResponse* response) {
-  const Admission admission = access_.Admit(context, "/palpate.v1.RecordingService/Mark");
-  if (!admission.ok()) return admission.status();
-  try {
-    response->set_time_ns(control_.Mark(request->text()));
-    return grpc::Status::OK;
-  } catch (const std::exception& error) {
-    return ToStatus(error);
-  }
+Reply* RecordingService::Mark(CallContext* context, const v1::MarkRequest* request,
+                              v1::MarkResponse* response) {
+  return calls_.Answer(
+      context, "/palpate.v1.RecordingService/Mark", *request,
+      [=, this](const Admission&) { response->set_time_ns(control_.Mark(request->text())); });
 }
 
-grpc::Status RecordingService::Replay(grpc::ServerContext* context,
-                                      const v1::ReplayRequest* request,
-                                      grpc::ServerWriter<v1::ReplayResponse>* writer) {
-  const Admission admission = access_.Admit(context, "/palpate.v1.RecordingService/Replay");
-  if (!admission.ok()) return admission.status();
-  std::uint64_t ticks = 0;
-  const auto progress = [&](const ViewerReplayState& state) {
-    ticks = state.ticks;
-    v1::ReplayResponse event;
-    event.set_ticks(state.ticks);
-    event.set_lost_ticks(state.lost_ticks);
-    event.set_marker(state.marker);
-    admission.Write(*writer, event);
-  };
-  const auto cancelled = [&] { return context->IsCancelled(); };
-  try {
-    LogInfo("replaying {} to viewers", request->path());
-    control_.Replay(request->path(), request->speed() == 0.0 ? 1.0 : request->speed(), progress,
-                    cancelled);
-    LogInfo("replayed {} ticks of {}", ticks, request->path());
-    return grpc::Status::OK;
-  } catch (const std::exception& error) {
-    return admission.Failed(error);
-  }
+EventStream<v1::ReplayResponse>* RecordingService::Replay(CallContext* context,
+                                                          const v1::ReplayRequest* request) {
+  return calls_.Stream<v1::ReplayResponse>(
+      context, "/palpate.v1.RecordingService/Replay",
+      [=, this](auto& events, const auto& cancelled) {
+        std::uint64_t ticks = 0;
+        const auto progress = [&](const ViewerReplayState& state) {
+          ticks = state.ticks;
+          v1::ReplayResponse event;
+          event.set_ticks(state.ticks);
+          event.set_lost_ticks(state.lost_ticks);
+          event.set_marker(state.marker);
+          events.Send(std::move(event));
+        };
+        LogInfo("replaying {} to viewers", request->path());
+        control_.Replay(request->path(), request->speed() == 0.0 ? 1.0 : request->speed(), progress,
+                        cancelled);
+        LogInfo("replayed {} ticks of {}", ticks, request->path());
+      });
 }
 
 }  // namespace palpate

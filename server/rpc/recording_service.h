@@ -3,30 +3,28 @@
 
 #include "palpate/v1/recording.grpc.pb.h"
 #include "server/recording/recording_control.h"
-#include "server/rpc/access.h"
+#include "server/rpc/calls.h"
 
 namespace palpate {
 
-class RecordingService final : public v1::RecordingService::Service {
+class RecordingService final : public v1::RecordingService::CallbackService {
  public:
   // Borrows both.
-  RecordingService(Access& access, RecordingControl& control)
-      : access_(access), control_(control) {}
+  RecordingService(Calls& calls, RecordingControl& control) : calls_(calls), control_(control) {}
 
-  grpc::Status StartRecording(grpc::ServerContext* context,
-                              const v1::StartRecordingRequest* request,
-                              v1::StartRecordingResponse* response) override;
-  grpc::Status StopRecording(grpc::ServerContext* context, const v1::StopRecordingRequest* request,
-                             v1::StopRecordingResponse* response) override;
-  grpc::Status GetRecording(grpc::ServerContext* context, const v1::GetRecordingRequest* request,
-                            v1::GetRecordingResponse* response) override;
-  grpc::Status Mark(grpc::ServerContext* context, const v1::MarkRequest* request,
-                    v1::MarkResponse* response) override;
-  grpc::Status Replay(grpc::ServerContext* context, const v1::ReplayRequest* request,
-                      grpc::ServerWriter<v1::ReplayResponse>* writer) override;
+  Reply* StartRecording(CallContext* context, const v1::StartRecordingRequest* request,
+                        v1::StartRecordingResponse* response) override;
+  Reply* StopRecording(CallContext* context, const v1::StopRecordingRequest* request,
+                       v1::StopRecordingResponse* response) override;
+  Reply* GetRecording(CallContext* context, const v1::GetRecordingRequest* request,
+                      v1::GetRecordingResponse* response) override;
+  Reply* Mark(CallContext* context, const v1::MarkRequest* request,
+              v1::MarkResponse* response) override;
+  EventStream<v1::ReplayResponse>* Replay(CallContext* context,
+                                          const v1::ReplayRequest* request) override;
 
  private:
-  Access& access_;
+  Calls& calls_;
   RecordingControl& control_;
 };
 

@@ -35,40 +35,36 @@ RegistrationUpdate UpdateOf(const v1::UpdateRegistrationRequest& request) {
 
 }  // namespace
 
-grpc::Status RegistrationService::GetRegistration(grpc::ServerContext* context,
-                                                  const v1::GetRegistrationRequest*,
-                                                  v1::GetRegistrationResponse* response) {
-  const Admission admission =
-      access_.Admit(context, "/palpate.v1.RegistrationService/GetRegistration");
-  if (!admission.ok()) return admission.status();
-  const VolumeState state = session_.volume();
-  *response->mutable_registration() = ToProto(state);
-  response->set_settings_revision(state.settings_revision);
-  return grpc::Status::OK;
+Reply* RegistrationService::GetRegistration(CallContext* context,
+                                            const v1::GetRegistrationRequest* request,
+                                            v1::GetRegistrationResponse* response) {
+  return calls_.Answer(context, "/palpate.v1.RegistrationService/GetRegistration", *request,
+                       [=, this](const Admission&) {
+                         const VolumeState state = session_.volume();
+                         *response->mutable_registration() = ToProto(state);
+                         response->set_settings_revision(state.settings_revision);
+                       });
 }
 
-grpc::Status RegistrationService::UpdateRegistration(grpc::ServerContext* context,
-                                                     const v1::UpdateRegistrationRequest* request,
-                                                     v1::UpdateRegistrationResponse* response) {
-  const Admission admission =
-      access_.Admit(context, "/palpate.v1.RegistrationService/UpdateRegistration");
-  if (!admission.ok()) return admission.status();
-  try {
-    const RegistrationUpdate update = UpdateOf(*request);
-    const auto change = [&](const VolumeState& state) {
-      return Apply(update, state.volume->metadata(), session_.device(), state.registration);
-    };
-    std::optional<std::uint64_t> expected;
-    if (request->has_expected_revision()) expected = request->expected_revision();
-    const VolumeState state = session_.Move(change, expected);
-    const AppliedTick applied = session_.WaitForServo(state.scene_revision);
-    *response->mutable_registration() = ToProto(state);
-    response->set_settings_revision(state.settings_revision);
-    response->set_applied_tick(applied.tick);
-    return grpc::Status::OK;
-  } catch (const std::exception& error) {
-    return ToStatus(error);
-  }
+Reply* RegistrationService::UpdateRegistration(CallContext* context,
+                                               const v1::UpdateRegistrationRequest* request,
+                                               v1::UpdateRegistrationResponse* response) {
+  return calls_.Answer(context, "/palpate.v1.RegistrationService/UpdateRegistration", *request,
+                       [=, this](const Admission&) {
+                         const RegistrationUpdate update = UpdateOf(*request);
+                         const auto change = [&](const VolumeState& state) {
+                           return Apply(update, state.volume->metadata(), session_.device(),
+                                        state.registration);
+                         };
+                         std::optional<std::uint64_t> expected;
+                         if (request->has_expected_revision())
+                           expected = request->expected_revision();
+                         const VolumeState state = session_.Move(change, expected);
+                         const AppliedTick applied = session_.WaitForServo(state.scene_revision);
+                         *response->mutable_registration() = ToProto(state);
+                         response->set_settings_revision(state.settings_revision);
+                         response->set_applied_tick(applied.tick);
+                       });
 }
 
 }  // namespace palpate

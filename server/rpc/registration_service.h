@@ -2,24 +2,22 @@
 #pragma once
 
 #include "palpate/v1/registration.grpc.pb.h"
-#include "server/rpc/access.h"
+#include "server/rpc/calls.h"
 #include "server/session/session.h"
 
 namespace palpate {
 
-class RegistrationService final : public v1::RegistrationService::Service {
+class RegistrationService final : public v1::RegistrationService::CallbackService {
  public:
-  RegistrationService(Access& access, Session& session) : access_(access), session_(session) {}
+  RegistrationService(Calls& calls, Session& session) : calls_(calls), session_(session) {}
 
-  grpc::Status GetRegistration(grpc::ServerContext* context,
-                               const v1::GetRegistrationRequest* request,
-                               v1::GetRegistrationResponse* response) override;
-  grpc::Status UpdateRegistration(grpc::ServerContext* context,
-                                  const v1::UpdateRegistrationRequest* request,
-                                  v1::UpdateRegistrationResponse* response) override;
+  Reply* GetRegistration(CallContext* context, const v1::GetRegistrationRequest* request,
+                         v1::GetRegistrationResponse* response) override;
+  Reply* UpdateRegistration(CallContext* context, const v1::UpdateRegistrationRequest* request,
+                            v1::UpdateRegistrationResponse* response) override;
 
  private:
-  Access& access_;
+  Calls& calls_;
   Session& session_;
 };
 

@@ -95,33 +95,28 @@ SettingsUpdate FromProto(const v1::UpdateSettingsRequest& request) {
   return update;
 }
 
-grpc::Status RenderService::GetSettings(grpc::ServerContext* context, const v1::GetSettingsRequest*,
-                                        v1::GetSettingsResponse* response) {
-  const Admission admission = access_.Admit(context, "/palpate.v1.RenderService/GetSettings");
-  if (!admission.ok()) return admission.status();
-  const SettingsState state = session_.settings();
-  *response->mutable_settings() = ToProto(state.settings);
-  response->set_settings_revision(state.settings_revision);
-  return grpc::Status::OK;
+Reply* RenderService::GetSettings(CallContext* context, const v1::GetSettingsRequest* request,
+                                  v1::GetSettingsResponse* response) {
+  return calls_.Answer(context, "/palpate.v1.RenderService/GetSettings", *request,
+                       [=, this](const Admission&) {
+                         const SettingsState state = session_.settings();
+                         *response->mutable_settings() = ToProto(state.settings);
+                         response->set_settings_revision(state.settings_revision);
+                       });
 }
 
-grpc::Status RenderService::UpdateSettings(grpc::ServerContext* context,
-                                           const v1::UpdateSettingsRequest* request,
-                                           v1::UpdateSettingsResponse* response) {
-  const Admission admission = access_.Admit(context, "/palpate.v1.RenderService/UpdateSettings");
-  if (!admission.ok()) return admission.status();
-  const std::int64_t received_ns = MonotonicNowNs();
-  try {
-    const SettingsApplied result = session_.Update(FromProto(*request));
-    *response->mutable_settings() = ToProto(result.state.settings);
-    response->set_settings_revision(result.state.settings_revision);
-    response->set_applied_tick(result.applied.tick);
-    response->set_receipt_to_applied_ns(result.applied.time_ns - received_ns);
-    metrics_.SettingsFelt(result.applied.time_ns - received_ns);
-    return grpc::Status::OK;
-  } catch (const std::exception& error) {
-    return ToStatus(error);
-  }
+Reply* RenderService::UpdateSettings(CallContext* context, const v1::UpdateSettingsRequest* request,
+                                     v1::UpdateSettingsResponse* response) {
+  return calls_.Answer(context, "/palpate.v1.RenderService/UpdateSettings", *request,
+                       [=, this](const Admission&) {
+                         const std::int64_t received_ns = MonotonicNowNs();
+                         const SettingsApplied result = session_.Update(FromProto(*request));
+                         *response->mutable_settings() = ToProto(result.state.settings);
+                         response->set_settings_revision(result.state.settings_revision);
+                         response->set_applied_tick(result.applied.tick);
+                         response->set_receipt_to_applied_ns(result.applied.time_ns - received_ns);
+                         metrics_.SettingsFelt(result.applied.time_ns - received_ns);
+                       });
 }
 
 }  // namespace palpate

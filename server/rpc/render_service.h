@@ -3,24 +3,23 @@
 
 #include "palpate/v1/render.grpc.pb.h"
 #include "server/metrics/service_metrics.h"
-#include "server/rpc/access.h"
+#include "server/rpc/calls.h"
 #include "server/session/session.h"
 
 namespace palpate {
 
-class RenderService final : public v1::RenderService::Service {
+class RenderService final : public v1::RenderService::CallbackService {
  public:
-  RenderService(Access& access, Session& session, ServiceMetrics& metrics)
-      : access_(access), session_(session), metrics_(metrics) {}
+  RenderService(Calls& calls, Session& session, ServiceMetrics& metrics)
+      : calls_(calls), session_(session), metrics_(metrics) {}
 
-  grpc::Status GetSettings(grpc::ServerContext* context, const v1::GetSettingsRequest* request,
-                           v1::GetSettingsResponse* response) override;
-  grpc::Status UpdateSettings(grpc::ServerContext* context,
-                              const v1::UpdateSettingsRequest* request,
-                              v1::UpdateSettingsResponse* response) override;
+  Reply* GetSettings(CallContext* context, const v1::GetSettingsRequest* request,
+                     v1::GetSettingsResponse* response) override;
+  Reply* UpdateSettings(CallContext* context, const v1::UpdateSettingsRequest* request,
+                        v1::UpdateSettingsResponse* response) override;
 
  private:
-  Access& access_;
+  Calls& calls_;
   Session& session_;
   ServiceMetrics& metrics_;
 };

@@ -42,60 +42,41 @@ std::string Title(const std::vector<std::string>& sources) {
 
 }  // namespace
 
-grpc::Status SeriesService::LoadSeries(grpc::ServerContext* context,
-                                       const v1::LoadSeriesRequest* request,
-                                       grpc::ServerWriter<v1::LoadSeriesResponse>* writer) {
-  const Admission admission = access_.Admit(context, "/palpate.v1.SeriesService/LoadSeries");
-  if (!admission.ok()) return admission.status();
-  const auto progress = [&](std::string_view stage, double fraction) {
-    v1::LoadSeriesResponse event;
-    event.mutable_progress()->set_stage(std::string(stage));
-    event.mutable_progress()->set_fraction(fraction);
-    admission.Write(*writer, event);
-  };
-  const auto cancelled = [&] { return context->IsCancelled(); };
-  try {
-    const std::vector<std::string> sources(request->sources().begin(), request->sources().end());
-    const auto files = FindSeriesFiles(sources, paths_);
-    LoadRequest load = FromProto(request->options());
-    load.title = Title(sources);
-    const VolumeState state = player_.Load(files, load, progress, cancelled);
-    const AppliedTick applied = session_.WaitForServo(state.scene_revision);
-    v1::LoadSeriesResponse event;
-    *event.mutable_result()->mutable_volume() = palpate::ToProto(state);
-    *event.mutable_result()->mutable_series() = ToProto(player_.state());
-    admission.Write(*writer, event);
-    LogInfo("loaded a series of {} frames, {} (volume revision {}) at tick {}",
-            event.result().series().frames(), load.title, state.volume->revision(), applied.tick);
-    return grpc::Status::OK;
-  } catch (const std::exception& error) {
-    return admission.Failed(error);
-  }
+EventStream<v1::LoadSeriesResponse>* SeriesService::LoadSeries(
+    CallContext* context, const v1::LoadSeriesRequest* request) {
+  return calls_.Stream<v1::LoadSeriesResponse>(
+      context, "/palpate.v1.SeriesService/LoadSeries",
+      [=, this](auto& events, const auto& cancelled) {
+        const std::vector<std::string> sources(request->sources().begin(),
+                                               request->sources().end());
+        const auto files = FindSeriesFiles(sources, paths_);
+        LoadRequest load = FromProto(request->options());
+        load.title = Title(sources);
+        const VolumeState state = player_.Load(files, load, ProgressTo(events), cancelled);
+        const AppliedTick applied = session_.WaitForServo(state.scene_revision);
+        v1::LoadSeriesResponse event;
+        *event.mutable_result()->mutable_volume() = palpate::ToProto(state);
+        *event.mutable_result()->mutable_series() = ToProto(player_.state());
+        LogInfo("loaded a series of {} frames, {} (volume revision {}) at tick {}",
+                event.result().series().frames(), load.title, state.volume->revision(),
+                applied.tick);
+        events.Send(std::move(event));
+      });
 }
 
-grpc::Status SeriesService::GetSeries(grpc::ServerContext* context, const v1::GetSeriesRequest*,
-                                      v1::GetSeriesResponse* response) {
-  const Admission admission = access_.Admit(context, "/palpate.v1.SeriesService/GetSeries");
-  if (!admission.ok()) return admission.status();
-  try {
-    *response->mutable_series() = ToProto(player_.state());
-    return grpc::Status::OK;
-  } catch (const std::exception& error) {
-    return ToStatus(error);
-  }
+Reply* SeriesService::GetSeries(CallContext* context, const v1::GetSeriesRequest* request,
+                                v1::GetSeriesResponse* response) {
+  return calls_.Answer(
+      context, "/palpate.v1.SeriesService/GetSeries", *request,
+      [=, this](const Admission&) { *response->mutable_series() = ToProto(player_.state()); });
 }
 
-grpc::Status SeriesService::ControlSeries(grpc::ServerContext* context,
-                                          const v1::ControlSeriesRequest* request,
-                                          v1::ControlSeriesResponse* response) {
-  const Admission admission = access_.Admit(context, "/palpate.v1.SeriesService/ControlSeries");
-  if (!admission.ok()) return admission.status();
-  try {
-    *response->mutable_series() = ToProto(player_.Control(ControlOf(*request)));
-    return grpc::Status::OK;
-  } catch (const std::exception& error) {
-    return ToStatus(error);
-  }
+Reply* SeriesService::ControlSeries(CallContext* context, const v1::ControlSeriesRequest* request,
+                                    v1::ControlSeriesResponse* response) {
+  return calls_.Answer(
+      context, "/palpate.v1.SeriesService/ControlSeries", *request, [=, this](const Admission&) {
+        *response->mutable_series() = ToProto(player_.Control(ControlOf(*request)));
+      });
 }
 
 }  // namespace palpate

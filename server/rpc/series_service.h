@@ -2,28 +2,28 @@
 #pragma once
 
 #include "palpate/v1/series.grpc.pb.h"
-#include "server/rpc/access.h"
+#include "server/rpc/calls.h"
 #include "server/session/path_policy.h"
 #include "server/session/series_player.h"
 #include "server/session/session.h"
 
 namespace palpate {
 
-class SeriesService final : public v1::SeriesService::Service {
+class SeriesService final : public v1::SeriesService::CallbackService {
  public:
   // Borrows all arguments.
-  SeriesService(Access& access, Session& session, SeriesPlayer& player, const PathPolicy& paths)
-      : access_(access), session_(session), player_(player), paths_(paths) {}
+  SeriesService(Calls& calls, Session& session, SeriesPlayer& player, const PathPolicy& paths)
+      : calls_(calls), session_(session), player_(player), paths_(paths) {}
 
-  grpc::Status LoadSeries(grpc::ServerContext* context, const v1::LoadSeriesRequest* request,
-                          grpc::ServerWriter<v1::LoadSeriesResponse>* writer) override;
-  grpc::Status GetSeries(grpc::ServerContext* context, const v1::GetSeriesRequest* request,
-                         v1::GetSeriesResponse* response) override;
-  grpc::Status ControlSeries(grpc::ServerContext* context, const v1::ControlSeriesRequest* request,
-                             v1::ControlSeriesResponse* response) override;
+  EventStream<v1::LoadSeriesResponse>* LoadSeries(CallContext* context,
+                                                  const v1::LoadSeriesRequest* request) override;
+  Reply* GetSeries(CallContext* context, const v1::GetSeriesRequest* request,
+                   v1::GetSeriesResponse* response) override;
+  Reply* ControlSeries(CallContext* context, const v1::ControlSeriesRequest* request,
+                       v1::ControlSeriesResponse* response) override;
 
  private:
-  Access& access_;
+  Calls& calls_;
   Session& session_;
   SeriesPlayer& player_;
   const PathPolicy& paths_;

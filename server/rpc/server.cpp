@@ -7,6 +7,7 @@
 #include <grpcpp/impl/server_builder_option.h>
 #include <grpcpp/impl/server_builder_plugin.h>
 #include <netinet/in.h>
+#include <pthread.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -75,6 +76,13 @@ class WithoutPlugins final : public grpc::ServerBuilderOption {
   }
 };
 
+// Waits on the queue until its shutdown; the queue gets no events.
+void Drain(grpc::ServerCompletionQueue& queue) {
+  void* tag = nullptr;
+  for (bool ok = false; queue.Next(&tag, &ok);) {
+  }
+}
+
 // Limits how much of gRPC itself a client may use, before and besides any call.
 void Bound(grpc::ServerBuilder& builder) {
   builder.SetMaxReceiveMessageSize(kMaxMessageBytes);
@@ -104,14 +112,14 @@ RpcServer::RpcServer(ServerOptions options, const ServedParts& parts)
       access_(options_.security.limits, &watch_),
       acceptor_(FirstRefusedFile(RaiseOpenFileLimit(), options_.security.connections), watch_),
       poses_(access_, parts.pump, parts.metrics),
-      render_(access_, parts.session, parts.metrics),
+      render_(calls_, parts.session, parts.metrics),
       volume_streams_(parts.session),
-      registration_(access_, parts.session),
-      volume_(access_, parts.session, parts.editor, options_.paths, options_.uploads,
+      registration_(calls_, parts.session),
+      volume_(calls_, parts.session, parts.editor, options_.paths, options_.uploads,
               volume_streams_, parts.metrics),
-      series_(access_, parts.session, parts.series, options_.paths),
-      device_(access_, parts.device, parts.servo, parts.inbox, parts.forces, parts.list_devices),
-      recording_(access_, parts.recording) {}
+      series_(calls_, parts.session, parts.series, options_.paths),
+      device_(calls_, parts.device, parts.servo, parts.inbox, parts.forces, parts.list_devices),
+      recording_(calls_, parts.recording) {}
 
 // gRPC lets two servers listen on one path without noticing each other, so a lock file decides. The
 // file stays when the daemon ends: if it were removed, one daemon could lock the old file and
@@ -188,10 +196,13 @@ void RpcServer::Start() {
     builder.RegisterService(service);
   }
   acceptor_.TakeSocket(options_.socket_path);
-  poller_ = std::make_unique<StandbyPoller>(builder);
+  standby_queue_ = builder.AddCompletionQueue();
   server_ = builder.BuildAndStart();
   if (!server_) throw Error(ErrorKind::kInternal, "gRPC does not start: see its lines above");
-  poller_->Start();
+  standby_ = std::thread([this] {
+    pthread_setname_np(pthread_self(), "palpate-rpc");
+    Drain(*standby_queue_);
+  });
   acceptor_.Start(std::move(sinks));
 }
 
@@ -209,7 +220,13 @@ void RpcServer::Stop() noexcept {
     server_.reset();
     unlink(options_.socket_path.c_str());
   }
-  poller_.reset();
+  if (standby_queue_) standby_queue_->Shutdown();
+  if (standby_.joinable()) {
+    standby_.join();
+  } else if (standby_queue_) {
+    Drain(*standby_queue_);
+  }
+  standby_queue_.reset();
   // Destroyed while the lock is held: afterwards another daemon may make the folder anew.
   security_files_.reset();
   tls_.reset();

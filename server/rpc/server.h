@@ -9,12 +9,14 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <thread>
 
 #include "common/files/file_lock.h"
 #include "common/wire/address.h"
 #include "server/metrics/service_metrics.h"
 #include "server/rpc/acceptor.h"
 #include "server/rpc/access.h"
+#include "server/rpc/calls.h"
 #include "server/rpc/device_service.h"
 #include "server/rpc/pose_service.h"
 #include "server/rpc/recording_service.h"
@@ -22,7 +24,6 @@
 #include "server/rpc/render_service.h"
 #include "server/rpc/security_files.h"
 #include "server/rpc/series_service.h"
-#include "server/rpc/standby_poller.h"
 #include "server/rpc/tls.h"
 #include "server/rpc/volume_service.h"
 #include "server/session/path_policy.h"
@@ -91,6 +92,7 @@ class RpcServer {
   ServerOptions options_;
   ConnectionWatch watch_;
   Access access_;
+  Calls calls_{access_};
   Acceptor acceptor_;
   std::unique_ptr<TlsFiles> tls_;
   PoseService poses_;
@@ -101,7 +103,11 @@ class RpcServer {
   SeriesService series_;
   DeviceService device_;
   RecordingService recording_;
-  std::unique_ptr<StandbyPoller> poller_;
+  // A thread that reads from connections when none of gRPC's own does. gRPC 1.51 reads on the
+  // threads of its callback queue, and each of these sleeps for 100 ms after every second without
+  // a call: every call would wait for up to 100 ms.
+  std::unique_ptr<grpc::ServerCompletionQueue> standby_queue_;
+  std::thread standby_;
   std::unique_ptr<grpc::Server> server_;
   std::unique_ptr<SecurityFiles> security_files_;
   FileLock lock_;

@@ -17,138 +17,124 @@ VolumeEditor::Revision Expected(const Request& request) {
   return request.expected_revision();
 }
 
-VolumeEditor::Cancelled Cancelled(grpc::ServerContext* context) {
-  return [context] { return context->IsCancelled(); };
-}
-
 }  // namespace
 
-template <class Change>
-grpc::Status VolumeService::Answer(v1::EditVolumeResponse* response, const Change& change) {
-  const std::int64_t received_ns = MonotonicNowNs();
-  try {
-    const EditOutcome outcome = change();
+Reply* VolumeService::Change(CallContext* context, std::string_view method,
+                             const google::protobuf::Message& request,
+                             v1::EditVolumeResponse* response, const EditChange& change) {
+  return calls_.Answer(context, method, request, [=, this](const Admission&) {
+    const std::int64_t received_ns = MonotonicNowNs();
+    const EditOutcome outcome = change([context] { return context->IsCancelled(); });
     const AppliedTick applied = editor_.Wait(outcome);
     metrics_.EditFelt(applied.time_ns - received_ns);
     *response = ToProto(outcome, applied);
-    return grpc::Status::OK;
-  } catch (const std::exception& error) {
-    return ToStatus(error);
-  }
+  });
 }
 
-grpc::Status VolumeService::GetVolume(grpc::ServerContext* context, const v1::GetVolumeRequest*,
-                                      v1::GetVolumeResponse* response) {
-  const Admission admission = access_.Admit(context, "/palpate.v1.VolumeService/GetVolume");
-  if (!admission.ok()) return admission.status();
-  *response->mutable_volume() = ToProto(session_.volume());
-  return grpc::Status::OK;
+Reply* VolumeService::GetVolume(CallContext* context, const v1::GetVolumeRequest* request,
+                                v1::GetVolumeResponse* response) {
+  return calls_.Answer(
+      context, "/palpate.v1.VolumeService/GetVolume", *request,
+      [=, this](const Admission&) { *response->mutable_volume() = ToProto(session_.volume()); });
 }
 
-grpc::Status VolumeService::LoadVolume(grpc::ServerContext* context,
-                                       const v1::LoadVolumeRequest* request,
-                                       grpc::ServerWriter<v1::LoadVolumeResponse>* writer) {
-  const Admission admission = access_.Admit(context, "/palpate.v1.VolumeService/LoadVolume");
-  if (!admission.ok()) return admission.status();
-  const auto progress = [&](std::string_view stage, double fraction) {
-    v1::LoadVolumeResponse event;
-    event.mutable_progress()->set_stage(std::string(stage));
-    event.mutable_progress()->set_fraction(fraction);
-    admission.Write(*writer, event);
-  };
-  const auto cancelled = [&] { return context->IsCancelled(); };
-  try {
-    LoadRequest load = FromProto(*request);
-    load.source = paths_.CheckLoad(request->source());
-    load.title = request->source();  // as the client named it, without following links
-    AppliedTick applied;
-    const VolumeState state = session_.LoadAndWait(load, progress, cancelled, applied);
-    v1::LoadVolumeResponse event;
-    *event.mutable_result()->mutable_volume() = ToProto(state);
-    event.mutable_result()->set_applied_tick(applied.tick);
-    event.mutable_result()->set_settings_revision(state.settings_revision);
-    admission.Write(*writer, event);
-    LogInfo("loaded {} (volume revision {}) at tick {}", request->source(),
-            state.volume->revision(), applied.tick);
-    return grpc::Status::OK;
-  } catch (const std::exception& error) {
-    return admission.Failed(error);
-  }
+EventStream<v1::LoadVolumeResponse>* VolumeService::LoadVolume(
+    CallContext* context, const v1::LoadVolumeRequest* request) {
+  return calls_.Stream<v1::LoadVolumeResponse>(
+      context, "/palpate.v1.VolumeService/LoadVolume",
+      [=, this](auto& events, const auto& cancelled) {
+        LoadRequest load = FromProto(*request);
+        load.source = paths_.CheckLoad(request->source());
+        load.title = request->source();  // as the client named it, without following links
+        AppliedTick applied;
+        const VolumeState state =
+            session_.LoadAndWait(load, ProgressTo(events), cancelled, applied);
+        LogInfo("loaded {} (volume revision {}) at tick {}", request->source(),
+                state.volume->revision(), applied.tick);
+        v1::LoadVolumeResponse event;
+        *event.mutable_result()->mutable_volume() = ToProto(state);
+        event.mutable_result()->set_applied_tick(applied.tick);
+        event.mutable_result()->set_settings_revision(state.settings_revision);
+        events.Send(std::move(event));
+      });
 }
 
-VolumeStreamReactor* VolumeService::StreamVolume(grpc::CallbackServerContext* context) {
-  Admission admission = access_.Admit(context, "/palpate.v1.VolumeService/StreamVolume");
+VolumeStreamReactor* VolumeService::StreamVolume(CallContext* context) {
+  Admission admission = calls_.access().Admit(context, "/palpate.v1.VolumeService/StreamVolume");
   if (!admission.ok()) {
     return new RefusedStream<v1::StreamVolumeRequest, v1::StreamVolumeResponse>(admission.status());
   }
   return StreamVolumeTo(streams_, std::move(admission));
 }
 
-grpc::Status VolumeService::EditVolume(grpc::ServerContext* context,
-                                       const v1::EditVolumeRequest* request,
-                                       v1::EditVolumeResponse* response) {
-  const Admission admission = access_.Admit(context, "/palpate.v1.VolumeService/EditVolume");
-  if (!admission.ok()) return admission.status();
-  return Answer(response, [&] {
-    const VolumeEdit edit = FromProto(*request);
-    return editor_.Edit(edit, Expected(*request), 0, Cancelled(context));
-  });
+Reply* VolumeService::EditVolume(CallContext* context, const v1::EditVolumeRequest* request,
+                                 v1::EditVolumeResponse* response) {
+  return Change(context, "/palpate.v1.VolumeService/EditVolume", *request, response,
+                [=, this](const auto& cancelled) {
+                  return editor_.Edit(FromProto(*request), Expected(*request), 0, cancelled);
+                });
 }
 
-grpc::Status VolumeService::FilterVolume(grpc::ServerContext* context,
-                                         const v1::FilterVolumeRequest* request,
-                                         grpc::ServerWriter<v1::FilterVolumeResponse>* writer) {
-  const Admission admission = access_.Admit(context, "/palpate.v1.VolumeService/FilterVolume");
-  if (!admission.ok()) return admission.status();
-  const auto progress = [&](std::string_view stage, double fraction) {
-    v1::FilterVolumeResponse event;
-    event.mutable_progress()->set_stage(std::string(stage));
-    event.mutable_progress()->set_fraction(fraction);
-    admission.Write(*writer, event);
-  };
-  const auto cancelled = [&] { return context->IsCancelled(); };
-  try {
-    const EditOutcome outcome =
-        filterer_.Filter(FromProto(*request), Expected(*request), progress, cancelled);
-    v1::FilterVolumeResponse event;
-    *event.mutable_result() = ToProto(outcome, editor_.Wait(outcome));
-    admission.Write(*writer, event);
-    return grpc::Status::OK;
-  } catch (const std::exception& error) {
-    return admission.Failed(error);
+EventStream<v1::FilterVolumeResponse>* VolumeService::FilterVolume(
+    CallContext* context, const v1::FilterVolumeRequest* request) {
+  return calls_.Stream<v1::FilterVolumeResponse>(
+      context, "/palpate.v1.VolumeService/FilterVolume",
+      [=, this](auto& events, const auto& cancelled) {
+        const EditOutcome outcome = filterer_.Filter(FromProto(*request), Expected(*request),
+                                                     ProgressTo(events), cancelled);
+        v1::FilterVolumeResponse event;
+        *event.mutable_result() = ToProto(outcome, editor_.Wait(outcome));
+        events.Send(std::move(event));
+      });
+}
+
+Reply* VolumeService::UndoEdit(CallContext* context, const v1::UndoEditRequest* request,
+                               v1::EditVolumeResponse* response) {
+  return Change(
+      context, "/palpate.v1.VolumeService/UndoEdit", *request, response,
+      [=, this](const auto& cancelled) { return editor_.Undo(Expected(*request), cancelled); });
+}
+
+Reply* VolumeService::RedoEdit(CallContext* context, const v1::RedoEditRequest* request,
+                               v1::EditVolumeResponse* response) {
+  return Change(
+      context, "/palpate.v1.VolumeService/RedoEdit", *request, response,
+      [=, this](const auto& cancelled) { return editor_.Redo(Expected(*request), cancelled); });
+}
+
+Reply* VolumeService::RevertVolume(CallContext* context, const v1::RevertVolumeRequest* request,
+                                   v1::EditVolumeResponse* response) {
+  return Change(
+      context, "/palpate.v1.VolumeService/RevertVolume", *request, response,
+      [=, this](const auto& cancelled) { return editor_.Revert(Expected(*request), cancelled); });
+}
+
+void VolumeService::SaveTo(const v1::SaveVolumeRequest& request, const ExportProgress& progress,
+                           const ExportCancelled& cancelled, v1::SaveVolumeResult& result) {
+  // Two saves to one path would mix.
+  const std::unique_lock saving(saving_, std::try_to_lock);
+  if (!saving) {
+    throw Error(ErrorKind::kConflict, "a volume is being saved: try again when it is done");
   }
+  const auto volume = session_.volume().volume;
+  const std::filesystem::path path = paths_.CheckSave(request.path());
+  const MemoryClaim claim = session_.loader().budget->Claim("saving", ExportBytes(*volume, path));
+  const TidyBrickWork freed(session_.retired());
+  result.set_size_bytes(ExportVolume(*volume, {path, request.overwrite()}, progress, cancelled));
+  result.set_volume_revision(volume->revision());
 }
 
-grpc::Status VolumeService::UndoEdit(grpc::ServerContext* context,
-                                     const v1::UndoEditRequest* request,
-                                     v1::EditVolumeResponse* response) {
-  const Admission admission = access_.Admit(context, "/palpate.v1.VolumeService/UndoEdit");
-  if (!admission.ok()) return admission.status();
-  return Answer(response, [&] { return editor_.Undo(Expected(*request), Cancelled(context)); });
-}
-
-grpc::Status VolumeService::RedoEdit(grpc::ServerContext* context,
-                                     const v1::RedoEditRequest* request,
-                                     v1::EditVolumeResponse* response) {
-  const Admission admission = access_.Admit(context, "/palpate.v1.VolumeService/RedoEdit");
-  if (!admission.ok()) return admission.status();
-  return Answer(response, [&] { return editor_.Redo(Expected(*request), Cancelled(context)); });
-}
-
-grpc::Status VolumeService::RevertVolume(grpc::ServerContext* context,
-                                         const v1::RevertVolumeRequest* request,
-                                         v1::EditVolumeResponse* response) {
-  const Admission admission = access_.Admit(context, "/palpate.v1.VolumeService/RevertVolume");
-  if (!admission.ok()) return admission.status();
-  return Answer(response, [&] { return editor_.Revert(Expected(*request), Cancelled(context)); });
-}
-
-grpc::Status VolumeService::SaveVolume(grpc::ServerContext* context,
-                                       const v1::SaveVolumeRequest* request,
-                                       grpc::ServerWriter<v1::SaveVolumeResponse>* writer) {
-  const Admission admission = access_.Admit(context, "/palpate.v1.VolumeService/SaveVolume");
-  if (!admission.ok()) return admission.status();
-  return saver_.Save(context, admission, *request, writer);
+EventStream<v1::SaveVolumeResponse>* VolumeService::SaveVolume(
+    CallContext* context, const v1::SaveVolumeRequest* request) {
+  return calls_.Stream<v1::SaveVolumeResponse>(
+      context, "/palpate.v1.VolumeService/SaveVolume",
+      [=, this](auto& events, const auto& cancelled) {
+        v1::SaveVolumeResponse event;
+        SaveTo(*request, ProgressTo(events), cancelled, *event.mutable_result());
+        LogInfo("saved volume revision {} to {} ({} bytes)", event.result().volume_revision(),
+                request->path(), event.result().size_bytes());
+        events.Send(std::move(event));
+      });
 }
 
 }  // namespace palpate

@@ -13,19 +13,8 @@
 namespace palpate {
 namespace {
 
+constexpr char kMethod[] = "/palpate.v1.VolumeService/UploadVolume";
 constexpr std::size_t kMostBytesPerMessage = 1 << 20;
-
-// Takes all messages. If the stream breaks off, the upload ends with too few bytes.
-void Receive(grpc::ServerReader<v1::UploadVolumeRequest>& reader, Upload& upload) {
-  for (v1::UploadVolumeRequest message; reader.Read(&message);) {
-    if (!message.has_data()) Refuse("after the start of an upload, only data may follow");
-    if (message.data().size() > kMostBytesPerMessage) {
-      Refuse("a message of an upload holds at most 1 MiB of data");
-    }
-    upload.Append(message.data());
-  }
-  upload.Finish();
-}
 
 // Replaces the file's path by the upload's title: the client does not know the path.
 Error WithTitle(const std::exception& error, const Upload& upload) {
@@ -55,36 +44,95 @@ VolumeState VolumeService::LoadUpload(const Upload& upload, LoadRequest request,
   }
 }
 
-grpc::Status VolumeService::UploadVolume(grpc::ServerContext* context,
-                                         grpc::ServerReader<v1::UploadVolumeRequest>* reader,
-                                         v1::UploadVolumeResponse* response) {
-  const Admission admission = access_.Admit(context, "/palpate.v1.VolumeService/UploadVolume");
-  if (!admission.ok()) return admission.status();
-  try {
-    v1::UploadVolumeRequest message;
-    if (!reader->Read(&message) || !message.has_start()) Refuse("an upload begins with its start");
-    const v1::UploadVolumeStart& start = message.start();
-    const LoadRequest options = FromProto(start.options());
-    Upload upload(uploads_, *session_.loader().budget,
-                  {.name = start.name(),
-                   .size_bytes = start.size_bytes(),
-                   .crc32 = start.crc32(),
-                   .holds_voxels = options.raw.has_value()});
-    Receive(*reader, upload);
-    const auto cancelled = [context] { return context->IsCancelled(); };
+// An upload that is received. Messages come one at a time; each is written by a thread for calls.
+class VolumeService::Uploading final : public grpc::ServerReadReactor<v1::UploadVolumeRequest> {
+ public:
+  Uploading(VolumeService& service, CallContext* context, v1::UploadVolumeResponse* response)
+      : service_(service),
+        context_(context),
+        response_(response),
+        admission_(service.calls_.access().Admit(context, kMethod)) {
+    admission_.ok() ? ReadMore() : End(admission_.status());
+  }
+
+  void OnReadDone(bool ok) override {
+    service_.calls_.threads().Run(kMethod, [this, ok] {
+      admission_.WaitForMore(false);
+      try {
+        ok ? Take() : Load();
+      } catch (const std::exception& error) {
+        const Error cancelled(ErrorKind::kCancelled, "it was cancelled");
+        End(admission_.Failed(context_->IsCancelled() ? cancelled : error));
+      }
+    });
+  }
+  void OnDone() override { delete this; }
+
+ private:
+  void ReadMore() {
+    admission_.WaitForMore(true);
+    StartRead(&message_);
+  }
+
+  void Take() {
+    if (!upload_) {
+      Begin();
+    } else {
+      if (!message_.has_data()) Refuse("after the start of an upload, only data may follow");
+      if (message_.data().size() > kMostBytesPerMessage) {
+        Refuse("a message of an upload holds at most 1 MiB of data");
+      }
+      upload_->Append(message_.data());
+    }
+    ReadMore();
+  }
+
+  void Begin() {
+    if (!message_.has_start()) Refuse("an upload begins with its start");
+    const v1::UploadVolumeStart& start = message_.start();
+    options_ = FromProto(start.options());
+    upload_.emplace(service_.uploads_, *service_.session_.loader().budget,
+                    UploadStart{.name = start.name(),
+                                .size_bytes = start.size_bytes(),
+                                .crc32 = start.crc32(),
+                                .holds_voxels = options_.raw.has_value()});
+  }
+
+  // Call it after the last message. If the stream broke off, there are too few bytes.
+  void Load() {
+    if (!upload_) Refuse("an upload begins with its start");
+    upload_->Finish();
+    const auto cancelled = [this] { return context_->IsCancelled(); };
     if (cancelled()) throw Error(ErrorKind::kCancelled, "the upload was cancelled");
     AppliedTick applied;
-    const VolumeState state = LoadUpload(upload, options, cancelled, applied);
-    *response->mutable_volume() = ToProto(state);
-    response->set_applied_tick(applied.tick);
-    response->set_settings_revision(state.settings_revision);
-    LogInfo("loaded {} (volume revision {}) at tick {}", upload.title(), state.volume->revision(),
+    const VolumeState state = service_.LoadUpload(*upload_, options_, cancelled, applied);
+    *response_->mutable_volume() = ToProto(state);
+    response_->set_applied_tick(applied.tick);
+    response_->set_settings_revision(state.settings_revision);
+    LogInfo("loaded {} (volume revision {}) at tick {}", upload_->title(), state.volume->revision(),
             applied.tick);
-    return grpc::Status::OK;
-  } catch (const std::exception& error) {
-    if (!context->IsCancelled()) return admission.Failed(error);
-    return admission.Failed(Error(ErrorKind::kCancelled, "it was cancelled"));
+    End(grpc::Status::OK);
   }
+
+  // The upload's file and its claim go before the answer, not when the client has read it.
+  void End(const grpc::Status& status) {
+    upload_.reset();
+    admission_.Answered();
+    Finish(status);
+  }
+
+  VolumeService& service_;
+  CallContext* const context_;
+  v1::UploadVolumeResponse* const response_;
+  Admission admission_;
+  v1::UploadVolumeRequest message_;
+  LoadRequest options_;
+  std::optional<Upload> upload_;
+};
+
+grpc::ServerReadReactor<v1::UploadVolumeRequest>* VolumeService::UploadVolume(
+    CallContext* context, v1::UploadVolumeResponse* response) {
+  return new Uploading(*this, context, response);
 }
 
 }  // namespace palpate

@@ -3,9 +3,6 @@
 namespace palpate {
 namespace {
 
-// Each call holds one of the threads that gRPC has for the calls of all clients.
-constexpr int kMostCallsAtOnce = 128;
-
 std::string TooMany(int most, const std::string& what, const std::string& key) {
   return std::to_string(most) + " " + what +
          " are the most for one client: end some, or raise limits." + key;
@@ -21,7 +18,7 @@ std::string TooManySamples(int asked, int most, int taken, const std::string& wh
 }  // namespace
 
 std::optional<std::string> IdentityLimits::Enter(const std::string& identity, CallKind kind,
-                                                 std::int64_t now_ns) {
+                                                 std::size_t request_bytes, std::int64_t now_ns) {
   const std::lock_guard lock(mutex_);
   Use& use = UseOf(identity);
   int& running = use.running[static_cast<std::size_t>(kind)];
@@ -30,9 +27,10 @@ std::optional<std::string> IdentityLimits::Enter(const std::string& identity, Ca
            " calls per second are the most for one client: call less often, or raise "
            "limits.calls_per_s";
   }
-  if (kind == CallKind::kCall && running >= kMostCallsAtOnce) {
-    return std::to_string(kMostCallsAtOnce) +
-           " calls at a time are the most for one client: wait for answers before you go on";
+  if (request_bytes > kMostRequestBytes - use.request_bytes) {
+    return std::to_string(kMostRequestBytes >> 20) +
+           " MiB of requests at a time are the most for one client: wait for answers before you "
+           "go on";
   }
   if (kind == CallKind::kPoseStream && running >= options_.pose_streams) {
     return TooMany(options_.pose_streams, "streams of poses", "pose_streams");
@@ -44,6 +42,7 @@ std::optional<std::string> IdentityLimits::Enter(const std::string& identity, Ca
     return TooMany(options_.transfers, "loads, saves, uploads and replays", "transfers");
   }
   ++running;
+  use.request_bytes += request_bytes;
   return std::nullopt;
 }
 
@@ -76,10 +75,11 @@ void IdentityLimits::LeaveSamples(const std::string& identity, int samples_per_s
   samples_per_s_ -= samples_per_s;
 }
 
-void IdentityLimits::Leave(const std::string& identity, CallKind kind) {
+void IdentityLimits::Leave(const std::string& identity, CallKind kind, std::size_t request_bytes) {
   const std::lock_guard lock(mutex_);
-  const auto found = uses_.find(identity);
-  if (found != uses_.end()) --found->second.running[static_cast<std::size_t>(kind)];
+  Use& use = UseOf(identity);
+  --use.running[static_cast<std::size_t>(kind)];
+  use.request_bytes -= request_bytes;
 }
 
 }  // namespace palpate

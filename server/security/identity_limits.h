@@ -4,6 +4,8 @@
 #pragma once
 
 #include <array>
+#include <chrono>
+#include <cstddef>
 #include <cstdint>
 #include <map>
 #include <mutex>
@@ -25,16 +27,24 @@ struct LimitOptions {
   int pose_samples_per_s = 32'000;
   int volume_streams = 64;
   int transfers = 8;
+  // A call whose client neither reads its answer nor sends the rest of its upload ends then. Unread
+  // answers take memory and count against no limit.
+  std::chrono::milliseconds read_patience{10'000};
+  std::chrono::milliseconds send_patience{30'000};
 };
 
 class IdentityLimits {
  public:
   explicit IdentityLimits(const LimitOptions& options) : options_(options) {}
 
-  // Takes one of `kind`. If there are too many, returns the problem and what to do. Give streams
-  // and transfers back with Leave.
-  std::optional<std::string> Enter(const std::string& identity, CallKind kind, std::int64_t now_ns);
-  void Leave(const std::string& identity, CallKind kind);
+  // The requests of calls that one identity may have waiting; each at most 3 MiB.
+  static constexpr std::size_t kMostRequestBytes = std::size_t{128} << 20;
+
+  // Takes one of `kind`, with a request of this length. If there are too many, returns the problem
+  // and what to do. Give it back with Leave.
+  std::optional<std::string> Enter(const std::string& identity, CallKind kind,
+                                   std::size_t request_bytes, std::int64_t now_ns);
+  void Leave(const std::string& identity, CallKind kind, std::size_t request_bytes);
 
   // Takes samples per second for a stream of poses, in the same way. `is_local`: the client is on
   // the socket.
@@ -46,6 +56,7 @@ class IdentityLimits {
   struct Use {
     RateLimit calls;
     std::array<int, 5> running{};  // by kind
+    std::size_t request_bytes = 0;
     int samples_per_s = 0;
   };
 

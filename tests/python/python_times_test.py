@@ -1,6 +1,6 @@
 """How soon one client sees what another one changes; how long plain calls take beside a bare gRPC
-server's; and what strangers on the network take of the servo's time and of the emergency stop's,
-each by turns with what it is compared to."""
+server's; and what strangers on the network, and clients that read no answers, take of the
+servo's time, of other calls' and of the emergency stop's, each by turns with what it is compared to."""
 
 import concurrent.futures
 import contextlib
@@ -17,10 +17,12 @@ import grpc
 import numpy as np
 
 from palpate.v1 import device_pb2, device_pb2_grpc, render_pb2, render_pb2_grpc
-from python_strangers_test import Stranger, endless_headers
+from python_strangers_test import endless_headers
+from python_unread_test import MANY_CALLS, attack, over_loopback, over_tls, plain_methods
 from secured import SecuredDaemon, dawdle
 from stolen import stolen_share
 from support import PALPATE, PATIENCE_S, Daemon
+from wire import Stranger
 
 CHANGES = 150
 CHANGE_MS = 100.0
@@ -149,6 +151,41 @@ class Calls(TimesTest):
               f"{SLOW_MS:g}; bare: {p99_bare:.2f}, {taken[:, 1].max():.0f}, {slow_bare}")
         self.assertLessEqual(slow, slow_bare + 2)
         self.assertLessEqual(p99, max(5.0, 2.0 * p99_bare))
+
+
+class UnreadAnswers(TimesTest):
+    def check(self, name, connect, channel):
+        """An honest client beside attackers, against the same client alone."""
+        stub = device_pb2_grpc.DeviceServiceStub(self.enterContext(channel))
+
+        def honest(count):
+            return [taken_ms(lambda: stub.GetDevice(device_pb2.GetDeviceRequest(),
+                                                    timeout=PATIENCE_S)) for _ in range(count)]
+
+        honest(10)
+        alone, beside = [], []
+        for method in plain_methods():
+            alone += honest(100)
+            with contextlib.ExitStack() as stack:
+                attack(stack, connect, method)
+                beside += honest(100)
+        p50, worst = (measure(beside) / measure(alone) for measure in (np.median, np.max))
+        print(f"{name}: calls beside unread answers: median {np.median(beside):.2f} ms, worst "
+              f"{np.max(beside):.1f}; alone {np.median(alone):.2f} and {np.max(alone):.1f}; "
+              f"ratios {p50:.2f} and {worst:.2f}")
+        self.assertLess(p50, 2.0)
+        self.assertLess(worst, 20.0)
+
+    def test_over_tls(self):
+        daemon = self.enterContext(SecuredDaemon(MANY_CALLS))
+        self.check("TLS", lambda: over_tls(daemon, "admin"),
+                   daemon.channel(daemon.tokens["admin"]))
+
+    def test_over_loopback(self):
+        daemon = self.enterContext(
+            Daemon(listen=True, config={"limits": ["calls_per_s = 100000"]}))
+        self.check("loopback", lambda: over_loopback(daemon),
+                   grpc.insecure_channel(f"127.0.0.1:{daemon.port}"))
 
 
 class Strangers(TimesTest):

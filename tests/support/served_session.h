@@ -18,8 +18,12 @@ namespace palpate::testing {
 // The servo does not run until the test starts it. Load before server().Start().
 class ServedSession {
  public:
-  explicit ServedSession(const std::string& socket)
-      : server_({.socket_path = socket, .listen = {}, .paths = {}, .uploads = {}},
+  explicit ServedSession(const std::string& socket, const LimitOptions& limits = {})
+      : server_({.socket_path = socket,
+                 .listen = {},
+                 .paths = {},
+                 .uploads = {},
+                 .security = {.limits = limits}},
                 {data_.session(), editor_, series_, recording_, data_.pump(), device_, servo_,
                  data_.inbox(), forces_, [] { return std::vector<ListedDevice>(); }, metrics_}) {}
 

@@ -235,5 +235,29 @@ TEST_F(ConnectionWatchTest, AKnownClientIsNotWatchedAndEndsOnceItIsKnownNoMore) 
   }));
 }
 
+// A token may be renewed while its connection stays.
+TEST_F(ConnectionWatchTest, TheNewestCredentialsCountAndAnEarlierRefusalIsForgotten) {
+  const Pair known = Enter();
+  const auto admit = [&](const char* token) {
+    watch_.Admitted(PeerName(known.peer), {.token_sha256_hex = token});
+  };
+  const auto only = [](const std::string& token) {
+    return [token](const Credentials& one) { return one.token_sha256_hex == token; };
+  };
+  const std::int64_t grace_ns = std::chrono::nanoseconds(ConnectionWatch::kGrace).count();
+  admit("a");
+  admit("b");
+  watch_.EndUnless(only("b"), 1);
+  watch_.EndUnless(only("b"), 1 + grace_ns);
+  EXPECT_FALSE(IsClosed(known.client));
+  // Refused for less than the grace, and allowed again.
+  watch_.EndUnless(only("c"), 1);
+  watch_.EndUnless(only("b"), grace_ns);
+  watch_.EndUnless(only("c"), 10 * grace_ns);
+  EXPECT_FALSE(IsClosed(known.client));
+  watch_.EndUnless(only("c"), 11 * grace_ns);
+  EXPECT_TRUE(Eventually([&] { return IsClosed(known.client); }));
+}
+
 }  // namespace
 }  // namespace palpate

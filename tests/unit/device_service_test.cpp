@@ -13,6 +13,7 @@
 #include "common/error/error.h"
 #include "tests/support/editable_session.h"
 #include "tests/support/patience.h"
+#include "tests/support/temporary_folder.h"
 
 namespace palpate {
 namespace {
@@ -67,6 +68,8 @@ class FakeDevice : public HapticDevice {
 constexpr std::uint32_t kBothButtons = 3;
 
 class DeviceServiceRig {
+  using Stub = v1::DeviceService::Stub;
+
  public:
   explicit DeviceServiceRig(VerificationLevel level = VerificationLevel::kNone, bool ticks = true)
       : device(level) {
@@ -79,25 +82,35 @@ class DeviceServiceRig {
     data_.pump().Stop();
   }
 
+  // Any of the service's calls.
+  template <class Method, class Request, class Response>
+  grpc::Status Call(Method method, const Request& request, Response& response) {
+    grpc::ClientContext context;
+    return (stub_.get()->*method)(&context, request, &response);
+  }
   grpc::Status Enable(const std::string& name) {
     v1::EnableForcesRequest request;
     request.set_device(name);
     v1::EnableForcesResponse response;
-    return Keep(service.EnableForces(nullptr, &request, &response), response);
+    return Keep(Call(&Stub::EnableForces, request, response), response);
   }
   grpc::Status Disable() {
     v1::DisableForcesResponse response;
-    return Keep(service.DisableForces(nullptr, nullptr, &response), response);
+    return Keep(Call(&Stub::DisableForces, v1::DisableForcesRequest(), response), response);
   }
   grpc::Status Stop() {
-    grpc::ClientContext context;
     v1::StopForcesResponse response;
-    const grpc::Status status = stub_->StopForces(&context, {}, &response);
-    return Keep(status, response);
+    return Keep(Call(&Stub::StopForces, v1::StopForcesRequest(), response), response);
+  }
+  grpc::Status List(v1::ListDevicesResponse& response) {
+    return Call(&Stub::ListDevices, v1::ListDevicesRequest(), response);
+  }
+  grpc::Status Calibrate(v1::CalibrateDeviceResponse& response) {
+    return Call(&Stub::CalibrateDevice, v1::CalibrateDeviceRequest(), response);
   }
   v1::GetDeviceResponse Get() {
     v1::GetDeviceResponse response;
-    EXPECT_TRUE(service.GetDevice(nullptr, nullptr, &response).ok());
+    EXPECT_TRUE(Call(&Stub::GetDevice, v1::GetDeviceRequest(), response).ok());
     return response;
   }
   bool Becomes(v1::ForceState state) {
@@ -126,18 +139,23 @@ class DeviceServiceRig {
   ServoLoop servo_{
       device, data_.inbox(), data_.outbox(), {}, LimitsFor(device.spec(), kBothButtons)};
 
- public:
   Access access_;
-  DeviceService service{access_, device, servo_, data_.inbox(), forces_, [this] {
-                          if (no_list) throw Error(*no_list);
-                          return list;
-                        }};
+  Calls calls_{access_};
+  DeviceService service_{calls_, device, servo_, data_.inbox(), forces_, [this] {
+                           if (no_list) throw Error(*no_list);
+                           return list;
+                         }};
 
- private:
+  // On a socket, whose clients are the admin.
+  const test::TemporaryFolder folder_;
+  const std::string address_ = "unix:" + (folder_.path() / "s.sock").string();
   std::unique_ptr<grpc::Server> server_ =
-      grpc::ServerBuilder().RegisterService(&service).BuildAndStart();
+      grpc::ServerBuilder()
+          .AddListeningPort(address_, grpc::InsecureServerCredentials())
+          .RegisterService(&service_)
+          .BuildAndStart();
   std::unique_ptr<v1::DeviceService::Stub> stub_ =
-      v1::DeviceService::NewStub(server_->InProcessChannel({}));
+      v1::DeviceService::NewStub(grpc::CreateChannel(address_, grpc::InsecureChannelCredentials()));
 };
 
 bool Has(const grpc::Status& status, const std::string& part) {
@@ -302,7 +320,7 @@ TEST(DeviceService, TheListMarksTheOneInUseAndTellsWhyThereIsNone) {
   DeviceServiceRig rig;
   const auto in_use = [&] {
     v1::ListDevicesResponse response;
-    EXPECT_TRUE(rig.service.ListDevices(nullptr, nullptr, &response).ok());
+    EXPECT_TRUE(rig.List(response).ok());
     std::string marks;
     for (const v1::ListedDevice& device : response.devices()) marks += device.in_use() ? '1' : '0';
     return marks;
@@ -322,7 +340,7 @@ TEST(DeviceService, TheListMarksTheOneInUseAndTellsWhyThereIsNone) {
 
   rig.no_list.emplace(ErrorKind::kPermissionDenied, "no USB here: mount it");
   v1::ListDevicesResponse response;
-  const grpc::Status status = rig.service.ListDevices(nullptr, nullptr, &response);
+  const grpc::Status status = rig.List(response);
   EXPECT_EQ(status.error_code(), StatusCode::PERMISSION_DENIED);
   EXPECT_EQ(status.error_message(), "no USB here: mount it");
 }
@@ -331,14 +349,14 @@ TEST(DeviceService, CalibratesOnlyWhatIsThere) {
   DeviceServiceRig rig;
   v1::CalibrateDeviceResponse response;
   rig.device.SetHealth({.problem = "plug it in"});
-  grpc::Status status = rig.service.CalibrateDevice(nullptr, nullptr, &response);
+  grpc::Status status = rig.Calibrate(response);
   EXPECT_EQ(status.error_code(), StatusCode::FAILED_PRECONDITION);
   EXPECT_TRUE(Has(status, "plug it in")) << status.error_message();
   rig.device.SetHealth({.connection = DeviceConnection::kConnecting});
-  status = rig.service.CalibrateDevice(nullptr, nullptr, &response);
+  status = rig.Calibrate(response);
   EXPECT_EQ(status.error_code(), StatusCode::FAILED_PRECONDITION);
   rig.device.SetHealth({.connection = DeviceConnection::kStreaming});
-  ASSERT_TRUE(rig.service.CalibrateDevice(nullptr, nullptr, &response).ok());
+  ASSERT_TRUE(rig.Calibrate(response).ok());
   EXPECT_TRUE(response.health().calibrated());
 }
 

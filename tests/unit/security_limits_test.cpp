@@ -36,7 +36,7 @@ TEST(RateLimit, GivesItsRateAndNoMoreThanItHolds) {
 TEST(IdentityLimits, CountsEachIdentityAndKindByItself) {
   IdentityLimits limits({.calls_per_s = 3, .pose_streams = 2, .volume_streams = 1, .transfers = 1});
   const auto enters = [&](const char* who, CallKind kind) {
-    return !limits.Enter(who, kind, kSecond);
+    return !limits.Enter(who, kind, 0, kSecond);
   };
   EXPECT_TRUE(enters("a", CallKind::kPoseStream));
   EXPECT_TRUE(enters("a", CallKind::kPoseStream));
@@ -47,26 +47,34 @@ TEST(IdentityLimits, CountsEachIdentityAndKindByItself) {
   EXPECT_TRUE(enters("a", CallKind::kTransfer));
   EXPECT_FALSE(enters("a", CallKind::kTransfer));
   // What was refused holds no place.
-  limits.Leave("a", CallKind::kPoseStream);
+  limits.Leave("a", CallKind::kPoseStream, 0);
   EXPECT_TRUE(enters("a", CallKind::kPoseStream));
   EXPECT_FALSE(enters("a", CallKind::kPoseStream));
   for (int n = 0; n < 3; ++n) EXPECT_TRUE(enters("a", CallKind::kCall));
   EXPECT_FALSE(enters("a", CallKind::kCall));
   for (int n = 0; n < 100; ++n) EXPECT_TRUE(enters("a", CallKind::kStop));
-  EXPECT_NE(limits.Enter("a", CallKind::kPoseStream, kSecond)->find("limits.pose_streams"),
+  EXPECT_NE(limits.Enter("a", CallKind::kPoseStream, 0, kSecond)->find("limits.pose_streams"),
             std::string::npos);
 }
 
-TEST(IdentityLimits, CallsThatLastAreSoManyAtATime) {
+TEST(IdentityLimits, RequestsThatWaitAreSoManyBytes) {
   IdentityLimits limits({});
+  const auto enters = [&](const char* who, std::size_t bytes) {
+    return !limits.Enter(who, CallKind::kCall, bytes, kSecond);
+  };
+  constexpr std::size_t kMiB = 1 << 20;
   int entered = 0;
-  for (int n = 0; n < 500; ++n) entered += !limits.Enter("a", CallKind::kCall, kSecond);
-  EXPECT_EQ(entered, 128);
-  EXPECT_FALSE(limits.Enter("a", CallKind::kStop, kSecond));
-  EXPECT_FALSE(limits.Enter("b", CallKind::kCall, kSecond));
-  limits.Leave("a", CallKind::kCall);
-  EXPECT_FALSE(limits.Enter("a", CallKind::kCall, kSecond));
-  EXPECT_TRUE(limits.Enter("a", CallKind::kCall, kSecond));
+  for (int n = 0; n < 100; ++n) entered += enters("a", 3 * kMiB);
+  EXPECT_EQ(entered, 42);  // of 128 MiB
+  EXPECT_FALSE(enters("a", 2 * kMiB + 1));
+  EXPECT_TRUE(enters("a", 2 * kMiB));
+  EXPECT_FALSE(enters("a", 1));
+  EXPECT_TRUE(enters("b", 3 * kMiB));
+  limits.Leave("a", CallKind::kCall, 3 * kMiB);
+  EXPECT_TRUE(enters("a", 3 * kMiB));
+  EXPECT_FALSE(enters("a", 1));
+  // Calls without a request are as many as come.
+  for (int n = 0; n < 500; ++n) EXPECT_TRUE(enters("a", 0));
 }
 
 TEST(IdentityLimits, SamplesOfPosesAreForAllTogetherAndHalfForOneOverTheNetwork) {
