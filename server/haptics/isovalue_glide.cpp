@@ -38,7 +38,8 @@ double GlideIsovalue(const HapticSurface& surface, double dt_s, RendererState& s
   const HapticSurface other = surface.Flipped();
   const HapticSurface& felt = state.popped ? other : surface;
   if (!proxy.placed || proxy.buried || proxy.isovalue == felt.isovalue ||
-      proxy.free_side != felt.free_side || proxy.geometry_revision != felt.geometry_revision) {
+      proxy.free_side != felt.free_side ||
+      proxy.loaded_revision != felt.volume->loaded_revision()) {
     return surface.isovalue;
   }
   const double isovalue = Glide(felt, proxy.isovalue, dt_s, state);

@@ -26,8 +26,8 @@ inline constexpr double kLongestGlideTickS = 5e-3;
 // The isovalue (normalised, felt on the side of `surface`) for the next StepRenderer.
 //
 // `surface`: with the isovalue that was asked for. It is returned where the stylus touches nothing
-// and keeps out of the object, where the proxy is buried, and where the volume, its place or the
-// side are new.
+// and keeps out of the object, where the proxy is buried, and where the loaded volume or the side
+// are new. A new place glides: a placement that changes nothing must not end a glide.
 double GlideIsovalue(const HapticSurface& surface, double dt_s, RendererState& state) noexcept;
 
 }  // namespace palpate

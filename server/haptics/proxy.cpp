@@ -37,6 +37,7 @@ void SetSurface(const HapticSurface& surface, Proxy& proxy) {
   proxy.placed = true;
   proxy.geometry_revision = surface.geometry_revision;
   proxy.volume_revision = surface.volume->revision();
+  proxy.loaded_revision = surface.volume->loaded_revision();
   proxy.free_side = surface.free_side;
   proxy.isovalue = surface.isovalue;
 }

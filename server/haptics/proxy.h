@@ -50,6 +50,7 @@ struct Proxy {
   // The surface to which `place` refers.
   std::uint64_t geometry_revision = 0;
   std::uint64_t volume_revision = 0;
+  std::uint64_t loaded_revision = 0;
   FreeSide free_side = FreeSide::kBelow;
   double isovalue = 0.0;
 };

@@ -59,6 +59,7 @@ Vec3 Safety::Step(const SafetyInput& input, double dt_s) noexcept {
   const ForceReason fault = FaultOf(input);
   Obey(input);
   Change(fault, HoldOf(input));
+  FollowSuspension(input.suspended);
   faulty_ = fault != ForceReason::kNone || memory_.state == ForceState::kFault;
 
   const bool cut = faulty_ || memory_.state == ForceState::kStopped || input.suspended ||
@@ -146,7 +147,10 @@ void Safety::Obey(const SafetyInput& input) noexcept {
 }
 
 void Safety::Enter(ForceState state, ForceReason reason) noexcept {
-  if (state == ForceState::kRampIn) memory_.ramp_s = 0.0;
+  if (state == ForceState::kRampIn) {
+    memory_.ramp_s = 0.0;
+    memory_.ramp_in_s = limits_.ramp_in_s;
+  }
   memory_.state = state;
   memory_.reason = reason;
 }
@@ -161,9 +165,22 @@ void Safety::Change(ForceReason fault, ForceReason hold) noexcept {
   }
   if (hold != ForceReason::kNone) return Enter(ForceState::kHeld, hold);
   if (memory_.state == ForceState::kHeld) Enter(ForceState::kRampIn, ForceReason::kNone);
-  if (memory_.state == ForceState::kRampIn && memory_.ramp_s >= limits_.ramp_in_s) {
+  if (memory_.state == ForceState::kRampIn && memory_.ramp_s >= memory_.ramp_in_s) {
     Enter(ForceState::kOn, ForceReason::kNone);
   }
+}
+
+// The stylus may rest deep inside when a suspension ends.
+void Safety::FollowSuspension(bool suspended) noexcept {
+  if (suspended) {
+    memory_.resumes = memory_.resumes || memory_.was_suspended;
+  } else if (memory_.resumes &&
+             (memory_.state == ForceState::kOn || memory_.state == ForceState::kRampIn)) {
+    Enter(ForceState::kRampIn, ForceReason::kNone);
+    memory_.ramp_in_s = kRampInS;
+    memory_.resumes = false;
+  }
+  memory_.was_suspended = suspended;
 }
 
 // The force that the slew limit leads to.
@@ -171,7 +188,7 @@ Vec3 Safety::Wanted(const SafetyInput& input, double dt_s) noexcept {
   if (memory_.state == ForceState::kOn) return Clamp(input.force_D_n, limit_n());
   if (memory_.state != ForceState::kRampIn) return Vec3::Zero();
   memory_.ramp_s += dt_s;
-  const double share = std::min(memory_.ramp_s / limits_.ramp_in_s, 1.0);
+  const double share = std::min(memory_.ramp_s / memory_.ramp_in_s, 1.0);
   return Clamp(input.force_D_n, share * limit_n());
 }
 

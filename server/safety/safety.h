@@ -100,7 +100,9 @@ struct SafetyInput {
   bool docked = false;
   bool calibrated = true;
   bool position_rejected = false;
-  bool suspended = false;  // nothing is felt now: zero at once, and no fault
+  // Nothing is felt now: zero at once, and no fault. After more than one such tick in a row the
+  // force comes back by a ramp, on every device.
+  bool suspended = false;
   std::uint32_t buttons = 0;
   ForceCommand command = ForceCommand::kNone;
   std::uint64_t missed_ticks = 0;  // since the last tick
@@ -111,7 +113,10 @@ struct SafetyMemory {
   ForceState state = ForceState::kOff;
   ForceReason reason = ForceReason::kOperator;
   Vec3 last_D_n = Vec3::Zero();
-  double ramp_s = 0.0;   // since the ramp-in began
+  double ramp_s = 0.0;     // since the ramp-in began
+  double ramp_in_s = 0.0;  // its length
+  bool was_suspended = false;
+  bool resumes = false;  // suspended for more than a tick; the next force begins a ramp
   double heat_n2 = 0.0;  // low-passed square of the force
   bool has_hip = false;
   Vec3 p_DHip_mm = Vec3::Zero();
@@ -144,6 +149,7 @@ class Safety {
   void Obey(const SafetyInput& input) noexcept;
   void Enter(ForceState state, ForceReason reason) noexcept;
   void Change(ForceReason fault, ForceReason hold) noexcept;
+  void FollowSuspension(bool suspended) noexcept;
   Vec3 Wanted(const SafetyInput& input, double dt_s) noexcept;
 
   SafetyLimits limits_;

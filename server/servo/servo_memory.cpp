@@ -10,7 +10,7 @@ namespace palpate {
 namespace {
 
 // Version of the byte layout. Raise it whenever the meaning of the bytes changes.
-constexpr std::uint8_t kLayout = 3;
+constexpr std::uint8_t kLayout = 4;
 
 constexpr int kMaxCell = 1 << 30;
 
@@ -43,7 +43,7 @@ void VisitPlace(PlaceT& place, Visit& visit) {
 template <class ProxyT, class Visit>
 void VisitProxy(ProxyT& proxy, Visit& visit) {
   auto& [placed, on_surface, buried, buried_by_isovalue, buried_steps, place, p_DH_mm,
-         geometry_revision, volume_revision, free_side, isovalue] = proxy;
+         geometry_revision, volume_revision, loaded_revision, free_side, isovalue] = proxy;
   visit(placed);
   visit(on_surface);
   visit(buried);
@@ -53,6 +53,7 @@ void VisitProxy(ProxyT& proxy, Visit& visit) {
   VisitVector(p_DH_mm, visit);
   visit(geometry_revision);
   visit(volume_revision);
+  visit(loaded_revision);
   visit(free_side);
   visit(isovalue);
 }
@@ -91,13 +92,13 @@ void VisitRenderer(Renderer& renderer, Visit& visit) {
 
 template <class SafetyT, class Visit>
 void VisitSafety(SafetyT& safety, Visit& visit) {
-  auto& [state, reason, last_D_n, ramp_s, heat_n2, has_hip, p_DHip_mm, hip_age_s, velocity_mm_per_s,
-         missed_ticks] = safety;
+  auto& [state, reason, last_D_n, ramp_s, ramp_in_s, was_suspended, resumes, heat_n2, has_hip,
+         p_DHip_mm, hip_age_s, velocity_mm_per_s, missed_ticks] = safety;
   visit(state);
   visit(reason);
-  visit(has_hip);
+  for (auto* flag : {&was_suspended, &resumes, &has_hip}) visit(*flag);
   for (auto* v : {&last_D_n, &p_DHip_mm, &velocity_mm_per_s}) VisitVector(*v, visit);
-  for (auto* number : {&ramp_s, &heat_n2, &hip_age_s, &missed_ticks}) visit(*number);
+  for (auto* number : {&ramp_s, &ramp_in_s, &heat_n2, &hip_age_s, &missed_ticks}) visit(*number);
 }
 
 template <class Memory, class Visit>

@@ -53,6 +53,13 @@ struct HashOfPlace {
   }
 };
 
+// A region of one value. Its leaf is made when the lattice first needs it.
+struct Tile {
+  float value = 0.0f;
+  bool is_active = false;
+  LeafPtr leaf{};
+};
+
 template <class Value>
 using ByPlace = std::unordered_map<Vec3i, Value, HashOfPlace>;
 using Places = std::unordered_set<Vec3i, HashOfPlace>;
@@ -156,7 +163,8 @@ class TreeTaker {
     if (status.st_size != parts_.end) RefuseHandover("not as many parts as stated");
     TellMemory();
     ReadForm();
-    background_ = SharedConstant(form_.background, false);
+    background_ = {form_.background, false};
+    CountConstant(form_.background, false);
     ReadTiles();
     ReadNodes();
     PlaceLeaves();
@@ -240,14 +248,11 @@ class TreeTaker {
           top_nodes_.contains(CubeOf(first, kGridTopNodeEdge)) == is_top || !IsValue(tile.value)) {
         RefuseHandover("a tile that is out of place");
       }
-      LeafPtr leaf = SharedConstant(tile.value, tile.is_active != 0);
-      if (!leaf) {
-        leaf = OwnConstant(tile.value, tile.is_active != 0);
-        ++own_constants_;
-      }
-      if (!(is_top ? top_tiles_ : tiles_).emplace(first, leaf).second) {
+      const bool is_active = tile.is_active != 0;
+      if (!(is_top ? top_tiles_ : tiles_).emplace(first, Tile{tile.value, is_active}).second) {
         RefuseHandover("two tiles in one place");
       }
+      if (MeetsLattice(first, tile.edge)) CountConstant(tile.value, is_active);
       form_.tiles.push_back({first, tile.edge, tile.value, tile.is_active != 0});
     }
   }
@@ -281,7 +286,7 @@ class TreeTaker {
       if (!IsValue(value)) RefuseHandover("a tile of another type");
       const Vec3i voxel = first + kBrickEdge * Vec3i(place >> 8, place >> 4 & 15, place & 15);
       if (IsInLattice(voxel)) {
-        if (!SharedConstant(value, is_active)) ++own_constants_;
+        CountConstant(value, is_active);
         continue;
       }
       if (!is_active && value == form_.background) continue;
@@ -330,13 +335,13 @@ class TreeTaker {
     const Vec3i first = form_.first + kBrickEdge * brick;
     const Vec3i region = CubeOf(first, kGridNodeEdge);
     if (region != region_ || !region_known_) EnterRegion(region);
-    if (!node_) return Counted(tile_, brick);
+    if (!node_) {
+      if (!tile_->leaf) tile_->leaf = Constant(tile_->value, tile_->is_active);
+      return Counted(tile_->leaf, brick);
+    }
     const int place = PlaceInNode(first);
     if (Bit(node_->is_leaf, place)) return Counted(ReadLeaf(first), brick);
-    const float value = node_->values[place];
-    const bool is_active = Bit(node_->is_active, place);
-    const LeafPtr shared = SharedConstant(value, is_active);
-    return Counted(shared ? shared : OwnConstant(value, is_active), brick);
+    return Counted(Constant(node_->values[place], Bit(node_->is_active, place)), brick);
   }
 
   void EnterRegion(const Vec3i& region) {
@@ -346,9 +351,9 @@ class TreeTaker {
     node_ = node == nodes_.end() ? nullptr : node->second.get();
     const auto tile = tiles_.find(region);
     const auto top = top_tiles_.find(CubeOf(region, kGridTopNodeEdge));
-    tile_ = tile != tiles_.end()      ? tile->second
-            : top != top_tiles_.end() ? top->second
-                                      : background_;
+    tile_ = tile != tiles_.end()      ? &tile->second
+            : top != top_tiles_.end() ? &top->second
+                                      : &background_;
   }
 
   LeafPtr ReadLeaf(const Vec3i& first) {
@@ -381,11 +386,11 @@ class TreeTaker {
 
   // Widens the range by the leaf's voxels within the lattice.
   const LeafPtr& Counted(const LeafPtr& leaf, const Vec3i& brick) {
+    kept_ = leaf;
     if (leaf->is_constant()) {
       Widen((*leaf)[0]);
-      return leaf;
+      return kept_;
     }
-    kept_ = leaf;
     const Vec3i end = (metadata_.size - kBrickEdge * brick).cwiseMin(kBrickEdge);
     leaf->CopyTo(values_.data());
     for (int i = 0; i < end.x(); ++i) {
@@ -406,23 +411,34 @@ class TreeTaker {
     }
   }
 
-  // Returns null if there are too many values.
-  LeafPtr SharedConstant(float value, bool is_active) {
-    std::uint32_t bits = 0;
-    std::memcpy(&bits, &value, sizeof bits);
-    const std::pair key(bits, is_active);
-    const auto found = constants_.find(key);
-    if (found != constants_.end()) return found->second;
-    if (constants_.size() == kMostSharedTiles) return nullptr;
-    return constants_.emplace(key, Leaf::Constant(type_, value, is_active)).first->second;
+  // Counts the leaf that a constant will need.
+  void CountConstant(float value, bool is_active) {
+    const auto key = KeyOf(value, is_active);
+    if (constants_.contains(key)) return;
+    if (constants_.size() == kMostSharedTiles) {
+      ++own_constants_;
+    } else {
+      constants_.emplace(key, nullptr);
+    }
   }
-  LeafPtr OwnConstant(float value, bool is_active) const {
-    return Leaf::Constant(type_, value, is_active);
+  LeafPtr Constant(float value, bool is_active) {
+    const auto shared = constants_.find(KeyOf(value, is_active));
+    if (shared == constants_.end()) return Leaf::Constant(type_, value, is_active);
+    if (!shared->second) shared->second = Leaf::Constant(type_, value, is_active);
+    return shared->second;
+  }
+  static std::pair<std::uint32_t, bool> KeyOf(float value, bool is_active) {
+    return {std::bit_cast<std::uint32_t>(value), is_active};
   }
   bool IsValue(float value) const { return std::isfinite(value) && Holds(type_, value + 0.0f); }
   bool IsInLattice(const Vec3i& voxel) const {
     const auto at = (voxel.cast<std::int64_t>() - form_.first.cast<std::int64_t>()).eval();
     return at.minCoeff() >= 0 && (at.array() < metadata_.size.cast<std::int64_t>().array()).all();
+  }
+  bool MeetsLattice(const Vec3i& first, int edge) const {
+    const auto from = (first.cast<std::int64_t>() - form_.first.cast<std::int64_t>()).eval();
+    return (from.array() + edge > 0).all() &&
+           (from.array() < metadata_.size.cast<std::int64_t>().array()).all();
   }
   static int PlaceInNode(const Vec3i& voxel) {
     const Vec3i at = (voxel - CubeOf(voxel, kGridNodeEdge)) / kBrickEdge;
@@ -438,7 +454,7 @@ class TreeTaker {
   Parts parts_{};
   GridForm form_;
   Places top_nodes_;
-  ByPlace<LeafPtr> top_tiles_, tiles_;
+  ByPlace<Tile> top_tiles_, tiles_;
   ByPlace<std::shared_ptr<HandoverNode>> nodes_;
   ByPlace<std::uint64_t> leaves_;  // the leaves' numbers
   std::map<std::pair<std::uint32_t, bool>, LeafPtr> constants_;
@@ -446,7 +462,9 @@ class TreeTaker {
   Vec3i region_ = Vec3i::Zero();
   bool region_known_ = false;
   const HandoverNode* node_ = nullptr;
-  LeafPtr tile_, kept_, background_;
+  Tile* tile_ = nullptr;
+  Tile background_;
+  LeafPtr kept_;
   std::uint64_t own_constants_ = 0;
   std::uint64_t bricks_ = 0;
   Brick values_;

@@ -30,15 +30,20 @@ double Head(double r_mm) {
 }
 
 struct GlideHand {
-  explicit GlideHand(double (*density)(double))
-      : volume(testing::MakeVolume(Vec3i::Constant(kHeadEdge), [density](int i, int j, int k) {
-          // Corners that fix the range.
-          if (i + j + k == 0) return 0.0;
-          if (i + j + k == 3 * (kHeadEdge - 1)) return 1.0;
-          return std::clamp(density((Vec3(i, j, k) - kHeadCentre).norm()), 0.0, 1.0);
-        })) {
-    scene.volume = volume;
+  explicit GlideHand(double (*density)(double)) {
+    Load(density);
     Set(0.6);
+  }
+
+  void Load(double (*density)(double)) {
+    const auto value = [density](int i, int j, int k) {
+      // Corners that fix the range.
+      if (i + j + k == 0) return 0.0;
+      if (i + j + k == 3 * (kHeadEdge - 1)) return 1.0;
+      return std::clamp(density((Vec3(i, j, k) - kHeadCentre).norm()), 0.0, 1.0);
+    };
+    volume = testing::MakeVolume(Vec3i::Constant(kHeadEdge), value, ++geometry_revision);
+    scene.volume = volume;
   }
 
   void Set(double isovalue, FreeSide side = FreeSide::kBelow) {
@@ -65,9 +70,14 @@ struct GlideHand {
   }
 
   std::shared_ptr<const VolumeSnapshot> volume;
-  std::uint64_t geometry_revision = 1;
+  // Ticks in which the force may change as it likes, up to the first of the motion under test.
+  void Settled() { greatest_step_n = 0.0; }
+
+  std::uint64_t geometry_revision = 0;
   Scene scene;
-  TickComputation computation{SafetyLimits{}};
+  // Without the slew limit: the glide itself must not let the force jump. It does where it crosses
+  // soft tissue that is the same all over.
+  TickComputation computation{SafetyLimits{.max_slew_n_per_s = 1e9}};
   Vec3 last_force_n = Vec3::Zero();
   double greatest_step_n = 0.0;
   int faults = 0;
@@ -82,6 +92,7 @@ TEST(IsovalueGlide, TheSurfacePassesTheStylusAtItsSpeedBothWays) {
   hand.Set(0.5);
   hand.Tick(Vec3(15, 0, 0));
   TickSample last = hand.Ticks(50, Vec3(8, 0.3, 0.2));
+  hand.Settled();
   for (const double wanted : {0.4, 0.55}) {
     hand.Set(wanted);
     int ticks = 0;
@@ -122,18 +133,36 @@ TEST(IsovalueGlide, AFreeStylusThatWouldBeInsideIsCarriedOut) {
   EXPECT_EQ(sample.isovalue, 0.2);
   EXPECT_NEAR(RadiusOf(sample), 12.5, 0.2);
   EXPECT_EQ(sample.mode, TickMode::kConstrained);
-  EXPECT_LE(hand.greatest_step_n, testing::kMaxStepN);
 }
 
 TEST(IsovalueGlide, AnotherVolumeOrSideBeginsWithItsOwn) {
   GlideHand hand(Even);
   hand.Tick(Vec3(15, 0, 0));
   hand.Ticks(10, Vec3(6, 0, 0));
-  ++hand.geometry_revision;
+  hand.Load(Even);
   hand.Set(0.3);
   EXPECT_EQ(hand.Tick(Vec3(6, 0, 0)).isovalue, 0.3);
   hand.Set(0.5, FreeSide::kAbove);
   EXPECT_EQ(hand.Tick(Vec3(6, 0, 0)).isovalue, 0.5);
+}
+
+// A placement, even one that changes nothing, or another method.
+TEST(IsovalueGlide, TheSameVolumeInAnotherPlaceGlidesOn) {
+  GlideHand hand(Even);
+  hand.Set(0.5);
+  hand.Tick(Vec3(15, 0, 0));
+  TickSample last = hand.Ticks(50, Vec3(8, 0.3, 0.2));
+  hand.Settled();
+  for (int n = 0; n < 40; ++n) {
+    ++hand.geometry_revision;
+    hand.Set(0.2);
+    const TickSample next = hand.Tick(Vec3(8, 0.3, 0.2));
+    ASSERT_NEAR(std::abs(next.isovalue - last.isovalue), 50e-3 / 32.0, 4e-4) << n;
+    ASSERT_LE(std::abs(RadiusOf(next) - RadiusOf(last)), 0.075) << n;
+    last = next;
+  }
+  EXPECT_EQ(hand.faults, 0);
+  EXPECT_LE(hand.greatest_step_n, testing::kMaxStepN);
 }
 
 // What a hand meets that goes into the bone and out of the tissue.
@@ -165,7 +194,6 @@ Met GoInAndOut(bool jumps) {
     EXPECT_LE(sample.density, sample.isovalue + 1e-12) << n;
   }
   EXPECT_EQ(hand.faults, 0);
-  EXPECT_LE(hand.greatest_step_n, testing::kMaxStepN);
   return met;
 }
 

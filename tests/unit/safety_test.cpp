@@ -264,6 +264,53 @@ TEST(Safety, ASimulatedDeviceComesBackFromFaultsByItself) {
   EXPECT_STATE(rig, kOn, kNone);
 }
 
+// After a replay, a dock or a held clutch, the stylus may rest deep inside.
+TEST(Safety, AfterASuspensionTheForceComesBackByTheRampOnEveryDevice) {
+  for (const bool docked : {false, true}) {
+    for (Rig rig : {Simulated(), On()}) {
+      rig.input.force_D_n = kPush_n / 3.0;  // the motors stay cool
+      rig.Settle();
+      rig.input.suspended = true;
+      rig.input.docked = docked;
+      rig.Tick(2);
+      rig.input.suspended = rig.input.docked = false;
+      double last_n = 0.0;
+      for (int n = 0; n < 500; ++n) {
+        const double force_n = rig.Tick().norm();
+        ASSERT_LE(force_n, 3.3 * (n + 1) / 500 + 1e-9) << n;
+        ASSERT_GE(force_n, last_n) << n;
+        EXPECT_STATE(rig, kRampIn, kNone);
+        last_n = force_n;
+      }
+      rig.Tick(2);
+      EXPECT_STATE(rig, kOn, kNone);
+      EXPECT_NEAR((rig.Tick() - kPush_n / 3.0).norm(), 0.0, 1e-9);
+    }
+  }
+}
+
+TEST(Safety, ASuspensionOfATickIsNoInterruption) {
+  for (Rig rig : {Simulated(), On()}) {
+    rig.Settle();
+    rig.input.suspended = true;
+    EXPECT_TRUE(rig.Tick().isZero());
+    rig.input.suspended = false;
+    EXPECT_NEAR(rig.Tick().norm(), 0.2, 1e-12);
+    EXPECT_STATE(rig, kOn, kNone);
+  }
+}
+
+TEST(Safety, ASuspensionWithinARampBeginsItAnew) {
+  Rig rig(LimitsFor(Hardware(), 0));
+  rig.Tell(ForceCommand::kEnable);
+  rig.Tick(400);
+  rig.input.suspended = true;
+  rig.Tick(1000);
+  EXPECT_FALSE(rig.safety.faulty());
+  rig.input.suspended = false;
+  EXPECT_LE(rig.Tick(10).norm(), 3.3 * 10 / 500 + 1e-9);
+}
+
 // --- The limits, one by one
 
 TEST(Safety, LimitsOfADevice) {
