@@ -1,6 +1,5 @@
 #include "server/realtime/thread_setup.h"
 
-#include <malloc.h>
 #include <pthread.h>
 #include <sched.h>
 #include <sys/mman.h>
@@ -28,29 +27,6 @@ bool is_locked = false;
 
 // Pages in memory stay there. Other pages are locked when they are first touched.
 bool LockOnFault() { return mlockall(MCL_CURRENT | MCL_FUTURE | MCL_ONFAULT) == 0; }
-
-// The memory of malloc's only arena, which keeps freed memory.
-struct Heap {
-  void* begin = nullptr;
-  std::size_t bytes = 0;
-};
-
-// Empty if the heap is not found.
-Heap FindHeap() noexcept {
-  FILE* const maps = fopen("/proc/self/maps", "re");
-  if (!maps) return {};
-  char line[512];
-  std::uintptr_t first = 0, end = 0;
-  while (fgets(line, sizeof line, maps)) {
-    unsigned long from = 0, to = 0;
-    if (!std::strstr(line, "[heap]") || std::sscanf(line, "%lx-%lx", &from, &to) != 2) continue;
-    // The kernel may list the heap in several parts.
-    first = first == 0 ? from : first;
-    end = to;
-  }
-  fclose(maps);
-  return {reinterpret_cast<void*>(first), end - first};
-}
 
 // strerror is not thread-safe; this function is.
 std::string Describe(int error_number) { return std::generic_category().message(error_number); }
@@ -130,18 +106,6 @@ bool LockProcessMemory(std::vector<std::string>& warnings) noexcept {
                      "): set LimitMEMLOCK=infinity (ulimit -l unlimited) or grant CAP_IPC_LOCK; "
                      "until then ticks will be late when memory has to be paged in");
   return false;
-}
-
-void ReturnFreedMemory() noexcept {
-  const std::lock_guard lock(lock_mutex);
-  // malloc gives pages back by MADV_DONTNEED, which the kernel refuses for locked pages. So only
-  // the heap is unlocked. The programs and stacks that the servo touches stay locked.
-  const Heap before = is_locked ? FindHeap() : Heap();
-  if (before.bytes > 0) munlock(before.begin, before.bytes);
-  malloc_trim(0);
-  // Other threads may have made the heap grow.
-  const Heap after = is_locked ? FindHeap() : Heap();
-  if (after.bytes > 0) mlock2(after.begin, after.bytes, MLOCK_ONFAULT);
 }
 
 void SetupRealtimeThread(const RealtimeOptions& options, RealtimeGrant& grant) noexcept {

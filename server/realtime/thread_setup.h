@@ -32,15 +32,6 @@ struct RealtimeGrant {
 // thread has written before.
 bool LockProcessMemory(std::vector<std::string>& warnings) noexcept;
 
-// Gives freed memory back to the system. The heap itself would keep the memory, because bricks are
-// small.
-//
-// Takes milliseconds; with locked memory about 200 ms for each GiB of the process. Other threads
-// that allocate wait meanwhile. Locked pages cannot be given back, so the heap, which holds the
-// bricks, is unlocked during the call. Any ordinary thread. Does not hold up a real-time thread
-// that does not allocate.
-void ReturnFreedMemory() noexcept;
-
 // Makes the calling thread a real-time one; call it before the thread's loop. Sets SCHED_FIFO
 // (child processes start with ordinary scheduling), the core, locked memory, the stack that a tick
 // may need, and the thread's name. Not real-time itself.

@@ -6,6 +6,7 @@
 #pragma once
 
 #include <bit>
+#include <cstddef>
 #include <cstdint>
 #include <cstring>
 #include <stdexcept>
@@ -15,6 +16,9 @@
 #include <utility>
 
 namespace palpate {
+
+// The longest text of a recording but a marker's, far above what is written.
+inline constexpr std::size_t kMostTextBytes = std::size_t{16} << 10;
 
 static_assert(std::endian::native == std::endian::little, "recordings are little endian");
 
@@ -58,8 +62,10 @@ class ByteReader {
     rest_.remove_prefix(count);
     return bytes;
   }
-  std::string GetText() {
+  // Texts of one letter pack well: a small file may hold gigabytes of them.
+  std::string GetText(std::size_t most_bytes = kMostTextBytes) {
     const auto size = Get<std::uint32_t>();
+    if (size > most_bytes) throw DamagedBytes("damaged: a text is too long");
     return std::string(GetBytes(size));
   }
   bool at_end() const { return rest_.empty(); }

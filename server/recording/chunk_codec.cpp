@@ -155,7 +155,7 @@ RecordedMarker DecodeMarker(ByteReader& reader) {
   RecordedMarker marker;
   marker.tick = reader.Get<std::uint64_t>();
   marker.time_ns = reader.Get<std::int64_t>();
-  marker.text = reader.GetText();
+  marker.text = reader.GetText(kMaxMarkerBytes);
   return marker;
 }
 

@@ -12,7 +12,6 @@ namespace palpate {
 namespace {
 
 // A text editor would change the first byte or the line end, so damage by an editor is noticed.
-constexpr std::string_view kMagic = "\x89PLPREC\n";
 constexpr std::size_t kHeaderStartBytes = 8 + 4 + 4 + 8;
 constexpr std::size_t kChunkStartBytes = 8 + 8 + 2 + 2 + 4 + 4;
 constexpr std::size_t kChecksumBytes = 8;
@@ -57,7 +56,7 @@ std::string FrameHeader(const RecordingHeader& header) {
     throw Error(ErrorKind::kTooLarge, "the program's name is too long for a recording");
   }
   ByteWriter writer;
-  writer.PutBytes(kMagic);
+  writer.PutBytes(kRecordingMagic);
   writer.Put(kRecordingVersion);
   writer.Put(static_cast<std::uint32_t>(header.program.size()));
   writer.Put(header.created_unix_ns);
@@ -86,10 +85,10 @@ std::string FrameChunk(const Payload& payload, std::uint64_t number) {
 
 RecordingHeader ReadHeader(std::istream& stream, const std::string& file) {
   std::string bytes = ReadUpTo(stream, kHeaderStartBytes);
-  if (!bytes.starts_with(kMagic) || bytes.size() < kHeaderStartBytes) {
+  if (!bytes.starts_with(kRecordingMagic) || bytes.size() < kHeaderStartBytes) {
     RefuseFile(file, "is no recording of Palpate");
   }
-  ByteReader start(std::string_view(bytes).substr(kMagic.size()));
+  ByteReader start(std::string_view(bytes).substr(kRecordingMagic.size()));
   const auto version = start.Get<std::uint32_t>();
   if (version < kOldestRecordingVersion || version > kRecordingVersion) {
     RefuseFile(file, "is a recording of version " + std::to_string(version) +

@@ -26,6 +26,8 @@ namespace palpate {
 // versions from the oldest one on are read.
 inline constexpr std::uint32_t kRecordingVersion = 4;
 inline constexpr std::uint32_t kOldestRecordingVersion = 2;
+// The first bytes of every recording.
+inline constexpr std::string_view kRecordingMagic = "\x89PLPREC\n";
 inline constexpr std::size_t kMaxPayloadBytes = std::size_t{16} << 20;
 inline constexpr std::size_t kMaxProgramBytes = 256;
 

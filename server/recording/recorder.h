@@ -47,7 +47,6 @@ struct RecorderReport {
 class Recorder final : public SampleSink {
  public:
   static constexpr std::size_t kQueueTicks = 8192;
-  static constexpr std::size_t kMaxMarkerBytes = 4096;
   // The most scenes, and the most markers, that wait for their tick.
   static constexpr std::size_t kMaxWaiting = 4096;
   static constexpr std::uint64_t kMaxWaitingVoxelBytes = std::uint64_t{256} << 20;

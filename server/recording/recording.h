@@ -24,6 +24,8 @@
 
 namespace palpate {
 
+inline constexpr std::size_t kMaxMarkerBytes = 4096;
+
 struct RecordingHeader {
   std::int64_t created_unix_ns = 0;
   std::string program{};  // "palpated 0.1.0"

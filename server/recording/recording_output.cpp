@@ -3,10 +3,14 @@
 #include <unistd.h>
 
 #include <chrono>
+#include <fstream>
+#include <string>
+#include <string_view>
 #include <utility>
 
 #include "common/error/error.h"
 #include "common/files/new_file.h"
+#include "server/recording/chunk_frame.h"
 
 namespace palpate {
 namespace {
@@ -56,11 +60,23 @@ class RecordingFile final : public RecordingOutput {
   std::chrono::steady_clock::time_point synced_{};
 };
 
+bool IsRecording(const std::filesystem::path& path) {
+  std::string start(kRecordingMagic.size(), '\0');
+  std::ifstream file(path, std::ios::binary);
+  return file.read(start.data(), static_cast<std::streamsize>(start.size())) &&
+         start == kRecordingMagic;
+}
+
 }  // namespace
 
 std::unique_ptr<RecordingOutput> CreateRecordingFile(
     const std::filesystem::path& path, bool overwrite,
     std::function<std::chrono::steady_clock::time_point()> now) {
+  if (overwrite && std::filesystem::exists(path) && !IsRecording(path)) {
+    throw Error(ErrorKind::kConflict, path.string() +
+                                          ": this is no recording, and stays; name "
+                                          "another file");
+  }
   return std::make_unique<RecordingFile>(path, overwrite, std::move(now));
 }
 

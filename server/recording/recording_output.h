@@ -26,9 +26,10 @@ class RecordingOutput {
 // cut loses about the last second: syncing every chunk would be too slow while a user drags
 // settings.
 //
-// Throws Error: kConflict if `path` exists and `overwrite` is false; the errors of CannotWrite if
-// the file cannot be written. Append throws kConflict if `path` was made in the meantime;
-// kDiskFull. `now`: the clock for the second between two syncs; tests pass their own.
+// Throws Error: kConflict if `path` exists and `overwrite` is false, or if it exists and is no
+// recording; the errors of CannotWrite if the file cannot be written. Append throws kConflict if
+// `path` was made in the meantime; kDiskFull. `now`: the clock for the second between two syncs;
+// tests pass their own.
 std::unique_ptr<RecordingOutput> CreateRecordingFile(
     const std::filesystem::path& path, bool overwrite,
     std::function<std::chrono::steady_clock::time_point()> now = std::chrono::steady_clock::now);

@@ -24,6 +24,7 @@ constexpr std::chrono::milliseconds kReplayPollPeriod{2};
 constexpr std::chrono::milliseconds kReportPeriod{100};
 // How much of the recording is read ahead.
 constexpr double kAheadMs = 500.0;
+constexpr std::size_t kMaxEventsAhead = 1024;
 constexpr std::size_t kMaxBricksAhead = (std::size_t{128} << 20) / sizeof(Brick);
 constexpr std::uint64_t kMostChunkBytes = kBricksPerEdit * sizeof(Brick);
 // Longer times without ticks are shortened to this time.
@@ -59,24 +60,25 @@ Registration RegistrationOf(const RecordedScene& scene, const VolumeMetadata& vo
 class ViewerReplay {
  public:
   ViewerReplay(Session& session, Pump& pump, RecordingReader& reader, double speed,
-               const ViewerReplayProgress& progress)
+               const ViewerReplayProgress& progress, const std::function<bool()>& cancelled)
       : session_(session),
         pump_(pump),
         reader_(reader),
         ahead_ms_(kAheadMs * std::max(1.0, speed)),
         progress_(progress),
+        cancelled_(cancelled),
         loading_(session.BeginLoad()),
         hold_(session.store()),
         before_(session.volume()),
         follower_([this](const RecordedScene& scene) { return StartVolume(scene); }),
         shown_(std::make_shared<ShownSamples>(speed)) {}
 
-  void Run(const std::function<bool()>& cancelled) {
+  void Run() {
     CheckStart();
     try {
       session_.SetForcesOff(true);
       pump_.Replace(shown_);
-      Play(cancelled);
+      Play();
     } catch (...) {
       Restore();
       throw;
@@ -87,7 +89,8 @@ class ViewerReplay {
  private:
   // Changes nothing in the session, so it may throw without a Restore.
   void CheckStart() {
-    while (!IsSceneWaiting() && read_ms_ < kLatestSceneMs && ReadOne()) {
+    while (!IsSceneWaiting() && read_ms_ < kLatestSceneMs && events_.size() < kMaxEventsAhead &&
+           ReadOne()) {
     }
     if (!IsSceneWaiting()) {
       throw Error(ErrorKind::kInvalidArgument,
@@ -111,10 +114,9 @@ class ViewerReplay {
     return before_.volume;
   }
 
-  void Play(const std::function<bool()>& cancelled) {
+  void Play() {
     auto report_at = std::chrono::steady_clock::now();
     for (bool more = true; more || shown_->waiting() > 0 || !events_.empty();) {
-      if (cancelled()) throw Error(ErrorKind::kCancelled, "the replay was cancelled");
       while (more && IsRoomAhead()) more = ReadOne();
       if (!more && shown_->waiting() == 0) position_is_end_ = true;
       ApplyDue();
@@ -122,6 +124,7 @@ class ViewerReplay {
         Report("");
         report_at += kReportPeriod;
       }
+      CheckWanted();
       std::this_thread::sleep_for(kReplayPollPeriod);
     }
     Report("");
@@ -132,11 +135,17 @@ class ViewerReplay {
     for (const Event& event : events_) {
       for (const RecordedEdit& edit : event.edits) bricks += edit.bricks.size();
     }
-    return bricks < kMaxBricksAhead && read_ms_ - shown_->position_ms() < ahead_ms_;
+    return events_.size() < kMaxEventsAhead && bricks < kMaxBricksAhead &&
+           read_ms_ - shown_->position_ms() < ahead_ms_;
+  }
+
+  void CheckWanted() const {
+    if (cancelled_()) throw Error(ErrorKind::kCancelled, "the replay was cancelled");
   }
 
   // False at the end.
   bool ReadOne() {
+    CheckWanted();
     // Memory for the bricks of one chunk. The session counts bricks when they are applied.
     const MemoryClaim claim = session_.loader().budget->Claim("the replay", kMostChunkBytes);
     std::optional<RecordedChunk> chunk = reader_.Next();
@@ -230,6 +239,7 @@ class ViewerReplay {
   RecordingReader& reader_;
   const double ahead_ms_;
   const ViewerReplayProgress& progress_;
+  const std::function<bool()>& cancelled_;
   const std::unique_lock<std::mutex> loading_;
   const VolumeStore::Hold hold_;
   const VolumeState before_;
@@ -256,7 +266,7 @@ void ReplayToViewers(Session& session, Pump& pump, RecordingReader& reader, doub
   if (!(speed > 0.0 && speed <= kMaxReplaySpeed)) {
     throw Error(ErrorKind::kInvalidArgument, "the speed must be above 0 and at most 100");
   }
-  ViewerReplay(session, pump, reader, speed, progress).Run(cancelled);
+  ViewerReplay(session, pump, reader, speed, progress, cancelled).Run();
 }
 
 }  // namespace palpate

@@ -6,8 +6,8 @@
 // - Voxels and the place of the volume change as recorded. If the recording continues with another
 //   volume, or lacks voxels, the last voxels stay.
 // - Volumes cannot be loaded.
-// At the end, the voxels and the place are as before the replay. Edits made by others during the
-// replay are lost then.
+// - Voxels cannot be edited.
+// At the end, the voxels, the place and the history of edits are as before the replay.
 //
 // Threads: any ordinary one; blocks until the end.
 #pragma once

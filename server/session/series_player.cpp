@@ -68,7 +68,7 @@ VolumeState SeriesPlayer::Load(std::span<const std::filesystem::path> files,
                                const LoadCancelled& cancelled) {
   const std::unique_lock loading = session_.BeginLoad();
   std::vector<std::string> warnings;
-  const TidyBrickWork work(session_.retired());
+  const BrickWork work;
   LoadedSeries loaded =
       LoadSeries(session_.loader(), files, request, progress, cancelled, warnings, work);
   for (const std::string& warning : warnings) LogWarning("{}", warning);

@@ -2,12 +2,14 @@
 
 #include <cmath>
 #include <limits>
+#include <tuple>
 #include <utility>
 
 #include "common/error/error.h"
 #include "server/log/log.h"
 #include "server/session/range.h"
 #include "server/store/load_warnings.h"
+#include "server/volume/brick_memory.h"
 #include "server/volume/snapshot_builder.h"
 
 namespace palpate {
@@ -228,7 +230,7 @@ LoadedVolume Session::LoadBricks(const LoadRequest& request, const LoadProgress&
                                  const LoadCancelled& cancelled, MemoryClaim& claim,
                                  std::vector<std::string>& warnings) {
   LoadMemory needed;
-  const TidyBrickWork work(retired());
+  const BrickWork work;
   const auto size_known = [&](const Vec3i&, const LoadMemory& memory) {
     needed = memory;
     claim.Resize(memory.Sum());
@@ -314,10 +316,17 @@ std::uint64_t Session::PublishEdited(const std::shared_ptr<const VolumeSnapshot>
                                      std::span<const BrickChange> changes) {
   const std::lock_guard lock(mutex_);
   if (volume != volume_) {
+    const auto before =
+        std::tuple(volume_, is_reshaped_, X_DI_, registration_, settings_, held_isovalue_);
     const bool has_other_lattice = volume->loaded_revision() != volume_->loaded_revision();
-    volume_ = volume;
-    if (has_other_lattice) TakeLattice();
-    PublishLocked(changes);
+    try {
+      volume_ = volume;
+      if (has_other_lattice) TakeLattice();
+      PublishLocked(changes);
+    } catch (...) {
+      std::tie(volume_, is_reshaped_, X_DI_, registration_, settings_, held_isovalue_) = before;
+      throw;
+    }
   }
   return scene_revision_;
 }

@@ -107,10 +107,6 @@ void VolumeEditor::CheckLatticeMayChange() const {
     throw Error(ErrorKind::kConflict,
                 "the lattice of a series cannot change: load the frame alone, as a volume");
   }
-  if (session_.store().is_held()) {
-    throw Error(ErrorKind::kConflict,
-                "the lattice cannot change during a replay of a recording: try again after it");
-  }
 }
 
 VolumeEditor::Made VolumeEditor::MakeAll(const std::shared_ptr<const VolumeSnapshot>& present,
@@ -167,6 +163,10 @@ EditOutcome VolumeEditor::Move(Steps& from, Steps& to, const char* empty, const 
 EditOutcome VolumeEditor::Transact(const Revision& expected, const Make& make) {
   EditOutcome outcome;
   const auto change = [&](const std::shared_ptr<const VolumeSnapshot>& present) {
+    if (session_.store().is_held()) {
+      throw Error(ErrorKind::kConflict,
+                  "the voxels of a replayed recording cannot change: try again after the replay");
+    }
     if (expected && *expected != present->revision()) {
       throw Error(ErrorKind::kConflict,
                   fmt::format("the volume is at revision {}, not {}: read it again",
@@ -177,8 +177,8 @@ EditOutcome VolumeEditor::Transact(const Revision& expected, const Make& make) {
     outcome.changed_voxels = made->result.changed_voxels;
     VolumeChange next =
         made->whole ? VolumeChange(std::move(*made->whole)) : VolumeChange(made->result.changes);
-    next.before_publication = [&, made](std::uint64_t revision) {
-      own_revision_ = revision;
+    next.before_publication = [&](std::uint64_t revision) { own_revision_ = revision; };
+    next.after_publication = [&, made] {
       if (made->note) made->note(made->result);
       outcome.undo_steps = undo_.size();
       outcome.redo_steps = redo_.size();
@@ -299,7 +299,8 @@ void VolumeEditor::OnScene(const Scene& scene, std::span<const BrickChange> chan
   const bool loaded = scene.volume->loaded_revision() != loaded_revision_;
   loaded_revision_ = scene.volume->loaded_revision();
   const bool others = loaded || !changes.empty();
-  if (others && scene.volume->revision() != own_revision_) Forget();
+  // A replay gives its voxels back at its end, and nobody edits meanwhile.
+  if (others && scene.volume->revision() != own_revision_ && !session_.store().is_held()) Forget();
 }
 
 void VolumeEditor::Forget() {

@@ -6,7 +6,8 @@
 // step makes a step to redo it.
 // Every change made for a user goes through this class. If other code changes voxels (a loaded
 // volume, a frame of a series), the history ends, and Revert leads back to the voxels after that
-// change.
+// change. A replay of a recording gives its voxels back: nothing can be edited meanwhile
+// (kConflict), and the history stays.
 //
 // Threads: any ordinary thread. The history changes in the same transaction of the store as the
 // voxels, so both always fit together.
@@ -71,8 +72,7 @@ class VolumeEditor final : public SceneListener {
   // enough. Otherwise throws kTooLarge and drops none.
   MemoryClaim ClaimFor(const std::string& holder, std::uint64_t bytes);
 
-  // Call it in a transaction. Throws kConflict if a frame of a series is shown, or a recording is
-  // being replayed.
+  // Call it in a transaction. Throws kConflict if a frame of a series is shown.
   void CheckLatticeMayChange() const;
 
   // Returns the tick at which an outcome is felt. Throws kUnavailable.
@@ -105,7 +105,7 @@ class VolumeEditor final : public SceneListener {
 
     EditResult result{};
     std::optional<ReshapedVolume> whole{};
-    // Updates the history. Called when nothing can fail any more.
+    // Updates the history. Called when the change is published.
     std::function<void(const EditResult& result)> note{};
   };
   using Make = std::function<Made(const std::shared_ptr<const VolumeSnapshot>& present)>;

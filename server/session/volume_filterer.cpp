@@ -6,6 +6,7 @@
 #include <optional>
 
 #include "common/error/error.h"
+#include "server/volume/brick_memory.h"
 
 namespace palpate {
 namespace {
@@ -40,7 +41,7 @@ EditOutcome VolumeFilterer::Filter(const VolumeFilter& filter,
   }
   if (IsReshape(filter.kind)) return Reshape(filter, expected, progress, cancelled);
   MemoryClaim claim;
-  const TidyBrickWork work(session_.retired());  // ends after the run
+  const BrickWork work;
   std::optional<FilterRun> run;
   const auto begin = [&](const VolumeSnapshot&) -> EditResult {
     run.emplace(session_.volume().volume, filter);
@@ -62,7 +63,6 @@ EditOutcome VolumeFilterer::Reshape(const VolumeFilter& filter,
                                     const VolumeEditor::Revision& expected,
                                     const LoadProgress& progress, const LoadCancelled& cancelled) {
   const std::unique_lock loading = session_.BeginLoad();
-  const TidyBrickWork work(session_.retired());
   MemoryClaim claim;
   const auto needs = [&](std::uint64_t bytes) {
     if (claim.bytes() > 0) return claim.Resize(bytes);

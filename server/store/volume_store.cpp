@@ -21,8 +21,16 @@ EditedRevisions VolumeStore::Edit(const Change& change) {
   const VolumeChange made = change(present_);
   const std::shared_ptr<const VolumeSnapshot> next = Next(made);
   if (made.before_publication) made.before_publication(next->revision());
-  if (next == present_) return {next->revision(), publish_(next, {})};
-  return Put(next, made.bricks, frames_bytes_, publish_);
+  EditedRevisions revisions;
+  try {
+    revisions = next == present_ ? EditedRevisions{next->revision(), publish_(next, {})}
+                                 : Put(next, made.bricks, frames_bytes_, publish_);
+  } catch (...) {
+    if (made.before_publication) made.before_publication(0);
+    throw;
+  }
+  if (made.after_publication) made.after_publication();
+  return revisions;
 }
 
 std::shared_ptr<const VolumeSnapshot> VolumeStore::Next(const VolumeChange& change) const {

@@ -43,10 +43,11 @@ struct VolumeChange {
 
   std::vector<BrickChange> bricks{};
   std::optional<ReshapedVolume> whole{};
-  // Called in the transaction, after the snapshot is made and before it is published. `revision`
-  // is the new snapshot's, or the present one's if nothing changes. Use it to note the change
-  // under the right revision.
+  // Called in the transaction, before the new snapshot is published and afterwards. `revision` is
+  // the new snapshot's, or the present one's if nothing changes; 0 in a second call if the
+  // publication fails.
   std::function<void(std::uint64_t revision)> before_publication{};
+  std::function<void()> after_publication{};
 };
 
 class VolumeStore {

@@ -36,7 +36,7 @@ class BrickWork {
  public:
   enum class Freed : std::uint8_t {
     kGone,     // freed bricks no longer count
-    kStillIn,  // freed bricks count until LetGo: the heap still holds their memory
+    kStillIn,  // freed bricks count until LetGo: their memory is still resident
   };
   explicit BrickWork(Freed freed = Freed::kGone) noexcept
       : freed_(freed), outer_(std::exchange(internal::brick_work, this)) {}

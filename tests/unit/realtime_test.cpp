@@ -337,39 +337,6 @@ TEST(ThreadSetup, SaysWhatItGot) {
   EXPECT_STREQ(name.c_str(), "palpate-rt");
 }
 
-#ifndef PALPATE_SANITIZED
-std::int64_t StatusKib(const std::string& key) {
-  std::ifstream status("/proc/self/status");
-  for (std::string line; std::getline(status, line);) {
-    if (line.starts_with(key + ":")) return std::stoll(line.substr(key.size() + 1));
-  }
-  return -1;
-}
-
-// Blocks as small as a brick, below one that stays: the heap cannot shrink at its end.
-TEST(FreedMemory, GoesBackToTheSystemAlsoWhereMemoryIsLocked) {
-  constexpr std::size_t kBlockBytes = 2048, kBlocks = 32768;  // 64 MiB
-  const auto make = [&] { return std::make_unique<std::string>(kBlockBytes, 'x'); };
-  std::vector<std::string> warnings;
-  const bool locked = LockProcessMemory(warnings);
-  std::vector<std::unique_ptr<std::string>> freed;
-  for (std::size_t n = 0; n < kBlocks; ++n) freed.push_back(make());
-  const auto kept = make();
-  const std::int64_t before_kib = StatusKib("VmRSS"), locked_kib = StatusKib("VmLck");
-  freed.clear();
-  ReturnFreedMemory();
-  EXPECT_LT(StatusKib("VmRSS"), before_kib - 50 * 1024);
-  // All stays locked, what is made later too.
-  EXPECT_EQ(locked, locked_kib > 64 * 1024);
-  for (std::size_t n = 0; n < kBlocks; ++n) freed.push_back(make());
-  if (locked) {
-    EXPECT_GE(StatusKib("VmLck"), StatusKib("RssAnon"));
-  }
-  munlockall();
-  if (!locked) GTEST_SKIP() << "not locked: " << warnings.at(0);
-}
-#endif
-
 TEST(ThreadSetup, RefusesAnImpossiblePriority) {
   RealtimeGrant grant;
   std::thread([&] {

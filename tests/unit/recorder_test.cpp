@@ -273,7 +273,7 @@ TEST_F(RecorderTest, WhatWaitsIsBounded) {
   for (std::size_t n = 0; n < Recorder::kMaxWaiting; ++n) recorder.Mark("m");
   EXPECT_EQ(Refusal([&] { recorder.Mark("m"); }), ErrorKind::kUnavailable);
   EXPECT_EQ(Refusal([&] { recorder.Mark(""); }), ErrorKind::kInvalidArgument);
-  EXPECT_EQ(Refusal([&] { recorder.Mark(std::string(Recorder::kMaxMarkerBytes + 1, 'x')); }),
+  EXPECT_EQ(Refusal([&] { recorder.Mark(std::string(kMaxMarkerBytes + 1, 'x')); }),
             ErrorKind::kInvalidArgument);
   // The oldest scene makes room.
   for (std::size_t n = 0; n <= Recorder::kMaxWaiting; ++n) {

@@ -3,6 +3,7 @@
 #include "server/recording/recording_control.h"
 
 #include <gtest/gtest.h>
+#include <malloc.h>
 
 #include <algorithm>
 #include <atomic>
@@ -194,6 +195,57 @@ TEST_F(RecordingControlTest, BadReplaysAreRefusedAndChangeNothing) {
   EXPECT_EQ(refusal("a"), ErrorKind::kConflict);
   Load("builtin:gyroid:32");
   EXPECT_EQ(refusal("a", 50.0), std::nullopt);
+}
+
+// 200 MB of texts in a small file, between two ticks.
+TEST_F(RecordingControlTest, AReplayReadsFewTextsAheadAndCanBeCancelledInTheMidst) {
+  RecordEdits("a");
+  RecordingReader reader(File("a"));
+  const std::vector<RecordedChunk> chunks = testing::ReadAll(reader);
+  {
+    RecordingWriter writer(CreateRecordingFile(File("texts"), false), "test");
+    bool has_scene = false;
+    for (const RecordedChunk& chunk : chunks) {
+      if (const auto* scene = std::get_if<RecordedScene>(&chunk)) {
+        if (!std::exchange(has_scene, true)) writer.Append(*scene);
+      } else if (const auto* samples = std::get_if<RecordedSamples>(&chunk)) {
+        writer.AppendSamples(*samples);
+        if (has_scene) break;
+      }
+    }
+    for (int n = 0; n < 50'000; ++n) {
+      writer.Append(RecordedMarker{.tick = *writer.next_tick(), .text = std::string(4096, 'x')});
+    }
+    writer.AppendEnd();
+  }
+  EXPECT_LT(std::filesystem::file_size(File("texts")), 20u << 20);
+  const std::size_t before_bytes = mallinfo2().uordblks;
+  std::size_t most_bytes = 0;
+  int asked = 0;
+  const auto cancelled = [&] {
+    most_bytes = std::max(most_bytes, mallinfo2().uordblks);
+    return ++asked == 3000;
+  };
+  EXPECT_EQ(Refusal([&] { control_.Replay(File("texts"), 1.0, kUnwatched, cancelled); }),
+            ErrorKind::kCancelled);
+  EXPECT_LT(most_bytes, before_bytes + (32u << 20));
+}
+
+TEST_F(RecordingControlTest, OnlyRecordingsAreReplacedByRecordings) {
+  const auto start = [&](const char* name) {
+    return Refusal([&] {
+      control_.Start(File(name), true);
+      control_.Stop();
+    });
+  };
+  for (const char* text : {"", "PAL", "my notes of ten years"}) {
+    std::ofstream(File("notes")) << text;
+    EXPECT_EQ(start("notes"), ErrorKind::kConflict) << text;
+    std::ifstream notes(File("notes"));
+    EXPECT_TRUE(std::string(std::istreambuf_iterator<char>(notes), {}) == text);
+  }
+  EXPECT_EQ(start("new"), std::nullopt);
+  EXPECT_EQ(start("new"), std::nullopt);
 }
 
 TEST_F(RecordingControlTest, ViewersSeeEveryRecordedTickInPlaceOfTheLiveOnes) {

@@ -237,6 +237,18 @@ TEST(RecordingFormat, LengthsAreLimitedBeforeMemoryIsTaken) {
             ErrorKind::kTooLarge);
 }
 
+// 16 MiB of one letter pack into a few bytes.
+TEST(RecordingFormat, TextsThatNobodyWritesAreDamaged) {
+  RecordedScene scene = SceneAt(1);
+  scene.volume_source = std::string(20'000, 'x');
+  for (const RecordedChunk& chunk :
+       {RecordedChunk(RecordedMarker{.text = std::string(4097, 'x')}), RecordedChunk(scene)}) {
+    const Payload payload = EncodeChunk(chunk);
+    EXPECT_THROW(DecodeChunk(payload), DamagedBytes);
+  }
+  EXPECT_NO_THROW(DecodeChunk(EncodeChunk(RecordedMarker{.text = std::string(4096, 'x')})));
+}
+
 TEST(RecordingFormat, AChunkOfNoKindIsDamaged) {
   EXPECT_THROW(DecodeChunk({static_cast<ChunkType>(99), ""}), DamagedBytes);
 }

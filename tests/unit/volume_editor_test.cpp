@@ -10,6 +10,8 @@
 #include <vector>
 
 #include "common/error/error.h"
+#include "server/volume/brick_memory.h"
+#include "tests/support/made_volume.h"
 #include "tests/support/refusal.h"
 #include "tests/support/running_session.h"
 
@@ -224,6 +226,129 @@ TEST_F(VolumeEditorTest, TheOldestStepsAreForgottenWhereMemoryIsBounded) {
   EXPECT_LE(bounded.HistoryBytes(), kBound);
   // Forgotten steps do not matter for what was loaded.
   bounded.Revert();
+  EXPECT_EQ(hash(), loaded);
+}
+
+// --- Near the memory budget
+
+class SmallBudgetTest : public ::testing::Test {
+ protected:
+  static constexpr std::uint64_t kLeafBytes = 2300;  // a little more than a leaf of floats
+
+  static VolumeLoader LoaderWith(const std::shared_ptr<MemoryBudget>& budget) {
+    VolumeLoader loader;
+    loader.budget = budget;
+    return loader;
+  }
+  // As many bytes are left as `leaves` leaves take.
+  MemoryClaim LeaveRoomFor(std::uint64_t leaves) {
+    data_.session().retired().WaitForFreed(std::chrono::minutes(1));
+    return budget_->Claim("others", budget_->left_bytes() - leaves * kLeafBytes);
+  }
+  EditOutcome Touch(int brick, double value) {
+    const Vec3 p(8 * (brick / 25) + 3, 8 * (brick / 5 % 5) + 3, 8 * (brick % 5) + 3);
+    return editor_.Edit({.shape = BoxShape{p, p}, .value = value});
+  }
+
+  std::shared_ptr<MemoryBudget> budget_ =
+      MemoryBudget::Make(std::uint64_t{1} << 30, LiveBrickBytes);
+  testing::EditableSession data_{LoaderWith(budget_)};
+  VolumeEditor editor_{data_.session()};
+};
+
+TEST_F(SmallBudgetTest, TheOldestStepsGoWhereAnEditNeedsTheirMemory) {
+  data_.Load("builtin:gyroid:40");
+  std::vector<ContentHash> states{data_.hash()};
+  for (int n = 0; n < 60; ++n) {
+    // The second round replaces leaves that only the history keeps then.
+    EXPECT_EQ(Touch(n % 30, n < 30 ? 0.4 : 0.5).undo_steps, static_cast<std::size_t>(n + 1));
+    states.push_back(data_.hash());
+  }
+  // An edit of eight bricks, with room for two.
+  const MemoryClaim others = LeaveRoomFor(2);
+  const EditOutcome outcome =
+      editor_.Edit({.shape = BoxShape{Vec3(0, 0, 0), Vec3(15, 15, 15)}, .value = 0.6});
+  EXPECT_GT(outcome.changed_voxels, 4000u);
+  EXPECT_LT(outcome.undo_steps, 61u);
+  EXPECT_GT(outcome.undo_steps, 10u);
+  for (std::size_t n = outcome.undo_steps; n > 0; --n) {
+    editor_.Undo();
+    EXPECT_EQ(data_.hash(), states.back());
+    states.pop_back();
+  }
+}
+
+TEST_F(SmallBudgetTest, NoStepGoesWhereAllOfThemWouldNotBeEnough) {
+  data_.Load("builtin:gyroid:40");
+  for (int n = 0; n < 10; ++n) Touch(n, 0.4);
+  const ContentHash edited = data_.hash();
+  const MemoryClaim others = LeaveRoomFor(2);
+  EXPECT_EQ(Refusal([&] {
+              editor_.Edit({.shape = BoxShape{Vec3(0, 0, 0), Vec3(39, 39, 39)}, .value = 0.6});
+            }),
+            ErrorKind::kTooLarge);
+  EXPECT_EQ(data_.hash(), edited);
+  for (std::size_t n = 9; n < 10; --n) EXPECT_EQ(editor_.Undo().undo_steps, n);
+}
+
+// --- What others do
+
+// Refuses the next scene.
+struct Refusing final : SceneListener {
+  void OnScene(const Scene&, std::span<const BrickChange>) override {
+    if (std::exchange(refuses, false)) throw Error(ErrorKind::kInternal, "no");
+  }
+  bool refuses = false;
+};
+
+TEST_F(VolumeEditorTest, AnEditThatIsNotPublishedIsNoStep) {
+  Refusing refusing;
+  const Listening listening(session(), refusing);
+  editor_.Edit(Touch(0, 0.7));
+  const ContentHash before = hash();
+  refusing.refuses = true;
+  EXPECT_EQ(Refusal([&] { editor_.Edit(Touch(1, 0.7)); }), ErrorKind::kInternal);
+  refusing.refuses = true;
+  EXPECT_EQ(Refusal([&] { editor_.Undo(); }), ErrorKind::kInternal);
+  EXPECT_EQ(hash(), before);
+  EXPECT_EQ(editor_.Edit(Touch(2, 0.7)).undo_steps, 2u);
+  // The revision of an edit that was refused is another one's now.
+  refusing.refuses = true;
+  EXPECT_EQ(Refusal([&] { editor_.Edit(Touch(3, 0.7)); }), ErrorKind::kInternal);
+  session().store().Edit([&](const auto& present) {
+    return testing::PaintedBox(present->bricks(), Vec3i::Zero(), Vec3i::Ones(),
+                               [] { return 0.9f; });
+  });
+  EXPECT_EQ(Refusal([&] { editor_.Undo(); }), ErrorKind::kConflict);
+}
+
+TEST_F(VolumeEditorTest, WhileARecordingIsReplayedTheVoxelsAreItsOwnAndTheHistoryStays) {
+  const ContentHash loaded = hash();
+  editor_.Edit(Touch(0, 0.7));
+  editor_.Edit(Touch(1, 0.7));
+  editor_.Undo();
+  const auto before = volume();
+  {
+    const VolumeStore::Hold hold(session().store());
+    session().store().Edit([&](const auto& present) {
+      return testing::PaintedBox(present->bricks(), Vec3i::Zero(), Vec3i::Constant(9),
+                                 [] { return 0.9f; });
+    });
+    const ContentHash replayed = hash();
+    for (const auto& refused : std::vector<std::function<void()>>{
+             [&] { editor_.Edit(Touch(2, 0.5)); }, [&] { editor_.Undo(); }, [&] { editor_.Redo(); },
+             [&] { editor_.Revert(); }}) {
+      EXPECT_EQ(Refusal(refused), ErrorKind::kConflict);
+    }
+    EXPECT_EQ(hash(), replayed);
+    session().store().Edit(
+        [&](const auto& present) { return present->bricks().ChangesTo(before->bricks()); });
+  }
+  EXPECT_EQ(hash(), before->bricks().content_hash());
+  EXPECT_EQ(editor_.Redo().undo_steps, 2u);
+  editor_.Undo();
+  EXPECT_EQ(hash(), before->bricks().content_hash());
+  editor_.Revert();
   EXPECT_EQ(hash(), loaded);
 }
 
