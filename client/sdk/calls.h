@@ -16,7 +16,6 @@
 //   kPermissionDenied  our role does not allow the call
 //   kCancelled         a ProgressFunction or EndCalls cancelled the call
 // and the errors that the method names.
-// kCancelled: by a ProgressFunction or EndCalls; and what each method names.
 #pragma once
 
 #include <chrono>

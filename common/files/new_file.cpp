@@ -160,7 +160,10 @@ void NewFile::ClaimAndRename() {
   if (claim < 0 && errno == EEXIST) RefuseToOverwrite(path_);
   if (claim < 0) throw CannotWrite(path_, errno);
   close(claim);
-  if (!RenameTo(0)) throw CannotWrite(path_, errno);
+  if (RenameTo(0)) return;
+  const int error_number = errno;
+  unlinkat(directory_, name.c_str(), 0);
+  throw CannotWrite(path_, error_number);
 }
 
 void WriteWhole(const fs::path& path, const std::function<void(const fs::path& partial)>& write,

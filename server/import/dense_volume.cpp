@@ -40,6 +40,18 @@ void SetRange(DenseVolume* volume, Reporter* reporter) {
   volume->metadata.value_max = greatest;
 }
 
+// Voxels that no smaller type holds are held as 32 bit floats.
+void WarnOfRounding(const DenseVolume& volume, Reporter* reporter) {
+  constexpr double kGreatestWhole = 1 << 24;
+  const VolumeMetadata& metadata = volume.metadata;
+  const bool is_integer = metadata.original_type == "int32" || metadata.original_type == "uint32";
+  if (is_integer && std::max(-metadata.value_min, metadata.value_max) > kGreatestWhole) {
+    reporter->Warn("integers beyond 2^24 are rounded to 32 bit floats, and so they are saved");
+  } else if (metadata.original_type == "float64" && HeldType(volume) == LeafType::kFloat) {
+    reporter->Warn("64 bit floats are rounded to 32 bit floats, and so they are saved");
+  }
+}
+
 }  // namespace
 
 void FinishVolume(DenseVolume* volume, const std::optional<Vec3>& spacing_mm, Reporter* reporter) {
@@ -47,6 +59,7 @@ void FinishVolume(DenseVolume* volume, const std::optional<Vec3>& spacing_mm, Re
   if (spacing_mm) volume->metadata.spacing_mm = *spacing_mm;
   SetRange(volume, reporter);
   CheckVolumeMetadata(volume->metadata);
+  WarnOfRounding(*volume, reporter);
 }
 
 LeafType HeldType(const DenseVolume& volume) {

@@ -105,8 +105,7 @@ void DefineOptions(arguments::Command* app, Options* options) {
       "(.nii, .nii.gz), OpenVDB (.vdb), a TIFF stack (.tif, .tiff: a file of\n"
       "several pages, the first file of a numbered series, or its folder; with --spacing-mm), a\n"
       "folder with a DICOM series, or raw voxels (--raw-size, --raw-type). Voxels are 8, 16 or 32\n"
-      "bit integers, float or double, and 32 bit floats in OUTPUT (integers beyond 2^24 are "
-      "rounded).\n"
+      "bit integers, float or double. OUTPUT keeps 8 and 16 bits; others become 32 bit floats.\n"
       "A volume has three axes of at least 2 voxels; NRRD and NIfTI may also have time. Lengths\n"
       "are in mm, the frame is LPS.");
   app->footer(

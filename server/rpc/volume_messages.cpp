@@ -1,5 +1,6 @@
 #include "server/rpc/volume_messages.h"
 
+#include <algorithm>
 #include <cstdint>
 #include <limits>
 #include <string>
@@ -73,6 +74,22 @@ v1::VolumeDescription ToProto(const VolumeState& state) {
   return out;
 }
 
+namespace {
+
+// The importer gets these names as arguments.
+std::string CheckedName(const std::string& name, const char* field) {
+  constexpr std::size_t kLongest = 256;
+  const bool is_text = std::none_of(name.begin(), name.end(), [](char c) {
+    const auto byte = static_cast<unsigned char>(c);
+    return byte < 0x20 || byte == 0x7f;
+  });
+  if (name.size() <= kLongest && is_text) return name;
+  Refuse(std::string("`") + field + "` must be at most " + std::to_string(kLongest) +
+         " bytes without control characters");
+}
+
+}  // namespace
+
 LoadRequest FromProto(const v1::LoadVolumeRequest& request) {
   LoadRequest load;
   load.source = request.source();
@@ -84,8 +101,8 @@ LoadRequest FromProto(const v1::LoadVolumeRequest& request) {
   }
   if (request.has_raw()) load.raw = RawFromProto(request.raw());
   if (request.has_frame()) load.frame = request.frame();
-  load.grid = request.grid();
-  load.component = request.component();
+  load.grid = CheckedName(request.grid(), "grid");
+  load.component = CheckedName(request.component(), "component");
   return load;
 }
 

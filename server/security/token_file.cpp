@@ -145,7 +145,8 @@ std::vector<StoredToken> ReadTokenFile(const std::filesystem::path& path) {
 
 void WriteTokenFile(const std::filesystem::path& path, const std::vector<StoredToken>& tokens) {
   const struct stat belongs = Belongs(path);
-  NewFile file(path, IfThere::kReplace, 0600);
+  // If the name is a link, the link stays.
+  NewFile file(std::filesystem::weakly_canonical(path), IfThere::kReplace, 0600);
   file.Write(Text(tokens));
   struct stat written {};
   // Changes the owner last. A user who may not give the file away keeps it.

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "common/error/error.h"
+#include "server/session/series_files.h"
 #include "server/volume/brick_pool.h"
 #include "server/volume/snapshot_builder.h"
 
@@ -39,6 +40,7 @@ class Reader {
       if (count_ < 2) {
         Refuse(files_[0].string() + ": there is one frame in it; a series needs two or more");
       }
+      CheckFrames(count_);
       Claim(frame_memory_);
     }
     while (frames_.size() < count_) ReadFrame(frames_.size());

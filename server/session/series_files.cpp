@@ -86,6 +86,13 @@ bool ComesBefore(std::string_view a, std::string_view b) {
   return order != 0 ? order < 0 : a < b;
 }
 
+void CheckFrames(std::size_t frames) {
+  if (frames <= kMostFrames) return;
+  throw Error(ErrorKind::kTooLarge, "a series has at most " + std::to_string(kMostFrames) +
+                                        " frames, not " + std::to_string(frames) +
+                                        "; name fewer files, or cut the file");
+}
+
 std::vector<fs::path> FindSeriesFiles(std::span<const std::string> sources,
                                       const PathPolicy& paths) {
   std::vector<fs::path> files;
@@ -99,10 +106,7 @@ std::vector<fs::path> FindSeriesFiles(std::span<const std::string> sources,
     const std::vector<fs::path> found =
         is_pattern ? Matches(source, paths) : std::vector<fs::path>{paths.CheckLoad(source)};
     files.insert(files.end(), found.begin(), found.end());
-    if (files.size() > kMostFrames) {
-      throw Error(ErrorKind::kTooLarge, "a series has at most " + std::to_string(kMostFrames) +
-                                            " frames; name fewer files");
-    }
+    CheckFrames(files.size());
   }
   if (files.empty()) {
     throw Error(ErrorKind::kInvalidArgument, "name the files of the series, or a pattern");

@@ -16,6 +16,9 @@ namespace palpate {
 // A series with more frames is refused.
 inline constexpr std::size_t kMostFrames = 10'000;
 
+// Throws kTooLarge above kMostFrames.
+void CheckFrames(std::size_t frames);
+
 // Returns absolute paths, with links followed, in the order of time. The last part of a source may
 // be a pattern with * and ?. The matches are ordered by the numbers in their names.
 // Throws Error: kInvalidArgument (no source, a pattern without a match, a builtin volume),

@@ -114,7 +114,7 @@ void RegistrationStore::Save() {
   try {
     WriteMerged(changed);
     last_failure_.clear();
-  } catch (const Error& error) {
+  } catch (const std::exception& error) {
     // A failure is logged once, not at every move.
     if (error.what() != last_failure_) {
       LogWarning("the places of volumes are not saved: {}", error.what());

@@ -89,9 +89,9 @@ std::optional<FeltSession> SessionKeeper::TakeLeft() {
   attempts_ = ++saved.attempts;
   try {
     WriteSessionFile(path_, saved);
-  } catch (const Error& error) {
-    LogWarning("the previous session does not come back: {}", error.what());
-    return std::nullopt;
+  } catch (const std::exception& error) {
+    // The session comes back all the same: a full disk must not cost it.
+    LogWarning("the attempt to bring the previous session back is not counted: {}", error.what());
   }
   taken_ = saved;
   TakeChanges(saved, configured_, configured_settings_, saved.felt);
@@ -127,22 +127,28 @@ void SessionKeeper::Run() {
       continue;
     }
     lock.unlock();
-    Save(felt);
+    const bool is_saved = Save(felt);
     lock.lock();
-    saved = felt;
+    if (is_saved) {
+      saved = felt;
+    } else {
+      saved.reset();  // tried again
+    }
   } while (!wake_.wait_for(lock, kInterval, [this] { return stop_; }));
 }
 
-void SessionKeeper::Save(const FeltSession& felt) {
+bool SessionKeeper::Save(const FeltSession& felt) {
   try {
     WriteSessionFile(path_, {configured_, configured_settings_, attempts_, felt});
     last_failure_.clear();
-  } catch (const Error& error) {
-    // A failure is logged once, not at every change.
+    return true;
+  } catch (const std::exception& error) {
+    // A failure is logged once, not at every try.
     if (error.what() != last_failure_) {
-      LogWarning("the session is not saved: {}", error.what());
+      LogWarning("the session is not saved: {}; palpated tries again", error.what());
     }
     last_failure_ = error.what();
+    return false;
   }
 }
 

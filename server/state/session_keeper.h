@@ -60,7 +60,8 @@ class SessionKeeper {
  private:
   std::string WhyNot(const SessionFile& file) const;
   void Run();
-  void Save(const FeltSession& felt);
+  // Returns false if it failed.
+  bool Save(const FeltSession& felt);
   void Join() noexcept;
 
   const std::filesystem::path path_;  // empty: nothing is saved

@@ -18,6 +18,8 @@ constexpr std::uint64_t kLargestWindow = 64;
 constexpr std::uint64_t kBricksPerSelection = 4096;
 // Blocks in one message: 256 KiB, the means of 16 MiB of voxels.
 constexpr std::uint64_t kBlocksPerMessage = 65536;
+// Of 2^31 voxels. A sparse volume may have a far larger lattice, which no dense copy holds.
+constexpr std::uint64_t kMostOverviewBlocks = std::uint64_t{1} << 22;
 
 // Compares bit by bit: a brick that is left out must have the hash of the subscriber's background.
 bool IsBackground(const Leaf& leaf, const Brick& background) {
@@ -196,7 +198,7 @@ void VolumeFeed::Select() {
   transfer_->next = 0;
   const std::uint64_t blocks = OverviewSize(volume.size()).cast<std::uint64_t>().prod();
   transfer_->phase = Phase::kOverview;
-  if (overview_sent_ == blocks) LeaveOverview();
+  if (overview_sent_ == blocks || blocks > kMostOverviewBlocks) LeaveOverview();
 }
 
 VolumeEvent VolumeFeed::TakeOverview() {

@@ -95,6 +95,11 @@ class FilterRun::Worker {
     if (run.region_) weights_of_.emplace(volume_, *run.region_);
   }
 
+  // False only if no voxel of the bricks will change.
+  bool MayChange(const BrickBox& bricks) const {
+    return OnlyValue(bricks, run_.ReadBy(bricks)) != (*volume_.bricks().At(bricks.min))[0];
+  }
+
   // Finds the bricks in which a voxel changed. Returns false if nothing was filtered because all
   // voxels are equal.
   bool Filter(const BrickBox& bricks, std::vector<BrickChange>& changes) {
@@ -369,8 +374,14 @@ double FilterRun::SecondsLeft() const {
 }
 
 std::uint64_t FilterRun::MostBytes() const {
-  if (bricks_.empty()) return 0;
-  return MostBrickBytes({bricks_.min * kBrickEdge, bricks_.max * kBrickEdge});
+  FilterInterrupter interrupter([] { return false; });
+  const Worker worker(*this, interrupter);
+  std::uint64_t bytes = 0;
+  for (const Part& part : parts_) {
+    if (part.bricks.empty() || !worker.MayChange(part.bricks)) continue;
+    bytes += MostBrickBytes({part.bricks.min * kBrickEdge, part.bricks.max * kBrickEdge});
+  }
+  return bytes;
 }
 
 // Two buffers for all voxels of the bricks that the largest part reads.

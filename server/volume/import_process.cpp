@@ -214,8 +214,9 @@ void ReportProgress(std::string_view line,
   progress(line, fraction * kImporterShare);
 }
 
-// Parses "size X Y Z BYTES": the volume's size, and the bytes of a voxel in the file.
-void ReportSize(std::string_view line, const SizeKnown& on_size) {
+// Parses "size X Y Z BYTES": the volume's size, and the bytes of a voxel in the file. A stack of
+// slices tells growing sizes. A smaller one than before would take back what was claimed.
+void ReportSize(std::string_view line, const SizeKnown& on_size, std::uint64_t& told_bytes) {
   constexpr std::string_view kWord = "size";
   if (!on_size || !line.starts_with(kWord)) return;
   line.remove_prefix(kWord.size());
@@ -228,10 +229,17 @@ void ReportSize(std::string_view line, const SizeKnown& on_size) {
   }
   if (!line.empty()) return;
   const auto [x, y, z, bytes] = numbers;
+  std::int64_t voxels = 0;
+  if (__builtin_mul_overflow(std::int64_t{x} * y, z, &voxels) || voxels > kMostLatticeVoxels) {
+    throw Error(ErrorKind::kTooLarge, "the importer names a size that no volume has");
+  }
   const LeafType type = bytes == 1   ? LeafType::kUint8
                         : bytes == 2 ? LeafType::kInt16
                                      : LeafType::kFloat;
-  on_size({x, y, z}, DenseLoadMemory({x, y, z}, type));
+  const LoadMemory memory = DenseLoadMemory({x, y, z}, type);
+  if (memory.Sum() < told_bytes) return;
+  told_bytes = memory.Sum();
+  on_size({x, y, z}, memory);
 }
 
 struct Outcome {
@@ -265,9 +273,10 @@ Outcome RunImporter(const ImportRequest& request, int handover,
   Outcome outcome;
   Lines out_lines;
   Lines err_lines;
+  std::uint64_t told_bytes = 0;
   const auto on_progress = [&](std::string_view line) {
     ReportProgress(line, progress);
-    ReportSize(line, request.on_size);
+    ReportSize(line, request.on_size, told_bytes);
   };
   const auto on_message = [&](std::string_view line) { AddMessage(line, &outcome); };
   for (;;) {

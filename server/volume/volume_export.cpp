@@ -83,10 +83,10 @@ std::uint64_t ExportVolume(const VolumeSnapshot& volume, const ExportRequest& re
   tell(0.0);
   const IfThere if_there = request.overwrite ? IfThere::kReplace : IfThere::kRefuse;
   if (format == Format::kVdb) {
-    const double voxel_bytes = sizeof(float) * volume.size().cast<double>().prod();
     // The compressed size is not known in advance.
+    const auto most_bytes = static_cast<double>(ExportBytes(volume, request.path) + 1);
     const auto written = [&](std::uint64_t bytes) {
-      tell(std::min(1.0, static_cast<double>(bytes) / voxel_bytes));
+      tell(std::min(1.0, static_cast<double>(bytes) / most_bytes));
     };
     WriteVolumeFile(request.path, volume.bricks(), volume.metadata(),
                     {.if_there = if_there, .links = Links::kRefused, .written = written});

@@ -20,8 +20,7 @@ struct ExportRequest {
   bool overwrite = false;
 };
 
-// The most memory that the export takes besides the volume: a .vdb file is written from a grid of
-// floats.
+// The most memory that the export takes besides the volume.
 std::uint64_t ExportBytes(const VolumeSnapshot& volume, const std::filesystem::path& path);
 
 using ExportProgress = std::function<void(std::string_view stage, double fraction)>;

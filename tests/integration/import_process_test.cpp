@@ -112,6 +112,21 @@ TEST_F(ImportProcessTest, SizesThatAreNoneAreIgnored) {
                                    DenseLoadMemory({3, 4, 5}, LeafType::kInt16).passing_bytes)}));
 }
 
+// A taken-over importer.
+TEST_F(ImportProcessTest, SizesDoNotWrapAndTakeNothingBack) {
+  for (const char* size :
+       {"2147483647 2147483647 2147483647 4", "2147483647 2147483647 2 4", "65536 65536 65536 1"}) {
+    UseScript("echo 'size " + std::string(size) + "'\nexec sleep 100000");
+    EXPECT_EQ(Failure().kind(), ErrorKind::kTooLarge) << size;
+  }
+  EXPECT_TRUE(sizes_.empty());
+  UseScript("echo 'size 9 8 7 1'; echo 'size 2 2 2 1'; echo 'size 9 8 8 1'; exit 3");
+  EXPECT_EQ(Failure().kind(), ErrorKind::kInvalidArgument);
+  ASSERT_EQ(sizes_.size(), 2u);
+  EXPECT_EQ(sizes_[0].first, Vec3i(9, 8, 7));
+  EXPECT_EQ(sizes_[1].first, Vec3i(9, 8, 8));
+}
+
 TEST_F(ImportProcessTest, CancelAndTimeoutKillTheImporter) {
   UseScript("trap '' TERM INT\nexec sleep 100000");
   int asked = 0;

@@ -206,6 +206,29 @@ TEST_F(ImportTest, FramesOfASeries) {
   ExpectRefused({.path = single, .frame = 1}, kInvalid, "");
 }
 
+TEST_F(ImportTest, LostDigitsAreAWarning) {
+  const auto warnings = [&](const std::string& type, auto value) {
+    std::string bytes;
+    for (int n = 0; n < 7 * 5 * 4; ++n) bytes += BytesOf(static_cast<decltype(value)>(n % 9));
+    bytes.replace(0, sizeof value, BytesOf(value));
+    Imported(Write("a.nrrd", Nrrd(bytes, "raw", type)));
+    const std::size_t of_nrrd = warnings_.size();
+    const bool is_double = type == "double";
+    Imported(Write("a.mha", Meta(bytes, "",
+                                 is_double         ? "MET_DOUBLE"
+                                 : type == "int32" ? "MET_INT"
+                                                   : "MET_UINT")));
+    EXPECT_EQ(warnings_.size(), of_nrrd) << type;
+    return of_nrrd;
+  };
+  EXPECT_EQ(warnings("int32", std::int32_t{(1 << 24) + 1}), 1u);
+  EXPECT_EQ(warnings("int32", std::int32_t{-(1 << 24) - 3}), 1u);
+  EXPECT_EQ(warnings("uint32", std::uint32_t{4'000'000'001}), 1u);
+  EXPECT_EQ(warnings("double", 0.1), 1u);
+  EXPECT_EQ(warnings("int32", std::int32_t{1 << 24}), 0u);
+  EXPECT_EQ(warnings("double", 12345.0), 0u);
+}
+
 TEST_F(ImportTest, OddVoxelsGetTheLeastValueAndAWarning) {
   std::string bytes = PatternBytes<float>();
   bytes.replace(0, 4, BytesOf(std::numeric_limits<float>::quiet_NaN()));

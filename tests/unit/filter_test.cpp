@@ -229,6 +229,21 @@ TEST(Filter, ARegionIsAllThatChanges) {
   }
 }
 
+// A narrow band in a large box would be refused by every budget.
+TEST(Filter, WhatCannotChangeClaimsNothing) {
+  const Vec3i size(512, 512, 512);
+  const LeafPtr far = Leaf::Constant(LeafType::kFloat, 0.0f);
+  const auto leaf = [&](const Vec3i& brick) {
+    return (brick - Vec3i(30, 30, 30)).cwiseAbs().maxCoeff() == 0 ? testing::FilledLeaf(0.5f) : far;
+  };
+  const VolumePtr volume = testing::VolumeOfLeaves(size, leaf);
+  for (const FilterKind kind : kKinds) {
+    const FilterRun run(volume, {.kind = kind});
+    EXPECT_GT(run.MostBytes(), Leaf::Bytes(LeafType::kFloat)) << static_cast<int>(kind);
+    EXPECT_LT(run.MostBytes(), 16u << 20) << static_cast<int>(kind);
+  }
+}
+
 TEST(Filter, ARegionBetweenVoxelsIsNoChange) {
   const VolumePtr volume = Noise(Vec3i(20, 20, 20), 6);
   const VolumeFilter filter{.region = SphereShape{Vec3(5.5, 5.5, 5.5), 0.1}};

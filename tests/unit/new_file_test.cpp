@@ -5,7 +5,10 @@
 #include <signal.h>
 #include <sys/resource.h>
 #include <sys/stat.h>
+#include <sys/syscall.h>
+#include <unistd.h>
 
+#include <cerrno>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
@@ -13,6 +16,18 @@
 
 #include "tests/support/refusal.h"
 #include "tests/support/temporary_folder.h"
+
+// As on a file system that cannot rename without replacing (NFS): this program's renameat2 refuses.
+bool is_without_noreplace = false, is_without_rename = false;
+
+extern "C" int renameat2(int from_folder, const char* from, int to_folder, const char* to,
+                         unsigned flags) noexcept {
+  if ((is_without_noreplace && flags != 0) || is_without_rename) {
+    errno = flags != 0 ? EINVAL : EIO;
+    return -1;
+  }
+  return static_cast<int>(syscall(SYS_renameat2, from_folder, from, to_folder, to, flags));
+}
 
 namespace palpate {
 namespace {
@@ -68,6 +83,26 @@ TEST_F(NewFileTest, RefusesToReplaceWhereItMayNot) {
 }
 
 // A link that leads nowhere is there, too.
+TEST_F(NewFileTest, WhereRenamingReplacesNothingIsLostOrLeftBehind) {
+  is_without_noreplace = true;
+  const auto write = [&] {
+    return Refusal([&] {
+      NewFile file(path_, IfThere::kRefuse);
+      file.Write("new");
+      file.TakeName();
+    });
+  };
+  is_without_rename = true;
+  EXPECT_EQ(write(), ErrorKind::kUnavailable);
+  EXPECT_EQ(Files(), 0);
+  is_without_rename = false;
+  EXPECT_EQ(write(), std::nullopt);
+  EXPECT_EQ(write(), ErrorKind::kConflict);
+  is_without_noreplace = false;
+  EXPECT_EQ(TextOf(path_), "new");
+  EXPECT_EQ(Files(), 1);
+}
+
 TEST_F(NewFileTest, FollowsNoLink) {
   std::ofstream(folder_.path() / "victim") << "precious";
   fs::create_symlink(folder_.path() / "none", path_);

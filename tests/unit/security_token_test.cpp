@@ -121,6 +121,15 @@ TEST_F(TokenFileTest, KeepsWhatItWasGivenAndNotTheToken) {
   EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder_.path()), {}), 1);
 }
 
+TEST_F(TokenFileTest, AFileBehindALinkIsReplacedThere) {
+  const std::filesystem::path real = folder_.path() / "real.toml";
+  WriteTokenFile(real, {});
+  std::filesystem::create_symlink(real, file_);
+  WriteTokenFile(file_, {MakeToken("a", Role::kViewer).stored});
+  EXPECT_TRUE(std::filesystem::is_symlink(file_));
+  EXPECT_EQ(ReadTokenFile(real).size(), 1u);
+}
+
 TEST_F(TokenFileTest, IsRefusedWhereOthersMayWriteIt) {
   WriteTokenFile(file_, {});
   for (const mode_t mode : {0620u, 0602u, 0666u, 0660u}) {

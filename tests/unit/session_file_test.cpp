@@ -2,14 +2,18 @@
 #include "server/state/session_file.h"
 
 #include <gtest/gtest.h>
+#include <signal.h>
+#include <sys/resource.h>
 
 #include <fstream>
 #include <random>
 #include <string>
+#include <thread>
 #include <tuple>
 
 #include "server/state/session_keeper.h"
 #include "tests/support/editable_session.h"
+#include "tests/support/patience.h"
 #include "tests/support/temporary_folder.h"
 
 namespace palpate {
@@ -232,6 +236,28 @@ TEST_F(SessionKeeperTest, WithoutAFolderNothingIsKept) {
   keeper.Start();
   EXPECT_FALSE(keeper.TakeLeft());
   keeper.End();
+}
+
+TEST_F(SessionKeeperTest, AFullDiskCostsNoSession) {
+  Leave();
+  signal(SIGXFSZ, SIG_IGN);
+  rlimit limit{};
+  getrlimit(RLIMIT_FSIZE, &limit);
+  const rlimit full{0, limit.rlim_max};
+  setrlimit(RLIMIT_FSIZE, &full);
+  const auto left = Make()->TakeLeft();
+  setrlimit(RLIMIT_FSIZE, &limit);
+  EXPECT_TRUE(left);
+  EXPECT_TRUE(IsThere());
+}
+
+TEST_F(SessionKeeperTest, ASaveThatFailedIsTriedAgain) {
+  std::ofstream(folder_.path() / "sessions") << "no folder";
+  const auto keeper = Make();
+  keeper->Start();
+  std::this_thread::sleep_for(SessionKeeper::kInterval / 2);
+  std::filesystem::remove(folder_.path() / "sessions");
+  EXPECT_TRUE(test::Eventually([&] { return IsThere(); }));
 }
 
 TEST_F(SessionKeeperTest, AFolderThatCannotBeWrittenStopsNothing) {

@@ -215,6 +215,28 @@ TEST_F(VolumeFeedTest, TheLatticeAndOverviewAreThoseOfTheVolume) {
   });
 }
 
+// A sparse lattice of 2^33 voxels: its overview would be 64 MB.
+TEST_F(VolumeFeedTest, AHugeLatticeHasNoOverview) {
+  VolumeMetadata metadata;
+  metadata.size = {2048, 2048, 2048};
+  metadata.source = "made";
+  const LeafPtr far = Leaf::Constant(LeafType::kFloat, 0.0f), near = testing::FilledLeaf(1.0f);
+  data_.session().PublishVolume({}, metadata,
+                                BrickDirectory(metadata.size, [&](const Vec3i& brick) {
+                                  return (brick.array() == 100).all() ? near : far;
+                                }));
+  VolumeFeed feed = MakeFeed();
+  int events = 0;
+  while (feed.HasWork(Now())) {
+    const std::optional<VolumeMessage> message = feed.Step(Now(), time_);
+    if (!message) continue;
+    feed.Acknowledge(message->number, time_);
+    ASSERT_FALSE(std::holds_alternative<VolumeOverview>(message->event));
+    ++events;
+  }
+  EXPECT_GE(events, 3);  // the lattice, the brick, the end
+}
+
 TEST_F(VolumeFeedTest, AnOverviewOfManyBlocksComesInPieces) {
   Load(Vec3i(2, 3, 4 * 140000), [](int, int, int k) { return (k / 4 % 7) / 7.0f; });
   PassAllOfNew();
