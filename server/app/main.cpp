@@ -18,7 +18,6 @@
 #include "server/app/log.h"
 #include "server/app/thread_stacks.h"
 #include "server/app/token_command.h"
-#include "server/realtime/process_heap.h"
 
 namespace palpate {
 namespace {
@@ -217,7 +216,6 @@ int Main(int argc, char** argv) {
       token_command();
       return 0;
     }
-    SetUpProcessHeap();
     SetUpLog(to_journal);
     BlockSignals();
     Run(options);

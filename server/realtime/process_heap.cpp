@@ -2,6 +2,8 @@
 
 #include <jemalloc/jemalloc.h>
 #include <sys/mman.h>
+#include <sys/syscall.h>
+#include <unistd.h>
 
 #include <cstddef>
 
@@ -10,39 +12,25 @@
 #endif
 #pragma weak mallctl
 
-// Read by jemalloc before main.
-// - One arena: memory freed by one thread is used by all others.
-// - oversize_threshold: large blocks too come from this arena, which has our hooks.
 extern "C" {
+
+// Read by jemalloc before main. With one arena, for large blocks too, memory freed by one thread is
+// used by all others.
 extern const char* malloc_conf;
 const char* malloc_conf =
     "narenas:1,oversize_threshold:0,background_thread:true,dirty_decay_ms:1000,muzzy_decay_ms:0";
+
+// In place of the C library's, for jemalloc: the kernel refuses MADV_DONTNEED for locked pages.
+// (jemalloc's own hooks cannot be used: they must not be set for arena 0, the only one here.)
+int madvise(void* address, std::size_t length, int advice) noexcept {
+  if (advice == MADV_DONTNEED && syscall(SYS_madvise, address, length, MADV_DONTNEED_LOCKED) == 0) {
+    return 0;
+  }
+  return static_cast<int>(syscall(SYS_madvise, address, length, advice));
+}
 }
 
 namespace palpate {
-namespace {
-
-// True: the pages were not given back.
-bool GivePagesBack(extent_hooks_t*, void* address, std::size_t, std::size_t offset,
-                   std::size_t length, unsigned) {
-  void* const pages = static_cast<char*>(address) + offset;
-  return madvise(pages, length, MADV_DONTNEED_LOCKED) != 0 &&
-         madvise(pages, length, MADV_DONTNEED) != 0;
-}
-
-}  // namespace
-
-void SetUpProcessHeap() noexcept {
-  if (!mallctl) return;
-  static extent_hooks_t hooks;
-  extent_hooks_t* defaults = nullptr;
-  std::size_t size = sizeof defaults;
-  if (mallctl("arena.0.extent_hooks", &defaults, &size, nullptr, 0) != 0) return;
-  hooks = *defaults;
-  hooks.purge_forced = GivePagesBack;
-  extent_hooks_t* ours = &hooks;
-  mallctl("arena.0.extent_hooks", nullptr, nullptr, &ours, sizeof ours);
-}
 
 void ReturnFreedMemory() noexcept {
   if (mallctl) mallctl("arena.0.purge", nullptr, nullptr, nullptr, 0);

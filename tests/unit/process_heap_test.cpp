@@ -33,7 +33,6 @@ class ProcessHeap : public ::testing::Test {
   static Block Make() { return std::make_unique<std::string>(kBlockBytes, 'x'); }
 
   void SetUp() override {
-    SetUpProcessHeap();
     LockProcessMemory(warnings_);
     Fill();
     kept_ = Make();
