@@ -42,11 +42,11 @@ void SetRange(DenseVolume* volume, Reporter* reporter) {
 
 // Voxels that no smaller type holds are held as 32 bit floats.
 void WarnOfRounding(const DenseVolume& volume, Reporter* reporter) {
-  constexpr double kGreatestWhole = 1 << 24;
+  constexpr double kFirstRounded = 1 << 24;  // also what 2^24 + 1 becomes
   const VolumeMetadata& metadata = volume.metadata;
   const bool is_integer = metadata.original_type == "int32" || metadata.original_type == "uint32";
-  if (is_integer && std::max(-metadata.value_min, metadata.value_max) > kGreatestWhole) {
-    reporter->Warn("integers beyond 2^24 are rounded to 32 bit floats, and so they are saved");
+  if (is_integer && std::max(-metadata.value_min, metadata.value_max) >= kFirstRounded) {
+    reporter->Warn("integers of 2^24 and more are rounded to 32 bit floats, and so they are saved");
   } else if (metadata.original_type == "float64" && HeldType(volume) == LeafType::kFloat) {
     reporter->Warn("64 bit floats are rounded to 32 bit floats, and so they are saved");
   }

@@ -225,7 +225,7 @@ TEST_F(ImportTest, LostDigitsAreAWarning) {
   EXPECT_EQ(warnings("int32", std::int32_t{-(1 << 24) - 3}), 1u);
   EXPECT_EQ(warnings("uint32", std::uint32_t{4'000'000'001}), 1u);
   EXPECT_EQ(warnings("double", 0.1), 1u);
-  EXPECT_EQ(warnings("int32", std::int32_t{1 << 24}), 0u);
+  EXPECT_EQ(warnings("int32", std::int32_t{(1 << 24) - 1}), 0u);
   EXPECT_EQ(warnings("double", 12345.0), 0u);
 }
 

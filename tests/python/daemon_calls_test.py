@@ -47,15 +47,19 @@ class Requests(CallsTest):
         # Each frame would cost a process of the importer.
         many = self.root / "many.nrrd"
         many.write_bytes(b"NRRD0004\ntype: uint8\ndimension: 4\nsizes: 2 2 2 10001\n"
-                         b"spacings: 1 1 1 1\nencoding: raw\n\n" + bytes(range(8)) * 10001)
+                         b"kinds: domain domain domain time\nspacings: 1 1 1 1\nencoding: raw\n\n"
+                         + bytes(range(8)) * 10001)
         self.refused(EXHAUSTED, self.stubs.series.LoadSeries,
                      series_pb2.LoadSeriesRequest(sources=[str(many)]))
 
     def test_names_that_the_importer_would_get_as_arguments_are_short_texts(self):
+        path = self.root / "plain.nrrd"
+        path.write_bytes(nrrd(pattern((4, 4, 4))))
         for field in ("grid", "component"):
             for name in ("g" * 257, "a\nb", "\x7f"):
-                self.refused(BAD, self.stubs.volume.LoadVolume, volume_pb2.LoadVolumeRequest(
-                    source="builtin:sphere:16", **{field: name}))
+                said = self.refused(BAD, self.stubs.volume.LoadVolume, volume_pb2.LoadVolumeRequest(
+                    source=str(path), **{field: name}))
+                self.assertIn(f"`{field}`", said)
 
     def test_a_stream_of_poses_begins_with_its_start(self):
         good = pose_pb2.StreamPosesRequest(start=pose_pb2.StreamPosesStart(rate_hz=5000))

@@ -35,6 +35,7 @@ class RunningSession : public EditableSession {
     pump().Stop();
   }
   ServoLoop& servo() { return servo_; }
+  HapticDevice& simulated() { return simulated_; }
 
   // Through what lies in the middle of the workspace, and back.
   static std::unique_ptr<StylusScript> ThroughTheMiddle() {

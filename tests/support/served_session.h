@@ -1,4 +1,4 @@
-// An EditableSession behind a real server on a Unix socket, in this process.
+// A RunningSession behind a real server on a Unix socket, in this process.
 #pragma once
 
 #include <prometheus/registry.h>
@@ -7,15 +7,13 @@
 #include <string>
 #include <vector>
 
-#include "server/device/path_script.h"
-#include "server/device/simulated_device.h"
 #include "server/rpc/server.h"
 #include "server/session/path_policy.h"
-#include "tests/support/editable_session.h"
+#include "tests/support/running_session.h"
 
 namespace palpate::testing {
 
-// The servo does not run until the test starts it. Load before server().Start().
+// The servo runs once the test starts data(). Load before server().Start().
 class ServedSession {
  public:
   explicit ServedSession(const std::string& socket, const LimitOptions& limits = {})
@@ -24,14 +22,15 @@ class ServedSession {
                  .paths = {},
                  .uploads = {},
                  .security = {.limits = limits}},
-                {data_.session(), editor_, series_, recording_, data_.pump(), device_, servo_,
-                 data_.inbox(), forces_, [] { return std::vector<ListedDevice>(); }, metrics_}) {}
+                {data_.session(), editor_, series_, recording_, data_.pump(), data_.simulated(),
+                 data_.servo(), data_.inbox(), forces_, [] { return std::vector<ListedDevice>(); },
+                 metrics_}) {}
 
-  EditableSession& data() { return data_; }
+  RunningSession& data() { return data_; }
   RpcServer& server() { return server_; }
 
  private:
-  EditableSession data_;
+  RunningSession data_;
   VolumeEditor editor_{data_.session()};
   SeriesPlayer series_{data_.session()};
   RecordingControl recording_{data_.session(),
@@ -43,8 +42,6 @@ class ServedSession {
                               "test",
                               SafetyLimits{},
                               PassivityDevice{}};
-  SimulatedDevice device_{std::make_unique<PathScript>(std::vector<Vec3>{Vec3::Zero()}, 1.0)};
-  ServoLoop servo_{device_, data_.inbox(), data_.outbox(), {}, SafetyLimits{}};
   const ForceWatch forces_{data_.outbox().last};
   prometheus::Registry registry_;
   ServiceMetrics metrics_{registry_};
