@@ -57,8 +57,9 @@ for name in "${names[@]}"; do
       picture view-gyroid builtin:gyroid:16 0.5 --size 960x640 --wait-gap 0.15 --no-stylus \
         --haptic-surface --haptic-surface-radius 3 --camera profile,6 --no-box ;;
     window)
+      # Without letters: the file does not say how the patient lay.
       picture view-window "$data/SUBST_head_ct_cranium_256x256x108_int16.nrrd" 0.33 \
-        --size 1280x800 --panels --camera 168,60,260 --crop 0.2,0.82,0.09,1,0,1 --veil=-342,0.2 --haptic-surface ;;
+        --size 1280x800 --panels --camera 168,60,260 --crop 0.2,0.82,0.09,1,0,1 --veil=-342,0.2 --haptic-surface --no-letters ;;
     *) echo "viewer_pictures.sh: no picture is called $name" >&2; exit 2 ;;
   esac
 done

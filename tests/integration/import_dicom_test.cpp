@@ -7,6 +7,7 @@
 #include <sstream>
 
 #include "server/import/dicom_file.h"
+#include "tests/integration/image_bytes.h"
 #include "tests/integration/import_support.h"
 
 namespace palpate {
@@ -14,69 +15,22 @@ namespace {
 
 namespace fs = std::filesystem;
 
-struct SliceFile {
-  double height_mm = 0.0;
-  int z = 0;  // of the pattern
-  std::string series = "1.2.3";
-  std::string modality = "CT";
-  std::string orientation = "1\\0\\0\\0\\1\\0";
-  std::string shift = "10\\20\\";  // of the position, before the height
-  std::uint16_t columns = kPatternSize[0];
-};
-
-// Explicit VR, little endian.
-void Append(std::string* out, std::uint16_t group, std::uint16_t element, const char* vr,
-            std::string value) {
-  const std::string kind(vr);
-  if (value.size() % 2 != 0) value += kind == "UI" || kind == "OB" ? '\0' : ' ';
-  *out += BytesOf(group) + BytesOf(element) + kind;
-  if (kind == "OW" || kind == "OB") {
-    *out += std::string(2, '\0') + BytesOf(static_cast<std::uint32_t>(value.size()));
-  } else {
-    *out += BytesOf(static_cast<std::uint16_t>(value.size()));
-  }
-  *out += value;
+// Of the pattern, before a test changes it.
+SliceFile PatternSlice(int z) {
+  SliceFile slice;
+  slice.z = z;
+  slice.height_mm = 30.0 + 2.0 * z;
+  return slice;
 }
 
-std::string DicomBytes(const SliceFile& slice) {
-  const std::string ct = "1.2.840.10008.5.1.4.1.1.2";
-  const std::string instance = slice.series + "." + std::to_string(slice.z + 1);
-  std::string meta;
-  Append(&meta, 2, 1, "OB", std::string("\0\1", 2));
-  Append(&meta, 2, 2, "UI", ct);
-  Append(&meta, 2, 3, "UI", instance);
-  Append(&meta, 2, 0x10, "UI", "1.2.840.10008.1.2.1");
-  std::string out = std::string(128, '\0') + "DICM";
-  Append(&out, 2, 0, "UL", BytesOf(static_cast<std::uint32_t>(meta.size())));
-  out += meta;
-  const auto u16 = [](int value) { return BytesOf(static_cast<std::uint16_t>(value)); };
-  Append(&out, 8, 0x16, "UI", ct);
-  Append(&out, 8, 0x18, "UI", instance);
-  Append(&out, 8, 0x60, "CS", slice.modality);
-  Append(&out, 0x20, 0xd, "UI", "1.2.9");
-  Append(&out, 0x20, 0xe, "UI", slice.series);
-  Append(&out, 0x20, 0x13, "IS", std::to_string(slice.z + 1));
-  Append(&out, 0x20, 0x32, "DS", slice.shift + std::to_string(slice.height_mm));
-  Append(&out, 0x20, 0x37, "DS", slice.orientation);
-  Append(&out, 0x28, 2, "US", u16(1));
-  Append(&out, 0x28, 4, "CS", "MONOCHROME2");
-  Append(&out, 0x28, 0x10, "US", u16(kPatternSize[1]));
-  Append(&out, 0x28, 0x11, "US", u16(slice.columns));
-  Append(&out, 0x28, 0x30, "DS", "0.75\\0.5");
-  Append(&out, 0x28, 0x100, "US", u16(16));
-  Append(&out, 0x28, 0x101, "US", u16(16));
-  Append(&out, 0x28, 0x102, "US", u16(15));
-  Append(&out, 0x28, 0x103, "US", u16(1));
-  Append(&out, 0x28, 0x1052, "DS", "-1024");
-  Append(&out, 0x28, 0x1053, "DS", "2");
-  std::string pixels;
-  for (int y = 0; y < kPatternSize[1]; ++y) {
+// The pattern's slice with these columns.
+std::string PatternDicom(SliceFile slice) {
+  for (int y = 0; y < slice.rows; ++y) {
     for (int x = 0; x < slice.columns; ++x) {
-      pixels += BytesOf(static_cast<std::int16_t>(PatternValue(x, y, slice.z)));
+      slice.pixels += BytesOf(static_cast<std::int16_t>(PatternValue(x, y, slice.z)));
     }
   }
-  Append(&out, 0x7fe0, 0x10, "OW", pixels);
-  return out;
+  return DicomBytes(slice);
 }
 
 class DicomTest : public ImportTest {
@@ -88,11 +42,9 @@ class DicomTest : public ImportTest {
     fs::remove_all(Path("series"));
     fs::create_directory(Path("series"));
     for (int z = 0; z < kPatternSize[2]; ++z) {
-      SliceFile slice;
-      slice.z = z;
-      slice.height_mm = 30.0 + 2.0 * z;
+      SliceFile slice = PatternSlice(z);
       if (change) change(&slice);
-      Write("series/" + std::to_string(9 - z) + ".dcm", DicomBytes(slice) + padding);
+      Write("series/" + std::to_string(9 - z) + ".dcm", PatternDicom(slice) + padding);
     }
     return Path("series");
   }
@@ -136,7 +88,7 @@ TEST_F(DicomTest, LargestSeriesIsTakenWithAWarning) {
   const fs::path folder = WriteSeries();
   SliceFile other;
   other.series = "1.2.4";
-  Write("series/other.dcm", DicomBytes(other));
+  Write("series/other.dcm", PatternDicom(other));
   EXPECT_EQ(Imported(folder).metadata.size.z(), 4);
   EXPECT_EQ(warnings_.size(), 1u);
 }
@@ -204,7 +156,7 @@ TEST_F(DicomTest, AttacksAreRefused) {
 
 // Cut between two elements, it may pass for a file without an image.
 TEST_F(DicomTest, ATruncatedSliceIsRefusedOrIsNone) {
-  const std::string whole = DicomBytes({34.0, 2});
+  const std::string whole = PatternDicom(PatternSlice(2));
   for (std::size_t length = 0; length < whole.size(); ++length) {
     std::istringstream in(whole.substr(0, length));
     try {

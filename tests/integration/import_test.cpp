@@ -3,6 +3,7 @@
 #include <functional>
 #include <limits>
 
+#include "tests/integration/image_bytes.h"
 #include "tests/integration/import_support.h"
 #include "tests/support/deflated.h"
 #include "tests/support/places.h"
@@ -39,27 +40,8 @@ std::string PackedMeta(const std::string& packed) {
                           std::to_string(packed.size()) + "\n");
 }
 
-// Signed shorts, with a scale and a matrix in RAS.
 std::string Nifti(const std::string& data) {
-  std::string bytes(352, '\0');
-  const auto put = [&bytes](std::size_t offset, auto number) {
-    bytes.replace(offset, sizeof number, BytesOf(number));
-  };
-  put(0, std::int32_t{348});
-  const std::int16_t dim[8] = {3, 7, 5, 4, 1, 1, 1, 1};
-  for (int k = 0; k < 8; ++k) put(40 + 2 * k, dim[k]);
-  put(70, std::int16_t{4});
-  put(72, std::int16_t{16});
-  for (int k = 0; k < 8; ++k) put(76 + 4 * k, 1.0f);
-  put(108, 352.0f);
-  put(112, 2.0f);
-  put(116, -10.0f);
-  bytes[123] = 2;  // mm
-  put(254, std::int16_t{1});
-  const float rows[3][4] = {{0.5f, 0, 0, 10}, {0, 0.75f, 0, 20}, {0, 0, 2, 30}};
-  for (int k = 0; k < 12; ++k) put(280 + 4 * k, rows[k / 4][k % 4]);
-  std::memcpy(bytes.data() + 344, "n+1", 4);
-  return bytes + data;
+  return NiftiBytes({7, 5, 4}, {Vec3(0.5, 0.75, 2.0).asDiagonal(), {10.0, 20.0, 30.0}}, data);
 }
 
 void ExpectSpacing(const LoadedVolume& volume) {

@@ -39,7 +39,8 @@ double SliceWaves(const Vec3& p) {
 
 SliceRequest Across(int axis, double position_voxels) {
   SliceRequest request;
-  request.axis = axis;
+  request.picture = axis;
+  request.axes = SliceInWorld(axis, SliceSide::kRadiological);
   request.position_voxels = position_voxels;
   request.size = kSliceSize;
   request.surface.window_min = -70.0;
@@ -49,7 +50,7 @@ SliceRequest Across(int axis, double position_voxels) {
 }
 
 SliceView ViewOf(const SliceRequest& request) {
-  return {request.axis, kSliceLattice, kSliceVoxel_mm, request.size};
+  return {request.axes, kSliceLattice, kSliceVoxel_mm, request.size};
 }
 
 // Not rounded, 0 to 255.
@@ -75,7 +76,7 @@ class ViewSlice : public ::testing::Test {
 
   Image Draw(const SliceRequest& request) {
     EXPECT_NE(rig.renderer.DrawSlice(request), 0u);
-    return rig.renderer.ReadSlice(request.axis);
+    return rig.renderer.ReadSlice(request.picture);
   }
 
   FrameRig rig;
@@ -114,6 +115,29 @@ TEST_F(ViewSlice, EqualsInterpolationThroughTheColourMap) {
   }
   EXPECT_GT(inside, 20000);
   EXPECT_GT(outside, 2000);
+}
+
+// Of a volume with all axes in another order, two of them against W's.
+TEST_F(ViewSlice, ATurnedSliceEqualsInterpolationToo) {
+  const PatientAxes axes = {SignedAxis{1, -1}, SignedAxis{2, 1}, SignedAxis{0, -1}};
+  for (int picture = 0; picture < 3; ++picture) {
+    SliceRequest request = Across(picture, 4.3);
+    request.axes = SliceInVolume(picture, SliceSide::kRadiological, axes);
+    const Image image = Draw(request);
+    const SliceView view = ViewOf(request);
+    int inside = 0;
+    for (int y = 0; y < kSliceSize.height; y += 3) {
+      for (int x = 0; x < kSliceSize.width; x += 3) {
+        const Eigen::Vector2d at_px = {x + 0.5, y + 0.5};
+        if (!view.Shows(at_px)) continue;
+        ++inside;
+        const auto expected =
+            Mapped(rig.volume.Interpolate(view.PointAt(at_px, 4.3)), request.surface);
+        ASSERT_NEAR(PixelOf(image, x, y)[0], expected[0], 1.0) << picture << ' ' << x << ' ' << y;
+      }
+    }
+    EXPECT_GT(inside, 300);
+  }
 }
 
 TEST(ViewSliceMagnitude, IsNoneOfTheSlices) {
@@ -172,7 +196,7 @@ TEST(ViewSliceIsoline, IsTwoPixelsWideAndWhereTheValueIs) {
   request.surface.isovalue = 7.37;
   request.surface.veil.isovalue = 12.61;
   request.surface.veil.color = {0.0f, 1.0f, 0.0f};
-  const SliceView view(2, lattice, Vec3::Ones(), request.size);
+  const SliceView view(request.axes, lattice, Vec3::Ones(), request.size);
   const auto width_px = [&](const Rgb& color, double isovalue) {
     rig.renderer.DrawSlice(request);
     const Image image = rig.renderer.ReadSlice(2);
@@ -253,6 +277,7 @@ TEST_F(ViewSlice, IsDrawnAgainOnlyAfterAChange) {
 
   const std::vector<std::function<void(SliceRequest&)>> changes{
       [](SliceRequest& r) { r.position_voxels += 1.0; },
+      [](SliceRequest& r) { r.axes.right = -r.axes.right; },
       [](SliceRequest& r) { r.size.width -= 10; },
       [](SliceRequest& r) { r.surface.isovalue = 10.0; },
       [](SliceRequest& r) { r.surface.color_map = ColorMap::kHot; },

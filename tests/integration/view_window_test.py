@@ -141,7 +141,7 @@ class ViewWindow(OneWindow):
 
     def test_a_typed_isovalue_is_one_change_when_the_field_is_done(self):
         for text, end in (("0.299", ("key", "Return")),
-                          ("0.41", ("mousemove", 20, 700, "click", 1))):
+                          ("0.41", ("mousemove", 20, 790, "click", 1))):
             before = self.begin_typing(text)
             self.window.do(*end)
             self.assertTrue(wait_until(

@@ -219,6 +219,39 @@ TEST(ViewOverlay, TheBoxIsAroundTheOutermostVoxels) {
   EXPECT_NEAR(length_mm, 4 * (4.0 + 10.0 + 24.0), 1e-4);
 }
 
+// The lines of a letter are near its face, and none is on the line of sight.
+TEST(ViewOverlay, LettersAreBesideTheFacesOfThePatientsSides) {
+  OverlayOptions options = Only(&OverlayOptions::box);
+  OverlayScene scene;
+  scene.lattice_size = {40, 40, 40};
+  scene.X_DI = AffineMap{Mat3::Identity(), Vec3::Constant(-19.5)};
+  // The letters' mean place, where there is one, on the side of each face: x, -x, y, ...
+  const auto sides = [&] {
+    std::array<int, 6> lines{};
+    const Overlay overlay = BuildOverlay(scene, options, {}, kSize);
+    for (std::size_t n = 24; n < overlay.lines.size(); n += 2) {
+      const Eigen::Vector3f p = overlay.lines[n].position_D;
+      int axis = 0;
+      EXPECT_GT(p.cwiseAbs().maxCoeff(&axis), 20.0f);
+      ++lines[static_cast<std::size_t>(2 * axis + (p[axis] < 0.0f ? 1 : 0))];
+    }
+    return lines;
+  };
+  EXPECT_EQ(sides(), (std::array<int, 6>{}));  // not known
+  // L 2, R 7, P 6, A 3, S 11, I 3 lines; S and I are nearly on the line of sight.
+  scene.W_from_I = Mat3::Identity();
+  EXPECT_EQ(sides(), (std::array<int, 6>{2, 7, 6, 3, 0, 0}));
+  // Right, anterior, superior as the voxels run; then superior, left, posterior.
+  scene.W_from_I = Vec3(-1.0, -1.0, 1.0).asDiagonal();
+  EXPECT_EQ(sides(), (std::array<int, 6>{7, 2, 3, 6, 0, 0}));
+  scene.W_from_I->row(2) << 1.0, 0.0, 0.0;
+  scene.W_from_I->row(0) << 0.0, 1.0, 0.0;
+  scene.W_from_I->row(1) << 0.0, 0.0, 1.0;
+  EXPECT_EQ(sides(), (std::array<int, 6>{11, 3, 2, 7, 0, 0}));
+  options.letters = false;
+  EXPECT_EQ(sides(), (std::array<int, 6>{}));
+}
+
 // What a line comes nearer to the eye is less than what V and H differ by, seen closely;
 // before those lines come faint ones that a voxel of V does not hide.
 TEST(ViewOverlay, TheWireframeOfHComesALittleNearerToTheEye) {

@@ -11,9 +11,15 @@ constexpr ImageSize kSliceSize = {301, 200};
 const Vec3i kLattice = {40, 30, 20};
 const Vec3 kVoxel_mm = {0.5, 1.0, 2.5};
 
+// Across each axis, upright, turned and mirrored.
+const SliceAxes kSlices[] = {{{0, 1}, {1, 1}, {2, -1}}, {{1, 1}, {0, 1}, {2, -1}},
+                             {{2, 1}, {0, 1}, {1, 1}},  {{0, -1}, {2, 1}, {1, -1}},
+                             {{1, 1}, {2, -1}, {0, 1}}, {{2, 1}, {1, -1}, {0, -1}}};
+
 TEST(ViewSliceView, PixelsAndPointsAreInverse) {
-  for (int axis = 0; axis < 3; ++axis) {
-    const SliceView view(axis, kLattice, kVoxel_mm, kSliceSize);
+  for (const SliceAxes& axes : kSlices) {
+    const int axis = axes.across.axis;
+    const SliceView view(axes, kLattice, kVoxel_mm, kSliceSize);
     for (const Vector2d& px : {Vector2d(0.5, 0.5), Vector2d(150.0, 99.25), Vector2d(-7.0, 230.0)}) {
       const Vec3 p_I = view.PointAt(px, 7.25);
       EXPECT_EQ(p_I[axis], 7.25);
@@ -24,33 +30,34 @@ TEST(ViewSliceView, PixelsAndPointsAreInverse) {
   }
 }
 
-TEST(ViewSliceView, RightAndDownAreAsImageViewersHaveThem) {
-  const auto step = [](int axis, int along) {
-    const SliceView view(axis, kLattice, kVoxel_mm, kSliceSize);
-    return Vector2d(view.PixelOf(Vec3::Unit(along)) - view.PixelOf(Vec3::Zero()));
-  };
-  EXPECT_GT(step(2, 0).x(), 0.0);
-  EXPECT_GT(step(2, 1).y(), 0.0);  // y down
-  EXPECT_GT(step(1, 0).x(), 0.0);
-  EXPECT_LT(step(1, 2).y(), 0.0);  // z up
-  EXPECT_GT(step(0, 1).x(), 0.0);
-  EXPECT_LT(step(0, 2).y(), 0.0);
-  for (int axis = 0; axis < 3; ++axis) EXPECT_EQ(step(axis, axis), Vector2d::Zero());
+TEST(ViewSliceView, EachAxisRunsAsItIsTold) {
+  for (const SliceAxes& axes : kSlices) {
+    const SliceView view(axes, kLattice, kVoxel_mm, kSliceSize);
+    const auto step = [&](int axis) {
+      return Vector2d(view.PixelOf(Vec3::Unit(axis)) - view.PixelOf(Vec3::Zero()));
+    };
+    EXPECT_GT(axes.right.sign * step(axes.right.axis).x(), 0.0);
+    EXPECT_EQ(step(axes.right.axis).y(), 0.0);
+    EXPECT_GT(axes.down.sign * step(axes.down.axis).y(), 0.0);
+    EXPECT_EQ(step(axes.down.axis).x(), 0.0);
+    EXPECT_EQ(step(axes.across.axis), Vector2d::Zero());
+  }
 }
 
 TEST(ViewSliceView, VoxelsHaveTheirPhysicalShape) {
-  for (int axis = 0; axis < 3; ++axis) {
-    const SliceView view(axis, kLattice, kVoxel_mm, kSliceSize);
-    const Vector2d px_per_mm = {view.px_per_voxel().x() / kVoxel_mm[view.right_axis()],
-                                std::abs(view.px_per_voxel().y()) / kVoxel_mm[view.down_axis()]};
-    EXPECT_NEAR(px_per_mm.x(), px_per_mm.y(), 1e-12) << axis;
+  for (const SliceAxes& axes : kSlices) {
+    const SliceView view(axes, kLattice, kVoxel_mm, kSliceSize);
+    const Vector2d px_per_mm = {std::abs(view.px_per_voxel().x()) / kVoxel_mm[axes.right.axis],
+                                std::abs(view.px_per_voxel().y()) / kVoxel_mm[axes.down.axis]};
+    EXPECT_NEAR(px_per_mm.x(), px_per_mm.y(), 1e-12) << axes.across.axis;
   }
 }
 
 TEST(ViewSliceView, ThePaddedLatticeTouchesTheNearerBordersAndIsCentred) {
   for (const ImageSize& size : {ImageSize{400, 100}, ImageSize{100, 400}}) {
-    for (int axis = 0; axis < 3; ++axis) {
-      const SliceView view(axis, kLattice, kVoxel_mm, size);
+    for (const SliceAxes& axes : kSlices) {
+      const int axis = axes.across.axis;
+      const SliceView view(axes, kLattice, kVoxel_mm, size);
       const Vector2d a = view.PixelOf(Vec3::Constant(-1.0));
       const Vector2d b = view.PixelOf(kLattice.cast<double>());
       const Vector2d picture = {size.width, size.height};
@@ -67,7 +74,7 @@ TEST(ViewSliceView, ThePaddedLatticeTouchesTheNearerBordersAndIsCentred) {
 }
 
 TEST(ViewSliceView, AnEmptyPictureGivesFinitePoints) {
-  const SliceView view(2, kLattice, kVoxel_mm, {});
+  const SliceView view(kSlices[2], kLattice, kVoxel_mm, {});
   EXPECT_TRUE(view.PointAt({0.0, 0.0}, 0.0).allFinite());
 }
 

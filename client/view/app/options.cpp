@@ -28,6 +28,8 @@ struct Texts {
   std::string coloring;
   Text crop;
   bool no_box = false;
+  bool no_letters = false;
+  bool neurological = false;
   bool no_stylus = false;
   bool no_overlay = false;
   bool panels = false;
@@ -149,6 +151,8 @@ void TakeTexts(const Texts& texts, Options& options) {
   TakeColors(texts, options);
   TakeCrop(texts.crop, options);
   options.overlay.box = !texts.no_box;
+  options.overlay.letters = !texts.no_letters;
+  if (texts.neurological) options.slice_side = SliceSide::kNeurological;
   options.overlay.stylus = !texts.no_stylus && !texts.no_overlay;
   options.overlay.points = options.overlay.force = !texts.no_overlay;
   options.panels = !options.offscreen || texts.panels;
@@ -235,7 +239,15 @@ void AddView(arguments::Command& app, Options& options, Texts& texts) {
       ->option_text("VOXELS [default: 5]")
       ->check(arguments::Range(1.0, 20.0))
       ->group(group);
-  app.add_flag("--no-box", texts.no_box, "Without the volume's edges")->group(group);
+  app.add_flag("--neurological", texts.neurological,
+               "Slices with the patient's left at the left [default: at the right,\n"
+               "as radiologists have it]")
+      ->group(group);
+  app.add_flag("--no-letters", texts.no_letters,
+               "Without L, R, A, P, S, I beside the box and at the slices' edges")
+      ->group(group);
+  app.add_flag("--no-box", texts.no_box, "Without the volume's edges and their letters")
+      ->group(group);
   app.add_flag("--no-stylus", texts.no_stylus, "Without the stylus")->group(group);
   app.add_flag("--no-overlay", texts.no_overlay, "Without stylus, points and force")->group(group);
 }

@@ -8,6 +8,7 @@
 
 #include "client/sdk/server_choice.h"
 #include "client/view/scene/camera.h"
+#include "client/view/scene/patient_axes.h"
 #include "client/view/scene/view_options.h"
 
 namespace palpate::view {
@@ -43,6 +44,7 @@ struct Options {
   std::optional<Eigen::Vector2d> window{};
   SurfaceOptions surface{};
   OverlayOptions overlay{};
+  SliceSide slice_side = SliceSide::kRadiological;
 };
 
 // Returns none if the program is done, as after --help; `exit_code` is then its exit code.

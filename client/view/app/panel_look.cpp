@@ -60,6 +60,15 @@ void EditOverlay(OverlayOptions& overlay) {
   ImGui::Checkbox("Box", &overlay.box);
 }
 
+void EditSides(ViewState& state) {
+  static const char* const sides[] = {"left at the right", "left at the left"};
+  int side = static_cast<int>(state.slice_side);
+  if (Choose("Slices", side, sides, 2)) state.slice_side = static_cast<SliceSide>(side);
+  if (ImGui::IsItemHovered())
+    ImGui::SetTooltip("the patient's left: at the right is radiological, at the left neurological");
+  ImGui::Checkbox("Letters: left, right, ...", &state.overlay.letters);
+}
+
 }  // namespace
 
 void LookPanel(Viewer& viewer) {
@@ -72,6 +81,7 @@ void LookPanel(Viewer& viewer) {
   EditSurface(state.surface, min, max);
   EditVeil(state.surface.veil, min, max);
   EditOverlay(state.overlay);
+  EditSides(state);
 }
 
 }  // namespace palpate::view

@@ -56,6 +56,7 @@ double Share(const ImageSize& part, const ImageSize& whole) {
 Viewer::Viewer(const Options& options) : options_(options), feed_(options.server) {
   state_.surface = options.surface;
   state_.overlay = options.overlay;
+  state_.slice_side = options.slice_side;
 }
 
 void Viewer::Connect(const client::ServerChoice& server) {
@@ -239,7 +240,10 @@ void Viewer::DrawAt(const ImageSize& size, const ImageSize& view) {
   OverlayScene scene{.pose = feed_.pose(), .haptic_lines_I = haptic_lines_I_};
   const ViewVolume& volume = feed_.volume();
   scene.X_DI = volume.X_DI();
-  if (volume.lattice()) scene.lattice_size = volume.lattice()->size;
+  if (volume.lattice()) {
+    scene.lattice_size = volume.lattice()->size;
+    scene.W_from_I = volume.lattice()->X_WI.linear;
+  }
   if (const auto device = feed_.device(); device && device->device.max_force_n > 0.0) {
     scene.max_force_n = device->device.max_force_n;
   }
@@ -269,14 +273,15 @@ SeenSurface Viewer::seen_surface() const {
 }
 
 unsigned Viewer::Slice(const SliceRequest& request) {
-  DrawnSlice& drawn = slices_[static_cast<std::size_t>(request.axis)];
+  DrawnSlice& drawn = slices_[static_cast<std::size_t>(request.picture)];
   const SliceRequest& before = drawn.request;
   const bool same_but_place = drawn.texture != 0 && drawn.version == taken_version_ &&
-                              before.size == request.size && before.surface == request.surface;
+                              before.axes == request.axes && before.size == request.size &&
+                              before.surface == request.surface;
   const bool same_place =
       before.position_voxels == request.position_voxels && before.cross_I == request.cross_I;
   if (same_but_place && same_place) return drawn.texture;
-  const bool its_turn = frame_ % slices_.size() == static_cast<std::size_t>(request.axis);
+  const bool its_turn = frame_ % slices_.size() == static_cast<std::size_t>(request.picture);
   if (same_but_place && state_.cross_follows_proxy && !its_turn) return drawn.texture;
   drawn = {.request = request, .version = taken_version_, .texture = renderer_.DrawSlice(request)};
   return drawn.texture;

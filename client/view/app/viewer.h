@@ -42,6 +42,7 @@ struct ViewState {
   // The point where the slices cross.
   bool cross_follows_proxy = true;
   Vec3 cross_I = Vec3::Zero();
+  SliceSide slice_side = SliceSide::kRadiological;
 
   // True for planes that the user has placed: their offsets are valid.
   std::array<bool, std::tuple_size_v<decltype(SurfaceOptions::planes)>> planes_placed{};

@@ -134,14 +134,14 @@ std::vector<float> FrameRenderer::SurfaceDistances() const {
 unsigned FrameRenderer::DrawSlice(const SliceRequest& request) {
   ResetState();
   parts_->slices.Draw(parts_->volume, request);
-  return parts_->slices.picture(request.axis).color();
+  return parts_->slices.picture(request.picture).color();
 }
 
 std::uint64_t FrameRenderer::slice_casts() const { return parts_->slices.casts(); }
 
-Image FrameRenderer::ReadSlice(int axis) const {
-  const FrameTarget& picture = parts_->slices.picture(axis);
-  return {picture.size(), picture.ReadColors()};
+Image FrameRenderer::ReadSlice(int picture) const {
+  const FrameTarget& target = parts_->slices.picture(picture);
+  return {target.size(), target.ReadColors()};
 }
 
 }  // namespace palpate::view

@@ -16,6 +16,7 @@
 
 #include "client/view/scene/camera.h"
 #include "client/view/scene/overlay.h"
+#include "client/view/scene/patient_axes.h"
 #include "client/view/scene/view_options.h"
 #include "client/view/volume/view_volume.h"
 
@@ -37,7 +38,8 @@ struct Image {
 // A slice across an axis of the lattice, at a voxel coordinate along the axis. scene/slice_view.h
 // maps the slice to its picture.
 struct SliceRequest {
-  int axis = 2;  // 0 x, 1 y, 2 z
+  int picture = 2;                                             // 0 to 2: the picture that shows it
+  SliceAxes axes = SliceInWorld(2, SliceSide::kRadiological);  // of I
   double position_voxels = 0.0;
   ImageSize size;
   SurfaceOptions surface;         // colour map, window, isovalue (drawn as a line)
@@ -73,10 +75,10 @@ class FrameRenderer {
   // surface. For tests.
   std::vector<float> SurfaceDistances() const;
 
-  // Draws a slice into the texture of its axis and returns the texture's OpenGL name. Draws only if
-  // the request or the volume has changed.
+  // Draws a slice into the texture of its picture and returns the texture's OpenGL name. Draws only
+  // if the request or the volume has changed.
   unsigned DrawSlice(const SliceRequest& request);
-  Image ReadSlice(int axis) const;
+  Image ReadSlice(int picture) const;
   // The number of slices drawn so far.
   std::uint64_t slice_casts() const;
 

@@ -89,9 +89,9 @@ void main() {
 SliceDrawing::SliceDrawing() : program_(std::string(kVersion) + kShaderColors + kSliceShader) {}
 
 void SliceDrawing::Draw(const VolumeTexture& volume, const SliceRequest& request) {
-  std::optional<Drawn>& drawn = drawn_[request.axis];
+  std::optional<Drawn>& drawn = drawn_[request.picture];
   const Drawn wanted{request, volume.version()};
-  FrameTarget& picture = pictures_[request.axis];
+  FrameTarget& picture = pictures_[request.picture];
   if (drawn == wanted && picture.size() == request.size) return;
   picture.Resize(request.size);
   if (!picture.empty()) Cast(volume, request);
@@ -100,7 +100,7 @@ void SliceDrawing::Draw(const VolumeTexture& volume, const SliceRequest& request
 
 void SliceDrawing::Cast(const VolumeTexture& volume, const SliceRequest& request) {
   ++casts_;
-  pictures_[request.axis].Bind();
+  pictures_[request.picture].Bind();
   if (volume.voxels() == 0) {
     glClearColor(kEmptySliceColor.x(), kEmptySliceColor.y(), kEmptySliceColor.z(), 1.0f);
     glClear(GL_COLOR_BUFFER_BIT);
@@ -114,7 +114,7 @@ void SliceDrawing::Cast(const VolumeTexture& volume, const SliceRequest& request
 }
 
 void SliceDrawing::SetVolume(const VolumeTexture& volume, const SliceRequest& request) const {
-  const SliceView view(request.axis, volume.size(), VoxelEdges(volume.X_DI()), request.size);
+  const SliceView view(request.axes, volume.size(), VoxelEdges(volume.X_DI()), request.size);
   const Vec3 corner_I = view.PointAt({0.0, 0.0}, request.position_voxels);
   program_.Set("lattice_size", volume.size());
   program_.Set("corner_I", corner_I);

@@ -22,10 +22,10 @@ class SliceDrawing {
   SliceDrawing(const SliceDrawing&) = delete;
   SliceDrawing& operator=(const SliceDrawing&) = delete;
 
-  // Without a volume, the picture is empty. Does nothing if the axis already has this picture.
+  // Without a volume, the picture is empty. Does nothing if the picture already shows this request.
   void Draw(const VolumeTexture& volume, const SliceRequest& request);
-  // The picture of the last request with this axis; the bottom row is first.
-  const FrameTarget& picture(int axis) const { return pictures_[axis]; }
+  // The bottom row is first.
+  const FrameTarget& picture(int number) const { return pictures_[number]; }
   std::uint64_t casts() const { return casts_; }
 
  private:

@@ -1,7 +1,10 @@
 #include "client/view/scene/overlay.h"
 
 #include <algorithm>
+#include <cmath>
 
+#include "client/view/scene/letters.h"
+#include "client/view/scene/patient_axes.h"
 #include "client/view/scene/solids.h"
 
 namespace palpate::view {
@@ -21,6 +24,7 @@ constexpr Paint kPenTip = {{205, 208, 212, 255}, 0};
 constexpr double kLeastArrow_px = 1.0;
 // Voxels of this size on the screen leave room between the lines of H.
 constexpr double kSparse_px = 36.0;
+constexpr double kLetter_px = 16.0;
 
 // The size of one pixel at a point, in mm.
 class PixelSize {
@@ -137,6 +141,29 @@ void AddBox(const AffineMap& X_DI, const Vec3i& lattice_size, Overlay& overlay) 
   }
 }
 
+// Beside the middle of each face. A letter on the line of sight would tell nothing, and cover what
+// is looked at.
+void AddBoxLetters(const OverlayScene& scene, const Camera& camera, const PixelSize& pixel,
+                   Overlay& overlay) {
+  constexpr double kAlongSight = 0.85;
+  const PatientAxes axes = NearestAxes(*scene.W_from_I);
+  const Vec3 edges = scene.lattice_size.cast<double>();
+  const Vec3 center_D = scene.X_DI->Apply(0.5 * (edges - Vec3::Ones()));
+  const Mat3 R_DV = camera.X_VD().linear.transpose();
+  for (int face = 0; face < 6; ++face) {
+    const SignedAxis direction_W{face / 2, face % 2 == 0 ? 1 : -1};
+    const SignedAxis& axis_I = axes[static_cast<std::size_t>(direction_W.axis)];
+    const int sign = axis_I.sign * direction_W.sign;
+    const Vec3 to_face_D = 0.5 * sign * edges[axis_I.axis] * scene.X_DI->linear.col(axis_I.axis);
+    const Vec3 outward_D = to_face_D.normalized();
+    if (std::abs(outward_D.dot(R_DV.col(2))) > kAlongSight) continue;
+    const Vec3 face_D = center_D + to_face_D;
+    const double height_mm = kLetter_px * pixel.At(face_D);
+    AddLetter(LetterOf(direction_W), face_D + height_mm * outward_D, height_mm * R_DV.col(0),
+              height_mm * R_DV.col(1), overlay);
+  }
+}
+
 }  // namespace
 
 Overlay BuildOverlay(const OverlayScene& scene, const OverlayOptions& options, const Camera& camera,
@@ -145,6 +172,7 @@ Overlay BuildOverlay(const OverlayScene& scene, const OverlayOptions& options, c
   const PixelSize pixel(camera, size);
   if (scene.X_DI && options.box && (scene.lattice_size.array() > 0).all()) {
     AddBox(*scene.X_DI, scene.lattice_size, overlay);
+    if (scene.W_from_I && options.letters) AddBoxLetters(scene, camera, pixel, overlay);
   }
   if (scene.X_DI && options.haptic_surface) {
     AddHapticSurface(scene, camera, pixel, overlay);

@@ -1,5 +1,5 @@
 // Everything drawn besides the volume, as triangles and lines: the three points, the force, the
-// stylus, the wireframe of H, the lattice's box.
+// stylus, the wireframe of H, the lattice's box with the letters of the patient's axes.
 //
 // Frame: D (mm). Threads: plain values and pure functions.
 #pragma once
@@ -51,6 +51,8 @@ struct OverlayScene {
   std::vector<Vec3> haptic_lines_I{};
   std::optional<AffineMap> X_DI{};
   Vec3i lattice_size = Vec3i::Zero();
+  // The linear part of the volume's map to W. None: no letters.
+  std::optional<Mat3> W_from_I{};
   double max_force_n = 3.3;
 };
 

@@ -1,9 +1,7 @@
 // Maps a slice of the lattice to a picture.
 //
-// Orientation, as in image viewers: across z, x is right and y down; across y, x is right and z up;
-// across x, y is right and z up. The whole padded lattice is shown, one voxel beyond the outermost
-// voxels on each side, so that isolines close. Voxels have their physical shape. The rest of the
-// picture is empty.
+// The whole padded lattice is shown, one voxel beyond the outermost voxels on each side, so that
+// isolines close. Voxels have their physical shape. The rest of the picture is empty.
 //
 // Frames: I (voxels); pixels from the upper left corner, y down, pixel centres at halves.
 // Threads: plain values.
@@ -12,6 +10,7 @@
 #include <optional>
 
 #include "client/view/scene/camera.h"
+#include "client/view/scene/patient_axes.h"
 #include "client/view/scene/view_options.h"
 
 namespace palpate::view {
@@ -21,13 +20,11 @@ inline const Rgb kEmptySliceColor{0.06f, 0.068f, 0.084f};
 
 class SliceView {
  public:
-  // `axis`: 0 x, 1 y, 2 z. `voxel_mm`: edges of a voxel, above 0.
-  SliceView(int axis, const Vec3i& lattice_size, const Vec3& voxel_mm, const ImageSize& size);
+  // `axes`: of I. `voxel_mm`: edges of a voxel, above 0.
+  SliceView(const SliceAxes& axes, const Vec3i& lattice_size, const Vec3& voxel_mm,
+            const ImageSize& size);
 
-  int axis() const { return axis_; }
-  int right_axis() const { return right_axis_; }  // of I, along a row of pixels
-  int down_axis() const { return down_axis_; }    // of I, along a column
-  // Pixels per voxel along the two axes. The second is negative if its axis points up.
+  // Pixels per voxel to the right and down. Negative if the axis of I runs the other way.
   const Eigen::Vector2d& px_per_voxel() const { return px_per_voxel_; }
 
   // Returns the point of the slice at `position_voxels` that appears at a point of the picture,
@@ -38,9 +35,7 @@ class SliceView {
   bool Shows(const Eigen::Vector2d& point_px) const;
 
  private:
-  int axis_;
-  int right_axis_;
-  int down_axis_;
+  SliceAxes axes_;
   Eigen::Vector2d px_per_voxel_;
   Eigen::Vector2d origin_px_;  // of voxel (0, 0)
   Eigen::Vector2d min_px_;     // corners of the padded lattice

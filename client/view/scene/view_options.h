@@ -71,7 +71,8 @@ struct OverlayOptions {
   bool stylus = true;
   bool haptic_surface = false;  // wireframe of H near the proxy
   double haptic_surface_radius_voxels = 5.0;
-  bool box = true;  // edges of the lattice
+  bool box = true;      // edges of the lattice
+  bool letters = true;  // of the patient's axes, beside the box and at the slices' edges
 };
 
 }  // namespace palpate::view

@@ -1,0 +1,83 @@
+#include "client/view/scene/patient_axes.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <string>
+
+#include "tests/support/orientations.h"
+
+namespace palpate::view {
+namespace {
+
+const Vec3 kSpacing_mm = {0.3, 1.0, 4.0};
+
+Vec3 Direction(const SignedAxis& axis) { return axis.sign * Vec3::Unit(axis.axis); }
+
+void ExpectSameDirection(const SignedAxis& axis_I, const SignedAxis& axis_W, const Mat3& W_from_I) {
+  EXPECT_EQ((W_from_I * Direction(axis_I)).normalized(), Direction(axis_W));
+}
+
+TEST(ViewPatientAxes, AreThoseOfEachOrientation) {
+  for (const Mat3& orientation : testing::Orientations()) {
+    const Mat3 W_from_I = orientation * kSpacing_mm.asDiagonal();
+    const PatientAxes axes = NearestAxes(W_from_I);
+    for (int axis = 0; axis < 3; ++axis) {
+      ExpectSameDirection(axes[static_cast<std::size_t>(axis)], {axis, 1}, W_from_I);
+    }
+    for (const SliceSide side : {SliceSide::kRadiological, SliceSide::kNeurological}) {
+      for (int axis = 0; axis < 3; ++axis) {
+        const SliceAxes in_volume = SliceInVolume(axis, side, axes);
+        const SliceAxes in_world = SliceInWorld(axis, side);
+        ExpectSameDirection(in_volume.across, in_world.across, W_from_I);
+        ExpectSameDirection(in_volume.right, in_world.right, W_from_I);
+        ExpectSameDirection(in_volume.down, in_world.down, W_from_I);
+      }
+    }
+  }
+}
+
+// Less than half of a right angle changes no axis, whatever the spacing.
+TEST(ViewPatientAxes, OfAnObliqueVolumeAreTheNearest) {
+  for (const Mat3& orientation : testing::Orientations()) {
+    const PatientAxes axes = NearestAxes(orientation);
+    for (const Vec3& about : {Vec3(1, 0, 0), Vec3(0, 1, 0), Vec3(0, 0, 1), Vec3(3, -2, 1)}) {
+      const Mat3 turn = Eigen::AngleAxisd(0.7, about.normalized()).toRotationMatrix();
+      EXPECT_EQ(NearestAxes(turn * orientation * kSpacing_mm.asDiagonal()), axes);
+    }
+  }
+}
+
+// The row by row nearest axis of I would be the first for two axes of W.
+TEST(ViewPatientAxes, UseEachAxisOfTheVolumeOnce) {
+  Mat3 W_from_I;
+  W_from_I << 0.75, 0.6, 0.0, 0.65, 0.4, -0.65, 0.1, 0.7, 0.76;
+  EXPECT_EQ(NearestAxes(W_from_I), (PatientAxes{SignedAxis{0, 1}, {2, -1}, {1, 1}}));
+}
+
+TEST(ViewPatientAxes, ATieDoesNotDependOnRounding) {
+  for (const double little : {-1e-12, 0.0, 1e-12}) {
+    const Mat3 turn =
+        Eigen::AngleAxisd(0.25 * std::acos(-1.0) + little, Vec3::UnitZ()).toRotationMatrix();
+    EXPECT_EQ(NearestAxes(turn), (PatientAxes{SignedAxis{0, 1}, {1, 1}, {2, 1}}));
+  }
+}
+
+// Letters at the left, right, top and bottom.
+std::string Letters(int axis, SliceSide side) {
+  const SliceAxes slice = SliceInWorld(axis, side);
+  return {LetterOf(-slice.right), LetterOf(slice.right), LetterOf(-slice.down),
+          LetterOf(slice.down)};
+}
+
+TEST(ViewPatientAxes, SlicesAreAsRadiologistsOrNeurologistsHaveThem) {
+  EXPECT_EQ(Letters(0, SliceSide::kRadiological), "APSI");
+  EXPECT_EQ(Letters(1, SliceSide::kRadiological), "RLSI");
+  EXPECT_EQ(Letters(2, SliceSide::kRadiological), "RLAP");
+  EXPECT_EQ(Letters(0, SliceSide::kNeurological), "APSI");
+  EXPECT_EQ(Letters(1, SliceSide::kNeurological), "LRSI");
+  EXPECT_EQ(Letters(2, SliceSide::kNeurological), "LRAP");
+}
+
+}  // namespace
+}  // namespace palpate::view
