@@ -42,7 +42,7 @@ Finding JudgeTicks(const client::ServoInfo& before, const client::ServoInfo& aft
   if (ticks == 0) {
     return {"ticks", Verdict::kFail,
             fmt::format("the haptic loop does not tick: it stays at {}", after.ticks),
-            "see journalctl -u palpated; systemctl restart palpated"};
+            "see journalctl -u palpated"};
   }
   const std::string text = fmt::format("{} ticks while it was watched, {} missed", ticks, missed);
   if (static_cast<double>(missed) <= kMostMissed * static_cast<double>(ticks + missed)) {

@@ -29,7 +29,7 @@ struct Workstation {
   std::function<bool(const std::filesystem::path&)> may_write;
   std::function<std::uint64_t(const std::filesystem::path&)> free_bytes;
   // See Answers in ports.h.
-  std::function<bool(const std::string& host, std::uint16_t port, const std::string& text)> answers;
+  std::function<bool(const std::string& host, std::uint16_t port)> answers;
 };
 Workstation ThisMachine();
 

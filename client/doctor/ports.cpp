@@ -3,6 +3,7 @@
 #include <arpa/inet.h>
 #include <fmt/core.h>
 #include <netdb.h>
+#include <openssl/ssl.h>
 #include <poll.h>
 #include <sys/socket.h>
 #include <unistd.h>
@@ -12,6 +13,7 @@
 #include <array>
 #include <charconv>
 #include <fstream>
+#include <memory>
 #include <optional>
 #include <set>
 #include <sstream>
@@ -23,16 +25,12 @@ namespace fs = std::filesystem;
 
 constexpr char kConfig[] = "etc/palpate/palpated.toml";
 constexpr int kPatienceMs = 2000;
-// The beginning of HTTP/2, with an empty settings frame. A TLS server answers it with an alert.
-const std::string kHttp2{"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n\0\0\0\4\0\0\0\0\0", 33};
-const std::string kHttp = "GET /metrics HTTP/1.0\r\n\r\n";
 
 // A place where palpated may listen.
 struct Place {
   const char* check;  // name of the finding
   std::string section;
   std::string default_address;
-  std::string greeting;
 };
 
 struct Listener {
@@ -128,15 +126,15 @@ std::uint16_t PortOf(const std::string& address) {
   return port;
 }
 
-Place ServerPlace() { return {"port", "server", "127.0.0.1:7400", kHttp2}; }
-Place MetricsPlace() { return {"metrics", "metrics", "127.0.0.1:9464", kHttp}; }
+Place ServerPlace() { return {"port", "server", "127.0.0.1:7400"}; }
+Place MetricsPlace() { return {"metrics", "metrics", "127.0.0.1:9464"}; }
 
 Finding Answering(const std::string& address, const char* check = "port") {
   return {check, Verdict::kOk, address + ": palpated answers"};
 }
 Finding Silent(const std::string& address, const char* check = "port") {
   return {check, Verdict::kFail, address + ": palpated has it, and does not answer",
-          "see journalctl -u palpated; systemctl restart palpated"};
+          "see systemctl status palpated; journalctl -u palpated"};
 }
 
 Finding Check(const Workstation& machine, const Place& place) {
@@ -155,8 +153,8 @@ Finding Check(const Workstation& machine, const Place& place) {
   const std::string holder = HolderOf(machine, listener->inode);
   if (holder == "palpated") {
     const std::string host = address.substr(0, address.rfind(':'));
-    return machine.answers(host, port, place.greeting) ? Answering(address, place.check)
-                                                       : Silent(address, place.check);
+    return machine.answers(host, port) ? Answering(address, place.check)
+                                       : Silent(address, place.check);
   }
   if (holder.empty()) {
     return {place.check, Verdict::kWarn,
@@ -175,6 +173,22 @@ std::string ReachedBy(std::string host) {
   return host == "::" ? "::1" : host;
 }
 
+// The first message of TLS. Returns "" if OpenSSL has no memory.
+std::string ClientHello() {
+  const std::unique_ptr<SSL_CTX, decltype(&SSL_CTX_free)> context(SSL_CTX_new(TLS_client_method()),
+                                                                  SSL_CTX_free);
+  const std::unique_ptr<SSL, decltype(&SSL_free)> ssl(context ? SSL_new(context.get()) : nullptr,
+                                                      SSL_free);
+  BIO* received = BIO_new(BIO_s_mem());
+  BIO* sent = BIO_new(BIO_s_mem());
+  if (!ssl || !received || !sent) return "";
+  SSL_set_bio(ssl.get(), received, sent);  // owns both
+  SSL_connect(ssl.get());                  // ends where it waits for the server's answer
+  char* hello = nullptr;
+  const long size = BIO_get_mem_data(sent, &hello);
+  return {hello, static_cast<std::size_t>(size)};
+}
+
 }  // namespace
 
 Finding CheckPort(const Workstation& machine) { return Check(machine, ServerPlace()); }
@@ -190,14 +204,14 @@ std::vector<Finding> CheckDaemonPorts(const Workstation& machine) {
       continue;
     checked.insert(listener.port);
     const std::string address = listener.host + ":" + std::to_string(listener.port);
-    const bool answers = machine.answers(listener.host, listener.port, kHttp2) ||
-                         machine.answers(listener.host, listener.port, kHttp);
-    findings.push_back(answers ? Answering(address) : Silent(address));
+    findings.push_back(machine.answers(listener.host, listener.port) ? Answering(address)
+                                                                     : Silent(address));
   }
   return findings;
 }
 
-bool Answers(const std::string& host, std::uint16_t port, const std::string& text) {
+bool Answers(const std::string& host, std::uint16_t port) {
+  const std::string hello = ClientHello();
   addrinfo hints{};
   hints.ai_socktype = SOCK_STREAM;
   addrinfo* found = nullptr;
@@ -214,7 +228,7 @@ bool Answers(const std::string& host, std::uint16_t port, const std::string& tex
   char byte = 0;
   const bool answers =
       becomes(POLLOUT) &&
-      send(fd, text.data(), text.size(), MSG_NOSIGNAL) == static_cast<ssize_t>(text.size()) &&
+      send(fd, hello.data(), hello.size(), MSG_NOSIGNAL) == static_cast<ssize_t>(hello.size()) &&
       becomes(POLLIN) && recv(fd, &byte, 1, 0) == 1;
   close(fd);
   return answers;

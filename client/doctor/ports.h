@@ -19,7 +19,9 @@ Finding CheckMetricsPort(const Workstation& machine);
 // Checks further ports of a running palpated, such as those of --listen.
 std::vector<Finding> CheckDaemonPorts(const Workstation& machine);
 
-// Sends `text` to the port. Returns false if no byte comes back within two seconds.
-bool Answers(const std::string& host, std::uint16_t port, const std::string& text);
+// Begins TLS with the port. Returns false if no byte comes back within two seconds. A server
+// without TLS answers too: gRPC sends its settings to everybody, HTTP refuses what is no request.
+// Other greetings would leave an error in the log of a server with TLS.
+bool Answers(const std::string& host, std::uint16_t port);
 
 }  // namespace palpate::doctor

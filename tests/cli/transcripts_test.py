@@ -24,6 +24,7 @@ import transcripts
 from crash import require_no_crash
 from free_port import free_port
 from palpate.v1 import volume_pb2, volume_pb2_grpc
+from secured import SecuredDaemon
 from support import PALPATE, PATIENCE_S, Daemon, nrrd, pattern, wait_until
 
 
@@ -295,6 +296,18 @@ class WithoutDevice(CommandLine):
         found = verdicts(output)
         self.assertEqual(found["device"], "fail")
         self.assertNotEqual(found["forces"], "ok")
+
+
+class WithTls(CommandLine):
+    def test_the_doctor_gets_an_answer_and_leaves_nothing_in_the_log(self):
+        with SecuredDaemon() as daemon:
+            self.words["SOCKET"] = daemon.socket
+            checks = json.loads(self.run_line("doctor --json")[1])["checks"]
+            daemon.end()
+        place = f"127.0.0.1:{daemon.port}:"
+        self.assertEqual([check["verdict"] for check in checks if place in check["text"]], ["ok"])
+        self.assertFalse([check for check in checks if "restart" in check["advice"]])
+        self.assertFalse([line for line in daemon.said if "gRPC" in line])
 
 
 class SlowVolumes(volume_pb2_grpc.VolumeServiceServicer):

@@ -19,7 +19,7 @@ class DoctorTest : public ::testing::Test {
     machine_.may_write = [this](const std::filesystem::path& path) {
       return writable_.contains(path.lexically_relative(folder_.path()).string());
     };
-    machine_.answers = [this](const std::string& host, std::uint16_t port, const std::string&) {
+    machine_.answers = [this](const std::string& host, std::uint16_t port) {
       return answering_.contains(host + ":" + std::to_string(port));
     };
     machine_.free_bytes = [this](const std::filesystem::path&) { return free_bytes_; };

@@ -96,7 +96,7 @@ LIBRARIES = {
     "toml++": (r"toml\+\+/", ["server/security", "server/state", "server/app",
                                "client/doctor", "client/sdk"]),
     "spdlog": (r"spdlog/", ["server/log", "server/app"]),
-    "OpenSSL": (r"openssl/", ["server/security"]),
+    "OpenSSL": (r"openssl/", ["server/security", "client/doctor"]),
     "prometheus-cpp": (r"prometheus/", ["server/metrics", "server/app"]),
     "TBB": (r"tbb/", ["server/volume", "server/app", "server/lab"]),
     "OpenGL": (r"epoxy/|GL/", ["client/view/render", "client/view/app"]),
