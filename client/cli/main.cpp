@@ -1,6 +1,7 @@
 // palpate: the command line client of palpated. Parses and dispatches.
 #include <csignal>
 #include <cstdio>
+#include <cstdlib>
 #include <exception>
 #include <string>
 #include <vector>
@@ -93,6 +94,19 @@ int Main(int argc, char** argv) {
   return 0;
 }
 
+// Returns the program's exit code.
+int Guarded(int argc, char** argv) {
+  try {
+    return Main(argc, argv);
+  } catch (const OutputClosed&) {
+    return 0;
+  } catch (const Error& error) {
+    return Fail(error.what(), ExitCode(error.kind()));
+  } catch (const std::exception& error) {
+    return Fail(std::string("internal error: ") + error.what(), ExitCode(ErrorKind::kInternal));
+  }
+}
+
 }  // namespace
 }  // namespace palpate::cli
 
@@ -100,14 +114,9 @@ int main(int argc, char** argv) {
   // A write to a closed output must return an error, and not end the process.
   std::signal(SIGPIPE, SIG_IGN);
   palpate::client::Calls::SilenceTransport();
-  try {
-    return palpate::cli::Main(argc, argv);
-  } catch (const palpate::cli::OutputClosed&) {
-    return 0;
-  } catch (const palpate::Error& error) {
-    return palpate::cli::Fail(error.what(), palpate::ExitCode(error.kind()));
-  } catch (const std::exception& error) {
-    return palpate::cli::Fail(std::string("internal error: ") + error.what(),
-                              palpate::ExitCode(palpate::ErrorKind::kInternal));
-  }
+  const int exit_code = palpate::cli::Guarded(argc, argv);
+  std::fflush(nullptr);
+  // Without the clean-up of libraries: threads of gRPC outlive its channels a little, and would
+  // crash in an OpenSSL that has cleaned up.
+  std::_Exit(exit_code);
 }

@@ -1,6 +1,7 @@
 // palpate-view: shows in a window or a file what palpated makes users feel.
 #include <csignal>
 #include <cstdio>
+#include <cstdlib>
 #include <exception>
 #include <string>
 
@@ -28,24 +29,28 @@ void Main(const Options& options) {
   }
 }
 
+// Returns the program's exit code.
+int Guarded(int argc, char** argv) {
+  int exit_code = 0;
+  try {
+    if (const auto options = ParseOptions(argc, argv, exit_code)) Main(*options);
+    return exit_code;
+  } catch (const Error& error) {
+    return Fail(error.what(), ExitCode(error.kind()));
+  } catch (const std::exception& error) {
+    return Fail(std::string("internal error: ") + error.what(), ExitCode(ErrorKind::kInternal));
+  }
+}
+
 }  // namespace
 }  // namespace palpate::view
 
 int main(int argc, char** argv) {
-  using palpate::ErrorKind;
   // A write to a closed output must return an error, and not end the process.
   std::signal(SIGPIPE, SIG_IGN);
   palpate::client::Calls::SilenceTransport();
-  int exit_code = 0;
-  try {
-    if (const auto options = palpate::view::ParseOptions(argc, argv, exit_code)) {
-      palpate::view::Main(*options);
-    }
-    return exit_code;
-  } catch (const palpate::Error& error) {
-    return palpate::view::Fail(error.what(), palpate::ExitCode(error.kind()));
-  } catch (const std::exception& error) {
-    return palpate::view::Fail(std::string("internal error: ") + error.what(),
-                               palpate::ExitCode(ErrorKind::kInternal));
-  }
+  const int exit_code = palpate::view::Guarded(argc, argv);
+  std::fflush(nullptr);
+  // Without the clean-up of libraries: see client/cli/main.cpp.
+  std::_Exit(exit_code);
 }
