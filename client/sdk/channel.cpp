@@ -5,7 +5,9 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <filesystem>
 #include <fstream>
+#include <iterator>
 #include <sstream>
 
 #include "common/wire/address.h"
@@ -72,6 +74,15 @@ Route::Route(const Server& server) : credentials_(server.credentials) {
   const HostPort host_port = ParseHostPort(address.host_port);
   target_ = TcpTarget(host_port);
   name_ = host_port.ToString();
+}
+
+bool Route::CanReadAgain() const {
+  const std::string* const files[] = {&credentials_.ca_file, &credentials_.certificate_file,
+                                      &credentials_.key_file, &credentials_.token_file};
+  return std::none_of(std::begin(files), std::end(files), [](const std::string* file) {
+    std::error_code error;
+    return !file->empty() && std::filesystem::is_fifo(*file, error);
+  });
 }
 
 std::shared_ptr<grpc::ChannelCredentials> Route::MakeCredentials() const {

@@ -31,6 +31,8 @@ class Route {
   // Reads the files of the credentials again, so that renewed files are used. Errors: kNotFound,
   // kInvalidArgument for a file.
   std::shared_ptr<grpc::ChannelCredentials> MakeCredentials() const;
+  // False if one of the files is a pipe: to read it again would wait for ever.
+  bool CanReadAgain() const;
   std::shared_ptr<grpc::Channel> MakeChannel(
       const std::shared_ptr<grpc::ChannelCredentials>& credentials,
       const grpc::ChannelArguments& arguments) const;

@@ -47,6 +47,7 @@ std::shared_ptr<grpc::Channel> Link::volume_channel() const {
 }
 
 void Link::Renew() {
+  if (!route_.CanReadAgain()) return;
   try {
     auto channels = MakeChannels();
     const std::lock_guard lock(mutex_);

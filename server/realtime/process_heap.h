@@ -10,7 +10,7 @@
 
 namespace palpate {
 
-// Gives all freed memory back now. Does nothing in programs with another heap (tests, sanitizer
+// Gives all freed memory back now, but for what jemalloc's own thread is giving back. Does nothing in programs with another heap (tests, sanitizer
 // builds).
 void ReturnFreedMemory() noexcept;
 

@@ -1,9 +1,11 @@
 // The client library over TLS: whom it trusts, how it is known, and what it does where one of the
 // two fails. Whom palpated lets in is python_security_test's.
 #include <gtest/gtest.h>
+#include <sys/stat.h>
 
 #include <fstream>
 #include <sstream>
+#include <thread>
 #include <vector>
 
 #ifndef __has_feature
@@ -176,6 +178,17 @@ TEST_F(SdkSecurity, FilesThatCannotBeUsedAreNamedAtOnce) {
   }
   EXPECT_THROW(Client({.address = {.socket_path = In("s")}, .credentials = {.ca_file = "x"}}),
                Error);
+}
+
+// As with --token-file <(command). It can be read once.
+TEST_F(SdkSecurity, ATokenMayComeThroughAPipe) {
+  StartDaemon();
+  ASSERT_EQ(mkfifo(In("pipe.token").c_str(), 0600), 0);
+  std::thread writer([&] { std::ofstream(In("pipe.token")) << TextOf(In("editor.token")); });
+  const Client client(With(Token("pipe")));
+  writer.join();
+  ASSERT_TRUE(client.WaitUntilConnected(60s)) << client.connection().why;
+  EXPECT_TRUE(Eventually([&] { return client.NewestPose().has_value(); }));
 }
 
 // The daemon's certificate is replaced by one of another authority, which shows who is served by

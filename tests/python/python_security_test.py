@@ -285,6 +285,15 @@ class LimitsTest(unittest.TestCase):
             for _ in range(30):
                 stop_forces(channel)
 
+    def test_a_live_copy_waits_for_room(self):
+        daemon = self.start("volume_streams = 1")
+        with daemon.connect() as conn, conn.volume.follow() as held:
+            self.assertEqual(held.values.shape, (48, 48, 48))
+            with conn.volume.follow() as waiting:
+                wait_for(lambda: waiting.lost is not None, "a refusal")
+                held.close()
+                self.assertEqual(waiting.values.shape, (48, 48, 48))
+
     def test_one_over_the_network_has_half_of_the_samples(self):
         daemon = self.start("pose_samples_per_s = 4000")
         channel = self.enterContext(daemon.channel(daemon.tokens["viewer"]))

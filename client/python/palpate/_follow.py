@@ -13,7 +13,7 @@ import typing
 import numpy as np
 import numpy.typing as npt
 
-from palpate._errors import Error, Internal, Unavailable
+from palpate._errors import Error, Internal, TooLarge, Unavailable
 from palpate._geometry import matrix_of_map
 from palpate._link import AcknowledgedCall, Link
 from palpate._volume_copy import (Bricks, Volume, VolumeCopy, making_sense, messages_of,
@@ -83,12 +83,21 @@ class _Follower:
         call = self._call = volume_call(self._stub, self._resume_from)
         if not self._is_open:
             return
-        with contextlib.closing(messages_of(self._link, call)) as messages:
+        with contextlib.closing(self._messages(call)) as messages:
             for message in messages:
                 if not self._is_open:
                     return
                 with making_sense():
                     self._take(message)
+
+    def _messages(self, call: AcknowledgedCall) -> collections.abc.Generator[
+            volume_stream_pb2.StreamVolumeResponse, None, None]:
+        try:
+            with contextlib.closing(messages_of(self._link, call)) as messages:
+                yield from messages
+        except TooLarge as full:
+            # A limit of the daemon. Others may end their streams.
+            raise Unavailable(str(full)) from None
 
     def _lose(self, lost: Error) -> None:
         self._link.check_open()
