@@ -13,6 +13,10 @@ CallThreads::CallThreads() {
   for (const MethodRule& rule : MethodRules()) {
     if (rule.kind == CallKind::kCall || rule.kind == CallKind::kTransfer) lanes_[rule.method];
   }
+}
+
+void CallThreads::Start() {
+  const std::lock_guard lock(mutex_);
   for (auto& [method, lane] : lanes_) AddThread(lane);
 }
 

@@ -25,13 +25,15 @@ class CallThreads {
   // More calls of the method wait, in their order.
   static constexpr std::size_t kMostOfOneMethod = 8;
 
-  // Starts one thread for each method of MethodRules that is a call or a transfer.
   CallThreads();
   // Does all work that waits first.
   ~CallThreads();
   CallThreads(const CallThreads&) = delete;
   CallThreads& operator=(const CallThreads&) = delete;
 
+  // Starts one thread for each method of MethodRules that is a call or a transfer. Call it once,
+  // after memory was locked: the stacks of threads that exist then become resident as a whole.
+  void Start();
   // method: a call or a transfer of MethodRules.
   void Run(std::string_view method, std::function<void()> work);
 

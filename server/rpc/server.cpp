@@ -195,6 +195,7 @@ void RpcServer::Start() {
            &poses_, &render_, &registration_, &volume_, &series_, &device_, &recording_}) {
     builder.RegisterService(service);
   }
+  calls_.threads().Start();
   acceptor_.TakeSocket(options_.socket_path);
   standby_queue_ = builder.AddCompletionQueue();
   server_ = builder.BuildAndStart();

@@ -75,6 +75,7 @@ class DeviceServiceRig {
       : device(level) {
     data_.Load("builtin:sphere:16");
     data_.pump().Start();
+    calls_.threads().Start();
     if (ticks) servo_.Start();
   }
   ~DeviceServiceRig() {
