@@ -18,7 +18,8 @@ struct DenseVolume {
 };
 
 // Replaces voxels that are not finite by the least finite value, and sets the value range. Warns of
-// replaced voxels, and where 32 bit floats do not hold what the file has. Throws Error (kInvalidArgument) for a constant volume or an unsupported geometry.
+// replaced voxels, and where 32 bit floats do not hold what the file has. Throws Error
+// (kInvalidArgument) for a constant volume or an unsupported geometry.
 void FinishVolume(DenseVolume* volume, const std::optional<Vec3>& spacing_mm, Reporter* reporter);
 
 // Returns the type in which the voxels are held: the file's own, or the smallest type that holds

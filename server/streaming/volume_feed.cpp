@@ -168,16 +168,16 @@ VolumeEvent VolumeFeed::TakeLattice() {
   X_DI_.reset();
   loaded_revision_ = volume.loaded_revision();
   transfer_->phase = Phase::kSelect;
-  return VolumeLattice{.source = metadata.source,
-                       .size = metadata.size,
-                       .spacing_mm = metadata.spacing_mm,
-                       .X_WI = metadata.WorldFromIndex(),
-                       .value_min = metadata.value_min,
-                       .value_max = metadata.value_max,
-                       .background = metadata.is_level_set ? std::optional(metadata.value_max)
-                                                           : std::nullopt,
-                       .unit = metadata.unit,
-                       .loaded_revision = volume.loaded_revision()};
+  return VolumeLattice{
+      .source = metadata.source,
+      .size = metadata.size,
+      .spacing_mm = metadata.spacing_mm,
+      .X_WI = metadata.WorldFromIndex(),
+      .value_min = metadata.value_min,
+      .value_max = metadata.value_max,
+      .background = metadata.is_level_set ? std::optional(metadata.value_max) : std::nullopt,
+      .unit = metadata.unit,
+      .loaded_revision = volume.loaded_revision()};
 }
 
 void VolumeFeed::Select() {
