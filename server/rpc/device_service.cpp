@@ -72,9 +72,9 @@ class StopAnswer final : public grpc::ServerUnaryReactor {
     const auto forces = forces_.newest();
     if (forces && forces->tick >= tick_) {
       Answer(*forces, response_);
-      Finish(grpc::Status::OK);
+      End(grpc::Status::OK);
     } else if (is_last) {
-      Finish(ToStatus(NoTick(ForceCommand::kStop, /*holds=*/true)));
+      End(ToStatus(NoTick(ForceCommand::kStop, /*holds=*/true)));
     } else {
       // A new alarm is needed, because this may be the callback of the last one.
       alarm_ = std::make_unique<grpc::Alarm>();
@@ -83,7 +83,12 @@ class StopAnswer final : public grpc::ServerUnaryReactor {
     }
   }
 
-  const Admission admission_;
+  void End(const grpc::Status& status) {
+    admission_.Answered();
+    Finish(status);
+  }
+
+  Admission admission_;
   const ForceWatch& forces_;
   const std::uint64_t tick_;
   v1::StopForcesResponse& response_;

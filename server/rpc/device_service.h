@@ -1,9 +1,8 @@
 // DeviceService: describes the device and the servo loop, and lets an operator control the forces.
 //
-// No command to the forces takes a lock of the session, writes to the log (a log that nobody reads
-// blocks), or waits longer than a second. So the emergency stop works whatever else the daemon
-// does. The emergency stop also uses none of gRPC's threads for calls, because long calls of other
-// clients can use up these threads.
+// No command to the forces takes a lock of the session or waits longer than a second. The emergency
+// stop also needs no thread for calls: gRPC's own threads, which never wait, carry it out. So it
+// works whatever else the daemon does.
 #pragma once
 
 #include <functional>

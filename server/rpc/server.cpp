@@ -35,7 +35,7 @@ constexpr int kHandshakeTimeoutMs = 10'000;
 constexpr int kKeepaliveMs = 20'000;
 constexpr int kKeepaliveTimeoutMs = 10'000;
 constexpr int kIdleMs = 600'000;
-constexpr int kMostThreads = 256;
+constexpr int kMostThreads = 16;  // for reflection; our services use none of these
 // The limit for all memory that gRPC counts, for all clients together. Above it, gRPC ends calls
 // and connections of any client. With 128 MiB, two known clients with endless headers ended streams
 // of others and connections on the socket within 15 s, and the process grew as much as with 512
