@@ -60,6 +60,11 @@ std::string Fit(const std::string& line, int columns) {
   return line;
 }
 
+std::string ProxyInWords(const client::Pose& pose) {
+  if (pose.mode == client::ProxyMode::kInside) return "inside the surface: pull out";
+  return client::NameOf(pose.mode) + (pose.contact ? ", in contact" : ", no contact");
+}
+
 std::vector<std::string> LoopLines(const WatchStatus& status) {
   const WatchFigures& f = status.figures;
   return {fmt::format("palpated at {}, {:.1f} s; Ctrl-C ends", status.server, f.seconds),
@@ -82,8 +87,7 @@ std::vector<std::string> LiveView(const WatchStatus& status, int columns, int ro
   } else {
     const client::Pose& s = *status.pose;
     const double force_n = s.force_n.norm();
-    lines.push_back(fmt::format("proxy     {}, {}", client::NameOf(s.mode),
-                                s.contact ? "in contact" : "no contact"));
+    lines.push_back("proxy     " + ProxyInWords(s));
     lines.push_back("HIP       " + Aligned(s.hip_mm));
     lines.push_back("SCP_H     " + Aligned(s.scp_h_mm));
     lines.push_back("SCP_V     " + Aligned(s.scp_v_mm));
@@ -109,14 +113,13 @@ std::string LogLine(const WatchStatus& status) {
   const client::Pose& s = *status.pose;
   return fmt::format(
       "{:.1f} s: {:.1f} samples/s, {:.1f} ticks/s, missed {:.1f}/s, {} in all ({:.3f} %), update "
-      "mean {:.1f} µs p99 {:.1f} µs, {}, {}, HIP {} SCP_H {} SCP_V {} mm, force {:.3f} N, "
+      "mean {:.1f} µs p99 {:.1f} µs, {}, HIP {} SCP_H {} SCP_V {} mm, force {:.3f} N, "
       "{}density {:.6g}, isovalue {}, settings {}, volume {}, age {}, dropped {}",
       f.seconds, f.recent_samples_per_s, f.recent_ticks_per_s, f.recent_missed_per_s,
       f.total_missed_ticks, f.total_missed_percent, f.recent_update.mean_us, f.recent_update.p99_us,
-      client::NameOf(s.mode), s.contact ? "in contact" : "no contact", Compact(s.hip_mm),
-      Compact(s.scp_h_mm), Compact(s.scp_v_mm), s.force_n.norm(),
-      LacksForces(s) ? "forces " + NameOf(s.forces) + ", " : "", s.density, Isovalue(status),
-      s.settings_revision, s.volume_revision, Age(status), f.dropped_samples);
+      ProxyInWords(s), Compact(s.hip_mm), Compact(s.scp_h_mm), Compact(s.scp_v_mm),
+      s.force_n.norm(), LacksForces(s) ? "forces " + NameOf(s.forces) + ", " : "", s.density,
+      Isovalue(status), s.settings_revision, s.volume_revision, Age(status), f.dropped_samples);
 }
 
 std::string Summary(const WatchFigures& f) {

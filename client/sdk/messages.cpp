@@ -12,7 +12,7 @@
 namespace palpate::client {
 namespace {
 
-static_assert(static_cast<int>(ProxyMode::kSuspended) == v1::PROXY_MODE_SUSPENDED);
+static_assert(static_cast<int>(ProxyMode::kInside) == v1::PROXY_MODE_INSIDE);
 
 FreeSide SideOf(v1::FreeSide side) {
   return side == v1::FREE_SIDE_ABOVE ? FreeSide::kAbove : FreeSide::kBelow;
@@ -85,7 +85,7 @@ Pose FromProto(const v1::PoseSample& sample) {
   pose.stylus_orientation = UnalignedQuaternion(palpate::FromProto(sample.stylus_orientation()));
   pose.buttons = sample.buttons();
   pose.force_n = palpate::FromProto(sample.force_n());
-  pose.mode = EnumOf(sample.mode(), ProxyMode::kSuspended);
+  pose.mode = EnumOf(sample.mode(), ProxyMode::kInside);
   pose.contact = sample.contact();
   pose.density = sample.density();
   pose.isovalue = sample.isovalue();

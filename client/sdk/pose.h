@@ -40,7 +40,7 @@ struct ForceStatus {
   double limit_n = 0.0;
 };
 
-enum class ProxyMode { kUnknown, kFree, kConstrained, kEjecting, kFault, kSuspended };
+enum class ProxyMode { kUnknown, kFree, kConstrained, kEjecting, kFault, kSuspended, kInside };
 
 // Side of the isosurface on which the stylus is free.
 enum class FreeSide { kBelow, kAbove };

@@ -190,7 +190,11 @@ void RunDaemon(const LoadedConfig& loaded, const ConfigReader& read) {
   RegistrationStore registrations(state_folder);
   session.SetRegistrationStore(registrations);
   std::optional<HandGuide> hand_guide;
-  if (device->spec().kind == SimulatedDeviceSpec().kind) hand_guide.emplace(session, touch_plans);
+  if (device->spec().kind == SimulatedDeviceSpec().kind) {
+    hand_guide.emplace(session, touch_plans);
+    session.SetBeforeOtherVolume(
+        [&hand_guide](const HapticSurface& surface) { hand_guide->MakeRoomFor(surface); });
+  }
   VolumeEditor editor(session);
   const auto tools = std::make_shared<StylusTools>(session, editor);
   pump.Subscribe(tools);
@@ -259,7 +263,7 @@ void RunDaemon(const LoadedConfig& loaded, const ConfigReader& read) {
       Serve(manager, servo, reload, [&] { return StatusLine(*device, forces, session); });
   // The servo stops before the log is written: a log that nobody reads may block.
   servo.Stop();
-  hand_guide.reset();
+  if (hand_guide) hand_guide->Stop();
   manager.Stopping();
   LogInfo("ending on signal {}", signal);
   exporter.reset();

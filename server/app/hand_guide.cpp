@@ -18,6 +18,8 @@ constexpr int kNice = 10;
 constexpr int kRestPerWork = 9;
 constexpr std::chrono::milliseconds kLeastRest(20);
 constexpr std::chrono::seconds kMostRest(10);
+constexpr std::chrono::milliseconds kMostWayOut(1000);
+constexpr std::chrono::milliseconds kLook(2);
 
 bool HaveSameSurface(const HapticSurface& a, const HapticSurface& b) {
   return a.isovalue == b.isovalue && a.free_side == b.free_side && a.method == b.method &&
@@ -48,6 +50,7 @@ void HandGuide::OnScene(const Scene& scene, std::span<const BrickChange> /*chang
   std::optional<Felt> felt = Felt{scene.volume, scene.surface, scene.settings.stiffness_n_per_mm};
   {
     const std::lock_guard lock(mutex_);
+    makes_room_ = false;
     if (newest_revision_ == scene.volume->revision() &&
         HaveSameSurface(newest_surface_, scene.surface) &&
         newest_stiffness_n_per_mm_ == felt->stiffness_n_per_mm) {
@@ -57,6 +60,8 @@ void HandGuide::OnScene(const Scene& scene, std::span<const BrickChange> /*chang
     newest_surface_ = scene.surface;
     newest_surface_.volume = nullptr;
     newest_stiffness_n_per_mm_ = felt->stiffness_n_per_mm;
+    const std::uint64_t loaded = scene.volume->loaded_revision();
+    is_other_volume_ |= loaded != std::exchange(loaded_revision_, loaded);
     waiting_.swap(felt);
   }
   wake_.notify_one();
@@ -66,6 +71,7 @@ std::optional<HandGuide::Felt> HandGuide::NextFelt() {
   std::unique_lock lock(mutex_);
   wake_.wait(lock, [this] { return stop_ || waiting_; });
   if (stop_) return std::nullopt;
+  is_other_volume_ = false;
   return std::exchange(waiting_, std::nullopt);
 }
 
@@ -81,14 +87,32 @@ void HandGuide::Run() {
     const auto rest =
         std::clamp<std::chrono::nanoseconds>(kRestPerWork * worked, kLeastRest, kMostRest);
     std::unique_lock lock(mutex_);
-    wake_.wait_for(lock, rest, [this] { return stop_; });
+    wake_.wait_for(lock, rest, [this] { return stop_ || is_other_volume_; });
+  }
+}
+
+void HandGuide::MakeRoomFor(const HapticSurface& surface) {
+  std::unique_lock lock(mutex_);
+  if (!thread_.joinable() || stop_) return;
+  auto way_out = std::make_unique<TouchPlan>(
+      TouchPlan{.strokes = {}, .p_DFree_mm = FindFreePlaces(surface, device_), .makes_room = true});
+  if (way_out->p_DFree_mm.empty()) return;
+  makes_room_ = true;
+  plans_.is_out.store(false);
+  plans_.Publish(std::move(way_out));
+  const auto patience_ends = std::chrono::steady_clock::now() + kMostWayOut;
+  while (!plans_.is_out.load() && std::chrono::steady_clock::now() < patience_ends) {
+    if (wake_.wait_for(lock, kLook, [this] { return stop_; })) return;
   }
 }
 
 void HandGuide::Plan(const Felt& felt) noexcept {
   try {
-    plans_.Publish(
-        std::make_unique<TouchPlan>(PlanTouches(felt.surface, device_, felt.stiffness_n_per_mm)));
+    auto plan =
+        std::make_unique<TouchPlan>(PlanTouches(felt.surface, device_, felt.stiffness_n_per_mm));
+    // The hand is not led back into a volume that goes or has gone.
+    const std::lock_guard lock(mutex_);
+    if (!makes_room_ && !is_other_volume_) plans_.Publish(std::move(plan));
   } catch (const std::exception&) {
     // Out of memory: the hand goes on with what it has.
   }

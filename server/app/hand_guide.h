@@ -3,9 +3,10 @@
 // One thread, "palpate-hand", makes a plan of touches whenever what is felt has changed: the
 // volume, the isovalue, the free side, the method, the placement or the stiffness. The thread runs
 // at a lower priority (nice) than the others. It rests between two plans, so that a series of edits
-// costs no more than a tenth of a core.
+// costs no more than a tenth of a core. It does not rest when another volume has come.
 //
-// Threads: construct, Start and Stop on the main thread; OnScene on those that publish.
+// Threads: construct, Start and Stop on the main thread; OnScene and MakeRoomFor on those that
+// publish.
 // Ownership: borrows the session, as its listener, and the inbox; a volume is held while it is
 // planned on. Errors: without memory for a new plan, the hand keeps the last one.
 #pragma once
@@ -32,6 +33,9 @@ class HandGuide final : public SceneListener {
   void Start();
   void Stop() noexcept;
 
+  // Sends the hand to where `surface` has none, and waits until it is there, a second at most.
+  void MakeRoomFor(const HapticSurface& surface);
+
   void OnScene(const Scene& scene, std::span<const BrickChange> changes) override;
 
  private:
@@ -56,6 +60,9 @@ class HandGuide final : public SceneListener {
   std::uint64_t newest_revision_ = 0;
   HapticSurface newest_surface_;
   double newest_stiffness_n_per_mm_ = -1.0;
+  std::uint64_t loaded_revision_ = 0;
+  bool is_other_volume_ = false;  // than that of the newest plan, or of the plan in the making
+  bool makes_room_ = false;       // for a volume that has not come yet
   bool stop_ = false;
   std::thread thread_;
 

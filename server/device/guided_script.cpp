@@ -12,6 +12,7 @@ namespace {
 
 // At most so fast, half way between two strokes.
 constexpr double kArcMmPerS = 130.0;
+constexpr double kOutMmPerS = 300.0;  // on the way out
 constexpr double kShortestArcS = 0.2;
 constexpr double kSlideMmPerS2 = 400.0;
 constexpr double kFollowS = 0.012;
@@ -20,6 +21,7 @@ constexpr double kFollowS = 0.012;
 // the second: something is in its way.
 constexpr double kSlowingN = 1.2;
 constexpr double kHeldForceN = 2.0;
+constexpr double kOutForceN = 3.5;  // on the way out: more than the device can give
 // More than the stroke's depth explains, whatever the friction: the surface holds the proxy
 // somewhere else.
 constexpr double kMostFriction = 1.9;
@@ -29,6 +31,10 @@ constexpr double kCaughtS = 0.3;
 constexpr double kGoingBackS = 1.5;
 constexpr int kTimesCaught = 2;  // then the hand explores for a while
 constexpr double kUnguidedS = 1.0;
+
+constexpr double kReachedMm = 2.0;
+constexpr double kNothingS = 0.5;
+constexpr double kMostOutS = 3.0;  // if something holds the hand, or if no other volume comes
 
 // A stroke of a new plan that passes so near goes on where the old one was.
 constexpr double kSameStrokeMm = 3.0;
@@ -84,21 +90,22 @@ GuidedScript::GuidedScript(std::unique_ptr<StylusScript> unguided, TouchPlanInbo
 StylusScript::Target GuidedScript::Next(const HandState& hand, const Vec3& felt_force_D_n,
                                         double dt_s) noexcept {
   // Without time, the hand is asked where it begins: it is nowhere yet.
-  if (dt_s > 0.0) TakePlan(plans_.Acquire(), hand);
+  if (dt_s > 0.0) TakePlan(plans_.Acquire(), hand, dt_s);
   if (phase_ == Phase::kUnguided) {
     unguided_left_s_ -= dt_s;
     return unguided_->Next(hand, felt_force_D_n, dt_s);
   }
-  if (IsCaught(felt_force_D_n, dt_s)) GoBack(hand);
+  if (IsLost(felt_force_D_n, dt_s)) GoOut(hand);
+  if (phase_ != Phase::kOut && IsCaught(felt_force_D_n, dt_s)) GoBack(hand);
   if (phase_ == Phase::kUnguided) return unguided_->Next(hand, felt_force_D_n, dt_s);
   const double pace =
-      goes_back_
+      goes_back_ || phase_ == Phase::kOut
           ? 1.0
           : std::clamp((kHeldForceN - felt_force_D_n.norm()) / (kHeldForceN - kSlowingN), 0.0, 1.0);
   hand_.Follow(Goal(pace * dt_s), dt_s);
   // Where the spring's end must be for the hand to be at hand_.p_mm.
   const Vec3 pull_n = kHandDamperNsPerMm * hand_.v_mm_s + (kHandMassKg / kMmPerM) * hand_.a_mm_s2 -
-                      Limited(felt_force_D_n, kHeldForceN);
+                      Limited(felt_force_D_n, phase_ == Phase::kOut ? kOutForceN : kHeldForceN);
   return {.p_DTarget_mm = hand_.p_mm + pull_n / kHandSpringNPerMm, .buttons = 0};
 }
 
@@ -110,18 +117,43 @@ void GuidedScript::Follower::Follow(const Vec3& p_DGoal_mm, double dt_s) {
   p_mm += v_mm_s * step_s;
 }
 
-void GuidedScript::TakePlan(const TouchPlan* plan, const HandState& hand) {
+void GuidedScript::TakePlan(const TouchPlan* plan, const HandState& hand, double dt_s) {
   // The handoff keeps a plan until this script has acquired the next one. So a new plan has a new
   // address.
   const bool is_new = plan != plan_;
   if (is_new) avoided_ = kNone;
   plan_ = plan;
+  if (is_new && plan != nullptr && plan->makes_room) GoOut(hand);
+  if (phase_ == Phase::kOut && !IsOut(hand, dt_s)) return;
   const bool has_strokes = plan != nullptr && !plan->strokes.empty();
   if (!has_strokes) {
     if (phase_ != Phase::kUnguided) GiveUp(hand);
-  } else if (is_new || (phase_ == Phase::kUnguided && unguided_left_s_ <= 0.0)) {
+  } else if (is_new || phase_ == Phase::kOut ||
+             (phase_ == Phase::kUnguided && unguided_left_s_ <= 0.0)) {
     BeginPlan(hand);
   }
+}
+
+void GuidedScript::GoOut(const HandState& hand) {
+  if (phase_ == Phase::kUnguided) hand_ = {.p_mm = hand.p_DHip_mm, .v_mm_s = hand.v_DHip_mm_s};
+  const auto nearer = [&](const Vec3& a, const Vec3& b) {
+    return (a - hand_.p_mm).squaredNorm() < (b - hand_.p_mm).squaredNorm();
+  };
+  const std::vector<Vec3>& places_mm = plan_->p_DFree_mm;
+  const Vec3& to_mm = *std::min_element(places_mm.begin(), places_mm.end(), nearer);
+  BeginArc(TouchArc(hand_.p_mm, normal_D_, to_mm, Vec3::Zero(), kLeastLiftMm));
+  arc_whole_s_ *= kArcMmPerS / kOutMmPerS;
+  normal_D_ = Vec3::Zero();
+  out_s_ = nothing_s_ = 0.0;
+  phase_ = Phase::kOut;
+}
+
+// Whether the hand is out, and has another plan or has waited long enough for one.
+bool GuidedScript::IsOut(const HandState& hand, double dt_s) {
+  out_s_ += dt_s;
+  const bool has_reached = (hand.p_DHip_mm - arc_.p_DTo_mm).norm() < kReachedMm;
+  if (has_reached) plans_.is_out.store(true, std::memory_order_relaxed);
+  return out_s_ > kMostOutS || (has_reached && !(plan_ != nullptr && plan_->makes_room));
 }
 
 void GuidedScript::BeginPlan(const HandState& hand) {
@@ -233,6 +265,13 @@ bool GuidedScript::IsCaught(const Vec3& felt_force_D_n, double dt_s) {
   return caught_s_ > (goes_back_ ? kGoingBackS : kCaughtS);
 }
 
+// On a stroke the hand is below the surface. Without a force it must be far below another one.
+bool GuidedScript::IsLost(const Vec3& felt_force_D_n, double dt_s) {
+  const bool feels_nothing = phase_ == Phase::kStroke && felt_force_D_n.isZero(0.0);
+  nothing_s_ = feels_nothing ? nothing_s_ + dt_s : 0.0;
+  return nothing_s_ > kNothingS && !plan_->p_DFree_mm.empty();
+}
+
 Vec3 GuidedScript::Goal(double dt_s) {
   return phase_ == Phase::kStroke ? GoalOnStroke(dt_s) : GoalOnArc(dt_s);
 }
@@ -240,7 +279,7 @@ Vec3 GuidedScript::Goal(double dt_s) {
 Vec3 GuidedScript::GoalOnArc(double dt_s) {
   arc_s_ += dt_s;
   if (arc_s_ >= arc_whole_s_) {
-    BeginStroke();
+    if (phase_ == Phase::kArc) BeginStroke();
     return arc_.p_DTo_mm;
   }
   return arc_.At(MinimumJerk(arc_s_ / arc_whole_s_));

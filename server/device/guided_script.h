@@ -6,6 +6,9 @@
 //           comes down on it; after a new plan, to the nearest stroke
 //   back    where the force says that the surface holds the proxy elsewhere, in a pit: the hand
 //           goes back the way on which it came, and leaves the stroke there
+//   out     the hand goes to a free place, whatever it feels on the way: before another volume
+//           comes, whose plan it waits for there; and if it feels nothing on a stroke, because the
+//           surface was moved over it
 //   other   without a plan, or where going back does not help: the other script's
 //
 // The hand goes where the plan has it: it knows its own mass, spring and damper, and
@@ -33,7 +36,7 @@ class GuidedScript final : public StylusScript {
   Target Next(const HandState& hand, const Vec3& felt_force_D_n, double dt_s) noexcept override;
 
  private:
-  enum class Phase : std::uint8_t { kUnguided, kArc, kStroke };
+  enum class Phase : std::uint8_t { kUnguided, kArc, kStroke, kOut };
   struct Nearest;
 
   // A smooth point that follows another one, with its derivatives.
@@ -44,9 +47,11 @@ class GuidedScript final : public StylusScript {
     void Follow(const Vec3& p_DGoal_mm, double dt_s);
   };
 
-  void TakePlan(const TouchPlan* plan, const HandState& hand);
+  void TakePlan(const TouchPlan* plan, const HandState& hand, double dt_s);
   void BeginPlan(const HandState& hand);
   void BeginArc(const TouchArc& arc);
+  void GoOut(const HandState& hand);
+  bool IsOut(const HandState& hand, double dt_s);
   void BeginStroke();
   bool IsAtTourEnd() const;
   void LeaveStroke();
@@ -54,6 +59,7 @@ class GuidedScript final : public StylusScript {
   void BeginArcToStroke(double lift_mm);
   void GiveUp(const HandState& hand);
   bool IsUnexplained(const Vec3& felt_force_D_n) const;
+  bool IsLost(const Vec3& felt_force_D_n, double dt_s);
   bool IsCaught(const Vec3& felt_force_D_n, double dt_s);
   static Nearest NearestPoint(const TouchPlan& plan, const Vec3& p_mm, std::size_t step,
                               std::size_t other_than);
@@ -84,6 +90,8 @@ class GuidedScript final : public StylusScript {
   int times_caught_ = 0;                                // since a stroke was done without
   std::size_t avoided_ = static_cast<std::size_t>(-1);  // stroke where it gave up; -1: none
   double unguided_left_s_ = 0.0;
+  double out_s_ = 0.0;            // since the way out began
+  double nothing_s_ = 0.0;        // that the hand has felt nothing on a stroke
   Vec3 normal_D_ = Vec3::Zero();  // of the surface that was touched last; zero: none
   Follower hand_;
 };

@@ -12,6 +12,7 @@
 #pragma once
 
 #include <algorithm>
+#include <atomic>
 #include <vector>
 
 #include "common/geometry/geometry.h"
@@ -35,6 +36,11 @@ struct TouchStroke {
 struct TouchPlan {
   std::vector<TouchStroke> strokes;  // none: there is nothing to touch
   double stiffness_n_per_mm = 0.0;   // of the surface, for what the hand expects to feel
+  // Free places to which a hand goes that is inside the surface.
+  std::vector<Vec3> p_DFree_mm{};
+  // Another volume is about to come: the hand goes to a free place of that volume and waits there
+  // for its plan. There is at least one free place, and no stroke.
+  bool makes_room = false;
 };
 
 // The way from one touch to another: a cubic that leaves along one normal and
@@ -80,6 +86,10 @@ struct TouchArc {
   }
 };
 
-using TouchPlanInbox = SnapshotHandoff<TouchPlan>;
+class TouchPlanInbox : public SnapshotHandoff<TouchPlan> {
+ public:
+  // Set by the hand when it has made room; reset by whoever sends it there.
+  std::atomic<bool> is_out{false};
+};
 
 }  // namespace palpate

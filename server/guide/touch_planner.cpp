@@ -252,7 +252,9 @@ TouchPlan PlanTouches(const HapticSurface& surface, const DeviceSpec& device,
   Rehearsal rehearsal(surface);
   const std::vector<TouchStroke> strokes =
       StrokeMaker(probe, rehearsal, device, depth_mm, budget).Make(points);
-  TouchPlan plan{.strokes = {}, .stiffness_n_per_mm = stiffness_n_per_mm};
+  TouchPlan plan{.strokes = {},
+                 .stiffness_n_per_mm = stiffness_n_per_mm,
+                 .p_DFree_mm = FindFreePlaces(surface, device)};
   // Pieces without a way between them: the tour of the most.
   constexpr std::size_t kStarts = 3;
   for (std::size_t first = 0; first < std::min(kStarts, strokes.size()); ++first) {

@@ -143,6 +143,35 @@ bool IsWithinReach(const DeviceSpec& device, const Vec3& p_D_mm) {
          (p_D_mm.array() <= device.workspace_max_mm.array() - kSpareMm).all();
 }
 
+std::vector<Vec3> FindFreePlaces(const HapticSurface& surface, const DeviceSpec& device) {
+  constexpr double kApartMm = 8.0;
+  constexpr double kOffMm = 4.0;
+  SurfaceProbe probe(surface);
+  std::vector<Vec3> outside_mm, within_mm;
+  const auto look_at = [&](const Vec3& p_D_mm) {
+    bool is_in_lattice = false;
+    for (int n = 0; n < 7; ++n) {
+      const Vec3 off_mm =
+          n == 6 ? Vec3(Vec3::Zero()) : Vec3((n % 2 ? kOffMm : -kOffMm) * Vec3::Unit(n / 2));
+      if (probe.IsMaterial(p_D_mm + off_mm)) return;
+      is_in_lattice |= probe.IsInLattice(p_D_mm + off_mm);
+    }
+    (is_in_lattice ? within_mm : outside_mm).push_back(p_D_mm);
+  };
+  const Vec3 low_mm = device.workspace_min_mm.array() + 2.0 * kSpareMm;
+  const Vec3 high_mm = device.workspace_max_mm.array() - 2.0 * kSpareMm;
+  const Vec3i count = ((high_mm - low_mm) / kApartMm).array().ceil().cast<int>().max(1);
+  for (int i = 0; i <= count.x(); ++i) {
+    for (int j = 0; j <= count.y(); ++j) {
+      for (int k = 0; k <= count.z(); ++k) {
+        const Vec3 share = Vec3(i, j, k).cwiseQuotient(count.cast<double>());
+        look_at(low_mm + share.cwiseProduct(high_mm - low_mm));
+      }
+    }
+  }
+  return outside_mm.empty() ? within_mm : outside_mm;
+}
+
 std::vector<SurfacePoint> FindTouchPoints(const HapticSurface& surface, const DeviceSpec& device,
                                           const GuideBudget& budget, GuideCost& cost) {
   LeafOrder order = LeavesWithin(surface, device);

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <bit>
-#include <limits>
 
 #include "server/haptics/eject.h"
 #include "server/haptics/moves.h"
@@ -91,12 +90,7 @@ ProxyStep StepBuried(const HapticSurface& surface, const Vec3& p_DHip_mm, Proxy&
   proxy.p_DH_mm = step.p_DH_mm = p_DHip_mm;
   step.density = ReportedDensity(surface, proxy.place, density);
   proxy.buried = density > surface.isovalue;
-  constexpr int kMost = std::numeric_limits<int>::max();  // reached after four weeks
-  proxy.buried_steps = proxy.buried ? std::min(proxy.buried_steps, kMost - 1) + 1 : 0;
-  if (proxy.buried) {
-    const bool fault = proxy.buried_steps > kMaxEjectSteps && !proxy.buried_by_isovalue;
-    step.mode = fault ? ProxyMode::kFault : ProxyMode::kEjecting;
-  }
+  if (proxy.buried) step.mode = ProxyMode::kInside;
   return step;
 }
 
@@ -159,10 +153,12 @@ ProxyStep StepProxy(const HapticSurface& surface, const Vec3& p_DHip_mm, double 
                     Proxy& proxy, CellCache& cache) noexcept {
   if (proxy.buried) return StepBuried(surface, p_DHip_mm, proxy, cache);
   ProxyStep step;
-  const bool only_isovalue = Holds(surface, proxy) && proxy.free_side == surface.free_side;
-  if (!Refresh(surface, p_DHip_mm, eject_limit_mm, proxy, cache, step)) {
+  const bool is_other_volume =
+      proxy.placed && proxy.loaded_revision != surface.volume->loaded_revision();
+  const double limit_mm =
+      is_other_volume ? std::min(eject_limit_mm, surface.longest_voxel_mm) : eject_limit_mm;
+  if (!Refresh(surface, p_DHip_mm, limit_mm, proxy, cache, step)) {
     proxy.buried = true;
-    proxy.buried_by_isovalue = only_isovalue;
     return StepBuried(surface, p_DHip_mm, proxy, cache);
   }
   Advance(surface, p_DHip_mm, false, proxy, cache, step);

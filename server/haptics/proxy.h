@@ -15,6 +15,8 @@
 // If a change of τ or of the data puts the proxy inside the object, the proxy is ejecting: it moves
 // out down the density gradient, or to the nearest free lattice vertex. If that is farther away
 // than `eject_limit_mm`, the proxy is buried: no surface is felt until the HIP is in free space.
+// Another loaded volume brings it out by at most a voxel, as much as another lattice of the same
+// volume may need: nobody asked for a push where a hand happens to be.
 //
 // Frame: D device (mm) at the interface, cells in index coordinates.
 // Threads: pure; one thread per state. Real-time: no allocation, no locks.
@@ -30,11 +32,8 @@
 
 namespace palpate {
 
-// kFault: buried for longer than kMaxEjectSteps, and not by a new isovalue. It ends as kEjecting
-// does.
-enum class ProxyMode : std::uint8_t { kFree, kConstrained, kEjecting, kFault };
-
-inline constexpr int kMaxEjectSteps = 50;
+// kInside: buried.
+enum class ProxyMode : std::uint8_t { kFree, kConstrained, kEjecting, kInside };
 
 // The most moves per step.
 inline constexpr int kMaxProxyMoves = 512;
@@ -43,8 +42,6 @@ struct Proxy {
   bool placed = false;
   bool on_surface = false;
   bool buried = false;
-  bool buried_by_isovalue = false;  // somebody asked for it: no fault
-  int buried_steps = 0;
   Place place;
   Vec3 p_DH_mm = Vec3::Zero();
   // The surface to which `place` refers.

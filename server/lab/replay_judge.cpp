@@ -13,7 +13,7 @@ namespace palpate::lab {
 namespace {
 
 bool IsEjecting(const ProxyStep& step) {
-  return step.mode == ProxyMode::kEjecting || step.mode == ProxyMode::kFault;
+  return step.mode == ProxyMode::kEjecting || step.mode == ProxyMode::kInside;
 }
 
 class Judge {

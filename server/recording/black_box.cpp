@@ -22,8 +22,8 @@ bool IsCut(const TickSample& sample) {
          sample.force_state == ForceState::kStopped;
 }
 
-// The reason why this tick cut off forces. `is_faulty`: the safety stage found a fault in the tick.
-std::string ReasonOf(const TickSample& sample, bool is_faulty) {
+// The reason why this tick cut off forces.
+std::string ReasonOf(const TickSample& sample) {
   const bool is_safety =
       sample.force_state == ForceState::kFault || sample.force_state == ForceState::kStopped;
   if (is_safety && sample.force_reason != ForceReason::kOperator &&
@@ -31,9 +31,7 @@ std::string ReasonOf(const TickSample& sample, bool is_faulty) {
     return std::string(NameOf(sample.force_reason));
   }
   // The forces' state names no fault here: forces were off already.
-  if (sample.device_status == DeviceStatus::kFault) return "device";
-  // Without a fault, the surface was moved over the stylus, and the stylus did not come out.
-  return is_faulty ? "input" : "buried";
+  return sample.device_status == DeviceStatus::kFault ? "device" : "input";
 }
 
 // Such as "20261120T145203.123Z": the names sort by time.
@@ -84,12 +82,11 @@ void BlackBox::Stop() noexcept {
 
 void BlackBox::OnSample(const TickSample& sample) {
   ring_[samples_++ % kTicks] = sample;
-  const bool is_faulty = sample.faulty_ticks > std::exchange(faulty_ticks_, sample.faulty_ticks);
   const bool is_cut = IsCut(sample);
   const bool begins = is_cut && !std::exchange(was_cut_, is_cut);
   was_cut_ = is_cut;
   if (!begins) return;
-  const std::string reason = ReasonOf(sample, is_faulty);
+  const std::string reason = ReasonOf(sample);
   const double since_s = static_cast<double>(sample.time_ns - last_dump_ns_) * 1e-9;
   const bool is_again = reason == last_reason_ && since_s < kPauseS;
   std::vector<TickSample> ticks;

@@ -3,9 +3,8 @@
 //
 // The files are tables as in csv_export.h: FOLDER/fault-TIME-REASON.csv, and
 // FOLDER/stop-TIME-REASON.csv for the emergency stop. TIME is UTC. REASON is the reason in the
-// forces' state, or "buried" if the surface was moved over the stylus and the stylus did not come
-// out. Of each kind, the newest kMostFiles files are kept. If the same reason comes again within
-// kPauseS, the black box reports it but writes no file.
+// forces' state, or "input" if it has none. Of each kind, the newest kMostFiles files are kept. If
+// the same reason comes again within kPauseS, the black box reports it but writes no file.
 //
 // Threads: OnSample on the pump thread. A fault costs the pump a copy of the ticks, but never a
 // wait for the disk. A thread of its own writes files and calls `report`. Stop writes the waiting
@@ -59,7 +58,6 @@ class BlackBox final : public SampleSink {
   // Used only by the pump thread.
   std::vector<TickSample> ring_;
   std::uint64_t samples_ = 0;
-  std::uint64_t faulty_ticks_ = 0;
   bool was_cut_ = true;  // starts true: before the first tick there is nothing to write
   std::string last_reason_;
   std::int64_t last_dump_ns_ = 0;

@@ -14,8 +14,8 @@
 namespace palpate {
 namespace {
 
-constexpr std::array<std::string_view, 5> kModeNames = {"free", "constrained", "ejecting", "fault",
-                                                        "suspended"};
+constexpr std::array<std::string_view, 6> kModeNames = {"free",  "constrained", "ejecting",
+                                                        "fault", "suspended",   "inside"};
 
 template <class Field>
 void AppendField(const Field& field, std::string& row) {

@@ -36,7 +36,7 @@ template <class Field>
 void FromWord(std::uint64_t word, Field& field) {
   if constexpr (std::is_enum_v<Field> || std::is_same_v<Field, bool>) {
     constexpr std::uint64_t kCount = [] {
-      if constexpr (std::is_same_v<Field, TickMode>) return std::uint64_t{5};
+      if constexpr (std::is_same_v<Field, TickMode>) return std::uint64_t{6};
       if constexpr (std::is_same_v<Field, ForceState>) return std::uint64_t{6};
       if constexpr (std::is_same_v<Field, ForceReason>) return std::uint64_t{12};
       if constexpr (std::is_same_v<Field, ForceCommand>) return std::uint64_t{4};

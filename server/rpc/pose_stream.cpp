@@ -36,6 +36,8 @@ v1::ProxyMode ToProto(TickMode mode) {
       return v1::PROXY_MODE_FAULT;
     case TickMode::kSuspended:
       return v1::PROXY_MODE_SUSPENDED;
+    case TickMode::kInside:
+      return v1::PROXY_MODE_INSIDE;
   }
   return v1::PROXY_MODE_UNSPECIFIED;
 }

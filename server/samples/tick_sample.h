@@ -14,7 +14,7 @@
 
 namespace palpate {
 
-enum class TickMode : std::uint8_t { kFree, kConstrained, kEjecting, kFault, kSuspended };
+enum class TickMode : std::uint8_t { kFree, kConstrained, kEjecting, kFault, kSuspended, kInside };
 
 struct TickSample {
   std::uint64_t tick = 0;

@@ -10,7 +10,7 @@ namespace palpate {
 namespace {
 
 // Version of the byte layout. Raise it whenever the meaning of the bytes changes.
-constexpr std::uint8_t kLayout = 4;
+constexpr std::uint8_t kLayout = 5;
 
 constexpr int kMaxCell = 1 << 30;
 
@@ -42,13 +42,11 @@ void VisitPlace(PlaceT& place, Visit& visit) {
 
 template <class ProxyT, class Visit>
 void VisitProxy(ProxyT& proxy, Visit& visit) {
-  auto& [placed, on_surface, buried, buried_by_isovalue, buried_steps, place, p_DH_mm,
-         geometry_revision, volume_revision, loaded_revision, free_side, isovalue] = proxy;
+  auto& [placed, on_surface, buried, place, p_DH_mm, geometry_revision, volume_revision,
+         loaded_revision, free_side, isovalue] = proxy;
   visit(placed);
   visit(on_surface);
   visit(buried);
-  visit(buried_by_isovalue);
-  visit(buried_steps);
   VisitPlace(place, visit);
   VisitVector(p_DH_mm, visit);
   visit(geometry_revision);
@@ -192,7 +190,7 @@ bool IsInRange(const ServoMemory& memory) {
   const Proxy& proxy = renderer.proxy;
   const PassivityState& passivity = renderer.passivity;
   const bool on_simplex = proxy.placed && proxy.place.kind == Place::Kind::kSimplex;
-  return IsPlace(proxy.place) && IsPosition(proxy.p_DH_mm) && proxy.buried_steps >= 0 &&
+  return IsPlace(proxy.place) && IsPosition(proxy.p_DH_mm) &&
          std::abs(proxy.isovalue) <= kGreatestIsovalue && (renderer.has_hip || !proxy.placed) &&
          (on_simplex || !proxy.on_surface) && IsPosition(renderer.p_DHip_mm) &&
          IsPosition(renderer.p_DLastHip_mm) &&

@@ -19,8 +19,8 @@ TickMode ToTickMode(ProxyMode mode) {
       return TickMode::kConstrained;
     case ProxyMode::kEjecting:
       return TickMode::kEjecting;
-    case ProxyMode::kFault:
-      return TickMode::kFault;
+    case ProxyMode::kInside:
+      return TickMode::kInside;
   }
   return TickMode::kFault;
 }

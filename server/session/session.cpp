@@ -262,21 +262,31 @@ double Session::StartingDensity(const VolumeSnapshot& volume) const {
 
 // A level set is first felt from outside, where its values are higher. A density keeps the free
 // side of the last density.
-void Session::TakeSideOf(const VolumeMetadata& metadata, const std::optional<FreeSide>& wanted) {
+FreeSide Session::SideOf(const VolumeMetadata& metadata,
+                         const std::optional<FreeSide>& wanted) const {
+  if (wanted) return *wanted;
+  if (metadata.is_level_set) return FreeSide::kAbove;
   const bool was_level_set = volume_ && volume_->metadata().is_level_set;
-  FreeSide& side = settings_.haptics.free_side;
-  if (metadata.is_level_set) {
-    if (volume_ && !was_level_set) side_of_densities_ = side;
-    side = FreeSide::kAbove;
-  } else if (was_level_set) {
-    side = side_of_densities_;
-  }
-  side = wanted.value_or(side);
+  return was_level_set ? side_of_densities_ : settings_.haptics.free_side;
+}
+
+void Session::TellBeforeOtherVolume(const LoadRequest& request, const Registration& registration,
+                                    const VolumeSnapshot& volume) const {
+  if (!before_other_volume_) return;
+  std::unique_lock lock(mutex_);
+  const double isovalue = ChosenIsovalue(volume, request.isovalue, request.normalized_isovalue,
+                                         StartingDensity(volume));
+  const HapticSurface surface = MakeHapticSurface(
+      volume, registration.X_DW * volume.metadata().WorldFromIndex(), DensityOf(volume, isovalue),
+      settings_.method, geometry_revision_ + 1, SideOf(volume.metadata(), request.free_side));
+  lock.unlock();
+  before_other_volume_(surface);
 }
 
 VolumeState Session::PublishVolume(const LoadRequest& request, const VolumeMetadata& metadata,
                                    const BrickDirectory& bricks, std::uint64_t frames_bytes) {
   const Registration registration = PlaceLoaded(request, metadata);
+  TellBeforeOtherVolume(request, registration, VolumeSnapshot(metadata, bricks, 1, 1));
   VolumeState state;
   const auto publish = [&](const std::shared_ptr<const VolumeSnapshot>& volume,
                            std::span<const BrickChange>) {
@@ -295,7 +305,10 @@ void Session::TakeLoaded(const LoadRequest& request, const Registration& registr
   const VolumeMetadata& metadata = volume->metadata();
   const double isovalue = ChosenIsovalue(*volume, request.isovalue, request.normalized_isovalue,
                                          StartingDensity(*volume));
-  TakeSideOf(metadata, request.free_side);
+  FreeSide& side = settings_.haptics.free_side;
+  const bool was_density = volume_ && !volume_->metadata().is_level_set;
+  const FreeSide last_side = std::exchange(side, SideOf(metadata, request.free_side));
+  if (metadata.is_level_set && was_density) side_of_densities_ = last_side;
   volume_ = volume;
   request_ = request;
   is_reshaped_ = false;

@@ -109,6 +109,12 @@ class Session {
   // before the first Load; borrowed.
   void SetRegistrationStore(RegistrationStore& store) { registration_store_ = &store; }
 
+  // Called before another volume is felt, with the surface that is about to come. May wait for a
+  // second: nothing is locked but other loads. Set it before the first Load; it must stay valid
+  // until no volume is loaded any more.
+  using BeforeOtherVolume = std::function<void(const HapticSurface& surface)>;
+  void SetBeforeOtherVolume(BeforeOtherVolume call) { before_other_volume_ = std::move(call); }
+
   // Call these after the first successful Load.
   SettingsState settings() const;
   VolumeState volume() const;
@@ -164,9 +170,11 @@ class Session {
  private:
   // Throws kUnavailable if the servo does not run, because then nobody would feel a change.
   void RequireServo() const;
+  void TellBeforeOtherVolume(const LoadRequest& request, const Registration& registration,
+                             const VolumeSnapshot& volume) const;
   Registration PlaceLoaded(const LoadRequest& request, const VolumeMetadata& metadata) const;
   double StartingDensity(const VolumeSnapshot& volume) const;
-  void TakeSideOf(const VolumeMetadata& metadata, const std::optional<FreeSide>& wanted);
+  FreeSide SideOf(const VolumeMetadata& metadata, const std::optional<FreeSide>& wanted) const;
   void TakeBack(const RenderSettings& before, std::uint64_t revision);
   void TakeLoaded(const LoadRequest& request, const Registration& registration,
                   const std::shared_ptr<const VolumeSnapshot>& volume);
@@ -184,6 +192,7 @@ class Session {
   Pump& pump_;
   VolumeLoader loader_;
   RegistrationStore* registration_store_ = nullptr;
+  BeforeOtherVolume before_other_volume_;
 
   // Lock order: load_mutex_, the store's mutex, mutex_.
   std::mutex load_mutex_;

@@ -40,17 +40,17 @@ def place(kind=2, cell=(4, 4, 4), faces=0x15, p_I=(4, 4, 4), vertices=(0,), weig
     return struct.pack("<B3iB3di4B4di", kind, *cell, faces, *p_I, count, *vertices, *weights, tetrahedron)
 
 
-def keyframe(tick=0, placed=1, on_surface=1, buried=0, steps=0, where=None, p_DH=(-4.5, -1.5, 0), geometry=1,
-             volume=1, side=0, isovalue=0.5, has_hip=1, hip=(-4.5, -1.5, 0.1), last=None, velocity=(0, 0, 0),
-             normal=(0, 0, -1), positions=0, newest=0, layout=2, times=(0,) * 10):
+def keyframe(tick=0, placed=1, on_surface=1, buried=0, where=None, p_DH=(-4.5, -1.5, 0), geometry=1,
+             volume=1, loaded=1, side=0, isovalue=0.5, has_hip=1, hip=(-4.5, -1.5, 0.1), last=None, velocity=(0, 0, 0),
+             normal=(0, 0, -1), positions=0, newest=0, layout=5, times=(0,) * 10):
     zero = (0.0, 0.0, 0.0)
-    proxy = struct.pack("<3Bi", placed, on_surface, buried, steps) + (place() if where is None else where) + (
-        struct.pack("<3d2QBd", *p_DH, geometry, volume, side, isovalue))
+    proxy = struct.pack("<3B", placed, on_surface, buried) + (place() if where is None else where) + (
+        struct.pack("<3d3QBd", *p_DH, geometry, volume, loaded, side, isovalue))
     state = struct.pack("<B9dB3dB3d", has_hip, *hip, *(hip if last is None else last), *velocity, 1, *normal, 0,
                         0, 0, 0)
     passivity = struct.pack("<B4d12d30d10d2i4d", 0, 0, 0, 0, 1, *zero * 4, *zero * 10, *times, positions, newest,
                             *zero, 0)
-    safety = struct.pack("<3B13d", 2, 0, has_hip, *zero, *hip, *zero, 0, 0, 0, 0)
+    safety = struct.pack("<5B14d", 2, 0, 0, 0, has_hip, *zero, *hip, *zero, 0, 0, 0, 0, 0)
     return struct.pack("<B", layout) + proxy + state + passivity + struct.pack("<12d", *zero * 4) + safety + (
         struct.pack("<4Q", tick, 0, 0, 0))
 
@@ -91,7 +91,7 @@ def chunks():
         "samples": (SAMPLES, samples(rows)),
         "sample": (SAMPLES, samples(rows[:1])),
         "samples_with_a_gap": (SAMPLES, samples([rows[0], rows[2]])),
-        "samples_no_mode": (SAMPLES, samples([fields(1, mode=5)])),
+        "samples_no_mode": (SAMPLES, samples([fields(1, mode=6)])),
         "samples_too_many": (SAMPLES, struct.pack("<I", 0xffffffff)),
         "scene": (SCENE, scene()),
         "scene_unknown_setting": (SCENE, scene(words=settings(a_new_one="1"))),
@@ -228,7 +228,7 @@ def replays():
         "last_hip_infinite": keyframe(last=(INFINITY, 0, 0), isovalue=0.4),
         "velocity_not_a_number": keyframe(velocity=(NAN, 0, 0)),
         "no_hip": keyframe(has_hip=0),
-        "buried_for_long": keyframe(buried=1, steps=2**31 - 1),
+        "buried": keyframe(buried=1),
         "box_on_surface": keyframe(where=attacks()["box_elsewhere"]),
         "positions_beyond": keyframe(positions=11, newest=10),
         "times_not_a_number": keyframe(positions=10, times=(NAN,) * 10),

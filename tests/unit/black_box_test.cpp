@@ -89,14 +89,12 @@ TEST_F(BlackBoxTest, KeepsTheLastTwoSecondsUpToTheFault) {
   EXPECT_NE(reports_[0].find(files[0].string()), std::string::npos) << reports_[0];
 }
 
-// By an isovalue that is swept, or another volume: no fault of the device or of what it reads.
-TEST_F(BlackBoxTest, AStylusThatTheSurfaceMovedOverIsBuried) {
+// By an isovalue that is swept, or another volume.
+TEST_F(BlackBoxTest, AStylusThatTheSurfaceMovedOverIsNoFault) {
   Ticks(10);
-  Tick(TickMode::kFault);
-  const auto files = Files();
-  ASSERT_EQ(files.size(), 1u);
-  EXPECT_TRUE(files[0].string().ends_with("Z-buried.csv")) << files[0];
-  ASSERT_EQ(reports_.size(), 1u);
+  for (int n = 0; n < 100; ++n) Tick(TickMode::kInside);
+  EXPECT_TRUE(Files().empty());
+  EXPECT_TRUE(reports_.empty());
 }
 
 TEST_F(BlackBoxTest, NothingLeadsToAFaultInTheFirstTick) {

@@ -112,7 +112,7 @@ TEST_F(Effects, BeyondTheVolumeTheInsideIsOutOfReach) {
   settings_.free_side = FreeSide::kAbove;
   for (const Vec3& hip : {Vec3(-50, 3, 3), Vec3(0, 0, 0), Vec3(1e5, 0, 0)}) {
     const HapticOutput output = Step(hip);
-    EXPECT_EQ(output.proxy.mode, ProxyMode::kEjecting);
+    EXPECT_EQ(output.proxy.mode, ProxyMode::kInside);
     EXPECT_TRUE(output.force_D_n.isZero());
   }
   EXPECT_EQ(Step(kBallCentre).proxy.mode, ProxyMode::kFree);
@@ -304,7 +304,7 @@ TEST_F(Effects, WithPopsNoPositionIsBuried) {
   settings_.pop_force_n = 3.0;
   settings_.stiffness_n_per_mm = 3.0;
   const HapticOutput output = Step(Vec3(4.2, 4.1, 6.5));
-  EXPECT_NE(output.proxy.mode, ProxyMode::kFault);
+  EXPECT_NE(output.proxy.mode, ProxyMode::kInside);
   EXPECT_FALSE(state_->proxy.buried);
 }
 

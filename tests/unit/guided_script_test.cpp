@@ -163,6 +163,50 @@ TEST_F(GuidedTest, ExploresOnWhenThePlanIsTakenAway) {
   EXPECT_GT(Feel(6000).contacts, 4000);
 }
 
+// Through whatever is there: it must be out when the other volume comes.
+TEST_F(GuidedTest, MakesRoomForAnotherVolumeAndWaitsForItsPlan) {
+  Publish(Lines());
+  Feel(3000);
+  const Vec3 free_mm(12.0, -8.0, -25.0);  // below what it feels now
+  Publish({.strokes = {}, .p_DFree_mm = {Vec3(70, 50, 30), free_mm}, .makes_room = true});
+  EXPECT_FALSE(plans_.is_out);
+  Feel(1000);
+  EXPECT_TRUE(plans_.is_out);
+  EXPECT_LT((Read() - free_mm).norm(), 5.0);
+  Feel(1000);
+  EXPECT_LT((Read() - free_mm).norm(), 5.0);
+  Publish(Lines());
+  Feel(3000);
+  EXPECT_GT(Feel(6000).contacts, 4000);
+}
+
+TEST_F(GuidedTest, ExploresIfTheOtherVolumeDoesNotCome) {
+  const Vec3 free_mm(0.0, 0.0, 25.0);
+  Publish({.strokes = {}, .p_DFree_mm = {free_mm}, .makes_room = true});
+  Feel(1000);
+  EXPECT_LT((Read() - free_mm).norm(), 2.0);
+  double farthest_mm = 0.0;
+  for (int n = 0; n < 100; ++n) {
+    Feel(100);
+    farthest_mm = std::max(farthest_mm, (Read() - free_mm).norm());
+  }
+  EXPECT_GT(farthest_mm, 10.0);
+}
+
+// The surface was moved over the hand: nothing is felt until the hand is out.
+TEST_F(GuidedTest, ComesOutWhereItFeelsNothing) {
+  TouchPlan plan = Lines();
+  plan.p_DFree_mm = {Vec3(0.0, 0.0, 20.0)};
+  Publish(std::move(plan));
+  Feel(3000);
+  double highest_mm = -100.0;
+  for (int n = 0; n < 3000; ++n) {
+    highest_mm = std::max(highest_mm, Read().z());
+    device_.Write(Vec3::Zero(), kTickS);
+  }
+  EXPECT_GT(highest_mm, 17.0);
+}
+
 // A wall that the plan does not know: the hand stops, tries another stroke, and explores.
 TEST_F(GuidedTest, DoesNotPushThroughWhatIsInTheWay) {
   Publish(Lines());

@@ -5,9 +5,12 @@
 
 #include <functional>
 #include <memory>
+#include <thread>
 
+#include "server/guide/surface_probe.h"
 #include "tests/support/editable_session.h"
 #include "tests/support/patience.h"
+#include "tests/support/refusal.h"
 
 namespace palpate {
 namespace {
@@ -76,6 +79,48 @@ TEST_F(HandGuideTest, MakesNoPlanForWhatChangesNoSurface) {
   EXPECT_EQ(holders(), before);
   MoveUp(7.0);
   EXPECT_EQ(holders(), before + 1);
+}
+
+TEST_F(HandGuideTest, TheHandMakesRoomBeforeAnotherVolumeIsFelt) {
+  Load("builtin:sphere:32");
+  session().SetBeforeOtherVolume(
+      [this](const HapticSurface& surface) { guide_.MakeRoomFor(surface); });
+  ASSERT_NE(Next([&] { guide_.Start(); }), nullptr);
+  const std::uint64_t felt = volume()->loaded_revision();
+  std::thread loads([this] { Load("builtin:bumps:32"); });
+  const TouchPlan* room = nullptr;
+  EXPECT_TRUE(test::Eventually([&] {
+    room = plans_.Acquire();
+    return room != nullptr && room->makes_room;
+  }));
+  EXPECT_EQ(volume()->loaded_revision(), felt);
+  const Scene& before = *inbox().Acquire();
+  SurfaceProbe probe(before.surface);  // in the same place as the other
+  for (const Vec3& p_mm : room->p_DFree_mm) EXPECT_FALSE(probe.IsMaterial(p_mm));
+  plans_.is_out.store(true);
+  loads.join();
+  EXPECT_NE(volume()->loaded_revision(), felt);
+  EXPECT_TRUE(test::Eventually([&] { return !plans_.Acquire()->makes_room; }));
+  EXPECT_FALSE(plans_.Acquire()->strokes.empty());
+}
+
+// Nobody waits for long for a hand that does not come, or for a plan of another volume.
+TEST_F(HandGuideTest, AnotherVolumeWaitsForNobody) {
+  Load("builtin:sphere:32");
+  session().SetBeforeOtherVolume(
+      [this](const HapticSurface& surface) { guide_.MakeRoomFor(surface); });
+  Load("builtin:bumps:32");  // without a thread, without a wait
+  ASSERT_NE(Next([&] { guide_.Start(); }), nullptr);
+  Load("builtin:sphere:32");  // no hand answers
+  EXPECT_EQ(volume()->metadata().source, "builtin:sphere:32");
+  // A volume that is refused moves nothing.
+  const TouchPlan* const before = plans_.Acquire();
+  EXPECT_EQ(testing::Refusal([&] {
+              session().Load({.source = "builtin:bumps:32", .isovalue = 9.0}, testing::kQuiet,
+                             testing::kNever);
+            }),
+            ErrorKind::kInvalidArgument);
+  EXPECT_EQ(plans_.Acquire(), before);
 }
 
 // The hand keeps no volume: the last one that does frees it.

@@ -61,7 +61,7 @@ struct GlideHand {
     const Vec3 force_n(sample.force_n.data());
     greatest_step_n = std::max(greatest_step_n, (force_n - last_force_n).norm());
     last_force_n = force_n;
-    faults += sample.mode == TickMode::kFault;
+    faults += sample.mode == TickMode::kFault || sample.mode == TickMode::kInside;
     return sample;
   }
   TickSample Ticks(int count, const Vec3& from_centre) {
@@ -189,7 +189,7 @@ Met GoInAndOut(bool jumps) {
     const double radius_mm = 10.5 + 3.5 * std::cos(n * 2e-3);
     const TickSample sample = hand.Tick(radius_mm * direction);
     met.touching += sample.contact;
-    met.lost += sample.mode == TickMode::kEjecting && !sample.contact;
+    met.lost += sample.mode == TickMode::kInside;
     met.greatest_n = std::max(met.greatest_n, hand.last_force_n.norm());
     EXPECT_LE(sample.density, sample.isovalue + 1e-12) << n;
   }

@@ -196,23 +196,6 @@ TEST(ServoKeyframe, APlaceThatItsCellLacksIsNotUsed) {
   EXPECT_FALSE(testing::SameSample(touch.Next(), expected));
 }
 
-TEST(ServoKeyframe, CountsOfTicksDoNotOverflow) {
-  Touch touch;
-  Proxy& proxy = touch.memory.renderer.proxy;
-  proxy = {};
-  proxy.placed = proxy.buried = true;
-  proxy.buried_steps = std::numeric_limits<int>::max();
-  touch.scene.surface.isovalue = -1.0;  // everything is inside
-  touch.scene.settings.pop_force_n = 0.0;
-  auto computation = std::make_unique<TickComputation>(SafetyLimits{});
-  ASSERT_TRUE(computation->Resume(Save(touch.memory).view()));
-  EXPECT_EQ(computation->Run(touch.scene, computation->InputOf(touch.sample)).mode,
-            TickMode::kFault);
-  ServoMemory after;
-  ASSERT_TRUE(Load(computation->Keyframe().view(), after));
-  EXPECT_EQ(after.renderer.proxy.buried_steps, std::numeric_limits<int>::max());
-}
-
 // What is no keyframe is refused, or at least harmless: every byte is tried.
 TEST(ServoKeyframe, DamagedOnesDoNoHarm) {
   const Touch touch;

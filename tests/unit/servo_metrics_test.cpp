@@ -66,7 +66,8 @@ TEST_F(ServoMetricsTest, AProxyInTheMaterialIsAFaultUnlessItIsOnItsWayOut) {
   metrics_.OnSample(inside);  // free, and inside
   inside.mode = TickMode::kConstrained;
   metrics_.OnSample(inside);
-  for (TickMode mode : {TickMode::kEjecting, TickMode::kSuspended, TickMode::kFault}) {
+  for (TickMode mode :
+       {TickMode::kEjecting, TickMode::kSuspended, TickMode::kFault, TickMode::kInside}) {
     inside.mode = mode;
     metrics_.OnSample(inside);
   }

@@ -173,7 +173,8 @@ class Checker : public SampleSink {
     const bool nearer = left == 0.0 || left < std::abs(last_isovalue_ - expected);
     if (sample.settings_revision > 1) mixed_ += !nearer;
     last_isovalue_ = sample.isovalue;
-    above_ += sample.density > sample.isovalue && sample.mode != TickMode::kEjecting;
+    above_ += sample.density > sample.isovalue && sample.mode != TickMode::kEjecting &&
+              sample.mode != TickMode::kInside;
     went_back_ += sample.settings_revision < last_revision_;
     last_revision_ = sample.settings_revision;
   }

@@ -58,13 +58,11 @@ TEST(StateLine, ALostDeviceSaysWhatToDo) {
 TEST(StateLine, ForcesThatAreOnButNotFeltAreNotGreen) {
   KnownState known = Connected(ForceState::kOn);
   for (const auto& [mode, tone] : {std::pair{client::ProxyMode::kSuspended, Tone::kIdle},
-                                   {client::ProxyMode::kFault, Tone::kCaution},
-                                   {client::ProxyMode::kEjecting, Tone::kCaution}}) {
+                                   {client::ProxyMode::kInside, Tone::kCaution},
+                                   {client::ProxyMode::kEjecting, Tone::kActing}}) {
     known.mode = mode;
     EXPECT_EQ(StateOf(known).tone, tone);
   }
-  known.contact = true;
-  EXPECT_EQ(StateOf(known).tone, Tone::kActing);
 }
 
 // Each state and reason has words, and a sign.

@@ -26,13 +26,17 @@ class Word(enum.IntEnum):
 
 
 class ProxyMode(Word):
-    """State of the proxy (SCP_H) in a tick."""
+    """State of the proxy (SCP_H) in a tick.
+
+    INSIDE: the stylus is inside the object, and nothing is felt until it is pulled out.
+    """
 
     FREE = 1
     CONSTRAINED = 2
     EJECTING = 3
     FAULT = 4
     SUSPENDED = 5
+    INSIDE = 6
 
 
 class FreeSide(Word):

@@ -20,7 +20,6 @@ KnownState KnownOf(Viewer& viewer, const std::optional<client::DaemonInfo>& daem
   if (const auto& pose = feed.pose()) {
     known.forces = pose->forces;
     known.mode = pose->mode;
-    known.contact = pose->contact;
   }
   return known;
 }

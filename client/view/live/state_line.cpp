@@ -61,9 +61,8 @@ StateLine OfForces(const client::ForceStatus& forces, const KnownState& known) {
         return {Tone::kIdle, "nothing is felt: the volume is moved or a recording is played",
                 ForceAction::kDisable};
       }
-      if (known.mode == client::ProxyMode::kFault ||
-          (known.mode == client::ProxyMode::kEjecting && !known.contact)) {
-        return {Tone::kCaution, "nothing is felt: the stylus is inside the object, draw it out",
+      if (known.mode == client::ProxyMode::kInside) {
+        return {Tone::kCaution, "nothing is felt: the stylus is inside the surface, pull it out",
                 ForceAction::kDisable};
       }
       return {Tone::kActing, "forces on", ForceAction::kDisable};

@@ -31,7 +31,6 @@ struct KnownState {
   std::optional<double> silent_s{};  // see LiveFeed::silent_s
   std::optional<client::ForceStatus> forces{};
   client::ProxyMode mode = client::ProxyMode::kUnknown;
-  bool contact = false;
   std::string device_problem{};  // of DeviceHealth
 };
 
