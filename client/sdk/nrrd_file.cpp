@@ -29,25 +29,13 @@ void FillSlices(const VolumeMirror& volume, int k, std::vector<float>& voxels) {
 }  // namespace
 
 void CheckNrrdPath(const std::string& path, bool overwrite) {
-  const std::filesystem::path file = std::filesystem::absolute(path);
-  std::error_code ignored;
-  if (std::filesystem::is_directory(file, ignored)) {
-    throw Error(ErrorKind::kInvalidArgument, path + " is a folder: name a file");
-  }
-  if (!std::filesystem::is_directory(file.parent_path(), ignored)) {
-    throw Error(ErrorKind::kNotFound, "there is no folder " + file.parent_path().string());
-  }
-  if (!overwrite && std::filesystem::exists(file, ignored)) {
-    throw Error(ErrorKind::kConflict,
-                path + " is there: name another file, or allow to overwrite it (--overwrite)");
-  }
-  if (access(file.parent_path().c_str(), W_OK) != 0) throw CannotWrite(path, errno);
+  CheckNewFile(path, ReplacesIf(overwrite));
 }
 
 void SaveAsNrrd(const VolumeMirror& volume, const std::string& path, bool overwrite,
                 const std::function<void()>& check) {
   CheckNrrdPath(path, overwrite);
-  NewFile file(path, overwrite ? IfThere::kReplace : IfThere::kRefuse);
+  NewFile file(path, ReplacesIf(overwrite));
   const VolumeLattice& lattice = *volume.lattice();
   file.Write(ToText(
       NrrdHeader{.type = "float", .encoding = "raw", .size = lattice.size, .X_WI = lattice.X_WI}));

@@ -25,6 +25,20 @@ namespace fs = std::filesystem;
                                         "overwrite=True), or name another one");
 }
 
+void CheckName(const fs::path& path, IfThere if_there) {
+  std::error_code ignored;
+  const fs::file_type type = fs::symlink_status(path, ignored).type();
+  if (type == fs::file_type::not_found || type == fs::file_type::none) return;
+  if (type == fs::file_type::directory) throw CannotWrite(path, EISDIR);
+  const bool refuses = if_there == IfThere::kRefuse;
+  if (type == fs::file_type::regular && !refuses) return;
+  if (type == fs::file_type::regular || (type == fs::file_type::symlink && refuses)) {
+    RefuseToOverwrite(path);
+  }
+  throw Error(ErrorKind::kInvalidArgument,
+              path.string() + " is a link, a device or a pipe, and is not replaced: name a file");
+}
+
 // Six letters that cannot be predicted.
 std::string RandomLetters() {
   constexpr std::string_view kLetters = "abcdefghijklmnopqrstuvwxyz234567";
@@ -77,10 +91,7 @@ Error CannotWrite(const fs::path& path, int error_number) {
 
 NewFile::NewFile(fs::path path, IfThere if_there, mode_t mode, Links links)
     : path_(std::move(path)), if_there_(if_there) {
-  std::error_code ignored;
-  if (if_there_ == IfThere::kRefuse && fs::exists(fs::symlink_status(path_, ignored))) {
-    RefuseToOverwrite(path_);
-  }
+  CheckName(path_, if_there_);
   const fs::path folder = fs::absolute(path_).parent_path();
   directory_ = links == Links::kRefused ? OpenPlain(folder, O_PATH | O_DIRECTORY)
                                         : open(folder.c_str(), O_PATH | O_DIRECTORY | O_CLOEXEC);
@@ -180,6 +191,8 @@ void WriteWhole(const fs::path& path, const std::function<void(const fs::path& p
   }
   file.TakeName(durable);
 }
+
+void CheckNewFile(const fs::path& path, IfThere if_there) { const NewFile file(path, if_there); }
 
 void MakeFolders(const fs::path& folder) {
   std::error_code error;

@@ -19,7 +19,11 @@
 
 namespace palpate {
 
+// kReplace: a regular file, and nothing else: no device, pipe, link or folder.
 enum class IfThere { kReplace, kRefuse };
+inline IfThere ReplacesIf(bool overwrite) {
+  return overwrite ? IfThere::kReplace : IfThere::kRefuse;
+}
 // kNo does not wait for the disk: for files that another program reads at once and removes.
 enum class Durable { kYes, kNo };
 // kRefused: for a checked path without links. If a link has since come into the folder's name, the
@@ -33,7 +37,8 @@ Error CannotWrite(const std::filesystem::path& path, int error_number);
 class NewFile {
  public:
   // Makes the file next to `path`. `mode`: reduced by the process's umask. Throws Error: those of
-  // CannotWrite; kConflict if `path` exists and must not be replaced; kPermissionDenied for a link.
+  // CannotWrite; kConflict if `path` exists and must not be replaced; kInvalidArgument if it exists
+  // and cannot be; kPermissionDenied for a link in the folder's name.
   explicit NewFile(std::filesystem::path path, IfThere if_there = IfThere::kReplace,
                    mode_t mode = 0666, Links links = Links::kFollowed);
   // Removes the file unless it has taken its name.
@@ -77,6 +82,9 @@ void WriteWhole(const std::filesystem::path& path,
                 const std::function<void(const std::filesystem::path& partial)>& write,
                 IfThere if_there = IfThere::kReplace, Durable durable = Durable::kYes,
                 Links links = Links::kFollowed);
+
+// Call it before long work: throws what NewFile would throw.
+void CheckNewFile(const std::filesystem::path& path, IfThere if_there);
 
 // Makes a folder and missing folders above it. Their names survive a power failure. Throws
 // CannotWrite.

@@ -28,16 +28,16 @@ cat >"$work/wrong.csv" <<'CELLS'
 4 saddles,0.40,0.93,0.14,0.82,0.71,0.18,0.44,0.03,0.51,,,,,
 6 saddles,0.21,0.01,0.88,0.45,0.55,0.85,0.41,0.58,0.41,,,,,
 CELLS
-"$lab" experiment figure11 --table "$work/wrong.csv" --out "$work" >"$work/log"
+"$lab" experiment figure11 --table "$work/wrong.csv" --out "$work" --overwrite >"$work/log"
 figure method-wrong-cells.svg
 
 # Three cells of the paper's Table 4.
 grep -E '^(3\.2|7\.4\.2|14),' "$root/tests/data/cells/table4.csv" >"$work/table4.csv"
-"$lab" experiment figure11 --table "$work/table4.csv" --out "$work" >"$work/log"
+"$lab" experiment figure11 --table "$work/table4.csv" --out "$work" --overwrite >"$work/log"
 figure method-cells.svg
 
-"$lab" experiment diamond --cells 1 --out "$work" >"$work/log"
+"$lab" experiment diamond --cells 1 --out "$work" --overwrite >"$work/log"
 figure method-diamond.svg
 
-"$lab" experiment figure9 --out "$work" >"$work/log"
+"$lab" experiment figure9 --out "$work" --overwrite >"$work/log"
 figure method-drift.svg

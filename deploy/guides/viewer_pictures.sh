@@ -34,7 +34,7 @@ picture() {
     sleep 0.1
   done
   "$root/build/bin/palpate-view" --socket "$work/palpated.sock" --offscreen --wait-contact \
-    --screenshot "$folder/$name.png" "$@"
+    --screenshot "$folder/$name.png" --overwrite "$@"
   stop_daemon
 }
 

@@ -257,7 +257,7 @@ std::string Picture() {
 
 void PrintDiamond(const ExperimentOptions& options, std::ostream& out) {
   PrintTallies(options, out);
-  WriteFigure(options.output_folder / "diamond.svg", Picture(), out);
+  WriteFigure(options, "diamond.svg", Picture(), out);
 }
 
 }  // namespace palpate::lab

@@ -135,7 +135,7 @@ void PrintFigure11(const ExperimentOptions& options, std::ostream& out) {
   }
   svg << "</svg>\n";
   Print(out, "Fig. 11: V and H by %zu methods for %zu cells\n", kMethodNames.size(), rows.size());
-  WriteFigure(options.output_folder / "figure11.svg", svg.str(), out);
+  WriteFigure(options, "figure11.svg", svg.str(), out);
 }
 
 }  // namespace palpate::lab

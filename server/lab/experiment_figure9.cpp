@@ -89,7 +89,7 @@ void PrintFigure9(const ExperimentOptions& options, std::ostream& out) {
     Print(out, " %20.6f", worst);
   }
   out << "\n";
-  WriteFigure(options.output_folder / "figure9.svg", Plot(curves), out);
+  WriteFigure(options, "figure9.svg", Plot(curves), out);
 }
 
 }  // namespace palpate::lab

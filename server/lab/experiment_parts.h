@@ -22,7 +22,8 @@ void PrintFigure11(const ExperimentOptions& options, std::ostream& out);
 CellDensities RandomCell(std::mt19937_64& random, bool alternating);
 
 // Throws Error if the text cannot be written.
-void WriteFigure(const std::filesystem::path& file, const std::string& svg, std::ostream& out);
+void WriteFigure(const ExperimentOptions& options, const char* name, const std::string& svg,
+                 std::ostream& out);
 
 // printf into a stream, for tables.
 [[gnu::format(printf, 2, 3)]] void Print(std::ostream& out, const char* format, ...);

@@ -2,10 +2,10 @@
 
 #include <cstdarg>
 #include <cstdio>
-#include <fstream>
 
 #include "common/error/error.h"
 #include "server/lab/experiment_parts.h"
+#include "server/lab/trajectory_file.h"
 
 namespace palpate::lab {
 namespace {
@@ -42,11 +42,10 @@ void Print(std::ostream& out, const char* format, ...) {
   out << text;
 }
 
-void WriteFigure(const std::filesystem::path& file, const std::string& svg, std::ostream& out) {
-  std::ofstream stream(file);
-  stream << svg;
-  stream.close();
-  if (!stream) throw Error(ErrorKind::kNotFound, "cannot write " + file.string());
+void WriteFigure(const ExperimentOptions& options, const char* name, const std::string& svg,
+                 std::ostream& out) {
+  const std::filesystem::path file = options.output_folder / name;
+  WriteText(file, svg, ReplacesIf(options.overwrite));
   out << "figure " << file.string() << "\n";
 }
 

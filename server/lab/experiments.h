@@ -29,6 +29,7 @@ struct ExperimentOptions {
   std::uint64_t seed = 1;                     // for topology, diamond and table3
   std::filesystem::path data_folder = ".";    // for table3 and diamond: holds the volumes
   std::filesystem::path output_folder = ".";  // for figures: NAME.svg
+  bool overwrite = false;                     // of figures
 };
 
 std::vector<std::string> ExperimentNames();

@@ -42,6 +42,10 @@ std::filesystem::path DefaultTable() {
 const std::vector<std::string> kMethods(kMethodNames.begin(), kMethodNames.end());
 const std::vector<std::string> kTrajectories(kTrajectoryNames.begin(), kTrajectoryNames.end());
 
+void AddOverwrite(arguments::Command& command, bool& overwrite) {
+  command.add_flag("--overwrite", overwrite, "replace a file that is there");
+}
+
 arguments::Command* AddCells(arguments::Command& app, Options& options) {
   arguments::Command* cells = app.add_subcommand(
       "cells",
@@ -77,6 +81,7 @@ arguments::Command* AddMesh(arguments::Command& app, Options& options) {
       ->capture_default_str();
   mesh->add_option("--out", options.mesh.output,
                    "file to write, .ply or .obj, in world mm (LPS) [no file, only counts]");
+  AddOverwrite(*mesh, options.mesh.overwrite);
   mesh->footer("Example: palpate-lab mesh --volume head.nrrd --isovalue 300 --out bone.ply");
   return mesh;
 }
@@ -100,6 +105,7 @@ arguments::Command* AddExperiment(arguments::Command& app, Options& options) {
       ->capture_default_str();
   experiment->add_option("--out", options.experiment.output_folder, "folder for the figures (SVG)")
       ->capture_default_str();
+  AddOverwrite(*experiment, options.experiment.overwrite);
   experiment
       ->add_option("--data", options.experiment.data_folder,
                    "folder of the volumes of `table3` and `diamond`: "
@@ -156,6 +162,7 @@ arguments::Command* AddExport(arguments::Command& app, ExportOptions& options) {
       "export", "Writes a recording of palpated as a table: CSV, a row per tick; mm, N");
   command->add_option("recording", options.recording, "file to read")->required();
   command->add_option("--out", options.output, "file to write [standard output]");
+  AddOverwrite(*command, options.overwrite);
   command->footer("Example: palpate-lab export trial-7.palrec --out trial-7.csv");
   return command;
 }
@@ -174,6 +181,7 @@ arguments::Command* AddReplay(arguments::Command& app, ReplayOptions& options) {
                    "CSV with the header x_mm,y_mm,z_mm, or the output of a replay")
       ->required();
   replay->add_option("--out", options.output, "CSV to write, a row per tick; mm, N")->required();
+  AddOverwrite(*replay, options.overwrite);
   replay->add_option("--method", options.method, "decomposition")
       ->check(arguments::IsMember(kMethods))
       ->capture_default_str();
@@ -210,6 +218,7 @@ arguments::Command* AddTrajectory(arguments::Command& app, TrajectoryOptions& op
   trajectory->add_option("--seed", options.seed, "each seed gives another trajectory")
       ->capture_default_str();
   trajectory->add_option("--out", options.output, "CSV to write")->required();
+  AddOverwrite(*trajectory, options.overwrite);
   return trajectory;
 }
 

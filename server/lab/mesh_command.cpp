@@ -71,10 +71,10 @@ void Print(const MeshStatistics& s, double seconds) {
 
 int RunMesh(const MeshOptions& options) {
   const DecompositionMethod method = ParseMethod(options.method);
-  if (!options.output.empty()) CheckMeshFileName(options.output);
-  const std::filesystem::path folder = options.output.parent_path();
-  if (!folder.empty() && !std::filesystem::is_directory(folder)) {
-    throw Error(ErrorKind::kNotFound, folder.string() + ": there is no such folder to write to");
+  const IfThere if_there = ReplacesIf(options.overwrite);
+  if (!options.output.empty()) {
+    CheckMeshFileName(options.output);
+    CheckNewFile(options.output, if_there);
   }
   MeshStatistics statistics;
   double seconds = 0.0;
@@ -93,7 +93,7 @@ int RunMesh(const MeshOptions& options) {
     statistics = MeasureMesh(mesh);
     bar.Show("writing", 1.0);
     if (!options.output.empty()) {
-      WriteMesh(mesh, volume->metadata().WorldFromIndex(), options.output);
+      WriteMesh(mesh, volume->metadata().WorldFromIndex(), options.output, if_there);
     }
   }
   Print(statistics, seconds);

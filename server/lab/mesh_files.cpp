@@ -115,11 +115,13 @@ void CheckMeshFileName(const std::filesystem::path& path) {
               path.string() + ": the name of a mesh must end in .ply or .obj");
 }
 
-void WriteMesh(const SurfaceMesh& mesh, const AffineMap& X_WI, const std::filesystem::path& path) {
+void WriteMesh(const SurfaceMesh& mesh, const AffineMap& X_WI, const std::filesystem::path& path,
+               IfThere if_there) {
   CheckMeshFileName(path);
-  WriteWhole(path, [&](const std::filesystem::path& partial) {
+  const auto write = [&](const std::filesystem::path& partial) {
     WriteTo(partial, Ending(path), mesh, X_WI);
-  });
+  };
+  WriteWhole(path, write, if_there);
 }
 
 }  // namespace palpate::lab

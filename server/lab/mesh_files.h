@@ -7,6 +7,7 @@
 
 #include <filesystem>
 
+#include "common/files/new_file.h"
 #include "common/geometry/geometry.h"
 #include "server/lab/mesh.h"
 
@@ -19,6 +20,7 @@ void CheckMeshFileName(const std::filesystem::path& path);
 // Writes a new file beside `path` and renames it, so `path` is either complete or unchanged. X_WI:
 // world from index. If X_WI mirrors, the order of each triangle's vertices is reversed. Throws
 // kInvalidArgument (ending), kUnavailable (cannot write, disk full).
-void WriteMesh(const SurfaceMesh& mesh, const AffineMap& X_WI, const std::filesystem::path& path);
+void WriteMesh(const SurfaceMesh& mesh, const AffineMap& X_WI, const std::filesystem::path& path,
+               IfThere if_there);
 
 }  // namespace palpate::lab

@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "common/error/error.h"
+#include "common/files/new_file.h"
 #include "server/recording/csv_export.h"
 #include "server/recording/recording_reader.h"
 #include "server/recording/replayer.h"
@@ -104,11 +105,14 @@ void ExportRecording(const ExportOptions& options, std::ostream& out) {
   if (options.output.empty()) {
     ExportCsv(reader, out);
   } else {
-    std::ofstream file(options.output);
-    if (!file) {
-      throw Error(ErrorKind::kUnavailable, "cannot write " + options.output.string());
-    }
-    ExportCsv(reader, file);
+    const auto write = [&](const std::filesystem::path& partial) {
+      std::ofstream file;
+      file.exceptions(std::ios::failbit | std::ios::badbit);
+      file.open(partial);
+      ExportCsv(reader, file);
+      file.close();
+    };
+    WriteWhole(options.output, write, ReplacesIf(options.overwrite));
   }
   WarnIfCut(reader);
 }

@@ -30,6 +30,7 @@ void ReplayRecording(const RecordingReplayOptions& options, std::ostream& out);
 struct ExportOptions {
   std::filesystem::path recording{};
   std::filesystem::path output{};  // empty: writes to `out`
+  bool overwrite = false;          // of `output`
 };
 
 // Writes the recording's table of ticks.

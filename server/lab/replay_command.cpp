@@ -66,24 +66,26 @@ JudgedReplay ReplayAndJudge(const LoadedSurface& loaded, DecompositionMethod met
 
 void RunReplay(const ReplayOptions& options, std::ostream& out) {
   const HapticSettings settings = ParseSettings(options);
-  CheckOutputFile(options.output);
+  CheckNewFile(options.output, ReplacesIf(options.overwrite));
   const std::vector<Vec3> hips_mm = ReadTrajectory(options.trajectory);
   const JudgedReplay judged =
       ReplayAndJudge(LoadSurface(options.surface), *MethodNamed(options.method), settings, hips_mm,
                      options.passes);
-  WriteText(options.output, ToCsv(judged.ticks, judged.summary.verdict.density));
+  WriteText(options.output, ToCsv(judged.ticks, judged.summary.verdict.density),
+            ReplacesIf(options.overwrite));
   out << ToJson(judged.summary) << "\n";
 }
 
 void RunTrajectory(const TrajectoryOptions& options) {
-  CheckOutputFile(options.output);
+  CheckNewFile(options.output, ReplacesIf(options.overwrite));
   const LoadedSurface loaded = LoadSurface(options.surface);
   const TrajectoryRequest request{.kind = *TrajectoryNamed(options.kind),
                                   .isovalue = loaded.isovalue,
                                   .speed_cm_per_s = options.speed_cm_per_s,
                                   .ticks = options.ticks,
                                   .seed = options.seed};
-  WriteTrajectory(options.output, MakeTrajectory(*loaded.volume, request));
+  WriteTrajectory(options.output, MakeTrajectory(*loaded.volume, request),
+                  ReplacesIf(options.overwrite));
 }
 
 }  // namespace palpate::lab

@@ -28,6 +28,7 @@ struct ReplayOptions {
   SurfaceOptions surface{};
   std::filesystem::path trajectory{};
   std::filesystem::path output{};
+  bool overwrite = false;        // of `output`
   std::string method = "tpbcc";  // one of kMethodNames
   std::optional<double> stiffness_n_per_mm{};
   int passes = 1;
@@ -41,6 +42,7 @@ struct TrajectoryOptions {
   int ticks = 60'000;
   std::uint64_t seed = 1;
   std::filesystem::path output{};
+  bool overwrite = false;  // of `output`
 };
 
 // A volume and the normalised isovalue of the surface in it.

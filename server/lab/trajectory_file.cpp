@@ -94,26 +94,17 @@ std::vector<Vec3> ReadTrajectory(const std::filesystem::path& file) {
   return hips_mm;
 }
 
-void WriteTrajectory(const std::filesystem::path& file, const std::vector<Vec3>& hips_mm) {
+void WriteTrajectory(const std::filesystem::path& file, const std::vector<Vec3>& hips_mm,
+                     IfThere if_there) {
   std::string text = "x_mm,y_mm,z_mm\n";
   for (const Vec3& hip : hips_mm) {
     fmt::format_to(std::back_inserter(text), "{},{},{}\n", hip.x(), hip.y(), hip.z());
   }
-  WriteText(file, text);
+  WriteText(file, text, if_there);
 }
 
-void CheckOutputFile(const std::filesystem::path& file) {
-  const std::filesystem::path folder = file.parent_path();
-  if (!folder.empty() && !std::filesystem::is_directory(folder)) {
-    throw Error(ErrorKind::kNotFound, folder.string() + ": there is no such folder to write to");
-  }
-  if (std::filesystem::exists(file) && !std::filesystem::is_regular_file(file)) {
-    throw Error(ErrorKind::kInvalidArgument, file.string() + ": is no file that can be replaced");
-  }
-}
-
-void WriteText(const std::filesystem::path& file, const std::string& text) {
-  NewFile out(file);
+void WriteText(const std::filesystem::path& file, const std::string& text, IfThere if_there) {
+  NewFile out(file, if_there);
   out.Write(text);
   out.TakeName();
 }

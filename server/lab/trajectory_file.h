@@ -10,6 +10,7 @@
 #include <filesystem>
 #include <vector>
 
+#include "common/files/new_file.h"
 #include "common/geometry/geometry.h"
 
 namespace palpate::lab {
@@ -17,14 +18,9 @@ namespace palpate::lab {
 // Throws kNotFound; kInvalidArgument with the line's number, also if there is no row.
 std::vector<Vec3> ReadTrajectory(const std::filesystem::path& file);
 
-// Writes the complete file or nothing. Throws kUnavailable.
-void WriteTrajectory(const std::filesystem::path& file, const std::vector<Vec3>& hips_mm);
-
-// Call it before long work. Throws kNotFound if the folder to write to does not exist,
-// kInvalidArgument if `file` exists and is not a regular file.
-void CheckOutputFile(const std::filesystem::path& file);
-
-// Writes the complete file or nothing. Throws kUnavailable.
-void WriteText(const std::filesystem::path& file, const std::string& text);
+// Both write the complete file or nothing. Throw the errors of NewFile.
+void WriteTrajectory(const std::filesystem::path& file, const std::vector<Vec3>& hips_mm,
+                     IfThere if_there);
+void WriteText(const std::filesystem::path& file, const std::string& text, IfThere if_there);
 
 }  // namespace palpate::lab

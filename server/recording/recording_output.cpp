@@ -21,8 +21,7 @@ class RecordingFile final : public RecordingOutput {
  public:
   RecordingFile(std::filesystem::path path, bool overwrite,
                 std::function<std::chrono::steady_clock::time_point()> now)
-      : file_(std::move(path), overwrite ? IfThere::kReplace : IfThere::kRefuse, 0666,
-              Links::kRefused),
+      : file_(std::move(path), ReplacesIf(overwrite), 0666, Links::kRefused),
         now_(std::move(now)) {}
 
   void Append(std::string_view bytes) override {

@@ -81,7 +81,7 @@ std::uint64_t ExportVolume(const VolumeSnapshot& volume, const ExportRequest& re
     progress("writing", fraction);
   };
   tell(0.0);
-  const IfThere if_there = request.overwrite ? IfThere::kReplace : IfThere::kRefuse;
+  const IfThere if_there = ReplacesIf(request.overwrite);
   if (format == Format::kVdb) {
     // The compressed size is not known in advance.
     const auto most_bytes = static_cast<double>(ExportBytes(volume, request.path) + 1);

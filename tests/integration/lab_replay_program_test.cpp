@@ -104,9 +104,10 @@ TEST_F(LabReplayProgram, JudgesTheSlideAndHasTheDensityOfItsOwnCells) {
     EXPECT_TRUE(json[key].is_number()) << key;
   }
   // Friction holds the proxy on purpose.
-  const ProcessResult rubbed = Replay(trajectory_, out_, {"--set", "dynamic_friction=0.3"});
+  const ProcessResult rubbed =
+      Replay(trajectory_, out_, {"--overwrite", "--set", "dynamic_friction=0.3"});
   EXPECT_TRUE(Json::parse(rubbed.output)["sticks"].is_null());
-  ASSERT_EQ(Replay(trajectory_, out_).exit_code, 0);
+  ASSERT_EQ(Replay(trajectory_, out_, {"--overwrite"}).exit_code, 0);
   const auto volume = LoadVolume(
       kVolume, std::filesystem::path(test::kPalpateLab).parent_path() / "palpate-import");
   const double isovalue = std::stod(kIsovalue);
@@ -160,6 +161,30 @@ TEST_F(LabReplayProgram, RefusesAndWritesNothing) {
   EXPECT_EQ(Replay(trajectory_, "/dev/full").exit_code, invalid);
   EXPECT_FALSE(std::filesystem::exists(out_));
   EXPECT_FALSE(std::filesystem::exists(out_.string() + ".partial"));
+}
+
+// Every command that writes a file but `export`: python_tables_test.py.
+TEST_F(LabReplayProgram, ReplacesAFileOnlyWhenToldTo) {
+  std::ofstream(trajectory_) << "x_mm,y_mm,z_mm\n1,2,3\n";
+  const std::string figure = folder_.path() / "figure9.svg", mesh = folder_.path() / "m.ply";
+  const std::pair<std::string, std::vector<std::string>> writers[] = {
+      {mesh, {"mesh", "--volume", kVolume, "--out", mesh}},
+      {out_,
+       {"trajectory", "--volume", kVolume, "--isovalue", kIsovalue, "--ticks", "9", "--out", out_}},
+      {out_,
+       {"replay", "--volume", kVolume, "--isovalue", kIsovalue, "--trajectory", trajectory_,
+        "--out", out_}},
+      {figure, {"experiment", "figure9", "--out", folder_.path()}}};
+  for (auto [file, command] : writers) {
+    SCOPED_TRACE(command.front());
+    std::ofstream(file) << "precious";
+    EXPECT_EQ(Lab(command).exit_code, ExitCode(ErrorKind::kConflict));
+    EXPECT_EQ(test::TextOf(file), "precious");
+    command.emplace_back("--overwrite");
+    const ProcessResult told = Lab(command);
+    EXPECT_EQ(told.exit_code, 0) << told.error;
+    EXPECT_NE(test::TextOf(file), "precious");
+  }
 }
 
 }  // namespace

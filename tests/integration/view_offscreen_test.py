@@ -112,7 +112,7 @@ class OddVolumes(unittest.TestCase):
         picture = self.folder / "a.png"
         with Daemon(path) as daemon:
             code, _, problem = run_view("--socket", daemon.socket, "--offscreen", "--screenshot",
-                                        picture, *arguments)
+                                        picture, "--overwrite", *arguments)
         return code, problem, picture
 
     def test_a_unit_is_text_whatever_it_is(self):
@@ -143,6 +143,22 @@ class OffscreenAlone(unittest.TestCase):
                 self.assertEqual((code, said), (expected, ""))
                 self.assertRegex(problem, rf"^palpate-view: .*{named}.*\n$")
                 self.assertEqual(os.listdir(folder), [])
+
+    def test_a_picture_replaces_only_a_file_and_only_when_told_to(self):
+        with Daemon() as daemon:
+            picture, pipe = daemon.folder / "a.png", daemon.folder / "pipe.png"
+            picture.write_text("precious")
+            os.mkfifo(pipe)
+
+            def draw(path, *more):
+                return run_view("--socket", daemon.socket, "--offscreen", "--size", "64x64",
+                                "--screenshot", path, *more)[0]
+            self.assertEqual(draw(picture), 7)
+            self.assertEqual(draw(pipe, "--overwrite"), 3)
+            self.assertEqual(picture.read_text(), "precious")
+            self.assertTrue(pipe.is_fifo())
+            self.assertEqual(draw(picture, "--overwrite"), 0)
+            self.assertEqual(Image.open(picture).size, (64, 64))
 
     def test_a_daemon_that_goes_away(self):
         with Daemon() as daemon:

@@ -70,6 +70,16 @@ class Ticks(RecordingTest):
         self.assertTrue(ticks.contact.any() and has_v.any())
 
 
+    def test_a_table_replaces_a_file_only_when_told_to(self):
+        table = self.folder / "table.csv"
+        table.write_text("precious")
+        command = [os.environ["PALPATE_LAB"], "export", self.path, "--out", table]
+        self.assertEqual(subprocess.run(command, capture_output=True, check=False).returncode, 7)
+        self.assertEqual(table.read_text(), "precious")
+        subprocess.run([*command, "--overwrite"], check=True, capture_output=True)
+        self.assertTrue(table.read_text().startswith("tick,"))
+
+
 class Tables(RecordingTest):
     @unittest.skipUnless(pandas, "pandas is not installed")
     def test_pandas_has_the_columns_of_the_command_line(self):

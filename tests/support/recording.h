@@ -28,7 +28,7 @@ inline TickSample RandomSample(std::uint64_t tick) {
     using Field = std::decay_t<decltype(field)>;
     const std::uint64_t bits = random();
     if constexpr (std::is_same_v<Field, TickMode>) {
-      field = static_cast<TickMode>(bits % 5);
+      field = static_cast<TickMode>(bits % 6);
     } else if constexpr (std::is_same_v<Field, ForceState>) {
       field = static_cast<ForceState>(bits % 6);
     } else if constexpr (std::is_same_v<Field, ForceReason>) {

@@ -240,11 +240,11 @@ TEST_F(LabMeshFiles, ObjIsInWorldMm) {
   mesh.vertices = {{0, 0, 0}, {1, 0, 0}, {0, 1.5, 0}};
   mesh.triangles = {{0, 1, 2}};
   AffineMap X_WI{Vec3(2, 2, 3).asDiagonal(), Vec3(10, 0, -5)};
-  WriteMesh(mesh, X_WI, folder_ / "a.obj");
+  WriteMesh(mesh, X_WI, folder_ / "a.obj", IfThere::kReplace);
   EXPECT_EQ(test::TextOf(folder_ / "a.obj"),
             "# palpate-lab: world mm, LPS\nv 10 0 -5\nv 12 0 -5\nv 10 3 -5\nf 1 2 3\n");
   X_WI.linear(2, 2) = -3;  // a mirror turns the triangles over
-  WriteMesh(mesh, X_WI, folder_ / "a.OBJ");
+  WriteMesh(mesh, X_WI, folder_ / "a.OBJ", IfThere::kReplace);
   EXPECT_NE(test::TextOf(folder_ / "a.OBJ").find("f 1 3 2"), std::string::npos);
 }
 
@@ -252,7 +252,7 @@ TEST_F(LabMeshFiles, PlyIsBinary) {
   SurfaceMesh mesh;
   mesh.vertices = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}};
   mesh.triangles = {{0, 1, 2}};
-  WriteMesh(mesh, AffineMap{}, folder_ / "a.ply");
+  WriteMesh(mesh, AffineMap{}, folder_ / "a.ply", IfThere::kReplace);
   const std::string text = test::TextOf(folder_ / "a.ply");
   const std::string end = "end_header\n";
   EXPECT_TRUE(text.starts_with("ply\nformat binary_little_endian 1.0\n"));
@@ -262,10 +262,10 @@ TEST_F(LabMeshFiles, PlyIsBinary) {
 }
 
 TEST_F(LabMeshFiles, ErrorsAreClearAndLeaveNothing) {
-  EXPECT_THROW(WriteMesh({}, AffineMap{}, folder_ / "a.stl"), Error);
-  EXPECT_THROW(WriteMesh({}, AffineMap{}, folder_ / "missing" / "a.ply"), Error);
+  EXPECT_THROW(WriteMesh({}, AffineMap{}, folder_ / "a.stl", IfThere::kReplace), Error);
+  EXPECT_THROW(WriteMesh({}, AffineMap{}, folder_ / "missing" / "a.ply", IfThere::kReplace), Error);
   std::filesystem::create_directories(folder_ / "taken.ply" / "x");
-  EXPECT_THROW(WriteMesh({}, AffineMap{}, folder_ / "taken.ply"), Error);
+  EXPECT_THROW(WriteMesh({}, AffineMap{}, folder_ / "taken.ply", IfThere::kReplace), Error);
   EXPECT_FALSE(std::filesystem::exists(folder_ / "taken.ply.partial"));
 }
 

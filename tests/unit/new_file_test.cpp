@@ -109,11 +109,23 @@ TEST_F(NewFileTest, FollowsNoLink) {
   EXPECT_EQ(Refusal([&] { NewFile(path_, IfThere::kRefuse); }), ErrorKind::kConflict);
   fs::remove(path_);
   fs::create_symlink(folder_.path() / "victim", path_);
-  NewFile file(path_);
-  file.Write("new");
-  file.TakeName();
-  EXPECT_EQ(TextOf(folder_.path() / "victim"), "precious");
-  EXPECT_TRUE(fs::is_regular_file(fs::symlink_status(path_)));
+  EXPECT_EQ(Refusal([&] { NewFile{path_}; }), ErrorKind::kInvalidArgument);
+  EXPECT_EQ(TextOf(path_), "precious");
+}
+
+TEST_F(NewFileTest, ReplacesRegularFilesOnly) {
+  ASSERT_EQ(mkfifo(path_.c_str(), 0600), 0);
+  for (const fs::path& bad : {path_, fs::path("/dev/full"), folder_.path()}) {
+    EXPECT_EQ(Refusal([&] { CheckNewFile(bad, IfThere::kReplace); }), ErrorKind::kInvalidArgument);
+  }
+  EXPECT_TRUE(fs::is_fifo(path_));
+  EXPECT_EQ(Refusal([&] { CheckNewFile("/no/such/folder/a", IfThere::kReplace); }),
+            ErrorKind::kNotFound);
+  fs::remove(path_);
+  std::ofstream(path_) << "old";
+  EXPECT_EQ(Refusal([&] { CheckNewFile(path_, IfThere::kReplace); }), std::nullopt);
+  EXPECT_EQ(TextOf(path_), "old");
+  EXPECT_EQ(Files(), 1);
 }
 
 // Pipes and links under the name that partial files had before.
@@ -128,8 +140,7 @@ TEST_F(NewFileTest, OpensNothingThatLayThere) {
 TEST_F(NewFileTest, SaysWhyItCannotWrite) {
   EXPECT_EQ(Refusal([&] { NewFile(folder_.path() / "none" / "a"); }), ErrorKind::kNotFound);
   EXPECT_EQ(Refusal([&] { NewFile("/proc/self/a"); }), ErrorKind::kNotFound);
-  NewFile file(folder_.path());
-  EXPECT_EQ(Refusal([&] { file.TakeName(); }), ErrorKind::kInvalidArgument);
+  EXPECT_EQ(Refusal([&] { NewFile(folder_.path()); }), ErrorKind::kInvalidArgument);
 }
 
 // Files may grow to a limit here, as on a disk that fills up.

@@ -177,7 +177,8 @@ class Offscreen {
 }  // namespace
 
 void RunOffscreen(const Options& options) {
-  if (!options.screenshot.empty()) RequireWritable(options.screenshot);
+  const IfThere if_there = ReplacesIf(options.overwrite);
+  if (!options.screenshot.empty()) CheckNewFile(options.screenshot, if_there);
   const OffscreenContext context;
   Viewer viewer(options);
   viewer.AllowCoarse(false);
@@ -190,7 +191,7 @@ void RunOffscreen(const Options& options) {
   if (Interrupt::IsRaised()) throw Cancelled();
   fmt::print("{}\n", log.Line(viewer));
   if (!options.screenshot.empty()) {
-    WritePng(offscreen.Read(), options.screenshot);
+    WritePng(offscreen.Read(), options.screenshot, if_there);
     fmt::print("{}: {} x {} pixels\n", options.screenshot, options.size.width, options.size.height);
   }
   std::fflush(stdout);

@@ -183,6 +183,7 @@ void AddScript(arguments::Command& app, Options& options, Texts& texts) {
                  "Write the last frame into this PNG file, when the volume is complete")
       ->option_text("FILE.png")
       ->group(group);
+  app.add_flag("--overwrite", options.overwrite, "Replace a PNG file that is there")->group(group);
   arguments::Option* frames =
       app.add_option("--frames", options.frames, "Draw so many [default: 1]")
           ->option_text("N")

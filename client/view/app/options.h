@@ -31,6 +31,7 @@ struct Options {
 
   bool offscreen = false;
   std::string screenshot{};  // a file name; empty: none
+  bool overwrite = false;    // of the screenshot
   int frames = 0;            // 0: no limit
   double seconds = 0.0;      // 0: no limit
   bool wait_contact = false;

@@ -4,12 +4,9 @@
 #include <fmt/format.h>
 #include <png.h>
 
-#include <cerrno>
 #include <ctime>
 #include <filesystem>
 #include <ios>
-
-#include "common/files/new_file.h"
 
 namespace palpate::view {
 namespace {
@@ -26,7 +23,7 @@ std::vector<std::uint8_t> WithoutAlpha(const Image& image) {
 
 }  // namespace
 
-void WritePng(const Image& image, const std::string& path) {
+void WritePng(const Image& image, const std::string& path, IfThere if_there) {
   const std::vector<std::uint8_t> rgb = WithoutAlpha(image);
   png_image png{};
   png.version = PNG_IMAGE_VERSION;
@@ -39,12 +36,7 @@ void WritePng(const Image& image, const std::string& path) {
     }
   };
   // Not durable: a window must not wait for the disk.
-  WriteWhole(path, write, IfThere::kReplace, Durable::kNo);
-}
-
-void RequireWritable(const std::string& path) {
-  if (std::filesystem::is_directory(path)) throw CannotWrite(path, EISDIR);
-  const NewFile file(path);
+  WriteWhole(path, write, if_there, Durable::kNo);
 }
 
 std::string NewPictureName() {

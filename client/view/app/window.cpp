@@ -89,14 +89,14 @@ std::string SaveWindow(const ImageSize& pixels) {
   glBindFramebuffer(GL_FRAMEBUFFER, 0);
   glReadBuffer(GL_BACK);
   const std::string name = NewPictureName();
-  WritePng(ReadPixels(pixels), name);
+  WritePng(ReadPixels(pixels), name, IfThere::kRefuse);
   return name;
 }
 
 std::string SaveView(Viewer& viewer, const ImageSize& view) {
   viewer.DrawFine(view);
   const std::string name = NewPictureName();
-  WritePng(viewer.renderer().ReadBack(), name);
+  WritePng(viewer.renderer().ReadBack(), name, IfThere::kRefuse);
   return name;
 }
 
