@@ -7,6 +7,7 @@
 
 #include "client/cli/output.h"
 #include "client/cli/setting.h"
+#include "client/sdk/words.h"
 #include "common/error/one_line.h"
 
 namespace palpate::cli {
@@ -52,6 +53,7 @@ Json ToJson(const client::VolumeInfo& volume) {
           {"device_from_index", MapJson(volume.device_from_index)},
           {"device_mm_per_volume_mm", volume.device_mm_per_volume_mm},
           {"memory_bytes", volume.memory_bytes},
+          {"unsaved_edits", volume.unsaved_edits},
           {"warnings", volume.warnings}};
 }
 
@@ -97,6 +99,9 @@ std::string Describe(const client::VolumeInfo& volume) {
              fmt::format("scale {:g} mm of the device per mm of the volume; {:.1f} MiB",
                          volume.device_mm_per_volume_mm,
                          static_cast<double>(volume.memory_bytes) / (1024.0 * 1024.0)));
+  if (volume.unsaved_edits > 0) {
+    AppendLine(text, "", client::UnsavedInWords(volume.unsaved_edits));
+  }
   return text;
 }
 

@@ -104,6 +104,8 @@ void AddVolumeOptions(arguments::Command& command, LoadValues& values) {
   command
       .add_option("--component", options.component, "Of a grid of vectors: magnitude, x, y or z")
       ->option_text("NAME");
+  command.add_flag("--discard", options.discard_edits,
+                   "Drop edits of the present volume that are not saved");
   AddRawOptions(command, values);
 }
 

@@ -28,7 +28,8 @@ struct VolumeInfo {
   AffineMap device_from_index;
   double device_mm_per_volume_mm = 0.0;
   std::uint64_t memory_bytes = 0;
-  std::uint32_t frames = 0;  // frames of the source file; this volume is one of them
+  std::uint32_t frames = 0;         // frames of the source file; this volume is one of them
+  std::uint64_t unsaved_edits = 0;  // since the voxels were loaded or saved
   // What the import assumed or left out, one line each.
   std::vector<std::string> warnings;
 };
@@ -54,6 +55,8 @@ struct LoadOptions {
   std::optional<std::uint32_t> frame{};  // for a file with several frames; 0 is the first
   std::string grid{};                    // for a .vdb file with several grids: NAME, or NAME[K]
   std::string component{};               // for a grid of vectors: magnitude, x, y or z
+  // Otherwise a volume with edits that are not saved is not replaced.
+  bool discard_edits = false;
 };
 
 struct LoadResult {

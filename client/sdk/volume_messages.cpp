@@ -52,6 +52,7 @@ VolumeInfo FromProto(const v1::VolumeDescription& volume) {
   info.device_mm_per_volume_mm = volume.device_mm_per_volume_mm();
   info.memory_bytes = volume.memory_bytes();
   info.frames = volume.frames();
+  info.unsaved_edits = volume.unsaved_edits();
   info.warnings.assign(volume.warnings().begin(), volume.warnings().end());
   return info;
 }
@@ -72,6 +73,7 @@ v1::LoadVolumeRequest ToProto(const LoadOptions& options) {
   if (options.frame) request.set_frame(*options.frame);
   request.set_grid(options.grid);
   request.set_component(options.component);
+  request.set_discard_edits(options.discard_edits);
   return request;
 }
 

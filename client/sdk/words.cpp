@@ -30,6 +30,9 @@ std::string NameOf(ForceReason reason) {
 std::string NameOf(ProxyMode mode) {
   return After("PROXY_MODE_", v1::ProxyMode_Name(static_cast<v1::ProxyMode>(mode)));
 }
+std::string UnsavedInWords(std::uint64_t edits) {
+  return edits == 1 ? "1 edit is not saved" : std::to_string(edits) + " edits are not saved";
+}
 std::string NameOf(FreeSide side) { return side == FreeSide::kAbove ? "above" : "below"; }
 std::string NameOf(VerificationLevel level) {
   return After("VERIFICATION_LEVEL_",

@@ -18,6 +18,9 @@ std::string NameOf(VerificationLevel level);
 std::string NameOf(DeviceConnection connection);
 std::string NameOf(Role role);
 
+// "3 edits are not saved".
+std::string UnsavedInWords(std::uint64_t edits);
+
 // Says why forces are not fully on and what to do, in one line without a full stop. Empty if forces
 // are on.
 std::string InWords(ForceReason reason);

@@ -275,6 +275,10 @@ void RunDaemon(const LoadedConfig& loaded, const ConfigReader& read) {
   monitor->Stop();
   black_box->Stop();
   recording.End();
+  if (const VolumeState last = session.volume(); last.unsaved_edits > 0) {
+    LogWarning("edits of {} that were not saved are lost: {}", last.volume->metadata().source,
+               last.unsaved_edits);
+  }
   LogInfo("ended after {} ticks, {} missed", servo.ticks(), servo.missed_ticks());
 }
 

@@ -18,6 +18,7 @@ namespace {
 
 constexpr int kNiceness = 5;
 constexpr rlim_t kOpenFiles = 256;
+constexpr rlim_t kMostThreads = 256;  // more than there are now
 
 void Limit(__rlimit_resource resource, rlim_t wanted, const char* what) {
   rlimit limit{};
@@ -42,12 +43,22 @@ std::int64_t PrivateMemoryNow() {
 }
 #endif
 
+// The kernel counts those of the account, so that all of the machine are at least as many.
+rlim_t ThreadsNow() {
+  std::string load[3];
+  rlim_t running = 0, threads = 0;
+  char slash = 0;
+  std::ifstream("/proc/loadavg") >> load[0] >> load[1] >> load[2] >> running >> slash >> threads;
+  return threads;
+}
+
 }  // namespace
 
 void LimitResources(std::int64_t max_memory_bytes, std::int64_t max_seconds) {
   const auto threads = static_cast<std::int64_t>(std::max(std::thread::hardware_concurrency(), 1u));
   Limit(RLIMIT_CORE, 0, "core dumps");
   Limit(RLIMIT_NOFILE, kOpenFiles, "open files");
+  Limit(RLIMIT_NPROC, ThreadsNow() + kMostThreads, "threads");
   Limit(RLIMIT_CPU, static_cast<rlim_t>(max_seconds * threads), "processor time");
   // A written tree or volume is no larger than the memory that held it.
   signal(SIGXFSZ, SIG_IGN);

@@ -69,6 +69,7 @@ v1::VolumeDescription ToProto(const VolumeState& state) {
   out.set_loaded_revision(state.volume->loaded_revision());
   *out.mutable_device_from_world_rotation() = palpate::ToProto(state.registration.R_DW);
   out.set_is_level_set(metadata.is_level_set);
+  out.set_unsaved_edits(state.unsaved_edits);
   out.set_frames(static_cast<std::uint32_t>(metadata.frames));
   for (const std::string& warning : metadata.warnings) out.add_warnings(warning);
   return out;
@@ -103,6 +104,7 @@ LoadRequest FromProto(const v1::LoadVolumeRequest& request) {
   if (request.has_frame()) load.frame = request.frame();
   load.grid = CheckedName(request.grid(), "grid");
   load.component = CheckedName(request.component(), "component");
+  load.discards_edits = request.discard_edits();
   return load;
 }
 

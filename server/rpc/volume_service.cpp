@@ -120,6 +120,7 @@ void VolumeService::SaveTo(const v1::SaveVolumeRequest& request, const ExportPro
   const std::filesystem::path path = paths_.CheckSave(request.path());
   const MemoryClaim claim = session_.loader().budget->Claim("saving", ExportBytes(*volume, path));
   result.set_size_bytes(ExportVolume(*volume, {path, request.overwrite()}, progress, cancelled));
+  session_.store().Saved(*volume);
   result.set_volume_revision(volume->revision());
 }
 

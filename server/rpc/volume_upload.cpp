@@ -91,6 +91,7 @@ class VolumeService::Uploading final : public grpc::ServerReadReactor<v1::Upload
     if (!message_.has_start()) Refuse("an upload begins with its start");
     const v1::UploadVolumeStart& start = message_.start();
     options_ = FromProto(start.options());
+    service_.session_.store().RequireSaved(options_.discards_edits);
     upload_.emplace(service_.uploads_, *service_.session_.loader().budget,
                     UploadStart{.name = start.name(),
                                 .size_bytes = start.size_bytes(),

@@ -67,6 +67,7 @@ VolumeState SeriesPlayer::Load(std::span<const std::filesystem::path> files,
                                const LoadRequest& request, const LoadProgress& progress,
                                const LoadCancelled& cancelled) {
   const std::unique_lock loading = session_.BeginLoad();
+  session_.store().RequireSaved(request.discards_edits);
   std::vector<std::string> warnings;
   const BrickWork work;
   LoadedSeries loaded =

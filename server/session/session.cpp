@@ -123,7 +123,8 @@ FeltSession Session::Felt() const {
 }
 
 VolumeState Session::VolumeLocked() const {
-  return {volume_, registration_, X_DI_, settings_revision_, scene_revision_};
+  return {volume_,         registration_,         X_DI_, settings_revision_,
+          scene_revision_, store_.unsaved_edits()};
 }
 
 void Session::SetInitial(const RenderSettings& settings) {
@@ -209,6 +210,7 @@ std::unique_lock<std::mutex> Session::BeginLoad() {
 VolumeState Session::Load(const LoadRequest& request, const LoadProgress& progress,
                           const LoadCancelled& cancelled) {
   const std::unique_lock loading = BeginLoad();
+  store_.RequireSaved(request.discards_edits);
   std::vector<std::string> warnings;
   MemoryClaim claim = loader_.budget->Claim("the new volume", 0);
   const auto loaded = std::make_shared<const LoadedVolume>(
@@ -286,6 +288,7 @@ void Session::TellBeforeOtherVolume(const LoadRequest& request, const Registrati
 VolumeState Session::PublishVolume(const LoadRequest& request, const VolumeMetadata& metadata,
                                    const BrickDirectory& bricks, std::uint64_t frames_bytes) {
   const Registration registration = PlaceLoaded(request, metadata);
+  store_.RequireSaved(request.discards_edits);
   TellBeforeOtherVolume(request, registration, VolumeSnapshot(metadata, bricks, 1, 1));
   VolumeState state;
   const auto publish = [&](const std::shared_ptr<const VolumeSnapshot>& volume,
@@ -296,7 +299,7 @@ VolumeState Session::PublishVolume(const LoadRequest& request, const VolumeMetad
     state = VolumeLocked();
     return scene_revision_;
   };
-  store_.Replace(metadata, bricks, frames_bytes, publish);
+  store_.Replace(metadata, bricks, frames_bytes, request.discards_edits, publish);
   return state;
 }
 

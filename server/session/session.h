@@ -94,6 +94,7 @@ struct VolumeState {
   AffineMap X_DI;
   std::uint64_t settings_revision = 0;
   std::uint64_t scene_revision = 0;  // for WaitForServo
+  std::uint64_t unsaved_edits = 0;
 };
 
 class Session {
@@ -129,7 +130,8 @@ class Session {
   // kInvalidArgument.
   void SetInitial(const RenderSettings& settings);
 
-  // Loads and publishes without waiting for the servo. For the start, before the servo runs.
+  // Loads and publishes without waiting for the servo. For the start, before the servo runs. Throws
+  // kFailedPrecondition if edits are not saved, unless the request discards them.
   VolumeState Load(const LoadRequest& request, const LoadProgress& progress,
                    const LoadCancelled& cancelled);
   // Loads with a running servo; `applied` is the first tick with the volume. Throws kConflict while

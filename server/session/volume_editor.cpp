@@ -63,6 +63,7 @@ EditOutcome VolumeEditor::Apply(const Change& change, const Revision& expected,
                                 std::uint64_t stroke) {
   return Transact(expected, [&](const std::shared_ptr<const VolumeSnapshot>& present) -> Made {
     Made made(change(*present));
+    made.goes_on = stroke != 0 && !undo_.empty() && undo_.back().stroke == stroke;
     made.note = [this, present, stroke](const EditResult& result) {
       Record(present, result, stroke);
     };
@@ -177,6 +178,7 @@ EditOutcome VolumeEditor::Transact(const Revision& expected, const Make& make) {
     outcome.changed_voxels = made->result.changed_voxels;
     VolumeChange next =
         made->whole ? VolumeChange(std::move(*made->whole)) : VolumeChange(made->result.changes);
+    next.kind = made->goes_on ? VolumeChange::Kind::kGoesOn : VolumeChange::Kind::kEdit;
     next.before_publication = [&](std::uint64_t revision) { own_revision_ = revision; };
     next.after_publication = [&, made] {
       if (made->note) made->note(made->result);

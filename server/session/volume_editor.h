@@ -105,6 +105,7 @@ class VolumeEditor final : public SceneListener {
 
     EditResult result{};
     std::optional<ReshapedVolume> whole{};
+    bool goes_on = false;  // with the last step
     // Updates the history. Called when the change is published.
     std::function<void(const EditResult& result)> note{};
   };

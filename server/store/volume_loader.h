@@ -35,6 +35,7 @@ struct LoadRequest {
   std::string grid{};                   // for a .vdb file with several grids
   std::string component{};              // for a grid of vectors: magnitude, x, y or z
   std::optional<FreeSide> free_side{};  // replaces the default for the volume
+  bool discards_edits = false;          // of the volume before that are not saved
 };
 
 using LoadProgress = std::function<void(std::string_view stage, double fraction)>;

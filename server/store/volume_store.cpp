@@ -1,5 +1,7 @@
 #include "server/store/volume_store.h"
 
+#include <fmt/core.h>
+
 #include <chrono>
 #include <utility>
 
@@ -20,17 +22,44 @@ EditedRevisions VolumeStore::Edit(const Change& change) {
   if (!present_) throw Error(ErrorKind::kUnavailable, "there is no volume yet");
   const VolumeChange made = change(present_);
   const std::shared_ptr<const VolumeSnapshot> next = Next(made);
+  const bool is_changed = next != present_;
   if (made.before_publication) made.before_publication(next->revision());
   EditedRevisions revisions;
   try {
-    revisions = next == present_ ? EditedRevisions{next->revision(), publish_(next, {})}
-                                 : Put(next, made.bricks, frames_bytes_, publish_);
+    revisions = is_changed ? Put(next, made.bricks, frames_bytes_, publish_)
+                           : EditedRevisions{next->revision(), publish_(next, {})};
   } catch (...) {
     if (made.before_publication) made.before_publication(0);
     throw;
   }
+  if (is_changed && made.kind != VolumeChange::Kind::kOther) Count(made.kind);
   if (made.after_publication) made.after_publication();
   return revisions;
+}
+
+void VolumeStore::Count(VolumeChange::Kind kind) {
+  if (present_->bricks().content_hash() == saved_ && !shows_series()) {
+    unsaved_edits_ = 0;
+  } else if (kind == VolumeChange::Kind::kEdit || unsaved_edits_ == 0) {
+    ++unsaved_edits_;
+  }
+}
+
+void VolumeStore::RequireSaved(bool discards_edits) const {
+  const std::uint64_t edits = unsaved_edits_;
+  if (edits == 0 || discards_edits) return;
+  throw Error(ErrorKind::kFailedPrecondition,
+              fmt::format("{} of the present volume {} not saved: save it, or allow to discard "
+                          "them (--discard, discard_edits=True)",
+                          edits == 1 ? "an edit" : fmt::format("{} edits", edits),
+                          edits == 1 ? "is" : "are"));
+}
+
+void VolumeStore::Saved(const VolumeSnapshot& volume) {
+  const std::lock_guard lock(mutex_);
+  if (volume.loaded_revision() > present_->revision() || shows_series()) return;
+  saved_ = volume.bricks().content_hash();
+  if (present_->bricks().content_hash() == saved_) unsaved_edits_ = 0;
 }
 
 std::shared_ptr<const VolumeSnapshot> VolumeStore::Next(const VolumeChange& change) const {
@@ -46,12 +75,15 @@ std::shared_ptr<const VolumeSnapshot> VolumeStore::Next(const VolumeChange& chan
 }
 
 void VolumeStore::Replace(const VolumeMetadata& metadata, const BrickDirectory& bricks,
-                          std::uint64_t frames_bytes, const Publish& publish) {
+                          std::uint64_t frames_bytes, bool discards_edits, const Publish& publish) {
   const std::lock_guard lock(mutex_);
+  RequireSaved(discards_edits);
   const std::uint64_t revision = present_ ? present_->revision() + 1 : 1;
   Put(std::make_shared<const VolumeSnapshot>(metadata, bricks.AllChangedAt(revision), revision,
                                              revision),
       {}, frames_bytes, publish);
+  saved_ = present_->bricks().content_hash();
+  unsaved_edits_ = 0;
 }
 
 EditedRevisions VolumeStore::Put(std::shared_ptr<const VolumeSnapshot> next,

@@ -12,6 +12,7 @@
 // Ownership: shares the budget. Errors: Error; the volume is unchanged then.
 #pragma once
 
+#include <atomic>
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -43,6 +44,8 @@ struct VolumeChange {
 
   std::vector<BrickChange> bricks{};
   std::optional<ReshapedVolume> whole{};
+  // An edit of a user; kGoesOn if it belongs to the last edit. Others show a frame or a recording.
+  enum class Kind : std::uint8_t { kOther, kEdit, kGoesOn } kind = Kind::kOther;
   // Called in the transaction, before the new snapshot is published and afterwards. `revision` is
   // the new snapshot's, or the present one's if nothing changes; 0 in a second call if the
   // publication fails.
@@ -70,9 +73,16 @@ class VolumeStore {
 
   // Replaces the volume by another one. `publish` gets no changes and may refuse the volume by
   // throwing. `frames_bytes`: the size of all frames if the volume is a frame of a series, else 0;
-  // used in messages.
+  // used in messages. Throws as RequireSaved.
   void Replace(const VolumeMetadata& metadata, const BrickDirectory& bricks,
-               std::uint64_t frames_bytes, const Publish& publish);
+               std::uint64_t frames_bytes, bool discards_edits, const Publish& publish);
+
+  // The number of edits since the voxels were loaded or saved. 0 if they are the same again.
+  std::uint64_t unsaved_edits() const { return unsaved_edits_.load(); }
+  // Throws kFailedPrecondition if there are any and they must not be discarded.
+  void RequireSaved(bool discards_edits) const;
+  // Call it when these voxels have been saved. A saved frame does not count: a series has others.
+  void Saved(const VolumeSnapshot& volume);
 
   // While a Hold exists, a series shows no new frame. A replay takes one, because its voxels belong
   // to no frame.
@@ -99,6 +109,7 @@ class VolumeStore {
                       std::span<const BrickChange> changes, std::uint64_t frames_bytes,
                       const Publish& publish);
   void SetHeld(bool held);
+  void Count(VolumeChange::Kind kind);
 
   const std::shared_ptr<MemoryBudget> budget_;
   const Publish publish_;
@@ -107,6 +118,8 @@ class VolumeStore {
   std::shared_ptr<const VolumeSnapshot> present_;  // null: none yet
   std::uint64_t frames_bytes_ = 0;                 // of the series that present_ is of; 0: of none
   bool is_held_ = false;
+  ContentHash saved_;  // of the voxels as loaded or saved
+  std::atomic<std::uint64_t> unsaved_edits_ = 0;
 
   RetiredVolumes retired_;  // its thread ends first
 };

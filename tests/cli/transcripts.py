@@ -154,7 +154,7 @@ SPHERE = "edit sphere --center-voxels 9,9,9 "
 BLOCK = "edit block absent.f32 --operation set --size-voxels 2,2,2 --min-voxels "
 VOLUMES = {
     "edits": [
-        Step("load builtin:bumps:64"),
+        Step("load builtin:bumps:64 --discard"),
         Step("edit box --min-voxels 10,10,10 --max-voxels 12,12,12 --operation set --value 0.75 "
              "--json", json={"changed_voxels": 27, "changed.max": [12, 12, 12]}),
         Step("edit capsule --from-mm -1,2,3 --to-mm 9,2,3 --radius-mm 2 --falloff-mm 1 "
@@ -170,7 +170,7 @@ VOLUMES = {
         Step("save a.nrrd --overwrite"),
     ],
     "edits_that_make_no_sense": [
-        Step("load builtin:bumps:64"),
+        Step("load builtin:bumps:64 --discard"),
         Step(SPHERE + "--radius-voxels 2 --operation set --value 0.5"),
         Step(exit=2, run=[
             "edit", BLOCK + "-1,1,1", SPHERE + "--radius-mm 2 --operation set --value 0.5",
@@ -190,7 +190,7 @@ VOLUMES = {
         Step("download copy.nrrd --overwrite"),
     ],
     "uploads": [
-        Step("upload sent.nrrd --normalized-isovalue 0.25"),
+        Step("upload sent.nrrd --normalized-isovalue 0.25 --discard"),
         Step("info --json", json={"volume.source": "upload:sent.nrrd"}),
         Step("upload", exit=2),
         Step("upload absent.nrrd", exit=4),
@@ -200,7 +200,7 @@ VOLUMES = {
         Step("info --json", json={"volume.size": [4, 4, 3]}),
     ],
     "series": [
-        Step("series load $FOLDER/t*.nrrd"),
+        Step("series load $FOLDER/t*.nrrd --discard"),
         Step(["series rate -.5", "series loop on", "series interpolate on", "series seek 1.5",
               "series play"]),
         Step("series info --json", json={"frames": 3, "playing": True, "rate_hz": -0.5,
@@ -214,7 +214,7 @@ VOLUMES = {
         Step("series info", exit=7),
     ],
     "place": [
-        Step("load builtin:bumps:32"),
+        Step("load builtin:bumps:32 --discard"),
         Step("place --center-mm -.5,1,0 --turn-deg z,-90 --cells-per-mm 4 --json",
              keys=["applied_tick"], json={"center_mm": [-0.5, 1, 0], "device_mm_per_voxel": 0.25}),
         Step("place", has=["turned by 90° about (0, 0, -1)"]),

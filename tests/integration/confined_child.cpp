@@ -60,6 +60,8 @@ void ConfineAsTold(std::string_view how, std::string_view what, const fs::path& 
                    Reporter* reporter) {
   reporter->FailOnCrash();
   reporter->FailAfter(what == kTimeout ? 1 : 60);
+  // The limit of threads is not for root.
+  if (what == kManyThreads && geteuid() == 0) Check(setuid(65534) == 0, "setuid");
   LimitResources(std::int64_t{1} << 28, 100);
   FileStart::Reserve();
   if (how == "threaded")

@@ -52,6 +52,7 @@ std::span<const Work> Works();
 
 // The name of the entry of Works() that exceeds its time limit.
 inline constexpr std::string_view kTimeout = "run_out_of_time";
+inline constexpr std::string_view kManyThreads = "many_threads";
 
 // Throws an error with errno if not `done`.
 void Check(bool done, const char* what);

@@ -1,4 +1,6 @@
 // What readers must go on doing in confinement; see confined_child.cpp.
+#include <limits.h>
+#include <pthread.h>
 #include <sys/mman.h>
 #include <unistd.h>
 
@@ -23,6 +25,26 @@ void Check(bool done, const char* what) {
 namespace {
 
 namespace fs = std::filesystem;
+
+// As many as a hostile importer would start, with the smallest stacks.
+void StartManyThreads() {
+  constexpr int kFarTooMany = 8000;
+  pthread_attr_t attributes;
+  pthread_attr_init(&attributes);
+  pthread_attr_setstacksize(&attributes, PTHREAD_STACK_MIN);
+  const auto sleep = [](void*) -> void* {
+    std::this_thread::sleep_for(std::chrono::seconds(100));
+    return nullptr;
+  };
+  for (int n = 0; n < kFarTooMany; ++n) {
+    pthread_t thread;
+    errno = pthread_create(&thread, &attributes, sleep, nullptr);
+    if (errno == 0) continue;
+    Check(errno == EAGAIN && n > 16, "start threads");
+    return;
+  }
+  throw std::runtime_error("nothing limits the threads");
+}
 
 void ReadFiles() {
   std::ifstream in(readable_file);
@@ -78,6 +100,7 @@ const Work kWorks[] = {
     {"crash", Crash},
     {"crash_in_a_thread", CrashInAThread},
     {kTimeout.data(), RunOutOfTime},
+    {kManyThreads.data(), StartManyThreads},
 };
 
 }  // namespace

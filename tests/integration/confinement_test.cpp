@@ -133,6 +133,12 @@ TEST(Confinement, ReadersCanWork) {
   }
 }
 
+TEST(Confinement, AThreadBombEnds) {
+  if (kSanitized) GTEST_SKIP() << "the sanitizers keep much memory for each thread";
+  const ProcessResult result = RunChild("readable", "many_threads");
+  EXPECT_EQ(result.exit_code, kSucceeded) << result.error;
+}
+
 TEST(Confinement, CrashesAndTimeoutsAreReported) {
   const auto expect = [](const std::string& work, ErrorKind kind, const std::string& text) {
     const ProcessResult result = RunChild("readable", work);

@@ -168,7 +168,7 @@ TEST_F(LabReplayProgram, ReplacesAFileOnlyWhenToldTo) {
   std::ofstream(trajectory_) << "x_mm,y_mm,z_mm\n1,2,3\n";
   const std::string figure = folder_.path() / "figure9.svg", mesh = folder_.path() / "m.ply";
   const std::pair<std::string, std::vector<std::string>> writers[] = {
-      {mesh, {"mesh", "--volume", kVolume, "--out", mesh}},
+      {mesh, {"mesh", "--volume", kVolume, "--isovalue", kIsovalue, "--out", mesh}},
       {out_,
        {"trajectory", "--volume", kVolume, "--isovalue", kIsovalue, "--ticks", "9", "--out", out_}},
       {out_,

@@ -52,10 +52,11 @@ class LevelSets(SparseTest):
 
     def test_grids_and_components_are_named(self):
         path, before = self.made("vector"), self.conn.volume.info().volume_revision
-        ran = self.daemon.palpate("load", path, code=INVALID)
+        ran = self.daemon.palpate("load", path, "--discard", code=INVALID)
         self.assertIn("--component", ran.stderr)
         self.assertEqual(self.conn.volume.info().volume_revision, before)
-        self.daemon.palpate("load", path, "--component", "magnitude", "--grid", "velocity")
+        self.daemon.palpate("load", path, "--discard", "--component", "magnitude", "--grid",
+                            "velocity")
         self.assertAlmostEqual(self.conn.volume.info().value_max, 1.0, places=5)
 
     def require_felt(self, radius_mm):
@@ -84,7 +85,8 @@ class LevelSets(SparseTest):
                     return
 
     def test_a_sphere_is_felt_where_filters_move_it(self):
-        self.daemon.palpate("load", self.made("sphere"), "--device-mm-per-volume-mm", "0.9")
+        self.daemon.palpate("load", self.made("sphere"), "--discard",
+                            "--device-mm-per-volume-mm", "0.9")
         values = self.conn.volume.download().values
         self.require_felt(RADIUS_MM)
         self.daemon.palpate("edit", "filter", "--kind", "offset", "--distance-mm", "4")

@@ -50,8 +50,8 @@ class Sides(unittest.TestCase):
 
     def draw(self, daemon, *arguments):
         path = self.folder / "picture.png"
-        code, _, problem = run_view("--socket", daemon.socket, "--offscreen", "--screenshot", path,
-                                    "--panels", "--camera", "0,10", "--color", "0,255,0",
+        code, _, problem = run_view("--socket", daemon.socket, "--offscreen", "--overwrite",
+                                    "--screenshot", path, "--panels", "--camera", "0,10", "--color", "0,255,0",
                                     "--no-overlay", *arguments, env=WITHOUT_DISPLAY)
         self.assertEqual((code, problem), (0, ""))
         return np.asarray(Image.open(path).convert("RGB")).astype(int)

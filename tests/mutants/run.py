@@ -64,12 +64,12 @@ def copy_tree(target):
 
 
 def is_python(program):
-    return program.startswith("python_")
+    return program.startswith(("python_", "daemon_"))
 
 
 def targets_of(program):
     """What is built to run it."""
-    return ["palpate", "palpate_python", "palpated"] if is_python(program) else [program]
+    return ["palpate", "palpate_python", "palpated", "palpate-import"] if is_python(program) else [program]
 
 
 class Tree:

@@ -103,10 +103,10 @@ class Script:
 
     def load(self, conn, edge, kind):
         self.call("load", conn.volume.load, self.folder / f"{edge}{kind}.raw",
-                  raw=palpate.Raw((edge,) * 3, kind))
+                  raw=palpate.Raw((edge,) * 3, kind), discard_edits=True)
 
     def upload(self, conn, edge):
-        self.call("upload", conn.volume.upload, noise(edge, "float32", edge))
+        self.call("upload", conn.volume.upload, noise(edge, "float32", edge), discard_edits=True)
 
     def edit(self, conn):
         self.call("edit", conn.edit.sphere, [self._random.uniform(0, 95) for _ in range(3)],
@@ -125,7 +125,7 @@ class Script:
         self.call("save", conn.volume.save, self.folder / "saved.vdb", overwrite=True)
 
     def series(self, conn):
-        self.call("series", conn.series.load, self.folder / "t*.nrrd")
+        self.call("series", conn.series.load, self.folder / "t*.nrrd", discard_edits=True)
         self.call("configure", conn.series.configure, loop=True, interpolate=True)
         self.call("play", conn.series.play, 7.3)
 

@@ -191,8 +191,9 @@ class ClockStep(unittest.TestCase):
         with tempfile.TemporaryDirectory(prefix="palpate-clock-") as folder:
             step = pathlib.Path(folder) / "step"
             step.write_text("+0\n")
-            wrapper = ["/usr/bin/env", f"LD_PRELOAD={library}", f"FAKETIME_TIMESTAMP_FILE={step}",
-                       "FAKETIME_NO_CACHE=1", "FAKETIME_DONT_FAKE_MONOTONIC=1"]
+            # The heap is the C library's here: libfaketime and jemalloc call each other at the start.
+            wrapper = ["/usr/bin/env", f"LD_PRELOAD={library}:libc.so.6:libstdc++.so.6",
+                       f"FAKETIME_TIMESTAMP_FILE={step}", "FAKETIME_NO_CACHE=1", "FAKETIME_DONT_FAKE_MONOTONIC=1"]
             with Daemon(wrapper=wrapper) as daemon, Client(daemon) as client:
                 reader = PoseReader(client, 100.0)
                 self.assertTrue(wait_until(lambda: reader.samples > 20))

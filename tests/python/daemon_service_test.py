@@ -101,8 +101,10 @@ class Lifecycle(ServiceTest):
             daemon = Palpated(self, *SMALL).ready()
             with palpate.connect(daemon.socket) as conn, conn.poses(1000) as stream:
                 next(stream)
+                conn.edit.sphere((5, 5, 5), 2, "set", 0.9, frame="index")
                 self.assertEqual(daemon.end(number), 0)
             self.assertIn("ended after", daemon.log())
+            self.assertIn("not saved", daemon.log())
             self.assertFalse(os.path.exists(daemon.socket))
 
     def test_bad_starts_give_one_line_and_a_code(self):

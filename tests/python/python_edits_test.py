@@ -1,5 +1,6 @@
 """Edits change the voxels that they say, exactly, and no others."""
 
+import json
 import unittest
 
 import numpy as np
@@ -14,7 +15,7 @@ SPACING_MM = np.array([0.5, 2.0, 1.0])
 class EditsTest(DaemonTest):
     def setUp(self):
         self.values = pattern(SHAPE)
-        self.conn.volume.upload(self.values, SPACING_MM)
+        self.conn.volume.upload(self.values, SPACING_MM, discard_edits=True)
         self.edit = self.conn.edit
 
     def check(self, result, expected):
@@ -81,6 +82,34 @@ class EditsTest(DaemonTest):
                      lambda: self.edit.sphere((9, 9, 9), 3, "smooth", frame="index",
                                               strength=0.5)):
             self.assertGreater(call().changed_voxels, 100)
+
+    def test_edits_are_not_lost_without_a_word(self):
+        conn, daemon = self.conn, self.daemon
+
+        def unsaved():
+            shown = json.loads(daemon.palpate("info", "--json").stdout)["volume"]["unsaved_edits"]
+            self.assertEqual(shown, conn.volume.info().unsaved_edits)
+            return shown
+        self.assertEqual(unsaved(), 0)
+        self.edit.sphere((5, 5, 5), 2, "set", 5000.0, frame="index")
+        self.assertEqual(unsaved(), 1)
+        self.assertIn("1 edit is not saved", daemon.palpate("info").stdout)
+        before = conn.volume.info().volume_revision
+        for load in (lambda: conn.volume.load("builtin:sphere:16"),
+                     lambda: conn.volume.upload(self.values),
+                     lambda: conn.series.load("builtin:sphere:16")):
+            with self.assertRaises(palpate.FailedPrecondition):
+                load()
+        daemon.palpate("load", "builtin:sphere:16", code=10)
+        self.assertEqual(conn.volume.info().volume_revision, before)
+        conn.volume.save(daemon.folder / "edited.nrrd")
+        self.assertEqual(unsaved(), 0)
+        daemon.palpate("load", "builtin:sphere:16")
+        self.edit.sphere((5, 5, 5), 2, "set", 0.9, frame="index")
+        daemon.palpate("load", "builtin:sphere:32", "--discard")
+        self.edit.sphere((5, 5, 5), 2, "set", 0.9, frame="index")
+        conn.volume.load("builtin:sphere:16", discard_edits=True)
+        self.assertEqual(unsaved(), 0)
 
     def test_nothing_changed(self):
         before = self.conn.volume.info().volume_revision

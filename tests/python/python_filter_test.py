@@ -17,7 +17,7 @@ class Filters(DaemonTest):
     def setUp(self):
         self.values = np.zeros(SHAPE, np.float32)
         self.values[PLACE] = IMPULSE
-        self.conn.volume.upload(self.values)
+        self.conn.volume.upload(self.values, discard_edits=True)
         self.edit = self.conn.edit
 
     def downloaded(self):

@@ -27,7 +27,7 @@ class Follow(DaemonTest):
 
     def setUp(self):
         self.other = self.enterContext(self.daemon.connect())
-        self.other.volume.load(self.volume)
+        self.other.volume.load(self.volume, discard_edits=True)
         self.live = self.enterContext(self.conn.volume.follow())
 
     def check(self):
@@ -93,7 +93,7 @@ class Follow(DaemonTest):
         self.check()
         for shape in ((9, 40, 17), (64, 64, 64), (2, 2, 2)):
             values = np.random.default_rng(1).uniform(-5, 5, shape).astype(np.float32)
-            self.other.volume.upload(values, (0.5, 1, 2), unit="HU")
+            self.other.volume.upload(values, (0.5, 1, 2), unit="HU", discard_edits=True)
             np.testing.assert_array_equal(self.check().values, values)
         self.other.volume.place(move_mm=(1, 2, 3), turn_deg=("y", 20))
         moved = self.other.volume.info().device_from_index

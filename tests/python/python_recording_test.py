@@ -30,7 +30,7 @@ def record(daemon, conn, path):
         volume = conn.volume.download()
         expected["voxels"].append((next(conn.poses(500)).tick[-1], volume.values))
 
-    conn.volume.load("builtin:sphere:48")
+    conn.volume.load("builtin:sphere:48", discard_edits=True)
     expected["loaded"] = [conn.volume.download().values]
     conn.recording.start(path)
     now()
@@ -46,7 +46,7 @@ def record(daemon, conn, path):
     now()
     # A volume that no file gives again: its voxels are stored.
     values = np.random.default_rng(1).uniform(-3, 5, (20, 33, 18)).astype(np.float32)
-    conn.volume.upload(values, (0.5, 1, 2), name="mine", unit="HU")
+    conn.volume.upload(values, (0.5, 1, 2), name="mine", unit="HU", discard_edits=True)
     expected["volume"] = conn.volume.download()
     expected["loaded"].append(values)
     now()

@@ -36,14 +36,16 @@ class EditableSession {
   std::shared_ptr<const VolumeSnapshot> volume() const { return session_.volume().volume; }
   ContentHash hash() const { return volume()->bricks().content_hash(); }
 
-  void Load(const std::string& source) { session_.Load({.source = source}, kQuiet, kNever); }
+  void Load(const std::string& source) {
+    session_.Load({.source = source, .discards_edits = true}, kQuiet, kNever);
+  }
 
   // Loads a volume with value(i, j, k) for each voxel.
   void LoadMade(const Vec3i& size, const std::function<float(int, int, int)>& value) {
     VolumeMetadata metadata;
     metadata.size = size;
     metadata.source = "made";
-    session_.PublishVolume({}, metadata, MakeBricks(size, value));
+    session_.PublishVolume({.source = {}, .discards_edits = true}, metadata, MakeBricks(size, value));
   }
 
   // Edits a box of up to `edge` voxels along each axis. One edit in four writes background.

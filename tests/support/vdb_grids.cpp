@@ -187,6 +187,16 @@ openvdb::GridBase::Ptr Half(int edge, unsigned seed) {
   return grid;
 }
 
+// Each region of 8³ voxels has a constant value of its own.
+openvdb::GridBase::Ptr Tiles(int edge, unsigned) {
+  const auto grid = NewGrid<openvdb::FloatGrid>("tiles", 0.0f, UniformElsewhere());
+  float value = 0.0f;
+  for (const CoordBBox box(Coord(0), Coord(edge - 1)); const Coord& at : box) {
+    grid->tree().addTile(1, Coord(8 * at.x(), 8 * at.y(), 8 * at.z()), value += 1.0f, true);
+  }
+  return grid;
+}
+
 // Away from the middle of the sphere.
 openvdb::GridBase::Ptr Vectors(int edge, unsigned seed) {
   const auto grid = NewGrid<openvdb::Vec3SGrid>("velocity", openvdb::Vec3f(0.0f),
@@ -288,6 +298,7 @@ openvdb::GridBase::Ptr MakeVdbGrid(const std::string& kind, int edge, unsigned s
           {"double",
            [](int e, unsigned s) { return Scalars<openvdb::DoubleGrid>(e, s, 0.0, -1.0, 1.0); }},
           {"half", Half},
+          {"tiles", Tiles},
           {"bool",
            [](int e, unsigned s) { return Scalars<openvdb::BoolGrid>(e, s, false, 0.0, 1.0); }},
           {"vector", Vectors},

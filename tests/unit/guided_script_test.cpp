@@ -219,23 +219,29 @@ TEST_F(GuidedTest, DoesNotPushThroughWhatIsInTheWay) {
     if (n > 1000) most_n = std::max(most_n, force_n.norm());
     device_.Write(force_n, kTickS);
   }
-  EXPECT_LT(most_n, 3.3);
+  EXPECT_LT(most_n, 2.5);
 }
 
 TEST_F(GuidedTest, StaysFiniteWhateverIsWritten) {
   Publish(Lines());
-  for (int n = 0; n < 22'000; ++n) {
+  for (int n = 0; n < 20'000; ++n) {
     const double force_n = n % 7 == 0 ? kInfinity : n % 5 == 0 ? kNan : n % 40 - 20.0;
     const double dt_s = n % 11 == 0 ? 0.0 : n % 13 == 0 ? 10.0 : n % 17 == 0 ? -1.0 : kTickS;
-    // At the end long ticks, one after the other, that must not swing it up.
-    if (n < 20'000) {
-      device_.Write(Vec3(force_n, -force_n, 0.3 * force_n), dt_s);
-    } else {
-      device_.Write(Vec3::Zero(), 0.012);
-    }
+    device_.Write(Vec3(force_n, -force_n, 0.3 * force_n), dt_s);
     ASSERT_TRUE(Read().allFinite());
   }
-  EXPECT_LT(Read().norm(), 200.0);
+}
+
+// One after the other; the device's stops would hide it if only the place were looked at.
+TEST_F(GuidedTest, LongTicksDoNotSwingItUp) {
+  Publish(Lines());
+  double longest_mm = 0.0;
+  for (int n = 0; n < 2000; ++n) {
+    const Vec3 before_mm = Read();
+    device_.Write(Vec3::Zero(), 0.012);
+    if (n > 100) longest_mm = std::max(longest_mm, (Read() - before_mm).norm());
+  }
+  EXPECT_LT(longest_mm, 3.0);
 }
 
 TEST_F(GuidedTest, NeverAllocates) {

@@ -220,7 +220,7 @@ TEST(MemoryBudget, TheDefaultIsLessThanTheMachineHas) {
 
 class VolumeStoreTest : public ::testing::Test {
  protected:
-  void Load() { store_.Replace(metadata_, bricks_, 0, publish_); }
+  void Load() { store_.Replace(metadata_, bricks_, 0, false, publish_); }
   static std::vector<BrickChange> Paint(const VolumeSnapshot& present) {
     return testing::PaintedBox(present.bricks(), Vec3i::Zero(), Vec3i(1, 1, 1),
                                [] { return 0.5f; });
@@ -269,7 +269,7 @@ TEST_F(VolumeStoreTest, WhatIsRefusedChangesNothing) {
     throw std::runtime_error("no edit");
   }),
                std::runtime_error);
-  EXPECT_THROW(store_.Replace(metadata_, bricks_, 0,
+  EXPECT_THROW(store_.Replace(metadata_, bricks_, 0, false,
                               [](const auto&, const auto&) -> std::uint64_t {
                                 throw std::runtime_error("no volume");
                               }),
@@ -299,7 +299,7 @@ TEST_F(VolumeStoreTest, AnEditDoesNotFreeTheVolumeThatItReplaces) {
   };
   VolumeStore store(
       MemoryBudget::Make(), [&] { may_free.wait(false); }, publish);
-  store.Replace(metadata_, bricks_, 0, publish);
+  store.Replace(metadata_, bricks_, 0, false, publish);
   store.Edit([](const auto& present) { return Paint(*present); });
   EXPECT_FALSE(seen.at(0).expired());
   may_free = true;

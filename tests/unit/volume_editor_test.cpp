@@ -146,6 +146,39 @@ TEST_F(VolumeEditorTest, AnotherRevisionThanExpectedIsAConflictThatNamesTheCurre
   EXPECT_EQ(editor_.Redo(revision + 3).undo_steps, 2u);
 }
 
+TEST_F(VolumeEditorTest, EditsThatAreNotSavedAreCountedAndKept) {
+  const auto unsaved = [&] { return session().volume().unsaved_edits; };
+  const auto load = [&](bool discards) {
+    return Refusal([&] {
+      session().Load({.source = "builtin:bumps:32", .discards_edits = discards}, testing::kQuiet,
+                     testing::kNever);
+    });
+  };
+  editor_.Edit(Touch(3, 0.1));
+  editor_.Edit(Touch(4, 0.1));
+  EXPECT_EQ(unsaved(), 2u);
+  const auto edited = volume();
+  EXPECT_EQ(load(false), ErrorKind::kFailedPrecondition);
+  EXPECT_EQ(volume(), edited);
+  editor_.Undo();
+  EXPECT_EQ(unsaved(), 3u);  // a change of what was there to save
+  editor_.Undo();
+  EXPECT_EQ(unsaved(), 0u);  // as loaded
+  editor_.Redo();
+  editor_.Redo();
+  session().store().Saved(*volume());
+  EXPECT_EQ(unsaved(), 0u);
+  editor_.Edit(Touch(5, 0.1), {}, 7);
+  editor_.Edit(Touch(6, 0.1), {}, 7);  // the same stroke
+  editor_.Edit(Touch(6, 0.1));         // changes nothing
+  EXPECT_EQ(unsaved(), 1u);
+  session().store().Saved(*edited);  // that save began before the stroke
+  EXPECT_EQ(unsaved(), 1u);
+  EXPECT_EQ(load(true), std::nullopt);
+  EXPECT_EQ(unsaved(), 0u);
+  EXPECT_EQ(load(false), std::nullopt);
+}
+
 TEST_F(VolumeEditorTest, NothingToTakeBackIsAConflict) {
   EXPECT_EQ(Refusal([&] { editor_.Undo(); }), ErrorKind::kConflict);
   EXPECT_EQ(Refusal([&] { editor_.Redo(); }), ErrorKind::kConflict);

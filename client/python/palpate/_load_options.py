@@ -46,7 +46,8 @@ def _raw_of(raw: Raw) -> volume_pb2.RawVoxels:
 def load_options(isovalue: float | None = None, normalized_isovalue: float | None = None,
                  device_mm_per_volume_mm: float | None = None, spacing_mm: Triple | None = None,
                  frame: int | None = None, grid: str = "", component: str = "",
-                 raw: Raw | None = None) -> volume_pb2.LoadVolumeRequest:
+                 raw: Raw | None = None,
+                 discard_edits: bool = False) -> volume_pb2.LoadVolumeRequest:
     """Errors: InvalidArgument."""
     if isovalue is not None and normalized_isovalue is not None:
         raise InvalidArgument("name the isovalue or the normalised one, not both")
@@ -56,4 +57,5 @@ def load_options(isovalue: float | None = None, normalized_isovalue: float | Non
         device_mm_per_volume_mm=number_or_none("device_mm_per_volume_mm",
                                                device_mm_per_volume_mm), frame=frame,
         grid=grid, component=component, raw=None if raw is None else _raw_of(raw),
+        discard_edits=discard_edits,
         spacing_mm=None if spacing_mm is None else vector_of("spacing_mm", spacing_mm))

@@ -51,7 +51,8 @@ class Series:
             str | os.PathLike[str]], *, isovalue: float | None = None,
              normalized_isovalue: float | None = None, spacing_mm: Triple | None = None,
              device_mm_per_volume_mm: float | None = None, grid: str = "", component: str = "",
-             raw: Raw | None = None, progress: Progress | None = None) -> SeriesState:
+             raw: Raw | None = None, discard_edits: bool = False,
+             progress: Progress | None = None) -> SeriesState:
         """Loads all frames, puts the first under the stylus and pauses there.
 
         sources: paths on the daemon's machine, in the order of time: files of one frame each, or
@@ -64,7 +65,7 @@ class Series:
         request = series_pb2.LoadSeriesRequest(
             sources=[self._link.path(source) for source in sources],
             options=load_options(isovalue, normalized_isovalue, device_mm_per_volume_mm,
-                                 spacing_mm, None, grid, component, raw))
+                                 spacing_mm, None, grid, component, raw, discard_edits))
         events = self._link.events(self._stub.LoadSeries, request)
         return _state_of(result_of(events, progress).series)
 

@@ -39,6 +39,7 @@ class VolumeInfo:
     device_from_index: (4, 4) voxel index (x, y, z, 1) to the device frame: mm
     device_mm_per_volume_mm: millimetres of device motion per millimetre of the volume
     frames: frames of the source file; this volume is one of them
+    unsaved_edits: edits since the voxels were loaded or saved; a stroke counts once
     is_level_set: values are signed distances from a surface at 0, negative inside
     warnings: what the import assumed or left out, one line each, such as a spacing that the
         file does not state
@@ -58,6 +59,7 @@ class VolumeInfo:
     device_mm_per_volume_mm: float
     memory_bytes: int
     frames: int
+    unsaved_edits: int
     is_level_set: bool
     warnings: tuple[str, ...]
 
@@ -68,6 +70,7 @@ class VolumeInfo:
             ("values", f"{self.value_min:g} to {self.value_max:g} {self.unit}".strip()),
             ("type", self.original_type), ("revision", self.volume_revision),
             ("1 mm of the volume", f"{self.device_mm_per_volume_mm:.6g} mm of the device"),
+            *([("not saved", f"{self.unsaved_edits} edits")] if self.unsaved_edits else []),
             *(("warning", warning) for warning in self.warnings)))
 
 
@@ -81,7 +84,8 @@ def info_of(volume: volume_pb2.VolumeDescription) -> VolumeInfo:
         world_from_index=matrix_of_map(volume.world_from_index),
         device_from_index=matrix_of_map(volume.device_from_index),
         device_mm_per_volume_mm=volume.device_mm_per_volume_mm,
-        memory_bytes=volume.memory_bytes, frames=volume.frames, is_level_set=volume.is_level_set,
+        memory_bytes=volume.memory_bytes, frames=volume.frames,
+        unsaved_edits=volume.unsaved_edits, is_level_set=volume.is_level_set,
         warnings=tuple(volume.warnings))
 
 
@@ -106,7 +110,7 @@ class VolumeAccess:
              normalized_isovalue: float | None = None, spacing_mm: Triple | None = None,
              device_mm_per_volume_mm: float | None = None, frame: int | None = None,
              grid: str = "", component: str = "", raw: Raw | None = None,
-             progress: Progress | None = None) -> VolumeInfo:
+             discard_edits: bool = False, progress: Progress | None = None) -> VolumeInfo:
         """Replaces the volume by a file of the daemon's machine. Returns when the servo uses it.
 
         source: path of a file or DICOM folder there, or "builtin:NAME[:N]". Over a socket, a
@@ -119,14 +123,16 @@ class VolumeAccess:
         grid: for a .vdb file with several grids, the name.
         component: for a grid of vectors: "magnitude", "x", "y" or "z".
         raw: for a file that holds only voxels.
+        discard_edits: drop edits of the present volume that are not saved.
         progress: called with the current step, such as "reading", and the share done, 0 to 1. If
         it raises an exception, the load is cancelled and fails with that exception. If it returns
         False, the load is cancelled and fails with Cancelled.
         Errors: InvalidArgument (not a volume), NotFound, PermissionDenied (a folder that the
-        daemon does not load from), TooLarge, Conflict (another load runs).
+        daemon does not load from), TooLarge, Conflict (another load runs), FailedPrecondition
+        (edits are not saved, and discard_edits is not set).
         """
         request = load_options(isovalue, normalized_isovalue, device_mm_per_volume_mm, spacing_mm,
-                               frame, grid, component, raw)
+                               frame, grid, component, raw, discard_edits)
         text = os.fspath(source)
         request.source = text if text.startswith("builtin:") else self._link.path(text)
         events = self._link.events(self._stub.LoadVolume, request)
@@ -136,7 +142,7 @@ class VolumeAccess:
                world_from_index: npt.ArrayLike | None = None, unit: str = "",
                name: str = "array", isovalue: float | None = None,
                normalized_isovalue: float | None = None,
-               device_mm_per_volume_mm: float | None = None,
+               device_mm_per_volume_mm: float | None = None, discard_edits: bool = False,
                progress: Progress | None = None) -> VolumeInfo:
         """Replaces the volume by an array. Returns when the servo uses it.
 
@@ -152,7 +158,8 @@ class VolumeAccess:
         if matrix.shape != (4, 4):
             raise InvalidArgument("world_from_index is a 4 by 4 matrix")
         header, voxels = nrrd_of(values, matrix, unit)
-        options = load_options(isovalue, normalized_isovalue, device_mm_per_volume_mm)
+        options = load_options(isovalue, normalized_isovalue, device_mm_per_volume_mm,
+                               discard_edits=discard_edits)
         return info_of(send_volume(self._link, self._stub, f"{name}.nrrd", [header, voxels],
                                    options, progress))
 
@@ -160,14 +167,14 @@ class VolumeAccess:
                     normalized_isovalue: float | None = None, spacing_mm: Triple | None = None,
                     device_mm_per_volume_mm: float | None = None, frame: int | None = None,
                     grid: str = "", component: str = "", raw: Raw | None = None,
-                    progress: Progress | None = None) -> VolumeInfo:
+                    discard_edits: bool = False, progress: Progress | None = None) -> VolumeInfo:
         """Replaces the volume by a file of this program's machine. Returns when the servo uses it.
 
         path: a file of any one-file format of load(). The whole file is read into memory. Other
         arguments and errors: as load().
         """
         options = load_options(isovalue, normalized_isovalue, device_mm_per_volume_mm, spacing_mm,
-                               frame, grid, component, raw)
+                               frame, grid, component, raw, discard_edits)
         try:
             data = pathlib.Path(path).read_bytes()
         except FileNotFoundError:

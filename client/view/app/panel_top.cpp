@@ -100,6 +100,11 @@ void VolumeState(const Viewer& viewer) {
 }
 
 void States(const Viewer& viewer) {
+  if (const auto volume = viewer.feed().volume_info(); volume && volume->unsaved_edits > 0) {
+    ImGui::SameLine(0.0f, 24.0f);
+    ImGui::TextColored(kWarning, "%s", client::UnsavedInWords(volume->unsaved_edits).c_str());
+    if (ImGui::IsItemHovered()) ImGui::SetTooltip("save them with `palpate save`");
+  }
   if (viewer.state().brush.on) {
     ImGui::SameLine(0.0f, 24.0f);
     ImGui::TextColored(kWarning, "BRUSH");

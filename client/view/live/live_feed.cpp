@@ -52,6 +52,7 @@ class Questions {
     std::optional<client::DaemonInfo> device{};
     std::optional<client::SeriesState> series{};
     std::optional<client::RecordingState> recording{};
+    std::optional<client::VolumeInfo> volume{};
   };
   Answers answers() const {
     const std::lock_guard lock(mutex_);
@@ -74,7 +75,8 @@ class Questions {
       lock.unlock();
       Answers answers = {.device = AnswerTo([this] { return client_.GetDevice(); }),
                          .series = AnswerTo([this] { return client_.GetSeries(); }),
-                         .recording = AnswerTo([this] { return client_.GetRecording(); })};
+                         .recording = AnswerTo([this] { return client_.GetRecording(); }),
+                         .volume = AnswerTo([this] { return client_.GetVolume(); })};
       lock.lock();
       answers_ = std::move(answers);
       wake_.wait_for(lock, kAskEvery, [this] { return stopping_ || hurried_; });
@@ -294,6 +296,10 @@ std::optional<client::SeriesState> LiveFeed::series() const {
 }
 std::optional<client::RecordingState> LiveFeed::recording() const {
   return parts_->line->questions.answers().recording;
+}
+
+std::optional<client::VolumeInfo> LiveFeed::volume_info() const {
+  return parts_->line->questions.answers().volume;
 }
 
 const Commands& LiveFeed::commands() const { return parts_->line->commands; }

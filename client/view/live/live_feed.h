@@ -63,6 +63,7 @@ class LiveFeed {
   std::optional<client::DaemonInfo> device() const;
   std::optional<client::SeriesState> series() const;
   std::optional<client::RecordingState> recording() const;
+  std::optional<client::VolumeInfo> volume_info() const;
 
   // Our role at palpated; kUnknown until palpated has sent it.
   client::Role role() const;
