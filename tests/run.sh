@@ -28,7 +28,7 @@ TEXT
 parts=()
 while [ $# -gt 0 ]; do
   case "$1" in
-    --all) parts=(wide times packages sanitizers) ;;
+    --all) parts=(wide times packages sanitizers); export PALPATE_BUDGET_S=600 ;;
     --wide | --times | --packages | --sanitizers) parts+=("${1#--}") ;;
     -h | --help) usage; exit 0 ;;
     *) echo "run.sh: unknown argument $1 (see --help)" >&2; exit 2 ;;

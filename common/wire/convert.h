@@ -9,6 +9,12 @@
 
 namespace palpate {
 
+// For enumerations with the same enumerators in the same order; protobuf's 0 is unspecified.
+template <class Proto, class Enum>
+constexpr Proto EnumToProto(Enum value) {
+  return static_cast<Proto>(static_cast<int>(value) + 1);
+}
+
 v1::Vector3 ToProto(const Vec3& vector);
 v1::Quaternion ToProto(const Eigen::Quaterniond& rotation);
 v1::AffineMap ToProto(const AffineMap& map);

@@ -35,37 +35,16 @@ constexpr unsigned kSilentPeerMs = 30'000;
               "cannot listen on " + name + ": " + why + "; name another with " + option);
 }
 
-struct SocketAddress {
-  bool is_v6 = false;
-  sockaddr_in v4{};
-  sockaddr_in6 v6{};
-};
-
-SocketAddress Parse(const HostPort& address) {
-  SocketAddress parsed;
-  parsed.is_v6 = address.host.find(':') != std::string::npos;
-  parsed.v4.sin_family = AF_INET;
-  parsed.v6.sin6_family = AF_INET6;
-  parsed.v4.sin_port = parsed.v6.sin6_port = htons(address.port);
-  const int read = parsed.is_v6 ? inet_pton(AF_INET6, address.host.c_str(), &parsed.v6.sin6_addr)
-                                : inet_pton(AF_INET, address.host.c_str(), &parsed.v4.sin_addr);
-  if (read == 1) return parsed;
-  throw Error(ErrorKind::kInvalidArgument,
-              "cannot listen on " + address.ToString() + ": give an address, and not a name");
-}
-
-std::string NameOfPeer(const sockaddr_storage& address) {
-  char text[INET6_ADDRSTRLEN] = "";
-  if (address.ss_family == AF_INET) {
-    const auto& v4 = reinterpret_cast<const sockaddr_in&>(address);
-    inet_ntop(AF_INET, &v4.sin_addr, text, sizeof(text));
-  } else if (address.ss_family == AF_INET6) {
-    const auto& v6 = reinterpret_cast<const sockaddr_in6&>(address);
-    inet_ntop(AF_INET6, &v6.sin6_addr, text, sizeof(text));
-  } else {
-    return "the socket";
-  }
-  return text;
+sockaddr_storage Parse(const HostPort& address) {
+  sockaddr_storage parsed{};
+  auto& v4 = reinterpret_cast<sockaddr_in&>(parsed);
+  auto& v6 = reinterpret_cast<sockaddr_in6&>(parsed);
+  const bool is_v6 = address.host.find(':') != std::string::npos;
+  parsed.ss_family = is_v6 ? AF_INET6 : AF_INET;
+  (is_v6 ? v6.sin6_port : v4.sin_port) = htons(address.port);
+  void* const number = is_v6 ? static_cast<void*>(&v6.sin6_addr) : &v4.sin_addr;
+  if (inet_pton(parsed.ss_family, address.host.c_str(), number) == 1) return parsed;
+  Refuse("cannot listen on " + address.ToString() + ": give an address, and not a name");
 }
 
 }  // namespace
@@ -87,13 +66,12 @@ void Acceptor::TakeSocket(const std::string& path) {
 void CheckAddress(const HostPort& address) { Parse(address); }
 
 void Acceptor::TakePort(const HostPort& address, bool is_watched) {
-  const auto [is_v6, v4, v6] = Parse(address);
-  const int fd = socket(is_v6 ? AF_INET6 : AF_INET, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
+  const sockaddr_storage parsed = Parse(address);
+  const int fd = socket(parsed.ss_family, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
   const int on = 1;
   // Lets a restarted daemon bind while connections of the previous daemon still end.
   setsockopt(fd, SOL_SOCKET, SO_REUSEADDR, &on, sizeof(on));
-  const int bound = is_v6 ? bind(fd, reinterpret_cast<const sockaddr*>(&v6), sizeof(v6))
-                          : bind(fd, reinterpret_cast<const sockaddr*>(&v4), sizeof(v4));
+  const int bound = bind(fd, reinterpret_cast<const sockaddr*>(&parsed), sizeof(parsed));
   if (fd < 0 || bound != 0) FailToListen(fd, address.ToString(), "--listen");
   listeners_.push_back(fd);
   names_.push_back(address.ToString());
@@ -147,7 +125,7 @@ void Acceptor::Accept(std::size_t listener) {
   const int kept = peer.ss_family == AF_UNIX ? kKeptForSocket : 0;
   if (fd >= first_refused_file_ + kept) {
     close(fd);
-    Refuse(NameOfPeer(peer));
+    SayRefused(peer.ss_family == AF_UNIX ? "the socket" : AddressOf(PeerName(peer)));
     return;
   }
   if (peer.ss_family != AF_UNIX) {
@@ -166,7 +144,7 @@ void Acceptor::Accept(std::size_t listener) {
   sinks_[listener]->HandleNewConnection(&connection);
 }
 
-void Acceptor::Refuse(const std::string& peer) {
+void Acceptor::SayRefused(const std::string& peer) {
   ++refused_;
   if (last_line_ns_ != 0 && MonotonicNowNs() - last_line_ns_ < kBetweenLinesNs) return;
   last_line_ns_ = MonotonicNowNs();

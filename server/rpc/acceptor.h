@@ -53,7 +53,7 @@ class Acceptor {
  private:
   void Run();
   void Accept(std::size_t listener);
-  void Refuse(const std::string& peer);
+  void SayRefused(const std::string& peer);
 
   const int first_refused_file_;
   ConnectionWatch& watch_;

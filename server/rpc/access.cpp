@@ -60,47 +60,40 @@ std::string_view NameOf(std::string_view method) { return method.substr(method.r
 
 std::int64_t After(std::chrono::nanoseconds time) { return MonotonicNowNs() + time.count(); }
 
-std::string LeftOut(std::uint64_t lines) {
-  return lines == 0 ? "" : " (and " + std::to_string(lines) + " more since)";
-}
-
 }  // namespace
-
-Admission& Admission::operator=(Admission&& other) noexcept {
-  if (this == &other) return *this;
-  Leave();
-  status_ = other.status_;
-  access_ = std::exchange(other.access_, nullptr);
-  context_ = other.context_;
-  rule_ = other.rule_;
-  caller_ = std::move(other.caller_);
-  request_bytes_ = other.request_bytes_;
-  samples_per_s_ = other.samples_per_s_;
-  is_answered_ = other.is_answered_;
-  running_ = other.running_;
-  return *this;
-}
 
 void Admission::Leave() {
   Access* const access = std::exchange(access_, nullptr);
   if (!access) return;
-  if (!is_answered_) access->limits_.Leave(caller_.name, rule_->kind, request_bytes_);
-  if (samples_per_s_ > 0) access->limits_.LeaveSamples(caller_.name, samples_per_s_);
+  const Running& call = *running_;
+  if (!call.is_answered) {
+    access->limits_.Leave(call.caller.name, call.rule->kind, call.request_bytes);
+  }
+  if (call.samples_per_s > 0) access->limits_.LeaveSamples(call.caller.name, call.samples_per_s);
   const std::lock_guard lock(access->mutex_);
   access->running_.erase(running_);
 }
 
+// Does not take the lock: Review holds it while it ends streams.
 grpc::Status Admission::TakeSamples(int samples_per_s) {
   if (!access_) return grpc::Status::OK;
-  const grpc::Status status = access_->TakeSamples(*this, samples_per_s);
-  if (status.ok()) samples_per_s_ = samples_per_s;
-  return status;
+  Running& call = *running_;
+  const bool is_local = call.credentials.transport == Transport::kSocket;
+  if (const auto problem =
+          access_->limits_.EnterSamples(call.caller.name, is_local, samples_per_s)) {
+    return access_
+        ->Refuse(grpc::StatusCode::RESOURCE_EXHAUSTED, call.peer, call.caller.name,
+                 call.rule->method, *problem)
+        .status();
+  }
+  call.samples_per_s = samples_per_s;
+  return grpc::Status::OK;
 }
 
 void Admission::Answered() {
   if (!access_) return;
-  is_answered_ = true;
-  access_->limits_.Leave(caller_.name, rule_->kind, request_bytes_);
+  running_->is_answered = true;
+  access_->limits_.Leave(running_->caller.name, running_->rule->kind, running_->request_bytes);
   SetPatience(After(access_->options_.read_patience), "it does not read its answer");
 }
 
@@ -116,13 +109,15 @@ void Admission::SetPatience(std::int64_t ends_ns, const char* with) const {
 }
 
 grpc::Status Admission::Failed(const std::exception& error) const {
+  const Running& call = *running_;
   // Counts by identity, so that strangers at the same address do not use up its lines of the log.
-  const bool is_logged = rule_->kind == CallKind::kTransfer || rule_->least >= Role::kOperator;
+  const bool is_logged =
+      call.rule->kind == CallKind::kTransfer || call.rule->least >= Role::kOperator;
   const auto left_out =
-      is_logged ? access_->refusals_.Take(caller_.name, MonotonicNowNs()) : std::nullopt;
+      is_logged ? access_->refusals_.Take(call.caller.name, MonotonicNowNs()) : std::nullopt;
   if (left_out) {
-    LogWarning("{} of {} at {} failed: {}{}", NameOf(rule_->method), caller_.name, context_->peer(),
-               error.what(), LeftOut(*left_out));
+    LogWarning("{} of {} at {} failed: {}{}", NameOf(call.rule->method), call.caller.name,
+               call.peer, error.what(), LeftOutInWords(*left_out));
   }
   return ToStatus(error);
 }
@@ -173,23 +168,8 @@ Admission Access::Enter(const Admission::Running& call,
   }
   Admission admission;
   admission.access_ = this;
-  admission.context_ = call.context;
-  admission.rule_ = call.rule;
-  admission.caller_ = call.caller;
-  admission.request_bytes_ = call.request_bytes;
   admission.running_ = running_.insert(running_.end(), call);
   return admission;
-}
-
-// Does not take this class's lock: Review holds it while it ends streams.
-grpc::Status Access::TakeSamples(const Admission& admission, int samples_per_s) {
-  const Admission::Running& call = *admission.running_;
-  const bool is_local = call.credentials.transport == Transport::kSocket;
-  const auto problem = limits_.EnterSamples(call.caller.name, is_local, samples_per_s);
-  if (!problem) return grpc::Status::OK;
-  return Refuse(grpc::StatusCode::RESOURCE_EXHAUSTED, call.peer, call.caller.name,
-                call.rule->method, *problem)
-      .status();
 }
 
 void Access::SetPolicy(std::shared_ptr<const Policy> policy) {
@@ -223,7 +203,7 @@ void Access::Review() {
   const auto recognises = [&](const Credentials& credentials) {
     return judge->Recognise(credentials, now_()).identity.has_value();
   };
-  connections_->EndUnless(recognises, MonotonicNowNs());
+  connections_->ForgetUnless(recognises);
 }
 
 std::string Access::WhyEnd(const Admission::Running& call) const {
@@ -240,7 +220,8 @@ bool Access::Holds(const Admission::Running& call) const {
 Admission Access::Refuse(grpc::StatusCode code, const std::string& peer, const std::string& who,
                          std::string_view method, const std::string& problem) {
   if (const auto left_out = refusals_.Take(peer, MonotonicNowNs())) {
-    LogWarning("refused {} at {} to call {}: {}{}", who, peer, method, problem, LeftOut(*left_out));
+    LogWarning("refused {} at {} to call {}: {}{}", who, peer, method, problem,
+               LeftOutInWords(*left_out));
   }
   return Admission(
       grpc::Status(code, "palpated refuses " + std::string(NameOf(method)) + ": " + problem));

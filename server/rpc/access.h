@@ -38,8 +38,10 @@ class Access;
 class Admission {
  public:
   ~Admission() { Leave(); }
-  Admission(Admission&& other) noexcept { *this = std::move(other); }
-  Admission& operator=(Admission&& other) noexcept;
+  Admission(Admission&& other) noexcept
+      : status_(std::move(other.status_)),
+        access_(std::exchange(other.access_, nullptr)),
+        running_(other.running_) {}
 
   bool ok() const { return status_.ok(); }
   const grpc::Status& status() const { return status_; }
@@ -51,7 +53,7 @@ class Admission {
   void Answered();
   // While an upload waits for its client: the client has send_patience to send more.
   void WaitForMore(bool begins);
-  const Identity& caller() const { return caller_; }
+  const Identity& caller() const { return running_->caller; }  // of an admitted call
   // Ends the admission: the call is over.
   void Leave();
   // Returns the status of an admitted call that failed. Logs the failures of transfers and of
@@ -67,6 +69,8 @@ class Admission {
     Identity caller{};
     std::string peer{};
     std::size_t request_bytes = 0;
+    int samples_per_s = 0;  // what TakeSamples has taken
+    bool is_answered = false;
     bool ended = false;
     // when the call ends unless its client reads or sends; 0: the daemon does not wait for it
     std::int64_t patience_ends_ns = 0;
@@ -77,13 +81,7 @@ class Admission {
   explicit Admission(grpc::Status status = {}) : status_(std::move(status)) {}
 
   grpc::Status status_;
-  Access* access_ = nullptr;  // null: Leave has nothing to give back
-  grpc::ServerContextBase* context_ = nullptr;
-  const MethodRule* rule_ = nullptr;
-  Identity caller_{};
-  std::size_t request_bytes_ = 0;
-  int samples_per_s_ = 0;  // the samples that TakeSamples has taken
-  bool is_answered_ = false;
+  Access* access_ = nullptr;  // null: not admitted, or over
   std::list<Running>::iterator running_;
 };
 
@@ -114,7 +112,6 @@ class Access {
   bool Holds(const Admission::Running& call) const;
   // Why a call must end; empty: it may continue.
   std::string WhyEnd(const Admission::Running& call) const;
-  grpc::Status TakeSamples(const Admission& admission, int samples_per_s);
   Admission Refuse(grpc::StatusCode code, const std::string& peer, const std::string& who,
                    std::string_view method, const std::string& problem);
   // Returns an admission with neither access nor refusal if `judge` is no longer the policy.

@@ -70,7 +70,6 @@ ConnectionWatch::~ConnectionWatch() {
   changed_.notify_all();
   if (thread_.joinable()) thread_.join();
   for (const auto& [peer, connection] : connections_) close(connection.fd);
-  for (const auto& [peer, known] : known_) close(known.fd);
 }
 
 void ConnectionWatch::Start() {
@@ -81,7 +80,7 @@ bool ConnectionWatch::Enter(int fd, const sockaddr_storage& peer) {
   const std::lock_guard lock(mutex_);
   int second_fd = fcntl(fd, F_DUPFD_CLOEXEC, first_file_);
   if (second_fd < 0) {
-    ForgetEndedKnown();
+    DropEnded(/*of_all=*/true);
     second_fd = fcntl(fd, F_DUPFD_CLOEXEC, first_file_);
   }
   if (second_fd < 0) return false;
@@ -95,62 +94,46 @@ bool ConnectionWatch::Enter(int fd, const sockaddr_storage& peer) {
 
 void ConnectionWatch::Admitted(const std::string& peer, const Credentials& credentials) {
   const std::lock_guard lock(mutex_);
-  const auto found = connections_.find(peer);
-  const auto before = known_.find(peer);
-  if (found == connections_.end()) {
-    if (before == known_.end()) return;
-    before->second.credentials = credentials;
-    before->second.refused_ns = 0;
-    return;
+  if (const auto found = connections_.find(peer); found != connections_.end()) {
+    found->second.known = credentials;
   }
-  // An ended connection of the same port may still be in the list.
-  if (before != known_.end()) close(before->second.fd);
-  known_[peer] = {
-      .fd = found->second.fd, .credentials = credentials, .number = found->second.number};
-  connections_.erase(found);
 }
 
-void ConnectionWatch::ForgetEndedKnown() {
-  std::erase_if(known_, [](const auto& one) {
-    std::int64_t received_bytes = 0;
-    const bool has_ended = !AskKernel(one.second.fd, received_bytes);
-    if (has_ended) close(one.second.fd);
-    return has_ended;
-  });
+void ConnectionWatch::ForgetUnless(const std::function<bool(const Credentials&)>& recognises) {
+  std::unique_lock lock(mutex_);
+  DropEnded(/*of_all=*/true);
+  const Connections asked = connections_;
+  lock.unlock();  // the acceptor needs it
+  std::vector<const Connections::value_type*> refused;
+  for (const auto& one : asked) {
+    if (one.second.known && !recognises(*one.second.known)) refused.push_back(&one);
+  }
+  lock.lock();
+  for (const auto* const one : refused) {
+    const auto found = connections_.find(one->first);
+    // A new connection of the same port may have replaced it, or a call with other credentials.
+    if (found != connections_.end() && found->second.number == one->second.number &&
+        found->second.known == one->second.known) {
+      found->second.known.reset();
+    }
+  }
+  changed_.notify_all();
 }
 
-void ConnectionWatch::EndUnless(const std::function<bool(const Credentials&)>& recognises,
-                                std::int64_t now_ns) {
-  constexpr std::int64_t kGraceNs = std::chrono::nanoseconds(kGrace).count();
-  std::vector<std::pair<std::string, Known>> asked;
-  {
-    const std::lock_guard lock(mutex_);
-    ForgetEndedKnown();
-    asked.assign(known_.begin(), known_.end());
-  }
-  // Called without the lock, because the acceptor needs the lock.
-  for (auto& [peer, known] : asked) {
-    if (recognises(known.credentials)) {
-      known.refused_ns = 0;
-    } else if (known.refused_ns == 0) {
-      known.refused_ns = now_ns;
+bool ConnectionWatch::HasStrangers() const {
+  return std::any_of(connections_.begin(), connections_.end(),
+                     [](const auto& one) { return !one.second.known; });
+}
+
+void ConnectionWatch::DropEnded(bool of_all) {
+  for (auto at = connections_.begin(); at != connections_.end();) {
+    Connection& connection = at->second;
+    if ((connection.known && !of_all) || AskKernel(connection.fd, connection.received_bytes)) {
+      ++at;
+    } else {
+      close(connection.fd);
+      at = connections_.erase(at);
     }
-  }
-  std::vector<std::string> ended;
-  {
-    const std::lock_guard lock(mutex_);
-    for (const auto& [peer, known] : asked) {
-      const auto found = known_.find(peer);
-      // A new connection of the same port may have replaced it.
-      if (found == known_.end() || found->second.number != known.number) continue;
-      found->second.refused_ns = known.refused_ns;
-      if (known.refused_ns == 0 || now_ns - known.refused_ns < kGraceNs) continue;
-      shutdown(known.fd, SHUT_RDWR);
-      ended.push_back(peer);
-    }
-  }
-  for (const std::string& peer : ended) {
-    LogWarning("cut off {}: its client is no longer allowed", peer);
   }
 }
 
@@ -162,7 +145,7 @@ void ConnectionWatch::Run() {
   pthread_setname_np(pthread_self(), "palpate-watch");
   std::unique_lock lock(mutex_);
   while (true) {
-    changed_.wait(lock, [this] { return stop_ || !connections_.empty(); });
+    changed_.wait(lock, [this] { return stop_ || HasStrangers(); });
     if (changed_.wait_for(lock, kReviewTime, [this] { return stop_; })) return;
     const std::vector<std::string> lines = Review();
     lock.unlock();
@@ -171,15 +154,12 @@ void ConnectionWatch::Run() {
   }
 }
 
+// Only shuts connections down. The next review notices their end and removes them.
 std::vector<std::string> ConnectionWatch::Review() {
+  DropEnded(/*of_all=*/false);
   std::vector<const Connections::value_type*> by_age;
-  for (auto at = connections_.begin(); at != connections_.end();) {
-    if (!AskKernel(at->second.fd, at->second.received_bytes)) {
-      at = Forget(at);
-      continue;
-    }
-    by_age.push_back(&*at);
-    ++at;
+  for (const auto& one : connections_) {
+    if (!one.second.known) by_age.push_back(&one);
   }
   std::sort(by_age.begin(), by_age.end(),
             [](const auto* a, const auto* b) { return a->second.number < b->second.number; });
@@ -189,25 +169,14 @@ std::vector<std::string> ConnectionWatch::Review() {
   }
   std::vector<std::string> lines;
   for (const ConnectionCut& cut : CutsAmong(bounded, kStrangerBounds)) {
-    CutOff(*by_age[cut.connection], cut.sent_too_much, lines);
+    const auto& [peer, connection] = *by_age[cut.connection];
+    shutdown(connection.fd, SHUT_RDWR);
+    if (const auto left_out = log_budget_.Take(peer, MonotonicNowNs())) {
+      lines.push_back("cut off " + peer + ": " + ReasonFor(cut.sent_too_much) +
+                      LeftOutInWords(*left_out));
+    }
   }
   return lines;
-}
-
-ConnectionWatch::Connections::iterator ConnectionWatch::Forget(Connections::iterator connection) {
-  close(connection->second.fd);
-  return connections_.erase(connection);
-}
-
-// Only shuts the connection down. The next review notices its end and removes it.
-void ConnectionWatch::CutOff(const Connections::value_type& connection, bool sent_too_much,
-                             std::vector<std::string>& lines) {
-  const auto& [peer, one] = connection;
-  shutdown(one.fd, SHUT_RDWR);
-  const auto left_out = log_budget_.Take(peer, MonotonicNowNs());
-  if (!left_out) return;
-  lines.push_back("cut off " + peer + ": " + ReasonFor(sent_too_much) +
-                  (*left_out == 0 ? "" : " (and " + std::to_string(*left_out) + " more since)"));
 }
 
 }  // namespace palpate

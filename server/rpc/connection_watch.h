@@ -1,16 +1,15 @@
 // Watches the TLS connections of strangers and cuts off the connections that CutsAmong chooses.
 // gRPC's own quotas miss some of the received bytes; the watch uses the kernel's count.
 //
-// The watch keeps known clients' connections in a list, but does not count their bytes. It cuts
-// off such a connection when its client is no longer allowed: a client that sends endless headers
-// makes no call that could be refused.
+// A connection is a stranger's until a call on it is allowed, and again when its client is no
+// longer allowed: a client that sends endless headers makes no call that could be refused.
 //
 // The watch does not ban addresses: a cut-off peer may connect again at once. Other clients behind
 // the same NAT share the address, and CutsAmong bounds what all strangers send together.
 //
-// Threads: any. A thread of its own checks the connections while there are any. The acceptor's
-// thread cannot do it: gRPC may read from a connection on the thread that handed the connection
-// over, for as long as data comes.
+// Threads: any. A thread of its own checks strangers while there are any. The acceptor's thread
+// cannot do it: gRPC may read from a connection on the thread that handed the connection over, for
+// as long as data comes.
 #pragma once
 
 #include <sys/socket.h>
@@ -21,6 +20,7 @@
 #include <functional>
 #include <map>
 #include <mutex>
+#include <optional>
 #include <string>
 #include <thread>
 #include <vector>
@@ -49,11 +49,10 @@ class ConnectionWatch {
   // A call on this connection was allowed by `credentials`. The newest count. `peer`: the name in
   // gRPC's form.
   void Admitted(const std::string& peer, const Credentials& credentials);
-  // Cuts off connections whose client `recognises` no longer accepts, kGrace after the first call
-  // that noticed it. During kGrace the client's calls still get an answer with the reason.
-  // `recognises` is called without the lock and may be slow.
-  static constexpr std::chrono::seconds kGrace{3};
-  void EndUnless(const std::function<bool(const Credentials&)>& recognises, std::int64_t now_ns);
+  // Connections whose client `recognises` no longer accepts are strangers' from now on. Call it now
+  // and then: it also forgets connections that have ended. `recognises` is called without the lock
+  // and may be slow.
+  void ForgetUnless(const std::function<bool(const Credentials&)>& recognises);
 
  private:
   struct Connection {
@@ -61,27 +60,19 @@ class ConnectionWatch {
     std::uint64_t number = 0;  // rises in the order in which connections came
     int fd = -1;               // a duplicate; owned
     std::int64_t received_bytes = 0;
-  };
-  struct Known {
-    int fd = -1;  // a duplicate; owned
-    Credentials credentials{};
-    std::uint64_t number = 0;  // as in Connection
-    // time of the first check that did not accept the client; 0: accepted
-    std::int64_t refused_ns = 0;
+    std::optional<Credentials> known{};  // none: a stranger's
   };
   using Connections = std::map<std::string, Connection>;  // by their peers
 
   void Run();
+  bool HasStrangers() const;
+  // Drops ended connections, of strangers or of all.
+  void DropEnded(bool of_all);
   std::vector<std::string> Review();
-  void ForgetEndedKnown();
-  Connections::iterator Forget(Connections::iterator connection);
-  void CutOff(const Connections::value_type& connection, bool sent_too_much,
-              std::vector<std::string>& lines);
 
   const int first_file_;
   std::mutex mutex_;
-  Connections connections_;             // of strangers
-  std::map<std::string, Known> known_;  // by their peers
+  Connections connections_;
   std::uint64_t entered_ = 0;
   RefusalLog log_budget_;
   bool stop_ = false;

@@ -5,83 +5,14 @@
 namespace palpate {
 namespace {
 
-v1::VerificationLevel ToProto(VerificationLevel level) {
-  switch (level) {
-    case VerificationLevel::kNone:
-      return v1::VERIFICATION_LEVEL_NONE;
-    case VerificationLevel::kEnumerated:
-      return v1::VERIFICATION_LEVEL_ENUMERATED;
-    case VerificationLevel::kIdentified:
-      return v1::VERIFICATION_LEVEL_IDENTIFIED;
-    case VerificationLevel::kStateRead:
-      return v1::VERIFICATION_LEVEL_STATE_READ;
-    case VerificationLevel::kForceVerified:
-      return v1::VERIFICATION_LEVEL_FORCE_VERIFIED;
-    case VerificationLevel::kSimulated:
-      return v1::VERIFICATION_LEVEL_SIMULATED;
-  }
-  return v1::VERIFICATION_LEVEL_UNSPECIFIED;
-}
-
-v1::DeviceConnection ToProto(DeviceConnection connection) {
-  switch (connection) {
-    case DeviceConnection::kAbsent:
-      return v1::DEVICE_CONNECTION_ABSENT;
-    case DeviceConnection::kConnecting:
-      return v1::DEVICE_CONNECTION_CONNECTING;
-    case DeviceConnection::kStreaming:
-      return v1::DEVICE_CONNECTION_STREAMING;
-  }
-  return v1::DEVICE_CONNECTION_UNSPECIFIED;
-}
-
-v1::ForceState ToProto(ForceState state) {
-  switch (state) {
-    case ForceState::kOff:
-      return v1::FORCE_STATE_OFF;
-    case ForceState::kRampIn:
-      return v1::FORCE_STATE_RAMP_IN;
-    case ForceState::kOn:
-      return v1::FORCE_STATE_ON;
-    case ForceState::kHeld:
-      return v1::FORCE_STATE_HELD;
-    case ForceState::kFault:
-      return v1::FORCE_STATE_FAULT;
-    case ForceState::kStopped:
-      return v1::FORCE_STATE_STOPPED;
-  }
-  return v1::FORCE_STATE_UNSPECIFIED;
-}
-
-v1::ForceReason ToProto(ForceReason reason) {
-  switch (reason) {
-    case ForceReason::kNone:
-      return v1::FORCE_REASON_NONE;
-    case ForceReason::kOperator:
-      return v1::FORCE_REASON_OPERATOR;
-    case ForceReason::kDocked:
-      return v1::FORCE_REASON_DOCKED;
-    case ForceReason::kUncalibrated:
-      return v1::FORCE_REASON_UNCALIBRATED;
-    case ForceReason::kStale:
-      return v1::FORCE_REASON_STALE;
-    case ForceReason::kDeadlines:
-      return v1::FORCE_REASON_DEADLINES;
-    case ForceReason::kDevice:
-      return v1::FORCE_REASON_DEVICE;
-    case ForceReason::kPosition:
-      return v1::FORCE_REASON_POSITION;
-    case ForceReason::kForce:
-      return v1::FORCE_REASON_FORCE;
-    case ForceReason::kSpeed:
-      return v1::FORCE_REASON_SPEED;
-    case ForceReason::kStopCall:
-      return v1::FORCE_REASON_STOP_CALL;
-    case ForceReason::kStopButton:
-      return v1::FORCE_REASON_STOP_BUTTON;
-  }
-  return v1::FORCE_REASON_UNSPECIFIED;
-}
+static_assert(EnumToProto<v1::VerificationLevel>(VerificationLevel::kSimulated) ==
+              v1::VERIFICATION_LEVEL_SIMULATED);
+static_assert(EnumToProto<v1::DeviceConnection>(DeviceConnection::kStreaming) ==
+              v1::DEVICE_CONNECTION_STREAMING);
+static_assert(EnumToProto<v1::ForceState>(ForceState::kStopped) == v1::FORCE_STATE_STOPPED);
+static_assert(EnumToProto<v1::ForceReason>(ForceReason::kStopButton) ==
+              v1::FORCE_REASON_STOP_BUTTON);
+static_assert(EnumToProto<v1::Role>(Role::kAdmin) == v1::ROLE_ADMIN);
 
 }  // namespace
 
@@ -96,13 +27,13 @@ v1::DeviceDescription ToProto(const DeviceSpec& spec) {
   out.set_max_stiffness_n_per_mm(spec.max_stiffness_n_per_mm);
   out.set_position_resolution_mm(spec.position_resolution_mm);
   out.set_button_count(static_cast<std::uint32_t>(spec.button_count));
-  out.set_verification_level(ToProto(spec.verification_level));
+  out.set_verification_level(EnumToProto<v1::VerificationLevel>(spec.verification_level));
   return out;
 }
 
 v1::DeviceHealth ToProto(const DeviceHealth& health) {
   v1::DeviceHealth out;
-  out.set_connection(ToProto(health.connection));
+  out.set_connection(EnumToProto<v1::DeviceConnection>(health.connection));
   out.set_docked(health.docked);
   out.set_calibrated(health.calibrated);
   out.set_identity(health.identity);
@@ -124,21 +55,21 @@ v1::ListedDevice ToProto(const ListedDevice& device) {
   out.set_port(device.port);
   out.set_usable(device.usable);
   out.set_problem(device.problem);
-  out.set_verification_level(ToProto(device.verification_level));
+  out.set_verification_level(EnumToProto<v1::VerificationLevel>(device.verification_level));
   return out;
 }
 
 v1::CallerDescription ToProto(const Identity& caller) {
   v1::CallerDescription description;
   description.set_identity(caller.name);
-  description.set_role(static_cast<v1::Role>(static_cast<int>(caller.role) + 1));
+  description.set_role(EnumToProto<v1::Role>(caller.role));
   return description;
 }
 
 v1::ForceStatus ToProto(ForceState state, ForceReason reason, double limit_n) {
   v1::ForceStatus out;
-  out.set_state(ToProto(state));
-  out.set_reason(ToProto(reason));
+  out.set_state(EnumToProto<v1::ForceState>(state));
+  out.set_reason(EnumToProto<v1::ForceReason>(reason));
   out.set_limit_n(limit_n);
   return out;
 }

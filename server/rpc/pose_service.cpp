@@ -23,7 +23,7 @@ class PoseReactor final
              std::shared_ptr<PoseReactor> self) {
     pump_ = &pump;
     metrics_ = &metrics;
-    admission_ = std::move(admission);
+    admission_.emplace(std::move(admission));
     self_ = std::move(self);
     StartRead(&request_);
   }

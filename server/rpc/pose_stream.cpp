@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "common/error/error.h"
+#include "common/wire/convert.h"
 #include "server/rpc/device_messages.h"
 #include "server/rpc/render_service.h"
 
@@ -24,23 +25,7 @@ void SetVector(v1::Vector3* out, const std::array<double, 3>& v) {
   out->set_z(v[2]);
 }
 
-v1::ProxyMode ToProto(TickMode mode) {
-  switch (mode) {
-    case TickMode::kFree:
-      return v1::PROXY_MODE_FREE;
-    case TickMode::kConstrained:
-      return v1::PROXY_MODE_CONSTRAINED;
-    case TickMode::kEjecting:
-      return v1::PROXY_MODE_EJECTING;
-    case TickMode::kFault:
-      return v1::PROXY_MODE_FAULT;
-    case TickMode::kSuspended:
-      return v1::PROXY_MODE_SUSPENDED;
-    case TickMode::kInside:
-      return v1::PROXY_MODE_INSIDE;
-  }
-  return v1::PROXY_MODE_UNSPECIFIED;
-}
+static_assert(EnumToProto<v1::ProxyMode>(TickMode::kInside) == v1::PROXY_MODE_INSIDE);
 
 }  // namespace
 
@@ -124,7 +109,7 @@ v1::PoseSample ToProto(const TickSample& sample) {
   orientation->set_z(sample.stylus_orientation[3]);
   out.set_buttons(sample.buttons);
   SetVector(out.mutable_force_n(), sample.force_n);
-  out.set_mode(ToProto(sample.mode));
+  out.set_mode(EnumToProto<v1::ProxyMode>(sample.mode));
   out.set_contact(sample.contact);
   out.set_density(sample.density);
   out.set_isovalue(sample.isovalue);

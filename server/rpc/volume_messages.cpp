@@ -1,9 +1,11 @@
 #include "server/rpc/volume_messages.h"
 
 #include <algorithm>
+#include <cctype>
 #include <cstdint>
 #include <limits>
 #include <string>
+#include <string_view>
 
 #include "common/error/error.h"
 #include "common/wire/convert.h"
@@ -11,35 +13,21 @@
 namespace palpate {
 namespace {
 
-// The names that palpate-import uses.
+// The names that palpate-import uses: "uint8" for VOXEL_TYPE_UINT8.
 std::string TypeName(v1::VoxelType type) {
-  switch (type) {
-    case v1::VOXEL_TYPE_INT8:
-      return "int8";
-    case v1::VOXEL_TYPE_UINT8:
-      return "uint8";
-    case v1::VOXEL_TYPE_INT16:
-      return "int16";
-    case v1::VOXEL_TYPE_UINT16:
-      return "uint16";
-    case v1::VOXEL_TYPE_INT32:
-      return "int32";
-    case v1::VOXEL_TYPE_UINT32:
-      return "uint32";
-    case v1::VOXEL_TYPE_FLOAT32:
-      return "float32";
-    case v1::VOXEL_TYPE_FLOAT64:
-      return "float64";
-    default:
-      throw Error(ErrorKind::kInvalidArgument,
-                  "raw.type is missing or unknown: say which type the voxels have");
+  if (type == v1::VOXEL_TYPE_UNSPECIFIED || !v1::VoxelType_IsValid(type)) {
+    Refuse("raw.type is missing or unknown: say which type the voxels have");
   }
+  std::string name = v1::VoxelType_Name(type).substr(std::string_view("VOXEL_TYPE_").size());
+  std::transform(name.begin(), name.end(), name.begin(),
+                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  return name;
 }
 
 RawVoxels RawFromProto(const v1::RawVoxels& raw) {
   constexpr std::uint64_t kMostOffset = std::numeric_limits<std::int64_t>::max();
   if (raw.offset_bytes() > kMostOffset) {
-    throw Error(ErrorKind::kInvalidArgument, "raw.offset_bytes is beyond any file");
+    Refuse("raw.offset_bytes is beyond any file");
   }
   return {.size = {raw.size_x(), raw.size_y(), raw.size_z()},
           .type = TypeName(raw.type()),

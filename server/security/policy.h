@@ -42,6 +42,8 @@ struct Credentials {
   // Replaces the header for a call that was already admitted: the hash that found its token. So the
   // token itself is not kept.
   std::string token_sha256_hex{};
+
+  bool operator==(const Credentials&) const = default;
 };
 
 struct Recognised {

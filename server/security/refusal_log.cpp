@@ -9,6 +9,10 @@ constexpr std::int64_t kForgottenAfterNs = 60'000'000'000;
 
 }  // namespace
 
+std::string LeftOutInWords(std::uint64_t lines) {
+  return lines == 0 ? "" : " (and " + std::to_string(lines) + " more since)";
+}
+
 std::string AddressOf(const std::string& peer) {
   if (!peer.starts_with("ipv4:") && !peer.starts_with("ipv6:")) return peer;
   return peer.substr(0, peer.rfind(':'));

@@ -35,6 +35,9 @@ class RefusalLog {
   std::map<std::string, Budget> budgets_;
 };
 
+// " (and 3 more since)"; empty for none.
+std::string LeftOutInWords(std::uint64_t lines);
+
 // The address without the port, which changes with each connection.
 std::string AddressOf(const std::string& peer);
 

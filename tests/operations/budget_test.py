@@ -238,7 +238,8 @@ def run(daemon, folder, full_folder, seconds):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--seconds", type=float, default=20.0, help="600 for the long form")
+    parser.add_argument("--seconds", type=float, help="600 with tests/run.sh --all [20]",
+                        default=float(os.environ.get("PALPATE_BUDGET_S", "20")))
     parser.add_argument("--locked", action="store_true", help="with [realtime] lock_memory")
     options = parser.parse_args()
     lock = "true" if options.locked else "false"

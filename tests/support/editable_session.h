@@ -45,7 +45,8 @@ class EditableSession {
     VolumeMetadata metadata;
     metadata.size = size;
     metadata.source = "made";
-    session_.PublishVolume({.source = {}, .discards_edits = true}, metadata, MakeBricks(size, value));
+    session_.PublishVolume({.source = {}, .discards_edits = true}, metadata,
+                           MakeBricks(size, value));
   }
 
   // Edits a box of up to `edge` voxels along each axis. One edit in four writes background.

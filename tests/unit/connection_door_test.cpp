@@ -203,59 +203,53 @@ TEST_F(ConnectionWatchTest, ANewcomerGetsInAmongManyAddressesAndTheOldestGoes) {
   for (std::size_t n = 1; n < crowd.size(); ++n) EXPECT_FALSE(IsClosed(crowd[n].client)) << n;
 }
 
-TEST_F(ConnectionWatchTest, AKnownClientIsNotWatchedAndEndsOnceItIsKnownNoMore) {
+TEST_F(ConnectionWatchTest, AKnownClientIsNotWatchedUntilItIsKnownNoMore) {
   Pair known = Enter(), other = Enter();
   watch_.Admitted(PeerName(known.peer), {.token_sha256_hex = "a"});
   watch_.Admitted(PeerName(other.peer), {.token_sha256_hex = "b"});
   const Pair greedy = Enter();
   EXPECT_TRUE(Send(known, 9 * kMiB));
+  EXPECT_TRUE(Send(other, 9 * kMiB));
   Send(greedy, 9 * kMiB);
-  // A review that would have cut off both.
+  // A review that would have cut off all.
   EXPECT_TRUE(Eventually([&] { return IsClosed(greedy.client); }));
   EXPECT_FALSE(IsClosed(known.client));
-  const auto is_b = [](const Credentials& credentials) {
-    return credentials.token_sha256_hex == "b";
-  };
-  const std::int64_t grace_ns = std::chrono::nanoseconds(ConnectionWatch::kGrace).count();
-  watch_.EndUnless(is_b, 1);
-  watch_.EndUnless(is_b, grace_ns);
-  EXPECT_FALSE(IsClosed(known.client));
-  watch_.EndUnless(is_b, 1 + grace_ns);
+  watch_.ForgetUnless(
+      [](const Credentials& credentials) { return credentials.token_sha256_hex == "b"; });
   EXPECT_TRUE(Eventually([&] { return IsClosed(known.client); }));
   EXPECT_FALSE(IsClosed(other.client));
   // The second file of a connection that has ended goes too.
-  const auto is_known = [](const Credentials&) { return true; };
-  watch_.EndUnless(is_known, 1);  // forgets the one that it cut off
+  const auto look = [&] { watch_.ForgetUnless([](const Credentials&) { return true; }); };
+  look();  // forgets those that it cut off
   const std::ptrdiff_t before = OpenFiles();
   other.client = Descriptor();
-  watch_.EndUnless([](const Credentials&) { return true; }, 1);
   EXPECT_TRUE(Eventually([&] {
-    watch_.EndUnless(is_known, 1);
+    look();
     return OpenFiles() == before - 2;  // with the client's own
   }));
 }
 
-// A token may be renewed while its connection stays.
-TEST_F(ConnectionWatchTest, TheNewestCredentialsCountAndAnEarlierRefusalIsForgotten) {
+// A token may be renewed while its connection stays, and a client may be allowed again.
+TEST_F(ConnectionWatchTest, TheNewestCredentialsCount) {
   const Pair known = Enter();
   const auto admit = [&](const char* token) {
     watch_.Admitted(PeerName(known.peer), {.token_sha256_hex = token});
   };
-  const auto only = [](const std::string& token) {
-    return [token](const Credentials& one) { return one.token_sha256_hex == token; };
+  const auto forget_unless = [&](const std::string& token) {
+    watch_.ForgetUnless([&](const Credentials& one) { return one.token_sha256_hex == token; });
   };
-  const std::int64_t grace_ns = std::chrono::nanoseconds(ConnectionWatch::kGrace).count();
   admit("a");
   admit("b");
-  watch_.EndUnless(only("b"), 1);
-  watch_.EndUnless(only("b"), 1 + grace_ns);
+  forget_unless("b");
+  forget_unless("c");
+  admit("d");
+  forget_unless("d");
+  EXPECT_TRUE(Send(known, 9 * kMiB));
+  const Pair greedy = Enter();
+  Send(greedy, 9 * kMiB);
+  EXPECT_TRUE(Eventually([&] { return IsClosed(greedy.client); }));
   EXPECT_FALSE(IsClosed(known.client));
-  // Refused for less than the grace, and allowed again.
-  watch_.EndUnless(only("c"), 1);
-  watch_.EndUnless(only("b"), grace_ns);
-  watch_.EndUnless(only("c"), 10 * grace_ns);
-  EXPECT_FALSE(IsClosed(known.client));
-  watch_.EndUnless(only("c"), 11 * grace_ns);
+  forget_unless("a");
   EXPECT_TRUE(Eventually([&] { return IsClosed(known.client); }));
 }
 

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <atomic>
+#include <cctype>
 #include <map>
 #include <memory>
 #include <mutex>
@@ -11,6 +12,8 @@
 #include <string>
 
 #include "common/error/error.h"
+#include "server/rpc/device_messages.h"
+#include "server/safety/names.h"
 #include "tests/support/editable_session.h"
 #include "tests/support/patience.h"
 #include "tests/support/temporary_folder.h"
@@ -19,6 +22,40 @@ namespace palpate {
 namespace {
 
 using grpc::StatusCode;
+
+// The conversion goes by number.
+TEST(DeviceMessages, EnumeratorsKeepTheirNames) {
+  const auto proto_name = [](std::string prefix, std::string_view name) {
+    for (const char c : name) {
+      prefix += c == '-' || c == ' '
+                    ? '_'
+                    : static_cast<char>(std::toupper(static_cast<unsigned char>(c)));
+    }
+    return prefix;
+  };
+  for (int n = 0; n < v1::ForceState_MAX; ++n) {
+    const auto state = static_cast<ForceState>(n);
+    EXPECT_EQ(v1::ForceState_Name(ToProto(state, ForceReason::kNone, 0.0).state()),
+              proto_name("FORCE_STATE_", NameOf(state)));
+  }
+  for (int n = 0; n < v1::ForceReason_MAX; ++n) {
+    const auto reason = static_cast<ForceReason>(n);
+    EXPECT_EQ(v1::ForceReason_Name(ToProto(ForceState::kOff, reason, 0.0).reason()),
+              proto_name("FORCE_REASON_", NameOf(reason)));
+  }
+  for (int n = 0; n < v1::VerificationLevel_MAX; ++n) {
+    const auto level = static_cast<VerificationLevel>(n);
+    DeviceSpec spec;
+    spec.verification_level = level;
+    EXPECT_EQ(v1::VerificationLevel_Name(ToProto(spec).verification_level()),
+              proto_name("VERIFICATION_LEVEL_", NameOf(level)));
+  }
+  for (int n = 0; n < v1::Role_MAX; ++n) {
+    const auto role = static_cast<Role>(n);
+    EXPECT_EQ(v1::Role_Name(ToProto(Identity{.name = "", .role = role}).role()),
+              proto_name("ROLE_", NameOf(role)));
+  }
+}
 
 // Told by the test what to read and how it is.
 class FakeDevice : public HapticDevice {
