@@ -49,10 +49,9 @@ void VolumeStore::RequireSaved(bool discards_edits) const {
   const std::uint64_t edits = unsaved_edits_;
   if (edits == 0 || discards_edits) return;
   throw Error(ErrorKind::kFailedPrecondition,
-              fmt::format("{} of the present volume {} not saved: save it, or allow to discard "
-                          "them (--discard, discard_edits=True)",
-                          edits == 1 ? "an edit" : fmt::format("{} edits", edits),
-                          edits == 1 ? "is" : "are"));
+              fmt::format("{} not saved: save the volume, or allow to discard edits (--discard, "
+                          "discard_edits=True)",
+                          edits == 1 ? "an edit is" : fmt::format("{} edits are", edits)));
 }
 
 void VolumeStore::Saved(const VolumeSnapshot& volume) {
