@@ -27,8 +27,8 @@ struct WatchFigures {
   double seconds = 0.0;
   std::uint64_t samples = 0;
   std::uint64_t contact_samples = 0;
-  // Samples whose density exceeds the isovalue, except while ejecting. Always 0 if the proxy works
-  // as promised.
+  // Samples whose density exceeds the isovalue, except while ejecting or inside. Always 0 if the
+  // proxy works as promised.
   std::uint64_t inside_samples = 0;
   std::uint64_t dropped_samples = 0;
   // From the first sample to the last: executed ticks, missed ticks, and ticks per second of the

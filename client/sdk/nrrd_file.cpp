@@ -1,10 +1,6 @@
 #include "client/sdk/nrrd_file.h"
 
-#include <unistd.h>
-
 #include <algorithm>
-#include <cerrno>
-#include <filesystem>
 #include <vector>
 
 #include "common/error/error.h"

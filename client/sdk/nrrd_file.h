@@ -1,7 +1,7 @@
 // Writes a downloaded volume as an NRRD file: float, raw, in LPS.
 //
-// Threads: any. Errors: kConflict (the file exists), kInvalidArgument (the path is a folder),
-// kNotFound (no such folder for the file), kPermissionDenied, kDiskFull.
+// Threads: any. Errors: kConflict (the file exists), kInvalidArgument (no regular file: a folder, a
+// link), kNotFound (no such folder for the file), kPermissionDenied, kDiskFull.
 #pragma once
 
 #include <functional>

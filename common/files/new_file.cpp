@@ -30,10 +30,9 @@ void CheckName(const fs::path& path, IfThere if_there) {
   const fs::file_type type = fs::symlink_status(path, ignored).type();
   if (type == fs::file_type::not_found || type == fs::file_type::none) return;
   if (type == fs::file_type::directory) throw CannotWrite(path, EISDIR);
-  const bool refuses = if_there == IfThere::kRefuse;
-  if (type == fs::file_type::regular && !refuses) return;
-  if (type == fs::file_type::regular || (type == fs::file_type::symlink && refuses)) {
-    RefuseToOverwrite(path);
+  if (type == fs::file_type::regular) {
+    if (if_there == IfThere::kRefuse) RefuseToOverwrite(path);
+    return;
   }
   throw Error(ErrorKind::kInvalidArgument,
               path.string() + " is a link, a device or a pipe, and is not replaced: name a file");

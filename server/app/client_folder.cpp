@@ -82,7 +82,7 @@ std::string WriteClientFolder(const ClientFolder& client, const std::string& tok
           "-ca.pem\"\ntoken_file = \"" + profile + ".token\"\n";
   Write(client.folder / (profile + "-ca.pem"), certificate, 0644, IfThere::kRefuse);
   Write(client.folder / (profile + ".token"), token + "\n", 0600, IfThere::kRefuse);
-  Write(file, text, 0644, IfThere::kReplace);
+  Write(fs::weakly_canonical(file), text, 0644, IfThere::kReplace);
   return profile;
 }
 

@@ -20,6 +20,8 @@ constexpr std::chrono::milliseconds kLeastRest(20);
 constexpr std::chrono::seconds kMostRest(10);
 constexpr std::chrono::milliseconds kMostWayOut(1000);
 constexpr std::chrono::milliseconds kLook(2);
+// After that, the other volume is not waited for: it could not be published.
+constexpr std::chrono::seconds kMostRoom(5);
 
 bool HaveSameSurface(const HapticSurface& a, const HapticSurface& b) {
   return a.isovalue == b.isovalue && a.free_side == b.free_side && a.method == b.method &&
@@ -32,6 +34,10 @@ HandGuide::HandGuide(Session& session, TouchPlanInbox& plans)
     : device_(session.device()), plans_(plans), listening_(session, *this) {}
 
 void HandGuide::Start() {
+  {
+    const std::lock_guard lock(mutex_);
+    is_running_ = true;
+  }
   thread_ = std::thread([this] { Run(); });
 }
 
@@ -41,7 +47,7 @@ void HandGuide::Stop() noexcept {
     const std::lock_guard lock(mutex_);
     stop_ = true;
   }
-  wake_.notify_one();
+  wake_.notify_all();  // MakeRoomFor may wait, too
   thread_.join();
 }
 
@@ -50,7 +56,10 @@ void HandGuide::OnScene(const Scene& scene, std::span<const BrickChange> /*chang
   std::optional<Felt> felt = Felt{scene.volume, scene.surface, scene.settings.stiffness_n_per_mm};
   {
     const std::lock_guard lock(mutex_);
-    makes_room_ = false;
+    const std::uint64_t loaded = scene.volume->loaded_revision();
+    const bool is_other = loaded != std::exchange(loaded_revision_, loaded);
+    is_other_volume_ |= is_other;
+    if (is_other) room_is_made_until_ = {};
     if (newest_revision_ == scene.volume->revision() &&
         HaveSameSurface(newest_surface_, scene.surface) &&
         newest_stiffness_n_per_mm_ == felt->stiffness_n_per_mm) {
@@ -60,11 +69,9 @@ void HandGuide::OnScene(const Scene& scene, std::span<const BrickChange> /*chang
     newest_surface_ = scene.surface;
     newest_surface_.volume = nullptr;
     newest_stiffness_n_per_mm_ = felt->stiffness_n_per_mm;
-    const std::uint64_t loaded = scene.volume->loaded_revision();
-    is_other_volume_ |= loaded != std::exchange(loaded_revision_, loaded);
     waiting_.swap(felt);
   }
-  wake_.notify_one();
+  wake_.notify_all();
 }
 
 std::optional<HandGuide::Felt> HandGuide::NextFelt() {
@@ -92,16 +99,16 @@ void HandGuide::Run() {
 }
 
 void HandGuide::MakeRoomFor(const HapticSurface& surface) {
+  std::vector<Vec3> p_DFree_mm = FindFreePlaces(surface, device_);
   std::unique_lock lock(mutex_);
-  if (!thread_.joinable() || stop_) return;
-  auto way_out = std::make_unique<TouchPlan>(
-      TouchPlan{.strokes = {}, .p_DFree_mm = FindFreePlaces(surface, device_), .makes_room = true});
-  if (way_out->p_DFree_mm.empty()) return;
-  makes_room_ = true;
+  if (!is_running_ || stop_ || p_DFree_mm.empty()) return;
+  const auto now = std::chrono::steady_clock::now();
+  room_is_made_until_ = now + kMostRoom;
+  newest_revision_ = 0;  // if the other volume does not come, the next scene gets a plan
   plans_.is_out.store(false);
-  plans_.Publish(std::move(way_out));
-  const auto patience_ends = std::chrono::steady_clock::now() + kMostWayOut;
-  while (!plans_.is_out.load() && std::chrono::steady_clock::now() < patience_ends) {
+  plans_.Publish(std::make_unique<TouchPlan>(
+      TouchPlan{.strokes = {}, .p_DFree_mm = std::move(p_DFree_mm), .makes_room = true}));
+  while (!plans_.is_out.load() && std::chrono::steady_clock::now() < now + kMostWayOut) {
     if (wake_.wait_for(lock, kLook, [this] { return stop_; })) return;
   }
 }
@@ -112,7 +119,8 @@ void HandGuide::Plan(const Felt& felt) noexcept {
         std::make_unique<TouchPlan>(PlanTouches(felt.surface, device_, felt.stiffness_n_per_mm));
     // The hand is not led back into a volume that goes or has gone.
     const std::lock_guard lock(mutex_);
-    if (!makes_room_ && !is_other_volume_) plans_.Publish(std::move(plan));
+    const bool makes_room = std::chrono::steady_clock::now() < room_is_made_until_;
+    if (!makes_room && !is_other_volume_) plans_.Publish(std::move(plan));
   } catch (const std::exception&) {
     // Out of memory: the hand goes on with what it has.
   }

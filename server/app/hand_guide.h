@@ -11,6 +11,7 @@
 // planned on. Errors: without memory for a new plan, the hand keeps the last one.
 #pragma once
 
+#include <chrono>
 #include <condition_variable>
 #include <cstdint>
 #include <memory>
@@ -62,7 +63,9 @@ class HandGuide final : public SceneListener {
   double newest_stiffness_n_per_mm_ = -1.0;
   std::uint64_t loaded_revision_ = 0;
   bool is_other_volume_ = false;  // than that of the newest plan, or of the plan in the making
-  bool makes_room_ = false;       // for a volume that has not come yet
+  // For a volume that has not come yet.
+  std::chrono::steady_clock::time_point room_is_made_until_{};
+  bool is_running_ = false;
   bool stop_ = false;
   std::thread thread_;
 

@@ -152,8 +152,9 @@ void GuidedScript::GoOut(const HandState& hand) {
 bool GuidedScript::IsOut(const HandState& hand, double dt_s) {
   out_s_ += dt_s;
   const bool has_reached = (hand.p_DHip_mm - arc_.p_DTo_mm).norm() < kReachedMm;
-  if (has_reached) plans_.is_out.store(true, std::memory_order_relaxed);
-  return out_s_ > kMostOutS || (has_reached && !(plan_ != nullptr && plan_->makes_room));
+  const bool makes_room = plan_ != nullptr && plan_->makes_room;
+  if (has_reached && makes_room) plans_.is_out.store(true, std::memory_order_relaxed);
+  return out_s_ > kMostOutS || (has_reached && !makes_room);
 }
 
 void GuidedScript::BeginPlan(const HandState& hand) {
@@ -265,7 +266,8 @@ bool GuidedScript::IsCaught(const Vec3& felt_force_D_n, double dt_s) {
   return caught_s_ > (goes_back_ ? kGoingBackS : kCaughtS);
 }
 
-// On a stroke the hand is below the surface. Without a force it must be far below another one.
+// On a stroke the hand is below the surface. Without a force it may be far below another one; or
+// forces are off, and then the hand leaves in vain.
 bool GuidedScript::IsLost(const Vec3& felt_force_D_n, double dt_s) {
   const bool feels_nothing = phase_ == Phase::kStroke && felt_force_D_n.isZero(0.0);
   nothing_s_ = feels_nothing ? nothing_s_ + dt_s : 0.0;

@@ -7,7 +7,8 @@
 // until no projection is left. This one rule gives free and constrained mode.
 //
 // Guarantees at every move of every step, whatever the HIP does:
-// - the piecewise-linear density at SCP_H is at most τ (no fall-through), except while ejecting;
+// - the piecewise-linear density at SCP_H is at most τ (no fall-through), except while ejecting
+//   or buried;
 // - each move starts in the tetrahedron or cell where the previous move ended, except for the jump
 //   to a free lattice vertex while ejecting;
 // - a proxy at rest is a local minimum of its distance to the HIP;

@@ -33,6 +33,7 @@ using palpate::ExitCode;
 struct Options {
   std::string input;
   std::string output;
+  bool overwrite = false;
   std::optional<std::int64_t> descriptor;
   std::vector<double> spacing_mm;
   std::optional<std::int64_t> frame;
@@ -114,12 +115,12 @@ void DefineOptions(arguments::Command* app, Options* options) {
       "5 permission denied; 6 over a limit; 8 cannot write; 11 disk full; 1 any other failure.\n"
       "Example: palpate-import head.nii.gz head.vdb --max-memory-mib 4096");
   app->add_option("INPUT", options->input, "Volume file, or folder of a series")->required();
-  arguments::Option* const output =
-      app->add_option("OUTPUT", options->output, "File to write; replaced if it is there");
+  arguments::Option* const output = app->add_option("OUTPUT", options->output, "File to write");
   app->add_option("--to-descriptor", options->descriptor,
                   "Instead of OUTPUT: hand the volume to palpated in this open file in memory")
       ->excludes(output)
       ->type_name("FD");
+  app->add_flag("--overwrite", options->overwrite, "Replace OUTPUT if it is there")->needs(output);
   app->add_option("--spacing-mm", options->spacing_mm,
                   "Distance of voxels along x,y,z in mm, instead of the file's")
       ->delimiter(',')
@@ -262,6 +263,9 @@ void Import(const Options& options, palpate::Reporter* reporter) {
   limits.folders = FoldersToRead(options);
   limits.own_files = palpate::OwnFiles({options.own_files.begin(), options.own_files.end()});
   limits.on_size = [reporter](const auto& size, int bytes) { reporter->Size(size, bytes); };
+  if (!options.output.empty()) {
+    palpate::CheckNewFile(options.output, palpate::ReplacesIf(options.overwrite));
+  }
   reporter->FailOnCrash();
   reporter->FailAfter(options.timeout_s);
   palpate::LimitResources(limits.max_memory_bytes, options.timeout_s);
@@ -278,8 +282,9 @@ void Import(const Options& options, palpate::Reporter* reporter) {
     HandOver(options, limits, spacing_mm, file.get(), reporter);
     const palpate::LoadedVolume volume =
         palpate::TakeHandover(file.get(), {.max_voxels = options.max_voxels});
-    palpate::WriteVolumeFile(options.output, volume.bricks, volume.metadata,
-                             {.durable = palpate::Durable::kNo});
+    palpate::WriteVolumeFile(
+        options.output, volume.bricks, volume.metadata,
+        {.if_there = palpate::ReplacesIf(options.overwrite), .durable = palpate::Durable::kNo});
   }
   reporter->Progress(1.0, "done");
 }

@@ -13,12 +13,13 @@ namespace {
 struct Experiment {
   const char* name;
   void (*run)(const ExperimentOptions&, std::ostream&);
+  bool draws = false;  // NAME.svg
 };
 
-constexpr Experiment kExperiments[] = {{"table1", PrintTable1},    {"table3", PrintTable3},
-                                       {"table4", PrintTable4},    {"figure9", PrintFigure9},
-                                       {"diamond", PrintDiamond},  {"topology", PrintTopology},
-                                       {"figure11", PrintFigure11}};
+constexpr Experiment kExperiments[] = {
+    {"table1", PrintTable1},          {"table3", PrintTable3},         {"table4", PrintTable4},
+    {"figure9", PrintFigure9, true},  {"diamond", PrintDiamond, true}, {"topology", PrintTopology},
+    {"figure11", PrintFigure11, true}};
 
 }  // namespace
 
@@ -61,6 +62,9 @@ void RunExperiment(const ExperimentOptions& options, std::ostream& out) {
   }
   for (const Experiment& experiment : kExperiments) {
     if (options.name != experiment.name) continue;
+    if (experiment.draws) {
+      CheckNewFile(options.output_folder / (options.name + ".svg"), ReplacesIf(options.overwrite));
+    }
     experiment.run(options, out);
     return;
   }

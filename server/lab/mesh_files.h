@@ -19,7 +19,7 @@ void CheckMeshFileName(const std::filesystem::path& path);
 
 // Writes a new file beside `path` and renames it, so `path` is either complete or unchanged. X_WI:
 // world from index. If X_WI mirrors, the order of each triangle's vertices is reversed. Throws
-// kInvalidArgument (ending), kUnavailable (cannot write, disk full).
+// kInvalidArgument (ending), and what NewFile throws.
 void WriteMesh(const SurfaceMesh& mesh, const AffineMap& X_WI, const std::filesystem::path& path,
                IfThere if_there);
 

@@ -1,9 +1,9 @@
 // Decides which connections of strangers to cut off.
 //
-// A stranger's connection is a TLS connection that has not yet made an allowed call. gRPC 1.51
-// keeps all unfinished headers and messages of a connection, before anybody checks the caller, and
-// even beyond gRPC's own quotas. An honest stranger needs only a handshake and one first call of
-// little more than 3 MiB.
+// A stranger's connection is a TLS connection that has not yet made an allowed call, or whose
+// client is no longer allowed. gRPC 1.51 keeps all unfinished headers and messages of a connection,
+// before anybody checks the caller, and even beyond gRPC's own quotas. An honest stranger needs
+// only a handshake and one first call of little more than 3 MiB.
 //
 // Connections are counted by prefix: an IPv6 host has a /64 to itself, and so more addresses than
 // the limit allows connections. The prefix with the most loses first.

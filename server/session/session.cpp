@@ -115,11 +115,10 @@ FeltSession Session::Felt() const {
   LoadRequest request = request_;
   request.title = volume_->metadata().source;
   if (!request.source_stays) request.source.clear();
-  const bool is_edited = is_reshaped_ || volume_->revision() != volume_->loaded_revision();
   RenderSettings settings = settings_;
   // The file has its own range and would refuse an isovalue outside it.
   settings.isovalue = std::clamp(settings.isovalue, loaded_range_.first, loaded_range_.second);
-  return {std::move(request), is_edited, settings, settings_revision_};
+  return {std::move(request), store_.unsaved_edits() > 0, settings, settings_revision_};
 }
 
 VolumeState Session::VolumeLocked() const {
@@ -300,6 +299,7 @@ VolumeState Session::PublishVolume(const LoadRequest& request, const VolumeMetad
     return scene_revision_;
   };
   store_.Replace(metadata, bricks, frames_bytes, request.discards_edits, publish);
+  state.unsaved_edits = 0;
   return state;
 }
 

@@ -16,7 +16,7 @@ namespace palpate {
 // The volume and the settings that are felt.
 struct FeltSession {
   LoadRequest volume{};    // no source: cannot be loaded again (an upload or a series)
-  bool is_edited = false;  // since it was loaded
+  bool is_edited = false;  // since it was loaded or saved
   RenderSettings settings{};
   std::uint64_t settings_revision = 0;
 };

@@ -48,7 +48,7 @@ void WriteStateFile(const std::filesystem::path& path, const std::string& remark
                     const toml::table& table) {
   const std::string text = remark + (table.empty() ? std::string() : ToText(table)) + "\n";
   MakeFolders(path.parent_path());
-  NewFile file(path);
+  NewFile file(std::filesystem::weakly_canonical(path));  // a file behind a link
   file.Write(text);
   file.TakeName();
 }

@@ -49,14 +49,15 @@ void VolumeStore::RequireSaved(bool discards_edits) const {
   const std::uint64_t edits = unsaved_edits_;
   if (edits == 0 || discards_edits) return;
   throw Error(ErrorKind::kFailedPrecondition,
-              fmt::format("{} not saved: save the volume, or allow to discard edits (--discard, "
-                          "discard_edits=True)",
+              fmt::format("{} not saved: save the volume (of a series: its frames), or allow to "
+                          "discard edits (--discard, discard_edits=True)",
                           edits == 1 ? "an edit is" : fmt::format("{} edits are", edits)));
 }
 
 void VolumeStore::Saved(const VolumeSnapshot& volume) {
   const std::lock_guard lock(mutex_);
-  if (volume.loaded_revision() > present_->revision() || shows_series()) return;
+  // The voxels of a replayed recording are given back.
+  if (is_held_ || volume.revision() < replaced_revision_ || shows_series()) return;
   saved_ = volume.bricks().content_hash();
   if (present_->bricks().content_hash() == saved_) unsaved_edits_ = 0;
 }
@@ -81,6 +82,7 @@ void VolumeStore::Replace(const VolumeMetadata& metadata, const BrickDirectory& 
   Put(std::make_shared<const VolumeSnapshot>(metadata, bricks.AllChangedAt(revision), revision,
                                              revision),
       {}, frames_bytes, publish);
+  replaced_revision_ = revision;
   saved_ = present_->bricks().content_hash();
   unsaved_edits_ = 0;
 }

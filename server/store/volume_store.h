@@ -81,7 +81,8 @@ class VolumeStore {
   std::uint64_t unsaved_edits() const { return unsaved_edits_.load(); }
   // Throws kFailedPrecondition if there are any and they must not be discarded.
   void RequireSaved(bool discards_edits) const;
-  // Call it when these voxels have been saved. A saved frame does not count: a series has others.
+  // Call it when these voxels have been saved; nothing if they are of an earlier volume. A saved
+  // frame does not count: a series has others.
   void Saved(const VolumeSnapshot& volume);
 
   // While a Hold exists, a series shows no new frame. A replay takes one, because its voxels belong
@@ -118,7 +119,8 @@ class VolumeStore {
   std::shared_ptr<const VolumeSnapshot> present_;  // null: none yet
   std::uint64_t frames_bytes_ = 0;                 // of the series that present_ is of; 0: of none
   bool is_held_ = false;
-  ContentHash saved_;  // of the voxels as loaded or saved
+  std::uint64_t replaced_revision_ = 0;  // the first of this volume's
+  ContentHash saved_;                    // of the voxels as loaded or saved
   std::atomic<std::uint64_t> unsaved_edits_ = 0;
 
   RetiredVolumes retired_;  // its thread ends first

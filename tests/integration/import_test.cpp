@@ -340,6 +340,15 @@ TEST_F(ImportProgramTest, ARefusalIsOneLineAndNoFile) {
   EXPECT_EQ(Run({input, Path("none/a.vdb")}).exit_code, ExitCode(ErrorKind::kNotFound));
 }
 
+TEST_F(ImportProgramTest, ReplacesAFileOnlyWhenToldTo) {
+  const fs::path input = Write("a.nrrd", Nrrd(PatternBytes<std::int16_t>()));
+  std::ofstream(Path("a.vdb")) << "precious";
+  EXPECT_EQ(Run({input, Path("a.vdb")}).exit_code, ExitCode(ErrorKind::kConflict));
+  EXPECT_EQ(fs::file_size(Path("a.vdb")), 8u);
+  EXPECT_EQ(Run({input, Path("a.vdb"), "--overwrite"}).exit_code, 0);
+  EXPECT_GT(fs::file_size(Path("a.vdb")), 8u);
+}
+
 TEST_F(ImportProgramTest, HelpAndUsage) {
   const auto help = Run({"--help"});
   EXPECT_EQ(help.exit_code, 0);

@@ -126,6 +126,47 @@ class Forces(CallsTest):
         self.assertLess(stopped, last.result.applied_tick)
 
 
+class Inside(CallsTest):
+    """A surface that comes over the stylus is no fault, and the simulated hand comes out."""
+
+    volume = "builtin:sphere:48"
+
+    def touching(self, stream):
+        self.assertTrue(wait_until(lambda: next(stream).contact.any(), 120))
+
+    def no_faults(self):
+        return not list((self.daemon.folder / "state" / "faults").glob("*"))
+
+    def test_a_volume_that_is_moved_over_it(self):
+        with self.conn.poses(500, 10, waiting=100) as stream:
+            self.touching(stream)
+            pose = next(stream)
+            to_hand = pose.hip_mm[-1] - self.conn.volume.place().center_mm
+            self.conn.volume.place(move_mm=0.6 * to_hand)
+            seen = []
+
+            def is_inside():
+                seen.append(next(stream))
+                return (seen[-1].mode == palpate.ProxyMode.INSIDE).any()
+            self.assertTrue(wait_until(is_inside, 60))
+            self.assertTrue((newtons(next(stream)) < 3.3).all())
+            self.touching(stream)
+        self.assertFalse(any((poses.mode == palpate.ProxyMode.FAULT).any() for poses in seen))
+        self.assertTrue(self.no_faults())
+
+    def test_volumes_one_after_the_other(self):
+        with self.conn.poses(500, 10, waiting=1000) as stream:
+            for name in ("bumps", "gyroid", "cylinder", "sphere", "gyroid:96", "bumps:64"):
+                revision = self.conn.volume.load(f"builtin:{name}").volume_revision
+
+                def is_felt(revision=revision):
+                    poses = next(stream)
+                    self.assertFalse((poses.mode == palpate.ProxyMode.FAULT).any())
+                    return (poses.contact & (poses.volume_revision == revision)).any()
+                self.assertTrue(wait_until(is_felt, 120), name)
+        self.assertTrue(self.no_faults())
+
+
 class Tools(CallsTest):
     """The simulated hand holds both buttons now and then."""
 

@@ -108,7 +108,8 @@ class EditsTest(DaemonTest):
         self.edit.sphere((5, 5, 5), 2, "set", 0.9, frame="index")
         daemon.palpate("load", "builtin:sphere:32", "--discard")
         self.edit.sphere((5, 5, 5), 2, "set", 0.9, frame="index")
-        conn.volume.load("builtin:sphere:16", discard_edits=True)
+        loaded = conn.volume.load("builtin:sphere:16", discard_edits=True)
+        self.assertEqual(loaded.unsaved_edits, 0)
         self.assertEqual(unsaved(), 0)
 
     def test_nothing_changed(self):

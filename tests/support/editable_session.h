@@ -52,7 +52,7 @@ class EditableSession {
   // Edits a box of up to `edge` voxels along each axis. One edit in four writes background.
   // Returns the newest snapshot.
   std::shared_ptr<const VolumeSnapshot> RandomEdit(std::mt19937& random, int edge = 16) {
-    session_.store().Edit([&](const auto& present) {
+    session_.store().Edit([&](const auto& present) -> VolumeChange {
       const Vec3i& size = present->size();
       Vec3i from, end;
       for (int axis = 0; axis < 3; ++axis) {
@@ -63,7 +63,9 @@ class EditableSession {
       const auto value = [&] {
         return clears ? 0.0f : static_cast<float>(random() % 1000) * 1e-3f;
       };
-      return PaintedBox(present->bricks(), from, end, value);
+      VolumeChange change(PaintedBox(present->bricks(), from, end, value));
+      change.kind = VolumeChange::Kind::kEdit;
+      return change;
     });
     return volume();
   }

@@ -172,6 +172,16 @@ bool Shows(const std::string& text, const std::string& part) {
   return text.find(part) != std::string::npos;
 }
 
+TEST(WatchViewTest, AStylusThatIsInsideIsToldWhatToDo) {
+  WatchStatus status = FullStatus();
+  status.pose->mode = client::ProxyMode::kInside;
+  status.pose->contact = false;
+  for (const std::string& text : {Live(status), LogLine(status)}) {
+    EXPECT_TRUE(Shows(text, "pull out")) << text;
+    EXPECT_FALSE(Shows(text, "fault")) << text;
+  }
+}
+
 TEST(WatchViewTest, LiveViewShowsAllThatIsKnown) {
   const std::string text = Live(FullStatus());
   EXPECT_LE(std::count(text.begin(), text.end(), '\n'), 23);

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
 #include <atomic>
 #include <cctype>
 #include <map>
@@ -13,7 +14,6 @@
 
 #include "common/error/error.h"
 #include "server/rpc/device_messages.h"
-#include "server/safety/names.h"
 #include "tests/support/editable_session.h"
 #include "tests/support/patience.h"
 #include "tests/support/temporary_folder.h"
@@ -23,7 +23,7 @@ namespace {
 
 using grpc::StatusCode;
 
-// The conversion goes by number.
+// The conversion goes by number. States and reasons of forces: pose_stream_test.
 TEST(DeviceMessages, EnumeratorsKeepTheirNames) {
   const auto proto_name = [](std::string prefix, std::string_view name) {
     for (const char c : name) {
@@ -33,22 +33,18 @@ TEST(DeviceMessages, EnumeratorsKeepTheirNames) {
     }
     return prefix;
   };
-  for (int n = 0; n < v1::ForceState_MAX; ++n) {
-    const auto state = static_cast<ForceState>(n);
-    EXPECT_EQ(v1::ForceState_Name(ToProto(state, ForceReason::kNone, 0.0).state()),
-              proto_name("FORCE_STATE_", NameOf(state)));
-  }
-  for (int n = 0; n < v1::ForceReason_MAX; ++n) {
-    const auto reason = static_cast<ForceReason>(n);
-    EXPECT_EQ(v1::ForceReason_Name(ToProto(ForceState::kOff, reason, 0.0).reason()),
-              proto_name("FORCE_REASON_", NameOf(reason)));
-  }
   for (int n = 0; n < v1::VerificationLevel_MAX; ++n) {
     const auto level = static_cast<VerificationLevel>(n);
     DeviceSpec spec;
     spec.verification_level = level;
     EXPECT_EQ(v1::VerificationLevel_Name(ToProto(spec).verification_level()),
               proto_name("VERIFICATION_LEVEL_", NameOf(level)));
+  }
+  constexpr std::array<const char*, 3> kConnections = {"absent", "connecting", "streaming"};
+  for (int n = 0; n < v1::DeviceConnection_MAX; ++n) {
+    const DeviceHealth health{.connection = static_cast<DeviceConnection>(n)};
+    EXPECT_EQ(v1::DeviceConnection_Name(ToProto(health).connection()),
+              proto_name("DEVICE_CONNECTION_", kConnections.at(static_cast<std::size_t>(n))));
   }
   for (int n = 0; n < v1::Role_MAX; ++n) {
     const auto role = static_cast<Role>(n);

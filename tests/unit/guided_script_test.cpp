@@ -256,6 +256,11 @@ TEST_F(GuidedTest, NeverAllocates) {
   before = test::Allocations();
   Feel(6000);
   EXPECT_EQ(test::Allocations(), before);
+  plans_.Publish(std::make_unique<TouchPlan>(
+      TouchPlan{.strokes = {}, .p_DFree_mm = {Vec3(0, 0, 20), Vec3(9, 9, 9)}, .makes_room = true}));
+  before = test::Allocations();
+  Feel(6000);  // out, and on by touch alone
+  EXPECT_EQ(test::Allocations(), before);
 }
 
 TEST(Scripts, RefuseWhatTheyCannotFollow) {

@@ -6,6 +6,7 @@
 #include <functional>
 #include <memory>
 #include <thread>
+#include <vector>
 
 #include "server/guide/surface_probe.h"
 #include "tests/support/editable_session.h"
@@ -81,39 +82,47 @@ TEST_F(HandGuideTest, MakesNoPlanForWhatChangesNoSurface) {
   EXPECT_EQ(holders(), before + 1);
 }
 
-TEST_F(HandGuideTest, TheHandMakesRoomBeforeAnotherVolumeIsFelt) {
-  Load("builtin:sphere:32");
-  session().SetBeforeOtherVolume(
-      [this](const HapticSurface& surface) { guide_.MakeRoomFor(surface); });
-  ASSERT_NE(Next([&] { guide_.Start(); }), nullptr);
+class RoomTest : public HandGuideTest {
+ protected:
+  RoomTest() {
+    Load("builtin:sphere:32");
+    session().SetBeforeOtherVolume(
+        [this](const HapticSurface& surface) { guide_.MakeRoomFor(surface); });
+  }
+  // Until the plan that the hand would follow is one of strokes.
+  void AwaitStrokes() {
+    ASSERT_TRUE(test::Eventually([&] {
+      const TouchPlan* const plan = plans_.Acquire();
+      return plan != nullptr && !plan->strokes.empty();
+    }));
+  }
+};
+
+TEST_F(RoomTest, TheHandGoesBeforeAnotherVolumeIsFelt) {
+  guide_.Start();
+  AwaitStrokes();
   const std::uint64_t felt = volume()->loaded_revision();
-  std::thread loads([this] { Load("builtin:bumps:32"); });
-  const TouchPlan* room = nullptr;
+  std::thread loads([this] { Load("builtin:gyroid:32"); });
+  std::vector<Vec3> p_DFree_mm;
   EXPECT_TRUE(test::Eventually([&] {
-    room = plans_.Acquire();
-    return room != nullptr && room->makes_room;
+    const TouchPlan* const plan = plans_.Acquire();
+    if (plan == nullptr || !plan->makes_room) return false;
+    p_DFree_mm = plan->p_DFree_mm;
+    return true;
   }));
   EXPECT_EQ(volume()->loaded_revision(), felt);
-  const Scene& before = *inbox().Acquire();
-  SurfaceProbe probe(before.surface);  // in the same place as the other
-  for (const Vec3& p_mm : room->p_DFree_mm) EXPECT_FALSE(probe.IsMaterial(p_mm));
   plans_.is_out.store(true);
   loads.join();
   EXPECT_NE(volume()->loaded_revision(), felt);
-  EXPECT_TRUE(test::Eventually([&] { return !plans_.Acquire()->makes_room; }));
-  EXPECT_FALSE(plans_.Acquire()->strokes.empty());
+  EXPECT_FALSE(p_DFree_mm.empty());
+  SurfaceProbe probe(inbox().Acquire()->surface);
+  for (const Vec3& p_mm : p_DFree_mm) EXPECT_FALSE(probe.IsMaterial(p_mm));
+  AwaitStrokes();
 }
 
-// Nobody waits for long for a hand that does not come, or for a plan of another volume.
-TEST_F(HandGuideTest, AnotherVolumeWaitsForNobody) {
-  Load("builtin:sphere:32");
-  session().SetBeforeOtherVolume(
-      [this](const HapticSurface& surface) { guide_.MakeRoomFor(surface); });
-  Load("builtin:bumps:32");  // without a thread, without a wait
-  ASSERT_NE(Next([&] { guide_.Start(); }), nullptr);
-  Load("builtin:sphere:32");  // no hand answers
-  EXPECT_EQ(volume()->metadata().source, "builtin:sphere:32");
-  // A volume that is refused moves nothing.
+TEST_F(RoomTest, ALoadThatIsRefusedMovesNothing) {
+  guide_.Start();
+  AwaitStrokes();
   const TouchPlan* const before = plans_.Acquire();
   EXPECT_EQ(testing::Refusal([&] {
               session().Load({.source = "builtin:bumps:32", .isovalue = 9.0}, testing::kQuiet,
@@ -121,6 +130,23 @@ TEST_F(HandGuideTest, AnotherVolumeWaitsForNobody) {
             }),
             ErrorKind::kInvalidArgument);
   EXPECT_EQ(plans_.Acquire(), before);
+}
+
+// Nobody waits for a hand that is not there, or for ever for one that does not come; and the end
+// of the daemon waits for neither.
+TEST_F(RoomTest, NoHandKeepsAVolumeOut) {
+  Load("builtin:bumps:32");  // before the start
+  EXPECT_EQ(plans_.Acquire(), nullptr);
+  guide_.Start();
+  AwaitStrokes();
+  Load("builtin:sphere:32");
+  EXPECT_EQ(volume()->metadata().source, "builtin:sphere:32");
+  AwaitStrokes();
+  std::thread loads([this] { Load("builtin:bumps:32"); });
+  EXPECT_TRUE(test::Eventually([&] { return plans_.Acquire()->makes_room; }));
+  guide_.Stop();
+  loads.join();
+  EXPECT_EQ(volume()->metadata().source, "builtin:bumps:32");
 }
 
 // The hand keeps no volume, also if no other one comes.

@@ -106,7 +106,7 @@ TEST_F(NewFileTest, WhereRenamingReplacesNothingIsLostOrLeftBehind) {
 TEST_F(NewFileTest, FollowsNoLink) {
   std::ofstream(folder_.path() / "victim") << "precious";
   fs::create_symlink(folder_.path() / "none", path_);
-  EXPECT_EQ(Refusal([&] { NewFile(path_, IfThere::kRefuse); }), ErrorKind::kConflict);
+  EXPECT_EQ(Refusal([&] { NewFile(path_, IfThere::kRefuse); }), ErrorKind::kInvalidArgument);
   fs::remove(path_);
   fs::create_symlink(folder_.path() / "victim", path_);
   EXPECT_EQ(Refusal([&] { NewFile{path_}; }), ErrorKind::kInvalidArgument);

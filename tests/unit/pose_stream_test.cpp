@@ -141,5 +141,18 @@ TEST(PoseSample, EveryStateAndReasonOfForcesHasItsOwnOnTheWire) {
   EXPECT_EQ(ToProto(sample).forces().limit_n(), 1.25);
 }
 
+TEST(PoseSample, EveryModeHasItsOwnOnTheWire) {
+  TickSample sample;
+  for (const auto& [mode, name] : {std::pair{TickMode::kFree, v1::PROXY_MODE_FREE},
+                                   {TickMode::kConstrained, v1::PROXY_MODE_CONSTRAINED},
+                                   {TickMode::kEjecting, v1::PROXY_MODE_EJECTING},
+                                   {TickMode::kFault, v1::PROXY_MODE_FAULT},
+                                   {TickMode::kSuspended, v1::PROXY_MODE_SUSPENDED},
+                                   {TickMode::kInside, v1::PROXY_MODE_INSIDE}}) {
+    sample.mode = mode;
+    EXPECT_EQ(ToProto(sample).mode(), name);
+  }
+}
+
 }  // namespace
 }  // namespace palpate

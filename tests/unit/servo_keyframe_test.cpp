@@ -5,7 +5,6 @@
 
 #include <functional>
 #include <initializer_list>
-#include <limits>
 #include <memory>
 #include <random>
 #include <string>

@@ -51,6 +51,36 @@ const VolumeSnapshot& Ball() {
   return *ball;
 }
 
+// --- Free places
+
+TEST(FreePlaces, AreOutsideOfTheLatticeWhereTheHandCanReachThat) {
+  const HapticSurface surface = Fitted(Ball(), 0.5);
+  const std::vector<Vec3> places_mm = FindFreePlaces(surface, SimulatedDeviceSpec());
+  ASSERT_FALSE(places_mm.empty());
+  for (const Vec3& p_mm : places_mm) {
+    const Vec3 p_I = surface.X_ID.Apply(p_mm);
+    EXPECT_TRUE((p_I.array() < -1.0).any() || (p_I.array() > 64.0).any()) << p_mm.transpose();
+    EXPECT_TRUE(IsWithinReach(SimulatedDeviceSpec(), p_mm));
+  }
+}
+
+// The lattice covers the workspace.
+TEST(FreePlaces, AreOffTheSurfaceWithinTheLattice) {
+  constexpr double kScale = 4.0, kRadiusMm = 20.0 * kScale, kOffMm = 2.0;
+  const HapticSurface below = Fitted(Ball(), 0.5, FreeSide::kBelow, kScale);
+  const std::vector<Vec3> around_mm = FindFreePlaces(below, SimulatedDeviceSpec());
+  ASSERT_FALSE(around_mm.empty());
+  const Vec3 center_mm = below.X_DI.Apply(Vec3::Constant(32.0));
+  for (const Vec3& p_mm : around_mm) EXPECT_GT((p_mm - center_mm).norm(), kRadiusMm + kOffMm);
+  const HapticSurface above = Fitted(Ball(), 0.5, FreeSide::kAbove, kScale);
+  const std::vector<Vec3> within_mm = FindFreePlaces(above, SimulatedDeviceSpec());
+  ASSERT_FALSE(within_mm.empty());
+  for (const Vec3& p_mm : within_mm) EXPECT_LT((p_mm - center_mm).norm(), kRadiusMm - kOffMm);
+  // All that the hand reaches is material.
+  EXPECT_TRUE(
+      FindFreePlaces(Fitted(Ball(), 0.5, FreeSide::kBelow, 40.0), SimulatedDeviceSpec()).empty());
+}
+
 // --- Points
 
 // Each on the surface, its normal towards free space, within reach.

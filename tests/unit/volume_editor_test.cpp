@@ -177,6 +177,15 @@ TEST_F(VolumeEditorTest, EditsThatAreNotSavedAreCountedAndKept) {
   EXPECT_EQ(load(true), std::nullopt);
   EXPECT_EQ(unsaved(), 0u);
   EXPECT_EQ(load(false), std::nullopt);
+  editor_.Edit(Touch(0, 0.1));
+  {
+    const VolumeStore::Hold replay(session().store());
+    session().store().Saved(*volume());  // of a recording
+  }
+  session().store().Saved(*edited);  // of the volume before
+  EXPECT_EQ(unsaved(), 1u);
+  editor_.Undo();
+  EXPECT_EQ(unsaved(), 0u);
 }
 
 TEST_F(VolumeEditorTest, NothingToTakeBackIsAConflict) {

@@ -7,6 +7,8 @@ Needs a running palpated and python3-matplotlib:
 """
 
 import argparse
+import pathlib
+import sys
 
 import matplotlib
 import numpy as np
@@ -27,6 +29,8 @@ def parse_arguments() -> argparse.Namespace:
     parser.add_argument("--steps", type=int, default=13, help="number of isovalues [13]")
     parser.add_argument("--seconds", type=float, default=2.0, help="at each of them, s [2]")
     parser.add_argument("--out", default="sweep.png", help="picture to write [sweep.png]")
+    parser.add_argument("--overwrite", action="store_true",
+                        help="replace a picture that is there")
     return parser.parse_args()
 
 
@@ -62,6 +66,8 @@ def plot(felt: palpate.Poses, unit: str, out: str) -> None:
 
 def main() -> None:
     arguments = parse_arguments()
+    if pathlib.Path(arguments.out).exists() and not arguments.overwrite:
+        sys.exit(f"{arguments.out} is there already: name another one, or add --overwrite")
     steps = []
     with palpate.connect(arguments.address, profile=arguments.profile) as conn:
         before = conn.settings.isovalue

@@ -39,7 +39,7 @@ class VolumeInfo:
     device_from_index: (4, 4) voxel index (x, y, z, 1) to the device frame: mm
     device_mm_per_volume_mm: millimetres of device motion per millimetre of the volume
     frames: frames of the source file; this volume is one of them
-    unsaved_edits: edits since the voxels were loaded or saved; a stroke counts once
+    unsaved_edits: edits since the voxels were loaded or saved
     is_level_set: values are signed distances from a surface at 0, negative inside
     warnings: what the import assumed or left out, one line each, such as a spacing that the
         file does not state
