@@ -195,7 +195,9 @@ void UsbTestbed::Unplug(const std::string& port) {
 }
 
 std::vector<std::string> UsbTestbed::wrapper() const {
-  return {"/usr/bin/env", std::string("LD_PRELOAD=").append(kPreload),
+  // The heap is the C library's: umockdev and jemalloc call each other at the start.
+  return {"/usr/bin/env",
+          std::string("LD_PRELOAD=").append(kPreload).append(":libc.so.6:libstdc++.so.6"),
           "UMOCKDEV_DIR=" + impl_->root};
 }
 
