@@ -40,6 +40,10 @@ Json ToJson(const client::ServoInfo& servo) {
 }
 
 Json ToJson(const client::VolumeInfo& volume) {
+  Json suggested = Json::array();
+  for (const auto& [name, isovalue, reason] : volume.suggested_isovalues) {
+    suggested.push_back({{"name", name}, {"isovalue", isovalue}, {"reason", reason}});
+  }
   return {{"source", volume.source},
           {"volume_revision", volume.volume_revision},
           {"size", {volume.size.x(), volume.size.y(), volume.size.z()}},
@@ -54,7 +58,13 @@ Json ToJson(const client::VolumeInfo& volume) {
           {"device_mm_per_volume_mm", volume.device_mm_per_volume_mm},
           {"memory_bytes", volume.memory_bytes},
           {"unsaved_edits", volume.unsaved_edits},
-          {"warnings", volume.warnings}};
+          {"warnings", volume.warnings},
+          {"suggested_isovalues", suggested},
+          {"histogram",
+           {{"low", volume.histogram.low},
+            {"high", volume.histogram.high},
+            {"counts", volume.histogram.counts},
+            {"peaks", volume.histogram.peaks}}}};
 }
 
 Json ToJson(const client::Settings& settings) {

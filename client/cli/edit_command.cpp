@@ -169,7 +169,9 @@ void AddShape(arguments::Command& edit, Invocation& invocation, const std::strin
     values->frame.Fill(values->edit);
     CheckOperation(*values, /*is_block=*/false);
     invocation.command = [values, &invocation](client::Calls& palpated) {
-      PrintEdit(palpated.Apply(values->edit), invocation.json);
+      PrintEdit(WithProgress(
+                    [&](const auto& progress) { return palpated.Apply(values->edit, progress); }),
+                invocation.json);
     };
   });
 }

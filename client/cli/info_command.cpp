@@ -1,6 +1,7 @@
 #include "client/cli/commands.h"
 #include "client/cli/description.h"
 #include "client/cli/device_description.h"
+#include "client/cli/isovalues.h"
 #include "client/cli/output.h"
 #include "common/error/one_line.h"
 
@@ -23,7 +24,8 @@ void PrintInfo(client::Calls& palpated, bool json) {
   WriteOutput("palpated " + OneLine(daemon.servo.version) + " at " + palpated.name() + "\n" +
               DescribeCaller(daemon) + Describe(daemon.device) + Describe(daemon.health) +
               Describe(daemon.forces) + Describe(daemon.servo) + Describe(volume) +
-              DescribeWarnings(volume) + Describe(settings));
+              DescribeIsovalues(volume, settings.isovalue) + DescribeWarnings(volume) +
+              Describe(settings));
 }
 
 void PrintSettings(client::Calls& palpated, bool json) {

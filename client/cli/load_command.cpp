@@ -9,6 +9,7 @@
 
 #include "client/cli/commands.h"
 #include "client/cli/description.h"
+#include "client/cli/isovalues.h"
 #include "client/cli/output.h"
 #include "client/cli/paths_there.h"
 #include "client/cli/progress.h"
@@ -68,8 +69,11 @@ void AddFrameOption(arguments::Command& command, LoadValues& values) {
 
 void PrintLoaded(const client::LoadResult& result) {
   PrintWarnings(result.volume);
-  WriteOutput(Describe(result.volume) + fmt::format("applied at tick {}, settings revision {}\n",
-                                                    result.applied_tick, result.settings_revision));
+  std::string isovalue;
+  AppendLine(isovalue, "", DescribeIsovalue(result.volume, result.isovalue));
+  WriteOutput(Describe(result.volume) + isovalue +
+              fmt::format("applied at tick {}, settings revision {}\n", result.applied_tick,
+                          result.settings_revision));
 }
 
 }  // namespace
@@ -82,7 +86,7 @@ void AddVolumeOptions(arguments::Command& command, LoadValues& values) {
   command
       .add_option("--normalized-isovalue", options.normalized_isovalue,
                   "Isovalue to start with, 0 to 1 over the new volume's range\n"
-                  "[default: the current one; value 0 of a level set]")
+                  "[default: the first that `palpate info` suggests]")
       ->check(arguments::Finite())
       ->excludes(isovalue);
   command
@@ -155,11 +159,16 @@ void AddUpload(arguments::Command& app, Invocation& invocation) {
   arguments::Command* command = app.add_subcommand(
       "upload",
       "Sends a volume of this machine to the daemon, which then replaces its volume by it, or\n"
-      "keeps the one before where anything fails. Any format of one file that `load` reads.\n"
+      "keeps the one before where anything fails. Any format of one file that `load` reads, or\n"
+      "the folder of a DICOM series.\n"
       "Ctrl-C cancels, with exit code 9.");
-  SetFooter(*command, "Example: palpate upload head.nii.gz --isovalue 300 --server scanner:7400");
+  SetFooter(*command,
+            "Examples: palpate upload head.nii.gz --isovalue 300 --server scanner:7400\n"
+            "          palpate upload CT/");
   const auto values = std::make_shared<LoadValues>();
-  command->add_option("file", values->source, "File to send")->required()->option_text("FILE");
+  command->add_option("file", values->source, "File or DICOM folder to send")
+      ->required()
+      ->option_text("FILE");
   AddVolumeOptions(*command, *values);
   AddFrameOption(*command, *values);
   command->callback([&invocation, values] {

@@ -82,7 +82,8 @@ int Main(int argc, char** argv) {
   try {
     if (!app.parse(Arguments(argc, argv))) return 0;
   } catch (const arguments::UsageError& error) {
-    return Fail(std::string(error.what()) + "; see --help", kUsageExitCode);
+    app.explain(error);
+    return kUsageExitCode;
   }
   if (wants_completion) {
     WriteOutput(arguments::CompletionScript(app));

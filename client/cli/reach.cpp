@@ -1,16 +1,38 @@
 #include "client/cli/reach.h"
 
 #include <sys/stat.h>
+#include <unistd.h>
 
 #include <chrono>
 #include <cstdio>
+#include <functional>
+#include <memory>
 
+#include "client/cli/output.h"
+#include "client/interrupt/interrupt.h"
 #include "common/error/one_line.h"
 
 namespace palpate::cli {
 namespace {
 
 constexpr std::chrono::seconds kConnectTimeout(3);
+constexpr std::chrono::seconds kSayLoading(5);
+
+// On a terminal, a line in place. Otherwise, a line at the beginning and then every five seconds.
+std::function<bool(const std::string&)> LoadingLine() {
+  using Clock = std::chrono::steady_clock;
+  return [status = std::make_shared<StatusLine>(),
+          shown = Clock::time_point()](const std::string& line) mutable {
+    const auto now = Clock::now();
+    if (IsTerminal(STDERR_FILENO)) {
+      status->Show("palpated: " + line);
+    } else if (now - shown > kSayLoading) {
+      shown = now;
+      std::fprintf(stderr, "palpated: %s\n", OneLine(line).c_str());
+    }
+    return !Interrupt::IsRaised();
+  };
+}
 
 }  // namespace
 
@@ -18,6 +40,7 @@ std::unique_ptr<client::Calls> Reach(const client::Server& server) {
   auto palpated = std::make_unique<client::Calls>(server);
   const std::string warning = TokenFileWarning(server.credentials.token_file);
   if (!warning.empty()) std::fprintf(stderr, "palpate: warning: %s\n", OneLine(warning).c_str());
+  palpated->SetOnLoading(LoadingLine());
   try {
     palpated->WaitUntilReached(kConnectTimeout);
   } catch (const Error& error) {

@@ -2,10 +2,12 @@
 
 #include <fmt/core.h>
 
+#include <cctype>
 #include <memory>
 
 #include "client/cli/commands.h"
 #include "client/cli/description.h"
+#include "client/cli/isovalues.h"
 #include "client/cli/output.h"
 
 namespace palpate::cli {
@@ -27,13 +29,19 @@ struct SetValues {
 
 const Setting& TakeSetting(SetValues& values) {
   const Setting* setting = FindSetting(values.key);
-  if (!setting) throw arguments::UsageError("there is no setting '" + values.key + "'");
+  if (!setting) {
+    throw arguments::UsageError("there is no setting '" + values.key + "'" +
+                                arguments::DidYouMean(values.key, Names()));
+  }
   if (values.normalized) {
     if (setting != &client::kIsovalue) {
       throw arguments::UsageError("--normalized is for the isovalue");
     }
     setting = &client::kNormalizedIsovalue;
   }
+  // A word is one of the volume's, which only the daemon knows.
+  const bool is_word = std::isalpha(static_cast<unsigned char>(values.value.front())) != 0;
+  if (setting == &client::kIsovalue && is_word) return *setting;
   if (!StoreSetting(*setting, values.value, values.update)) {
     throw arguments::UsageError(
         fmt::format("{} cannot be '{}': give {}", setting->name, values.value, ValuesOf(*setting)));
@@ -41,8 +49,11 @@ const Setting& TakeSetting(SetValues& values) {
   return *setting;
 }
 
-void Change(client::Calls& palpated, const Setting& setting, const client::SettingsUpdate& update,
-            bool json) {
+void Change(client::Calls& palpated, const Setting& setting, const SetValues& values, bool json) {
+  client::SettingsUpdate update = values.update;
+  if (&setting == &client::kIsovalue && !update.isovalue) {
+    update.isovalue = SuggestedIsovalueOf(palpated.GetVolume(), values.value);
+  }
   const client::SettingsResult result = palpated.Set(update);
   if (!json) return WriteOutput(DescribeChange(setting, result) + "\n");
   Json object = ToJson(result.settings);
@@ -66,6 +77,7 @@ void AddSet(arguments::Command& app, Invocation& invocation) {
   SetFooter(*command, "KEY, with or without its unit (stiffness, stiffness_n_per_mm):\n" +
                           ListOfSettings() +
                           "Examples: palpate set isovalue -200\n"
+                          "          palpate set isovalue bone    (palpate info lists the names)\n"
                           "          palpate set isovalue --normalized 0.4\n"
                           "          palpate set stiffness 0.8");
   const auto values = std::make_shared<SetValues>();
@@ -82,7 +94,7 @@ void AddSet(arguments::Command& app, Invocation& invocation) {
   command->callback([&invocation, values] {
     const Setting& setting = TakeSetting(*values);
     invocation.command = [values, &setting, &invocation](client::Calls& palpated) {
-      Change(palpated, setting, values->update, invocation.json);
+      Change(palpated, setting, *values, invocation.json);
     };
   });
 }

@@ -177,6 +177,7 @@ void Pump(client::Calls& palpated, const WatchOptions& options, Sink& sink) {
 
 void Watch(client::Calls& palpated, const WatchOptions& options) {
   const Interrupt interrupt;
+  palpated.GetVolume();  // waits until there is something to feel
   std::unique_ptr<Sink> sink;
   if (options.json) {
     sink = std::make_unique<JsonSink>();

@@ -34,8 +34,11 @@ void Calls::SilenceTransport() { setenv("GRPC_VERBOSITY", "NONE", 0); }
 
 const std::string& Calls::name() const { return link_->name(); }
 bool Calls::shares_clock() const { return link_->shares_clock(); }
-void Calls::WaitUntilReached(std::chrono::milliseconds timeout) const {
+void Calls::WaitUntilReached(std::chrono::milliseconds timeout) {
   link_->WaitUntilReached(timeout);
+}
+void Calls::SetOnLoading(std::function<bool(const std::string&)> call) {
+  link_->SetOnLoading(std::move(call));
 }
 void Calls::EndCalls() { link_->CancelCalls(); }
 

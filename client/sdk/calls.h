@@ -21,6 +21,7 @@
 #include <chrono>
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <future>
 #include <memory>
 #include <optional>
@@ -65,8 +66,13 @@ class Calls {
   // True if palpated is reached by a socket of this machine. Pose::time_ns is then a time of
   // steady_clock. False over TCP: the machine is not known.
   bool shares_clock() const;
-  // Throws an Error that says why palpated is not reached within `timeout`, and what to do.
-  void WaitUntilReached(std::chrono::milliseconds timeout) const;
+  // Throws an Error that says why palpated is not reached within `timeout`, and what to do. For a
+  // socket of this machine, waits up to 2 s for a palpated that is just being started.
+  void WaitUntilReached(std::chrono::milliseconds timeout);
+  // While palpated loads its first volume, calls that need one wait. `call` gets a line for people
+  // five times a second, such as "loading head.nrrd, 40 %", on the thread of the call that waits.
+  // If it returns false, that call fails with kLoading. Set it before the first call.
+  void SetOnLoading(std::function<bool(const std::string& line)> call);
   // Ends running calls of all threads with kCancelled. Later calls fail at once with kCancelled.
   void EndCalls();
 
@@ -98,7 +104,8 @@ class Calls {
   // option), kNotFound, kTooLarge, kConflict (another load runs), kCancelled.
   LoadResult LoadVolume(const std::string& source, const LoadOptions& options = {},
                         const ProgressFunction& progress = {});
-  // Like LoadVolume, with a file of this machine. Any one-file format that LoadVolume reads.
+  // Like LoadVolume, with a file of this machine: any one-file format that LoadVolume reads, or a
+  // folder of DICOM or TIFF files.
   LoadResult UploadVolume(const std::filesystem::path& file, const LoadOptions& options = {},
                           const ProgressFunction& progress = {});
   // Returns a copy of the voxels as they are now. Errors: kTooLarge for more than 2^31 voxels.
@@ -110,9 +117,10 @@ class Calls {
                         const ProgressFunction& progress = {});
 
   // --- Edits
-  // Returns when the servo has used the edit. Errors: see volume.proto; kTooLarge for more than 16
-  // 777 216 voxels, kConflict for a wrong revision and for nothing to undo or redo.
-  EditResult Apply(const Edit& edit);
+  // Returns when the servo has used the edit. Errors: see volume.proto; kConflict for a wrong
+  // revision and for nothing to undo or redo. `progress`: called for more than 16 777 216 voxels
+  // only; such an edit takes seconds, and other edits wait.
+  EditResult Apply(const Edit& edit, const ProgressFunction& progress = {});
   // Other clients can edit while the filter runs. Errors: also kConflict if another filter runs.
   EditResult RunFilter(const Filter& filter, const ProgressFunction& progress = {});
   // `expected_revision`: fails with kConflict unless the volume is at this revision. So the call

@@ -42,6 +42,16 @@ auto RunToResult(Link& link, const Prepare& prepare, const ProgressFunction& pro
   return *result;
 }
 
+v1::EditVolumeResponse RunFilterCall(Link& link, const v1::FilterVolumeRequest& request,
+                                     const ProgressFunction& progress, const char* cancelled) {
+  return RunToResult<Volume, v1::FilterVolumeResponse>(
+      link,
+      [&](Volume::Stub& stub, auto* context, auto* queue) {
+        return stub.PrepareAsyncFilterVolume(context, request, queue);
+      },
+      progress, cancelled);
+}
+
 Progress ProgressOf(const VolumeMirror& mirror, std::uint64_t& most_left) {
   most_left = std::max(most_left, mirror.bricks_left());
   if (most_left == 0) return {"receiving"};
@@ -70,7 +80,7 @@ LoadResult Calls::LoadVolume(const std::string& source, const LoadOptions& optio
 
 LoadResult Calls::UploadVolume(const std::filesystem::path& file, const LoadOptions& options,
                                const ProgressFunction& progress) {
-  return Upload(*link_, file, options, progress);
+  return link_->WhenLoaded([&] { return Upload(*link_, file, options, progress); });
 }
 
 DownloadResult Calls::DownloadVolume(const ProgressFunction& progress) {
@@ -80,6 +90,9 @@ DownloadResult Calls::DownloadVolume(const ProgressFunction& progress) {
   for (Progress state;;) {
     const VolumeReader::Event event = reader.Next(kPoll);
     if (event == VolumeReader::Event::kApplied) state = ProgressOf(result.volume, most_left);
+    if (event == VolumeReader::Event::kLost && reader.is_loading()) {
+      state = {reader.last_loss()->what()};
+    }
     if (progress && !progress(state)) {
       throw Error(ErrorKind::kCancelled, "the download was cancelled; nothing was kept");
     }
@@ -109,18 +122,21 @@ SaveResult Calls::SaveVolume(const std::string& path, bool overwrite,
   return {result.volume_revision(), result.size_bytes()};
 }
 
-EditResult Calls::Apply(const Edit& edit) {
-  return FromProto(link_->Call<Volume>(&Volume::Stub::EditVolume, ToProto(edit)));
+EditResult Calls::Apply(const Edit& edit, const ProgressFunction& progress) {
+  v1::FilterVolumeRequest request;
+  *request.mutable_edit() = ToProto(edit);
+  try {
+    return FromProto(link_->Call<Volume>(&Volume::Stub::EditVolume, request.edit()));
+  } catch (const Error& error) {
+    if (error.kind() != ErrorKind::kTooLarge || request.edit().has_block()) throw;
+  }
+  return FromProto(
+      RunFilterCall(*link_, request, progress, "the edit was cancelled; nothing was changed"));
 }
 
 EditResult Calls::RunFilter(const Filter& filter, const ProgressFunction& progress) {
-  const v1::FilterVolumeRequest request = ToProto(filter);
-  return FromProto(RunToResult<Volume, v1::FilterVolumeResponse>(
-      *link_,
-      [&](Volume::Stub& stub, auto* context, auto* queue) {
-        return stub.PrepareAsyncFilterVolume(context, request, queue);
-      },
-      progress, "the filter was cancelled; nothing was changed"));
+  return FromProto(RunFilterCall(*link_, ToProto(filter), progress,
+                                 "the filter was cancelled; nothing was changed"));
 }
 
 EditResult Calls::Undo(std::optional<std::uint64_t> expected_revision) {

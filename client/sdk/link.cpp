@@ -1,5 +1,6 @@
 #include "client/sdk/link.h"
 
+#include <thread>
 #include <tuple>
 
 #include "client/sdk/backoff.h"
@@ -58,7 +59,16 @@ void Link::Renew() {
   }
 }
 
+bool Link::WaitForLoading(const Error& error) const {
+  constexpr std::chrono::milliseconds kPause{200};
+  if (on_loading_ && !on_loading_(error.what())) return false;
+  std::this_thread::sleep_for(kPause);
+  ThrowIfCancelled();
+  return true;
+}
+
 Error Link::ErrorOf(const grpc::Status& status) const {
+  if (const Error error = FromStatus(status); error.kind() == ErrorKind::kLoading) return error;
   switch (status.error_code()) {
     case grpc::StatusCode::DEADLINE_EXCEEDED:
       return {ErrorKind::kUnavailable, "palpated at " + name() + " does not answer"};
@@ -102,7 +112,23 @@ Error Link::ErrorOfEnd(const grpc::Status& status) {
           "palpated at " + name() + " went away: start it again, then repeat this"};
 }
 
-void Link::WaitUntilReached(std::chrono::milliseconds timeout) const {
+void Link::WaitUntilReached(std::chrono::milliseconds timeout) {
+  constexpr std::chrono::seconds kStart{2};
+  constexpr std::chrono::milliseconds kPause{50};
+  const auto started_by = std::chrono::steady_clock::now() + kStart;
+  while (true) {
+    try {
+      return TryToReach(timeout);
+    } catch (const Error& error) {
+      const bool may_come = shares_clock() && error.kind() == ErrorKind::kUnavailable;
+      if (!may_come || std::chrono::steady_clock::now() > started_by) throw;
+    }
+    std::this_thread::sleep_for(kPause);
+    Renew();
+  }
+}
+
+void Link::TryToReach(std::chrono::milliseconds timeout) const {
   ThrowIfCancelled();
   const std::shared_ptr<grpc::Channel> reached = channel();
   const auto deadline = std::chrono::system_clock::now() + timeout;

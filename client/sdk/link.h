@@ -59,16 +59,31 @@ class Link {
   Response Call(grpc::Status (Service::Stub::*method)(grpc::ClientContext*, const Request&,
                                                       Response*),
                 const Request& request, std::chrono::milliseconds timeout = kCallTimeout) {
-    const std::unique_ptr<typename Service::Stub> stub = Service::NewStub(channel());
-    grpc::ClientContext context;
-    context.set_deadline(std::chrono::system_clock::now() + timeout);
-    const Registered registered(*this, context);
-    Response response;
-    if (const grpc::Status status = ((*stub).*method)(&context, request, &response); !status.ok()) {
-      throw ErrorOf(status);
-    }
-    return response;
+    return WhenLoaded([&] {
+      const std::unique_ptr<typename Service::Stub> stub = Service::NewStub(channel());
+      grpc::ClientContext context;
+      context.set_deadline(std::chrono::system_clock::now() + timeout);
+      const Registered registered(*this, context);
+      Response response;
+      const grpc::Status status = ((*stub).*method)(&context, request, &response);
+      if (!status.ok()) throw ErrorOf(status);
+      return response;
+    });
   }
+
+  // Repeats `attempt` while palpated loads its first volume.
+  template <typename Attempt>
+  auto WhenLoaded(const Attempt& attempt) {
+    while (true) {
+      try {
+        return attempt();
+      } catch (const Error& error) {
+        if (error.kind() != ErrorKind::kLoading || !WaitForLoading(error)) throw;
+      }
+    }
+  }
+  // See Calls::SetOnLoading.
+  void SetOnLoading(std::function<bool(const std::string&)> call) { on_loading_ = std::move(call); }
 
   // Calls a method that streams its answer, without a deadline.
   // prepare(stub, context, queue) starts the call, for example with
@@ -80,6 +95,29 @@ class Link {
   template <typename Service, typename Message, typename Prepare, typename Take>
   void Stream(const Prepare& prepare, const Take& take, const std::function<bool()>& goes_on,
               const std::string& cancelled) {
+    WhenLoaded([&] { StreamOnce<Service, Message>(prepare, take, goes_on, cancelled); });
+  }
+
+  // Returns the Error for the status of a failed call.
+  Error ErrorOf(const grpc::Status& status) const;
+  // Returns the Error of a stream that palpated ended. If a client's token was revoked, palpated
+  // ends the client's streams without a reason. So this function makes another call to learn the
+  // reason.
+  Error ErrorOfEnd(const grpc::Status& status);
+
+  // Throws an Error that says why palpated is not reached within `timeout`. A socket of this
+  // machine may be about to come: it is waited for.
+  void WaitUntilReached(std::chrono::milliseconds timeout);
+
+  // Cancels the running calls. Later calls fail at once.
+  void CancelCalls();
+  // Throws kCancelled after CancelCalls.
+  void ThrowIfCancelled() const;
+
+ private:
+  template <typename Service, typename Message, typename Prepare, typename Take>
+  void StreamOnce(const Prepare& prepare, const Take& take, const std::function<bool()>& goes_on,
+                  const std::string& cancelled) {
     const std::unique_ptr<typename Service::Stub> stub = Service::NewStub(channel());
     grpc::ClientContext context;
     const Registered registered(*this, context);
@@ -105,26 +143,14 @@ class Link {
     throw polled.is_cancelled() ? Error(ErrorKind::kCancelled, cancelled) : ErrorOfEnd(status);
   }
 
-  // Returns the Error for the status of a failed call.
-  Error ErrorOf(const grpc::Status& status) const;
-  // Returns the Error of a stream that palpated ended. If a client's token was revoked, palpated
-  // ends the client's streams without a reason. So this function makes another call to learn the
-  // reason.
-  Error ErrorOfEnd(const grpc::Status& status);
-
-  // Throws an Error that says why palpated is not reached within `timeout`.
-  void WaitUntilReached(std::chrono::milliseconds timeout) const;
-
-  // Cancels the running calls. Later calls fail at once.
-  void CancelCalls();
-  // Throws kCancelled after CancelCalls.
-  void ThrowIfCancelled() const;
-
- private:
+  // Returns false if the caller does not want to wait.
+  bool WaitForLoading(const Error& error) const;
+  void TryToReach(std::chrono::milliseconds timeout) const;
   std::pair<std::shared_ptr<grpc::Channel>, std::shared_ptr<grpc::Channel>> MakeChannels() const;
   std::string WhatGrpcSays(const std::shared_ptr<grpc::Channel>& channel) const;
 
   const Route route_;
+  std::function<bool(const std::string&)> on_loading_;
 
   mutable std::mutex mutex_;
   std::shared_ptr<grpc::Channel> channel_;

@@ -3,10 +3,12 @@
 #include <unistd.h>
 #include <zlib.h>
 
+#include <algorithm>
 #include <cstdio>
 #include <fstream>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "client/sdk/volume_messages.h"
 #include "palpate/v1/volume.grpc.pb.h"
@@ -28,9 +30,7 @@ std::ifstream Open(const fs::path& file) {
   if (!fs::exists(status)) {
     throw Error(ErrorKind::kNotFound, file.string() + ": there is no such file");
   }
-  if (!fs::is_regular_file(status)) {
-    throw Error(ErrorKind::kInvalidArgument, file.string() + ": this is no file; name one");
-  }
+  if (!fs::is_regular_file(status)) Refuse(file.string() + ": this is no file; name one");
   if (access(file.c_str(), R_OK) != 0) {
     throw Error(ErrorKind::kPermissionDenied, file.string() + ": the file may not be read");
   }
@@ -48,6 +48,29 @@ std::size_t ReadChunk(std::ifstream& in, std::string& chunk) {
   return chunk.size();
 }
 
+// Returns the files to send: those of a folder, or the file itself.
+std::vector<fs::path> FilesOf(const fs::path& path) {
+  std::error_code error;
+  if (!fs::is_directory(path, error)) return {path};
+  std::vector<fs::path> files;
+  for (fs::directory_iterator entry(path, error), end; !error && entry != end;
+       entry.increment(error)) {
+    if (entry->is_regular_file()) files.push_back(entry->path());
+  }
+  if (error) {
+    throw Error(ErrorKind::kPermissionDenied, path.string() + ": " + error.message());
+  }
+  if (files.empty()) Refuse(path.string() + ": there are no files in it");
+  std::sort(files.begin(), files.end());
+  return files;
+}
+
+// "CT/" and "CT" are the same folder.
+std::string NameOf(const fs::path& path) {
+  const fs::path full = fs::absolute(path).lexically_normal();
+  return (full.has_filename() ? full : full.parent_path()).filename();
+}
+
 std::string Of(std::uint64_t sent, std::uint64_t size_bytes) {
   constexpr double kMib = 1024.0 * 1024.0;
   char text[64];
@@ -58,25 +81,31 @@ std::string Of(std::uint64_t sent, std::uint64_t size_bytes) {
 
 class Sending {
  public:
-  Sending(const fs::path& file, const ProgressFunction& progress)
-      : file_(file), progress_(progress) {}
+  Sending(const fs::path& path, const ProgressFunction& progress)
+      : path_(path), files_(FilesOf(path)), progress_(progress) {}
 
   bool GoesOn() const { return !progress_ || progress_(state_); }
 
-  // Reads the whole file once, because the daemon needs size and checksum in advance.
+  // Reads everything once, because the daemon needs sizes and checksum in advance.
   v1::UploadVolumeStart Start(const Link& link) const {
-    std::ifstream in = Open(file_);
     v1::UploadVolumeStart start;
-    start.set_name(file_.filename());
-    std::uint64_t size = 0;
+    start.set_name(NameOf(path_));
     uLong crc = crc32_z(0, nullptr, 0);
-    for (std::string chunk; ReadChunk(in, chunk) > 0;) {
-      link.ThrowIfCancelled();
-      if (!GoesOn()) throw Error(ErrorKind::kCancelled, kCancelled);
-      size += chunk.size();
-      crc = crc32_z(crc, reinterpret_cast<const Bytef*>(chunk.data()), chunk.size());
+    for (const fs::path& file : files_) {
+      std::ifstream in = Open(file);
+      std::uint64_t size = 0;
+      for (std::string chunk; ReadChunk(in, chunk) > 0;) {
+        link.ThrowIfCancelled();
+        if (!GoesOn()) throw Error(ErrorKind::kCancelled, kCancelled);
+        size += chunk.size();
+        crc = crc32_z(crc, reinterpret_cast<const Bytef*>(chunk.data()), chunk.size());
+      }
+      start.set_size_bytes(start.size_bytes() + size);
+      if (file == path_) continue;
+      v1::UploadedFile& announced = *start.add_files();
+      announced.set_name(file.filename());
+      announced.set_size_bytes(size);
     }
-    start.set_size_bytes(size);
     start.set_crc32(static_cast<std::uint32_t>(crc));
     return start;
   }
@@ -84,7 +113,6 @@ class Sending {
   // Ends early if the daemon takes no more. The call's status then says why.
   template <class Writer>
   void Send(Writer& writer, PolledCall& polled, const v1::UploadVolumeRequest& start) {
-    std::ifstream in = Open(file_);
     const std::uint64_t size = start.start().size_bytes();
     const auto write = [&](const v1::UploadVolumeRequest& message) {
       writer.Write(message, &polled);
@@ -92,12 +120,16 @@ class Sending {
     };
     if (!write(start)) return;
     v1::UploadVolumeRequest message;
-    for (std::uint64_t sent = 0; ReadChunk(in, *message.mutable_data()) > 0;) {
-      sent += message.data().size();
-      if (!write(message)) return;
-      const double share = static_cast<double>(sent) / static_cast<double>(size);
-      state_ = {"sending", kSendingShare * share, Of(sent, size)};
-      polled.Ask();
+    std::uint64_t sent = 0;
+    for (const fs::path& file : files_) {
+      std::ifstream in = Open(file);
+      while (ReadChunk(in, *message.mutable_data()) > 0) {
+        sent += message.data().size();
+        if (!write(message)) return;
+        const double share = static_cast<double>(sent) / static_cast<double>(size);
+        state_ = {"sending", kSendingShare * share, Of(sent, size)};
+        polled.Ask();
+      }
     }
     writer.WritesDone(&polled);
     polled.Wait();
@@ -106,7 +138,8 @@ class Sending {
   }
 
  private:
-  const fs::path file_;
+  const fs::path path_;
+  const std::vector<fs::path> files_;
   const ProgressFunction& progress_;
   Progress state_;
 };

@@ -13,6 +13,20 @@
 
 namespace palpate::client {
 
+struct SuggestedIsovalue {
+  std::string name;  // "otsu"; "bone" and "skin" for Hounsfield units; "surface"
+  double isovalue = 0.0;
+  std::string reason;  // a few words
+};
+
+struct ValueHistogram {
+  // Equal bins over low .. high. Values outside count in the first and the last bin.
+  double low = 0.0;
+  double high = 1.0;
+  std::vector<std::uint64_t> counts;
+  std::vector<double> peaks;  // ascending, without the background
+};
+
 struct VolumeInfo {
   std::string source;  // path on the daemon's machine, builtin name, or "upload:NAME"
   std::uint64_t volume_revision = 0;
@@ -32,6 +46,9 @@ struct VolumeInfo {
   std::uint64_t unsaved_edits = 0;  // since the voxels were loaded or saved
   // What the import assumed or left out, one line each.
   std::vector<std::string> warnings;
+  // Of the volume as loaded. A load without an isovalue starts at the first.
+  std::vector<SuggestedIsovalue> suggested_isovalues;
+  ValueHistogram histogram;
 };
 
 enum class VoxelType { kInt8, kUint8, kInt16, kUint16, kInt32, kUint32, kFloat32, kFloat64 };
@@ -46,7 +63,7 @@ struct RawVoxels {
 
 // Absent fields: as the file says, or unchanged.
 struct LoadOptions {
-  // Set at most one of the two. Neither: the present normalised isovalue, or 0 for a level set.
+  // Set at most one of the two. Neither: the first of the volume's suggested isovalues.
   std::optional<double> isovalue{};
   std::optional<double> normalized_isovalue{};
   std::optional<Vec3> spacing_mm{};
@@ -63,6 +80,7 @@ struct LoadResult {
   VolumeInfo volume;
   std::uint64_t applied_tick = 0;  // first tick that used it
   std::uint64_t settings_revision = 0;
+  double isovalue = 0.0;  // that it starts at, data units
 };
 
 struct SaveResult {

@@ -74,6 +74,7 @@ void VolumeFollower::Say(const VolumeReader* reader, const std::string& problem)
   status_.bricks_left = mirror_.bricks_left();
   status_.bytes_received = bytes_before_ + (reader ? reader->bytes_received() : 0);
   status_.problem = problem;
+  status_.is_loading = !problem.empty() && reader && reader->is_loading();
 }
 
 }  // namespace palpate::client

@@ -54,6 +54,15 @@ VolumeInfo FromProto(const v1::VolumeDescription& volume) {
   info.frames = volume.frames();
   info.unsaved_edits = volume.unsaved_edits();
   info.warnings.assign(volume.warnings().begin(), volume.warnings().end());
+  for (const v1::SuggestedIsovalue& suggested : volume.suggested_isovalues()) {
+    info.suggested_isovalues.push_back(
+        {suggested.name(), suggested.isovalue(), suggested.reason()});
+  }
+  const v1::ValueHistogram& histogram = volume.histogram();
+  info.histogram = {histogram.low(),
+                    histogram.high(),
+                    {histogram.counts().begin(), histogram.counts().end()},
+                    {histogram.peaks().begin(), histogram.peaks().end()}};
   return info;
 }
 

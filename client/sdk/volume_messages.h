@@ -15,7 +15,8 @@ v1::LoadVolumeRequest ToProto(const LoadOptions& options);
 // Works for LoadVolumeResult and UploadVolumeResponse; both have the same fields.
 template <class Message>
 LoadResult LoadResultOf(const Message& message) {
-  return {FromProto(message.volume()), message.applied_tick(), message.settings_revision()};
+  return {FromProto(message.volume()), message.applied_tick(), message.settings_revision(),
+          message.isovalue()};
 }
 
 Placement FromProto(const v1::Registration& registration, std::uint64_t settings_revision);

@@ -97,6 +97,7 @@ VolumeReader::Event VolumeReader::Lose(const Error& error) {
   call_.reset();
   last_loss_ = error;
   ++losses_;
+  if (is_loading()) losses_in_a_row_ = 0;
   const int doublings = std::min(losses_in_a_row_++, 16);
   try_again_ =
       Clock::now() + std::min(options_.first_pause * (1 << doublings), options_.longest_pause);

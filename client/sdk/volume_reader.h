@@ -53,6 +53,8 @@ class VolumeReader {
 
   // None before the first loss.
   const std::optional<Error>& last_loss() const { return last_loss_; }
+  // True if it was lost because palpated loads its first volume.
+  bool is_loading() const { return last_loss_ && last_loss_->kind() == ErrorKind::kLoading; }
   // Losses in a row, with no message in between.
   int losses_in_a_row() const { return losses_in_a_row_; }
   std::uint64_t losses() const { return losses_; }

@@ -47,6 +47,7 @@ struct VolumeStatus {
   std::uint64_t bytes_received = 0;  // as transferred
   // Why no voxels come; empty: nothing is wrong.
   std::string problem;
+  bool is_loading = false;  // palpated loads its first volume; `problem` says how far it is
 };
 
 }  // namespace palpate::client

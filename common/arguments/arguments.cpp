@@ -7,6 +7,7 @@
 #include <cmath>
 #include <cstdint>
 #include <filesystem>
+#include <numeric>
 #include <utility>
 
 namespace palpate::arguments {
@@ -15,6 +16,53 @@ namespace {
 Validator Wrap(const CLI::Validator& validator) {
   return {[validator](const std::string& text) { return validator(text); },
           validator.get_description()};
+}
+
+// Edits to turn one word into the other: characters to insert, to drop, to replace.
+std::size_t Distance(const std::string& a, const std::string& b) {
+  std::vector<std::size_t> row(b.size() + 1);
+  std::iota(row.begin(), row.end(), 0);
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    std::size_t diagonal = std::exchange(row[0], i + 1);
+    for (std::size_t j = 0; j < b.size(); ++j) {
+      const std::size_t replaced = diagonal + (a[i] != b[j]);
+      diagonal = row[j + 1];
+      row[j + 1] = std::min({replaced, row[j] + 1, row[j + 1] + 1});
+    }
+  }
+  return row.back();
+}
+
+// The command that the command line named last.
+const CLI::App& Innermost(const CLI::App& app) {
+  const std::vector<CLI::App*> parsed = app.get_subcommands();
+  return parsed.empty() ? app : Innermost(*parsed.back());
+}
+
+// Returns what is wrong with the first argument that nothing takes; "" if everything is taken.
+std::string WhatIsUnknown(const CLI::App& app) {
+  const std::vector<std::string> rest = app.remaining(/*recurse=*/true);
+  if (rest.empty()) return "";
+  const CLI::App& command = Innermost(app);
+  const auto option = std::find_if(rest.begin(), rest.end(), [](const std::string& argument) {
+    return argument.size() > 1 && argument[0] == '-';
+  });
+  if (option != rest.end()) {
+    std::vector<std::string> names;
+    for (const CLI::App* at = &command; at != nullptr; at = at->get_parent()) {
+      for (const CLI::Option* known : at->get_options()) {
+        for (const std::string& name : known->get_lnames()) names.push_back("--" + name);
+      }
+    }
+    const std::string name = option->substr(0, option->find('='));
+    return "there is no option '" + name + "'" + DidYouMean(name, names);
+  }
+  std::vector<std::string> names;
+  for (const CLI::App* known : command.get_subcommands([](const CLI::App*) { return true; })) {
+    names.push_back(known->get_name());
+  }
+  if (names.empty()) return "'" + rest[0] + "' is one argument too many";
+  return "there is no command '" + rest[0] + "'" + DidYouMean(rest[0], names);
 }
 
 // Returns false if the program only had to print something.
@@ -26,18 +74,21 @@ bool ParseBy(const CLI::App& app, const Parse& parse) {
   } catch (const CLI::Success& help) {
     app.exit(help);
     return false;
-  } catch (const CLI::RequiredError& error) {
-    const std::vector<std::string> rest = app.remaining();
-    const bool lacks_command =
-        app.get_require_subcommand_min() > 0 && app.get_subcommands().empty();
-    if (lacks_command && !rest.empty()) throw UsageError("there is no command '" + rest[0] + "'");
-    throw UsageError(error.what());
   } catch (const CLI::ParseError& error) {
-    throw UsageError(error.what());
+    const std::string unknown = WhatIsUnknown(app);
+    throw UsageError(unknown.empty() ? error.what() : unknown);
   }
 }
 
 }  // namespace
+
+std::string DidYouMean(const std::string& word, const std::vector<std::string>& words) {
+  const auto nearest = std::min_element(words.begin(), words.end(), [&](auto& a, auto& b) {
+    return Distance(word, a) < Distance(word, b);
+  });
+  if (nearest == words.end() || 3 * Distance(word, *nearest) > word.size()) return "";
+  return ": did you mean '" + *nearest + "'?";
+}
 
 Validator ExistingFile() { return Wrap(CLI::ExistingFile); }
 Validator NonNegativeNumber() { return Wrap(CLI::NonNegativeNumber); }
@@ -221,7 +272,8 @@ bool Command::parse(std::vector<std::string> arguments) {
 std::string Command::name() const { return app_.get_name(); }
 
 void Command::explain(const UsageError& error) const {
-  app_.exit(CLI::ValidationError(error.what()));
+  const std::string name = std::filesystem::path(app_.get_name()).filename();
+  fmt::print(stderr, "{}: {}; see --help\n", name, error.what());
 }
 
 }  // namespace palpate::arguments

@@ -27,6 +27,9 @@ class UsageError : public std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
+// Returns ": did you mean 'stiffness'?" if one of the words is nearly `word`, otherwise "".
+std::string DidYouMean(const std::string& word, const std::vector<std::string>& words);
+
 // The rule for a value on the command line.
 struct Validator {
   std::function<std::string(const std::string&)> complaint;  // returns "" for a right value
@@ -115,7 +118,7 @@ class Command {
   std::string name() const;
   const std::vector<std::unique_ptr<Option>>& options() const { return options_; }
   const std::vector<std::unique_ptr<Command>>& commands() const { return commands_; }
-  // Prints on stderr what is wrong and how to get help.
+  // Prints "NAME: what is wrong; see --help" on stderr.
   void explain(const UsageError& error) const;
 
  private:

@@ -20,6 +20,7 @@ enum class ErrorKind {
   kCancelled,
   kDiskFull,
   kFailedPrecondition,  // a requirement is missing, but may be met later
+  kLoading,             // palpated loads its first volume: ask again in a moment
 };
 
 class Error : public std::runtime_error {
@@ -53,6 +54,7 @@ constexpr int ExitCode(ErrorKind kind) {
     case ErrorKind::kConflict:
       return 7;
     case ErrorKind::kUnavailable:
+    case ErrorKind::kLoading:
       return 8;
     case ErrorKind::kCancelled:
       return 9;

@@ -22,6 +22,7 @@ grpc::StatusCode CodeOf(ErrorKind kind) {
     case ErrorKind::kConflict:
       return grpc::StatusCode::ABORTED;
     case ErrorKind::kUnavailable:
+    case ErrorKind::kLoading:
       return grpc::StatusCode::UNAVAILABLE;
     case ErrorKind::kCancelled:
       return grpc::StatusCode::CANCELLED;
@@ -38,6 +39,17 @@ constexpr std::string_view kDiskFullDetails =
     "\x12\x14\x0a\x09"
     "DISK_FULL\x12\x07palpate";
 constexpr std::string_view kDiskFullReason = "DISK_FULL";
+// The same with {code: 14, reason: "LOADING"}.
+constexpr std::string_view kLoadingDetails =
+    "\x08\x0e\x1a\x3e\x0a\x28type.googleapis.com/google.rpc.ErrorInfo"
+    "\x12\x12\x0a\x07"
+    "LOADING\x12\x07palpate";
+constexpr std::string_view kLoadingReason = "LOADING";
+
+std::string_view DetailsOf(ErrorKind kind) {
+  if (kind == ErrorKind::kDiskFull) return kDiskFullDetails;
+  return kind == ErrorKind::kLoading ? kLoadingDetails : "";
+}
 
 ErrorKind KindOf(grpc::StatusCode code) {
   switch (code) {
@@ -72,13 +84,17 @@ ErrorKind KindOf(grpc::StatusCode code) {
 grpc::Status ToStatus(const std::exception& exception) {
   const auto* error = dynamic_cast<const Error*>(&exception);
   if (!error) return {grpc::StatusCode::INTERNAL, exception.what()};
-  const bool disk_full = error->kind() == ErrorKind::kDiskFull;
-  return {CodeOf(error->kind()), exception.what(), std::string(disk_full ? kDiskFullDetails : "")};
+  return {CodeOf(error->kind()), exception.what(), std::string(DetailsOf(error->kind()))};
 }
 
 Error FromStatus(const grpc::Status& status) {
-  const bool disk_full = status.error_details().find(kDiskFullReason) != std::string::npos;
-  return {disk_full ? ErrorKind::kDiskFull : KindOf(status.error_code()), status.error_message()};
+  const auto says = [&](std::string_view reason) {
+    return status.error_details().find(reason) != std::string::npos;
+  };
+  const ErrorKind kind = says(kDiskFullReason)  ? ErrorKind::kDiskFull
+                         : says(kLoadingReason) ? ErrorKind::kLoading
+                                                : KindOf(status.error_code());
+  return {kind, status.error_message()};
 }
 
 }  // namespace palpate

@@ -6,6 +6,7 @@
 //   kTooLarge         RESOURCE_EXHAUSTED    kInternal     INTERNAL
 //   kFailedPrecondition  FAILED_PRECONDITION
 //   kDiskFull         RESOURCE_EXHAUSTED with the detail ErrorInfo {reason: "DISK_FULL"}
+//   kLoading          UNAVAILABLE with the detail ErrorInfo {reason: "LOADING"}
 //
 // Any thread.
 #pragma once

@@ -41,6 +41,6 @@ def row(setting: Setting) -> str:
     if setting.kind == "number":
         values = values.removesuffix(f" {unit}") if unit else values
     if setting.minimum is None and setting.kind == "number":
-        unit, values, default = "the data's", "the volume's", "the middle"
+        unit, values, default = "the data's", "the volume's", "as suggested"
     about = setting.help + (f". {setting.details}" if setting.details else "")
     return f"| `{setting.key}` | {unit} | {values} | {default} | {about} |\n"

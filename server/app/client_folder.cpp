@@ -1,6 +1,7 @@
 #include "server/app/client_folder.h"
 
 #include <toml++/toml.h>
+#include <algorithm>
 #include <fstream>
 #include <sstream>
 
@@ -52,12 +53,12 @@ void CheckIsNew(const fs::path& file, const std::string& text, const std::string
   }
 }
 
-std::string NameFrom(const std::string& host) {
-  if (host.find_first_not_of("0123456789.") == host.npos || host.find(':') != host.npos) {
-    throw Error(ErrorKind::kInvalidArgument,
-                host + " is an address: give the profile a name with --profile");
-  }
-  return host.substr(0, host.find('.'));
+// "ada-scanner": profiles of two users, or of two hosts, have different files.
+std::string ProfileOf(const std::string& token_name, const std::string& host) {
+  const bool is_address = host.find_first_not_of("0123456789.:") == host.npos;
+  std::string name = token_name + "-" + (is_address ? host : host.substr(0, host.find('.')));
+  std::replace(name.begin(), name.end(), ':', '-');
+  return name;
 }
 
 void Write(const fs::path& path, const std::string& text, mode_t mode, IfThere if_there) {
@@ -70,7 +71,7 @@ void Write(const fs::path& path, const std::string& text, mode_t mode, IfThere i
 
 std::string WriteClientFolder(const ClientFolder& client, const std::string& token) {
   const HostPort server = ParseHostPort(client.server);
-  const std::string profile = client.profile.empty() ? NameFrom(server.host) : client.profile;
+  const std::string profile = client.profile.empty() ? ProfileOf(client.token_name, server.host) : client.profile;
   CheckTokenName(profile);  // the same rules
   const std::string certificate = Certificate(client.ca_file);
   MakeFolders(client.folder);

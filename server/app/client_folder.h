@@ -10,10 +10,11 @@
 namespace palpate {
 
 struct ClientFolder {
+  std::string token_name{};
   std::filesystem::path folder{};   // created if missing
   std::string server{};             // HOST:PORT, as clients reach it
   std::filesystem::path ca_file{};  // copied
-  std::string profile{};            // empty: the host's name up to its first dot
+  std::string profile{};            // empty: token and host, "ada-scanner"
 };
 
 // Writes clients.toml (or adds to an existing one), PROFILE.token with mode 0600, and

@@ -29,7 +29,7 @@ namespace palpate {
 struct Config {
   std::string volume = "builtin:bumps";
   std::optional<double> isovalue;             // data units
-  std::optional<double> normalized_isovalue;  // 0 to 1; without both isovalues: 0.5
+  std::optional<double> normalized_isovalue;  // 0 to 1; without both: as ValuesOf suggests
   std::optional<Vec3> spacing_mm;
   std::optional<double> device_mm_per_volume_mm;
   std::string grid;       // for a .vdb file with several grids

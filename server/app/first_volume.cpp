@@ -1,5 +1,6 @@
 #include "server/app/first_volume.h"
 
+#include <chrono>
 #include <filesystem>
 
 #include "server/log/log.h"
@@ -8,35 +9,54 @@
 namespace palpate {
 namespace {
 
+constexpr std::chrono::seconds kLogEvery{5};
+
+bool IsBuiltin(const std::string& volume) { return volume.starts_with("builtin:"); }
+
 std::string Name(const std::string& volume) {
-  return volume.starts_with("builtin:") ? volume : std::filesystem::absolute(volume).string();
+  return IsBuiltin(volume) ? volume : std::filesystem::absolute(volume).string();
 }
 
 // Follows links: the administrator's configuration may name any file.
 std::string Source(const std::string& volume) {
   std::error_code error;
   const std::filesystem::path real = std::filesystem::canonical(volume, error);
-  return volume.starts_with("builtin:") || error ? Name(volume) : real.string();
+  return IsBuiltin(volume) || error ? Name(volume) : real.string();
 }
 
-void Load(const LoadRequest& request, Session& session, const LoadCancelled& cancelled) {
+using Progress = std::function<void(const std::string&)>;
+
+void Load(const LoadRequest& request, Session& session, const Progress& on_progress,
+          const LoadCancelled& cancelled) {
   LogInfo("loading {}", request.source);
-  const auto quiet = [](std::string_view, double) {};
-  const VolumeState state = session.Load(request, quiet, cancelled);
+  const std::string name = IsBuiltin(request.source)
+                               ? request.source
+                               : std::filesystem::path(request.source).filename().string();
+  auto logged = std::chrono::steady_clock::now();
+  const auto tell = [&](std::string_view stage, double fraction) {
+    session.first_load().Tell(name, fraction);
+    const std::string line = fmt::format("loading {}, {:.0f} %", name, 100.0 * fraction);
+    on_progress(line);
+    if (std::chrono::steady_clock::now() - logged < kLogEvery) return;
+    logged = std::chrono::steady_clock::now();
+    LogInfo("{} ({})", line, stage);
+  };
+  const VolumeState state = session.Load(request, tell, cancelled);
   const VolumeMetadata& m = state.volume->metadata();
   LogInfo("volume {}x{}x{} {}, spacing {:g} x {:g} x {:g} mm, values {:g} to {:g} {}", m.size.x(),
           m.size.y(), m.size.z(), m.original_type, m.spacing_mm.x(), m.spacing_mm.y(),
           m.spacing_mm.z(), m.value_min, m.value_max, m.unit);
-  const RenderSettings settings = session.settings().settings;
-  LogInfo("scale {:.4g} device mm per volume mm; isovalue {:g} (normalized {:.4g})",
-          state.registration.device_mm_per_volume_mm, settings.isovalue,
-          settings.normalized_isovalue);
+  const bool is_chosen = !request.isovalue && !request.normalized_isovalue;
+  LogInfo("scale {:.4g} device mm per volume mm; isovalue {:g} {}{}",
+          state.registration.device_mm_per_volume_mm, state.isovalue, m.unit,
+          is_chosen ? "(" + state.values->suggested.front().reason + ")" : "");
 }
 
 // Loads the configured volume. An error names the configuration's line.
-void LoadConfigured(const LoadedConfig& loaded, Session& session, const LoadCancelled& cancelled) {
+void LoadConfigured(const LoadedConfig& loaded, Session& session, const Progress& on_progress,
+                    const LoadCancelled& cancelled) {
   try {
-    Load(ConfiguredVolume(loaded.config), session, cancelled);
+    Load(ConfiguredVolume(loaded.config), session, on_progress, cancelled);
   } catch (const RangeError& error) {
     throw AtKey(loaded, "volume.isovalue", error);
   } catch (const Error& error) {
@@ -68,7 +88,7 @@ void LeaveSide(const FeltSession& left, const RenderSettings& configured, Sessio
 // Returns false if the session's volume is not restored.
 bool BringBack(const FeltSession& left, const LoadRequest& configured,
                const RenderSettings& configured_settings, Session& session, const PathPolicy& paths,
-               const LoadCancelled& cancelled) {
+               const Progress& on_progress, const LoadCancelled& cancelled) {
   const std::string& name = left.volume.title;
   try {
     session.SetInitial(left.settings);
@@ -80,7 +100,7 @@ bool BringBack(const FeltSession& left, const LoadRequest& configured,
       LeaveSide(left, configured_settings, session);
       return false;
     }
-    Load(VolumeLeft(left, configured, paths), session, cancelled);
+    Load(VolumeLeft(left, configured, paths), session, on_progress, cancelled);
   } catch (const Error& error) {
     if (error.kind() == ErrorKind::kCancelled) throw;
     LogWarning("{} does not come back, its settings do: {}", name, error.what());
@@ -110,13 +130,15 @@ RenderSettings ConfiguredSettings(const Config& config) {
 }
 
 void LoadFirstVolume(const LoadedConfig& loaded, Session& session, SessionKeeper& keeper,
-                     const PathPolicy& paths, const LoadCancelled& cancelled) {
+                     const PathPolicy& paths, const Progress& on_progress,
+                     const LoadCancelled& cancelled) {
   const LoadRequest configured = ConfiguredVolume(loaded.config);
-  session.SetInitial(ConfiguredSettings(loaded.config));
   const std::optional<FeltSession> left = keeper.TakeLeft();
   const RenderSettings settings = ConfiguredSettings(loaded.config);
-  if (left && BringBack(*left, configured, settings, session, paths, cancelled)) return;
-  LoadConfigured(loaded, session, cancelled);
+  if (left && BringBack(*left, configured, settings, session, paths, on_progress, cancelled)) {
+    return;
+  }
+  LoadConfigured(loaded, session, on_progress, cancelled);
 }
 
 }  // namespace palpate

@@ -27,7 +27,7 @@ struct Options {
   std::optional<std::string> volume, device, socket, listen, method, state_folder, log_level;
   std::optional<double> isovalue, normalized_isovalue, stiffness, damping, scale;
   std::vector<double> spacing_mm;
-  std::vector<std::string> load_folders;
+  std::vector<std::string> load_folders, save_folders;
   bool check_config = false;
   bool log_to_journal = false;
 };
@@ -40,13 +40,14 @@ void AddOptions(arguments::Command& app, Options& options) {
                "check the configuration, print one line for each fault, and exit (exit code 0: no "
                "fault). Opens no device and loads no volume. Checks whether the user who runs this "
                "can read the files: run it as the daemon's user");
-  app.add_option("--volume", options.volume,
+  app.add_option("volume,--volume", options.volume,
                  "volume file, DICOM folder, or builtin:cylinder, builtin:sphere[:N], "
                  "builtin:bumps[:N], builtin:gyroid[:N] [builtin:bumps]");
   auto* isovalue =
-      app.add_option("--isovalue", options.isovalue, "isovalue to start with, in data units");
+      app.add_option("--isovalue", options.isovalue,
+                     "isovalue to start with, in data units [one that shows something]");
   app.add_option("--normalized-isovalue", options.normalized_isovalue,
-                 "isovalue to start with, from 0 to 1 over the volume's range [0.5]")
+                 "isovalue to start with, from 0 to 1 over the volume's range")
       ->excludes(isovalue);
   app.add_option("--spacing-mm", options.spacing_mm,
                  "voxel spacing X,Y,Z in mm instead of the file's")
@@ -55,6 +56,11 @@ void AddOptions(arguments::Command& app, Options& options) {
   app.add_option("--load-folder", options.load_folders,
                  "folder from which clients may load, with its subfolders; may be given again "
                  "[the folder in which palpated is started]")
+      ->expected(1)
+      ->take_all();
+  app.add_option("--save-folder", options.save_folders,
+                 "folder to which clients may save and record, and from which they may load; may "
+                 "be given again [the folder in which palpated is started]")
       ->expected(1)
       ->take_all();
   app.add_option("--device-mm-per-volume-mm", options.scale,
@@ -145,6 +151,7 @@ void EraseOverridden(const Options& options, ConfigKeys& keys) {
   erase(options.method.has_value(), "haptics.method");
   erase(options.state_folder.has_value(), "state.folder");
   erase(!options.load_folders.empty(), "volume.load_folders");
+  erase(!options.save_folders.empty(), "volume.save_folders");
   erase(options.log_level.has_value(), "log.level");
 }
 

@@ -78,7 +78,6 @@ SettingsUpdate UpdateOf(const std::vector<std::string>& keys, const Config& conf
   if (Names(keys, "volume.isovalue") || Names(keys, "volume.normalized_isovalue")) {
     update.isovalue = config.isovalue;
     update.normalized_isovalue = config.normalized_isovalue;
-    if (!config.isovalue && !config.normalized_isovalue) update.normalized_isovalue = 0.5;
   }
   return update;
 }

@@ -9,8 +9,6 @@
 
 namespace palpate {
 
-void ServiceManager::Loading(const std::string& source) { Status("loading " + source); }
-
 void ServiceManager::Ready() { sd_notify(0, "READY=1"); }
 
 void ServiceManager::Reloading() {

@@ -14,7 +14,6 @@ namespace palpate {
 
 class ServiceManager {
  public:
-  void Loading(const std::string& source);
   void Ready();
   // Between Reloading() and Reloaded() the daemon reads the configuration again.
   void Reloading();

@@ -100,7 +100,8 @@ void Add(const TokenValues& values) {
   std::string profile;
   const ClientFolderValues& client = values.client;
   if (!client.folder.empty())
-    profile = WriteClientFolder({.folder = client.folder,
+    profile = WriteClientFolder({.token_name = values.name,
+                                 .folder = client.folder,
                                  .server = client.server,
                                  .ca_file = client.ca_file,
                                  .profile = client.profile},
@@ -165,7 +166,7 @@ void AddTokenCommands(arguments::Command& app, std::function<void()>& run) {
               "certificate authority that the client must trust, or tls.certificate itself")
           ->needs(folder);
   folder->needs(server)->needs(ca);
-  make->add_option("--profile", values->client.profile, "name of the profile [the host's]")
+  make->add_option("--profile", values->client.profile, "name of the profile [token's and host's: ada-scanner]")
       ->needs(folder);
   add("list", "Shows names and roles", List);
   add("revoke", "Removes a token: within seconds its calls are refused and its streams end", Revoke)

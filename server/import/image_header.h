@@ -32,6 +32,8 @@ struct ImageGeometry {
   Vec3 spacing_mm = Vec3::Ones();
   Vec3 origin_W_mm = Vec3::Zero();
   Mat3 direction = Mat3::Identity();  // columns: unit vectors, except in a sheared file
+  // What the file states as the unit of length, if it is none that is known; mm are taken.
+  std::string unknown_unit{};
 };
 
 // The data stream holds `skip_bytes` and then the voxels, x fastest, one frame after the other. The
@@ -69,6 +71,7 @@ struct ImportLimits {
   std::vector<std::filesystem::path> folders{};
   // Files that are refused, whatever link leads to them.
   OwnFiles own_files{};
+  bool spacing_is_given = false;  // the file's own does not matter
 };
 
 // Takes the axes as a header lists them. If the fourth axis has frames and no axis follows, sets

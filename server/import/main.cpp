@@ -176,7 +176,9 @@ palpate::DenseVolume ReadSingleFile(const Options& options, const palpate::Impor
     return palpate::ReadMetaImageVolume(input, limits, reporter);
   }
   if (extension == ".dcm") {
-    palpate::Refuse("this is one slice; give the folder of the DICOM series");
+    palpate::Refuse(
+        "this is one DICOM file; give the folder of its series (a file with several frames is not "
+        "supported: save one file per slice)");
   }
   palpate::Refuse(
       "the format is not known by its name; use .nrrd, .nhdr, .mha, .mhd, .nii, .nii.gz, .vdb, "
@@ -259,6 +261,7 @@ void Import(const Options& options, palpate::Reporter* reporter) {
   }
   palpate::ImportLimits limits;
   limits.max_voxels = options.max_voxels;
+  limits.spacing_is_given = spacing_mm.has_value();
   limits.max_memory_bytes = options.max_memory_mib << 20;
   limits.folders = FoldersToRead(options);
   limits.own_files = palpate::OwnFiles({options.own_files.begin(), options.own_files.end()});

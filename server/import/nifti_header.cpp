@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 #include "server/import/nifti_fields.h"
 
@@ -55,7 +56,8 @@ void CheckFinite(const Numbers& numbers, const char* what) {
   }
 }
 
-double MillimetresPerUnit(const NiftiFields& fields) {
+// None: it is no known unit.
+std::optional<double> MillimetresPerUnit(const NiftiFields& fields) {
   constexpr int kSpace = 7;
   const int unit = fields.xyzt_units & kSpace;
   switch (unit) {
@@ -67,8 +69,7 @@ double MillimetresPerUnit(const NiftiFields& fields) {
     case 2:
       return 1.0;
   }
-  Refuse("the NIfTI header's unit of length (xyzt_units, code " + std::to_string(unit) +
-         ") is none; correct it");
+  return std::nullopt;
 }
 
 const Mat3 kLpsFromRas = Vec3(-1.0, -1.0, 1.0).asDiagonal();
@@ -122,8 +123,10 @@ ImageGeometry ParseGeometry(const NiftiFields& fields) {
     const ImageGeometry sform = FromSform(fields);
     if (!has_qform || !IsSheared(sform)) geometry = sform;
   }
-  geometry.spacing_mm *= MillimetresPerUnit(fields);
-  geometry.origin_W_mm *= MillimetresPerUnit(fields);
+  const std::optional<double> mm = MillimetresPerUnit(fields);
+  if (!mm) geometry.unknown_unit = "xyzt_units " + std::to_string(fields.xyzt_units);
+  geometry.spacing_mm *= mm.value_or(1.0);
+  geometry.origin_W_mm *= mm.value_or(1.0);
   // Finite values may have overflowed, or become zero.
   for (const double spacing : geometry.spacing_mm) CheckSpacing(spacing);
   CheckFinite(geometry.origin_W_mm, "place");

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
+#include <string>
 #include <vector>
 
 namespace palpate {
@@ -79,19 +81,20 @@ constexpr LengthUnit kLengthUnits[] = {
     {"inche", 25.4},
 };
 
-double MillimetresPer(std::string_view unit, const char* what) {
+// None: it is no known unit.
+std::optional<double> MillimetresPer(std::string_view unit) {
   std::string name = Lower(unit);
   if (name.empty() || name == "none" || unit.starts_with("???")) return 1.0;
   if (name.size() > 5 && name.ends_with('s')) name.pop_back();
   for (const LengthUnit& known : kLengthUnits) {
     if (known.name == name) return known.mm;
   }
-  Refuse(std::string("the NRRD header's ") + what + " holds " + Quoted(unit) +
-         ", which is no known unit of length; correct it, or take the field out for mm");
+  return std::nullopt;
 }
 
 // Returns millimetres per unit of the first three axes: "mm" "mm" "mm", with or without quotes.
-Vec3 LengthUnits(const NrrdFields& fields, const char* name, const char* what) {
+// Stores what is no known unit in `unknown_unit`.
+Vec3 LengthUnits(const NrrdFields& fields, const char* name, std::string* unknown_unit) {
   Vec3 mm = Vec3::Ones();
   const std::string text = FindField(fields, name).value_or("");
   std::string_view rest = Trim(text);
@@ -99,7 +102,9 @@ Vec3 LengthUnits(const NrrdFields& fields, const char* name, const char* what) {
     const bool quoted = rest.front() == '"';
     if (quoted) rest.remove_prefix(1);
     const std::string_view unit = rest.substr(0, rest.find_first_of(quoted ? "\"" : " \t"));
-    mm[axis] = MillimetresPer(Trim(unit), what);
+    const std::optional<double> known = MillimetresPer(Trim(unit));
+    if (!known) *unknown_unit = Trim(unit);
+    mm[axis] = known.value_or(1.0);
     rest.remove_prefix(std::min(rest.size(), unit.size() + (quoted ? 1 : 0)));
     rest = Trim(rest);
   }
@@ -111,9 +116,9 @@ ImageGeometry FromDirections(const NrrdFields& fields, const std::string& direct
   if (vectors.size() < 3) {
     Refuse("the NRRD header's space directions are fewer than three; correct the header");
   }
-  const Vec3 signs =
-      SignsOfLps(fields).cwiseProduct(LengthUnits(fields, "spaceunits", "space units"));
   ImageGeometry geometry;
+  const Vec3 signs =
+      SignsOfLps(fields).cwiseProduct(LengthUnits(fields, "spaceunits", &geometry.unknown_unit));
   for (int k = 0; k < 3; ++k) {
     const Vec3 step = signs.cwiseProduct(SpaceVector(vectors[k], "space directions"));
     geometry.spacing_mm[k] = step.norm();
@@ -142,7 +147,7 @@ Vec3 PerAxis(const NrrdFields& fields, const char* name, const char* what) {
 
 ImageGeometry FromSpacings(const NrrdFields& fields, const std::array<std::int64_t, 3>& size) {
   ImageGeometry geometry;
-  const Vec3 mm = LengthUnits(fields, "units", "units");
+  const Vec3 mm = LengthUnits(fields, "units", &geometry.unknown_unit);
   const Vec3 mins = mm.cwiseProduct(PerAxis(fields, "axismins", "axis mins"));
   const Vec3 maxs = mm.cwiseProduct(PerAxis(fields, "axismaxs", "axis maxs"));
   const Vec3 spacings = mm.cwiseProduct(PerAxis(fields, "spacings", "spacings"));

@@ -22,6 +22,18 @@ VolumeMetadata MetadataOf(const ImageHeader& header) {
   return metadata;
 }
 
+// A file may count in voxels. Another unit that is not known may be a thousand times as long as mm.
+void CheckUnit(const std::string& unit, const ImportLimits& limits, Reporter* reporter) {
+  if (unit.empty() || limits.spacing_is_given) return;
+  const std::string name = Lower(unit);
+  if (name != "pixel" && name != "pixels" && name != "voxel" && name != "voxels") {
+    Refuse("the header's unit of length is " + Quoted(unit) +
+           ", which is not known; correct it, or give the spacing: --spacing-mm X,Y,Z");
+  }
+  reporter->Warn("the unit of length is " + Quoted(unit) +
+                 ", which is no length; mm are taken, give the spacing with --spacing-mm");
+}
+
 DenseVolume ReadFrame(const std::filesystem::path& path, const ImageHeader& header,
                       std::int64_t frame, Reporter* reporter) {
   reporter->Progress(kCheckedShare, "reading");
@@ -35,6 +47,7 @@ DenseVolume ReadPlainVolume(const std::filesystem::path& path, ImageFormat forma
                             Reporter* reporter) {
   reporter->Progress(0.0, "checking");
   const ImageHeader header = ReadCheckedHeader(path, format, limits);
+  CheckUnit(header.geometry.unknown_unit, limits, reporter);
   CheckFrame(frame.value_or(0), header.frames);
   if (!frame && header.frames > 1) {
     reporter->Warn("there are " + std::to_string(header.frames) +

@@ -111,8 +111,11 @@ void Admission::SetPatience(std::int64_t ends_ns, const char* with) const {
 grpc::Status Admission::Failed(const std::exception& error) const {
   const Running& call = *running_;
   // Counts by identity, so that strangers at the same address do not use up its lines of the log.
+  const auto* known = dynamic_cast<const Error*>(&error);
+  const bool is_loading = known && known->kind() == ErrorKind::kLoading;
   const bool is_logged =
-      call.rule->kind == CallKind::kTransfer || call.rule->least >= Role::kOperator;
+      !is_loading &&
+      (call.rule->kind == CallKind::kTransfer || call.rule->least >= Role::kOperator);
   const auto left_out =
       is_logged ? access_->refusals_.Take(call.caller.name, MonotonicNowNs()) : std::nullopt;
   if (left_out) {

@@ -26,6 +26,8 @@
 #include "common/wire/status.h"
 #include "server/rpc/access.h"
 #include "server/rpc/call_threads.h"
+#include "server/security/methods.h"
+#include "server/session/first_load.h"
 
 namespace palpate {
 
@@ -101,8 +103,8 @@ class Calls {
  public:
   using Cancelled = std::function<bool()>;
 
-  // Borrows it.
-  explicit Calls(Access& access) : access_(access) {}
+  // Borrows both.
+  Calls(Access& access, const FirstLoad& first_load) : access_(access), first_load_(first_load) {}
 
   Access& access() { return access_; }
   CallThreads& threads() { return threads_; }
@@ -116,9 +118,11 @@ class Calls {
       call->Finish(call->admission.status());
       return call;
     }
-    threads_.Run(method, [call, work = std::move(work)] {
-      const grpc::Status status =
-          StatusOf(call->admission, [&] { work(std::as_const(call->admission)); });
+    threads_.Run(method, [this, method, call, work = std::move(work)] {
+      const grpc::Status status = StatusOf(call->admission, [&] {
+        RequireVolume(method);
+        work(std::as_const(call->admission));
+      });
       call->admission.Answered();
       call->Finish(status);
     });
@@ -133,9 +137,12 @@ class Calls {
       stream->End(stream->admission().status());
       return stream;
     }
-    threads_.Run(method, [context, stream, work = std::move(work)] {
+    threads_.Run(method, [this, method, context, stream, work = std::move(work)] {
       const Cancelled cancelled = [context] { return context->IsCancelled(); };
-      stream->End(StatusOf(stream->admission(), [&] { work(*stream, cancelled); }));
+      stream->End(StatusOf(stream->admission(), [&] {
+        RequireVolume(method);
+        work(*stream, cancelled);
+      }));
     });
     return stream;
   }
@@ -146,6 +153,10 @@ class Calls {
     void OnDone() override { delete this; }
     Admission admission;
   };
+
+  void RequireVolume(std::string_view method) const {
+    if (FindMethodRule(method)->needs_volume) first_load_.Require();
+  }
 
   template <class Work>
   static grpc::Status StatusOf(const Admission& admission, const Work& work) {
@@ -158,6 +169,7 @@ class Calls {
   }
 
   Access& access_;
+  const FirstLoad& first_load_;
   CallThreads threads_;
 };
 

@@ -110,6 +110,7 @@ RpcServer::RpcServer(ServerOptions options, const ServedParts& parts)
     : options_(std::move(options)),
       watch_(FirstSecondFile(RaiseOpenFileLimit(), options_.security.connections)),
       access_(options_.security.limits, &watch_),
+      calls_(access_, parts.session.first_load()),
       acceptor_(FirstRefusedFile(RaiseOpenFileLimit(), options_.security.connections), watch_),
       poses_(access_, parts.pump, parts.metrics),
       render_(calls_, parts.session, parts.metrics),

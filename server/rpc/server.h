@@ -78,7 +78,8 @@ class RpcServer {
   void Reserve();
   // Call it after Reserve. Claims the port, if one is configured.
   void ReservePort();
-  // Call it after Reserve, with a volume in the session. Throws kConflict if it cannot listen.
+  // Call it after Reserve, with a running servo. Calls that need a volume are answered with kLoading
+  // until the session has one. Throws kConflict if it cannot listen.
   void Start();
   // See SecurityFiles::Prepare. Call the returned function before Stop.
   std::function<void()> PrepareSecurity(const PolicyOptions& policy);
@@ -92,7 +93,7 @@ class RpcServer {
   ServerOptions options_;
   ConnectionWatch watch_;
   Access access_;
-  Calls calls_{access_};
+  Calls calls_;
   Acceptor acceptor_;
   std::unique_ptr<TlsFiles> tls_;
   PoseService poses_;

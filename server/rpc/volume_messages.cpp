@@ -60,6 +60,17 @@ v1::VolumeDescription ToProto(const VolumeState& state) {
   out.set_unsaved_edits(state.unsaved_edits);
   out.set_frames(static_cast<std::uint32_t>(metadata.frames));
   for (const std::string& warning : metadata.warnings) out.add_warnings(warning);
+  for (const auto& [name, isovalue, reason] : state.values->suggested) {
+    v1::SuggestedIsovalue& suggested = *out.add_suggested_isovalues();
+    suggested.set_name(name);
+    suggested.set_isovalue(isovalue);
+    suggested.set_reason(reason);
+  }
+  v1::ValueHistogram& histogram = *out.mutable_histogram();
+  histogram.set_low(state.values->low);
+  histogram.set_high(state.values->high);
+  histogram.mutable_counts()->Assign(state.values->counts.begin(), state.values->counts.end());
+  histogram.mutable_peaks()->Assign(state.values->peaks.begin(), state.values->peaks.end());
   return out;
 }
 

@@ -49,12 +49,13 @@ EventStream<v1::LoadVolumeResponse>* VolumeService::LoadVolume(
         AppliedTick applied;
         const VolumeState state =
             session_.LoadAndWait(load, ProgressTo(events), cancelled, applied);
-        LogInfo("loaded {} (volume revision {}) at tick {}", request->source(),
-                state.volume->revision(), applied.tick);
+        LogInfo("loaded {} (volume revision {}) at tick {}, isovalue {:g}", request->source(),
+                state.volume->revision(), applied.tick, state.isovalue);
         v1::LoadVolumeResponse event;
         *event.mutable_result()->mutable_volume() = ToProto(state);
         event.mutable_result()->set_applied_tick(applied.tick);
         event.mutable_result()->set_settings_revision(state.settings_revision);
+        event.mutable_result()->set_isovalue(state.isovalue);
         events.Send(std::move(event));
       });
 }
@@ -80,8 +81,12 @@ EventStream<v1::FilterVolumeResponse>* VolumeService::FilterVolume(
   return calls_.Stream<v1::FilterVolumeResponse>(
       context, "/palpate.v1.VolumeService/FilterVolume",
       [=, this](auto& events, const auto& cancelled) {
-        const EditOutcome outcome = filterer_.Filter(FromProto(*request), Expected(*request),
-                                                     ProgressTo(events), cancelled);
+        const EditOutcome outcome =
+            request->has_edit()
+                ? editor_.Edit(FromProto(request->edit()), Expected(request->edit()), 0, cancelled,
+                               ProgressTo(events))
+                : filterer_.Filter(FromProto(*request), Expected(*request), ProgressTo(events),
+                                   cancelled);
         v1::FilterVolumeResponse event;
         *event.mutable_result() = ToProto(outcome, editor_.Wait(outcome));
         events.Send(std::move(event));

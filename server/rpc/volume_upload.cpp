@@ -90,13 +90,17 @@ class VolumeService::Uploading final : public grpc::ServerReadReactor<v1::Upload
   void Begin() {
     if (!message_.has_start()) Refuse("an upload begins with its start");
     const v1::UploadVolumeStart& start = message_.start();
+    service_.session_.first_load().Require();
     options_ = FromProto(start.options());
     service_.session_.store().RequireSaved(options_.discards_edits);
-    upload_.emplace(service_.uploads_, *service_.session_.loader().budget,
-                    UploadStart{.name = start.name(),
-                                .size_bytes = start.size_bytes(),
-                                .crc32 = start.crc32(),
-                                .holds_voxels = options_.raw.has_value()});
+    UploadStart announced{.name = start.name(),
+                          .size_bytes = start.size_bytes(),
+                          .crc32 = start.crc32(),
+                          .holds_voxels = options_.raw.has_value()};
+    for (const v1::UploadedFile& file : start.files()) {
+      announced.files.push_back({file.name(), file.size_bytes()});
+    }
+    upload_.emplace(service_.uploads_, *service_.session_.loader().budget, announced);
   }
 
   // Call it after the last message. If the stream broke off, there are too few bytes.
@@ -110,8 +114,9 @@ class VolumeService::Uploading final : public grpc::ServerReadReactor<v1::Upload
     *response_->mutable_volume() = ToProto(state);
     response_->set_applied_tick(applied.tick);
     response_->set_settings_revision(state.settings_revision);
-    LogInfo("loaded {} (volume revision {}) at tick {}", upload_->title(), state.volume->revision(),
-            applied.tick);
+    response_->set_isovalue(state.isovalue);
+    LogInfo("loaded {} (volume revision {}) at tick {}, isovalue {:g}", upload_->title(),
+            state.volume->revision(), applied.tick, state.isovalue);
     End(grpc::Status::OK);
   }
 

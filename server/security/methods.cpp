@@ -9,24 +9,27 @@ namespace {
 using enum Role;
 using enum CallKind;
 
+// For calls that need no volume.
+constexpr bool kAnytime = false;
+
 constexpr auto kRules = std::to_array<MethodRule>({
     // Viewers may see all data, and may ask how it was made.
-    {"/palpate.v1.PoseService/StreamPoses", kViewer, kPoseStream},
+    {"/palpate.v1.PoseService/StreamPoses", kViewer, kPoseStream, kAnytime},
     {"/palpate.v1.VolumeService/StreamVolume", kViewer, kVolumeStream},
     {"/palpate.v1.VolumeService/GetVolume", kViewer, kCall},
-    {"/palpate.v1.RenderService/GetSettings", kViewer, kCall},
+    {"/palpate.v1.RenderService/GetSettings", kViewer, kCall, kAnytime},
     {"/palpate.v1.RegistrationService/GetRegistration", kViewer, kCall},
     {"/palpate.v1.SeriesService/GetSeries", kViewer, kCall},
-    {"/palpate.v1.DeviceService/GetDevice", kViewer, kCall},
-    {"/palpate.v1.DeviceService/ListDevices", kViewer, kCall},
-    {"/palpate.v1.RecordingService/GetRecording", kViewer, kCall},
+    {"/palpate.v1.DeviceService/GetDevice", kViewer, kCall, kAnytime},
+    {"/palpate.v1.DeviceService/ListDevices", kViewer, kCall, kAnytime},
+    {"/palpate.v1.RecordingService/GetRecording", kViewer, kCall, kAnytime},
 
     // Everybody who sees a problem can stop the forces: no force is always safe.
-    {"/palpate.v1.DeviceService/StopForces", kViewer, kStop},
+    {"/palpate.v1.DeviceService/StopForces", kViewer, kStop, kAnytime},
 
     // These change what the person at the stylus feels next, within the safety stage's limits. They
     // can be undone and touch no file.
-    {"/palpate.v1.RenderService/UpdateSettings", kEditor, kCall},
+    {"/palpate.v1.RenderService/UpdateSettings", kEditor, kCall, kAnytime},
     {"/palpate.v1.RegistrationService/UpdateRegistration", kEditor, kCall},
     {"/palpate.v1.VolumeService/EditVolume", kEditor, kCall},
     {"/palpate.v1.VolumeService/FilterVolume", kEditor, kTransfer},
@@ -38,9 +41,9 @@ constexpr auto kRules = std::to_array<MethodRule>({
 
     // The device moves a hand. A caller that enables it, disables it or sets its zero is
     // responsible for the person at the device.
-    {"/palpate.v1.DeviceService/EnableForces", kOperator, kCall},
-    {"/palpate.v1.DeviceService/DisableForces", kOperator, kCall},
-    {"/palpate.v1.DeviceService/CalibrateDevice", kOperator, kCall},
+    {"/palpate.v1.DeviceService/EnableForces", kOperator, kCall, kAnytime},
+    {"/palpate.v1.DeviceService/DisableForces", kOperator, kCall, kAnytime},
+    {"/palpate.v1.DeviceService/CalibrateDevice", kOperator, kCall, kAnytime},
 
     // These read and write files of the workstation, fill its memory and disk, or permanently put
     // another volume under the stylus.

@@ -24,6 +24,7 @@ struct MethodRule {
   std::string_view method;  // as gRPC names it: "/palpate.v1.PoseService/StreamPoses"
   Role least;
   CallKind kind;
+  bool needs_volume = true;  // it is answered only once the first volume has loaded
 };
 
 std::span<const MethodRule> MethodRules();

@@ -28,9 +28,9 @@ double DensityOf(const VolumeSnapshot& volume, double isovalue) {
   return density;
 }
 
-// Takes the isovalue in the form that was given. `current` is normalised.
+// Takes the isovalue in the form that was given.
 double ChosenIsovalue(const VolumeSnapshot& volume, const std::optional<double>& isovalue,
-                      const std::optional<double>& normalized, double current) {
+                      const std::optional<double>& normalized, double otherwise) {
   if (isovalue && normalized) {
     throw Error(ErrorKind::kInvalidArgument,
                 "give the isovalue in data units or normalised, not both");
@@ -41,9 +41,9 @@ double ChosenIsovalue(const VolumeSnapshot& volume, const std::optional<double>&
                metadata.unit.empty() ? "" : " " + metadata.unit);
     return *isovalue;
   }
-  const double share = normalized.value_or(current);
-  CheckRange("normalized isovalue", share, 0.0, 1.0, "");
-  return volume.Denormalize(share);
+  if (!normalized) return otherwise;
+  CheckRange("normalized isovalue", *normalized, 0.0, 1.0, "");
+  return volume.Denormalize(*normalized);
 }
 
 void CheckHaptics(const HapticSettings& haptics) {
@@ -84,6 +84,15 @@ RenderSettings Changed(const VolumeSnapshot& volume, RenderSettings settings,
   return settings;
 }
 
+// For the servo, before there is a volume.
+std::shared_ptr<const VolumeSnapshot> Empty() {
+  VolumeMetadata metadata;
+  metadata.size = Vec3i::Constant(2);
+  const LeafPtr leaf = Leaf::Constant(LeafType::kFloat, 0.0f);
+  return std::make_shared<VolumeSnapshot>(
+      metadata, BrickDirectory(metadata.size, [&](const Vec3i&) { return leaf; }), 0, 0);
+}
+
 }  // namespace
 
 Listening::Listening(Session& session, SceneListener& listener)
@@ -98,7 +107,10 @@ Listening::~Listening() {
 }
 
 Session::Session(const DeviceSpec& device, SceneInbox& inbox, Pump& pump, VolumeLoader loader)
-    : device_(device), inbox_(inbox), pump_(pump), loader_(std::move(loader)) {}
+    : device_(device), inbox_(inbox), pump_(pump), loader_(std::move(loader)), volume_(Empty()) {
+  const std::lock_guard lock(mutex_);
+  PublishLocked();
+}
 
 SettingsState Session::settings() const {
   const std::lock_guard lock(mutex_);
@@ -122,8 +134,14 @@ FeltSession Session::Felt() const {
 }
 
 VolumeState Session::VolumeLocked() const {
-  return {volume_,         registration_,         X_DI_, settings_revision_,
-          scene_revision_, store_.unsaved_edits()};
+  return {volume_,
+          registration_,
+          X_DI_,
+          settings_revision_,
+          scene_revision_,
+          store_.unsaved_edits(),
+          settings_.isovalue,
+          values_};
 }
 
 void Session::SetInitial(const RenderSettings& settings) {
@@ -141,11 +159,14 @@ void Session::PublishLocked(std::span<const BrickChange> changes) {
   scene->settings = settings_.haptics;
   scene->settings_revision = settings_revision_;
   scene->scene_revision = ++scene_revision_;
-  scene->forces_off = forces_off_;
+  const bool has_volume = first_load_.is_done();
+  scene->forces_off = forces_off_ || !has_volume;
   scene->surface =
       MakeHapticSurface(*volume_, X_DI_, DensityOf(*volume_, settings_.isovalue), settings_.method,
                         geometry_revision_, settings_.haptics.free_side);
-  for (SceneListener* listener : listeners_) listener->OnScene(*scene, changes);
+  if (has_volume) {
+    for (SceneListener* listener : listeners_) listener->OnScene(*scene, changes);
+  }
   inbox_.Publish(std::move(scene));
 }
 
@@ -170,6 +191,7 @@ void Session::TakeBack(const RenderSettings& before, std::uint64_t revision) {
 }
 
 SettingsApplied Session::Update(const SettingsUpdate& update) {
+  if (update.isovalue || update.normalized_isovalue) first_load_.Require();
   RequireServo();
   SettingsApplied result;
   RenderSettings before;
@@ -252,15 +274,6 @@ Registration Session::PlaceLoaded(const LoadRequest& request,
   return Apply({.device_mm_per_volume_mm = scale}, metadata, device_, *stored);
 }
 
-// Returns the normalised isovalue to start with: the last one, or a default if the last one has no
-// meaning for this volume.
-double Session::StartingDensity(const VolumeSnapshot& volume) const {
-  const VolumeMetadata& metadata = volume.metadata();
-  if (metadata.is_level_set) return std::clamp(volume.Normalize(0.0), 0.0, 1.0);
-  const bool was_level_set = volume_ && volume_->metadata().is_level_set;
-  return was_level_set ? RenderSettings().normalized_isovalue : settings_.normalized_isovalue;
-}
-
 // A level set is first felt from outside, where its values are higher. A density keeps the free
 // side of the last density.
 FreeSide Session::SideOf(const VolumeMetadata& metadata,
@@ -272,11 +285,9 @@ FreeSide Session::SideOf(const VolumeMetadata& metadata,
 }
 
 void Session::TellBeforeOtherVolume(const LoadRequest& request, const Registration& registration,
-                                    const VolumeSnapshot& volume) const {
+                                    const VolumeSnapshot& volume, double isovalue) const {
   if (!before_other_volume_) return;
   std::unique_lock lock(mutex_);
-  const double isovalue = ChosenIsovalue(volume, request.isovalue, request.normalized_isovalue,
-                                         StartingDensity(volume));
   const HapticSurface surface = MakeHapticSurface(
       volume, registration.X_DW * volume.metadata().WorldFromIndex(), DensityOf(volume, isovalue),
       settings_.method, geometry_revision_ + 1, SideOf(volume.metadata(), request.free_side));
@@ -288,12 +299,18 @@ VolumeState Session::PublishVolume(const LoadRequest& request, const VolumeMetad
                                    const BrickDirectory& bricks, std::uint64_t frames_bytes) {
   const Registration registration = PlaceLoaded(request, metadata);
   store_.RequireSaved(request.discards_edits);
-  TellBeforeOtherVolume(request, registration, VolumeSnapshot(metadata, bricks, 1, 1));
+  const VolumeSnapshot next(metadata, bricks, 1, 1);
+  const auto values = std::make_shared<const VolumeValues>(ValuesOf(next));
+  const double isovalue = ChosenIsovalue(next, request.isovalue, request.normalized_isovalue,
+                                         values->suggested.front().isovalue);
+  TellBeforeOtherVolume(request, registration, next, isovalue);
   VolumeState state;
   const auto publish = [&](const std::shared_ptr<const VolumeSnapshot>& volume,
                            std::span<const BrickChange>) {
     const std::lock_guard lock(mutex_);
-    TakeLoaded(request, registration, volume);
+    TakeLoaded(request, registration, volume, isovalue);
+    values_ = values;
+    first_load_.Done();
     PublishLocked();
     state = VolumeLocked();
     return scene_revision_;
@@ -304,10 +321,8 @@ VolumeState Session::PublishVolume(const LoadRequest& request, const VolumeMetad
 }
 
 void Session::TakeLoaded(const LoadRequest& request, const Registration& registration,
-                         const std::shared_ptr<const VolumeSnapshot>& volume) {
+                         const std::shared_ptr<const VolumeSnapshot>& volume, double isovalue) {
   const VolumeMetadata& metadata = volume->metadata();
-  const double isovalue = ChosenIsovalue(*volume, request.isovalue, request.normalized_isovalue,
-                                         StartingDensity(*volume));
   FreeSide& side = settings_.haptics.free_side;
   const bool was_density = volume_ && !volume_->metadata().is_level_set;
   const FreeSide last_side = std::exchange(side, SideOf(metadata, request.free_side));

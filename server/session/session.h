@@ -28,10 +28,12 @@
 #include "server/scene/registration.h"
 #include "server/scene/render_settings.h"
 #include "server/scene/scene.h"
+#include "server/session/first_load.h"
 #include "server/state/registration_store.h"
 #include "server/state/session_file.h"
 #include "server/store/volume_loader.h"
 #include "server/store/volume_store.h"
+#include "server/volume/suggested_isovalues.h"
 
 namespace palpate {
 
@@ -95,6 +97,8 @@ struct VolumeState {
   std::uint64_t settings_revision = 0;
   std::uint64_t scene_revision = 0;  // for WaitForServo
   std::uint64_t unsaved_edits = 0;
+  double isovalue = 0.0;                       // data units
+  std::shared_ptr<const VolumeValues> values;  // as loaded; edits do not change them
 };
 
 class Session {
@@ -116,14 +120,18 @@ class Session {
   using BeforeOtherVolume = std::function<void(const HapticSurface& surface)>;
   void SetBeforeOtherVolume(BeforeOtherVolume call) { before_other_volume_ = std::move(call); }
 
-  // Call these after the first successful Load.
+  // Until the first volume is felt, the servo gets scenes of an empty volume, without forces.
+  // Listeners do not get these scenes, and only settings(), SetInitial, Load and an Update without
+  // an isovalue may be called.
+  FirstLoad& first_load() { return first_load_; }
+
   SettingsState settings() const;
   VolumeState volume() const;
   FeltSession Felt() const;
 
-  // Waits until the servo has used the change. Throws kInvalidArgument, kConflict, kUnavailable. If
-  // the servo stops before it uses the change, the change is taken back, unless somebody else has
-  // changed settings since.
+  // Waits until the servo has used the change. Throws kInvalidArgument, kConflict, kUnavailable,
+  // and kLoading for an isovalue before the first volume. If the servo stops before it uses the
+  // change, the change is taken back, unless somebody else has changed settings since.
   SettingsApplied Update(const SettingsUpdate& update);
 
   // Sets the settings to start with, except for the isovalue. Call it before the first Load. Throws
@@ -143,7 +151,8 @@ class Session {
   // Throws kConflict while another load runs.
   std::unique_lock<std::mutex> BeginLoad();
   // Publishes another volume. It lies where it was felt last, or is fitted to the workspace. The
-  // request's scale, if given, replaces the scale. `frames_bytes`: the memory of all frames if the
+  // request's scale, if given, replaces the scale. Without an isovalue in the request, the first
+  // suggestion of ValuesOf is taken. `frames_bytes`: the memory of all frames if the
   // volume is one of several frames; used in messages.
   VolumeState PublishVolume(const LoadRequest& request, const VolumeMetadata& metadata,
                             const BrickDirectory& bricks, std::uint64_t frames_bytes = 0);
@@ -173,13 +182,12 @@ class Session {
   // Throws kUnavailable if the servo does not run, because then nobody would feel a change.
   void RequireServo() const;
   void TellBeforeOtherVolume(const LoadRequest& request, const Registration& registration,
-                             const VolumeSnapshot& volume) const;
+                             const VolumeSnapshot& volume, double isovalue) const;
   Registration PlaceLoaded(const LoadRequest& request, const VolumeMetadata& metadata) const;
-  double StartingDensity(const VolumeSnapshot& volume) const;
   FreeSide SideOf(const VolumeMetadata& metadata, const std::optional<FreeSide>& wanted) const;
   void TakeBack(const RenderSettings& before, std::uint64_t revision);
   void TakeLoaded(const LoadRequest& request, const Registration& registration,
-                  const std::shared_ptr<const VolumeSnapshot>& volume);
+                  const std::shared_ptr<const VolumeSnapshot>& volume, double isovalue);
   void TakeLattice();
   std::uint64_t PublishEdited(const std::shared_ptr<const VolumeSnapshot>& volume,
                               std::span<const BrickChange> changes);
@@ -195,12 +203,14 @@ class Session {
   VolumeLoader loader_;
   RegistrationStore* registration_store_ = nullptr;
   BeforeOtherVolume before_other_volume_;
+  FirstLoad first_load_;
 
   // Lock order: load_mutex_, the store's mutex, mutex_.
   std::mutex load_mutex_;
   mutable std::mutex mutex_;  // guards the members below
   std::vector<SceneListener*> listeners_;
   std::shared_ptr<const VolumeSnapshot> volume_;  // the newest scene's volume
+  std::shared_ptr<const VolumeValues> values_;    // of the volume as loaded
   LoadRequest request_;                           // the request that loaded volume_
   bool is_reshaped_ = false;                      // the lattice has changed since the load
   std::pair<double, double> loaded_range_{};      // range of values at the load

@@ -1,6 +1,7 @@
 #include "server/session/upload.h"
 
 #include <fcntl.h>
+#include <sys/stat.h>
 #include <unistd.h>
 #include <zlib.h>
 
@@ -16,6 +17,7 @@ namespace {
 
 constexpr std::string_view kFolderPrefix = "palpate-upload-";
 constexpr std::size_t kLongestName = 200;
+constexpr std::size_t kMostFiles = 65'536;
 
 std::string Lower(std::string text) {
   for (char& c : text) c = c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
@@ -46,6 +48,21 @@ UploadStart Checked(const UploadStart& start, const UploadOptions& options) {
                                                   Upload::kVdbKey +
                                                   "); convert it to .nrrd and send that");
   }
+  if (start.files.size() > kMostFiles) {
+    throw Error(ErrorKind::kTooLarge, start.name + ": at most " + std::to_string(kMostFiles) +
+                                          " files are possible; send a volume of one file");
+  }
+  std::uint64_t left_bytes = start.size_bytes;
+  bool fits = true;
+  for (const UploadFile& file : start.files) {
+    if (!IsPlainName(file.name))
+      Refuse(start.name + ": a file's name has a folder, or is too long");
+    fits = fits && file.size_bytes <= left_bytes;
+    if (fits) left_bytes -= file.size_bytes;
+  }
+  if (!start.files.empty() && (!fits || left_bytes > 0)) {
+    Refuse(start.name + ": the sizes of its files are not that of all together");
+  }
   if (start.size_bytes == 0) Refuse(start.name + ": there is nothing in it");
   if (start.size_bytes > options.max_bytes) {
     throw Error(ErrorKind::kTooLarge,
@@ -69,8 +86,11 @@ Upload::Upload(const UploadOptions& options, MemoryBudget& budget, const UploadS
       folder_(options.folder, kFolderPrefix),
       path_(folder_.path() / start.name),
       crc32_(static_cast<std::uint32_t>(::crc32_z(0, nullptr, 0))) {
-  file_ = open(path_.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC | O_NOFOLLOW, 0600);
-  if (file_ < 0) FailToWrite(options.folder);
+  if (start_.files.empty()) {
+    Begin({.name = {}, .size_bytes = start_.size_bytes});
+  } else if (mkdir(path_.c_str(), 0700) != 0) {
+    FailToWrite(options.folder);
+  }
 }
 
 Upload::~Upload() {
@@ -85,6 +105,31 @@ void Upload::Append(std::string_view bytes) {
   size_bytes_ += bytes.size();
   crc32_ = static_cast<std::uint32_t>(
       ::crc32_z(crc32_, reinterpret_cast<const unsigned char*>(bytes.data()), bytes.size()));
+  while (!bytes.empty()) {
+    while (file_left_bytes_ == 0) Begin(start_.files[files_begun_++]);
+    const std::size_t part = std::min<std::uint64_t>(bytes.size(), file_left_bytes_);
+    Write(bytes.substr(0, part));
+    bytes.remove_prefix(part);
+    file_left_bytes_ -= part;
+  }
+}
+
+void Upload::Begin(const UploadFile& file) {
+  End();
+  const std::filesystem::path path = start_.files.empty() ? path_ : path_ / file.name;
+  file_ = open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC | O_NOFOLLOW, 0600);
+  if (file_ < 0 && errno == EEXIST) Refuse(start_.name + ": it has two files " + file.name);
+  if (file_ < 0) FailToWrite(folder_.path().parent_path());
+  file_left_bytes_ = file.size_bytes;
+}
+
+void Upload::End() {
+  if (file_ >= 0 && close(std::exchange(file_, -1)) != 0) {
+    FailToWrite(folder_.path().parent_path());
+  }
+}
+
+void Upload::Write(std::string_view bytes) {
   while (!bytes.empty()) {
     const ssize_t count = write(file_, bytes.data(), bytes.size());
     if (count < 0 && errno == EINTR) continue;
@@ -101,7 +146,7 @@ void Upload::Finish() {
   if (crc32_ != start_.crc32) {
     Refuse(start_.name + ": the checksum is not the announced one; send it again");
   }
-  if (close(std::exchange(file_, -1)) != 0) FailToWrite(folder_.path().parent_path());
+  End();
 }
 
 void RemoveAbandonedUploads(const UploadOptions& options) {

@@ -11,6 +11,7 @@
 #include <filesystem>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "server/state/private_folder.h"
 #include "server/store/memory_budget.h"
@@ -23,12 +24,19 @@ struct UploadOptions {
   bool vdb = true;  // accept .vdb files
 };
 
+struct UploadFile {
+  std::string name;  // without a folder
+  std::uint64_t size_bytes = 0;
+};
+
 // The client's announcement.
 struct UploadStart {
   std::string name;  // file name without a folder, with its suffix
   std::uint64_t size_bytes = 0;
   std::uint32_t crc32 = 0;    // of all bytes, as zlib computes it
   bool holds_voxels = false;  // raw voxels without a header: any suffix is accepted
+  // For a folder of this name: its files, in the order of the bytes.
+  std::vector<UploadFile> files{};
 };
 
 class Upload {
@@ -37,8 +45,8 @@ class Upload {
   static constexpr char kVdbKey[] = "volume.upload_vdb";
 
   // Claims memory for the upload and makes the file. Throws Error:
-  //   kInvalidArgument    the name is no plain file name, the format needs a second file (.nhdr,
-  //                       .mhd), or the size is 0
+  //   kInvalidArgument    a name is no plain file name or occurs twice, the format needs a second
+  //                       file (.nhdr, .mhd), the size is 0, or that of the files is another one
   //   kPermissionDenied   a .vdb file, and options.vdb is false
   //   kTooLarge           above options.max_bytes or the memory budget
   //   kUnavailable        no space
@@ -54,16 +62,23 @@ class Upload {
   // checksum), kUnavailable (no space).
   void Finish();
 
+  // Of the file, or of the folder.
   const std::filesystem::path& path() const { return path_; }
   // The name in messages and in the volume's description: "upload:NAME".
   std::string title() const { return "upload:" + start_.name; }
 
  private:
+  void Begin(const UploadFile& file);
+  void End();
+  void Write(std::string_view bytes);
+
   const UploadStart start_;
   MemoryClaim claim_;
   PrivateFolder folder_;
   std::filesystem::path path_;
   int file_ = -1;
+  std::uint64_t file_left_bytes_ = 0;
+  std::size_t files_begun_ = 0;
   std::uint64_t size_bytes_ = 0;  // received so far
   std::uint32_t crc32_ = 0;
 };

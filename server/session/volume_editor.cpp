@@ -47,14 +47,20 @@ VolumeEditor::Made::Made(ReshapedVolume of_all) : whole(std::move(of_all)) {
 }
 
 EditOutcome VolumeEditor::Edit(const VolumeEdit& edit, const Revision& expected,
-                               std::uint64_t stroke, const Cancelled& cancelled) {
+                               std::uint64_t stroke, const Cancelled& cancelled,
+                               const LoadProgress& progress) {
   MemoryClaim claim;  // held until the edit is published
-  const auto claim_for = [&](const VoxelBox& box) {
-    claim = ClaimFor("the edit", MostBrickBytes(box));
-  };
+  EditCalls calls;
+  calls.box_known = [&](const VoxelBox& box) { claim = ClaimFor("the edit", MostBrickBytes(box)); };
+  if (progress) {
+    calls.progress = [&](double share) {
+      CheckWanted(cancelled);
+      progress("editing", share);
+    };
+  }
   const auto change = [&](const VolumeSnapshot& volume) {
     CheckWanted(cancelled);
-    return ApplyEdit(volume, edit, claim_for);
+    return ApplyEdit(volume, edit, calls);
   };
   return Apply(change, expected, stroke);
 }

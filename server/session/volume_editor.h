@@ -53,8 +53,9 @@ class VolumeEditor final : public SceneListener {
   // Each of these publishes without waiting for the servo. `expected`: the volume revision to
   // change; kConflict if the present revision is another one. Successive changes with the same
   // `stroke` (other than 0) become one step.
+  // With `progress`, an edit may have any size and is cancelled at any time; other edits wait.
   EditOutcome Edit(const VolumeEdit& edit, const Revision& expected = {}, std::uint64_t stroke = 0,
-                   const Cancelled& cancelled = {});
+                   const Cancelled& cancelled = {}, const LoadProgress& progress = {});
   // `change` must claim the memory for its bricks: ClaimFor.
   EditOutcome Apply(const Change& change, const Revision& expected = {}, std::uint64_t stroke = 0);
   // Replaces the volume by `filtered`, the result of filtering the whole volume `before`

@@ -37,7 +37,6 @@ void TakeChanges(const SavedSession& saved, const LoadRequest& now,
   } else {
     felt.volume.isovalue = now.isovalue;
     felt.volume.normalized_isovalue = now.normalized_isovalue;
-    if (!now.isovalue && !now.normalized_isovalue) felt.volume.normalized_isovalue = 0.5;
   }
   const auto take = [](const auto& was, const auto& is, auto& value) {
     if (was != is) value = is;

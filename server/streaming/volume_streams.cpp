@@ -44,13 +44,16 @@ class VolumeStreams::Stream {
 };
 
 VolumeStreams::VolumeStreams(Session& session, std::function<VolumeFeed::Clock::time_point()> now)
-    : daemon_id_(RandomId()), clock_(std::move(now)), listening_(session, *this) {}
+    : daemon_id_(RandomId()),
+      clock_(std::move(now)),
+      first_load_(session.first_load()),
+      listening_(session, *this) {}
 
 std::shared_ptr<VolumeStreams::Stream> VolumeStreams::Subscribe(const VolumeFeedOptions& options,
                                                                 std::weak_ptr<VolumeSink> sink) {
+  first_load_.Require();
   const std::lock_guard lock(mutex_);
   if (stopped_) throw Error(ErrorKind::kUnavailable, "palpated is ending");
-  if (!now_.volume) throw Error(ErrorKind::kUnavailable, "no volume is loaded yet: try again");
   auto stream =
       std::make_shared<Stream>(VolumeFeed(options, daemon_id_, now_, clock_()), std::move(sink));
   if (!thread_.joinable()) thread_ = std::thread([this] { Run(); });

@@ -49,7 +49,8 @@ class VolumeStreams final : public SceneListener {
   // Names this run of the daemon; random, never 0.
   std::uint64_t daemon_id() const { return daemon_id_; }
 
-  // Errors: those of VolumeFeed's constructor; kUnavailable before the first volume and after Stop.
+  // Errors: those of VolumeFeed's constructor; kLoading before the first volume; kUnavailable after
+  // Stop.
   std::shared_ptr<Stream> Subscribe(const VolumeFeedOptions& options,
                                     std::weak_ptr<VolumeSink> sink);
   void Acknowledge(Stream& stream, std::uint64_t message_number);
@@ -79,6 +80,7 @@ class VolumeStreams final : public SceneListener {
 
   const std::uint64_t daemon_id_;
   const std::function<VolumeFeed::Clock::time_point()> clock_;
+  const FirstLoad& first_load_;
 
   mutable std::mutex mutex_;  // guards what follows
   std::condition_variable wake_;

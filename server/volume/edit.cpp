@@ -145,16 +145,22 @@ class Editor {
   Editor(const VolumeSnapshot& volume, const VolumeEdit& edit)
       : volume_(volume),
         edit_(edit),
-        least_(static_cast<float>(volume.metadata().value_min)),
-        greatest_(static_cast<float>(volume.metadata().value_max)) {
+        least_(static_cast<float>(volume.metadata().EditRange().first)),
+        greatest_(static_cast<float>(volume.metadata().EditRange().second)) {
     targets_.fill(edit.value);
   }
 
-  EditResult Run(const VoxelBox& box) {
+  EditResult Run(const VoxelBox& box, const EditCalls& calls) {
     EditResult result;
     ChangeCounter counter;
     const VoxelBox bricks{box.min / kBrickEdge, box.max / kBrickEdge};
+    int layer = bricks.min.x();
     ForEach(bricks, [&](int a, int b, int c) {
+      if (calls.progress && a > layer) {
+        layer = a;
+        calls.progress(static_cast<double>(a - bricks.min.x()) /
+                       (bricks.max.x() - bricks.min.x() + 1));
+      }
       const Vec3i brick(a, b, c);
       if (!weights_of_.Of(brick, weights_)) return;
       const VoxelBox part = PartOf(brick, box);
@@ -232,13 +238,14 @@ class Editor {
 
 }  // namespace
 
-EditResult ApplyEdit(const VolumeSnapshot& volume, const VolumeEdit& edit,
-                     const std::function<void(const VoxelBox& box)>& box_known) {
+EditResult ApplyEdit(const VolumeSnapshot& volume, const VolumeEdit& edit, const EditCalls& calls) {
   CheckEdit(volume, edit);
-  const std::optional<VoxelBox> box = EditedVoxels(volume, edit);
+  const std::int64_t most =
+      calls.progress ? std::numeric_limits<std::int64_t>::max() : kMostEditedVoxels;
+  const std::optional<VoxelBox> box = EditedVoxels(volume, edit, most);
   if (!box) return {};
-  if (box_known) box_known(*box);
-  return Editor(volume, edit).Run(*box);
+  if (calls.box_known) calls.box_known(*box);
+  return Editor(volume, edit).Run(*box, calls);
 }
 
 std::uint64_t MostBrickBytes(const VoxelBox& box) {

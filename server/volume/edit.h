@@ -1,7 +1,7 @@
 // Changes voxels by shapes, as palpate.v1.EditVolumeRequest explains.
 //
 // The weight of a voxel is 1 within the shape. Outside, it falls to 0 over the distance `falloff`,
-// as a smoothstep. Results are clamped to the range of the metadata. Voxels beyond the lattice
+// as a smoothstep. Results are clamped to the metadata's EditRange(). Voxels beyond the lattice
 // never change.
 //
 // Frames: W (mm) or I (voxels), as the edit says. Distances are in this frame, whatever spacing and
@@ -76,19 +76,26 @@ struct EditResult {
   std::uint64_t changed_voxels = 0;
 };
 
-// The most voxels that one edit may visit.
+// The most voxels that one edit may visit at once: it then takes less than a second.
 inline constexpr std::int64_t kMostEditedVoxels = std::int64_t{1} << 24;
+
+// What an edit tells and asks. An exception from any of these ends the edit.
+struct EditCalls {
+  // Called with the box around the edit's region before a brick is made.
+  std::function<void(const VoxelBox& box)> box_known{};
+  // Called with the share that is done, up to once for each layer of bricks. With it, an edit may
+  // visit any number of voxels.
+  std::function<void(double share)> progress{};
+};
 
 // Returns the changes that `edit` makes to `volume`; `volume` itself does not change. Smoothing
 // reads only the state before the edit. Its means leave out voxels beyond the lattice.
-// `box_known`: called with the box around the edit's region before a brick is made; an exception
-// from it ends the edit.
 // Throws:
 //   kInvalidArgument  a number is not finite, the shape has no extent, or the region or a value is
 //                     outside the volume's
-//   kTooLarge         more than kMostEditedVoxels in the box around the region
+//   kTooLarge         more than kMostEditedVoxels in the box around the region, without `progress`
 EditResult ApplyEdit(const VolumeSnapshot& volume, const VolumeEdit& edit,
-                     const std::function<void(const VoxelBox& box)>& box_known = {});
+                     const EditCalls& calls = {});
 
 // The most memory that new bricks for all voxels of the box take.
 std::uint64_t MostBrickBytes(const VoxelBox& box);

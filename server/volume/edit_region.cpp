@@ -62,12 +62,10 @@ void CheckShape(const CapsuleShape& capsule) {
 // Compares as float, the type of voxels. Also refuses NaN.
 void CheckValue(const VolumeMetadata& metadata, double value) {
   const auto stored = static_cast<float>(value);
-  if (stored >= static_cast<float>(metadata.value_min) &&
-      stored <= static_cast<float>(metadata.value_max)) {
-    return;
-  }
-  Refuse(fmt::format("value {} is not within {:g} to {:g}{}", value, metadata.value_min,
-                     metadata.value_max, metadata.unit.empty() ? "" : " " + metadata.unit));
+  const auto [least, greatest] = metadata.EditRange();
+  if (stored >= static_cast<float>(least) && stored <= static_cast<float>(greatest)) return;
+  Refuse(fmt::format("value {} is not within {:g} to {:g}{}", value, least, greatest,
+                     metadata.unit.empty() ? "" : " " + metadata.unit));
 }
 
 void CheckBlock(const VolumeMetadata& metadata, const VolumeEdit& edit, const DenseBlock& block) {

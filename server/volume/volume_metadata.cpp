@@ -12,6 +12,22 @@ constexpr double kFrameTolerance = 1e-3;
 
 }  // namespace
 
+std::pair<double, double> VolumeMetadata::EditRange() const {
+  struct Type {
+    const char* name;
+    double least, greatest;
+  };
+  constexpr Type kTypes[] = {
+      {"int8", -128, 127}, {"uint8", 0, 255}, {"int16", -32768, 32767}, {"uint16", 0, 65535}};
+  for (const auto& [name, least, greatest] : kTypes) {
+    // A file may scale its voxels.
+    const bool is_own = original_type == name && value_min >= least && value_max <= greatest &&
+                        value_min == std::floor(value_min) && value_max == std::floor(value_max);
+    if (is_own && !is_level_set) return {least, greatest};
+  }
+  return {value_min, value_max};
+}
+
 void CheckVolumeMetadata(const VolumeMetadata& metadata) {
   constexpr int kLongestAxis = std::numeric_limits<int>::max() / 2;
   if (metadata.size.minCoeff() < 2 || metadata.size.maxCoeff() > kLongestAxis) {

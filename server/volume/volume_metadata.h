@@ -7,6 +7,7 @@
 #include <cstddef>
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "common/geometry/geometry.h"
@@ -39,6 +40,9 @@ struct VolumeMetadata {
 
   // The value beyond the lattice, data units: the end of the range that is outside.
   double Background() const { return is_level_set ? value_max : value_min; }
+  // Edits keep voxels within these. Whole numbers in a type of at most 16 bits: the type's range.
+  // Otherwise value_min and value_max.
+  std::pair<double, double> EditRange() const;
   AffineMap WorldFromIndex() const { return {direction * spacing_mm.asDiagonal(), origin_W_mm}; }
 };
 

@@ -195,8 +195,8 @@ class SystemdService(ServiceTest):
 
     def test_it_is_ready_once_it_serves_and_feeds_the_watchdog(self):
         daemon = self.start(*SMALL, watchdog_us=400_000)
-        self.assertEqual(self.manager.next(), "STATUS=loading builtin:sphere:16")
-        self.assertEqual(self.manager.next(), "READY=1")
+        self.assertEqual(self.manager.next(), "STATUS=loading builtin:sphere:16, 0 %")
+        self.assertTrue(self.manager.hears("READY=1"))
         daemon.ready()
         self.assertTrue(self.manager.hears("STATUS=simulated, forces "))
         for _ in range(5):
@@ -290,7 +290,7 @@ class SystemdService(ServiceTest):
 
     def test_the_journal_reads_levels(self):
         daemon = Palpated(self, *SMALL, "--log-to-journal").ready()
-        self.assertTrue(daemon.log().startswith("<6>loading builtin:sphere:16\n"), daemon.log())
+        self.assertTrue("<6>loading builtin:sphere:16\n" in daemon.log(), daemon.log())
         self.assertNotIn("\x1b", daemon.log())
         self.assertIn("<3>palpated: ", run("--log-to-journal", "--volume", "builtin:cube")[2])
 

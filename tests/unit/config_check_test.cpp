@@ -293,8 +293,8 @@ TEST(ConfigReload, UpdatesOnlyTheKeysThatAreNamed) {
   ASSERT_EQ(update.flags.size(), 1u);
   EXPECT_TRUE(update.flags[0].second);
   EXPECT_FALSE(update.isovalue || update.normalized_isovalue || update.free_side || update.method);
-  // An isovalue that is taken out is the default one.
-  EXPECT_EQ(UpdateOf({"volume.isovalue"}, config).normalized_isovalue, 0.5);
+  // An isovalue that is taken out stays until the next load.
+  EXPECT_FALSE(UpdateOf({"volume.isovalue"}, config).normalized_isovalue);
   config.isovalue = 300.0;
   EXPECT_EQ(UpdateOf({"volume.isovalue"}, config).isovalue, 300.0);
   EXPECT_FALSE(UpdateOf({"volume.isovalue"}, config).normalized_isovalue);

@@ -174,7 +174,7 @@ class DeviceServiceRig {
       device, data_.inbox(), data_.outbox(), {}, LimitsFor(device.spec(), kBothButtons)};
 
   Access access_;
-  Calls calls_{access_};
+  Calls calls_{access_, data_.session().first_load()};
   DeviceService service_{calls_, device, servo_, data_.inbox(), forces_, [this] {
                            if (no_list) throw Error(*no_list);
                            return list;

@@ -49,7 +49,7 @@ class NotifySocket : public ::testing::Test {
 
 TEST_F(NotifySocket, HearsOfEachStage) {
   ServiceManager manager;
-  manager.Loading("builtin:bumps");
+  manager.Status("loading builtin:bumps");
   EXPECT_EQ(Next(), "STATUS=loading builtin:bumps");
   manager.Ready();
   EXPECT_EQ(Next(), "READY=1");

@@ -133,13 +133,14 @@ TEST_F(SessionTest, ACancelledLoadKeepsTheVolume) {
   EXPECT_EQ(session().volume().volume, before.volume);
 }
 
-TEST_F(SessionTest, ALoadKeepsTheNormalisedIsovalueAndIsSeenAtOneTick) {
+TEST_F(SessionTest, ALoadChoosesItsIsovalueAnewAndIsSeenAtOneTick) {
   session().Update({.normalized_isovalue = 0.3});
   AppliedTick applied;
   const VolumeState state =
       session().LoadAndWait({.source = "builtin:gyroid:32"}, kQuiet, kNever, applied);
   EXPECT_EQ(state.volume->revision(), 2u);
-  EXPECT_NEAR(session().settings().settings.normalized_isovalue, 0.3, 1e-12);
+  EXPECT_EQ(state.isovalue, state.values->suggested.front().isovalue);
+  EXPECT_NEAR(session().settings().settings.normalized_isovalue, 0.5, 1e-12);
   EXPECT_GT(applied.tick, 0u);
 }
 

@@ -120,7 +120,7 @@ TEST(VolumeStreams, RefusesBeforeAVolumeAndAfterTheEnd) {
   EXPECT_NE(streams.daemon_id(), VolumeStreams(data.session()).daemon_id());
   EXPECT_NE(streams.daemon_id(), 0u);
   const auto pipe = std::make_shared<Pipe>();
-  EXPECT_EQ(Refusal([&] { streams.Subscribe({}, pipe); }), ErrorKind::kUnavailable);
+  EXPECT_EQ(Refusal([&] { streams.Subscribe({}, pipe); }), ErrorKind::kLoading);
   data.Load("builtin:sphere:16");
   streams.Stop();
   EXPECT_EQ(Refusal([&] { streams.Subscribe({}, pipe); }), ErrorKind::kUnavailable);

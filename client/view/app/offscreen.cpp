@@ -29,6 +29,9 @@ constexpr std::chrono::milliseconds kRunFrame(16);
 constexpr std::chrono::milliseconds kRunBrickTime(100);
 // The longest wait for volume and poses, and again for the stylus to touch.
 constexpr std::chrono::seconds kPatience(60);
+constexpr std::chrono::seconds kSayLoading(5);
+// A palpated that is just being started is there by then.
+constexpr std::chrono::seconds kStart(2);
 // After this many frames, Dear ImGui knows the sizes of everything that it lays out.
 constexpr int kPanelFrames = 3;
 
@@ -84,13 +87,21 @@ std::string WhatIsMissing(const Viewer& viewer) {
   return fmt::format("no poses came within {} s", kPatience.count());
 }
 
-// Updates until `holds` returns true. Returns false after kPatience.
+// Updates until `holds` returns true. Returns false after kPatience, in which palpated does not
+// load its first volume.
 template <typename Condition>
 bool Await(Viewer& viewer, const Condition& holds) {
-  const auto end = Clock::now() + kPatience;
+  auto end = Clock::now() + kPatience;
+  auto said = Clock::time_point();
   while (true) {
     viewer.Update(kRunBrickTime);
     if (holds()) return true;
+    const client::VolumeStatus status = viewer.feed().volume_status();
+    if (status.is_loading) end = Clock::now() + kPatience;
+    if (status.is_loading && Clock::now() - said > kSayLoading) {
+      said = Clock::now();
+      fmt::print(stderr, "palpated: {}\n", status.problem);
+    }
     if (Interrupt::IsRaised()) throw Cancelled();
     if (Clock::now() > end) return false;
     std::this_thread::sleep_for(std::chrono::milliseconds(5));
@@ -100,8 +111,10 @@ bool Await(Viewer& viewer, const Condition& holds) {
 void AwaitScene(Viewer& viewer, const Options& options) {
   const LiveFeed& feed = viewer.feed();
   // If the daemon is absent at the start, do not wait for it.
+  const auto absent_from = Clock::now() + kStart;
   const bool here = Await(viewer, [&] {
-    return viewer.complete() || feed.connection().state == client::ConnectionState::kLost ||
+    const bool is_lost = feed.connection().state == client::ConnectionState::kLost;
+    return viewer.complete() || (is_lost && Clock::now() > absent_from) ||
            !viewer.volume_problem().empty();
   });
   if (const std::string problem = viewer.volume_problem(); !problem.empty()) {

@@ -74,7 +74,8 @@ void VolumeState(const Viewer& viewer) {
   const std::string problem = status.problem.empty() ? viewer.volume_problem() : status.problem;
   if (!problem.empty() && connected) {
     ImGui::SameLine();
-    ImGui::TextColored(kBad, "volume: %s", OneLine(problem, kLongestLine).c_str());
+    ImGui::TextColored(status.is_loading ? kWarning : kBad, "%s%s",
+                       status.is_loading ? "" : "volume: ", OneLine(problem, kLongestLine).c_str());
     if (ImGui::IsItemHovered()) ImGui::SetTooltip("%s", problem.c_str());
     return;
   }

@@ -167,7 +167,10 @@ client::ClientOptions Follow(const client::ServerChoice& server, PoseInbox& inbo
 // One connection and everything that uses it.
 struct LiveFeed::Line {
   Line(const client::ServerChoice& server, std::atomic<std::uint64_t>& losses)
-      : client(Follow(server, inbox, losses)) {}
+      : client(Follow(server, inbox, losses)) {
+    // The top bar says so; meanwhile other questions are answered.
+    client.SetOnLoading([](const std::string&) { return false; });
+  }
   // Ends the calls, so that the threads below can be joined at once.
   ~Line() { client.EndCalls(); }
 

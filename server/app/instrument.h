@@ -1,0 +1,43 @@
+// The instrument: the device, the servo loop, the pump that carries the loop's samples, and what
+// watches over the forces.
+//
+// Threads: main.
+// Errors: Error.
+#pragma once
+
+#include <filesystem>
+#include <memory>
+
+#include "server/app/config.h"
+#include "server/app/device_monitor.h"
+#include "server/device/touch_plan.h"
+#include "server/recording/black_box.h"
+#include "server/samples/force_watch.h"
+#include "server/samples/pump.h"
+#include "server/servo/servo_loop.h"
+
+namespace palpate {
+
+class Instrument {
+ public:
+  Instrument(const Config& config, const std::filesystem::path& state_folder);
+  ~Instrument();
+
+  // Call it when a session has published its first scene.
+  void Start();
+
+  TouchPlanInbox touch_plans;  // for the simulated hand
+  const std::unique_ptr<HapticDevice> device;
+  SceneInbox inbox;
+  const std::unique_ptr<TickOutbox> outbox;
+  Pump pump;
+  const ForceWatch forces;
+  const SafetyLimits limits;
+  ServoLoop servo;
+
+ private:
+  const std::shared_ptr<DeviceMonitor> monitor_;
+  const std::shared_ptr<BlackBox> black_box_;
+};
+
+}  // namespace palpate

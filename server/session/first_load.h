@@ -1,0 +1,34 @@
+// What clients are told until the first volume is felt.
+//
+// Threads: any. Errors: those that Require throws.
+#pragma once
+
+#include <mutex>
+#include <string>
+
+#include "common/error/error.h"
+
+namespace palpate {
+
+class FirstLoad {
+ public:
+  void Tell(const std::string& name, double fraction);
+  void Done();
+  // The daemon ends with this error.
+  void Fail(const Error& error);
+
+  bool is_done() const;
+  // Returns once the first volume is felt. Throws kLoading with "loading head.nrrd, 40 %", or the
+  // error of Fail.
+  void Require() const;
+  // True if a client asked while the volume loaded. Such a client asks again within a moment.
+  bool was_asked() const;
+
+ private:
+  mutable std::mutex mutex_;
+  Error error_{ErrorKind::kLoading, "starting"};
+  bool is_done_ = false;
+  mutable bool was_asked_ = false;
+};
+
+}  // namespace palpate

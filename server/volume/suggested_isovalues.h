@@ -1,0 +1,45 @@
+// Isovalues at which a volume shows something, and the histogram that they come from.
+//
+// The first suggestion is where a load starts if it names no isovalue:
+//   level sets            "surface", 0
+//   built-in shapes       "surface", the middle of the range
+//   CT in Hounsfield units  "bone", 300 HU; then "skin", -300 HU, and "otsu"
+//   all others            "otsu", Otsu's threshold over the values that are not background. With a
+//                         peak where air is in CT, and no unit, "bone" and "skin" follow
+// A preset that the volume has hardly any voxels for is left out. The background is the value that
+// at least a quarter of all voxels have; many volumes have none.
+//
+// Values in data units. Threads: pure, any. Not for real-time code: at most 2^25 voxels are read,
+// about 0.1 s. Of a larger volume, each n-th brick is read. Errors: none.
+// Source: N. Otsu, "A Threshold Selection Method from Gray-Level Histograms", IEEE Transactions on
+// Systems, Man, and Cybernetics 9 (1979), pp. 62-66.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "server/volume/snapshot.h"
+
+namespace palpate {
+
+struct SuggestedIsovalue {
+  std::string name;  // for `palpate set isovalue NAME`
+  double isovalue = 0.0;
+  std::string reason;  // for people
+};
+
+struct VolumeValues {
+  // Voxels in equal bins over low .. high. Values outside count in the first and the last bin. The
+  // bins cover the volume's range, or, if a few outliers make that useless, nearly all values. Of
+  // whole numbers, if there are few, each has a bin with the number in its middle.
+  double low = 0.0, high = 1.0;
+  std::vector<std::uint64_t> counts;
+  // Where counts have peaks, ascending; without the background.
+  std::vector<double> peaks;
+  std::vector<SuggestedIsovalue> suggested;  // never empty; the first is the start
+};
+
+VolumeValues ValuesOf(const VolumeSnapshot& volume);
+
+}  // namespace palpate
