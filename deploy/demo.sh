@@ -37,7 +37,7 @@ build/ (some minutes the first time), starts palpated with the simulated device,
   --volume FILE            NRRD, MetaImage, NIfTI, VDB file, DICOM folder, or
                            builtin:cylinder|sphere|bumps|gyroid[:N] [builtin:bumps]
   --isovalue X             isovalue in the volume's data units
-  --normalized-isovalue X  isovalue over the volume's range, 0 to 1 [0.5]
+  --normalized-isovalue X  isovalue over the volume's range, 0 to 1 [one that shows something]
   --seconds N              stop after N seconds [until Ctrl-C]
 TEXT
 }
@@ -83,17 +83,6 @@ socket=$work/palpated.sock
 setsid setpriv --pdeathsig TERM "$root/build/bin/palpated" --socket "$socket" \
   ${daemon_arguments[@]+"${daemon_arguments[@]}"} &
 daemon=$!
-# The socket exists a moment before the daemon listens, so a call checks that it answers.
-until "$root/build/bin/palpate" info --socket "$socket" >/dev/null 2>&1 || [ -n "$interrupted" ]; do
-  if ! kill -0 "$daemon" 2>/dev/null; then
-    code=0
-    wait "$daemon" || code=$?
-    daemon=
-    exit "$code"
-  fi
-  sleep 0.05 || true
-done
-[ -z "$interrupted" ] || exit 0
 echo "in another terminal: $root/build/bin/palpate info --socket $socket"
 code=0
 setsid setpriv --pdeathsig TERM "$root/build/bin/palpate" watch --socket "$socket" ${watch_arguments[@]+"${watch_arguments[@]}"} &
@@ -102,5 +91,11 @@ wait "$watcher" || code=$?
 if [ -n "$interrupted" ]; then
   # The trap interrupted the first wait.
   wait "$watcher" 2>/dev/null || true
+fi
+# A daemon that failed has said why.
+if [ "$code" -ne 0 ] && ! kill -0 "$daemon" 2>/dev/null; then
+  code=0
+  wait "$daemon" || code=$?
+  daemon=
 fi
 exit "$code"
