@@ -45,7 +45,7 @@ class Finding(unittest.TestCase):
 
     def test_bad_addresses(self):
         for address in ("", "localhost", "localhost:", "localhost:0", "localhost:99999", "a b:1",
-                        "::1:7400", "/tmp/a b.sock", "/" + "x" * 200, "-x:7"):
+                        "::1:7400", "/tmp/a b.sock", "/" + "x" * 200, "-x:7", 7400, b"a:1"):
             self.refused(palpate.InvalidArgument, address)
 
 
@@ -98,6 +98,40 @@ class Losing(unittest.TestCase):
             return self.conn.settings.isovalue is not None
         except palpate.Unavailable:
             return False
+
+    def test_calls_while_it_ends_say_so(self):
+        # gRPC tells some of these calls that they were cancelled.
+        def change(raised):
+            try:
+                while True:
+                    self.conn.settings.isovalue = 0.4
+            except palpate.Error as error:
+                raised.append(error)
+
+        for _ in range(4):
+            raised = []
+            threads = [threading.Thread(target=change, args=(raised,)) for _ in range(8)]
+            for thread in threads:
+                thread.start()
+            time.sleep(0.1)
+            self.daemon.end()
+            for thread in threads:
+                thread.join()
+            self.assertEqual({type(error) for error in raised}, {palpate.Unavailable}, raised)
+            self.daemon.start()
+
+    def test_who_tries_again_and_again_finds_it_again_soon(self):
+        for down_s in (0.5, 4.0):
+            self.daemon.end()
+            end = time.monotonic() + down_s
+            while time.monotonic() < end:
+                self.assertFalse(self.answers())
+                time.sleep(0.02)
+            self.daemon.start()
+            begin = time.monotonic()
+            self.assertTrue(wait_until(self.answers))
+            # Without help, gRPC takes up to 5 s.
+            self.assertLess(time.monotonic() - begin, 2.5)
 
     def test_a_daemon_that_stands_still_holds_nothing(self):
         stream = self.conn.poses(100)

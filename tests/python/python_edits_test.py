@@ -146,6 +146,16 @@ class EditsTest(DaemonTest):
                    lambda: self.edit.block((29, 1, 1), block),
                    lambda: self.edit.block((-1, 1, 1), block),
                    lambda: self.edit.block((1, 1, 1), block[0]),
+                   lambda: self.edit.block((1, 1), block),
+                   lambda: self.edit.block(1, block),
+                   lambda: self.edit.block((1.5, 1, 1), block),
+                   lambda: self.edit.block((1 << 40, 1, 1), block),
+                   lambda: self.edit.block((1, 1, 1), [[["a"]]]),
+                   lambda: sphere("abc", 3, "set", 1.0),
+                   lambda: sphere((1, 1, 1), 3, ["set"], 1.0),
+                   lambda: self.edit.undo(-1),
+                   lambda: self.edit.redo("3"),
+                   lambda: self.edit.revert(True),
                    lambda: self.edit.block((1, 1, 1), np.zeros((0, 1, 1)))]
         for n, call in enumerate(refused):
             with self.assertRaises(palpate.InvalidArgument, msg=str(n)) as caught:

@@ -64,7 +64,8 @@ class Filters(DaemonTest):
                 (("mean",), {"box": ((1, 1), (3, 3, 3))}),
                 (("mean",), {"sphere": ((1, 1, np.nan), 3)}),
                 (("mean",), {"sphere": ((999, 1, 1), 3)}), (("mean",), {"frame": "lps"}),
-                (("mean",), around)):
+                (("mean",), {"box": (1, 2, 3)}), (("mean",), {"sphere": 5}), (("mean", -1), {}),
+                (("resample",), {"spacing_mm": True}), (("mean",), around)):
             with self.assertRaises(palpate.InvalidArgument, msg=str(arguments)) as caught:
                 self.edit.filter(*arguments, **regions)
             self.assertNotIn("\n", str(caught.exception))

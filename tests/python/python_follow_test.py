@@ -89,6 +89,11 @@ class Follow(DaemonTest):
         self.assertNotAlmostEqual(float(copy.values[3, 3, 3]), 0.7)
         copy.values[0, 0, 0] = 3  # its holder's own
 
+    def test_bad_waits_are_refused_at_the_call(self):
+        for arguments in (("3",), (True,), (-1,), (1.5,), (0, -1), (0, float("nan")), (0, "1")):
+            with self.subTest(arguments), self.assertRaises(palpate.InvalidArgument):
+                self.live.wait(*arguments)
+
     def test_another_volume_and_another_place(self):
         self.check()
         for shape in ((9, 40, 17), (64, 64, 64), (2, 2, 2)):

@@ -113,6 +113,37 @@ class Documented(unittest.TestCase):
                 if not part.startswith("_") and (callable(member) or isinstance(member, property)):
                     self.assertTrue(inspect.getdoc(member), f"{name}.{part}")
 
+    def test_what_is_called_says_its_arguments_its_errors_and_an_example(self):
+        called = [(held, "", held) for held in (palpate.connect, palpate.open_recording,
+                                                palpate.profiles)]
+        for held in (palpate.Connection, palpate.Device, palpate.Edits, palpate.LiveVolume,
+                     palpate.PoseStream, palpate.Poses, palpate.Recording, palpate.RecordingFile,
+                     palpate.RecordedEdit, palpate.RecordedTicks, palpate.Series, palpate.Settings,
+                     palpate.Volume, palpate.VolumeAccess):
+            called += [(getattr(held, part), inspect.getdoc(held), f"{held.__name__}.{part}")
+                       for part in dir(held) if not part.startswith("_")
+                       and inspect.isroutine(getattr(held, part))]
+        self.assertGreater(len(called), 45)
+        for function, of_class, name in called:
+            said = inspect.getdoc(function)
+            self.assertIn("Example", said, name)
+            everything = said + of_class
+            if name not in ("Connection.close", "LiveVolume.close", "PoseStream.close"):
+                self.assertRegex(everything, r"Errors|errors", name)
+            # Those that "as load()" and the like stand for are in that docstring.
+            more = inspect.getdoc(palpate.VolumeAccess.load) if "load" in said else ""
+            for argument in inspect.signature(function).parameters:
+                if argument != "self":
+                    self.assertIn(argument, everything + more, name)
+
+    def test_every_field_says_what_it_is(self):
+        for name in palpate.__all__:
+            held = getattr(palpate, name)
+            if dataclasses.is_dataclass(held) and held is not palpate.RecordedTicks:
+                for field in dataclasses.fields(held):
+                    if not field.name.startswith("_"):
+                        self.assertRegex(inspect.getdoc(held), rf"\b{field.name}\b", name)
+
     def test_arrays_say_their_shapes(self):
         for held in (palpate.Poses, palpate.Volume, palpate.VolumeInfo, palpate.DeviceInfo):
             for field in dataclasses.fields(held):

@@ -80,13 +80,23 @@ class Arrays(DaemonTest):
         self.assertGreater(dropped[-1], 1000)
         self.assertTrue((np.diff(dropped) >= 0).all())
 
-    def test_bad_options_are_one_line(self):
-        for arguments in ({"rate_hz": 2000}, {"rate_hz": -1}, {"batch": 1000}, {"waiting": 0},
-                          {"rate_hz": True}, {"rate_hz": "fast"}):
-            with self.assertRaises(palpate.InvalidArgument, msg=str(arguments)) as caught:
-                next(self.conn.poses(**arguments))
-            self.assertNotIn("\n", str(caught.exception))
-            self.assertGreater(len(str(caught.exception)), 10)
+    def test_bad_options_are_refused_at_the_call_with_the_range(self):
+        for said, name, values in (
+                ("1000", "rate_hz", (0, -1, 1000.5, 10**9, 10**400, float("nan"))),
+                ("1 to 256", "batch", (0, -1, 257, 500, 1 << 70, 2.5, True, "8")),
+                ("1 to", "waiting", (0, -1, 1.5, True, None)),
+                ("number", "rate_hz", (True, "fast", None))):
+            for value in values:
+                with self.assertRaises(palpate.InvalidArgument, msg=f"{name}={value}") as caught:
+                    self.conn.poses(**{name: value})
+                self.assertIn(said, str(caught.exception))
+                self.assertNotIn("\n", str(caught.exception))
+        with self.conn.poses(np.float32(1000), np.int64(256)) as stream:
+            self.assertEqual(len(next(stream)), 256)
+
+    def test_joining_nothing_is_refused(self):
+        with self.assertRaises(palpate.InvalidArgument):
+            palpate.Poses.concatenate([])
 
 
 class Ends(DaemonTest):

@@ -230,6 +230,9 @@ class Replay(unittest.TestCase):
             self.conn.recording.start(self.file)
         with self.assertRaises(palpate.Conflict):
             self.conn.recording.mark("too early")
+        for text in ("", "x" * 4097, "é" * 2049, "\ud800", 5, None):
+            with self.subTest(text), self.assertRaises(palpate.InvalidArgument):
+                self.conn.recording.mark(text)
 
 
 class Forces(DaemonTest):

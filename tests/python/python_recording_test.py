@@ -130,7 +130,7 @@ class Recorded(RecordingTest):
         self.assertGreater(len(changed), 5)
         self.assertGreater(len(self.recording.edits), 4)
         first, _ = self.expected["voxels"][0]
-        with self.assertRaises(palpate.FailedPrecondition):
+        with self.assertRaisesRegex(palpate.FailedPrecondition, "download.*load"):
             self.recording.voxels(first)
         with self.assertRaises(palpate.Conflict):
             self.recording.voxels(first, self.expected["loaded"][0] + 1)

@@ -113,6 +113,9 @@ class SettingsTest(DaemonTest):
             self.conn.settings.isovalue = -5.0
         with self.assertRaises(palpate.Conflict):
             self.conn.settings.update(isovalue=0.4, expected_revision=1 << 40)
+        for revision in (-1, "3", True, 1.5):
+            with self.assertRaises(palpate.InvalidArgument):
+                self.conn.settings.update(isovalue=0.4, expected_revision=revision)
 
     def test_the_enumerations_are_the_contracts(self):
         pairs = ((palpate.ProxyMode, pose_pb2.ProxyMode, "PROXY_MODE_"),

@@ -1,6 +1,7 @@
 """Ticks as palpate-lab exports them; as tables of pandas; ticks and volumes as xarray has them."""
 
 import csv
+import dataclasses
 import io
 import os
 import subprocess
@@ -121,6 +122,24 @@ class Tables(RecordingTest):
         self.assertEqual((data.dims, data.shape), (("x", "y", "z"), (20, 33, 18)))
         self.assertEqual(float(data.sel(x=1.5, y=2, z=10)), volume.values[3, 2, 5])
         self.assertEqual(data.attrs["units"], "HU")
+
+    @unittest.skipUnless(xarray, "xarray is not installed")
+    def test_xarray_of_a_volume_in_the_world(self):
+        volume = self.expected["volume"]
+
+        def along(matrix):
+            data = dataclasses.replace(volume, world_from_index=np.array(matrix)).to_xarray()
+            return data.attrs["coordinates_frame"], [
+                (float(data[axis][0]), float(data[axis][1])) for axis in "xyz"]
+
+        # As of a scanner: x and y mirrored. The last two lean a little, and too much.
+        mirrored = [[-0.5, 0, 0, 90.25], [0, -1, 0, -7], [0, 0, 2, 300], [0, 0, 0, 1]]
+        there = ("world", [(90.25, 89.75), (-7, -8), (300, 302)])
+        self.assertEqual(along(mirrored), there)
+        mirrored[0][1] = 1e-7
+        self.assertEqual(along(mirrored), there)
+        mirrored[0][1] = 1e-3
+        self.assertEqual(along(mirrored), ("volume", [(0, 0.5), (0, 1), (0, 2)]))
 
     def test_a_package_that_is_not_there_is_named(self):
         poses = self.expected["poses"]

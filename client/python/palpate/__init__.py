@@ -29,7 +29,7 @@ from palpate._recorded_ticks import RecordedTicks
 from palpate._recording_file import RecordingFile, open_recording
 from palpate._series import Series, SeriesState
 from palpate._settings import Applied, Settings
-from palpate._volume import VolumeAccess, VolumeInfo
+from palpate._volume import SuggestedIsovalue, VolumeAccess, VolumeInfo
 from palpate._volume_copy import Volume
 
 __all__ = [
@@ -40,6 +40,7 @@ __all__ = [
     "Placement", "PoseStream", "Poses", "Profile", "ProxyMode", "Raw", "RecordedEdit",
     "RecordedGap", "RecordedMarker", "RecordedScene", "RecordedTicks", "Recording",
     "RecordingFile", "RecordingState", "ReplayState", "Role", "Series", "SeriesState", "Settings",
-    "TooLarge", "Unavailable", "VerificationLevel", "Volume", "VolumeAccess", "VolumeInfo",
+    "SuggestedIsovalue", "TooLarge", "Unavailable", "VerificationLevel", "Volume", "VolumeAccess",
+    "VolumeInfo",
     "connect", "open_recording", "profiles",
 ]

@@ -14,12 +14,14 @@ from palpate._profiles import place_of_profile
 from palpate._recording import Recording
 from palpate._series import Series
 from palpate._settings import Settings
+from palpate._values import text_of
 from palpate._volume import VolumeAccess
 
 
 class Connection:
     """A connection to palpated; connect() makes one. A `with` block closes it.
 
+    Example: with palpate.connect() as conn: print(conn.volume.info().shape)
     If the daemon goes away, calls and streams raise Unavailable. When the daemon is back, calls
     and new streams of the same connection work again. Any thread.
     """
@@ -40,12 +42,15 @@ class Connection:
 
     @property
     def address(self) -> str:
-        """The address of palpated, for people."""
+        """The address of palpated, for people, such as "unix:/run/palpate/palpated.sock"."""
         return self._link.name
 
     @property
     def settings(self) -> Settings:
-        """The settings: isovalue, stiffness, effects."""
+        """The settings: isovalue, stiffness, effects. See help(palpate.Settings).
+
+        Example: conn.settings.stiffness_n_per_mm = 0.8
+        """
         return self._settings
 
     @settings.setter
@@ -54,27 +59,42 @@ class Connection:
 
     @property
     def edit(self) -> Edits:
-        """Changes of the volume's voxels."""
+        """Changes of the volume's voxels. See help(palpate.Edits).
+
+        Example: conn.edit.sphere((10, -4, 52), 3.0, "set", -1000)
+        """
         return self._edit
 
     @property
     def volume(self) -> VolumeAccess:
-        """The volume under the stylus: load, upload, download, save, place, follow."""
+        """The volume under the stylus: load, upload, download, save, place, follow.
+
+        See help(palpate.VolumeAccess). Example: conn.volume.load("/data/head.nrrd")
+        """
         return self._volume
 
     @property
     def device(self) -> Device:
-        """The device and its forces."""
+        """The device and its forces. See help(palpate.Device).
+
+        Example: conn.device.stop()
+        """
         return self._device
 
     @property
     def series(self) -> Series:
-        """Time series."""
+        """Time series. See help(palpate.Series).
+
+        Example: conn.series.load("/data/heart-*.nrrd")
+        """
         return self._series
 
     @property
     def recording(self) -> Recording:
-        """Recordings on the daemon's machine: make them, and replay them."""
+        """Recordings on the daemon's machine: make them, and replay them.
+
+        See help(palpate.Recording). Example: conn.recording.start("/data/trial-7.palrec")
+        """
         return self._recording
 
     def poses(self, rate_hz: float = 60.0, batch: int = 1, *, waiting: int = 1) -> PoseStream:
@@ -83,17 +103,20 @@ class Connection:
         rate_hz: samples per second of loop time, above 0 to 1000; one tick in
         round(1000 / rate_hz) is sampled.
         batch: samples per Poses, 1 to 256; above 200 Hz choose 8 or more.
-        waiting: the most batches that wait if your loop is slower than the stream. With 1, the
-        loop always gets the newest batch; Poses.dropped_samples counts the samples in between.
-        Choose a larger number to get every sample in spite of pauses.
-        Errors, in the iteration: InvalidArgument, Unavailable if the daemon goes away.
+        waiting: the most batches that wait if your loop is slower than the stream, at least 1.
+        With 1, the loop always gets the newest batch; Poses.dropped_samples counts the samples in
+        between. Choose a larger number to get every sample in spite of pauses.
+        Errors: InvalidArgument (at the call); in the iteration TooLarge (all streams together ask
+        for more samples than the daemon sends), Unavailable (the daemon went away).
+        Example: poses = next(conn.poses(rate_hz=1000, batch=50))
         """
-        if waiting < 1:
-            raise InvalidArgument("at least one batch waits")
         return PoseStream(self._link, rate_hz, batch, waiting)
 
     def close(self) -> None:
-        """Closes the connection. Its streams raise Unavailable."""
+        """Closes the connection. Its calls and streams raise Unavailable from then on.
+
+        Closing twice is no error. Example: conn.close()
+        """
         self._link.close()
 
     def __enter__(self) -> "Connection":
@@ -140,7 +163,10 @@ def connect(address: str | None = None, *, profile: str | None = None,
 
     Errors: Unavailable (no palpated there), PermissionDenied (the socket; or palpated does not
     know us), InvalidArgument, NotFound (a file, a profile).
+    Example: conn = palpate.connect("lab.example:7400", tls_ca="lab-ca.pem", token_file="me.token")
     """
+    if address is not None:
+        text_of("address", address)
     credentials = Credentials(tls_ca, tls_cert, tls_key, token_file)
     if profile is not None:
         if address is not None or credentials != Credentials():

@@ -9,6 +9,7 @@ import numpy.typing as npt
 from palpate._enums import DeviceConnection, ForceReason, ForceState, Role, VerificationLevel
 from palpate._geometry import array_of_vector
 from palpate._link import Link
+from palpate._values import text_of
 from palpate.v1 import device_pb2, device_pb2_grpc
 
 
@@ -16,6 +17,8 @@ from palpate.v1 import device_pb2, device_pb2_grpc
 class Forces:
     """The state of the forces, and its reason.
 
+    state: such as "on" or "stopped"; see help(palpate.ForceState)
+    reason: why the forces are not on; see help(palpate.ForceReason)
     limit_n: greatest force now, N; less than the device's maximum if the motors are warm
     """
 
@@ -32,10 +35,23 @@ class DeviceInfo:
     model: name for people
     workspace_min_mm: (3,) corner of the workspace box in the device frame, mm
     workspace_max_mm: (3,) the opposite corner, mm
+    max_force_n: greatest force of the device for a short time, N
+    continuous_force_n: greatest force that the device keeps up, N
     max_stiffness_n_per_mm: greatest stiffness that the device renders steadily, N/mm
+    position_resolution_mm: smallest motion that the device measures, mm
+    button_count: number of buttons
+    verification_level: how much of the device's behaviour has been seen on hardware
+    connection: whether the device is there
+    docked: the stylus is in its place of rest
+    calibrated: the device knows where its stylus is
     problem: what is wrong and what to do; empty: nothing
+    forces: the state of the forces
     rate_hz: of the servo loop, Hz
+    realtime_scheduling: the system runs the servo before ordinary programs
+    memory_locked: the system does not swap the daemon's memory out
     warnings: what the servo lacks and what to do about it
+    ticks: ticks of the servo so far
+    missed_ticks: ticks skipped because their time had passed
     version: of the daemon
     identity: serial number and firmware as the device reports them; empty: unknown
     caller: the identity that the daemon has verified for this connection, such as "local socket"
@@ -73,8 +89,13 @@ class DeviceInfo:
 class ListedDevice:
     """A device that the daemon could be configured to use.
 
+    kind: configuration name, for palpated.toml
+    model: name for people
     port: where the device was found; empty if the device has no port
+    usable: the daemon can use the device
     problem: what is missing and what to do; empty if the device is usable
+    verification_level: how much of the device's behaviour has been seen on hardware
+    in_use: the daemon uses the device now
     """
 
     kind: str
@@ -102,7 +123,10 @@ class Device:
         self._stub = link.stub(device_pb2_grpc.DeviceServiceStub)
 
     def info(self) -> DeviceInfo:
-        """The device, its state and the servo's."""
+        """Returns the device, its state and the servo's.
+
+        Errors: Unavailable. Example: print(conn.device.info().forces.state)
+        """
         answer = self._link.call(self._stub.GetDevice, device_pb2.GetDeviceRequest())
         device, servo, health = answer.device, answer.servo, answer.health
         return DeviceInfo(
@@ -123,7 +147,10 @@ class Device:
             role=Role(answer.caller.role))
 
     def list(self) -> "list[ListedDevice]":
-        """Lists the devices of the daemon's machine. Opens no device."""
+        """Lists the devices of the daemon's machine. Opens no device.
+
+        Errors: Unavailable. Example: [device.model for device in conn.device.list()]
+        """
         answer = self._link.call(self._stub.ListDevices, device_pb2.ListDevicesRequest())
         return [ListedDevice(device.kind, device.model, device.port, device.usable, device.problem,
                              VerificationLevel(device.verification_level), device.in_use)
@@ -134,23 +161,31 @@ class Device:
 
         kind: configuration name of the device, such as "falcon"; may be empty only if the
         device's forces are verified, or the device is simulated.
+        Errors: see help(palpate.Device). Example: conn.device.enable("falcon")
         """
         return self._force_call(self._stub.EnableForces,
-                                device_pb2.EnableForcesRequest(device=kind))
+                                device_pb2.EnableForcesRequest(device=text_of("kind", kind or "")))
 
     def disable(self) -> Forces:
-        """Ramps forces down to zero. They stay off until they are enabled again."""
+        """Ramps forces down to zero. They stay off until they are enabled again.
+
+        Errors: Unavailable. Example: conn.device.disable()
+        """
         return self._force_call(self._stub.DisableForces, device_pb2.DisableForcesRequest())
 
     def stop(self) -> Forces:
-        """Emergency stop: zero force within a tick, until forces are enabled again."""
+        """Emergency stop: zero force within a tick, until forces are enabled again.
+
+        Errors: Unavailable. Example: conn.device.stop()
+        """
         return self._force_call(self._stub.StopForces, device_pb2.StopForcesRequest())
 
     def calibrate(self) -> DeviceInfo:
         """Calibrates the device in its place of rest, when the stylus is docked next.
 
         Errors: InvalidArgument (the device has no place of rest), FailedPrecondition (the device
-        is not there).
+        is not there), Unavailable.
+        Example: conn.device.calibrate()
         """
         self._link.call(self._stub.CalibrateDevice, device_pb2.CalibrateDeviceRequest())
         return self.info()

@@ -1,5 +1,6 @@
 """Changes of the volume's voxels."""
 
+import collections.abc
 import dataclasses
 import typing
 
@@ -7,10 +8,10 @@ import numpy as np
 import numpy.typing as npt
 
 from palpate._errors import InvalidArgument, TooLarge
-from palpate._geometry import Triple, vector_of
+from palpate._geometry import Triple, numbers_of, vector_of
 from palpate._link import Link
 from palpate._progress import Progress, result_of
-from palpate._values import number, number_or_none
+from palpate._values import number, number_or_none, whole, whole_or_none
 from palpate.v1 import edit_pb2, volume_pb2_grpc
 
 Operation = typing.Literal["add", "subtract", "set", "smooth", "paint"]
@@ -26,6 +27,7 @@ _FILTER_KINDS = {"gaussian": edit_pb2.FILTER_KIND_GAUSSIAN, "mean": edit_pb2.FIL
                  "mean-curvature": edit_pb2.FILTER_KIND_MEAN_CURVATURE,
                  "resample": edit_pb2.FILTER_KIND_RESAMPLE}
 _MOST_FILTER_NUMBER = 1000  # more than palpated takes
+_MOST_INDEX = (1 << 31) - 1
 _MOST_BLOCK_VOXELS = 3 * 1024 * 1024 // 4
 
 
@@ -35,9 +37,11 @@ class EditResult:
 
     volume_revision: of the volume now; the same as before if no voxel changed
     applied_tick: first tick that used the edit
+    changed_voxels: how many voxels have another value than before
     changed: box around the changed voxels, as an index into Volume.values; None: no voxel
         changed
     undo_steps: how often undo() would work now
+    redo_steps: how often redo() would work now
     """
 
     volume_revision: int
@@ -60,14 +64,20 @@ class Edits:
         "smooth"    towards the mean of the 27 voxels around, by w·strength
         "paint"     v + w·strength·(value - v)
 
-    All except "smooth" need `value`. Values are in data units. Results stay within the range
-    fixed at load.
+    Arguments that several edits have:
 
-    frame "world": positions and lengths in mm, LPS as in DICOM; "index": in voxels. The first
-    voxel is (0, 0, 0).
-
+    operation: one of these words.
+    value: in data units, for all operations except "smooth". Results stay within the range of the
+        file's type (uint8: 0 to 255), or within the volume's range if it holds floats.
+    frame: "world": positions and lengths in mm, LPS as in DICOM; "index": in voxels, the first is
+        (0, 0, 0).
+    falloff: in the frame's unit.
+    strength: above 0 to 1, for "smooth" and "paint"; None: 1.
     expected_revision: fail with Conflict unless the volume is at this revision.
-    Errors: InvalidArgument, TooLarge (more than 16 777 216 voxels), Conflict, Unavailable.
+    progress: called for more than 16 777 216 voxels only, with the current step and the share
+        done, 0 to 1. If it raises an exception or returns False, the edit is cancelled.
+
+    Errors: InvalidArgument, TooLarge (no memory for the change), Conflict, Cancelled, Unavailable.
     """
 
     def __init__(self, link: Link) -> None:
@@ -76,30 +86,49 @@ class Edits:
 
     def sphere(self, center: Triple, radius: float, operation: Operation,
                value: float | None = None, *, frame: Frame = "world", falloff: float = 0.0,
-               strength: float | None = None, expected_revision: int | None = None) -> EditResult:
-        """Edits within `radius` of `center` (x, y, z), both in the frame's unit."""
+               strength: float | None = None, expected_revision: int | None = None,
+               progress: Progress | None = None) -> EditResult:
+        """Edits a sphere. Returns when the servo has used the edit.
+
+        center: (x, y, z). radius: above 0. Both in mm, or in voxels with frame="index".
+        operation, value, falloff, strength, expected_revision, progress, errors: see
+        help(palpate.Edits).
+        Example, a hole of 3 mm: conn.edit.sphere((10, -4, 52), 3.0, "set", -1000)
+        """
         shape = edit_pb2.SphereShape(center=vector_of("center", center),
                                      radius=number("radius", radius))
         return self._edit(edit_pb2.EditVolumeRequest(sphere=shape), operation, value, frame,
-                          falloff, strength, expected_revision)
+                          falloff, strength, expected_revision, progress)
 
     def box(self, corner_min: Triple, corner_max: Triple, operation: Operation,
             value: float | None = None, *, frame: Frame = "world", falloff: float = 0.0,
-            strength: float | None = None, expected_revision: int | None = None) -> EditResult:
-        """Edits a box along the frame's axes, both corners (x, y, z) included."""
+            strength: float | None = None, expected_revision: int | None = None,
+            progress: Progress | None = None) -> EditResult:
+        """Edits a box along the frame's axes. Returns when the servo has used the edit.
+
+        corner_min, corner_max: (x, y, z), both included, in mm, or in voxels with frame="index".
+        Others, and errors: see help(palpate.Edits).
+        Example: conn.edit.box((0, 0, 0), (31, 31, 31), "smooth", frame="index")
+        """
         shape = edit_pb2.BoxShape(min=vector_of("corner_min", corner_min),
                                   max=vector_of("corner_max", corner_max))
         return self._edit(edit_pb2.EditVolumeRequest(box=shape), operation, value, frame, falloff,
-                          strength, expected_revision)
+                          strength, expected_revision, progress)
 
     def capsule(self, start: Triple, end: Triple, radius: float, operation: Operation,
                 value: float | None = None, *, frame: Frame = "world", falloff: float = 0.0,
-                strength: float | None = None, expected_revision: int | None = None) -> EditResult:
-        """Edits a stroke: what a sphere of `radius` sweeps from `start` to `end` (x, y, z)."""
+                strength: float | None = None, expected_revision: int | None = None,
+                progress: Progress | None = None) -> EditResult:
+        """Edits a stroke: what a sphere sweeps. Returns when the servo has used the edit.
+
+        start, end: (x, y, z) of the sphere's centre. radius: above 0. In mm, or in voxels with
+        frame="index". Others, and errors: see help(palpate.Edits).
+        Example: conn.edit.capsule((0, 0, 40), (0, 0, 60), 1.5, "paint", 700, strength=0.5)
+        """
         shape = edit_pb2.CapsuleShape(**{"from": vector_of("start", start)},
                                       to=vector_of("end", end), radius=number("radius", radius))
         return self._edit(edit_pb2.EditVolumeRequest(capsule=shape), operation, value, frame,
-                          falloff, strength, expected_revision)
+                          falloff, strength, expected_revision, progress)
 
     def block(self, first: tuple[int, int, int], values: npt.ArrayLike,
               operation: Operation = "set", *, strength: float | None = None,
@@ -107,18 +136,20 @@ class Edits:
         """Edits a block of voxels from index `first` (i, j, k) on, each with a value of its own.
 
         values: (nx, ny, nz), indexed [x, y, z] as Volume.values, data units. Sent as float32; at
-        most 786 432 values (3 MiB). Not for "smooth".
+        most 786 432 values (3 MiB). operation: not "smooth".
+        strength, expected_revision, errors: see help(palpate.Edits).
+        Example: conn.edit.block((20, 10, 30), np.zeros((4, 4, 4)))
         """
-        array = np.asarray(values, dtype="<f4")
+        array = numbers_of("values", values).astype("<f4")
         if array.ndim != 3:
             raise InvalidArgument(f"a block has three dimensions, not {array.ndim}")
         if array.size > _MOST_BLOCK_VOXELS:
             raise TooLarge(f"a block has at most {_MOST_BLOCK_VOXELS} voxels, this one has "
                            f"{array.size}: send it in parts")
-        if min(first) < 0:
-            raise InvalidArgument("a block begins at a voxel, from (0, 0, 0) on")
+        i, j, k = _parts("first", first, 3, "(i, j, k)")
         shape = edit_pb2.DenseBlock(
-            min_x=first[0], min_y=first[1], min_z=first[2], size_x=array.shape[0],
+            min_x=whole("first[0]", i, 0, _MOST_INDEX), min_y=whole("first[1]", j, 0, _MOST_INDEX),
+            min_z=whole("first[2]", k, 0, _MOST_INDEX), size_x=array.shape[0],
             size_y=array.shape[1], size_z=array.shape[2], values=array.tobytes(order="F"))
         return self._edit(edit_pb2.EditVolumeRequest(block=shape), operation, None, "index", 0.0,
                           strength, expected_revision)
@@ -141,8 +172,10 @@ class Edits:
             "resample"        to spacing_mm, one number or (x, y, z)
         width: 1 to 8 voxels. iterations: how often; width·iterations is at most 8 for "gaussian",
         and at most 32 for "mean" and "median".
+        distance_mm: only for "offset", mm; negative: inwards. spacing_mm: only for "resample", mm.
         box: (least corner, greatest corner), or sphere: (centre, radius), in the frame's unit: the
-        voxels to replace, without falloff. Neither: all voxels. Beyond the volume, voxels count as
+        voxels to replace, without falloff. Neither: all voxels. frame: see help(palpate.Edits).
+        Beyond the volume, voxels count as
         the least value of its range.
         progress: called with the current step and the share done, 0 to 1. If it raises an
         exception, the filter is cancelled and fails with that exception. If it returns False, the
@@ -154,31 +187,32 @@ class Edits:
         an "offset" that needs room, change the volume's lattice: read its size again.
         Errors: as all edits; also Conflict if another filter runs, or another volume is loaded
         meanwhile.
+        Example: conn.edit.filter("median", 2, sphere=((10, -4, 52), 15.0))
         """
-        if kind not in _FILTER_KINDS:
-            raise InvalidArgument(f"kind is one of {', '.join(_FILTER_KINDS)}, not {kind!r}")
+        _check_word("kind", kind, _FILTER_KINDS)
         if (distance_mm is None) == (kind == "offset"):
             raise InvalidArgument('distance_mm is for the kind "offset", which needs it')
         if (spacing_mm is None) == (kind == "resample"):
             raise InvalidArgument('spacing_mm is for the kind "resample", which needs it')
-        if frame not in _FRAMES:
-            raise InvalidArgument(f"frame is one of {', '.join(_FRAMES)}, not {frame!r}")
+        _check_word("frame", frame, _FRAMES)
         if box is not None and sphere is not None:
             raise InvalidArgument("give a box or a sphere, not both")
         request = edit_pb2.FilterVolumeRequest(
             kind=_FILTER_KINDS[kind], width=_count("width", width),
-            iterations=_count("iterations", iterations), expected_revision=expected_revision)
+            iterations=_count("iterations", iterations),
+            expected_revision=whole_or_none("expected_revision", expected_revision))
         if distance_mm is not None:
             request.distance_mm = number("distance_mm", distance_mm)
         if spacing_mm is not None:
-            spacing = (spacing_mm,) * 3 if isinstance(spacing_mm, (int, float)) else spacing_mm
+            spacing = (number("spacing_mm", spacing_mm),) * 3 if np.isscalar(spacing_mm) \
+                else typing.cast(Triple, spacing_mm)
             request.spacing_mm.CopyFrom(vector_of("spacing_mm", spacing))
         if box is not None:
-            corner_min, corner_max = box
+            corner_min, corner_max = _parts("box", box, 2, "(least corner, greatest corner)")
             request.box.CopyFrom(edit_pb2.BoxShape(min=vector_of("box[0]", corner_min),
                                                    max=vector_of("box[1]", corner_max)))
         if sphere is not None:
-            center, radius = sphere
+            center, radius = _parts("sphere", sphere, 2, "(centre, radius)")
             request.sphere.CopyFrom(edit_pb2.SphereShape(center=vector_of("sphere[0]", center),
                                                          radius=number("sphere[1]", radius)))
         if box is not None or sphere is not None:
@@ -187,28 +221,36 @@ class Edits:
         return _edit_result(result_of(events, progress))
 
     def undo(self, expected_revision: int | None = None) -> EditResult:
-        """Undoes the last edit of any client. Conflict if there is none."""
-        return self._result(self._stub.UndoEdit,
-                            edit_pb2.UndoEditRequest(expected_revision=expected_revision))
+        """Undoes the last edit of any client. Returns when the servo has used the change.
+
+        expected_revision: see help(palpate.Edits).
+        Errors: Conflict (there is none, or another revision), Unavailable.
+        Example: conn.edit.undo()
+        """
+        return self._result(self._stub.UndoEdit, edit_pb2.UndoEditRequest(
+            expected_revision=whole_or_none("expected_revision", expected_revision)))
 
     def redo(self, expected_revision: int | None = None) -> EditResult:
-        """Redoes the edit that was undone last. Conflict if there is none."""
-        return self._result(self._stub.RedoEdit,
-                            edit_pb2.RedoEditRequest(expected_revision=expected_revision))
+        """Redoes the edit that was undone last. Arguments and errors: as undo().
+
+        expected_revision: see help(palpate.Edits). Example: conn.edit.redo()
+        """
+        return self._result(self._stub.RedoEdit, edit_pb2.RedoEditRequest(
+            expected_revision=whole_or_none("expected_revision", expected_revision)))
 
     def revert(self, expected_revision: int | None = None) -> EditResult:
-        """Undoes all edits since the volume was loaded, as one edit."""
-        return self._result(self._stub.RevertVolume,
-                            edit_pb2.RevertVolumeRequest(expected_revision=expected_revision))
+        """Undoes all edits since the volume was loaded, as one edit that undo() can undo.
+
+        expected_revision, errors: see help(palpate.Edits). Example: conn.edit.revert()
+        """
+        return self._result(self._stub.RevertVolume, edit_pb2.RevertVolumeRequest(
+            expected_revision=whole_or_none("expected_revision", expected_revision)))
 
     def _edit(self, request: edit_pb2.EditVolumeRequest, operation: Operation,
               value: float | None, frame: Frame, falloff: float, strength: float | None,
-              expected_revision: int | None) -> EditResult:
-        if operation not in _OPERATIONS:
-            raise InvalidArgument(f"operation is one of {', '.join(_OPERATIONS)}, not "
-                                  f"{operation!r}")
-        if frame not in _FRAMES:
-            raise InvalidArgument(f"frame is one of {', '.join(_FRAMES)}, not {frame!r}")
+              expected_revision: int | None, progress: Progress | None = None) -> EditResult:
+        _check_word("operation", operation, _OPERATIONS)
+        _check_word("frame", frame, _FRAMES)
         needs_value = operation != "smooth" and not request.HasField("block")
         if needs_value and value is None:
             raise InvalidArgument(f"value is required for {operation!r}")
@@ -217,18 +259,35 @@ class Edits:
         request.MergeFrom(edit_pb2.EditVolumeRequest(
             operation=_OPERATIONS[operation], value=number_or_none("value", value),
             frame=_FRAMES[frame], falloff=number("falloff", falloff),
-            strength=number_or_none("strength", strength), expected_revision=expected_revision))
-        return self._result(self._stub.EditVolume, request)
+            strength=number_or_none("strength", strength),
+            expected_revision=whole_or_none("expected_revision", expected_revision)))
+        try:
+            return self._result(self._stub.EditVolume, request)
+        except TooLarge:
+            if request.HasField("block"):
+                raise
+        events = self._link.events(self._stub.FilterVolume,
+                                   edit_pb2.FilterVolumeRequest(edit=request))
+        return _edit_result(result_of(events, progress))
 
     def _result(self, method: typing.Any, request: typing.Any) -> EditResult:
         return _edit_result(self._link.call(method, request))
 
 
 def _count(name: str, value: int) -> int:
-    if not isinstance(value, int) or isinstance(value, bool):
-        raise InvalidArgument(f"{name} is a whole number, not {value!r}")
-    # palpated checks the bounds; its error names them.
-    return max(0, min(value, _MOST_FILTER_NUMBER))
+    # palpated checks the greatest; its error names it.
+    return min(whole(name, value, 1), _MOST_FILTER_NUMBER)
+
+
+def _check_word(name: str, value: typing.Any, words: collections.abc.Iterable[str]) -> None:
+    if not isinstance(value, str) or value not in words:
+        raise InvalidArgument(f"{name} is one of {', '.join(words)}, not {value!r}")
+
+
+def _parts(name: str, value: typing.Any, count: int, parts: str) -> typing.Any:
+    if not isinstance(value, (tuple, list, np.ndarray)) or len(value) != count:
+        raise InvalidArgument(f"{name} is {parts}, not {value!r}")
+    return value
 
 
 def _edit_result(answer: edit_pb2.EditVolumeResponse) -> EditResult:

@@ -28,7 +28,12 @@ class Word(enum.IntEnum):
 class ProxyMode(Word):
     """State of the proxy (SCP_H) in a tick.
 
-    INSIDE: the stylus is inside the object, and nothing is felt until it is pulled out.
+    FREE: in free space, no force
+    CONSTRAINED: held by the surface
+    EJECTING: the surface moved over the proxy, and the proxy is being moved out
+    FAULT: forces are off because of a fault
+    SUSPENDED: forces are off while the stylus moves the volume, or a recording is played
+    INSIDE: the stylus is inside the object, and nothing is felt until it is pulled out
     """
 
     FREE = 1
@@ -40,14 +45,21 @@ class ProxyMode(Word):
 
 
 class FreeSide(Word):
-    """Side of the isosurface on which the stylus is free."""
+    """Side of the isosurface on which the stylus is free.
+
+    BELOW: where values are below the isovalue
+    ABOVE: where values are above it: a cavity is felt from the inside
+    """
 
     BELOW = 1
     ABOVE = 2
 
 
 class DecompositionMethod(Word):
-    """How the cells of the volume are cut into tetrahedra."""
+    """How the cells of the volume are cut into tetrahedra; see help(palpate.Settings).
+
+    TPBCC keeps the surface's topology, BCC does not. TPTD and TPBCC_PUBLISHED are for comparison.
+    """
 
     BCC = 1
     TPBCC = 2
@@ -56,7 +68,15 @@ class DecompositionMethod(Word):
 
 
 class ForceState(Word):
-    """The state of the forces."""
+    """The state of the forces.
+
+    OFF: not enabled, or disabled
+    RAMP_IN: enabled, and rising to the full limit
+    ON: enabled
+    HELD: off while something is not right; they come back by themselves
+    FAULT: cut off; on hardware, until they are enabled again
+    STOPPED: cut off by the emergency stop, until they are enabled again
+    """
 
     OFF = 1
     RAMP_IN = 2
@@ -67,7 +87,21 @@ class ForceState(Word):
 
 
 class ForceReason(Word):
-    """The reason of the state of the forces; device.proto explains each."""
+    """The reason of the state of the forces.
+
+    NONE: they are on
+    OPERATOR: off: never enabled, or disabled
+    DOCKED: held: the stylus is in its place of rest
+    UNCALIBRATED: held: the position has no meaning yet
+    STALE: held: readings are late
+    DEADLINES: held: the servo missed its deadlines
+    DEVICE: fault: the device is gone or broken
+    POSITION: fault: the position is invalid
+    FORCE: fault: the force is not finite
+    SPEED: fault: the stylus moves faster than a hand
+    STOP_CALL: stopped by a call
+    STOP_BUTTON: stopped by the stylus's buttons
+    """
 
     NONE = 1
     OPERATOR = 2
@@ -84,7 +118,12 @@ class ForceReason(Word):
 
 
 class DeviceConnection(Word):
-    """Whether the device is there."""
+    """Whether the device is there.
+
+    ABSENT: not found, or cannot be opened; the daemon keeps looking for it
+    CONNECTING: found, and being opened
+    STREAMING: it sends its position
+    """
 
     ABSENT = 1
     CONNECTING = 2

@@ -40,7 +40,7 @@ class Unavailable(Error, ConnectionError):
 
 
 class Cancelled(Error):
-    """The daemon or a client ended the call before it was done."""
+    """`progress` returned False, so the call was ended before it was done."""
 
 
 class Internal(Error):
@@ -63,6 +63,22 @@ _KINDS: dict[grpc.StatusCode, type[Error]] = {
 }
 
 
+def _says(failed: grpc.RpcError, reason: bytes) -> bool:
+    return any(key == "grpc-status-details-bin" and reason in value
+               for key, value in failed.trailing_metadata() or ())
+
+
+def is_loading(failed: grpc.RpcError) -> bool:
+    """Returns whether palpated has no volume yet, but loads its first one."""
+    return failed.code() == grpc.StatusCode.UNAVAILABLE and _says(failed, b"LOADING")
+
+
+def was_not_sent(failed: grpc.RpcError) -> bool:
+    """Returns whether the call did not reach any daemon, because there was no connection."""
+    return (failed.code() == grpc.StatusCode.UNAVAILABLE
+            and (failed.details() or "").startswith("failed to connect"))
+
+
 def error_of(name: str, failed: grpc.RpcError) -> Error:
     """Returns the error for a failed call to the daemon at `name`."""
     code = failed.code()
@@ -72,7 +88,6 @@ def error_of(name: str, failed: grpc.RpcError) -> Error:
         return Unavailable(f"{name} is not palpated, or one of another version")
     if code == grpc.StatusCode.UNAVAILABLE:
         return Unavailable(f"palpated at {name} is unavailable: {failed.details()}")
-    for key, value in failed.trailing_metadata() or ():
-        if key == "grpc-status-details-bin" and b"DISK_FULL" in value:
-            return DiskFull(failed.details())
+    if _says(failed, b"DISK_FULL"):
+        return DiskFull(failed.details())
     return _KINDS.get(code, Internal)(failed.details())

@@ -13,9 +13,10 @@ import typing
 import numpy as np
 import numpy.typing as npt
 
-from palpate._errors import Error, Internal, TooLarge, Unavailable
+from palpate._errors import Error, Internal, InvalidArgument, TooLarge, Unavailable
 from palpate._geometry import matrix_of_map
 from palpate._link import AcknowledgedCall, Link
+from palpate._values import number_or_none, whole
 from palpate._volume_copy import (Bricks, Volume, VolumeCopy, making_sense, messages_of,
                                   volume_call)
 from palpate.v1 import volume_stream_pb2
@@ -196,6 +197,7 @@ class LiveVolume:
     appears when it is complete.
 
     Any thread. A `with` block closes it, and so does the end of the last reference.
+    Example: with conn.volume.follow() as live: print(live.snapshot().values.max())
     """
 
     def __init__(self, link: Link, stub: typing.Any) -> None:
@@ -212,7 +214,10 @@ class LiveVolume:
 
     @property
     def volume_revision(self) -> int:
-        """The revision of the daemon's volume that the copy equals. Waits for the first copy."""
+        """The revision of the daemon's volume that the copy equals. Waits for the first copy.
+
+        VolumeInfo.volume_revision has the same numbers. Errors: as wait().
+        """
         return self._now().volume_revision
 
     @property
@@ -226,7 +231,10 @@ class LiveVolume:
             return self._follower.ended or self._follower.lost
 
     def snapshot(self) -> Volume:
-        """Copies the volume, of one revision. Waits for the first copy. Errors: as wait()."""
+        """Copies the volume, of one revision. Waits for the first copy. Errors: as wait().
+
+        Example: values = live.snapshot().values
+        """
         with self.held() as volume:
             return dataclasses.replace(volume, values=np.array(volume.values, order="C"))
 
@@ -235,6 +243,7 @@ class LiveVolume:
         """Returns the volume and keeps it unchanged for a `with` block, without copying voxels.
 
         The array is read-only. After the block it changes again. Errors: as wait().
+        Example: with live.held() as volume: print(volume.values.max())
         """
         self.wait()
         with self._follower.lock:
@@ -245,12 +254,17 @@ class LiveVolume:
     def wait(self, volume_revision: int = 0, timeout_s: float | None = None) -> int:
         """Waits until the copy has this revision or a later one. Returns the copy's revision.
 
-        volume_revision: such as EditResult.volume_revision; 0: any. timeout_s: None: no limit,
-        also while the daemon is away.
-        Errors: Unavailable (closed, or not within timeout_s), PermissionDenied,
+        volume_revision: such as EditResult.volume_revision; 0: any. timeout_s: in seconds; None:
+        no limit, also while the daemon is away.
+        Errors: InvalidArgument, Unavailable (closed, or not within timeout_s), PermissionDenied,
         TooLarge (more than 2³¹ voxels).
+        Example: live.wait(conn.edit.undo().volume_revision, timeout_s=10)
         """
         follower = self._follower
+        volume_revision = whole("volume_revision", volume_revision)
+        timeout_s = number_or_none("timeout_s", timeout_s)
+        if timeout_s is not None and not timeout_s >= 0:
+            raise InvalidArgument(f"timeout_s is at least 0, not {timeout_s:g}")
         end = None if timeout_s is None else time.monotonic() + timeout_s
         with follower.lock:
             while follower.volume is None or follower.volume.volume_revision < volume_revision:
@@ -271,7 +285,7 @@ class LiveVolume:
         return volume
 
     def close(self) -> None:
-        """Ends following. The copy stays."""
+        """Ends following. The copy stays. Closing twice is no error. Example: live.close()"""
         self._follower.close()
 
     def __enter__(self) -> "LiveVolume":

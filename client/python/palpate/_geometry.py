@@ -24,10 +24,18 @@ def vector_of(name: str, values: Triple) -> geometry_pb2.Vector3:
 
 
 def three(name: str, values: Triple) -> tuple[float, float, float]:
-    array = np.asarray(values, dtype=np.float64)
+    array = numbers_of(name, values)
     if array.shape != (3,):
         raise InvalidArgument(f"{name} has three components, along x, y and z")
     return float(array[0]), float(array[1]), float(array[2])
+
+
+def numbers_of(name: str, values: npt.ArrayLike) -> npt.NDArray[np.float64]:
+    """Errors: InvalidArgument."""
+    try:
+        return np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise InvalidArgument(f"{name} consists of numbers, not {values!r}") from None
 
 
 def matrix_of_map(affine: geometry_pb2.AffineMap) -> npt.NDArray[np.float64]:

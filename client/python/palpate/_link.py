@@ -1,28 +1,40 @@
 """One channel to palpated, with its errors and its acknowledged streams."""
 
 import collections.abc
+import logging
 import os
 import queue
+import time
 import typing
 
 import grpc
 
 from palpate._address import target_of
 from palpate._credentials import Credentials
-from palpate._errors import Error, InvalidArgument, Unavailable, error_of
+from palpate._errors import Error, InvalidArgument, Unavailable, error_of, is_loading, was_not_sent
 from palpate._unreached import why_unreached
+from palpate._values import path_text
 from palpate.v1 import device_pb2, device_pb2_grpc
 
 _CONNECT_TIMEOUT_S = 3.0
 _CALL_TIMEOUT_S = 30.0
+# A palpated that is just being started is there by then.
+_START_S = 2.0
+_LOADING_PAUSE_S = 0.2
+_SAY_LOADING_S = 5.0
 
-# So a restarted daemon is found within a second.
+# Longer than gRPC's pause between two attempts to connect. See _is_back().
+_BACK_S = 0.5
+
 _OPTIONS = [
     ("grpc.initial_reconnect_backoff_ms", 100),
-    ("grpc.max_reconnect_backoff_ms", 1000),
+    ("grpc.max_reconnect_backoff_ms", 300),
     # A proxy for web pages must not carry haptic streams.
     ("grpc.enable_http_proxy", 0),
 ]
+
+
+_LOG = logging.getLogger("palpate")
 
 
 class Link:
@@ -36,6 +48,7 @@ class Link:
         self._channel = (grpc.insecure_channel(target, options=_OPTIONS) if tls is None else
                          grpc.secure_channel(target, tls, options=_OPTIONS))
         self._is_open = True
+        self._said = 0.0  # when it was last said that palpated loads its first volume
 
     def stub(self, kind: typing.Any) -> typing.Any:
         """Returns a generated stub for calls through this class."""
@@ -50,11 +63,9 @@ class Link:
 
         Errors: InvalidArgument (empty; or relative, and the daemon may be on another machine).
         """
-        text = os.fspath(path)
+        text = path_text(path)
         if os.path.isabs(text):
             return text
-        if not text:
-            raise InvalidArgument("the path is empty: name a file")
         if not self._is_local:
             raise InvalidArgument(f"{text!r} is a relative path, and palpated at {self.name} may "
                                   "be on another machine: give the absolute path there")
@@ -62,15 +73,33 @@ class Link:
 
     def check(self) -> None:
         """Checks with a first call that palpated answers."""
-        try:
-            self._greet()
-        except grpc.RpcError as failed:
-            raise self._connect_error(failed) from None
+        started_by = time.monotonic() + (_START_S if self._is_local else 0.0)
+        while True:
+            try:
+                return self._greet()
+            except grpc.RpcError as failed:
+                error = self._connect_error(failed)
+                if not isinstance(error, Unavailable) or time.monotonic() > started_by:
+                    raise error from None
+            time.sleep(0.05)
 
     def _greet(self) -> None:
         """Makes a cheap call that every client may make."""
         stub = self.stub(device_pb2_grpc.DeviceServiceStub)
         stub.GetDevice(device_pb2.GetDeviceRequest(), timeout=_CONNECT_TIMEOUT_S)
+
+    def _is_back(self) -> bool:
+        """Waits a moment for a palpated that was started again.
+
+        gRPC connects while a call waits for the connection, and otherwise only every 5 s. Without
+        this, a program that tries again and again would find palpated only after up to 5 s.
+        """
+        stub = self.stub(device_pb2_grpc.DeviceServiceStub)
+        try:
+            stub.GetDevice(device_pb2.GetDeviceRequest(), timeout=_BACK_S, wait_for_ready=True)
+        except (grpc.RpcError, ValueError):
+            return False
+        return True
 
     def _connect_error(self, failed: grpc.RpcError) -> Error:
         if failed.code() == grpc.StatusCode.UNAVAILABLE:
@@ -82,17 +111,36 @@ class Link:
                                "is not palpated")
         return error_of(self.name, failed)
 
-    def call(self, method: typing.Any, request: typing.Any,
-             timeout_s: float | None = _CALL_TIMEOUT_S) -> typing.Any:
-        """Returns the answer to one request, or to a stream of requests. Errors: palpate.Error."""
-        self.check_open()
-        try:
-            return method(request, timeout=timeout_s)
-        except grpc.RpcError as failed:
-            raise self._error_of(failed) from None
-        except ValueError:
-            self._raise_if_closed()
-            raise
+    def call(self, method: typing.Any, request: typing.Any) -> typing.Any:
+        """Returns the answer to one request. Waits while palpated loads its first volume.
+
+        Errors: palpate.Error.
+        """
+        while True:
+            self.check_open()
+            try:
+                return method(request, timeout=_CALL_TIMEOUT_S)
+            except grpc.RpcError as failed:
+                if not self.waits_for(failed):
+                    raise self._error_of(failed) from None
+            except ValueError:
+                self._raise_if_closed()
+                raise
+
+    def waits_for(self, failed: grpc.RpcError) -> bool:
+        """Waits a moment, and returns whether to make the failed call once more.
+
+        Yes, if palpated loads its first volume, or if the call was not sent and palpated is back.
+        """
+        if not is_loading(failed):
+            self._said = 0.0
+            return was_not_sent(failed) and self._is_back()
+        now = time.monotonic()
+        if now - self._said > _SAY_LOADING_S:
+            self._said = now
+            _LOG.warning("palpated: %s", failed.details())
+        time.sleep(_LOADING_PAUSE_S)
+        return True
 
     def begin(self, method: typing.Any, request: typing.Any) -> typing.Any:
         """Begins a call and returns gRPC's object."""
@@ -113,13 +161,17 @@ class Link:
     def events(self, method: typing.Any, request: typing.Any) -> collections.abc.Generator[
             typing.Any, None, None]:
         """Yields the daemon's answers to one request. A break ends the call."""
-        call = self.begin(method, request)
-        try:
-            yield from call
-        except grpc.RpcError as failed:
-            raise self._error_of(failed) from None
-        finally:
-            call.cancel()
+        while True:
+            call = self.begin(method, request)
+            try:
+                yield from call
+                return
+            except grpc.RpcError as failed:
+                # palpated refuses so before the first event.
+                if not self.waits_for(failed):
+                    raise self._error_of(failed) from None
+            finally:
+                call.cancel()
 
     def check_open(self) -> None:
         if not self._is_open:
@@ -145,8 +197,9 @@ class Link:
         return refusal or Unavailable(f"palpated at {self.name} went away")
 
     def _error_of(self, failed: grpc.RpcError) -> Error:
-        if failed.code() == grpc.StatusCode.CANCELLED and (refusal := self._refusal()):
-            return refusal
+        # Whoever cancels a call of ours does not ask for its error.
+        if failed.code() == grpc.StatusCode.CANCELLED:
+            return self.error_of_end(failed)
         return error_of(self.name, failed)
 
     def _refusal(self) -> Error | None:
@@ -162,6 +215,8 @@ class Link:
         except grpc.RpcError as failed:
             if failed.code() in strangers:
                 return error_of(self.name, failed)
+            if was_not_sent(failed):
+                self._is_back()  # so that the next stream finds it
         except ValueError:
             # Another thread closed the channel meanwhile.
             pass

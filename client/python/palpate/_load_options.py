@@ -4,13 +4,14 @@ import dataclasses
 
 from palpate._errors import InvalidArgument
 from palpate._geometry import Triple, vector_of
-from palpate._values import number_or_none, switch
+from palpate._values import number_or_none, switch, text_of, whole_or_none
 from palpate.v1 import volume_pb2
 
 _TYPES = {"int8": volume_pb2.VOXEL_TYPE_INT8, "uint8": volume_pb2.VOXEL_TYPE_UINT8,
           "int16": volume_pb2.VOXEL_TYPE_INT16, "uint16": volume_pb2.VOXEL_TYPE_UINT16,
           "int32": volume_pb2.VOXEL_TYPE_INT32, "uint32": volume_pb2.VOXEL_TYPE_UINT32,
           "float32": volume_pb2.VOXEL_TYPE_FLOAT32, "float64": volume_pb2.VOXEL_TYPE_FLOAT64}
+_MOST_FRAMES = (1 << 32) - 1
 
 
 @dataclasses.dataclass(frozen=True)
@@ -21,6 +22,7 @@ class Raw:
     type: "int8", "uint8", "int16", "uint16", "int32", "uint32", "float32" or "float64"
     big_endian: the high byte of each voxel comes first
     offset_bytes: bytes before the first voxel
+    Example: conn.volume.load("head.raw", raw=palpate.Raw((256, 256, 113), "uint16"))
     """
 
     size: tuple[int, int, int]
@@ -30,6 +32,8 @@ class Raw:
 
 
 def _raw_of(raw: Raw) -> volume_pb2.RawVoxels:
+    if not isinstance(raw, Raw):
+        raise InvalidArgument(f"raw is a palpate.Raw, not {raw!r}")
     if raw.type not in _TYPES:
         raise InvalidArgument(f"the type of raw voxels is one of {', '.join(_TYPES)}, not "
                               f"{raw.type!r}")
@@ -55,7 +59,9 @@ def load_options(isovalue: float | None = None, normalized_isovalue: float | Non
         isovalue=number_or_none("isovalue", isovalue),
         normalized_isovalue=number_or_none("normalized_isovalue", normalized_isovalue),
         device_mm_per_volume_mm=number_or_none("device_mm_per_volume_mm",
-                                               device_mm_per_volume_mm), frame=frame,
-        grid=grid, component=component, raw=None if raw is None else _raw_of(raw),
-        discard_edits=discard_edits,
+                                               device_mm_per_volume_mm),
+        frame=whole_or_none("frame", frame, _MOST_FRAMES), grid=text_of("grid", grid or ""),
+        component=text_of("component", component or ""),
+        raw=None if raw is None else _raw_of(raw),
+        discard_edits=switch("discard_edits", discard_edits),
         spacing_mm=None if spacing_mm is None else vector_of("spacing_mm", spacing_mm))

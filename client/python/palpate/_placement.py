@@ -9,9 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 from palpate._errors import InvalidArgument
-from palpate._geometry import Triple, array_of_vector, vector_of
+from palpate._geometry import Triple, array_of_vector, numbers_of, vector_of
 from palpate._link import Link
-from palpate._values import number, number_or_none, switch
+from palpate._values import number, number_or_none, switch, whole
 from palpate.v1 import geometry_pb2, registration_pb2, registration_pb2_grpc
 
 Quadruple = collections.abc.Sequence[float] | npt.NDArray[typing.Any]
@@ -78,7 +78,7 @@ def place(link: Link, request: registration_pb2.UpdateRegistrationRequest,
     stub = link.stub(registration_pb2_grpc.RegistrationServiceStub)
     if request.ByteSize() > 0:
         if expected_revision is not None:
-            request.expected_revision = expected_revision
+            request.expected_revision = whole("expected_revision", expected_revision)
         answer = link.call(stub.UpdateRegistration, request)
         return _placement(answer, answer.applied_tick)
     if expected_revision is not None:
@@ -95,7 +95,7 @@ def _placement(answer: typing.Any, applied_tick: int | None) -> Placement:
 
 
 def _quaternion(name: str, values: Quadruple) -> geometry_pb2.Quaternion:
-    array = np.asarray(values, dtype=np.float64)
+    array = numbers_of(name, values)
     if array.shape != (4,):
         raise InvalidArgument(f"{name} has four components: w, x, y, z")
     w, x, y, z = map(float, array)
@@ -108,4 +108,6 @@ def _turn(turn_deg: Turn) -> geometry_pb2.Quaternion:
         raise InvalidArgument('turn_deg is an axis and degrees, as in ("y", 90), not '
                               f"{turn_deg!r}")
     half = math.radians(number("turn_deg[1]", turn_deg[1])) / 2
+    if not math.isfinite(half):
+        raise InvalidArgument(f"turn_deg has a number of degrees, not {turn_deg[1]!r}")
     return geometry_pb2.Quaternion(w=math.cos(half), **{turn_deg[0]: math.sin(half)})

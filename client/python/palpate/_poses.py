@@ -13,12 +13,17 @@ import grpc
 import numpy as np
 import numpy.typing as npt
 
+from palpate._errors import InvalidArgument
 from palpate._link import AcknowledgedCall, Link
 from palpate._tables import Table
-from palpate._values import number
+from palpate._values import number, whole
 from palpate.v1 import pose_pb2, pose_pb2_grpc
 
 _MAX_UNACKNOWLEDGED = 4
+# As in palpate/v1/pose.proto.
+_MAX_RATE_HZ = 1000
+_MAX_BATCH = 256
+_MAX_WAITING = 1 << 31
 _FINISH_TIMEOUT_S = 1.0
 _ABSENT = (np.nan, np.nan, np.nan)
 
@@ -96,7 +101,14 @@ class Poses(Table):
 
     @staticmethod
     def concatenate(batches: collections.abc.Sequence["Poses"]) -> "Poses":
-        """Joins at least one batch into one, in the order given."""
+        """Joins at least one batch into one, in the order given.
+
+        batches: a list of Poses. dropped_samples is that of the last one.
+        Errors: InvalidArgument (no batch).
+        Example: poses = palpate.Poses.concatenate([next(stream) for _ in range(20)])
+        """
+        if not len(batches):
+            raise InvalidArgument("there is no batch to join: give at least one")
         joined: dict[str, typing.Any] = {}
         for field in dataclasses.fields(Poses):
             parts = [getattr(batch, field.name) for batch in batches]
@@ -230,16 +242,22 @@ class PoseStream:
     It ends with a `with` block, with close(), with the last reference to it, and with an
     exception within next(), such as the KeyboardInterrupt of Ctrl-C. Iterate on one thread;
     call close() on any.
+    Errors, in the iteration: see help(palpate.Connection.poses).
+    Example: with conn.poses() as stream: print(next(stream).hip_mm)
     """
 
     def __init__(self, link: Link, rate_hz: float, batch: int, waiting: int) -> None:
+        rate = number("rate_hz", rate_hz)
+        if not 0 < rate <= _MAX_RATE_HZ:
+            raise InvalidArgument(f"rate_hz is above 0 to {_MAX_RATE_HZ}, not {rate:g}")
+        waiting = whole("waiting", waiting, 1, _MAX_WAITING)
+        start = pose_pb2.StreamPosesStart(rate_hz=rate, batch=whole("batch", batch, 1, _MAX_BATCH),
+                                          max_unacknowledged=_MAX_UNACKNOWLEDGED)
         link.check_open()
         self._link = link
         self._is_open = True
         self._taken = 0
         self._left_out = 0
-        start = pose_pb2.StreamPosesStart(rate_hz=number("rate_hz", rate_hz), batch=batch,
-                                          max_unacknowledged=_MAX_UNACKNOWLEDGED)
         stub = link.stub(pose_pb2_grpc.PoseServiceStub)
         call = AcknowledgedCall(stub.StreamPoses, pose_pb2.StreamPosesRequest(start=start))
         # A separate object: the thread must not keep this object alive.
@@ -249,7 +267,7 @@ class PoseStream:
         return self
 
     def __next__(self) -> Poses:
-        """Waits for the next batch. Errors: Unavailable if the daemon goes away."""
+        """Waits for the next batch. Errors: see help(palpate.Connection.poses)."""
         if not self._is_open:
             raise StopIteration
         try:
@@ -267,7 +285,10 @@ class PoseStream:
         raise self._link.error_of_end(self._receiver.failed)
 
     def close(self) -> None:
-        """Ends the stream, its thread, and an iteration over it."""
+        """Ends the stream, its thread, and an iteration over it. Closing twice is no error.
+
+        Example: stream.close()
+        """
         self._is_open = False
         self._receiver.close()
 

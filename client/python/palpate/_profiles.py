@@ -32,10 +32,11 @@ class Profile:
 
 
 def profiles() -> dict[str, Profile]:
-    """The profiles of $XDG_CONFIG_HOME/palpate/clients.toml, by name; {}: no such file.
+    """Returns the profiles of $XDG_CONFIG_HOME/palpate/clients.toml, by name; {}: no such file.
 
     Includes profiles that connect() would refuse; Profile.problem says why.
     Errors: InvalidArgument (the file is not TOML), NotFound (the file cannot be read).
+    Example: print(palpate.profiles()["lab"].address)
     """
     path = _file()
     tables = _tables(path) or {}

@@ -24,6 +24,7 @@ class RecordedMarker:
 
     tick: the marker is stored before this tick, at most some ticks from time_ns
     time_ns: when the marker was set, on the clock of RecordedTicks.time_ns
+    text: as it was given to Recording.mark()
     """
 
     tick: int
@@ -43,18 +44,23 @@ class RecordedGap:
 class RecordedScene:
     """The inputs of the ticks from `tick` on, until the next scene.
 
+    tick: first tick of the scene, as RecordedTicks.tick
     settings: by the names of Settings, as in Settings.all(). A missing setting was unknown to the
         program that recorded; the ticks used its default.
     unknown_settings: settings that this package does not know, by name, as text
+    settings_revision: of the settings
+    scene_revision: rises with each scene published to the servo
     volume_source: path, builtin name or "upload:NAME" from which the volume was loaded
     volume_revision: of the volume; loaded_revision: of the volume before all edits
     shape: voxels along x, y, z; None: not recorded (version 2)
     spacing_mm: (3,) along x, y, z, mm
     value_min, value_max: range of the volume, data units; None: not recorded (version 2)
+    is_level_set: values are signed distances from a surface at 0, negative inside
     device_from_index: (4, 4) voxel index (x, y, z, 1) to the device frame: mm
     volume_hash: identifies the contents of the volume; equal hashes mean equal volumes
     all_voxels_stored: the recording has all voxels, not only edited ones
     voxels_missing: more voxels had changed than a recording stores
+    tick_period_s: length of a tick, s
     forces_off: no forces were computed
     """
 
@@ -87,6 +93,7 @@ class RecordedScene:
 class RecordedEdit:
     """Changed voxels. All edits before a scene together lead to the scene's volume.
 
+    tick: first tick that used the edit
     base_revision: volume revision that the edits change; 0: none, they have all voxels
     volume_revision: after all edits before the next scene
     brick_numbers: (n,) bricks of 8³ voxels; (a, b, c) has the number (a·nb + b)·nc + c, with nb
@@ -100,7 +107,10 @@ class RecordedEdit:
     _packed: bytes
 
     def voxels(self) -> npt.NDArray[np.float32]:
-        """(n, 8, 8, 8) the voxels of these bricks, data units."""
+        """Returns the voxels of these bricks: (n, 8, 8, 8), data units.
+
+        Errors: none. Example: recording.edits[0].voxels()[0].mean()
+        """
         count = len(self.brick_numbers)
         planes = unpack(self._packed)[-4 * BRICK_VOXELS * count:]
         values = np.frombuffer(planes, np.uint8).reshape(4, -1).T.copy().view("<f4")

@@ -8,15 +8,21 @@ import os
 from palpate._errors import InvalidArgument
 from palpate._link import Link
 from palpate._progress import tell
-from palpate._values import number
+from palpate._values import number, switch, text_of
 from palpate.v1 import recording_pb2, recording_pb2_grpc
+
+_MOST_MARKER_BYTES = 4096
 
 
 @dataclasses.dataclass(frozen=True)
 class RecordingState:
     """The state of the present recording, or of the last one.
 
+    running: a recording is being made now
+    path: of the file on the daemon's machine; empty: nothing was recorded yet
+    ticks: ticks recorded so far
     lost_ticks: ticks lost because the disk was too slow
+    size_bytes: size of the file so far, bytes
     error: why the recording ended early; empty: it did not
     left_out: why some ticks cannot be computed again; empty: all can
     """
@@ -62,28 +68,42 @@ class Recording:
     def start(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> RecordingState:
         """Records to a file on the daemon's machine, until stopped.
 
-        path: absolute, or relative as in VolumeAccess.load. Conflict if the file exists, or
-        another recording or a replay runs.
+        path: absolute, or relative as in VolumeAccess.load. overwrite: replace a file that exists.
+        Errors: Conflict (the file exists, or another recording or a replay runs), NotFound (no
+        such folder), PermissionDenied (a folder that the daemon does not save to), DiskFull,
+        InvalidArgument, Unavailable.
+        Example: conn.recording.start("/data/trial-7.palrec")
         """
         request = recording_pb2.StartRecordingRequest(path=self._link.path(path),
-                                                      overwrite=overwrite)
+                                                      overwrite=switch("overwrite", overwrite))
         return _state_of(self._link.call(self._stub.StartRecording, request).recording)
 
     def stop(self) -> RecordingState:
-        """Ends the recording and completes the file. Conflict if nothing is recorded."""
+        """Ends the recording and completes the file.
+
+        Errors: Conflict (nothing is recorded), Unavailable.
+        Example: print(conn.recording.stop().ticks)
+        """
         request = recording_pb2.StopRecordingRequest()
         return _state_of(self._link.call(self._stub.StopRecording, request).recording)
 
     def state(self) -> RecordingState:
-        """Returns the state of the present recording, or of the last one."""
+        """Returns the state of the present recording, or of the last one.
+
+        Errors: Unavailable. Example: conn.recording.state().lost_ticks
+        """
         request = recording_pb2.GetRecordingRequest()
         return _state_of(self._link.call(self._stub.GetRecording, request).recording)
 
     def mark(self, text: str) -> int:
         """Puts a marker into the recording. Returns the marker's time_ns, on Poses' clock.
 
-        text: 1 to 4096 bytes of UTF-8. Conflict if nothing is recorded.
+        text: 1 to 4096 bytes of UTF-8.
+        Errors: InvalidArgument, Conflict (nothing is recorded), Unavailable.
+        Example: conn.recording.mark("trial 7 begins")
         """
+        if not 0 < len(text_of("text", text).encode()) <= _MOST_MARKER_BYTES:
+            raise InvalidArgument(f"a marker has 1 to {_MOST_MARKER_BYTES} bytes of text")
         return int(self._link.call(self._stub.Mark, recording_pb2.MarkRequest(text=text)).time_ns)
 
     def replay(self, path: str | os.PathLike[str], speed: float = 1.0, *,
@@ -100,7 +120,8 @@ class Recording:
         with Cancelled.
         Errors: InvalidArgument (not a recording), NotFound, PermissionDenied (a folder that the
         daemon does not load from), Conflict (another volume is loaded; a recording or a replay
-        runs), Cancelled.
+        runs), Cancelled, Unavailable.
+        Example: conn.recording.replay("/data/trial-7.palrec", speed=2)
         """
         speed = number("speed", speed)
         # In the contract, 0 means the usual speed. A caller who gives 0 does not mean that.

@@ -18,12 +18,14 @@ from palpate._recorded_ticks import Columns, RecordedTicks, columns_of, ticks_of
 from palpate._recorded_voxels import Step, voxels_of
 from palpate._recording_frame import (Damaged, Header, Kind, Reader, read_chunks, read_header,
                                       unpack)
+from palpate._values import path_text
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class RecordingFile:
     """A recording that open_recording() has read.
 
+    path: the file, as it was given to open_recording()
     program: the program that recorded it, such as "palpated 0.1.0"
     created_unix_ns: nanoseconds since 1970
     version: of the format
@@ -63,18 +65,25 @@ class RecordingFile:
         return tuple(dict.fromkeys(scene.volume_source for scene in self.scenes))
 
     def scene_at(self, tick: int) -> RecordedScene:
-        """Returns the scene of a tick. Errors: NotFound (no scene before the tick)."""
+        """Returns the scene of a tick.
+
+        tick: as RecordedTicks.tick. Errors: NotFound (no scene before the tick).
+        Example: recording.scene_at(recording.ticks.tick[-1]).settings["isovalue"]
+        """
         return self._steps[self._step_at(tick)].scene
 
     def voxels(self, tick: int, loaded: npt.ArrayLike | None = None) -> npt.NDArray[np.float32]:
-        """Returns the volume of a tick: (nx, ny, nz), indexed [x, y, z].
+        """Returns the volume of a tick: (nx, ny, nz), indexed [x, y, z], data units.
 
-        loaded: voxels of the volume as it was loaded, before all edits. Needed unless the
-        recording has all voxels: scene_at(tick).all_voxels_stored. The result equals the recorded
-        volume, voxel by voxel; its hash is compared.
+        tick: as RecordedTicks.tick.
+        loaded: voxels of the volume as it was loaded, before all edits, indexed [x, y, z]. Load
+        scene_at(tick).volume_source, and take conn.volume.download().values right after the load.
+        Needed unless the recording has all voxels: scene_at(tick).all_voxels_stored. The result
+        equals the recorded volume, voxel by voxel; its hash is compared.
         Errors: NotFound (no scene before the tick), FailedPrecondition (`loaded` is needed, or
         the recording does not say enough), Conflict (`loaded` is of another volume, or voxels
         are missing), InvalidArgument (another shape; damaged).
+        Example: recording.voxels(recording.ticks.tick[-1], conn.volume.download().values)
         """
         last = self._step_at(tick)
         scene = self._steps[last].scene
@@ -87,7 +96,9 @@ class RecordingFile:
             raise InvalidArgument(f"{self.path}: an edit is {damage}") from None
         if voxels is None:
             raise FailedPrecondition(f"the recording does not hold {scene.volume_source} as it was "
-                                     "loaded, or does not tell its size: give `loaded`")
+                                     "loaded, or does not tell its size: load it again, and give "
+                                     "`loaded`, which is conn.volume.download().values right after "
+                                     "the load")
         if voxels.volume_hash != scene.volume_hash:
             missing = "; voxels are missing in the recording" if scene.voxels_missing else ""
             raise Conflict(f"another volume was recorded: give {scene.volume_source} as it was "
@@ -195,10 +206,12 @@ def open_recording(path: str | os.PathLike[str]) -> RecordingFile:
 
     A tick takes about 400 bytes, an hour about 1.5 GB. If the file is cut off or damaged, the
     result has all ticks before that place, and RecordingFile.ends_early says why it ends there.
+    path: of a file that Recording.start() wrote, copied here if the daemon is elsewhere.
     Errors: NotFound, PermissionDenied, InvalidArgument (not a recording, or of another
     version).
+    Example: print(palpate.open_recording("trial-7.palrec").ticks.force_n.max())
     """
-    name = os.fspath(path)
+    name = path_text(path)
     try:
         # Opening a pipe would wait for a writer.
         if not stat.S_ISREG(os.stat(path).st_mode):

@@ -4,6 +4,7 @@ import collections.abc
 import dataclasses
 import os
 
+from palpate._errors import InvalidArgument
 from palpate._geometry import Triple
 from palpate._link import Link
 from palpate._load_options import Raw, load_options
@@ -16,8 +17,13 @@ from palpate.v1 import series_pb2, series_pb2_grpc
 class SeriesState:
     """A series and its position.
 
+    frames: number of frames
     position_frames: 0 is the first; between two frames if the series is interpolated
+    playing: False: paused
     rate_hz: frames per second, negative backwards
+    loop: at its end, playing begins again
+    interpolate: neighbouring frames are blended in time
+    memory_bytes: memory of all frames on the daemon's machine, bytes
     volume_revision: of the frame under the stylus
     """
 
@@ -59,9 +65,12 @@ class Series:
         one file with several frames. The matches of a pattern with * and ? are sorted by the
         numbers in their names. Relative paths, the other arguments (for all frames) and errors:
         as in VolumeAccess.load.
+        Example: conn.series.load("/data/heart-*.nrrd", isovalue=300)
         """
         if isinstance(sources, (str, os.PathLike)):
             sources = [sources]
+        if not isinstance(sources, collections.abc.Iterable):
+            raise InvalidArgument(f"sources are paths of files, not {sources!r}")
         request = series_pb2.LoadSeriesRequest(
             sources=[self._link.path(source) for source in sources],
             options=load_options(isovalue, normalized_isovalue, device_mm_per_volume_mm,
@@ -70,7 +79,10 @@ class Series:
         return _state_of(result_of(events, progress).series)
 
     def state(self) -> SeriesState:
-        """Returns the series and its position."""
+        """Returns the series and its position. Errors: see help(palpate.Series).
+
+        Example: conn.series.state().position_frames
+        """
         answer = self._link.call(self._stub.GetSeries, series_pb2.GetSeriesRequest())
         return _state_of(answer.series)
 
@@ -79,7 +91,7 @@ class Series:
         """The speed in frames per second: -1000 to 1000, not 0, negative backwards.
 
         Can also be set while paused. At most 60 volumes per second are shown; frames in between
-        are skipped.
+        are skipped. Errors: see help(palpate.Series). Example: conn.series.rate_hz = -12.5
         """
         return self.state().rate_hz
 
@@ -88,22 +100,37 @@ class Series:
         self._control(series_pb2.ControlSeriesRequest(rate_hz=number("rate_hz", value)))
 
     def play(self, rate_hz: float | None = None) -> SeriesState:
-        """Plays at `rate_hz` frames per second: -1000 to 1000, not 0; None: as before."""
+        """Plays from the present position on.
+
+        rate_hz: frames per second, -1000 to 1000, not 0, negative backwards; None: as before.
+        Errors: see help(palpate.Series). Example: conn.series.play(25)
+        """
         return self._control(series_pb2.ControlSeriesRequest(
             playing=True, rate_hz=number_or_none("rate_hz", rate_hz)))
 
     def pause(self) -> SeriesState:
-        """Pauses at the present frame."""
+        """Pauses at the present frame. Errors: see help(palpate.Series).
+
+        Example: conn.series.pause()
+        """
         return self._control(series_pb2.ControlSeriesRequest(playing=False))
 
     def seek(self, position_frames: float) -> SeriesState:
-        """Goes to a frame, 0 to frames - 1; may be a fraction if the series is interpolated."""
+        """Goes to a frame.
+
+        position_frames: 0 to frames - 1; may be a fraction if the series is interpolated.
+        Errors: see help(palpate.Series). Example: conn.series.seek(0)
+        """
         return self._control(series_pb2.ControlSeriesRequest(
             position_frames=number("position_frames", position_frames)))
 
     def configure(self, *, loop: bool | None = None,
                   interpolate: bool | None = None) -> SeriesState:
-        """loop: begin again at the end; interpolate: blend neighbouring frames in time."""
+        """Changes how the series is played. None: as before.
+
+        loop: begin again at the end. interpolate: blend neighbouring frames in time.
+        Errors: see help(palpate.Series). Example: conn.series.configure(loop=True)
+        """
         request = series_pb2.ControlSeriesRequest()
         if loop is not None:
             request.loop = switch("loop", loop)

@@ -8,12 +8,16 @@ from google.protobuf import field_mask_pb2
 from palpate._link import Link
 from palpate._setting_kinds import Setting
 from palpate._setting_list import SettingList
+from palpate._values import whole_or_none
 from palpate.v1 import render_pb2, render_pb2_grpc
 
 
 @dataclasses.dataclass(frozen=True)
 class Applied:
-    """When a change of the settings was first felt.
+    """When a change of the settings was first used.
+
+    In contact, the surface moves to a new isovalue within a fraction of a second, from that tick
+    on. Poses.isovalue is the isovalue of each tick.
 
     settings_revision: revision with the change; Poses.settings_revision has the same numbers
     applied_tick: first tick that used the change; Poses.tick has the same numbers
@@ -28,10 +32,13 @@ class Settings(SettingList):
 
     help(palpate.Settings) lists them with their effects, units, ranges and defaults. Reading an
     attribute asks the daemon. Setting an attribute changes the setting and returns when a tick has
-    used it. Forces and lengths are those of the device. An unknown attribute is an AttributeError.
-    A choice reads as a member of its enumeration, and the member equals its word:
+    used it. While the stylus touches the surface, a new isovalue is reached by and by, within a
+    fraction of a second, so that the surface carries the stylus along; Poses.isovalue has the
+    present one. Forces and lengths are those of the device. An unknown attribute is an
+    AttributeError. A choice reads as a member of its enumeration, and the member equals its word:
     conn.settings.method == "tpbcc". Set a choice by the member or the word.
     Errors: InvalidArgument (out of range), Unavailable.
+    Example: conn.settings.isovalue = 300.0
     """
 
     __slots__ = ("_link", "_stub")
@@ -41,7 +48,10 @@ class Settings(SettingList):
         self._stub = link.stub(render_pb2_grpc.RenderServiceStub)
 
     def all(self) -> dict[str, typing.Any]:
-        """Returns all settings of one moment, by name, in the units of the attributes."""
+        """Returns all settings of one moment, by name, in the units of the attributes.
+
+        Errors: Unavailable. Example: before = conn.settings.all()
+        """
         answer = self._link.call(self._stub.GetSettings, render_pb2.GetSettingsRequest())
         return {name: setting.parse(name, getattr(answer.settings, name))
                 for name, setting in _SETTINGS.items()}
@@ -49,13 +59,15 @@ class Settings(SettingList):
     def update(self, *, expected_revision: int | None = None, **changes: typing.Any) -> Applied:
         """Changes several settings, by name and in their units, all at one tick.
 
+        changes: names and values, as the attributes take them.
         expected_revision: fail with Conflict unless the settings are at this revision.
         Errors: AttributeError (no such setting), InvalidArgument (out of range; nothing
-        changes then), Unavailable.
+        changes then), Conflict, Unavailable.
+        Example: conn.settings.update(isovalue=300.0, stiffness_n_per_mm=0.8)
         """
         request = render_pb2.UpdateSettingsRequest(
             update_mask=field_mask_pb2.FieldMask(paths=list(changes)),
-            expected_revision=expected_revision)
+            expected_revision=whole_or_none("expected_revision", expected_revision))
         for name, value in changes.items():
             if name not in _SETTINGS:
                 raise AttributeError(f"there is no setting {name!r}", name=name, obj=self)

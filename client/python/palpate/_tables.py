@@ -66,11 +66,12 @@ class Table:
         return table("palpate ticks", rows)
 
     def to_pandas(self) -> typing.Any:
-        """A pandas.DataFrame: a row per sample, by tick.
+        """Returns a pandas.DataFrame: a row per sample, by tick.
 
         The columns have the names of `palpate-lab export`: hip_x_mm, force_z_n, stylus_w ...
         Enumerations are their words, as categories. Errors: FailedPrecondition (pandas is not
         installed).
+        Example: next(conn.poses(1000, 100)).to_pandas()["force_z_n"].mean()
         """
         pandas = package("pandas")
         columns: dict[str, typing.Any] = {}
@@ -87,10 +88,11 @@ class Table:
         return pandas.DataFrame(columns, index=index)
 
     def to_xarray(self) -> typing.Any:
-        """An xarray.Dataset: a variable per field, along "tick", and "axis" or "part".
+        """Returns an xarray.Dataset: a variable per field, along "tick", and "axis" or "part".
 
         Units are in the attribute "units". Enumerations are numbers, with their words in the
         attribute "words". Errors: FailedPrecondition (xarray is not installed).
+        Example: recording.ticks.to_xarray().force_n.sel(axis="z").max()
         """
         xarray = package("xarray")
         variables = {}

@@ -19,18 +19,23 @@ Parts = collections.abc.Sequence[bytes | memoryview]
 
 
 def send_volume(link: Link, stub: typing.Any, name: str, parts: Parts,
-                options: volume_pb2.LoadVolumeRequest,
-                progress: Progress | None) -> volume_pb2.VolumeDescription:
-    """Sends a file made of these parts. Errors: palpate.Error, and exceptions of `progress`."""
+                options: volume_pb2.LoadVolumeRequest, progress: Progress | None,
+                files: collections.abc.Sequence[str] | None = None
+                ) -> volume_pb2.VolumeDescription:
+    """Sends a file made of these parts, or a folder with one file for each part.
+
+    Errors: palpate.Error, and exceptions of `progress`.
+    """
+    link.call(stub.GetVolume, volume_pb2.GetVolumeRequest())  # waits for the first volume
     crc32 = 0
     for part in parts:
         crc32 = zlib.crc32(part, crc32)
     size_bytes = sum(map(len, parts))
     start = volume_pb2.UploadVolumeStart(name=name, size_bytes=size_bytes, crc32=crc32,
                                          options=options)
+    for file, part in zip(files or (), parts):
+        start.files.add(name=file, size_bytes=len(part))
     requests = _requests(start, parts)
-    if progress is None:
-        return _volume_of(link.call(stub.UploadVolume, requests, timeout_s=None))
     # gRPC reads the requests on a thread of its own. `progress` is called on this thread.
     news: queue.SimpleQueue[tuple[str, float] | None] = queue.SimpleQueue()
     call = link.begin(stub.UploadVolume.future, _counted(requests, size_bytes, news))
@@ -45,10 +50,7 @@ def send_volume(link: Link, stub: typing.Any, name: str, parts: Parts,
     except BaseException:
         call.cancel()
         raise
-    return _volume_of(link.result_of(call))
-
-
-def _volume_of(answer: volume_pb2.UploadVolumeResponse) -> volume_pb2.VolumeDescription:
+    answer: volume_pb2.UploadVolumeResponse = link.result_of(call)
     return answer.volume
 
 

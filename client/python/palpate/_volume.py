@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from palpate._errors import InvalidArgument, NotFound, PermissionDenied
 from palpate._follow import LiveVolume
-from palpate._geometry import Triple, array_of_vector, matrix_of_map, three
+from palpate._geometry import Triple, array_of_vector, matrix_of_map, numbers_of, three
 from palpate._html import numbers, table
 from palpate._link import Link
 from palpate._load_options import Raw, load_options
@@ -17,8 +17,24 @@ from palpate._nrrd import nrrd_of
 from palpate._placement import Placement, Quadruple, Turn, place, update_of
 from palpate._progress import Progress, result_of
 from palpate._upload import send_volume
+from palpate._values import path_text, switch, text_of
 from palpate._volume_copy import Volume, fetch_volume
 from palpate.v1 import volume_pb2, volume_pb2_grpc
+
+
+@dataclasses.dataclass(frozen=True)
+class SuggestedIsovalue:
+    """An isovalue that shows something in the volume.
+
+    name: "otsu"; "bone" and "skin" where the values are Hounsfield units; "surface" of a level
+        set or a built-in shape
+    isovalue: data units
+    reason: a few words
+    """
+
+    name: str
+    isovalue: float
+    reason: str
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -38,6 +54,7 @@ class VolumeInfo:
     world_from_index: (4, 4) voxel index (x, y, z, 1) to world: mm, LPS as in DICOM
     device_from_index: (4, 4) voxel index (x, y, z, 1) to the device frame: mm
     device_mm_per_volume_mm: millimetres of device motion per millimetre of the volume
+    memory_bytes: memory of the voxels on the daemon's machine, bytes
     frames: frames of the source file; this volume is one of them
     unsaved_edits: edits since the voxels were loaded or saved
     is_level_set: values are signed distances from a surface at 0, negative inside
@@ -102,9 +119,22 @@ class VolumeAccess:
         self._stub = link.stub(volume_pb2_grpc.VolumeServiceStub)
 
     def info(self) -> VolumeInfo:
-        """Returns the description and the place of the volume."""
+        """Returns the description and the place of the volume, without voxels.
+
+        Errors: Unavailable. Example: print(conn.volume.info().spacing_mm)
+        """
         answer = self._link.call(self._stub.GetVolume, volume_pb2.GetVolumeRequest())
         return info_of(answer.volume)
+
+    def suggested_isovalues(self) -> tuple[SuggestedIsovalue, ...]:
+        """Returns isovalues that show something, the one that a load starts at first.
+
+        Example: conn.settings.isovalue = conn.volume.suggested_isovalues()[0].isovalue
+        They are of the volume as loaded: edits do not change them. Errors: Unavailable.
+        """
+        answer = self._link.call(self._stub.GetVolume, volume_pb2.GetVolumeRequest())
+        return tuple(SuggestedIsovalue(s.name, s.isovalue, s.reason)
+                     for s in answer.volume.suggested_isovalues)
 
     def load(self, source: str | os.PathLike[str], *, isovalue: float | None = None,
              normalized_isovalue: float | None = None, spacing_mm: Triple | None = None,
@@ -116,7 +146,7 @@ class VolumeAccess:
         source: path of a file or DICOM folder there, or "builtin:NAME[:N]". Over a socket, a
         relative path is taken from this program's current folder; over TCP it is refused.
         isovalue: the first isovalue, in data units; or normalized_isovalue, 0 to 1 over the new
-        range. Neither: the normalised isovalue stays, or is 0 for a level set.
+        range. Neither: the first of suggested_isovalues().
         spacing_mm: (x, y, z) instead of the file's.
         device_mm_per_volume_mm: scale instead of the fitted one.
         frame: for a file with several frames; 0 is the first.
@@ -129,11 +159,12 @@ class VolumeAccess:
         False, the load is cancelled and fails with Cancelled.
         Errors: InvalidArgument (not a volume), NotFound, PermissionDenied (a folder that the
         daemon does not load from), TooLarge, Conflict (another load runs), FailedPrecondition
-        (edits are not saved, and discard_edits is not set).
+        (edits are not saved, and discard_edits is not set), Cancelled, Unavailable.
+        Example: conn.volume.load("/data/head.nrrd", isovalue=300)
         """
         request = load_options(isovalue, normalized_isovalue, device_mm_per_volume_mm, spacing_mm,
                                frame, grid, component, raw, discard_edits)
-        text = os.fspath(source)
+        text = path_text(source)
         request.source = text if text.startswith("builtin:") else self._link.path(text)
         events = self._link.events(self._stub.LoadVolume, request)
         return info_of(result_of(events, progress).volume)
@@ -149,15 +180,17 @@ class VolumeAccess:
         values: (nx, ny, nz), indexed [x, y, z], data units; integers of at most 32 bits, or
         floats. spacing_mm: along x, y, z. world_from_index: (4, 4), voxel index to world, mm,
         LPS, with axes at right angles. It includes the spacing, so spacing_mm is then ignored.
-        unit: of the values, such as "HU". Other arguments and errors: as load().
+        unit: of the values, such as "HU". name: VolumeInfo.source is then "upload:NAME.nrrd".
+        Other arguments and errors: as load().
+        Example: conn.volume.upload(values, (0.5, 0.5, 1.0), unit="HU")
         """
         if world_from_index is None:
             matrix = np.diag([*three("spacing_mm", spacing_mm), 1.0])
         else:
-            matrix = np.asarray(world_from_index, dtype=np.float64)
+            matrix = numbers_of("world_from_index", world_from_index)
         if matrix.shape != (4, 4):
             raise InvalidArgument("world_from_index is a 4 by 4 matrix")
-        header, voxels = nrrd_of(values, matrix, unit)
+        header, voxels = nrrd_of(values, matrix, text_of("unit", unit))
         options = load_options(isovalue, normalized_isovalue, device_mm_per_volume_mm,
                                discard_edits=discard_edits)
         return info_of(send_volume(self._link, self._stub, f"{name}.nrrd", [header, voxels],
@@ -170,27 +203,33 @@ class VolumeAccess:
                     discard_edits: bool = False, progress: Progress | None = None) -> VolumeInfo:
         """Replaces the volume by a file of this program's machine. Returns when the servo uses it.
 
-        path: a file of any one-file format of load(). The whole file is read into memory. Other
-        arguments and errors: as load().
+        path: a file of any one-file format of load(), or a folder of DICOM or TIFF files. It is
+        read into memory as a whole. Other arguments and errors: as load().
+        Example: conn.volume.upload_file("head.nrrd")
         """
         options = load_options(isovalue, normalized_isovalue, device_mm_per_volume_mm, spacing_mm,
                                frame, grid, component, raw, discard_edits)
+        source = pathlib.Path(path_text(path))
         try:
-            data = pathlib.Path(path).read_bytes()
+            files = sorted(f for f in source.iterdir() if f.is_file()) if source.is_dir() else None
+            parts = [file.read_bytes() for file in files or [source]]
         except FileNotFoundError:
             raise NotFound(f"there is no file {os.fspath(path)}") from None
         except PermissionError:
             raise PermissionDenied(f"the file {os.fspath(path)} may not be read") from None
         except OSError as failed:
             raise InvalidArgument(f"{os.fspath(path)} cannot be read: {failed.strerror}") from None
-        return info_of(send_volume(self._link, self._stub, pathlib.Path(path).name, [data],
-                                   options, progress))
+        return info_of(send_volume(self._link, self._stub, source.name or source.resolve().name,
+                                   parts, options, progress,
+                                   [file.name for file in files] if files else None))
 
     def download(self, *, progress: Progress | None = None) -> Volume:
         """Returns a copy of the present volume, with its edits. Voxels are float32.
 
         progress: as in load().
-        Errors: Internal (damaged during transfer), Unavailable.
+        Errors: Internal (damaged during transfer), TooLarge (more than 2³¹ voxels), Cancelled,
+        Unavailable.
+        Example: values = conn.volume.download().values
         """
         return fetch_volume(self._link, self._stub, progress)
 
@@ -199,6 +238,7 @@ class VolumeAccess:
 
         Returns at once; LiveVolume.wait() waits for the first copy. Errors: Unavailable (the
         connection was closed).
+        Example: with conn.volume.follow() as live: print(live.snapshot().values.max())
         """
         return LiveVolume(self._link, self._stub)
 
@@ -227,6 +267,7 @@ class VolumeAccess:
             scale_by: about the centre.
         expected_revision: fail with Conflict unless the settings are at this revision.
         Errors: InvalidArgument, Conflict, Unavailable.
+        Example: conn.volume.place(turn_deg=("y", 90), scale_by=1.5)
         """
         request = update_of(
             reset=reset, center_mm=center_mm, rotation_wxyz=rotation_wxyz,
@@ -239,11 +280,15 @@ class VolumeAccess:
              progress: Progress | None = None) -> int:
         """Writes the present volume to a file of the daemon's machine. Returns its revision.
 
-        path: absolute, or relative as in load(); ends in .nrrd or .vdb. progress: as in load().
+        path: absolute, or relative as in load(); ends in .nrrd or .vdb. overwrite: replace a file
+        that exists. progress: as in load().
         Errors: InvalidArgument, PermissionDenied (a folder that the daemon does not save
-        to), NotFound (no such folder), Conflict (the file exists), DiskFull.
+        to), NotFound (no such folder), Conflict (the file exists), DiskFull, Cancelled,
+        Unavailable.
+        Example: conn.volume.save("/data/edited.nrrd", overwrite=True)
         """
-        request = volume_pb2.SaveVolumeRequest(path=self._link.path(path), overwrite=overwrite)
+        request = volume_pb2.SaveVolumeRequest(path=self._link.path(path),
+                                               overwrite=switch("overwrite", overwrite))
         events = self._link.events(self._stub.SaveVolume, request)
         return int(result_of(events, progress).volume_revision)
 

@@ -18,7 +18,7 @@ from palpate._html import numbers, picture_of, table
 from palpate._link import AcknowledgedCall, Link
 from palpate._progress import Progress, tell
 from palpate._tables import package
-from palpate.v1 import volume_stream_pb2
+from palpate.v1 import volume_pb2, volume_stream_pb2
 
 _EDGE = 8
 _BRICK_BYTES = 4 * _EDGE**3
@@ -28,6 +28,9 @@ _MOST_BRICKS = 4096
 _HALF = 1 << 64
 # 8 GiB. A sparse volume may have more voxels than fit into memory.
 _MOST_VOXELS = 1 << 31
+
+# The most that an axis along the world's may lean, in parts of the longest step.
+_PARALLEL = 1e-6
 
 # Numbers of bricks, (n,), and their voxels, (n, 8, 8, 8).
 Bricks = tuple[npt.NDArray[np.int64], npt.NDArray[np.float32]]
@@ -45,7 +48,8 @@ class Volume:
     value_max: greatest value at load, data units
     unit: of the values, as the file states it; may be empty
     source: path, builtin name or "upload:NAME" from which it was loaded
-    volume_revision: revision of this copy
+    volume_revision: revision of this copy; VolumeInfo.volume_revision has the same numbers
+    Example: conn.volume.download().values[10, 20, 30]
     """
 
     values: npt.NDArray[np.float32]
@@ -59,17 +63,29 @@ class Volume:
     volume_revision: int
 
     def to_xarray(self) -> typing.Any:
-        """An xarray.DataArray along "x", "y" and "z".
+        """Returns an xarray.DataArray along "x", "y" and "z", with coordinates in mm.
 
-        The coordinates are mm from the first voxel along the volume's own axes. The attribute
-        "world_from_index" maps voxel indices to the world. Errors: FailedPrecondition (xarray is
-        not installed).
+        The attribute "coordinates_frame" says of which frame the coordinates are:
+        "world": LPS as in DICOM, if the volume's axes lie along those of the world. Where an axis
+        is mirrored, its coordinates fall.
+        "volume": from the first voxel along the volume's own axes, if the volume is oblique.
+        The attribute "world_from_index" maps voxel indices to the world in both cases.
+        Errors: FailedPrecondition (xarray is not installed).
+        Example: conn.volume.download().to_xarray().sel(z=40, method="nearest")
         """
         axes = ("x", "y", "z")
+        linear = self.world_from_index[:3, :3]
+        steps_mm = np.diag(linear)
+        first_mm = self.world_from_index[:3, 3]
+        along_world = np.abs(linear - np.diag(steps_mm)).max() <= _PARALLEL * np.abs(linear).max()
+        if not along_world:
+            steps_mm, first_mm = self.spacing_mm, np.zeros(3)
         coordinates = {
-            axis: (axis, np.arange(count) * spacing, {"units": "mm"})
-            for axis, count, spacing in zip(axes, self.values.shape, self.spacing_mm.tolist())}
+            axis: (axis, first_mm[n] + np.arange(self.values.shape[n]) * steps_mm[n],
+                   {"units": "mm"})
+            for n, axis in enumerate(axes)}
         attributes = {"units": self.unit, "source": self.source,
+                      "coordinates_frame": "world" if along_world else "volume",
                       "volume_revision": self.volume_revision,
                       "world_from_index": self.world_from_index,
                       "device_from_index": self.device_from_index}
@@ -262,6 +278,7 @@ def messages_of(link: Link, call: AcknowledgedCall) -> collections.abc.Generator
 
 def fetch_volume(link: Link, stub: typing.Any, progress: Progress | None) -> Volume:
     """Returns one complete copy. Errors: Internal, Unavailable; Cancelled by `progress`."""
+    link.call(stub.GetVolume, volume_pb2.GetVolumeRequest())  # waits for the first volume
     fetch = _Fetch()
     with contextlib.closing(messages_of(link, volume_call(stub))) as messages:
         for message in messages:
