@@ -72,6 +72,12 @@ Error Link::ErrorOf(const grpc::Status& status) const {
   switch (status.error_code()) {
     case grpc::StatusCode::DEADLINE_EXCEEDED:
       return {ErrorKind::kUnavailable, "palpated at " + name() + " does not answer"};
+    case grpc::StatusCode::CANCELLED: {
+      // We did not ask for it: gRPC gives it to calls of a daemon that ends.
+      const std::lock_guard lock(mutex_);
+      if (cancelled_) return ClosedError();
+      return {ErrorKind::kUnavailable, "palpated at " + name() + " went away"};
+    }
     case grpc::StatusCode::UNIMPLEMENTED:
       return {ErrorKind::kUnavailable,
               name() +

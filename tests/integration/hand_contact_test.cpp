@@ -4,8 +4,10 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cctype>
 #include <cmath>
 #include <cstdint>
+#include <cstdio>
 #include <functional>
 #include <memory>
 #include <ostream>
@@ -256,6 +258,50 @@ INSTANTIATE_TEST_SUITE_P(
         Whole{"isabel_t30", "timeseries/isabel_125x125x25_float64_t30.nrrd", 20.0, true},
         Whole{"functional_50", "timeseries/nibabel_functional.nii", 0.5}),
     kNameOf);
+
+// Whoever names no isovalue feels something.
+class ChosenTest : public ::testing::TestWithParam<const char*> {};
+
+TEST_P(ChosenTest, IsTouchedMostOfTheTime) {
+  const std::string source = testing::PlaceOf(GetParam());
+  if (source.empty()) GTEST_SKIP() << GetParam() << testing::kMissing;
+  HandRig rig;
+  const VolumeState state =
+      rig.session().Load({.source = source}, testing::kQuiet, testing::kNever);
+  const Touch touch = rig.Guided();
+  std::printf("| %s | %s %g | %.0f %% |\n", GetParam(),
+              state.values->suggested.front().name.c_str(), state.isovalue, touch.contact_percent);
+  Judge(touch);
+}
+
+std::string NameOfFile(const ::testing::TestParamInfo<const char*>& info) {
+  std::string name = info.param;
+  std::replace_if(
+      name.begin(), name.end(), [](unsigned char c) { return !std::isalnum(c); }, '_');
+  return name;
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Files, ChosenTest,
+    ::testing::Values(
+        "classic/aneurism_256x256x256_uint8.nrrd", "classic/boston_teapot_256x256x178_uint8.nrrd",
+        "classic/bucky_32x32x32_uint8.nhdr", "classic/fuel_64x64x64_uint8.nhdr",
+        "classic/hydrogen_64x64x64_float32.nrrd", "classic/hydrogen_atom_128x128x128_uint8.nhdr",
+        "classic/neghip_64x64x64_uint8.nhdr", "classic/nucleon_41x41x41_uint8.nhdr", kTooth,
+        "classic/vase_115x101x75_uint8.nrrd", "classic/walnut_128x96x114_uint16.nrrd",
+        "medical/CT_pitch.nii.gz", "medical/HeadMRVolume.mhd", "medical/LIDC2.mha",
+        "medical/avg152T1_RL_nifti.nii.gz", "medical/dicom_mr_brain_20",
+        "medical/inia19-t1-brain.nii.gz", "medical/nibabel_anatomical_bigendian.nii",
+        "medical/nibabel_example_nifti2.nii.gz",
+        "paper/SUBST_head_ct_cranium_256x256x108_int16.nrrd",
+        "paper/SUBST_neuron_janelia_511x512x47_uint8.nrrd",
+        "paper/SUBST_neuron_rivulet_409x415x119_uint8.nrrd", "paper/daisy_192x180x168_uint8.nhdr",
+        "paper/lobster_301x324x56_uint8.nhdr", testing::kOrange,
+        "timeseries/isabel_125x125x25_float64_t30.nrrd", "timeseries/nibabel_functional.nii",
+        "timeseries/viscous_64x64x64_float32_t010.nrrd",
+        "timeseries/viscous_64x64x64_float32_t050.nrrd",
+        "timeseries/viscous_64x64x64_float32_t090.nrrd"),
+    NameOfFile);
 
 INSTANTIATE_TEST_SUITE_P(Builtin, UnguidedTest,
                          ::testing::Values(Whole{"sphere", "builtin:sphere", 0.53, true},
