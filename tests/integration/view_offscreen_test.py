@@ -137,7 +137,8 @@ class OffscreenAlone(unittest.TestCase):
     def test_no_daemon_or_no_folder(self):
         with tempfile.TemporaryDirectory() as folder:
             for name, expected, named in (("a.png", 8, "nobody.sock"),
-                                          ("missing/a.png", 4, "missing/a.png"), ("", 3, folder)):
+                                          ("missing/a.png", 4, "missing/a.png"), ("", 3, folder),
+                                          ("a.jpg", 2, "a.jpg")):
                 code, said, problem = run_view("--socket", folder + "/nobody.sock", "--offscreen",
                                                "--screenshot", folder + "/" + name)
                 self.assertEqual((code, said), (expected, ""))

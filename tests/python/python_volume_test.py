@@ -6,6 +6,7 @@ import unittest
 import numpy as np
 
 import palpate
+from dicom_series import dicom_slice
 from support import Daemon, DaemonTest, nrrd, pattern
 
 # At right angles, with a spacing of its own along each.
@@ -19,6 +20,35 @@ def world_from_index():
     matrix[:3, :3] = TURN * SPACING_MM
     matrix[:3, 3] = ORIGIN_MM
     return matrix
+
+
+class Folders(DaemonTest):
+    def test_a_folder_of_slices_is_sent(self):
+        folder = self.daemon.folder / "CT"
+        folder.mkdir()
+        for z in range(4):
+            voxels = np.full(16 * 12, 900 if z in (1, 2) else -1000, "<i2").tobytes()
+            (folder / f"{z}.dcm").write_bytes(dicom_slice(z, 16, 12, voxels))
+        told = self.daemon.palpate("upload", f"{folder}/").stdout
+        self.assertIn("isovalue 300 HU", told)
+        info = self.conn.volume.upload_file(folder)
+        self.assertEqual((info.source, info.shape, info.unit), ("upload:CT", (16, 12, 4), "HU"))
+        suggested = self.conn.volume.suggested_isovalues()
+        self.assertEqual(suggested[0].name, "bone")
+        self.assertEqual(self.conn.settings.isovalue, suggested[0].isovalue)
+
+    def test_a_unit_that_is_no_length_is_a_warning(self):
+        path = self.daemon.folder / "pixels.nrrd"
+        for unit, code in ((b"pixel", 0), (b"parsec", 3)):
+            path.write_bytes(nrrd(pattern((8, 8, 8))).replace(
+                b"endian:", b'space units: "%b" "%b" "%b"\nendian:' % ((unit,) * 3)))
+            self.daemon.palpate("load", path, code=code)
+            if code == 0:
+                self.assertIn("pixel", " ".join(self.conn.volume.info().warnings))
+            # Then the file's own does not matter.
+            self.daemon.palpate("load", path, "--spacing-mm", "1,2,3")
+            np.testing.assert_allclose(self.conn.volume.info().spacing_mm, (1, 2, 3))
+            self.assertEqual(self.conn.volume.info().warnings, ())
 
 
 class Download(DaemonTest):

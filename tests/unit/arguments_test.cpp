@@ -24,6 +24,40 @@ TEST(Arguments, NumbersAreReadWholeAndWithinTheirRange) {
   EXPECT_NE(Positive(100.0).complaint("101"), "");
 }
 
+TEST(Arguments, WhatIsNearlyRightIsNamed) {
+  EXPECT_NE(DidYouMean("stifness", {"isovalue", "stiffness"}).find("'stiffness'"),
+            std::string::npos);
+  EXPECT_EQ(DidYouMean("colour", {"isovalue", "stiffness"}), "");
+  EXPECT_EQ(DidYouMean("x", {}), "");
+  const auto complaint = [](std::vector<std::string> arguments) -> std::string {
+    Command program("about", "program");
+    std::string text;
+    program.add_option("--save-folder", text, "where");
+    program.fallthrough();
+    Command* edit = program.add_subcommand("edit", "changes");
+    edit->require_subcommand(1);
+    edit->fallthrough();
+    Command* sphere = edit->add_subcommand("sphere", "a ball");
+    sphere->add_option("radius", text, "mm")->required();
+    sphere->add_option("--falloff", text, "mm");
+    try {
+      program.parse(std::move(arguments));
+    } catch (const UsageError& error) {
+      return error.what();
+    }
+    return "";
+  };
+  const auto names = [&](const std::vector<std::string>& arguments, const char* name) {
+    EXPECT_NE(complaint(arguments).find(name), std::string::npos) << complaint(arguments);
+  };
+  names({"edt"}, "'edit'");
+  names({"edit", "spere"}, "'sphere'");
+  names({"edit", "sphere", "--fallof", "1", "3"}, "'--falloff'");
+  names({"edit", "sphere", "--falof"}, "'--falloff'");  // rather than that the radius is missing
+  names({"--save-foldr", "/tmp", "edit", "sphere", "3"}, "'--save-folder'");
+  names({"edit", "sphere", "3", "4"}, "'4'");
+}
+
 // What bash would offer for the last word.
 std::string Completed(const Command& program, const std::string& words) {
   const std::string script =

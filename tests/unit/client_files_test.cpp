@@ -7,6 +7,8 @@
 
 #include <csignal>
 #include <fstream>
+#include <limits>
+#include <vector>
 
 #include "common/error/error.h"
 #include "server/session/series_files.h"
@@ -171,6 +173,41 @@ TEST_F(UploadTest, AnotherSizeOrChecksumIsRefused) {
   Upload upload(options_, *budget_, wrong);
   upload.Append("123456789");
   EXPECT_EQ(Refusal([&] { upload.Finish(); }), ErrorKind::kInvalidArgument);
+}
+
+TEST_F(UploadTest, AFolderHasItsFiles) {
+  const UploadStart start{.name = "CT",
+                          .size_bytes = 9,
+                          .crc32 = kCheck,
+                          .files = {{"a", 4}, {"none", 0}, {"b.dcm", 5}, {"last", 0}}};
+  Upload upload(options_, *budget_, start);
+  for (const char* part : {"12", "345678", "9"}) upload.Append(part);
+  EXPECT_EQ(Refusal([&] { upload.Append("0"); }), ErrorKind::kInvalidArgument);
+  upload.Finish();
+  EXPECT_EQ(test::TextOf(upload.path() / "a"), "1234");
+  EXPECT_EQ(test::TextOf(upload.path() / "b.dcm"), "56789");
+}
+
+TEST_F(UploadTest, AFolderThatMakesNoSenseIsRefused) {
+  constexpr std::uint64_t kMost = std::numeric_limits<std::uint64_t>::max();
+  for (const std::vector<UploadFile>& files : std::vector<std::vector<UploadFile>>{
+           {{"../a", 9}},
+           {{"", 9}},
+           {{"a/b", 9}},
+           {{"a", 8}},
+           {{"a", 10}},
+           {{"a", kMost}, {"b", 10}},  // wraps to 9
+           {{"a", 9}, {"b", kMost}, {"c", 1}},
+       }) {
+    EXPECT_EQ(RefusalOf({.name = "CT", .size_bytes = 9, .files = files}),
+              ErrorKind::kInvalidArgument);
+  }
+  EXPECT_EQ(RefusalOf({.name = "CT", .size_bytes = 9, .files = std::vector<UploadFile>(65'537)}),
+            ErrorKind::kTooLarge);
+  const UploadStart twice{
+      .name = "CT", .size_bytes = 9, .crc32 = kCheck, .files = {{"a", 4}, {"a", 5}}};
+  EXPECT_EQ(Refusal([&] { Upload(options_, *budget_, twice).Append("123456789"); }),
+            ErrorKind::kInvalidArgument);
 }
 
 TEST_F(UploadTest, VdbFilesCanBeSwitchedOff) {

@@ -196,6 +196,30 @@ TEST_F(EditRefusalTest, BlocksThatDoNotFit) {
   }
 }
 
+// A volume without its darkest values can still be carved down to them.
+TEST(EditRangeTest, WholeNumbersHaveTheRangeOfTheirType) {
+  const auto plain = testing::MakeVolume(
+      Vec3i(8, 8, 8), [](int i, int j, int k) { return i + j + k == 0 ? 48.0 : 207.0; });
+  const auto refusal = [&](const char* type, double value, double least = 48.0) {
+    VolumeMetadata metadata = plain->metadata();
+    metadata.original_type = type;
+    metadata.value_min = least;
+    const VolumeSnapshot volume(metadata, plain->bricks(), 1, 1);
+    const VolumeEdit edit{.shape = SphereShape{Vec3(4, 4, 4), 2.0}, .value = value};
+    return Refusal([&] {
+      const EditResult result = ApplyEdit(volume, edit);
+      EXPECT_EQ((*result.changes.front().values)[VoxelInBrick(4, 4, 4)], value);
+    });
+  };
+  EXPECT_EQ(refusal("uint8", 0.0), std::nullopt);
+  EXPECT_EQ(refusal("uint8", 255.0), std::nullopt);
+  EXPECT_EQ(refusal("uint8", -1.0), ErrorKind::kInvalidArgument);
+  EXPECT_EQ(refusal("uint8", 256.0), ErrorKind::kInvalidArgument);
+  EXPECT_EQ(refusal("int16", -32768.0), std::nullopt);
+  EXPECT_EQ(refusal("float32", 47.0), ErrorKind::kInvalidArgument);
+  EXPECT_EQ(refusal("uint8", 0.0, 47.5), ErrorKind::kInvalidArgument);  // a scaled file
+}
+
 // Bricks are shared, so that so many voxels cost little.
 TEST(EditLimitTest, MoreVoxelsThanAtOnceAreTooMany) {
   const LeafPtr zero = Leaf::Constant(LeafType::kFloat, 0.0f);
@@ -206,6 +230,13 @@ TEST(EditLimitTest, MoreVoxelsThanAtOnceAreTooMany) {
   EXPECT_EQ(Refusal([&] { ApplyEdit(volume, edit); }), ErrorKind::kTooLarge);
   edit.shape = SphereShape{Vec3(99, 99, 99), 1e300};
   EXPECT_EQ(Refusal([&] { ApplyEdit(volume, edit); }), ErrorKind::kTooLarge);
+  // With progress, there is no limit; an exception ends it.
+  EXPECT_EQ(Refusal([&] {
+              ApplyEdit(volume, edit, {.progress = [](double share) {
+                          if (share > 0.1) throw Error(ErrorKind::kCancelled, "enough");
+                        }});
+            }),
+            ErrorKind::kCancelled);
   edit.shape = DenseBlock{{0, 0, 0}, {257, 256, 256}, {}};
   EXPECT_EQ(Refusal([&] { ApplyEdit(volume, edit); }), ErrorKind::kTooLarge);
   // What the lattice cuts off does not count.

@@ -4,6 +4,7 @@
 
 #include <cmath>
 #include <cstdio>
+#include <filesystem>
 #include <sstream>
 #include <vector>
 
@@ -159,6 +160,11 @@ void TakeTexts(const Texts& texts, Options& options) {
 }
 
 void RefuseCombinations(const Options& options, const Texts& texts) {
+  const std::string suffix = std::filesystem::path(options.screenshot).extension();
+  if (!suffix.empty() && suffix != ".png" && suffix != ".PNG") {
+    throw arguments::UsageError("--screenshot writes PNG: '" + options.screenshot +
+                                "' must end in .png");
+  }
   if (options.offscreen) {
     if (options.screenshot.empty() && options.frames == 0 && options.seconds == 0.0) {
       throw arguments::UsageError("--offscreen needs --screenshot, --frames or --seconds");

@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <cmath>
+#include <vector>
 
 #include "client/view/app/panels.h"
 #include "client/view/app/widgets.h"
@@ -51,6 +52,32 @@ void DrawMark(const Scale& scale, double value, ImU32 color, float width) {
   list.AddTriangleFilled({x - 5.0f, top}, {x + 5.0f, top}, {x, top + 7.0f}, color);
 }
 
+// The isovalues that palpated suggests: a mark at the foot of the histogram.
+void DrawSuggestions(const std::vector<client::SuggestedIsovalue>& suggestions,
+                     const Scale& scale) {
+  constexpr ImU32 kColor = IM_COL32(140, 190, 255, 255);
+  ImDrawList& list = *ImGui::GetWindowDrawList();
+  const float bottom = scale.area.min.y + scale.area.size.y;
+  for (const client::SuggestedIsovalue& suggested : suggestions) {
+    const float x = scale.X(suggested.isovalue);
+    list.AddTriangleFilled({x - 5.0f, bottom}, {x, bottom - 8.0f}, {x + 5.0f, bottom}, kColor);
+    list.AddText({x + 6.0f, bottom - ImGui::GetFontSize()}, kColor, suggested.name.c_str());
+  }
+}
+
+// Near the mark of a suggestion, its isovalue.
+double Snapped(const std::vector<client::SuggestedIsovalue>& suggestions, const Scale& scale,
+               float x) {
+  constexpr float kNear = 5.0f;
+  for (const client::SuggestedIsovalue& suggested : suggestions) {
+    if (std::abs(scale.X(suggested.isovalue) - x) > kNear) continue;
+    ImGui::SetTooltip("%s, %.6g: %s", suggested.name.c_str(), suggested.isovalue,
+                      suggested.reason.c_str());
+    return suggested.isovalue;
+  }
+  return scale.Value(x);
+}
+
 // Returns true while the user drags.
 bool DragOnHistogram(Viewer& viewer, float scale_of_screen, double& isovalue) {
   const Histogram& histogram = viewer.feed().volume().histogram();
@@ -60,8 +87,13 @@ bool DragOnHistogram(Viewer& viewer, float scale_of_screen, double& isovalue) {
       {ImGui::GetCursorScreenPos(), {ImGui::GetContentRegionAvail().x, 96.0f * scale_of_screen}}};
   ImGui::InvisibleButton("histogram", scale.area.size);
   const bool held = ImGui::IsItemActive();
-  if (held) isovalue = scale.Value(ImGui::GetIO().MousePos.x);
-  if (ImGui::IsItemHovered() || held) ImGui::SetMouseCursor(ImGuiMouseCursor_ResizeEW);
+  const auto info = viewer.feed().volume_info();
+  const auto suggestions = info.value_or(client::VolumeInfo()).suggested_isovalues;
+  if (ImGui::IsItemHovered() || held) {
+    const double snapped = Snapped(suggestions, scale, ImGui::GetIO().MousePos.x);
+    if (held) isovalue = snapped;
+    ImGui::SetMouseCursor(ImGuiMouseCursor_ResizeEW);
+  }
   ImGui::GetWindowDrawList()->AddRectFilled(
       scale.area.min, {scale.area.min.x + scale.area.size.x, scale.area.min.y + scale.area.size.y},
       IM_COL32(20, 22, 26, 255));
@@ -72,6 +104,7 @@ bool DragOnHistogram(Viewer& viewer, float scale_of_screen, double& isovalue) {
     DrawMark(scale, surface.veil.isovalue,
              ImGui::ColorConvertFloat4ToU32({c.x(), c.y(), c.z(), 1.0f}), 1.0f);
   }
+  DrawSuggestions(suggestions, scale);
   DrawMark(scale, isovalue, IM_COL32(255, 235, 120, 255), 2.0f);
   return held;
 }
