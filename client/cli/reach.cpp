@@ -24,13 +24,18 @@ std::function<bool(const std::string&)> LoadingLine() {
   return [status = std::make_shared<StatusLine>(),
           shown = Clock::time_point()](const std::string& line) mutable {
     const auto now = Clock::now();
+    if (line.empty()) {
+      status->Clear();
+      return true;
+    }
+    if (Interrupt::IsRaised()) throw Error(ErrorKind::kCancelled, "cancelled");
     if (IsTerminal(STDERR_FILENO)) {
       status->Show("palpated: " + line);
     } else if (now - shown > kSayLoading) {
       shown = now;
       std::fprintf(stderr, "palpated: %s\n", OneLine(line).c_str());
     }
-    return !Interrupt::IsRaised();
+    return true;
   };
 }
 

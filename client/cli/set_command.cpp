@@ -40,7 +40,8 @@ const Setting& TakeSetting(SetValues& values) {
     setting = &client::kNormalizedIsovalue;
   }
   // A word is one of the volume's, which only the daemon knows.
-  const bool is_word = std::isalpha(static_cast<unsigned char>(values.value.front())) != 0;
+  const bool is_word =
+      !values.value.empty() && std::isalpha(static_cast<unsigned char>(values.value.front())) != 0;
   if (setting == &client::kIsovalue && is_word) return *setting;
   if (!StoreSetting(*setting, values.value, values.update)) {
     throw arguments::UsageError(

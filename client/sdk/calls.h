@@ -66,12 +66,13 @@ class Calls {
   // True if palpated is reached by a socket of this machine. Pose::time_ns is then a time of
   // steady_clock. False over TCP: the machine is not known.
   bool shares_clock() const;
-  // Throws an Error that says why palpated is not reached within `timeout`, and what to do. For a
-  // socket of this machine, waits up to 2 s for a palpated that is just being started.
+  // Throws an Error that says why palpated is not reached within `timeout`, and what to do. On
+  // this machine, waits up to 2 s for a palpated that is just being started.
   void WaitUntilReached(std::chrono::milliseconds timeout);
   // While palpated loads its first volume, calls that need one wait. `call` gets a line for people
   // five times a second, such as "loading head.nrrd, 40 %", on the thread of the call that waits.
-  // If it returns false, that call fails with kLoading. Set it before the first call.
+  // If it returns false, that call fails with kLoading. Once the call goes on, it gets "". Set it
+  // before the first call.
   void SetOnLoading(std::function<bool(const std::string& line)> call);
   // Ends running calls of all threads with kCancelled. Later calls fail at once with kCancelled.
   void EndCalls();

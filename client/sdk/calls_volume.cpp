@@ -80,7 +80,8 @@ LoadResult Calls::LoadVolume(const std::string& source, const LoadOptions& optio
 
 LoadResult Calls::UploadVolume(const std::filesystem::path& file, const LoadOptions& options,
                                const ProgressFunction& progress) {
-  return link_->WhenLoaded([&] { return Upload(*link_, file, options, progress); });
+  GetVolume();  // waits for the first volume; the upload itself would read the file again and again
+  return Upload(*link_, file, options, progress);
 }
 
 DownloadResult Calls::DownloadVolume(const ProgressFunction& progress) {

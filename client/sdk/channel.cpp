@@ -73,6 +73,7 @@ Route::Route(const Server& server) : credentials_(server.credentials) {
   }
   const HostPort host_port = ParseHostPort(address.host_port);
   target_ = TcpTarget(host_port);
+  is_here_ = host_port.host == "localhost" || IsLoopback(host_port);
   name_ = host_port.ToString();
 }
 

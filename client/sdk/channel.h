@@ -22,6 +22,8 @@ class Route {
 
   // "unix:/run/palpate/palpated.sock" or "localhost:7400", for people.
   const std::string& name() const { return name_; }
+  // True for this machine, where palpated may just be being started.
+  bool is_here() const { return is_here_; }
   // Empty over TCP.
   const std::string& socket_path() const { return socket_path_; }
 
@@ -50,6 +52,7 @@ class Route {
   std::string socket_path_;
   std::string target_;
   bool has_tls_ = false;
+  bool is_here_ = true;
   Credentials credentials_;
 };
 

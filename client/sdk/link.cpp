@@ -126,7 +126,7 @@ void Link::WaitUntilReached(std::chrono::milliseconds timeout) {
     try {
       return TryToReach(timeout);
     } catch (const Error& error) {
-      const bool may_come = shares_clock() && error.kind() == ErrorKind::kUnavailable;
+      const bool may_come = route_.is_here() && error.kind() == ErrorKind::kUnavailable;
       if (!may_come || std::chrono::steady_clock::now() > started_by) throw;
     }
     std::this_thread::sleep_for(kPause);

@@ -74,11 +74,19 @@ class Link {
   // Repeats `attempt` while palpated loads its first volume.
   template <typename Attempt>
   auto WhenLoaded(const Attempt& attempt) {
+    struct Waiting {
+      ~Waiting() {
+        if (has_waited && on_loading) on_loading("");
+      }
+      const std::function<bool(const std::string&)>& on_loading;
+      bool has_waited = false;
+    } waiting{on_loading_};
     while (true) {
       try {
         return attempt();
       } catch (const Error& error) {
         if (error.kind() != ErrorKind::kLoading || !WaitForLoading(error)) throw;
+        waiting.has_waited = true;
       }
     }
   }
@@ -105,8 +113,8 @@ class Link {
   // reason.
   Error ErrorOfEnd(const grpc::Status& status);
 
-  // Throws an Error that says why palpated is not reached within `timeout`. A socket of this
-  // machine may be about to come: it is waited for.
+  // Throws an Error that says why palpated is not reached within `timeout`. On this machine it may
+  // be about to come: it is waited for.
   void WaitUntilReached(std::chrono::milliseconds timeout);
 
   // Cancels the running calls. Later calls fail at once.

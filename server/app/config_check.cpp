@@ -216,7 +216,7 @@ int CheckConfigFile(const std::filesystem::path& file, const ConfigMerge& merge)
     for (const std::string& line : error.lines()) std::fprintf(stderr, "%s\n", line.c_str());
     return ExitCode(ErrorKind::kInvalidArgument);
   }
-  std::printf("%s: ok\n", file.empty() ? "palpated" : file.c_str());
+  std::printf("%s: ok\n", file.empty() ? "the command line (no --config is given)" : file.c_str());
   return 0;
 }
 

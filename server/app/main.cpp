@@ -59,8 +59,8 @@ void AddOptions(arguments::Command& app, Options& options) {
       ->expected(1)
       ->take_all();
   app.add_option("--save-folder", options.save_folders,
-                 "folder to which clients may save and record, and from which they may load; may "
-                 "be given again [the folder in which palpated is started]")
+                 "folder to which clients may save and record, with its subfolders; may be given "
+                 "again [the folder in which palpated is started]")
       ->expected(1)
       ->take_all();
   app.add_option("--device-mm-per-volume-mm", options.scale,
@@ -95,12 +95,11 @@ void Override(const std::optional<T>& from, U& to) {
   if (from) to = *from;
 }
 
-std::vector<std::filesystem::path> LoadFolders(const Options& options) {
-  std::vector<std::filesystem::path> folders;
-  for (const std::string& folder : options.load_folders) {
-    folders.push_back(std::filesystem::absolute(folder));
-  }
-  return folders;
+void Override(const std::vector<std::string>& from,
+              std::optional<std::vector<std::filesystem::path>>& to) {
+  if (from.empty()) return;
+  to.emplace();
+  for (const std::string& folder : from) to->push_back(std::filesystem::absolute(folder));
 }
 
 // Puts the command line's values over the file's values.
@@ -125,7 +124,8 @@ void Merge(const Options& options, Config& config) {
   if (options.scale) config.device_mm_per_volume_mm = options.scale;
   if (options.listen) config.listen = ParseHostPort(*options.listen);
   if (options.method) config.method = ParseMethod(*options.method);
-  if (!options.load_folders.empty()) config.load_folders = LoadFolders(options);
+  Override(options.load_folders, config.load_folders);
+  Override(options.save_folders, config.save_folders);
   if (!options.spacing_mm.empty()) config.spacing_mm = Vec3(options.spacing_mm.data());
 }
 

@@ -81,6 +81,10 @@ bool SessionParts::LoadFirst(const std::function<void(const std::string&)>& on_p
 
 void SessionParts::End() {
   keeper_.End();
+  series.Stop();
+  instrument_.pump.Stop();
+  tools_->Stop();
+  if (hand_guide_) hand_guide_->Stop();
   recording.End();
   if (const VolumeState last = session.volume(); last.unsaved_edits > 0) {
     LogWarning("edits of {} that were not saved are lost: {}", last.volume->metadata().source,

@@ -148,6 +148,7 @@ void Session::SetInitial(const RenderSettings& settings) {
   CheckHaptics(settings.haptics);
   CheckMethod(settings.method, device_);
   const std::lock_guard lock(mutex_);
+  if (settings_revision_ > 0) return;
   settings_.haptics = settings.haptics;
   settings_.method = settings.method;
 }
@@ -159,12 +160,11 @@ void Session::PublishLocked(std::span<const BrickChange> changes) {
   scene->settings = settings_.haptics;
   scene->settings_revision = settings_revision_;
   scene->scene_revision = ++scene_revision_;
-  const bool has_volume = first_load_.is_done();
-  scene->forces_off = forces_off_ || !has_volume;
+  scene->forces_off = forces_off_ || !has_volume_;
   scene->surface =
       MakeHapticSurface(*volume_, X_DI_, DensityOf(*volume_, settings_.isovalue), settings_.method,
                         geometry_revision_, settings_.haptics.free_side);
-  if (has_volume) {
+  if (has_volume_) {
     for (SceneListener* listener : listeners_) listener->OnScene(*scene, changes);
   }
   inbox_.Publish(std::move(scene));
@@ -280,7 +280,7 @@ FreeSide Session::SideOf(const VolumeMetadata& metadata,
                          const std::optional<FreeSide>& wanted) const {
   if (wanted) return *wanted;
   if (metadata.is_level_set) return FreeSide::kAbove;
-  const bool was_level_set = volume_ && volume_->metadata().is_level_set;
+  const bool was_level_set = volume_->metadata().is_level_set;
   return was_level_set ? side_of_densities_ : settings_.haptics.free_side;
 }
 
@@ -310,12 +310,13 @@ VolumeState Session::PublishVolume(const LoadRequest& request, const VolumeMetad
     const std::lock_guard lock(mutex_);
     TakeLoaded(request, registration, volume, isovalue);
     values_ = values;
-    first_load_.Done();
+    has_volume_ = true;
     PublishLocked();
     state = VolumeLocked();
     return scene_revision_;
   };
   store_.Replace(metadata, bricks, frames_bytes, request.discards_edits, publish);
+  first_load_.Done();  // all listeners have the volume now
   state.unsaved_edits = 0;
   return state;
 }
@@ -324,7 +325,7 @@ void Session::TakeLoaded(const LoadRequest& request, const Registration& registr
                          const std::shared_ptr<const VolumeSnapshot>& volume, double isovalue) {
   const VolumeMetadata& metadata = volume->metadata();
   FreeSide& side = settings_.haptics.free_side;
-  const bool was_density = volume_ && !volume_->metadata().is_level_set;
+  const bool was_density = has_volume_ && !volume_->metadata().is_level_set;
   const FreeSide last_side = std::exchange(side, SideOf(metadata, request.free_side));
   if (metadata.is_level_set && was_density) side_of_densities_ = last_side;
   volume_ = volume;

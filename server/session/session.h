@@ -134,8 +134,8 @@ class Session {
   // change, the change is taken back, unless somebody else has changed settings since.
   SettingsApplied Update(const SettingsUpdate& update);
 
-  // Sets the settings to start with, except for the isovalue. Call it before the first Load. Throws
-  // kInvalidArgument.
+  // Sets the settings to start with, except for the isovalue. Call it before the first Load. Does
+  // nothing if somebody has changed settings. Throws kInvalidArgument.
   void SetInitial(const RenderSettings& settings);
 
   // Loads and publishes without waiting for the servo. For the start, before the servo runs. Throws
@@ -221,6 +221,7 @@ class Session {
   RenderSettings settings_;
   FreeSide side_of_densities_ = FreeSide::kBelow;  // the free side to restore after a level set
   bool forces_off_ = false;
+  bool has_volume_ = false;  // volume_ is not the empty one of the start
   std::uint64_t settings_revision_ = 0;
   std::uint64_t geometry_revision_ = 0;
   std::uint64_t scene_revision_ = 0;

@@ -49,6 +49,9 @@ VolumeEditor::Made::Made(ReshapedVolume of_all) : whole(std::move(of_all)) {
 EditOutcome VolumeEditor::Edit(const VolumeEdit& edit, const Revision& expected,
                                std::uint64_t stroke, const Cancelled& cancelled,
                                const LoadProgress& progress) {
+  // Loads are refused meanwhile, rather than that they wait for a large edit.
+  std::unique_lock<std::mutex> loading;
+  if (progress) loading = session_.BeginLoad();
   MemoryClaim claim;  // held until the edit is published
   EditCalls calls;
   calls.box_known = [&](const VoxelBox& box) { claim = ClaimFor("the edit", MostBrickBytes(box)); };

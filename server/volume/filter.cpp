@@ -90,8 +90,8 @@ class FilterRun::Worker {
         volume_(*run.volume_),
         interrupter_(interrupter),
         background_(static_cast<float>(volume_.metadata().Background())),
-        least_(static_cast<float>(volume_.metadata().value_min)),
-        greatest_(static_cast<float>(volume_.metadata().value_max)) {
+        least_(static_cast<float>(volume_.metadata().EditRange().first)),
+        greatest_(static_cast<float>(volume_.metadata().EditRange().second)) {
     if (run.region_) weights_of_.emplace(volume_, *run.region_);
   }
 

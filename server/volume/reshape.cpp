@@ -369,7 +369,8 @@ class Reshaper {
   ReshapedVolume Made(const Grid& grid, VolumeMetadata metadata) {
     const bool has_new_range = metadata.is_level_set && filter_.kind == FilterKind::kResample;
     BrickMaker maker(grid, first_, metadata.size, form_ != nullptr);
-    if (!has_new_range) maker.HoldWithin(metadata.value_min, metadata.value_max);
+    const auto [least, greatest] = metadata.EditRange();
+    if (!has_new_range) maker.HoldWithin(least, greatest);
     const double begun = filter_.kind == FilterKind::kResample ? kResampleShare : kFilterShare;
     const double all = BricksOf(metadata.size);
     std::uint64_t done = 0;

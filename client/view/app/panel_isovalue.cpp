@@ -52,16 +52,18 @@ void DrawMark(const Scale& scale, double value, ImU32 color, float width) {
   list.AddTriangleFilled({x - 5.0f, top}, {x + 5.0f, top}, {x, top + 7.0f}, color);
 }
 
-// The isovalues that palpated suggests: a mark at the foot of the histogram.
+// The isovalues that palpated suggests, with their names below each other.
 void DrawSuggestions(const std::vector<client::SuggestedIsovalue>& suggestions,
                      const Scale& scale) {
   constexpr ImU32 kColor = IM_COL32(140, 190, 255, 255);
   ImDrawList& list = *ImGui::GetWindowDrawList();
-  const float bottom = scale.area.min.y + scale.area.size.y;
+  const float top = scale.area.min.y;
+  float y = top;
   for (const client::SuggestedIsovalue& suggested : suggestions) {
     const float x = scale.X(suggested.isovalue);
-    list.AddTriangleFilled({x - 5.0f, bottom}, {x, bottom - 8.0f}, {x + 5.0f, bottom}, kColor);
-    list.AddText({x + 6.0f, bottom - ImGui::GetFontSize()}, kColor, suggested.name.c_str());
+    list.AddLine({x, top}, {x, top + scale.area.size.y}, kColor, 1.0f);
+    list.AddText({x + 6.0f, y}, kColor, suggested.name.c_str());
+    y += ImGui::GetFontSize();
   }
 }
 
