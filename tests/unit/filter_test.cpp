@@ -257,6 +257,21 @@ TEST(Filter, ARegionBetweenVoxelsIsNoChange) {
   EXPECT_FALSE(run.Result().changed.has_value());
 }
 
+// An edit may write all that the file's type holds.
+TEST(Filter, KeepsWhatAnEditWrote) {
+  const auto painted = testing::MakeVolume(Vec3i::Constant(24),
+                                           [](int i, int, int) { return i < 12 ? 255.0 : 10.0; });
+  VolumeMetadata metadata = painted->metadata();
+  metadata.original_type = "uint8";
+  metadata.value_min = 0.0;
+  metadata.value_max = 200.0;  // as loaded
+  const auto volume = std::make_shared<VolumeSnapshot>(metadata, painted->bricks(), 2, 1);
+  for (const FilterKind kind : kKinds) {
+    const VolumePtr after = AfterChanges(volume, ApplyFilter(volume, {.kind = kind}));
+    EXPECT_EQ(ValueAt(*after, Vec3i(6, 12, 12)), 255.0f);
+  }
+}
+
 TEST(Filter, ResultsStayWithinTheRangeAndHaveNoSignedZero) {
   // The range is narrower than the voxels, which were loaded before it was fixed.
   const VolumePtr noise = Noise(Vec3i(20, 20, 20), 7);

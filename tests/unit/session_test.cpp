@@ -12,6 +12,7 @@
 #include "server/samples/force_watch.h"
 #include "server/session/session.h"
 #include "server/session/volume_editor.h"
+#include "tests/support/made_volume.h"
 #include "tests/support/refusal.h"
 #include "tests/support/running_session.h"
 
@@ -159,6 +160,42 @@ TEST_F(SessionTest, MethodsForComparisonAreRefusedOnHardware) {
               ErrorKind::kInvalidArgument);
   }
   EXPECT_EQ(session.settings().settings.method, DecompositionMethod::kTpbcc);
+}
+
+// As after a crash with a level set: its free side is not that of the densities that follow.
+TEST_F(SessionTest, AFirstLevelSetKeepsItsSideForItself) {
+  SceneInbox inbox;
+  Session session(device(), inbox, pump(), VolumeLoader{});
+  RenderSettings left;
+  left.haptics.free_side = FreeSide::kAbove;
+  session.SetInitial(left);
+  VolumeMetadata metadata;
+  metadata.size = Vec3i::Constant(16);
+  metadata.value_min = -7.0;
+  metadata.value_max = 7.0;
+  metadata.is_level_set = true;
+  session.PublishVolume({.source = "made"}, metadata,
+                        testing::MakeBricks(metadata.size, [](int i, int, int) {
+                          return static_cast<float>(i) - 7.0f;
+                        }));
+  EXPECT_EQ(session.settings().settings.haptics.free_side, FreeSide::kAbove);
+  session.Load({.source = "builtin:sphere:16"}, kQuiet, kNever);
+  EXPECT_EQ(session.settings().settings.haptics.free_side, FreeSide::kBelow);
+}
+
+// What listeners get before the first volume, and what clients are told.
+TEST_F(SessionTest, BeforeTheFirstVolumeOnlySettingsChange) {
+  SceneInbox inbox;
+  Session session(device(), inbox, pump(), VolumeLoader{});
+  EXPECT_TRUE(inbox.Acquire()->forces_off);
+  EXPECT_EQ(Refusal([&] { session.Update({.isovalue = 0.5}); }), ErrorKind::kLoading);
+  session.first_load().Tell("head.nrrd", 0.4);
+  EXPECT_EQ(Refusal([&] { session.first_load().Require(); }), ErrorKind::kLoading);
+  session.first_load().Fail(Error(ErrorKind::kNotFound, "gone"));
+  EXPECT_EQ(Refusal([&] { session.first_load().Require(); }), ErrorKind::kNotFound);
+  session.Load({.source = "builtin:sphere:16"}, kQuiet, kNever);
+  session.first_load().Require();
+  EXPECT_FALSE(inbox.Acquire()->forces_off);
 }
 
 // Collects samples on the pump thread and checks that none mixes revisions.
