@@ -59,12 +59,7 @@ Json ToJson(const client::VolumeInfo& volume) {
           {"memory_bytes", volume.memory_bytes},
           {"unsaved_edits", volume.unsaved_edits},
           {"warnings", volume.warnings},
-          {"suggested_isovalues", suggested},
-          {"histogram",
-           {{"low", volume.histogram.low},
-            {"high", volume.histogram.high},
-            {"counts", volume.histogram.counts},
-            {"peaks", volume.histogram.peaks}}}};
+          {"suggested_isovalues", suggested}};
 }
 
 Json ToJson(const client::Settings& settings) {

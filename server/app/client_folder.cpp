@@ -71,7 +71,8 @@ void Write(const fs::path& path, const std::string& text, mode_t mode, IfThere i
 
 std::string WriteClientFolder(const ClientFolder& client, const std::string& token) {
   const HostPort server = ParseHostPort(client.server);
-  const std::string profile = client.profile.empty() ? ProfileOf(client.token_name, server.host) : client.profile;
+  const std::string profile =
+      client.profile.empty() ? ProfileOf(client.token_name, server.host) : client.profile;
   CheckTokenName(profile);  // the same rules
   const std::string certificate = Certificate(client.ca_file);
   MakeFolders(client.folder);

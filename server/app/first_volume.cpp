@@ -34,8 +34,8 @@ void Load(const LoadRequest& request, Session& session, const Progress& on_progr
                                : std::filesystem::path(request.source).filename().string();
   auto logged = std::chrono::steady_clock::now();
   const auto tell = [&](std::string_view stage, double fraction) {
-    session.first_load().Tell(name, fraction);
     const std::string line = fmt::format("loading {}, {:.0f} %", name, 100.0 * fraction);
+    session.first_load().Tell(line);
     on_progress(line);
     if (std::chrono::steady_clock::now() - logged < kLogEvery) return;
     logged = std::chrono::steady_clock::now();
@@ -47,9 +47,10 @@ void Load(const LoadRequest& request, Session& session, const Progress& on_progr
           m.size.y(), m.size.z(), m.original_type, m.spacing_mm.x(), m.spacing_mm.y(),
           m.spacing_mm.z(), m.value_min, m.value_max, m.unit);
   const bool is_chosen = !request.isovalue && !request.normalized_isovalue;
-  LogInfo("scale {:.4g} device mm per volume mm; isovalue {:g} {}{}",
-          state.registration.device_mm_per_volume_mm, state.isovalue, m.unit,
-          is_chosen ? "(" + state.values->suggested.front().reason + ")" : "");
+  LogInfo("scale {:.4g} device mm per volume mm; isovalue {:g}{}{}",
+          state.registration.device_mm_per_volume_mm, state.isovalue,
+          m.unit.empty() ? "" : " " + m.unit,
+          is_chosen ? " (" + state.values->suggested.front().reason + ")" : "");
 }
 
 // Loads the configured volume. An error names the configuration's line.

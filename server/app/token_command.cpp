@@ -166,7 +166,8 @@ void AddTokenCommands(arguments::Command& app, std::function<void()>& run) {
               "certificate authority that the client must trust, or tls.certificate itself")
           ->needs(folder);
   folder->needs(server)->needs(ca);
-  make->add_option("--profile", values->client.profile, "name of the profile [token's and host's: ada-scanner]")
+  make->add_option("--profile", values->client.profile,
+                   "name of the profile [token's and host's: ada-scanner]")
       ->needs(folder);
   add("list", "Shows names and roles", List);
   add("revoke", "Removes a token: within seconds its calls are refused and its streams end", Revoke)

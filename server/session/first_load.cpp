@@ -1,12 +1,10 @@
 #include "server/session/first_load.h"
 
-#include <fmt/format.h>
-
 namespace palpate {
 
-void FirstLoad::Tell(const std::string& name, double fraction) {
+void FirstLoad::Tell(const std::string& line) {
   const std::lock_guard lock(mutex_);
-  error_ = {ErrorKind::kLoading, fmt::format("loading {}, {:.0f} %", name, 100.0 * fraction)};
+  error_ = {ErrorKind::kLoading, line};
 }
 
 void FirstLoad::Done() {

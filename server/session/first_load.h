@@ -12,14 +12,14 @@ namespace palpate {
 
 class FirstLoad {
  public:
-  void Tell(const std::string& name, double fraction);
+  // `line`: for people, "loading head.nrrd, 40 %".
+  void Tell(const std::string& line);
   void Done();
   // The daemon ends with this error.
   void Fail(const Error& error);
 
   bool is_done() const;
-  // Returns once the first volume is felt. Throws kLoading with "loading head.nrrd, 40 %", or the
-  // error of Fail.
+  // Returns once the first volume is felt. Throws kLoading with the last line, or Fail's error.
   void Require() const;
   // True if a client asked while the volume loaded. Such a client asks again within a moment.
   bool was_asked() const;

@@ -22,9 +22,9 @@ constexpr double kHalfBrick = 0.5 * (kBrickEdge - 1);
 constexpr double kSlackVoxels = 1e-6;
 
 [[noreturn]] void RefuseSize(double voxels) {
-  throw Error(ErrorKind::kTooLarge,
-              fmt::format("the edit spans {:.0f} voxels, at most {} are possible: do it in parts",
-                          voxels, kMostEditedVoxels));
+  throw Error(ErrorKind::kTooLarge, fmt::format("the edit spans {:.0f} voxels, at most {} at once "
+                                                "are possible: do it in parts, or by FilterVolume",
+                                                voxels, kMostEditedVoxels));
 }
 
 // Checks the centre of a sphere, or an end of a capsule.

@@ -189,7 +189,7 @@ TEST_F(SessionTest, BeforeTheFirstVolumeOnlySettingsChange) {
   Session session(device(), inbox, pump(), VolumeLoader{});
   EXPECT_TRUE(inbox.Acquire()->forces_off);
   EXPECT_EQ(Refusal([&] { session.Update({.isovalue = 0.5}); }), ErrorKind::kLoading);
-  session.first_load().Tell("head.nrrd", 0.4);
+  session.first_load().Tell("loading head.nrrd, 40 %");
   EXPECT_EQ(Refusal([&] { session.first_load().Require(); }), ErrorKind::kLoading);
   session.first_load().Fail(Error(ErrorKind::kNotFound, "gone"));
   EXPECT_EQ(Refusal([&] { session.first_load().Require(); }), ErrorKind::kNotFound);
