@@ -10,6 +10,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <variant>
 #include <vector>
 
 #include "common/error/error.h"
@@ -20,20 +21,16 @@
 #include "server/haptics/settings.h"
 #include "server/realtime/thread_setup.h"
 #include "server/rpc/server.h"
-#include "server/session/path_policy.h"
-#include "server/session/upload.h"
+#include "server/client_files/path_policy.h"
+#include "server/client_files/upload.h"
 #include "server/store/memory_budget.h"
+#include "server/store/volume_loader.h"
 
 namespace palpate {
 
 struct Config {
-  std::string volume = "builtin:bumps";
-  std::optional<double> isovalue;             // data units
-  std::optional<double> normalized_isovalue;  // 0 to 1; without both: as ValuesOf suggests
-  std::optional<Vec3> spacing_mm;
-  std::optional<double> device_mm_per_volume_mm;
-  std::string grid;       // for a .vdb file with several grids
-  std::string component;  // for a grid of vectors
+  // Without an isovalue: as ValuesOf suggests. The title is not set; see ConfiguredVolume().
+  LoadRequest volume{.source = "builtin:bumps"};
   // Absent: the folder in which palpated was started.
   std::optional<std::vector<std::filesystem::path>> load_folders;
   std::optional<std::vector<std::filesystem::path>> save_folders;
@@ -52,6 +49,15 @@ struct Config {
   std::string log_level = "info";  // one of kLogLevels
 };
 
+// A value of the command line, which stands in place of the file's.
+struct ConfigOverride {
+  std::string key;  // "volume.source"
+  std::variant<std::string, bool, std::int64_t, double, std::vector<double>,
+               std::vector<std::string>>
+      value;
+};
+using ConfigOverrides = std::vector<ConfigOverride>;
+
 // A key that stands in the file.
 struct ConfigKey {
   std::size_t line = 0;
@@ -68,8 +74,8 @@ struct ConfigFault {
 };
 
 struct ConfigReading {
-  ConfigKeys keys;                  // the keys that were read
-  std::vector<ConfigFault> faults;  // in the file's order
+  ConfigKeys keys;  // the keys that were read
+  std::vector<ConfigFault> faults;
 };
 
 // A configuration, and the keys that it takes from the file. Keys that the command line overrides
@@ -80,9 +86,12 @@ struct LoadedConfig {
   std::filesystem::path file;  // empty: none
 };
 
-// Reads the keys of `path` into `config`. Keys that the file does not name keep their value.
-// Invalid values are left out and reported as faults. Opens no other file.
-ConfigReading ReadConfig(const std::filesystem::path& path, Config& config);
+// Reads the keys of `path` into `config`, and then the overrides. Keys that neither names keep
+// their value. Another volume than the file's (volume.source) comes without the file's isovalue,
+// spacing and grid; one form of the isovalue replaces the other. Invalid values are left out and
+// reported as faults. Opens no other file. An empty `path`: the overrides alone.
+ConfigReading ReadConfig(const std::filesystem::path& path, const ConfigOverrides& overrides,
+                         Config& config);
 
 // Returns "FILE:LINE: KEY: WHAT", or "KEY WHAT" if the two form a sentence. Leaves out FILE:LINE if
 // no line is to blame.
@@ -90,7 +99,5 @@ std::string ToText(const std::filesystem::path& path, const ConfigFault& fault);
 
 // Returns `error` as a fault of `key` if the key is in the file; otherwise returns `error`.
 Error AtKey(const LoadedConfig& loaded, std::string_view key, const Error& error);
-
-DecompositionMethod ParseMethod(const std::string& name);
 
 }  // namespace palpate

@@ -72,41 +72,37 @@ class Check {
 
 bool CheckSource(const Config& config, Check& check) {
   if (check.Knows("volume.source")) return false;
-  if (!config.volume.starts_with("builtin:")) return check.Readable("volume.source", config.volume);
-  return check.Try("volume.source", [&] { CheckBuiltinSource(config.volume); });
+  const std::string& source = config.volume.source;
+  if (!source.starts_with("builtin:")) return check.Readable("volume.source", source);
+  return check.Try("volume.source", [&] { CheckBuiltinSource(source); });
 }
 
 void CheckVolume(const Config& config, Check& check) {
+  const LoadRequest& volume = config.volume;
   const bool has_source = CheckSource(config, check);
-  const auto& spacing = config.spacing_mm;
-  const auto& scale = config.device_mm_per_volume_mm;
+  const auto& spacing = volume.spacing_mm;
+  const auto& scale = volume.device_mm_per_volume_mm;
   const bool has_spacing =
       !spacing || check.Try("volume.spacing_mm", [&] { CheckVoxelSpacing(*spacing); });
   if (scale) {
     // Some scales are wrong for every volume.
-    const std::string source = has_source && has_spacing ? config.volume : "";
+    const std::string source = has_source && has_spacing ? volume.source : "";
     check.Try("volume.device_mm_per_volume_mm",
               [&] { CheckScale(source, has_spacing ? spacing : std::nullopt, *scale); });
   }
   // The valid range depends on the volume, so it is known only after the load.
-  if (config.isovalue && !std::isfinite(*config.isovalue)) {
+  if (volume.isovalue && !std::isfinite(*volume.isovalue)) {
     check.Fault("volume.isovalue", "must be a finite number");
   }
-  if (config.isovalue && config.normalized_isovalue) {
+  if (volume.isovalue && volume.normalized_isovalue) {
     check.Fault("volume.normalized_isovalue", "must not be given together with volume.isovalue");
   }
   check.Try("volume.normalized_isovalue", [&] {
-    CheckRange("normalized isovalue", config.normalized_isovalue.value_or(0.5), 0.0, 1.0, "");
+    CheckRange("normalized isovalue", volume.normalized_isovalue.value_or(0.5), 0.0, 1.0, "");
   });
-}
-
-// Checks values of the command line. Values of a file are checked when the file is read.
-void CheckHaptics(const Config& config, Check& check) {
-  for (const NumberSetting& setting : kNumberSettings) {
-    check.Try("haptics." + std::string(setting.key), [&] {
-      CheckRange(setting.key, config.haptics.*setting.member, setting.low, setting.high,
-                 setting.unit);
-    });
+  if (volume.raw && !check.Knows("volume.raw") &&
+      (volume.raw->type.empty() || volume.raw->size[0] == 0)) {
+    check.Fault("volume.raw_size", "needs volume.raw_type, and the other way round: set both");
   }
 }
 
@@ -124,8 +120,28 @@ void CheckDevice(const Config& config, Check& check) {
   });
 }
 
+// Keys that are of no use, or cannot work, without each other. Blames one that is in the file.
+void CheckTlsKeys(const SecurityOptions& security, Check& check) {
+  const PolicyOptions& policy = security.policy;
+  const bool has_pair = !security.tls.certificate.empty();
+  if (has_pair != !security.tls.key.empty()) {
+    check.Fault(has_pair ? "tls.certificate" : "tls.key",
+                "tls.certificate and tls.key come together: set both, or none");
+  } else if (!has_pair && (!policy.tokens.empty() || !policy.client_ca.empty())) {
+    check.Fault(policy.tokens.empty() ? "tls.client_ca" : "tls.tokens",
+                "tls.tokens and tls.client_ca are of no use without TLS: set tls.certificate and "
+                "tls.key");
+  }
+  if (policy.client_ca.empty() != policy.clients.empty()) {
+    check.Fault(policy.clients.empty() ? "tls.client_ca" : "tls.client",
+                "tls.client_ca and [[tls.client]] come together: the one says which certificates "
+                "are genuine, the other what their names may do");
+  }
+}
+
 // Checks the files of [tls] in the same way as the start of the daemon does.
 void CheckTls(const SecurityOptions& security, Check& check) {
+  if (!check.Knows("tls")) CheckTlsKeys(security, check);
   const auto now = std::chrono::system_clock::now();
   const TlsOptions& tls = security.tls;
   const bool has_pair = !tls.certificate.empty() && !tls.key.empty();
@@ -156,11 +172,6 @@ void CheckAddresses(const Config& config, Check& check) {
   }
 }
 
-void SortByLine(std::vector<ConfigFault>& faults) {
-  std::stable_sort(faults.begin(), faults.end(),
-                   [](const auto& a, const auto& b) { return a.line < b.line; });
-}
-
 }  // namespace
 
 ConfigError::ConfigError(const std::filesystem::path& file, const std::vector<ConfigFault>& faults)
@@ -172,46 +183,36 @@ std::vector<ConfigFault> CheckConfig(const Config& config, const ConfigKeys& key
                                      const std::vector<ConfigFault>& known) {
   Check check(keys, use, known);
   CheckVolume(config, check);
-  CheckHaptics(config, check);
   CheckDevice(config, check);
   CheckTls(config.security, check);
   CheckAddresses(config, check);
-  check.Try("log.level", [&] { CheckLogLevel(config.log_level); });
   if (config.realtime.cpu >= sysconf(_SC_NPROCESSORS_CONF)) {
     check.Fault("realtime.cpu", "is no core of this machine");
   }
   return check.Take();
 }
 
-LoadedConfig LoadConfig(const std::filesystem::path& file, const ConfigMerge& merge,
+LoadedConfig LoadConfig(const std::filesystem::path& file, const ConfigOverrides& overrides,
                         ConfigUse use) {
   LoadedConfig loaded{.config = {}, .keys = {}, .file = file};
-  std::vector<ConfigFault> faults;
-  if (!file.empty()) {
-    ConfigReading reading = ReadConfig(file, loaded.config);
-    loaded.keys = std::move(reading.keys);
-    faults = std::move(reading.faults);
-  }
+  auto [keys, faults] = ReadConfig(file, overrides, loaded.config);
+  loaded.keys = std::move(keys);
   // If the file is not valid TOML, its keys are unknown.
-  const bool is_read = std::none_of(faults.begin(), faults.end(),
-                                    [](const ConfigFault& fault) { return fault.key.empty(); });
-  try {
-    merge(loaded);
-  } catch (const Error& error) {
-    faults.push_back({"", 0, error.what(), error.kind()});
-  }
-  if (is_read) {
+  if (std::none_of(faults.begin(), faults.end(),
+                   [](const auto& fault) { return fault.key.empty(); })) {
     const std::vector<ConfigFault> more = CheckConfig(loaded.config, loaded.keys, use, faults);
     faults.insert(faults.end(), more.begin(), more.end());
   }
   if (faults.empty()) return loaded;
-  SortByLine(faults);
+  // The parser sorts tables by name; people read a file by lines.
+  std::stable_sort(faults.begin(), faults.end(),
+                   [](const auto& a, const auto& b) { return a.line < b.line; });
   throw ConfigError(file, faults);
 }
 
-int CheckConfigFile(const std::filesystem::path& file, const ConfigMerge& merge) {
+int CheckConfigFile(const std::filesystem::path& file, const ConfigOverrides& overrides) {
   try {
-    LoadConfig(file, merge);
+    LoadConfig(file, overrides);
   } catch (const ConfigError& error) {
     for (const std::string& line : error.lines()) std::fprintf(stderr, "%s\n", line.c_str());
     return ExitCode(ErrorKind::kInvalidArgument);

@@ -5,7 +5,6 @@
 #pragma once
 
 #include <filesystem>
-#include <functional>
 #include <string>
 #include <vector>
 
@@ -35,15 +34,12 @@ std::vector<ConfigFault> CheckConfig(const Config& config, const ConfigKeys& key
                                      ConfigUse use = ConfigUse::kStart,
                                      const std::vector<ConfigFault>& known = {});
 
-// Puts the command line over the file's values, and removes the overridden keys from `keys`. May
-// throw Error.
-using ConfigMerge = std::function<void(LoadedConfig&)>;
-
-// Reads and checks `file`. An empty `file` means the command line alone. Throws ConfigError.
-LoadedConfig LoadConfig(const std::filesystem::path& file, const ConfigMerge& merge,
+// Reads and checks `file` with the command line's values in place of the file's. An empty `file`
+// means the command line alone. Throws ConfigError.
+LoadedConfig LoadConfig(const std::filesystem::path& file, const ConfigOverrides& overrides = {},
                         ConfigUse use = ConfigUse::kStart);
 
 // Prints a line for each fault, or "FILE: ok". Returns the exit code.
-int CheckConfigFile(const std::filesystem::path& file, const ConfigMerge& merge);
+int CheckConfigFile(const std::filesystem::path& file, const ConfigOverrides& overrides);
 
 }  // namespace palpate

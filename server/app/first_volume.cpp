@@ -116,14 +116,10 @@ bool BringBack(const FeltSession& left, const LoadRequest& configured,
 }  // namespace
 
 LoadRequest ConfiguredVolume(const Config& config) {
-  return {.source = Source(config.volume),
-          .title = Name(config.volume),
-          .isovalue = config.isovalue,
-          .normalized_isovalue = config.normalized_isovalue,
-          .spacing_mm = config.spacing_mm,
-          .device_mm_per_volume_mm = config.device_mm_per_volume_mm,
-          .grid = config.grid,
-          .component = config.component};
+  LoadRequest request = config.volume;
+  request.source = Source(config.volume.source);
+  request.title = Name(config.volume.source);
+  return request;
 }
 
 RenderSettings ConfiguredSettings(const Config& config) {

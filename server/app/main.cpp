@@ -4,10 +4,12 @@
 #include <unistd.h>
 
 #include <cstdio>
+#include <cstdlib>
 #include <filesystem>
 #include <functional>
-#include <optional>
+#include <iterator>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "common/arguments/arguments.h"
@@ -22,15 +24,93 @@
 namespace palpate {
 namespace {
 
+enum class Values { kText, kNumber, kCount, kFlag, kThreeNumbers, kFolders };
+
+// An option that stands in place of a key of the file.
+struct KeyOption {
+  const char* name;
+  const char* key;
+  Values values;
+  const char* about;
+};
+
+constexpr KeyOption kKeyOptions[] = {
+    {"volume,--volume", "volume.source", Values::kText,
+     "volume file, DICOM folder, or builtin:cylinder, builtin:sphere[:N], builtin:bumps[:N], "
+     "builtin:gyroid[:N] [builtin:bumps]"},
+    {"--isovalue", "volume.isovalue", Values::kNumber,
+     "isovalue to start with, in data units [one that shows something]"},
+    {"--normalized-isovalue", "volume.normalized_isovalue", Values::kNumber,
+     "isovalue to start with, from 0 to 1 over the volume's range"},
+    {"--spacing-mm", "volume.spacing_mm", Values::kThreeNumbers,
+     "voxel spacing X,Y,Z in mm instead of the file's"},
+    {"--frame", "volume.frame", Values::kCount, "frame of a file with several frames, from 0"},
+    {"--grid", "volume.grid", Values::kText, "grid of a .vdb file with several grids"},
+    {"--component", "volume.component", Values::kText,
+     "for a grid of vectors: magnitude, x, y or z"},
+    {"--raw-size", "volume.raw_size", Values::kThreeNumbers,
+     "voxels X,Y,Z of a file that holds only voxels, x fastest"},
+    {"--raw-type", "volume.raw_type", Values::kText, "type of these voxels, such as uint16"},
+    {"--raw-big-endian", "volume.raw_big_endian", Values::kFlag, "order of their bytes"},
+    {"--raw-offset-bytes", "volume.raw_offset_bytes", Values::kCount, "where they begin [0]"},
+    {"--load-folder", "volume.load_folders", Values::kFolders,
+     "folder from which clients may load, with its subfolders; may be given again [the folder in "
+     "which palpated is started]"},
+    {"--save-folder", "volume.save_folders", Values::kFolders,
+     "folder to which clients may save and record, with its subfolders; may be given again [the "
+     "folder in which palpated is started]"},
+    {"--device-mm-per-volume-mm", "volume.device_mm_per_volume_mm", Values::kNumber,
+     "scale of the volume [fits 90 % of the device's workspace]"},
+    {"--stiffness-n-per-mm", "haptics.stiffness_n_per_mm", Values::kNumber,
+     "force per mm into the surface, 0 to 3 N/mm [0.5]"},
+    {"--damping-n-s-per-m", "haptics.damping_n_s_per_m", Values::kNumber,
+     "damping along the surface's normal, 0 to 5 N s/m [0]"},
+    {"--method", "haptics.method", Values::kText,
+     "decomposition of the cells: tpbcc, bcc, and on the simulated device tptd and "
+     "tpbcc-published [tpbcc]"},
+    {"--device", "device.kind", Values::kText,
+     "haptic device: simulated, replay, omni-usb, falcon, openhaptics; see `palpate device list` "
+     "[simulated]"},
+    {"--socket", "server.socket", Values::kText,
+     "Unix socket to listen on [$PALPATE_SOCKET, /run/palpate/palpated.sock, or the user's own]"},
+    {"--listen", "server.listen", Values::kText,
+     "also listen on this ADDR:PORT; TLS is required unless the address is loopback"},
+    {"--state-folder", "state.folder", Values::kText,
+     "folder for the places of volumes and the session; empty: none [$STATE_DIRECTORY, "
+     "$XDG_STATE_HOME/palpate or ~/.local/state/palpate]"},
+    {"--log-level", "log.level", Values::kText, "debug, info, warning or error [info]"},
+};
+
 struct Options {
   std::string config_file;
-  std::optional<std::string> volume, device, socket, listen, method, state_folder, log_level;
-  std::optional<double> isovalue, normalized_isovalue, stiffness, damping, scale;
-  std::vector<double> spacing_mm;
-  std::vector<std::string> load_folders, save_folders;
+  ConfigOverrides overrides;  // one for each of kKeyOptions, in their order
+  std::vector<arguments::Option*> given;
   bool check_config = false;
   bool log_to_journal = false;
 };
+
+template <class T>
+arguments::Option* Add(arguments::Command& app, const KeyOption& row, ConfigOverride& to) {
+  return app.add_option(row.name, to.value.emplace<T>(), row.about);
+}
+
+arguments::Option* Add(arguments::Command& app, const KeyOption& row, ConfigOverride& to) {
+  switch (row.values) {
+    case Values::kText:
+      return Add<std::string>(app, row, to);
+    case Values::kNumber:
+      return Add<double>(app, row, to);
+    case Values::kCount:
+      return Add<std::int64_t>(app, row, to);
+    case Values::kFlag:
+      return app.add_flag(row.name, to.value.emplace<bool>(), row.about);
+    case Values::kThreeNumbers:
+      return Add<std::vector<double>>(app, row, to)->delimiter(',')->expected(3);
+    case Values::kFolders:
+      return Add<std::vector<std::string>>(app, row, to)->expected(1)->take_all();
+  }
+  std::abort();  // no such kind
+}
 
 void AddOptions(arguments::Command& app, Options& options) {
   app.add_option("--config", options.config_file,
@@ -40,126 +120,30 @@ void AddOptions(arguments::Command& app, Options& options) {
                "check the configuration, print one line for each fault, and exit (exit code 0: no "
                "fault). Opens no device and loads no volume. Checks whether the user who runs this "
                "can read the files: run it as the daemon's user");
-  app.add_option("volume,--volume", options.volume,
-                 "volume file, DICOM folder, or builtin:cylinder, builtin:sphere[:N], "
-                 "builtin:bumps[:N], builtin:gyroid[:N] [builtin:bumps]");
-  auto* isovalue =
-      app.add_option("--isovalue", options.isovalue,
-                     "isovalue to start with, in data units [one that shows something]");
-  app.add_option("--normalized-isovalue", options.normalized_isovalue,
-                 "isovalue to start with, from 0 to 1 over the volume's range")
-      ->excludes(isovalue);
-  app.add_option("--spacing-mm", options.spacing_mm,
-                 "voxel spacing X,Y,Z in mm instead of the file's")
-      ->delimiter(',')
-      ->expected(3);
-  app.add_option("--load-folder", options.load_folders,
-                 "folder from which clients may load, with its subfolders; may be given again "
-                 "[the folder in which palpated is started]")
-      ->expected(1)
-      ->take_all();
-  app.add_option("--save-folder", options.save_folders,
-                 "folder to which clients may save and record, with its subfolders; may be given "
-                 "again [the folder in which palpated is started]")
-      ->expected(1)
-      ->take_all();
-  app.add_option("--device-mm-per-volume-mm", options.scale,
-                 "scale of the volume [fits 90 % of the device's workspace]");
-  app.add_option("--stiffness-n-per-mm", options.stiffness,
-                 "force per mm into the surface, 0 to 3 N/mm [0.5]");
-  app.add_option("--damping-n-s-per-m", options.damping,
-                 "damping along the surface's normal, 0 to 5 N s/m [0]");
-  app.add_option("--method", options.method,
-                 "decomposition of the cells: tpbcc, bcc, and on the simulated device tptd and "
-                 "tpbcc-published [tpbcc]");
-  app.add_option("--device", options.device,
-                 "haptic device: simulated, replay, omni-usb, falcon, openhaptics; see "
-                 "`palpate device list` [simulated]");
-  app.add_option("--socket", options.socket,
-                 "Unix socket to listen on [$PALPATE_SOCKET, /run/palpate/palpated.sock, or the "
-                 "user's own]");
-  app.add_option("--listen", options.listen,
-                 "also listen on this ADDR:PORT; TLS is required unless the address is loopback");
-  app.add_option("--state-folder", options.state_folder,
-                 "folder for the places of volumes and the session; empty: none [$STATE_DIRECTORY, "
-                 "$XDG_STATE_HOME/palpate or ~/.local/state/palpate]");
-  app.add_option("--log-level", options.log_level, "debug, info, warning or error [info]");
+  options.overrides.resize(std::size(kKeyOptions));
+  for (std::size_t n = 0; n < std::size(kKeyOptions); ++n) {
+    options.overrides[n].key = kKeyOptions[n].key;
+    options.given.push_back(Add(app, kKeyOptions[n], options.overrides[n]));
+  }
+  app.get_option("--normalized-isovalue")->excludes(app.get_option("--isovalue"));
   app.add_flag("--log-to-journal", options.log_to_journal,
                "log with the level prefixes of systemd's journal and without times "
                "[on if stderr is the journal]");
   app.set_version_flag("--version", "palpated " PALPATE_VERSION);
 }
 
-template <class T, class U>
-void Override(const std::optional<T>& from, U& to) {
-  if (from) to = *from;
-}
-
-void Override(const std::vector<std::string>& from,
-              std::optional<std::vector<std::filesystem::path>>& to) {
-  if (from.empty()) return;
-  to.emplace();
-  for (const std::string& folder : from) to->push_back(std::filesystem::absolute(folder));
-}
-
-// Puts the command line's values over the file's values.
-void Merge(const Options& options, Config& config) {
-  // A volume on the command line comes without the file's isovalue, spacing and grid.
-  if (options.volume) {
-    config.spacing_mm.reset();
-    config.grid.clear();
-    config.component.clear();
+// Keeps what the command line has given. Its folders may be relative.
+void KeepGiven(Options& options) {
+  ConfigOverrides given;
+  for (std::size_t n = 0; n < options.given.size(); ++n) {
+    if (options.given[n]->count() == 0) continue;
+    ConfigOverride& one = given.emplace_back(options.overrides[n]);
+    if (kKeyOptions[n].values != Values::kFolders) continue;
+    for (std::string& folder : std::get<std::vector<std::string>>(one.value)) {
+      folder = std::filesystem::absolute(folder);
+    }
   }
-  if (options.volume || options.isovalue || options.normalized_isovalue) {
-    config.isovalue = options.isovalue;
-    config.normalized_isovalue = options.normalized_isovalue;
-  }
-  Override(options.volume, config.volume);
-  Override(options.device, config.device.kind);
-  Override(options.socket, config.socket_path);
-  Override(options.stiffness, config.haptics.stiffness_n_per_mm);
-  Override(options.damping, config.haptics.damping_n_s_per_m);
-  Override(options.log_level, config.log_level);
-  if (options.state_folder) config.state_folder = options.state_folder;
-  if (options.scale) config.device_mm_per_volume_mm = options.scale;
-  if (options.listen) config.listen = ParseHostPort(*options.listen);
-  if (options.method) config.method = ParseMethod(*options.method);
-  Override(options.load_folders, config.load_folders);
-  Override(options.save_folders, config.save_folders);
-  if (!options.spacing_mm.empty()) config.spacing_mm = Vec3(options.spacing_mm.data());
-}
-
-// Removes the keys that the command line overrides: a change of these keys in the file has no
-// effect.
-void EraseOverridden(const Options& options, ConfigKeys& keys) {
-  const auto erase = [&keys](bool overridden, const char* key) {
-    if (overridden) keys.erase(key);
-  };
-  const bool isovalue = options.volume || options.isovalue || options.normalized_isovalue;
-  erase(isovalue, "volume.isovalue");
-  erase(isovalue, "volume.normalized_isovalue");
-  erase(options.volume || !options.spacing_mm.empty(), "volume.spacing_mm");
-  for (const char* key : {"volume.source", "volume.grid", "volume.component"}) {
-    erase(options.volume.has_value(), key);
-  }
-  erase(options.scale.has_value(), "volume.device_mm_per_volume_mm");
-  erase(options.device.has_value(), "device.kind");
-  erase(options.socket.has_value(), "server.socket");
-  erase(options.listen.has_value(), "server.listen");
-  erase(options.stiffness.has_value(), "haptics.stiffness_n_per_mm");
-  erase(options.damping.has_value(), "haptics.damping_n_s_per_m");
-  erase(options.method.has_value(), "haptics.method");
-  erase(options.state_folder.has_value(), "state.folder");
-  erase(!options.load_folders.empty(), "volume.load_folders");
-  erase(!options.save_folders.empty(), "volume.save_folders");
-  erase(options.log_level.has_value(), "log.level");
-}
-
-ConfigMerge MergeOf(const Options& options) {
-  return [&options](LoadedConfig& loaded) {
-    EraseOverridden(options, loaded.keys);
-    Merge(options, loaded.config);
-  };
+  options.overrides = std::move(given);
 }
 
 // SIGHUP ends a program in a terminal that hangs up. A service has no terminal; for a service
@@ -182,11 +166,11 @@ void KeepMemoryPrivate() {
 void Run(const Options& options) {
   KeepMemoryPrivate();
   const SmallThreadStacks stacks;
-  const LoadedConfig loaded = LoadConfig(options.config_file, MergeOf(options));
+  const LoadedConfig loaded = LoadConfig(options.config_file, options.overrides);
   SetLogLevel(loaded.config.log_level);
   ConfigReader read;
   if (!options.config_file.empty() && !HasTerminal()) {
-    read = [&] { return LoadConfig(options.config_file, MergeOf(options), ConfigUse::kReload); };
+    read = [&] { return LoadConfig(options.config_file, options.overrides, ConfigUse::kReload); };
   }
   RunDaemon(loaded, read);
 }
@@ -214,9 +198,8 @@ int Main(int argc, char** argv) {
     app.explain(error);
     return kUsageExitCode;
   }
-  if (options.check_config) {
-    return CheckConfigFile(options.config_file, MergeOf(options));
-  }
+  KeepGiven(options);
+  if (options.check_config) return CheckConfigFile(options.config_file, options.overrides);
   const bool to_journal = options.log_to_journal || StderrIsJournal();
   try {
     if (token_command) {

@@ -33,8 +33,8 @@ bool IsEmpty(const SettingsUpdate& update) {
 void CopyLive(const LoadedConfig& from, LoadedConfig& to) {
   to.config.haptics = from.config.haptics;
   to.config.method = from.config.method;
-  to.config.isovalue = from.config.isovalue;
-  to.config.normalized_isovalue = from.config.normalized_isovalue;
+  to.config.volume.isovalue = from.config.volume.isovalue;
+  to.config.volume.normalized_isovalue = from.config.volume.normalized_isovalue;
   to.config.security.policy = from.config.security.policy;
   std::erase_if(to.keys, [](const auto& entry) { return IsLive(entry.first); });
   std::copy_if(from.keys.begin(), from.keys.end(), std::inserter(to.keys, to.keys.end()),
@@ -76,8 +76,8 @@ SettingsUpdate UpdateOf(const std::vector<std::string>& keys, const Config& conf
   if (is_named("free_side")) update.free_side = config.haptics.free_side;
   if (is_named("method")) update.method = config.method;
   if (Names(keys, "volume.isovalue") || Names(keys, "volume.normalized_isovalue")) {
-    update.isovalue = config.isovalue;
-    update.normalized_isovalue = config.normalized_isovalue;
+    update.isovalue = config.volume.isovalue;
+    update.normalized_isovalue = config.volume.normalized_isovalue;
   }
   return update;
 }

@@ -7,7 +7,7 @@
 #include "common/wire/status.h"
 #include "server/log/log.h"
 #include "server/rpc/volume_messages.h"
-#include "server/session/series_files.h"
+#include "server/client_files/series_files.h"
 
 namespace palpate {
 namespace {

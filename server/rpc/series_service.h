@@ -3,7 +3,7 @@
 
 #include "palpate/v1/series.grpc.pb.h"
 #include "server/rpc/calls.h"
-#include "server/session/path_policy.h"
+#include "server/client_files/path_policy.h"
 #include "server/session/series_player.h"
 #include "server/session/session.h"
 

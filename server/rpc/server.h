@@ -26,7 +26,7 @@
 #include "server/rpc/series_service.h"
 #include "server/rpc/tls.h"
 #include "server/rpc/volume_service.h"
-#include "server/session/path_policy.h"
+#include "server/client_files/path_policy.h"
 #include "server/streaming/volume_streams.h"
 
 namespace palpate {

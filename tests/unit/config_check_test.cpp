@@ -18,12 +18,11 @@ using Keys = std::vector<std::string>;
 class ConfigCheckTest : public ::testing::Test, protected test::Certificates {
  protected:
   // Every fault as FILE:LINE: KEY ..., without the folder; none: it is fit.
-  Keys Faults(
-      const std::string& text, const ConfigMerge& merge = [](LoadedConfig&) {},
-      ConfigUse use = ConfigUse::kStart) const {
+  Keys Faults(const std::string& text, const ConfigOverrides& overrides = {},
+              ConfigUse use = ConfigUse::kStart) const {
     std::ofstream(In("f.toml")) << text;
     try {
-      LoadConfig(In("f.toml"), merge, use);
+      LoadConfig(In("f.toml"), overrides, use);
       return {};
     } catch (const ConfigError& error) {
       EXPECT_EQ(error.what(), error.lines().front());
@@ -93,6 +92,21 @@ TEST_F(ConfigCheckTest, EachFileOfTlsIsJudgedAtItsKey) {
   Issue("lab", "other", "DNS:localhost");
   ExpectFaults(Faults(Tls("server.pem", "other.key")),
                {"f.toml:3: tls.key: other.key ... server.pem"});
+}
+
+// Of keys that come together, the one that is there is blamed.
+TEST_F(ConfigCheckTest, KeysThatNeedEachOther) {
+  MakeGoodFiles();
+  ExpectFaults(Faults(Tls("server.pem", "")), {"f.toml:2: tls.certificate"});
+  ExpectFaults(Faults(Tls("", "server.key")), {"f.toml:3: tls.key"});
+  ExpectFaults(Faults(Tls("", "", "", "tokens.toml")), {"f.toml:5: tls.tokens"});
+  const std::string pair = Tls("server.pem", "server.key");
+  ExpectFaults(Faults(pair + "client_ca = \"" + In("lab.pem").string() + "\"\n"),
+               {"f.toml:6: tls.client_ca"});
+  ExpectFaults(Faults(pair + "[[tls.client]]\nsan = \"a\"\nrole = \"viewer\"\n"),
+               {"f.toml:6: tls.client"});
+  ExpectFaults(Faults("[volume]\nraw_type = \"uint8\"\n"), {"volume.raw_size "});
+  ExpectFaults(Faults("[volume]\nraw_size = [2, 2, 2]\n"), {"f.toml:2: volume.raw_size "});
 }
 
 TEST_F(ConfigCheckTest, WhatOnlyFollowsIsLeftOut) {
@@ -208,21 +222,48 @@ TEST_F(ConfigCheckTest, LooksAtTheWhole) {
 }
 
 TEST_F(ConfigCheckTest, TheCommandLineIsJudgedBesideTheFile) {
-  const auto merge = [](LoadedConfig& loaded) {
-    loaded.keys.erase("volume.source");
-    loaded.config.volume = "/no/such.nrrd";
-    loaded.config.haptics.stiffness_n_per_mm = 50.0;
-    loaded.config.log_level = "loud";
-    throw Error(ErrorKind::kInvalidArgument, "unknown method mc33");
+  const ConfigOverrides overrides = {{"volume.source", "/no/such.nrrd"},
+                                     {"haptics.stiffness_n_per_mm", 50.0},
+                                     {"log.level", "loud"},
+                                     {"haptics.method", "mc33"}};
+  ExpectFaults(Faults("[volume]\nsource = 3\n[haptics]\nstiff = 1\n", overrides),
+               {"haptics.stiffness_n_per_mm ", "log.level ", "haptics.method ",
+                "f.toml:2: volume.source ", "f.toml:4: haptics.stiff "});
+  ExpectFaults(Faults("[volume]\nsource = \"/of/the/file\"\n", overrides),
+               {"haptics.stiffness_n_per_mm ", "log.level ", "haptics.method ",
+                "volume.source: ... /no/such.nrrd"});
+}
+
+TEST_F(ConfigCheckTest, TheCommandLineStandsInPlaceOfTheFile) {
+  std::ofstream(In("f.toml")) << "[volume]\nsource = \"builtin:bumps\"\nisovalue = 0.5\n"
+                                 "spacing_mm = [2, 2, 2]\nframe = 1\nmax_upload_mib = 3\n"
+                                 "[haptics]\npop_force_n = 1\n";
+  const auto load = [&](const ConfigOverrides& overrides) {
+    return LoadConfig(In("f.toml"), overrides);
   };
-  ExpectFaults(Faults("[volume]\nsource = \"/of/the/file\"\n[haptics]\nstiff = 1\n", merge),
-               {"unknown method mc33", "volume.source: ... /no/such.nrrd",
-                "haptics.stiffness_n_per_mm: ... 50", "log.level ", "f.toml:4: haptics.stiff "});
+  EXPECT_EQ(load({}).config.volume.isovalue, 0.5);
+  // Another isovalue, in its other form.
+  const LoadedConfig isovalue = load({{"volume.normalized_isovalue", 0.25}});
+  EXPECT_FALSE(isovalue.config.volume.isovalue);
+  EXPECT_EQ(isovalue.config.volume.normalized_isovalue, 0.25);
+  EXPECT_EQ(isovalue.config.volume.spacing_mm, Vec3(2, 2, 2));
+  // Another volume has nothing of the file's.
+  const LoadedConfig other = load({{"volume.source", "builtin:sphere"},
+                                   {"volume.spacing_mm", std::vector<double>{1.0, 1.0, 3.0}},
+                                   {"volume.load_folders", std::vector<std::string>{"/tmp"}}});
+  EXPECT_EQ(other.config.volume.source, "builtin:sphere");
+  EXPECT_FALSE(other.config.volume.isovalue || other.config.volume.frame);
+  EXPECT_EQ(other.config.volume.spacing_mm, Vec3(1, 1, 3));
+  EXPECT_EQ(other.config.load_folders, std::vector<std::filesystem::path>{"/tmp"});
+  // A reload looks at the file's keys only.
+  ASSERT_EQ(other.keys.size(), 2u);
+  EXPECT_TRUE(other.keys.contains("volume.max_upload_mib"));
+  EXPECT_TRUE(other.keys.contains("haptics.pop_force_n"));
 }
 
 TEST_F(ConfigCheckTest, WhatTurnsOutLaterNamesItsLineToo) {
   std::ofstream(In("f.toml")) << "[volume]\nisovalue = 7\n";
-  const LoadedConfig loaded = LoadConfig(In("f.toml"), [](LoadedConfig&) {});
+  const LoadedConfig loaded = LoadConfig(In("f.toml"));
   const Error error(ErrorKind::kConflict, "too much");
   EXPECT_EQ(AtKey(loaded, "volume.isovalue", error).what(),
             In("f.toml").string() + ":2: volume.isovalue: too much");
@@ -232,23 +273,22 @@ TEST_F(ConfigCheckTest, WhatTurnsOutLaterNamesItsLineToo) {
 }
 
 TEST_F(ConfigCheckTest, AReloadDoesNotNeedWhatWasReadAtTheStart) {
-  const auto nothing = [](LoadedConfig&) {};
   const std::string gone = "\"" + In("gone.nrrd").string() + "\"\n";
   for (const std::string& text :
        {"[volume]\nsource = " + gone, "[device]\nkind = \"replay\"\nreplay_file = " + gone,
         "[device]\nkind = \"falcon\"\nfalcon_firmware = " + gone}) {
     EXPECT_NE(Faults(text), Keys()) << text;
-    EXPECT_EQ(Faults(text, nothing, ConfigUse::kReload), Keys()) << text;
+    EXPECT_EQ(Faults(text, {}, ConfigUse::kReload), Keys()) << text;
   }
   // What a reload takes over is looked at.
-  EXPECT_NE(Faults("[tls]\nkey = " + gone, nothing, ConfigUse::kReload), Keys());
+  EXPECT_NE(Faults("[tls]\nkey = " + gone, {}, ConfigUse::kReload), Keys());
 }
 
 ConfigKeys KeysOf(const std::string& text) {
   const test::TemporaryFolder folder;
   std::ofstream(folder.path() / "f.toml") << text;
   Config config;
-  return ReadConfig(folder.path() / "f.toml", config).keys;
+  return ReadConfig(folder.path() / "f.toml", {}, config).keys;
 }
 
 TEST(ConfigReload, SeesKeysThatChangedCameAndWent) {
@@ -295,7 +335,7 @@ TEST(ConfigReload, UpdatesOnlyTheKeysThatAreNamed) {
   EXPECT_FALSE(update.isovalue || update.normalized_isovalue || update.free_side || update.method);
   // An isovalue that is taken out stays until the next load.
   EXPECT_FALSE(UpdateOf({"volume.isovalue"}, config).normalized_isovalue);
-  config.isovalue = 300.0;
+  config.volume.isovalue = 300.0;
   EXPECT_EQ(UpdateOf({"volume.isovalue"}, config).isovalue, 300.0);
   EXPECT_FALSE(UpdateOf({"volume.isovalue"}, config).normalized_isovalue);
 }

@@ -1,5 +1,5 @@
 // Which files clients may name.
-#include "server/session/path_policy.h"
+#include "server/client_files/path_policy.h"
 
 #include <fcntl.h>
 #include <gtest/gtest.h>
@@ -72,9 +72,15 @@ TEST_F(PathPolicyTest, LoadsFromItsFoldersAndWhatIsBelow) {
   EXPECT_EQ(policy_.CheckLoad("builtin:bumps:32"), "builtin:bumps:32");
 }
 
+TEST_F(PathPolicyTest, LoadsWhatWasSaved) {
+  EXPECT_EQ(policy_.CheckLoad(In("save/old.vdb")), In("save/old.vdb"));
+  EXPECT_NE(policy_.OpenToLoad(In("save/old.vdb")), nullptr);
+  EXPECT_EQ(policy_.load_folders(), (std::vector<fs::path>{root_ / "load", root_ / "save"}));
+}
+
 TEST_F(PathPolicyTest, RefusesToLoadFromElsewhere) {
   for (const char* path : {"outside/secret.nrrd", "outside/absent", "load/../outside/secret.nrrd",
-                           "loads", "loads/a.nrrd", "", "save/old.vdb", "load/absent/../../x"}) {
+                           "loads", "loads/a.nrrd", "", "load/absent/../../x"}) {
     LoadRefusal(In(path));
   }
   LoadRefusal("/");

@@ -1,4 +1,4 @@
-#include "server/session/path_policy.h"
+#include "server/client_files/path_policy.h"
 
 #include <fcntl.h>
 #include <sys/stat.h>
@@ -95,7 +95,12 @@ fs::path CurrentFolder() {
 PathPolicy::PathPolicy(const PathPolicyOptions& options)
     : load_folders_(ResolveFolders(options.load_folders)),
       save_folders_(ResolveFolders(options.save_folders)),
-      own_files_(options.own_files) {}
+      own_files_(options.own_files) {
+  for (const fs::path& folder : save_folders_) {
+    if (std::find(load_folders_.begin(), load_folders_.end(), folder) == load_folders_.end())
+      load_folders_.push_back(folder);
+  }
+}
 
 void PathPolicy::CheckText(const std::string& path) {
   // These two messages do not repeat the path.

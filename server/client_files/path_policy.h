@@ -21,7 +21,8 @@
 namespace palpate {
 
 struct PathPolicyOptions {
-  // Absolute paths of folders. If a list is empty, clients may load nothing, or save nothing.
+  // Absolute paths of folders. Clients load from both lists: what a client has saved, clients can
+  // load again. They save to save_folders only. With empty lists, they may do neither.
   std::vector<std::filesystem::path> load_folders{};
   std::vector<std::filesystem::path> save_folders{};
   // Never loaded or overwritten, whatever the lists say.
@@ -63,7 +64,7 @@ class PathPolicy {
   // kNotFound (no such folder), kPermissionDenied.
   std::filesystem::path CheckSave(const std::string& path) const;
 
-  // The real paths, with links followed.
+  // The real paths of all folders to load from, with links followed.
   const std::vector<std::filesystem::path>& load_folders() const { return load_folders_; }
 
  private:
