@@ -103,6 +103,7 @@ Payload Encode(const RecordedScene& scene) {
   writer.Put(scene.value_min);
   writer.Put(scene.value_max);
   writer.Put(scene.is_level_set);
+  if (scene.X_WI) PutMap(*scene.X_WI, writer);
   return {ChunkType::kScene, std::move(writer).Take()};
 }
 
@@ -138,6 +139,8 @@ RecordedScene DecodeScene(ByteReader& reader) {
   scene.value_max = reader.Get<double>();
   if (reader.at_end()) return scene;  // version 3 ends here
   scene.is_level_set = GetFlag(reader);
+  if (reader.at_end()) return scene;  // version 4 ends here
+  scene.X_WI = GetMap(reader);
   return scene;
 }
 

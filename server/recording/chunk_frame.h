@@ -24,7 +24,7 @@ namespace palpate {
 
 // The version that is written. A later version stores more of each scene than an earlier one; all
 // versions from the oldest one on are read.
-inline constexpr std::uint32_t kRecordingVersion = 4;
+inline constexpr std::uint32_t kRecordingVersion = 5;
 inline constexpr std::uint32_t kOldestRecordingVersion = 2;
 // The first bytes of every recording.
 inline constexpr std::string_view kRecordingMagic = "\x89PLPREC\n";

@@ -45,7 +45,8 @@ RecordedScene ToRecorded(const Scene& scene, const VolumeHash& hash, double tick
           .size = scene.volume->size(),
           .value_min = scene.volume->metadata().value_min,
           .value_max = scene.volume->metadata().value_max,
-          .is_level_set = scene.volume->metadata().is_level_set};
+          .is_level_set = scene.volume->metadata().is_level_set,
+          .X_WI = scene.volume->metadata().WorldFromIndex()};
 }
 
 Scene ToScene(const RecordedScene& recorded, std::shared_ptr<const VolumeSnapshot> volume,

@@ -73,6 +73,8 @@ struct RecordedScene {
   double value_min = 0.0;      // value range of the volume, data units
   double value_max = 0.0;
   bool is_level_set = false;  // always false before version 4
+  // Places the ticks in the world, for readers; a replay does not need it. Absent before version 5.
+  std::optional<AffineMap> X_WI{};
 };
 
 struct RecordedBrick {

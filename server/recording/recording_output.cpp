@@ -1,5 +1,6 @@
 #include "server/recording/recording_output.h"
 
+#include <sys/statvfs.h>
 #include <unistd.h>
 
 #include <chrono>
@@ -66,6 +67,20 @@ bool IsRecording(const std::filesystem::path& path) {
          start == kRecordingMagic;
 }
 
+// A recording that ends within seconds is of no use, and its client may notice too late.
+void CheckRoom(const std::filesystem::path& path) {
+  struct statvfs disk {};
+  const bool is_known =
+      statvfs(std::filesystem::absolute(path).parent_path().c_str(), &disk) == 0 &&
+      disk.f_blocks > 0;
+  const std::uint64_t free_bytes = std::uint64_t{disk.f_bavail} * disk.f_frsize;
+  if (!is_known || free_bytes >= kLeastRoomBytes) return;
+  throw Error(ErrorKind::kDiskFull, "cannot record to " + path.string() + ": its disk has only " +
+                                        std::to_string(free_bytes >> 20) +
+                                        " MiB left, and a recording takes about 8 a " +
+                                        "minute; make space, or name another folder");
+}
+
 }  // namespace
 
 std::unique_ptr<RecordingOutput> CreateRecordingFile(
@@ -76,6 +91,7 @@ std::unique_ptr<RecordingOutput> CreateRecordingFile(
                                           ": this is no recording, and stays; name "
                                           "another file");
   }
+  CheckRoom(path);
   return std::make_unique<RecordingFile>(path, overwrite, std::move(now));
 }
 

@@ -27,9 +27,11 @@ class RecordingOutput {
 // settings.
 //
 // Throws Error: kConflict if `path` exists and `overwrite` is false, or if it exists and is no
-// recording; the errors of CannotWrite if the file cannot be written. Append throws kConflict if
-// `path` was made in the meantime; kDiskFull. `now`: the clock for the second between two syncs;
+// recording; kDiskFull if the disk has less than kLeastRoomBytes; the errors of CannotWrite if the
+// file cannot be written. Append throws kConflict if `path` was made in the meantime; kDiskFull.
+// `now`: the clock for the second between two syncs;
 // tests pass their own.
+inline constexpr std::uint64_t kLeastRoomBytes = std::uint64_t{16} << 20;  // about two minutes
 std::unique_ptr<RecordingOutput> CreateRecordingFile(
     const std::filesystem::path& path, bool overwrite,
     std::function<std::chrono::steady_clock::time_point()> now = std::chrono::steady_clock::now);

@@ -118,6 +118,19 @@ class Recorded(RecordingTest):
         with self.assertRaises(palpate.NotFound):
             self.recording.scene_at(0)
 
+    def test_places_in_the_world(self):
+        scene = self.recording.scenes[-1]
+        uploaded = self.expected["volume"]
+        np.testing.assert_array_equal(scene.world_from_index, uploaded.world_from_index)
+        indices = np.array([[0, 0, 0], [3, 4, 5], [19, 32, 17]], float)
+        there = [matrix[:3, :3] @ indices.T + matrix[:3, 3:]
+                 for matrix in (scene.device_from_index, scene.world_from_index)]
+        np.testing.assert_allclose(scene.to_world_mm(there[0].T), there[1].T, atol=1e-9)
+        np.testing.assert_allclose(scene.to_world_mm(there[0].T[1]), there[1].T[1], atol=1e-9)
+        for bad in ((1, 2), np.zeros((2, 2, 3)), 5):
+            with self.assertRaises(palpate.InvalidArgument):
+                scene.to_world_mm(bad)
+
     def test_voxels_of_each_state(self):
         changed = set()
         for tick, values in self.expected["voxels"]:
@@ -226,7 +239,10 @@ class Made(unittest.TestCase):
         choose = random.Random(7)
         scene = 2, corpus_recordings.scene() + struct.pack("<3dBB3i2dB", 0.05, 3.3, 0.001, 1, 1, 16,
                                                            16, 16, 0.0, 1.0, 1)
-        self.assertEqual(self.opened(framed(scene)).scenes[0].shape, (16, 16, 16))
+        of_version_4 = self.opened(framed(scene)).scenes[0]
+        self.assertEqual(of_version_4.shape, (16, 16, 16))
+        with self.assertRaises(palpate.FailedPrecondition):
+            of_version_4.to_world_mm((0, 0, 0))
         for name, (kind, payload) in corpus_recordings.chunks().items():
             with self.subTest(name):
                 recording = self.opened(framed((kind, payload), version=2))
@@ -246,7 +262,7 @@ class Made(unittest.TestCase):
         self.assertIsNone(recording.scenes[0].shape)
         with self.assertRaises(palpate.FailedPrecondition):
             recording.voxels(0, np.zeros((16, 16, 16)))
-        for version in (1, 5):
+        for version in (1, 6):
             with self.assertRaisesRegex(palpate.InvalidArgument, f"of version {version}"):
                 self.opened(framed(version=version))
 

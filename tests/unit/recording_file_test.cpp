@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 #include <signal.h>
 #include <sys/resource.h>
+#include <sys/statvfs.h>
 #include <sys/syscall.h>
 #include <unistd.h>
 
@@ -10,6 +11,7 @@
 #include <filesystem>
 #include <string>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include "server/recording/recording_reader.h"
@@ -25,8 +27,18 @@
 namespace {
 
 std::atomic<int> syncs{0};
+std::uint64_t free_bytes = std::uint64_t{1} << 40;
 
 }  // namespace
+
+// A disk with as much room as the test wants.
+extern "C" int statvfs(const char*, struct statvfs* disk) noexcept {
+  *disk = {};
+  disk->f_frsize = 1;
+  disk->f_blocks = std::uint64_t{1} << 41;
+  disk->f_bavail = free_bytes;
+  return 0;
+}
 
 // Counts how often this program asks for its data to be on the disk, and does it.
 extern "C" int fdatasync(int file) {
@@ -126,6 +138,17 @@ TEST(RecordingFile, AFullDiskLeavesWholeChunks) {
   writer.AppendEnd();
   EXPECT_EQ(Read(path).ticks, 2u);
   EXPECT_TRUE(Read(path).complete);
+}
+
+TEST(RecordingFile, NoneBeginsOnADiskThatIsNearlyFull) {
+  const TemporaryFolder folder;
+  const auto path = folder.path() / "a.palpate";
+  const std::uint64_t before = std::exchange(free_bytes, kLeastRoomBytes - 1);
+  EXPECT_EQ(Refusal([&] { CreateRecordingFile(path, false); }), ErrorKind::kDiskFull);
+  EXPECT_EQ(FilesIn(folder.path()), 0u);
+  free_bytes = kLeastRoomBytes;
+  EXPECT_NE(CreateRecordingFile(path, false), nullptr);
+  free_bytes = before;
 }
 
 // The last number after "ticks " on a whole line.

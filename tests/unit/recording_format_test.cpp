@@ -75,6 +75,7 @@ RecordedScene SceneAt(std::uint64_t tick) {
                       .value_max = 0.1};
   scene.X_DI.linear << 1.0, 0.1, -2.0, 1e-9, 0.7, 3.0, 1.0 / 7.0, 0.0, 5.0;
   scene.X_DI.translation = Vec3(-0.0, 1e-320, 7.0);
+  scene.X_WI.emplace().translation = Vec3(1.0, -2.5, 1.0 / 3.0);
   return scene;
 }
 
@@ -124,6 +125,8 @@ void ExpectSameScene(const RecordedScene& a, const RecordedScene& b) {
                     s.value_max, s.isovalue, s.normalized_isovalue);
   };
   EXPECT_TRUE(members(a) == members(b));
+  ASSERT_TRUE(a.X_WI && b.X_WI);
+  EXPECT_EQ(*a.X_WI, *b.X_WI);
   EXPECT_TRUE(b.unknown_settings.empty());
 }
 
@@ -156,6 +159,17 @@ TEST(RecordingFormat, EverythingComesBack) {
   EXPECT_EQ(reader.lost_ticks(), 2u);
   EXPECT_TRUE(reader.complete());
   EXPECT_EQ(reader.stopped_because(), "");
+}
+
+TEST(RecordingFormat, ASceneOfVersion4HasNoPlaceInTheWorld) {
+  RecordedScene old = SceneAt(7);
+  old.X_WI.reset();
+  RecordingReader reader =
+      ReadBytes(FrameHeader({.program = "test"}) + FrameChunk(EncodeChunk(old), 0));
+  const std::vector<RecordedChunk> chunks = ReadAll(reader);
+  ASSERT_EQ(chunks.size(), 1u);
+  EXPECT_FALSE(std::get<RecordedScene>(chunks[0]).X_WI);
+  EXPECT_EQ(std::get<RecordedScene>(chunks[0]).value_max, old.value_max);
 }
 
 TEST(RecordingFormat, ACutRecordingReadsUpToTheLastWholeChunk) {
@@ -259,8 +273,8 @@ TEST(RecordingFormat, OtherFilesAreRefusedInOneLine) {
     EXPECT_EQ(Refusal([&] { ReadBytes(bytes); }), ErrorKind::kInvalidArgument);
   }
   std::string newer = FrameHeader({.program = "test"});
-  newer[8] = 5;
-  EXPECT_NE(testing::Complaint([&] { ReadBytes(newer); }).find('5'), std::string::npos);
+  newer[8] = 6;
+  EXPECT_NE(testing::Complaint([&] { ReadBytes(newer); }).find('6'), std::string::npos);
   EXPECT_EQ(Refusal([] { RecordingReader("/nowhere/recording"); }), ErrorKind::kNotFound);
 }
 

@@ -304,7 +304,7 @@ TEST_F(RecordingReplay, GivesTheSameBitsOfAnotherDevice) {
   EXPECT_GT(as_omni.counts().differing, 100u);
 }
 
-// Of version 2: the scenes end 55 bytes earlier, before the device; an Omni's numbers were used.
+// Of version 2: the scenes end 151 bytes earlier, before the device; an Omni's numbers were used.
 std::string AsVersion2(const std::string& bytes) {
   std::istringstream in(bytes);
   std::string old = FrameHeader(ReadHeader(in, "test"));
@@ -315,7 +315,7 @@ std::string AsVersion2(const std::string& bytes) {
   Payload payload;
   for (std::uint64_t number = 0; ReadChunk(in, number, payload); ++number) {
     if (payload.type == ChunkType::kScene) {
-      payload.bytes.resize(payload.bytes.size() - 55);
+      payload.bytes.resize(payload.bytes.size() - 151);
     }
     old += FrameChunk(payload, number);
   }

@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from palpate._enums import DecompositionMethod
-from palpate._errors import InvalidArgument
+from palpate._errors import FailedPrecondition, InvalidArgument
 from palpate._recording_frame import Damaged, Reader, unpack
 from palpate._settings import Settings
 
@@ -57,6 +57,8 @@ class RecordedScene:
     value_min, value_max: range of the volume, data units; None: not recorded (version 2)
     is_level_set: values are signed distances from a surface at 0, negative inside
     device_from_index: (4, 4) voxel index (x, y, z, 1) to the device frame: mm
+    world_from_index: (4, 4) voxel index to world: mm, LPS as in DICOM; None: not recorded (before
+        version 5)
     volume_hash: identifies the contents of the volume; equal hashes mean equal volumes
     all_voxels_stored: the recording has all voxels, not only edited ones
     voxels_missing: more voxels had changed than a recording stores
@@ -78,11 +80,31 @@ class RecordedScene:
     value_max: float | None
     is_level_set: bool
     device_from_index: npt.NDArray[np.float64]
+    world_from_index: npt.NDArray[np.float64] | None
     volume_hash: int
     all_voxels_stored: bool
     voxels_missing: bool
     tick_period_s: float
     forces_off: bool
+
+    def to_world_mm(self, points_mm: npt.ArrayLike) -> npt.NDArray[np.float64]:
+        """Returns points of the device frame in world coordinates: mm, LPS as in DICOM.
+
+        points_mm: (n, 3) or (3,), mm, such as RecordedTicks.scp_h_mm of ticks of this scene.
+        Errors: FailedPrecondition (recorded by an earlier version), InvalidArgument (another
+        shape).
+        Example: recording.scene_at(tick).to_world_mm(recording.ticks.scp_h_mm[0])
+        """
+        if self.world_from_index is None:
+            raise FailedPrecondition("this recording does not say where the volume lay in the "
+                                     "world: record with a newer palpated")
+        points = np.asarray(points_mm, np.float64)
+        if points.ndim not in (1, 2) or points.shape[-1] != 3:
+            raise InvalidArgument("points_mm is (3,) or (n, 3)")
+        if not np.linalg.det(self.device_from_index[:3, :3]):
+            raise InvalidArgument("the recording's place of the volume is no place")
+        world_from_device = self.world_from_index @ np.linalg.inv(self.device_from_index)
+        return points @ world_from_device[:3, :3].T + world_from_device[:3, 3]
 
     def __repr__(self) -> str:
         return (f"<palpate recorded scene: from tick {self.tick} on, {self.volume_source}, "
@@ -158,9 +180,7 @@ def scene_of(reader: Reader) -> RecordedScene:
                                        "normalized_isovalue": normalized_isovalue}
     unknown = _read_settings(reader.get_text(), settings)
     settings["method"] = _method(reader.get_text())
-    device_from_index = np.eye(4)
-    device_from_index[:3, :3] = np.reshape(reader.get("9d"), (3, 3), order="F")
-    device_from_index[:3, 3] = reader.get("3d")
+    device_from_index = _map_of(reader)
     high, low = reader.get("2Q")
     source = reader.get_text()
     spacing_mm = np.array(reader.get("3d"))
@@ -178,17 +198,25 @@ def scene_of(reader: Reader) -> RecordedScene:
         **later)
 
 
+def _map_of(reader: Reader) -> npt.NDArray[np.float64]:
+    matrix = np.eye(4)
+    matrix[:3, :3] = np.reshape(reader.get("9d"), (3, 3), order="F")
+    matrix[:3, 3] = reader.get("3d")
+    return matrix
+
+
 def _read_later(reader: Reader) -> dict[str, typing.Any]:
-    """Reads the additions of version 3 and version 4."""
+    """Reads the additions of versions 3 to 5."""
     if reader.at_end:
         return {"all_voxels_stored": False, "shape": None, "value_min": None, "value_max": None,
-                "is_level_set": False}
+                "is_level_set": False, "world_from_index": None}
     # About the device, and whether loading the source again gives the volume.
     reader.get("3dB")
     stored, x, y, z, value_min, value_max = reader.get("B3i2d")
     is_level_set = False if reader.at_end else bool(reader.get("B")[0])
     return {"all_voxels_stored": bool(stored), "shape": (x, y, z), "value_min": value_min,
-            "value_max": value_max, "is_level_set": is_level_set}
+            "value_max": value_max, "is_level_set": is_level_set,
+            "world_from_index": None if reader.at_end else _map_of(reader)}
 
 
 def _read_settings(text: str, settings: dict[str, typing.Any]) -> dict[str, str]:

@@ -12,7 +12,7 @@ import zstandard
 from palpate._errors import InvalidArgument
 
 _MAGIC = b"\x89PLPREC\n"
-_OLDEST_VERSION, _VERSION = 2, 4
+_OLDEST_VERSION, _VERSION = 2, 5
 _MOST_PAYLOAD_BYTES = 16 << 20
 # More than zstd can need for a payload of the greatest size.
 _MOST_STORED_BYTES = _MOST_PAYLOAD_BYTES + (_MOST_PAYLOAD_BYTES >> 8)
