@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <iterator>
+#include <limits>
 #include <utility>
 
 #include "client/cli/output.h"
@@ -20,6 +21,21 @@ Json MapJson(const AffineMap& map) {
 }
 
 std::string YesOrNo(bool value) { return value ? "yes" : "no"; }
+
+// The box in the world that holds all voxels, by their centres.
+std::string WorldBox(const client::VolumeInfo& volume) {
+  Vec3 low = Vec3::Constant(std::numeric_limits<double>::infinity()), high = -low;
+  for (int corner = 0; corner < 8; ++corner) {
+    const Vec3i far(corner & 1, corner >> 1 & 1, corner >> 2);
+    const Vec3 p_I = (volume.size - Vec3i::Ones()).cwiseProduct(far).cast<double>();
+    const Vec3 p_W_mm = volume.world_from_index.Apply(p_I);
+    low = low.cwiseMin(p_W_mm);
+    high = high.cwiseMax(p_W_mm);
+  }
+  // LPS: towards the patient's left, back and head.
+  return fmt::format("world (LPS) x {:g} to {:g}, y {:g} to {:g}, z {:g} to {:g} mm", low.x(),
+                     high.x(), low.y(), high.y(), low.z(), high.z());
+}
 
 }  // namespace
 
@@ -100,6 +116,7 @@ std::string Describe(const client::VolumeInfo& volume) {
                   volume.size.y(), volume.size.z(), spacing.x(), spacing.y(), spacing.z(), type));
   AppendLine(text, "",
              fmt::format("values {:g} to {:g}{}", volume.value_min, volume.value_max, unit));
+  AppendLine(text, "", WorldBox(volume));
   AppendLine(text, "",
              fmt::format("scale {:g} mm of the device per mm of the volume; {:.1f} MiB",
                          volume.device_mm_per_volume_mm,

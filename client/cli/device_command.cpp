@@ -43,8 +43,8 @@ void PrintDevice(client::Calls& palpated, bool json) {
   const client::DaemonInfo info = palpated.GetDevice();
   WriteOutput(json ? ToText({{"device", ToJson(info.device)},
                              {"health", ToJson(info.health)},
-                             {"forces", ToJson(info.forces)}})
-                   : Describe(info.device) + Describe(info.health) + Describe(info.forces));
+                             {"forces", ForcesJson(info)}})
+                   : Describe(info.device) + Describe(info.health) + DescribeForces(info));
 }
 
 void Calibrate(client::Calls& palpated, bool json) {

@@ -35,6 +35,12 @@ std::string Line(const Row& row, const std::array<std::size_t, 5>& widths) {
 
 }  // namespace
 
+Json ForcesJson(const client::DaemonInfo& daemon) {
+  Json object = ToJson(daemon.forces);
+  object["set_by"] = daemon.forces_set_by;
+  return object;
+}
+
 Json CallerJson(const client::DaemonInfo& daemon) {
   return {{"identity", daemon.identity}, {"role", client::NameOf(daemon.role)}};
 }
@@ -171,6 +177,14 @@ std::string Describe(const client::ForceStatus& forces) {
   std::string text;
   AppendLine(text, "forces", InWords(forces));
   AppendLine(text, "", fmt::format("at most {:.3g} N now", forces.limit_n));
+  return text;
+}
+
+std::string DescribeForces(const client::DaemonInfo& daemon) {
+  std::string text = Describe(daemon.forces);
+  if (!daemon.forces_set_by.empty()) {
+    AppendLine(text, "", "set by " + OneLine(daemon.forces_set_by));
+  }
   return text;
 }
 

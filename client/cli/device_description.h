@@ -15,6 +15,8 @@ Json ToJson(const client::ForceStatus& forces);
 Json ToJson(const client::ListedDevice& device);
 // Returns the identity and role that the daemon has verified for this client.
 Json CallerJson(const client::DaemonInfo& daemon);
+// The state of the forces, and who set it.
+Json ForcesJson(const client::DaemonInfo& daemon);
 
 // Returns text such as "none: nothing of it was seen on hardware".
 std::string InWords(client::VerificationLevel level);
@@ -29,6 +31,7 @@ std::string DescribeCaller(const client::DaemonInfo& daemon);
 std::string Describe(const client::DeviceInfo& device);
 std::string Describe(const client::DeviceHealth& health);
 std::string Describe(const client::ForceStatus& forces);
+std::string DescribeForces(const client::DaemonInfo& daemon);
 
 // Returns a table. Below each unusable device it says why and what to do.
 std::string Describe(const std::vector<client::ListedDevice>& list);

@@ -15,7 +15,7 @@ void PrintInfo(client::Calls& palpated, bool json) {
   if (json) {
     const Json info = {{"version", daemon.servo.version}, {"server", palpated.name()},
                        {"caller", CallerJson(daemon)},    {"device", ToJson(daemon.device)},
-                       {"health", ToJson(daemon.health)}, {"forces", ToJson(daemon.forces)},
+                       {"health", ToJson(daemon.health)}, {"forces", ForcesJson(daemon)},
                        {"servo", ToJson(daemon.servo)},   {"volume", ToJson(volume)},
                        {"settings", ToJson(settings)}};
     WriteOutput(ToText(info, 2));
@@ -23,7 +23,7 @@ void PrintInfo(client::Calls& palpated, bool json) {
   }
   WriteOutput("palpated " + OneLine(daemon.servo.version) + " at " + palpated.name() + "\n" +
               DescribeCaller(daemon) + Describe(daemon.device) + Describe(daemon.health) +
-              Describe(daemon.forces) + Describe(daemon.servo) + Describe(volume) +
+              DescribeForces(daemon) + Describe(daemon.servo) + Describe(volume) +
               DescribeIsovalues(volume, settings.isovalue) + DescribeWarnings(volume) +
               Describe(settings));
 }

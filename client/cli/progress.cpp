@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cstdio>
+#include <utility>
 
 #include "client/cli/output.h"
 #include "common/error/one_line.h"
@@ -13,10 +14,13 @@ namespace palpate::cli {
 namespace {
 
 constexpr int kProgressWidth = 30;
+// In a pipe. Work that takes less leaves no line.
+constexpr std::chrono::seconds kLinePeriod{2};
 
 }  // namespace
 
-ProgressPrinter::ProgressPrinter() : is_terminal_(IsTerminal(STDERR_FILENO)) {}
+ProgressPrinter::ProgressPrinter(std::function<Clock::time_point()> now)
+    : is_terminal_(IsTerminal(STDERR_FILENO)), now_(std::move(now)), last_line_(now_()) {}
 
 ProgressPrinter::~ProgressPrinter() {
   if (bar_drawn_) std::fputs("\r\x1b[K", stderr);
@@ -24,8 +28,7 @@ ProgressPrinter::~ProgressPrinter() {
 
 void ProgressPrinter::Print(std::string_view stage, double fraction, std::string_view detail) {
   fraction = std::clamp(fraction, 0.0, 1.0);
-  const std::string name = OneLine(stage);
-  const std::string text = name + (detail.empty() ? "" : " " + OneLine(detail));
+  const std::string text = OneLine(stage) + (detail.empty() ? "" : " " + OneLine(detail));
   if (is_terminal_) {
     const auto filled = static_cast<std::size_t>(fraction * kProgressWidth);
     fmt::print(stderr, "\r\x1b[K[{:<{}}] {:3.0f} % {:.36}", std::string(filled, '#'),
@@ -33,12 +36,10 @@ void ProgressPrinter::Print(std::string_view stage, double fraction, std::string
     bar_drawn_ = true;
     return;
   }
-  const int quarter = static_cast<int>(fraction * 4.0);
-  if (name != stage_ || quarter != quarter_) {
-    stage_ = name;
-    quarter_ = quarter;
-    fmt::print(stderr, "{:3.0f} % {}\n", 100.0 * fraction, text);
-  }
+  const Clock::time_point now = now_();
+  if (now - last_line_ < kLinePeriod) return;
+  last_line_ = now;
+  fmt::print(stderr, "{:3.0f} % {}\n", 100.0 * fraction, text);
 }
 
 }  // namespace palpate::cli

@@ -3,6 +3,8 @@
 // Threads: main only.
 #pragma once
 
+#include <chrono>
+#include <functional>
 #include <string>
 #include <string_view>
 
@@ -11,22 +13,25 @@
 
 namespace palpate::cli {
 
-// On a terminal: a bar in place, removed at the end. Otherwise: one line per stage and per quarter.
+// On a terminal: a bar in place, removed at the end. Otherwise: a line every 2 s.
 class ProgressPrinter {
  public:
-  ProgressPrinter();
+  using Clock = std::chrono::steady_clock;
+
+  // now: tests pass their own clock.
+  explicit ProgressPrinter(std::function<Clock::time_point()> now = Clock::now);
   ~ProgressPrinter();
   ProgressPrinter(const ProgressPrinter&) = delete;
   ProgressPrinter& operator=(const ProgressPrinter&) = delete;
 
-  // `fraction`: of the whole, 0 to 1. A change of `detail` alone does not begin a new line.
+  // `fraction`: of the whole, 0 to 1.
   void Print(std::string_view stage, double fraction, std::string_view detail = {});
 
  private:
   const bool is_terminal_;
+  const std::function<Clock::time_point()> now_;
   bool bar_drawn_ = false;
-  std::string stage_;
-  int quarter_ = -1;
+  Clock::time_point last_line_;
 };
 
 // Runs call(progress), such as Calls::LoadVolume, and shows its progress. Ctrl-C and SIGTERM cancel

@@ -49,25 +49,34 @@ class JsonSink : public Sink {
   }
 };
 
-// Returns the isovalue of a sample as a fraction of its volume's range, if the range is known.
-class Normalizer {
+// Relates a sample to its volume: to the range of its values, and to its place in the world.
+class FeltVolume {
  public:
-  explicit Normalizer(client::Calls& palpated) : palpated_(palpated) {}
+  explicit FeltVolume(client::Calls& palpated) : palpated_(palpated) {}
 
-  std::optional<double> Normalize(const client::Pose& pose, std::int64_t now_ns) {
-    if (pose.volume_revision != volume_.volume_revision && now_ns - fetched_ns_ > kSecondNs) {
+  void Relate(WatchStatus& status, std::int64_t now_ns) {
+    const client::Pose& pose = *status.pose;
+    // A new place of the volume is a change of settings; it is shown within a second.
+    const bool is_other = pose.volume_revision != volume_.volume_revision ||
+                          pose.settings_revision != settings_revision_;
+    if (is_other && now_ns - fetched_ns_ > kSecondNs) {
       fetched_ns_ = now_ns;
-      Fetch();
+      Fetch(pose);
     }
+    status.normalized_isovalue.reset();
+    status.scp_h_world_mm.reset();
+    if (pose.volume_revision != volume_.volume_revision) return;
     const double range = volume_.value_max - volume_.value_min;
-    if (pose.volume_revision != volume_.volume_revision || !(range > 0.0)) return std::nullopt;
-    return (pose.isovalue - volume_.value_min) / range;
+    if (range > 0.0) status.normalized_isovalue = (pose.isovalue - volume_.value_min) / range;
+    status.scp_h_world_mm = X_WD_.Apply(pose.scp_h_mm);
   }
 
  private:
-  void Fetch() {
+  void Fetch(const client::Pose& pose) {
     try {
       volume_ = palpated_.GetVolume();
+      X_WD_ = volume_.world_from_index * volume_.device_from_index.Inverse();
+      settings_revision_ = pose.settings_revision;
     } catch (const Error&) {
       // Ignored: this value is an extra of the view. The stream itself reports real trouble.
     }
@@ -75,6 +84,8 @@ class Normalizer {
 
   client::Calls& palpated_;
   client::VolumeInfo volume_;
+  AffineMap X_WD_;
+  std::uint64_t settings_revision_ = 0;
   std::int64_t fetched_ns_ = -2 * kSecondNs;
 };
 
@@ -89,7 +100,7 @@ double MaxForceN(client::Calls& palpated) {
 class TextSink : public Sink {
  public:
   explicit TextSink(client::Calls& palpated)
-      : normalizer_(palpated),
+      : volume_(palpated),
         is_live_(IsTerminal(STDOUT_FILENO)),
         last_shown_ns_(NowNs()),
         statistics_(last_shown_ns_, palpated.shares_clock()) {
@@ -116,9 +127,7 @@ class TextSink : public Sink {
       return;
     }
     last_shown_ns_ = now_ns;
-    if (status_.pose) {
-      status_.normalized_isovalue = normalizer_.Normalize(*status_.pose, now_ns);
-    }
+    if (status_.pose) volume_.Relate(status_, now_ns);
     status_.figures = statistics_.Figures(now_ns);
     if (is_live_) {
       ShowLive();
@@ -147,7 +156,7 @@ class TextSink : public Sink {
     WriteOutput(text);
   }
 
-  Normalizer normalizer_;
+  FeltVolume volume_;
   const bool is_live_;
   std::int64_t last_shown_ns_;
   WatchStatistics statistics_;

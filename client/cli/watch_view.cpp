@@ -91,6 +91,7 @@ std::vector<std::string> LiveView(const WatchStatus& status, int columns, int ro
     lines.push_back("HIP       " + Aligned(s.hip_mm));
     lines.push_back("SCP_H     " + Aligned(s.scp_h_mm));
     lines.push_back("SCP_V     " + Aligned(s.scp_v_mm));
+    lines.push_back("in LPS    " + Aligned(status.scp_h_world_mm) + " (SCP_H in the world)");
     lines.push_back(
         fmt::format("force     {:>7.3f} N {}", force_n, ForceBar(force_n, status.max_force_n)));
     if (LacksForces(s)) lines.push_back("forces    " + InWords(s.forces));

@@ -10,6 +10,7 @@
 #include "common/error/error.h"
 #include "common/wire/force_words.h"
 #include "common/wire/status.h"
+#include "server/log/log.h"
 #include "server/rpc/device_messages.h"
 #include "server/safety/names.h"
 
@@ -108,6 +109,10 @@ Reply* DeviceService::GetDevice(CallContext* context, const v1::GetDeviceRequest
                          *response->mutable_health() = palpate::ToProto(device_.health());
                          if (const auto forces = forces_.newest())
                            *response->mutable_forces() = ToProto(*forces);
+                         {
+                           const std::lock_guard lock(mutex_);
+                           response->set_forces_set_by(forces_set_by_);
+                         }
                          v1::ServoDescription* servo = response->mutable_servo();
                          servo->set_rate_hz(ServoLoop::kRateHz);
                          servo->set_realtime_scheduling(servo_.grant().fifo);
@@ -140,9 +145,9 @@ Reply* DeviceService::ListDevices(CallContext* context, const v1::ListDevicesReq
 Reply* DeviceService::EnableForces(CallContext* context, const v1::EnableForcesRequest* request,
                                    v1::EnableForcesResponse* response) {
   return calls_.Answer(context, "/palpate.v1.DeviceService/EnableForces", *request,
-                       [=, this](const Admission&) {
+                       [=, this](const Admission& by) {
                          CheckName(request->device());
-                         const ForceTick forces = Command(ForceCommand::kEnable);
+                         const ForceTick forces = Command(ForceCommand::kEnable, by);
                          CheckEnabled(forces);
                          Answer(forces, *response);
                        });
@@ -152,7 +157,7 @@ Reply* DeviceService::DisableForces(CallContext* context, const v1::DisableForce
                                     v1::DisableForcesResponse* response) {
   return calls_.Answer(
       context, "/palpate.v1.DeviceService/DisableForces", *request,
-      [=, this](const Admission&) { Answer(Command(ForceCommand::kDisable), *response); });
+      [=, this](const Admission& by) { Answer(Command(ForceCommand::kDisable, by), *response); });
 }
 
 Reply* DeviceService::StopForces(CallContext* context, const v1::StopForcesRequest*,
@@ -165,6 +170,7 @@ Reply* DeviceService::StopForces(CallContext* context, const v1::StopForcesReque
     return refused;
   }
   servo_.forces().Set(ForceCommand::kStop);
+  Note(ForceCommand::kStop, admission);
   return new StopAnswer(std::move(admission), forces_, FirstTickThatKnows(servo_), *response);
 }
 
@@ -206,8 +212,9 @@ void DeviceService::CheckName(const std::string& name) const {
 
 // Gives the command and returns a tick that certainly knows it. Another command may have come in
 // between: the tick tells which command holds.
-ForceTick DeviceService::Command(ForceCommand command) {
+ForceTick DeviceService::Command(ForceCommand command, const Admission& by) {
   servo_.forces().Set(command);
+  Note(command, by);
   if (const auto forces = forces_.WaitForTick(FirstTickThatKnows(servo_), kTickPatience)) {
     return *forces;
   }
@@ -215,6 +222,16 @@ ForceTick DeviceService::Command(ForceCommand command) {
   const bool holds = command != ForceCommand::kEnable;
   if (!holds) servo_.forces().Withdraw(command);
   throw NoTick(command, holds);
+}
+
+void DeviceService::Note(ForceCommand command, const Admission& by) {
+  {
+    const std::lock_guard lock(mutex_);
+    forces_set_by_ = by.Who();
+  }
+  const bool is_stop = command == ForceCommand::kStop;
+  Log(is_stop ? LogLevel::kWarning : LogLevel::kInfo, "forces: {}, by {}",
+      is_stop ? "emergency stop" : NameOf(command), by.Who());
 }
 
 // A new zero makes positions jump, and the forces with them.

@@ -6,6 +6,7 @@
 #pragma once
 
 #include <functional>
+#include <mutex>
 #include <vector>
 
 #include "palpate/v1/device.grpc.pb.h"
@@ -46,7 +47,8 @@ class DeviceService final : public v1::DeviceService::CallbackService {
 
  private:
   void CheckName(const std::string& name) const;
-  ForceTick Command(ForceCommand command);
+  ForceTick Command(ForceCommand command, const Admission& by);
+  void Note(ForceCommand command, const Admission& by);
   void CheckForcesAreOff() const;
   void CheckEnabled(const ForceTick& forces) const;
 
@@ -56,6 +58,9 @@ class DeviceService final : public v1::DeviceService::CallbackService {
   const SceneInbox& inbox_;
   const ForceWatch& forces_;
   DeviceList list_;
+
+  std::mutex mutex_;           // guards the member below
+  std::string forces_set_by_;  // see GetDeviceResponse
 };
 
 }  // namespace palpate

@@ -70,7 +70,8 @@ DAEMON = {
     "info": [
         Step("info", has=[
             "palpated ", " at unix:", "device    simulated", "verification level: simulated",
-            "1000 Hz", " ticks, ", "32 x 32 x 32 voxels", "values ", "scale ", "isovalue ",
+            "1000 Hz", " ticks, ", "32 x 32 x 32 voxels", "world (LPS) x ", "values ", "scale ",
+            "isovalue ",
             "stiffness 0.5 N/mm", "method tpbcc", "off: damping",
         ]),
         Step("info --json", keys=[
@@ -136,6 +137,8 @@ DAEMON = {
         Step("device enable other", exit=3, error="simulated"),
         Step("device stop", has=["forces    stopped: ", "since tick "]),
         Step("device stop --json", json={"state": "stopped", "reason": "stop_call"}),
+        Step("device info", has=["set by local socket at unix:"]),
+        Step("info --json", keys=["forces.set_by"]),
         Step("device enable", has=["forces    ", "since tick "]),
     ],
     "load": [

@@ -157,6 +157,7 @@ WatchStatus FullStatus() {
   status.server = "unix:/run/palpate/palpated.sock";
   status.pose = ContactPose();
   status.normalized_isovalue = 0.25;
+  status.scp_h_world_mm = Vec3(-12.5, 80.0, 1234.0);
   status.max_force_n = 10.0;
   status.figures.seconds = 12.0;
   status.figures.recent_samples_per_s = 1000.0;
@@ -187,7 +188,8 @@ TEST(WatchViewTest, LiveViewShowsAllThatIsKnown) {
   EXPECT_LE(std::count(text.begin(), text.end(), '\n'), 23);
   for (const char* part :
        {"constrained, in contact", "5.000 N [###############               ] of 10 N",
-        "isovalue -200 (normalised 0.2500)", "settings 7", "volume 3", "11 in all", "SCP_V"}) {
+        "isovalue -200 (normalised 0.2500)", "settings 7", "volume 3", "11 in all", "SCP_V",
+        "-12.500     80.000   1234.000 mm"}) {
     EXPECT_TRUE(Shows(text, part)) << part << "\n" << text;
   }
 }

@@ -12,6 +12,7 @@
 #include "client/cli/output.h"
 #include "client/cli/paths_there.h"
 #include "client/cli/place_command.h"
+#include "client/cli/progress.h"
 #include "client/cli/reach.h"
 #include "client/cli/record_command.h"
 #include "client/cli/set_command.h"
@@ -32,6 +33,28 @@ client::Settings Told(const v1::RenderSettings& settings) { return client::FromP
 
 client::Settings Told(const client::SettingsUpdate& update) {
   return Told(client::ToProto(update).settings());
+}
+
+TEST(Progress, InAPipeIsALineEveryTwoSeconds) {
+  ProgressPrinter::Clock::time_point now{};
+  ::testing::internal::CaptureStderr();
+  {
+    ProgressPrinter printer([&] { return now; });
+    for (int tenth = 0; tenth <= 50; ++tenth) {
+      printer.Print("reading", 0.02 * tenth);
+      now += std::chrono::milliseconds(100);
+    }
+  }
+  EXPECT_EQ(::testing::internal::GetCapturedStderr(), " 40 % reading\n 80 % reading\n");
+}
+
+TEST(VolumeWords, TheBoxInTheWorldHoldsAllVoxels) {
+  client::VolumeInfo volume;
+  volume.size = Vec3i(3, 5, 2);
+  volume.world_from_index.linear.diagonal() = Vec3(-2.0, 1.0, 10.0);
+  volume.world_from_index.translation = Vec3(100.0, -8.0, 0.5);
+  const std::string text = Describe(volume);
+  EXPECT_NE(text.find("x 96 to 100, y -8 to -4, z 0.5 to 10.5 mm"), text.npos) << text;
 }
 
 TEST(CliSetting, NamesOfValuesAreTheDaemons) {
@@ -178,7 +201,7 @@ TEST(CliVolume, TextFromElsewhereStaysOnItsLine) {
   volume.source = "evil\n\x1b[2Jname";
   const std::string text = Describe(volume);
   EXPECT_EQ(text.find('\x1b'), std::string::npos);
-  EXPECT_EQ(std::count(text.begin(), text.end(), '\n'), 4);
+  EXPECT_EQ(std::count(text.begin(), text.end(), '\n'), 5);
   volume.source = "/data/\xff.nrrd";  // no UTF-8
   EXPECT_TRUE(Json::accept(ToText(ToJson(volume))));
 }

@@ -200,6 +200,7 @@ TEST(DeviceService, UnverifiedForcesAreOffAndWantTheName) {
   DeviceServiceRig rig;
   ASSERT_TRUE(rig.Becomes(v1::FORCE_STATE_OFF));
   EXPECT_EQ(rig.Get().forces().reason(), v1::FORCE_REASON_OPERATOR);
+  EXPECT_EQ(rig.Get().forces_set_by(), "");
   const grpc::Status nameless = rig.Enable("");
   EXPECT_EQ(nameless.error_code(), StatusCode::INVALID_ARGUMENT);
   EXPECT_TRUE(Has(nameless, "fake-usb")) << nameless.error_message();
@@ -210,6 +211,7 @@ TEST(DeviceService, UnverifiedForcesAreOffAndWantTheName) {
     EXPECT_EQ(other.error_message().find('\n'), std::string::npos);
   }
   EXPECT_EQ(rig.Get().forces().state(), v1::FORCE_STATE_OFF);
+  EXPECT_EQ(rig.Get().forces_set_by(), "");  // nobody has
   const std::uint64_t missed = rig.servo().missed_ticks();
   const grpc::Status enabled = rig.Enable("fake-usb");
   ASSERT_TRUE(enabled.ok()) << enabled.error_message();

@@ -46,6 +46,8 @@ class DeviceInfo:
     calibrated: the device knows where its stylus is
     problem: what is wrong and what to do; empty: nothing
     forces: the state of the forces
+    forces_set_by: who enabled, disabled or stopped forces last, and from where, such as
+        "token or-2 at ipv4:192.0.2.7:51544"; empty: no client since the daemon's start
     rate_hz: of the servo loop, Hz
     realtime_scheduling: the system runs the servo before ordinary programs
     memory_locked: the system does not swap the daemon's memory out
@@ -73,6 +75,7 @@ class DeviceInfo:
     calibrated: bool
     problem: str
     forces: Forces
+    forces_set_by: str
     rate_hz: float
     realtime_scheduling: bool
     memory_locked: bool
@@ -140,7 +143,7 @@ class Device:
             verification_level=VerificationLevel(device.verification_level),
             connection=DeviceConnection(health.connection), docked=health.docked,
             calibrated=health.calibrated, problem=health.problem, forces=_forces_of(answer.forces),
-            rate_hz=servo.rate_hz, realtime_scheduling=servo.realtime_scheduling,
+            forces_set_by=answer.forces_set_by, rate_hz=servo.rate_hz, realtime_scheduling=servo.realtime_scheduling,
             memory_locked=servo.memory_locked, warnings=tuple(servo.warnings), ticks=servo.ticks,
             missed_ticks=servo.missed_ticks, version=servo.version,
             identity=health.identity, caller=answer.caller.identity,
