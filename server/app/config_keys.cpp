@@ -77,7 +77,8 @@ FreeSide Side(const Entry& entry) {
 
 DecompositionMethod Method(const Entry& entry) {
   if (const auto method = MethodNamed(entry.Text())) return *method;
-  Refuse("must be \"tpbcc\", \"bcc\", \"tptd\" or \"tpbcc-published\"");
+  Refuse("must be \"tpbcc\", \"bcc\", \"tptd\" or \"tpbcc-published\", not \"" + entry.Text() +
+         "\"");
 }
 
 std::string LogLevelName(const Entry& entry) {

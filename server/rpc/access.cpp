@@ -90,6 +90,12 @@ grpc::Status Admission::TakeSamples(int samples_per_s) {
   return grpc::Status::OK;
 }
 
+std::string Admission::Who() const {
+  const std::string& name = running_->caller.name;
+  const std::string& peer = running_->peer;
+  return peer.starts_with("unix:") ? name : name + " at " + peer;
+}
+
 void Admission::Answered() {
   if (!access_) return;
   running_->is_answered = true;

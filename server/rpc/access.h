@@ -54,8 +54,8 @@ class Admission {
   // While an upload waits for its client: the client has send_patience to send more.
   void WaitForMore(bool begins);
   const Identity& caller() const { return running_->caller; }  // of an admitted call
-  // "token ada at ipv4:192.0.2.7:51544"; of an admitted call.
-  std::string Who() const { return running_->caller.name + " at " + running_->peer; }
+  // "local socket", "token ada at ipv4:192.0.2.7:51544"; of an admitted call.
+  std::string Who() const;
   // Ends the admission: the call is over.
   void Leave();
   // Returns the status of an admitted call that failed. Logs the failures of transfers and of

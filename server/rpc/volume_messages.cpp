@@ -60,6 +60,9 @@ v1::VolumeDescription ToProto(const VolumeState& state) {
   out.set_unsaved_edits(state.unsaved_edits);
   out.set_frames(static_cast<std::uint32_t>(metadata.frames));
   for (const std::string& warning : metadata.warnings) out.add_warnings(warning);
+  if (!state.place_problem.empty()) {
+    out.add_warnings("the volume's place is not kept for its next load: " + state.place_problem);
+  }
   for (const auto& [name, isovalue, reason] : state.values->suggested) {
     v1::SuggestedIsovalue& suggested = *out.add_suggested_isovalues();
     suggested.set_name(name);

@@ -141,7 +141,8 @@ VolumeState Session::VolumeLocked() const {
           scene_revision_,
           store_.unsaved_edits(),
           settings_.isovalue,
-          values_};
+          values_,
+          registration_store_ ? registration_store_->failure() : std::string()};
 }
 
 void Session::SetInitial(const RenderSettings& settings) {

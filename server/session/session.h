@@ -99,6 +99,7 @@ struct VolumeState {
   std::uint64_t unsaved_edits = 0;
   double isovalue = 0.0;                       // data units
   std::shared_ptr<const VolumeValues> values;  // as loaded; edits do not change them
+  std::string place_problem;  // why a changed place is not kept for the next load; empty: it is
 };
 
 class Session {

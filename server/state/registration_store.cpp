@@ -111,18 +111,24 @@ void RegistrationStore::Save() {
                  [&](const auto& entry) { return sources.contains(entry.source); });
   }
   if (changed.empty()) return;
+  std::string failure;
   try {
     WriteMerged(changed);
-    last_failure_.clear();
   } catch (const std::exception& error) {
-    // A failure is logged once, not at every move.
-    if (error.what() != last_failure_) {
-      LogWarning("the places of volumes are not saved: {}", error.what());
-    }
-    last_failure_ = error.what();
-    const std::lock_guard lock(mutex_);
-    unsaved_.merge(sources);  // saved with the next change
+    failure = error.what();
   }
+  const std::lock_guard lock(mutex_);
+  // A failure is logged once, not at every move.
+  if (!failure.empty() && failure != failure_) {
+    LogWarning("the places of volumes are not saved: {}", failure);
+  }
+  if (!failure.empty()) unsaved_.merge(sources);  // saved with the next change
+  failure_ = failure;
+}
+
+std::string RegistrationStore::failure() const {
+  const std::lock_guard lock(mutex_);
+  return failure_;
 }
 
 // Adds the changes to the file's present entries: another daemon of the same user may have written

@@ -44,6 +44,8 @@ class RegistrationStore {
 
   // Writes all unsaved changes now.
   void Save();
+  // Why the last save failed; empty: it did not. Does not wait for the disk.
+  std::string failure() const;
 
  private:
   void Run();
@@ -54,12 +56,12 @@ class RegistrationStore {
   const std::chrono::milliseconds save_delay_;
 
   std::mutex file_mutex_;  // held while the file is written; taken before mutex_
-  std::string last_failure_;
 
   mutable std::mutex mutex_;  // guards what follows
   std::condition_variable changed_;
   std::vector<StoredRegistration> entries_;  // oldest first
   std::set<std::string> unsaved_;            // sources of the unsaved entries
+  std::string failure_;
   bool dirty_ = false;                       // changed since the thread last checked
   bool stop_ = false;
   std::thread thread_;

@@ -247,12 +247,19 @@ TEST_F(RegistrationStoreTest, AFailedSaveIsMadeUpFor) {
   std::ofstream(folder_.path() / "not") << "in the way";
   const VolumeMetadata volume = VolumeOf("builtin:bumps"), other = VolumeOf("builtin:gyroid");
   RegistrationStore store(state_, 1h);
+  testing::EditableSession data;
+  data.session().SetRegistrationStore(store);
+  data.Load("builtin:sphere:16");
   store.Keep(volume, At(volume, 1.0));
+  EXPECT_EQ(data.session().volume().place_problem, "");
   store.Save();
+  EXPECT_EQ(data.session().volume().place_problem, store.failure());
+  EXPECT_NE(store.failure(), "");
   std::filesystem::remove(folder_.path() / "not");
   store.Keep(other, At(other, 1.0));
   store.Save();
   EXPECT_EQ(Entries(), 2u);
+  EXPECT_EQ(store.failure(), "");
 }
 
 TEST_F(RegistrationStoreTest, ASessionUsesIt) {
