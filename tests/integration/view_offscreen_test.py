@@ -60,7 +60,7 @@ class Offscreen(Drawn):
         for options in (("--no-box",), ("--veil", "0.2,0.5"), ("--color", "255,0,0"),
                         ("--coloring", "slope", "--color-map", "viridis"),
                         ("--crop", "0,0.5,0,1,0,1"), ("--target", "20,0,0"),
-                        ("--camera", "20,15,100")):
+                        ("--camera", "20,15,100"), ("--camera", "anterior")):
             with self.subTest(options=options):
                 self.assertFalse(np.array_equal(plain, look(*options)))
 
@@ -174,10 +174,10 @@ class OffscreenAlone(unittest.TestCase):
                         "--panels", "--offscreen --frames 1 --seconds 1", "--offscreen --frames 0",
                         "--offscreen --frames x", "--offscreen --frames 1 --wait-gap 1",
                         "--size 1280", "--size 10x800", "--size 1280x800x2", "--camera 1",
-                        "--camera 0,90", "--camera 0,0,0", "--camera nan,0", "--camera profile",
-                        "--camera profile,0", "--target here", "--target 1,2", "--veil=",
-                        "--veil 1,2", "--color 1,2", "--color 0,0,256", "--color-map rainbow",
-                        "--coloring none", "--window 2,1", "--crop 0,1,0,1,0",
+                        "--camera 0,90", "--camera front", "--camera 0,0,0", "--camera nan,0",
+                        "--camera profile", "--camera profile,0", "--target here", "--target 1,2",
+                        "--veil=", "--veil 1,2", "--color 1,2", "--color 0,0,256",
+                        "--color-map rainbow", "--coloring none", "--window 2,1", "--crop 0,1,0,1,0",
                         "--crop 0.5,0.5,0,1,0,1", "--crop 0,2,0,1,0,1", "--socket a --server b:1",
                         "--nonsense", "file.nrrd"):
             with self.subTest(options):

@@ -33,6 +33,9 @@ class Dice {
     camera.Set(Point(100), Between(-720, 720), Between(-120, 120), Between(1, 1000));
     return camera;
   }
+  Mat3 AnyTurn() {
+    return Eigen::AngleAxisd(Between(0, 6), Point(1).normalized()).toRotationMatrix();
+  }
 
  private:
   std::mt19937 random_{11};
@@ -146,6 +149,42 @@ TEST(Camera, AResetShowsAllOfItInAnImageOfAnyShape) {
       widest = std::max(widest, from_middle.norm() / std::min(size.width, size.height));
     }
     ASSERT_GT(widest, 0.15);  // and not from the moon
+  }
+}
+
+// The old distance, to a sphere around the bounds, left a quarter of the picture to a cube.
+TEST(Camera, FitTouchesTheEdgeOfTheImage) {
+  Dice dice;
+  for (int n = 0; n < 2000; ++n) {
+    const Vec3 a = dice.Point(200), b = dice.Point(200);
+    const Bounds bounds{a.cwiseMin(b), a.cwiseMax(b)};
+    Camera camera = dice.AnyCamera();
+    camera.SetUpright(dice.AnyTurn());
+    camera.Fit(bounds);
+    const ImageSize size = {600, 600};
+    double widest_px = 0.0;
+    for (const Vec3& corner : Corners(bounds)) {
+      const Vec3 seen = Appears(camera, corner, size, bounds);
+      widest_px = std::max({widest_px, std::abs(seen.x() - 300.0), std::abs(seen.y() - 300.0)});
+    }
+    ASSERT_LE(widest_px, 300.0);
+    ASSERT_GT(widest_px, 0.9 * 300.0);
+  }
+}
+
+TEST(Camera, WhatIsUprightStaysUprightWhileTheCameraTurns) {
+  Dice dice;
+  for (int n = 0; n < 1000; ++n) {
+    Camera camera = dice.AnyCamera();
+    const Mat3 R_DU = dice.AnyTurn();
+    camera.SetUpright(R_DU);
+    camera.Orbit(dice.Between(-720, 720), dice.Between(-120, 120));
+    const ImageSize size = dice.Size();
+    const Vec3 above = camera.target() + 0.1 * camera.distance_mm() * R_DU.col(1);
+    const Vec3 top = Appears(camera, above, size, Bounds());
+    ASSERT_NEAR(top.x(), 0.5 * size.width, 1e-6);
+    ASSERT_LT(top.y(), 0.5 * size.height);
+    ASSERT_NEAR((camera.Eye() - camera.target()).norm(), camera.distance_mm(), 1e-9);
   }
 }
 

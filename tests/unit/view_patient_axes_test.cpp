@@ -3,8 +3,11 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <map>
 #include <string>
+#include <string_view>
 
+#include "client/view/scene/camera.h"
 #include "tests/support/orientations.h"
 
 namespace palpate::view {
@@ -77,6 +80,54 @@ TEST(ViewPatientAxes, SlicesAreAsRadiologistsOrNeurologistsHaveThem) {
   EXPECT_EQ(Letters(0, SliceSide::kNeurological), "APSI");
   EXPECT_EQ(Letters(1, SliceSide::kNeurological), "LRSI");
   EXPECT_EQ(Letters(2, SliceSide::kNeurological), "LRAP");
+}
+
+// Which side of the patient is nearest to the eye, which is up, and which is right; as letters.
+std::string Sees(const Camera& camera, const Mat3& D_from_W) {
+  const AffineMap X_VD = camera.X_VD();
+  std::string letters;
+  for (const int row : {2, 1, 0}) {
+    const Vec3 direction_W = D_from_W.transpose() * X_VD.linear.row(row).transpose();
+    int axis = 0;
+    EXPECT_GT(direction_W.cwiseAbs().maxCoeff(&axis), 0.999 * direction_W.norm());
+    letters += LetterOf({axis, direction_W[axis] < 0.0 ? -1 : 1});
+  }
+  return letters;
+}
+
+TEST(ViewPatientAxes, EachViewShowsItsSideUpright) {
+  const std::map<std::string_view, std::string> expected = {
+      {"anterior", "ASL"}, {"posterior", "PSR"}, {"left", "LSP"},
+      {"right", "RSA"},    {"superior", "SAR"},  {"inferior", "IAL"}};
+  const Mat3 placed = 0.4 * Eigen::AngleAxisd(2.0, Vec3(3, -2, 1).normalized()).toRotationMatrix();
+  for (const Mat3& D_from_W : {Mat3(0.4 * Mat3::Identity()), placed}) {
+    for (const Mat3& orientation : testing::Orientations()) {
+      const Mat3 W_from_I = orientation * kSpacing_mm.asDiagonal();
+      Camera camera;
+      camera.SetUpright(UprightPatient(D_from_W * W_from_I, W_from_I));
+      for (const PatientView& view : kPatientViews) {
+        camera.Set(Vec3::Zero(), view.azimuth_deg, view.elevation_deg, 100.0);
+        EXPECT_EQ(Sees(camera, D_from_W), expected.at(view.name)) << view.name;
+      }
+    }
+  }
+}
+
+TEST(ViewPatientAxes, AFileOfAPatientSaysWhereItLies) {
+  VolumeLattice plain;  // of a file that states a spacing only
+  plain.X_WI.linear = kSpacing_mm.asDiagonal();
+  plain.value_max = 255.0;
+  EXPECT_FALSE(IsOfPatient(plain));
+  VolumeLattice in_hu = plain, turned = plain, placed = plain, vdb = plain;
+  in_hu.unit = "HU";
+  EXPECT_TRUE(IsOfPatient(in_hu));
+  turned.X_WI.linear.col(0) *= -1.0;
+  EXPECT_TRUE(IsOfPatient(turned));
+  placed.X_WI.translation = {0.0, -120.0, 0.0};
+  EXPECT_TRUE(IsOfPatient(placed));
+  vdb.X_WI.translation = placed.X_WI.translation;
+  vdb.source = "/data/bunny.vdb";
+  EXPECT_FALSE(IsOfPatient(vdb));
 }
 
 }  // namespace

@@ -81,9 +81,16 @@ void TakeCamera(const Text& text, Options& options) {
     options.target = TargetStart::kProxy;
     return;
   }
+  for (const PatientView& view : kPatientViews) {
+    if (text != view.name) continue;
+    options.camera = CameraStart{
+        .of_patient = true, .azimuth_deg = view.azimuth_deg, .elevation_deg = view.elevation_deg};
+    return;
+  }
   const std::vector<double> n = Numbers(*text, 2, 3);
   if (n.empty() || std::abs(n[1]) > 89.0 || (n.size() == 3 && n[2] <= 0.0)) {
     RefuseOption("--camera", *text,
+                 "anterior, posterior, left, right, superior or inferior; or "
                  "AZIMUTH,ELEVATION[,DISTANCE]: degrees, the second -89 to 89, and mm; or "
                  "profile,DISTANCE");
   }
@@ -217,10 +224,11 @@ void AddView(arguments::Command& app, Options& options, Texts& texts) {
   const auto add = [&](const char* name, auto& text, const char* form, const char* about) {
     return app.add_option(name, text, about)->option_text(form)->group(group);
   };
-  add("--camera", texts.camera, "AZ,EL[,MM]|profile,MM",
-      "Degrees about the vertical, from the front to the right, and above it;\n"
-      "distance in mm of the device [default: 20,15, all in view]; profile: along\n"
-      "the surface at the proxy");
+  add("--camera", texts.camera, "SIDE|AZ,EL[,MM]|profile,MM",
+      "The patient's side to look at: anterior, posterior, left, right, superior,\n"
+      "inferior; or degrees about the device's vertical, from the front to the right,\n"
+      "and above it, and mm of the device; or profile: along the surface at the proxy\n"
+      "[default: all in view, a patient from anterior, other things at 30,20]");
   add("--target", texts.target, "X,Y,Z|scp|volume",
       "Look at a point in mm of the device (x right, y up, z to the user),\n"
       "at the proxy, or at the volume's middle [default: volume]");

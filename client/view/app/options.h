@@ -18,6 +18,8 @@ struct CameraStart {
   // Beside the proxy and along the surface, so that the gap between H and V is visible. The angles
   // are then ignored.
   bool in_profile = false;
+  // The angles are of the upright patient, not of the device.
+  bool of_patient = false;
   double azimuth_deg = 0.0;
   double elevation_deg = 0.0;
   std::optional<double> distance_mm{};  // none: the whole volume is in view

@@ -152,14 +152,26 @@ std::optional<Bounds> Viewer::VolumeBounds() const {
   return Bounds{.min_mm = box.min(), .max_mm = box.max()};
 }
 
+// None: the camera's own.
+std::optional<CameraStart> Viewer::FirstLook() const {
+  if (options_.camera || !IsOfPatient(*feed_.volume().lattice())) return options_.camera;
+  return CameraStart{.of_patient = true, .azimuth_deg = 20.0, .elevation_deg = 10.0};
+}
+
 void Viewer::Aim() {
   const std::optional<Bounds> bounds = VolumeBounds();
   if (!bounds) return;
   Camera& camera = state_.camera;
   camera.Reset(*bounds);
-  if (options_.camera && !options_.camera->in_profile) {
-    camera.Set(camera.target(), options_.camera->azimuth_deg, options_.camera->elevation_deg,
-               options_.camera->distance_mm.value_or(camera.distance_mm()));
+  const std::optional<CameraStart> start = FirstLook();
+  if (start && !start->in_profile) {
+    const ViewVolume& volume = feed_.volume();
+    if (start->of_patient) {
+      camera.SetUpright(UprightPatient(volume.X_DI()->linear, volume.lattice()->X_WI.linear));
+    }
+    camera.Set(camera.target(), start->azimuth_deg, start->elevation_deg,
+               start->distance_mm.value_or(camera.distance_mm()));
+    if (!start->distance_mm) camera.Fit(*bounds);
   }
   aimed_ = true;
   if (options_.target == TargetStart::kPoint) camera.LookAt(options_.target_D);

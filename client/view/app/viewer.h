@@ -140,6 +140,7 @@ class Viewer {
   // `view`: the size on the screen, for things whose size does not depend on the picture's pixels.
   void DrawAt(const ImageSize& size, const ImageSize& view);
   std::optional<Bounds> VolumeBounds() const;
+  std::optional<CameraStart> FirstLook() const;
   void AimInProfile();
 
   Options options_;

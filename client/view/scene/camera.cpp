@@ -1,7 +1,9 @@
 #include "client/view/scene/camera.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstddef>
 #include <numbers>
 
 namespace palpate::view {
@@ -10,8 +12,10 @@ namespace {
 constexpr double kMaxElevation_deg = 89.0;
 constexpr double kMinDistance_mm = 1e-3;
 constexpr double kMaxDistance_mm = 1e6;
-constexpr double kResetAzimuth_deg = 20.0;
-constexpr double kResetElevation_deg = 15.0;
+constexpr double kResetAzimuth_deg = 30.0;
+constexpr double kResetElevation_deg = 20.0;
+// Of the distance that fits exactly: room for the letters.
+constexpr double kFitMargin = 1.05;
 // The nearest visible distance, as a share of the distance to the target.
 constexpr double kNearShare = 0.01;
 
@@ -29,6 +33,17 @@ HalfView HalfViewOf(const ImageSize& size) {
   return {shorter * std::max(aspect, 1.0), shorter * std::max(1.0 / aspect, 1.0)};
 }
 
+std::array<Vec3, 8> CornersOf(const Bounds& bounds) {
+  std::array<Vec3, 8> corners;
+  for (std::size_t n = 0; n < corners.size(); ++n) {
+    corners[n] = bounds.min_mm;
+    for (int axis = 0; axis < 3; ++axis) {
+      if (n >> axis & 1) corners[n][axis] = bounds.max_mm[axis];
+    }
+  }
+  return corners;
+}
+
 // Distances along the view.
 struct DepthRange {
   double near_mm;
@@ -37,11 +52,7 @@ struct DepthRange {
 
 DepthRange DepthsOf(const AffineMap& X_VD, double target_mm, const Bounds& bounds) {
   double nearest = target_mm, farthest = target_mm;
-  for (int corner = 0; corner < 8; ++corner) {
-    Vec3 p_D = bounds.min_mm;
-    for (int axis = 0; axis < 3; ++axis) {
-      if (corner >> axis & 1) p_D[axis] = bounds.max_mm[axis];
-    }
+  for (const Vec3& p_D : CornersOf(bounds)) {
     const double depth = -X_VD.Apply(p_D).z();
     nearest = std::min(nearest, depth);
     farthest = std::max(farthest, depth);
@@ -54,10 +65,22 @@ DepthRange DepthsOf(const AffineMap& X_VD, double target_mm, const Bounds& bound
 }  // namespace
 
 void Camera::Reset(const Bounds& bounds) {
-  const double radius_mm = std::max(0.5 * (bounds.max_mm - bounds.min_mm).norm(), kMinDistance_mm);
-  // A sphere around the bounds nearly fills the image's shorter side.
-  Set(0.5 * (bounds.min_mm + bounds.max_mm), kResetAzimuth_deg, kResetElevation_deg,
-      1.05 * radius_mm / std::sin(Radians(0.5 * kFieldOfView_deg)));
+  R_DU_ = Mat3::Identity();
+  Set(target_D_, kResetAzimuth_deg, kResetElevation_deg, distance_mm_);
+  Fit(bounds);
+}
+
+void Camera::Fit(const Bounds& bounds) {
+  const Vec3 middle_D = 0.5 * (bounds.min_mm + bounds.max_mm);
+  const Mat3 R_VD = X_VD().linear;
+  const double half = std::tan(Radians(0.5 * kFieldOfView_deg));
+  double distance_mm = 0.0;
+  for (const Vec3& p_D : CornersOf(bounds)) {
+    const Vec3 p_V = R_VD * (p_D - middle_D);
+    const double aside = std::max(std::abs(p_V.x()), std::abs(p_V.y()));
+    distance_mm = std::max(distance_mm, p_V.z() + kFitMargin * aside / half);
+  }
+  Set(middle_D, azimuth_deg_, elevation_deg_, distance_mm);
 }
 
 void Camera::Orbit(double azimuth_deg, double elevation_deg) {
@@ -88,13 +111,13 @@ void Camera::Set(const Vec3& target_D, double azimuth_deg, double elevation_deg,
 Vec3 Camera::Eye() const {
   const double a = Radians(azimuth_deg_), e = Radians(elevation_deg_);
   const Vec3 towards(std::sin(a) * std::cos(e), std::sin(e), std::cos(a) * std::cos(e));
-  return target_D_ + distance_mm_ * towards;
+  return target_D_ + distance_mm_ * (R_DU_ * towards);
 }
 
 AffineMap Camera::X_VD() const {
   const Vec3 eye = Eye();
   const Vec3 back = (eye - target_D_).normalized();
-  const Vec3 right = Vec3::UnitY().cross(back).normalized();
+  const Vec3 right = R_DU_.col(1).cross(back).normalized();
   AffineMap X;
   X.linear.row(0) = right;
   X.linear.row(1) = back.cross(right);

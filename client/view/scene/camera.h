@@ -1,6 +1,8 @@
-// The camera. It turns about the point that it looks at. y is up, as in the device's frame.
+// The camera. It turns about the point that it looks at, and keeps something upright: the device,
+// or the patient.
 //
-// Frames: D device (mm); V view (mm, x right, y up, z towards the viewer); pixels from
+// Frames: D device (mm); U what is upright (x right, y up, z to the front); V view (mm, x right,
+// y up, z towards the viewer); pixels from
 // the upper left corner, y down, pixel centres at halves.
 // Threads: plain values.
 #pragma once
@@ -32,9 +34,12 @@ class Camera {
  public:
   static constexpr double kFieldOfView_deg = 35.0;  // of the image's shorter side
 
-  // Looks at the middle of `bounds` from the front, slightly from above and from the right. Far
-  // enough to see all of `bounds` in an image of any shape.
+  // Sees three quarters of `bounds`: from the front, from the right and from above. D is upright.
   void Reset(const Bounds& bounds);
+  // Sees all of `bounds` from its direction, in an image of any shape, from as near as possible.
+  void Fit(const Bounds& bounds);
+  // Keeps this frame upright: R_DU is a rotation. The angles stay, so the view turns.
+  void SetUpright(const Mat3& R_DU) { R_DU_ = R_DU; }
   // Turns about the target. The elevation stays within ±89°.
   void Orbit(double azimuth_deg, double elevation_deg);
   // A factor above 1 moves closer.
@@ -64,8 +69,9 @@ class Camera {
 
  private:
   Vec3 target_D_ = Vec3::Zero();
-  double azimuth_deg_ = 20.0;    // about y, 0 from +z
-  double elevation_deg_ = 15.0;  // above the x-z plane
+  Mat3 R_DU_ = Mat3::Identity();
+  double azimuth_deg_ = 30.0;    // about U's y, 0 from +z
+  double elevation_deg_ = 20.0;  // above U's x-z plane
   double distance_mm_ = 300.0;
 };
 

@@ -145,7 +145,7 @@ void AddBox(const AffineMap& X_DI, const Vec3i& lattice_size, Overlay& overlay) 
 // is looked at.
 void AddBoxLetters(const OverlayScene& scene, const Camera& camera, const PixelSize& pixel,
                    Overlay& overlay) {
-  constexpr double kAlongSight = 0.85;
+  constexpr double kAlongSight = 0.8;
   const PatientAxes axes = NearestAxes(*scene.W_from_I);
   const Vec3 edges = scene.lattice_size.cast<double>();
   const Vec3 center_D = scene.X_DI->Apply(0.5 * (edges - Vec3::Ones()));

@@ -52,4 +52,20 @@ char LetterOf(const SignedAxis& direction_W) {
   return (direction_W.sign > 0 ? "LPS" : "RAI")[direction_W.axis];
 }
 
+Mat3 UprightPatient(const Mat3& D_from_I, const Mat3& W_from_I) {
+  const Mat3 D_from_W = D_from_I * W_from_I.inverse();
+  Mat3 R_DU;
+  R_DU.col(1) = D_from_W.col(2).normalized();
+  R_DU.col(0) = D_from_W.col(0).normalized();
+  R_DU.col(2) = R_DU.col(0).cross(R_DU.col(1));
+  return R_DU;
+}
+
+bool IsOfPatient(const VolumeLattice& lattice) {
+  const Mat3 cosines = lattice.X_WI.linear.colwise().normalized();
+  const bool is_turned = !cosines.isIdentity(1e-6);
+  const bool is_placed = !lattice.X_WI.translation.isZero(0.0) && !lattice.source.ends_with(".vdb");
+  return lattice.unit == "HU" || is_turned || is_placed;
+}
+
 }  // namespace palpate::view

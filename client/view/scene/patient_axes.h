@@ -9,7 +9,9 @@
 #pragma once
 
 #include <array>
+#include <string_view>
 
+#include "common/bricks/volume_event.h"
 #include "common/geometry/geometry.h"
 
 namespace palpate::view {
@@ -51,5 +53,28 @@ SliceAxes SliceInVolume(int world_axis, SliceSide side, const PatientAxes& axes)
 
 // The letter of a direction of W: L or R, P or A, S or I.
 char LetterOf(const SignedAxis& direction_W);
+
+// A look at the patient, in the camera's angles while the patient is upright. From above and from
+// below, anterior is up.
+struct PatientView {
+  std::string_view name;
+  double azimuth_deg;
+  double elevation_deg;
+};
+inline constexpr std::array<PatientView, 6> kPatientViews = {{{"anterior", 0.0, 0.0},
+                                                              {"posterior", 180.0, 0.0},
+                                                              {"left", 90.0, 0.0},
+                                                              {"right", -90.0, 0.0},
+                                                              {"superior", 180.0, 89.0},
+                                                              {"inferior", 0.0, -89.0}}};
+
+// The camera's frame U for which superior is up and anterior is in front. Both maps: linear parts,
+// of the same volume, whose placement is a similarity.
+Mat3 UprightPatient(const Mat3& D_from_I, const Mat3& W_from_I);
+
+// True if the file says where the volume lies in a patient: by an orientation or by a
+// place; or that the values are Hounsfield units. Files of other things state a spacing at most,
+// but .vdb files have a place, too.
+bool IsOfPatient(const VolumeLattice& lattice);
 
 }  // namespace palpate::view
