@@ -64,6 +64,15 @@ class Offscreen(Drawn):
             with self.subTest(options=options):
                 self.assertFalse(np.array_equal(plain, look(*options)))
 
+    def test_a_veil_beyond_the_volumes_range_is_refused(self):
+        picture = self.daemon.folder / "never.png"
+        code, said, problem = run_view("--socket", self.daemon.socket, "--offscreen",
+                                       "--screenshot", picture, "--veil", "99999")
+        self.assertEqual((code, said, picture.exists()), (2, "", False))
+        info = self.conn.volume.info()
+        span = f"{info.value_min:g} to {info.value_max:g}"
+        self.assertRegex(problem, rf"^palpate-view: [^\n]*{span}.*\n$")
+
     def test_frames_of_a_moving_stylus_cost_one_cast(self):
         _, said = self.draw("--size", "200x150", "--frames", "20")
         self.assertRegex(said, r"^20 frames in [\d.]+ s, 1 casts, ")

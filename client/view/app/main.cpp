@@ -10,6 +10,7 @@
 #include "client/view/app/offscreen.h"
 #include "client/view/app/options.h"
 #include "client/view/app/window.h"
+#include "common/arguments/arguments.h"
 #include "common/error/error.h"
 
 namespace palpate::view {
@@ -35,6 +36,8 @@ int Guarded(int argc, char** argv) {
   try {
     if (const auto options = ParseOptions(argc, argv, exit_code)) Main(*options);
     return exit_code;
+  } catch (const arguments::UsageError& error) {
+    return Fail(error.what(), kUsageExitCode);
   } catch (const Error& error) {
     return Fail(error.what(), ExitCode(error.kind()));
   } catch (const std::exception& error) {

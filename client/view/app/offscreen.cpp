@@ -18,6 +18,7 @@
 #include "client/view/app/png_file.h"
 #include "client/view/app/viewer.h"
 #include "client/view/render/offscreen_context.h"
+#include "common/arguments/arguments.h"
 #include "common/error/error.h"
 
 namespace palpate::view {
@@ -115,8 +116,11 @@ void AwaitScene(Viewer& viewer, const Options& options) {
   const bool here = Await(viewer, [&] {
     const bool is_lost = feed.connection().state == client::ConnectionState::kLost;
     return viewer.complete() || (is_lost && Clock::now() > absent_from) ||
-           !viewer.volume_problem().empty();
+           !viewer.volume_problem().empty() || !viewer.veil_problem().empty();
   });
+  if (const std::string& problem = viewer.veil_problem(); !problem.empty()) {
+    throw arguments::UsageError(problem);
+  }
   if (const std::string problem = viewer.volume_problem(); !problem.empty()) {
     throw Error(ErrorKind::kTooLarge, problem);
   }

@@ -233,7 +233,8 @@ void AddView(arguments::Command& app, Options& options, Texts& texts) {
       "Look at a point in mm of the device (x right, y up, z to the user),\n"
       "at the proxy, or at the volume's middle [default: volume]");
   add("--veil", texts.veil, "ISOVALUE[,OPACITY]",
-      "A second, translucent surface: data units, 0 to 1 [default opacity: 0.3]");
+      "A second, translucent surface: data units within the volume's range, 0 to 1\n"
+      "[default opacity: 0.3]");
   add("--color", texts.color, "R,G,B", "Colour of the surface, each 0 to 255");
   const std::vector<std::string> maps(kColorMapNames.begin(), kColorMapNames.end());
   add("--color-map", texts.color_map, "NAME",

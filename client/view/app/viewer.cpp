@@ -1,6 +1,7 @@
 #include "client/view/app/viewer.h"
 
 #include <epoxy/gl.h>
+#include <fmt/format.h>
 
 #include <algorithm>
 #include <array>
@@ -121,9 +122,10 @@ void Viewer::BeginVolumeIfNew() {
   const VolumeLattice& lattice = *volume.lattice();
   SurfaceOptions& surface = state_.surface;
   const double range = lattice.value_max - lattice.value_min;
+  if (!begun_) CheckVeil(lattice);
   surface.window_min = options_.window ? options_.window->x() : lattice.value_min;
   surface.window_max = options_.window ? options_.window->y() : lattice.value_max;
-  if (begun_ || !options_.surface.veil.shown) {
+  if (begun_ || !options_.surface.veil.shown || !veil_problem_.empty()) {
     surface.veil.shown = false;
     surface.veil.isovalue = lattice.value_min + 0.25 * range;
   }
@@ -137,6 +139,15 @@ void Viewer::BeginVolumeIfNew() {
   state_.cross_I = 0.5 * (lattice.size.cast<double>() - Vec3::Ones());
   begun_ = lattice;
   Aim();
+}
+
+void Viewer::CheckVeil(const VolumeLattice& lattice) {
+  const Veil& veil = options_.surface.veil;
+  const bool is_within = veil.isovalue >= lattice.value_min && veil.isovalue <= lattice.value_max;
+  if (!veil.shown || is_within) return;
+  veil_problem_ = fmt::format("--veil {:.6g} is not within {:.6g} to {:.6g}, the volume's range",
+                              veil.isovalue, lattice.value_min, lattice.value_max);
+  Say(veil_problem_ + ": the veil is not shown");
 }
 
 std::optional<Bounds> Viewer::VolumeBounds() const {

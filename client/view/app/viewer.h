@@ -74,6 +74,8 @@ class Viewer {
   bool complete() const;
   // Why the volume cannot be drawn here; empty: it can.
   std::string volume_problem() const;
+  // Why the first volume cannot have the veil of the options; empty: it can, or none is known.
+  const std::string& veil_problem() const { return veil_problem_; }
   // Turns the camera as the options say.
   void Aim();
 
@@ -134,6 +136,7 @@ class Viewer {
   void TakeUp(std::chrono::milliseconds brick_time);
   bool TakeUpSome();
   void BeginVolumeIfNew();
+  void CheckVeil(const VolumeLattice& lattice);
   void FollowSettings();
   void FollowProxy();
   void UpdateHapticLines(const Vec3& p_I);
@@ -153,6 +156,7 @@ class Viewer {
 
   std::optional<VolumeLattice> begun_;  // the volume for which the view was set up
   bool aimed_ = false;
+  std::string veil_problem_;
   bool bricks_left_ = true;
   std::string refused_;  // why the renderer refused the volume; empty: it did not
   Vec3i refused_size_ = Vec3i::Zero();
