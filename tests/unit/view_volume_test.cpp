@@ -314,5 +314,43 @@ TEST(ViewVolume, InterpolatesIntoTheLayerOfBackground) {
   }
 }
 
+int EmptyBars(const Histogram& histogram) {
+  const auto counts = histogram.bars().counts;
+  return static_cast<int>(std::count(counts.begin(), counts.end(), 0u));
+}
+
+// uint8 voxels that a file scales: bins between two values stayed empty, as a comb.
+TEST(ViewHistogram, ScaledWholeNumbersHaveNoEmptyBarsBetweenThem) {
+  for (const int greatest : {2, 9, 100, 127, 128, 200, 253, 255}) {
+    for (const float slope : {1.0f, 0.37f, 3921.7f}) {
+      const float least = -17.3f;
+      Histogram histogram(least, least + slope * static_cast<float>(greatest));
+      for (int n = 0; n <= greatest; ++n)
+        histogram.Add(least + slope * static_cast<float>(n), n + 1);
+      EXPECT_EQ(EmptyBars(histogram), 0) << greatest << " times " << slope;
+      const Histogram::Bars bars = histogram.bars();
+      if (greatest > 253) continue;
+      ASSERT_EQ(bars.counts.size(), static_cast<std::size_t>(greatest + 1));
+      for (int n = 0; n <= greatest; ++n) {
+        EXPECT_EQ(bars.counts[n], static_cast<std::uint64_t>(n + 1));
+        EXPECT_NEAR(bars.first + n * bars.width, least + slope * static_cast<float>(n),
+                    0.01 * slope);
+      }
+    }
+  }
+}
+
+TEST(ViewHistogram, OtherValuesKeepTheirBinsAndRealGaps) {
+  Histogram histogram(0.0, 1.0);
+  for (int n = 0; n <= 1000; ++n) {
+    const float value = 1e-3f * static_cast<float>(n);
+    if (value < 0.1f || value > 0.2f) histogram.Add(value, 1);
+  }
+  const Histogram::Bars bars = histogram.bars();
+  EXPECT_EQ(bars.counts, std::vector(histogram.counts().begin(), histogram.counts().end()));
+  EXPECT_NEAR(bars.first, 0.5 * bars.width, 1e-12);
+  EXPECT_NEAR(EmptyBars(histogram), 25, 2);
+}
+
 }  // namespace
 }  // namespace palpate::view

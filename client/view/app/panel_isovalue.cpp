@@ -26,20 +26,18 @@ struct Scale {
 // Logarithmic, so that a thin skin is as visible as the air around it.
 void DrawBars(const Histogram& histogram, const Scale& scale, double isovalue, bool free_above) {
   ImDrawList& list = *ImGui::GetWindowDrawList();
-  const auto& counts = histogram.counts();
+  const Histogram::Bars bars = histogram.bars();
   const double greatest =
-      std::log1p(static_cast<double>(*std::max_element(counts.begin(), counts.end())));
+      std::log1p(static_cast<double>(*std::max_element(bars.counts.begin(), bars.counts.end())));
   if (greatest <= 0.0) return;
-  const double width = (histogram.max() - histogram.min()) / Histogram::kBins;
   const float bottom = scale.area.min.y + scale.area.size.y;
-  for (int bin = 0; bin < Histogram::kBins; ++bin) {
-    const double value = histogram.min() + (bin + 0.5) * width;
-    const double share =
-        std::log1p(static_cast<double>(counts[static_cast<std::size_t>(bin)])) / greatest;
+  for (std::size_t bar = 0; bar < bars.counts.size(); ++bar) {
+    const double value = bars.first + static_cast<double>(bar) * bars.width;
+    const double share = std::log1p(static_cast<double>(bars.counts[bar])) / greatest;
     const bool material = free_above ? value <= isovalue : value >= isovalue;
-    list.AddRectFilled({scale.X(value - 0.5 * width),
+    list.AddRectFilled({scale.X(value - 0.5 * bars.width),
                         bottom - static_cast<float>(share) * (scale.area.size.y - 8.0f)},
-                       {scale.X(value + 0.5 * width), bottom},
+                       {scale.X(value + 0.5 * bars.width), bottom},
                        material ? IM_COL32(200, 180, 150, 255) : IM_COL32(80, 86, 96, 255));
   }
 }

@@ -6,6 +6,7 @@
 #include <array>
 #include <cstdint>
 #include <span>
+#include <vector>
 
 namespace palpate::view {
 
@@ -35,7 +36,20 @@ class Histogram {
   double max() const { return max_; }
   const std::array<std::uint64_t, kBins>& counts() const { return counts_; }
 
+  // The counts as bars. Whole numbers, also scaled ones, are spread evenly. If there are fewer of
+  // them than bins, no number falls into some bins; then each number has a bar of its own.
+  struct Bars {
+    double first;  // the middle of the first bar
+    double width;
+    std::vector<std::uint64_t> counts;
+  };
+  Bars bars() const;
+
  private:
+  // The fewest equal steps from min to max that reach all bins with counts; 0: as many as bins.
+  int Steps() const;
+  bool FitSteps(int steps) const;
+
   double min_ = 0.0;
   double max_ = 1.0;
   double bins_per_unit_ = kBins;
