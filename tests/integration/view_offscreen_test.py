@@ -134,6 +134,18 @@ class OddVolumes(unittest.TestCase):
                 self.assertEqual((code, problem), (0, ""))
                 self.assertEqual(Image.open(picture).size, (1280, 800))
 
+    def test_a_long_unit_leaves_room_for_the_share_of_the_range(self):
+        def share(unit):
+            content = whole.replace(b"encoding: raw\n",
+                                    b'encoding: raw\nsample units: "%s"\n' % unit)
+            line = np.asarray(Image.open(self.look(content, "--panels")[2]))[174:194, 126:300]
+            # It is bluish, the unit is not.
+            return int((line[..., 2] > line[..., 0].astype(int) + 14).sum())
+        whole = nrrd(ball((24, 24, 24), 8))
+        short = share(b"HU")
+        self.assertGreater(short, 50)
+        self.assertEqual(share(b"W" * 30), short)
+
     def test_a_volume_beyond_the_graphics_card_is_refused_in_words(self):
         # Longer than 3-D textures are anywhere.
         code, problem, picture = self.look(nrrd(ball((20000, 4, 4), 2)))

@@ -1,3 +1,5 @@
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <vector>
@@ -121,10 +123,11 @@ void EditIsovalue(Viewer& viewer, float scale, const VolumeLattice& lattice,
   held = held || ImGui::IsItemActive();
   if (ImGui::IsItemHovered())
     ImGui::SetTooltip("drag, or ctrl+click to type and press Enter; it changes for everyone");
-  UnitText(lattice.unit);
+  const std::string share = fmt::format(
+      "{:.1f} % of range", range > 0.0 ? 100.0 * (isovalue - lattice.value_min) / range : 0.0);
+  UnitText(lattice.unit, ImGui::CalcTextSize(share.c_str()).x + ImGui::GetStyle().ItemSpacing.x);
   ImGui::SameLine();
-  ImGui::TextColored(kDim, "%.1f %% of range",
-                     range > 0.0 ? 100.0 * (isovalue - lattice.value_min) / range : 0.0);
+  ImGui::TextColored(kDim, "%s", share.c_str());
   const bool changed = isovalue != before;
   viewer.held().Update(kControl, isovalue, changed, held);
   if (changed) viewer.feed().commands().Set({.isovalue = isovalue});

@@ -88,11 +88,13 @@ std::string OneLine(std::string_view text, std::size_t most_bytes) {
   return is_cut ? line + "\xE2\x80\xA6" : line;
 }
 
-void UnitText(const std::string& unit) {
-  constexpr std::size_t kLongestUnit = 12;  // bytes: "HU", "mg/cm3"
+void UnitText(const std::string& unit, float kept_px) {
   if (unit.empty()) return;
   ImGui::SameLine(0.0f, 5.0f);
-  const std::string line = OneLine(unit, kLongestUnit);
+  const float room_px = ImGui::GetContentRegionAvail().x - kept_px;
+  std::size_t bytes = 12;  // "HU", "mg/cm3"
+  std::string line = OneLine(unit, bytes);
+  while (bytes > 0 && ImGui::CalcTextSize(line.c_str()).x > room_px) line = OneLine(unit, --bytes);
   ImGui::TextUnformatted(line.data(), line.data() + line.size());
   if (line != unit && ImGui::IsItemHovered()) {
     ImGui::SetTooltip("%s", OneLine(unit, 200).c_str());

@@ -35,8 +35,9 @@ bool DragDouble(const char* label, double& value, double speed, double least, do
 // begin another line. Do not use the result as a format: Dear ImGui's formats are printf formats.
 std::string OneLine(std::string_view text, std::size_t most_bytes);
 
-// Draws a volume's unit beside the number just drawn.
-void UnitText(const std::string& unit);
+// Draws a volume's unit beside the number just drawn, as much of it as fits. Leaves `kept_px` of
+// the line to what comes after.
+void UnitText(const std::string& unit, float kept_px = 0.0f);
 
 // Draws a slider for a setting of palpated. Returns true if the user changed it; `value` is then
 // the user's. A typed value changes as in DragDouble.
