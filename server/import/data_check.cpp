@@ -86,7 +86,8 @@ void CheckCompressed(const fs::path& path, std::int64_t length, const ImageHeade
 
 // All frames must be there, not only the requested one.
 void CheckData(const fs::path& path, const ImageHeader& header, const ImportLimits& limits) {
-  const std::int64_t frame_bytes = CheckedVoxelBytes(header.size, ByteCount(header.type), limits);
+  const std::int64_t frame_bytes =
+      CheckedVoxelBytes(header.size, header.type, ReadType(header), limits);
   const fs::path data = header.data_file.empty() ? path : path.parent_path() / header.data_file;
   if (!header.data_file.empty() && !fs::exists(data)) {
     throw Error(ErrorKind::kNotFound, "the data file " + Quoted(header.data_file) +

@@ -54,6 +54,11 @@ ScalarType ParseScalarType(std::string_view name) {
   Refuse("there is no voxel type " + Quoted(name) + "; use one of " + names);
 }
 
+LeafType ReadType(const ImageHeader& header) {
+  const bool is_scaled = header.slope != 1.0 || header.intercept != 0.0;
+  return is_scaled ? LeafType::kFloat : LeafTypeNamed(Name(header.type)).value_or(LeafType::kFloat);
+}
+
 std::int64_t TakeFrames(std::vector<std::int64_t>* axes) {
   if (axes->size() < 4 || (*axes)[3] < 1) return 1;
   if (std::any_of(axes->begin() + 4, axes->end(), [](std::int64_t axis) { return axis != 1; })) {
@@ -93,8 +98,8 @@ std::array<std::int64_t, 3> VolumeSize(const std::vector<std::int64_t>& axes) {
   return {axes[0], axes[1], axes[2]};
 }
 
-std::int64_t CheckedVoxelBytes(const std::array<std::int64_t, 3>& size, int bytes_per_voxel,
-                               const ImportLimits& limits) {
+std::int64_t CheckedVoxelBytes(const std::array<std::int64_t, 3>& size, ScalarType type,
+                               LeafType read_type, const ImportLimits& limits) {
   const std::string listed = std::to_string(size[0]) + "x" + std::to_string(size[1]) + "x" +
                              std::to_string(size[2]) + " voxels";
   std::int64_t voxels = 0;
@@ -107,9 +112,11 @@ std::int64_t CheckedVoxelBytes(const std::array<std::int64_t, 3>& size, int byte
                                           std::to_string(limits.max_voxels) +
                                           " voxels; crop or resample the volume");
   }
-  // The peak is the greater of two: the file's voxels together with the floats made from them; or
-  // these floats (4 bytes) together with the tree (4.2 bytes) or the handed-over data.
-  const int peak = std::max(bytes_per_voxel + 4, 9);
+  // The peak is the greater of two: the file's voxels together with what ITK makes of them; or the
+  // leaves (0.4 bytes more per voxel) together with the tree of floats that is written to a file
+  // (4.4 bytes).
+  const int bytes_per_voxel = ByteCount(type);
+  const int peak = static_cast<int>(VoxelBytes(read_type)) + std::max(bytes_per_voxel, 5);
   std::int64_t memory = 0;
   if (__builtin_mul_overflow(voxels, peak, &memory) || memory > limits.max_memory_bytes) {
     throw Error(ErrorKind::kTooLarge, listed + " need about " +

@@ -17,6 +17,7 @@
 #include "common/error/error.h"
 #include "common/files/own_files.h"
 #include "common/geometry/geometry.h"
+#include "server/volume/leaf_type.h"
 
 namespace palpate {
 
@@ -59,6 +60,10 @@ struct ImageHeader {
   std::string unit;            // of the values, as the file states it
 };
 
+// Returns the type in which the file's voxels are read: the file's own if leaves have that type and
+// the values are not scaled, otherwise float.
+LeafType ReadType(const ImageHeader& header);
+
 struct ImportLimits {
   // Called with a size within the limits and the bytes of a file's voxel, before memory is
   // allocated. For a stack of slices it is called again and again while the slices are counted. May
@@ -85,10 +90,10 @@ void CheckFrame(std::int64_t frame, std::int64_t frames);
 // axes of size 1.
 std::array<std::int64_t, 3> VolumeSize(const std::vector<std::int64_t>& axes);
 
-// Returns the bytes of the voxels. Throws kTooLarge if they exceed the limits, before memory is
-// allocated for them.
-std::int64_t CheckedVoxelBytes(const std::array<std::int64_t, 3>& size, int bytes_per_voxel,
-                               const ImportLimits& limits);
+// Returns the bytes of the file's voxels. Throws kTooLarge if the volume exceeds the limits, before
+// memory is allocated for it.
+std::int64_t CheckedVoxelBytes(const std::array<std::int64_t, 3>& size, ScalarType type,
+                               LeafType read_type, const ImportLimits& limits);
 
 // Refuses a spacing that is not a positive finite number.
 void CheckSpacing(double spacing);

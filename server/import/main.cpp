@@ -15,12 +15,12 @@
 #include "common/arguments/arguments.h"
 #include "common/error/error.h"
 #include "server/import/confinement.h"
-#include "server/import/dense_volume.h"
 #include "server/import/file_start.h"
 #include "server/import/readers.h"
 #include "server/import/reporter.h"
 #include "server/import/resource_limits.h"
 #include "server/import/tiff_series.h"
+#include "server/import/voxel_writer.h"
 #include "server/volume/handover.h"
 #include "server/volume/volume_file.h"
 
@@ -55,7 +55,7 @@ void DefineLimits(arguments::Command* app, Options* options) {
       ->type_name("N")
       ->capture_default_str();
   app->add_option("--max-memory-mib", options->max_memory_mib,
-                  "Refuse volumes that need more memory, in MiB (9 to 12 bytes per voxel)")
+                  "Refuse volumes that need more memory, in MiB (6 to 12 bytes per voxel)")
       ->check(arguments::Range(std::int64_t{1}, std::int64_t{1} << 30))
       ->type_name("N")
       ->capture_default_str();
@@ -147,33 +147,34 @@ std::string SourceName(const std::filesystem::path& input) {
   return (full.has_filename() ? full : full.parent_path()).filename().string();
 }
 
-palpate::DenseVolume ReadTiff(const Options& options, const palpate::ImportLimits& limits,
-                              palpate::Reporter* reporter) {
+palpate::VolumeMetadata ReadTiff(const Options& options, const palpate::ImportLimits& limits,
+                                 const palpate::VoxelSink& sink, palpate::Reporter* reporter) {
   if (options.spacing_mm.empty()) {
     palpate::Refuse("TIFF states no distance of slices; give the spacing: --spacing-mm X,Y,Z");
   }
-  return palpate::ReadTiffVolume(options.input, limits, reporter);
+  return palpate::ReadTiffVolume(options.input, limits, sink, reporter);
 }
 
-palpate::DenseVolume ReadRaw(const Options& options, const palpate::ImportLimits& limits,
-                             palpate::Reporter* reporter) {
+palpate::VolumeMetadata ReadRaw(const Options& options, const palpate::ImportLimits& limits,
+                                const palpate::VoxelSink& sink, palpate::Reporter* reporter) {
   palpate::RawVoxels raw = options.raw;
   std::copy_n(options.raw_size.begin(), raw.size.size(), raw.size.begin());
   if (options.spacing_mm.empty()) {
     reporter->Warn("no spacing is stated; 1 mm is taken, state another one with --spacing-mm");
   }
-  return palpate::ReadRawVolume(options.input, raw, limits, reporter);
+  return palpate::ReadRawVolume(options.input, raw, limits, sink, reporter);
 }
 
 // Reads formats that hold one volume only.
-palpate::DenseVolume ReadSingleFile(const Options& options, const palpate::ImportLimits& limits,
-                                    palpate::Reporter* reporter) {
+palpate::VolumeMetadata ReadSingleFile(const Options& options, const palpate::ImportLimits& limits,
+                                       const palpate::VoxelSink& sink,
+                                       palpate::Reporter* reporter) {
   const std::filesystem::path input = options.input;
   const std::string extension = palpate::Lower(input.extension().string());
   palpate::CheckReadable(input);
-  if (palpate::IsTiffName(input)) return ReadTiff(options, limits, reporter);
+  if (palpate::IsTiffName(input)) return ReadTiff(options, limits, sink, reporter);
   if (extension == ".mha" || extension == ".mhd") {
-    return palpate::ReadMetaImageVolume(input, limits, reporter);
+    return palpate::ReadMetaImageVolume(input, limits, sink, reporter);
   }
   if (extension == ".dcm") {
     palpate::Refuse(
@@ -194,21 +195,21 @@ std::optional<palpate::ImageFormat> SeriesFormat(const std::filesystem::path& in
   return std::nullopt;
 }
 
-palpate::DenseVolume Read(const Options& options, const palpate::ImportLimits& limits,
-                          palpate::Reporter* reporter) {
+palpate::VolumeMetadata Read(const Options& options, const palpate::ImportLimits& limits,
+                             const palpate::VoxelSink& sink, palpate::Reporter* reporter) {
   const std::filesystem::path input = options.input;
   const bool raw = !options.raw_size.empty();
   std::error_code error;
   const bool folder = std::filesystem::is_directory(input, error);
   const auto format = SeriesFormat(input);
   if (!raw && !folder && format) {
-    return palpate::ReadPlainVolume(input, *format, options.frame, limits, reporter);
+    return palpate::ReadPlainVolume(input, *format, options.frame, limits, sink, reporter);
   }
   palpate::CheckFrame(options.frame.value_or(0), 1);
-  if (raw) return ReadRaw(options, limits, reporter);
-  if (!folder) return ReadSingleFile(options, limits, reporter);
-  return palpate::IsTiffFolder(input) ? ReadTiff(options, limits, reporter)
-                                      : palpate::ReadDicomVolume(input, limits, reporter);
+  if (raw) return ReadRaw(options, limits, sink, reporter);
+  if (!folder) return ReadSingleFile(options, limits, sink, reporter);
+  return palpate::IsTiffFolder(input) ? ReadTiff(options, limits, sink, reporter)
+                                      : palpate::ReadDicomVolume(input, limits, sink, reporter);
 }
 
 // The folders as they are named, with links not resolved: a link that is put into such a path later
@@ -246,11 +247,13 @@ void HandOver(const Options& options, const palpate::ImportLimits& limits,
   if (!options.grid.empty() || !options.component.empty()) {
     palpate::Refuse("only .vdb files have grids and components; leave --grid and --component out");
   }
-  palpate::DenseVolume volume = Read(options, limits, reporter);
-  volume.metadata.source = source;
-  palpate::FinishVolume(&volume, spacing_mm, reporter);
-  reporter->Progress(0.8, "writing");
-  palpate::WriteHandover(fd, volume.metadata, palpate::HeldType(volume), volume.voxels.get());
+  palpate::VoxelWriter writer(fd);
+  const auto sink = [&writer](palpate::LeafType type, const void* voxels, std::size_t count) {
+    writer.Add(type, voxels, count);
+  };
+  palpate::VolumeMetadata metadata = Read(options, limits, sink, reporter);
+  metadata.source = source;
+  writer.Finish(std::move(metadata), spacing_mm, reporter);
 }
 
 void Import(const Options& options, palpate::Reporter* reporter) {
@@ -281,10 +284,11 @@ void Import(const Options& options, palpate::Reporter* reporter) {
   if (options.descriptor) {
     HandOver(options, limits, spacing_mm, static_cast<int>(*options.descriptor), reporter);
   } else {
-    const palpate::Descriptor file = palpate::MakeHandoverFile();
+    palpate::Descriptor file = palpate::MakeHandoverFile();
     HandOver(options, limits, spacing_mm, file.get(), reporter);
     const palpate::LoadedVolume volume =
         palpate::TakeHandover(file.get(), {.max_voxels = options.max_voxels});
+    file.Close();  // frees its memory before the leaves are copied for writing
     palpate::WriteVolumeFile(
         options.output, volume.bricks, volume.metadata,
         {.if_there = palpate::ReplacesIf(options.overwrite), .durable = palpate::Durable::kNo});

@@ -13,7 +13,8 @@ ImageHeader CheckedRawHeader(const std::filesystem::path& path, const RawVoxels&
   header.big_endian = raw.big_endian;
   header.skip_bytes = raw.offset_bytes;
   if (raw.offset_bytes < 0) Refuse("the offset of raw voxels is negative; correct it");
-  const std::int64_t voxel_bytes = CheckedVoxelBytes(header.size, ByteCount(header.type), limits);
+  const std::int64_t voxel_bytes =
+      CheckedVoxelBytes(header.size, header.type, ReadType(header), limits);
   std::int64_t needed = 0;
   const auto present = static_cast<std::int64_t>(std::filesystem::file_size(path));
   if (__builtin_add_overflow(raw.offset_bytes, voxel_bytes, &needed) || needed != present) {

@@ -267,7 +267,7 @@ std::optional<FileStart> WithoutPadding(const fs::path& file) {
   return std::optional<FileStart>(std::in_place, file, end);
 }
 
-void ReadSlice(const Slice& slice, float* voxels) {
+void ReadSlice(const Slice& slice, const VoxelSink& sink) {
   const std::optional<FileStart> start = WithoutPadding(slice.file);
   const auto io = itk::GDCMImageIO::New();
   const auto reader = itk::ImageFileReader<Image>::New();
@@ -281,8 +281,7 @@ void ReadSlice(const Slice& slice, float* voxels) {
     Refuse("the slice " + FileName(slice.file) + " is not what its header says; export it again");
   }
   reader->Update();
-  const float* first = reader->GetOutput()->GetBufferPointer();
-  std::copy(first, first + size[0] * size[1], voxels);
+  sink(LeafType::kFloat, reader->GetOutput()->GetBufferPointer(), size[0] * size[1]);
 }
 
 VolumeMetadata MakeMetadata(const std::vector<Slice>& slices, double pitch_mm) {
@@ -302,8 +301,8 @@ VolumeMetadata MakeMetadata(const std::vector<Slice>& slices, double pitch_mm) {
 
 }  // namespace
 
-DenseVolume ReadDicomVolume(const fs::path& folder, const ImportLimits& limits,
-                            Reporter* reporter) {
+VolumeMetadata ReadDicomVolume(const fs::path& folder, const ImportLimits& limits,
+                               const VoxelSink& sink, Reporter* reporter) {
   gdcm::Trace::DebugOff();
   gdcm::Trace::WarningOff();
   gdcm::Trace::ErrorOff();
@@ -312,23 +311,19 @@ DenseVolume ReadDicomVolume(const fs::path& folder, const ImportLimits& limits,
   const double pitch_mm = SortSlices(&slices, reporter);
   const auto size = VolumeSize(
       {slices.front().size[0], slices.front().size[1], static_cast<std::int64_t>(slices.size())});
-  CheckedVoxelBytes(size, ByteCount(slices.front().type), limits);
+  CheckedVoxelBytes(size, slices.front().type, LeafType::kFloat, limits);
 
-  DenseVolume volume;
-  volume.metadata = MakeMetadata(slices, pitch_mm);
-  const std::int64_t slice_voxels = size[0] * size[1];
-  volume.voxels = std::make_unique<float[]>(static_cast<std::size_t>(slice_voxels * size[2]));
   for (std::size_t k = 0; k < slices.size(); ++k) {
     const double done = static_cast<double>(k) / static_cast<double>(slices.size());
-    reporter->Progress(0.1 + 0.5 * done, "reading");
+    reporter->Progress(0.1 + 0.7 * done, "reading");
     try {
-      ReadSlice(slices[k], volume.voxels.get() + slice_voxels * static_cast<std::int64_t>(k));
+      ReadSlice(slices[k], sink);
     } catch (const itk::ExceptionObject&) {
       Refuse("the slice " + FileName(slices[k].file) +
              " is damaged or incomplete; copy or export it again");
     }
   }
-  return volume;
+  return MakeMetadata(slices, pitch_mm);
 }
 
 }  // namespace palpate

@@ -2,22 +2,27 @@
 #include <itkImageFileReader.h>
 #include <itkMetaImageIO.h>
 
+#include <type_traits>
+
 #include "server/import/readers.h"
 
 namespace palpate {
 namespace {
 
-using Image = itk::Image<float, 3>;
-
-// ITK must read the header as we do; otherwise our checks would be useless.
+// ITK must read the header as we do; otherwise our checks would be useless. ITK converts the voxels
+// to floats, but must not convert them to another integer type.
+template <class Voxel>
 void CheckAgreement(const itk::ImageIOBase& io, const ImageHeader& header) {
-  bool agrees = io.GetNumberOfComponents() == 1 && io.GetNumberOfDimensions() >= 3;
+  bool agrees = io.GetNumberOfComponents() == 1 && io.GetNumberOfDimensions() >= 3 &&
+                (std::is_same_v<Voxel, float> ||
+                 io.GetComponentType() == itk::ImageIOBase::MapPixelType<Voxel>::CType);
   for (unsigned k = 0; agrees && k < io.GetNumberOfDimensions(); ++k) {
     agrees = io.GetDimensions(k) == (k < 3 ? static_cast<std::size_t>(header.size[k]) : 1);
   }
   if (!agrees) Refuse("the header is ambiguous; save the volume again with another program");
 }
 
+template <class Image>
 void CopyGeometry(const Image& image, VolumeMetadata* metadata) {
   for (unsigned row = 0; row < 3; ++row) {
     metadata->size[row] = static_cast<int>(image.GetLargestPossibleRegion().GetSize(row));
@@ -29,31 +34,37 @@ void CopyGeometry(const Image& image, VolumeMetadata* metadata) {
   }
 }
 
-}  // namespace
-
-DenseVolume ReadMetaImageVolume(const std::filesystem::path& path, const ImportLimits& limits,
-                                Reporter* reporter) {
-  reporter->Progress(0.0, "checking");
-  const ImageHeader header = ReadCheckedHeader(path, ImageFormat::kMetaImage, limits);
-
+template <class Voxel>
+VolumeMetadata ReadChecked(const std::filesystem::path& path, const ImageHeader& header,
+                           const VoxelSink& sink, Reporter* reporter) {
+  using Image = itk::Image<Voxel, 3>;
   const auto io = itk::MetaImageIO::New();
   const auto reader = itk::ImageFileReader<Image>::New();
   reader->SetImageIO(io);
   reader->SetFileName(path.string());
   reader->UpdateOutputInformation();
-  CheckAgreement(*io, header);
+  CheckAgreement<Voxel>(*io, header);
   reporter->Progress(0.2, "reading");
   reader->Update();
 
-  const Image::Pointer image = reader->GetOutput();
-  DenseVolume volume;
-  CopyGeometry(*image, &volume.metadata);
-  volume.metadata.unit = header.unit;
-  volume.metadata.original_type = Name(header.type);
-  // Ownership moves without a copy: the buffer may have gigabytes.
-  volume.voxels.reset(image->GetBufferPointer());
-  image->GetPixelContainer()->ContainerManageMemoryOff();
-  return volume;
+  const Image& image = *reader->GetOutput();
+  sink(kLeafTypeOf<Voxel>, image.GetBufferPointer(), image.GetBufferedRegion().GetNumberOfPixels());
+  VolumeMetadata metadata;
+  CopyGeometry(image, &metadata);
+  metadata.unit = header.unit;
+  metadata.original_type = Name(header.type);
+  return metadata;
+}
+
+}  // namespace
+
+VolumeMetadata ReadMetaImageVolume(const std::filesystem::path& path, const ImportLimits& limits,
+                                   const VoxelSink& sink, Reporter* reporter) {
+  reporter->Progress(0.0, "checking");
+  const ImageHeader header = ReadCheckedHeader(path, ImageFormat::kMetaImage, limits);
+  return VisitType(ReadType(header), [&](auto voxel) {
+    return ReadChecked<decltype(voxel)>(path, header, sink, reporter);
+  });
 }
 
 }  // namespace palpate

@@ -8,7 +8,7 @@ namespace palpate {
 namespace {
 
 constexpr double kCheckedShare = 0.2;  // of the import's progress
-constexpr double kReadShare = 0.6;
+constexpr double kReadShare = 0.8;
 
 VolumeMetadata MetadataOf(const ImageHeader& header) {
   VolumeMetadata metadata;
@@ -34,17 +34,18 @@ void CheckUnit(const std::string& unit, const ImportLimits& limits, Reporter* re
                  ", which is no length; mm are taken, give the spacing with --spacing-mm");
 }
 
-DenseVolume ReadFrame(const std::filesystem::path& path, const ImageHeader& header,
-                      std::int64_t frame, Reporter* reporter) {
+VolumeMetadata ReadFrame(const std::filesystem::path& path, const ImageHeader& header,
+                         std::int64_t frame, const VoxelSink& sink, Reporter* reporter) {
   reporter->Progress(kCheckedShare, "reading");
-  return {ReadVoxels(path, header, frame), MetadataOf(header)};
+  ReadVoxels(path, header, frame, sink);
+  return MetadataOf(header);
 }
 
 }  // namespace
 
-DenseVolume ReadPlainVolume(const std::filesystem::path& path, ImageFormat format,
-                            const std::optional<std::int64_t>& frame, const ImportLimits& limits,
-                            Reporter* reporter) {
+VolumeMetadata ReadPlainVolume(const std::filesystem::path& path, ImageFormat format,
+                               const std::optional<std::int64_t>& frame, const ImportLimits& limits,
+                               const VoxelSink& sink, Reporter* reporter) {
   reporter->Progress(0.0, "checking");
   const ImageHeader header = ReadCheckedHeader(path, format, limits);
   CheckUnit(header.geometry.unknown_unit, limits, reporter);
@@ -53,24 +54,26 @@ DenseVolume ReadPlainVolume(const std::filesystem::path& path, ImageFormat forma
     reporter->Warn("there are " + std::to_string(header.frames) +
                    " frames; the first is read, choose another one with --frame");
   }
-  return ReadFrame(path, header, frame.value_or(0), reporter);
+  return ReadFrame(path, header, frame.value_or(0), sink, reporter);
 }
 
-DenseVolume ReadRawVolume(const std::filesystem::path& path, const RawVoxels& raw,
-                          const ImportLimits& limits, Reporter* reporter) {
+VolumeMetadata ReadRawVolume(const std::filesystem::path& path, const RawVoxels& raw,
+                             const ImportLimits& limits, const VoxelSink& sink,
+                             Reporter* reporter) {
   reporter->Progress(0.0, "checking");
-  return ReadFrame(path, CheckedRawHeader(path, raw, limits), 0, reporter);
+  return ReadFrame(path, CheckedRawHeader(path, raw, limits), 0, sink, reporter);
 }
 
-DenseVolume ReadTiffVolume(const std::filesystem::path& input, const ImportLimits& limits,
-                           Reporter* reporter) {
+VolumeMetadata ReadTiffVolume(const std::filesystem::path& input, const ImportLimits& limits,
+                              const VoxelSink& sink, Reporter* reporter) {
   reporter->Progress(0.0, "checking");
   const TiffStack stack = OpenTiffStack(input, limits);
   const auto progress = [reporter](double fraction) {
     reporter->Progress(kCheckedShare + (kReadShare - kCheckedShare) * fraction, "reading");
   };
   progress(0.0);
-  return {ReadTiffVoxels(stack, progress), MetadataOf(stack.header)};
+  ReadTiffVoxels(stack, progress, sink);
+  return MetadataOf(stack.header);
 }
 
 }  // namespace palpate

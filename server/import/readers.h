@@ -1,4 +1,5 @@
-// The readers of palpate-import, one per family of formats.
+// The readers of palpate-import, one per family of formats. They give the voxels to `sink`, and
+// return the metadata without the value range and the source.
 //
 // Threads: one. Not for real-time code. Errors: palpate::Error without the file's name. Exceptions
 // of the libraries pass through.
@@ -9,36 +10,37 @@
 #include <string>
 
 #include "server/import/data_check.h"
-#include "server/import/dense_volume.h"
 #include "server/import/image_header.h"
 #include "server/import/reporter.h"
+#include "server/import/voxel_reader.h"
 #include "server/volume/raw_voxels.h"
+#include "server/volume/volume_metadata.h"
 
 namespace palpate {
 
 // NRRD and NIfTI: reads one frame. Without `frame`, reads frame 0, and warns if there are more
 // frames. We use our own code: ITK reads neither NIfTI-2 nor NRRD series in space, and treats units
 // and a slope of 0 wrongly.
-DenseVolume ReadPlainVolume(const std::filesystem::path& path, ImageFormat format,
-                            const std::optional<std::int64_t>& frame, const ImportLimits& limits,
-                            Reporter* reporter);
+VolumeMetadata ReadPlainVolume(const std::filesystem::path& path, ImageFormat format,
+                               const std::optional<std::int64_t>& frame, const ImportLimits& limits,
+                               const VoxelSink& sink, Reporter* reporter);
 
 // Raw voxels; spacing 1 mm.
-DenseVolume ReadRawVolume(const std::filesystem::path& path, const RawVoxels& raw,
-                          const ImportLimits& limits, Reporter* reporter);
+VolumeMetadata ReadRawVolume(const std::filesystem::path& path, const RawVoxels& raw,
+                             const ImportLimits& limits, const VoxelSink& sink, Reporter* reporter);
 
 // A TIFF stack, see tiff_stack.h. Spacing 1 mm, because TIFF has none along z.
-DenseVolume ReadTiffVolume(const std::filesystem::path& input, const ImportLimits& limits,
-                           Reporter* reporter);
+VolumeMetadata ReadTiffVolume(const std::filesystem::path& input, const ImportLimits& limits,
+                              const VoxelSink& sink, Reporter* reporter);
 
 // MetaImage through ITK, which delivers LPS.
-DenseVolume ReadMetaImageVolume(const std::filesystem::path& path, const ImportLimits& limits,
-                                Reporter* reporter);
+VolumeMetadata ReadMetaImageVolume(const std::filesystem::path& path, const ImportLimits& limits,
+                                   const VoxelSink& sink, Reporter* reporter);
 
 // The largest series of a folder. Slices are sorted by position and must be parallel and about
 // evenly spaced. CT is in HU.
-DenseVolume ReadDicomVolume(const std::filesystem::path& folder, const ImportLimits& limits,
-                            Reporter* reporter);
+VolumeMetadata ReadDicomVolume(const std::filesystem::path& folder, const ImportLimits& limits,
+                               const VoxelSink& sink, Reporter* reporter);
 
 struct VdbOptions {
   std::string source;                // the volume's name

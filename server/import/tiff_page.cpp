@@ -97,15 +97,9 @@ void CheckDataPlaces(TIFF* tiff, const TiffPage& page) {
   if (parts == 0 || (plain && stored_bytes < page_bytes)) Refuse(kDamaged);
 }
 
-// libtiff delivers all values in the machine's byte order.
-ImageHeader DecodeHeader(const TiffPage& page) {
-  ImageHeader header;
-  header.type = page.type;
-  header.big_endian = std::endian::native == std::endian::big;
-  return header;
-}
-
-void ReadStrips(TIFF* tiff, const TiffPage& page, float* out) {
+void ReadStrips(TIFF* tiff, const TiffPage& page, char* out) {
+  const ImageHeader header = DecodeHeader(page);
+  const auto out_row_bytes = page.width * static_cast<std::int64_t>(VoxelBytes(ReadType(header)));
   std::vector<char> strip(static_cast<std::size_t>(TIFFStripSize64(tiff)));
   const std::int64_t row_bytes = page.width * ByteCount(page.type);
   const std::int64_t strip_rows =
@@ -118,12 +112,14 @@ void ReadStrips(TIFF* tiff, const TiffPage& page, float* out) {
         TIFFReadEncodedStrip(tiff, number, strip.data(), bytes) != bytes) {
       Refuse(kDamaged);
     }
-    DecodeVoxels(strip.data(), static_cast<std::size_t>(rows * page.width), DecodeHeader(page),
-                 out + row * page.width);
+    DecodeVoxels(strip.data(), static_cast<std::size_t>(rows * page.width), header,
+                 out + row * out_row_bytes);
   }
 }
 
-void ReadTiles(TIFF* tiff, const TiffPage& page, float* out) {
+void ReadTiles(TIFF* tiff, const TiffPage& page, char* out) {
+  const ImageHeader header = DecodeHeader(page);
+  const auto out_bytes = static_cast<std::int64_t>(VoxelBytes(ReadType(header)));
   std::vector<char> tile(static_cast<std::size_t>(TIFFTileSize64(tiff)));
   const std::int64_t width = Tag<std::uint32_t>(tiff, TIFFTAG_TILEWIDTH);
   const std::int64_t height = Tag<std::uint32_t>(tiff, TIFFTAG_TILELENGTH);
@@ -137,8 +133,8 @@ void ReadTiles(TIFF* tiff, const TiffPage& page, float* out) {
       const std::int64_t columns = std::min(width, page.width - left);
       for (std::int64_t row = top; row < std::min(top + height, page.height); ++row) {
         DecodeVoxels(tile.data() + (row - top) * width * voxel_bytes,
-                     static_cast<std::size_t>(columns), DecodeHeader(page),
-                     out + row * page.width + left);
+                     static_cast<std::size_t>(columns), header,
+                     out + (row * page.width + left) * out_bytes);
       }
     }
   }
@@ -184,7 +180,14 @@ TiffPage CheckTiffPage(TIFF* tiff) {
   return page;
 }
 
-void ReadTiffPage(TIFF* tiff, const TiffPage& page, float* out) {
+ImageHeader DecodeHeader(const TiffPage& page) {
+  ImageHeader header;
+  header.type = page.type;
+  header.big_endian = std::endian::native == std::endian::big;
+  return header;
+}
+
+void ReadTiffPage(TIFF* tiff, const TiffPage& page, char* out) {
   TIFFIsTiled(tiff) ? ReadTiles(tiff, page, out) : ReadStrips(tiff, page, out);
 }
 

@@ -34,7 +34,10 @@ TiffPage CheckTiffPage(TIFF* tiff);
 // True if the page is a smaller copy or a mask of another page.
 bool IsAuxiliaryPage(TIFF* tiff);
 
-// Reads the file's current page: width * height floats.
-void ReadTiffPage(TIFF* tiff, const TiffPage& page, float* out);
+// libtiff delivers all values in the machine's byte order.
+ImageHeader DecodeHeader(const TiffPage& page);
+
+// Reads the file's current page: width * height voxels of ReadType(DecodeHeader(page)).
+void ReadTiffPage(TIFF* tiff, const TiffPage& page, char* out);
 
 }  // namespace palpate

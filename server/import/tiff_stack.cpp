@@ -31,7 +31,7 @@ class StackChecker {
     ++slices_;
     stack_->header.type = page.type;
     stack_->header.size = {page.width, page.height, slices_};
-    CheckedVoxelBytes(stack_->header.size, ByteCount(page.type), limits_);
+    CheckedVoxelBytes(stack_->header.size, page.type, ReadType(stack_->header), limits_);
   }
 
   void Finish() const {
@@ -106,13 +106,13 @@ TiffStack OpenTiffStack(const fs::path& input, const ImportLimits& limits) {
   return stack;
 }
 
-std::unique_ptr<float[]> ReadTiffVoxels(const TiffStack& stack,
-                                        const std::function<void(double)>& progress) {
+void ReadTiffVoxels(const TiffStack& stack, const std::function<void(double)>& progress,
+                    const VoxelSink& sink) {
   const auto& size = stack.header.size;
   const TiffPage page{size[0], size[1], stack.header.type};
-  const std::int64_t slice_voxels = size[0] * size[1];
-  auto out =
-      std::make_unique_for_overwrite<float[]>(static_cast<std::size_t>(slice_voxels * size[2]));
+  const LeafType type = ReadType(DecodeHeader(page));
+  const auto slice_voxels = static_cast<std::size_t>(size[0] * size[1]);
+  std::vector<char> slice(slice_voxels * VoxelBytes(type));
   TiffFile file;
   for (std::int64_t z = 0; z < size[2]; ++z) {
     if (stack.pages.empty() || z == 0) {
@@ -126,10 +126,10 @@ std::unique_ptr<float[]> ReadTiffVoxels(const TiffStack& stack,
       }
     }
     if (!there || CheckTiffPage(file.get()) != page) Refuse("the file changed while it was read");
-    ReadTiffPage(file.get(), page, out.get() + z * slice_voxels);
+    ReadTiffPage(file.get(), page, slice.data());
+    sink(type, slice.data(), slice_voxels);
     progress(static_cast<double>(z + 1) / static_cast<double>(size[2]));
   }
-  return out;
 }
 
 }  // namespace palpate

@@ -7,10 +7,10 @@
 
 #include <filesystem>
 #include <functional>
-#include <memory>
 #include <vector>
 
 #include "server/import/image_header.h"
+#include "server/import/voxel_reader.h"
 
 namespace palpate {
 
@@ -25,7 +25,7 @@ struct TiffStack {
 TiffStack OpenTiffStack(const std::filesystem::path& input, const ImportLimits& limits);
 
 // Calls `progress` with the fraction of slices read so far.
-std::unique_ptr<float[]> ReadTiffVoxels(const TiffStack& stack,
-                                        const std::function<void(double)>& progress);
+void ReadTiffVoxels(const TiffStack& stack, const std::function<void(double)>& progress,
+                    const VoxelSink& sink);
 
 }  // namespace palpate

@@ -5,6 +5,7 @@
 #include <cstring>
 #include <fstream>
 #include <optional>
+#include <type_traits>
 #include <vector>
 
 #include "server/import/inflater.h"
@@ -16,18 +17,31 @@ namespace fs = std::filesystem;
 
 constexpr std::size_t kChunk = 1 << 18;  // a multiple of the bytes of every voxel type
 
-template <typename Number>
-void Decode(const char* bytes, std::size_t count, const ImageHeader& header, float* out) {
+template <typename Number, typename Out>
+void Decode(const char* bytes, std::size_t count, const ImageHeader& header, Out* out) {
   const bool swap = header.big_endian != (std::endian::native == std::endian::big);
   const bool scaled = header.slope != 1.0 || header.intercept != 0.0;
+  if (std::is_same_v<Number, Out> && !swap && !scaled) {
+    std::memcpy(out, bytes, count * sizeof(Number));
+    return;
+  }
   for (std::size_t k = 0; k < count; ++k) {
     char one[sizeof(Number)];
     std::memcpy(one, bytes + k * sizeof(Number), sizeof(Number));
     if (swap) std::reverse(one, one + sizeof(Number));
     Number number;
     std::memcpy(&number, one, sizeof(Number));
-    out[k] = scaled ? static_cast<float>(header.intercept + header.slope * number)
-                    : static_cast<float>(number);
+    out[k] = scaled ? static_cast<Out>(header.intercept + header.slope * number)
+                    : static_cast<Out>(number);
+  }
+}
+
+template <typename Number>
+void DecodeAs(const char* bytes, std::size_t count, const ImageHeader& header, void* out) {
+  if (ReadType(header) == LeafType::kFloat) {
+    Decode<Number>(bytes, count, header, static_cast<float*>(out));
+  } else {
+    Decode<Number>(bytes, count, header, static_cast<Number*>(out));
   }
 }
 
@@ -75,29 +89,29 @@ class ByteStream {
 
 }  // namespace
 
-void DecodeVoxels(const char* bytes, std::size_t count, const ImageHeader& header, float* out) {
+void DecodeVoxels(const char* bytes, std::size_t count, const ImageHeader& header, void* out) {
   switch (header.type) {
     case ScalarType::kInt8:
-      return Decode<std::int8_t>(bytes, count, header, out);
+      return DecodeAs<std::int8_t>(bytes, count, header, out);
     case ScalarType::kUint8:
-      return Decode<std::uint8_t>(bytes, count, header, out);
+      return DecodeAs<std::uint8_t>(bytes, count, header, out);
     case ScalarType::kInt16:
-      return Decode<std::int16_t>(bytes, count, header, out);
+      return DecodeAs<std::int16_t>(bytes, count, header, out);
     case ScalarType::kUint16:
-      return Decode<std::uint16_t>(bytes, count, header, out);
+      return DecodeAs<std::uint16_t>(bytes, count, header, out);
     case ScalarType::kInt32:
-      return Decode<std::int32_t>(bytes, count, header, out);
+      return DecodeAs<std::int32_t>(bytes, count, header, out);
     case ScalarType::kUint32:
-      return Decode<std::uint32_t>(bytes, count, header, out);
+      return DecodeAs<std::uint32_t>(bytes, count, header, out);
     case ScalarType::kFloat32:
-      return Decode<float>(bytes, count, header, out);
+      return DecodeAs<float>(bytes, count, header, out);
     case ScalarType::kFloat64:
-      return Decode<double>(bytes, count, header, out);
+      return DecodeAs<double>(bytes, count, header, out);
   }
 }
 
-std::unique_ptr<float[]> ReadVoxels(const fs::path& path, const ImageHeader& header,
-                                    std::int64_t frame) {
+void ReadVoxels(const fs::path& path, const ImageHeader& header, std::int64_t frame,
+                const VoxelSink& sink) {
   const std::int64_t voxels = header.size[0] * header.size[1] * header.size[2];
   const std::int64_t frame_bytes = voxels * ByteCount(header.type);
   const fs::path data = header.data_file.empty() ? path : path.parent_path() / header.data_file;
@@ -108,16 +122,17 @@ std::unique_ptr<float[]> ReadVoxels(const fs::path& path, const ImageHeader& hea
   ByteStream stream(data, begin, header);
   stream.Skip((at_end ? 0 : header.skip_bytes) + frame * frame_bytes);
 
-  auto out = std::make_unique_for_overwrite<float[]>(static_cast<std::size_t>(voxels));
-  std::vector<char> chunk(kChunk);
+  const LeafType type = ReadType(header);
   const std::size_t bytes_per_voxel = static_cast<std::size_t>(ByteCount(header.type));
   const std::int64_t chunk_voxels = static_cast<std::int64_t>(kChunk / bytes_per_voxel);
+  std::vector<char> chunk(kChunk);
+  std::vector<char> decoded(static_cast<std::size_t>(chunk_voxels) * VoxelBytes(type));
   for (std::int64_t done = 0; done < voxels; done += chunk_voxels) {
     const auto count = static_cast<std::size_t>(std::min(chunk_voxels, voxels - done));
     stream.Read(chunk.data(), count * bytes_per_voxel);
-    DecodeVoxels(chunk.data(), count, header, out.get() + done);
+    DecodeVoxels(chunk.data(), count, header, decoded.data());
+    sink(type, decoded.data(), count);
   }
-  return out;
 }
 
 }  // namespace palpate

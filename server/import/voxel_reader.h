@@ -1,22 +1,27 @@
-// Reads the voxels of one frame as floats.
+// Reads the voxels of one frame, in the type of ReadType().
 //
 // Threads: one. Reads files. Errors: palpate::Error without the file's name.
 #pragma once
 
+#include <cstddef>
 #include <filesystem>
-#include <memory>
+#include <functional>
 
 #include "server/import/image_header.h"
 
 namespace palpate {
 
-// Converts `count` voxels at `bytes` to floats at `out`, with the header's type, byte order, slope
-// and intercept.
-void DecodeVoxels(const char* bytes, std::size_t count, const ImageHeader& header, float* out);
+// Takes a volume's voxels part by part, x fastest. All parts are of one type. `voxels` is aligned
+// for the type and valid during the call.
+using VoxelSink = std::function<void(LeafType type, const void* voxels, std::size_t count)>;
 
-// Reads a file that ReadCheckedHeader() accepted with this header. `frame` must exist. Memory: the
-// floats and a small buffer. Refuses a file that has changed since the check.
-std::unique_ptr<float[]> ReadVoxels(const std::filesystem::path& path, const ImageHeader& header,
-                                    std::int64_t frame);
+// Converts `count` voxels at `bytes` to voxels of ReadType(header) at `out`, with the header's
+// type, byte order, slope and intercept.
+void DecodeVoxels(const char* bytes, std::size_t count, const ImageHeader& header, void* out);
+
+// Reads a file that ReadCheckedHeader() accepted with this header. `frame` must exist. Memory: two
+// small buffers. Refuses a file that has changed since the check.
+void ReadVoxels(const std::filesystem::path& path, const ImageHeader& header, std::int64_t frame,
+                const VoxelSink& sink);
 
 }  // namespace palpate

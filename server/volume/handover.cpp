@@ -18,6 +18,7 @@
 #include "common/error/error.h"
 #include "server/volume/handover_file.h"
 #include "server/volume/tree_handover.h"
+#include "server/volume/value_range.h"
 
 namespace palpate {
 namespace {
@@ -107,14 +108,12 @@ class RangeCheck {
 
   template <class T>
   void Add(const T* voxels, std::size_t count) {
-    T least = voxels[0], greatest = voxels[0];
-    bool finite = true;
-    for (std::size_t n = 0; n < count; ++n) {
-      if constexpr (std::is_floating_point_v<T>) finite = finite && std::isfinite(voxels[n]);
-      least = std::min(least, voxels[n]);
-      greatest = std::max(greatest, voxels[n]);
+    if constexpr (std::is_floating_point_v<T>) {
+      const bool finite =
+          std::all_of(voxels, voxels + count, [](T voxel) { return std::isfinite(voxel); });
+      if (!finite) RefuseHandover("voxels that are no finite numbers");
     }
-    if (!finite) RefuseHandover("voxels that are no finite numbers");
+    const auto [least, greatest] = RangeOf(voxels, count);
     least_ = std::min(least_, static_cast<double>(least));
     greatest_ = std::max(greatest_, static_cast<double>(greatest));
   }
@@ -192,26 +191,6 @@ HandoverHeader MakeHandoverHeader(const VolumeMetadata& metadata, LeafType type)
   PutText(metadata.original_type, header.original_type);
   PutText(metadata.source, header.source);
   return header;
-}
-
-void WriteHandover(int fd, const VolumeMetadata& metadata, LeafType type, const float* voxels) {
-  CheckVolumeMetadata(metadata);
-  const HandoverHeader header = MakeHandoverHeader(metadata, type);
-  WriteHandoverAt(fd, &header, sizeof header, 0);
-  constexpr std::int64_t kChunk = 1 << 20;
-  const std::int64_t count = metadata.size.cast<std::int64_t>().prod();
-  VisitType(type, [&](auto voxel) {
-    using T = decltype(voxel);
-    std::vector<T> chunk;
-    for (std::int64_t n = 0; n < count; n += kChunk) {
-      const float* const first = voxels + n;
-      chunk.resize(static_cast<std::size_t>(std::min(kChunk, count - n)));
-      std::transform(first, first + chunk.size(), chunk.begin(),
-                     [](float value) { return static_cast<T>(value); });
-      WriteHandoverAt(fd, chunk.data(), chunk.size() * sizeof(T),
-                      kHandoverVoxels + n * static_cast<std::int64_t>(sizeof(T)));
-    }
-  });
 }
 
 namespace {

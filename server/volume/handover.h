@@ -25,9 +25,6 @@ inline constexpr std::int64_t kMostLatticeVoxels = std::int64_t{1} << 36;
 // The importer's side: makes the fixed part of the header, without the tree's part.
 HandoverHeader MakeHandoverHeader(const VolumeMetadata& metadata, LeafType type);
 
-// Writes metadata and voxels; metadata.size says how many. `type` must hold each voxel exactly.
-void WriteHandover(int fd, const VolumeMetadata& metadata, LeafType type, const float* voxels);
-
 struct TakeOptions {
   // For a tree: the limit for the voxels in its leaves.
   std::int64_t max_voxels = std::int64_t{1} << 31;

@@ -12,6 +12,7 @@
 #include "common/error/error.h"
 #include "server/volume/handover.h"
 #include "tests/fuzz/fuzz_input.h"
+#include "tests/support/written_handover.h"
 #include "tests/support/written_tree.h"
 
 namespace palpate::fuzz {
@@ -24,7 +25,7 @@ std::string DenseBytes() {
   std::vector<float> voxels(9 * 8 * 7);
   for (std::size_t n = 0; n < voxels.size(); ++n) voxels[n] = static_cast<float>(n);
   const Descriptor file = MakeHandoverFile();
-  WriteHandover(file.get(), metadata, LeafType::kInt16, voxels.data());
+  testing::WriteHandover(file.get(), metadata, LeafType::kInt16, voxels);
   std::string bytes(kHandoverVoxels + 2 * voxels.size(), '\0');
   if (pread(file.get(), bytes.data(), bytes.size(), 0) < 0) std::abort();
   return bytes;

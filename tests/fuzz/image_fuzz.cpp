@@ -2,6 +2,7 @@
 // libtiff read it to its end; GDCM gets to see only what is whole.
 #include <cmath>
 #include <filesystem>
+#include <numeric>
 #include <sstream>
 #include <string>
 #include <string_view>
@@ -24,6 +25,31 @@ namespace {
 // for thousands of inputs a second.
 constexpr std::int64_t kMostVoxels = 4096;
 constexpr std::int64_t kMostFrames = 3;
+
+// Reads every byte that a reader delivers.
+class VoxelCount {
+ public:
+  VoxelSink Sink() {
+    return [this](LeafType type, const void* voxels, std::size_t count) {
+      const auto* const bytes = static_cast<const std::uint8_t*>(voxels);
+      sum_ = std::accumulate(bytes, bytes + count * VoxelBytes(type), sum_);
+      count_ += static_cast<std::int64_t>(count);
+    };
+  }
+  void ExpectAllOf(const ImageHeader& header) const {
+    FUZZ_CHECK(count_ == header.size[0] * header.size[1] * header.size[2]);
+  }
+
+ private:
+  std::int64_t count_ = 0;
+  volatile std::uint64_t sum_ = 0;
+};
+
+void ReadFrame(const ScratchFile& file, const ImageHeader& header, std::int64_t frame) {
+  VoxelCount count;
+  ReadVoxels(file.path(), header, frame, count.Sink());
+  count.ExpectAllOf(header);
+}
 
 ImportLimits SmallLimits() { return {.max_voxels = kMostVoxels}; }
 
@@ -54,7 +80,7 @@ void ReadPlain(std::span<const std::uint8_t> bytes, const ScratchFile& file, Ima
   FUZZ_CHECK(header.size[0] * header.size[1] * header.size[2] <= kMostVoxels);
   for (std::int64_t frame = 0; frame < std::min(header.frames, kMostFrames); ++frame) {
     CheckFrame(frame, header.frames);
-    FUZZ_CHECK(ReadVoxels(file.path(), header, frame) != nullptr);
+    ReadFrame(file, header, frame);
   }
 }
 
@@ -70,7 +96,7 @@ void ReadRaw(Input input, const ScratchFile& file) {
   file.Write(input.TakeRest());
   const ImageHeader header = CheckedRawHeader(file.path(), raw, SmallLimits());
   CheckHeader(header);
-  FUZZ_CHECK(ReadVoxels(file.path(), header, 0) != nullptr);
+  ReadFrame(file, header, 0);
 }
 
 void ReadTiff(std::span<const std::uint8_t> bytes) {
@@ -79,7 +105,10 @@ void ReadTiff(std::span<const std::uint8_t> bytes) {
   const TiffStack stack = OpenTiffStack(file.path(), SmallLimits());
   FUZZ_CHECK(stack.files.size() == 1 &&
              stack.pages.size() == static_cast<std::size_t>(stack.header.size[2]));
-  FUZZ_CHECK(ReadTiffVoxels(stack, [](double) {}) != nullptr);
+  VoxelCount count;
+  ReadTiffVoxels(
+      stack, [](double) {}, count.Sink());
+  count.ExpectAllOf(stack.header);
 }
 
 void ReadDicom(std::span<const std::uint8_t> bytes) {

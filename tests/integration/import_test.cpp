@@ -160,6 +160,19 @@ TEST_F(ImportTest, RawVoxels) {
   ExpectRefused(plain, kInvalid, "regular");
 }
 
+// More voxels than the importer converts at once.
+TEST_F(ImportTest, WholeNumbersBecomeASmallerType) {
+  const RawVoxels raw{.size = {90, 80, 100}, .type = "int32"};
+  const auto value = [](int n) { return n % 251 + n / 90 % 5; };
+  std::string bytes;
+  for (int n = 0; n < 90 * 80 * 100; ++n) bytes += BytesOf(std::int32_t{value(n)});
+  const LoadedVolume volume = Imported({.path = Write("a.raw", bytes), .raw = raw});
+  EXPECT_EQ(volume.bricks.Find(0, 0, 0).type(), LeafType::kUint8);
+  testing::ForEachVoxel(volume.metadata.size, [&](const Vec3i& p) {
+    ASSERT_EQ(At(volume, p.x(), p.y(), p.z()), value(p.x() + 90 * (p.y() + 80 * p.z())));
+  });
+}
+
 TEST_F(ImportTest, FramesOfASeries) {
   const std::string data = PatternBytes<std::int8_t>();
   std::string other;

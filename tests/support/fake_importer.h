@@ -11,7 +11,7 @@
 #include <string>
 #include <vector>
 
-#include "server/volume/handover.h"
+#include "tests/support/written_handover.h"
 
 namespace palpate::testing {
 
@@ -52,7 +52,7 @@ inline void WriteFakeVolume(const std::filesystem::path& path, const Vec3i& size
   metadata.original_type = "float32";
   metadata.source = path.filename();
   const Descriptor file(open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0600));
-  WriteHandover(file.get(), metadata, LeafType::kFloat, voxels.data());
+  WriteHandover(file.get(), metadata, LeafType::kFloat, voxels);
   std::ofstream(path.string() + ".size")
       << "size " << size.x() << " " << size.y() << " " << size.z() << " 4\n";
 }

@@ -14,11 +14,13 @@
 
 #include "common/error/error.h"
 #include "tests/support/refusal.h"
+#include "tests/support/written_handover.h"
 
 namespace palpate {
 namespace {
 
 using testing::Refusal;
+using testing::WriteHandover;
 
 constexpr int kX = 20, kY = 11, kZ = 9;
 
@@ -51,7 +53,7 @@ std::vector<float> Voxels() {
 
 Descriptor WrittenFile(LeafType type = LeafType::kInt16) {
   Descriptor file = MakeHandoverFile();
-  WriteHandover(file.get(), HeadMetadata(), type, Voxels().data());
+  WriteHandover(file.get(), HeadMetadata(), type, Voxels());
   return file;
 }
 
@@ -100,12 +102,10 @@ TEST(Handover, TextsOfAnyAllowedLengthComeBack) {
   metadata.unit.clear();
   metadata.source.assign(kLongestText, 'x');
   const Descriptor file = MakeHandoverFile();
-  WriteHandover(file.get(), metadata, LeafType::kUint8, Voxels().data());
+  WriteHandover(file.get(), metadata, LeafType::kUint8, Voxels());
   ExpectSameMetadata(TakeHandover(file.get()).metadata, metadata);
   metadata.source += 'x';
-  EXPECT_EQ(
-      Refusal([&] { WriteHandover(file.get(), metadata, LeafType::kUint8, Voxels().data()); }),
-      ErrorKind::kInvalidArgument);
+  EXPECT_EQ(Refusal([&] { CheckVolumeMetadata(metadata); }), ErrorKind::kInvalidArgument);
 }
 
 // Writes, changes the header or the file, and expects a refusal.
@@ -202,7 +202,7 @@ TEST(Handover, NothingCanChangeItOnceItIsTaken) {
 TEST(Handover, FilesThatCannotBeSealedAreRefused) {
   FILE* const file = std::tmpfile();
   ASSERT_NE(file, nullptr);
-  WriteHandover(fileno(file), HeadMetadata(), LeafType::kInt16, Voxels().data());
+  WriteHandover(fileno(file), HeadMetadata(), LeafType::kInt16, Voxels());
   EXPECT_EQ(Refusal([&] { TakeHandover(fileno(file)); }), ErrorKind::kInvalidArgument);
   std::fclose(file);
 }

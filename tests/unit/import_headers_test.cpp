@@ -327,20 +327,32 @@ TEST(MetaImageHeader, AttacksAreRefused) {
 
 TEST(ImageHeader, LimitsRefuseBeforeAllocation) {
   ImportLimits limits;
-  EXPECT_EQ(CheckedVoxelBytes({20, 11, 9}, 2, limits), 20 * 11 * 9 * 2);
+  EXPECT_EQ(CheckedVoxelBytes({20, 11, 9}, ScalarType::kInt16, LeafType::kInt16, limits),
+            20 * 11 * 9 * 2);
   const std::int64_t huge = std::numeric_limits<std::int64_t>::max();
   for (const Size size : {Size{huge, huge, huge}, Size{huge / 2, 2, 2}, Size{1 << 20, 1 << 20, 2},
                           Size{std::int64_t{1} << 31, 2, 2}, Size{1290, 1290, 1300}}) {
     try {
-      CheckedVoxelBytes(size, 8, limits);
+      CheckedVoxelBytes(size, ScalarType::kFloat64, LeafType::kFloat, limits);
       ADD_FAILURE() << size[0];
     } catch (const Error& error) {
       EXPECT_EQ(error.kind(), ErrorKind::kTooLarge) << error.what();
     }
   }
   limits.max_memory_bytes = 1 << 20;
-  const std::string said = Refusal([&] { CheckedVoxelBytes({100, 100, 20}, 8, limits); });
+  const std::string said = Refusal([&] {
+    CheckedVoxelBytes({100, 100, 20}, ScalarType::kFloat64, LeafType::kFloat, limits);
+  });
   EXPECT_NE(said.find("3 MiB"), std::string::npos) << said;  // 2.3
+}
+
+TEST(ImageHeader, BytesNeedLessMemoryThanFloats) {
+  ImportLimits limits;
+  limits.max_memory_bytes = 1 << 20;
+  const Size size = {100, 100, 16};
+  EXPECT_EQ(CheckedVoxelBytes(size, ScalarType::kUint8, LeafType::kUint8, limits), 160'000);
+  EXPECT_NE(Refusal([&] { CheckedVoxelBytes(size, ScalarType::kUint8, LeafType::kFloat, limits); }),
+            "");
 }
 
 }  // namespace

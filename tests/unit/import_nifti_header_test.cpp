@@ -244,7 +244,9 @@ TEST(Nifti2Header, HugeSizesAreOverTheLimit) {
     bytes.Dim(1, huge).Dim(2, huge).Dim(3, 3);
     const ImageHeader header = bytes.Parse();
     EXPECT_EQ(header.size, (Size{huge, huge, 3}));
-    EXPECT_NE(Refusal([&] { CheckedVoxelBytes(header.size, 2, {}); }), "");
+    EXPECT_NE(
+        Refusal([&] { CheckedVoxelBytes(header.size, ScalarType::kInt16, LeafType::kInt16, {}); }),
+        "");
     EXPECT_NE(Refusal([&] { NiftiBytes(2, swap).Dim(0, 4).Dim(4, huge).Parse(); }), "");
   }
   EXPECT_NE(Refusal([] { NiftiBytes(1, false).Offset(352.5).Parse(); }), "");

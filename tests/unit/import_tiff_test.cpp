@@ -8,6 +8,7 @@
 #include "server/import/tiff_series.h"
 #include "tests/support/temporary_folder.h"
 #include "tests/support/tiff_writer.h"
+#include "tests/unit/collected_voxels.h"
 #include "tests/unit/import_refusal.h"
 
 namespace palpate {
@@ -15,6 +16,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
+using testing::CollectedVoxels;
 using testing::Refusal;
 using testing::TiffLayout;
 using testing::WriteTiff;
@@ -46,10 +48,11 @@ class TiffStackTest : public ::testing::Test {
     EXPECT_NE(what.find(text), std::string::npos) << name << ": " << what;
   }
 
-  static std::unique_ptr<float[]> Read(const fs::path& input) {
+  static void Read(const fs::path& input) {
     ImportLimits limits;
     limits.max_voxels = 1 << 20;
-    return ReadTiffVoxels(OpenTiffStack(input, limits), [](double) {});
+    ReadTiffVoxels(
+        OpenTiffStack(input, limits), [](double) {}, [](LeafType, const void*, std::size_t) {});
   }
 
   test::TemporaryFolder folder_;
@@ -62,13 +65,16 @@ void ExpectPattern(const fs::path& input, ScalarType type = ScalarType::kUint16,
   const std::array<std::int64_t, 3> size = {layout.width, layout.height, slices};
   ASSERT_EQ(stack.header.size, size);
   double last = 0.0;
-  const auto voxels = ReadTiffVoxels(stack, [&](double fraction) { last = fraction; });
+  CollectedVoxels voxels;
+  ReadTiffVoxels(
+      stack, [&](double fraction) { last = fraction; }, voxels.Sink());
   EXPECT_EQ(last, 1.0);
+  EXPECT_EQ(voxels.type, LeafTypeNamed(Name(type)).value_or(LeafType::kFloat));
   std::size_t at = 0;
   for (int z = 0; z < slices; ++z) {
     for (int y = 0; y < static_cast<int>(layout.height); ++y) {
       for (int x = 0; x < static_cast<int>(layout.width); ++x) {
-        ASSERT_EQ(voxels[at++], Value(x, y, z)) << x << " " << y << " " << z;
+        ASSERT_EQ(voxels.values.at(at++), Value(x, y, z)) << x << " " << y << " " << z;
       }
     }
   }

@@ -1,4 +1,4 @@
-// Frames of files as floats: every type and order of bytes, deflated or not, and
+// Frames of files: every type and order of bytes, deflated or not, and
 // raw voxels.
 #include <cstring>
 #include <fstream>
@@ -11,6 +11,7 @@
 #include "server/import/voxel_reader.h"
 #include "tests/support/deflated.h"
 #include "tests/support/temporary_folder.h"
+#include "tests/unit/collected_voxels.h"
 #include "tests/unit/import_refusal.h"
 
 namespace palpate {
@@ -18,6 +19,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
+using testing::CollectedVoxels;
 using testing::Deflated;
 using testing::Refusal;
 
@@ -47,9 +49,18 @@ class Voxels : public ::testing::Test {
   test::TemporaryFolder folder_;
 };
 
+CollectedVoxels Read(const fs::path& path, const ImageHeader& header, int frame) {
+  CollectedVoxels voxels;
+  ReadVoxels(path, header, frame, voxels.Sink());
+  return voxels;
+}
+
+// Expects the type of the file where leaves have it.
 void ExpectFrame(const fs::path& path, const ImageHeader& header, int frame) {
-  const auto voxels = ReadVoxels(path, header, frame);
-  for (int k = 0; k < kVoxels; ++k) ASSERT_EQ(voxels[k], Value(k, frame)) << k;
+  const CollectedVoxels voxels = Read(path, header, frame);
+  EXPECT_EQ(voxels.type, LeafTypeNamed(Name(header.type)).value_or(LeafType::kFloat));
+  ASSERT_EQ(voxels.values.size(), std::size_t{kVoxels});
+  for (int k = 0; k < kVoxels; ++k) ASSERT_EQ(voxels.values[k], Value(k, frame)) << k;
 }
 
 TEST_F(Voxels, EveryTypeOrderAndFrame) {
@@ -89,7 +100,9 @@ TEST_F(Voxels, AreScaled) {
   header.slope = 0.5;
   header.intercept = -8.0;
   const fs::path path = Write("a", Frames<std::uint8_t>(1, false));
-  EXPECT_EQ(ReadVoxels(path, header, 0)[9], 0.5f * static_cast<float>(Value(9, 0)) - 8.0f);
+  const CollectedVoxels voxels = Read(path, header, 0);
+  EXPECT_EQ(voxels.type, LeafType::kFloat);
+  EXPECT_EQ(voxels.values[9], 0.5f * static_cast<float>(Value(9, 0)) - 8.0f);
 }
 
 // The check and the reading are two: the file may have changed between them.
@@ -98,7 +111,7 @@ TEST_F(Voxels, AFileThatShrankIsRefused) {
   header.type = ScalarType::kInt16;
   header.size = {7, 5, 4};
   const fs::path path = Write("a", Frames<std::int16_t>(1, false).substr(1));
-  EXPECT_NE(Refusal([&] { ReadVoxels(path, header, 0); }).find("truncated"), std::string::npos);
+  EXPECT_NE(Refusal([&] { Read(path, header, 0); }).find("truncated"), std::string::npos);
 }
 
 TEST_F(Voxels, RawNeedsTheExactSize) {
