@@ -51,18 +51,21 @@ class DenseLeaves {
   }
 
   void Gather(const Vec3i& corner) {
-    values_.fill(background_);
+    // A copy, because the compiler takes any write of a byte for a write of the member, too.
+    const T background = background_;
     const Vec3i end = (size_ - corner).cwiseMin(kBrickEdge);
+    if (end != Vec3i::Constant(kBrickEdge)) values_.fill(background);
     for (int k = 0; k < end.z(); ++k) {
       for (int j = 0; j < end.y(); ++j) {
         const int layer = corner.z() + k - strip_z_, line = corner.y() + j - strip_y_;
         const T* const row = strip_.data() +
                              (static_cast<std::size_t>(layer) * strip_rows_ + line) * size_.x() +
                              corner.x();
-        for (int i = 0; i < end.x(); ++i) {
+        T* voxel = values_.data() + VoxelInBrick(0, j, k);
+        for (int i = 0; i < end.x(); ++i, voxel += VoxelInBrick(1, 0, 0)) {
           // If the background is a zero, every zero gets the background's sign. Older versions read
           // volumes in this way, too.
-          values_[VoxelInBrick(i, j, k)] = row[i] == background_ ? background_ : row[i];
+          *voxel = row[i] == background ? background : row[i];
         }
       }
     }
@@ -78,8 +81,14 @@ class DenseLeaves {
   }
 
   LeafPtr Made() const {
-    auto node = std::make_unique<Leaf::Node<T>>(openvdb::Coord(0, 0, 0), background_, true);
+    // Without PartialCreate, all voxels would be written twice.
+    auto node = std::make_unique<Leaf::Node<T>>(openvdb::PartialCreate(), openvdb::Coord(0, 0, 0),
+                                                background_, true);
     std::copy(values_.begin(), values_.end(), node->buffer().data());
+    // A shortcut: most leaves have no voxel of the least value.
+    if (std::find(values_.begin(), values_.end(), background_) == values_.end()) {
+      return Leaf::Take(std::move(node));
+    }
     for (int n = 0; n < kBrickVoxels; ++n) {
       const auto place = static_cast<openvdb::Index>(n);
       if (values_[place] == background_) node->setValueOff(place);
