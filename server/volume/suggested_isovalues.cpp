@@ -113,7 +113,7 @@ class Bins {
     high_ += 0.5;
   }
 
-  void Add(float value, std::uint64_t times) { counts_[BinOf(value)] += times; }
+  void Add(std::size_t bin, std::uint64_t times) { counts_[bin] += times; }
   std::size_t BinOf(double value) const {
     const double bin = (value - low_) / (high_ - low_) * static_cast<double>(counts_.size());
     return static_cast<std::size_t>(std::clamp(bin, 0.0, static_cast<double>(counts_.size() - 1)));
@@ -224,10 +224,11 @@ bool LooksLikeCt(const VolumeMetadata& metadata, const std::vector<double>& peak
 VolumeValues ValuesOf(const VolumeSnapshot& volume) {
   const VolumeMetadata& metadata = volume.metadata();
   const Spread spread = SpreadOf(volume);
-  Bins all(metadata, spread), rest(metadata, spread);
+  Bins all(metadata, spread), rest = all;
   ForSomeVoxels(volume, kMostVoxels, [&](float value, std::uint64_t times) {
-    all.Add(value, times);
-    if (value != spread.background) rest.Add(value, times);
+    const std::size_t bin = all.BinOf(value);
+    all.Add(bin, times);
+    if (value != spread.background) rest.Add(bin, times);
   });
   VolumeValues values{all.low(), all.high(), all.counts(), PeaksOf(rest), {}};
   const auto suggest = [&](const char* name, double isovalue, const char* reason) {
