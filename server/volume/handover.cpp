@@ -13,7 +13,6 @@
 #include <limits>
 #include <string>
 #include <thread>
-#include <vector>
 
 #include "common/error/error.h"
 #include "server/volume/handover_file.h"
