@@ -33,8 +33,10 @@ std::string WorldBox(const client::VolumeInfo& volume) {
     high = high.cwiseMax(p_W_mm);
   }
   // LPS: towards the patient's left, back and head.
-  return fmt::format("world (LPS) x {:g} to {:g}, y {:g} to {:g}, z {:g} to {:g} mm", low.x(),
-                     high.x(), low.y(), high.y(), low.z(), high.z());
+  const Vec3 center = 0.5 * (low + high);
+  return fmt::format(
+      "world (LPS) x {:g} to {:g}, y {:g} to {:g}, z {:g} to {:g} mm, centre {:g},{:g},{:g}",
+      low.x(), high.x(), low.y(), high.y(), low.z(), high.z(), center.x(), center.y(), center.z());
 }
 
 }  // namespace

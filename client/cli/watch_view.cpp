@@ -114,13 +114,15 @@ std::string LogLine(const WatchStatus& status) {
   const client::Pose& s = *status.pose;
   return fmt::format(
       "{:.1f} s: {:.1f} samples/s, {:.1f} ticks/s, missed {:.1f}/s, {} in all ({:.3f} %), update "
-      "mean {:.1f} µs p99 {:.1f} µs, {}, HIP {} SCP_H {} SCP_V {} mm, force {:.3f} N, "
+      "mean {:.1f} µs p99 {:.1f} µs, {}, HIP {} SCP_H {} SCP_V {} mm, SCP_H in LPS {} mm, force "
+      "{:.3f} N, "
       "{}density {:.6g}, isovalue {}, settings {}, volume {}, age {}, dropped {}",
       f.seconds, f.recent_samples_per_s, f.recent_ticks_per_s, f.recent_missed_per_s,
       f.total_missed_ticks, f.total_missed_percent, f.recent_update.mean_us, f.recent_update.p99_us,
       ProxyInWords(s), Compact(s.hip_mm), Compact(s.scp_h_mm), Compact(s.scp_v_mm),
-      s.force_n.norm(), LacksForces(s) ? "forces " + NameOf(s.forces) + ", " : "", s.density,
-      Isovalue(status), s.settings_revision, s.volume_revision, Age(status), f.dropped_samples);
+      Compact(status.scp_h_world_mm), s.force_n.norm(),
+      LacksForces(s) ? "forces " + NameOf(s.forces) + ", " : "", s.density, Isovalue(status),
+      s.settings_revision, s.volume_revision, Age(status), f.dropped_samples);
 }
 
 std::string Summary(const WatchFigures& f) {

@@ -2,7 +2,7 @@
 
 #include <fmt/ranges.h>
 
-#include <array>
+#include <algorithm>
 #include <set>
 #include <sstream>
 #include <string_view>
@@ -29,28 +29,14 @@ std::set<std::string> Tables() {
   return tables;
 }
 
-// The file's keys that the overrides replace.
-std::set<std::string> Replaced(const ConfigOverrides& overrides) {
-  std::set<std::string> replaced;
-  for (const auto& [key, value] : overrides) {
-    replaced.insert(key);
-    if (key == "volume.isovalue" || key == "volume.normalized_isovalue") {
-      replaced.insert({"volume.isovalue", "volume.normalized_isovalue"});
-    }
-    if (key != "volume.source") continue;
-    for (const char* of_source :
-         {"isovalue", "normalized_isovalue", "spacing_mm", "frame", "grid", "component", "raw_size",
-          "raw_type", "raw_big_endian", "raw_offset_bytes"}) {
-      replaced.insert("volume." + std::string(of_source));
-    }
-  }
-  return replaced;
+bool IsIsovalue(std::string_view key) {
+  return key == "volume.isovalue" || key == "volume.normalized_isovalue";
 }
 
 class Reader {
  public:
   Reader(const ConfigOverrides& overrides, Config& config)
-      : overrides_(overrides), replaced_(Replaced(overrides)), config_(config) {}
+      : overrides_(overrides), config_(config) {}
 
   void ReadFile(const std::filesystem::path& path) {
     try {
@@ -63,10 +49,10 @@ class Reader {
     }
   }
   void ReadOverrides() {
-    for (const auto& [key, value] : overrides_) {
+    for (const ConfigOverride& one : overrides_) {
       toml::array node;  // of one
-      std::visit([&](const auto& given) { Append(given, node); }, value);
-      Set(key, node[0], config_);
+      std::visit([&](const auto& given) { Append(given, node); }, one.value);
+      Set(one.key, node[0], config_);
     }
   }
   ConfigReading Take() { return std::move(reading_); }
@@ -94,13 +80,20 @@ class Reader {
              fmt::format("is no table of palpated: there are {}", fmt::join(Tables(), ", "))});
       } else if (section) {
         ReadTable(*section, key + ".");
-      } else if (replaced_.contains(key)) {
+      } else if (IsReplaced(key)) {
         Config unused;
         Set(key, node, unused);
       } else if (Set(key, node, config_)) {
         reading_.keys[key] = {line, Value(node)};
       }
     }
+  }
+
+  bool IsReplaced(const std::string& key) const {
+    return std::any_of(overrides_.begin(), overrides_.end(), [&](const ConfigOverride& one) {
+      return key == one.key || (IsIsovalue(key) && IsIsovalue(one.key)) ||
+             (one.key == "volume.source" && IsOfSource(key));
+    });
   }
 
   bool Set(const std::string& key, const toml::node& node, Config& config) {
@@ -116,7 +109,6 @@ class Reader {
   }
 
   const ConfigOverrides& overrides_;
-  const std::set<std::string> replaced_;
   Config& config_;
   ConfigReading reading_;
 };

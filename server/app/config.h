@@ -18,11 +18,10 @@
 #include "common/isosurface/decomposition.h"
 #include "common/wire/address.h"
 #include "server/app/device_config.h"
+#include "server/client_files/upload.h"
 #include "server/haptics/settings.h"
 #include "server/realtime/thread_setup.h"
 #include "server/rpc/server.h"
-#include "server/client_files/path_policy.h"
-#include "server/client_files/upload.h"
 #include "server/store/memory_budget.h"
 #include "server/store/volume_loader.h"
 
@@ -51,7 +50,8 @@ struct Config {
 
 // A value of the command line, which stands in place of the file's.
 struct ConfigOverride {
-  std::string key;  // "volume.source"
+  std::string option;  // "--volume", for messages
+  std::string key;     // "volume.source"
   std::variant<std::string, bool, std::int64_t, double, std::vector<double>,
                std::vector<std::string>>
       value;
@@ -87,8 +87,8 @@ struct LoadedConfig {
 };
 
 // Reads the keys of `path` into `config`, and then the overrides. Keys that neither names keep
-// their value. Another volume than the file's (volume.source) comes without the file's isovalue,
-// spacing and grid; one form of the isovalue replaces the other. Invalid values are left out and
+// their value. An override of volume.source also replaces all keys that describe the file's volume
+// (IsOfSource); one form of the isovalue replaces the other. Invalid values are left out and
 // reported as faults. Opens no other file. An empty `path`: the overrides alone.
 ConfigReading ReadConfig(const std::filesystem::path& path, const ConfigOverrides& overrides,
                          Config& config);

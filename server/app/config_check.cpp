@@ -11,7 +11,7 @@
 
 #include "common/isosurface/decomposition.h"
 #include "server/app/devices.h"
-#include "server/app/log.h"
+#include "server/client_files/path_policy.h"
 #include "server/metrics/exporter.h"
 #include "server/rpc/server.h"
 #include "server/security/certificates.h"
@@ -61,6 +61,9 @@ class Check {
                        [&](const ConfigFault& fault) { return fault.key.starts_with(key); });
   }
 
+  // In the file, and not replaced by the command line.
+  bool IsGiven(std::string_view key) const { return keys_.contains(key); }
+
   std::vector<ConfigFault> Take() { return std::move(faults_); }
 
  private:
@@ -70,11 +73,45 @@ class Check {
   std::vector<ConfigFault> faults_;
 };
 
+constexpr char kNotBuiltin[] = "is for a file, and not for a builtin volume";
+
+// One of the keys that gave this.
+const char* GivenKey(const RawVoxels& raw) {
+  if (!raw.type.empty()) return "volume.raw_type";
+  if (raw.size[0] != 0) return "volume.raw_size";
+  return raw.big_endian ? "volume.raw_big_endian" : "volume.raw_offset_bytes";
+}
+
 bool CheckSource(const Config& config, Check& check) {
   if (check.Knows("volume.source")) return false;
-  const std::string& source = config.volume.source;
-  if (!source.starts_with("builtin:")) return check.Readable("volume.source", source);
-  return check.Try("volume.source", [&] { CheckBuiltinSource(source); });
+  const LoadRequest& volume = config.volume;
+  if (volume.source.empty()) {
+    check.Fault("volume.source", "must name a file, a folder or a builtin volume");
+    return false;
+  }
+  if (!volume.source.starts_with("builtin:")) {
+    return check.Readable("volume.source", volume.source);
+  }
+  if (volume.raw) check.Fault(GivenKey(*volume.raw), kNotBuiltin);
+  for (const auto& [is_given, key] : {std::pair(volume.frame.has_value(), "volume.frame"),
+                                      std::pair(!volume.grid.empty(), "volume.grid"),
+                                      std::pair(!volume.component.empty(), "volume.component")}) {
+    if (is_given) check.Fault(key, kNotBuiltin);
+  }
+  return check.Try("volume.source", [&] { CheckBuiltinSource(volume.source); });
+}
+
+// A reload does not use the folders: one may be gone.
+void CheckFolders(const Config& config, Check& check) {
+  if (check.use() == ConfigUse::kReload) return;
+  const auto check_all = [&](const char* key, const auto& folders) {
+    check.Try(key, [&] { PathPolicy({.load_folders = folders}); });
+  };
+  if (config.load_folders) check_all("volume.load_folders", *config.load_folders);
+  if (config.save_folders) check_all("volume.save_folders", *config.save_folders);
+  if (check.IsGiven("volume.upload_folder")) {
+    check_all("volume.upload_folder", std::vector{config.uploads.folder});
+  }
 }
 
 void CheckVolume(const Config& config, Check& check) {
@@ -100,9 +137,9 @@ void CheckVolume(const Config& config, Check& check) {
   check.Try("volume.normalized_isovalue", [&] {
     CheckRange("normalized isovalue", volume.normalized_isovalue.value_or(0.5), 0.0, 1.0, "");
   });
-  if (volume.raw && !check.Knows("volume.raw") &&
-      (volume.raw->type.empty() || volume.raw->size[0] == 0)) {
-    check.Fault("volume.raw_size", "needs volume.raw_type, and the other way round: set both");
+  if (!volume.raw || volume.source.starts_with("builtin:") || check.Knows("volume.raw")) return;
+  if (volume.raw->type.empty() || volume.raw->size[0] == 0) {
+    check.Fault(GivenKey(*volume.raw), "needs others: set volume.raw_size and volume.raw_type");
   }
 }
 
@@ -183,6 +220,7 @@ std::vector<ConfigFault> CheckConfig(const Config& config, const ConfigKeys& key
                                      const std::vector<ConfigFault>& known) {
   Check check(keys, use, known);
   CheckVolume(config, check);
+  CheckFolders(config, check);
   CheckDevice(config, check);
   CheckTls(config.security, check);
   CheckAddresses(config, check);
@@ -204,6 +242,11 @@ LoadedConfig LoadConfig(const std::filesystem::path& file, const ConfigOverrides
     faults.insert(faults.end(), more.begin(), more.end());
   }
   if (faults.empty()) return loaded;
+  for (ConfigFault& fault : faults) {
+    const auto at = std::find_if(overrides.begin(), overrides.end(),
+                                 [&](const auto& one) { return one.key == fault.key; });
+    if (fault.line == 0 && at != overrides.end()) fault.key = at->option;
+  }
   // The parser sorts tables by name; people read a file by lines.
   std::stable_sort(faults.begin(), faults.end(),
                    [](const auto& a, const auto& b) { return a.line < b.line; });

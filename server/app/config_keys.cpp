@@ -46,13 +46,6 @@ struct Entry {
   }
 };
 
-// The folder must exist.
-std::filesystem::path Folder(const Entry& entry) {
-  const std::filesystem::path folder = entry.Text();
-  PathPolicy({.load_folders = {folder}});  // throws if the folder is missing
-  return folder;
-}
-
 Paths Folders(const Entry& entry) {
   const toml::array* array = entry.node.as_array();
   if (!array) Refuse("must be a list of paths, [\"/data\"]");
@@ -62,7 +55,6 @@ Paths Folders(const Entry& entry) {
     if (!text) Refuse("must be a list of paths, [\"/data\"]");
     folders.emplace_back(*text);
   }
-  PathPolicy({.load_folders = folders});  // throws if a folder is missing
   return folders;
 }
 
@@ -165,14 +157,11 @@ using E = const Entry&;
 using C = Config&;
 using Setters = std::map<std::string, std::function<void(E, C)>, std::less<>>;
 
-Setters VolumeSetters() {
+Setters SourceSetters() {
   return {
-      {"volume.source", [](E e, C c) { c.volume.source = e.Text(); }},
       {"volume.isovalue", [](E e, C c) { c.volume.isovalue = e.Number(); }},
       {"volume.normalized_isovalue", [](E e, C c) { c.volume.normalized_isovalue = e.Number(); }},
       {"volume.spacing_mm", [](E e, C c) { c.volume.spacing_mm = e.Triple(); }},
-      {"volume.device_mm_per_volume_mm",
-       [](E e, C c) { c.volume.device_mm_per_volume_mm = e.Number(); }},
       {"volume.frame", [](E e, C c) { c.volume.frame = e.Integer(0, 1 << 30); }},
       {"volume.grid", [](E e, C c) { c.volume.grid = e.Text(); }},
       {"volume.component", [](E e, C c) { c.volume.component = e.Text(); }},
@@ -184,9 +173,17 @@ Setters VolumeSetters() {
        }},
       {"volume.raw_big_endian", [](E e, C c) { Raw(c).big_endian = e.Flag(); }},
       {"volume.raw_offset_bytes", [](E e, C c) { Raw(c).offset_bytes = e.Integer(0, 1 << 30); }},
+  };
+}
+
+Setters VolumeSetters() {
+  return {
+      {"volume.source", [](E e, C c) { c.volume.source = e.Text(); }},
+      {"volume.device_mm_per_volume_mm",
+       [](E e, C c) { c.volume.device_mm_per_volume_mm = e.Number(); }},
       {"volume.load_folders", [](E e, C c) { c.load_folders = Folders(e); }},
       {"volume.save_folders", [](E e, C c) { c.save_folders = Folders(e); }},
-      {"volume.upload_folder", [](E e, C c) { c.uploads.folder = Folder(e); }},
+      {"volume.upload_folder", [](E e, C c) { c.uploads.folder = e.Text(); }},
       {"volume.max_upload_mib", [](E e, C c) { c.uploads.max_bytes = Mebibytes(e); }},
       {"volume.upload_vdb", [](E e, C c) { c.uploads.vdb = e.Flag(); }},
       {"volume.memory_budget_mib", [](E e, C c) { c.memory_budget_bytes = Mebibytes(e); }},
@@ -275,7 +272,7 @@ const std::map<std::string, ConfigSetter, std::less<>>& ConfigSetters() {
   static const auto all = [] {
     std::map<std::string, ConfigSetter, std::less<>> made;
     for (const Setters& setters :
-         {VolumeSetters(), HapticsSetters(), DeviceSetters(), ServerSetters()}) {
+         {SourceSetters(), VolumeSetters(), HapticsSetters(), DeviceSetters(), ServerSetters()}) {
       for (const auto& [key, set] : setters) {
         made[key] = [set = set](const toml::node& node, Config& config) { set({node}, config); };
       }
@@ -283,6 +280,11 @@ const std::map<std::string, ConfigSetter, std::less<>>& ConfigSetters() {
     return made;
   }();
   return all;
+}
+
+bool IsOfSource(std::string_view key) {
+  static const Setters of_source = SourceSetters();
+  return of_source.contains(key);
 }
 
 }  // namespace palpate

@@ -8,6 +8,7 @@
 #include <functional>
 #include <map>
 #include <string>
+#include <string_view>
 
 #include "server/app/config.h"
 
@@ -17,5 +18,8 @@ using ConfigSetter = std::function<void(const toml::node&, Config&)>;
 
 // By the full key, for example "tls.certificate".
 const std::map<std::string, ConfigSetter, std::less<>>& ConfigSetters();
+
+// True if the key describes the file of volume.source, and not another one.
+bool IsOfSource(std::string_view key);
 
 }  // namespace palpate

@@ -9,7 +9,8 @@
 #include <functional>
 #include <iterator>
 #include <string>
-#include <utility>
+#include <system_error>
+#include <variant>
 #include <vector>
 
 #include "common/arguments/arguments.h"
@@ -83,8 +84,9 @@ constexpr KeyOption kKeyOptions[] = {
 
 struct Options {
   std::string config_file;
-  ConfigOverrides overrides;  // one for each of kKeyOptions, in their order
-  std::vector<arguments::Option*> given;
+  // For each of kKeyOptions, in their order.
+  ConfigOverrides values;
+  std::vector<arguments::Option*> options;
   bool check_config = false;
   bool log_to_journal = false;
 };
@@ -120,10 +122,12 @@ void AddOptions(arguments::Command& app, Options& options) {
                "check the configuration, print one line for each fault, and exit (exit code 0: no "
                "fault). Opens no device and loads no volume. Checks whether the user who runs this "
                "can read the files: run it as the daemon's user");
-  options.overrides.resize(std::size(kKeyOptions));
+  options.values.resize(std::size(kKeyOptions));
   for (std::size_t n = 0; n < std::size(kKeyOptions); ++n) {
-    options.overrides[n].key = kKeyOptions[n].key;
-    options.given.push_back(Add(app, kKeyOptions[n], options.overrides[n]));
+    const std::string name = kKeyOptions[n].name;
+    options.values[n].option = name.substr(name.find("--"));
+    options.values[n].key = kKeyOptions[n].key;
+    options.options.push_back(Add(app, kKeyOptions[n], options.values[n]));
   }
   app.get_option("--normalized-isovalue")->excludes(app.get_option("--isovalue"));
   app.add_flag("--log-to-journal", options.log_to_journal,
@@ -132,18 +136,20 @@ void AddOptions(arguments::Command& app, Options& options) {
   app.set_version_flag("--version", "palpated " PALPATE_VERSION);
 }
 
-// Keeps what the command line has given. Its folders may be relative.
-void KeepGiven(Options& options) {
+// What the command line has given. Its folders may be relative.
+ConfigOverrides Given(const Options& options) {
   ConfigOverrides given;
-  for (std::size_t n = 0; n < options.given.size(); ++n) {
-    if (options.given[n]->count() == 0) continue;
-    ConfigOverride& one = given.emplace_back(options.overrides[n]);
-    if (kKeyOptions[n].values != Values::kFolders) continue;
-    for (std::string& folder : std::get<std::vector<std::string>>(one.value)) {
-      folder = std::filesystem::absolute(folder);
+  for (std::size_t n = 0; n < options.options.size(); ++n) {
+    if (options.options[n]->count() == 0) continue;
+    ConfigOverride& one = given.emplace_back(options.values[n]);
+    auto* const folders = std::get_if<std::vector<std::string>>(&one.value);
+    if (folders == nullptr) continue;
+    for (std::string& folder : *folders) {
+      std::error_code error;  // an empty or relative path is refused later
+      if (const auto full = std::filesystem::absolute(folder, error); !error) folder = full;
     }
   }
-  options.overrides = std::move(given);
+  return given;
 }
 
 // SIGHUP ends a program in a terminal that hangs up. A service has no terminal; for a service
@@ -166,11 +172,12 @@ void KeepMemoryPrivate() {
 void Run(const Options& options) {
   KeepMemoryPrivate();
   const SmallThreadStacks stacks;
-  const LoadedConfig loaded = LoadConfig(options.config_file, options.overrides);
+  const ConfigOverrides given = Given(options);
+  const LoadedConfig loaded = LoadConfig(options.config_file, given);
   SetLogLevel(loaded.config.log_level);
   ConfigReader read;
   if (!options.config_file.empty() && !HasTerminal()) {
-    read = [&] { return LoadConfig(options.config_file, options.overrides, ConfigUse::kReload); };
+    read = [&] { return LoadConfig(options.config_file, given, ConfigUse::kReload); };
   }
   RunDaemon(loaded, read);
 }
@@ -198,8 +205,7 @@ int Main(int argc, char** argv) {
     app.explain(error);
     return kUsageExitCode;
   }
-  KeepGiven(options);
-  if (options.check_config) return CheckConfigFile(options.config_file, options.overrides);
+  if (options.check_config) return CheckConfigFile(options.config_file, Given(options));
   const bool to_journal = options.log_to_journal || StderrIsJournal();
   try {
     if (token_command) {

@@ -29,6 +29,12 @@ struct Running {
   ~Running() { flag.store(false); }
 };
 
+// Of a volume that no file gives again, all voxels are stored, unless they are too many.
+std::uint64_t StoredBytes(const RecordedScene& scene, const VolumeSnapshot& volume) {
+  const std::uint64_t bytes = volume.bricks().MemoryBytes();
+  return scene.reloadable || bytes > VoxelLog::kMaxBricksPerScene * sizeof(Brick) ? 0 : bytes;
+}
+
 }  // namespace
 
 RecordingControl::RecordingControl(Session& session, Pump& pump, RecordingPaths paths,
@@ -67,8 +73,13 @@ RecordingStatus RecordingControl::Start(const std::string& path, bool overwrite)
   const auto left_out = [report = report_, file](const std::string& why) {
     if (report) report("the recording to " + file.string() + " is incomplete: " + why, false);
   };
-  const auto recorder =
-      std::make_shared<Recorder>(CreateRecordingFile(file, overwrite), program_, failed, left_out);
+  std::uint64_t voxel_bytes = 0;
+  {
+    const std::lock_guard lock(mutex_);
+    if (scene_ && volume_) voxel_bytes = StoredBytes(*scene_, *volume_);
+  }
+  const auto recorder = std::make_shared<Recorder>(
+      CreateRecordingFile(file, overwrite, voxel_bytes), program_, failed, left_out);
   {
     const std::lock_guard lock(mutex_);
     if (scene_) recorder->NoteScene(*scene_, volume_);

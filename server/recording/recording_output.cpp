@@ -68,30 +68,33 @@ bool IsRecording(const std::filesystem::path& path) {
 }
 
 // A recording that ends within seconds is of no use, and its client may notice too late.
-void CheckRoom(const std::filesystem::path& path) {
+void CheckRoom(const std::filesystem::path& path, std::uint64_t voxel_bytes) {
   struct statvfs disk {};
   const bool is_known =
       statvfs(std::filesystem::absolute(path).parent_path().c_str(), &disk) == 0 &&
       disk.f_blocks > 0;
   const std::uint64_t free_bytes = std::uint64_t{disk.f_bavail} * disk.f_frsize;
-  if (!is_known || free_bytes >= kLeastRoomBytes) return;
-  throw Error(ErrorKind::kDiskFull, "cannot record to " + path.string() + ": its disk has only " +
-                                        std::to_string(free_bytes >> 20) +
-                                        " MiB left, and a recording takes about 8 a " +
-                                        "minute; make space, or name another folder");
+  if (!is_known || free_bytes >= kLeastRoomBytes + voxel_bytes) return;
+  throw Error(
+      ErrorKind::kDiskFull,
+      "cannot record to " + path.string() + ": its disk has only " +
+          std::to_string(free_bytes >> 20) + " MiB left, and a recording takes about 8 a " +
+          "minute" +
+          (voxel_bytes > 0 ? " and " + std::to_string(voxel_bytes >> 20) + " for the volume" : "") +
+          "; make space, or name another folder");
 }
 
 }  // namespace
 
 std::unique_ptr<RecordingOutput> CreateRecordingFile(
-    const std::filesystem::path& path, bool overwrite,
+    const std::filesystem::path& path, bool overwrite, std::uint64_t voxel_bytes,
     std::function<std::chrono::steady_clock::time_point()> now) {
   if (overwrite && std::filesystem::exists(path) && !IsRecording(path)) {
     throw Error(ErrorKind::kConflict, path.string() +
                                           ": this is no recording, and stays; name "
                                           "another file");
   }
-  CheckRoom(path);
+  CheckRoom(path, voxel_bytes);
   return std::make_unique<RecordingFile>(path, overwrite, std::move(now));
 }
 

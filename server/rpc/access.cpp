@@ -91,9 +91,14 @@ grpc::Status Admission::TakeSamples(int samples_per_s) {
 }
 
 std::string Admission::Who() const {
-  const std::string& name = running_->caller.name;
-  const std::string& peer = running_->peer;
-  return peer.starts_with("unix:") ? name : name + " at " + peer;
+  std::string peer = running_->peer;
+  if (peer.starts_with("unix:")) return running_->caller.name;
+  // gRPC escapes the brackets of "ipv6:[::1]:60286".
+  for (const auto& [escaped, bracket] : {std::pair("%5B", "["), std::pair("%5D", "]")}) {
+    const auto at = peer.find(escaped);
+    if (at != peer.npos) peer.replace(at, 3, bracket);
+  }
+  return running_->caller.name + " at " + peer;
 }
 
 void Admission::Answered() {
@@ -119,9 +124,8 @@ grpc::Status Admission::Failed(const std::exception& error) const {
   // Counts by identity, so that strangers at the same address do not use up its lines of the log.
   const auto* known = dynamic_cast<const Error*>(&error);
   const bool is_loading = known && known->kind() == ErrorKind::kLoading;
-  const bool is_logged =
-      !is_loading &&
-      (call.rule->kind == CallKind::kTransfer || call.rule->least >= Role::kOperator);
+  const bool is_logged = !is_loading && (call.rule->kind == CallKind::kTransfer ||
+                                         call.rule->least >= Role::kOperator);
   const auto left_out =
       is_logged ? access_->refusals_.Take(call.caller.name, MonotonicNowNs()) : std::nullopt;
   if (left_out) {

@@ -11,6 +11,7 @@
 #include "common/wire/force_words.h"
 #include "common/wire/status.h"
 #include "server/log/log.h"
+#include "server/realtime/tick_timer.h"
 #include "server/rpc/device_messages.h"
 #include "server/safety/names.h"
 
@@ -107,11 +108,9 @@ Reply* DeviceService::GetDevice(CallContext* context, const v1::GetDeviceRequest
                          *response->mutable_device() = palpate::ToProto(device_.spec());
                          *response->mutable_caller() = palpate::ToProto(admission.caller());
                          *response->mutable_health() = palpate::ToProto(device_.health());
-                         if (const auto forces = forces_.newest())
+                         if (const auto forces = forces_.newest()) {
                            *response->mutable_forces() = ToProto(*forces);
-                         {
-                           const std::lock_guard lock(mutex_);
-                           response->set_forces_set_by(forces_set_by_);
+                           response->set_forces_set_by(SetBy(*forces));
                          }
                          v1::ServoDescription* servo = response->mutable_servo();
                          servo->set_rate_hz(ServoLoop::kRateHz);
@@ -147,17 +146,21 @@ Reply* DeviceService::EnableForces(CallContext* context, const v1::EnableForcesR
   return calls_.Answer(context, "/palpate.v1.DeviceService/EnableForces", *request,
                        [=, this](const Admission& by) {
                          CheckName(request->device());
-                         const ForceTick forces = Command(ForceCommand::kEnable, by);
+                         const ForceTick forces = Command(ForceCommand::kEnable);
                          CheckEnabled(forces);
+                         Note(ForceCommand::kEnable, by);
                          Answer(forces, *response);
                        });
 }
 
 Reply* DeviceService::DisableForces(CallContext* context, const v1::DisableForcesRequest* request,
                                     v1::DisableForcesResponse* response) {
-  return calls_.Answer(
-      context, "/palpate.v1.DeviceService/DisableForces", *request,
-      [=, this](const Admission& by) { Answer(Command(ForceCommand::kDisable, by), *response); });
+  return calls_.Answer(context, "/palpate.v1.DeviceService/DisableForces", *request,
+                       [=, this](const Admission& by) {
+                         const ForceTick forces = Command(ForceCommand::kDisable);
+                         Note(ForceCommand::kDisable, by);
+                         Answer(forces, *response);
+                       });
 }
 
 Reply* DeviceService::StopForces(CallContext* context, const v1::StopForcesRequest*,
@@ -212,9 +215,8 @@ void DeviceService::CheckName(const std::string& name) const {
 
 // Gives the command and returns a tick that certainly knows it. Another command may have come in
 // between: the tick tells which command holds.
-ForceTick DeviceService::Command(ForceCommand command, const Admission& by) {
+ForceTick DeviceService::Command(ForceCommand command) {
   servo_.forces().Set(command);
-  Note(command, by);
   if (const auto forces = forces_.WaitForTick(FirstTickThatKnows(servo_), kTickPatience)) {
     return *forces;
   }
@@ -225,13 +227,35 @@ ForceTick DeviceService::Command(ForceCommand command, const Admission& by) {
 }
 
 void DeviceService::Note(ForceCommand command, const Admission& by) {
+  const bool is_stop = command == ForceCommand::kStop;
   {
     const std::lock_guard lock(mutex_);
-    forces_set_by_ = by.Who();
+    (is_stop                            ? stopped_by_
+     : command == ForceCommand::kEnable ? enabled_by_
+                                        : disabled_by_) = by.Who();
   }
-  const bool is_stop = command == ForceCommand::kStop;
-  Log(is_stop ? LogLevel::kWarning : LogLevel::kInfo, "forces: {}, by {}",
-      is_stop ? "emergency stop" : NameOf(command), by.Who());
+  // A viewer may stop forces as often as it likes; the log must not fill.
+  const auto left_out = lines_.Take(by.caller().name, MonotonicNowNs());
+  if (!left_out) return;
+  Log(is_stop ? LogLevel::kWarning : LogLevel::kInfo, "forces: {}, by {}{}",
+      is_stop ? "emergency stop" : NameOf(command), by.Who(), LeftOutInWords(*left_out));
+}
+
+std::string DeviceService::SetBy(const ForceTick& forces) const {
+  const std::lock_guard lock(mutex_);
+  switch (forces.state) {
+    case ForceState::kOn:
+    case ForceState::kRampIn:
+    case ForceState::kHeld:
+      return enabled_by_;
+    case ForceState::kOff:
+      return forces.reason == ForceReason::kOperator ? disabled_by_ : "";
+    case ForceState::kStopped:
+      return forces.reason == ForceReason::kStopCall ? stopped_by_ : "";
+    case ForceState::kFault:
+      break;
+  }
+  return "";
 }
 
 // A new zero makes positions jump, and the forces with them.

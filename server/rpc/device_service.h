@@ -7,12 +7,14 @@
 
 #include <functional>
 #include <mutex>
+#include <string>
 #include <vector>
 
 #include "palpate/v1/device.grpc.pb.h"
 #include "server/device/listed_device.h"
 #include "server/rpc/calls.h"
 #include "server/samples/force_watch.h"
+#include "server/security/refusal_log.h"
 #include "server/servo/servo_loop.h"
 
 namespace palpate {
@@ -47,8 +49,11 @@ class DeviceService final : public v1::DeviceService::CallbackService {
 
  private:
   void CheckName(const std::string& name) const;
-  ForceTick Command(ForceCommand command, const Admission& by);
+  ForceTick Command(ForceCommand command);
+  // The command holds: remembers and logs its caller.
   void Note(ForceCommand command, const Admission& by);
+  // Whose command made this state; empty: no client's.
+  std::string SetBy(const ForceTick& forces) const;
   void CheckForcesAreOff() const;
   void CheckEnabled(const ForceTick& forces) const;
 
@@ -59,8 +64,9 @@ class DeviceService final : public v1::DeviceService::CallbackService {
   const ForceWatch& forces_;
   DeviceList list_;
 
-  std::mutex mutex_;           // guards the member below
-  std::string forces_set_by_;  // see GetDeviceResponse
+  RefusalLog lines_;
+  mutable std::mutex mutex_;  // guards the members below
+  std::string enabled_by_, disabled_by_, stopped_by_;
 };
 
 }  // namespace palpate

@@ -5,9 +5,9 @@
 
 #include "common/error/error.h"
 #include "common/wire/status.h"
+#include "server/client_files/series_files.h"
 #include "server/log/log.h"
 #include "server/rpc/volume_messages.h"
-#include "server/client_files/series_files.h"
 
 namespace palpate {
 namespace {

@@ -2,8 +2,8 @@
 #pragma once
 
 #include "palpate/v1/series.grpc.pb.h"
-#include "server/rpc/calls.h"
 #include "server/client_files/path_policy.h"
+#include "server/rpc/calls.h"
 #include "server/session/series_player.h"
 #include "server/session/session.h"
 

@@ -13,6 +13,7 @@
 
 #include "common/files/file_lock.h"
 #include "common/wire/address.h"
+#include "server/client_files/path_policy.h"
 #include "server/metrics/service_metrics.h"
 #include "server/rpc/acceptor.h"
 #include "server/rpc/access.h"
@@ -26,7 +27,6 @@
 #include "server/rpc/series_service.h"
 #include "server/rpc/tls.h"
 #include "server/rpc/volume_service.h"
-#include "server/client_files/path_policy.h"
 #include "server/streaming/volume_streams.h"
 
 namespace palpate {
@@ -78,8 +78,8 @@ class RpcServer {
   void Reserve();
   // Call it after Reserve. Claims the port, if one is configured.
   void ReservePort();
-  // Call it after Reserve, with a running servo. Calls that need a volume are answered with kLoading
-  // until the session has one. Throws kConflict if it cannot listen.
+  // Call it after Reserve, with a running servo. Calls that need a volume are answered with
+  // kLoading until the session has one. Throws kConflict if it cannot listen.
   void Start();
   // See SecurityFiles::Prepare. Call the returned function before Stop.
   std::function<void()> PrepareSecurity(const PolicyOptions& policy);

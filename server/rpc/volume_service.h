@@ -6,12 +6,12 @@
 #include <string_view>
 
 #include "palpate/v1/volume.grpc.pb.h"
+#include "server/client_files/path_policy.h"
+#include "server/client_files/upload.h"
 #include "server/metrics/service_metrics.h"
 #include "server/rpc/calls.h"
 #include "server/rpc/volume_stream_service.h"
-#include "server/client_files/path_policy.h"
 #include "server/session/session.h"
-#include "server/client_files/upload.h"
 #include "server/session/volume_editor.h"
 #include "server/session/volume_filterer.h"
 #include "server/volume/volume_export.h"

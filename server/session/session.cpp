@@ -142,7 +142,7 @@ VolumeState Session::VolumeLocked() const {
           store_.unsaved_edits(),
           settings_.isovalue,
           values_,
-          registration_store_ ? registration_store_->failure() : std::string()};
+          registration_store_ ? registration_store_->Failure(volume_->metadata()) : std::string()};
 }
 
 void Session::SetInitial(const RenderSettings& settings) {

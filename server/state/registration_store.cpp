@@ -117,18 +117,21 @@ void RegistrationStore::Save() {
   } catch (const std::exception& error) {
     failure = error.what();
   }
-  const std::lock_guard lock(mutex_);
+  std::string before;
+  {
+    const std::lock_guard lock(mutex_);
+    if (!failure.empty()) unsaved_.merge(sources);  // saved with the next change
+    before = std::exchange(failure_, failure);
+  }
   // A failure is logged once, not at every move.
-  if (!failure.empty() && failure != failure_) {
+  if (!failure.empty() && failure != before) {
     LogWarning("the places of volumes are not saved: {}", failure);
   }
-  if (!failure.empty()) unsaved_.merge(sources);  // saved with the next change
-  failure_ = failure;
 }
 
-std::string RegistrationStore::failure() const {
+std::string RegistrationStore::Failure(const VolumeMetadata& volume) const {
   const std::lock_guard lock(mutex_);
-  return failure_;
+  return unsaved_.contains(Key(volume)) ? failure_ : "";
 }
 
 // Adds the changes to the file's present entries: another daemon of the same user may have written

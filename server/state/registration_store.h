@@ -44,8 +44,9 @@ class RegistrationStore {
 
   // Writes all unsaved changes now.
   void Save();
-  // Why the last save failed; empty: it did not. Does not wait for the disk.
-  std::string failure() const;
+  // Why the place of this volume could not be saved; empty: it was, or there is nothing to save.
+  // Does not wait for the disk.
+  std::string Failure(const VolumeMetadata& volume) const;
 
  private:
   void Run();
@@ -62,7 +63,7 @@ class RegistrationStore {
   std::vector<StoredRegistration> entries_;  // oldest first
   std::set<std::string> unsaved_;            // sources of the unsaved entries
   std::string failure_;
-  bool dirty_ = false;                       // changed since the thread last checked
+  bool dirty_ = false;  // changed since the thread last checked
   bool stop_ = false;
   std::thread thread_;
 };

@@ -23,8 +23,11 @@ std::filesystem::path FileFor(const std::filesystem::path& folder,
 }
 
 bool IsSame(const LoadRequest& a, const LoadRequest& b) {
-  return std::tie(a.source, a.spacing_mm, a.device_mm_per_volume_mm, a.grid, a.component) ==
-         std::tie(b.source, b.spacing_mm, b.device_mm_per_volume_mm, b.grid, b.component);
+  const auto members = [](const LoadRequest& r) {
+    return std::tie(r.source, r.spacing_mm, r.device_mm_per_volume_mm, r.raw, r.frame, r.grid,
+                    r.component);
+  };
+  return members(a) == members(b);
 }
 
 // Entries whose configured value has changed since the save take the configured value of now.

@@ -115,7 +115,7 @@ class Lifecycle(ServiceTest):
                 (NOT_FOUND, "absent.nrrd", ("--volume", self.folder / "absent.nrrd")),
                 (INVALID, "isovalue", (*SMALL, "--isovalue", "5")),
                 (INVALID, "isovalue", (*SMALL, "--normalized-isovalue", "-1")),
-                (INVALID, "stiffness_n_per_mm", ("--stiffness-n-per-mm", "50")),
+                (INVALID, "--stiffness-n-per-mm", ("--stiffness-n-per-mm", "50")),
                 (INVALID, "phantom", ("--device", "phantom")),
                 (INVALID, "replay_file", ("--device", "replay")),
                 (NOT_FOUND, "OpenHaptics", ("--device", "openhaptics")),

@@ -127,7 +127,7 @@ class Recorded(RecordingTest):
                  for matrix in (scene.device_from_index, scene.world_from_index)]
         np.testing.assert_allclose(scene.to_world_mm(there[0].T), there[1].T, atol=1e-9)
         np.testing.assert_allclose(scene.to_world_mm(there[0].T[1]), there[1].T[1], atol=1e-9)
-        for bad in ((1, 2), np.zeros((2, 2, 3)), 5):
+        for bad in ((1, 2), np.zeros((2, 2, 3)), 5, "abc"):
             with self.assertRaises(palpate.InvalidArgument):
                 scene.to_world_mm(bad)
 
@@ -243,6 +243,18 @@ class Made(unittest.TestCase):
         self.assertEqual(of_version_4.shape, (16, 16, 16))
         with self.assertRaises(palpate.FailedPrecondition):
             of_version_4.to_world_mm((0, 0, 0))
+        for linear, is_place in ((np.eye(3), True), (np.zeros((3, 3)), False),
+                                 (np.full((3, 3), np.nan), False), (np.eye(3) * np.inf, False)):
+            place = struct.pack("<12d", *linear.ravel(order="F"), 1, 2, 3)
+            recorded = self.opened(framed((2, scene[1] + place), version=5)).scenes[0]
+            if is_place:
+                np.testing.assert_array_equal(recorded.world_from_index[:3, 3], (1, 2, 3))
+            else:
+                with self.assertRaises(palpate.InvalidArgument):
+                    recorded.to_world_mm((0, 0, 0))
+        for cut in (1, 8, 95):
+            self.assertIn("chunk 0", self.opened(framed(
+                (2, scene[1] + bytes(cut)), version=5)).ends_early)
         for name, (kind, payload) in corpus_recordings.chunks().items():
             with self.subTest(name):
                 recording = self.opened(framed((kind, payload), version=2))

@@ -11,6 +11,7 @@ import unittest
 
 import grpc
 
+import palpate
 from palpate.v1 import device_pb2, pose_pb2, pose_pb2_grpc, render_pb2, render_pb2_grpc
 from authority import Authority
 from secured import ROLES, SecuredDaemon, dawdle, stop_forces, wait_for
@@ -140,6 +141,16 @@ class SecurityTest(SecuredTest):
         os.chmod(viewer, 0o600)
         self.assertEqual(run(0, "info", *ca, "--token-file", viewer), "")
         self.assertIn("TLS", run(3, "info", *ca[:2], "--token-file", viewer))
+
+    def test_a_stop_has_a_name_and_an_address(self):
+        with self.daemon.channel(self.daemon.tokens["viewer"]) as channel:
+            code, _ = call(channel, {m.name: m for m in METHODS}["StopForces"])
+        self.assertEqual(code, grpc.StatusCode.OK)
+        self.said("emergency stop, by token viewer at ip")
+        with palpate.connect(self.daemon.socket) as conn:
+            self.assertRegex(conn.device.info().forces_set_by, r"^token viewer at ip(v4|v6):")
+            conn.device.enable()
+            self.assertEqual(conn.device.info().forces_set_by, "local socket")
 
     def test_dawdlers_and_oversize_messages_do_not_hinder_others(self):
         channel = self.enterContext(self.daemon.channel(self.daemon.tokens["editor"]))

@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "server/rpc/server.h"
 #include "server/client_files/path_policy.h"
+#include "server/rpc/server.h"
 #include "tests/support/running_session.h"
 
 namespace palpate::testing {

@@ -54,7 +54,8 @@ TEST(VolumeWords, TheBoxInTheWorldHoldsAllVoxels) {
   volume.world_from_index.linear.diagonal() = Vec3(-2.0, 1.0, 10.0);
   volume.world_from_index.translation = Vec3(100.0, -8.0, 0.5);
   const std::string text = Describe(volume);
-  EXPECT_NE(text.find("x 96 to 100, y -8 to -4, z 0.5 to 10.5 mm"), text.npos) << text;
+  EXPECT_NE(text.find("x 96 to 100, y -8 to -4, z 0.5 to 10.5 mm, centre 98,-6,5.5"), text.npos)
+      << text;
 }
 
 TEST(CliSetting, NamesOfValuesAreTheDaemons) {

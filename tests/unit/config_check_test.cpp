@@ -105,8 +105,10 @@ TEST_F(ConfigCheckTest, KeysThatNeedEachOther) {
                {"f.toml:6: tls.client_ca"});
   ExpectFaults(Faults(pair + "[[tls.client]]\nsan = \"a\"\nrole = \"viewer\"\n"),
                {"f.toml:6: tls.client"});
-  ExpectFaults(Faults("[volume]\nraw_type = \"uint8\"\n"), {"volume.raw_size "});
-  ExpectFaults(Faults("[volume]\nraw_size = [2, 2, 2]\n"), {"f.toml:2: volume.raw_size "});
+  const std::string file = "[volume]\nsource = \"" + In("f.toml").string() + "\"\n";
+  ExpectFaults(Faults(file + "raw_type = \"uint8\"\n"), {"f.toml:3: volume.raw_type "});
+  ExpectFaults(Faults(file + "raw_big_endian = true\n"), {"f.toml:3: volume.raw_big_endian "});
+  ExpectFaults(Faults(file + "raw_size = [2, 2, 2]\n"), {"f.toml:3: volume.raw_size "});
 }
 
 TEST_F(ConfigCheckTest, WhatOnlyFollowsIsLeftOut) {
@@ -201,6 +203,12 @@ TEST_F(ConfigCheckTest, LooksAtTheWhole) {
   for (const auto& [text, fault] : std::vector<std::pair<std::string, std::string>>{
            {"[volume]\nsource = \"/no/such.nrrd\"\n", "2: volume.source: "},
            {"[volume]\nsource = \"builtin:cube\"\n", "2: volume.source: "},
+           {"[volume]\nframe = 1\n", "2: volume.frame "},
+           {"[volume]\ngrid = \"density\"\n", "2: volume.grid "},
+           {"[volume]\nload_folders = [\"/tmp\", \"/no/such\"]\n", "2: volume.load_folders: "},
+           {"[volume]\nsave_folders = [\"tmp\"]\n", "2: volume.save_folders: "},
+           {"[volume]\nupload_folder = \"\"\n", "2: volume.upload_folder: "},
+           {"[volume]\nupload_folder = \"/no/such\"\n", "2: volume.upload_folder: "},
            {"[volume]\nisovalue = 1\nnormalized_isovalue = 0.1\n",
             "3: volume.normalized_isovalue "},
            {"[volume]\nnormalized_isovalue = 1.5\n", "2: volume.normalized_isovalue: "},
@@ -222,35 +230,43 @@ TEST_F(ConfigCheckTest, LooksAtTheWhole) {
 }
 
 TEST_F(ConfigCheckTest, TheCommandLineIsJudgedBesideTheFile) {
-  const ConfigOverrides overrides = {{"volume.source", "/no/such.nrrd"},
-                                     {"haptics.stiffness_n_per_mm", 50.0},
-                                     {"log.level", "loud"},
-                                     {"haptics.method", "mc33"}};
+  const ConfigOverrides overrides = {{"--volume", "volume.source", "/no/such.nrrd"},
+                                     {"--stiffness-n-per-mm", "haptics.stiffness_n_per_mm", 50.0},
+                                     {"--log-level", "log.level", "loud"},
+                                     {"--method", "haptics.method", "mc33"}};
   ExpectFaults(Faults("[volume]\nsource = 3\n[haptics]\nstiff = 1\n", overrides),
-               {"haptics.stiffness_n_per_mm ", "log.level ", "haptics.method ",
-                "f.toml:2: volume.source ", "f.toml:4: haptics.stiff "});
-  ExpectFaults(Faults("[volume]\nsource = \"/of/the/file\"\n", overrides),
-               {"haptics.stiffness_n_per_mm ", "log.level ", "haptics.method ",
-                "volume.source: ... /no/such.nrrd"});
+               {"--stiffness-n-per-mm ", "--log-level ", "--method ", "f.toml:2: volume.source ",
+                "f.toml:4: haptics.stiff "});
+  ExpectFaults(
+      Faults("[volume]\nsource = \"/of/the/file\"\n", overrides),
+      {"--stiffness-n-per-mm ", "--log-level ", "--method ", "--volume: ... /no/such.nrrd"});
+  ExpectFaults(Faults("", {{"--volume", "volume.source", ""}}), {"--volume must"});
+  ExpectFaults(
+      Faults("", {{"--load-folder", "volume.load_folders", std::vector<std::string>{"/tmp", ""}}}),
+      {"--load-folder"});
+  ExpectFaults(Faults("", {{"--raw-type", "volume.raw_type", "uint8"}}), {"--raw-type "});
 }
 
 TEST_F(ConfigCheckTest, TheCommandLineStandsInPlaceOfTheFile) {
-  std::ofstream(In("f.toml")) << "[volume]\nsource = \"builtin:bumps\"\nisovalue = 0.5\n"
-                                 "spacing_mm = [2, 2, 2]\nframe = 1\nmax_upload_mib = 3\n"
-                                 "[haptics]\npop_force_n = 1\n";
+  std::ofstream(In("f.toml")) << "[volume]\nsource = \"" + In("f.toml").string() +
+                                     "\"\nisovalue = 0.5\n"
+                                     "spacing_mm = [2, 2, 2]\nframe = 1\nmax_upload_mib = 3\n"
+                                     "[haptics]\npop_force_n = 1\n";
   const auto load = [&](const ConfigOverrides& overrides) {
     return LoadConfig(In("f.toml"), overrides);
   };
   EXPECT_EQ(load({}).config.volume.isovalue, 0.5);
   // Another isovalue, in its other form.
-  const LoadedConfig isovalue = load({{"volume.normalized_isovalue", 0.25}});
+  const LoadedConfig isovalue =
+      load({{"--normalized-isovalue", "volume.normalized_isovalue", 0.25}});
   EXPECT_FALSE(isovalue.config.volume.isovalue);
   EXPECT_EQ(isovalue.config.volume.normalized_isovalue, 0.25);
   EXPECT_EQ(isovalue.config.volume.spacing_mm, Vec3(2, 2, 2));
   // Another volume has nothing of the file's.
-  const LoadedConfig other = load({{"volume.source", "builtin:sphere"},
-                                   {"volume.spacing_mm", std::vector<double>{1.0, 1.0, 3.0}},
-                                   {"volume.load_folders", std::vector<std::string>{"/tmp"}}});
+  const LoadedConfig other =
+      load({{"--volume", "volume.source", "builtin:sphere"},
+            {"--spacing-mm", "volume.spacing_mm", std::vector<double>{1.0, 1.0, 3.0}},
+            {"--load-folder", "volume.load_folders", std::vector<std::string>{"/tmp"}}});
   EXPECT_EQ(other.config.volume.source, "builtin:sphere");
   EXPECT_FALSE(other.config.volume.isovalue || other.config.volume.frame);
   EXPECT_EQ(other.config.volume.spacing_mm, Vec3(1, 1, 3));
@@ -275,7 +291,8 @@ TEST_F(ConfigCheckTest, WhatTurnsOutLaterNamesItsLineToo) {
 TEST_F(ConfigCheckTest, AReloadDoesNotNeedWhatWasReadAtTheStart) {
   const std::string gone = "\"" + In("gone.nrrd").string() + "\"\n";
   for (const std::string& text :
-       {"[volume]\nsource = " + gone, "[device]\nkind = \"replay\"\nreplay_file = " + gone,
+       {"[volume]\nsource = " + gone, std::string("[volume]\nload_folders = [\"/gone\"]\n"),
+        "[device]\nkind = \"replay\"\nreplay_file = " + gone,
         "[device]\nkind = \"falcon\"\nfalcon_firmware = " + gone}) {
     EXPECT_NE(Faults(text), Keys()) << text;
     EXPECT_EQ(Faults(text, {}, ConfigUse::kReload), Keys()) << text;

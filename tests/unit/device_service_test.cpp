@@ -243,9 +243,11 @@ TEST(DeviceService, EveryLevelBelowVerifiedWantsTheName) {
 TEST(DeviceService, StopHoldsUntilEnabled) {
   DeviceServiceRig rig;
   ASSERT_TRUE(rig.Enable("fake-usb").ok());
+  EXPECT_EQ(rig.Get().forces_set_by(), "local socket");
   ASSERT_TRUE(rig.Stop().ok());
   EXPECT_EQ(rig.answer.state(), v1::FORCE_STATE_STOPPED);
   EXPECT_EQ(rig.answer.reason(), v1::FORCE_REASON_STOP_CALL);
+  EXPECT_EQ(rig.Get().forces_set_by(), "local socket");
   const std::uint64_t stopped_tick = rig.applied_tick;
   // Again: the same stop, still since then.
   ASSERT_TRUE(rig.Stop().ok());
@@ -259,6 +261,7 @@ TEST(DeviceService, StopHoldsUntilEnabled) {
   ASSERT_TRUE(rig.Disable().ok());
   EXPECT_EQ(rig.answer.state(), v1::FORCE_STATE_OFF);
   EXPECT_EQ(rig.answer.reason(), v1::FORCE_REASON_OPERATOR);
+  EXPECT_EQ(rig.Get().forces_set_by(), "local socket");
 }
 
 TEST(DeviceService, ADeviceThatIsGoneSaysWhatIsWrong) {
@@ -279,6 +282,8 @@ TEST(DeviceService, HeldStopButtonsWinOverEnable) {
   DeviceServiceRig rig;
   rig.device.buttons = kBothButtons;
   EXPECT_EQ(rig.Enable("fake-usb").error_code(), StatusCode::FAILED_PRECONDITION);
+  // Nobody's call has stopped them, and the one that asked to enable them was refused.
+  EXPECT_EQ(rig.Get().forces_set_by(), "");
   rig.device.buttons = 0;
   EXPECT_TRUE(rig.Enable("fake-usb").ok());
 }

@@ -18,9 +18,9 @@
 #include <utility>
 #include <vector>
 
+#include "server/client_files/path_policy.h"
 #include "server/device/explore_script.h"
 #include "server/recording/replayer.h"
-#include "server/client_files/path_policy.h"
 #include "tests/support/refusal.h"
 #include "tests/support/running_session.h"
 #include "tests/support/scene_rig.h"

@@ -102,7 +102,8 @@ TEST(RecordingFile, IsNotOverwrittenUnlessAsked) {
 TEST(RecordingFile, IsSyncedOnceASecond) {
   const TemporaryFolder folder;
   std::chrono::steady_clock::time_point now{std::chrono::hours(1)};
-  const auto output = CreateRecordingFile(folder.path() / "a.palpate", false, [&] { return now; });
+  const auto output =
+      CreateRecordingFile(folder.path() / "a.palpate", false, 0, [&] { return now; });
   output->Append("header");
   const int first = syncs;
   EXPECT_GT(first, 0);
@@ -148,6 +149,7 @@ TEST(RecordingFile, NoneBeginsOnADiskThatIsNearlyFull) {
   EXPECT_EQ(FilesIn(folder.path()), 0u);
   free_bytes = kLeastRoomBytes;
   EXPECT_NE(CreateRecordingFile(path, false), nullptr);
+  EXPECT_EQ(Refusal([&] { CreateRecordingFile(path, false, 1); }), ErrorKind::kDiskFull);
   free_bytes = before;
 }
 

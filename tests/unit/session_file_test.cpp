@@ -218,9 +218,15 @@ TEST_F(SessionKeeperTest, AnEndInOrderOrAnotherConfiguredVolumeLeavesNothing) {
   keeper->Start();
   keeper->End();
   EXPECT_FALSE(IsThere());
-  Leave();
-  EXPECT_FALSE(Make({.source = "builtin:gyroid"})->TakeLeft());
-  EXPECT_FALSE(IsThere());
+  LoadRequest grid{.source = "builtin:bumps"}, frame = grid, raw = grid;
+  grid.grid = "density";
+  frame.frame = 1;
+  raw.raw.emplace().size = {16, 32, 8};
+  for (const LoadRequest& other : {LoadRequest{.source = "builtin:gyroid"}, grid, frame, raw}) {
+    Leave();
+    EXPECT_FALSE(Make(other)->TakeLeft());
+    EXPECT_FALSE(IsThere());
+  }
 }
 
 TEST_F(SessionKeeperTest, AnotherSocketIsAnotherSession) {

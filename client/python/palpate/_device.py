@@ -143,8 +143,8 @@ class Device:
             verification_level=VerificationLevel(device.verification_level),
             connection=DeviceConnection(health.connection), docked=health.docked,
             calibrated=health.calibrated, problem=health.problem, forces=_forces_of(answer.forces),
-            forces_set_by=answer.forces_set_by, rate_hz=servo.rate_hz, realtime_scheduling=servo.realtime_scheduling,
-            memory_locked=servo.memory_locked, warnings=tuple(servo.warnings), ticks=servo.ticks,
+            forces_set_by=answer.forces_set_by, rate_hz=servo.rate_hz,
+            realtime_scheduling=servo.realtime_scheduling, memory_locked=servo.memory_locked, warnings=tuple(servo.warnings), ticks=servo.ticks,
             missed_ticks=servo.missed_ticks, version=servo.version,
             identity=health.identity, caller=answer.caller.identity,
             role=Role(answer.caller.role))

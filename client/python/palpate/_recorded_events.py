@@ -98,11 +98,15 @@ class RecordedScene:
         if self.world_from_index is None:
             raise FailedPrecondition("this recording does not say where the volume lay in the "
                                      "world: record with a newer palpated")
-        points = np.asarray(points_mm, np.float64)
+        try:
+            points = np.asarray(points_mm, np.float64)
+        except (TypeError, ValueError):
+            points = np.empty(0)
         if points.ndim not in (1, 2) or points.shape[-1] != 3:
-            raise InvalidArgument("points_mm is (3,) or (n, 3)")
-        if not np.linalg.det(self.device_from_index[:3, :3]):
-            raise InvalidArgument("the recording's place of the volume is no place")
+            raise InvalidArgument("points_mm is (3,) or (n, 3) numbers")
+        for place in (self.world_from_index, self.device_from_index):
+            if not np.isfinite(place).all() or not np.linalg.det(place[:3, :3]):
+                raise InvalidArgument("the recording's place of the volume is no place")
         world_from_device = self.world_from_index @ np.linalg.inv(self.device_from_index)
         return points @ world_from_device[:3, :3].T + world_from_device[:3, 3]
 

@@ -72,9 +72,9 @@ inline constexpr std::array<PatientView, 6> kPatientViews = {{{"anterior", 0.0, 
 // of the same volume, whose placement is a similarity.
 Mat3 UprightPatient(const Mat3& D_from_I, const Mat3& W_from_I);
 
-// True if the file says where the volume lies in a patient: by an orientation or by a
-// place; or that the values are Hounsfield units. Files of other things state a spacing at most,
-// but .vdb files have a place, too.
+// True if the file turns the voxels in its world, or moves the first one away from the origin; or
+// if the values are Hounsfield units. Files of other things state a spacing at most, but .vdb files
+// have a place, too. A patient's file without a turn and a place is not recognised.
 bool IsOfPatient(const VolumeLattice& lattice);
 
 }  // namespace palpate::view
