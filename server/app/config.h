@@ -43,7 +43,7 @@ struct Config {
   SecurityOptions security;
   std::optional<HostPort> metrics_listen;  // absent: no metrics
   RealtimeOptions realtime;
-  // Where the daemon keeps files for its next start. Empty: nowhere. Absent: DefaultStateFolder().
+  // Where the daemon keeps files for its next start. Empty: nowhere. Absent: see DaemonPaths.
   std::optional<std::string> state_folder;
   std::string log_level = "info";  // one of kLogLevels
 };

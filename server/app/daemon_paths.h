@@ -14,7 +14,10 @@ namespace palpate {
 struct DaemonPaths {
   explicit DaemonPaths(const LoadedConfig& loaded);
 
-  std::filesystem::path state_folder;  // empty: nothing is kept
+  // For the next start; empty: nothing is kept. Unless the configuration names it:
+  // $STATE_DIRECTORY (systemd's; the first of several), $XDG_STATE_HOME/palpate or
+  // ~/.local/state/palpate, whichever is an absolute path.
+  std::filesystem::path state_folder;
   std::string socket;
   OwnFiles own_files;  // clients may neither load nor overwrite these
   PathPolicy clients;

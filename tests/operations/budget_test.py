@@ -130,9 +130,18 @@ class Script:
         self.call("play", conn.series.play, 7.3)
 
     def record(self, conn):
-        """Anew, as the disk is full after a moment."""
-        if not conn.recording.state().running:
-            self.call("record", conn.recording.start, self.full / "r.palrec", overwrite=True)
+        """Anew, on a disk that is full a moment later."""
+        if conn.recording.state().running:
+            return
+        ballast = self.full / "ballast"
+        ballast.unlink(missing_ok=True)
+        self.call("record", conn.recording.start, self.full / "r.palrec", overwrite=True)
+        if os.path.ismount(self.full):
+            disk = os.statvfs(self.full)
+            # The recording takes some of it meanwhile.
+            with open(ballast, "wb") as file, contextlib.suppress(OSError):
+                os.posix_fallocate(file.fileno(), 0,
+                                   disk.f_bavail * disk.f_frsize - (2 << 20))
 
     def load_something(self, conn):
         number = next(self._numbers)
@@ -247,7 +256,7 @@ def main():
             tempfile.TemporaryDirectory(prefix="palpate-full-",
                                         ignore_cleanup_errors=True) as full:
         mounted = os.geteuid() == 0 and subprocess.run(
-            ["mount", "-t", "tmpfs", "-o", "size=4m", "tmpfs", full], check=False).returncode == 0
+            ["mount", "-t", "tmpfs", "-o", "size=128m", "tmpfs", full], check=False).returncode == 0
         config = {"volume": [f"memory_budget_mib = {BUDGET_MIB}",
                              f'save_folders = ["{folder}", "{full}"]'],
                   "realtime": [f"lock_memory = {lock}"]}

@@ -108,7 +108,9 @@ class RecordedScene:
             if not np.isfinite(place).all() or not np.linalg.det(place[:3, :3]):
                 raise InvalidArgument("the recording's place of the volume is no place")
         world_from_device = self.world_from_index @ np.linalg.inv(self.device_from_index)
-        return points @ world_from_device[:3, :3].T + world_from_device[:3, 3]
+        world: npt.NDArray[np.float64]
+        world = points @ world_from_device[:3, :3].T + world_from_device[:3, 3]
+        return world
 
     def __repr__(self) -> str:
         return (f"<palpate recorded scene: from tick {self.tick} on, {self.volume_source}, "
