@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <iterator>
-#include <limits>
 #include <utility>
 
 #include "client/cli/output.h"
@@ -22,18 +21,13 @@ Json MapJson(const AffineMap& map) {
 
 std::string YesOrNo(bool value) { return value ? "yes" : "no"; }
 
-// The box in the world that holds all voxels, by their centres.
+// The box in the world (LPS: towards the patient's left, back and head) that holds all voxels, by
+// their centres.
 std::string WorldBox(const client::VolumeInfo& volume) {
-  Vec3 low = Vec3::Constant(std::numeric_limits<double>::infinity()), high = -low;
-  for (int corner = 0; corner < 8; ++corner) {
-    const Vec3i far(corner & 1, corner >> 1 & 1, corner >> 2);
-    const Vec3 p_I = (volume.size - Vec3i::Ones()).cwiseProduct(far).cast<double>();
-    const Vec3 p_W_mm = volume.world_from_index.Apply(p_I);
-    low = low.cwiseMin(p_W_mm);
-    high = high.cwiseMax(p_W_mm);
-  }
-  // LPS: towards the patient's left, back and head.
-  const Vec3 center = 0.5 * (low + high);
+  const Vec3 middle_I = 0.5 * (volume.size - Vec3i::Ones()).cast<double>();
+  const Vec3 center = volume.world_from_index.Apply(middle_I);
+  const Vec3 half = volume.world_from_index.linear.cwiseAbs() * middle_I;
+  const Vec3 low = center - half, high = center + half;
   return fmt::format(
       "world (LPS) x {:g} to {:g}, y {:g} to {:g}, z {:g} to {:g} mm, centre {:g},{:g},{:g}",
       low.x(), high.x(), low.y(), high.y(), low.z(), high.z(), center.x(), center.y(), center.z());
