@@ -17,7 +17,8 @@ from authority import Authority
 from secured import ROLES, SecuredDaemon, dawdle, stop_forces, wait_for
 from support import METHODS, PALPATE, PATIENCE_S, bare_call
 
-ENABLE = device_pb2.DESCRIPTOR.services_by_name["DeviceService"].methods_by_name["EnableForces"]
+ENABLE, STOP = (device_pb2.DESCRIPTOR.services_by_name["DeviceService"].methods_by_name[name]
+                for name in ("EnableForces", "StopForces"))
 # That may stay without a call.
 STRANGERS = 64
 # Far more than all of them, as far as this process may open so many.
@@ -144,13 +145,24 @@ class SecurityTest(SecuredTest):
 
     def test_a_stop_has_a_name_and_an_address(self):
         with self.daemon.channel(self.daemon.tokens["viewer"]) as channel:
-            code, _ = call(channel, {m.name: m for m in METHODS}["StopForces"])
+            code, _ = call(channel, STOP)
         self.assertEqual(code, grpc.StatusCode.OK)
         self.said("emergency stop, by token viewer at ip")
         with palpate.connect(self.daemon.socket) as conn:
             self.assertRegex(conn.device.info().forces_set_by, r"^token viewer at ip(v4|v6):")
             conn.device.enable()
             self.assertEqual(conn.device.info().forces_set_by, "local socket")
+
+    def test_a_flood_of_stops_does_not_fill_the_log(self):
+        token, stops = self.daemon.tokens["editor"], 60
+        for _ in range(stops):
+            # Each from a port of its own, so that no two lines are the same.
+            with self.daemon.channel(token) as channel:
+                code, _ = call(channel, STOP)
+                self.assertEqual(code, grpc.StatusCode.OK)
+        self.said("emergency stop, by token editor at ip")
+        lines = sum("emergency stop, by token editor" in line for line in self.daemon.said)
+        self.assertLess(lines, stops // 2)
 
     def test_dawdlers_and_oversize_messages_do_not_hinder_others(self):
         channel = self.enterContext(self.daemon.channel(self.daemon.tokens["editor"]))
