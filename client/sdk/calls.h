@@ -109,7 +109,7 @@ class Calls {
   // folder of DICOM or TIFF files.
   LoadResult UploadVolume(const std::filesystem::path& file, const LoadOptions& options = {},
                           const ProgressFunction& progress = {});
-  // Returns a copy of the voxels as they are now. Errors: kTooLarge for more than 2^31 voxels.
+  // Returns a copy of the voxels as they are now, in their own type.
   DownloadResult DownloadVolume(const ProgressFunction& progress = {});
   // The suffix of `path` selects the format: .vdb or .nrrd. After an error the old file is
   // unchanged. Errors: kConflict (the file exists and `overwrite` is false, or another save runs),

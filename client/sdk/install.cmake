@@ -7,6 +7,9 @@ target_sources(palpate_client PUBLIC FILE_SET HEADERS BASE_DIRS ${PROJECT_SOURCE
   calls.h client.h connection.h device.h download.h edit.h nrrd_file.h placement.h pose.h pose_reader.h progress.h
   recording.h series.h server_choice.h setting.h settings.h volume.h volume_mirror.h volume_update.h words.h
   ${PROJECT_SOURCE_DIR}/common/bricks/brick.h
+  ${PROJECT_SOURCE_DIR}/common/bricks/brick_map.h
+  ${PROJECT_SOURCE_DIR}/common/bricks/leaf_type.h
+  ${PROJECT_SOURCE_DIR}/common/bricks/typed_brick.h
   ${PROJECT_SOURCE_DIR}/common/bricks/volume_event.h
   ${PROJECT_SOURCE_DIR}/common/error/error.h
   ${PROJECT_SOURCE_DIR}/common/geometry/geometry.h

@@ -1,7 +1,9 @@
-// Writes a downloaded volume as an NRRD file: float, raw, in LPS.
+// Writes a downloaded volume as an NRRD file: dense, raw, of the smallest type that holds all
+// voxels (uint8, int16, uint16, float), in LPS.
 //
-// Threads: any. Errors: kConflict (the file exists), kInvalidArgument (no regular file: a folder, a
-// link), kNotFound (no such folder for the file), kPermissionDenied, kDiskFull.
+// Threads: any. Errors: kTooLarge (CheckNrrdSize), kConflict (the file exists), kInvalidArgument
+// (no regular file: a folder, a link), kNotFound (no such folder for the file), kPermissionDenied,
+// kDiskFull.
 #pragma once
 
 #include <functional>
@@ -11,6 +13,10 @@
 
 namespace palpate::client {
 
+// Throws kTooLarge if the voxels take more than 16 GiB. A sparse volume of such a size is mostly
+// background, which NRRD would write out.
+void CheckNrrdSize(const Vec3i& size, LeafType type);
+
 // Throws what SaveAsNrrd would throw at once. Call it before a download.
 void CheckNrrdPath(const std::string& path, bool overwrite);
 
@@ -18,5 +24,8 @@ void CheckNrrdPath(const std::string& path, bool overwrite);
 // next to its place and then renamed, so that it is always complete.
 void SaveAsNrrd(const VolumeMirror& volume, const std::string& path, bool overwrite = false,
                 const std::function<void()>& check = {});
+// The same, of bricks.
+void SaveAsNrrd(const BrickMap& bricks, const VolumeLattice& lattice, const std::string& path,
+                bool overwrite = false, const std::function<void()>& check = {});
 
 }  // namespace palpate::client

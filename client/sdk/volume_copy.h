@@ -3,10 +3,9 @@
 // Threads: Merge on the mirror's thread, Take on any. Errors: none.
 #pragma once
 
-#include <cstdint>
+#include <cstddef>
 #include <mutex>
 #include <optional>
-#include <vector>
 
 #include "client/sdk/volume_mirror.h"
 #include "client/sdk/volume_update.h"
@@ -21,14 +20,12 @@ class VolumeCopy {
 
  private:
   void Begin(const VolumeMirror& mirror);
-  void Mark(std::uint64_t number);
 
   std::mutex mutex_;
   bool is_new_ = false;
-  VolumeUpdate update_;           // without the bricks
-  std::vector<BrickPtr> bricks_;  // the mirror's
-  std::vector<bool> is_marked_;   // by brick number: listed in marked_
-  std::vector<std::uint64_t> marked_;
+  VolumeUpdate update_;        // without `bricks`; its `changed` may overlap
+  BrickMap bricks_;            // shares its blocks with what was taken
+  std::size_t joined_ = 0;     // runs in update_.changed after they were joined last
   bool has_overview_ = false;  // the overview of this volume was taken, or is in update_
 };
 

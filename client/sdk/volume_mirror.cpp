@@ -1,19 +1,22 @@
 #include "client/sdk/volume_mirror.h"
 
 #include <algorithm>
+#include <array>
+#include <bit>
 #include <cmath>
 #include <functional>
 #include <string>
 #include <utility>
 
-#include "common/bricks/float_codec.h"
+#include "common/bricks/zstd_codec.h"
 #include "common/error/error.h"
 
 namespace palpate::client {
 namespace {
 
-// The contract says 64. A later daemon may send more, but this is the limit.
+// Far more than a daemon sends in a message.
 constexpr std::size_t kMostBricks = 4096;
+constexpr std::size_t kMostTiles = 65536;
 
 void Require(bool holds, const char* what) {
   if (holds) return;
@@ -24,6 +27,7 @@ void Require(bool holds, const char* what) {
 // A volume one voxel thick fills bricks with 64 times as many voxels as it has.
 constexpr double kMostPadding = 8.0;
 constexpr double kAlwaysBricks = 4096.0;
+constexpr int kMostEdge = 1 << 30;  // voxels
 
 // Computes in floating point: the product of three sizes can overflow any integer.
 void CheckSize(const Vec3i& size, std::uint64_t max_voxels) {
@@ -31,10 +35,29 @@ void CheckSize(const Vec3i& size, std::uint64_t max_voxels) {
   const Vec3 voxels = size.cast<double>();
   const double bricks = (voxels / kBrickEdge).array().ceil().prod();
   const auto most = static_cast<double>(max_voxels);
-  if (voxels.prod() > most ||
+  if (size.maxCoeff() > kMostEdge || voxels.prod() > most ||
       bricks > std::max(kAlwaysBricks, kMostPadding * most / kBrickVoxels)) {
     throw Error(ErrorKind::kTooLarge,
                 "the daemon's volume has more than " + std::to_string(max_voxels) + " voxels");
+  }
+}
+
+void CheckPlaces(const VolumeBricks& bricks, std::uint64_t most) {
+  const std::vector<std::uint64_t>& numbers = bricks.numbers;
+  Require(!numbers.empty() || !bricks.tiles.empty(), "a message without bricks");
+  Require(numbers.size() <= kMostBricks && bricks.tiles.size() <= kMostTiles, "too many bricks");
+  Require(std::adjacent_find(numbers.begin(), numbers.end(), std::greater_equal()) == numbers.end(),
+          "bricks that do not ascend");
+  Require(numbers.empty() || numbers.back() < most, "a brick outside of the volume");
+  Require(bricks.bricks_left <= most, "more bricks to come than there are");
+  std::uint64_t end = 0;
+  for (const VolumeTile& tile : bricks.tiles) {
+    const BrickRun& run = tile.bricks;
+    Require(run.count > 0 && run.first >= end, "tiles that do not ascend");
+    Require(run.first < most && run.count <= most - run.first, "a tile outside of the volume");
+    end = run.end();
+    const auto within = std::lower_bound(numbers.begin(), numbers.end(), run.first);
+    Require(within == numbers.end() || *within >= end, "a brick within a tile");
   }
 }
 
@@ -47,7 +70,9 @@ Vec3i OverviewSize(const Vec3i& size) {
 void VolumeMirror::Reset() {
   lattice_.reset();
   placement_.reset();
-  bricks_.clear();
+  bricks_ = {};
+  background_.reset();
+  constants_.clear();
   hash_ = {};
   resume_.reset();
   is_complete_ = false;
@@ -74,12 +99,8 @@ void VolumeMirror::Take(const VolumeLattice& lattice) {
           "a range that is not finite");
   Reset();
   lattice_ = lattice;
-  auto background = std::make_shared<Brick>();
-  background->fill(lattice.Background());
-  bricks_.assign(lattice.Bricks(), background);
-  for (std::uint64_t number = 0; number < bricks_.size(); ++number) {
-    hash_ += HashOfBrick(*background, number);
-  }
+  background_ = ConstantBrick(lattice.Background());
+  bricks_ = BrickMap(lattice.BrickCounts(), background_);
   overview_size_ = OverviewSize(lattice.size);
 }
 
@@ -91,41 +112,65 @@ void VolumeMirror::Take(const VolumeOverview& overview) {
   // Blocks come in order, so a count tells which are known.
   Require(overview.first_block == overview_known_, "an overview with a gap");
   const std::uint64_t blocks = overview_size_.cast<std::uint64_t>().prod();
-  const std::size_t count = CountFloats(overview.zstd_values, blocks - overview_known_);
+  const std::size_t count =
+      CountValues(overview.zstd_values, sizeof(float), blocks - overview_known_);
   overview_.resize(blocks);
-  DecompressFloats(overview.zstd_values, std::span(overview_).subspan(overview_known_, count));
+  Decompress(overview.zstd_values, std::span(overview_).subspan(overview_known_, count));
   overview_known_ += count;
 }
 
 void VolumeMirror::Take(const VolumeBricks& bricks) {
   Require(lattice_.has_value(), "bricks before the lattice");
-  const std::vector<std::uint64_t>& numbers = bricks.numbers;
-  Require(!numbers.empty() && numbers.size() <= kMostBricks, "too few or too many bricks");
-  Require(std::adjacent_find(numbers.begin(), numbers.end(), std::greater_equal()) == numbers.end(),
-          "bricks that do not ascend");
-  Require(numbers.back() < bricks_.size(), "a brick outside of the volume");
-  Require(bricks.bricks_left <= bricks_.size(), "more bricks to come than there are");
-  std::vector<float> values(numbers.size() * kBrickVoxels);
-  DecompressFloats(bricks.zstd_values, values);
+  CheckPlaces(bricks, bricks_.size());
   is_complete_ = false;
   bricks_left_ = bricks.bricks_left;
-  for (std::size_t n = 0; n < numbers.size(); ++n) {
-    Put(numbers[n], std::span(values).subspan(n * kBrickVoxels, kBrickVoxels));
-  }
+  VisitType(bricks.type, [&](auto voxel) {
+    using T = decltype(voxel);
+    std::vector<T> values(bricks.numbers.size() * kBrickVoxels);
+    if (!values.empty()) Decompress(bricks.zstd_values, std::span(values));
+    const T* first = values.data();
+    for (const std::uint64_t number : bricks.numbers) {
+      Put({number, 1}, TypedBrick::Of(std::span<const T, kBrickVoxels>(first, kBrickVoxels)));
+      first += kBrickVoxels;
+    }
+  });
+  for (const VolumeTile& tile : bricks.tiles) Put(tile.bricks, ConstantBrick(tile.value));
 }
 
-void VolumeMirror::Put(std::uint64_t number, std::span<const float> values) {
-  auto brick = std::make_shared<Brick>();
-  std::copy(values.begin(), values.end(), brick->begin());
-  hash_ -= HashOfBrick(*bricks_[number], number);
-  hash_ += HashOfBrick(*brick, number);
-  bricks_[number] = std::move(brick);
-  if (!changes_.all) changes_.numbers.push_back(number);
+void VolumeMirror::Put(BrickRun run, const TypedBrickPtr& brick) {
+  const Brick after = brick->Floats();
+  TypedBrickPtr old;
+  Brick before;
+  for (std::uint64_t number = run.first; number < run.end(); ++number) {
+    const TypedBrickPtr& present = bricks_.At(number);
+    if (present == brick) continue;
+    // The bricks before a tile are mostly one object.
+    if (present != old) {
+      old = present;
+      old->CopyTo(before);
+    }
+    hash_ -= HashOfBrick(before, number);
+    hash_ += HashOfBrick(after, number);
+  }
+  bricks_.Fill(run, brick);
+  AddTo(changes_.bricks, run);
+}
+
+// One object for all tiles of a value.
+const TypedBrickPtr& VolumeMirror::ConstantBrick(float value) {
+  TypedBrickPtr& brick = constants_[std::bit_cast<std::uint32_t>(value)];
+  if (!brick) {
+    const LeafType type = Holds(lattice_->type, value) ? lattice_->type : LeafType::kFloat;
+    brick = TypedBrick::Constant(type, value);
+  }
+  return brick;
 }
 
 void VolumeMirror::Take(const VolumeComplete& complete) {
   Require(lattice_.has_value(), "a complete volume before the lattice");
-  if (complete.content_hash != hash_) {
+  ContentHash hash = hash_;
+  hash += complete.background_hash;
+  if (complete.content_hash != hash) {
     throw Error(ErrorKind::kInternal,
                 "the copy of the volume is not that of the daemon at revision " +
                     std::to_string(complete.revision.volume_revision) + ": fetch it anew");
@@ -135,11 +180,6 @@ void VolumeMirror::Take(const VolumeComplete& complete) {
   bricks_left_ = 0;
 }
 
-float VolumeMirror::Value(int i, int j, int k) const {
-  const Vec3i brick(i / kBrickEdge, j / kBrickEdge, k / kBrickEdge);
-  return (*bricks_[BrickNumber(brick, lattice_->BrickCounts())])[VoxelInBrick(i, j, k)];
-}
-
 std::span<const float> VolumeMirror::overview() const {
   if (overview_.empty() || overview_known_ < overview_.size()) return {};
   return overview_;
@@ -147,9 +187,7 @@ std::span<const float> VolumeMirror::overview() const {
 
 MirrorChanges VolumeMirror::TakeChanges() {
   MirrorChanges changes = std::exchange(changes_, {});
-  auto& numbers = changes.numbers;
-  std::sort(numbers.begin(), numbers.end());
-  numbers.erase(std::unique(numbers.begin(), numbers.end()), numbers.end());
+  Join(changes.bricks);
   return changes;
 }
 

@@ -1,4 +1,5 @@
-// A copy of the daemon's volume. The messages of a stream keep it equal to the daemon's.
+// A copy of the daemon's volume, in its own type and as sparse as the daemon's. The messages of a
+// stream keep it equal to the daemon's.
 //
 // At every `complete`, the copy's content hash is compared with the daemon's. So a copy that is
 // complete equals the daemon's volume, voxel by voxel.
@@ -12,21 +13,24 @@
 #include <cstdint>
 #include <optional>
 #include <span>
+#include <unordered_map>
 #include <vector>
 
+#include "common/bricks/brick_map.h"
 #include "common/bricks/volume_event.h"
 
 namespace palpate::client {
 
 // The changes since the copy's owner asked last.
 struct MirrorChanges {
-  bool all = false;                      // another volume: the lattice and every brick are new
-  std::vector<std::uint64_t> numbers{};  // of changed bricks, ascending; empty if `all`
+  bool all = false;  // another volume: all bricks that are not in `bricks` are background
+  std::vector<BrickRun> bricks{};  // changed bricks, ascending, apart from each other
 };
 
 class VolumeMirror {
  public:
-  static constexpr std::uint64_t kMaxVoxels = std::uint64_t{1} << 31;
+  // The daemon takes no larger lattice.
+  static constexpr std::uint64_t kMaxVoxels = std::uint64_t{1} << 36;
 
   explicit VolumeMirror(std::uint64_t max_voxels = kMaxVoxels) : max_voxels_(max_voxels) {}
 
@@ -48,9 +52,9 @@ class VolumeMirror {
   // None before the stream has sent the placement of this volume.
   const std::optional<VolumePlacement>& placement() const { return placement_; }
 
-  // Call it only with a lattice. (i, j, k) is within the lattice, number below its Bricks().
-  float Value(int i, int j, int k) const;
-  const BrickPtr& At(std::uint64_t number) const { return bricks_[number]; }
+  // Empty without a lattice. Bricks that did not come are background.
+  const BrickMap& bricks() const { return bricks_; }
+  const TypedBrickPtr& background() const { return background_; }
   // Means of blocks of 4³ voxels from when the volume began. Block (i, j, k) of overview_size() is
   // at (i size_y + j) size_z + k. Empty until the overview is complete.
   std::span<const float> overview() const;
@@ -64,13 +68,16 @@ class VolumeMirror {
   void Take(const VolumeOverview& overview);
   void Take(const VolumeBricks& bricks);
   void Take(const VolumeComplete& complete);
-  void Put(std::uint64_t number, std::span<const float> values);
+  void Put(BrickRun run, const TypedBrickPtr& brick);
+  const TypedBrickPtr& ConstantBrick(float value);
 
   std::uint64_t max_voxels_;
   std::optional<VolumeLattice> lattice_;
   std::optional<VolumePlacement> placement_;
-  std::vector<BrickPtr> bricks_;  // by number; the background is shared
-  ContentHash hash_;              // over bricks_
+  BrickMap bricks_;
+  TypedBrickPtr background_;
+  std::unordered_map<std::uint32_t, TypedBrickPtr> constants_;  // by the bits of the value
+  ContentHash hash_;  // of bricks_, less that of a volume of background
   std::optional<VolumeRevision> resume_;
   bool is_complete_ = false;
   std::uint64_t bricks_left_ = 0;

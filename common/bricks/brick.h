@@ -10,7 +10,6 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
-#include <memory>
 
 #include "common/geometry/geometry.h"
 
@@ -20,7 +19,6 @@ inline constexpr int kBrickEdge = 8;
 inline constexpr int kBrickVoxels = kBrickEdge * kBrickEdge * kBrickEdge;
 
 using Brick = std::array<float, kBrickVoxels>;
-using BrickPtr = std::shared_ptr<const Brick>;
 
 // Returns the number of bricks along an axis of `size` voxels.
 constexpr int BrickCount(int size) { return (size + kBrickEdge - 1) / kBrickEdge; }

@@ -11,6 +11,8 @@
 #include <vector>
 
 #include "common/bricks/brick.h"
+#include "common/bricks/brick_map.h"
+#include "common/bricks/leaf_type.h"
 #include "common/geometry/geometry.h"
 
 namespace palpate {
@@ -32,6 +34,8 @@ struct VolumeLattice {
   std::optional<double> background{};
   std::string unit;
   std::uint64_t loaded_revision = 0;
+  // Of the file's voxels. An edit may give a brick another type.
+  LeafType type = LeafType::kFloat;
 
   Vec3i BrickCounts() const {
     return {BrickCount(size.x()), BrickCount(size.y()), BrickCount(size.z())};
@@ -50,15 +54,26 @@ struct VolumeOverview {
   std::string zstd_values;
 };
 
+// Bricks with one value throughout.
+struct VolumeTile {
+  BrickRun bricks;
+  float value = 0.0f;
+};
+
 struct VolumeBricks {
+  LeafType type = LeafType::kFloat;
   std::vector<std::uint64_t> numbers;
   std::string zstd_values;
+  std::vector<VolumeTile> tiles;
   std::uint64_t bricks_left = 0;
 };
 
 struct VolumeComplete {
   VolumeRevision revision;
   ContentHash content_hash;
+  // Of the same lattice if all voxels were background. A client needs no hash of bricks that did
+  // not come.
+  ContentHash background_hash;
 };
 
 struct VolumePlacement {

@@ -29,6 +29,29 @@ void SetSize(Message& message, const Vec3i& size) {
   message.set_size_z(static_cast<std::uint32_t>(size.z()));
 }
 
+v1::VoxelType VoxelTypeOf(LeafType type) {
+  switch (type) {
+    case LeafType::kUint8:
+      return v1::VOXEL_TYPE_UINT8;
+    case LeafType::kInt16:
+      return v1::VOXEL_TYPE_INT16;
+    case LeafType::kUint16:
+      return v1::VOXEL_TYPE_UINT16;
+    case LeafType::kFloat:
+      break;
+  }
+  return v1::VOXEL_TYPE_FLOAT32;
+}
+
+LeafType LeafTypeOf(v1::VoxelType type) {
+  for (const LeafType known : kLeafTypes) {
+    if (VoxelTypeOf(known) == type) return known;
+  }
+  throw Error(ErrorKind::kInvalidArgument,
+              "palpated sent voxels of a type that this version does not know: compare "
+              "'palpated --version' with this program's");
+}
+
 void Put(VolumeLattice&& lattice, v1::StreamVolumeResponse& out) {
   v1::VolumeLattice& message = *out.mutable_lattice();
   message.set_source(std::move(lattice.source));
@@ -40,6 +63,7 @@ void Put(VolumeLattice&& lattice, v1::StreamVolumeResponse& out) {
   if (lattice.background) message.set_background(*lattice.background);
   message.set_unit(std::move(lattice.unit));
   message.set_loaded_revision(lattice.loaded_revision);
+  message.set_voxel_type(VoxelTypeOf(lattice.type));
 }
 
 void Put(VolumePlacement&& placement, v1::StreamVolumeResponse& out) {
@@ -60,6 +84,13 @@ void Put(VolumeBricks&& bricks, v1::StreamVolumeResponse& out) {
   message.mutable_brick_numbers()->Add(bricks.numbers.begin(), bricks.numbers.end());
   message.set_zstd_values(std::move(bricks.zstd_values));
   message.set_bricks_left(bricks.bricks_left);
+  message.set_voxel_type(VoxelTypeOf(bricks.type));
+  for (const VolumeTile& tile : bricks.tiles) {
+    v1::VolumeTile& added = *message.add_tiles();
+    added.set_first_brick(tile.bricks.first);
+    added.set_bricks(tile.bricks.count);
+    added.set_value(tile.value);
+  }
 }
 
 void Put(VolumeComplete&& complete, v1::StreamVolumeResponse& out) {
@@ -67,6 +98,8 @@ void Put(VolumeComplete&& complete, v1::StreamVolumeResponse& out) {
   *message.mutable_revision() = ToProto(complete.revision);
   message.set_content_hash_high(complete.content_hash.high);
   message.set_content_hash_low(complete.content_hash.low);
+  message.set_background_hash_high(complete.background_hash.high);
+  message.set_background_hash_low(complete.background_hash.low);
 }
 
 VolumeLattice Take(v1::VolumeLattice&& message) {
@@ -79,7 +112,8 @@ VolumeLattice Take(v1::VolumeLattice&& message) {
       .value_max = message.value_max(),
       .background = message.has_background() ? std::optional(message.background()) : std::nullopt,
       .unit = std::move(*message.mutable_unit()),
-      .loaded_revision = message.loaded_revision()};
+      .loaded_revision = message.loaded_revision(),
+      .type = LeafTypeOf(message.voxel_type())};
 }
 
 VolumePlacement Take(v1::VolumePlacement&& message) {
@@ -91,13 +125,21 @@ VolumeOverview Take(v1::VolumeOverview&& message) {
 }
 
 VolumeBricks Take(v1::VolumeBricks&& message) {
-  return {{message.brick_numbers().begin(), message.brick_numbers().end()},
-          std::move(*message.mutable_zstd_values()),
-          message.bricks_left()};
+  VolumeBricks bricks{.type = LeafTypeOf(message.voxel_type()),
+                      .numbers = {message.brick_numbers().begin(), message.brick_numbers().end()},
+                      .zstd_values = std::move(*message.mutable_zstd_values()),
+                      .tiles = {},
+                      .bricks_left = message.bricks_left()};
+  for (const v1::VolumeTile& tile : message.tiles()) {
+    bricks.tiles.push_back({{tile.first_brick(), tile.bricks()}, tile.value()});
+  }
+  return bricks;
 }
 
 VolumeComplete Take(v1::VolumeComplete&& message) {
-  return {FromProto(message.revision()), {message.content_hash_high(), message.content_hash_low()}};
+  return {FromProto(message.revision()),
+          {message.content_hash_high(), message.content_hash_low()},
+          {message.background_hash_high(), message.background_hash_low()}};
 }
 
 VolumeEvent TakeEvent(v1::StreamVolumeResponse& message) {

@@ -17,7 +17,7 @@
 #include "common/error/error.h"
 #include "common/files/own_files.h"
 #include "common/geometry/geometry.h"
-#include "server/volume/leaf_type.h"
+#include "common/bricks/leaf_type.h"
 
 namespace palpate {
 

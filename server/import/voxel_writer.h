@@ -12,7 +12,7 @@
 #include <optional>
 
 #include "server/import/reporter.h"
-#include "server/volume/leaf_type.h"
+#include "common/bricks/leaf_type.h"
 #include "server/volume/volume_metadata.h"
 
 namespace palpate {

@@ -1,11 +1,13 @@
 #include "server/streaming/volume_feed.h"
 
 #include <algorithm>
+#include <bit>
+#include <cstddef>
 #include <cstring>
 #include <string>
 #include <utility>
 
-#include "common/bricks/float_codec.h"
+#include "common/bricks/zstd_codec.h"
 #include "common/error/error.h"
 #include "server/streaming/overview.h"
 
@@ -16,24 +18,82 @@ constexpr std::uint64_t kDefaultWindow = 4;
 constexpr std::uint64_t kLargestWindow = 64;
 // Bricks checked in one step: 8 MiB at most.
 constexpr std::uint64_t kBricksPerSelection = 4096;
+// Bricks of background hashed in one step, in a few milliseconds.
+constexpr std::uint64_t kBricksPerHash = 32768;
+// A message has at most so many tiles, of so many bricks.
+constexpr std::size_t kTilesPerMessage = 4096;
+constexpr std::uint64_t kTileBricksPerMessage = 65536;
 // Blocks in one message: 256 KiB, the means of 16 MiB of voxels.
 constexpr std::uint64_t kBlocksPerMessage = 65536;
 // Of 2^31 voxels. A sparse volume may have a far larger lattice, which no dense copy holds.
 constexpr std::uint64_t kMostOverviewBlocks = std::uint64_t{1} << 22;
 
+std::uint32_t BitsOf(float value) { return std::bit_cast<std::uint32_t>(value); }
+
 // Compares bit by bit: a brick that is left out must have the hash of the subscriber's background.
-bool IsBackground(const Leaf& leaf, const Brick& background) {
-  if (leaf.is_constant()) {
-    const float value = leaf[0];
-    return std::memcmp(&value, background.data(), sizeof value) == 0;
-  }
+bool IsBackground(const Leaf& leaf, float background) {
+  // A shortcut: most bricks differ in their first voxel, or are made as one value.
+  if (BitsOf(leaf[0]) != BitsOf(background)) return false;
+  if (leaf.is_constant()) return true;
   const Brick values = leaf.Floats();
-  return std::memcmp(values.data(), background.data(), sizeof(Brick)) == 0;
+  return std::all_of(values.begin(), values.end(),
+                     [&](float value) { return BitsOf(value) == BitsOf(background); });
 }
 
 std::uint64_t BricksOf(const VolumeSnapshot& volume) {
   return volume.bricks().brick_count().cast<std::uint64_t>().prod();
 }
+
+float BackgroundOf(const VolumeSnapshot& volume) {
+  return static_cast<float>(volume.metadata().Background());
+}
+
+// Voxels as they lie in the leaf.
+std::span<const std::byte> BytesOf(const Leaf& leaf) {
+  return VisitType(leaf.type(), [&](auto voxel) {
+    return std::as_bytes(std::span(leaf.values<decltype(voxel)>(), kBrickVoxels));
+  });
+}
+
+// Puts leaves into a message until it is full.
+class BrickPacker {
+ public:
+  // Returns false if the leaf needs another message.
+  bool Add(std::uint64_t number, const Leaf& leaf) {
+    return leaf.is_constant() ? AddTile(number, leaf[0]) : AddBrick(number, leaf);
+  }
+  VolumeBricks Take() {
+    if (!bricks_.numbers.empty()) bricks_.zstd_values = CompressBytes(voxels_);
+    return std::move(bricks_);
+  }
+
+ private:
+  bool AddBrick(std::uint64_t number, const Leaf& leaf) {
+    if (!bricks_.numbers.empty() && bricks_.type != leaf.type()) return false;
+    if (voxels_.size() >= VolumeFeed::kBytesPerMessage) return false;
+    bricks_.type = leaf.type();
+    bricks_.numbers.push_back(number);
+    const std::span<const std::byte> bytes = BytesOf(leaf);
+    voxels_.insert(voxels_.end(), bytes.begin(), bytes.end());
+    return true;
+  }
+  bool AddTile(std::uint64_t number, float value) {
+    std::vector<VolumeTile>& tiles = bricks_.tiles;
+    if (++tile_bricks_ > kTileBricksPerMessage) return false;
+    if (!tiles.empty() && tiles.back().bricks.end() == number &&
+        BitsOf(tiles.back().value) == BitsOf(value)) {
+      ++tiles.back().bricks.count;
+      return true;
+    }
+    if (tiles.size() == kTilesPerMessage) return false;
+    tiles.push_back({{number, 1}, value});
+    return true;
+  }
+
+  VolumeBricks bricks_;
+  std::vector<std::byte> voxels_;
+  std::uint64_t tile_bricks_ = 0;
+};
 
 std::uint64_t CheckedWindow(std::uint64_t window) {
   if (window > kLargestWindow) {
@@ -43,6 +103,10 @@ std::uint64_t CheckedWindow(std::uint64_t window) {
 }
 
 }  // namespace
+
+std::shared_ptr<BackgroundHash> BackgroundHashOf(const VolumeSnapshot& volume) {
+  return std::make_shared<BackgroundHash>(BricksOf(volume), BackgroundOf(volume));
+}
 
 VolumeFeed::VolumeFeed(const VolumeFeedOptions& options, std::uint64_t daemon_id,
                        const VolumeNow& now, Clock::time_point time)
@@ -99,11 +163,10 @@ void VolumeFeed::LetGo(const VolumeNow& now, Clock::time_point time) {
 
 void VolumeFeed::KeepPartial() {
   const Transfer& transfer = *transfer_;
-  if (transfer.phase != Phase::kBricks || transfer.next == 0) return;
-  // If an earlier partial end lies above `end`, keep it: bricks below `end` have this revision, the
+  if (transfer.sent == 0) return;
+  // If an earlier partial end lies above, keep it: bricks below `sent` have this revision, the
   // others the earlier one, so the earlier statement still holds.
-  const std::uint64_t end = transfer.numbers[transfer.next - 1] + 1;
-  if (end >= partial_.end) partial_ = {end, transfer.volume->revision()};
+  if (transfer.sent >= partial_.end) partial_ = {transfer.sent, transfer.volume->revision()};
 }
 
 bool VolumeFeed::HasGot(const BrickDirectory& bricks, std::uint64_t number) const {
@@ -144,6 +207,7 @@ void VolumeFeed::Begin(const VolumeNow& now) {
   // values.
   transfer_ = Transfer{};
   transfer_->volume = now.volume;
+  background_hash_ = now.background_hash ? now.background_hash : BackgroundHashOf(*now.volume);
   if (loaded_revision_ != now.volume->loaded_revision()) {
     transfer_->phase = Phase::kLattice;
     return;
@@ -153,10 +217,10 @@ void VolumeFeed::Begin(const VolumeNow& now) {
     return;
   }
   const BrickDirectory& bricks = now.volume->bricks();
-  transfer_->numbers = bricks.ChangedSince(*revision_);
-  std::erase_if(transfer_->numbers, [&](std::uint64_t n) { return HasGot(bricks, n); });
-  transfer_->phase = Phase::kBricks;
-  if (transfer_->numbers.empty()) HasSentBricks();
+  for (const std::uint64_t number : bricks.ChangedSince(*revision_)) {
+    if (!HasGot(bricks, number)) AddTo(transfer_->runs, {number, 1});
+  }
+  BeginBricks();
 }
 
 VolumeEvent VolumeFeed::TakeLattice() {
@@ -177,28 +241,27 @@ VolumeEvent VolumeFeed::TakeLattice() {
       .value_max = metadata.value_max,
       .background = metadata.is_level_set ? std::optional(metadata.value_max) : std::nullopt,
       .unit = metadata.unit,
-      .loaded_revision = volume.loaded_revision()};
+      .loaded_revision = volume.loaded_revision(),
+      .type = volume.bricks().At(Vec3i::Zero())->type()};
 }
 
 void VolumeFeed::Select() {
   const VolumeSnapshot& volume = *transfer_->volume;
-  Brick background;
-  background.fill(static_cast<float>(volume.metadata().Background()));
+  const float background = BackgroundOf(volume);
   const BrickDirectory& bricks = volume.bricks();
   const std::uint64_t end = BricksOf(volume);
-  const std::uint64_t stop = std::min(transfer_->next + kBricksPerSelection, end);
-  for (; transfer_->next < stop; ++transfer_->next) {
-    const std::uint64_t number = transfer_->next;
+  std::uint64_t& number = transfer_->selected;
+  for (const std::uint64_t stop = std::min(number + kBricksPerSelection, end); number < stop;
+       ++number) {
     const bool has_it = number < partial_.end
                             ? HasGot(bricks, number)
                             : IsBackground(*bricks.At(bricks.BrickOf(number)), background);
-    if (!has_it) transfer_->numbers.push_back(number);
+    if (!has_it) AddTo(transfer_->runs, {number, 1});
   }
-  if (transfer_->next < end) return;
-  transfer_->next = 0;
+  if (number < end) return;
   const std::uint64_t blocks = OverviewSize(volume.size()).cast<std::uint64_t>().prod();
   transfer_->phase = Phase::kOverview;
-  if (overview_sent_ == blocks || blocks > kMostOverviewBlocks) LeaveOverview();
+  if (overview_sent_ == blocks || blocks > kMostOverviewBlocks) BeginBricks();
 }
 
 VolumeEvent VolumeFeed::TakeOverview() {
@@ -207,43 +270,45 @@ VolumeEvent VolumeFeed::TakeOverview() {
   const std::uint64_t end = overview.size.cast<std::uint64_t>().prod();
   std::vector<float> means(std::min(kBlocksPerMessage, end - overview_sent_));
   FillOverview(volume, overview_sent_, means);
-  overview.zstd_values = CompressFloats(means);
+  overview.zstd_values = Compress(std::span<const float>(means));
   overview_sent_ += means.size();
-  if (overview_sent_ == end) LeaveOverview();
+  if (overview_sent_ == end) BeginBricks();
   return overview;
 }
 
-void VolumeFeed::LeaveOverview() {
+void VolumeFeed::BeginBricks() {
+  for (const BrickRun& run : transfer_->runs) transfer_->left += run.count;
   transfer_->phase = Phase::kBricks;
-  if (transfer_->numbers.empty()) HasSentBricks();
+  if (transfer_->left == 0) HasSentBricks();
 }
 
 VolumeEvent VolumeFeed::TakeBricks() {
-  const BrickDirectory& bricks = transfer_->volume->bricks();
-  const std::vector<std::uint64_t>& numbers = transfer_->numbers;
-  const std::size_t count = std::min(kBricksPerMessage, numbers.size() - transfer_->next);
-  VolumeBricks event;
-  std::vector<float> values(count * kBrickVoxels);
-  for (std::size_t n = 0; n < count; ++n) {
-    const std::uint64_t number = numbers[transfer_->next + n];
-    event.numbers.push_back(number);
-    bricks.At(bricks.BrickOf(number))->CopyTo(values.data() + n * kBrickVoxels);
+  Transfer& transfer = *transfer_;
+  const BrickDirectory& bricks = transfer.volume->bricks();
+  BrickPacker packer;
+  while (transfer.left > 0) {
+    BrickRun& run = transfer.runs[transfer.next];
+    if (!packer.Add(run.first, *bricks.At(bricks.BrickOf(run.first)))) break;
+    transfer.sent = ++run.first;
+    --transfer.left;
+    if (--run.count == 0) ++transfer.next;
   }
-  event.zstd_values = CompressFloats(values);
-  transfer_->next += count;
-  event.bricks_left = numbers.size() - transfer_->next;
-  if (event.bricks_left == 0) HasSentBricks();
+  VolumeBricks event = packer.Take();
+  event.bricks_left = transfer.left;
+  if (transfer.left == 0) HasSentBricks();
   return event;
 }
 
 void VolumeFeed::HasSentBricks() {
   const VolumeSnapshot& volume = *transfer_->volume;
-  complete_ = VolumeComplete{{daemon_id_, volume.revision()}, volume.bricks().content_hash()};
+  complete_ = VolumeComplete{{daemon_id_, volume.revision()}, volume.bricks().content_hash(), {}};
   transfer_.reset();
 }
 
-VolumeEvent VolumeFeed::TakeComplete() {
-  const VolumeComplete complete = *complete_;
+std::optional<VolumeEvent> VolumeFeed::TakeComplete() {
+  if (!background_hash_->Advance(kBricksPerHash)) return std::nullopt;
+  VolumeComplete complete = *complete_;
+  complete.background_hash = background_hash_->hash();
   complete_.reset();
   revision_ = complete.revision.volume_revision;
   partial_ = {};

@@ -12,7 +12,8 @@
 //   1. lattice, if the subscriber has another volume
 //   2. placement, if the subscriber does not have the present one
 //   3. after a lattice: the overview, then the bricks that are not all background;
-//      otherwise: the changed bricks
+//      otherwise: the changed bricks. Bricks travel in their own type; bricks of one value that
+//      follow each other are one tile.
 //   4. complete
 //
 // Threads: one at a time. Not real-time: it allocates, compresses, and may free a volume. Each
@@ -26,6 +27,7 @@
 #include <vector>
 
 #include "common/bricks/volume_event.h"
+#include "server/streaming/background_hash.h"
 #include "server/volume/snapshot.h"
 
 namespace palpate {
@@ -35,7 +37,11 @@ struct VolumeNow {
   std::shared_ptr<const VolumeSnapshot> volume;
   AffineMap X_DI;
   std::uint64_t settings_revision = 0;  // of the settings that set X_DI, or later
+  // Of this volume's lattice, shared by all feeds. Null: the feed computes its own.
+  std::shared_ptr<BackgroundHash> background_hash{};
 };
+
+std::shared_ptr<BackgroundHash> BackgroundHashOf(const VolumeSnapshot& volume);
 
 struct VolumeFeedOptions {
   std::uint64_t max_unacknowledged = 0;  // 1 to 64; 0: 4
@@ -46,8 +52,8 @@ class VolumeFeed {
  public:
   using Clock = std::chrono::steady_clock;
 
-  // The most bricks in one message.
-  static constexpr std::size_t kBricksPerMessage = 64;
+  // The most bricks in one message, besides tiles: 128 KiB of voxels.
+  static constexpr std::size_t kBytesPerMessage = std::size_t{128} << 10;
   // After a pause longer than this, the feed releases an old volume.
   static constexpr std::chrono::seconds kStall{2};
 
@@ -79,8 +85,11 @@ class VolumeFeed {
   struct Transfer {
     std::shared_ptr<const VolumeSnapshot> volume;
     Phase phase = Phase::kBricks;
-    std::uint64_t next = 0;                // brick to look at, then place in numbers
-    std::vector<std::uint64_t> numbers{};  // of the bricks to send
+    std::uint64_t selected = 0;    // bricks below this number are in `runs`, or need not be sent
+    std::vector<BrickRun> runs{};  // bricks to send, from run `next` on
+    std::size_t next = 0;
+    std::uint64_t left = 0;  // bricks in these runs
+    std::uint64_t sent = 0;  // all bricks below this number that are to be sent are sent
   };
 
   // What the subscriber got of revisions that were released before they were complete.
@@ -99,10 +108,10 @@ class VolumeFeed {
   VolumeEvent TakeLattice();
   void Select();
   VolumeEvent TakeOverview();
-  void LeaveOverview();
+  void BeginBricks();
   VolumeEvent TakeBricks();
-  VolumeEvent TakeComplete();
   void HasSentBricks();
+  std::optional<VolumeEvent> TakeComplete();
 
   std::uint64_t daemon_id_;
   std::uint64_t window_;
@@ -116,7 +125,9 @@ class VolumeFeed {
   bool placed_last_ = false;         // the last step sent a placement
   bool told_complete_ = false;       // on this stream
   std::optional<Transfer> transfer_;
-  // All bricks of this revision are sent; this is the next event.
+  // Of the volume that is sent, or was sent last.
+  std::shared_ptr<BackgroundHash> background_hash_;
+  // All bricks of this revision are sent; this is the next event, without the background's hash.
   std::optional<VolumeComplete> complete_;
 
   std::uint64_t sent_ = 0;

@@ -84,6 +84,9 @@ void VolumeStreams::OnScene(const Scene& scene, std::span<const BrickChange>) {
   // Freed after the lock is released, if this is the last holder.
   VolumeNow now{scene.volume, scene.surface.X_DI, scene.settings_revision};
   const std::lock_guard lock(mutex_);
+  const bool has_lattice =
+      now_.volume && now_.volume->loaded_revision() == scene.volume->loaded_revision();
+  now.background_hash = has_lattice ? now_.background_hash : BackgroundHashOf(*scene.volume);
   std::swap(now_, now);
   if (!streams_.empty()) Wake();
 }

@@ -7,7 +7,7 @@
 #include <functional>
 
 #include "server/volume/brick_directory.h"
-#include "server/volume/leaf_type.h"
+#include "common/bricks/leaf_type.h"
 #include "server/volume/volume_metadata.h"
 
 namespace palpate {

@@ -15,7 +15,7 @@
 #include <memory>
 
 #include "common/bricks/brick.h"
-#include "server/volume/leaf_type.h"
+#include "common/bricks/leaf_type.h"
 #include "server/volume/openvdb_names.h"
 
 namespace palpate {

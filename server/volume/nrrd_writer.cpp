@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <fstream>
 #include <ios>
-#include <iterator>
 #include <string>
 #include <vector>
 
@@ -16,36 +15,15 @@ namespace {
 
 // The smallest type that holds all voxels.
 LeafType TypeOf(const BrickDirectory& bricks) {
-  bool is_there[std::size(kLeafTypes)] = {};
+  LeafType type = LeafType::kUint8;
   const Vec3i& count = bricks.brick_count();
   Vec3i b;
   for (b.x() = 0; b.x() < count.x(); ++b.x()) {
     for (b.y() = 0; b.y() < count.y(); ++b.y()) {
-      for (b.z() = 0; b.z() < count.z(); ++b.z()) {
-        is_there[static_cast<std::size_t>(bricks.At(b)->type())] = true;
-      }
+      for (b.z() = 0; b.z() < count.z(); ++b.z()) type = CommonType(type, bricks.At(b)->type());
     }
   }
-  const bool has_negative = is_there[static_cast<std::size_t>(LeafType::kInt16)];
-  const bool has_large = is_there[static_cast<std::size_t>(LeafType::kUint16)];
-  const bool has_floats = is_there[static_cast<std::size_t>(LeafType::kFloat)];
-  if (has_floats || (has_negative && has_large)) return LeafType::kFloat;
-  if (has_negative) return LeafType::kInt16;
-  return has_large ? LeafType::kUint16 : LeafType::kUint8;
-}
-
-constexpr const char* NameOf(LeafType type) {
-  switch (type) {
-    case LeafType::kUint8:
-      return "uint8";
-    case LeafType::kInt16:
-      return "int16";
-    case LeafType::kUint16:
-      return "uint16";
-    case LeafType::kFloat:
-      break;
-  }
-  return "float";
+  return type;
 }
 
 // Appends compressed data to a file.
@@ -119,7 +97,7 @@ void WriteNrrd(const std::filesystem::path& path, const VolumeSnapshot& volume,
   header.open(path, std::ios::binary | std::ios::trunc);
   const LeafType type = TypeOf(volume.bricks());
   const VolumeMetadata& metadata = volume.metadata();
-  header << ToText(NrrdHeader{.type = NameOf(type),
+  header << ToText(NrrdHeader{.type = type == LeafType::kFloat ? "float" : std::string(Name(type)),
                               .encoding = "gzip",
                               .size = metadata.size,
                               .X_WI = metadata.WorldFromIndex(),

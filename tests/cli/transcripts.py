@@ -47,7 +47,7 @@ NO_DAEMON = {
     "help": [
         Step(has=["Example"], run=[
             "--help", "info --help", "watch --help", "set --help", "set stiffness --help",
-            "settings --help", "load --help", "upload --help", "series --help",
+            "settings --help", "load --help", "upload --help", "download --help", "series --help",
             "series load --help", "series play --help", "series seek --help",
             "series loop --help", "series info --help", "device --help", "device list --help",
             "device info --help", "device calibrate --help", "device enable --help",
@@ -190,11 +190,15 @@ VOLUMES = {
         Step(BLOCK + "1,1,1", exit=4),
     ],
     "downloads": [
-        Step("download copy.nrrd"),
-        Step("download copy.nrrd", exit=7),
-        Step("download missing/copy.nrrd", exit=4),
-        Step("download $FOLDER", exit=3),
-        Step("download copy.nrrd --overwrite"),
+        Step("load builtin:bumps:64 --discard"),
+        Step(["download copy.nrrd", "download copy.vdb"], has=[
+            "64 x 64 x 64 voxels of builtin:bumps:64 at volume revision", "MB received"]),
+        Step(["download copy.nrrd", "download copy.vdb"], exit=7),
+        Step(["download missing/copy.nrrd", "download missing/copy.vdb"], exit=4),
+        Step(["download copy", "download copy.nii", "download .vdb", "download copy.vdb.gz",
+              "download $FOLDER"], exit=3, error=".nrrd or .vdb"),
+        Step(["download copy.nrrd --overwrite", "download copy.vdb --overwrite",
+              "download COPY.VDB"]),
     ],
     "uploads": [
         Step("upload sent.nrrd --normalized-isovalue 0.25 --discard"),

@@ -93,8 +93,12 @@ def tokens():
     }
 
 
-def lattice(*size, low=-1.0, high=1.0):
-    return b"\0" + struct.pack("<3i2d", *size, low, high)
+# Types of voxels, in the order of LeafType.
+UINT8, INT16, UINT16, FLOAT = range(4)
+
+
+def lattice(*size, low=-1.0, high=1.0, kind=FLOAT):
+    return b"\0" + struct.pack("<3i2dB", *size, low, high, kind)
 
 
 def floats(count):
@@ -109,8 +113,9 @@ def overview(size, first, values):
     return b"\2" + struct.pack("<3iQ", *size, first) + values
 
 
-def bricks(numbers, values, left=0):
-    return b"\3" + struct.pack(f"<B{len(numbers)}iI", len(numbers), *numbers, left) + values
+def bricks(numbers, values, left=0, kind=FLOAT, tiles=()):
+    return (b"\3" + struct.pack(f"<B{len(numbers)}i2B", len(numbers), *numbers, kind, len(tiles)) +
+            b"".join(struct.pack("<2if", *tile) for tile in tiles) + struct.pack("<I", left) + values)
 
 
 def complete(revision=4, low=0):
@@ -131,6 +136,17 @@ def streams():
         "bricks_twice": begun + bricks((1, 1), floats(1024)), "no_bricks": begun + bricks((), floats(0)),
         "bricks_left": begun + bricks((1,), floats(512), 7), "values_too_few": begun + bricks((1,), floats(511)),
         "values_damaged": begun + bricks((1,), raw(b"\x28\xb5\x2f\xfd\x60\x00\x07")),
+        # As many bytes as bricks of these types have: half and a quarter of the floats.
+        "int16": begun + bricks((1, 2), floats(512), kind=INT16) + complete(),
+        "uint8": lattice(10, 8, 17, kind=UINT8) + bricks((4,), floats(128), kind=UINT8, tiles=[(0, 4, 7.0)]) +
+                 complete(),
+        "uint16_too_long": begun + bricks((1,), floats(512), kind=UINT16),
+        "tiles": begun + bricks((), floats(0), tiles=[(0, 2, 0.5), (2, 4, float("nan"))]) + complete(),
+        "tiles_overlap": begun + bricks((), floats(0), tiles=[(0, 3, 0.5), (2, 2, 1.0)]),
+        "tile_beyond": begun + bricks((), floats(0), tiles=[(5, 2, 0.5)]),
+        "tile_of_nothing": begun + bricks((), floats(0), tiles=[(5, 0, 0.5)]),
+        "tile_wraps": begun + bricks((), floats(0), tiles=[(5, -1, 0.5)]),
+        "brick_in_a_tile": begun + bricks((3,), floats(512), tiles=[(2, 3, 0.5)]),
         "before_the_lattice": bricks((0,), floats(512)) + complete() + overview((1, 1, 1), 0, floats(1)),
         "another_lattice": begun + bricks((0,), floats(512)) + lattice(2, 3, 4) + complete(),
         "another_hash": begun + complete(low=5), "no_voxels": lattice(0, 8, 8), "below_0": lattice(-8, -8, 8),

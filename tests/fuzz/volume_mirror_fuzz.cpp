@@ -1,10 +1,11 @@
 // A daemon that streams anything to a viewer's copy of the volume.
 //
 //   step: kind u8, modulo 5
-//     lattice    0  size 3 x i32, least and greatest value f64
+//     lattice    0  size 3 x i32, least and greatest value f64, type u8
 //     placement  1  revision u64
 //     overview   2  size 3 x i32, first u64, values
-//     bricks     3  count u8 of number i32, bricks left u32, values
+//     bricks     3  count u8 of number i32, type u8, count u8 of tiles (first i32, count i32,
+//                   value f32), bricks left u32, values
 //     complete   4  revision u64, hash u64; 0: the right one
 //   values: u16; even: of half as many floats 0, 1, 2, ..; odd: half as many bytes, which
 //           follow
@@ -13,7 +14,7 @@
 #include <vector>
 
 #include "client/sdk/volume_mirror.h"
-#include "common/bricks/float_codec.h"
+#include "common/bricks/zstd_codec.h"
 #include "common/error/error.h"
 #include "tests/fuzz/fuzz_input.h"
 
@@ -46,6 +47,7 @@ class StreamScript {
         lattice.size = Size();
         lattice.value_min = input_.Take<double>();
         lattice.value_max = input_.Take<double>();
+        lattice.type = kLeafTypes[input_.Take<std::uint8_t>() % 4];
         return lattice;
       }
       case 1:
@@ -61,13 +63,21 @@ class StreamScript {
         for (auto& number : bricks.numbers) {
           number = static_cast<std::uint64_t>(input_.Take<std::int32_t>());
         }
+        bricks.type = kLeafTypes[input_.Take<std::uint8_t>() % 4];
+        bricks.tiles.resize(input_.Take<std::uint8_t>() % 8);
+        for (VolumeTile& tile : bricks.tiles) {
+          tile.bricks.first = static_cast<std::uint64_t>(input_.Take<std::int32_t>());
+          tile.bricks.count = static_cast<std::uint64_t>(input_.Take<std::int32_t>());
+          tile.value = input_.Take<float>();
+        }
         bricks.bricks_left = input_.Take<std::uint32_t>();
         bricks.zstd_values = Values();
         return bricks;
       }
     }
-    VolumeComplete complete{{1, input_.Take<std::uint64_t>()}, {}};
+    VolumeComplete complete{{1, input_.Take<std::uint64_t>()}, {}, {}};
     complete.content_hash.low = input_.Take<std::uint64_t>();
+    complete.background_hash = BackgroundHash();
     if (complete.content_hash.low == 0) complete.content_hash = RightHash();
     return complete;
   }
@@ -86,13 +96,24 @@ class StreamScript {
     }
     std::vector<float> values(size / 2);
     std::iota(values.begin(), values.end(), 0.0f);
-    return CompressFloats(values);
+    return Compress(std::span<const float>(values));
   }
 
   ContentHash RightHash() const {
     ContentHash hash;
     const std::uint64_t count = mirror_.lattice() ? mirror_.lattice()->Bricks() : 0;
-    for (std::uint64_t n = 0; n < count; ++n) hash += HashOfBrick(*mirror_.At(n), n);
+    for (std::uint64_t n = 0; n < count; ++n) {
+      hash += HashOfBrick(mirror_.bricks().At(n)->Floats(), n);
+    }
+    return hash;
+  }
+
+  ContentHash BackgroundHash() const {
+    ContentHash hash;
+    if (!mirror_.lattice()) return hash;
+    Brick background;
+    background.fill(mirror_.lattice()->Background());
+    for (std::uint64_t n = 0; n < mirror_.bricks().size(); ++n) hash += HashOfBrick(background, n);
     return hash;
   }
 
@@ -100,13 +121,13 @@ class StreamScript {
     const auto& lattice = mirror_.lattice();
     if (!lattice) return;
     const Vec3i last = lattice->size - Vec3i::Ones();
-    mirror_.Value(0, 0, 0);
-    mirror_.Value(last.x(), last.y(), last.z());
+    mirror_.bricks().Value(0, 0, 0);
+    mirror_.bricks().Value(last.x(), last.y(), last.z());
     const Vec3i blocks = mirror_.overview_size();
     const auto overview = mirror_.overview();
     FUZZ_CHECK(overview.empty() || overview.size() == blocks.cast<std::uint64_t>().prod());
-    for (const std::uint64_t number : mirror_.TakeChanges().numbers) {
-      FUZZ_CHECK(number < lattice->Bricks());
+    for (const BrickRun& run : mirror_.TakeChanges().bricks) {
+      FUZZ_CHECK(run.count > 0 && run.end() <= lattice->Bricks());
     }
   }
 

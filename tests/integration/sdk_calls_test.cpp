@@ -61,7 +61,7 @@ TEST_F(SdkCalls, VolumesAreLoadedSavedSentAndFetched) {
 
   const DownloadResult copy = p.DownloadVolume();
   EXPECT_EQ(copy.volume.resume()->volume_revision, edited.volume_revision);
-  EXPECT_FLOAT_EQ(copy.volume.Value(7, 7, 7), static_cast<float>(loaded.volume.value_max));
+  EXPECT_FLOAT_EQ(copy.volume.bricks().Value(7, 7, 7), static_cast<float>(loaded.volume.value_max));
   SaveAsNrrd(copy.volume, File("copy.nrrd"));
 
   // What was fetched goes up again, as it was.
@@ -72,7 +72,8 @@ TEST_F(SdkCalls, VolumesAreLoadedSavedSentAndFetched) {
                           [](const Progress& now) { return now.stage == "sending"; }));
   const DownloadResult again = p.DownloadVolume();
   for (int n = 0; n < 40; ++n) {
-    EXPECT_EQ(again.volume.Value(n, 39 - n, n / 2), copy.volume.Value(n, 39 - n, n / 2));
+    EXPECT_EQ(again.volume.bricks().Value(n, 39 - n, n / 2),
+              copy.volume.bricks().Value(n, 39 - n, n / 2));
   }
 }
 

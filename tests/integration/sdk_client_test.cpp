@@ -41,7 +41,7 @@ class Viewer {
   bool Take(Client& client, std::uint64_t revision) {
     while (const auto update = client.TakeVolumeUpdate()) {
       anew_ += update->all && update->lattice;
-      received_ += update->bricks.size();
+      for (const BrickRun& run : update->changed) received_ += run.count;
       volume_.Take(*update);
     }
     return volume_.revision() && volume_.revision()->volume_revision >= revision;

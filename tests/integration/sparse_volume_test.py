@@ -11,7 +11,7 @@ import tempfile
 import numpy as np
 
 import palpate
-from support import DaemonTest
+from support import DaemonTest, nrrd, pattern
 
 # Of the sphere that vdb_tool makes, 64 voxels' edge: centre, world, and radius.
 CENTER_MM = 0.5 * np.array((3.3, -5.7, 23.9))
@@ -101,6 +101,44 @@ class LevelSets(SparseTest):
         info = self.conn.volume.info()
         np.testing.assert_allclose(info.spacing_mm, 0.8)
         self.assertTrue(info.is_level_set)
+
+
+class Downloads(SparseTest):
+    volume = "builtin:sphere:16"
+
+    def state(self):
+        """What palpated says of its volume, and all voxels."""
+        path = self.folder / "state.nrrd"
+        self.daemon.palpate("save", path, "--overwrite")
+        volume = json.loads(self.daemon.palpate("info", "--json").stdout)["volume"]
+        for name in ("source", "volume_revision", "memory_bytes", "unsaved_edits"):
+            del volume[name]
+        return volume, path.read_bytes()
+
+    def check_that_it_comes_back(self, path, value):
+        self.daemon.palpate("load", path, "--discard")
+        self.daemon.palpate("edit", "sphere", "--operation", "set", "--value", value,
+                            "--center-voxels", "8,9,10", "--radius-voxels", "5")
+        before = self.state()
+        self.daemon.palpate("download", self.folder / "copy.vdb")
+        self.daemon.palpate("load", self.folder / "copy.vdb", "--discard")
+        self.assertEqual(self.state(), before)
+        return before[0]
+
+    def test_a_level_set_comes_back(self):
+        volume = self.check_that_it_comes_back(self.made("sphere"), 0.25)
+        self.assertTrue(volume["is_level_set"])
+
+    def test_a_scan_comes_back(self):
+        path = self.folder / "scan.nrrd"
+        # Mirrored and turned.
+        image = nrrd(pattern((37, 24, 30)) % 60013 - 30000,
+                     ((0, -0.5, 0), (0.75, 0, 0), (0, 0, 2)), (5, 6, 7))
+        header, _, voxels = image.partition(b"\n\n")
+        path.write_bytes(header.replace(b"float", b"int16") + b'\nsample units: "HU"\n\n'
+                         + np.frombuffer(voxels, "<f4").astype("<i2").tobytes())
+        volume = self.check_that_it_comes_back(path, 7)
+        self.assertEqual((volume["original_type"], volume["unit"]), ("int16", "HU"))
 
 
 class Resampling(SparseTest):

@@ -57,7 +57,7 @@ class ViewFrame : public ::testing::Test {
 
   // On the ray through the pixel, so far in front of the ball.
   Vec3 Before(double distance_mm) {
-    rig.renderer.Draw(Looking());
+    rig.Draw(Looking());
     const Vec3 hit_D = rig.renderer.SurfaceAt(kX, kY).value();
     return hit_D + distance_mm * (Looking().camera.Eye() - hit_D).normalized();
   }
@@ -265,7 +265,7 @@ TEST_F(ViewFrame, ASurfaceThatIsNotShownIsNotCast) {
   const Rgb8 point = PixelOf(DrawWith(request, PointAt(Vec3::Zero())), 160, 120);
   EXPECT_GT(point[0], point[1] + 100);
   request.camera.Orbit(10.0, 0.0);
-  rig.renderer.Draw(request);
+  rig.Draw(request);
   EXPECT_EQ(rig.renderer.casts(), casts);
   EXPECT_EQ(rig.Draw(Looking()).rgba, shown.rgba);
 }
@@ -301,7 +301,7 @@ std::vector<ImageSize> TooLarge() {
 TEST_F(ViewFrame, WhatIsTooLargeIsRefusedAndChangesNothing) {
   const Image frame = rig.Draw(Looking());
   SliceRequest across{.position_voxels = 20.0, .size = {60, 50}, .surface = {}};
-  rig.renderer.DrawSlice(across);
+  rig.DrawSlice(across);
   const Image slice = rig.renderer.ReadSlice(2);
   const unsigned texture = rig.renderer.DrawnTexture();
   const auto casts = rig.renderer.casts() + rig.renderer.slice_casts();
@@ -319,7 +319,7 @@ TEST_F(ViewFrame, WhatIsTooLargeIsRefusedAndChangesNothing) {
     EXPECT_EQ(Refusal([&] { rig.renderer.DrawSlice(large); }), ErrorKind::kTooLarge);
     EXPECT_EQ(rig.renderer.ReadSlice(2).rgba, slice.rgba);
     EXPECT_EQ(rig.Draw(Looking()).rgba, frame.rgba);
-    rig.renderer.DrawSlice(across);
+    rig.DrawSlice(across);
     EXPECT_EQ(rig.renderer.ReadSlice(2).rgba, slice.rgba);
   }
   EXPECT_EQ(rig.renderer.casts() + rig.renderer.slice_casts(), casts) << "nothing was lost";
@@ -353,17 +353,17 @@ TEST_F(ViewFrame, StateThatOthersLeaveBehindDoesNoHarm) {
   rig.Take(FrameBall());
   EXPECT_EQ(DrawWith(Looking(), overlay).rgba, first.rgba);
   SliceRequest across{.position_voxels = 20.0, .size = {60, 50}, .surface = {}};
-  rig.renderer.DrawSlice(across);
+  rig.DrawSlice(across);
   const Image slice = rig.renderer.ReadSlice(2);
   across.surface.isovalue = 1.0;
-  rig.renderer.DrawSlice(across);
+  rig.DrawSlice(across);
   spoil();
   across.surface.isovalue = 0.0;
-  rig.renderer.DrawSlice(across);
+  rig.DrawSlice(across);
   EXPECT_EQ(rig.renderer.ReadSlice(2).rgba, slice.rgba);
   FrameRequest other = Looking();
   other.camera.Orbit(5.0, 0.0);
-  rig.renderer.Draw(other);
+  rig.Draw(other);
   spoil();
   EXPECT_EQ(DrawWith(Looking(), overlay).rgba, first.rgba);
 }
@@ -419,7 +419,7 @@ TEST_F(ViewFrameTime, AMovedProxyCostsBelowATwentiethOfACast) {
         BuildOverlay({.pose = pose, .X_DI = rig.volume.X_DI(), .lattice_size = kBallLattice}, {},
                      request.camera, request.size);
     request.overlay = &overlay;
-    rig.renderer.Draw(request);
+    rig.Draw(request);
     glFinish();
   };
   draw();  // compiles shaders

@@ -146,12 +146,25 @@ class OddVolumes(unittest.TestCase):
         self.assertGreater(short, 50)
         self.assertEqual(share(b"W" * 30), short)
 
-    def test_a_volume_beyond_the_graphics_card_is_refused_in_words(self):
-        # Longer than 3-D textures are anywhere.
-        code, problem, picture = self.look(nrrd(ball((20000, 4, 4), 2)))
-        self.assertEqual(code, 6, problem)
-        self.assertRegex(problem, r"^palpate-view: .*20000.*\n$")
-        self.assertFalse(picture.exists())
+    def test_a_volume_longer_than_any_texture_is_drawn(self):
+        code, problem, picture = self.look(nrrd(ball((20000, 4, 4), 2)), "--no-overlay", "--no-box",
+                                           "--target", "0,0,0")
+        self.assertEqual((code, problem), (0, ""))
+        self.assertEqual(Image.open(picture).size, (1280, 800))
+
+    def test_too_little_graphics_memory_is_said_and_the_picture_is_whole(self):
+        content = nrrd(ball((160, 160, 160), 70))
+        view = ("--no-overlay", "--no-box", "--size", "400x300")
+        code, problem, picture = self.look(content, *view)
+        self.assertEqual((code, problem), (0, ""))
+        whole = np.asarray(Image.open(picture)).astype(int)
+        code, problem, picture = self.look(content, *view, "--graphics-memory-mib", "1")
+        self.assertEqual(code, 0)
+        self.assertRegex(problem, r"^palpate-view: [^\n]*graphics-memory-mib[^\n]*\n$")
+        coarse = np.asarray(Image.open(picture)).astype(int)
+        # Silhouettes and light are nearly the same.
+        self.assertFalse(np.array_equal(coarse, whole))
+        self.assertLess(np.mean(np.abs(coarse - whole).max(axis=-1) > 40), 0.02)
 
 
 class OffscreenAlone(unittest.TestCase):
@@ -198,7 +211,8 @@ class OffscreenAlone(unittest.TestCase):
                         "--camera 0,90", "--camera front", "--camera 0,0,0", "--camera nan,0",
                         "--camera profile", "--camera profile,0", "--target here", "--target 1,2",
                         "--veil=", "--veil 1,2", "--color 1,2", "--color 0,0,256",
-                        "--color-map rainbow", "--coloring none", "--window 2,1", "--crop 0,1,0,1,0",
+                        "--color-map rainbow", "--coloring none", "--window 2,1", "--graphics-memory-mib 0",
+                        "--graphics-memory-mib much", "--crop 0,1,0,1,0",
                         "--crop 0.5,0.5,0,1,0,1", "--crop 0,2,0,1,0,1", "--socket a --server b:1",
                         "--nonsense", "file.nrrd"):
             with self.subTest(options):

@@ -75,7 +75,7 @@ class ViewSlice : public ::testing::Test {
   ~ViewSlice() override { EXPECT_EQ(glGetError(), static_cast<GLenum>(GL_NO_ERROR)); }
 
   Image Draw(const SliceRequest& request) {
-    EXPECT_NE(rig.renderer.DrawSlice(request), 0u);
+    EXPECT_NE(rig.DrawSlice(request), 0u);
     return rig.renderer.ReadSlice(request.picture);
   }
 
@@ -140,6 +140,43 @@ TEST_F(ViewSlice, ATurnedSliceEqualsInterpolationToo) {
   }
 }
 
+// Larger than a block of bricks, with blocks and bricks of one value, and a brick of floats.
+TEST(ViewSliceBricks, ASliceAcrossBricksOfAnyKindEqualsInterpolation) {
+  const Vec3i lattice = {70, 90, 140};
+  for (const LeafType type : {LeafType::kUint8, LeafType::kInt16, LeafType::kFloat}) {
+    FrameRig rig;
+    testing::VoxelArray voxels = testing::MakeVoxels(lattice, [](int i, int j, int k) {
+      const double wave = 50.0 * std::sin(0.3 * i) + 30.0 * std::cos(0.5 * j) + 20.0 * (k % 3);
+      return k > 40 ? 60.0f : static_cast<float>(std::round(std::clamp(wave, 0.0, 100.0)));
+    });
+    rig.Take(testing::WholeVolume(voxels, Placement(), type));
+    for (const bool edited : {false, true}) {
+      if (edited) {
+        voxels.values[(20 * 90 + 30) * 140 + 10] += 0.5f;
+        rig.Take(testing::Edit(rig.volume, voxels, {Vec3i(2, 3, 1)}, type));
+      }
+      for (const auto& [axis, position] : {std::pair{0, 20.3}, {1, 30.2}, {2, 9.8}, {2, 40.6}}) {
+        SliceRequest request = Across(axis, position);
+        request.surface.window_min = -10.0;
+        request.surface.window_max = 110.0;
+        rig.DrawSlice(request);
+        const Image image = rig.renderer.ReadSlice(axis);
+        const SliceView view(request.axes, lattice, kSliceVoxel_mm, request.size);
+        for (int y = 0; y < kSliceSize.height; y += 3) {
+          for (int x = 0; x < kSliceSize.width; x += 3) {
+            const Eigen::Vector2d at_px = {x + 0.5, y + 0.5};
+            if (!view.Shows(at_px)) continue;
+            const double value = rig.volume.Interpolate(view.PointAt(at_px, position));
+            const auto expected = Mapped(value, request.surface);
+            ASSERT_NEAR(PixelOf(image, x, y)[0], expected[0], 1.0)
+                << Name(type) << ' ' << edited << ' ' << axis << ' ' << x << ' ' << y;
+          }
+        }
+      }
+    }
+  }
+}
+
 TEST(ViewSliceMagnitude, IsNoneOfTheSlices) {
   SliceRequest request = Across(0, 7.3);
   request.surface.isovalue = 12.0;
@@ -155,7 +192,7 @@ TEST(ViewSliceMagnitude, IsNoneOfTheSlices) {
                           &scaled.surface.window_min, &scaled.surface.window_max}) {
       *value = offset + factor * *value;
     }
-    rig.renderer.DrawSlice(scaled);
+    rig.DrawSlice(scaled);
     return rig.renderer.ReadSlice(0);
   };
   const Image plain = draw(1.0, 0.0);
@@ -198,7 +235,7 @@ TEST(ViewSliceIsoline, IsTwoPixelsWideAndWhereTheValueIs) {
   request.surface.veil.color = {0.0f, 1.0f, 0.0f};
   const SliceView view(request.axes, lattice, Vec3::Ones(), request.size);
   const auto width_px = [&](const Rgb& color, double isovalue) {
-    rig.renderer.DrawSlice(request);
+    rig.DrawSlice(request);
     const Image image = rig.renderer.ReadSlice(2);
     const double middle_px = view.PixelOf({isovalue, 10.0, 10.0}).x();
     double weight = 0.0, moment = 0.0;
@@ -254,7 +291,7 @@ TEST_F(ViewSlice, EachAxisHasAPictureOfItsOwn) {
 TEST_F(ViewSlice, AnEmptyPictureAndAnEmptyWindowAreDrawn) {
   SliceRequest request = Across(0, 3.0);
   request.size = {};
-  EXPECT_EQ(rig.renderer.DrawSlice(request), 0u);
+  EXPECT_EQ(rig.DrawSlice(request), 0u);
   EXPECT_TRUE(rig.renderer.ReadSlice(0).rgba.empty());
   request.size = {50, 50};
   request.surface.window_min = request.surface.window_max = 1.0;
@@ -303,7 +340,7 @@ TEST(ViewSliceEmpty, WithoutAVolumeThereIsAnEmptyPicture) {
   SliceRequest request;
   request.size = {30, 20};
   request.cross_I = Vec3::Zero();
-  rig.renderer.DrawSlice(request);
+  rig.DrawSlice(request);
   const Image image = rig.renderer.ReadSlice(2);
   ASSERT_EQ(image.rgba.size(), 30u * 20u * 4u);
   for (int x = 0; x < 30; ++x) EXPECT_EQ(PixelOf(image, x, 10), (Rgb8{15, 17, 21}));

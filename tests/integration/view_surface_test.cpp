@@ -258,10 +258,10 @@ TEST_F(SurfaceValues, IsExactBesideValuesOfAnotherMagnitude) {
   Scene scene{testing::Sphere(26, 9.0)};
   CastRig rig(scene.voxels);
   for (int n = 0; n < 40; ++n) scene.voxels.values[static_cast<std::size_t>(391 * n)] = 3e38f;
-  client::VolumeUpdate edit = testing::WholeVolume(scene.voxels, {});
-  edit.all = false;
-  rig.volume.Take(edit);
-  rig.texture.TakeUp(rig.volume, SIZE_MAX);
+  std::vector<Vec3i> bricks;
+  for (int n = 0; n < 64; ++n) bricks.push_back({n >> 4, n >> 2 & 3, n & 3});
+  rig.volume.Take(testing::Edit(rig.volume, scene.voxels, bricks));
+  rig.cache.TakeUp(rig.volume, SIZE_MAX);
   const Look look = LooksAt(scene.voxels.size)[9];
   const CastRequest request = RequestOf(scene, look, kOddSize);
   const auto expected = testing::ExpectPicture(scene, look, kOddSize);

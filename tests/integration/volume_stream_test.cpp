@@ -104,7 +104,11 @@ TEST_F(VolumeStreamTest, ARevisionThatTheDaemonDoesNotHaveIsMendedByAFreshCopy) 
     ASSERT_TRUE(CatchUp(reader, mirror));
   }
   // As if the daemon had gone back.
-  VolumeComplete future{*mirror.resume(), data_.volume()->bricks().content_hash()};
+  VolumeComplete future{*mirror.resume(), data_.volume()->bricks().content_hash(), {}};
+  auto background = BackgroundHashOf(*data_.volume());
+  while (!background->Advance(1000)) {
+  }
+  future.background_hash = background->hash();
   future.revision.volume_revision += 5;
   mirror.Apply(future);
   mirror.TakeChanges();

@@ -14,6 +14,7 @@ import numpy as np
 from PIL import Image
 
 import palpate
+from palpate._bricks import Bricks
 from support import PATIENCE_S, Daemon, DaemonTest
 
 NOTEBOOK = pathlib.Path(__file__).resolve().parents[2] / "client/python/examples/first_steps.ipynb"
@@ -61,11 +62,11 @@ class Shown(DaemonTest):
 
     def test_large_flat_and_odd_volumes(self):
         volume = self.conn.volume.download()
-        for values, shape in ((np.zeros((1000, 3, 2)), (1, 334)), (np.ones((1, 1, 1)), (1, 1)),
-                              (np.full((3, 4, 5), np.nan), (4, 3)),
-                              (np.full((3, 4, 5), np.inf), (4, 3))):
-            odd = dataclasses.replace(volume, values=values.astype(np.float32), value_min=1.0,
-                                      value_max=1.0)
+        for size, value, shape in (((1000, 3, 2), 0.0, (1, 334)), ((1, 1, 1), 1.0, (1, 1)),
+                                   ((3, 4, 5), np.nan, (4, 3)), ((3, 4, 5), np.inf, (4, 3)),
+                                   ((1 << 20, 1 << 14, 4), 1.0, (6, 384))):
+            bricks = Bricks(size, np.dtype(np.float32), value)
+            odd = dataclasses.replace(volume, _bricks=bricks, value_min=1.0, value_max=1.0)
             self.assertEqual(pixels(self.page(odd)).shape, shape)
 
     def test_ticks(self):

@@ -90,7 +90,7 @@ class Readme(unittest.TestCase):
         # What names a daemon or a file that are not here, in the words of those that are.
         blocks = [block.replace("/data/head.nrrd", "builtin:sphere:64") for block in examples()[1:]
                   if "lab.example" not in block]
-        self.assertEqual(len(blocks), 3)
+        self.assertEqual(len(blocks), 4)
         with Daemon() as daemon, daemon.connect() as conn:
             conn.recording.start(daemon.folder / "trial-7.palrec")
             conn.recording.mark("here")

@@ -1,4 +1,5 @@
-"""Ticks as palpate-lab exports them; as tables of pandas; ticks and volumes as xarray has them."""
+"""Ticks as palpate-lab exports them; as tables of pandas; ticks and volumes as xarray has them;
+volumes as grids of OpenVDB."""
 
 import csv
 import dataclasses
@@ -12,6 +13,7 @@ import numpy as np
 
 import palpate
 from python_recording_test import RecordingTest
+from support import PATIENCE_S, DaemonTest
 
 try:
     import pandas
@@ -21,6 +23,10 @@ try:
     import xarray
 except ImportError:
     xarray = None
+try:
+    import pyopenvdb
+except ImportError:
+    pyopenvdb = None
 
 
 def exported(path):
@@ -149,6 +155,106 @@ class Tables(RecordingTest):
                     self.assertRaisesRegex(palpate.FailedPrecondition,
                                            f"apt-get install python3-{name}"):
                 call()
+        with unittest.mock.patch.dict("sys.modules", {"pyopenvdb": None, "openvdb": None}), \
+                self.assertRaisesRegex(palpate.FailedPrecondition,
+                                       "apt-get install python3-openvdb"):
+            self.expected["volume"].to_openvdb()
+
+
+@unittest.skipUnless(pyopenvdb, "pyopenvdb is not installed")
+class Grids(DaemonTest):
+    """OpenVDB itself made the file, and judges the grid that comes back."""
+
+    def voxels_at(self, grid, first, shape):
+        values = np.empty(shape, np.float32)
+        grid.copyToArray(values, ijk=tuple(map(int, first)))
+        return values
+
+    def check(self, volume, original):
+        """That the grid has the original's values, at their places in the world."""
+        grid = volume.to_openvdb()
+        offset = np.array(original.transform.worldToIndex(grid.transform.indexToWorld((0, 0, 0))))
+        first = np.round(offset)
+        np.testing.assert_allclose(offset, first, atol=1e-4)
+        for corner in (np.zeros(3), np.array(volume.shape) - 1):
+            place = volume.world_from_index @ np.append(corner, 1)
+            for transform, index in ((grid.transform, corner),
+                                     (original.transform, corner + first)):
+                np.testing.assert_allclose(transform.indexToWorld(tuple(index.tolist())),
+                                           place[:3], atol=1e-4)
+        self.assertEqual(grid.background, original.background)
+        return grid, first
+
+    def made(self, kind):
+        path = self.daemon.folder / f"{kind}.vdb"
+        subprocess.run([os.environ["PALPATE_VDB_TOOL"], "make", kind, "64", path], check=True)
+        self.conn.volume.load(path, discard_edits=True)
+        return pyopenvdb.readAll(str(path))[0][0]
+
+    def test_a_level_set(self):
+        original = self.made("sphere")
+        volume = self.conn.volume.download()
+        grid, first = self.check(volume, original)
+        np.testing.assert_array_equal(self.voxels_at(grid, (0, 0, 0), volume.shape),
+                                      self.voxels_at(original, first, volume.shape))
+        np.testing.assert_array_equal(self.voxels_at(grid, (0, 0, 0), volume.shape), volume.values)
+        self.assertEqual(grid.gridClass, pyopenvdb.GridClass.LEVEL_SET)
+        self.assertLessEqual(grid.leafCount(), original.leafCount())
+        points, quads = grid.convertToQuads()
+        self.assertGreater(len(quads), 1000)
+        center = (points.min(axis=0) + points.max(axis=0)) / 2
+        radius = np.linalg.norm(points - center, axis=1)
+        self.assertLess(np.ptp(radius), volume.spacing_mm[0])
+
+    def test_scattered_bricks_and_tiles(self):
+        original = self.made("cloud")
+        with self.conn.volume.follow() as live:
+            live.wait(timeout_s=PATIENCE_S)
+            for _ in range(2):
+                volume = live.snapshot()
+                grid, _ = self.check(volume, original)
+                np.testing.assert_array_equal(self.voxels_at(grid, (0, 0, 0), volume.shape),
+                                              volume.values)
+                self.assertNotEqual(grid.gridClass, pyopenvdb.GridClass.LEVEL_SET)
+                self.assertGreater(len(volume.tiles()[0]), 0)
+                edit = self.conn.edit.sphere(tuple(n // 2 for n in volume.shape), 9, "set", 0.3,
+                                             frame="index")
+                live.wait(edit.volume_revision, PATIENCE_S)
+
+    def test_a_lattice_that_is_larger_than_any_array(self):
+        original = pyopenvdb.FloatGrid(0.0)
+        cubes = np.random.default_rng(8).uniform(1, 2, (2, 8, 8, 8)).astype(np.float32)
+        last = 1400
+        original.copyFromArray(cubes[0], ijk=(0, 0, 0))
+        original.copyFromArray(cubes[1], ijk=(last, last, last))
+        original.fill((256, 384, 512), (383, 511, 639), 3.0)
+        path = self.daemon.folder / "apart.vdb"
+        pyopenvdb.write(str(path), grids=[original])
+        self.conn.volume.load(path, discard_edits=True)
+        live = self.enterContext(self.conn.volume.follow())
+        live.wait(timeout_s=PATIENCE_S)
+        for volume in (live, live.snapshot(), self.conn.volume.download()):
+            with self.assertRaises(palpate.TooLarge):
+                volume.values
+            np.testing.assert_array_equal(volume[:8, :8, :8], cubes[0])
+            np.testing.assert_array_equal(volume[-8:, -8:, -8:], cubes[1])
+            part = volume[250:260, 380:390, 510:516]
+            self.assertEqual((part == 3).sum(), 4 * 6 * 4)
+            self.assertEqual(set(np.unique(part)), {0, 3})
+            (corners, values), = volume.active_bricks()
+            np.testing.assert_array_equal(corners, [(0, 0, 0), (last, last, last)])
+            np.testing.assert_array_equal(values, cubes)
+            begins, ends, of_tiles = volume.tiles()
+            np.testing.assert_array_equal((begins, ends), [[(256, 384, 512)], [(384, 512, 640)]])
+            np.testing.assert_array_equal(of_tiles, [3])
+            grid = volume.to_openvdb()
+            self.assertEqual(grid.activeVoxelCount(), original.activeVoxelCount())
+            self.assertEqual((grid.leafCount(), grid.nonLeafCount()),
+                             (original.leafCount(), original.nonLeafCount()))
+        edit = self.conn.edit.box((700, 700, 700), (702, 702, 702), "set", 2.5, frame="index")
+        live.wait(edit.volume_revision, PATIENCE_S)
+        self.assertEqual((live[698:706, 701, 701] == 2.5).sum(), 3)
+        self.assertEqual(volume[701, 701, 701], 0)
 
 
 if __name__ == "__main__":

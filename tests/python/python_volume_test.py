@@ -69,6 +69,22 @@ class Download(DaemonTest):
         self.assertEqual((volume.source, volume.volume_revision),
                          (str(path), info.volume_revision))
 
+    def test_each_type_comes_back_as_it_is(self):
+        random = np.random.default_rng(3)
+        for kind, low, high in (("u1", 0, 256), ("<i2", -1024, 3072), ("<u2", 0, 65536)):
+            values = random.integers(low, high, (70, 45, 33)).astype(kind)
+            values[:40, :20] = low + 5
+            self.conn.volume.upload(values)
+            volume = self.conn.volume.download()
+            self.assertEqual((volume.dtype, volume.values.dtype), (values.dtype, values.dtype))
+            np.testing.assert_array_equal(volume.values, values)
+            np.testing.assert_array_equal(volume[3:50, -20:, 7], values[3:50, -20:, 7])
+            self.assertIn(str(values.dtype), repr(volume))
+            self.assertIn(str(values.dtype), volume._repr_html_())
+            # Its holder's own.
+            volume.values[:] = 3
+            np.testing.assert_array_equal(volume[:], values)
+
     def test_constant_and_single_bricks_and_more_than_one_chunk(self):
         noise = np.random.default_rng(7).standard_normal((100, 90, 80)).astype(np.float32)
         for values in (np.full((8, 8, 8), 3.0), np.full((40, 3, 9), -2.0), np.zeros((2, 2, 2)),

@@ -10,9 +10,9 @@
 #include <cstdint>
 #include <vector>
 
+#include "client/view/render/brick_cache.h"
 #include "client/view/render/offscreen_context.h"
 #include "client/view/render/surface_caster.h"
-#include "client/view/render/volume_texture.h"
 #include "tests/support/view_volumes.h"
 
 namespace palpate::testing {
@@ -98,29 +98,47 @@ inline Vec3 PointOf(const view::CastRequest& request, const AffineMap& X_DI, std
 
 class CastRig {
  public:
-  explicit CastRig(const VoxelArray& voxels, const AffineMap& X_DI = {}) {
-    volume.Take(WholeVolume(voxels, X_DI));
-    texture.TakeUp(volume, SIZE_MAX);
+  explicit CastRig(const VoxelArray& voxels, const AffineMap& X_DI = {},
+                   LeafType type = LeafType::kFloat,
+                   std::size_t budget_bytes = std::size_t{1} << 30)
+      : cache(budget_bytes) {
+    volume.Take(WholeVolume(voxels, X_DI, type));
+    cache.TakeUp(volume, SIZE_MAX);
   }
 
+  // With all bricks that it wants and that the budget holds.
   Picture Cast(const view::CastRequest& request) {
-    caster.Cast(texture, request);
+    std::uint64_t before = 0;
+    do {
+      before = cache.version();
+      caster.Cast(cache, request);
+      cache.TakeUp(volume, SIZE_MAX);
+    } while (cache.version() != before);
+    return ReadPicture(request);
+  }
+  // With the bricks that are there.
+  Picture CastOnce(const view::CastRequest& request) {
+    caster.Cast(cache, request);
+    return ReadPicture(request);
+  }
+
+  view::ViewVolume volume;
+  view::BrickCache cache;
+  view::SurfaceCaster caster;
+
+ private:
+  Picture ReadPicture(const view::CastRequest& request) const {
     const auto pixels = static_cast<std::size_t>(request.size.width * request.size.height);
     const auto colors = [&](GLuint name) {
       return Read<std::uint8_t>(name, GL_RGBA, GL_UNSIGNED_BYTE, 4 * pixels);
     };
     const Picture picture{request.size, colors(caster.color()), colors(caster.veil_color()),
-                          Read<float>(caster.depth(), GL_DEPTH_COMPONENT, GL_FLOAT, pixels),
+                          Read<float>(caster.depth(), GL_RED, GL_FLOAT, pixels),
                           Read<float>(caster.veil_depth(), GL_RED, GL_FLOAT, pixels)};
     EXPECT_EQ(glGetError(), static_cast<GLenum>(GL_NO_ERROR));
     return picture;
   }
 
-  view::ViewVolume volume;
-  view::VolumeTexture texture;
-  view::SurfaceCaster caster;
-
- private:
   template <typename Value>
   static std::vector<Value> Read(GLuint name, GLenum format, GLenum type, std::size_t count) {
     std::vector<Value> values(count);

@@ -83,7 +83,7 @@ template <typename Mirror>
 std::uint64_t DifferentVoxels(const Mirror& mirror, const VolumeSnapshot& volume) {
   std::uint64_t different = 0;
   ForEachVoxel(volume.size(), [&](const Vec3i& p) {
-    different += std::bit_cast<std::uint32_t>(mirror.Value(p.x(), p.y(), p.z())) !=
+    different += std::bit_cast<std::uint32_t>(mirror.bricks().Value(p.x(), p.y(), p.z())) !=
                  std::bit_cast<std::uint32_t>(ValueAt(volume, p));
   });
   return different;

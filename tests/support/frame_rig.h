@@ -29,17 +29,37 @@ class FrameRig {
  public:
   void Take(const client::VolumeUpdate& update) {
     volume.Take(update);
-    while (!renderer.TakeUp(volume, 1000)) {
-    }
+    TakeUp();
   }
+  // With all bricks that the picture wants.
   view::Image Draw(const view::FrameRequest& request) {
-    renderer.Draw(request);
+    DrawWhole([&] { renderer.Draw(request); });
     return renderer.ReadBack();
+  }
+  unsigned DrawSlice(const view::SliceRequest& request) {
+    unsigned texture = 0;
+    DrawWhole([&] { texture = renderer.DrawSlice(request); });
+    return texture;
   }
 
   view::OffscreenContext context;
   view::FrameRenderer renderer;
   view::ViewVolume volume;
+
+ private:
+  void TakeUp() {
+    while (!renderer.TakeUp(volume, 1000)) {
+    }
+  }
+  template <typename DrawOnce>
+  void DrawWhole(const DrawOnce& draw) {
+    std::uint64_t before = 0;
+    do {
+      before = renderer.volume_version();
+      draw();
+      TakeUp();
+    } while (renderer.volume_version() != before);
+  }
 };
 
 }  // namespace palpate::testing

@@ -31,7 +31,8 @@ inline bool Settle(view::LiveFeed& feed) {
 
 inline std::vector<Brick> BricksOf(const view::ViewVolume& volume) {
   std::vector<Brick> bricks;
-  for (std::uint64_t n = 0; n < volume.lattice()->Bricks(); ++n) bricks.push_back(volume.At(n));
+  for (std::uint64_t n = 0; n < volume.lattice()->Bricks(); ++n)
+    bricks.push_back(volume.bricks().At(n)->Floats());
   return bricks;
 }
 

@@ -4,8 +4,10 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <chrono>
+#include <array>
+#include <cmath>
 #include <limits>
+#include <optional>
 #include <random>
 
 #include "tests/support/view_volumes.h"
@@ -15,7 +17,7 @@ namespace {
 
 using client::VolumeUpdate;
 
-constexpr double kMin = -5.0, kMax = 27.0;
+constexpr float kMin = -5.0f, kMax = 27.0f;
 
 VolumeLattice Lattice(const Vec3i& size) {
   VolumeLattice lattice;
@@ -36,32 +38,49 @@ VolumeUpdate Beginning(const Vec3i& size) {
   return update;
 }
 
-// Voxels one by one, and what follows from them by looking at all of them.
+// Voxels one by one, and what follows from them by looking at all of them. And their bricks, as the
+// client library would hold them.
 class Model {
  public:
   explicit Model(const Vec3i& size)
-      : voxels_(testing::MakeVoxels(size, [](int, int, int) { return kMin; })) {}
+      : voxels_(testing::MakeVoxels(size, [](int, int, int) { return kMin; })),
+        bricks_(Lattice(size).BrickCounts(), TypedBrick::Constant(LeafType::kFloat, kMin)) {}
 
   float Value(const Vec3i& v) const { return voxels_.At(v.x(), v.y(), v.z()); }
-  // A brick as the daemon would send it after `change` of each of its voxels.
+  Vec3i Place(std::uint64_t number) const { return BrickWithNumber(number, bricks_.brick_count()); }
+  // Changes each voxel of a brick.
   template <typename Change>
-  BrickPtr Set(const Vec3i& brick, const Change& change) {
+  void Seem(std::uint64_t number, const Change& change) {
     for (int n = 0; n < kBrickVoxels; ++n) {
-      const Vec3i v = brick * kBrickEdge + Vec3i(n >> 6, n >> 3 & 7, n & 7);
+      const Vec3i v = Place(number) * kBrickEdge + Vec3i(n >> 6, n >> 3 & 7, n & 7);
       if ((v.array() >= size().array()).any()) continue;
       const std::size_t at = (static_cast<std::size_t>(v.x()) * size().y() + v.y()) * size().z();
       float& value = voxels_.values[at + v.z()];
       value = change(v, value);
     }
-    return testing::BrickOf(voxels_, brick);
+  }
+  // The same, as the daemon would send it.
+  template <typename Change>
+  void Set(std::uint64_t number, const Change& change, VolumeUpdate& update,
+           LeafType type = LeafType::kFloat) {
+    Seem(number, change);
+    bricks_.Put(number, testing::BrickOf(voxels_, Place(number), type));
+    AddTo(update.changed, {number, 1});
+  }
+  // One value in a run of bricks: a tile.
+  void Fill(BrickRun run, float value, VolumeUpdate& update) {
+    for (std::uint64_t n = run.first; n < run.end(); ++n) {
+      Seem(n, [&](const Vec3i&, float) { return value; });
+    }
+    bricks_.Fill(run, TypedBrick::Constant(LeafType::kFloat, value));
+    update.changed.push_back(run);
+  }
+  VolumeUpdate Sent(VolumeUpdate update) {
+    update.bricks = bricks_.Share();
+    return update;
   }
   void ExpectEqual(const ViewVolume& volume) const {
-    std::array<std::uint64_t, Histogram::kBins> counts{};
-    for (const float value : voxels_.values) {
-      const double bin = (value - kMin) / (kMax - kMin) * Histogram::kBins;
-      ++counts[static_cast<std::size_t>(std::clamp(bin, 0.0, Histogram::kBins - 1.0))];
-    }
-    ASSERT_EQ(volume.histogram().counts(), counts);
+    ExpectCounts(volume);
     for (int i = -1; i <= size().x(); ++i) {
       for (int j = -1; j <= size().y(); ++j) {
         for (int k = -1; k <= size().z(); ++k) {
@@ -74,75 +93,107 @@ class Model {
   const Vec3i& size() const { return voxels_.size; }
 
  private:
+  // Stand-ins do not count.
+  void ExpectCounts(const ViewVolume& volume) const {
+    std::array<std::uint64_t, Histogram::kBins> counts{};
+    for (int i = 0; i < size().x(); ++i) {
+      for (int j = 0; j < size().y(); ++j) {
+        for (int k = 0; k < size().z(); ++k) {
+          const double bin =
+              (volume.bricks().Value(i, j, k) - kMin) / (kMax - kMin) * Histogram::kBins;
+          ++counts[static_cast<std::size_t>(std::clamp(bin, 0.0, Histogram::kBins - 1.0))];
+        }
+      }
+    }
+    ASSERT_EQ(volume.histogram().counts(), counts);
+  }
   void ExpectRanges(const ViewVolume& volume) const {
     const Vec3i count = volume.cell_brick_count();
     // Cells -1 .. size - 1 along each axis.
     ASSERT_EQ(count, (size().array() + 8).matrix() / 8);
-    ASSERT_EQ(volume.cell_ranges().size(), static_cast<std::size_t>(count.prod()));
+    const Vec3i blocks = (count.array() + 7).matrix() / 8;
+    ASSERT_EQ(volume.cell_block_count(), blocks);
+    ASSERT_EQ(volume.cell_blocks().size(), static_cast<std::size_t>(blocks.prod()));
+    std::vector<std::optional<ValueRange>> of_blocks(volume.cell_blocks().size());
     for (int n = 0; n < count.prod(); ++n) {
-      const Vec3i first = BrickWithNumber(n, count) * 8 - Vec3i::Ones();
+      const Vec3i cell_brick = BrickWithNumber(n, count);
+      const Vec3i first = cell_brick * 8 - Vec3i::Ones();
       ValueRange range{std::numeric_limits<float>::max(), std::numeric_limits<float>::lowest()};
       for (int v = 0; v < 729; ++v) {
         const float value = Value(first + Vec3i(v / 81, v / 9 % 9, v % 9));
         range = {std::min(range.min, value), std::max(range.max, value)};
       }
-      ASSERT_EQ(volume.cell_ranges()[n].min, range.min) << n;
-      ASSERT_EQ(volume.cell_ranges()[n].max, range.max) << n;
+      ASSERT_EQ(volume.RangeOf(cell_brick), range) << n;
+      auto& of_block = of_blocks[BrickNumber(cell_brick / 8, blocks)];
+      if (!of_block) of_block = range;
+      of_block->Add(range);
+    }
+    for (std::size_t n = 0; n < of_blocks.size(); ++n) {
+      ASSERT_EQ(volume.cell_blocks()[n].range, *of_blocks[n]) << n;
+      ASSERT_EQ(!volume.cell_blocks()[n].bricks, of_blocks[n]->IsOneValue()) << n;
     }
   }
 
   testing::VoxelArray voxels_;
+  BrickMap bricks_;
 };
 
-// What a texture would hold that takes up nothing but the changes.
+// What a graphics card would hold that takes up nothing but the changes: the values at the corners
+// of each cell brick, and its range.
 class Follower {
  public:
   void Take(ViewVolume& volume) {
     const VolumeChanges changes = volume.TakeChanges();
-    ASSERT_TRUE(std::is_sorted(changes.bricks.begin(), changes.bricks.end(), std::less_equal<>()));
     if (changes.all) {
-      Brick background;
-      background.fill(static_cast<float>(kMin));
-      bricks_.assign(volume.lattice() ? volume.lattice()->Bricks() : 0, background);
-      const auto value = static_cast<float>(kMin);
-      ranges_.assign(volume.cell_ranges().size(), {value, value});
-      for (const std::uint64_t n : changes.bricks) ASSERT_NE(volume.At(n), background);
+      held_.assign(static_cast<std::size_t>(volume.cell_brick_count().prod()), {});
+      for (Held& held : held_) held.corners.assign(729, kMin);
     }
-    for (const std::uint64_t n : changes.bricks) {
-      bricks_[n] = volume.At(n);
-      TakeRangesAt(BrickWithNumber(n, volume.lattice()->BrickCounts()), volume);
+    std::uint64_t least = 0;
+    for (const VolumeChanges::Block& block : changes.blocks) {
+      ASSERT_GE(block.number, least);
+      least = block.number + 1;
+      TakeBlock(block, volume);
     }
   }
   void ExpectEqual(const ViewVolume& volume) const {
-    ASSERT_EQ(bricks_.size(), volume.lattice() ? volume.lattice()->Bricks() : 0);
-    for (std::uint64_t n = 0; n < bricks_.size(); ++n) ASSERT_EQ(bricks_[n], volume.At(n)) << n;
-    ASSERT_EQ(ranges_.size(), volume.cell_ranges().size());
-    for (std::size_t n = 0; n < ranges_.size(); ++n) {
-      ASSERT_EQ(ranges_[n].min, volume.cell_ranges()[n].min) << n;
-      ASSERT_EQ(ranges_[n].max, volume.cell_ranges()[n].max) << n;
+    const Vec3i count = volume.cell_brick_count();
+    ASSERT_EQ(held_.size(), static_cast<std::size_t>(count.prod()));
+    for (std::size_t n = 0; n < held_.size(); ++n) {
+      const Held now = Of(volume, BrickWithNumber(n, count));
+      ASSERT_EQ(held_[n].range, now.range) << n;
+      ASSERT_EQ(held_[n].corners, now.corners) << n;
     }
   }
 
  private:
-  // Of the cell bricks that have voxels of the brick among their corners.
-  void TakeRangesAt(const Vec3i& brick, const ViewVolume& volume) {
-    for (int n = 0; n < 8; ++n) {
-      const Vec3i at = brick + Vec3i(n >> 2, n >> 1 & 1, n & 1);
-      if ((at.array() >= volume.cell_brick_count().array()).any()) continue;
-      const std::uint64_t number = BrickNumber(at, volume.cell_brick_count());
-      ranges_[number] = volume.cell_ranges()[number];
+  struct Held {
+    ValueRange range{kMin, kMin};
+    std::vector<float> corners{};
+  };
+  static Held Of(const ViewVolume& volume, const Vec3i& cell_brick) {
+    Held held{volume.RangeOf(cell_brick), {}};
+    const Vec3i first = cell_brick * 8 - Vec3i::Ones();
+    for (int v = 0; v < 729; ++v) {
+      held.corners.push_back(volume.Value(first + Vec3i(v / 81, v / 9 % 9, v % 9)));
+    }
+    return held;
+  }
+  void TakeBlock(const VolumeChanges::Block& block, const ViewVolume& volume) {
+    const Vec3i count = volume.cell_brick_count();
+    const Vec3i first = BrickWithNumber(block.number, volume.cell_block_count()) * 8;
+    for (int n = 0; n < kBrickVoxels; ++n) {
+      const Vec3i at = first + Vec3i(n >> 6, n >> 3 & 7, n & 7);
+      if (!block.bricks[static_cast<std::size_t>(n)] || (at.array() >= count.array()).any()) {
+        continue;
+      }
+      held_[BrickNumber(at, count)] = Of(volume, at);
     }
   }
 
-  std::vector<Brick> bricks_;
-  std::vector<ValueRange> ranges_;
+  std::vector<Held> held_;
 };
 
-Vec3i BrickOf(std::uint64_t number, const Vec3i& size) {
-  return BrickWithNumber(number, Lattice(size).BrickCounts());
-}
-
-// Some bricks get new voxels: a few of them, all of them, one value, background.
+// Some bricks get new voxels: a few of them, all of them, one value, background. Of any type.
 VolumeUpdate RandomUpdate(Model& model, std::mt19937& random, bool begins) {
   VolumeUpdate update = begins ? Beginning(model.size()) : Next(model.size());
   const std::uint64_t bricks = update.lattice->Bricks();
@@ -154,16 +205,25 @@ VolumeUpdate RandomUpdate(Model& model, std::mt19937& random, bool begins) {
   std::uniform_real_distribution<float> uniform(-10.0f, 32.0f);
   for (const std::uint64_t number : numbers) {
     const auto kind = random() % 4;
-    const float value = kind == 3 ? static_cast<float>(kMin) : uniform(random);
-    update.bricks.push_back(
-        {number, model.Set(BrickOf(number, model.size()), [&](const Vec3i&, float old) {
-           if (kind == 0) return random() % 100 == 0 ? uniform(random) : old;
-           return kind == 1 ? uniform(random) : value;
-         })});
+    const LeafType type = kLeafTypes[random() % 4];
+    const auto draw = [&] {
+      const float value = uniform(random);
+      return type == LeafType::kFloat   ? value
+             : type == LeafType::kInt16 ? std::round(value)
+                                        : std::abs(std::round(value));
+    };
+    const float value = kind == 3 ? kMin : draw();
+    model.Set(
+        number,
+        [&](const Vec3i&, float old) {
+          if (kind == 0) return random() % 100 == 0 ? draw() : old;
+          return kind == 1 ? draw() : value;
+        },
+        update, type);
   }
   if (random() % 2 == 0) update.complete.emplace();
   update.bricks_left = update.complete ? 0 : random() % 5;
-  return update;
+  return model.Sent(update);
 }
 
 TEST(ViewVolume, EqualsAPlainArrayThroughThousandsOfUpdates) {
@@ -190,15 +250,64 @@ TEST(ViewVolume, EqualsAPlainArrayThroughThousandsOfUpdates) {
   }
 }
 
+// Blocks of 64 voxels become constant and vary again.
+TEST(ViewVolume, EqualsAPlainArrayWhereTilesFillWholeBlocks) {
+  std::mt19937 random(11);
+  for (const Vec3i& size : {Vec3i(70, 9, 135), Vec3i(129, 66, 64), Vec3i(128, 64, 8)}) {
+    ViewVolume volume;
+    Follower follower;
+    Model model(size);
+    const std::uint64_t bricks = Lattice(size).Bricks();
+    for (int n = 0; n < 24; ++n) {
+      if (n % 3 != 1) {
+        volume.Take(RandomUpdate(model, random, n == 0));
+      } else {
+        VolumeUpdate update = Next(size);
+        // Everything, or nearly everything.
+        const std::uint64_t first = random() % 2 * (random() % 9);
+        model.Fill({first, bricks - first}, random() % 2 == 0 ? kMin : 3.5f, update);
+        volume.Take(model.Sent(update));
+      }
+      model.ExpectEqual(volume);
+      follower.Take(volume);
+      follower.ExpectEqual(volume);
+      if (HasFatalFailure()) return;
+    }
+  }
+}
+
+// Two bricks in 2^36 voxels.
+TEST(ViewVolume, ASparseVolumeCostsNoWorkPerBrickOfItsBox) {
+  const Vec3i size = Vec3i::Constant(4096);
+  VolumeUpdate update = Beginning(size);
+  BrickMap bricks(update.lattice->BrickCounts(), TypedBrick::Constant(LeafType::kFloat, kMin));
+  const auto voxels = testing::MakeVoxels({8, 8, 8}, [](int i, int, int) { return kMin + i; });
+  for (const std::uint64_t number : {std::uint64_t{70000000}, bricks.size() - 1}) {
+    bricks.Put(number, testing::BrickOf(voxels, Vec3i::Zero()));
+    update.changed.push_back({number, 1});
+  }
+  update.bricks = bricks.Share();
+  update.complete.emplace();
+  ViewVolume volume;
+  volume.Take(update);
+  std::size_t varying = 0;
+  for (const CellBlock& block : volume.cell_blocks()) varying += block.bricks ? 1 : 0;
+  EXPECT_LE(varying, 16u);
+  EXPECT_LE(volume.TakeChanges().blocks.size(), 16u);
+  EXPECT_EQ(volume.Value(size - Vec3i::Ones()), kMin + 7);
+  EXPECT_EQ(volume.RangeOf(volume.cell_brick_count() - Vec3i::Ones()),
+            (ValueRange{kMin, kMin + 7}));
+}
+
 TEST(ViewVolume, TheOverviewStandsInForBricksUntilTheyCome) {
   const Vec3i size(19, 8, 13);
-  std::mt19937 random(3);
   Model model(size);
   ViewVolume volume;
   Follower follower;
   VolumeUpdate first = Beginning(size);
   const auto real = [&](const Vec3i& v, float) { return static_cast<float>(v.x() + v.z()); };
-  first.bricks.push_back({2, model.Set(BrickOf(2, size), real)});
+  model.Set(2, real, first);
+  first = model.Sent(first);
   volume.Take(first);
   model.ExpectEqual(volume);
 
@@ -208,18 +317,25 @@ TEST(ViewVolume, TheOverviewStandsInForBricksUntilTheyCome) {
   const auto stand_in = [&](const Vec3i& v, float) {
     return overview.overview[(v.x() / 4 * 2 + v.y() / 4) * 4 + v.z() / 4];
   };
-  overview.bricks.push_back({4, model.Set(BrickOf(4, size), real)});
+  model.Set(4, real, overview);
   overview.bricks_left = 3;
-  for (const int n : {0, 1, 3, 5}) model.Set(BrickOf(n, size), stand_in);
+  for (const int n : {0, 1, 3, 5}) model.Seem(n, stand_in);
+  overview = model.Sent(overview);
   volume.Take(overview);
   model.ExpectEqual(volume);
   EXPECT_EQ(volume.bricks_left(), 3u);
   EXPECT_FALSE(volume.revision());
+  EXPECT_FALSE(volume.HasCome({0, 0, 0}) || volume.HasCome({1, 0, 1}));
+  EXPECT_TRUE(volume.HasCome({2, 0, 0}));
   follower.Take(volume);
   follower.ExpectEqual(volume);
 
   VolumeUpdate last = Next(size);
-  last.bricks.push_back({1, model.Set(BrickOf(1, size), real)});
+  model.Set(1, real, last);
+  // A brick that is the background, and no stand-in any more.
+  const auto background = [](const Vec3i&, float) { return kMin; };
+  model.Set(3, background, last);
+  last = model.Sent(last);
   volume.Take(last);
   model.ExpectEqual(volume);
   EXPECT_GT(volume.bricks_left(), 0u);  // not complete, whatever is known of the rest
@@ -227,19 +343,30 @@ TEST(ViewVolume, TheOverviewStandsInForBricksUntilTheyCome) {
   // Those that never came are background.
   VolumeUpdate complete = Next(size);
   complete.complete = VolumeRevision{7, 3};
-  for (const int n : {0, 3, 5}) {
-    model.Set(BrickOf(n, size), [](const Vec3i&, float) { return static_cast<float>(kMin); });
-  }
+  for (const int n : {0, 5}) model.Seem(n, background);
+  complete = model.Sent(complete);
   volume.Take(complete);
   model.ExpectEqual(volume);
-  // Who did not look meanwhile is told of no brick that only seemed to be something.
-  ViewVolume unseen;
-  for (const VolumeUpdate& update : {first, overview, last, complete}) unseen.Take(update);
-  EXPECT_EQ(unseen.TakeChanges().bricks, (std::vector<std::uint64_t>{1, 2, 4}));
+  EXPECT_TRUE(volume.HasCome({0, 0, 0}));
   EXPECT_EQ(volume.bricks_left(), 0u);
   EXPECT_EQ(volume.revision(), complete.complete);
   follower.Take(volume);
   follower.ExpectEqual(volume);
+}
+
+// The graphics card holds a volume in its own type.
+TEST(ViewVolume, MeansAreRoundedInAVolumeOfIntegers) {
+  VolumeUpdate update = Beginning(Vec3i(8, 8, 8));
+  update.lattice->type = LeafType::kInt16;
+  update.overview_size = Vec3i(2, 2, 2);
+  update.overview = {-1.6f, 0.4f, 2.0f, 3.7f, 1.0f, 1.0f, 1.0f, 1.0f};
+  update.bricks = BrickMap({1, 1, 1}, TypedBrick::Constant(LeafType::kInt16, kMin)).Share();
+  ViewVolume volume;
+  volume.Take(update);
+  EXPECT_EQ(volume.Value({0, 0, 0}), -2.0f);
+  EXPECT_EQ(volume.Value({0, 0, 4}), 0.0f);
+  EXPECT_EQ(volume.Value({3, 7, 7}), 4.0f);
+  EXPECT_EQ(volume.RangeOf({0, 0, 0}), (ValueRange{kMin, 4.0f}));
 }
 
 TEST(ViewVolume, AnOverviewThatComesWithTheWholeVolumeIsNotShown) {
@@ -249,17 +376,19 @@ TEST(ViewVolume, AnOverviewThatComesWithTheWholeVolumeIsNotShown) {
   VolumeUpdate update = Beginning(size);
   update.overview_size = Vec3i(2, 2, 4);
   update.overview.assign(16, 3.0f);
-  update.bricks.push_back({1, model.Set(Vec3i(0, 0, 1), [](auto&, float) { return 9.0f; })});
+  model.Set(
+      1, [](auto&, float) { return 9.0f; }, update);
   update.complete.emplace();
-  volume.Take(update);
+  volume.Take(model.Sent(update));
   model.ExpectEqual(volume);
 }
 
 TEST(ViewVolume, AnUpdateWithoutALatticeIsAVoidVolume) {
   ViewVolume volume;
   EXPECT_FALSE(volume.lattice());
-  volume.Take(Beginning(Vec3i(9, 9, 9)));
-  VolumeUpdate placed = Next(Vec3i(9, 9, 9));
+  Model model(Vec3i(9, 9, 9));
+  volume.Take(model.Sent(Beginning(model.size())));
+  VolumeUpdate placed = model.Sent(Next(model.size()));
   placed.placement.emplace().X_DI.translation = Vec3(1, 2, 3);
   const std::uint64_t version = volume.version();
   volume.Take(placed);
@@ -269,11 +398,13 @@ TEST(ViewVolume, AnUpdateWithoutALatticeIsAVoidVolume) {
   EXPECT_GT(volume.bricks_left(), 0u);
   volume.TakeChanges();
   // A change of one brick costs what it touches.
-  Model model(Vec3i(9, 9, 9));
   VolumeUpdate edit = Next(model.size());
-  edit.bricks.push_back({5, model.Set(Vec3i(1, 0, 1), [](auto&, float) { return 4.0f; })});
-  volume.Take(edit);
-  EXPECT_EQ(volume.TakeChanges().bricks, std::vector<std::uint64_t>{5});
+  model.Set(
+      5, [](auto&, float) { return 4.0f; }, edit);
+  volume.Take(model.Sent(edit));
+  const VolumeChanges touched = volume.TakeChanges();
+  ASSERT_EQ(touched.blocks.size(), 1u);
+  EXPECT_EQ(touched.blocks.front().bricks.count(), 2u);  // (1, 0..1, 1) of 2 x 2 x 2
 
   VolumeUpdate none;
   none.all = true;
@@ -281,10 +412,10 @@ TEST(ViewVolume, AnUpdateWithoutALatticeIsAVoidVolume) {
   EXPECT_FALSE(volume.lattice() || volume.X_DI());
   EXPECT_EQ(volume.bricks_left(), 0u);
   EXPECT_EQ(volume.cell_brick_count(), Vec3i::Zero());
-  EXPECT_TRUE(volume.cell_ranges().empty());
+  EXPECT_TRUE(volume.cell_blocks().empty());
   EXPECT_EQ(volume.histogram().counts(), Histogram().counts());
   const VolumeChanges changes = volume.TakeChanges();
-  EXPECT_TRUE(changes.all && changes.bricks.empty());
+  EXPECT_TRUE(changes.all && changes.blocks.empty());
   EXPECT_FALSE(volume.TakeChanges().all);
 }
 
@@ -298,11 +429,10 @@ TEST(ViewVolume, InterpolatesIntoTheLayerOfBackground) {
     return 1.0 + p.x() + 0.5 * p.y() - 0.25 * p.z() + 0.125 * p.x() * p.y() * p.z();
   };
   for (std::uint64_t n = 0; n < update.lattice->Bricks(); ++n) {
-    update.bricks.push_back({n, model.Set(BrickOf(n, size), [&](const Vec3i& v, float) {
-                               return static_cast<float>(f(v.cast<double>()));
-                             })});
+    model.Set(
+        n, [&](const Vec3i& v, float) { return static_cast<float>(f(v.cast<double>())); }, update);
   }
-  volume.Take(update);
+  volume.Take(model.Sent(update));
   for (const Vec3& p :
        {Vec3(0, 0, 0), Vec3(7.5, 7.25, 7.75), Vec3(3, 8.5, 9.125), Vec3(8, 9, 10)}) {
     EXPECT_NEAR(volume.Interpolate(p), f(p), 1e-9) << p.transpose();

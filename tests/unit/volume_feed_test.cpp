@@ -26,7 +26,7 @@ const Vec3i kSize(40, 33, 50);
 
 struct Counts {
   int lattices = 0, placements = 0, overviews = 0, completes = 0;
-  std::uint64_t bricks = 0;
+  std::uint64_t bricks = 0, tiles = 0;
 };
 
 class VolumeFeedTest : public ::testing::Test {
@@ -63,7 +63,7 @@ class VolumeFeedTest : public ::testing::Test {
   }
   VolumeNow Now() const {
     const VolumeState state = data_.session().volume();
-    return {state.volume, state.X_DI, state.settings_revision};
+    return {state.volume, state.X_DI, state.settings_revision, {}};
   }
   void Keep() { kept_[data_.volume()->revision()] = data_.volume(); }
   VolumeFeed MakeFeed(std::optional<VolumeRevision> resume = {}, std::uint64_t window = 64) {
@@ -81,6 +81,16 @@ class VolumeFeedTest : public ::testing::Test {
       return true;
     }
     return false;
+  }
+  // Without a look at each voxel.
+  void PassAllUnchecked(VolumeFeed& feed) {
+    while (feed.HasWork(Now())) {
+      const std::optional<VolumeMessage> message = feed.Step(Now(), time_);
+      if (!message) continue;
+      number_ = message->number;
+      mirror_.Apply(message->event);
+      feed.Acknowledge(number_, time_);
+    }
   }
   void PassAll(VolumeFeed& feed) {
     while (Pass(feed)) {
@@ -115,7 +125,9 @@ class VolumeFeedTest : public ::testing::Test {
     counts_.overviews += std::holds_alternative<VolumeOverview>(event);
     if (const auto* bricks = std::get_if<VolumeBricks>(&event)) {
       counts_.bricks += bricks->numbers.size();
-      EXPECT_LE(bricks->numbers.size(), VolumeFeed::kBricksPerMessage);
+      counts_.tiles += bricks->tiles.size();
+      EXPECT_LE(bricks->numbers.size() * kBrickVoxels * VoxelBytes(bricks->type),
+                VolumeFeed::kBytesPerMessage);
     }
     if (const auto* complete = std::get_if<VolumeComplete>(&event)) {
       ++counts_.completes;
@@ -208,11 +220,82 @@ TEST_F(VolumeFeedTest, TheLatticeAndOverviewAreThoseOfTheVolume) {
     for (int v = 0; v < 64; ++v) {
       const Vec3i p = 4 * block + Vec3i(v / 16, v / 4 % 4, v % 4);
       if ((p.array() >= kSize.array()).any()) continue;
-      sum += mirror_.Value(p.x(), p.y(), p.z());
+      sum += mirror_.bricks().Value(p.x(), p.y(), p.z());
       ++count;
     }
     ASSERT_EQ(mirror_.overview()[n++], static_cast<float>(sum / count));
   });
+}
+
+// Leaves of all types, of one value and of several, in any order; then edits that change types.
+TEST_F(VolumeFeedTest, BricksComeInTheirOwnTypeAndRunsOfOneValueAsTiles) {
+  VolumeMetadata metadata;
+  metadata.size = {30, 44, 60};
+  metadata.source = "made";
+  metadata.value_max = 99.0;
+  metadata.is_level_set = true;  // the background is 99
+  const LeafPtr constants[] = {
+      Leaf::Constant(LeafType::kInt16, 99.0f), Leaf::Constant(LeafType::kInt16, -7.0f),
+      Leaf::Constant(LeafType::kFloat, -7.0f), Leaf::Constant(LeafType::kFloat, 0.1f)};
+  std::map<LeafType, std::uint64_t> sent, made;
+  std::uint64_t tile_bricks = 0, constant = 0;
+  data_.session().PublishVolume({}, metadata, BrickDirectory(metadata.size, [&](const Vec3i&) {
+                                  if (random_() % 3 != 0) {
+                                    const std::size_t which = random_() % 4;
+                                    constant += which > 0;
+                                    return constants[which];
+                                  }
+                                  const LeafType type = kLeafTypes[random_() % 4];
+                                  ++made[type];
+                                  Brick values;
+                                  for (float& value : values) {
+                                    value = static_cast<float>(random_() % 100);
+                                  }
+                                  return Leaf::Of(type, values);
+                                }));
+  Keep();
+  VolumeFeed feed = MakeFeed();
+  while (feed.HasWork(Now())) {
+    const auto message = feed.Step(Now(), time_);
+    if (!message) continue;
+    number_ = message->number;
+    feed.Acknowledge(number_, time_);
+    Take(message->event);
+    if (const auto* bricks = std::get_if<VolumeBricks>(&message->event)) {
+      sent[bricks->type] += bricks->numbers.size();
+      for (const VolumeTile& tile : bricks->tiles) tile_bricks += tile.bricks.count;
+    }
+  }
+  ExpectNewest();
+  EXPECT_EQ(sent, made);
+  EXPECT_EQ(tile_bricks, constant);
+  EXPECT_LT(counts_.tiles, constant);
+  for (int n = 0; n < 20; ++n) {
+    Edit(20);
+    PassAll(feed);
+  }
+  ExpectNewest();
+}
+
+// A lattice of 2^30 voxels with one value in half of it: a tile per row at most, in few messages.
+TEST_F(VolumeFeedTest, ALargeInsideCostsAFewTiles) {
+  VolumeMetadata metadata;
+  metadata.size = {1024, 1024, 1024};
+  metadata.source = "made";
+  const LeafPtr far = Leaf::Constant(LeafType::kUint8, 0.0f);
+  const LeafPtr inside = Leaf::Constant(LeafType::kUint8, 1.0f);
+  data_.session().PublishVolume({}, metadata,
+                                BrickDirectory(metadata.size, [&](const Vec3i& brick) {
+                                  return brick.x() < 64 ? inside : far;
+                                }));
+  VolumeFeed feed = MakeFeed();
+  PassAllUnchecked(feed);
+  ASSERT_TRUE(mirror_.is_complete());
+  EXPECT_EQ(mirror_.lattice()->type, LeafType::kUint8);
+  EXPECT_EQ(mirror_.bricks().Value(511, 1023, 0), 1.0f);
+  EXPECT_EQ(mirror_.bricks().Value(512, 0, 0), 0.0f);
+  EXPECT_LE(number_, 3u + 64u * 128u * 128u / 65536u);
+  EXPECT_TRUE(mirror_.bricks().Only(Vec3i(7, 15, 15)));
 }
 
 // A sparse lattice of 2^33 voxels: its overview would be 64 MB.

@@ -176,11 +176,12 @@ TEST(VolumeMessage, EveryEventComesBackAsItWas) {
                     .value_max = 3071,
                     .background = 3072.5,
                     .unit = "HU",
-                    .loaded_revision = 7},
+                    .loaded_revision = 7,
+                    .type = LeafType::kInt16},
       VolumePlacement{Map(), 11},
       VolumeOverview{Vec3i(4, 5, 6), 1ull << 40, bytes},
-      VolumeBricks{{0, 1, 1ull << 50}, bytes, 99},
-      VolumeComplete{{~0ull, 5}, {~0ull - 1, 3}},
+      VolumeBricks{LeafType::kUint16, {0, 1, 1ull << 50}, bytes, {{{7, 1ull << 40}, -2.5f}}, 99},
+      VolumeComplete{{~0ull, 5}, {~0ull - 1, 3}, {4, ~0ull - 2}},
   };
   for (const VolumeEvent& event : events) {
     const std::string sent = ToProto(VolumeMessage{42, event}).SerializeAsString();
@@ -202,10 +203,12 @@ TEST(VolumeMessage, EveryEventComesBackAsItWas) {
 }
 
 TEST(VolumeMessage, WhatIsNoEventIsRefused) {
-  v1::StreamVolumeResponse empty, large, bent;
+  v1::StreamVolumeResponse empty, large, bent, untyped, wide;
   large.mutable_lattice()->set_size_y(1u << 31);
   bent.mutable_placement()->mutable_device_from_index()->add_linear(1.0);
-  for (const v1::StreamVolumeResponse& bad : {empty, large, bent}) {
+  untyped.mutable_bricks();
+  wide.mutable_bricks()->set_voxel_type(v1::VOXEL_TYPE_INT32);
+  for (const v1::StreamVolumeResponse& bad : {empty, large, bent, untyped, wide}) {
     EXPECT_EQ(Refusal([&] { FromProto(bad); }), ErrorKind::kInvalidArgument);
   }
 }

@@ -30,7 +30,7 @@ from palpate._recording_file import RecordingFile, open_recording
 from palpate._series import Series, SeriesState
 from palpate._settings import Applied, Settings
 from palpate._volume import SuggestedIsovalue, VolumeAccess, VolumeInfo
-from palpate._volume_copy import Volume
+from palpate._voxels import Volume
 
 __all__ = [
     "Applied", "Cancelled", "Conflict", "Connection", "DecompositionMethod", "Device",

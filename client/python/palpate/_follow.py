@@ -17,8 +17,8 @@ from palpate._errors import Error, Internal, InvalidArgument, TooLarge, Unavaila
 from palpate._geometry import matrix_of_map
 from palpate._link import AcknowledgedCall, Link
 from palpate._values import number_or_none, whole
-from palpate._volume_copy import (Bricks, Volume, VolumeCopy, making_sense, messages_of,
-                                  volume_call)
+from palpate._volume_copy import VolumeCopy, making_sense, messages_of, volume_call
+from palpate._voxels import Volume, Voxels
 from palpate.v1 import volume_stream_pb2
 
 _FINISH_TIMEOUT_S = 1.0
@@ -28,10 +28,10 @@ _RETRY_S = 0.2
 
 
 class _Follower:
-    """The thread that follows the stream, and its copy of the volume.
+    """The thread that follows the stream, and the volume of its last `complete`.
 
-    Bricks wait for the next `complete` and are then put into the copy together. So under the
-    lock the copy always has one revision.
+    That volume never changes. Bricks of the next revision go into a copy, which shares with the
+    volume what has stayed.
     """
 
     def __init__(self, link: Link, stub: typing.Any) -> None:
@@ -47,7 +47,7 @@ class _Follower:
         self.ended: Error | None = None
         # Used by this thread only.
         self._copy: VolumeCopy | None = None
-        self._waiting: list[Bricks] = []
+        # The copy that `volume` is of.
         self._shown: VolumeCopy | None = None
         self._device_from_index: npt.NDArray[np.float64] | None = None
         self._resume_from: volume_stream_pb2.VolumeRevision | None = None
@@ -81,6 +81,9 @@ class _Follower:
 
     def _follow(self) -> None:
         """Runs until the stream ends."""
+        if self._copy is not None:
+            # The daemon sends everything after the revision to resume from.
+            self._copy.go_back()
         call = self._call = volume_call(self._stub, self._resume_from)
         if not self._is_open:
             return
@@ -116,18 +119,14 @@ class _Follower:
         event = message.WhichOneof("event")
         if event == "lattice":
             # The old volume stays visible until the new one is complete.
-            self._copy, self._waiting = VolumeCopy(message.lattice), []
+            self._copy = VolumeCopy(message.lattice)
             self._device_from_index = self._resume_from = None
         elif event == "placement":
             self._place(matrix_of_map(message.placement.device_from_index))
         elif self._copy is None:
             raise ValueError("bricks before the lattice")
         elif event == "bricks":
-            bricks = self._copy.bricks_of(message.bricks)
-            if self._copy is self._shown:
-                self._waiting.append(bricks)
-            else:
-                self._copy.put(bricks)
+            self._copy.take(message.bricks)
         elif event == "complete":
             self._complete(self._copy, message.complete)
 
@@ -138,16 +137,13 @@ class _Follower:
                 self.volume = dataclasses.replace(self.volume, device_from_index=device_from_index)
 
     def _complete(self, copy: VolumeCopy, complete: volume_stream_pb2.VolumeComplete) -> None:
-        copy.check(complete)
         if self._device_from_index is None:
             raise ValueError("no placement")
+        volume = copy.complete(complete, self._device_from_index)
         with self.lock:
-            for bricks in self._waiting:
-                copy.put(bricks)
-            self.volume = copy.volume(copy.view(), complete.revision.volume_revision,
-                                      self._device_from_index)
+            self.volume = volume
             self.changed.notify_all()
-        self._shown, self._waiting = copy, []
+        self._shown = copy
         self._resume_from = complete.revision
 
     def finish(self) -> None:
@@ -184,12 +180,16 @@ def _end_all() -> None:
 class LiveVolume:
     """A copy of the volume that stays equal to the daemon's; VolumeAccess.follow() makes one.
 
-    A thread of its own takes what the daemon sends. It changes the copy from one revision to a
-    later one in one step, under a lock. If changes are fast, it may skip revisions.
+    A thread of its own takes what the daemon sends. It moves the copy from one revision to a later
+    one in one step. If changes are fast, it may skip revisions.
 
-    - `values` is quick: a read-only view of the copy. It changes while you read it.
-    - held() keeps the copy still for a `with` block. Keep such a block short.
-    - snapshot() copies all voxels. The result never changes.
+    - live[x0:x1, y0:y1, z0:z1] is a part of the newest revision, as of an array, in memory of its
+      own. It needs no array of the whole volume.
+    - snapshot() is the whole newest revision. It costs no copy of voxels and never changes: use it
+      for several parts of one revision.
+    - `values`, active_bricks(), tiles() and to_openvdb() are those of a snapshot of now.
+
+    The types of voxels are those of Volume.
 
     If the daemon goes away, the copy stays as it was, `lost` says why, and the thread tries to
     resume until it is closed. After resuming, the daemon sends only what has changed. After a
@@ -197,7 +197,7 @@ class LiveVolume:
     appears when it is complete.
 
     Any thread. A `with` block closes it, and so does the end of the last reference.
-    Example: with conn.volume.follow() as live: print(live.snapshot().values.max())
+    Example: with conn.volume.follow() as live: print(live[10:20, 0:64, 3].max())
     """
 
     def __init__(self, link: Link, stub: typing.Any) -> None:
@@ -205,12 +205,39 @@ class LiveVolume:
         self._follower = _Follower(link, stub)
 
     @property
-    def values(self) -> npt.NDArray[np.float32]:
-        """(nx, ny, nz), indexed [x, y, z], data units. Read-only; it changes, see LiveVolume.
+    def values(self) -> Voxels:
+        """(nx, ny, nz), indexed [x, y, z], data units, of the file's own type. Read-only.
 
-        Another volume has another array. Waits for the first copy. Errors: as wait().
+        The array is of the newest revision and never changes. It is made once for each revision
+        that is asked for. Waits for the first copy. Errors: as wait(), TooLarge (an array of more
+        than 2³¹ voxels: take parts).
         """
-        return self._now().values
+        return self._now()._bricks.values
+
+    def __getitem__(self, key: typing.Any) -> typing.Any:
+        return self._now()[key]
+
+    def active_bricks(self) -> collections.abc.Iterator[tuple[npt.NDArray[np.int64], Voxels]]:
+        """As Volume.active_bricks(), of one revision. Waits for the first copy. Errors: as wait().
+
+        Example: total = sum(values.sum(dtype=float) for _, values in live.active_bricks())
+        """
+        return self._now().active_bricks()
+
+    def tiles(self) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], Voxels]:
+        """As Volume.tiles(). Waits for the first copy. Errors: as wait().
+
+        Example: for begin, end, value in zip(*live.tiles()): print(begin, end, value)
+        """
+        return self._now().tiles()
+
+    def to_openvdb(self) -> typing.Any:
+        """As Volume.to_openvdb(). Waits for the first copy.
+
+        Errors: as wait(), FailedPrecondition (pyopenvdb is not installed).
+        Example: grid = live.to_openvdb()
+        """
+        return self._now().to_openvdb()
 
     @property
     def volume_revision(self) -> int:
@@ -231,25 +258,24 @@ class LiveVolume:
             return self._follower.ended or self._follower.lost
 
     def snapshot(self) -> Volume:
-        """Copies the volume, of one revision. Waits for the first copy. Errors: as wait().
+        """Returns the newest revision, which never changes. Waits for the first copy.
 
-        Example: values = live.snapshot().values
+        Errors: as wait(). Example: values = live.snapshot().values
         """
-        with self.held() as volume:
-            return dataclasses.replace(volume, values=np.array(volume.values, order="C"))
+        # Another object: its `values` are its holder's own.
+        return dataclasses.replace(self._now())
 
     @contextlib.contextmanager
     def held(self) -> collections.abc.Iterator[Volume]:
-        """Returns the volume and keeps it unchanged for a `with` block, without copying voxels.
+        """Keeps the copy at its revision for a `with` block, and returns a snapshot() of it.
 
-        The array is read-only. After the block it changes again. Errors: as wait().
-        Example: with live.held() as volume: print(volume.values.max())
+        Keep the block short: meanwhile nothing newer is shown. wait() lets it move on. Errors: as
+        wait().
+        Example: with live.held() as volume: assert live.volume_revision == volume.volume_revision
         """
         self.wait()
         with self._follower.lock:
-            volume = self._follower.volume
-            assert volume is not None
-            yield volume
+            yield self.snapshot()
 
     def wait(self, volume_revision: int = 0, timeout_s: float | None = None) -> int:
         """Waits until the copy has this revision or a later one. Returns the copy's revision.
@@ -257,7 +283,7 @@ class LiveVolume:
         volume_revision: such as EditResult.volume_revision; 0: any. timeout_s: in seconds; None:
         no limit, also while the daemon is away.
         Errors: InvalidArgument, Unavailable (closed, or not within timeout_s), PermissionDenied,
-        TooLarge (more than 2³¹ voxels).
+        TooLarge (more than 2³⁶ voxels).
         Example: live.wait(conn.edit.undo().volume_revision, timeout_s=10)
         """
         follower = self._follower
@@ -305,5 +331,5 @@ class LiveVolume:
         if volume is None:
             return "<palpate live volume: nothing has come yet>"
         lost = f", lost: {self.lost}" if self.lost else ""
-        return (f"<palpate live volume: {volume.source}, {volume.values.shape}, revision "
+        return (f"<palpate live volume: {volume.source}, {volume.shape}, revision "
                 f"{volume.volume_revision}{lost}>")

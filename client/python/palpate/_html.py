@@ -4,12 +4,13 @@ import base64
 import collections.abc
 import html
 import struct
+import typing
 import zlib
 
 import numpy as np
 import numpy.typing as npt
 
-_MOST_PIXELS = 384
+MOST_PIXELS = 384
 _SHOWN_PIXELS = 256
 
 Rows = collections.abc.Iterable[tuple[str, object]]
@@ -28,10 +29,10 @@ def numbers(values: npt.ArrayLike) -> str:
     return " × ".join(f"{value:g}" for value in np.asarray(values).tolist())
 
 
-def picture_of(slice_xy: npt.NDArray[np.float32], low: float, high: float,
+def picture_of(slice_xy: npt.NDArray[typing.Any], low: float, high: float,
                size_mm: tuple[float, float], about: str) -> str:
     """An image of (nx, ny): x to the right, y down, black at `low` and white at `high`."""
-    step = max(1, -(-max(slice_xy.shape) // _MOST_PIXELS))
+    step = max(1, -(-max(slice_xy.shape) // MOST_PIXELS))
     rows = slice_xy[::step, ::step].T.astype(np.float64)
     span = high - low if high > low else 1.0
     with np.errstate(all="ignore"):

@@ -9,14 +9,16 @@ import numpy as np
 import numpy.typing as npt
 import xxhash
 
-from palpate._errors import InvalidArgument
+from palpate._brick_hash import hash_of_bricks
+from palpate._errors import InvalidArgument, TooLarge
 from palpate._recorded_events import RecordedEdit, RecordedScene
 from palpate._recording_frame import Damaged
-from palpate._volume_copy import VolumeCopy
-from palpate.v1 import volume_stream_pb2
 
 # 64 MiB of voxels.
 _MOST_STORED_BRICKS = 1 << 15
+# 8 GiB.
+_MOST_VOXELS = 1 << 31
+_EDGE = 8
 
 
 @dataclasses.dataclass(frozen=True)
@@ -33,21 +35,54 @@ class Voxels:
     volume_hash: int
 
 
+class _Copy:
+    """All voxels of a volume as float32: recorded edits have no other type. Errors: Damaged,
+    TooLarge."""
+
+    def __init__(self, scene: RecordedScene) -> None:
+        if scene.shape is None or min(scene.shape) < 2 or scene.value_min is None:
+            raise Damaged("damaged: of a volume that cannot be")
+        background = scene.value_max if scene.is_level_set else scene.value_min
+        a, b, c = counts = [-(-size // _EDGE) for size in scene.shape]
+        self.brick_count = math.prod(counts)
+        if self.brick_count * _EDGE**3 > _MOST_VOXELS:
+            raise TooLarge("the recorded volume has more than 2^31 voxels")
+        voxels = np.full((a * _EDGE, b * _EDGE, c * _EDGE), background, np.float32)
+        self.values = voxels[tuple(map(slice, scene.shape))]
+        # Axes: the place of the brick, then the place of the voxel in the brick.
+        self._bricks = voxels.reshape(a, _EDGE, b, _EDGE, c, _EDGE).transpose(0, 2, 4, 1, 3, 5)
+
+    def put(self, edit: RecordedEdit) -> None:
+        voxels = edit.voxels()
+        if edit.brick_numbers[-1] >= self.brick_count or not np.isfinite(voxels).all():
+            raise Damaged("damaged: it does not fit the volume")
+        self._bricks[np.unravel_index(edit.brick_numbers, self._bricks.shape[:3])] = voxels
+
+    def content_hash(self) -> tuple[int, int]:
+        """As in VolumeComplete."""
+        numbers = np.arange(math.prod(self._bricks.shape[1:3]))
+        halves = np.zeros(2, np.uint64)
+        for layer in self._bricks:
+            halves += hash_of_bricks(numbers, layer.reshape(-1, _EDGE**3))
+            numbers += len(numbers)
+        return int(halves[0]), int(halves[1])
+
+
 def voxels_of(steps: collections.abc.Sequence[Step], loaded: npt.ArrayLike | None) -> Voxels | None:
     """Returns the voxels of the last scene; None: `loaded` is needed.
 
     All scenes must be of one volume. Works as server/recording/volume_follower.cpp. Errors:
     Damaged, InvalidArgument.
     """
-    copy: VolumeCopy | None = None
+    copy: _Copy | None = None
     last = steps[-1].scene
     if last.shape is None:
         return None
     base_revision = last.loaded_revision
     if loaded is not None:
         values = _fitting(loaded, last)
-        copy = _empty(last)
-        copy.fill(values)
+        copy = _Copy(last)
+        copy.values[:] = values
     for step in steps:
         scene = step.scene
         if scene.shape != last.shape:
@@ -56,31 +91,21 @@ def voxels_of(steps: collections.abc.Sequence[Step], loaded: npt.ArrayLike | Non
             # These edits have all voxels.
             if _brick_count(last.shape) > _MOST_STORED_BRICKS:
                 raise Damaged("damaged: of a volume that no recording holds")
-            copy, base_revision = _empty(last), 0
+            copy, base_revision = _Copy(last), 0
         if not step.edits or copy is None:
             continue
         leads_on = (step.edits[0].base_revision == base_revision
                     and step.edits[0].volume_revision == scene.volume_revision)
         if leads_on and not scene.voxels_missing:
             for edit in step.edits:
-                _put(copy, edit)
+                copy.put(edit)
         base_revision = step.edits[0].volume_revision
-    return None if copy is None else Voxels(np.array(copy.view(), order="C"),
+    return None if copy is None else Voxels(np.array(copy.values, order="C"),
                                             _hash_of(copy, last))
 
 
 def _brick_count(shape: tuple[int, int, int]) -> int:
     return math.prod(-(-size // 8) for size in shape)
-
-
-def _empty(scene: RecordedScene) -> VolumeCopy:
-    """Makes a volume without its voxels. Errors: Damaged."""
-    if scene.shape is None or min(scene.shape) < 2 or scene.value_min is None:
-        raise Damaged("damaged: of a volume that cannot be")
-    x, y, z = scene.shape
-    background = scene.value_max if scene.is_level_set else scene.value_min
-    return VolumeCopy(volume_stream_pb2.VolumeLattice(size_x=x, size_y=y, size_z=z,
-                                                      background=background))
 
 
 def _fitting(loaded: npt.ArrayLike, scene: RecordedScene) -> npt.NDArray[np.float32]:
@@ -91,18 +116,10 @@ def _fitting(loaded: npt.ArrayLike, scene: RecordedScene) -> npt.NDArray[np.floa
     return values
 
 
-def _put(copy: VolumeCopy, edit: RecordedEdit) -> None:
-    voxels = edit.voxels()
-    if edit.brick_numbers[-1] >= copy.brick_count or not np.isfinite(voxels).all():
-        raise Damaged("damaged: it does not fit the volume")
-    copy.put((edit.brick_numbers, voxels))
-
-
-def _hash_of(copy: VolumeCopy, scene: RecordedScene) -> int:
+def _hash_of(copy: _Copy, scene: RecordedScene) -> int:
     """Computes the hash of server/recording/volume_hash.cpp."""
-    lattice = copy.lattice
-    data = struct.pack("<3i3d2d", lattice.size_x, lattice.size_y, lattice.size_z,
-                       *scene.spacing_mm, scene.value_min, scene.value_max)
+    data = struct.pack("<3i3d2d", *copy.values.shape, *scene.spacing_mm, scene.value_min,
+                       scene.value_max)
     if scene.is_level_set:
         data += b"\1"
     return int(xxhash.xxh3_128_intdigest(data + struct.pack("<2Q", *copy.content_hash())))

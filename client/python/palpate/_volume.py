@@ -18,7 +18,8 @@ from palpate._placement import Placement, Quadruple, Turn, place, update_of
 from palpate._progress import Progress, result_of
 from palpate._upload import send_volume
 from palpate._values import path_text, switch, text_of
-from palpate._volume_copy import Volume, fetch_volume
+from palpate._volume_copy import fetch_volume
+from palpate._voxels import Volume
 from palpate.v1 import volume_pb2, volume_pb2_grpc
 
 
@@ -224,10 +225,10 @@ class VolumeAccess:
                                    [file.name for file in files] if files else None))
 
     def download(self, *, progress: Progress | None = None) -> Volume:
-        """Returns a copy of the present volume, with its edits. Voxels are float32.
+        """Returns a copy of the present volume, with its edits. Voxels are of the file's own type.
 
         progress: as in load().
-        Errors: Internal (damaged during transfer), TooLarge (more than 2³¹ voxels), Cancelled,
+        Errors: Internal (damaged during transfer), TooLarge (more than 2³⁶ voxels), Cancelled,
         Unavailable.
         Example: values = conn.volume.download().values
         """

@@ -165,7 +165,7 @@ class Offscreen {
 
   Image Read() {
     if (!target_) return viewer_.renderer().ReadBack();
-    for (int i = 1; i < kPanelFrames; ++i) target_->Draw(*interface_, viewer_);
+    for (int i = 1; i < kPanelFrames; ++i) DrawFrame();
     return target_->Read();
   }
 
@@ -178,11 +178,13 @@ class Offscreen {
   }
 
   void DrawFrame() {
-    if (target_) {
-      target_->Draw(*interface_, viewer_);
-    } else {
+    if (!target_) {
       viewer_.DrawFine(options_.size);
+      return;
     }
+    do {
+      target_->Draw(*interface_, viewer_);
+    } while (viewer_.TakeUpWanted());
   }
 
   const Options& options_;
@@ -198,7 +200,7 @@ void RunOffscreen(const Options& options) {
   if (!options.screenshot.empty()) CheckNewFile(options.screenshot, if_there);
   const OffscreenContext context;
   Viewer viewer(options);
-  viewer.AllowCoarse(false);
+  viewer.AwaitWhole();
   AwaitScene(viewer, options);
   // Aim at the stylus as it is now.
   viewer.Aim();
@@ -207,6 +209,9 @@ void RunOffscreen(const Options& options) {
   offscreen.DrawFrames(log);
   if (Interrupt::IsRaised()) throw Cancelled();
   fmt::print("{}\n", log.Line(viewer));
+  if (const std::string problem = viewer.memory_problem(); !problem.empty()) {
+    fmt::print(stderr, "palpate-view: {}\n", problem);
+  }
   if (!options.screenshot.empty()) {
     WritePng(offscreen.Read(), options.screenshot, if_there);
     fmt::print("{}: {} x {} pixels\n", options.screenshot, options.size.width, options.size.height);

@@ -217,6 +217,11 @@ void AddScript(arguments::Command& app, Options& options, Texts& texts) {
       ->check(arguments::Range(0.001, 1e6))
       ->excludes(frames);
   app.add_option("--size", texts.size, "Pixels [default: 1280x800]")->option_text("WxH");
+  app.add_option("--graphics-memory-mib", options.graphics_memory_mib,
+                 "The most graphics memory for the volume, MiB, 1 to 1048576; what does not\n"
+                 "fit is drawn coarser where it is far [default: 1024]")
+      ->option_text("MIB")
+      ->check(arguments::Range(1, 1048576));
 }
 
 void AddView(arguments::Command& app, Options& options, Texts& texts) {

@@ -40,6 +40,7 @@ struct Options {
   double wait_gap_mm = 0.0;  // the least distance between SCP_H and SCP_V; with wait_contact
   ImageSize size{1280, 800};
   bool panels = true;
+  int graphics_memory_mib = 1024;  // the most for the volume
 
   std::optional<CameraStart> camera{};
   TargetStart target = TargetStart::kVolume;

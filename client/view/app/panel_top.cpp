@@ -89,14 +89,16 @@ void VolumeState(const Viewer& viewer) {
   ImGui::SameLine();
   ImGui::TextColored(kDim, "%d \xC3\x97 %d \xC3\x97 %d", lattice->size.x(), lattice->size.y(),
                      lattice->size.z());
-  // Bricks on their way to this program, or to the graphics card.
-  const std::uint64_t left =
-      std::max<std::uint64_t>(status.bricks_left, viewer.renderer().waiting_bricks());
-  if (left > 0) {
+  if (status.bricks_left > 0) {
     const double all = static_cast<double>(lattice->Bricks());
-    const double share = std::max(0.0, 1.0 - static_cast<double>(left) / all);
+    const double share = std::max(0.0, 1.0 - static_cast<double>(status.bricks_left) / all);
     ImGui::SameLine();
     ImGui::TextColored(kWarning, "%.0f %% of it here", 100.0 * share);
+  }
+  if (const std::string coarse = viewer.memory_problem(); !coarse.empty()) {
+    ImGui::SameLine();
+    ImGui::TextColored(kWarning, "%s", coarse.c_str());
+    if (ImGui::IsItemHovered()) ImGui::SetTooltip("%s", coarse.c_str());
   }
 }
 

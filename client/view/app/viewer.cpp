@@ -15,7 +15,7 @@ namespace palpate::view {
 namespace {
 
 // Bricks per step. The clock is checked between the steps.
-constexpr std::size_t kBricksAtOnce = 256;
+constexpr std::size_t kBricksAtOnce = 4096;
 // The user feels casts above this time while the camera moves.
 constexpr double kSlowCast_ms = 40.0;
 // After this time without motion, draw all pixels.
@@ -54,7 +54,10 @@ double Share(const ImageSize& part, const ImageSize& whole) {
 
 }  // namespace
 
-Viewer::Viewer(const Options& options) : options_(options), feed_(options.server) {
+Viewer::Viewer(const Options& options)
+    : options_(options),
+      feed_(options.server),
+      renderer_(static_cast<std::size_t>(options.graphics_memory_mib) << 20) {
   state_.surface = options.surface;
   state_.overlay = options.overlay;
   state_.slice_side = options.slice_side;
@@ -71,7 +74,7 @@ void Viewer::Update(std::chrono::milliseconds brick_time) {
   brush_.Follow(feed_.volume(), feed_.losses());
   if (feed_.connection().state != client::ConnectionState::kConnected) stroke_.BreakOff();
   BeginVolumeIfNew();
-  TakeUp(brick_time);
+  if (!awaits_whole_ || feed_.volume().bricks_left() == 0) TakeUp(brick_time);
   FollowSettings();
   FollowProxy();
 }
@@ -83,6 +86,13 @@ bool Viewer::complete() const {
          volume_problem().empty() && feed_.pose() && feed_.settings();
 }
 
+std::string Viewer::memory_problem() const {
+  if (!renderer_.is_full()) return {};
+  return fmt::format(
+      "coarser where far: {} MiB of graphics memory are full (--graphics-memory-mib)",
+      options_.graphics_memory_mib);
+}
+
 std::string Viewer::volume_problem() const {
   const auto& lattice = feed_.volume().lattice();
   return lattice && lattice->size == refused_size_ ? refused_ : std::string();
@@ -90,15 +100,17 @@ std::string Viewer::volume_problem() const {
 
 void Viewer::TakeUp(std::chrono::milliseconds brick_time) {
   const auto end = Clock::now() + brick_time;
-  const ViewVolume& volume = feed_.volume();
-  if (bricks_left_ || volume_version_ != volume.version() || taken_X_DI_ != volume.X_DI()) {
-    ++taken_version_;
-    volume_version_ = volume.version();
-    taken_X_DI_ = volume.X_DI();
-  }
   do {
     bricks_left_ = !TakeUpSome();
   } while (bricks_left_ && Clock::now() < end);
+}
+
+bool Viewer::TakeUpWanted() {
+  const std::uint64_t before = renderer_.volume_version();
+  do {
+    bricks_left_ = !TakeUpSome();
+  } while (bricks_left_);
+  return renderer_.volume_version() != before;
 }
 
 // Returns true if no brick is left.
@@ -106,7 +118,7 @@ bool Viewer::TakeUpSome() {
   try {
     return renderer_.TakeUp(feed_.volume(), kBricksAtOnce);
   } catch (const Error& error) {
-    // Thrown once, when the volume begins. The renderer then has no volume.
+    // Thrown once. The renderer then has no volume.
     if (error.kind() != ErrorKind::kTooLarge) throw;
     refused_ = error.what();
     refused_size_ = feed_.volume().lattice()->size;
@@ -251,13 +263,21 @@ void Viewer::Draw(const ImageSize& size) {
     if (seen_) changed_at_ = Clock::now();
     seen_ = seen;
   }
+  if (!state_.slices_shown) renderer_.ForgetSlices();
+  if (state_.window_picture_wanted) {
+    DrawFine(size);
+    return;
+  }
   const bool moving = Clock::now() - changed_at_ < kStill;
-  const bool coarse =
-      coarse_allowed_ && moving && last_cast_ms_ > kSlowCast_ms && !state_.window_picture_wanted;
+  const bool coarse = !awaits_whole_ && moving && last_cast_ms_ > kSlowCast_ms;
   DrawAt(Drawable(coarse ? Half(size) : size), size);
 }
 
-void Viewer::DrawFine(const ImageSize& size) { DrawAt(Drawable(size), size); }
+void Viewer::DrawFine(const ImageSize& size) {
+  do {
+    DrawAt(Drawable(size), size);
+  } while (TakeUpWanted());
+}
 
 void Viewer::DrawAt(const ImageSize& size, const ImageSize& view) {
   OverlayScene scene{.pose = feed_.pose(), .haptic_lines_I = haptic_lines_I_};
@@ -296,9 +316,10 @@ SeenSurface Viewer::seen_surface() const {
 }
 
 unsigned Viewer::Slice(const SliceRequest& request) {
+  const std::uint64_t version = renderer_.volume_version();
   DrawnSlice& drawn = slices_[static_cast<std::size_t>(request.picture)];
   const SliceRequest& before = drawn.request;
-  const bool same_but_place = drawn.texture != 0 && drawn.version == taken_version_ &&
+  const bool same_but_place = drawn.texture != 0 && drawn.version == version &&
                               before.axes == request.axes && before.size == request.size &&
                               before.surface == request.surface;
   const bool same_place =
@@ -306,7 +327,7 @@ unsigned Viewer::Slice(const SliceRequest& request) {
   if (same_but_place && same_place) return drawn.texture;
   const bool its_turn = frame_ % slices_.size() == static_cast<std::size_t>(request.picture);
   if (same_but_place && state_.cross_follows_proxy && !its_turn) return drawn.texture;
-  drawn = {.request = request, .version = taken_version_, .texture = renderer_.DrawSlice(request)};
+  drawn = {.request = request, .version = version, .texture = renderer_.DrawSlice(request)};
   return drawn.texture;
 }
 

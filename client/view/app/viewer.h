@@ -68,12 +68,16 @@ class Viewer {
   // The palpated of the last Connect.
   const client::ServerChoice& server() const { return options_.server; }
 
-  // Takes new data, and spends about `brick_time` on bricks of the volume.
+  // Takes new data, and spends about `brick_time` on bricks that the last picture wants.
   void Update(std::chrono::milliseconds brick_time);
+  // Uploads all bricks that the last picture wants. Returns false if the picture was whole.
+  bool TakeUpWanted();
   // True if no part of the volume is missing, and stylus and settings are known.
   bool complete() const;
   // Why the volume cannot be drawn here; empty: it can.
   std::string volume_problem() const;
+  // Why the picture is coarser than the volume; empty: it is not.
+  std::string memory_problem() const;
   // Why the first volume cannot have the veil of the options; empty: it can, or none is known.
   const std::string& veil_problem() const { return veil_problem_; }
   // Turns the camera as the options say.
@@ -82,9 +86,10 @@ class Viewer {
   // Draws into renderer().DrawnTexture(). If casts are slow, draws fewer pixels while things move,
   // unless a picture of the view is wanted.
   void Draw(const ImageSize& size);
-  // Always draws all pixels.
+  // Always draws all pixels and all bricks.
   void DrawFine(const ImageSize& size);
-  void AllowCoarse(bool allowed) { coarse_allowed_ = allowed; }
+  // For pictures that are kept: always all pixels, and only of a complete volume.
+  void AwaitWhole() { awaits_whole_ = true; }
   // Returns the surface under a point of the view, which has the size `size`, in D.
   std::optional<Vec3> SurfaceAt(double x_px, double y_px, const ImageSize& size) const;
 
@@ -163,14 +168,10 @@ class Viewer {
 
   struct DrawnSlice {
     SliceRequest request{};
-    std::uint64_t version = 0;
-    unsigned texture = 0;  // 0: not drawn yet
+    std::uint64_t version = 0;  // of the renderer's volume
+    unsigned texture = 0;       // 0: not drawn yet
   };
   std::array<DrawnSlice, 3> slices_;
-  // Rises with every change of the renderer's copy of the volume.
-  std::uint64_t taken_version_ = 0;
-  std::uint64_t volume_version_ = 0;
-  std::optional<AffineMap> taken_X_DI_;
   std::uint64_t frame_ = 0;
 
   std::optional<Felt> felt_;
@@ -180,7 +181,7 @@ class Viewer {
   Clock::time_point changed_at_{};
   ImageSize drawn_size_;
   Camera drawn_camera_;
-  bool coarse_allowed_ = true;
+  bool awaits_whole_ = false;
   double last_cast_ms_ = 0.0;  // of a cast with all pixels
 
   std::string message_;

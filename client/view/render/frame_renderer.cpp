@@ -4,19 +4,19 @@
 #include <limits>
 
 #include "client/view/render/backdrop.h"
+#include "client/view/render/brick_cache.h"
 #include "client/view/render/frame_target.h"
 #include "client/view/render/gl_state.h"
 #include "client/view/render/overlay_drawing.h"
 #include "client/view/render/slice_drawing.h"
 #include "client/view/render/surface_caster.h"
-#include "client/view/render/volume_texture.h"
 
 namespace palpate::view {
 namespace {
 
 // The bounds of the padded lattice, where the surface ends.
-Bounds BoundsOf(const VolumeTexture& volume) {
-  if (volume.voxels() == 0 || !volume.X_DI()) return {};
+Bounds BoundsOf(const BrickCache& volume) {
+  if (!volume.has_volume() || !volume.X_DI()) return {};
   constexpr double kFar = std::numeric_limits<double>::infinity();
   Bounds bounds = {Vec3::Constant(kFar), Vec3::Constant(-kFar)};
   for (int corner = 0; corner < 8; ++corner) {
@@ -43,7 +43,9 @@ Vec3 Unprojected(const Mat4& D_from_clip, const ImageSize& size, int x_px, int y
 }  // namespace
 
 struct FrameRenderer::Parts {
-  VolumeTexture volume;
+  explicit Parts(std::size_t budget_bytes) : volume(budget_bytes) {}
+
+  BrickCache volume;
   SurfaceCaster caster;
   Backdrop backdrop;
   FrameTarget frame{FrameTarget::Depth::kFloat};
@@ -57,7 +59,8 @@ struct FrameRenderer::Parts {
   void UpdateBackdrop(const FrameRequest& request);
 };
 
-FrameRenderer::FrameRenderer() : parts_(std::make_unique<Parts>()) {}
+FrameRenderer::FrameRenderer(std::size_t budget_bytes)
+    : parts_(std::make_unique<Parts>(budget_bytes)) {}
 FrameRenderer::~FrameRenderer() = default;
 
 bool FrameRenderer::TakeUp(ViewVolume& volume, std::size_t most_bricks) {
@@ -65,12 +68,15 @@ bool FrameRenderer::TakeUp(ViewVolume& volume, std::size_t most_bricks) {
   return parts_->volume.TakeUp(volume, most_bricks);
 }
 
-std::size_t FrameRenderer::waiting_bricks() const { return parts_->volume.waiting_bricks(); }
+std::uint64_t FrameRenderer::volume_version() const { return parts_->volume.version(); }
+
+bool FrameRenderer::is_full() const { return parts_->volume.is_full(); }
 
 void FrameRenderer::Parts::UpdateBackdrop(const FrameRequest& request) {
-  const bool shown = request.surface.shown && volume.voxels() != 0 && volume.X_DI();
+  const bool shown = request.surface.shown && volume.has_volume() && volume.X_DI();
   const bool cast =
       shown && caster.Cast(volume, {request.size, eye_D, clip_from_D, request.surface});
+  if (!shown) volume.Forget(BrickCache::kSurface);
   if (!cast && shown == surface_shown && backdrop.target().size() == request.size) return;
   surface_shown = shown;
   backdrop.Compose(shown ? &caster : nullptr, request.size);
@@ -135,6 +141,10 @@ unsigned FrameRenderer::DrawSlice(const SliceRequest& request) {
   ResetState();
   parts_->slices.Draw(parts_->volume, request);
   return parts_->slices.picture(request.picture).color();
+}
+
+void FrameRenderer::ForgetSlices() {
+  for (int picture = 0; picture < BrickCache::kSurface; ++picture) parts_->volume.Forget(picture);
 }
 
 std::uint64_t FrameRenderer::slice_casts() const { return parts_->slices.casts(); }

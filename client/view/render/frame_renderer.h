@@ -4,9 +4,9 @@
 //
 // Threads: that of a current OpenGL 4.3 core context, which must outlive the renderer. It may
 // change any state of the context, but no objects of others.
-// Errors: kTooLarge for a volume beyond the context's 3-D textures, and for a picture beyond its
-// 2-D textures or viewports; the last picture then stays. kInternal if the driver refuses a shader.
-// The renderer can be used after any error.
+// Errors: kTooLarge for a volume of which the context does not even hold a coarse level, and for a
+// picture beyond its 2-D textures or viewports; the last picture then stays. kInternal if the
+// driver refuses a shader. The renderer can be used after any error.
 #pragma once
 
 #include <cstdint>
@@ -49,23 +49,27 @@ struct SliceRequest {
 
 class FrameRenderer {
  public:
-  FrameRenderer();
+  // The budget is for the volume, without pictures.
+  explicit FrameRenderer(std::size_t budget_bytes = std::size_t{1} << 30);
   ~FrameRenderer();
   FrameRenderer(const FrameRenderer&) = delete;
   FrameRenderer& operator=(const FrameRenderer&) = delete;
 
-  // Uploads at most `most_bricks` changed bricks, so that a large volume does not stop the window.
-  // Returns true if none is left. Pictures in between show the uploaded bricks, and the old state
-  // elsewhere.
+  // Takes up the volume's changes. Uploads at most `most_bricks` of the bricks that the last
+  // pictures want, so that a large volume does not stop the window. Returns true if none is left.
+  // Pictures are coarser where bricks are missing. A picture is whole if TakeUp changes nothing
+  // after it: see volume_version.
   bool TakeUp(ViewVolume& volume, std::size_t most_bricks);
-  // The changed bricks that the last TakeUp left.
-  std::size_t waiting_bricks() const;
+  // Rises with every change of the volume on the graphics card.
+  std::uint64_t volume_version() const;
+  // True if the last pictures want more bricks than the budget holds: they are coarser where far.
+  bool is_full() const;
 
   // Draws into a picture of its own. DrawnTexture returns it until the next Draw.
   void Draw(const FrameRequest& request);
   unsigned DrawnTexture() const;  // OpenGL name; RGBA8, the bottom row is first
   Image ReadBack() const;
-  // The number of casts so far, for tests and for the cost of a frame.
+  // The number of casts of all pixels so far, for tests and for the cost of a frame.
   std::uint64_t casts() const;
 
   // Returns the surface under a pixel of the last Draw, without overlays; none: background. Frame:
@@ -79,6 +83,8 @@ class FrameRenderer {
   // if the request or the volume has changed.
   unsigned DrawSlice(const SliceRequest& request);
   Image ReadSlice(int picture) const;
+  // The slices are hidden: what they want need not stay in graphics memory.
+  void ForgetSlices();
   // The number of slices drawn so far.
   std::uint64_t slice_casts() const;
 

@@ -25,7 +25,7 @@ void ResetState() {
   }
   glPixelStorei(GL_UNPACK_ALIGNMENT, 4);
   // A sampler object of other code would override how textures are read.
-  for (GLuint unit = 0; unit < 4; ++unit) glBindSampler(unit, 0);
+  for (GLuint unit = 0; unit < 8; ++unit) glBindSampler(unit, 0);
 }
 
 }  // namespace palpate::view

@@ -6,20 +6,35 @@
 #include <optional>
 #include <string>
 
+#include "client/view/render/card_buffer.h"
 #include "client/view/render/color_texture.h"
 #include "client/view/render/frame_target.h"
 #include "client/view/render/gl_state.h"
 #include "client/view/render/shader_program.h"
 #include "client/view/render/surface_shader.h"
+#include "client/view/render/volume_shader.h"
 #include "common/error/error.h"
 
 namespace palpate::view {
 namespace {
 
-enum Target { kColor, kVeilColor, kVeilDepth, kDepth, kTargets };
-constexpr GLenum kFormats[kTargets] = {GL_RGBA8, GL_RGBA8, GL_R32F, GL_DEPTH_COMPONENT32F};
+// The last one masks finished pixels.
+enum Target { kColor, kVeilColor, kVeilDepth, kDepth, kMask, kTargets };
+constexpr GLenum kFormats[kTargets] = {GL_RGBA8, GL_RGBA8, GL_R32F, GL_R32F, GL_DEPTH_COMPONENT32F};
 constexpr GLenum kAttachments[kTargets] = {GL_COLOR_ATTACHMENT0, GL_COLOR_ATTACHMENT1,
-                                           GL_COLOR_ATTACHMENT2, GL_DEPTH_ATTACHMENT};
+                                           GL_COLOR_ATTACHMENT2, GL_COLOR_ATTACHMENT3,
+                                           GL_DEPTH_ATTACHMENT};
+
+// Finished pixels are near, so that an early depth test leaves them out.
+constexpr char kMaskShader[] = R"(#version 430 core
+layout(std430, binding = 1) buffer Unfinished { uint unfinished[]; };
+uniform int image_width;
+
+void main() {
+  int pixel = int(gl_FragCoord.y) * image_width + int(gl_FragCoord.x);
+  gl_FragDepth = unfinished[pixel] == 0u ? 0.0 : 1.0;
+}
+)";
 
 // Maps frame P of the shader to D. In P, voxel (i, j, k) is at (i + 1, j + 1, k + 1).
 AffineMap XDP(const AffineMap& X_DI) {
@@ -91,11 +106,7 @@ void SetSurface(const ShaderProgram& program, const SurfaceOptions& surface,
   program.Set("window_range", scale.Scaled(surface.window_max) - scale.Scaled(surface.window_min));
 }
 
-void SetVolume(const ShaderProgram& program, const VolumeTexture& volume) {
-  program.Set("voxels", 0);
-  program.Set("ranges", 1);
-  program.Set("color_map", 2);
-  program.Set("cells", Vec3i(volume.size() + Vec3i::Ones()));
+void SetVolume(const ShaderProgram& program, const BrickCache& volume) {
   const double edge_mm = std::cbrt(std::abs(volume.X_DI()->linear.determinant()));
   const ValueScale& scale = volume.scale();
   const double range = scale.Scaled(volume.value_max()) - scale.Scaled(volume.value_min());
@@ -105,7 +116,9 @@ void SetVolume(const ShaderProgram& program, const VolumeTexture& volume) {
 }  // namespace
 
 struct SurfaceCaster::Parts {
-  Parts() : program(SurfaceShader()) { glGenFramebuffers(1, &framebuffer); }
+  Parts() : programs(SurfaceShader()), mask_program(kMaskShader) {
+    glGenFramebuffers(1, &framebuffer);
+  }
   ~Parts() {
     glDeleteTextures(kTargets, targets);
     glDeleteFramebuffers(1, &framebuffer);
@@ -116,17 +129,22 @@ struct SurfaceCaster::Parts {
   void Resize(const ImageSize& size);
   void BindTarget(const ImageSize& size) const;
   void Clear() const;
-  void Draw(const VolumeTexture& volume, const CastRequest& request) const;
+  void MaskFinished(const ImageSize& size) const;
+  void Draw(const BrickCache& volume, const CastRequest& request);
 
-  ShaderProgram program;
+  VolumePrograms programs;
+  ShaderProgram mask_program;
   GLuint framebuffer = 0;
   GLuint targets[kTargets] = {};
+  CardBuffer unfinished{GL_R32UI, sizeof(std::uint32_t)};  // by pixel
   ColorTexture color_map;
 
   // The request that the textures show.
   std::optional<CastRequest> request;
-  const VolumeTexture* volume = nullptr;
+  const BrickCache* volume = nullptr;
   std::uint64_t version = 0;
+  std::uint64_t content_version = 0;
+  std::size_t missing = 0;  // bricks that the textures want
   std::uint64_t casts = 0;
 };
 
@@ -134,6 +152,7 @@ void SurfaceCaster::Parts::Resize(const ImageSize& size) {
   if (request && request->size == size) return;
   RequirePictureSize(size);
   request.reset();
+  const bool has_room = unfinished.Reserve(static_cast<std::size_t>(size.width) * size.height);
   glDeleteTextures(kTargets, targets);
   glGenTextures(kTargets, targets);
   glBindFramebuffer(GL_FRAMEBUFFER, framebuffer);
@@ -146,8 +165,8 @@ void SurfaceCaster::Parts::Resize(const ImageSize& size) {
     glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_WRAP_T, GL_CLAMP_TO_EDGE);
     glFramebufferTexture2D(GL_FRAMEBUFFER, kAttachments[n], GL_TEXTURE_2D, targets[n], 0);
   }
-  glDrawBuffers(3, kAttachments);
-  if (glCheckFramebufferStatus(GL_FRAMEBUFFER) != GL_FRAMEBUFFER_COMPLETE) {
+  glDrawBuffers(4, kAttachments);
+  if (!has_room || glCheckFramebufferStatus(GL_FRAMEBUFFER) != GL_FRAMEBUFFER_COMPLETE) {
     throw Error(ErrorKind::kInternal, "the graphics driver refuses a framebuffer of " +
                                           std::to_string(size.width) + " x " +
                                           std::to_string(size.height) + " pixels");
@@ -158,8 +177,6 @@ void SurfaceCaster::Parts::BindTarget(const ImageSize& size) const {
   glBindFramebuffer(GL_FRAMEBUFFER, framebuffer);
   glViewport(0, 0, size.width, size.height);
   ResetState();
-  glEnable(GL_DEPTH_TEST);  // without it depth is not written
-  glDepthFunc(GL_ALWAYS);
 }
 
 void SurfaceCaster::Parts::Clear() const {
@@ -168,42 +185,68 @@ void SurfaceCaster::Parts::Clear() const {
   glClearBufferfv(GL_COLOR, kColor, none);
   glClearBufferfv(GL_COLOR, kVeilColor, none);
   glClearBufferfv(GL_COLOR, kVeilDepth, farthest);
+  glClearBufferfv(GL_COLOR, kDepth, farthest);
   glClearBufferfv(GL_DEPTH, 0, farthest);
 }
 
-void SurfaceCaster::Parts::Draw(const VolumeTexture& texture, const CastRequest& what) const {
-  const GLuint textures[] = {texture.voxels(), texture.ranges(), color_map.name()};
-  const GLenum kinds[] = {GL_TEXTURE_3D, GL_TEXTURE_3D, GL_TEXTURE_2D};
-  for (GLenum unit = 0; unit < 3; ++unit) {
-    glActiveTexture(GL_TEXTURE0 + unit);
-    glBindTexture(kinds[unit], textures[unit]);
-  }
-  glActiveTexture(GL_TEXTURE0);
-  program.Use();
-  SetVolume(program, texture);
-  SetCamera(program, what, XDP(*texture.X_DI()));
-  SetCuts(program, what.surface, texture.size() + Vec3i::Ones());
-  SetSurface(program, what.surface, texture.scale());
+void SurfaceCaster::Parts::MaskFinished(const ImageSize& size) const {
+  glMemoryBarrier(GL_SHADER_STORAGE_BARRIER_BIT);
+  glColorMask(GL_FALSE, GL_FALSE, GL_FALSE, GL_FALSE);
+  glEnable(GL_DEPTH_TEST);
+  glDepthFunc(GL_ALWAYS);
+  glBindBufferBase(GL_SHADER_STORAGE_BUFFER, kFirstFreeBuffer, unfinished.buffer());
+  mask_program.Use();
+  mask_program.Set("image_width", size.width);
+  mask_program.Draw();
+  glColorMask(GL_TRUE, GL_TRUE, GL_TRUE, GL_TRUE);
+}
+
+void SurfaceCaster::Parts::Draw(const BrickCache& cache, const CastRequest& what) {
+  glEnable(GL_DEPTH_TEST);
+  glDepthFunc(GL_LESS);
+  glDepthMask(GL_FALSE);
+  glActiveTexture(GL_TEXTURE0 + kFirstFreeUnit);
+  color_map.Show(what.surface.color_map);
+  glBindBufferBase(GL_SHADER_STORAGE_BUFFER, kFirstFreeBuffer, unfinished.buffer());
+  const ShaderProgram& program = programs.Use(cache);
+  program.Set("color_map", kFirstFreeUnit);
+  program.Set("image_width", what.size.width);
+  SetVolume(program, cache);
+  SetCamera(program, what, XDP(*cache.X_DI()));
+  SetCuts(program, what.surface, cache.size() + Vec3i::Ones());
+  SetSurface(program, what.surface, cache.scale());
   program.Draw();
+  glDepthMask(GL_TRUE);
 }
 
 SurfaceCaster::SurfaceCaster() : parts_(std::make_unique<Parts>()) {}
 SurfaceCaster::~SurfaceCaster() = default;
 
-bool SurfaceCaster::Cast(const VolumeTexture& volume, const CastRequest& request) {
+bool SurfaceCaster::Cast(BrickCache& volume, const CastRequest& request) {
   Parts& p = *parts_;
   if (request.size.width < 1 || request.size.height < 1) return false;
-  if (p.request == request && p.volume == &volume && p.version == volume.version()) return false;
+  const bool same_view = p.request == request && p.volume == &volume;
+  const bool refine = same_view && p.content_version == volume.content_version();
+  if (refine && (p.version == volume.version() || p.missing == 0)) return false;
 
   p.Resize(request.size);
-  p.color_map.Show(request.surface.color_map);
   p.BindTarget(request.size);
-  p.Clear();
-  if (volume.voxels() != 0 && volume.X_DI()) p.Draw(volume, request);
+  refine ? p.MaskFinished(request.size) : p.Clear();
+  p.missing = 0;
+  if (volume.has_volume() && volume.X_DI()) {
+    volume.BeginPicture();
+    p.Draw(volume, request);
+    const auto marks = refine      ? BrickCache::Marks::kMore
+                       : same_view ? BrickCache::Marks::kAgain
+                                   : BrickCache::Marks::kNewView;
+    p.missing = volume.EndPicture(BrickCache::kSurface, marks,
+                                  volume.X_DI()->Inverse().Apply(request.eye_D));
+  }
   p.request = request;
   p.volume = &volume;
   p.version = volume.version();
-  ++p.casts;
+  p.content_version = volume.content_version();
+  if (!refine) ++p.casts;
   return true;
 }
 

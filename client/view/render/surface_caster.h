@@ -1,13 +1,13 @@
 // Casts a ray per pixel through the volume: the exact trilinear isosurface V, a veil in front of
 // it, and cuts by crop box and planes.
 //
-// A ray goes through cell bricks and then cells by integer steps, so that it misses no cell at a
-// border or along an axis. Within a cell, F along the ray is a cubic. Its first root is searched
-// between the roots of its derivative. The ray carries its side of the isovalue from cell to cell.
-// A change of side is a hit, even with rounding at the border.
+// A ray goes through blocks, cell bricks and then cells by integer steps, so that it misses no cell
+// at a border or along an axis. Within a cell, F along the ray is a cubic. Its first root is
+// searched between the roots of its derivative. The ray carries its side of the isovalue from cell
+// to cell. A change of side is a hit, even with rounding at the border.
 //
 // The result is kept in textures of the image's size. It is cast again only if the request or the
-// volume has changed.
+// volume has changed. If only missing bricks have come, the pixels that want them are cast again.
 //
 // Threads: that of the current OpenGL 4.3 context. Errors: kTooLarge for a size that the context
 // does not support (nothing has changed then); kInternal if the driver refuses a shader.
@@ -16,7 +16,7 @@
 #include <cstdint>
 #include <memory>
 
-#include "client/view/render/volume_texture.h"
+#include "client/view/render/brick_cache.h"
 #include "client/view/scene/camera.h"
 #include "client/view/scene/view_options.h"
 
@@ -38,14 +38,15 @@ class SurfaceCaster {
   SurfaceCaster& operator=(const SurfaceCaster&) = delete;
 
   // Returns false if the result is already there, or the size is 0. Leaves its own framebuffer
-  // bound. A volume without a place is not shown.
-  bool Cast(const VolumeTexture& volume, const CastRequest& request);
+  // bound. A volume without a place is not shown. Marks the bricks that the picture wants.
+  bool Cast(BrickCache& volume, const CastRequest& request);
 
   // Names of textures of the last request's size; the first row is the bottom.
   unsigned color() const;       // RGBA8, alpha 0: no surface
-  unsigned depth() const;       // DEPTH_COMPONENT32F as clip_from_D gives it; 1: none
+  unsigned depth() const;       // R32F as clip_from_D gives it; 1: none
   unsigned veil_color() const;  // RGBA8, premultiplied by alpha
   unsigned veil_depth() const;  // R32F, of the nearest layer; 1: none
+  // Of all pixels.
   std::uint64_t casts() const;
 
  private:

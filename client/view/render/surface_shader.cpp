@@ -9,12 +9,14 @@ layout(location = 0) out vec4 surface_color;
 layout(location = 1) out vec4 veil_color;
 layout(location = 2) out float veil_depth;
 
-// Values are scaled as in value_scale.h. In voxels, texel (k, j, i) is lattice point (i, j, k) of
-// P. In ranges, texel (c, b, a) is the range of values of brick (a, b, c), which has 8^3 cells.
-uniform sampler3D voxels;
-uniform sampler3D ranges;
+layout(location = 3) out float surface_depth;
+layout(early_fragment_tests) in;  // the depth test masks finished pixels
+
+// Of each pixel: 1 if it wants bricks that were missing.
+layout(std430, binding = 1) buffer Unfinished { uint unfinished[]; };
+uniform int image_width;
+
 uniform sampler2D color_map;
-uniform ivec3 cells;  // along each axis
 
 uniform vec3 eye;
 uniform vec3 image_center;  // of gl_FragCoord
@@ -68,25 +70,30 @@ void DrawVeil() {
 void DrawHit() {
   vec3 p = origin + hit * direction;
   surface_color = vec4(hit_is_cap ? CapColor(p) : SurfaceColor(p), 1.0);
-  gl_FragDepth = Depth(p);
+  surface_depth = Depth(p);
+}
+
+void Cast() {
+  if (!FindRay()) return;
+  Walk();
+  DrawVeil();
+  if (is_hit) DrawHit();
 }
 
 void main() {
   surface_color = vec4(0.0);
   veil_color = vec4(0.0);
   veil_depth = 1.0;
-  gl_FragDepth = 1.0;
-  if (!FindRay()) return;
-  Walk();
-  DrawVeil();
-  if (is_hit) DrawHit();
+  surface_depth = 1.0;
+  Cast();
+  int pixel = int(gl_FragCoord.y) * image_width + int(gl_FragCoord.x);
+  unfinished[pixel] = is_unfinished ? 1u : 0u;
 }
 )";
 
 std::string SurfaceShader() {
-  return "#version 430 core\n#define MOST_LAYERS " + std::to_string(kMostVeilLayers) + "\n" +
-         kShaderInputs + kShaderCell + kShaderRay + kShaderWalk + kShaderColors + kShaderLight +
-         kShaderMain;
+  return "#define MOST_LAYERS " + std::to_string(kMostVeilLayers) + "\n" + kShaderInputs +
+         kShaderRay + kShaderWalk + kShaderColors + kShaderLight + kShaderMain;
 }
 
 }  // namespace palpate::view

@@ -1,27 +1,8 @@
-#include "client/view/render/surface_shader.h"
+#include "client/view/render/volume_shader.h"
 
 namespace palpate::view {
 
 const char* const kShaderCell = R"(
-// Values at the corners of a cell: `low` at its lower x, `high` at its upper x. Each has (y, z) =
-// (0, 0), (0, 1), (1, 0), (1, 1).
-struct Corners {
-  vec4 low;
-  vec4 high;
-};
-
-Corners CornersOf(ivec3 cell) {
-  ivec3 t = cell.zyx;
-  return Corners(vec4(texelFetch(voxels, t, 0).r,
-                      texelFetchOffset(voxels, t, 0, ivec3(1, 0, 0)).r,
-                      texelFetchOffset(voxels, t, 0, ivec3(0, 1, 0)).r,
-                      texelFetchOffset(voxels, t, 0, ivec3(1, 1, 0)).r),
-                 vec4(texelFetchOffset(voxels, t, 0, ivec3(0, 0, 1)).r,
-                      texelFetchOffset(voxels, t, 0, ivec3(1, 0, 1)).r,
-                      texelFetchOffset(voxels, t, 0, ivec3(0, 1, 1)).r,
-                      texelFetchOffset(voxels, t, 0, ivec3(1, 1, 1)).r));
-}
-
 float Least(Corners c) {
   vec4 m = min(c.low, c.high);
   return min(min(m.x, m.y), min(m.z, m.w));
@@ -45,8 +26,6 @@ float FaceByY(vec4 f, vec3 u) { return Between(f.z, f.w, u.z) - Between(f.x, f.y
 float FaceByZ(vec4 f, vec3 u) { return Between(f.y - f.x, f.w - f.z, u.y); }
 float FaceByYZ(vec4 f) { return (f.w - f.z) - (f.y - f.x); }
 
-ivec3 CellAt(vec3 p) { return clamp(ivec3(floor(p)), ivec3(0), cells - 1); }
-
 // F - value. If both are near each other, as exact as with doubles. Above 0 exactly where F is
 // above the value.
 vec4 Above(vec4 f, vec2 value) {
@@ -60,8 +39,16 @@ float Above(Corners c, vec2 value, vec3 u) {
 }
 
 float AboveAt(vec3 p, vec2 value) {
-  ivec3 cell = CellAt(p);
-  return Above(CornersOf(cell), value, clamp(p - vec3(cell), 0.0, 1.0));
+  Cell cell = CellOf(p);
+  return Above(cell.corners, value, cell.u);
+}
+
+// The trilinear gradient, of the values less `level`.
+vec3 TrilinearGradient(Cell cell, vec2 level) {
+  vec4 low = Above(cell.corners.low, level);
+  vec4 high = Above(cell.corners.high, level);
+  vec4 at = Between(low, high, cell.u.x);
+  return vec3(Face(high - low, cell.u), FaceByY(at, cell.u), FaceByZ(at, cell.u)) / cell.edge;
 }
 
 // F - isovalue along u + s d as powers of s. Subtracts the isovalue from the corners, which is

@@ -14,27 +14,83 @@ vec4 SplineSlope(float u) {
   return vec4(-v * v, u * (3.0 * u - 4.0), v * (4.0 - 3.0 * v), u * u) / 2.0;
 }
 
-// The gradient of F in P, used only for light. The gradient of the trilinear F jumps from cell to
-// cell, which would be visible. This gradient is of the volume's B-spline and is smooth. Values are
-// summed as differences from `level`, a value nearby, which loses no digits.
-vec3 Gradient(vec3 p, vec2 level) {
-  ivec3 cell = CellAt(p);
-  vec3 u = clamp(p - vec3(cell), 0.0, 1.0);
+// Where the values around a cell are: in the slots of up to eight cell bricks.
+struct Near {
+  ivec3 texel;  // that lattice point (0, 0, 0) would have
+  ivec3 low;    // the first point of the slot
+  bool is_one_value;
+  float value;
+};
+
+// A cell brick by the cell `own`. If it is missing, the nearest values of `own_near` take its place.
+Near NearAt(ivec3 brick, ivec3 own_brick, Near own_near) {
+  if (brick == own_brick) return own_near;
+  uvec4 block = BlockAt(brick >> 3);
+  vec2 range = RangeOf(block);
+  int entry = EntryOf(block, brick);
+  if (block.z != kNone) range = texelFetch(ranges, entry).rg;
+  if (range.x == range.y) return Near(own_near.texel, own_near.low, true, range.x);
+  uint slot = WantedSlot(entry);
+  if (slot == kNone) return own_near;
+  ivec3 low = brick << 3;
+  return Near(SlotOrigin(slot) - low.zyx, low, false, 0.0);
+}
+
+float ValueIn(Near near, ivec3 at) {
+  float value = Texel(near.texel + clamp(at, near.low, near.low + 8).zyx);
+  return near.is_one_value ? near.value : value;
+}
+
+// The gradient of the volume's B-spline at a cell whose own brick is there.
+vec3 SplineGradient(ivec3 cell, vec3 u, Near own, vec2 level) {
   vec4 x = Spline(u.x), y = Spline(u.y), z = Spline(u.z);
   vec4 dx = SplineSlope(u.x), dy = SplineSlope(u.y), dz = SplineSlope(u.z);
+  // Beyond the outermost layer, the layer is repeated. The last points belong to the last cells.
+  ivec3 b = cell >> 3;
+  ivec3 l = max(cell - 1, ivec3(0)) >> 3;
+  ivec3 h = min(cell + 2, cells - 1) >> 3;
+  Near lll = NearAt(l, b, own), llh = NearAt(ivec3(l.xy, h.z), b, own);
+  Near lhl = NearAt(ivec3(l.x, h.y, l.z), b, own), lhh = NearAt(ivec3(l.x, h.yz), b, own);
+  Near hll = NearAt(ivec3(h.x, l.yz), b, own), hlh = NearAt(ivec3(h.x, l.y, h.z), b, own);
+  Near hhl = NearAt(ivec3(h.xy, l.z), b, own), hhh = NearAt(h, b, own);
   vec3 sum = vec3(0.0);
   for (int i = 0; i < 4; ++i) {
     for (int j = 0; j < 4; ++j) {
       vec4 f;
       for (int k = 0; k < 4; ++k) {
-        // Beyond the outermost layer, the layer is repeated.
         ivec3 at = clamp(cell + ivec3(i, j, k) - 1, ivec3(0), cells);
-        f[k] = texelFetch(voxels, at.zyx, 0).r - level.x;
+        bvec3 is_low = equal(min(at, cells - 1) >> 3, l);
+        Near near;
+        if (is_low.x) {
+          near = is_low.y ? (is_low.z ? lll : llh) : (is_low.z ? lhl : lhh);
+        } else {
+          near = is_low.y ? (is_low.z ? hll : hlh) : (is_low.z ? hhl : hhh);
+        }
+        f[k] = ValueIn(near, at) - level.x;
       }
       sum += vec3(dx[i] * y[j] * dot(z, f), x[i] * dy[j] * dot(z, f), x[i] * y[j] * dot(dz, f));
     }
   }
   return sum;
+}
+
+// The gradient of F in P, used only for light. The gradient of the trilinear F jumps from cell to
+// cell, which would be visible. The one of the volume's B-spline is smooth. Values are summed as
+// differences from `level`, a value nearby, which loses no digits. A coarse cell has its own.
+vec3 Gradient(vec3 p, vec2 level) {
+  ivec3 cell = CellAt(p);
+  ivec3 brick = cell >> 3;
+  uvec4 block = BlockAt(brick >> 3);
+  vec2 range = RangeOf(block);
+  int entry = EntryOf(block, brick);
+  if (block.z != kNone) range = texelFetch(ranges, entry).rg;
+  bool is_one_value = range.x == range.y;
+  uint slot = 0u;
+  if (!is_one_value) slot = WantedSlot(entry);
+  if (slot == kNone) return TrilinearGradient(CellOf(p), level);
+  ivec3 low = brick << 3;
+  Near own = Near(SlotOrigin(slot) - low.zyx, low, is_one_value, range.x);
+  return SplineGradient(cell, clamp(p - vec3(cell), 0.0, 1.0), own, level);
 }
 
 vec3 ToEye() { return -normalize(D_from_P * direction); }

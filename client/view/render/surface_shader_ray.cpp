@@ -9,6 +9,7 @@ vec3 origin;
 vec3 direction;  // of length 1; tiny components are set to exactly 0
 float reach;  // length of the ray within what the cuts leave
 bool at_cut;  // the ray enters through the crop box or a plane, not from outside
+bool begins_outside;  // the ray enters through the volume's border, where F is the background
 bool ends_outside;  // the ray ends at the volume's border, not at a cut
 
 // A ray that does not move along an axis never reaches a plane across that axis.
@@ -79,6 +80,7 @@ bool FindRay() {
     origin[in_axis] = direction[in_axis] > 0.0 ? crop_min[in_axis] : crop_max[in_axis];
     at_cut = IsCut(in_axis, direction[in_axis] < 0.0);
   }
+  begins_outside = !into_plane && in_axis >= 0 && !at_cut;
   ends_outside = !out_of_plane && !IsCut(out_axis, direction[out_axis] > 0.0);
   return true;
 }

@@ -41,8 +41,8 @@ bool Active(vec2 range) {
          (veil_shown && Crossed(range, veil_isovalue));
 }
 
-void PassVeil(Corners corners, vec3 u, float t, float length) {
-  vec4 cubic = CubicAlong(corners, veil_isovalue, u, direction);
+void PassVeil(Corners corners, vec3 u, vec3 d, float t, float length) {
+  vec4 cubic = CubicAlong(corners, veil_isovalue, u, d);
   float from = 0.0;
   float crossing;
   // At most a different side at the start and the cubic's three roots.
@@ -52,75 +52,105 @@ void PassVeil(Corners corners, vec3 u, float t, float length) {
   }
 }
 
-// Passes the part of the ray from t to t_next, which is in this cell.
-void PassCell(ivec3 cell, float t, float t_next) {
-  Corners corners = CornersOf(cell);
+// Passes the part of the ray from t to t_next, which is in this cell. `d` is the direction in edges
+// of the cell.
+void PassCell(Corners corners, vec3 u, vec3 d, float t, float t_next) {
   vec2 range = vec2(Least(corners), Greatest(corners));
   if (!Active(range)) {
     PassUniform(t, range);
     return;
   }
-  vec3 u = clamp(origin + t * direction - vec3(cell), 0.0, 1.0);
   float length = t_next - t;
   if (surface_shown) {
     float crossing;
-    if (FindCrossing(CubicAlong(corners, isovalue, u, direction), 0.0, length, above, crossing)) {
+    if (FindCrossing(CubicAlong(corners, isovalue, u, d), 0.0, length, above, crossing)) {
       MeetSurface(t + crossing);
       length = crossing;
     }
   }
-  if (veil_shown) PassVeil(corners, u, t, length);
+  if (veil_shown) PassVeil(corners, u, d, t, length);
 }
 
-// Passes the cells of a brick from t to t_end.
-void WalkCells(ivec3 low, ivec3 high, float t, float t_end) {
+// Passes the cells of a brick, low .. high - 1, from t to t_end. Without a fine slot, the brick is
+// one cell.
+void WalkCells(uvec4 block, ivec3 brick, uint slot, ivec3 low, ivec3 high, float t, float t_end) {
+  bool is_fine = slot != kNone;
+  int edge = is_fine ? 1 : 8;
+  float per_edge = is_fine ? 1.0 : 0.125;
+  ivec3 first = SlotOrigin(is_fine ? slot : block.w) + (is_fine ? ivec3(0) : (brick & 7).zyx);
   // Near a border, rounding may choose the cell before or after the right one. The ray's part in
   // the wrong cell then has length 0.
-  ivec3 cell = clamp(ivec3(floor(origin + t * direction)), low, high - 1);
+  ivec3 cell = is_fine ? clamp(ivec3(floor(origin + t * direction)), low, high - 1) : low;
   while (!is_hit) {
-    vec3 leave = LeaveOf(cell, cell + 1);
+    vec3 leave = LeaveOf(cell, cell + edge);
     int axis = FirstAxis(leave);
     float t_next = clamp(leave[axis], t, t_end);
-    PassCell(cell, t, t_next);
+    vec3 u = clamp((origin + t * direction - vec3(cell)) * per_edge, 0.0, 1.0);
+    PassCell(CornersAt(first + (cell - low).zyx), u, direction * per_edge, t, t_next);
     if (leave[axis] >= t_end) return;
-    cell[axis] += direction[axis] > 0.0 ? 1 : -1;
+    cell[axis] += direction[axis] > 0.0 ? edge : -edge;
     if (cell[axis] < low[axis] || cell[axis] >= high[axis]) return;
     t = t_next;
   }
 }
 
-// The range of the background, which surrounds the lattice.
-vec2 OutsideRange() { return texelFetch(voxels, ivec3(0), 0).rr; }
+// Passes the cell bricks of a block, which holds the cells low .. high - 1, from t to t_end.
+void WalkBricks(uvec4 block, ivec3 low, ivec3 high, float t, float t_end) {
+  ivec3 brick = clamp(ivec3(floor(origin + t * direction)), low, high - 1) >> 3;
+  while (!is_hit) {
+    ivec3 brick_low = brick << 3;
+    ivec3 brick_high = min(brick_low + 8, cells);
+    vec3 leave = LeaveOf(brick_low, brick_high);
+    int axis = FirstAxis(leave);
+    float t_next = clamp(leave[axis], t, t_end);
+    int entry = EntryOf(block, brick);
+    vec2 range = texelFetch(ranges, entry).rg;
+    if (Active(range)) {
+      WalkCells(block, brick, WantedSlot(entry), brick_low, brick_high, t, t_next);
+    } else {
+      PassUniform(t, range);
+    }
+    if (leave[axis] >= t_end) return;
+    brick[axis] += direction[axis] > 0.0 ? 1 : -1;
+    if (brick[axis] < low[axis] >> 3 || brick[axis] > (high[axis] - 1) >> 3) return;
+    t = t_next;
+  }
+}
 
-// Sets the sides on which the ray begins: from the background in the outermost layer, or from the
-// value at the start if that is at a cut or at the eye.
+// Sets the sides on which the ray begins: from the background where it enters from outside, or from
+// the value at the start if that is at a cut or at the eye.
 void BeginSides() {
-  Corners start = CornersOf(CellAt(origin));
-  vec3 u = clamp(origin - vec3(CellAt(origin)), 0.0, 1.0);
-  above = Above(start, isovalue, u) > 0.0;
-  veil_above = Above(start, veil_isovalue, u) > 0.0;
+  vec2 range = begins_outside ? vec2(background) : RangeAt(origin);
+  above = range.x > isovalue.x;
+  veil_above = range.x > veil_isovalue.x;
+  if (Active(range)) {
+    Cell cell = CellOf(origin);
+    above = Above(cell.corners, isovalue, cell.u) > 0.0;
+    veil_above = Above(cell.corners, veil_isovalue, cell.u) > 0.0;
+  }
   veil_begins_above = veil_above;
 }
 
-void WalkBricks() {
-  ivec3 brick = CellAt(origin) >> 3;
-  ivec3 bricks = (cells + 7) >> 3;
+void WalkBlocks() {
+  ivec3 block = CellAt(origin) >> 6;
   float t = 0.0;
   while (!is_hit) {
-    ivec3 low = brick << 3;
-    ivec3 high = min(low + 8, cells);
+    ivec3 low = block << 6;
+    ivec3 high = min(low + 64, cells);
     vec3 leave = LeaveOf(low, high);
     int axis = FirstAxis(leave);
     float t_next = clamp(leave[axis], t, reach);
-    vec2 range = texelFetch(ranges, brick.zyx, 0).rg;
+    uvec4 found = BlockAt(block);
+    vec2 range = RangeOf(found);
+    // A block without a table has one value.
     if (Active(range)) {
-      WalkCells(low, high, t, t_next);
+      WalkBricks(found, low, high, t, t_next);
     } else {
       PassUniform(t, range);
     }
     if (leave[axis] >= reach) return;
-    brick[axis] += direction[axis] > 0.0 ? 1 : -1;
-    if (brick[axis] < 0 || brick[axis] >= bricks[axis]) return;
+    block[axis] += direction[axis] > 0.0 ? 1 : -1;
+    if (block[axis] < 0 || block[axis] >= block_count[axis]) return;
     t = t_next;
   }
 }
@@ -132,9 +162,9 @@ void Walk() {
     MeetSurface(0.0);
     return;
   }
-  WalkBricks();
+  WalkBlocks();
   // A surface that reaches the volume's border is closed there.
-  if (!is_hit && ends_outside) PassUniform(reach, OutsideRange());
+  if (!is_hit && ends_outside) PassUniform(reach, vec2(background));
 }
 )";
 

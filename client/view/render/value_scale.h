@@ -18,6 +18,8 @@ class ValueScale {
   // For values between the two, in data units.
   ValueScale(double min, double max);
 
+  // The power of two.
+  double factor() const { return factor_; }
   double Scaled(double value) const;
   float Scaled(float value) const { return static_cast<float>(Scaled(static_cast<double>(value))); }
   // Splits a value that is compared with others. The first part is the greatest scaled float that

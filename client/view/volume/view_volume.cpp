@@ -4,19 +4,25 @@
 #include <cmath>
 #include <utility>
 
+#include "client/view/volume/brick_parts.h"
 #include "common/isosurface/cell.h"
 
 namespace palpate::view {
 namespace {
 
-BrickPtr ConstantBrick(float value) {
-  auto brick = std::make_shared<Brick>();
-  brick->fill(value);
-  return brick;
+// Larger volumes have no overview: see volume_update.h.
+constexpr std::uint64_t kMostVoxelsWithOverview = std::uint64_t{1} << 28;
+
+constexpr int kBlockVoxels = kBrickEdge * kBrickEdge;  // along each axis
+
+std::size_t PlaceOf(const Vec3i& cell_brick) {
+  return VoxelInBrick(cell_brick.x(), cell_brick.y(), cell_brick.z());
 }
 
-bool IsAll(const Brick& brick, float value) {
-  return std::all_of(brick.begin(), brick.end(), [value](float v) { return v == value; });
+Vec3i Shift(int n) { return {n >> 2, n >> 1 & 1, n & 1}; }
+
+bool IsWithin(const Vec3i& at, const Vec3i& count) {
+  return (at.array() >= 0).all() && (at.array() < count.array()).all();
 }
 
 // Returns how many voxels of a brick are within the lattice, along each axis.
@@ -24,43 +30,39 @@ Vec3i ExtentWithin(const Vec3i& brick, const Vec3i& lattice_size) {
   return (lattice_size - brick * kBrickEdge).cwiseMin(kBrickEdge);
 }
 
-// Makes a brick from the overview's means; background beyond the lattice.
-BrickPtr StandIn(const Vec3i& brick, const VolumeLattice& lattice, const Vec3i& blocks,
-                 std::span<const float> means) {
-  auto values = std::make_shared<Brick>();
-  const Vec3i extent = ExtentWithin(brick, lattice.size);
-  if (extent != Vec3i::Constant(kBrickEdge)) values->fill(lattice.Background());
-  for (int i = 0; i < extent.x(); ++i) {
-    for (int j = 0; j < extent.y(); ++j) {
-      const Vec3i block = (brick * kBrickEdge + Vec3i(i, j, 0)) / kOverviewEdge;
-      const float* row =
-          &means[(static_cast<std::size_t>(block.x()) * blocks.y() + block.y()) * blocks.z() +
-                 block.z()];
-      for (int k = 0; k < extent.z(); ++k) {
-        (*values)[VoxelInBrick(i, j, k)] = row[k / kOverviewEdge];
-      }
-    }
-  }
-  return values;
+bool AreSame(const TypedBrickPtr& a, const TypedBrickPtr& b) {
+  return a == b || (a->is_constant() && b->is_constant() && (*a)[0] == (*b)[0]);
 }
 
-// The range of a brick's voxels from `first` on along each axis; `first` is 0 or 7.
-ValueRange RangeOfPart(const Brick& brick, const Vec3i& first) {
-  if (first == Vec3i::Zero()) {
-    const Eigen::Map<const Eigen::Array<float, kBrickVoxels, 1>> all(brick.data());
-    return {all.minCoeff(), all.maxCoeff()};
-  }
-  ValueRange range{brick.back(), brick.back()};
-  for (int i = first.x(); i < kBrickEdge; ++i) {
-    for (int j = first.y(); j < kBrickEdge; ++j) {
-      for (int k = first.z(); k < kBrickEdge; ++k) {
-        const float value = brick[VoxelInBrick(i, j, k)];
-        range.min = std::min(range.min, value);
-        range.max = std::max(range.max, value);
-      }
+// The brick blocks of the runs, each once.
+std::vector<Vec3i> BlocksOf(const std::vector<BrickRun>& runs, const BrickMap& bricks) {
+  const Vec3i& count = bricks.block_count();
+  std::vector<bool> is_found(count.cast<std::size_t>().prod(), false);
+  std::vector<Vec3i> blocks;
+  for (BrickRun run : runs) {
+    while (run.count > 0) {
+      const Vec3i brick = BrickWithNumber(run.first, bricks.brick_count());
+      const Vec3i block = brick / kBrickEdge;
+      const auto number = BrickNumber(block, count);
+      if (!is_found[number]) blocks.push_back(block);
+      is_found[number] = true;
+      const int end = std::min((block.z() + 1) * kBrickEdge, bricks.brick_count().z());
+      const auto part = std::min<std::uint64_t>(run.count, end - brick.z());
+      run.first += part;
+      run.count -= part;
     }
   }
-  return range;
+  return blocks;
+}
+
+// All places, or only those of the lower layer along the axes where `shift` is 1.
+CellBricks LowerLayers(const Vec3i& shift) {
+  CellBricks places;
+  for (std::size_t n = 0; n < kBrickVoxels; ++n) {
+    const Vec3i at(static_cast<int>(n >> 6), n >> 3 & 7, n & 7);
+    places[n] = at.cwiseProduct(shift) == Vec3i::Zero();
+  }
+  return places;
 }
 
 }  // namespace
@@ -70,9 +72,11 @@ void ViewVolume::Take(const client::VolumeUpdate& update) {
   revision_ = update.complete;
   X_DI_ = update.placement ? std::optional(update.placement->X_DI) : std::nullopt;
   if (!lattice_) return;
-  for (const client::ChangedBrick& changed : update.bricks) {
-    if (!is_awaited_.empty()) is_awaited_[changed.number] = false;
-    Put(changed.number, changed.brick);
+  Await(update.changed);
+  const auto old = std::exchange(bricks_, update.bricks);
+  {
+    VoxelCounts counts(histogram_);
+    for (const Vec3i& block : BlocksOf(update.changed, *bricks_)) TakeBlock(*old, block, counts);
   }
   if (update.complete) {
     Complete();
@@ -81,129 +85,219 @@ void ViewVolume::Take(const client::VolumeUpdate& update) {
   }
   // The library does not know the number of bricks before the first bricks have come.
   bricks_left_ = update.complete ? 0 : std::max<std::uint64_t>(update.bricks_left, 1);
-  UpdateCellRanges();
+  UpdateTouched();
 }
 
 void ViewVolume::Begin(const std::optional<VolumeLattice>& lattice) {
   lattice_ = lattice;
   ++version_;
-  changes_ = {.all = true};
-  const std::uint64_t bricks = lattice_ ? lattice_->Bricks() : 0;
-  const float background = lattice_ ? lattice_->Background() : 0.0f;
-  background_ = ConstantBrick(background);
-  bricks_.assign(bricks, background_);
-  is_awaited_.assign(bricks, true);
-  is_changed_.assign(bricks, false);
+  all_changed_ = true;
+  changed_.clear();
+  touched_.clear();
+  bricks_.reset();
+  blocks_.clear();
+  is_awaited_.clear();
+  overview_.clear();
   bricks_left_ = 0;
   histogram_ = lattice_ ? Histogram(lattice_->value_min, lattice_->value_max) : Histogram();
-  if (lattice_) histogram_.Add(background, lattice_->size.cast<std::uint64_t>().prod());
-  const std::uint64_t cell_bricks = cell_brick_count().cast<std::uint64_t>().prod();
-  cell_ranges_.assign(cell_bricks, {background, background});
-  is_touched_.assign(cell_bricks, false);
-  touched_.clear();
+  if (!lattice_) return;
+  const float background = lattice_->Background();
+  const auto voxels = lattice_->size.cast<std::uint64_t>().prod();
+  histogram_.Add(background, voxels);
+  bricks_ = std::make_shared<BrickMap>(lattice_->BrickCounts(),
+                                       TypedBrick::Constant(LeafType::kFloat, background));
+  if (voxels <= kMostVoxelsWithOverview) is_awaited_.assign(lattice_->Bricks(), true);
+  blocks_.resize(cell_block_count().cast<std::size_t>().prod());
+  for (CellBlock& block : blocks_) block.range = {background, background};
 }
 
-void ViewVolume::ShowOverview(const Vec3i& size, std::span<const float> means) {
-  for (std::uint64_t number = 0; number < is_awaited_.size(); ++number) {
-    if (!is_awaited_[number]) continue;
-    Put(number, StandIn(BrickWithNumber(number, lattice_->BrickCounts()), *lattice_, size, means));
-  }
-}
-
-// Bricks that never came are background. They replace their stand-ins.
-void ViewVolume::Complete() {
-  for (std::uint64_t number = 0; number < is_awaited_.size(); ++number) {
-    if (is_awaited_[number]) Put(number, background_);
-  }
-  is_awaited_.clear();
-}
-
-void ViewVolume::Put(std::uint64_t number, BrickPtr brick) {
-  if (IsAll(*brick, lattice_->Background())) brick = background_;
-  if (brick == bricks_[number]) return;
-  Count(number, false);
-  bricks_[number] = std::move(brick);
-  Count(number, true);
-  ++version_;
-  if (!is_changed_[number]) {
-    is_changed_[number] = true;
-    changes_.bricks.push_back(number);
-  }
-  TouchCellBricksAt(number);
-}
-
-void ViewVolume::Count(std::uint64_t number, bool add) {
-  const Brick& brick = *bricks_[number];
-  const Vec3i extent =
-      ExtentWithin(BrickWithNumber(number, lattice_->BrickCounts()), lattice_->size);
-  if (bricks_[number] == background_) {
-    const auto times = static_cast<std::uint64_t>(extent.prod());
-    add ? histogram_.Add(brick.front(), times) : histogram_.Remove(brick.front(), times);
-    return;
-  }
-  if (extent == Vec3i::Constant(kBrickEdge)) {
-    add ? histogram_.Add(brick) : histogram_.Remove(brick);
-    return;
-  }
-  for (int i = 0; i < extent.x(); ++i) {
-    for (int j = 0; j < extent.y(); ++j) {
-      const std::span row(&brick[VoxelInBrick(i, j, 0)], static_cast<std::size_t>(extent.z()));
-      add ? histogram_.Add(row) : histogram_.Remove(row);
+void ViewVolume::Await(const std::vector<BrickRun>& came) {
+  if (is_awaited_.empty()) return;
+  for (const BrickRun& run : came) {
+    for (std::uint64_t number = run.first; number < run.end(); ++number) {
+      if (!is_awaited_[number]) continue;
+      is_awaited_[number] = false;
+      if (!overview_.empty()) TouchCellsAt(BrickWithNumber(number, lattice_->BrickCounts()));
     }
   }
 }
 
-void ViewVolume::TouchCellBricksAt(std::uint64_t number) {
-  const Vec3i brick = BrickWithNumber(number, lattice_->BrickCounts());
-  const Vec3i count = cell_brick_count();
-  // The brick's last layer is also a layer of corners of the next cell brick.
-  const Vec3i last = (brick + Vec3i::Ones()).cwiseMin(count - Vec3i::Ones());
-  for (int a = brick.x(); a <= last.x(); ++a) {
-    for (int b = brick.y(); b <= last.y(); ++b) {
-      for (int c = brick.z(); c <= last.z(); ++c) {
-        const std::uint64_t cell_brick = BrickNumber({a, b, c}, count);
-        if (is_touched_[cell_brick]) continue;
-        is_touched_[cell_brick] = true;
-        touched_.push_back(cell_brick);
+bool ViewVolume::IsAwaited(const Vec3i& brick) const {
+  return !overview_.empty() && is_awaited_[BrickNumber(brick, lattice_->BrickCounts())];
+}
+
+void ViewVolume::TouchAwaited() {
+  for (std::uint64_t number = 0; number < is_awaited_.size(); ++number) {
+    if (is_awaited_[number]) TouchCellsAt(BrickWithNumber(number, lattice_->BrickCounts()));
+  }
+}
+
+void ViewVolume::ShowOverview(const Vec3i& size, std::vector<float> means) {
+  if (is_awaited_.empty()) return;
+  overview_size_ = size;
+  overview_ = std::move(means);
+  // The graphics card stores values in the volume's type.
+  if (lattice_->type != LeafType::kFloat) {
+    for (float& mean : overview_) mean = std::round(mean);
+  }
+  TouchAwaited();
+}
+
+// Bricks that never came are background. They replace their stand-ins.
+void ViewVolume::Complete() {
+  if (!overview_.empty()) TouchAwaited();
+  overview_ = {};
+  is_awaited_ = {};
+}
+
+void ViewVolume::TakeBlock(const BrickMap& old, const Vec3i& block, VoxelCounts& counts) {
+  const Vec3i first = block * kBrickEdge;
+  const TypedBrickPtr& was = old.Only(block);
+  const TypedBrickPtr& is = bricks_->Only(block);
+  if (was && is && was->is_constant() && is->is_constant()) {
+    if (AreSame(was, is)) return;
+    const Vec3i extent = (lattice_->size - first * kBrickEdge).cwiseMin(kBlockVoxels);
+    counts.Remove(*was, extent);
+    counts.Add(*is, extent);
+    TouchCellsOfBlock(block);
+    return;
+  }
+  const Vec3i count = (lattice_->BrickCounts() - first).cwiseMin(kBrickEdge);
+  for (int a = 0; a < count.x(); ++a) {
+    for (int b = 0; b < count.y(); ++b) {
+      for (int c = 0; c < count.z(); ++c) {
+        const Vec3i brick = first + Vec3i(a, b, c);
+        const TypedBrickPtr& before = old.At(brick);
+        const TypedBrickPtr& now = bricks_->At(brick);
+        if (AreSame(before, now)) continue;
+        const Vec3i extent = ExtentWithin(brick, lattice_->size);
+        counts.Remove(*before, extent);
+        counts.Add(*now, extent);
+        TouchCellsAt(brick);
       }
     }
   }
 }
 
-void ViewVolume::UpdateCellRanges() {
-  for (const std::uint64_t cell_brick : touched_) {
-    is_touched_[cell_brick] = false;
-    cell_ranges_[cell_brick] = RangeOfCellBrick(BrickWithNumber(cell_brick, cell_brick_count()));
+// A brick's last layer is also a layer of corners of the next cell brick.
+void ViewVolume::TouchCellsAt(const Vec3i& brick) {
+  for (int n = 0; n < 8; ++n) {
+    const Vec3i cell_brick = brick + Shift(n);
+    if (!IsWithin(cell_brick, cell_brick_count())) continue;
+    const Vec3i block = cell_brick / kBrickEdge;
+    touched_[BrickNumber(block, cell_block_count())].set(PlaceOf(cell_brick));
+  }
+}
+
+void ViewVolume::TouchCellsOfBlock(const Vec3i& block) {
+  for (int n = 0; n < 8; ++n) {
+    static const std::array<CellBricks, 8> kPlaces = [] {
+      std::array<CellBricks, 8> places;
+      for (int m = 0; m < 8; ++m) places[static_cast<std::size_t>(m)] = LowerLayers(Shift(m));
+      return places;
+    }();
+    const Vec3i at = block + Shift(n);
+    if (!IsWithin(at, cell_block_count())) continue;
+    touched_[BrickNumber(at, cell_block_count())] |= kPlaces[static_cast<std::size_t>(n)];
+  }
+}
+
+void ViewVolume::UpdateTouched() {
+  if (!touched_.empty()) ++version_;
+  for (const auto& [number, bricks] : touched_) {
+    UpdateBlock(BrickWithNumber(number, cell_block_count()), bricks);
+    changed_[number] |= bricks;
   }
   touched_.clear();
 }
 
+void ViewVolume::UpdateBlock(const Vec3i& at, const CellBricks& bricks) {
+  CellBlock& block = blocks_[BrickNumber(at, cell_block_count())];
+  if (const std::optional<float> value = OneValueOf(at)) {
+    block = {{*value, *value}, nullptr};
+    return;
+  }
+  if (!block.bricks) {
+    block.bricks = std::make_unique<std::array<ValueRange, kBrickVoxels>>();
+    block.bricks->fill(block.range);
+  }
+  const Vec3i first = at * kBrickEdge;
+  const Vec3i count = (cell_brick_count() - first).cwiseMin(kBrickEdge);
+  std::optional<ValueRange> whole;
+  for (int a = 0; a < count.x(); ++a) {
+    for (int b = 0; b < count.y(); ++b) {
+      for (int c = 0; c < count.z(); ++c) {
+        const std::size_t place = VoxelInBrick(a, b, c);
+        ValueRange& range = (*block.bricks)[place];
+        if (bricks[place]) range = RangeOfCellBrick(first + Vec3i(a, b, c));
+        if (!whole) whole = range;
+        whole->Add(range);
+      }
+    }
+  }
+  block.range = *whole;
+  if (whole->IsOneValue()) block.bricks.reset();
+}
+
+// The value of all corners in a block, if that can be told from whole blocks of bricks.
+std::optional<float> ViewVolume::OneValueOf(const Vec3i& block) const {
+  if (!overview_.empty()) return {};
+  const Vec3i last = (block + Vec3i::Ones()) * kBlockVoxels - Vec3i::Ones();
+  const bool is_at_border =
+      (block.array() == 0).any() || (last.array() >= lattice_->size.array()).any();
+  std::optional<float> value;
+  if (is_at_border) value = lattice_->Background();
+  for (int n = 0; n < 8; ++n) {
+    const Vec3i part = block - Shift(n);
+    if (!IsWithin(part, bricks_->block_count())) continue;
+    const TypedBrickPtr& only = bricks_->Only(part);
+    if (!only || !only->is_constant() || (value && *value != (*only)[0])) return {};
+    value = (*only)[0];
+  }
+  return value;
+}
+
 ValueRange ViewVolume::RangeOfCellBrick(const Vec3i& cell_brick) const {
   const float background = lattice_->Background();
+  const Vec3i counts = lattice_->BrickCounts();
   std::optional<ValueRange> range;
-  for (int n = 0; n < 8; ++n) {
-    const Vec3i before(n >> 2, n >> 1 & 1, n & 1);
-    const Vec3i brick = cell_brick - before;
-    const Vec3i counts = lattice_->BrickCounts();
-    ValueRange part{background, background};
-    if ((brick.array() >= 0).all() && (brick.array() < counts.array()).all()) {
-      const BrickPtr& values = bricks_[BrickNumber(brick, counts)];
-      if (values != background_) part = RangeOfPart(*values, before * (kBrickEdge - 1));
-    }
+  const auto add = [&](const ValueRange& part) {
     if (!range) range = part;
-    range->min = std::min(range->min, part.min);
-    range->max = std::max(range->max, part.max);
+    range->Add(part);
+  };
+  for (int n = 0; n < 8; ++n) {
+    const Vec3i brick = cell_brick - Shift(n);
+    if (!IsWithin(brick, counts)) {
+      add({background, background});
+      continue;
+    }
+    const Vec3i extent = ExtentWithin(brick, lattice_->size);
+    if (extent != Vec3i::Constant(kBrickEdge)) add({background, background});
+    const Vec3i first = Shift(n) * (kBrickEdge - 1);
+    add(IsAwaited(brick) ? RangeOfMeans(brick) : RangeOfPart(*bricks_->At(brick), first, extent));
   }
   return *range;
 }
 
-float ViewVolume::Value(const Vec3i& voxel) const {
-  if ((voxel.array() < 0).any() || (voxel.array() >= lattice_->size.array()).any()) {
-    return lattice_->Background();
+// Of all means in a brick: at least what is needed.
+ValueRange ViewVolume::RangeOfMeans(const Vec3i& brick) const {
+  const Vec3i first = brick * kBrickEdge;
+  ValueRange range{Mean(first), Mean(first)};
+  for (int n = 1; n < 8; ++n) {
+    const Vec3i voxel = first + Shift(n) * kOverviewEdge;
+    if (IsWithin(voxel, lattice_->size)) range.Add({Mean(voxel), Mean(voxel)});
   }
-  const Vec3i brick = voxel / kBrickEdge;
-  return At(
-      BrickNumber(brick, lattice_->BrickCounts()))[VoxelInBrick(voxel.x(), voxel.y(), voxel.z())];
+  return range;
+}
+
+float ViewVolume::Mean(const Vec3i& voxel) const {
+  return overview_[BrickNumber(voxel / kOverviewEdge, overview_size_)];
+}
+
+float ViewVolume::Value(const Vec3i& voxel) const {
+  if (!IsWithin(voxel, lattice_->size)) return lattice_->Background();
+  if (IsAwaited(voxel / kBrickEdge)) return Mean(voxel);
+  return bricks_->Value(voxel.x(), voxel.y(), voxel.z());
 }
 
 double ViewVolume::Interpolate(const Vec3& p_I) const {
@@ -226,13 +320,35 @@ Vec3i ViewVolume::cell_brick_count() const {
   return {BrickCount(size.x() + 1), BrickCount(size.y() + 1), BrickCount(size.z() + 1)};
 }
 
-VolumeChanges ViewVolume::TakeChanges() {
-  for (const std::uint64_t number : changes_.bricks) is_changed_[number] = false;
-  VolumeChanges taken = std::exchange(changes_, {});
-  if (taken.all) {
-    std::erase_if(taken.bricks, [this](std::uint64_t n) { return bricks_[n] == background_; });
+Vec3i ViewVolume::cell_block_count() const {
+  const Vec3i bricks = cell_brick_count();
+  return {BrickCount(bricks.x()), BrickCount(bricks.y()), BrickCount(bricks.z())};
+}
+
+const ValueRange& ViewVolume::RangeOf(const Vec3i& cell_brick) const {
+  const CellBlock& block = blocks_[BrickNumber(cell_brick / kBrickEdge, cell_block_count())];
+  return block.bricks ? (*block.bricks)[PlaceOf(cell_brick)] : block.range;
+}
+
+bool ViewVolume::HasCome(const Vec3i& cell_brick) const {
+  if (overview_.empty()) return true;
+  for (int n = 0; n < 8; ++n) {
+    const Vec3i brick = cell_brick - Shift(n);
+    if (IsWithin(brick, lattice_->BrickCounts()) && IsAwaited(brick)) return false;
   }
-  std::sort(taken.bricks.begin(), taken.bricks.end());
+  return true;
+}
+
+VolumeChanges ViewVolume::TakeChanges() {
+  VolumeChanges taken{.all = std::exchange(all_changed_, false)};
+  for (const auto& [number, bricks] : std::exchange(changed_, {})) {
+    const CellBlock& block = blocks_[number];
+    const bool is_background = !block.bricks && block.range.min == lattice_->Background();
+    if (taken.all && is_background) continue;
+    taken.blocks.push_back({number, bricks});
+  }
+  std::sort(taken.blocks.begin(), taken.blocks.end(),
+            [](const auto& a, const auto& b) { return a.number < b.number; });
   return taken;
 }
 

@@ -1,18 +1,24 @@
-// The viewer's copy of the volume: voxels from the client library, with additional data for a ray
-// caster and a slider.
+// The viewer's copy of the volume: bricks shared with the client library, with additional data for
+// a ray caster and a slider.
 //
 // One virtual layer of the background surrounds the lattice, as for the proxy, so that the surface
 // is closed there. A cell brick holds 8³ cells of this padded lattice: cell brick (a, b, c) has the
-// cells (8a - 1 .. 8a + 6, ...), and their corners are the voxels (8a - 1 .. 8a + 7, ...). Its
-// number is (a nb + b) nc + c.
+// cells (8a - 1 .. 8a + 6, ...), and their corners are the voxels (8a - 1 .. 8a + 7, ...). A cell
+// block holds 8³ cell bricks. Its number is (a nb + b) nc + c. Within it, the place of a cell brick
+// is that of a voxel in a brick (brick.h).
+//
+// Memory and time follow the bricks that vary, not the box.
 //
 // Frames: I voxel indices, D device (mm). Values in data units.
 // Threads: one at a time. Errors: none; client/sdk has checked the updates.
 #pragma once
 
+#include <array>
+#include <bitset>
 #include <cstdint>
+#include <memory>
 #include <optional>
-#include <span>
+#include <unordered_map>
 #include <vector>
 
 #include "client/sdk/volume_update.h"
@@ -23,13 +29,35 @@ namespace palpate::view {
 struct ValueRange {
   float min = 0.0f;
   float max = 0.0f;
+  bool IsOneValue() const { return min == max; }
+  void Add(const ValueRange& other) {
+    min = other.min < min ? other.min : min;
+    max = other.max > max ? other.max : max;
+  }
+  friend bool operator==(const ValueRange&, const ValueRange&) = default;
 };
 
-// The changes that a texture has to upload since it asked last.
+class VoxelCounts;
+
+// Cell bricks of a block, by place.
+using CellBricks = std::bitset<kBrickVoxels>;
+
+struct CellBlock {
+  ValueRange range;  // at the corners of all cells
+  // At the corners of each cell brick, by place. Null: the block has one value throughout.
+  std::unique_ptr<std::array<ValueRange, kBrickVoxels>> bricks;
+};
+
+// The changes that the graphics card has to take up since it asked last.
 struct VolumeChanges {
-  bool all = false;                     // another lattice: everything of the old one is void
-  std::vector<std::uint64_t> bricks{};  // whose voxels changed, ascending; where all: those
-                                        // that are not the background throughout
+  struct Block {
+    std::uint64_t number = 0;
+    CellBricks bricks;  // whose values may have changed
+  };
+  // Another lattice: everything of the old one is void. Blocks that are not in `blocks` are the
+  // background throughout.
+  bool all = false;
+  std::vector<Block> blocks{};  // ascending
 };
 
 class ViewVolume {
@@ -47,18 +75,25 @@ class ViewVolume {
   // come.
   const std::optional<VolumeRevision>& revision() const { return revision_; }
 
-  // Call the following functions only with a lattice. Number below lattice()->Bricks().
-  const Brick& At(std::uint64_t number) const { return *bricks_[number]; }
-  // Returns the background outside of the lattice.
+  // Call the following functions only with a lattice.
+
+  // The background stands for bricks that have not come.
+  const BrickMap& bricks() const { return *bricks_; }
+  // Returns the background outside of the lattice. Where a brick has not come, it returns the
+  // overview's mean; in a volume of integers the mean is rounded.
   float Value(const Vec3i& voxel) const;
   // The trilinear interpolant; the background outside of the padded lattice.
   double Interpolate(const Vec3& p_I) const;
 
   Vec3i cell_brick_count() const;
-  // The least and greatest value at the corners of each cell brick, by its number.
-  std::span<const ValueRange> cell_ranges() const { return cell_ranges_; }
+  Vec3i cell_block_count() const;
+  // By number.
+  const std::vector<CellBlock>& cell_blocks() const { return blocks_; }
+  const ValueRange& RangeOf(const Vec3i& cell_brick) const;
+  // True if no mean of the overview stands in for any of its corners.
+  bool HasCome(const Vec3i& cell_brick) const;
 
-  // Of all voxels within the lattice, including stand-ins.
+  // Of all voxels within the lattice. Bricks that have not come count as background.
   const Histogram& histogram() const { return histogram_; }
 
   // Rises with every change of voxels or lattice.
@@ -68,29 +103,38 @@ class ViewVolume {
  private:
   void Begin(const std::optional<VolumeLattice>& lattice);
   // Uses blocks of means, as in VolumeUpdate, for bricks that are still to come.
-  void ShowOverview(const Vec3i& size, std::span<const float> means);
+  void ShowOverview(const Vec3i& size, std::vector<float> means);
   void Complete();
-  void Put(std::uint64_t number, BrickPtr brick);
-  void Count(std::uint64_t number, bool add);
-  void TouchCellBricksAt(std::uint64_t number);
-  void UpdateCellRanges();
+  void TouchAwaited();
+  // Bricks have come: no stand-ins any more.
+  void Await(const std::vector<BrickRun>& came);
+  bool IsAwaited(const Vec3i& brick) const;
+  void TakeBlock(const BrickMap& old, const Vec3i& block, VoxelCounts& counts);
+  void TouchCellsAt(const Vec3i& brick);
+  void TouchCellsOfBlock(const Vec3i& block);
+  void UpdateTouched();
+  void UpdateBlock(const Vec3i& block, const CellBricks& bricks);
+  std::optional<float> OneValueOf(const Vec3i& block) const;
   ValueRange RangeOfCellBrick(const Vec3i& cell_brick) const;
+  ValueRange RangeOfMeans(const Vec3i& brick) const;
+  float Mean(const Vec3i& voxel) const;
 
   std::optional<VolumeLattice> lattice_;
   std::optional<AffineMap> X_DI_;
   std::uint64_t bricks_left_ = 0;
   std::optional<VolumeRevision> revision_;
-  BrickPtr background_;           // shared by all bricks that are only background
-  std::vector<BrickPtr> bricks_;  // by number
-  std::vector<bool> is_awaited_;  // by number, until complete; then empty
-  std::vector<ValueRange> cell_ranges_;
-  std::vector<std::uint64_t> touched_;  // cell bricks whose range may have changed
-  std::vector<bool> is_touched_;
+  std::shared_ptr<const BrickMap> bricks_;
+  // By number of the brick, for volumes that may have an overview, until complete.
+  std::vector<bool> is_awaited_;
+  Vec3i overview_size_ = Vec3i::Zero();
+  std::vector<float> overview_;  // empty: nothing stands in
+  std::vector<CellBlock> blocks_;
+  std::unordered_map<std::uint64_t, CellBricks> touched_;  // whose ranges may have changed
   Histogram histogram_;
   std::uint64_t version_ = 0;
 
-  VolumeChanges changes_;
-  std::vector<bool> is_changed_;  // by number: in changes_.bricks
+  bool all_changed_ = false;
+  std::unordered_map<std::uint64_t, CellBricks> changed_;  // by number of the block
 };
 
 }  // namespace palpate::view

@@ -1,4 +1,4 @@
-#include "common/bricks/float_codec.h"
+#include "common/bricks/zstd_codec.h"
 
 #include <zstd.h>
 
@@ -11,7 +11,7 @@ namespace palpate {
 namespace {
 
 static_assert(std::endian::native == std::endian::little && sizeof(float) == 4,
-              "floats travel as they lie in memory");
+              "values travel as they lie in memory");
 
 constexpr int kLevel = 1;
 
@@ -22,39 +22,39 @@ struct Free {
 
 }  // namespace
 
-std::string CompressFloats(std::span<const float> values) {
+std::string CompressBytes(std::span<const std::byte> values) {
   // One context per thread: making one costs more than compressing a few bricks.
   thread_local const std::unique_ptr<ZSTD_CCtx, Free> context(ZSTD_createCCtx());
-  std::string bytes(ZSTD_compressBound(values.size_bytes()), '\0');
-  const std::size_t size = ZSTD_compressCCtx(context.get(), bytes.data(), bytes.size(),
-                                             values.data(), values.size_bytes(), kLevel);
+  std::string zstd(ZSTD_compressBound(values.size()), '\0');
+  const std::size_t size = ZSTD_compressCCtx(context.get(), zstd.data(), zstd.size(), values.data(),
+                                             values.size(), kLevel);
   if (ZSTD_isError(size)) {
     throw Error(ErrorKind::kInternal,
                 std::string("voxels cannot be compressed: ") + ZSTD_getErrorName(size));
   }
-  bytes.resize(size);
-  return bytes;
+  zstd.resize(size);
+  return zstd;
 }
 
-std::size_t CountFloats(std::string_view bytes, std::size_t most) {
-  const unsigned long long size = ZSTD_getFrameContentSize(bytes.data(), bytes.size());
+std::size_t CountValues(std::string_view zstd, std::size_t value_bytes, std::size_t most) {
+  const unsigned long long size = ZSTD_getFrameContentSize(zstd.data(), zstd.size());
   if (size == ZSTD_CONTENTSIZE_UNKNOWN || size == ZSTD_CONTENTSIZE_ERROR ||
-      size % sizeof(float) != 0 || size / sizeof(float) > most) {
+      size % value_bytes != 0 || size / value_bytes > most) {
     throw Error(ErrorKind::kInvalidArgument,
                 "voxels arrived damaged: their zstd bytes do not hold at most " +
-                    std::to_string(most) + " floats");
+                    std::to_string(most) + " values");
   }
-  return size / sizeof(float);
+  return size / value_bytes;
 }
 
-void DecompressFloats(std::string_view bytes, std::span<float> values) {
+void DecompressBytes(std::string_view zstd, std::span<std::byte> values) {
   thread_local const std::unique_ptr<ZSTD_DCtx, Free> context(ZSTD_createDCtx());
-  const std::size_t size = ZSTD_decompressDCtx(context.get(), values.data(), values.size_bytes(),
-                                               bytes.data(), bytes.size());
-  if (ZSTD_isError(size) || size != values.size_bytes()) {
+  const std::size_t size =
+      ZSTD_decompressDCtx(context.get(), values.data(), values.size(), zstd.data(), zstd.size());
+  if (ZSTD_isError(size) || size != values.size()) {
     throw Error(ErrorKind::kInvalidArgument,
                 "voxels arrived damaged: their zstd bytes do not hold " +
-                    std::to_string(values.size()) + " floats");
+                    std::to_string(values.size()) + " bytes of voxels");
   }
 }
 

@@ -64,6 +64,12 @@ constexpr bool Holds(LeafType type, float value) {
   });
 }
 
+// The smallest type that holds all values of both.
+constexpr LeafType CommonType(LeafType one, LeafType other) {
+  if (one == other || other == LeafType::kUint8) return one;
+  return one == LeafType::kUint8 ? other : LeafType::kFloat;
+}
+
 // "uint8", "int16", "uint16" or "float32".
 constexpr std::string_view Name(LeafType type) {
   constexpr std::string_view kNames[] = {"uint8", "int16", "uint16", "float32"};

@@ -1,0 +1,42 @@
+// The volume in shaders: GLSL that reads it from the tables of a brick cache, and the programs for
+// each type of its values.
+//
+// Its frame is the padded lattice P: voxel (i, j, k) is at (i + 1, j + 1, k + 1), and cells go from
+// 0 to size, so that no index is negative.
+//
+// Threads: those of BrickCache. Errors: those of ShaderProgram.
+#pragma once
+
+#include <array>
+#include <memory>
+#include <string>
+
+#include "client/view/render/brick_cache.h"
+#include "client/view/render/shader_program.h"
+
+namespace palpate::view {
+
+// GLSL: where the values of a cell are, and F within a cell.
+extern const char* const kShaderVolume;
+extern const char* const kShaderCell;
+
+// The texture units of the volume: 0 to 3. Further textures begin here.
+inline constexpr int kFirstFreeUnit = 4;
+// The shader storage buffer of the marks: 0. Further buffers begin here.
+inline constexpr unsigned kFirstFreeBuffer = 1;
+
+class VolumePrograms {
+ public:
+  // `fragment_source` comes after kShaderVolume and kShaderCell.
+  explicit VolumePrograms(std::string fragment_source)
+      : fragment_source_(std::move(fragment_source)) {}
+
+  // Makes the program for this volume the one in use, and binds the volume to it.
+  const ShaderProgram& Use(const BrickCache& volume);
+
+ private:
+  std::string fragment_source_;
+  std::array<std::unique_ptr<ShaderProgram>, 4> programs_;  // by LeafType
+};
+
+}  // namespace palpate::view
