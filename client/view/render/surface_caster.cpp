@@ -96,7 +96,6 @@ void SetSurface(const ShaderProgram& program, const SurfaceOptions& surface,
   program.Set("isovalue", scale.Split(surface.isovalue));
   program.Set("material_above", surface.free_above ? 0 : 1);
   program.Set("caps", surface.caps ? 1 : 0);
-  program.Set("veil_shown", surface.veil.shown ? 1 : 0);
   program.Set("veil_isovalue", scale.Split(surface.veil.isovalue));
   program.Set("plain_color", Vec3(surface.color.cast<double>()));
   program.Set("veil_plain_color", Vec3(surface.veil.color.cast<double>()));
@@ -116,9 +115,7 @@ void SetVolume(const ShaderProgram& program, const BrickCache& volume) {
 }  // namespace
 
 struct SurfaceCaster::Parts {
-  Parts() : programs(SurfaceShader()), mask_program(kMaskShader) {
-    glGenFramebuffers(1, &framebuffer);
-  }
+  Parts() : mask_program(kMaskShader) { glGenFramebuffers(1, &framebuffer); }
   ~Parts() {
     glDeleteTextures(kTargets, targets);
     glDeleteFramebuffers(1, &framebuffer);
@@ -132,7 +129,8 @@ struct SurfaceCaster::Parts {
   void MaskFinished(const ImageSize& size) const;
   void Draw(const BrickCache& volume, const CastRequest& request);
 
-  VolumePrograms programs;
+  VolumePrograms programs{SurfaceShader(false)};
+  VolumePrograms veil_programs{SurfaceShader(true)};
   ShaderProgram mask_program;
   GLuint framebuffer = 0;
   GLuint targets[kTargets] = {};
@@ -208,7 +206,7 @@ void SurfaceCaster::Parts::Draw(const BrickCache& cache, const CastRequest& what
   glActiveTexture(GL_TEXTURE0 + kFirstFreeUnit);
   color_map.Show(what.surface.color_map);
   glBindBufferBase(GL_SHADER_STORAGE_BUFFER, kFirstFreeBuffer, unfinished.buffer());
-  const ShaderProgram& program = programs.Use(cache);
+  const ShaderProgram& program = (what.surface.veil.shown ? veil_programs : programs).Use(cache);
   program.Set("color_map", kFirstFreeUnit);
   program.Set("image_width", what.size.width);
   SetVolume(program, cache);

@@ -33,7 +33,7 @@ uniform bool surface_shown;
 uniform vec2 isovalue;  // all values are split: see value_scale.h
 uniform bool material_above;
 uniform bool caps;
-uniform bool veil_shown;
+const bool veil_shown = VEIL;
 uniform vec2 veil_isovalue;
 
 uniform mat3 D_from_P;  // of directions
@@ -76,7 +76,7 @@ void DrawHit() {
 void Cast() {
   if (!FindRay()) return;
   Walk();
-  DrawVeil();
+  if (veil_shown) DrawVeil();
   if (is_hit) DrawHit();
 }
 
@@ -91,9 +91,10 @@ void main() {
 }
 )";
 
-std::string SurfaceShader() {
-  return "#define MOST_LAYERS " + std::to_string(kMostVeilLayers) + "\n" + kShaderInputs +
-         kShaderRay + kShaderWalk + kShaderColors + kShaderLight + kShaderMain;
+std::string SurfaceShader(bool with_veil) {
+  return std::string("#define VEIL ") + (with_veil ? "true" : "false") + "\n#define MOST_LAYERS " +
+         std::to_string(kMostVeilLayers) + "\n" + kShaderInputs + kShaderRay + kShaderWalk +
+         kShaderColors + kShaderLight + kShaderMain;
 }
 
 }  // namespace palpate::view

@@ -18,7 +18,7 @@ extern const char* const kShaderWalk;    // blocks, bricks and cells along the r
 extern const char* const kShaderLight;   // normals, colours, light
 extern const char* const kShaderMain;
 
-// To go with VolumePrograms.
-std::string SurfaceShader();
+// To go with VolumePrograms. Without a veil it is faster.
+std::string SurfaceShader(bool with_veil);
 
 }  // namespace palpate::view

@@ -52,14 +52,13 @@ void PassVeil(Corners corners, vec3 u, vec3 d, float t, float length) {
   }
 }
 
-// Passes the part of the ray from t to t_next, which is in this cell. `d` is the direction in edges
-// of the cell.
-void PassCell(Corners corners, vec3 u, vec3 d, float t, float t_next) {
-  vec2 range = vec2(Least(corners), Greatest(corners));
-  if (!Active(range)) {
-    PassUniform(t, range);
-    return;
-  }
+// The three walks below have the same form: an inner loop finds the next part whose range contains an
+// isovalue, and what is done there comes after that loop. Rays that are computed together wait for
+// each other, so what is costly must not be in a loop that most of them only pass through.
+
+// Meets the surface and the veil in a cell, from t to t_next. `d` is the direction in edges of the
+// cell.
+void CrossCell(Corners corners, vec3 u, vec3 d, float t, float t_next) {
   float length = t_next - t;
   if (surface_shown) {
     float crossing;
@@ -73,7 +72,9 @@ void PassCell(Corners corners, vec3 u, vec3 d, float t, float t_next) {
 
 // Passes the cells of a brick, low .. high - 1, from t to t_end. Without a fine slot, the brick is
 // one cell.
-void WalkCells(uvec4 block, ivec3 brick, uint slot, ivec3 low, ivec3 high, float t, float t_end) {
+void WalkCells(uvec4 block, ivec3 brick, uint slot, float t, float t_end) {
+  ivec3 low = brick << 3;
+  ivec3 high = min(low + 8, cells);
   bool is_fine = slot != kNone;
   int edge = is_fine ? 1 : 8;
   float per_edge = is_fine ? 1.0 : 0.125;
@@ -81,39 +82,81 @@ void WalkCells(uvec4 block, ivec3 brick, uint slot, ivec3 low, ivec3 high, float
   // Near a border, rounding may choose the cell before or after the right one. The ray's part in
   // the wrong cell then has length 0.
   ivec3 cell = is_fine ? clamp(ivec3(floor(origin + t * direction)), low, high - 1) : low;
-  while (!is_hit) {
-    vec3 leave = LeaveOf(cell, cell + edge);
-    int axis = FirstAxis(leave);
-    float t_next = clamp(leave[axis], t, t_end);
-    vec3 u = clamp((origin + t * direction - vec3(cell)) * per_edge, 0.0, 1.0);
-    PassCell(CornersAt(first + (cell - low).zyx), u, direction * per_edge, t, t_next);
-    if (leave[axis] >= t_end) return;
-    cell[axis] += direction[axis] > 0.0 ? edge : -edge;
-    if (cell[axis] < low[axis] || cell[axis] >= high[axis]) return;
-    t = t_next;
+  bool more = true;
+  while (more && !is_hit) {
+    bool found = false;
+    Corners corners;
+    vec3 u;
+    float from;
+    while (more && !found && !is_hit) {
+      vec3 leave = LeaveOf(cell, cell + edge);
+      int axis = FirstAxis(leave);
+      corners = CornersAt(first + (cell - low).zyx);
+      vec2 range = vec2(Least(corners), Greatest(corners));
+      found = Active(range);
+      if (!found) PassUniform(t, range);
+      u = clamp((origin + t * direction - vec3(cell)) * per_edge, 0.0, 1.0);
+      from = t;
+      t = clamp(leave[axis], t, t_end);
+      cell[axis] += direction[axis] > 0.0 ? edge : -edge;
+      more = leave[axis] < t_end && cell[axis] >= low[axis] && cell[axis] < high[axis];
+    }
+    if (found) CrossCell(corners, u, direction * per_edge, from, t);
   }
 }
 
-// Passes the cell bricks of a block, which holds the cells low .. high - 1, from t to t_end.
-void WalkBricks(uvec4 block, ivec3 low, ivec3 high, float t, float t_end) {
-  ivec3 brick = clamp(ivec3(floor(origin + t * direction)), low, high - 1) >> 3;
-  while (!is_hit) {
-    ivec3 brick_low = brick << 3;
-    ivec3 brick_high = min(brick_low + 8, cells);
-    vec3 leave = LeaveOf(brick_low, brick_high);
-    int axis = FirstAxis(leave);
-    float t_next = clamp(leave[axis], t, t_end);
-    int entry = EntryOf(block, brick);
-    vec2 range = texelFetch(ranges, entry).rg;
-    if (Active(range)) {
-      WalkCells(block, brick, WantedSlot(entry), brick_low, brick_high, t, t_next);
-    } else {
-      PassUniform(t, range);
+// Passes the cell bricks of a block from t to t_end.
+void WalkBricks(uvec4 block, ivec3 block_place, float t, float t_end) {
+  ivec3 low = block_place << 3;
+  ivec3 high = min(low + 8, (cells + 7) >> 3);
+  ivec3 brick = clamp(ivec3(floor(origin + t * direction)) >> 3, low, high - 1);
+  bool more = true;
+  while (more && !is_hit) {
+    bool found = false;
+    ivec3 place;
+    int entry;
+    float from;
+    while (more && !found && !is_hit) {
+      vec3 leave = LeaveOf(brick << 3, min((brick << 3) + 8, cells));
+      int axis = FirstAxis(leave);
+      place = brick;
+      entry = EntryOf(block, brick);
+      vec2 range = texelFetch(ranges, entry).rg;
+      found = Active(range);
+      if (!found) PassUniform(t, range);
+      from = t;
+      t = clamp(leave[axis], t, t_end);
+      brick[axis] += direction[axis] > 0.0 ? 1 : -1;
+      more = leave[axis] < t_end && brick[axis] >= low[axis] && brick[axis] < high[axis];
     }
-    if (leave[axis] >= t_end) return;
-    brick[axis] += direction[axis] > 0.0 ? 1 : -1;
-    if (brick[axis] < low[axis] >> 3 || brick[axis] > (high[axis] - 1) >> 3) return;
-    t = t_next;
+    if (found) WalkCells(block, place, WantedSlot(entry), from, t);
+  }
+}
+
+void WalkBlocks() {
+  ivec3 block = CellAt(origin) >> 6;
+  float t = 0.0;
+  bool more = true;
+  while (more && !is_hit) {
+    bool found = false;
+    ivec3 place;
+    uvec4 here;
+    float from;
+    while (more && !found && !is_hit) {
+      vec3 leave = LeaveOf(block << 6, min((block << 6) + 64, cells));
+      int axis = FirstAxis(leave);
+      place = block;
+      here = BlockAt(block);
+      vec2 range = RangeOf(here);
+      // A block without a table has one value.
+      found = Active(range);
+      if (!found) PassUniform(t, range);
+      from = t;
+      t = clamp(leave[axis], t, reach);
+      block[axis] += direction[axis] > 0.0 ? 1 : -1;
+      more = leave[axis] < reach && block[axis] >= 0 && block[axis] < block_count[axis];
+    }
+    if (found) WalkBricks(here, place, from, t);
   }
 }
 
@@ -129,30 +172,6 @@ void BeginSides() {
     veil_above = Above(cell.corners, veil_isovalue, cell.u) > 0.0;
   }
   veil_begins_above = veil_above;
-}
-
-void WalkBlocks() {
-  ivec3 block = CellAt(origin) >> 6;
-  float t = 0.0;
-  while (!is_hit) {
-    ivec3 low = block << 6;
-    ivec3 high = min(low + 64, cells);
-    vec3 leave = LeaveOf(low, high);
-    int axis = FirstAxis(leave);
-    float t_next = clamp(leave[axis], t, reach);
-    uvec4 found = BlockAt(block);
-    vec2 range = RangeOf(found);
-    // A block without a table has one value.
-    if (Active(range)) {
-      WalkBricks(found, low, high, t, t_next);
-    } else {
-      PassUniform(t, range);
-    }
-    if (leave[axis] >= reach) return;
-    block[axis] += direction[axis] > 0.0 ? 1 : -1;
-    if (block[axis] < 0 || block[axis] >= block_count[axis]) return;
-    t = t_next;
-  }
 }
 
 void Walk() {
