@@ -162,7 +162,16 @@ void BrickCache::TakeBlocks(const ViewVolume& volume, std::span<const VolumeChan
   MakeRoom(tables, false);
   if (free_slots_.size() < tables) EvictForCoarse(tables - free_slots_.size());
   MakeRoom(tables, true);
+  ReserveTables(tables);
   for (const VolumeChanges::Block& block : blocks) TakeBlock(volume, block, most_bricks);
+}
+
+void BrickCache::ReserveTables(std::size_t tables) {
+  const std::size_t more = tables - std::min(tables, free_tables_.size());
+  const std::size_t entries = slots_.size() + more * kBrickVoxels;
+  const bool has_room =
+      card_ranges_.Reserve(entries) && card_slots_.Reserve(entries) && marks_.Reserve(entries / 32);
+  if (!has_room) Refuse(size_);
 }
 
 void BrickCache::TakeBlock(const ViewVolume& volume, const VolumeChanges::Block& changed,
@@ -192,9 +201,6 @@ void BrickCache::MakeTable(std::uint64_t block) {
     to.table = static_cast<std::uint32_t>(table_block_.size());
     table_block_.push_back(block);
     slots_.resize(slots_.size() + kBrickVoxels, kNone);
-    const bool has_room = card_ranges_.Reserve(slots_.size()) &&
-                          card_slots_.Reserve(slots_.size()) && marks_.Reserve(slots_.size() / 32);
-    if (!has_room) Refuse(size_);
   } else {
     to.table = free_tables_.back();
     free_tables_.pop_back();

@@ -51,8 +51,6 @@ class BrickCache {
   // Takes up all changes, and uploads at most `most_bricks` fine bricks. Returns true if no brick
   // waits that the last pictures want. `volume` must always be the same object.
   bool TakeUp(ViewVolume& volume, std::size_t most_bricks);
-  // The bricks that the last TakeUp left.
-  std::size_t waiting_bricks() const { return missing_.size(); }
   // True if the pictures want more than the memory holds: some of it is shown coarsely.
   bool is_full() const { return is_full_; }
   std::size_t bytes() const;
@@ -111,6 +109,7 @@ class BrickCache {
                   std::size_t most_bricks);
   void TakeBlock(const ViewVolume& volume, const VolumeChanges::Block& block,
                  std::size_t& most_bricks);
+  void ReserveTables(std::size_t tables);
   void MakeTable(std::uint64_t block);
   void DropTable(std::uint64_t block);
   void WriteRanges(const CellBlock& block, std::uint32_t table, const CellBricks& bricks) const;
