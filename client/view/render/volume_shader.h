@@ -10,6 +10,7 @@
 #include <array>
 #include <memory>
 #include <string>
+#include <utility>
 
 #include "client/view/render/brick_cache.h"
 #include "client/view/render/shader_program.h"
