@@ -17,6 +17,9 @@ namespace {
 // Far more than a daemon sends in a message.
 constexpr std::size_t kMostBricks = 4096;
 constexpr std::size_t kMostTiles = 65536;
+constexpr std::uint64_t kMostTileBricks = std::uint64_t{1} << 20;
+// Constant bricks that may lie idle.
+constexpr std::size_t kMostConstants = 4096;
 
 void Require(bool holds, const char* what) {
   if (holds) return;
@@ -51,11 +54,14 @@ void CheckPlaces(const VolumeBricks& bricks, std::uint64_t most) {
   Require(numbers.empty() || numbers.back() < most, "a brick outside of the volume");
   Require(bricks.bricks_left <= most, "more bricks to come than there are");
   std::uint64_t end = 0;
+  std::uint64_t tile_bricks = 0;
   for (const VolumeTile& tile : bricks.tiles) {
     const BrickRun& run = tile.bricks;
     Require(run.count > 0 && run.first >= end, "tiles that do not ascend");
     Require(run.first < most && run.count <= most - run.first, "a tile outside of the volume");
     end = run.end();
+    tile_bricks += run.count;
+    Require(tile_bricks <= kMostTileBricks, "too many bricks in tiles");
     const auto within = std::lower_bound(numbers.begin(), numbers.end(), run.first);
     Require(within == numbers.end() || *within >= end, "a brick within a tile");
   }
@@ -174,6 +180,9 @@ void VolumeMirror::Take(const VolumeComplete& complete) {
     throw Error(ErrorKind::kInternal,
                 "the copy of the volume is not that of the daemon at revision " +
                     std::to_string(complete.revision.volume_revision) + ": fetch it anew");
+  }
+  if (constants_.size() > kMostConstants) {
+    std::erase_if(constants_, [](const auto& held) { return held.second.use_count() == 1; });
   }
   resume_ = complete.revision;
   is_complete_ = true;

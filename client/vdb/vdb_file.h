@@ -4,8 +4,8 @@
 //
 // The grid's voxel (0,0,0) is the volume's. Its transform maps index to W (mm, LPS). Active are the
 // voxels that differ from the background; of a level set those of its band, which also differ from
-// the background's negative. Bricks of background are left out, bricks of another value are tiles:
-// memory and file take what the other bricks take.
+// the background's negative. Bricks of background are left out, bricks of another value are tiles.
+// Memory and file take what the other bricks take as int32 or float: 4 bytes per voxel.
 //
 // Threads: any. Errors: kConflict (the file exists), kInvalidArgument (no regular file: a folder, a
 // link), kNotFound (no such folder for the file), kPermissionDenied, kDiskFull.

@@ -14,10 +14,10 @@
 #include <string_view>
 #include <vector>
 
+#include "common/bricks/leaf_type.h"
 #include "common/error/error.h"
 #include "common/files/own_files.h"
 #include "common/geometry/geometry.h"
-#include "common/bricks/leaf_type.h"
 
 namespace palpate {
 

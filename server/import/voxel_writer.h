@@ -11,8 +11,8 @@
 #include <limits>
 #include <optional>
 
-#include "server/import/reporter.h"
 #include "common/bricks/leaf_type.h"
+#include "server/import/reporter.h"
 #include "server/volume/volume_metadata.h"
 
 namespace palpate {

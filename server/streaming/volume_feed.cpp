@@ -25,7 +25,7 @@ constexpr std::size_t kTilesPerMessage = 4096;
 constexpr std::uint64_t kTileBricksPerMessage = 65536;
 // Blocks in one message: 256 KiB, the means of 16 MiB of voxels.
 constexpr std::uint64_t kBlocksPerMessage = 65536;
-// Of 2^31 voxels. A sparse volume may have a far larger lattice, which no dense copy holds.
+// Of 2^28 voxels. A larger volume has no overview: it would be as large as many a volume.
 constexpr std::uint64_t kMostOverviewBlocks = std::uint64_t{1} << 22;
 
 std::uint32_t BitsOf(float value) { return std::bit_cast<std::uint32_t>(value); }
@@ -55,12 +55,20 @@ std::span<const std::byte> BytesOf(const Leaf& leaf) {
   });
 }
 
+// Also true for a leaf that an edit filled with one value.
+bool IsOneValue(const Leaf& leaf) {
+  if (leaf.is_constant()) return true;
+  const std::span<const std::byte> bytes = BytesOf(leaf);
+  const std::size_t voxel = VoxelBytes(leaf.type());
+  return std::memcmp(bytes.data(), bytes.data() + voxel, bytes.size() - voxel) == 0;
+}
+
 // Puts leaves into a message until it is full.
 class BrickPacker {
  public:
   // Returns false if the leaf needs another message.
   bool Add(std::uint64_t number, const Leaf& leaf) {
-    return leaf.is_constant() ? AddTile(number, leaf[0]) : AddBrick(number, leaf);
+    return IsOneValue(leaf) ? AddTile(number, leaf[0]) : AddBrick(number, leaf);
   }
   VolumeBricks Take() {
     if (!bricks_.numbers.empty()) bricks_.zstd_values = CompressBytes(voxels_);
@@ -242,7 +250,7 @@ VolumeEvent VolumeFeed::TakeLattice() {
       .background = metadata.is_level_set ? std::optional(metadata.value_max) : std::nullopt,
       .unit = metadata.unit,
       .loaded_revision = volume.loaded_revision(),
-      .type = volume.bricks().At(Vec3i::Zero())->type()};
+      .type = volume.bricks().made_type()};
 }
 
 void VolumeFeed::Select() {

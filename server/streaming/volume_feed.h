@@ -52,7 +52,7 @@ class VolumeFeed {
  public:
   using Clock = std::chrono::steady_clock;
 
-  // The most bricks in one message, besides tiles: 128 KiB of voxels.
+  // The most voxels in one message, besides tiles.
   static constexpr std::size_t kBytesPerMessage = std::size_t{128} << 10;
   // After a pause longer than this, the feed releases an old volume.
   static constexpr std::chrono::seconds kStall{2};

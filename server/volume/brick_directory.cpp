@@ -121,6 +121,7 @@ void BrickDirectory::Add(const Vec3i& block, const std::function<LeafPtr(const V
     at = leaf(brick);
     assert(at != nullptr);
     hash_ += hasher.Of(at, NumberOf(brick));
+    made_type_ = CommonType(made_type_, at->type());
     bytes_ += BytesAt(*at);
     if (at->is_constant() && constants->IsNew(at)) bytes_ += at->Bytes();
     if (!first) first = &at;

@@ -69,6 +69,10 @@ class BrickDirectory {
   // Numbers of the bricks that changed after `revision`, ascending.
   std::vector<std::uint64_t> ChangedSince(std::uint64_t revision) const;
 
+  // The smallest type that holds the leaves that the directory was made with. Leaves that With()
+  // puts there may have other types.
+  LeafType made_type() const { return made_type_; }
+
   const ContentHash& content_hash() const { return hash_; }
   // Heap memory of the leaves and the directory, as if this directory alone held them. A constant
   // leaf counts once if the directory was made with it, and not at all if With() put it there.
@@ -119,6 +123,7 @@ class BrickDirectory {
   Vec3i block_count_;
   std::vector<BlockPtr> blocks_;
   std::uint64_t least_revision_ = 1;  // no leaf's revision is lower
+  LeafType made_type_ = LeafType::kUint8;
   ContentHash hash_;
   std::uint64_t bytes_ = 0;
 };

@@ -6,8 +6,8 @@
 #include <cstdint>
 #include <functional>
 
-#include "server/volume/brick_directory.h"
 #include "common/bricks/leaf_type.h"
+#include "server/volume/brick_directory.h"
 #include "server/volume/volume_metadata.h"
 
 namespace palpate {

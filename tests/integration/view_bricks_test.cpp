@@ -109,8 +109,11 @@ TEST_F(BricksOnTheCard, AFloatAmongIntegersIsDrawnExactly) {
   std::vector<Vec3i> bricks;
   for (int n = 0; n < 5 * 5 * 7; ++n) bricks.push_back({n / 35, n / 7 % 5, n % 7});
   rig.volume.Take(testing::Edit(rig.volume, voxels, bricks, LeafType::kInt16));
-  EXPECT_EQ(rig.Cast(request), PictureOf(voxels, request));
+  // Bricks that were there stay: the next picture is whole at once.
+  EXPECT_TRUE(rig.cache.TakeUp(rig.volume, SIZE_MAX));
   EXPECT_EQ(rig.cache.atlas().type(), LeafType::kFloat);
+  EXPECT_EQ(rig.CastOnce(request), PictureOf(voxels, request));
+  EXPECT_EQ(rig.Cast(request), PictureOf(voxels, request));
   // From the start, too, and where the background is what the type does not hold.
   EXPECT_EQ(CastRig(voxels, {}, LeafType::kInt16).Cast(request), PictureOf(voxels, request));
   voxels.background = -0.5f;

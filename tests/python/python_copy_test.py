@@ -241,12 +241,17 @@ class Damage(unittest.TestCase):
                        lambda m: setattr(m, "zstd_values", m.zstd_values[:-1]),
                        lambda m: setattr(m, "zstd_values", b"\x28\xb5\x2f\xfd"),
                        lambda m: setattr(m, "voxel_type", volume_pb2.VOXEL_TYPE_UINT8),
-                       lambda m: setattr(m, "voxel_type", volume_pb2.VOXEL_TYPE_INT32),
-                       lambda m: m.ClearField("voxel_type")):
+                       lambda m: m.tiles.add(first_brick=2, bricks=2, value=1),
+                       lambda m: m.tiles.add(first_brick=5, bricks=1, value=1)):
             message = volume_stream_pb2.VolumeBricks()
             message.CopyFrom(good)
             change(message)
             self.refused(message)
+        for other in (volume_pb2.VOXEL_TYPE_INT32, volume_pb2.VOXEL_TYPE_UNSPECIFIED):
+            message.CopyFrom(good)
+            message.voxel_type = other
+            with self.assertRaises(palpate.FailedPrecondition):
+                self.copy.take(message)
         for numbers in ([5, 3], [3, 3], [3, 27], [3, HALF - 1]):
             self.refused(bricks_of(numbers, values))
         self.refused(bricks_of(range(4097), np.ones((4097, 512), np.int16)))

@@ -223,7 +223,13 @@ class Typed(FollowTest):
                 np.testing.assert_array_equal(copy.values, changed)
                 # The part far from it is of the same type.
                 np.testing.assert_array_equal(self.live[30:, 30:, 30:], changed[30:, 30:, 30:])
-                self.live.wait(self.other.edit.undo().volume_revision, PATIENCE_S)
+                # Who comes only now has the same type in the end.
+                with self.conn.volume.follow() as late:
+                    self.assertEqual(late.snapshot().dtype, changed.dtype)
+                    undo = self.other.edit.undo()
+                    late.wait(undo.volume_revision, PATIENCE_S)
+                    self.assertEqual(late.snapshot().dtype, values.dtype)
+                self.live.wait(undo.volume_revision, PATIENCE_S)
                 again = self.check()
                 self.assertEqual(again.dtype, values.dtype)
                 np.testing.assert_array_equal(again.values, values)

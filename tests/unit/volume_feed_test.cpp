@@ -29,6 +29,11 @@ struct Counts {
   std::uint64_t bricks = 0, tiles = 0;
 };
 
+// No brick has one value.
+float Varied(int i, int j, int k) {
+  return static_cast<float>((7 * i + 13 * j + 29 * k) % 64) / 64;
+}
+
 class VolumeFeedTest : public ::testing::Test {
  protected:
   void SetUp() override { LoadBall(); }
@@ -51,6 +56,13 @@ class VolumeFeedTest : public ::testing::Test {
   void Paint(const Vec3i& from, const Vec3i& end, float value) {
     data_.session().store().Edit([&](const auto& present) {
       return testing::PaintedBox(present->bricks(), from, end, [&] { return value; });
+    });
+    Keep();
+  }
+  void PaintNoise(const Vec3i& from, const Vec3i& end) {
+    data_.session().store().Edit([&](const auto& present) {
+      return testing::PaintedBox(present->bricks(), from, end,
+                                 [&] { return static_cast<float>(random_() % 1000) * 1e-3f; });
     });
     Keep();
   }
@@ -277,6 +289,30 @@ TEST_F(VolumeFeedTest, BricksComeInTheirOwnTypeAndRunsOfOneValueAsTiles) {
   ExpectNewest();
 }
 
+// What the type and the tiles of a volume are does not depend on who was there when.
+TEST_F(VolumeFeedTest, AnEditChangesNeitherTheTypeNorWhatIsATile) {
+  VolumeMetadata metadata;
+  metadata.size = {16, 16, 32};
+  metadata.source = "made";
+  Brick noise;
+  for (float& value : noise) value = static_cast<float>(random_() % 100);
+  data_.session().PublishVolume({}, metadata, BrickDirectory(metadata.size, [&](const Vec3i&) {
+                                  return Leaf::Of(LeafType::kInt16, noise);
+                                }));
+  Paint(Vec3i::Zero(), Vec3i(8, 8, 3), 0.5f);
+  Paint(Vec3i(8, 0, 0), Vec3i(16, 16, 32), 7.0f);
+  PassAllOfNew();
+  EXPECT_EQ(mirror_.lattice()->type, LeafType::kInt16);
+  EXPECT_EQ(mirror_.bricks().At(0)->type(), LeafType::kFloat);
+  EXPECT_EQ(counts_.bricks, 8u);
+  EXPECT_EQ(counts_.tiles, 1u);
+  // Back to background: nothing of it is sent.
+  Paint(Vec3i(8, 0, 0), Vec3i(16, 16, 32), 0.0f);
+  PassAllOfNew();
+  EXPECT_EQ(counts_.bricks, 8u);
+  EXPECT_EQ(counts_.tiles, 0u);
+}
+
 // A lattice of 2^30 voxels with one value in half of it: a tile per row at most, in few messages.
 TEST_F(VolumeFeedTest, ALargeInsideCostsAFewTiles) {
   VolumeMetadata metadata;
@@ -329,7 +365,7 @@ TEST_F(VolumeFeedTest, AnOverviewOfManyBlocksComesInPieces) {
 }
 
 TEST_F(VolumeFeedTest, NothingIsSentBeyondTheWindow) {
-  Load(Vec3i(64, 64, 64), [](int, int, int) { return 0.5f; });
+  Load(Vec3i(64, 64, 64), Varied);
   for (const std::uint64_t asked : {1, 3, 0}) {
     const std::uint64_t window = asked == 0 ? 4 : asked;  // as VolumeFeedOptions says
     VolumeFeed feed = MakeFeed({}, asked);
@@ -416,7 +452,7 @@ TEST_F(VolumeFeedTest, WhoReadsNothingHoldsAnOldVolumeForTwoSeconds) {
 // A message every three seconds, while somebody edits all the time: each belongs to a revision of
 // its own.
 TEST_F(VolumeFeedTest, WhoReadsVerySlowlyGetsThereAllTheSame) {
-  Load(Vec3i(128, 64, 64), [](int, int, int) { return 0.5f; });
+  Load(Vec3i(128, 64, 64), Varied);
   VolumeFeed feed = MakeFeed({}, 1);
   for (int round = 0; round < 2; ++round) {
     const int before = counts_.completes;
@@ -426,7 +462,7 @@ TEST_F(VolumeFeedTest, WhoReadsVerySlowlyGetsThereAllTheSame) {
     }
     EXPECT_EQ(counts_.completes, before + 1);
     // Now all of it is another, on top of a copy that is whole.
-    Paint(Vec3i::Zero(), Vec3i(128, 64, 64), 0.25f);
+    PaintNoise(Vec3i::Zero(), Vec3i(128, 64, 64));
   }
   EXPECT_EQ(counts_.lattices, 1);
   EXPECT_EQ(counts_.overviews, 1);
@@ -462,7 +498,7 @@ TEST_F(VolumeFeedTest, AnotherVolumeLetsGoOfTheOldOneAtOnce) {
 
 TEST_F(VolumeFeedTest, ATransferGivenUpLeavesNothingBehind) {
   // All bricks have values; half of the copy comes, and then all is cleared.
-  Load(Vec3i(64, 64, 64), [](int, int, int) { return 0.5f; });
+  Load(Vec3i(64, 64, 64), Varied);
   VolumeFeed feed = MakeFeed();
   while (counts_.bricks < 256) Pass(feed);
   Paint(Vec3i::Zero(), Vec3i(64, 64, 64), 0.0f);
@@ -476,7 +512,7 @@ TEST_F(VolumeFeedTest, ATransferGivenUpLeavesNothingBehind) {
 TEST_F(VolumeFeedTest, AResumedCopyGetsOnlyWhatChanged) {
   PassAllOfNew();
   for (const std::uint64_t changed : {2u, 0u}) {
-    if (changed > 0) Paint(Vec3i(8, 8, 8), Vec3i(16, 16, 24), 0.25f);
+    if (changed > 0) PaintNoise(Vec3i(8, 8, 8), Vec3i(16, 16, 24));
     PassAllOfNew(mirror_.resume());
     EXPECT_EQ(counts_.lattices, 0);
     EXPECT_EQ(counts_.placements, 1);
@@ -529,7 +565,7 @@ TEST_F(VolumeFeedTest, BricksComeWhileTheVolumeIsMovedAllTheTime) {
 TEST_F(VolumeFeedTest, NegativeZeroIsNoBackground) {
   Load(Vec3i(16, 16, 16), [](int i, int, int) { return i < 8 ? -0.0f : 0.0f; });
   PassAllOfNew();
-  EXPECT_EQ(counts_.bricks, 4u);
+  EXPECT_EQ(counts_.tiles, 1u);
 }
 
 }  // namespace

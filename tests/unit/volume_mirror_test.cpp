@@ -164,7 +164,9 @@ TEST(VolumeMirror, ALatticeTakesTheMemoryOfItsBricks) {
   VolumeMirror mirror;
   mirror.Apply(lattice);
   const std::uint64_t plane = 512 * 512;
-  mirror.Apply(Tiles({{{8 * plane, 16 * plane}, 3.0f}}));
+  for (const std::uint64_t first : {8, 12, 16, 20}) {
+    mirror.Apply(Tiles({{{first * plane, 4 * plane}, 3.0f}}));
+  }
   mirror.Apply(Bricks({5}, 2.0f));
   EXPECT_EQ(mirror.bricks().Value(0, 0, 40), 2.0f);
   EXPECT_EQ(mirror.bricks().Value(64, 4095, 0), 3.0f);
@@ -264,6 +266,11 @@ TEST(VolumeMirror, RefusesWhatMakesNoSense) {
            {0, 0}, {6, 1}, {5, 2}, {0, 7}, {~std::uint64_t{0}, 1}, {3, ~std::uint64_t{0}}}) {
     ExpectRefused(Begun(), Tiles({{bad, 1.0f}}));
   }
+  VolumeLattice large = Lattice();
+  large.size = Vec3i::Constant(2048);
+  VolumeMirror filled;
+  filled.Apply(large);
+  ExpectRefused(std::move(filled), Tiles({{{0, 1 << 19}, 1.0f}, {{1 << 20, (1 << 19) + 1}, 1.0f}}));
   ExpectRefused(Begun(), Tiles({{{2, 2}, 1.0f}, {{3, 1}, 1.0f}}));
   ExpectRefused(Begun(), Tiles({{{2, 2}, 1.0f}, {{1, 1}, 1.0f}}));
   VolumeBricks within = Bricks({1, 4});

@@ -11,7 +11,7 @@ import zstandard
 
 from palpate._brick_pool import BRICK_VOXELS
 from palpate._bricks import TYPES, Bricks, Numbers
-from palpate._errors import Internal
+from palpate._errors import FailedPrecondition, Internal
 from palpate._geometry import array_of_vector, matrix_of_map
 from palpate._link import AcknowledgedCall, Link
 from palpate._progress import Progress, tell
@@ -19,8 +19,10 @@ from palpate._voxels import Volume, Voxels
 from palpate.v1 import volume_pb2, volume_stream_pb2, voxel_type_pb2
 
 _MAX_UNACKNOWLEDGED = 8
-# The contract says 64 bricks. A later daemon may send more, but this is the limit.
+# Far more than a daemon sends in a message.
 _MOST_BRICKS = 4096
+_MOST_TILES = 1 << 16
+_MOST_TILE_BRICKS = 1 << 20
 # Bricks of tiles taken at a time, to keep memory small.
 _TILE_BATCH = 1 << 15
 
@@ -30,7 +32,9 @@ _TYPE_OF = dict(zip((voxel_type_pb2.VOXEL_TYPE_UINT8, voxel_type_pb2.VOXEL_TYPE_
 
 def _dtype_of(voxel_type: voxel_type_pb2.VoxelType) -> np.dtype[typing.Any]:
     if voxel_type not in _TYPE_OF:
-        raise ValueError(f"voxels of the unknown type {voxel_type}")
+        raise FailedPrecondition(
+            "palpated sent voxels of a type that this version of the package does not know: install "
+            "the package of palpated's version ('palpated --version')")
     return _TYPE_OF[voxel_type]
 
 
@@ -53,10 +57,12 @@ class VolumeCopy:
 
     def take(self, message: volume_stream_pb2.VolumeBricks) -> None:
         """Takes bricks and tiles. complete() shows them."""
+        # Checked before anything changes.
+        bricks = self._bricks_of(message) if message.brick_numbers else None
         for numbers, value in self._tiles_of(message):
             self._bricks.fill(numbers, value)
-        if message.brick_numbers:
-            self._bricks.put(*self._bricks_of(message))
+        if bricks is not None:
+            self._bricks.put(*bricks)
 
     def _bricks_of(self, message: volume_stream_pb2.VolumeBricks) -> tuple[Numbers, Voxels]:
         if len(message.brick_numbers) > _MOST_BRICKS:
@@ -64,6 +70,12 @@ class VolumeCopy:
         numbers = np.array(message.brick_numbers, np.uint64)
         if (numbers[1:] <= numbers[:-1]).any() or numbers[-1] >= self.brick_count:
             raise ValueError("bricks outside of the volume, or out of order")
+        if message.tiles:
+            firsts = np.array([tile.first_brick for tile in message.tiles], np.uint64)
+            ends = firsts + np.array([tile.bricks for tile in message.tiles], np.uint64)
+            before = np.searchsorted(firsts, numbers, side="right")
+            if (numbers[before > 0] < ends[before[before > 0] - 1]).any():
+                raise ValueError("a brick within a tile")
         dtype = _dtype_of(message.voxel_type)
         wanted = len(numbers) * BRICK_VOXELS * dtype.itemsize
         # zstd allocates the size in its own header, so that size must be the same as ours.
@@ -77,6 +89,9 @@ class VolumeCopy:
         """Yields bricks and their values, in parts."""
         if not message.tiles:
             return
+        if len(message.tiles) > _MOST_TILES or (
+                sum(tile.bricks for tile in message.tiles) > _MOST_TILE_BRICKS):
+            raise ValueError("too many bricks in tiles")
         end = 0
         for tile in message.tiles:
             if not end <= tile.first_brick < tile.first_brick + tile.bricks <= self.brick_count:
@@ -94,8 +109,8 @@ class VolumeCopy:
     def complete(self, complete: volume_stream_pb2.VolumeComplete,
                  device_from_index: npt.NDArray[np.float64]) -> Volume:
         """Returns the volume of this revision. Checks first that it equals the daemon's."""
-        sums = self._bricks.hash + np.array((complete.background_hash_high, complete.background_hash_low),
-                                     np.uint64)
+        background_hash = complete.background_hash_high, complete.background_hash_low
+        sums = self._bricks.hash + np.array(background_hash, np.uint64)
         if sums.tolist() != [complete.content_hash_high, complete.content_hash_low]:
             raise ValueError("the voxels are not the daemon's")
         self._complete = self._bricks.share()

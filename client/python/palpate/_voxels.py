@@ -119,7 +119,7 @@ class Volume:
         """Returns an openvdb.FloatGrid, with index and world coordinates as here.
 
         tiles() are its tiles. It is a level set if the volume is one. Voxels equal to the
-        background are inactive, and so are the tiles of a level set.
+        background are inactive. Of a level set, only the voxels of its band are active.
         Errors: FailedPrecondition (pyopenvdb is not installed).
         Example: pyopenvdb.write("head.vdb", conn.volume.download().to_openvdb())
         """

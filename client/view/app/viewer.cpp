@@ -74,7 +74,7 @@ void Viewer::Update(std::chrono::milliseconds brick_time) {
   brush_.Follow(feed_.volume(), feed_.losses());
   if (feed_.connection().state != client::ConnectionState::kConnected) stroke_.BreakOff();
   BeginVolumeIfNew();
-  if (!awaits_whole_ || feed_.volume().bricks_left() == 0) TakeUp(brick_time);
+  TakeUp(brick_time);
   FollowSettings();
   FollowProxy();
 }
@@ -89,7 +89,8 @@ bool Viewer::complete() const {
 std::string Viewer::memory_problem() const {
   if (!renderer_.is_full()) return {};
   return fmt::format(
-      "coarser where far: {} MiB of graphics memory are full (--graphics-memory-mib)",
+      "coarser where far, small parts may be missing: {} MiB of graphics memory are full "
+      "(--graphics-memory-mib)",
       options_.graphics_memory_mib);
 }
 

@@ -89,7 +89,10 @@ class Viewer {
   // Always draws all pixels and all bricks.
   void DrawFine(const ImageSize& size);
   // For pictures that are kept: always all pixels, and only of a complete volume.
-  void AwaitWhole() { awaits_whole_ = true; }
+  void AwaitWhole() {
+    awaits_whole_ = true;
+    feed_.AwaitWhole();
+  }
   // Returns the surface under a point of the view, which has the size `size`, in D.
   std::optional<Vec3> SurfaceAt(double x_px, double y_px, const ImageSize& size) const;
 

@@ -164,6 +164,18 @@ client::ClientOptions Follow(const client::ServerChoice& server, PoseInbox& inbo
 
 }  // namespace
 
+// As if `newer` had come together with the updates before it.
+void Merge(client::VolumeUpdate&& newer, std::optional<client::VolumeUpdate>& waiting) {
+  if (!waiting || newer.all) {
+    waiting = std::move(newer);
+    return;
+  }
+  newer.all = waiting->all;
+  newer.changed.insert(newer.changed.end(), waiting->changed.begin(), waiting->changed.end());
+  Join(newer.changed);
+  waiting = std::move(newer);
+}
+
 // One connection and everything that uses it.
 struct LiveFeed::Line {
   Line(const client::ServerChoice& server, std::atomic<std::uint64_t>& losses)
@@ -199,6 +211,8 @@ struct LiveFeed::Parts {
   bool was_connected = false;
   std::optional<client::Settings> settings;
   ViewVolume volume;
+  bool awaits_whole = false;
+  std::optional<client::VolumeUpdate> waiting;  // that the volume has not taken
   PlotHistory plots;
 };
 
@@ -213,11 +227,14 @@ void LiveFeed::Connect(const client::ServerChoice& server) {
   client::VolumeUpdate nothing;
   nothing.all = true;
   p.volume.Take(nothing);
+  p.waiting.reset();
   p.pose.reset();
   p.settings.reset();
   p.plots = {};
   p.was_connected = false;
 }
+
+void LiveFeed::AwaitWhole() { parts_->awaits_whole = true; }
 
 void LiveFeed::Disconnect() {
   parts_->line->client.Disconnect();
@@ -254,7 +271,10 @@ void LiveFeed::Poll() {
   p.was_connected = connected;
   p.line->emergency_stop.Follow(state);
   p.settings = p.line->client.NewestSettings();
-  if (const auto update = p.line->client.TakeVolumeUpdate()) p.volume.Take(*update);
+  if (auto update = p.line->client.TakeVolumeUpdate()) Merge(*std::move(update), p.waiting);
+  if (p.waiting && (!p.awaits_whole || p.waiting->complete || !p.waiting->lattice)) {
+    p.volume.Take(*std::exchange(p.waiting, std::nullopt));
+  }
   p.polled_at = Clock::now();
 }
 

@@ -37,6 +37,8 @@ class LiveFeed {
 
   // Takes what came since the last call. Does not wait.
   void Poll();
+  // From now on Poll takes the volume only when it is complete: volume() is never half of an edit.
+  void AwaitWhole();
 
   client::Connection connection() const;
   // The number of losses so far, including those between two calls of Poll.

@@ -100,7 +100,10 @@ bool BrickCache::TakeUp(ViewVolume& volume, std::size_t most_bricks) {
       slots_[entry] = NewSlot(entry);
       changed_entries_.push_back(entry);
     }
-    if (!Flush(volume)) BeginAnewWithFloats(volume);
+    if (!Flush(volume)) {
+      TurnIntoFloats();
+      Flush(volume);
+    }
   } catch (const Error&) {
     Release();
     throw;
@@ -136,13 +139,34 @@ void BrickCache::Begin(const ViewVolume& volume, LeafType type) {
   card_blocks_.Write(0, blocks, blocks_.data());
 }
 
-// The atlas is only a cache: if its type does not hold a value, it is filled again.
-void BrickCache::BeginAnewWithFloats(const ViewVolume& volume) {
-  Begin(volume, LeafType::kFloat);
-  std::vector<VolumeChanges::Block> all(volume.cell_blocks().size());
-  for (std::size_t n = 0; n < all.size(); ++n) all[n].number = n;
-  TakeBlocks(volume, all, 0);
-  Flush(volume);
+// The atlas's type does not hold a value: all slots become those of floats. Fine bricks stay as far
+// as there is memory.
+void BrickCache::TurnIntoFloats() {
+  std::vector<std::uint32_t> fine;
+  for (const std::uint64_t owner : owners_) {
+    if (owner != kNobody && IsFine(owner)) fine.push_back(static_cast<std::uint32_t>(owner));
+  }
+  for (const std::uint32_t entry : fine) slots_[entry] = kNone;
+  changed_entries_.insert(changed_entries_.end(), fine.begin(), fine.end());
+  owners_.clear();
+  wanted_at_.clear();
+  free_slots_.clear();
+  pending_.clear();
+  most_slots_ = SIZE_MAX;
+  if (!atlas_.Allocate(LeafType::kFloat, BrickAtlas::kRow)) Refuse(size_);
+  MakeRoom(coarse_slots_, true);
+  MakeRoom(coarse_slots_ + fine.size(), false);
+  for (std::size_t n = 0; n < blocks_.size(); ++n) {
+    if (blocks_[n].table == kNone) continue;
+    blocks_[n].coarse = NewSlot(kCoarse | blocks_[n].table);
+    changed_blocks_.push_back(n);
+  }
+  for (const std::uint32_t entry : fine) {
+    if (free_slots_.empty()) break;
+    slots_[entry] = NewSlot(entry);
+  }
+  is_plan_due_ = true;
+  ++content_version_;
 }
 
 // --- Blocks

@@ -101,7 +101,7 @@ class BrickCache {
   };
 
   void Begin(const ViewVolume& volume, LeafType type);
-  void BeginAnewWithFloats(const ViewVolume& volume);
+  void TurnIntoFloats();
   void Release();
   void TakeUpPlacement(const ViewVolume& volume);
 

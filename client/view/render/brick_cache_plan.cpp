@@ -42,7 +42,9 @@ std::size_t BrickCache::EndPicture(int number, Marks marks, const std::optional<
       wanted[n] |= picture.wanted[n];
     }
   }
-  if (marks == Marks::kNewView) exchanges_ = 0;
+  // Slices move all the time, and what they want is nearest: far bricks must not make room for them
+  // again and again.
+  if (marks == Marks::kNewView && number == kSurface) exchanges_ = 0;
   picture.wanted = std::move(wanted);
   ++picture_number_;
   std::size_t missing = 0;
