@@ -230,7 +230,7 @@ class Damage(unittest.TestCase):
                            volume_pb2.VOXEL_TYPE_FLOAT64, 77):
             lattice = lattice_of((8, 8, 8), "u1")
             lattice.voxel_type = voxel_type
-            with self.assertRaises(ValueError):
+            with self.assertRaises(palpate.FailedPrecondition):
                 VolumeCopy(lattice)
 
     def test_bricks_that_make_no_sense(self):

@@ -334,10 +334,10 @@ TEST_F(VolumeFeedTest, ALargeInsideCostsAFewTiles) {
   EXPECT_TRUE(mirror_.bricks().Only(Vec3i(7, 15, 15)));
 }
 
-// A sparse lattice of 2^33 voxels: its overview would be 64 MB.
+// A sparse lattice of 2^30 voxels: its overview would be 64 MB.
 TEST_F(VolumeFeedTest, AHugeLatticeHasNoOverview) {
   VolumeMetadata metadata;
-  metadata.size = {2048, 2048, 2048};
+  metadata.size = {1024, 1024, 1024};
   metadata.source = "made";
   const LeafPtr far = Leaf::Constant(LeafType::kFloat, 0.0f), near = testing::FilledLeaf(1.0f);
   data_.session().PublishVolume({}, metadata,

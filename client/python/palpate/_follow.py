@@ -283,7 +283,7 @@ class LiveVolume:
         volume_revision: such as EditResult.volume_revision; 0: any. timeout_s: in seconds; None:
         no limit, also while the daemon is away.
         Errors: InvalidArgument, Unavailable (closed, or not within timeout_s), PermissionDenied,
-        TooLarge (more than 2³⁶ voxels).
+        TooLarge (more than 2³⁶ voxels), FailedPrecondition (palpated of another version).
         Example: live.wait(conn.edit.undo().volume_revision, timeout_s=10)
         """
         follower = self._follower
