@@ -259,6 +259,11 @@ LiveFeed::~LiveFeed() = default;
 
 void LiveFeed::Poll() {
   Parts& p = *parts_;
+  // First: a large volume takes seconds, after which the pose must be fresh.
+  if (auto update = p.line->client.TakeVolumeUpdate()) Merge(*std::move(update), p.waiting);
+  if (p.waiting && (!p.awaits_whole || p.waiting->complete || !p.waiting->lattice)) {
+    p.volume.Take(*std::exchange(p.waiting, std::nullopt));
+  }
   for (const PoseInbox::Arrived& arrived : p.line->inbox.Take()) {
     p.pose = arrived.pose;
     p.pose_came = Clock::now();
@@ -271,10 +276,6 @@ void LiveFeed::Poll() {
   p.was_connected = connected;
   p.line->emergency_stop.Follow(state);
   p.settings = p.line->client.NewestSettings();
-  if (auto update = p.line->client.TakeVolumeUpdate()) Merge(*std::move(update), p.waiting);
-  if (p.waiting && (!p.awaits_whole || p.waiting->complete || !p.waiting->lattice)) {
-    p.volume.Take(*std::exchange(p.waiting, std::nullopt));
-  }
   p.polled_at = Clock::now();
 }
 
