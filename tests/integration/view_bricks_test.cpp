@@ -105,7 +105,8 @@ TEST_F(BricksOnTheCard, AFloatAmongIntegersIsDrawnExactly) {
   const CastRequest request = RequestFor(voxels, 100.5);
   CastRig rig(voxels, {}, LeafType::kInt16);
   rig.Cast(request);
-  for (int n = 0; n < 3; ++n) voxels.values[static_cast<std::size_t>(30000 + 7 * n)] = 150.25f;
+  // Fractions, with the same surface through the same bricks.
+  for (float& value : voxels.values) value = 100.5f + 1.5f * (value - 100.5f);
   std::vector<Vec3i> bricks;
   for (int n = 0; n < 5 * 5 * 7; ++n) bricks.push_back({n / 35, n / 7 % 5, n % 7});
   rig.volume.Take(testing::Edit(rig.volume, voxels, bricks, LeafType::kInt16));
