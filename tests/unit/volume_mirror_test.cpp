@@ -1,19 +1,16 @@
-// The copy of a client: messages that make no sense, damage, what changed; and reconnecting.
+// The copy of a client: messages that make no sense, damage, what changed.
 #include <gtest/gtest.h>
 #include <malloc.h>
 
 #include <atomic>
 #include <cmath>
-#include <cstring>
 #include <limits>
 #include <memory>
 #include <optional>
 #include <random>
-#include <set>
 #include <thread>
 #include <vector>
 
-#include "client/sdk/backoff.h"
 #include "client/sdk/volume_copy.h"
 #include "client/sdk/volume_mirror.h"
 #include "common/bricks/zstd_codec.h"
@@ -325,29 +322,6 @@ TEST(VolumeMirror, ACopyThatIsNotEqualIsNotComplete) {
   changed().Apply(Complete({-5, 2, -5, -5, -5, -5}));
 }
 
-TEST(ZstdCodec, RoundTripsAnyBits) {
-  const float nan = std::numeric_limits<float>::quiet_NaN();
-  const float infinity = std::numeric_limits<float>::infinity();
-  for (const std::vector<float>& values :
-       {std::vector<float>{}, {0.0f}, {-0.0f, nan, -infinity, 1e-42f}, std::vector<float>(99999)}) {
-    const std::string bytes = Compress(std::span<const float>(values));
-    ASSERT_EQ(CountValues(bytes, sizeof(float), values.size()), values.size());
-    std::vector<float> back(values.size(), 7.0f);
-    Decompress(bytes, std::span(back));
-    if (values.empty()) continue;
-    EXPECT_EQ(std::memcmp(back.data(), values.data(), values.size() * sizeof(float)), 0);
-    EXPECT_EQ(Refusal([&] { CountValues(bytes, sizeof(float), values.size() - 1); }),
-              ErrorKind::kInvalidArgument);
-    back.resize(values.size() - 1);
-    EXPECT_EQ(Refusal([&] { Decompress(bytes, std::span(back)); }), ErrorKind::kInvalidArgument);
-    back.resize(values.size() + 1);
-    EXPECT_EQ(Refusal([&] { Decompress(bytes, std::span(back)); }), ErrorKind::kInvalidArgument);
-    EXPECT_EQ(Refusal([&] { Decompress(bytes.substr(0, bytes.size() / 2), std::span(back)); }),
-              ErrorKind::kInvalidArgument);
-  }
-  EXPECT_EQ(Refusal([&] { CountValues("", sizeof(float), 8); }), ErrorKind::kInvalidArgument);
-}
-
 constexpr int kCopySize = 40;
 
 VolumeLattice CubeLattice(int edge = kCopySize) {
@@ -480,34 +454,6 @@ TEST_F(VolumeCopyTest, WhatIsTakenAddsUpWhileItChanges) {
   for (std::uint64_t n = 0; n < viewer.bricks.size(); ++n) {
     ASSERT_EQ(viewer.bricks[n]->Floats(), mirror_.bricks().At(n)->Floats()) << n;
   }
-}
-
-TEST(Backoff, DoublesUpToTheLongestAndBeginsAnewAfterASuccess) {
-  for (std::uint64_t seed = 0; seed < 1000; ++seed) {
-    Backoff backoff(seed);
-    for (const int longest_ms : {100, 200, 400, 800, 1600, 3200, 5000, 5000, 5000}) {
-      const auto pause_ms = backoff.Next().count();
-      EXPECT_LE(pause_ms, longest_ms);
-      EXPECT_GT(pause_ms, longest_ms / 2);
-    }
-    for (int n = 0; n < 100; ++n) {
-      const auto pause = backoff.Next();
-      ASSERT_LE(pause, Backoff::kLongest);
-      ASSERT_GT(pause, Backoff::kLongest / 2);
-    }
-    backoff.Reset();
-    EXPECT_LE(backoff.Next(), Backoff::kFirst);
-  }
-}
-
-TEST(Backoff, ManyClientsDoNotComeBackAtOnce) {
-  std::set<std::int64_t> pauses_ms;
-  for (std::uint64_t seed = 0; seed < 200; ++seed) {
-    Backoff backoff(seed);
-    for (int n = 0; n < 8; ++n) backoff.Next();
-    pauses_ms.insert(backoff.Next().count());
-  }
-  EXPECT_GT(pauses_ms.size(), 150u);
 }
 
 }  // namespace
