@@ -1,0 +1,108 @@
+// The page draws the same surface as palpate-view: the two agree which pixels it covers, and how
+// far it is.
+import assert from "node:assert/strict";
+import { readFileSync } from "node:fs";
+import path from "node:path";
+import { test } from "node:test";
+
+import { Room, awaitPage, awaitWhole, dataFile, runToEnd, testPrograms } from "./support.mjs";
+
+const SAME_VOXELS = 0.05;
+
+// The page's and the viewer's distances in mm of one view.
+async function bothPictures(room, tab, view) {
+  await tab.evaluate((wanted) => window.palpate.setView(wanted), view);
+  await awaitPage(tab, "p.isFine()");
+  const seen = await tab.evaluate(() => {
+    const { state, distances } = window.palpate;
+    const canvas = document.querySelector("canvas#view");
+    const { azimuthDeg, elevationDeg, distanceMm, target } = state.view;
+    const bytes = new Uint8Array(distances().buffer);
+    let text = "";
+    for (let n = 0; n < bytes.length; n += 8192) {
+      text += String.fromCharCode(...bytes.subarray(n, n + 8192));
+    }
+    return {
+      size: [canvas.width, canvas.height],
+      camera: [azimuthDeg, elevationDeg, distanceMm, ...target],
+      distances: btoa(text),
+    };
+  });
+  const out = path.join(room.folder, "viewer.bin");
+  const numbers = [...seen.size, ...seen.camera].map(String);
+  await runToEnd(path.join(testPrograms, "view_distances"), [room.socket, ...numbers, out]);
+  const [width, height] = seen.size;
+  const bytes = readFileSync(out);
+  return {
+    width,
+    height,
+    page: new Float32Array(Uint8Array.from(Buffer.from(seen.distances, "base64")).buffer),
+    viewer: new Float32Array(bytes.buffer.slice(bytes.byteOffset, bytes.byteOffset + 4 * width * height)),
+  };
+}
+
+// True if `hits` has within one pixel of (x, y) both a pixel that is hit and one that is not.
+function isOutline(hits, width, height, x, y) {
+  let some = false;
+  let all = true;
+  for (let b = Math.max(0, y - 1); b <= Math.min(height - 1, y + 1); ++b) {
+    for (let a = Math.max(0, x - 1); a <= Math.min(width - 1, x + 1); ++a) {
+      const hit = Number.isFinite(hits[b * width + a]);
+      some ||= hit;
+      all &&= hit;
+    }
+  }
+  return some && !all;
+}
+
+// `mmPerVoxel`: the shortest edge of a voxel.
+function compare({ width, height, page, viewer }, mmPerVoxel) {
+  assert.equal(page.length, width * height);
+  const result = { hits: 0, worst: 0, apart: 0, outlines: 0 };
+  for (let y = 0; y < height; ++y) {
+    for (let x = 0; x < width; ++x) {
+      const a = page[y * width + x];
+      const b = viewer[y * width + x];
+      if (Number.isFinite(a) !== Number.isFinite(b)) {
+        ++result.outlines;
+        if (!isOutline(viewer, width, height, x, y)) ++result.apart;
+      } else if (Number.isFinite(a)) {
+        ++result.hits;
+        result.worst = Math.max(result.worst, Math.abs(a - b) / mmPerVoxel);
+      }
+    }
+  }
+  return result;
+}
+
+async function voxelEdge(tab) {
+  const map = await tab.evaluate(() => window.palpate.state.placement.device_from_index);
+  const edges = [0, 1, 2].map((axis) => Math.hypot(map[axis], map[axis + 4], map[axis + 8]));
+  return Math.min(...edges);
+}
+
+const CASES = [
+  ["the CT head", "paper/SUBST_head_ct_cranium_256x256x108_int16.nrrd"],
+  ["the lobster", "paper/lobster_301x324x56_uint8.nhdr"],
+];
+
+for (const [name, file] of CASES) {
+  const volume = dataFile(file);
+  test(`${name} looks as in palpate-view`, { skip: volume ? false : `no ${file}` }, async (t) => {
+    const room = new Room();
+    t.after(() => room.end());
+    await room.startDaemon(volume);
+    await room.startGateway();
+    const tab = await room.openBrowser({ width: 900, height: 420 });
+    await awaitWhole(tab);
+    const edge = await voxelEdge(tab);
+    for (const view of [{ azimuthDeg: 30, elevationDeg: 20 }, { azimuthDeg: -100, elevationDeg: -35 }]) {
+      const result = compare(await bothPictures(room, tab, view), edge);
+      t.diagnostic(`${name}: ${JSON.stringify(result)}`);
+      assert.ok(result.hits > 2000, "the surface is seen");
+      assert.equal(result.apart, 0, "silhouettes within one pixel");
+      assert.ok(result.worst <= SAME_VOXELS, `depths differ by ${result.worst} voxels`);
+    }
+    assert.deepEqual(tab.problems, []);
+  });
+}

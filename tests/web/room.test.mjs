@@ -1,0 +1,216 @@
+// Guests in a room: the page's copy is the daemon's volume, and the page comes back by itself.
+import assert from "node:assert/strict";
+import { spawn } from "node:child_process";
+import { createConnection, createServer } from "node:net";
+import path from "node:path";
+import { test } from "node:test";
+
+import { Room, awaitPage, awaitWhole, freePort, sleep, until } from "./support.mjs";
+
+const TYPES = { uint8: "u1", int16: "<i2", uint16: "<u2", float32: "<f4" };
+const HASH = path.join(import.meta.dirname ?? path.dirname(new URL(import.meta.url).pathname), "content_hash.py");
+
+function contentHash({ type, size, background, voxels }) {
+  return new Promise((done, fail) => {
+    const program = spawn("/usr/bin/python3", [HASH, TYPES[type], ...size.map(String), String(background)]);
+    let text = "";
+    program.stdout.on("data", (part) => (text += part));
+    program.stderr.on("data", (part) => (text += part));
+    program.on("exit", (code) => (code === 0 ? done(text.trim()) : fail(new Error(text))));
+    program.stdin.end(voxels);
+  });
+}
+
+// Keeps the voxels of every manifest that the page shows from now on.
+function keepCopies(tab) {
+  return tab.evaluate(() => {
+    const { copy, onShown } = window.palpate;
+    window.kept = [];
+    const keep = () => {
+      const [ni, nj, nk] = copy.shape.size;
+      const kinds = { uint8: Uint8Array, int16: Int16Array, uint16: Uint16Array, float32: Float32Array };
+      const voxels = new kinds[copy.shape.type](ni * nj * nk);
+      let n = 0;
+      for (let i = 0; i < ni; ++i) {
+        for (let j = 0; j < nj; ++j) for (let k = 0; k < nk; ++k) voxels[n++] = copy.value(i, j, k);
+      }
+      window.kept.push({
+        revision: copy.revision, hash: copy.contentHash, type: copy.shape.type,
+        size: copy.shape.size, background: copy.shape.background, voxels,
+      });
+    };
+    onShown(keep);
+    keep();
+  });
+}
+
+async function keptCopies(tab) {
+  const kept = await tab.evaluate(() =>
+    window.kept.map(({ voxels, ...rest }) => {
+      const bytes = new Uint8Array(voxels.buffer);
+      let text = "";
+      for (let n = 0; n < bytes.length; n += 8192) text += String.fromCharCode(...bytes.subarray(n, n + 8192));
+      return { ...rest, voxels: btoa(text) };
+    }),
+  );
+  return kept.map((one) => ({ ...one, voxels: Buffer.from(one.voxels, "base64") }));
+}
+
+test("the copy equals the daemon's volume at each manifest that is shown", async (t) => {
+  const room = new Room();
+  t.after(() => room.end());
+  await room.startDaemon("builtin:gyroid:70");
+  await room.startGateway();
+  const tab = await room.openBrowser({ width: 500, height: 400 });
+  await awaitWhole(tab);
+  await keepCopies(tab);
+  let edits = 0;
+  for (; edits < 40; ++edits) {
+    const at = `${10 + edits},${60 - edits},${20 + (edits % 7)}`;
+    await room.palpate("edit", "sphere", "--center-voxels", at, "--radius-voxels", "6", "--add", "0.25");
+  }
+  for (let n = 0; n < 5; ++n) await room.palpate("undo");
+  const info = JSON.parse(await room.palpate("info", "--json"));
+  await awaitPage(tab, `p.copy.revision === ${info.volume.volume_revision}`);
+  const kept = await keptCopies(tab);
+  assert.ok(kept.length > 5, `${kept.length} manifests were shown`);
+  for (const copy of kept) assert.equal(await contentHash(copy), copy.hash, `revision ${copy.revision}`);
+  t.diagnostic(`${edits} edits, ${kept.length} manifests shown, all equal`);
+});
+
+const events = (tab) => tab.evaluate(() => window.palpate.state.events.join("\n"));
+const revisionOfSettings = (tab) => tab.evaluate(() => window.palpate.state.settings.revision);
+const awaitLive = (tab) =>
+  awaitPage(tab, "p.state.link === 'open' && p.state.connection?.state === 'connected' && p.state.pose?.fresh");
+
+test("the gateway is killed and comes back: the page follows without a reload", async (t) => {
+  const room = new Room();
+  t.after(() => room.end());
+  await room.startDaemon("builtin:bumps:48");
+  await room.startGateway();
+  const tab = await room.openBrowser({ width: 500, height: 400 });
+  await awaitWhole(tab);
+  await tab.evaluate(() => (window.isTheSamePage = true));
+  await room.gateway.end("SIGKILL");
+  await awaitPage(tab, "p.state.link === 'lost'");
+  await room.palpate("set", "isovalue", "0.3");
+  await room.startGateway();
+  await awaitLive(tab);
+  await awaitPage(tab, "Math.abs(p.state.settings.values.isovalue - 0.3) < 1e-6");
+  assert.equal(await tab.evaluate(() => window.isTheSamePage), true);
+  assert.match(await events(tab), /lost/i);
+  assert.match(await events(tab), /isovalue/i);
+});
+
+test("palpated is killed and comes back with another volume: the page says so and shows it", async (t) => {
+  const room = new Room();
+  t.after(() => room.end());
+  await room.startDaemon("builtin:bumps:48");
+  await room.startGateway();
+  const tab = await room.openBrowser({ width: 500, height: 400 });
+  await awaitWhole(tab);
+  await tab.evaluate(() => (window.isTheSamePage = true));
+  await room.daemon.end("SIGKILL");
+  await awaitPage(tab, "p.state.connection.state === 'lost'");
+  assert.equal(await tab.evaluate(() => window.palpate.state.link), "open");
+  await room.startDaemon("builtin:sphere:40");
+  await awaitLive(tab);
+  await awaitPage(tab, "p.copy.shape.size[0] === 40 && p.copy.groupsLeft === 0");
+  assert.equal(await tab.evaluate(() => window.isTheSamePage), true);
+  assert.match(await events(tab), /palpated/i);
+});
+
+// Forwards a port, until it is frozen: then nothing passes and nothing is refused, as when a cable
+// is pulled.
+class Cable {
+  async begin(to) {
+    this.sockets = new Set();
+    this.frozen = false;
+    this.port = await freePort();
+    this.server = createServer((near) => {
+      const far = createConnection(to, "127.0.0.1");
+      for (const [one, other] of [[near, far], [far, near]]) {
+        this.sockets.add(one);
+        one.on("data", (bytes) => this.frozen || other.write(bytes));
+        one.on("close", () => this.frozen || other.destroy()).on("error", () => {});
+      }
+    });
+    await new Promise((done) => this.server.listen(this.port, "127.0.0.1", done));
+  }
+  end() {
+    for (const socket of this.sockets) socket.destroy();
+    this.server.close();
+  }
+}
+
+test("the network is gone for 10 s: the page says it is old, and comes back", async (t) => {
+  const room = new Room();
+  const cable = new Cable();
+  t.after(async () => {
+    cable.end();
+    await room.end();
+  });
+  await room.startDaemon("builtin:bumps:48");
+  room.port = await freePort();
+  await cable.begin(room.port);
+  await room.startGateway("", "--public-url", `http://localhost:${cable.port}`);
+  const tab = await room.openBrowser({ width: 500, height: 400 });
+  await awaitWhole(tab);
+  await tab.evaluate(() => (window.isTheSamePage = true));
+  cable.frozen = true;
+  await awaitPage(tab, "p.state.link === 'lost' || p.state.poseAgeMs() > 3000");
+  await sleep(10_000);
+  await room.palpate("set", "isovalue", "0.35");
+  cable.frozen = false;
+  await awaitLive(tab);
+  await awaitPage(tab, "Math.abs(p.state.settings.values.isovalue - 0.35) < 1e-6 && p.state.poseAgeMs() < 2000");
+  assert.equal(await tab.evaluate(() => window.isTheSamePage), true);
+  assert.match(await events(tab), /lost/i);
+});
+
+async function newUser(room, name, ...keys) {
+  const { runToEnd, programs } = await import("./support.mjs");
+  const text = await runToEnd(path.join(programs, "palpate-web"), [
+    "user", name, ...keys.flatMap((key) => ["--may-steer", key]),
+  ]);
+  const lines = text.slice(text.indexOf("[[user]]"));
+  const token = /palpate_[A-Za-z0-9_-]+/.exec(text)[0];
+  return { token, lines };
+}
+
+test("a named user steers the isovalue, everyone sees who did; a guest cannot", async (t) => {
+  const room = new Room();
+  t.after(() => room.end());
+  await room.startDaemon("builtin:bumps:48");
+  const lecturer = await newUser(room, "lecturer-1", "isovalue");
+  const link = await room.startGateway(lecturer.lines);
+  const guest = await room.openBrowser({ width: 500, height: 400 });
+  await awaitLive(guest);
+  const steerer = await room.openBrowser({ width: 500, height: 400, link: link.split("#")[0] });
+  await awaitPage(steerer, "p.state.link === 'login'");
+  await steerer.evaluate((token) => window.palpate.room.login(token), lecturer.token);
+  await awaitLive(steerer);
+  assert.deepEqual(await steerer.evaluate(() => window.palpate.state.hello.may_steer), ["isovalue"]);
+  const before = await revisionOfSettings(guest);
+  const refused = await guest.evaluate(() => window.palpate.room.steer("isovalue", 0.4).then(() => "", (error) => String(error)));
+  assert.notEqual(refused, "");
+  assert.equal(await revisionOfSettings(guest), before);
+  await steerer.evaluate(() => window.palpate.room.steer("isovalue", 0.4));
+  await awaitPage(guest, "Math.abs(p.state.settings.values.isovalue - 0.4) < 1e-6");
+  await awaitPage(guest, "p.state.steering?.changes?.some?.((one) => one.user === 'lecturer-1') || document.body.innerText.includes('lecturer-1')");
+  await until("a log line with the user", () => /lecturer-1/.test(room.gateway.output));
+});
+
+test("with --no-volume only the overview leaves the gateway", async (t) => {
+  const room = new Room();
+  t.after(() => room.end());
+  await room.startDaemon("builtin:bumps:48");
+  await room.startGateway("", "--no-volume");
+  const tab = await room.openBrowser({ width: 500, height: 400 });
+  await awaitLive(tab);
+  await awaitPage(tab, "p.copy.shape && p.copy.isOverview");
+  const asked = await tab.evaluate(() =>
+    performance.getEntriesByType("resource").filter((one) => one.name.includes("/volume/")).length,
+  );
+  assert.ok(asked >= 1 && asked <= 4, `${asked} blobs were fetched`);
+});
