@@ -67,7 +67,8 @@ test("the copy equals the daemon's volume at each manifest that is shown", async
   let edits = 0;
   for (; edits < 40; ++edits) {
     const at = `${10 + edits},${60 - edits},${20 + (edits % 7)}`;
-    await room.palpate("edit", "sphere", "--center-voxels", at, "--radius-voxels", "6", "--add", "0.25");
+    await room.palpate("edit", "sphere", "--center-voxels", at, "--radius-voxels", "6",
+      "--operation", "add", "--value", "0.25");
   }
   for (let n = 0; n < 5; ++n) await room.palpate("undo");
   const info = JSON.parse(await room.palpate("info", "--json"));
