@@ -1,0 +1,137 @@
+// What the gateway sends as text: JSON with `type`. Each member of Messages is the newest of its
+// type. Lengths in mm of the device's frame D, values in data units, times in ms.
+
+export type Vec3 = [number, number, number];
+export type VoxelType = "uint8" | "int16" | "uint16" | "float32";
+
+// A setting that a guest may steer, or that the page shows.
+export interface SettingInfo {
+  key: string;
+  label: string;
+  unit: string;
+  help: string;
+  kind: "number" | "flag" | "choice";
+  minimum: number | null; // null: no bound
+  maximum: number | null;
+  words: string[]; // of a choice
+}
+
+export interface HelloMessage {
+  type: "hello";
+  protocol: number;
+  version: string;
+  user: string;
+  may_steer: string[];
+  settings: SettingInfo[];
+  volume: boolean; // false: the gateway gives the overview alone
+  server_time_ms: number;
+}
+
+// The gateway's link to palpated.
+export interface ConnectionMessage {
+  type: "connection";
+  state: "connecting" | "connected" | "lost";
+  why: string;
+  palpated: string;
+  since_ms: number; // the gateway's clock
+}
+
+export interface SuggestedIsovalue {
+  name: string;
+  isovalue: number;
+  reason: string;
+}
+
+// `name` and what follows are absent while there is no volume.
+export interface VolumeMessage {
+  type: "volume";
+  loading?: string;
+  name?: string;
+  size?: Vec3;
+  voxel_type?: VoxelType;
+  value_min?: number;
+  value_max?: number;
+  background?: number;
+  unit?: string;
+  patient?: boolean; // world_from_index leads to LPS
+  world_from_index?: number[]; // rows of the 3×4 map from voxel indices
+  histogram?: { low: number; high: number; counts: number[] };
+  suggested?: SuggestedIsovalue[];
+  overview_factor?: number;
+}
+
+export interface PlacementMessage {
+  type: "placement";
+  device_from_index: number[]; // rows of the 3×4 map from voxel indices to D
+  settings_revision: number;
+}
+
+// The gateway's own copy of the volume.
+export interface CopyMessage {
+  type: "copy";
+  bricks_left: number;
+  problem: string;
+}
+
+export interface ManifestMessage {
+  type: "manifest";
+  name: string; // of the blob
+  revision: number;
+  complete: boolean;
+}
+
+export interface SettingsMessage {
+  type: "settings";
+  revision: number;
+  values: Record<string, number | boolean | string>;
+}
+
+export interface SteeringMessage {
+  type: "steering";
+  changes: { user: string; key: string; value: number; time_ms: number }[]; // the last 20
+}
+
+export interface SeriesMessage {
+  type: "series";
+  frames: number; // 0: no series
+  position_frames: number;
+  playing: boolean;
+  rate_hz: number;
+}
+
+export interface RecordingMessage {
+  type: "recording";
+  running: boolean;
+  seconds: number;
+  lost_ticks: number;
+}
+
+export interface GuestsMessage {
+  type: "guests";
+  count: number;
+}
+
+export interface SteeredMessage {
+  type: "steered";
+  id: number;
+  error: string; // "": done
+}
+
+export interface Messages {
+  hello: HelloMessage;
+  connection: ConnectionMessage;
+  volume: VolumeMessage;
+  placement: PlacementMessage;
+  copy: CopyMessage;
+  manifest: ManifestMessage;
+  settings: SettingsMessage;
+  steering: SteeringMessage;
+  series: SeriesMessage;
+  recording: RecordingMessage;
+  guests: GuestsMessage;
+}
+export type Topic = keyof Messages;
+export const kTopics: readonly Topic[] = [
+  "hello", "connection", "volume", "placement", "copy", "manifest",
+  "settings", "steering", "series", "recording", "guests",
+];
