@@ -1,8 +1,9 @@
 // What the gateway sends as text: JSON with `type`. Each member of Messages is the newest of its
 // type. Lengths in mm of the device's frame D, values in data units, times in ms.
 
-export type Vec3 = [number, number, number];
-export type VoxelType = "uint8" | "int16" | "uint16" | "float32";
+import type { Vec3, VoxelType } from "../render/types";
+
+export type { Vec3, VoxelType };
 
 // A setting that a guest may steer, or that the page shows.
 export interface SettingInfo {
