@@ -1,41 +1,309 @@
-// The page's copy of the volume.
-import type { VolumeShape, Voxels } from "../render/types";
+// The page's copy of the volume, which follows the gateway's manifests. What is shown changes from one whole
+// manifest to the next, except while a volume comes for the first time: then the overview is shown, and after
+// it the volume as far as it is there.
+import type { Vec3, VolumeShape, Voxels } from "../render/types";
 import type { State } from "../state";
+import { apply, norm, subtract } from "../view/geometry";
+import { allDone, fetchBlob, forEachAtATime, Gone } from "./fetch";
+import { GroupedVolume } from "./grouped_volume";
+import type { Plane } from "./grouped_volume";
+import { bytesPerVoxel, groupPlace, kGroupEdge, kGroupVoxels, newVoxels, parseManifest, voxelsOf } from "./manifest";
+import type { Manifest } from "./manifest";
+import { OverviewVoxels } from "./overview_voxels";
 
-// A slice: value (x, y) is at y * width + x. Across axis 0, x is j and y is k; across 1, i and k; across 2, i and j.
-export interface Plane {
-  width: number;
-  height: number;
-  values: Float32Array;
+export type { Plane };
+
+// Where the copy is drawn.
+export interface VolumeTarget {
+  // Why a volume of this shape cannot be drawn; "": it can.
+  problem(shape: VolumeShape, budgetBytes: number): string;
+  // Begins a new volume beside the one that is shown, all background. A voxel has this many of the volume's
+  // voxels along each edge. Throws if there is no memory for it.
+  prepare(shape: VolumeShape, factor: number): void;
+  // Of the new volume while there is one. The array is not kept.
+  putGroup(a: number, b: number, c: number, voxels: Voxels): void;
+  // Shows the new volume instead of the old one.
+  present(): void;
+  eye(): Vec3; // D
+  readonly bytes: number;
 }
 
-// Indices are voxels of the copy's shape: of blocks of factor³ voxels if it is the overview.
+export const kBudgetBytes = 256 * 2 ** 20;
+const kRetryMs = 1000;
+// While a volume comes, newer manifests are taken up this often.
+const kRestartMs = 1000;
+// While a volume comes, the picture is drawn anew this often.
+const kPutMs = 200;
+const kFillMs = 8;
+const kInterpolated = "?"; // in `placed_`: the overview's values
+
+class Restart extends Error {}
+
+const pause = (ms: number) => new Promise<void>((resolve) => setTimeout(resolve, ms));
+
+// Indices are voxels of `shape`: of blocks of factor³ voxels if it is the overview.
 export class VolumeCopy {
-  shape: VolumeShape | null = null; // null: no volume yet
   factor = 1;
   groupsLeft = 0;
   groupsAll = 0;
   revision = 0;
-  contentHash = "";
+  contentHash = ""; // palpated's; "": the copy is not whole, or is the overview
   isOverview = false;
   whyOverview = "";
+  target: VolumeTarget | null = null;
 
-  constructor(private readonly state: State) {}
+  private front: GroupedVolume | null = null;
+  // What each group of the front holds: a blob's name, "" for background.
+  private placed: string[] = [];
+  private readonly blobs = new Map<string, Voxels>();
+  private shownName = "";
+  private abort = new AbortController();
+  private noMemory = { size: "", why: "" };
+  private overviewBytes = 0;
+  private wake = () => {};
+  private readonly shownListeners: ((manifest: Manifest) => void)[] = [];
 
-  value(_i: number, _j: number, _k: number): number {
-    return this.shape?.background ?? 0;
+  constructor(
+    private readonly state: State,
+    private readonly budgetBytes = kBudgetBytes,
+  ) {
+    state.on("manifest", () => this.wake());
+    state.on("link", () => {
+      if (state.link === "lost") this.abort.abort();
+      this.wake();
+    });
+    void this.follow();
   }
 
-  plane(_axis: 0 | 1 | 2, _index: number): Plane {
-    return { width: 0, height: 0, values: new Float32Array(0) };
+  // Null: no volume yet.
+  get shape(): VolumeShape | null {
+    return this.front?.shape ?? null;
   }
 
+  // Background outside of the lattice.
+  value(i: number, j: number, k: number): number {
+    return this.front?.value(i, j, k) ?? 0;
+  }
+
+  plane(axis: 0 | 1 | 2, index: number): Plane {
+    return this.front?.plane(axis, index) ?? { width: 0, height: 0, values: new Float32Array(0) };
+  }
+
+  // Numbers and voxels of the groups that are there. The others are background.
+  groups(): Iterable<[number, Voxels]> {
+    return this.front?.groups ?? [];
+  }
+
+  // Of voxels, here and on the graphics card.
   get memoryBytes(): number {
-    return 0;
+    let bytes = this.overviewBytes + (this.target?.bytes ?? 0);
+    for (const voxels of this.blobs.values()) bytes += voxels.byteLength;
+    return bytes;
   }
 
-  // Numbers and voxels of the groups that are there.
-  *groups(): Iterable<[number, Voxels]> {
-    if (!this.state.hello) return;
+  // Called whenever a whole manifest is shown.
+  onShown(listener: (manifest: Manifest) => void): void {
+    this.shownListeners.push(listener);
+  }
+
+  private async follow(): Promise<never> {
+    for (;;) {
+      const newest = this.state.manifest?.name ?? "";
+      try {
+        this.abort = new AbortController();
+        if (newest !== "" && newest !== this.shownName) await this.take(newest);
+        if (newest === (this.state.manifest?.name ?? "")) await this.woken(Infinity);
+      } catch (error) {
+        if (error instanceof Restart) continue;
+        if (!(error instanceof Gone)) console.warn("palpate: volume:", error);
+        if (newest === this.state.manifest?.name) await this.woken(kRetryMs);
+      }
+    }
+  }
+
+  // Resolves at the next message about the volume or the link.
+  private woken(mostMs: number): Promise<void> {
+    return new Promise((resolve) => {
+      this.wake = resolve;
+      if (mostMs < Infinity) setTimeout(resolve, mostMs);
+    });
+  }
+
+  private async take(name: string): Promise<void> {
+    const manifest = parseManifest(name, await (await this.fetch(name)).text());
+    this.whyOverview = this.problem(manifest);
+    if (this.whyOverview !== "") {
+      this.showOverview(manifest, await this.fetchOverview(manifest));
+      this.blobs.clear();
+      return this.shown(manifest);
+    }
+    const size = manifest.shape.size.join();
+    if (this.isOverview || this.front?.shape.size.join() !== size) {
+      const overview = await this.fetchOverview(manifest);
+      this.showOverview(manifest, overview);
+      this.front = this.beginWhole(manifest, overview);
+    }
+    const front = this.front!;
+    if (front.overview) {
+      await allDone([this.fetchGroups(manifest, true), this.fillIn(front)]);
+    } else {
+      await this.fetchGroups(manifest, false);
+      if (front.shape.type !== manifest.shape.type || front.shape.background !== manifest.shape.background) {
+        this.front = this.beginWhole(manifest, null);
+      }
+    }
+    this.showWhole(manifest);
+  }
+
+  private fetch(name: string): Promise<Response> {
+    return fetchBlob(name, this.abort.signal);
+  }
+
+  // Why only the overview is shown.
+  private problem({ shape, groups }: Manifest): string {
+    if (!groups) return "The gateway gives the overview alone.";
+    if (this.noMemory.size === shape.size.join()) return this.noMemory.why;
+    if (this.target) return this.target.problem(shape, this.budgetBytes);
+    const bytes = shape.size[0] * shape.size[1] * shape.size[2] * bytesPerVoxel(shape.type);
+    return bytes <= this.budgetBytes ? "" : `The volume needs more than ${this.budgetBytes / 2 ** 20} MiB.`;
+  }
+
+  private async fetchOverview({ shape, overview }: Manifest): Promise<OverviewVoxels> {
+    const bytes = await (await this.fetch(overview.name)).arrayBuffer();
+    this.overviewBytes = bytes.byteLength;
+    const count = overview.size[0] * overview.size[1] * overview.size[2];
+    return new OverviewVoxels(overview.size, overview.factor, shape.type, voxelsOf(shape.type, bytes, count));
+  }
+
+  private showOverview(manifest: Manifest, overview: OverviewVoxels): void {
+    const shape = { ...manifest.shape, size: overview.size };
+    const front = GroupedVolume.fromDense(shape, overview.blocks);
+    const isNew = !this.isOverview || this.front?.shape.size.join() !== shape.size.join() || this.front.shape.type !== shape.type;
+    if (isNew) this.target?.prepare(shape, overview.factor);
+    this.front = front;
+    this.factor = overview.factor;
+    this.isOverview = true;
+    this.contentHash = "";
+    for (const [number, voxels] of front.groups) this.target?.putGroup(...groupPlace(front.counts, number), voxels);
+    if (isNew) this.target?.present();
+    this.state.emit("picture");
+  }
+
+  // With an overview, this stands for the groups that are not there.
+  private beginWhole(manifest: Manifest, overview: OverviewVoxels | null): GroupedVolume {
+    const front = new GroupedVolume(manifest.shape);
+    front.overview = overview;
+    try {
+      this.target?.prepare(manifest.shape, 1);
+    } catch (error) {
+      this.noMemory = { size: manifest.shape.size.join(), why: String(error) };
+      throw new Restart("no memory");
+    }
+    this.placed = manifest.groups!.map(() => "");
+    this.isOverview = false;
+    this.factor = 1;
+    return front;
+  }
+
+  // Fetches the groups that are not here, each blob once.
+  private async fetchGroups(manifest: Manifest, comesFirst: boolean): Promise<void> {
+    const numbers = new Map<string, number[]>();
+    manifest.groups!.forEach((name, number) => {
+      if (name === "" || this.blobs.has(name)) return;
+      if (comesFirst) this.front!.awaited.add(number);
+      const same = numbers.get(name);
+      if (same) same.push(number);
+      else numbers.set(name, [number]);
+    });
+    this.groupsAll = manifest.groups!.filter((name) => name !== "").length;
+    this.groupsLeft = [...numbers.values()].reduce((sum, same) => sum + same.length, 0);
+    const names = [...numbers.keys()];
+    if (comesFirst) this.sortByDistance(names, numbers);
+    const begun = performance.now();
+    let put = begun;
+    let arrived: string[] = [];
+    const putArrived = () => {
+      for (const name of arrived) for (const number of numbers.get(name)!) this.place(number, name);
+      arrived = [];
+      put = performance.now();
+      this.state.emit("picture");
+    };
+    await forEachAtATime(names, async (name) => {
+      const bytes = await (await this.fetch(name)).arrayBuffer();
+      this.blobs.set(name, voxelsOf(manifest.shape.type, bytes, kGroupVoxels));
+      this.groupsLeft -= numbers.get(name)!.length;
+      this.state.emit("copyProgress");
+      if (!comesFirst) return;
+      arrived.push(name);
+      const now = performance.now();
+      if (now - put > kPutMs) putArrived();
+      if (now - begun > kRestartMs && this.state.manifest && this.state.manifest.name !== manifest.name) {
+        throw new Restart("a newer manifest");
+      }
+    }).finally(() => comesFirst && putArrived());
+  }
+
+  private sortByDistance(names: string[], numbers: Map<string, number[]>): void {
+    const { counts } = this.front!;
+    const map = this.state.placement?.device_from_index;
+    const eye = this.target?.eye();
+    if (!map || !eye) return;
+    const distances = new Map<string, number>();
+    for (const [name, [first]] of numbers) {
+      const middle = groupPlace(counts, first).map((n) => (n + 0.5) * kGroupEdge) as Vec3;
+      distances.set(name, norm(subtract(apply(map, middle), eye)));
+    }
+    names.sort((a, b) => distances.get(a)! - distances.get(b)!);
+  }
+
+  // Draws the overview's values for the groups that are not there, the last ones first; then the volume is shown.
+  private async fillIn(front: GroupedVolume): Promise<void> {
+    let begun = performance.now();
+    if (this.target) {
+      for (const number of [...front.awaited].reverse()) {
+        if (!front.awaited.has(number) || this.placed[number] !== "") continue;
+        const place = groupPlace(front.counts, number);
+        this.target.putGroup(...place, front.overview!.group(front.shape, place));
+        this.placed[number] = kInterpolated;
+        if (performance.now() - begun < kFillMs) continue;
+        await pause(0);
+        begun = performance.now();
+      }
+      this.target.present();
+    }
+    this.state.emit("picture");
+  }
+
+  private place(number: number, name: string): void {
+    const front = this.front!;
+    if (this.placed[number] === name) return;
+    const voxels = this.blobs.get(name) ?? newVoxels(front.shape.type, kGroupVoxels).fill(front.shape.background);
+    if (name === "") front.groups.delete(number);
+    else front.groups.set(number, voxels);
+    front.awaited.delete(number);
+    this.placed[number] = name;
+    this.target?.putGroup(...groupPlace(front.counts, number), voxels);
+  }
+
+  private showWhole(manifest: Manifest): void {
+    const front = this.front!;
+    manifest.groups!.forEach((name, number) => this.place(number, name));
+    front.awaited.clear();
+    front.overview = null;
+    this.overviewBytes = 0;
+    this.target?.present();
+    const named = new Set(manifest.groups);
+    for (const name of this.blobs.keys()) if (!named.has(name)) this.blobs.delete(name);
+    this.contentHash = manifest.contentHash;
+    this.shown(manifest);
+  }
+
+  private shown(manifest: Manifest): void {
+    this.groupsLeft = 0;
+    this.revision = manifest.revision;
+    this.shownName = manifest.name;
+    this.state.emit("copyProgress");
+    this.state.emit("picture");
+    for (const listener of this.shownListeners) listener(manifest);
   }
 }

@@ -1,22 +1,180 @@
-// The connection to the gateway.
+// The connection to the gateway: logs in, follows the stream, and comes back by itself when it is lost.
 import type { State } from "../state";
+import { decodePose } from "./pose";
+
+export type Secret = { room: string } | { token: string };
+
+const kFirstWaitMs = 200;
+const kMostWaitMs = 5000;
+const kTooManyWaitMs = 10_000; // after "too many attempts"
+const kSilenceMs = 5000; // the gateway sends something more often
+const kWatchMs = 500;
+const kPosesPerAck = 8;
+const kForbidden = 403;
+const kTooMany = 429;
+
+// The secret is wrong: trying again is of no use.
+class Refused extends Error {}
+class TooMany extends Error {}
+
+const pause = (ms: number) => new Promise<void>((resolve) => setTimeout(resolve, ms));
+
+async function postLogin(secret: Secret): Promise<void> {
+  const response = await fetch("login", {
+    method: "POST",
+    headers: { "Content-Type": "application/json" },
+    body: JSON.stringify(secret),
+    signal: AbortSignal.timeout(kSilenceMs),
+  }).catch(() => {
+    throw new Error("the gateway does not answer");
+  });
+  if (response.ok) return;
+  const why = (await response.text()).trim() || `the gateway answers ${response.status}`;
+  throw new (response.status === kForbidden ? Refused : response.status === kTooMany ? TooMany : Error)(why);
+}
+
+interface Pending {
+  resolve: () => void;
+  reject: (error: Error) => void;
+}
 
 export class Room {
+  private secret: Secret | null = null;
+  private socket: WebSocket | null = null;
+  private version = "";
+  private posesSinceAck = 0;
+  private steers = 0;
+  private readonly pending = new Map<number, Pending>();
+
   constructor(private readonly state: State) {}
 
-  // Logs in and connects. `secret`: the room's key, or a user's token. Rejects with what the gateway says.
-  login(_secret: { room: string } | { token: string }): Promise<void> {
-    this.state.link = "connecting";
-    return Promise.resolve();
+  // Logs in and stays connected. Rejects, and does not try again, if the gateway refuses or does not answer.
+  async login(secret: Secret): Promise<void> {
+    await postLogin(secret);
+    this.begin(secret, true);
+  }
+
+  // As login, but tries until the gateway answers.
+  start(secret: Secret): void {
+    this.begin(secret, false);
   }
 
   // The room's key if the guest came by one, to share it in a link.
   get roomKey(): string | null {
-    return null;
+    return this.secret && "room" in this.secret ? this.secret.room : null;
   }
 
   // Flags: 0 or 1. Choices: the word's number. Rejects with the gateway's error.
-  steer(_key: string, _value: number): Promise<void> {
-    return Promise.reject(new Error("not connected"));
+  steer(key: string, value: number): Promise<void> {
+    if (this.state.link !== "open" || !this.socket) return Promise.reject(new Error("not connected"));
+    const id = ++this.steers;
+    this.socket.send(JSON.stringify({ type: "steer", id, key, value }));
+    return new Promise((resolve, reject) => this.pending.set(id, { resolve, reject }));
+  }
+
+  private begin(secret: Secret, isLoggedIn: boolean): void {
+    this.secret = secret;
+    this.socket?.close();
+    void this.stayConnected(secret, isLoggedIn);
+  }
+
+  private setLink(link: State["link"], why = ""): void {
+    this.state.link = link;
+    this.state.linkWhy = why;
+    this.state.emit("link");
+  }
+
+  // Until the secret is another one or is refused.
+  private async stayConnected(secret: Secret, isLoggedIn: boolean): Promise<void> {
+    let waitMs = kFirstWaitMs;
+    let wasOpen = false;
+    this.setLink("connecting");
+    while (this.secret === secret) {
+      let why: string;
+      try {
+        if (!isLoggedIn) await postLogin(secret);
+        why = await this.follow();
+      } catch (error) {
+        why = (error as Error).message;
+        if (error instanceof Refused) return this.refused(secret, why);
+        if (error instanceof TooMany) waitMs = kTooManyWaitMs;
+      }
+      if (this.secret !== secret) return;
+      // The session may have ended if the stream did not open at all.
+      isLoggedIn = this.state.link === "open";
+      if (isLoggedIn) waitMs = kFirstWaitMs;
+      wasOpen ||= isLoggedIn;
+      this.setLink(wasOpen ? "lost" : "connecting", why);
+      await pause(waitMs * (0.5 + Math.random()));
+      waitMs = Math.min(2 * waitMs, kMostWaitMs);
+    }
+  }
+
+  private refused(secret: Secret, why: string): void {
+    if (this.secret !== secret) return;
+    this.secret = null;
+    this.setLink("login", why);
+  }
+
+  // Follows the stream to its end. Returns why it ended.
+  private follow(): Promise<string> {
+    const url = new URL("stream", location.href);
+    url.protocol = url.protocol.replace("http", "ws");
+    url.hash = "";
+    const socket = new WebSocket(url);
+    socket.binaryType = "arraybuffer";
+    this.socket = socket;
+    this.posesSinceAck = 0;
+    this.state.forgetClock();
+    return new Promise((resolve) => {
+      let heardMs = performance.now();
+      const end = (why: string) => {
+        clearInterval(watch);
+        socket.onmessage = socket.onclose = null;
+        socket.close();
+        for (const steer of this.pending.values()) steer.reject(new Error("the connection was lost"));
+        this.pending.clear();
+        resolve(why);
+      };
+      const watch = setInterval(() => {
+        if (performance.now() - heardMs > kSilenceMs) end("the gateway is silent");
+      }, kWatchMs);
+      socket.onclose = (event) => end(event.reason || "the connection was closed");
+      socket.onmessage = (event) => {
+        heardMs = performance.now();
+        if (typeof event.data === "string") this.receive(event.data);
+        else this.receivePose(event.data);
+      };
+    });
+  }
+
+  private receive(text: string): void {
+    const message = JSON.parse(text);
+    if (message.type === "steered") return this.steered(message.id, message.error);
+    if (message.type === "hello") {
+      if (this.version !== "" && this.version !== message.version) {
+        this.state.tell("the gateway has another version: reload the page");
+      }
+      this.version = message.version;
+    }
+    this.state.receive(message);
+    if (message.type === "hello") this.setLink("open");
+  }
+
+  private steered(id: number, error: string): void {
+    const pending = this.pending.get(id);
+    this.pending.delete(id);
+    if (error) pending?.reject(new Error(error));
+    else pending?.resolve();
+  }
+
+  private receivePose(bytes: ArrayBuffer): void {
+    const pose = decodePose(bytes);
+    if (!pose) return;
+    if (++this.posesSinceAck >= kPosesPerAck) {
+      this.posesSinceAck = 0;
+      this.socket?.send(JSON.stringify({ type: "ack", sequence: pose.sequence }));
+    }
+    this.state.receivePose(pose);
   }
 }
