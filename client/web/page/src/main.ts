@@ -1,11 +1,80 @@
+// Puts the page together.
+import type { Secret } from "./wire/room";
 import { State } from "./state";
+import type { View } from "./state";
 import { buildInterface } from "./ui/index";
-import { VolumeCopy } from "./volume/copy";
+import { Viewport } from "./view/viewport";
+import { readFragment, writeFragment } from "./view/fragment";
+import { kBudgetBytes, VolumeCopy } from "./volume/copy";
+import type { Manifest } from "./volume/manifest";
+import { Meanwhile } from "./wire/meanwhile";
 import { Room } from "./wire/room";
 
+const kFragmentMs = 500; // browsers limit how often a page may change its address
+
+const fragment = readFragment(location.hash);
 const state = new State();
-buildInterface(document.body, state, new Room(state), new VolumeCopy(state), {
-  resetView() {},
-  savePng() {},
-  shareLink: () => location.href,
+Object.assign(state.view, fragment.view);
+const room = new Room(state);
+new Meanwhile(state);
+const budgetBytes = fragment.budgetMiB === null ? kBudgetBytes : fragment.budgetMiB * 2 ** 20;
+const copy = new VolumeCopy(state, budgetBytes);
+
+const canvas = document.querySelector<HTMLCanvasElement>("#viewport")!;
+state.whyNoPicture = Viewport.problem(canvas);
+const viewport = state.whyNoPicture === "" ? new Viewport(canvas, state, "target" in fragment.view) : null;
+copy.target = viewport;
+
+const hashNow = () => writeFragment(room.roomKey ?? fragment.room, fragment.budgetMiB, state.view);
+
+async function savePng(): Promise<void> {
+  const picture = await viewport?.png();
+  if (!picture) return;
+  const link = document.createElement("a");
+  link.href = URL.createObjectURL(picture);
+  link.download = "palpate.png";
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(link.href), 10_000);
+}
+
+buildInterface(document.body, state, room, copy, {
+  resetView(): void {
+    state.view.follow = false;
+    viewport?.resetView();
+  },
+  savePng: () => void savePng(),
+  shareLink: () => new URL(hashNow(), location.href).href,
 });
+
+let fragmentTimer = 0;
+state.on("view", () => {
+  fragmentTimer ||= window.setTimeout(() => {
+    fragmentTimer = 0;
+    history.replaceState(null, "", hashNow());
+  }, kFragmentMs);
+});
+// A link to the same page with another room or view.
+window.addEventListener("hashchange", () => location.reload());
+
+if (fragment.room !== null) room.start({ room: fragment.room });
+state.emit("view");
+
+// For tests and scripts.
+const palpate = {
+  state,
+  copy,
+  room,
+  viewport,
+  caster: viewport?.caster ?? null,
+  // Distances from the eye to the surface in mm of the picture that is shown, the top row first.
+  distances: () => viewport?.caster.distances() ?? new Float32Array(0),
+  setView(view: Partial<View>): void {
+    Object.assign(state.view, view);
+    state.emit("view");
+  },
+  // Calls `listener` whenever a whole manifest is shown.
+  onShown: (listener: (manifest: Manifest) => void) => copy.onShown(listener),
+};
+export type Palpate = typeof palpate;
+export type { Secret };
+Object.assign(window, { palpate });

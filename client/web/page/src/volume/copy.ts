@@ -148,7 +148,7 @@ export class VolumeCopy {
       await allDone([this.fetchGroups(manifest, true), this.fillIn(front)]);
     } else {
       await this.fetchGroups(manifest, false);
-      if (front.shape.type !== manifest.shape.type || front.shape.background !== manifest.shape.background) {
+      if (JSON.stringify(front.shape) !== JSON.stringify(manifest.shape)) {
         this.front = this.beginWhole(manifest, null);
       }
     }
