@@ -1,49 +1,249 @@
-// Casts the exact surface of a volume into textures, and draws them. Skeleton: the interface stays
-// as it is here.
-import type { Vec3 } from "./types";
+// Casts the exact surface of a volume into textures, and draws them.
+//
+// A change is shown coarsely at once. When nothing has changed for a while, a finer picture is cast in
+// tiles, one per frame, and is shown when it is whole. A tile is cast when the graphics card has finished
+// the one before, which a fence tells.
+//
+// The state of the context is arbitrary after each call: three.js needs renderer.resetState().
+import { type CastRequest, newCastProgram, setRequest } from "./cast_program";
+import { CastTarget } from "./cast_target";
+import { invert4 } from "./linear";
+import { Pace } from "./pace";
+import { Program } from "./program";
 import type { VolumeTexture } from "./volume_texture";
 
-export interface CastRequest {
-  size: [number, number]; // of the canvas, pixels
-  eye: Vec3; // in D, mm
-  clipFromD: Float64Array; // 4 x 4, column by column
-  deviceFromIndex: number[]; // 3 x 4, row by row, as the topic `placement` gives it
-  isovalue: number;
-  materialAbove: boolean;
-  color: Vec3; // 0 to 1, as on the screen
-  veil: { isovalue: number; opacity: number; color: Vec3 } | null;
+export type { CastRequest } from "./cast_program";
+
+const REST_MS = 150;
+const FIRST_FREE_UNIT = 3; // after those of the volume
+
+// `share` is the place in the viewport, so that a coarse picture covers it too.
+const DRAW_SHADER = `
+precision highp float;
+uniform sampler2D color_texture;
+uniform sampler2D depth_texture;
+uniform vec2 viewport_size;
+out vec4 color;
+
+void main() {
+  vec2 share = gl_FragCoord.xy / viewport_size;
+  color = texture(color_texture, share);
+  gl_FragDepth = texture(depth_texture, share).r;
+}
+`;
+
+// What a picture is of.
+interface Subject {
+  volume: VolumeTexture;
+  version: number;
+  request: CastRequest;
+}
+
+interface Job {
+  subject: Subject;
+  level: number;
+  isCoarse: boolean; // in one tile
+  size: [number, number];
+  nextRow: number;
+}
+
+function isSame(a: Subject | null, b: Subject): boolean {
+  const text = (r: CastRequest): string => JSON.stringify({ ...r, clipFromD: [...r.clipFromD] });
+  return (
+    a !== null && a.volume === b.volume && a.version === b.version && text(a.request) === text(b.request)
+  );
 }
 
 export class Caster {
   // Returns "" if the context can cast, and otherwise why not.
-  static problem(_gl: WebGL2RenderingContext): string {
-    return "";
+  static problem(gl: WebGL2RenderingContext): string {
+    const can = gl.getExtension("EXT_color_buffer_float");
+    return can ? "" : "the graphics driver cannot draw into textures of floats";
   }
 
-  constructor(_gl: WebGL2RenderingContext) {}
+  private readonly programs = new Map<string, Program>(); // by the kind of volume and veil
+  private readonly drawing: Program;
+  private readonly noColors: WebGLTexture; // for a colour map that nothing reads
+  private front: CastTarget;
+  private back: CastTarget;
+  private readonly pace = new Pace();
+
+  private wanted: Subject | null = null;
+  private changedAt = 0;
+  private frontSubject: Subject | null = null;
+  private frontLevel = 0;
+  private job: Job | null = null;
+  private tile: { fence: WebGLSync; since: number; looks: number } | null = null;
+
+  constructor(private readonly gl: WebGL2RenderingContext) {
+    gl.getExtension("EXT_color_buffer_float");
+    this.drawing = new Program(gl, DRAW_SHADER);
+    this.front = new CastTarget(gl);
+    this.back = new CastTarget(gl);
+    this.noColors = gl.createTexture()!;
+    gl.bindTexture(gl.TEXTURE_2D, this.noColors);
+    gl.texStorage2D(gl.TEXTURE_2D, 1, gl.RGBA8, 1, 1);
+  }
+
+  // Pixels per cast pixel along a side, as shown now. 1: fine. 0: nothing is shown yet.
+  get level(): number {
+    return this.frontLevel;
+  }
+
+  // What is shown now. It lags behind the last request while a picture is being cast.
+  get shown(): CastRequest | null {
+    return this.frontSubject?.request ?? null;
+  }
+
+  // The fine picture of the last request is shown.
+  get settled(): boolean {
+    return this.frontLevel === 1 && this.frontSubject === this.wanted;
+  }
 
   // Call this once a frame. Returns true if the picture has changed: draw a frame then.
-  step(_volume: VolumeTexture, _request: CastRequest): boolean {
-    return false;
+  step(volume: VolumeTexture, request: CastRequest): boolean {
+    const gl = this.gl;
+    if (gl.isContextLost() || request.size[0] < 1 || request.size[1] < 1) return false;
+    volume.flush();
+    this.want({ volume, version: volume.version, request });
+    if (!this.tileIsDone()) return false;
+    const changed = this.finishJob();
+    if (this.job && !this.job.isCoarse && this.job.subject !== this.wanted) this.job = null;
+    this.job ??= this.nextJob(this.wanted!);
+    if (this.job) this.castTile(this.job);
+    return changed;
   }
 
   // Draws the surface into the bound framebuffer, over what is there, and its depth. Call this before
   // the objects of the scene are drawn. The viewport is the framebuffer's size.
-  draw(): void {}
+  draw(): void {
+    this.drawTextures(this.front.textures[0], this.front.textures[3], false);
+  }
 
   // Draws the veil over everything that lies behind it. Call this after the objects of the scene.
-  drawVeil(): void {}
-
-  // Pixels per cast pixel along a side, as shown now. 1: fine. 0: nothing is shown yet.
-  readonly level: number = 0;
-  // What is shown now. It lags behind the last request while a picture is being cast.
-  readonly shown: CastRequest | null = null;
+  drawVeil(): void {
+    if (!this.shown?.veil) return;
+    this.drawTextures(this.front.textures[1], this.front.textures[2], true);
+  }
 
   // Distances from the eye to the surface, in mm, of the picture that is shown. The top row comes first.
   // Infinity: no surface. At level n, rows have ceil(width / n) entries.
   distances(): Float32Array {
-    return new Float32Array(0);
+    if (!this.shown) return new Float32Array(0);
+    const [width, height] = this.front.size;
+    const depths = this.front.readDepths();
+    const fromClip = invert4(this.shown.clipFromD);
+    const eye = this.shown.eye;
+    return depths.map((_, n) => {
+      const [x, y] = [n % width, height - 1 - Math.floor(n / width)];
+      const depth = depths[y * width + x]!;
+      if (depth >= 1) return Infinity;
+      const clip = [(2 * (x + 0.5)) / width - 1, (2 * (y + 0.5)) / height - 1, 2 * depth - 1, 1];
+      const p = [0, 1, 2, 3].map((r) => clip.reduce((sum, value, c) => sum + fromClip[4 * c + r]! * value, 0));
+      return Math.hypot(...eye.map((e, axis) => p[axis]! / p[3]! - e));
+    });
   }
 
-  dispose(): void {}
+  dispose(): void {
+    for (const part of [...this.programs.values(), this.drawing, this.front, this.back]) part.dispose();
+    if (this.tile) this.gl.deleteSync(this.tile.fence);
+    this.gl.deleteTexture(this.noColors);
+  }
+
+  private want(subject: Subject): void {
+    if (isSame(this.wanted, subject)) return;
+    const before = this.wanted;
+    const size = before?.request.size;
+    if (before?.volume !== subject.volume || String(size) !== String(subject.request.size)) this.pace.forget();
+    // A copy: the caller may change its own.
+    this.wanted = { ...subject, request: structuredClone(subject.request) };
+    this.changedAt = performance.now();
+  }
+
+  private tileIsDone(): boolean {
+    if (!this.tile) return true;
+    const gl = this.gl;
+    ++this.tile.looks;
+    if (gl.getSyncParameter(this.tile.fence, gl.SYNC_STATUS) !== gl.SIGNALED) return false;
+    gl.deleteSync(this.tile.fence);
+    const ms = performance.now() - this.tile.since;
+    const atOnce = this.tile.looks === 1;
+    if (this.job?.isCoarse) this.pace.tookForCoarse(ms, atOnce);
+    else this.pace.tookForTile(ms, atOnce);
+    this.tile = null;
+    return true;
+  }
+
+  // Shows the picture of the job if it is whole.
+  private finishJob(): boolean {
+    const job = this.job;
+    if (!job || job.nextRow < job.size[1]) return false;
+    [this.front, this.back] = [this.back, this.front];
+    this.frontSubject = job.subject;
+    this.frontLevel = job.level;
+    this.job = null;
+    return true;
+  }
+
+  private nextJob(subject: Subject): Job | null {
+    const isCoarse = this.frontSubject !== subject;
+    if (!isCoarse && (this.frontLevel === 1 || performance.now() - this.changedAt < REST_MS)) return null;
+    const level = isCoarse ? this.pace.coarseLevel : this.frontLevel > 2 ? 2 : 1;
+    const size = subject.request.size.map((n) => Math.ceil(n / level)) as [number, number];
+    return { subject, level, isCoarse, size, nextRow: 0 };
+  }
+
+  private castTile(job: Job): void {
+    const gl = this.gl;
+    const [width, height] = job.size;
+    const rows = job.isCoarse ? height : Math.min(this.pace.rows(width), height - job.nextRow);
+    this.back.bind(job.size);
+    for (const name of [gl.BLEND, gl.CULL_FACE, gl.DEPTH_TEST, gl.STENCIL_TEST]) gl.disable(name);
+    gl.enable(gl.SCISSOR_TEST);
+    gl.scissor(0, job.nextRow, width, rows);
+    gl.colorMask(true, true, true, true);
+    const { volume, request } = job.subject;
+    const program = this.programFor(volume.sampler, request.veil !== null);
+    program.use();
+    volume.bind(program);
+    this.bindTexture(program, "color_map", FIRST_FREE_UNIT, this.noColors);
+    setRequest(program, volume, request, job.size);
+    program.draw();
+    gl.disable(gl.SCISSOR_TEST);
+    gl.bindFramebuffer(gl.FRAMEBUFFER, null);
+    this.tile = { fence: gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0)!, since: performance.now(), looks: 0 };
+    gl.flush();
+    job.nextRow += rows;
+  }
+
+  private programFor(sampler: string, veil: boolean): Program {
+    const key = `${sampler} ${veil}`;
+    if (!this.programs.has(key)) this.programs.set(key, newCastProgram(this.gl, sampler, veil));
+    return this.programs.get(key)!;
+  }
+
+  private bindTexture(program: Program, name: string, unit: number, texture: WebGLTexture): void {
+    this.gl.activeTexture(this.gl.TEXTURE0 + unit);
+    this.gl.bindTexture(this.gl.TEXTURE_2D, texture);
+    program.setInt(name, unit);
+  }
+
+  // Colours are premultiplied by alpha. `behindScene`: hidden by what is nearer, and leaves the depth.
+  private drawTextures(color: WebGLTexture | undefined, depth: WebGLTexture | undefined, behindScene: boolean): void {
+    if (!color || !depth) return;
+    const gl = this.gl;
+    for (const name of [gl.CULL_FACE, gl.SCISSOR_TEST, gl.STENCIL_TEST]) gl.disable(name);
+    for (const name of [gl.BLEND, gl.DEPTH_TEST]) gl.enable(name);
+    gl.blendEquation(gl.FUNC_ADD);
+    gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
+    gl.depthFunc(behindScene ? gl.LESS : gl.ALWAYS);
+    gl.depthMask(!behindScene);
+    gl.colorMask(true, true, true, true);
+    this.drawing.use();
+    this.bindTexture(this.drawing, "color_texture", 0, color);
+    this.bindTexture(this.drawing, "depth_texture", 1, depth);
+    const viewport = gl.getParameter(gl.VIEWPORT) as Int32Array;
+    this.drawing.set("viewport_size", viewport[2]!, viewport[3]!);
+    this.drawing.draw();
+  }
 }

@@ -1,0 +1,158 @@
+// The exact ranges of values in cell bricks (8³ cells) and blocks (64³ cells) of frame P, kept as groups
+// of voxels arrive.
+//
+// Cell brick b has the voxels 8b - 1 .. 8b + 7 along each axis: all of voxel brick b, and the last layer of
+// the one before. So a voxel brick keeps eight ranges, one for each set of axes along which only its last
+// layer counts, and a cell brick's range is the union of one of each of eight voxel bricks.
+import type { ValueScale } from "./value_scale";
+import type { Vec3, VolumeShape, Voxels } from "./types";
+
+const GROUP = 32;
+const BRICKS = 4; // voxel bricks in a group, along each axis
+
+export function emptyLike(type: VolumeShape["type"], length: number): Voxels {
+  const arrays = {
+    uint8: Uint8Array,
+    int16: Int16Array,
+    uint16: Uint16Array,
+    float32: Float32Array,
+  };
+  return new arrays[type](length);
+}
+
+export class BrickRanges {
+  readonly brickCount: Vec3;
+  readonly blockCount: Vec3;
+  // The least and the greatest scaled value of each; z runs fastest.
+  readonly bricks: Float32Array;
+  readonly blocks: Float32Array;
+
+  private readonly pieceCount: Vec3; // voxel bricks
+  // Of voxel brick n and a set of axes (4: x, 2: y, 1: z): the least and the greatest value, at 16 n + 2 set.
+  private readonly pieces: Voxels;
+  private readonly changed = new Set<number>(); // groups
+
+  constructor(
+    shape: VolumeShape,
+    private readonly scale: ValueScale,
+  ) {
+    const along = (f: (size: number) => number): Vec3 => shape.size.map(f) as Vec3;
+    this.background = scale.scaled(shape.background);
+    this.pieceCount = along((size) => BRICKS * Math.ceil(size / GROUP));
+    this.brickCount = along((size) => Math.ceil((size + 1) / 8));
+    this.blockCount = along((size) => Math.ceil((size + 1) / 64));
+    const volume = ([x, y, z]: Vec3): number => x * y * z;
+    this.pieces = emptyLike(shape.type, 16 * volume(this.pieceCount)).fill(shape.background);
+    this.bricks = new Float32Array(2 * volume(this.brickCount)).fill(this.background);
+    this.blocks = new Float32Array(2 * volume(this.blockCount)).fill(this.background);
+  }
+
+  private readonly background: number;
+
+  putGroup(a: number, b: number, c: number, voxels: Voxels): void {
+    const [, ny, nz] = this.pieceCount;
+    for (let n = 0; n < BRICKS ** 3; ++n) {
+      const [x, y, z] = [n >> 4, (n >> 2) & 3, n & 3];
+      const piece = ((BRICKS * a + x) * ny + BRICKS * b + y) * nz + BRICKS * c + z;
+      this.putPieces(16 * piece, voxels, 8 * ((x * GROUP + y) * GROUP + z));
+    }
+    this.changed.add(((a * ny) / BRICKS + b) * (nz / BRICKS) + c);
+  }
+
+  // Brings bricks and blocks up to date. Returns the first and the last changed layer of bricks along x, or
+  // null if nothing has changed.
+  update(): [number, number] | null {
+    if (this.changed.size === 0) return null;
+    const [nb, nc] = [this.pieceCount[1] / BRICKS, this.pieceCount[2] / BRICKS];
+    const blocks = new Set<number>();
+    let [first, last] = [Infinity, 0];
+    for (const group of this.changed) {
+      const low: Vec3 = [Math.floor(group / (nb * nc)), Math.floor(group / nc) % nb, group % nc];
+      const from = low.map((g) => BRICKS * g) as Vec3;
+      const to = from.map((f, axis) => Math.min(f + BRICKS, this.brickCount[axis]! - 1)) as Vec3;
+      first = Math.min(first, from[0]);
+      last = Math.max(last, to[0]);
+      forEach(from, to, (x, y, z) => {
+        this.updateBrick(x, y, z);
+        blocks.add(((x >> 3) * this.blockCount[1] + (y >> 3)) * this.blockCount[2] + (z >> 3));
+      });
+    }
+    for (const block of blocks) this.updateBlock(block);
+    this.changed.clear();
+    return [first, last];
+  }
+
+  // Of one voxel brick, whose first voxel is at `from` of a group.
+  private putPieces(to: number, voxels: Voxels, from: number): void {
+    const pieces = this.pieces;
+    for (let set = 0; set < 8; ++set) {
+      pieces[to + 2 * set] = pieces[to + 2 * set + 1] = voxels[from + LAST_LAYER[set]!]!;
+    }
+    for (let i = 0; i < 8; ++i) {
+      for (let j = 0; j < 8; ++j) {
+        const row = from + (i * GROUP + j) * GROUP;
+        const last = voxels[row + 7]!;
+        let [low, high] = [last, last];
+        for (let k = row; k < row + 7; ++k) {
+          const value = voxels[k]!;
+          if (value < low) low = value;
+          if (value > high) high = value;
+        }
+        const axes = (i === 7 ? 4 : 0) | (j === 7 ? 2 : 0);
+        for (let set = 0; set <= axes; set += 2) {
+          if ((set & axes) !== set) continue;
+          const at = to + 2 * set;
+          if (low < pieces[at]!) pieces[at] = low;
+          if (high > pieces[at + 1]!) pieces[at + 1] = high;
+          if (last < pieces[at + 2]!) pieces[at + 2] = last;
+          if (last > pieces[at + 3]!) pieces[at + 3] = last;
+        }
+      }
+    }
+  }
+
+  private updateBrick(x: number, y: number, z: number): void {
+    const [nx, ny, nz] = this.pieceCount;
+    let [low, high] = [Infinity, -Infinity];
+    for (let set = 0; set < 8; ++set) {
+      const [px, py, pz] = [x - (set >> 2), y - ((set >> 1) & 1), z - (set & 1)];
+      const isInside = px >= 0 && py >= 0 && pz >= 0 && px < nx && py < ny && pz < nz;
+      const at = 16 * ((px * ny + py) * nz + pz) + 2 * set;
+      low = Math.min(low, isInside ? this.scale.scaled(this.pieces[at]!) : this.background);
+      high = Math.max(high, isInside ? this.scale.scaled(this.pieces[at + 1]!) : this.background);
+    }
+    const to = 2 * ((x * this.brickCount[1] + y) * this.brickCount[2] + z);
+    this.bricks[to] = low;
+    this.bricks[to + 1] = high;
+  }
+
+  private updateBlock(block: number): void {
+    const [, ny, nz] = this.blockCount;
+    const from = [Math.floor(block / (ny * nz)), Math.floor(block / nz) % ny, block % nz].map(
+      (b) => 8 * b,
+    ) as Vec3;
+    const to = from.map((f, axis) => Math.min(f + 7, this.brickCount[axis]! - 1)) as Vec3;
+    let [low, high] = [Infinity, -Infinity];
+    forEach(from, to, (x, y, z) => {
+      const at = 2 * ((x * this.brickCount[1] + y) * this.brickCount[2] + z);
+      low = Math.min(low, this.bricks[at]!);
+      high = Math.max(high, this.bricks[at + 1]!);
+    });
+    this.blocks[2 * block] = low;
+    this.blocks[2 * block + 1] = high;
+  }
+}
+
+// Of each set of axes, a voxel in the last layers along them.
+const LAST_LAYER = [0, 1, 2, 3, 4, 5, 6, 7].map(
+  (set) => 7 * ((set >> 2) * GROUP * GROUP + ((set >> 1) & 1) * GROUP + (set & 1)),
+);
+
+// Both ends are included.
+function forEach(from: Vec3, to: Vec3, f: (x: number, y: number, z: number) => void): void {
+  for (let x = from[0]; x <= to[0]; ++x) {
+    for (let y = from[1]; y <= to[1]; ++y) {
+      for (let z = from[2]; z <= to[2]; ++z) f(x, y, z);
+    }
+  }
+}

@@ -1,0 +1,5 @@
+// The bundler reads these files as text.
+declare module "*.glsl" {
+  const text: string;
+  export default text;
+}
