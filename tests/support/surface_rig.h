@@ -13,7 +13,7 @@
 #include <string>
 #include <vector>
 
-#include "client/view/render/surface_shader.h"
+#include "client/view/render/surface_caster.h"
 #include "tests/support/cast_rig.h"
 
 namespace palpate::testing {

@@ -10,7 +10,7 @@
 // and the picture is drawn again. Marked bricks stay. If memory is full, bricks that no picture
 // wants make room, those not wanted for longest first; then far ones make room for nearer ones.
 //
-// On the card (volume_shader.h):
+// On the card (volume_desktop.glsl of client/shading):
 // - blocks: of each block its range, its table and its coarse slot
 // - ranges and slots: a table of 8³ cell bricks for each block that varies
 // - atlas: the slots

@@ -4,19 +4,6 @@
 
 namespace palpate::view {
 
-const char* const kShaderColors = R"(
-vec3 ColorAt(sampler2D table, float share) {
-  float entry = clamp(share, 0.0, 1.0) * 255.0;
-  int below = min(int(entry), 254);
-  return mix(texelFetch(table, ivec2(below, 0), 0).rgb,
-             texelFetch(table, ivec2(below + 1, 0), 0).rgb, entry - float(below));
-}
-
-float ShareOf(float above_min, float range) {
-  return range != 0.0 ? above_min / range : step(0.0, above_min);
-}
-)";
-
 ColorTexture::ColorTexture() {
   glGenTextures(1, &name_);
   glBindTexture(GL_TEXTURE_2D, name_);

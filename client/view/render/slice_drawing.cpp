@@ -4,6 +4,7 @@
 
 #include <string>
 
+#include "client/shading/shading.h"
 #include "client/view/scene/slice_view.h"
 
 namespace palpate::view {
@@ -92,7 +93,7 @@ void SetColors(const ShaderProgram& program, const SurfaceOptions& surface,
 
 }  // namespace
 
-SliceDrawing::SliceDrawing() : programs_(std::string(kShaderColors) + kSliceShader) {}
+SliceDrawing::SliceDrawing() : programs_(std::string(shading::kColors) + kSliceShader) {}
 
 void SliceDrawing::Draw(BrickCache& volume, const SliceRequest& request) {
   const auto number = static_cast<std::size_t>(request.picture);

@@ -11,7 +11,7 @@
 #include "client/view/render/color_texture.h"
 #include "client/view/render/frame_renderer.h"
 #include "client/view/render/frame_target.h"
-#include "client/view/render/volume_shader.h"
+#include "client/view/render/volume_programs.h"
 
 namespace palpate::view {
 

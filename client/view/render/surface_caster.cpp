@@ -6,13 +6,13 @@
 #include <optional>
 #include <string>
 
+#include "client/shading/shading.h"
 #include "client/view/render/card_buffer.h"
 #include "client/view/render/color_texture.h"
 #include "client/view/render/frame_target.h"
 #include "client/view/render/gl_state.h"
 #include "client/view/render/shader_program.h"
-#include "client/view/render/surface_shader.h"
-#include "client/view/render/volume_shader.h"
+#include "client/view/render/volume_programs.h"
 #include "common/error/error.h"
 
 namespace palpate::view {
@@ -36,7 +36,15 @@ void main() {
 }
 )";
 
-// Maps frame P of the shader to D. In P, voxel (i, j, k) is at (i + 1, j + 1, k + 1).
+// Without a veil it is faster.
+std::string SurfaceShader(bool with_veil) {
+  return std::string("#define VEIL ") + (with_veil ? "true" : "false") + "\n#define MOST_LAYERS " +
+         std::to_string(kMostVeilLayers) + "\n" + shading::kSurfaceDesktop +
+         shading::kSurfaceInputs + shading::kRay + shading::kWalk + shading::kColors +
+         shading::kLight + shading::kSurface;
+}
+
+// Maps frame P of shading.h to D.
 AffineMap XDP(const AffineMap& X_DI) {
   AffineMap X_IP;
   X_IP.translation = -Vec3::Ones();

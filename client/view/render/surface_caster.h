@@ -22,6 +22,9 @@
 
 namespace palpate::view {
 
+// The most blended layers of the veil. Layers behind are left out.
+inline constexpr int kMostVeilLayers = 16;
+
 struct CastRequest {
   ImageSize size;
   Vec3 eye_D = Vec3::Zero();

@@ -1,8 +1,3 @@
-#include "client/view/render/surface_shader.h"
-
-namespace palpate::view {
-
-const char* const kShaderWalk = R"(
 // What the ray has hit.
 bool is_hit = false;
 bool hit_is_cap = false;
@@ -121,7 +116,7 @@ void WalkBricks(uvec4 block, ivec3 block_place, float t, float t_end) {
       int axis = FirstAxis(leave);
       place = brick;
       entry = EntryOf(block, brick);
-      vec2 range = texelFetch(ranges, entry).rg;
+      vec2 range = BrickRange(entry);
       found = Active(range);
       if (!found) PassUniform(t, range);
       from = t;
@@ -185,6 +180,3 @@ void Walk() {
   // A surface that reaches the volume's border is closed there.
   if (!is_hit && ends_outside) PassUniform(reach, vec2(background));
 }
-)";
-
-}  // namespace palpate::view

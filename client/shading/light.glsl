@@ -1,8 +1,3 @@
-#include "client/view/render/surface_shader.h"
-
-namespace palpate::view {
-
-const char* const kShaderLight = R"(
 // Weights of the cubic B-spline for the points -1 .. 2, and their derivatives.
 vec4 Spline(float u) {
   float v = 1.0 - u;
@@ -28,7 +23,7 @@ Near NearAt(ivec3 brick, ivec3 own_brick, Near own_near) {
   uvec4 block = BlockAt(brick >> 3);
   vec2 range = RangeOf(block);
   int entry = EntryOf(block, brick);
-  if (block.z != kNone) range = texelFetch(ranges, entry).rg;
+  if (block.z != kNone) range = BrickRange(entry);
   if (range.x == range.y) return Near(own_near.texel, own_near.low, true, range.x);
   uint slot = WantedSlot(entry);
   if (slot == kNone) return own_near;
@@ -83,7 +78,7 @@ vec3 Gradient(vec3 p, vec2 level) {
   uvec4 block = BlockAt(brick >> 3);
   vec2 range = RangeOf(block);
   int entry = EntryOf(block, brick);
-  if (block.z != kNone) range = texelFetch(ranges, entry).rg;
+  if (block.z != kNone) range = BrickRange(entry);
   bool is_one_value = range.x == range.y;
   uint slot = 0u;
   if (!is_one_value) slot = WantedSlot(entry);
@@ -138,6 +133,3 @@ vec3 SurfaceColor(vec3 p) {
 vec3 CapColor(vec3 p) {
   return ColorAt(color_map, ShareOf(AboveAt(p, window_min), window_range));
 }
-)";
-
-}  // namespace palpate::view

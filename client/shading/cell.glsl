@@ -1,8 +1,52 @@
-#include "client/view/render/volume_shader.h"
+vec2 RangeOf(uvec4 block) { return uintBitsToFloat(block.xy); }
 
-namespace palpate::view {
+// Values at the corners of a cell: `low` at its lower x, `high` at its upper x. Each has (y, z) =
+// (0, 0), (0, 1), (1, 0), (1, 1).
+struct Corners {
+  vec4 low;
+  vec4 high;
+};
 
-const char* const kShaderCell = R"(
+// From the texel of the cell's first corner on.
+Corners CornersAt(ivec3 t) {
+  return Corners(vec4(Texel(t), Texel(t + ivec3(1, 0, 0)), Texel(t + ivec3(0, 1, 0)),
+                      Texel(t + ivec3(1, 1, 0))),
+                 vec4(Texel(t + ivec3(0, 0, 1)), Texel(t + ivec3(1, 0, 1)),
+                      Texel(t + ivec3(0, 1, 1)), Texel(t + ivec3(1, 1, 1))));
+}
+
+ivec3 CellAt(vec3 p) { return clamp(ivec3(floor(p)), ivec3(0), cells - 1); }
+
+// The cell at a point, as it can be drawn: a coarse one spans a cell brick.
+struct Cell {
+  Corners corners;
+  vec3 u;      // the point within it, 0 to 1
+  float edge;  // 1 or 8
+};
+
+// The range of the cell brick at a point.
+vec2 RangeAt(vec3 p) {
+  ivec3 brick = CellAt(p) >> 3;
+  uvec4 block = BlockAt(brick >> 3);
+  return block.z == kNone ? RangeOf(block) : BrickRange(EntryOf(block, brick));
+}
+
+Cell CellOf(vec3 p) {
+  ivec3 cell = CellAt(p);
+  ivec3 brick = cell >> 3;
+  uvec4 block = BlockAt(brick >> 3);
+  vec2 range = RangeOf(block);
+  int entry = EntryOf(block, brick);
+  if (block.z != kNone) range = BrickRange(entry);
+  if (range.x == range.y) return Cell(Corners(vec4(range.x), vec4(range.x)), vec3(0.0), 1.0);
+  uint slot = WantedSlot(entry);
+  bool is_fine = slot != kNone;
+  ivec3 low = is_fine ? cell : brick << 3;
+  float edge = is_fine ? 1.0 : 8.0;
+  ivec3 texel = SlotOrigin(is_fine ? slot : block.w) + ((is_fine ? cell : brick) & 7).zyx;
+  return Cell(CornersAt(texel), clamp((p - vec3(low)) / edge, 0.0, 1.0), edge);
+}
+
 float Least(Corners c) {
   vec4 m = min(c.low, c.high);
   return min(min(m.x, m.y), min(m.z, m.w));
@@ -29,7 +73,7 @@ float FaceByYZ(vec4 f) { return (f.w - f.z) - (f.y - f.x); }
 // F - value. If both are near each other, as exact as with doubles. Above 0 exactly where F is
 // above the value.
 vec4 Above(vec4 f, vec2 value) {
-  precise vec4 above = (f - value.x) - value.y;
+  PRECISE vec4 above = (f - value.x) - value.y;
   return above;
 }
 
@@ -118,6 +162,3 @@ bool FindCrossing(vec4 c, float from, float to, bool above, out float crossing) 
   }
   return false;
 }
-)";
-
-}  // namespace palpate::view

@@ -1,8 +1,3 @@
-#include "client/view/render/surface_shader.h"
-
-namespace palpate::view {
-
-const char* const kShaderRay = R"(
 // The ray of this pixel. It begins where it enters what the cuts leave: coordinates near the volume
 // keep their digits however far away the eye is.
 vec3 origin;
@@ -95,6 +90,3 @@ vec3 LeaveOf(ivec3 low, ivec3 high) {
 int FirstAxis(vec3 leave) {
   return leave.x <= leave.y ? (leave.x <= leave.z ? 0 : 2) : (leave.y <= leave.z ? 1 : 2);
 }
-)";
-
-}  // namespace palpate::view

@@ -1,8 +1,5 @@
-// The volume in shaders: GLSL that reads it from the tables of a brick cache, and the programs for
-// each type of its values.
-//
-// Its frame is the padded lattice P: voxel (i, j, k) is at (i + 1, j + 1, k + 1), and cells go from
-// 0 to size, so that no index is negative.
+// The programs that read a volume from the tables of a brick cache, for each type of its values.
+// Their frame is P of shading.h.
 //
 // Threads: those of BrickCache. Errors: those of ShaderProgram.
 #pragma once
@@ -17,10 +14,6 @@
 
 namespace palpate::view {
 
-// GLSL: where the values of a cell are, and F within a cell.
-extern const char* const kShaderVolume;
-extern const char* const kShaderCell;
-
 // The texture units of the volume: 0 to 3. Further textures begin here.
 inline constexpr int kFirstFreeUnit = 4;
 // The shader storage buffer of the marks: 0. Further buffers begin here.
@@ -28,7 +21,7 @@ inline constexpr unsigned kFirstFreeBuffer = 1;
 
 class VolumePrograms {
  public:
-  // `fragment_source` comes after kShaderVolume and kShaderCell.
+  // `fragment_source` comes after kVolumeDesktop and kCell of shading.h.
   explicit VolumePrograms(std::string fragment_source)
       : fragment_source_(std::move(fragment_source)) {}
 
