@@ -4,21 +4,11 @@
 // Cell brick b has the voxels 8b - 1 .. 8b + 7 along each axis: all of voxel brick b, and the last layer of
 // the one before. So a voxel brick keeps eight ranges, one for each set of axes along which only its last
 // layer counts, and a cell brick's range is the union of one of each of eight voxel bricks.
+import { kGroupEdge, newVoxels } from "../volume/manifest";
 import type { ValueScale } from "./value_scale";
 import type { Vec3, VolumeShape, Voxels } from "./types";
 
-const GROUP = 32;
-const BRICKS = 4; // voxel bricks in a group, along each axis
-
-export function emptyLike(type: VolumeShape["type"], length: number): Voxels {
-  const arrays = {
-    uint8: Uint8Array,
-    int16: Int16Array,
-    uint16: Uint16Array,
-    float32: Float32Array,
-  };
-  return new arrays[type](length);
-}
+const kBricks = 4; // voxel bricks in a group, along each axis
 
 export class BrickRanges {
   readonly brickCount: Vec3;
@@ -38,11 +28,11 @@ export class BrickRanges {
   ) {
     const along = (f: (size: number) => number): Vec3 => shape.size.map(f) as Vec3;
     this.background = scale.scaled(shape.background);
-    this.pieceCount = along((size) => BRICKS * Math.ceil(size / GROUP));
+    this.pieceCount = along((size) => kBricks * Math.ceil(size / kGroupEdge));
     this.brickCount = along((size) => Math.ceil((size + 1) / 8));
     this.blockCount = along((size) => Math.ceil((size + 1) / 64));
     const volume = ([x, y, z]: Vec3): number => x * y * z;
-    this.pieces = emptyLike(shape.type, 16 * volume(this.pieceCount)).fill(shape.background);
+    this.pieces = newVoxels(shape.type, 16 * volume(this.pieceCount)).fill(shape.background);
     this.bricks = new Float32Array(2 * volume(this.brickCount)).fill(this.background);
     this.blocks = new Float32Array(2 * volume(this.blockCount)).fill(this.background);
   }
@@ -51,25 +41,25 @@ export class BrickRanges {
 
   putGroup(a: number, b: number, c: number, voxels: Voxels): void {
     const [, ny, nz] = this.pieceCount;
-    for (let n = 0; n < BRICKS ** 3; ++n) {
+    for (let n = 0; n < kBricks ** 3; ++n) {
       const [x, y, z] = [n >> 4, (n >> 2) & 3, n & 3];
-      const piece = ((BRICKS * a + x) * ny + BRICKS * b + y) * nz + BRICKS * c + z;
-      this.putPieces(16 * piece, voxels, 8 * ((x * GROUP + y) * GROUP + z));
+      const piece = ((kBricks * a + x) * ny + kBricks * b + y) * nz + kBricks * c + z;
+      this.putPieces(16 * piece, voxels, 8 * ((x * kGroupEdge + y) * kGroupEdge + z));
     }
-    this.changed.add(((a * ny) / BRICKS + b) * (nz / BRICKS) + c);
+    this.changed.add(((a * ny) / kBricks + b) * (nz / kBricks) + c);
   }
 
   // Brings bricks and blocks up to date. Returns the first and the last changed layer of bricks along x, or
   // null if nothing has changed.
   update(): [number, number] | null {
     if (this.changed.size === 0) return null;
-    const [nb, nc] = [this.pieceCount[1] / BRICKS, this.pieceCount[2] / BRICKS];
+    const [nb, nc] = [this.pieceCount[1] / kBricks, this.pieceCount[2] / kBricks];
     const blocks = new Set<number>();
     let [first, last] = [Infinity, 0];
     for (const group of this.changed) {
       const low: Vec3 = [Math.floor(group / (nb * nc)), Math.floor(group / nc) % nb, group % nc];
-      const from = low.map((g) => BRICKS * g) as Vec3;
-      const to = from.map((f, axis) => Math.min(f + BRICKS, this.brickCount[axis]! - 1)) as Vec3;
+      const from = low.map((g) => kBricks * g) as Vec3;
+      const to = from.map((f, axis) => Math.min(f + kBricks, this.brickCount[axis] - 1)) as Vec3;
       first = Math.min(first, from[0]);
       last = Math.max(last, to[0]);
       forEach(from, to, (x, y, z) => {
@@ -86,15 +76,15 @@ export class BrickRanges {
   private putPieces(to: number, voxels: Voxels, from: number): void {
     const pieces = this.pieces;
     for (let set = 0; set < 8; ++set) {
-      pieces[to + 2 * set] = pieces[to + 2 * set + 1] = voxels[from + LAST_LAYER[set]!]!;
+      pieces[to + 2 * set] = pieces[to + 2 * set + 1] = voxels[from + kLastLayer[set]];
     }
     for (let i = 0; i < 8; ++i) {
       for (let j = 0; j < 8; ++j) {
-        const row = from + (i * GROUP + j) * GROUP;
-        const last = voxels[row + 7]!;
+        const row = from + (i * kGroupEdge + j) * kGroupEdge;
+        const last = voxels[row + 7];
         let [low, high] = [last, last];
         for (let k = row; k < row + 7; ++k) {
-          const value = voxels[k]!;
+          const value = voxels[k];
           if (value < low) low = value;
           if (value > high) high = value;
         }
@@ -102,10 +92,10 @@ export class BrickRanges {
         for (let set = 0; set <= axes; set += 2) {
           if ((set & axes) !== set) continue;
           const at = to + 2 * set;
-          if (low < pieces[at]!) pieces[at] = low;
-          if (high > pieces[at + 1]!) pieces[at + 1] = high;
-          if (last < pieces[at + 2]!) pieces[at + 2] = last;
-          if (last > pieces[at + 3]!) pieces[at + 3] = last;
+          if (low < pieces[at]) pieces[at] = low;
+          if (high > pieces[at + 1]) pieces[at + 1] = high;
+          if (last < pieces[at + 2]) pieces[at + 2] = last;
+          if (last > pieces[at + 3]) pieces[at + 3] = last;
         }
       }
     }
@@ -118,8 +108,8 @@ export class BrickRanges {
       const [px, py, pz] = [x - (set >> 2), y - ((set >> 1) & 1), z - (set & 1)];
       const isInside = px >= 0 && py >= 0 && pz >= 0 && px < nx && py < ny && pz < nz;
       const at = 16 * ((px * ny + py) * nz + pz) + 2 * set;
-      low = Math.min(low, isInside ? this.scale.scaled(this.pieces[at]!) : this.background);
-      high = Math.max(high, isInside ? this.scale.scaled(this.pieces[at + 1]!) : this.background);
+      low = Math.min(low, isInside ? this.scale.scaled(this.pieces[at]) : this.background);
+      high = Math.max(high, isInside ? this.scale.scaled(this.pieces[at + 1]) : this.background);
     }
     const to = 2 * ((x * this.brickCount[1] + y) * this.brickCount[2] + z);
     this.bricks[to] = low;
@@ -131,12 +121,12 @@ export class BrickRanges {
     const from = [Math.floor(block / (ny * nz)), Math.floor(block / nz) % ny, block % nz].map(
       (b) => 8 * b,
     ) as Vec3;
-    const to = from.map((f, axis) => Math.min(f + 7, this.brickCount[axis]! - 1)) as Vec3;
+    const to = from.map((f, axis) => Math.min(f + 7, this.brickCount[axis] - 1)) as Vec3;
     let [low, high] = [Infinity, -Infinity];
     forEach(from, to, (x, y, z) => {
       const at = 2 * ((x * this.brickCount[1] + y) * this.brickCount[2] + z);
-      low = Math.min(low, this.bricks[at]!);
-      high = Math.max(high, this.bricks[at + 1]!);
+      low = Math.min(low, this.bricks[at]);
+      high = Math.max(high, this.bricks[at + 1]);
     });
     this.blocks[2 * block] = low;
     this.blocks[2 * block + 1] = high;
@@ -144,8 +134,8 @@ export class BrickRanges {
 }
 
 // Of each set of axes, a voxel in the last layers along them.
-const LAST_LAYER = [0, 1, 2, 3, 4, 5, 6, 7].map(
-  (set) => 7 * ((set >> 2) * GROUP * GROUP + ((set >> 1) & 1) * GROUP + (set & 1)),
+const kLastLayer = [0, 1, 2, 3, 4, 5, 6, 7].map(
+  (set) => 7 * ((set >> 2) * kGroupEdge * kGroupEdge + ((set >> 1) & 1) * kGroupEdge + (set & 1)),
 );
 
 // Both ends are included.

@@ -9,7 +9,20 @@ import surfaceInputs from "shading/surface_inputs.glsl";
 import volumeWeb from "shading/volume_web.glsl";
 import walk from "shading/walk.glsl";
 
-import { affine4, apply, invert4, invertAffine, multiply4, normalized, turn } from "./linear";
+import {
+  apply,
+  column,
+  compose,
+  inverse as inverseMap,
+  norm,
+  normalized,
+  row as rowOfMap,
+  scale,
+  subtract,
+  turn,
+} from "../view/geometry";
+import type { AffineMap } from "../view/geometry";
+import { fromAffine, inverse, multiply, row } from "./matrix";
 import { Program } from "./program";
 import type { Vec3 } from "./types";
 import type { VolumeTexture } from "./volume_texture";
@@ -25,36 +38,27 @@ export interface CastRequest {
   veil: { isovalue: number; opacity: number; color: Vec3 } | null;
 }
 
-const MOST_LAYERS = 16; // of the veil, as on the desktop
+const kMostLayers = 16; // of the veil, as on the desktop
 
 export function newCastProgram(gl: WebGL2RenderingContext, sampler: string, veil: boolean): Program {
-  const definitions = `#define ATLAS ${sampler}\n#define VEIL ${veil}\n#define MOST_LAYERS ${MOST_LAYERS}\n`;
+  const definitions = `#define ATLAS ${sampler}\n#define VEIL ${veil}\n#define MOST_LAYERS ${kMostLayers}\n`;
   const parts = [definitions, volumeWeb, cell, surfaceInputs, ray, walk, colors, light, surface];
   return new Program(gl, parts.join("\n"));
 }
 
-// In P, voxel (i, j, k) is at (i + 1, j + 1, k + 1).
-function deviceFromP(deviceFromIndex: number[]): number[] {
-  const map = [...deviceFromIndex];
-  const origin = apply(map, [-1, -1, -1]);
-  for (const axis of [0, 1, 2]) map[4 * axis + 3] = origin[axis]!;
-  return map;
-}
-
 // Of (x, y, 1) in pixels right and up of the image's centre, column by column: the difference between the
 // point on the near plane and the eye, in homogeneous coordinates.
-function directionFromPixel(request: CastRequest, [width, height]: number[], pFromD: number[]): number[] {
-  const fromClip = invert4(request.clipFromD);
-  const nearOf = [
-    (row: number): number => (fromClip[row]! * 2) / width!,
-    (row: number): number => (fromClip[4 + row]! * 2) / height!,
-    (row: number): number => fromClip[12 + row]! - fromClip[8 + row]!,
-  ];
-  const columns = nearOf.map((near) =>
-    turn(pFromD, request.eye.map((e, axis) => near(axis) - e * near(3)) as Vec3),
+function directionFromPixel(request: CastRequest, [width, height]: number[], pFromD: AffineMap): number[] {
+  const fromClip = inverse(request.clipFromD);
+  const near = [0, 1, 2, 3].map((r) => [
+    (fromClip[r] * 2) / width,
+    (fromClip[4 + r] * 2) / height,
+    fromClip[12 + r] - fromClip[8 + r],
+  ]);
+  const columns = [0, 1, 2].map((c) =>
+    turn(pFromD, subtract([near[0][c], near[1][c], near[2][c]], scale(near[3][c], request.eye))),
   );
-  const length = Math.hypot(...columns[2]!);
-  return columns.flat().map((value) => value / length);
+  return columns.flatMap((d) => scale(1 / norm(columns[2]), d));
 }
 
 // `size`: of the picture that is cast, which may be coarser than the request's.
@@ -64,21 +68,21 @@ export function setRequest(
   request: CastRequest,
   size: [number, number],
 ): void {
-  const dFromP = deviceFromP(request.deviceFromIndex);
-  const pFromD = invertAffine(dFromP);
-  const clipFromP = multiply4(request.clipFromD, affine4(dFromP));
-  const rowOf = (matrix: Float64Array, row: number): number[] => [0, 4, 8, 12].map((c) => matrix[c + row]!);
-  const axisOf = (row: number): Vec3 => normalized(rowOf(request.clipFromD, row).slice(0, 3) as Vec3);
+  // In P, voxel (i, j, k) is at (i + 1, j + 1, k + 1).
+  const dFromP = compose(request.deviceFromIndex, [1, 0, 0, -1, 0, 1, 0, -1, 0, 0, 1, -1]);
+  const pFromD = inverseMap(dFromP);
+  const clipFromP = multiply(request.clipFromD, fromAffine(dFromP));
+  const across = (n: number): Vec3 => normalized(row(request.clipFromD, n).slice(0, 3) as Vec3);
   program.set("eye", ...apply(pFromD, request.eye));
   program.set("image_center", size[0] / 2, size[1] / 2, 0);
   program.setMatrix("direction_from_pixel", directionFromPixel(request, size, pFromD));
-  program.set("clip_z", ...rowOf(clipFromP, 2));
-  program.set("clip_w", ...rowOf(clipFromP, 3));
-  program.setMatrix("D_from_P", [0, 1, 2].flatMap((c) => [dFromP[c]!, dFromP[4 + c]!, dFromP[8 + c]!]));
+  program.set("clip_z", ...row(clipFromP, 2));
+  program.set("clip_w", ...row(clipFromP, 3));
+  program.setMatrix("D_from_P", [0, 1, 2].flatMap((n) => column(dFromP, n)));
   // The transpose of the inverse.
-  program.setMatrix("normal_D_from_P", [0, 4, 8].flatMap((r) => pFromD.slice(r, r + 3)));
-  program.set("right_D", ...axisOf(0));
-  program.set("up_D", ...axisOf(1));
+  program.setMatrix("normal_D_from_P", [0, 1, 2].flatMap((n) => rowOfMap(pFromD, n)));
+  program.set("right_D", ...across(0));
+  program.set("up_D", ...across(1));
   program.set("crop_max", ...volume.shape.size.map((n) => n + 1));
   program.setInt("surface_shown", 1);
   program.set("isovalue", ...volume.scale.split(request.isovalue));

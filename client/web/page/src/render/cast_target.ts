@@ -1,7 +1,7 @@
 // The textures that a picture is cast into: the surface's colour, the veil's colour and depth, the
 // surface's depth. The bottom row comes first.
 
-const COUNT = 4;
+const kCount = 4;
 
 export class CastTarget {
   size: [number, number] = [0, 0];
@@ -46,8 +46,8 @@ export class CastTarget {
     this.framebuffer = gl.createFramebuffer();
     gl.bindFramebuffer(gl.FRAMEBUFFER, this.framebuffer);
     gl.activeTexture(gl.TEXTURE0);
-    for (let n = 0; n < COUNT; ++n) {
-      const texture = gl.createTexture()!;
+    for (let n = 0; n < kCount; ++n) {
+      const texture = gl.createTexture();
       const isColor = n < 2;
       gl.bindTexture(gl.TEXTURE_2D, texture);
       gl.texStorage2D(gl.TEXTURE_2D, 1, isColor ? gl.RGBA8 : gl.R32F, ...size);

@@ -5,20 +5,21 @@
 // the one before, which a fence tells.
 //
 // The state of the context is arbitrary after each call: three.js needs renderer.resetState().
-import { type CastRequest, newCastProgram, setRequest } from "./cast_program";
+import { newCastProgram, setRequest } from "./cast_program";
+import type { CastRequest } from "./cast_program";
 import { CastTarget } from "./cast_target";
-import { invert4 } from "./linear";
+import { inverse } from "./matrix";
 import { Pace } from "./pace";
 import { Program } from "./program";
 import type { VolumeTexture } from "./volume_texture";
 
 export type { CastRequest } from "./cast_program";
 
-const REST_MS = 150;
-const FIRST_FREE_UNIT = 3; // after those of the volume
+const kRestMs = 150;
+const kFirstFreeUnit = 3; // after those of the volume
 
 // `share` is the place in the viewport, so that a coarse picture covers it too.
-const DRAW_SHADER = `
+const kDrawShader = `
 precision highp float;
 uniform sampler2D color_texture;
 uniform sampler2D depth_texture;
@@ -47,11 +48,9 @@ interface Job {
   nextRow: number;
 }
 
-function isSame(a: Subject | null, b: Subject): boolean {
+function isSame(a: Subject, b: Subject): boolean {
   const text = (r: CastRequest): string => JSON.stringify({ ...r, clipFromD: [...r.clipFromD] });
-  return (
-    a !== null && a.volume === b.volume && a.version === b.version && text(a.request) === text(b.request)
-  );
+  return a.volume === b.volume && a.version === b.version && text(a.request) === text(b.request);
 }
 
 export class Caster {
@@ -77,10 +76,10 @@ export class Caster {
 
   constructor(private readonly gl: WebGL2RenderingContext) {
     gl.getExtension("EXT_color_buffer_float");
-    this.drawing = new Program(gl, DRAW_SHADER);
+    this.drawing = new Program(gl, kDrawShader);
     this.front = new CastTarget(gl);
     this.back = new CastTarget(gl);
-    this.noColors = gl.createTexture()!;
+    this.noColors = gl.createTexture();
     gl.bindTexture(gl.TEXTURE_2D, this.noColors);
     gl.texStorage2D(gl.TEXTURE_2D, 1, gl.RGBA8, 1, 1);
   }
@@ -105,11 +104,11 @@ export class Caster {
     const gl = this.gl;
     if (gl.isContextLost() || request.size[0] < 1 || request.size[1] < 1) return false;
     volume.flush();
-    this.want({ volume, version: volume.version, request });
+    const wanted = this.want({ volume, version: volume.version, request });
     if (!this.tileIsDone()) return false;
     const changed = this.finishJob();
-    if (this.job && !this.job.isCoarse && this.job.subject !== this.wanted) this.job = null;
-    this.job ??= this.nextJob(this.wanted!);
+    if (this.job && !this.job.isCoarse && this.job.subject !== wanted) this.job = null;
+    this.job ??= this.nextJob(wanted);
     if (this.job) this.castTile(this.job);
     return changed;
   }
@@ -132,15 +131,15 @@ export class Caster {
     if (!this.shown) return new Float32Array(0);
     const [width, height] = this.front.size;
     const depths = this.front.readDepths();
-    const fromClip = invert4(this.shown.clipFromD);
+    const fromClip = inverse(this.shown.clipFromD);
     const eye = this.shown.eye;
     return depths.map((_, n) => {
       const [x, y] = [n % width, height - 1 - Math.floor(n / width)];
-      const depth = depths[y * width + x]!;
+      const depth = depths[y * width + x];
       if (depth >= 1) return Infinity;
       const clip = [(2 * (x + 0.5)) / width - 1, (2 * (y + 0.5)) / height - 1, 2 * depth - 1, 1];
-      const p = [0, 1, 2, 3].map((r) => clip.reduce((sum, value, c) => sum + fromClip[4 * c + r]! * value, 0));
-      return Math.hypot(...eye.map((e, axis) => p[axis]! / p[3]! - e));
+      const p = [0, 1, 2, 3].map((r) => clip.reduce((sum, value, c) => sum + fromClip[4 * c + r] * value, 0));
+      return Math.hypot(...eye.map((e, axis) => p[axis] / p[3] - e));
     });
   }
 
@@ -150,14 +149,15 @@ export class Caster {
     this.gl.deleteTexture(this.noColors);
   }
 
-  private want(subject: Subject): void {
-    if (isSame(this.wanted, subject)) return;
+  private want(subject: Subject): Subject {
     const before = this.wanted;
+    if (before && isSame(before, subject)) return before;
     const size = before?.request.size;
     if (before?.volume !== subject.volume || String(size) !== String(subject.request.size)) this.pace.forget();
     // A copy: the caller may change its own.
     this.wanted = { ...subject, request: structuredClone(subject.request) };
     this.changedAt = performance.now();
+    return this.wanted;
   }
 
   private tileIsDone(): boolean {
@@ -187,7 +187,7 @@ export class Caster {
 
   private nextJob(subject: Subject): Job | null {
     const isCoarse = this.frontSubject !== subject;
-    if (!isCoarse && (this.frontLevel === 1 || performance.now() - this.changedAt < REST_MS)) return null;
+    if (!isCoarse && (this.frontLevel === 1 || performance.now() - this.changedAt < kRestMs)) return null;
     const level = isCoarse ? this.pace.coarseLevel : this.frontLevel > 2 ? 2 : 1;
     const size = subject.request.size.map((n) => Math.ceil(n / level)) as [number, number];
     return { subject, level, isCoarse, size, nextRow: 0 };
@@ -206,20 +206,22 @@ export class Caster {
     const program = this.programFor(volume.sampler, request.veil !== null);
     program.use();
     volume.bind(program);
-    this.bindTexture(program, "color_map", FIRST_FREE_UNIT, this.noColors);
+    this.bindTexture(program, "color_map", kFirstFreeUnit, this.noColors);
     setRequest(program, volume, request, job.size);
     program.draw();
     gl.disable(gl.SCISSOR_TEST);
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
-    this.tile = { fence: gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0)!, since: performance.now(), looks: 0 };
+    const fence = gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
     gl.flush();
+    this.tile = fence && { fence, since: performance.now(), looks: 0 };
     job.nextRow += rows;
   }
 
   private programFor(sampler: string, veil: boolean): Program {
     const key = `${sampler} ${veil}`;
-    if (!this.programs.has(key)) this.programs.set(key, newCastProgram(this.gl, sampler, veil));
-    return this.programs.get(key)!;
+    const program = this.programs.get(key) ?? newCastProgram(this.gl, sampler, veil);
+    this.programs.set(key, program);
+    return program;
   }
 
   private bindTexture(program: Program, name: string, unit: number, texture: WebGLTexture): void {
@@ -243,7 +245,7 @@ export class Caster {
     this.bindTexture(this.drawing, "color_texture", 0, color);
     this.bindTexture(this.drawing, "depth_texture", 1, depth);
     const viewport = gl.getParameter(gl.VIEWPORT) as Int32Array;
-    this.drawing.set("viewport_size", viewport[2]!, viewport[3]!);
+    this.drawing.set("viewport_size", viewport[2], viewport[3]);
     this.drawing.draw();
   }
 }

@@ -1,15 +1,15 @@
 // A program that covers the viewport with one triangle; its fragment shader gets only gl_FragCoord.
 
-const VERSION = "#version 300 es\n";
-const COVER_VIEWPORT = `
+const kVersion = "#version 300 es\n";
+const kCoverViewport = `
 void main() {
   gl_Position = vec4(gl_VertexID == 1 ? 3.0 : -1.0, gl_VertexID == 2 ? 3.0 : -1.0, 0.0, 1.0);
 }
 `;
 
 function compile(gl: WebGL2RenderingContext, kind: number, source: string): WebGLShader {
-  const shader = gl.createShader(kind)!;
-  gl.shaderSource(shader, VERSION + source);
+  const shader = gl.createShader(kind)!; // null: not with these kinds
+  gl.shaderSource(shader, kVersion + source);
   gl.compileShader(shader);
   return shader;
 }
@@ -24,16 +24,16 @@ export class Program {
     private readonly gl: WebGL2RenderingContext,
     fragment: string,
   ) {
-    this.program = gl.createProgram()!;
-    this.noVertices = gl.createVertexArray()!;
+    this.program = gl.createProgram();
+    this.noVertices = gl.createVertexArray();
     const shaders = [
-      compile(gl, gl.VERTEX_SHADER, COVER_VIEWPORT),
+      compile(gl, gl.VERTEX_SHADER, kCoverViewport),
       compile(gl, gl.FRAGMENT_SHADER, fragment),
     ];
     for (const shader of shaders) gl.attachShader(this.program, shader);
     gl.linkProgram(this.program);
     const linked = gl.getProgramParameter(this.program, gl.LINK_STATUS) as boolean;
-    const words = linked ? "" : `${gl.getShaderInfoLog(shaders[1]!)} ${gl.getProgramInfoLog(this.program)}`;
+    const words = linked ? "" : `${gl.getShaderInfoLog(shaders[1])} ${gl.getProgramInfoLog(this.program)}`;
     for (const shader of shaders) gl.deleteShader(shader);
     if (!linked) throw new Error(`the graphics driver refuses a shader: ${words}`);
   }
@@ -45,7 +45,7 @@ export class Program {
   // Sets a uniform of the program in use: one to four floats.
   set(name: string, ...values: number[]): void {
     const place = this.place(name);
-    if (values.length === 1) this.gl.uniform1f(place, values[0]!);
+    if (values.length === 1) this.gl.uniform1f(place, values[0]);
     if (values.length === 2) this.gl.uniform2fv(place, values);
     if (values.length === 3) this.gl.uniform3fv(place, values);
     if (values.length === 4) this.gl.uniform4fv(place, values);
@@ -53,7 +53,7 @@ export class Program {
 
   // One or three ints, or a bool.
   setInt(name: string, ...values: number[]): void {
-    if (values.length === 1) this.gl.uniform1i(this.place(name), values[0]!);
+    if (values.length === 1) this.gl.uniform1i(this.place(name), values[0]);
     else this.gl.uniform3iv(this.place(name), values);
   }
 
@@ -74,9 +74,8 @@ export class Program {
   }
 
   private place(name: string): WebGLUniformLocation | null {
-    if (!this.places.has(name)) {
-      this.places.set(name, this.gl.getUniformLocation(this.program, name));
-    }
-    return this.places.get(name)!;
+    const place = this.places.get(name) ?? this.gl.getUniformLocation(this.program, name);
+    this.places.set(name, place);
+    return place;
   }
 }

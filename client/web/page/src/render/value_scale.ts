@@ -1,8 +1,8 @@
 // Scales values for the graphics card as client/view/render/value_scale.h does, which says why: by a
 // power of two, so that the largest is near 2^32.
 
-const LARGEST_EXPONENT = 32;
-const MOST = 2 ** 50;
+const kLargestExponent = 32;
+const kMost = 2 ** 50;
 
 function floatNotAbove(value: number): number {
   const nearest = Math.fround(value);
@@ -10,8 +10,8 @@ function floatNotAbove(value: number): number {
   // The float before: one step of the bits, up for negative values.
   const bits = new Int32Array(Float32Array.of(nearest).buffer);
   if (nearest === 0) return -(2 ** -149);
-  bits[0]! += nearest > 0 ? -1 : 1;
-  return new Float32Array(bits.buffer)[0]!;
+  bits[0] += nearest > 0 ? -1 : 1;
+  return new Float32Array(bits.buffer)[0];
 }
 
 export class ValueScale {
@@ -23,11 +23,11 @@ export class ValueScale {
     // log2 may round up just below a power of two.
     let exponent = Math.floor(Math.log2(largest));
     if (2 ** exponent > largest) --exponent;
-    this.factor = 2 ** (LARGEST_EXPONENT - exponent);
+    this.factor = 2 ** (kLargestExponent - exponent);
   }
 
   scaled(value: number): number {
-    return Math.min(Math.max(value * this.factor, -MOST), MOST);
+    return Math.min(Math.max(value * this.factor, -kMost), kMost);
   }
 
   // Two floats whose sum is the scaled value. The first is the greatest that is not above it.

@@ -2,12 +2,11 @@
 // background on every side (frame P of client/shading/shading.h), and the ranges of its bricks.
 //
 // Like the atlas of the desktop viewer, the textures have z along their x axis. Floats are stored scaled.
-import { BrickRanges, emptyLike } from "./brick_ranges";
+import { kGroupEdge, kGroupVoxels, newVoxels } from "../volume/manifest";
+import { BrickRanges } from "./brick_ranges";
 import type { Program } from "./program";
 import { ValueScale } from "./value_scale";
 import type { VolumeShape, VoxelType, Voxels } from "./types";
-
-const GROUP = 32;
 
 interface Format {
   sampler: string;
@@ -28,7 +27,7 @@ function formatOf(gl: WebGL2RenderingContext, type: VoxelType): Format {
 }
 
 function product([x, y, z]: ArrayLike<number> & Iterable<number>): number {
-  return x! * y! * z!;
+  return x * y * z;
 }
 
 // Along the texture's axes.
@@ -37,9 +36,9 @@ function paddedSize(shape: VolumeShape): [number, number, number] {
 }
 
 function newTexture(gl: WebGL2RenderingContext, format: number, size: number[]): WebGLTexture {
-  const texture = gl.createTexture()!;
+  const texture = gl.createTexture();
   gl.bindTexture(gl.TEXTURE_3D, texture);
-  gl.texStorage3D(gl.TEXTURE_3D, 1, format, size[0]!, size[1]!, size[2]!);
+  gl.texStorage3D(gl.TEXTURE_3D, 1, format, size[0], size[1], size[2]);
   gl.texParameteri(gl.TEXTURE_3D, gl.TEXTURE_MIN_FILTER, gl.NEAREST);
   gl.texParameteri(gl.TEXTURE_3D, gl.TEXTURE_MAG_FILTER, gl.NEAREST);
   return texture;
@@ -97,7 +96,7 @@ export class VolumeTexture {
     this.ranges = new BrickRanges(shape, this.scale);
     this.format = formatOf(gl, shape.type);
     this.sampler = this.format.sampler;
-    this.scaled = shape.type === "float32" ? new Float32Array(GROUP ** 3) : null;
+    this.scaled = shape.type === "float32" ? new Float32Array(kGroupVoxels) : null;
     const { blockCount, brickCount } = this.ranges;
     this.textures = [
       newTexture(gl, this.format.internal, paddedSize(shape)),
@@ -117,11 +116,11 @@ export class VolumeTexture {
   // is not kept. The caster draws all groups that were put before its next step().
   putGroup(a: number, b: number, c: number, voxels: Voxels): void {
     const gl = this.gl;
-    const first = [a, b, c].map((n) => GROUP * n) as [number, number, number];
-    const extent = first.map((n, axis) => Math.min(GROUP, this.shape.size[axis]! - n));
+    const first = [a, b, c].map((n) => kGroupEdge * n) as [number, number, number];
+    const extent = first.map((n, axis) => Math.min(kGroupEdge, this.shape.size[axis] - n));
     resetUnpacking(gl);
-    gl.pixelStorei(gl.UNPACK_ROW_LENGTH, GROUP);
-    gl.pixelStorei(gl.UNPACK_IMAGE_HEIGHT, GROUP);
+    gl.pixelStorei(gl.UNPACK_ROW_LENGTH, kGroupEdge);
+    gl.pixelStorei(gl.UNPACK_IMAGE_HEIGHT, kGroupEdge);
     gl.bindTexture(gl.TEXTURE_3D, this.textures[0]);
     const [x, y, z] = [first[2] + 1, first[1] + 1, first[0] + 1];
     const { format, type } = this.format;
@@ -159,7 +158,7 @@ export class VolumeTexture {
 
   private stored(voxels: Voxels): Voxels {
     if (!this.scaled) return voxels;
-    for (let n = 0; n < voxels.length; ++n) this.scaled[n] = this.scale.scaled(voxels[n]!);
+    for (let n = 0; n < voxels.length; ++n) this.scaled[n] = this.scale.scaled(voxels[n]);
     return this.scaled;
   }
 
@@ -169,7 +168,7 @@ export class VolumeTexture {
     const layer = 2 * brickCount[1] * brickCount[2];
     const upload = (texture: WebGLTexture, [nx, ny, nz]: number[], x: number, values: Float32Array): void => {
       gl.bindTexture(gl.TEXTURE_3D, texture);
-      gl.texSubImage3D(gl.TEXTURE_3D, 0, 0, 0, x, nz!, ny!, nx!, gl.RG, gl.FLOAT, values);
+      gl.texSubImage3D(gl.TEXTURE_3D, 0, 0, 0, x, nz, ny, nx, gl.RG, gl.FLOAT, values);
     };
     resetUnpacking(gl);
     upload(this.textures[1], blockCount, 0, blocks);
@@ -185,7 +184,7 @@ export class VolumeTexture {
     gl.disable(gl.SCISSOR_TEST);
     gl.colorMask(true, true, true, true);
     const { type } = this.shape;
-    const value = this.stored(emptyLike(type, 4).fill(this.shape.background)).slice(0, 4);
+    const value = this.stored(newVoxels(type, 4).fill(this.shape.background)).slice(0, 4);
     for (let layer = 0; layer < this.shape.size[0] + 2; ++layer) {
       gl.framebufferTextureLayer(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, this.textures[0], 0, layer);
       if (type === "float32") gl.clearBufferfv(gl.COLOR, 0, Float32Array.from(value));
