@@ -1,0 +1,45 @@
+// The bar, the line at the bottom, and the list of what happened.
+import type { State } from "../state";
+import { find, make, setText } from "./dom";
+
+export function showHeader(root: HTMLElement, state: State): void {
+  const name = find(root, "volume-name");
+  const facts = find(root, "volume-facts");
+  const guests = find(root, "guests");
+  const recording = find(root, "recording");
+  state.on("volume", () => {
+    const { volume } = state;
+    setText(name, volume?.name || "Palpate");
+    name.title = volume?.name ?? "";
+    setText(facts, volume?.size ? `${volume.size.join(" × ")} · ${volume.voxel_type ?? ""}` : "");
+    document.title = volume?.name ? `${volume.name} – Palpate` : "Palpate";
+  });
+  state.on("guests", () => {
+    const count = state.guests?.count ?? 0;
+    guests.hidden = count === 0;
+    setText(guests, count === 1 ? "1 guest" : `${count} guests`);
+  });
+  state.on("recording", () => {
+    recording.hidden = !state.recording?.running;
+    setText(recording, `● REC ${Math.round(state.recording?.seconds ?? 0)} s`);
+    recording.title = "palpated records";
+  });
+  const server = find(root, "server");
+  const showServer = () => {
+    const palpated = state.connection?.palpated ? `palpated at ${state.connection.palpated}` : "";
+    setText(server, [palpated, state.hello ? `palpate-web ${state.hello.version}` : ""].filter(Boolean).join(" · "));
+  };
+  state.on("connection", showServer);
+  state.on("hello", showServer);
+}
+
+// The newest first, each with the time at which this page heard of it.
+export function showEvents(root: HTMLElement, state: State): void {
+  const list = find(root, "events");
+  const update = () => {
+    const items = state.events.map((event) => make("li", {}, event)).reverse();
+    list.replaceChildren(...(items.length > 0 ? items : [make("li", {}, "Nothing yet.")]));
+  };
+  state.on("events", update);
+  update();
+}

@@ -1,0 +1,63 @@
+// The form for the room's key or a personal token. What is typed goes to the room object alone.
+import type { State } from "../state";
+import type { Room } from "../wire/room";
+import { find, setText } from "./dom";
+
+export function showLogin(root: HTMLElement, state: State, room: Room): void {
+  const dialog = find<HTMLDialogElement>(root, "login");
+  const secret = find<HTMLInputElement>(root, "login-secret");
+  const error = find(root, "login-error");
+  const why = find(root, "login-why");
+  const go = find<HTMLButtonElement>(root, "login-go");
+  const isToken = find<HTMLInputElement>(root, "login-by-token");
+  const visible = find<HTMLInputElement>(root, "login-visible");
+  let isBusy = false;
+
+  const update = () => {
+    const isShown = isBusy || state.link === "login";
+    setText(why, state.linkWhy);
+    why.hidden = !state.linkWhy || isBusy;
+    if (isShown && !dialog.open) {
+      dialog.showModal();
+      secret.focus();
+    }
+    if (!isShown && dialog.open) {
+      dialog.close();
+      secret.value = "";
+    }
+  };
+
+  const submit = async () => {
+    const typed = secret.value.trim();
+    if (!typed) {
+      setText(error, "Type the key or the token first.");
+      secret.focus();
+      return;
+    }
+    isBusy = true;
+    go.disabled = true;
+    setText(error, "");
+    try {
+      await room.login(isToken.checked ? { token: typed } : { room: typed });
+    } catch (refusal) {
+      setText(error, refusal instanceof Error ? refusal.message : String(refusal));
+    }
+    isBusy = false;
+    go.disabled = false;
+    if (error.textContent) secret.select();
+    update();
+  };
+
+  find(root, "login-form").addEventListener("submit", (event) => {
+    event.preventDefault();
+    if (!isBusy) void submit();
+  });
+  visible.addEventListener("change", () => {
+    secret.type = visible.checked ? "text" : "password";
+  });
+  // There is nothing behind the form.
+  dialog.addEventListener("cancel", (event) => event.preventDefault());
+  state.on("link", update);
+  // The page may log in by its link first.
+  requestAnimationFrame(update);
+}

@@ -1,0 +1,80 @@
+// What palpated does now, in words and numbers.
+import type { State } from "../state";
+import { distance, length } from "../wire/pose";
+import { find, make, setText } from "./dom";
+import { fixed, forcesText, grouped, modeText, valueText, withUnit } from "./words";
+
+const kRows = {
+  stylus: ["Stylus", "What the haptic loop does with the proxy"],
+  force: ["Force", "On the hand, and the most that the device gives now"],
+  forces: ["Forces", "Whether the device may push"],
+  penetration: ["Penetration", "From the stylus tip to the proxy, in contact"],
+  density: ["Value at the proxy", "The volume's value at SCP_H"],
+  missed: ["Missed ticks", "Ticks that the haptic loop missed since palpated started"],
+  update: ["Haptic update", "Time that the newest tick took"],
+  series: ["Series", "Volumes that follow each other in time"],
+  recording: ["Recording", "palpated records what happens"],
+  user: ["You", "Your name here, and what you may set"],
+} as const;
+type Row = keyof typeof kRows;
+
+function seriesText(state: State): string {
+  const { series } = state;
+  if (!series || !series.frames) return "";
+  const frame = Math.min(series.frames, Math.floor(series.position_frames) + 1);
+  return `frame ${frame} of ${series.frames}, ${series.playing ? `playing at ${fixed(series.rate_hz, 1, "Hz")}` : "paused"}`;
+}
+
+function recordingText(state: State): string {
+  const { recording } = state;
+  if (!recording?.running) return "";
+  const lost = recording.lost_ticks > 0 ? `, ${grouped(recording.lost_ticks)} ticks lost` : "";
+  return `running for ${fixed(recording.seconds, 0, "s")}${lost}`;
+}
+
+function userText(state: State): string {
+  const { hello } = state;
+  if (!hello) return "";
+  const labels = hello.may_steer.map((key) => hello.settings.find((s) => s.key === key)?.label ?? key);
+  return labels.length > 0 ? `${hello.user}, may set: ${labels.join(", ")}` : `${hello.user}, watching`;
+}
+
+function textsOf(state: State): Record<Row, string> {
+  const { pose } = state;
+  return {
+    stylus: pose ? modeText(pose) : "",
+    force: pose ? `${fixed(length(pose.force), 2, "N")} of ${fixed(pose.forceLimit, 1, "N")}` : "",
+    forces: pose ? forcesText(pose) : "",
+    penetration: pose ? (pose.contact ? fixed(distance(pose.hip, pose.scpH), 2, "mm") : "no contact") : "",
+    density: pose ? valueText(pose.density, state.volume?.unit) : "",
+    missed: pose ? grouped(pose.missedTicks) : "",
+    update: pose ? fixed(pose.updateUs, 1, "µs") : "",
+    series: seriesText(state),
+    recording: recordingText(state),
+    user: userText(state),
+  };
+}
+
+// Returns a function to call several times a second: numbers that change at 60 Hz cannot be read.
+export function showValues(root: HTMLElement, state: State): () => void {
+  const list = find(root, "values");
+  const rows = (Object.keys(kRows) as Row[]).map((name) => {
+    const [label, title] = kRows[name];
+    const row = { name, term: make("dt", { title }, label), value: make("dd") };
+    list.append(row.term, row.value);
+    return row;
+  });
+  const mode = find(root, "mode");
+  const touch = find(root, "touch");
+  return () => {
+    const texts = textsOf(state);
+    for (const { name, term, value } of rows) {
+      setText(value, texts[name]);
+      term.hidden = value.hidden = texts[name] === "";
+    }
+    const { pose } = state;
+    setText(mode, pose ? `${modeText(pose)} · ${forcesText(pose)}` : "");
+    touch.hidden = !pose;
+    if (pose) setText(touch, pose.contact ? withUnit(`contact ${length(pose.force).toFixed(2)}`, "N") : "no contact");
+  };
+}
