@@ -1,11 +1,10 @@
-// Moves the camera by mouse, touch and keys, as the desktop viewer does: drag to turn, with the right button, Shift
+// Moves the camera by mouse and touch as the desktop viewer does: drag to turn, with the right button, Shift
 // or two fingers to move, wheel or pinch to come closer.
 import type { Camera, Size } from "./camera";
 
 const kOrbitDegPerPx = 0.4;
 const kZoomPerStep = 1.15;
 const kWheelStep = 100; // pixels
-const kKeyDeg = 5;
 
 interface Point {
   x: number;
@@ -54,19 +53,4 @@ export function followPointers(canvas: HTMLCanvasElement, camera: Camera, size: 
     },
     { passive: false },
   );
-  canvas.addEventListener("keydown", (event) => {
-    const keys: Record<string, () => void> = {
-      ArrowLeft: () => camera.orbit(-kKeyDeg, 0),
-      ArrowRight: () => camera.orbit(kKeyDeg, 0),
-      ArrowUp: () => camera.orbit(0, kKeyDeg),
-      ArrowDown: () => camera.orbit(0, -kKeyDeg),
-      "+": () => camera.zoom(kZoomPerStep),
-      "-": () => camera.zoom(1 / kZoomPerStep),
-    };
-    const act = keys[event.key];
-    if (!act || event.ctrlKey || event.altKey || event.metaKey) return;
-    event.preventDefault();
-    act();
-    moved(false);
-  });
 }

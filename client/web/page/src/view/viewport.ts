@@ -68,10 +68,7 @@ export class Viewport implements VolumeTarget {
     this.renderer.autoClear = false;
     this.isAimed = keepView;
     followPointers(canvas, this.camera, () => [canvas.clientWidth, canvas.clientHeight], (panned) => this.moved(panned));
-    canvas.addEventListener("webglcontextlost", () => {
-      state.whyNoPicture = "The graphics card was lost. Reload the page.";
-      state.emit("picture");
-    });
+    canvas.addEventListener("webglcontextlost", () => this.stop("The graphics card was lost. Reload the page."));
     new ResizeObserver(() => (this.isDirty = true)).observe(canvas);
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.takeTheme());
     for (const topic of ["volume", "placement"] as const) state.on(topic, () => this.takePlace());
@@ -206,9 +203,24 @@ export class Viewport implements VolumeTarget {
     const { target, azimuthDeg, elevationDeg, distanceMm } = this.state.view;
     this.camera.set(target, azimuthDeg, elevationDeg, distanceMm);
     const request = this.request();
-    const hasNewPicture = this.shown !== null && request !== null && this.caster.step(this.shown.texture, request);
+    const hasNewPicture = this.shown !== null && request !== null && this.cast(this.shown.texture, request);
     if (hasNewPicture) this.state.emit("picture");
     if (hasNewPicture || this.isDirty) this.draw();
+  }
+
+  private cast(texture: VolumeTexture, request: CastRequest): boolean {
+    if (this.state.whyNoPicture !== "") return false;
+    try {
+      return this.caster.step(texture, request);
+    } catch (error) {
+      this.stop(`The surface cannot be drawn: ${(error as Error).message}`);
+      return false;
+    }
+  }
+
+  private stop(why: string): void {
+    this.state.whyNoPicture = why;
+    this.state.emit("picture");
   }
 
   private followStylus(seconds: number): void {
