@@ -7,7 +7,8 @@ export type Secret = { room: string } | { token: string };
 const kFirstWaitMs = 200;
 const kMostWaitMs = 5000;
 const kTooManyWaitMs = 10_000; // after "too many attempts"
-const kSilenceMs = 5000; // the gateway sends something more often
+const kSilenceMs = 5000;
+const kProbeMs = 3000;
 const kWatchMs = 500;
 const kPosesPerAck = 8;
 const kForbidden = 403;
@@ -136,8 +137,10 @@ export class Room {
         this.pending.clear();
         resolve(why);
       };
-      const watch = setInterval(() => {
-        if (performance.now() - heardMs > kSilenceMs) end("the gateway is silent");
+      const watch = setInterval(async () => {
+        if (performance.now() - heardMs < kSilenceMs) return;
+        heardMs = performance.now();
+        if (!(await this.mayBeSilent(socket))) end("the gateway is silent");
       }, kWatchMs);
       socket.onclose = (event) => end(event.reason || "the connection was closed");
       socket.onmessage = (event) => {
@@ -146,6 +149,15 @@ export class Room {
         else this.receivePose(event.data);
       };
     });
+  }
+
+  // Without palpated there are no poses, and the browser does not tell of the gateway's pings.
+  private async mayBeSilent(socket: WebSocket): Promise<boolean> {
+    const { pose, connection } = this.state;
+    if (!pose || connection?.state === "connected" || socket.readyState !== WebSocket.OPEN) return false;
+    // A gateway that does not know this socket closes it.
+    socket.send(JSON.stringify({ type: "ack", sequence: pose.sequence }));
+    return fetch("health", { signal: AbortSignal.timeout(kProbeMs) }).then(() => true, () => false);
   }
 
   private receive(text: string): void {

@@ -1,0 +1,257 @@
+// Poses, the manifest, and the page's copy of the volume.
+import assert from "node:assert/strict";
+import { test } from "node:test";
+
+import { assertNear, modules, random, settle } from "./page_harness.mjs";
+
+const page = await modules("wire/pose.ts", "state.ts", "volume/manifest.ts", "volume/overview_voxels.ts", "volume/copy.ts", "wire/meanwhile.ts");
+const { decodePose, kPoseBytes, State, parseManifest, groupCounts, groupNumber, groupPlace, OverviewVoxels, VolumeCopy, Meanwhile } = page;
+
+// Bytes of the layout in client/web/source/pose_bytes.h.
+function poseBytes({ flags = 31, tick = 2 ** 40 + 1, isovalue = -300.5 } = {}) {
+  const bytes = Buffer.alloc(176);
+  bytes.set([1, flags, 2, 3]);
+  bytes.writeUInt32LE(4_000_000_000, 4);
+  [tick, 12.5, 13.5, 0.75, 7, 9].forEach((value, n) => bytes.writeDoubleLE(value, 8 + 8 * n));
+  for (let n = 0; n < 22; ++n) bytes.writeFloatLE(n + 0.5, 56 + 4 * n);
+  bytes.writeFloatLE(isovalue, 140);
+  bytes.writeUInt32LE(5, 144);
+  bytes.writeUInt32LE(77, 148);
+  bytes.writeFloatLE(8.25, 152);
+  bytes[156] = 12;
+  return bytes.buffer.slice(bytes.byteOffset, bytes.byteOffset + 176);
+}
+
+test("a pose is read from its bytes", () => {
+  assert.equal(kPoseBytes, 176);
+  assert.deepEqual(decodePose(poseBytes()), {
+    sequence: 4_000_000_000, tick: 2 ** 40 + 1, timeMs: 12.5, sentMs: 13.5, ageMs: 0.75, settingsRevision: 7, volumeRevision: 9,
+    contact: true, freeAbove: true, fresh: true, mode: "constrained", forceState: "on", forceReason: "stop button",
+    hip: [0.5, 1.5, 2.5], scpH: [3.5, 4.5, 5.5], scpHNormal: [6.5, 7.5, 8.5], scpV: [9.5, 10.5, 11.5],
+    orientation: [12.5, 13.5, 14.5, 15.5], force: [16.5, 17.5, 18.5], forceLimit: 19.5, density: 20.5, isovalue: -300.5,
+    buttons: 5, missedTicks: 77, updateUs: 8.25,
+  });
+  const bare = decodePose(poseBytes({ flags: 0 }));
+  assert.deepEqual([bare.contact, bare.freeAbove, bare.fresh, bare.scpHNormal, bare.scpV], [false, false, false, null, null]);
+});
+
+test("other bytes are no pose", () => {
+  assert.equal(decodePose(new ArrayBuffer(175)), null);
+  assert.equal(decodePose(new ArrayBuffer(176)), null); // kind 0
+});
+
+test("a pose's age counts from the shortest way seen", () => {
+  const state = new State();
+  const now = performance.now();
+  state.receivePose({ ...decodePose(poseBytes()), sentMs: now - 1000, ageMs: 5 });
+  assert.ok(state.poseAgeMs() < 900);
+  state.receivePose({ ...decodePose(poseBytes()), sentMs: now - 3000, ageMs: 5 }); // 2 s late
+  assert.ok(state.poseAgeMs() >= 2005);
+  state.receivePose({ ...decodePose(poseBytes()), sentMs: now - 1000, ageMs: NaN });
+  assert.ok(state.poseAgeMs() < 2000);
+});
+
+test("groups are numbered along the last axis first", () => {
+  const counts = groupCounts([33, 64, 100]);
+  assert.deepEqual(counts, [2, 2, 4]);
+  let number = 0;
+  for (let a = 0; a < 2; ++a) {
+    for (let b = 0; b < 2; ++b) {
+      for (let c = 0; c < 4; ++c, ++number) {
+        assert.equal(groupNumber(counts, a, b, c), number);
+        assert.deepEqual(groupPlace(counts, number), [a, b, c]);
+      }
+    }
+  }
+});
+
+test("the overview is exact for values that rise evenly, within the centres of its blocks", () => {
+  const [size, factor] = [[5, 6, 7], 4];
+  const rising = (i, j, k) => 3 * i - 2 * j + 0.5 * k + 100;
+  const blocks = new Float32Array(5 * 6 * 7);
+  const centre = (n) => factor * n + (factor - 1) / 2;
+  for (let n = 0; n < blocks.length; ++n) {
+    blocks[n] = rising(centre(Math.floor(n / 42)), centre(Math.floor(n / 7) % 6), centre(n % 7));
+  }
+  const overview = new OverviewVoxels(size, factor, "float32", blocks);
+  const group = overview.group({ size: [20, 23, 28], type: "float32", background: -1, valueMin: 0, valueMax: 1 }, [0, 0, 0]);
+  for (const [i, j, k] of [[2, 2, 2], [17, 20, 25], [9, 4, 13]]) {
+    assertNear(assert, [overview.at(i, j, k), group[1024 * i + 32 * j + k]], [rising(i, j, k), rising(i, j, k)]);
+  }
+  assert.equal(group[1024 * 20], -1); // beyond the lattice
+});
+
+// A gateway: blobs by name, and a manifest of random voxels.
+class Gateway {
+  blobs = new Map();
+  requests = 0;
+  failures = () => 200;
+
+  constructor(size, seed) {
+    this.size = size;
+    this.next = random(seed);
+    this.counts = groupCounts(size);
+    this.groups = Array.from({ length: this.counts[0] * this.counts[1] * this.counts[2] }, () => this.newGroup());
+    globalThis.fetch = async (url) => {
+      ++this.requests;
+      await settle(Math.floor(3 * this.next()));
+      const name = url.slice("volume/".length);
+      const status = this.blobs.has(name) ? this.failures() : 410;
+      return new Response(status === 200 ? this.blobs.get(name) : "", { status });
+    };
+  }
+
+  put(bytes) {
+    const name = Array.from({ length: 32 }, () => Math.floor(16 * this.next()).toString(16)).join("");
+    this.blobs.set(name, bytes);
+    return name;
+  }
+
+  newGroup() {
+    const value = Math.floor(4 * this.next());
+    return value === 0 ? "" : this.put(new Uint8Array(32 ** 3).fill(value + 10 * Math.floor(20 * this.next())));
+  }
+
+  // Replaces some groups; what they replace is gone.
+  edit() {
+    for (let n = 0; n < 3; ++n) {
+      const at = Math.floor(this.groups.length * this.next());
+      this.blobs.delete(this.groups[at]);
+      this.groups[at] = this.newGroup();
+    }
+  }
+
+  valueOf(number) {
+    return this.groups[number] === "" ? 0 : this.blobs.get(this.groups[number])[0];
+  }
+
+  manifest(revision, { withGroups = true } = {}) {
+    const blocks = this.size.map((n) => Math.ceil(n / 32));
+    const overview = new Uint8Array(blocks[0] * blocks[1] * blocks[2]).map((_, n) => this.valueOf(n));
+    const groups = Buffer.from(this.groups.map((name) => name || "0".repeat(32)).join(""), "hex").toString("base64");
+    return {
+      type: "manifest", revision, complete: true,
+      name: this.put(JSON.stringify({
+        lattice: { size: this.size, voxel_type: "uint8", background: 0, value_min: 0, value_max: 255, factor: 1 },
+        revision, daemon_id: "d", content_hash: String(revision).padStart(32, "0"),
+        overview: { name: this.put(overview), size: blocks, factor: 32 }, groups: withGroups ? groups : "",
+      })),
+    };
+  }
+}
+
+function valuesOf(copy, counts) {
+  return Array.from({ length: counts[0] * counts[1] * counts[2] }, (_, number) => copy.value(...groupPlace(counts, number).map((n) => 32 * n)));
+}
+
+const shownOf = (copy, revision) => new Promise((resume) => copy.onShown((manifest) => manifest.revision >= revision && resume(manifest)));
+
+test("a manifest that lacks groups is refused", () => {
+  const gateway = new Gateway([64, 64, 64], 1);
+  const text = gateway.blobs.get(gateway.manifest(1).name);
+  assert.equal(parseManifest("n", text).groups.length, 8);
+  const json = JSON.parse(text);
+  json.groups = json.groups.slice(0, 40);
+  assert.throws(() => parseManifest("n", JSON.stringify(json)));
+});
+
+test("the copy shows whole manifests only, while groups are replaced and vanish", async () => {
+  const gateway = new Gateway([90, 100, 130], 2);
+  const state = new State();
+  const copy = new VolumeCopy(state);
+  const expected = new Map();
+  let shown = 0;
+  copy.onShown((manifest) => {
+    ++shown;
+    assert.equal(copy.contentHash, manifest.contentHash);
+    assert.deepEqual(valuesOf(copy, gateway.counts), expected.get(manifest.revision));
+  });
+  const last = 60;
+  const whole = shownOf(copy, last);
+  for (let revision = 1; revision <= last; ++revision) {
+    gateway.edit();
+    expected.set(revision, gateway.groups.map((_, number) => gateway.valueOf(number)));
+    state.receive(gateway.manifest(revision));
+    await settle(Math.floor(12 * gateway.next()));
+  }
+  await whole;
+  assert.ok(shown > 1);
+  assert.equal(copy.groupsLeft, 0);
+});
+
+test("equal groups are fetched once, and known ones not again", async () => {
+  const gateway = new Gateway([64, 64, 64], 3);
+  const one = gateway.put(new Uint8Array(32 ** 3).fill(9));
+  gateway.groups.fill(one);
+  const state = new State();
+  const copy = new VolumeCopy(state);
+  const first = shownOf(copy, 1);
+  state.receive(gateway.manifest(1));
+  await first;
+  assert.equal(gateway.requests, 3); // manifest, overview, group
+  const second = shownOf(copy, 2);
+  gateway.groups[3] = "";
+  state.receive(gateway.manifest(2));
+  await second;
+  assert.equal(gateway.requests, 4);
+  assert.equal(copy.value(0, 40, 40), 0);
+  assert.equal(copy.value(0, 40, 0), 9);
+});
+
+test("while a volume comes, the overview stands for what is missing", async () => {
+  const gateway = new Gateway([64, 32, 32], 4);
+  gateway.groups = [gateway.put(new Uint8Array(32 ** 3).fill(100)), gateway.put(new Uint8Array(32 ** 3).fill(200))];
+  const missing = gateway.groups[1];
+  let come;
+  const comes = new Promise((resume) => (come = resume));
+  const serve = globalThis.fetch;
+  globalThis.fetch = async (url) => {
+    if (url.endsWith(missing)) await comes;
+    return serve(url);
+  };
+  const state = new State();
+  const copy = new VolumeCopy(state);
+  const whole = shownOf(copy, 1);
+  state.receive(gateway.manifest(1));
+  while (copy.groupsLeft !== 1) await settle(1);
+  await settle();
+  assert.equal(copy.isOverview, false);
+  assert.equal(copy.contentHash, "");
+  assert.equal(copy.value(48, 0, 0), 200);
+  assert.ok(copy.value(40, 0, 0) > 150 && copy.value(40, 0, 0) < 200);
+  come();
+  await whole;
+  assert.equal(copy.value(40, 0, 0), 200);
+});
+
+test("the overview alone is shown if the gateway gives no groups, or the volume exceeds the budget", async () => {
+  for (const [options, budget] of [[{ withGroups: false }, 2 ** 30], [{}, 1000]]) {
+    const gateway = new Gateway([64, 96, 64], 5);
+    const state = new State();
+    const copy = new VolumeCopy(state, budget);
+    const whole = shownOf(copy, 1);
+    state.receive(gateway.manifest(1, options));
+    await whole;
+    assert.ok(copy.isOverview && copy.whyOverview !== "");
+    assert.deepEqual([copy.factor, copy.shape.size, gateway.requests], [32, [2, 3, 2], 2]);
+    assert.equal(copy.value(1, 2, 0), gateway.valueOf(groupNumber([2, 3, 2], 1, 2, 0)));
+    assert.deepEqual([...copy.plane(1, 2).values], [0, 1, 2, 3].map((n) => gateway.valueOf(groupNumber([2, 3, 2], n % 2, 2, n >> 1))));
+  }
+});
+
+test("what happened meanwhile is said", () => {
+  const state = new State();
+  new Meanwhile(state);
+  const volume = (name) => state.receive({ type: "volume", name, size: [2, 2, 2] });
+  const link = (value) => { state.link = value; state.emit("link"); };
+  const connection = (value) => state.receive({ type: "connection", state: value });
+  const pose = (tick, isovalue) => state.receivePose(decodePose(poseBytes({ tick, isovalue })));
+  link("open"); connection("connected"); volume("head.nrrd"); pose(1000, 10);
+  assert.deepEqual(state.events, []);
+  connection("lost"); connection("connected"); pose(1010, 10);
+  assert.equal(state.events.length, 1);
+  assert.match(state.events[0], /^palpated/);
+  link("lost"); link("open"); connection("connected"); volume("<b>lobster.nrrd"); pose(5, 12.5);
+  const told = state.events.slice(1).join("\n");
+  for (const word of [/connection lost \d+ s/, /restarted/, /10 to 12\.5/, /<b>lobster\.nrrd/]) assert.match(told, word);
+});
