@@ -55,11 +55,18 @@ vec3 SplineGradient(ivec3 cell, vec3 u, Near own, vec2 level) {
       for (int k = 0; k < 4; ++k) {
         ivec3 at = clamp(cell + ivec3(i, j, k) - 1, ivec3(0), cells);
         bvec3 is_low = equal(min(at, cells - 1) >> 3, l);
-        Near near;
+        // GLSL ES has no ?: for structs.
+        Near near = hhh;
         if (is_low.x) {
-          near = is_low.y ? (is_low.z ? lll : llh) : (is_low.z ? lhl : lhh);
-        } else {
-          near = is_low.y ? (is_low.z ? hll : hlh) : (is_low.z ? hhl : hhh);
+          if (is_low.y) {
+            if (is_low.z) near = lll; else near = llh;
+          } else {
+            if (is_low.z) near = lhl; else near = lhh;
+          }
+        } else if (is_low.y) {
+          if (is_low.z) near = hll; else near = hlh;
+        } else if (is_low.z) {
+          near = hhl;
         }
         f[k] = ValueIn(near, at) - level.x;
       }

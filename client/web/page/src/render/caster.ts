@@ -16,6 +16,8 @@ import type { VolumeTexture } from "./volume_texture";
 export type { CastRequest } from "./cast_program";
 
 const kRestMs = 150;
+const kCoarsest = 8;
+const kLevels = [1, 2, 4, kCoarsest];
 const kFirstFreeUnit = 3; // after those of the volume
 
 // `share` is the place in the viewport, so that a coarse picture covers it too.
@@ -53,6 +55,15 @@ function isSame(a: Subject, b: Subject): boolean {
   return a.volume === b.volume && a.version === b.version && text(a.request) === text(b.request);
 }
 
+// What the graphics card is at.
+interface Tile {
+  fence: WebGLSync;
+  isCoarse: boolean;
+  pixels: number;
+  since: number; // ms
+  looks: number;
+}
+
 export class Caster {
   // Returns "" if the context can cast, and otherwise why not.
   static problem(gl: WebGL2RenderingContext): string {
@@ -65,14 +76,15 @@ export class Caster {
   private readonly noColors: WebGLTexture; // for a colour map that nothing reads
   private front: CastTarget;
   private back: CastTarget;
-  private readonly pace = new Pace();
+  private readonly coarsePace = new Pace();
+  private readonly tilePace = new Pace();
 
   private wanted: Subject | null = null;
   private changedAt = 0;
   private frontSubject: Subject | null = null;
   private frontLevel = 0;
   private job: Job | null = null;
-  private tile: { fence: WebGLSync; since: number; looks: number } | null = null;
+  private tile: Tile | null = null;
 
   constructor(private readonly gl: WebGL2RenderingContext) {
     gl.getExtension("EXT_color_buffer_float");
@@ -152,8 +164,6 @@ export class Caster {
   private want(subject: Subject): Subject {
     const before = this.wanted;
     if (before && isSame(before, subject)) return before;
-    const size = before?.request.size;
-    if (before?.volume !== subject.volume || String(size) !== String(subject.request.size)) this.pace.forget();
     // A copy: the caller may change its own.
     this.wanted = { ...subject, request: structuredClone(subject.request) };
     this.changedAt = performance.now();
@@ -167,9 +177,8 @@ export class Caster {
     if (gl.getSyncParameter(this.tile.fence, gl.SYNC_STATUS) !== gl.SIGNALED) return false;
     gl.deleteSync(this.tile.fence);
     const ms = performance.now() - this.tile.since;
-    const atOnce = this.tile.looks === 1;
-    if (this.job?.isCoarse) this.pace.tookForCoarse(ms, atOnce);
-    else this.pace.tookForTile(ms, atOnce);
+    const pace = this.tile.isCoarse ? this.coarsePace : this.tilePace;
+    pace.took(this.tile.pixels, ms, this.tile.looks === 1);
     this.tile = null;
     return true;
   }
@@ -188,15 +197,17 @@ export class Caster {
   private nextJob(subject: Subject): Job | null {
     const isCoarse = this.frontSubject !== subject;
     if (!isCoarse && (this.frontLevel === 1 || performance.now() - this.changedAt < kRestMs)) return null;
-    const level = isCoarse ? this.pace.coarseLevel : this.frontLevel > 2 ? 2 : 1;
-    const size = subject.request.size.map((n) => Math.ceil(n / level)) as [number, number];
+    const sizeAt = (level: number) => subject.request.size.map((n) => Math.ceil(n / level)) as [number, number];
+    const isQuick = (level: number) => sizeAt(level)[0] * sizeAt(level)[1] <= this.coarsePace.pixels;
+    const level = isCoarse ? (kLevels.find(isQuick) ?? kCoarsest) : this.frontLevel > 2 ? 2 : 1;
+    const size = sizeAt(level);
     return { subject, level, isCoarse, size, nextRow: 0 };
   }
 
   private castTile(job: Job): void {
     const gl = this.gl;
     const [width, height] = job.size;
-    const rows = job.isCoarse ? height : Math.min(this.pace.rows(width), height - job.nextRow);
+    const rows = job.isCoarse ? height : Math.min(Math.ceil(this.tilePace.pixels / width), height - job.nextRow);
     this.back.bind(job.size);
     for (const name of [gl.BLEND, gl.CULL_FACE, gl.DEPTH_TEST, gl.STENCIL_TEST]) gl.disable(name);
     gl.enable(gl.SCISSOR_TEST);
@@ -213,7 +224,8 @@ export class Caster {
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
     const fence = gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
     gl.flush();
-    this.tile = fence && { fence, since: performance.now(), looks: 0 };
+    const pixels = rows * width;
+    this.tile = fence && { fence, isCoarse: job.isCoarse, pixels, since: performance.now(), looks: 0 };
     job.nextRow += rows;
   }
 
