@@ -17,6 +17,7 @@ export class BrickRanges {
   readonly bricks: Float32Array;
   readonly blocks: Float32Array;
 
+  private readonly background: number;
   private readonly pieceCount: Vec3; // voxel bricks
   // Of voxel brick n and a set of axes (4: x, 2: y, 1: z): the least and the greatest value, at 16 n + 2 set.
   private readonly pieces: Voxels;
@@ -27,24 +28,23 @@ export class BrickRanges {
     private readonly scale: ValueScale,
   ) {
     const along = (f: (size: number) => number): Vec3 => shape.size.map(f) as Vec3;
-    this.background = scale.scaled(shape.background);
+    this.background = shape.background;
     this.pieceCount = along((size) => kBricks * Math.ceil(size / kGroupEdge));
     this.brickCount = along((size) => Math.ceil((size + 1) / 8));
     this.blockCount = along((size) => Math.ceil((size + 1) / 64));
     const volume = ([x, y, z]: Vec3): number => x * y * z;
     this.pieces = newVoxels(shape.type, 16 * volume(this.pieceCount)).fill(shape.background);
-    this.bricks = new Float32Array(2 * volume(this.brickCount)).fill(this.background);
-    this.blocks = new Float32Array(2 * volume(this.blockCount)).fill(this.background);
+    this.bricks = new Float32Array(2 * volume(this.brickCount)).fill(scale.scaled(shape.background));
+    this.blocks = new Float32Array(2 * volume(this.blockCount)).fill(scale.scaled(shape.background));
   }
-
-  private readonly background: number;
 
   putGroup(a: number, b: number, c: number, voxels: Voxels): void {
     const [, ny, nz] = this.pieceCount;
     for (let n = 0; n < kBricks ** 3; ++n) {
       const [x, y, z] = [n >> 4, (n >> 2) & 3, n & 3];
       const piece = ((kBricks * a + x) * ny + kBricks * b + y) * nz + kBricks * c + z;
-      this.putPieces(16 * piece, voxels, 8 * ((x * kGroupEdge + y) * kGroupEdge + z));
+      const first = 8 * ((x * kGroupEdge + y) * kGroupEdge + z);
+      for (let set = 0; set < 8; ++set) this.putPiece(16 * piece + 2 * set, voxels, first, set);
     }
     this.changed.add(((a * ny) / kBricks + b) * (nz / kBricks) + c);
   }
@@ -72,48 +72,46 @@ export class BrickRanges {
     return [first, last];
   }
 
-  // Of one voxel brick, whose first voxel is at `from` of a group.
-  private putPieces(to: number, voxels: Voxels, from: number): void {
-    const pieces = this.pieces;
-    for (let set = 0; set < 8; ++set) {
-      pieces[to + 2 * set] = pieces[to + 2 * set + 1] = voxels[from + kLastLayer[set]];
-    }
-    for (let i = 0; i < 8; ++i) {
-      for (let j = 0; j < 8; ++j) {
-        const row = from + (i * kGroupEdge + j) * kGroupEdge;
-        const last = voxels[row + 7];
-        let [low, high] = [last, last];
-        for (let k = row; k < row + 7; ++k) {
-          const value = voxels[k];
+  // Of the voxel brick whose first voxel is at `first` of a group.
+  private putPiece(to: number, voxels: Voxels, first: number, set: number): void {
+    const fromI = set & 4 ? 7 : 0;
+    const fromJ = set & 2 ? 7 : 0;
+    const fromK = set & 1 ? 7 : 0;
+    let low = Infinity;
+    let high = -Infinity;
+    for (let i = fromI; i < 8; ++i) {
+      for (let j = fromJ; j < 8; ++j) {
+        const row = first + (i * kGroupEdge + j) * kGroupEdge;
+        for (let n = row + fromK; n < row + 8; ++n) {
+          const value = voxels[n];
           if (value < low) low = value;
           if (value > high) high = value;
         }
-        const axes = (i === 7 ? 4 : 0) | (j === 7 ? 2 : 0);
-        for (let set = 0; set <= axes; set += 2) {
-          if ((set & axes) !== set) continue;
-          const at = to + 2 * set;
-          if (low < pieces[at]) pieces[at] = low;
-          if (high > pieces[at + 1]) pieces[at + 1] = high;
-          if (last < pieces[at + 2]) pieces[at + 2] = last;
-          if (last > pieces[at + 3]) pieces[at + 3] = last;
-        }
       }
     }
+    this.pieces[to] = low;
+    this.pieces[to + 1] = high;
   }
 
   private updateBrick(x: number, y: number, z: number): void {
     const [nx, ny, nz] = this.pieceCount;
-    let [low, high] = [Infinity, -Infinity];
+    const pieces = this.pieces;
+    let low = Infinity;
+    let high = -Infinity;
     for (let set = 0; set < 8; ++set) {
-      const [px, py, pz] = [x - (set >> 2), y - ((set >> 1) & 1), z - (set & 1)];
+      const px = x - (set >> 2);
+      const py = y - ((set >> 1) & 1);
+      const pz = z - (set & 1);
       const isInside = px >= 0 && py >= 0 && pz >= 0 && px < nx && py < ny && pz < nz;
       const at = 16 * ((px * ny + py) * nz + pz) + 2 * set;
-      low = Math.min(low, isInside ? this.scale.scaled(this.pieces[at]) : this.background);
-      high = Math.max(high, isInside ? this.scale.scaled(this.pieces[at + 1]) : this.background);
+      const least = isInside ? pieces[at] : this.background;
+      const greatest = isInside ? pieces[at + 1] : this.background;
+      if (least < low) low = least;
+      if (greatest > high) high = greatest;
     }
     const to = 2 * ((x * this.brickCount[1] + y) * this.brickCount[2] + z);
-    this.bricks[to] = low;
-    this.bricks[to + 1] = high;
+    this.bricks[to] = this.scale.scaled(low);
+    this.bricks[to + 1] = this.scale.scaled(high);
   }
 
   private updateBlock(block: number): void {
@@ -122,7 +120,8 @@ export class BrickRanges {
       (b) => 8 * b,
     ) as Vec3;
     const to = from.map((f, axis) => Math.min(f + 7, this.brickCount[axis] - 1)) as Vec3;
-    let [low, high] = [Infinity, -Infinity];
+    let low = Infinity;
+    let high = -Infinity;
     forEach(from, to, (x, y, z) => {
       const at = 2 * ((x * this.brickCount[1] + y) * this.brickCount[2] + z);
       low = Math.min(low, this.bricks[at]);
@@ -132,11 +131,6 @@ export class BrickRanges {
     this.blocks[2 * block + 1] = high;
   }
 }
-
-// Of each set of axes, a voxel in the last layers along them.
-const kLastLayer = [0, 1, 2, 3, 4, 5, 6, 7].map(
-  (set) => 7 * ((set >> 2) * kGroupEdge * kGroupEdge + ((set >> 1) & 1) * kGroupEdge + (set & 1)),
-);
 
 // Both ends are included.
 function forEach(from: Vec3, to: Vec3, f: (x: number, y: number, z: number) => void): void {

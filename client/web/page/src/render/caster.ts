@@ -20,16 +20,14 @@ const kCoarsest = 8;
 const kLevels = [1, 2, 4, kCoarsest];
 const kFirstFreeUnit = 3; // after those of the volume
 
-// `share` is the place in the viewport, so that a coarse picture covers it too.
 const kDrawShader = `
 precision highp float;
 uniform sampler2D color_texture;
 uniform sampler2D depth_texture;
-uniform vec2 viewport_size;
+in highp vec2 share;
 out vec4 color;
 
 void main() {
-  vec2 share = gl_FragCoord.xy / viewport_size;
   color = texture(color_texture, share);
   gl_FragDepth = texture(depth_texture, share).r;
 }
@@ -256,8 +254,6 @@ export class Caster {
     this.drawing.use();
     this.bindTexture(this.drawing, "color_texture", 0, color);
     this.bindTexture(this.drawing, "depth_texture", 1, depth);
-    const viewport = gl.getParameter(gl.VIEWPORT) as Int32Array;
-    this.drawing.set("viewport_size", viewport[2], viewport[3]);
     this.drawing.draw();
   }
 }

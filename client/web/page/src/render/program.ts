@@ -1,9 +1,13 @@
-// A program that covers the viewport with one triangle; its fragment shader gets only gl_FragCoord.
+// A program that covers the viewport with one triangle. Its fragment shader gets `share`: the place in the
+// viewport, 0 to 1 along each axis.
 
 const kVersion = "#version 300 es\n";
 const kCoverViewport = `
+out highp vec2 share;
+
 void main() {
-  gl_Position = vec4(gl_VertexID == 1 ? 3.0 : -1.0, gl_VertexID == 2 ? 3.0 : -1.0, 0.0, 1.0);
+  share = vec2(gl_VertexID == 1 ? 2.0 : 0.0, gl_VertexID == 2 ? 2.0 : 0.0);
+  gl_Position = vec4(2.0 * share - 1.0, 0.0, 1.0);
 }
 `;
 
