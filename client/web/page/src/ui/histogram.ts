@@ -46,9 +46,11 @@ function draw(canvas: HTMLCanvasElement, state: State, scale: Scale, isovalue: n
       const value = low + (index + 0.5) * bin;
       const isMaterial = isovalue !== null && (isAbove ? value <= isovalue : value >= isovalue);
       const height = (Math.log1p(count) / greatest) * (bottom - 8);
-      const left = x(low + index * bin);
+      // Whole pixels: no seams between bars.
+      const left = Math.floor(x(low + index * bin));
+      const right = Math.max(left + 1, Math.floor(x(low + (index + 1) * bin)));
       context.fillStyle = isMaterial ? colors.material : colors.air;
-      context.fillRect(left, bottom - height, Math.max(1, x(low + (index + 1) * bin) - left), height);
+      context.fillRect(left, bottom - height, right - left, height);
     });
   }
   context.fillStyle = color("accent");
@@ -107,7 +109,7 @@ export function showHistogram(body: HTMLElement, state: State, room: Room): void
   const opacity = make("input", { type: "range", min: 0.05, max: 0.9, step: 0.05 });
   const opacityField = make("label", { class: "field" }, "Opacity of the veil", opacity);
   body.append(
-    empty, box, make("div", { class: "reading" }, "Isovalue ", value, who, typed), error, suggestions,
+    empty, box, make("div", { class: "reading" }, "Isovalue ", typed, value, who), error, suggestions,
     make("div", { class: "reading" }, make("label", { class: "check" }, veilOn, "Veil (V), only here"), veilValue), opacityField,
   );
 
@@ -135,7 +137,7 @@ export function showHistogram(body: HTMLElement, state: State, room: Room): void
     const { veil } = state.view;
     isovalueHandle.show(scale, isovalue, !maySteer());
     veilHandle.show(scale, veil, false);
-    setText(value, isovalue === null ? "–" : valueText(isovalue, scale.unit));
+    setText(value, maySteer() ? scale.unit : isovalue === null ? "–" : valueText(isovalue, scale.unit));
     setText(who, steered.own !== null ? "setting…" : lastChangeText(state.steering, "isovalue"));
     typed.hidden = !maySteer();
     if (document.activeElement !== typed && isovalue !== null) typed.value = String(isovalue);

@@ -68,7 +68,7 @@ class Plot {
     const line = parseFloat(context.font) * 1.25;
     const text = (value: number) => String(Number((value * step).toPrecision(3)));
     const left = Math.ceil(Math.max(...[0, 1, 2].map((n) => context.measureText(text(n)).width), line * 1.6)) + 6;
-    const area = { left, width: width - left - 1, bottom: height - line, height: height - 1.6 * line };
+    const area = { left, width: width - left - 1, bottom: height - 1.25 * line, height: height - 1.85 * line };
     context.strokeStyle = color("grid");
     context.fillStyle = color("dim");
     context.textBaseline = "middle";
@@ -107,9 +107,9 @@ export function showPlots(root: HTMLElement, state: State): () => void {
   find(root, "plots").append(...plots.map((plot) => plot.element));
   let describedMs = -Infinity;
   const request = paced(20, () => {
-    if (!section.open || !state.pose) return;
+    if (!section.open) return;
     const { samples } = state.poses;
-    const nowMs = state.pose.timeMs + state.poseAgeMs();
+    const nowMs = (state.pose?.timeMs ?? 0) + state.poseAgeMs();
     for (const plot of plots) plot.draw(samples, nowMs);
     if (performance.now() - describedMs < 500) return;
     describedMs = performance.now();

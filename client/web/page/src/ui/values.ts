@@ -1,8 +1,9 @@
 // What palpated does now, in words and numbers.
 import type { State } from "../state";
 import { distance, length } from "../wire/pose";
+import { badgeOf } from "./badge";
 import { find, make, setText } from "./dom";
-import { fixed, forcesText, grouped, modeText, valueText, withUnit } from "./words";
+import { fixed, forcesText, grouped, modeText, valueText } from "./words";
 
 const kRows = {
   stylus: ["Stylus", "What the haptic loop does with the proxy"],
@@ -73,8 +74,10 @@ export function showValues(root: HTMLElement, state: State): () => void {
       term.hidden = value.hidden = texts[name] === "";
     }
     const { pose } = state;
-    setText(mode, pose ? `${modeText(pose)} · ${forcesText(pose)}` : "");
     touch.hidden = !pose;
-    if (pose) setText(touch, pose.contact ? withUnit(`contact ${length(pose.force).toFixed(2)}`, "N") : "no contact");
+    if (!pose) return;
+    const last = badgeOf(state).kind === "live" ? "" : "last known: ";
+    setText(mode, `${last}${modeText(pose)} · ${forcesText(pose)}`);
+    setText(touch, `${last}${pose.contact ? `contact ${fixed(length(pose.force), 2, "N")}` : "no contact"}`);
   };
 }

@@ -1,0 +1,344 @@
+// The page's interface by hand: what guests see and may do, by keyboard and touch, and whether axe-core
+// finds barriers. Nothing of the gateway or of the picture runs here.
+import assert from "node:assert/strict";
+import { after, before, test } from "node:test";
+
+import { bundle, findings, launch, open, serve } from "./interface_harness.mjs";
+
+let server;
+let browser;
+before(async () => {
+  server = await serve();
+  browser = await launch();
+});
+after(async () => {
+  await browser?.close();
+  server?.close();
+});
+
+// Runs with a page of its own and fails if a script or the policy complained.
+function pageTest(name, options, run) {
+  test(name, { timeout: 120_000 }, async () => {
+    const page = await open(browser, server.url, options);
+    try {
+      await run(page);
+      assert.deepEqual(page.problems, []);
+    } finally {
+      await page.close();
+    }
+  });
+}
+
+const text = (page, selector) => page.$eval(selector, (element) => element.textContent);
+const until = (page, condition, ...values) => page.waitForFunction(condition, { polling: 50 }, ...values);
+
+async function pure(file) {
+  const script = await bundle(`export * from "./src/ui/${file}";`, "esm");
+  return import(`data:text/javascript;base64,${Buffer.from(script).toString("base64")}`);
+}
+
+const kScenes = {
+  login: () => {},
+  live: () => {
+    harness.connect({ mayFeel: ["isovalue", "stiffness_n_per_mm", "friction", "method"] });
+    Object.assign(harness.state.view, { veil: -300, slices: true });
+    harness.copy.groupsLeft = 5;
+    harness.state.emit("copyProgress");
+    harness.stream();
+  },
+  lost: () => {
+    harness.connect();
+    harness.fillHistory();
+    Object.assign(harness.state, { link: "lost", linkWhy: "no answer" });
+    harness.state.emit("link");
+    harness.state.tell("the gateway did not answer for 10 s");
+  },
+  "no WebGL2": () => {
+    harness.connect();
+    harness.fillHistory();
+    harness.state.whyNoPicture = "This browser has no WebGL2.";
+    harness.state.emit("picture");
+  },
+};
+for (const [scene, prepare] of Object.entries(kScenes)) {
+  for (const [width, height, isMobile] of [[360, 740, true], [1440, 900, false]]) {
+    pageTest(`axe-core has no serious finding: ${scene}, ${width} pixels`, { width, height, isMobile }, async (page) => {
+      await page.evaluate(prepare);
+      for (const theme of ["dark", "light"]) {
+        await page.evaluate((shown) => {
+          harness.state.view.theme = shown;
+          harness.state.emit("view");
+          const panel = document.getElementById("panel");
+          if (panel.hidden && !document.querySelector("dialog[open]")) document.getElementById("panel-toggle").click();
+        }, theme);
+        await until(page, (shown) => document.documentElement.dataset.theme === shown, theme);
+        assert.deepEqual(await findings(page), [], theme);
+      }
+    });
+  }
+}
+
+pageTest("the help has no serious finding, keeps the focus, and Esc leaves it", {}, async (page) => {
+  await page.evaluate(() => harness.connect());
+  await page.focus("#viewport");
+  await page.keyboard.press("?");
+  assert.deepEqual(await findings(page), []);
+  for (let n = 0; n < 5; ++n) {
+    await page.keyboard.press("Tab");
+    // Beyond the dialog's last element browsers offer their own bar; the page behind is inert.
+    assert.ok(await page.evaluate(() => document.activeElement === document.body || document.activeElement.closest("dialog") !== null));
+  }
+  await page.keyboard.press("Escape");
+  await until(page, () => !document.querySelector("dialog[open]") && document.activeElement.id === "viewport");
+});
+
+pageTest("login by keyboard: a refusal in words, then the room", {}, async (page) => {
+  await until(page, () => document.activeElement?.id === "login-secret");
+  await page.evaluate(() => (harness.room.refusal = "wrong room key"));
+  await page.keyboard.type("first");
+  await page.keyboard.press("Enter");
+  await until(page, () => document.getElementById("login-error").textContent === "wrong room key");
+  await page.keyboard.press("Escape");
+  assert.ok(await page.$eval("#login", (dialog) => dialog.open));
+  await page.evaluate(() => (harness.room.refusal = ""));
+  await page.keyboard.type("second"); // replaces the first, which is selected
+  await page.keyboard.press("Enter");
+  await until(page, () => !document.getElementById("login").open);
+  assert.deepEqual(await page.evaluate(() => harness.calls), [
+    { what: "login", secret: { room: "first" } },
+    { what: "login", secret: { room: "second" } },
+  ]);
+  assert.equal(await page.$eval("#login-secret", (input) => input.value), "");
+});
+
+pageTest("a personal token goes as a token", {}, async (page) => {
+  await until(page, () => document.getElementById("login").open);
+  await page.click("#login-by-token");
+  await page.type("#login-secret", "mine");
+  await page.keyboard.press("Enter");
+  await until(page, () => harness.calls.length === 1);
+  assert.deepEqual(await page.evaluate(() => harness.calls[0].secret), { token: "mine" });
+});
+
+pageTest("the veil by keyboard", {}, async (page) => {
+  await page.evaluate(() => harness.connect());
+  await page.focus("#viewport");
+  await page.keyboard.press("v");
+  assert.equal(await page.evaluate(() => harness.state.view.veil), -300); // the suggestion below the isovalue
+  await page.focus(".handle[data-mark=veil]");
+  const press = async (key) => {
+    await page.keyboard.press(key);
+    return page.$eval(":focus", (handle) => [handle.role, handle.ariaValueNow, handle.ariaValueText]);
+  };
+  assert.deepEqual(await press("ArrowRight"), ["slider", "-290", "−290 HU"]);
+  assert.deepEqual(await press("ArrowLeft"), ["slider", "-300", "−300 HU"]);
+  assert.deepEqual(await press("PageUp"), ["slider", "-200", "−200 HU"]);
+  assert.deepEqual(await press("End"), ["slider", "1000", "1000 HU"]);
+  assert.deepEqual(await press("Home"), ["slider", "-1000", "−1000 HU"]);
+  assert.equal(await page.evaluate(() => harness.state.view.veil), -1000);
+  assert.deepEqual(await page.evaluate(() => harness.calls), []); // nobody else is disturbed
+  await page.keyboard.press("v");
+  assert.equal(await page.evaluate(() => harness.state.view.veil), null);
+});
+
+pageTest("guests see the isovalue and who set it, and cannot move it", {}, async (page) => {
+  await page.evaluate(() => harness.connect());
+  assert.match(await text(page, "#isovalue"), /320 HU.*lecturer-1/s);
+  assert.equal(await page.$(".handle[data-mark=isovalue][role=slider]"), null);
+  assert.ok(await page.$eval("#steer-section", (section) => section.hidden));
+  assert.ok(await page.$eval("#isovalue input[type=number]", (input) => input.hidden));
+  const handle = await page.$eval(".handle[data-mark=isovalue]", (element) => element.getBoundingClientRect().toJSON());
+  await page.mouse.move(handle.x + handle.width / 2, handle.y + 40);
+  await page.mouse.down();
+  await page.mouse.move(handle.x - 50, handle.y + 40);
+  await page.mouse.up();
+  assert.deepEqual(await page.evaluate(() => harness.calls), []);
+});
+
+pageTest("a dragged isovalue is sent at most 8 times a second, and the newest arrives", {}, async (page) => {
+  await page.evaluate(() => harness.connect({ mayFeel: ["isovalue"] }));
+  const handle = await page.$eval(".handle[data-mark=isovalue]", (element) => element.getBoundingClientRect().toJSON());
+  await page.mouse.move(handle.x + handle.width / 2, handle.y + 40);
+  await page.mouse.down();
+  for (let n = 1; n <= 60; ++n) await page.mouse.move(handle.x + handle.width / 2 - 2 * n, handle.y + 40);
+  const shown = Number(await page.$eval(".handle[data-mark=isovalue]", (element) => element.ariaValueNow));
+  await page.mouse.up();
+  await until(page, (value) => harness.calls.at(-1)?.value === value, shown);
+  const calls = await page.evaluate(() => harness.calls);
+  assert.ok(shown < 320 && calls.every(({ key }) => key === "isovalue"));
+  calls.slice(1).forEach(({ atMs }, n) => assert.ok(atMs - calls[n].atMs >= 124));
+});
+
+pageTest("controls by the kind of the setting; a refusal is said beside", {}, async (page) => {
+  await page.evaluate(() => harness.connect({ mayFeel: ["stiffness_n_per_mm", "friction", "method"] }));
+  await page.select("#steer-method", "0");
+  await page.click("#steer input[type=checkbox]");
+  await page.evaluate(() => (harness.room.refusal = "not now"));
+  await page.$eval("#steer-stiffness_n_per_mm", (input) => {
+    input.value = "1.25";
+    input.dispatchEvent(new Event("change"));
+  });
+  await until(page, () => document.getElementById("steer").textContent.includes("not now"));
+  assert.deepEqual((await page.evaluate(() => harness.calls)).map(({ key, value }) => [key, value]), [
+    ["method", 0], ["friction", 0], ["stiffness_n_per_mm", 1.25],
+  ]);
+  // palpated's value is back.
+  await until(page, () => document.getElementById("steer-stiffness_n_per_mm").value === "0.6");
+});
+
+pageTest("text from outside stays text", {}, async (page) => {
+  const script = '<img src=x onerror="window.hacked = 1"><script>window.hacked = 1</script>';
+  await page.evaluate((name) => {
+    harness.connect({ name });
+    harness.receive("connection", { state: "lost", why: name, palpated: name, since_ms: 0 });
+    harness.receive("steering", { changes: [{ user: name, key: "isovalue", value: 1, time_ms: 0 }] });
+    const volume = { ...harness.state.volume, unit: name, suggested: [{ name, isovalue: 1, reason: name }] };
+    harness.receive("volume", volume);
+    harness.state.tell(name);
+    harness.state.whyNoPicture = name;
+    harness.state.emit("picture");
+  }, script);
+  await until(page, (name) => document.getElementById("badge-words").textContent.includes(name), script);
+  for (const selector of ["#volume-name", "#events", "#isovalue", "#server", "#no-picture-why"]) {
+    assert.ok((await text(page, selector)).includes(script), selector);
+  }
+  assert.equal(await page.$("img"), null);
+  assert.equal(await page.evaluate(() => window.hacked), undefined);
+});
+
+pageTest("the badge says in words how old the stream is, and is announced once", {}, async (page) => {
+  const says = (words) => until(page, (pattern) => new RegExp(pattern).test(document.getElementById("badge-words").textContent), words);
+  await page.evaluate(() => {
+    harness.connect();
+    window.announced = [];
+    const announcement = document.getElementById("announcement");
+    new MutationObserver(() => announced.push(announcement.textContent)).observe(announcement, { childList: true, characterData: true, subtree: true });
+    harness.stream();
+  });
+  await says("^live$");
+  await until(page, () => announced.includes("live"));
+  await page.evaluate(() => harness.pause());
+  await says("^2\\.\\d s old$");
+  assert.match(await text(page, "#mode"), /last known/);
+  assert.deepEqual(await page.evaluate(() => announced.slice(announced.indexOf("live") + 1)), ["the stream is old"]);
+  await page.evaluate(() => harness.receive("connection", { state: "lost", why: "refused", palpated: "", since_ms: 0 }));
+  await says("^palpated is lost: refused$");
+  await page.evaluate(() => {
+    harness.state.link = "lost";
+    harness.state.emit("link");
+  });
+  await says("^connection lost, trying again$");
+});
+
+pageTest("the progress of the volume, and why there is the overview alone", {}, async (page) => {
+  const says = (pattern) => until(page, (p) => new RegExp(p).test(document.getElementById("progress-words").textContent), pattern);
+  await page.evaluate(() => {
+    harness.connect();
+    Object.assign(harness.copy, { isOverview: true, groupsAll: 4096, groupsLeft: 2896 });
+    harness.state.emit("copyProgress");
+  });
+  await says("^overview; 1\\s200 of 4\\s096 groups$");
+  assert.equal(await page.$eval("#progress-bar", (bar) => bar.value), 1200 / 4096);
+  await page.evaluate(() => {
+    Object.assign(harness.copy, { factor: 4, groupsLeft: 0, whyOverview: "1 GiB is more than this page holds" });
+    harness.state.emit("copyProgress");
+  });
+  await says("every 4th voxel.*1 GiB is more");
+  await page.evaluate(() => {
+    Object.assign(harness.copy, { factor: 1, isOverview: false, whyOverview: "" });
+    harness.state.emit("copyProgress");
+  });
+  await until(page, () => document.getElementById("progress").hidden);
+});
+
+pageTest("without WebGL2 slices are drawn and moved by keys", {}, async (page) => {
+  await page.evaluate(() => {
+    harness.connect();
+    harness.pose(0);
+    harness.state.whyNoPicture = "no WebGL2";
+    harness.state.emit("picture");
+  });
+  const slider = "#slices-planes figure:first-child input";
+  await until(page, () => document.querySelector("#slices-planes figure:first-child input").getAttribute("aria-valuetext") === "voxel 19 of 47");
+  const brightest = () => page.$eval("#slices-planes canvas", (canvas) => {
+    const { data } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
+    return data.reduce((most, value, at) => (at % 4 === 2 ? Math.max(most, value) : most), 0);
+  });
+  assert.ok(await brightest() > 150);
+  await page.focus(slider);
+  await page.keyboard.press("Home");
+  await until(page, () => document.querySelector("#slices-planes canvas").ariaLabel.includes("voxel 0 of 47"));
+  assert.ok(!(await page.$eval("#slices-follow", (box) => box.checked)));
+});
+
+pageTest("keys of the picture turn and zoom it; letters can be switched off", {}, async (page) => {
+  await page.evaluate(() => harness.connect());
+  await page.focus("#viewport");
+  const view = () => page.evaluate(() => ({ ...harness.state.view }));
+  const first = await view();
+  await page.keyboard.press("ArrowRight");
+  await page.keyboard.press("ArrowUp");
+  await page.keyboard.press("+");
+  await page.keyboard.press("f");
+  await page.keyboard.press("r");
+  const second = await view();
+  assert.ok(second.azimuthDeg > first.azimuthDeg && second.elevationDeg > first.elevationDeg && second.distanceMm < first.distanceMm);
+  assert.ok(second.follow);
+  assert.deepEqual(await page.evaluate(() => harness.calls), [{ what: "reset" }]);
+  await page.$eval("#keys-on", (box) => (box.checked = false));
+  await page.keyboard.press("f");
+  assert.ok((await view()).follow);
+});
+
+for (const [width, height] of [[320, 568], [844, 390], [3840, 2160]]) {
+  pageTest(`nothing is wider than ${width} pixels, and targets are at least 32 high`, { width, height, isMobile: width < 1000 }, async (page) => {
+    await page.evaluate(() => {
+      harness.connect({ mayFeel: ["isovalue", "stiffness_n_per_mm", "friction", "method"], name: "a_very_long_name_".repeat(12) });
+      Object.assign(harness.state.view, { slices: true, veil: 0 });
+      harness.state.emit("view");
+      if (document.getElementById("panel").hidden) document.getElementById("panel-toggle").click();
+    });
+    const wide = await page.$$eval("body *", (elements) => elements
+      .filter((element) => element.checkVisibility() && !element.closest("#slices-planes *, .unseen, .tools span, svg"))
+      .filter((element) => element.getBoundingClientRect().right > document.documentElement.clientWidth + 0.5)
+      .map((element) => element.outerHTML.slice(0, 80)));
+    assert.deepEqual(wide, []);
+    const small = await page.$$eval("button, summary, select, input, label.check, [role=slider]", (targets) => targets
+      .filter((target) => target.checkVisibility() && !target.closest("label.check:not(:scope)") && target.type !== "checkbox" && target.type !== "radio")
+      .map((target) => [target.outerHTML.slice(0, 80), target.getBoundingClientRect().toJSON()])
+      .filter(([, { width: w, height: h }]) => w < 31.99 || h < 31.99));
+    assert.deepEqual(small, []);
+  });
+}
+
+test("slices of a patient lie as radiologists see them, whatever the order of the voxels", async () => {
+  const { sectionsOf, applyInverse } = await pure("sections");
+  // Voxels from inferior to superior, from left to right, from anterior to posterior.
+  const [axial, coronal, sagittal] = sectionsOf([0, -0.5, 0, 90, 0, 0, 0.7, -20, 2, 0, 0, 5]);
+  const axis = (number, sign) => ({ axis: number, sign });
+  assert.deepEqual(axial, {
+    name: "axial", across: axis(0, 1), right: axis(1, -1), down: axis(2, 1), letters: { right: "L", left: "R", down: "P", up: "A" },
+  });
+  assert.deepEqual([coronal.across, coronal.right, coronal.down], [axis(2, 1), axis(1, -1), axis(0, -1)]);
+  assert.deepEqual([sagittal.across, sagittal.right, sagittal.down], [axis(1, -1), axis(2, 1), axis(0, -1)]);
+  assert.deepEqual(sectionsOf(null).map(({ name, letters }) => [name, letters]), [["z", null], ["y", null], ["x", null]]);
+  assert.deepEqual(applyInverse([0, -0.5, 0, 90, 0, 0, 0.5, -20, 2, 0, 0, 5], [87, -18, 15]), [5, 6, 4]);
+});
+
+test("contours meet the edges of cells where the value is", async () => {
+  globalThis.Path2D = class {
+    points = [];
+    moveTo(x, y) { this.points.push([x, y]); }
+    lineTo(x, y) { this.points.push([x, y]); }
+  };
+  const { contour } = await pure("contour");
+  // Every set of corners; the value 1 lies a quarter of the way from 0 to 4.
+  for (let corners = 0; corners < 16; ++corners) {
+    const [a, b, c, d] = [1, 2, 4, 8].map((bit) => (corners & bit ? 4 : 0));
+    const { points } = contour(Float32Array.of(a, b, d, c), 2, 2, 1);
+    const crossings = [[a, b, (t) => [t, 0]], [b, c, (t) => [1, t]], [d, c, (t) => [t, 1]], [a, d, (t) => [0, t]]]
+      .filter(([from, to]) => from !== to).map(([from, , at]) => at(from === 0 ? 0.25 : 0.75));
+    const sorted = (list) => list.map(String).sort();
+    assert.deepEqual(sorted(points), sorted(crossings), `corners ${corners}`);
+  }
+});
