@@ -34,6 +34,8 @@ const kRetryMs = 1000;
 const kRestartMs = 1000;
 // While a volume comes, the picture is drawn anew this often.
 const kPutMs = 200;
+// Before that, most groups come too soon for the overview's values to be worth the work.
+const kFillAfterMs = 500;
 const kFillMs = 8;
 const kInterpolated = "?"; // in `placed_`: the overview's values
 
@@ -258,8 +260,9 @@ export class VolumeCopy {
 
   // Draws the overview's values for the groups that are not there, the last ones first; then the volume is shown.
   private async fillIn(front: GroupedVolume): Promise<void> {
-    let begun = performance.now();
     if (this.target) {
+      for (let waited = 0; waited < kFillAfterMs && front.awaited.size > 0; waited += kFillMs) await pause(kFillMs);
+      let begun = performance.now();
       for (const number of [...front.awaited].reverse()) {
         if (!front.awaited.has(number) || this.placed[number] !== "") continue;
         const place = groupPlace(front.counts, number);

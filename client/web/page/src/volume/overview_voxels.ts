@@ -19,27 +19,47 @@ export class OverviewVoxels {
 
   // Interpolated between the centres of blocks, at a voxel of the volume.
   at(i: number, j: number, k: number): number {
-    const value = this.between(this.place(0, i), this.place(1, j), this.place(2, k));
+    const z = this.place(2, k);
+    const line = new Float64Array(z.high - z.low + 1);
+    this.takeLine(this.place(0, i), this.place(1, j), z.low, line);
+    const value = line[0] * (1 - z.share) + line[line.length - 1] * z.share;
     return this.type === "float32" ? value : Math.round(value);
   }
 
   // Group (a, b, c) of the volume of this shape.
   group(shape: VolumeShape, place: Vec3): Voxels {
     const group = newVoxels(shape.type, kGroupVoxels).fill(shape.background);
-    const extent = [0, 1, 2].map((axis) => Math.min(kGroupEdge, shape.size[axis] - kGroupEdge * place[axis]));
-    const places = [0, 1, 2].map((axis) =>
-      Array.from({ length: extent[axis] }, (_, n) => this.place(axis, kGroupEdge * place[axis] + n)),
-    );
+    const [x, y, z] = [0, 1, 2].map((axis) => {
+      const first = kGroupEdge * place[axis];
+      const count = Math.min(kGroupEdge, shape.size[axis] - first);
+      return Array.from({ length: count }, (_, n) => this.place(axis, first + n));
+    });
     const half = shape.type === "float32" ? 0 : 0.5; // arrays of integers round down
-    places[0].forEach((x, i) =>
-      places[1].forEach((y, j) =>
-        places[2].forEach((z, k) => {
-          const value = this.between(x, y, z);
-          group[(i << 10) | (j << 5) | k] = half ? Math.floor(value + half) : value;
-        }),
-      ),
-    );
+    const low = z[0].low;
+    const line = new Float64Array(z[z.length - 1].high - low + 1); // of blocks, along the last axis
+    for (let i = 0; i < x.length; ++i) {
+      for (let j = 0; j < y.length; ++j) {
+        this.takeLine(x[i], y[j], low, line);
+        const at = (i << 10) | (j << 5);
+        for (let k = 0; k < z.length; ++k) {
+          const { low: a, high: b, share } = z[k];
+          const value = line[a - low] * (1 - share) + line[b - low] * share;
+          group[at | k] = half > 0 ? Math.floor(value + half) : value;
+        }
+      }
+    }
     return group;
+  }
+
+  // Interpolates the blocks from `first` on along the last axis to a place on the others.
+  private takeLine(x: Between, y: Between, first: number, line: Float64Array): void {
+    const start = (i: number, j: number) => (i * this.size[1] + j) * this.size[2] + first;
+    const [ll, lh, hl, hh] = [start(x.low, y.low), start(x.low, y.high), start(x.high, y.low), start(x.high, y.high)];
+    for (let n = 0; n < line.length; ++n) {
+      const low = this.blocks[ll + n] * (1 - y.share) + this.blocks[lh + n] * y.share;
+      const high = this.blocks[hl + n] * (1 - y.share) + this.blocks[hh + n] * y.share;
+      line[n] = low * (1 - x.share) + high * x.share;
+    }
   }
 
   private place(axis: number, voxel: number): Between {
@@ -47,14 +67,5 @@ export class OverviewVoxels {
     const at = Math.min(Math.max((voxel - (this.factor - 1) / 2) / this.factor, 0), last);
     const low = Math.floor(at);
     return { low, high: Math.min(low + 1, last), share: at - low };
-  }
-
-  private between(x: Between, y: Between, z: Between): number {
-    const along = (i: number, j: number) => {
-      const row = (i * this.size[1] + j) * this.size[2];
-      return this.blocks[row + z.low] * (1 - z.share) + this.blocks[row + z.high] * z.share;
-    };
-    const across = (i: number) => along(i, y.low) * (1 - y.share) + along(i, y.high) * y.share;
-    return across(x.low) * (1 - x.share) + across(x.high) * x.share;
   }
 }
