@@ -13,6 +13,7 @@ const inDigits = (value: number) => String(Number(value.toPrecision(6)));
 export class Meanwhile {
   private away: Away | null = null;
   private wasWell = false;
+  private heardMs = 0; // of the newest pose
   private volume: string | null = null;
 
   constructor(private readonly state: State) {
@@ -32,28 +33,29 @@ export class Meanwhile {
       return;
     }
     if (!this.wasWell) return;
-    this.away ??= { sinceMs: performance.now(), pose: this.state.pose, gateway: false };
+    this.away ??= { sinceMs: this.heardMs, pose: this.state.pose, gateway: false };
     if (this.state.link === "lost") this.away.gateway = true;
   }
 
   // All is well again with the first fresh pose.
   private compare(): void {
     const now = this.state.pose!;
+    if (!this.away) this.heardMs = performance.now();
     if (!this.away || !now.fresh || !this.isWell()) return;
     const { sinceMs, pose: before, gateway } = this.away;
     this.away = null;
     const seconds = Math.max(1, Math.round((performance.now() - sinceMs) / 1000));
     this.state.tell(gateway ? `connection lost ${seconds} s` : `palpated was away for ${seconds} s`);
-    if (!before) return;
-    if (now.tick < before.tick) this.state.tell("palpated was restarted");
-    if (now.isovalue !== before.isovalue) {
+    if (before && now.tick < before.tick) this.state.tell("palpated was restarted");
+    this.lookAtVolume();
+    if (before && now.isovalue !== before.isovalue) {
       this.state.tell(`isovalue changed from ${inDigits(before.isovalue)} to ${inDigits(now.isovalue)}`);
     }
   }
 
   private lookAtVolume(): void {
     const name = this.state.volume?.name;
-    if (name === undefined) return;
+    if (name === undefined || this.away) return;
     const known = `${name} ${this.state.volume?.size?.join("×")}`;
     if (this.volume !== null && this.volume !== known) this.state.tell(`a new volume: ${name}`);
     this.volume = known;
