@@ -109,7 +109,8 @@ export class Caster {
     return this.frontLevel === 1 && this.frontSubject === this.wanted;
   }
 
-  // Call this once a frame. Returns true if the picture has changed: draw a frame then.
+  // Call this once a frame. Returns true if the picture has changed: draw a frame then. Throws an Error with the
+  // driver's words if it refuses a shader.
   step(volume: VolumeTexture, request: CastRequest): boolean {
     const gl = this.gl;
     if (gl.isContextLost() || request.size[0] < 1 || request.size[1] < 1) return false;
@@ -117,7 +118,7 @@ export class Caster {
     const wanted = this.want({ volume, version: volume.version, request });
     if (!this.tileIsDone()) return false;
     const changed = this.finishJob();
-    if (this.job && !this.job.isCoarse && this.job.subject !== wanted) this.job = null;
+    if (this.job?.subject !== wanted) this.job = null;
     this.job ??= this.nextJob(wanted);
     if (this.job) this.castTile(this.job);
     return changed;
@@ -204,6 +205,9 @@ export class Caster {
 
   private castTile(job: Job): void {
     const gl = this.gl;
+    const { volume, request } = job.subject;
+    const program = this.programFor(volume.sampler, request.veil !== null);
+    if (!program.isReady() || !this.drawing.isReady()) return;
     const [width, height] = job.size;
     const rows = job.isCoarse ? height : Math.min(Math.ceil(this.tilePace.pixels / width), height - job.nextRow);
     this.back.bind(job.size);
@@ -211,8 +215,6 @@ export class Caster {
     gl.enable(gl.SCISSOR_TEST);
     gl.scissor(0, job.nextRow, width, rows);
     gl.colorMask(true, true, true, true);
-    const { volume, request } = job.subject;
-    const program = this.programFor(volume.sampler, request.veil !== null);
     program.use();
     volume.bind(program);
     this.bindTexture(program, "color_map", kFirstFreeUnit, this.noColors);

@@ -22,24 +22,35 @@ export class Program {
   private readonly program: WebGLProgram;
   private readonly noVertices: WebGLVertexArrayObject;
   private readonly places = new Map<string, WebGLUniformLocation | null>();
+  private shaders: WebGLShader[]; // none: the program is ready
 
-  // Throws an Error with the driver's words if it refuses the shader.
   constructor(
     private readonly gl: WebGL2RenderingContext,
     fragment: string,
   ) {
     this.program = gl.createProgram();
     this.noVertices = gl.createVertexArray();
-    const shaders = [
+    this.shaders = [
       compile(gl, gl.VERTEX_SHADER, kCoverViewport),
       compile(gl, gl.FRAGMENT_SHADER, fragment),
     ];
-    for (const shader of shaders) gl.attachShader(this.program, shader);
+    for (const shader of this.shaders) gl.attachShader(this.program, shader);
     gl.linkProgram(this.program);
-    const linked = gl.getProgramParameter(this.program, gl.LINK_STATUS) as boolean;
-    const words = linked ? "" : `${gl.getShaderInfoLog(shaders[1])} ${gl.getProgramInfoLog(this.program)}`;
+  }
+
+  // False while the driver compiles: some take seconds, during which the page goes on. Throws an Error with
+  // the driver's words if it refuses the shader.
+  isReady(): boolean {
+    const { gl, program, shaders } = this;
+    if (shaders.length === 0) return true;
+    const parallel = gl.getExtension("KHR_parallel_shader_compile");
+    if (parallel && !gl.getProgramParameter(program, parallel.COMPLETION_STATUS_KHR)) return false;
+    const linked = gl.getProgramParameter(program, gl.LINK_STATUS) as boolean;
+    const words = linked ? "" : `${gl.getShaderInfoLog(shaders[1])} ${gl.getProgramInfoLog(program)}`;
     for (const shader of shaders) gl.deleteShader(shader);
-    if (!linked) throw new Error(`the graphics driver refuses a shader: ${words}`);
+    this.shaders = [];
+    if (!linked && !gl.isContextLost()) throw new Error(`the graphics driver refuses a shader: ${words}`);
+    return linked;
   }
 
   use(): void {
