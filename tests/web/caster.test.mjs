@@ -138,9 +138,9 @@ const kFields = [
   },
   {
     name: "balls in float32, small differences of large values",
-    shape: shapeOf([37, 50, 41], "float32", 999000, 999000, 1001000),
-    value: (size) => (i, j, k) => 1e6 + ballField(size, 4, 1)(i, j, k),
-    isovalues: [1e6 + 0.3],
+    shape: shapeOf([37, 50, 41], "float32", 9999000, 9999000, 10001000),
+    value: (size) => (i, j, k) => 1e7 + ballField(size, 4, 3)(i, j, k),
+    isovalues: [1e7 + 0.4], // between two floats
     map: kSheared,
     away: [50, -80, 60],
   },
