@@ -144,13 +144,13 @@ pageTest("the veil by keyboard", {}, async (page) => {
 pageTest("guests see the isovalue and who set it, and cannot move it", {}, async (page) => {
   await page.evaluate(() => harness.connect());
   assert.match(await text(page, "#isovalue"), /320 HU.*lecturer-1/s);
-  assert.equal(await page.$(".handle[data-mark=isovalue][role=slider]"), null);
+  assert.ok(await page.$eval(".handle[data-mark=isovalue]", (handle) => handle.hidden));
   assert.ok(await page.$eval("#steer-section", (section) => section.hidden));
   assert.ok(await page.$eval("#isovalue input[type=number]", (input) => input.hidden));
-  const handle = await page.$eval(".handle[data-mark=isovalue]", (element) => element.getBoundingClientRect().toJSON());
-  await page.mouse.move(handle.x + handle.width / 2, handle.y + 40);
+  const box = await page.$eval(".histogram", (element) => element.getBoundingClientRect().toJSON());
+  await page.mouse.move(box.x + 0.66 * box.width, box.y + 40); // on the isovalue
   await page.mouse.down();
-  await page.mouse.move(handle.x - 50, handle.y + 40);
+  await page.mouse.move(box.x + 0.3 * box.width, box.y + 40);
   await page.mouse.up();
   assert.deepEqual(await page.evaluate(() => harness.calls), []);
 });
@@ -312,7 +312,7 @@ for (const [width, height] of [[320, 568], [844, 390], [3840, 2160]]) {
 }
 
 test("slices of a patient lie as radiologists see them, whatever the order of the voxels", async () => {
-  const { sectionsOf, applyInverse } = await pure("sections");
+  const { sectionsOf } = await pure("sections");
   // Voxels from inferior to superior, from left to right, from anterior to posterior.
   const [axial, coronal, sagittal] = sectionsOf([0, -0.5, 0, 90, 0, 0, 0.7, -20, 2, 0, 0, 5]);
   const axis = (number, sign) => ({ axis: number, sign });
@@ -321,24 +321,41 @@ test("slices of a patient lie as radiologists see them, whatever the order of th
   });
   assert.deepEqual([coronal.across, coronal.right, coronal.down], [axis(2, 1), axis(1, -1), axis(0, -1)]);
   assert.deepEqual([sagittal.across, sagittal.right, sagittal.down], [axis(1, -1), axis(2, 1), axis(0, -1)]);
-  assert.deepEqual(sectionsOf(null).map(({ name, letters }) => [name, letters]), [["z", null], ["y", null], ["x", null]]);
-  assert.deepEqual(applyInverse([0, -0.5, 0, 90, 0, 0, 0.5, -20, 2, 0, 0, 5], [87, -18, 15]), [5, 6, 4]);
+  assert.deepEqual(sectionsOf(null).map(({ name, letters }) => [name, letters]), [
+    ["across z", null], ["across y", null], ["across x", null],
+  ]);
 });
 
-test("contours meet the edges of cells where the value is", async () => {
-  globalThis.Path2D = class {
-    points = [];
-    moveTo(x, y) { this.points.push([x, y]); }
-    lineTo(x, y) { this.points.push([x, y]); }
+// Pixels as an ImageData has them, in node.
+const pixelsOf = (width, height) => ({ width, height, data: new Uint8ClampedArray(4 * width * height) });
+
+test("a slice's picture is turned and mirrored as its section says", async () => {
+  const { paintSlice } = await pure("slice_picture");
+  const plane = { width: 3, height: 2, values: Float32Array.of(0, 10, 20, 100, 110, 120) }; // i and j
+  const frame = { left: 1, top: 0, scaleX: 1, scaleY: 1 };
+  const shows = (right, down, rows) => {
+    const [width, height] = [rows[0].length + 2, rows.length]; // a column outside on both sides
+    const pixels = pixelsOf(width, height);
+    paintSlice(pixels, plane, { right, down }, frame, [0, 255], []);
+    const gray = (x, y) => (pixels.data[4 * (y * width + x) + 3] === 255 ? pixels.data[4 * (y * width + x)] : null);
+    assert.deepEqual(rows.map((_, y) => Array.from({ length: width }, (__, x) => gray(x, y))), rows.map((row) => [null, ...row, null]));
   };
-  const { contour } = await pure("contour");
-  // Every set of corners; the value 1 lies a quarter of the way from 0 to 4.
-  for (let corners = 0; corners < 16; ++corners) {
-    const [a, b, c, d] = [1, 2, 4, 8].map((bit) => (corners & bit ? 4 : 0));
-    const { points } = contour(Float32Array.of(a, b, d, c), 2, 2, 1);
-    const crossings = [[a, b, (t) => [t, 0]], [b, c, (t) => [1, t]], [d, c, (t) => [t, 1]], [a, d, (t) => [0, t]]]
-      .filter(([from, to]) => from !== to).map(([from, , at]) => at(from === 0 ? 0.25 : 0.75));
-    const sorted = (list) => list.map(String).sort();
-    assert.deepEqual(sorted(points), sorted(crossings), `corners ${corners}`);
-  }
+  const [i, j, inverseI, inverseJ] = [[0, 1], [1, 1], [0, -1], [1, -1]].map(([axis, sign]) => ({ axis, sign }));
+  shows(i, j, [[0, 10, 20], [100, 110, 120]]);
+  shows(inverseI, j, [[20, 10, 0], [120, 110, 100]]);
+  shows(i, inverseJ, [[100, 110, 120], [0, 10, 20]]);
+  shows(j, i, [[0, 100], [10, 110], [20, 120]]);
+  shows(inverseJ, inverseI, [[120, 20], [110, 10], [100, 0]]);
+});
+
+test("a level's line is where the interpolated value is the level", async () => {
+  const { paintSlice } = await pure("slice_picture");
+  const plane = { width: 4, height: 2, values: Float32Array.of(0, 10, 20, 30, 0, 10, 20, 30) };
+  const section = { right: { axis: 0, sign: 1 }, down: { axis: 1, sign: 1 } };
+  const pixels = pixelsOf(32, 16);
+  paintSlice(pixels, plane, section, { left: 0, top: 0, scaleX: 8, scaleY: 8 }, [0, 300], [{ value: 15, color: [0, 0, 255] }]);
+  // 15 is half way between voxels 1 and 2, whose middles are at 12 and 20.
+  const blue = Array.from({ length: 32 }, (_, x) => pixels.data[4 * (5 * 32 + x) + 2] - pixels.data[4 * (5 * 32 + x)]);
+  assert.deepEqual(blue.flatMap((value, x) => (value > 0 ? [x] : [])), [15, 16]);
+  assert.ok(blue[15] > 100 && Math.abs(blue[15] - blue[16]) <= 10, String(blue));
 });

@@ -9,81 +9,71 @@ import { lastChangeText } from "./words";
 type Value = number | boolean | string;
 
 interface Control {
-  row: HTMLElement;
+  parts: (Node | string)[];
   show(value: Value): void; // palpated's
 }
 
-function numberControl(setting: SettingInfo, describedBy: string, set: (value: number) => void): Control {
-  const { minimum, maximum, unit, label } = setting;
+// `id`: of the element with the label. `set` steers.
+type Builder = (setting: SettingInfo, id: string, set: (value: number) => void) => Control;
+
+const numberControl: Builder = ({ label, unit, minimum, maximum }, id, set) => {
   const bounds = { ...(minimum !== null && { min: minimum }), ...(maximum !== null && { max: maximum }) };
-  const id = `steer-${setting.key}`;
-  const number = make("input", { id, type: "number", step: "any", "aria-describedby": describedBy, ...bounds });
-  const pair = make("div", { class: "pair" });
-  const inputs = [number];
+  const inputs = [make("input", { id, type: "number", step: "any", ...bounds })];
   if (minimum !== null && maximum !== null) {
-    const slider = make("input", {
-      type: "range", ...bounds, step: (maximum - minimum) / 200, "aria-label": unit ? `${label}, ${unit}` : label,
-    });
-    inputs.unshift(slider);
-    slider.addEventListener("input", () => set(slider.valueAsNumber));
+    const name = unit ? `${label}, ${unit}` : label;
+    inputs.unshift(make("input", { type: "range", step: (maximum - minimum) / 200, "aria-label": name, ...bounds }));
   }
-  number.addEventListener("change", () => {
-    if (Number.isFinite(number.valueAsNumber)) set(number.valueAsNumber);
-  });
-  pair.append(...inputs, unit);
+  for (const input of inputs) {
+    input.addEventListener(input.type === "range" ? "input" : "change", () => {
+      if (Number.isFinite(input.valueAsNumber)) set(input.valueAsNumber);
+    });
+  }
   return {
-    row: make("div", { class: "field" }, make("label", { for: id }, label), pair),
+    parts: [make("label", { for: id }, label), make("div", { class: "pair" }, ...inputs, unit)],
     show: (value) => {
-      for (const input of inputs) {
-        if (document.activeElement !== number || input !== number) input.value = String(Number(Number(value).toPrecision(6)));
-      }
+      const text = String(Number(Number(value).toPrecision(6)));
+      for (const input of inputs) if (input.type === "range" || document.activeElement !== input) input.value = text;
     },
   };
-}
+};
 
-function flagControl(setting: SettingInfo, describedBy: string, set: (value: number) => void): Control {
-  const box = make("input", { type: "checkbox", "aria-describedby": describedBy });
+const flagControl: Builder = ({ label }, id, set) => {
+  const box = make("input", { id, type: "checkbox" });
   box.addEventListener("change", () => set(box.checked ? 1 : 0));
-  return {
-    row: make("div", { class: "field" }, make("label", { class: "check" }, box, setting.label)),
-    show: (value) => (box.checked = Boolean(value)),
-  };
-}
+  return { parts: [make("label", { class: "check" }, box, label)], show: (value) => (box.checked = Boolean(value)) };
+};
 
-function choiceControl(setting: SettingInfo, describedBy: string, set: (value: number) => void): Control {
-  const id = `steer-${setting.key}`;
-  const select = make("select", { id, "aria-describedby": describedBy });
-  select.append(...setting.words.map((word, index) => make("option", { value: index }, word)));
+const choiceControl: Builder = ({ label, words }, id, set) => {
+  const select = make("select", { id }, ...words.map((word) => make("option", {}, word)));
   select.addEventListener("change", () => set(select.selectedIndex));
   return {
-    row: make("div", { class: "field" }, make("label", { for: id }, setting.label), select),
-    show: (value) => (select.selectedIndex = typeof value === "string" ? setting.words.indexOf(value) : Number(value)),
+    parts: [make("label", { for: id }, label), select],
+    show: (value) => (select.selectedIndex = typeof value === "string" ? words.indexOf(value) : Number(value)),
   };
-}
+};
 
-const kControls = { number: numberControl, flag: flagControl, choice: choiceControl };
+const kBuilders = { number: numberControl, flag: flagControl, choice: choiceControl };
 
 // Returns a function that shows palpated's value.
 function addControl(body: HTMLElement, setting: SettingInfo, state: State, room: Room): () => void {
-  const error = make("p", { class: "error", role: "alert" });
-  const helpId = `help-${setting.key}`;
-  const who = make("span");
-  const steered = new Steered((value) => room.steer(setting.key, value), (why) => {
+  const { key, kind, help } = setting;
+  const [error, who] = [make("p", { class: "error", role: "alert" }), make("span")];
+  const steered = new Steered((value) => room.steer(key, value), (why) => {
     setText(error, why);
     update();
   });
-  const set = (value: number) => {
+  const control = kBuilders[kind](setting, `steer-${key}`, (value) => {
     steered.set(value);
     control.show(value);
-  };
-  const control = kControls[setting.kind](setting, helpId, set);
-  control.row.append(make("p", { class: "help" }, make("span", { id: helpId }, setting.help), " ", who), error);
-  body.append(control.row);
+  });
+  const helpText = make("span", { id: `help-${key}` }, help);
+  body.append(make("div", { class: "field" }, ...control.parts, make("p", { class: "help" }, helpText, who), error));
+  find(body, `steer-${key}`).setAttribute("aria-describedby", helpText.id);
   const update = () => {
-    const value = state.settings?.values[setting.key];
+    const value = state.settings?.values[key];
     if (value !== undefined && steered.own === null) control.show(value);
-    const change = lastChangeText(state.steering, setting.key);
-    setText(who, change ? `· ${change}` : "");
+    const change = lastChangeText(state.steering, key);
+    setText(who, change && ` · ${change}`);
   };
   update();
   return update;
@@ -95,15 +85,14 @@ export function showControls(root: HTMLElement, state: State, room: Room): void 
   let updates: (() => void)[] = [];
   let shown = "";
   state.on("hello", () => {
-    const settings = (state.hello?.settings ?? []).filter(
-      ({ key }) => key !== "isovalue" && state.hello?.may_steer.includes(key),
-    );
+    const { settings = [], may_steer = [] } = state.hello ?? {};
+    const mine = settings.filter(({ key }) => key !== "isovalue" && may_steer.includes(key));
     // A new connection says the same again; the controls keep the focus.
-    if (JSON.stringify(settings) === shown) return;
-    shown = JSON.stringify(settings);
-    section.hidden = settings.length === 0;
+    if (JSON.stringify(mine) === shown) return;
+    shown = JSON.stringify(mine);
+    section.hidden = mine.length === 0;
     body.replaceChildren();
-    updates = settings.map((setting) => addControl(body, setting, state, room));
+    updates = mine.map((setting) => addControl(body, setting, state, room));
   });
   for (const topic of ["settings", "steering"] as const) state.on(topic, () => updates.forEach((update) => update()));
 }

@@ -26,36 +26,30 @@ export class Handle {
   private value: number | null = null;
   private scale: Scale = { low: 0, high: 1, isWhole: false, unit: "" };
 
-  constructor(private readonly box: HTMLElement, mark: "isovalue" | "veil", label: string, private readonly move: (value: number) => void) {
-    this.element = make("div", { class: "handle", "data-mark": mark, role: "slider", tabindex: 0, "aria-label": label, title: label });
+  constructor(
+    private readonly box: HTMLElement,
+    mark: "isovalue" | "veil",
+    label: string,
+    private readonly move: (value: number) => void,
+  ) {
+    const names = { "data-mark": mark, "aria-label": label, title: label };
+    this.element = make("div", { class: "handle", role: "slider", tabindex: 0, ...names });
     box.append(this.element);
     this.element.addEventListener("keydown", (event) => this.onKey(event));
     this.element.addEventListener("pointerdown", (event) => this.beginDrag(event));
   }
 
-  // `value` null: there is no mark. `isFixed`: the user may not move it, and it is no slider.
-  show(scale: Scale, value: number | null, isFixed: boolean): void {
+  // `value` null: there is no mark to move.
+  show(scale: Scale, value: number | null): void {
     this.scale = scale;
     this.value = value;
-    const { element } = this;
-    element.hidden = value === null;
-    element.classList.toggle("fixed", isFixed);
-    if (isFixed) {
-      for (const name of ["role", "tabindex", "aria-label"]) element.removeAttribute(name);
-      element.setAttribute("aria-hidden", "true"); // the text beside says it
-    } else {
-      element.removeAttribute("aria-hidden");
-      setAttribute(element, "role", "slider");
-      setAttribute(element, "tabindex", "0");
-      setAttribute(element, "aria-label", element.title);
-    }
+    this.element.hidden = value === null;
     if (value === null) return;
-    element.style.left = `${100 * shareOf(scale, value)}%`;
-    if (isFixed) return;
-    setAttribute(element, "aria-valuemin", String(scale.low));
-    setAttribute(element, "aria-valuemax", String(scale.high));
-    setAttribute(element, "aria-valuenow", String(value));
-    setAttribute(element, "aria-valuetext", valueText(value, scale.unit));
+    this.element.style.left = `${100 * shareOf(scale, value)}%`;
+    setAttribute(this.element, "aria-valuemin", String(scale.low));
+    setAttribute(this.element, "aria-valuemax", String(scale.high));
+    setAttribute(this.element, "aria-valuenow", String(value));
+    setAttribute(this.element, "aria-valuetext", valueText(value, scale.unit));
   }
 
   // Follows the pointer from now on until it is released.

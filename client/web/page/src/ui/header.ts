@@ -33,13 +33,16 @@ export function showHeader(root: HTMLElement, state: State): void {
   state.on("hello", showServer);
 }
 
+const kMostEvents = 50;
+
 // The newest first, each with the time at which this page heard of it.
 export function showEvents(root: HTMLElement, state: State): void {
   const list = find(root, "events");
-  const update = () => {
-    const items = state.events.map((event) => make("li", {}, event)).reverse();
-    list.replaceChildren(...(items.length > 0 ? items : [make("li", {}, "Nothing yet.")]));
+  const add = (event: string) => {
+    const time = new Date().toLocaleTimeString([], { hour12: false });
+    list.prepend(make("li", {}, make("time", {}, time), ` ${event}`));
+    while (list.children.length > kMostEvents) list.lastElementChild!.remove();
   };
-  state.on("events", update);
-  update();
+  state.events.forEach(add);
+  state.on("events", () => add(state.events.at(-1)!));
 }

@@ -1,5 +1,5 @@
 // The histogram with the isovalue, which is everybody's, and the veil, which is this page's. Users who may
-// steer the isovalue drag its mark; guests see it.
+// steer the isovalue drag its mark.
 import type { State } from "../state";
 import type { SuggestedIsovalue } from "../wire/messages";
 import type { Room } from "../wire/room";
@@ -61,6 +61,10 @@ function draw(canvas: HTMLCanvasElement, state: State, scale: Scale, isovalue: n
     context.lineTo(x(at) + 4, bottom + 5);
     context.fill();
   }
+  if (isovalue !== null) {
+    context.fillStyle = color("isovalue");
+    context.fillRect(x(isovalue) - 1, 0, 2, bottom);
+  }
   context.strokeStyle = color("edge");
   context.strokeRect(0, bottom + 0.5, width, 0);
   context.fillStyle = color("dim");
@@ -77,7 +81,8 @@ function draw(canvas: HTMLCanvasElement, state: State, scale: Scale, isovalue: n
 // Where the veil begins: the suggestion that is farthest below the isovalue, or half way down.
 function initialVeil(state: State, scale: Scale): number {
   const isovalue = isovalueOf(state) ?? scale.high;
-  const below = (state.volume?.suggested ?? []).map((s) => s.isovalue).filter((v) => v < isovalue - 0.01 * (scale.high - scale.low));
+  const beside = 0.01 * (scale.high - scale.low);
+  const below = (state.volume?.suggested ?? []).map((s) => s.isovalue).filter((v) => v < isovalue - beside);
   const value = below.length > 0 ? Math.min(...below) : (scale.low + isovalue) / 2;
   return scale.isWhole ? Math.round(value) : value;
 }
@@ -108,10 +113,10 @@ export function showHistogram(body: HTMLElement, state: State, room: Room): void
   const veilValue = make("strong", { class: "veil" });
   const opacity = make("input", { type: "range", min: 0.05, max: 0.9, step: 0.05 });
   const opacityField = make("label", { class: "field" }, "Opacity of the veil", opacity);
-  body.append(
-    empty, box, make("div", { class: "reading" }, "Isovalue ", typed, value, who), error, suggestions,
-    make("div", { class: "reading" }, make("label", { class: "check" }, veilOn, "Veil (V), only here"), veilValue), opacityField,
-  );
+  const isovalueLine = make("div", { class: "reading" }, "Isovalue ", typed, value, who);
+  const veilLabel = make("label", { class: "check" }, veilOn, "Veil (V), only here");
+  const veilLine = make("div", { class: "reading" }, veilLabel, veilValue);
+  body.append(empty, box, isovalueLine, error, suggestions, veilLine, opacityField);
 
   const steered = new Steered((v) => room.steer("isovalue", v), (why) => {
     setText(error, why);
@@ -135,8 +140,8 @@ export function showHistogram(body: HTMLElement, state: State, room: Room): void
     if (!scale) return;
     const isovalue = steered.own ?? isovalueOf(state);
     const { veil } = state.view;
-    isovalueHandle.show(scale, isovalue, !maySteer());
-    veilHandle.show(scale, veil, false);
+    isovalueHandle.show(scale, maySteer() ? isovalue : null);
+    veilHandle.show(scale, veil);
     setText(value, maySteer() ? scale.unit : isovalue === null ? "–" : valueText(isovalue, scale.unit));
     setText(who, steered.own !== null ? "setting…" : lastChangeText(state.steering, "isovalue"));
     typed.hidden = !maySteer();

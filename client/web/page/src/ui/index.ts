@@ -36,7 +36,8 @@ function messenger(root: HTMLElement): (text: string) => void {
 
 // Where the browser gives no clipboard (plain http beyond this machine), a dialog shows the link.
 async function share(root: HTMLElement, link: string, say: (text: string) => void): Promise<void> {
-  const note = /[#&]room=/.test(link) ? "It has the room's key: who has the link can watch." : "It has no key: others log in with their own.";
+  const hasKey = /[#&]room=/.test(link);
+  const note = hasKey ? "Who has the link can watch: it has the room's key." : "Others log in with a key of their own.";
   try {
     await navigator.clipboard.writeText(link);
     say(`Link copied. ${note}`);
@@ -68,14 +69,17 @@ function flip(state: State, member: "follow" | "slices"): void {
 }
 
 function showLook(root: HTMLElement, state: State): void {
-  const boxes = { follow: find<HTMLInputElement>(root, "follow"), slices: find<HTMLInputElement>(root, "slices-shown") };
-  for (const member of ["follow", "slices"] as const) {
-    boxes[member].addEventListener("change", () => flip(state, member));
-  }
+  const follow = find<HTMLInputElement>(root, "follow");
+  const slices = find<HTMLInputElement>(root, "slices-shown");
+  const ofPicture = [follow, find<HTMLButtonElement>(root, "reset"), find<HTMLButtonElement>(root, "png")];
+  follow.addEventListener("change", () => flip(state, "follow"));
+  slices.addEventListener("change", () => flip(state, "slices"));
   const update = () => {
-    boxes.follow.checked = state.view.follow;
-    boxes.slices.checked = state.view.slices || state.whyNoPicture !== "";
-    boxes.slices.disabled = state.whyNoPicture !== "";
+    follow.checked = state.view.follow;
+    const isFlat = state.whyNoPicture !== "";
+    slices.checked = state.view.slices || isFlat;
+    slices.disabled = isFlat;
+    for (const control of ofPicture) control.disabled = isFlat;
   };
   state.on("view", update);
   state.on("picture", update);
@@ -114,6 +118,6 @@ export function buildInterface(root: HTMLElement, state: State, room: Room, copy
   showControls(root, state, room);
   showSlices(root, state, copy);
   showLogin(root, state, room);
-  const updates = [showBadge(root, state), showValues(root, state), showPlots(root, state)];
+  const updates = [showBadge(root, state), showValues(root, state, copy), showPlots(root, state)];
   setInterval(() => updates.forEach((update) => update()), 200);
 }

@@ -10,14 +10,17 @@ export interface Key {
 }
 
 const kTurnDeg = 5;
+const kMostElevationDeg = 89;
 const kZoom = 1.15;
+const kTurns: Record<string, [number, number]> = {
+  ArrowLeft: [-kTurnDeg, 0], ArrowRight: [kTurnDeg, 0], ArrowUp: [0, kTurnDeg], ArrowDown: [0, -kTurnDeg],
+};
 
 function turn(state: State, key: string): void {
   const { view } = state;
-  if (key === "ArrowLeft") view.azimuthDeg -= kTurnDeg;
-  if (key === "ArrowRight") view.azimuthDeg += kTurnDeg;
-  if (key === "ArrowUp") view.elevationDeg = Math.min(89, view.elevationDeg + kTurnDeg);
-  if (key === "ArrowDown") view.elevationDeg = Math.max(-89, view.elevationDeg - kTurnDeg);
+  view.azimuthDeg += kTurns[key][0];
+  const elevation = view.elevationDeg + kTurns[key][1];
+  view.elevationDeg = Math.max(-kMostElevationDeg, Math.min(kMostElevationDeg, elevation));
   state.emit("view");
 }
 
@@ -34,22 +37,22 @@ function isTyping(target: EventTarget | null): boolean {
 export function listenToKeys(root: HTMLElement, state: State, letters: Key[]): void {
   const picture = find(root, "viewport");
   const pictureKeys: Key[] = [
-    { keys: ["ArrowLeft", "ArrowRight", "ArrowUp", "ArrowDown"], shown: "← → ↑ ↓", what: "turn, while the picture has the focus", act: (key) => turn(state, key) },
-    { keys: ["+", "=", "-"], shown: "+ −", what: "zoom, while the picture has the focus", act: (key) => zoom(state, key) },
+    { keys: Object.keys(kTurns), shown: "← → ↑ ↓", what: "turn the focused picture", act: (k) => turn(state, k) },
+    { keys: ["+", "=", "-"], shown: "+ −", what: "zoom the focused picture", act: (key) => zoom(state, key) },
   ];
   const isOn = find<HTMLInputElement>(root, "keys-on");
-  const find_ = (keys: Key[], pressed: string) => keys.find((key) => key.keys.includes(pressed));
   document.addEventListener("keydown", (event) => {
     if (event.ctrlKey || event.metaKey || event.altKey || isTyping(event.target)) return;
     const pressed = event.key.length === 1 ? event.key.toLowerCase() : event.key;
-    const found =
-      (event.target === picture ? find_(pictureKeys, pressed) : undefined) ?? (isOn.checked ? find_(letters, pressed) : undefined);
+    const keys = [...(event.target === picture ? pictureKeys : []), ...(isOn.checked ? letters : [])];
+    const found = keys.find((key) => key.keys.includes(pressed));
     if (!found) return;
     event.preventDefault();
     found.act(pressed);
   });
-  const rows = [...letters, ...pictureKeys].map(({ shown, what }) =>
-    make("tr", {}, make("th", { scope: "row" }, ...shown.split(" ").flatMap((key) => [make("kbd", {}, key), " "])), make("td", {}, what)),
-  );
+  const rows = [...letters, ...pictureKeys].map(({ shown, what }) => {
+    const keys = shown.split(" ").flatMap((key) => [make("kbd", {}, key), " "]);
+    return make("tr", {}, make("th", { scope: "row" }, ...keys), make("td", {}, what));
+  });
   find(root, "help-keys").append(...rows);
 }

@@ -1,13 +1,16 @@
 // Three slices of the page's copy, drawn on the CPU: they work without WebGL2. They go through the proxy, or
 // where the user puts them.
 import type { State } from "../state";
+import { apply, column, compose, indexFromBlocks, inverse, norm } from "../view/geometry";
+import type { Axis, SignedAxis } from "../view/patient_axes";
 import type { VolumeCopy } from "../volume/copy";
 import type { Vec3 } from "../wire/messages";
-import { contour } from "./contour";
-import { beginDrawing, color, find, font, make, paced, setAttribute, setText } from "./dom";
+import { beginDrawing, find, font, make, paced, setAttribute, setText } from "./dom";
 import { isovalueOf } from "./histogram";
-import { applyInverse, sectionsOf, voxelEdges } from "./sections";
-import type { Axis, Section } from "./sections";
+import { sectionsOf } from "./sections";
+import type { Section } from "./sections";
+import { paintSlice } from "./slice_picture";
+import type { Frame, Level } from "./slice_picture";
 
 // Where the slices are, in voxels of the copy.
 interface Cross {
@@ -15,33 +18,28 @@ interface Cross {
   followsProxy: boolean;
 }
 
-// A slice as its picture has it: turned and mirrored.
-interface Picture {
-  key: string;
-  image: HTMLCanvasElement;
-  contours: { path: Path2D; color: string }[];
-}
-
-// The picture's place on the canvas, in CSS pixels.
-interface Frame {
-  left: number;
-  top: number;
-  scaleX: number; // per voxel
-  scaleY: number;
-}
+// The desktop viewer's.
+const kIsovalueColor: Level["color"] = [255, 158, 38];
+const kVeilColor: Level["color"] = [115, 191, 255];
+const kCrossColor = "#7fe0d0"; // slices are dark in both themes
 
 class SliceView {
   readonly element: HTMLElement;
-  section: Section;
   private readonly canvas = make("canvas", { role: "img", "aria-label": "slice" });
   private readonly slider = make("input", { type: "range", min: 0, step: 1 });
   private readonly name = make("span");
   private readonly place = make("span", { class: "note number" });
-  private picture: Picture | null = null;
+  // Kept while nothing of it changed.
+  private readonly picture = document.createElement("canvas");
+  private pictureKey = "";
 
-  constructor(section: Section, private readonly state: State, private readonly copy: VolumeCopy,
-              private readonly cross: Cross, private readonly onMove: () => void) {
-    this.section = section;
+  constructor(
+    public section: Section,
+    private readonly state: State,
+    private readonly copy: VolumeCopy,
+    private readonly cross: Cross,
+    private readonly onMove: () => void,
+  ) {
     this.element = make("figure", {}, this.canvas, make("figcaption", {}, this.name, this.place), this.slider);
     this.slider.addEventListener("input", () => this.move({ [this.section.across.axis]: this.slider.valueAsNumber }));
     this.canvas.addEventListener("pointerdown", (event) => this.onPointer(event));
@@ -60,8 +58,9 @@ class SliceView {
     const { right, down } = this.section;
     const frame = this.frame();
     const area = this.canvas.getBoundingClientRect();
-    const along = { x: (event.clientX - area.left - frame.left) / frame.scaleX, y: (event.clientY - area.top - frame.top) / frame.scaleY };
-    this.move({ [right.axis]: this.toVoxel(right, along.x - 0.5), [down.axis]: this.toVoxel(down, along.y - 0.5) });
+    const x = (event.clientX - area.left - frame.left) / frame.scaleX - 0.5;
+    const y = (event.clientY - area.top - frame.top) / frame.scaleY - 0.5;
+    this.move({ [right.axis]: this.toVoxel(right, x), [down.axis]: this.toVoxel(down, y) });
   }
 
   private size(axis: Axis): number {
@@ -69,15 +68,16 @@ class SliceView {
   }
 
   // Between voxels of an axis and pixels of the picture; its own inverse.
-  private toVoxel({ axis, sign }: Section["right"], along: number): number {
+  private toVoxel({ axis, sign }: SignedAxis, along: number): number {
     const last = this.size(axis) - 1;
     return Math.min(last, Math.max(0, sign > 0 ? along : last - along));
   }
 
+  // In CSS pixels of the canvas.
   private frame(): Frame {
     const { right, down } = this.section;
     const map = this.state.placement?.device_from_index;
-    const edges = map ? voxelEdges(map) : [1, 1, 1];
+    const edges = [0, 1, 2].map((axis) => (map ? norm(column(map, axis)) : 1));
     const [width, height] = [this.size(right.axis) * edges[right.axis], this.size(down.axis) * edges[down.axis]];
     const { clientWidth, clientHeight } = this.canvas;
     const scale = Math.min(clientWidth / width, clientHeight / height);
@@ -89,72 +89,45 @@ class SliceView {
     };
   }
 
-  // Keeps the picture while nothing of it changed.
-  private pictureNow(index: number, version: number): Picture | null {
+  private takePicture(index: number, version: number): void {
     const { shape } = this.copy;
-    if (!shape) return null;
-    const { across, right, down } = this.section;
+    const scale = window.devicePixelRatio;
+    const { left, top, scaleX, scaleY } = this.frame();
+    const frame = { left: left * scale, top: top * scale, scaleX: scaleX * scale, scaleY: scaleY * scale };
+    const { width, height } = this.canvas;
     const levels = [
-      { level: isovalueOf(this.state), color: color("slice-isovalue") },
-      { level: this.state.view.veil, color: color("slice-veil") },
-    ];
-    const key = JSON.stringify([version, index, this.section, levels, shape]);
-    if (this.picture?.key === key) return this.picture;
-    const plane = this.copy.plane(across.axis, index);
-    const [width, height] = [this.size(right.axis), this.size(down.axis)];
-    if (plane.values.length !== width * height) return null;
-    const values = new Float32Array(width * height);
-    const [stepX, stepY] = right.axis < down.axis ? [1, plane.width] : [plane.width, 1];
-    for (let y = 0; y < height; ++y) {
-      const row = (down.sign > 0 ? y : height - 1 - y) * stepY;
-      for (let x = 0; x < width; ++x) values[y * width + x] = plane.values[row + (right.sign > 0 ? x : width - 1 - x) * stepX];
-    }
-    const image = this.picture?.image ?? document.createElement("canvas");
-    image.width = width;
-    image.height = height;
+      { value: isovalueOf(this.state), color: kIsovalueColor },
+      { value: this.state.view.veil, color: kVeilColor },
+    ].filter((level): level is Level => level.value !== null);
+    const key = JSON.stringify([version, index, this.section, shape, frame, width, height, levels]);
+    if (!shape || this.pictureKey === key) return;
+    this.pictureKey = key;
+    const plane = this.copy.plane(this.section.across.axis, index);
     const pixels = new ImageData(width, height);
-    const words = new Uint32Array(pixels.data.buffer);
-    const perGray = 255 / (shape.valueMax - shape.valueMin || 1);
-    for (let at = 0; at < values.length; ++at) {
-      const gray = Math.min(255, Math.max(0, (values[at] - shape.valueMin) * perGray)) | 0;
-      words[at] = 0xff000000 | (gray * 0x010101);
-    }
-    image.getContext("2d")!.putImageData(pixels, 0, 0);
-    const contours = levels.flatMap(({ level, color: stroke }) =>
-      level === null ? [] : [{ path: contour(values, width, height, level), color: stroke }]);
-    this.picture = { key, image, contours };
-    return this.picture;
+    if (plane.width > 0) paintSlice(pixels, plane, this.section, frame, [shape.valueMin, shape.valueMax], levels);
+    [this.picture.width, this.picture.height] = [width, height];
+    this.picture.getContext("2d")!.putImageData(pixels, 0, 0);
   }
 
   draw(version: number): void {
     const context = beginDrawing(this.canvas);
     const { across, right, down } = this.section;
-    const position = this.cross.position[across.axis];
-    const index = Math.min(this.size(across.axis) - 1, Math.max(0, Math.round(position)));
+    const { position } = this.cross;
+    const index = Math.min(this.size(across.axis) - 1, Math.max(0, Math.round(position[across.axis])));
     this.describe(index);
-    const picture = context && this.pictureNow(index, version);
-    if (!picture) return;
+    if (!context) return;
+    this.takePicture(index, version);
+    context.drawImage(this.picture, 0, 0, this.canvas.clientWidth, this.canvas.clientHeight);
     const frame = this.frame();
-    context.save();
-    context.translate(frame.left, frame.top);
-    context.scale(frame.scaleX, frame.scaleY);
-    context.drawImage(picture.image, 0, 0);
-    context.translate(0.5, 0.5); // voxels are at the middles of their pixels
-    context.lineWidth = 1.25 / Math.min(frame.scaleX, frame.scaleY);
-    for (const line of picture.contours) {
-      context.strokeStyle = line.color;
-      context.stroke(line.path);
-    }
-    context.restore();
-    const x = frame.left + (this.toVoxel(right, this.cross.position[right.axis]) + 0.5) * frame.scaleX;
-    const y = frame.top + (this.toVoxel(down, this.cross.position[down.axis]) + 0.5) * frame.scaleY;
+    const x = frame.left + (this.toVoxel(right, position[right.axis]) + 0.5) * frame.scaleX;
+    const y = frame.top + (this.toVoxel(down, position[down.axis]) + 0.5) * frame.scaleY;
     this.drawMarks(context, x, y);
   }
 
   // The cross-hair, open at the point, and the patient's directions.
   private drawMarks(context: CanvasRenderingContext2D, x: number, y: number): void {
     const { clientWidth: width, clientHeight: height } = this.canvas;
-    context.strokeStyle = color("slice-cross");
+    context.strokeStyle = kCrossColor;
     context.lineWidth = 1;
     context.beginPath();
     for (const [x0, y0, x1, y1] of [[0, y, x - 6, y], [x + 6, y, width, y], [x, 0, x, y - 6], [x, y + 6, x, height]]) {
@@ -170,25 +143,27 @@ class SliceView {
     context.lineWidth = 3;
     context.strokeStyle = "#000";
     context.fillStyle = "#fff";
-    for (const [letter, tx, ty] of [
-      [letters.left, 9, height / 2], [letters.right, width - 9, height / 2], [letters.up, width / 2, 10], [letters.down, width / 2, height - 9],
-    ] as const) {
+    const write = (letter: string, tx: number, ty: number) => {
       context.strokeText(letter, tx, ty);
       context.fillText(letter, tx, ty);
-    }
+    };
+    const edge = 9;
+    write(letters.left, edge, height / 2);
+    write(letters.right, width - edge, height / 2);
+    write(letters.up, width / 2, edge);
+    write(letters.down, width / 2, height - edge);
   }
 
   // Indices of the whole volume, also for the overview.
   private describe(index: number): void {
     const { across, name } = this.section;
     const { factor } = this.copy;
-    const title = this.section.letters ? name : `across ${name}`;
     const voxel = index * factor + (factor - 1) / 2;
     const all = (this.state.volume?.size?.[across.axis] ?? 1) - 1;
-    setText(this.name, title);
+    setText(this.name, name);
     setText(this.place, `${"xyz"[across.axis]} ${voxel} of ${all}`);
-    setAttribute(this.canvas, "aria-label", `Slice ${title} at voxel ${voxel} of ${all}`);
-    setAttribute(this.slider, "aria-label", `Place of the slice ${title}`);
+    setAttribute(this.canvas, "aria-label", `Slice ${name} at voxel ${voxel} of ${all}`);
+    setAttribute(this.slider, "aria-label", `Place of the slice ${name}`);
     setAttribute(this.slider, "aria-valuetext", `voxel ${voxel} of ${all}`);
     setAttribute(this.slider, "max", String(Math.max(0, this.size(across.axis) - 1)));
     this.slider.value = String(index);
@@ -200,13 +175,12 @@ export function showSlices(root: HTMLElement, state: State, copy: VolumeCopy): v
   const follow = find<HTMLInputElement>(root, "slices-follow");
   const cross: Cross = { position: [0, 0, 0], followsProxy: true };
   let version = 0;
-  const request = paced(15, () => {
+  const request = paced(10, () => {
     if (section.hidden || !copy.shape) return;
     follow.checked = cross.followsProxy;
     const map = state.placement?.device_from_index;
     if (cross.followsProxy && state.pose && map) {
-      const inVolume = applyInverse(map, state.pose.scpH);
-      cross.position = inVolume.map((v) => (v - (copy.factor - 1) / 2) / copy.factor) as Vec3;
+      cross.position = apply(inverse(compose(map, indexFromBlocks(copy.factor))), state.pose.scpH);
     }
     for (const view of views) view.draw(version);
   });

@@ -10,7 +10,10 @@ export class Steered {
   private isBusy = false;
 
   // `send` rejects with the gateway's error. `onChange` is told it, "" after success.
-  constructor(private readonly send: (value: number) => Promise<void>, private readonly onChange: (error: string) => void) {}
+  constructor(
+    private readonly send: (value: number) => Promise<void>,
+    private readonly onChange: (error: string) => void,
+  ) {}
 
   set(value: number): void {
     this.own = value;

@@ -1,9 +1,10 @@
 // What palpated does now, in words and numbers.
 import type { State } from "../state";
+import type { VolumeCopy } from "../volume/copy";
 import { distance, length } from "../wire/pose";
 import { badgeOf } from "./badge";
 import { find, make, setText } from "./dom";
-import { fixed, forcesText, grouped, modeText, valueText } from "./words";
+import { bytesText, fixed, forcesText, grouped, modeText, valueText } from "./words";
 
 const kRows = {
   stylus: ["Stylus", "What the haptic loop does with the proxy"],
@@ -15,6 +16,7 @@ const kRows = {
   update: ["Haptic update", "Time that the newest tick took"],
   series: ["Series", "Volumes that follow each other in time"],
   recording: ["Recording", "palpated records what happens"],
+  memory: ["Volume here", "How much memory of this page and of its graphics card the volume takes"],
   user: ["You", "Your name here, and what you may set"],
 } as const;
 type Row = keyof typeof kRows;
@@ -23,7 +25,8 @@ function seriesText(state: State): string {
   const { series } = state;
   if (!series || !series.frames) return "";
   const frame = Math.min(series.frames, Math.floor(series.position_frames) + 1);
-  return `frame ${frame} of ${series.frames}, ${series.playing ? `playing at ${fixed(series.rate_hz, 1, "Hz")}` : "paused"}`;
+  const motion = series.playing ? `playing at ${fixed(series.rate_hz, 1, "Hz")}` : "paused";
+  return `frame ${frame} of ${series.frames}, ${motion}`;
 }
 
 function recordingText(state: State): string {
@@ -40,7 +43,7 @@ function userText(state: State): string {
   return labels.length > 0 ? `${hello.user}, may set: ${labels.join(", ")}` : `${hello.user}, watching`;
 }
 
-function textsOf(state: State): Record<Row, string> {
+function textsOf(state: State, copy: VolumeCopy): Record<Row, string> {
   const { pose } = state;
   return {
     stylus: pose ? modeText(pose) : "",
@@ -52,12 +55,13 @@ function textsOf(state: State): Record<Row, string> {
     update: pose ? fixed(pose.updateUs, 1, "µs") : "",
     series: seriesText(state),
     recording: recordingText(state),
+    memory: copy.shape ? bytesText(copy.memoryBytes) : "",
     user: userText(state),
   };
 }
 
 // Returns a function to call several times a second: numbers that change at 60 Hz cannot be read.
-export function showValues(root: HTMLElement, state: State): () => void {
+export function showValues(root: HTMLElement, state: State, copy: VolumeCopy): () => void {
   const list = find(root, "values");
   const rows = (Object.keys(kRows) as Row[]).map((name) => {
     const [label, title] = kRows[name];
@@ -68,7 +72,7 @@ export function showValues(root: HTMLElement, state: State): () => void {
   const mode = find(root, "mode");
   const touch = find(root, "touch");
   return () => {
-    const texts = textsOf(state);
+    const texts = textsOf(state, copy);
     for (const { name, term, value } of rows) {
       setText(value, texts[name]);
       term.hidden = value.hidden = texts[name] === "";

@@ -24,7 +24,7 @@ export function fixed(value: number, digits: number, unit: string): string {
 }
 
 export function bytesText(bytes: number): string {
-  return bytes < 2 ** 30 ? `${Math.round(bytes / 2 ** 20)} MiB` : `${(bytes / 2 ** 30).toFixed(1)} GiB`;
+  return bytes < 2 ** 30 ? `${Math.ceil(bytes / 2 ** 20)} MiB` : `${(bytes / 2 ** 30).toFixed(1)} GiB`;
 }
 
 const kModes: Record<Pose["mode"], string> = {

@@ -1,0 +1,85 @@
+// A slice as a picture: grey values between the voxels by linear interpolation, and lines where they equal a
+// level. The time depends on the picture's size alone, not on how many lines there are.
+import type { Plane } from "../volume/copy";
+import type { Section } from "./sections";
+
+// Where the picture's voxels are, in its pixels. Voxels (0, 0) begin at the corner.
+export interface Frame {
+  left: number;
+  top: number;
+  scaleX: number; // pixels per voxel
+  scaleY: number;
+}
+
+export interface Level {
+  value: number;
+  color: [number, number, number];
+}
+
+const kLineHalfPx = 0.7;
+
+// For each pixel along an axis: the offsets of the voxels on both sides, and the share of the second.
+interface Samples {
+  first: Int32Array;
+  second: Int32Array;
+  share: Float32Array; // below 0: outside of the volume
+}
+
+function samplesAlong(pixels: number, begin: number, scale: number, voxels: number, sign: number, step: number): Samples {
+  const samples = { first: new Int32Array(pixels), second: new Int32Array(pixels), share: new Float32Array(pixels) };
+  for (let n = 0; n < pixels; ++n) {
+    const along = (n + 0.5 - begin) / scale - 0.5;
+    const isInside = along >= -0.5 && along <= voxels - 0.5;
+    const voxel = Math.min(voxels - 1, Math.max(0, sign > 0 ? along : voxels - 1 - along));
+    const first = Math.min(Math.floor(voxel), Math.max(0, voxels - 2));
+    samples.first[n] = first * step;
+    samples.second[n] = Math.min(first + 1, voxels - 1) * step;
+    samples.share[n] = isInside ? voxel - first : -1;
+  }
+  return samples;
+}
+
+// NaN outside of the volume.
+function valuesAt(pixels: ImageData, plane: Plane, { right, down }: Section, frame: Frame): Float32Array {
+  const isTurned = right.axis > down.axis; // the plane's rows go down in the picture, or to the right
+  const [width, height] = isTurned ? [plane.height, plane.width] : [plane.width, plane.height];
+  const [stepX, stepY] = isTurned ? [plane.width, 1] : [1, plane.width];
+  const x = samplesAlong(pixels.width, frame.left, frame.scaleX, width, right.sign, stepX);
+  const y = samplesAlong(pixels.height, frame.top, frame.scaleY, height, down.sign, stepY);
+  const values = new Float32Array(pixels.width * pixels.height).fill(NaN);
+  const from = plane.values;
+  for (let row = 0, at = 0; row < pixels.height; ++row) {
+    const [top, bottom, down] = [y.first[row], y.second[row], y.share[row]];
+    for (let column = 0; column < pixels.width; ++column, ++at) {
+      const [left, right, across] = [x.first[column], x.second[column], x.share[column]];
+      if (down < 0 || across < 0) continue;
+      const above = from[top + left] + across * (from[top + right] - from[top + left]);
+      const below = from[bottom + left] + across * (from[bottom + right] - from[bottom + left]);
+      values[at] = above + down * (below - above);
+    }
+  }
+  return values;
+}
+
+// `window`: the values that are black and white. Pixels outside of the volume stay as they are.
+export function paintSlice(
+  pixels: ImageData, plane: Plane, section: Section, frame: Frame, window: [number, number], levels: Level[],
+): void {
+  const values = valuesAt(pixels, plane, section, frame);
+  const perGray = 255 / (window[1] - window[0] || 1);
+  const { width, data } = pixels;
+  for (let at = 0, pixel = 0; at < values.length; ++at, pixel += 4) {
+    const value = values[at];
+    if (Number.isNaN(value)) continue;
+    data[pixel] = data[pixel + 1] = data[pixel + 2] = (value - window[0]) * perGray;
+    data[pixel + 3] = 255;
+    // The line's distance in pixels, from how fast the values change. No line where they do not.
+    const beside = values[(at + 1) % width === 0 ? at - 1 : at + 1];
+    const slope = Math.hypot((beside - value) || 0, (values[at + width] - value) || 0);
+    for (const level of levels) {
+      const share = Math.min(1, kLineHalfPx + 0.5 - Math.abs(value - level.value) / slope);
+      if (!(share > 0)) continue;
+      for (let n = 0; n < 3; ++n) data[pixel + n] += share * (level.color[n] - data[pixel + n]);
+    }
+  }
+}
