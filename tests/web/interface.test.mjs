@@ -169,6 +169,32 @@ pageTest("a dragged isovalue is sent at most 8 times a second, and the newest ar
   calls.slice(1).forEach(({ atMs }, n) => assert.ok(atMs - calls[n].atMs >= 124));
 });
 
+pageTest("all hear who steers, once for a drag, and not what was before they came", {}, async (page) => {
+  const steered = (...changes) => page.evaluate((list) => {
+    harness.receive("steering", { changes: list.map(([user, key, time_ms]) => ({ user, key, value: 1, time_ms })) });
+    return harness.state.events;
+  }, changes);
+  await page.evaluate(() => harness.connect());
+  const drag = [["ann", "friction", 90_000], ["ann", "isovalue", 100_000]];
+  assert.deepEqual(await steered(...drag), ["Isovalue set by ann"]);
+  assert.equal((await steered(...drag, ["ann", "isovalue", 100_125])).length, 1);
+  assert.equal((await steered(...drag)).length, 1); // again, as after a new connection
+  assert.deepEqual(await steered(["bob", "isovalue", 100_500]), ["Isovalue set by ann", "Isovalue set by bob"]);
+  await until(page, () => document.querySelector("#events li").textContent.endsWith("Isovalue set by bob"));
+});
+
+pageTest("where there is no clipboard, a dialog shows the link", {}, async (page) => {
+  await page.evaluate(() => {
+    harness.connect();
+    Object.defineProperty(navigator, "clipboard", { value: undefined });
+  });
+  await page.click("#share");
+  await until(page, () => document.getElementById("share-dialog").open);
+  assert.match(await page.$eval("#share-link", (input) => input.value), /#room=KEY/);
+  await page.click("#share-dialog button");
+  await until(page, () => !document.getElementById("share-dialog").open);
+});
+
 pageTest("controls by the kind of the setting; a refusal is said beside", {}, async (page) => {
   await page.evaluate(() => harness.connect({ mayFeel: ["stiffness_n_per_mm", "friction", "method"] }));
   await page.select("#steer-method", "0");
@@ -269,6 +295,18 @@ pageTest("without WebGL2 slices are drawn and moved by keys", {}, async (page) =
   await page.keyboard.press("Home");
   await until(page, () => document.querySelector("#slices-planes canvas").ariaLabel.includes("voxel 0 of 47"));
   assert.ok(!(await page.$eval("#slices-follow", (box) => box.checked)));
+});
+
+pageTest("the first Tab leads to the panels, and the link of the room stays", { width: 360, isMobile: true }, async (page) => {
+  await page.evaluate(() => {
+    harness.connect();
+    document.activeElement.blur();
+    history.replaceState(null, "", "#room=KEY");
+  });
+  await until(page, () => !document.querySelector("dialog[open]"));
+  await page.keyboard.press("Tab");
+  await page.keyboard.press("Enter");
+  assert.deepEqual(await page.evaluate(() => [document.activeElement.id, document.activeElement.hidden, location.hash]), ["panel", false, "#room=KEY"]);
 });
 
 pageTest("keys of the picture turn and zoom it; letters can be switched off", {}, async (page) => {

@@ -34,6 +34,7 @@ export function showHeader(root: HTMLElement, state: State): void {
 }
 
 const kMostEvents = 50;
+const kSameChangeMs = 10_000; // a drag is one change
 
 // The newest first, each with the time at which this page heard of it.
 export function showEvents(root: HTMLElement, state: State): void {
@@ -45,4 +46,21 @@ export function showEvents(root: HTMLElement, state: State): void {
   };
   state.events.forEach(add);
   state.on("events", () => add(state.events.at(-1)!));
+}
+
+// Tells who steers. What was steered before this page came is not news.
+export function tellSteering(state: State): void {
+  let newestMs: number | null = null;
+  let toldText = "";
+  let toldMs = 0;
+  state.on("steering", () => {
+    const change = state.steering?.changes.at(-1);
+    const isNews = newestMs !== null && change !== undefined && change.time_ms > newestMs;
+    newestMs = change?.time_ms ?? newestMs ?? 0;
+    if (!isNews) return;
+    const label = state.hello?.settings.find(({ key }) => key === change.key)?.label ?? change.key;
+    const text = `${label} set by ${change.user}`;
+    if (text !== toldText || change.time_ms - toldMs > kSameChangeMs) state.tell(text);
+    [toldText, toldMs] = [text, change.time_ms];
+  });
 }

@@ -70,7 +70,7 @@ function draw(canvas: HTMLCanvasElement, state: State, scale: Scale, isovalue: n
   context.fillStyle = color("dim");
   context.font = font(canvas);
   context.textBaseline = "bottom";
-  const step = niceStep((scale.high - scale.low) / 4);
+  const step = niceStep((scale.high - scale.low) / 5);
   for (let tick = Math.ceil(scale.low / step) * step; tick <= scale.high; tick += step) {
     const text = valueText(Math.abs(tick) < step / 1e6 ? 0 : tick);
     const half = context.measureText(text).width / 2;

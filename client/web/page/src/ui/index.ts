@@ -5,7 +5,7 @@ import type { Room } from "../wire/room";
 import { showBadge } from "./badge";
 import { showControls } from "./controls";
 import { find, setText } from "./dom";
-import { showEvents, showHeader } from "./header";
+import { showEvents, showHeader, tellSteering } from "./header";
 import { showHistogram, toggleVeil } from "./histogram";
 import { listenToKeys } from "./keys";
 import { showLogin } from "./login";
@@ -59,6 +59,11 @@ function showPanelToggle(root: HTMLElement): void {
     toggle.setAttribute("aria-expanded", String(isShown));
   };
   toggle.addEventListener("click", () => show(panel.hidden));
+  find(root, "skip").addEventListener("click", (event) => {
+    event.preventDefault(); // the fragment holds the room's key
+    show(true);
+    panel.focus();
+  });
   // On a narrow screen the picture comes first. The width is that of style.css.
   show(!matchMedia("(max-width: 56rem)").matches);
 }
@@ -113,6 +118,7 @@ export function buildInterface(root: HTMLElement, state: State, room: Room, copy
   showTheme(root, state);
   showHeader(root, state);
   showEvents(root, state);
+  tellSteering(state);
   showProgress(root, state, copy);
   showHistogram(find(root, "isovalue"), state, room);
   showControls(root, state, room);
