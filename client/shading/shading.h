@@ -14,7 +14,8 @@
 // - uint WantedSlot(int entry): where its points are; kNone if they are missing
 // - ivec3 SlotOrigin(uint slot): the texel of a slot's first point
 // - void Finish(): ends a pixel of the surface
-// - PRECISE: a qualifier that forbids to reorder an expression. GLSL ES 3.00 has none: a driver that
+// - PRECISE: a qualifier that forbids to reorder an expression. GLSL ES 3.00 has none: a driver
+// that
 //   reorders loses the second part of split values, which is below the last digit of the voxels.
 //
 // Before it come #version and:

@@ -5,7 +5,6 @@
 #include "client/shading/shading.h"
 
 namespace palpate::view {
-
 namespace {
 
 constexpr const char* kAtlasSamplers[] = {"usampler3D", "isampler3D", "usampler3D", "sampler3D"};
