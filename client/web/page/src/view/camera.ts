@@ -3,6 +3,7 @@
 //
 // Frames: D device (mm); U what is upright (x right, y up, z to the front); V view (mm, x right, y up, z towards
 // the viewer).
+import { fromAffine, multiply } from "../render/matrix";
 import type { Vec3 } from "../wire/messages";
 import { add, apply, column, cross, dot, fromColumns, inverse, norm, normalized, scale, subtract, turn } from "./geometry";
 import type { AffineMap } from "./geometry";
@@ -122,17 +123,7 @@ export class Camera {
   }
 
   clipFromD(size: Size, bounds: Bounds): Float64Array {
-    const clip = this.clipFromView(size, bounds);
-    const view = this.viewFromD();
-    const product = new Float64Array(16);
-    for (let n = 0; n < 4; ++n) {
-      const [x, y, z] = column(view, n);
-      product[4 * n] = clip[0] * x;
-      product[4 * n + 1] = clip[5] * y;
-      product[4 * n + 2] = clip[10] * z + (n === 3 ? clip[14] : 0);
-      product[4 * n + 3] = -z;
-    }
-    return product;
+    return multiply(this.clipFromView(size, bounds), fromAffine(this.viewFromD()));
   }
 
   private back(): Vec3 {

@@ -42,37 +42,35 @@ export class Viewport implements VolumeTarget {
   private readonly renderer: WebGLRenderer;
   private readonly scene = new PalpationScene();
   private readonly background = new Color();
+  private stage = ""; // the background as CSS
   private shown: Shown | null = null;
   private next: Shown | null = null;
   private isDirty = true;
   private drawnPose: Pose | null = null;
   private frameMs = 0;
-  private isAimed = false;
-  private aimedAt = "";
+  private aimedAt = ""; // the volume that the camera was aimed at
 
   // Why there can be no picture; "": there can.
   static problem(canvas: HTMLCanvasElement): string {
     const gl = canvas.getContext("webgl2", { antialias: true, alpha: false, powerPreference: "high-performance" });
-    return gl ? Caster.problem(gl) : "This browser has no WebGL2.";
+    return gl ? Caster.problem(gl) : "this browser has no WebGL2";
   }
 
   // `keepView`: the first volume does not change the view.
   constructor(
     private readonly canvas: HTMLCanvasElement,
     private readonly state: State,
-    keepView: boolean,
+    private readonly keepView: boolean,
   ) {
     this.gl = canvas.getContext("webgl2")!;
     this.caster = new Caster(this.gl);
     this.renderer = new WebGLRenderer({ canvas, context: this.gl, alpha: false });
     this.renderer.autoClear = false;
-    this.isAimed = keepView;
     followPointers(canvas, this.camera, () => [canvas.clientWidth, canvas.clientHeight], (panned) => this.moved(panned));
-    canvas.addEventListener("webglcontextlost", () => this.stop("The graphics card was lost. Reload the page."));
+    canvas.addEventListener("webglcontextlost", () => this.stop("the graphics card was lost: reload the page"));
     new ResizeObserver(() => (this.isDirty = true)).observe(canvas);
-    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.takeTheme());
     for (const topic of ["volume", "placement"] as const) state.on(topic, () => this.takePlace());
-    state.on("view", () => this.takeTheme());
+    state.on("view", () => (this.isDirty = true));
     state.on("pose", () => (this.isDirty ||= looksDifferent(state.pose, this.drawnPose)));
     requestAnimationFrame((now) => this.frame(now));
   }
@@ -162,20 +160,26 @@ export class Viewport implements VolumeTarget {
   private takePlace(): void {
     const { volume, placement } = this.state;
     if (!volume?.size || !placement) return;
-    const map = placement.device_from_index;
     const world = this.worldFromIndex();
-    this.camera.upright = world ? uprightPatient(map, world) : new Camera().upright;
-    this.scene.setBox(map, volume.size, world, getComputedStyle(this.canvas).color);
+    this.camera.upright = world ? uprightPatient(placement.device_from_index, world) : new Camera().upright;
+    this.stage = ""; // the box is another one
     this.isDirty = true;
     const place = `${volume.name} ${volume.size.join()}`;
-    if (this.aimedAt !== place && !(this.aimedAt === "" && this.isAimed)) this.resetView();
+    if (this.aimedAt !== place && !(this.aimedAt === "" && this.keepView)) this.resetView();
     this.aimedAt = place;
   }
 
+  // The theme's colours: of the background and of the letters.
   private takeTheme(): void {
-    const stage = getComputedStyle(document.documentElement).getPropertyValue("--stage").trim();
-    this.background.set(stage || "#14181d");
-    this.isDirty = true;
+    const style = getComputedStyle(document.documentElement);
+    const stage = style.getPropertyValue("--stage").trim() || "black";
+    if (stage === this.stage) return;
+    this.stage = stage;
+    this.background.set(stage);
+    const { volume, placement } = this.state;
+    if (volume?.size && placement) {
+      this.scene.setBox(placement.device_from_index, volume.size, this.worldFromIndex(), style.getPropertyValue("--text"));
+    }
   }
 
   // The guest moved the camera.
@@ -213,7 +217,7 @@ export class Viewport implements VolumeTarget {
     try {
       return this.caster.step(texture, request);
     } catch (error) {
-      this.stop(`The surface cannot be drawn: ${(error as Error).message}`);
+      this.stop(`the surface cannot be drawn: ${(error as Error).message}`);
       return false;
     }
   }
@@ -235,6 +239,7 @@ export class Viewport implements VolumeTarget {
   private draw(): void {
     this.isDirty = false;
     this.drawnPose = this.state.pose;
+    this.takeTheme();
     const { gl, renderer, scene, canvas } = this;
     const size: Size = [canvas.width, canvas.height];
     scene.update(this.state.pose, this.camera, size, renderer.domElement.width / Math.max(canvas.clientWidth, 1));
@@ -243,7 +248,7 @@ export class Viewport implements VolumeTarget {
     renderer.setRenderTarget(null);
     renderer.setClearColor(this.background, 1);
     renderer.clear();
-    gl.viewport(0, 0, ...size);
+    gl.viewport(0, 0, ...size); // as the caster expects
     const hasSurface = this.shown !== null && this.caster.shown !== null;
     if (hasSurface) this.caster.draw();
     renderer.resetState();

@@ -163,11 +163,11 @@ export class VolumeCopy {
 
   // Why only the overview is shown.
   private problem({ shape, groups }: Manifest): string {
-    if (!groups) return "The gateway gives the overview alone.";
+    if (!groups) return "the gateway gives the overview alone";
     if (this.noMemory.size === shape.size.join()) return this.noMemory.why;
     if (this.target) return this.target.problem(shape, this.budgetBytes);
     const bytes = shape.size[0] * shape.size[1] * shape.size[2] * bytesPerVoxel(shape.type);
-    return bytes <= this.budgetBytes ? "" : `The volume needs more than ${this.budgetBytes / 2 ** 20} MiB.`;
+    return bytes <= this.budgetBytes ? "" : `the volume needs more than ${this.budgetBytes / 2 ** 20} MiB`;
   }
 
   private async fetchOverview({ shape, overview }: Manifest): Promise<OverviewVoxels> {

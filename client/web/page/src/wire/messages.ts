@@ -37,11 +37,7 @@ export interface ConnectionMessage {
   since_ms: number; // the gateway's clock
 }
 
-export interface SuggestedIsovalue {
-  name: string;
-  isovalue: number;
-  reason: string;
-}
+export interface SuggestedIsovalue { name: string; isovalue: number; reason: string }
 
 // `name` and what follows are absent while there is no volume.
 export interface VolumeMessage {
@@ -61,25 +57,14 @@ export interface VolumeMessage {
   overview_factor?: number;
 }
 
-export interface PlacementMessage {
-  type: "placement";
-  device_from_index: number[]; // rows of the 3×4 map from voxel indices to D
-  settings_revision: number;
-}
+// `device_from_index`: rows of the 3×4 map from voxel indices to D.
+export interface PlacementMessage { type: "placement"; device_from_index: number[]; settings_revision: number }
 
 // The gateway's own copy of the volume.
-export interface CopyMessage {
-  type: "copy";
-  bricks_left: number;
-  problem: string;
-}
+export interface CopyMessage { type: "copy"; bricks_left: number; problem: string }
 
-export interface ManifestMessage {
-  type: "manifest";
-  name: string; // of the blob
-  revision: number;
-  complete: boolean;
-}
+// `name`: of the blob.
+export interface ManifestMessage { type: "manifest"; name: string; revision: number; complete: boolean }
 
 export interface SettingsMessage {
   type: "settings";
@@ -87,36 +72,24 @@ export interface SettingsMessage {
   values: Record<string, number | boolean | string>;
 }
 
+// The last 20 changes by guests.
 export interface SteeringMessage {
   type: "steering";
-  changes: { user: string; key: string; value: number; time_ms: number }[]; // the last 20
+  changes: { user: string; key: string; value: number; time_ms: number }[];
 }
 
+// `frames` 0: no series.
 export interface SeriesMessage {
   type: "series";
-  frames: number; // 0: no series
+  frames: number;
   position_frames: number;
   playing: boolean;
   rate_hz: number;
 }
 
-export interface RecordingMessage {
-  type: "recording";
-  running: boolean;
-  seconds: number;
-  lost_ticks: number;
-}
+export interface RecordingMessage { type: "recording"; running: boolean; seconds: number; lost_ticks: number }
 
-export interface GuestsMessage {
-  type: "guests";
-  count: number;
-}
-
-export interface SteeredMessage {
-  type: "steered";
-  id: number;
-  error: string; // "": done
-}
+export interface GuestsMessage { type: "guests"; count: number }
 
 export interface Messages {
   hello: HelloMessage;
