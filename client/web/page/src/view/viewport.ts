@@ -66,6 +66,7 @@ export class Viewport implements VolumeTarget {
     this.caster = new Caster(this.gl);
     this.renderer = new WebGLRenderer({ canvas, context: this.gl, alpha: false });
     this.renderer.autoClear = false;
+    this.renderer.debug.checkShaderErrors = false; // that waits for the driver
     followPointers(canvas, this.camera, () => [canvas.clientWidth, canvas.clientHeight], (panned) => this.moved(panned));
     canvas.addEventListener("webglcontextlost", () => this.stop("the graphics card was lost: reload the page"));
     new ResizeObserver(() => (this.isDirty = true)).observe(canvas);
