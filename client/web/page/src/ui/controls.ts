@@ -44,7 +44,7 @@ const flagControl: Builder = ({ label }, id, set) => {
 };
 
 const choiceControl: Builder = ({ label, words }, id, set) => {
-  const select = make("select", { id }, ...words.map((word) => make("option", {}, word)));
+  const select = make("select", { id }, ...words.map((word, value) => make("option", { value }, word)));
   select.addEventListener("change", () => set(select.selectedIndex));
   return {
     parts: [make("label", { for: id }, label), select],

@@ -7,6 +7,7 @@ import { find, make, setText } from "./dom";
 import { bytesText, fixed, forcesText, grouped, modeText, valueText } from "./words";
 
 const kRows = {
+  stream: ["Stream", "Whether what you see is now"],
   stylus: ["Stylus", "What the haptic loop does with the proxy"],
   force: ["Force", "On the hand, and the most that the device gives now"],
   forces: ["Forces", "Whether the device may push"],
@@ -46,6 +47,7 @@ function userText(state: State): string {
 function textsOf(state: State, copy: VolumeCopy): Record<Row, string> {
   const { pose } = state;
   return {
+    stream: badgeOf(state).words,
     stylus: pose ? modeText(pose) : "",
     force: pose ? `${fixed(length(pose.force), 2, "N")} of ${fixed(pose.forceLimit, 1, "N")}` : "",
     forces: pose ? forcesText(pose) : "",
