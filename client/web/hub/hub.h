@@ -1,0 +1,102 @@
+// The newest of everything that guests are told: one text per topic, and one pose.
+//
+// A subscriber is a guest's connection. It learns that a topic or the pose is new and reads the
+// newest when it can write. So a slow guest skips values and costs no memory.
+//
+// Threads: the network thread only. Ownership: borrows subscribers until Unsubscribe. A subscriber
+// may subscribe and unsubscribe, itself or others, while it is told of something.
+// Errors: none.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "client/web/volume/blob.h"
+
+namespace palpate::web {
+
+enum class Topic {
+  kConnection,
+  kVolume,
+  kPlacement,
+  kCopy,
+  kManifest,
+  kSettings,
+  kSteering,
+  kSeries,
+  kRecording,
+  kGuests,
+};
+inline constexpr int kTopics = 10;
+
+// A guest's change of a setting. Flags are 0 or 1, choices the number of their word.
+struct SteerRequest {
+  std::string user;
+  std::string key;
+  double value = 0.0;
+};
+
+class Subscriber {
+ public:
+  virtual void OnTopic(Topic topic) = 0;
+  virtual void OnPose() = 0;
+
+ protected:
+  ~Subscriber() = default;
+};
+
+class Hub {
+ public:
+  Hub() = default;
+  Hub(const Hub&) = delete;
+  Hub& operator=(const Hub&) = delete;
+
+  // Tells subscribers if the text is another one.
+  void Put(Topic topic, std::string json);
+  // Writes the pose's sequence number into its bytes (kPoseSequenceOffset).
+  void PutPose(std::string bytes);
+
+  // Null before the first Put.
+  std::shared_ptr<const std::string> Newest(Topic topic) const;
+  // Null before the first pose.
+  std::shared_ptr<const std::string> pose() const { return pose_; }
+  // 0 before the first pose; wraps around.
+  std::uint32_t pose_sequence() const { return sequence_; }
+
+  void Subscribe(Subscriber* subscriber);
+  void Unsubscribe(Subscriber* subscriber);
+  // The number of subscribers. The topic kGuests follows it.
+  int guests() const;
+
+  // What the rest of the program offers to guests' connections. Set before the first of them; all
+  // are called on the network thread.
+  // The blob of this name; null: it is not kept (any more).
+  std::function<BlobPtr(std::string_view name)> find_blob;
+  // `done` is called on the network thread, once; "" if the setting has the value now.
+  std::function<void(SteerRequest, std::function<void(std::string error)> done)> steer;
+  // "" if all is well, otherwise why not.
+  std::function<std::string()> health;
+  // The text of `hello` for this user.
+  std::function<std::string(const std::string& user, const std::vector<std::string>& may_steer)>
+      hello;
+
+  static constexpr std::size_t kPoseSequenceOffset = 4;
+
+ private:
+  void Tell(const std::function<void(Subscriber&)>& call);
+  void CountGuests();
+
+  std::array<std::shared_ptr<const std::string>, kTopics> newest_;
+  std::shared_ptr<const std::string> pose_;
+  std::uint32_t sequence_ = 0;
+  std::vector<Subscriber*> subscribers_;  // null: unsubscribed while others were told
+  int telling_ = 0;
+};
+
+}  // namespace palpate::web
