@@ -38,6 +38,7 @@ bool VolumeCopy::Merge(VolumeMirror& mirror) {
   }
   update_.placement = mirror.placement();
   update_.complete = complete;
+  update_.content_hash = mirror.content_hash();
   update_.bricks_left = mirror.bricks_left();
   is_new_ = is_new_ || changed;
   return changed;

@@ -185,6 +185,7 @@ void VolumeMirror::Take(const VolumeComplete& complete) {
     std::erase_if(constants_, [](const auto& held) { return held.second.use_count() == 1; });
   }
   resume_ = complete.revision;
+  content_hash_ = hash;
   is_complete_ = true;
   bricks_left_ = 0;
 }

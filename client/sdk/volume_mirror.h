@@ -44,6 +44,8 @@ class VolumeMirror {
   // True if the copy is the volume of revision resume(). False while it changes to a newer
   // revision.
   bool is_complete() const { return is_complete_; }
+  // The daemon's hash of the volume of revision resume().
+  const ContentHash& content_hash() const { return content_hash_; }
   // Bricks still to come, as far as is known.
   std::uint64_t bricks_left() const { return bricks_left_; }
 
@@ -80,6 +82,7 @@ class VolumeMirror {
   ContentHash hash_;  // of bricks_, less that of a volume of background
   std::optional<VolumeRevision> resume_;
   bool is_complete_ = false;
+  ContentHash content_hash_;
   std::uint64_t bricks_left_ = 0;
 
   Vec3i overview_size_ = Vec3i::Zero();

@@ -35,6 +35,7 @@ struct VolumeUpdate {
   // With these bricks the copy equals the daemon's volume of this revision, voxel by voxel; a hash
   // has confirmed this. None while bricks are still to come.
   std::optional<VolumeRevision> complete;
+  ContentHash content_hash;       // of the complete volume, as the daemon has it
   std::uint64_t bricks_left = 0;  // still to come, as far as is known
 };
 

@@ -10,6 +10,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <span>
 
 #include "common/geometry/geometry.h"
 
@@ -51,5 +52,7 @@ struct ContentHash {
   }
 };
 ContentHash HashOfBrick(const Brick& brick, std::uint64_t number);
+// The XXH3-128 of the byte `kind` and then of the bytes.
+ContentHash HashOfBytes(std::byte kind, std::span<const std::byte> bytes);
 
 }  // namespace palpate

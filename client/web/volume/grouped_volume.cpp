@@ -1,0 +1,219 @@
+#include "client/web/volume/grouped_volume.h"
+
+#include <algorithm>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <span>
+#include <utility>
+
+#include "client/web/volume/blob_name.h"
+
+namespace palpate::web {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+constexpr std::string_view kBytesType = "application/octet-stream";
+constexpr std::string_view kJsonType = "application/json";
+constexpr std::byte kManifestKind{255};
+
+std::span<const std::byte> AsBytes(std::string_view text) { return std::as_bytes(std::span(text)); }
+
+std::byte KindOf(LeafType type) { return static_cast<std::byte>(type); }
+
+Json ToJson(const Vec3i& v) { return {v.x(), v.y(), v.z()}; }
+
+}  // namespace
+
+std::optional<ManifestInfo> GroupedVolume::Apply(const client::VolumeUpdate& update, Time now) {
+  if (update.all) is_new_ = true;
+  if (!is_new_) {
+    for (const BrickRun& run : update.changed) Mark(run);
+  }
+  shelf_.Expire(now);
+  if (!update.complete || !update.lattice || !update.bricks) return std::nullopt;
+  if (std::exchange(is_new_, false)) {
+    Begin(*update.lattice, now);
+  } else if (dirty_.empty() && revision_ == update.complete) {
+    return std::nullopt;
+  }
+  ReadTypes(*update.bricks);
+  ReadVoxels(*update.bricks, now);
+  PutOverview(now);
+  std::string text = Manifest(update);
+  const ContentHash hash = HashOfBytes(kManifestKind, AsBytes(text));
+  Replace(manifest_name_, hash, kJsonType, std::move(text), now);
+  revision_ = update.complete;
+  shelf_.Expire(now);
+  return ManifestInfo{NameOf(hash), *revision_, overview_.factor()};
+}
+
+void GroupedVolume::Begin(const VolumeLattice& lattice, Time now) {
+  for (const Place& place : groups_) {
+    if (place.hash != ContentHash{}) shelf_.Release(place.hash, now);
+  }
+  lattice_ = lattice;
+  const float background = lattice.Background();
+  background_ = TypedBrick::Constant(
+      Holds(lattice.type, background) ? lattice.type : LeafType::kFloat, background);
+  const Vec3i bricks = lattice.BrickCounts();
+  group_count_ = {GroupCount(bricks.x()), GroupCount(bricks.y()), GroupCount(bricks.z())};
+  groups_.assign(group_count_.cast<std::size_t>().prod(), {});
+  overview_ = Overview(lattice.size, background);
+  types_ = {};
+  types_.at(static_cast<std::size_t>(groups_.front().type)) =
+      static_cast<std::int64_t>(groups_.size());
+  type_ = VolumeType();
+  MarkAll();
+}
+
+void GroupedVolume::MarkAll() {
+  dirty_.resize(groups_.size());
+  for (std::size_t n = 0; n < groups_.size(); ++n) {
+    dirty_[n] = n;
+    groups_[n].is_dirty = true;
+  }
+}
+
+// By rows of bricks along z: a run may have millions.
+void GroupedVolume::Mark(const BrickRun& run) {
+  if (!lattice_) return;
+  const Vec3i count = lattice_->BrickCounts();
+  for (std::uint64_t first = run.first; first < run.end();) {
+    const Vec3i brick = BrickWithNumber(first, count);
+    const auto row = std::min<std::uint64_t>(run.end() - first,
+                                             static_cast<std::uint64_t>(count.z() - brick.z()));
+    const int last = (brick.z() + static_cast<int>(row) - 1) / kGroupBricks;
+    for (Vec3i group = brick / kGroupBricks; group.z() <= last; ++group.z()) {
+      const std::uint64_t number = BrickNumber(group, group_count_);
+      if (!std::exchange(groups_[number].is_dirty, true)) dirty_.push_back(number);
+    }
+    first += row;
+  }
+}
+
+Vec3i GroupedVolume::PlaceOf(std::size_t number) const {
+  return BrickWithNumber(number, group_count_);
+}
+
+// The only brick of the group, if the map says so without a look at each: a block of the map is
+// 2³ groups. At the end of the lattice only the background goes on beyond it.
+TypedBrickPtr GroupedVolume::OnlyBrick(const BrickMap& bricks, const Vec3i& group) const {
+  const TypedBrickPtr& only = bricks.Only(group / 2);
+  if (!only || !only->is_constant() || IsBackground(*only)) return only;
+  const Vec3i end = (group + Vec3i::Ones()) * kGroupEdge;
+  return (end.array() <= lattice_->size.array()).all() ? only : nullptr;
+}
+
+bool GroupedVolume::IsBackground(const TypedBrick& brick) const {
+  const float value = brick[0];
+  const float background = (*background_)[0];
+  return brick.is_constant() &&
+         std::bit_cast<std::uint32_t>(value) == std::bit_cast<std::uint32_t>(background);
+}
+
+LeafType GroupedVolume::VolumeType() const {
+  LeafType type = background_->type();
+  for (const LeafType one : kLeafTypes) {
+    if (types_.at(static_cast<std::size_t>(one)) > 0) type = CommonType(type, one);
+  }
+  return type;
+}
+
+// If the volume has another type now, all its groups have other bytes.
+void GroupedVolume::ReadTypes(const BrickMap& bricks) {
+  for (const std::size_t number : dirty_) {
+    const Vec3i at = PlaceOf(number);
+    const TypedBrickPtr only = OnlyBrick(bricks, at);
+    const LeafType type = only ? only->type() : Group(bricks, at, background_).type();
+    --types_.at(static_cast<std::size_t>(groups_[number].type));
+    ++types_.at(static_cast<std::size_t>(type));
+    groups_[number].type = type;
+  }
+  const LeafType type = VolumeType();
+  if (type != type_) MarkAll();
+  type_ = type;
+}
+
+void GroupedVolume::ReadVoxels(const BrickMap& bricks, Time now) {
+  Uniform last;
+  for (const std::size_t number : dirty_) {
+    Place& place = groups_[number];
+    const ContentHash hash = Read(bricks, PlaceOf(number), last);
+    if (place.hash != ContentHash{}) shelf_.Release(place.hash, now);
+    place.hash = hash;
+    place.is_dirty = false;
+  }
+  dirty_.clear();
+}
+
+// Puts the group into the overview and on the shelf. Returns its hash; zero: background.
+ContentHash GroupedVolume::Read(const BrickMap& bricks, const Vec3i& at, Uniform& last) {
+  const TypedBrickPtr only = OnlyBrick(bricks, at);
+  if (only && only->is_constant()) {
+    overview_.PutConstantGroup(at, (*only)[0]);
+    if (!with_groups_ || IsBackground(*only)) return {};
+    if (only == last.brick) {
+      shelf_.Use(last.hash, 0, nullptr);
+      return last.hash;
+    }
+  }
+  const Group group(bricks, at, background_);
+  const std::string bytes = group.Bytes(type_);
+  if (!only || !only->is_constant()) overview_.PutGroup(at, type_, bytes);
+  if (!with_groups_ || AreAll(bytes, type_, (*background_)[0])) return {};
+  const ContentHash hash = HashOfBytes(KindOf(type_), AsBytes(bytes));
+  shelf_.Use(hash, bytes.size(), [&] {
+    return std::make_shared<Blob>(NameOf(hash), kBytesType,
+                                  [group, type = type_] { return group.Bytes(type); });
+  });
+  if (only && only->is_constant()) last = {only, hash};
+  return hash;
+}
+
+void GroupedVolume::PutOverview(Time now) {
+  const std::string& bytes = overview_.Bytes(type_);
+  const ContentHash hash = HashOfBytes(KindOf(type_), AsBytes(bytes));
+  if (overview_name_ != hash) Replace(overview_name_, hash, kBytesType, bytes, now);
+}
+
+void GroupedVolume::Replace(std::optional<ContentHash>& held, const ContentHash& hash,
+                            std::string_view content_type, std::string bytes, Time now) {
+  const std::size_t size = bytes.size();
+  shelf_.Use(hash, size, [&] {
+    return std::make_shared<Blob>(
+        NameOf(hash), content_type,
+        [shared = std::make_shared<const std::string>(std::move(bytes))] { return *shared; });
+  });
+  if (held) shelf_.Release(*held, now);
+  held = hash;
+}
+
+std::string GroupedVolume::Manifest(const client::VolumeUpdate& update) const {
+  std::string groups;
+  if (with_groups_) {
+    groups.reserve(groups_.size() * 16);
+    for (const Place& place : groups_) {
+      const auto bytes = BytesOf(place.hash);
+      groups.append(bytes.data(), bytes.size());
+    }
+  }
+  return Json{{"lattice",
+               {{"size", ToJson(lattice_->size)},
+                {"voxel_type", Name(type_)},
+                {"background", (*background_)[0]},
+                {"value_min", lattice_->value_min},
+                {"value_max", lattice_->value_max},
+                {"factor", 1}}},
+              {"revision", update.complete->volume_revision},
+              {"daemon_id", std::to_string(update.complete->daemon_id)},
+              {"content_hash", NameOf(update.content_hash)},
+              {"overview",
+               {{"name", NameOf(*overview_name_)},
+                {"size", ToJson(overview_.size())},
+                {"factor", overview_.factor()}}},
+              {"groups", Base64(groups)}}
+      .dump();
+}
+
+}  // namespace palpate::web

@@ -1,0 +1,99 @@
+// The volume as browsers fetch it: groups of voxels by content hash, an overview, and a manifest
+// that names them all (`Shape of the manifest` below).
+//
+// A manifest is made of complete copies only, so its groups are one state of the daemon's volume.
+// Only changed groups are read and hashed. Bricks are shared with the client's copy. A loaded
+// volume replaces the last one when its copy is complete; until then the last one stays.
+//
+// Names: group and overview: HashOfBytes of the LeafType and the voxels; manifest: of 255 and the
+// text. A group that is all background has none.
+// Shape of the manifest:
+//   {"lattice": {"size": [x, y, z], "voxel_type", "background", "value_min", "value_max",
+//                "factor": 1},
+//    "revision", "daemon_id": text, "content_hash": 32 hex digits, of the daemon's,
+//    "overview": {"name", "size": [x, y, z], "factor"},
+//    "groups": base64 of 16 bytes per group; zeros: background. Empty without groups}
+//
+// Frame: I, voxel indices. Threads: Find on any; all else on one. Errors: none.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "client/sdk/volume_update.h"
+#include "client/web/volume/blob_shelf.h"
+#include "client/web/volume/group.h"
+#include "client/web/volume/overview.h"
+
+namespace palpate::web {
+
+// What is announced of a manifest.
+struct ManifestInfo {
+  std::string name;
+  VolumeRevision revision;
+  int overview_factor = 1;
+};
+
+class GroupedVolume {
+ public:
+  using Time = BlobShelf::Time;
+
+  // Without groups: the overview alone.
+  explicit GroupedVolume(bool with_groups) : with_groups_(with_groups) {}
+
+  // Takes every update of one client, in order. Returns the manifest if there is a new one.
+  std::optional<ManifestInfo> Apply(const client::VolumeUpdate& update, Time now);
+  // Drops superseded blobs; Apply does so, too.
+  void Expire(Time now) { shelf_.Expire(now); }
+
+  BlobPtr Find(std::string_view name) const { return shelf_.Find(name); }
+  const BlobShelf& shelf() const { return shelf_; }
+
+ private:
+  struct Place {         // of a group
+    ContentHash hash{};  // zero: background
+    LeafType type = LeafType::kUint8;
+    bool is_dirty = true;
+  };
+  // The last group of one brick throughout: mostly many follow each other.
+  struct Uniform {
+    TypedBrickPtr brick;
+    ContentHash hash{};
+  };
+
+  void Begin(const VolumeLattice& lattice, Time now);
+  void Mark(const BrickRun& run);
+  void MarkAll();
+  void ReadTypes(const BrickMap& bricks);
+  void ReadVoxels(const BrickMap& bricks, Time now);
+  ContentHash Read(const BrickMap& bricks, const Vec3i& group, Uniform& last);
+  TypedBrickPtr OnlyBrick(const BrickMap& bricks, const Vec3i& group) const;
+  bool IsBackground(const TypedBrick& brick) const;
+  LeafType VolumeType() const;
+  Vec3i PlaceOf(std::size_t number) const;
+  void PutOverview(Time now);
+  std::string Manifest(const client::VolumeUpdate& update) const;
+  void Replace(std::optional<ContentHash>& held, const ContentHash& hash,
+               std::string_view content_type, std::string bytes, Time now);
+
+  const bool with_groups_;
+  BlobShelf shelf_;
+  bool is_new_ = false;  // another volume began, and Begin was not called for it yet
+  std::optional<VolumeLattice> lattice_;
+  TypedBrickPtr background_;
+  Vec3i group_count_ = Vec3i::Zero();
+  std::vector<Place> groups_;
+  std::vector<std::size_t> dirty_;                           // numbers of groups
+  std::array<std::int64_t, std::size(kLeafTypes)> types_{};  // groups of each type
+  LeafType type_ = LeafType::kUint8;
+  Overview overview_;
+  std::optional<ContentHash> overview_name_, manifest_name_;
+  std::optional<VolumeRevision> revision_;  // of the manifest
+};
+
+}  // namespace palpate::web
